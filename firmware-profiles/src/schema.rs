@@ -1,0 +1,482 @@
+//! The types a profile file is read into. Reading alone proves only the syntax; what the numbers
+//! mean together is checked by [`crate::validate`], after which they are trusted.
+//!
+//! Unknown keys are refused everywhere: a misspelt limit must never be a limit that is not there.
+
+use serde::Deserialize;
+use std::collections::BTreeMap;
+
+/// One servo model: its control table and everything a driver or a virtual servo must know of it.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Servo {
+    /// Version of this file format; 1.
+    pub schema: u32,
+    /// The file's own name, `[a-z0-9-]+`.
+    pub name: String,
+    /// The name on the label, e.g. `XM430-W350`.
+    pub model: String,
+    /// Who makes it.
+    pub maker: String,
+    /// The protocol it speaks.
+    pub protocol: Protocol,
+    /// What the servo itself answers when asked for its model.
+    pub model_number: u16,
+    /// The firmware range this file was checked against.
+    pub firmware: FirmwareRange,
+    /// Address of the maker's manual.
+    pub manual: String,
+    /// How encoder counts relate to angle.
+    pub position: PositionScale,
+    /// Line speeds by the value of the baud register.
+    pub baud: Vec<Baud>,
+    /// Facts on the motor, for the virtual servo's motion model.
+    pub motor: Motor,
+    /// Lowest firmware that answers Fast Sync Read, if any does.
+    #[serde(default)]
+    pub fast_sync_read_from_firmware: Option<u16>,
+    /// Bits of the hardware error (or status) register.
+    #[serde(default, rename = "error_bit")]
+    pub error_bits: Vec<ErrorBit>,
+    /// The control table, complete, in order of address.
+    #[serde(rename = "register")]
+    pub registers: Vec<Register>,
+}
+
+/// Serial protocol families.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq, Hash)]
+pub enum Protocol {
+    /// ROBOTIS DYNAMIXEL Protocol 2.0.
+    #[serde(rename = "dynamixel-2.0")]
+    Dynamixel2,
+    /// FEETECH STS/SMS: the protocol 1.0 frame, little-endian words, sign-magnitude values.
+    #[serde(rename = "feetech-sts")]
+    FeetechSts,
+}
+
+/// Inclusive range of firmware versions. Feetech's `major.minor` is written as `major * 256 + minor`.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FirmwareRange {
+    /// Lowest version this file holds for.
+    pub min: u16,
+    /// Highest version this file is known to hold for; absent = no upper bound known.
+    #[serde(default)]
+    pub max: Option<u16>,
+}
+
+/// Exact scale of position registers: `counts` encoder counts make `degrees`.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PositionScale {
+    /// Counts in the span given by `degrees`.
+    pub counts: u32,
+    /// Span in degrees.
+    pub degrees: u32,
+    /// The count that stands for angle zero of the servo (mid travel), e.g. 2048.
+    pub zero_count: i32,
+    /// Where it is written.
+    pub source: String,
+}
+
+/// One line of the baud table.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Baud {
+    /// Value of the baud register.
+    pub index: u8,
+    /// Bits per second.
+    pub bps: u32,
+}
+
+/// What the virtual servo's motor model starts from.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Motor {
+    /// Speed without load, rad/s, at `voltage_v`.
+    pub no_load_speed_rad_s: f64,
+    /// Stall torque, N m, at `voltage_v`.
+    pub stall_torque_nm: f64,
+    /// Stall current, A, at `voltage_v`.
+    pub stall_current_a: f64,
+    /// Supply voltage the figures hold for.
+    pub voltage_v: f64,
+    /// Where they are written, or `assumed: why`.
+    pub source: String,
+}
+
+/// A bit of the error register.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ErrorBit {
+    /// Bit number, 0 = least significant.
+    pub bit: u8,
+    /// What it says, in words for a person.
+    pub name: String,
+}
+
+/// One item of a control table, or `repeat` equal items one after the other.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Register {
+    /// The vendor's word, e.g. `Goal Position`. Repeated items are `NAME 1`, `NAME 2`, ...
+    pub name: String,
+    /// Our word; the driver and the virtual servo find registers by it.
+    #[serde(default)]
+    pub role: Option<Role>,
+    /// Address of the first byte.
+    pub address: u16,
+    /// Size of one item in bytes: 1, 2 or 4.
+    pub bytes: u8,
+    /// How the bytes make a number.
+    pub encoding: Encoding,
+    /// Kept at power-off or not.
+    pub region: Region,
+    /// What the bus may do with it.
+    pub access: Access,
+    /// Unit of the scaled value.
+    #[serde(default)]
+    pub unit: Unit,
+    /// One count is this many units. Absent: 1 (for `turn`: from [`Servo::position`]).
+    #[serde(default)]
+    pub scale: Option<f64>,
+    /// Lowest raw value the device accepts.
+    #[serde(default)]
+    pub min: Option<i64>,
+    /// Highest raw value the device accepts.
+    #[serde(default)]
+    pub max: Option<i64>,
+    /// Raw factory value (EEPROM) or value at power-up (RAM).
+    #[serde(default)]
+    pub initial: Option<i64>,
+    /// Number of equal items from `address` on; absent = 1.
+    #[serde(default)]
+    pub repeat: Option<u8>,
+    /// Manual section, or `unconfirmed: why`, or `measured DATE, UNIT`.
+    pub source: String,
+}
+
+/// Byte layouts. All are little-endian on the wire in the protocols at hand.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
+#[serde(rename_all = "kebab-case")]
+pub enum Encoding {
+    /// Unsigned.
+    U8,
+    /// Unsigned.
+    U16,
+    /// Unsigned.
+    U32,
+    /// Two's complement.
+    I8,
+    /// Two's complement.
+    I16,
+    /// Two's complement.
+    I32,
+    /// Bit 10 is the sign of the ten bits below it.
+    #[serde(rename = "sign-magnitude-10")]
+    SignMagnitude10,
+    /// Bit 11 is the sign of the eleven bits below it.
+    #[serde(rename = "sign-magnitude-11")]
+    SignMagnitude11,
+    /// Bit 15 is the sign of the fifteen bits below it.
+    #[serde(rename = "sign-magnitude-15")]
+    SignMagnitude15,
+}
+
+/// Memory region.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
+#[serde(rename_all = "kebab-case")]
+pub enum Region {
+    /// Survives power-off; writing needs the user's permit.
+    Eeprom,
+    /// Lost at power-off.
+    Ram,
+}
+
+/// Access from the bus.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
+#[serde(rename_all = "kebab-case")]
+pub enum Access {
+    /// Read only.
+    R,
+    /// Read and write.
+    Rw,
+}
+
+/// Units of scaled values. `rpm` and the like are the manuals' own; the driver converts to SI.
+#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq)]
+pub enum Unit {
+    /// A plain number, an index or a set of bits.
+    #[default]
+    #[serde(rename = "none")]
+    None,
+    /// Angle by [`Servo::position`]; absolute positions count from `zero_count`.
+    #[serde(rename = "turn")]
+    Turn,
+    /// Angle by [`Servo::position`], relative (an offset or a width): no zero is subtracted.
+    #[serde(rename = "turn-relative")]
+    TurnRelative,
+    /// Revolutions per minute.
+    #[serde(rename = "rpm")]
+    Rpm,
+    /// Encoder counts per second, by [`Servo::position`].
+    #[serde(rename = "count/s")]
+    CountPerSecond,
+    /// Revolutions per minute squared.
+    #[serde(rename = "rpm2")]
+    Rpm2,
+    /// Encoder counts per second squared, by [`Servo::position`].
+    #[serde(rename = "count/s2")]
+    CountPerSecond2,
+    /// Ampere.
+    #[serde(rename = "A")]
+    Ampere,
+    /// Volt.
+    #[serde(rename = "V")]
+    Volt,
+    /// Degrees Celsius.
+    #[serde(rename = "degC")]
+    Celsius,
+    /// Second.
+    #[serde(rename = "s")]
+    Second,
+    /// Ratio, 1 = full scale.
+    #[serde(rename = "ratio")]
+    Ratio,
+}
+
+/// Our words for what a register is for. The driver and the virtual servo look up roles only.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[serde(rename_all = "snake_case")]
+#[allow(missing_docs)]
+pub enum Role {
+    ModelNumber,
+    FirmwareVersion,
+    /// Second byte of a `major, minor` firmware pair.
+    FirmwareVersionMinor,
+    Id,
+    BaudRate,
+    ReturnDelay,
+    /// Dynamixel 0..2; Feetech "response level" 0..1.
+    StatusReturnLevel,
+    DriveMode,
+    OperatingMode,
+    SecondaryId,
+    ProtocolType,
+    HomingOffset,
+    MovingThreshold,
+    TemperatureLimit,
+    MaxVoltageLimit,
+    MinVoltageLimit,
+    PwmLimit,
+    CurrentLimit,
+    AccelerationLimit,
+    VelocityLimit,
+    MaxPositionLimit,
+    MinPositionLimit,
+    StartupConfiguration,
+    Shutdown,
+    /// Feetech: 55, 1 = EEPROM writes do not persist.
+    EepromLock,
+    TorqueEnable,
+    Led,
+    RegisteredInstruction,
+    HardwareError,
+    PositionPGain,
+    PositionIGain,
+    PositionDGain,
+    VelocityPGain,
+    VelocityIGain,
+    Feedforward1stGain,
+    Feedforward2ndGain,
+    BusWatchdog,
+    GoalPwm,
+    GoalCurrent,
+    GoalVelocity,
+    GoalTime,
+    ProfileAcceleration,
+    ProfileVelocity,
+    GoalPosition,
+    TorqueLimit,
+    MaxTorque,
+    RealtimeTick,
+    Moving,
+    MovingStatus,
+    PresentPwm,
+    PresentLoad,
+    PresentCurrent,
+    PresentVelocity,
+    PresentPosition,
+    VelocityTrajectory,
+    PositionTrajectory,
+    PresentVoltage,
+    PresentTemperature,
+    IndirectAddress,
+    IndirectData,
+}
+
+/// A USB serial adapter.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Adapter {
+    /// Version of this file format; 1.
+    pub schema: u32,
+    /// The file's own name.
+    pub name: String,
+    /// What is printed on it.
+    pub model: String,
+    /// USB ids `vvvv:pppp`, lower-case hex.
+    pub usb_ids: Vec<String>,
+    /// True if the host hears its own bytes.
+    pub echo: bool,
+    /// Worst time the adapter holds received bytes back, s, as the driver sets it up by default.
+    pub latency_s: f64,
+    /// Where it is written.
+    pub source: String,
+}
+
+/// A robot: named joints on servos on lines, and how its links stand for a human's segments.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Robot {
+    /// Version of this file format; 1.
+    pub schema: u32,
+    /// The file's own name.
+    pub name: String,
+    /// One line for `profile list`.
+    pub description: String,
+    /// Where the figures come from.
+    pub source: String,
+    /// Rate the robot is driven at unless asked otherwise, Hz.
+    pub rate_hz: f64,
+    /// Where acceleration limits come from; `assumed: ...` is said in every report.
+    pub acceleration_source: String,
+    /// Serial lines.
+    #[serde(rename = "line")]
+    pub lines: Vec<Line>,
+    /// State the servos are configured to, by servo profile.
+    #[serde(rename = "setup")]
+    pub setups: Vec<Setup>,
+    /// Joints, in the order reports list them.
+    #[serde(rename = "joint")]
+    pub joints: Vec<Joint>,
+    /// What stands for what in a human.
+    pub anatomy: Anatomy,
+}
+
+/// One shared half-duplex line.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Line {
+    /// Name used by `--bus NAME=BUS`.
+    pub name: String,
+    /// Protocol of everything on it.
+    pub protocol: Protocol,
+    /// Bits per second.
+    pub baud_bps: u32,
+}
+
+/// How servos of one model are configured in this robot: what preflight expects, and what the
+/// virtual robot powers up with.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Setup {
+    /// Servo profile by name.
+    pub servo: String,
+    /// Only these joints; absent: every joint with that servo. A later entry overrides an earlier.
+    #[serde(default)]
+    pub joints: Option<Vec<String>>,
+    /// Firmware the virtual servo reports.
+    pub firmware: u16,
+    /// Raw values by register name.
+    pub registers: BTreeMap<String, i64>,
+    /// Where they are written.
+    pub source: String,
+}
+
+/// One degree of freedom.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Joint {
+    /// `[a-z0-9_]+`
+    pub name: String,
+    /// Line it hangs on.
+    pub line: String,
+    /// Bus ID.
+    pub id: u8,
+    /// Servo profile by name.
+    pub servo: String,
+    /// +1 or -1: joint angle = direction x servo angle - offset.
+    pub direction: i8,
+    /// Joint angle reads zero where the servo angle (after direction) equals this, rad.
+    pub offset_rad: f64,
+    /// Lowest allowed joint angle, rad.
+    pub lower_rad: f64,
+    /// Highest allowed joint angle, rad.
+    pub upper_rad: f64,
+    /// Highest allowed speed, rad/s.
+    pub velocity_rad_s: f64,
+    /// Highest allowed acceleration, rad/s².
+    pub acceleration_rad_s2: f64,
+    /// Pose the robot starts in, rad.
+    pub initial_rad: f64,
+    /// Joint whose link carries this one; absent: the base.
+    #[serde(default)]
+    pub parent: Option<String>,
+    /// Origin of the joint in the parent link's frame, m, at all joints zero (X forward, Y left,
+    /// Z up, every link frame parallel to the base at zero).
+    pub origin_m: [f64; 3],
+    /// Axis of rotation in that frame, unit length; positive angle by the right-hand rule.
+    pub axis: [f64; 3],
+}
+
+/// How the robot's links stand for a human's segments.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Anatomy {
+    /// Human segments the base link plays: `pelvis`, `torso` or both.
+    pub base: Vec<Segment>,
+    /// Joint angles, rad, in which the robot stands as a person does in N pose (upright, arms down
+    /// at the sides, palms inwards, feet forward); joints not named are at zero. May lie outside
+    /// the limits: it is a reference, not a goal.
+    pub n_pose_rad: BTreeMap<String, f64>,
+    /// Links that play a segment.
+    #[serde(rename = "segment")]
+    pub segments: Vec<SegmentLink>,
+    /// Where it comes from.
+    pub source: String,
+}
+
+/// A link that plays a human segment.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SegmentLink {
+    /// The segment.
+    pub segment: Segment,
+    /// The last joint before the link.
+    pub joint: String,
+    /// Weight of the direction of the segment's long axis in the fit; 1 = normal.
+    pub direction_weight: f64,
+    /// Weight of the rotation about the long axis in the fit; 0 = ignored.
+    pub twist_weight: f64,
+}
+
+/// Segments of the human body model (15 joints, 22 degrees of freedom).
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[serde(rename_all = "snake_case")]
+#[allow(missing_docs)]
+pub enum Segment {
+    Pelvis,
+    Torso,
+    Head,
+    LeftUpperArm,
+    LeftForearm,
+    RightUpperArm,
+    RightForearm,
+    LeftThigh,
+    LeftShank,
+    LeftFoot,
+    RightThigh,
+    RightShank,
+    RightFoot,
+}

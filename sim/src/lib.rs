@@ -1,0 +1,1 @@
+//! Virtual servos at register level on virtual lines.
