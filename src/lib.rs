@@ -15,6 +15,7 @@ pub mod device;
 pub mod error;
 pub mod mocap;
 pub mod motion;
+pub mod plot;
 pub mod port;
 pub mod recording;
 pub mod robot;
