@@ -1,1 +1,144 @@
-//! Placeholder while the module is being written.
+//! Moves bytes or CAN frames and owns waiting. This is the only room that reads a clock.
+//!
+//! Three separate traits, so that several lines, serial or CAN, real or virtual, share one clock:
+//! [`Clock`], [`BytePort`] and [`FramePort`]. Production code above this room never learns
+//! whether time is real.
+
+pub mod can;
+pub mod serial;
+pub mod sim;
+
+use crate::time::Instant;
+use std::fmt;
+
+/// A monotonic clock that can be waited on.
+pub trait Clock: Send + Sync {
+    /// The present moment.
+    fn now(&self) -> Instant;
+
+    /// Returns at `at` or as soon after it as the system allows; at once if it is past.
+    fn sleep_until(&self, at: Instant);
+}
+
+/// One end of a serial line.
+pub trait BytePort: Send {
+    /// Hands all bytes to the line, or fails by `deadline`.
+    ///
+    /// # Errors
+    /// [`PortError::TimedOut`] if the line did not take them, [`PortError::Gone`] if it is not
+    /// there any more.
+    fn send(&mut self, bytes: &[u8], deadline: Instant) -> Result<(), PortError>;
+
+    /// Waits for at least one byte and returns how many were put into `buffer`.
+    ///
+    /// # Errors
+    /// [`PortError::TimedOut`] when nothing came by `deadline`, [`PortError::Gone`] if the port
+    /// vanished. Never `Ok(0)` for a non-empty buffer.
+    fn receive(&mut self, buffer: &mut [u8], deadline: Instant) -> Result<usize, PortError>;
+
+    /// Throws away everything received so far.
+    ///
+    /// # Errors
+    /// As [`BytePort::receive`], without the time-out.
+    fn discard_input(&mut self) -> Result<(), PortError>;
+}
+
+/// One end of a CAN line. Frames are values; the line arbitrates.
+pub trait FramePort: Send {
+    /// Queues a frame for sending.
+    ///
+    /// # Errors
+    /// [`PortError::Busy`] when the send queue is full, [`PortError::Gone`] when the interface is
+    /// down or vanished.
+    fn send(&mut self, frame: &CanFrame) -> Result<(), PortError>;
+
+    /// The next frame, waiting until `deadline`.
+    ///
+    /// # Errors
+    /// [`PortError::TimedOut`], [`PortError::Gone`].
+    fn receive(&mut self, deadline: Instant) -> Result<CanFrame, PortError>;
+}
+
+/// A classic CAN frame.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct CanFrame {
+    /// Identifier: 11 bits, or 29 bits if `extended`.
+    pub id: u32,
+    /// True for a 29-bit identifier.
+    pub extended: bool,
+    /// 0 to 8 bytes.
+    pub payload: Vec<u8>,
+}
+
+/// What can go wrong between here and the wire.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum PortError {
+    /// Nothing happened by the deadline.
+    TimedOut,
+    /// The port does not exist (any more): unplugged, hung up.
+    Gone(String),
+    /// The user may not open it.
+    Denied(String),
+    /// Something else holds it.
+    Busy(String),
+    /// Any other answer of the operating system.
+    Io(String),
+}
+
+impl fmt::Display for PortError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::TimedOut => f.write_str("nothing came by the deadline"),
+            Self::Gone(text) => write!(f, "the port is gone: {text}"),
+            Self::Denied(text) => write!(f, "no permission: {text}"),
+            Self::Busy(text) => write!(f, "the port is in use: {text}"),
+            Self::Io(text) => write!(f, "input/output error: {text}"),
+        }
+    }
+}
+
+impl std::error::Error for PortError {}
+
+/// The process's monotonic clock. All real ports share it, so their instants compare.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct MonotonicClock;
+
+impl Clock for MonotonicClock {
+    fn now(&self) -> Instant {
+        let t = rustix::time::clock_gettime(rustix::time::ClockId::Monotonic);
+        let seconds = u64::try_from(t.tv_sec).unwrap_or(0);
+        let nanos = u64::try_from(t.tv_nsec).unwrap_or(0);
+        Instant::from_nanos(seconds * 1_000_000_000 + nanos)
+    }
+
+    /// Sleeps to the absolute time in the kernel, so that a late wake-up never adds up.
+    fn sleep_until(&self, at: Instant) {
+        let request = rustix::time::Timespec {
+            tv_sec: i64::try_from(at.as_nanos() / 1_000_000_000).unwrap_or(i64::MAX),
+            tv_nsec: (at.as_nanos() % 1_000_000_000) as _,
+        };
+        let clock = rustix::thread::ClockId::Monotonic;
+        while rustix::thread::clock_nanosleep_absolute(clock, &request)
+            == Err(rustix::io::Errno::INTR)
+        {}
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::time::Duration;
+
+    #[test]
+    fn the_monotonic_clock_never_wakes_before_the_asked_moment() {
+        let clock = MonotonicClock;
+        let at = clock.now() + Duration::from_millis(3);
+        clock.sleep_until(at);
+        assert!(clock.now() >= at);
+    }
+
+    #[test]
+    fn sleeping_to_a_past_moment_returns() {
+        MonotonicClock.sleep_until(Instant::ZERO);
+    }
+}

@@ -1,0 +1,285 @@
+//! What `play` tells: one set of figures, as text for a person and as JSON for a program.
+
+use serde::Serialize;
+use std::fmt::Write;
+
+/// How a command ended; its exit code.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Outcome {
+    /// All of it.
+    Done,
+    /// All of it, but something received was not stored.
+    DoneWithLoss,
+    /// Nothing moved: the answer was no.
+    Refused,
+    /// Stopped before its end.
+    Stopped,
+    /// Something broke.
+    Failed,
+}
+
+impl Outcome {
+    /// Exit code of the process.
+    #[must_use]
+    pub const fn exit_code(self) -> i32 {
+        match self {
+            Self::Done => 0,
+            Self::Refused | Self::Failed => 1,
+            Self::DoneWithLoss => 3,
+            Self::Stopped => 4,
+        }
+    }
+
+    const fn word(self) -> &'static str {
+        match self {
+            Self::Done => "done",
+            Self::DoneWithLoss => "done, with loss",
+            Self::Refused => "refused",
+            Self::Stopped => "stopped",
+            Self::Failed => "failed",
+        }
+    }
+}
+
+/// The motion as it came in.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Source {
+    /// `bvh` or `action`.
+    pub format: String,
+    /// Poses read.
+    pub frames: usize,
+    /// Poses per second.
+    pub rate_hz: f64,
+    /// Length, s.
+    pub duration_s: f64,
+}
+
+/// One joint of a played motion.
+#[derive(Clone, Debug, Serialize)]
+pub struct JointReport {
+    /// Joint name.
+    pub name: String,
+    /// Lowest and highest measured angle, rad.
+    pub range_rad: Option<[f64; 2]>,
+    /// Commanded, rad/s.
+    pub peak_velocity_rad_s: f64,
+    /// Commanded, rad/s².
+    pub peak_acceleration_rad_s2: f64,
+    /// Commanded, rad/s³; reported, not limited.
+    pub peak_jerk_rad_s3: f64,
+    /// The robot's limit, rad/s.
+    pub limit_velocity_rad_s: f64,
+    /// The robot's limit, rad/s².
+    pub limit_acceleration_rad_s2: f64,
+    /// Root mean square of goal minus present at the same read, rad.
+    pub tracking_rms_rad: Option<f64>,
+    /// Commanded speed at the first moment, rad/s.
+    pub start_velocity_rad_s: f64,
+    /// Commanded speed at the last moment, rad/s.
+    pub end_velocity_rad_s: f64,
+    /// Poses that saturation moved by more than 0.01 rad.
+    pub clipped_samples: usize,
+    /// The same as a share of all poses.
+    pub clipped_share: f64,
+    /// Cycles without feedback.
+    pub missed_reads: u64,
+}
+
+/// What the virtual robot's referee saw.
+#[derive(Clone, Debug, Serialize)]
+pub struct RefereeReport {
+    /// Broken rules, in words; empty is right.
+    pub violations: Vec<String>,
+}
+
+/// Everything `play` reports.
+#[derive(Clone, Debug, Serialize)]
+pub struct PlayReport {
+    /// How it ended.
+    pub outcome: Outcome,
+    /// Why, unless done.
+    pub stop_reason: Option<String>,
+    /// Motion as asked for.
+    pub motion: String,
+    /// Robot name.
+    pub robot: String,
+    /// Buses as asked for.
+    pub bus: Vec<String>,
+    /// True if nothing was written.
+    pub dry_run: bool,
+    /// Cycles run.
+    pub cycles: u64,
+    /// Cycles skipped or with feedback of a joint missing.
+    pub missed_cycles: u64,
+    /// Cycles that began late.
+    pub late_cycles: u64,
+    /// Rate asked for, Hz.
+    pub cycle_hz: f64,
+    /// Highest rate the line carries, by computation, Hz.
+    pub wire_limit_hz: Option<f64>,
+    /// Share of the time the busiest line was busy.
+    pub bus_load: f64,
+    /// From the first to the last cycle, s.
+    pub duration_s: f64,
+    /// The motion was stretched in time by this factor.
+    pub retime_factor: f64,
+    /// Joint that asked for it.
+    pub retime_joint: Option<String>,
+    /// Which limit of that joint: `velocity` or `acceleration`.
+    pub retime_limit: Option<String>,
+    /// The clip's clock ran from 0 to 1 in this time, s.
+    pub ease_in_s: f64,
+    /// The clip's clock ran from 1 to 0 in this time, s.
+    pub ease_out_s: f64,
+    /// Transition from where the robot stood, s.
+    pub approach_s: f64,
+    /// Per joint, in the robot's order.
+    pub joints: Vec<JointReport>,
+    /// Highest over all joints, rad/s.
+    pub max_start_velocity_rad_s: f64,
+    /// Highest over all joints, rad/s.
+    pub max_end_velocity_rad_s: f64,
+    /// Degrees Celsius.
+    pub max_temperature_c: Option<f64>,
+    /// V.
+    pub min_voltage_v: Option<f64>,
+    /// A.
+    pub max_current_a: Option<f64>,
+    /// Recording written.
+    pub recording: Option<String>,
+    /// Samples that did not reach the recording.
+    pub recording_lost: u64,
+    /// Page written.
+    pub html: Option<String>,
+    /// Calibration used; null: the robot file's own zeros.
+    pub calibration: Option<String>,
+    /// The motion as it came in.
+    pub source: Source,
+    /// Only with a virtual robot of this process.
+    pub referee: Option<RefereeReport>,
+    /// Choices made on the way that a person should know.
+    pub notes: Vec<String>,
+}
+
+impl PlayReport {
+    /// The report as lines for a person.
+    #[must_use]
+    pub fn text(&self) -> String {
+        let mut out = String::new();
+        self.write_head(&mut out);
+        if !self.dry_run && self.cycles > 0 {
+            self.write_run(&mut out);
+        }
+        self.write_joints(&mut out);
+        for note in &self.notes {
+            let _ = writeln!(out, "note      {note}");
+        }
+        if let Some(referee) = &self.referee {
+            let _ = match referee.violations.len() {
+                0 => writeln!(out, "referee   no rule broken"),
+                n => writeln!(out, "referee   {n} rules broken"),
+            };
+            for violation in &referee.violations {
+                let _ = writeln!(out, "          {violation}");
+            }
+        }
+        for (label, path) in [("recording", &self.recording), ("plots", &self.html)] {
+            if let Some(path) = path {
+                let _ = writeln!(out, "{label:<9} {path}");
+            }
+        }
+        out
+    }
+
+    fn write_head(&self, out: &mut String) {
+        let dry = if self.dry_run { " (dry run: nothing was written)" } else { "" };
+        let _ = writeln!(
+            out,
+            "{}{dry}: {} on {} over {}",
+            self.outcome.word(),
+            self.motion,
+            self.robot,
+            self.bus.join(", ")
+        );
+        if let Some(reason) = &self.stop_reason {
+            let _ = writeln!(out, "reason    {}", reason.replace('\n', "\n          "));
+        }
+        let source = &self.source;
+        let _ = writeln!(
+            out,
+            "source    {}: {} poses at {:.2} Hz, {:.2} s",
+            source.format, source.frames, source.rate_hz, source.duration_s
+        );
+        let why = match (&self.retime_joint, &self.retime_limit) {
+            (Some(joint), Some(limit)) => format!(", asked for by {joint} ({limit})"),
+            _ => String::new(),
+        };
+        let _ = writeln!(out, "retimed   x {:.3}{why}", self.retime_factor);
+        let _ = writeln!(
+            out,
+            "plan      approach {:.2} s, ease in {:.2} s, ease out {:.2} s",
+            self.approach_s, self.ease_in_s, self.ease_out_s
+        );
+    }
+
+    fn write_run(&self, out: &mut String) {
+        let _ = writeln!(
+            out,
+            "cycles    {} at {:.0} Hz in {:.2} s, {} missed, {} late",
+            self.cycles, self.cycle_hz, self.duration_s, self.missed_cycles, self.late_cycles
+        );
+        let limit = self.wire_limit_hz.map_or_else(|| "-".to_owned(), |hz| format!("{hz:.0} Hz"));
+        let _ = writeln!(
+            out,
+            "line      {:.0} % busy; it could carry {limit}",
+            self.bus_load * 100.0
+        );
+        let show = |value: Option<f64>, unit: &str| {
+            value.map_or_else(|| format!("- {unit}"), |v| format!("{v:.1} {unit}"))
+        };
+        let _ = writeln!(
+            out,
+            "servos    at most {} and {}, at least {}",
+            show(self.max_temperature_c, "deg C"),
+            show(self.max_current_a, "A"),
+            show(self.min_voltage_v, "V")
+        );
+        let _ = writeln!(
+            out,
+            "rest      start {:.3} deg/s, end {:.3} deg/s (fastest joint, commanded)",
+            self.max_start_velocity_rad_s.to_degrees(),
+            self.max_end_velocity_rad_s.to_degrees()
+        );
+    }
+
+    fn write_joints(&self, out: &mut String) {
+        if self.joints.is_empty() {
+            return;
+        }
+        let _ = writeln!(
+            out,
+            "{:<16} {:>16} {:>14} {:>10} {:>13} {:>9}",
+            "joint", "measured, deg", "peak, deg/s", "of limit", "tracking, deg", "clipped"
+        );
+        for joint in &self.joints {
+            let range = joint.range_rad.map_or_else(
+                || "-".to_owned(),
+                |[low, high]| format!("{:.1} to {:.1}", low.to_degrees(), high.to_degrees()),
+            );
+            let rms = joint
+                .tracking_rms_rad
+                .map_or_else(|| "-".to_owned(), |rms| format!("{:.2}", rms.to_degrees()));
+            let _ = writeln!(
+                out,
+                "{:<16} {:>16} {:>14.1} {:>8.0} % {:>13} {:>7.1} %",
+                joint.name,
+                range,
+                joint.peak_velocity_rad_s.to_degrees(),
+                100.0 * joint.peak_velocity_rad_s / joint.limit_velocity_rad_s,
+                rms,
+                100.0 * joint.clipped_share
+            );
+        }
+    }
+}

@@ -1,0 +1,45 @@
+//! Ctrl-C and termination as a flag that the loop looks at. A second signal changes nothing.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicI32, Ordering};
+use tokio::signal::unix::{SignalKind, signal};
+
+/// The first signal that came, if any.
+#[derive(Clone, Debug, Default)]
+pub struct Signals(Arc<AtomicI32>);
+
+impl Signals {
+    /// Listens for SIGINT, SIGTERM and SIGHUP on a thread of its own from now on.
+    ///
+    /// # Errors
+    /// If the system does not let the process listen.
+    pub fn listen() -> std::io::Result<Self> {
+        let signals = Self::default();
+        let first = Arc::clone(&signals.0);
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_io().build()?;
+        let guard = runtime.enter();
+        let kinds = [SignalKind::interrupt(), SignalKind::terminate(), SignalKind::hangup()];
+        let [mut interrupt, mut terminate, mut hangup] =
+            [signal(kinds[0])?, signal(kinds[1])?, signal(kinds[2])?];
+        drop(guard);
+        std::thread::Builder::new().name("signals".to_owned()).spawn(move || {
+            runtime.block_on(async {
+                loop {
+                    let number = tokio::select! {
+                        _ = interrupt.recv() => 2,
+                        _ = terminate.recv() => 15,
+                        _ = hangup.recv() => 1,
+                    };
+                    let _ = first.compare_exchange(0, number, Ordering::SeqCst, Ordering::SeqCst);
+                }
+            });
+        })?;
+        Ok(signals)
+    }
+
+    /// The number of the first signal that came.
+    #[must_use]
+    pub fn first(&self) -> Option<i32> {
+        Some(self.0.load(Ordering::SeqCst)).filter(|&number| number != 0)
+    }
+}

@@ -1,0 +1,265 @@
+//! The cycle: read states, judge, sample the motion at this very moment, let the guard look, write.
+
+use super::health::{Bounds, JointFacts, StopReason, Watch};
+use super::{Sample, Sink, Tally};
+use crate::device::Health;
+use crate::guard::{Command, Guard};
+use crate::motion::{Clock as MotionClock, Setpoint, Trajectory};
+use crate::robot::Link;
+use crate::robot::link::States;
+use crate::robot::preflight::{LINE_SHARE, configured, error_words};
+use crate::time::{Duration, Instant};
+use gaitway_profiles::Role;
+
+/// How a motion is streamed.
+#[derive(Clone, Copy, Debug)]
+pub struct Settings {
+    /// Time between two cycles.
+    pub period: Duration,
+    /// Bounds of the watch.
+    pub bounds: Bounds,
+    /// Longest wait for the joints to come to rest after the last goal.
+    pub settle: Duration,
+}
+
+impl Settings {
+    /// The defaults at `rate_hz`.
+    #[must_use]
+    pub fn at_rate(rate_hz: f64) -> Self {
+        Self {
+            period: Duration::from_secs_f64(1.0 / rate_hz),
+            bounds: Bounds::default(),
+            settle: Duration::from_millis(500),
+        }
+    }
+}
+
+/// What came of a motion.
+#[derive(Clone, Debug)]
+pub struct Run {
+    /// Absent if the motion reached its end.
+    pub stop: Option<StopReason>,
+    /// Figures over all cycles.
+    pub tally: Tally,
+    /// Time from the first to the last cycle, s.
+    pub duration_s: f64,
+    /// Share of the time the busiest line was busy.
+    pub bus_load: f64,
+}
+
+/// A cycle is late if it begins this share of a period after its time.
+const LATE_SHARE: f64 = 0.25;
+/// A joint is at rest below this speed, rad/s.
+const REST_RAD_S: f64 = 0.05;
+/// Goals written after the motion ended, so that the last two are equal on every joint.
+const LAST_GOALS: u32 = 2;
+
+/// The loop's memory between two cycles.
+struct Player<'a> {
+    link: &'a mut Link,
+    guard: Guard,
+    command: Command,
+    trajectory: &'a Trajectory,
+    clock: MotionClock,
+    setpoints: Vec<Setpoint>,
+    written_at: Instant,
+    stop: Option<StopReason>,
+    goals_at_rest: u32,
+    rest_since: Option<Instant>,
+}
+
+/// Streams `trajectory` until it is at rest, handing each cycle to `sink`.
+///
+/// `asked_to_stop` is looked at once per cycle. The guard must be the one that armed the robot:
+/// the motion starts where it stands.
+pub fn run(
+    link: &mut Link,
+    (guard, command): (Guard, Command),
+    trajectory: &Trajectory,
+    settings: Settings,
+    sink: &mut dyn Sink,
+    asked_to_stop: &dyn Fn() -> bool,
+) -> Run {
+    let mut watch = Watch::new(settings.bounds, joint_facts(link));
+    let mut tally = Tally::new(link.robot().joints.len());
+    let clock = std::sync::Arc::clone(link.clock());
+    let began = clock.now();
+    let bytes_before = line_bytes(link);
+    let limits = link.robot().limits();
+    let mut player = Player {
+        link,
+        guard,
+        command,
+        trajectory,
+        clock: MotionClock::new(&limits),
+        setpoints: vec![Setpoint::default(); limits.len()],
+        written_at: began,
+        stop: None,
+        goals_at_rest: 0,
+        rest_since: None,
+    };
+    let period_ns = settings.period.as_nanos();
+    let mut tick: u128 = 0;
+    let mut last_cycle = began;
+    loop {
+        let due = began + Duration::from_nanos_u128(tick * period_ns);
+        clock.sleep_until(due);
+        let now = clock.now();
+        let behind = now.since(due);
+        let late = behind.as_secs_f64() > LATE_SHARE * settings.period.as_secs_f64();
+        tally.late_cycles += u64::from(late);
+        if tick > 0
+            && let Some(reason) = watch.pace(now.since(last_cycle), late)
+        {
+            player.request_stop(reason);
+        }
+        last_cycle = now;
+        if asked_to_stop() {
+            player.request_stop(StopReason::Asked);
+        }
+        let more = player.cycle(now, settings, &mut watch, &mut tally, sink);
+        if !more {
+            break;
+        }
+        let elapsed = clock.now().since(began).as_nanos();
+        // Ticks that have gone by are skipped, never made up for in a burst.
+        let next = (elapsed / period_ns).max(tick) + 1;
+        tally.missed_cycles += u64::try_from(next - tick - 1).unwrap_or(u64::MAX);
+        tick = next;
+    }
+    let duration_s = clock.now().since(began).as_secs_f64();
+    let bus_load = bus_load(player.link, &bytes_before, duration_s);
+    Run { stop: player.stop, tally, duration_s, bus_load }
+}
+
+impl Player<'_> {
+    /// Starts the deceleration. The first reason counts; a second request changes nothing.
+    fn request_stop(&mut self, reason: StopReason) {
+        if self.stop.is_none() {
+            self.stop = Some(reason);
+            self.clock.stop();
+        }
+    }
+
+    /// One cycle; false when the motion is over.
+    fn cycle(
+        &mut self,
+        now: Instant,
+        settings: Settings,
+        watch: &mut Watch,
+        tally: &mut Tally,
+        sink: &mut dyn Sink,
+    ) -> bool {
+        let budget = now + settings.period.mul_f64(LINE_SHARE);
+        let (states, health) = match self.read(tally.cycles, budget) {
+            Ok(read) => read,
+            Err(reason) => {
+                self.request_stop(reason);
+                return false;
+            }
+        };
+        let goal_rad = self.command.goal_rad().to_vec();
+        let sample =
+            Sample { cycle: tally.cycles, at: now, goal_rad: &goal_rad, states: &states, health };
+        let link = &*self.link;
+        if let Some(reason) = watch.judge(&sample, |joint, bits| error_words(link, joint, bits)) {
+            self.request_stop(reason);
+        }
+        tally.add(&sample);
+        sink.take(&sample);
+        if self.over(&states, now, settings) {
+            return false;
+        }
+        match self.write(budget) {
+            Ok(()) => true,
+            Err(reason) => {
+                self.request_stop(reason);
+                false
+            }
+        }
+    }
+
+    /// States of all joints and the slow facts of one, in turn.
+    fn read(
+        &mut self,
+        cycle: u64,
+        budget: Instant,
+    ) -> Result<(States, Option<(usize, Health)>), StopReason> {
+        let lost = |e: crate::robot::LinkError| StopReason::LineLost { text: e.to_string() };
+        let states = self.link.states(budget).map_err(lost)?;
+        let joints = states.len();
+        let turn = usize::try_from(cycle).unwrap_or(0);
+        let joint = turn % joints;
+        let parts = self.link.health_reads(joint).max(1);
+        let part = turn / joints % parts;
+        let mut health = None;
+        // A joint that is silent now would only cost the others their time.
+        if states[joint].is_ok() {
+            match self.link.health(joint, part, budget) {
+                Ok(read) => health = Some((joint, read)),
+                Err(error) if matches!(error.error, crate::bus::AskError::Port(_)) => {
+                    return Err(lost(error));
+                }
+                Err(_) => {}
+            }
+        }
+        Ok((states, health))
+    }
+
+    /// True when the last goals are written and the joints have come to rest (or had their time).
+    fn over(&mut self, states: &States, now: Instant, settings: Settings) -> bool {
+        if self.goals_at_rest < LAST_GOALS {
+            return false;
+        }
+        let since = *self.rest_since.get_or_insert(now);
+        let still = states
+            .iter()
+            .all(|state| state.as_ref().is_ok_and(|(s, _)| s.velocity_rad_s.abs() < REST_RAD_S));
+        still || now.since(since) >= settings.settle
+    }
+
+    /// Samples the motion at the moment of writing and writes what the guard admits.
+    fn write(&mut self, budget: Instant) -> Result<(), StopReason> {
+        let now = self.link.clock().now();
+        let dt_s = now.since(self.written_at).as_secs_f64();
+        let motion_s = self.clock.advance(dt_s);
+        self.trajectory.sample(motion_s, &mut self.setpoints);
+        let goal_rad: Vec<f64> = self.setpoints.iter().map(|s| s.position_rad).collect();
+        match self.guard.admit(&goal_rad, now) {
+            Ok(command) => self.command = command,
+            Err(refusal) => {
+                let joint = self.link.robot().joints[refusal.joint].name.clone();
+                let reason = refusal.reason.to_string();
+                return Err(StopReason::Refused { joint, reason });
+            }
+        }
+        self.written_at = now;
+        if self.clock.is_stopped() || motion_s >= self.trajectory.duration_s() {
+            self.goals_at_rest += 1;
+        }
+        self.link
+            .write_goals(&self.command, budget)
+            .map_err(|e| StopReason::LineLost { text: e.to_string() })
+    }
+}
+
+fn joint_facts(link: &Link) -> Vec<JointFacts> {
+    let facts = |index: usize| JointFacts {
+        name: link.robot().joints[index].name.clone(),
+        temperature_limit_c: configured(link, index, Role::TemperatureLimit),
+        min_voltage_v: configured(link, index, Role::MinVoltageLimit),
+    };
+    (0..link.robot().joints.len()).map(facts).collect()
+}
+
+fn line_bytes(link: &Link) -> Vec<u64> {
+    link.buses().iter().map(|bus| bus.stats().bytes).collect()
+}
+
+fn bus_load(link: &Link, before: &[u64], duration_s: f64) -> f64 {
+    let busy = |(bus, before): (&crate::bus::Bus, &u64)| {
+        let bytes = (bus.stats().bytes - before) as f64;
+        bytes * 10.0 / f64::from(bus.timing().baud_bps) / duration_s
+    };
+    link.buses().iter().zip(before).map(busy).fold(0.0, f64::max)
+}

@@ -1,0 +1,270 @@
+//! Doubts that last become a stop. Each rule has a bound, a count and a name.
+
+use super::Sample;
+use crate::time::{Duration, Instant};
+use std::fmt;
+
+/// Bounds beyond which a motion is stopped.
+#[derive(Clone, Copy, Debug)]
+pub struct Bounds {
+    /// Cycles in a row without feedback from a joint.
+    pub misses_in_a_row: u32,
+    /// Late cycles among the last hundred.
+    pub late_of_hundred: u32,
+    /// Longest time between two cycles.
+    pub gap: Duration,
+    /// Largest distance between goal and present, rad.
+    pub tracking_rad: f64,
+    /// How long it may last.
+    pub tracking_for: Duration,
+    /// How long the supply may be below the servo's minimum.
+    pub low_voltage_for: Duration,
+}
+
+impl Default for Bounds {
+    fn default() -> Self {
+        Self {
+            misses_in_a_row: 5,
+            late_of_hundred: 5,
+            gap: Duration::from_millis(100),
+            tracking_rad: 0.35,
+            tracking_for: Duration::from_millis(300),
+            low_voltage_for: Duration::from_millis(100),
+        }
+    }
+}
+
+/// Why a motion was stopped before its end.
+#[derive(Clone, Debug, PartialEq)]
+pub enum StopReason {
+    /// The operator asked (a signal).
+    Asked,
+    /// A joint gave no feedback for too many cycles.
+    Silent {
+        /// Joint name.
+        joint: String,
+        /// Cycles in a row.
+        cycles: u32,
+        /// What the last miss was.
+        miss: String,
+    },
+    /// The host cannot keep the rate.
+    Late {
+        /// Late cycles of the last hundred.
+        cycles: u32,
+    },
+    /// The host stalled once.
+    Stalled {
+        /// Time between two cycles, s.
+        gap_s: f64,
+    },
+    /// A joint does not follow.
+    NotFollowing {
+        /// Joint name.
+        joint: String,
+        /// Distance between goal and present, rad.
+        error_rad: f64,
+    },
+    /// A servo reports an error or let go of its torque.
+    ServoFault {
+        /// Joint name.
+        joint: String,
+        /// In words.
+        fault: String,
+    },
+    /// A servo is too hot.
+    Hot {
+        /// Joint name.
+        joint: String,
+        /// Degrees Celsius.
+        temperature_c: f64,
+    },
+    /// The supply is too low.
+    LowVoltage {
+        /// Joint name.
+        joint: String,
+        /// V.
+        voltage_v: f64,
+    },
+    /// The guard refused a goal.
+    Refused {
+        /// Joint name.
+        joint: String,
+        /// In words.
+        reason: String,
+    },
+    /// The line failed; nothing can be commanded on it any more.
+    LineLost {
+        /// Line and what happened.
+        text: String,
+    },
+}
+
+impl fmt::Display for StopReason {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Asked => f.write_str("stopped by the operator"),
+            Self::Silent { joint, cycles, miss } => {
+                write!(f, "joint {joint} gave no feedback for {cycles} cycles: {miss}")
+            }
+            Self::Late { cycles } => {
+                write!(f, "the host cannot keep the rate: {cycles} of 100 cycles late")
+            }
+            Self::Stalled { gap_s } => {
+                write!(f, "the host stalled for {:.0} ms", gap_s * 1e3)
+            }
+            Self::NotFollowing { joint, error_rad } => write!(
+                f,
+                "joint {joint} does not follow: {:.1} deg from its goal",
+                error_rad.to_degrees()
+            ),
+            Self::ServoFault { joint, fault } => write!(f, "joint {joint}: {fault}"),
+            Self::Hot { joint, temperature_c } => {
+                write!(f, "joint {joint} is too hot: {temperature_c:.0} deg C")
+            }
+            Self::LowVoltage { joint, voltage_v } => {
+                write!(f, "the supply is too low at joint {joint}: {voltage_v:.1} V")
+            }
+            Self::Refused { joint, reason } => {
+                write!(f, "the guard refused a goal for joint {joint}: {reason}")
+            }
+            Self::LineLost { text } => write!(f, "the line was lost: {text}"),
+        }
+    }
+}
+
+/// What health must know of a joint.
+#[derive(Clone, Debug)]
+pub struct JointFacts {
+    /// Name, for reasons.
+    pub name: String,
+    /// Temperature at which to stop, degrees Celsius.
+    pub temperature_limit_c: Option<f64>,
+    /// Voltage below which to stop, V.
+    pub min_voltage_v: Option<f64>,
+}
+
+#[derive(Clone, Debug, Default)]
+struct JointHealth {
+    missed_in_a_row: u32,
+    off_goal_since: Option<Instant>,
+    low_since: Option<Instant>,
+}
+
+/// Watches the samples of a motion.
+#[derive(Debug)]
+pub struct Watch {
+    bounds: Bounds,
+    facts: Vec<JointFacts>,
+    joints: Vec<JointHealth>,
+    late: std::collections::VecDeque<bool>,
+}
+
+impl Watch {
+    /// A watch over joints with these facts.
+    #[must_use]
+    pub fn new(bounds: Bounds, facts: Vec<JointFacts>) -> Self {
+        let joints = vec![JointHealth::default(); facts.len()];
+        Self { bounds, facts, joints, late: std::collections::VecDeque::with_capacity(100) }
+    }
+
+    /// Judges when a cycle ran: `gap` since the one before, and whether it was late.
+    pub fn pace(&mut self, gap: Duration, late: bool) -> Option<StopReason> {
+        if self.late.len() == 100 {
+            self.late.pop_front();
+        }
+        self.late.push_back(late);
+        if gap > self.bounds.gap {
+            return Some(StopReason::Stalled { gap_s: gap.as_secs_f64() });
+        }
+        let cycles = self.late.iter().filter(|&&late| late).count();
+        let cycles = u32::try_from(cycles).unwrap_or(u32::MAX);
+        (cycles >= self.bounds.late_of_hundred).then_some(StopReason::Late { cycles })
+    }
+
+    /// Judges what a cycle measured. `fault_words` names error bits of a joint.
+    pub fn judge(
+        &mut self,
+        sample: &Sample<'_>,
+        fault_words: impl Fn(usize, u8) -> String,
+    ) -> Option<StopReason> {
+        let mut reason = None;
+        for (index, state) in sample.states.iter().enumerate() {
+            let joint = &mut self.joints[index];
+            let name = || self.facts[index].name.clone();
+            let (state, alert) = match state {
+                Ok(state) => state,
+                Err(miss) => {
+                    joint.missed_in_a_row += 1;
+                    if joint.missed_in_a_row >= self.bounds.misses_in_a_row {
+                        let cycles = joint.missed_in_a_row;
+                        let miss = miss.to_string();
+                        reason.get_or_insert(StopReason::Silent { joint: name(), cycles, miss });
+                    }
+                    continue;
+                }
+            };
+            joint.missed_in_a_row = 0;
+            if *alert {
+                let fault = "the servo raised its alert flag".to_owned();
+                reason.get_or_insert(StopReason::ServoFault { joint: name(), fault });
+            }
+            let error_rad = sample.goal_rad[index] - state.position_rad;
+            if error_rad.abs() <= self.bounds.tracking_rad {
+                joint.off_goal_since = None;
+            } else {
+                let since = *joint.off_goal_since.get_or_insert(sample.at);
+                if sample.at.since(since) > self.bounds.tracking_for {
+                    reason.get_or_insert(StopReason::NotFollowing { joint: name(), error_rad });
+                }
+            }
+            let read = crate::device::Health {
+                voltage_v: state.voltage_v,
+                temperature_c: state.temperature_c,
+                ..Default::default()
+            };
+            let slow = self.judge_slow(index, &read, sample.at, &fault_words);
+            reason = reason.or(slow);
+        }
+        if let Some((joint, health)) = &sample.health {
+            let slow = self.judge_slow(*joint, health, sample.at, &fault_words);
+            reason = reason.or(slow);
+        }
+        reason
+    }
+
+    fn judge_slow(
+        &mut self,
+        index: usize,
+        health: &crate::device::Health,
+        at: Instant,
+        fault_words: &impl Fn(usize, u8) -> String,
+    ) -> Option<StopReason> {
+        let facts = &self.facts[index];
+        let joint = facts.name.clone();
+        if let Some(bits) = health.error_bits.filter(|&bits| bits != 0) {
+            return Some(StopReason::ServoFault { joint, fault: fault_words(index, bits) });
+        }
+        if health.torque_on == Some(false) {
+            let fault = "the servo switched its torque off (did it restart?)".to_owned();
+            return Some(StopReason::ServoFault { joint, fault });
+        }
+        if let (Some(temperature_c), Some(limit_c)) =
+            (health.temperature_c, facts.temperature_limit_c)
+            && !(temperature_c < limit_c)
+        {
+            return Some(StopReason::Hot { joint, temperature_c });
+        }
+        let (Some(voltage_v), Some(minimum_v)) = (health.voltage_v, facts.min_voltage_v) else {
+            return None;
+        };
+        let state = &mut self.joints[index];
+        if voltage_v >= minimum_v {
+            state.low_since = None;
+            return None;
+        }
+        let since = *state.low_since.get_or_insert(at);
+        let low = at.since(since) > self.bounds.low_voltage_for;
+        low.then_some(StopReason::LowVoltage { joint, voltage_v })
+    }
+}

@@ -1,0 +1,112 @@
+//! A serial port of the operating system, real or pseudo-terminal.
+//!
+//! The `serialport` crate opens it (exclusively: `TIOCEXCL` and `flock`), sets it up and waits
+//! with `ppoll`, whose time-outs are nanoseconds. Every wait is bounded by a deadline.
+
+use super::{BytePort, Clock, MonotonicClock, PortError};
+use crate::time::Instant;
+use serialport::{ClearBuffer, SerialPort, TTYPort};
+use std::io::{ErrorKind, Read, Write};
+use std::path::Path;
+
+/// An open serial line.
+pub struct SerialLine {
+    tty: TTYPort,
+    path: String,
+}
+
+impl SerialLine {
+    /// Opens `path` at `baud_bps`, 8N1, no flow control, for this process alone.
+    ///
+    /// # Errors
+    /// [`PortError::Gone`] if there is no such port, [`PortError::Denied`] without permission,
+    /// [`PortError::Busy`] if another program holds it, [`PortError::Io`] if it is not a
+    /// terminal or cannot do that speed.
+    pub fn open(path: &str, baud_bps: u32) -> Result<Self, PortError> {
+        // `serialport` reports a lock held elsewhere and a missing device alike; tell them apart.
+        if !Path::new(path).exists() {
+            return Err(PortError::Gone(format!("{path} does not exist")));
+        }
+        let tty = TTYPort::open(&serialport::new(path, baud_bps)).map_err(|e| open_error(path, &e))?;
+        let line = Self { tty, path: path.to_owned() };
+        line.tty.clear(ClearBuffer::All).map_err(|e| open_error(path, &e))?;
+        Ok(line)
+    }
+
+    /// Worst time a USB adapter holds received bytes back, if its driver says so (FTDI), s.
+    #[must_use]
+    pub fn latency_timer_s(path: &str) -> Option<f64> {
+        let real = std::fs::canonicalize(path).ok()?;
+        let name = real.file_name()?.to_str()?;
+        let file = format!("/sys/class/tty/{name}/device/latency_timer");
+        let millis: f64 = std::fs::read_to_string(file).ok()?.trim().parse().ok()?;
+        Some(millis / 1000.0)
+    }
+
+    fn set_time_out(&mut self, deadline: Instant) -> Result<(), PortError> {
+        let left = deadline.since(MonotonicClock.now());
+        // A zero time-out still polls once, so bytes already here are seen.
+        self.tty.set_timeout(left).map_err(|e| PortError::Io(e.to_string()))
+    }
+
+    fn io_error(&self, error: &std::io::Error) -> PortError {
+        match error.kind() {
+            ErrorKind::TimedOut => PortError::TimedOut,
+            ErrorKind::BrokenPipe | ErrorKind::NotConnected => PortError::Gone(self.path.clone()),
+            // EIO and ENXIO are what an unplugged adapter and a closed pseudo-terminal give.
+            _ if matches!(error.raw_os_error(), Some(5 | 6 | 19)) => {
+                PortError::Gone(self.path.clone())
+            }
+            _ => PortError::Io(format!("{}: {error}", self.path)),
+        }
+    }
+}
+
+fn open_error(path: &str, error: &serialport::Error) -> PortError {
+    use serialport::ErrorKind as Kind;
+    match error.kind() {
+        Kind::Io(ErrorKind::PermissionDenied) => PortError::Denied(path.to_owned()),
+        Kind::Io(ErrorKind::NotFound) => PortError::Gone(path.to_owned()),
+        Kind::NoDevice | Kind::Io(ErrorKind::WouldBlock | ErrorKind::ResourceBusy) => {
+            PortError::Busy(format!("{path} ({})", error.description))
+        }
+        _ => PortError::Io(format!("{path}: {}", error.description)),
+    }
+}
+
+impl BytePort for SerialLine {
+    fn send(&mut self, bytes: &[u8], deadline: Instant) -> Result<(), PortError> {
+        let mut rest = bytes;
+        while !rest.is_empty() {
+            self.set_time_out(deadline)?;
+            match self.tty.write(rest) {
+                Ok(0) => return Err(PortError::Gone(self.path.clone())),
+                Ok(n) => rest = &rest[n..],
+                Err(e) if e.kind() == ErrorKind::Interrupted => {}
+                Err(e) => return Err(self.io_error(&e)),
+            }
+        }
+        Ok(())
+    }
+
+    fn receive(&mut self, buffer: &mut [u8], deadline: Instant) -> Result<usize, PortError> {
+        loop {
+            self.set_time_out(deadline)?;
+            match self.tty.read(buffer) {
+                // A line that is "readable" but gives nothing has been hung up.
+                Ok(0) => return Err(PortError::Gone(self.path.clone())),
+                Ok(n) => return Ok(n),
+                Err(e) if e.kind() == ErrorKind::Interrupted => {}
+                Err(e) => return Err(self.io_error(&e)),
+            }
+        }
+    }
+
+    fn discard_input(&mut self) -> Result<(), PortError> {
+        self.tty.clear(ClearBuffer::Input).map_err(|e| match e.kind() {
+            serialport::ErrorKind::NoDevice => PortError::Gone(self.path.clone()),
+            _ => PortError::Io(format!("{}: {}", self.path, e.description)),
+        })
+    }
+}
+

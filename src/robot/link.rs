@@ -1,0 +1,357 @@
+//! A robot with its lines open: state in, command out, for all joints at once.
+
+use super::{Joint, Robot};
+use crate::bus::{AskError, Bus, GroupRead, Miss, Reply, Timing};
+use crate::device::registers::{append_raw, raw_from_bytes};
+use crate::device::{Health, JointState};
+use crate::guard::Command;
+use crate::port::{BytePort, Clock};
+use crate::time::{Duration, Instant};
+use gaitway_profiles::{Register, Role};
+use std::fmt;
+use std::sync::Arc;
+
+/// Joints on one line whose servos are read or written by one instruction.
+#[derive(Clone, Debug)]
+struct Group {
+    line: usize,
+    address: u16,
+    length: u16,
+    mode: GroupRead,
+    joints: Vec<usize>,
+}
+
+/// A line that failed, and where.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LinkError {
+    /// Joint or line.
+    pub place: String,
+    /// What the bus said.
+    pub error: AskError,
+}
+
+impl fmt::Display for LinkError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}", self.place, self.error)
+    }
+}
+
+impl std::error::Error for LinkError {}
+
+/// What one read of all joints gave: the state of each, or why there is none.
+pub type States = Vec<Result<(JointState, bool), Miss>>;
+
+/// A robot whose lines are open.
+pub struct Link {
+    robot: Robot,
+    buses: Vec<Bus>,
+    clock: Arc<dyn Clock>,
+    reads: Vec<Group>,
+    writes: Vec<Group>,
+    missed_in_a_row: Vec<u32>,
+    payload: Vec<u8>,
+}
+
+impl Link {
+    /// A link over `ports`, one per line of the robot in its order, with the worst time each
+    /// line's adapter holds bytes back.
+    #[must_use]
+    pub fn new(
+        robot: Robot,
+        ports: Vec<(Box<dyn BytePort>, Duration)>,
+        clock: Arc<dyn Clock>,
+    ) -> Self {
+        let buses = ports
+            .into_iter()
+            .enumerate()
+            .zip(&robot.lines)
+            .map(|((index, (port, latency)), line)| {
+                let timing = Timing {
+                    baud_bps: line.baud_bps,
+                    return_delay: return_delay(&robot, index),
+                    latency,
+                };
+                Bus::new(port, Arc::clone(&clock), line.protocol, timing)
+            })
+            .collect();
+        let reads = groups(&robot, |joint| {
+            (joint.feedback.address(), joint.feedback.length())
+        });
+        let writes = groups(&robot, |joint| {
+            let goal = joint.model.register(Role::GoalPosition);
+            goal.map_or((0, 0), |goal| (goal.address, u16::from(goal.bytes)))
+        });
+        let missed_in_a_row = vec![0; robot.joints.len()];
+        Self { robot, buses, clock, reads, writes, missed_in_a_row, payload: Vec::new() }
+    }
+
+    /// The robot.
+    #[must_use]
+    pub const fn robot(&self) -> &Robot {
+        &self.robot
+    }
+
+    /// The clock all lines share.
+    #[must_use]
+    pub fn clock(&self) -> &Arc<dyn Clock> {
+        &self.clock
+    }
+
+    /// The lines.
+    #[must_use]
+    pub fn buses(&self) -> &[Bus] {
+        &self.buses
+    }
+
+    /// Reads with one merged answer per group from now on where `firmware` (per joint) can.
+    pub fn use_fast_reads(&mut self, firmware: &[u16]) {
+        for group in &mut self.reads {
+            let fast = group.joints.iter().all(|&joint| {
+                let from = self.robot.joints[joint].model.profile().fast_sync_read_from_firmware;
+                from.is_some_and(|from| firmware.get(joint).is_some_and(|&f| f >= from))
+            });
+            group.mode = if fast { GroupRead::Fast } else { GroupRead::Sync };
+        }
+    }
+
+    /// Line time of one cycle (goals out, states in) on the slowest line, s.
+    #[must_use]
+    pub fn cycle_time_s(&self) -> f64 {
+        let on_line = |line: usize| -> f64 {
+            let bus = &self.buses[line];
+            let read: f64 = self.reads.iter().filter(|group| group.line == line)
+                .map(|g| bus.read_time_s(g.joints.len(), usize::from(g.length), g.mode))
+                .sum();
+            let write: f64 = self.writes.iter().filter(|group| group.line == line)
+                .map(|g| bus.write_time_s(g.joints.len(), usize::from(g.length)))
+                .sum();
+            read + write
+        };
+        (0..self.buses.len()).map(on_line).fold(0.0, f64::max)
+    }
+
+    fn line_error(&self, line: usize, error: AskError) -> LinkError {
+        LinkError { place: format!("line {}", self.robot.lines[line].name), error }
+    }
+
+    fn joint_error(&self, joint: usize, error: AskError) -> LinkError {
+        let joint = &self.robot.joints[joint];
+        LinkError { place: format!("joint {} (ID {})", joint.name, joint.id), error }
+    }
+
+    /// The state of every joint, in joint terms, with the device's alert flag.
+    ///
+    /// Joints that were silent before are asked last, so that they cannot silence others.
+    ///
+    /// # Errors
+    /// A line that failed. A joint that does not answer is a [`Miss`] of its own.
+    pub fn states(&mut self, budget: Instant) -> Result<States, LinkError> {
+        let mut states: States = vec![Err(Miss::Silent); self.robot.joints.len()];
+        for number in 0..self.reads.len() {
+            let mut group = self.reads[number].clone();
+            group.joints.sort_by_key(|&joint| self.missed_in_a_row[joint]);
+            let ids: Vec<u8> = group.joints.iter().map(|&j| self.robot.joints[j].id).collect();
+            let answers = self.buses[group.line]
+                .group_read(&ids, group.address, group.length, group.mode, budget)
+                .map_err(|e| self.line_error(group.line, e))?;
+            for (&joint, answer) in group.joints.iter().zip(answers) {
+                let state = answer.and_then(|reply| self.decode(joint, &reply));
+                let missed = &mut self.missed_in_a_row[joint];
+                *missed = if state.is_err() { *missed + 1 } else { 0 };
+                states[joint] = state;
+            }
+        }
+        Ok(states)
+    }
+
+    fn decode(&self, joint: usize, reply: &Reply) -> Result<(JointState, bool), Miss> {
+        let joint = &self.robot.joints[joint];
+        let servo = joint.feedback.decode(&reply.bytes).map_err(|_| Miss::Garbled)?;
+        Ok((joint.joint_state(servo), reply.alert))
+    }
+
+    /// Number of reads that make up the slow facts of `joint`.
+    #[must_use]
+    pub fn health_reads(&self, joint: usize) -> usize {
+        self.robot.joints[joint].health.reads().len()
+    }
+
+    /// Part `part` of the slow facts of `joint`.
+    ///
+    /// # Errors
+    /// [`LinkError`].
+    pub fn health(
+        &mut self,
+        joint: usize,
+        part: usize,
+        budget: Instant,
+    ) -> Result<Health, LinkError> {
+        let Joint { line, id, health, .. } = &self.robot.joints[joint];
+        let Some(&(address, length)) = health.reads().get(part) else {
+            return Ok(Health::default());
+        };
+        let reply = self.buses[*line]
+            .read(*id, address, length, budget)
+            .map_err(|e| self.joint_error(joint, e))?;
+        let joint_of = &self.robot.joints[joint];
+        joint_of
+            .health
+            .decode(part, &reply.bytes)
+            .map_err(|_| self.joint_error(joint, Miss::Garbled.into()))
+    }
+
+    /// Writes the goal of every joint.
+    ///
+    /// # Errors
+    /// A line that failed, or a goal that does not fit its register.
+    pub fn write_goals(&mut self, command: &Command, budget: Instant) -> Result<(), LinkError> {
+        self.write_all(Role::GoalPosition, budget, |joint, index| {
+            joint.servo_rad(command.goal_rad()[index])
+        })
+    }
+
+    /// Writes one register of every joint that has it, from an SI value in servo terms.
+    pub(crate) fn write_all(
+        &mut self,
+        role: Role,
+        budget: Instant,
+        value: impl Fn(&Joint, usize) -> f64,
+    ) -> Result<(), LinkError> {
+        let groups = if role == Role::GoalPosition {
+            self.writes.clone()
+        } else {
+            groups(&self.robot, |joint| {
+                joint.model.register(role).map_or((0, 0), |r| (r.address, u16::from(r.bytes)))
+            })
+        };
+        for group in groups.iter().filter(|group| group.length > 0) {
+            let mut payload = std::mem::take(&mut self.payload);
+            payload.clear();
+            for &index in &group.joints {
+                let joint = &self.robot.joints[index];
+                let written = joint.model.register(role).and_then(|register| {
+                    joint.model.append_si(register, value(joint, index), &mut payload)
+                });
+                written.map_err(|e| {
+                    self.joint_error(index, AskError::Unsayable(e.to_string()))
+                })?;
+            }
+            let size = usize::from(group.length);
+            let items: Vec<(u8, &[u8])> = group
+                .joints
+                .iter()
+                .zip(payload.chunks_exact(size))
+                .map(|(&index, bytes)| (self.robot.joints[index].id, bytes))
+                .collect();
+            self.buses[group.line]
+                .sync_write(group.address, &items, budget)
+                .map_err(|e| self.line_error(group.line, e))?;
+            self.payload = payload;
+        }
+        Ok(())
+    }
+
+    /// Asks whether the servo of `joint` is there; model number and firmware.
+    ///
+    /// # Errors
+    /// [`LinkError`].
+    pub fn identity(&mut self, joint: usize, budget: Instant) -> Result<(u16, u16), LinkError> {
+        let Joint { line, id, .. } = self.robot.joints[joint];
+        self.buses[line].ping(id, budget).map_err(|e| self.joint_error(joint, e))?;
+        let model = self.read_raw(joint, Role::ModelNumber, budget)?;
+        let major = self.read_raw(joint, Role::FirmwareVersion, budget)?;
+        let firmware = match self.read_raw(joint, Role::FirmwareVersionMinor, budget) {
+            Ok(minor) => major * 256 + minor,
+            Err(LinkError { error: AskError::Unsayable(_), .. }) => major,
+            Err(error) => return Err(error),
+        };
+        let fit = |raw: i64| u16::try_from(raw).unwrap_or(u16::MAX);
+        Ok((fit(model), fit(firmware)))
+    }
+
+    /// Raw value of the register for `role`.
+    ///
+    /// # Errors
+    /// [`LinkError`]; [`AskError::Unsayable`] if the model has no such register.
+    pub fn read_raw(
+        &mut self,
+        joint: usize,
+        role: Role,
+        budget: Instant,
+    ) -> Result<i64, LinkError> {
+        let register = self.robot.joints[joint].model.register(role);
+        let register =
+            register.map_err(|e| self.joint_error(joint, AskError::Unsayable(e.to_string())))?;
+        self.read_register(joint, register, budget)
+    }
+
+    /// Raw value of `register`.
+    ///
+    /// # Errors
+    /// [`LinkError`].
+    pub fn read_register(
+        &mut self,
+        joint: usize,
+        register: &Register,
+        budget: Instant,
+    ) -> Result<i64, LinkError> {
+        let Joint { line, id, .. } = self.robot.joints[joint];
+        let reply = self.buses[line]
+            .read(id, register.address, u16::from(register.bytes), budget)
+            .map_err(|e| self.joint_error(joint, e))?;
+        raw_from_bytes(register, &reply.bytes)
+            .map_err(|_| self.joint_error(joint, Miss::Garbled.into()))
+    }
+
+    /// Writes a raw value to a RAM register and waits for the servo's yes.
+    pub(crate) fn write_raw(
+        &mut self,
+        joint: usize,
+        register: &Register,
+        raw: i64,
+        budget: Instant,
+    ) -> Result<(), LinkError> {
+        let Joint { line, id, .. } = self.robot.joints[joint];
+        let mut bytes = Vec::with_capacity(4);
+        append_raw(register, raw, &mut bytes)
+            .map_err(|e| self.joint_error(joint, AskError::Unsayable(e.to_string())))?;
+        self.buses[line]
+            .write(id, register.address, &bytes, budget)
+            .map_err(|e| self.joint_error(joint, e))?;
+        Ok(())
+    }
+}
+
+/// Joints by line and by the block that is to be read or written.
+fn groups(robot: &Robot, block: impl Fn(&Joint) -> (u16, u16)) -> Vec<Group> {
+    let mut groups: Vec<Group> = Vec::new();
+    for (index, joint) in robot.joints.iter().enumerate() {
+        let (address, length) = block(joint);
+        let same = |g: &&mut Group| {
+            g.line == joint.line && g.address == address && g.length == length
+        };
+        match groups.iter_mut().find(same) {
+            Some(group) => group.joints.push(index),
+            None => groups.push(Group {
+                line: joint.line,
+                address,
+                length,
+                mode: GroupRead::Sync,
+                joints: vec![index],
+            }),
+        }
+    }
+    groups
+}
+
+/// Longest return delay among the servos of line number `line`, as the robot file sets it.
+fn return_delay(robot: &Robot, line: usize) -> Duration {
+    let delay_s = |joint: &Joint| -> Option<f64> {
+        let register = joint.model.register(Role::ReturnDelay).ok()?;
+        let (_, setup) = robot.file.setup_for(&joint.name);
+        let raw = setup.get(&register.name).copied().or(register.initial)?;
+        Some(joint.model.si_from_raw(register, raw))
+    };
+    let on_line = robot.joints.iter().filter(|joint| joint.line == line);
+    Duration::from_secs_f64(on_line.filter_map(delay_s).fold(0.0, f64::max).clamp(0.0, 1.0))
+}

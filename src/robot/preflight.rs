@@ -1,0 +1,299 @@
+//! Everything that is checked before torque: identity, configuration, health, start pose and
+//! line speed. Reads only.
+
+use super::{Joint, Link, LinkError};
+use crate::bus::{AskError, Miss};
+use crate::error::Error;
+use crate::port::PortError;
+use crate::time::{Duration, Instant};
+use gaitway_profiles::{Region, Register, Role};
+
+/// What preflight found.
+#[derive(Clone, Debug, Default)]
+pub struct Preflight {
+    /// Where each joint stands, rad.
+    pub start_rad: Vec<f64>,
+    /// Firmware of each joint's servo.
+    pub firmware: Vec<u16>,
+    /// Highest rate the line can carry, by computation, Hz.
+    pub wire_limit_hz: f64,
+    /// Things a person should know that do not stop the motion.
+    pub notes: Vec<String>,
+    /// Registers in RAM that differ from the robot file and will be written: joint, register, raw.
+    pub to_write: Vec<(usize, &'static Register, i64)>,
+}
+
+/// What preflight may pass over.
+#[derive(Clone, Copy, Debug)]
+pub struct Accept {
+    /// Firmware outside the profile's range.
+    pub firmware: bool,
+}
+
+/// A joint must be this still before torque, rad/s.
+const STILL_RAD_S: f64 = 0.05;
+/// For this long.
+const STILL_FOR: Duration = Duration::from_millis(200);
+/// Distance from the temperature limit at which a motion is refused, degrees Celsius.
+const TEMPERATURE_MARGIN_C: f64 = 5.0;
+/// Budget of one question outside the cycle.
+pub(crate) const QUESTION: Duration = Duration::from_millis(100);
+/// Share of a cycle the line may be busy.
+pub const LINE_SHARE: f64 = 0.8;
+
+/// Runs all checks for a motion at `period`.
+///
+/// # Errors
+/// The first check that fails, with joint, found and expected values.
+pub fn preflight(link: &mut Link, period: Duration, accept: Accept) -> Result<Preflight, Error> {
+    let mut found = Preflight::default();
+    check_identity(link, accept, &mut found)?;
+    check_setup(link, &mut found)?;
+    check_health(link)?;
+    link.use_fast_reads(&found.firmware);
+    check_line_speed(link, period, &mut found)?;
+    found.start_rad = check_still(link)?;
+    check_start(link, &found.start_rad)?;
+    Ok(found)
+}
+
+pub(crate) fn budget(link: &Link) -> Instant {
+    link.clock().now() + QUESTION
+}
+
+fn place(link: &Link, joint: usize) -> String {
+    let Joint { name, id, line, .. } = &link.robot().joints[joint];
+    format!("joint {name}, ID {id}, line {}", link.robot().lines[*line].name)
+}
+
+/// Words for a failed exchange with `joint`.
+pub(crate) fn exchange_error(link: &Link, joint: Option<usize>, failed: &LinkError) -> Error {
+    let place = joint.map_or_else(|| failed.place.clone(), |joint| place(link, joint));
+    match &failed.error {
+        AskError::Port(PortError::Gone(port)) => Error::new("the port vanished")
+            .at(place)
+            .got(port.clone())
+            .remedy("check the cable and the adapter, then start again"),
+        AskError::Port(error) => Error::new("the line failed").at(place).got(error.to_string()),
+        AskError::Miss(Miss::Silent) => Error::new("a servo does not answer")
+            .at(place)
+            .got("nothing")
+            .remedy("check its power, its cable, its ID and its line speed"),
+        AskError::Miss(Miss::Garbled) => Error::new("a servo's answers are damaged")
+            .at(place)
+            .got("packets that fail their checksum")
+            .remedy(
+                "look for two servos with this ID, a loose connector, a missing terminator or a \
+                 wrong line speed",
+            ),
+        AskError::Miss(miss) => Error::new("a servo answers wrongly").at(place).got(miss.to_string()),
+        AskError::Unsayable(text) => Error::new(text.clone()).at(place),
+    }
+}
+
+fn check_identity(link: &mut Link, accept: Accept, found: &mut Preflight) -> Result<(), Error> {
+    for joint in 0..link.robot().joints.len() {
+        let budget = budget(link);
+        let identity = link.identity(joint, budget);
+        let (model, firmware) = identity.map_err(|e| exchange_error(link, Some(joint), &e))?;
+        let profile = link.robot().joints[joint].model.profile();
+        if model != profile.model_number {
+            return Err(Error::new("another servo model than the robot file says")
+                .at(place(link, joint))
+                .got(format!("model number {model}"))
+                .allowed(format!("{} ({})", profile.model_number, profile.model))
+                .remedy("correct the robot file, or the servo's ID"));
+        }
+        let range = profile.firmware;
+        let inside = firmware >= range.min && range.max.is_none_or(|max| firmware <= max);
+        if !inside && !accept.firmware {
+            let max = range.max.map_or_else(|| "newer".to_owned(), |max| max.to_string());
+            return Err(Error::new("a firmware this servo profile was not checked against")
+                .at(place(link, joint))
+                .got(format!("firmware {firmware}"))
+                .allowed(format!("{} to {max}", range.min))
+                .remedy("update the servo, or add --accept-firmware if you know its registers"));
+        }
+        if !inside {
+            found.notes.push(format!("{}: firmware {firmware} accepted as asked", place(link, joint)));
+        }
+        found.firmware.push(firmware);
+    }
+    Ok(())
+}
+
+/// Compares the registers the robot file states with those in the servo.
+fn check_setup(link: &mut Link, found: &mut Preflight) -> Result<(), Error> {
+    for joint in 0..link.robot().joints.len() {
+        let (_, setup) = link.robot().file.setup_for(&link.robot().joints[joint].name);
+        let profile = link.robot().joints[joint].model.profile();
+        for (name, wanted) in setup {
+            let Some(register) = profile.registers.iter().find(|r| r.name == name) else {
+                continue;
+            };
+            let budget = budget(link);
+            let read = link.read_register(joint, register, budget);
+            let raw = read.map_err(|e| exchange_error(link, Some(joint), &e))?;
+            if raw == wanted {
+                continue;
+            }
+            if register.region == Region::Ram && register.role != Some(Role::TorqueEnable) {
+                found.notes.push(format!(
+                    "{}: {name} is {raw}, set to {wanted} as the robot file says",
+                    place(link, joint)
+                ));
+                found.to_write.push((joint, register, wanted));
+                continue;
+            }
+            return Err(Error::new("a servo is not configured as the robot file says")
+                .at(format!("{}, register {name} ({})", place(link, joint), register.address))
+                .got(format!("{raw} (raw)"))
+                .allowed(format!("{wanted} (raw)"))
+                .remedy("set the register with the maker's tool, or correct the robot file"));
+        }
+    }
+    Ok(())
+}
+
+fn check_health(link: &mut Link) -> Result<(), Error> {
+    for joint in 0..link.robot().joints.len() {
+        for part in 0..link.health_reads(joint) {
+            let budget = budget(link);
+            let read = link.health(joint, part, budget);
+            let health = read.map_err(|e| exchange_error(link, Some(joint), &e))?;
+            if let Some(bits) = health.error_bits.filter(|&bits| bits != 0) {
+                return Err(Error::new("a servo reports a hardware error")
+                    .at(place(link, joint))
+                    .got(error_words(link, joint, bits))
+                    .allowed("no error")
+                    .remedy("find the cause, then reboot the servo"));
+            }
+            if health.torque_on == Some(true) {
+                return Err(Error::new("a servo already has torque on")
+                    .at(place(link, joint))
+                    .got("torque on")
+                    .allowed("torque off before a motion")
+                    .remedy("another program may be driving the robot: stop it, support the robot and switch torque off"));
+            }
+            check_supply(link, joint, &health)?;
+        }
+    }
+    Ok(())
+}
+
+fn check_supply(link: &Link, joint: usize, health: &crate::device::Health) -> Result<(), Error> {
+    if let (Some(voltage), Some(minimum)) =
+        (health.voltage_v, configured(link, joint, Role::MinVoltageLimit))
+        && !(voltage >= minimum)
+    {
+        return Err(Error::new("the supply voltage is too low")
+            .at(place(link, joint))
+            .got(format!("{voltage:.1} V"))
+            .allowed(format!("at least {minimum:.1} V"))
+            .remedy("charge the battery or check the supply"));
+    }
+    if let (Some(temperature), Some(limit)) =
+        (health.temperature_c, configured(link, joint, Role::TemperatureLimit))
+        && !(temperature <= limit - TEMPERATURE_MARGIN_C)
+    {
+        return Err(Error::new("a servo is too hot to start")
+            .at(place(link, joint))
+            .got(format!("{temperature:.0} deg C"))
+            .allowed(format!("at most {:.0} deg C", limit - TEMPERATURE_MARGIN_C))
+            .remedy("let it cool down"));
+    }
+    Ok(())
+}
+
+/// SI value of a configuration register as the robot file or the factory sets it.
+pub(crate) fn configured(link: &Link, joint: usize, role: Role) -> Option<f64> {
+    let joint = &link.robot().joints[joint];
+    let register = joint.model.register(role).ok()?;
+    let (_, setup) = link.robot().file.setup_for(&joint.name);
+    let raw = setup.get(&register.name).copied().or(register.initial)?;
+    Some(joint.model.si_from_raw(register, raw))
+}
+
+/// The names of the error bits that are set.
+pub(crate) fn error_words(link: &Link, joint: usize, bits: u8) -> String {
+    let profile = link.robot().joints[joint].model.profile();
+    let known = profile.error_bits.iter().filter(|bit| bits >> bit.bit & 1 == 1);
+    let words: Vec<&str> = known.map(|bit| bit.name.as_str()).collect();
+    if words.is_empty() { format!("error bits 0x{bits:02X}") } else { words.join(", ") }
+}
+
+fn check_line_speed(link: &Link, period: Duration, found: &mut Preflight) -> Result<(), Error> {
+    let cycle_s = link.cycle_time_s();
+    found.wire_limit_hz = 1.0 / cycle_s;
+    let allowed_s = LINE_SHARE * period.as_secs_f64();
+    if !(cycle_s <= allowed_s) {
+        return Err(Error::new("the line is too slow for this rate")
+            .at(link.robot().name.clone())
+            .got(format!("{:.2} ms of line time per cycle", cycle_s * 1e3))
+            .allowed(format!(
+                "{:.2} ms ({:.0} % of a cycle at {:.0} Hz)",
+                allowed_s * 1e3,
+                LINE_SHARE * 100.0,
+                1.0 / period.as_secs_f64()
+            ))
+            .remedy(format!(
+                "ask for at most --rate {:.0}, or raise the line speed and lower the return delay",
+                (LINE_SHARE / cycle_s).floor()
+            )));
+    }
+    Ok(())
+}
+
+/// Reads where the joints stand, twice, and that they do not move in between.
+fn check_still(link: &mut Link) -> Result<Vec<f64>, Error> {
+    let first = positions(link)?;
+    let clock = std::sync::Arc::clone(link.clock());
+    clock.sleep_until(clock.now() + STILL_FOR);
+    let second = positions(link)?;
+    let most_rad = STILL_RAD_S * STILL_FOR.as_secs_f64();
+    for (joint, (a, b)) in first.iter().zip(&second).enumerate() {
+        if !((a - b).abs() <= most_rad) {
+            return Err(Error::new("a joint moves before the start")
+                .at(place(link, joint))
+                .got(format!("{:.2} deg in {:.1} s", (b - a).to_degrees(), STILL_FOR.as_secs_f64()))
+                .allowed(format!("{:.2} deg", most_rad.to_degrees()))
+                .remedy("hold the robot still, or support it, and start again"));
+        }
+    }
+    Ok(second)
+}
+
+/// Present position of every joint; a joint that cannot be read is an error, never a default.
+fn positions(link: &mut Link) -> Result<Vec<f64>, Error> {
+    let budget = budget(link) + QUESTION;
+    let states = link.states(budget).map_err(|e| exchange_error(link, None, &e))?;
+    let mut positions = Vec::with_capacity(states.len());
+    for (joint, state) in states.into_iter().enumerate() {
+        match state {
+            Ok((state, _)) => positions.push(state.position_rad),
+            Err(miss) => {
+                let failed = LinkError { place: String::new(), error: miss.into() };
+                return Err(exchange_error(link, Some(joint), &failed));
+            }
+        }
+    }
+    Ok(positions)
+}
+
+fn check_start(link: &Link, start_rad: &[f64]) -> Result<(), Error> {
+    for (joint, &start) in start_rad.iter().enumerate() {
+        let limits = &link.robot().joints[joint].limits;
+        if !(start >= limits.lower_rad() && start <= limits.upper_rad()) {
+            return Err(Error::new("a joint stands outside its limits")
+                .at(place(link, joint))
+                .got(format!("{:.1} deg", start.to_degrees()))
+                .allowed(format!(
+                    "{:.1} to {:.1} deg",
+                    limits.lower_rad().to_degrees(),
+                    limits.upper_rad().to_degrees()
+                ))
+                .remedy("move it inside by hand with torque off, or correct the robot file"));
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,106 @@
+//! The import rules of ARCHITECTURE.md: who may know whom. The table is the document.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Module (a file and the folder beside it), and what it must not mention.
+const RULES: &[(&str, &[&str])] = &[
+    (
+        "wire",
+        &[
+            "crate::port", "crate::bus", "crate::device", "crate::robot", "crate::control",
+            "crate::cli", "crate::time", "gaitway_profiles", "gaitway_sim", "std::fs", "std::io",
+            "std::time",
+        ],
+    ),
+    (
+        "port",
+        &["crate::bus", "crate::device", "crate::robot", "crate::control", "gaitway_profiles"],
+    ),
+    ("bus", &["crate::device", "crate::robot", "crate::control", "gaitway_profiles", "std::time"]),
+    ("device", &["crate::control", "crate::robot", "crate::motion", "std::fs", "std::time"]),
+    ("guard", &["crate::robot", "crate::bus", "crate::port", "crate::device", "std::time"]),
+    ("robot", &["crate::control", "crate::cli", "crate::recording", "std::time"]),
+    ("motion", NO_HARDWARE),
+    ("actionlet", NO_HARDWARE),
+    ("body", NO_HARDWARE),
+    ("mocap", NO_HARDWARE),
+    ("control", &["crate::cli", "crate::mocap", "crate::recording", "std::fs", "std::time"]),
+    ("recording", &["crate::control", "crate::bus", "crate::port", "crate::robot", "crate::cli"]),
+    ("plot", &["crate::control", "crate::bus", "crate::port", "crate::robot", "crate::cli"]),
+];
+
+const NO_HARDWARE: &[&str] = &[
+    "crate::port", "crate::bus", "crate::device", "crate::guard", "crate::robot",
+    "crate::control", "crate::cli", "crate::recording", "crate::time", "gaitway_profiles",
+    "gaitway_sim", "std::time",
+];
+
+fn rust_files(path: &Path, found: &mut Vec<PathBuf>) {
+    if path.is_dir() {
+        for entry in fs::read_dir(path).expect("a readable folder") {
+            rust_files(&entry.expect("a readable entry").path(), found);
+        }
+    } else if path.extension().is_some_and(|e| e == "rs") {
+        found.push(path.to_owned());
+    }
+}
+
+fn module_files(module: &str) -> Vec<PathBuf> {
+    let src = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let mut found = Vec::new();
+    rust_files(&src.join(module), &mut found);
+    let file = src.join(format!("{module}.rs"));
+    if file.exists() {
+        found.push(file);
+    }
+    assert!(!found.is_empty(), "no source for module {module}");
+    found
+}
+
+/// The code of a file: comments removed, because prose may name what code must not use.
+fn code(path: &Path) -> String {
+    let text = fs::read_to_string(path).expect("a readable source file");
+    let lines = text.lines().map(|line| line.split("//").next().unwrap_or(""));
+    lines.collect::<Vec<_>>().join("\n")
+}
+
+#[test]
+fn no_module_knows_what_it_must_not() {
+    let mut broken = Vec::new();
+    for (module, forbidden) in RULES {
+        for file in module_files(module) {
+            let code = code(&file);
+            for name in *forbidden {
+                if code.contains(name) {
+                    broken.push(format!("{} mentions {name}", file.display()));
+                }
+            }
+        }
+    }
+    assert!(broken.is_empty(), "import rules broken:\n{}", broken.join("\n"));
+}
+
+#[test]
+fn the_simulator_never_sees_the_driver() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("sim");
+    let manifest = fs::read_to_string(root.join("Cargo.toml")).expect("sim/Cargo.toml");
+    assert!(!manifest.contains("path = \"..\""), "sim depends on the root package");
+    let mut files = Vec::new();
+    rust_files(&root.join("src"), &mut files);
+    for file in files {
+        assert!(!code(&file).contains("gaitway::"), "{} uses the driver", file.display());
+    }
+}
+
+#[test]
+fn only_the_guard_can_make_a_command() {
+    let src = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let mut files = Vec::new();
+    rust_files(&src, &mut files);
+    for file in files.iter().filter(|file| !file.ends_with("guard.rs")) {
+        assert!(!code(file).contains("Command { goal_rad"), "{}", file.display());
+    }
+    let guard = code(&src.join("guard.rs"));
+    assert!(guard.contains("    goal_rad: Vec<f64>,"), "the field of Command must stay private");
+}
