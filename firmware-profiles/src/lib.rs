@@ -1,8 +1,54 @@
 //! What each servo, adapter and robot is, as data, with the schema and the validator.
 //!
 //! The files under `servos/`, `adapters/` and `robots/` are compiled into the crate. A file is
-//! validated once; whoever holds a [`Servo`] or a [`Robot`] from here may rely on it.
+//! validated before anyone sees it; whoever holds a [`Servo`] or a [`Robot`] from [`servo()`] or
+//! [`robot()`] may rely on it.
+//!
+//! # How to add a servo
+//!
+//! 1. Copy the nearest file under `servos/` to `servos/MAKER/NAME.toml`; `NAME` is lower case,
+//!    `[a-z0-9-]+`, and stands again in the file as `name`.
+//! 2. Go through the maker's control table line by line, in order of address. Keep the maker's
+//!    word as `name`, give our word as `role` where [`Role`] has one, and say in `source` where
+//!    the line is written: the manual's section, `measured DATE, UNIT`, or `unconfirmed: why`.
+//!    Leave out no register: a table with holes makes a virtual servo with holes.
+//! 3. Units and scales are the manual's own (`rpm` and 0.229, not 0.0239 rad/s).
+//! 4. Run `cargo test -p gaitway-profiles`. Each shipped file is a test of its own, and the first
+//!    rule it breaks is named with file, register, what was found and what is allowed.
+//!
+//! # How to add a robot
+//!
+//! 1. Copy `robots/op3.toml`; the name rule is the same.
+//! 2. One `[[line]]` for each serial line, one `[[setup]]` for each servo model (registers that
+//!    differ from what the servo leaves the factory with, or that must not change), one
+//!    `[[joint]]` for each joint, parents first.
+//! 3. Put the robot in the pose where all joints read zero. Every link frame is then parallel to
+//!    the base (X forward, Y left, Z up); write each joint's origin and axis in that frame.
+//! 4. `[anatomy]`: which joint angles make the robot stand as a person stands with the arms at
+//!    the sides (`n_pose_rad`), and which link plays which segment of a human.
+//! 5. Run the tests, as above. A file outside this folder is checked by the same rules when it is
+//!    loaded by [`robot()`].
+//!
+//! # Example
+//!
+//! ```
+//! use gaitway_profiles::{Role, servo};
+//!
+//! let servo = servo("xm430-w350")?;
+//! let goal = servo.register(Role::GoalPosition).map(|register| register.address);
+//! assert_eq!(goal, Some(116));
+//! # Ok::<(), gaitway_profiles::ProfileError>(())
+//! ```
 
+mod access;
+mod error;
+mod files;
 pub mod schema;
+mod validate;
 
+pub use error::ProfileError;
+pub use files::{
+    MAX_FILE_BYTES, adapter_for_usb, adapter_names, adapters, parse_adapter, parse_robot,
+    parse_servo, read_text, robot, robot_names, servo, servo_names,
+};
 pub use schema::*;

@@ -1,5 +1,5 @@
 //! The types a profile file is read into. Reading alone proves only the syntax; what the numbers
-//! mean together is checked by [`crate::validate`], after which they are trusted.
+//! mean together is checked by the validator, after which they are trusted.
 //!
 //! Unknown keys are refused everywhere: a misspelt limit must never be a limit that is not there.
 
@@ -149,11 +149,28 @@ pub struct Register {
     /// Raw factory value (EEPROM) or value at power-up (RAM).
     #[serde(default)]
     pub initial: Option<i64>,
-    /// Number of equal items from `address` on; absent = 1.
+    /// Number of equal items from `address` on; absent = 1, and the name then has no number.
     #[serde(default)]
     pub repeat: Option<u8>,
+    /// Number in the name of the first of the repeated items; absent = 1.
+    #[serde(default)]
+    pub first: Option<u8>,
+    /// Each further repeated item has an `initial` larger by this; absent = 0.
+    #[serde(default)]
+    pub initial_step: Option<i64>,
     /// Manual section, or `unconfirmed: why`, or `measured DATE, UNIT`.
     pub source: String,
+}
+
+/// One place in a control table: an item of a register.
+#[derive(Clone, Copy, Debug)]
+pub struct RegisterItem<'a> {
+    /// The register it belongs to.
+    pub register: &'a Register,
+    /// Which of its items, 0 = the first.
+    pub index: u16,
+    /// Address of the item's first byte.
+    pub address: u16,
 }
 
 /// Byte layouts. All are little-endian on the wire in the protocols at hand.
@@ -246,6 +263,7 @@ pub enum Unit {
 }
 
 /// Our words for what a register is for. The driver and the virtual servo look up roles only.
+/// A role belongs to one register; only `IndirectAddress` and `IndirectData` may have several.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[serde(rename_all = "snake_case")]
 #[allow(missing_docs)]

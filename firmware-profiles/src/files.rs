@@ -1,0 +1,182 @@
+//! Where profiles come from: compiled into the crate, or a file the user names.
+
+use crate::error::ProfileError;
+use crate::schema::{Adapter, Robot, Servo};
+use crate::validate;
+use serde::de::DeserializeOwned;
+use std::fs;
+use std::io::Read as _;
+use std::path::Path;
+use std::sync::OnceLock;
+
+/// Longest profile file that is read, in bytes.
+pub const MAX_FILE_BYTES: u64 = 1024 * 1024;
+
+/// A profile file as it was when the crate was built.
+pub(crate) struct EmbeddedFile {
+    /// File name without `.toml`, by which the profile is found.
+    name: &'static str,
+    /// Path inside this crate.
+    file: &'static str,
+    text: &'static str,
+}
+
+include!(concat!(env!("OUT_DIR"), "/embedded.rs"));
+
+/// Names of the shipped servo profiles, in alphabetical order.
+pub fn servo_names() -> impl Iterator<Item = &'static str> {
+    SERVOS.iter().map(|embedded| embedded.name)
+}
+
+/// Names of the shipped robots, in alphabetical order.
+pub fn robot_names() -> impl Iterator<Item = &'static str> {
+    ROBOTS.iter().map(|embedded| embedded.name)
+}
+
+/// Names of the shipped adapters, in alphabetical order.
+pub fn adapter_names() -> impl Iterator<Item = &'static str> {
+    ADAPTERS.iter().map(|embedded| embedded.name)
+}
+
+/// A shipped servo by name. Read and validated at the first call, then kept.
+///
+/// # Errors
+/// An unknown name (the message lists those there are), or an invalid shipped file.
+pub fn servo(name: &str) -> Result<&'static Servo, ProfileError> {
+    static CACHE: [OnceLock<Result<Servo, ProfileError>>; SERVOS.len()] =
+        [const { OnceLock::new() }; SERVOS.len()];
+    let entry = SERVOS.iter().zip(&CACHE).find(|(embedded, _)| embedded.name == name);
+    let Some((embedded, cell)) = entry else {
+        return Err(unknown("servo", name, servo_names()));
+    };
+    cell.get_or_init(|| parse_servo(embedded.file, embedded.text))
+        .as_ref()
+        .map_err(ProfileError::clone)
+}
+
+/// A robot: a shipped one by name (`[a-z0-9-]+`), or a file by a path that ends in `.toml`.
+///
+/// # Errors
+/// An unknown name (the message lists those there are), a file that cannot be read or is longer
+/// than [`MAX_FILE_BYTES`], or what the validator has against it.
+pub fn robot(name_or_path: &str) -> Result<Robot, ProfileError> {
+    if name_or_path.ends_with(".toml") {
+        let text = read_text(Path::new(name_or_path))?;
+        return parse_robot(name_or_path, &text);
+    }
+    match ROBOTS.iter().find(|embedded| embedded.name == name_or_path) {
+        Some(embedded) => parse_robot(embedded.file, embedded.text),
+        None => Err(unknown("robot", name_or_path, robot_names())
+            .remedy("take one of these names, or give the path of a .toml file")),
+    }
+}
+
+/// The shipped adapters, validated once.
+///
+/// # Errors
+/// An invalid shipped file.
+pub fn adapters() -> Result<&'static [Adapter], ProfileError> {
+    static CACHE: OnceLock<Result<Vec<Adapter>, ProfileError>> = OnceLock::new();
+    CACHE
+        .get_or_init(|| {
+            ADAPTERS.iter().map(|embedded| parse_adapter(embedded.file, embedded.text)).collect()
+        })
+        .as_deref()
+        .map_err(ProfileError::clone)
+}
+
+/// The shipped adapter with these USB ids, if there is one.
+///
+/// # Errors
+/// An invalid shipped file.
+pub fn adapter_for_usb(
+    vendor: u16,
+    product: u16,
+) -> Result<Option<&'static Adapter>, ProfileError> {
+    let id = format!("{vendor:04x}:{product:04x}");
+    Ok(adapters()?.iter().find(|adapter| adapter.usb_ids.contains(&id)))
+}
+
+/// Reads and validates the text of a servo profile; `file` is its path, used for messages and for
+/// the rule that the profile has the file's name.
+///
+/// # Errors
+/// What the validator has against it.
+pub fn parse_servo(file: &str, text: &str) -> Result<Servo, ProfileError> {
+    let servo: Servo = parse(file, text)?;
+    validate::servo(file, &servo)?;
+    Ok(servo)
+}
+
+/// Reads and validates the text of a robot; `file` as in [`parse_servo`].
+///
+/// # Errors
+/// What the validator has against it.
+pub fn parse_robot(file: &str, text: &str) -> Result<Robot, ProfileError> {
+    let robot: Robot = parse(file, text)?;
+    validate::robot(file, &robot)?;
+    Ok(robot)
+}
+
+/// Reads and validates the text of an adapter profile; `file` as in [`parse_servo`].
+///
+/// # Errors
+/// What the validator has against it.
+pub fn parse_adapter(file: &str, text: &str) -> Result<Adapter, ProfileError> {
+    let adapter: Adapter = parse(file, text)?;
+    validate::adapter(file, &adapter)?;
+    Ok(adapter)
+}
+
+/// Reads a profile file whole.
+///
+/// # Errors
+/// Not a regular file, longer than [`MAX_FILE_BYTES`], unreadable, or not UTF-8.
+pub fn read_text(path: &Path) -> Result<String, ProfileError> {
+    let file = path.display().to_string();
+    let unreadable = |cause: std::io::Error| {
+        ProfileError::new(&file, "the file cannot be read")
+            .got(cause)
+            .remedy("check the path and the permissions")
+    };
+    // Asked before opening: opening a FIFO would wait for a writer.
+    if !fs::metadata(path).map_err(unreadable)?.is_file() {
+        return Err(ProfileError::new(&file, "this is not a regular file")
+            .remedy("give the path of a .toml file"));
+    }
+    let mut bytes = Vec::new();
+    let opened = fs::File::open(path).map_err(unreadable)?;
+    // One byte more than allowed tells a file that is too long, even one that grows meanwhile.
+    opened.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes).map_err(unreadable)?;
+    if bytes.len() as u64 > MAX_FILE_BYTES {
+        return Err(ProfileError::new(&file, "the file is too long for a profile")
+            .got(format!("more than {MAX_FILE_BYTES} bytes"))
+            .allowed(format!("at most {MAX_FILE_BYTES} bytes")));
+    }
+    String::from_utf8(bytes).map_err(|error| {
+        ProfileError::new(&file, "the file is not UTF-8 text")
+            .at(format!("byte {}", error.utf8_error().valid_up_to()))
+    })
+}
+
+fn parse<T: DeserializeOwned>(file: &str, text: &str) -> Result<T, ProfileError> {
+    toml::from_str(text).map_err(|error| {
+        let refusal = ProfileError::new(file, "the file does not have the form of a profile")
+            .got(error.message().replace('\n', "; "));
+        match error.span() {
+            None => refusal,
+            Some(span) => {
+                let before = text.as_bytes().iter().take(span.start);
+                refusal.at(format!("line {}", 1 + before.filter(|&&byte| byte == b'\n').count()))
+            }
+        }
+    })
+}
+
+fn unknown(kind: &str, name: &str, available: impl Iterator<Item = &'static str>) -> ProfileError {
+    let available: Vec<_> = available.collect();
+    ProfileError::new(name, format!("there is no {kind} of this name"))
+        .got(format!("{name:?}"))
+        .allowed(available.join(", "))
+        .remedy("take one of these names")
+}

@@ -1,0 +1,324 @@
+//! Rules for robots: a tree of joints, each on a servo that can reach its limits.
+
+use super::{Verdict, finite, header, is_name, not_empty, positive, unique};
+use crate::error::ProfileError;
+use crate::files;
+use crate::schema::{Joint, Line, Protocol, Robot, Role, Segment, Servo, Setup};
+use std::collections::{BTreeMap, BTreeSet};
+
+/// How far the length of an axis may be from 1.
+const AXIS_TOLERANCE: f64 = 1e-6;
+
+pub(crate) fn robot(file: &str, robot: &Robot) -> Verdict {
+    header(file, robot.schema, &robot.name)?;
+    not_empty(file, "description", &robot.description)?;
+    not_empty(file, "source", &robot.source)?;
+    not_empty(file, "acceleration_source", &robot.acceleration_source)?;
+    positive(file, || "rate_hz".to_owned(), robot.rate_hz)?;
+    for line in &robot.lines {
+        if !is_name(&line.name, b'_') {
+            return Err(ProfileError::new(file, "this cannot be the name of a line")
+                .at("line")
+                .got(format!("{:?}", line.name))
+                .allowed("[a-z0-9_]+"));
+        }
+    }
+    unique(file, "line name", "line", robot.lines.iter().map(|line| &line.name))?;
+    unique(file, "joint name", "joint", robot.joints.iter().map(|joint| &joint.name))?;
+    if robot.joints.is_empty() {
+        return Err(ProfileError::new(file, "the robot has no joint").at("joint"));
+    }
+    let joints: BTreeMap<&str, &Joint> =
+        robot.joints.iter().map(|joint| (joint.name.as_str(), joint)).collect();
+    for setup in &robot.setups {
+        one_setup(file, setup, &joints)?;
+    }
+    let mut ids = BTreeSet::new();
+    let mut earlier = BTreeSet::new();
+    for joint in &robot.joints {
+        numbers(file, joint)?;
+        parent(file, joint, &earlier, &joints)?;
+        earlier.insert(joint.name.as_str());
+        if !ids.insert((joint.line.as_str(), joint.id)) {
+            return Err(ProfileError::new(file, "two joints on a line have the same ID")
+                .at(place(joint))
+                .got(format!("ID {} on line {:?}", joint.id, joint.line))
+                .allowed("each ID once on a line"));
+        }
+        on_the_bus(file, robot, joint)?;
+    }
+    anatomy(file, robot, &joints)
+}
+
+fn one_setup(file: &str, setup: &Setup, joints: &BTreeMap<&str, &Joint>) -> Verdict {
+    let place = format!("setup of {:?}", setup.servo);
+    let servo = known_servo(file, &place, &setup.servo)?;
+    not_empty(file, &format!("{place}, source"), &setup.source)?;
+    let firmware = servo.firmware;
+    if setup.firmware < firmware.min || firmware.max.is_some_and(|max| setup.firmware > max) {
+        let highest = firmware.max.map_or(String::new(), |max| max.to_string());
+        return Err(ProfileError::new(file, "the servo's profile is not for this firmware")
+            .at(place)
+            .got(setup.firmware)
+            .allowed(format!("{}..{highest}", firmware.min)));
+    }
+    for (name, &raw) in &setup.registers {
+        let Some(item) = servo.register_named(name) else {
+            return Err(ProfileError::new(file, "the servo has no register of this name")
+                .at(place)
+                .got(format!("{name:?}"))
+                .allowed(format!("a register name of {}", servo.name)));
+        };
+        let (min, max) = item.register.range();
+        if !(min..=max).contains(&raw) {
+            return Err(ProfileError::new(file, "the register does not accept this value")
+                .at(format!("{place}, {name}"))
+                .got(raw)
+                .allowed(format!("{min}..{max}")));
+        }
+    }
+    for name in setup.joints.iter().flatten() {
+        let of_this_servo = joints.get(name.as_str()).is_some_and(|j| j.servo == setup.servo);
+        if !of_this_servo {
+            return Err(ProfileError::new(file, "no joint of this name has this servo")
+                .at(place)
+                .got(format!("{name:?}")));
+        }
+    }
+    Ok(())
+}
+
+/// What can be said of a joint's numbers without looking elsewhere.
+fn numbers(file: &str, joint: &Joint) -> Verdict {
+    let refuse = |what: &str| ProfileError::new(file, what).at(place(joint));
+    if !is_name(&joint.name, b'_') {
+        return Err(refuse("this cannot be the name of a joint").allowed("[a-z0-9_]+"));
+    }
+    if joint.direction != 1 && joint.direction != -1 {
+        return Err(refuse("the direction is a sign").got(joint.direction).allowed("1 or -1"));
+    }
+    for (key, value) in [
+        ("offset_rad", joint.offset_rad),
+        ("lower_rad", joint.lower_rad),
+        ("upper_rad", joint.upper_rad),
+        ("initial_rad", joint.initial_rad),
+    ] {
+        finite(file, || format!("{}, {key}", place(joint)), value)?;
+    }
+    for (key, value) in [
+        ("velocity_rad_s", joint.velocity_rad_s),
+        ("acceleration_rad_s2", joint.acceleration_rad_s2),
+    ] {
+        positive(file, || format!("{}, {key}", place(joint)), value)?;
+    }
+    let in_order = joint.lower_rad < joint.upper_rad;
+    if !in_order {
+        return Err(refuse("the limits are upside down")
+            .got(format!("lower_rad {}, upper_rad {}", joint.lower_rad, joint.upper_rad)));
+    }
+    if !(joint.lower_rad..=joint.upper_rad).contains(&joint.initial_rad) {
+        return Err(refuse("the joint would start outside its limits")
+            .got(format!("initial_rad {}", joint.initial_rad))
+            .allowed(format!("{}..{}", joint.lower_rad, joint.upper_rad)));
+    }
+    for value in joint.origin_m {
+        finite(file, || format!("{}, origin_m", place(joint)), value)?;
+    }
+    let length = joint.axis.iter().map(|value| value * value).sum::<f64>().sqrt();
+    let is_unit = (length - 1.0).abs() <= AXIS_TOLERANCE;
+    if !is_unit {
+        return Err(refuse("the axis is not of unit length")
+            .got(format!("{:?}, length {length}", joint.axis))
+            .allowed(format!("length 1 within {AXIS_TOLERANCE}")));
+    }
+    Ok(())
+}
+
+/// The parent comes earlier in the file, so that there is no cycle and a single pass suffices.
+fn parent(
+    file: &str,
+    joint: &Joint,
+    earlier: &BTreeSet<&str>,
+    joints: &BTreeMap<&str, &Joint>,
+) -> Verdict {
+    let Some(parent) = joint.parent.as_deref() else { return Ok(()) };
+    let refuse = |what: &str| {
+        ProfileError::new(file, what)
+            .at(place(joint))
+            .got(format!("parent {parent:?}"))
+            .allowed("a joint that stands earlier in the file, or no parent for the base")
+    };
+    if earlier.contains(parent) {
+        return Ok(());
+    }
+    let mut ancestor = Some(parent);
+    for _ in 0..joints.len() {
+        match ancestor.and_then(|name| joints.get(name)) {
+            None => break,
+            Some(found) if found.name == joint.name => {
+                return Err(refuse("the joint is its own ancestor"));
+            }
+            Some(found) => ancestor = found.parent.as_deref(),
+        }
+    }
+    if joints.contains_key(parent) {
+        return Err(
+            refuse("the parent stands later in the file").remedy("move the parent's [[joint]] up")
+        );
+    }
+    Err(refuse("there is no such parent"))
+}
+
+/// What joint, line, servo and setup must be to one another.
+fn on_the_bus(file: &str, robot: &Robot, joint: &Joint) -> Verdict {
+    let refuse = |what: &str| ProfileError::new(file, what).at(place(joint));
+    let servo = known_servo(file, &place(joint), &joint.servo)?;
+    let Some(line) = robot.lines.iter().find(|line| line.name == joint.line) else {
+        let names: Vec<_> = robot.lines.iter().map(|line| line.name.as_str()).collect();
+        return Err(refuse("there is no such line")
+            .got(format!("{:?}", joint.line))
+            .allowed(names.join(", ")));
+    };
+    if servo.protocol != line.protocol {
+        return Err(refuse("the servo does not speak the protocol of its line")
+            .got(format!("{} speaks {:?}", servo.name, servo.protocol))
+            .allowed(format!("{:?} on line {:?}", line.protocol, line.name)));
+    }
+    if joint.id > servo.protocol.highest_id() {
+        return Err(refuse("the protocol has no such ID")
+            .got(joint.id)
+            .allowed(format!("0..{}", servo.protocol.highest_id())));
+    }
+    if !robot.setups.iter().any(|setup| setup.applies_to(joint)) {
+        return Err(refuse("no [[setup]] says how the servo of this joint is configured")
+            .got(format!("servo {:?}", joint.servo)));
+    }
+    let (_, registers) = robot.setup_for(joint);
+    line_speed(file, joint, line, servo, &registers)?;
+    reach(file, joint, servo, &registers)
+}
+
+fn line_speed(
+    file: &str,
+    joint: &Joint,
+    line: &Line,
+    servo: &Servo,
+    registers: &BTreeMap<String, i64>,
+) -> Verdict {
+    let Some(index) = servo.baud_index(line.baud_bps) else {
+        let speeds: Vec<_> = servo.baud.iter().map(|baud| baud.bps.to_string()).collect();
+        return Err(ProfileError::new(file, "a servo on this line cannot run at its speed")
+            .at(format!("line {:?}, {}", line.name, place(joint)))
+            .got(line.baud_bps)
+            .allowed(speeds.join(", ")));
+    };
+    let configured = configured(servo, Role::BaudRate, registers);
+    if configured.is_some_and(|raw| raw != i64::from(index)) {
+        return Err(ProfileError::new(file, "the setup's baud register is not the line's speed")
+            .at(format!("line {:?}, {}", line.name, place(joint)))
+            .got(configured.unwrap_or_default())
+            .allowed(format!("{index} for {} bps", line.baud_bps)));
+    }
+    Ok(())
+}
+
+/// Both limits must lie where the servo can be sent.
+fn reach(file: &str, joint: &Joint, servo: &Servo, registers: &BTreeMap<String, i64>) -> Verdict {
+    let mode = configured(servo, Role::OperatingMode, registers);
+    // Dynamixel modes 4 and 5 turn more than once and do not look at the position limits.
+    let many_turns = servo.protocol == Protocol::Dynamixel2 && matches!(mode, Some(4 | 5));
+    let (lowest, highest) = if many_turns {
+        servo.register(Role::GoalPosition).map_or((0, 0), |register| register.range())
+    } else {
+        (
+            configured(servo, Role::MinPositionLimit, registers).unwrap_or(0),
+            configured(servo, Role::MaxPositionLimit, registers)
+                .unwrap_or(i64::from(servo.position.counts) - 1),
+        )
+    };
+    for (key, angle) in [("lower_rad", joint.lower_rad), ("upper_rad", joint.upper_rad)] {
+        let servo_angle = f64::from(joint.direction) * (angle + joint.offset_rad);
+        let count = (f64::from(servo.position.zero_count)
+            + servo_angle / servo.radians_per_count())
+        .round();
+        if !(count >= lowest as f64 && count <= highest as f64) {
+            return Err(ProfileError::new(file, "the servo cannot reach this limit")
+                .at(format!("{}, {key}", place(joint)))
+                .got(format!("{angle} rad, count {count}"))
+                .allowed(format!("counts {lowest}..{highest}")));
+        }
+    }
+    Ok(())
+}
+
+/// The raw value a register has in this robot: from the setup, else from the factory.
+fn configured(servo: &Servo, role: Role, registers: &BTreeMap<String, i64>) -> Option<i64> {
+    let register = servo.register(role)?;
+    registers.get(&register.name).copied().or(register.initial)
+}
+
+fn anatomy(file: &str, robot: &Robot, joints: &BTreeMap<&str, &Joint>) -> Verdict {
+    let anatomy = &robot.anatomy;
+    not_empty(file, "anatomy.source", &anatomy.source)?;
+    let unknown_joint = |place: &str, name: &str| {
+        ProfileError::new(file, "there is no such joint").at(place).got(format!("{name:?}"))
+    };
+    for (name, &angle) in &anatomy.n_pose_rad {
+        finite(file, || format!("anatomy.n_pose_rad, {name}"), angle)?;
+        if !joints.contains_key(name.as_str()) {
+            return Err(unknown_joint("anatomy.n_pose_rad", name));
+        }
+    }
+    let mut played = BTreeSet::new();
+    for &segment in &anatomy.base {
+        if !matches!(segment, Segment::Pelvis | Segment::Torso) {
+            return Err(ProfileError::new(file, "the base cannot play this segment")
+                .at("anatomy.base")
+                .got(format!("{segment:?}"))
+                .allowed("pelvis, torso or both"));
+        }
+        once(file, "anatomy.base", segment, &mut played)?;
+    }
+    for link in &anatomy.segments {
+        let place = format!("anatomy.segment {:?}", link.segment);
+        once(file, &place, link.segment, &mut played)?;
+        if !joints.contains_key(link.joint.as_str()) {
+            return Err(unknown_joint(&place, &link.joint));
+        }
+        for (key, weight) in
+            [("direction_weight", link.direction_weight), ("twist_weight", link.twist_weight)]
+        {
+            if !(weight.is_finite() && weight >= 0.0) {
+                return Err(ProfileError::new(file, "a weight cannot be this")
+                    .at(format!("{place}, {key}"))
+                    .got(weight)
+                    .allowed("a finite number, 0 or more"));
+            }
+        }
+    }
+    Ok(())
+}
+
+fn once(file: &str, place: &str, segment: Segment, played: &mut BTreeSet<Segment>) -> Verdict {
+    if played.insert(segment) {
+        return Ok(());
+    }
+    Err(ProfileError::new(file, "the segment is played twice")
+        .at(place)
+        .got(format!("{segment:?}"))
+        .allowed("each segment once"))
+}
+
+fn known_servo(file: &str, place: &str, name: &str) -> Result<&'static Servo, ProfileError> {
+    files::servo(name).map_err(|error| {
+        let allowed = error.allowed.clone().unwrap_or_else(|| error.to_string().into());
+        ProfileError::new(file, "there is no valid servo profile of this name")
+            .at(place)
+            .got(format!("{name:?}"))
+            .allowed(allowed)
+    })
+}
+
+fn place(joint: &Joint) -> String {
+    format!("joint {:?}", joint.name)
+}

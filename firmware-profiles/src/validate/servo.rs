@@ -1,0 +1,232 @@
+//! Rules for servos: the control table must be one a device could have.
+
+use super::{Verdict, header, not_empty, positive, unique};
+use crate::error::ProfileError;
+use crate::schema::{Access, Protocol, Register, Role, Servo};
+use std::collections::BTreeSet;
+
+/// Registers that the driver and the virtual servo cannot do without.
+const REQUIRED: [Role; 15] = [
+    Role::ModelNumber,
+    Role::FirmwareVersion,
+    Role::Id,
+    Role::BaudRate,
+    Role::ReturnDelay,
+    Role::StatusReturnLevel,
+    Role::OperatingMode,
+    Role::MinPositionLimit,
+    Role::MaxPositionLimit,
+    Role::TorqueEnable,
+    Role::HardwareError,
+    Role::GoalPosition,
+    Role::PresentPosition,
+    Role::PresentVelocity,
+    Role::PresentVoltage,
+];
+
+const REQUIRED_OF_DYNAMIXEL: [Role; 2] = [Role::ProfileVelocity, Role::ProfileAcceleration];
+const REQUIRED_OF_FEETECH: [Role; 2] = [Role::FirmwareVersionMinor, Role::EepromLock];
+
+/// Of the required ones, those that must accept a write.
+const WRITABLE: [Role; 3] = [Role::Id, Role::TorqueEnable, Role::GoalPosition];
+
+pub(crate) fn servo(file: &str, servo: &Servo) -> Verdict {
+    header(file, servo.schema, &servo.name)?;
+    not_empty(file, "model", &servo.model)?;
+    not_empty(file, "maker", &servo.maker)?;
+    not_empty(file, "manual", &servo.manual)?;
+    facts(file, servo)?;
+    let mut table_end = 0;
+    for register in &servo.registers {
+        one_register(file, servo.protocol, register)?;
+        if u32::from(register.address) < table_end {
+            return Err(ProfileError::new(file, "registers overlap or are out of order")
+                .at(place(register))
+                .got(format!("address {}", register.address))
+                .allowed(format!("{table_end} or higher: the register before ends there")));
+        }
+        table_end = end(register);
+    }
+    unique(file, "register name", "register", servo.items().map(|item| item.name()))?;
+    roles(file, servo)?;
+    baud(file, servo)
+}
+
+fn facts(file: &str, servo: &Servo) -> Verdict {
+    let range = servo.firmware;
+    if range.max.is_some_and(|max| max < range.min) {
+        return Err(ProfileError::new(file, "the firmware range is upside down")
+            .at("firmware")
+            .got(format!("{}..{}", range.min, range.max.unwrap_or_default())));
+    }
+    let position = &servo.position;
+    not_empty(file, "position.source", &position.source)?;
+    if position.counts == 0 || position.degrees == 0 {
+        return Err(ProfileError::new(file, "the encoder has no scale")
+            .at("position")
+            .got(format!("{} counts in {} degrees", position.counts, position.degrees))
+            .allowed("both above 0"));
+    }
+    if !(0..i64::from(position.counts)).contains(&i64::from(position.zero_count)) {
+        return Err(ProfileError::new(file, "angle zero lies outside the encoder's span")
+            .at("position.zero_count")
+            .got(position.zero_count)
+            .allowed(format!("0..{}", position.counts - 1)));
+    }
+    let motor = &servo.motor;
+    not_empty(file, "motor.source", &motor.source)?;
+    for (key, value) in [
+        ("no_load_speed_rad_s", motor.no_load_speed_rad_s),
+        ("stall_torque_nm", motor.stall_torque_nm),
+        ("stall_current_a", motor.stall_current_a),
+        ("voltage_v", motor.voltage_v),
+    ] {
+        positive(file, || format!("motor.{key}"), value)?;
+    }
+    for bit in &servo.error_bits {
+        not_empty(file, "error_bit.name", &bit.name)?;
+        if bit.bit > 7 {
+            return Err(ProfileError::new(file, "the error register has eight bits")
+                .at("error_bit.bit")
+                .got(bit.bit)
+                .allowed("0..7"));
+        }
+    }
+    unique(file, "error bit", "error_bit", servo.error_bits.iter().map(|bit| bit.bit))
+}
+
+fn one_register(file: &str, protocol: Protocol, register: &Register) -> Verdict {
+    let refuse = |what: &str| ProfileError::new(file, what).at(place(register));
+    not_empty(file, &place(register), &register.name)?;
+    if register.source.trim().is_empty() {
+        return Err(refuse("the register does not say where it is written")
+            .got("an empty source")
+            .allowed("a section of the manual, `measured DATE, UNIT` or `unconfirmed: why`"));
+    }
+    if register.bytes != register.encoding.bytes() {
+        return Err(refuse("the size does not go with the encoding")
+            .got(format!("{} bytes, encoding {:?}", register.bytes, register.encoding))
+            .allowed(format!("{} bytes", register.encoding.bytes())));
+    }
+    if register.repeat == Some(0) || (register.repeat.is_none() && register.first.is_some()) {
+        return Err(refuse("a repeated register is one or more items, counted from `first`")
+            .got(format!("repeat {:?}, first {:?}", register.repeat, register.first))
+            .allowed("`first` only with `repeat`, and `repeat` 1 or more"));
+    }
+    // Addresses are two bytes in Dynamixel packets, one byte in Feetech packets.
+    let table_limit = match protocol {
+        Protocol::Dynamixel2 => 0xFFFF,
+        Protocol::FeetechSts => 0x100,
+    };
+    if end(register) > table_limit {
+        return Err(refuse("the register lies beyond the addresses of the protocol")
+            .got(format!("end at {}", end(register)))
+            .allowed(format!("end at {table_limit} or before")));
+    }
+    if let Some(scale) = register.scale {
+        positive(file, || format!("{}, scale", place(register)), scale)?;
+    }
+    raw_values(file, register)
+}
+
+fn raw_values(file: &str, register: &Register) -> Verdict {
+    let refuse = |what: &str| ProfileError::new(file, what).at(place(register));
+    let (lowest, highest) = register.encoding.range();
+    for (key, value) in [("min", register.min), ("max", register.max)] {
+        if let Some(value) = value.filter(|value| !(lowest..=highest).contains(value)) {
+            return Err(refuse("the encoding cannot hold this value")
+                .got(format!("{key} = {value}"))
+                .allowed(format!("{lowest}..{highest}")));
+        }
+    }
+    let (min, max) = register.range();
+    if min > max {
+        return Err(refuse("the range is upside down").got(format!("min {min} > max {max}")));
+    }
+    let last = register.item_count().checked_sub(1).and_then(|index| register.item(index));
+    for item in register.item(0).into_iter().chain(last) {
+        if let Some(initial) = item.initial().filter(|initial| !(min..=max).contains(initial)) {
+            return Err(refuse("the initial value lies outside the range")
+                .got(format!("initial {initial}"))
+                .allowed(format!("{min}..{max}")));
+        }
+    }
+    Ok(())
+}
+
+fn roles(file: &str, servo: &Servo) -> Verdict {
+    let mut seen = BTreeSet::new();
+    for register in &servo.registers {
+        let Some(role) = register.role else { continue };
+        let may_repeat = matches!(role, Role::IndirectAddress | Role::IndirectData);
+        if !seen.insert(role) && !may_repeat {
+            return Err(ProfileError::new(file, "two registers have the same role")
+                .at(place(register))
+                .got(format!("{role:?}"))
+                .allowed("each role once"));
+        }
+    }
+    let of_protocol = match servo.protocol {
+        Protocol::Dynamixel2 => REQUIRED_OF_DYNAMIXEL,
+        Protocol::FeetechSts => REQUIRED_OF_FEETECH,
+    };
+    if let Some(role) = REQUIRED.iter().chain(&of_protocol).find(|role| !seen.contains(role)) {
+        return Err(ProfileError::new(file, "a register every servo must have is missing")
+            .at("register")
+            .got(format!("no register with the role {role:?}")));
+    }
+    for register in &servo.registers {
+        let must_write = register.role.is_some_and(|role| WRITABLE.contains(&role));
+        if must_write && register.access != Access::Rw {
+            return Err(ProfileError::new(file, "this register must be writable")
+                .at(place(register))
+                .got("access r")
+                .allowed("access rw"));
+        }
+    }
+    let count = |role| servo.registers_with(role).map(Register::item_count).sum::<u16>();
+    let (addresses, data) = (count(Role::IndirectAddress), count(Role::IndirectData));
+    if addresses != data {
+        return Err(ProfileError::new(file, "indirect addresses and indirect data do not pair")
+            .at("register")
+            .got(format!("{addresses} addresses, {data} data"))
+            .allowed("as many of one as of the other"));
+    }
+    let model_number = servo.register(Role::ModelNumber);
+    if let Some(initial) = model_number.and_then(|register| register.initial)
+        && initial != i64::from(servo.model_number)
+    {
+        return Err(ProfileError::new(file, "the model number stands here twice, differently")
+            .at("model_number")
+            .got(servo.model_number)
+            .allowed(format!("{initial}, as in the register")));
+    }
+    Ok(())
+}
+
+fn baud(file: &str, servo: &Servo) -> Verdict {
+    if servo.baud.is_empty() {
+        return Err(ProfileError::new(file, "the servo has no line speed").at("baud"));
+    }
+    unique(file, "baud index", "baud", servo.baud.iter().map(|baud| baud.index))?;
+    unique(file, "line speed", "baud", servo.baud.iter().map(|baud| baud.bps))?;
+    let (min, max) = servo.register(Role::BaudRate).map_or((0, 0), Register::range);
+    for baud in &servo.baud {
+        if baud.bps == 0 || !(min..=max).contains(&i64::from(baud.index)) {
+            return Err(ProfileError::new(file, "the baud register cannot ask for this")
+                .at("baud")
+                .got(format!("index {}, {} bps", baud.index, baud.bps))
+                .allowed(format!("index {min}..{max}, a speed above 0")));
+        }
+    }
+    Ok(())
+}
+
+/// [`Register::end`] before it is known to fit into 16 bits.
+fn end(register: &Register) -> u32 {
+    u32::from(register.address) + u32::from(register.bytes) * u32::from(register.item_count())
+}
+
+fn place(register: &Register) -> String {
+    format!("register {:?} at {}", register.name, register.address)
+}

@@ -1,0 +1,440 @@
+//! Each rule of the validator: a small good file, one thing changed, the right complaint.
+
+use gaitway_profiles::{
+    MAX_FILE_BYTES, ProfileError, parse_adapter, parse_robot, parse_servo, robot, servo,
+};
+use std::fs;
+use std::path::PathBuf;
+
+const SERVO: &str = include_str!("fixtures/tiny.toml");
+const ROBOT: &str = include_str!("fixtures/pair.toml");
+const ADAPTER: &str = r#"
+schema = 1
+name = "cable"
+model = "A cable"
+usb_ids = ["0403:6014"]
+echo = false
+latency_s = 0.001
+source = "its label"
+"#;
+
+/// Replaces the first `from`, which must be there, so that a test cannot go blind.
+fn changed(text: &str, from: &str, to: &str) -> String {
+    assert!(text.contains(from), "the fixture has no {from:?}");
+    text.replacen(from, to, 1)
+}
+
+#[track_caller]
+fn refused<T>(result: Result<T, ProfileError>, what: &str, place: &str) {
+    let Err(error) = result else { panic!("accepted, expected: {what}") };
+    assert!(error.what.contains(what), "expected {what:?} in:\n{error}");
+    let found = error.place.as_deref().unwrap_or_default();
+    assert!(found.contains(place), "expected the place {place:?} in:\n{error}");
+}
+
+#[track_caller]
+fn servo_refused(from: &str, to: &str, what: &str, place: &str) {
+    refused(parse_servo("tiny.toml", &changed(SERVO, from, to)), what, place);
+}
+
+#[track_caller]
+fn robot_refused(from: &str, to: &str, what: &str, place: &str) {
+    refused(parse_robot("pair.toml", &changed(ROBOT, from, to)), what, place);
+}
+
+#[test]
+fn the_unchanged_fixtures_are_accepted() {
+    parse_servo("tiny.toml", SERVO).unwrap();
+    parse_servo("any/folder/tiny.toml", SERVO).unwrap();
+    parse_robot("pair.toml", ROBOT).unwrap();
+    parse_adapter("cable.toml", ADAPTER).unwrap();
+}
+
+// The file as a whole.
+
+#[test]
+fn an_unknown_key_is_refused_and_named_with_its_line() {
+    let text = changed(ROBOT, "upper_rad = 1.0", "upper_rad = 1.0\nuper_rad = 0.5");
+    let error = parse_robot("pair.toml", &text).unwrap_err();
+    assert!(error.got.as_deref().unwrap_or_default().contains("uper_rad"), "{error}");
+    let line = text.lines().position(|line| line.starts_with("uper_rad")).unwrap() + 1;
+    assert_eq!(error.place.as_deref(), Some(format!("line {line}").as_str()));
+    let servo = changed(SERVO, "address = 0\n", "address = 0\nlength = 2\n");
+    assert!(parse_servo("tiny.toml", &servo).unwrap_err().to_string().contains("length"));
+}
+
+#[test]
+fn a_file_cut_off_at_any_byte_is_an_error_or_a_whole_profile_never_a_panic() {
+    for end in 0..SERVO.len() {
+        let _ = parse_servo("tiny.toml", &SERVO[..end]);
+    }
+    for end in 0..ROBOT.len() {
+        let _ = parse_robot("pair.toml", &ROBOT[..end]);
+    }
+    let error = parse_robot("pair.toml", &ROBOT[..ROBOT.len() / 2]).unwrap_err();
+    assert_eq!(&*error.file, "pair.toml");
+}
+
+#[test]
+fn deep_nesting_is_an_error_not_a_stack_overflow() {
+    let text = format!("schema = {}", "[".repeat(1_000_000));
+    assert!(parse_robot("pair.toml", &text).is_err());
+    assert!(parse_robot("pair.toml", &format!("a{} = 1", ".a".repeat(400_000))).is_err());
+}
+
+#[test]
+fn another_format_version_is_refused() {
+    servo_refused("schema = 1", "schema = 2", "version", "schema");
+    robot_refused("schema = 1", "schema = 0", "version", "schema");
+}
+
+#[test]
+fn the_name_must_be_the_files_own_and_never_a_path() {
+    refused(parse_servo("other.toml", SERVO), "name of its file", "name");
+    refused(parse_robot("other.toml", ROBOT), "name of its file", "name");
+    refused(parse_adapter("other.toml", ADAPTER), "name of its file", "name");
+    for bad in ["Tiny", "../tiny", "ti ny", "", "tiny_1", "tiný"] {
+        servo_refused("name = \"tiny\"", &format!("name = {bad:?}"), "name of a profile", "name");
+    }
+}
+
+// Servos.
+
+#[test]
+fn registers_need_distinct_names_and_roles() {
+    servo_refused("name = \"Present Velocity\"", "name = \"ID\"", "register name twice", "");
+    servo_refused("role = \"led\"", "role = \"id\"", "same role", "\"LED\" at 65");
+    servo_refused(
+        "name = \"Moving\"",
+        "name = \"Indirect Address 29\"",
+        "register name twice",
+        "register",
+    );
+}
+
+#[test]
+fn registers_that_overlap_or_are_out_of_order_are_refused() {
+    servo_refused("address = 132", "address = 131", "overlap", "Present Position");
+    servo_refused("address = 65", "address = 64", "overlap", "LED");
+    servo_refused("address = 70", "address = 200", "out of order", "Profile Acc");
+    servo_refused("repeat = 2\n", "repeat = 5\n", "overlap", "Indirect Data");
+}
+
+#[test]
+fn a_register_beyond_the_protocols_addresses_is_refused() {
+    servo_refused("address = 634", "address = 65535", "beyond", "at 65535");
+    let feetech = include_str!("../servos/feetech/sts3215.toml");
+    let text = changed(feetech, "address = 86", "address = 256");
+    refused(parse_servo("sts3215.toml", &text), "beyond", "at 256");
+}
+
+#[test]
+fn the_size_must_go_with_the_encoding() {
+    servo_refused("bytes = 4\nencoding = \"i32\"", "bytes = 2\nencoding = \"i32\"", "size", "");
+    servo_refused("bytes = 4\nencoding = \"i32\"", "bytes = 3\nencoding = \"i32\"", "size", "");
+    servo_refused("encoding = \"u16\"", "encoding = \"i8\"", "size", "Model Number");
+}
+
+#[test]
+fn ranges_and_initial_values_must_agree() {
+    servo_refused("max = 252", "max = 252\ninitial = 253", "initial", "\"ID\" at 7");
+    servo_refused("min = 0\nmax = 252", "min = 10\nmax = 2", "upside down", "\"ID\" at 7");
+    servo_refused("max = 252", "max = 256", "encoding cannot hold", "\"ID\" at 7");
+    servo_refused("min = 0\nmax = 252", "min = -1\nmax = 252", "encoding cannot hold", "ID");
+    // The last of two indirect addresses would start at 661 + 1.
+    servo_refused("initial = 634", "initial = 661", "initial", "Indirect Address");
+}
+
+#[test]
+fn a_scale_must_be_finite_and_above_zero() {
+    for bad in ["0.0", "-1.0", "nan", "inf", "-nan"] {
+        servo_refused("scale = 0.229", &format!("scale = {bad}"), "above zero", "scale");
+    }
+}
+
+#[test]
+fn each_register_must_say_where_it_is_written() {
+    servo_refused("source = \"page 1\"", "source = \" \"", "where it is written", "Model Number");
+}
+
+#[test]
+fn repeats_are_one_or_more_and_first_needs_them() {
+    servo_refused("repeat = 2\n", "repeat = 0\n", "one or more", "Indirect Address");
+    servo_refused("repeat = 2\n", "", "counted from", "Indirect Address");
+}
+
+#[test]
+fn error_bits_are_distinct_and_in_one_byte() {
+    servo_refused("bit = 5", "bit = 8", "eight bits", "error_bit");
+    servo_refused("bit = 5", "bit = 2", "error bit twice", "error_bit");
+}
+
+#[test]
+fn every_required_role_is_missed() {
+    for role in [
+        "model_number",
+        "firmware_version",
+        "id",
+        "baud_rate",
+        "return_delay",
+        "status_return_level",
+        "operating_mode",
+        "min_position_limit",
+        "max_position_limit",
+        "torque_enable",
+        "hardware_error",
+        "goal_position",
+        "present_position",
+        "present_velocity",
+        "present_voltage",
+        "profile_velocity",
+        "profile_acceleration",
+    ] {
+        servo_refused(&format!("role = \"{role}\"\n"), "", "missing", "register");
+    }
+    let feetech = include_str!("../servos/feetech/sts3215.toml");
+    for role in ["firmware_version_minor", "eeprom_lock"] {
+        let text = changed(feetech, &format!("role = \"{role}\"\n"), "");
+        refused(parse_servo("sts3215.toml", &text), "missing", "register");
+    }
+}
+
+#[test]
+fn what_the_driver_must_write_must_be_writable() {
+    servo_refused("max = 252\naccess = \"rw\"", "max = 252\naccess = \"r\"", "writable", "ID");
+}
+
+#[test]
+fn indirect_addresses_and_data_pair() {
+    servo_refused("role = \"indirect_data\"\n", "", "pair", "register");
+}
+
+#[test]
+fn the_model_number_stands_once_or_the_same_twice() {
+    servo_refused("model_number = 7", "model_number = 8", "twice, differently", "model_number");
+}
+
+#[test]
+fn the_baud_table_is_distinct_and_within_its_register() {
+    servo_refused("index = 3", "index = 1", "baud index twice", "baud");
+    servo_refused("bps = 1000000", "bps = 57600", "line speed twice", "baud");
+    servo_refused("index = 3", "index = 8", "cannot ask", "baud");
+    servo_refused("bps = 1000000", "bps = 0", "cannot ask", "baud");
+}
+
+#[test]
+fn encoder_motor_and_firmware_are_plausible() {
+    servo_refused("counts = 4096", "counts = 0", "no scale", "position");
+    servo_refused("degrees = 360", "degrees = 0", "no scale", "position");
+    servo_refused("zero_count = 2048", "zero_count = 4096", "outside the encoder", "zero_count");
+    servo_refused("zero_count = 2048", "zero_count = -1", "outside the encoder", "zero_count");
+    servo_refused("voltage_v = 12.0", "voltage_v = nan", "above zero", "voltage_v");
+    servo_refused("stall_current_a = 1.0", "stall_current_a = 0.0", "above zero", "motor");
+    servo_refused("min = 40, max = 50", "min = 40, max = 39", "upside down", "firmware");
+}
+
+// Robots.
+
+#[test]
+fn names_of_joints_and_lines_are_plain() {
+    for bad in ["Hip", "hip-1", "hip 1", ""] {
+        robot_refused("name = \"hip\"", &format!("name = {bad:?}"), "name of a joint", "joint");
+        robot_refused("name = \"leg\"", &format!("name = {bad:?}"), "name of a line", "line");
+    }
+}
+
+#[test]
+fn servo_line_and_protocol_must_exist_and_agree() {
+    robot_refused("servo = \"xl430-w250\"\nd", "servo = \"xl431\"\nd", "no valid servo", "hip");
+    robot_refused("id = 1\nline = \"leg\"", "id = 1\nline = \"arm\"", "no such line", "hip");
+    robot_refused("\"dynamixel-2.0\"", "\"feetech-sts\"", "protocol", "hip");
+    robot_refused("\"dynamixel-2.0\"", "\"dynamixel-3.0\"", "form", "line");
+}
+
+#[test]
+fn joints_and_ids_are_distinct() {
+    robot_refused("name = \"knee\"", "name = \"hip\"", "joint name twice", "joint");
+    robot_refused("id = 2", "id = 1", "same ID", "knee");
+    robot_refused("id = 2", "id = 253", "no such ID", "knee");
+    robot_refused("id = 2", "id = 256", "form", "line");
+}
+
+#[test]
+fn a_direction_is_a_sign() {
+    robot_refused("direction = -1", "direction = 0", "sign", "knee");
+    robot_refused("direction = -1", "direction = 2", "sign", "knee");
+}
+
+#[test]
+fn limits_are_in_order_and_hold_the_initial_angle() {
+    robot_refused("upper_rad = 1.0", "upper_rad = -1.0", "upside down", "hip");
+    robot_refused("initial_rad = 0.5", "initial_rad = 1.01", "outside its limits", "hip");
+    robot_refused("initial_rad = 0.5", "initial_rad = -1.01", "outside its limits", "hip");
+}
+
+#[test]
+fn nothing_of_a_joint_may_be_nan_or_infinite() {
+    for (key, good) in [
+        ("offset_rad", "0.0"),
+        ("lower_rad", "-1.0"),
+        ("upper_rad", "1.0"),
+        ("initial_rad", "0.5"),
+        ("velocity_rad_s", "4.0"),
+        ("acceleration_rad_s2", "20.0"),
+    ] {
+        for bad in ["nan", "inf", "-inf", "-nan"] {
+            robot_refused(&format!("{key} = {good}"), &format!("{key} = {bad}"), "number", key);
+        }
+    }
+    robot_refused("origin_m = [0.0, ", "origin_m = [nan, ", "not a number", "origin_m");
+    robot_refused("axis = [0.0, ", "axis = [nan, ", "unit length", "hip");
+    robot_refused("rate_hz = 100.0", "rate_hz = nan", "above zero", "rate_hz");
+    robot_refused("rate_hz = 100.0", "rate_hz = 0.0", "above zero", "rate_hz");
+    robot_refused("velocity_rad_s = 4.0", "velocity_rad_s = 0.0", "above zero", "hip");
+    robot_refused("acceleration_rad_s2 = 20.0", "acceleration_rad_s2 = -1.0", "above zero", "hip");
+    robot_refused("n_pose_rad = { hip = 0.1", "n_pose_rad = { hip = nan", "not a number", "hip");
+    robot_refused("direction_weight = 1.0", "direction_weight = nan", "weight", "direction_weight");
+    robot_refused("twist_weight = 0.5", "twist_weight = -0.5", "weight", "twist_weight");
+    robot_refused("twist_weight = 0.5", "twist_weight = inf", "weight", "twist_weight");
+}
+
+#[test]
+fn an_axis_has_unit_length_to_a_millionth() {
+    robot_refused("axis = [0.0, 1.0, 0.0]", "axis = [0.0, 1.000002, 0.0]", "unit", "hip");
+    robot_refused("axis = [0.0, 1.0, 0.0]", "axis = [0.0, 0.0, 0.0]", "unit", "hip");
+    let close = changed(ROBOT, "axis = [0.0, 1.0, 0.0]", "axis = [0.0, 1.0000005, 0.0]");
+    parse_robot("pair.toml", &close).unwrap();
+}
+
+#[test]
+fn parents_exist_come_first_and_make_no_cycle() {
+    robot_refused("parent = \"hip\"", "parent = \"spine\"", "no such parent", "knee");
+    robot_refused("parent = \"hip\"", "parent = \"knee\"", "own ancestor", "knee");
+    robot_refused("name = \"hip\"\n", "name = \"hip\"\nparent = \"knee\"\n", "own ancestor", "hip");
+    let later = changed(ROBOT, "parent = \"hip\"\n", "");
+    let later = changed(&later, "name = \"hip\"\n", "name = \"hip\"\nparent = \"knee\"\n");
+    refused(parse_robot("pair.toml", &later), "later in the file", "hip");
+}
+
+#[test]
+fn a_setup_names_registers_of_its_servo_and_values_they_accept() {
+    robot_refused("\"Operating Mode\" = 3", "\"Operation Mode\" = 3", "no register", "setup");
+    robot_refused("\"Operating Mode\" = 3", "\"Operating Mode\" = 17", "accept", "Operating Mode");
+    robot_refused("\"Operating Mode\" = 3", "\"Shutdown\" = -1", "accept", "Shutdown");
+    robot_refused("joints = [\"knee\"]", "joints = [\"ankle\"]", "no joint of this name", "setup");
+    robot_refused("firmware = 45", "firmware = 44", "firmware", "setup");
+    robot_refused("[[setup]]\nservo = \"xl430-w250\"", "[[setup]]\nservo = \"x\"", "no valid", "x");
+    robot_refused("# for both", "joints = [\"knee\"]", "no [[setup]]", "hip");
+}
+
+#[test]
+fn the_line_speed_is_in_the_servos_table_and_in_the_setup() {
+    robot_refused("baud_bps = 1000000", "baud_bps = 250000", "cannot run", "line \"leg\"");
+    robot_refused("baud_bps = 1000000", "baud_bps = 57600", "baud register", "line \"leg\"");
+}
+
+#[test]
+fn limits_must_lie_within_the_counts_the_servo_can_be_sent_to() {
+    // Half a turn up from 2048 is count 4096, one more than the encoder has.
+    robot_refused("upper_rad = 1.0", "upper_rad = 3.14159265", "cannot reach", "hip\", upper_rad");
+    let one_count_less = changed(ROBOT, "upper_rad = 1.0", "upper_rad = 3.1400");
+    parse_robot("pair.toml", &one_count_less).unwrap();
+    // The knee's register limit is 3000: (3000 - 2048) x pi / 2048 = 1.4604 rad of the servo. Its
+    // direction is -1 and its offset 0.25 rad, so the joint can go down to -1.7104 rad.
+    robot_refused("lower_rad = -1.4", "lower_rad = -1.712", "cannot reach", "knee\", lower_rad");
+    parse_robot("pair.toml", &changed(ROBOT, "lower_rad = -1.4", "lower_rad = -1.71")).unwrap();
+    robot_refused("offset_rad = 0.25", "offset_rad = -0.1", "cannot reach", "knee\", lower_rad");
+    let many_turns = changed(ROBOT, "\"Operating Mode\" = 3", "\"Operating Mode\" = 4");
+    let many_turns = changed(&many_turns, "upper_rad = 1.0", "upper_rad = 20.0");
+    parse_robot("pair.toml", &many_turns).unwrap();
+}
+
+#[test]
+fn anatomy_speaks_of_known_joints_and_of_each_segment_once() {
+    robot_refused("n_pose_rad = { hip", "n_pose_rad = { hop", "no such joint", "n_pose_rad");
+    robot_refused("joint = \"knee\"", "joint = \"ankle\"", "no such joint", "LeftShank");
+    robot_refused("\"left_shank\"", "\"left_thigh\"", "played twice", "LeftThigh");
+    robot_refused("\"left_shank\"", "\"pelvis\"", "played twice", "Pelvis");
+    robot_refused("[\"pelvis\"]", "[\"pelvis\", \"pelvis\"]", "played twice", "anatomy.base");
+    robot_refused("[\"pelvis\"]", "[\"head\"]", "base cannot play", "anatomy.base");
+    robot_refused("\"left_shank\"", "\"tail\"", "form", "line");
+}
+
+#[test]
+fn texts_that_a_reader_needs_are_not_empty() {
+    robot_refused(
+        "acceleration_source = \"assumed: a fixture\"",
+        "acceleration_source = \"\"",
+        "must not be empty",
+        "acceleration_source",
+    );
+    robot_refused("description = \"two joints\"", "description = \" \"", "empty", "description");
+    servo_refused("maker = \"Nobody\"", "maker = \"\"", "empty", "maker");
+}
+
+// Adapters.
+
+#[test]
+fn adapters_have_proper_ids_and_a_latency() {
+    for bad in ["0403:601", "0403-6014", "0403:601G", "0403:ABCD", ":", "04036014", "0403:60145"] {
+        let text = changed(ADAPTER, "0403:6014", bad);
+        refused(parse_adapter("cable.toml", &text), "not a USB id", "usb_ids");
+    }
+    let twice = changed(ADAPTER, "\"0403:6014\"", "\"0403:6014\", \"0403:6014\"");
+    refused(parse_adapter("cable.toml", &twice), "USB id twice", "usb_ids");
+    for bad in ["nan", "-0.001", "inf"] {
+        let text = changed(ADAPTER, "latency_s = 0.001", &format!("latency_s = {bad}"));
+        refused(parse_adapter("cable.toml", &text), "latency", "latency_s");
+    }
+}
+
+// Finding and reading files.
+
+fn temporary(name: &str) -> PathBuf {
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("validator");
+    fs::create_dir_all(&folder).unwrap();
+    folder.join(name)
+}
+
+#[test]
+fn a_robot_is_found_by_name_or_read_from_a_path() {
+    assert_eq!(robot("op3").unwrap().name, "op3");
+    let path = temporary("pair.toml");
+    fs::write(&path, ROBOT).unwrap();
+    assert_eq!(robot(path.to_str().unwrap()).unwrap().joints.len(), 2);
+}
+
+#[test]
+fn an_unknown_name_lists_what_there_is_and_no_name_is_a_path() {
+    for name in ["op4", "../robots/op3", "/etc/passwd", "op3\0", "", "OP3"] {
+        let error = robot(name).unwrap_err();
+        assert_eq!(error.allowed.as_deref(), Some("op3, open-duck-mini-v2"), "{error}");
+        assert!(servo(name).unwrap_err().allowed.unwrap().contains("xm430-w350"));
+    }
+}
+
+#[test]
+fn files_that_are_missing_too_long_no_text_or_no_files_are_refused() {
+    assert!(robot("/nowhere/pair.toml").unwrap_err().what.contains("cannot be read"));
+    let long = temporary("long.toml");
+    fs::write(&long, "#".repeat(2 * 1024 * 1024)).unwrap();
+    let error = robot(long.to_str().unwrap()).unwrap_err();
+    assert!(error.allowed.unwrap().contains(&MAX_FILE_BYTES.to_string()));
+    let binary = temporary("binary.toml");
+    fs::write(&binary, b"schema = 1\n\xff\xfe").unwrap();
+    assert_eq!(robot(binary.to_str().unwrap()).unwrap_err().place.as_deref(), Some("byte 11"));
+    let folder = temporary("folder.toml");
+    fs::create_dir_all(&folder).unwrap();
+    assert!(robot(folder.to_str().unwrap()).unwrap_err().what.contains("not a regular file"));
+}
+
+#[test]
+fn an_error_reads_as_rows_of_what_where_got_and_allowed() {
+    let text = changed(ROBOT, "id = 2", "id = 253");
+    let error = parse_robot("pair.toml", &text).unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "the protocol has no such ID\n  file     pair.toml\n  where    joint \"knee\"\n  \
+         got      253\n  allowed  0..252"
+    );
+}
