@@ -1,1 +1,48 @@
-//! Placeholder while the module is being written.
+//! Recordings: what a motion asked for and what the joints did, in one crash-safe MCAP file.
+//!
+//! [`Recorder`] takes one [`CycleRecord`] per control cycle without ever waiting for the disk; a
+//! thread of its own writes them. [`read`], [`summary`] and [`recover`] take any recording,
+//! finished or cut off at any byte.
+//!
+//! # What is promised
+//! - A killed process loses at most 1.0 s: chunks are cut by time (0.25 s), never by size alone,
+//!   and each reaches the operating system in one append. A power cut loses at most 2.0 s:
+//!   the file is synchronised every second.
+//! - The file only grows. A failed write leaves everything before it readable, ends the writing
+//!   (the writer is *poisoned*) and is counted.
+//! - Nothing is invented. A missed read is a gap with a reason, never the last value again.
+//!
+//! # Channels
+//! All messages are JSON with a JSON schema inside the file, so that a person can read them and
+//! no tool needs our code.
+//!
+//! | topic | schema | holds |
+//! |---|---|---|
+//! | `/joints/goal` | `foxglove.JointStates` | goals written in this cycle |
+//! | `/joints/present` | `foxglove.JointStates` | position, velocity, current, load, device clock |
+//! | `/cycle` | `gaitway.Cycle` | joints missed and why, cycles dropped before this one |
+//! | `/health` | `gaitway.Health` | temperature and voltage, in the cycles that read them |
+//! | `/run` | `gaitway.Run` | the start and the end of the run |
+//!
+//! `foxglove.JointStates` (<https://docs.foxglove.dev/docs/sdk/schemas/joint-states>) was chosen
+//! over three parallel arrays because a value may be left out for one joint alone: Foxglove then
+//! draws a gap, and its 3D panel moves a URDF model by it with no conversion. PlotJuggler names
+//! series by array index, so every message lists every joint in the same order: `joints[3]` is
+//! the same joint in the whole file. `position` is in radians, `velocity` in rad/s; current is
+//! not torque, so it stands under `current_a` and the schema's own torque field stays empty.
+//!
+//! # Time
+//! `log_time` is the wall clock read once at the start plus monotonic time since, so a jump of
+//! the wall clock changes nothing. Each message also carries the raw `host_monotonic_ns`.
+//! `publish_time` equals `log_time`: all values of a cycle share the cycle's one instant.
+
+mod crc;
+mod message;
+mod reader;
+mod sample;
+mod scan;
+mod writer;
+
+pub use reader::{GoalSeries, Info, Recording, Recovered, joint_series, read, recover, summary};
+pub use sample::{CycleRecord, JointRecord, RecordedJoint, RunEnd, RunStart};
+pub use writer::{Disk, Pace, Recorder, Summary};

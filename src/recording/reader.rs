@@ -1,0 +1,441 @@
+//! The reading side: every recording, finished or not, and what can be saved of a broken one.
+
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{BufReader, Read};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use mcap::records::{MessageHeader, Metadata};
+use mcap::write::NoSeek;
+use serde::{Deserialize, Serialize};
+
+use super::message::{Cycle, Health, JointState, JointStates, Moment, Run, Topic};
+use super::sample::{CycleRecord, JointRecord, RunEnd, RunStart};
+use super::scan::{Channel, Found, Tally, scan};
+use super::writer::{Bytes, Disk, create_file, mcap_writer};
+use crate::error::Error;
+use crate::time::Instant;
+
+/// The largest file [`read`] takes into memory; [`summary`] and [`recover`] take any size.
+const FILE_BYTES: u64 = 256 << 20;
+/// Joints are refused beyond this number.
+const JOINTS: usize = 512;
+/// No message of ours is larger: 512 joints of 300 bytes each, and room to spare.
+const MESSAGE_BYTES: usize = 256 << 10;
+
+/// A recording in memory.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Recording {
+    /// What the run was; missing only if the very beginning of the file is damaged.
+    pub start: Option<RunStart>,
+    /// How the run ended; missing in an unfinished file.
+    pub end: Option<RunEnd>,
+    /// The joints, in the order of every record.
+    pub joint_names: Vec<String>,
+    /// The cycles that could be read, in file order.
+    pub cycles: Vec<CycleRecord>,
+    /// Cycles that the recorder dropped because the disk could not keep up.
+    pub dropped_cycles: u64,
+    /// Whether the file was closed as it should be.
+    pub finished: bool,
+    /// Bytes of the file that could not be used.
+    pub lost_bytes: u64,
+}
+
+/// What a file holds, without its values.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Info {
+    /// The robot's name, if the file says it.
+    pub robot: Option<String>,
+    /// The motion's name or path, if the file says it.
+    pub motion: Option<String>,
+    /// How the run ended, if the file says it.
+    pub outcome: Option<String>,
+    /// From the first to the last message, seconds.
+    pub duration_s: f64,
+    /// Messages by topic.
+    pub channels: BTreeMap<String, u64>,
+    /// Readings of a joint that are missing, each a gap with a reason.
+    pub missed_reads: u64,
+    /// Cycles that the recorder dropped because the disk could not keep up.
+    pub dropped_cycles: u64,
+    /// Whether the file was closed as it should be.
+    pub finished: bool,
+    /// Bytes of the file that could not be used.
+    pub lost_bytes: u64,
+}
+
+/// What [`recover`] saved.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Recovered {
+    /// The new file.
+    pub path: PathBuf,
+    /// Messages in it.
+    pub messages: u64,
+    /// Whether the old file had been closed as it should be.
+    pub was_finished: bool,
+    /// Bytes of the old file that could not be used.
+    pub lost_bytes: u64,
+}
+
+/// The goals of a recording as a motion.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct GoalSeries {
+    /// The joints that had goals.
+    pub joint_names: Vec<String>,
+    /// Seconds since the first sample, strictly rising.
+    pub times_s: Vec<f64>,
+    /// One row per time, one goal per joint, radians.
+    pub positions_rad: Vec<Vec<f64>>,
+}
+
+/// Reads a recording, as much of it as is whole.
+///
+/// # Errors
+/// If the file cannot be opened, is no MCAP recording, is compressed or over 256 MiB.
+pub fn read(path: &Path) -> Result<Recording, Error> {
+    let at_path = |error: Error| error.at(path.display().to_string());
+    let file = open(path)?;
+    let bytes = file.metadata().map(|metadata| metadata.len()).unwrap_or(0);
+    if bytes > FILE_BYTES {
+        return Err(at_path(
+            Error::new("the recording is too large to be read at once")
+                .got(format!("{} MiB", bytes >> 20))
+                .allowed(format!("{} MiB", FILE_BYTES >> 20)),
+        ));
+    }
+    Recording::from_source(file).map_err(at_path)
+}
+
+impl Recording {
+    /// Reads a recording from any source of bytes; at most 256 MiB of it.
+    ///
+    /// # Errors
+    /// As [`read`].
+    pub fn from_source(source: impl Read) -> Result<Self, Error> {
+        let mut recording = Self::default();
+        let mut bytes_of_joints = 0;
+        let tally = scan(BufReader::new(source).take(FILE_BYTES), |found| {
+            let Found::Message { channel, body, .. } = found else { return Ok(()) };
+            bytes_of_joints += body.len();
+            if recording.add(&channel.topic, body).is_none() {
+                recording.lost_bytes += body.len() as u64;
+            }
+            recording.check_size(bytes_of_joints)
+        })?;
+        recording.finished = tally.finished;
+        recording.lost_bytes += tally.lost_bytes;
+        Ok(recording)
+    }
+
+    /// Keeps memory in proportion to the file, whatever the file claims.
+    fn check_size(&self, bytes: usize) -> Result<(), Error> {
+        let joints = self.joint_names.len();
+        let memory = self.cycles.len() * (joints * size_of::<JointRecord>() + 64);
+        let allowed = 3 * bytes + (16 << 20);
+        if joints > JOINTS || memory > allowed {
+            return Err(Error::new("the recording claims more joints than it has values for")
+                .got(format!("{joints} joints, {} cycles", self.cycles.len()))
+                .allowed(format!("{JOINTS} joints")));
+        }
+        Ok(())
+    }
+
+    /// Adds one message; `None` if it is malformed. Other programs' topics are passed over.
+    fn add(&mut self, topic: &str, body: &[u8]) -> Option<()> {
+        match Topic::from_name(topic) {
+            Some(Topic::Run) => self.add_run(body),
+            Some(Topic::Goal) => self.add_joints(body, |record, read| {
+                record.goal_rad = read.position;
+            }),
+            Some(Topic::Present) => self.add_joints(body, |record, read| {
+                record.present_position_rad = read.position;
+                record.present_velocity_rad_s = read.velocity;
+                record.present_current_a = read.current_a;
+                record.present_load_ratio = read.load_ratio;
+                record.device_clock = read.device_clock_ticks;
+            }),
+            Some(Topic::Health) => self.add_health(body),
+            Some(Topic::Cycle) => self.add_cycle(body),
+            None => Some(()),
+        }
+    }
+
+    fn add_run(&mut self, body: &[u8]) -> Option<()> {
+        let run: Run = parse(body)?;
+        self.dropped_cycles = self.dropped_cycles.saturating_add(run.dropped_before);
+        if let Some(start) = run.start {
+            self.joint_names = start.joints.iter().map(|joint| joint.name.clone()).collect();
+            self.start = Some(start);
+        }
+        self.end = run.end.or(self.end.take());
+        Some(())
+    }
+
+    fn add_joints(
+        &mut self,
+        body: &[u8],
+        set: impl Fn(&mut JointRecord, &JointState),
+    ) -> Option<()> {
+        let states: JointStates = parse(body)?;
+        self.learn_names(states.joints.iter().map(|joint| &joint.name));
+        for (index, joint) in states.joints.iter().enumerate() {
+            set(self.joint(&states.moment, index, &joint.name)?, joint);
+        }
+        Some(())
+    }
+
+    fn add_health(&mut self, body: &[u8]) -> Option<()> {
+        let health: Health = parse(body)?;
+        for (index, joint) in health.joints.iter().enumerate() {
+            let record = self.joint(&health.moment, index, &joint.name)?;
+            (record.temperature_c, record.voltage_v) = (joint.temperature_c, joint.voltage_v);
+        }
+        Some(())
+    }
+
+    fn add_cycle(&mut self, body: &[u8]) -> Option<()> {
+        let cycle: Cycle = parse(body)?;
+        self.dropped_cycles = self.dropped_cycles.saturating_add(cycle.dropped_before);
+        self.cycle(&cycle.moment);
+        for (index, missed) in cycle.missed.into_iter().enumerate() {
+            let record = self.joint(&cycle.moment, index, &missed.name)?;
+            record.missed = Some(Cow::Owned(missed.reason.into_owned()));
+        }
+        Some(())
+    }
+
+    /// Without a readable start, the first message names the joints.
+    fn learn_names<'a>(&mut self, names: impl Iterator<Item = &'a Cow<'a, str>>) {
+        if self.joint_names.is_empty() {
+            self.joint_names = names.take(JOINTS).map(|name| name.to_string()).collect();
+        }
+    }
+
+    /// The record of a joint in the cycle of `moment`; `index` is where it most likely stands.
+    fn joint(&mut self, moment: &Moment, index: usize, name: &str) -> Option<&mut JointRecord> {
+        let likely = self.joint_names.get(index).is_some_and(|known| known == name);
+        let index =
+            if likely { index } else { self.joint_names.iter().position(|known| known == name)? };
+        self.cycle(moment).joints.get_mut(index)
+    }
+
+    /// The messages of a cycle stand together: either the last record is of this cycle, or this
+    /// is the first message of a new one.
+    fn cycle(&mut self, moment: &Moment) -> &mut CycleRecord {
+        let (cycle, at) = (moment.cycle, Instant::from_nanos(moment.host_monotonic_ns));
+        let known = self.cycles.last().is_some_and(|last| last.cycle == cycle && last.at == at);
+        if !known {
+            let joints = vec![JointRecord::default(); self.joint_names.len().min(JOINTS)];
+            self.cycles.push(CycleRecord { cycle, at, joints });
+        }
+        let last = self.cycles.len() - 1;
+        &mut self.cycles[last]
+    }
+}
+
+impl Info {
+    fn add(&mut self, topic: &str, body: &[u8]) {
+        match Topic::from_name(topic) {
+            Some(Topic::Cycle) => {
+                let Some(cycle) = parse::<Cycle>(body) else { return };
+                self.missed_reads += cycle.missed.len() as u64;
+                self.dropped_cycles = self.dropped_cycles.saturating_add(cycle.dropped_before);
+            }
+            Some(Topic::Run) => {
+                let Some(run) = parse::<Run>(body) else { return };
+                self.dropped_cycles = self.dropped_cycles.saturating_add(run.dropped_before);
+                if let Some(start) = run.start {
+                    (self.robot, self.motion) = (Some(start.robot), Some(start.motion));
+                }
+                self.outcome = run.end.map(|end| end.outcome).or(self.outcome.take());
+            }
+            _ => {}
+        }
+    }
+}
+
+/// Tells what a file holds, reading it once in little memory.
+///
+/// # Errors
+/// If the file cannot be opened, is no MCAP recording or is compressed.
+pub fn summary(path: &Path) -> Result<Info, Error> {
+    let mut info = Info::default();
+    let (mut first, mut last) = (u64::MAX, 0);
+    let tally = scan(BufReader::new(open(path)?), |found| {
+        let Found::Message { channel, header, body } = found else { return Ok(()) };
+        (first, last) = (first.min(header.log_time), last.max(header.log_time));
+        match info.channels.get_mut(&channel.topic) {
+            Some(count) => *count += 1,
+            None => drop(info.channels.insert(channel.topic.clone(), 1)),
+        }
+        info.add(&channel.topic, body);
+        Ok(())
+    })
+    .map_err(|error| error.at(path.display().to_string()))?;
+    info.duration_s = last.saturating_sub(first) as f64 / 1e9;
+    (info.finished, info.lost_bytes) = (tally.finished, tally.lost_bytes);
+    Ok(info)
+}
+
+/// Writes everything that can be trusted in `path` to `FILE.recovered.mcap` beside it, as a
+/// finished file. Takes any uncompressed MCAP file, ours or not. Never replaces a file.
+///
+/// # Errors
+/// If the file cannot be read, is no MCAP recording or is compressed, or the new file exists or
+/// cannot be written.
+pub fn recover(path: &Path) -> Result<Recovered, Error> {
+    let source = open(path)?;
+    let target = path.with_extension("recovered.mcap");
+    let mut copy =
+        Copy::new(create_file(&target, false)?).map_err(|cause| unwritable(&target, &cause))?;
+    let copied = scan(BufReader::new(source), |found| {
+        copy.add(found).map_err(|cause| unwritable(&target, &cause))
+    })
+    .and_then(|tally| {
+        copy.finish(path, tally).map_err(|cause| unwritable(&target, &cause))?;
+        Ok(tally)
+    });
+    match copied {
+        Ok(tally) => Ok(Recovered {
+            path: target,
+            messages: copy.messages,
+            was_finished: tally.finished,
+            lost_bytes: tally.lost_bytes,
+        }),
+        Err(error) => {
+            // Half a rescue would stand in the way of the next one.
+            let _ = std::fs::remove_file(&target);
+            let place = error.place.clone().unwrap_or_else(|| path.display().to_string());
+            Err(error.at(place))
+        }
+    }
+}
+
+fn unwritable(path: &Path, cause: &str) -> Error {
+    Error::new("the recovered file cannot be written").at(path.display().to_string()).got(cause)
+}
+
+/// Copies what a scan finds into a new file.
+struct Copy {
+    file: File,
+    bytes: Bytes,
+    mcap: mcap::Writer<NoSeek<Bytes>>,
+    /// Channels by their id in the old file, with the id in the new one.
+    channels: BTreeMap<u16, (Arc<Channel>, u16)>,
+    messages: u64,
+    chunk_bytes: usize,
+}
+
+impl Copy {
+    fn new(file: File) -> Result<Self, String> {
+        let bytes = Bytes::default();
+        let mcap = mcap_writer(&bytes).map_err(|error| error.to_string())?;
+        Ok(Self { file, bytes, mcap, channels: BTreeMap::new(), messages: 0, chunk_bytes: 0 })
+    }
+
+    fn add(&mut self, found: Found) -> Result<(), String> {
+        match found {
+            Found::Metadata(metadata) => {
+                self.mcap.write_metadata(&metadata).map_err(|error| error.to_string())
+            }
+            Found::Message { channel, header, body } => {
+                let channel_id = self.channel(header.channel_id, channel)?;
+                let header = MessageHeader { channel_id, ..header };
+                self.mcap
+                    .write_to_known_channel(&header, body)
+                    .map_err(|error| error.to_string())?;
+                self.messages += 1;
+                self.chunk_bytes += body.len();
+                if self.chunk_bytes >= 1 << 20 { self.append() } else { Ok(()) }
+            }
+        }
+    }
+
+    fn channel(&mut self, old: u16, channel: &Arc<Channel>) -> Result<u16, String> {
+        if let Some((known, new)) = self.channels.get(&old)
+            && Arc::ptr_eq(known, channel)
+        {
+            return Ok(*new);
+        }
+        let schema = match &channel.schema {
+            Some(schema) => self.mcap.add_schema(&schema.name, &schema.encoding, &schema.text),
+            None => Ok(0),
+        };
+        let new = schema
+            .and_then(|schema| {
+                let Channel { topic, encoding, metadata, .. } = channel.as_ref();
+                self.mcap.add_channel(schema, topic, encoding, metadata)
+            })
+            .map_err(|error| error.to_string())?;
+        self.channels.insert(old, (Arc::clone(channel), new));
+        Ok(new)
+    }
+
+    fn append(&mut self) -> Result<(), String> {
+        self.mcap.flush().map_err(|error| error.to_string())?;
+        self.chunk_bytes = 0;
+        self.file.append(&self.bytes.take()).map_err(|error| error.to_string())
+    }
+
+    fn finish(&mut self, from: &Path, tally: Tally) -> Result<(), String> {
+        let note = [
+            ("from", from.display().to_string()),
+            ("lost_bytes", tally.lost_bytes.to_string()),
+            ("was_finished", tally.finished.to_string()),
+        ];
+        let metadata = note.map(|(key, value)| (key.to_owned(), value)).into();
+        self.mcap
+            .write_metadata(&Metadata { name: "gaitway.recovered".into(), metadata })
+            .and_then(|()| self.mcap.finish())
+            .map_err(|error| error.to_string())?;
+        self.file.append(&self.bytes.take()).map_err(|error| error.to_string())?;
+        self.file.sync().map_err(|error| error.to_string())
+    }
+}
+
+/// The recorded goals as a motion: the joints that had goals, at the cycles in which all of them
+/// had one. Times count from the first of these on the host's monotonic clock; a cycle that is
+/// not later than the one before it is left out.
+#[must_use]
+pub fn joint_series(recording: &Recording) -> GoalSeries {
+    let cycles = &recording.cycles;
+    let goal = |cycle: &CycleRecord, index: usize| cycle.joints.get(index)?.goal_rad;
+    let moved: Vec<usize> = (0..recording.joint_names.len())
+        .filter(|&index| cycles.iter().any(|cycle| goal(cycle, index).is_some()))
+        .collect();
+    let mut series = GoalSeries {
+        joint_names: moved.iter().map(|&index| recording.joint_names[index].clone()).collect(),
+        ..GoalSeries::default()
+    };
+    let (mut first, mut last) = (None, None);
+    for cycle in cycles.iter().filter(|_| !moved.is_empty()) {
+        let row: Option<Vec<f64>> = moved.iter().map(|&index| goal(cycle, index)).collect();
+        let Some(row) = row.filter(|_| last.is_none_or(|last| cycle.at > last)) else { continue };
+        last = Some(cycle.at);
+        series.times_s.push(cycle.at.seconds_since(*first.get_or_insert(cycle.at)));
+        series.positions_rad.push(row);
+    }
+    series
+}
+
+fn open(path: &Path) -> Result<File, Error> {
+    let unreadable = |cause: String| {
+        Error::new("the recording cannot be opened").at(path.display().to_string()).got(cause)
+    };
+    // Asked before opening: a named pipe would make the open itself wait for ever.
+    let kind = std::fs::metadata(path).map_err(|cause| unreadable(cause.to_string()))?;
+    if !kind.is_file() {
+        return Err(unreadable("not a regular file".into()));
+    }
+    File::open(path).map_err(|cause| unreadable(cause.to_string()))
+}
+
+fn parse<'a, T: Deserialize<'a>>(body: &'a [u8]) -> Option<T> {
+    if body.len() > MESSAGE_BYTES {
+        return None;
+    }
+    serde_json::from_slice(body).ok()
+}
