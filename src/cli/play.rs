@@ -1,0 +1,289 @@
+//! `play`: from a motion file to a moving robot, and what came of it. The whole job, in order.
+
+use super::address::Address;
+use super::connect::{Connection, connect};
+use super::report::{JointReport, Outcome, PlayReport, RefereeReport};
+use super::signals::Signals;
+use super::source::{self, Loaded, MotionArgs};
+use super::{Output, plots};
+use crate::control::{self, Run, Settings, StopReason};
+use crate::error::Error;
+use crate::motion::{Plan, PlanOptions, plan};
+use crate::robot::Robot;
+use crate::robot::preflight::{Accept, Preflight, preflight};
+use clap::{Args, ValueEnum};
+use std::path::PathBuf;
+
+mod recorder;
+
+use recorder::RunRecorder;
+
+/// Arguments of `play`.
+#[derive(Clone, Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    gaitway play walk --robot op3 --bus sim --html walk.html\n  \
+    gaitway play dance.bvh --robot op3 --bus serial:/dev/ttyUSB0 --speed 0.5 --record dance.mcap")]
+pub struct PlayArgs {
+    #[command(flatten)]
+    motion: MotionArgs,
+    /// Where the robot is: sim, sim:pty, serial:PATH[?baud=N]; LINE=BUS for robots with several
+    #[arg(long, value_name = "BUS", required = true)]
+    bus: Vec<Address>,
+    /// Cycles per second [default: the robot file's]
+    #[arg(long, value_name = "HZ")]
+    rate: Option<f64>,
+    /// Play it N times, with a transition in between
+    #[arg(long = "loop", value_name = "N", default_value_t = 1)]
+    repeat: u32,
+    /// What the joints do after the motion
+    #[arg(long, value_enum, default_value_t = EndState::Hold)]
+    end: EndState,
+    /// Record goals and measured states to this file
+    #[arg(long, value_name = "FILE.mcap")]
+    record: Option<PathBuf>,
+    /// Refuse a motion that starts away from where the robot stands, instead of moving there first
+    #[arg(long)]
+    no_approach: bool,
+    /// Play on servos whose firmware the profile was not checked against
+    #[arg(long)]
+    accept_firmware: bool,
+    /// Check everything, write nothing
+    #[arg(long)]
+    dry_run: bool,
+    /// Write a page with plots of every joint
+    #[arg(long, value_name = "FILE.html")]
+    html: Option<PathBuf>,
+    /// Seed of the virtual robot
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+}
+
+/// What the joints do when the motion is over.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum EndState {
+    /// Stay where they are, torque on
+    Hold,
+    /// Torque off: a standing robot falls
+    Limp,
+}
+
+/// Runs `play`; the exit code.
+///
+/// # Errors
+/// Output files that cannot be written. A refused motion is a report, not an error.
+pub fn run(args: &PlayArgs, output: &Output) -> Result<i32, Error> {
+    for path in [&args.record, &args.html].into_iter().flatten() {
+        output.check_free(path)?;
+    }
+    let signals = Signals::listen().map_err(|e| Error::new(format!("no signals: {e}")))?;
+    let report = play(args, output, &signals);
+    output.report(&report, &report.text())?;
+    if let (Some(reason), Outcome::Refused | Outcome::Failed) = (&report.stop_reason, report.outcome)
+        && output.json()
+    {
+        output.diagnostic(&format!("gaitway: {reason}"));
+    }
+    Ok(match signals.first() {
+        Some(number) if report.outcome == Outcome::Stopped => 128 + number,
+        _ => report.outcome.exit_code(),
+    })
+}
+
+/// Plays and reports; whatever goes wrong is in the report.
+#[must_use]
+pub fn play(args: &PlayArgs, output: &Output, signals: &Signals) -> PlayReport {
+    let mut report = PlayReport::new(
+        args.motion.motion(),
+        args.motion.robot(),
+        args.bus.iter().map(ToString::to_string).collect(),
+    );
+    report.dry_run = args.dry_run;
+    if let Err(error) = play_into(args, output, signals, &mut report) {
+        report.outcome = Outcome::Refused;
+        report.stop_reason = Some(error.to_string());
+    }
+    report
+}
+
+fn play_into(
+    args: &PlayArgs,
+    output: &Output,
+    signals: &Signals,
+    report: &mut PlayReport,
+) -> Result<(), Error> {
+    let robot = Robot::load(args.motion.robot())?;
+    report.robot.clone_from(&robot.name);
+    let loaded = source::load(&args.motion, &robot)?;
+    report.source = loaded.source.clone();
+    report.notes.extend(loaded.notes.iter().cloned());
+    let rate_hz = checked_rate(args.rate.unwrap_or(robot.file.rate_hz))?;
+    report.cycle_hz = rate_hz;
+    if robot.file.acceleration_source.starts_with("assumed") {
+        report.notes.push(format!("acceleration limits {}", robot.file.acceleration_source));
+    }
+    let settings = Settings::at_rate(rate_hz);
+    let mut connection = connect(robot, &args.bus, args.seed)?;
+    let accept = Accept { firmware: args.accept_firmware };
+    let found = preflight(&mut connection.link, settings.period, accept)?;
+    report.wire_limit_hz = Some(found.wire_limit_hz);
+    report.notes.extend(found.notes.iter().cloned());
+    let planned = plan_from(args, &connection, &found, &loaded)?;
+    describe_plan(report, &connection.link.robot().clone(), &planned, &loaded);
+    if args.dry_run {
+        report.outcome = Outcome::Done;
+        return Ok(());
+    }
+    perform(args, output, signals, report, &mut connection, &found, &planned, settings)
+}
+
+fn checked_rate(rate_hz: f64) -> Result<f64, Error> {
+    if (1.0..=1000.0).contains(&rate_hz) {
+        return Ok(rate_hz);
+    }
+    Err(Error::new("not a usable rate")
+        .at("--rate")
+        .got(format!("{rate_hz} Hz"))
+        .allowed("1 to 1000 Hz"))
+}
+
+/// Lays the loaded path from where the robot stands. Joints the motion does not drive stay there.
+fn plan_from(
+    args: &PlayArgs,
+    connection: &Connection,
+    found: &Preflight,
+    loaded: &Loaded,
+) -> Result<Plan, Error> {
+    let robot = connection.link.robot();
+    let path = loaded.path_from(robot, &found.start_rad)?;
+    let options = PlanOptions {
+        speed: args.motion.speed(),
+        retime: args.motion.retimes(),
+        approach: !args.no_approach,
+        rounds: args.repeat,
+    };
+    plan(&found.start_rad, &path, &robot.limits(), options)
+}
+
+fn describe_plan(report: &mut PlayReport, robot: &Robot, planned: &Plan, loaded: &Loaded) {
+    report.describe_retiming(&planned.retimed);
+    report.ease_in_s = planned.ease_in_s;
+    report.ease_out_s = planned.ease_out_s;
+    report.approach_s = planned.approach_s;
+    if planned.ease_in_s > 0.0 || planned.ease_out_s > 0.0 {
+        report.notes.push(format!(
+            "the clip does not {} at rest; its clock is eased along its own path",
+            match (planned.ease_in_s > 0.0, planned.ease_out_s > 0.0) {
+                (true, true) => "start and end",
+                (true, false) => "start",
+                _ => "end",
+            }
+        ));
+    }
+    let trajectory = &planned.trajectory;
+    let duration_s = trajectory.duration_s();
+    let at_end = |time_s: f64| {
+        let mut setpoints = vec![crate::motion::Setpoint::default(); robot.joints.len()];
+        trajectory.sample(time_s, &mut setpoints);
+        setpoints
+    };
+    let (first, last) = (at_end(0.0), at_end(duration_s));
+    let velocity = trajectory.peak_velocity_rad_s();
+    let acceleration = trajectory.peak_acceleration_rad_s2();
+    let jerk = trajectory.peak_jerk_rad_s3();
+    for (index, joint) in robot.joints.iter().enumerate() {
+        let clipped_samples = loaded.clipped_samples(&joint.name);
+        report.joints.push(JointReport {
+            name: joint.name.clone(),
+            range_rad: None,
+            peak_velocity_rad_s: velocity[index],
+            peak_acceleration_rad_s2: acceleration[index],
+            peak_jerk_rad_s3: jerk[index],
+            limit_velocity_rad_s: joint.limits.velocity_rad_s(),
+            limit_acceleration_rad_s2: joint.limits.acceleration_rad_s2(),
+            tracking_rms_rad: None,
+            start_velocity_rad_s: first[index].velocity_rad_s,
+            end_velocity_rad_s: last[index].velocity_rad_s,
+            clipped_samples,
+            clipped_share: clipped_samples as f64 / loaded.samples().max(1) as f64,
+            missed_reads: 0,
+        });
+    }
+    let fastest = |setpoints: &[crate::motion::Setpoint]| {
+        setpoints.iter().map(|s| s.velocity_rad_s.abs()).fold(0.0, f64::max)
+    };
+    report.max_start_velocity_rad_s = fastest(&first);
+    report.max_end_velocity_rad_s = fastest(&last);
+}
+
+#[allow(clippy::too_many_arguments)]
+fn perform(
+    args: &PlayArgs,
+    output: &Output,
+    signals: &Signals,
+    report: &mut PlayReport,
+    connection: &mut Connection,
+    found: &Preflight,
+    planned: &Plan,
+    settings: Settings,
+) -> Result<(), Error> {
+    let mut recorder = RunRecorder::begin(
+        args.record.as_deref(),
+        output.force(),
+        args.html.is_some(),
+        connection,
+        args.motion.motion(),
+    )?;
+    let armed = control::arm::arm(&mut connection.link, found)?;
+    let progress = super::progress::Progress::over(planned.trajectory.duration_s(), output);
+    let asked = || signals.first().is_some();
+    let run = std::thread::scope(|scope| {
+        let link = &mut connection.link;
+        let recorder = &mut recorder;
+        let (trajectory, meter) = (&planned.trajectory, progress.meter());
+        let loop_thread = scope.spawn(move || {
+            control::run(link, armed, trajectory, settings, &mut recorder.metered(meter), &asked)
+        });
+        progress.show_until(|| loop_thread.is_finished());
+        loop_thread.join()
+    });
+    let run = run.map_err(|_| Error::new("the control loop broke; the servos hold their last goal"))?;
+    if args.end == EndState::Limp && run.stop.is_none() {
+        control::arm::disarm(&mut connection.link)?;
+    }
+    describe_run(report, &run);
+    recorder.finish(report, connection)?;
+    if let Some(path) = &args.html {
+        let page = plots::page(report, &recorder, planned, connection.link.robot());
+        output.write_file(path, page.as_bytes())?;
+        report.html = Some(path.display().to_string());
+    }
+    if let Some(world) = &connection.world {
+        let verdict = world.lock().verdict();
+        let violations = verdict.violations.iter().map(ToString::to_string).collect();
+        report.referee = Some(RefereeReport { violations });
+    }
+    Ok(())
+}
+
+fn describe_run(report: &mut PlayReport, run: &Run) {
+    report.outcome = match &run.stop {
+        None => Outcome::Done,
+        Some(StopReason::LineLost { .. } | StopReason::Refused { .. }) => Outcome::Failed,
+        Some(_) => Outcome::Stopped,
+    };
+    report.stop_reason = run.stop.as_ref().map(ToString::to_string);
+    report.cycles = run.tally.cycles;
+    report.missed_cycles = run.tally.missed_cycles;
+    report.late_cycles = run.tally.late_cycles;
+    report.duration_s = run.duration_s;
+    report.bus_load = run.bus_load;
+    report.max_temperature_c = run.tally.max_temperature_c;
+    report.min_voltage_v = run.tally.min_voltage_v;
+    report.max_current_a = run.tally.max_current_a;
+    for (joint, tally) in report.joints.iter_mut().zip(&run.tally.joints) {
+        let measured = tally.samples > 0;
+        joint.range_rad = measured.then_some([tally.lowest_rad, tally.highest_rad]);
+        joint.tracking_rms_rad = tally.tracking_rms_rad();
+        joint.missed_reads = tally.missed;
+    }
+}

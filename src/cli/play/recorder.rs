@@ -1,0 +1,177 @@
+//! What a run leaves behind: the recording, and the series for the plots.
+
+use crate::cli::connect::Connection;
+use crate::cli::progress::Meter;
+use crate::cli::report::{Outcome, PlayReport};
+use crate::control::{Sample, Sink};
+use crate::error::Error;
+use crate::recording::{CycleRecord, JointRecord, RecordedJoint, Recorder, RunEnd, RunStart};
+use crate::time::Instant;
+use std::path::{Path, PathBuf};
+
+/// Series of one run, kept for the plots.
+#[derive(Debug, Default)]
+pub struct Series {
+    /// Time of each cycle since the first, s.
+    pub time_s: Vec<f64>,
+    /// Goals, by joint.
+    pub goal_rad: Vec<Vec<f64>>,
+    /// Measured angles, by joint; NaN where the read was missed.
+    pub present_rad: Vec<Vec<f64>>,
+}
+
+/// Takes every cycle of a run.
+pub struct RunRecorder {
+    recorder: Option<(Recorder, PathBuf)>,
+    patient: bool,
+    series: Option<Series>,
+    began: Option<Instant>,
+}
+
+impl RunRecorder {
+    /// Starts a recording at `path`, if one is wanted, and series, if plots are.
+    ///
+    /// # Errors
+    /// The file exists and `force` is not set, or it cannot be written.
+    pub fn begin(
+        path: Option<&Path>,
+        force: bool,
+        plots: bool,
+        connection: &Connection,
+        motion: &str,
+    ) -> Result<Self, Error> {
+        let robot = connection.link.robot();
+        let recorder = match path {
+            None => None,
+            Some(path) => {
+                let joint = |joint: &crate::robot::Joint| RecordedJoint {
+                    name: joint.name.clone(),
+                    lower_rad: Some(joint.limits.lower_rad()),
+                    upper_rad: Some(joint.limits.upper_rad()),
+                    velocity_limit_rad_s: Some(joint.limits.velocity_rad_s()),
+                    acceleration_limit_rad_s2: Some(joint.limits.acceleration_rad_s2()),
+                };
+                let start = RunStart {
+                    robot: robot.name.clone(),
+                    motion: motion.to_owned(),
+                    joints: robot.joints.iter().map(joint).collect(),
+                    wall_clock_start: std::time::SystemTime::now(),
+                    monotonic_start: connection.link.clock().now(),
+                    gaitway_version: env!("CARGO_PKG_VERSION").to_owned(),
+                    metadata: Default::default(),
+                };
+                Some((Recorder::create(path, force, start)?, path.to_owned()))
+            }
+        };
+        let joints = robot.joints.len();
+        let series = plots.then(|| Series {
+            time_s: Vec::new(),
+            goal_rad: vec![Vec::new(); joints],
+            present_rad: vec![Vec::new(); joints],
+        });
+        Ok(Self { recorder, patient: !connection.real_time, series, began: None })
+    }
+
+    /// This recorder as the loop's sink, telling `meter` how far the motion is.
+    pub fn metered(&mut self, meter: Meter) -> Metered<'_> {
+        Metered { recorder: self, meter }
+    }
+
+    /// The series kept for plots.
+    #[must_use]
+    pub const fn series(&self) -> Option<&Series> {
+        self.series.as_ref()
+    }
+
+    /// Closes the recording and says in `report` what became of it.
+    pub fn finish(&mut self, report: &mut PlayReport, connection: &Connection) {
+        let Some((recorder, path)) = self.recorder.take() else { return };
+        let word = serde_json::to_value(report.outcome).ok();
+        let end = RunEnd {
+            outcome: word.and_then(|w| w.as_str().map(str::to_owned)).unwrap_or_default(),
+            stop_reason: report.stop_reason.clone(),
+            at: connection.link.clock().now(),
+            metadata: Default::default(),
+        };
+        let summary = recorder.finish(end);
+        report.recording = Some(path.display().to_string());
+        if summary.is_complete() {
+            return;
+        }
+        report.recording_lost = summary.lost + summary.dropped.values().sum::<u64>();
+        report.notes.push(format!(
+            "the recording lacks {} messages{}",
+            report.recording_lost,
+            summary.poisoned.map_or_else(String::new, |why| format!(": {why}"))
+        ));
+        if report.outcome == Outcome::Done {
+            report.outcome = Outcome::DoneWithLoss;
+        }
+    }
+}
+
+/// The sink of one run.
+pub struct Metered<'a> {
+    recorder: &'a mut RunRecorder,
+    meter: Meter,
+}
+
+impl Sink for Metered<'_> {
+    fn take(&mut self, sample: &Sample<'_>) {
+        let began = *self.recorder.began.get_or_insert(sample.at);
+        let time_s = sample.at.seconds_since(began);
+        self.meter.set(time_s);
+        if let Some(series) = &mut self.recorder.series {
+            series.time_s.push(time_s);
+            for (index, state) in sample.states.iter().enumerate() {
+                series.goal_rad[index].push(sample.goal_rad[index]);
+                let present = state.as_ref().map_or(f64::NAN, |(state, _)| state.position_rad);
+                series.present_rad[index].push(present);
+            }
+        }
+        let Some((recorder, _)) = &self.recorder.recorder else { return };
+        let record =
+            CycleRecord { cycle: sample.cycle, at: sample.at, joints: joint_records(sample) };
+        // A virtual clock waits for the disk; a real one never does.
+        if self.recorder.patient {
+            recorder.take_patiently(record);
+        } else {
+            recorder.take(record);
+        }
+    }
+}
+
+fn joint_records(sample: &Sample<'_>) -> Vec<JointRecord> {
+    let mut records: Vec<JointRecord> = sample
+        .states
+        .iter()
+        .zip(sample.goal_rad)
+        .map(|(state, &goal_rad)| {
+            let goal_rad = Some(goal_rad);
+            match state {
+                Ok((state, _)) => JointRecord {
+                    goal_rad,
+                    present_position_rad: Some(state.position_rad),
+                    present_velocity_rad_s: Some(state.velocity_rad_s),
+                    present_current_a: state.current_a,
+                    present_load_ratio: state.load_ratio,
+                    temperature_c: state.temperature_c,
+                    voltage_v: state.voltage_v,
+                    ..JointRecord::default()
+                },
+                Err(miss) => JointRecord {
+                    goal_rad,
+                    missed: Some(miss.to_string().into()),
+                    ..JointRecord::default()
+                },
+            }
+        })
+        .collect();
+    if let Some((joint, health)) = &sample.health
+        && let Some(record) = records.get_mut(*joint)
+    {
+        record.temperature_c = record.temperature_c.or(health.temperature_c);
+        record.voltage_v = record.voltage_v.or(health.voltage_v);
+    }
+    records
+}
