@@ -5,7 +5,7 @@ use std::fmt;
 /// A profile that was refused, or not found.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ProfileError {
-    /// The file, as a path inside this crate or as the user gave it; or the name that was asked for.
+    /// The file, as a path inside this crate or as the user gave it; or the name asked for.
     pub file: Box<str>,
     /// What is wrong, one sentence without a full stop.
     pub what: Box<str>,

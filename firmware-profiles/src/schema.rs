@@ -54,7 +54,8 @@ pub enum Protocol {
     FeetechSts,
 }
 
-/// Inclusive range of firmware versions. Feetech's `major.minor` is written as `major * 256 + minor`.
+/// Inclusive range of firmware versions. Feetech's `major.minor` is written as
+/// `major * 256 + minor`.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FirmwareRange {
