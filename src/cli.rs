@@ -3,7 +3,9 @@
 pub mod address;
 pub mod connect;
 pub mod play;
+pub mod plots;
 pub mod profile;
+pub mod progress;
 pub mod report;
 pub mod retarget;
 pub mod signals;

@@ -22,6 +22,8 @@ pub struct Sample<'a> {
     pub at: Instant,
     /// Goal in effect while the states were read, joint angles, rad.
     pub goal_rad: &'a [f64],
+    /// Speed of those goals along the motion, rad/s.
+    pub goal_velocity_rad_s: &'a [f64],
     /// Measured states, or why there is none.
     pub states: &'a [Result<(JointState, bool), Miss>],
     /// Slow facts read in this cycle: joint index and what was read.

@@ -1,6 +1,7 @@
 //! Where a robot is reached: the value of `--bus`.
 
 use crate::error::Error;
+use std::fmt;
 use std::str::FromStr;
 
 /// One `--bus [NAME=]BUS`.
@@ -56,6 +57,22 @@ impl FromStr for Address {
             return Err(unknown());
         }
         Ok(Self { line, bus })
+    }
+}
+
+impl fmt::Display for Address {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let Some(line) = &self.line {
+            write!(f, "{line}=")?;
+        }
+        match &self.bus {
+            BusKind::Sim => f.write_str("sim"),
+            BusKind::SimPty => f.write_str("sim:pty"),
+            BusKind::Serial { path, baud_bps: None } => write!(f, "serial:{path}"),
+            BusKind::Serial { path, baud_bps: Some(baud) } => {
+                write!(f, "serial:{path}?baud={baud}")
+            }
+        }
     }
 }
 

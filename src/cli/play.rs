@@ -16,7 +16,7 @@ use std::path::PathBuf;
 
 mod recorder;
 
-use recorder::RunRecorder;
+pub use recorder::RunRecorder;
 
 /// Arguments of `play`.
 #[derive(Clone, Debug, Args)]
@@ -128,7 +128,7 @@ fn play_into(
     report.wire_limit_hz = Some(found.wire_limit_hz);
     report.notes.extend(found.notes.iter().cloned());
     let planned = plan_from(args, &connection, &found, &loaded)?;
-    describe_plan(report, &connection.link.robot().clone(), &planned, &loaded);
+    describe_plan(report, connection.link.robot(), &planned, &loaded);
     if args.dry_run {
         report.outcome = Outcome::Done;
         return Ok(());
@@ -136,7 +136,7 @@ fn play_into(
     perform(args, output, signals, report, &mut connection, &found, &planned, settings)
 }
 
-fn checked_rate(rate_hz: f64) -> Result<f64, Error> {
+pub(super) fn checked_rate(rate_hz: f64) -> Result<f64, Error> {
     if (1.0..=1000.0).contains(&rate_hz) {
         return Ok(rate_hz);
     }
@@ -164,7 +164,7 @@ fn plan_from(
     plan(&found.start_rad, &path, &robot.limits(), options)
 }
 
-fn describe_plan(report: &mut PlayReport, robot: &Robot, planned: &Plan, loaded: &Loaded) {
+pub(super) fn describe_plan(report: &mut PlayReport, robot: &Robot, planned: &Plan, loaded: &Loaded) {
     report.describe_retiming(&planned.retimed);
     report.ease_in_s = planned.ease_in_s;
     report.ease_out_s = planned.ease_out_s;
@@ -251,9 +251,9 @@ fn perform(
         control::arm::disarm(&mut connection.link)?;
     }
     describe_run(report, &run);
-    recorder.finish(report, connection)?;
+    recorder.finish(report, connection);
     if let Some(path) = &args.html {
-        let page = plots::page(report, &recorder, planned, connection.link.robot());
+        let page = plots::page(report, &recorder, connection.link.robot());
         output.write_file(path, page.as_bytes())?;
         report.html = Some(path.display().to_string());
     }

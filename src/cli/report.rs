@@ -1,5 +1,6 @@
 //! What `play` tells: one set of figures, as text for a person and as JSON for a program.
 
+use crate::motion::{Because, Retimed};
 use serde::Serialize;
 use std::fmt::Write;
 
@@ -163,6 +164,57 @@ pub struct PlayReport {
 }
 
 impl PlayReport {
+    /// A report of nothing yet.
+    #[must_use]
+    pub fn new(motion: &str, robot: &str, bus: Vec<String>) -> Self {
+        Self {
+            outcome: Outcome::Refused,
+            stop_reason: None,
+            motion: motion.to_owned(),
+            robot: robot.to_owned(),
+            bus,
+            dry_run: false,
+            cycles: 0,
+            missed_cycles: 0,
+            late_cycles: 0,
+            cycle_hz: 0.0,
+            wire_limit_hz: None,
+            bus_load: 0.0,
+            duration_s: 0.0,
+            retime_factor: 1.0,
+            retime_joint: None,
+            retime_limit: None,
+            ease_in_s: 0.0,
+            ease_out_s: 0.0,
+            approach_s: 0.0,
+            joints: Vec::new(),
+            max_start_velocity_rad_s: 0.0,
+            max_end_velocity_rad_s: 0.0,
+            max_temperature_c: None,
+            min_voltage_v: None,
+            max_current_a: None,
+            recording: None,
+            recording_lost: 0,
+            html: None,
+            calibration: None,
+            source: Source::default(),
+            referee: None,
+            notes: Vec::new(),
+        }
+    }
+
+    /// Says what was done to the motion's time.
+    pub fn describe_retiming(&mut self, retimed: &Retimed) {
+        self.retime_factor = retimed.factor;
+        let limit = match retimed.because {
+            Because::Nothing => return,
+            Because::Velocity => "velocity",
+            Because::Acceleration => "acceleration",
+        };
+        self.retime_joint = Some(retimed.joint.1.clone());
+        self.retime_limit = Some(limit.to_owned());
+    }
+
     /// The report as lines for a person.
     #[must_use]
     pub fn text(&self) -> String {

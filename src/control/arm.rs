@@ -63,7 +63,28 @@ fn switch_on(link: &mut Link, preflight: &Preflight, command: &Command) -> Resul
                 .allowed(format!("{:.2} deg", wanted_rad.to_degrees())));
         }
     }
+    check_where_it_was(link, command)?;
     set_torque(link, true)
+}
+
+/// Torque moves a joint to its goal: it must still be there.
+fn check_where_it_was(link: &mut Link, command: &Command) -> Result<(), Error> {
+    let limit = budget(link);
+    let states = link.states(limit).map_err(|e| exchange_error(link, None, &e))?;
+    for (index, (state, goal)) in states.iter().zip(command.goal_rad()).enumerate() {
+        let joint = &link.robot().joints[index];
+        let off = state.as_ref().map(|(state, _)| (state.position_rad - goal).abs());
+        if !off.as_ref().is_ok_and(|off| *off <= HOLD_RAD) {
+            return Err(Error::new("a joint moved before torque came on; torque stays off")
+                .at(format!("joint {}", joint.name))
+                .got(off.map_or_else(|miss| miss.to_string(), |off| {
+                    format!("{:.1} deg from where it was", off.to_degrees())
+                }))
+                .allowed(format!("{:.1} deg", HOLD_RAD.to_degrees()))
+                .remedy("hold the robot still, or support it, and start again"));
+        }
+    }
+    Ok(())
 }
 
 /// Tells servos that have a speed register for position moves not to exceed the joint's limit.

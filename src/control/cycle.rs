@@ -7,7 +7,7 @@ use crate::guard::{Command, Guard};
 use crate::motion::{Clock as MotionClock, Setpoint, Trajectory};
 use crate::robot::Link;
 use crate::robot::link::States;
-use crate::robot::preflight::{LINE_SHARE, configured, error_words};
+use crate::robot::preflight::{LINE_SHARE, error_words};
 use crate::time::{Duration, Instant};
 use gaitway_profiles::Role;
 
@@ -62,8 +62,10 @@ struct Player<'a> {
     trajectory: &'a Trajectory,
     clock: MotionClock,
     setpoints: Vec<Setpoint>,
+    goal_velocity_rad_s: Vec<f64>,
     written_at: Instant,
     stop: Option<StopReason>,
+    frozen: bool,
     goals_at_rest: u32,
     rest_since: Option<Instant>,
 }
@@ -93,8 +95,10 @@ pub fn run(
         trajectory,
         clock: MotionClock::new(&limits),
         setpoints: vec![Setpoint::default(); limits.len()],
+        goal_velocity_rad_s: vec![0.0; limits.len()],
         written_at: began,
         stop: None,
+        frozen: false,
         goals_at_rest: 0,
         rest_since: None,
     };
@@ -158,15 +162,21 @@ impl Player<'_> {
                 return false;
             }
         };
-        let goal_rad = self.command.goal_rad().to_vec();
-        let sample =
-            Sample { cycle: tally.cycles, at: now, goal_rad: &goal_rad, states: &states, health };
+        let sample = Sample {
+            cycle: tally.cycles,
+            at: now,
+            goal_rad: self.command.goal_rad(),
+            goal_velocity_rad_s: &self.goal_velocity_rad_s,
+            states: &states,
+            health,
+        };
         let link = &*self.link;
-        if let Some(reason) = watch.judge(&sample, |joint, bits| error_words(link, joint, bits)) {
-            self.request_stop(reason);
-        }
+        let reason = watch.judge(&sample, |joint, bits| error_words(link, joint, bits));
         tally.add(&sample);
         sink.take(&sample);
+        if let Some(reason) = reason {
+            self.request_stop(reason);
+        }
         if self.over(&states, now, settings) {
             return false;
         }
@@ -221,22 +231,29 @@ impl Player<'_> {
     /// Samples the motion at the moment of writing and writes what the guard admits.
     fn write(&mut self, budget: Instant) -> Result<(), StopReason> {
         let now = self.link.clock().now();
-        let dt_s = now.since(self.written_at).as_secs_f64();
-        let motion_s = self.clock.advance(dt_s);
-        self.trajectory.sample(motion_s, &mut self.setpoints);
-        let goal_rad: Vec<f64> = self.setpoints.iter().map(|s| s.position_rad).collect();
-        match self.guard.admit(&goal_rad, now) {
-            Ok(command) => self.command = command,
-            Err(refusal) => {
-                let joint = self.link.robot().joints[refusal.joint].name.clone();
-                let reason = refusal.reason.to_string();
-                return Err(StopReason::Refused { joint, reason });
+        let motion_s = self.clock.advance(now.since(self.written_at).as_secs_f64());
+        self.written_at = now;
+        if !self.frozen {
+            self.trajectory.sample(motion_s, &mut self.setpoints);
+            self.clock.apply_rate(&mut self.setpoints);
+            let goal_rad: Vec<f64> = self.setpoints.iter().map(|s| s.position_rad).collect();
+            match self.guard.admit(&goal_rad, now) {
+                Ok(command) => {
+                    self.command = command;
+                    let speeds = self.setpoints.iter().map(|s| s.velocity_rad_s);
+                    self.goal_velocity_rad_s = speeds.collect();
+                }
+                Err(refusal) => {
+                    // The goal before was good: the joints are left there.
+                    self.frozen = true;
+                    let joint = self.link.robot().joints[refusal.joint].name.clone();
+                    let reason = refusal.reason.to_string();
+                    self.request_stop(StopReason::Refused { joint, reason });
+                }
             }
         }
-        self.written_at = now;
-        if self.clock.is_stopped() || motion_s >= self.trajectory.duration_s() {
-            self.goals_at_rest += 1;
-        }
+        let over = self.clock.is_stopped() || motion_s >= self.trajectory.duration_s();
+        self.goals_at_rest += u32::from(over || self.frozen);
         self.link
             .write_goals(&self.command, budget)
             .map_err(|e| StopReason::LineLost { text: e.to_string() })
@@ -244,12 +261,12 @@ impl Player<'_> {
 }
 
 fn joint_facts(link: &Link) -> Vec<JointFacts> {
-    let facts = |index: usize| JointFacts {
-        name: link.robot().joints[index].name.clone(),
-        temperature_limit_c: configured(link, index, Role::TemperatureLimit),
-        min_voltage_v: configured(link, index, Role::MinVoltageLimit),
+    let facts = |joint: &crate::robot::Joint| JointFacts {
+        name: joint.name.clone(),
+        temperature_limit_c: joint.configured(Role::TemperatureLimit),
+        min_voltage_v: joint.configured(Role::MinVoltageLimit),
     };
-    (0..link.robot().joints.len()).map(facts).collect()
+    link.robot().joints.iter().map(facts).collect()
 }
 
 fn line_bytes(link: &Link) -> Vec<u64> {

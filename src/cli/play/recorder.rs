@@ -16,6 +16,8 @@ pub struct Series {
     pub time_s: Vec<f64>,
     /// Goals, by joint.
     pub goal_rad: Vec<Vec<f64>>,
+    /// Speed of the goals, by joint.
+    pub goal_velocity_rad_s: Vec<Vec<f64>>,
     /// Measured angles, by joint; NaN where the read was missed.
     pub present_rad: Vec<Vec<f64>>,
 }
@@ -67,6 +69,7 @@ impl RunRecorder {
         let series = plots.then(|| Series {
             time_s: Vec::new(),
             goal_rad: vec![Vec::new(); joints],
+            goal_velocity_rad_s: vec![Vec::new(); joints],
             present_rad: vec![Vec::new(); joints],
         });
         Ok(Self { recorder, patient: !connection.real_time, series, began: None })
@@ -125,6 +128,7 @@ impl Sink for Metered<'_> {
             series.time_s.push(time_s);
             for (index, state) in sample.states.iter().enumerate() {
                 series.goal_rad[index].push(sample.goal_rad[index]);
+                series.goal_velocity_rad_s[index].push(sample.goal_velocity_rad_s[index]);
                 let present = state.as_ref().map_or(f64::NAN, |(state, _)| state.position_rad);
                 series.present_rad[index].push(present);
             }

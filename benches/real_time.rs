@@ -1,0 +1,62 @@
+//! A minute of a 20-servo robot at 100 Hz over a pseudo-terminal in real time: missed and late
+//! cycles, beside the lateness of the machine's own timer in the same run.
+//!
+//! Run: `cargo bench --bench real_time` (or with a number of seconds after `--`)
+
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+const RATE_HZ: f64 = 100.0;
+
+fn main() {
+    let seconds: f64 = std::env::args().find_map(|a| a.parse().ok()).unwrap_or(60.0);
+    let cpuinfo = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let model = cpuinfo.lines().find_map(|line| line.strip_prefix("model name")).unwrap_or("?");
+    println!("processor{model}; gaitway {}", env!("CARGO_PKG_VERSION"));
+    let timer = std::thread::spawn(move || timer_lateness(seconds));
+    let played = play(seconds);
+    let mut late_us = timer.join().expect("the timer thread");
+    late_us.sort_by(f64::total_cmp);
+    let at = |share: f64| late_us[((late_us.len() - 1) as f64 * share) as usize];
+    let beyond = late_us.iter().filter(|&&us| us > 2_500.0).count();
+    println!(
+        "timer      {} wake-ups: p50 {:.0} us, p99 {:.0} us, worst {:.0} us; {beyond} later than 2.5 ms",
+        late_us.len(),
+        at(0.5),
+        at(0.99),
+        at(1.0)
+    );
+    for key in ["outcome", "cycles", "missed_cycles", "late_cycles", "duration_s", "bus_load"] {
+        println!("{key:<14} {}", played[key]);
+    }
+    println!("violations     {}", played["referee"]["violations"]);
+}
+
+/// How late an idle thread wakes that does what the loop does: sleep to an absolute time, us.
+fn timer_lateness(seconds: f64) -> Vec<f64> {
+    use gaitway::port::{Clock, MonotonicClock};
+    let clock = MonotonicClock;
+    let (began, period) = (clock.now(), Duration::from_secs_f64(1.0 / RATE_HZ));
+    let ticks = (seconds * RATE_HZ) as u32;
+    (1..=ticks)
+        .map(|tick| {
+            let due = began + period * tick;
+            clock.sleep_until(due);
+            clock.now().since(due).as_secs_f64() * 1e6
+        })
+        .collect()
+}
+
+/// Plays the shipped walk over and over until the time is up; the report.
+fn play(seconds: f64) -> serde_json::Value {
+    let began = Instant::now();
+    // One round of the walk is some 8 s long on this robot.
+    let rounds = (seconds / 8.0).ceil().max(1.0).to_string();
+    let output = Command::new(env!("CARGO_BIN_EXE_gaitway"))
+        .args(["play", "walk", "--robot", "op3", "--bus", "sim:pty", "--json", "--quiet"])
+        .args(["--rate", "100", "--loop", &rounds])
+        .output()
+        .expect("the gaitway command");
+    println!("played for {:.1} s", began.elapsed().as_secs_f64());
+    serde_json::from_slice(&output.stdout).expect("a JSON report")
+}

@@ -1,0 +1,254 @@
+//! From a motion as typed to a path over the robot's joints.
+
+use super::report::Source;
+use crate::body::Segment;
+use crate::error::Error;
+use crate::mocap::anatomy::{self, Capture};
+use crate::mocap::bvh;
+use crate::mocap::clip::Clip;
+use crate::mocap::mapping::MappingFile;
+use crate::mocap::retarget::{self, ModelJoint, Retargeted, RobotModel, SegmentLink};
+use crate::motion::Path;
+use crate::robot::Robot;
+use clap::Args;
+use gaitway_profiles as profiles;
+use glam::DVec3;
+use std::path::PathBuf;
+
+/// Which motion, for which robot, and how much of it.
+#[derive(Clone, Debug, Args)]
+pub struct MotionArgs {
+    /// A capture (.bvh), or a motion that ships with gaitway: walk
+    motion: String,
+    /// Robot by name, or path of its file (see `gaitway profile list`)
+    #[arg(long)]
+    robot: String,
+    /// File that says which joint of the capture is which body segment (TOML)
+    #[arg(long, value_name = "FILE.toml")]
+    mapping: Option<PathBuf>,
+    /// Playing speed: 0.5 is half as fast as recorded
+    #[arg(long, value_name = "X", default_value_t = 1.0)]
+    speed: f64,
+    /// Play from this time of the capture, s
+    #[arg(long, value_name = "S")]
+    from: Option<f64>,
+    /// Play to this time of the capture, s
+    #[arg(long, value_name = "S")]
+    to: Option<f64>,
+    /// Move only these joints; the others stay where they are
+    #[arg(long, value_name = "JOINTS", value_delimiter = ',')]
+    only: Vec<String>,
+    /// Swap left and right
+    #[arg(long)]
+    mirror: bool,
+    /// Slow the motion down until the robot can follow (the default for captures)
+    #[arg(long, conflicts_with = "no_retime")]
+    retime: bool,
+    /// Refuse a motion the robot cannot follow at the speed asked for
+    #[arg(long)]
+    no_retime: bool,
+}
+
+impl MotionArgs {
+    /// The motion as typed.
+    #[must_use]
+    pub fn motion(&self) -> &str {
+        &self.motion
+    }
+
+    /// The robot as typed.
+    #[must_use]
+    pub fn robot(&self) -> &str {
+        &self.robot
+    }
+
+    /// Playing speed.
+    #[must_use]
+    pub const fn speed(&self) -> f64 {
+        self.speed
+    }
+
+    /// True if the motion may be slowed down.
+    #[must_use]
+    pub const fn retimes(&self) -> bool {
+        // A person's motion is slowed by default; `--retime` says so explicitly.
+        self.retime || !self.no_retime
+    }
+}
+
+/// Motions that ship with gaitway.
+const SHIPPED: [(&str, &str); 1] = [("walk", include_str!("../../motions/walk.bvh"))];
+
+/// A motion on a robot's joints, before it is timed.
+#[derive(Clone, Debug)]
+pub struct Loaded {
+    /// The motion as it came in.
+    pub source: Source,
+    /// Choices made on the way.
+    pub notes: Vec<String>,
+    only: Vec<String>,
+    retargeted: Retargeted,
+}
+
+/// Reads the motion and transfers it to the robot's joints.
+///
+/// # Errors
+/// An unreadable or malformed file, a skeleton that is no person, unknown joints in `--only`, a
+/// section that is empty.
+pub fn load(args: &MotionArgs, robot: &Robot) -> Result<Loaded, Error> {
+    let known = robot.joint_names();
+    if let Some(unknown) = args.only.iter().find(|name| !known.contains(name)) {
+        return Err(Error::new("the robot has no such joint")
+            .at("--only")
+            .got(unknown.clone())
+            .allowed(known.join(", ")));
+    }
+    let bvh = read_bvh(&args.motion)?;
+    let mapping = args.mapping.as_deref().map(read_mapping).transpose()?;
+    let source = Source {
+        format: "bvh".to_owned(),
+        frames: bvh.pose_count(),
+        rate_hz: 1.0 / bvh.frame_time_s,
+        duration_s: bvh.pose_count().saturating_sub(1) as f64 * bvh.frame_time_s,
+    };
+    let in_file = |e: Error| if e.place.is_none() { e.at(args.motion.clone()) } else { e };
+    let clip = Clip::new(bvh, mapping.as_ref()).map_err(in_file)?;
+    let mut capture = anatomy::capture(&clip).map_err(in_file)?;
+    if args.mirror {
+        capture.mirror();
+    }
+    cut(&mut capture, args.from, args.to)?;
+    let model = robot_model(&robot.file, robot);
+    let initial_rad: Vec<f64> = robot.joints.iter().map(|joint| joint.initial_rad).collect();
+    let settings = retarget::Settings::default();
+    let retargeted = retarget::retarget(&capture, &model, &initial_rad, &settings)?;
+    let notes = retargeted.notes.clone();
+    Ok(Loaded { source, notes, only: args.only.clone(), retargeted })
+}
+
+fn read_bvh(motion: &str) -> Result<bvh::Bvh, Error> {
+    if let Some((_, text)) = SHIPPED.iter().find(|(name, _)| *name == motion) {
+        return bvh::parse(text.as_bytes());
+    }
+    let path = std::path::Path::new(motion);
+    let is_bvh = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("bvh"));
+    if !is_bvh {
+        let shipped: Vec<&str> = SHIPPED.iter().map(|(name, _)| *name).collect();
+        return Err(Error::new("not a motion I can read")
+            .at("MOTION")
+            .got(motion)
+            .allowed(format!("a .bvh file, or a shipped motion: {}", shipped.join(", "))));
+    }
+    bvh::read(path)
+}
+
+fn read_mapping(path: &std::path::Path) -> Result<MappingFile, Error> {
+    let text = profiles::read_text(path).map_err(|e| Error::new(e.to_string()))?;
+    MappingFile::parse(&text).map_err(|e| e.at(path.display().to_string()))
+}
+
+/// Keeps the poses from `from` to `to`, s.
+fn cut(capture: &mut Capture, from: Option<f64>, to: Option<f64>) -> Result<(), Error> {
+    if from.is_none() && to.is_none() {
+        return Ok(());
+    }
+    let last = capture.poses.len().saturating_sub(1);
+    let end_s = last as f64 / capture.rate_hz;
+    let (from_s, to_s) = (from.unwrap_or(0.0), to.unwrap_or(end_s));
+    if !(from_s >= 0.0 && from_s < to_s && to_s <= end_s + 0.5 / capture.rate_hz) {
+        return Err(Error::new("no such section in the capture")
+            .at("--from, --to")
+            .got(format!("{from_s} to {to_s} s"))
+            .allowed(format!("0 to {end_s:.3} s, the end after the beginning")));
+    }
+    let index = |time_s: f64| ((time_s * capture.rate_hz).round() as usize).min(last);
+    let (first, end) = (index(from_s), index(to_s));
+    capture.poses.truncate(end + 1);
+    capture.poses.drain(..first);
+    Ok(())
+}
+
+/// The robot as retargeting sees it.
+fn robot_model(file: &profiles::Robot, robot: &Robot) -> RobotModel {
+    let index = |name: &str| file.joints.iter().position(|joint| joint.name == name);
+    let joints = file.joints.iter().zip(&robot.joints).map(|(joint, resolved)| ModelJoint {
+        name: joint.name.clone(),
+        parent: joint.parent.as_deref().and_then(index),
+        origin_m: DVec3::from_array(joint.origin_m),
+        axis: DVec3::from_array(joint.axis),
+        lower_rad: resolved.limits.lower_rad(),
+        upper_rad: resolved.limits.upper_rad(),
+    });
+    let n_pose = |joint: &profiles::Joint| file.anatomy.n_pose_rad.get(&joint.name).copied();
+    let links = file.anatomy.segments.iter().filter_map(|link| {
+        Some(SegmentLink {
+            segment: segment(link.segment),
+            joint: index(&link.joint)?,
+            direction_weight: link.direction_weight,
+            twist_weight: link.twist_weight,
+        })
+    });
+    RobotModel {
+        joints: joints.collect(),
+        base: file.anatomy.base.iter().copied().map(segment).collect(),
+        n_pose_rad: file.joints.iter().map(|joint| n_pose(joint).unwrap_or(0.0)).collect(),
+        links: links.collect(),
+    }
+}
+
+const fn segment(segment: profiles::Segment) -> Segment {
+    match segment {
+        profiles::Segment::Pelvis => Segment::Pelvis,
+        profiles::Segment::Torso => Segment::Torso,
+        profiles::Segment::Head => Segment::Head,
+        profiles::Segment::LeftUpperArm => Segment::LeftUpperArm,
+        profiles::Segment::LeftForearm => Segment::LeftForearm,
+        profiles::Segment::RightUpperArm => Segment::RightUpperArm,
+        profiles::Segment::RightForearm => Segment::RightForearm,
+        profiles::Segment::LeftThigh => Segment::LeftThigh,
+        profiles::Segment::LeftShank => Segment::LeftShank,
+        profiles::Segment::LeftFoot => Segment::LeftFoot,
+        profiles::Segment::RightThigh => Segment::RightThigh,
+        profiles::Segment::RightShank => Segment::RightShank,
+        profiles::Segment::RightFoot => Segment::RightFoot,
+    }
+}
+
+impl Loaded {
+    /// The path over all joints; those the motion does not drive stay at `start_rad`.
+    ///
+    /// # Errors
+    /// As [`Path::new`].
+    pub fn path_from(&self, robot: &Robot, start_rad: &[f64]) -> Result<Path, Error> {
+        let samples = self.samples();
+        let rows = robot.joints.iter().zip(start_rad).map(|(joint, &start)| {
+            match self.series(&joint.name) {
+                Some(series) => series.clone(),
+                None => vec![start; samples],
+            }
+        });
+        Path::new(robot.joint_names(), self.retargeted.rate_hz, rows.collect())
+    }
+
+    /// Angles of a joint the motion drives.
+    fn series(&self, joint: &str) -> Option<&Vec<f64>> {
+        if !self.only.is_empty() && !self.only.iter().any(|name| name == joint) {
+            return None;
+        }
+        let index = self.retargeted.joints.iter().position(|name| name == joint)?;
+        self.retargeted.positions_rad.get(index)
+    }
+
+    /// Poses of the motion.
+    #[must_use]
+    pub fn samples(&self) -> usize {
+        self.retargeted.positions_rad.first().map_or(0, Vec::len)
+    }
+
+    /// Poses in which saturation moved a joint.
+    #[must_use]
+    pub fn clipped_samples(&self, joint: &str) -> usize {
+        let index = self.retargeted.joints.iter().position(|name| name == joint);
+        index.and_then(|i| self.retargeted.clipped_samples.get(i).copied()).unwrap_or(0)
+    }
+}

@@ -1,0 +1,60 @@
+//! House rules that a machine can hold.
+
+use std::path::Path;
+use std::process::Command;
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+#[test]
+fn the_sources_are_formatted() {
+    let Ok(run) = Command::new("cargo").args(["fmt", "--all", "--check"]).current_dir(root()).output()
+    else {
+        eprintln!("SKIPPED: cargo fmt is not installed");
+        return;
+    };
+    let said = String::from_utf8_lossy(&run.stderr);
+    if said.contains("is not installed") || said.contains("no such command") {
+        eprintln!("SKIPPED: rustfmt is not installed");
+        return;
+    }
+    assert!(run.status.success(), "run `cargo fmt --all`:\n{}", String::from_utf8_lossy(&run.stdout));
+}
+
+fn text_files(folder: &Path, found: &mut Vec<std::path::PathBuf>) {
+    for entry in std::fs::read_dir(folder).expect("a readable folder") {
+        let path = entry.expect("a readable entry").path();
+        let name = path.file_name().and_then(|n| n.to_str()).unwrap_or_default();
+        if path.is_dir() && !matches!(name, "target" | ".git" | "corpus" | "artifacts") {
+            text_files(&path, found);
+        } else if path.extension().is_some_and(|e| e == "rs" || e == "toml" || e == "md") {
+            found.push(path);
+        }
+    }
+}
+
+#[test]
+fn nothing_is_left_for_later() {
+    let mut files = Vec::new();
+    text_files(root(), &mut files);
+    assert!(files.len() > 50, "only {} files found", files.len());
+    // Put together here so that this file does not contain them.
+    let marks = [["TO", "DO"].concat(), ["FIX", "ME"].concat(), ["unimplement", "ed!"].concat()];
+    for file in files {
+        let text = std::fs::read_to_string(&file).expect("a text file");
+        for mark in &marks {
+            assert!(!text.contains(mark.as_str()), "{} contains {mark}", file.display());
+        }
+    }
+}
+
+#[test]
+fn no_crate_contains_unsafe_code() {
+    for manifest in ["Cargo.toml", "firmware-profiles/Cargo.toml", "sim/Cargo.toml"] {
+        let text = std::fs::read_to_string(root().join(manifest)).expect("a manifest");
+        assert!(text.contains("[lints]\nworkspace = true"), "{manifest} leaves the workspace lints");
+    }
+    let workspace = std::fs::read_to_string(root().join("Cargo.toml")).expect("a manifest");
+    assert!(workspace.contains("unsafe_code = \"forbid\""));
+}
