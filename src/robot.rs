@@ -11,6 +11,7 @@ use crate::device::{FeedbackBlock, HealthBlock, JointState, Model};
 use crate::error::Error;
 use crate::motion::JointLimits;
 use gaitway_profiles::{self as profiles, Role};
+use std::collections::BTreeMap;
 
 /// One degree of freedom, resolved.
 #[derive(Clone, Debug)]
@@ -28,8 +29,8 @@ pub struct Joint {
     pub limits: JointLimits,
     /// Pose the robot file starts in, rad.
     pub initial_rad: f64,
-    /// Firmware the robot file was written for.
-    pub firmware: u16,
+    /// Raw values its registers are configured to, by register name.
+    pub setup: BTreeMap<String, i64>,
     direction: f64,
     offset_rad: f64,
     feedback: FeedbackBlock,
@@ -69,12 +70,20 @@ impl Joint {
             model,
             limits,
             initial_rad: joint.initial_rad,
-            firmware: file.setup_for(&joint.name).0,
+            setup: file.setup_for(joint).1,
             direction,
             offset_rad: joint.offset_rad,
             feedback: FeedbackBlock::of(model).map_err(unfit)?,
             health: HealthBlock::of(model),
         })
+    }
+
+    /// SI value of a configuration register as the robot file, or else the factory, sets it.
+    #[must_use]
+    pub fn configured(&self, role: Role) -> Option<f64> {
+        let register = self.model.register(role).ok()?;
+        let raw = self.setup.get(&register.name).copied().or(register.initial)?;
+        Some(self.model.si_from_raw(register, raw))
     }
 
     /// The servo's angle for a joint angle, rad.

@@ -346,12 +346,6 @@ fn groups(robot: &Robot, block: impl Fn(&Joint) -> (u16, u16)) -> Vec<Group> {
 
 /// Longest return delay among the servos of line number `line`, as the robot file sets it.
 fn return_delay(robot: &Robot, line: usize) -> Duration {
-    let delay_s = |joint: &Joint| -> Option<f64> {
-        let register = joint.model.register(Role::ReturnDelay).ok()?;
-        let (_, setup) = robot.file.setup_for(&joint.name);
-        let raw = setup.get(&register.name).copied().or(register.initial)?;
-        Some(joint.model.si_from_raw(register, raw))
-    };
     let on_line = robot.joints.iter().filter(|joint| joint.line == line);
-    Duration::from_secs_f64(on_line.filter_map(delay_s).fold(0.0, f64::max).clamp(0.0, 1.0))
+    Duration::from_secs_f64(on_line.filter_map(|joint| joint.configured(Role::ReturnDelay)).fold(0.0, f64::max).clamp(0.0, 1.0))
 }

@@ -125,7 +125,7 @@ fn check_identity(link: &mut Link, accept: Accept, found: &mut Preflight) -> Res
 /// Compares the registers the robot file states with those in the servo.
 fn check_setup(link: &mut Link, found: &mut Preflight) -> Result<(), Error> {
     for joint in 0..link.robot().joints.len() {
-        let (_, setup) = link.robot().file.setup_for(&link.robot().joints[joint].name);
+        let setup = link.robot().joints[joint].setup.clone();
         let profile = link.robot().joints[joint].model.profile();
         for (name, wanted) in setup {
             let Some(register) = profile.registers.iter().find(|r| r.name == name) else {
@@ -183,7 +183,7 @@ fn check_health(link: &mut Link) -> Result<(), Error> {
 
 fn check_supply(link: &Link, joint: usize, health: &crate::device::Health) -> Result<(), Error> {
     if let (Some(voltage), Some(minimum)) =
-        (health.voltage_v, configured(link, joint, Role::MinVoltageLimit))
+        (health.voltage_v, link.robot().joints[joint].configured(Role::MinVoltageLimit))
         && !(voltage >= minimum)
     {
         return Err(Error::new("the supply voltage is too low")
@@ -193,7 +193,7 @@ fn check_supply(link: &Link, joint: usize, health: &crate::device::Health) -> Re
             .remedy("charge the battery or check the supply"));
     }
     if let (Some(temperature), Some(limit)) =
-        (health.temperature_c, configured(link, joint, Role::TemperatureLimit))
+        (health.temperature_c, link.robot().joints[joint].configured(Role::TemperatureLimit))
         && !(temperature <= limit - TEMPERATURE_MARGIN_C)
     {
         return Err(Error::new("a servo is too hot to start")
@@ -203,15 +203,6 @@ fn check_supply(link: &Link, joint: usize, health: &crate::device::Health) -> Re
             .remedy("let it cool down"));
     }
     Ok(())
-}
-
-/// SI value of a configuration register as the robot file or the factory sets it.
-pub(crate) fn configured(link: &Link, joint: usize, role: Role) -> Option<f64> {
-    let joint = &link.robot().joints[joint];
-    let register = joint.model.register(role).ok()?;
-    let (_, setup) = link.robot().file.setup_for(&joint.name);
-    let raw = setup.get(&register.name).copied().or(register.initial)?;
-    Some(joint.model.si_from_raw(register, raw))
 }
 
 /// The names of the error bits that are set.
