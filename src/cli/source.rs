@@ -108,8 +108,8 @@ pub fn load(args: &MotionArgs, robot: &Robot) -> Result<Loaded, Error> {
     let source = Source {
         format: "bvh".to_owned(),
         frames: bvh.pose_count(),
-        rate_hz: 1.0 / bvh.frame_time_s,
-        duration_s: bvh.pose_count().saturating_sub(1) as f64 * bvh.frame_time_s,
+        rate_hz: 1.0 / bvh.time_step_s,
+        duration_s: bvh.pose_count().saturating_sub(1) as f64 * bvh.time_step_s,
     };
     let in_file = |e: Error| if e.place.is_none() { e.at(args.motion.clone()) } else { e };
     let clip = Clip::new(bvh, mapping.as_ref()).map_err(in_file)?;

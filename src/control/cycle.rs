@@ -47,8 +47,8 @@ pub struct Run {
     pub bus_load: f64,
 }
 
-/// A cycle is late if it begins this share of a period after its time.
-const LATE_SHARE: f64 = 0.25;
+/// A cycle is late if it begins this share of a period after its time: its goals are stale then.
+const LATE_SHARE: f64 = 0.5;
 /// A joint is at rest below this speed, rad/s.
 const REST_RAD_S: f64 = 0.05;
 /// Goals written after the motion ended, so that the last two are equal on every joint.

@@ -134,8 +134,10 @@ impl HealthBlock {
     /// Torque and error state, voltage and temperature of `model`.
     #[must_use]
     pub fn of(model: Model) -> Self {
-        let groups: [&[Role]; 2] = [
-            &[Role::TorqueEnable, Role::HardwareError],
+        // Torque and error state apart: a read across undefined addresses may be refused.
+        let groups: [&[Role]; 3] = [
+            &[Role::TorqueEnable],
+            &[Role::HardwareError],
             &[Role::PresentVoltage, Role::PresentTemperature],
         ];
         let blocks = groups.iter().filter_map(|roles| Block::over(&model, roles)).collect();
