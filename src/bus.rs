@@ -155,8 +155,9 @@ impl Bus {
         port: Box<dyn BytePort>,
         clock: Arc<dyn Clock>,
         protocol: Protocol,
-        timing: Timing,
+        mut timing: Timing,
     ) -> Self {
+        timing.return_delay = timing.return_delay.max(protocol.least_reply_delay());
         Self {
             port,
             clock,
@@ -249,8 +250,11 @@ impl Bus {
         cut > 0
     }
 
-    fn gave_up(&mut self) {
-        self.quiet_until = self.clock.now() + self.timing.latency + SLACK;
+    /// An answer is missing. Nothing may be asked before the time in which it could still come is
+    /// over, and its late bytes had time to arrive and be thrown away.
+    fn gave_up(&mut self, window_end: Instant) {
+        let late = self.clock.now() + self.timing.latency + SLACK;
+        self.quiet_until = self.quiet_until.max(late).max(window_end);
     }
 
     /// Waits for the one answer of device `id` with `length` bytes.
@@ -261,7 +265,7 @@ impl Bus {
             match self.protocol.decode(&self.received, length, &mut self.scratch) {
                 Heard::Need => {
                     if !self.listen(deadline)? && !self.drop_cut_packet(&mut miss) {
-                        self.gave_up();
+                        self.gave_up(deadline);
                         return Err(miss.into());
                     }
                 }
@@ -420,19 +424,20 @@ impl Bus {
         budget: Instant,
     ) -> Result<Vec<Result<Reply, Miss>>, AskError> {
         let status = self.protocol.status_bytes(pending.length);
-        // A chain breaks where one device is silent: no byte for as long as one answer may take
-        // means that nothing more will come.
+        let devices = pending.ids.len();
+        let window_end = pending.heard_at + self.answer_time(status * devices, devices);
+        // Bytes that come late move the end, so that a slow host loses no answer.
         let patience = self.answer_time(status, 1);
         let mut answers = vec![Err(Miss::Silent); pending.ids.len()];
         let mut left = pending.ids.len();
-        let mut deadline = (pending.heard_at + patience).min(budget);
+        let mut deadline = window_end.min(budget);
         while left > 0 {
             match self.protocol.decode(&self.received, pending.length, &mut self.scratch) {
                 Heard::Need => {
                     if self.listen(deadline)? {
-                        deadline = (self.clock.now() + patience).min(budget);
+                        deadline = deadline.max((self.clock.now() + patience).min(budget));
                     } else if !self.drop_cut_packet(&mut Miss::Silent) {
-                        self.gave_up();
+                        self.gave_up(window_end);
                         break;
                     }
                 }
@@ -467,18 +472,19 @@ impl Bus {
         budget: Instant,
     ) -> Result<Vec<Result<Reply, Miss>>, AskError> {
         let total = self.protocol.merged_bytes(pending.ids.len(), pending.length);
-        let step = self.answer_time(self.protocol.status_bytes(pending.length), 1);
-        let mut deadline = (pending.heard_at + step).min(budget);
+        let window_end = pending.heard_at + self.answer_time(total, 1);
+        let patience = self.answer_time(self.protocol.status_bytes(pending.length), 1);
+        let mut deadline = window_end.min(budget);
         loop {
             let (answers, more) = codec::merged(&self.received, &pending.ids, pending.length);
             // Bounded even if a babbling line never lets the answer be complete.
             let room = self.received.len() < 2 * total + self.sent.len();
             if more && room && self.listen(deadline)? {
-                deadline = (self.clock.now() + step).min(budget);
+                deadline = deadline.max((self.clock.now() + patience).min(budget));
                 continue;
             }
             if more {
-                self.gave_up();
+                self.gave_up(window_end);
             }
             self.stats.answered += answers.iter().filter(|a| a.is_ok()).count() as u64;
             self.stats.garbled += u64::from(answers.contains(&Err(Miss::Garbled)));

@@ -1,6 +1,7 @@
 //! The protocols of a line behind one face: the same questions, each protocol's own bytes.
 
 use super::{GroupRead, Miss, Reply};
+use crate::time::Duration;
 use crate::wire::{Decoded, dynamixel2 as dxl, feetech as sts};
 
 /// What is spoken on a line.
@@ -36,6 +37,15 @@ fn byte(number: u16) -> Result<u8, String> {
 }
 
 impl Protocol {
+    /// Time a device takes to answer whatever its return delay register says. Feetech documents
+    /// none; 200 us covers what owners of STS servos report.
+    pub(super) const fn least_reply_delay(self) -> Duration {
+        match self {
+            Self::Dynamixel2 => Duration::ZERO,
+            Self::FeetechSts => Duration::from_micros(200),
+        }
+    }
+
     /// Bytes of a status with `params` bytes.
     pub(super) const fn status_bytes(self, params: usize) -> usize {
         match self {
