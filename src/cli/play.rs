@@ -268,7 +268,7 @@ fn perform(
 fn describe_run(report: &mut PlayReport, run: &Run) {
     report.outcome = match &run.stop {
         None => Outcome::Done,
-        Some(StopReason::LineLost { .. } | StopReason::Refused { .. }) => Outcome::Failed,
+        Some(StopReason::Refused { .. }) => Outcome::Failed,
         Some(_) => Outcome::Stopped,
     };
     report.stop_reason = run.stop.as_ref().map(ToString::to_string);

@@ -1,0 +1,235 @@
+//! The command as a process among processes: virtual robots behind pseudo-terminals, signals,
+//! ports that are busy or vanish. Time is real here because that is the point.
+
+use serde_json::Value;
+use std::io::{BufRead, BufReader};
+use std::path::PathBuf;
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+fn gaitway() -> Command {
+    Command::new(env!("CARGO_BIN_EXE_gaitway"))
+}
+
+/// A folder of this test's own.
+fn folder(name: &str) -> PathBuf {
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
+    let _ = std::fs::remove_dir_all(&folder);
+    std::fs::create_dir_all(&folder).expect("a temporary folder");
+    folder
+}
+
+/// A virtual op3 in a process of its own; ends with the test.
+struct Simulator {
+    child: Child,
+    link: PathBuf,
+}
+
+impl Simulator {
+    fn start(folder: &std::path::Path) -> Self {
+        let link = folder.join("op3");
+        let mut child = gaitway()
+            .args(["simulate", "op3", "--pty"])
+            .arg(&link)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("the simulator");
+        // Its first line of output says that the port is there.
+        let mut line = String::new();
+        let stdout = child.stdout.as_mut().expect("its output");
+        BufReader::new(stdout).read_line(&mut line).expect("a line");
+        assert!(line.starts_with("/dev/"), "{line:?}");
+        Self { child, link }
+    }
+
+    fn bus(&self) -> String {
+        format!("serial:{}", self.link.display())
+    }
+
+    /// Ends it and returns what its referee said.
+    fn end(mut self) -> String {
+        signal(&self.child, "INT");
+        let output = wait_for(&mut self.child, Duration::from_secs(5));
+        assert!(output.is_some(), "the simulator did not end");
+        let mut said = String::new();
+        let stderr = self.child.stderr.take().expect("its diagnostics");
+        std::io::Read::read_to_string(&mut BufReader::new(stderr), &mut said).expect("text");
+        said
+    }
+}
+
+impl Drop for Simulator {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+fn signal(child: &Child, name: &str) {
+    let sent = Command::new("kill").args(["-s", name, &child.id().to_string()]).status();
+    assert!(sent.is_ok_and(|s| s.success()), "no signal sent");
+}
+
+fn wait_for(child: &mut Child, limit: Duration) -> Option<std::process::ExitStatus> {
+    let began = Instant::now();
+    while began.elapsed() < limit {
+        if let Some(status) = child.try_wait().expect("a child") {
+            return Some(status);
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    None
+}
+
+fn play(bus: &str, more: &[&str]) -> Command {
+    let mut command = gaitway();
+    command.args(["play", "walk", "--robot", "op3", "--json", "--quiet", "--bus", bus]).args(more);
+    command.stdout(Stdio::piped()).stderr(Stdio::piped());
+    command
+}
+
+fn report(output: &Output) -> Value {
+    serde_json::from_slice(&output.stdout).unwrap_or_else(|e| {
+        let said = String::from_utf8_lossy(&output.stderr);
+        panic!("no report ({e}): {said}")
+    })
+}
+
+/// Reads the last moment of a recording.
+fn recorded_s(path: &std::path::Path) -> f64 {
+    gaitway::recording::summary(path).expect("a readable recording").duration_s
+}
+
+#[test]
+fn a_robot_in_another_process_is_played_over_a_real_port() {
+    let folder = folder("another_process");
+    let simulator = Simulator::start(&folder);
+    let output = play(&simulator.bus(), &["--to", "1.5"]).output().expect("a run");
+    let report = report(&output);
+    assert_eq!(report["outcome"], "done", "{report:#}");
+    assert!(report["max_end_velocity_rad_s"].as_f64().expect("a number").abs() < 1e-9);
+    let worst = report["joints"].as_array().expect("joints").iter();
+    let worst = worst.map(|j| j["tracking_rms_rad"].as_f64().expect("measured")).fold(0.0, f64::max);
+    assert!(worst > 0.0 && worst < 0.1, "tracking {worst} rad");
+    let said = simulator.end();
+    assert!(!said.contains("referee: R1"), "{said}");
+    assert!(!said.contains("referee: R3"), "{said}");
+}
+
+#[test]
+fn an_interrupt_slows_the_motion_down_and_holds() {
+    for (name, number) in [("INT", 130), ("TERM", 143)] {
+        let folder = folder(&format!("signal_{name}"));
+        let recording = folder.join("run.mcap");
+        let record = recording.to_str().expect("a UTF-8 path");
+        let mut child = play("sim:pty", &["--record", record]).spawn().expect("a run");
+        wait_until_recorded(&recording, 20_000);
+        signal(&child, name);
+        let asked = Instant::now();
+        // A second signal changes nothing.
+        signal(&child, name);
+        let status = wait_for(&mut child, Duration::from_secs(5)).expect("it ends");
+        assert_eq!(status.code(), Some(number), "{name}");
+        let took = asked.elapsed();
+        assert!(took < Duration::from_secs(3), "{name}: {took:?} until the end");
+        let output = child.wait_with_output().expect("its output");
+        let report = report(&output);
+        assert_eq!(report["outcome"], "stopped", "{report:#}");
+        assert_eq!(report["stop_reason"], "stopped by the operator");
+        assert_eq!(report["referee"]["violations"], serde_json::json!([]), "{name}");
+        assert!(recorded_s(&recording) > 0.2);
+    }
+}
+
+/// Waits until the growing recording shows that the motion is under way.
+fn wait_until_recorded(path: &std::path::Path, bytes: u64) {
+    let began = Instant::now();
+    while std::fs::metadata(path).map_or(0, |m| m.len()) < bytes {
+        assert!(began.elapsed() < Duration::from_secs(20), "the motion never started");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+#[test]
+fn a_killed_player_leaves_the_joints_at_rest_and_a_readable_recording() {
+    let folder = folder("killed");
+    let simulator = Simulator::start(&folder);
+    let recording = folder.join("run.mcap");
+    let record = recording.to_str().expect("a UTF-8 path");
+    let mut child = play(&simulator.bus(), &["--record", record]).spawn().expect("a run");
+    wait_until_recorded(&recording, 60_000);
+    child.kill().expect("kill -9");
+    child.wait().expect("its end");
+    let read = gaitway::recording::read(&recording).expect("a readable recording");
+    assert!(!read.cycles.is_empty(), "nothing survived the kill");
+    // The robot holds; the next start finds torque on and refuses until that is dealt with.
+    let output = play(&simulator.bus(), &[]).output().expect("a run");
+    let report = report(&output);
+    assert_eq!(report["outcome"], "refused");
+    assert!(report["stop_reason"].as_str().expect("words").contains("torque on"), "{report:#}");
+    assert_eq!(output.status.code(), Some(1));
+}
+
+#[test]
+fn a_port_in_use_is_refused_by_name() {
+    let folder = folder("busy");
+    let simulator = Simulator::start(&folder);
+    let recording = folder.join("run.mcap");
+    let record = recording.to_str().expect("a UTF-8 path");
+    let mut first = play(&simulator.bus(), &["--record", record]).spawn().expect("a run");
+    wait_until_recorded(&recording, 10_000);
+    let output = play(&simulator.bus(), &[]).output().expect("a second run");
+    let _ = first.kill();
+    let _ = first.wait();
+    let second = report(&output);
+    assert_eq!(second["outcome"], "refused");
+    let reason = second["stop_reason"].as_str().expect("words");
+    assert!(reason.contains("in use"), "{reason}");
+    assert!(reason.contains(simulator.link.to_str().expect("UTF-8")), "{reason}");
+}
+
+#[test]
+fn a_port_that_vanishes_ends_the_motion_within_a_second() {
+    let folder = folder("vanish");
+    let mut simulator = Simulator::start(&folder);
+    let recording = folder.join("run.mcap");
+    let record = recording.to_str().expect("a UTF-8 path");
+    let mut child = play(&simulator.bus(), &["--record", record]).spawn().expect("a run");
+    wait_until_recorded(&recording, 10_000);
+    simulator.child.kill().expect("the simulator dies");
+    simulator.child.wait().expect("its end");
+    let status = wait_for(&mut child, Duration::from_secs(3)).expect("the player ends");
+    assert_eq!(status.code(), Some(4));
+    let output = child.wait_with_output().expect("its output");
+    let report = report(&output);
+    assert_eq!(report["outcome"], "stopped", "{report:#}");
+    assert!(report["stop_reason"].as_str().expect("words").contains("lost"), "{report:#}");
+}
+
+#[test]
+fn ports_that_are_none_are_refused_with_what_to_do() {
+    let folder = folder("no_port");
+    let file = folder.join("file.txt");
+    std::fs::write(&file, "not a port").expect("a file");
+    for (path, words) in [
+        ("/dev/no-such-port".to_owned(), "no such port"),
+        (file.display().to_string(), "cannot be opened as a serial line"),
+    ] {
+        let output = play(&format!("serial:{path}"), &[]).output().expect("a run");
+        let report = report(&output);
+        let reason = report["stop_reason"].as_str().expect("words");
+        assert!(reason.contains(words) && reason.contains(&path), "{reason}");
+        assert_eq!(output.status.code(), Some(1));
+    }
+}
+
+#[test]
+fn the_simulator_does_not_take_a_name_that_is_taken() {
+    let folder = folder("taken");
+    let link = folder.join("op3");
+    std::fs::write(&link, "precious").expect("a file");
+    let output = gaitway().args(["simulate", "op3", "--pty"]).arg(&link).output().expect("a run");
+    assert_eq!(output.status.code(), Some(1));
+    assert_eq!(std::fs::read_to_string(&link).expect("still there"), "precious");
+}
