@@ -1,1 +1,51 @@
-//! Virtual servos at register level on virtual lines.
+//! Virtual servos at register level on virtual half-duplex lines, for tests without hardware.
+//!
+//! - [`World`]: a robot's servos and the time they share. Virtual time passes only when asked, so a
+//!   minute of motion takes milliseconds, and the same seed and host bytes give the same bytes.
+//! - [`Fault`]: what goes wrong, on purpose.
+//! - [`Verdict`]: what the referee saw; it judges at register level and knows only the robot file.
+//! - [`Door`]: the same world behind a pseudo-terminal, in real time, for other programs.
+//!
+//! The device side of the protocols is written here from the makers' manuals alone. This crate
+//! never uses the driver's codec: a mistake made twice would be seen, one that is shared would not.
+
+mod dynamixel2;
+mod exchange;
+mod fault;
+mod feetech;
+mod line;
+mod motor;
+mod pty;
+mod referee;
+mod servo;
+mod table;
+mod world;
+
+pub use fault::{Damage, Fault};
+pub use pty::{Door, DoorError};
+pub use referee::{Rule, Verdict, Violation};
+pub use world::{MissingInChain, Options, World};
+
+/// Why a world cannot be built.
+#[derive(Debug, thiserror::Error)]
+pub enum SimError {
+    /// A joint names a servo nobody describes.
+    #[error("no servo profile is named {0:?}")]
+    UnknownServo(String),
+    /// A joint names a line the robot does not have.
+    #[error("no line is named {0:?}")]
+    UnknownLine(String),
+    /// A fault names a joint the robot does not have.
+    #[error("no joint is named {0:?}")]
+    UnknownJoint(String),
+    /// A servo cannot play its part.
+    #[error("joint {joint}: servo {servo} {reason}")]
+    BadServo {
+        /// The joint.
+        joint: String,
+        /// Its servo's profile.
+        servo: String,
+        /// What is wrong, as the rest of a sentence.
+        reason: String,
+    },
+}

@@ -1,0 +1,414 @@
+//! A half-duplex serial line: who talks when, what is heard, what reaches the host.
+//!
+//! Ten bits to a byte. One event per packet: the bytes of one status become readable together, when
+//! the last of them is complete, as with an adapter that hands over on a pause. A wrong baud rate
+//! makes bytes unreadable: servos ignore them, and a host that changed its rate while a status was
+//! under way reads garbage. Two that talk at once spoil each other's bytes, except that equal
+//! starts give the bitwise AND (idle is high, zero wins), so equal statuses pass unnoticed.
+
+use crate::exchange::{Answer, Exchange, Order, Scan};
+use crate::fault::{Arrival, Damage, Faults, damage_at_host, damage_at_sender};
+use crate::referee::Referee;
+use crate::servo::Servo;
+use crate::world::MissingInChain;
+use crate::{dynamixel2, feetech};
+use gaitway_profiles::Protocol;
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use std::collections::VecDeque;
+
+/// A pause between bytes longer than this ends a packet unfinished (e-Manual, Protocol 2.0,
+/// "Processing Order of Reception"; assumed for Feetech).
+const GAP_NS: u64 = 1_500_000;
+/// Between the slots of two IDs in the answer to a broadcast ping. The order is not documented;
+/// this is the pause the makers' SDKs allow for each ID, so the latest they would wait for.
+const SLOT_PAUSE_NS: u64 = 3_000_000;
+/// What waits for a host that never reads; the oldest is lost, as in an overrun.
+const READY_BYTES_MAX: usize = 1 << 16;
+
+/// What all lines of a world share.
+#[derive(Clone, Debug)]
+pub(crate) struct Shared {
+    pub line_timing: bool,
+    pub echo: bool,
+    pub adapter_latency_ns: u64,
+    pub missing_in_chain: MissingInChain,
+    pub faults: Faults,
+    pub rng: ChaCha8Rng,
+    pub referee: Referee,
+}
+
+impl Shared {
+    fn wire_ns(&self, bytes: usize, baud_bps: u32) -> u64 {
+        if self.line_timing {
+            bytes as u64 * 10_000_000_000 / u64::from(baud_bps.max(1))
+        } else {
+            0
+        }
+    }
+
+    fn pause_ns(&self, pause_ns: u64) -> u64 {
+        if self.line_timing { pause_ns } else { 0 }
+    }
+}
+
+/// Time on the wire.
+#[derive(Clone, Copy, Debug)]
+struct Span {
+    start_ns: u64,
+    end_ns: u64,
+}
+
+impl Span {
+    fn overlaps(self, other: Span) -> bool {
+        self.start_ns < other.end_ns && other.start_ns < self.end_ns
+    }
+}
+
+/// Host bytes on their way to the servos.
+#[derive(Clone, Debug)]
+struct Chunk {
+    span: Span,
+    bytes: Vec<u8>,
+    baud_bps: u32,
+}
+
+/// Bytes on their way to the host.
+#[derive(Clone, Debug)]
+struct Reception {
+    span: Span,
+    ready_ns: u64,
+    bytes: Vec<u8>,
+    baud_bps: u32,
+    from_servo: bool,
+}
+
+#[derive(Clone, Debug)]
+pub(crate) struct Line {
+    pub name: String,
+    /// What the servos are set up for.
+    pub baud_bps: u32,
+    pub servos: Vec<Servo>,
+    index: usize,
+    protocol: Protocol,
+    sending: VecDeque<Chunk>,
+    host_free_ns: u64,
+    host_baud_bps: u32,
+    /// Bytes heard that are no whole packet yet.
+    partial: Vec<u8>,
+    partial_end_ns: u64,
+    /// In order of `ready_ns`.
+    coming: VecDeque<Reception>,
+    ready: VecDeque<u8>,
+    /// When the last status asked for so far would be over.
+    window_end_ns: u64,
+}
+
+impl Line {
+    pub fn new(index: usize, name: &str, protocol: Protocol, baud_bps: u32) -> Line {
+        Line {
+            name: name.to_string(),
+            baud_bps,
+            servos: Vec::new(),
+            index,
+            protocol,
+            sending: VecDeque::new(),
+            host_free_ns: 0,
+            host_baud_bps: baud_bps,
+            partial: Vec::new(),
+            partial_end_ns: 0,
+            coming: VecDeque::new(),
+            ready: VecDeque::new(),
+            window_end_ns: 0,
+        }
+    }
+
+    /// The host starts to send, after what it is sending already.
+    pub fn transmit(&mut self, now_ns: u64, bytes: &[u8], baud_bps: u32, shared: &mut Shared) {
+        if bytes.is_empty() {
+            return;
+        }
+        let start_ns = now_ns.max(self.host_free_ns);
+        let end_ns = start_ns + shared.wire_ns(bytes.len(), baud_bps);
+        let span = Span { start_ns, end_ns };
+        self.host_free_ns = end_ns;
+        self.collect(now_ns, &mut shared.rng);
+        if baud_bps != self.host_baud_bps {
+            self.host_baud_bps = baud_bps;
+            self.partial.clear();
+        }
+        shared.referee.busy(self.index, start_ns, end_ns);
+        let mut bytes = bytes.to_vec();
+        spoil(span, &mut bytes, &mut self.coming, &mut shared.rng);
+        if shared.echo {
+            let ready_ns = end_ns + shared.adapter_latency_ns;
+            let bytes = bytes.clone();
+            self.receive(Reception { span, ready_ns, bytes, baud_bps, from_servo: false });
+        }
+        self.sending.push_back(Chunk { span, bytes, baud_bps });
+    }
+
+    /// When the servos have next heard all of what the host sent at once.
+    pub fn next_hearing_ns(&self) -> Option<u64> {
+        self.sending.front().map(|chunk| chunk.span.end_ns)
+    }
+
+    /// When bytes for the host become readable next.
+    pub fn next_ready_ns(&self) -> Option<u64> {
+        self.coming.front().map(|reception| reception.ready_ns)
+    }
+
+    /// The servos hear the host's next chunk and act on the packets in it.
+    pub fn hear_next(&mut self, shared: &mut Shared) {
+        let Some(chunk) = self.sending.pop_front() else { return };
+        if chunk.span.start_ns > self.partial_end_ns + GAP_NS {
+            self.partial.clear();
+        }
+        self.judge_turn(chunk.span.start_ns, shared);
+        self.partial.extend_from_slice(&chunk.bytes);
+        self.partial_end_ns = chunk.span.end_ns;
+        let mut at = 0;
+        loop {
+            let scan = match self.protocol {
+                Protocol::Dynamixel2 => dynamixel2::packet::scan(&self.partial[at..]),
+                Protocol::FeetechSts => feetech::scan(&self.partial[at..]),
+            };
+            match scan {
+                Scan::Incomplete => break,
+                Scan::Skip(bytes) => at += bytes,
+                Scan::Packet(bytes) => {
+                    let packet = self.partial[at..at + bytes].to_vec();
+                    at += bytes;
+                    let rest = self.partial.len() - at;
+                    let end_ns = chunk.span.end_ns - shared.wire_ns(rest, chunk.baud_bps);
+                    self.carry_out(&packet, end_ns, chunk.baud_bps, shared);
+                    if rest > 0 {
+                        self.judge_turn(end_ns, shared);
+                    }
+                    let span = Span { start_ns: end_ns, end_ns: chunk.span.end_ns };
+                    spoil(span, &mut self.partial[at..], &mut self.coming, &mut shared.rng);
+                }
+            }
+        }
+        self.partial.drain(..at);
+    }
+
+    /// The host talks from `start_ns` on: is it its turn?
+    fn judge_turn(&self, start_ns: u64, shared: &mut Shared) {
+        if shared.line_timing && start_ns < self.window_end_ns {
+            shared.referee.talked_early(self.index, start_ns, self.window_end_ns);
+        }
+    }
+
+    fn carry_out(&mut self, packet: &[u8], end_ns: u64, baud_bps: u32, shared: &mut Shared) {
+        shared.referee.instruction();
+        for servo in &mut self.servos {
+            servo.hears = servo.can_hear(end_ns, baud_bps);
+            if servo.hears {
+                servo.heard(end_ns);
+            }
+        }
+        let exchange = match self.protocol {
+            Protocol::Dynamixel2 => dynamixel2::answer(packet, &mut self.servos, end_ns),
+            Protocol::FeetechSts => feetech::answer(packet, &mut self.servos, end_ns),
+        };
+        self.report(end_ns, &mut shared.referee);
+        self.say(exchange, end_ns, baud_bps, shared);
+    }
+
+    /// Hands what happened in the servos to the referee.
+    pub fn report(&mut self, at_ns: u64, referee: &mut Referee) {
+        for servo in &mut self.servos {
+            for event in servo.events.drain(..) {
+                if let Some(joint) = servo.joint {
+                    referee.event(joint, at_ns, event);
+                }
+            }
+        }
+    }
+
+    /// Gives the answers their times and sends them to the host.
+    fn say(&mut self, mut exchange: Exchange, at_ns: u64, baud_bps: u32, shared: &mut Shared) {
+        let damages = self.draw_damages(&mut exchange, shared);
+        let order = exchange.order;
+        let mut clock = ReplyClock::new(order, at_ns);
+        let mut expected = ReplyClock::new(order, at_ns);
+        let mut broken = false;
+        for (k, answer) in exchange.answers.iter().enumerate() {
+            let wire_ns = shared.wire_ns(answer.length, baud_bps);
+            let pause_ns = shared.pause_ns(answer.delay_ns);
+            let slot_ns = shared.pause_ns(wire_ns + SLOT_PAUSE_NS) * u64::from(answer.id);
+            expected.next(answer, wire_ns, pause_ns, slot_ns);
+            let Some(servo) = answer.servo else {
+                match (order, shared.missing_in_chain) {
+                    (Order::Chained, MissingInChain::AnswerAfter { gap_ns }) => {
+                        clock.end_ns += shared.pause_ns(gap_ns);
+                    }
+                    (Order::Chained | Order::Merged, _) => broken = true,
+                    _ => {}
+                }
+                continue;
+            };
+            if broken {
+                continue;
+            }
+            let span = clock.next(answer, wire_ns, pause_ns, slot_ns);
+            self.servos[servo].statuses += 1;
+            shared.referee.status(self.index, span.start_ns, span.end_ns);
+            let damages = damages.get(k).map_or(&[][..], Vec::as_slice);
+            self.send(answer.bytes.clone(), span, baud_bps, damages, shared);
+        }
+        self.window_end_ns = self.window_end_ns.max(expected.end_ns);
+    }
+
+    /// What befalls each answer; what the servos do wrong themselves is done here.
+    fn draw_damages(&mut self, exchange: &mut Exchange, shared: &mut Shared) -> Vec<Vec<Damage>> {
+        if shared.faults.spare_statuses() {
+            return Vec::new();
+        }
+        let mut all = Vec::with_capacity(exchange.answers.len());
+        for k in 0..exchange.answers.len() {
+            let mut damages = Vec::new();
+            if let Some(index) = exchange.answers[k].servo {
+                let servo = &self.servos[index];
+                damages = shared.faults.strike_status(servo.joint, servo.statuses, &mut shared.rng);
+            }
+            for &damage in &damages {
+                damage_at_sender(self.protocol, exchange, k, damage);
+            }
+            all.push(damages);
+        }
+        all
+    }
+
+    fn send(
+        &mut self,
+        bytes: Vec<u8>,
+        span: Span,
+        baud_bps: u32,
+        damages: &[Damage],
+        shared: &mut Shared,
+    ) {
+        let mut arrival = Arrival { bytes, copies: 1, late_ns: 0 };
+        for &damage in damages {
+            damage_at_host(&mut arrival, damage, &mut shared.rng);
+        }
+        let ready_ns = span.end_ns + shared.adapter_latency_ns + arrival.late_ns;
+        let mut reception =
+            Reception { span, ready_ns, bytes: arrival.bytes, baud_bps, from_servo: true };
+        for chunk in &mut self.sending {
+            collide(chunk.span, &mut chunk.bytes, &mut reception, &mut shared.rng);
+        }
+        for other in self.coming.iter_mut().filter(|other| other.from_servo) {
+            if other.span.start_ns == span.start_ns && other.span.overlaps(span) {
+                join_equal_starts(&mut other.bytes, &mut reception.bytes);
+            } else {
+                collide(other.span, &mut other.bytes, &mut reception, &mut shared.rng);
+            }
+        }
+        let instant = Span { start_ns: span.end_ns, end_ns: span.end_ns };
+        for _ in 1..arrival.copies {
+            self.receive(Reception { span: instant, ..reception.clone() });
+        }
+        self.receive(reception);
+    }
+
+    fn receive(&mut self, reception: Reception) {
+        let after = |other: &&Reception| other.ready_ns > reception.ready_ns;
+        let later = self.coming.iter().rev().take_while(after).count();
+        self.coming.insert(self.coming.len() - later, reception);
+    }
+
+    /// Moves what is complete by `now_ns` to where the host reads it; returns how much waits there.
+    pub fn collect(&mut self, now_ns: u64, rng: &mut ChaCha8Rng) -> usize {
+        while self.coming.front().is_some_and(|reception| reception.ready_ns <= now_ns) {
+            let Some(reception) = self.coming.pop_front() else { break };
+            let garbled = reception.baud_bps != self.host_baud_bps;
+            for byte in reception.bytes {
+                self.ready.push_back(if garbled { rng.random() } else { byte });
+            }
+        }
+        let excess = self.ready.len().saturating_sub(READY_BYTES_MAX);
+        self.ready.drain(..excess);
+        self.ready.len()
+    }
+
+    /// Takes readable bytes.
+    pub fn take(&mut self, buf: &mut [u8]) -> usize {
+        let count = buf.len().min(self.ready.len());
+        for (slot, byte) in buf.iter_mut().zip(self.ready.drain(..count)) {
+            *slot = byte;
+        }
+        count
+    }
+
+    pub fn discard_ready(&mut self) {
+        self.ready.clear();
+    }
+}
+
+/// Where on the time axis the next answer goes.
+struct ReplyClock {
+    order: Order,
+    asked_ns: u64,
+    last_start_ns: u64,
+    end_ns: u64,
+}
+
+impl ReplyClock {
+    fn new(order: Order, asked_ns: u64) -> ReplyClock {
+        ReplyClock { order, asked_ns, last_start_ns: asked_ns, end_ns: asked_ns }
+    }
+
+    fn next(&mut self, answer: &Answer, wire_ns: u64, pause_ns: u64, slot_ns: u64) -> Span {
+        let start_ns = match self.order {
+            _ if answer.twin => self.last_start_ns,
+            Order::Together => self.asked_ns + pause_ns,
+            Order::Slots => self.asked_ns + slot_ns + pause_ns,
+            Order::Chained => self.end_ns + pause_ns,
+            // Only the first waits; the others go on without a pause.
+            Order::Merged if self.end_ns == self.asked_ns => self.asked_ns + pause_ns,
+            Order::Merged => self.end_ns,
+        };
+        self.last_start_ns = start_ns;
+        self.end_ns = self.end_ns.max(start_ns + wire_ns);
+        Span { start_ns, end_ns: start_ns + wire_ns }
+    }
+}
+
+/// Host bytes and the statuses that are on the wire at the same time spoil each other.
+fn spoil(span: Span, bytes: &mut [u8], coming: &mut VecDeque<Reception>, rng: &mut ChaCha8Rng) {
+    for reception in coming.iter_mut().filter(|reception| reception.from_servo) {
+        collide(span, bytes, reception, rng);
+    }
+}
+
+fn collide(span: Span, bytes: &mut [u8], reception: &mut Reception, rng: &mut ChaCha8Rng) {
+    if span.overlaps(reception.span) {
+        garble(span, bytes, reception.span, rng);
+        garble(reception.span, &mut reception.bytes, span, rng);
+    }
+}
+
+/// Changes the bytes of `span` that fall into `other`.
+fn garble(span: Span, bytes: &mut [u8], other: Span, rng: &mut ChaCha8Rng) {
+    let count = bytes.len();
+    let total_ns = u128::from(span.end_ns - span.start_ns).max(1);
+    let place = |at_ns: u64| {
+        u128::from(at_ns.clamp(span.start_ns, span.end_ns) - span.start_ns) * count as u128
+    };
+    let first = (place(other.start_ns) / total_ns) as usize;
+    let last = (place(other.end_ns).div_ceil(total_ns) as usize).min(count);
+    for byte in &mut bytes[first.min(last)..last] {
+        *byte ^= rng.random_range(1..=255_u8);
+    }
+}
+
+/// Two that start together: where one sends zero the line is low. The host hears one byte for both;
+/// what the other says beyond the first's end is left in it.
+fn join_equal_starts(one: &mut [u8], other: &mut Vec<u8>) {
+    for (a, b) in one.iter_mut().zip(&*other) {
+        *a &= b;
+    }
+    other.drain(..one.len().min(other.len()));
+}

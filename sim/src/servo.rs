@@ -1,0 +1,431 @@
+//! One virtual servo: its control table, its motor and what its firmware does between them.
+//!
+//! The bus sees bytes at addresses ([`access`]); everything here works on roles. What the manuals
+//! leave open is decided where it arises and said there.
+
+mod access;
+mod control;
+
+use crate::motor::{Advance, Motor};
+use crate::table::{Item, Model};
+use gaitway_profiles::{Encoding, Protocol, Region, Role};
+use std::ops::Range;
+use std::sync::Arc;
+
+/// Time from power-up or reboot until a servo listens (assumed).
+pub(crate) const BOOT_NS: u64 = 300_000_000;
+/// Shortest time a Feetech servo takes to answer (assumed; the maker gives none).
+const FEETECH_LATENCY_NS: u64 = 50_000;
+/// One count of DYNAMIXEL Bus Watchdog(98).
+const WATCHDOG_UNIT_NS: u64 = 20_000_000;
+
+const VOLTAGE_BIT: i64 = 1;
+const TEMPERATURE_BIT: i64 = 1 << 2;
+const OVERLOAD_BIT: i64 = 1 << 5;
+
+/// Why a servo does not do what an instruction says. The values are DYNAMIXEL 2.0's error numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Refusal {
+    Failed = 1,
+    Instruction = 2,
+    Range = 4,
+    Length = 5,
+    Limit = 6,
+    Access = 7,
+}
+
+/// What happened inside a servo that the referee judges.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Event {
+    /// A goal position was written, or refused.
+    Goal {
+        raw: i64,
+        accepted: bool,
+    },
+    /// Torque came on with this much between goal and present position.
+    TorqueOn {
+        error_rad: f64,
+    },
+    TorqueOff,
+    /// A write to this EEPROM address was tried.
+    Eeprom {
+        address: u16,
+    },
+}
+
+#[derive(Clone, Debug)]
+pub(crate) struct Servo {
+    /// The joint it turns; a stray servo turns none.
+    pub joint: Option<usize>,
+    pub model: Arc<Model>,
+    pub motor: Motor,
+    /// Plugged in.
+    pub attached: bool,
+    /// Spans in which it neither hears nor answers, ns.
+    pub silent: Vec<Range<u64>>,
+    /// Whether it hears the packet now on the line.
+    pub hears: bool,
+    /// Statuses it has given so far.
+    pub statuses: u64,
+    pub events: Vec<Event>,
+    table: Vec<u8>,
+    /// EEPROM as it will be after the next power-up.
+    persistent: Vec<u8>,
+    registered: Option<(u16, Vec<u8>)>,
+    booted_ns: u64,
+    asleep_until_ns: u64,
+    heard_ns: u64,
+    watchdog_latched: bool,
+    /// Counts by which the reading is off: an encoder that jumped, less whole turns cleared.
+    reading_offset: i64,
+    /// Shaft angle when the world began.
+    start_rad: f64,
+}
+
+impl Servo {
+    /// A servo as it comes from the factory, but for `firmware`.
+    pub fn new(model: Arc<Model>, firmware: u16) -> Servo {
+        let mut servo = Servo {
+            joint: None,
+            motor: Motor::new(&model.profile.motor, 0.0),
+            attached: true,
+            silent: Vec::new(),
+            hears: false,
+            statuses: 0,
+            events: Vec::new(),
+            table: vec![0; model.length],
+            persistent: vec![0; model.length],
+            registered: None,
+            booted_ns: 0,
+            asleep_until_ns: 0,
+            heard_ns: 0,
+            watchdog_latched: false,
+            reading_offset: 0,
+            start_rad: 0.0,
+            model,
+        };
+        servo.factory_table();
+        servo.put(Role::ModelNumber, i64::from(servo.model.profile.model_number));
+        match servo.model.role(Role::FirmwareVersionMinor) {
+            Some(_) => {
+                servo.put(Role::FirmwareVersion, i64::from(firmware >> 8));
+                servo.put(Role::FirmwareVersionMinor, i64::from(firmware & 0xFF));
+            }
+            None => servo.put(Role::FirmwareVersion, i64::from(firmware)),
+        }
+        servo.persistent.clone_from(&servo.table);
+        servo.boot();
+        servo
+    }
+
+    fn factory_table(&mut self) {
+        for item in &self.model.items {
+            item.encode(item.initial, &mut self.table[item.range()]);
+        }
+    }
+
+    /// What the firmware works out for itself at power-up.
+    fn boot(&mut self) {
+        for (role, limit) in [
+            (Role::GoalPwm, Role::PwmLimit),
+            (Role::GoalCurrent, Role::CurrentLimit),
+            (Role::TorqueLimit, Role::MaxTorque),
+        ] {
+            if let Some(raw) = self.value(limit) {
+                self.put(role, raw);
+            }
+        }
+        self.put(Role::GoalPosition, self.present_position());
+        self.update_drive();
+    }
+
+    /// Power is lost and comes back: RAM at power-up values, EEPROM as last stored, no torque.
+    pub fn restart(&mut self, now_ns: u64, awake_ns: u64) {
+        self.advance(now_ns);
+        self.drop_whole_turns();
+        let model = Arc::clone(&self.model);
+        for item in &model.items {
+            let range = item.range();
+            match item.region {
+                Region::Eeprom => {
+                    self.table[range.clone()].copy_from_slice(&self.persistent[range]);
+                }
+                Region::Ram => item.encode(item.initial, &mut self.table[range]),
+            }
+        }
+        if self.torque_on() {
+            // A factory value of 1 would be a fault of the profile; torque never comes on by
+            // itself.
+            self.put(Role::TorqueEnable, 0);
+        }
+        self.events.push(Event::TorqueOff);
+        self.registered = None;
+        self.watchdog_latched = false;
+        self.booted_ns = now_ns;
+        self.asleep_until_ns = awake_ns;
+        self.boot();
+    }
+
+    /// EEPROM as it left the factory, but for what `keep` names, then a restart.
+    pub fn factory_reset(&mut self, now_ns: u64, keep: &[Role]) {
+        let kept: Vec<_> = keep
+            .iter()
+            .chain(&[Role::ModelNumber, Role::FirmwareVersion, Role::FirmwareVersionMinor])
+            .filter_map(|&role| Some((role, self.value(role)?)))
+            .collect();
+        self.events.push(Event::Eeprom { address: 0 });
+        self.factory_table();
+        for (role, raw) in kept {
+            self.put(role, raw);
+        }
+        self.persistent.clone_from(&self.table);
+        self.restart(now_ns, now_ns + BOOT_NS);
+    }
+
+    /// True if it can hear a packet that ends at `now_ns` at `baud_bps`.
+    pub fn can_hear(&self, now_ns: u64, baud_bps: u32) -> bool {
+        // A receiver samples mid-bit: about 3 % of difference still reads ten bits.
+        let same = |own: u32| u64::from(own.abs_diff(baud_bps)) * 100 <= u64::from(own) * 3;
+        self.attached
+            && now_ns >= self.asleep_until_ns
+            && !self.silent.iter().any(|span| span.contains(&now_ns))
+            && self.baud_bps().is_some_and(same)
+    }
+
+    /// Any instruction on the line feeds the watchdog.
+    pub fn heard(&mut self, now_ns: u64) {
+        if self.watchdog_ns().is_some() {
+            self.advance(now_ns);
+        }
+        self.heard_ns = now_ns;
+    }
+
+    pub fn advance(&mut self, now_ns: u64) {
+        if let Some(span_ns) = self.watchdog_ns() {
+            let deadline_ns = self.heard_ns + span_ns;
+            if self.torque_on() && now_ns > deadline_ns {
+                self.turn(deadline_ns);
+                self.watchdog_latched = true;
+                self.put(Role::BusWatchdog, -1);
+                self.motor.hold_here();
+            }
+        }
+        self.turn(now_ns);
+        self.protect();
+    }
+
+    fn turn(&mut self, now_ns: u64) {
+        while self.motor.advance(now_ns) == Advance::Overloaded {
+            self.raise(OVERLOAD_BIT);
+        }
+    }
+
+    /// Bus Watchdog(98): 1..127 are counts of 20 ms, 0 is off and 255 means it has bitten.
+    fn watchdog_ns(&self) -> Option<u64> {
+        let raw = self.value(Role::BusWatchdog)?;
+        (1..=127).contains(&raw).then(|| raw as u64 * WATCHDOG_UNIT_NS)
+    }
+
+    fn protect(&mut self) {
+        let mut bits = 0;
+        let limit = |role| {
+            let item = self.model.role(role)?;
+            Some(self.model.si(item, item.decode(&self.table[item.range()])))
+        };
+        if limit(Role::TemperatureLimit).is_some_and(|c| self.motor.temperature_c() > c) {
+            bits |= TEMPERATURE_BIT;
+        }
+        let volts = self.motor.voltage_v();
+        if limit(Role::MaxVoltageLimit).is_some_and(|v| volts > v)
+            || limit(Role::MinVoltageLimit).is_some_and(|v| volts < v)
+        {
+            bits |= VOLTAGE_BIT;
+        }
+        if bits != 0 {
+            self.raise(bits);
+        }
+    }
+
+    /// Error bits stay until a restart; those in the shutdown mask take the torque away.
+    pub fn raise(&mut self, bits: i64) {
+        let all = self.hardware_error() | bits;
+        self.put(Role::HardwareError, all);
+        if self.is_shut_down() && self.torque_on() {
+            self.put(Role::TorqueEnable, 0);
+            self.events.push(Event::TorqueOff);
+            self.update_drive();
+        }
+    }
+
+    /// True while an error keeps the torque off.
+    fn is_shut_down(&self) -> bool {
+        let every = VOLTAGE_BIT | TEMPERATURE_BIT | OVERLOAD_BIT;
+        self.hardware_error() & self.value(Role::Shutdown).unwrap_or(every) != 0
+    }
+
+    pub fn raise_overload(&mut self, now_ns: u64) {
+        self.advance(now_ns);
+        self.raise(OVERLOAD_BIT);
+    }
+
+    pub fn hardware_error(&self) -> i64 {
+        self.value(Role::HardwareError).unwrap_or(0)
+    }
+
+    pub fn id(&self) -> u8 {
+        self.value(Role::Id).unwrap_or(0) as u8
+    }
+
+    pub fn baud_bps(&self) -> Option<u32> {
+        let index = self.value(Role::BaudRate)?;
+        let line = self.model.profile.baud.iter().find(|line| i64::from(line.index) == index)?;
+        Some(line.bps)
+    }
+
+    pub fn firmware(&self) -> u16 {
+        let major = self.value(Role::FirmwareVersion).unwrap_or(0) as u16;
+        match self.value(Role::FirmwareVersionMinor) {
+            Some(minor) => major << 8 | minor as u16,
+            None => major,
+        }
+    }
+
+    /// Time between an instruction's end and the status, ns.
+    pub fn return_delay_ns(&self) -> u64 {
+        // DYNAMIXEL Return Delay Time(9) and Feetech address 7 both count 2 us.
+        let delay_ns = self.value(Role::ReturnDelay).unwrap_or(0).max(0) as u64 * 2_000;
+        match self.model.protocol {
+            Protocol::Dynamixel2 => delay_ns,
+            Protocol::FeetechSts => delay_ns.max(FEETECH_LATENCY_NS),
+        }
+    }
+
+    /// Raw value of the register with this role.
+    pub fn value(&self, role: Role) -> Option<i64> {
+        let item = self.model.role(role)?;
+        Some(item.decode(&self.table[item.range()]))
+    }
+
+    /// Value in SI units of the register with this role.
+    fn si(&self, role: Role) -> Option<f64> {
+        let item = self.model.role(role)?;
+        Some(self.model.si(item, item.decode(&self.table[item.range()])))
+    }
+
+    fn put(&mut self, role: Role, raw: i64) {
+        if let Some(item) = self.model.role(role) {
+            item.encode(raw, &mut self.table[item.range()]);
+        }
+    }
+
+    fn put_si(&mut self, role: Role, si: f64) {
+        if let Some(item) = self.model.role(role) {
+            let raw = self.model.raw(item, si);
+            item.encode(raw, &mut self.table[item.range()]);
+        }
+    }
+
+    /// Raw value of the named register, refreshed.
+    pub fn named(&mut self, name: &str) -> Option<i64> {
+        self.refresh();
+        let item = self.model.named(name)?;
+        Some(item.decode(&self.table[item.range()]))
+    }
+
+    /// Puts a raw value where no bus could, for setting up a scene. Returns false if there is no
+    /// such register or the value does not fit.
+    pub fn force(&mut self, name: &str, raw: i64) -> bool {
+        let Some(&item) = self.model.named(name) else { return false };
+        let unsigned_twin = item.encoding == Encoding::I8 && (0..=255).contains(&raw);
+        let (low, high) = item.representable();
+        if !(low..=high).contains(&raw) && !unsigned_twin {
+            return false;
+        }
+        let si = self.model.si(&item, raw);
+        match item.role {
+            Some(Role::PresentTemperature) => self.motor.set_temperature_c(si),
+            Some(Role::PresentVoltage) => self.motor.set_supply_v(si),
+            Some(Role::PresentPosition) => self.motor.place(self.shaft_rad(raw)),
+            _ => {}
+        }
+        item.encode(raw, &mut self.table[item.range()]);
+        self.persistent[item.range()].copy_from_slice(&self.table[item.range()]);
+        self.update_drive();
+        true
+    }
+
+    /// Turns the limp shaft so that its register angle (zero at `zero_count`) is `angle_rad`.
+    pub fn place(&mut self, angle_rad: f64) {
+        let zero = i64::from(self.model.profile.position.zero_count);
+        self.motor.place(self.shaft_rad(zero) + self.side() * angle_rad);
+        self.put(Role::GoalPosition, self.present_position());
+    }
+
+    /// Turns the shaft by hand, in the sense of its registers.
+    pub fn turn_by(&mut self, angle_rad: f64) {
+        self.motor.place(self.motor.position_rad() + self.side() * angle_rad);
+    }
+
+    /// Puts a raw value into EEPROM, or RAM, by role.
+    pub fn set_up(&mut self, role: Role, raw: i64) {
+        self.put(role, raw);
+        if let Some(item) = self.model.role(role) {
+            self.persistent[item.range()].copy_from_slice(&self.table[item.range()]);
+        }
+    }
+
+    /// From here on [`Servo::turned_rad`] counts.
+    pub fn mark_start(&mut self) {
+        self.start_rad = self.motor.position_rad();
+    }
+
+    /// How far the shaft has turned since the start, in the sense of its registers, rad.
+    pub fn turned_rad(&self) -> f64 {
+        self.side() * (self.motor.position_rad() - self.start_rad)
+    }
+
+    pub fn velocity_rad_s(&self) -> f64 {
+        self.side() * self.motor.velocity_rad_s()
+    }
+
+    /// The encoder's reading jumps.
+    pub fn jump(&mut self, counts: i64) {
+        self.reading_offset += counts;
+    }
+
+    /// Clear (multi-turn): the reading becomes that within one turn.
+    fn drop_whole_turns(&mut self) {
+        let turn = i64::from(self.model.profile.position.counts);
+        let present = self.present_position();
+        self.reading_offset -= present.div_euclid(turn) * turn;
+    }
+
+    pub fn clear_turns(&mut self) -> Result<(), Refusal> {
+        if self.is_moving() {
+            return Err(Refusal::Failed);
+        }
+        self.drop_whole_turns();
+        self.put(Role::GoalPosition, self.present_position());
+        Ok(())
+    }
+
+    /// Stores a write for [`Servo::action`].
+    pub fn register(&mut self, address: u16, bytes: &[u8]) -> Result<(), Refusal> {
+        if self.model.protocol == Protocol::Dynamixel2 {
+            self.check(address, bytes)?;
+        }
+        self.registered = Some((address, bytes.to_vec()));
+        self.put(Role::RegisteredInstruction, 1);
+        Ok(())
+    }
+
+    pub fn action(&mut self, now_ns: u64) -> Result<(), Refusal> {
+        let (address, bytes) = self.registered.take().ok_or(Refusal::Instruction)?;
+        self.put(Role::RegisteredInstruction, 0);
+        self.write(address, &bytes, now_ns)
+    }
+
+    fn item_bytes(&self, item: &Item) -> &[u8] {
+        &self.table[item.range()]
+    }
+}
