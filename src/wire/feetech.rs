@@ -18,8 +18,10 @@
 //!   echoes, the echo of an instruction to one device looks like a status of that device (a ping
 //!   `FF FF 01 02 01 FB` is also "voltage error of device 1"): the reader must take away the bytes
 //!   it sent before decoding.
-//! - The sum is one byte and headers may occur in parameters. So [`decode`] is told the longest
-//!   answer there can be, and what was read should still be checked for plausible values.
+//! - The sum is one byte, so one damaged packet in 256 passes, and headers may occur in parameters.
+//!   One flipped bit is always noticed, but in the length: that may leave a shorter packet whose
+//!   sum fits. So [`decode`] is told the longest answer there can be, the reader must refuse an
+//!   answer of another length than it asked for, and implausible values are still to be expected.
 //!
 //! Not done: deadlines, matching, registers (as in [`dynamixel2`](super::dynamixel2)).
 //!
