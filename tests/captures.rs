@@ -1,0 +1,90 @@
+//! Real captures, all of them, on a virtual op3: done, or refused with the cause named.
+//!
+//! Reads every .bvh below the folder named by `GAITWAY_CAPTURES`; says loudly if there is none.
+//! Run with `--nocapture` to see the table.
+
+use clap::Parser;
+use gaitway::cli::play::{PlayArgs, play};
+use gaitway::cli::report::{JointReport, Outcome, PlayReport};
+use gaitway::cli::{Output, signals::Signals};
+use std::path::{Path, PathBuf};
+
+#[derive(Parser)]
+struct Arguments {
+    #[command(flatten)]
+    play: PlayArgs,
+}
+
+fn captures() -> Option<PathBuf> {
+    let folder = std::env::var_os("GAITWAY_CAPTURES").map(PathBuf::from);
+    if folder.is_none() {
+        eprintln!("SKIPPED: no captures are tested; set GAITWAY_CAPTURES to a folder of .bvh files");
+    }
+    folder
+}
+
+fn bvh_files(folder: &Path, found: &mut Vec<PathBuf>) {
+    for entry in std::fs::read_dir(folder).expect("a readable folder") {
+        let path = entry.expect("a readable entry").path();
+        if path.is_dir() {
+            bvh_files(&path, found);
+        } else if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("bvh")) {
+            found.push(path);
+        }
+    }
+}
+
+fn play_on_op3(file: &Path) -> PlayReport {
+    let file = file.to_str().expect("a UTF-8 path");
+    let arguments = ["play", file, "--robot", "op3", "--bus", "sim"];
+    let arguments = Arguments::try_parse_from(arguments).expect("arguments");
+    play(&arguments.play, &Output::default(), &Signals::default())
+}
+
+fn most_clipped(report: &PlayReport) -> Option<&JointReport> {
+    report.joints.iter().max_by(|a, b| a.clipped_share.total_cmp(&b.clipped_share))
+}
+
+#[test]
+fn every_capture_is_played_safely_or_refused_with_its_cause() {
+    let Some(folder) = captures() else { return };
+    let mut files = Vec::new();
+    bvh_files(&folder, &mut files);
+    files.sort();
+    assert!(!files.is_empty(), "no .bvh file below {}", folder.display());
+    let mut good = 0;
+    let mut broken = Vec::new();
+    println!("{:<58} {:>7} {:<14} {:>8} {:<14}", "capture", "factor", "joint", "clipped", "joint");
+    for file in &files {
+        let name = file.strip_prefix(&folder).unwrap_or(file).display().to_string();
+        let report = play_on_op3(file);
+        let reason = report.stop_reason.clone().unwrap_or_default();
+        let Some(clipped) = most_clipped(&report).filter(|_| report.outcome == Outcome::Done) else {
+            println!("{name:<58} {:?}: {}", report.outcome, reason.lines().next().unwrap_or(""));
+            if report.outcome != Outcome::Refused || reason.is_empty() {
+                broken.push(format!("{name}: {:?}: {reason}", report.outcome));
+            }
+            continue;
+        };
+        let fits = report.retime_factor <= 5.0 && clipped.clipped_share <= 0.2;
+        good += usize::from(fits);
+        println!(
+            "{name:<58} {:>7.2} {:<14} {:>6.1} % {:<14}{}",
+            report.retime_factor,
+            report.retime_joint.as_deref().unwrap_or("-"),
+            100.0 * clipped.clipped_share,
+            clipped.name,
+            if fits { "" } else { " <" }
+        );
+        let violations = report.referee.map(|referee| referee.violations).unwrap_or_default();
+        broken.extend(violations.into_iter().map(|violation| format!("{name}: {violation}")));
+        let ends = report.max_start_velocity_rad_s.max(report.max_end_velocity_rad_s);
+        if !(ends <= 1e-9) {
+            broken.push(format!("{name}: starts or ends with {ends} rad/s"));
+        }
+    }
+    let all = files.len();
+    println!("{good} of {all} files within factor 5 and 20 % clipped");
+    assert!(broken.is_empty(), "{}", broken.join("\n"));
+    assert!(10 * good >= 9 * all, "only {good} of {all} files fit the robot");
+}

@@ -1,0 +1,210 @@
+//! What a person types and what they read: help, refusals, files that exist.
+
+use serde_json::Value;
+use std::path::PathBuf;
+use std::process::{Command, Output};
+
+fn run(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_gaitway")).args(arguments).output().expect("the command")
+}
+
+fn stdout(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+fn folder(name: &str) -> PathBuf {
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
+    let _ = std::fs::remove_dir_all(&folder);
+    std::fs::create_dir_all(&folder).expect("a temporary folder");
+    folder
+}
+
+/// Plays `motion` and returns the exit code and the reason it was refused for.
+fn refusal(motion: &str, more: &[&str]) -> (Option<i32>, String) {
+    let mut arguments = vec!["play", motion, "--robot", "op3", "--bus", "sim", "--json", "-q"];
+    arguments.extend(more);
+    let output = run(&arguments);
+    let report: Value = serde_json::from_slice(&output.stdout).expect("a JSON report");
+    assert_eq!(report["outcome"], "refused", "{report:#}");
+    (output.status.code(), report["stop_reason"].as_str().expect("a reason").to_owned())
+}
+
+fn assert_words(text: &str, words: &[&str]) {
+    for word in words {
+        assert!(text.contains(word), "{word:?} is missing in:\n{text}");
+    }
+}
+
+#[test]
+fn help_teaches_every_command_with_an_example() {
+    let help = stdout(&run(&["--help"]));
+    assert_words(&help, &["play", "retarget", "simulate", "profile", "gaitway play walk"]);
+    for command in ["play", "retarget", "simulate"] {
+        let help = stdout(&run(&[command, "--help"]));
+        assert_words(&help, &["Usage:", "Example"]);
+    }
+}
+
+#[test]
+fn the_shipped_walk_is_played_on_both_robots() {
+    for robot in ["op3", "open-duck-mini-v2"] {
+        let output = run(&["play", "walk", "--robot", robot, "--bus", "sim", "--json", "-q"]);
+        let report: Value = serde_json::from_slice(&output.stdout).expect("a JSON report");
+        assert_eq!(report["outcome"], "done", "{report:#}");
+        assert_eq!(report["missed_cycles"], 0);
+        assert_eq!(report["referee"]["violations"], serde_json::json!([]), "{robot}");
+        assert!(report["retime_factor"].as_f64().expect("a factor") <= 5.0);
+        assert_eq!(output.status.code(), Some(0));
+        for key in ["cycle_hz", "wire_limit_hz", "bus_load", "duration_s", "min_voltage_v"] {
+            assert!(report[key].as_f64().is_some_and(|v| v > 0.0), "{robot}: {key}");
+        }
+    }
+}
+
+#[test]
+fn a_report_is_written_as_text_json_and_page() {
+    let folder = folder("report");
+    let page = folder.join("walk.html");
+    let json = folder.join("walk.json");
+    let mut arguments = vec!["play", "walk", "--robot", "op3", "--bus", "sim", "-q", "--html"];
+    arguments.extend([page.to_str().expect("UTF-8"), "--report", json.to_str().expect("UTF-8")]);
+    let output = run(&arguments);
+    let text = stdout(&output);
+    assert_words(&text, &["done: walk on op3 over sim", "retimed", "r_knee", "no rule broken"]);
+    let html = std::fs::read_to_string(&page).expect("a page");
+    assert_words(&html, &["<html", "r_knee", "l_sho_pitch"]);
+    let report = std::fs::read_to_string(&json).expect("a report");
+    let report: Value = serde_json::from_str(&report).expect("JSON");
+    assert_eq!(report["joints"].as_array().map(Vec::len), Some(20));
+    // A second run must not overwrite what is there.
+    let again = run(&arguments);
+    assert_eq!(again.status.code(), Some(1));
+    assert_words(&String::from_utf8_lossy(&again.stderr), &["exists already", "--force"]);
+}
+
+#[test]
+fn a_dry_run_checks_everything_and_writes_nothing() {
+    let output = run(&["play", "walk", "--robot", "op3", "--bus", "sim", "--dry-run", "--json"]);
+    let report: Value = serde_json::from_slice(&output.stdout).expect("a JSON report");
+    assert_eq!(report["outcome"], "done");
+    assert_eq!(report["cycles"], 0);
+    assert_eq!(report["dry_run"], true);
+    assert!(report["joints"][0]["peak_velocity_rad_s"].as_f64().is_some_and(|v| v > 0.0));
+}
+
+#[test]
+fn unusable_files_are_refused_with_line_and_remedy() {
+    let folder = folder("unusable");
+    let file = |name: &str, text: &str| {
+        let path = folder.join(name);
+        std::fs::write(&path, text).expect("a file");
+        path.to_str().expect("UTF-8").to_owned()
+    };
+    let walk = include_str!("../motions/walk.bvh");
+    let cut = &walk[..walk.len() * 2 / 3];
+    let (code, reason) = refusal(&file("cut.bvh", cut), &[]);
+    assert_eq!(code, Some(1));
+    assert_words(&reason, &["cut.bvh"]);
+    let last_line = walk.trim_end().lines().last().expect("a line");
+    let nan = walk.replace(last_line, &last_line.replacen(char::is_numeric, "nan ", 1));
+    let (_, reason) = refusal(&file("nan.bvh", &nan), &[]);
+    assert_words(&reason, &["nan.bvh"]);
+    let (_, reason) = refusal(&file("empty.bvh", ""), &[]);
+    assert_words(&reason, &["empty.bvh"]);
+    let (_, reason) = refusal("no-such-file.bvh", &[]);
+    assert_words(&reason, &["no-such-file.bvh"]);
+    let (_, reason) = refusal("dance", &[]);
+    assert_words(&reason, &["dance", "walk", ".bvh"]);
+}
+
+#[test]
+fn unknown_joints_and_sections_are_refused_with_what_there_is() {
+    let (_, reason) = refusal("walk", &["--only", "left_elbow"]);
+    assert_words(&reason, &["left_elbow", "l_el", "--only"]);
+    let (_, reason) = refusal("walk", &["--from", "5", "--to", "2"]);
+    assert_words(&reason, &["5 to 2 s", "--from"]);
+    let (_, reason) = refusal("walk", &["--rate", "0"]);
+    assert_words(&reason, &["0 Hz", "1 to 1000 Hz"]);
+    let (_, reason) = refusal("walk", &["--speed", "nan"]);
+    assert_words(&reason, &["speed", "NaN"]);
+}
+
+#[test]
+fn a_motion_beyond_the_limits_is_refused_unless_it_may_be_slowed() {
+    let (_, reason) = refusal("walk", &["--speed", "20", "--no-retime"]);
+    assert_words(&reason, &["beyond", "joint"]);
+    let (_, reason) = refusal("walk", &["--no-approach"]);
+    assert_words(&reason, &["far from where the motion starts"]);
+}
+
+#[test]
+fn an_unknown_robot_or_bus_is_refused_with_what_there_is() {
+    let output = run(&["play", "walk", "--robot", "op4", "--bus", "sim", "--json", "-q"]);
+    let report: Value = serde_json::from_slice(&output.stdout).expect("a JSON report");
+    assert_words(report["stop_reason"].as_str().expect("a reason"), &["op4", "op3"]);
+    let output = run(&["play", "walk", "--robot", "op3", "--bus", "usb:1"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert_words(&String::from_utf8_lossy(&output.stderr), &["usb:1", "sim:pty"]);
+}
+
+#[test]
+fn only_and_mirror_do_what_they_say() {
+    let ranges = |more: &[&str]| -> Vec<(String, f64)> {
+        let mut arguments = vec!["play", "walk", "--robot", "op3", "--bus", "sim", "--json", "-q"];
+        arguments.extend(more);
+        let report: Value = serde_json::from_slice(&run(&arguments).stdout).expect("a report");
+        assert_eq!(report["outcome"], "done", "{report:#}");
+        let joints = report["joints"].as_array().expect("joints").iter();
+        let width = |j: &Value| {
+            j["range_rad"][1].as_f64().expect("measured") - j["range_rad"][0].as_f64().expect("too")
+        };
+        joints.map(|j| (j["name"].as_str().expect("a name").to_owned(), width(j))).collect()
+    };
+    for (name, width) in ranges(&["--only", "r_knee,r_hip_pitch"]) {
+        let moves = name == "r_knee" || name == "r_hip_pitch";
+        assert_eq!(width > 0.05, moves, "{name} moved over {width} rad");
+    }
+    let (plain, mirrored) = (ranges(&[]), ranges(&["--mirror"]));
+    let of = |ranges: &[(String, f64)], name: &str| {
+        ranges.iter().find(|(n, _)| n == name).map(|(_, width)| *width).expect("a joint")
+    };
+    for (left, right) in [("l_knee", "r_knee"), ("l_sho_pitch", "r_sho_pitch")] {
+        let off = (of(&plain, left) - of(&mirrored, right)).abs();
+        assert!(off < 0.03, "{left} mirrored differs from {right} by {off} rad");
+    }
+}
+
+#[test]
+fn retarget_writes_a_table_that_starts_and_ends_at_rest() {
+    let folder = folder("retarget");
+    let csv = folder.join("walk.csv");
+    let output = run(&["retarget", "walk", "--robot", "op3", "-o", csv.to_str().expect("UTF-8")]);
+    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    let table = std::fs::read_to_string(&csv).expect("a table");
+    let mut lines = table.lines();
+    let head = lines.next().expect("a head");
+    assert!(head.starts_with("time_s,r_sho_pitch_rad"), "{head}");
+    let rows: Vec<Vec<f64>> =
+        lines.map(|l| l.split(',').map(|v| v.parse().expect("a number")).collect()).collect();
+    assert!(rows.iter().all(|row| row.len() == 21 && row.iter().all(|v| v.is_finite())));
+    let step = |a: &[f64], b: &[f64]| {
+        a[1..].iter().zip(&b[1..]).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+    };
+    // From rest, a joint gets 1/6 a_max/T_ramp t^3 far at most: micro-radians in 10 ms.
+    assert!(step(&rows[0], &rows[1]) < 1e-3, "first step {}", step(&rows[0], &rows[1]));
+    assert!(rows.windows(2).any(|pair| step(&pair[0], &pair[1]) > 1e-3), "nothing moves");
+}
+
+#[test]
+fn profiles_are_listed_shown_and_checked() {
+    assert_words(&stdout(&run(&["profile", "list"])), &["op3", "xm430-w350", "sts3215"]);
+    let shown = stdout(&run(&["profile", "show", "xm430-w350"]));
+    assert_words(&shown, &["Goal Position", "116", "eeprom"]);
+    assert_words(&stdout(&run(&["profile", "show", "op3"])), &["r_knee", "assumed"]);
+    let folder = folder("profile");
+    let file = folder.join("my-robot.toml");
+    std::fs::write(&file, "schema = 1\nname = \"my-robot\"\nvelocty = 3\n").expect("a file");
+    let output = run(&["profile", "check", file.to_str().expect("UTF-8")]);
+    assert_eq!(output.status.code(), Some(1));
+    assert_words(&String::from_utf8_lossy(&output.stderr), &["velocty"]);
+}
