@@ -318,3 +318,26 @@ fn broadcast_ping(servos: &mut [Servo], at_ns: u64) -> Exchange {
     answers.sort_by_key(|answer| answer.id);
     Exchange { order: Order::Slots, answers }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_merged_status_is_the_manuals_byte_for_byte() {
+        // e-Manual, Protocol 2.0, Fast Bulk Read: ID 3 (132, 4), ID 7 (124, 2), ID 4 (146, 1).
+        let parts: [(u8, &[u8]); 3] = [(3, &[0xA6, 0, 0, 0]), (7, &[0xA5, 0x01]), (4, &[0x1F])];
+        let mut merged = Vec::new();
+        for (k, (id, out)) in parts.into_iter().enumerate() {
+            let head = if k == 0 { packet::merged_head(0x14) } else { Vec::new() };
+            let ask = Ask { id, address: 0, length: out.len() };
+            let crc = packet::crc_after(0, &merged);
+            merged.extend(merged_block(&head, 0, &ask, out.to_vec(), crc));
+        }
+        let expected = [
+            0xFF, 0xFF, 0xFD, 0x00, 0xFE, 0x14, 0x00, 0x55, 0x00, 0x03, 0xA6, 0x00, 0x00, 0x00,
+            0x67, 0xA4, 0x00, 0x07, 0xA5, 0x01, 0x24, 0x74, 0x00, 0x04, 0x1F, 0xD9, 0xC1,
+        ];
+        assert_eq!(merged, expected);
+    }
+}

@@ -221,7 +221,7 @@ pub(crate) fn damage_at_sender(
     match (damage, protocol) {
         (Damage::Mute, _) => answer.servo = None,
         (Damage::Lie { .. } | Damage::WrongId { .. }, Protocol::Dynamixel2) if merged => {
-            let head = if k == 0 { 8 } else { 0 };
+            let head = if answer.bytes.starts_with(&[0xFF, 0xFF, 0xFD, 0x00]) { 8 } else { 0 };
             let place = match damage {
                 Damage::Lie { at, .. } => head + 2 + at,
                 _ => head + 1,

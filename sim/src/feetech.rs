@@ -197,6 +197,13 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
+    fn a_status_of_position_2048_and_speed_minus_100_is_sign_and_magnitude() {
+        // Computed by the frame's rules; -100 is 100 with bit 15 set.
+        let expected = [0xFF, 0xFF, 0x01, 0x06, 0x00, 0x00, 0x08, 0x64, 0x80, 0x0C];
+        assert_eq!(status(1, 0, &[0x00, 0x08, 0x64, 0x80]), expected);
+    }
+
+    #[test]
     fn a_third_ff_before_the_id_is_skipped() {
         assert_eq!(scan(&[0xFF, 0xFF, 0xFF, 0x01, 0x02, 0x01, 0xFB]), Scan::Skip(1));
         assert_eq!(scan(&[0xFF, 0xFF, 0x01, 0x02, 0x01, 0xFB]), Scan::Packet(6));

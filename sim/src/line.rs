@@ -23,8 +23,8 @@ const GAP_NS: u64 = 1_500_000;
 /// Between the slots of two IDs in the answer to a broadcast ping. The order is not documented;
 /// this is the pause the makers' SDKs allow for each ID, so the latest they would wait for.
 const SLOT_PAUSE_NS: u64 = 3_000_000;
-/// What waits for a host that never reads; the oldest is lost, as in an overrun.
-const READY_BYTES_MAX: usize = 1 << 16;
+/// What waits to be sent, or for a host that never reads; more is lost, as in an overrun.
+const WAITING_BYTES_MAX: usize = 1 << 16;
 
 /// What all lines of a world share.
 #[derive(Clone, Debug)]
@@ -40,11 +40,7 @@ pub(crate) struct Shared {
 
 impl Shared {
     fn wire_ns(&self, bytes: usize, baud_bps: u32) -> u64 {
-        if self.line_timing {
-            bytes as u64 * 10_000_000_000 / u64::from(baud_bps.max(1))
-        } else {
-            0
-        }
+        if self.line_timing { bytes as u64 * 10_000_000_000 / u64::from(baud_bps) } else { 0 }
     }
 
     fn pause_ns(&self, pause_ns: u64) -> u64 {
@@ -125,7 +121,8 @@ impl Line {
 
     /// The host starts to send, after what it is sending already.
     pub fn transmit(&mut self, now_ns: u64, bytes: &[u8], baud_bps: u32, shared: &mut Shared) {
-        if bytes.is_empty() {
+        let queued: usize = self.sending.iter().map(|chunk| chunk.bytes.len()).sum();
+        if bytes.is_empty() || baud_bps == 0 || queued + bytes.len() > WAITING_BYTES_MAX {
             return;
         }
         let start_ns = now_ns.max(self.host_free_ns);
@@ -269,12 +266,17 @@ impl Line {
         let mut all = Vec::with_capacity(exchange.answers.len());
         for k in 0..exchange.answers.len() {
             let mut damages = Vec::new();
-            if let Some(index) = exchange.answers[k].servo {
+            let servo = exchange.answers[k].servo;
+            if let Some(index) = servo {
                 let servo = &self.servos[index];
                 damages = shared.faults.strike_status(servo.joint, servo.statuses, &mut shared.rng);
             }
             for &damage in &damages {
                 damage_at_sender(self.protocol, exchange, k, damage);
+            }
+            if let (Some(index), None) = (servo, exchange.answers[k].servo) {
+                // It was its turn, though nothing was sent.
+                self.servos[index].statuses += 1;
             }
             all.push(damages);
         }
@@ -328,7 +330,7 @@ impl Line {
                 self.ready.push_back(if garbled { rng.random() } else { byte });
             }
         }
-        let excess = self.ready.len().saturating_sub(READY_BYTES_MAX);
+        let excess = self.ready.len().saturating_sub(WAITING_BYTES_MAX);
         self.ready.drain(..excess);
         self.ready.len()
     }

@@ -169,7 +169,7 @@ fn make_link(path: &Path, link: &Path) -> Result<(), DoorError> {
 struct Server {
     world: Arc<Mutex<World>>,
     line: usize,
-    epoch: Instant,
+    epoch: (Instant, u64),
     master: OwnedFd,
     slave: OwnedFd,
     bell: Arc<Bell>,
@@ -195,7 +195,8 @@ impl Server {
 
     /// World time that real time has reached.
     fn now_ns(&self) -> u64 {
-        self.epoch.elapsed().as_nanos() as u64
+        let (moment, then_ns) = self.epoch;
+        then_ns + moment.elapsed().as_nanos() as u64
     }
 
     /// Sleeps until bytes come, the bell rings or it is `wake_ns`.

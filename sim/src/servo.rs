@@ -2,6 +2,9 @@
 //!
 //! The bus sees bytes at addresses ([`access`]); everything here works on roles. What the manuals
 //! leave open is decided where it arises and said there.
+//!
+//! Not modelled: modes other than position modes (they answer, but nothing turns), I and D gains,
+//! Startup Configuration, Secondary ID, Control Table Backup, dual joints.
 
 mod access;
 mod control;

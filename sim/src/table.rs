@@ -214,3 +214,46 @@ impl Item {
             .copy_from_slice(&word.to_le_bytes()[..usize::from(self.bytes)]);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn model(name: &str) -> Model {
+        Model::new(gaitway_profiles::servo(name).unwrap())
+    }
+
+    #[test]
+    fn negative_values_are_twos_complement_or_sign_and_magnitude() {
+        let (dynamixel, feetech) = (model("xm430-w350"), model("sts3215"));
+        let cases: [(&Model, &str, i64, &[u8]); 6] = [
+            (&dynamixel, "Goal Position", -1, &[0xFF, 0xFF, 0xFF, 0xFF]),
+            (&dynamixel, "Present Current", -100, &[0x9C, 0xFF]),
+            // SCServo_Linux: sign in bit 15; LeRobot's encodings table: offset in bit 11.
+            (&feetech, "Goal Velocity", -1000, &[0xE8, 0x83]),
+            (&feetech, "Homing Offset", -100, &[0x64, 0x08]),
+            (&feetech, "Present Load", -5, &[0x05, 0x04]),
+            (&feetech, "Goal Position", 2048, &[0x00, 0x08]),
+        ];
+        for (model, name, raw, bytes) in cases {
+            let item = model.named(name).unwrap();
+            let mut out = [0; 4];
+            item.encode(raw, &mut out);
+            assert_eq!(&out[..bytes.len()], bytes, "{name}");
+            assert_eq!(item.decode(bytes), raw, "{name}");
+        }
+    }
+
+    #[test]
+    fn scales_are_the_manuals() {
+        let model = model("xm430-w350");
+        let si = |name, raw| model.si(model.named(name).unwrap(), raw);
+        // 0.229 rev/min, 214.577 rev/min², 0.0879 deg, 2.69 mA, 0.1 V.
+        assert!((si("Profile Velocity", 100) - 2.39809).abs() < 1e-5);
+        assert!((si("Profile Acceleration", 100) - 37.4507).abs() < 1e-4);
+        assert!((si("Goal Position", 3072) - std::f64::consts::FRAC_PI_2).abs() < 1e-12);
+        assert!((si("Present Current", -1000) + 2.69).abs() < 1e-12);
+        assert!((si("Present Input Voltage", 119) - 11.9).abs() < 1e-12);
+        assert_eq!(model.raw(model.named("Goal Position").unwrap(), 0.0), 2048);
+    }
+}

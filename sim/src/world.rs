@@ -67,8 +67,8 @@ pub struct World {
     shared: Shared,
     joints: Vec<Placed>,
     by_name: BTreeMap<String, usize>,
-    /// Moment of real time that is world time 0, once a door is open.
-    epoch: Option<Instant>,
+    /// A moment of real time and the world time it was then, once a door is open.
+    epoch: Option<(Instant, u64)>,
 }
 
 /// Where a joint's servo is.
@@ -317,10 +317,8 @@ impl World {
     }
 
     /// Real time and world time run together from the first call on.
-    pub(crate) fn epoch(&mut self) -> Instant {
-        let now_ns = self.now_ns;
-        let begin = || Instant::now() - std::time::Duration::from_nanos(now_ns);
-        *self.epoch.get_or_insert_with(begin)
+    pub(crate) fn epoch(&mut self) -> (Instant, u64) {
+        *self.epoch.get_or_insert((Instant::now(), self.now_ns))
     }
 
     fn servo(&self, joint: usize) -> &Servo {
