@@ -43,6 +43,8 @@ mod sample;
 mod scan;
 mod writer;
 
-pub use reader::{GoalSeries, Info, Recording, Recovered, joint_series, read, recover, summary};
+pub use reader::{
+    GoalSeries, Overview, Recording, Recovered, joint_series, read, recover, summary,
+};
 pub use sample::{CycleRecord, JointRecord, RecordedJoint, RunEnd, RunStart};
 pub use writer::{Disk, Pace, Recorder, Summary};

@@ -119,15 +119,18 @@ fn the_summary_counts_messages_gaps_and_seconds() {
     assert!(stored.is_complete());
     assert_eq!(stored.messages, (0..101).map(messages).sum::<u64>() + 2);
 
-    let info = summary(&path).unwrap();
-    assert_eq!(info.duration_s, 1.0);
-    assert_eq!(info.channels["/joints/present"], 101);
-    assert_eq!(info.channels.values().sum::<u64>(), stored.messages);
-    assert_eq!(info.missed_reads, 34, "every third of 101 cycles, the first included");
-    assert_eq!((info.robot.as_deref(), info.motion.as_deref()), (Some("op3"), Some("wave-r")));
-    assert_eq!(info.outcome.as_deref(), Some("done"));
-    assert!(info.finished);
-    assert_eq!((info.dropped_cycles, info.lost_bytes), (0, 0));
+    let overview = summary(&path).unwrap();
+    assert_eq!(overview.duration_s, 1.0);
+    assert_eq!(overview.channels["/joints/present"], 101);
+    assert_eq!(overview.channels.values().sum::<u64>(), stored.messages);
+    assert_eq!(overview.missed_reads, 34, "every third of 101 cycles, the first included");
+    assert_eq!(
+        (overview.robot.as_deref(), overview.motion.as_deref()),
+        (Some("op3"), Some("wave-r"))
+    );
+    assert_eq!(overview.outcome.as_deref(), Some("done"));
+    assert!(overview.finished);
+    assert_eq!((overview.dropped_cycles, overview.lost_bytes), (0, 0));
 }
 
 #[test]

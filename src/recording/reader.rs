@@ -46,7 +46,7 @@ pub struct Recording {
 
 /// What a file holds, without its values.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct Info {
+pub struct Overview {
     /// The robot's name, if the file says it.
     pub robot: Option<String>,
     /// The motion's name or path, if the file says it.
@@ -236,7 +236,7 @@ impl Recording {
     }
 }
 
-impl Info {
+impl Overview {
     fn add(&mut self, topic: &str, body: &[u8]) {
         match Topic::from_name(topic) {
             Some(Topic::Cycle) => {
@@ -261,23 +261,23 @@ impl Info {
 ///
 /// # Errors
 /// If the file cannot be opened, is no MCAP recording or is compressed.
-pub fn summary(path: &Path) -> Result<Info, Error> {
-    let mut info = Info::default();
+pub fn summary(path: &Path) -> Result<Overview, Error> {
+    let mut overview = Overview::default();
     let (mut first, mut last) = (u64::MAX, 0);
     let tally = scan(BufReader::new(open(path)?), |found| {
         let Found::Message { channel, header, body } = found else { return Ok(()) };
         (first, last) = (first.min(header.log_time), last.max(header.log_time));
-        match info.channels.get_mut(&channel.topic) {
+        match overview.channels.get_mut(&channel.topic) {
             Some(count) => *count += 1,
-            None => drop(info.channels.insert(channel.topic.clone(), 1)),
+            None => drop(overview.channels.insert(channel.topic.clone(), 1)),
         }
-        info.add(&channel.topic, body);
+        overview.add(&channel.topic, body);
         Ok(())
     })
     .map_err(|error| error.at(path.display().to_string()))?;
-    info.duration_s = last.saturating_sub(first) as f64 / 1e9;
-    (info.finished, info.lost_bytes) = (tally.finished, tally.lost_bytes);
-    Ok(info)
+    overview.duration_s = last.saturating_sub(first) as f64 / 1e9;
+    (overview.finished, overview.lost_bytes) = (tally.finished, tally.lost_bytes);
+    Ok(overview)
 }
 
 /// Writes everything that can be trusted in `path` to `FILE.recovered.mcap` beside it, as a

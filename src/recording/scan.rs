@@ -138,18 +138,18 @@ impl<R: Read, F: FnMut(Found) -> Result<(), Error>> Scan<R, F> {
         // The parser is never given an attachment: it does not check the length of one.
         let Ok(record) = mcap::parse_record(opcode, body) else { return Ok(Err(Broken)) };
         match record {
-            Record::Chunk { header, data } => return self.read_chunk(&header, &data),
-            Record::Schema { header, data } => {
-                let text = data.into_owned();
+            Record::Chunk { header, data: records } => return self.read_chunk(&header, &records),
+            Record::Schema { header, data: text } => {
+                let text = text.into_owned();
                 let schema = Schema { name: header.name, encoding: header.encoding, text };
                 self.schemas.insert(header.id, Arc::new(schema));
             }
             Record::Channel(channel) => self.add_channel(channel),
-            Record::Message { header, data } => {
+            Record::Message { header, data: body } => {
                 let Some(channel) = self.channels.get(&header.channel_id) else {
                     return Ok(Err(Broken));
                 };
-                (self.visit)(Found::Message { channel, header, body: &data })?;
+                (self.visit)(Found::Message { channel, header, body: &body })?;
             }
             Record::Metadata(metadata) => (self.visit)(Found::Metadata(metadata))?,
             _ => {}

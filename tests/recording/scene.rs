@@ -39,8 +39,8 @@ pub fn cycle(n: u64) -> CycleRecord {
         present_velocity_rad_s: Some(0.5),
         present_current_a: Some(0.25),
         present_load_ratio: Some(-0.5),
-        temperature_c: (n % 4 == 0).then_some(41.0),
-        voltage_v: (n % 4 == 0).then_some(11.5),
+        temperature_c: (n.is_multiple_of(4)).then_some(41.0),
+        voltage_v: (n.is_multiple_of(4)).then_some(11.5),
         missed: None,
         device_clock: Some(n as u32 * 10),
     };
@@ -53,7 +53,7 @@ pub fn cycle(n: u64) -> CycleRecord {
     CycleRecord {
         cycle: n,
         at: MONOTONIC_START + Duration::from_millis(10 * n),
-        joints: vec![first, if n % 3 == 0 { missed } else { read }],
+        joints: vec![first, if n.is_multiple_of(3) { missed } else { read }],
     }
 }
 
@@ -68,5 +68,5 @@ pub fn end(cycles: u64) -> RunEnd {
 
 /// Messages that [`cycle`] becomes: goal, present and cycle, and health where it was read.
 pub fn messages(n: u64) -> u64 {
-    if n % 4 == 0 { 4 } else { 3 }
+    if n.is_multiple_of(4) { 4 } else { 3 }
 }
