@@ -14,6 +14,7 @@ use proptest::prelude::*;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustypot::DynamixelProtocolHandler;
+use serialport::{DataBits, FlowControl, Parity, StopBits};
 use std::io::{self, Read, Write};
 use std::time::{Duration, Instant};
 
@@ -249,16 +250,16 @@ fn absent<T>() -> serialport::Result<T> {
 impl serialport::SerialPort for MemoryPort {
     fn name(&self) -> Option<String> { None }
     fn baud_rate(&self) -> serialport::Result<u32> { Ok(1_000_000) }
-    fn data_bits(&self) -> serialport::Result<serialport::DataBits> { absent() }
-    fn flow_control(&self) -> serialport::Result<serialport::FlowControl> { absent() }
-    fn parity(&self) -> serialport::Result<serialport::Parity> { absent() }
-    fn stop_bits(&self) -> serialport::Result<serialport::StopBits> { absent() }
+    fn data_bits(&self) -> serialport::Result<DataBits> { absent() }
+    fn flow_control(&self) -> serialport::Result<FlowControl> { absent() }
+    fn parity(&self) -> serialport::Result<Parity> { absent() }
+    fn stop_bits(&self) -> serialport::Result<StopBits> { absent() }
     fn timeout(&self) -> Duration { PATIENCE }
     fn set_baud_rate(&mut self, _: u32) -> serialport::Result<()> { absent() }
-    fn set_data_bits(&mut self, _: serialport::DataBits) -> serialport::Result<()> { absent() }
-    fn set_flow_control(&mut self, _: serialport::FlowControl) -> serialport::Result<()> { absent() }
-    fn set_parity(&mut self, _: serialport::Parity) -> serialport::Result<()> { absent() }
-    fn set_stop_bits(&mut self, _: serialport::StopBits) -> serialport::Result<()> { absent() }
+    fn set_data_bits(&mut self, _: DataBits) -> serialport::Result<()> { absent() }
+    fn set_flow_control(&mut self, _: FlowControl) -> serialport::Result<()> { absent() }
+    fn set_parity(&mut self, _: Parity) -> serialport::Result<()> { absent() }
+    fn set_stop_bits(&mut self, _: StopBits) -> serialport::Result<()> { absent() }
     fn set_timeout(&mut self, _: Duration) -> serialport::Result<()> { Ok(()) }
     fn write_request_to_send(&mut self, _: bool) -> serialport::Result<()> { absent() }
     fn write_data_terminal_ready(&mut self, _: bool) -> serialport::Result<()> { absent() }

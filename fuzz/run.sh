@@ -1,0 +1,45 @@
+#!/bin/sh
+# Builds the fuzz targets once and runs each for SECONDS (default 30), or only those named:
+#     fuzz/run.sh [SECONDS [TARGET ..]]
+# Works with the stable compiler, without cargo-fuzz: libFuzzer comes with the crate libfuzzer-sys,
+# the coverage it needs from rustc's own passes. Fails at the first target that finds something
+# and leaves the input under fuzz/artifacts/.
+#
+# To add a target: fuzz_targets/NAME.rs, a [[bin]] in Cargo.toml, and what it should start from
+# under seeds/: NAME.hex (one seed per line, # begins a comment) or files in NAME/.
+set -eu
+cd "$(dirname "$0")"
+seconds=${1:-30}
+[ $# -gt 0 ] && shift
+[ $# -gt 0 ] || set -- $(ls fuzz_targets | sed 's/\.rs$//')
+
+target=$(rustc -vV | sed -n 's/^host: //p')
+RUSTFLAGS="-Cpasses=sancov-module -Cllvm-args=-sanitizer-coverage-level=4 \
+-Cllvm-args=-sanitizer-coverage-inline-8bit-counters -Cllvm-args=-sanitizer-coverage-pc-table \
+-Cllvm-args=-sanitizer-coverage-trace-compares -Ccodegen-units=1 -Cdebug-assertions \
+-Coverflow-checks" \
+    cargo build --release --target "$target" --target-dir target
+
+for name; do
+    corpus=corpus/$name
+    mkdir -p "$corpus" artifacts
+    [ ! -d "seeds/$name" ] || cp "seeds/$name/"* "$corpus/"
+    if [ -f "seeds/$name.hex" ]; then
+        sed 's/#.*//; s/ //g; /^$/d' "seeds/$name.hex" | {
+            line=0
+            while read -r hex; do
+                line=$((line + 1))
+                # Octal is what every printf knows.
+                bytes=$(echo "$hex" | fold -w 2 | while read -r byte; do
+                    printf '\\0%o' "0x$byte"
+                done)
+                printf '%b' "$bytes" > "$corpus/seed-$line"
+            done
+        }
+    fi
+    echo "== $name, $seconds s"
+    "target/$target/release/$name" "$corpus" -max_total_time="$seconds" -max_len=2048 \
+        -timeout=5 -rss_limit_mb=1024 -print_final_stats=1 -artifact_prefix="artifacts/$name-" \
+        2> "artifacts/$name.log" || { tail -40 "artifacts/$name.log"; exit 1; }
+    grep -E "DONE|number_of_executed_units|average_exec_per_sec" "artifacts/$name.log"
+done
