@@ -5,6 +5,8 @@
 //! orientations are therefore equal; a segment's long axis is -Z for limbs, +Z for torso and head,
 //! +X for feet.
 
+mod mirror;
+
 use glam::{DQuat, DVec3};
 
 /// A rigid segment of the body.

@@ -337,3 +337,13 @@ impl Load {
         self.over = self.share() > LINE_LOAD_MAX;
     }
 }
+
+impl std::fmt::Display for Violation {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{} at {:.3} s", self.rule.code(), self.at_ns as f64 / 1e9)?;
+        if let Some(joint) = &self.joint {
+            write!(f, ", joint {joint}")?;
+        }
+        write!(f, ": {}", self.text)
+    }
+}

@@ -397,3 +397,16 @@ fn mean_rotation(rotations: impl Iterator<Item = (DQuat, f64)>) -> Option<DQuat>
     }
     sum.filter(|sum| sum.length() > 1e-9).map(DQuat::normalize)
 }
+
+impl Capture {
+    /// Exchanges left and right.
+    pub fn mirror(&mut self) {
+        for pose in &mut self.poses {
+            *pose = pose.mirrored();
+        }
+        let tracked = self.tracked;
+        for segment in Segment::ALL {
+            self.tracked[segment.index()] = tracked[segment.mirrored().index()];
+        }
+    }
+}
