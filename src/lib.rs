@@ -13,6 +13,7 @@ pub mod cli;
 pub mod control;
 pub mod device;
 pub mod error;
+pub mod guard;
 pub mod mocap;
 pub mod motion;
 pub mod plot;
