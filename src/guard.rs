@@ -139,7 +139,8 @@ impl Guard {
                 });
             }
             let step_rad = (goal - self.last_rad[joint]).abs();
-            let allowed_rad = limits.velocity_rad_s() * dt_s * (1.0 + STEP_ROUNDING) + STEP_ROUNDING;
+            let allowed_rad =
+                limits.velocity_rad_s() * dt_s * (1.0 + STEP_ROUNDING) + STEP_ROUNDING;
             if !(step_rad <= allowed_rad) {
                 return refuse(RefusalReason::Step { step_rad, allowed_rad });
             }

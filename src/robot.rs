@@ -40,8 +40,8 @@ pub struct Joint {
 impl Joint {
     fn new(file: &profiles::Robot, joint: &profiles::Joint, line: usize) -> Result<Self, Error> {
         let place = || format!("robot {}, joint {}", file.name, joint.name);
-        let servo = profiles::servo(&joint.servo)
-            .map_err(|e| Error::new(e.to_string()).at(place()))?;
+        let servo =
+            profiles::servo(&joint.servo).map_err(|e| Error::new(e.to_string()).at(place()))?;
         let model = Model::new(servo);
         let unfit = |e: crate::device::RegisterError| Error::new(e.to_string()).at(place());
         let goal = model.register(Role::GoalPosition).map_err(unfit)?;

@@ -8,8 +8,17 @@ const RULES: &[(&str, &[&str])] = &[
     (
         "wire",
         &[
-            "crate::port", "crate::bus", "crate::device", "crate::robot", "crate::control",
-            "crate::cli", "crate::time", "gaitway_profiles", "gaitway_sim", "std::fs", "std::io",
+            "crate::port",
+            "crate::bus",
+            "crate::device",
+            "crate::robot",
+            "crate::control",
+            "crate::cli",
+            "crate::time",
+            "gaitway_profiles",
+            "gaitway_sim",
+            "std::fs",
+            "std::io",
             "std::time",
         ],
     ),
@@ -31,9 +40,18 @@ const RULES: &[(&str, &[&str])] = &[
 ];
 
 const NO_HARDWARE: &[&str] = &[
-    "crate::port", "crate::bus", "crate::device", "crate::guard", "crate::robot",
-    "crate::control", "crate::cli", "crate::recording", "crate::time", "gaitway_profiles",
-    "gaitway_sim", "std::time",
+    "crate::port",
+    "crate::bus",
+    "crate::device",
+    "crate::guard",
+    "crate::robot",
+    "crate::control",
+    "crate::cli",
+    "crate::recording",
+    "crate::time",
+    "gaitway_profiles",
+    "gaitway_sim",
+    "std::time",
 ];
 
 fn rust_files(path: &Path, found: &mut Vec<PathBuf>) {

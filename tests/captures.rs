@@ -18,7 +18,9 @@ struct Arguments {
 fn captures() -> Option<PathBuf> {
     let folder = std::env::var_os("GAITWAY_CAPTURES").map(PathBuf::from);
     if folder.is_none() {
-        eprintln!("SKIPPED: no captures are tested; set GAITWAY_CAPTURES to a folder of .bvh files");
+        eprintln!(
+            "SKIPPED: no captures are tested; set GAITWAY_CAPTURES to a folder of .bvh files"
+        );
     }
     folder
 }
@@ -59,7 +61,8 @@ fn every_capture_is_played_safely_or_refused_with_its_cause() {
         let name = file.strip_prefix(&folder).unwrap_or(file).display().to_string();
         let report = play_on_op3(file);
         let reason = report.stop_reason.clone().unwrap_or_default();
-        let Some(clipped) = most_clipped(&report).filter(|_| report.outcome == Outcome::Done) else {
+        let Some(clipped) = most_clipped(&report).filter(|_| report.outcome == Outcome::Done)
+        else {
             println!("{name:<58} {:?}: {}", report.outcome, reason.lines().next().unwrap_or(""));
             if report.outcome != Outcome::Refused || reason.is_empty() {
                 broken.push(format!("{name}: {:?}: {reason}", report.outcome));

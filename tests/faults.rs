@@ -210,9 +210,8 @@ fn a_stop_decelerates_along_the_path_and_rests_in_time() {
         // T_stop = 1.6 max(v/a) + 2 T, and half a second for the servos to settle.
         let most_s = stop_after as f64 / 100.0 + 1.6 * 0.2 + 0.02 + 0.5 + 0.02;
         assert!(played.run.duration_s <= most_s, "{} s after {stop_after}", played.run.duration_s);
-        let fastest = |joint: &String| {
-            scene.world.lock().joint_velocity_rad_s(joint).expect("a joint").abs()
-        };
+        let fastest =
+            |joint: &String| scene.world.lock().joint_velocity_rad_s(joint).expect("a joint").abs();
         let joints = scene.link.robot().joint_names();
         let worst = joints.iter().map(fastest).fold(0.0, f64::max);
         assert!(worst < 0.05, "a joint still turns with {worst} rad/s");

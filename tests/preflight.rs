@@ -105,7 +105,10 @@ fn a_hardware_error_is_refused_in_words() {
 fn a_joint_outside_its_limits_is_refused_with_its_range() {
     let scene = Scene::op3();
     assert!(scene.world.lock().place_joint("head_tilt", 2.0));
-    mentions(&refused(scene), &["outside its limits", "head_tilt", "114.6 deg", "-89.9 to 89.9 deg"]);
+    mentions(
+        &refused(scene),
+        &["outside its limits", "head_tilt", "114.6 deg", "-89.9 to 89.9 deg"],
+    );
 }
 
 #[test]

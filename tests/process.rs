@@ -110,7 +110,8 @@ fn a_robot_in_another_process_is_played_over_a_real_port() {
     assert_eq!(report["outcome"], "done", "{report:#}");
     assert!(report["max_end_velocity_rad_s"].as_f64().expect("a number").abs() < 1e-9);
     let worst = report["joints"].as_array().expect("joints").iter();
-    let worst = worst.map(|j| j["tracking_rms_rad"].as_f64().expect("measured")).fold(0.0, f64::max);
+    let worst =
+        worst.map(|j| j["tracking_rms_rad"].as_f64().expect("measured")).fold(0.0, f64::max);
     assert!(worst > 0.0 && worst < 0.1, "tracking {worst} rad");
     let said = simulator.end();
     assert!(!said.contains("referee: R1"), "{said}");

@@ -9,7 +9,8 @@ fn root() -> &'static Path {
 
 #[test]
 fn the_sources_are_formatted() {
-    let Ok(run) = Command::new("cargo").args(["fmt", "--all", "--check"]).current_dir(root()).output()
+    let Ok(run) =
+        Command::new("cargo").args(["fmt", "--all", "--check"]).current_dir(root()).output()
     else {
         eprintln!("SKIPPED: cargo fmt is not installed");
         return;
@@ -19,7 +20,11 @@ fn the_sources_are_formatted() {
         eprintln!("SKIPPED: rustfmt is not installed");
         return;
     }
-    assert!(run.status.success(), "run `cargo fmt --all`:\n{}", String::from_utf8_lossy(&run.stdout));
+    assert!(
+        run.status.success(),
+        "run `cargo fmt --all`:\n{}",
+        String::from_utf8_lossy(&run.stdout)
+    );
 }
 
 fn text_files(folder: &Path, found: &mut Vec<std::path::PathBuf>) {
@@ -53,7 +58,10 @@ fn nothing_is_left_for_later() {
 fn no_crate_contains_unsafe_code() {
     for manifest in ["Cargo.toml", "firmware-profiles/Cargo.toml", "sim/Cargo.toml"] {
         let text = std::fs::read_to_string(root().join(manifest)).expect("a manifest");
-        assert!(text.contains("[lints]\nworkspace = true"), "{manifest} leaves the workspace lints");
+        assert!(
+            text.contains("[lints]\nworkspace = true"),
+            "{manifest} leaves the workspace lints"
+        );
     }
     let workspace = std::fs::read_to_string(root().join("Cargo.toml")).expect("a manifest");
     assert!(workspace.contains("unsafe_code = \"forbid\""));

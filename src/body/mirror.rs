@@ -46,7 +46,8 @@ mod tests {
 
     #[test]
     fn an_arm_raised_to_the_left_becomes_the_other_arm_raised_to_the_right() {
-        let mut pose = SegmentPose { root_m: DVec3::new(1.0, 2.0, 3.0), orientation: Default::default() };
+        let mut pose =
+            SegmentPose { root_m: DVec3::new(1.0, 2.0, 3.0), orientation: Default::default() };
         pose.orientation[Segment::LeftUpperArm.index()] = DQuat::from_rotation_x(1.0);
         let axis = |pose: &SegmentPose, of: Segment| pose.orientation[of.index()] * of.long_axis();
         let left = axis(&pose, Segment::LeftUpperArm);

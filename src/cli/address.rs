@@ -36,9 +36,7 @@ impl FromStr for Address {
     type Err = Error;
 
     fn from_str(text: &str) -> Result<Self, Error> {
-        let unknown = || {
-            Error::new("not a bus I know").at("--bus").got(text).allowed(ALLOWED)
-        };
+        let unknown = || Error::new("not a bus I know").at("--bus").got(text).allowed(ALLOWED);
         let (line, bus) = match text.split_once('=') {
             // An `=` after `?` belongs to the bus, not to a line name.
             Some((name, bus)) if !name.contains(['?', '/', ':']) => (Some(name.to_owned()), bus),

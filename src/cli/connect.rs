@@ -100,9 +100,8 @@ fn behind_terminals(robot: Robot, seed: u64) -> Result<Connection, Error> {
     let mut doors = Vec::new();
     let mut ports: Vec<(Box<dyn BytePort>, Duration)> = Vec::new();
     for (line, facts) in robot.lines.iter().enumerate() {
-        let door = Door::open(world.inner(), line, None).map_err(|e| {
-            Error::new("cannot open a pseudo-terminal").got(e.to_string())
-        })?;
+        let door = Door::open(world.inner(), line, None)
+            .map_err(|e| Error::new("cannot open a pseudo-terminal").got(e.to_string()))?;
         let path = door.path().display().to_string();
         let port = SerialLine::open(&path, facts.baud_bps).map_err(|e| port_error(&path, &e))?;
         ports.push((Box::new(port), UNKNOWN_LATENCY));

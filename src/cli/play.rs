@@ -78,7 +78,8 @@ pub fn run(args: &PlayArgs, output: &Output) -> Result<i32, Error> {
     let signals = Signals::listen().map_err(|e| Error::new(format!("no signals: {e}")))?;
     let report = play(args, output, &signals);
     output.report(&report, &report.text())?;
-    if let (Some(reason), Outcome::Refused | Outcome::Failed) = (&report.stop_reason, report.outcome)
+    if let (Some(reason), Outcome::Refused | Outcome::Failed) =
+        (&report.stop_reason, report.outcome)
         && output.json()
     {
         output.diagnostic(&format!("gaitway: {reason}"));
@@ -164,7 +165,12 @@ fn plan_from(
     plan(&found.start_rad, &path, &robot.limits(), options)
 }
 
-pub(super) fn describe_plan(report: &mut PlayReport, robot: &Robot, planned: &Plan, loaded: &Loaded) {
+pub(super) fn describe_plan(
+    report: &mut PlayReport,
+    robot: &Robot,
+    planned: &Plan,
+    loaded: &Loaded,
+) {
     report.describe_retiming(&planned.retimed);
     report.ease_in_s = planned.ease_in_s;
     report.ease_out_s = planned.ease_out_s;
@@ -246,7 +252,8 @@ fn perform(
         progress.show_until(|| loop_thread.is_finished());
         loop_thread.join()
     });
-    let run = run.map_err(|_| Error::new("the control loop broke; the servos hold their last goal"))?;
+    let run =
+        run.map_err(|_| Error::new("the control loop broke; the servos hold their last goal"))?;
     if args.end == EndState::Limp && run.stop.is_none() {
         control::arm::disarm(&mut connection.link)?;
     }

@@ -11,10 +11,13 @@ pub fn page(report: &PlayReport, recorder: &RunRecorder, robot: &Robot) -> Strin
     let rows = vec![
         ("outcome", report.text().lines().next().unwrap_or_default().to_owned()),
         ("retimed", retiming(report)),
-        ("cycles", format!(
-            "{} at {:.0} Hz, {} missed, {} late",
-            report.cycles, report.cycle_hz, report.missed_cycles, report.late_cycles
-        )),
+        (
+            "cycles",
+            format!(
+                "{} at {:.0} Hz, {} missed, {} late",
+                report.cycles, report.cycle_hz, report.missed_cycles, report.late_cycles
+            ),
+        ),
         ("line", format!("{:.0} % busy", 100.0 * report.bus_load)),
     ];
     let mut warnings: Vec<String> = report.stop_reason.iter().cloned().collect();

@@ -282,11 +282,8 @@ impl PlayReport {
             self.cycles, self.cycle_hz, self.duration_s, self.missed_cycles, self.late_cycles
         );
         let limit = self.wire_limit_hz.map_or_else(|| "-".to_owned(), |hz| format!("{hz:.0} Hz"));
-        let _ = writeln!(
-            out,
-            "line      {:.0} % busy; it could carry {limit}",
-            self.bus_load * 100.0
-        );
+        let _ =
+            writeln!(out, "line      {:.0} % busy; it could carry {limit}", self.bus_load * 100.0);
         let show = |value: Option<f64>, unit: &str| {
             value.map_or_else(|| format!("- {unit}"), |v| format!("{v:.1} {unit}"))
         };

@@ -1,9 +1,9 @@
 //! `retarget`: the trajectory a robot would play, as a file, and its figures.
 
+use super::Output;
 use super::play::describe_plan;
 use super::report::{Outcome, PlayReport};
 use super::source::{self, MotionArgs};
-use super::Output;
 use crate::error::Error;
 use crate::motion::{Plan, PlanOptions, Setpoint, plan};
 use crate::robot::Robot;

@@ -1,7 +1,7 @@
 //! `simulate`: the virtual robot as a device that other programs open.
 
-use super::signals::Signals;
 use super::Output;
+use super::signals::Signals;
 use crate::error::Error;
 use crate::robot::Robot;
 use clap::Args;

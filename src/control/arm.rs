@@ -77,9 +77,10 @@ fn check_where_it_was(link: &mut Link, command: &Command) -> Result<(), Error> {
         if !off.as_ref().is_ok_and(|off| *off <= HOLD_RAD) {
             return Err(Error::new("a joint moved before torque came on; torque stays off")
                 .at(format!("joint {}", joint.name))
-                .got(off.map_or_else(|miss| miss.to_string(), |off| {
-                    format!("{:.1} deg from where it was", off.to_degrees())
-                }))
+                .got(off.map_or_else(
+                    |miss| miss.to_string(),
+                    |off| format!("{:.1} deg from where it was", off.to_degrees()),
+                ))
                 .allowed(format!("{:.1} deg", HOLD_RAD.to_degrees()))
                 .remedy("hold the robot still, or support it, and start again"));
         }

@@ -76,10 +76,9 @@ impl Model {
     /// # Errors
     /// [`RegisterError::NoSuchRole`].
     pub fn register(&self, role: Role) -> Result<&'static Register, RegisterError> {
-        self.servo.register(role).ok_or_else(|| RegisterError::NoSuchRole {
-            servo: self.servo.name.clone(),
-            role,
-        })
+        self.servo
+            .register(role)
+            .ok_or_else(|| RegisterError::NoSuchRole { servo: self.servo.name.clone(), role })
     }
 
     /// Angle of one count of a position register, rad.
@@ -98,12 +97,9 @@ impl Model {
             }
             Unit::Rpm => per_count * TAU / 60.0,
             Unit::Rpm2 => per_count * TAU / 3600.0,
-            Unit::None
-            | Unit::Ampere
-            | Unit::Volt
-            | Unit::Celsius
-            | Unit::Second
-            | Unit::Ratio => per_count,
+            Unit::None | Unit::Ampere | Unit::Volt | Unit::Celsius | Unit::Second | Unit::Ratio => {
+                per_count
+            }
         }
     }
 

@@ -27,7 +27,8 @@ impl SerialLine {
         if !Path::new(path).exists() {
             return Err(PortError::Gone(format!("{path} does not exist")));
         }
-        let tty = TTYPort::open(&serialport::new(path, baud_bps)).map_err(|e| open_error(path, &e))?;
+        let tty =
+            TTYPort::open(&serialport::new(path, baud_bps)).map_err(|e| open_error(path, &e))?;
         let line = Self { tty, path: path.to_owned() };
         line.tty.clear(ClearBuffer::All).map_err(|e| open_error(path, &e))?;
         Ok(line)
@@ -109,4 +110,3 @@ impl BytePort for SerialLine {
         })
     }
 }
-

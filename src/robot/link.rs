@@ -74,9 +74,7 @@ impl Link {
                 Bus::new(port, Arc::clone(&clock), line.protocol, timing)
             })
             .collect();
-        let reads = groups(&robot, |joint| {
-            (joint.feedback.address(), joint.feedback.length())
-        });
+        let reads = groups(&robot, |joint| (joint.feedback.address(), joint.feedback.length()));
         let writes = groups(&robot, |joint| {
             let goal = joint.model.register(Role::GoalPosition);
             goal.map_or((0, 0), |goal| (goal.address, u16::from(goal.bytes)))
@@ -119,10 +117,16 @@ impl Link {
     pub fn cycle_time_s(&self) -> f64 {
         let on_line = |line: usize| -> f64 {
             let bus = &self.buses[line];
-            let read: f64 = self.reads.iter().filter(|group| group.line == line)
+            let read: f64 = self
+                .reads
+                .iter()
+                .filter(|group| group.line == line)
                 .map(|g| bus.read_time_s(g.joints.len(), usize::from(g.length), g.mode))
                 .sum();
-            let write: f64 = self.writes.iter().filter(|group| group.line == line)
+            let write: f64 = self
+                .writes
+                .iter()
+                .filter(|group| group.line == line)
                 .map(|g| bus.write_time_s(g.joints.len(), usize::from(g.length)))
                 .sum();
             read + write
@@ -232,9 +236,7 @@ impl Link {
                 let written = joint.model.register(role).and_then(|register| {
                     joint.model.append_si(register, value(joint, index), &mut payload)
                 });
-                written.map_err(|e| {
-                    self.joint_error(index, AskError::Unsayable(e.to_string()))
-                })?;
+                written.map_err(|e| self.joint_error(index, AskError::Unsayable(e.to_string())))?;
             }
             let size = usize::from(group.length);
             let items: Vec<(u8, &[u8])> = group
@@ -327,9 +329,8 @@ fn groups(robot: &Robot, block: impl Fn(&Joint) -> (u16, u16)) -> Vec<Group> {
     let mut groups: Vec<Group> = Vec::new();
     for (index, joint) in robot.joints.iter().enumerate() {
         let (address, length) = block(joint);
-        let same = |g: &&mut Group| {
-            g.line == joint.line && g.address == address && g.length == length
-        };
+        let same =
+            |g: &&mut Group| g.line == joint.line && g.address == address && g.length == length;
         match groups.iter_mut().find(same) {
             Some(group) => group.joints.push(index),
             None => groups.push(Group {
@@ -347,5 +348,10 @@ fn groups(robot: &Robot, block: impl Fn(&Joint) -> (u16, u16)) -> Vec<Group> {
 /// Longest return delay among the servos of line number `line`, as the robot file sets it.
 fn return_delay(robot: &Robot, line: usize) -> Duration {
     let on_line = robot.joints.iter().filter(|joint| joint.line == line);
-    Duration::from_secs_f64(on_line.filter_map(|joint| joint.configured(Role::ReturnDelay)).fold(0.0, f64::max).clamp(0.0, 1.0))
+    Duration::from_secs_f64(
+        on_line
+            .filter_map(|joint| joint.configured(Role::ReturnDelay))
+            .fold(0.0, f64::max)
+            .clamp(0.0, 1.0),
+    )
 }

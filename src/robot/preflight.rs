@@ -86,7 +86,9 @@ pub(crate) fn exchange_error(link: &Link, joint: Option<usize>, failed: &LinkErr
                 "look for two servos with this ID, a loose connector, a missing terminator or a \
                  wrong line speed",
             ),
-        AskError::Miss(miss) => Error::new("a servo answers wrongly").at(place).got(miss.to_string()),
+        AskError::Miss(miss) => {
+            Error::new("a servo answers wrongly").at(place).got(miss.to_string())
+        }
         AskError::Unsayable(text) => Error::new(text.clone()).at(place),
     }
 }
@@ -115,7 +117,9 @@ fn check_identity(link: &mut Link, accept: Accept, found: &mut Preflight) -> Res
                 .remedy("update the servo, or add --accept-firmware if you know its registers"));
         }
         if !inside {
-            found.notes.push(format!("{}: firmware {firmware} accepted as asked", place(link, joint)));
+            found
+                .notes
+                .push(format!("{}: firmware {firmware} accepted as asked", place(link, joint)));
         }
         found.firmware.push(firmware);
     }

@@ -75,7 +75,8 @@ impl Scene {
         let limits = self.link.robot().limits();
         let rows = start_rad.iter().zip(&limits).map(|(&start, limits)| {
             let (up, down) = (limits.upper_rad() - start, start - limits.lower_rad());
-            let towards = if up > down { swing_rad.min(0.9 * up) } else { -swing_rad.min(0.9 * down) };
+            let towards =
+                if up > down { swing_rad.min(0.9 * up) } else { -swing_rad.min(0.9 * down) };
             let turn = |i: usize| (1.0 - (std::f64::consts::TAU * i as f64 / rate_hz).cos()) / 2.0;
             (0..=50 * rounds).map(|i| start + towards * turn(i)).collect()
         });
