@@ -1,9 +1,9 @@
 //! Faults on the line and in the servos, in virtual time, with the referee watching. Each scene has
 //! a twin without the fault that ends done.
 
-mod common;
+mod scene;
 
-use common::{Scene, assert_clean};
+use scene::{Scene, assert_clean};
 use gaitway::control::StopReason;
 use gaitway_sim::{Damage, Fault, Options};
 
@@ -17,7 +17,7 @@ fn first_joint(robot: &str) -> String {
 }
 
 /// Damage to one status of one joint: the motion ends done, and only reads are missed.
-fn one_status(robot: &str, nth: u64, damage: Damage) -> common::Played {
+fn one_status(robot: &str, nth: u64, damage: Damage) -> scene::Played {
     let fault = Fault::Status { joint: first_joint(robot), nth, damage };
     let played = Scene::with_faults(robot, vec![fault]).play(SWING_RAD, 3);
     assert_eq!(played.run.stop, None, "{robot}, {damage:?}: stopped");
@@ -252,7 +252,7 @@ fn hundreds_of_seeds_with_random_damage_never_break_a_rule() {
         let Ok(found) = scene.preflight() else { continue };
         let trajectory = scene.swing(&found.start_rad, SWING_RAD, 1);
         let Ok(armed) = gaitway::control::arm::arm(&mut scene.link, &found) else { continue };
-        let mut samples = common::Samples::default();
+        let mut samples = scene::Samples::default();
         let settings = scene.settings;
         let run = gaitway::control::run(
             &mut scene.link,

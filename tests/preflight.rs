@@ -1,8 +1,8 @@
 //! Nothing moves before identity, configuration, health, start pose and line speed are proven.
 
-mod common;
+mod scene;
 
-use common::Scene;
+use scene::Scene;
 use gaitway::error::Error;
 use gaitway::time::Duration;
 

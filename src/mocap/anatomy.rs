@@ -13,12 +13,12 @@
 //! * Head: the rest pose; without one, straight on the torso on average over the clip.
 //! * Thigh, shank, upper arm, forearm: Z along the bone, exactly. Y along the hinge of knee or
 //!   elbow, which is where bending turns: the mean over the clip of the cross product of the two
-//!   bone directions, weighted with the sine of the bend (so straight limbs, which say nothing,
-//!   weigh nothing). Its sign is anatomy's: knees bend backwards, elbows forwards. Where a limb
-//!   hardly bends, a prior takes over: the segment swung from N pose into its reference direction
-//!   without twist.
+//!   bone directions, weighted with the bend (a straight limb says little, and that with noise).
+//!   Its sign is anatomy's: knees bend backwards, elbows forwards. Where a limb hardly bends, a
+//!   prior takes over: the segment swung from N pose into its reference direction without twist;
+//!   for legs without a rest pose, the knee bends towards where the toes point.
 //! * Foot: Z up while the foot stands still on the floor, X towards the toes. Never on the floor,
-//!   it is flat in the reference poses.
+//!   it is flat in the rest pose; without one, the toes are as far below the ankle as usual.
 
 use crate::body::{Segment, SegmentPose};
 use crate::error::Error;
@@ -30,10 +30,15 @@ use glam::{DMat3, DQuat, DVec3};
 
 /// Poses looked at for the constants.
 const SAMPLES: usize = 600;
-/// Weight of the prior of a hinge, as the squared sine of a bend: 8 degrees.
-const HINGE_PRIOR: f64 = 0.02;
+/// Weight of the prior of a hinge, as the cubed sine of a bend: 14 degrees.
+const HINGE_PRIOR: f64 = 0.014;
 /// Standing poses are those within this much of the straightest, as a mean cosine.
 const AS_STRAIGHT: f64 = 0.02;
+/// Slope of the line from ankle to toes below a flat foot's sole, rad: an ankle 0.039 of stature
+/// high (Winter, fig. 4.1), the ball of the foot some 2 cm, 0.14 m ahead.
+const TOE_SLOPE_RAD: f64 = 0.33;
+/// A flat foot found further than this from where it should be was not flat, rad.
+const FLAT_DOUBT_RAD: f64 = 0.7;
 /// A foot on the floor moves slower than this, m/s, and is this near its lowest, m.
 const STILL_M_S: f64 = 0.3;
 const NEAR_FLOOR_M: f64 = 0.03;
@@ -146,10 +151,8 @@ impl Anatomy {
         let mut calibration = Calibration { clip, samples, references, frames: [None; 13] };
         calibration.trunk()?;
         for side in 0..2 {
-            let [thigh, shank, foot] = LEGS[side];
-            calibration.hinged(Segment::Pelvis, [thigh, shank], 1.0);
-            calibration.foot(foot, shank);
-            calibration.hinged(Segment::Torso, ARMS[side], -1.0);
+            calibration.leg(LEGS[side]);
+            calibration.arm(ARMS[side]);
         }
         calibration.head();
         let missing: Vec<&str> = Segment::ALL
@@ -266,8 +269,7 @@ impl Calibration<'_> {
 
     fn head(&mut self) {
         let Some(head) = self.carrier(Segment::Head) else { return };
-        let drawn = self.references.first().is_some_and(|reference| reference.is_drawn);
-        let frame = if drawn {
+        let frame = if self.is_drawn() {
             self.reference_mean(head, |body, _| {
                 Some((across_and_up(body.across()?, DVec3::Z)?, 1.0))
             })
@@ -280,48 +282,100 @@ impl Calibration<'_> {
         self.set(Segment::Head, frame);
     }
 
-    /// The two segments on either side of a knee (`sign` +1) or an elbow (-1). `above` is the
-    /// segment that carries the limb.
-    fn hinged(&mut self, above: Segment, segments: [Segment; 2], sign: f64) {
-        let bend = |body: Landmarks<'_>| {
-            let cross = body.direction(segments[0])?.cross(body.direction(segments[1])?);
-            Some(cross * cross.length() * sign)
-        };
-        for segment in segments {
-            let Some(carrier) = self.carrier(segment) else { continue };
-            let along = self.mean_in(carrier, |body| body.direction(segment));
-            let Some(along) = along.and_then(DVec3::try_normalize) else { continue };
-            let prior = self.reference_mean(carrier, |body, reference| {
-                let carried = self.frame(above, &reference.placed)?;
-                let direction = body.direction(segment)?;
-                let hanging = carried * DVec3::NEG_Z;
-                // The swing is ambiguous for a limb that points up: such poses hardly count.
-                let weight = (1.0 + hanging.dot(direction)).powi(2) + 1e-6;
-                Some((DQuat::from_rotation_arc(hanging, direction) * carried, weight))
-            });
-            let hinge = self.mean_in(carrier, bend).unwrap_or(DVec3::ZERO);
-            let guess = prior.map_or(DVec3::ZERO, |prior| prior * DVec3::Y) * HINGE_PRIOR;
-            self.set(segment, up_and_across(-along, hinge + guess).or(prior));
+    fn is_drawn(&self) -> bool {
+        self.references.first().is_some_and(|reference| reference.is_drawn)
+    }
+
+    fn arm(&mut self, [upper, lower]: [Segment; 2]) {
+        let bend = |body: Landmarks<'_>| bend(body, lower, upper);
+        for segment in [upper, lower] {
+            let prior = self.swung(Segment::Torso, segment);
+            self.hinged(segment, bend, prior.map(|frame| frame * DVec3::Y));
         }
+    }
+
+    fn leg(&mut self, [thigh, shank, foot]: [Segment; 3]) {
+        let bend = |body: Landmarks<'_>| bend(body, thigh, shank);
+        let swung = |calibration: &Self, segment| {
+            Some(calibration.swung(Segment::Pelvis, segment)? * DVec3::Y)
+        };
+        // The bend of the knee in the thigh follows from that in the shank: it is one hinge.
+        let by_toes = self.carrier(shank).filter(|_| !self.is_drawn()).and_then(|carrier| {
+            self.mean_in(carrier, |body| Some(body.direction(foot)?.cross(body.direction(shank)?)))
+        });
+        self.hinged(shank, bend, by_toes.or_else(|| swung(self, shank)));
+        let by_shank = self.carrier(thigh).filter(|_| !self.is_drawn()).and_then(|carrier| {
+            let (_, frame) = self.frames[shank.index()]?;
+            let shank = self.carrier(shank)?;
+            self.mean_in(carrier, |body| Some(body.placed.rotation[shank] * frame * DVec3::Y))
+        });
+        self.hinged(thigh, bend, by_shank.or_else(|| swung(self, thigh)));
+        self.foot(foot, shank);
+    }
+
+    /// The frame of a segment, in its carrier's, if it lies in the reference poses as it would
+    /// after a swing from N pose without twist. `above` is the segment that carries the limb.
+    fn swung(&self, above: Segment, segment: Segment) -> Option<DQuat> {
+        self.reference_mean(self.carrier(segment)?, |body, reference| {
+            let carried = self.frame(above, &reference.placed)?;
+            let direction = body.direction(segment)?;
+            let hanging = carried * DVec3::NEG_Z;
+            // The swing is ambiguous for a limb that points up: such poses hardly count.
+            let weight = (1.0 + hanging.dot(direction)).powi(2) + 1e-6;
+            Some((DQuat::from_rotation_arc(hanging, direction) * carried, weight))
+        })
+    }
+
+    /// A segment on one side of a hinge: Z exactly along the bone, Y along the mean of `bend`, or
+    /// along `prior` (carrier's frame) as far as that says nothing.
+    fn hinged(
+        &mut self,
+        segment: Segment,
+        bend: impl Fn(Landmarks<'_>) -> Option<DVec3>,
+        prior: Option<DVec3>,
+    ) {
+        let Some(carrier) = self.carrier(segment) else { return };
+        let along = self.mean_in(carrier, |body| body.direction(segment));
+        let Some(along) = along.and_then(DVec3::try_normalize) else { return };
+        let hinge = self.mean_in(carrier, bend).unwrap_or(DVec3::ZERO);
+        let prior = prior.map_or(DVec3::ZERO, |axis| axis.reject_from(along).normalize_or_zero());
+        self.set(segment, up_and_across(-along, hinge + prior * HINGE_PRIOR));
     }
 
     /// A foot: flat while it stands still on the floor.
     fn foot(&mut self, foot: Segment, shank: Segment) {
         let Some(carrier) = self.carrier(foot) else { return };
-        let drawn = self.reference_mean(carrier, |body, reference| {
-            let ahead = body.direction(foot).unwrap_or(DVec3::ZERO);
-            let shank = self.frame(shank, &reference.placed)?;
-            let flat =
-                up_and_ahead(DVec3::Z, ahead).or_else(|| up_and_ahead(DVec3::Z, shank * DVec3::X));
-            Some((flat?, 1.0))
+        let ahead = self.mean_in(carrier, |body| body.direction(foot));
+        let ahead = ahead.filter(|ahead| ahead.length() > 0.5);
+        let prior = if self.is_drawn() {
+            self.reference_mean(carrier, |body, reference| {
+                let knee = self.frame(shank, &reference.placed).map(|shank| shank * DVec3::X);
+                let ahead = body.direction(foot).or(knee)?;
+                Some((up_and_ahead(DVec3::Z, ahead).or(up_and_ahead(DVec3::Z, knee?))?, 1.0))
+            })
+        } else {
+            self.sloping(carrier, shank, ahead)
+        };
+        let on_floor = self.up_on_floor(foot, carrier).filter(|up| {
+            prior.is_none_or(|prior| up.angle_between(prior * DVec3::Z) < FLAT_DOUBT_RAD)
         });
-        let up = self.up_on_floor(foot, carrier).or_else(|| Some(drawn? * DVec3::Z));
-        let ahead = self
-            .mean_in(carrier, |body| body.direction(foot))
-            .filter(|ahead| ahead.length() > 0.5)
-            .or_else(|| Some(drawn? * DVec3::X));
+        let up = on_floor.or(prior.map(|prior| prior * DVec3::Z));
+        let ahead = ahead.or(prior.map(|prior| prior * DVec3::X));
         let frame = up.zip(ahead).and_then(|(up, ahead)| up_and_ahead(up, ahead));
-        self.set(foot, frame.or(drawn));
+        self.set(foot, frame.or(prior));
+    }
+
+    /// The frame of a foot whose toes lie as far below the ankle as usual, and whose left is the
+    /// shank's on average; without toes, the shank's frame on average.
+    fn sloping(&self, carrier: usize, shank: Segment, ahead: Option<DVec3>) -> Option<DQuat> {
+        let shanks = self.samples.iter().filter_map(|placed| {
+            Some((placed.rotation[carrier].inverse() * self.frame(shank, placed)?, 1.0))
+        });
+        let shank = mean_rotation(shanks)?;
+        let Some(ahead) = ahead else { return Some(shank) };
+        let left = (shank * DVec3::Y).reject_from(ahead).try_normalize()?;
+        let forward = DQuat::from_axis_angle(left, -TOE_SLOPE_RAD) * ahead;
+        up_and_ahead(forward.cross(left), forward)
     }
 
     /// World up in the foot's joint frame while the foot stands on the floor, if it ever does.
@@ -357,6 +411,13 @@ impl Calibration<'_> {
         let up = sum / f64::from(count.max(1));
         (count >= 3 && up.length() > 0.95).then(|| up.normalize())
     }
+}
+
+/// Where bending turns, weighted with the cube of its sine: the cross product of the directions of
+/// two bones, times its squared length.
+fn bend(body: Landmarks<'_>, one: Segment, other: Segment) -> Option<DVec3> {
+    let cross = body.direction(one)?.cross(body.direction(other)?);
+    Some(cross * cross.length_squared())
 }
 
 /// Frame of three orthonormal axes, given right-handed.

@@ -371,14 +371,14 @@ fn motion<R: Read>(source: &mut Source<R>, bvh: &mut Bvh, poses: usize) -> Resul
                 return Err(missing_poses(source, poses, pose, at, names.len()));
             }
             // A value lost in one line would shift all that follow; the line ends catch it.
-            if at == 0 && source.line() == last_line {
+            if at == 0 && source.token_line() == last_line {
                 return Err(wrong_length(source, pose, names.len()));
             }
-            last_line = source.line();
+            last_line = source.token_line();
             let value = number_of(source).map_err(|error| {
                 error.at(format!(
                     "line {}, pose {}, joint {}, {}",
-                    source.line(),
+                    source.token_line(),
                     pose + 1,
                     bvh.joints[*joint].name,
                     channel.keyword()
@@ -388,7 +388,7 @@ fn motion<R: Read>(source: &mut Source<R>, bvh: &mut Bvh, poses: usize) -> Resul
         }
     }
     if source.next()? {
-        if source.line() == last_line {
+        if source.token_line() == last_line {
             return Err(wrong_length(source, poses, names.len()));
         }
         return Err(source

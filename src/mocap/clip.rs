@@ -215,7 +215,7 @@ impl Clip {
             }
         }
         let stature = total / f64::from(count);
-        if !(stature > 1e-6) {
+        if stature.is_nan() || stature <= 1e-6 {
             return Err(Error::new("the limbs of the skeleton have no length")
                 .remedy("check the OFFSET lines, or name other joints in a mapping file"));
         }
@@ -319,21 +319,22 @@ impl Clip {
     /// Toes point forward, so left and right can be checked, or found where names do not tell.
     fn check_sides(&mut self) {
         let mut placed = Placed::default();
-        let (mut agreement, mut seen) = (0.0, 0.0);
+        let (mut forward, mut arms_with_legs, mut seen) = (0.0, 0.0, 0.0);
         for index in self.samples(SAMPLES) {
             self.place(index, &mut placed);
             let view = self.landmarks(&placed);
-            let toes = LEGS.map(|leg| view.direction(leg[2]));
-            if let ([Some(left), Some(right)], Some(across), Some(trunk)) =
-                (toes, view.hip_line(), view.trunk())
-            {
-                let forward = across.cross(trunk).normalize_or_zero();
-                agreement += (left + right).normalize_or_zero().dot(forward);
-                seen += 1.0;
-            }
+            let (Some(across), Some(trunk)) = (view.hip_line(), view.trunk()) else { continue };
+            let toes = LEGS.iter().filter_map(|leg| view.direction(leg[2])).sum::<DVec3>();
+            forward += toes.normalize_or_zero().dot(across.cross(trunk).normalize_or_zero());
+            arms_with_legs += view.shoulder_line().map_or(0.0, |shoulders| shoulders.dot(across));
+            seen += 1.0;
         }
-        if agreement < -0.3 * seen && seen > 0.0 {
-            self.mapping.swap_sides();
+        if !self.mapping.sides_are_named && arms_with_legs < 0.0 {
+            self.mapping.swap_arms();
+        }
+        if forward < -0.3 * seen {
+            self.mapping.swap_legs();
+            self.mapping.swap_arms();
             if self.mapping.sides_are_named {
                 self.notes.push(
                     "the toes point backwards if the names of the sides are right: the file is \

@@ -116,17 +116,16 @@ impl Mapping {
         self.parts[segment.index()].as_ref()
     }
 
-    /// The parts of several segments, if all are there.
-    #[must_use]
-    pub fn all<const N: usize>(&self, segments: [Segment; N]) -> Option<[&Part; N]> {
-        let parts = segments.map(|segment| self.part(segment));
-        parts.iter().all(Option::is_some).then(|| parts.map(|part| part.expect("checked above")))
+    /// Takes left legs for right.
+    pub fn swap_legs(&mut self) {
+        for (left, right) in LEGS[0].into_iter().zip(LEGS[1]) {
+            self.parts.swap(left.index(), right.index());
+        }
     }
 
-    /// Takes left for right.
-    pub fn swap_sides(&mut self) {
-        let legs = LEGS[0].into_iter().zip(LEGS[1]);
-        for (left, right) in legs.chain(ARMS[0].into_iter().zip(ARMS[1])) {
+    /// Takes left arms for right.
+    pub fn swap_arms(&mut self) {
+        for (left, right) in ARMS[0].into_iter().zip(ARMS[1]) {
             self.parts.swap(left.index(), right.index());
         }
     }
@@ -245,7 +244,7 @@ impl Search<'_> {
     }
 
     /// The side that the names of a limb agree on.
-    fn side(&self, limb: [usize; 3]) -> Option<Side> {
+    fn side(&self, limb: [usize; 2]) -> Option<Side> {
         let count = |side| limb.iter().filter(|at| self.names[**at].side == side).count();
         match count(Side::Left).cmp(&count(Side::Right)) {
             std::cmp::Ordering::Greater => Some(Side::Left),
@@ -255,10 +254,10 @@ impl Search<'_> {
     }
 
     /// Puts a pair of limbs in order, left first, if names tell.
-    fn by_side(&self, [one, other]: [[usize; 3]; 2]) -> [Limb; 2] {
+    fn by_side(&self, [one, other]: [[usize; 2]; 2]) -> [Limb; 2] {
         let swap = self.side(one) == Some(Side::Right) || self.side(other) == Some(Side::Left);
         let pair = if swap { [other, one] } else { [one, other] };
-        pair.map(|limb| limb.map(Some))
+        pair.map(|[upper, lower]| [Some(upper), Some(lower), structure::next(self.bvh, lower)])
     }
 
     /// Fills in the segments of a limb, `limb` overruled by the mapping file.
@@ -298,18 +297,26 @@ impl Search<'_> {
         Ok(())
     }
 
-    /// The far end of a last segment: toes by name, else the next joint, else an end site.
+    /// The far end of a last segment: toes by name, else the next joint, else an end site. Where
+    /// that is a stub, as an ankle's own height above the foot, the far end of the bone behind it.
     fn tip(&self, joint: usize) -> Option<Point> {
         let below = |at: usize| at != joint && self.is_within(at, joint);
+        let joints = &self.bvh.joints;
         let toe = names::find(&self.names, self.names[joint].side, names::TOE, below);
-        let far = |at: &usize| self.bvh.joints[*at].offset.length() > 0.0;
-        let next = toe.filter(far).or_else(|| structure::next(self.bvh, joint));
-        let end = || {
-            let mut ends = self.bvh.joints[joint].ends.iter();
-            let offset = *ends.find(|end| **end != DVec3::ZERO)?;
+        let far = |at: &usize| joints[*at].offset != DVec3::ZERO;
+        let end = |joint: usize| {
+            let offset = *joints[joint].ends.iter().find(|end| **end != DVec3::ZERO)?;
             Some(Point { joint, offset })
         };
-        next.map(Point::origin).or_else(end)
+        let next = toe.filter(far).or_else(|| structure::next(self.bvh, joint));
+        let Some(next) = next else { return end(joint) };
+        let beyond = structure::next(self.bvh, next).map(Point::origin).or_else(|| end(next));
+        let length = |point: &Point| match point.offset {
+            DVec3::ZERO => joints[point.joint].offset.length(),
+            offset => offset.length(),
+        };
+        let is_stub = |beyond: &Point| length(beyond) > 2.0 * joints[next].offset.length();
+        Some(beyond.filter(is_stub).unwrap_or(Point::origin(next)))
     }
 
     /// Pelvis and torso are what carries the legs and the arms; the head is found by name, else

@@ -1,116 +1,138 @@
-//! A virtual robot with the production driver on it, for tests. The referee always watches.
-#![allow(dead_code, missing_docs)]
+//! What several capture tests share: the robot, the capture folder, small kinematics.
+#![allow(dead_code, reason = "each test file uses a part")]
 
-use gaitway::control::{self, Run, Sample, Settings, Sink};
-use gaitway::error::Error;
-use gaitway::motion::{Path, PlanOptions, Trajectory, plan};
-use gaitway::port::sim::{SharedWorld, VirtualClock, VirtualLine};
-use gaitway::port::{BytePort, Clock};
-use gaitway::robot::preflight::{Accept, Preflight, preflight};
-use gaitway::robot::{Link, Robot};
-use gaitway::time::Duration;
-use gaitway_sim::{Options, Verdict, World};
-use std::sync::Arc;
+pub mod puppet;
 
-pub const STRICT: Accept = Accept { firmware: false };
+use gaitway::body::Segment;
+use gaitway::mocap::retarget::{ModelJoint, RobotModel, SegmentLink};
+use glam::DVec3;
+use std::f64::consts::PI;
+use std::path::{Path, PathBuf};
 
-pub struct Scene {
-    pub world: SharedWorld,
-    pub link: Link,
-    pub settings: Settings,
+/// Servo speed and acceleration of ROBOTIS OP3 as used for the stretch factor.
+pub const OP3_VELOCITY_RAD_S: f64 = 4.796;
+/// See [`OP3_VELOCITY_RAD_S`].
+pub const OP3_ACCELERATION_RAD_S2: f64 = 23.98;
+
+/// ROBOTIS OP3: joints, origins, axes and limits from `op3_kinematics_dynamics.cpp` in
+/// ROBOTIS-GIT/ROBOTIS-OP3, `parent` 0 being the pelvis.
+pub fn op3() -> RobotModel {
+    #[rustfmt::skip]
+    let table: [(&str, usize, [f64; 3], [f64; 3], f64, f64); 20] = [
+        ("r_sho_pitch", 0, [-0.001, -0.06, 0.111], [0.0, -1.0, 0.0], -0.5, 0.5),
+        ("l_sho_pitch", 0, [-0.001, 0.06, 0.111], [0.0, 1.0, 0.0], -0.5, 0.5),
+        ("r_sho_roll", 1, [0.019, -0.0285, -0.01], [-1.0, 0.0, 0.0], -0.5, 0.3),
+        ("l_sho_roll", 2, [0.019, 0.0285, -0.01], [-1.0, 0.0, 0.0], -0.3, 0.5),
+        ("r_el", 3, [0.0, -0.0904, -0.0001], [1.0, 0.0, 0.0], -0.5, 0.5),
+        ("l_el", 4, [0.0, 0.0904, -0.0001], [1.0, 0.0, 0.0], -0.5, 0.5),
+        ("r_hip_yaw", 0, [0.0, -0.035, 0.0], [0.0, 0.0, -1.0], -0.45, 0.45),
+        ("l_hip_yaw", 0, [0.0, 0.035, 0.0], [0.0, 0.0, -1.0], -0.45, 0.45),
+        ("r_hip_roll", 7, [-0.024, 0.0, -0.0285], [-1.0, 0.0, 0.0], -0.3, 0.3),
+        ("l_hip_roll", 8, [-0.024, 0.0, -0.0285], [-1.0, 0.0, 0.0], -0.3, 0.3),
+        ("r_hip_pitch", 9, [0.0241, -0.019, 0.0], [0.0, -1.0, 0.0], -0.4, 0.4),
+        ("l_hip_pitch", 10, [0.0241, 0.019, 0.0], [0.0, 1.0, 0.0], -0.4, 0.4),
+        ("r_knee", 11, [0.0001, 0.0, -0.11015], [0.0, -1.0, 0.0], -0.7, 0.1),
+        ("l_knee", 12, [0.0001, 0.0, -0.11015], [0.0, 1.0, 0.0], -0.1, 0.7),
+        ("r_ank_pitch", 13, [0.0, 0.0, -0.11], [0.0, 1.0, 0.0], -0.45, 0.45),
+        ("l_ank_pitch", 14, [0.0, 0.0, -0.11], [0.0, -1.0, 0.0], -0.45, 0.45),
+        ("r_ank_roll", 15, [-0.0241, 0.019, 0.0], [1.0, 0.0, 0.0], -0.45, 0.45),
+        ("l_ank_roll", 16, [-0.0241, -0.019, 0.0], [1.0, 0.0, 0.0], -0.45, 0.45),
+        ("head_pan", 0, [-0.001, 0.0, 0.1365], [0.0, 0.0, 1.0], -0.5, 0.5),
+        ("head_tilt", 19, [0.01, 0.019, 0.0285], [0.0, -1.0, 0.0], -0.5, 0.5),
+    ];
+    let joints: Vec<ModelJoint> = table
+        .iter()
+        .map(|(name, parent, origin, axis, lower, upper)| ModelJoint {
+            name: (*name).to_owned(),
+            parent: parent.checked_sub(1),
+            origin_m: DVec3::from_array(*origin),
+            axis: DVec3::from_array(*axis),
+            lower_rad: lower * PI,
+            upper_rad: upper * PI,
+        })
+        .collect();
+    let mut n_pose_rad = vec![0.0; 20];
+    (n_pose_rad[2], n_pose_rad[3]) = (-PI / 2.0, PI / 2.0);
+    let link = |segment, joint, direction_weight, twist_weight| SegmentLink {
+        segment,
+        joint,
+        direction_weight,
+        twist_weight,
+    };
+    let links = vec![
+        link(Segment::Head, 19, 1.0, 1.0),
+        link(Segment::RightUpperArm, 2, 1.0, 0.0),
+        link(Segment::LeftUpperArm, 3, 1.0, 0.0),
+        link(Segment::RightForearm, 4, 1.0, 0.0),
+        link(Segment::LeftForearm, 5, 1.0, 0.0),
+        link(Segment::RightThigh, 10, 1.0, 0.3),
+        link(Segment::LeftThigh, 11, 1.0, 0.3),
+        link(Segment::RightShank, 12, 1.0, 0.1),
+        link(Segment::LeftShank, 13, 1.0, 0.1),
+        link(Segment::RightFoot, 16, 0.5, 0.3),
+        link(Segment::LeftFoot, 17, 0.5, 0.3),
+    ];
+    RobotModel { joints, base: vec![Segment::Pelvis, Segment::Torso], n_pose_rad, links }
 }
 
-/// What came of a played scene.
-pub struct Played {
-    pub run: Run,
-    pub trajectory: Trajectory,
-    pub samples: Samples,
-    pub verdict: Verdict,
+/// Index of a joint of [`op3`].
+pub fn op3_joint(name: &str) -> usize {
+    op3().joints.iter().position(|joint| joint.name == name).expect("a joint of OP3")
 }
 
-/// Measured position of every joint in every cycle; `None` where the read was missed.
-#[derive(Default)]
-pub struct Samples(pub Vec<Vec<Option<f64>>>);
-
-impl Sink for Samples {
-    fn take(&mut self, sample: &Sample<'_>) {
-        let positions = sample.states.iter().map(|state| match state {
-            Ok((state, _)) => Some(state.position_rad),
-            Err(_) => None,
-        });
-        self.0.push(positions.collect());
-    }
+/// Starting pose of OP3, rad (`ini_pose.yaml` of the same repository).
+pub fn op3_initial_rad() -> Vec<f64> {
+    let degrees = [
+        15.0, -15.0, -45.0, 45.0, 45.0, -45.0, 0.0, 0.0, 0.0, 0.0, 70.0, -70.0, -142.0, 142.0,
+        -70.0, 70.0, 0.0, 0.0, 0.0, -10.0,
+    ];
+    degrees.iter().map(|angle: &f64| angle.to_radians()).collect()
 }
 
-impl Scene {
-    pub fn of(robot: &str, options: Options) -> Self {
-        let robot = Robot::load(robot).expect("a shipped robot");
-        let world = World::new(&robot.file, options).expect("a virtual robot");
-        let world = SharedWorld::new(world);
-        let clock: Arc<dyn Clock> = Arc::new(VirtualClock(world.clone()));
-        let ports = robot.lines.iter().enumerate().map(|(line, facts)| {
-            let port = VirtualLine::new(world.clone(), line, facts.baud_bps);
-            (Box::new(port) as Box<dyn BytePort>, Duration::ZERO)
-        });
-        let ports = ports.collect();
-        let settings = Settings::at_rate(robot.file.rate_hz);
-        Self { world, link: Link::new(robot, ports, clock), settings }
+/// The folder of captures, or a loud word that a test did nothing.
+pub fn captures() -> Option<PathBuf> {
+    let folder = std::env::var_os("GAITWAY_CAPTURES").map(PathBuf::from);
+    if folder.is_none() {
+        eprintln!("SKIPPED: set GAITWAY_CAPTURES to a folder of BVH files to run this test");
     }
-
-    pub fn op3() -> Self {
-        Self::of("op3", Options::default())
-    }
-
-    pub fn with_faults(robot: &str, faults: Vec<gaitway_sim::Fault>) -> Self {
-        Self::of(robot, Options { faults, ..Options::default() })
-    }
-
-    pub fn preflight(&mut self) -> Result<Preflight, Error> {
-        preflight(&mut self.link, self.settings.period, STRICT)
-    }
-
-    /// Every joint swings by `swing_rad` to and fro around where it stands, for `rounds` seconds.
-    pub fn swing(&self, start_rad: &[f64], swing_rad: f64, rounds: usize) -> Trajectory {
-        let rate_hz = 50.0;
-        let limits = self.link.robot().limits();
-        let rows = start_rad.iter().zip(&limits).map(|(&start, limits)| {
-            let (up, down) = (limits.upper_rad() - start, start - limits.lower_rad());
-            let towards =
-                if up > down { swing_rad.min(0.9 * up) } else { -swing_rad.min(0.9 * down) };
-            let turn = |i: usize| (1.0 - (std::f64::consts::TAU * i as f64 / rate_hz).cos()) / 2.0;
-            (0..=50 * rounds).map(|i| start + towards * turn(i)).collect()
-        });
-        let path = Path::new(self.link.robot().joint_names(), rate_hz, rows.collect());
-        let path = path.expect("a path");
-        plan(start_rad, &path, &limits, PlanOptions::default()).expect("a plan").trajectory
-    }
-
-    /// Preflight, torque, the swing, and what the referee says.
-    pub fn play(mut self, swing_rad: f64, rounds: usize) -> Played {
-        self.play_until(swing_rad, rounds, &|| false)
-    }
-
-    pub fn play_until(
-        &mut self,
-        swing_rad: f64,
-        rounds: usize,
-        asked_to_stop: &dyn Fn() -> bool,
-    ) -> Played {
-        let found = self.preflight().expect("a robot that is ready");
-        let trajectory = self.swing(&found.start_rad, swing_rad, rounds);
-        let armed = control::arm::arm(&mut self.link, &found).expect("torque");
-        let mut samples = Samples::default();
-        let settings = self.settings;
-        let run =
-            control::run(&mut self.link, armed, &trajectory, settings, &mut samples, asked_to_stop);
-        let verdict = self.world.lock().verdict();
-        Played { run, trajectory, samples, verdict }
-    }
+    folder
 }
 
-/// The referee saw nothing wrong.
-pub fn assert_clean(verdict: &Verdict) {
-    let seen: Vec<String> = verdict.violations.iter().map(ToString::to_string).collect();
-    assert!(seen.is_empty(), "the referee saw:\n{}", seen.join("\n"));
-    assert!(verdict.goals > 0, "the referee saw no goal at all");
+/// All BVH files under a folder, sorted.
+pub fn bvh_files(folder: &Path) -> Vec<PathBuf> {
+    let mut files = Vec::new();
+    let mut folders = vec![folder.to_owned()];
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(&folder).into_iter().flatten().flatten() {
+            let path = entry.path();
+            if path.is_dir() {
+                folders.push(path);
+            } else if path.extension().is_some_and(|extension| extension == "bvh") {
+                files.push(path);
+            }
+        }
+    }
+    files.sort();
+    files
+}
+
+/// The one file of that name under the capture folder.
+pub fn capture_file(folder: &Path, name: &str) -> Option<PathBuf> {
+    let found = bvh_files(folder).into_iter().find(|path| path.ends_with(name));
+    if found.is_none() {
+        eprintln!("SKIPPED: {name} is not under {}", folder.display());
+    }
+    found
+}
+
+/// How much slower a motion must be played: the larger of peak speed over the servo's and the root
+/// of peak acceleration over the servo's, by central differences.
+pub fn stretch(positions: &[f64], rate_hz: f64) -> (f64, f64) {
+    let (mut speed, mut acceleration) = (0.0_f64, 0.0_f64);
+    for three in positions.windows(3) {
+        speed = speed.max((three[2] - three[0]).abs() * rate_hz / 2.0);
+        acceleration =
+            acceleration.max((three[2] - 2.0 * three[1] + three[0]).abs() * rate_hz * rate_hz);
+    }
+    (speed / OP3_VELOCITY_RAD_S, (acceleration / OP3_ACCELERATION_RAD_S2).sqrt())
 }

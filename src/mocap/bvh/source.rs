@@ -45,7 +45,7 @@ impl<R: Read> Source<R> {
     }
 
     /// Line of the current word, from 1.
-    pub fn line(&self) -> usize {
+    pub fn token_line(&self) -> usize {
         self.token_line
     }
 

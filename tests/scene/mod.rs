@@ -1,0 +1,116 @@
+//! A virtual robot with the production driver on it, for tests. The referee always watches.
+#![allow(dead_code, missing_docs)]
+
+use gaitway::control::{self, Run, Sample, Settings, Sink};
+use gaitway::error::Error;
+use gaitway::motion::{Path, PlanOptions, Trajectory, plan};
+use gaitway::port::sim::{SharedWorld, VirtualClock, VirtualLine};
+use gaitway::port::{BytePort, Clock};
+use gaitway::robot::preflight::{Accept, Preflight, preflight};
+use gaitway::robot::{Link, Robot};
+use gaitway::time::Duration;
+use gaitway_sim::{Options, Verdict, World};
+use std::sync::Arc;
+
+pub const STRICT: Accept = Accept { firmware: false };
+
+pub struct Scene {
+    pub world: SharedWorld,
+    pub link: Link,
+    pub settings: Settings,
+}
+
+/// What came of a played scene.
+pub struct Played {
+    pub run: Run,
+    pub trajectory: Trajectory,
+    pub samples: Samples,
+    pub verdict: Verdict,
+}
+
+/// Measured position of every joint in every cycle; `None` where the read was missed.
+#[derive(Default)]
+pub struct Samples(pub Vec<Vec<Option<f64>>>);
+
+impl Sink for Samples {
+    fn take(&mut self, sample: &Sample<'_>) {
+        let positions = sample.states.iter().map(|state| match state {
+            Ok((state, _)) => Some(state.position_rad),
+            Err(_) => None,
+        });
+        self.0.push(positions.collect());
+    }
+}
+
+impl Scene {
+    pub fn of(robot: &str, options: Options) -> Self {
+        let robot = Robot::load(robot).expect("a shipped robot");
+        let world = World::new(&robot.file, options).expect("a virtual robot");
+        let world = SharedWorld::new(world);
+        let clock: Arc<dyn Clock> = Arc::new(VirtualClock(world.clone()));
+        let ports = robot.lines.iter().enumerate().map(|(line, facts)| {
+            let port = VirtualLine::new(world.clone(), line, facts.baud_bps);
+            (Box::new(port) as Box<dyn BytePort>, Duration::ZERO)
+        });
+        let ports = ports.collect();
+        let settings = Settings::at_rate(robot.file.rate_hz);
+        Self { world, link: Link::new(robot, ports, clock), settings }
+    }
+
+    pub fn op3() -> Self {
+        Self::of("op3", Options::default())
+    }
+
+    pub fn with_faults(robot: &str, faults: Vec<gaitway_sim::Fault>) -> Self {
+        Self::of(robot, Options { faults, ..Options::default() })
+    }
+
+    pub fn preflight(&mut self) -> Result<Preflight, Error> {
+        preflight(&mut self.link, self.settings.period, STRICT)
+    }
+
+    /// Every joint swings by `swing_rad` to and fro around where it stands, for `rounds` seconds.
+    pub fn swing(&self, start_rad: &[f64], swing_rad: f64, rounds: usize) -> Trajectory {
+        let rate_hz = 50.0;
+        let limits = self.link.robot().limits();
+        let rows = start_rad.iter().zip(&limits).map(|(&start, limits)| {
+            let (up, down) = (limits.upper_rad() - start, start - limits.lower_rad());
+            let towards =
+                if up > down { swing_rad.min(0.9 * up) } else { -swing_rad.min(0.9 * down) };
+            let turn = |i: usize| (1.0 - (std::f64::consts::TAU * i as f64 / rate_hz).cos()) / 2.0;
+            (0..=50 * rounds).map(|i| start + towards * turn(i)).collect()
+        });
+        let path = Path::new(self.link.robot().joint_names(), rate_hz, rows.collect());
+        let path = path.expect("a path");
+        plan(start_rad, &path, &limits, PlanOptions::default()).expect("a plan").trajectory
+    }
+
+    /// Preflight, torque, the swing, and what the referee says.
+    pub fn play(mut self, swing_rad: f64, rounds: usize) -> Played {
+        self.play_until(swing_rad, rounds, &|| false)
+    }
+
+    pub fn play_until(
+        &mut self,
+        swing_rad: f64,
+        rounds: usize,
+        asked_to_stop: &dyn Fn() -> bool,
+    ) -> Played {
+        let found = self.preflight().expect("a robot that is ready");
+        let trajectory = self.swing(&found.start_rad, swing_rad, rounds);
+        let armed = control::arm::arm(&mut self.link, &found).expect("torque");
+        let mut samples = Samples::default();
+        let settings = self.settings;
+        let run =
+            control::run(&mut self.link, armed, &trajectory, settings, &mut samples, asked_to_stop);
+        let verdict = self.world.lock().verdict();
+        Played { run, trajectory, samples, verdict }
+    }
+}
+
+/// The referee saw nothing wrong.
+pub fn assert_clean(verdict: &Verdict) {
+    let seen: Vec<String> = verdict.violations.iter().map(ToString::to_string).collect();
+    assert!(seen.is_empty(), "the referee saw:\n{}", seen.join("\n"));
+    assert!(verdict.goals > 0, "the referee saw no goal at all");
+}
