@@ -95,8 +95,8 @@ mod tests {
         let filtered = low_pass(&(0..2400).map(wave).collect::<Vec<_>>(), rate_hz, cutoff_hz);
         let filtered = filtered.unwrap();
         let (mut along, mut power) = (0.0, 0.0);
-        for i in 600..1800 {
-            along += filtered[i] * wave(i);
+        for (i, value) in filtered.iter().enumerate().take(1800).skip(600) {
+            along += value * wave(i);
             power += wave(i) * wave(i);
         }
         along / power
