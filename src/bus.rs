@@ -27,6 +27,9 @@ pub struct Timing {
 /// Scheduling and conversion time granted to every answer on top of what can be computed.
 const SLACK: Duration = Duration::from_micros(300);
 
+/// How long after a lost answer its late bytes are reckoned with.
+const WARY_FOR: Duration = Duration::from_millis(20);
+
 /// An answer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Reply {
@@ -145,6 +148,7 @@ pub struct Bus {
     received: Vec<u8>,
     scratch: Vec<u8>,
     quiet_until: Instant,
+    wary_until: Instant,
     pending: Option<Pending>,
 }
 
@@ -168,6 +172,7 @@ impl Bus {
             received: Vec::with_capacity(4096),
             scratch: Vec::with_capacity(1024),
             quiet_until: Instant::ZERO,
+            wary_until: Instant::ZERO,
             pending: None,
         }
     }
@@ -190,11 +195,16 @@ impl Bus {
         self.protocol
     }
 
-    /// The longest answer may take once the question has left, for `bytes` in `devices` answers.
-    fn answer_time(&self, bytes: usize, devices: usize) -> Duration {
+    /// Time `bytes` in `devices` answers take on the line, return delays included.
+    fn line_and_delay(&self, bytes: usize, devices: usize) -> Duration {
         let line_s = line_time_s(bytes, self.timing.baud_bps);
         let delay = self.timing.return_delay * u32::try_from(devices).unwrap_or(u32::MAX);
-        Duration::from_secs_f64(line_s) + delay + self.timing.latency + SLACK
+        Duration::from_secs_f64(line_s) + delay
+    }
+
+    /// The longest it may take until they are here, once the question has left.
+    fn answer_time(&self, bytes: usize, devices: usize) -> Duration {
+        self.line_and_delay(bytes, devices) + self.timing.latency + SLACK
     }
 
     /// Line time of reading `length` bytes from each of `devices`, s.
@@ -255,6 +265,16 @@ impl Bus {
     fn gave_up(&mut self, window_end: Instant) {
         let late = self.clock.now() + self.timing.latency + SLACK;
         self.quiet_until = self.quiet_until.max(late).max(window_end);
+        self.wary_until = self.clock.now() + WARY_FOR;
+    }
+
+    /// The answers are there. Soon after a loss they may be late twins of lost ones: the time the
+    /// true ones take is waited out, so that those cannot fall into the next question's window.
+    fn satisfied(&mut self, heard_at: Instant, bytes: usize, devices: usize) {
+        if self.clock.now() < self.wary_until {
+            let true_end = heard_at + self.line_and_delay(bytes, devices);
+            self.quiet_until = self.quiet_until.max(true_end);
+        }
     }
 
     /// Waits for the one answer of device `id` with `length` bytes.
@@ -285,6 +305,7 @@ impl Bus {
                         continue;
                     }
                     self.stats.answered += 1;
+                    self.satisfied(heard_at, self.protocol.status_bytes(length), 1);
                     if let Some(text) = refused {
                         return Err(Miss::Refused(text).into());
                     }
@@ -463,6 +484,9 @@ impl Bus {
                 }
             }
         }
+        if left == 0 {
+            self.satisfied(pending.heard_at, status * devices, devices);
+        }
         Ok(answers)
     }
 
@@ -476,14 +500,17 @@ impl Bus {
         let patience = self.answer_time(self.protocol.status_bytes(pending.length), 1);
         let mut deadline = window_end.min(budget);
         loop {
-            let (answers, more) = codec::merged(&self.received, &pending.ids, pending.length);
+            let answers = codec::merged(&self.received, &pending.ids, pending.length);
+            let complete = answers.iter().all(|a| matches!(a, Ok(_) | Err(Miss::Refused(_))));
             // Bounded even if a babbling line never lets the answer be complete.
             let room = self.received.len() < 2 * total + self.sent.len();
-            if more && room && self.listen(deadline)? {
+            if !complete && room && self.listen(deadline)? {
                 deadline = deadline.max((self.clock.now() + patience).min(budget));
                 continue;
             }
-            if more {
+            if complete {
+                self.satisfied(pending.heard_at, total, 1);
+            } else {
                 self.gave_up(window_end);
             }
             self.stats.answered += answers.iter().filter(|a| a.is_ok()).count() as u64;

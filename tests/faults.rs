@@ -3,9 +3,9 @@
 
 mod scene;
 
-use scene::{Scene, assert_clean};
 use gaitway::control::StopReason;
 use gaitway_sim::{Damage, Fault, Options};
+use scene::{Scene, assert_clean};
 
 /// Half a second into the motion: preflight and arming are over by then.
 const MID_NS: u64 = 2_500_000_000;
@@ -232,8 +232,8 @@ fn the_same_seed_gives_the_same_bytes() {
 }
 
 #[test]
-fn hundreds_of_seeds_with_random_damage_never_break_a_rule() {
-    let seeds: u64 = std::env::var("SIM_SEEDS").ok().and_then(|s| s.parse().ok()).unwrap_or(200);
+fn a_thousand_seeds_with_random_damage_never_break_a_rule() {
+    let seeds: u64 = std::env::var("SIM_SEEDS").ok().and_then(|s| s.parse().ok()).unwrap_or(1_000);
     let mut missed = 0;
     for seed in 0..seeds {
         let damage = match seed % 6 {

@@ -2,9 +2,9 @@
 
 mod scene;
 
-use scene::Scene;
 use gaitway::error::Error;
 use gaitway::time::Duration;
+use scene::Scene;
 
 /// Preflight must refuse, and no goal and no torque may have been written.
 fn refused(mut scene: Scene) -> Error {

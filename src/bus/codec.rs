@@ -225,16 +225,11 @@ impl Protocol {
     }
 }
 
-/// The answers in a merged status, as far as they are there; true if more may come.
-pub(super) fn merged(
-    received: &[u8],
-    ids: &[u8],
-    length: usize,
-) -> (Vec<Result<Reply, Miss>>, bool) {
+/// The answers in a merged status, as far as they are there.
+pub(super) fn merged(received: &[u8], ids: &[u8], length: usize) -> Vec<Result<Reply, Miss>> {
     let asked: Vec<(dxl::Id, usize)> =
         ids.iter().filter_map(|&id| Some((dxl::Id::new(id)?, length))).collect();
-    let merged = dxl::decode_merged(received, &asked);
-    let answers = merged.answers().map(|(id, answer)| match answer {
+    let answers = dxl::decode_merged(received, &asked).answers().map(|(id, answer)| match answer {
         Ok(status) => match status.error.code {
             None => Ok(Reply { alert: status.error.alert, bytes: status.params.to_vec() }),
             Some(code) => Err(Miss::Refused(code.to_string())),
@@ -245,5 +240,5 @@ pub(super) fn merged(
         }
         Err(dxl::NoAnswer::Checksum { .. } | dxl::NoAnswer::Behind) => Err(Miss::Garbled),
     });
-    (answers.collect(), merged.need() > 0)
+    answers.collect()
 }
