@@ -98,6 +98,27 @@ fn t_pose_is_reported_as_singular_and_still_described() {
 }
 
 #[test]
+fn in_a_singular_pose_all_turning_counts_as_rotation() {
+    for (abduction, rotation) in [
+        (Dof::LeftShoulderAbduction, Dof::LeftShoulderRotation),
+        (Dof::RightShoulderAbduction, Dof::RightShoulderRotation),
+        (Dof::LeftHipAbduction, Dof::LeftHipRotation),
+    ] {
+        for abducted in [FRAC_PI_2, -FRAC_PI_2] {
+            let mut angles = JointAngles::default();
+            angles[abduction] = abducted;
+            angles[rotation] = 0.4;
+            let pose = angles.to_pose(DVec3::ZERO, DQuat::IDENTITY);
+            // A neighbour that forbids the other way of saying the same.
+            let got = JointAngles::of_pose_after(&pose, &angles).angles;
+            for dof in Dof::ALL {
+                assert!((got[dof] - angles[dof]).abs() < 1e-6, "{}: {got:?}", dof.name());
+            }
+        }
+    }
+}
+
+#[test]
 fn a_sideways_raise_past_the_singularity_stays_continuous() {
     let mut before = JointAngles::default();
     for degrees in 0..=150 {
