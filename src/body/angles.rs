@@ -1,10 +1,10 @@
 //! Joint angles and segment orientations, both ways.
 //!
-//! A joint with three degrees of freedom turns intrinsically about flexion, abduction, rotation (for
-//! the torso flexion, lateral bend, axial), that is about Y, then the new X, then the new Z. The
-//! order is singular at 90 deg of abduction, where flexion and rotation turn about the same axis and
-//! only their sum is known; T pose is such a pose. This is not the ISB convention, which has other
-//! signs and turns Y-X-Y at the shoulder.
+//! A joint with three degrees of freedom turns intrinsically about flexion, abduction, rotation
+//! (for the torso flexion, lateral bend, axial), that is about Y, then the new X, then the new Z.
+//! The order is singular at 90 deg of abduction, where flexion and rotation turn about the same
+//! axis and only their sum is known; T pose is such a pose. This is not the ISB convention, which
+//! has other signs and turns Y-X-Y at the shoulder.
 
 use core::f64::consts::PI;
 use core::ops::{Index, IndexMut};
@@ -49,8 +49,9 @@ pub struct Measured {
     /// Joints within [`SINGULAR_WITHIN_RAD`] of their singularity: their flexion and rotation are
     /// poorly determined, their sum or difference is not.
     pub near_singular: Vec<Joint>,
-    /// By [`Segment::index`], rotation of a segment against its parent that its joint does not have,
-    /// for example the turning of the forearm, rad; 0 for joints with three degrees of freedom.
+    /// By [`Segment::index`], rotation of a segment against its parent that its joint does not
+    /// have, for example the turning of the forearm, rad; 0 for joints with three degrees of
+    /// freedom.
     pub unmodelled_rad: [f64; 13],
 }
 
@@ -68,9 +69,9 @@ struct Hinge {
     sign: f64,
 }
 
-/// Rotation about Y takes +Z to +X: up leans forward (flexion of torso, neck, knee), hanging limbs go
-/// back (so shoulder, elbow, hip flexion and dorsiflexion are negative). About X it takes +Y to +Z:
-/// the hanging left limb goes left. About Z it takes +X to +Y: the front turns to the left.
+/// Rotation about Y takes +Z to +X: up leans forward (flexion of torso, neck, knee), hanging limbs
+/// go back (so shoulder, elbow, hip flexion and dorsiflexion are negative). About X it takes +Y to
+/// +Z: the hanging left limb goes left. About Z it takes +X to +Y: the front turns to the left.
 const BALLS: [Ball; 5] = [
     Ball {
         segment: Segment::Torso,
@@ -134,8 +135,8 @@ impl JointAngles {
         SegmentPose { root_m, orientation }
     }
 
-    /// Angles of a pose on its own. Of the two ways to say each three-angle joint, the one nearer its
-    /// anatomical range is taken; in a singular pose flexion is taken as zero.
+    /// Angles of a pose on its own. Of the two ways to say each three-angle joint, the one nearer
+    /// its anatomical range is taken; in a singular pose flexion is taken as zero.
     #[must_use]
     pub fn of_pose(pose: &SegmentPose) -> Measured {
         measure(pose, None)

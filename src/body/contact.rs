@@ -31,8 +31,8 @@ pub fn root_on_ground(body: &Proportions, poses: &[(JointAngles, DQuat)]) -> Vec
     roots_m
 }
 
-/// How much feet slide: root mean square horizontal speed, m/s, of heels and toes that are lower than
-/// `height_m` above the ground, over all poses; 0 if none is. Poses follow at `rate_hz`.
+/// How much feet slide: root mean square horizontal speed, m/s, of heels and toes that are lower
+/// than `height_m` above the ground, over all poses; 0 if none is. Poses follow at `rate_hz`.
 #[must_use]
 pub fn foot_skate_m_s(
     body: &Proportions,

@@ -1,10 +1,10 @@
 //! The 22 degrees of freedom of the body: y0 to y21.
 //!
 //! The number of joints (15) and degrees of freedom (22) and the places of y3-y5 (left shoulder)
-//! and y7 (left elbow) are those of Zheng et al., "Human Motion Simulation and Action Corpus", 2007,
-//! Fig. 1a; the rest of the order is ours. Angles are rad, zero in N pose, positive in the direction
-//! named. Rotation is positive inwards (internal), lateral bend and axial rotation to the left;
-//! mirrored limbs have equal signs.
+//! and y7 (left elbow) are those of Zheng et al., "Human Motion Simulation and Action Corpus",
+//! 2007, Fig. 1a; the rest of the order is ours. Angles are rad, zero in N pose, positive in the
+//! direction named. Rotation is positive inwards (internal), lateral bend and axial rotation to the
+//! left; mirrored limbs have equal signs.
 
 /// A joint of the body. The pelvis is the root and the wrists are rigid: they have no degree of
 /// freedom.

@@ -107,8 +107,8 @@ impl Proportions {
         (THIGH + SHANK + ANKLE_HEIGHT) * self.stature_m
     }
 
-    /// Place of a joint in the anatomical frame of the segment that carries it: that segment, and the
-    /// vector from the segment's own proximal joint, m. None for the pelvis, the root.
+    /// Place of a joint in the anatomical frame of the segment that carries it: that segment, and
+    /// the vector from the segment's own proximal joint, m. None for the pelvis, the root.
     #[must_use]
     pub fn joint_offset_m(&self, joint: Joint) -> Option<(Segment, DVec3)> {
         let (segment, x, y, z) = match joint {
@@ -131,7 +131,8 @@ impl Proportions {
         Some((segment, DVec3::new(x, y, z) * self.stature_m))
     }
 
-    /// Place of an end in the anatomical frame of its segment, from the segment's proximal joint, m.
+    /// Place of an end in the anatomical frame of its segment, from the segment's proximal joint,
+    /// m.
     #[must_use]
     pub fn end_offset_m(&self, end: End) -> (Segment, DVec3) {
         let fingertip = DVec3::new(0.0, 0.0, -FOREARM - HAND);

@@ -13,8 +13,8 @@ use crate::body::contact::root_on_ground;
 use crate::body::{Dof, JointAngles, Proportions, SegmentPose};
 use crate::error::Error;
 
-/// A turning point of a curve: time in strides, angle in deg, and the place of the speed peak on the
-/// way to the next turning point.
+/// A turning point of a curve: time in strides, angle in deg, and the place of the speed peak on
+/// the way to the next turning point.
 type Turn = (f64, f64, f64);
 
 /// How one degree of freedom walks.
