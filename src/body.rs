@@ -4,10 +4,27 @@
 //! (upright, arms down at the sides, palms inwards, feet forward). In N pose all segment
 //! orientations are therefore equal; a segment's long axis is -Z for limbs, +Z for torso and head,
 //! +X for feet.
+//!
+//! A pose can be said in two ways: as a [`SegmentPose`], an orientation per segment, or as
+//! [`JointAngles`], 22 numbers plus where the pelvis is. [`Proportions`] give segments a length and
+//! turn a pose into points in space.
+
+// Not-a-number must fail a check, so checks say what is allowed and are negated.
+#![allow(clippy::neg_cmp_op_on_partial_ord)]
+
+pub mod angles;
+pub mod contact;
+pub mod dof;
+pub mod proportions;
+pub mod walk;
 
 mod mirror;
 
 use glam::{DQuat, DVec3};
+
+pub use angles::{JointAngles, Measured};
+pub use dof::{Dof, Joint};
+pub use proportions::{End, JointPositions, Proportions};
 
 /// A rigid segment of the body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]

@@ -1,7 +1,7 @@
 //! Time-stamped joint motion: mathematics only. No clock, no device, no file.
 //!
 //! The way of a motion through this module: a [`Path`] is joint positions over time as a person or
-//! a file gave them. [`plan`] stretches it in time until the robot's [`JointLimits`] hold
+//! a file gave them. [`plan()`] stretches it in time until the robot's [`JointLimits`] hold
 //! ([`retime`]), leads up to it from where the robot stands, eases it in and out, and returns a
 //! [`Trajectory`]. A [`Trajectory`] that exists is valid: finite, inside its limits everywhere (not
 //! only at samples), twice continuously differentiable, at rest at both ends. While it plays, a

@@ -147,7 +147,8 @@ mod tests {
                 prop_assert_eq!(before.position_rad, after.position_rad);
                 prop_assert_eq!((before.velocity_rad_s, after.velocity_rad_s), (0.0, 0.0));
                 let near = 1e-7;
-                let around = [chain.at(pair[1].begin_s() - near), chain.at(pair[1].begin_s() + near)];
+                let seam_s = pair[1].begin_s();
+                let around = [chain.at(seam_s - near), chain.at(seam_s + near)];
                 for state in around {
                     prop_assert!((state.position_rad - after.position_rad).abs() < 1e-9);
                     prop_assert!(state.velocity_rad_s.abs() < 1e-5);

@@ -124,7 +124,8 @@ mod tests {
     use proptest::prelude::*;
 
     fn shapes() -> impl Strategy<Value = Shape> {
-        prop_oneof![(0.1..0.9).prop_map(|t| Shape::half_sine(t).unwrap()), Just(Shape::MinimumJerk),]
+        let half_sines = (0.1..0.9).prop_map(|t| Shape::half_sine(t).unwrap());
+        prop_oneof![half_sines, Just(Shape::MinimumJerk)]
     }
 
     /// Gauss-Legendre with five points on each of `pieces` pieces (Abramowitz and Stegun, 25.4.30).

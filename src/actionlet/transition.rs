@@ -4,9 +4,9 @@ use crate::actionlet::{Actionlet, Shape};
 use crate::error::Error;
 use crate::motion::JointLimits;
 
-/// Shortest duration in which a shape covers `distance_rad` within limits:
-/// `max(2 |delta| / v_max, sqrt(pi |delta| / (a_max m)), cbrt(pi^2 |delta| / (j_max m^2)))` for a half
-/// sine, m = min(T, 1 - T). Jerk is limited only if a limit is given. Zero for no distance.
+/// Shortest duration in which a shape covers `distance_rad` within limits: `max(2 |delta| / v_max,
+/// sqrt(pi |delta| / (a_max m)), cbrt(pi^2 |delta| / (j_max m^2)))` for a half sine, m = min(T, 1 -
+/// T). Jerk is limited only if a limit is given. Zero for no distance.
 #[must_use]
 pub fn shortest_duration_s(
     shape: Shape,

@@ -3,7 +3,8 @@
 use crate::error::Error;
 use crate::motion::spline::{Extreme, Extremes};
 
-/// Rounding that is not a violation: relative to the limit (for positions to the larger of the two).
+/// Rounding that is not a violation: relative to the limit (for positions to the larger of the
+/// two).
 const ROUNDING: f64 = 1e-12;
 
 /// Position range and the greatest speed and acceleration of one joint. Always finite, ordered and

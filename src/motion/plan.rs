@@ -1,9 +1,9 @@
 //! From where the robot stands through a path to rest, as one trajectory.
 //!
 //! A plan is: a transition actionlet from the measured pose to the path's first pose, all joints
-//! together; the path, its clock eased from rate 0 to 1 where it starts moving and from 1 to 0 where
-//! it ends moving; rest at its last pose. Everything is laid on one even grid of knots that contains
-//! the path's own, so that away from its eased ends the path is kept exactly.
+//! together; the path, its clock eased from rate 0 to 1 where it starts moving and from 1 to 0
+//! where it ends moving; rest at its last pose. Everything is laid on one even grid of knots that
+//! contains the path's own, so that away from its eased ends the path is kept exactly.
 
 use crate::error::Error;
 use crate::motion::ease::{

@@ -1,9 +1,9 @@
 //! Low-pass filtering without delay, for captures whose noise would become acceleration.
 //!
 //! Second-order Butterworth, run forwards and backwards (Winter, "Biomechanics and Motor Control of
-//! Human Movement", 4th ed., 2009, sec. 3.4.4.2). Two passes would put -6 dB at a pass's own cutoff;
-//! each pass is therefore set wider by (sqrt(2) - 1)^(-1/4) in the bilinear (warped) frequency, so
-//! that `cutoff_hz` is where the result is down by 3 dB.
+//! Human Movement", 4th ed., 2009, sec. 3.4.4.2). Two passes would put -6 dB at a pass's own
+//! cutoff; each pass is therefore set wider by (sqrt(2) - 1)^(-1/4) in the bilinear (warped)
+//! frequency, so that `cutoff_hz` is where the result is down by 3 dB.
 
 use core::f64::consts::{PI, SQRT_2};
 

@@ -45,8 +45,8 @@ impl Clock {
         }
     }
 
-    /// Lets `dt_s` of real time pass and returns the new time along the motion, s. Time does not run
-    /// backwards: a negative step, or one that is not a number, counts as none.
+    /// Lets `dt_s` of real time pass and returns the new time along the motion, s. Time does not
+    /// run backwards: a negative step, or one that is not a number, counts as none.
     pub fn advance(&mut self, dt_s: f64) -> f64 {
         let dt_s = dt_s.max(0.0);
         match &mut self.stopping {

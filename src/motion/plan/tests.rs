@@ -123,6 +123,20 @@ fn eased_ends_stay_on_the_path() {
 }
 
 #[test]
+fn a_path_backwards_is_eased_like_the_path() {
+    // It starts gently and stops while slowing down, so its two ends need different easing.
+    let turn = |i: usize| 0.8 * (TAU * 0.7 * i as f64 / RATE_HZ + 0.9).sin();
+    let row: Vec<f64> = (0..300).map(turn).collect();
+    let limits = [JointLimits::new(-2.0, 2.0, 6.0, 20.0).unwrap()];
+    let there = Path::new(names(1), RATE_HZ, vec![row.clone()]).unwrap();
+    let back = Path::new(names(1), RATE_HZ, vec![row.into_iter().rev().collect()]).unwrap();
+    let there = plan(&there.first_rad(), &there, &limits, options()).unwrap();
+    let back = plan(&back.first_rad(), &back, &limits, options()).unwrap();
+    assert!(there.ease_in_s != there.ease_out_s);
+    assert_eq!((there.ease_in_s, there.ease_out_s), (back.ease_out_s, back.ease_in_s));
+}
+
+#[test]
 fn a_motion_beyond_its_limits_is_slowed_down_or_refused_by_name() {
     let path = waves(2, 1.0, 2.0, 3.0);
     let got = plan(&[0.0; 2], &path, &limits(2), options()).unwrap();

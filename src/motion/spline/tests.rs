@@ -64,6 +64,15 @@ fn a_value_that_is_not_a_number_reaches_the_extremes() {
 }
 
 #[test]
+fn not_a_number_is_neither_hidden_by_values_before_nor_by_values_after() {
+    let mut range = Range::of(Extreme { time_s: 0.0, value: 1.0 });
+    for value in [2.0, f64::NAN, 0.5, 3.0] {
+        range.include(0.1, value);
+    }
+    assert!(range.min.value.is_nan() && range.max.value.is_nan() && range.peak().value.is_nan());
+}
+
+#[test]
 fn unusable_input_is_refused() {
     assert!(Spline::through(vec![], 0.1, End::Free, End::Free).is_err());
     assert!(Spline::through(vec![1.0], 0.1, End::Free, End::Free).is_err());
@@ -128,7 +137,8 @@ proptest! {
         for (derivative, range) in ranges.iter().enumerate() {
             for extreme in [range.min, range.max] {
                 let again = spline.sample(extreme.time_s)[derivative];
-                prop_assert!((again - extreme.value).abs() < 1e-6 * (1.0 + range.peak().value.abs()));
+                let size = 1.0 + range.peak().value.abs();
+                prop_assert!((again - extreme.value).abs() < 1e-6 * size);
             }
         }
     }

@@ -1,0 +1,106 @@
+//! Where the pelvis goes, from where the feet touch the ground.
+//!
+//! Joint angles say nothing about travel. While one foot at a time stands, the foot on the ground
+//! stays where it is, so the pelvis moves against it; the ground is the plane z = 0.
+
+use glam::{DQuat, DVec3};
+
+use crate::body::proportions::{End, Proportions};
+use crate::body::{JointAngles, SegmentPose};
+
+const SOLES: [End; 4] = [End::LeftHeel, End::LeftToe, End::RightHeel, End::RightToe];
+
+/// Root positions for a series of poses that is never in flight: the lowest of heels and toes is on
+/// the ground and does not slide. Each pose is joint angles and the orientation of the pelvis; the
+/// first has its root above the origin.
+#[must_use]
+pub fn root_on_ground(body: &Proportions, poses: &[(JointAngles, DQuat)]) -> Vec<DVec3> {
+    let mut roots_m: Vec<DVec3> = Vec::with_capacity(poses.len());
+    let mut soles_before_m = None;
+    for (angles, orientation) in poses {
+        let soles_m = soles(body, &angles.to_pose(DVec3::ZERO, *orientation));
+        let lowest = (0..4).fold(0, |a, b| if soles_m[b].z < soles_m[a].z { b } else { a });
+        let mut root_m = roots_m.last().copied().unwrap_or(DVec3::ZERO);
+        if let Some(before_m) = soles_before_m.replace(soles_m) {
+            // What the sole point moved against the pelvis, the pelvis moves against the ground.
+            root_m += before_m[lowest] - soles_m[lowest];
+        }
+        root_m.z = -soles_m[lowest].z;
+        roots_m.push(root_m);
+    }
+    roots_m
+}
+
+/// How much feet slide: root mean square horizontal speed, m/s, of heels and toes that are lower
+/// than `height_m` above the ground, over all poses; 0 if none is. Poses follow at `rate_hz`.
+#[must_use]
+pub fn foot_skate_m_s(
+    body: &Proportions,
+    poses: &[SegmentPose],
+    rate_hz: f64,
+    height_m: f64,
+) -> f64 {
+    let (mut squares, mut count) = (0.0, 0usize);
+    for pair in poses.windows(2) {
+        let (before, after) = (soles(body, &pair[0]), soles(body, &pair[1]));
+        for (before, after) in before.into_iter().zip(after) {
+            if before.z < height_m && after.z < height_m {
+                squares += ((after - before) * rate_hz).truncate().length_squared();
+                count += 1;
+            }
+        }
+    }
+    if count == 0 { 0.0 } else { (squares / count as f64).sqrt() }
+}
+
+fn soles(body: &Proportions, pose: &SegmentPose) -> [DVec3; 4] {
+    let at = body.positions(pose);
+    SOLES.map(|end| at.end_m(end))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::body::Dof;
+
+    fn body() -> Proportions {
+        Proportions::of_stature(1.75).unwrap()
+    }
+
+    #[test]
+    fn a_standing_body_stays_above_the_origin() {
+        let roots_m = root_on_ground(&body(), &[(JointAngles::default(), DQuat::IDENTITY); 3]);
+        for root_m in roots_m {
+            assert!((root_m - DVec3::new(0.0, 0.0, 1.75 * 0.530)).length() < 1e-12);
+        }
+        assert!(root_on_ground(&body(), &[]).is_empty());
+    }
+
+    #[test]
+    fn swinging_over_a_stiff_standing_leg_carries_the_pelvis_forward() {
+        // The left leg is lifted out of the way; the right swings from front to back.
+        let pose = |degrees: f64| {
+            let mut angles = JointAngles::default();
+            angles[Dof::LeftKneeFlexion] = 1.5;
+            angles[Dof::RightHipFlexion] = degrees.to_radians();
+            angles[Dof::RightAnkleDorsiflexion] = -degrees.to_radians();
+            (angles, DQuat::IDENTITY)
+        };
+        let poses: Vec<_> = (-20..=20).map(|i| pose(-f64::from(i))).collect();
+        let roots_m = root_on_ground(&body(), &poses);
+        let leg_m = 1.75 * (0.530 - 0.039);
+        let travel_m = roots_m[40].x - roots_m[0].x;
+        assert!((travel_m - 2.0 * leg_m * 20f64.to_radians().sin()).abs() < 1e-9, "{travel_m}");
+        let segments: Vec<_> =
+            poses.iter().zip(&roots_m).map(|((a, q), root)| a.to_pose(*root, *q)).collect();
+        assert!(foot_skate_m_s(&body(), &segments, 100.0, 0.01) < 1e-9);
+    }
+
+    #[test]
+    fn a_foot_dragged_along_the_ground_is_seen_to_skate() {
+        let still = JointAngles::default();
+        let root = |i: i32| DVec3::new(0.01 * f64::from(i), 0.0, body().root_height_m());
+        let poses: Vec<_> = (0..10).map(|i| still.to_pose(root(i), DQuat::IDENTITY)).collect();
+        assert!((foot_skate_m_s(&body(), &poses, 100.0, 0.01) - 1.0).abs() < 1e-9);
+    }
+}

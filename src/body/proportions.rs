@@ -1,0 +1,261 @@
+//! Segment lengths from stature, and where the joints are in space.
+//!
+//! Fractions of stature: Drillis and Contini, "Body Segment Parameters", New York University, 1966,
+//! as drawn in Winter, "Biomechanics and Motor Control of Human Movement", 4th ed., 2009, Fig. 4.1.
+//! The drawing has no joint between pelvis and torso and no heel; those two places are ours.
+
+use glam::DVec3;
+
+use crate::body::dof::Joint;
+use crate::body::{Segment, SegmentPose};
+use crate::error::Error;
+
+const SHANK: f64 = 0.285 - 0.039;
+const THIGH: f64 = 0.530 - 0.285;
+const TRUNK: f64 = 0.818 - 0.530;
+const HEAD: f64 = 1.0 - 0.818;
+const UPPER_ARM: f64 = 0.186;
+const FOREARM: f64 = 0.146;
+const HAND: f64 = 0.108;
+const HALF_SHOULDERS: f64 = 0.129;
+const HALF_HIPS: f64 = 0.191 / 2.0;
+const ANKLE_HEIGHT: f64 = 0.039;
+const FOOT: f64 = 0.152;
+/// Height of the joint between pelvis and torso (about L5/S1) above the hip joints: ours.
+const PELVIS: f64 = 0.060;
+/// Part of the foot's length behind the ankle: ours.
+const HEEL_PART: f64 = 0.25;
+
+/// A tip of the body beyond its last joint.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[allow(missing_docs)]
+pub enum End {
+    HeadTop,
+    LeftFingertip,
+    RightFingertip,
+    LeftHeel,
+    LeftToe,
+    RightHeel,
+    RightToe,
+}
+
+impl End {
+    /// All ends; the order is the index order of end positions.
+    pub const ALL: [Self; 7] = [
+        Self::HeadTop,
+        Self::LeftFingertip,
+        Self::RightFingertip,
+        Self::LeftHeel,
+        Self::LeftToe,
+        Self::RightHeel,
+        Self::RightToe,
+    ];
+}
+
+/// A body of a certain stature.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Proportions {
+    stature_m: f64,
+}
+
+/// Points of a posed body in the world, m.
+#[derive(Clone, Debug, PartialEq)]
+pub struct JointPositions {
+    /// By [`Joint::index`].
+    pub joints_m: [DVec3; 15],
+    /// In the order of [`End::ALL`].
+    pub ends_m: [DVec3; 7],
+}
+
+impl JointPositions {
+    /// Where a joint is, m.
+    #[must_use]
+    pub const fn joint_m(&self, joint: Joint) -> DVec3 {
+        self.joints_m[joint.index()]
+    }
+
+    /// Where an end is, m.
+    #[must_use]
+    pub const fn end_m(&self, end: End) -> DVec3 {
+        self.ends_m[end as usize]
+    }
+}
+
+impl Proportions {
+    /// An adult-proportioned body.
+    ///
+    /// # Errors
+    /// If the stature is not between 0.3 and 3 m.
+    pub fn of_stature(stature_m: f64) -> Result<Self, Error> {
+        if !(0.3..=3.0).contains(&stature_m) {
+            return Err(Error::new("a person's stature is out of range")
+                .got(format!("{stature_m} m"))
+                .allowed("0.3 to 3 m"));
+        }
+        Ok(Self { stature_m })
+    }
+
+    /// Body height, m.
+    #[must_use]
+    pub const fn stature_m(&self) -> f64 {
+        self.stature_m
+    }
+
+    /// Height of the root (between the hip joints) in N pose on the ground, m.
+    #[must_use]
+    pub fn root_height_m(&self) -> f64 {
+        (THIGH + SHANK + ANKLE_HEIGHT) * self.stature_m
+    }
+
+    /// Place of a joint in the anatomical frame of the segment that carries it: that segment, and
+    /// the vector from the segment's own proximal joint, m. None for the pelvis, the root.
+    #[must_use]
+    pub fn joint_offset_m(&self, joint: Joint) -> Option<(Segment, DVec3)> {
+        let (segment, x, y, z) = match joint {
+            Joint::Pelvis => return None,
+            Joint::Torso => (Segment::Pelvis, 0.0, 0.0, PELVIS),
+            Joint::Neck => (Segment::Torso, 0.0, 0.0, TRUNK - PELVIS),
+            Joint::LeftShoulder => (Segment::Torso, 0.0, HALF_SHOULDERS, TRUNK - PELVIS),
+            Joint::RightShoulder => (Segment::Torso, 0.0, -HALF_SHOULDERS, TRUNK - PELVIS),
+            Joint::LeftElbow => (Segment::LeftUpperArm, 0.0, 0.0, -UPPER_ARM),
+            Joint::RightElbow => (Segment::RightUpperArm, 0.0, 0.0, -UPPER_ARM),
+            Joint::LeftWrist => (Segment::LeftForearm, 0.0, 0.0, -FOREARM),
+            Joint::RightWrist => (Segment::RightForearm, 0.0, 0.0, -FOREARM),
+            Joint::LeftHip => (Segment::Pelvis, 0.0, HALF_HIPS, 0.0),
+            Joint::RightHip => (Segment::Pelvis, 0.0, -HALF_HIPS, 0.0),
+            Joint::LeftKnee => (Segment::LeftThigh, 0.0, 0.0, -THIGH),
+            Joint::RightKnee => (Segment::RightThigh, 0.0, 0.0, -THIGH),
+            Joint::LeftAnkle => (Segment::LeftShank, 0.0, 0.0, -SHANK),
+            Joint::RightAnkle => (Segment::RightShank, 0.0, 0.0, -SHANK),
+        };
+        Some((segment, DVec3::new(x, y, z) * self.stature_m))
+    }
+
+    /// Place of an end in the anatomical frame of its segment, from the segment's proximal joint,
+    /// m.
+    #[must_use]
+    pub fn end_offset_m(&self, end: End) -> (Segment, DVec3) {
+        let fingertip = DVec3::new(0.0, 0.0, -FOREARM - HAND);
+        let heel = DVec3::new(-HEEL_PART * FOOT, 0.0, -ANKLE_HEIGHT);
+        let toe = DVec3::new((1.0 - HEEL_PART) * FOOT, 0.0, -ANKLE_HEIGHT);
+        let (segment, offset) = match end {
+            End::HeadTop => (Segment::Head, DVec3::new(0.0, 0.0, HEAD)),
+            End::LeftFingertip => (Segment::LeftForearm, fingertip),
+            End::RightFingertip => (Segment::RightForearm, fingertip),
+            End::LeftHeel => (Segment::LeftFoot, heel),
+            End::LeftToe => (Segment::LeftFoot, toe),
+            End::RightHeel => (Segment::RightFoot, heel),
+            End::RightToe => (Segment::RightFoot, toe),
+        };
+        (segment, offset * self.stature_m)
+    }
+
+    /// Forward kinematics: where the joints and ends of a posed body are.
+    #[must_use]
+    pub fn positions(&self, pose: &SegmentPose) -> JointPositions {
+        let mut joints_m = [pose.root_m; 15];
+        let place = |joints_m: &[DVec3; 15], (segment, offset): (Segment, DVec3)| {
+            let proximal = joints_m[proximal_joint(segment).index()];
+            proximal + pose.orientation[segment.index()] * offset
+        };
+        // `Joint::ALL` names every joint after the joint it hangs on.
+        for joint in Joint::ALL {
+            if let Some(offset) = self.joint_offset_m(joint) {
+                joints_m[joint.index()] = place(&joints_m, offset);
+            }
+        }
+        let ends_m = End::ALL.map(|end| place(&joints_m, self.end_offset_m(end)));
+        JointPositions { joints_m, ends_m }
+    }
+}
+
+/// The joint at which a segment begins.
+const fn proximal_joint(segment: Segment) -> Joint {
+    match segment {
+        Segment::Pelvis => Joint::Pelvis,
+        Segment::Torso => Joint::Torso,
+        Segment::Head => Joint::Neck,
+        Segment::LeftUpperArm => Joint::LeftShoulder,
+        Segment::RightUpperArm => Joint::RightShoulder,
+        Segment::LeftForearm => Joint::LeftElbow,
+        Segment::RightForearm => Joint::RightElbow,
+        Segment::LeftThigh => Joint::LeftHip,
+        Segment::RightThigh => Joint::RightHip,
+        Segment::LeftShank => Joint::LeftKnee,
+        Segment::RightShank => Joint::RightKnee,
+        Segment::LeftFoot => Joint::LeftAnkle,
+        Segment::RightFoot => Joint::RightAnkle,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::body::{Dof, JointAngles};
+    use glam::DQuat;
+    use proptest::prelude::*;
+
+    fn standing(stature_m: f64) -> (Proportions, JointPositions) {
+        let body = Proportions::of_stature(stature_m).unwrap();
+        let root_m = DVec3::new(0.0, 0.0, body.root_height_m());
+        let pose = JointAngles::default().to_pose(root_m, DQuat::IDENTITY);
+        (body, body.positions(&pose))
+    }
+
+    #[test]
+    fn standing_joints_have_the_heights_of_the_published_drawing() {
+        let (_, at) = standing(2.0);
+        for (joint, fraction) in [
+            (Joint::LeftAnkle, 0.039),
+            (Joint::RightKnee, 0.285),
+            (Joint::LeftHip, 0.530),
+            (Joint::RightShoulder, 0.818),
+        ] {
+            assert!((at.joint_m(joint).z - 2.0 * fraction).abs() < 1e-12, "{joint:?}");
+        }
+        assert!((at.end_m(End::HeadTop).z - 2.0).abs() < 1e-12);
+        assert!((at.end_m(End::LeftHeel).z).abs() < 1e-12);
+        let width = at.joint_m(Joint::LeftHip).y - at.joint_m(Joint::RightHip).y;
+        assert!((width - 2.0 * 0.191).abs() < 1e-12);
+        let foot = at.end_m(End::LeftToe) - at.end_m(End::LeftHeel);
+        assert!((foot - DVec3::new(2.0 * 0.152, 0.0, 0.0)).length() < 1e-12);
+    }
+
+    #[test]
+    fn a_raised_arm_reaches_forward_by_its_length() {
+        let body = Proportions::of_stature(1.0).unwrap();
+        let mut angles = JointAngles::default();
+        angles[Dof::LeftShoulderFlexion] = core::f64::consts::FRAC_PI_2;
+        let at = body.positions(&angles.to_pose(DVec3::ZERO, DQuat::IDENTITY));
+        let reach = at.end_m(End::LeftFingertip) - at.joint_m(Joint::LeftShoulder);
+        assert!((reach - DVec3::new(0.186 + 0.146 + 0.108, 0.0, 0.0)).length() < 1e-12);
+    }
+
+    #[test]
+    fn unlikely_statures_are_refused() {
+        for stature_m in [0.0, -1.7, 0.29, 3.1, 175.0, f64::NAN, f64::INFINITY] {
+            assert!(Proportions::of_stature(stature_m).is_err(), "{stature_m}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn bones_keep_their_length_in_every_pose(
+            angles in prop::array::uniform22(-1.5..1.5),
+            turn in -3.0..3.0,
+        ) {
+            let (body, still) = standing(1.75);
+            let root = DQuat::from_rotation_z(turn) * DQuat::from_rotation_x(turn / 2.0);
+            let moved = body.positions(&JointAngles(angles).to_pose(DVec3::ONE, root));
+            for joint in Joint::ALL {
+                if let Some((segment, offset)) = body.joint_offset_m(joint) {
+                    let from = proximal_joint(segment);
+                    let bone = moved.joint_m(joint) - moved.joint_m(from);
+                    prop_assert!((bone.length() - offset.length()).abs() < 1e-12);
+                    let before = still.joint_m(joint) - still.joint_m(from);
+                    prop_assert!((before - offset).length() < 1e-12);
+                }
+            }
+        }
+    }
+}
