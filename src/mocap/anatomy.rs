@@ -34,6 +34,8 @@ const SAMPLES: usize = 600;
 const HINGE_PRIOR: f64 = 0.014;
 /// Standing poses are those within this much of the straightest, as a mean cosine.
 const AS_STRAIGHT: f64 = 0.02;
+/// A body stands if its trunk and its thighs are in line to this cosine.
+const STANDING: f64 = 0.7;
 /// Slope of the line from ankle to toes below a flat foot's sole, rad: an ankle 0.039 of stature
 /// high (Winter, fig. 4.1), the ball of the foot some 2 cm, 0.14 m ahead.
 const TOE_SLOPE_RAD: f64 = 0.33;
@@ -247,7 +249,11 @@ impl Calibration<'_> {
         let pelvis = self.carrier(Segment::Pelvis).ok_or_else(missing)?;
         let frame = self.reference_mean(pelvis, |body, reference| {
             let thighs = LEGS.iter().filter_map(|leg| body.direction(leg[0])).sum::<DVec3>();
-            let along = body.trunk()? - thighs.normalize_or_zero();
+            let trunk = body.trunk()?;
+            let thighs = thighs.normalize_or_zero();
+            // Who sits all the time shows nothing of the pelvis by the thighs.
+            let stands = trunk.dot(-thighs) > STANDING;
+            let along = if stands { trunk - thighs } else { trunk };
             let up = if reference.is_drawn { DVec3::Z } else { along };
             Some((across_and_up(body.across()?, up)?, 1.0))
         });

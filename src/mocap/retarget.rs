@@ -115,6 +115,8 @@ pub struct Retargeted {
 
 /// A sample counts as clipped if the limits moved it by more than this, rad.
 const CLIPPED_RAD: f64 = 0.01;
+/// Joints at a limit for more than this share of the poses are said in the notes.
+const NOTED_SHARE: f64 = 0.2;
 
 /// Turns a capture into joint angles of a robot. Joints that move no link of `model.links` stay at
 /// `initial_rad`.
@@ -157,12 +159,19 @@ pub fn retarget(
         let inside = joint.lower_rad + settings.margin_rad..=joint.upper_rad - settings.margin_rad;
         held.iter().filter(|angle| !inside.contains(*angle)).count() as f64 / count
     };
+    let at_limit_share: Vec<f64> = positions_rad.iter().zip(&model.joints).map(at_limit).collect();
+    for (share, joint) in at_limit_share.iter().zip(&model.joints) {
+        if *share > NOTED_SHARE {
+            let percent = share * 100.0;
+            notes.push(format!("{} is at its limit in {percent:.0} % of the poses", joint.name));
+        }
+    }
     Ok(Retargeted {
         joints: model.joints.iter().map(|joint| joint.name.clone()).collect(),
         rate_hz: capture.rate_hz,
         clipped_share: clipped_samples.iter().map(|clipped| *clipped as f64 / count).collect(),
         clipped_samples,
-        at_limit_share: positions_rad.iter().zip(&model.joints).map(at_limit).collect(),
+        at_limit_share,
         fit_error_deg: fit_error_deg(capture, model, &positions_rad)?,
         wanted_rad,
         positions_rad,

@@ -55,6 +55,14 @@ pub struct Normal {
     pub cost: f64,
 }
 
+/// Room for kinematics, kept from call to call.
+#[derive(Default)]
+pub struct Room {
+    /// Orientation of each joint's link and the joint's axis, base frame.
+    placed: Vec<(DQuat, DVec3)>,
+    columns: Vec<DVec3>,
+}
+
 impl<'a> Group<'a> {
     /// All groups of a robot that the given links call for.
     pub fn all(model: &'a RobotModel, links: &[SegmentLink]) -> Vec<Self> {
@@ -172,13 +180,18 @@ impl<'a> Group<'a> {
     /// Direction: the chord between the two unit vectors. Twist: the chord between the link's
     /// across axis and the segment's, after the latter has been swung the shortest way onto the
     /// link's long axis; to first order only the turn about the long axis changes it.
-    pub fn normal(&self, angles: &DVector<f64>, targets: &[Target], normal: &mut Normal) {
-        let mut placed = Vec::with_capacity(self.members.len());
-        self.place(angles, &mut placed);
+    pub fn normal(
+        &self,
+        angles: &DVector<f64>,
+        targets: &[Target],
+        normal: &mut Normal,
+        room: &mut Room,
+    ) {
+        let Room { placed, columns } = room;
+        self.place(angles, placed);
         normal.hessian.fill(0.0);
         normal.gradient.fill(0.0);
         normal.cost = 0.0;
-        let mut columns: Vec<DVec3> = Vec::with_capacity(self.members.len());
         for (player, target) in self.players.iter().zip(targets) {
             let last = player.chain[player.chain.len() - 1];
             let turned = placed[last].0 * player.from_n_pose;
@@ -187,14 +200,14 @@ impl<'a> Group<'a> {
             columns.clear();
             columns.extend(player.chain.iter().map(|at| placed[*at].1.cross(along)));
             let weight = player.link.direction_weight.powi(2);
-            normal.add(&player.chain, &columns, along - target.along, weight);
+            normal.add(&player.chain, columns, along - target.along, weight);
             if player.link.twist_weight > 0.0 {
                 let swung = DQuat::from_rotation_arc(target.along, along) * target.across;
                 let turn = along.cross(across);
                 columns.clear();
                 columns.extend(player.chain.iter().map(|at| turn * placed[*at].1.dot(along)));
                 let weight = player.link.twist_weight.powi(2);
-                normal.add(&player.chain, &columns, across - swung, weight);
+                normal.add(&player.chain, columns, across - swung, weight);
             }
         }
         for (row, (member, angle)) in self.members.iter().zip(angles.iter()).enumerate() {

@@ -1,42 +1,44 @@
 //! The angles of a group of joints over a whole clip.
 //!
 //! A pose has several local best fits: an arm can be raised forwards or sideways, and a limit may
-//! make the one better that is not next to the pose before. So, first, some ways are followed
-//! side by side, each pose from the one before, with new starts every twentieth of a second, and
-//! the cheapest sequence of ways is chosen (dynamic programming; changing ways costs the time it
-//! takes). Then all poses are refined together, Gauss-Newton on a block tridiagonal system, with
-//! the penalty on velocity, which makes the result the same read forwards or backwards.
+//! make the one better that is not next to the pose before. So, first, each pose is fitted from
+//! the fits of the pose before and from some fixed starts, and the cheapest way from fit to fit
+//! through the clip is chosen (dynamic programming; a change of fits costs the time it takes).
+//! Then all poses are refined together, Gauss-Newton on a block tridiagonal system, with the
+//! penalty on velocity. As nothing but poses decides, the result does not hang on where a clip
+//! begins.
 
-use super::group::{Group, Normal, Target};
+use super::group::{Group, Normal, Room, Target};
 use crate::mocap::anatomy::Capture;
 use nalgebra::{Cholesky, DMatrix, DVector};
 
 /// Pull towards the pose before, in the first pass only.
 const STEADY_WEIGHT: f64 = 0.05;
-/// Time from one look for new ways to the next, s.
-const LOOK_S: f64 = 0.05;
-/// In larger groups the ends of only one joint's range are tried at a look, for time.
-const MANY_JOINTS: usize = 8;
-/// Ways followed side by side.
-const WAYS: usize = 4;
-/// Ways closer than this, rad, are one.
+/// Fits kept per pose.
+const FITS: usize = 4;
+/// A fit this cheap, some 6 degrees off in one direction, needs no better one looked for.
+const GOOD_COST: f64 = 0.01;
+/// Fits closer than this, rad, are one.
 const SAME_RAD: f64 = 0.05;
-/// Speed of changing from one way to another, rad/s, for its cost: as long as it lasts, the links
+/// In larger groups of joints the ends of their ranges are not tried as starts, for time.
+const MANY_JOINTS: usize = 8;
+/// Speed of changing from one fit to another, rad/s, for its cost: as long as it lasts, the links
 /// are off by about a radian.
 const CHANGE_RAD_S: f64 = 8.0;
 /// Weight of velocity, s: an angle that a segment settles fully follows up to 1 / (2 pi 0.006 s) =
 /// 27 Hz, one that counts for a tenth up to 2.7 Hz.
 const VELOCITY_WEIGHT_S: f64 = 0.006;
 /// Speed, rad/s, beyond which velocity weighs more, and its weight there, s. A fast kick reaches
-/// this speed; what is faster is a change of ways or a slip of the capture.
+/// this speed; what is faster is a change of fits or a slip of the capture.
 const FAST_RAD_S: f64 = 12.0;
 const FAST_WEIGHT_S: f64 = 0.1;
-/// Iterations from a cold start, from the pose before, and over the whole clip.
-const COLD_STEPS: usize = 40;
+/// Iterations from a fixed start, from the pose before, and over the whole clip.
+const COLD_STEPS: usize = 30;
 const WARM_STEPS: usize = 6;
-const CLIP_STEPS: usize = 20;
-/// A step shorter than this, rad, ends the iteration.
-const SHORT_STEP_RAD: f64 = 1e-5;
+const CLIP_STEPS: usize = 100;
+/// A step shorter than this, rad, ends the iteration: in the first pass, over the whole clip.
+const ROUGH_STEP_RAD: f64 = 1e-3;
+const FINE_STEP_RAD: f64 = 1e-4;
 
 /// Solves a clip: angles by pose, each in the order of [`Group::joints`].
 pub fn clip(group: &Group<'_>, capture: &Capture, initial_rad: &[f64]) -> Vec<DVector<f64>> {
@@ -44,109 +46,99 @@ pub fn clip(group: &Group<'_>, capture: &Capture, initial_rad: &[f64]) -> Vec<DV
     if targets.is_empty() {
         return Vec::new();
     }
-    let angles = cheapest_ways(group, &targets, capture.rate_hz, initial_rad);
+    let angles = cheapest_way(group, &targets, capture.rate_hz, initial_rad);
     together(group, &targets, angles, capture.rate_hz)
 }
 
-/// A way of fitting a stretch of poses.
-struct Way {
-    angles: Vec<DVector<f64>>,
+/// A local best fit of a pose.
+struct Fit {
+    angles: DVector<f64>,
     cost: f64,
-    /// Least cost of all poses up to the end of this stretch, and the way before that gives it.
+    /// Least cost of all poses up to this one, and the fit of the pose before that gives it.
     total: f64,
     before: usize,
 }
 
-/// Follows ways through the clip, stretch by stretch, and picks the cheapest sequence.
-fn cheapest_ways(
+/// Fits every pose in some ways and picks the cheapest sequence.
+fn cheapest_way(
     group: &Group<'_>,
     targets: &[Vec<Target>],
     rate_hz: f64,
     initial_rad: &[f64],
 ) -> Vec<DVector<f64>> {
-    let length = ((LOOK_S * rate_hz).round() as usize).max(1);
-    let mut stretches: Vec<Vec<Way>> = Vec::new();
-    for (number, stretch) in targets.chunks(length).enumerate() {
-        let before = stretches.last().map_or(&[][..], Vec::as_slice);
-        let mut ways: Vec<Way> = starts(group, &stretch[0], before, number, initial_rad)
-            .into_iter()
-            .map(|start| follow(group, stretch, start))
-            .collect();
-        for way in &mut ways {
-            let reach = |(at, from): (usize, &Way)| {
-                let jump = (&way.angles[0] - &from.angles[from.angles.len() - 1]).amax();
+    let starts = fixed_starts(group, initial_rad);
+    let mut poses: Vec<Vec<Fit>> = Vec::with_capacity(targets.len());
+    for target in targets {
+        let before = poses.last().map_or(&[][..], Vec::as_slice);
+        let mut fits = fits(group, target, before, &starts);
+        for fit in &mut fits {
+            let reach = |(at, from): (usize, &Fit)| {
+                let jump = (&fit.angles - &from.angles).amax();
                 (from.total + jump / CHANGE_RAD_S * rate_hz, at)
             };
             let cheapest = before.iter().enumerate().map(reach).min_by(|a, b| a.0.total_cmp(&b.0));
             let (total, from) = cheapest.unwrap_or((0.0, 0));
-            (way.total, way.before) = (total + way.cost, from);
+            (fit.total, fit.before) = (total + fit.cost, from);
         }
-        stretches.push(ways);
+        poses.push(fits);
     }
-    let mut chosen = Vec::new();
+    let mut chosen = Vec::with_capacity(targets.len());
     let mut next: Option<usize> = None;
-    while let Some(mut ways) = stretches.pop() {
-        let cheapest = || (0..ways.len()).min_by(|a, b| ways[*a].total.total_cmp(&ways[*b].total));
+    while let Some(mut fits) = poses.pop() {
+        let cheapest = || (0..fits.len()).min_by(|a, b| fits[*a].total.total_cmp(&fits[*b].total));
         let Some(at) = next.or_else(cheapest) else { break };
-        let way = ways.swap_remove(at);
-        next = Some(way.before);
-        chosen.extend(way.angles.into_iter().rev());
+        let fit = fits.swap_remove(at);
+        next = Some(fit.before);
+        chosen.push(fit.angles);
     }
     chosen.reverse();
     chosen
 }
 
-/// Distinct fits of the first pose of a stretch, the best few: from the ways before, from the
-/// middle of the ranges, the initial pose, and the ends of one joint's range after another's.
-fn starts(
-    group: &Group<'_>,
-    targets: &[Target],
-    before: &[Way],
-    number: usize,
-    initial_rad: &[f64],
-) -> Vec<DVector<f64>> {
+/// Where fits start beside the pose before: middle of the ranges, initial pose, and one joint
+/// after another near either end of its range.
+fn fixed_starts(group: &Group<'_>, initial_rad: &[f64]) -> Vec<DVector<f64>> {
     let size = group.joints().len();
     let middle = group.middles();
-    let mut found: Vec<(DVector<f64>, f64)> = Vec::new();
-    for way in before {
-        let last = &way.angles[way.angles.len() - 1];
-        found.push(descend(group, targets, last.clone(), Some(last), WARM_STEPS));
-    }
     let initial = group.joints().iter().map(|joint| initial_rad[*joint]);
-    let mut cold = vec![middle.clone(), DVector::from_iterator(size, initial)];
-    let all = before.is_empty() || size <= MANY_JOINTS;
-    let rows = if all { 0..size } else { number % size..number % size + 1 };
-    for row in rows {
-        let (lower, upper) = group.limits(row);
-        for part in [0.1, 0.9] {
-            let mut start = middle.clone();
-            start[row] = lower + part * (upper - lower);
-            cold.push(start);
+    let mut starts = vec![middle.clone(), DVector::from_iterator(size, initial)];
+    if size <= MANY_JOINTS {
+        for row in 0..size {
+            let (lower, upper) = group.limits(row);
+            for part in [0.1, 0.9] {
+                let mut start = middle.clone();
+                start[row] = lower + part * (upper - lower);
+                starts.push(start);
+            }
         }
     }
-    found.extend(cold.into_iter().map(|start| descend(group, targets, start, None, COLD_STEPS)));
+    starts
+}
+
+/// Distinct fits of a pose, the best few.
+fn fits(
+    group: &Group<'_>,
+    targets: &[Target],
+    before: &[Fit],
+    starts: &[DVector<f64>],
+) -> Vec<Fit> {
+    let warm = before
+        .iter()
+        .map(|fit| descend(group, targets, fit.angles.clone(), Some(&fit.angles), WARM_STEPS));
+    let mut found: Vec<(DVector<f64>, f64)> = warm.collect();
+    if found.iter().all(|(_, cost)| *cost > GOOD_COST) {
+        let cold = starts.iter();
+        found.extend(cold.map(|start| descend(group, targets, start.clone(), None, COLD_STEPS)));
+    }
     found.sort_by(|a, b| a.1.total_cmp(&b.1));
-    let mut distinct: Vec<DVector<f64>> = Vec::new();
-    for (angles, _) in found {
-        if distinct.len() < WAYS && distinct.iter().all(|d| (d - &angles).amax() > SAME_RAD) {
-            distinct.push(angles);
+    let mut distinct: Vec<Fit> = Vec::with_capacity(FITS);
+    for (angles, cost) in found {
+        let is_new = distinct.iter().all(|fit| (&fit.angles - &angles).amax() > SAME_RAD);
+        if is_new && distinct.len() < FITS {
+            distinct.push(Fit { angles, cost, total: 0.0, before: 0 });
         }
     }
     distinct
-}
-
-/// Fits a stretch, each pose from the one before.
-fn follow(group: &Group<'_>, stretch: &[Vec<Target>], start: DVector<f64>) -> Way {
-    let mut normal = Normal::new(start.len());
-    group.normal(&start, &stretch[0], &mut normal);
-    let mut way = Way { angles: vec![start], cost: normal.cost, total: 0.0, before: 0 };
-    for targets in &stretch[1..] {
-        let last = &way.angles[way.angles.len() - 1];
-        let (next, cost) = descend(group, targets, last.clone(), Some(last), WARM_STEPS);
-        way.angles.push(next);
-        way.cost += cost;
-    }
-    way
 }
 
 /// Levenberg-Marquardt descent on one pose: angles and cost.
@@ -158,8 +150,9 @@ fn descend(
     steps: usize,
 ) -> (DVector<f64>, f64) {
     let size = start.len();
-    let evaluate = |angles: &DVector<f64>, normal: &mut Normal| {
-        group.normal(angles, targets, normal);
+    let mut room = Room::default();
+    let mut evaluate = |angles: &DVector<f64>, normal: &mut Normal| {
+        group.normal(angles, targets, normal, &mut room);
         if let Some(before) = before {
             for row in 0..size {
                 normal.add_single(row, angles[row] - before[row], STEADY_WEIGHT.powi(2));
@@ -187,7 +180,7 @@ fn descend(
         } else {
             damping *= 10.0;
         }
-        if step.amax() < SHORT_STEP_RAD {
+        if step.amax() < ROUGH_STEP_RAD {
             break;
         }
     }
@@ -202,10 +195,11 @@ fn together(
     rate_hz: f64,
 ) -> Vec<DVector<f64>> {
     let size = group.joints().len();
-    let evaluate = |angles: &[DVector<f64>], normals: &mut [Normal]| {
+    let mut room = Room::default();
+    let mut evaluate = |angles: &[DVector<f64>], normals: &mut [Normal]| {
         let mut cost = 0.0;
         for (at, normal) in normals.iter_mut().enumerate() {
-            group.normal(&angles[at], &targets[at], normal);
+            group.normal(&angles[at], &targets[at], normal, &mut room);
             cost += normal.cost;
         }
         let moves = angles.windows(2).flat_map(|pair| (&pair[1] - &pair[0]).data.as_vec().clone());
@@ -226,7 +220,7 @@ fn together(
             damping *= 10.0;
             evaluate(&angles, &mut normals);
         }
-        if longest < 10.0 * SHORT_STEP_RAD {
+        if longest < FINE_STEP_RAD {
             break;
         }
     }
