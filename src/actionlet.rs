@@ -8,9 +8,6 @@
 //!
 //! "Angle" is the position of a degree of freedom, rad.
 
-// Not-a-number must fail a check, so checks say what is allowed and are negated.
-#![allow(clippy::neg_cmp_op_on_partial_ord)]
-
 pub mod cycle;
 pub mod sequence;
 pub mod shape;

@@ -9,9 +9,6 @@
 //! [`JointAngles`], 22 numbers plus where the pelvis is. [`Proportions`] give segments a length and
 //! turn a pose into points in space.
 
-// Not-a-number must fail a check, so checks say what is allowed and are negated.
-#![allow(clippy::neg_cmp_op_on_partial_ord)]
-
 pub mod angles;
 pub mod contact;
 pub mod dof;

@@ -147,6 +147,7 @@ pub struct Bus {
     sent: Vec<u8>,
     received: Vec<u8>,
     scratch: Vec<u8>,
+    sending_until: Instant,
     quiet_until: Instant,
     wary_until: Instant,
     pending: Option<Pending>,
@@ -171,6 +172,7 @@ impl Bus {
             sent: Vec::with_capacity(1024),
             received: Vec::with_capacity(4096),
             scratch: Vec::with_capacity(1024),
+            sending_until: Instant::ZERO,
             quiet_until: Instant::ZERO,
             wary_until: Instant::ZERO,
             pending: None,
@@ -231,8 +233,11 @@ impl Bus {
         self.port.send(&self.sent, budget)?;
         self.stats.asked += 1;
         self.stats.bytes += self.sent.len() as u64;
+        // Bytes queue behind those still leaving; nothing needs to be waited for.
+        let begins = self.sending_until.max(self.clock.now());
         let line_s = line_time_s(self.sent.len(), self.timing.baud_bps);
-        Ok(self.clock.now() + Duration::from_secs_f64(line_s))
+        self.sending_until = begins + Duration::from_secs_f64(line_s);
+        Ok(self.sending_until)
     }
 
     /// Receives more bytes by `deadline`; false if none came.
@@ -396,9 +401,7 @@ impl Bus {
     ) -> Result<(), AskError> {
         self.sent.clear();
         self.protocol.sync_write(&mut self.sent, address, items).map_err(AskError::Unsayable)?;
-        let done = self.say(budget)?;
-        // The next question must not start before this one has left.
-        self.quiet_until = self.quiet_until.max(done);
+        self.say(budget)?;
         Ok(())
     }
 

@@ -14,6 +14,7 @@ use std::path::Path;
 pub mod anatomy;
 pub mod bvh;
 pub mod clip;
+pub mod export;
 pub mod landmarks;
 pub mod mapping;
 pub mod retarget;

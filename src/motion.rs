@@ -9,9 +9,6 @@
 //!
 //! Angles are rad, times s. A joint is a row: positions are indexed `[joint][sample]`.
 
-// Not-a-number must fail a check, so checks say what is allowed and are negated.
-#![allow(clippy::neg_cmp_op_on_partial_ord)]
-
 pub mod ease;
 pub mod limits;
 pub mod path;

@@ -170,7 +170,8 @@ impl Proportions {
 }
 
 /// The joint at which a segment begins.
-const fn proximal_joint(segment: Segment) -> Joint {
+#[must_use]
+pub const fn proximal_joint(segment: Segment) -> Joint {
     match segment {
         Segment::Pelvis => Joint::Pelvis,
         Segment::Torso => Joint::Torso,

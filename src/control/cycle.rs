@@ -102,11 +102,11 @@ pub fn run(
         goals_at_rest: 0,
         rest_since: None,
     };
-    let period_ns = settings.period.as_nanos();
-    let mut tick: u128 = 0;
+    let period_ns = whole_nanos(settings.period).max(1);
+    let mut tick: u64 = 0;
     let mut last_cycle = began;
     loop {
-        let due = began + Duration::from_nanos_u128(tick * period_ns);
+        let due = began + Duration::from_nanos(tick * period_ns);
         clock.sleep_until(due);
         let now = clock.now();
         let behind = now.since(due);
@@ -125,15 +125,19 @@ pub fn run(
         if !more {
             break;
         }
-        let elapsed = clock.now().since(began).as_nanos();
+        let elapsed = whole_nanos(clock.now().since(began));
         // Ticks that have gone by are skipped, never made up for in a burst.
         let next = (elapsed / period_ns).max(tick) + 1;
-        tally.missed_cycles += u64::try_from(next - tick - 1).unwrap_or(u64::MAX);
+        tally.missed_cycles += next - tick - 1;
         tick = next;
     }
     let duration_s = clock.now().since(began).as_secs_f64();
     let bus_load = bus_load(player.link, &bytes_before, duration_s);
     Run { stop: player.stop, tally, duration_s, bus_load }
+}
+
+fn whole_nanos(duration: Duration) -> u64 {
+    u64::try_from(duration.as_nanos()).unwrap_or(u64::MAX)
 }
 
 impl Player<'_> {

@@ -18,7 +18,8 @@ pub const OP3_ACCELERATION_RAD_S2: f64 = 23.98;
 /// ROBOTIS-GIT/ROBOTIS-OP3, `parent` 0 being the pelvis.
 pub fn op3() -> RobotModel {
     #[rustfmt::skip]
-    let table: [(&str, usize, [f64; 3], [f64; 3], f64, f64); 20] = [
+    type Row = (&'static str, usize, [f64; 3], [f64; 3], f64, f64);
+    let table: [Row; 20] = [
         ("r_sho_pitch", 0, [-0.001, -0.06, 0.111], [0.0, -1.0, 0.0], -0.5, 0.5),
         ("l_sho_pitch", 0, [-0.001, 0.06, 0.111], [0.0, 1.0, 0.0], -0.5, 0.5),
         ("r_sho_roll", 1, [0.019, -0.0285, -0.01], [-1.0, 0.0, 0.0], -0.5, 0.3),

@@ -1,0 +1,103 @@
+//! A motion of the body model as a BVH file: centimetres, Y up, facing +Z, standing in N pose at
+//! zero, one joint per segment.
+
+use super::bvh::{Axis, Bvh, Channel, Joint};
+use crate::body::proportions::proximal_joint;
+use crate::body::{End, Proportions, Segment, SegmentPose};
+use glam::{DQuat, DVec3, EulerRot};
+
+const CM_PER_M: f64 = 100.0;
+/// Values are rounded to this many parts of a degree or centimetre.
+const PARTS: f64 = 1e4;
+
+/// The name of a segment's joint, as most programs call it.
+const fn joint_name(segment: Segment) -> &'static str {
+    match segment {
+        Segment::Pelvis => "Hips",
+        Segment::Torso => "Spine",
+        Segment::Head => "Head",
+        Segment::LeftUpperArm => "LeftArm",
+        Segment::LeftForearm => "LeftForeArm",
+        Segment::RightUpperArm => "RightArm",
+        Segment::RightForearm => "RightForeArm",
+        Segment::LeftThigh => "LeftUpLeg",
+        Segment::LeftShank => "LeftLeg",
+        Segment::LeftFoot => "LeftFoot",
+        Segment::RightThigh => "RightUpLeg",
+        Segment::RightShank => "RightLeg",
+        Segment::RightFoot => "RightFoot",
+    }
+}
+
+const fn end_of(segment: Segment) -> Option<End> {
+    match segment {
+        Segment::Head => Some(End::HeadTop),
+        Segment::LeftForearm => Some(End::LeftFingertip),
+        Segment::RightForearm => Some(End::RightFingertip),
+        Segment::LeftFoot => Some(End::LeftToe),
+        Segment::RightFoot => Some(End::RightToe),
+        _ => None,
+    }
+}
+
+/// From X forward, Y left, Z up to X left, Y up, Z forward.
+const fn turned(v: DVec3) -> DVec3 {
+    DVec3::new(v.y, v.z, v.x)
+}
+
+fn rounded(value: f64) -> f64 {
+    // Adding zero makes of -0 a plain 0.
+    (value * PARTS).round() / PARTS + 0.0
+}
+
+fn in_cm(v_m: DVec3) -> DVec3 {
+    let v = turned(v_m) * CM_PER_M;
+    DVec3::new(rounded(v.x), rounded(v.y), rounded(v.z))
+}
+
+/// Writes `poses` of a body with these proportions, at `rate_hz`.
+#[must_use]
+pub fn bvh_of(poses: &[SegmentPose], body: &Proportions, rate_hz: f64) -> Bvh {
+    let joints = joints(body);
+    let channels = joints.iter().map(|joint| joint.channels.len()).sum::<usize>();
+    let mut values = Vec::with_capacity(channels * poses.len());
+    for pose in poses {
+        values.extend(in_cm(pose.root_m).to_array());
+        for segment in Segment::ALL {
+            let own = pose.orientation[segment.index()];
+            let carrier = segment.parent().map_or(DQuat::IDENTITY, |p| pose.orientation[p.index()]);
+            let local = carrier.inverse() * own;
+            let axis = turned(DVec3::new(local.x, local.y, local.z));
+            let turned = DQuat::from_xyzw(axis.x, axis.y, axis.z, local.w);
+            let (z, x, y) = turned.to_euler(EulerRot::ZXY);
+            values.extend([z, x, y].map(|angle| rounded(angle.to_degrees())));
+        }
+    }
+    Bvh { joints, time_step_s: 1.0 / rate_hz, values }
+}
+
+fn joints(body: &Proportions) -> Vec<Joint> {
+    let rotations = [Axis::Z, Axis::X, Axis::Y].map(Channel::Rotation);
+    let positions = [Axis::X, Axis::Y, Axis::Z].map(Channel::Position);
+    let mut first_channel = 0;
+    let mut joints = Vec::with_capacity(Segment::ALL.len());
+    for segment in Segment::ALL {
+        let mut channels = Vec::new();
+        if segment.parent().is_none() {
+            channels.extend(positions);
+        }
+        channels.extend(rotations);
+        let offset = body.joint_offset_m(proximal_joint(segment)).map_or(DVec3::ZERO, |(_, o)| o);
+        let ends = end_of(segment).map(|end| in_cm(body.end_offset_m(end).1));
+        joints.push(Joint {
+            name: joint_name(segment).to_owned(),
+            parent: segment.parent().map(Segment::index),
+            offset: in_cm(offset),
+            first_channel,
+            ends: ends.into_iter().collect(),
+            channels: channels.clone(),
+        });
+        first_channel += channels.len();
+    }
+    joints
+}
