@@ -150,3 +150,122 @@ impl Guard {
         Ok(Command { goal_rad: goal_rad.to_vec() })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::time::Duration;
+    use proptest::prelude::*;
+
+    const T: Duration = Duration::from_millis(10);
+
+    fn limits() -> Vec<JointLimits> {
+        let of = |lower, upper, velocity| JointLimits::new(lower, upper, velocity, 20.0).unwrap();
+        vec![of(-1.0, 2.0, 4.0), of(-0.5, 0.5, 2.0)]
+    }
+
+    fn standing(rad: f64) -> Guard {
+        Guard::standing_at(&[rad, 0.0], limits(), Instant::ZERO).expect("inside").0
+    }
+
+    #[test]
+    fn the_first_command_keeps_the_robot_where_it_stands() {
+        let (_, command) = Guard::standing_at(&[1.5, -0.2], limits(), Instant::ZERO).unwrap();
+        assert_eq!(command.goal_rad(), [1.5, -0.2]);
+    }
+
+    #[test]
+    fn a_robot_outside_its_limits_gets_no_guard() {
+        for rad in [2.0001, -1.0001, f64::NAN, f64::INFINITY] {
+            assert!(Guard::standing_at(&[rad, 0.0], limits(), Instant::ZERO).is_err(), "{rad}");
+        }
+    }
+
+    #[test]
+    fn position_limits_hold_to_the_last_bit_over_a_sweep_around_them() {
+        // Close enough to either limit that the step rule never decides.
+        for k in -1500..=1500 {
+            let goal = 2.0 * f64::from(k) / 1000.0;
+            let mut guard = standing(goal.clamp(-1.0, 2.0));
+            let admitted = guard.admit(&[goal, 0.0], Instant::ZERO + Duration::from_secs(10));
+            assert_eq!(admitted.is_ok(), (-1.0..=2.0).contains(&goal), "{goal}");
+        }
+        let mut guard = standing(2.0);
+        let beyond = f64::from_bits(2.0_f64.to_bits() + 1);
+        let refusal = guard.admit(&[beyond, 0.0], Instant::ZERO + T).unwrap_err();
+        assert!(matches!(refusal.reason, RefusalReason::Position { .. }), "{refusal:?}");
+    }
+
+    #[test]
+    fn steps_hold_the_joint_speed_over_a_sweep_around_it() {
+        // 4 rad/s in 10 ms are 0.04 rad.
+        for k in -150_i32..=150 {
+            let step = 0.04 * f64::from(k) / 100.0;
+            let admitted = standing(0.0).admit(&[step, 0.0], Instant::ZERO + T);
+            assert_eq!(admitted.is_ok(), k.abs() <= 100, "{step}");
+        }
+        let refusal = standing(0.0).admit(&[0.0, 0.021], Instant::ZERO + T).unwrap_err();
+        assert_eq!(refusal.joint, 1);
+    }
+
+    #[test]
+    fn no_time_allows_no_step_and_the_past_none_either() {
+        let mut guard = standing(0.0);
+        let now = Instant::ZERO + T;
+        assert!(guard.admit(&[0.01, 0.0], now).is_ok());
+        assert!(guard.admit(&[0.02, 0.0], now).is_err());
+        assert!(guard.admit(&[0.02, 0.0], Instant::ZERO).is_err());
+    }
+
+    #[test]
+    fn what_is_no_number_is_refused_at_every_place() {
+        for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            for joint in 0..2 {
+                let mut goal = [0.0; 2];
+                goal[joint] = bad;
+                let refusal = standing(0.0).admit(&goal, Instant::ZERO + T).unwrap_err();
+                assert_eq!(refusal.joint, joint);
+                assert!(matches!(refusal.reason, RefusalReason::NotFinite { .. }));
+            }
+        }
+    }
+
+    #[test]
+    fn goals_for_another_number_of_joints_are_refused() {
+        for goal in [&[][..], &[0.0], &[0.0; 3]] {
+            let refusal = standing(0.0).admit(goal, Instant::ZERO + T).unwrap_err();
+            assert!(matches!(refusal.reason, RefusalReason::Count { .. }), "{goal:?}");
+        }
+    }
+
+    #[test]
+    fn a_refused_goal_leaves_the_last_good_one_in_force() {
+        let mut guard = standing(0.0);
+        assert!(guard.admit(&[0.5, 0.0], Instant::ZERO + T).is_err());
+        // Were the refused goal remembered, this one would now be near enough.
+        assert!(guard.admit(&[0.49, 0.0], Instant::ZERO + T).is_err());
+        assert!(guard.admit(&[0.04, 0.0], Instant::ZERO + T).is_ok());
+    }
+
+    proptest! {
+        #[test]
+        fn whatever_is_asked_no_admitted_goal_breaks_a_rule(
+            asked in prop::collection::vec((any::<f64>(), -3.0..3.0, 0_u64..50), 1..60)
+        ) {
+            let mut guard = standing(0.0);
+            let (mut last, mut now) = (0.0_f64, Instant::ZERO);
+            for (wild, near, millis) in asked {
+                let dt = Duration::from_millis(millis);
+                let at = now + dt;
+                for goal in [wild, near, last + near / 100.0] {
+                    let Ok(command) = guard.admit(&[goal, 0.0], at) else { continue };
+                    let goal = command.goal_rad()[0];
+                    prop_assert!((-1.0..=2.0).contains(&goal));
+                    let since = at.since(now).as_secs_f64();
+                    prop_assert!((goal - last).abs() <= 4.0 * since * (1.0 + 1e-6) + 1e-8);
+                    (last, now) = (goal, at);
+                }
+            }
+        }
+    }
+}

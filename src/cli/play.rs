@@ -211,6 +211,7 @@ pub(super) fn describe_plan(
             end_velocity_rad_s: last[index].velocity_rad_s,
             clipped_samples,
             clipped_share: clipped_samples as f64 / loaded.samples().max(1) as f64,
+            at_limit_share: loaded.at_limit_share(&joint.name),
             missed_reads: 0,
         });
     }

@@ -83,6 +83,9 @@ pub struct JointReport {
     pub clipped_samples: usize,
     /// The same as a share of all poses.
     pub clipped_share: f64,
+    /// Share of poses in which the fit holds the joint at its limit: what the person does lies
+    /// beyond it, and other joints make up for it as well as they can.
+    pub at_limit_share: f64,
     /// Cycles without feedback.
     pub missed_reads: u64,
 }
@@ -308,8 +311,14 @@ impl PlayReport {
         }
         let _ = writeln!(
             out,
-            "{:<16} {:>16} {:>14} {:>10} {:>13} {:>9}",
-            "joint", "measured, deg", "peak, deg/s", "of limit", "tracking, deg", "clipped"
+            "{:<16} {:>16} {:>12} {:>10} {:>14} {:>9} {:>9}",
+            "joint",
+            "measured, deg",
+            "peak, deg/s",
+            "of limit",
+            "tracking, deg",
+            "clipped",
+            "at limit"
         );
         for joint in &self.joints {
             let range = joint.range_rad.map_or_else(
@@ -321,13 +330,14 @@ impl PlayReport {
                 .map_or_else(|| "-".to_owned(), |rms| format!("{:.2}", rms.to_degrees()));
             let _ = writeln!(
                 out,
-                "{:<16} {:>16} {:>14.1} {:>8.0} % {:>13} {:>7.1} %",
+                "{:<16} {:>16} {:>12.1} {:>8.0} % {:>14} {:>7.1} % {:>7.1} %",
                 joint.name,
                 range,
                 joint.peak_velocity_rad_s.to_degrees(),
                 100.0 * joint.peak_velocity_rad_s / joint.limit_velocity_rad_s,
                 rms,
-                100.0 * joint.clipped_share
+                100.0 * joint.clipped_share,
+                100.0 * joint.at_limit_share
             );
         }
     }

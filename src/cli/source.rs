@@ -245,10 +245,20 @@ impl Loaded {
         self.retargeted.positions_rad.first().map_or(0, Vec::len)
     }
 
+    fn of_joint<T: Copy + Default>(&self, joint: &str, values: &[T]) -> T {
+        let index = self.retargeted.joints.iter().position(|name| name == joint);
+        index.and_then(|index| values.get(index).copied()).unwrap_or_default()
+    }
+
     /// Poses in which saturation moved a joint.
     #[must_use]
     pub fn clipped_samples(&self, joint: &str) -> usize {
-        let index = self.retargeted.joints.iter().position(|name| name == joint);
-        index.and_then(|i| self.retargeted.clipped_samples.get(i).copied()).unwrap_or(0)
+        self.of_joint(joint, &self.retargeted.clipped_samples)
+    }
+
+    /// Share of poses in which the fit holds a joint at its limit.
+    #[must_use]
+    pub fn at_limit_share(&self, joint: &str) -> f64 {
+        self.of_joint(joint, &self.retargeted.at_limit_share)
     }
 }

@@ -218,3 +218,89 @@ pub fn append_raw(register: &Register, raw: i64, out: &mut Vec<u8>) -> Result<()
     out.extend_from_slice(&word.to_le_bytes()[..usize::from(register.bytes)]);
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn model(name: &str) -> Model {
+        Model::new(gaitway_profiles::servo(name).expect("a shipped servo"))
+    }
+
+    fn register(model: &Model, role: Role) -> &'static Register {
+        model.register(role).expect("a register")
+    }
+
+    /// Values printed in the manuals, or worked out by hand from their units.
+    #[test]
+    fn raw_counts_are_the_si_values_of_the_manuals() {
+        let rpm = TAU / 60.0;
+        for (servo, role, bytes, si) in [
+            // Mid travel is angle zero; a quarter turn is 1024 counts.
+            ("xm430-w350", Role::PresentPosition, vec![0x00, 0x08, 0, 0], 0.0),
+            ("xm430-w350", Role::PresentPosition, vec![0x00, 0x0C, 0, 0], PI / 2.0),
+            (
+                "xm430-w350",
+                Role::GoalPosition,
+                vec![0xFF, 0xFF, 0xFF, 0xFF],
+                -2049.0 * TAU / 4096.0,
+            ),
+            // 0.229 rev/min, 2.69 mA and 0.1 V per count.
+            ("xm430-w350", Role::PresentVelocity, vec![100, 0, 0, 0], 22.9 * rpm),
+            ("xm430-w350", Role::PresentVelocity, vec![0x9C, 0xFF, 0xFF, 0xFF], -22.9 * rpm),
+            ("xm430-w350", Role::PresentCurrent, vec![0x18, 0xFC], -2.69),
+            ("xm430-w350", Role::PresentVoltage, vec![120, 0], 12.0),
+            ("xm430-w350", Role::ReturnDelay, vec![250], 500e-6),
+            // 214.577 rev/min2 per count.
+            ("xm430-w350", Role::ProfileAcceleration, vec![1, 0, 0, 0], 214.577 * TAU / 3600.0),
+            // Feetech: bit 15 is the sign of a speed (0x83E8 = -1000 steps/s), bit 10 of a load.
+            ("sts3215", Role::GoalVelocity, vec![0xE8, 0x83], -1000.0 * TAU / 4096.0),
+            ("sts3215", Role::PresentLoad, vec![0x64, 0x04], -0.1),
+            ("sts3215", Role::PresentPosition, vec![0x00, 0x08], 0.0),
+            ("sts3215", Role::PresentVoltage, vec![74], 7.4),
+        ] {
+            let model = model(servo);
+            let got = model.si_from_bytes(register(&model, role), &bytes).expect("enough bytes");
+            assert!((got - si).abs() < 1e-9, "{servo} {role:?}: {got}, {si} by the manual");
+        }
+    }
+
+    #[test]
+    fn what_does_not_fit_a_register_is_refused_with_its_range() {
+        let model = model("sts3215");
+        let goal = register(&model, Role::GoalPosition);
+        for si in [f64::NAN, f64::INFINITY, 60.0, -60.0] {
+            let error = model.raw_from_si(goal, si).expect_err("too far");
+            assert!(error.to_string().contains("-32767 to 32767"), "{error}");
+        }
+        assert!(model.si_from_bytes(goal, &[1]).is_err());
+        assert!(model.register(Role::ProfileVelocity).is_err());
+    }
+
+    proptest! {
+        #[test]
+        fn writing_and_reading_back_stays_within_half_a_count(angle in -3.0..3.0_f64) {
+            for name in ["xm430-w350", "xl430-w250", "xl330-m288", "sts3215"] {
+                let model = model(name);
+                let goal = register(&model, Role::GoalPosition);
+                let mut bytes = Vec::new();
+                model.append_si(goal, angle, &mut bytes).expect("in range");
+                let back = model.si_from_bytes(goal, &bytes).expect("enough bytes");
+                prop_assert!((back - angle).abs() <= model.rad_per_count() / 2.0 + 1e-12, "{}", name);
+            }
+        }
+
+        #[test]
+        fn any_bytes_of_any_register_survive_reading_and_writing(word in any::<[u8; 4]>()) {
+            for name in ["xm430-w350", "sts3215"] {
+                for register in &model(name).profile().registers {
+                    let raw = raw_from_bytes(register, &word).expect("four bytes are enough");
+                    let mut bytes = Vec::new();
+                    append_raw(register, raw, &mut bytes).expect("what was read can be written");
+                    prop_assert_eq!(raw_from_bytes(register, &bytes).expect("its bytes"), raw);
+                }
+            }
+        }
+    }
+}
