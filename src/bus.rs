@@ -503,6 +503,10 @@ impl Bus {
         let patience = self.answer_time(self.protocol.status_bytes(pending.length), 1);
         let mut deadline = window_end.min(budget);
         loop {
+            if self.received.len() < total && self.listen(deadline)? {
+                deadline = deadline.max((self.clock.now() + patience).min(budget));
+                continue;
+            }
             let answers = codec::merged(&self.received, &pending.ids, pending.length);
             let complete = answers.iter().all(|a| matches!(a, Ok(_) | Err(Miss::Refused(_))));
             // Bounded even if a babbling line never lets the answer be complete.

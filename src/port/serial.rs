@@ -9,6 +9,9 @@ use serialport::{ClearBuffer, SerialPort, TTYPort};
 use std::io::{ErrorKind, Read, Write};
 use std::path::Path;
 
+/// Chunks of 1 KiB thrown away at most in one go.
+const MOST_DISCARDED: usize = 64;
+
 /// An open serial line.
 pub struct SerialLine {
     tty: TTYPort,
@@ -48,6 +51,13 @@ impl SerialLine {
         let left = deadline.since(MonotonicClock.now());
         // A zero time-out still polls once, so bytes already here are seen.
         self.tty.set_timeout(left).map_err(|e| PortError::Io(e.to_string()))
+    }
+
+    fn waiting(&self) -> Result<u32, PortError> {
+        self.tty.bytes_to_read().map_err(|e| match e.kind() {
+            serialport::ErrorKind::NoDevice => PortError::Gone(self.path.clone()),
+            _ => PortError::Io(format!("{}: {}", self.path, e.description)),
+        })
     }
 
     fn io_error(&self, error: &std::io::Error) -> PortError {
@@ -103,10 +113,21 @@ impl BytePort for SerialLine {
         }
     }
 
+    /// Reads away what is there. Asking first is cheaper than `tcflush`, which on a
+    /// pseudo-terminal waits for the kernel's worker.
     fn discard_input(&mut self) -> Result<(), PortError> {
-        self.tty.clear(ClearBuffer::Input).map_err(|e| match e.kind() {
-            serialport::ErrorKind::NoDevice => PortError::Gone(self.path.clone()),
-            _ => PortError::Io(format!("{}: {}", self.path, e.description)),
-        })
+        let mut chunk = [0_u8; 1024];
+        // A line that babbles without end must not hold anyone here.
+        for _ in 0..MOST_DISCARDED {
+            if self.waiting()? == 0 {
+                break;
+            }
+            match self.receive(&mut chunk, Instant::ZERO) {
+                Ok(_) => {}
+                Err(PortError::TimedOut) => break,
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(())
     }
 }
