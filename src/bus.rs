@@ -283,14 +283,21 @@ impl Bus {
     }
 
     /// Waits for the one answer of device `id` with `length` bytes.
-    fn one_answer(&mut self, id: u8, length: usize, heard_at: Instant) -> Result<Reply, AskError> {
-        let deadline = heard_at + self.answer_time(self.protocol.status_bytes(length), 1);
+    fn one_answer(
+        &mut self,
+        id: u8,
+        length: usize,
+        heard_at: Instant,
+        budget: Instant,
+    ) -> Result<Reply, AskError> {
+        let window_end = heard_at + self.answer_time(self.protocol.status_bytes(length), 1);
+        let deadline = window_end.min(budget);
         let mut miss = Miss::Silent;
         loop {
             match self.protocol.decode(&self.received, length, &mut self.scratch) {
                 Heard::Need => {
                     if !self.listen(deadline)? && !self.drop_cut_packet(&mut miss) {
-                        self.gave_up(deadline);
+                        self.gave_up(window_end);
                         return Err(miss.into());
                     }
                 }
@@ -336,7 +343,7 @@ impl Bus {
             self.sent.clear();
             encode(self.protocol, &mut self.sent).map_err(AskError::Unsayable)?;
             let heard_at = self.say(budget)?;
-            match self.one_answer(id, length, heard_at) {
+            match self.one_answer(id, length, heard_at, budget) {
                 Err(AskError::Miss(miss)) if !retried && !matches!(miss, Miss::Refused(_)) => {
                     let again = self.answer_time(self.protocol.status_bytes(length), 1);
                     if self.clock.now() + again > budget {

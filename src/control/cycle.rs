@@ -207,8 +207,9 @@ impl Player<'_> {
         let parts = self.link.health_reads(joint).max(1);
         let part = turn / joints % parts;
         let mut health = None;
-        // A joint that is silent now would only cost the others their time.
-        if states[joint].is_ok() {
+        // A joint that is silent now would only cost the others their time; so would a question
+        // that cannot be answered within this cycle.
+        if states[joint].is_ok() && self.link.clock().now() < budget {
             match self.link.health(joint, part, budget) {
                 Ok(read) => health = Some((joint, read)),
                 Err(error) if matches!(error.error, crate::bus::AskError::Port(_)) => {
