@@ -27,6 +27,9 @@ pub struct Timing {
 /// Scheduling and conversion time granted to every answer on top of what can be computed.
 const SLACK: Duration = Duration::from_micros(300);
 
+/// Bytes heard after one question at most; what babbles on is not an answer.
+const MOST_HEARD: usize = 16 * 1024;
+
 /// How long after a lost answer its late bytes are reckoned with.
 const WARY_FOR: Duration = Duration::from_millis(20);
 
@@ -132,7 +135,8 @@ pub enum GroupRead {
 /// The question under way.
 struct Pending {
     ids: Vec<u8>,
-    length: usize,
+    address: u16,
+    length: u16,
     mode: GroupRead,
     heard_at: Instant,
 }
@@ -147,6 +151,7 @@ pub struct Bus {
     sent: Vec<u8>,
     received: Vec<u8>,
     scratch: Vec<u8>,
+    heard: usize,
     sending_until: Instant,
     quiet_until: Instant,
     wary_until: Instant,
@@ -172,6 +177,7 @@ impl Bus {
             sent: Vec::with_capacity(1024),
             received: Vec::with_capacity(4096),
             scratch: Vec::with_capacity(1024),
+            heard: 0,
             sending_until: Instant::ZERO,
             quiet_until: Instant::ZERO,
             wary_until: Instant::ZERO,
@@ -209,6 +215,12 @@ impl Bus {
         self.line_and_delay(bytes, devices) + self.timing.latency + SLACK
     }
 
+    /// When the next question may be asked: after a lost answer the line is left in silence.
+    #[must_use]
+    pub const fn ready_at(&self) -> Instant {
+        self.quiet_until
+    }
+
     /// Line time of reading `length` bytes from each of `devices`, s.
     #[must_use]
     pub fn read_time_s(&self, devices: usize, length: usize, mode: GroupRead) -> f64 {
@@ -230,6 +242,7 @@ impl Bus {
         self.clock.sleep_until(self.quiet_until);
         self.port.discard_input()?;
         self.received.clear();
+        self.heard = 0;
         self.port.send(&self.sent, budget)?;
         self.stats.asked += 1;
         self.stats.bytes += self.sent.len() as u64;
@@ -242,9 +255,13 @@ impl Bus {
 
     /// Receives more bytes by `deadline`; false if none came.
     fn listen(&mut self, deadline: Instant) -> Result<bool, PortError> {
+        if self.heard >= MOST_HEARD {
+            return Ok(false);
+        }
         let mut chunk = [0_u8; 1024];
         match self.port.receive(&mut chunk, deadline) {
             Ok(n) => {
+                self.heard += n;
                 self.stats.bytes += n as u64;
                 self.received.extend_from_slice(&chunk[..n]);
                 Ok(true)
@@ -429,23 +446,64 @@ impl Bus {
             .group_read(&mut self.sent, ids, address, length, mode)
             .map_err(AskError::Unsayable)?;
         let heard_at = self.say(budget)?;
-        let length = usize::from(length);
-        self.pending = Some(Pending { ids: ids.to_vec(), length, mode, heard_at });
+        self.pending = Some(Pending { ids: ids.to_vec(), address, length, mode, heard_at });
         Ok(())
     }
 
-    /// The answers to the group read under way, in the order asked.
+    /// The answers to the group read under way, in the order of `ids`, those lost asked for once
+    /// more if `budget` allows.
+    ///
+    /// A silent device silences those listed after it, so the second question leaves out the
+    /// first one missing unless it is the only one.
     ///
     /// # Errors
     /// [`AskError::Port`]; a device that does not answer is a [`Miss`] of its own.
     pub fn finish_group_read(
         &mut self,
+        ids: &[u8],
         budget: Instant,
     ) -> Result<Vec<Result<Reply, Miss>>, AskError> {
-        let Some(pending) = self.pending.take() else { return Ok(Vec::new()) };
+        let Some(pending) = self.pending.take() else {
+            return Ok(vec![Err(Miss::Silent); ids.len()]);
+        };
+        let mut answers = self.group_answers(&pending, budget)?;
+        let mut lost: Vec<usize> = (0..ids.len())
+            .filter(|&i| matches!(answers[i], Err(Miss::Silent | Miss::Garbled)))
+            .collect();
+        if lost.len() > 1 && answers[lost[0]] == Err(Miss::Silent) {
+            lost.remove(0);
+        }
+        if lost.is_empty() {
+            return Ok(answers);
+        }
+        let again: Vec<u8> = lost.iter().map(|&i| ids[i]).collect();
+        let Pending { address, length, mode, .. } = pending;
+        let needs = self.read_time_s(again.len(), usize::from(length), mode);
+        let ends = self.clock.now().max(self.quiet_until)
+            + Duration::from_secs_f64(needs)
+            + self.timing.latency
+            + SLACK;
+        if ends > budget {
+            return Ok(answers);
+        }
+        self.stats.retried += again.len() as u64;
+        self.begin_group_read(&again, address, length, mode, budget)?;
+        if let Some(pending) = self.pending.take() {
+            for (&slot, answer) in lost.iter().zip(self.group_answers(&pending, budget)?) {
+                answers[slot] = answer;
+            }
+        }
+        Ok(answers)
+    }
+
+    fn group_answers(
+        &mut self,
+        pending: &Pending,
+        budget: Instant,
+    ) -> Result<Vec<Result<Reply, Miss>>, AskError> {
         match pending.mode {
-            GroupRead::Sync => self.separate_answers(&pending, budget),
-            GroupRead::Fast => self.merged_answer(&pending, budget),
+            GroupRead::Sync => self.separate_answers(pending, budget),
+            GroupRead::Fast => self.merged_answer(pending, budget),
         }
     }
 
@@ -454,7 +512,8 @@ impl Bus {
         pending: &Pending,
         budget: Instant,
     ) -> Result<Vec<Result<Reply, Miss>>, AskError> {
-        let status = self.protocol.status_bytes(pending.length);
+        let length = usize::from(pending.length);
+        let status = self.protocol.status_bytes(length);
         let devices = pending.ids.len();
         let window_end = pending.heard_at + self.answer_time(status * devices, devices);
         // Bytes that come late move the end, so that a slow host loses no answer.
@@ -463,7 +522,7 @@ impl Bus {
         let mut left = pending.ids.len();
         let mut deadline = window_end.min(budget);
         while left > 0 {
-            match self.protocol.decode(&self.received, pending.length, &mut self.scratch) {
+            match self.protocol.decode(&self.received, length, &mut self.scratch) {
                 Heard::Need => {
                     if self.listen(deadline)? {
                         deadline = deadline.max((self.clock.now() + patience).min(budget));
@@ -488,7 +547,7 @@ impl Bus {
                     self.stats.answered += 1;
                     answers[slot] = match refused {
                         Some(text) => Err(Miss::Refused(text)),
-                        None if reply.bytes.len() != pending.length => Err(Miss::Garbled),
+                        None if reply.bytes.len() != length => Err(Miss::Garbled),
                         None => Ok(reply),
                     };
                 }
@@ -505,16 +564,17 @@ impl Bus {
         pending: &Pending,
         budget: Instant,
     ) -> Result<Vec<Result<Reply, Miss>>, AskError> {
-        let total = self.protocol.merged_bytes(pending.ids.len(), pending.length);
+        let length = usize::from(pending.length);
+        let total = self.protocol.merged_bytes(pending.ids.len(), length);
         let window_end = pending.heard_at + self.answer_time(total, 1);
-        let patience = self.answer_time(self.protocol.status_bytes(pending.length), 1);
+        let patience = self.answer_time(self.protocol.status_bytes(length), 1);
         let mut deadline = window_end.min(budget);
         loop {
             if self.received.len() < total && self.listen(deadline)? {
                 deadline = deadline.max((self.clock.now() + patience).min(budget));
                 continue;
             }
-            let answers = codec::merged(&self.received, &pending.ids, pending.length);
+            let answers = codec::merged(&self.received, &pending.ids, length);
             let complete = answers.iter().all(|a| matches!(a, Ok(_) | Err(Miss::Refused(_))));
             // Bounded even if a babbling line never lets the answer be complete.
             let room = self.received.len() < 2 * total + self.sent.len();
@@ -531,64 +591,5 @@ impl Bus {
             self.stats.garbled += u64::from(answers.contains(&Err(Miss::Garbled)));
             return Ok(answers);
         }
-    }
-
-    /// Reads a block from many devices, asking those that were lost once more if `budget` allows.
-    ///
-    /// A silent device silences those listed after it, so the second question leaves out the
-    /// first one missing unless it is the only one.
-    ///
-    /// # Errors
-    /// As [`Bus::finish_group_read`].
-    pub fn group_read(
-        &mut self,
-        ids: &[u8],
-        address: u16,
-        length: u16,
-        mode: GroupRead,
-        budget: Instant,
-    ) -> Result<Vec<Result<Reply, Miss>>, AskError> {
-        self.begin_group_read(ids, address, length, mode, budget)?;
-        let answers = self.finish_group_read(budget)?;
-        self.ask_lost_again(ids, answers, address, length, mode, budget)
-    }
-
-    /// The second half of [`Bus::group_read`], for callers that began on several lines.
-    ///
-    /// # Errors
-    /// As [`Bus::finish_group_read`].
-    pub fn ask_lost_again(
-        &mut self,
-        ids: &[u8],
-        mut answers: Vec<Result<Reply, Miss>>,
-        address: u16,
-        length: u16,
-        mode: GroupRead,
-        budget: Instant,
-    ) -> Result<Vec<Result<Reply, Miss>>, AskError> {
-        let mut lost: Vec<usize> = (0..ids.len())
-            .filter(|&i| matches!(answers[i], Err(Miss::Silent | Miss::Garbled)))
-            .collect();
-        if lost.len() > 1 && answers[lost[0]] == Err(Miss::Silent) {
-            lost.remove(0);
-        }
-        if lost.is_empty() {
-            return Ok(answers);
-        }
-        let again: Vec<u8> = lost.iter().map(|&i| ids[i]).collect();
-        let needs = self.read_time_s(again.len(), usize::from(length), mode);
-        let ends = self.clock.now().max(self.quiet_until)
-            + Duration::from_secs_f64(needs)
-            + self.timing.latency
-            + SLACK;
-        if ends > budget {
-            return Ok(answers);
-        }
-        self.stats.retried += again.len() as u64;
-        self.begin_group_read(&again, address, length, mode, budget)?;
-        for (&slot, answer) in lost.iter().zip(self.finish_group_read(budget)?) {
-            answers[slot] = answer;
-        }
-        Ok(answers)
     }
 }

@@ -16,8 +16,9 @@ pub use report::Outcome;
 
 use crate::error::Error;
 use clap::{Parser, Subcommand};
+use std::fs::OpenOptions;
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// The command line.
 #[derive(Debug, Parser)]
@@ -109,12 +110,38 @@ impl Output {
         Ok(())
     }
 
-    /// Fails early if `path` exists and may not be overwritten.
+    /// Fails early if one of the files to be written exists, cannot be made, or is named twice:
+    /// before anything moves.
     ///
     /// # Errors
-    /// The file exists and `--force` was not given.
-    pub fn check_free(&self, path: &std::path::Path) -> Result<(), Error> {
-        if self.force || !path.exists() {
+    /// The file exists and `--force` was not given; its folder does not exist; the same path twice.
+    pub fn check_files(&self, wanted: &[&Option<PathBuf>]) -> Result<(), Error> {
+        let paths: Vec<&Path> =
+            wanted.iter().copied().chain([&self.report]).filter_map(|p| p.as_deref()).collect();
+        for (index, path) in paths.iter().enumerate() {
+            if paths[..index].contains(path) {
+                return Err(Error::new("two outputs have the same name")
+                    .at(path.display().to_string())
+                    .remedy("give each its own"));
+            }
+            self.check_free(path)?;
+            let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+            if let Some(folder) = folder.filter(|folder| !folder.is_dir()) {
+                return Err(Error::new("there is no such folder")
+                    .at(folder.display().to_string())
+                    .remedy("make it first, or choose another place"));
+            }
+        }
+        Ok(())
+    }
+
+    /// Fails if `path` exists and may not be overwritten.
+    fn check_free(&self, path: &Path) -> Result<(), Error> {
+        if path.is_dir() {
+            return Err(Error::new("this is a folder, not a file").at(path.display().to_string()));
+        }
+        // A dangling link counts as taken: writing through it would write elsewhere.
+        if self.force || path.symlink_metadata().is_err() {
             return Ok(());
         }
         Err(Error::new("the file exists already")
@@ -126,9 +153,17 @@ impl Output {
     ///
     /// # Errors
     /// The file exists, or cannot be written.
-    pub fn write_file(&self, path: &std::path::Path, bytes: &[u8]) -> Result<(), Error> {
+    pub fn write_file(&self, path: &Path, bytes: &[u8]) -> Result<(), Error> {
         self.check_free(path)?;
-        std::fs::write(path, bytes).map_err(|e| {
+        let mut options = OpenOptions::new();
+        options.write(true);
+        if self.force {
+            options.create(true).truncate(true);
+        } else {
+            options.create_new(true);
+        }
+        let written = options.open(path).and_then(|mut file| file.write_all(bytes));
+        written.map_err(|e| {
             Error::new("cannot write the file").at(path.display().to_string()).got(e.to_string())
         })
     }

@@ -6,7 +6,7 @@
 //! through before, so that a mistake anywhere above it ends in a refusal and not in a movement.
 
 use crate::motion::JointLimits;
-use crate::time::Instant;
+use crate::time::{Duration, Instant};
 use std::fmt;
 
 /// Goal positions of all joints of a robot that passed the guard.
@@ -90,6 +90,10 @@ impl fmt::Display for RefusalReason {
 /// Share by which a step may exceed `velocity x time` for rounding alone.
 const STEP_ROUNDING: f64 = 1e-9;
 
+/// However long nothing was written, a step counts at most this much time: a pause must not buy a
+/// jump.
+const LONGEST_STEP: Duration = Duration::from_millis(100);
+
 /// Lets goals through one at a time.
 #[derive(Debug)]
 pub struct Guard {
@@ -125,7 +129,7 @@ impl Guard {
             let reason = RefusalReason::Count { got: goal_rad.len(), wanted };
             return Err(Refusal { joint: 0, reason });
         }
-        let dt_s = now.since(self.last_at).as_secs_f64();
+        let dt_s = now.since(self.last_at).min(LONGEST_STEP).as_secs_f64();
         for (joint, (&goal, limits)) in goal_rad.iter().zip(&self.limits).enumerate() {
             let refuse = |reason| Err(Refusal { joint, reason });
             if !goal.is_finite() {
@@ -154,7 +158,6 @@ impl Guard {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::time::Duration;
     use proptest::prelude::*;
 
     const T: Duration = Duration::from_millis(10);
@@ -187,7 +190,7 @@ mod tests {
         for k in -1500..=1500 {
             let goal = 2.0 * f64::from(k) / 1000.0;
             let mut guard = standing(goal.clamp(-1.0, 2.0));
-            let admitted = guard.admit(&[goal, 0.0], Instant::ZERO + Duration::from_secs(10));
+            let admitted = guard.admit(&[goal, 0.0], Instant::ZERO + T);
             assert_eq!(admitted.is_ok(), (-1.0..=2.0).contains(&goal), "{goal}");
         }
         let mut guard = standing(2.0);
@@ -215,6 +218,14 @@ mod tests {
         assert!(guard.admit(&[0.01, 0.0], now).is_ok());
         assert!(guard.admit(&[0.02, 0.0], now).is_err());
         assert!(guard.admit(&[0.02, 0.0], Instant::ZERO).is_err());
+    }
+
+    #[test]
+    fn a_long_pause_buys_no_long_step() {
+        // 100 ms at 4 rad/s are 0.4 rad, however long the pause was.
+        let later = Instant::ZERO + Duration::from_secs(60);
+        assert!(standing(0.0).admit(&[0.39, 0.0], later).is_ok());
+        assert!(standing(0.0).admit(&[0.41, 0.0], later).is_err());
     }
 
     #[test]

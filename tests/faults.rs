@@ -4,6 +4,7 @@
 mod scene;
 
 use gaitway::control::StopReason;
+use gaitway::time::Duration;
 use gaitway_sim::{Damage, Fault, Options};
 use scene::{Scene, assert_clean};
 
@@ -174,10 +175,12 @@ fn b12_an_overload_stops_the_motion_and_names_the_joint() {
 
 #[test]
 fn b13_after_a_brown_out_nothing_is_written_any_more() {
-    let fault = Fault::Brownout { from_ns: MID_NS, until_ns: MID_NS + 300_000_000 };
+    let length_ns = 300_000_000;
+    let fault = Fault::Brownout { from_ns: MID_NS, until_ns: MID_NS + length_ns };
     let mut scene = Scene::with_faults("op3", vec![fault]);
     let played = scene.play_until(SWING_RAD, 8, &|| false);
     assert!(matches!(played.run.stop, Some(StopReason::Silent { .. })), "{:?}", played.run.stop);
+    assert!(scene.world.lock().now_ns() < MID_NS + length_ns, "the loop outlived the servos");
     for joint in scene.link.robot().joint_names() {
         assert_eq!(scene.world.lock().register(&joint, "Torque Enable"), Some(0), "{joint}");
     }
@@ -268,4 +271,157 @@ fn a_thousand_seeds_with_random_damage_never_break_a_rule() {
         assert!(seen.is_empty(), "SIM_SEED={seed}, {damage:?}, {robot}:\n{}", seen.join("\n"));
     }
     assert!(missed > 0, "no fault ever struck");
+}
+
+/// Plays a swing with a host that stalls after its cycles.
+fn with_slow_host(
+    rounds: usize,
+    stall: impl Fn(u64) -> Duration + 'static,
+) -> (gaitway::control::Run, gaitway_sim::Verdict) {
+    let mut scene = Scene::op3();
+    let found = scene.preflight().expect("a robot that is ready");
+    let trajectory = scene.swing(&found.start_rad, 0.5, rounds);
+    let armed = gaitway::control::arm::arm(&mut scene.link, &found).expect("torque");
+    let mut sink = scene::SlowHost { world: scene.world.clone(), stall: Box::new(stall) };
+    let settings = scene.settings;
+    let run =
+        gaitway::control::run(&mut scene.link, armed, &trajectory, settings, &mut sink, &|| false);
+    let verdict = scene.world.lock().verdict();
+    (run, verdict)
+}
+
+#[test]
+fn c22_a_short_stall_is_bridged_and_a_long_one_stops_without_a_jump() {
+    let once = |millis| move |cycle| Duration::from_millis(if cycle == 60 { millis } else { 0 });
+    let (run, verdict) = with_slow_host(3, once(50));
+    assert_eq!(run.stop, None);
+    assert_clean(&verdict);
+    for millis in [200, 2_000] {
+        let (run, verdict) = with_slow_host(3, once(millis));
+        assert!(matches!(run.stop, Some(StopReason::Stalled { .. })), "{:?}", run.stop);
+        assert_clean(&verdict);
+    }
+}
+
+#[test]
+fn c23_a_host_that_is_always_too_slow_is_stopped_within_ten_cycles() {
+    for millis in [10, 15, 60, 88] {
+        let (run, _) = with_slow_host(3, move |_| Duration::from_millis(millis));
+        assert!(matches!(run.stop, Some(StopReason::Late { .. })), "{millis} ms: {:?}", run.stop);
+        assert!(run.tally.late_cycles >= 5, "{millis} ms: {} late", run.tally.late_cycles);
+        let ramp_cycles = 40;
+        assert!(run.tally.cycles <= 10 + ramp_cycles, "{millis} ms: {} cycles", run.tally.cycles);
+    }
+}
+
+#[test]
+fn a_joint_that_rests_exactly_on_its_limit_may_stay_there() {
+    for robot in ROBOTS {
+        let names = Scene::of(robot, Options::default()).link.robot().joint_names();
+        for (index, name) in names.iter().enumerate() {
+            for upper in [false, true] {
+                let scene = Scene::of(robot, Options::default());
+                let limits = scene.link.robot().joints[index].limits;
+                let limit = if upper { limits.upper_rad() } else { limits.lower_rad() };
+                assert!(scene.world.lock().place_joint(name, limit));
+                let mut scene = scene;
+                let found = scene.preflight().unwrap_or_else(|e| panic!("{robot} {name}: {e}"));
+                let trajectory = scene.swing_but(&found.start_rad, 0.05, 1, index);
+                let armed = gaitway::control::arm::arm(&mut scene.link, &found).expect("torque");
+                let mut samples = scene::Samples::default();
+                let settings = scene.settings;
+                let run = gaitway::control::run(
+                    &mut scene.link,
+                    armed,
+                    &trajectory,
+                    settings,
+                    &mut samples,
+                    &|| false,
+                );
+                assert_eq!(run.stop, None, "{robot} {name}, upper {upper}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_slow_adapter_breaks_no_rule_when_a_servo_falls_silent() {
+    for from_ms in [2_500_u64, 2_503, 2_506, 2_509, 2_731] {
+        let from_ns = from_ms * 1_000_000;
+        let fault = Fault::Silent { joint: "r_el".into(), from_ns, until_ns: from_ns + 45_000_000 };
+        let adapter_latency_ns = 16_000_000;
+        let options = Options { faults: vec![fault], adapter_latency_ns, ..Options::default() };
+        let mut scene = Scene::of("op3", options);
+        scene.settings = gaitway::control::Settings::at_rate(25.0);
+        let played = scene.play(SWING_RAD, 4);
+        assert_eq!(played.run.stop, None, "silent from {from_ms} ms");
+        assert_clean(&played.verdict);
+    }
+}
+
+#[test]
+fn a_robot_on_two_lines_plays_at_the_rate_of_the_slower_one() {
+    let mut file = gaitway_profiles::robot("op3").expect("a shipped robot");
+    let mut legs = file.lines[0].clone();
+    legs.name = "legs".into();
+    file.lines.push(legs);
+    for joint in file.joints.iter_mut().filter(|joint| (7..=18).contains(&joint.id)) {
+        joint.line = "legs".into();
+    }
+    let robot = gaitway::robot::Robot::new(file).expect("a robot");
+    let mut scene = Scene::with_robot(robot, Options::default());
+    // One line of twenty carries 366 Hz at 80 %; twelve on the longer of two carry more.
+    scene.settings = gaitway::control::Settings::at_rate(500.0);
+    let played = scene.play(SWING_RAD, 2);
+    assert_eq!(played.run.stop, None);
+    assert_eq!(played.run.tally.missed_cycles, 0);
+    assert_clean(&played.verdict);
+}
+
+#[test]
+fn arming_that_fails_half_way_leaves_torque_off_or_says_where_it_may_be_on() {
+    let mut deaf_under_torque = 0;
+    for millis in (230..420).step_by(2) {
+        let from_ns = millis * 1_000_000;
+        let fault = Fault::Silent { joint: "l_knee".into(), from_ns, until_ns: u64::MAX };
+        let mut scene = Scene::with_faults("op3", vec![fault]);
+        let Ok(found) = scene.preflight() else { continue };
+        let Err(error) = gaitway::control::arm::arm(&mut scene.link, &found) else { continue };
+        for joint in scene.link.robot().joint_names() {
+            if scene.world.lock().register(&joint, "Torque Enable") == Some(0) {
+                continue;
+            }
+            deaf_under_torque += 1;
+            let text = error.to_string();
+            assert!(text.contains("torque may still be on"), "{millis} ms, {joint}:\n{text}");
+            assert!(text.contains(&joint), "{millis} ms:\n{text}");
+        }
+    }
+    assert!(deaf_under_torque > 0, "the case never came up");
+}
+
+#[test]
+fn a_low_supply_and_a_hot_servo_stop_the_motion() {
+    use gaitway::control::StopReason::{Hot, LowVoltage, ServoFault};
+    for (register, raw) in [("Present Input Voltage", 90), ("Present Temperature", 81)] {
+        let mut scene = Scene::op3();
+        let world = scene.world.clone();
+        let calls = std::cell::Cell::new(0);
+        let joints = scene.link.robot().joint_names();
+        // Not a wish to stop: the hook is where the scene changes the world mid-motion.
+        let change = || {
+            calls.set(calls.get() + 1);
+            if calls.get() == 60 {
+                for joint in &joints {
+                    world.lock().set_register(joint, register, raw);
+                }
+            }
+            false
+        };
+        let played = scene.play_until(SWING_RAD, 6, &change);
+        let stop = played.run.stop.expect("a stop");
+        // The servo's own protection may speak first.
+        assert!(matches!(stop, LowVoltage { .. } | Hot { .. } | ServoFault { .. }), "{stop:?}");
+        assert!(played.run.tally.cycles < 60 + 30 + 40, "{} cycles", played.run.tally.cycles);
+    }
 }

@@ -54,6 +54,15 @@ fn assign(robot: &Robot, addresses: &[Address]) -> Result<Vec<BusKind>, Error> {
                 .allowed(names.join(", ")));
         }
     }
+    for (index, address) in addresses.iter().enumerate() {
+        let twin = addresses[..index].iter().any(|other| other.line == address.line);
+        if twin || (address.line.is_none() && addresses.len() > 1) {
+            return Err(Error::new("more buses than the robot has lines for")
+                .at("--bus")
+                .got(address.to_string())
+                .allowed(format!("one for each line: {}", names.join(", "))));
+        }
+    }
     let virtual_robot = |a: &Address| !matches!(a.bus, BusKind::Serial { .. });
     names
         .iter()

@@ -72,9 +72,7 @@ enum EndState {
 /// # Errors
 /// Output files that cannot be written. A refused motion is a report, not an error.
 pub fn run(args: &PlayArgs, output: &Output) -> Result<i32, Error> {
-    for path in [&args.record, &args.html].into_iter().flatten() {
-        output.check_free(path)?;
-    }
+    output.check_files(&[&args.record, &args.html])?;
     let signals = Signals::listen().map_err(|e| Error::new(format!("no signals: {e}")))?;
     let report = play(args, output, &signals);
     output.report(&report, &report.text())?;
@@ -84,8 +82,9 @@ pub fn run(args: &PlayArgs, output: &Output) -> Result<i32, Error> {
     {
         output.diagnostic(&format!("gaitway: {reason}"));
     }
+    let asked = report.stop_reason.as_deref() == Some(StopReason::Asked.to_string().as_str());
     Ok(match signals.first() {
-        Some(number) if report.outcome == Outcome::Stopped => 128 + number,
+        Some(number) if asked => 128 + number,
         _ => report.outcome.exit_code(),
     })
 }
@@ -123,6 +122,9 @@ fn play_into(
         report.notes.push(format!("acceleration limits {}", robot.file.acceleration_source));
     }
     let settings = Settings::at_rate(rate_hz);
+    if stopped_before_torque(signals, report) {
+        return Ok(());
+    }
     let mut connection = connect(robot, &args.bus, args.seed)?;
     let accept = Accept { firmware: args.accept_firmware };
     let found = preflight(&mut connection.link, settings.period, accept)?;
@@ -134,7 +136,21 @@ fn play_into(
         report.outcome = Outcome::Done;
         return Ok(());
     }
+    if stopped_before_torque(signals, report) {
+        return Ok(());
+    }
     perform(args, output, signals, report, &mut connection, &found, &planned, settings)
+}
+
+/// A wish to stop that comes before torque is on is fulfilled by never switching it on.
+fn stopped_before_torque(signals: &Signals, report: &mut PlayReport) -> bool {
+    if signals.first().is_none() {
+        return false;
+    }
+    report.outcome = Outcome::Stopped;
+    report.stop_reason = Some(StopReason::Asked.to_string());
+    report.notes.push("stopped before torque came on; nothing moved".to_owned());
+    true
 }
 
 pub(super) fn checked_rate(rate_hz: f64) -> Result<f64, Error> {
@@ -233,14 +249,22 @@ fn perform(
     planned: &Plan,
     settings: Settings,
 ) -> Result<(), Error> {
-    let mut recorder = RunRecorder::begin(
+    let armed = control::arm::arm(&mut connection.link, found)?;
+    let begun = RunRecorder::begin(
         args.record.as_deref(),
         output.force(),
         args.html.is_some(),
         connection,
         args.motion.motion(),
-    )?;
-    let armed = control::arm::arm(&mut connection.link, found)?;
+    );
+    let mut recorder = match begun {
+        Ok(recorder) if !stopped_before_torque(signals, report) => recorder,
+        other => {
+            // Torque is on but nothing has moved: limp is where the robot was.
+            control::arm::disarm(&mut connection.link)?;
+            return other.map(|_| ());
+        }
+    };
     let progress = super::progress::Progress::over(planned.trajectory.duration_s(), output);
     let asked = || signals.first().is_some();
     let run = std::thread::scope(|scope| {
@@ -253,22 +277,42 @@ fn perform(
         progress.show_until(|| loop_thread.is_finished());
         loop_thread.join()
     });
-    let run =
-        run.map_err(|_| Error::new("the control loop broke; the servos hold their last goal"))?;
-    if args.end == EndState::Limp && run.stop.is_none() {
-        control::arm::disarm(&mut connection.link)?;
+    match &run {
+        Ok(run) => describe_run(report, run),
+        Err(panic) => {
+            let words = panic.downcast_ref::<String>().map(String::as_str);
+            let words = words.or_else(|| panic.downcast_ref::<&str>().copied());
+            report.outcome = Outcome::Failed;
+            report.stop_reason = Some(format!(
+                "the control loop broke: {}; the servos hold their last goal",
+                words.unwrap_or("no words left")
+            ));
+        }
     }
-    describe_run(report, &run);
+    if args.end == EndState::Limp && report.outcome == Outcome::Done {
+        if let Err(error) = control::arm::disarm(&mut connection.link) {
+            report.outcome = Outcome::Failed;
+            report.stop_reason = Some(error.to_string());
+        }
+    } else {
+        report.notes.push("torque stays on: the joints hold where they are".to_owned());
+    }
     recorder.finish(report, connection);
-    if let Some(path) = &args.html {
-        let page = plots::page(report, &recorder, connection.link.robot());
-        output.write_file(path, page.as_bytes())?;
-        report.html = Some(path.display().to_string());
-    }
     if let Some(world) = &connection.world {
         let verdict = world.lock().verdict();
         let violations = verdict.violations.iter().map(ToString::to_string).collect();
         report.referee = Some(RefereeReport { violations });
+    }
+    if let Some(path) = &args.html {
+        report.html = Some(path.display().to_string());
+        let page = plots::page(report, &recorder, connection.link.robot());
+        if let Err(error) = output.write_file(path, page.as_bytes()) {
+            report.html = None;
+            report.notes.push(error.to_string());
+            if report.outcome == Outcome::Done {
+                report.outcome = Outcome::DoneWithLoss;
+            }
+        }
     }
     Ok(())
 }

@@ -36,7 +36,7 @@ pub fn run(args: &RetargetArgs, output: &Output) -> Result<i32, Error> {
             .got(args.output_file.display().to_string())
             .allowed("a name that ends in .csv"));
     }
-    output.check_free(&args.output_file)?;
+    output.check_files(&[&Some(args.output_file.clone())])?;
     let robot = Robot::load(args.motion.robot())?;
     let loaded = source::load(&args.motion, &robot)?;
     let start_rad: Vec<f64> = robot.joints.iter().map(|joint| joint.initial_rad).collect();

@@ -15,7 +15,8 @@ const HOLD_RAD: f64 = 0.02;
 /// whose host dies never moves faster than its joint may.
 ///
 /// # Errors
-/// A servo that does not take or keep what is written. Torque is off again on every joint then.
+/// A servo that does not take or keep what is written. Torque is switched off again then; joints
+/// that do not confirm it are named.
 pub fn arm(link: &mut Link, preflight: &Preflight) -> Result<(Guard, Command), Error> {
     let limits = link.robot().limits();
     let now = link.clock().now();
@@ -27,11 +28,14 @@ pub fn arm(link: &mut Link, preflight: &Preflight) -> Result<(Guard, Command), E
         })?;
     match switch_on(link, preflight, &command) {
         Ok(()) => Ok((guard, command)),
-        Err(error) => {
-            // Nothing has moved yet, so limp is where the robot already was.
-            let _ = disarm(link);
-            Err(error)
-        }
+        // Nothing has moved yet, so limp is where the robot already was.
+        Err(error) => Err(match disarm(link) {
+            Ok(()) => error,
+            Err(still_on) => {
+                let remedy = format!("{}; {}", still_on.what, still_on.got.unwrap_or_default());
+                error.remedy(remedy)
+            }
+        }),
     }
 }
 
@@ -40,10 +44,10 @@ fn switch_on(link: &mut Link, preflight: &Preflight, command: &Command) -> Resul
         let limit = budget(link);
         let written = link.write_raw(joint, register, raw, limit);
         written.map_err(|e| exchange_error(link, Some(joint), &e))?;
-        expect_raw(link, joint, register.role.unwrap_or(Role::TorqueEnable), register, raw)?;
+        expect_raw(link, joint, register, raw)?;
     }
-    for role in [Role::ProfileVelocity, Role::GoalVelocity] {
-        limit_speed(link, role)?;
+    for joint in 0..link.robot().joints.len() {
+        limit_speed(link, joint)?;
     }
     let limit = budget(link);
     link.write_goals(command, limit).map_err(|e| exchange_error(link, None, &e))?;
@@ -64,7 +68,7 @@ fn switch_on(link: &mut Link, preflight: &Preflight, command: &Command) -> Resul
         }
     }
     check_where_it_was(link, command)?;
-    set_torque(link, true)
+    set_torque_on(link)
 }
 
 /// Torque moves a joint to its goal: it must still be there.
@@ -88,25 +92,26 @@ fn check_where_it_was(link: &mut Link, command: &Command) -> Result<(), Error> {
     Ok(())
 }
 
-/// Tells servos that have a speed register for position moves not to exceed the joint's limit.
-fn limit_speed(link: &mut Link, role: Role) -> Result<(), Error> {
+/// Tells a servo that has a speed register for position moves not to exceed the joint's limit.
+fn limit_speed(link: &mut Link, joint: usize) -> Result<(), Error> {
+    let of = &link.robot().joints[joint];
     // A Dynamixel's Goal Velocity acts in velocity mode only; its moves obey Profile Velocity.
-    let has_profile = |joint: &crate::robot::Joint| {
-        joint.model.register(Role::ProfileVelocity).is_ok() == (role == Role::ProfileVelocity)
-            && joint.model.register(role).is_ok()
-    };
-    if !link.robot().joints.iter().all(has_profile) {
-        return Ok(());
-    }
+    let register =
+        of.model.register(Role::ProfileVelocity).or_else(|_| of.model.register(Role::GoalVelocity));
+    let Ok(register) = register else { return Ok(()) };
+    let raw = of
+        .model
+        .raw_from_si(register, of.limits.velocity_rad_s())
+        .map_err(|e| Error::new(e.to_string()).at(format!("joint {}", of.name)))?;
     let limit = budget(link);
-    link.write_all(role, limit, |joint, _| joint.limits.velocity_rad_s())
-        .map_err(|e| exchange_error(link, None, &e))
+    let written = link.write_raw(joint, register, raw, limit);
+    written.map_err(|e| exchange_error(link, Some(joint), &e))?;
+    expect_raw(link, joint, register, raw)
 }
 
 fn expect_raw(
     link: &mut Link,
     joint: usize,
-    role: Role,
     register: &gaitway_profiles::Register,
     wanted: i64,
 ) -> Result<(), Error> {
@@ -117,29 +122,49 @@ fn expect_raw(
         return Ok(());
     }
     Err(Error::new("a servo did not keep what was written")
-        .at(format!("joint {}, {role:?} ({})", link.robot().joints[joint].name, register.name))
+        .at(format!("joint {}, register {}", link.robot().joints[joint].name, register.name))
         .got(raw.to_string())
         .allowed(wanted.to_string()))
 }
 
-/// Switches torque on or off on every joint, and reads it back.
-fn set_torque(link: &mut Link, on: bool) -> Result<(), Error> {
-    let value = f64::from(u8::from(on));
+/// Switches torque on on every joint at once, and reads it back.
+fn set_torque_on(link: &mut Link) -> Result<(), Error> {
     let limit = budget(link);
-    link.write_all(Role::TorqueEnable, limit, |_, _| value)
-        .map_err(|e| exchange_error(link, None, &e))?;
+    link.write_torque(true, limit).map_err(|e| exchange_error(link, None, &e))?;
     for joint in 0..link.robot().joints.len() {
-        let register = link.robot().joints[joint].model.register(Role::TorqueEnable);
-        let register = register.map_err(|e| Error::new(e.to_string()))?;
-        expect_raw(link, joint, Role::TorqueEnable, register, i64::from(on))?;
+        expect_raw(link, joint, torque_register(link, joint)?, 1)?;
     }
     Ok(())
 }
 
-/// Switches torque off on every joint: the robot goes limp.
+fn torque_register(
+    link: &Link,
+    joint: usize,
+) -> Result<&'static gaitway_profiles::Register, Error> {
+    let register = link.robot().joints[joint].model.register(Role::TorqueEnable);
+    register.map_err(|e| Error::new(e.to_string()))
+}
+
+/// Switches torque off on every joint, one after the other and whatever the others say: the robot
+/// goes limp.
 ///
 /// # Errors
-/// A servo that does not confirm.
+/// The joints that did not confirm.
 pub fn disarm(link: &mut Link) -> Result<(), Error> {
-    set_torque(link, false)
+    let mut unsure = Vec::new();
+    for joint in 0..link.robot().joints.len() {
+        let register = torque_register(link, joint)?;
+        let limit = budget(link);
+        if link.write_raw(joint, register, 0, limit).is_err()
+            || expect_raw(link, joint, register, 0).is_err()
+        {
+            unsure.push(link.robot().joints[joint].name.clone());
+        }
+    }
+    if unsure.is_empty() {
+        return Ok(());
+    }
+    Err(Error::new("torque may still be on")
+        .got(format!("no confirmation from {}", unsure.join(", ")))
+        .remedy("switch the robot's power off before you touch it"))
 }

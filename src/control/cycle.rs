@@ -4,7 +4,7 @@ use super::health::{Bounds, JointFacts, StopReason, Watch};
 use super::{Sample, Sink, Tally};
 use crate::device::Health;
 use crate::guard::{Command, Guard};
-use crate::motion::{Clock as MotionClock, Setpoint, Trajectory};
+use crate::motion::{Clock as MotionClock, JointLimits, Setpoint, Trajectory};
 use crate::robot::Link;
 use crate::robot::link::States;
 use crate::robot::preflight::{LINE_SHARE, error_words};
@@ -53,6 +53,9 @@ const LATE_SHARE: f64 = 0.5;
 const REST_RAD_S: f64 = 0.05;
 /// Goals written after the motion ended, so that the last two are equal on every joint.
 const LAST_GOALS: u32 = 2;
+
+/// Far below a count of any encoder, far above what arithmetic loses.
+const ROUNDING_RAD: f64 = 1e-9;
 
 /// The loop's memory between two cycles.
 struct Player<'a> {
@@ -104,21 +107,26 @@ pub fn run(
     };
     let period_ns = whole_nanos(settings.period).max(1);
     let mut tick: u64 = 0;
+    let mut overrun = false;
     let mut last_cycle = began;
     loop {
         let due = began + Duration::from_nanos(tick * period_ns);
         clock.sleep_until(due);
         let now = clock.now();
         let behind = now.since(due);
-        let late = behind.as_secs_f64() > LATE_SHARE * settings.period.as_secs_f64();
+        // A cycle that took more than its time makes the next one late, even if that begins on a
+        // tick: those in between were lost.
+        let late = overrun || behind.as_secs_f64() > LATE_SHARE * settings.period.as_secs_f64();
         tally.late_cycles += u64::from(late);
         if tick > 0
             && let Some(reason) = watch.pace(now.since(last_cycle), late)
         {
+            // After a stall the servos stand at the last goal: going on from there would be a jump.
+            player.frozen |= matches!(reason, StopReason::Stalled { .. });
             player.request_stop(reason);
         }
         last_cycle = now;
-        if asked_to_stop() {
+        if asked_to_stop() && player.goals_at_rest < LAST_GOALS {
             player.request_stop(StopReason::Asked);
         }
         let more = player.cycle(now, settings, &mut watch, &mut tally, sink);
@@ -128,6 +136,7 @@ pub fn run(
         let elapsed = whole_nanos(clock.now().since(began));
         // Ticks that have gone by are skipped, never made up for in a burst.
         let next = (elapsed / period_ns).max(tick) + 1;
+        overrun = next > tick + 1;
         tally.missed_cycles += next - tick - 1;
         tick = next;
     }
@@ -179,7 +188,13 @@ impl Player<'_> {
         tally.add(&sample);
         sink.take(&sample);
         if let Some(reason) = reason {
+            let deserted =
+                matches!(reason, StopReason::Silent { .. }) && states.iter().all(Result::is_err);
             self.request_stop(reason);
+            if deserted {
+                // Nobody is there. Servos that come back are limp and must not be sent a goal.
+                return false;
+            }
         }
         if self.over(&states, now, settings) {
             return false;
@@ -203,9 +218,10 @@ impl Player<'_> {
         let states = self.link.states(budget).map_err(lost)?;
         let joints = states.len();
         let turn = usize::try_from(cycle).unwrap_or(0);
-        let joint = turn % joints;
-        let parts = self.link.health_reads(joint).max(1);
-        let part = turn / joints % parts;
+        // Parts change faster than joints: the supply, which all share, is seen every few cycles.
+        let most_parts = (0..joints).map(|j| self.link.health_reads(j)).max().unwrap_or(1).max(1);
+        let joint = turn / most_parts % joints;
+        let part = turn % most_parts;
         let mut health = None;
         // A joint that is silent now would only cost the others their time; so would a question
         // that cannot be answered within this cycle.
@@ -235,13 +251,18 @@ impl Player<'_> {
 
     /// Samples the motion at the moment of writing and writes what the guard admits.
     fn write(&mut self, budget: Instant) -> Result<(), StopReason> {
-        let now = self.link.clock().now();
+        // Goals are for the moment they leave, which after a lost answer is a little later.
+        let clock = std::sync::Arc::clone(self.link.clock());
+        clock.sleep_until(self.link.ready_at());
+        let now = clock.now();
         let motion_s = self.clock.advance(now.since(self.written_at).as_secs_f64());
         self.written_at = now;
         if !self.frozen {
             self.trajectory.sample(motion_s, &mut self.setpoints);
             self.clock.apply_rate(&mut self.setpoints);
-            let goal_rad: Vec<f64> = self.setpoints.iter().map(|s| s.position_rad).collect();
+            let joints = self.setpoints.iter().zip(&self.link.robot().joints);
+            let goal_rad: Vec<f64> =
+                joints.map(|(s, joint)| unrounded(s.position_rad, &joint.limits)).collect();
             match self.guard.admit(&goal_rad, now) {
                 Ok(command) => {
                     self.command = command;
@@ -263,6 +284,13 @@ impl Player<'_> {
             .write_goals(&self.command, budget)
             .map_err(|e| StopReason::LineLost { text: e.to_string() })
     }
+}
+
+/// A position that rounding alone carried past a limit, at the limit. (A trajectory keeps its
+/// limits; evaluating its spline may be off in the last digits.)
+fn unrounded(position_rad: f64, limits: &JointLimits) -> f64 {
+    let held = position_rad.clamp(limits.lower_rad(), limits.upper_rad());
+    if (held - position_rad).abs() <= ROUNDING_RAD { held } else { position_rad }
 }
 
 fn joint_facts(link: &Link) -> Vec<JointFacts> {

@@ -148,7 +148,6 @@ pub struct JointFacts {
 struct JointHealth {
     missed_in_a_row: u32,
     off_goal_since: Option<Instant>,
-    low_since: Option<Instant>,
 }
 
 /// Watches the samples of a motion.
@@ -157,6 +156,8 @@ pub struct Watch {
     bounds: Bounds,
     facts: Vec<JointFacts>,
     joints: Vec<JointHealth>,
+    /// All joints hang on one supply: any of them may say that it is low, or not.
+    low_since: Option<Instant>,
     late: std::collections::VecDeque<bool>,
 }
 
@@ -165,7 +166,13 @@ impl Watch {
     #[must_use]
     pub fn new(bounds: Bounds, facts: Vec<JointFacts>) -> Self {
         let joints = vec![JointHealth::default(); facts.len()];
-        Self { bounds, facts, joints, late: std::collections::VecDeque::with_capacity(100) }
+        Self {
+            bounds,
+            facts,
+            joints,
+            low_since: None,
+            late: std::collections::VecDeque::with_capacity(100),
+        }
     }
 
     /// Judges when a cycle ran: `gap` since the one before, and whether it was late.
@@ -258,12 +265,11 @@ impl Watch {
         let (Some(voltage_v), Some(minimum_v)) = (health.voltage_v, facts.min_voltage_v) else {
             return None;
         };
-        let state = &mut self.joints[index];
         if voltage_v >= minimum_v {
-            state.low_since = None;
+            self.low_since = None;
             return None;
         }
-        let since = *state.low_since.get_or_insert(at);
+        let since = *self.low_since.get_or_insert(at);
         let low = at.since(since) > self.bounds.low_voltage_for;
         low.then_some(StopReason::LowVoltage { joint, voltage_v })
     }

@@ -151,21 +151,52 @@ impl Link {
     /// A line that failed. A joint that does not answer is a [`Miss`] of its own.
     pub fn states(&mut self, budget: Instant) -> Result<States, LinkError> {
         let mut states: States = vec![Err(Miss::Silent); self.robot.joints.len()];
-        for number in 0..self.reads.len() {
-            let mut group = self.reads[number].clone();
-            group.joints.sort_by_key(|&joint| self.missed_in_a_row[joint]);
-            let ids: Vec<u8> = group.joints.iter().map(|&j| self.robot.joints[j].id).collect();
-            let answers = self.buses[group.line]
-                .group_read(&ids, group.address, group.length, group.mode, budget)
-                .map_err(|e| self.line_error(group.line, e))?;
-            for (&joint, answer) in group.joints.iter().zip(answers) {
-                let state = answer.and_then(|reply| self.decode(joint, &reply));
-                let missed = &mut self.missed_in_a_row[joint];
-                *missed = if state.is_err() { *missed + 1 } else { 0 };
-                states[joint] = state;
+        for round in self.rounds() {
+            // All lines are asked before any is waited for, so that they answer side by side.
+            let mut asked = Vec::with_capacity(round.len());
+            for number in round {
+                let mut group = self.reads[number].clone();
+                group.joints.sort_by_key(|&joint| self.missed_in_a_row[joint]);
+                let ids: Vec<u8> = group.joints.iter().map(|&j| self.robot.joints[j].id).collect();
+                self.buses[group.line]
+                    .begin_group_read(&ids, group.address, group.length, group.mode, budget)
+                    .map_err(|e| self.line_error(group.line, e))?;
+                asked.push((group, ids));
+            }
+            for (group, ids) in asked {
+                let answers = self.buses[group.line]
+                    .finish_group_read(&ids, budget)
+                    .map_err(|e| self.line_error(group.line, e))?;
+                for (&joint, answer) in group.joints.iter().zip(answers) {
+                    let state = answer.and_then(|reply| self.decode(joint, &reply));
+                    let missed = &mut self.missed_in_a_row[joint];
+                    *missed = if state.is_err() { *missed + 1 } else { 0 };
+                    states[joint] = state;
+                }
             }
         }
         Ok(states)
+    }
+
+    /// Numbers of the groups to read, at most one per line in each round.
+    fn rounds(&self) -> Vec<Vec<usize>> {
+        let mut rounds: Vec<Vec<usize>> = Vec::new();
+        for (number, group) in self.reads.iter().enumerate() {
+            let taken = |round: &&mut Vec<usize>| {
+                round.iter().all(|&other| self.reads[other].line != group.line)
+            };
+            match rounds.iter_mut().find(taken) {
+                Some(round) => round.push(number),
+                None => rounds.push(vec![number]),
+            }
+        }
+        rounds
+    }
+
+    /// When every line may be spoken to again.
+    #[must_use]
+    pub fn ready_at(&self) -> Instant {
+        self.buses.iter().map(Bus::ready_at).max().unwrap_or(Instant::ZERO)
     }
 
     fn decode(&self, joint: usize, reply: &Reply) -> Result<(JointState, bool), Miss> {
@@ -214,8 +245,14 @@ impl Link {
         })
     }
 
+    /// Switches torque on or off on every joint; nobody answers.
+    pub(crate) fn write_torque(&mut self, on: bool, budget: Instant) -> Result<(), LinkError> {
+        let value = f64::from(u8::from(on));
+        self.write_all(Role::TorqueEnable, budget, |_, _| value)
+    }
+
     /// Writes one register of every joint that has it, from an SI value in servo terms.
-    pub(crate) fn write_all(
+    fn write_all(
         &mut self,
         role: Role,
         budget: Instant,
@@ -313,6 +350,10 @@ impl Link {
         raw: i64,
         budget: Instant,
     ) -> Result<(), LinkError> {
+        if register.role == Some(Role::GoalPosition) {
+            let text = "a goal is written as a command, never raw".to_owned();
+            return Err(self.joint_error(joint, AskError::Unsayable(text)));
+        }
         let Joint { line, id, .. } = self.robot.joints[joint];
         let mut bytes = Vec::with_capacity(4);
         append_raw(register, raw, &mut bytes)

@@ -129,12 +129,8 @@ fn check_identity(link: &mut Link, accept: Accept, found: &mut Preflight) -> Res
 /// Compares the registers the robot file states with those in the servo.
 fn check_setup(link: &mut Link, found: &mut Preflight) -> Result<(), Error> {
     for joint in 0..link.robot().joints.len() {
-        let setup = link.robot().joints[joint].setup.clone();
-        let profile = link.robot().joints[joint].model.profile();
-        for (name, wanted) in setup {
-            let Some(register) = profile.registers.iter().find(|r| r.name == name) else {
-                continue;
-            };
+        for (register, wanted) in expected_registers(&link.robot().joints[joint]) {
+            let name = &register.name;
             let budget = budget(link);
             let read = link.read_register(joint, register, budget);
             let raw = read.map_err(|e| exchange_error(link, Some(joint), &e))?;
@@ -157,6 +153,33 @@ fn check_setup(link: &mut Link, found: &mut Preflight) -> Result<(), Error> {
         }
     }
     Ok(())
+}
+
+/// Registers that decide where a goal leads: compared even if the robot file leaves them at what
+/// the servo leaves the factory with.
+const DECISIVE: [Role; 5] = [
+    Role::DriveMode,
+    Role::HomingOffset,
+    Role::OperatingMode,
+    Role::MinPositionLimit,
+    Role::MaxPositionLimit,
+];
+
+/// What must be in a joint's servo: the robot file's setup, and the decisive registers.
+fn expected_registers(joint: &Joint) -> Vec<(&'static Register, i64)> {
+    let setup = &joint.setup;
+    let expected = |register: &'static Register| {
+        // That the servo answers at all proves its line speed.
+        let role = register.role.filter(|role| *role != Role::BaudRate);
+        match setup.get(&register.name) {
+            Some(&raw) if register.role.is_none() || role.is_some() => Some((register, raw)),
+            None if role.is_some_and(|role| DECISIVE.contains(&role)) => {
+                Some((register, register.initial?))
+            }
+            _ => None,
+        }
+    };
+    joint.model.profile().registers.iter().filter_map(expected).collect()
 }
 
 fn check_health(link: &mut Link) -> Result<(), Error> {

@@ -44,13 +44,17 @@ impl Sink for Samples {
 
 impl Scene {
     pub fn of(robot: &str, options: Options) -> Self {
-        let robot = Robot::load(robot).expect("a shipped robot");
+        Self::with_robot(Robot::load(robot).expect("a shipped robot"), options)
+    }
+
+    pub fn with_robot(robot: Robot, options: Options) -> Self {
+        let latency = Duration::from_nanos(options.adapter_latency_ns);
         let world = World::new(&robot.file, options).expect("a virtual robot");
         let world = SharedWorld::new(world);
         let clock: Arc<dyn Clock> = Arc::new(VirtualClock(world.clone()));
         let ports = robot.lines.iter().enumerate().map(|(line, facts)| {
             let port = VirtualLine::new(world.clone(), line, facts.baud_bps);
-            (Box::new(port) as Box<dyn BytePort>, Duration::ZERO)
+            (Box::new(port) as Box<dyn BytePort>, latency)
         });
         let ports = ports.collect();
         let settings = Settings::at_rate(robot.file.rate_hz);
@@ -71,9 +75,21 @@ impl Scene {
 
     /// Every joint swings by `swing_rad` to and fro around where it stands, for `rounds` seconds.
     pub fn swing(&self, start_rad: &[f64], swing_rad: f64, rounds: usize) -> Trajectory {
+        self.swing_but(start_rad, swing_rad, rounds, usize::MAX)
+    }
+
+    /// The swing, with joint number `still` staying where it is.
+    pub fn swing_but(
+        &self,
+        start_rad: &[f64],
+        swing_rad: f64,
+        rounds: usize,
+        still: usize,
+    ) -> Trajectory {
         let rate_hz = 50.0;
         let limits = self.link.robot().limits();
-        let rows = start_rad.iter().zip(&limits).map(|(&start, limits)| {
+        let rows = start_rad.iter().zip(&limits).enumerate().map(|(index, (&start, limits))| {
+            let swing_rad = if index == still { 0.0 } else { swing_rad };
             let (up, down) = (limits.upper_rad() - start, start - limits.lower_rad());
             let towards =
                 if up > down { swing_rad.min(0.9 * up) } else { -swing_rad.min(0.9 * down) };
@@ -105,6 +121,20 @@ impl Scene {
             control::run(&mut self.link, armed, &trajectory, settings, &mut samples, asked_to_stop);
         let verdict = self.world.lock().verdict();
         Played { run, trajectory, samples, verdict }
+    }
+}
+
+/// Takes samples and lets the host stall: after every cycle in `stalls`, for that long.
+pub struct SlowHost {
+    pub world: SharedWorld,
+    pub stall: Box<dyn Fn(u64) -> Duration>,
+}
+
+impl Sink for SlowHost {
+    fn take(&mut self, sample: &Sample<'_>) {
+        let mut world = self.world.lock();
+        let until = world.now_ns() + (self.stall)(sample.cycle).as_nanos() as u64;
+        world.run_until(until);
     }
 }
 
