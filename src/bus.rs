@@ -221,6 +221,14 @@ impl Bus {
         self.quiet_until
     }
 
+    /// True if a question to one device, for `length` bytes, asked now is over by `budget`.
+    #[must_use]
+    pub fn fits(&self, length: usize, budget: Instant) -> bool {
+        let question = self.line_and_delay(self.protocol.read_bytes(), 0);
+        let begins = self.clock.now().max(self.quiet_until);
+        begins + question + self.answer_time(self.protocol.status_bytes(length), 1) <= budget
+    }
+
     /// Line time of reading `length` bytes from each of `devices`, s.
     #[must_use]
     pub fn read_time_s(&self, devices: usize, length: usize, mode: GroupRead) -> f64 {

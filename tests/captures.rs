@@ -6,7 +6,7 @@
 use clap::Parser;
 use gaitway::cli::play::{PlayArgs, play};
 use gaitway::cli::report::{JointReport, Outcome, PlayReport};
-use gaitway::cli::{Output, signals::Signals};
+use gaitway::cli::{Remarks, signals::Signals};
 use std::path::{Path, PathBuf};
 
 #[derive(Parser)]
@@ -40,7 +40,7 @@ fn play_on_op3(file: &Path) -> PlayReport {
     let file = file.to_str().expect("a UTF-8 path");
     let arguments = ["play", file, "--robot", "op3", "--bus", "sim"];
     let arguments = Arguments::try_parse_from(arguments).expect("arguments");
-    play(&arguments.play, &Output::default(), &Signals::default())
+    play(&arguments.play, Remarks { quiet: true }, &Signals::default())
 }
 
 fn most_clipped(report: &PlayReport) -> Option<&JointReport> {

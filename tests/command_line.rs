@@ -38,8 +38,20 @@ fn assert_words(text: &str, words: &[&str]) {
 #[test]
 fn help_teaches_every_command_with_an_example() {
     let help = stdout(&run(&["--help"]));
-    assert_words(&help, &["play", "retarget", "simulate", "profile", "gaitway play walk"]);
-    for command in ["play", "retarget", "simulate"] {
+    assert_words(
+        &help,
+        &[
+            "play",
+            "retarget",
+            "limp",
+            "simulate",
+            "info",
+            "recover",
+            "profile",
+            "gaitway play walk",
+        ],
+    );
+    for command in ["play", "retarget", "limp", "simulate", "info", "recover"] {
         let help = stdout(&run(&[command, "--help"]));
         assert_words(&help, &["Usage:", "Example"]);
     }
@@ -79,7 +91,7 @@ fn a_report_is_written_as_text_json_and_page() {
     // A second run must not overwrite what is there.
     let again = run(&arguments);
     assert_eq!(again.status.code(), Some(1));
-    assert_words(&String::from_utf8_lossy(&again.stderr), &["exists already", "--force"]);
+    assert_words(&stdout(&again), &["refused", "exists already", "--force"]);
 }
 
 #[test]
@@ -123,10 +135,61 @@ fn unknown_joints_and_sections_are_refused_with_what_there_is() {
     assert_words(&reason, &["left_elbow", "l_el", "--only"]);
     let (_, reason) = refusal("walk", &["--from", "5", "--to", "2"]);
     assert_words(&reason, &["5 to 2 s", "--from"]);
-    let (_, reason) = refusal("walk", &["--rate", "0"]);
-    assert_words(&reason, &["0 Hz", "1 to 1000 Hz"]);
-    let (_, reason) = refusal("walk", &["--speed", "nan"]);
-    assert_words(&reason, &["speed", "NaN"]);
+}
+
+#[test]
+fn numbers_out_of_range_are_usage_errors_that_name_the_range() {
+    for (option, value, range) in [
+        ("--rate", "0", "20 to 1000 Hz"),
+        ("--rate", "-5", "20 to 1000 Hz"),
+        ("--speed", "nan", "0.01 to 100"),
+        ("--speed", "0", "0.01 to 100"),
+        ("--loop", "0", "1..=10000"),
+    ] {
+        let output = run(&["play", "walk", "--robot", "op3", "--bus", "sim", option, value]);
+        assert_eq!(output.status.code(), Some(2), "{option} {value}");
+        assert_words(&String::from_utf8_lossy(&output.stderr), &[option, range]);
+    }
+}
+
+#[test]
+fn outputs_that_cannot_be_written_are_refused_before_anything_moves() {
+    let folder = folder("outputs");
+    let file = folder.join("one.html");
+    let file = file.to_str().expect("UTF-8");
+    for (more, words) in [
+        (vec!["--html", "/no-such-folder/x.html"], "no such folder"),
+        (vec!["--html", file, "--record", file], "same name"),
+        (vec!["--record", folder.to_str().expect("UTF-8")], "a folder, not a file"),
+    ] {
+        let (_, reason) = refusal("walk", &more);
+        assert_words(&reason, &[words]);
+    }
+}
+
+#[test]
+fn a_bus_too_many_is_refused() {
+    let (_, reason) = refusal("walk", &["--bus", "serial:/dev/ttyUSB7"]);
+    assert_words(&reason, &["more buses than the robot has lines for", "body"]);
+}
+
+#[test]
+fn a_recording_is_described_and_a_cut_one_recovered() {
+    let folder = folder("recordings");
+    let whole = folder.join("walk.mcap");
+    let path = whole.to_str().expect("UTF-8");
+    run(&["play", "walk", "--robot", "op3", "--bus", "sim", "-q", "--record", path]);
+    let text = stdout(&run(&["info", path]));
+    assert_words(&text, &["robot     op3", "motion    walk", "outcome   done", "complete"]);
+    let bytes = std::fs::read(&whole).expect("a recording");
+    let cut = folder.join("cut.mcap");
+    std::fs::write(&cut, &bytes[..bytes.len() / 2]).expect("a file");
+    let cut = cut.to_str().expect("UTF-8");
+    assert_words(&stdout(&run(&["info", cut])), &["never closed"]);
+    let recovered = run(&["recover", cut]);
+    assert_eq!(recovered.status.code(), Some(3));
+    let saved = stdout(&recovered);
+    assert_words(&stdout(&run(&["info", saved.trim()])), &["robot     op3"]);
 }
 
 #[test]

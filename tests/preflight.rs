@@ -120,11 +120,17 @@ fn a_rate_the_line_cannot_carry_is_refused_with_the_highest_it_can() {
 }
 
 #[test]
-fn torque_already_on_is_refused() {
+fn a_robot_that_holds_is_taken_over_where_it_stands() {
     let mut scene = Scene::op3();
-    assert!(scene.world.lock().set_register("r_ank_roll", "Torque Enable", 1));
-    let error = scene.preflight().expect_err("a refusal");
-    mentions(&error, &["torque on", "r_ank_roll"]);
+    for joint in scene.link.robot().joint_names() {
+        assert!(scene.world.lock().set_register(&joint, "Torque Enable", 1));
+    }
+    let found = scene.preflight().expect("a robot that is ready");
+    assert!(found.held);
+    assert!(found.notes.iter().any(|note| note.contains("torque was already on")));
+    let played = scene.play(0.1, 1);
+    assert_eq!(played.run.stop, None);
+    scene::assert_clean(&played.verdict);
 }
 
 #[test]

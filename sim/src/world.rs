@@ -118,6 +118,7 @@ impl World {
             lines: lines.map(|(k, l)| Line::new(k, &l.name, l.protocol, l.baud_bps)).collect(),
             shared: Shared {
                 line_timing: options.line_timing,
+                real_time: false,
                 echo: options.echo,
                 adapter_latency_ns: options.adapter_latency_ns,
                 missing_in_chain: options.missing_in_chain,
@@ -318,6 +319,7 @@ impl World {
 
     /// Real time and world time run together from the first call on.
     pub(crate) fn epoch(&mut self) -> (Instant, u64) {
+        self.shared.real_time = true;
         *self.epoch.get_or_insert((Instant::now(), self.now_ns))
     }
 

@@ -62,6 +62,14 @@ impl Protocol {
         }
     }
 
+    /// Bytes that ask one device for some.
+    pub(super) const fn read_bytes(self) -> usize {
+        match self {
+            Self::Dynamixel2 => dxl::instruction_len(4),
+            Self::FeetechSts => sts::instruction_len(2),
+        }
+    }
+
     /// Bytes that answer a ping.
     pub(super) const fn ping_bytes(self) -> usize {
         match self {

@@ -5,7 +5,7 @@ use super::connect::{Connection, connect};
 use super::report::{JointReport, Outcome, PlayReport, RefereeReport};
 use super::signals::Signals;
 use super::source::{self, Loaded, MotionArgs};
-use super::{Output, plots};
+use super::{Output, Remarks, plots};
 use crate::control::{self, Run, Settings, StopReason};
 use crate::error::Error;
 use crate::motion::{Plan, PlanOptions, plan};
@@ -30,10 +30,11 @@ pub struct PlayArgs {
     #[arg(long, value_name = "BUS", required = true)]
     bus: Vec<Address>,
     /// Cycles per second [default: the robot file's]
-    #[arg(long, value_name = "HZ")]
+    #[arg(long, value_name = "HZ", value_parser = rate, allow_negative_numbers = true)]
     rate: Option<f64>,
     /// Play it N times, with a transition in between
-    #[arg(long = "loop", value_name = "N", default_value_t = 1)]
+    #[arg(long = "loop", value_name = "N", default_value_t = 1,
+          value_parser = clap::value_parser!(u32).range(1..=10_000))]
     repeat: u32,
     /// What the joints do after the motion
     #[arg(long, value_enum, default_value_t = EndState::Hold)]
@@ -56,6 +57,8 @@ pub struct PlayArgs {
     /// Seed of the virtual robot
     #[arg(long, default_value_t = 0)]
     seed: u64,
+    #[command(flatten)]
+    output: Output,
 }
 
 /// What the joints do when the motion is over.
@@ -70,18 +73,11 @@ enum EndState {
 /// Runs `play`; the exit code.
 ///
 /// # Errors
-/// Output files that cannot be written. A refused motion is a report, not an error.
-pub fn run(args: &PlayArgs, output: &Output) -> Result<i32, Error> {
-    output.check_files(&[&args.record, &args.html])?;
+/// A report file that cannot be written. A refused motion is a report, not an error.
+pub fn run(args: &PlayArgs, remarks: Remarks) -> Result<i32, Error> {
     let signals = Signals::listen().map_err(|e| Error::new(format!("no signals: {e}")))?;
-    let report = play(args, output, &signals);
-    output.report(&report, &report.text())?;
-    if let (Some(reason), Outcome::Refused | Outcome::Failed) =
-        (&report.stop_reason, report.outcome)
-        && output.json()
-    {
-        output.diagnostic(&format!("gaitway: {reason}"));
-    }
+    let report = play(args, remarks, &signals);
+    args.output.report(&report, &report.text(remarks.quiet))?;
     let asked = report.stop_reason.as_deref() == Some(StopReason::Asked.to_string().as_str());
     Ok(match signals.first() {
         Some(number) if asked => 128 + number,
@@ -91,14 +87,14 @@ pub fn run(args: &PlayArgs, output: &Output) -> Result<i32, Error> {
 
 /// Plays and reports; whatever goes wrong is in the report.
 #[must_use]
-pub fn play(args: &PlayArgs, output: &Output, signals: &Signals) -> PlayReport {
+pub fn play(args: &PlayArgs, remarks: Remarks, signals: &Signals) -> PlayReport {
     let mut report = PlayReport::new(
         args.motion.motion(),
         args.motion.robot(),
         args.bus.iter().map(ToString::to_string).collect(),
     );
     report.dry_run = args.dry_run;
-    if let Err(error) = play_into(args, output, signals, &mut report) {
+    if let Err(error) = play_into(args, remarks, signals, &mut report) {
         report.outcome = Outcome::Refused;
         report.stop_reason = Some(error.to_string());
     }
@@ -107,16 +103,17 @@ pub fn play(args: &PlayArgs, output: &Output, signals: &Signals) -> PlayReport {
 
 fn play_into(
     args: &PlayArgs,
-    output: &Output,
+    remarks: Remarks,
     signals: &Signals,
     report: &mut PlayReport,
 ) -> Result<(), Error> {
+    args.output.check_files(&[&args.record, &args.html])?;
     let robot = Robot::load(args.motion.robot())?;
     report.robot.clone_from(&robot.name);
     let loaded = source::load(&args.motion, &robot)?;
     report.source = loaded.source.clone();
     report.notes.extend(loaded.notes.iter().cloned());
-    let rate_hz = checked_rate(args.rate.unwrap_or(robot.file.rate_hz))?;
+    let rate_hz = args.rate.unwrap_or(robot.file.rate_hz);
     report.cycle_hz = rate_hz;
     if robot.file.acceleration_source.starts_with("assumed") {
         report.notes.push(format!("acceleration limits {}", robot.file.acceleration_source));
@@ -139,7 +136,7 @@ fn play_into(
     if stopped_before_torque(signals, report) {
         return Ok(());
     }
-    perform(args, output, signals, report, &mut connection, &found, &planned, settings)
+    perform(args, remarks, signals, report, &mut connection, &found, &planned, settings)
 }
 
 /// A wish to stop that comes before torque is on is fulfilled by never switching it on.
@@ -153,14 +150,10 @@ fn stopped_before_torque(signals: &Signals, report: &mut PlayReport) -> bool {
     true
 }
 
-pub(super) fn checked_rate(rate_hz: f64) -> Result<f64, Error> {
-    if (1.0..=1000.0).contains(&rate_hz) {
-        return Ok(rate_hz);
-    }
-    Err(Error::new("not a usable rate")
-        .at("--rate")
-        .got(format!("{rate_hz} Hz"))
-        .allowed("1 to 1000 Hz"))
+/// Reads `--rate`: below 20 Hz goals would be too far apart to be watched.
+pub(super) fn rate(text: &str) -> Result<f64, String> {
+    let rate_hz: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
+    if (20.0..=1000.0).contains(&rate_hz) { Ok(rate_hz) } else { Err("20 to 1000 Hz".to_owned()) }
 }
 
 /// Lays the loaded path from where the robot stands. Joints the motion does not drive stay there.
@@ -241,7 +234,7 @@ pub(super) fn describe_plan(
 #[allow(clippy::too_many_arguments)]
 fn perform(
     args: &PlayArgs,
-    output: &Output,
+    remarks: Remarks,
     signals: &Signals,
     report: &mut PlayReport,
     connection: &mut Connection,
@@ -252,7 +245,7 @@ fn perform(
     let armed = control::arm::arm(&mut connection.link, found)?;
     let begun = RunRecorder::begin(
         args.record.as_deref(),
-        output.force(),
+        args.output.force(),
         args.html.is_some(),
         connection,
         args.motion.motion(),
@@ -265,7 +258,7 @@ fn perform(
             return other.map(|_| ());
         }
     };
-    let progress = super::progress::Progress::over(planned.trajectory.duration_s(), output);
+    let progress = super::progress::Progress::over(planned.trajectory.duration_s(), remarks);
     let asked = || signals.first().is_some();
     let run = std::thread::scope(|scope| {
         let link = &mut connection.link;
@@ -306,7 +299,7 @@ fn perform(
     if let Some(path) = &args.html {
         report.html = Some(path.display().to_string());
         let page = plots::page(report, &recorder, connection.link.robot());
-        if let Err(error) = output.write_file(path, page.as_bytes()) {
+        if let Err(error) = args.output.write_file(path, page.as_bytes()) {
             report.html = None;
             report.notes.push(error.to_string());
             if report.outcome == Outcome::Done {

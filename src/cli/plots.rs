@@ -9,7 +9,7 @@ use crate::robot::Robot;
 #[must_use]
 pub fn page(report: &PlayReport, recorder: &RunRecorder, robot: &Robot) -> String {
     let rows = vec![
-        ("outcome", report.text().lines().next().unwrap_or_default().to_owned()),
+        ("outcome", report.text(true).lines().next().unwrap_or_default().to_owned()),
         ("retimed", retiming(report)),
         (
             "cycles",

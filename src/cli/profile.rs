@@ -1,7 +1,6 @@
 //! `profile list`, `profile show`, `profile check`: what is known of devices, and whether a file
 //! is right.
 
-use super::Output;
 use crate::error::Error;
 use clap::{Args, Subcommand};
 use gaitway_profiles as profiles;
@@ -36,7 +35,7 @@ enum Action {
 ///
 /// # Errors
 /// An unknown name, or a file that is wrong: what, where, got, allowed.
-pub fn run(args: &ProfileArgs, output: &Output) -> Result<i32, Error> {
+pub fn run(args: &ProfileArgs) -> Result<i32, Error> {
     let text = match &args.action {
         Action::List => list(),
         Action::Show { name } => show(name)?,
@@ -51,7 +50,7 @@ pub fn run(args: &ProfileArgs, output: &Output) -> Result<i32, Error> {
             )
         }
     };
-    output.result(&text);
+    super::print(&text);
     Ok(0)
 }
 

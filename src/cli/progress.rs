@@ -1,6 +1,6 @@
 //! A progress bar for a running motion, on a terminal only.
 
-use super::Output;
+use super::Remarks;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -25,10 +25,10 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// A bar over `duration_s`, hidden unless `output` wants one.
+    /// A bar over `duration_s`, hidden unless remarks are wanted.
     #[must_use]
-    pub fn over(duration_s: f64, output: &Output) -> Self {
-        let bar = output.shows_progress().then(|| {
+    pub fn over(duration_s: f64, remarks: Remarks) -> Self {
+        let bar = remarks.shows_progress().then(|| {
             let style = ProgressStyle::with_template("{bar:40} {msg}")
                 .unwrap_or_else(|_| ProgressStyle::default_bar());
             ProgressBar::new((duration_s * 1e3) as u64).with_style(style)

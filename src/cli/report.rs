@@ -1,6 +1,7 @@
 //! What `play` tells: one set of figures, as text for a person and as JSON for a program.
 
 use crate::motion::{Because, Retimed};
+use crate::robot::preflight::LINE_SHARE;
 use serde::Serialize;
 use std::fmt::Write;
 
@@ -218,16 +219,16 @@ impl PlayReport {
         self.retime_limit = Some(limit.to_owned());
     }
 
-    /// The report as lines for a person.
+    /// The report as lines for a person; `brief` leaves the notes out.
     #[must_use]
-    pub fn text(&self) -> String {
+    pub fn text(&self, brief: bool) -> String {
         let mut out = String::new();
         self.write_head(&mut out);
         if !self.dry_run && self.cycles > 0 {
             self.write_run(&mut out);
         }
         self.write_joints(&mut out);
-        for note in &self.notes {
+        for note in self.notes.iter().filter(|_| !brief) {
             let _ = writeln!(out, "note      {note}");
         }
         if let Some(referee) = &self.referee {
@@ -249,9 +250,10 @@ impl PlayReport {
 
     fn write_head(&self, out: &mut String) {
         let dry = if self.dry_run { " (dry run: nothing was written)" } else { "" };
+        let over = if self.bus.is_empty() { "" } else { " over " };
         let _ = writeln!(
             out,
-            "{}{dry}: {} on {} over {}",
+            "{}{dry}: {} on {}{over}{}",
             self.outcome.word(),
             self.motion,
             self.robot,
@@ -261,11 +263,17 @@ impl PlayReport {
             let _ = writeln!(out, "reason    {}", reason.replace('\n', "\n          "));
         }
         let source = &self.source;
+        if source.frames == 0 {
+            return; // refused before anything was read
+        }
         let _ = writeln!(
             out,
             "source    {}: {} poses at {:.2} Hz, {:.2} s",
             source.format, source.frames, source.rate_hz, source.duration_s
         );
+        if self.joints.is_empty() {
+            return; // refused before anything was planned
+        }
         let why = match (&self.retime_joint, &self.retime_limit) {
             (Some(joint), Some(limit)) => format!(", asked for by {joint} ({limit})"),
             _ => String::new(),
@@ -284,9 +292,14 @@ impl PlayReport {
             "cycles    {} at {:.0} Hz in {:.2} s, {} missed, {} late",
             self.cycles, self.cycle_hz, self.duration_s, self.missed_cycles, self.late_cycles
         );
-        let limit = self.wire_limit_hz.map_or_else(|| "-".to_owned(), |hz| format!("{hz:.0} Hz"));
-        let _ =
-            writeln!(out, "line      {:.0} % busy; it could carry {limit}", self.bus_load * 100.0);
+        let limit = self.wire_limit_hz.unwrap_or(0.0);
+        let _ = writeln!(
+            out,
+            "line      {:.0} % busy; up to {:.0} Hz may be asked for ({:.0} % of its {limit:.0} Hz)",
+            self.bus_load * 100.0,
+            (LINE_SHARE * limit).floor(),
+            LINE_SHARE * 100.0
+        );
         let show = |value: Option<f64>, unit: &str| {
             value.map_or_else(|| format!("- {unit}"), |v| format!("{v:.1} {unit}"))
         };
@@ -297,12 +310,25 @@ impl PlayReport {
             show(self.max_current_a, "A"),
             show(self.min_voltage_v, "V")
         );
+        if self.lost() {
+            let _ = writeln!(
+                out,
+                "rest      not known: servos stand or swing to their last goal, torque on"
+            );
+            return;
+        }
         let _ = writeln!(
             out,
             "rest      start {:.3} deg/s, end {:.3} deg/s (fastest joint, commanded)",
             self.max_start_velocity_rad_s.to_degrees(),
             self.max_end_velocity_rad_s.to_degrees()
         );
+    }
+
+    /// True if the robot could not be led to rest.
+    fn lost(&self) -> bool {
+        let lost = |reason: &String| reason.starts_with("the line was lost");
+        self.outcome == Outcome::Failed || self.stop_reason.as_ref().is_some_and(lost)
     }
 
     fn write_joints(&self, out: &mut String) {

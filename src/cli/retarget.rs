@@ -1,9 +1,9 @@
 //! `retarget`: the trajectory a robot would play, as a file, and its figures.
 
-use super::Output;
 use super::play::describe_plan;
 use super::report::{Outcome, PlayReport};
 use super::source::{self, MotionArgs};
+use super::{Output, Remarks};
 use crate::error::Error;
 use crate::motion::{Plan, PlanOptions, Setpoint, plan};
 use crate::robot::Robot;
@@ -21,15 +21,18 @@ pub struct RetargetArgs {
     #[arg(short, long, value_name = "OUT.csv")]
     output_file: PathBuf,
     /// Rows per second [default: the robot file's rate]
-    #[arg(long, value_name = "HZ")]
+    #[arg(long, value_name = "HZ", value_parser = super::play::rate, allow_negative_numbers = true)]
     rate: Option<f64>,
+    #[command(flatten)]
+    output: Output,
 }
 
 /// Runs `retarget`: from the robot's initial pose through the motion, as `play` would.
 ///
 /// # Errors
 /// As `play`, before it looks for a bus.
-pub fn run(args: &RetargetArgs, output: &Output) -> Result<i32, Error> {
+pub fn run(args: &RetargetArgs, remarks: Remarks) -> Result<i32, Error> {
+    let output = &args.output;
     if args.output_file.extension().is_none_or(|e| e != "csv") {
         return Err(Error::new("not a kind of file I can write")
             .at("-o")
@@ -47,16 +50,20 @@ pub fn run(args: &RetargetArgs, output: &Output) -> Result<i32, Error> {
     };
     let path = loaded.path_from(&robot, &start_rad)?;
     let planned = plan(&start_rad, &path, &robot.limits(), options)?;
-    let rate_hz = super::play::checked_rate(args.rate.unwrap_or(robot.file.rate_hz))?;
+    let rate_hz = args.rate.unwrap_or(robot.file.rate_hz);
     output.write_file(&args.output_file, csv(&planned, rate_hz).as_bytes())?;
     let mut report = PlayReport::new(args.motion.motion(), &robot.name, Vec::new());
     report.outcome = Outcome::Done;
-    report.dry_run = true;
     report.source = loaded.source.clone();
     report.notes.extend(loaded.notes.iter().cloned());
     report.duration_s = planned.trajectory.duration_s();
     describe_plan(&mut report, &robot, &planned, &loaded);
-    output.report(&report, &report.text())?;
+    report.notes.push(format!(
+        "the table begins with {:.2} s of transition from the robot's initial pose",
+        report.approach_s
+    ));
+    let written = format!("written   {}\n", args.output_file.display());
+    output.report(&report, &(report.text(remarks.quiet) + &written))?;
     Ok(0)
 }
 

@@ -1,6 +1,6 @@
 //! `simulate`: the virtual robot as a device that other programs open.
 
-use super::Output;
+use super::Remarks;
 use super::signals::Signals;
 use crate::error::Error;
 use crate::robot::Robot;
@@ -38,7 +38,7 @@ pub struct SimulateArgs {
 ///
 /// # Errors
 /// An unknown robot, or a pseudo-terminal that cannot be made.
-pub fn run(args: &SimulateArgs, output: &Output) -> Result<i32, Error> {
+pub fn run(args: &SimulateArgs, remarks: Remarks) -> Result<i32, Error> {
     let signals = Signals::listen().map_err(|e| Error::new(format!("no signals: {e}")))?;
     let robot = Robot::load(&args.robot)?;
     let options = Options {
@@ -61,11 +61,12 @@ pub fn run(args: &SimulateArgs, output: &Output) -> Result<i32, Error> {
                 .at(link.map_or_else(|| facts.name.clone(), |link| link.display().to_string()))
                 .got(e.to_string())
         })?;
-        output.result(&format!("{}\n", door.path().display()));
+        super::print(&format!("{}\n", door.path().display()));
         doors.push(door);
     }
-    output.diagnostic(&format!(
-        "virtual {} with {} servos; Ctrl-C ends it",
+    let reached = args.pty.as_ref().map_or_else(String::new, |l| format!(" at {}", l.display()));
+    remarks.say(&format!(
+        "virtual {} with {} servos{reached}; Ctrl-C ends it",
         robot.name,
         robot.joints.len()
     ));
@@ -76,10 +77,11 @@ pub fn run(args: &SimulateArgs, output: &Output) -> Result<i32, Error> {
     let verdict = world.lock().unwrap_or_else(PoisonError::into_inner).verdict();
     // A foreign client owes the referee nothing: what it saw is said, and is no failure.
     for violation in verdict.violations.iter().take(MOST_SHOWN) {
-        output.diagnostic(&format!("referee: {violation}"));
+        remarks.say(&format!("referee: {violation}"));
     }
-    if verdict.violations.len() > MOST_SHOWN {
-        output.diagnostic(&format!("referee: {} in all", verdict.violations.len()));
-    }
+    remarks.say(&match verdict.violation_count {
+        0 => format!("referee: no rule broken; {} goals written", verdict.goals),
+        n => format!("referee: {n} rules broken in all; {} goals written", verdict.goals),
+    });
     Ok(0)
 }

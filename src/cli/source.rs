@@ -9,6 +9,7 @@ use crate::mocap::clip::Clip;
 use crate::mocap::mapping::MappingFile;
 use crate::mocap::retarget::{self, ModelJoint, Retargeted, RobotModel, SegmentLink};
 use crate::motion::Path;
+use crate::motion::plan::SPEEDS;
 use crate::robot::Robot;
 use clap::Args;
 use gaitway_profiles as profiles;
@@ -27,15 +28,16 @@ pub struct MotionArgs {
     #[arg(long, value_name = "FILE.toml")]
     mapping: Option<PathBuf>,
     /// Playing speed: 0.5 is half as fast as recorded
-    #[arg(long, value_name = "X", default_value_t = 1.0)]
+    #[arg(long, value_name = "X", default_value_t = 1.0, value_parser = speed,
+          allow_negative_numbers = true)]
     speed: f64,
     /// Play from this time of the capture, s
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
     from: Option<f64>,
     /// Play to this time of the capture, s
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
     to: Option<f64>,
-    /// Move only these joints; the others stay where they are
+    /// Move only these joints (comma between names); the others stay where they are
     #[arg(long, value_name = "JOINTS", value_delimiter = ',')]
     only: Vec<String>,
     /// Swap left and right
@@ -47,6 +49,16 @@ pub struct MotionArgs {
     /// Refuse a motion the robot cannot follow at the speed asked for
     #[arg(long)]
     no_retime: bool,
+}
+
+/// Reads `--speed`.
+fn speed(text: &str) -> Result<f64, String> {
+    let speed: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
+    if SPEEDS.contains(&speed) {
+        Ok(speed)
+    } else {
+        Err(format!("{} to {}", SPEEDS.start(), SPEEDS.end()))
+    }
 }
 
 impl MotionArgs {

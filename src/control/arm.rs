@@ -15,8 +15,9 @@ const HOLD_RAD: f64 = 0.02;
 /// whose host dies never moves faster than its joint may.
 ///
 /// # Errors
-/// A servo that does not take or keep what is written. Torque is switched off again then; joints
-/// that do not confirm it are named.
+/// A servo that does not take or keep what is written. Torque is switched off again then, and joints
+/// that do not confirm it are named; a robot that was held before is left as it is, since it may be
+/// standing.
 pub fn arm(link: &mut Link, preflight: &Preflight) -> Result<(Guard, Command), Error> {
     let limits = link.robot().limits();
     let now = link.clock().now();
@@ -28,6 +29,7 @@ pub fn arm(link: &mut Link, preflight: &Preflight) -> Result<(Guard, Command), E
         })?;
     match switch_on(link, preflight, &command) {
         Ok(()) => Ok((guard, command)),
+        Err(error) if preflight.held => Err(error),
         // Nothing has moved yet, so limp is where the robot already was.
         Err(error) => Err(match disarm(link) {
             Ok(()) => error,

@@ -225,7 +225,7 @@ impl Player<'_> {
         let mut health = None;
         // A joint that is silent now would only cost the others their time; so would a question
         // that cannot be answered within this cycle.
-        if states[joint].is_ok() && self.link.clock().now() < budget {
+        if states[joint].is_ok() && self.link.health_fits(joint, part, budget) {
             match self.link.health(joint, part, budget) {
                 Ok(read) => health = Some((joint, read)),
                 Err(error) if matches!(error.error, crate::bus::AskError::Port(_)) => {

@@ -21,6 +21,9 @@ pub const NEAR_RAD: f64 = 0.05;
 pub const THERE_RAD: f64 = 1e-3;
 /// Least duration of an approach.
 pub const APPROACH_MIN_S: f64 = 0.5;
+/// Share of the velocity and acceleration limits a transition uses: it is not part of what was
+/// asked for, and whoever stands by should see it coming. Slower playing slows it further.
+pub const TRANSITION_SHARE: f64 = 0.3;
 /// Least duration of easing in or out, and of closing a gap below [`THERE_RAD`].
 pub const EASE_MIN_S: f64 = 0.05;
 /// Slowest and fastest playing speed.
@@ -110,8 +113,12 @@ pub fn plan(
                 retimed.because = Because::Acceleration;
             }
         }
-        let layout =
-            Layout { path: path.stretched(retimed.factor), limits, room: 1.0 + room / 2.0 };
+        let layout = Layout {
+            path: path.stretched(retimed.factor),
+            limits,
+            room: 1.0 + room / 2.0,
+            pace: options.speed.min(1.0),
+        };
         match layout.plan(start_rad, options, retimed) {
             Ok(plan) => return Ok(plan),
             Err(error) => refusal = Some(error),
@@ -174,8 +181,10 @@ fn check_start(
 struct Layout<'a> {
     path: Path,
     limits: &'a [JointLimits],
-    /// What transitions and easing ask of a joint is at most its limit divided by this.
+    /// What easing asks of a joint is at most its limit divided by this.
     room: f64,
+    /// Speed of transitions, at most 1: they are never played faster, but slower with the rest.
+    pace: f64,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -249,8 +258,8 @@ impl Layout<'_> {
         let mut furthest_rad = 0f64;
         let mut duration_s = 0f64;
         for ((from, to), limits) in from_rad.iter().zip(to_rad).zip(self.limits) {
-            let velocity = limits.velocity_rad_s() / self.room;
-            let acceleration = limits.acceleration_rad_s2() / self.room;
+            let velocity = limits.velocity_rad_s() * TRANSITION_SHARE;
+            let acceleration = limits.acceleration_rad_s2() * TRANSITION_SHARE;
             furthest_rad = furthest_rad.max((to - from).abs());
             duration_s = duration_s.max(shortest_step_s(to - from, velocity, acceleration));
         }
@@ -258,7 +267,7 @@ impl Layout<'_> {
             return 0;
         }
         let least_s = if furthest_rad > THERE_RAD { APPROACH_MIN_S } else { EASE_MIN_S };
-        self.knots_in(duration_s.max(least_s))
+        self.knots_in(duration_s.max(least_s) / self.pace)
     }
 
     /// Knots of the shortest easing at one end that holds the acceleration limits; 0 where the path

@@ -211,6 +211,14 @@ impl Link {
         self.robot.joints[joint].health.reads().len()
     }
 
+    /// True if part `part` of the slow facts of `joint` can be read by `budget`.
+    #[must_use]
+    pub fn health_fits(&self, joint: usize, part: usize, budget: Instant) -> bool {
+        let Joint { line, health, .. } = &self.robot.joints[joint];
+        let length = health.reads().get(part).map_or(0, |&(_, length)| length);
+        self.buses[*line].fits(usize::from(length), budget)
+    }
+
     /// Part `part` of the slow facts of `joint`.
     ///
     /// # Errors

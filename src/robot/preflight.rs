@@ -19,6 +19,8 @@ pub struct Preflight {
     pub wire_limit_hz: f64,
     /// Things a person should know that do not stop the motion.
     pub notes: Vec<String>,
+    /// True if some joint had torque on already: the robot is held, and taken over as it stands.
+    pub held: bool,
     /// Registers in RAM that differ from the robot file and will be written: joint, register, raw.
     pub to_write: Vec<(usize, &'static Register, i64)>,
 }
@@ -49,7 +51,11 @@ pub fn preflight(link: &mut Link, period: Duration, accept: Accept) -> Result<Pr
     let mut found = Preflight::default();
     check_identity(link, accept, &mut found)?;
     check_setup(link, &mut found)?;
-    check_health(link)?;
+    check_health(link, &mut found)?;
+    if found.held {
+        let note = "torque was already on: the robot is taken over where it stands";
+        found.notes.push(note.to_owned());
+    }
     link.use_fast_reads(&found.firmware);
     check_line_speed(link, period, &mut found)?;
     found.start_rad = check_still(link)?;
@@ -182,7 +188,7 @@ fn expected_registers(joint: &Joint) -> Vec<(&'static Register, i64)> {
     joint.model.profile().registers.iter().filter_map(expected).collect()
 }
 
-fn check_health(link: &mut Link) -> Result<(), Error> {
+fn check_health(link: &mut Link, found: &mut Preflight) -> Result<(), Error> {
     for joint in 0..link.robot().joints.len() {
         for part in 0..link.health_reads(joint) {
             let budget = budget(link);
@@ -195,13 +201,8 @@ fn check_health(link: &mut Link) -> Result<(), Error> {
                     .allowed("no error")
                     .remedy("find the cause, then reboot the servo"));
             }
-            if health.torque_on == Some(true) {
-                return Err(Error::new("a servo already has torque on")
-                    .at(place(link, joint))
-                    .got("torque on")
-                    .allowed("torque off before a motion")
-                    .remedy("another program may be driving the robot: stop it, support the robot and switch torque off"));
-            }
+            // A robot that holds after a motion is played again from where it stands.
+            found.held |= health.torque_on == Some(true);
             check_supply(link, joint, &health)?;
         }
     }

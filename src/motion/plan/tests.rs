@@ -80,11 +80,15 @@ fn the_approach_starts_at_the_measured_pose_and_moves_all_joints_together() {
 }
 
 #[test]
-fn a_long_way_takes_as_long_as_the_limits_ask() {
+fn a_long_way_is_gone_gently_and_more_so_in_slow_playing() {
     let slow = [JointLimits::new(-2.0, 2.0, 0.5, 40.0).unwrap()];
-    let plan = plan(&[-1.5], &swing(0.1, 1.0), &slow, options()).unwrap();
-    // 2 |delta| / v_max = 6 s, and half a percent of room.
-    assert!((plan.approach_s - 6.0 * (1.0 + HEADROOM / 2.0)).abs() < 0.01, "{}", plan.approach_s);
+    for (speed, pace) in [(1.0, 1.0), (0.5, 0.5), (2.0, 1.0)] {
+        let options = PlanOptions { speed, ..options() };
+        let plan = plan(&[-1.5], &swing(0.1, 1.0), &slow, options).unwrap();
+        // 2 |delta| / v_max = 6 s at full speed.
+        let expected_s = 6.0 / TRANSITION_SHARE / pace;
+        assert!((plan.approach_s - expected_s).abs() < 0.01, "{speed}: {}", plan.approach_s);
+    }
 }
 
 #[test]

@@ -1,0 +1,50 @@
+//! `limp`: torque off. The robot falls if nothing holds it, so the command asks.
+
+use super::Remarks;
+use super::address::Address;
+use super::connect::connect;
+use crate::control;
+use crate::error::Error;
+use crate::robot::Robot;
+use clap::Args;
+use std::io::{BufRead, IsTerminal};
+
+/// Arguments of `limp`.
+#[derive(Debug, Args)]
+#[command(after_help = "Example: gaitway limp op3 --bus serial:/dev/ttyUSB0")]
+pub struct LimpArgs {
+    /// Robot by name or path of its file
+    robot: String,
+    /// Where the robot is, as for `play`
+    #[arg(long, value_name = "BUS", required = true)]
+    bus: Vec<Address>,
+    /// Do not ask: the robot is supported
+    #[arg(long)]
+    yes: bool,
+}
+
+/// Runs `limp`.
+///
+/// # Errors
+/// No consent, a bus that cannot be opened, joints that do not confirm.
+pub fn run(args: &LimpArgs, remarks: Remarks) -> Result<i32, Error> {
+    let robot = Robot::load(&args.robot)?;
+    if !args.yes && !consents(&robot.name) {
+        return Err(Error::new("nobody said that the robot may go limp")
+            .remedy("support the robot, then answer yes or add --yes"));
+    }
+    let mut connection = connect(robot, &args.bus, 0)?;
+    control::arm::disarm(&mut connection.link)?;
+    remarks.say("torque is off on every joint");
+    Ok(0)
+}
+
+fn consents(robot: &str) -> bool {
+    let stdin = std::io::stdin();
+    if !stdin.is_terminal() {
+        return false;
+    }
+    eprint!("{robot} will go limp and fall unless something holds it. Type yes: ");
+    let mut answer = String::new();
+    stdin.lock().read_line(&mut answer).is_ok() && answer.trim() == "yes"
+}

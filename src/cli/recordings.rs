@@ -1,0 +1,75 @@
+//! `info` and `recover`: what a recording holds, and what of a broken one can be saved.
+
+use super::report::Outcome;
+use super::{Output, Remarks};
+use crate::error::Error;
+use crate::recording;
+use clap::Args;
+use std::fmt::Write;
+use std::path::PathBuf;
+
+/// Arguments of `info`.
+#[derive(Debug, Args)]
+#[command(after_help = "Example: gaitway info dance.mcap")]
+pub struct InfoArgs {
+    /// Recording, finished or not
+    file: PathBuf,
+    #[command(flatten)]
+    output: Output,
+}
+
+/// Runs `info`.
+///
+/// # Errors
+/// A file that cannot be read as a recording.
+pub fn info(args: &InfoArgs) -> Result<i32, Error> {
+    let overview = recording::summary(&args.file)?;
+    let mut text = String::new();
+    let said = |word: &Option<String>| word.clone().unwrap_or_else(|| "not said".to_owned());
+    let _ = writeln!(text, "robot     {}", said(&overview.robot));
+    let _ = writeln!(text, "motion    {}", said(&overview.motion));
+    let _ = writeln!(text, "outcome   {}", said(&overview.outcome));
+    let _ = writeln!(text, "duration  {:.2} s", overview.duration_s);
+    for (channel, messages) in &overview.channels {
+        let _ = writeln!(text, "channel   {channel}: {messages} messages");
+    }
+    let _ = writeln!(
+        text,
+        "gaps      {} readings missed, {} cycles dropped",
+        overview.missed_reads, overview.dropped_cycles
+    );
+    let _ = match (overview.finished, overview.lost_bytes) {
+        (true, 0) => writeln!(text, "file      complete"),
+        (true, lost) => writeln!(text, "file      closed, but {lost} bytes are damaged"),
+        (false, _) => writeln!(
+            text,
+            "file      never closed (killed?): `gaitway recover` makes one other tools open"
+        ),
+    };
+    args.output.report(&overview, &text)?;
+    Ok(0)
+}
+
+/// Arguments of `recover`.
+#[derive(Debug, Args)]
+#[command(after_help = "Example: gaitway recover dance.mcap    (writes dance.recovered.mcap)")]
+pub struct RecoverArgs {
+    /// Recording that was never closed, or is damaged
+    file: PathBuf,
+}
+
+/// Runs `recover`; exit code 3 if something was lost.
+///
+/// # Errors
+/// A file in which no recording is found; a recovered file that exists already.
+pub fn recover(args: &RecoverArgs, remarks: Remarks) -> Result<i32, Error> {
+    let recovered = recording::recover(&args.file)?;
+    super::print(&format!("{}\n", recovered.path.display()));
+    remarks.say(&format!(
+        "{} messages saved, {} bytes could not be used",
+        recovered.messages, recovered.lost_bytes
+    ));
+    let whole = recovered.was_finished && recovered.lost_bytes == 0;
+    let outcome = if whole { Outcome::Done } else { Outcome::DoneWithLoss };
+    Ok(outcome.exit_code())
+}
