@@ -288,7 +288,7 @@ fn nothing_of_a_joint_may_be_nan_or_infinite() {
     }
     robot_refused("origin_m = [0.0, ", "origin_m = [nan, ", "not a number", "origin_m");
     robot_refused("axis = [0.0, ", "axis = [nan, ", "unit length", "hip");
-    robot_refused("rate_hz = 100.0", "rate_hz = nan", "above zero", "rate_hz");
+    robot_refused("rate_hz = 100.0", "rate_hz = nan", "driven at this rate", "rate_hz");
     robot_refused("rate_hz = 100.0", "rate_hz = 0.0", "above zero", "rate_hz");
     robot_refused("velocity_rad_s = 4.0", "velocity_rad_s = 0.0", "above zero", "hip");
     robot_refused("acceleration_rad_s2 = 20.0", "acceleration_rad_s2 = -1.0", "above zero", "hip");
@@ -437,4 +437,26 @@ fn an_error_reads_as_rows_of_what_where_got_and_allowed() {
         "the protocol has no such ID\n  file     pair.toml\n  where    joint \"knee\"\n  \
          got      253\n  allowed  0..252"
     );
+}
+
+#[test]
+fn a_joint_faster_than_its_servo_is_refused() {
+    let what = "faster than its servo";
+    robot_refused("velocity_rad_s = 4.0", "velocity_rad_s = 6.0", what, "joint");
+}
+
+#[test]
+fn a_rate_nobody_can_drive_is_refused() {
+    for rate in ["19.9", "1001.0", "5e3", "0.0", "nan"] {
+        let to = format!("rate_hz = {rate}");
+        robot_refused("rate_hz = 100.0", &to, "driven at this rate", "rate_hz");
+    }
+}
+
+#[test]
+fn a_setup_that_would_write_a_goal_or_torque_is_refused() {
+    for register in ["Goal Position", "Torque Enable"] {
+        let to = format!("[setup.registers]\n\"{register}\" = 1");
+        robot_refused("[setup.registers]", &to, "goals and torque are not set up", register);
+    }
 }

@@ -8,13 +8,29 @@ use std::collections::{BTreeMap, BTreeSet};
 
 /// How far the length of an axis may be from 1.
 const AXIS_TOLERANCE: f64 = 1e-6;
+/// Slower, goals are too far apart to be watched; faster, no line here carries them.
+const RATES_HZ: std::ops::RangeInclusive<f64> = 20.0..=1000.0;
+/// Written when a motion begins, and by nothing but the checked motion itself.
+const NOT_SET_UP: [Role; 6] = [
+    Role::GoalPosition,
+    Role::GoalVelocity,
+    Role::GoalCurrent,
+    Role::GoalPwm,
+    Role::GoalTime,
+    Role::TorqueEnable,
+];
 
 pub(crate) fn robot(file: &str, robot: &Robot) -> Verdict {
     header(file, robot.schema, &robot.name)?;
     not_empty(file, "description", &robot.description)?;
     not_empty(file, "source", &robot.source)?;
     not_empty(file, "acceleration_source", &robot.acceleration_source)?;
-    positive(file, || "rate_hz".to_owned(), robot.rate_hz)?;
+    if !RATES_HZ.contains(&robot.rate_hz) {
+        return Err(ProfileError::new(file, "the robot cannot be driven at this rate")
+            .at("rate_hz")
+            .got(robot.rate_hz)
+            .allowed(format!("{}..{}", RATES_HZ.start(), RATES_HZ.end())));
+    }
     for line in &robot.lines {
         if !is_name(&line.name, b'_') {
             return Err(ProfileError::new(file, "this cannot be the name of a line")
@@ -69,6 +85,11 @@ fn one_setup(file: &str, setup: &Setup, joints: &BTreeMap<&str, &Joint>) -> Verd
                 .got(format!("{name:?}"))
                 .allowed(format!("a register name of {}", servo.name)));
         };
+        if item.register.role.is_some_and(|role| NOT_SET_UP.contains(&role)) {
+            return Err(ProfileError::new(file, "goals and torque are not set up in a file")
+                .at(format!("{place}, {name}"))
+                .remedy("leave it out: a motion writes it, checked"));
+        }
         let (min, max) = item.register.range();
         if !(min..=max).contains(&raw) {
             return Err(ProfileError::new(file, "the register does not accept this value")
@@ -192,6 +213,12 @@ fn on_the_bus(file: &str, robot: &Robot, joint: &Joint) -> Verdict {
     if !robot.setups.iter().any(|setup| setup.applies_to(joint)) {
         return Err(refuse("no [[setup]] says how the servo of this joint is configured")
             .got(format!("servo {:?}", joint.servo)));
+    }
+    let fastest = servo.motor.no_load_speed_rad_s;
+    if joint.velocity_rad_s > fastest {
+        return Err(refuse("the joint may turn faster than its servo can")
+            .got(format!("velocity_rad_s {}", joint.velocity_rad_s))
+            .allowed(format!("at most {fastest}, {} without load", servo.model)));
     }
     let (_, registers) = robot.setup_for(joint);
     line_speed(file, joint, line, servo, &registers)?;
