@@ -288,8 +288,6 @@ fn nothing_of_a_joint_may_be_nan_or_infinite() {
     }
     robot_refused("origin_m = [0.0, ", "origin_m = [nan, ", "not a number", "origin_m");
     robot_refused("axis = [0.0, ", "axis = [nan, ", "unit length", "hip");
-    robot_refused("rate_hz = 100.0", "rate_hz = nan", "driven at this rate", "rate_hz");
-    robot_refused("rate_hz = 100.0", "rate_hz = 0.0", "above zero", "rate_hz");
     robot_refused("velocity_rad_s = 4.0", "velocity_rad_s = 0.0", "above zero", "hip");
     robot_refused("acceleration_rad_s2 = 20.0", "acceleration_rad_s2 = -1.0", "above zero", "hip");
     robot_refused("n_pose_rad = { hip = 0.1", "n_pose_rad = { hip = nan", "not a number", "hip");
