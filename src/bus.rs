@@ -152,6 +152,7 @@ pub struct Bus {
     received: Vec<u8>,
     scratch: Vec<u8>,
     heard: usize,
+    retries: u32,
     sending_until: Instant,
     quiet_until: Instant,
     wary_until: Instant,
@@ -178,6 +179,7 @@ impl Bus {
             received: Vec::with_capacity(4096),
             scratch: Vec::with_capacity(1024),
             heard: 0,
+            retries: 1,
             sending_until: Instant::ZERO,
             quiet_until: Instant::ZERO,
             wary_until: Instant::ZERO,
@@ -355,7 +357,13 @@ impl Bus {
         }
     }
 
-    /// Asks one device, once more if the answer was lost and `budget` allows.
+    /// How often a lost answer of one device is asked for again: once in a cycle, more patiently
+    /// when nothing is moving.
+    pub const fn set_retries(&mut self, retries: u32) {
+        self.retries = retries;
+    }
+
+    /// Asks one device, and again if the answer was lost and `budget` allows.
     fn ask(
         &mut self,
         id: u8,
@@ -363,18 +371,20 @@ impl Bus {
         budget: Instant,
         encode: impl Fn(Protocol, &mut Vec<u8>) -> Result<(), String>,
     ) -> Result<Reply, AskError> {
-        let mut retried = false;
+        let mut retries_left = self.retries;
         loop {
             self.sent.clear();
             encode(self.protocol, &mut self.sent).map_err(AskError::Unsayable)?;
             let heard_at = self.say(budget)?;
             match self.one_answer(id, length, heard_at, budget) {
-                Err(AskError::Miss(miss)) if !retried && !matches!(miss, Miss::Refused(_)) => {
+                Err(AskError::Miss(miss))
+                    if retries_left > 0 && !matches!(miss, Miss::Refused(_)) =>
+                {
                     let again = self.answer_time(self.protocol.status_bytes(length), 1);
                     if self.clock.now() + again > budget {
                         return Err(miss.into());
                     }
-                    retried = true;
+                    retries_left -= 1;
                     self.stats.retried += 1;
                 }
                 other => return other,

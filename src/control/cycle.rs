@@ -49,6 +49,8 @@ pub struct Run {
 
 /// A cycle is late if it begins this share of a period after its time: its goals are stale then.
 const LATE_SHARE: f64 = 0.5;
+/// Retries of one question inside a cycle.
+const RETRIES: u32 = 1;
 /// A joint is at rest below this speed, rad/s.
 const REST_RAD_S: f64 = 0.05;
 /// Goals written after the motion ended, so that the last two are equal on every joint.
@@ -89,6 +91,7 @@ pub fn run(
     let mut tally = Tally::new(link.robot().joints.len());
     let clock = std::sync::Arc::clone(link.clock());
     let began = clock.now();
+    link.set_retries(RETRIES);
     let bytes_before = line_bytes(link);
     let limits = link.robot().limits();
     let mut player = Player {

@@ -112,6 +112,13 @@ impl Link {
         }
     }
 
+    /// How often a lost answer of one servo is asked for again.
+    pub fn set_retries(&mut self, retries: u32) {
+        for bus in &mut self.buses {
+            bus.set_retries(retries);
+        }
+    }
+
     /// Line time of one cycle (goals out, states in) on the slowest line, s.
     #[must_use]
     pub fn cycle_time_s(&self) -> f64 {

@@ -40,6 +40,8 @@ const STILL_FOR: Duration = Duration::from_millis(200);
 const TEMPERATURE_MARGIN_C: f64 = 5.0;
 /// Budget of one question outside the cycle.
 pub(crate) const QUESTION: Duration = Duration::from_millis(100);
+/// Outside the cycle a lost answer costs nothing but time; a host that stalls is no silent servo.
+const PATIENT_RETRIES: u32 = 10;
 /// Share of a cycle the line may be busy.
 pub const LINE_SHARE: f64 = 0.8;
 
@@ -49,6 +51,7 @@ pub const LINE_SHARE: f64 = 0.8;
 /// The first check that fails, with joint, found and expected values.
 pub fn preflight(link: &mut Link, period: Duration, accept: Accept) -> Result<Preflight, Error> {
     let mut found = Preflight::default();
+    link.set_retries(PATIENT_RETRIES);
     check_identity(link, accept, &mut found)?;
     check_setup(link, &mut found)?;
     check_health(link, &mut found)?;
@@ -284,8 +287,15 @@ fn check_still(link: &mut Link) -> Result<Vec<f64>, Error> {
 
 /// Present position of every joint; a joint that cannot be read is an error, never a default.
 fn positions(link: &mut Link) -> Result<Vec<f64>, Error> {
-    let budget = budget(link) + QUESTION;
-    let states = link.states(budget).map_err(|e| exchange_error(link, None, &e))?;
+    let mut attempts = 0;
+    let states = loop {
+        let budget = budget(link) + QUESTION;
+        let states = link.states(budget).map_err(|e| exchange_error(link, None, &e))?;
+        attempts += 1;
+        if attempts > PATIENT_RETRIES || states.iter().all(Result::is_ok) {
+            break states;
+        }
+    };
     let mut positions = Vec::with_capacity(states.len());
     for (joint, state) in states.into_iter().enumerate() {
         match state {
