@@ -25,6 +25,8 @@ pub struct PlotPage {
     pub summary_rows: Vec<(String, String)>,
     /// What the reader must not overlook.
     pub warnings: Vec<String>,
+    /// What the reader may want to know.
+    pub notes: Vec<String>,
     /// The joints, in the order of the page.
     pub joints: Vec<JointSeries>,
 }
@@ -56,7 +58,8 @@ pub struct JointSeries {
 pub fn page(page: &PlotPage) -> String {
     let title = escape(&page.title);
     let summary = summary(page);
-    let warnings = warnings(page);
+    let warnings = list("warnings", "Warnings", &page.warnings);
+    let notes = list("notes", "Notes", &page.notes);
     let series = series(&page.joints);
     let long = page.joints.iter().any(|joint| joint.time_s.len() > POINTS);
     let note = if long { DECIMATED } else { "" };
@@ -77,7 +80,7 @@ pub fn page(page: &PlotPage) -> String {
 <body>
 <header>
 <h1>{title}</h1>
-{warnings}{summary}</header>
+{warnings}{summary}{notes}</header>
 <main>
 <div class="bar">
 <ul class="legend" aria-label="Legend">
@@ -117,13 +120,12 @@ fn summary(page: &PlotPage) -> String {
     format!("<dl class=\"summary\" aria-label=\"Summary\">\n{rows}</dl>\n")
 }
 
-fn warnings(page: &PlotPage) -> String {
-    if page.warnings.is_empty() {
+fn list(class: &str, label: &str, texts: &[String]) -> String {
+    if texts.is_empty() {
         return String::new();
     }
-    let items: String =
-        page.warnings.iter().map(|text| format!("<li>{}</li>\n", escape(text))).collect();
-    format!("<ul class=\"warnings\" aria-label=\"Warnings\">\n{items}</ul>\n")
+    let items: String = texts.iter().map(|text| format!("<li>{}</li>\n", escape(text))).collect();
+    format!("<ul class=\"{class}\" aria-label=\"{label}\">\n{items}</ul>\n")
 }
 
 /// Text for an element or a quoted attribute.
@@ -214,6 +216,7 @@ mod tests {
             title: HOSTILE.into(),
             summary_rows: vec![(HOSTILE.into(), HOSTILE.into())],
             warnings: vec![HOSTILE.into()],
+            notes: vec![HOSTILE.into()],
             joints: vec![joint(HOSTILE, 30), joint("r_knee", 2_001)],
         })
     }
@@ -280,6 +283,7 @@ mod tests {
         let html = page(&PlotPage {
             summary_rows: vec![("Retimed".into(), "1.18 by r_knee".into())],
             warnings: vec!["no reading of r_knee".into()],
+            notes: vec!["the clip is eased".into()],
             ..PlotPage::default()
         });
         let before_script = html.split_once("<script").unwrap().0;

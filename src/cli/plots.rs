@@ -18,10 +18,12 @@ pub fn page(report: &PlayReport, recorder: &RunRecorder, robot: &Robot) -> Strin
                 report.cycles, report.cycle_hz, report.missed_cycles, report.late_cycles
             ),
         ),
+        ("duration", format!("{:.1} s", report.duration_s)),
         ("line", format!("{:.0} % busy", 100.0 * report.bus_load)),
+        ("tracking", tracking(report)),
+        ("made by", format!("gaitway {}", env!("CARGO_PKG_VERSION"))),
     ];
     let mut warnings: Vec<String> = report.stop_reason.iter().cloned().collect();
-    warnings.extend(report.notes.iter().cloned());
     if let Some(referee) = &report.referee {
         warnings.extend(referee.violations.iter().cloned());
     }
@@ -29,8 +31,19 @@ pub fn page(report: &PlayReport, recorder: &RunRecorder, robot: &Robot) -> Strin
         title: format!("{} on {}", report.motion, report.robot),
         summary_rows: rows.into_iter().map(|(label, text)| (label.to_owned(), text)).collect(),
         warnings,
+        notes: report.notes.clone(),
         joints: joints(recorder, robot),
     })
+}
+
+/// The joint that followed worst.
+fn tracking(report: &PlayReport) -> String {
+    let measured = report.joints.iter().filter_map(|j| Some((j.tracking_rms_rad?, &j.name)));
+    let worst = measured.max_by(|a, b| a.0.total_cmp(&b.0));
+    worst.map_or_else(
+        || "not measured".to_owned(),
+        |(rms_rad, joint)| format!("at most {:.2}\u{b0} RMS ({joint})", rms_rad.to_degrees()),
+    )
 }
 
 fn retiming(report: &PlayReport) -> String {

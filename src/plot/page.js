@@ -234,7 +234,7 @@
   // ---- the page ----
   const addPlot = (card, joint, kind, last) => {
     const position = kind === "position";
-    const curves = position ? [joint.goal, joint.present] : [joint.velocity];
+    const curves = position ? [joint.present, joint.goal] : [joint.velocity];
     const bounds = position
       ? [joint.lower, joint.upper]
       : [joint.fastest, joint.fastest === null ? null : -joint.fastest];
