@@ -1,8 +1,10 @@
 //! Real captures, all of them, on a virtual op3: done, or refused with the cause named.
 //!
 //! Reads every .bvh below the folder named by `GAITWAY_CAPTURES`; says loudly if there is none.
-//! Run with `--nocapture` to see the table.
 
+mod aloud;
+
+use aloud::aloud;
 use clap::Parser;
 use gaitway::cli::play::{PlayArgs, play};
 use gaitway::cli::report::{JointReport, Outcome, PlayReport};
@@ -18,9 +20,7 @@ struct Arguments {
 fn captures() -> Option<PathBuf> {
     let folder = std::env::var_os("GAITWAY_CAPTURES").map(PathBuf::from);
     if folder.is_none() {
-        eprintln!(
-            "SKIPPED: no captures are tested; set GAITWAY_CAPTURES to a folder of .bvh files"
-        );
+        aloud!("SKIPPED: no captures are tested; set GAITWAY_CAPTURES to a folder of .bvh files");
     }
     folder
 }
@@ -56,14 +56,14 @@ fn every_capture_is_played_safely_or_refused_with_its_cause() {
     assert!(!files.is_empty(), "no .bvh file below {}", folder.display());
     let mut good = 0;
     let mut broken = Vec::new();
-    println!("{:<58} {:>7} {:<14} {:>8} {:<14}", "capture", "factor", "joint", "clipped", "joint");
+    aloud!("{:<58} {:>7} {:<14} {:>8} {:<14}", "capture", "factor", "joint", "clipped", "joint");
     for file in &files {
         let name = file.strip_prefix(&folder).unwrap_or(file).display().to_string();
         let report = play_on_op3(file);
         let reason = report.stop_reason.clone().unwrap_or_default();
         let Some(clipped) = most_clipped(&report).filter(|_| report.outcome == Outcome::Done)
         else {
-            println!("{name:<58} {:?}: {}", report.outcome, reason.lines().next().unwrap_or(""));
+            aloud!("{name:<58} {:?}: {}", report.outcome, reason.lines().next().unwrap_or(""));
             if report.outcome != Outcome::Refused || reason.is_empty() {
                 broken.push(format!("{name}: {:?}: {reason}", report.outcome));
             }
@@ -71,7 +71,7 @@ fn every_capture_is_played_safely_or_refused_with_its_cause() {
         };
         let fits = report.retime_factor <= 5.0 && clipped.clipped_share <= 0.2;
         good += usize::from(fits);
-        println!(
+        aloud!(
             "{name:<58} {:>7.2} {:<14} {:>6.1} % {:<14}{}",
             report.retime_factor,
             report.retime_joint.as_deref().unwrap_or("-"),
@@ -87,7 +87,7 @@ fn every_capture_is_played_safely_or_refused_with_its_cause() {
         }
     }
     let all = files.len();
-    println!("{good} of {all} files within factor 5 and 20 % clipped");
+    aloud!("{good} of {all} files within factor 5 and 20 % clipped");
     assert!(broken.is_empty(), "{}", broken.join("\n"));
     assert!(10 * good >= 9 * all, "only {good} of {all} files fit the robot");
 }

@@ -1,6 +1,9 @@
 //! The command as a process among processes: virtual robots behind pseudo-terminals, signals,
 //! ports that are busy or vanish. Time is real here because that is the point.
 
+mod aloud;
+
+use aloud::aloud;
 use serde_json::Value;
 use std::io::{BufRead, BufReader};
 use std::path::PathBuf;
@@ -115,7 +118,7 @@ fn undisturbed(mut attempt: impl FnMut() -> Value) -> Value {
         if !reason.starts_with("the host") {
             return report;
         }
-        eprintln!("DISTURBED by the machine, once more: {reason}");
+        aloud!("DISTURBED by the machine, once more: {reason}");
     }
     panic!("this machine stalls too often to play in real time");
 }

@@ -1,5 +1,8 @@
 //! House rules that a machine can hold.
 
+mod aloud;
+
+use aloud::aloud;
 use std::path::Path;
 use std::process::Command;
 
@@ -12,12 +15,12 @@ fn the_sources_are_formatted() {
     let Ok(run) =
         Command::new("cargo").args(["fmt", "--all", "--check"]).current_dir(root()).output()
     else {
-        eprintln!("SKIPPED: cargo fmt is not installed");
+        aloud!("SKIPPED: cargo fmt is not installed");
         return;
     };
     let said = String::from_utf8_lossy(&run.stderr);
     if said.contains("is not installed") || said.contains("no such command") {
-        eprintln!("SKIPPED: rustfmt is not installed");
+        aloud!("SKIPPED: rustfmt is not installed");
         return;
     }
     assert!(

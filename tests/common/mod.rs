@@ -1,5 +1,11 @@
 //! What several capture tests share: the robot, the capture folder, small kinematics.
+
 #![allow(dead_code, reason = "each test file uses a part")]
+
+#[path = "../aloud/mod.rs"]
+mod aloud;
+
+use aloud::aloud;
 
 pub mod puppet;
 
@@ -94,7 +100,7 @@ pub fn op3_initial_rad() -> Vec<f64> {
 pub fn captures() -> Option<PathBuf> {
     let folder = std::env::var_os("GAITWAY_CAPTURES").map(PathBuf::from);
     if folder.is_none() {
-        eprintln!("SKIPPED: set GAITWAY_CAPTURES to a folder of BVH files to run this test");
+        aloud!("SKIPPED: set GAITWAY_CAPTURES to a folder of BVH files to run this test");
     }
     folder
 }
@@ -121,7 +127,7 @@ pub fn bvh_files(folder: &Path) -> Vec<PathBuf> {
 pub fn capture_file(folder: &Path, name: &str) -> Option<PathBuf> {
     let found = bvh_files(folder).into_iter().find(|path| path.ends_with(name));
     if found.is_none() {
-        eprintln!("SKIPPED: {name} is not under {}", folder.display());
+        aloud!("SKIPPED: {name} is not under {}", folder.display());
     }
     found
 }
