@@ -277,36 +277,41 @@ fn a_thousand_seeds_with_random_damage_never_break_a_rule() {
 fn with_slow_host(
     rounds: usize,
     stall: impl Fn(u64) -> Duration + 'static,
-) -> (gaitway::control::Run, gaitway_sim::Verdict) {
+) -> (gaitway::control::Run, gaitway_sim::Verdict, Vec<Vec<f64>>) {
     let mut scene = Scene::op3();
     let found = scene.preflight().expect("a robot that is ready");
     let trajectory = scene.swing(&found.start_rad, 0.5, rounds);
     let armed = gaitway::control::arm::arm(&mut scene.link, &found).expect("torque");
-    let mut sink = scene::SlowHost { world: scene.world.clone(), stall: Box::new(stall) };
+    let (world, stall) = (scene.world.clone(), Box::new(stall));
+    let mut sink = scene::SlowHost { world, stall, goals_rad: Vec::new() };
     let settings = scene.settings;
     let run =
         gaitway::control::run(&mut scene.link, armed, &trajectory, settings, &mut sink, &|| false);
     let verdict = scene.world.lock().verdict();
-    (run, verdict)
+    (run, verdict, sink.goals_rad)
 }
 
 #[test]
 fn c22_a_short_stall_is_bridged_and_a_long_one_stops_without_a_jump() {
     let once = |millis| move |cycle| Duration::from_millis(if cycle == 60 { millis } else { 0 });
-    let (run, verdict) = with_slow_host(3, once(50));
+    let (run, verdict, _) = with_slow_host(3, once(50));
     assert_eq!(run.stop, None);
     assert_clean(&verdict);
     for millis in [200, 2_000] {
-        let (run, verdict) = with_slow_host(3, once(millis));
+        let (run, verdict, goals_rad) = with_slow_host(3, once(millis));
         assert!(matches!(run.stop, Some(StopReason::Stalled { .. })), "{:?}", run.stop);
         assert_clean(&verdict);
+        // The goal written right after cycle 60 is the last that moves anything.
+        let after = &goals_rad[62..];
+        assert!(!after.is_empty(), "{millis} ms: the loop ended at once");
+        assert!(after.iter().all(|goals| *goals == goals_rad[61]), "{millis} ms: a jump");
     }
 }
 
 #[test]
 fn c23_a_host_that_is_always_too_slow_is_stopped_within_ten_cycles() {
     for millis in [10, 15, 60, 88] {
-        let (run, _) = with_slow_host(3, move |_| Duration::from_millis(millis));
+        let (run, _, _) = with_slow_host(3, move |_| Duration::from_millis(millis));
         assert!(matches!(run.stop, Some(StopReason::Late { .. })), "{millis} ms: {:?}", run.stop);
         assert!(run.tally.late_cycles >= 5, "{millis} ms: {} late", run.tally.late_cycles);
         let ramp_cycles = 40;
@@ -346,16 +351,20 @@ fn a_joint_that_rests_exactly_on_its_limit_may_stay_there() {
 
 #[test]
 fn a_slow_adapter_breaks_no_rule_when_a_servo_falls_silent() {
-    for from_ms in [2_500_u64, 2_503, 2_506, 2_509, 2_731] {
-        let from_ns = from_ms * 1_000_000;
-        let fault = Fault::Silent { joint: "r_el".into(), from_ns, until_ns: from_ns + 45_000_000 };
-        let adapter_latency_ns = 16_000_000;
-        let options = Options { faults: vec![fault], adapter_latency_ns, ..Options::default() };
-        let mut scene = Scene::of("op3", options);
-        scene.settings = gaitway::control::Settings::at_rate(25.0);
-        let played = scene.play(SWING_RAD, 4);
-        assert_eq!(played.run.stop, None, "silent from {from_ms} ms");
-        assert_clean(&played.verdict);
+    for (rate_hz, latency_ms) in [(20.0, 16), (25.0, 16), (50.0, 5)] {
+        for from_ms in (2_000_u64..3_600).step_by(29) {
+            let from_ns = from_ms * 1_000_000;
+            let until_ns = from_ns + 15_000_000;
+            let fault = Fault::Silent { joint: "r_el".into(), from_ns, until_ns };
+            let adapter_latency_ns = latency_ms * 1_000_000;
+            let options = Options { faults: vec![fault], adapter_latency_ns, ..Options::default() };
+            let mut scene = Scene::of("op3", options);
+            scene.settings = gaitway::control::Settings::at_rate(rate_hz);
+            // As fast as the joints may: no goal can be late and still be within a step.
+            let played = scene.play(1.5, 4);
+            assert_eq!(played.run.stop, None, "silent from {from_ms} ms at {rate_hz} Hz");
+            assert_clean(&played.verdict);
+        }
     }
 }
 

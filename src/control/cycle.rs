@@ -68,7 +68,8 @@ struct Player<'a> {
     clock: MotionClock,
     setpoints: Vec<Setpoint>,
     goal_velocity_rad_s: Vec<f64>,
-    written_at: Instant,
+    /// When a goal was last written; none yet: the motion's clock starts with the first.
+    written_at: Option<Instant>,
     stop: Option<StopReason>,
     frozen: bool,
     goals_at_rest: u32,
@@ -102,7 +103,7 @@ pub fn run(
         clock: MotionClock::new(&limits),
         setpoints: vec![Setpoint::default(); limits.len()],
         goal_velocity_rad_s: vec![0.0; limits.len()],
-        written_at: began,
+        written_at: None,
         stop: None,
         frozen: false,
         goals_at_rest: 0,
@@ -258,8 +259,9 @@ impl Player<'_> {
         let clock = std::sync::Arc::clone(self.link.clock());
         clock.sleep_until(self.link.ready_at());
         let now = clock.now();
-        let motion_s = self.clock.advance(now.since(self.written_at).as_secs_f64());
-        self.written_at = now;
+        let since = self.written_at.map_or(Duration::ZERO, |before| now.since(before));
+        let motion_s = self.clock.advance(since.as_secs_f64());
+        self.written_at = Some(now);
         if !self.frozen {
             self.trajectory.sample(motion_s, &mut self.setpoints);
             self.clock.apply_rate(&mut self.setpoints);

@@ -128,10 +128,12 @@ impl Scene {
 pub struct SlowHost {
     pub world: SharedWorld,
     pub stall: Box<dyn Fn(u64) -> Duration>,
+    pub goals_rad: Vec<Vec<f64>>,
 }
 
 impl Sink for SlowHost {
     fn take(&mut self, sample: &Sample<'_>) {
+        self.goals_rad.push(sample.goal_rad.to_vec());
         let mut world = self.world.lock();
         let until = world.now_ns() + (self.stall)(sample.cycle).as_nanos() as u64;
         world.run_until(until);
