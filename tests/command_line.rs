@@ -55,6 +55,10 @@ fn help_teaches_every_command_with_an_example() {
         let help = stdout(&run(&[command, "--help"]));
         assert_words(&help, &["Usage:", "Example"]);
     }
+    for action in ["list", "show", "check"] {
+        let help = stdout(&run(&["profile", action, "--help"]));
+        assert_words(&help, &["Usage:", "Example: gaitway profile"]);
+    }
 }
 
 #[test]

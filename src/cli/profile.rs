@@ -8,6 +8,7 @@ use std::fmt::Write;
 
 /// Arguments of `profile`.
 #[derive(Debug, Args)]
+#[command(after_help = "Example: gaitway profile list")]
 pub struct ProfileArgs {
     #[command(subcommand)]
     action: Action,
@@ -16,6 +17,7 @@ pub struct ProfileArgs {
 #[derive(Debug, Subcommand)]
 enum Action {
     /// Servos and robots that come with gaitway
+    #[command(after_help = "Example: gaitway profile list")]
     List,
     /// One servo's registers or one robot's joints
     #[command(after_help = "Example: gaitway profile show xm430-w350")]

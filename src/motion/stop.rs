@@ -81,12 +81,6 @@ impl Clock {
         }
     }
 
-    /// Whether a stop has begun.
-    #[must_use]
-    pub const fn is_stopping(&self) -> bool {
-        self.stopping.is_some()
-    }
-
     /// Whether a stop has come to its end.
     #[must_use]
     pub fn is_stopped(&self) -> bool {
