@@ -31,7 +31,8 @@ pub struct Joint {
     pub initial_rad: f64,
     /// Raw values its registers are configured to, by register name.
     pub setup: BTreeMap<String, i64>,
-    direction: f64,
+    /// Turns of the joint for one turn of the servo, with its sign.
+    ratio: f64,
     offset_rad: f64,
     feedback: FeedbackBlock,
     health: HealthBlock,
@@ -46,11 +47,12 @@ impl Joint {
         let unfit = |e: crate::device::RegisterError| Error::new(e.to_string()).at(place());
         let goal = model.register(Role::GoalPosition).map_err(unfit)?;
         let direction = f64::from(joint.direction);
-        let servo_angle = |joint_rad: f64| direction * (joint_rad + joint.offset_rad);
+        let ratio = direction * joint.gear;
+        let servo_angle = |joint_rad: f64| direction * (joint_rad + joint.offset_rad) / joint.gear;
         let inward = |limit_rad: f64, towards: f64| -> Result<f64, Error> {
             let wanted = servo_angle(limit_rad);
             let mut raw = model.raw_from_si(goal, wanted).map_err(unfit)?;
-            let back = |raw| direction * model.si_from_raw(goal, raw) - joint.offset_rad;
+            let back = |raw| ratio * model.si_from_raw(goal, raw) - joint.offset_rad;
             if (back(raw) - limit_rad) * towards < 0.0 {
                 raw += if direction * towards > 0.0 { 1 } else { -1 };
             }
@@ -71,7 +73,7 @@ impl Joint {
             limits,
             initial_rad: joint.initial_rad,
             setup: file.setup_for(joint).1,
-            direction,
+            ratio,
             offset_rad: joint.offset_rad,
             feedback: FeedbackBlock::of(model).map_err(unfit)?,
             health: HealthBlock::of(model),
@@ -89,19 +91,34 @@ impl Joint {
     /// The servo's angle for a joint angle, rad.
     #[must_use]
     pub fn servo_rad(&self, joint_rad: f64) -> f64 {
-        self.direction * (joint_rad + self.offset_rad)
+        (joint_rad + self.offset_rad) / self.ratio
     }
 
     /// The joint's state from what its servo reported.
     #[must_use]
     pub fn joint_state(&self, servo: JointState) -> JointState {
         JointState {
-            position_rad: self.direction * servo.position_rad - self.offset_rad,
-            velocity_rad_s: self.direction * servo.velocity_rad_s,
-            current_a: servo.current_a.map(|current_a| self.direction * current_a),
-            load_ratio: servo.load_ratio.map(|load| self.direction * load),
+            position_rad: self.ratio * servo.position_rad - self.offset_rad,
+            velocity_rad_s: self.ratio * servo.velocity_rad_s,
+            current_a: servo.current_a.map(|current_a| self.ratio.signum() * current_a),
+            load_ratio: servo.load_ratio.map(|load| self.ratio.signum() * load),
             ..servo
         }
+    }
+}
+
+/// What the servos on a line speak.
+fn spoken_on(file: &profiles::Robot, line: &str) -> Result<Protocol, Error> {
+    let place = || format!("robot {}, line {line}", file.name);
+    let first = file
+        .joints_on(line)
+        .next()
+        .ok_or_else(|| Error::new("a line without a joint").at(place()))?;
+    let servo = profiles::servo(&first.servo).map_err(|e| Error::new(e.to_string()).at(place()))?;
+    match servo.protocol {
+        profiles::Protocol::Dynamixel2 => Ok(Protocol::Dynamixel2),
+        profiles::Protocol::FeetechSts => Ok(Protocol::FeetechSts),
+        other => Err(Error::new("not spoken yet").at(place()).got(format!("{other:?}"))),
     }
 }
 
@@ -138,15 +155,11 @@ impl Robot {
         let lines: Vec<Line> = file
             .lines
             .iter()
-            .map(|line| Line {
-                name: line.name.clone(),
-                protocol: match line.protocol {
-                    profiles::Protocol::Dynamixel2 => Protocol::Dynamixel2,
-                    profiles::Protocol::FeetechSts => Protocol::FeetechSts,
-                },
-                baud_bps: line.baud_bps,
+            .map(|line| {
+                let protocol = spoken_on(&file, &line.name)?;
+                Ok(Line { name: line.name.clone(), protocol, baud_bps: line.baud_bps })
             })
-            .collect();
+            .collect::<Result<_, Error>>()?;
         let mut joints = Vec::with_capacity(file.joints.len());
         for joint in &file.joints {
             let line = lines.iter().position(|line| line.name == joint.line).ok_or_else(|| {

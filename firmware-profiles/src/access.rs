@@ -158,7 +158,7 @@ impl Protocol {
     pub fn highest_id(self) -> u8 {
         match self {
             Self::Dynamixel2 => 252,
-            Self::FeetechSts => 253,
+            Self::Dynamixel1 | Self::FeetechSts | Self::FeetechScs => 253,
         }
     }
 }

@@ -35,6 +35,20 @@ pub struct Servo {
     /// Lowest firmware that answers Fast Sync Read, if any does.
     #[serde(default)]
     pub fast_sync_read_from_firmware: Option<u16>,
+    /// Lowest firmware that obeys Clear, if any does.
+    #[serde(default)]
+    pub clear_from_firmware: Option<u16>,
+    /// Lowest firmware that obeys Control Table Backup, if any does.
+    #[serde(default)]
+    pub backup_from_firmware: Option<u16>,
+    /// Protocol 1.0 only: whether the servo answers Bulk Read (MX does, AX does not). Every
+    /// Protocol 2.0 servo does; no Feetech does.
+    #[serde(default)]
+    pub bulk_read: bool,
+    /// Values of the operating mode register the servo knows. Empty where there is no such
+    /// register (Protocol 1.0 and SCS choose the mode by their angle limits).
+    #[serde(default, rename = "operating_mode")]
+    pub operating_modes: Vec<OperatingMode>,
     /// Bits of the hardware error (or status) register.
     #[serde(default, rename = "error_bit")]
     pub error_bits: Vec<ErrorBit>,
@@ -46,12 +60,48 @@ pub struct Servo {
 /// Serial protocol families.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq, Hash)]
 pub enum Protocol {
+    /// ROBOTIS DYNAMIXEL Protocol 1.0.
+    #[serde(rename = "dynamixel-1.0")]
+    Dynamixel1,
     /// ROBOTIS DYNAMIXEL Protocol 2.0.
     #[serde(rename = "dynamixel-2.0")]
     Dynamixel2,
     /// FEETECH STS/SMS: the protocol 1.0 frame, little-endian words, sign-magnitude values.
     #[serde(rename = "feetech-sts")]
     FeetechSts,
+    /// FEETECH SCS: as STS, but words are big-endian, and there is no group read.
+    #[serde(rename = "feetech-scs")]
+    FeetechScs,
+}
+
+/// One value of an operating mode register.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
+#[serde(deny_unknown_fields)]
+pub struct OperatingMode {
+    /// Value of the register.
+    pub value: u8,
+    /// What it makes of the servo.
+    pub mode: Mode,
+}
+
+/// What a servo controls.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq, Hash)]
+#[serde(rename_all = "kebab-case")]
+pub enum Mode {
+    /// Position within one turn.
+    Position,
+    /// Position over many turns.
+    ExtendedPosition,
+    /// Position over many turns with a limit on the current.
+    CurrentBasedPosition,
+    /// Speed, endlessly.
+    Velocity,
+    /// Current.
+    Current,
+    /// Voltage on the motor, open loop.
+    Pwm,
+    /// Position relative to where it stands (Feetech).
+    Step,
 }
 
 /// Inclusive range of firmware versions. Feetech's `major.minor` is written as
@@ -141,6 +191,9 @@ pub struct Register {
     /// One count is this many units. Absent: 1 (for `turn`: from [`Servo::position`]).
     #[serde(default)]
     pub scale: Option<f64>,
+    /// Raw value that stands for zero units; absent = 0 (for `turn`: from [`Servo::position`]).
+    #[serde(default)]
+    pub zero: Option<i64>,
     /// Lowest raw value the device accepts.
     #[serde(default)]
     pub min: Option<i64>,
@@ -174,7 +227,7 @@ pub struct RegisterItem<'a> {
     pub address: u16,
 }
 
-/// Byte layouts. All are little-endian on the wire in the protocols at hand.
+/// Byte layouts. Little-endian on the wire, but for [`Protocol::FeetechScs`].
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
 #[serde(rename_all = "kebab-case")]
 pub enum Encoding {
@@ -332,6 +385,31 @@ pub enum Role {
     PresentTemperature,
     IndirectAddress,
     IndirectData,
+    AlarmLed,
+    Punch,
+    CwComplianceMargin,
+    CcwComplianceMargin,
+    CwComplianceSlope,
+    CcwComplianceSlope,
+    /// MX with protocol 1.0: the reading is divided by this.
+    ResolutionDivider,
+    /// MX-64 and MX-106 with protocol 1.0: 1 = follows [`Role::GoalCurrent`].
+    TorqueControlEnable,
+    PwmSlope,
+    BackupReady,
+    /// Feetech: setting bits of address 18.
+    Phase,
+    ProtectiveTorque,
+    ProtectionTime,
+    OverloadTorque,
+    ProtectionCurrent,
+    OverCurrentTime,
+    MinStartupForce,
+    CwDeadZone,
+    CcwDeadZone,
+    AngularResolution,
+    MaxSpeed,
+    MaxAcceleration,
 }
 
 /// A USB serial adapter.
@@ -389,8 +467,6 @@ pub struct Robot {
 pub struct Line {
     /// Name used by `--bus NAME=BUS`.
     pub name: String,
-    /// Protocol of everything on it.
-    pub protocol: Protocol,
     /// Bits per second.
     pub baud_bps: u32,
 }
@@ -425,10 +501,16 @@ pub struct Joint {
     pub id: u8,
     /// Servo profile by name.
     pub servo: String,
-    /// +1 or -1: joint angle = direction x servo angle - offset.
+    /// +1 or -1: joint angle = direction x gear x servo angle - offset.
     pub direction: i8,
-    /// Joint angle reads zero where the servo angle (after direction) equals this, rad.
+    /// Turns of the joint for one turn of the servo; absent = 1.
+    #[serde(default = "one")]
+    pub gear: f64,
+    /// Joint angle reads zero where the servo angle (after direction and gear) equals this, rad.
     pub offset_rad: f64,
+    /// The other joint of a servo with two axes in one case: they share line speed and power.
+    #[serde(default)]
+    pub shares_case_with: Option<String>,
     /// Lowest allowed joint angle, rad.
     pub lower_rad: f64,
     /// Highest allowed joint angle, rad.
@@ -447,6 +529,10 @@ pub struct Joint {
     pub origin_m: [f64; 3],
     /// Axis of rotation in that frame, unit length; positive angle by the right-hand rule.
     pub axis: [f64; 3],
+}
+
+fn one() -> f64 {
+    1.0
 }
 
 /// How the robot's links stand for a human's segments.

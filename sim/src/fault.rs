@@ -238,7 +238,7 @@ pub(crate) fn damage_at_sender(
             change(&mut plain, place, damage);
             answer.bytes = packet::status(plain[0], plain[1], &plain[2..]);
         }
-        (Damage::Lie { .. } | Damage::WrongId { .. }, Protocol::FeetechSts) => {
+        (Damage::Lie { .. } | Damage::WrongId { .. }, _) => {
             let place = if let Damage::Lie { at, .. } = damage { at + 5 } else { 2 };
             let end = answer.bytes.len() - 1;
             change(&mut answer.bytes[..end], place, damage);

@@ -88,7 +88,6 @@ pub(crate) struct Line {
     pub baud_bps: u32,
     pub servos: Vec<Servo>,
     index: usize,
-    protocol: Protocol,
     sending: VecDeque<Chunk>,
     host_free_ns: u64,
     host_baud_bps: u32,
@@ -103,13 +102,12 @@ pub(crate) struct Line {
 }
 
 impl Line {
-    pub fn new(index: usize, name: &str, protocol: Protocol, baud_bps: u32) -> Line {
+    pub fn new(index: usize, name: &str, baud_bps: u32) -> Line {
         Line {
             name: name.to_string(),
             baud_bps,
             servos: Vec::new(),
             index,
-            protocol,
             sending: VecDeque::new(),
             host_free_ns: 0,
             host_baud_bps: baud_bps,
@@ -119,6 +117,10 @@ impl Line {
             ready: VecDeque::new(),
             window_end_ns: 0,
         }
+    }
+
+    fn protocol(&self) -> Protocol {
+        self.servos.first().map_or(Protocol::Dynamixel2, |servo| servo.model.protocol)
     }
 
     /// The host starts to send, after what it is sending already.
@@ -168,9 +170,9 @@ impl Line {
         self.partial_end_ns = chunk.span.end_ns;
         let mut at = 0;
         loop {
-            let scan = match self.protocol {
+            let scan = match self.protocol() {
                 Protocol::Dynamixel2 => dynamixel2::packet::scan(&self.partial[at..]),
-                Protocol::FeetechSts => feetech::scan(&self.partial[at..]),
+                _ => feetech::scan(&self.partial[at..]),
             };
             match scan {
                 Scan::Incomplete => break,
@@ -208,9 +210,9 @@ impl Line {
                 servo.heard(end_ns);
             }
         }
-        let exchange = match self.protocol {
+        let exchange = match self.protocol() {
             Protocol::Dynamixel2 => dynamixel2::answer(packet, &mut self.servos, end_ns),
-            Protocol::FeetechSts => feetech::answer(packet, &mut self.servos, end_ns),
+            _ => feetech::answer(packet, &mut self.servos, end_ns),
         };
         self.report(end_ns, &mut shared.referee);
         self.say(exchange, end_ns, baud_bps, shared);
@@ -275,7 +277,7 @@ impl Line {
                 damages = shared.faults.strike_status(servo.joint, servo.statuses, &mut shared.rng);
             }
             for &damage in &damages {
-                damage_at_sender(self.protocol, exchange, k, damage);
+                damage_at_sender(self.protocol(), exchange, k, damage);
             }
             if let (Some(index), None) = (servo, exchange.answers[k].servo) {
                 // It was its turn, though nothing was sent.

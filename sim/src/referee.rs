@@ -96,7 +96,8 @@ struct Watched {
     lower: f64,
     upper: f64,
     speed: f64,
-    direction: f64,
+    /// Turns of the joint for one turn of the servo, with its sign.
+    ratio: f64,
     offset: f64,
     radians_per_count: f64,
     zero_count: i64,
@@ -110,7 +111,7 @@ struct Watched {
 
 impl Watched {
     fn angle(&self, raw: i64) -> f64 {
-        self.direction * (raw - self.zero_count) as f64 * self.radians_per_count - self.offset
+        self.ratio * (raw - self.zero_count) as f64 * self.radians_per_count - self.offset
     }
 }
 
@@ -142,7 +143,7 @@ impl Referee {
             lower: joint.lower_rad,
             upper: joint.upper_rad,
             speed: joint.velocity_rad_s,
-            direction: f64::from(joint.direction),
+            ratio: f64::from(joint.direction) * joint.gear,
             offset: joint.offset_rad,
             radians_per_count: f64::from(position.degrees).to_radians()
                 / f64::from(position.counts),

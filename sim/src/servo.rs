@@ -298,8 +298,8 @@ impl Servo {
         // DYNAMIXEL Return Delay Time(9) and Feetech address 7 both count 2 us.
         let delay_ns = self.value(Role::ReturnDelay).unwrap_or(0).max(0) as u64 * 2_000;
         match self.model.protocol {
-            Protocol::Dynamixel2 => delay_ns,
-            Protocol::FeetechSts => delay_ns.max(FEETECH_LATENCY_NS),
+            Protocol::Dynamixel1 | Protocol::Dynamixel2 => delay_ns,
+            Protocol::FeetechSts | Protocol::FeetechScs => delay_ns.max(FEETECH_LATENCY_NS),
         }
     }
 

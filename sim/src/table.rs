@@ -23,6 +23,7 @@ pub(crate) struct Item {
     pub initial: i64,
     /// One count in the unit below.
     scale: f64,
+    zero: Option<i64>,
     unit: Unit,
 }
 
@@ -81,6 +82,7 @@ impl Model {
             max: register.max,
             initial: place.initial().unwrap_or(0),
             scale: register.scale.unwrap_or(1.0),
+            zero: register.zero,
             unit: register.unit,
         };
         self.items.push(item);
@@ -137,7 +139,11 @@ impl Model {
     }
 
     fn zero(&self, item: &Item) -> i64 {
-        if item.unit == Unit::Turn { i64::from(self.profile.position.zero_count) } else { 0 }
+        match (item.zero, item.unit) {
+            (Some(zero), _) => zero,
+            (None, Unit::Turn) => i64::from(self.profile.position.zero_count),
+            (None, _) => 0,
+        }
     }
 
     fn si_per_count(&self, item: &Item) -> f64 {

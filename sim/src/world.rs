@@ -77,7 +77,8 @@ struct Placed {
     line: usize,
     servo: usize,
     initial_rad: f64,
-    direction: f64,
+    /// Turns of the joint for one turn of the servo, with its sign.
+    ratio: f64,
 }
 
 impl World {
@@ -115,7 +116,7 @@ impl World {
         let lines = robot.lines.iter().enumerate();
         let mut world = World {
             now_ns: 0,
-            lines: lines.map(|(k, l)| Line::new(k, &l.name, l.protocol, l.baud_bps)).collect(),
+            lines: lines.map(|(k, l)| Line::new(k, &l.name, l.baud_bps)).collect(),
             shared: Shared {
                 line_timing: options.line_timing,
                 real_time: false,
@@ -153,9 +154,6 @@ impl World {
             servo: profile.name.clone(),
             reason: reason.to_string(),
         };
-        if profile.protocol != robot.lines[line].protocol {
-            return Err(wrong("speaks another protocol than its line"));
-        }
         let baud = profile.baud.iter().find(|baud| baud.bps == baud_bps);
         let baud = baud.ok_or_else(|| wrong("does not know its line's speed"))?;
         for role in [Role::Id, Role::BaudRate, Role::PresentPosition, Role::GoalPosition] {
@@ -171,15 +169,15 @@ impl World {
                 return Err(wrong(&format!("has no register {name:?} that can hold {raw}")));
             }
         }
-        let direction = f64::from(joint.direction);
-        servo.place(direction * (joint.initial_rad + joint.offset_rad));
+        let ratio = f64::from(joint.direction) * joint.gear;
+        servo.place((joint.initial_rad + joint.offset_rad) / ratio);
         servo.mark_start();
         self.shared.referee.add(joint, profile);
         self.joints.push(Placed {
             line,
             servo: self.lines[line].servos.len(),
             initial_rad: joint.initial_rad,
-            direction,
+            ratio,
         });
         self.lines[line].servos.push(servo);
         Ok(())
@@ -348,7 +346,7 @@ impl World {
         let place = self.joints[joint];
         let mut servo = self.servo(joint).clone();
         servo.advance(self.now_ns);
-        Some(place.initial_rad + place.direction * servo.turned_rad())
+        Some(place.initial_rad + place.ratio * servo.turned_rad())
     }
 
     /// How fast the joint really turns, rad/s.
@@ -356,15 +354,15 @@ impl World {
         let joint = *self.by_name.get(joint)?;
         let mut servo = self.servo(joint).clone();
         servo.advance(self.now_ns);
-        Some(self.joints[joint].direction * servo.velocity_rad_s())
+        Some(self.joints[joint].ratio * servo.velocity_rad_s())
     }
 
     /// Turns a joint's shaft by hand, rad. Returns false if there is no such joint.
     pub fn place_joint(&mut self, joint: &str, position_rad: f64) -> bool {
         let Some(&index) = self.by_name.get(joint) else { return false };
-        let Placed { initial_rad, direction, .. } = self.joints[index];
+        let Placed { initial_rad, ratio, .. } = self.joints[index];
         let Some(servo) = self.current(joint) else { return false };
-        let turn = direction * (position_rad - initial_rad) - servo.turned_rad();
+        let turn = (position_rad - initial_rad) / ratio - servo.turned_rad();
         servo.turn_by(turn);
         true
     }

@@ -105,9 +105,10 @@ impl Model {
 
     /// Raw count that stands for zero in `register`.
     fn zero(&self, register: &Register) -> f64 {
-        match register.unit {
-            Unit::Turn => f64::from(self.servo.position.zero_count),
-            _ => 0.0,
+        match (register.zero, register.unit) {
+            (Some(zero), _) => zero as f64,
+            (None, Unit::Turn) => f64::from(self.servo.position.zero_count),
+            (None, _) => 0.0,
         }
     }
 

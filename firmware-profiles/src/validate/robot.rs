@@ -115,6 +115,7 @@ fn numbers(file: &str, joint: &Joint) -> Verdict {
     if !is_name(&joint.name, b'_') {
         return Err(refuse("this cannot be the name of a joint").allowed("[a-z0-9_]+"));
     }
+    positive(file, || format!("{}, gear", place(joint)), joint.gear)?;
     if joint.direction != 1 && joint.direction != -1 {
         return Err(refuse("the direction is a sign").got(joint.direction).allowed("1 or -1"));
     }
@@ -200,11 +201,6 @@ fn on_the_bus(file: &str, robot: &Robot, joint: &Joint) -> Verdict {
             .got(format!("{:?}", joint.line))
             .allowed(names.join(", ")));
     };
-    if servo.protocol != line.protocol {
-        return Err(refuse("the servo does not speak the protocol of its line")
-            .got(format!("{} speaks {:?}", servo.name, servo.protocol))
-            .allowed(format!("{:?} on line {:?}", line.protocol, line.name)));
-    }
     if joint.id > servo.protocol.highest_id() {
         return Err(refuse("the protocol has no such ID")
             .got(joint.id)
@@ -215,10 +211,10 @@ fn on_the_bus(file: &str, robot: &Robot, joint: &Joint) -> Verdict {
             .got(format!("servo {:?}", joint.servo)));
     }
     let fastest = servo.motor.no_load_speed_rad_s;
-    if joint.velocity_rad_s > fastest {
+    if joint.velocity_rad_s > fastest * joint.gear {
         return Err(refuse("the joint may turn faster than its servo can")
             .got(format!("velocity_rad_s {}", joint.velocity_rad_s))
-            .allowed(format!("at most {fastest}, {} without load", servo.model)));
+            .allowed(format!("at most {}, {} without load", fastest * joint.gear, servo.model)));
     }
     let (_, registers) = robot.setup_for(joint);
     line_speed(file, joint, line, servo, &registers)?;
@@ -264,7 +260,7 @@ fn reach(file: &str, joint: &Joint, servo: &Servo, registers: &BTreeMap<String, 
         )
     };
     for (key, angle) in [("lower_rad", joint.lower_rad), ("upper_rad", joint.upper_rad)] {
-        let servo_angle = f64::from(joint.direction) * (angle + joint.offset_rad);
+        let servo_angle = f64::from(joint.direction) * (angle + joint.offset_rad) / joint.gear;
         let count = (f64::from(servo.position.zero_count)
             + servo_angle / servo.radians_per_count())
         .round();

@@ -6,26 +6,39 @@ use crate::schema::{Access, Protocol, Register, Role, Servo};
 use std::collections::BTreeSet;
 
 /// Registers that the driver and the virtual servo cannot do without.
-const REQUIRED: [Role; 15] = [
+const REQUIRED: [Role; 11] = [
     Role::ModelNumber,
     Role::FirmwareVersion,
     Role::Id,
     Role::BaudRate,
-    Role::ReturnDelay,
-    Role::StatusReturnLevel,
-    Role::OperatingMode,
     Role::MinPositionLimit,
     Role::MaxPositionLimit,
     Role::TorqueEnable,
-    Role::HardwareError,
     Role::GoalPosition,
     Role::PresentPosition,
     Role::PresentVelocity,
     Role::PresentVoltage,
 ];
 
-const REQUIRED_OF_DYNAMIXEL: [Role; 2] = [Role::ProfileVelocity, Role::ProfileAcceleration];
-const REQUIRED_OF_FEETECH: [Role; 2] = [Role::FirmwareVersionMinor, Role::EepromLock];
+const REQUIRED_OF_DYNAMIXEL_1: &[Role] =
+    &[Role::ReturnDelay, Role::StatusReturnLevel, Role::GoalVelocity, Role::TorqueLimit];
+const REQUIRED_OF_DYNAMIXEL_2: &[Role] = &[
+    Role::ReturnDelay,
+    Role::StatusReturnLevel,
+    Role::OperatingMode,
+    Role::HardwareError,
+    Role::ProfileVelocity,
+    Role::ProfileAcceleration,
+];
+const REQUIRED_OF_STS: &[Role] = &[
+    Role::ReturnDelay,
+    Role::StatusReturnLevel,
+    Role::OperatingMode,
+    Role::HardwareError,
+    Role::FirmwareVersionMinor,
+    Role::EepromLock,
+];
+const REQUIRED_OF_SCS: &[Role] = &[Role::FirmwareVersionMinor, Role::EepromLock];
 
 /// Of the required ones, those that must accept a write.
 const WRITABLE: [Role; 3] = [Role::Id, Role::TorqueEnable, Role::GoalPosition];
@@ -116,7 +129,7 @@ fn one_register(file: &str, protocol: Protocol, register: &Register) -> Verdict 
     // Addresses are two bytes in Dynamixel packets, one byte in Feetech packets.
     let table_limit = match protocol {
         Protocol::Dynamixel2 => 0xFFFF,
-        Protocol::FeetechSts => 0x100,
+        Protocol::Dynamixel1 | Protocol::FeetechSts | Protocol::FeetechScs => 0x100,
     };
     if end(register) > table_limit {
         return Err(refuse("the register lies beyond the addresses of the protocol")
@@ -167,10 +180,12 @@ fn roles(file: &str, servo: &Servo) -> Verdict {
         }
     }
     let of_protocol = match servo.protocol {
-        Protocol::Dynamixel2 => REQUIRED_OF_DYNAMIXEL,
-        Protocol::FeetechSts => REQUIRED_OF_FEETECH,
+        Protocol::Dynamixel1 => REQUIRED_OF_DYNAMIXEL_1,
+        Protocol::Dynamixel2 => REQUIRED_OF_DYNAMIXEL_2,
+        Protocol::FeetechSts => REQUIRED_OF_STS,
+        Protocol::FeetechScs => REQUIRED_OF_SCS,
     };
-    if let Some(role) = REQUIRED.iter().chain(&of_protocol).find(|role| !seen.contains(role)) {
+    if let Some(role) = REQUIRED.iter().chain(of_protocol).find(|role| !seen.contains(role)) {
         return Err(ProfileError::new(file, "a register every servo must have is missing")
             .at("register")
             .got(format!("no register with the role {role:?}")));

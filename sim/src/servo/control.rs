@@ -20,8 +20,8 @@ impl Servo {
 
     pub(super) fn drive_mode(&self) -> i64 {
         match self.model.protocol {
-            Protocol::Dynamixel2 => self.value(Role::DriveMode).unwrap_or(0),
-            Protocol::FeetechSts => 0,
+            Protocol::Dynamixel1 | Protocol::Dynamixel2 => self.value(Role::DriveMode).unwrap_or(0),
+            Protocol::FeetechSts | Protocol::FeetechScs => 0,
         }
     }
 
@@ -34,8 +34,10 @@ impl Servo {
     fn follows_positions(&self) -> bool {
         let mode = self.value(Role::OperatingMode);
         match self.model.protocol {
-            Protocol::Dynamixel2 => mode.is_none_or(|mode| matches!(mode, 3..=5)),
-            Protocol::FeetechSts => mode.is_none_or(|mode| mode == 0),
+            Protocol::Dynamixel1 | Protocol::Dynamixel2 => {
+                mode.is_none_or(|mode| matches!(mode, 3..=5))
+            }
+            Protocol::FeetechSts | Protocol::FeetechScs => mode.is_none_or(|mode| mode == 0),
         }
     }
 
@@ -50,9 +52,9 @@ impl Servo {
                 {
                     0
                 }
-                Protocol::Dynamixel2 => raw,
+                Protocol::Dynamixel1 | Protocol::Dynamixel2 => raw,
                 // Position offset(31) is subtracted.
-                Protocol::FeetechSts => -raw,
+                Protocol::FeetechSts | Protocol::FeetechScs => -raw,
             }
     }
 
@@ -66,8 +68,10 @@ impl Servo {
         let counts = (self.side() * shaft_rad / self.model.radians_per_count).round() as i64;
         let reading = i64::from(position.zero_count) + counts + self.offset_counts();
         match self.model.protocol {
-            Protocol::Dynamixel2 => reading,
-            Protocol::FeetechSts => reading.rem_euclid(i64::from(position.counts)),
+            Protocol::Dynamixel1 | Protocol::Dynamixel2 => reading,
+            Protocol::FeetechSts | Protocol::FeetechScs => {
+                reading.rem_euclid(i64::from(position.counts))
+            }
         }
     }
 
@@ -107,7 +111,7 @@ impl Servo {
     pub(super) fn update_drive(&mut self) {
         let gain = self.value(Role::PositionPGain).unwrap_or(0) as f64;
         let (factor, duty, torque) = match self.model.protocol {
-            Protocol::Dynamixel2 => {
+            Protocol::Dynamixel1 | Protocol::Dynamixel2 => {
                 let current = match self.value(Role::OperatingMode) {
                     Some(5) => self.si(Role::GoalCurrent).map(f64::abs),
                     _ => None,
@@ -116,7 +120,9 @@ impl Servo {
                 let torque = current.map_or(1.0, |current| current / stall);
                 (DYNAMIXEL_GAIN_PER_S, self.si(Role::GoalPwm).map(f64::abs), torque)
             }
-            Protocol::FeetechSts => (FEETECH_GAIN_PER_S, self.si(Role::TorqueLimit), 1.0),
+            Protocol::FeetechSts | Protocol::FeetechScs => {
+                (FEETECH_GAIN_PER_S, self.si(Role::TorqueLimit), 1.0)
+            }
         };
         self.motor.set_drive(Drive {
             // 2 is Feetech's damping: no position is held.
@@ -148,10 +154,10 @@ impl Servo {
     pub(super) fn pursue_goal(&mut self) {
         let Some(raw) = self.value(Role::GoalPosition) else { return };
         let limited = match self.model.protocol {
-            Protocol::Dynamixel2 => raw,
+            Protocol::Dynamixel1 | Protocol::Dynamixel2 => raw,
             // Feetech does not refuse a goal beyond its angle limits, it stops at the limit; both
             // limits zero mean none.
-            Protocol::FeetechSts => {
+            Protocol::FeetechSts | Protocol::FeetechScs => {
                 let min = self.value(Role::MinPositionLimit).unwrap_or(0);
                 let max = self.value(Role::MaxPositionLimit).unwrap_or(0);
                 if min < max { raw.clamp(min, max) } else { raw }
@@ -159,8 +165,8 @@ impl Servo {
         };
         let goal_rad = self.shaft_rad(limited);
         let pace = match self.model.protocol {
-            Protocol::Dynamixel2 => self.dynamixel_pace(goal_rad),
-            Protocol::FeetechSts => self.feetech_pace(),
+            Protocol::Dynamixel1 | Protocol::Dynamixel2 => self.dynamixel_pace(goal_rad),
+            Protocol::FeetechSts | Protocol::FeetechScs => self.feetech_pace(),
         };
         self.motor.go_to(goal_rad, pace);
     }
@@ -204,8 +210,8 @@ impl Servo {
 
     pub(super) fn is_moving(&self) -> bool {
         let threshold = match self.model.protocol {
-            Protocol::Dynamixel2 => self.si(Role::MovingThreshold),
-            Protocol::FeetechSts => None,
+            Protocol::Dynamixel1 | Protocol::Dynamixel2 => self.si(Role::MovingThreshold),
+            Protocol::FeetechSts | Protocol::FeetechScs => None,
         };
         self.motor.velocity_rad_s().abs() > threshold.unwrap_or(0.02)
     }
@@ -219,9 +225,9 @@ impl Servo {
         self.put_si(Role::PresentCurrent, side * self.motor.current_a());
         self.put_si(Role::PresentPwm, side * self.motor.duty());
         let load = match self.model.protocol {
-            Protocol::Dynamixel2 => self.motor.torque_ratio(),
+            Protocol::Dynamixel1 | Protocol::Dynamixel2 => self.motor.torque_ratio(),
             // Present load(60) is the duty.
-            Protocol::FeetechSts => self.motor.duty(),
+            Protocol::FeetechSts | Protocol::FeetechScs => self.motor.duty(),
         };
         self.put_si(Role::PresentLoad, side * load);
         self.put_si(Role::PresentVoltage, self.motor.voltage_v());
