@@ -2,7 +2,7 @@
 //!
 //! - [`World`]: a robot's servos and the time they share. Virtual time passes only when asked, so a
 //!   minute of motion takes milliseconds, and the same seed and host bytes give the same bytes.
-//! - [`Fault`]: what goes wrong, on purpose.
+//! - [`Fault`]: what goes wrong, on purpose; [`Script`] reads faults from a file.
 //! - [`Verdict`]: what the referee saw; it judges at register level and knows only the robot file.
 //! - [`Door`]: the same world behind a pseudo-terminal, in real time, for other programs.
 //!
@@ -20,6 +20,7 @@ mod feetech;
 mod line;
 mod motor;
 mod referee;
+mod script;
 mod servo;
 mod table;
 mod world;
@@ -28,6 +29,7 @@ pub use adapter::Usb;
 pub use door::{Door, DoorError};
 pub use fault::{Damage, Fault, Struck};
 pub use referee::{Rule, Verdict, Violation};
+pub use script::{Script, ScriptError};
 pub use world::{BadChecksum, MissingInChain, Options, World};
 
 /// Why a world cannot be built.

@@ -45,36 +45,64 @@ impl Clock for VirtualClock {
     }
 }
 
-/// The host's end of one virtual line.
+/// The host's end of one virtual line. If the line hangs up it stays gone, as a port does whose
+/// adapter was pulled out, even if the adapter comes back.
 pub struct VirtualLine {
     world: SharedWorld,
     line: usize,
     baud_bps: u32,
+    /// Which connection to the line this is.
+    connection: Option<u32>,
 }
 
 impl VirtualLine {
     /// The host's end of line number `line`, sending at `baud_bps`.
     #[must_use]
     pub fn new(world: SharedWorld, line: usize, baud_bps: u32) -> Self {
-        Self { world, line, baud_bps }
+        let connection = world.lock().connection(line);
+        Self { world, line, baud_bps, connection }
+    }
+
+    /// The world, if the line is still the one that was opened.
+    fn connected(&self) -> Result<MutexGuard<'_, World>, PortError> {
+        let world = self.world.lock();
+        if self.connection.is_some() && world.connection(self.line) == self.connection {
+            Ok(world)
+        } else {
+            Err(PortError::Gone(format!("virtual line {} hung up", self.line)))
+        }
     }
 }
 
 impl BytePort for VirtualLine {
-    fn send(&mut self, bytes: &[u8], _deadline: Instant) -> Result<(), PortError> {
-        self.world.lock().transmit(self.line, bytes, self.baud_bps);
-        Ok(())
+    fn send(&mut self, bytes: &[u8], deadline: Instant) -> Result<(), PortError> {
+        let mut rest = bytes;
+        loop {
+            let mut world = self.connected()?;
+            let taken = world.transmit(self.line, rest, self.baud_bps);
+            rest = &rest[taken..];
+            match world.blocked_until_ns(self.line) {
+                Some(until_ns) if !rest.is_empty() => {
+                    world.run_until(until_ns.min(deadline.as_nanos()));
+                    if until_ns > deadline.as_nanos() {
+                        return Err(PortError::TimedOut);
+                    }
+                }
+                _ => return Ok(()),
+            }
+        }
     }
 
     fn receive(&mut self, buffer: &mut [u8], deadline: Instant) -> Result<usize, PortError> {
-        match self.world.lock().receive(self.line, buffer, deadline.as_nanos()) {
-            0 => Err(PortError::TimedOut),
+        let count = self.connected()?.receive(self.line, buffer, deadline.as_nanos());
+        match count {
+            0 => self.connected().and(Err(PortError::TimedOut)),
             n => Ok(n),
         }
     }
 
     fn discard_input(&mut self) -> Result<(), PortError> {
-        self.world.lock().discard_input(self.line);
+        self.connected()?.discard_input(self.line);
         Ok(())
     }
 }

@@ -11,3 +11,4 @@ mod motion;
 mod properties;
 mod referee;
 mod scene;
+mod script;
