@@ -25,9 +25,6 @@ use std::sync::Arc;
 const PROFILE_MS_MAX: i64 = 32_737;
 /// Drive Mode(10).
 const TORQUE_ON_BY_GOAL: i64 = 0x08;
-/// Protocol 1.0's error byte.
-const ANGLE_LIMIT_BIT: i64 = 1 << 1;
-const RANGE_BIT: i64 = 1 << 3;
 
 impl Servo {
     /// Appends the bytes of the range to `out`.
@@ -86,8 +83,7 @@ impl Servo {
             }
             Protocol::Dynamixel1 => {
                 if let Err(refusal) = self.check_bytes(address, bytes) {
-                    let angle = refusal == Refusal::Limit;
-                    self.shut_down_for(if angle { ANGLE_LIMIT_BIT } else { RANGE_BIT });
+                    self.shut_down_for(i64::from(refusal.status_bit()));
                     return Err(refusal);
                 }
                 for (item, raw) in self.items_in(address, bytes) {
