@@ -9,6 +9,11 @@
 //! The device side of the protocols is written here from the makers' manuals alone. This crate
 //! never uses the driver's codec: a mistake made twice would be seen, one that is shared would not.
 
+/// The README's Rust example is compiled and run as a test.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
+
 mod adapter;
 mod door;
 mod dynamixel1;
@@ -24,6 +29,9 @@ mod script;
 mod servo;
 mod table;
 mod world;
+
+/// The files that say what servos, adapters and robots are.
+pub use gaitway_profiles as profiles;
 
 pub use adapter::Usb;
 pub use door::{Door, DoorError};
