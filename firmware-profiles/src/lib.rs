@@ -52,6 +52,6 @@ mod validate;
 pub use error::ProfileError;
 pub use files::{
     MAX_FILE_BYTES, adapter_for_usb, adapter_names, adapters, parse_adapter, parse_robot,
-    parse_servo, read_text, robot, robot_names, servo, servo_names,
+    parse_servo, profile, read_text, robot, robot_names, servo, servo_names,
 };
 pub use schema::*;

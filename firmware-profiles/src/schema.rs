@@ -7,6 +7,9 @@ use serde::Deserialize;
 use std::collections::BTreeMap;
 
 /// One servo model: its control table and everything a driver or a virtual servo must know of it.
+///
+/// A file may be written as another servo plus what differs (`extends`); what is read here is
+/// always the whole.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Servo {
@@ -428,8 +431,31 @@ pub struct Adapter {
     pub echo: bool,
     /// Worst time the adapter holds received bytes back, s, as the driver sets it up by default.
     pub latency_s: f64,
+    /// What else has these ids, and how to tell it apart; absent: nothing known.
+    #[serde(default)]
+    pub ambiguous: Option<String>,
     /// Where it is written.
     pub source: String,
+}
+
+/// A profile of any kind.
+#[derive(Clone, Debug)]
+pub enum Profile {
+    /// A servo model.
+    Servo(Box<Servo>),
+    /// A robot.
+    Robot(Box<Robot>),
+    /// A USB serial adapter.
+    Adapter(Box<Adapter>),
+}
+
+/// A fact of a profile whose source says that it is not confirmed.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Unconfirmed<'a> {
+    /// Which fact: `register NAME(ADDRESS)`, `motor`, `setup of SERVO`, ...
+    pub place: String,
+    /// The source as it is written, `unconfirmed: why` in it.
+    pub source: &'a str,
 }
 
 /// A robot: named joints on servos on lines, and how its links stand for a human's segments.
