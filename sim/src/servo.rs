@@ -83,8 +83,14 @@ pub(crate) struct Servo {
     /// Statuses it has given so far.
     pub statuses: u64,
     pub events: Vec<Event>,
-    /// The other axis in the same case has torque: EEPROM is closed to both.
+    /// Index on the line of the other axis in the same case.
+    pub mate: Option<usize>,
+    /// That axis has torque, so EEPROM is closed to both.
     pub mate_torque: bool,
+    /// What both axes in a case share has changed here: line speed or protocol.
+    pub case_changed: bool,
+    /// The instruction carried out is for its group.
+    grouped: bool,
     table: Vec<u8>,
     /// EEPROM as it will be after the next power-up.
     persistent: Vec<u8>,
@@ -120,7 +126,10 @@ impl Servo {
             hears: false,
             statuses: 0,
             events: Vec::new(),
+            mate: None,
             mate_torque: false,
+            case_changed: false,
+            grouped: false,
             table: vec![0; model.length],
             persistent: vec![0; model.length],
             registered: None,
@@ -192,8 +201,13 @@ impl Servo {
         self.start_up();
     }
 
-    /// EEPROM as it left the factory, but for what `keep` names, then a restart.
+    /// EEPROM as it left the factory, but for what `keep` names, then a restart. As one of a group
+    /// a servo keeps its EEPROM and does nothing.
     pub fn factory_reset(&mut self, now_ns: u64, keep: &[Role]) {
+        if self.grouped {
+            return;
+        }
+        self.case_changed = true;
         let kept: Vec<_> = keep
             .iter()
             .chain(&[Role::ModelNumber, Role::FirmwareVersion, Role::FirmwareVersionMinor])
@@ -269,6 +283,14 @@ impl Servo {
     pub fn obeys(&self, id: u8) -> bool {
         let group = self.value(Role::SecondaryId).filter(|group| (0..=252).contains(group));
         id == self.id() || group == Some(i64::from(id))
+    }
+
+    /// Carries out an instruction to its Secondary ID: EEPROM is closed.
+    pub fn as_one_of_group<T>(&mut self, carry_out: impl FnOnce(&mut Servo) -> T) -> T {
+        self.grouped = true;
+        let done = carry_out(self);
+        self.grouped = false;
+        done
     }
 
     pub fn baud_bps(&self) -> Option<u32> {

@@ -155,8 +155,23 @@ impl World {
             let model = models.entry(&joint.servo).or_insert_with(|| Arc::new(Model::new(profile)));
             world.add(robot, joint, Arc::clone(model))?;
         }
+        world.join_cases(robot);
         world.plan(robot, &options.faults)?;
         Ok(world)
+    }
+
+    /// Tells servos that are two axes in one case of each other.
+    fn join_cases(&mut self, robot: &Robot) {
+        for (joint, placed) in robot.joints.iter().zip(&self.joints) {
+            let mate = joint.shares_case_with.as_ref().and_then(|name| self.by_name.get(name));
+            let Some(mate) = mate.map(|&mate| self.joints[mate].place) else { continue };
+            let place = placed.place;
+            if mate.line == place.line && mate.servo != place.servo {
+                let servos = &mut self.lines[place.line].servos;
+                servos[place.servo].mate = Some(mate.servo);
+                servos[mate.servo].mate = Some(place.servo);
+            }
+        }
     }
 
     fn plan(&mut self, robot: &Robot, faults: &[Fault]) -> Result<(), SimError> {
@@ -461,6 +476,13 @@ impl World {
         let mut servo = self.servo(*self.by_name.get(joint)?).clone();
         servo.advance(self.now_ns);
         servo.named(register)
+    }
+
+    /// Whether the LED of a joint's servo shines; during an alarm it blinks.
+    pub fn led_lit(&self, joint: &str) -> Option<bool> {
+        let mut servo = self.servo(*self.by_name.get(joint)?).clone();
+        servo.advance(self.now_ns);
+        Some(servo.led_lit())
     }
 
     /// Sets a register's raw value past all rules, to set a scene. Present position, voltage and

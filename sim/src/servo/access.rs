@@ -2,7 +2,7 @@
 //!
 //! - DYNAMIXEL 2.0 checks before it writes and answers with a number: an address that is not there,
 //!   that cannot be written, or that is EEPROM under torque (of either axis, where two share a case)
-//!   is an access error; a value outside its register's range a range error; outside a configured
+//!   or by a Secondary ID, is an access error; a value outside its register's range a range error; outside a configured
 //!   limit a limit error; part of an item a length error.
 //! - DYNAMIXEL 1.0 writes bytes wherever they belong, also into half a word, and EEPROM under torque
 //!   too, unless Lock(47) is 1, which only power-off takes back. Its errors are bits: a goal outside
@@ -164,7 +164,8 @@ impl Servo {
     }
 
     fn check_item(&self, item: &Item, raw: i64) -> Result<(), Refusal> {
-        let closed = item.region == Region::Eeprom && (self.torque_on() || self.mate_torque);
+        let closed =
+            item.region == Region::Eeprom && (self.torque_on() || self.mate_torque || self.grouped);
         if item.access == Access::R || closed {
             return Err(Refusal::Access);
         }
@@ -350,6 +351,7 @@ impl Servo {
                 touched.drive = true;
             }
             Some(Role::BusWatchdog) => self.watchdog_latched = false,
+            Some(Role::BaudRate | Role::ProtocolType) => self.case_changed = true,
             Some(Role::HomingOffset | Role::DriveMode) => touched.geometry = true,
             _ => touched.drive = true,
         }

@@ -9,7 +9,7 @@
 //!   65,536, kd = D / 1000, ff1 = FF1 / 250, ff2 = FF2 4e-6 s. Speed law: P / 128 and I / 65,536 in
 //!   Goal PWM's unit (885 is all) on 0.229 rev/min. Current-based position mode gives what position
 //!   mode gives, with the current limited to Goal Current; Goal PWM limits the duty in both.
-//! - MX with protocol 1.0: P / 8, I 1000 / 2048, D 4 / 1000, with 24 /s for 1 of P / 8. AX: P = 1024
+//! - MX with protocol 1.0, and XL-320: P / 8, I 1000 / 2048, D 4 / 1000, with 24 /s for 1 of P / 8. AX: P = 1024
 //!   / slope by MX's table of slope and P, the margin is a dead zone, Punch / 1023 the least duty.
 //! - FEETECH: k = 3 P, kd = 0.003 D, ki = 3 I; speed law kp = P / 20, ki = I / 20 (all assumed).
 //!
@@ -114,18 +114,18 @@ impl Servo {
     /// Gains and limits as the table has them now.
     pub(super) fn update_regulator(&mut self) {
         let mut regulator = match self.model.protocol {
-            Protocol::Dynamixel2 => self.dynamixel2_gains(),
+            Protocol::Dynamixel2 if self.has_profile() => self.dynamixel2_gains(),
             Protocol::Dynamixel1 if self.has_compliance() => self.compliance(),
-            Protocol::Dynamixel1 => self.dynamixel1_gains(),
+            Protocol::Dynamixel1 | Protocol::Dynamixel2 => self.dynamixel1_gains(),
             Protocol::FeetechSts | Protocol::FeetechScs => self.feetech_gains(),
         };
         for gain in &mut regulator.position_p {
             *gain = gain.min(MAX_GAIN_PER_S);
         }
         let mode = self.mode();
-        let duty = match (self.model.protocol, mode) {
-            (Protocol::Dynamixel2, Mode::Pwm) => self.si(Role::PwmLimit),
-            (Protocol::Dynamixel2, _) => self.si(Role::GoalPwm).map(f64::abs),
+        let duty = match mode {
+            Mode::Pwm if self.has_profile() => self.si(Role::PwmLimit),
+            _ if self.has_profile() => self.si(Role::GoalPwm).map(f64::abs),
             _ => self.si(Role::TorqueLimit),
         };
         let spared = self.protective_limit().unwrap_or(1.0);
@@ -237,7 +237,7 @@ impl Servo {
             return;
         }
         let side = self.side();
-        let old_school = self.model.protocol != Protocol::Dynamixel2;
+        let old_school = !self.has_profile();
         match self.mode() {
             Mode::Position | Mode::ExtendedPosition | Mode::CurrentBasedPosition => {
                 if fresh.position || old_school && fresh.pace {
@@ -294,12 +294,14 @@ impl Servo {
         }
     }
 
-    /// -1..1: Goal PWM; AX: Moving Speed, 1023 is all; FEETECH: the register of the goal time, in
+    /// -1..1: Goal PWM; AX and XL-320: Moving Speed, 1023 is all; FEETECH: the register of the goal time, in
     /// 0.1 % with the sign in bit 10 (the maker's SDK; LeRobot's comment has bit 11).
     fn goal_duty(&self) -> f64 {
         match self.model.protocol {
-            Protocol::Dynamixel2 => self.si(Role::GoalPwm).unwrap_or(0.0),
-            Protocol::Dynamixel1 => self.value(Role::GoalVelocity).unwrap_or(0) as f64 / 1023.0,
+            Protocol::Dynamixel2 if self.has_profile() => self.si(Role::GoalPwm).unwrap_or(0.0),
+            Protocol::Dynamixel1 | Protocol::Dynamixel2 => {
+                self.value(Role::GoalVelocity).unwrap_or(0) as f64 / 1023.0
+            }
             Protocol::FeetechSts | Protocol::FeetechScs => {
                 let raw = self.value(Role::GoalTime).unwrap_or(0);
                 let signed = match self.model.role(Role::GoalTime).map(|item| item.encoding) {
@@ -315,7 +317,7 @@ impl Servo {
     /// How a move to `goal_rad` is to go.
     fn pace_to(&self, goal_rad: f64) -> Pace {
         match self.model.protocol {
-            Protocol::Dynamixel2 => self.profile(),
+            Protocol::Dynamixel2 if self.has_profile() => self.profile(),
             Protocol::FeetechScs if self.value(Role::GoalTime).is_some_and(|ms| ms > 0) => {
                 let total_s = self.si(Role::GoalTime).unwrap_or(0.0);
                 let same = goal_rad == self.motor.goal_rad();
@@ -368,8 +370,7 @@ impl Servo {
     /// How the speed changes to another.
     fn ramp_of_speed(&self, speed: f64) -> Pace {
         let raw = self.value(Role::ProfileAcceleration).unwrap_or(0);
-        let timed =
-            self.model.protocol == Protocol::Dynamixel2 && self.drive_mode() & TIME_BASED != 0;
+        let timed = self.has_profile() && self.drive_mode() & TIME_BASED != 0;
         if timed && raw > 0 {
             return Pace::Timed { total_s: 0.0, ramp_s: raw as f64 * 1e-3 };
         }

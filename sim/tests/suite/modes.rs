@@ -545,3 +545,36 @@ fn mx_torque_control_mode_gives_the_goal_torque() {
     scene.wait_ms(1_000);
     assert_eq!(scene.get("j1", "Present Speed"), 0, "joint mode holds again");
 }
+
+// XL-320: protocol 2.0, a table in the manner of AX.
+
+#[test]
+fn an_xl320_moves_at_its_speed_and_turns_as_a_wheel_by_duty() {
+    let mut scene = one("xl320");
+    set1(&mut scene, 24, 1);
+    let start_ns = scene.world.now_ns();
+    // Speed 100 is 66.6 deg/s; 300 counts are 87.9 deg.
+    let goal = [812_u16.to_le_bytes(), 100_u16.to_le_bytes()].concat();
+    assert_eq!(scene.error(&write(1, 30, &goal)), 0);
+    scene.world.run_until(start_ns + 660_000_000);
+    let half = scene.get("j1", "Present Position") - 512;
+    assert!((140..=150).contains(&half), "{half}");
+    set1(&mut scene, 24, 0);
+    set1(&mut scene, 11, 1);
+    set1(&mut scene, 24, 1);
+    set2(&mut scene, 32, 1024 + 512);
+    for _ in 0..100 {
+        scene.wait_ms(10);
+        assert!((0..=1023).contains(&scene.get("j1", "Present Position")));
+    }
+    assert!(scene.get("j1", "Present Speed") < -300);
+}
+
+#[test]
+fn an_xl320_has_error_bits_of_its_own() {
+    let mut scene = one("xl320");
+    scene.set("j1", "Present Temperature", 80);
+    assert_eq!(scene.error(&instruction(1, 1, &[])), 0x80);
+    // e-Manual XL-320, Hardware Error Status(50): overheating is bit 1.
+    assert_eq!(scene.get("j1", "Hardware Error Status"), 0x02);
+}
