@@ -3,8 +3,8 @@
 use super::Remarks;
 use super::signals::Signals;
 use crate::error::Error;
-use crate::robot::Robot;
 use clap::Args;
+use gaitway_profiles::Robot;
 use gaitway_sim::{Door, Options, Script, ScriptError, World};
 use std::net::{Ipv4Addr, SocketAddr};
 use std::path::{Path, PathBuf};
@@ -59,8 +59,9 @@ pub struct SimulateArgs {
 /// that cannot be had.
 pub fn run(args: &SimulateArgs, remarks: Remarks) -> Result<i32, Error> {
     let signals = Signals::listen().map_err(|e| Error::new(format!("no signals: {e}")))?;
-    let robot = Robot::load(&args.robot)?;
-    let world = World::new(&robot.file, options(args)?)
+    // Any robot file: the virtual servos speak more protocols than the driver needs to.
+    let robot = gaitway_profiles::robot(&args.robot).map_err(|e| Error::new(e.to_string()))?;
+    let world = World::new(&robot, options(args)?)
         .map_err(|e| Error::new(e.to_string()).at(format!("robot {}", robot.name)))?;
     let world = Arc::new(Mutex::new(world));
     let mut doors = open_doors(args, &robot, &world)?;
