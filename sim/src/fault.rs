@@ -368,12 +368,12 @@ pub(crate) fn damage_at_host(
             bytes.splice(0..0, (0..length).map(|_| rng.random::<u8>()));
         }
         Damage::FalseHeader => {
-            let head: &[u8] = match bytes.as_slice() {
-                &[0xFF, 0xFF, 0xFD, 0, id, ..] => &[0xFF, 0xFF, 0xFD, 0, id, 40, 0, 0x55],
-                &[_, _, id, ..] => &[0xFF, 0xFF, id, 40, 0],
-                _ => &[0xFF, 0xFF],
+            let head = match *bytes.as_slice() {
+                [0xFF, 0xFF, 0xFD, 0, id, ..] => vec![0xFF, 0xFF, 0xFD, 0, id, 40, 0, 0x55],
+                [_, _, id, ..] => vec![0xFF, 0xFF, id, 40, 0],
+                _ => vec![0xFF, 0xFF],
             };
-            bytes.splice(0..0, head.to_vec());
+            bytes.splice(0..0, head);
         }
         Damage::Echo => {
             bytes.splice(0..0, instruction.iter().copied());

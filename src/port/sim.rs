@@ -106,3 +106,49 @@ impl BytePort for VirtualLine {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use gaitway_sim::{Options, Script};
+
+    const MS: u64 = 1_000_000;
+    const PING_1: [u8; 10] = [0xFF, 0xFF, 0xFD, 0x00, 0x01, 0x03, 0x00, 0x01, 0x19, 0x4E];
+
+    fn line(script: &str) -> (SharedWorld, VirtualLine) {
+        let robot = gaitway_profiles::robot("op3").expect("a robot");
+        let faults = Script::parse(script).expect("a script").faults;
+        let world = World::new(&robot, Options { faults, ..Options::default() }).expect("a world");
+        let world = SharedWorld::new(world);
+        (world.clone(), VirtualLine::new(world, 0, 2_000_000))
+    }
+
+    fn at_ms(ms: u64) -> Instant {
+        Instant::from_nanos(ms * MS)
+    }
+
+    #[test]
+    fn a_line_that_hung_up_is_gone_even_when_it_is_back() {
+        let (world, mut line) = line("[[fault]]\nkind = 'hang-up'\nat_s = 0.1\nuntil_s = 0.2");
+        let mut buffer = [0; 64];
+        assert_eq!(line.receive(&mut buffer, at_ms(50)), Err(PortError::TimedOut));
+        assert!(matches!(line.receive(&mut buffer, at_ms(150)), Err(PortError::Gone(_))));
+        assert_eq!(world.lock().now_ns(), 100 * MS, "noticed at once");
+        world.lock().run_until(300 * MS);
+        assert!(matches!(line.send(&PING_1, at_ms(400)), Err(PortError::Gone(_))));
+        let mut again = VirtualLine::new(world, 0, 2_000_000);
+        again.send(&PING_1, at_ms(400)).expect("taken");
+        assert_eq!(again.receive(&mut buffer, at_ms(400)), Ok(14));
+    }
+
+    #[test]
+    fn a_blocked_line_makes_its_host_wait_or_give_up() {
+        let script = "[[fault]]\nkind = 'blocked'\nuntil_s = 0.1\nbytes = 4";
+        let (world, mut line) = line(script);
+        assert_eq!(line.send(&PING_1, at_ms(50)), Err(PortError::TimedOut));
+        assert_eq!(world.lock().now_ns(), 50 * MS);
+        line.send(&PING_1, at_ms(150)).expect("taken in the end");
+        assert_eq!(world.lock().now_ns(), 100 * MS);
+        assert_eq!(line.receive(&mut [0; 64], at_ms(150)), Ok(14));
+    }
+}
