@@ -110,13 +110,13 @@ impl BytePort for VirtualLine {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use gaitway_sim::{Options, Script};
+    use gaitway_sim::{Options, Script, profiles};
 
     const MS: u64 = 1_000_000;
     const PING_1: [u8; 10] = [0xFF, 0xFF, 0xFD, 0x00, 0x01, 0x03, 0x00, 0x01, 0x19, 0x4E];
 
     fn line(script: &str) -> (SharedWorld, VirtualLine) {
-        let robot = gaitway_profiles::robot("op3").expect("a robot");
+        let robot = profiles::robot("op3").expect("a robot");
         let faults = Script::parse(script).expect("a script").faults;
         let world = World::new(&robot, Options { faults, ..Options::default() }).expect("a world");
         let world = SharedWorld::new(world);
