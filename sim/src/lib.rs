@@ -28,7 +28,7 @@ pub use adapter::Usb;
 pub use door::{Door, DoorError};
 pub use fault::{Damage, Fault, Struck};
 pub use referee::{Rule, Verdict, Violation};
-pub use world::{BadChecksum, MissingInChain, Options, World};
+pub use world::{BadChecksum, MissingInChain, Options, World, ZeroSpeed};
 
 /// Why a world cannot be built.
 #[derive(Debug, thiserror::Error)]

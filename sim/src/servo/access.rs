@@ -187,6 +187,7 @@ impl Servo {
         let within = match item.role {
             Some(Role::GoalPosition) => self.within_position_limits(raw),
             Some(Role::GoalVelocity) => magnitude(Role::VelocityLimit),
+            Some(Role::ProfileAcceleration) => magnitude(Role::AccelerationLimit),
             Some(Role::GoalCurrent) => magnitude(Role::CurrentLimit),
             Some(Role::GoalPwm) => magnitude(Role::PwmLimit),
             _ => true,
@@ -353,7 +354,15 @@ impl Servo {
             }
             Some(Role::BusWatchdog) => self.watchdog_latched = false,
             Some(Role::BaudRate | Role::ProtocolType) => self.case_changed = true,
-            Some(Role::HomingOffset | Role::DriveMode) => touched.geometry = true,
+            Some(
+                Role::HomingOffset
+                | Role::DriveMode
+                | Role::Phase
+                | Role::MinPositionLimit
+                | Role::MaxPositionLimit
+                | Role::ResolutionDivider
+                | Role::AngularResolution,
+            ) => touched.geometry = true,
             _ => touched.drive = true,
         }
     }
@@ -412,7 +421,7 @@ impl Servo {
 struct Touched {
     mode_before: Option<Mode>,
     fresh: Fresh,
-    /// Offset or direction.
+    /// What position counts mean.
     geometry: bool,
     /// Gains, limits or torque.
     drive: bool,

@@ -23,15 +23,18 @@
 //! - Profile Velocity counts in current-based position mode too; the manual names it in one list
 //!   and leaves it out in another.
 //! - AX: writing a goal brings the torque on (told by users, not by the manual).
-//! - FEETECH goal speed 0 is no limit in position and step mode and stop in speed mode, whatever
-//!   bit 3 of Phase(18) says: hosts that never write a speed expect to move. Step mode counts from
-//!   where the last step ends. SCS's running time, if it is not 0, goes before the speed.
+//! - FEETECH goal speed 0 is stop in speed mode. In position and step mode it is no limit, for
+//!   hosts that never write a speed expect to move, or what bit 3 of Phase(18) says: [`ZeroSpeed`].
+//!   Step mode counts from where the last step ends. SCS's running time, if it is not 0, goes
+//!   before the speed.
 //!
-//! Not modelled: dual joints, PWM Slope, Feetech's Phase but for bit 4.
+//! Not modelled: dual joints, PWM Slope, Feetech's Phase but for bits 3 and 4, the current of XC330 at
+//! the supply's side (it is the motor's here).
 
 use super::{Event, Servo};
 use crate::motor::Regulator;
 use crate::motor::ramp::{Pace, Shape};
+use crate::world::ZeroSpeed;
 use gaitway_profiles::{Encoding, Mode, Protocol, Role};
 
 /// Speed asked for by an error of 1 rad at most; the loop runs at 1 kHz and a stiffer one swings.
@@ -53,6 +56,9 @@ const FOLLOWING_ERROR_RAD: f64 = 0.1;
 /// Speed from which a servo without a threshold of its own counts as moving (assumed), rad/s.
 const MOVING_RAD_S: f64 = 0.02;
 pub(super) const TIME_BASED: i64 = 0x04;
+
+/// Phase(18) of FEETECH: 1 = goal speed 0 is as fast as it can, 0 = stop.
+const PHASE_ZERO_IS_FULL: i64 = 1 << 3;
 
 /// Which goals were written.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -240,6 +246,10 @@ impl Servo {
         }
         let side = self.side();
         let old_school = !self.has_profile();
+        if self.zero_speed_stops() {
+            self.motor.go_to(self.motor.trajectory().position, Pace::Step);
+            return;
+        }
         match self.mode() {
             Mode::Position | Mode::ExtendedPosition | Mode::CurrentBasedPosition => {
                 if fresh.position || old_school && fresh.pace {
@@ -351,6 +361,17 @@ impl Servo {
     fn acceleration_limit(&self) -> f64 {
         let acceleration = self.si(Role::ProfileAcceleration).unwrap_or(0.0);
         if acceleration > 0.0 { acceleration } else { f64::INFINITY }
+    }
+
+    /// FEETECH under [`ZeroSpeed::AsPhaseSays`]: moves to positions stand still.
+    fn zero_speed_stops(&self) -> bool {
+        let as_phase_says = self.zero_speed == ZeroSpeed::AsPhaseSays && self.follows_positions();
+        let timed = self.model.protocol == Protocol::FeetechScs
+            && self.value(Role::GoalTime).is_some_and(|ms| ms > 0);
+        as_phase_says
+            && !timed
+            && self.value(Role::Phase).is_some_and(|phase| phase & PHASE_ZERO_IS_FULL == 0)
+            && self.value(Role::GoalVelocity) == Some(0)
     }
 
     /// The others' speed and acceleration, 0 = as fast as it can.
