@@ -38,7 +38,7 @@ pub use door::{Door, DoorError};
 pub use fault::{Damage, Fault, Struck};
 pub use referee::{Rule, Verdict, Violation};
 pub use script::{Script, ScriptError};
-pub use world::{BadChecksum, MissingInChain, Options, World};
+pub use world::{BadChecksum, MissingInChain, Options, World, ZeroSpeed};
 
 /// Why a world cannot be built.
 #[derive(Debug, thiserror::Error)]

@@ -16,6 +16,7 @@ mod protection;
 
 use crate::motor::{Advance, Motor};
 use crate::table::{Item, Model};
+use crate::world::ZeroSpeed;
 use gaitway_profiles::{Encoding, Protocol, Region, Role};
 use std::ops::Range;
 use std::sync::Arc;
@@ -91,6 +92,7 @@ pub(crate) struct Servo {
     pub case_changed: bool,
     /// The instruction carried out is for its group.
     grouped: bool,
+    pub zero_speed: ZeroSpeed,
     table: Vec<u8>,
     /// EEPROM as it will be after the next power-up.
     persistent: Vec<u8>,
@@ -130,6 +132,7 @@ impl Servo {
             mate_torque: false,
             case_changed: false,
             grouped: false,
+            zero_speed: ZeroSpeed::NoLimit,
             table: vec![0; model.length],
             persistent: vec![0; model.length],
             registered: None,

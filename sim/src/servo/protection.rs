@@ -12,12 +12,12 @@
 //!   overload and overcurrent. The public tables name these registers but do not tell all of this:
 //!   that overload needs its bit in the unloading condition, and how it is forgotten, is assumed.
 //!
-//! Overload is, on DYNAMIXEL, 80 % of the stall torque for one second (assumed; the manuals speak of
-//! "persistent load that exceeds maximum output"); on FEETECH the overload torque(36, SCS 39) for
-//! the protection time(35, SCS 38), overcurrent the protection current(28) for its time(38).
+//! Overload is, on DYNAMIXEL, 80 % of the stall torque for one second (assumed; the manuals speak
+//! of "persistent load that exceeds maximum output"); on FEETECH the overload torque(36, SCS 39)
+//! for the protection time(35, SCS 38), overcurrent the protection current(28) for its time(38).
 //!
-//! The alarm LED blinks once a second while an error is up that its mask names; DYNAMIXEL 2.0 has no
-//! mask and blinks while shut down.
+//! The alarm LED blinks once a second while an error is up that its mask names; DYNAMIXEL 2.0 has
+//! no mask and blinks while shut down.
 
 use super::{Event, Servo};
 use crate::motor::Bound;
@@ -31,6 +31,8 @@ const HEAT: Trouble = ("overheating", 2);
 const OVERCURRENT: Trouble = ("current", 3);
 const OVERLOAD: Trouble = ("overload", 5);
 const DYNAMIXEL_OVERLOAD: Bound = Bound { ratio: 0.8, time_s: 1.0 };
+/// The alarm LED is lit for so long, then dark for so long.
+const HALF_BLINK_NS: u64 = 500_000_000;
 const NEVER: Bound = Bound { ratio: f64::INFINITY, time_s: f64::INFINITY };
 
 impl Servo {
@@ -179,7 +181,7 @@ impl Servo {
             (_, mask) => self.errors & mask.unwrap_or(0) != 0,
         };
         if alarm {
-            return self.motor.now_ns() / 500_000_000 % 2 == 0;
+            return (self.motor.now_ns() / HALF_BLINK_NS).is_multiple_of(2);
         }
         self.value(Role::Led).is_some_and(|led| led != 0)
     }

@@ -1,6 +1,7 @@
 //! Every operating mode of every family moves as its manual says.
 
 use crate::scene::{Scene, dynamixels, feetech, instruction, mixed, write};
+use gaitway_sim::{Options, ZeroSpeed};
 
 const TORQUE_ENABLE: u16 = 64;
 const GOAL_PWM: u16 = 100;
@@ -236,7 +237,7 @@ fn moving_status_tells_the_shape_of_the_profile() {
 fn a_shaft_that_cannot_follow_shows_a_following_error() {
     let fault =
         gaitway_sim::Fault::StuckPosition { joint: "j1".into(), from_ns: 0, until_ns: u64::MAX };
-    let options = gaitway_sim::Options { faults: vec![fault], ..Default::default() };
+    let options = Options { faults: vec![fault], ..Default::default() };
     let mut scene = Scene::with(&dynamixels(&[1]), options);
     set1(&mut scene, TORQUE_ENABLE, 1);
     set4(&mut scene, GOAL_POSITION, 2_500);
@@ -334,23 +335,43 @@ fn sts_step_mode_moves_by_the_goal_each_time_it_is_written() {
 }
 
 #[test]
-fn sts_counts_turns_without_angle_limits_or_with_phase_bit_4() {
-    for phase in [0, 0x10] {
+fn sts_counts_turns_where_both_angle_limits_are_0() {
+    let mut scene = one("sts3215");
+    put(&mut scene, 9, &[0, 0, 0, 0]);
+    put(&mut scene, 40, &[1]);
+    put_word(&mut scene, 42, 10_000);
+    scene.wait_ms(5_000);
+    assert!((scene.get("j1", "Present Position") - 10_000).abs() <= 4);
+    put_word(&mut scene, 42, 0x8000 | 5_000);
+    scene.wait_ms(6_000);
+    assert!((scene.get("j1", "Present Position") + 5_000).abs() <= 4);
+}
+
+#[test]
+fn sts_reads_more_than_a_turn_with_phase_bit_4_only() {
+    for (phase, reading) in [(0x00, 904), (0x10, 5_000)] {
         let mut scene = one("sts3215");
-        scene.set("j1", "Phase", phase);
-        if phase == 0 {
-            put(&mut scene, 9, &[0, 0, 0, 0]);
-        } else {
-            scene.set("j1", "Max Position Limit", 0);
-        }
-        put(&mut scene, 40, &[1]);
-        put_word(&mut scene, 42, 10_000);
-        scene.wait_ms(5_000);
-        assert!((scene.get("j1", "Present Position") - 10_000).abs() <= 4, "{phase}");
-        put_word(&mut scene, 42, 0x8000 | 5_000);
-        scene.wait_ms(6_000);
-        assert!((scene.get("j1", "Present Position") + 5_000).abs() <= 4, "{phase}");
+        scene.set("j1", "Phase", 0x10);
+        scene.set("j1", "Present Position", 5_000);
+        put(&mut scene, 18, &[phase]);
+        assert_eq!(scene.get("j1", "Present Position"), reading);
     }
+}
+
+#[test]
+fn sts_goal_speed_0_is_no_limit_unless_phase_is_asked() {
+    let turned = |zero_speed, phase| {
+        let options = Options { permit_eeprom: true, zero_speed, ..Options::default() };
+        let mut scene = Scene::with(&mixed(&[("sts3215", 1)]), options);
+        scene.set("j1", "Phase", phase);
+        put(&mut scene, 40, &[1]);
+        put_word(&mut scene, 42, 2_500);
+        scene.wait_ms(1_000);
+        scene.get("j1", "Present Position") > 2_490
+    };
+    assert!(turned(ZeroSpeed::NoLimit, 0x00));
+    assert!(turned(ZeroSpeed::AsPhaseSays, 0x08));
+    assert!(!turned(ZeroSpeed::AsPhaseSays, 0x00));
 }
 
 #[test]
