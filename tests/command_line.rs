@@ -306,7 +306,7 @@ fn a_check_of_any_kind_of_profile_says_what_is_unconfirmed() {
     let servo = stdout(&run(&["profile", "check", "scs0009"]));
     assert_words(&servo, &["OK", "servo", "unconfirmed", "register Acceleration(41)"]);
     let adapter = stdout(&run(&["profile", "check", "openrb-150"]));
-    assert_words(&adapter, &["OK", "2f5d:2202", "unconfirmed: the id"]);
+    assert_words(&adapter, &["OK", "2f5d:2202", "unconfirmed: 1"]);
     let folder = folder("profile_servo");
     let file = folder.join("my-servo.toml");
     let path = file.to_str().expect("UTF-8");

@@ -543,6 +543,20 @@ fn a_table_with_a_torque_limit_needs_no_profile_but_a_speed() {
     refused(parse_servo("xl320.toml", &text), "missing", "register");
 }
 
+#[test]
+fn instructions_are_claimed_only_where_the_protocol_has_them() {
+    let claim =
+        |key: &str, text: &str| changed(text, "firmware = {", &format!("{key}\nfirmware = {{"));
+    let text = claim("bulk_read = true", SERVO);
+    refused(parse_servo("tiny.toml", &text), "knows no such", "bulk_read");
+    let feetech = include_str!("../servos/feetech/sts3215.toml");
+    for key in ["fast_sync_read_from_firmware", "clear_from_firmware", "backup_from_firmware"] {
+        let text = claim(&format!("{key} = 42"), feetech);
+        refused(parse_servo("sts3215.toml", &text), "knows no such", key);
+        parse_servo("tiny.toml", &claim(&format!("{key} = 42"), SERVO)).unwrap();
+    }
+}
+
 // Operating modes.
 
 #[test]

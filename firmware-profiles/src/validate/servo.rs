@@ -81,6 +81,20 @@ fn facts(file: &str, servo: &Servo) -> Verdict {
             .at("firmware")
             .got(format!("{}..{}", range.min, range.max.unwrap_or_default())));
     }
+    let later = [
+        ("fast_sync_read_from_firmware", servo.fast_sync_read_from_firmware.is_some()),
+        ("clear_from_firmware", servo.clear_from_firmware.is_some()),
+        ("backup_from_firmware", servo.backup_from_firmware.is_some()),
+    ];
+    for (key, says) in later.into_iter().chain([("bulk_read", servo.bulk_read)]) {
+        let protocol = if key == "bulk_read" { Protocol::Dynamixel1 } else { Protocol::Dynamixel2 };
+        if says && servo.protocol != protocol {
+            return Err(ProfileError::new(file, "the servo's protocol knows no such question")
+                .at(key)
+                .got(format!("{:?}", servo.protocol))
+                .allowed(format!("{protocol:?} only")));
+        }
+    }
     let position = &servo.position;
     not_empty(file, "position.source", &position.source)?;
     if position.counts == 0 || position.degrees == 0 {
