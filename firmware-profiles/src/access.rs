@@ -1,9 +1,6 @@
 //! Questions a driver or a virtual servo asks of a profile.
 
-use crate::schema::{
-    Adapter, Encoding, Joint, Profile, Protocol, Register, RegisterItem, Robot, Role, Servo, Setup,
-    Unconfirmed,
-};
+use crate::schema::{Encoding, Joint, Protocol, Register, RegisterItem, Robot, Role, Servo, Setup};
 use std::collections::BTreeMap;
 
 impl Servo {
@@ -63,55 +60,6 @@ impl Servo {
     #[must_use]
     pub fn radians_per_count(&self) -> f64 {
         f64::from(self.position.degrees).to_radians() / f64::from(self.position.counts)
-    }
-}
-
-/// The word that marks a source; `unconfirmed: why`, by itself or after what is known.
-const UNCONFIRMED: &str = "unconfirmed";
-
-fn unconfirmed_of<'a>(
-    facts: impl IntoIterator<Item = (String, &'a String)>,
-) -> Vec<Unconfirmed<'a>> {
-    facts
-        .into_iter()
-        .filter(|(_, source)| source.contains(UNCONFIRMED))
-        .map(|(place, source)| Unconfirmed { place, source })
-        .collect()
-}
-
-impl Servo {
-    /// Every fact whose source says that it is not confirmed, registers in order of address.
-    #[must_use]
-    pub fn unconfirmed(&self) -> Vec<Unconfirmed<'_>> {
-        let registers = self.registers.iter().map(|register| {
-            (format!("register {}({})", register.name, register.address), &register.source)
-        });
-        let facts = [
-            ("position".to_owned(), &self.position.source),
-            ("motor".to_owned(), &self.motor.source),
-        ];
-        unconfirmed_of(facts.into_iter().chain(registers))
-    }
-}
-
-impl Profile {
-    /// Every fact whose source says that it is not confirmed. Of a robot: its own facts, not those
-    /// of its servos.
-    #[must_use]
-    pub fn unconfirmed(&self) -> Vec<Unconfirmed<'_>> {
-        match self {
-            Self::Servo(servo) => servo.unconfirmed(),
-            Self::Robot(robot) => robot.unconfirmed(),
-            Self::Adapter(adapter) => adapter.unconfirmed(),
-        }
-    }
-}
-
-impl Adapter {
-    /// Its source, if that says that something is not confirmed.
-    #[must_use]
-    pub fn unconfirmed(&self) -> Vec<Unconfirmed<'_>> {
-        unconfirmed_of([("source".to_owned(), &self.source)])
     }
 }
 
@@ -216,19 +164,6 @@ impl Protocol {
 }
 
 impl Robot {
-    /// Every fact of the file whose source says that it is not confirmed.
-    #[must_use]
-    pub fn unconfirmed(&self) -> Vec<Unconfirmed<'_>> {
-        let setups =
-            self.setups.iter().map(|setup| (format!("setup of {}", setup.servo), &setup.source));
-        let facts = [
-            ("source".to_owned(), &self.source),
-            ("acceleration".to_owned(), &self.acceleration_source),
-            ("anatomy".to_owned(), &self.anatomy.source),
-        ];
-        unconfirmed_of(facts.into_iter().chain(setups))
-    }
-
     /// The joint with this name.
     #[must_use]
     pub fn joint(&self, name: &str) -> Option<&Joint> {

@@ -2,7 +2,8 @@
 
 use crate::error::ProfileError;
 use crate::extends;
-use crate::schema::{Adapter, Profile, Robot, Servo};
+use crate::schema::{Adapter, Robot, Servo};
+use crate::unconfirmed::Profile;
 use crate::validate;
 use serde::de::DeserializeOwned;
 use std::fs;

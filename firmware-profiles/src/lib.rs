@@ -47,6 +47,7 @@ mod error;
 mod extends;
 mod files;
 pub mod schema;
+mod unconfirmed;
 mod validate;
 
 pub use error::ProfileError;
@@ -55,3 +56,4 @@ pub use files::{
     parse_servo, profile, read_text, robot, robot_names, servo, servo_names,
 };
 pub use schema::*;
+pub use unconfirmed::{Profile, Unconfirmed};

@@ -438,26 +438,6 @@ pub struct Adapter {
     pub source: String,
 }
 
-/// A profile of any kind.
-#[derive(Clone, Debug)]
-pub enum Profile {
-    /// A servo model.
-    Servo(Box<Servo>),
-    /// A robot.
-    Robot(Box<Robot>),
-    /// A USB serial adapter.
-    Adapter(Box<Adapter>),
-}
-
-/// A fact of a profile whose source says that it is not confirmed.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Unconfirmed<'a> {
-    /// Which fact: `register NAME(ADDRESS)`, `motor`, `setup of SERVO`, ...
-    pub place: String,
-    /// The source as it is written, `unconfirmed: why` in it.
-    pub source: &'a str,
-}
-
 /// A robot: named joints on servos on lines, and how its links stand for a human's segments.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
