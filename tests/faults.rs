@@ -1,6 +1,8 @@
 //! Faults on the line and in the servos, in virtual time, with the referee watching. Each scene has
 //! a twin without the fault that ends done.
 
+#[path = "faults/host.rs"]
+mod host;
 mod scene;
 
 use gaitway::control::StopReason;
@@ -370,14 +372,7 @@ fn a_slow_adapter_breaks_no_rule_when_a_servo_falls_silent() {
 
 #[test]
 fn a_robot_on_two_lines_plays_at_the_rate_of_the_slower_one() {
-    let mut file = gaitway_profiles::robot("op3").expect("a shipped robot");
-    let mut legs = file.lines[0].clone();
-    legs.name = "legs".into();
-    file.lines.push(legs);
-    for joint in file.joints.iter_mut().filter(|joint| (7..=18).contains(&joint.id)) {
-        joint.line = "legs".into();
-    }
-    let robot = gaitway::robot::Robot::new(file).expect("a robot");
+    let robot = scene::op3_on_two_lines();
     let mut scene = Scene::with_robot(robot, Options::default());
     // One line of twenty carries 366 Hz at 80 %; twelve on the longer of two carry more.
     scene.settings = gaitway::control::Settings::at_rate(500.0);
