@@ -4,7 +4,7 @@ use super::watchdog;
 use crate::error::Error;
 use crate::guard::{Command, Guard};
 use crate::robot::Link;
-use crate::robot::preflight::{Preflight, budget, exchange_error};
+use crate::robot::preflight::{Preflight, budget, exchange_error, positions};
 use gaitway_profiles::Role;
 
 /// Largest distance between goal and present when torque comes on, rad.
@@ -81,18 +81,13 @@ fn switch_on(link: &mut Link, preflight: &Preflight, command: &Command) -> Resul
 
 /// Torque moves a joint to its goal: it must still be there.
 fn check_where_it_was(link: &mut Link, command: &Command) -> Result<(), Error> {
-    let limit = budget(link);
-    let states = link.states(limit).map_err(|e| exchange_error(link, None, &e))?;
-    for (index, (state, goal)) in states.iter().zip(command.goal_rad()).enumerate() {
-        let joint = &link.robot().joints[index];
-        let off = state.as_ref().map(|(state, _)| (state.position_rad - goal).abs());
-        if !off.as_ref().is_ok_and(|off| *off <= HOLD_RAD) {
+    let present_rad = positions(link)?;
+    for (index, (present, goal)) in present_rad.iter().zip(command.goal_rad()).enumerate() {
+        let off_rad = (present - goal).abs();
+        if !(off_rad <= HOLD_RAD) {
             return Err(Error::new("a joint moved before torque came on; torque stays off")
-                .at(format!("joint {}", joint.name))
-                .got(off.map_or_else(
-                    |miss| miss.to_string(),
-                    |off| format!("{:.1} deg from where it was", off.to_degrees()),
-                ))
+                .at(format!("joint {}", link.robot().joints[index].name))
+                .got(format!("{:.1} deg from where it was", off_rad.to_degrees()))
                 .allowed(format!("{:.1} deg", HOLD_RAD.to_degrees()))
                 .remedy("hold the robot still, or support it, and start again"));
         }

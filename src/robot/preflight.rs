@@ -312,7 +312,7 @@ fn check_still(link: &mut Link) -> Result<Vec<f64>, Error> {
 }
 
 /// Present position of every joint; a joint that cannot be read is an error, never a default.
-fn positions(link: &mut Link) -> Result<Vec<f64>, Error> {
+pub(crate) fn positions(link: &mut Link) -> Result<Vec<f64>, Error> {
     let mut attempts = 0;
     let states = loop {
         let budget = budget(link) + QUESTION;
