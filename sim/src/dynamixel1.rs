@@ -3,11 +3,10 @@
 //! Source: ROBOTIS e-Manual, "DYNAMIXEL Protocol 1.0" (instructions, status, error bits). A status
 //! carries a mask of error bits, not a number.
 //!
-//! What the manual leaves open: a packet that asks for or writes something that is not there has a
-//! range error, one with too few parameters an instruction error; a ping to everyone is not
-//! answered, as nothing to everyone is but bulk read; a read longer than a status can be is
-//! refused with a range error. Bulk read is obeyed by servos whose profile says so; others stay
-//! silent where their turn is.
+//! What the manual leaves open: a read of or write to something that is not there, or longer than a
+//! packet can be, has a range error; a ping to everyone is not answered, as nothing to everyone is
+//! but bulk read. Bulk read is obeyed by servos whose profile says so; others stay silent where
+//! their turn is.
 
 pub(crate) mod packet;
 
@@ -28,10 +27,8 @@ const FACTORY_RESET: u8 = 0x06;
 const SYNC_WRITE: u8 = 0x83;
 const BULK_READ: u8 = 0x92;
 
-const ANGLE_LIMIT: u8 = 1 << 1;
-const RANGE: u8 = 1 << 3;
+/// Error bit of a wrong checksum.
 const CHECKSUM: u8 = 1 << 4;
-const INSTRUCTION: u8 = 1 << 6;
 
 /// Lets the servos that hear carry out a packet that ended at `at_ns`.
 pub(crate) fn answer(packet: &[u8], servos: &mut [Servo], at_ns: u64) -> Exchange {
@@ -54,7 +51,7 @@ pub(crate) fn complain(id: u8, servos: &mut [Servo]) -> Exchange {
     let mut answers = Vec::new();
     for (index, servo) in with_id(servos, FAMILY, id).filter(|(_, servo)| servo.hears) {
         if return_level(servo) >= 2 {
-            let bytes = packet::status(id, CHECKSUM | state(servo), &[]);
+            let bytes = packet::status(id, CHECKSUM | servo.status_error(), &[]);
             answers.push(Answer::given(index, id, bytes, servo.return_delay_ns()));
         }
     }
@@ -63,19 +60,6 @@ pub(crate) fn complain(id: u8, servos: &mut [Servo]) -> Exchange {
 
 fn return_level(servo: &Servo) -> i64 {
     servo.value(Role::StatusReturnLevel).unwrap_or(2)
-}
-
-/// The error bits that are up whatever was asked.
-fn state(servo: &Servo) -> u8 {
-    servo.hardware_error() as u8
-}
-
-fn bit(refusal: Refusal) -> u8 {
-    match refusal {
-        Refusal::Limit => ANGLE_LIMIT,
-        Refusal::Range | Refusal::Access => RANGE,
-        Refusal::Failed | Refusal::Instruction | Refusal::Length => INSTRUCTION,
-    }
 }
 
 fn unicast(servos: &mut [Servo], id: u8, code: u8, params: &[u8], at_ns: u64) -> Exchange {
@@ -103,8 +87,8 @@ fn unicast(servos: &mut [Servo], id: u8, code: u8, params: &[u8], at_ns: u64) ->
 
 fn status(servo: &Servo, id: u8, result: &Result<Vec<u8>, Refusal>) -> Vec<u8> {
     match result {
-        Ok(params) => packet::status(id, state(servo), params),
-        Err(refusal) => packet::status(id, state(servo) | bit(*refusal), &[]),
+        Ok(params) => packet::status(id, servo.status_error(), params),
+        Err(refusal) => packet::status(id, servo.status_error() | refusal.status_bit(), &[]),
     }
 }
 

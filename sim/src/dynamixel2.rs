@@ -30,6 +30,7 @@ const ACTION: u8 = 0x05;
 const FACTORY_RESET: u8 = 0x06;
 const REBOOT: u8 = 0x08;
 const CLEAR: u8 = 0x10;
+const BACKUP: u8 = 0x20;
 const STATUS: u8 = 0x55;
 const SYNC_READ: u8 = 0x82;
 const SYNC_WRITE: u8 = 0x83;
@@ -101,7 +102,15 @@ fn unicast(servos: &mut [Servo], id: u8, code: u8, params: &[u8], at_ns: u64) ->
             answers.push(Answer::given(index, id, bytes, delay_ns));
         }
     }
+    for (_, servo) in hearing(servos, FAMILY).filter(|(_, servo)| in_group(servo, id)) {
+        let _ = execute(servo, code, params, true, at_ns);
+    }
     Exchange { order: Order::Together, answers }
+}
+
+/// True if `id` is the servo's Secondary ID only: it obeys and says nothing.
+fn in_group(servo: &Servo, id: u8) -> bool {
+    servo.id() != id && servo.obeys(id)
 }
 
 fn return_level(servo: &Servo) -> i64 {
@@ -189,7 +198,9 @@ fn act(
             Err(Refusal::Instruction)
         }
         (CLEAR, &[0x01, 0x44, 0x58, 0x4C, 0x22]) => servo.clear_turns(),
-        (CLEAR, _) => Err(Refusal::Range),
+        (BACKUP, &[0x01, 0x43, 0x54, 0x52, 0x4C]) => servo.backup_store(at_ns),
+        (BACKUP, &[0x02, 0x43, 0x54, 0x52, 0x4C]) => servo.backup_restore(at_ns),
+        (CLEAR | BACKUP, _) => Err(Refusal::Range),
         (WRITE | REG_WRITE | ACTION | REBOOT | FACTORY_RESET, _) => Err(Refusal::Length),
         _ => Err(Refusal::Instruction),
     }
@@ -313,7 +324,7 @@ fn bulk_write(servos: &mut [Servo], params: &[u8], at_ns: u64) -> Exchange {
 }
 
 fn write_one(servos: &mut [Servo], id: u8, address: u16, bytes: &[u8], at_ns: u64) {
-    for (_, servo) in with_id(servos, FAMILY, id).filter(|(_, servo)| servo.hears) {
+    for (_, servo) in hearing(servos, FAMILY).filter(|(_, servo)| servo.obeys(id)) {
         // Nobody is told of a refused write that was not addressed to one servo.
         let _ = servo.write(address, bytes, at_ns);
     }

@@ -48,10 +48,6 @@ pub(crate) fn answer(packet: &[u8], servos: &mut [Servo], at_ns: u64) -> Exchang
     }
 }
 
-fn error(servo: &Servo) -> u8 {
-    servo.hardware_error() as u8
-}
-
 fn unicast(servos: &mut [Servo], id: u8, code: u8, params: &[u8], at_ns: u64) -> Exchange {
     let mut answers = Vec::new();
     let asked = if code == READ { params.get(1).map_or(0, |&n| usize::from(n)) } else { 0 };
@@ -75,7 +71,7 @@ fn unicast(servos: &mut [Servo], id: u8, code: u8, params: &[u8], at_ns: u64) ->
             _ => act(servo, code, params, at_ns).is_ok() && level >= 1,
         };
         if said {
-            let bytes = packet::status(id, error(servo), &out);
+            let bytes = packet::status(id, servo.status_error(), &out);
             answers.push(Answer::given(index, id, bytes, delay_ns));
         }
     }
@@ -107,7 +103,7 @@ fn sync_read(servos: &mut [Servo], params: &[u8], at_ns: u64) -> Exchange {
         servo.advance(at_ns);
         let mut out = Vec::with_capacity(ask.length);
         servo.read(ask.address, ask.length, &mut out).ok()?;
-        Some(packet::status(ask.id, error(servo), &out))
+        Some(packet::status(ask.id, servo.status_error(), &out))
     })
 }
 
@@ -132,7 +128,7 @@ fn broadcast_ping(servos: &mut [Servo], at_ns: u64) -> Exchange {
     let mut answers = Vec::new();
     for (index, servo) in hearing(servos, FAMILY).filter(|(_, servo)| knows_groups(servo)) {
         servo.advance(at_ns);
-        let bytes = packet::status(servo.id(), error(servo), &[]);
+        let bytes = packet::status(servo.id(), servo.status_error(), &[]);
         answers.push(Answer::given(index, servo.id(), bytes, servo.return_delay_ns()));
     }
     answers.sort_by_key(|answer| answer.id);
