@@ -6,7 +6,6 @@ pub mod preflight;
 
 pub use link::{Link, LinkError};
 
-use crate::bus::Protocol;
 use crate::device::{FeedbackBlock, HealthBlock, JointState, Model};
 use crate::error::Error;
 use crate::motion::JointLimits;
@@ -107,28 +106,11 @@ impl Joint {
     }
 }
 
-/// What the servos on a line speak.
-fn spoken_on(file: &profiles::Robot, line: &str) -> Result<Protocol, Error> {
-    let place = || format!("robot {}, line {line}", file.name);
-    let first = file
-        .joints_on(line)
-        .next()
-        .ok_or_else(|| Error::new("a line without a joint").at(place()))?;
-    let servo = profiles::servo(&first.servo).map_err(|e| Error::new(e.to_string()).at(place()))?;
-    match servo.protocol {
-        profiles::Protocol::Dynamixel2 => Ok(Protocol::Dynamixel2),
-        profiles::Protocol::FeetechSts => Ok(Protocol::FeetechSts),
-        other => Err(Error::new("not spoken yet").at(place()).got(format!("{other:?}"))),
-    }
-}
-
 /// A serial line of the robot.
 #[derive(Clone, Debug)]
 pub struct Line {
     /// Its name in the robot file.
     pub name: String,
-    /// What is spoken on it.
-    pub protocol: Protocol,
     /// Bits per second.
     pub baud_bps: u32,
 }
@@ -155,11 +137,8 @@ impl Robot {
         let lines: Vec<Line> = file
             .lines
             .iter()
-            .map(|line| {
-                let protocol = spoken_on(&file, &line.name)?;
-                Ok(Line { name: line.name.clone(), protocol, baud_bps: line.baud_bps })
-            })
-            .collect::<Result<_, Error>>()?;
+            .map(|line| Line { name: line.name.clone(), baud_bps: line.baud_bps })
+            .collect();
         let mut joints = Vec::with_capacity(file.joints.len());
         for joint in &file.joints {
             let line = lines.iter().position(|line| line.name == joint.line).ok_or_else(|| {

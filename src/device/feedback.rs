@@ -1,6 +1,6 @@
 //! What is read from a servo: motion in every cycle, health in turn.
 
-use super::registers::{Model, RegisterError, raw_from_bytes};
+use super::registers::{Model, RegisterError};
 use gaitway_profiles::{Register, Role};
 
 /// One joint as its servo reported it, in the servo's own sense of rotation. Absent: not read in
@@ -159,7 +159,7 @@ impl HealthBlock {
         let Some(block) = self.blocks.get(index) else { return Ok(health) };
         for (role, register) in &block.registers {
             let own = block.bytes(register, bytes);
-            let raw = raw_from_bytes(register, own)?;
+            let raw = self.model.raw_from_bytes(register, own)?;
             let si = self.model.si_from_raw(register, raw);
             match role {
                 Role::TorqueEnable => health.torque_on = Some(raw == 1),

@@ -1,8 +1,9 @@
 //! A robot with its lines open: state in, command out, for all joints at once.
 
 use super::{Joint, Robot};
-use crate::bus::{AskError, Bus, GroupRead, Miss, Reply, Timing};
-use crate::device::registers::{append_raw, raw_from_bytes};
+use crate::bus::{
+    AskError, Bus, GroupItem, GroupQuestion, GroupRead, Miss, Protocol, Reply, Timing,
+};
 use crate::device::{Health, JointState};
 use crate::guard::Command;
 use crate::port::{BytePort, Clock};
@@ -15,6 +16,7 @@ use std::sync::Arc;
 #[derive(Clone, Debug)]
 struct Group {
     line: usize,
+    protocol: Protocol,
     address: u16,
     length: u16,
     mode: GroupRead,
@@ -71,7 +73,7 @@ impl Link {
                     return_delay: return_delay(&robot, index),
                     latency,
                 };
-                Bus::new(port, Arc::clone(&clock), line.protocol, timing)
+                Bus::new(port, Arc::clone(&clock), timing)
             })
             .collect();
         let reads = groups(&robot, |joint| (joint.feedback.address(), joint.feedback.length()));
@@ -128,17 +130,24 @@ impl Link {
                 .reads
                 .iter()
                 .filter(|group| group.line == line)
-                .map(|g| bus.read_time_s(g.joints.len(), usize::from(g.length), g.mode))
+                .map(|group| bus.read_time_s(&self.question(group)))
                 .sum();
             let write: f64 = self
                 .writes
                 .iter()
                 .filter(|group| group.line == line)
-                .map(|g| bus.write_time_s(g.joints.len(), usize::from(g.length)))
+                .map(|g| bus.write_time_s(g.protocol, g.joints.len(), usize::from(g.length)))
                 .sum();
             read + write
         };
         (0..self.buses.len()).map(on_line).fold(0.0, f64::max)
+    }
+
+    /// What the joints of `group` are asked together.
+    fn question(&self, group: &Group) -> GroupQuestion {
+        let &Group { protocol, address, length, mode, .. } = group;
+        let item = |&joint: &usize| GroupItem { id: self.robot.joints[joint].id, address, length };
+        GroupQuestion { protocol, kind: mode, items: group.joints.iter().map(item).collect() }
     }
 
     fn line_error(&self, line: usize, error: AskError) -> LinkError {
@@ -164,15 +173,15 @@ impl Link {
             for number in round {
                 let mut group = self.reads[number].clone();
                 group.joints.sort_by_key(|&joint| self.missed_in_a_row[joint]);
-                let ids: Vec<u8> = group.joints.iter().map(|&j| self.robot.joints[j].id).collect();
+                let question = self.question(&group);
                 self.buses[group.line]
-                    .begin_group_read(&ids, group.address, group.length, group.mode, budget)
+                    .begin_group_read(&question, budget)
                     .map_err(|e| self.line_error(group.line, e))?;
-                asked.push((group, ids));
+                asked.push(group);
             }
-            for (group, ids) in asked {
+            for group in asked {
                 let answers = self.buses[group.line]
-                    .finish_group_read(&ids, budget)
+                    .finish_group_read(budget)
                     .map_err(|e| self.line_error(group.line, e))?;
                 for (&joint, answer) in group.joints.iter().zip(answers) {
                     let state = answer.and_then(|reply| self.decode(joint, &reply));
@@ -221,9 +230,9 @@ impl Link {
     /// True if part `part` of the slow facts of `joint` can be read by `budget`.
     #[must_use]
     pub fn health_fits(&self, joint: usize, part: usize, budget: Instant) -> bool {
-        let Joint { line, health, .. } = &self.robot.joints[joint];
+        let Joint { line, model, health, .. } = &self.robot.joints[joint];
         let length = health.reads().get(part).map_or(0, |&(_, length)| length);
-        self.buses[*line].fits(usize::from(length), budget)
+        self.buses[*line].fits(model.protocol(), usize::from(length), budget)
     }
 
     /// Part `part` of the slow facts of `joint`.
@@ -236,12 +245,12 @@ impl Link {
         part: usize,
         budget: Instant,
     ) -> Result<Health, LinkError> {
-        let Joint { line, id, health, .. } = &self.robot.joints[joint];
+        let Joint { line, id, model, health, .. } = &self.robot.joints[joint];
         let Some(&(address, length)) = health.reads().get(part) else {
             return Ok(Health::default());
         };
         let reply = self.buses[*line]
-            .read(*id, address, length, budget)
+            .read(model.protocol(), *id, address, length, budget)
             .map_err(|e| self.joint_error(joint, e))?;
         let joint_of = &self.robot.joints[joint];
         joint_of
@@ -298,7 +307,7 @@ impl Link {
                 .map(|(&index, bytes)| (self.robot.joints[index].id, bytes))
                 .collect();
             self.buses[group.line]
-                .sync_write(group.address, &items, budget)
+                .sync_write(group.protocol, group.address, &items, budget)
                 .map_err(|e| self.line_error(group.line, e))?;
             self.payload = payload;
         }
@@ -310,8 +319,9 @@ impl Link {
     /// # Errors
     /// [`LinkError`].
     pub fn identity(&mut self, joint: usize, budget: Instant) -> Result<(u16, u16), LinkError> {
-        let Joint { line, id, .. } = self.robot.joints[joint];
-        self.buses[line].ping(id, budget).map_err(|e| self.joint_error(joint, e))?;
+        let Joint { line, id, model, .. } = self.robot.joints[joint];
+        let protocol = model.protocol();
+        self.buses[line].ping(protocol, id, budget).map_err(|e| self.joint_error(joint, e))?;
         let model = self.read_raw(joint, Role::ModelNumber, budget)?;
         let major = self.read_raw(joint, Role::FirmwareVersion, budget)?;
         let firmware = match self.read_raw(joint, Role::FirmwareVersionMinor, budget) {
@@ -349,11 +359,12 @@ impl Link {
         register: &Register,
         budget: Instant,
     ) -> Result<i64, LinkError> {
-        let Joint { line, id, .. } = self.robot.joints[joint];
+        let Joint { line, id, model, .. } = self.robot.joints[joint];
         let reply = self.buses[line]
-            .read(id, register.address, u16::from(register.bytes), budget)
+            .read(model.protocol(), id, register.address, u16::from(register.bytes), budget)
             .map_err(|e| self.joint_error(joint, e))?;
-        raw_from_bytes(register, &reply.bytes)
+        model
+            .raw_from_bytes(register, &reply.bytes)
             .map_err(|_| self.joint_error(joint, Miss::Garbled.into()))
     }
 
@@ -369,28 +380,32 @@ impl Link {
             let text = "a goal is written as a command, never raw".to_owned();
             return Err(self.joint_error(joint, AskError::Unsayable(text)));
         }
-        let Joint { line, id, .. } = self.robot.joints[joint];
+        let Joint { line, id, model, .. } = self.robot.joints[joint];
         let mut bytes = Vec::with_capacity(4);
-        append_raw(register, raw, &mut bytes)
+        model
+            .append_raw(register, raw, &mut bytes)
             .map_err(|e| self.joint_error(joint, AskError::Unsayable(e.to_string())))?;
         self.buses[line]
-            .write(id, register.address, &bytes, budget)
+            .write(model.protocol(), id, register.address, &bytes, budget)
             .map_err(|e| self.joint_error(joint, e))?;
         Ok(())
     }
 }
 
-/// Joints by line and by the block that is to be read or written.
+/// Joints by line, protocol and the block that is to be read or written.
 fn groups(robot: &Robot, block: impl Fn(&Joint) -> (u16, u16)) -> Vec<Group> {
     let mut groups: Vec<Group> = Vec::new();
     for (index, joint) in robot.joints.iter().enumerate() {
         let (address, length) = block(joint);
-        let same =
-            |g: &&mut Group| g.line == joint.line && g.address == address && g.length == length;
+        let protocol = joint.model.protocol();
+        let same = |g: &&mut Group| {
+            (g.line, g.protocol, g.address, g.length) == (joint.line, protocol, address, length)
+        };
         match groups.iter_mut().find(same) {
             Some(group) => group.joints.push(index),
             None => groups.push(Group {
                 line: joint.line,
+                protocol,
                 address,
                 length,
                 mode: GroupRead::Sync,
