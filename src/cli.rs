@@ -2,10 +2,13 @@
 
 pub mod address;
 pub mod connect;
+pub mod doctor;
+pub mod finding;
 pub mod limp;
 pub mod output;
 pub mod play;
 pub mod plots;
+pub mod ports;
 pub mod profile;
 pub mod progress;
 pub mod recordings;
@@ -59,6 +62,10 @@ enum Command {
     Recover(recordings::RecoverArgs),
     /// Look at servo and robot profiles
     Profile(profile::ProfileArgs),
+    /// Where a robot could be plugged in: serial ports and CAN interfaces
+    Ports(ports::PortsArgs),
+    /// What on this machine stands in a robot's way, and what to do about it
+    Doctor(doctor::DoctorArgs),
 }
 
 /// Runs the command line; the exit code.
@@ -80,6 +87,8 @@ pub fn main() -> i32 {
         Command::Info(args) => recordings::info(args),
         Command::Recover(args) => recordings::recover(args, remarks),
         Command::Profile(args) => profile::run(args),
+        Command::Ports(args) => ports::run(args, remarks),
+        Command::Doctor(args) => doctor::run(args, remarks),
     };
     done.unwrap_or_else(|error| {
         eprintln!("gaitway: {error}");

@@ -4,6 +4,7 @@ use super::address::{Address, BusKind};
 use crate::error::Error;
 use crate::port::serial::SerialLine;
 use crate::port::sim::{SharedWorld, VirtualClock, VirtualLine};
+use crate::port::tcp::TcpLine;
 use crate::port::{BytePort, Clock, MonotonicClock, PortError};
 use crate::robot::{Link, Robot};
 use crate::time::Duration;
@@ -23,6 +24,8 @@ pub struct Connection {
 
 /// Held back by a USB adapter that says nothing of itself, or by a pseudo-terminal's scheduling.
 const UNKNOWN_LATENCY: Duration = Duration::from_millis(5);
+/// There and back on a local network that is not idle.
+const NETWORK_LATENCY: Duration = Duration::from_millis(20);
 
 /// Opens every line of `robot`.
 ///
@@ -30,16 +33,16 @@ const UNKNOWN_LATENCY: Duration = Duration::from_millis(5);
 /// An address that names no line, a line without address, a port that cannot be opened.
 pub fn connect(robot: Robot, addresses: &[Address], seed: u64) -> Result<Connection, Error> {
     let by_line = assign(&robot, addresses)?;
-    let sims = by_line.iter().filter(|bus| !matches!(bus, BusKind::Serial { .. })).count();
+    let sims = by_line.iter().filter(|bus| bus.is_virtual()).count();
     if sims > 0 && by_line.iter().any(|bus| *bus != by_line[0]) {
         return Err(Error::new("a virtual robot has all its lines in one place")
             .at("--bus")
-            .allowed("the same kind of virtual bus for every line, or serial ports only"));
+            .allowed("the same kind of virtual bus for every line, or real lines only"));
     }
     match &by_line[0] {
         BusKind::Sim => in_virtual_time(robot, seed),
         BusKind::SimPty => behind_terminals(robot, seed),
-        BusKind::Serial { .. } => over_serial(robot, &by_line),
+        BusKind::Serial { .. } | BusKind::Tcp { .. } => over_wires(robot, &by_line),
     }
 }
 
@@ -63,7 +66,6 @@ fn assign(robot: &Robot, addresses: &[Address]) -> Result<Vec<BusKind>, Error> {
                 .allowed(format!("one for each line: {}", names.join(", "))));
         }
     }
-    let virtual_robot = |a: &Address| !matches!(a.bus, BusKind::Serial { .. });
     names
         .iter()
         .map(|&name| {
@@ -71,7 +73,7 @@ fn assign(robot: &Robot, addresses: &[Address]) -> Result<Vec<BusKind>, Error> {
             // Without a name: the robot's only line, or a virtual robot as a whole.
             let any = addresses
                 .iter()
-                .find(|a| a.line.is_none() && (names.len() == 1 || virtual_robot(a)));
+                .find(|a| a.line.is_none() && (names.len() == 1 || a.bus.is_virtual()));
             own.or(any).map(|address| address.bus.clone()).ok_or_else(|| {
                 Error::new("a line of the robot has no bus")
                     .at(format!("robot {}, line {name}", robot.name))
@@ -120,17 +122,35 @@ fn behind_terminals(robot: Robot, seed: u64) -> Result<Connection, Error> {
     Ok(Connection { link, world: Some(world), real_time: true, _doors: doors })
 }
 
-fn over_serial(mut robot: Robot, by_line: &[BusKind]) -> Result<Connection, Error> {
+fn over_wires(mut robot: Robot, by_line: &[BusKind]) -> Result<Connection, Error> {
     let mut ports: Vec<(Box<dyn BytePort>, Duration)> = Vec::new();
     for (line, bus) in robot.lines.iter_mut().zip(by_line) {
-        let BusKind::Serial { path, baud_bps } = bus else { continue };
-        line.baud_bps = baud_bps.unwrap_or(line.baud_bps);
-        let port = SerialLine::open(path, line.baud_bps).map_err(|e| port_error(path, &e))?;
-        let latency = SerialLine::latency_timer_s(path).filter(|s| (0.0..1.0).contains(s));
-        ports.push((Box::new(port), latency.map_or(UNKNOWN_LATENCY, Duration::from_secs_f64)));
+        line.baud_bps = bus.baud_bps().unwrap_or(line.baud_bps);
+        ports.push(wire(bus, line.baud_bps)?);
     }
     let link = Link::new(robot, ports, Arc::new(MonotonicClock));
     Ok(Connection { link, world: None, real_time: true, _doors: Vec::new() })
+}
+
+/// A real line at `baud_bps`, and the time its adapter may hold bytes back.
+fn wire(bus: &BusKind, baud_bps: u32) -> Result<(Box<dyn BytePort>, Duration), Error> {
+    match bus {
+        BusKind::Tcp { place, .. } => {
+            let port = TcpLine::open(place).map_err(|e| {
+                Error::new("nobody takes the connection")
+                    .at(format!("tcp:{place}"))
+                    .got(e.to_string())
+                    .remedy("start the program at the other end first, e.g. gaitway simulate")
+            })?;
+            Ok((Box::new(port), NETWORK_LATENCY))
+        }
+        BusKind::Serial { path, .. } => {
+            let port = SerialLine::open(path, baud_bps).map_err(|e| port_error(path, &e))?;
+            let latency = SerialLine::latency_timer_s(path).filter(|s| (0.0..1.0).contains(s));
+            Ok((Box::new(port), latency.map_or(UNKNOWN_LATENCY, Duration::from_secs_f64)))
+        }
+        BusKind::Sim | BusKind::SimPty => Err(Error::new("a virtual robot is no wire")),
+    }
 }
 
 fn port_error(path: &str, error: &PortError) -> Error {
