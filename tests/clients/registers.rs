@@ -67,9 +67,10 @@ pub fn read_all(
     let mut compared = 0;
     for register in listed {
         let items = servo.items().collect::<Vec<_>>();
-        let Some(item) = items.iter().find(|item| {
-            item.address == register.address && item.register.bytes == register.size
-        }) else {
+        let Some(item) = items
+            .iter()
+            .find(|item| item.address == register.address && item.register.bytes == register.size)
+        else {
             otherwise.push(format!("{} at {}, {}", register.name, register.address, register.size));
             continue;
         };
@@ -102,9 +103,10 @@ pub fn write_all(
     let mut compared = 0;
     for register in listed.iter().filter(|register| register.writable) {
         let items = servo.items().collect::<Vec<_>>();
-        let Some(item) = items.iter().find(|item| {
-            item.address == register.address && item.register.bytes == register.size
-        }) else {
+        let Some(item) = items
+            .iter()
+            .find(|item| item.address == register.address && item.register.bytes == register.size)
+        else {
             continue;
         };
         if is_delicate(item) {
