@@ -269,7 +269,7 @@ impl World {
             Strike::Block { joint, blocked } => {
                 let servo = self.servo_mut(joint);
                 servo.advance(now_ns);
-                servo.motor.blocked = blocked;
+                servo.motor.set_blocked(blocked);
             }
             Strike::Jump { joint, counts } => {
                 let servo = self.servo_mut(joint);
