@@ -47,7 +47,7 @@ impl BytePort for CutLine {
     }
 }
 
-pub const STRICT: Accept = Accept { firmware: false };
+pub const STRICT: Accept = Accept { firmware: false, eeprom: false };
 
 pub struct Scene {
     pub world: SharedWorld,
