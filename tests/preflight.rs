@@ -1,5 +1,7 @@
 //! Nothing moves before identity, configuration, health, start pose and line speed are proven.
 
+#[path = "preflight/families.rs"]
+mod families;
 #[path = "preflight/reading.rs"]
 mod reading;
 mod scene;
