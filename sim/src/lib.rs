@@ -10,6 +10,7 @@
 //! never uses the driver's codec: a mistake made twice would be seen, one that is shared would not.
 
 mod adapter;
+mod door;
 mod dynamixel1;
 mod dynamixel2;
 mod exchange;
@@ -18,15 +19,14 @@ mod fault;
 mod feetech;
 mod line;
 mod motor;
-mod pty;
 mod referee;
 mod servo;
 mod table;
 mod world;
 
 pub use adapter::Usb;
+pub use door::{Door, DoorError};
 pub use fault::{Damage, Fault, Struck};
-pub use pty::{Door, DoorError};
 pub use referee::{Rule, Verdict, Violation};
 pub use world::{BadChecksum, MissingInChain, Options, World};
 
