@@ -61,6 +61,8 @@ pub enum Miss {
     },
     /// The device answered no.
     Refused(String),
+    /// A sound answer, but with a position the joint cannot have reached since the last.
+    Implausible,
 }
 
 impl fmt::Display for Miss {
@@ -70,6 +72,7 @@ impl fmt::Display for Miss {
             Self::Garbled => f.write_str("answer damaged on the line"),
             Self::WrongId { asked, got } => write!(f, "asked ID {asked}, ID {got} answered"),
             Self::Refused(text) => write!(f, "the device refused: {text}"),
+            Self::Implausible => f.write_str("a position the joint cannot have reached"),
         }
     }
 }
@@ -201,6 +204,12 @@ impl Bus {
     #[must_use]
     pub const fn ready_at(&self) -> Instant {
         self.quiet_until
+    }
+
+    /// When the last question had left.
+    #[must_use]
+    pub const fn spoken_at(&self) -> Instant {
+        self.sending_until
     }
 
     /// True if a question to one device, for `length` bytes, asked now is over by `budget`.

@@ -93,6 +93,12 @@ impl Joint {
         (joint_rad + self.offset_rad) / self.ratio
     }
 
+    /// The servo's speed for a speed of the joint, rad/s, without sign.
+    #[must_use]
+    pub fn servo_speed_rad_s(&self, joint_rad_s: f64) -> f64 {
+        (joint_rad_s / self.ratio).abs()
+    }
+
     /// The joint's state from what its servo reported.
     #[must_use]
     pub fn joint_state(&self, servo: JointState) -> JointState {

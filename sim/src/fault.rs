@@ -2,10 +2,10 @@
 //! seed.
 
 use crate::SimError;
+use crate::dynamixel1;
 use crate::dynamixel2::packet;
 use crate::exchange::{Exchange, Order};
-use crate::feetech;
-use gaitway_profiles::Protocol;
+use crate::family::Family;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
@@ -210,17 +210,12 @@ impl Faults {
 }
 
 /// The damage done in the servo that gives answer `k`.
-pub(crate) fn damage_at_sender(
-    protocol: Protocol,
-    exchange: &mut Exchange,
-    k: usize,
-    damage: Damage,
-) {
+pub(crate) fn damage_at_sender(family: Family, exchange: &mut Exchange, k: usize, damage: Damage) {
     let merged = exchange.order == Order::Merged;
     let answer = &mut exchange.answers[k];
-    match (damage, protocol) {
+    match (damage, family) {
         (Damage::Mute, _) => answer.servo = None,
-        (Damage::Lie { .. } | Damage::WrongId { .. }, Protocol::Dynamixel2) if merged => {
+        (Damage::Lie { .. } | Damage::WrongId { .. }, Family::Dynamixel2) if merged => {
             let head = if answer.bytes.starts_with(&[0xFF, 0xFF, 0xFD, 0x00]) { 8 } else { 0 };
             let place = match damage {
                 Damage::Lie { at, .. } => head + 2 + at,
@@ -230,7 +225,7 @@ pub(crate) fn damage_at_sender(
             change(&mut answer.bytes[..end], place, damage);
             reseal_merged(exchange);
         }
-        (Damage::Lie { .. } | Damage::WrongId { .. }, Protocol::Dynamixel2) => {
+        (Damage::Lie { .. } | Damage::WrongId { .. }, Family::Dynamixel2) => {
             let (id, _, body) = packet::open(&answer.bytes);
             let mut plain = body.into_owned();
             plain.insert(0, id);
@@ -242,7 +237,7 @@ pub(crate) fn damage_at_sender(
             let place = if let Damage::Lie { at, .. } = damage { at + 5 } else { 2 };
             let end = answer.bytes.len() - 1;
             change(&mut answer.bytes[..end], place, damage);
-            feetech::reseal(&mut answer.bytes);
+            dynamixel1::packet::reseal(&mut answer.bytes);
         }
         _ => {}
     }

@@ -9,8 +9,10 @@
 //! The device side of the protocols is written here from the makers' manuals alone. This crate
 //! never uses the driver's codec: a mistake made twice would be seen, one that is shared would not.
 
+mod dynamixel1;
 mod dynamixel2;
 mod exchange;
+mod family;
 mod fault;
 mod feetech;
 mod line;
@@ -24,7 +26,7 @@ mod world;
 pub use fault::{Damage, Fault};
 pub use pty::{Door, DoorError};
 pub use referee::{Rule, Verdict, Violation};
-pub use world::{MissingInChain, Options, World};
+pub use world::{BadChecksum, MissingInChain, Options, World};
 
 /// Why a world cannot be built.
 #[derive(Debug, thiserror::Error)]

@@ -7,19 +7,15 @@
 //! starts give the bitwise AND (idle is high, zero wins), so equal statuses pass unnoticed.
 
 use crate::exchange::{Answer, Exchange, Order, Scan};
+use crate::family::Family;
 use crate::fault::{Arrival, Damage, Faults, damage_at_host, damage_at_sender};
 use crate::referee::Referee;
 use crate::servo::Servo;
-use crate::world::MissingInChain;
-use crate::{dynamixel2, feetech};
-use gaitway_profiles::Protocol;
+use crate::world::{BadChecksum, MissingInChain};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use std::collections::VecDeque;
 
-/// A pause between bytes longer than this ends a packet unfinished (e-Manual, Protocol 2.0,
-/// "Processing Order of Reception"; assumed for Feetech).
-const GAP_NS: u64 = 1_500_000;
 /// Between the slots of two IDs in the answer to a broadcast ping. The order is not documented;
 /// this is the pause the makers' SDKs allow for each ID, so the latest they would wait for.
 const SLOT_PAUSE_NS: u64 = 3_000_000;
@@ -35,6 +31,7 @@ pub(crate) struct Shared {
     pub echo: bool,
     pub adapter_latency_ns: u64,
     pub missing_in_chain: MissingInChain,
+    pub bad_checksum: BadChecksum,
     pub faults: Faults,
     pub rng: ChaCha8Rng,
     pub referee: Referee,
@@ -71,6 +68,15 @@ struct Chunk {
     baud_bps: u32,
 }
 
+/// A packet among the bytes heard.
+struct Heard {
+    family: Family,
+    start: usize,
+    end: usize,
+    /// Its checksum is right.
+    sound: bool,
+}
+
 /// Bytes on their way to the host.
 #[derive(Clone, Debug)]
 struct Reception {
@@ -91,9 +97,11 @@ pub(crate) struct Line {
     sending: VecDeque<Chunk>,
     host_free_ns: u64,
     host_baud_bps: u32,
-    /// Bytes heard that are no whole packet yet.
-    partial: Vec<u8>,
-    partial_end_ns: u64,
+    /// Bytes heard of which some family has not yet made packets.
+    heard: Vec<u8>,
+    heard_end_ns: u64,
+    /// How much of them each family is done with, in the order of [`Family::ALL`].
+    done: [usize; Family::ALL.len()],
     /// In order of `ready_ns`.
     coming: VecDeque<Reception>,
     ready: VecDeque<u8>,
@@ -111,16 +119,13 @@ impl Line {
             sending: VecDeque::new(),
             host_free_ns: 0,
             host_baud_bps: baud_bps,
-            partial: Vec::new(),
-            partial_end_ns: 0,
+            heard: Vec::new(),
+            heard_end_ns: 0,
+            done: [0; Family::ALL.len()],
             coming: VecDeque::new(),
             ready: VecDeque::new(),
             window_end_ns: 0,
         }
-    }
-
-    fn protocol(&self) -> Protocol {
-        self.servos.first().map_or(Protocol::Dynamixel2, |servo| servo.model.protocol)
     }
 
     /// The host starts to send, after what it is sending already.
@@ -136,7 +141,8 @@ impl Line {
         self.collect(now_ns, &mut shared.rng);
         if baud_bps != self.host_baud_bps {
             self.host_baud_bps = baud_bps;
-            self.partial.clear();
+            self.heard.clear();
+            self.done = [0; Family::ALL.len()];
         }
         shared.referee.busy(self.index, start_ns, end_ns);
         let mut bytes = bytes.to_vec();
@@ -162,36 +168,63 @@ impl Line {
     /// The servos hear the host's next chunk and act on the packets in it.
     pub fn hear_next(&mut self, shared: &mut Shared) {
         let Some(chunk) = self.sending.pop_front() else { return };
-        if chunk.span.start_ns > self.partial_end_ns + GAP_NS {
-            self.partial.clear();
-        }
-        self.judge_turn(chunk.span.start_ns, shared);
-        self.partial.extend_from_slice(&chunk.bytes);
-        self.partial_end_ns = chunk.span.end_ns;
-        let mut at = 0;
-        loop {
-            let scan = match self.protocol() {
-                Protocol::Dynamixel2 => dynamixel2::packet::scan(&self.partial[at..]),
-                _ => feetech::scan(&self.partial[at..]),
-            };
-            match scan {
-                Scan::Incomplete => break,
-                Scan::Skip(bytes) => at += bytes,
-                Scan::Packet(bytes) => {
-                    let packet = self.partial[at..at + bytes].to_vec();
-                    at += bytes;
-                    let rest = self.partial.len() - at;
-                    let end_ns = chunk.span.end_ns - shared.wire_ns(rest, chunk.baud_bps);
-                    self.carry_out(&packet, end_ns, chunk.baud_bps, shared);
-                    if rest > 0 {
-                        self.judge_turn(end_ns, shared);
-                    }
-                    let span = Span { start_ns: end_ns, end_ns: chunk.span.end_ns };
-                    spoil(span, &mut self.partial[at..], &mut self.coming, &mut shared.rng);
-                }
+        for (done, family) in self.done.iter_mut().zip(Family::ALL) {
+            if chunk.span.start_ns > self.heard_end_ns + family.gap_ns() {
+                *done = self.heard.len();
             }
         }
-        self.partial.drain(..at);
+        self.judge_turn(chunk.span.start_ns, shared);
+        self.heard.extend_from_slice(&chunk.bytes);
+        self.heard_end_ns = chunk.span.end_ns;
+        let mut last_end = 0;
+        while let Some(heard) = self.next_packet(shared.bad_checksum) {
+            let packet = self.heard[heard.start..heard.end].to_vec();
+            let rest = self.heard.len() - heard.end;
+            let end_ns = chunk.span.end_ns - shared.wire_ns(rest, chunk.baud_bps);
+            // What two families understand was said once.
+            if heard.end > last_end {
+                last_end = heard.end;
+                shared.referee.instruction();
+            }
+            self.carry_out(&heard, &packet, end_ns, chunk.baud_bps, shared);
+            if rest > 0 {
+                self.judge_turn(end_ns, shared);
+            }
+            let span = Span { start_ns: end_ns, end_ns: chunk.span.end_ns };
+            spoil(span, &mut self.heard[heard.end..], &mut self.coming, &mut shared.rng);
+        }
+        let done = self.done.iter().copied().min().unwrap_or(0);
+        self.heard.drain(..done);
+        self.done = self.done.map(|at| at - done);
+    }
+
+    /// The packet that ends first among those the line's servos make of what they heard.
+    fn next_packet(&mut self, bad_checksum: BadChecksum) -> Option<Heard> {
+        let mut next: Option<(usize, Heard)> = None;
+        for (k, family) in Family::ALL.into_iter().enumerate() {
+            let done = &mut self.done[k];
+            if !self.servos.iter().any(|servo| family.includes(servo)) {
+                *done = self.heard.len();
+            }
+            let heard = loop {
+                let complains = bad_checksum == BadChecksum::Answer && family != Family::Feetech;
+                match family.scan(&self.heard[*done..]) {
+                    Scan::Incomplete => break None,
+                    Scan::Skip(bytes) => *done += bytes,
+                    Scan::Spoilt(_) if !complains => *done += 1,
+                    Scan::Packet(bytes) => break Some((bytes, true)),
+                    Scan::Spoilt(bytes) => break Some((bytes, false)),
+                }
+            };
+            let Some((bytes, sound)) = heard else { continue };
+            let heard = Heard { family, start: *done, end: *done + bytes, sound };
+            if next.as_ref().is_none_or(|(_, first)| heard.end < first.end) {
+                next = Some((k, heard));
+            }
+        }
+        let (k, heard) = next?;
+        self.done[k] = heard.end;
+        Some(heard)
     }
 
     /// The host talks from `start_ns` on: is it its turn? In real time that cannot be judged: when
@@ -202,17 +235,24 @@ impl Line {
         }
     }
 
-    fn carry_out(&mut self, packet: &[u8], end_ns: u64, baud_bps: u32, shared: &mut Shared) {
-        shared.referee.instruction();
-        for servo in &mut self.servos {
+    fn carry_out(
+        &mut self,
+        heard: &Heard,
+        packet: &[u8],
+        end_ns: u64,
+        baud_bps: u32,
+        shared: &mut Shared,
+    ) {
+        for servo in self.servos.iter_mut().filter(|servo| heard.family.includes(servo)) {
             servo.hears = servo.can_hear(end_ns, baud_bps);
             if servo.hears {
                 servo.heard(end_ns);
             }
         }
-        let exchange = match self.protocol() {
-            Protocol::Dynamixel2 => dynamixel2::answer(packet, &mut self.servos, end_ns),
-            _ => feetech::answer(packet, &mut self.servos, end_ns),
+        let exchange = if heard.sound {
+            heard.family.answer(packet, &mut self.servos, end_ns)
+        } else {
+            heard.family.complain(packet, &mut self.servos)
         };
         self.report(end_ns, &mut shared.referee);
         self.say(exchange, end_ns, baud_bps, shared);
@@ -270,16 +310,17 @@ impl Line {
         }
         let mut all = Vec::with_capacity(exchange.answers.len());
         for k in 0..exchange.answers.len() {
-            let mut damages = Vec::new();
-            let servo = exchange.answers[k].servo;
-            if let Some(index) = servo {
-                let servo = &self.servos[index];
-                damages = shared.faults.strike_status(servo.joint, servo.statuses, &mut shared.rng);
-            }
+            let Some(index) = exchange.answers[k].servo else {
+                all.push(Vec::new());
+                continue;
+            };
+            let servo = &self.servos[index];
+            let family = Family::of(servo.model.protocol);
+            let damages = shared.faults.strike_status(servo.joint, servo.statuses, &mut shared.rng);
             for &damage in &damages {
-                damage_at_sender(self.protocol(), exchange, k, damage);
+                damage_at_sender(family, exchange, k, damage);
             }
-            if let (Some(index), None) = (servo, exchange.answers[k].servo) {
+            if exchange.answers[k].servo.is_none() {
                 // It was its turn, though nothing was sent.
                 self.servos[index].statuses += 1;
             }

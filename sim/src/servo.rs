@@ -7,6 +7,7 @@
 //! Startup Configuration, Secondary ID, Control Table Backup, dual joints.
 
 mod access;
+mod backup;
 mod control;
 
 use crate::motor::{Advance, Motor};
@@ -35,6 +36,17 @@ pub(crate) enum Refusal {
     Length = 5,
     Limit = 6,
     Access = 7,
+}
+
+impl Refusal {
+    /// The bit of protocol 1.0's error byte that says so: angle limit, range or instruction.
+    pub fn status_bit(self) -> u8 {
+        match self {
+            Refusal::Limit => 1 << 1,
+            Refusal::Range | Refusal::Length | Refusal::Access | Refusal::Failed => 1 << 3,
+            Refusal::Instruction => 1 << 6,
+        }
+    }
 }
 
 /// What happened inside a servo that the referee judges.
@@ -75,6 +87,8 @@ pub(crate) struct Servo {
     /// EEPROM as it will be after the next power-up.
     persistent: Vec<u8>,
     registered: Option<(u16, Vec<u8>)>,
+    /// The control table a Control Table Backup has kept; outlives power.
+    backup: Option<Vec<u8>>,
     booted_ns: u64,
     asleep_until_ns: u64,
     heard_ns: u64,
@@ -99,6 +113,7 @@ impl Servo {
             table: vec![0; model.length],
             persistent: vec![0; model.length],
             registered: None,
+            backup: None,
             booted_ns: 0,
             asleep_until_ns: 0,
             heard_ns: 0,
@@ -167,6 +182,7 @@ impl Servo {
         self.booted_ns = now_ns;
         self.asleep_until_ns = awake_ns;
         self.boot();
+        self.start_up();
     }
 
     /// EEPROM as it left the factory, but for what `keep` names, then a restart.
@@ -275,8 +291,21 @@ impl Servo {
         self.value(Role::HardwareError).unwrap_or(0)
     }
 
+    /// The error byte of a status in protocol 1.0's frame: one bit for each thing that is wrong.
+    /// What was wrong with the instruction itself comes on top: [`Refusal::status_bit`].
+    pub fn status_error(&self) -> u8 {
+        (self.hardware_error() & 0x7F) as u8
+    }
+
     pub fn id(&self) -> u8 {
         self.value(Role::Id).unwrap_or(0) as u8
+    }
+
+    /// True if an instruction to this ID is carried out: its own, or that of its group (Secondary
+    /// ID(12), 253 and above = none). As one of a group it never answers.
+    pub fn obeys(&self, id: u8) -> bool {
+        let group = self.value(Role::SecondaryId).filter(|group| (0..=252).contains(group));
+        id == self.id() || group == Some(i64::from(id))
     }
 
     pub fn baud_bps(&self) -> Option<u32> {

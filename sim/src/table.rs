@@ -21,6 +21,8 @@ pub(crate) struct Item {
     pub min: Option<i64>,
     pub max: Option<i64>,
     pub initial: i64,
+    /// FEETECH SCS puts the high byte of a word first.
+    big_endian: bool,
     /// One count in the unit below.
     scale: f64,
     zero: Option<i64>,
@@ -81,6 +83,7 @@ impl Model {
             min: register.min,
             max: register.max,
             initial: place.initial().unwrap_or(0),
+            big_endian: self.protocol == Protocol::FeetechScs,
             scale: register.scale.unwrap_or(1.0),
             zero: register.zero,
             unit: register.unit,
@@ -194,10 +197,15 @@ impl Item {
         }
     }
 
-    /// Number in the little-endian bytes of this item; `bytes` holds at least as many.
+    /// Number in the bytes of this item; `bytes` holds at least as many.
     pub fn decode(&self, bytes: &[u8]) -> i64 {
         let bytes = &bytes[..usize::from(self.bytes)];
-        let word = bytes.iter().rev().fold(0_u32, |word, &byte| word << 8 | u32::from(byte));
+        let join = |word: u32, &byte: &u8| word << 8 | u32::from(byte);
+        let word = if self.big_endian {
+            bytes.iter().fold(0, join)
+        } else {
+            bytes.iter().rev().fold(0, join)
+        };
         match (self.encoding, self.sign_bit()) {
             (_, Some(bit)) => {
                 let magnitude = i64::from(word & ((1 << bit) - 1));
@@ -210,14 +218,17 @@ impl Item {
         }
     }
 
-    /// Writes `raw` into the bytes of this item, little-endian.
+    /// Writes `raw` into the bytes of this item.
     pub fn encode(&self, raw: i64, bytes: &mut [u8]) {
         let word = match self.sign_bit() {
             Some(bit) if raw < 0 => raw.unsigned_abs() as u32 | 1 << bit,
             _ => raw as u32,
         };
-        bytes[..usize::from(self.bytes)]
-            .copy_from_slice(&word.to_le_bytes()[..usize::from(self.bytes)]);
+        let bytes = &mut bytes[..usize::from(self.bytes)];
+        bytes.copy_from_slice(&word.to_le_bytes()[..bytes.len()]);
+        if self.big_endian {
+            bytes.reverse();
+        }
     }
 }
 

@@ -28,6 +28,8 @@ pub struct Options {
     pub adapter_latency_ns: u64,
     /// What comes after a servo that does not answer its part of a sync or bulk read.
     pub missing_in_chain: MissingInChain,
+    /// What DYNAMIXEL servos say to a packet for them whose checksum is wrong.
+    pub bad_checksum: BadChecksum,
     /// What goes wrong.
     pub faults: Vec<Fault>,
 }
@@ -41,6 +43,7 @@ impl Default for Options {
             echo: false,
             adapter_latency_ns: 0,
             missing_in_chain: MissingInChain::Silent,
+            bad_checksum: BadChecksum::Ignore,
             faults: Vec::new(),
         }
     }
@@ -57,6 +60,16 @@ pub enum MissingInChain {
         /// The pause.
         gap_ns: u64,
     },
+}
+
+/// What DYNAMIXEL servos do with a packet for them whose checksum is wrong. The manuals define an
+/// error for it (bit 4 in Protocol 1.0, number 3 in Protocol 2.0), but hosts do not get to see it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BadChecksum {
+    /// Nothing; the bytes are searched for another packet.
+    Ignore,
+    /// They answer with the error.
+    Answer,
 }
 
 /// A virtual robot in virtual time. The same seed and the same host bytes at the same times give
@@ -123,6 +136,7 @@ impl World {
                 echo: options.echo,
                 adapter_latency_ns: options.adapter_latency_ns,
                 missing_in_chain: options.missing_in_chain,
+                bad_checksum: options.bad_checksum,
                 faults,
                 rng: ChaCha8Rng::seed_from_u64(options.seed),
                 referee: Referee::new(robot.lines.len(), options.permit_eeprom),

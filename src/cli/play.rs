@@ -242,20 +242,23 @@ fn perform(
     planned: &Plan,
     settings: Settings,
 ) -> Result<(), Error> {
-    let armed = control::arm::arm(&mut connection.link, found)?;
-    let begun = RunRecorder::begin(
+    // Once torque is on, nothing may keep the loop from its first cycle: the file comes before.
+    let mut recorder = RunRecorder::begin(
         args.record.as_deref(),
         args.output.force(),
         args.html.is_some(),
         connection,
         args.motion.motion(),
-    );
-    let mut recorder = match begun {
-        Ok(recorder) if !stopped_before_torque(signals, report) => recorder,
-        other => {
-            // Torque is on but nothing has moved: limp is where the robot was.
-            control::arm::disarm(&mut connection.link)?;
-            return other.map(|_| ());
+    )?;
+    if stopped_before_torque(signals, report) {
+        recorder.discard();
+        return Ok(());
+    }
+    let armed = match control::arm::arm(&mut connection.link, found) {
+        Ok(armed) => armed,
+        Err(error) => {
+            recorder.discard();
+            return Err(error);
         }
     };
     let progress = super::progress::Progress::over(planned.trajectory.duration_s(), remarks);
@@ -280,6 +283,7 @@ fn perform(
                 "the control loop broke: {}; the servos hold their last goal",
                 words.unwrap_or("no words left")
             ));
+            report.notes.extend(control::watchdog::release(&mut connection.link));
         }
     }
     if args.end == EndState::Limp && report.outcome == Outcome::Done {
@@ -322,6 +326,7 @@ fn describe_run(report: &mut PlayReport, run: &Run) {
     report.late_cycles = run.tally.late_cycles;
     report.duration_s = run.duration_s;
     report.bus_load = run.bus_load;
+    report.notes.extend(run.notes.iter().cloned());
     report.max_temperature_c = run.tally.max_temperature_c;
     report.min_voltage_v = run.tally.min_voltage_v;
     report.max_current_a = run.tally.max_current_a;

@@ -93,10 +93,12 @@ pub enum StopReason {
         /// In words.
         reason: String,
     },
-    /// The line failed; nothing can be commanded on it any more.
+    /// A line failed; nothing can be commanded on it any more.
     LineLost {
         /// Line and what happened.
         text: String,
+        /// The joints on it, left at their last goal.
+        joints: Vec<String>,
     },
 }
 
@@ -128,7 +130,9 @@ impl fmt::Display for StopReason {
             Self::Refused { joint, reason } => {
                 write!(f, "the guard refused a goal for joint {joint}: {reason}")
             }
-            Self::LineLost { text } => write!(f, "the line was lost: {text}"),
+            Self::LineLost { text, joints } => {
+                write!(f, "the line was lost: {text}; no word reaches {}", joints.join(", "))
+            }
         }
     }
 }

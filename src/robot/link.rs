@@ -26,6 +26,8 @@ struct Group {
 /// A line that failed, and where.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LinkError {
+    /// Index of the line in [`Robot::lines`].
+    pub line: usize,
     /// Joint or line.
     pub place: String,
     /// What the bus said.
@@ -51,6 +53,8 @@ pub struct Link {
     reads: Vec<Group>,
     writes: Vec<Group>,
     missed_in_a_row: Vec<u32>,
+    /// Lines that failed in the middle of a motion; nothing is said on them any more.
+    lost: Vec<bool>,
     payload: Vec<u8>,
 }
 
@@ -82,7 +86,42 @@ impl Link {
             goal.map_or((0, 0), |goal| (goal.address, u16::from(goal.bytes)))
         });
         let missed_in_a_row = vec![0; robot.joints.len()];
-        Self { robot, buses, clock, reads, writes, missed_in_a_row, payload: Vec::new() }
+        let lost = vec![false; robot.lines.len()];
+        Self { robot, buses, clock, reads, writes, missed_in_a_row, lost, payload: Vec::new() }
+    }
+
+    /// True if nothing is said on line number `line` any more.
+    #[must_use]
+    pub fn is_lost(&self, line: usize) -> bool {
+        self.lost.get(line).copied().unwrap_or(true)
+    }
+
+    /// Gives up the line that failed, so that the others go on. Names of the joints on it.
+    pub fn write_off(&mut self, failed: &LinkError) -> Vec<String> {
+        if let Some(lost) = self.lost.get_mut(failed.line) {
+            *lost = true;
+        }
+        let on_line = self.robot.joints.iter().filter(|joint| joint.line == failed.line);
+        on_line.map(|joint| joint.name.clone()).collect()
+    }
+
+    /// The moment up to which something was said on every line.
+    #[must_use]
+    pub fn spoken_at(&self) -> Instant {
+        self.buses.iter().map(Bus::spoken_at).min().unwrap_or(Instant::ZERO)
+    }
+
+    /// Asks a servo on every line that has been silent for `longest` whether it is there. The
+    /// answer does not matter: servos with a watchdog must hear that their host is.
+    pub(crate) fn break_silence(&mut self, longest: Duration) {
+        for line in 0..self.buses.len() {
+            let now = self.clock.now();
+            let quiet = now.since(self.buses[line].spoken_at()) >= longest;
+            let first = self.robot.joints.iter().find(|joint| joint.line == line);
+            if let Some(joint) = first.filter(|_| quiet && !self.lost[line]) {
+                let _ = self.buses[line].ping(joint.model.protocol(), joint.id, now + longest);
+            }
+        }
     }
 
     /// The robot.
@@ -151,12 +190,12 @@ impl Link {
     }
 
     fn line_error(&self, line: usize, error: AskError) -> LinkError {
-        LinkError { place: format!("line {}", self.robot.lines[line].name), error }
+        LinkError { line, place: format!("line {}", self.robot.lines[line].name), error }
     }
 
     fn joint_error(&self, joint: usize, error: AskError) -> LinkError {
-        let joint = &self.robot.joints[joint];
-        LinkError { place: format!("joint {} (ID {})", joint.name, joint.id), error }
+        let Joint { line, id, name, .. } = &self.robot.joints[joint];
+        LinkError { line: *line, place: format!("joint {name} (ID {id})"), error }
     }
 
     /// The state of every joint, in joint terms, with the device's alert flag.
@@ -170,25 +209,37 @@ impl Link {
         for round in self.rounds() {
             // All lines are asked before any is waited for, so that they answer side by side.
             let mut asked = Vec::with_capacity(round.len());
+            let mut failed = None;
             for number in round {
                 let mut group = self.reads[number].clone();
+                if self.lost[group.line] {
+                    continue;
+                }
                 group.joints.sort_by_key(|&joint| self.missed_in_a_row[joint]);
                 let question = self.question(&group);
-                self.buses[group.line]
-                    .begin_group_read(&question, budget)
-                    .map_err(|e| self.line_error(group.line, e))?;
-                asked.push(group);
+                match self.buses[group.line].begin_group_read(&question, budget) {
+                    Ok(()) => asked.push(group),
+                    Err(error) => failed = Some(self.line_error(group.line, error)),
+                }
             }
+            // A line that fails does not keep the others from being heard to the end.
             for group in asked {
-                let answers = self.buses[group.line]
-                    .finish_group_read(budget)
-                    .map_err(|e| self.line_error(group.line, e))?;
+                let answers = match self.buses[group.line].finish_group_read(budget) {
+                    Ok(answers) => answers,
+                    Err(error) => {
+                        failed = Some(self.line_error(group.line, error));
+                        continue;
+                    }
+                };
                 for (&joint, answer) in group.joints.iter().zip(answers) {
                     let state = answer.and_then(|reply| self.decode(joint, &reply));
                     let missed = &mut self.missed_in_a_row[joint];
                     *missed = if state.is_err() { *missed + 1 } else { 0 };
                     states[joint] = state;
                 }
+            }
+            if let Some(failed) = failed {
+                return Err(failed);
             }
         }
         Ok(states)
@@ -289,7 +340,7 @@ impl Link {
                 joint.model.register(role).map_or((0, 0), |r| (r.address, u16::from(r.bytes)))
             })
         };
-        for group in groups.iter().filter(|group| group.length > 0) {
+        for group in groups.iter().filter(|group| group.length > 0 && !self.lost[group.line]) {
             let mut payload = std::mem::take(&mut self.payload);
             payload.clear();
             for &index in &group.joints {

@@ -41,7 +41,7 @@ const TEMPERATURE_MARGIN_C: f64 = 5.0;
 /// Budget of one question outside the cycle.
 pub(crate) const QUESTION: Duration = Duration::from_millis(100);
 /// Outside the cycle a lost answer costs nothing but time; a host that stalls is no silent servo.
-const PATIENT_RETRIES: u32 = 10;
+pub(crate) const PATIENT_RETRIES: u32 = 10;
 /// Share of a cycle the line may be busy.
 pub const LINE_SHARE: f64 = 0.8;
 
@@ -54,6 +54,7 @@ pub fn preflight(link: &mut Link, period: Duration, accept: Accept) -> Result<Pr
     link.set_retries(PATIENT_RETRIES);
     check_identity(link, accept, &mut found)?;
     check_setup(link, &mut found)?;
+    check_watchdogs(link, &mut found)?;
     check_health(link, &mut found)?;
     if found.held {
         let note = "torque was already on: the robot is taken over where it stands";
@@ -191,6 +192,31 @@ fn expected_registers(joint: &Joint) -> Vec<(&'static Register, i64)> {
     joint.model.profile().registers.iter().filter_map(expected).collect()
 }
 
+/// A watchdog left on by a host that died must be off before the servo obeys goals again.
+fn check_watchdogs(link: &mut Link, found: &mut Preflight) -> Result<(), Error> {
+    for joint in 0..link.robot().joints.len() {
+        let Ok(register) = link.robot().joints[joint].model.register(Role::BusWatchdog) else {
+            continue;
+        };
+        let budget = budget(link);
+        let read = link.read_register(joint, register, budget);
+        let raw = read.map_err(|e| exchange_error(link, Some(joint), &e))?;
+        if raw == 0 {
+            continue;
+        }
+        // Above its range it reads that it has bitten (255).
+        let latched = register.max.is_some_and(|max| raw > max);
+        let words = if latched {
+            "the bus watchdog had stopped this servo when its host fell silent; it is cleared"
+        } else {
+            "the bus watchdog was left on; it is switched off first"
+        };
+        found.notes.push(format!("{}: {words}", place(link, joint)));
+        found.to_write.push((joint, register, 0));
+    }
+    Ok(())
+}
+
 fn check_health(link: &mut Link, found: &mut Preflight) -> Result<(), Error> {
     for joint in 0..link.robot().joints.len() {
         for part in 0..link.health_reads(joint) {
@@ -286,7 +312,7 @@ fn check_still(link: &mut Link) -> Result<Vec<f64>, Error> {
 }
 
 /// Present position of every joint; a joint that cannot be read is an error, never a default.
-fn positions(link: &mut Link) -> Result<Vec<f64>, Error> {
+pub(crate) fn positions(link: &mut Link) -> Result<Vec<f64>, Error> {
     let mut attempts = 0;
     let states = loop {
         let budget = budget(link) + QUESTION;
@@ -301,7 +327,8 @@ fn positions(link: &mut Link) -> Result<Vec<f64>, Error> {
         match state {
             Ok((state, _)) => positions.push(state.position_rad),
             Err(miss) => {
-                let failed = LinkError { place: String::new(), error: miss.into() };
+                let line = link.robot().joints[joint].line;
+                let failed = LinkError { line, place: String::new(), error: miss.into() };
                 return Err(exchange_error(link, Some(joint), &failed));
             }
         }

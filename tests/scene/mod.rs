@@ -5,12 +5,47 @@ use gaitway::control::{self, Run, Sample, Settings, Sink};
 use gaitway::error::Error;
 use gaitway::motion::{Path, PlanOptions, Trajectory, plan};
 use gaitway::port::sim::{SharedWorld, VirtualClock, VirtualLine};
-use gaitway::port::{BytePort, Clock};
+use gaitway::port::{BytePort, Clock, PortError};
 use gaitway::robot::preflight::{Accept, Preflight, preflight};
 use gaitway::robot::{Link, Robot};
-use gaitway::time::Duration;
+use gaitway::time::{Duration, Instant};
 use gaitway_sim::{Options, Verdict, World};
 use std::sync::Arc;
+
+/// A line whose adapter is unplugged at some moment.
+struct CutLine {
+    line: VirtualLine,
+    clock: Arc<dyn Clock>,
+    cut_at: Instant,
+}
+
+impl CutLine {
+    fn there(&self) -> Result<(), PortError> {
+        if self.clock.now() < self.cut_at {
+            return Ok(());
+        }
+        Err(PortError::Gone("unplugged".into()))
+    }
+}
+
+impl BytePort for CutLine {
+    fn send(&mut self, bytes: &[u8], deadline: Instant) -> Result<(), PortError> {
+        self.there()?;
+        self.line.send(bytes, deadline)
+    }
+
+    fn receive(&mut self, buffer: &mut [u8], deadline: Instant) -> Result<usize, PortError> {
+        self.there()?;
+        let received = self.line.receive(buffer, deadline.min(self.cut_at));
+        self.there()?;
+        received
+    }
+
+    fn discard_input(&mut self) -> Result<(), PortError> {
+        self.there()?;
+        self.line.discard_input()
+    }
+}
 
 pub const STRICT: Accept = Accept { firmware: false };
 
@@ -48,12 +83,20 @@ impl Scene {
     }
 
     pub fn with_robot(robot: Robot, options: Options) -> Self {
+        Self::with_cut(robot, options, None)
+    }
+
+    /// A robot one of whose lines, by number, is unplugged at some time.
+    pub fn with_cut(robot: Robot, options: Options, cut: Option<(usize, u64)>) -> Self {
         let latency = Duration::from_nanos(options.adapter_latency_ns);
         let world = World::new(&robot.file, options).expect("a virtual robot");
         let world = SharedWorld::new(world);
         let clock: Arc<dyn Clock> = Arc::new(VirtualClock(world.clone()));
         let ports = robot.lines.iter().enumerate().map(|(line, facts)| {
             let port = VirtualLine::new(world.clone(), line, facts.baud_bps);
+            let at_ns = cut.filter(|&(number, _)| number == line).map_or(u64::MAX, |(_, at)| at);
+            let cut_at = Instant::from_nanos(at_ns);
+            let port = CutLine { line: port, clock: Arc::clone(&clock), cut_at };
             (Box::new(port) as Box<dyn BytePort>, latency)
         });
         let ports = ports.collect();
@@ -122,6 +165,18 @@ impl Scene {
         let verdict = self.world.lock().verdict();
         Played { run, trajectory, samples, verdict }
     }
+}
+
+/// OP3 with its legs on a line of their own, the second.
+pub fn op3_on_two_lines() -> Robot {
+    let mut file = gaitway_profiles::robot("op3").expect("a shipped robot");
+    let mut legs = file.lines[0].clone();
+    legs.name = "legs".into();
+    file.lines.push(legs);
+    for joint in file.joints.iter_mut().filter(|joint| (7..=18).contains(&joint.id)) {
+        joint.line = "legs".into();
+    }
+    Robot::new(file).expect("a robot")
 }
 
 /// Takes samples and lets the host stall: after every cycle in `stalls`, for that long.

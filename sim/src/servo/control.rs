@@ -237,6 +237,7 @@ impl Servo {
         self.put(Role::PositionTrajectory, self.reading(trajectory));
         self.put_si(Role::VelocityTrajectory, side * trajectory_speed);
         let up_ms = self.motor.now_ns().saturating_sub(self.booted_ns) / 1_000_000;
+        self.put(Role::BackupReady, i64::from(self.backup.is_some()));
         self.put(Role::RealtimeTick, (up_ms % 32_768) as i64);
     }
 

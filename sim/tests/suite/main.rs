@@ -1,10 +1,12 @@
 //! The virtual servos against the makers' published bytes, timings and rules.
 
 mod door;
+mod dynamixel1;
 mod dynamixel2;
 mod faults;
 mod feetech;
 mod line;
+mod mixed;
 mod motion;
 mod properties;
 mod referee;

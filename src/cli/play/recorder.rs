@@ -86,6 +86,15 @@ impl RunRecorder {
         self.series.as_ref()
     }
 
+    /// Removes a recording that holds no cycle, because nothing was played.
+    pub fn discard(self) {
+        if let Some((recorder, path)) = self.recorder {
+            drop(recorder);
+            // One that cannot be removed is an empty recording: no reason to say anything else.
+            let _ = std::fs::remove_file(path);
+        }
+    }
+
     /// Closes the recording and says in `report` what became of it.
     pub fn finish(&mut self, report: &mut PlayReport, connection: &Connection) {
         let Some((recorder, path)) = self.recorder.take() else { return };
