@@ -176,6 +176,8 @@ enum Place {
 
 /// Line speed if neither the address nor a robot says one, bits per second.
 const USUAL_BAUD_BPS: u32 = 1_000_000;
+/// Where nothing moves, a lost answer costs nothing but time.
+const RETRIES: u32 = 5;
 /// The longest return delay a servo's register holds: 254 of 2 us.
 const LONGEST_RETURN_DELAY: Duration = Duration::from_micros(508);
 
@@ -226,20 +228,24 @@ fn open_at(place: Place, baud_bps: u32) -> Result<OpenLine, Error> {
         Place::Virtual { world, .. } => Arc::new(VirtualClock(world.clone())),
         Place::Wire(..) => Arc::new(MonotonicClock),
     };
-    let (port, latency) = match &place {
-        Place::Virtual { world, line } => {
-            let port = VirtualLine::new(world.clone(), *line, baud_bps);
-            (Box::new(port) as Box<dyn BytePort>, Duration::ZERO)
-        }
-        Place::Wire(kind, _) => wire(kind, baud_bps)?,
-    };
+    let (port, latency) = port_at(&place, baud_bps)?;
     let world = match &place {
         Place::Virtual { world, .. } => Some(world.clone()),
         Place::Wire(..) => None,
     };
     let timing = Timing { baud_bps, return_delay: LONGEST_RETURN_DELAY, latency };
-    let bus = Bus::new(port, Arc::clone(&clock), timing);
+    let mut bus = Bus::new(port, Arc::clone(&clock), timing);
+    bus.set_retries(RETRIES);
     Ok(OpenLine { bus, clock, baud_bps, world, place })
+}
+
+fn port_at(place: &Place, baud_bps: u32) -> Result<(Box<dyn BytePort>, Duration), Error> {
+    match place {
+        Place::Virtual { world, line } => {
+            Ok((Box::new(VirtualLine::new(world.clone(), *line, baud_bps)), Duration::ZERO))
+        }
+        Place::Wire(kind, _) => wire(kind, baud_bps),
+    }
 }
 
 impl OpenLine {
@@ -258,6 +264,22 @@ impl OpenLine {
                 .remedy("do this at the machine that has the serial port"));
         }
         open_at(place, baud_bps)
+    }
+
+    /// The same line as the only one of `robot`, to be moved.
+    ///
+    /// # Errors
+    /// As [`OpenLine::at_speed`].
+    pub fn into_link(self, robot: Robot) -> Result<Connection, Error> {
+        let Self { bus, clock, baud_bps, world, place } = self;
+        drop(bus);
+        let port = port_at(&place, baud_bps)?;
+        let (real_time, door) = match place {
+            Place::Virtual { .. } => (false, None),
+            Place::Wire(_, door) => (true, door),
+        };
+        let link = Link::new(robot, vec![port], clock);
+        Ok(Connection { link, world, real_time, _doors: door.into_iter().collect() })
     }
 
     /// By when a question asked now must be answered, retries included.

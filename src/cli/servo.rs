@@ -13,7 +13,7 @@ mod reset;
 mod travel;
 mod value;
 
-use device::Device;
+pub use registers::firmware_words;
 
 /// Arguments of `servo`.
 #[derive(Debug, Args)]

@@ -8,9 +8,6 @@ use crate::device::Model;
 use crate::error::Error;
 use gaitway_profiles::{self as profiles, Access, Region, RegisterItem, Role};
 
-/// Lost answers cost nothing but time here.
-const RETRIES: u32 = 5;
-
 /// A servo that answers.
 pub struct Device {
     /// The line it hangs on.
@@ -43,7 +40,6 @@ impl Device {
     /// Nobody answers, or a model without profile and none named by `--servo`.
     pub fn open(target: &Target) -> Result<Self, Error> {
         let mut line = open_bus(&target.bus, target.robot.as_deref(), 0)?;
-        line.bus.set_retries(RETRIES);
         let place = format!("ID {} on {} at {} bit/s", target.id, target.bus, line.baud_bps);
         let found = identify(&mut line, target.id, target.protocol.map(Protocol::from));
         let found = found.map_err(|e| ask_error(place.clone(), &e))?;

@@ -103,8 +103,9 @@ pub fn info(target: &Target) -> Result<i32, Error> {
     Ok(0)
 }
 
-/// Feetech's firmware is two numbers in one.
-pub(super) fn firmware_words(profile: &Servo, firmware: u16) -> String {
+/// A firmware in the maker's form: Feetech's is two numbers.
+#[must_use]
+pub fn firmware_words(profile: &Servo, firmware: u16) -> String {
     if profile.register(Role::FirmwareVersionMinor).is_some() {
         format!("{}.{}", firmware >> 8, firmware & 0xFF)
     } else {
