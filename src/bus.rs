@@ -317,23 +317,16 @@ impl Bus {
                         miss = Miss::Garbled;
                     }
                 }
-                Heard::Status { id: got, alert, refused, params, n } => {
-                    let reply = Reply { alert, bytes: params.to_vec() };
+                Heard::Status(said, n) if said.id != id => {
+                    miss = Miss::WrongId { asked: id, got: said.id };
+                    self.stats.unasked += 1;
                     self.received.drain(..n);
-                    if got != id {
-                        self.stats.unasked += 1;
-                        miss = Miss::WrongId { asked: id, got };
-                        continue;
-                    }
+                }
+                Heard::Status(said, _) => {
+                    let reply = said.reply(length);
                     self.stats.answered += 1;
                     self.satisfied(protocol, heard_at, status, 1);
-                    if let Some(text) = refused {
-                        return Err(Miss::Refused(text).into());
-                    }
-                    if reply.bytes.len() != length {
-                        return Err(Miss::Garbled.into());
-                    }
-                    return Ok(reply);
+                    return reply.map_err(AskError::from);
                 }
             }
         }

@@ -2,7 +2,7 @@
 
 use super::{GroupItem, GroupRead, Miss, Reply};
 use crate::time::Duration;
-use crate::wire::{Decoded, dynamixel2 as dxl, feetech as sts};
+use crate::wire::{Decoded, dynamixel1 as dxl1, dynamixel2 as dxl, feetech as sts};
 
 /// What a device speaks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -36,8 +36,57 @@ pub(super) enum Heard<'a> {
     Need,
     /// Drop this many bytes; true if they were a damaged packet.
     Drop(usize, bool),
-    /// A device's answer of `n` bytes.
-    Status { id: u8, alert: bool, refused: Option<String>, params: &'a [u8], n: usize },
+    /// A device's answer, in so many bytes.
+    Status(Said<'a>, usize),
+}
+
+/// What a device said.
+pub(super) struct Said<'a> {
+    pub id: u8,
+    pub alert: bool,
+    /// Why the instruction was not carried out.
+    pub no: Option<Miss>,
+    pub params: &'a [u8],
+}
+
+impl Said<'_> {
+    /// As the answer to a question for `length` bytes.
+    pub(super) fn reply(self, length: usize) -> Result<Reply, Miss> {
+        match self.no {
+            Some(miss) => Err(miss),
+            None if self.params.len() != length => Err(Miss::Garbled),
+            None => Ok(Reply { alert: self.alert, bytes: self.params.to_vec() }),
+        }
+    }
+}
+
+fn heard(decoded: Decoded<Said<'_>>) -> Heard<'_> {
+    match decoded {
+        Decoded::Need(_) => Heard::Need,
+        Decoded::Skip(n) | Decoded::Echo(n) => Heard::Drop(n, false),
+        Decoded::Bad(_, n) => Heard::Drop(n, true),
+        Decoded::Packet(said, n) => Heard::Status(said, n),
+    }
+}
+
+/// Why a Protocol 2.0 device did not do what it was told. If it says that the instruction reached
+/// it damaged, that is a fault of the line like any other, and asking again is right.
+fn refusal(code: dxl::ErrorCode) -> Miss {
+    match code {
+        dxl::ErrorCode::Crc => Miss::Garbled,
+        other => Miss::Refused(other.to_string()),
+    }
+}
+
+/// The same for Protocol 1.0.
+fn refusal1(error: dxl1::StatusError) -> Option<Miss> {
+    if error.any(dxl1::StatusError::CHECKSUM) {
+        Some(Miss::Garbled)
+    } else if error.refused() {
+        Some(Miss::Refused(error.to_string()))
+    } else {
+        None
+    }
 }
 
 fn dxl_id(id: u8) -> Result<dxl::Id, String> {
@@ -87,7 +136,7 @@ impl Protocol {
         match (self, kind) {
             (Dynamixel2, GroupRead::Sync | GroupRead::Fast) => dxl::sync_read_len(devices),
             (Dynamixel2, GroupRead::Bulk | GroupRead::FastBulk) => dxl::bulk_read_len(devices),
-            (_, GroupRead::Bulk | GroupRead::FastBulk) => sts::instruction_len(1 + 3 * devices),
+            (_, GroupRead::Bulk | GroupRead::FastBulk) => dxl1::bulk_read_len(devices),
             (_, GroupRead::Sync | GroupRead::Fast) => sts::sync_read_len(devices),
         }
     }
@@ -184,6 +233,14 @@ impl Protocol {
                 let ids = items.iter().map(|item| short_id(item.id));
                 sts::sync_read(out, address, length, ids.collect::<Result<Vec<_>, _>>()?)
             }
+            (Dynamixel1, GroupRead::Bulk) => {
+                let reads = items.iter().map(|item| {
+                    let id = short_id(item.id)?;
+                    let address = self.byte("address", item.address)?;
+                    Ok(dxl1::BulkRead { id, address, length: self.byte("length", item.length)? })
+                });
+                dxl1::bulk_read(out, reads.collect::<Result<Vec<_>, String>>()?)
+            }
             _ => return Err(format!("{self} has no {kind:?} read")),
         }
         .map_err(|e| e.to_string())
@@ -235,30 +292,25 @@ impl Protocol {
         scratch: &'a mut Vec<u8>,
     ) -> Heard<'a> {
         match self {
-            Dynamixel2 => match dxl::decode(received, scratch) {
-                Decoded::Need(_) => Heard::Need,
-                Decoded::Skip(n) | Decoded::Echo(n) => Heard::Drop(n, false),
-                Decoded::Bad(_, n) => Heard::Drop(n, true),
-                Decoded::Packet(status, n) => Heard::Status {
-                    id: status.id.get(),
-                    alert: status.error.alert,
-                    refused: status.error.code.map(|code| code.to_string()),
-                    params: status.params,
-                    n,
-                },
-            },
-            Dynamixel1 | FeetechSts | FeetechScs => match sts::decode(received, longest) {
-                Decoded::Need(_) => Heard::Need,
-                Decoded::Skip(n) | Decoded::Echo(n) => Heard::Drop(n, false),
-                Decoded::Bad(_, n) => Heard::Drop(n, true),
-                Decoded::Packet(status, n) => Heard::Status {
-                    id: status.id.get(),
-                    alert: !status.error.is_ok(),
-                    refused: None,
-                    params: status.params,
-                    n,
-                },
-            },
+            Dynamixel2 => heard(dxl::decode(received, scratch).map(|status| Said {
+                id: status.id.get(),
+                alert: status.error.alert,
+                no: status.error.code.map(refusal),
+                params: status.params,
+            })),
+            Dynamixel1 => heard(dxl1::decode(received, longest).map(|status| Said {
+                id: status.id.get(),
+                alert: status.error.alert(),
+                no: refusal1(status.error),
+                params: status.params,
+            })),
+            // No bit of theirs is about the instruction; what they refuse they do not answer.
+            FeetechSts | FeetechScs => heard(sts::decode(received, longest).map(|status| Said {
+                id: status.id.get(),
+                alert: !status.error.is_ok(),
+                no: None,
+                params: status.params,
+            })),
         }
     }
 
@@ -295,7 +347,7 @@ pub(super) fn merged(received: &[u8], items: &[GroupItem]) -> Vec<Result<Reply, 
     let answers = dxl::decode_merged(received, &asked).answers().map(|(id, answer)| match answer {
         Ok(status) => match status.error.code {
             None => Ok(Reply { alert: status.error.alert, bytes: status.params.to_vec() }),
-            Some(code) => Err(Miss::Refused(code.to_string())),
+            Some(code) => Err(refusal(code)),
         },
         Err(dxl::NoAnswer::Missing) => Err(Miss::Silent),
         Err(dxl::NoAnswer::WrongId { actual, .. }) => {

@@ -165,7 +165,7 @@ impl Bus {
         let window_end = *heard_at + self.answer_time(protocol, bytes, devices);
         // Bytes that come late move the end, so that a slow host loses no answer.
         let patience = self.answer_time(protocol, protocol.status_bytes(longest), 1);
-        let mut answers = vec![Err(Miss::Silent); items.len()];
+        let mut answers = vec![None; items.len()];
         let mut left = items.len();
         let mut deadline = window_end.min(budget);
         while left > 0 {
@@ -182,30 +182,23 @@ impl Bus {
                     self.received.drain(..n);
                     self.stats.garbled += u64::from(garbled);
                 }
-                Heard::Status { id, alert, refused, params, n } => {
-                    let reply = Reply { alert, bytes: params.to_vec() };
-                    self.received.drain(..n);
-                    let place = items.iter().position(|asked| asked.id == id);
-                    let Some(slot) = place.filter(|&i| answers[i].is_err()) else {
+                Heard::Status(said, n) => {
+                    let place = items.iter().position(|asked| asked.id == said.id);
+                    if let Some(slot) = place.filter(|&i| answers[i].is_none()) {
+                        left -= 1;
+                        self.stats.answered += 1;
+                        answers[slot] = Some(said.reply(usize::from(items[slot].length)));
+                    } else {
                         self.stats.unasked += 1;
-                        continue;
-                    };
-                    left -= 1;
-                    self.stats.answered += 1;
-                    answers[slot] = match refused {
-                        Some(text) => Err(Miss::Refused(text)),
-                        None if reply.bytes.len() != usize::from(items[slot].length) => {
-                            Err(Miss::Garbled)
-                        }
-                        None => Ok(reply),
-                    };
+                    }
+                    self.received.drain(..n);
                 }
             }
         }
         if left == 0 {
             self.satisfied(protocol, *heard_at, bytes, devices);
         }
-        Ok(answers)
+        Ok(answers.into_iter().map(|answer| answer.unwrap_or(Err(Miss::Silent))).collect())
     }
 
     fn merged_answer(&mut self, pending: &Pending, budget: Instant) -> Result<Answers, AskError> {

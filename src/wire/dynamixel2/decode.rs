@@ -113,6 +113,7 @@ fn status_of(checked: &[u8]) -> Option<(Id, &[u8])> {
 /// Removes the `FD` after every `FF FF FD`.
 fn unstuff<'a>(body: &[u8], scratch: &'a mut Vec<u8>) -> &'a [u8] {
     scratch.clear();
+    scratch.reserve_exact(body.len());
     let mut rest = body;
     while let Some(found) = find_pattern(rest) {
         let (kept, after) = rest.split_at(found + 3);
