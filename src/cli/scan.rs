@@ -161,19 +161,16 @@ fn every_speed(protocols: &[Protocol], usual_bps: u32) -> Vec<u32> {
 }
 
 /// Scans at the line's speed.
-fn at_speed(
-    line: &mut OpenLine,
-    protocols: &[Protocol],
-    report: &mut Report,
-) -> Result<(), Error> {
+fn at_speed(line: &mut OpenLine, protocols: &[Protocol], report: &mut Report) -> Result<(), Error> {
     let baud_bps = line.baud_bps;
     let failed = |e| ask_error(format!("{} at {baud_bps} bit/s", report.bus), &e);
     let budget = line.clock.now() + LONGEST;
     let scanned = scan(&mut line.bus, protocols, telling_apart, budget).map_err(failed)?;
     for found in &scanned.found {
         // Servos that share a packet are told apart by more than the scan has read.
-        let identity = identify(line, found.id, Some(found.protocol))
-            .and_then(|own| own.map_or_else(|| identify(line, found.id, None), |own| Ok(Some(own))));
+        let identity = identify(line, found.id, Some(found.protocol)).and_then(|own| {
+            own.map_or_else(|| identify(line, found.id, None), |own| Ok(Some(own)))
+        });
         report.devices.push(device(found, identity.ok().flatten(), baud_bps));
     }
     report.collisions.extend(scanned.collisions.iter().map(|collision| Collision {

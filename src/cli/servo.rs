@@ -41,7 +41,9 @@ enum Action {
         gaitway servo set serial:/dev/ttyUSB0 1 homing_offset 5.5deg --permit-eeprom")]
     Set(registers::SetArgs),
     /// Give the servo another ID
-    #[command(after_help = "Example: gaitway servo set-id serial:/dev/ttyUSB0 1 12 --permit-eeprom")]
+    #[command(
+        after_help = "Example: gaitway servo set-id serial:/dev/ttyUSB0 1 12 --permit-eeprom"
+    )]
     SetId(identity::SetIdArgs),
     /// Give the servo another line speed
     #[command(

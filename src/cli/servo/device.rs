@@ -102,7 +102,8 @@ impl Device {
     pub fn read(&mut self, item: &RegisterItem<'_>) -> Result<i64, Error> {
         let budget = self.line.budget();
         let length = u16::from(item.register.bytes);
-        let asked = self.line.bus.read(self.model.protocol(), self.id, item.address, length, budget);
+        let asked =
+            self.line.bus.read(self.model.protocol(), self.id, item.address, length, budget);
         let reply = asked.map_err(|e| self.failed(&e))?;
         let raw = self.model.raw_from_bytes(item.register, &reply.bytes);
         raw.map_err(|e| Error::new(e.to_string()).at(self.place()))
@@ -199,7 +200,9 @@ impl Device {
             return Err(Error::new("this register can only be read").at(place()));
         }
         if let Some(command) = other_command(item) {
-            return Err(Error::new("this register is not written here").at(place()).remedy(command));
+            return Err(Error::new("this register is not written here")
+                .at(place())
+                .remedy(command));
         }
         let (lowest, highest) = register.range();
         if !(lowest..=highest).contains(&raw) {

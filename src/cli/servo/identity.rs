@@ -76,8 +76,8 @@ pub fn set_id(args: &SetIdArgs, remarks: Remarks) -> Result<i32, Error> {
         }
     }
     let bus = device.bus();
-    let undo = (new != old)
-        .then(|| format!("gaitway servo set-id {bus} {new} {old} --permit-eeprom"));
+    let undo =
+        (new != old).then(|| format!("gaitway servo set-id {bus} {new} {old} --permit-eeprom"));
     let text = format!("{} now has ID {new} (before: {old})\n", device.model.profile().model);
     if let Some(undo) = &undo {
         remarks.say(&format!("to undo: {undo}"));
@@ -147,7 +147,8 @@ pub fn set_baud(args: &SetBaudArgs, remarks: Remarks) -> Result<i32, Error> {
         format!("gaitway servo set-baud {plain}?baud={new_bps} {id} {old_bps} --permit-eeprom")
     });
     let model = &device.model.profile().model;
-    let text = format!("{model}, ID {}, now speaks at {new_bps} bit/s (before: {old_bps})\n", device.id);
+    let text =
+        format!("{model}, ID {}, now speaks at {new_bps} bit/s (before: {old_bps})\n", device.id);
     if let Some(undo) = &undo {
         remarks.say(&format!("to undo: {undo}"));
     }
@@ -183,5 +184,7 @@ fn not_kept(device: &Device, got: i64, wanted: i64) -> Error {
 
 fn look_everywhere(device: &Device) -> String {
     let bus = device.bus().split('?').next().unwrap_or_default();
-    format!("it was written, but the servo is not where it should be: gaitway scan {bus} --baud all")
+    format!(
+        "it was written, but the servo is not where it should be: gaitway scan {bus} --baud all"
+    )
 }

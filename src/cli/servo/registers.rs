@@ -142,8 +142,7 @@ pub fn get(args: &GetArgs) -> Result<i32, Error> {
     let profile = device.model.profile();
     let Some(name) = &args.register else {
         let indirect = |role| matches!(role, Some(Role::IndirectAddress | Role::IndirectData));
-        let items: Vec<_> =
-            profile.items().filter(|item| !indirect(item.register.role)).collect();
+        let items: Vec<_> = profile.items().filter(|item| !indirect(item.register.role)).collect();
         let read = read_all(&mut device, &items)?;
         let text = format!("{}\n{}", device.place(), table(&device, &read));
         args.target.output.report(&registers_json(&device, &read), &text)?;
@@ -244,7 +243,8 @@ mod tests {
     #[test]
     fn a_register_is_found_however_its_name_is_typed() {
         let servo = gaitway_profiles::servo("xm430-w350").expect("a shipped servo");
-        for name in ["Present Position", "present_position", "PRESENTPOSITION", "present-position"] {
+        for name in ["Present Position", "present_position", "PRESENTPOSITION", "present-position"]
+        {
             assert_eq!(find(servo, name).expect(name).address, 132);
         }
         assert_eq!(find(servo, "indirect address 3").expect("a repeated one").address, 172);
@@ -255,7 +255,10 @@ mod tests {
         let servo = gaitway_profiles::servo("xm430-w350").expect("a shipped servo");
         let error = find(servo, "temperature").expect_err("two have that word");
         let said = error.to_string();
-        assert!(said.contains("Present Temperature") && said.contains("Temperature Limit"), "{said}");
+        assert!(
+            said.contains("Present Temperature") && said.contains("Temperature Limit"),
+            "{said}"
+        );
         assert!(find(servo, "").is_err());
     }
 }

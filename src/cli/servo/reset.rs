@@ -111,8 +111,10 @@ pub fn factory_reset(args: &FactoryResetArgs, remarks: Remarks) -> Result<i32, E
         return Err(Error::new("nothing was written: this is kept at power-off")
             .at(device.place())
             .got(what)
-            .remedy("save what you need (`gaitway servo get BUS ID --json`), then add \
-                     --permit-eeprom"));
+            .remedy(
+                "save what you need (`gaitway servo get BUS ID --json`), then add \
+                     --permit-eeprom",
+            ));
     }
     remarks.say(&what);
     device.must_be_limp()?;
@@ -120,7 +122,7 @@ pub fn factory_reset(args: &FactoryResetArgs, remarks: Remarks) -> Result<i32, E
         refuse_taken(&mut device, id)?;
     }
     device.unlock()?;
-    let keep = if args.everything { FactoryReset::All } else { FactoryReset::KeepIdAndBaud };
+    let keep = if args.everything { FactoryReset::Everything } else { FactoryReset::KeepIdAndBaud };
     let budget = device.line.budget();
     let told = device.line.bus.factory_reset(protocol, old_id, keep, budget);
     obeyed(told).map_err(|e| device.failed(&e))?;

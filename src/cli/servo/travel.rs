@@ -148,10 +148,11 @@ fn alone(device: &mut Device, args: &MoveArgs) -> Result<Robot, Error> {
         Role::TemperatureLimit,
         Role::MinVoltageLimit,
     ];
-    for item in kept.into_iter().filter_map(|role| device.item(role)) {
+    let servo = device.model.profile();
+    let items = kept.into_iter().filter_map(|role| servo.register(role)?.item(0));
+    for item in items {
         registers.insert(item.name(), device.read(&item)?);
     }
-    let servo = device.model.profile();
     let velocity_rad_s = args.speed.to_radians() / SHARE;
     let text = |words: &str| words.to_owned();
     let file = profiles::Robot {
