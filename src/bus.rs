@@ -5,6 +5,8 @@
 
 mod codec;
 mod group;
+mod instruct;
+pub mod scan;
 
 use crate::port::{BytePort, Clock, PortError};
 use crate::time::{Duration, Instant};
@@ -13,6 +15,7 @@ use codec::Heard;
 pub use codec::Protocol;
 use group::Pending;
 pub use group::{GroupItem, GroupQuestion, GroupRead};
+pub use instruct::{FactoryReset, RollCall};
 use std::fmt;
 use std::sync::Arc;
 
@@ -144,6 +147,9 @@ pub struct Bus {
     quiet_until: Instant,
     wary_until: Instant,
     pending: Option<Pending>,
+    echo: bool,
+    /// Our own bytes will be heard before the answer.
+    echo_due: bool,
 }
 
 impl Bus {
@@ -164,7 +170,15 @@ impl Bus {
             quiet_until: Instant::ZERO,
             wary_until: Instant::ZERO,
             pending: None,
+            echo: false,
+            echo_due: false,
         }
+    }
+
+    /// Says whether the adapter lets the host hear its own bytes. In Protocol 1.0 and its kin an
+    /// instruction looks like the answer to it, so this has to be known beforehand.
+    pub const fn set_echo(&mut self, echo: bool) {
+        self.echo = echo;
     }
 
     /// What happened so far.
@@ -234,6 +248,7 @@ impl Bus {
         self.port.discard_input()?;
         self.received.clear();
         self.heard = 0;
+        self.echo_due = self.echo;
         self.port.send(&self.sent, budget)?;
         self.stats.asked += 1;
         self.stats.bytes += self.sent.len() as u64;
@@ -259,6 +274,18 @@ impl Bus {
             Err(PortError::TimedOut) => Ok(false),
             Err(error) => Err(error),
         }
+    }
+
+    /// What lies at the front of the received bytes, our own taken away.
+    fn front(&mut self, protocol: Protocol, longest: usize) -> Heard<'_> {
+        if self.echo_due && self.received.starts_with(&self.sent) {
+            self.received.drain(..self.sent.len());
+            self.echo_due = false;
+        }
+        if self.echo_due && self.sent.starts_with(&self.received) {
+            return Heard::Need;
+        }
+        protocol.decode(&self.received, longest, &mut self.scratch)
     }
 
     /// Nothing more comes: drops the beginning of a packet, so that one behind it is found.
@@ -296,26 +323,24 @@ impl Bus {
         id: u8,
         length: usize,
         heard_at: Instant,
+        window_end: Instant,
         budget: Instant,
     ) -> Result<Reply, AskError> {
-        let status = protocol.status_bytes(length);
-        let window_end = heard_at + self.answer_time(protocol, status, 1);
         let deadline = window_end.min(budget);
         let mut miss = Miss::Silent;
         loop {
-            match protocol.decode(&self.received, length, &mut self.scratch) {
+            match self.front(protocol, length) {
                 Heard::Need => {
                     if !self.listen(deadline)? && !self.drop_cut_packet(protocol, &mut miss) {
                         self.gave_up(window_end);
                         return Err(miss.into());
                     }
                 }
-                Heard::Drop(n, garbled) => {
+                Heard::Echo(n) | Heard::Noise(n) => drop(self.received.drain(..n)),
+                Heard::Damaged(n) => {
                     self.received.drain(..n);
-                    if garbled {
-                        self.stats.garbled += 1;
-                        miss = Miss::Garbled;
-                    }
+                    self.stats.garbled += 1;
+                    miss = Miss::Garbled;
                 }
                 Heard::Status(said, n) if said.id != id => {
                     miss = Miss::WrongId { asked: id, got: said.id };
@@ -325,7 +350,7 @@ impl Bus {
                 Heard::Status(said, _) => {
                     let reply = said.reply(length);
                     self.stats.answered += 1;
-                    self.satisfied(protocol, heard_at, status, 1);
+                    self.satisfied(protocol, heard_at, protocol.status_bytes(length), 1);
                     return reply.map_err(AskError::from);
                 }
             }
@@ -357,15 +382,15 @@ impl Bus {
         question: impl FnOnce(&mut Vec<u8>) -> Result<(), String>,
     ) -> Result<Reply, AskError> {
         self.encode(question)?;
+        let window = self.answer_time(protocol, protocol.status_bytes(length), 1);
         let mut retries_left = self.retries;
         loop {
             let heard_at = self.say(budget)?;
-            match self.one_answer(protocol, id, length, heard_at, budget) {
+            match self.one_answer(protocol, id, length, heard_at, heard_at + window, budget) {
                 Err(AskError::Miss(miss))
                     if retries_left > 0 && !matches!(miss, Miss::Refused(_)) =>
                 {
-                    let again = self.answer_time(protocol, protocol.status_bytes(length), 1);
-                    if self.clock.now() + again > budget {
+                    if self.clock.now() + window > budget {
                         return Err(miss.into());
                     }
                     retries_left -= 1;
@@ -404,6 +429,9 @@ impl Bus {
     }
 
     /// Writes `bytes` from `address` on and waits for the device's yes.
+    ///
+    /// A device whose status return level says that it answers reads only carries out the write
+    /// and is [`Miss::Silent`]. Tell it by [`Bus::sync_write`], which nobody answers, and read back.
     ///
     /// # Errors
     /// [`AskError`].

@@ -34,8 +34,12 @@ impl std::fmt::Display for Protocol {
 pub(super) enum Heard<'a> {
     /// Not enough to tell.
     Need,
-    /// Drop this many bytes; true if they were a damaged packet.
-    Drop(usize, bool),
+    /// So many bytes of our own, or of another host.
+    Echo(usize),
+    /// So many bytes that begin no packet.
+    Noise(usize),
+    /// So many bytes of a damaged packet.
+    Damaged(usize),
     /// A device's answer, in so many bytes.
     Status(Said<'a>, usize),
 }
@@ -63,8 +67,9 @@ impl Said<'_> {
 fn heard(decoded: Decoded<Said<'_>>) -> Heard<'_> {
     match decoded {
         Decoded::Need(_) => Heard::Need,
-        Decoded::Skip(n) | Decoded::Echo(n) => Heard::Drop(n, false),
-        Decoded::Bad(_, n) => Heard::Drop(n, true),
+        Decoded::Skip(n) => Heard::Noise(n),
+        Decoded::Echo(n) => Heard::Echo(n),
+        Decoded::Bad(_, n) => Heard::Damaged(n),
         Decoded::Packet(said, n) => Heard::Status(said, n),
     }
 }
@@ -156,6 +161,23 @@ impl Protocol {
         })
     }
 
+    /// IDs a device can have are those below.
+    pub(super) const fn ids(self) -> u8 {
+        match self {
+            Dynamixel2 => 253,
+            Dynamixel1 | FeetechSts | FeetechScs => 254,
+        }
+    }
+
+    pub(super) fn ping_all(self, out: &mut Vec<u8>) -> Result<(), String> {
+        match self {
+            Dynamixel2 => dxl::ping(out, dxl::Target::All),
+            FeetechSts => sts::ping(out, sts::Target::All),
+            Dynamixel1 | FeetechScs => return Err(format!("{self} answers no ping of all")),
+        }
+        Ok(())
+    }
+
     pub(super) fn ping(self, out: &mut Vec<u8>, id: u8) -> Result<(), String> {
         match self {
             Dynamixel2 => dxl::ping(out, dxl_id(id)?),
@@ -196,6 +218,58 @@ impl Protocol {
             }
         }
         .map_err(|e| e.to_string())
+    }
+
+    pub(super) fn reg_write(
+        self,
+        out: &mut Vec<u8>,
+        id: u8,
+        address: u16,
+        bytes: &[u8],
+    ) -> Result<(), String> {
+        match self {
+            Dynamixel2 => dxl::reg_write(out, dxl_id(id)?, address, bytes),
+            Dynamixel1 | FeetechSts | FeetechScs => {
+                sts::reg_write(out, short_id(id)?, self.byte("address", address)?, bytes)
+            }
+        }
+        .map_err(|e| e.to_string())
+    }
+
+    pub(super) fn action_all(self, out: &mut Vec<u8>) {
+        match self {
+            Dynamixel2 => dxl::action(out, dxl::Target::All),
+            Dynamixel1 | FeetechSts | FeetechScs => sts::action(out, sts::Target::All),
+        }
+    }
+
+    pub(super) fn factory_reset(
+        self,
+        out: &mut Vec<u8>,
+        id: u8,
+        keep: dxl::FactoryReset,
+    ) -> Result<(), String> {
+        match (self, keep) {
+            (Dynamixel2, _) => dxl::factory_reset(out, dxl_id(id)?, keep),
+            (_, dxl::FactoryReset::Everything) => sts::factory_reset(out, short_id(id)?),
+            _ => return Err(format!("{self} has no factory reset that keeps something")),
+        }
+        Ok(())
+    }
+
+    /// An instruction that only Protocol 2.0 has.
+    pub(super) fn only2(
+        self,
+        out: &mut Vec<u8>,
+        id: u8,
+        name: &str,
+        encode: impl FnOnce(&mut Vec<u8>, dxl::Id),
+    ) -> Result<(), String> {
+        if self != Dynamixel2 {
+            return Err(format!("{self} has no {name}"));
+        }
+        encode(out, dxl_id(id)?);
+        Ok(())
     }
 
     pub(super) fn group_read(

@@ -169,7 +169,7 @@ impl Bus {
         let mut left = items.len();
         let mut deadline = window_end.min(budget);
         while left > 0 {
-            match protocol.decode(&self.received, longest, &mut self.scratch) {
+            match self.front(protocol, longest) {
                 Heard::Need => {
                     if self.listen(deadline)? {
                         deadline = deadline.max((self.clock.now() + patience).min(budget));
@@ -178,16 +178,18 @@ impl Bus {
                         break;
                     }
                 }
-                Heard::Drop(n, garbled) => {
+                Heard::Echo(n) | Heard::Noise(n) => drop(self.received.drain(..n)),
+                Heard::Damaged(n) => {
                     self.received.drain(..n);
-                    self.stats.garbled += u64::from(garbled);
+                    self.stats.garbled += 1;
                 }
                 Heard::Status(said, n) => {
                     let place = items.iter().position(|asked| asked.id == said.id);
-                    if let Some(slot) = place.filter(|&i| answers[i].is_none()) {
+                    let slot = place.filter(|&i| answers[i].is_none());
+                    if let Some(slot) = slot {
+                        answers[slot] = Some(said.reply(usize::from(items[slot].length)));
                         left -= 1;
                         self.stats.answered += 1;
-                        answers[slot] = Some(said.reply(usize::from(items[slot].length)));
                     } else {
                         self.stats.unasked += 1;
                     }
