@@ -97,7 +97,7 @@ fn gaitway(path: &str, mode: GroupRead) -> Box<dyn FnMut()> {
     let ports = vec![(Box::new(port) as Box<dyn BytePort>, Duration::from_millis(34))];
     let clock = Arc::new(MonotonicClock);
     let mut link = Link::new(robot, ports, clock.clone());
-    link.use_fast_reads(&[firmware; 20]);
+    link.plan_reads(&[firmware; 20], Duration::from_millis(10));
     let budget = || clock.now() + Duration::from_millis(50);
     let start: Vec<f64> = link
         .states(budget())

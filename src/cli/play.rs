@@ -48,6 +48,9 @@ pub struct PlayArgs {
     /// Play on servos whose firmware the profile was not checked against
     #[arg(long)]
     accept_firmware: bool,
+    /// Lower the servos' return delay (EEPROM) if the rate needs it; how to undo it is said
+    #[arg(long)]
+    permit_eeprom: bool,
     /// Check everything, write nothing
     #[arg(long)]
     dry_run: bool,
@@ -123,9 +126,11 @@ fn play_into(
         return Ok(());
     }
     let mut connection = connect(robot, &args.bus, args.seed)?;
-    let accept = Accept { firmware: args.accept_firmware };
+    let accept = Accept { firmware: args.accept_firmware, eeprom: args.permit_eeprom };
     let found = preflight(&mut connection.link, settings.period, accept)?;
     report.wire_limit_hz = Some(found.wire_limit_hz);
+    report.bus_load = found.bus_load;
+    report.notes.extend(found.lines.iter().map(ToString::to_string));
     report.notes.extend(found.notes.iter().cloned());
     let planned = plan_from(args, &connection, &found, &loaded)?;
     describe_plan(report, connection.link.robot(), &planned, &loaded);

@@ -5,6 +5,7 @@ use crate::error::Error;
 use crate::guard::{Command, Guard};
 use crate::robot::Link;
 use crate::robot::preflight::{Preflight, budget, exchange_error, positions};
+use crate::time::Duration;
 use gaitway_profiles::Role;
 
 /// Largest distance between goal and present when torque comes on, rad.
@@ -47,6 +48,7 @@ pub fn arm(link: &mut Link, preflight: &Preflight) -> Result<(Guard, Command), E
 }
 
 fn switch_on(link: &mut Link, preflight: &Preflight, command: &Command) -> Result<(), Error> {
+    write_eeprom(link, preflight)?;
     for &(joint, register, raw) in &preflight.to_write {
         let limit = budget(link);
         let written = link.write_raw(joint, register, raw, limit);
@@ -77,6 +79,25 @@ fn switch_on(link: &mut Link, preflight: &Preflight, command: &Command) -> Resul
     check_where_it_was(link, command)?;
     watchdog::arm(link)?;
     set_torque_on(link)
+}
+
+/// Lowers return delays as permitted, and reads as fast as the line then is.
+fn write_eeprom(link: &mut Link, preflight: &Preflight) -> Result<(), Error> {
+    for write in &preflight.eeprom {
+        let limit = budget(link);
+        let written = link.write_raw(write.joint, write.register, write.to, limit);
+        written.map_err(|e| exchange_error(link, Some(write.joint), &e))?;
+        expect_raw(link, write.joint, write.register, write.to)?;
+    }
+    for write in &preflight.eeprom {
+        let joint = &link.robot().joints[write.joint];
+        let delay_s = joint.model.si_from_raw(write.register, write.to);
+        link.set_return_delay(joint.line, Duration::from_secs_f64(delay_s.clamp(0.0, 1.0)));
+    }
+    if !preflight.eeprom.is_empty() {
+        link.plan_reads(&preflight.firmware, preflight.period);
+    }
+    Ok(())
 }
 
 /// Torque moves a joint to its goal: it must still be there.

@@ -3,7 +3,7 @@
 use super::health::{Bounds, JointFacts, StopReason, Watch};
 use super::plausible::Believed;
 use super::{Sample, Sink, Tally, watchdog};
-use crate::bus::AskError;
+use crate::bus::{AskError, Miss};
 use crate::device::Health;
 use crate::guard::{Command, Guard};
 use crate::motion::{Clock as MotionClock, JointLimits, Setpoint, Trajectory};
@@ -79,6 +79,8 @@ struct Player<'a> {
     goals_at_rest: u32,
     rest_since: Option<Instant>,
     believed: Believed,
+    /// Joints that were slow when their speed was last read.
+    resting: Vec<bool>,
     /// True once nobody on any line answers.
     deserted: bool,
 }
@@ -119,6 +121,7 @@ pub fn run(
         goals_at_rest: 0,
         rest_since: None,
         believed,
+        resting: vec![false; limits.len()],
         deserted: false,
     };
     let period_ns = whole_nanos(settings.period).max(1);
@@ -195,6 +198,15 @@ impl Player<'_> {
             states: &states,
             health,
         };
+        for (slow, state) in self.resting.iter_mut().zip(&states) {
+            match state {
+                Ok((state, _)) => {
+                    *slow = state.velocity_rad_s.map_or(*slow, |speed| speed.abs() < REST_RAD_S);
+                }
+                Err(Miss::NotAsked) => {}
+                Err(_) => *slow = false,
+            }
+        }
         let link = &*self.link;
         let reason = watch.judge(&sample, |joint, bits| error_words(link, joint, bits));
         tally.add(&sample);
@@ -208,7 +220,7 @@ impl Player<'_> {
                 return false;
             }
         }
-        if self.over(&states, now, settings) {
+        if self.over(now, settings) {
             return false;
         }
         match self.write(budget) {
@@ -245,7 +257,8 @@ impl Player<'_> {
         let mut health = None;
         // A joint that is silent now would only cost the others their time; so would a question
         // that cannot be answered within this cycle.
-        if states[joint].is_ok() && self.link.health_fits(joint, part, budget) {
+        let silent = states[joint].as_ref().is_err_and(|miss| *miss != Miss::NotAsked);
+        if !silent && self.link.health_fits(joint, part, budget) {
             match self.link.health(joint, part, budget) {
                 Ok(read) => health = Some((joint, read)),
                 Err(error) if matches!(error.error, AskError::Port(_)) => return Err(error),
@@ -256,15 +269,13 @@ impl Player<'_> {
     }
 
     /// True when the last goals are written and the joints have come to rest (or had their time).
-    fn over(&mut self, states: &States, now: Instant, settings: Settings) -> bool {
+    fn over(&mut self, now: Instant, settings: Settings) -> bool {
         if self.goals_at_rest < LAST_GOALS {
             return false;
         }
         let since = *self.rest_since.get_or_insert(now);
-        let still = states.iter().zip(&self.link.robot().joints).all(|(state, joint)| {
-            self.link.is_lost(joint.line)
-                || state.as_ref().is_ok_and(|(s, _)| s.velocity_rad_s.abs() < REST_RAD_S)
-        });
+        let still = self.link.robot().joints.iter().zip(&self.resting);
+        let still = still.into_iter().all(|(joint, &slow)| slow || self.link.is_lost(joint.line));
         still || now.since(since) >= settings.settle
     }
 

@@ -1,13 +1,14 @@
 //! Doubts that last become a stop. Each rule has a bound, a count and a name.
 
 use super::Sample;
+use crate::bus::Miss;
 use crate::time::{Duration, Instant};
 use std::fmt;
 
 /// Bounds beyond which a motion is stopped.
 #[derive(Clone, Copy, Debug)]
 pub struct Bounds {
-    /// Cycles in a row without feedback from a joint.
+    /// Cycles in a row in which a joint was asked and gave no feedback.
     pub misses_in_a_row: u32,
     /// Late cycles among the last hundred.
     pub late_of_hundred: u32,
@@ -205,6 +206,7 @@ impl Watch {
             let name = || self.facts[index].name.clone();
             let (state, alert) = match state {
                 Ok(state) => state,
+                Err(Miss::NotAsked) => continue,
                 Err(miss) => {
                     joint.missed_in_a_row += 1;
                     if joint.missed_in_a_row >= self.bounds.misses_in_a_row {

@@ -47,7 +47,7 @@ impl BytePort for CutLine {
     }
 }
 
-pub const STRICT: Accept = Accept { firmware: false };
+pub const STRICT: Accept = Accept { firmware: false, eeprom: false };
 
 pub struct Scene {
     pub world: SharedWorld,
@@ -176,6 +176,54 @@ pub fn op3_on_two_lines() -> Robot {
     for joint in file.joints.iter_mut().filter(|joint| (7..=18).contains(&joint.id)) {
         joint.line = "legs".into();
     }
+    Robot::new(file).expect("a robot")
+}
+
+/// How one model of servo is set up in a fixture.
+fn setup(servo: &str, firmware: u16, registers: &[(&str, i64)]) -> gaitway_profiles::Setup {
+    gaitway_profiles::Setup {
+        servo: servo.into(),
+        joints: None,
+        firmware,
+        registers: registers.iter().map(|&(name, raw)| (name.to_owned(), raw)).collect(),
+        source: "a fixture".into(),
+    }
+}
+
+/// OP3's joints with Protocol 1.0 servos at 1 Mbps: MX-28, and AX-12A in the head, whose servos
+/// must be asked one by one.
+pub fn protocol1_robot() -> Robot {
+    let mut file = gaitway_profiles::robot("op3").expect("a shipped robot");
+    file.name = "protocol-1".into();
+    file.rate_hz = 50.0;
+    file.lines[0].baud_bps = 1_000_000;
+    for joint in &mut file.joints {
+        let head = joint.name.starts_with("head");
+        joint.servo = if head { "ax-12a" } else { "mx-28" }.into();
+    }
+    let registers = [("Baud Rate", 1), ("Return Delay Time", 0)];
+    file.setups = vec![setup("mx-28", 40, &registers), setup("ax-12a", 24, &registers)];
+    Robot::new(file).expect("a robot")
+}
+
+/// Three families on one line at 1 Mbps: XM430 legs, STS3215 arms and an SCS0009 head.
+pub fn mixed_robot() -> Robot {
+    let mut file = gaitway_profiles::robot("op3").expect("a shipped robot");
+    file.name = "mixed".into();
+    file.rate_hz = 50.0;
+    file.lines[0].baud_bps = 1_000_000;
+    for joint in &mut file.joints {
+        if joint.id <= 6 {
+            joint.servo = "sts3215".into();
+        } else if joint.name.starts_with("head") {
+            joint.servo = "scs0009".into();
+        }
+    }
+    let setups = std::mem::take(&mut file.setups);
+    file.setups = setups.into_iter().filter(|setup| setup.joints.is_none()).collect();
+    file.setups[0].registers.insert("Baud Rate".into(), 3);
+    file.setups.push(setup("sts3215", 3 * 256 + 10, &[("Baud Rate", 0)]));
+    file.setups.push(setup("scs0009", 3 * 256, &[("Baud Rate", 0)]));
     Robot::new(file).expect("a robot")
 }
 

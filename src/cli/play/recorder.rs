@@ -165,7 +165,7 @@ fn joint_records(sample: &Sample<'_>) -> Vec<JointRecord> {
                 Ok((state, _)) => JointRecord {
                     goal_rad,
                     present_position_rad: Some(state.position_rad),
-                    present_velocity_rad_s: Some(state.velocity_rad_s),
+                    present_velocity_rad_s: state.velocity_rad_s,
                     present_current_a: state.current_a,
                     present_load_ratio: state.load_ratio,
                     temperature_c: state.temperature_c,
