@@ -7,6 +7,7 @@ mod faults;
 mod feetech;
 mod line;
 mod mixed;
+mod modes;
 mod motion;
 mod properties;
 mod referee;
