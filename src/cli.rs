@@ -4,6 +4,7 @@ pub mod address;
 pub mod connect;
 pub mod doctor;
 pub mod finding;
+pub mod identify;
 pub mod limp;
 pub mod output;
 pub mod play;
@@ -14,6 +15,8 @@ pub mod progress;
 pub mod recordings;
 pub mod report;
 pub mod retarget;
+pub mod scan;
+pub mod servo;
 pub mod signals;
 pub mod simulate;
 pub mod source;
@@ -66,6 +69,10 @@ enum Command {
     Ports(ports::PortsArgs),
     /// What on this machine stands in a robot's way, and what to do about it
     Doctor(doctor::DoctorArgs),
+    /// Every device that answers on a line
+    Scan(scan::ScanArgs),
+    /// One servo: its registers, its ID, its line speed, one movement
+    Servo(Box<servo::ServoArgs>),
 }
 
 /// Runs the command line; the exit code.
@@ -89,6 +96,8 @@ pub fn main() -> i32 {
         Command::Profile(args) => profile::run(args),
         Command::Ports(args) => ports::run(args, remarks),
         Command::Doctor(args) => doctor::run(args, remarks),
+        Command::Scan(args) => scan::run(args, remarks),
+        Command::Servo(args) => servo::run(args, remarks),
     };
     done.unwrap_or_else(|error| {
         eprintln!("gaitway: {error}");
