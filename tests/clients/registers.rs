@@ -28,7 +28,7 @@ pub fn in_bytes(encoding: Encoding, value: i64) -> u64 {
 /// Registers that decide whether and how a servo is heard, or that change what other registers
 /// hold; the scenarios try these one by one.
 fn is_delicate(item: &RegisterItem<'_>) -> bool {
-    const DELICATE: [Role; 12] = [
+    const DELICATE: [Role; 13] = [
         Role::Id,
         Role::BaudRate,
         Role::StatusReturnLevel,
@@ -39,6 +39,7 @@ fn is_delicate(item: &RegisterItem<'_>) -> bool {
         Role::TorqueEnable,
         Role::BusWatchdog,
         Role::EepromLock,
+        Role::TemperatureLimit,
         Role::MinVoltageLimit,
         Role::MaxVoltageLimit,
     ];
