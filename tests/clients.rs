@@ -17,6 +17,8 @@ mod dynamixel_sdk;
 mod feetech;
 #[path = "clients/registers.rs"]
 mod registers;
+#[path = "clients/rustypot_wheel.rs"]
+mod rustypot_wheel;
 #[path = "clients/scenario.rs"]
 mod scenario;
 #[path = "clients/tap.rs"]
@@ -60,4 +62,24 @@ fn dynamixel_sdk_mistakes_a_length_for_an_id_in_a_fast_bulk_read() {
 #[test]
 fn dynamixel_sdk_cannot_bulk_read_with_protocol_1() {
     defects::SDK_OLD_BULK_READ.outcome();
+}
+
+#[test]
+fn the_rustypot_wheel_can_do_everything_it_offers_with_protocol_2() {
+    rustypot_wheel::PROTOCOL_2.outcome();
+}
+
+#[test]
+fn the_rustypot_wheel_can_do_everything_it_offers_with_protocol_1() {
+    rustypot_wheel::PROTOCOL_1.outcome();
+}
+
+#[test]
+fn the_rustypot_wheel_can_do_everything_it_offers_with_sts_servos() {
+    rustypot_wheel::STS.outcome();
+}
+
+#[test]
+fn the_rustypot_wheel_can_do_everything_it_offers_with_scs_servos() {
+    rustypot_wheel::SCS.outcome();
 }

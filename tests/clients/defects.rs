@@ -88,7 +88,10 @@ pub static SDK_OLD_BULK_READ: Scenario = Scenario::new(
         let tap = Tap::silent();
         let mut client = tapped(python, &tap, 1);
         let complaint = client.complaint("bulk_read", json!([[[2, 36, 2]]]))?;
-        assert!(complaint.as_str().is_some_and(|said| said.starts_with("TypeError")), "{complaint}");
+        assert!(
+            complaint.as_str().is_some_and(|said| said.starts_with("TypeError")),
+            "{complaint}"
+        );
         Ok(())
     }),
 );

@@ -131,9 +131,7 @@ fn reads_of_many(bench: &Bench, sdk: &mut Client, record: &mut Record) -> Result
         bench.assert_holds("Present Position", &[(joint, position)]);
     }
     let there = json!([(1_i64 << 32) - 70_000, 1, 4000]);
-    for (operation, name) in
-        [("sync_read", "Sync Read"), ("fast_sync_read", "Fast Sync Read")]
-    {
+    for (operation, name) in [("sync_read", "Sync Read"), ("fast_sync_read", "Fast Sync Read")] {
         assert_eq!(sdk.ask(operation, json!([[1, 3, 252], PRESENT, 4]))?, there, "{name}");
         let back = json!([there[2], there[0]]);
         assert_eq!(sdk.ask(operation, json!([[252, 1], PRESENT, 4]))?, back, "{name}");
@@ -143,9 +141,7 @@ fn reads_of_many(bench: &Bench, sdk: &mut Client, record: &mut Record) -> Result
     let volts = bench.register("xl430", "Present Input Voltage");
     assert!(volts > 90, "{volts} tenths of a volt");
     let asked = json!([[[1, PRESENT, 4], [3, P_GAIN, 2], [252, VOLTAGE, 2]]]);
-    for (operation, name) in
-        [("bulk_read", "Bulk Read"), ("fast_bulk_read", "Fast Bulk Read")]
-    {
+    for (operation, name) in [("bulk_read", "Bulk Read"), ("fast_bulk_read", "Fast Bulk Read")] {
         let seen = sdk.ask(operation, asked.clone())?;
         assert_eq!(seen, json!([there[0], 0xABC, volts]), "{name}");
         record.works(name);

@@ -32,9 +32,7 @@ def command(*arguments):
     connection = ["-p", address, "-b", "1000000", "--timeout", "0.2", "--max-id", "3"]
     family_flag = [] if family == "sts" else ["--scs"]
     with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
-        code = cli.main(
-            [*connection, *family_flag, *arguments]
-        )
+        code = cli.main([*connection, *family_flag, *arguments])
     return [code, said.getvalue()]
 
 
@@ -66,7 +64,7 @@ def action(number):
 
 def registers():
     return [
-        [name, register.address, register.size, register.writable]
+        [name, register.address, register.size, register.writable, register.sign_bit is not None]
         for name, register in CONTROL_TABLE.items()
     ]
 
