@@ -29,11 +29,10 @@ def disconnect():
 def command(*arguments):
     """A command as a user types it: its exit code and what it prints."""
     said = io.StringIO()
+    connection = ["-p", address, "-b", "1000000", "--timeout", "0.2", "--max-id", "3"]
     family_flag = [] if family == "sts" else ["--scs"]
     with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
-        code = cli.main(
-            ["-p", address, "-b", "1000000", "--timeout", "0.2", *family_flag, *arguments]
-        )
+        code = cli.main([*connection, *family_flag, *arguments])
     return [code, said.getvalue()]
 
 
@@ -65,7 +64,7 @@ def action(number):
 
 def registers():
     return [
-        [name, register.address, register.size, register.writable]
+        [name, register.address, register.size, register.writable, register.sign_bit is not None]
         for name, register in CONTROL_TABLE.items()
     ]
 

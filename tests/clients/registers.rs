@@ -4,6 +4,7 @@
 
 use crate::bench::{Bench, Lost};
 use gaitway_profiles::{Access, Encoding, RegisterItem, Role, Servo};
+use serde_json::Value;
 
 /// A register as a client lists it.
 #[derive(Clone, Debug)]
@@ -12,6 +13,24 @@ pub struct Listed {
     pub address: u16,
     pub size: u8,
     pub writable: bool,
+    /// The client takes and gives values with their sign.
+    pub signed: bool,
+}
+
+impl Listed {
+    /// As the scripts print them: name, address, size, whether writable, whether signed.
+    pub fn table(listed: Value) -> Vec<Listed> {
+        let listed: Vec<(String, u16, u8, bool, bool)> =
+            serde_json::from_value(listed).expect("a table");
+        let named = |(name, address, size, writable, signed)| Listed {
+            name,
+            address,
+            size,
+            writable,
+            signed,
+        };
+        listed.into_iter().map(named).collect()
+    }
 }
 
 /// What a value looks like in its bytes, as an unsigned number.
@@ -28,7 +47,7 @@ pub fn in_bytes(encoding: Encoding, value: i64) -> u64 {
 /// Registers that decide whether and how a servo is heard, or that change what other registers
 /// hold; the scenarios try these one by one.
 fn is_delicate(item: &RegisterItem<'_>) -> bool {
-    const DELICATE: [Role; 12] = [
+    const DELICATE: [Role; 13] = [
         Role::Id,
         Role::BaudRate,
         Role::StatusReturnLevel,
@@ -39,6 +58,7 @@ fn is_delicate(item: &RegisterItem<'_>) -> bool {
         Role::TorqueEnable,
         Role::BusWatchdog,
         Role::EepromLock,
+        Role::TemperatureLimit,
         Role::MinVoltageLimit,
         Role::MaxVoltageLimit,
     ];
@@ -49,9 +69,16 @@ fn is_delicate(item: &RegisterItem<'_>) -> bool {
 
 /// A legal value that is not the one most likely there anyway.
 fn unlikely(item: &RegisterItem<'_>) -> i64 {
+    const LIMITED: [Role; 4] =
+        [Role::GoalPosition, Role::GoalVelocity, Role::GoalCurrent, Role::GoalPwm];
+    let share = 17 + i64::from(item.address) % 61;
+    if item.register.role.is_some_and(|role| LIMITED.contains(&role)) {
+        // Other registers limit these; so much is always allowed.
+        return 100 + share;
+    }
     let (low, high) = item.register.range();
     let high = high.min(low.saturating_add(60_000));
-    low + (high - low) * (17 + i64::from(item.address) % 61) / 100
+    low + (high - low) * share / 100
 }
 
 /// Reads every register the client lists and compares; returns what the client lists otherwise than
@@ -61,7 +88,7 @@ pub fn read_all(
     joint: &str,
     servo: &Servo,
     listed: &[Listed],
-    mut read: impl FnMut(&Listed) -> Result<u64, Lost>,
+    mut read: impl FnMut(&Listed) -> Result<i64, Lost>,
 ) -> Result<Vec<String>, Lost> {
     let mut otherwise = Vec::new();
     let mut compared = 0;
@@ -75,15 +102,21 @@ pub fn read_all(
             continue;
         };
         let name = item.name();
-        if !is_delicate(item) && item.register.access == Access::Rw {
+        let original = bench.register(joint, &name);
+        let set = !is_delicate(item) && item.register.access == Access::Rw;
+        if set {
             bench.set(joint, &name, unlikely(item));
         }
         // What is measured may change between two looks; then either is right.
         let before = bench.register(joint, &name);
-        let seen = read(register)?;
+        let seen = in_bytes(item.register.encoding, read(register)?);
         let after = bench.register(joint, &name);
         let there = [before, after].map(|value| in_bytes(item.register.encoding, value));
         assert!(there.contains(&seen), "{joint}: {name} is {there:?}, {register:?} saw {seen}");
+        // A limit would have a say in what comes after it.
+        if set {
+            bench.set(joint, &name, original);
+        }
         compared += 1;
     }
     assert!(compared > 20, "only {compared} registers of {joint} were compared");
@@ -117,12 +150,13 @@ pub fn write_all(
             continue;
         }
         let name = item.name();
-        let wanted = unlikely(item);
+        let (wanted, original) = (unlikely(item), bench.register(joint, &name));
         // Something else is there first, so that a write that does nothing is seen.
-        let (low, high) = item.register.range();
-        bench.set(joint, &name, if wanted == low { high } else { low });
-        write(register, wanted)?;
+        bench.set(joint, &name, if wanted == original { wanted + 1 } else { original });
+        let in_bytes = in_bytes(item.register.encoding, wanted) as i64;
+        write(register, if register.signed { wanted } else { in_bytes })?;
         assert_eq!(bench.register(joint, &name), wanted, "{joint}: {register:?} to {name}");
+        bench.set(joint, &name, original);
         compared += 1;
     }
     assert!(compared > 10, "only {compared} registers of {joint} were compared");

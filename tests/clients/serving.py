@@ -27,4 +27,4 @@ def serve(operations):
         except Exception as cause:
             reply = {"refused": f"{type(cause).__name__}: {cause}"}
         signal.alarm(0)
-        print(json.dumps(reply), flush=True)
+        print(json.dumps(reply, default=list), flush=True)
