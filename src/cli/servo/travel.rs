@@ -64,7 +64,8 @@ pub fn run(args: &MoveArgs, remarks: Remarks) -> Result<i32, Error> {
     let mut connection = device.line.into_link(robot)?;
     let link = &mut connection.link;
     let settings = Settings::at_rate(RATE_HZ);
-    let found = preflight(link, settings.period, Accept { firmware: args.accept_firmware })?;
+    let found =
+        preflight(link, settings.period, Accept { firmware: args.accept_firmware, eeprom: false })?;
     for note in &found.notes {
         remarks.say(note);
     }
