@@ -64,6 +64,10 @@ pub enum Miss {
     },
     /// The device answered no.
     Refused(String),
+    /// It was not this device's turn to be asked.
+    NotAsked,
+    /// A sound answer, but with a position the joint cannot have reached since the last.
+    Implausible,
 }
 
 impl fmt::Display for Miss {
@@ -73,6 +77,8 @@ impl fmt::Display for Miss {
             Self::Garbled => f.write_str("answer damaged on the line"),
             Self::WrongId { asked, got } => write!(f, "asked ID {asked}, ID {got} answered"),
             Self::Refused(text) => write!(f, "the device refused: {text}"),
+            Self::NotAsked => f.write_str("not asked in this cycle"),
+            Self::Implausible => f.write_str("a position the joint cannot have reached"),
         }
     }
 }
@@ -217,6 +223,12 @@ impl Bus {
         self.quiet_until
     }
 
+    /// When the last question had left.
+    #[must_use]
+    pub const fn spoken_at(&self) -> Instant {
+        self.sending_until
+    }
+
     /// True if a question to one device, for `length` bytes, asked now is over by `budget`.
     #[must_use]
     pub fn fits(&self, protocol: Protocol, length: usize, budget: Instant) -> bool {
@@ -224,6 +236,18 @@ impl Bus {
         let begins = self.clock.now().max(self.quiet_until);
         let answer = self.answer_time(protocol, protocol.status_bytes(length), 1);
         begins + question + answer <= budget
+    }
+
+    /// Line time of reading `length` bytes from one device, s.
+    #[must_use]
+    pub fn one_read_time_s(&self, protocol: Protocol, length: usize) -> f64 {
+        let bytes = protocol.read_bytes() + protocol.status_bytes(length);
+        self.line_and_delay(protocol, bytes, 1).as_secs_f64()
+    }
+
+    /// From now on every device waits at most this long before it answers.
+    pub const fn set_return_delay(&mut self, return_delay: Duration) {
+        self.timing.return_delay = return_delay;
     }
 
     /// Line time of a sync write of `length` bytes to each of `devices`, s.

@@ -3,9 +3,11 @@
 
 pub mod link;
 pub mod preflight;
+pub mod reading;
 
 pub use link::{Link, LinkError};
 
+use crate::bus::Protocol;
 use crate::device::{FeedbackBlock, HealthBlock, JointState, Model};
 use crate::error::Error;
 use crate::motion::JointLimits;
@@ -33,7 +35,10 @@ pub struct Joint {
     /// Turns of the joint for one turn of the servo, with its sign.
     ratio: f64,
     offset_rad: f64,
+    /// Read in every cycle.
     feedback: FeedbackBlock,
+    /// Read instead where that is too much.
+    position: FeedbackBlock,
     health: HealthBlock,
 }
 
@@ -75,6 +80,7 @@ impl Joint {
             ratio,
             offset_rad: joint.offset_rad,
             feedback: FeedbackBlock::of(model).map_err(unfit)?,
+            position: FeedbackBlock::position_of(model).map_err(unfit)?,
             health: HealthBlock::of(model),
         })
     }
@@ -87,10 +93,26 @@ impl Joint {
         Some(self.model.si_from_raw(register, raw))
     }
 
+    /// True if its servo can be asked for its own registers in a question to several.
+    #[must_use]
+    pub fn bulk_read(&self) -> bool {
+        match self.model.protocol() {
+            Protocol::Dynamixel1 => self.model.profile().bulk_read,
+            Protocol::Dynamixel2 => true,
+            Protocol::FeetechSts | Protocol::FeetechScs => false,
+        }
+    }
+
     /// The servo's angle for a joint angle, rad.
     #[must_use]
     pub fn servo_rad(&self, joint_rad: f64) -> f64 {
         (joint_rad + self.offset_rad) / self.ratio
+    }
+
+    /// The servo's speed for a speed of the joint, rad/s, without sign.
+    #[must_use]
+    pub fn servo_speed_rad_s(&self, joint_rad_s: f64) -> f64 {
+        (joint_rad_s / self.ratio).abs()
     }
 
     /// The joint's state from what its servo reported.
@@ -98,7 +120,7 @@ impl Joint {
     pub fn joint_state(&self, servo: JointState) -> JointState {
         JointState {
             position_rad: self.ratio * servo.position_rad - self.offset_rad,
-            velocity_rad_s: self.ratio * servo.velocity_rad_s,
+            velocity_rad_s: servo.velocity_rad_s.map(|rad_s| self.ratio * rad_s),
             current_a: servo.current_a.map(|current_a| self.ratio.signum() * current_a),
             load_ratio: servo.load_ratio.map(|load| self.ratio.signum() * load),
             ..servo

@@ -127,6 +127,110 @@ fn sts3215_has_sign_magnitude_values_with_the_sign_bit_of_each() {
     assert_eq!(Encoding::SignMagnitude10.range(), (-1023, 1023));
 }
 
+#[test]
+fn ax_12a_is_the_table_of_its_e_manual_page() {
+    let servo = servo("ax-12a").unwrap();
+    assert_eq!((servo.model_number, servo.protocol), (12, Protocol::Dynamixel1));
+    for (role, address, bytes, initial) in [
+        (Role::ReturnDelay, 5, 1, Some(250)),
+        (Role::MinPositionLimit, 6, 2, Some(0)),
+        (Role::MaxPositionLimit, 8, 2, Some(1023)),
+        (Role::TemperatureLimit, 11, 1, Some(70)),
+        (Role::MinVoltageLimit, 12, 1, Some(60)),
+        (Role::MaxVoltageLimit, 13, 1, Some(140)),
+        (Role::MaxTorque, 14, 2, Some(1023)),
+        (Role::StatusReturnLevel, 16, 1, Some(2)),
+        (Role::AlarmLed, 17, 1, Some(36)),
+        (Role::Shutdown, 18, 1, Some(36)),
+        (Role::TorqueEnable, 24, 1, Some(0)),
+        (Role::CwComplianceMargin, 26, 1, Some(1)),
+        (Role::CcwComplianceSlope, 29, 1, Some(32)),
+        (Role::GoalPosition, 30, 2, None),
+        (Role::GoalVelocity, 32, 2, None),
+        (Role::PresentPosition, 36, 2, None),
+        (Role::PresentVelocity, 38, 2, None),
+        (Role::PresentLoad, 40, 2, None),
+        (Role::PresentVoltage, 42, 1, None),
+        (Role::PresentTemperature, 43, 1, None),
+        (Role::EepromLock, 47, 1, Some(0)),
+        (Role::Punch, 48, 2, Some(32)),
+    ] {
+        let register = register(servo, role);
+        let found = (register.address, register.bytes, register.initial);
+        assert_eq!(found, (address, bytes, initial), "{role:?}");
+    }
+    assert_eq!(register(servo, Role::PresentVelocity).encoding, Encoding::SignMagnitude10);
+    assert_eq!(register(servo, Role::GoalVelocity).scale, Some(0.111));
+    assert!((servo.radians_per_count().to_degrees() - 0.293).abs() < 1e-3, "0.29 degrees");
+    assert!(!servo.bulk_read && servo.operating_modes.is_empty());
+    assert!((servo.motor.no_load_speed_rad_s * 60.0 / (2.0 * PI) - 59.0).abs() < 0.01);
+}
+
+#[test]
+fn mx_servos_with_protocol_1_differ_by_current_drive_mode_and_number() {
+    for (name, number, stall_nm) in [("mx-28", 29, 2.5), ("mx-64", 310, 6.0), ("mx-106", 320, 8.4)]
+    {
+        let servo = servo(name).unwrap();
+        assert_eq!((servo.model_number, servo.protocol), (number, Protocol::Dynamixel1), "{name}");
+        assert!(servo.bulk_read, "{name}");
+        assert_eq!(servo.motor.stall_torque_nm, stall_nm, "{name}");
+        // The gains stand in the order D, I, P.
+        assert_eq!(address_and_size(servo, Role::PositionDGain), (26, 1));
+        assert_eq!(address_and_size(servo, Role::PositionIGain), (27, 1));
+        let gain = register(servo, Role::PositionPGain);
+        assert_eq!((gain.address, gain.initial), (28, Some(32)));
+        assert_eq!(address_and_size(servo, Role::ResolutionDivider), (22, 1));
+        assert_eq!(register(servo, Role::MaxPositionLimit).initial, Some(4095));
+        assert_eq!(register(servo, Role::GoalVelocity).scale, Some(0.114));
+        // 8.583 degrees/s2 in rev/min2: x 60 x 60 / 360.
+        let acceleration = register(servo, Role::ProfileAcceleration);
+        assert_eq!((acceleration.address, acceleration.scale), (73, Some(85.83)));
+        assert_eq!(servo.register(Role::DriveMode).is_some(), name == "mx-106", "{name}");
+        let current = servo.register(Role::PresentCurrent);
+        let expected = (name != "mx-28").then_some((68, Some(2048), Some(0.0045)));
+        assert_eq!(current.map(|r| (r.address, r.zero, r.scale)), expected, "{name}");
+        assert_eq!(servo.register(Role::TorqueControlEnable).is_some(), name != "mx-28");
+    }
+}
+
+#[test]
+fn protocol_1_baud_rates_are_asked_for_by_their_nominal_speed() {
+    for name in ["ax-12a", "mx-28", "mx-64", "mx-106"] {
+        let servo = servo(name).unwrap();
+        for (bps, index) in [(1_000_000, 1), (115_200, 16), (57_600, 34), (9_600, 207)] {
+            assert_eq!(servo.baud_index(bps), Some(index), "{name}");
+            // 2000000 / (value + 1), 3 % off at most, which a UART bears.
+            let real = 2_000_000.0 / (f64::from(index) + 1.0);
+            assert!((real / f64::from(bps) - 1.0).abs() < 0.03, "{name} {bps}");
+        }
+        assert_eq!(servo.baud_index(57_143), None, "{name}: the lookup is exact");
+        assert_eq!(servo.baud_index(3_000_000), (name != "ax-12a").then_some(252), "{name}");
+    }
+}
+
+#[test]
+fn scs_servos_have_the_lock_at_48_and_no_mode_register() {
+    for (name, high, low) in [("scs0009", 5, 4), ("scs15", 5, 15)] {
+        let servo = servo(name).unwrap();
+        assert_eq!(servo.protocol, Protocol::FeetechScs, "{name}");
+        assert_eq!(servo.model_number.to_be_bytes(), [high, low], "{name}: major, minor");
+        assert_eq!(address_and_size(servo, Role::EepromLock), (48, 1), "{name}");
+        assert_eq!(address_and_size(servo, Role::GoalPosition), (42, 2), "{name}");
+        assert_eq!(address_and_size(servo, Role::GoalTime), (44, 2), "{name}");
+        assert_eq!(address_and_size(servo, Role::PresentPosition), (56, 2), "{name}");
+        let limit = register(servo, Role::MaxPositionLimit);
+        assert_eq!((limit.address, limit.initial), (11, Some(1023)), "{name}");
+        assert_eq!(register(servo, Role::PresentLoad).encoding, Encoding::SignMagnitude10);
+        assert!(servo.register(Role::OperatingMode).is_none(), "{name}");
+        assert!(servo.register(Role::HomingOffset).is_none(), "{name}");
+        assert_eq!((servo.baud_index(1_000_000), servo.baud_bps(5)), (Some(0), Some(76_800)));
+    }
+    let scs = servo("scs0009").unwrap();
+    assert_eq!(scs.model_number, 1284, "lerobot MODEL_NUMBER_TABLE");
+    assert!((scs.radians_per_count().to_degrees() - 300.0 / 1024.0).abs() < 1e-12);
+    assert_eq!(scs.position.zero_count, 511);
+}
+
 // Accessors.
 
 #[test]

@@ -404,7 +404,8 @@ fn a_robot_is_found_by_name_or_read_from_a_path() {
 fn an_unknown_name_lists_what_there_is_and_no_name_is_a_path() {
     for name in ["op4", "../robots/op3", "/etc/passwd", "op3\0", "", "OP3"] {
         let error = robot(name).unwrap_err();
-        assert_eq!(error.allowed.as_deref(), Some("op3, open-duck-mini-v2"), "{error}");
+        let allowed = error.allowed.as_deref().unwrap_or_default();
+        assert!(allowed.starts_with("op2, op3, open-duck-mini-v2"), "{error}");
         assert!(servo(name).unwrap_err().allowed.unwrap().contains("xm430-w350"));
     }
 }

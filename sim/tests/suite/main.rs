@@ -1,10 +1,13 @@
 //! The virtual servos against the makers' published bytes, timings and rules.
 
 mod door;
+mod dynamixel1;
 mod dynamixel2;
 mod faults;
 mod feetech;
 mod line;
+mod mixed;
+mod modes;
 mod motion;
 mod properties;
 mod referee;
