@@ -25,8 +25,8 @@ const DAMAGES: [&str; 11] = [
     "echo",
     "length",
 ];
-const SERVO_FAULTS: [&str; 7] =
-    ["silent", "overload", "reboot", "stuck", "jump", "register", "twin"];
+const SERVO_FAULTS: [&str; 8] =
+    ["silent", "overload", "reboot", "stuck", "frozen", "jump", "register", "twin"];
 const LINE_FAULTS: [&str; 4] = ["brownout", "slow-line", "hang-up", "blocked"];
 
 /// Faults read from a script, for [`crate::Options::faults`].
@@ -176,6 +176,10 @@ fn read_servo_fault(kind: &str, joint: String, keys: &mut Keys) -> Result<Fault,
         "stuck" => {
             let (from_ns, until_ns) = keys.span()?;
             Fault::StuckPosition { joint, from_ns, until_ns }
+        }
+        "frozen" => {
+            let (from_ns, until_ns) = keys.span()?;
+            Fault::FrozenPosition { joint, from_ns, until_ns }
         }
         "jump" => Fault::PositionJump {
             joint,

@@ -79,6 +79,8 @@ pub(crate) struct Servo {
     pub attached: bool,
     /// Spans in which it neither hears nor answers, ns.
     pub silent: Vec<Range<u64>>,
+    /// What the position register shows for good, whatever the shaft does: a fault of the encoder.
+    pub frozen: Option<i64>,
     /// Whether it hears the packet now on the line.
     pub hears: bool,
     /// Statuses it has given so far.
@@ -125,6 +127,7 @@ impl Servo {
             motor: Motor::new(&model.profile.motor, model.radians_per_count),
             attached: true,
             silent: Vec::new(),
+            frozen: None,
             hears: false,
             statuses: 0,
             events: Vec::new(),

@@ -335,6 +335,10 @@ impl World {
                 }
             }
             Strike::Stick { servo, stuck } => self.at(servo).motor.set_blocked(stuck),
+            Strike::Freeze { servo, frozen } => {
+                let servo = self.at(servo);
+                servo.frozen = frozen.then(|| servo.present_position());
+            }
             Strike::Jump { servo, counts } => self.at(servo).jump(counts),
             Strike::Register { servo, register, raw } => {
                 // That there is one was seen before the start.

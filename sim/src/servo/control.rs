@@ -417,7 +417,8 @@ impl Servo {
     pub(super) fn refresh(&mut self) {
         let side = self.side();
         let target = self.motor.trajectory();
-        self.put_held(Role::PresentPosition, self.present_position());
+        let position = self.frozen.unwrap_or_else(|| self.present_position());
+        self.put_held(Role::PresentPosition, position);
         self.put_si(Role::PresentVelocity, side * self.motor.velocity_rad_s());
         self.put_si(Role::PresentCurrent, side * self.motor.current_a());
         self.put_si(Role::PresentPwm, side * self.motor.duty());

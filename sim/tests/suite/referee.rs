@@ -176,8 +176,11 @@ fn the_referee_counts_goals_instructions_and_statuses() {
     assert_eq!(Rule::RestAtEnds.code(), "R2b");
 }
 
-/// What writes a goal to ID 1: its address, and its word with the low or the high byte first.
-const OTHER_FAMILIES: [(&str, u8, fn(i16) -> [u8; 2]); 4] = [
+/// A word with the low or the high byte first.
+type Word = fn(i16) -> [u8; 2];
+
+/// Servos with the address of their goal.
+const OTHER_FAMILIES: [(&str, u8, Word); 4] = [
     ("ax-12a", 30, i16::to_le_bytes),
     ("mx-28", 30, i16::to_le_bytes),
     ("sts3215", 42, i16::to_le_bytes),

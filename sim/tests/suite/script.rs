@@ -108,6 +108,19 @@ fn a_servo_may_be_another_than_the_robot_file_says() {
 }
 
 #[test]
+fn a_frozen_position_is_shown_while_the_shaft_turns() {
+    let mut scene = scene("[[fault]]\nkind = 'frozen'\njoint = 'j1'\nfrom_s = 0.1\nuntil_s = 1");
+    scene.ask(&write(1, 64, &[1]));
+    scene.world.run_until(100 * MS);
+    scene.ask(&write(1, 116, &2400_i32.to_le_bytes()));
+    scene.world.run_until(900 * MS);
+    assert_eq!(scene.ask(&read(1, 132, 4)), position(1));
+    assert!(scene.world.joint_position_rad("j1").unwrap() > 0.4);
+    scene.world.run_until(1000 * MS);
+    assert!(scene.get("j1", "Present Position") > 2300);
+}
+
+#[test]
 fn two_servos_with_one_id_answer_together() {
     let mut scene = scene("[[fault]]\nkind = 'twin'\njoint = 'j1'\nturn_rad = 1.0");
     let answer = scene.ask(&read(1, 132, 4));
