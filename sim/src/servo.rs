@@ -38,6 +38,17 @@ pub(crate) enum Refusal {
     Access = 7,
 }
 
+impl Refusal {
+    /// The bit of protocol 1.0's error byte that says so: angle limit, range or instruction.
+    pub fn status_bit(self) -> u8 {
+        match self {
+            Refusal::Limit => 1 << 1,
+            Refusal::Range | Refusal::Length | Refusal::Access | Refusal::Failed => 1 << 3,
+            Refusal::Instruction => 1 << 6,
+        }
+    }
+}
+
 /// What happened inside a servo that the referee judges.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Event {

@@ -64,7 +64,8 @@ pub fn run(args: &MoveArgs, remarks: Remarks) -> Result<i32, Error> {
     let mut connection = device.line.into_link(robot)?;
     let link = &mut connection.link;
     let settings = Settings::at_rate(RATE_HZ);
-    let found = preflight(link, settings.period, Accept { firmware: args.accept_firmware })?;
+    let found =
+        preflight(link, settings.period, Accept { firmware: args.accept_firmware, eeprom: false })?;
     for note in &found.notes {
         remarks.say(note);
     }
@@ -203,7 +204,8 @@ fn in_position_mode(device: &mut Device) -> Result<(), Error> {
     let Some(raw) = device.read_role(Role::OperatingMode)? else { return Ok(()) };
     let modes = &device.model.profile().operating_modes;
     let mode = modes.iter().find(|mode| i64::from(mode.value) == raw).map(|mode| mode.mode);
-    if mode == Some(Mode::Position) || modes.is_empty() {
+    let usual = device.item(Role::OperatingMode).and_then(|item| item.initial());
+    if mode == Some(Mode::Position) || (modes.is_empty() && usual == Some(raw)) {
         return Ok(());
     }
     Err(Error::new("the servo is not in position mode")
