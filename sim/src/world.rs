@@ -302,7 +302,11 @@ impl World {
                     servo.restart(now_ns, until_ns);
                 }
             }
-            Strike::Stick { servo, stuck } => self.at(servo).motor.set_blocked(stuck),
+            Strike::Stick { servo, stuck } => {
+                let servo = self.at(servo);
+                servo.advance(now_ns);
+                servo.motor.set_blocked(stuck);
+            }
             Strike::Jump { servo, counts } => self.at(servo).jump(counts),
             Strike::Register { servo, register, raw } => {
                 // That there is one was seen before the start.
