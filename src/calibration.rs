@@ -136,11 +136,15 @@ impl Calibration {
             joint.direction = measured.direction;
             joint.offset_rad = measured.offset_rad;
             // What the hand reached beyond the robot file's range is not granted.
-            joint.lower_rad = measured.lower_rad.map_or(joint.lower_rad, |l| l.max(joint.lower_rad));
-            joint.upper_rad = measured.upper_rad.map_or(joint.upper_rad, |u| u.min(joint.upper_rad));
+            joint.lower_rad =
+                measured.lower_rad.map_or(joint.lower_rad, |l| l.max(joint.lower_rad));
+            joint.upper_rad =
+                measured.upper_rad.map_or(joint.upper_rad, |u| u.min(joint.upper_rad));
             if !(joint.lower_rad < joint.upper_rad) {
-                return Err(Error::new("the calibrated range and the robot file's have no common part")
-                    .at(format!("robot {}, joint {}", file.name, joint.name)));
+                return Err(Error::new(
+                    "the calibrated range and the robot file's have no common part",
+                )
+                .at(format!("robot {}, joint {}", file.name, joint.name)));
             }
             joint.initial_rad = joint.initial_rad.clamp(joint.lower_rad, joint.upper_rad);
             if let Some(raw) = measured.homing_offset_raw {
@@ -241,6 +245,12 @@ impl Unwrapped {
         self.highest = self.highest.max(self.at);
     }
 
+    /// The present count, counted on through the turns.
+    #[must_use]
+    pub const fn now(&self) -> i64 {
+        self.at
+    }
+
     /// Lowest and highest count so far, counted on through the turns.
     #[must_use]
     pub const fn range(&self) -> (i64, i64) {
@@ -323,7 +333,8 @@ mod tests {
 
     #[test]
     fn files_that_say_nonsense_are_refused() {
-        let good = |text: &str| format!("schema = 1\nrobot = \"op3\"\n[[joint]]\nname = \"a\"\n{text}");
+        let good =
+            |text: &str| format!("schema = 1\nrobot = \"op3\"\n[[joint]]\nname = \"a\"\n{text}");
         assert!(Calibration::parse(&good("direction = 1\noffset_rad = 0.0\n")).is_ok());
         for bad in [
             "direction = 2\noffset_rad = 0.0\n",

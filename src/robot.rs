@@ -8,6 +8,7 @@ pub mod reading;
 pub use link::{Link, LinkError};
 
 use crate::bus::Protocol;
+use crate::calibration::Calibration;
 use crate::device::{FeedbackBlock, HealthBlock, JointState, Model};
 use crate::error::Error;
 use crate::motion::JointLimits;
@@ -180,6 +181,15 @@ impl Robot {
     pub fn load(name_or_path: &str) -> Result<Self, Error> {
         let file = profiles::robot(name_or_path).map_err(|e| Error::new(e.to_string()))?;
         Self::new(file)
+    }
+
+    /// The same robot with what was measured on this one.
+    ///
+    /// # Errors
+    /// A calibration that does not fit the robot (see [`Calibration::apply`]) or its servos.
+    pub fn with_calibration(mut self, calibration: &Calibration) -> Result<Self, Error> {
+        calibration.apply(&mut self.file)?;
+        Self::new(self.file)
     }
 
     /// Limits of all joints.

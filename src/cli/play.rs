@@ -1,6 +1,7 @@
 //! `play`: from a motion file to a moving robot, and what came of it. The whole job, in order.
 
 use super::address::Address;
+use super::calibrated::CalibrationArg;
 use super::connect::{Connection, connect};
 use super::report::{JointReport, Outcome, PlayReport, RefereeReport};
 use super::signals::Signals;
@@ -61,6 +62,8 @@ pub struct PlayArgs {
     #[arg(long, default_value_t = 0)]
     seed: u64,
     #[command(flatten)]
+    calibration: CalibrationArg,
+    #[command(flatten)]
     output: Output,
 }
 
@@ -111,7 +114,8 @@ fn play_into(
     report: &mut PlayReport,
 ) -> Result<(), Error> {
     args.output.check_files(&[&args.record, &args.html])?;
-    let robot = Robot::load(args.motion.robot())?;
+    let (robot, calibration) = args.calibration.load(args.motion.robot(), &args.bus)?;
+    report.calibration = calibration.map(|path| path.display().to_string());
     report.robot.clone_from(&robot.name);
     let loaded = source::load(&args.motion, &robot)?;
     report.source = loaded.source.clone();

@@ -86,6 +86,13 @@ pub struct Target {
     output: Output,
 }
 
+impl Target {
+    /// What else has to be typed to reach the same line again.
+    fn again(&self) -> String {
+        self.robot.as_ref().map(|robot| format!(" --robot {robot}")).unwrap_or_default()
+    }
+}
+
 /// Runs `servo`.
 ///
 /// # Errors

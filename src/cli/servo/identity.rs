@@ -76,8 +76,9 @@ pub fn set_id(args: &SetIdArgs, remarks: Remarks) -> Result<i32, Error> {
         }
     }
     let bus = device.bus();
-    let undo =
-        (new != old).then(|| format!("gaitway servo set-id {bus} {new} {old} --permit-eeprom"));
+    let robot = args.target.again();
+    let undo = (new != old)
+        .then(|| format!("gaitway servo set-id {bus} {new} {old} --permit-eeprom{robot}"));
     let text = format!("{} now has ID {new} (before: {old})\n", device.model.profile().model);
     if let Some(undo) = &undo {
         remarks.say(&format!("to undo: {undo}"));
@@ -142,7 +143,8 @@ pub fn set_baud(args: &SetBaudArgs, remarks: Remarks) -> Result<i32, Error> {
     }
     let plain = device.bus().split('?').next().unwrap_or_default().to_owned();
     let new_bps = args.baud_bps;
-    let undo = (new_bps != old_bps).then(|| {
+    // A virtual servo of this process is gone when the command ends.
+    let undo = (new_bps != old_bps && device.line.world.is_none()).then(|| {
         let id = device.id;
         format!("gaitway servo set-baud {plain}?baud={new_bps} {id} {old_bps} --permit-eeprom")
     });

@@ -200,7 +200,7 @@ pub fn set(args: &SetArgs, remarks: Remarks) -> Result<i32, Error> {
 fn undo(device: &Device, item: &RegisterItem<'_>, old: i64, args: &SetArgs) -> String {
     let permit = if item.register.region == Region::Eeprom { " --permit-eeprom" } else { "" };
     let name = item.name();
-    let robot = args.target.robot.as_ref().map(|r| format!(" --robot {r}")).unwrap_or_default();
+    let robot = args.target.again();
     let bus = device.bus();
     format!("gaitway servo set {bus} {} '{name}' --raw{permit}{robot} -- {old}", device.id)
 }

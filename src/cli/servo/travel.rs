@@ -204,7 +204,8 @@ fn in_position_mode(device: &mut Device) -> Result<(), Error> {
     let Some(raw) = device.read_role(Role::OperatingMode)? else { return Ok(()) };
     let modes = &device.model.profile().operating_modes;
     let mode = modes.iter().find(|mode| i64::from(mode.value) == raw).map(|mode| mode.mode);
-    if mode == Some(Mode::Position) || modes.is_empty() {
+    let usual = device.item(Role::OperatingMode).and_then(|item| item.initial());
+    if mode == Some(Mode::Position) || (modes.is_empty() && usual == Some(raw)) {
         return Ok(());
     }
     Err(Error::new("the servo is not in position mode")

@@ -111,7 +111,9 @@ pub fn parse(
     let number = in_degrees.unwrap_or_else(|| text.strip_suffix(unit).unwrap_or(text));
     let number: f64 = number.trim().parse().map_err(|_| wrong())?;
     let si = if in_degrees.is_some() { number.to_radians() } else { number };
-    model.raw_from_si(item.register, si).map_err(|e| Error::new(e.to_string()).at(place()))
+    model
+        .raw_from_si(item.register, si)
+        .map_err(|e| Error::new(e.to_string()).at(place()).got(text).allowed(allowed))
 }
 
 #[cfg(test)]
