@@ -9,6 +9,8 @@ mod python;
 
 #[path = "clients/bench.rs"]
 mod bench;
+#[path = "clients/conformance.rs"]
+mod conformance;
 #[path = "clients/defects.rs"]
 mod defects;
 #[path = "clients/dynamixel_sdk.rs"]
@@ -23,6 +25,43 @@ mod rustypot_wheel;
 mod scenario;
 #[path = "clients/tap.rs"]
 mod tap;
+
+use aloud::aloud;
+use scenario::Scenario;
+
+/// What each client can do; its defects follow from [`defects::ALL`].
+const EVERYTHING: [&Scenario; 9] = [
+    &dynamixel_sdk::PROTOCOL_2,
+    &rustypot_wheel::PROTOCOL_2,
+    &dynamixel_sdk::PROTOCOL_1,
+    &rustypot_wheel::PROTOCOL_1,
+    &feetech::FTSERVO,
+    &feetech::FEETECH_SERVO_SDK,
+    &feetech::FEETECH_CLI,
+    &rustypot_wheel::STS,
+    &rustypot_wheel::SCS,
+];
+
+#[test]
+fn the_conformance_tables_are_what_the_runs_say() {
+    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
+    let lock_file = std::fs::read_to_string(root.join("Cargo.lock")).expect("a lock file");
+    let scenarios = [&EVERYTHING[..], &defects::ALL].concat();
+    let page = match conformance::page(&scenarios, &lock_file) {
+        Ok(page) => page,
+        Err(why) => {
+            aloud!("SKIPPED: docs/conformance.md was not compared, not all clients ran: {why}");
+            return;
+        }
+    };
+    let path = root.join("docs/conformance.md");
+    if std::env::var_os("GAITWAY_WRITE_CONFORMANCE").is_some() {
+        std::fs::write(&path, page).expect("docs/conformance.md written");
+        return;
+    }
+    let kept = std::fs::read_to_string(&path).unwrap_or_default();
+    assert_eq!(kept, page, "write it anew: GAITWAY_WRITE_CONFORMANCE=1 cargo test --test clients");
+}
 
 #[test]
 fn dynamixel_sdk_can_do_everything_it_offers_with_protocol_2() {

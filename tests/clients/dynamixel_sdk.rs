@@ -61,7 +61,12 @@ fn pings(bench: &Bench, sdk: &mut Client, record: &mut Record) -> Result<(), Los
     }
     record.works("Ping");
     assert_eq!(all["252"], json!([1060, 45]), "XL430-W250, by the manual and the robot file");
-    assert_eq!(sdk.ask("broadcast_ping", json!([]))?, all);
+    let seen = sdk.ask("broadcast_ping", json!([]))?;
+    // The highest ID has its turn 15 ms before the SDK stops listening.
+    if seen["252"].is_null() {
+        return Err(Lost(format!("the answer of ID 252 to everyone's ping: {seen}")));
+    }
+    assert_eq!(seen, all);
     record.works("Ping, broadcast");
     Ok(())
 }

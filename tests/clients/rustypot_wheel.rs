@@ -111,11 +111,9 @@ fn pings(
         models[id.to_string()] = json!(bench.register(joint, "Model Number"));
     }
     let ids: Vec<i64> = servos.iter().map(|&(_, id, _)| id).chain([77]).collect();
-    let seen = client.ask("scan", json!([ids]))?;
-    for id in &ids[..servos.len()] {
-        answered(*id, &json!(seen[id.to_string()].is_number()))?;
-    }
-    assert_eq!(seen, models);
+    // It waits about 5 ms for each, whatever it was told, and a machine may stall longer.
+    let found = (0..10).any(|_| client.ask("scan", json!([ids])).is_ok_and(|seen| seen == models));
+    assert!(found, "scan never found {models}");
     record.works("Ping");
     Ok(())
 }
