@@ -1,6 +1,7 @@
 //! Where profiles come from: compiled into the crate, or a file the user names.
 
 use crate::error::ProfileError;
+use crate::extends;
 use crate::schema::{Adapter, Robot, Servo};
 use crate::validate;
 use serde::de::DeserializeOwned;
@@ -103,7 +104,16 @@ pub fn adapter_for_usb(
 /// # Errors
 /// What the validator has against it.
 pub fn parse_servo(file: &str, text: &str) -> Result<Servo, ProfileError> {
-    let servo: Servo = parse(file, text)?;
+    let servo: Servo = match text.parse::<toml::Table>() {
+        Ok(table) if extends::has_base(&table) => {
+            let shipped =
+                |name: &str| SERVOS.iter().find(|base| base.name == name).map(|base| base.text);
+            let whole = extends::resolve(file, table, shipped)?;
+            // Of two files joined no line can be named; the message names the key.
+            whole.try_into().map_err(|error| malformed(file, &error))?
+        }
+        _ => parse(file, text)?,
+    };
     validate::servo(file, &servo)?;
     Ok(servo)
 }
@@ -161,8 +171,7 @@ pub fn read_text(path: &Path) -> Result<String, ProfileError> {
 
 fn parse<T: DeserializeOwned>(file: &str, text: &str) -> Result<T, ProfileError> {
     toml::from_str(text).map_err(|error| {
-        let refusal = ProfileError::new(file, "the file does not have the form of a profile")
-            .got(error.message().replace('\n', "; "));
+        let refusal = malformed(file, &error);
         match error.span() {
             None => refusal,
             Some(span) => {
@@ -171,6 +180,11 @@ fn parse<T: DeserializeOwned>(file: &str, text: &str) -> Result<T, ProfileError>
             }
         }
     })
+}
+
+fn malformed(file: &str, error: &toml::de::Error) -> ProfileError {
+    ProfileError::new(file, "the file does not have the form of a profile")
+        .got(error.message().replace('\n', "; "))
 }
 
 fn unknown(kind: &str, name: &str, available: impl Iterator<Item = &'static str>) -> ProfileError {

@@ -13,7 +13,9 @@
 //!    the line is written: the manual's section, `measured DATE, UNIT`, or `unconfirmed: why`.
 //!    Leave out no register: a table with holes makes a virtual servo with holes.
 //! 3. Units and scales are the manual's own (`rpm` and 0.229, not 0.0239 rad/s).
-//! 4. Run `cargo test -p gaitway-profiles`. Each shipped file is a test of its own, and the first
+//! 4. If it differs from a shipped servo in a few values, write `extends = "that-one"` and only
+//!    what differs: see the head of `src/extends.rs`.
+//! 5. Run `cargo test -p gaitway-profiles`. Each shipped file is a test of its own, and the first
 //!    rule it breaks is named with file, register, what was found and what is allowed.
 //!
 //! # How to add a robot
@@ -42,6 +44,7 @@
 
 mod access;
 mod error;
+mod extends;
 mod files;
 pub mod schema;
 mod validate;

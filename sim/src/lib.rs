@@ -9,6 +9,8 @@
 //! The device side of the protocols is written here from the makers' manuals alone. This crate
 //! never uses the driver's codec: a mistake made twice would be seen, one that is shared would not.
 
+mod adapter;
+mod door;
 mod dynamixel1;
 mod dynamixel2;
 mod exchange;
@@ -17,14 +19,14 @@ mod fault;
 mod feetech;
 mod line;
 mod motor;
-mod pty;
 mod referee;
 mod servo;
 mod table;
 mod world;
 
-pub use fault::{Damage, Fault};
-pub use pty::{Door, DoorError};
+pub use adapter::Usb;
+pub use door::{Door, DoorError};
+pub use fault::{Damage, Fault, Struck};
 pub use referee::{Rule, Verdict, Violation};
 pub use world::{BadChecksum, MissingInChain, Options, World};
 
@@ -37,9 +39,12 @@ pub enum SimError {
     /// A joint names a line the robot does not have.
     #[error("no line is named {0:?}")]
     UnknownLine(String),
-    /// A fault names a joint the robot does not have.
-    #[error("no joint is named {0:?}")]
+    /// A fault names a joint, or a `LINE/ID`, the robot does not have.
+    #[error("no joint is named {0:?}, and no line has a servo with such an ID")]
     UnknownJoint(String),
+    /// No adapter profile has this name.
+    #[error("no adapter is named {0:?}")]
+    UnknownAdapter(String),
     /// A servo cannot play its part.
     #[error("joint {joint}: servo {servo} {reason}")]
     BadServo {

@@ -1,25 +1,32 @@
 //! A half-duplex serial line: who talks when, what is heard, what reaches the host.
 //!
 //! Ten bits to a byte. One event per packet: the bytes of one status become readable together, when
-//! the last of them is complete, as with an adapter that hands over on a pause. A wrong baud rate
+//! the last of them is complete, unless an adapter gathers them ([`crate::Usb`]). A wrong baud rate
 //! makes bytes unreadable: servos ignore them, and a host that changed its rate while a status was
 //! under way reads garbage. Two that talk at once spoil each other's bytes, except that equal
 //! starts give the bitwise AND (idle is high, zero wins), so equal statuses pass unnoticed.
 
+mod inbox;
+
+use crate::adapter::Usb;
 use crate::exchange::{Answer, Exchange, Order, Scan};
 use crate::family::Family;
-use crate::fault::{Arrival, Damage, Faults, damage_at_host, damage_at_sender};
+use crate::fault::plan::{Place, Plan};
+use crate::fault::{Arrival, Damage, damage_at_host, damage_at_sender};
 use crate::referee::Referee;
 use crate::servo::Servo;
 use crate::world::{BadChecksum, MissingInChain};
+use gaitway_profiles::Role;
+use inbox::{Inbox, Reception};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use std::collections::VecDeque;
+use std::path::PathBuf;
 
 /// Between the slots of two IDs in the answer to a broadcast ping. The order is not documented;
 /// this is the pause the makers' SDKs allow for each ID, so the latest they would wait for.
 const SLOT_PAUSE_NS: u64 = 3_000_000;
-/// What waits to be sent, or for a host that never reads; more is lost, as in an overrun.
+/// What waits to be sent; more is lost, as in an overrun.
 const WAITING_BYTES_MAX: usize = 1 << 16;
 
 /// What all lines of a world share.
@@ -30,9 +37,10 @@ pub(crate) struct Shared {
     pub real_time: bool,
     pub echo: bool,
     pub adapter_latency_ns: u64,
+    pub usb: Option<Usb>,
     pub missing_in_chain: MissingInChain,
     pub bad_checksum: BadChecksum,
-    pub faults: Faults,
+    pub faults: Plan,
     pub rng: ChaCha8Rng,
     pub referee: Referee,
 }
@@ -68,6 +76,22 @@ struct Chunk {
     baud_bps: u32,
 }
 
+/// Whether and where a line's adapter is plugged in.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Plugged {
+    pub now: bool,
+    pub times: u32,
+    /// What a door's link is to be called since.
+    pub link: Option<PathBuf>,
+}
+
+/// A line that takes no more than so many bytes.
+#[derive(Clone, Copy, Debug)]
+struct Blocked {
+    until_ns: u64,
+    bytes: usize,
+}
+
 /// A packet among the bytes heard.
 struct Heard {
     family: Family,
@@ -75,16 +99,6 @@ struct Heard {
     end: usize,
     /// Its checksum is right.
     sound: bool,
-}
-
-/// Bytes on their way to the host.
-#[derive(Clone, Debug)]
-struct Reception {
-    span: Span,
-    ready_ns: u64,
-    bytes: Vec<u8>,
-    baud_bps: u32,
-    from_servo: bool,
 }
 
 #[derive(Clone, Debug)]
@@ -102,15 +116,19 @@ pub(crate) struct Line {
     heard_end_ns: u64,
     /// How much of them each family is done with, in the order of [`Family::ALL`].
     done: [usize; Family::ALL.len()],
-    /// In order of `ready_ns`.
-    coming: VecDeque<Reception>,
-    ready: VecDeque<u8>,
+    inbox: Inbox,
+    /// What the adapter holds bytes back beyond its gathering, ns.
+    latency_ns: u64,
+    pub plugged: Plugged,
+    blocked: Option<Blocked>,
+    /// The instruction carried out last.
+    instruction: Vec<u8>,
     /// When the last status asked for so far would be over.
     window_end_ns: u64,
 }
 
 impl Line {
-    pub fn new(index: usize, name: &str, baud_bps: u32) -> Line {
+    pub fn new(index: usize, name: &str, baud_bps: u32, shared: &Shared) -> Line {
         Line {
             name: name.to_string(),
             baud_bps,
@@ -122,18 +140,44 @@ impl Line {
             heard: Vec::new(),
             heard_end_ns: 0,
             done: [0; Family::ALL.len()],
-            coming: VecDeque::new(),
-            ready: VecDeque::new(),
+            inbox: Inbox::new(shared.usb),
+            latency_ns: shared.adapter_latency_ns,
+            plugged: Plugged { times: 1, now: true, link: None },
+            blocked: None,
+            instruction: Vec::new(),
             window_end_ns: 0,
         }
     }
 
-    /// The host starts to send, after what it is sending already.
-    pub fn transmit(&mut self, now_ns: u64, bytes: &[u8], baud_bps: u32, shared: &mut Shared) {
+    /// The host starts to send, after what it is sending already. Returns how many bytes the line
+    /// takes; fewer than there are if it is blocked.
+    pub fn transmit(
+        &mut self,
+        now_ns: u64,
+        bytes: &[u8],
+        baud_bps: u32,
+        shared: &mut Shared,
+    ) -> usize {
         let queued: usize = self.sending.iter().map(|chunk| chunk.bytes.len()).sum();
-        if bytes.is_empty() || baud_bps == 0 || queued + bytes.len() > WAITING_BYTES_MAX {
-            return;
+        let lost = baud_bps == 0 || queued + bytes.len() > WAITING_BYTES_MAX || !self.plugged.now;
+        if bytes.is_empty() || lost {
+            return bytes.len();
         }
+        let count = match self.blocked.as_mut().filter(|blocked| now_ns < blocked.until_ns) {
+            None => bytes.len(),
+            Some(blocked) => {
+                let count = bytes.len().min(blocked.bytes);
+                blocked.bytes -= count;
+                count
+            }
+        };
+        if count > 0 {
+            self.send_from_host(now_ns, &bytes[..count], baud_bps, shared);
+        }
+        count
+    }
+
+    fn send_from_host(&mut self, now_ns: u64, bytes: &[u8], baud_bps: u32, shared: &mut Shared) {
         let start_ns = now_ns.max(self.host_free_ns);
         let end_ns = start_ns + shared.wire_ns(bytes.len(), baud_bps);
         let span = Span { start_ns, end_ns };
@@ -146,13 +190,46 @@ impl Line {
         }
         shared.referee.busy(self.index, start_ns, end_ns);
         let mut bytes = bytes.to_vec();
-        spoil(span, &mut bytes, &mut self.coming, &mut shared.rng);
+        spoil(span, &mut bytes, &mut self.inbox.coming, &mut shared.rng);
         if shared.echo {
-            let ready_ns = end_ns + shared.adapter_latency_ns;
+            let ready_ns = end_ns + self.latency_ns;
             let bytes = bytes.clone();
-            self.receive(Reception { span, ready_ns, bytes, baud_bps, from_servo: false });
+            let from_servo = false;
+            self.inbox.receive(Reception { span, ready_ns, bytes, baud_bps, from_servo });
         }
         self.sending.push_back(Chunk { span, bytes, baud_bps });
+    }
+
+    /// The adapter hands over later from now on, or as the world's options say again.
+    pub fn slow_down(&mut self, latency_ns: u64, usb: Option<Usb>) {
+        self.latency_ns = latency_ns;
+        self.inbox.usb = usb;
+    }
+
+    /// The adapter is pulled out; what the servos were told in time they do.
+    pub fn pull_out(&mut self) {
+        self.plugged.now = false;
+        self.inbox.clear();
+    }
+
+    /// The adapter is plugged in again.
+    pub fn plug_in(&mut self, link: Option<PathBuf>) {
+        self.plugged.now = true;
+        self.plugged.times += 1;
+        self.plugged.link = link;
+        self.inbox.clear();
+    }
+
+    /// From now on the line takes only so many bytes from the host.
+    pub fn block(&mut self, until_ns: u64, bytes: usize) {
+        self.blocked = Some(Blocked { until_ns, bytes });
+    }
+
+    /// Until when the line takes no more bytes.
+    pub fn blocked_until_ns(&self, now_ns: u64) -> Option<u64> {
+        let blocked =
+            self.blocked.filter(|blocked| now_ns < blocked.until_ns && blocked.bytes == 0);
+        blocked.map(|blocked| blocked.until_ns)
     }
 
     /// When the servos have next heard all of what the host sent at once.
@@ -162,7 +239,7 @@ impl Line {
 
     /// When bytes for the host become readable next.
     pub fn next_ready_ns(&self) -> Option<u64> {
-        self.coming.front().map(|reception| reception.ready_ns)
+        self.inbox.next_ready_ns()
     }
 
     /// The servos hear the host's next chunk and act on the packets in it.
@@ -191,7 +268,7 @@ impl Line {
                 self.judge_turn(end_ns, shared);
             }
             let span = Span { start_ns: end_ns, end_ns: chunk.span.end_ns };
-            spoil(span, &mut self.heard[heard.end..], &mut self.coming, &mut shared.rng);
+            spoil(span, &mut self.heard[heard.end..], &mut self.inbox.coming, &mut shared.rng);
         }
         let done = self.done.iter().copied().min().unwrap_or(0);
         self.heard.drain(..done);
@@ -243,6 +320,11 @@ impl Line {
         baud_bps: u32,
         shared: &mut Shared,
     ) {
+        for index in 0..self.servos.len() {
+            if let Some(mate) = self.servos[index].mate {
+                self.servos[index].mate_torque = self.servos[mate].torque_on();
+            }
+        }
         for servo in self.servos.iter_mut().filter(|servo| heard.family.includes(servo)) {
             servo.hears = servo.can_hear(end_ns, baud_bps);
             if servo.hears {
@@ -254,8 +336,24 @@ impl Line {
         } else {
             heard.family.complain(packet, &mut self.servos)
         };
+        self.share_cases();
+        self.instruction.clear();
+        self.instruction.extend_from_slice(packet);
         self.report(end_ns, &mut shared.referee);
         self.say(exchange, end_ns, baud_bps, shared);
+    }
+
+    /// Two axes in one case have one line speed and one protocol.
+    fn share_cases(&mut self) {
+        for index in 0..self.servos.len() {
+            let changed = std::mem::take(&mut self.servos[index].case_changed);
+            let Some(mate) = self.servos[index].mate.filter(|_| changed) else { continue };
+            for role in [Role::BaudRate, Role::ProtocolType] {
+                if let Some(raw) = self.servos[index].value(role) {
+                    self.servos[mate].set_up(role, raw);
+                }
+            }
+        }
     }
 
     /// Hands what happened in the servos to the referee.
@@ -271,7 +369,7 @@ impl Line {
 
     /// Gives the answers their times and sends them to the host.
     fn say(&mut self, mut exchange: Exchange, at_ns: u64, baud_bps: u32, shared: &mut Shared) {
-        let damages = self.draw_damages(&mut exchange, shared);
+        let damages = self.draw_damages(&mut exchange, at_ns, shared);
         let order = exchange.order;
         let mut clock = ReplyClock::new(order, at_ns);
         let mut expected = ReplyClock::new(order, at_ns);
@@ -304,8 +402,13 @@ impl Line {
     }
 
     /// What befalls each answer; what the servos do wrong themselves is done here.
-    fn draw_damages(&mut self, exchange: &mut Exchange, shared: &mut Shared) -> Vec<Vec<Damage>> {
-        if shared.faults.spare_statuses() {
+    fn draw_damages(
+        &mut self,
+        exchange: &mut Exchange,
+        at_ns: u64,
+        shared: &mut Shared,
+    ) -> Vec<Vec<Damage>> {
+        if shared.faults.spares_statuses() {
             return Vec::new();
         }
         let mut all = Vec::with_capacity(exchange.answers.len());
@@ -316,7 +419,9 @@ impl Line {
             };
             let servo = &self.servos[index];
             let family = Family::of(servo.model.protocol);
-            let damages = shared.faults.strike_status(servo.joint, servo.statuses, &mut shared.rng);
+            let place = Place { line: self.index, servo: index };
+            let Shared { faults, rng, .. } = shared;
+            let damages = faults.strike_status(place, servo.statuses, at_ns, rng);
             for &damage in &damages {
                 damage_at_sender(family, exchange, k, damage);
             }
@@ -339,59 +444,43 @@ impl Line {
     ) {
         let mut arrival = Arrival { bytes, copies: 1, late_ns: 0 };
         for &damage in damages {
-            damage_at_host(&mut arrival, damage, &mut shared.rng);
+            damage_at_host(&mut arrival, damage, &self.instruction, &mut shared.rng);
         }
-        let ready_ns = span.end_ns + shared.adapter_latency_ns + arrival.late_ns;
+        let ready_ns = span.end_ns + self.latency_ns + arrival.late_ns;
         let mut reception =
             Reception { span, ready_ns, bytes: arrival.bytes, baud_bps, from_servo: true };
         for chunk in &mut self.sending {
             collide(chunk.span, &mut chunk.bytes, &mut reception, &mut shared.rng);
         }
-        for other in self.coming.iter_mut().filter(|other| other.from_servo) {
+        for other in self.inbox.coming.iter_mut().filter(|other| other.from_servo) {
             if other.span.start_ns == span.start_ns && other.span.overlaps(span) {
                 join_equal_starts(&mut other.bytes, &mut reception.bytes);
             } else {
                 collide(other.span, &mut other.bytes, &mut reception, &mut shared.rng);
             }
         }
+        if !self.plugged.now {
+            return;
+        }
         let instant = Span { start_ns: span.end_ns, end_ns: span.end_ns };
         for _ in 1..arrival.copies {
-            self.receive(Reception { span: instant, ..reception.clone() });
+            self.inbox.receive(Reception { span: instant, ..reception.clone() });
         }
-        self.receive(reception);
+        self.inbox.receive(reception);
     }
 
-    fn receive(&mut self, reception: Reception) {
-        let after = |other: &&Reception| other.ready_ns > reception.ready_ns;
-        let later = self.coming.iter().rev().take_while(after).count();
-        self.coming.insert(self.coming.len() - later, reception);
-    }
-
-    /// Moves what is complete by `now_ns` to where the host reads it; returns how much waits there.
+    /// Moves what has come by `now_ns` to where the host reads it; returns how much waits there.
     pub fn collect(&mut self, now_ns: u64, rng: &mut ChaCha8Rng) -> usize {
-        while self.coming.front().is_some_and(|reception| reception.ready_ns <= now_ns) {
-            let Some(reception) = self.coming.pop_front() else { break };
-            let garbled = reception.baud_bps != self.host_baud_bps;
-            for byte in reception.bytes {
-                self.ready.push_back(if garbled { rng.random() } else { byte });
-            }
-        }
-        let excess = self.ready.len().saturating_sub(WAITING_BYTES_MAX);
-        self.ready.drain(..excess);
-        self.ready.len()
+        self.inbox.collect(now_ns, self.host_baud_bps, rng)
     }
 
     /// Takes readable bytes.
     pub fn take(&mut self, buf: &mut [u8]) -> usize {
-        let count = buf.len().min(self.ready.len());
-        for (slot, byte) in buf.iter_mut().zip(self.ready.drain(..count)) {
-            *slot = byte;
-        }
-        count
+        self.inbox.take(buf)
     }
 
     pub fn discard_ready(&mut self) {
-        self.ready.clear();
+        self.inbox.discard_ready();
     }
 }
 

@@ -4,7 +4,7 @@
 //! the driver would cancel out and no test could see it.
 
 use gaitway_profiles::{
-    Access, Encoding, Protocol, Region, RegisterItem, Role, Servo as Profile, Unit,
+    Access, Encoding, Mode, Protocol, Region, RegisterItem, Role, Servo as Profile, Unit,
 };
 use std::collections::HashMap;
 use std::f64::consts::TAU;
@@ -118,6 +118,12 @@ impl Model {
         self.by_name.get(name).map(|&index| &self.items[usize::from(index)])
     }
 
+    /// What a value of the operating mode register makes of the servo.
+    pub fn mode(&self, value: i64) -> Option<Mode> {
+        let modes = &self.profile.operating_modes;
+        modes.iter().find(|mode| i64::from(mode.value) == value).map(|mode| mode.mode)
+    }
+
     /// Address of the pointer behind an indirect data byte.
     pub fn pointer_behind(&self, address: u16) -> Option<u16> {
         self.indirect.iter().find(|&&(byte, _)| byte == address).map(|&(_, pointer)| pointer)
@@ -171,6 +177,11 @@ impl Item {
     pub fn range(&self) -> std::ops::Range<usize> {
         let start = usize::from(self.address);
         start..start + usize::from(self.bytes)
+    }
+
+    /// True if the raw value lies in the register's own range.
+    pub fn allows(&self, raw: i64) -> bool {
+        self.min.is_none_or(|min| raw >= min) && self.max.is_none_or(|max| raw <= max)
     }
 
     fn sign_bit(&self) -> Option<u32> {

@@ -67,7 +67,7 @@ impl Servo {
                 self.table[item.range()].copy_from_slice(&kept[item.range()]);
             }
         }
-        self.update_drive();
+        self.update_regulator();
     }
 
     /// What Startup Configuration(60) asks for once the rest of the table stands.
@@ -78,7 +78,7 @@ impl Servo {
         }
         if wishes & STARTUP_TORQUE_ON != 0 {
             self.put(Role::TorqueEnable, 1);
-            self.switch_torque(false, true);
+            self.follow_torque();
         }
     }
 }
