@@ -215,6 +215,7 @@ fn cli(python: &Python, record: &mut Record) -> Result<(), Lost> {
     assert_eq!(cli.ask("ping", json!([253]))?, true);
     assert_eq!(cli.ask("ping", json!([9]))?, false);
     record.works("Ping");
+    cli_motion(&bench, &mut cli, record)?;
     whole_table(&bench, &mut cli, record)?;
     cli_groups(&bench, &mut cli, record)?;
     cli_setup(&bench, &mut cli, record)?;
