@@ -17,6 +17,8 @@ mod defects;
 mod dynamixel_sdk;
 #[path = "clients/feetech.rs"]
 mod feetech;
+#[path = "clients/pypot.rs"]
+mod pypot;
 #[path = "clients/registers.rs"]
 mod registers;
 #[path = "clients/rustypot_wheel.rs"]
@@ -30,15 +32,18 @@ use aloud::aloud;
 use scenario::Scenario;
 
 /// What each client can do; its defects follow from [`defects::ALL`].
-const EVERYTHING: [&Scenario; 9] = [
+const EVERYTHING: [&Scenario; 12] = [
     &dynamixel_sdk::PROTOCOL_2,
     &rustypot_wheel::PROTOCOL_2,
     &dynamixel_sdk::PROTOCOL_1,
     &rustypot_wheel::PROTOCOL_1,
+    &pypot::PROTOCOL_1,
     &feetech::FTSERVO,
     &feetech::FEETECH_SERVO_SDK,
     &feetech::FEETECH_CLI,
     &rustypot_wheel::STS,
+    &feetech::FTSERVO_SCS,
+    &feetech::FEETECH_SERVO_SDK_SCS,
     &rustypot_wheel::SCS,
 ];
 
@@ -125,4 +130,24 @@ fn the_rustypot_wheel_can_do_everything_it_offers_with_sts_servos() {
 #[test]
 fn the_rustypot_wheel_can_do_everything_it_offers_with_scs_servos() {
     rustypot_wheel::SCS.outcome();
+}
+
+#[test]
+fn ftservo_python_sdk_can_do_everything_it_offers_with_scs_servos() {
+    feetech::FTSERVO_SCS.outcome();
+}
+
+#[test]
+fn feetech_servo_sdk_can_do_everything_it_offers_with_scs_servos() {
+    feetech::FEETECH_SERVO_SDK_SCS.outcome();
+}
+
+#[test]
+fn pypot_can_do_everything_it_offers() {
+    pypot::PROTOCOL_1.outcome();
+}
+
+#[test]
+fn pypot_throws_away_what_is_still_under_way() {
+    defects::PYPOT_FLUSH.outcome();
 }

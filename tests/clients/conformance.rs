@@ -27,7 +27,7 @@ const INSTRUCTIONS: [&str; 22] = [
     "Change of ID, with lock",
     "Change of ID and speed",
     "Calibrate to the middle",
-    "Wheel mode, signed speed",
+    "Wheel mode",
     "Angles and speeds in SI units",
     "Motion, checked by the client",
 ];

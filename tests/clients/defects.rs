@@ -3,6 +3,7 @@
 
 use crate::bench::{Bench, Client, Lost};
 use crate::dynamixel_sdk as sdk;
+use crate::pypot;
 use crate::python::Python;
 use crate::scenario::{About, Record, Run, Scenario};
 use crate::tap::{Tap, contains, hex};
@@ -10,7 +11,8 @@ use gaitway_sim::Options;
 use serde_json::json;
 
 /// All of them, in the order of the conformance table.
-pub static ALL: [&Scenario; 3] = [&SDK_STUFFING, &SDK_FAST_BULK_READ, &SDK_OLD_BULK_READ];
+pub static ALL: [&Scenario; 4] =
+    [&SDK_STUFFING, &SDK_FAST_BULK_READ, &SDK_OLD_BULK_READ, &PYPOT_FLUSH];
 
 pub static SDK_STUFFING: Scenario = Scenario::new(
     sdk::NAME,
@@ -95,3 +97,23 @@ pub static SDK_OLD_BULK_READ: Scenario = Scenario::new(
         Ok(())
     }),
 );
+
+pub static PYPOT_FLUSH: Scenario = Scenario::new(
+    pypot::NAME,
+    "DYNAMIXEL 1.0",
+    About::Defect(
+        "Sync Write",
+        "empties its output buffer before every instruction, so that a write that nobody answers is \
+         lost if the next instruction comes before the adapter has sent it",
+    ),
+    Run::Python(pypot_throws_away_what_it_has_written),
+);
+
+/// Whether something is lost is a matter of microseconds; that it is asked for is certain.
+fn pypot_throws_away_what_it_has_written(python: &Python, _: &mut Record) -> Result<(), Lost> {
+    let tap = Tap::silent();
+    let mut client = Client::start(python, "pypot_client.py", &[tap.port()]);
+    let calls = client.ask("calls_of_two_writes", json!([1, "LED", 1]))?;
+    assert_eq!(calls, json!(["flushOutput", "write", "flushOutput", "write"]));
+    Ok(())
+}

@@ -120,7 +120,7 @@ pub fn read_all(
         }
         compared += 1;
     }
-    assert!(compared > 20, "only {compared} registers of {joint} were compared");
+    assert!(compared >= 15, "only {compared} registers of {joint} were compared");
     Ok(otherwise)
 }
 
@@ -156,10 +156,10 @@ pub fn write_all(
         bench.set(joint, &name, if wanted == original { wanted + 1 } else { original });
         let in_bytes = in_bytes(item.register.encoding, wanted) as i64;
         write(register, if register.signed { wanted } else { in_bytes })?;
-        assert_eq!(bench.register(joint, &name), wanted, "{joint}: {register:?} to {name}");
+        bench.assert_comes_to(joint, &name, wanted);
         bench.set(joint, &name, original);
         compared += 1;
     }
-    assert!(compared > 10, "only {compared} registers of {joint} were compared");
+    assert!(compared >= 5, "only {compared} registers of {joint} were compared");
     Ok(otherwise)
 }
