@@ -45,14 +45,14 @@ fn bench() -> Bench {
     Bench::open("feetech", Options { permit_eeprom: true, ..Options::default() })
 }
 
-pub fn start_vendor(python: &Python, bench: &Bench, package: &str, family: &str) -> Client {
-    let arguments = [bench.port(0), "1000000", package, family];
+pub fn start_vendor(python: &Python, port: &str, package: &str, family: &str) -> Client {
+    let arguments = [port, "1000000", package, family];
     Client::start(python, "scservo_client.py", &arguments)
 }
 
 fn vendor(python: &Python, package: &str, record: &mut Record) -> Result<(), Lost> {
     let bench = bench();
-    let mut sdk = start_vendor(python, &bench, package, "sts");
+    let mut sdk = start_vendor(python, bench.port(0), package, "sts");
     for (_, id) in THREE {
         // Major 9, minor 3, little-endian.
         assert_eq!(sdk.ask("ping", json!([id]))?, 777);
@@ -347,7 +347,7 @@ const SCS_LOCK: u8 = 48;
 
 fn big_endian(python: &Python, package: &str, record: &mut Record) -> Result<(), Lost> {
     let bench = Bench::open("scs", Options { permit_eeprom: true, ..Options::default() });
-    let mut sdk = start_vendor(python, &bench, package, "scs");
+    let mut sdk = start_vendor(python, bench.port(0), package, "scs");
     for (joint, id) in THREE {
         // Major 5, minor 4.
         assert_eq!(sdk.ask("ping", json!([id]))?, 0x0504);
