@@ -73,10 +73,9 @@ fn comes_to(bench: &Bench, register: &str, expected: &[(&str, i64)]) {
 
 fn angles(bench: &Bench, pypot: &mut Client, record: &mut Record) -> Result<(), Lost> {
     pypot.ask("set_goal_position", json!([{ "1": 30.0, "2": 90.0, "253": -45.0 }]))?;
-    pypot.ask("ping", json!([1]))?;
     // AX: 1023 counts in 300 degrees, 0 in the middle. MX: it takes 4095 counts for 360 degrees,
     // where the maker has 4096, so that it is up to a count beside.
-    bench.assert_holds("Goal Position", &[("ax", 614), ("mx28", 3071), ("mx106", 1536)]);
+    comes_to(bench, "Goal Position", &[("ax", 614), ("mx28", 3071), ("mx106", 1536)]);
     bench.set("mx64", "Present Position", 1024);
     let seen = pypot.ask("get_present_position", json!([[3]]))?[0].as_f64().expect("an angle");
     assert!((seen + 90.0).abs() < 0.1, "{seen} degrees");
