@@ -16,6 +16,7 @@ mod protection;
 
 use crate::motor::{Advance, Motor};
 use crate::table::{Item, Model};
+use crate::world::ZeroSpeed;
 use gaitway_profiles::{Encoding, Protocol, Region, Role};
 use std::ops::Range;
 use std::sync::Arc;
@@ -78,6 +79,8 @@ pub(crate) struct Servo {
     pub attached: bool,
     /// Spans in which it neither hears nor answers, ns.
     pub silent: Vec<Range<u64>>,
+    /// What the position register shows for good, whatever the shaft does: a fault of the encoder.
+    pub frozen: Option<i64>,
     /// Whether it hears the packet now on the line.
     pub hears: bool,
     /// Statuses it has given so far.
@@ -91,6 +94,7 @@ pub(crate) struct Servo {
     pub case_changed: bool,
     /// The instruction carried out is for its group.
     grouped: bool,
+    pub zero_speed: ZeroSpeed,
     table: Vec<u8>,
     /// EEPROM as it will be after the next power-up.
     persistent: Vec<u8>,
@@ -123,6 +127,7 @@ impl Servo {
             motor: Motor::new(&model.profile.motor, model.radians_per_count),
             attached: true,
             silent: Vec::new(),
+            frozen: None,
             hears: false,
             statuses: 0,
             events: Vec::new(),
@@ -130,6 +135,7 @@ impl Servo {
             mate_torque: false,
             case_changed: false,
             grouped: false,
+            zero_speed: ZeroSpeed::NoLimit,
             table: vec![0; model.length],
             persistent: vec![0; model.length],
             registered: None,

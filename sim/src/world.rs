@@ -34,6 +34,8 @@ pub struct Options {
     pub missing_in_chain: MissingInChain,
     /// What DYNAMIXEL servos say to a packet for them whose checksum is wrong.
     pub bad_checksum: BadChecksum,
+    /// What goal speed 0 means to FEETECH servos that move to positions.
+    pub zero_speed: ZeroSpeed,
     /// What goes wrong.
     pub faults: Vec<Fault>,
 }
@@ -49,6 +51,7 @@ impl Default for Options {
             usb: None,
             missing_in_chain: MissingInChain::Silent,
             bad_checksum: BadChecksum::Ignore,
+            zero_speed: ZeroSpeed::NoLimit,
             faults: Vec::new(),
         }
     }
@@ -65,6 +68,17 @@ pub enum MissingInChain {
         /// The pause.
         gap_ns: u64,
     },
+}
+
+/// What goal speed 0 means to FEETECH servos in position and step mode. A public table of the
+/// memory gives the choice to bit 3 of Phase(18), but its factory value is not told, and hosts that
+/// never write a speed expect their servos to move.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ZeroSpeed {
+    /// As fast as it can.
+    NoLimit,
+    /// Bit 3 set: as fast as it can; clear: stop.
+    AsPhaseSays,
 }
 
 /// What DYNAMIXEL servos do with a packet for them whose checksum is wrong. The manuals define an
@@ -154,6 +168,9 @@ impl World {
                 find(&joint.servo).ok_or_else(|| SimError::UnknownServo(joint.servo.clone()))?;
             let model = models.entry(&joint.servo).or_insert_with(|| Arc::new(Model::new(profile)));
             world.add(robot, joint, Arc::clone(model))?;
+        }
+        for servo in world.lines.iter_mut().flat_map(|line| &mut line.servos) {
+            servo.zero_speed = options.zero_speed;
         }
         world.join_cases(robot);
         world.plan(robot, &options.faults)?;
@@ -318,6 +335,10 @@ impl World {
                 }
             }
             Strike::Stick { servo, stuck } => self.at(servo).motor.set_blocked(stuck),
+            Strike::Freeze { servo, frozen } => {
+                let servo = self.at(servo);
+                servo.frozen = frozen.then(|| servo.present_position());
+            }
             Strike::Jump { servo, counts } => self.at(servo).jump(counts),
             Strike::Register { servo, register, raw } => {
                 // That there is one was seen before the start.

@@ -13,3 +13,4 @@ mod properties;
 mod protections;
 mod referee;
 mod scene;
+mod script;

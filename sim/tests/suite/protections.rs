@@ -1,7 +1,9 @@
 //! What servos refuse, what they protect themselves from, and what they keep.
 
 use crate::scene::{Scene, dynamixels, feetech, instruction, mixed, read, write};
+use gaitway_profiles::Protocol;
 use gaitway_sim::{Fault, Options};
+use proptest::prelude::*;
 
 const ANGLE_LIMIT: u8 = 1 << 1;
 const OVERHEATING: u8 = 1 << 2;
@@ -293,4 +295,39 @@ fn gains_of_the_table_act_as_the_controller_says() {
     scene.ask(&write(1, 116, &2_500_i32.to_le_bytes()));
     scene.wait_ms(5_000);
     assert_eq!(scene.tell(&read(1, 132, 4))[0].params, 2_500_i32.to_le_bytes());
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    #[test]
+    fn whatever_is_written_to_whatever_servo_it_stays_a_servo(
+        which in any::<prop::sample::Index>(),
+        writes in prop::collection::vec(
+            (any::<prop::sample::Index>(), prop::collection::vec(any::<u8>(), 1..9)), 1..40),
+    ) {
+        let names: Vec<&str> = gaitway_profiles::servo_names().collect();
+        let name = *which.get(&names);
+        let profile = gaitway_profiles::servo(name).unwrap();
+        let registers: Vec<_> = profile.items().collect();
+        let mut scene = one(name);
+        for (register, bytes) in &writes {
+            let address = register.get(&registers).address;
+            let packet = match profile.protocol {
+                Protocol::Dynamixel2 => write(0xFE, address, bytes),
+                _ => feetech(0xFE, 3, &[&[address as u8], &bytes[..]].concat()),
+            };
+            scene.world.transmit(0, &packet, 1_000_000);
+            scene.wait_ms(20);
+            // Whatever the line speed may have become.
+            scene.set("j1", "Baud Rate", profile.baud_index(1_000_000).unwrap().into());
+        }
+        scene.wait_ms(3_000);
+        for register in &registers {
+            scene.get("j1", &register.name());
+        }
+        let angle = scene.world.joint_position_rad("j1");
+        let speed = scene.world.joint_velocity_rad_s("j1");
+        prop_assert!(angle.unwrap().is_finite() && speed.unwrap().is_finite(), "{name}");
+    }
 }
