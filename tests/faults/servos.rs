@@ -252,7 +252,7 @@ fn x26_a_wish_to_stop_at_any_of_fifty_points_ends_in_a_hold_and_a_second_changes
                 let asked = || {
                     calls.set(calls.get() + 1);
                     let call = calls.get() - 1;
-                    call == after || again && call > after && call % 3 == 0
+                    call == after || again && call > after && call.is_multiple_of(3)
                 };
                 let played = scene.play_until(SWING_RAD, 2, &asked);
                 assert_eq!(played.run.stop, Some(StopReason::Asked), "{robot}, cycle {after}");
