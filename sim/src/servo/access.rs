@@ -389,7 +389,8 @@ impl Servo {
             self.pursue(Fresh { position: fresh.position, other: true, pace: true });
         } else if touched.geometry {
             self.note_turn();
-            self.pursue(Fresh { position: true, ..fresh });
+            let position = fresh.position || self.mode() != Mode::Step;
+            self.pursue(Fresh { position, ..fresh });
         } else if fresh != Fresh::default() {
             self.pursue(fresh);
         }

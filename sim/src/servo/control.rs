@@ -268,12 +268,12 @@ impl Servo {
                 self.motor.spin(speed, self.ramp_of_speed(speed));
             }
             Mode::Current if fresh.other => {
-                let current_a = if self.goal_written { self.goal_current_a() } else { 0.0 };
-                self.motor.push(side * current_a);
+                let counts = self.goal_written || old_school;
+                self.motor.push(if counts { side * self.goal_current_a() } else { 0.0 });
             }
             Mode::Pwm if fresh.other || old_school && fresh.pace => {
-                let duty = if self.goal_written || old_school { self.goal_duty() } else { 0.0 };
-                self.motor.apply(side * duty);
+                let counts = self.goal_written || old_school;
+                self.motor.apply(if counts { side * self.goal_duty() } else { 0.0 });
             }
             Mode::Velocity | Mode::Current | Mode::Pwm => {}
         }

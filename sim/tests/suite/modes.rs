@@ -332,6 +332,9 @@ fn sts_step_mode_moves_by_the_goal_each_time_it_is_written() {
     put_word(&mut scene, 42, 0x8000 | 600);
     scene.wait_ms(1_000);
     assert!((scene.get("j1", "Present Position") - 2048).abs() <= 4);
+    put_word(&mut scene, 31, 100);
+    scene.wait_ms(500);
+    assert!((scene.get("j1", "Present Position") - 1948).abs() <= 4, "an offset is no step");
 }
 
 #[test]
@@ -562,6 +565,12 @@ fn mx_torque_control_mode_gives_the_goal_torque() {
     scene.wait_ms(200);
     assert!(scene.get("j1", "Present Speed") < 0);
     scene.world.discard_input(0);
+    put(&mut scene, 70, &[0]);
+    scene.wait_ms(1_000);
+    assert_eq!(scene.get("j1", "Present Speed"), 0, "joint mode holds again");
+    put(&mut scene, 70, &[1]);
+    scene.wait_ms(200);
+    assert!(scene.get("j1", "Present Speed") < 0, "the goal torque is still there");
     put(&mut scene, 70, &[0]);
     scene.wait_ms(1_000);
     assert_eq!(scene.get("j1", "Present Speed"), 0, "joint mode holds again");

@@ -326,10 +326,8 @@ proptest! {
         for register in &registers {
             scene.get("j1", &register.name());
         }
-        let (angle, speed) =
-            (scene.world.joint_position_rad("j1"), scene.world.joint_velocity_rad_s("j1"));
-        prop_assert!(angle.unwrap().is_finite() && speed.unwrap().is_finite());
-        let fastest = profile.motor.no_load_speed_rad_s;
-        prop_assert!(speed.unwrap().abs() <= 1.1 * fastest, "{name}: {speed:?}");
+        let angle = scene.world.joint_position_rad("j1");
+        let speed = scene.world.joint_velocity_rad_s("j1");
+        prop_assert!(angle.unwrap().is_finite() && speed.unwrap().is_finite(), "{name}");
     }
 }
