@@ -2,15 +2,21 @@
 
 pub mod address;
 pub mod connect;
+pub mod doctor;
+pub mod finding;
+pub mod identify;
 pub mod limp;
 pub mod output;
 pub mod play;
 pub mod plots;
+pub mod ports;
 pub mod profile;
 pub mod progress;
 pub mod recordings;
 pub mod report;
 pub mod retarget;
+pub mod scan;
+pub mod servo;
 pub mod signals;
 pub mod simulate;
 pub mod source;
@@ -59,6 +65,14 @@ enum Command {
     Recover(recordings::RecoverArgs),
     /// Look at servo and robot profiles
     Profile(profile::ProfileArgs),
+    /// Where a robot could be plugged in: serial ports and CAN interfaces
+    Ports(ports::PortsArgs),
+    /// What on this machine stands in a robot's way, and what to do about it
+    Doctor(doctor::DoctorArgs),
+    /// Every device that answers on a line
+    Scan(scan::ScanArgs),
+    /// One servo: its registers, its ID, its line speed, one movement
+    Servo(Box<servo::ServoArgs>),
 }
 
 /// Runs the command line; the exit code.
@@ -80,6 +94,10 @@ pub fn main() -> i32 {
         Command::Info(args) => recordings::info(args),
         Command::Recover(args) => recordings::recover(args, remarks),
         Command::Profile(args) => profile::run(args),
+        Command::Ports(args) => ports::run(args, remarks),
+        Command::Doctor(args) => doctor::run(args, remarks),
+        Command::Scan(args) => scan::run(args, remarks),
+        Command::Servo(args) => servo::run(args, remarks),
     };
     done.unwrap_or_else(|error| {
         eprintln!("gaitway: {error}");

@@ -5,8 +5,10 @@
 //! whether time is real.
 
 pub mod can;
+pub mod inventory;
 pub mod serial;
 pub mod sim;
+pub mod tcp;
 
 use crate::time::Instant;
 use std::fmt;

@@ -15,6 +15,7 @@
 use super::codec::Protocol;
 use super::{AskError, Bus, Miss, Reply};
 use crate::time::{Duration, Instant};
+use std::collections::BTreeMap;
 use std::fmt;
 
 /// Longest return delay a device can be set to: 254 times 2 us, in all four protocols.
@@ -139,6 +140,25 @@ enum Outcome {
     Trouble(Reason),
 }
 
+/// What is to be said of an ID.
+enum Verdict {
+    Nobody,
+    Alone(Found),
+    Collided(Reason),
+}
+
+impl Scan {
+    fn take(&mut self, protocol: Protocol, id: u8, verdict: Verdict) {
+        match verdict {
+            Verdict::Nobody => {}
+            Verdict::Alone(found) => self.found.push(found),
+            Verdict::Collided(reason) => {
+                self.collisions.push(Collision { protocol, id, reason });
+            }
+        }
+    }
+}
+
 impl Scanner<'_> {
     fn all(
         &mut self,
@@ -152,47 +172,60 @@ impl Scanner<'_> {
             let at_once =
                 family.iter().all(|p| matches!(p, Protocol::Dynamixel2 | Protocol::FeetechSts));
             let (present, one_by_one) =
-                if at_once { self.roll_call(asked_in)? } else { (Vec::new(), true) };
+                if at_once { self.roll_call(asked_in)? } else { (BTreeMap::new(), true) };
             for id in 0..asked_in.ids() {
                 if self.bus.clock.now() >= self.budget {
                     self.scan.complete = false;
                     return Ok(());
                 }
-                let heard = present.contains(&id);
-                if heard || one_by_one {
-                    self.one(asked_in, &family, id, heard, &compare)?;
+                let heard = present.get(&id).map_or(&[][..], Vec::as_slice);
+                if !heard.is_empty() || one_by_one {
+                    let verdict = self.one(asked_in, &family, id, heard, &compare)?;
+                    self.scan.take(asked_in, id, verdict);
                 }
             }
         }
         Ok(())
     }
 
-    /// Who answers when all are asked, and whether anything came that was no answer.
-    fn roll_call(&mut self, protocol: Protocol) -> Result<(Vec<u8>, bool), AskError> {
+    /// Who answers what when all are asked, and whether anything came that was no answer.
+    fn roll_call(
+        &mut self,
+        protocol: Protocol,
+    ) -> Result<(BTreeMap<u8, Vec<Reply>>, bool), AskError> {
         let roll = self.bus.ping_all(protocol, self.budget)?;
-        let present = roll.present.iter().map(|&(id, _)| id).collect();
+        let mut present: BTreeMap<u8, Vec<Reply>> = BTreeMap::new();
+        for (id, reply) in roll.present {
+            present.entry(id).or_default().push(reply);
+        }
         let ping = protocol.status_bytes(protocol.ping_bytes());
         Ok((present, roll.garbled_bytes >= ping / 2))
     }
 
-    /// Looks at one ID, which `heard` says was there when all were asked.
+    /// Looks at one ID, which gave the answers `heard` when all were asked.
     fn one(
         &mut self,
         protocol: Protocol,
         family: &[Protocol],
         id: u8,
-        heard: bool,
+        heard: &[Reply],
         compare: &impl Fn(&Found) -> Vec<(u16, u16)>,
-    ) -> Result<(), AskError> {
+    ) -> Result<Verdict, AskError> {
+        let tries = if heard.is_empty() { 1 } else { TRIES };
         let ping = |out: &mut Vec<u8>| protocol.ping(out, id);
-        let tries = if heard { TRIES } else { 1 };
         let pong = match self.settled(protocol, id, protocol.ping_bytes(), tries, ping)? {
             Outcome::Answer(reply) => reply,
-            Outcome::Silent if !heard => return Ok(()),
-            Outcome::Silent => return self.collided(protocol, id, Reason::SilentAlone),
+            Outcome::Silent if heard.is_empty() => return Ok(Verdict::Nobody),
+            Outcome::Silent => return Ok(Verdict::Collided(Reason::SilentAlone)),
             Outcome::Refused => Reply { alert: true, bytes: Vec::new() },
-            Outcome::Trouble(reason) => return self.collided(protocol, id, reason),
+            Outcome::Trouble(reason) => return Ok(Verdict::Collided(reason)),
         };
+        if heard.iter().any(|reply| reply.bytes != pong.bytes) {
+            return Ok(Verdict::Collided(Reason::Differs));
+        }
+        if heard.len() > 1 {
+            return Ok(Verdict::Collided(Reason::Twice));
+        }
         let mut found = Found { protocol, id, alert: pong.alert, readings: Vec::new() };
         if protocol == Protocol::Dynamixel2 {
             found.readings.extend(reading(protocol, &pong.bytes));
@@ -203,34 +236,17 @@ impl Scanner<'_> {
                     found.readings = seen.collect();
                 }
                 Outcome::Silent | Outcome::Refused => {}
-                Outcome::Trouble(reason) => return self.collided(protocol, id, reason),
+                Outcome::Trouble(reason) => return Ok(Verdict::Collided(reason)),
             }
         }
         for block in compare(&found) {
             for _ in 0..2 {
                 if let Outcome::Trouble(reason) = self.registers(protocol, id, block)? {
-                    return self.collided(protocol, id, reason);
+                    return Ok(Verdict::Collided(reason));
                 }
             }
         }
-        if protocol == Protocol::Dynamixel2 {
-            // Two that took turns so far: the model number must still be the same.
-            let again = self.settled(protocol, id, protocol.ping_bytes(), TRIES, ping)?;
-            match again {
-                Outcome::Answer(again) if again.bytes != pong.bytes => {
-                    return self.collided(protocol, id, Reason::Differs);
-                }
-                Outcome::Trouble(reason) => return self.collided(protocol, id, reason),
-                _ => {}
-            }
-        }
-        self.scan.found.push(found);
-        Ok(())
-    }
-
-    fn collided(&mut self, protocol: Protocol, id: u8, reason: Reason) -> Result<(), AskError> {
-        self.scan.collisions.push(Collision { protocol, id, reason });
-        Ok(())
+        Ok(Verdict::Alone(found))
     }
 
     fn registers(
