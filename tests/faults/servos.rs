@@ -126,7 +126,7 @@ fn b11_a_restart_on_any_robot_is_seen_and_torque_never_comes_back_by_itself() {
 }
 
 #[test]
-fn b12_an_overload_on_any_robot_stops_the_motion_within_two_cycles_of_the_alert() {
+fn b12_an_overload_on_any_robot_stops_the_motion_and_the_others_hold() {
     for robot in ROBOTS {
         let joint = first_joint(robot);
         let fault = Fault::Overload { joint: joint.clone(), at_ns: MID_NS };
