@@ -29,6 +29,24 @@ fn a_scan_finds_every_servo_of_the_robot_and_writes_nothing() {
 }
 
 #[test]
+fn a_robot_behind_a_tcp_port_is_scanned_held_and_moved_like_one_on_a_cable() {
+    let desk = Desk::with("so101");
+    let (bus, door) = desk.over_tcp();
+    let report = json(&run(&["scan", &bus, "--robot", "so101", "--json", "-q"]));
+    assert_eq!(report["devices"].as_array().map(Vec::len), Some(6), "{report:#}");
+    let moved = json(&run(&["servo", "move", &bus, "6", "8", "--robot", "so101", "--json", "-q"]));
+    assert_eq!(moved["outcome"], "done", "{moved:#}");
+    let raw = desk.world().register("gripper", "Present Position").expect("a register");
+    // 8 degrees are 91 counts past the middle.
+    assert!((raw - 2048 - 91).abs() < 20, "{raw}");
+    let said = refusal(&run(&["scan", &bus, "--robot", "so101", "--baud", "57600"]));
+    assert!(said.contains("the other end"), "{said}");
+    drop(door);
+    let said = refusal(&run(&["scan", &bus, "--robot", "so101"]));
+    assert!(said.contains("nobody takes the connection"), "{said}");
+}
+
+#[test]
 fn two_servos_with_one_id_are_named() {
     let desk = Desk::with("so101");
     assert!(desk.world().duplicate("gripper", 0.5));

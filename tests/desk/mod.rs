@@ -43,6 +43,13 @@ impl Desk {
         format!("serial:{}", self.door.path().display())
     }
 
+    /// The same line behind a TCP port of this machine, as long as the door lives.
+    pub fn over_tcp(&self) -> (String, Door) {
+        let local = std::net::SocketAddr::from(([127, 0, 0, 1], 0));
+        let door = Door::open_tcp(Arc::clone(&self.world), 0, local).expect("a TCP port");
+        (door.path().display().to_string(), door)
+    }
+
     /// The robot itself.
     pub fn world(&self) -> MutexGuard<'_, World> {
         self.world.lock().unwrap_or_else(PoisonError::into_inner)
