@@ -4,6 +4,8 @@
 #[path = "faults/host.rs"]
 mod host;
 mod scene;
+#[path = "faults/servos.rs"]
+mod servos;
 
 use gaitway::control::StopReason;
 use gaitway::time::Duration;
@@ -13,7 +15,9 @@ use scene::{Scene, assert_clean};
 /// Half a second into the motion: preflight and arming are over by then.
 const MID_NS: u64 = 2_500_000_000;
 const SWING_RAD: f64 = 0.2;
-const ROBOTS: [&str; 2] = ["op3", "open-duck-mini-v2"];
+/// One robot of each kind: Dynamixel 2.0, Feetech STS, Dynamixel 1.0 (bulk and single reads), and
+/// three protocols on one line, SCS among them.
+const ROBOTS: [&str; 4] = ["op3", "open-duck-mini-v2", "protocol-1", "mixed"];
 
 fn first_joint(robot: &str) -> String {
     Scene::of(robot, Options::default()).link.robot().joints[3].name.clone()
@@ -55,15 +59,15 @@ fn b01_a_byte_lost_from_a_status_costs_at_most_that_cycle() {
 
 #[test]
 fn b02_no_flipped_bit_is_ever_taken_for_a_value() {
-    for bit in 0..(8 * 15) {
-        let played = one_status("op3", 150, Damage::FlipBit { bit: Some(bit) });
+    for (robot, bit) in ROBOTS.iter().flat_map(|robot| (0..8 * 15).map(move |bit| (robot, bit))) {
+        let played = one_status(robot, 150, Damage::FlipBit { bit: Some(bit) });
         // Sum of two swings: no reading may be further off than the joint can be.
         for positions in &played.samples.0 {
             for (joint, position) in positions.iter().enumerate() {
                 let Some(position) = position else { continue };
                 let start = played.trajectory.start_rad()[joint];
                 let off = (position - start).abs();
-                assert!(off < 2.0 * SWING_RAD, "bit {bit}, joint {joint}: {off} rad off");
+                assert!(off < 2.0 * SWING_RAD, "{robot}, bit {bit}, joint {joint}: {off} rad off");
             }
         }
     }
@@ -251,7 +255,7 @@ fn a_thousand_seeds_with_random_damage_never_break_a_rule() {
         };
         let fault = Fault::AnyStatus { probability: 0.003, damage };
         let options = Options { seed, faults: vec![fault], ..Options::default() };
-        let robot = ROBOTS[(seed % 2) as usize];
+        let robot = ROBOTS[(seed / 6 % 4) as usize];
         let mut scene = Scene::of(robot, options);
         // Preflight asks once more where an answer is lost; twice in a row may refuse, rightly.
         let Ok(found) = scene.preflight() else { continue };

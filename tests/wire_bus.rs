@@ -105,10 +105,10 @@ fn what_a_protocol_cannot_say_is_refused_before_anything_is_sent() {
     for protocol in [Dynamixel1, FeetechScs] {
         unsayable(bus.ping_all(protocol, soon));
     }
-    let knows = |protocol, kind| match (protocol, kind) {
-        (Dynamixel2, _) => true,
-        (Dynamixel1, GroupRead::Bulk) | (FeetechSts, GroupRead::Sync) => true,
-        _ => false,
+    let knows = |protocol, kind| {
+        protocol == Dynamixel2
+            || (protocol, kind) == (Dynamixel1, GroupRead::Bulk)
+            || (protocol, kind) == (FeetechSts, GroupRead::Sync)
     };
     for protocol in [Dynamixel1, Dynamixel2, FeetechSts, FeetechScs] {
         for kind in [GroupRead::Sync, GroupRead::Fast, GroupRead::Bulk, GroupRead::FastBulk] {

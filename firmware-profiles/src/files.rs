@@ -3,6 +3,7 @@
 use crate::error::ProfileError;
 use crate::extends;
 use crate::schema::{Adapter, Robot, Servo};
+use crate::unconfirmed::Profile;
 use crate::validate;
 use serde::de::DeserializeOwned;
 use std::fs;
@@ -69,6 +70,37 @@ pub fn robot(name_or_path: &str) -> Result<Robot, ProfileError> {
         Some(embedded) => parse_robot(embedded.file, embedded.text),
         None => Err(unknown("robot", name_or_path, robot_names())
             .remedy("take one of these names, or give the path of a .toml file")),
+    }
+}
+
+/// A profile of any kind: a shipped one by name, or a file by a path that ends in `.toml`. What
+/// kind a file is shows in its keys: `usb_ids` an adapter, `register` or `extends` a servo, all
+/// else a robot.
+///
+/// # Errors
+/// As [`servo`] and [`robot`].
+pub fn profile(name_or_path: &str) -> Result<Profile, ProfileError> {
+    let parse_any = |file: &str, text: &str| {
+        let table: toml::Table = parse(file, text)?;
+        if table.contains_key("usb_ids") {
+            parse_adapter(file, text).map(|adapter| Profile::Adapter(Box::new(adapter)))
+        } else if table.contains_key("register") || extends::has_base(&table) {
+            parse_servo(file, text).map(|servo| Profile::Servo(Box::new(servo)))
+        } else {
+            parse_robot(file, text).map(|robot| Profile::Robot(Box::new(robot)))
+        }
+    };
+    if name_or_path.ends_with(".toml") {
+        return parse_any(name_or_path, &read_text(Path::new(name_or_path))?);
+    }
+    let mut shipped = SERVOS.iter().chain(ROBOTS).chain(ADAPTERS);
+    match shipped.find(|embedded| embedded.name == name_or_path) {
+        Some(embedded) => parse_any(embedded.file, embedded.text),
+        None => {
+            let names = servo_names().chain(robot_names()).chain(adapter_names());
+            Err(unknown("profile", name_or_path, names)
+                .remedy("take one of these names, or give the path of a .toml file"))
+        }
     }
 }
 

@@ -47,11 +47,13 @@ mod error;
 mod extends;
 mod files;
 pub mod schema;
+mod unconfirmed;
 mod validate;
 
 pub use error::ProfileError;
 pub use files::{
     MAX_FILE_BYTES, adapter_for_usb, adapter_names, adapters, parse_adapter, parse_robot,
-    parse_servo, read_text, robot, robot_names, servo, servo_names,
+    parse_servo, profile, read_text, robot, robot_names, servo, servo_names,
 };
 pub use schema::*;
+pub use unconfirmed::{Profile, Unconfirmed};

@@ -103,7 +103,7 @@ fn unicast(servos: &mut [Servo], id: u8, code: u8, params: &[u8], at_ns: u64) ->
         }
     }
     for (_, servo) in hearing(servos, FAMILY).filter(|(_, servo)| in_group(servo, id)) {
-        let _ = execute(servo, code, params, true, at_ns);
+        let _ = servo.as_one_of_group(|servo| execute(servo, code, params, true, at_ns));
     }
     Exchange { order: Order::Together, answers }
 }
@@ -326,7 +326,11 @@ fn bulk_write(servos: &mut [Servo], params: &[u8], at_ns: u64) -> Exchange {
 fn write_one(servos: &mut [Servo], id: u8, address: u16, bytes: &[u8], at_ns: u64) {
     for (_, servo) in hearing(servos, FAMILY).filter(|(_, servo)| servo.obeys(id)) {
         // Nobody is told of a refused write that was not addressed to one servo.
-        let _ = servo.write(address, bytes, at_ns);
+        let _ = if in_group(servo, id) {
+            servo.as_one_of_group(|servo| servo.write(address, bytes, at_ns))
+        } else {
+            servo.write(address, bytes, at_ns)
+        };
     }
 }
 

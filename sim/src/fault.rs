@@ -84,6 +84,16 @@ pub enum Fault {
         /// First moment after; `u64::MAX` for good.
         until_ns: u64,
     },
+    /// The position register stands still, whatever the shaft does; the servo itself still finds
+    /// its goal.
+    FrozenPosition {
+        /// Whose register.
+        joint: String,
+        /// First moment.
+        from_ns: u64,
+        /// First moment after; `u64::MAX` for good.
+        until_ns: u64,
+    },
     /// The encoder's reading jumps for good.
     PositionJump {
         /// Whose encoder.
@@ -205,7 +215,7 @@ pub enum Damage {
     /// The host's own instruction arrives right before it.
     Echo,
     /// Its length field holds this. It has as many bytes as that, up to 4096, zeros added, and a
-    /// checksum that is right for them.
+    /// checksum that is right for them. Of a fast (merged) status only the field changes.
     Length {
         /// The length field; Protocol 1.0 and FEETECH have its low byte.
         length: u16,
@@ -263,9 +273,14 @@ pub(crate) fn damage_at_sender(family: Family, exchange: &mut Exchange, k: usize
     let answer = &mut exchange.answers[k];
     match (damage, family) {
         (Damage::Mute, _) => answer.servo = None,
-        (Damage::Length { length }, _) if !merged => {
-            claim_length(&mut answer.bytes, family, length)
+        (Damage::Length { length }, _) if merged => {
+            // One length field for all; the bytes stay.
+            if let Some(field) = exchange.answers[0].bytes.get_mut(5..7) {
+                field.copy_from_slice(&length.to_le_bytes());
+                reseal_merged(exchange);
+            }
         }
+        (Damage::Length { length }, _) => claim_length(&mut answer.bytes, family, length),
         (Damage::Lie { .. } | Damage::WrongId { .. }, Family::Dynamixel2) if merged => {
             let head = if answer.bytes.starts_with(&[0xFF, 0xFF, 0xFD, 0x00]) { 8 } else { 0 };
             let place = match damage {
@@ -276,6 +291,9 @@ pub(crate) fn damage_at_sender(family: Family, exchange: &mut Exchange, k: usize
             change(&mut answer.bytes[..end], place, damage);
             reseal_merged(exchange);
         }
+        // What a hostile length has left too short for an error byte stays as it is.
+        (Damage::Lie { .. } | Damage::WrongId { .. }, Family::Dynamixel2)
+            if answer.bytes.len() < 11 => {}
         (Damage::Lie { .. } | Damage::WrongId { .. }, Family::Dynamixel2) => {
             let (id, _, body) = packet::open(&answer.bytes);
             let mut plain = body.into_owned();
@@ -368,12 +386,12 @@ pub(crate) fn damage_at_host(
             bytes.splice(0..0, (0..length).map(|_| rng.random::<u8>()));
         }
         Damage::FalseHeader => {
-            let head: &[u8] = match bytes.as_slice() {
-                &[0xFF, 0xFF, 0xFD, 0, id, ..] => &[0xFF, 0xFF, 0xFD, 0, id, 40, 0, 0x55],
-                &[_, _, id, ..] => &[0xFF, 0xFF, id, 40, 0],
-                _ => &[0xFF, 0xFF],
+            let head = match *bytes.as_slice() {
+                [0xFF, 0xFF, 0xFD, 0, id, ..] => vec![0xFF, 0xFF, 0xFD, 0, id, 40, 0, 0x55],
+                [_, _, id, ..] => vec![0xFF, 0xFF, id, 40, 0],
+                _ => vec![0xFF, 0xFF],
             };
-            bytes.splice(0..0, head.to_vec());
+            bytes.splice(0..0, head);
         }
         Damage::Echo => {
             bytes.splice(0..0, instruction.iter().copied());

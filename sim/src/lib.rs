@@ -2,12 +2,17 @@
 //!
 //! - [`World`]: a robot's servos and the time they share. Virtual time passes only when asked, so a
 //!   minute of motion takes milliseconds, and the same seed and host bytes give the same bytes.
-//! - [`Fault`]: what goes wrong, on purpose.
+//! - [`Fault`]: what goes wrong, on purpose; [`Script`] reads faults from a file.
 //! - [`Verdict`]: what the referee saw; it judges at register level and knows only the robot file.
 //! - [`Door`]: the same world behind a pseudo-terminal, in real time, for other programs.
 //!
 //! The device side of the protocols is written here from the makers' manuals alone. This crate
 //! never uses the driver's codec: a mistake made twice would be seen, one that is shared would not.
+
+/// The README's Rust example is compiled and run as a test.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
 
 mod adapter;
 mod door;
@@ -20,15 +25,20 @@ mod feetech;
 mod line;
 mod motor;
 mod referee;
+mod script;
 mod servo;
 mod table;
 mod world;
+
+/// The files that say what servos, adapters and robots are.
+pub use gaitway_profiles as profiles;
 
 pub use adapter::Usb;
 pub use door::{Door, DoorError};
 pub use fault::{Damage, Fault, Struck};
 pub use referee::{Rule, Verdict, Violation};
-pub use world::{BadChecksum, MissingInChain, Options, World};
+pub use script::{Script, ScriptError};
+pub use world::{BadChecksum, MissingInChain, Options, World, ZeroSpeed};
 
 /// Why a world cannot be built.
 #[derive(Debug, thiserror::Error)]

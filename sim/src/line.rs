@@ -16,6 +16,7 @@ use crate::fault::{Arrival, Damage, damage_at_host, damage_at_sender};
 use crate::referee::Referee;
 use crate::servo::Servo;
 use crate::world::{BadChecksum, MissingInChain};
+use gaitway_profiles::Role;
 use inbox::{Inbox, Reception};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -319,6 +320,11 @@ impl Line {
         baud_bps: u32,
         shared: &mut Shared,
     ) {
+        for index in 0..self.servos.len() {
+            if let Some(mate) = self.servos[index].mate {
+                self.servos[index].mate_torque = self.servos[mate].torque_on();
+            }
+        }
         for servo in self.servos.iter_mut().filter(|servo| heard.family.includes(servo)) {
             servo.hears = servo.can_hear(end_ns, baud_bps);
             if servo.hears {
@@ -330,10 +336,24 @@ impl Line {
         } else {
             heard.family.complain(packet, &mut self.servos)
         };
+        self.share_cases();
         self.instruction.clear();
         self.instruction.extend_from_slice(packet);
         self.report(end_ns, &mut shared.referee);
         self.say(exchange, end_ns, baud_bps, shared);
+    }
+
+    /// Two axes in one case have one line speed and one protocol.
+    fn share_cases(&mut self) {
+        for index in 0..self.servos.len() {
+            let changed = std::mem::take(&mut self.servos[index].case_changed);
+            let Some(mate) = self.servos[index].mate.filter(|_| changed) else { continue };
+            for role in [Role::BaudRate, Role::ProtocolType] {
+                if let Some(raw) = self.servos[index].value(role) {
+                    self.servos[mate].set_up(role, raw);
+                }
+            }
+        }
     }
 
     /// Hands what happened in the servos to the referee.

@@ -2,7 +2,8 @@
 //!
 //! All angles are those of the output shaft; currents and torques are shares of those at stall. The
 //! profile gives the facts of one supply voltage: speed without load w0, stall current, stall
-//! torque. With duty u in -1..1, supply ratio s = voltage / nominal voltage, speed w and friction f:
+//! torque. With duty u in -1..1, supply ratio s = voltage / nominal voltage, speed w and friction
+//! f:
 //!
 //! ```text
 //! current   i = s u - w / wi          wi = w0 / (1 - f): back-EMF; friction makes wi into w0

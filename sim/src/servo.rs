@@ -16,6 +16,7 @@ mod protection;
 
 use crate::motor::{Advance, Motor};
 use crate::table::{Item, Model};
+use crate::world::ZeroSpeed;
 use gaitway_profiles::{Encoding, Protocol, Region, Role};
 use std::ops::Range;
 use std::sync::Arc;
@@ -43,8 +44,8 @@ impl Refusal {
     pub fn status_bit(self) -> u8 {
         match self {
             Refusal::Limit => 1 << 1,
-            Refusal::Range | Refusal::Length | Refusal::Access | Refusal::Failed => 1 << 3,
-            Refusal::Instruction => 1 << 6,
+            Refusal::Range | Refusal::Access => 1 << 3,
+            Refusal::Failed | Refusal::Instruction | Refusal::Length => 1 << 6,
         }
     }
 }
@@ -78,13 +79,22 @@ pub(crate) struct Servo {
     pub attached: bool,
     /// Spans in which it neither hears nor answers, ns.
     pub silent: Vec<Range<u64>>,
+    /// What the position register shows for good, whatever the shaft does: a fault of the encoder.
+    pub frozen: Option<i64>,
     /// Whether it hears the packet now on the line.
     pub hears: bool,
     /// Statuses it has given so far.
     pub statuses: u64,
     pub events: Vec<Event>,
-    /// The other axis in the same case has torque: EEPROM is closed to both.
+    /// Index on the line of the other axis in the same case.
+    pub mate: Option<usize>,
+    /// That axis has torque, so EEPROM is closed to both.
     pub mate_torque: bool,
+    /// What both axes in a case share has changed here: line speed or protocol.
+    pub case_changed: bool,
+    /// The instruction carried out is for its group.
+    grouped: bool,
+    pub zero_speed: ZeroSpeed,
     table: Vec<u8>,
     /// EEPROM as it will be after the next power-up.
     persistent: Vec<u8>,
@@ -117,10 +127,15 @@ impl Servo {
             motor: Motor::new(&model.profile.motor, model.radians_per_count),
             attached: true,
             silent: Vec::new(),
+            frozen: None,
             hears: false,
             statuses: 0,
             events: Vec::new(),
+            mate: None,
             mate_torque: false,
+            case_changed: false,
+            grouped: false,
+            zero_speed: ZeroSpeed::NoLimit,
             table: vec![0; model.length],
             persistent: vec![0; model.length],
             registered: None,
@@ -192,8 +207,13 @@ impl Servo {
         self.start_up();
     }
 
-    /// EEPROM as it left the factory, but for what `keep` names, then a restart.
+    /// EEPROM as it left the factory, but for what `keep` names, then a restart. As one of a group
+    /// a servo keeps its EEPROM and does nothing.
     pub fn factory_reset(&mut self, now_ns: u64, keep: &[Role]) {
+        if self.grouped {
+            return;
+        }
+        self.case_changed = true;
         let kept: Vec<_> = keep
             .iter()
             .chain(&[Role::ModelNumber, Role::FirmwareVersion, Role::FirmwareVersionMinor])
@@ -269,6 +289,14 @@ impl Servo {
     pub fn obeys(&self, id: u8) -> bool {
         let group = self.value(Role::SecondaryId).filter(|group| (0..=252).contains(group));
         id == self.id() || group == Some(i64::from(id))
+    }
+
+    /// Carries out an instruction to its Secondary ID: EEPROM is closed.
+    pub fn as_one_of_group<T>(&mut self, carry_out: impl FnOnce(&mut Servo) -> T) -> T {
+        self.grouped = true;
+        let done = carry_out(self);
+        self.grouped = false;
+        done
     }
 
     pub fn baud_bps(&self) -> Option<u32> {

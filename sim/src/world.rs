@@ -34,6 +34,8 @@ pub struct Options {
     pub missing_in_chain: MissingInChain,
     /// What DYNAMIXEL servos say to a packet for them whose checksum is wrong.
     pub bad_checksum: BadChecksum,
+    /// What goal speed 0 means to FEETECH servos that move to positions.
+    pub zero_speed: ZeroSpeed,
     /// What goes wrong.
     pub faults: Vec<Fault>,
 }
@@ -49,6 +51,7 @@ impl Default for Options {
             usb: None,
             missing_in_chain: MissingInChain::Silent,
             bad_checksum: BadChecksum::Ignore,
+            zero_speed: ZeroSpeed::NoLimit,
             faults: Vec::new(),
         }
     }
@@ -65,6 +68,17 @@ pub enum MissingInChain {
         /// The pause.
         gap_ns: u64,
     },
+}
+
+/// What goal speed 0 means to FEETECH servos in position and step mode. A public table of the
+/// memory gives the choice to bit 3 of Phase(18), but its factory value is not told, and hosts that
+/// never write a speed expect their servos to move.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ZeroSpeed {
+    /// As fast as it can.
+    NoLimit,
+    /// Bit 3 set: as fast as it can; clear: stop.
+    AsPhaseSays,
 }
 
 /// What DYNAMIXEL servos do with a packet for them whose checksum is wrong. The manuals define an
@@ -155,8 +169,26 @@ impl World {
             let model = models.entry(&joint.servo).or_insert_with(|| Arc::new(Model::new(profile)));
             world.add(robot, joint, Arc::clone(model))?;
         }
+        for servo in world.lines.iter_mut().flat_map(|line| &mut line.servos) {
+            servo.zero_speed = options.zero_speed;
+        }
+        world.join_cases(robot);
         world.plan(robot, &options.faults)?;
         Ok(world)
+    }
+
+    /// Tells servos that are two axes in one case of each other.
+    fn join_cases(&mut self, robot: &Robot) {
+        for (joint, placed) in robot.joints.iter().zip(&self.joints) {
+            let mate = joint.shares_case_with.as_ref().and_then(|name| self.by_name.get(name));
+            let Some(mate) = mate.map(|&mate| self.joints[mate].place) else { continue };
+            let place = placed.place;
+            if mate.line == place.line && mate.servo != place.servo {
+                let servos = &mut self.lines[place.line].servos;
+                servos[place.servo].mate = Some(mate.servo);
+                servos[mate.servo].mate = Some(place.servo);
+            }
+        }
     }
 
     fn plan(&mut self, robot: &Robot, faults: &[Fault]) -> Result<(), SimError> {
@@ -302,10 +334,10 @@ impl World {
                     servo.restart(now_ns, until_ns);
                 }
             }
-            Strike::Stick { servo, stuck } => {
+            Strike::Stick { servo, stuck } => self.at(servo).motor.set_blocked(stuck),
+            Strike::Freeze { servo, frozen } => {
                 let servo = self.at(servo);
-                servo.advance(now_ns);
-                servo.motor.set_blocked(stuck);
+                servo.frozen = frozen.then(|| servo.present_position());
             }
             Strike::Jump { servo, counts } => self.at(servo).jump(counts),
             Strike::Register { servo, register, raw } => {
@@ -465,6 +497,13 @@ impl World {
         let mut servo = self.servo(*self.by_name.get(joint)?).clone();
         servo.advance(self.now_ns);
         servo.named(register)
+    }
+
+    /// Whether the LED of a joint's servo shines; during an alarm it blinks.
+    pub fn led_lit(&self, joint: &str) -> Option<bool> {
+        let mut servo = self.servo(*self.by_name.get(joint)?).clone();
+        servo.advance(self.now_ns);
+        Some(servo.led_lit())
     }
 
     /// Sets a register's raw value past all rules, to set a scene. Present position, voltage and

@@ -75,7 +75,7 @@ impl Bus {
         budget: Instant,
     ) -> Result<Reply, AskError> {
         self.tell(protocol, id, Wait::Window, budget, |out| {
-            protocol.only2(out, id, "reboot", |out, id| reboot(out, id))
+            protocol.only2(out, id, "reboot", reboot)
         })
     }
 
@@ -108,7 +108,7 @@ impl Bus {
         budget: Instant,
     ) -> Result<Reply, AskError> {
         self.tell(protocol, id, Wait::Budget, budget, |out| {
-            protocol.only2(out, id, "clear", |out, id| clear_multi_turn(out, id))
+            protocol.only2(out, id, "clear", clear_multi_turn)
         })
     }
 

@@ -79,6 +79,7 @@ pub fn preflight(link: &mut Link, period: Duration, accept: Accept) -> Result<Pr
     }
     line::check_line_speed(link, period, accept, &mut found)?;
     found.start_rad = check_still(link)?;
+    line::check_measured(link, &found)?;
     check_start(link, &found.start_rad)?;
     Ok(found)
 }
@@ -359,8 +360,11 @@ pub(crate) fn positions(link: &mut Link) -> Result<Vec<f64>, Error> {
             }
             Ok((state, _)) => positions.push(state.position_rad),
             Err(miss) => {
+                // Asked alone it may say more: silence in a group can be a collision.
+                let alone = link.read_raw(joint, Role::PresentPosition, budget(link));
                 let line = link.robot().joints[joint].line;
-                let failed = LinkError { line, place: String::new(), error: miss.into() };
+                let in_group = LinkError { line, place: String::new(), error: miss.into() };
+                let failed = alone.err().unwrap_or(in_group);
                 return Err(exchange_error(link, Some(joint), &failed));
             }
         }

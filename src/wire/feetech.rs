@@ -230,6 +230,7 @@ mod tests {
     }
 
     #[test]
+    #[cfg_attr(miri, ignore = "too many tries for an interpreter")]
     fn sign_magnitude_survives_the_round_trip_and_refuses_what_does_not_fit() {
         for sign_bit in [SignBit::Bit10, SignBit::Bit11, SignBit::Bit15] {
             let most = (1 << sign_bit as i32) - 1;

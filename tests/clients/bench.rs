@@ -53,6 +53,18 @@ impl Bench {
         assert!(self.world().set_register(joint, register, raw), "{joint}, {register} = {raw}");
     }
 
+    /// Waits for what an instruction does that nobody answers.
+    pub fn assert_comes_to(&self, joint: &str, register: &str, expected: i64) {
+        let there = (0..2000).any(|_| {
+            let there = self.register(joint, register) == expected;
+            if !there {
+                std::thread::sleep(std::time::Duration::from_millis(1));
+            }
+            there
+        });
+        assert!(there, "{register} of {joint} is {}", self.register(joint, register));
+    }
+
     /// Checks what is in a register of one servo after another.
     pub fn assert_holds(&self, register: &str, expected: &[(&str, i64)]) {
         for &(joint, value) in expected {

@@ -61,7 +61,10 @@ fn pings(bench: &Bench, sdk: &mut Client, record: &mut Record) -> Result<(), Los
     }
     record.works("Ping");
     assert_eq!(all["252"], json!([1060, 45]), "XL430-W250, by the manual and the robot file");
-    assert_eq!(sdk.ask("broadcast_ping", json!([]))?, all);
+    // The highest ID has its turn 15 ms before the SDK stops listening, whatever it was told; a
+    // machine may stall longer.
+    let found = (0..5).any(|_| sdk.ask("broadcast_ping", json!([])).is_ok_and(|seen| seen == all));
+    assert!(found, "everyone's ping never found {all}");
     record.works("Ping, broadcast");
     Ok(())
 }

@@ -5,6 +5,8 @@ import sys
 import dynamixel_sdk as sdk
 from serving import Lost, serve
 
+# The setting for a slow adapter: twice this many milliseconds are waited for a status.
+sdk.port_handler.LATENCY_TIMER = 200
 port = sdk.PortHandler(sys.argv[1])
 assert port.setBaudRate(int(sys.argv[2]))
 packets = sdk.PacketHandler(float(sys.argv[3]))

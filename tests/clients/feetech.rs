@@ -45,14 +45,14 @@ fn bench() -> Bench {
     Bench::open("feetech", Options { permit_eeprom: true, ..Options::default() })
 }
 
-pub fn start_vendor(python: &Python, bench: &Bench, package: &str, family: &str) -> Client {
-    let arguments = [bench.port(0), "1000000", package, family];
+pub fn start_vendor(python: &Python, port: &str, package: &str, family: &str) -> Client {
+    let arguments = [port, "1000000", package, family];
     Client::start(python, "scservo_client.py", &arguments)
 }
 
 fn vendor(python: &Python, package: &str, record: &mut Record) -> Result<(), Lost> {
     let bench = bench();
-    let mut sdk = start_vendor(python, &bench, package, "sts");
+    let mut sdk = start_vendor(python, bench.port(0), package, "sts");
     for (_, id) in THREE {
         // Major 9, minor 3, little-endian.
         assert_eq!(sdk.ask("ping", json!([id]))?, 777);
@@ -204,7 +204,7 @@ fn named_operations(bench: &Bench, sdk: &mut Client, record: &mut Record) -> Res
     bench.assert_holds("Lock", &[("one", 1)]);
     sdk.ask("WriteSpec", json!([1, -1000, 20]))?;
     bench.assert_holds("Goal Velocity", &[("one", -1000)]);
-    record.works("Wheel mode, signed speed");
+    record.works("Wheel mode");
     Ok(())
 }
 
@@ -215,6 +215,7 @@ fn cli(python: &Python, record: &mut Record) -> Result<(), Lost> {
     assert_eq!(cli.ask("ping", json!([253]))?, true);
     assert_eq!(cli.ask("ping", json!([9]))?, false);
     record.works("Ping");
+    cli_motion(&bench, &mut cli, record)?;
     whole_table(&bench, &mut cli, record)?;
     cli_groups(&bench, &mut cli, record)?;
     cli_setup(&bench, &mut cli, record)?;
@@ -281,7 +282,7 @@ fn cli_setup(bench: &Bench, cli: &mut Client, record: &mut Record) -> Result<(),
     assert_eq!(cli.ask("set_operating_mode", json!([3, 1]))?, 1);
     cli.ask("set_goal_velocity", json!([3, -700]))?;
     bench.assert_holds("Goal Velocity", &[("two", -700)]);
-    record.works("Wheel mode, signed speed");
+    record.works("Wheel mode");
     bench.set("two", "Overload Torque", 11);
     cli.ask("factory_reset", json!([3]))?;
     bench.assert_holds("Overload Torque", &[("two", 80)]);
@@ -322,5 +323,99 @@ fn typed(bench: &Bench, cli: &mut Client) -> Result<(), Lost> {
     bench.assert_holds("ID", &[("one", 2)]);
     run(&["set-baud", "2", "500000", "--yes"])?;
     bench.assert_holds("Baud Rate", &[("one", 1)]);
+    Ok(())
+}
+
+const SCS: &[&str] = &["SCS0009"];
+
+pub static FTSERVO_SCS: Scenario = Scenario::new(
+    "ftservo-python-sdk",
+    "FEETECH SCS",
+    About::Everything(SCS),
+    Run::Python(|python, record| big_endian(python, "ftservo-python-sdk", record)),
+);
+
+pub static FEETECH_SERVO_SDK_SCS: Scenario = Scenario::new(
+    "feetech-servo-sdk",
+    "FEETECH SCS",
+    About::Everything(SCS),
+    Run::Python(|python, record| big_endian(python, "feetech-servo-sdk", record)),
+);
+
+/// SCS servos have the lock at 48, and the high byte of a word first.
+const SCS_LOCK: u8 = 48;
+
+fn big_endian(python: &Python, package: &str, record: &mut Record) -> Result<(), Lost> {
+    let bench = Bench::open("scs", Options { permit_eeprom: true, ..Options::default() });
+    let mut sdk = start_vendor(python, bench.port(0), package, "scs");
+    for (joint, id) in THREE {
+        // Major 5, minor 4.
+        assert_eq!(sdk.ask("ping", json!([id]))?, 0x0504);
+        record.works("Ping");
+        bench.set(joint, "Max Position Limit", 0x0302);
+        bench.set(joint, "P Coefficient", 44 + id % 100);
+        assert_eq!(sdk.ask("read", json!([id, MAX_ANGLE, 2]))?, 0x0302);
+        assert_eq!(sdk.ask("read", json!([id, 21, 1]))?, 44 + id % 100);
+        bench.set(joint, "Max Position Limit", 1023);
+        bench.set(joint, "Present Position", 0x0201);
+        assert_eq!(sdk.ask("read", json!([id, PRESENT, 2]))?, 0x0201);
+        record.works("Read");
+        sdk.ask("write", json!([id, GOAL, 2, 0x0102]))?;
+        bench.assert_holds("Goal Position", &[(joint, 0x0102)]);
+        // Time 44, then speed 46.
+        sdk.ask("write", json!([id, 44, 4, 0x0304 << 16 | 0x0105]))?;
+        bench.assert_holds("Goal Time", &[(joint, 0x0105)]);
+        bench.assert_holds("Goal Velocity", &[(joint, 0x0304)]);
+        record.works("Write");
+        sdk.ask("reg_write", json!([id, GOAL, [0x01, 0x80]]))?;
+        bench.assert_holds("Goal Position", &[(joint, 0x0102)]);
+        record.works("Reg Write");
+        sdk.ask("action", json!([id]))?;
+        bench.assert_holds("Goal Position", &[(joint, 0x0180)]);
+        record.works("Action");
+    }
+    let entries = json!([GOAL, [[1, [0x01, 0x10]], [2, [0x02, 0x20]], [253, [0x03, 0xFF]]]]);
+    sdk.ask("sync_write", entries)?;
+    sdk.ask("ping", json!([1]))?;
+    bench.assert_holds("Goal Position", &[("one", 0x0110), ("two", 0x0220), ("last", 0x03FF)]);
+    record.works("Sync Write");
+    sdk.ask("write", json!([2, SCS_LOCK, 1, 0]))?;
+    sdk.ask("write_unanswered", json!([2, ID, 1, 77]))?;
+    std::thread::sleep(std::time::Duration::from_millis(5));
+    sdk.ask("write", json!([77, SCS_LOCK, 1, 1]))?;
+    bench.assert_holds("ID", &[("one", 1), ("two", 77), ("last", 253)]);
+    bench.assert_holds("Lock", &[("two", 1)]);
+    record.works("Change of ID, with lock");
+    if package == "ftservo-python-sdk" {
+        big_endian_by_name(&bench, &mut sdk, record)?;
+    }
+    Ok(())
+}
+
+fn big_endian_by_name(bench: &Bench, sdk: &mut Client, record: &mut Record) -> Result<(), Lost> {
+    sdk.ask("WritePos", json!([1, 700, 300, 900]))?;
+    bench.assert_holds("Goal Position", &[("one", 700)]);
+    bench.assert_holds("Goal Time", &[("one", 300)]);
+    bench.assert_holds("Goal Velocity", &[("one", 900)]);
+    sdk.ask("RegWritePos", json!([1, 600, 0, 800]))?;
+    sdk.ask("RegAction", json!([]))?;
+    sdk.ask("ping", json!([1]))?;
+    bench.assert_holds("Goal Position", &[("one", 600)]);
+    sdk.ask("sync_write_positions", json!([[[1, 500, 0, 700], [253, 400, 1, 0]]]))?;
+    sdk.ask("ping", json!([1]))?;
+    bench.assert_holds("Goal Position", &[("one", 500), ("last", 400)]);
+    bench.set("last", "Present Position", 321);
+    assert_eq!(sdk.ask("ReadPos", json!([253]))?, 321);
+    assert_eq!(sdk.ask("ReadPosSpeed", json!([253]))?, json!([321, 0]));
+    assert_eq!(sdk.ask("ReadMoving", json!([253]))?, 0);
+    sdk.ask("unLockEprom", json!([253]))?;
+    bench.assert_holds("Lock", &[("last", 0)]);
+    // Both angle limits zero.
+    sdk.ask("PWMMode", json!([253]))?;
+    bench.assert_holds("Max Position Limit", &[("last", 0)]);
+    sdk.ask("WritePWM", json!([253, -500]))?;
+    // In this mode the time is a duty with its sign in bit 10.
+    bench.assert_holds("Goal Time", &[("last", 1 << 10 | 500)]);
+    record.works("Wheel mode");
     Ok(())
 }

@@ -6,7 +6,7 @@ import sys
 
 from feetech_cli import cli
 from feetech_cli.controller import FeetechServoController
-from feetech_cli.protocol import FeetechTimeoutError
+from feetech_cli.protocol import FeetechTimeoutError, describe_error
 from feetech_cli.registers import CONTROL_TABLE
 from serving import Lost, serve
 
@@ -74,12 +74,10 @@ operations = {
     "disconnect": disconnect,
     "command": command,
     "registers": registers,
+    "describe_error": describe_error,
     "sync_read": sync_read,
     "reg_write": reg_write,
     "action": action,
-    "ping_with_error": lambda number: controller.packet_handler.txrx(
-        number, 1, raise_on_error=False
-    )[0],
 }
 for name in (
     "ping",

@@ -107,19 +107,20 @@ pub fn read_all(
         if set {
             bench.set(joint, &name, unlikely(item));
         }
-        // What is measured may change between two looks; then either is right.
+        // What is measured may change between two looks; then all between them is right.
         let before = bench.register(joint, &name);
         let seen = in_bytes(item.register.encoding, read(register)?);
         let after = bench.register(joint, &name);
         let there = [before, after].map(|value| in_bytes(item.register.encoding, value));
-        assert!(there.contains(&seen), "{joint}: {name} is {there:?}, {register:?} saw {seen}");
+        let right = (there[0].min(there[1])..=there[0].max(there[1])).contains(&seen);
+        assert!(right, "{joint}: {name} is {there:?}, {register:?} saw {seen}");
         // A limit would have a say in what comes after it.
         if set {
             bench.set(joint, &name, original);
         }
         compared += 1;
     }
-    assert!(compared > 20, "only {compared} registers of {joint} were compared");
+    assert!(compared >= 15, "only {compared} registers of {joint} were compared");
     Ok(otherwise)
 }
 
@@ -155,10 +156,10 @@ pub fn write_all(
         bench.set(joint, &name, if wanted == original { wanted + 1 } else { original });
         let in_bytes = in_bytes(item.register.encoding, wanted) as i64;
         write(register, if register.signed { wanted } else { in_bytes })?;
-        assert_eq!(bench.register(joint, &name), wanted, "{joint}: {register:?} to {name}");
+        bench.assert_comes_to(joint, &name, wanted);
         bench.set(joint, &name, original);
         compared += 1;
     }
-    assert!(compared > 10, "only {compared} registers of {joint} were compared");
+    assert!(compared >= 5, "only {compared} registers of {joint} were compared");
     Ok(otherwise)
 }

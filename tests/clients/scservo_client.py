@@ -13,6 +13,8 @@ if package == "feetech-servo-sdk":
 import scservo_sdk as sdk  # noqa: E402: which one it is was decided above
 from serving import Lost, serve  # noqa: E402
 
+# The setting for a slow adapter: at least this many milliseconds are waited for a status.
+sdk.port_handler.LATENCY_TIMER = 200
 port = sdk.PortHandler(sys.argv[1])
 assert port.setBaudRate(int(sys.argv[2]))
 if package == "feetech-servo-sdk":

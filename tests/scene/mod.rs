@@ -78,8 +78,14 @@ impl Sink for Samples {
 }
 
 impl Scene {
+    /// A shipped robot, or one of the fixtures.
     pub fn of(robot: &str, options: Options) -> Self {
-        Self::with_robot(Robot::load(robot).expect("a shipped robot"), options)
+        let robot = match robot {
+            "protocol-1" => protocol1_robot(),
+            "mixed" => mixed_robot(),
+            _ => Robot::load(robot).expect("a shipped robot"),
+        };
+        Self::with_robot(robot, options)
     }
 
     pub fn with_robot(robot: Robot, options: Options) -> Self {
@@ -102,6 +108,10 @@ impl Scene {
         let ports = ports.collect();
         let settings = Settings::at_rate(robot.file.rate_hz);
         Self { world, link: Link::new(robot, ports, clock), settings }
+    }
+
+    pub fn last_joint(&self) -> String {
+        self.link.robot().joints.last().expect("a joint").name.clone()
     }
 
     pub fn op3() -> Self {

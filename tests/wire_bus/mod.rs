@@ -17,13 +17,16 @@ pub fn hex(text: &str) -> Vec<u8> {
     text.split_whitespace().map(|byte| u8::from_str_radix(byte, 16).expect("a byte")).collect()
 }
 
-/// A line in virtual time on which each known question has its answers, one after another: how
-/// long after the question they begin, and their bytes.
+/// What is said to one question: how long after it each answer begins, and its bytes.
+type Answers = Vec<(Duration, Vec<u8>)>;
+
+/// A line in virtual time on which each known question has its answers, those of the first
+/// time it is asked, of the second, and so on.
 #[derive(Default)]
 struct Scripted {
     now_ns: u64,
     echo: bool,
-    script: Vec<(Vec<u8>, VecDeque<Vec<(Duration, Vec<u8>)>>)>,
+    script: Vec<(Vec<u8>, VecDeque<Answers>)>,
     coming: VecDeque<(u64, Vec<u8>)>,
     sending_until_ns: u64,
     asked: Vec<Vec<u8>>,

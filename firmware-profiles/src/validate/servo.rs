@@ -57,6 +57,7 @@ pub(crate) fn servo(file: &str, servo: &Servo) -> Verdict {
     not_empty(file, "maker", &servo.maker)?;
     not_empty(file, "manual", &servo.manual)?;
     facts(file, servo)?;
+    instructions(file, servo)?;
     let mut table_end = 0;
     for register in &servo.registers {
         one_register(file, servo.protocol, register)?;
@@ -115,6 +116,25 @@ fn facts(file: &str, servo: &Servo) -> Verdict {
         }
     }
     unique(file, "error bit", "error_bit", servo.error_bits.iter().map(|bit| bit.bit))
+}
+
+/// Of the optional questions, only those the protocol has.
+fn instructions(file: &str, servo: &Servo) -> Verdict {
+    let later = [
+        ("fast_sync_read_from_firmware", servo.fast_sync_read_from_firmware.is_some()),
+        ("clear_from_firmware", servo.clear_from_firmware.is_some()),
+        ("backup_from_firmware", servo.backup_from_firmware.is_some()),
+    ];
+    for (key, says) in later.into_iter().chain([("bulk_read", servo.bulk_read)]) {
+        let protocol = if key == "bulk_read" { Protocol::Dynamixel1 } else { Protocol::Dynamixel2 };
+        if says && servo.protocol != protocol {
+            return Err(ProfileError::new(file, "the servo's protocol knows no such question")
+                .at(key)
+                .got(format!("{:?}", servo.protocol))
+                .allowed(format!("{protocol:?} only")));
+        }
+    }
+    Ok(())
 }
 
 fn one_register(file: &str, protocol: Protocol, register: &Register) -> Verdict {

@@ -21,6 +21,7 @@ pub(crate) enum Strike {
     Reboot { servo: Place },
     Brownout { until_ns: u64 },
     Stick { servo: Place, stuck: bool },
+    Freeze { servo: Place, frozen: bool },
     Jump { servo: Place, counts: i64 },
     Register { servo: Place, register: String, raw: i64 },
     Twin { servo: Place, turn_rad: f64 },
@@ -199,6 +200,12 @@ impl Plan {
                 let servo = self.names.servo(joint)?;
                 self.plan(*from_ns, Strike::Stick { servo, stuck: true }, "stuck", servo);
                 let strike = Strike::Stick { servo, stuck: false };
+                self.planned.push(Planned { at_ns: *until_ns, strike, note: None });
+            }
+            Fault::FrozenPosition { joint, from_ns, until_ns } => {
+                let servo = self.names.servo(joint)?;
+                self.plan(*from_ns, Strike::Freeze { servo, frozen: true }, "frozen", servo);
+                let strike = Strike::Freeze { servo, frozen: false };
                 self.planned.push(Planned { at_ns: *until_ns, strike, note: None });
             }
             Fault::PositionJump { joint, at_ns, counts } => {

@@ -1,12 +1,12 @@
 //! The way from where the goal generator is to a new goal: legs of constant acceleration.
 //!
 //! DYNAMIXEL e-Manual, Profile Velocity(112): no velocity gives a step, velocity without
-//! acceleration a rectangle, both a trapezoid, or a triangle if the velocity is not reached. With
-//! V and A raw and the distance D in pulses, from rest, t1 = 64 V / A ms, t2 = 64 D / V ms and the
+//! acceleration a rectangle, both a trapezoid, or a triangle if the velocity is not reached. With V
+//! and A raw and the distance D in pulses, from rest, t1 = 64 V / A ms, t2 = 64 D / V ms and the
 //! whole takes t3 = t1 + t2. A time-based profile is given t3 and t1 (at most half of t3) instead.
 //! A move that begins in motion goes on from that speed ("velocity override"); how a time-based one
-//! does is not told: here it keeps t1 and t3 and finds the cruising speed that fits.
-//! Feetech's goal speed and acceleration mean the same as a trapezoid's.
+//! does is not told: here it keeps t1 and t3 and finds the cruising speed that fits. Feetech's goal
+//! speed and acceleration mean the same as a trapezoid's.
 
 /// Speed and acceleration a move may use.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -275,7 +275,8 @@ mod tests {
             start in -5.0..5.0_f64, velocity in -8.0..8.0_f64, goal in -5.0..5.0_f64,
             speed in 0.01..8.0_f64, acceleration in 0.1..50.0_f64,
         ) {
-            let ramp = Ramp::to_position(start, velocity, goal, Pace::Trapezoid { speed, acceleration });
+            let pace = Pace::Trapezoid { speed, acceleration };
+            let ramp = Ramp::to_position(start, velocity, goal, pace);
             let end = ramp.duration_s();
             let before = ramp.at(end * (1.0 - 1e-12)).position;
             prop_assert!((before - goal).abs() <= 1e-6, "{before} {goal}");

@@ -64,6 +64,26 @@ fn a_step_settles_within_the_droop_load_and_friction_make() {
 }
 
 #[test]
+fn a_motor_at_rest_wakes_for_a_new_goal_a_stiffer_gain_and_a_free_shaft() {
+    let mut motor = motor(p_only(10.0));
+    motor.advance(1_000 * MS);
+    motor.go_to(0.5, Pace::Step);
+    motor.advance(3_000 * MS);
+    let soft = motor.position_rad();
+    assert!((soft - 0.5).abs() <= 1.01 * 0.05 * 8.0 / 10.0);
+    motor.set_regulator(p_only(200.0));
+    motor.advance(4_000 * MS);
+    assert!((motor.position_rad() - 0.5).abs() < (soft - 0.5).abs());
+    motor.set_blocked(true);
+    motor.advance(5_000 * MS);
+    motor.go_to(0.0, Pace::Step);
+    motor.advance(6_000 * MS);
+    motor.set_blocked(false);
+    motor.advance(7_000 * MS);
+    assert!(motor.position_rad().abs() <= 0.05 * 8.0 / 200.0 + 1e-3);
+}
+
+#[test]
 fn an_integral_takes_the_droop_away() {
     let mut motor = motor(Regulator { position_i: 500.0, ..p_only(100.0) });
     motor.go_to(0.5, Pace::Step);

@@ -1,14 +1,15 @@
 //! Reading and writing the control table from the bus.
 //!
 //! - DYNAMIXEL 2.0 checks before it writes and answers with a number: an address that is not there,
-//!   that cannot be written, or that is EEPROM under torque (of either axis, where two share a case)
-//!   is an access error; a value outside its register's range a range error; outside a configured
-//!   limit a limit error; part of an item a length error.
-//! - DYNAMIXEL 1.0 writes bytes wherever they belong, also into half a word, and EEPROM under torque
-//!   too, unless Lock(47) is 1, which only power-off takes back. Its errors are bits: a goal outside
-//!   the angle limits is an angle limit error; all else that cannot be is a range error (the manual
-//!   does not list what is): an address that is not there or read-only, a value out of range, locked
-//!   EEPROM, a clockwise speed in joint mode. Reserved bytes within the table read as zero.
+//!   that cannot be written, or that is EEPROM under torque (of either axis, where two share a
+//!   case) or by a Secondary ID, is an access error; a value outside its register's range a range
+//!   error; outside a configured limit a limit error; part of an item a length error.
+//! - DYNAMIXEL 1.0 writes bytes wherever they belong, also into half a word, and EEPROM under
+//!   torque too, unless Lock(47) is 1, which only power-off takes back. Its errors are bits: a goal
+//!   outside the angle limits is an angle limit error; all else that cannot be is a range error
+//!   (the manual does not list what is): an address that is not there or read-only, a value out of
+//!   range, locked EEPROM, a clockwise speed in joint mode. Reserved bytes within the table read as
+//!   zero.
 //! - FEETECH has no such errors: what cannot be done is left undone in silence. With Lock (55, SCS
 //!   48) at 1 EEPROM takes writes, but power-off takes them back.
 //!
@@ -25,9 +26,6 @@ use std::sync::Arc;
 const PROFILE_MS_MAX: i64 = 32_737;
 /// Drive Mode(10).
 const TORQUE_ON_BY_GOAL: i64 = 0x08;
-/// Protocol 1.0's error byte.
-const ANGLE_LIMIT_BIT: i64 = 1 << 1;
-const RANGE_BIT: i64 = 1 << 3;
 
 impl Servo {
     /// Appends the bytes of the range to `out`.
@@ -86,8 +84,7 @@ impl Servo {
             }
             Protocol::Dynamixel1 => {
                 if let Err(refusal) = self.check_bytes(address, bytes) {
-                    let angle = refusal == Refusal::Limit;
-                    self.shut_down_for(if angle { ANGLE_LIMIT_BIT } else { RANGE_BIT });
+                    self.shut_down_for(i64::from(refusal.status_bit()));
                     return Err(refusal);
                 }
                 for (item, raw) in self.items_in(address, bytes) {
@@ -168,7 +165,8 @@ impl Servo {
     }
 
     fn check_item(&self, item: &Item, raw: i64) -> Result<(), Refusal> {
-        let closed = item.region == Region::Eeprom && (self.torque_on() || self.mate_torque);
+        let closed =
+            item.region == Region::Eeprom && (self.torque_on() || self.mate_torque || self.grouped);
         if item.access == Access::R || closed {
             return Err(Refusal::Access);
         }
@@ -189,6 +187,7 @@ impl Servo {
         let within = match item.role {
             Some(Role::GoalPosition) => self.within_position_limits(raw),
             Some(Role::GoalVelocity) => magnitude(Role::VelocityLimit),
+            Some(Role::ProfileAcceleration) => magnitude(Role::AccelerationLimit),
             Some(Role::GoalCurrent) => magnitude(Role::CurrentLimit),
             Some(Role::GoalPwm) => magnitude(Role::PwmLimit),
             _ => true,
@@ -354,7 +353,16 @@ impl Servo {
                 touched.drive = true;
             }
             Some(Role::BusWatchdog) => self.watchdog_latched = false,
-            Some(Role::HomingOffset | Role::DriveMode) => touched.geometry = true,
+            Some(Role::BaudRate | Role::ProtocolType) => self.case_changed = true,
+            Some(
+                Role::HomingOffset
+                | Role::DriveMode
+                | Role::Phase
+                | Role::MinPositionLimit
+                | Role::MaxPositionLimit
+                | Role::ResolutionDivider
+                | Role::AngularResolution,
+            ) => touched.geometry = true,
             _ => touched.drive = true,
         }
     }
@@ -381,7 +389,8 @@ impl Servo {
             self.pursue(Fresh { position: fresh.position, other: true, pace: true });
         } else if touched.geometry {
             self.note_turn();
-            self.pursue(Fresh { position: true, ..fresh });
+            let position = fresh.position || self.mode() != Mode::Step;
+            self.pursue(Fresh { position, ..fresh });
         } else if fresh != Fresh::default() {
             self.pursue(fresh);
         }
@@ -413,7 +422,7 @@ impl Servo {
 struct Touched {
     mode_before: Option<Mode>,
     fresh: Fresh,
-    /// Offset or direction.
+    /// What position counts mean.
     geometry: bool,
     /// Gains, limits or torque.
     drive: bool,

@@ -1,35 +1,40 @@
 //! Between the control table and the motor: what goals and gains ask of it, what it reports.
 //!
-//! Gains, as the laws of [`crate::motor`] want them. The manuals give ratios and no output unit; one
-//! factor for each family is assumed, such that factory P gains turn an error of 1 rad into about
-//! 100 rad/s of speed asked for (a sine of 30 degrees at 1 Hz then lags by about 2 degrees).
+//! Gains, as the laws of [`crate::motor`] want them. The manuals give ratios and no output unit;
+//! one factor for each family is assumed, such that factory P gains turn an error of 1 rad into
+//! about 100 rad/s of speed asked for (a sine of 30 degrees at 1 Hz then lags by about 2 degrees).
 //!
-//! - DYNAMIXEL 2.0 (e-Manual, Position PID Gain): P / 128, I / 65,536, D / 16, feed-forward / 4 each,
-//!   worked out every millisecond on pulses. With 16 /s for 1 of P / 128: k = P / 8, ki = I 16,000 /
-//!   65,536, kd = D / 1000, ff1 = FF1 / 250, ff2 = FF2 4e-6 s. Speed law: P / 128 and I / 65,536 in
-//!   Goal PWM's unit (885 is all) on 0.229 rev/min. Current-based position mode gives what position
-//!   mode gives, with the current limited to Goal Current; Goal PWM limits the duty in both.
-//! - MX with protocol 1.0: P / 8, I 1000 / 2048, D 4 / 1000, with 24 /s for 1 of P / 8. AX: P = 1024
-//!   / slope by MX's table of slope and P, the margin is a dead zone, Punch / 1023 the least duty.
+//! - DYNAMIXEL 2.0 (e-Manual, Position PID Gain): P / 128, I / 65,536, D / 16, feed-forward / 4
+//!   each, worked out every millisecond on pulses. With 16 /s for 1 of P / 128: k = P / 8, ki = I
+//!   16,000 / 65,536, kd = D / 1000, ff1 = FF1 / 250, ff2 = FF2 4e-6 s. Speed law: P / 128 and I /
+//!   65,536 in Goal PWM's unit (885 is all) on 0.229 rev/min. Current-based position mode gives
+//!   what position mode gives, with the current limited to Goal Current; Goal PWM limits the duty
+//!   in both.
+//! - MX with protocol 1.0, and XL-320: P / 8, I 1000 / 2048, D 4 / 1000, with 24 /s for 1 of P / 8.
+//!   AX: P = 1024 / slope by MX's table of slope and P, the margin is a dead zone, Punch / 1023 the
+//!   least duty.
 //! - FEETECH: k = 3 P, kd = 0.003 D, ki = 3 I; speed law kp = P / 20, ki = I / 20 (all assumed).
 //!
 //! Decisions where the manuals are silent:
-//! - In PWM and current mode the goal register holds the limit after a change of mode (A table note
-//!   of the e-Manual); the motor gives nothing before a goal was written in that mode.
+//! - After a change of mode Goal PWM and Goal Current hold their limits (e-Manual, Operating
+//!   Mode(11)); in PWM and current mode the motor gives nothing before a goal was written.
 //! - A profile register counts from the next goal on (DYNAMIXEL 2.0). Speed, acceleration and time
 //!   of the others count at once.
-//! - Profile Velocity counts in current-based position mode too; the manual names it in one list and
-//!   leaves it out in another.
+//! - Profile Velocity counts in current-based position mode too; the manual names it in one list
+//!   and leaves it out in another.
 //! - AX: writing a goal brings the torque on (told by users, not by the manual).
-//! - FEETECH goal speed 0 is no limit in position and step mode and stop in speed mode, whatever bit
-//!   3 of Phase(18) says: hosts that never write a speed expect to move. Step mode counts from
-//!   where the last step ends. SCS's running time, if it is not 0, goes before the speed.
+//! - FEETECH goal speed 0 is stop in speed mode. In position and step mode it is no limit, for
+//!   hosts that never write a speed expect to move, or what bit 3 of Phase(18) says: [`ZeroSpeed`].
+//!   Step mode counts from where the last step ends. SCS's running time, if it is not 0, goes
+//!   before the speed.
 //!
-//! Not modelled: dual joints, PWM Slope, Feetech's Phase but for bit 4.
+//! Not modelled: dual joints, PWM Slope, Feetech's Phase but for bits 3 and 4, the current of XC330 at
+//! the supply's side (it is the motor's here).
 
 use super::{Event, Servo};
 use crate::motor::Regulator;
 use crate::motor::ramp::{Pace, Shape};
+use crate::world::ZeroSpeed;
 use gaitway_profiles::{Encoding, Mode, Protocol, Role};
 
 /// Speed asked for by an error of 1 rad at most; the loop runs at 1 kHz and a stiffer one swings.
@@ -51,6 +56,9 @@ const FOLLOWING_ERROR_RAD: f64 = 0.1;
 /// Speed from which a servo without a threshold of its own counts as moving (assumed), rad/s.
 const MOVING_RAD_S: f64 = 0.02;
 pub(super) const TIME_BASED: i64 = 0x04;
+
+/// Phase(18) of FEETECH: 1 = goal speed 0 is as fast as it can, 0 = stop.
+const PHASE_ZERO_IS_FULL: i64 = 1 << 3;
 
 /// Which goals were written.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -114,18 +122,18 @@ impl Servo {
     /// Gains and limits as the table has them now.
     pub(super) fn update_regulator(&mut self) {
         let mut regulator = match self.model.protocol {
-            Protocol::Dynamixel2 => self.dynamixel2_gains(),
+            Protocol::Dynamixel2 if self.has_profile() => self.dynamixel2_gains(),
             Protocol::Dynamixel1 if self.has_compliance() => self.compliance(),
-            Protocol::Dynamixel1 => self.dynamixel1_gains(),
+            Protocol::Dynamixel1 | Protocol::Dynamixel2 => self.dynamixel1_gains(),
             Protocol::FeetechSts | Protocol::FeetechScs => self.feetech_gains(),
         };
         for gain in &mut regulator.position_p {
             *gain = gain.min(MAX_GAIN_PER_S);
         }
         let mode = self.mode();
-        let duty = match (self.model.protocol, mode) {
-            (Protocol::Dynamixel2, Mode::Pwm) => self.si(Role::PwmLimit),
-            (Protocol::Dynamixel2, _) => self.si(Role::GoalPwm).map(f64::abs),
+        let duty = match mode {
+            Mode::Pwm if self.has_profile() => self.si(Role::PwmLimit),
+            _ if self.has_profile() => self.si(Role::GoalPwm).map(f64::abs),
             _ => self.si(Role::TorqueLimit),
         };
         let spared = self.protective_limit().unwrap_or(1.0);
@@ -237,7 +245,11 @@ impl Servo {
             return;
         }
         let side = self.side();
-        let old_school = self.model.protocol != Protocol::Dynamixel2;
+        let old_school = !self.has_profile();
+        if self.zero_speed_stops() {
+            self.motor.go_to(self.motor.trajectory().position, Pace::Step);
+            return;
+        }
         match self.mode() {
             Mode::Position | Mode::ExtendedPosition | Mode::CurrentBasedPosition => {
                 if fresh.position || old_school && fresh.pace {
@@ -256,12 +268,12 @@ impl Servo {
                 self.motor.spin(speed, self.ramp_of_speed(speed));
             }
             Mode::Current if fresh.other => {
-                let current_a = if self.goal_written { self.goal_current_a() } else { 0.0 };
-                self.motor.push(side * current_a);
+                let counts = self.goal_written || old_school;
+                self.motor.push(if counts { side * self.goal_current_a() } else { 0.0 });
             }
             Mode::Pwm if fresh.other || old_school && fresh.pace => {
-                let duty = if self.goal_written || old_school { self.goal_duty() } else { 0.0 };
-                self.motor.apply(side * duty);
+                let counts = self.goal_written || old_school;
+                self.motor.apply(if counts { side * self.goal_duty() } else { 0.0 });
             }
             Mode::Velocity | Mode::Current | Mode::Pwm => {}
         }
@@ -294,12 +306,14 @@ impl Servo {
         }
     }
 
-    /// -1..1: Goal PWM; AX: Moving Speed, 1023 is all; FEETECH: the register of the goal time, in
-    /// 0.1 % with the sign in bit 10 (the maker's SDK; LeRobot's comment has bit 11).
+    /// -1..1: Goal PWM; AX and XL-320: Moving Speed, 1023 is all; FEETECH: the register of the goal
+    /// time, in 0.1 % with the sign in bit 10 (the maker's SDK; LeRobot's comment has bit 11).
     fn goal_duty(&self) -> f64 {
         match self.model.protocol {
-            Protocol::Dynamixel2 => self.si(Role::GoalPwm).unwrap_or(0.0),
-            Protocol::Dynamixel1 => self.value(Role::GoalVelocity).unwrap_or(0) as f64 / 1023.0,
+            Protocol::Dynamixel2 if self.has_profile() => self.si(Role::GoalPwm).unwrap_or(0.0),
+            Protocol::Dynamixel1 | Protocol::Dynamixel2 => {
+                self.value(Role::GoalVelocity).unwrap_or(0) as f64 / 1023.0
+            }
             Protocol::FeetechSts | Protocol::FeetechScs => {
                 let raw = self.value(Role::GoalTime).unwrap_or(0);
                 let signed = match self.model.role(Role::GoalTime).map(|item| item.encoding) {
@@ -315,7 +329,7 @@ impl Servo {
     /// How a move to `goal_rad` is to go.
     fn pace_to(&self, goal_rad: f64) -> Pace {
         match self.model.protocol {
-            Protocol::Dynamixel2 => self.profile(),
+            Protocol::Dynamixel2 if self.has_profile() => self.profile(),
             Protocol::FeetechScs if self.value(Role::GoalTime).is_some_and(|ms| ms > 0) => {
                 let total_s = self.si(Role::GoalTime).unwrap_or(0.0);
                 let same = goal_rad == self.motor.goal_rad();
@@ -349,6 +363,17 @@ impl Servo {
         if acceleration > 0.0 { acceleration } else { f64::INFINITY }
     }
 
+    /// FEETECH under [`ZeroSpeed::AsPhaseSays`]: moves to positions stand still.
+    fn zero_speed_stops(&self) -> bool {
+        let as_phase_says = self.zero_speed == ZeroSpeed::AsPhaseSays && self.follows_positions();
+        let timed = self.model.protocol == Protocol::FeetechScs
+            && self.value(Role::GoalTime).is_some_and(|ms| ms > 0);
+        as_phase_says
+            && !timed
+            && self.value(Role::Phase).is_some_and(|phase| phase & PHASE_ZERO_IS_FULL == 0)
+            && self.value(Role::GoalVelocity) == Some(0)
+    }
+
     /// The others' speed and acceleration, 0 = as fast as it can.
     fn speed_limits(&self) -> Pace {
         let speed = self.si(Role::ProfileVelocity).or(self.si(Role::GoalVelocity));
@@ -368,8 +393,7 @@ impl Servo {
     /// How the speed changes to another.
     fn ramp_of_speed(&self, speed: f64) -> Pace {
         let raw = self.value(Role::ProfileAcceleration).unwrap_or(0);
-        let timed =
-            self.model.protocol == Protocol::Dynamixel2 && self.drive_mode() & TIME_BASED != 0;
+        let timed = self.has_profile() && self.drive_mode() & TIME_BASED != 0;
         if timed && raw > 0 {
             return Pace::Timed { total_s: 0.0, ramp_s: raw as f64 * 1e-3 };
         }
@@ -393,7 +417,8 @@ impl Servo {
     pub(super) fn refresh(&mut self) {
         let side = self.side();
         let target = self.motor.trajectory();
-        self.put_held(Role::PresentPosition, self.present_position());
+        let position = self.frozen.unwrap_or_else(|| self.present_position());
+        self.put_held(Role::PresentPosition, position);
         self.put_si(Role::PresentVelocity, side * self.motor.velocity_rad_s());
         self.put_si(Role::PresentCurrent, side * self.motor.current_a());
         self.put_si(Role::PresentPwm, side * self.motor.duty());

@@ -1,17 +1,18 @@
 //! Which mode a servo is in, and what its position register means there.
 //!
-//! - DYNAMIXEL 2.0 and STS: the operating mode register, by the profile's table; a value that is not
-//!   in it counts as position mode (and cannot be written).
-//! - DYNAMIXEL 1.0: both angle limits 0 is wheel mode, which turns at a speed on MX and at a duty on
-//!   AX; both at the highest count is multi-turn on MX; Torque Control Mode Enable goes before.
+//! - DYNAMIXEL 2.0 and STS: the operating mode register, by the profile's table; a value that is
+//!   not in it counts as position mode (and cannot be written).
+//! - DYNAMIXEL 1.0: both angle limits 0 is wheel mode, which turns at a speed on MX and at a duty
+//!   on AX; both at the highest count is multi-turn on MX; Torque Control Mode Enable goes before.
 //! - SCS: both angle limits 0 is PWM mode.
+//! - XL-320 speaks protocol 2.0 over a table in the manner of AX: [`Servo::has_profile`] is false.
 //!
-//! The encoder is absolute within one turn. DYNAMIXEL 2.0 counts turns in every mode (extended
-//! position: -256..256) and forgets them when it restarts, when the mode becomes position, and when
-//! torque comes on in position mode (e-Manual, Present Position). All others read within one turn,
-//! but for MX multi-turn and STS with both limits 0 or with bit 4 of Phase(18). Where less than a
-//! turn is readable (AX, SCS: 300 of 360 degrees) the dead gap reads as its nearer end; the makers
-//! call the reading there undefined.
+//! The encoder is absolute within one turn. DYNAMIXEL 2.0 (but for XL-320) counts turns in every
+//! mode (extended position: -256..256) and forgets them when it restarts, when the mode becomes
+//! position, and when torque comes on in position mode (e-Manual, Present Position). All others
+//! read within one turn, but for MX multi-turn and STS with both limits 0 or with bit 4 of
+//! Phase(18). Where less than a turn is readable (AX, XL-320, SCS: 300 of 360 degrees) the dead gap
+//! reads as its nearer end; the makers call the reading there undefined.
 //!
 //! Within one turn no manual says which way a servo goes to a goal. Here it never crosses the seam:
 //! from torque on it keeps to the turn it is in.
@@ -53,6 +54,11 @@ impl Servo {
         }
     }
 
+    /// The X and MX (2.0) tables: profile registers, Goal PWM, gains of their own for speed.
+    pub(super) fn has_profile(&self) -> bool {
+        self.model.protocol == Protocol::Dynamixel2 && self.value(Role::ProfileVelocity).is_some()
+    }
+
     /// AX: compliance in place of P, I and D.
     pub(super) fn has_compliance(&self) -> bool {
         self.value(Role::CwComplianceSlope).is_some()
@@ -84,7 +90,7 @@ impl Servo {
     /// True if the reading counts turns.
     fn counts_turns(&self) -> bool {
         match self.model.protocol {
-            Protocol::Dynamixel2 => true,
+            Protocol::Dynamixel2 => self.model.profile.position.degrees == 360,
             Protocol::Dynamixel1 => self.mode() == Mode::ExtendedPosition,
             Protocol::FeetechSts => {
                 self.value(Role::Phase).unwrap_or(0) & PHASE_MULTI_TURN != 0
@@ -172,10 +178,11 @@ impl Servo {
 
     /// The turns counted so far are forgotten: the encoder reads within one turn.
     pub(super) fn forget_turns(&mut self) {
-        let turn = self.counts_per_turn();
-        let counts = self.encoder(self.motor.position_rad()).round();
-        // Where a turn is no whole number of counts, nothing counts turns.
-        self.reading_offset -= ((counts / turn).floor() * turn) as i64;
+        if self.counts_turns() {
+            let turn = self.counts_per_turn();
+            let counts = self.encoder(self.motor.position_rad()).round();
+            self.reading_offset -= ((counts / turn).floor() * turn) as i64;
+        }
         self.note_turn();
     }
 }

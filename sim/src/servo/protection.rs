@@ -12,23 +12,27 @@
 //!   overload and overcurrent. The public tables name these registers but do not tell all of this:
 //!   that overload needs its bit in the unloading condition, and how it is forgotten, is assumed.
 //!
-//! Overload is, on DYNAMIXEL, 80 % of the stall torque for one second (assumed; the manuals speak of
-//! "persistent load that exceeds maximum output"); on FEETECH the overload torque(36, SCS 39) for
-//! the protection time(35, SCS 38), overcurrent the protection current(28) for its time(38).
+//! Overload is, on DYNAMIXEL, 80 % of the stall torque for one second (assumed; the manuals speak
+//! of "persistent load that exceeds maximum output"); on FEETECH the overload torque(36, SCS 39)
+//! for the protection time(35, SCS 38), overcurrent the protection current(28) for its time(38).
 //!
-//! The alarm LED blinks once a second while an error is up that its mask names; DYNAMIXEL 2.0 has no
-//! mask and blinks while shut down.
+//! The alarm LED blinks once a second while an error is up that its mask names; DYNAMIXEL 2.0 has
+//! no mask and blinks while shut down.
 
 use super::{Event, Servo};
 use crate::motor::Bound;
 use gaitway_profiles::{Protocol, Role};
 
-const VOLTAGE_BIT: i64 = 1;
-const TEMPERATURE_BIT: i64 = 1 << 2;
+/// What can be wrong: the word the profiles have for it, and its usual bit.
+type Trouble = (&'static str, u8);
+const VOLTAGE: Trouble = ("input voltage", 0);
+const HEAT: Trouble = ("overheating", 2);
 /// FEETECH only.
-const OVERCURRENT_BIT: i64 = 1 << 3;
-const OVERLOAD_BIT: i64 = 1 << 5;
+const OVERCURRENT: Trouble = ("current", 3);
+const OVERLOAD: Trouble = ("overload", 5);
 const DYNAMIXEL_OVERLOAD: Bound = Bound { ratio: 0.8, time_s: 1.0 };
+/// The alarm LED is lit for so long, then dark for so long.
+const HALF_BLINK_NS: u64 = 500_000_000;
 const NEVER: Bound = Bound { ratio: f64::INFINITY, time_s: f64::INFINITY };
 
 impl Servo {
@@ -50,20 +54,29 @@ impl Servo {
         }
     }
 
+    /// The bits of these troubles; XL-320 has its own.
+    fn bits<const N: usize>(&self, troubles: [Trouble; N]) -> i64 {
+        let listed = &self.model.profile.error_bits;
+        let bit = |(name, usual): Trouble| {
+            1 << listed.iter().find(|bit| bit.name == name).map_or(usual, |bit| bit.bit)
+        };
+        troubles.into_iter().fold(0, |bits, trouble| bits | bit(trouble))
+    }
+
     /// Looks at voltage and temperature.
     pub(super) fn protect(&mut self) {
         let mut bits = 0;
         if self.si(Role::TemperatureLimit).is_some_and(|c| self.motor.temperature_c() > c) {
-            bits |= TEMPERATURE_BIT;
+            bits |= self.bits([HEAT]);
         }
         let volts = self.motor.voltage_v();
         if self.si(Role::MaxVoltageLimit).is_some_and(|v| volts > v)
             || self.si(Role::MinVoltageLimit).is_some_and(|v| volts < v)
         {
-            bits |= VOLTAGE_BIT;
+            bits |= self.bits([VOLTAGE]);
         }
         if self.model.protocol != Protocol::Dynamixel2 {
-            self.set_errors(self.errors & !(VOLTAGE_BIT | TEMPERATURE_BIT));
+            self.set_errors(self.errors & !self.bits([VOLTAGE, HEAT]) | bits);
         }
         if bits != 0 {
             self.raise(bits);
@@ -85,7 +98,7 @@ impl Servo {
             Protocol::Dynamixel1 => self.put(Role::TorqueLimit, 0),
             Protocol::Dynamixel2 => self.put(Role::TorqueEnable, 0),
             Protocol::FeetechSts | Protocol::FeetechScs => {
-                let spared = bits & self.shutdown_mask() == OVERLOAD_BIT
+                let spared = bits & self.shutdown_mask() == self.bits([OVERLOAD])
                     && self.value(Role::ProtectiveTorque).is_some();
                 if !spared {
                     self.put(Role::TorqueEnable, 0);
@@ -97,8 +110,7 @@ impl Servo {
     }
 
     fn shutdown_mask(&self) -> i64 {
-        let every = VOLTAGE_BIT | TEMPERATURE_BIT | OVERLOAD_BIT;
-        self.value(Role::Shutdown).unwrap_or(every)
+        self.value(Role::Shutdown).unwrap_or_else(|| self.bits([VOLTAGE, HEAT, OVERLOAD]))
     }
 
     /// True while an error keeps Torque Enable from being set.
@@ -107,7 +119,7 @@ impl Servo {
             Protocol::Dynamixel2 => self.shutdown_mask(),
             Protocol::Dynamixel1 => 0,
             Protocol::FeetechSts | Protocol::FeetechScs => {
-                self.shutdown_mask() & (VOLTAGE_BIT | TEMPERATURE_BIT)
+                self.shutdown_mask() & self.bits([VOLTAGE, HEAT])
             }
         };
         self.errors & mask != 0
@@ -115,25 +127,25 @@ impl Servo {
 
     pub fn raise_overload(&mut self, now_ns: u64) {
         self.advance(now_ns);
-        self.raise(OVERLOAD_BIT);
+        self.overloaded();
     }
 
     pub(super) fn overloaded(&mut self) {
-        self.raise(OVERLOAD_BIT);
+        self.raise(self.bits([OVERLOAD]));
     }
 
     pub(super) fn overcurrent(&mut self) {
-        self.raise(OVERCURRENT_BIT);
+        self.raise(self.bits([OVERCURRENT]));
     }
 
     /// What ends an overload without a restart has happened.
     pub(super) fn forget_overload(&mut self) {
-        self.set_errors(self.errors & !(OVERLOAD_BIT | OVERCURRENT_BIT));
+        self.set_errors(self.errors & !self.bits([OVERLOAD, OVERCURRENT]));
     }
 
     /// FEETECH: highest duty while overloaded.
     pub(super) fn protective_limit(&self) -> Option<f64> {
-        let limited = self.errors & self.shutdown_mask() & OVERLOAD_BIT != 0;
+        let limited = self.errors & self.shutdown_mask() & self.bits([OVERLOAD]) != 0;
         let feetech = matches!(self.model.protocol, Protocol::FeetechSts | Protocol::FeetechScs);
         self.si(Role::ProtectiveTorque).filter(|_| limited && feetech)
     }
@@ -169,7 +181,7 @@ impl Servo {
             (_, mask) => self.errors & mask.unwrap_or(0) != 0,
         };
         if alarm {
-            return self.motor.now_ns() / 500_000_000 % 2 == 0;
+            return (self.motor.now_ns() / HALF_BLINK_NS).is_multiple_of(2);
         }
         self.value(Role::Led).is_some_and(|led| led != 0)
     }

@@ -130,13 +130,11 @@ fn wait_until(what: &str, is_so: impl Fn() -> bool) {
 
 #[test]
 fn what_one_program_left_unread_is_not_for_the_next() {
-    let world = world(false);
-    let door = Door::open(Arc::clone(&world), 0, None).unwrap();
-    for round in 1..=3 {
+    let door = Door::open(world(false), 0, None).unwrap();
+    for _ in 0..3 {
         let mut port = open(door.path());
         port.write_all(&hex(PING_1)).unwrap();
-        wait_until("an answer", || world.lock().unwrap().verdict().statuses == 2 * round - 1);
-        assert_eq!(rustix::io::ioctl_fionread(&port), Ok(14));
+        wait_until("an answer", || rustix::io::ioctl_fionread(&port) == Ok(14));
         drop(port);
         wait_until("an empty buffer", || rustix::io::ioctl_fionread(open(door.path())) == Ok(0));
         let mut port = open(door.path());

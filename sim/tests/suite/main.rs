@@ -10,5 +10,7 @@ mod mixed;
 mod modes;
 mod motion;
 mod properties;
+mod protections;
 mod referee;
 mod scene;
+mod script;

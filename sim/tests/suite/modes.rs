@@ -1,6 +1,7 @@
 //! Every operating mode of every family moves as its manual says.
 
 use crate::scene::{Scene, dynamixels, feetech, instruction, mixed, write};
+use gaitway_sim::{Options, ZeroSpeed};
 
 const TORQUE_ENABLE: u16 = 64;
 const GOAL_PWM: u16 = 100;
@@ -236,7 +237,7 @@ fn moving_status_tells_the_shape_of_the_profile() {
 fn a_shaft_that_cannot_follow_shows_a_following_error() {
     let fault =
         gaitway_sim::Fault::StuckPosition { joint: "j1".into(), from_ns: 0, until_ns: u64::MAX };
-    let options = gaitway_sim::Options { faults: vec![fault], ..Default::default() };
+    let options = Options { faults: vec![fault], ..Default::default() };
     let mut scene = Scene::with(&dynamixels(&[1]), options);
     set1(&mut scene, TORQUE_ENABLE, 1);
     set4(&mut scene, GOAL_POSITION, 2_500);
@@ -331,26 +332,49 @@ fn sts_step_mode_moves_by_the_goal_each_time_it_is_written() {
     put_word(&mut scene, 42, 0x8000 | 600);
     scene.wait_ms(1_000);
     assert!((scene.get("j1", "Present Position") - 2048).abs() <= 4);
+    put_word(&mut scene, 31, 100);
+    scene.wait_ms(500);
+    assert!((scene.get("j1", "Present Position") - 1948).abs() <= 4, "an offset is no step");
 }
 
 #[test]
-fn sts_counts_turns_without_angle_limits_or_with_phase_bit_4() {
-    for phase in [0, 0x10] {
+fn sts_counts_turns_where_both_angle_limits_are_0() {
+    let mut scene = one("sts3215");
+    put(&mut scene, 9, &[0, 0, 0, 0]);
+    put(&mut scene, 40, &[1]);
+    put_word(&mut scene, 42, 10_000);
+    scene.wait_ms(5_000);
+    assert!((scene.get("j1", "Present Position") - 10_000).abs() <= 4);
+    put_word(&mut scene, 42, 0x8000 | 5_000);
+    scene.wait_ms(6_000);
+    assert!((scene.get("j1", "Present Position") + 5_000).abs() <= 4);
+}
+
+#[test]
+fn sts_reads_more_than_a_turn_with_phase_bit_4_only() {
+    for (phase, reading) in [(0x00, 904), (0x10, 5_000)] {
         let mut scene = one("sts3215");
-        scene.set("j1", "Phase", phase);
-        if phase == 0 {
-            put(&mut scene, 9, &[0, 0, 0, 0]);
-        } else {
-            scene.set("j1", "Max Position Limit", 0);
-        }
-        put(&mut scene, 40, &[1]);
-        put_word(&mut scene, 42, 10_000);
-        scene.wait_ms(5_000);
-        assert!((scene.get("j1", "Present Position") - 10_000).abs() <= 4, "{phase}");
-        put_word(&mut scene, 42, 0x8000 | 5_000);
-        scene.wait_ms(6_000);
-        assert!((scene.get("j1", "Present Position") + 5_000).abs() <= 4, "{phase}");
+        scene.set("j1", "Phase", 0x10);
+        scene.set("j1", "Present Position", 5_000);
+        put(&mut scene, 18, &[phase]);
+        assert_eq!(scene.get("j1", "Present Position"), reading);
     }
+}
+
+#[test]
+fn sts_goal_speed_0_is_no_limit_unless_phase_is_asked() {
+    let turned = |zero_speed, phase| {
+        let options = Options { permit_eeprom: true, zero_speed, ..Options::default() };
+        let mut scene = Scene::with(&mixed(&[("sts3215", 1)]), options);
+        scene.set("j1", "Phase", phase);
+        put(&mut scene, 40, &[1]);
+        put_word(&mut scene, 42, 2_500);
+        scene.wait_ms(1_000);
+        scene.get("j1", "Present Position") > 2_490
+    };
+    assert!(turned(ZeroSpeed::NoLimit, 0x00));
+    assert!(turned(ZeroSpeed::AsPhaseSays, 0x08));
+    assert!(!turned(ZeroSpeed::AsPhaseSays, 0x00));
 }
 
 #[test]
@@ -544,4 +568,43 @@ fn mx_torque_control_mode_gives_the_goal_torque() {
     put(&mut scene, 70, &[0]);
     scene.wait_ms(1_000);
     assert_eq!(scene.get("j1", "Present Speed"), 0, "joint mode holds again");
+    put(&mut scene, 70, &[1]);
+    scene.wait_ms(200);
+    assert!(scene.get("j1", "Present Speed") < 0, "the goal torque is still there");
+    put(&mut scene, 70, &[0]);
+    scene.wait_ms(1_000);
+    assert_eq!(scene.get("j1", "Present Speed"), 0, "joint mode holds again");
+}
+
+// XL-320: protocol 2.0, a table in the manner of AX.
+
+#[test]
+fn an_xl320_moves_at_its_speed_and_turns_as_a_wheel_by_duty() {
+    let mut scene = one("xl320");
+    set1(&mut scene, 24, 1);
+    let start_ns = scene.world.now_ns();
+    // Speed 100 is 66.6 deg/s; 300 counts are 87.9 deg.
+    let goal = [812_u16.to_le_bytes(), 100_u16.to_le_bytes()].concat();
+    assert_eq!(scene.error(&write(1, 30, &goal)), 0);
+    scene.world.run_until(start_ns + 660_000_000);
+    let half = scene.get("j1", "Present Position") - 512;
+    assert!((140..=150).contains(&half), "{half}");
+    set1(&mut scene, 24, 0);
+    set1(&mut scene, 11, 1);
+    set1(&mut scene, 24, 1);
+    set2(&mut scene, 32, 1024 + 512);
+    for _ in 0..100 {
+        scene.wait_ms(10);
+        assert!((0..=1023).contains(&scene.get("j1", "Present Position")));
+    }
+    assert!(scene.get("j1", "Present Speed") < -300);
+}
+
+#[test]
+fn an_xl320_has_error_bits_of_its_own() {
+    let mut scene = one("xl320");
+    scene.set("j1", "Present Temperature", 80);
+    assert_eq!(scene.error(&instruction(1, 1, &[])), 0x80);
+    // e-Manual XL-320, Hardware Error Status(50): overheating is bit 1.
+    assert_eq!(scene.get("j1", "Hardware Error Status"), 0x02);
 }

@@ -26,11 +26,9 @@ pub struct EepromWrite {
     pub to: i64,
 }
 
-/// The return delay register of a joint, where one is known to work (Feetech's is not).
+/// The return delay register of a joint.
 fn return_delay(link: &Link, joint: usize) -> Option<&'static Register> {
-    let model = link.robot().joints[joint].model;
-    let dynamixel = matches!(model.protocol(), Protocol::Dynamixel1 | Protocol::Dynamixel2);
-    model.register(Role::ReturnDelay).ok().filter(|_| dynamixel)
+    link.robot().joints[joint].model.register(Role::ReturnDelay).ok()
 }
 
 /// Reads how long each servo waits before it answers; the longest on a line counts.
@@ -92,9 +90,6 @@ pub(super) fn check_line_speed(
             );
         }
     }
-    if found.eeprom.is_empty() {
-        check_measured(link, period, &plans)?;
-    }
     if let Some(slowest) = plans.iter().max_by(|a, b| slower(a, b)) {
         found.wire_limit_hz = slowest.limit_hz;
         found.bus_load = slowest.load();
@@ -123,8 +118,11 @@ fn plan_delay_writes(link: &Link, plans: &[LinePlan], found: &mut Preflight) {
         let from = found.return_delay_raw[joint];
         let Some(register) = return_delay(link, joint) else { continue };
         let to = register.min.unwrap_or(0);
-        let plan = &plans[link.robot().joints[joint].line];
-        if plan.fits && plan.turns == 1 || from <= to {
+        let of = &link.robot().joints[joint];
+        let plan = &plans[of.line];
+        // Feetech's register is said to do nothing, and its EEPROM is locked besides.
+        let dynamixel = matches!(of.model.protocol(), Protocol::Dynamixel1 | Protocol::Dynamixel2);
+        if plan.fits && plan.turns == 1 || from <= to || !dynamixel {
             continue;
         }
         found.eeprom.push(EepromWrite { joint, register, from, to });
@@ -134,7 +132,7 @@ fn plan_delay_writes(link: &Link, plans: &[LinePlan], found: &mut Preflight) {
             place(link, joint),
             register.name,
             register.address,
-            link.robot().joints[joint].id
+            of.id
         ));
     }
 }
@@ -175,7 +173,11 @@ fn allowed(period_s: f64) -> String {
 }
 
 /// Times real reads: adapters hold bytes back for reasons no computation knows.
-fn check_measured(link: &mut Link, period: Duration, plans: &[LinePlan]) -> Result<(), Error> {
+pub(super) fn check_measured(link: &mut Link, found: &Preflight) -> Result<(), Error> {
+    if !found.eeprom.is_empty() {
+        return Ok(()); // the servos are still as slow as they were
+    }
+    let (period, plans) = (found.period, &found.lines);
     let clock = std::sync::Arc::clone(link.clock());
     let turns = plans.iter().map(|plan| plan.turns).max().unwrap_or(1);
     let mut best = vec![Duration::MAX; turns];
