@@ -66,6 +66,30 @@ fn vendor(python: &Python, package: &str, record: &mut Record) -> Result<(), Los
     if package == "ftservo-python-sdk" {
         named_operations(&bench, &mut sdk, record)?;
     }
+    whole_robot(python, package, "so101")?;
+    whole_robot(python, package, "open-duck-mini-v2")
+}
+
+/// Every joint is told one thing and found at another.
+fn whole_robot(python: &Python, package: &str, name: &str) -> Result<(), Lost> {
+    let bench = Bench::open(name, Options::default());
+    let mut sdk = start_vendor(python, bench.port(0), package, "sts");
+    let robot = gaitway_profiles::robot(name).expect("a shipped robot");
+    let ids: Vec<i64> = robot.joints.iter().map(|joint| i64::from(joint.id)).collect();
+    assert!(ids.len() >= 6, "{name}");
+    let positions: Vec<i64> = ids.iter().map(|id| 1500 + 11 * id).collect();
+    for (joint, position) in robot.joints.iter().zip(&positions) {
+        bench.set(&joint.name, "Present Position", *position);
+    }
+    let seen = sdk.ask("sync_read", json!([ids, PRESENT, 2]))?;
+    assert_eq!(seen, json!(positions), "{name}");
+    let goal = |id: i64| 2500 - 13 * id;
+    let goals: Vec<_> =
+        ids.iter().map(|&id| json!([id, [goal(id) & 255, goal(id) >> 8]])).collect();
+    sdk.ask("sync_write", json!([GOAL, goals]))?;
+    for joint in &robot.joints {
+        bench.assert_comes_to(&joint.name, "Goal Position", goal(i64::from(joint.id)));
+    }
     Ok(())
 }
 
