@@ -9,6 +9,8 @@ mod python;
 
 #[path = "clients/bench.rs"]
 mod bench;
+#[path = "clients/command.rs"]
+mod command;
 #[path = "clients/conformance.rs"]
 mod conformance;
 #[path = "clients/crates.rs"]
@@ -213,4 +215,9 @@ fn feetech_servo_sdk_believes_an_old_answer() {
 #[test]
 fn feetech_cli_does_not_know_an_overload_by_name() {
     defects::FEETECH_CLI_OVERLOAD.outcome();
+}
+
+#[test]
+fn what_one_client_sets_on_a_simulated_robot_another_finds() {
+    command::BETWEEN_TWO.outcome();
 }

@@ -39,7 +39,11 @@ fn bench(robot: &str) -> Bench {
 }
 
 pub fn client(python: &Python, port: &str, family: &str) -> Client {
-    Client::start(python, "rustypot_client.py", &[port, "1000000", family, "0.4"])
+    client_at(python, port, "1000000", family)
+}
+
+pub fn client_at(python: &Python, port: &str, bps: &str, family: &str) -> Client {
+    Client::start(python, "rustypot_client.py", &[port, bps, family, "0.4"])
 }
 
 /// Reads and writes every register the class lists; `unknown` are those the servo does not have,
