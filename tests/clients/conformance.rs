@@ -194,7 +194,7 @@ fn defects(page: &mut String, scenarios: &[&'static Scenario]) {
             scenario.client,
             scenario.protocol
         );
-        line(page, &wrapped(&text, 100, "   "));
+        line(page, &wrapped(&text, 100, "    "));
     }
 }
 

@@ -158,9 +158,10 @@ pub static WHEEL_INDIRECT_DATA: Scenario = Scenario::new(
     "DYNAMIXEL 2.0",
     About::Defect(
         "Read",
-        "has the indirect data of the XL330 at 224, where the XM430 has it, not at 208: \
-         `indirect_data_1` is the servo's Indirect Data 17. It also lists an acceleration limit the \
-         XL330 does not have, and current registers the XL430 does not have",
+        "has the indirect data of the XL330 at 224, where firmware before 52 had it (so the maker's \
+         `.model` files), not at the e-Manual's 208: with firmware 52 its `indirect_data_1` is the \
+         servo's Indirect Data 17. It also lists an acceleration limit the XL330 does not have, \
+         and current registers the XL430 does not have",
     ),
     Run::Python(|python, _| {
         let bench = Bench::open("dynamixel2", Options::default());
