@@ -38,7 +38,7 @@ use aloud::aloud;
 use scenario::Scenario;
 
 /// What each client can do; its defects follow from [`defects::ALL`].
-const EVERYTHING: [&Scenario; 18] = [
+const EVERYTHING: [&Scenario; 19] = [
     &dynamixel_sdk::PROTOCOL_2,
     &rustypot_wheel::PROTOCOL_2,
     &crates::DYNAMIXEL2_PROTOCOL_2,
@@ -56,6 +56,7 @@ const EVERYTHING: [&Scenario; 18] = [
     &lerobot::STS,
     &feetech::FTSERVO_SCS,
     &feetech::FEETECH_SERVO_SDK_SCS,
+    &feetech::FEETECH_CLI_SCS,
     &rustypot_wheel::SCS,
 ];
 
@@ -230,4 +231,14 @@ fn what_one_client_sets_on_a_simulated_robot_another_finds() {
 fn lerobot_can_do_everything_it_offers() {
     lerobot::STS.outcome();
     lerobot::PROTOCOL_2.outcome();
+}
+
+#[test]
+fn feetech_cli_can_do_what_it_offers_with_scs_servos() {
+    feetech::FEETECH_CLI_SCS.outcome();
+}
+
+#[test]
+fn feetech_cli_opens_the_wrong_lock_of_scs_servos() {
+    defects::FEETECH_CLI_SCS_LOCK.outcome();
 }

@@ -443,3 +443,28 @@ fn big_endian_by_name(bench: &Bench, sdk: &mut Client, record: &mut Record) -> R
     record.works("Wheel mode");
     Ok(())
 }
+
+pub static FEETECH_CLI_SCS: Scenario =
+    Scenario::new("feetech-cli", "FEETECH SCS", About::Everything(SCS), Run::Python(cli_scs));
+
+fn cli_scs(python: &Python, record: &mut Record) -> Result<(), Lost> {
+    let bench = Bench::open("scs", Options { permit_eeprom: true, ..Options::default() });
+    let mut cli = Client::start(python, "feetech_cli_client.py", &[bench.port(0), "scs"]);
+    assert_eq!(cli.ask("connect", json!([]))?, json!([1, 2]));
+    record.works("Ping");
+    for (joint, id) in [("one", 1), ("two", 2)] {
+        bench.set(joint, "Present Position", 0x0201);
+        assert_eq!(cli.ask("read_register", json!([id, "present_position"]))?, 0x0201);
+        assert_eq!(cli.ask("read_register", json!([id, "model_number"]))?, 0x0504);
+        record.works("Read");
+        cli.ask("set_goal_position", json!([id, 0x0180]))?;
+        bench.assert_holds("Goal Position", &[(joint, 0x0180)]);
+        record.works("Write");
+    }
+    cli.ask("sync_write_positions", json!([[1, 2], [0x0111, 0x0222], 0x0301, 0]))?;
+    bench.assert_comes_to("one", "Goal Position", 0x0111);
+    bench.assert_comes_to("two", "Goal Position", 0x0222);
+    bench.assert_comes_to("two", "Goal Velocity", 0x0301);
+    record.works("Sync Write");
+    Ok(())
+}
