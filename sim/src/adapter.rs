@@ -39,11 +39,9 @@ impl Options {
             .iter()
             .find(|profile| profile.name == adapter)
             .ok_or_else(|| SimError::UnknownAdapter(adapter.to_string()))?;
-        // The two that FTDI makes put two bytes of their own into each packet.
-        let packet_bytes = match adapter {
-            "ftdi" | "u2d2" => Usb::FTDI.packet_bytes,
-            _ => Usb::FULL_SPEED.packet_bytes,
-        };
+        // FTDI's chips (USB vendor 0403) put two bytes of their own into each packet.
+        let ftdi = profile.usb_ids.iter().any(|id| id.starts_with("0403:"));
+        let packet_bytes = if ftdi { Usb::FTDI } else { Usb::FULL_SPEED }.packet_bytes;
         self.echo = profile.echo;
         self.usb = Some(Usb { packet_bytes, timer_ns: (profile.latency_s * 1e9) as u64 });
         Ok(self)

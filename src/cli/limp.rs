@@ -39,7 +39,8 @@ pub fn run(args: &LimpArgs, remarks: Remarks) -> Result<i32, Error> {
     Ok(0)
 }
 
-fn consents(robot: &str) -> bool {
+/// Asks whether `robot` may go limp.
+pub(super) fn consents(robot: &str) -> bool {
     let stdin = std::io::stdin();
     if !stdin.is_terminal() {
         return false;

@@ -5,7 +5,7 @@ use super::signals::Signals;
 use crate::error::Error;
 use clap::Args;
 use gaitway_profiles::Robot;
-use gaitway_sim::{Door, Options, Script, ScriptError, World};
+use gaitway_sim::{Door, Options, Script, ScriptError, SimError, World};
 use std::net::{Ipv4Addr, SocketAddr};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -61,8 +61,7 @@ pub fn run(args: &SimulateArgs, remarks: Remarks) -> Result<i32, Error> {
     let signals = Signals::listen().map_err(|e| Error::new(format!("no signals: {e}")))?;
     // Any robot file: the virtual servos speak more protocols than the driver needs to.
     let robot = gaitway_profiles::robot(&args.robot).map_err(|e| Error::new(e.to_string()))?;
-    let world = World::new(&robot, options(args)?)
-        .map_err(|e| Error::new(e.to_string()).at(format!("robot {}", robot.name)))?;
+    let world = World::new(&robot, options(args)?).map_err(|e| unfit(&robot, &e))?;
     let world = Arc::new(Mutex::new(world));
     let mut doors = open_doors(args, &robot, &world)?;
     let reached = args.pty.as_ref().map_or_else(String::new, |l| format!(" at {}", l.display()));
@@ -103,6 +102,21 @@ pub fn run(args: &SimulateArgs, remarks: Remarks) -> Result<i32, Error> {
     Ok(0)
 }
 
+/// Why a robot file and a fault script make no world.
+fn unfit(robot: &Robot, error: &SimError) -> Error {
+    let said = Error::new(error.to_string()).at(format!("robot {}", robot.name));
+    let names = |names: Vec<&str>| names.join(", ");
+    match error {
+        SimError::UnknownJoint(_) => {
+            said.allowed(names(robot.joints.iter().map(|joint| joint.name.as_str()).collect()))
+        }
+        SimError::UnknownLine(_) => {
+            said.allowed(names(robot.lines.iter().map(|line| line.name.as_str()).collect()))
+        }
+        _ => said,
+    }
+}
+
 fn options(args: &SimulateArgs) -> Result<Options, Error> {
     let script = match &args.faults {
         Some(path) => read_script(path)?,
@@ -117,7 +131,10 @@ fn options(args: &SimulateArgs) -> Result<Options, Error> {
     };
     match &args.adapter {
         Some(name) => {
-            options.behind(name).map_err(|e| Error::new(e.to_string()).at("--adapter").got(name))
+            let known: Vec<&str> = gaitway_profiles::adapter_names().collect();
+            let known = known.join(", ");
+            let unknown = |e: SimError| Error::new(e.to_string()).at("--adapter").allowed(known);
+            options.behind(name).map_err(unknown)
         }
         None => Ok(options),
     }

@@ -87,3 +87,24 @@ fn only_the_watchdog_of_the_family_spoken_to_is_fed() {
     let answer = statuses(&scene.ask(&read(1, 98, 1)));
     assert_eq!(answer[0].params, [0xFF]);
 }
+
+#[test]
+fn lines_of_a_robot_do_not_disturb_each_other() {
+    let robot = gaitway_profiles::robot("poppy-humanoid").unwrap();
+    let mut world = gaitway_sim::World::new(&robot, gaitway_sim::Options::default()).unwrap();
+    let lines: Vec<(u8, u32)> = robot
+        .lines
+        .iter()
+        .map(|line| (robot.joints_on(&line.name).next().unwrap().id, line.baud_bps))
+        .collect();
+    assert_eq!(lines.len(), 2);
+    // Both are asked at once.
+    for (line, &(id, baud_bps)) in lines.iter().enumerate() {
+        world.transmit(line, &feetech(id, 1, &[]), baud_bps);
+    }
+    for (line, &(id, _)) in lines.iter().enumerate() {
+        let mut answer = [0; 64];
+        let count = world.receive(line, &mut answer, 100_000_000);
+        assert_eq!(answer[..count], feetech(id, 0, &[]));
+    }
+}

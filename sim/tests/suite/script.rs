@@ -154,8 +154,16 @@ fn a_slow_adapter_hands_over_when_its_timer_says_so() {
     let script = "[[fault]]\nkind = 'slow-line'\ntimer_s = 0.016\nuntil_s = 0.02";
     let faults = Script::parse(script).unwrap().faults;
     assert_eq!(ready(Options { faults, ..Options::default() }), [(16 * MS, 30)]);
-    assert!(Options::default().behind("u2d2").is_ok());
-    assert!(Options::default().behind("u2d3").is_err());
+}
+
+#[test]
+fn an_adapter_is_named_as_in_its_profile() {
+    for (adapter, usb) in [("usb2dynamixel", Usb::FTDI_LOW_LATENCY), ("ch343", Usb::FULL_SPEED)] {
+        let options = Options::default().behind(adapter).unwrap();
+        assert_eq!((options.usb, options.echo), (Some(usb), false), "{adapter}");
+    }
+    let refused = Options::default().behind("u2d3").unwrap_err();
+    assert!(refused.to_string().contains("u2d3"));
 }
 
 #[test]
