@@ -9,6 +9,8 @@ mod python;
 
 #[path = "clients/bench.rs"]
 mod bench;
+#[path = "clients/command.rs"]
+mod command;
 #[path = "clients/conformance.rs"]
 mod conformance;
 #[path = "clients/crates.rs"]
@@ -19,6 +21,8 @@ mod defects;
 mod dynamixel_sdk;
 #[path = "clients/feetech.rs"]
 mod feetech;
+#[path = "clients/lerobot.rs"]
+mod lerobot;
 #[path = "clients/pypot.rs"]
 mod pypot;
 #[path = "clients/registers.rs"]
@@ -34,11 +38,12 @@ use aloud::aloud;
 use scenario::Scenario;
 
 /// What each client can do; its defects follow from [`defects::ALL`].
-const EVERYTHING: [&Scenario; 16] = [
+const EVERYTHING: [&Scenario; 19] = [
     &dynamixel_sdk::PROTOCOL_2,
     &rustypot_wheel::PROTOCOL_2,
     &crates::DYNAMIXEL2_PROTOCOL_2,
     &crates::RUSTYPOT_PROTOCOL_2,
+    &lerobot::PROTOCOL_2,
     &dynamixel_sdk::PROTOCOL_1,
     &rustypot_wheel::PROTOCOL_1,
     &crates::RUSTYPOT_PROTOCOL_1,
@@ -48,8 +53,10 @@ const EVERYTHING: [&Scenario; 16] = [
     &feetech::FEETECH_CLI,
     &rustypot_wheel::STS,
     &crates::RUSTYPOT_STS,
+    &lerobot::STS,
     &feetech::FTSERVO_SCS,
     &feetech::FEETECH_SERVO_SDK_SCS,
+    &feetech::FEETECH_CLI_SCS,
     &rustypot_wheel::SCS,
 ];
 
@@ -213,4 +220,25 @@ fn feetech_servo_sdk_believes_an_old_answer() {
 #[test]
 fn feetech_cli_does_not_know_an_overload_by_name() {
     defects::FEETECH_CLI_OVERLOAD.outcome();
+}
+
+#[test]
+fn what_one_client_sets_on_a_simulated_robot_another_finds() {
+    command::BETWEEN_TWO.outcome();
+}
+
+#[test]
+fn lerobot_can_do_everything_it_offers() {
+    lerobot::STS.outcome();
+    lerobot::PROTOCOL_2.outcome();
+}
+
+#[test]
+fn feetech_cli_can_do_what_it_offers_with_scs_servos() {
+    feetech::FEETECH_CLI_SCS.outcome();
+}
+
+#[test]
+fn feetech_cli_opens_the_wrong_lock_of_scs_servos() {
+    defects::FEETECH_CLI_SCS_LOCK.outcome();
 }

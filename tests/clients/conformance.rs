@@ -47,6 +47,9 @@ GAITWAY_WRITE_CONFORMANCE=1 cargo test --test clients
 `yes`: works. `-`: the client does not offer it, or not for these servos. `[n]`: works, or does not,
 as defect n of the client says; every defect is shown by a test of its own, which fails when a newer
 client no longer has it.
+
+The SDKs are given their setting for slow adapters, 200 ms, so that a machine that stalls does not
+count against them. LeRobot runs without the packages for learning: empty modules stand in for them.
 ";
 
 /// The page, or why there is none.
@@ -194,7 +197,7 @@ fn defects(page: &mut String, scenarios: &[&'static Scenario]) {
             scenario.client,
             scenario.protocol
         );
-        line(page, &wrapped(&text, 100, "   "));
+        line(page, &wrapped(&text, 100, "    "));
     }
 }
 

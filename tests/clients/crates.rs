@@ -137,14 +137,14 @@ pub fn scanned(bus: &mut Bus) -> Vec<u8> {
 
 fn to_many(bench: &Bench, bus: &mut Bus, record: &mut Record) -> Result<(), Lost> {
     let goals = [(1, 0x0151), (3, 0x0252), (252, 0x0353)];
-    let data = goals.map(|(motor_id, data)| SyncWriteData { motor_id, data });
-    bus.sync_write_u32(116, data).expect("sent");
+    let writes = goals.map(|(motor_id, data)| SyncWriteData { motor_id, data });
+    bus.sync_write_u32(116, writes).expect("sent");
     for ((joint, _), (_, goal)) in THREE.iter().zip(goals) {
         bench.assert_comes_to(joint, "Goal Position", goal.into());
     }
     record.works("Sync Write");
     let part =
-        |motor_id, address, data: &[u8]| BulkWriteData { motor_id, address, data: data.to_vec() };
+        |motor_id, address, bytes: &[u8]| BulkWriteData { motor_id, address, data: bytes.to_vec() };
     let writes = vec![part(1, 116, &[7, 1, 0, 0]), part(3, 65, &[0]), part(252, 84, &[0x09, 0x02])];
     bus.bulk_write(&writes).expect("sent");
     bench.assert_comes_to("xm", "Goal Position", 0x0107);
@@ -172,7 +172,7 @@ fn to_many(bench: &Bench, bus: &mut Bus, record: &mut Record) -> Result<(), Lost
 /// What differs from one family of servos to the next.
 struct Family {
     robot: &'static str,
-    handler: fn() -> DynamixelProtocolHandler,
+    protocol: fn() -> DynamixelProtocolHandler,
     servos: &'static [(&'static str, u8)],
     goal: u8,
     present: u8,
@@ -183,7 +183,7 @@ struct Family {
 
 const X_SERIES: Family = Family {
     robot: "dynamixel2",
-    handler: DynamixelProtocolHandler::v2,
+    protocol: DynamixelProtocolHandler::v2,
     servos: &[("xm", 1), ("xl330", 3), ("xl430", 252)],
     goal: 116,
     present: 132,
@@ -194,7 +194,7 @@ const X_SERIES: Family = Family {
 
 const AX_AND_MX: Family = Family {
     robot: "dynamixel1",
-    handler: DynamixelProtocolHandler::v1,
+    protocol: DynamixelProtocolHandler::v1,
     servos: &[("ax", 1), ("mx28", 2), ("mx64", 3), ("mx106", 253)],
     goal: 30,
     present: 36,
@@ -205,7 +205,7 @@ const AX_AND_MX: Family = Family {
 
 const STS: Family = Family {
     robot: "feetech",
-    handler: DynamixelProtocolHandler::v1,
+    protocol: DynamixelProtocolHandler::v1,
     servos: &[("one", 1), ("two", 2), ("last", 253)],
     goal: 42,
     present: 56,
@@ -227,22 +227,22 @@ fn rustypot(record: &mut Record, family: &Family) -> Result<(), Lost> {
     let port = serialport::new(bench.port(0), 1_000_000).timeout(Duration::from_millis(400));
     let mut port: Box<dyn SerialPort> = port.open().expect("a port");
     let port = port.as_mut();
-    let handler = (family.handler)();
+    let protocol = (family.protocol)();
     let ids: Vec<u8> = family.servos.iter().map(|&(_, id)| id).collect();
     let bytes = |value: i64| value.to_le_bytes()[..family.size].to_vec();
     for &(joint, id) in family.servos {
-        assert!(handler.ping(port, id).map_err(lost)?, "{joint}");
+        assert!(protocol.ping(port, id).map_err(lost)?, "{joint}");
         bench.set(joint, "Present Position", 0x0300 + i64::from(id));
-        let seen = handler.read(port, id, family.present, family.size as u8).map_err(lost)?;
+        let seen = protocol.read(port, id, family.present, family.size as u8).map_err(lost)?;
         assert_eq!(seen, bytes(0x0300 + i64::from(id)), "{joint}");
-        handler.write(port, id, family.goal, &bytes(0x0200 + i64::from(id))).map_err(lost)?;
+        protocol.write(port, id, family.goal, &bytes(0x0200 + i64::from(id))).map_err(lost)?;
         bench.assert_holds("Goal Position", &[(joint, 0x0200 + i64::from(id))]);
     }
     record.works("Ping");
     record.works("Read");
     record.works("Write");
     let goals: Vec<Vec<u8>> = ids.iter().map(|&id| bytes(0x0102 + i64::from(id))).collect();
-    handler.sync_write(port, &ids, family.goal, &goals).map_err(lost)?;
+    protocol.sync_write(port, &ids, family.goal, &goals).map_err(lost)?;
     for &(joint, id) in family.servos {
         bench.assert_comes_to(joint, "Goal Position", 0x0102 + i64::from(id));
     }
@@ -250,23 +250,23 @@ fn rustypot(record: &mut Record, family: &Family) -> Result<(), Lost> {
     let there: Vec<Vec<u8>> = ids.iter().map(|&id| bytes(0x0300 + i64::from(id))).collect();
     let size = family.size as u8;
     if family.sync_read {
-        let seen = handler.sync_read(port, &ids, family.present, size).map_err(lost)?;
+        let seen = protocol.sync_read(port, &ids, family.present, size).map_err(lost)?;
         assert_eq!(seen, there);
         record.works("Sync Read");
-        let found = (0..5).any(|_| handler.broadcast_ping(port).is_ok_and(|found| found == ids));
+        let found = (0..5).any(|_| protocol.broadcast_ping(port).is_ok_and(|found| found == ids));
         assert!(found, "everyone's ping never found {ids:?}");
         record.works("Ping, broadcast");
     }
     if family.fast {
-        let seen = handler.fast_sync_read(port, &ids, family.present, size).map_err(lost)?;
+        let seen = protocol.fast_sync_read(port, &ids, family.present, size).map_err(lost)?;
         assert_eq!(seen, there);
         record.works("Fast Sync Read");
         bench.set("xm", "LED", 1);
-        assert!(handler.reboot(port, 1).map_err(lost)?);
+        assert!(protocol.reboot(port, 1).map_err(lost)?);
         bench.assert_holds("LED", &[("xm", 0)]);
         record.works("Reboot");
         bench.set("xl430", "Shutdown", 1);
-        handler.factory_reset(port, 252, false, true).map_err(lost)?;
+        protocol.factory_reset(port, 252, false, true).map_err(lost)?;
         bench.assert_holds("Shutdown", &[("xl430", 52)]);
         bench.assert_holds("ID", &[("xl430", 252)]);
         record.works("Factory Reset");

@@ -15,7 +15,7 @@ use gaitway_sim::{MissingInChain, Options};
 use serde_json::json;
 
 /// All of them, in the order of the conformance table.
-pub static ALL: [&Scenario; 13] = [
+pub static ALL: [&Scenario; 14] = [
     &SDK_STUFFING,
     &SDK_FAST_BULK_READ,
     &SDK_ACTION,
@@ -29,6 +29,7 @@ pub static ALL: [&Scenario; 13] = [
     &FTSERVO_SYNC_READ,
     &FEETECH_SERVO_SDK_STALE,
     &FEETECH_CLI_OVERLOAD,
+    &FEETECH_CLI_SCS_LOCK,
 ];
 
 pub static SDK_STUFFING: Scenario = Scenario::new(
@@ -158,9 +159,10 @@ pub static WHEEL_INDIRECT_DATA: Scenario = Scenario::new(
     "DYNAMIXEL 2.0",
     About::Defect(
         "Read",
-        "has the indirect data of the XL330 at 224, where the XM430 has it, not at 208: \
-         `indirect_data_1` is the servo's Indirect Data 17. It also lists an acceleration limit the \
-         XL330 does not have, and current registers the XL430 does not have",
+        "has the indirect data of the XL330 at 224, where firmware before 52 had it (so the maker's \
+         `.model` files), not at the e-Manual's 208: with firmware 52 its `indirect_data_1` is the \
+         servo's Indirect Data 17. It also lists an acceleration limit the XL330 does not have, \
+         and current registers the XL430 does not have",
     ),
     Run::Python(|python, _| {
         let bench = Bench::open("dynamixel2", Options::default());
@@ -309,6 +311,25 @@ pub static FEETECH_CLI_OVERLOAD: Scenario = Scenario::new(
         let seen = client.ask("read_register_with_error", json!([1, "lock"]))?;
         assert_eq!(seen[1], 0x20, "the byte itself is passed on");
         assert_eq!(client.ask("describe_error", json!([0x20]))?, json!(["reserved-5"]));
+        Ok(())
+    }),
+);
+
+pub static FEETECH_CLI_SCS_LOCK: Scenario = Scenario::new(
+    "feetech-cli",
+    "FEETECH SCS",
+    About::Defect(
+        "Write",
+        "has the addresses of STS servos only: with `--scs` it opens a lock at 55, where SCS servos \
+         have none, and not theirs at 48, so that a new ID is gone with the power",
+    ),
+    Run::Python(|python, _| {
+        let bench = Bench::open("scs", Options { permit_eeprom: true, ..Options::default() });
+        let mut client = Client::start(python, "feetech_cli_client.py", &[bench.port(0), "scs"]);
+        client.ask("connect", json!([]))?;
+        bench.set("one", "Lock", 1);
+        client.ask("unlock_eeprom", json!([1]))?;
+        bench.assert_holds("Lock", &[("one", 1)]);
         Ok(())
     }),
 );

@@ -66,6 +66,30 @@ fn vendor(python: &Python, package: &str, record: &mut Record) -> Result<(), Los
     if package == "ftservo-python-sdk" {
         named_operations(&bench, &mut sdk, record)?;
     }
+    whole_robot(python, package, "so101")?;
+    whole_robot(python, package, "open-duck-mini-v2")
+}
+
+/// Every joint is told one thing and found at another.
+fn whole_robot(python: &Python, package: &str, name: &str) -> Result<(), Lost> {
+    let bench = Bench::open(name, Options::default());
+    let mut sdk = start_vendor(python, bench.port(0), package, "sts");
+    let robot = gaitway_profiles::robot(name).expect("a shipped robot");
+    let ids: Vec<i64> = robot.joints.iter().map(|joint| i64::from(joint.id)).collect();
+    assert!(ids.len() >= 6, "{name}");
+    let positions: Vec<i64> = ids.iter().map(|id| 1500 + 11 * id).collect();
+    for (joint, position) in robot.joints.iter().zip(&positions) {
+        bench.set(&joint.name, "Present Position", *position);
+    }
+    let seen = sdk.ask("sync_read", json!([ids, PRESENT, 2]))?;
+    assert_eq!(seen, json!(positions), "{name}");
+    let goal = |id: i64| 2500 - 13 * id;
+    let goals: Vec<_> =
+        ids.iter().map(|&id| json!([id, [goal(id) & 255, goal(id) >> 8]])).collect();
+    sdk.ask("sync_write", json!([GOAL, goals]))?;
+    for joint in &robot.joints {
+        bench.assert_comes_to(&joint.name, "Goal Position", goal(i64::from(joint.id)));
+    }
     Ok(())
 }
 
@@ -417,5 +441,30 @@ fn big_endian_by_name(bench: &Bench, sdk: &mut Client, record: &mut Record) -> R
     // In this mode the time is a duty with its sign in bit 10.
     bench.assert_holds("Goal Time", &[("last", 1 << 10 | 500)]);
     record.works("Wheel mode");
+    Ok(())
+}
+
+pub static FEETECH_CLI_SCS: Scenario =
+    Scenario::new("feetech-cli", "FEETECH SCS", About::Everything(SCS), Run::Python(cli_scs));
+
+fn cli_scs(python: &Python, record: &mut Record) -> Result<(), Lost> {
+    let bench = Bench::open("scs", Options { permit_eeprom: true, ..Options::default() });
+    let mut cli = Client::start(python, "feetech_cli_client.py", &[bench.port(0), "scs"]);
+    assert_eq!(cli.ask("connect", json!([]))?, json!([1, 2]));
+    record.works("Ping");
+    for (joint, id) in [("one", 1), ("two", 2)] {
+        bench.set(joint, "Present Position", 0x0201);
+        assert_eq!(cli.ask("read_register", json!([id, "present_position"]))?, 0x0201);
+        assert_eq!(cli.ask("read_register", json!([id, "model_number"]))?, 0x0504);
+        record.works("Read");
+        cli.ask("set_goal_position", json!([id, 0x0180]))?;
+        bench.assert_holds("Goal Position", &[(joint, 0x0180)]);
+        record.works("Write");
+    }
+    cli.ask("sync_write_positions", json!([[1, 2], [0x0111, 0x0222], 0x0301, 0]))?;
+    bench.assert_comes_to("one", "Goal Position", 0x0111);
+    bench.assert_comes_to("two", "Goal Position", 0x0222);
+    bench.assert_comes_to("two", "Goal Velocity", 0x0301);
+    record.works("Sync Write");
     Ok(())
 }

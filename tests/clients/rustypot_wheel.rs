@@ -14,7 +14,7 @@ pub const NAME: &str = "rustypot (wheel)";
 pub static PROTOCOL_2: Scenario = Scenario::new(
     NAME,
     "DYNAMIXEL 2.0",
-    About::Everything(&["XM430-W350", "XL330-M288", "XL430-W250"]),
+    About::Everything(&["XM430-W350", "XL330-M288", "XL430-W250", "XL320"]),
     Run::Python(protocol_2),
 );
 
@@ -39,7 +39,11 @@ fn bench(robot: &str) -> Bench {
 }
 
 pub fn client(python: &Python, port: &str, family: &str) -> Client {
-    Client::start(python, "rustypot_client.py", &[port, "1000000", family, "0.4"])
+    client_at(python, port, "1000000", family)
+}
+
+pub fn client_at(python: &Python, port: &str, bps: &str, family: &str) -> Client {
+    Client::start(python, "rustypot_client.py", &[port, bps, family, "0.4"])
 }
 
 /// Reads and writes every register the class lists; `unknown` are those the servo does not have,
@@ -96,9 +100,21 @@ fn protocol_2(python: &Python, record: &mut Record) -> Result<(), Lost> {
         record.works("Fast Sync Read");
         restarts(&bench, &mut client, servo, record)?;
     }
+    xl320(python, record)?;
     stuffing(python)?;
     angles(python, record)?;
     above(python, record)
+}
+
+fn xl320(python: &Python, record: &mut Record) -> Result<(), Lost> {
+    let bench = bench("xl320");
+    let mut wheel = client(python, bench.port(0), "Xl320");
+    whole_table(&bench, &mut wheel, ("two", 2, "xl320"), &[], &[], record)?;
+    let three: [Servo; 3] = [("one", 1, "xl320"), ("two", 2, "xl320"), ("last", 252, "xl320")];
+    pings(&bench, &mut wheel, &three, record)?;
+    broadcast_ping(&mut wheel, json!({ "1": 350, "2": 350, "252": 350 }), record)?;
+    sync_writes(&bench, &mut wheel, &three, 2, record)?;
+    sync_reads(&bench, &mut wheel, &three, 2, record)
 }
 
 /// Goal Current(102) = -1 and Goal Velocity(104) = 253 are the bytes of a header.
