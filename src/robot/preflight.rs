@@ -56,6 +56,8 @@ const STILL_RAD_S: f64 = 0.05;
 const STILL_FOR: Duration = Duration::from_millis(200);
 /// Distance from the temperature limit at which a motion is refused, degrees Celsius.
 const TEMPERATURE_MARGIN_C: f64 = 5.0;
+/// Silence after which no answer to an earlier question is reckoned with.
+const LATE_ANSWERS: Duration = Duration::from_millis(200);
 /// Budget of one question outside the cycle.
 pub(crate) const QUESTION: Duration = Duration::from_millis(100);
 /// Outside the cycle a lost answer costs nothing but time; a host that stalls is no silent servo.
@@ -184,9 +186,7 @@ fn check_setup(link: &mut Link, found: &mut Preflight) -> Result<(), Error> {
     for joint in 0..link.robot().joints.len() {
         for (register, wanted) in expected_registers(&link.robot().joints[joint]) {
             let name = &register.name;
-            let budget = budget(link);
-            let read = link.read_register(joint, register, budget);
-            let raw = read.map_err(|e| exchange_error(link, Some(joint), &e))?;
+            let raw = read_surely(link, joint, register, wanted)?;
             if raw == wanted {
                 continue;
             }
@@ -206,6 +206,28 @@ fn check_setup(link: &mut Link, found: &mut Preflight) -> Result<(), Error> {
         }
     }
     Ok(())
+}
+
+/// The value of `register`, asked again in silence if it is not `wanted`: answers carry no number,
+/// and on a host that stood still for long one to an earlier question may come last.
+fn read_surely(
+    link: &mut Link,
+    joint: usize,
+    register: &Register,
+    wanted: i64,
+) -> Result<i64, Error> {
+    let read = |link: &mut Link| {
+        let limit = budget(link);
+        let read = link.read_register(joint, register, limit);
+        read.map_err(|e| exchange_error(link, Some(joint), &e))
+    };
+    let raw = read(link)?;
+    if raw == wanted {
+        return Ok(raw);
+    }
+    let clock = std::sync::Arc::clone(link.clock());
+    clock.sleep_until(clock.now() + LATE_ANSWERS);
+    read(link)
 }
 
 /// Registers that decide where a goal leads: compared even if the robot file leaves them at what
