@@ -60,6 +60,7 @@ const TEMPERATURE_MARGIN_C: f64 = 5.0;
 pub(crate) const QUESTION: Duration = Duration::from_millis(100);
 /// Outside the cycle a lost answer costs nothing but time; a host that stalls is no silent servo.
 pub(crate) const PATIENT_RETRIES: u32 = 10;
+
 /// Runs all checks for a motion at `period`.
 ///
 /// # Errors
