@@ -337,7 +337,9 @@ fn h19_a_port_that_comes_back_is_not_used_by_itself() {
 /// A pseudo-terminal whose other end is held here, and the path of the end to open.
 fn terminal() -> (std::os::fd::OwnedFd, String) {
     use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
-    let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).expect("a terminal");
+    // Not for the children of other tests: a terminal somebody else holds never hangs up.
+    let flags = OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC;
+    let master = openpt(flags).expect("a terminal");
     grantpt(&master).expect("access");
     unlockpt(&master).expect("unlocked");
     let path = ptsname(&master, Vec::new()).expect("a name");

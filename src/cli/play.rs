@@ -259,16 +259,14 @@ fn perform(
         connection,
         args.motion.motion(),
     )?;
-    if stopped_before_torque(signals, report) {
+    let armed = if stopped_before_torque(signals, report) {
+        Ok(None)
+    } else {
+        control::arm::arm(&mut connection.link, found).map(Some)
+    };
+    let Ok(Some(armed)) = armed else {
         recorder.discard();
-        return Ok(());
-    }
-    let armed = match control::arm::arm(&mut connection.link, found) {
-        Ok(armed) => armed,
-        Err(error) => {
-            recorder.discard();
-            return Err(error);
-        }
+        return armed.map(|_| ());
     };
     let progress = super::progress::Progress::over(planned.trajectory.duration_s(), remarks);
     let asked = || signals.first().is_some();
@@ -304,6 +302,17 @@ fn perform(
         report.notes.push("torque stays on: the joints hold where they are".to_owned());
     }
     recorder.finish(report, connection);
+    conclude(args, report, connection, &recorder);
+    Ok(())
+}
+
+/// What the referee saw, and the page with plots.
+fn conclude(
+    args: &PlayArgs,
+    report: &mut PlayReport,
+    connection: &Connection,
+    recorder: &RunRecorder,
+) {
     if let Some(world) = &connection.world {
         let verdict = world.lock().verdict();
         let violations = verdict.violations.iter().map(ToString::to_string).collect();
@@ -311,7 +320,7 @@ fn perform(
     }
     if let Some(path) = &args.html {
         report.html = Some(path.display().to_string());
-        let page = plots::page(report, &recorder, connection.link.robot());
+        let page = plots::page(report, recorder, connection.link.robot());
         if let Err(error) = args.output.write_file(path, page.as_bytes()) {
             report.html = None;
             report.notes.push(error.to_string());
@@ -320,7 +329,6 @@ fn perform(
             }
         }
     }
-    Ok(())
 }
 
 fn describe_run(report: &mut PlayReport, run: &Run) {

@@ -103,27 +103,9 @@ pub fn run(
     let began = clock.now();
     link.set_retries(RETRIES);
     let bytes_before = line_bytes(link);
-    let limits = link.robot().limits();
-    let believed = Believed::new(command.goal_rad(), limits.clone(), began);
     // A pause between arming and the first cycle counts as well: servos watch for their host.
     let mut last_cycle = link.spoken_at();
-    let mut player = Player {
-        link,
-        guard,
-        command,
-        trajectory,
-        clock: MotionClock::new(&limits),
-        setpoints: vec![Setpoint::default(); limits.len()],
-        goal_velocity_rad_s: vec![0.0; limits.len()],
-        written_at: None,
-        stop: None,
-        frozen: false,
-        goals_at_rest: 0,
-        rest_since: None,
-        believed,
-        resting: vec![false; limits.len()],
-        deserted: false,
-    };
+    let mut player = Player::new(link, (guard, command), trajectory, began);
     let period_ns = whole_nanos(settings.period).max(1);
     let mut tick: u64 = 0;
     let mut overrun = false;
@@ -167,7 +149,34 @@ fn whole_nanos(duration: Duration) -> u64 {
     u64::try_from(duration.as_nanos()).unwrap_or(u64::MAX)
 }
 
-impl Player<'_> {
+impl<'a> Player<'a> {
+    /// A motion about to begin at `began`, from the command that armed the robot.
+    fn new(
+        link: &'a mut Link,
+        (guard, command): (Guard, Command),
+        trajectory: &'a Trajectory,
+        began: Instant,
+    ) -> Self {
+        let limits = link.robot().limits();
+        Self {
+            link,
+            guard,
+            trajectory,
+            clock: MotionClock::new(&limits),
+            setpoints: vec![Setpoint::default(); limits.len()],
+            goal_velocity_rad_s: vec![0.0; limits.len()],
+            written_at: None,
+            stop: None,
+            frozen: false,
+            goals_at_rest: 0,
+            rest_since: None,
+            resting: vec![false; limits.len()],
+            believed: Believed::new(command.goal_rad(), limits, began),
+            command,
+            deserted: false,
+        }
+    }
+
     /// Starts the deceleration. The first reason counts; a second request changes nothing.
     fn request_stop(&mut self, reason: StopReason) {
         if self.stop.is_none() {

@@ -62,6 +62,7 @@ const LATE_ANSWERS: Duration = Duration::from_millis(200);
 pub(crate) const QUESTION: Duration = Duration::from_millis(100);
 /// Outside the cycle a lost answer costs nothing but time; a host that stalls is no silent servo.
 pub(crate) const PATIENT_RETRIES: u32 = 10;
+
 /// Runs all checks for a motion at `period`.
 ///
 /// # Errors
