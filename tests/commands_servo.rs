@@ -304,6 +304,11 @@ fn hold_switches_torque_on_where_the_robot_stands_and_monitor_sees_it() {
     }
     let after = desk.world().joint_position_rad("elbow_flex").expect("a joint");
     assert!((after - before).abs() < 0.02, "it moved from {before} to {after}");
+    let said = refusal(&run(&["limp", "so101", "--bus", &bus]));
+    assert!(said.contains("--yes"), "{said}");
+    assert_eq!(desk.world().register("elbow_flex", "Torque Enable"), Some(1));
+    assert_eq!(json(&run(&["limp", "so101", "--bus", &bus, "--yes", "--json"]))["outcome"], "done");
+    assert_eq!(watch()["joints"][2]["torque_on"], false);
     assert_eq!(desk.violations(), Vec::<String>::new());
 }
 

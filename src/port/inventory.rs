@@ -156,7 +156,7 @@ impl Machine {
         let timer = self.line(&format!("{class}/device/latency_timer"));
         Some(SerialPort {
             stable_paths: self.stable_paths(&node),
-            driver: link_name(&device.join("driver")),
+            driver: driver_of(&device),
             usb: usb_above(&device),
             latency_timer_ms: timer.and_then(|text| text.parse().ok()),
             access,
@@ -282,6 +282,13 @@ fn first_line(path: &Path) -> Option<String> {
 /// The last part of where a link leads.
 fn link_name(link: &Path) -> Option<String> {
     fs::canonicalize(link).ok()?.file_name()?.to_str().map(str::to_owned)
+}
+
+/// The driver of a port. A built-in port hangs on two devices of the kernel's own making, which
+/// say nothing of the hardware.
+fn driver_of(device: &Path) -> Option<String> {
+    let drivers = device.ancestors().filter_map(|folder| link_name(&folder.join("driver")));
+    drivers.into_iter().find(|name| !matches!(name.as_str(), "port" | "ctrl"))
 }
 
 /// The USB device that `device` is a part of.
