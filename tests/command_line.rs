@@ -48,12 +48,27 @@ fn help_teaches_every_command_with_an_example() {
             "info",
             "recover",
             "profile",
+            "ports",
+            "doctor",
+            "scan",
+            "servo",
+            "hold",
+            "monitor",
+            "calibrate",
             "gaitway play walk",
         ],
     );
     for command in ["play", "retarget", "limp", "simulate", "info", "recover"] {
         let help = stdout(&run(&[command, "--help"]));
         assert_words(&help, &["Usage:", "Example"]);
+    }
+    for command in ["ports", "doctor", "scan", "servo", "hold", "monitor", "calibrate"] {
+        let help = stdout(&run(&[command, "--help"]));
+        assert_words(&help, &["Usage:", "Example", &format!("gaitway {command}"), "--quiet"]);
+    }
+    for action in ["info", "get", "set", "set-id", "set-baud", "reboot", "factory-reset", "move"] {
+        let help = stdout(&run(&["servo", action, "--help"]));
+        assert_words(&help, &["Usage:", "Example", &format!("gaitway servo {action}"), "--json"]);
     }
     for action in ["list", "show", "check"] {
         let help = stdout(&run(&["profile", action, "--help"]));

@@ -55,7 +55,9 @@ impl<'a> Session<'a> {
 
     fn answer(&mut self, line: &str) {
         let stdin = self.child.stdin.as_mut().expect("its input");
-        writeln!(stdin, "{line}").expect("it listens");
+        if writeln!(stdin, "{line}").is_err() {
+            self.until("a word that does not come");
+        }
     }
 
     fn place(&self, joint: &str, angle_rad: f64) {

@@ -29,6 +29,25 @@ fn a_scan_finds_every_servo_of_the_robot_and_writes_nothing() {
 }
 
 #[test]
+fn a_robot_behind_a_tcp_port_is_scanned_held_and_moved_like_one_on_a_cable() {
+    let desk = Desk::with("so101");
+    let (bus, door) = desk.over_tcp();
+    let report = json(&run(&["scan", &bus, "--robot", "so101", "--json", "-q"]));
+    assert_eq!(report["devices"].as_array().map(Vec::len), Some(6), "{report:#}");
+    let go = ["servo", "move", &bus, "6", "8", "--robot", "so101", "--json", "-q"];
+    let moved = json(&desk::run_until_done(&go, |output| output.status.success()));
+    assert_eq!(moved["outcome"], "done", "{moved:#}");
+    let raw = desk.world().register("gripper", "Present Position").expect("a register");
+    // 8 degrees are 91 counts past the middle.
+    assert!((raw - 2048 - 91).abs() < 20, "{raw}");
+    let said = refusal(&run(&["scan", &bus, "--robot", "so101", "--baud", "57600"]));
+    assert!(said.contains("the other end"), "{said}");
+    drop(door);
+    let said = refusal(&run(&["scan", &bus, "--robot", "so101"]));
+    assert!(said.contains("nobody takes the connection"), "{said}");
+}
+
+#[test]
 fn two_servos_with_one_id_are_named() {
     let desk = Desk::with("so101");
     assert!(desk.world().duplicate("gripper", 0.5));
@@ -251,7 +270,7 @@ fn a_dry_run_of_a_move_says_the_way_and_moves_nothing() {
     let bus = desk.bus();
     let before = desk.registers("head_pan");
     let dry = ["servo", "move", &bus, "19", "15", "--robot", "op3", "--dry-run", "-q"];
-    let output = run(&dry);
+    let output = desk::run_until_done(&dry, |output| output.status.success());
     assert!(text(&output).contains("nothing was written"), "{}", text(&output));
     assert_eq!(desk.registers("head_pan"), before);
     let far = refusal(&run(&["servo", "move", &bus, "19", "400", "--robot", "op3"]));
@@ -269,10 +288,12 @@ fn hold_switches_torque_on_where_the_robot_stands_and_monitor_sees_it() {
     };
     let before = desk.world().joint_position_rad("elbow_flex").expect("a joint");
     assert_eq!(watch()["joints"][2]["torque_on"], false);
-    let dry = run(&["hold", "so101", "--bus", &bus, "--dry-run", "-q"]);
+    let dry = ["hold", "so101", "--bus", &bus, "--dry-run", "-q"];
+    let dry = desk::run_until_done(&dry, |output| output.status.success());
     assert!(text(&dry).contains("would be held"), "{}", text(&dry));
     assert_eq!(desk.world().register("elbow_flex", "Torque Enable"), Some(0));
-    let held = json(&run(&["hold", "so101", "--bus", &bus, "--json", "-q"]));
+    let hold = ["hold", "so101", "--bus", &bus, "--json", "-q"];
+    let held = json(&desk::run_until_done(&hold, |output| output.status.success()));
     assert_eq!(held["outcome"], "done");
     let seen = watch();
     for joint in seen["joints"].as_array().expect("joints") {

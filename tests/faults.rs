@@ -16,8 +16,8 @@ use scene::{Scene, assert_clean};
 const MID_NS: u64 = 2_500_000_000;
 const SWING_RAD: f64 = 0.2;
 /// One robot of each kind: Dynamixel 2.0, Feetech STS, Dynamixel 1.0 (bulk and single reads), and
-/// three protocols on one line, SCS among them.
-const ROBOTS: [&str; 4] = ["op3", "open-duck-mini-v2", "protocol-1", "mixed"];
+/// three protocols on one line, SCS among them; and one with two lines.
+const ROBOTS: [&str; 5] = ["op3", "open-duck-mini-v2", "protocol-1", "mixed", "poppy-humanoid"];
 
 fn first_joint(robot: &str) -> String {
     Scene::of(robot, Options::default()).link.robot().joints[3].name.clone()
@@ -255,7 +255,7 @@ fn a_thousand_seeds_with_random_damage_never_break_a_rule() {
         };
         let fault = Fault::AnyStatus { probability: 0.003, damage };
         let options = Options { seed, faults: vec![fault], ..Options::default() };
-        let robot = ROBOTS[(seed / 6 % 4) as usize];
+        let robot = ROBOTS[(seed / 6) as usize % ROBOTS.len()];
         let mut scene = Scene::of(robot, options);
         // Preflight asks once more where an answer is lost; twice in a row may refuse, rightly.
         let Ok(found) = scene.preflight() else { continue };

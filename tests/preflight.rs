@@ -5,6 +5,8 @@ mod families;
 #[path = "preflight/reading.rs"]
 mod reading;
 mod scene;
+#[path = "preflight/shipped.rs"]
+mod shipped;
 
 use gaitway::error::Error;
 use gaitway::time::Duration;

@@ -5,10 +5,11 @@ mod line;
 
 use gaitway::bus::Protocol::{self, Dynamixel1, Dynamixel2, FeetechScs, FeetechSts};
 use gaitway::bus::scan::{Found, Reading, Reason, Scan, scan};
+use gaitway::device::Model;
 use gaitway::time::Duration;
 use gaitway_profiles::Robot;
 use gaitway_sim::{Damage, Fault, Options};
-use line::{ScriptedLine, at_s, in_s, op3, sts_robot, virtual_bus};
+use line::{ScriptedLine, at_s, in_s, mixed_robot, op3, sts_robot, virtual_bus};
 
 /// Registers in which two servos of a model differ: from the clock to Present Position.
 fn unlike_others(found: &Found) -> Vec<(u16, u16)> {
@@ -70,6 +71,23 @@ fn twenty_feetech_servos_are_found_by_a_ping_of_all_and_one_by_one() {
     assert_eq!((ids(&scan), scan.collisions), (ids_of(&sts_robot()), vec![]));
     assert!(scan.found.iter().all(|found| found.readings.contains(&sts)), "{:?}", scan.found);
     assert!(took_s < 1.0, "{took_s} s one by one");
+}
+
+#[test]
+fn servos_of_all_four_families_on_one_line_are_found_and_named() {
+    let robot = mixed_robot();
+    let (world, mut bus) = virtual_bus(&robot, Options::default());
+    let all = [Dynamixel2, Dynamixel1, FeetechSts, FeetechScs];
+    let found = scan(&mut bus, &all, nothing, in_s(&world, 10.0)).expect("a line");
+    assert_eq!(found.collisions, []);
+    assert_eq!(found.found.len(), robot.joints.len());
+    for joint in &robot.joints {
+        let servo = gaitway_profiles::servo(&joint.servo).expect("a shipped servo");
+        let protocol = Model::new(servo).protocol();
+        let found = found.found.iter().find(|found| found.id == joint.id).expect("found");
+        let same = |r: &&Reading| r.protocol == protocol && r.model_number == servo.model_number;
+        assert!(found.readings.iter().any(|r| same(&r)), "{}: {found:?}", joint.servo);
+    }
 }
 
 #[test]

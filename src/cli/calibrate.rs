@@ -7,7 +7,7 @@ use super::{Output, Remarks, limp};
 use crate::calibration::{Calibration, JointCalibration, usual_path};
 use crate::control::arm;
 use crate::error::Error;
-use crate::robot::preflight::{budget, exchange_error};
+use crate::robot::preflight::{PATIENT_RETRIES, budget, exchange_error};
 use crate::robot::{Link, Robot};
 use answers::{Answer, Answers};
 use clap::Args;
@@ -101,38 +101,17 @@ pub fn run(args: &CalibrateArgs, remarks: Remarks) -> Result<i32, Error> {
     let name = robot.name.clone();
     let mut connection = connect(robot, &args.bus, 0)?;
     let link = &mut connection.link;
+    link.set_retries(PATIENT_RETRIES);
     check_models(link, &joints)?;
     make_limp(link, &joints, args)?;
     if !args.dry_run {
         save(&files.partial, &known)?;
     }
-    let mut answers = Answers::listen()?;
-    let mut reports: Vec<Value> = Vec::new();
-    let mut undo: Vec<String> = Vec::new();
     let left: Vec<usize> = joints
         .into_iter()
         .filter(|&joint| !done.contains(&link.robot().joints[joint].name))
         .collect();
-    let mut stopped = false;
-    for (turn, &joint) in left.iter().enumerate() {
-        eprintln!("[{}/{}]", turn + 1, left.len());
-        match measure(link, joint, &mut answers)? {
-            Answer::Go(measured) => {
-                let (calibrated, undone) = settle(link, joint, &measured, args)?;
-                undo.extend(undone);
-                reports.push(described(&calibrated, &measured));
-                known.put(calibrated);
-                if !args.dry_run {
-                    save(&files.partial, &known)?;
-                }
-            }
-            Answer::Skip => {}
-            Answer::Stop => {
-                stopped = true;
-                break;
-            }
-        }
-    }
+    let ByHand { reports, mut undo, stopped } = by_hand(link, &left, args, &files, &mut known)?;
     if !stopped && !args.dry_run {
         undo.push(finish(&files, &known)?);
     }
@@ -150,6 +129,46 @@ pub fn run(args: &CalibrateArgs, remarks: Remarks) -> Result<i32, Error> {
     });
     args.output.report(&report, &text(&report))?;
     Ok(if stopped { 4 } else { 0 })
+}
+
+/// What came of the joints that were asked for.
+#[derive(Default)]
+struct ByHand {
+    reports: Vec<Value>,
+    undo: Vec<String>,
+    stopped: bool,
+}
+
+/// Measures one joint after the other; what is known is saved after each.
+fn by_hand(
+    link: &mut Link,
+    joints: &[usize],
+    args: &CalibrateArgs,
+    files: &Files,
+    known: &mut Calibration,
+) -> Result<ByHand, Error> {
+    let mut answers = Answers::listen()?;
+    let mut done = ByHand::default();
+    for (turn, &joint) in joints.iter().enumerate() {
+        eprintln!("[{}/{}]", turn + 1, joints.len());
+        match measure(link, joint, &mut answers)? {
+            Answer::Go(measured) => {
+                let (calibrated, undone) = settle(link, joint, &measured, args)?;
+                done.undo.extend(undone);
+                done.reports.push(described(&calibrated, &measured));
+                known.put(calibrated);
+                if !args.dry_run {
+                    save(&files.partial, known)?;
+                }
+            }
+            Answer::Skip => {}
+            Answer::Stop => {
+                done.stopped = true;
+                break;
+            }
+        }
+    }
+    Ok(done)
 }
 
 fn selected(robot: &Robot, only: &[String]) -> Result<Vec<usize>, Error> {

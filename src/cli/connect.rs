@@ -7,7 +7,6 @@ use crate::port::serial::SerialLine;
 use crate::port::sim::{SharedWorld, VirtualClock, VirtualLine};
 use crate::port::tcp::TcpLine;
 use crate::port::{BytePort, Clock, MonotonicClock, PortError};
-use crate::robot::preflight::QUESTION;
 use crate::robot::{Link, Robot};
 use crate::time::{Duration, Instant};
 use gaitway_sim::{Door, Options, World};
@@ -178,6 +177,8 @@ enum Place {
 const USUAL_BAUD_BPS: u32 = 1_000_000;
 /// Where nothing moves, a lost answer costs nothing but time.
 const RETRIES: u32 = 5;
+/// Time for a question and its retries: more than a host stalls.
+const PATIENCE: Duration = Duration::from_millis(500);
 /// The longest return delay a servo's register holds: 254 of 2 us.
 const LONGEST_RETURN_DELAY: Duration = Duration::from_micros(508);
 
@@ -285,7 +286,7 @@ impl OpenLine {
     /// By when a question asked now must be answered, retries included.
     #[must_use]
     pub fn budget(&self) -> Instant {
-        self.clock.now() + QUESTION
+        self.clock.now() + PATIENCE
     }
 }
 

@@ -4,7 +4,7 @@ use super::watchdog;
 use crate::error::Error;
 use crate::guard::{Command, Guard};
 use crate::robot::Link;
-use crate::robot::preflight::{Preflight, budget, exchange_error, positions};
+use crate::robot::preflight::{PATIENT_RETRIES, Preflight, budget, exchange_error, positions};
 use crate::time::Duration;
 use gaitway_profiles::Role;
 
@@ -178,6 +178,7 @@ fn torque_register(
 /// # Errors
 /// The joints that did not confirm.
 pub fn disarm(link: &mut Link) -> Result<(), Error> {
+    link.set_retries(PATIENT_RETRIES);
     let mut unsure = Vec::new();
     for joint in 0..link.robot().joints.len() {
         let register = torque_register(link, joint)?;

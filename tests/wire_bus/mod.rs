@@ -147,6 +147,28 @@ pub fn sts_robot() -> Robot {
     robot
 }
 
+/// OP3 with servos of four families in turn, one per protocol, on one line of 1 Mbit/s.
+pub fn mixed_robot() -> Robot {
+    let mut robot = op3();
+    robot.lines[0].baud_bps = BAUD_BPS;
+    robot.setups.clear();
+    for (servo, firmware) in
+        [("ax-12a", 24), ("sts3215", 0x0309), ("scs0009", 0x0102), ("xm430-w350", 45)]
+    {
+        robot.setups.push(Setup {
+            servo: servo.to_owned(),
+            joints: None,
+            firmware,
+            registers: [].into(),
+            source: "a test".to_owned(),
+        });
+    }
+    for (k, joint) in robot.joints.iter_mut().enumerate() {
+        joint.servo.clone_from(&robot.setups[k % 4].servo);
+    }
+    robot
+}
+
 /// The virtual robot and the bus on its first line.
 pub fn virtual_bus(robot: &Robot, options: Options) -> (SharedWorld, Bus) {
     let latency = Duration::from_nanos(options.adapter_latency_ns);

@@ -15,6 +15,23 @@ pub enum Answer<T> {
     Stop,
 }
 
+impl<T> Answer<T> {
+    /// Goes on with what was measured; a joint that is skipped, or a stop, stays that.
+    ///
+    /// # Errors
+    /// What `next` fails with.
+    pub fn then<U>(
+        self,
+        next: impl FnOnce(T) -> Result<Answer<U>, Error>,
+    ) -> Result<Answer<U>, Error> {
+        match self {
+            Self::Go(value) => next(value),
+            Self::Skip => Ok(Answer::Skip),
+            Self::Stop => Ok(Answer::Stop),
+        }
+    }
+}
+
 /// Lines of standard input.
 pub struct Answers(Receiver<String>);
 

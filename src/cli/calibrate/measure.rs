@@ -1,11 +1,15 @@
 //! One joint by hand: zero, direction, range.
 
 use super::answers::{Answer, Answers};
+use crate::bus::AskError;
 use crate::calibration::Unwrapped;
 use crate::error::Error;
-use crate::robot::Link;
 use crate::robot::preflight::{budget, exchange_error};
+use crate::robot::{Joint, Link, LinkError};
 use gaitway_profiles::Role;
+
+/// A position is asked for this often again before the servo counts as silent.
+const ATTEMPTS: u32 = 5;
 
 /// What was measured of a joint.
 #[derive(Clone, Copy, Debug)]
@@ -31,6 +35,15 @@ const LEAST_RAD: f64 = 0.0873;
 /// The range is said again when it has grown by this.
 const SAID_RAD: f64 = 0.0873;
 
+/// A joint in somebody's hand.
+struct Hand<'a> {
+    link: &'a mut Link,
+    joint: usize,
+    of: Joint,
+    answers: &'a mut Answers,
+    at: Unwrapped,
+}
+
 /// Measures `joint`, asking for each step.
 ///
 /// # Errors
@@ -42,92 +55,120 @@ pub fn measure(
 ) -> Result<Answer<Measured>, Error> {
     let of = link.robot().joints[joint].clone();
     let model = of.model;
-    let turn = turn_counts(&of);
-    let rad = |counts: i64| counts as f64 * model.rad_per_count();
-    let register = model.register(Role::PresentPosition).map_err(|e| Error::new(e.to_string()))?;
     let gear = link.robot().file.joint(&of.name).map_or(1.0, |joint| joint.gear);
+    let register = model.register(Role::PresentPosition).map_err(|e| Error::new(e.to_string()))?;
+    let at = Unwrapped::from(reading(link, joint)?, turn_counts(&of));
+    let mut hand = Hand { link, joint, of, answers, at };
+    hand.zero()?.then(|zero| {
+        let zero_servo_rad = model.si_from_raw(register, zero);
+        eprintln!("  zero where the servo stands at {:.1} deg", zero_servo_rad.to_degrees());
+        hand.direction(zero)?.then(|direction| {
+            let turns = if direction > 0 { "with" } else { "against" };
+            eprintln!("  it turns {turns} its servo");
+            let sign = f64::from(direction) * gear;
+            hand.range(zero, sign)?.then(|range_rad| {
+                let (offset_rad, counts) = (sign * zero_servo_rad, hand.at.range());
+                let measured =
+                    Measured { zero, zero_servo_rad, direction, offset_rad, range_rad, counts };
+                Ok(Answer::Go(measured))
+            })
+        })
+    })
+}
 
-    let mut at = Unwrapped::from(reading(link, joint)?, turn);
-    let question = format!(
-        "{} (ID {}): hold it at its zero, then Enter (s skips it, q stops)",
-        of.name, of.id
-    );
-    match answers.ask(&question, || Ok(at = Unwrapped::from(reading(link, joint)?, turn)))? {
-        Answer::Go(()) => {}
-        Answer::Skip => return Ok(Answer::Skip),
-        Answer::Stop => return Ok(Answer::Stop),
+impl Hand<'_> {
+    /// Asks, and follows the joint meanwhile.
+    fn follow(
+        &mut self,
+        question: &str,
+        mut seen: impl FnMut(&mut Unwrapped, i64),
+    ) -> Result<Answer<()>, Error> {
+        let Self { link, joint, answers, at, .. } = self;
+        answers.ask(question, || {
+            seen(at, reading(link, *joint)?);
+            Ok(())
+        })
     }
-    let zero = at.range().0;
-    let zero_servo_rad = model.si_from_raw(register, zero);
-    eprintln!("  zero where the servo stands at {:.1} deg", zero_servo_rad.to_degrees());
 
-    let direction = loop {
-        let question = "  turn it in its positive direction and hold it there, then Enter";
-        let follow = || Ok(at.follow(reading(link, joint)?));
-        match answers.ask(question, follow)? {
-            Answer::Go(()) => {}
-            Answer::Skip => return Ok(Answer::Skip),
-            Answer::Stop => return Ok(Answer::Stop),
-        }
-        let turned_rad = rad(at.now() - zero);
-        if turned_rad.abs() >= LEAST_RAD {
-            break if turned_rad > 0.0 { 1 } else { -1 };
-        }
-        eprintln!("  that was only {:.1} deg: further, please", turned_rad.to_degrees());
-    };
-    let sign = f64::from(direction) * gear;
-    eprintln!("  it turns {} its servo", if direction > 0 { "with" } else { "against" });
+    /// The reading where the person says that zero is.
+    fn zero(&mut self) -> Result<Answer<i64>, Error> {
+        let turn = turn_counts(&self.of);
+        let question = format!(
+            "{} (ID {}): hold it at its zero, then Enter (s skips it, q stops)",
+            self.of.name, self.of.id
+        );
+        let answer = self.follow(&question, |at, raw| *at = Unwrapped::from(raw, turn))?;
+        answer.then(|()| Ok(Answer::Go(self.at.now())))
+    }
 
-    let angles = |(low, high): (i64, i64)| {
-        let ends = [sign * rad(low - zero), sign * rad(high - zero)];
-        (ends[0].min(ends[1]), ends[0].max(ends[1]))
-    };
-    let mut said = 0.0;
-    let question = "  move it slowly through its whole range, both ends, then Enter";
-    let answer = answers.ask(question, || {
-        at.follow(reading(link, joint)?);
-        let (lower, upper) = angles(at.range());
-        if upper - lower >= said + SAID_RAD {
-            said = upper - lower;
-            eprintln!("  {:.1} to {:.1} deg", lower.to_degrees(), upper.to_degrees());
+    /// +1 if the servo counts up where the person says that positive is.
+    fn direction(&mut self, zero: i64) -> Result<Answer<i8>, Error> {
+        loop {
+            let question = "  turn it in its positive direction and hold it there, then Enter";
+            match self.follow(question, Unwrapped::follow)? {
+                Answer::Go(()) => {}
+                Answer::Skip => return Ok(Answer::Skip),
+                Answer::Stop => return Ok(Answer::Stop),
+            }
+            let turned_rad = (self.at.now() - zero) as f64 * self.of.model.rad_per_count();
+            if turned_rad.abs() >= LEAST_RAD {
+                return Ok(Answer::Go(if turned_rad > 0.0 { 1 } else { -1 }));
+            }
+            eprintln!("  that was only {:.1} deg: further, please", turned_rad.to_degrees());
         }
-        Ok(())
-    })?;
-    match answer {
-        Answer::Go(()) => {}
-        Answer::Skip => return Ok(Answer::Skip),
-        Answer::Stop => return Ok(Answer::Stop),
     }
-    if at.doubtful() {
-        return Err(Error::new("the joint was moved too fast to be followed")
-            .at(format!("joint {}", of.name))
-            .remedy("go on with --resume, and move it more slowly"));
+
+    /// The joint angles that are reached, drawn in; none if it was hardly moved. `sign` is the
+    /// joint's turn for one of its servo.
+    fn range(&mut self, zero: i64, sign: f64) -> Result<Answer<Option<(f64, f64)>>, Error> {
+        let rad_per_count = self.of.model.rad_per_count();
+        let angles = |(low, high): (i64, i64)| {
+            let ends = [low, high].map(|at| sign * (at - zero) as f64 * rad_per_count);
+            (ends[0].min(ends[1]), ends[0].max(ends[1]))
+        };
+        let mut said_rad = 0.0;
+        let question = "  move it slowly through its whole range, both ends, then Enter";
+        let answer = self.follow(question, |at, raw| {
+            at.follow(raw);
+            let (lower, upper) = angles(at.range());
+            if upper - lower >= said_rad + SAID_RAD {
+                said_rad = upper - lower;
+                eprintln!("  {:.1} to {:.1} deg", lower.to_degrees(), upper.to_degrees());
+            }
+        })?;
+        answer.then(|()| {
+            if self.at.doubtful() {
+                return Err(Error::new("the joint was moved too fast to be followed")
+                    .at(format!("joint {}", self.of.name))
+                    .remedy("go on with --resume, and move it more slowly"));
+            }
+            let (lower, upper) = angles(self.at.range());
+            let moved = upper - lower > 2.0 * LEAST_RAD;
+            Ok(Answer::Go(moved.then_some((lower + MARGIN_RAD, upper - MARGIN_RAD))))
+        })
     }
-    let (lower, upper) = angles(at.range());
-    let moved = upper - lower > 2.0 * LEAST_RAD;
-    let range_rad = moved.then_some((lower + MARGIN_RAD, upper - MARGIN_RAD));
-    Ok(Answer::Go(Measured {
-        zero,
-        zero_servo_rad,
-        direction,
-        offset_rad: sign * zero_servo_rad,
-        range_rad,
-        counts: at.range(),
-    }))
 }
 
 /// Counts after which the encoder's reading begins anew.
-fn turn_counts(joint: &crate::robot::Joint) -> i64 {
+fn turn_counts(joint: &Joint) -> i64 {
     let position = &joint.model.profile().position;
     // A servo with less than a turn has nothing to begin anew; its scale still says a full one.
     i64::from(position.counts) * 360 / i64::from(position.degrees).max(1)
 }
 
-/// The present position of a joint, raw.
+/// The present position of a joint, raw. A host that stalls is no silent servo.
 pub fn reading(link: &mut Link, joint: usize) -> Result<i64, Error> {
-    let limit = budget(link);
-    let raw = link.read_raw(joint, Role::PresentPosition, limit);
-    raw.map_err(|e| exchange_error(link, Some(joint), &e))
+    let mut attempts_left = ATTEMPTS;
+    loop {
+        let limit = budget(link);
+        match link.read_raw(joint, Role::PresentPosition, limit) {
+            Ok(raw) => return Ok(raw),
+            Err(LinkError { error: AskError::Miss(_), .. }) if attempts_left > 0 => {
+                attempts_left -= 1;
+            }
+            Err(error) => return Err(exchange_error(link, Some(joint), &error)),
+        }
+    }
 }
 
 impl Measured {

@@ -66,8 +66,8 @@ pub fn findings(machine: &Machine, person: &Person) -> Vec<Finding> {
 
 fn rules(machine: &Machine) -> Finding {
     let about = "udev rules";
-    let path = |folder: &&str| machine.file(&format!("{folder}/{RULES_FILE}"));
-    let Some(found) = RULE_FOLDERS.iter().map(|f| path(&f)).find(|path| path.is_file()) else {
+    let path = |folder: &str| machine.file(&format!("{folder}/{RULES_FILE}"));
+    let Some(found) = RULE_FOLDERS.iter().map(|f| path(f)).find(|path| path.is_file()) else {
         return Finding::advice(about, "not installed", INSTALL_RULES);
     };
     let text = fs::read_to_string(&found).unwrap_or_default();
