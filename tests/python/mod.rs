@@ -4,6 +4,7 @@
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::OnceLock;
 
 /// What is installed in the environment.
 pub const REQUIREMENTS: &str = include_str!("requirements.txt");
@@ -11,6 +12,7 @@ pub const REQUIREMENTS: &str = include_str!("requirements.txt");
 pub const BESIDE: &str = include_str!("beside.txt");
 
 /// A Python that has what the tests ask of it.
+#[derive(Clone)]
 pub struct Python {
     /// The interpreter.
     pub program: PathBuf,
@@ -21,7 +23,9 @@ pub struct Python {
 /// The environment, or in words why there is none. With `CI` set that is a failure: nothing may go
 /// untested there unnoticed.
 pub fn python() -> Result<Python, String> {
-    match installed() {
+    // Asked once in each test program: a registry that cannot be reached takes its time to say so.
+    static FOUND: OnceLock<Result<Python, String>> = OnceLock::new();
+    match FOUND.get_or_init(installed).clone() {
         Err(cause) if std::env::var_os("CI").is_some() => {
             panic!("the Python environment of the tests cannot be made: {cause}")
         }
