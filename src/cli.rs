@@ -14,6 +14,7 @@ pub mod retarget;
 pub mod signals;
 pub mod simulate;
 pub mod source;
+pub mod synth;
 
 pub use output::{Output, Remarks, print};
 pub use report::Outcome;
@@ -49,6 +50,8 @@ enum Command {
     Play(Box<play::PlayArgs>),
     /// Transfer a motion to a robot's joints and write the trajectory
     Retarget(Box<retarget::RetargetArgs>),
+    /// Make a motion of actionlets and write it to a file
+    Synth(Box<synth::SynthArgs>),
     /// Switch torque off: the robot goes limp (and falls, so it asks)
     Limp(limp::LimpArgs),
     /// Run a virtual robot that other programs can open as a serial port
@@ -75,6 +78,7 @@ pub fn main() -> i32 {
     let done = match &cli.command {
         Command::Play(args) => play::run(args, remarks),
         Command::Retarget(args) => retarget::run(args, remarks),
+        Command::Synth(args) => synth::run(args, remarks),
         Command::Limp(args) => limp::run(args, remarks),
         Command::Simulate(args) => simulate::run(args, remarks),
         Command::Info(args) => recordings::info(args),

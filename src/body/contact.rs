@@ -1,7 +1,8 @@
 //! Where the pelvis goes, from where the feet touch the ground.
 //!
 //! Joint angles say nothing about travel. While one foot at a time stands, the foot on the ground
-//! stays where it is, so the pelvis moves against it; the ground is the plane z = 0.
+//! stays where it is, so the pelvis moves against it; the ground is the plane z = 0. When no foot
+//! stands, the root falls freely.
 
 use glam::{DQuat, DVec3};
 
@@ -27,6 +28,53 @@ pub fn root_on_ground(body: &Proportions, poses: &[(JointAngles, DQuat)]) -> Vec
         }
         root_m.z = -soles_m[lowest].z;
         roots_m.push(root_m);
+    }
+    roots_m
+}
+
+/// Standard acceleration of free fall, m/s^2.
+const GRAVITY_M_S2: f64 = 9.806_65;
+/// Speed at take-off is taken over this time before it, s.
+const TAKE_OFF_S: f64 = 0.03;
+
+/// Root positions as [`root_on_ground`], for poses at `rate_hz` with times of flight, s: from, to,
+/// in order. In flight the root goes on with the horizontal speed it had, and rises and falls so
+/// that a foot touches the ground again at the end.
+#[must_use]
+pub fn root_path(
+    body: &Proportions,
+    poses: &[(JointAngles, DQuat)],
+    rate_hz: f64,
+    flights_s: &[(f64, f64)],
+) -> Vec<DVec3> {
+    let mut roots_m = root_on_ground(body, poses);
+    let index = |time_s: f64| ((time_s * rate_hz).round() as usize).min(poses.len());
+    for (from_s, to_s) in flights_s {
+        let (from, to) = (index(*from_s), index(*to_s));
+        if !(from + 1 < to && to < poses.len()) {
+            continue;
+        }
+        let before = from.saturating_sub((TAKE_OFF_S * rate_hz).ceil() as usize);
+        let velocity = match from - before {
+            0 => DVec3::ZERO,
+            steps => (roots_m[from] - roots_m[before]) * rate_hz / steps as f64,
+        };
+        let (takes_off, lands) = (roots_m[from], roots_m[to]);
+        let flight_s = (to - from) as f64 / rate_hz;
+        let rise = (lands.z - takes_off.z) / flight_s + GRAVITY_M_S2 * flight_s / 2.0;
+        for pose in from + 1..to {
+            let t = (pose - from) as f64 / rate_hz;
+            let ahead = velocity.truncate() * t;
+            let z = takes_off.z + rise * t - GRAVITY_M_S2 * t * t / 2.0;
+            roots_m[pose] = DVec3::new(takes_off.x + ahead.x, takes_off.y + ahead.y, z);
+        }
+        // What stands after the landing stands where the flight ended.
+        let ahead = velocity.truncate() * flight_s;
+        let moved = takes_off.truncate() + ahead - lands.truncate();
+        for root_m in &mut roots_m[to..] {
+            root_m.x += moved.x;
+            root_m.y += moved.y;
+        }
     }
     roots_m
 }
