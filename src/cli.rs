@@ -1,5 +1,6 @@
 //! What a person types: one file per subcommand, results on stdout, everything else on stderr.
 
+pub mod actionlets;
 pub mod address;
 pub mod connect;
 pub mod limp;
@@ -35,7 +36,7 @@ pub struct Cli {
 const LONG_ABOUT: &str = "\
 Plays human motion on small humanoid robots, safely, and on a virtual robot when there is none.
 
-A motion capture (BVH) is read, transferred to the robot's joints, slowed until the robot can do \
+A motion capture (BVH) or an action is read, transferred to the robot's joints, slowed until the robot can do \
 it, checked, and streamed to the servos with feedback. Nothing moves before every servo's \
 identity, configuration and start pose are proven; every motion starts and ends at rest.
 
@@ -52,6 +53,8 @@ enum Command {
     Retarget(Box<retarget::RetargetArgs>),
     /// Make a motion of actionlets and write it to a file
     Synth(Box<synth::SynthArgs>),
+    /// Take a captured motion apart into actionlets
+    Actionlets(Box<actionlets::ActionletsArgs>),
     /// Switch torque off: the robot goes limp (and falls, so it asks)
     Limp(limp::LimpArgs),
     /// Run a virtual robot that other programs can open as a serial port
@@ -79,6 +82,7 @@ pub fn main() -> i32 {
         Command::Play(args) => play::run(args, remarks),
         Command::Retarget(args) => retarget::run(args, remarks),
         Command::Synth(args) => synth::run(args, remarks),
+        Command::Actionlets(args) => actionlets::run(args, remarks),
         Command::Limp(args) => limp::run(args, remarks),
         Command::Simulate(args) => simulate::run(args, remarks),
         Command::Info(args) => recordings::info(args),

@@ -1,0 +1,103 @@
+//! The shipped walk goes like people walk, on feet that stay where they stand.
+
+use gaitway::action::{Motion, vocabulary};
+use gaitway::body::contact::foot_skate_m_s;
+use gaitway::body::{Dof, End, JointAngles, Proportions, SegmentPose};
+
+const RATE_HZ: f64 = 120.0;
+
+fn body() -> Proportions {
+    Proportions::of_stature(1.75).unwrap()
+}
+
+fn walk() -> Motion {
+    vocabulary::find("walk").unwrap().perform().unwrap()
+}
+
+fn poses() -> Vec<SegmentPose> {
+    walk().poses(&body(), RATE_HZ).unwrap()
+}
+
+fn steady<T: Clone>(all: &[T]) -> Vec<T> {
+    all[144..=432].to_vec()
+}
+
+#[test]
+fn a_walk_begins_and_ends_at_rest_in_n_pose() {
+    let angles = walk().sampled(RATE_HZ).unwrap();
+    let n_pose = JointAngles::default();
+    assert_eq!(angles[0], n_pose);
+    let last = angles[angles.len() - 1];
+    assert!(Dof::ALL.iter().all(|dof| last[*dof].abs() < 1e-12));
+    let (poses, height_m) = (poses(), body().root_height_m());
+    assert!((poses[0].root_m.z - height_m).abs() < 1e-9);
+    assert!((poses[poses.len() - 1].root_m.z - height_m).abs() < 1e-9);
+}
+
+/// Ranges around the normative curves of Winter, "Biomechanics and Motor Control of Human Gait".
+#[test]
+fn joints_move_through_the_ranges_of_normal_walking() {
+    let steady = steady(&walk().sampled(RATE_HZ).unwrap());
+    for (dof, low, high) in [
+        (Dof::LeftHipFlexion, -20.0..-8.0, 25.0..35.0),
+        (Dof::RightHipFlexion, -20.0..-8.0, 25.0..35.0),
+        (Dof::LeftKneeFlexion, 0.0..12.0, 52.0..68.0),
+        (Dof::RightKneeFlexion, 0.0..12.0, 52.0..68.0),
+        (Dof::LeftAnkleDorsiflexion, -25.0..-8.0, 6.0..15.0),
+        (Dof::RightAnkleDorsiflexion, -25.0..-8.0, 6.0..15.0),
+    ] {
+        let angles = steady.iter().map(|angles| angles[dof].to_degrees());
+        let (least, most) = angles.fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(x), b.max(x)));
+        assert!(low.contains(&least), "{}: {least}", dof.name());
+        assert!(high.contains(&most), "{}: {most}", dof.name());
+    }
+}
+
+#[test]
+fn the_body_goes_forward_at_a_steady_walking_pace() {
+    let all = poses();
+    let steady = steady(&all);
+    let pace = |a: &SegmentPose, b: &SegmentPose| (b.root_m.x - a.root_m.x) * RATE_HZ;
+    let mean = pace(&steady[0], &steady[steady.len() - 1]) / (steady.len() - 1) as f64;
+    assert!((1.2..1.8).contains(&mean), "{mean} m/s");
+    for pair in steady.windows(2) {
+        let now = pace(&pair[0], &pair[1]);
+        assert!((now - mean).abs() < 0.15 * mean, "{now} m/s");
+    }
+    let heights = steady.iter().map(|pose| pose.root_m.z);
+    let (low, high) = heights.fold((f64::MAX, f64::MIN), |(a, b), z| (a.min(z), b.max(z)));
+    assert!(high - low < 0.08, "{}", high - low);
+    assert!(all.iter().all(|pose| pose.root_m.y.abs() < 1e-9));
+    for pair in all.windows(2) {
+        assert!(pace(&pair[0], &pair[1]) > -0.05, "never backwards");
+    }
+}
+
+#[test]
+fn feet_on_the_ground_hardly_slide_and_never_sink_into_it() {
+    let all = poses();
+    let skate = foot_skate_m_s(&body(), &steady(&all), RATE_HZ, 0.01);
+    assert!(skate < 0.02, "{skate} m/s");
+    let whole = foot_skate_m_s(&body(), &all, RATE_HZ, 0.01);
+    assert!(whole < 0.03, "{whole} m/s");
+    for pose in &all {
+        let at = body().positions(pose);
+        let lowest = End::ALL.map(|end| at.end_m(end).z).into_iter().fold(f64::MAX, f64::min);
+        assert!(lowest.abs() < 1e-9);
+    }
+}
+
+#[test]
+fn left_and_right_are_half_a_stride_apart() {
+    let walk = walk().sampled(RATE_HZ).unwrap();
+    for (left, right) in [
+        (Dof::LeftHipFlexion, Dof::RightHipFlexion),
+        (Dof::LeftKneeFlexion, Dof::RightKneeFlexion),
+        (Dof::LeftElbowFlexion, Dof::RightElbowFlexion),
+    ] {
+        for sample in 144..360 {
+            let (now, later) = (walk[sample][left], walk[sample + 72][right]);
+            assert!((now - later).abs() < 1e-9, "{} at {sample}", left.name());
+        }
+    }
+}
