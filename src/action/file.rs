@@ -174,8 +174,10 @@ impl Reader<'_> {
                 .allowed("small letters, digits and hyphens"));
         }
         for (shape, samples) in &raw.shapes {
-            let sampled = Sampled::through(samples.get_ref())
-                .map_err(|e| e.at(format!("{}, shape {shape}", self.at(samples))))?;
+            let sampled = Sampled::through(samples.get_ref()).map_err(|e| {
+                let sample = e.place.as_deref().unwrap_or("all samples").to_owned();
+                e.at(format!("{}, shape {shape}, {sample}", self.at(samples)))
+            })?;
             self.shapes.insert(shape.clone(), Shape::Sampled(Arc::new(sampled)));
         }
         match &raw.mirror_of {
