@@ -104,6 +104,7 @@ fn no_joint_moves_faster_than_people_do() {
 
 #[test]
 fn feet_hardly_slide_and_never_sink_into_the_ground() {
+    let mut bad = Vec::new();
     for (action, motion) in shipped() {
         let poses = motion.poses(&body(), 120.0).unwrap();
         let mut lowest = f64::MAX;
@@ -113,11 +114,15 @@ fn feet_hardly_slide_and_never_sink_into_the_ground() {
                 lowest = lowest.min(at.end_m(end).z);
             }
         }
-        assert!(lowest > -0.03, "{} sinks {lowest} m", action.name);
         let skate = foot_skate_m_s(&body(), &poses, 120.0, 0.01);
         println!("{:24} skate {skate:.3} m/s, lowest {:.1} mm", action.name, lowest * 1e3);
-        assert!(skate < 0.35, "{} skates at {skate} m/s", action.name);
+        // With a flight, toes and heels pass low over the ground at the speed of the leg.
+        let most = if action.flights.is_empty() { 0.35 } else { 0.8 };
+        if !(skate < most && lowest > -0.03) {
+            bad.push(format!("{} skates at {skate} m/s, sinks {lowest} m", action.name));
+        }
     }
+    assert!(bad.is_empty(), "{bad:#?}");
 }
 
 #[test]

@@ -4,7 +4,7 @@ use super::{Output, Remarks};
 use crate::action::{Action, Join, phrase, table};
 use crate::body::Proportions;
 use crate::error::Error;
-use crate::mocap::{bvh, export};
+use crate::mocap::{bvh, export, humanoid, page};
 use clap::Args;
 use serde::Serialize;
 use std::path::PathBuf;
@@ -23,7 +23,8 @@ pub struct SynthArgs {
     /// Change a figure: duration_s, rounds, pace, peak, stature_m, blend_s
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
-    /// File to write: .csv (time_s and the 22 angles, rad) or .bvh
+    /// File to write: .csv (time_s and the 22 angles, rad), .bvh, .x3d (an H-Anim humanoid), or
+    /// .html (a page that draws it)
     #[arg(short, long, value_name = "OUT")]
     output_file: PathBuf,
     #[command(flatten)]
@@ -152,11 +153,21 @@ pub fn run(args: &SynthArgs, remarks: Remarks) -> Result<i32, Error> {
             let poses = motion.poses(&body, args.rate)?;
             bvh::write(&export::bvh_of(&poses, &body, args.rate)).into_bytes()
         }
+        "x3d" => {
+            let body = figures.body()?;
+            let poses = motion.poses(&body, args.rate)?;
+            humanoid::x3d_of(&args.action, &poses, &body, args.rate).into_bytes()
+        }
+        "html" => {
+            let body = figures.body()?;
+            let poses = motion.poses(&body, args.rate)?;
+            page::page_of(&args.action, &poses, &body, args.rate).into_bytes()
+        }
         _ => {
             return Err(Error::new("not a kind of file I can write")
                 .at("-o")
                 .got(args.output_file.display().to_string())
-                .allowed("a name that ends in .csv or .bvh"));
+                .allowed("a name that ends in .csv, .bvh, .x3d or .html"));
         }
     };
     args.output.write_file(&args.output_file, &bytes)?;
