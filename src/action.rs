@@ -12,12 +12,14 @@
 //! capture -> decompose -> Motion -> Action file
 //! ```
 
+pub mod corpus;
 pub mod database;
 pub mod decompose;
 pub mod file;
 pub mod join;
 pub mod motion;
 pub mod mutate;
+pub mod parquet;
 pub mod perform;
 pub mod phrase;
 pub mod scope;

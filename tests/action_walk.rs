@@ -101,3 +101,64 @@ fn left_and_right_are_half_a_stride_apart() {
         }
     }
 }
+
+/// Angles of level walking at named moments of the stride, deg: "Angular kinematics of gait",
+/// podiapaedia.org (hip and knee flexion, ankle dorsiflexion; the middle where a span is given).
+#[test]
+fn the_walk_is_near_published_angles_at_the_moments_of_the_stride() {
+    let walk = walk();
+    let period_s = 1.2;
+    // The left heel touches down half a period after the start; the second stride is steady.
+    let at = |dof, part: f64| walk.at(dof, (1.5 + part) * period_s).position_rad.to_degrees();
+    let (hip, knee) = (Dof::LeftHipFlexion, Dof::LeftKneeFlexion);
+    let ankle = Dof::LeftAnkleDorsiflexion;
+    let published = [
+        (hip, 0.0, 25.0),
+        (hip, 0.5, -10.0),
+        (hip, 0.62, 0.0),
+        (hip, 0.85, 28.0),
+        (knee, 0.0, 3.0),
+        (knee, 0.13, 17.5),
+        (knee, 0.4, 3.0),
+        (knee, 0.62, 40.0),
+        (knee, 0.75, 65.0),
+        (ankle, 0.0, 0.0),
+        (ankle, 0.45, 10.0),
+        (ankle, 0.64, -20.0),
+    ];
+    let mut squares = 0.0;
+    for (dof, part, expected) in published {
+        let off = at(dof, part) - expected;
+        squares += off * off;
+        println!("{} at {part}: {:.1}, published {expected}", dof.name(), off + expected);
+        assert!(off.abs() <= 15.0, "{} at {part} is {off} deg off", dof.name());
+    }
+    let rms = (squares / published.len() as f64).sqrt();
+    println!("root mean square {rms:.1} deg");
+    assert!(rms <= 8.0, "{rms} deg");
+}
+
+/// The knee in stance of level running: foot strike 20.9 deg, peak 36.2 deg ("Three-Dimensional
+/// Kinematic Analysis During Level and Downhill Treadmill Running", The Sport Journal).
+#[test]
+fn the_run_bends_its_knee_in_stance_as_published() {
+    let run = vocabulary::find("run").unwrap();
+    let motion = run.perform().unwrap();
+    let period_s = run.duration_s;
+    let knee = |part: f64| {
+        let time_s = (2.5 + part) * period_s;
+        motion.at(Dof::LeftKneeFlexion, time_s).position_rad.to_degrees()
+    };
+    let peak = (0..=30).map(|i| knee(f64::from(i) / 100.0)).fold(0.0, f64::max);
+    println!("foot strike {:.1}, peak {peak:.1}", knee(0.0));
+    assert!((knee(0.0) - 20.9).abs() < 3.0, "{}", knee(0.0));
+    assert!((peak - 36.2).abs() < 3.0, "{peak}");
+    // In flight no foot touches the ground: some height between 2 and 15 cm is gained.
+    let poses = motion.poses(&body(), RATE_HZ).unwrap();
+    let lowest = |pose: &SegmentPose| {
+        let at = body().positions(pose);
+        End::ALL.map(|end| at.end_m(end).z).into_iter().fold(f64::MAX, f64::min)
+    };
+    let highest = poses.iter().map(lowest).fold(f64::MIN, f64::max);
+    assert!((0.01..0.15).contains(&highest), "{highest}");
+}

@@ -134,19 +134,32 @@ impl Item {
     }
 }
 
-/// The whole phrase as one motion, each action changed by `changed` first: everything that moves
-/// comes to rest between its actions.
+/// An item and its definition.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Part {
+    /// How long and how fast.
+    pub item: Item,
+    /// What.
+    pub action: Action,
+}
+
+/// Reads a phrase and the actions it names.
 ///
 /// # Errors
-/// If an item is no action, or cannot be performed.
-pub fn perform(
-    items: &[Item],
-    join: Join,
-    changed: impl Fn(Action) -> Result<Action, Error>,
-) -> Result<Motion, Error> {
+/// As [`parse`], or if an item is no action.
+pub fn load(text: &str) -> Result<Vec<Part>, Error> {
+    let items = parse(text)?.into_iter();
+    items.map(|item| Ok(Part { action: item.action()?, item })).collect()
+}
+
+/// The whole phrase as one motion: everything that moves comes to rest between its actions.
+///
+/// # Errors
+/// If an action cannot be performed or joined with the one before, or there is none.
+pub fn perform(parts: &[Part], join: Join) -> Result<Motion, Error> {
     let mut whole: Option<Motion> = None;
-    for item in items {
-        let next = item.perform(&changed(item.action()?)?)?;
+    for part in parts {
+        let next = part.item.perform(&part.action)?;
         whole = Some(match whole {
             None => next,
             Some(before) => before.followed_by(next, join)?,

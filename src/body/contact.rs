@@ -11,6 +11,9 @@ use crate::body::{JointAngles, SegmentPose};
 
 const SOLES: [End; 4] = [End::LeftHeel, End::LeftToe, End::RightHeel, End::RightToe];
 
+/// Soles no further apart in height than rounding makes them.
+const EQUALLY_LOW_M: f64 = 1e-9;
+
 /// Root positions for a series of poses that is never in flight: the lowest of heels and toes is on
 /// the ground and does not slide. Each pose is joint angles and the orientation of the pelvis; the
 /// first has its root above the origin.
@@ -20,13 +23,21 @@ pub fn root_on_ground(body: &Proportions, poses: &[(JointAngles, DQuat)]) -> Vec
     let mut soles_before_m = None;
     for (angles, orientation) in poses {
         let soles_m = soles(body, &angles.to_pose(DVec3::ZERO, *orientation));
-        let lowest = (0..4).fold(0, |a, b| if soles_m[b].z < soles_m[a].z { b } else { a });
+        let lowest_m = soles_m.iter().map(|sole| sole.z).fold(f64::MAX, f64::min);
         let mut root_m = roots_m.last().copied().unwrap_or(DVec3::ZERO);
         if let Some(before_m) = soles_before_m.replace(soles_m) {
-            // What the sole point moved against the pelvis, the pelvis moves against the ground.
-            root_m += before_m[lowest] - soles_m[lowest];
+            // What the soles moved against the pelvis, the pelvis moves against the ground. Points
+            // equally low, of two feet that move alike, carry equally.
+            let (mut moved_m, mut carry) = (DVec3::ZERO, 0.0);
+            for (before, now) in before_m.into_iter().zip(soles_m) {
+                if now.z <= lowest_m + EQUALLY_LOW_M {
+                    moved_m += before - now;
+                    carry += 1.0;
+                }
+            }
+            root_m += moved_m / carry;
         }
-        root_m.z = -soles_m[lowest].z;
+        root_m.z = -lowest_m;
         roots_m.push(root_m);
     }
     roots_m

@@ -168,8 +168,7 @@ pub fn body_motion(
 
 /// Actions, performed by a body of usual stature.
 fn performed(text: &str) -> Result<(Capture, Source), Error> {
-    let items = phrase::parse(text)?;
-    let motion = phrase::perform(&items, Join::Transition, Ok)?;
+    let motion = phrase::perform(&phrase::load(text)?, Join::Transition)?;
     let poses = motion.poses(&Proportions::of_stature(ACTION_STATURE_M)?, ACTION_HZ)?;
     let source = Source {
         format: "action".to_owned(),

@@ -1,7 +1,9 @@
 //! `synth`: actions made of actionlets, as files.
 
+mod bulk;
+
 use super::{Output, Remarks};
-use crate::action::{Action, Join, phrase, table};
+use crate::action::{Action, Join, Spread, phrase, table};
 use crate::body::Proportions;
 use crate::error::Error;
 use crate::mocap::{bvh, export, humanoid, page};
@@ -13,14 +15,27 @@ use std::path::PathBuf;
 #[derive(Clone, Debug, Args)]
 #[command(after_help = "Examples:\n  \
     gaitway synth walk -o walk.csv\n  \
-    gaitway synth walk:6s,wave-r,bow --rate 60 -o greeting.bvh")]
+    gaitway synth walk:6s,wave-r,bow --rate 60 -o greeting.bvh\n  \
+    gaitway synth run --variations 1000000 --seed 1 --set vary_angle=0.2 -o corpus/")]
 pub struct SynthArgs {
     /// A shipped action, an action file (.toml), or several: walk:6s,wave-r,bow
     action: String,
     /// Poses per second
     #[arg(long, value_name = "HZ", default_value_t = 120.0, allow_negative_numbers = true)]
     rate: f64,
-    /// Change a figure: duration_s, rounds, pace, peak, stature_m, blend_s
+    /// Make so many variations; OUT is then a .parquet file, or a folder, which is taken up again
+    /// where it was left
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32)
+          .range(1..=i64::from(bulk::MAX_VARIATIONS)))]
+    variations: Option<u32>,
+    /// Seed of the variations
+    #[arg(long, default_value_t = 0, requires = "variations")]
+    seed: u64,
+    /// Folder of action files whose velocity functions variations may take as well
+    #[arg(long, value_name = "FOLDER", requires = "variations")]
+    database: Vec<PathBuf>,
+    /// Change a figure: duration_s, rounds, pace, peak, stature_m, blend_s; of variations
+    /// vary_angle, vary_time, vary_peak, vary_duration, vary_exchange
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
     /// File to write: .csv (time_s and the 22 angles, rad), .bvh, .x3d (an H-Anim humanoid), or
@@ -40,6 +55,7 @@ pub struct Figures {
     peak: Option<f64>,
     stature_m: f64,
     blend_s: Option<f64>,
+    spread: Spread,
 }
 
 impl Figures {
@@ -55,12 +71,14 @@ impl Figures {
             peak: None,
             stature_m: 1.75,
             blend_s: None,
+            spread: Spread::default(),
         };
         for pair in pairs {
             let wrong = |allowed: &str| {
                 Error::new("cannot set this").at("--set").got(pair.clone()).allowed(allowed)
             };
-            let keys = "KEY=VALUE with duration_s, rounds, pace, peak, stature_m or blend_s";
+            let keys = "KEY=VALUE with duration_s, rounds, pace, peak, stature_m, blend_s or \
+                        vary_angle, vary_time, vary_peak, vary_duration, vary_exchange";
             let (key, text) = pair.split_once('=').ok_or_else(|| wrong(keys))?;
             let value: f64 = text.parse().map_err(|_| wrong("a number"))?;
             match key {
@@ -74,6 +92,11 @@ impl Figures {
                 "peak" => figures.peak = Some(value),
                 "stature_m" => figures.stature_m = value,
                 "blend_s" => figures.blend_s = Some(value),
+                "vary_angle" => figures.spread.angle = value,
+                "vary_time" => figures.spread.time = value,
+                "vary_peak" => figures.spread.peak = value,
+                "vary_duration" => figures.spread.duration = value,
+                "vary_exchange" => figures.spread.exchange = value,
                 _ => return Err(wrong(keys)),
             }
         }
@@ -138,9 +161,25 @@ struct Report {
 /// If there is no such action, a figure is out of range, or the file cannot be written.
 pub fn run(args: &SynthArgs, remarks: Remarks) -> Result<i32, Error> {
     let figures = Figures::read(&args.set)?;
+    if args.variations.is_some() {
+        let made = bulk::make(args, &figures, remarks)?;
+        let text = if remarks.quiet {
+            format!("{}\n", made.written)
+        } else {
+            format!(
+                "done: {} variations of {}, {} of them found, {} poses written\nwritten   {}\n",
+                made.variations, args.action, made.found, made.poses, made.written
+            )
+        };
+        args.output.report(&made, &text)?;
+        return Ok(0);
+    }
     args.output.check_files(&[&Some(args.output_file.clone())])?;
-    let items = phrase::parse(&args.action)?;
-    let motion = phrase::perform(&items, figures.join(), |action| figures.applied(action))?;
+    let mut parts = phrase::load(&args.action)?;
+    for part in &mut parts {
+        part.action = figures.applied(part.action.clone())?;
+    }
+    let motion = phrase::perform(&parts, figures.join())?;
     let kind = args.output_file.extension().and_then(|e| e.to_str()).unwrap_or_default();
     let bytes = match kind {
         "csv" => {

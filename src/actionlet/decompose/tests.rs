@@ -66,11 +66,12 @@ fn what_hardly_moves_is_one_number() {
 
 #[test]
 fn a_dearer_cut_is_taken_only_as_far_as_the_tolerance_asks() {
+    // Three waves that begin and end at rest, as actionlets do.
     let wave = |i: i32| {
-        let t = f64::from(i) / 120.0;
-        0.5 * (2.0 * t).sin() + 0.2 * (7.1 * t).sin() + 0.05 * (17.3 * t).cos()
+        let turn = f64::from(i) / 1200.0 * core::f64::consts::TAU;
+        0.5 * (3.0 * turn).cos() + 0.2 * (11.0 * turn).cos() + 0.05 * (27.0 * turn).cos()
     };
-    let samples: Vec<f64> = (0..1200).map(wave).collect();
+    let samples: Vec<f64> = (0..=1200).map(wave).collect();
     let mut before = usize::MAX;
     for tolerance_deg in [0.5, 1.0, 2.0, 4.0f64] {
         let got = decompose(&samples, 120.0, tolerance_deg.to_radians()).unwrap();
@@ -78,7 +79,7 @@ fn a_dearer_cut_is_taken_only_as_far_as_the_tolerance_asks() {
         assert!(got.numbers() <= before);
         before = got.numbers();
     }
-    assert!(before < 80, "{before} numbers");
+    assert!(before < 100, "{before} numbers");
 }
 
 #[test]
@@ -96,13 +97,13 @@ proptest! {
 
     #[test]
     fn a_series_made_of_actionlets_returns_its_own(
-        steps in prop::collection::vec((0.3..0.9, 0.15..1.0, 0.25..0.75, any::<bool>()), 1..8),
+        steps in prop::collection::vec((0.3..0.9f64, 0.15..1.0f64, 0.25..0.75f64), 1..8),
     ) {
         // One direction after another, so that no seam is a touch.
         let steps: Vec<_> = steps
             .into_iter()
             .enumerate()
-            .map(|(i, (d, change, t, _))| (d, if i % 2 == 0 { change } else { -change }, t))
+            .map(|(i, (d, change, t))| (d, if i % 2 == 0 { change } else { -change }, t))
             .collect();
         let whole = |d: f64| (d * 240.0).round() / 240.0;
         let steps: Vec<_> = steps.into_iter().map(|(d, c, t)| (whole(d), c, t)).collect();
