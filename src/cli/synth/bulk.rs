@@ -35,6 +35,8 @@ struct About {
 /// What came of it.
 #[derive(Debug, Serialize)]
 pub struct Made {
+    /// `done`.
+    pub outcome: &'static str,
     /// Variations in all.
     pub variations: u32,
     /// Variations that were there already.
@@ -55,7 +57,13 @@ pub fn make(args: &SynthArgs, figures: &Figures, remarks: Remarks) -> Result<Mad
     let corpus = corpus(args, figures)?;
     let about = about(args, variations)?;
     let out = &args.output_file;
-    let mut made = Made { variations, found: 0, poses: 0, written: out.display().to_string() };
+    let mut made = Made {
+        outcome: "done",
+        variations,
+        found: 0,
+        poses: 0,
+        written: out.display().to_string(),
+    };
     let bar = bar(variations, remarks);
     if out.extension().is_some_and(|e| e == "parquet") {
         args.output.check_files(&[&Some(out.clone()), &Some(pieces_beside(out))])?;
