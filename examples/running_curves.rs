@@ -98,10 +98,10 @@ fn pieces(motion: &Motion, dof: Dof, from_s: f64) -> Vec<&Actionlet> {
 fn main() -> Result<(), Error> {
     let run = vocabulary::find("run")?;
     let motion = run.perform()?;
-    // A: contact, where the knee begins to flex in stance; X: where the hip begins to extend.
+    // A: contact, where the knee begins to flex in stance, which is the smaller flexion; X: where the hip begins to extend.
     let knee = pieces(&motion, KNEE, 1.2);
-    let contact = |piece: &&Actionlet| piece.from_rad() < 0.3 && piece.change_rad() > 0.0;
-    let cycle = knee.iter().position(|piece| contact(piece)).and_then(|at| knee.get(at..at + 5));
+    let contact = |piece: &&Actionlet| (0.0..0.6).contains(&piece.change_rad());
+    let cycle = knee.iter().position(contact).and_then(|at| knee.get(at..at + 5));
     let cycle = cycle.ok_or_else(|| Error::new("the knee does not go round"))?;
     let (a_s, e_s) = (cycle[0].begin_s(), cycle[4].begin_s());
     let hip = pieces(&motion, HIP, a_s - 0.3 * run.duration_s);

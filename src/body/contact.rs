@@ -73,11 +73,11 @@ pub fn root_path(
         let (takes_off, lands) = (roots_m[from], roots_m[to]);
         let flight_s = (to - from) as f64 / rate_hz;
         let rise = (lands.z - takes_off.z) / flight_s + GRAVITY_M_S2 * flight_s / 2.0;
-        for pose in from + 1..to {
-            let t = (pose - from) as f64 / rate_hz;
+        for (step, root_m) in roots_m[from..to].iter_mut().enumerate() {
+            let t = step as f64 / rate_hz;
             let ahead = velocity.truncate() * t;
             let z = takes_off.z + rise * t - GRAVITY_M_S2 * t * t / 2.0;
-            roots_m[pose] = DVec3::new(takes_off.x + ahead.x, takes_off.y + ahead.y, z);
+            *root_m = DVec3::new(takes_off.x + ahead.x, takes_off.y + ahead.y, z);
         }
         // What stands after the landing stands where the flight ended.
         let ahead = velocity.truncate() * flight_s;
@@ -153,6 +153,32 @@ mod tests {
         let segments: Vec<_> =
             poses.iter().zip(&roots_m).map(|((a, q), root)| a.to_pose(*root, *q)).collect();
         assert!(foot_skate_m_s(&body(), &segments, 100.0, 0.01) < 1e-9);
+    }
+
+    #[test]
+    fn in_flight_the_body_rises_and_falls_freely_and_goes_on() {
+        // A stiff leg swings back on the ground, then nothing changes for 0.4 s in the air.
+        let pose = |degrees: f64| {
+            let mut angles = JointAngles::default();
+            angles[Dof::LeftKneeFlexion] = 1.5;
+            angles[Dof::RightHipFlexion] = degrees.to_radians();
+            angles[Dof::RightAnkleDorsiflexion] = -degrees.to_radians();
+            (angles, DQuat::IDENTITY)
+        };
+        let (rate_hz, flight_s) = (100.0, 0.4);
+        let poses: Vec<_> = (0..100).map(|i| pose(10.0 - f64::from(i.min(40)) * 0.5)).collect();
+        let roots_m = root_path(&body(), &poses, rate_hz, &[(0.4, 0.4 + flight_s)]);
+        let rise_m = roots_m[60].z - roots_m[40].z;
+        assert!((rise_m - 9.80665 * flight_s * flight_s / 8.0).abs() < 1e-9, "{rise_m}");
+        assert!((roots_m[80].z - roots_m[40].z).abs() < 1e-12);
+        let speed = (roots_m[40].x - roots_m[37].x) * rate_hz / 3.0;
+        let travel_m = roots_m[80].x - roots_m[40].x;
+        assert!(speed > 0.3 && (travel_m - speed * flight_s).abs() < 1e-9, "{travel_m} {speed}");
+        // The landing foot stands where it landed.
+        assert!((roots_m[99] - roots_m[80]).length() < 1e-12);
+        // A flight that does not fit leaves the path on the ground.
+        let grounded = root_on_ground(&body(), &poses);
+        assert_eq!(root_path(&body(), &poses, rate_hz, &[(0.9, 2.0)]), grounded);
     }
 
     #[test]

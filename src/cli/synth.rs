@@ -3,7 +3,7 @@
 mod bulk;
 
 use super::{Output, Remarks};
-use crate::action::{Action, Join, Spread, phrase, table};
+use crate::action::{Action, Join, Motion, Spread, phrase, table};
 use crate::body::Proportions;
 use crate::error::Error;
 use crate::mocap::{bvh, export, humanoid, page};
@@ -180,35 +180,7 @@ pub fn run(args: &SynthArgs, remarks: Remarks) -> Result<i32, Error> {
         part.action = figures.applied(part.action.clone())?;
     }
     let motion = phrase::perform(&parts, figures.join())?;
-    let kind = args.output_file.extension().and_then(|e| e.to_str()).unwrap_or_default();
-    let bytes = match kind {
-        "csv" => {
-            let mut bytes = Vec::new();
-            table::write_csv(&motion, args.rate, &mut bytes)?;
-            bytes
-        }
-        "bvh" => {
-            let body = figures.body()?;
-            let poses = motion.poses(&body, args.rate)?;
-            bvh::write(&export::bvh_of(&poses, &body, args.rate)).into_bytes()
-        }
-        "x3d" => {
-            let body = figures.body()?;
-            let poses = motion.poses(&body, args.rate)?;
-            humanoid::x3d_of(&args.action, &poses, &body, args.rate).into_bytes()
-        }
-        "html" => {
-            let body = figures.body()?;
-            let poses = motion.poses(&body, args.rate)?;
-            page::page_of(&args.action, &poses, &body, args.rate).into_bytes()
-        }
-        _ => {
-            return Err(Error::new("not a kind of file I can write")
-                .at("-o")
-                .got(args.output_file.display().to_string())
-                .allowed("a name that ends in .csv, .bvh, .x3d or .html"));
-        }
-    };
+    let bytes = bytes_of(args, &figures, &motion)?;
     args.output.write_file(&args.output_file, &bytes)?;
     let report = Report {
         outcome: "done",
@@ -234,4 +206,25 @@ pub fn run(args: &SynthArgs, remarks: Remarks) -> Result<i32, Error> {
     };
     args.output.report(&report, &text)?;
     Ok(0)
+}
+
+/// The motion as the kind of file the output's name asks for.
+fn bytes_of(args: &SynthArgs, figures: &Figures, motion: &Motion) -> Result<Vec<u8>, Error> {
+    let body = figures.body()?;
+    let poses = || motion.poses(&body, args.rate);
+    let title = args.action.as_str();
+    match args.output_file.extension().and_then(|e| e.to_str()).unwrap_or_default() {
+        "csv" => {
+            let mut bytes = Vec::new();
+            table::write_csv(motion, args.rate, &mut bytes)?;
+            Ok(bytes)
+        }
+        "bvh" => Ok(bvh::write(&export::bvh_of(&poses()?, &body, args.rate)).into_bytes()),
+        "x3d" => Ok(humanoid::x3d_of(title, &poses()?, &body, args.rate).into_bytes()),
+        "html" => Ok(page::page_of(title, &poses()?, &body, args.rate).into_bytes()),
+        _ => Err(Error::new("not a kind of file I can write")
+            .at("-o")
+            .got(args.output_file.display().to_string())
+            .allowed("a name that ends in .csv, .bvh, .x3d or .html; with --variations .parquet")),
+    }
 }
