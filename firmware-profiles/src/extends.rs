@@ -49,7 +49,12 @@ pub(crate) fn resolve(
 fn lay_over(file: &str, whole: &mut Table, mut changes: Table) -> Result<(), ProfileError> {
     changes.remove("extends");
     if let Some(without) = changes.remove("without") {
-        for key in without.as_array().into_iter().flatten() {
+        let Some(keys) = without.as_array() else {
+            return Err(ProfileError::new(file, "`without` is a list of keys of the base")
+                .at("without")
+                .got(shown(&without)));
+        };
+        for key in keys {
             if key.as_str().and_then(|key| whole.remove(key)).is_none() {
                 return Err(ProfileError::new(file, "the base has no such key to leave out")
                     .at("without")
@@ -57,11 +62,17 @@ fn lay_over(file: &str, whole: &mut Table, mut changes: Table) -> Result<(), Pro
             }
         }
     }
-    let registers = changes.remove("register");
+    let registers = match changes.remove("register") {
+        None => Vec::new(),
+        Some(Value::Array(registers)) => registers,
+        Some(_) => {
+            return Err(
+                ProfileError::new(file, "registers are written as [[register]]").at("register")
+            );
+        }
+    };
     whole.extend(changes);
-    let (Some(Value::Array(base)), Some(Value::Array(registers))) =
-        (whole.get_mut("register"), registers)
-    else {
+    let Some(Value::Array(base)) = whole.get_mut("register") else {
         return Ok(());
     };
     let mut named = Vec::new();

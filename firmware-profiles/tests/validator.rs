@@ -521,6 +521,9 @@ fn an_extended_servo_must_be_right_as_a_whole() {
     wrong("xl430-w250", "xl431", "no shipped servo", "extends");
     wrong("\"xl430-w250\"", "4", "no shipped servo", "extends");
     wrong("fast_sync_read_from_firmware", "secret", "no such key", "without");
+    wrong("[\"fast_sync_read_from_firmware\"]", "\"backup\"", "a list of keys", "without");
+    let one = "extends = \"xl430-w250\"\nname = \"mine\"\n[register]\nname = \"ID\"\ninitial = 2\n";
+    refused(parse_servo("mine.toml", one), "[[register]]", "register");
     wrong("name = \"Backup Ready\"", "name = \"Backup\"", "of the base", "Backup");
     wrong("remove = true", "remove = false", "of the base", "Backup Ready");
     wrong("first = 29", "first = 28", "form", "");

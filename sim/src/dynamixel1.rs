@@ -10,7 +10,7 @@
 
 pub(crate) mod packet;
 
-use crate::exchange::{Answer, Ask, Exchange, Order, hearing, in_turn, with_id};
+use crate::exchange::{Answer, Ask, Exchange, Order, hearing, in_turn, sync_write, with_id};
 use crate::family::Family;
 use crate::servo::{Refusal, Servo};
 use gaitway_profiles::Role;
@@ -34,7 +34,7 @@ const CHECKSUM: u8 = 1 << 4;
 pub(crate) fn answer(packet: &[u8], servos: &mut [Servo], at_ns: u64) -> Exchange {
     let (id, code, params) = packet::open(packet);
     match (code, id) {
-        (SYNC_WRITE, BROADCAST) => sync_write(servos, params, at_ns),
+        (SYNC_WRITE, BROADCAST) => sync_write(servos, FAMILY, params, at_ns),
         (BULK_READ, BROADCAST) => bulk_read(servos, params, at_ns),
         (_, BROADCAST) => {
             for (_, servo) in hearing(servos, FAMILY) {
@@ -117,19 +117,6 @@ fn act(servo: &mut Servo, code: u8, params: &[u8], at_ns: u64) -> Result<(), Ref
         }
         _ => Err(Refusal::Instruction),
     }
-}
-
-fn sync_write(servos: &mut [Servo], params: &[u8], at_ns: u64) -> Exchange {
-    let &[address, length, ref entries @ ..] = params else { return Exchange::nothing() };
-    let size = usize::from(length) + 1;
-    if entries.len().is_multiple_of(size) {
-        for entry in entries.chunks_exact(size) {
-            for (_, servo) in with_id(servos, FAMILY, entry[0]).filter(|(_, servo)| servo.hears) {
-                let _ = servo.write(address.into(), &entry[1..], at_ns);
-            }
-        }
-    }
-    Exchange::nothing()
 }
 
 /// `00`, then length, ID and address of each: everyone answers after the one before.

@@ -122,3 +122,23 @@ pub(crate) fn in_turn(
     }
     Exchange { order: Order::Chained, answers }
 }
+
+/// The sync write of Protocol 1.0's frame: address, length, then ID and bytes of each. Nobody
+/// answers.
+pub(crate) fn sync_write(
+    servos: &mut [Servo],
+    family: Family,
+    params: &[u8],
+    at_ns: u64,
+) -> Exchange {
+    let &[address, length, ref entries @ ..] = params else { return Exchange::nothing() };
+    let size = usize::from(length) + 1;
+    if entries.len().is_multiple_of(size) {
+        for entry in entries.chunks_exact(size) {
+            for (_, servo) in with_id(servos, family, entry[0]).filter(|(_, servo)| servo.hears) {
+                let _ = servo.write(address.into(), &entry[1..], at_ns);
+            }
+        }
+    }
+    Exchange::nothing()
+}

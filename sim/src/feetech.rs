@@ -9,7 +9,7 @@
 //! of the Status register.
 
 use crate::dynamixel1::packet;
-use crate::exchange::{Answer, Ask, Exchange, Order, hearing, in_turn, with_id};
+use crate::exchange::{Answer, Ask, Exchange, Order, hearing, in_turn, sync_write, with_id};
 use crate::family::Family;
 use crate::servo::{Refusal, Servo};
 use gaitway_profiles::{Protocol, Role};
@@ -33,7 +33,7 @@ pub(crate) fn answer(packet: &[u8], servos: &mut [Servo], at_ns: u64) -> Exchang
     let (id, code, params) = packet::open(packet);
     match (code, id) {
         (SYNC_READ, BROADCAST) => sync_read(servos, params, at_ns),
-        (SYNC_WRITE, BROADCAST) => sync_write(servos, params, at_ns),
+        (SYNC_WRITE, BROADCAST) => sync_write(servos, FAMILY, params, at_ns),
         (PING, BROADCAST) => broadcast_ping(servos, at_ns),
         (WRITE | REG_WRITE | ACTION | RESET, BROADCAST) => {
             for (_, servo) in hearing(servos, FAMILY) {
@@ -109,19 +109,6 @@ fn sync_read(servos: &mut [Servo], params: &[u8], at_ns: u64) -> Exchange {
 
 fn knows_groups(servo: &Servo) -> bool {
     servo.model.protocol == Protocol::FeetechSts
-}
-
-fn sync_write(servos: &mut [Servo], params: &[u8], at_ns: u64) -> Exchange {
-    let &[address, length, ref entries @ ..] = params else { return Exchange::nothing() };
-    let size = usize::from(length) + 1;
-    if entries.len().is_multiple_of(size) {
-        for entry in entries.chunks_exact(size) {
-            for (_, servo) in with_id(servos, FAMILY, entry[0]).filter(|(_, servo)| servo.hears) {
-                let _ = servo.write(address.into(), &entry[1..], at_ns);
-            }
-        }
-    }
-    Exchange::nothing()
 }
 
 fn broadcast_ping(servos: &mut [Servo], at_ns: u64) -> Exchange {

@@ -1,10 +1,11 @@
-//! Faults as data: a TOML file with one `[[fault]]` table for each. The keys are listed in this
-//! crate's README.
+//! Faults as data: a TOML file with one `[[fault]]` table for each, and perhaps a `[behaviour]` table
+//! for what the manuals leave open. The keys are listed in this crate's README.
 
 mod keys;
 
 use crate::adapter::Usb;
 use crate::fault::{Damage, Fault};
+use crate::world::{BadChecksum, MissingInChain, Options, ZeroSpeed};
 use keys::{Keys, line_of};
 use serde::Deserialize;
 use std::path::PathBuf;
@@ -29,13 +30,14 @@ const SERVO_FAULTS: [&str; 8] =
     ["silent", "overload", "reboot", "stuck", "frozen", "jump", "register", "twin"];
 const LINE_FAULTS: [&str; 4] = ["brownout", "slow-line", "hang-up", "blocked"];
 
-/// Faults read from a script, for [`crate::Options::faults`].
+/// Faults and switches read from a script.
 ///
 /// ```
 /// let script = gaitway_sim::Script::parse(
 ///     "[[fault]]\nkind = 'silent'\njoint = 'r_knee'\nfrom_s = 2\nuntil_s = 2.5\n",
 /// )?;
-/// assert_eq!(script.faults.len(), 1);
+/// let options = script.apply(gaitway_sim::Options::default());
+/// assert_eq!(options.faults.len(), 1);
 /// # Ok::<(), gaitway_sim::ScriptError>(())
 /// ```
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -44,6 +46,12 @@ pub struct Script {
     pub seed: Option<u64>,
     /// The faults, in the order of the file.
     pub faults: Vec<Fault>,
+    /// What it says of [`Options::missing_in_chain`].
+    pub missing_in_chain: Option<MissingInChain>,
+    /// What it says of [`Options::bad_checksum`].
+    pub bad_checksum: Option<BadChecksum>,
+    /// What it says of [`Options::zero_speed`].
+    pub zero_speed: Option<ZeroSpeed>,
 }
 
 /// What is wrong with a script.
@@ -62,6 +70,7 @@ pub struct ScriptError {
 #[serde(deny_unknown_fields)]
 struct File {
     seed: Option<u64>,
+    behaviour: Option<Spanned<Table>>,
     #[serde(default)]
     fault: Vec<Spanned<Table>>,
 }
@@ -82,14 +91,40 @@ impl Script {
         let file: File = toml::from_str(text).map_err(|e| ScriptError {
             at: e.span().map_or("script".to_string(), |span| line_of(text, span.start)),
             got: e.message().to_string(),
-            allowed: "TOML with [[fault]] tables, and perhaps a seed".to_string(),
+            allowed: "TOML with [[fault]] tables, and perhaps a seed and [behaviour]".to_string(),
         })?;
-        let mut script = Script { seed: file.seed, faults: Vec::new() };
+        let mut script = Script { seed: file.seed, ..Script::default() };
+        if let Some(table) = file.behaviour {
+            let place = format!("behaviour ({})", line_of(text, table.span().start));
+            script.read_behaviour(Keys::new(place, table.into_inner()))?;
+        }
         for (k, table) in file.fault.into_iter().enumerate() {
             let place = format!("fault {} ({})", k + 1, line_of(text, table.span().start));
             script.faults.extend(read_fault(Keys::new(place, table.into_inner()))?);
         }
         Ok(script)
+    }
+
+    /// The options with what this script asks for.
+    pub fn apply(self, options: Options) -> Options {
+        Options {
+            seed: self.seed.unwrap_or(options.seed),
+            faults: self.faults,
+            missing_in_chain: self.missing_in_chain.unwrap_or(options.missing_in_chain),
+            bad_checksum: self.bad_checksum.unwrap_or(options.bad_checksum),
+            zero_speed: self.zero_speed.unwrap_or(options.zero_speed),
+            ..options
+        }
+    }
+
+    fn read_behaviour(&mut self, mut keys: Keys) -> Result<(), ScriptError> {
+        let gap_ns = keys.time("missing_in_chain_gap_s")?;
+        self.missing_in_chain = gap_ns.map(|gap_ns| MissingInChain::AnswerAfter { gap_ns });
+        let checksum = [("ignore", BadChecksum::Ignore), ("answer", BadChecksum::Answer)];
+        self.bad_checksum = keys.choice("bad_checksum", checksum)?;
+        let zero = [("no-limit", ZeroSpeed::NoLimit), ("as-phase-says", ZeroSpeed::AsPhaseSays)];
+        self.zero_speed = keys.choice("zero_speed", zero)?;
+        keys.finish()
     }
 }
 

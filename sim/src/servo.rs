@@ -201,8 +201,9 @@ impl Servo {
         self.registered = None;
         self.follow_torque();
         self.forget_turns();
-        self.booted_ns = now_ns;
-        self.asleep_until_ns = awake_ns;
+        // A restart while the power is gone does not bring it back.
+        self.asleep_until_ns = self.asleep_until_ns.max(awake_ns);
+        self.booted_ns = self.asleep_until_ns.saturating_sub(BOOT_NS);
         self.boot();
         self.start_up();
     }

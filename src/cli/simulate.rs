@@ -38,7 +38,8 @@ pub struct SimulateArgs {
     /// Seed of everything random [default: that of the script, or 0]
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
-    /// Let the faults of this script happen; its keys are in sim/README.md
+    /// Let the faults of this script happen, and the servos behave as it says where the manuals
+    /// leave that open; its keys are in sim/README.md
     #[arg(long, value_name = "FILE.toml")]
     faults: Option<PathBuf>,
     /// Put the lines behind this USB adapter (see `gaitway profile list`)
@@ -122,13 +123,12 @@ fn options(args: &SimulateArgs) -> Result<Options, Error> {
         Some(path) => read_script(path)?,
         None => Script::default(),
     };
-    let options = Options {
-        seed: args.seed.or(script.seed).unwrap_or(0),
+    let mut options = script.apply(Options {
         line_timing: !args.no_line_timing,
         permit_eeprom: args.permit_eeprom,
-        faults: script.faults,
         ..Options::default()
-    };
+    });
+    options.seed = args.seed.unwrap_or(options.seed);
     match &args.adapter {
         Some(name) => {
             let known: Vec<&str> = gaitway_profiles::adapter_names().collect();

@@ -27,35 +27,33 @@ impl TcpEnd {
     }
 
     pub fn waits_for(&self, hungry: bool) -> Vec<(BorrowedFd<'_>, PollFlags)> {
-        let mut ends = vec![(self.listener.as_fd(), PollFlags::IN)];
-        if let Some(client) = &self.client {
-            let flags = if hungry { PollFlags::IN } else { PollFlags::empty() };
-            ends.push((client.as_fd(), flags));
-        }
-        ends
+        let flags = if hungry { PollFlags::IN } else { PollFlags::empty() };
+        let client = self.client.iter().map(|client| client.as_fd());
+        std::iter::once(self.listener.as_fd()).chain(client).map(|end| (end, flags)).collect()
     }
 
     pub fn read(&mut self, hungry: bool, bytes: &mut [u8]) -> usize {
-        let mut count = 0;
         if let Some(client) = &mut self.client {
             // A program that left is noticed even if nothing is wanted of it.
             let got = if hungry { client.read(bytes) } else { client.peek(&mut [0]) };
             match got {
                 Ok(0) => self.client = None,
-                Ok(read) if hungry => count = read,
-                Ok(_) => {}
+                // Whoever waits outside is looked at once all that this one has said is taken: it
+                // may have left.
+                Ok(read) => return if hungry { read } else { 0 },
                 Err(e) if matches!(e.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted) => {}
                 Err(_) => self.client = None,
             }
         }
         while let Ok((client, _)) = self.listener.accept() {
+            // A second program is sent away: a line has one host.
             let usable = client.set_nonblocking(true).and_then(|()| client.set_nodelay(true));
             if self.client.is_none() && !self.away && usable.is_ok() {
                 self.client = Some(client);
+                break;
             }
-            // A second program is sent away: a line has one host.
         }
-        count
+        0
     }
 
     pub fn write(&mut self, bytes: &[u8]) {

@@ -21,8 +21,10 @@ pub(super) struct Terminal {
     master: Option<OwnedFd>,
     slave: OwnedFd,
     path: PathBuf,
-    /// Tells of programs that open and close the terminal.
+    /// Tells of programs that open and close the terminal: those events of it that come with this
+    /// number.
     watch: OwnedFd,
+    own_events: i32,
     programs: usize,
     stopped: bool,
 }
@@ -43,8 +45,14 @@ impl Terminal {
         rustix::fs::fcntl_setfl(&master, OFlags::RDWR | OFlags::NONBLOCK)?;
         let watch = inotify::init(inotify::CreateFlags::CLOEXEC | inotify::CreateFlags::NONBLOCK)?;
         let events = inotify::WatchFlags::OPEN | inotify::WatchFlags::CLOSE;
-        inotify::add_watch(&watch, &path, events)?;
-        Ok(Terminal { master: Some(master), slave, path, watch, programs: 0, stopped: false })
+        let own_events = inotify::add_watch(&watch, &path, events)?;
+        // Equal events in a row are told as one, and could not be counted. Each is told of the
+        // folder too, so that no two in a row are equal.
+        if let Some(folder) = path.parent() {
+            inotify::add_watch(&watch, folder, events)?;
+        }
+        let (master, programs, stopped) = (Some(master), 0, false);
+        Ok(Terminal { master, slave, path, watch, own_events, programs, stopped })
     }
 
     pub fn path(&self) -> &Path {
@@ -81,6 +89,7 @@ impl Terminal {
         let mut events = inotify::Reader::new(&self.watch, &mut buffer);
         loop {
             let event = match events.next() {
+                Ok(event) if event.wd() != self.own_events => continue,
                 Ok(event) => event.events(),
                 Err(Errno::AGAIN | Errno::INTR) => return Ok(()),
                 Err(errno) => return Err(errno),

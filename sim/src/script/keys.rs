@@ -63,6 +63,21 @@ impl Keys {
         self.text(key)?.ok_or_else(|| self.missing(key, "a text in quotes"))
     }
 
+    /// One of these words.
+    pub fn choice<T>(
+        &mut self,
+        key: &'static str,
+        words: [(&str, T); 2],
+    ) -> Result<Option<T>, ScriptError> {
+        let Some(word) = self.text(key)? else { return Ok(None) };
+        let allowed = words.iter().map(|(word, _)| *word).collect::<Vec<_>>().join(", ");
+        let found = words.into_iter().find(|(known, _)| *known == word);
+        match found {
+            Some((_, meaning)) => Ok(Some(meaning)),
+            None => Err(self.wrong(key, &format!("{word:?}"), &allowed)),
+        }
+    }
+
     pub fn integer(
         &mut self,
         key: &'static str,

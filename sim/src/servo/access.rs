@@ -337,7 +337,7 @@ impl Servo {
                 touched.fresh.pace = true;
             }
             Some(Role::TorqueEnable) => {
-                if self.model.protocol != Protocol::Dynamixel2 {
+                if matches!(self.model.protocol, Protocol::FeetechSts | Protocol::FeetechScs) {
                     self.forget_overload();
                 }
                 touched.drive = true;

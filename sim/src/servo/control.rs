@@ -28,8 +28,11 @@
 //!   Step mode counts from where the last step ends. SCS's running time, if it is not 0, goes
 //!   before the speed.
 //!
-//! Not modelled: dual joints, PWM Slope, Feetech's Phase but for bits 3 and 4, the current of XC330 at
-//! the supply's side (it is the motor's here).
+//! - Goals may be written while the torque is off, and stand when it comes on.
+//!
+//! Not modelled: dual joints (Drive Mode(10), bit 1), PWM Slope, Feetech's Phase but for bits 3 and
+//! 4, the current of XC330 at the supply's side (it is the motor's here). Protocol Type(13) is a
+//! register only: the servo goes on in protocol 2.0.
 
 use super::{Event, Servo};
 use crate::motor::Regulator;

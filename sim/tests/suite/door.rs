@@ -163,6 +163,47 @@ fn one_program_at_a_time_talks_over_tcp() {
 }
 
 #[test]
+fn who_comes_right_after_another_over_tcp_is_not_sent_away() {
+    let world = world(false);
+    let door = Door::open_tcp(Arc::clone(&world), 0, "127.0.0.1:0".parse().unwrap()).unwrap();
+    let address = door.path().to_str().unwrap().strip_prefix("tcp:").unwrap().to_string();
+    for _ in 0..20 {
+        // The door is busy while one program says something and goes, and the next comes.
+        let busy = world.lock().unwrap();
+        let mut first = TcpStream::connect(&address).unwrap();
+        first.write_all(&hex(PING_1)).unwrap();
+        drop(first);
+        let mut second = TcpStream::connect(&address).unwrap();
+        drop(busy);
+        second.write_all(&crate::scene::read(1, 0, 2)).unwrap();
+        let mut answer = [0; 13];
+        second.read_exact(&mut answer).unwrap();
+        assert_eq!(statuses(&answer)[0].params.len(), 2);
+    }
+}
+
+#[test]
+fn programs_that_come_at_once_are_told_apart() {
+    let world = world(false);
+    let door = Door::open(Arc::clone(&world), 0, None).unwrap();
+    let mut stay = open(door.path());
+    assert_eq!(ask(&mut stay, &hex(PING_1), 14).len(), 14);
+    let busy = world.lock().unwrap();
+    stay.write_all(&hex(PING_1)).unwrap();
+    std::thread::sleep(std::time::Duration::from_millis(20));
+    // The door has work and sees these together, later.
+    let others = [(); 3].map(|()| open(door.path()));
+    drop(busy);
+    stay.read_exact(&mut [0; 14]).unwrap();
+    for other in others {
+        drop(other);
+        stay.write_all(&hex(PING_1)).unwrap();
+        wait_until("an answer", || rustix::io::ioctl_fionread(&stay) == Ok(14));
+        stay.read_exact(&mut [0; 14]).unwrap();
+    }
+}
+
+#[test]
 fn a_hang_up_is_one_and_the_door_comes_back_under_another_name() {
     let (old, new) = (link("old"), link("new"));
     let hang_up = Fault::HangUp {

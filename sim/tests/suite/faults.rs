@@ -151,6 +151,21 @@ fn after_a_brownout_all_come_back_without_torque() {
 }
 
 #[test]
+fn a_restart_during_a_brownout_does_not_bring_the_power_back() {
+    let mut scene = scene(vec![
+        Fault::Brownout { from_ns: 100_000_000, until_ns: 2_000_000_000 },
+        Fault::Reboot { joint: "j1".into(), at_ns: 200_000_000 },
+    ]);
+    scene.wait_ms(1_500);
+    assert!(scene.ask(&read(1, 132, 4)).is_empty());
+    scene.wait_ms(500);
+    assert_eq!(scene.error(&read(1, 132, 4)), 0);
+    // The tick counts from the return of the power, 300 ms before all listen.
+    let tick_ms = scene.get("j1", "Realtime Tick");
+    assert!((300..500).contains(&tick_ms), "{tick_ms}");
+}
+
+#[test]
 fn a_blocked_shaft_stays_and_trips_the_overload() {
     let stuck = Fault::StuckPosition { joint: "j1".into(), from_ns: 50 * MS, until_ns: u64::MAX };
     let mut scene = scene(vec![stuck]);

@@ -105,6 +105,17 @@ fn an_ax_that_cannot_move_shuts_down_with_an_overload_and_blinks() {
 }
 
 #[test]
+fn an_mx_forgets_an_overload_when_its_torque_limit_is_written_not_its_torque() {
+    let mut scene = stuck("mx-28");
+    put(&mut scene, 24, &[1]);
+    put(&mut scene, 30, &3_000_u16.to_le_bytes());
+    scene.wait_ms(1_500);
+    assert_eq!(put(&mut scene, 24, &[0]), OVERLOAD);
+    assert_eq!(put(&mut scene, 24, &[1]), OVERLOAD);
+    assert_eq!(put(&mut scene, 34, &500_u16.to_le_bytes()), 0);
+}
+
+#[test]
 fn an_angle_limit_error_shuts_down_if_the_shutdown_mask_says_so() {
     let mut scene = one("mx-28");
     put(&mut scene, 8, &3_000_u16.to_le_bytes());

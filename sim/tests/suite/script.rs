@@ -3,7 +3,7 @@
 use crate::scene::{
     Scene, dynamixels, feetech, feetechs, instruction, mixed, read, statuses, sync_read, write,
 };
-use gaitway_sim::{Fault, Options, Rule, Script, Usb};
+use gaitway_sim::{BadChecksum, MissingInChain, Options, Rule, Script, Usb, ZeroSpeed};
 
 const MS: u64 = 1_000_000;
 
@@ -254,8 +254,26 @@ fn what_is_wrong_is_named_with_its_place_and_what_is_allowed() {
 #[test]
 fn a_script_without_faults_changes_nothing() {
     let script = Script::parse("seed = 7").unwrap();
-    assert_eq!(script, Script { seed: Some(7), faults: Vec::<Fault>::new() });
+    assert_eq!(script, Script { seed: Some(7), ..Script::default() });
     let mut scene = scene("");
     assert_eq!(scene.ask(&read(1, 132, 4)), position(1));
     assert!(scene.world.verdict().violations.iter().all(|v| v.rule != Rule::ReplyWindow));
+}
+
+#[test]
+fn a_script_chooses_what_the_manuals_leave_open() {
+    let text = "[behaviour]\nmissing_in_chain_gap_s = 0.0003\nbad_checksum = 'answer'\n\
+        zero_speed = 'as-phase-says'\n";
+    let options = Script::parse(text).unwrap().apply(Options::default());
+    assert_eq!(options.missing_in_chain, MissingInChain::AnswerAfter { gap_ns: 300_000 });
+    assert_eq!(options.bad_checksum, BadChecksum::Answer);
+    assert_eq!(options.zero_speed, ZeroSpeed::AsPhaseSays);
+    // What it does not say stays as it was.
+    let kept = Script::parse("[behaviour]\nbad_checksum = 'ignore'\n").unwrap().apply(options);
+    assert_eq!(kept.bad_checksum, BadChecksum::Ignore);
+    assert_eq!(kept.zero_speed, ZeroSpeed::AsPhaseSays);
+    let said = refusal("seed = 1\n[behaviour]\nbad_checksum = 'shout'\n");
+    assert!(said.contains("behaviour (line 2), key bad_checksum: got \"shout\""), "{said}");
+    assert!(said.contains("ignore, answer"), "{said}");
+    assert!(refusal("[behaviour]\nspeed = 1\n").contains("key speed"));
 }
