@@ -72,7 +72,7 @@ pub fn plan(link: &mut Link, joint: usize, measured: &Measured) -> Result<Change
 pub fn write(link: &mut Link, joint: usize, change: &Change) -> Result<(), Error> {
     let of = link.robot().joints[joint].clone();
     let before = reading(link, joint)?;
-    let lock = of.model.register(Role::EepromLock).ok();
+    let lock = of.model.eeprom_lock();
     let mut put = |register: &Register, raw: i64| -> Result<i64, Error> {
         let limit = budget(link);
         let written = link.write_raw(joint, register, raw, limit);
@@ -81,8 +81,11 @@ pub fn write(link: &mut Link, joint: usize, change: &Change) -> Result<(), Error
         let kept = link.read_register(joint, register, limit);
         kept.map_err(|e| exchange_error(link, Some(joint), &e))
     };
-    if let Some(lock) = lock {
-        put(lock, 0)?;
+    if let Some(lock) = lock
+        && put(lock, 0)? != 0
+    {
+        return Err(Error::new("the servo did not open its lock; nothing was written")
+            .at(format!("joint {}, register {}", of.name, lock.name)));
     }
     let kept = put(change.register, change.new);
     if let Some(lock) = lock {
