@@ -8,7 +8,7 @@ use serde_json::Value;
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStderr, Command, Output, Stdio};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// `gaitway calibrate` under way.
 struct Session<'a> {
@@ -64,17 +64,25 @@ impl<'a> Session<'a> {
         assert!(self.desk.world().place_joint(joint, angle_rad), "no joint {joint}");
     }
 
-    /// Turns a joint by hand, slowly enough to be followed: a twentieth of a turn at a time, each
-    /// held until the servo was surely asked for its position meanwhile.
+    /// Turns a joint by hand, slowly enough to be followed: a twentieth of a turn at a time.
     fn turn(&self, joint: &str, to_rad: f64) {
         let from_rad = self.desk.world().joint_position_rad(joint).expect("a joint");
         let steps = ((to_rad - from_rad).abs() / 0.3).ceil().max(1.0) as u32;
         for step in 1..=steps {
             self.place(joint, from_rad + (to_rad - from_rad) * f64::from(step) / f64::from(steps));
-            std::thread::sleep(Duration::from_millis(30));
+            self.until_looked_at(joint);
         }
-        // Long enough even for a machine that stalls.
-        std::thread::sleep(Duration::from_millis(300));
+    }
+
+    /// Waits until the command has surely seen where the joint is now: the answer after the next
+    /// is asked for when the next has been heard, or given up.
+    fn until_looked_at(&self, joint: &str) {
+        let statuses = || self.desk.world().statuses(joint).expect("a joint");
+        let (enough, began) = (statuses() + 3, Instant::now());
+        while statuses() < enough {
+            assert!(began.elapsed() < Duration::from_secs(60), "{joint} is not looked at");
+            std::thread::sleep(Duration::from_millis(2));
+        }
     }
 
     /// One joint, zero to range; all angles in the virtual robot's own sense.

@@ -346,3 +346,30 @@ fn doctor_measures_the_round_trip_of_a_line() {
     // Ping 10 and status 14 bytes at 2 Mbit/s are 0.12 ms; the return delay is 2 us.
     assert!(found.contains("200 of 200") && found.contains("median 0.12 ms"), "{found}");
 }
+
+#[test]
+fn a_dynamixel_is_never_locked_since_only_its_power_could_open_it_again() {
+    let desk = Desk::permitting("op2");
+    let (name, id) = ("r_knee", "13");
+    let limit = ["servo", "set", &desk.bus(), id, "Temperature Limit", "--robot", "op2"];
+    for celsius in ["70", "75"] {
+        let output = run(&[&limit[..], &[celsius, "--permit-eeprom", "-q"]].concat());
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    }
+    assert_eq!(desk.world().register(name, "Lock"), Some(0));
+    // One that somebody locked is left as it is, and that is said.
+    desk.world().set_register(name, "Lock", 1);
+    let said = refusal(&run(&[&limit[..], &["72", "--permit-eeprom"]].concat()));
+    assert!(said.contains("locked") && said.contains("power off and on"), "{said}");
+}
+
+#[test]
+fn a_servo_that_answers_reads_only_is_told_to_answer_everything() {
+    let desk = Desk::with("op3");
+    desk.world().set_register("r_knee", "Status Return Level", 1);
+    let level = ["servo", "set", &desk.bus(), "13", "Status Return Level", "2", "--robot", "op3"];
+    let output = run(&level);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert_eq!(desk.world().register("r_knee", "Status Return Level"), Some(2));
+    assert_eq!(desk.violations(), Vec::<String>::new());
+}
