@@ -151,6 +151,32 @@ fn zero_direction_and_range_are_found_and_used_by_every_command() {
     assert_eq!(desk.world().register("elbow_flex", "Homing Offset"), Some(0));
 }
 
+/// Other programs leave offsets in the servos. The zero that is measured goes with them, and play
+/// takes the servo as it was then, and not when the offset has changed since.
+#[test]
+fn an_offset_that_was_in_the_servo_before_belongs_to_the_calibration() {
+    let desk = Desk::with("so101");
+    let config = folder("offset");
+    desk.world().set_register("elbow_flex", "Homing Offset", 100);
+    let mut session = Session::start(&desk, &config, "so101", &["--only", "elbow_flex"]);
+    session.joint("elbow_flex", 0.2, 0.6, (-0.8, 1.0));
+    let report = json(&session.end());
+    assert_eq!(joint(&report, "elbow_flex")["homing_offset_raw"], 100);
+    let hold = || {
+        Command::new(env!("CARGO_BIN_EXE_gaitway"))
+            .args(["hold", "so101", "--bus", &desk.bus(), "--dry-run"])
+            .env("XDG_CONFIG_HOME", &config)
+            .output()
+            .expect("the command")
+    };
+    desk.world().place_joint("elbow_flex", 0.2);
+    let ready = (0..20).map(|_| hold()).find(|output| output.status.success());
+    assert!(ready.is_some(), "{}", String::from_utf8_lossy(&hold().stderr));
+    desk.world().set_register("elbow_flex", "Homing Offset", 50);
+    let said = String::from_utf8_lossy(&hold().stderr).into_owned();
+    assert!(said.contains("Homing Offset") && said.contains("100 (raw)"), "{said}");
+}
+
 #[test]
 fn a_dry_run_measures_and_writes_nothing() {
     let desk = Desk::with("so101");

@@ -4,6 +4,7 @@
 mod desk;
 
 use desk::{Desk, json, refusal, run, text};
+use serde_json::Value;
 
 #[test]
 fn a_scan_finds_every_servo_of_the_robot_and_writes_nothing() {
@@ -278,14 +279,25 @@ fn a_dry_run_of_a_move_says_the_way_and_moves_nothing() {
     assert_eq!(desk.world().register("head_pan", "Torque Enable"), Some(0));
 }
 
+/// One reading of so101 in which all joints but `silent` answered: on a machine that stalls for
+/// longer than a question may take, they may seem not to.
+fn monitored(bus: &str, silent: &[&str]) -> Value {
+    let read = |output: &std::process::Output| {
+        let reading = json(output);
+        let joints = reading["joints"].as_array().expect("joints").clone();
+        let there = |joint: &Value| joint["error"].is_null();
+        let excused = |joint: &Value| silent.iter().any(|name| joint["name"] == *name);
+        joints.iter().all(|joint| there(joint) || excused(joint))
+    };
+    let monitor = ["monitor", "so101", "--bus", bus, "--for", "0s", "--json"];
+    json(&desk::run_until_done(&monitor, read))
+}
+
 #[test]
 fn hold_switches_torque_on_where_the_robot_stands_and_monitor_sees_it() {
     let desk = Desk::with("so101");
     let bus = desk.bus();
-    let watch = || {
-        let output = run(&["monitor", "so101", "--bus", &bus, "--for", "0s", "--json"]);
-        json(&output)
-    };
+    let watch = || monitored(&bus, &[]);
     let before = desk.world().joint_position_rad("elbow_flex").expect("a joint");
     assert_eq!(watch()["joints"][2]["torque_on"], false);
     let dry = ["hold", "so101", "--bus", &bus, "--dry-run", "-q"];
@@ -316,8 +328,7 @@ fn hold_switches_torque_on_where_the_robot_stands_and_monitor_sees_it() {
 fn monitor_names_a_silent_joint_and_goes_on_with_the_others() {
     let desk = Desk::with("so101");
     desk.world().remove("wrist_flex");
-    let output = run(&["monitor", "so101", "--bus", &desk.bus(), "--for", "0s", "--json"]);
-    let reading = json(&output);
+    let reading = monitored(&desk.bus(), &["wrist_flex"]);
     for joint in reading["joints"].as_array().expect("joints") {
         let silent = joint["name"] == "wrist_flex";
         assert_eq!(joint["present_rad"].is_null(), silent, "{joint}");

@@ -332,6 +332,8 @@ fn h19_a_port_that_comes_back_is_not_used_by_itself() {
     let next =
         undisturbed(|| report(&play(&back.bus(), &["--to", "0.5"]).output().expect("a run")));
     assert_eq!(next["outcome"], "done", "{next:#}");
+    let said = back.end();
+    assert!(!said.contains("referee: R1") && !said.contains("referee: R3"), "{said}");
 }
 
 /// A pseudo-terminal whose other end is held here, and the path of the end to open.

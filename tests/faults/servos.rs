@@ -4,7 +4,7 @@ use super::scene::{Samples, Scene, assert_clean};
 use super::{MID_NS, ROBOTS, SWING_RAD, first_joint};
 use gaitway::control::{self, Sample, Sink, StopReason};
 use gaitway::robot::preflight::{Accept, preflight};
-use gaitway_sim::{Damage, Fault, Options};
+use gaitway_sim::{Damage, Fault, Options, Rule};
 use std::cell::Cell;
 
 /// The byte of a status that holds the high bits of a position: which of the parameters.
@@ -119,6 +119,7 @@ fn b11_a_restart_on_any_robot_is_seen_and_torque_never_comes_back_by_itself() {
         let fault = Fault::Reboot { joint: joint.clone(), at_ns: MID_NS };
         let mut scene = Scene::with_faults(robot, vec![fault]);
         let played = scene.play_until(SWING_RAD, 8, &|| false);
+        assert_clean(&played.verdict);
         let stop = played.run.stop.expect("the restart went unnoticed").to_string();
         assert!(stop.contains(&joint), "{robot}: {stop}");
         assert_eq!(scene.world.lock().register(&joint, "Torque Enable"), Some(0), "{robot}");
@@ -190,6 +191,9 @@ fn b13_after_a_brown_out_of_any_robot_nothing_is_written_any_more() {
         let played = scene.play_until(SWING_RAD, 8, &|| false);
         let stop = played.run.stop;
         assert!(matches!(stop, Some(StopReason::Silent { .. })), "{robot}: {stop:?}");
+        // Gone in full flight: no last goal could be told twice. No other rule is broken.
+        let rules: Vec<Rule> = played.verdict.violations.iter().map(|v| v.rule).collect();
+        assert!(rules.iter().all(|&rule| rule == Rule::RestAtEnds), "{robot}: {rules:?}");
         let now_ns = scene.world.lock().now_ns();
         assert!(now_ns < MID_NS + 300_000_000, "{robot}: the loop outlived the servos");
         for joint in scene.link.robot().joint_names() {
