@@ -38,7 +38,8 @@ pub struct JointCalibration {
     /// Highest joint angle that was reached by hand, rad.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub upper_rad: Option<f64>,
-    /// What was written into the servo's homing offset, raw; absent: nothing was.
+    /// The servo's homing offset that the measurement goes with, raw, and that the servo must still
+    /// have; absent: as the robot file says.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub homing_offset_raw: Option<i64>,
 }

@@ -8,7 +8,7 @@ use serde_json::Value;
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStderr, Command, Output, Stdio};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// `gaitway calibrate` under way.
 struct Session<'a> {
@@ -64,17 +64,25 @@ impl<'a> Session<'a> {
         assert!(self.desk.world().place_joint(joint, angle_rad), "no joint {joint}");
     }
 
-    /// Turns a joint by hand, slowly enough to be followed: a twentieth of a turn at a time, each
-    /// held until the servo was surely asked for its position meanwhile.
+    /// Turns a joint by hand, slowly enough to be followed: a twentieth of a turn at a time.
     fn turn(&self, joint: &str, to_rad: f64) {
         let from_rad = self.desk.world().joint_position_rad(joint).expect("a joint");
         let steps = ((to_rad - from_rad).abs() / 0.3).ceil().max(1.0) as u32;
         for step in 1..=steps {
             self.place(joint, from_rad + (to_rad - from_rad) * f64::from(step) / f64::from(steps));
-            std::thread::sleep(Duration::from_millis(30));
+            self.until_looked_at(joint);
         }
-        // Long enough even for a machine that stalls.
-        std::thread::sleep(Duration::from_millis(300));
+    }
+
+    /// Waits until the command has surely seen where the joint is now: the answer after the next
+    /// is asked for when the next has been heard, or given up.
+    fn until_looked_at(&self, joint: &str) {
+        let statuses = || self.desk.world().statuses(joint).expect("a joint");
+        let (enough, began) = (statuses() + 3, Instant::now());
+        while statuses() < enough {
+            assert!(began.elapsed() < Duration::from_secs(60), "{joint} is not looked at");
+            std::thread::sleep(Duration::from_millis(2));
+        }
     }
 
     /// One joint, zero to range; all angles in the virtual robot's own sense.
@@ -141,6 +149,32 @@ fn zero_direction_and_range_are_found_and_used_by_every_command() {
     // Nothing was written to a servo.
     assert_eq!(desk.violations(), Vec::<String>::new());
     assert_eq!(desk.world().register("elbow_flex", "Homing Offset"), Some(0));
+}
+
+/// Other programs leave offsets in the servos. The zero that is measured goes with them, and play
+/// takes the servo as it was then, and not when the offset has changed since.
+#[test]
+fn an_offset_that_was_in_the_servo_before_belongs_to_the_calibration() {
+    let desk = Desk::with("so101");
+    let config = folder("offset");
+    desk.world().set_register("elbow_flex", "Homing Offset", 100);
+    let mut session = Session::start(&desk, &config, "so101", &["--only", "elbow_flex"]);
+    session.joint("elbow_flex", 0.2, 0.6, (-0.8, 1.0));
+    let report = json(&session.end());
+    assert_eq!(joint(&report, "elbow_flex")["homing_offset_raw"], 100);
+    let hold = || {
+        Command::new(env!("CARGO_BIN_EXE_gaitway"))
+            .args(["hold", "so101", "--bus", &desk.bus(), "--dry-run"])
+            .env("XDG_CONFIG_HOME", &config)
+            .output()
+            .expect("the command")
+    };
+    desk.world().place_joint("elbow_flex", 0.2);
+    let ready = (0..20).map(|_| hold()).find(|output| output.status.success());
+    assert!(ready.is_some(), "{}", String::from_utf8_lossy(&hold().stderr));
+    desk.world().set_register("elbow_flex", "Homing Offset", 50);
+    let said = String::from_utf8_lossy(&hold().stderr).into_owned();
+    assert!(said.contains("Homing Offset") && said.contains("100 (raw)"), "{said}");
 }
 
 #[test]

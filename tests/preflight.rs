@@ -81,6 +81,51 @@ fn a_servo_configured_otherwise_is_refused_with_register_and_both_values() {
 }
 
 #[test]
+fn a_servo_that_would_take_the_speed_limit_for_a_time_or_torque_from_a_goal_is_refused() {
+    for (raw, words) in [(4, "times its moves"), (8, "torque on by itself"), (5, "times its moves")]
+    {
+        // Also where the robot file itself says so.
+        for stated in [false, true] {
+            let mut file = gaitway_profiles::robot("op3").expect("a shipped robot");
+            if stated {
+                file.setups.iter_mut().for_each(|setup| {
+                    setup.registers.insert("Drive Mode".into(), raw);
+                });
+            }
+            let robot = gaitway::robot::Robot::new(file).expect("a robot");
+            let scene = Scene::with_robot(robot, Default::default());
+            assert!(scene.world.lock().set_register("l_knee", "Drive Mode", raw));
+            mentions(&refused(scene), &[words, "Drive Mode", "'Drive Mode' --raw"]);
+        }
+    }
+}
+
+#[test]
+fn a_servo_whose_second_id_is_another_joints_is_refused() {
+    let second = "Secondary(Shadow) ID";
+    let scene = Scene::op3();
+    assert!(scene.world.lock().set_register("l_knee", second, 13));
+    mentions(&refused(scene), &["another joint's goals", "l_knee", "r_knee", second]);
+    // An ID that no joint has does no harm.
+    let mut scene = Scene::op3();
+    assert!(scene.world.lock().set_register("l_knee", second, 200));
+    scene.preflight().expect("a robot that is ready");
+}
+
+#[test]
+fn a_servo_that_does_not_answer_every_instruction_is_refused_in_those_words() {
+    for (robot, joint, register, level, words) in [
+        ("op3", "l_knee", "Status Return Level", 1, "does not answer when it is written to"),
+        ("op3", "l_knee", "Status Return Level", 0, "answers pings and nothing else"),
+        ("so101", "gripper", "Response Status Level", 0, "does not answer when it is written to"),
+    ] {
+        let scene = Scene::of(robot, Default::default());
+        assert!(scene.world.lock().set_register(joint, register, level));
+        mentions(&refused(scene), &[words, joint]);
+    }
+}
+
+#[test]
 fn a_gain_in_ram_is_put_right_and_said() {
     let mut scene = Scene::op3();
     assert!(scene.world.lock().set_register("r_knee", "Position P Gain", 100));

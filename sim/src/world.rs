@@ -482,6 +482,11 @@ impl World {
         Some(self.joints[joint].ratio * servo.velocity_rad_s())
     }
 
+    /// How many statuses the servo of a joint has given so far.
+    pub fn statuses(&self, joint: &str) -> Option<u64> {
+        Some(self.servo(*self.by_name.get(joint)?).statuses)
+    }
+
     /// Turns a joint's shaft by hand, rad. Returns false if there is no such joint.
     pub fn place_joint(&mut self, joint: &str, position_rad: f64) -> bool {
         let Some(&index) = self.by_name.get(joint) else { return false };

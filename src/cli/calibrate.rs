@@ -279,6 +279,7 @@ fn settle(
     };
     if !args.permit_eeprom {
         measured.refuse_crossing(link, joint, 0)?;
+        calibrated.homing_offset_raw = homing::in_force(link, joint)?;
         return Ok((calibrated, None));
     }
     let change = homing::plan(link, joint, measured)?;

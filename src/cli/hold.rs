@@ -50,7 +50,7 @@ pub fn run(args: &HoldArgs, remarks: Remarks) -> Result<i32, Error> {
     if !args.dry_run {
         arm::arm(link, &found)?;
         // Nobody speaks to the servos from here on, and they shall hold all the same.
-        watchdog::release(link);
+        notes.extend(watchdog::release(link));
     }
     let robot = link.robot();
     let what = if args.dry_run { "would be held" } else { "is held, torque on" };

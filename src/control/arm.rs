@@ -58,6 +58,8 @@ fn switch_on(link: &mut Link, preflight: &Preflight, command: &Command) -> Resul
     for joint in 0..link.robot().joints.len() {
         limit_speed(link, joint)?;
     }
+    // Where torque is on already, a goal moves the joint.
+    check_where_it_was(link, command)?;
     let limit = budget(link);
     link.write_goals(command, limit).map_err(|e| exchange_error(link, None, &e))?;
     for joint in 0..link.robot().joints.len() {
@@ -76,8 +78,8 @@ fn switch_on(link: &mut Link, preflight: &Preflight, command: &Command) -> Resul
                 .allowed(format!("{:.2} deg", wanted_rad.to_degrees())));
         }
     }
-    check_where_it_was(link, command)?;
     watchdog::arm(link)?;
+    check_where_it_was(link, command)?;
     set_torque_on(link)
 }
 
@@ -173,7 +175,7 @@ fn torque_register(
 }
 
 /// Switches torque off on every joint, one after the other and whatever the others say: the robot
-/// goes limp.
+/// goes limp. Watchdogs go off as well: whoever switches torque on next may know nothing of them.
 ///
 /// # Errors
 /// The joints that did not confirm.
@@ -189,6 +191,7 @@ pub fn disarm(link: &mut Link) -> Result<(), Error> {
             unsure.push(link.robot().joints[joint].name.clone());
         }
     }
+    watchdog::release(link);
     if unsure.is_empty() {
         return Ok(());
     }

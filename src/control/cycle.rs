@@ -222,7 +222,7 @@ impl<'a> Player<'a> {
         sink.take(&sample);
         if let Some(reason) = reason {
             self.deserted =
-                matches!(reason, StopReason::Silent { .. }) && states.iter().all(Result::is_err);
+                matches!(reason, StopReason::Silent { .. }) && self.link.nobody_answers();
             self.request_stop(reason);
             if self.deserted {
                 // Nobody is there. Servos that come back are limp and must not be sent a goal.

@@ -61,8 +61,8 @@ pub fn release(link: &mut Link) -> Vec<String> {
     if unsure.is_empty() {
         let (joints, millis) = (watched.len(), SILENCE.as_millis());
         return vec![format!(
-            "while it moved, {joints} servos would have stopped by themselves {millis} ms after \
-             the host's last word; that watch is off again"
+            "{joints} servos would have stopped by themselves {millis} ms after the host's last \
+             word; now that nothing moves, that watch is off again"
         )];
     }
     vec![format!(

@@ -98,6 +98,16 @@ impl Model {
             .ok_or_else(|| RegisterError::NoSuchRole { servo: self.servo.name.clone(), role })
     }
 
+    /// The register that opens (0) and closes (1) what the servo keeps at power-off.
+    ///
+    /// Feetech only: a Dynamixel's Lock(47) cannot be opened again before its power goes off
+    /// (e-Manual, AX-12A), so it is never closed.
+    #[must_use]
+    pub fn eeprom_lock(&self) -> Option<&'static Register> {
+        let feetech = matches!(self.servo.protocol, Protocol::FeetechSts | Protocol::FeetechScs);
+        self.servo.register(Role::EepromLock).filter(|_| feetech)
+    }
+
     /// Angle of one count of a position register, rad.
     #[must_use]
     pub fn rad_per_count(&self) -> f64 {
@@ -141,7 +151,7 @@ impl Model {
     /// [`RegisterError::OutOfRange`] if it does not fit the register's bytes, NaN included.
     pub fn raw_from_si(&self, register: &Register, si: f64) -> Result<i64, RegisterError> {
         let raw = (si / self.scale(register) + self.zero(register)).round();
-        let (min, max) = raw_range(register.encoding);
+        let (min, max) = register.encoding.range();
         if raw >= min as f64 && raw <= max as f64 {
             Ok(raw as i64)
         } else {
@@ -209,7 +219,7 @@ impl Model {
         raw: i64,
         out: &mut Vec<u8>,
     ) -> Result<(), RegisterError> {
-        let (min, max) = raw_range(register.encoding);
+        let (min, max) = register.encoding.range();
         if !(min..=max).contains(&raw) {
             let (register, raw) = (register.name.clone(), raw as f64);
             return Err(RegisterError::OutOfRange { register, raw, min, max });
@@ -224,21 +234,6 @@ impl Model {
             out[start..].reverse();
         }
         Ok(())
-    }
-}
-
-/// Lowest and highest number an encoding holds.
-fn raw_range(encoding: Encoding) -> (i64, i64) {
-    match encoding {
-        Encoding::U8 => (0, 0xFF),
-        Encoding::U16 => (0, 0xFFFF),
-        Encoding::U32 => (0, 0xFFFF_FFFF),
-        Encoding::I8 => (-0x80, 0x7F),
-        Encoding::I16 => (-0x8000, 0x7FFF),
-        Encoding::I32 => (-0x8000_0000, 0x7FFF_FFFF),
-        Encoding::SignMagnitude10 => (-0x3FF, 0x3FF),
-        Encoding::SignMagnitude11 => (-0x7FF, 0x7FF),
-        Encoding::SignMagnitude15 => (-0x7FFF, 0x7FFF),
     }
 }
 

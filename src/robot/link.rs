@@ -288,6 +288,13 @@ impl Link {
         Ok(())
     }
 
+    /// True if no joint answered when it was last asked for its state.
+    #[must_use]
+    pub fn nobody_answers(&self) -> bool {
+        let joints = self.robot.joints.iter().zip(&self.missed_in_a_row);
+        joints.into_iter().all(|(joint, &missed)| missed > 0 || self.is_lost(joint.line))
+    }
+
     /// When every line may be spoken to again.
     #[must_use]
     pub fn ready_at(&self) -> Instant {
@@ -401,14 +408,22 @@ impl Link {
         Ok(())
     }
 
+    /// Asks whether the servo of `joint` is there.
+    ///
+    /// # Errors
+    /// [`LinkError`].
+    pub fn ping(&mut self, joint: usize, budget: Instant) -> Result<(), LinkError> {
+        let Joint { line, id, model, .. } = self.robot.joints[joint];
+        let asked = self.buses[line].ping(model.protocol(), id, budget);
+        asked.map(|_| ()).map_err(|e| self.joint_error(joint, e))
+    }
+
     /// Asks whether the servo of `joint` is there; model number and firmware.
     ///
     /// # Errors
     /// [`LinkError`].
     pub fn identity(&mut self, joint: usize, budget: Instant) -> Result<(u16, u16), LinkError> {
-        let Joint { line, id, model, .. } = self.robot.joints[joint];
-        let protocol = model.protocol();
-        self.buses[line].ping(protocol, id, budget).map_err(|e| self.joint_error(joint, e))?;
+        self.ping(joint, budget)?;
         let model = self.read_raw(joint, Role::ModelNumber, budget)?;
         let major = self.read_raw(joint, Role::FirmwareVersion, budget)?;
         let firmware = match self.read_raw(joint, Role::FirmwareVersionMinor, budget) {

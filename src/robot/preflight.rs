@@ -2,6 +2,7 @@
 //! line speed. Reads only.
 
 mod line;
+mod mode;
 
 pub use super::reading::LINE_SHARE;
 pub use line::EepromWrite;
@@ -71,7 +72,7 @@ pub fn preflight(link: &mut Link, period: Duration, accept: Accept) -> Result<Pr
     let mut found = Preflight { period, ..Preflight::default() };
     link.set_retries(PATIENT_RETRIES);
     check_identity(link, accept, &mut found)?;
-    check_joint_mode(link)?;
+    mode::check_modes(link)?;
     check_setup(link, &mut found)?;
     line::check_return_delays(link, &mut found)?;
     check_watchdogs(link, &mut found)?;
@@ -127,7 +128,7 @@ fn check_identity(link: &mut Link, accept: Accept, found: &mut Preflight) -> Res
     for joint in 0..link.robot().joints.len() {
         let budget = budget(link);
         let identity = link.identity(joint, budget);
-        let (model, firmware) = identity.map_err(|e| exchange_error(link, Some(joint), &e))?;
+        let (model, firmware) = identity.map_err(|e| mode::unanswered(link, joint, &e))?;
         let profile = link.robot().joints[joint].model.profile();
         if model != profile.model_number {
             return Err(Error::new("another servo model than the robot file says")
@@ -152,32 +153,6 @@ fn check_identity(link: &mut Link, accept: Accept, found: &mut Preflight) -> Res
                 .push(format!("{}: firmware {firmware} accepted as asked", place(link, joint)));
         }
         found.firmware.push(firmware);
-    }
-    Ok(())
-}
-
-/// Servos without a mode register turn endlessly when both their angle limits are zero.
-fn check_joint_mode(link: &mut Link) -> Result<(), Error> {
-    for joint in 0..link.robot().joints.len() {
-        let model = link.robot().joints[joint].model;
-        let limits = [Role::MinPositionLimit, Role::MaxPositionLimit].map(|r| model.register(r));
-        let (Err(_), [Ok(low), Ok(high)]) = (model.register(Role::OperatingMode), limits) else {
-            continue;
-        };
-        let mut raw = [0; 2];
-        for (raw, register) in raw.iter_mut().zip([low, high]) {
-            let budget = budget(link);
-            let read = link.read_register(joint, register, budget);
-            *raw = read.map_err(|e| exchange_error(link, Some(joint), &e))?;
-        }
-        if raw == [0; 2] {
-            let (low, high) = (&low.name, &high.name);
-            return Err(Error::new("a servo is in wheel mode: it would turn without end")
-                .at(place(link, joint))
-                .got(format!("{low} and {high} both 0"))
-                .allowed("joint mode: limits that are not both 0")
-                .remedy(format!("set {low} and {high} with the maker's tool")));
-        }
     }
     Ok(())
 }

@@ -55,7 +55,7 @@ impl Bench {
 
     /// Waits for what an instruction does that nobody answers.
     pub fn assert_comes_to(&self, joint: &str, register: &str, expected: i64) {
-        let there = (0..2000).any(|_| {
+        let there = (0..20_000).any(|_| {
             let there = self.register(joint, register) == expected;
             if !there {
                 std::thread::sleep(std::time::Duration::from_millis(1));

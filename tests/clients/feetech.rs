@@ -173,7 +173,7 @@ fn change_id(bench: &Bench, sdk: &mut Client, record: &mut Record) -> Result<(),
     bench.assert_holds("Lock", &[("two", 0)]);
     // The status to this comes from either ID, so it is not waited for.
     sdk.ask("write_unanswered", json!([2, ID, 1, 77]))?;
-    std::thread::sleep(std::time::Duration::from_millis(5));
+    bench.assert_comes_to("two", "ID", 77);
     sdk.ask("write", json!([77, LOCK, 1, 1]))?;
     assert_eq!(sdk.ask("ping", json!([77]))?, 777);
     bench.assert_holds("ID", &[("one", 1), ("two", 77), ("last", 253)]);
@@ -405,7 +405,7 @@ fn big_endian(python: &Python, package: &str, record: &mut Record) -> Result<(),
     record.works("Sync Write");
     sdk.ask("write", json!([2, SCS_LOCK, 1, 0]))?;
     sdk.ask("write_unanswered", json!([2, ID, 1, 77]))?;
-    std::thread::sleep(std::time::Duration::from_millis(5));
+    bench.assert_comes_to("two", "ID", 77);
     sdk.ask("write", json!([77, SCS_LOCK, 1, 1]))?;
     bench.assert_holds("ID", &[("one", 1), ("two", 77), ("last", 253)]);
     bench.assert_holds("Lock", &[("two", 1)]);

@@ -111,7 +111,7 @@ pub fn json(output: &Output) -> Value {
 /// that run in real time, and is right to.
 pub fn run_until_done(arguments: &[&str], done: impl Fn(&Output) -> bool) -> Output {
     let mut output = run(arguments);
-    for _ in 0..5 {
+    for _ in 0..20 {
         if done(&output) {
             break;
         }

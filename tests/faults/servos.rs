@@ -2,9 +2,9 @@
 
 use super::scene::{Samples, Scene, assert_clean};
 use super::{MID_NS, ROBOTS, SWING_RAD, first_joint};
-use gaitway::control::{self, StopReason};
+use gaitway::control::{self, Sample, Sink, StopReason};
 use gaitway::robot::preflight::{Accept, preflight};
-use gaitway_sim::{Damage, Fault, Options};
+use gaitway_sim::{Damage, Fault, Options, Rule};
 use std::cell::Cell;
 
 /// The byte of a status that holds the high bits of a position: which of the parameters.
@@ -119,24 +119,60 @@ fn b11_a_restart_on_any_robot_is_seen_and_torque_never_comes_back_by_itself() {
         let fault = Fault::Reboot { joint: joint.clone(), at_ns: MID_NS };
         let mut scene = Scene::with_faults(robot, vec![fault]);
         let played = scene.play_until(SWING_RAD, 8, &|| false);
+        assert_clean(&played.verdict);
         let stop = played.run.stop.expect("the restart went unnoticed").to_string();
         assert!(stop.contains(&joint), "{robot}: {stop}");
         assert_eq!(scene.world.lock().register(&joint, "Torque Enable"), Some(0), "{robot}");
     }
 }
 
+/// When the cycle began in which the alert of `joint` was read, ns.
+struct FirstAlert {
+    joint: usize,
+    at_ns: Option<u64>,
+}
+
+impl Sink for FirstAlert {
+    fn take(&mut self, sample: &Sample<'_>) {
+        if matches!(sample.states[self.joint], Ok((_, true))) {
+            self.at_ns.get_or_insert(sample.at.as_nanos());
+        }
+    }
+}
+
+fn first_alert_ns(robot: &str, joint: &str, fault: Fault) -> u64 {
+    let mut scene = Scene::with_faults(robot, vec![fault]);
+    let index = scene.link.robot().joints.iter().position(|of| of.name == joint).expect("one");
+    let found = scene.preflight().expect("a robot that is ready");
+    let trajectory = scene.swing(&found.start_rad, SWING_RAD, 4);
+    let armed = control::arm::arm(&mut scene.link, &found).expect("torque");
+    let mut seen = FirstAlert { joint: index, at_ns: None };
+    let settings = scene.settings;
+    control::run(&mut scene.link, armed, &trajectory, settings, &mut seen, &|| false);
+    seen.at_ns.unwrap_or_else(|| panic!("{robot}: no alert was read"))
+}
+
+fn overload_at(joint: &str, at_ns: u64) -> Fault {
+    Fault::Overload { joint: joint.to_owned(), at_ns }
+}
+
 #[test]
 fn b12_an_overload_on_any_robot_stops_the_motion_and_the_others_hold() {
     for robot in ROBOTS {
         let joint = first_joint(robot);
-        let fault = Fault::Overload { joint: joint.clone(), at_ns: MID_NS };
-        let mut scene = Scene::with_faults(robot, vec![fault]);
+        let mut scene = Scene::with_faults(robot, vec![overload_at(&joint, MID_NS)]);
         let played = scene.play_until(SWING_RAD, 4, &|| false);
         let Some(StopReason::ServoFault { joint: named, .. }) = &played.run.stop else {
             panic!("{robot}: {:?}", played.run.stop);
         };
         assert_eq!(named, &joint);
         assert_clean(&played.verdict);
+        let seen_at_ns = first_alert_ns(robot, &joint, overload_at(&joint, MID_NS));
+        let late_ns = seen_at_ns - MID_NS;
+        assert!(
+            late_ns <= 2 * scene.settings.period.as_nanos() as u64,
+            "{robot}: the alert was seen after {late_ns} ns"
+        );
         // The others hold; nothing was cleared or restarted.
         for name in scene.link.robot().joint_names() {
             let torque = scene.world.lock().register(&name, "Torque Enable");
@@ -155,6 +191,9 @@ fn b13_after_a_brown_out_of_any_robot_nothing_is_written_any_more() {
         let played = scene.play_until(SWING_RAD, 8, &|| false);
         let stop = played.run.stop;
         assert!(matches!(stop, Some(StopReason::Silent { .. })), "{robot}: {stop:?}");
+        // Gone in full flight: no last goal could be told twice. No other rule is broken.
+        let rules: Vec<Rule> = played.verdict.violations.iter().map(|v| v.rule).collect();
+        assert!(rules.iter().all(|&rule| rule == Rule::RestAtEnds), "{robot}: {rules:?}");
         let now_ns = scene.world.lock().now_ns();
         assert!(now_ns < MID_NS + 300_000_000, "{robot}: the loop outlived the servos");
         for joint in scene.link.robot().joint_names() {

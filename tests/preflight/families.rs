@@ -99,6 +99,13 @@ fn a_protocol_1_servo_that_reports_an_error_is_refused() {
 }
 
 #[test]
+fn a_protocol_1_servo_that_shut_itself_down_is_refused() {
+    let scene = protocol1();
+    assert!(scene.world.lock().set_register("r_knee", "Torque Limit", 0));
+    mentions(&refused(scene), &["gives no torque", "r_knee", "Torque Limit"]);
+}
+
+#[test]
 fn an_overload_of_any_family_stops_the_motion_and_names_the_joint() {
     for (robot, joint) in [
         (protocol1_robot(), "r_knee"),

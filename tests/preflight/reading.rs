@@ -134,6 +134,32 @@ fn a_silent_joint_stops_a_motion_that_is_read_in_turns() {
     assert!(stop.contains("r_el gave no feedback for 5 cycles"), "{stop}");
 }
 
+#[test]
+fn joints_that_are_silent_in_one_turn_do_not_make_the_robot_deserted() {
+    // Three turns of two joints: in the first nobody answers, the other four joints are there.
+    let silent = ["shoulder_pan", "wrist_flex"];
+    let faults = silent.iter().map(|joint| gaitway_sim::Fault::Silent {
+        joint: (*joint).to_owned(),
+        from_ns: 3_000_000_000,
+        until_ns: u64::MAX,
+    });
+    let mut scene = Scene::with_faults("so101", faults.collect());
+    scene.settings = Settings::at_rate(500.0);
+    let found = scene.preflight().expect("a robot that is ready");
+    assert_eq!(found.lines[0].turns, 3, "{}", found.lines[0]);
+    let mut played = scene.play_until(0.5, 4, &|| false);
+    let stop = played.run.stop.expect("a stop").to_string();
+    assert!(stop.contains("gave no feedback for 5 cycles"), "{stop}");
+    // Those two are deaf as well and never hear their last goals.
+    let deaf = |name: &Option<String>| name.as_deref().is_some_and(|name| silent.contains(&name));
+    played.verdict.violations.retain(|violation| !deaf(&violation.joint));
+    assert_clean(&played.verdict);
+    // The others were led to rest and not left at a goal in full flight.
+    let present = played.samples.0.iter().rev().filter_map(|row| row[1]);
+    let last: Vec<f64> = present.take(10).collect();
+    assert!((last[0] - last[9]).abs() < 0.005, "still on its way: {last:?}");
+}
+
 /// OP3 whose servos answer as late as they leave the factory, 250 x 2 us, and each for itself:
 /// servos with two axes in one case take no part in merged answers.
 fn slow_op3() -> Scene {

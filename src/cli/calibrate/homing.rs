@@ -27,6 +27,21 @@ const DYNAMIXEL_EFFECTIVE: i64 = 1024;
 /// The reading may change by a little between two looks, counts.
 const STILL_COUNTS: i64 = 12;
 
+/// The offset in the servo, raw, if it is another than the robot file says: what is measured holds
+/// only as long as it stays there.
+///
+/// # Errors
+/// A servo that does not answer.
+pub fn in_force(link: &mut Link, joint: usize) -> Result<Option<i64>, Error> {
+    let of = &link.robot().joints[joint];
+    let Ok(register) = of.model.register(Role::HomingOffset) else { return Ok(None) };
+    let stated = of.setup.get(&register.name).copied().or(register.initial);
+    let limit = budget(link);
+    let raw = link.read_register(joint, register, limit);
+    let raw = raw.map_err(|e| exchange_error(link, Some(joint), &e))?;
+    Ok(Some(raw).filter(|_| stated != Some(raw)))
+}
+
 /// What offset makes the servo read at the measured zero what the robot file expects there.
 ///
 /// # Errors
@@ -72,7 +87,7 @@ pub fn plan(link: &mut Link, joint: usize, measured: &Measured) -> Result<Change
 pub fn write(link: &mut Link, joint: usize, change: &Change) -> Result<(), Error> {
     let of = link.robot().joints[joint].clone();
     let before = reading(link, joint)?;
-    let lock = of.model.register(Role::EepromLock).ok();
+    let lock = of.model.eeprom_lock();
     let mut put = |register: &Register, raw: i64| -> Result<i64, Error> {
         let limit = budget(link);
         let written = link.write_raw(joint, register, raw, limit);
@@ -81,8 +96,11 @@ pub fn write(link: &mut Link, joint: usize, change: &Change) -> Result<(), Error
         let kept = link.read_register(joint, register, limit);
         kept.map_err(|e| exchange_error(link, Some(joint), &e))
     };
-    if let Some(lock) = lock {
-        put(lock, 0)?;
+    if let Some(lock) = lock
+        && put(lock, 0)? != 0
+    {
+        return Err(Error::new("the servo did not open its lock; nothing was written")
+            .at(format!("joint {}, register {}", of.name, lock.name)));
     }
     let kept = put(change.register, change.new);
     if let Some(lock) = lock {

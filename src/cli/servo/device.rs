@@ -1,12 +1,12 @@
 //! One servo whose model is known: registers in, registers out, never a goal and never torque.
 
 use super::Target;
-use crate::bus::{AskError, Protocol};
+use crate::bus::{AskError, Miss, Protocol};
 use crate::cli::connect::{OpenLine, open_bus};
 use crate::cli::identify::{ask_error, identify};
 use crate::device::Model;
 use crate::error::Error;
-use gaitway_profiles::{self as profiles, Access, Region, RegisterItem, Role};
+use gaitway_profiles::{self as profiles, Access, Region, Register, RegisterItem, Role};
 
 /// A servo that answers.
 pub struct Device {
@@ -43,7 +43,7 @@ impl Device {
         let place = format!("ID {} on {} at {} bit/s", target.id, target.bus, line.baud_bps);
         let found = identify(&mut line, target.id, target.protocol.map(Protocol::from));
         let found = found.map_err(|e| ask_error(place.clone(), &e))?;
-        let silent = || ask_error(place.clone(), &AskError::Miss(crate::bus::Miss::Silent));
+        let silent = || ask_error(place.clone(), &AskError::Miss(Miss::Silent));
         let found = found.ok_or_else(silent)?;
         let named = target.servo.as_deref().map(profiles::servo).transpose();
         let named = named.map_err(|e| Error::new(e.to_string()))?;
@@ -169,11 +169,11 @@ impl Device {
             self.must_be_limp()?;
             self.unlock()?;
         }
-        let written = self.write(item, raw);
+        let written = self.tell(item, raw);
         if item.register.region == Region::Eeprom {
             self.lock()?;
         }
-        written.map_err(|e| self.failed(&e))?;
+        written?;
         let new = self.read(item)?;
         if new == raw {
             return Ok(Change { old, new });
@@ -229,19 +229,42 @@ impl Device {
         self.line.bus.write(protocol, self.id, item.address, &bytes, budget).map(|_| ())
     }
 
-    /// Lets the servo keep what is written from now on (Feetech; others always do).
+    /// Writes a register whose new value is read back next: a servo whose status return level says
+    /// that it answers reads only does so in silence.
+    fn tell(&mut self, item: &RegisterItem<'_>, raw: i64) -> Result<(), Error> {
+        match self.write(item, raw) {
+            Ok(()) | Err(AskError::Miss(Miss::Silent)) => Ok(()),
+            Err(error) => Err(self.failed(&error)),
+        }
+    }
+
+    /// Lets the servo keep what is written from now on. A Dynamixel always does, unless somebody
+    /// locked it.
+    ///
+    /// # Errors
+    /// A servo that is locked for good, or does not take its lock.
     pub(super) fn unlock(&mut self) -> Result<(), Error> {
-        self.write_lock(0)
+        if let Some(lock) = self.model.eeprom_lock() {
+            return self.write_lock(lock, 0);
+        }
+        if self.read_role(Role::EepromLock)?.unwrap_or(0) == 0 {
+            return Ok(());
+        }
+        Err(Error::new(
+            "the servo is locked: what it keeps cannot be changed until its power goes off",
+        )
+        .at(self.place())
+        .remedy("switch its power off and on"))
     }
 
-    /// The opposite of [`Device::unlock`].
+    /// The opposite of [`Device::unlock`], for servos that can be opened again.
     pub(super) fn lock(&mut self) -> Result<(), Error> {
-        self.write_lock(1)
+        self.model.eeprom_lock().map_or(Ok(()), |lock| self.write_lock(lock, 1))
     }
 
-    fn write_lock(&mut self, raw: i64) -> Result<(), Error> {
-        let Some(item) = self.item(Role::EepromLock) else { return Ok(()) };
-        self.write(&item, raw).map_err(|e| self.failed(&e))?;
+    fn write_lock(&mut self, lock: &'static Register, raw: i64) -> Result<(), Error> {
+        let Some(item) = lock.item(0) else { return Ok(()) };
+        self.tell(&item, raw)?;
         let kept = self.read(&item)?;
         if kept == raw {
             return Ok(());

@@ -65,7 +65,10 @@ pub fn set_id(args: &SetIdArgs, remarks: Remarks) -> Result<i32, Error> {
         // It may answer under either ID: whether it worked is seen by looking for it.
         match device.write(&item, i64::from(new)) {
             Ok(()) | Err(AskError::Miss(Miss::Silent | Miss::WrongId { .. })) => {}
-            Err(error) => return Err(device.failed(&error)),
+            Err(error) => {
+                device.lock()?;
+                return Err(device.failed(&error));
+            }
         }
         device.line.clock.sleep_until(device.line.clock.now() + CHANGING);
         device.id = new;
@@ -131,7 +134,10 @@ pub fn set_baud(args: &SetBaudArgs, remarks: Remarks) -> Result<i32, Error> {
         device.unlock()?;
         match device.write(&item, i64::from(speed.index)) {
             Ok(()) | Err(AskError::Miss(Miss::Silent | Miss::Garbled)) => {}
-            Err(error) => return Err(device.failed(&error)),
+            Err(error) => {
+                device.lock()?;
+                return Err(device.failed(&error));
+            }
         }
         device.line.clock.sleep_until(device.line.clock.now() + CHANGING);
         device.line = device.line.at_speed(args.baud_bps)?;

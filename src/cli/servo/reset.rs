@@ -131,6 +131,7 @@ pub fn factory_reset(args: &FactoryResetArgs, remarks: Remarks) -> Result<i32, E
         device.line = device.line.at_speed(bps)?;
     }
     let back = wait_for(&mut device, id)?;
+    device.lock()?;
     let text = format!(
         "{} is as it left the factory, firmware {}, at {bps} bit/s\n",
         device.place(),

@@ -1,0 +1,152 @@
+//! Settings under which a servo would not do what arming and goals mean by it.
+
+use super::{budget, exchange_error, place};
+use crate::bus::{AskError, Miss, Protocol};
+use crate::error::Error;
+use crate::robot::{Joint, Link, LinkError};
+use gaitway_profiles::{Register, Role};
+
+/// Drive Mode(10), bit 2: Profile Velocity is the duration of a move in ms and limits no speed
+/// (DYNAMIXEL e-Manual, X series).
+const TIME_BASED: i64 = 0x04;
+/// Drive Mode(10), bit 3: a goal switches torque on.
+const TORQUE_BY_GOAL: i64 = 0x08;
+
+/// Runs the checks of this page on every joint.
+pub(super) fn check_modes(link: &mut Link) -> Result<(), Error> {
+    for joint in 0..link.robot().joints.len() {
+        check_answers(link, joint)?;
+        check_second_id(link, joint)?;
+        check_drive_mode(link, joint)?;
+        check_joint_mode(link, joint)?;
+        check_torque_limit(link, joint)?;
+    }
+    Ok(())
+}
+
+/// Words for a servo whose identity could not be read: one that only answers pings says so by that.
+pub(super) fn unanswered(link: &mut Link, joint: usize, failed: &LinkError) -> Error {
+    let limit = budget(link);
+    let silent = failed.error == AskError::Miss(Miss::Silent);
+    if !silent || link.ping(joint, limit).is_err() {
+        return exchange_error(link, Some(joint), failed);
+    }
+    Error::new("a servo answers pings and nothing else")
+        .at(place(link, joint))
+        .got("no answer to a read; its status return level may be 0")
+        .allowed("a servo that answers every instruction")
+        .remedy("set its status return level to \"all\" with the maker's tool")
+}
+
+fn read(link: &mut Link, joint: usize, register: &Register) -> Result<i64, Error> {
+    let limit = budget(link);
+    let read = link.read_register(joint, register, limit);
+    read.map_err(|e| exchange_error(link, Some(joint), &e))
+}
+
+/// The register of `joint` for `role`, if it has one.
+fn known(link: &Link, joint: usize, role: Role) -> Option<&'static Register> {
+    link.robot().joints[joint].model.register(role).ok()
+}
+
+/// What is written is believed only with the servo's yes.
+fn check_answers(link: &mut Link, joint: usize) -> Result<(), Error> {
+    let Some(register) = known(link, joint, Role::StatusReturnLevel) else { return Ok(()) };
+    let Some(all) = register.max else { return Ok(()) };
+    let raw = read(link, joint, register)?;
+    if raw == all {
+        return Ok(());
+    }
+    let (name, id) = (&register.name, link.robot().joints[joint].id);
+    Err(Error::new("a servo does not answer when it is written to")
+        .at(format!("{}, register {name} ({})", place(link, joint), register.address))
+        .got(format!("{raw} (raw)"))
+        .allowed(format!("{all} (raw): it answers every instruction"))
+        .remedy(format!("gaitway servo set BUS {id} '{name}' --raw {all} (--permit-eeprom)")))
+}
+
+/// A servo carries out what is told to its second ID, in silence (e-Manual, Secondary ID(12)): it
+/// must not be that of another joint, whose goals it would take for its own.
+fn check_second_id(link: &mut Link, joint: usize) -> Result<(), Error> {
+    let Some(register) = known(link, joint, Role::SecondaryId) else { return Ok(()) };
+    let raw = read(link, joint, register)?;
+    let joints = &link.robot().joints;
+    let same = |other: &Joint| other.line == joints[joint].line && i64::from(other.id) == raw;
+    let others = joints.iter().enumerate().filter(|&(index, _)| index != joint);
+    let Some((_, other)) = others.into_iter().find(|(_, other)| same(other)) else {
+        return Ok(());
+    };
+    let (name, id, off) = (&register.name, joints[joint].id, register.initial.unwrap_or(255));
+    Err(Error::new("a servo obeys another joint's goals as well")
+        .at(format!("{}, register {name} ({})", place(link, joint), register.address))
+        .got(format!("{raw}, the ID of joint {}", other.name))
+        .allowed(format!("{off}: no second ID"))
+        .remedy(format!("gaitway servo set BUS {id} '{name}' --raw {off} --permit-eeprom")))
+}
+
+/// Arming limits each servo's speed by Profile Velocity, and writes a goal while torque is off.
+fn check_drive_mode(link: &mut Link, joint: usize) -> Result<(), Error> {
+    let Some(register) = known(link, joint, Role::DriveMode) else { return Ok(()) };
+    if link.robot().joints[joint].model.protocol() != Protocol::Dynamixel2 {
+        return Ok(());
+    }
+    let raw = read(link, joint, register)?;
+    let refused = |what: &str, bit: i64| {
+        Err(Error::new(what)
+            .at(format!(
+                "{}, register {} ({})",
+                place(link, joint),
+                register.name,
+                register.address
+            ))
+            .got(format!("{raw} (raw)"))
+            .allowed(format!("bit 0x{bit:02X} clear, as it leaves the factory"))
+            .remedy(format!(
+                "gaitway servo set BUS {} '{}' --raw {} --permit-eeprom",
+                link.robot().joints[joint].id,
+                register.name,
+                raw & !bit
+            )))
+    };
+    if raw & TIME_BASED != 0 {
+        return refused("a servo times its moves: no register limits its speed", TIME_BASED);
+    }
+    if raw & TORQUE_BY_GOAL != 0 {
+        return refused("a servo switches its torque on by itself with a goal", TORQUE_BY_GOAL);
+    }
+    Ok(())
+}
+
+/// Servos without a mode register turn endlessly when both their angle limits are zero.
+fn check_joint_mode(link: &mut Link, joint: usize) -> Result<(), Error> {
+    let limits = [Role::MinPositionLimit, Role::MaxPositionLimit];
+    let [Some(low), Some(high)] = limits.map(|role| known(link, joint, role)) else {
+        return Ok(());
+    };
+    if known(link, joint, Role::OperatingMode).is_some()
+        || read(link, joint, low)? != 0
+        || read(link, joint, high)? != 0
+    {
+        return Ok(());
+    }
+    let (low, high) = (&low.name, &high.name);
+    Err(Error::new("a servo is in wheel mode: it would turn without end")
+        .at(place(link, joint))
+        .got(format!("{low} and {high} both 0"))
+        .allowed("joint mode: limits that are not both 0")
+        .remedy(format!("set {low} and {high} with the maker's tool")))
+}
+
+/// A Dynamixel of Protocol 1.0 that shut itself down has no torque left until its power goes off
+/// (e-Manual, Torque Limit(34)), whatever Torque Enable says.
+fn check_torque_limit(link: &mut Link, joint: usize) -> Result<(), Error> {
+    let Some(register) = known(link, joint, Role::TorqueLimit) else { return Ok(()) };
+    if read(link, joint, register)? != 0 {
+        return Ok(());
+    }
+    Err(Error::new("a servo gives no torque: it shut itself down, or is told to")
+        .at(format!("{}, register {} ({})", place(link, joint), register.name, register.address))
+        .got("0 (raw)")
+        .allowed("more than 0")
+        .remedy("find the cause, then switch its power off and on"))
+}
