@@ -101,7 +101,9 @@ impl Output {
     /// Fails if `path` exists and may not be overwritten.
     fn check_free(&self, path: &Path) -> Result<(), Error> {
         if path.is_dir() {
-            return Err(Error::new("this is a folder, not a file").at(path.display().to_string()));
+            return Err(Error::new("this is a folder, not a file")
+                .at(path.display().to_string())
+                .remedy("give the name of a file in it"));
         }
         // A dangling link counts as taken: writing through it would write elsewhere.
         if self.force || path.symlink_metadata().is_err() {

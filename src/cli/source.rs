@@ -57,7 +57,7 @@ fn speed(text: &str) -> Result<f64, String> {
     if SPEEDS.contains(&speed) {
         Ok(speed)
     } else {
-        Err(format!("{} to {}", SPEEDS.start(), SPEEDS.end()))
+        Err(format!("allowed: {} to {}", SPEEDS.start(), SPEEDS.end()))
     }
 }
 
@@ -146,16 +146,15 @@ fn read_bvh(motion: &str) -> Result<bvh::Bvh, Error> {
     let is_bvh = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("bvh"));
     if !is_bvh {
         let shipped: Vec<&str> = SHIPPED.iter().map(|(name, _)| *name).collect();
-        return Err(Error::new("not a motion I can read")
-            .at("MOTION")
-            .got(motion)
-            .allowed(format!("a .bvh file, or a shipped motion: {}", shipped.join(", "))));
+        return Err(Error::new("not a motion I can read").at("MOTION").got(motion).allowed(
+            format!("a file that ends in .bvh, or a shipped motion: {}", shipped.join(", ")),
+        ));
     }
     bvh::read(path)
 }
 
 fn read_mapping(path: &std::path::Path) -> Result<MappingFile, Error> {
-    let text = profiles::read_text(path).map_err(|e| Error::new(e.to_string()))?;
+    let text = profiles::read_text(path)?;
     MappingFile::parse(&text).map_err(|e| e.at(path.display().to_string()))
 }
 
