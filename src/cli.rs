@@ -104,7 +104,7 @@ pub fn main() -> i32 {
         Command::Play(args) => play::run(args, remarks),
         Command::Retarget(args) => retarget::run(args, remarks),
         Command::Hold(args) => hold::run(args, remarks),
-        Command::Limp(args) => limp::run(args, remarks),
+        Command::Limp(args) => limp::run(args),
         Command::Simulate(args) => simulate::run(args, remarks),
         Command::Info(args) => recordings::info(args),
         Command::Recover(args) => recordings::recover(args, remarks),
