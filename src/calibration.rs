@@ -70,7 +70,7 @@ impl Calibration {
     /// # Errors
     /// A file that cannot be read, has another form, or names a joint twice.
     pub fn read(path: &Path) -> Result<Self, Error> {
-        let text = profiles::read_text(path).map_err(|e| Error::new(e.to_string()))?;
+        let text = profiles::read_text(path)?;
         Self::parse(&text).map_err(|e| e.at(path.display().to_string()))
     }
 

@@ -51,9 +51,13 @@ it, checked, and streamed to the servos with feedback. Nothing moves before ever
 identity, configuration and start pose are proven; every motion starts and ends at rest.
 
 Start here:
-  gaitway play walk --robot op3 --bus sim --html walk.html
-  gaitway profile list
-  gaitway simulate op3 --pty /tmp/op3";
+  gaitway play walk --robot op3 --bus sim --html walk.html   no robot needed
+  gaitway simulate op3 --pty /tmp/op3      a virtual robot for any program
+  gaitway doctor                           is this machine ready for a real one?
+  gaitway scan serial:/dev/ttyUSB0 --baud all
+
+Exit codes: 0 done, 1 refused or failed, 2 usage, 3 done but something was not recorded, \
+4 stopped, 128 + n after signal n.";
 
 #[derive(Debug, Subcommand)]
 enum Command {
@@ -69,7 +73,7 @@ enum Command {
     Hold(hold::HoldArgs),
     /// Switch torque off: the robot goes limp (and falls, so it asks)
     Limp(limp::LimpArgs),
-    /// Run a virtual robot that other programs can open as a serial port
+    /// Run a virtual robot that other programs open as a serial port or over TCP
     Simulate(simulate::SimulateArgs),
     /// Look into a recording, finished or not
     Info(recordings::InfoArgs),
@@ -108,7 +112,7 @@ pub fn main() -> i32 {
         Command::Synth(args) => synth::run(args, remarks),
         Command::Actionlets(args) => actionlets::run(args, remarks),
         Command::Hold(args) => hold::run(args, remarks),
-        Command::Limp(args) => limp::run(args, remarks),
+        Command::Limp(args) => limp::run(args),
         Command::Simulate(args) => simulate::run(args, remarks),
         Command::Info(args) => recordings::info(args),
         Command::Recover(args) => recordings::recover(args, remarks),

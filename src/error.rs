@@ -54,6 +54,24 @@ impl Error {
     }
 }
 
+/// A profile's error in the same rows.
+impl From<gaitway_profiles::ProfileError> for Error {
+    fn from(error: gaitway_profiles::ProfileError) -> Self {
+        let text = |words: Option<Box<str>>| words.map(String::from);
+        let place = match error.place {
+            Some(place) => format!("{}, {place}", error.file),
+            None => error.file.into(),
+        };
+        Self {
+            what: error.what.into(),
+            place: Some(place),
+            got: text(error.got),
+            allowed: text(error.allowed),
+            remedy: text(error.remedy),
+        }
+    }
+}
+
 impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}", self.what)?;

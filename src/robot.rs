@@ -179,7 +179,7 @@ impl Robot {
     /// # Errors
     /// Unknown name, unreadable or invalid file.
     pub fn load(name_or_path: &str) -> Result<Self, Error> {
-        let file = profiles::robot(name_or_path).map_err(|e| Error::new(e.to_string()))?;
+        let file = profiles::robot(name_or_path)?;
         Self::new(file)
     }
 

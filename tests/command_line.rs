@@ -1,6 +1,8 @@
 //! What a person types and what they read: help, refusals, files that exist.
 
 use serde_json::Value;
+use std::fs::Permissions;
+use std::os::unix::fs::PermissionsExt;
 use std::path::PathBuf;
 use std::process::{Command, Output};
 
@@ -184,6 +186,15 @@ fn outputs_that_cannot_be_written_are_refused_before_anything_moves() {
         let (_, reason) = refusal("walk", &more);
         assert_words(&reason, &[words]);
     }
+    let closed = folder.join("closed");
+    std::fs::create_dir(&closed).expect("a folder");
+    std::fs::set_permissions(&closed, Permissions::from_mode(0o555)).expect("closed");
+    if rustix::process::geteuid().is_root() {
+        // Nothing is closed to root, unless the whole file system is.
+        return;
+    }
+    let (_, reason) = refusal("walk", &["--html", closed.join("x").to_str().expect("UTF-8")]);
+    assert_words(&reason, &["you may not write here", "closed"]);
 }
 
 #[test]

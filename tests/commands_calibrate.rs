@@ -306,3 +306,24 @@ fn play_names_the_calibration_it_used_and_refuses_another_robots() {
         assert_eq!(output.status.code(), Some(1), "{}", text(&output));
     }
 }
+
+#[test]
+fn what_is_measured_on_a_virtual_robot_is_never_kept_as_the_real_ones() {
+    let config = folder("virtual");
+    let calibrate = |more: &[&str]| {
+        Command::new(env!("CARGO_BIN_EXE_gaitway"))
+            .args(["calibrate", "so101", "--bus", "sim"])
+            .args(more)
+            .env("XDG_CONFIG_HOME", &config)
+            .stdin(Stdio::null())
+            .output()
+            .expect("the command")
+    };
+    let refused = calibrate(&[]);
+    assert_eq!(refused.status.code(), Some(1));
+    let said = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(said.contains("--dry-run") && said.contains("--calibration"), "{said}");
+    // Nobody answers: stopped, but begun.
+    assert_eq!(calibrate(&["--dry-run"]).status.code(), Some(4));
+    assert_eq!(std::fs::read_dir(&config).expect("the folder").count(), 0, "something was written");
+}

@@ -49,6 +49,22 @@ fn a_robot_behind_a_tcp_port_is_scanned_held_and_moved_like_one_on_a_cable() {
 }
 
 #[test]
+fn a_slip_of_the_finger_is_answered_with_what_is_allowed() {
+    let so101 = ["--robot", "so101"];
+    let gripper = |words: &[&str]| run(&[&["servo"], words, &so101[..]].concat());
+    let said = refusal(&gripper(&["get", "sim", "6", "present temprature"]));
+    assert!(said.contains("Present Temperature"), "{said}");
+    let eeprom = ["set", "sim", "6", "Max Temperature Limit", "7000", "--permit-eeprom"];
+    let said = refusal(&gripper(&eeprom));
+    // A limit is allowed up to what the maker's table says, in the unit it was asked in.
+    assert!(said.contains("allowed") && said.contains("degC"), "{said}");
+    let output = gripper(&["move", "sim", "6", "NaN"]);
+    assert_eq!(output.status.code(), Some(2), "an angle that is no angle never reaches the line");
+    let said = text(&run(&["scan", "sim", "--robot", "so101", "--protocol", "dynamixel-2.0"]));
+    assert!(said.contains("at 1000000 bit/s") && said.contains("--baud all"), "{said}");
+}
+
+#[test]
 fn two_servos_with_one_id_are_named() {
     let desk = Desk::with("so101");
     assert!(desk.world().duplicate("gripper", 0.5));

@@ -31,7 +31,8 @@ mod measure;
 pub struct CalibrateArgs {
     /// Robot by name or path of its file
     robot: String,
-    /// Where the robot is, as for `play`
+    /// Where the robot is: sim, sim:pty, serial:PATH[?baud=N], tcp:HOST:PORT; LINE=BUS for each line
+    /// of a robot with several
     #[arg(long, value_name = "BUS", required = true)]
     bus: Vec<Address>,
     /// Only these joints, separated by commas; others stay as they were calibrated
@@ -83,6 +84,7 @@ pub fn run(args: &CalibrateArgs, remarks: Remarks) -> Result<i32, Error> {
     let robot = Robot::load(&args.robot)?;
     let joints = selected(&robot, &args.only)?;
     let usual = || usual_path(&robot.name);
+    not_in_the_real_ones_place(args, &robot)?;
     let file = args.calibration.clone().or_else(usual).ok_or_else(|| {
         Error::new("no place for the calibration").remedy("name one with --calibration FILE.toml")
     })?;
@@ -129,6 +131,18 @@ pub fn run(args: &CalibrateArgs, remarks: Remarks) -> Result<i32, Error> {
     });
     args.output.report(&report, &text(&report))?;
     Ok(if stopped { 4 } else { 0 })
+}
+
+/// What is measured on a virtual robot must not be laid over the one on the desk.
+fn not_in_the_real_ones_place(args: &CalibrateArgs, robot: &Robot) -> Result<(), Error> {
+    let real = args.bus.iter().any(|address| !address.bus.is_virtual());
+    if real || args.dry_run || args.calibration.is_some() {
+        return Ok(());
+    }
+    let place = usual_path(&robot.name).map_or_else(String::new, |path| path.display().to_string());
+    Err(Error::new("the calibration of a virtual robot would be taken for the real one's")
+        .at(place)
+        .remedy("add --dry-run, or name another file with --calibration FILE.toml"))
 }
 
 /// What came of the joints that were asked for.

@@ -140,8 +140,8 @@ fn wire(bus: &BusKind, baud_bps: u32) -> Result<(Box<dyn BytePort>, Duration), E
             let port = TcpLine::open(place).map_err(|e| {
                 Error::new("nobody takes the connection")
                     .at(format!("tcp:{place}"))
-                    .got(e.to_string())
-                    .remedy("start the program at the other end first, e.g. gaitway simulate")
+                    .got(spoken(&e))
+                    .remedy("check host and port; the other end must run already, e.g. gaitway simulate")
             })?;
             Ok((Box::new(port), NETWORK_LATENCY))
         }
@@ -296,16 +296,29 @@ fn port_error(path: &str, error: &PortError) -> Error {
         PortError::Gone(text) => Error::new("there is no such port")
             .at(place)
             .got(text.clone())
-            .remedy("plug the adapter in; see /dev/serial/by-id for ports that are there"),
+            .remedy("plug the adapter in; `gaitway ports` lists what is there"),
         PortError::Denied(_) => Error::new("no permission to open the port")
             .at(place)
-            .remedy("install the rules in udev/, or add yourself to the group dialout"),
+            .remedy("install the udev rules: `gaitway doctor` says how, and what else is missing"),
         PortError::Busy(text) => Error::new("the port is in use by another program")
             .at(place)
             .got(text.clone())
             .remedy("end the other program; `fuser -v PORT` names it"),
         other => Error::new("the port cannot be opened as a serial line")
             .at(place)
-            .got(other.to_string()),
+            .got(spoken(other))
+            .allowed("a serial port, e.g. /dev/ttyUSB0, or the terminal of gaitway simulate")
+            .remedy("`gaitway ports` lists what is there"),
+    }
+}
+
+/// What the operating system said, without a word before it.
+fn spoken(error: &PortError) -> String {
+    match error {
+        PortError::Gone(text)
+        | PortError::Denied(text)
+        | PortError::Busy(text)
+        | PortError::Io(text) => text.clone(),
+        PortError::TimedOut => error.to_string(),
     }
 }

@@ -1,8 +1,8 @@
 //! `limp`: torque off. The robot falls if nothing holds it, so the command asks.
 
+use super::Output;
 use super::address::Address;
 use super::connect::connect;
-use super::{Output, Remarks};
 use crate::control;
 use crate::error::Error;
 use crate::robot::Robot;
@@ -16,7 +16,8 @@ use std::io::{BufRead, IsTerminal};
 pub struct LimpArgs {
     /// Robot by name or path of its file
     robot: String,
-    /// Where the robot is, as for `play`
+    /// Where the robot is: sim, sim:pty, serial:PATH[?baud=N], tcp:HOST:PORT; LINE=BUS for each line
+    /// of a robot with several
     #[arg(long, value_name = "BUS", required = true)]
     bus: Vec<Address>,
     /// Do not ask: the robot is supported
@@ -30,7 +31,7 @@ pub struct LimpArgs {
 ///
 /// # Errors
 /// No consent, a bus that cannot be opened, joints that do not confirm.
-pub fn run(args: &LimpArgs, remarks: Remarks) -> Result<i32, Error> {
+pub fn run(args: &LimpArgs) -> Result<i32, Error> {
     args.output.check_files(&[])?;
     let robot = Robot::load(&args.robot)?;
     if !args.yes && !consents(&robot.name) {
@@ -40,9 +41,8 @@ pub fn run(args: &LimpArgs, remarks: Remarks) -> Result<i32, Error> {
     let mut connection = connect(robot, &args.bus, 0)?;
     control::arm::disarm(&mut connection.link)?;
     let robot = connection.link.robot();
-    remarks.say("torque is off on every joint");
     let report = json!({ "outcome": "done", "robot": robot.name, "limp": robot.joint_names() });
-    args.output.report(&report, "")?;
+    args.output.report(&report, "torque is off on every joint\n")?;
     Ok(0)
 }
 

@@ -24,7 +24,8 @@ use std::io::IsTerminal;
 pub struct MonitorArgs {
     /// Robot by name or path of its file
     robot: String,
-    /// Where the robot is, as for `play`
+    /// Where the robot is: sim, sim:pty, serial:PATH[?baud=N], tcp:HOST:PORT; LINE=BUS for each line
+    /// of a robot with several
     #[arg(long, value_name = "BUS", required = true)]
     bus: Vec<Address>,
     /// End after this time, e.g. 5s or 500ms [default: at Ctrl-C; once in virtual time]
@@ -58,7 +59,11 @@ pub fn time(text: &str) -> Result<Duration, String> {
 
 fn rate(text: &str) -> Result<f64, String> {
     let rate_hz: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
-    if (0.1..=50.0).contains(&rate_hz) { Ok(rate_hz) } else { Err("0.1 to 50 Hz".to_owned()) }
+    if (0.1..=50.0).contains(&rate_hz) {
+        Ok(rate_hz)
+    } else {
+        Err("allowed: 0.1 to 50 Hz".to_owned())
+    }
 }
 
 /// One joint at one time; absent: not read.

@@ -12,6 +12,24 @@ pub fn print(text: &str) {
     let _ = out.write_all(text.as_bytes()).and_then(|()| out.flush());
 }
 
+/// Fails if no file can be written at `path`, as far as that can be known before.
+fn check_place(path: &Path) -> Result<(), Error> {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+    let folder = folder.unwrap_or(Path::new("."));
+    if !folder.is_dir() {
+        return Err(Error::new("there is no such folder")
+            .at(folder.display().to_string())
+            .remedy("make it first, or choose another place"));
+    }
+    let written = if path.exists() { path } else { folder };
+    rustix::fs::access(written, rustix::fs::Access::WRITE_OK).map_err(|e| {
+        Error::new("you may not write here")
+            .at(written.display().to_string())
+            .got(e.to_string())
+            .remedy("choose another place")
+    })
+}
+
 /// What is said beside the result, unless the user wants quiet.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Remarks {
@@ -88,12 +106,7 @@ impl Output {
                     .remedy("give each its own"));
             }
             self.check_free(path)?;
-            let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
-            if let Some(folder) = folder.filter(|folder| !folder.is_dir()) {
-                return Err(Error::new("there is no such folder")
-                    .at(folder.display().to_string())
-                    .remedy("make it first, or choose another place"));
-            }
+            check_place(path)?;
         }
         Ok(())
     }
@@ -101,7 +114,9 @@ impl Output {
     /// Fails if `path` exists and may not be overwritten.
     fn check_free(&self, path: &Path) -> Result<(), Error> {
         if path.is_dir() {
-            return Err(Error::new("this is a folder, not a file").at(path.display().to_string()));
+            return Err(Error::new("this is a folder, not a file")
+                .at(path.display().to_string())
+                .remedy("give the name of a file in it"));
         }
         // A dangling link counts as taken: writing through it would write elsewhere.
         if self.force || path.symlink_metadata().is_err() {

@@ -27,7 +27,8 @@ pub use recorder::RunRecorder;
 pub struct PlayArgs {
     #[command(flatten)]
     motion: MotionArgs,
-    /// Where the robot is: sim, sim:pty, serial:PATH[?baud=N]; LINE=BUS for robots with several
+    /// Where the robot is: sim, sim:pty, serial:PATH[?baud=N], tcp:HOST:PORT; LINE=BUS for each line
+    /// of a robot with several
     #[arg(long, value_name = "BUS", required = true)]
     bus: Vec<Address>,
     /// Cycles per second [default: the robot file's]
@@ -162,7 +163,11 @@ fn stopped_before_torque(signals: &Signals, report: &mut PlayReport) -> bool {
 /// Reads `--rate`: below 20 Hz goals would be too far apart to be watched.
 pub(super) fn rate(text: &str) -> Result<f64, String> {
     let rate_hz: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
-    if (20.0..=1000.0).contains(&rate_hz) { Ok(rate_hz) } else { Err("20 to 1000 Hz".to_owned()) }
+    if (20.0..=1000.0).contains(&rate_hz) {
+        Ok(rate_hz)
+    } else {
+        Err("allowed: 20 to 1000 Hz".to_owned())
+    }
 }
 
 /// Lays the loaded path from where the robot stands. Joints the motion does not drive stay there.

@@ -93,15 +93,7 @@ pub fn survey(machine: &Machine) -> Survey {
 fn serial_findings(port: &SerialPort) -> Vec<Finding> {
     let mut findings = Vec::new();
     if !port.access.granted {
-        findings.push(Finding::problem(
-            &port.path,
-            format!("you may not open it (group {}, mode {})", port.access.group, port.access.mode),
-            format!(
-                "{INSTALL_RULES}\nor, on a machine without a desktop session: \
-                     sudo usermod -aG {} $USER, then log in again",
-                port.access.group
-            ),
-        ));
+        findings.push(no_access(port));
     }
     if let Some(ms) = port.latency_timer_ms.filter(|&ms| ms > LONGEST_LATENCY_MS) {
         let name = port.path.trim_start_matches("/dev/");
@@ -122,6 +114,24 @@ fn serial_findings(port: &SerialPort) -> Vec<Finding> {
         ));
     }
     findings
+}
+
+fn no_access(port: &SerialPort) -> Finding {
+    let (path, group) = (&port.path, &port.access.group);
+    let found = format!("you may not open it (group {group}, mode {})", port.access.mode);
+    // Nobody should have to become a member of root for a port.
+    let share = if group == "root" {
+        format!("sudo chgrp dialout {path} && sudo chmod 660 {path}")
+    } else {
+        format!("sudo usermod -aG {group} $USER, then log in again")
+    };
+    if port.usb.is_some() {
+        let remedy =
+            format!("{INSTALL_RULES}\nor, on a machine without a desktop session: {share}");
+        Finding::problem(path, found, remedy)
+    } else {
+        Finding::advice(path, found, format!("only if a robot is on this built-in port: {share}"))
+    }
 }
 
 fn can_finding(can: &CanPort) -> Option<Finding> {

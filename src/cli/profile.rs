@@ -54,11 +54,7 @@ pub fn run(args: &ProfileArgs) -> Result<i32, Error> {
 }
 
 fn load(name_or_path: &str) -> Result<Profile, Error> {
-    profiles::profile(name_or_path).map_err(wrong)
-}
-
-fn wrong(error: profiles::ProfileError) -> Error {
-    Error::new(error.to_string())
+    Ok(profiles::profile(name_or_path)?)
 }
 
 fn check(profile: &Profile) -> Result<String, Error> {
@@ -89,7 +85,7 @@ fn check(profile: &Profile) -> Result<String, Error> {
 fn list() -> Result<String, Error> {
     let mut groups: BTreeMap<(&str, &str), Vec<&Servo>> = BTreeMap::new();
     for name in profiles::servo_names() {
-        let servo = profiles::servo(name).map_err(wrong)?;
+        let servo = profiles::servo(name)?;
         groups.entry((&servo.maker, protocol(servo.protocol))).or_default().push(servo);
     }
     let mut out = String::new();
@@ -101,11 +97,11 @@ fn list() -> Result<String, Error> {
     }
     out.push_str("robots\n");
     for name in profiles::robot_names() {
-        let robot = profiles::robot(name).map_err(wrong)?;
+        let robot = profiles::robot(name)?;
         let _ = writeln!(out, "  {name:<24} {}", robot.description);
     }
     out.push_str("adapters\n");
-    for adapter in profiles::adapters().map_err(wrong)? {
+    for adapter in profiles::adapters()? {
         let ids = adapter.usb_ids.join(", ");
         let _ = writeln!(out, "  {:<24} {} ({ids})", adapter.name, adapter.model);
     }

@@ -235,16 +235,15 @@ impl Report {
                  unplug all but one and give it another: gaitway servo set-id BUS {id} NEW"
             );
         }
-        let speeds = self.scanned_baud_bps.len();
-        let _ = writeln!(
-            out,
-            "{} device(s) at {speeds} line speed(s) on {}",
-            self.devices.len(),
-            self.bus
-        );
+        let speeds = match self.scanned_baud_bps[..] {
+            [one] => format!("{one} bit/s"),
+            ref several => format!("{} line speeds", several.len()),
+        };
+        let _ = writeln!(out, "{} device(s) at {speeds} on {}", self.devices.len(), self.bus);
         if self.devices.is_empty() && self.collisions.is_empty() {
             out.push_str("nobody answers: check power and cable");
-            out.push_str(if speeds > 1 { "\n" } else { ", or add --baud all\n" });
+            let one = self.scanned_baud_bps.len() <= 1;
+            out.push_str(if one { ", or look at every speed with --baud all\n" } else { "\n" });
         }
         if !self.unusable_baud_bps.is_empty() {
             let speeds: Vec<String> = self.unusable_baud_bps.iter().map(u32::to_string).collect();

@@ -61,7 +61,7 @@ enum Action {
     /// Turn the servo to an angle: one slow, guarded movement
     #[command(after_help = "Examples:\n  \
         gaitway servo move serial:/dev/ttyUSB0 1 30 --dry-run\n  \
-        gaitway servo move serial:/dev/ttyUSB0 1 -- -12.5")]
+        gaitway servo move serial:/dev/ttyUSB0 1 -12.5")]
     Move(travel::MoveArgs),
 }
 

@@ -61,7 +61,7 @@ pub struct SimulateArgs {
 pub fn run(args: &SimulateArgs, remarks: Remarks) -> Result<i32, Error> {
     let signals = Signals::listen().map_err(|e| Error::new(format!("no signals: {e}")))?;
     // Any robot file: the virtual servos speak more protocols than the driver needs to.
-    let robot = gaitway_profiles::robot(&args.robot).map_err(|e| Error::new(e.to_string()))?;
+    let robot = gaitway_profiles::robot(&args.robot)?;
     let world = World::new(&robot, options(args)?).map_err(|e| unfit(&robot, &e))?;
     let world = Arc::new(Mutex::new(world));
     let mut doors = open_doors(args, &robot, &world)?;
@@ -142,8 +142,7 @@ fn options(args: &SimulateArgs) -> Result<Options, Error> {
 
 fn read_script(path: &Path) -> Result<Script, Error> {
     let file = path.display().to_string();
-    let text = gaitway_profiles::read_text(path)
-        .map_err(|e| Error::new(e.to_string()).at(format!("--faults {file}")))?;
+    let text = gaitway_profiles::read_text(path)?;
     Script::parse(&text).map_err(|ScriptError { at, got, allowed }| {
         Error::new("the fault script says something wrong")
             .at(format!("{file}, {at}"))
@@ -172,7 +171,10 @@ fn open_doors(
                 });
                 Door::open(Arc::clone(world), line, link.as_deref()).map_err(|e| {
                     let place = link.map_or(facts.name.clone(), |l| l.display().to_string());
-                    Error::new("cannot open the pseudo-terminal").at(place).got(e.to_string())
+                    Error::new("cannot open the pseudo-terminal")
+                        .at(place)
+                        .got(e.to_string())
+                        .remedy("choose another name for the link, in a folder you may write to")
                 })?
             }
         };
@@ -198,8 +200,12 @@ fn open_tcp(first: u16, line: usize, world: &Arc<Mutex<World>>) -> Result<Door, 
             .got(first.to_string())
     })?;
     let address = SocketAddr::from((Ipv4Addr::LOCALHOST, port));
-    Door::open_tcp(Arc::clone(world), line, address)
-        .map_err(|e| Error::new("cannot listen").at("--tcp").got(e.to_string()))
+    Door::open_tcp(Arc::clone(world), line, address).map_err(|e| {
+        Error::new("cannot listen")
+            .at("--tcp")
+            .got(e.to_string())
+            .remedy("take another port, or 0: then the system chooses a free one")
+    })
 }
 
 fn tell_struck(world: &Mutex<World>, remarks: Remarks) {

@@ -59,7 +59,7 @@ fn speed(text: &str) -> Result<f64, String> {
     if SPEEDS.contains(&speed) {
         Ok(speed)
     } else {
-        Err(format!("{} to {}", SPEEDS.start(), SPEEDS.end()))
+        Err(format!("allowed: {} to {}", SPEEDS.start(), SPEEDS.end()))
     }
 }
 
@@ -148,7 +148,7 @@ pub fn body_motion(
         let shipped: Vec<&str> = vocabulary::names().collect();
         return Err(Error::new("not a motion I can read").at("MOTION").got(motion).allowed(
             format!(
-                "a .bvh file, an action file (.toml), or a shipped action: {}",
+                "a file that ends in .bvh, an action file (.toml), or a shipped action: {}",
                 shipped.join(", ")
             ),
         ));
@@ -187,7 +187,7 @@ fn performed(text: &str) -> Result<(Capture, Source), Error> {
 }
 
 fn read_mapping(path: &std::path::Path) -> Result<MappingFile, Error> {
-    let text = profiles::read_text(path).map_err(|e| Error::new(e.to_string()))?;
+    let text = profiles::read_text(path)?;
     MappingFile::parse(&text).map_err(|e| e.at(path.display().to_string()))
 }
 

@@ -142,7 +142,11 @@ pub fn read(path: &Path) -> Result<Bvh, Error> {
         None => error.at(path.display().to_string()),
     };
     let unreadable = |cause: std::io::Error| {
-        in_file(Error::new("the file cannot be read").got(cause.to_string()))
+        in_file(
+            Error::new("the file cannot be read")
+                .got(cause.to_string())
+                .remedy("check the path and the permissions"),
+        )
     };
     let file = File::open(path).map_err(unreadable)?;
     let bytes = file.metadata().map_err(unreadable)?.len();

@@ -149,6 +149,7 @@ fn given_joints(bvh: &Bvh, file: &MappingFile) -> Result<[Option<usize>; 13], Er
             let names: Vec<&str> =
                 Segment::ALL.iter().map(|segment| segment_name(*segment)).collect();
             return Err(Error::new("the mapping file names a segment that does not exist")
+                .at("[segments]")
                 .got(key.as_str())
                 .allowed(names.join(", ")));
         };
@@ -158,6 +159,7 @@ fn given_joints(bvh: &Bvh, file: &MappingFile) -> Result<[Option<usize>; 13], Er
             return Err(Error::new(format!(
                 "the mapping file gives {key} a joint that is not there"
             ))
+            .at(format!("[segments], {key}"))
             .got(joint.as_str())
             .allowed(names.join(", ")));
         };

@@ -119,19 +119,20 @@ fn beyond(
     bound: &str,
     limit: f64,
 ) -> Error {
-    let degrees = |value: f64| match unit {
-        "rad" => format!(" ({:.2} deg)", value.to_degrees()),
-        _ => String::new(),
-    };
+    let degrees =
+        |value: f64| format!(" ({:.2} {})", value.to_degrees(), unit.replace("rad", "deg"));
+    let beyond_by = peak.value.abs() - limit.abs();
+    let digits = |value| digits(value, beyond_by);
     Error::new(format!("{quantity} of joint {joint} is beyond its limit"))
         .at(format!("joint {joint} at {:.3} s", peak.time_s))
         .got(format!("{} {unit}{}", digits(peak.value), degrees(peak.value)))
         .allowed(format!("{bound} {} {unit}{}", digits(limit), degrees(limit)))
 }
 
-/// Twelve decimals without trailing zeros: enough to show a violation of 1e-9.
-fn digits(value: f64) -> String {
-    let text = format!("{value:.12}");
+/// Without trailing zeros; three decimals, or twelve where three would hide a violation of 1e-9.
+fn digits(value: f64, beyond_by: f64) -> String {
+    let decimals = if beyond_by.abs() > 0.01 { 3 } else { 12 };
+    let text = format!("{value:.decimals$}");
     text.trim_end_matches('0').trim_end_matches('.').to_owned()
 }
 

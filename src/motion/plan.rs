@@ -171,7 +171,7 @@ fn check_start(
                 "within {NEAR_RAD} rad of {first:.4} rad ({:.1} deg)",
                 first.to_degrees()
             ))
-            .remedy("allow the approach, or bring the robot to the first pose"));
+            .remedy("leave out --no-approach, or bring the robot to the first pose"));
         }
     }
     Ok(())

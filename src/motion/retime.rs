@@ -76,7 +76,7 @@ pub fn retime(path: &Path, limits: &[JointLimits]) -> Result<Retimed, Error> {
 pub fn refuse_beyond(path: &Path, limits: &[JointLimits]) -> Result<(), Error> {
     for ((joint, spline), limits) in path.joints().iter().zip(path.splines()).zip(limits) {
         limits.admit_rates(joint, &spline.extremes()).map_err(|error| {
-            error.remedy("allow retiming, which slows the whole motion down and says by how much")
+            error.remedy("leave out --no-retime: then the whole motion is slowed down, and it is said by how much")
         })?;
     }
     Ok(())

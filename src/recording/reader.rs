@@ -289,8 +289,11 @@ pub fn summary(path: &Path) -> Result<Overview, Error> {
 pub fn recover(path: &Path) -> Result<Recovered, Error> {
     let source = open(path)?;
     let target = path.with_extension("recovered.mcap");
-    let mut copy =
-        Copy::new(create_file(&target, false)?).map_err(|cause| unwritable(&target, &cause))?;
+    let file = create_file(&target, false).map_err(|error| match error.remedy {
+        Some(_) => error.remedy("move it away or delete it first"),
+        None => error,
+    })?;
+    let mut copy = Copy::new(file).map_err(|cause| unwritable(&target, &cause))?;
     let copied = scan(BufReader::new(source), |found| {
         copy.add(found).map_err(|cause| unwritable(&target, &cause))
     })

@@ -1,6 +1,6 @@
 //! One servo whose model is known: registers in, registers out, never a goal and never torque.
 
-use super::Target;
+use super::{Target, value};
 use crate::bus::{AskError, Miss, Protocol};
 use crate::cli::connect::{OpenLine, open_bus};
 use crate::cli::identify::{ask_error, identify};
@@ -45,8 +45,7 @@ impl Device {
         let found = found.map_err(|e| ask_error(place.clone(), &e))?;
         let silent = || ask_error(place.clone(), &AskError::Miss(Miss::Silent));
         let found = found.ok_or_else(silent)?;
-        let named = target.servo.as_deref().map(profiles::servo).transpose();
-        let named = named.map_err(|e| Error::new(e.to_string()))?;
+        let named = target.servo.as_deref().map(profiles::servo).transpose()?;
         let profile = named.or(found.profile).ok_or_else(|| {
             Error::new("a servo model without profile")
                 .at(place.clone())
@@ -209,7 +208,7 @@ impl Device {
             return Err(Error::new("outside what the register takes")
                 .at(place())
                 .got(format!("{raw} (raw)"))
-                .allowed(format!("{lowest} to {highest} (raw)")));
+                .allowed(value::range_words(&self.model, item)));
         }
         if register.region == Region::Eeprom && !permit_eeprom {
             return Err(Error::new("this register is kept at power-off; nothing was written")

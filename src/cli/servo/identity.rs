@@ -123,8 +123,8 @@ pub fn set_baud(args: &SetBaudArgs, remarks: Remarks) -> Result<i32, Error> {
         let speeds: Vec<String> = known.iter().map(|baud| baud.bps.to_string()).collect();
         return Err(Error::new("the servo does not know this line speed")
             .at(device.place())
-            .got(args.baud_bps.to_string())
-            .allowed(speeds.join(", ")));
+            .got(format!("{} bit/s", args.baud_bps))
+            .allowed(format!("{} bit/s", speeds.join(", "))));
     };
     let old_bps = device.line.baud_bps;
     if args.baud_bps != old_bps {

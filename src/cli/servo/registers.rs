@@ -6,7 +6,7 @@ use crate::cli::Remarks;
 use crate::cli::identify::protocol_name;
 use crate::error::Error;
 use clap::Args;
-use gaitway_profiles::{Access, Region, RegisterItem, Role, Servo};
+use gaitway_profiles::{Region, RegisterItem, Role, Servo};
 use serde_json::{Map, Value, json};
 use std::fmt::Write;
 
@@ -141,8 +141,7 @@ pub fn get(args: &GetArgs) -> Result<i32, Error> {
     let mut device = Device::open(&args.target)?;
     let profile = device.model.profile();
     let Some(name) = &args.register else {
-        let indirect = |role| matches!(role, Some(Role::IndirectAddress | Role::IndirectData));
-        let items: Vec<_> = profile.items().filter(|item| !indirect(item.register.role)).collect();
+        let items: Vec<_> = profile.items().filter(|item| !is_indirect(item)).collect();
         let read = read_all(&mut device, &items)?;
         let text = format!("{}\n{}", device.place(), table(&device, &read));
         args.target.output.report(&registers_json(&device, &read), &text)?;
@@ -205,6 +204,11 @@ fn undo(device: &Device, item: &RegisterItem<'_>, old: i64, args: &SetArgs) -> S
     format!("gaitway servo set {bus} {} '{name}' --raw{permit}{robot} -- {old}", device.id)
 }
 
+/// True for the many registers that only stand for others.
+fn is_indirect(item: &RegisterItem<'_>) -> bool {
+    matches!(item.register.role, Some(Role::IndirectAddress | Role::IndirectData))
+}
+
 /// The register that `name` means.
 ///
 /// # Errors
@@ -214,14 +218,18 @@ pub fn find(servo: &'static Servo, name: &str) -> Result<RegisterItem<'static>, 
     if let Some(item) = servo.items().find(|item| plain(&item.name()) == wanted) {
         return Ok(item);
     }
+    // Short words (of, at, id) are in too many names to tell anything.
+    let words = name.split([' ', '_', '-']).map(plain).filter(|word| word.len() > 2);
+    let words: Vec<String> = words.collect();
     let alike = |item: &RegisterItem<'_>| {
         let known = plain(&item.name());
-        !wanted.is_empty() && (known.contains(&wanted) || wanted.contains(&known))
+        let shares_a_word = || words.iter().any(|word| known.contains(word));
+        !wanted.is_empty() && (known.contains(&wanted) || shares_a_word())
     };
-    let mut near: Vec<String> = servo.items().filter(alike).map(|i| i.name()).take(8).collect();
+    let direct = || servo.items().filter(|item| !is_indirect(item));
+    let mut near: Vec<String> = direct().filter(alike).map(|item| item.name()).collect();
     if near.is_empty() {
-        let writable = servo.registers.iter().filter(|r| r.access == Access::Rw);
-        near = writable.map(|register| register.name.clone()).collect();
+        near = direct().map(|item| item.name()).collect();
     }
     Err(Error::new("the servo has no such register")
         .at(servo.model.clone())
@@ -260,5 +268,7 @@ mod tests {
             "{said}"
         );
         assert!(find(servo, "").is_err());
+        let error = find(servo, "Present Temprature").expect_err("a slip of the finger");
+        assert!(error.to_string().contains("Present Temperature"), "{error}");
     }
 }

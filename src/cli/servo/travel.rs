@@ -22,7 +22,7 @@ pub struct MoveArgs {
     #[command(flatten)]
     target: Target,
     /// Angle of the servo, degrees; 0 is the middle of its travel
-    #[arg(allow_hyphen_values = true)]
+    #[arg(allow_hyphen_values = true, value_parser = angle_deg)]
     angle_deg: f64,
     /// Highest speed on the way, degrees per second
     #[arg(long, value_name = "DEG_S", default_value_t = 30.0, value_parser = speed_deg_s)]
@@ -48,7 +48,16 @@ const SHARE: f64 = crate::motion::plan::TRANSITION_SHARE;
 
 fn speed_deg_s(text: &str) -> Result<f64, String> {
     let speed: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
-    if (1.0..=180.0).contains(&speed) { Ok(speed) } else { Err("1 to 180 deg/s".to_owned()) }
+    if (1.0..=180.0).contains(&speed) {
+        Ok(speed)
+    } else {
+        Err("allowed: 1 to 180 deg/s".to_owned())
+    }
+}
+
+fn angle_deg(text: &str) -> Result<f64, String> {
+    let angle: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
+    if angle.is_finite() { Ok(angle) } else { Err("a finite number of degrees".to_owned()) }
 }
 
 /// Runs `servo move`.

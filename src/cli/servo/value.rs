@@ -98,9 +98,9 @@ pub fn parse(
     let unit = si_unit(item.register.unit).map(|(unit, _)| unit).filter(|_| !as_raw);
     let place = || format!("register {}", item.name());
     let allowed = match unit {
-        None => "a whole number".to_owned(),
+        None => format!("a whole number, {}", range_words(model, item)),
         Some("rad") => "a number in rad, or in degrees with deg behind it, e.g. 30deg".to_owned(),
-        Some(unit) => format!("a number in {unit}"),
+        Some(unit) => format!("a number in {unit}, {}", range_words(model, item)),
     };
     let wrong = || Error::new("not a value").at(place()).got(text).allowed(allowed.clone());
     let Some(unit) = unit else {
@@ -111,9 +111,17 @@ pub fn parse(
     let number = in_degrees.unwrap_or_else(|| text.strip_suffix(unit).unwrap_or(text));
     let number: f64 = number.trim().parse().map_err(|_| wrong())?;
     let si = if in_degrees.is_some() { number.to_radians() } else { number };
-    model
-        .raw_from_si(item.register, si)
-        .map_err(|e| Error::new(e.to_string()).at(place()).got(text).allowed(allowed))
+    model.raw_from_si(item.register, si).map_err(|_| {
+        let outside = Error::new("outside what the register takes").at(place());
+        outside.got(text).allowed(range_words(model, item))
+    })
+}
+
+/// What a register takes, in words.
+#[must_use]
+pub fn range_words(model: &Model, item: &RegisterItem<'_>) -> String {
+    let (lowest, highest) = item.register.range();
+    format!("{} to {}", words(model, item, lowest), words(model, item, highest))
 }
 
 #[cfg(test)]

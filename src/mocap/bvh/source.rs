@@ -69,7 +69,10 @@ impl<R: Read> Source<R> {
                 }
                 Err(cause) if cause.kind() == std::io::ErrorKind::Interrupted => {}
                 Err(cause) => {
-                    return Err(self.error("the file cannot be read").got(cause.to_string()));
+                    return Err(self
+                        .error("the file cannot be read")
+                        .got(cause.to_string())
+                        .remedy("give the path of a .bvh file"));
                 }
             }
         }
