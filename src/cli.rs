@@ -51,7 +51,7 @@ it, checked, and streamed to the servos with feedback. Nothing moves before ever
 identity, configuration and start pose are proven; every motion starts and ends at rest.
 
 Start here:
-  gaitway play walk --robot op3 --bus sim --html walk.html   no robot needed
+  gaitway play walk --robot op3 --bus sim  no robot needed
   gaitway simulate op3 --pty /tmp/op3      a virtual robot for any program
   gaitway doctor                           is this machine ready for a real one?
   gaitway scan serial:/dev/ttyUSB0 --baud all
