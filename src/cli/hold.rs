@@ -6,7 +6,7 @@ use super::connect::connect;
 use super::{Output, Remarks};
 use crate::control::{arm, watchdog};
 use crate::error::Error;
-use crate::robot::preflight::{Accept, preflight};
+use crate::robot::preflight::{Accept, budget, exchange_error, preflight};
 use crate::time::Duration;
 use clap::Args;
 use serde_json::json;
@@ -49,7 +49,10 @@ pub fn run(args: &HoldArgs, remarks: Remarks) -> Result<i32, Error> {
     let found = preflight(link, period, accept)?;
     let mut notes = found.notes.clone();
     if !args.dry_run {
-        arm::arm(link, &found)?;
+        let (_, command) = arm::arm(link, &found)?;
+        // Whatever ends at rest ends with two equal goals, so that a lost one changes nothing.
+        let limit = budget(link);
+        link.write_goals(&command, limit).map_err(|e| exchange_error(link, None, &e))?;
         // Nobody speaks to the servos from here on, and they shall hold all the same.
         notes.extend(watchdog::release(link));
     }
