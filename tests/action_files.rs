@@ -182,3 +182,24 @@ fn the_schema_for_editors_has_the_keys_of_the_reader() {
     same(keys("/$defs/turns/properties"), Dof::ALL.map(|dof| dof.name().to_owned()).to_vec());
     same(keys("/properties/pose/properties"), Dof::ALL.map(|dof| dof.name().to_owned()).to_vec());
 }
+
+/// Sampled and minimum-jerk shapes, flights and rests survive being written and read.
+#[test]
+fn a_motion_written_as_a_file_is_the_same_motion() {
+    let given =
+        parse(&NOD.replace("note = ", "flights = [[0.2, 0.4], [0.6, 0.7]]\nnote = ")).unwrap();
+    let motion = given.perform().unwrap();
+    let written = Action::of_motion("nod", "a \"nod\"", "tests", &motion).to_toml().unwrap();
+    let read = parse(&written).unwrap();
+    assert_eq!((read.note.as_str(), read.captured), ("a \"nod\"", true));
+    let again = read.perform().unwrap();
+    assert_eq!(again.flights_s().len(), 2);
+    for i in 0..=100 {
+        let time_s = f64::from(i) / 100.0;
+        for dof in Dof::ALL {
+            let (a, b) = (motion.at(dof, time_s), again.at(dof, time_s));
+            assert!((a.position_rad - b.position_rad).abs() < 1e-5, "{dof:?} at {time_s}");
+        }
+    }
+    assert!(vocabulary::find("walk").unwrap().to_toml().is_err());
+}
