@@ -4,12 +4,18 @@
 //! A question is split in `begin` and `finish`, so that two lines can overlap without threads.
 
 mod codec;
+mod group;
+mod instruct;
+pub mod scan;
 
 use crate::port::{BytePort, Clock, PortError};
 use crate::time::{Duration, Instant};
 use crate::units::line_time_s;
 use codec::Heard;
 pub use codec::Protocol;
+use group::Pending;
+pub use group::{GroupItem, GroupQuestion, GroupRead};
+pub use instruct::{FactoryReset, RollCall};
 use std::fmt;
 use std::sync::Arc;
 
@@ -58,6 +64,10 @@ pub enum Miss {
     },
     /// The device answered no.
     Refused(String),
+    /// It was not this device's turn to be asked.
+    NotAsked,
+    /// A sound answer, but with a position the joint cannot have reached since the last.
+    Implausible,
 }
 
 impl fmt::Display for Miss {
@@ -67,6 +77,8 @@ impl fmt::Display for Miss {
             Self::Garbled => f.write_str("answer damaged on the line"),
             Self::WrongId { asked, got } => write!(f, "asked ID {asked}, ID {got} answered"),
             Self::Refused(text) => write!(f, "the device refused: {text}"),
+            Self::NotAsked => f.write_str("not asked in this cycle"),
+            Self::Implausible => f.write_str("a position the joint cannot have reached"),
         }
     }
 }
@@ -123,29 +135,10 @@ pub struct Stats {
     pub bytes: u64,
 }
 
-/// Which instruction reads a block from many devices at once.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum GroupRead {
-    /// One status per device.
-    Sync,
-    /// One status for all (Dynamixel Fast Sync Read).
-    Fast,
-}
-
-/// The question under way.
-struct Pending {
-    ids: Vec<u8>,
-    address: u16,
-    length: u16,
-    mode: GroupRead,
-    heard_at: Instant,
-}
-
-/// A shared line with its protocol.
+/// A shared line. Every question says which protocol it is in: one line may mix families.
 pub struct Bus {
     port: Box<dyn BytePort>,
     clock: Arc<dyn Clock>,
-    protocol: Protocol,
     timing: Timing,
     stats: Stats,
     sent: Vec<u8>,
@@ -157,22 +150,18 @@ pub struct Bus {
     quiet_until: Instant,
     wary_until: Instant,
     pending: Option<Pending>,
+    echo: bool,
+    /// Our own bytes will be heard before the answer.
+    echo_due: bool,
 }
 
 impl Bus {
     /// A line behind `port`. `clock` is the port's own.
     #[must_use]
-    pub fn new(
-        port: Box<dyn BytePort>,
-        clock: Arc<dyn Clock>,
-        protocol: Protocol,
-        mut timing: Timing,
-    ) -> Self {
-        timing.return_delay = timing.return_delay.max(protocol.least_reply_delay());
+    pub fn new(port: Box<dyn BytePort>, clock: Arc<dyn Clock>, timing: Timing) -> Self {
         Self {
             port,
             clock,
-            protocol,
             timing,
             stats: Stats::default(),
             sent: Vec::with_capacity(1024),
@@ -184,7 +173,15 @@ impl Bus {
             quiet_until: Instant::ZERO,
             wary_until: Instant::ZERO,
             pending: None,
+            echo: false,
+            echo_due: false,
         }
+    }
+
+    /// Says whether the adapter lets the host hear its own bytes. In Protocol 1.0 and its kin an
+    /// instruction looks like the answer to it, so this has to be known beforehand.
+    pub const fn set_echo(&mut self, echo: bool) {
+        self.echo = echo;
     }
 
     /// What happened so far.
@@ -199,22 +196,25 @@ impl Bus {
         self.timing
     }
 
-    /// The line's protocol.
-    #[must_use]
-    pub const fn protocol(&self) -> Protocol {
-        self.protocol
+    /// Time `bytes` take on the line.
+    fn line_time(&self, bytes: usize) -> Duration {
+        Duration::from_secs_f64(line_time_s(bytes, self.timing.baud_bps))
+    }
+
+    /// Time a device that speaks `protocol` waits before it answers.
+    fn return_delay(&self, protocol: Protocol) -> Duration {
+        self.timing.return_delay.max(protocol.least_reply_delay())
     }
 
     /// Time `bytes` in `devices` answers take on the line, return delays included.
-    fn line_and_delay(&self, bytes: usize, devices: usize) -> Duration {
-        let line_s = line_time_s(bytes, self.timing.baud_bps);
-        let delay = self.timing.return_delay * u32::try_from(devices).unwrap_or(u32::MAX);
-        Duration::from_secs_f64(line_s) + delay
+    fn line_and_delay(&self, protocol: Protocol, bytes: usize, devices: usize) -> Duration {
+        let devices = u32::try_from(devices).unwrap_or(u32::MAX);
+        self.line_time(bytes) + self.return_delay(protocol) * devices
     }
 
     /// The longest it may take until they are here, once the question has left.
-    fn answer_time(&self, bytes: usize, devices: usize) -> Duration {
-        self.line_and_delay(bytes, devices) + self.timing.latency + SLACK
+    fn answer_time(&self, protocol: Protocol, bytes: usize, devices: usize) -> Duration {
+        self.line_and_delay(protocol, bytes, devices) + self.timing.latency + SLACK
     }
 
     /// When the next question may be asked: after a lost answer the line is left in silence.
@@ -223,27 +223,37 @@ impl Bus {
         self.quiet_until
     }
 
+    /// When the last question had left.
+    #[must_use]
+    pub const fn spoken_at(&self) -> Instant {
+        self.sending_until
+    }
+
     /// True if a question to one device, for `length` bytes, asked now is over by `budget`.
     #[must_use]
-    pub fn fits(&self, length: usize, budget: Instant) -> bool {
-        let question = self.line_and_delay(self.protocol.read_bytes(), 0);
+    pub fn fits(&self, protocol: Protocol, length: usize, budget: Instant) -> bool {
+        let question = self.line_time(protocol.read_bytes());
         let begins = self.clock.now().max(self.quiet_until);
-        begins + question + self.answer_time(self.protocol.status_bytes(length), 1) <= budget
+        let answer = self.answer_time(protocol, protocol.status_bytes(length), 1);
+        begins + question + answer <= budget
     }
 
-    /// Line time of reading `length` bytes from each of `devices`, s.
+    /// Line time of reading `length` bytes from one device, s.
     #[must_use]
-    pub fn read_time_s(&self, devices: usize, length: usize, mode: GroupRead) -> f64 {
-        let bytes = self.protocol.group_read_bytes(devices, length, mode);
-        let delays = if mode == GroupRead::Fast { 1 } else { devices };
-        line_time_s(bytes, self.timing.baud_bps)
-            + self.timing.return_delay.as_secs_f64() * delays as f64
+    pub fn one_read_time_s(&self, protocol: Protocol, length: usize) -> f64 {
+        let bytes = protocol.read_bytes() + protocol.status_bytes(length);
+        self.line_and_delay(protocol, bytes, 1).as_secs_f64()
     }
 
-    /// Line time of writing `length` bytes to each of `devices`, s.
+    /// From now on every device waits at most this long before it answers.
+    pub const fn set_return_delay(&mut self, return_delay: Duration) {
+        self.timing.return_delay = return_delay;
+    }
+
+    /// Line time of a sync write of `length` bytes to each of `devices`, s.
     #[must_use]
-    pub fn write_time_s(&self, devices: usize, length: usize) -> f64 {
-        line_time_s(self.protocol.sync_write_bytes(devices, length), self.timing.baud_bps)
+    pub fn write_time_s(&self, protocol: Protocol, devices: usize, length: usize) -> f64 {
+        line_time_s(protocol.sync_write_bytes(devices, length), self.timing.baud_bps)
     }
 
     /// Sends what is in `self.sent`, after the silence a lost answer left behind.
@@ -253,13 +263,13 @@ impl Bus {
         self.port.discard_input()?;
         self.received.clear();
         self.heard = 0;
+        self.echo_due = self.echo;
         self.port.send(&self.sent, budget)?;
         self.stats.asked += 1;
         self.stats.bytes += self.sent.len() as u64;
         // Bytes queue behind those still leaving; nothing needs to be waited for.
         let begins = self.sending_until.max(self.clock.now());
-        let line_s = line_time_s(self.sent.len(), self.timing.baud_bps);
-        self.sending_until = begins + Duration::from_secs_f64(line_s);
+        self.sending_until = begins + self.line_time(self.sent.len());
         Ok(self.sending_until)
     }
 
@@ -281,9 +291,21 @@ impl Bus {
         }
     }
 
+    /// What lies at the front of the received bytes, our own taken away.
+    fn front(&mut self, protocol: Protocol, longest: usize) -> Heard<'_> {
+        if self.echo_due && self.received.starts_with(&self.sent) {
+            self.received.drain(..self.sent.len());
+            self.echo_due = false;
+        }
+        if self.echo_due && self.sent.starts_with(&self.received) {
+            return Heard::Need;
+        }
+        protocol.decode(&self.received, longest, &mut self.scratch)
+    }
+
     /// Nothing more comes: drops the beginning of a packet, so that one behind it is found.
-    fn drop_cut_packet(&mut self, miss: &mut Miss) -> bool {
-        let cut = self.protocol.abandon(&self.received);
+    fn drop_cut_packet(&mut self, protocol: Protocol, miss: &mut Miss) -> bool {
+        let cut = protocol.abandon(&self.received);
         self.received.drain(..cut);
         if cut > 0 {
             self.stats.garbled += 1;
@@ -302,9 +324,9 @@ impl Bus {
 
     /// The answers are there. Soon after a loss they may be late twins of lost ones: the time the
     /// true ones take is waited out, so that those cannot fall into the next question's window.
-    fn satisfied(&mut self, heard_at: Instant, bytes: usize, devices: usize) {
+    fn satisfied(&mut self, protocol: Protocol, heard_at: Instant, bytes: usize, devices: usize) {
         if self.clock.now() < self.wary_until {
-            let true_end = heard_at + self.line_and_delay(bytes, devices);
+            let true_end = heard_at + self.line_and_delay(protocol, bytes, devices);
             self.quiet_until = self.quiet_until.max(true_end);
         }
     }
@@ -312,46 +334,39 @@ impl Bus {
     /// Waits for the one answer of device `id` with `length` bytes.
     fn one_answer(
         &mut self,
+        protocol: Protocol,
         id: u8,
         length: usize,
         heard_at: Instant,
+        window_end: Instant,
         budget: Instant,
     ) -> Result<Reply, AskError> {
-        let window_end = heard_at + self.answer_time(self.protocol.status_bytes(length), 1);
         let deadline = window_end.min(budget);
         let mut miss = Miss::Silent;
         loop {
-            match self.protocol.decode(&self.received, length, &mut self.scratch) {
+            match self.front(protocol, length) {
                 Heard::Need => {
-                    if !self.listen(deadline)? && !self.drop_cut_packet(&mut miss) {
+                    if !self.listen(deadline)? && !self.drop_cut_packet(protocol, &mut miss) {
                         self.gave_up(window_end);
                         return Err(miss.into());
                     }
                 }
-                Heard::Drop(n, garbled) => {
+                Heard::Echo(n) | Heard::Noise(n) => drop(self.received.drain(..n)),
+                Heard::Damaged(n) => {
                     self.received.drain(..n);
-                    if garbled {
-                        self.stats.garbled += 1;
-                        miss = Miss::Garbled;
-                    }
+                    self.stats.garbled += 1;
+                    miss = Miss::Garbled;
                 }
-                Heard::Status { id: got, alert, refused, params, n } => {
-                    let reply = Reply { alert, bytes: params.to_vec() };
+                Heard::Status(said, n) if said.id != id => {
+                    miss = Miss::WrongId { asked: id, got: said.id };
+                    self.stats.unasked += 1;
                     self.received.drain(..n);
-                    if got != id {
-                        self.stats.unasked += 1;
-                        miss = Miss::WrongId { asked: id, got };
-                        continue;
-                    }
+                }
+                Heard::Status(said, _) => {
+                    let reply = said.reply(length);
                     self.stats.answered += 1;
-                    self.satisfied(heard_at, self.protocol.status_bytes(length), 1);
-                    if let Some(text) = refused {
-                        return Err(Miss::Refused(text).into());
-                    }
-                    if reply.bytes.len() != length {
-                        return Err(Miss::Garbled.into());
-                    }
-                    return Ok(reply);
+                    self.satisfied(protocol, heard_at, protocol.status_bytes(length), 1);
+                    return reply.map_err(AskError::from);
                 }
             }
         }
@@ -363,25 +378,34 @@ impl Bus {
         self.retries = retries;
     }
 
+    /// Puts a question into `self.sent`.
+    fn encode(
+        &mut self,
+        write: impl FnOnce(&mut Vec<u8>) -> Result<(), String>,
+    ) -> Result<(), AskError> {
+        self.sent.clear();
+        write(&mut self.sent).map_err(AskError::Unsayable)
+    }
+
     /// Asks one device, and again if the answer was lost and `budget` allows.
     fn ask(
         &mut self,
+        protocol: Protocol,
         id: u8,
         length: usize,
         budget: Instant,
-        encode: impl Fn(Protocol, &mut Vec<u8>) -> Result<(), String>,
+        question: impl FnOnce(&mut Vec<u8>) -> Result<(), String>,
     ) -> Result<Reply, AskError> {
+        self.encode(question)?;
+        let window = self.answer_time(protocol, protocol.status_bytes(length), 1);
         let mut retries_left = self.retries;
         loop {
-            self.sent.clear();
-            encode(self.protocol, &mut self.sent).map_err(AskError::Unsayable)?;
             let heard_at = self.say(budget)?;
-            match self.one_answer(id, length, heard_at, budget) {
+            match self.one_answer(protocol, id, length, heard_at, heard_at + window, budget) {
                 Err(AskError::Miss(miss))
                     if retries_left > 0 && !matches!(miss, Miss::Refused(_)) =>
                 {
-                    let again = self.answer_time(self.protocol.status_bytes(length), 1);
-                    if self.clock.now() + again > budget {
+                    if self.clock.now() + window > budget {
                         return Err(miss.into());
                     }
                     retries_left -= 1;
@@ -392,13 +416,14 @@ impl Bus {
         }
     }
 
-    /// Asks whether `id` is there. The bytes are the protocol's own (Dynamixel: model, firmware).
+    /// Asks whether `id` is there. The bytes are the protocol's own (Dynamixel 2.0: model number
+    /// and firmware, three bytes; the others: none).
     ///
     /// # Errors
     /// [`AskError`].
-    pub fn ping(&mut self, id: u8, budget: Instant) -> Result<Reply, AskError> {
-        let length = self.protocol.ping_bytes();
-        self.ask(id, length, budget, |protocol, out| protocol.ping(out, id))
+    pub fn ping(&mut self, protocol: Protocol, id: u8, budget: Instant) -> Result<Reply, AskError> {
+        let length = protocol.ping_bytes();
+        self.ask(protocol, id, length, budget, |out| protocol.ping(out, id))
     }
 
     /// Reads `length` bytes from `address` on.
@@ -407,28 +432,33 @@ impl Bus {
     /// [`AskError`].
     pub fn read(
         &mut self,
+        protocol: Protocol,
         id: u8,
         address: u16,
         length: u16,
         budget: Instant,
     ) -> Result<Reply, AskError> {
-        self.ask(id, usize::from(length), budget, |protocol, out| {
+        self.ask(protocol, id, usize::from(length), budget, |out| {
             protocol.read(out, id, address, length)
         })
     }
 
     /// Writes `bytes` from `address` on and waits for the device's yes.
     ///
+    /// A device whose status return level says that it answers reads only carries out the write
+    /// and is [`Miss::Silent`]. Tell it by [`Bus::sync_write`], which nobody answers, and read back.
+    ///
     /// # Errors
     /// [`AskError`].
     pub fn write(
         &mut self,
+        protocol: Protocol,
         id: u8,
         address: u16,
         bytes: &[u8],
         budget: Instant,
     ) -> Result<Reply, AskError> {
-        self.ask(id, 0, budget, |protocol, out| protocol.write(out, id, address, bytes))
+        self.ask(protocol, id, 0, budget, |out| protocol.write(out, id, address, bytes))
     }
 
     /// Writes the same registers of many devices at once; nobody answers.
@@ -437,177 +467,29 @@ impl Bus {
     /// [`AskError::Port`], [`AskError::Unsayable`].
     pub fn sync_write(
         &mut self,
+        protocol: Protocol,
         address: u16,
         items: &[(u8, &[u8])],
         budget: Instant,
     ) -> Result<(), AskError> {
-        self.sent.clear();
-        self.protocol.sync_write(&mut self.sent, address, items).map_err(AskError::Unsayable)?;
+        self.encode(|out| protocol.sync_write(out, address, items))?;
         self.say(budget)?;
         Ok(())
     }
 
-    /// Asks many devices for `length` bytes from `address` on; [`Bus::finish_group_read`] waits.
+    /// Writes registers of many devices at once, to each its own (ID, address, bytes); nobody
+    /// answers. Dynamixel 2.0 only.
     ///
     /// # Errors
     /// [`AskError::Port`], [`AskError::Unsayable`].
-    pub fn begin_group_read(
+    pub fn bulk_write(
         &mut self,
-        ids: &[u8],
-        address: u16,
-        length: u16,
-        mode: GroupRead,
+        protocol: Protocol,
+        items: &[(u8, u16, &[u8])],
         budget: Instant,
     ) -> Result<(), AskError> {
-        self.sent.clear();
-        self.protocol
-            .group_read(&mut self.sent, ids, address, length, mode)
-            .map_err(AskError::Unsayable)?;
-        let heard_at = self.say(budget)?;
-        self.pending = Some(Pending { ids: ids.to_vec(), address, length, mode, heard_at });
+        self.encode(|out| protocol.bulk_write(out, items))?;
+        self.say(budget)?;
         Ok(())
-    }
-
-    /// The answers to the group read under way, in the order of `ids`, those lost asked for once
-    /// more if `budget` allows.
-    ///
-    /// A silent device silences those listed after it, so the second question leaves out the
-    /// first one missing unless it is the only one.
-    ///
-    /// # Errors
-    /// [`AskError::Port`]; a device that does not answer is a [`Miss`] of its own.
-    pub fn finish_group_read(
-        &mut self,
-        ids: &[u8],
-        budget: Instant,
-    ) -> Result<Vec<Result<Reply, Miss>>, AskError> {
-        let Some(pending) = self.pending.take() else {
-            return Ok(vec![Err(Miss::Silent); ids.len()]);
-        };
-        let mut answers = self.group_answers(&pending, budget)?;
-        let mut lost: Vec<usize> = (0..ids.len())
-            .filter(|&i| matches!(answers[i], Err(Miss::Silent | Miss::Garbled)))
-            .collect();
-        if lost.len() > 1 && answers[lost[0]] == Err(Miss::Silent) {
-            lost.remove(0);
-        }
-        if lost.is_empty() {
-            return Ok(answers);
-        }
-        let again: Vec<u8> = lost.iter().map(|&i| ids[i]).collect();
-        let Pending { address, length, mode, .. } = pending;
-        let needs = self.read_time_s(again.len(), usize::from(length), mode);
-        let ends = self.clock.now().max(self.quiet_until)
-            + Duration::from_secs_f64(needs)
-            + self.timing.latency
-            + SLACK;
-        if ends > budget {
-            return Ok(answers);
-        }
-        self.stats.retried += again.len() as u64;
-        self.begin_group_read(&again, address, length, mode, budget)?;
-        if let Some(pending) = self.pending.take() {
-            for (&slot, answer) in lost.iter().zip(self.group_answers(&pending, budget)?) {
-                answers[slot] = answer;
-            }
-        }
-        Ok(answers)
-    }
-
-    fn group_answers(
-        &mut self,
-        pending: &Pending,
-        budget: Instant,
-    ) -> Result<Vec<Result<Reply, Miss>>, AskError> {
-        match pending.mode {
-            GroupRead::Sync => self.separate_answers(pending, budget),
-            GroupRead::Fast => self.merged_answer(pending, budget),
-        }
-    }
-
-    fn separate_answers(
-        &mut self,
-        pending: &Pending,
-        budget: Instant,
-    ) -> Result<Vec<Result<Reply, Miss>>, AskError> {
-        let length = usize::from(pending.length);
-        let status = self.protocol.status_bytes(length);
-        let devices = pending.ids.len();
-        let window_end = pending.heard_at + self.answer_time(status * devices, devices);
-        // Bytes that come late move the end, so that a slow host loses no answer.
-        let patience = self.answer_time(status, 1);
-        let mut answers = vec![Err(Miss::Silent); pending.ids.len()];
-        let mut left = pending.ids.len();
-        let mut deadline = window_end.min(budget);
-        while left > 0 {
-            match self.protocol.decode(&self.received, length, &mut self.scratch) {
-                Heard::Need => {
-                    if self.listen(deadline)? {
-                        deadline = deadline.max((self.clock.now() + patience).min(budget));
-                    } else if !self.drop_cut_packet(&mut Miss::Silent) {
-                        self.gave_up(window_end);
-                        break;
-                    }
-                }
-                Heard::Drop(n, garbled) => {
-                    self.received.drain(..n);
-                    self.stats.garbled += u64::from(garbled);
-                }
-                Heard::Status { id, alert, refused, params, n } => {
-                    let reply = Reply { alert, bytes: params.to_vec() };
-                    self.received.drain(..n);
-                    let place = pending.ids.iter().position(|&asked| asked == id);
-                    let Some(slot) = place.filter(|&i| answers[i].is_err()) else {
-                        self.stats.unasked += 1;
-                        continue;
-                    };
-                    left -= 1;
-                    self.stats.answered += 1;
-                    answers[slot] = match refused {
-                        Some(text) => Err(Miss::Refused(text)),
-                        None if reply.bytes.len() != length => Err(Miss::Garbled),
-                        None => Ok(reply),
-                    };
-                }
-            }
-        }
-        if left == 0 {
-            self.satisfied(pending.heard_at, status * devices, devices);
-        }
-        Ok(answers)
-    }
-
-    fn merged_answer(
-        &mut self,
-        pending: &Pending,
-        budget: Instant,
-    ) -> Result<Vec<Result<Reply, Miss>>, AskError> {
-        let length = usize::from(pending.length);
-        let total = self.protocol.merged_bytes(pending.ids.len(), length);
-        let window_end = pending.heard_at + self.answer_time(total, 1);
-        let patience = self.answer_time(self.protocol.status_bytes(length), 1);
-        let mut deadline = window_end.min(budget);
-        loop {
-            if self.received.len() < total && self.listen(deadline)? {
-                deadline = deadline.max((self.clock.now() + patience).min(budget));
-                continue;
-            }
-            let answers = codec::merged(&self.received, &pending.ids, length);
-            let complete = answers.iter().all(|a| matches!(a, Ok(_) | Err(Miss::Refused(_))));
-            // Bounded even if a babbling line never lets the answer be complete.
-            let room = self.received.len() < 2 * total + self.sent.len();
-            if !complete && room && self.listen(deadline)? {
-                deadline = deadline.max((self.clock.now() + patience).min(budget));
-                continue;
-            }
-            if complete {
-                self.satisfied(pending.heard_at, total, 1);
-            } else {
-                self.gave_up(window_end);
-            }
-            self.stats.answered += answers.iter().filter(|a| a.is_ok()).count() as u64;
-            self.stats.garbled += u64::from(answers.contains(&Err(Miss::Garbled)));
-            return Ok(answers);
-        }
     }
 }

@@ -2,16 +2,26 @@
 
 pub mod actionlets;
 pub mod address;
+pub mod calibrate;
+pub mod calibrated;
 pub mod connect;
+pub mod doctor;
+pub mod finding;
+pub mod hold;
+pub mod identify;
 pub mod limp;
+pub mod monitor;
 pub mod output;
 pub mod play;
 pub mod plots;
+pub mod ports;
 pub mod profile;
 pub mod progress;
 pub mod recordings;
 pub mod report;
 pub mod retarget;
+pub mod scan;
+pub mod servo;
 pub mod signals;
 pub mod simulate;
 pub mod source;
@@ -55,6 +65,8 @@ enum Command {
     Synth(Box<synth::SynthArgs>),
     /// Take a captured motion apart into actionlets
     Actionlets(Box<actionlets::ActionletsArgs>),
+    /// Switch torque on where the robot stands: it holds
+    Hold(hold::HoldArgs),
     /// Switch torque off: the robot goes limp (and falls, so it asks)
     Limp(limp::LimpArgs),
     /// Run a virtual robot that other programs can open as a serial port
@@ -65,6 +77,18 @@ enum Command {
     Recover(recordings::RecoverArgs),
     /// Look at servo and robot profiles
     Profile(profile::ProfileArgs),
+    /// Where a robot could be plugged in: serial ports and CAN interfaces
+    Ports(ports::PortsArgs),
+    /// What on this machine stands in a robot's way, and what to do about it
+    Doctor(doctor::DoctorArgs),
+    /// Find each joint's zero, direction and range by hand
+    Calibrate(calibrate::CalibrateArgs),
+    /// How every joint is, again and again: goal, position, load, heat, supply, errors
+    Monitor(monitor::MonitorArgs),
+    /// Every device that answers on a line
+    Scan(scan::ScanArgs),
+    /// One servo: its registers, its ID, its line speed, one movement
+    Servo(Box<servo::ServoArgs>),
 }
 
 /// Runs the command line; the exit code.
@@ -83,11 +107,18 @@ pub fn main() -> i32 {
         Command::Retarget(args) => retarget::run(args, remarks),
         Command::Synth(args) => synth::run(args, remarks),
         Command::Actionlets(args) => actionlets::run(args, remarks),
+        Command::Hold(args) => hold::run(args, remarks),
         Command::Limp(args) => limp::run(args, remarks),
         Command::Simulate(args) => simulate::run(args, remarks),
         Command::Info(args) => recordings::info(args),
         Command::Recover(args) => recordings::recover(args, remarks),
         Command::Profile(args) => profile::run(args),
+        Command::Ports(args) => ports::run(args, remarks),
+        Command::Doctor(args) => doctor::run(args, remarks),
+        Command::Calibrate(args) => calibrate::run(args, remarks),
+        Command::Monitor(args) => monitor::run(args, remarks),
+        Command::Scan(args) => scan::run(args, remarks),
+        Command::Servo(args) => servo::run(args, remarks),
     };
     done.unwrap_or_else(|error| {
         eprintln!("gaitway: {error}");

@@ -3,7 +3,9 @@
 pub mod arm;
 pub mod cycle;
 pub mod health;
+pub mod plausible;
 pub mod tally;
+pub mod watchdog;
 
 pub use cycle::{Run, Settings, run};
 pub use health::StopReason;

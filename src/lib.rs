@@ -11,6 +11,7 @@ pub mod action;
 pub mod actionlet;
 pub mod body;
 pub mod bus;
+pub mod calibration;
 pub mod cli;
 pub mod control;
 pub mod device;

@@ -5,8 +5,10 @@
 //! whether time is real.
 
 pub mod can;
+pub mod inventory;
 pub mod serial;
 pub mod sim;
+pub mod tcp;
 
 use crate::time::Instant;
 use std::fmt;
@@ -99,13 +101,17 @@ impl fmt::Display for PortError {
 
 impl std::error::Error for PortError {}
 
-/// The process's monotonic clock. All real ports share it, so their instants compare.
+/// The system's monotonic clock. All real ports share it, so their instants compare.
+///
+/// It goes on while the machine is suspended (`CLOCK_BOOTTIME`): a lid closed in the middle of a
+/// motion is a gap that is noticed, not a moment that never was. Setting the wall clock does not
+/// move it.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct MonotonicClock;
 
 impl Clock for MonotonicClock {
     fn now(&self) -> Instant {
-        let t = rustix::time::clock_gettime(rustix::time::ClockId::Monotonic);
+        let t = rustix::time::clock_gettime(rustix::time::ClockId::Boottime);
         let seconds = u64::try_from(t.tv_sec).unwrap_or(0);
         let nanos = u64::try_from(t.tv_nsec).unwrap_or(0);
         Instant::from_nanos(seconds * 1_000_000_000 + nanos)
@@ -120,7 +126,7 @@ impl Clock for MonotonicClock {
             tv_sec: i64::try_from(at.as_nanos() / 1_000_000_000).unwrap_or(i64::MAX),
             tv_nsec: (at.as_nanos() % 1_000_000_000) as _,
         };
-        let clock = rustix::thread::ClockId::Monotonic;
+        let clock = rustix::thread::ClockId::Boottime;
         while rustix::thread::clock_nanosleep_absolute(clock, &request)
             == Err(rustix::io::Errno::INTR)
         {}
@@ -138,6 +144,17 @@ mod tests {
         let at = clock.now() + Duration::from_millis(3);
         clock.sleep_until(at);
         assert!(clock.now() >= at);
+    }
+
+    #[test]
+    fn the_monotonic_clock_counts_the_time_the_machine_was_suspended() {
+        // The kernel's uptime counts it too; it is printed to a hundredth of a second.
+        let before = MonotonicClock.now();
+        let uptime = std::fs::read_to_string("/proc/uptime").expect("Linux");
+        let after = MonotonicClock.now();
+        let seconds: f64 = uptime.split(' ').next().and_then(|s| s.parse().ok()).expect("seconds");
+        let uptime = Instant::ZERO + Duration::from_secs_f64(seconds);
+        assert!(uptime + Duration::from_millis(10) >= before && uptime <= after, "{uptime:?}");
     }
 
     #[test]

@@ -3,10 +3,12 @@
 
 pub mod link;
 pub mod preflight;
+pub mod reading;
 
 pub use link::{Link, LinkError};
 
 use crate::bus::Protocol;
+use crate::calibration::Calibration;
 use crate::device::{FeedbackBlock, HealthBlock, JointState, Model};
 use crate::error::Error;
 use crate::motion::JointLimits;
@@ -34,7 +36,10 @@ pub struct Joint {
     /// Turns of the joint for one turn of the servo, with its sign.
     ratio: f64,
     offset_rad: f64,
+    /// Read in every cycle.
     feedback: FeedbackBlock,
+    /// Read instead where that is too much.
+    position: FeedbackBlock,
     health: HealthBlock,
 }
 
@@ -76,6 +81,7 @@ impl Joint {
             ratio,
             offset_rad: joint.offset_rad,
             feedback: FeedbackBlock::of(model).map_err(unfit)?,
+            position: FeedbackBlock::position_of(model).map_err(unfit)?,
             health: HealthBlock::of(model),
         })
     }
@@ -88,10 +94,26 @@ impl Joint {
         Some(self.model.si_from_raw(register, raw))
     }
 
+    /// True if its servo can be asked for its own registers in a question to several.
+    #[must_use]
+    pub fn bulk_read(&self) -> bool {
+        match self.model.protocol() {
+            Protocol::Dynamixel1 => self.model.profile().bulk_read,
+            Protocol::Dynamixel2 => true,
+            Protocol::FeetechSts | Protocol::FeetechScs => false,
+        }
+    }
+
     /// The servo's angle for a joint angle, rad.
     #[must_use]
     pub fn servo_rad(&self, joint_rad: f64) -> f64 {
         (joint_rad + self.offset_rad) / self.ratio
+    }
+
+    /// The servo's speed for a speed of the joint, rad/s, without sign.
+    #[must_use]
+    pub fn servo_speed_rad_s(&self, joint_rad_s: f64) -> f64 {
+        (joint_rad_s / self.ratio).abs()
     }
 
     /// The joint's state from what its servo reported.
@@ -99,26 +121,11 @@ impl Joint {
     pub fn joint_state(&self, servo: JointState) -> JointState {
         JointState {
             position_rad: self.ratio * servo.position_rad - self.offset_rad,
-            velocity_rad_s: self.ratio * servo.velocity_rad_s,
+            velocity_rad_s: servo.velocity_rad_s.map(|rad_s| self.ratio * rad_s),
             current_a: servo.current_a.map(|current_a| self.ratio.signum() * current_a),
             load_ratio: servo.load_ratio.map(|load| self.ratio.signum() * load),
             ..servo
         }
-    }
-}
-
-/// What the servos on a line speak.
-fn spoken_on(file: &profiles::Robot, line: &str) -> Result<Protocol, Error> {
-    let place = || format!("robot {}, line {line}", file.name);
-    let first = file
-        .joints_on(line)
-        .next()
-        .ok_or_else(|| Error::new("a line without a joint").at(place()))?;
-    let servo = profiles::servo(&first.servo).map_err(|e| Error::new(e.to_string()).at(place()))?;
-    match servo.protocol {
-        profiles::Protocol::Dynamixel2 => Ok(Protocol::Dynamixel2),
-        profiles::Protocol::FeetechSts => Ok(Protocol::FeetechSts),
-        other => Err(Error::new("not spoken yet").at(place()).got(format!("{other:?}"))),
     }
 }
 
@@ -127,8 +134,6 @@ fn spoken_on(file: &profiles::Robot, line: &str) -> Result<Protocol, Error> {
 pub struct Line {
     /// Its name in the robot file.
     pub name: String,
-    /// What is spoken on it.
-    pub protocol: Protocol,
     /// Bits per second.
     pub baud_bps: u32,
 }
@@ -155,11 +160,8 @@ impl Robot {
         let lines: Vec<Line> = file
             .lines
             .iter()
-            .map(|line| {
-                let protocol = spoken_on(&file, &line.name)?;
-                Ok(Line { name: line.name.clone(), protocol, baud_bps: line.baud_bps })
-            })
-            .collect::<Result<_, Error>>()?;
+            .map(|line| Line { name: line.name.clone(), baud_bps: line.baud_bps })
+            .collect();
         let mut joints = Vec::with_capacity(file.joints.len());
         for joint in &file.joints {
             let line = lines.iter().position(|line| line.name == joint.line).ok_or_else(|| {
@@ -179,6 +181,15 @@ impl Robot {
     pub fn load(name_or_path: &str) -> Result<Self, Error> {
         let file = profiles::robot(name_or_path).map_err(|e| Error::new(e.to_string()))?;
         Self::new(file)
+    }
+
+    /// The same robot with what was measured on this one.
+    ///
+    /// # Errors
+    /// A calibration that does not fit the robot (see [`Calibration::apply`]) or its servos.
+    pub fn with_calibration(mut self, calibration: &Calibration) -> Result<Self, Error> {
+        calibration.apply(&mut self.file)?;
+        Self::new(self.file)
     }
 
     /// Limits of all joints.

@@ -29,8 +29,10 @@
 //! ```
 
 pub mod checksum;
+pub mod dynamixel1;
 pub mod dynamixel2;
 pub mod feetech;
+mod packet1;
 #[cfg(test)]
 mod properties;
 
@@ -107,6 +109,19 @@ pub enum Decoded<Status> {
     Packet(Status, usize),
     /// An instruction of this many bytes: our own, heard back, or that of another host. Take them.
     Echo(usize),
+}
+
+impl<Status> Decoded<Status> {
+    /// The same with another kind of status.
+    pub fn map<Other>(self, status: impl FnOnce(Status) -> Other) -> Decoded<Other> {
+        match self {
+            Self::Need(n) => Decoded::Need(n),
+            Self::Skip(n) => Decoded::Skip(n),
+            Self::Bad(reason, n) => Decoded::Bad(reason, n),
+            Self::Packet(found, n) => Decoded::Packet(status(found), n),
+            Self::Echo(n) => Decoded::Echo(n),
+        }
+    }
 }
 
 /// Why bytes that began like a packet are none.

@@ -48,12 +48,27 @@ fn help_teaches_every_command_with_an_example() {
             "info",
             "recover",
             "profile",
+            "ports",
+            "doctor",
+            "scan",
+            "servo",
+            "hold",
+            "monitor",
+            "calibrate",
             "gaitway play walk",
         ],
     );
     for command in ["play", "retarget", "limp", "simulate", "info", "recover"] {
         let help = stdout(&run(&[command, "--help"]));
         assert_words(&help, &["Usage:", "Example"]);
+    }
+    for command in ["ports", "doctor", "scan", "servo", "hold", "monitor", "calibrate"] {
+        let help = stdout(&run(&[command, "--help"]));
+        assert_words(&help, &["Usage:", "Example", &format!("gaitway {command}"), "--quiet"]);
+    }
+    for action in ["info", "get", "set", "set-id", "set-baud", "reboot", "factory-reset", "move"] {
+        let help = stdout(&run(&["servo", action, "--help"]));
+        assert_words(&help, &["Usage:", "Example", &format!("gaitway servo {action}"), "--json"]);
     }
     for action in ["list", "show", "check"] {
         let help = stdout(&run(&["profile", action, "--help"]));
@@ -263,15 +278,76 @@ fn retarget_writes_a_table_that_starts_and_ends_at_rest() {
 }
 
 #[test]
-fn profiles_are_listed_shown_and_checked() {
-    assert_words(&stdout(&run(&["profile", "list"])), &["op3", "xm430-w350", "sts3215"]);
+fn profiles_are_listed_by_maker_and_protocol() {
+    let list = stdout(&run(&["profile", "list"]));
+    assert_words(&list, &["op3", "xm430-w350", "sts3215", "u2d2"]);
+    let heading = |text: &str| list.find(text).unwrap_or_else(|| panic!("no {text:?} in {list}"));
+    // Each servo stands under its maker and protocol.
+    let (scs, sts) = (heading("FEETECH, FEETECH SCS"), heading("FEETECH, FEETECH STS"));
+    let (one, two) = (heading("ROBOTIS, DYNAMIXEL Protocol 1.0"), heading("Protocol 2.0"));
+    for (name, from, to) in
+        [("  scs15 ", scs, sts), ("  sts3032 ", sts, one), ("  ax-12a ", one, two)]
+    {
+        assert!((from..to).contains(&heading(name)), "{name} in {list}");
+    }
+    assert!(heading("  xl320 ") > two);
+}
+
+#[test]
+fn a_servo_is_shown_with_units_ranges_and_roles() {
     let shown = stdout(&run(&["profile", "show", "xm430-w350"]));
-    assert_words(&shown, &["Goal Position", "116", "eeprom"]);
+    assert_words(&shown, &["Goal Position", "116", "eeprom", "3 position", "Protocol 2.0"]);
+    let row = |name: &str| {
+        let mut rows = shown.lines().filter(|row| row.contains(name));
+        rows.next().unwrap_or_else(|| panic!("no {name} in {shown}")).to_owned()
+    };
+    assert_words(&row("Current Limit"), &["0 to 1193", "current limit", "0.00269 A"]);
+    assert_words(&row("Indirect Data 29 to 56"), &["634", "0 to 255", "indirect data"]);
+    // A file written as another servo plus what differs is shown whole.
+    let whole = stdout(&run(&["profile", "show", "xh430-w210"]));
+    assert_words(&whole, &["model number 1010", "0 to 648", "Goal Position"]);
+}
+
+#[test]
+fn robots_and_adapters_are_shown() {
     assert_words(&stdout(&run(&["profile", "show", "op3"])), &["r_knee", "assumed"]);
+    let adapter = stdout(&run(&["profile", "show", "opencr"]));
+    assert_words(&adapter, &["0483:5740", "does not hear its own bytes", "STM32"]);
+}
+
+#[test]
+fn a_check_of_any_kind_of_profile_says_what_is_unconfirmed() {
+    assert_words(&stdout(&run(&["profile", "check", "op3"])), &["OK", "20 joints"]);
+    let servo = stdout(&run(&["profile", "check", "scs0009"]));
+    assert_words(&servo, &["OK", "servo", "unconfirmed", "register Acceleration(41)"]);
+    let adapter = stdout(&run(&["profile", "check", "openrb-150"]));
+    assert_words(&adapter, &["OK", "2f5d:2202", "unconfirmed: 1"]);
+    let folder = folder("profile_servo");
+    let file = folder.join("my-servo.toml");
+    let path = file.to_str().expect("UTF-8");
+    let extended = "extends = \"xl430-w250\"\nname = \"my-servo\"\nmodel = \"Mine\"\n";
+    std::fs::write(&file, extended).expect("a file");
+    assert_words(&stdout(&run(&["profile", "check", path])), &["my-servo: OK; servo"]);
+}
+
+#[test]
+fn a_wrong_file_is_refused_with_what_where_got_and_allowed() {
     let folder = folder("profile");
     let file = folder.join("my-robot.toml");
-    std::fs::write(&file, "schema = 1\nname = \"my-robot\"\nvelocty = 3\n").expect("a file");
-    let output = run(&["profile", "check", file.to_str().expect("UTF-8")]);
-    assert_eq!(output.status.code(), Some(1));
-    assert_words(&String::from_utf8_lossy(&output.stderr), &["velocty"]);
+    let path = file.to_str().expect("UTF-8");
+    let refusal = |text: &str| {
+        std::fs::write(&file, text).expect("a file");
+        let output = run(&["profile", "check", path]);
+        assert_eq!(output.status.code(), Some(1));
+        String::from_utf8_lossy(&output.stderr).into_owned()
+    };
+    let misspelt = "schema = 1\nname = \"my-robot\"\nvelocty = 3\n";
+    assert_words(&refusal(misspelt), &["velocty"]);
+    let no_base = "extends = \"xl431\"\nname = \"my-robot\"\n";
+    assert_words(&refusal(no_base), &["extend", "where", "extends", "got", "xl431"]);
+    let no_id = "schema = 1\nname = \"my-robot\"\nmodel = \"x\"\nusb_ids = [\"12\"]\n\
+        echo = false\nlatency_s = 0.001\nsource = \"x\"\n";
+    assert_words(&refusal(no_id), &["not a USB id", "got", "allowed", "vvvv:pppp"]);
+    let output = run(&["profile", "check", "xm431"]);
+    assert_words(&String::from_utf8_lossy(&output.stderr), &["no profile", "xm430-w350", "op3"]);
 }

@@ -2,10 +2,11 @@
 //! and finds in them what we put there.
 
 mod aloud;
+mod python;
 
 use aloud::aloud;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
 
 use gaitway::recording::{Recorder, recover};
@@ -44,22 +45,6 @@ with open(path, "rb") as file:
 print(json.dumps(found))
 "#;
 
-/// A Python with the reference reader, or why there is none.
-fn python_with_mcap() -> Result<PathBuf, String> {
-    let environment = Path::new(env!("CARGO_TARGET_TMPDIR")).join("python-mcap");
-    let python = environment.join("bin/python");
-    let run = |command: &mut Command| match command.output() {
-        Ok(output) if output.status.success() => Ok(()),
-        Ok(output) => Err(format!("{command:?}: {}", String::from_utf8_lossy(&output.stderr))),
-        Err(cause) => Err(format!("{command:?}: {cause}")),
-    };
-    if run(Command::new(&python).args(["-c", "import mcap.reader"])).is_err() {
-        run(Command::new("python3").args(["-m", "venv", "--clear"]).arg(&environment))?;
-        run(Command::new(&python).args(["-m", "pip", "install", "--quiet", "mcap"]))?;
-    }
-    Ok(python)
-}
-
 fn seen_by(python: &Path, recording: &Path) -> serde_json::Value {
     let output =
         Command::new(python).args(["-c", SCRIPT]).arg(recording).output().expect("it ran before");
@@ -69,9 +54,8 @@ fn seen_by(python: &Path, recording: &Path) -> serde_json::Value {
 
 #[test]
 fn the_reference_reader_finds_what_was_recorded() {
-    let python = match python_with_mcap() {
-        Ok(python) => python,
-        Err(cause) if std::env::var_os("CI").is_some() => panic!("no Python reader: {cause}"),
+    let python = match python::python() {
+        Ok(python) => python.program,
         Err(cause) => {
             aloud!("SKIPPED: no Python with the mcap package, nothing was compared: {cause}");
             return;

@@ -12,7 +12,7 @@ mod memory_port;
 use dynamixel2::instructions::{FactoryResetKind, SyncWriteData};
 use gaitway::wire::checksum::crc16;
 use gaitway::wire::dynamixel2::{self as dxl, BulkRead, ErrorCode, FactoryReset, Target};
-use gaitway::wire::{Decoded, EncodeError, feetech as sts};
+use gaitway::wire::{Decoded, EncodeError, dynamixel1 as dxl1, feetech as sts};
 use memory_port::MemoryPort;
 use proptest::prelude::*;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
@@ -280,11 +280,23 @@ fn rustypot_sends_the_same_feetech_instructions() {
     assert_eq!(sent_by(|p| them.ping(p, 1)), sent(|o| sts::ping(o, one)));
     assert_eq!(sent_by(|p| them.broadcast_ping(p)), sent(|o| sts::ping(o, sts::Target::All)));
     let reset = sent_by(|p| them.factory_reset(p, 1, false, false));
-    assert_eq!(reset, sent(|o| sts::reset(o, one)));
+    assert_eq!(reset, sent(|o| sts::factory_reset(o, one)));
     assert_eq!(sent_by(|p| them.read(p, 1, 56, 15)), tried(|o| sts::read(o, one, 56, 15)));
     let ids = [one, sts_id(253)];
     let sync_read = sent_by(|p| them.sync_read(p, &[1, 253], 56, 4));
     assert_eq!(sync_read, tried(|o| sts::sync_read(o, 56, 4, ids)));
+}
+
+#[test]
+fn rustypot_sends_the_same_protocol_1_instructions() {
+    let them = DynamixelProtocolHandler::v1();
+    let one = sts_id(1);
+    assert_eq!(sent_by(|p| them.ping(p, 1)), sent(|o| dxl1::ping(o, one)));
+    let reset = sent_by(|p| them.factory_reset(p, 1, false, false));
+    assert_eq!(reset, sent(|o| dxl1::factory_reset(o, one)));
+    assert_eq!(sent_by(|p| them.read(p, 1, 36, 8)), tried(|o| dxl1::read(o, one, 36, 8)));
+    let write = sent_by(|p| them.write(p, 1, 30, &[0, 2]));
+    assert_eq!(write, tried(|o| dxl1::write(o, one, 30, &[0, 2])));
 }
 
 /// Bytes among which the stuffing pattern is frequent.
@@ -353,5 +365,8 @@ proptest! {
         let (theirs, byte) = them.read_with_error(&mut port, id, 0, 4).unwrap();
         prop_assert_eq!(ours.params, &theirs[..]);
         prop_assert_eq!(ours.error.0, byte.byte());
+        let conditions = byte.v1_conditions().len();
+        let Decoded::Packet(ours, _) = dxl1::decode(&line, params.len()) else { panic!() };
+        prop_assert_eq!(ours.error.0.count_ones() as usize, conditions);
     }
 }

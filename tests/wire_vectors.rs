@@ -3,9 +3,11 @@
 //! DYNAMIXEL: ROBOTIS e-Manual, "DYNAMIXEL Protocol 2.0", in the order of its chapters, with two
 //! misprints corrected where noted; some from the tests of pollen-robotics/rustypot (c79239aa) and
 //! robohouse-delft/dynamixel2-rs (cd639a76). Rows marked "by hand" were put together from the
-//! manual's rules with an independent CRC. Feetech: tests of huggingface/lerobot (7427f318) and
+//! manual's rules with an independent CRC. Protocol 1.0: ROBOTIS e-Manual, "DYNAMIXEL Protocol 1.0"
+//! (ROBOTIS-GIT/emanual 097301c2); its checksums are all as printed. Feetech: tests of huggingface/lerobot (7427f318) and
 //! other public suites; "by hand" likewise.
 
+use gaitway::wire::dynamixel1::{self as dxl1, StatusError as Error1};
 use gaitway::wire::dynamixel2::{self as dxl, BulkRead, FactoryReset};
 use gaitway::wire::feetech::{self as sts, SignBit};
 use gaitway::wire::{Decoded, EncodeError};
@@ -300,6 +302,73 @@ fn the_misprinted_crcs_of_the_manual_are_refused() {
 }
 
 #[test]
+fn protocol_1_instructions_are_as_printed() {
+    let [zero, one, two] = [0, 1, 2].map(|number| dxl1::Id::new(number).unwrap());
+    let all = dxl1::Target::All;
+    let ask = |id, address| dxl1::BulkRead { id, address, length: 2 };
+    let moves = [(zero, hex("10 00 50 01")), (one, hex("20 02 60 03"))];
+    assert_as_printed(&[
+        ("ping 1", "FF FF 01 02 01 FB", sent(|o| dxl1::ping(o, one))),
+        ("read temperature", "FF FF 01 04 02 2B 01 CC", tried(|o| dxl1::read(o, one, 43, 1))),
+        ("write id 1 to all", "FF FF FE 04 03 03 01 F6", tried(|o| dxl1::write(o, all, 3, &[1]))),
+        // The address is reserved on an AX-12; the packet is whole all the same.
+        (
+            "write (12) two bytes",
+            "FF FF 01 05 03 0C 64 AA DC",
+            tried(|o| dxl1::write(o, one, 12, &hex("64 AA"))),
+        ),
+        (
+            "register goal 500",
+            "FF FF 01 05 04 1E F4 01 E2",
+            tried(|o| dxl1::reg_write(o, one, 30, &500_u16.to_le_bytes())),
+        ),
+        ("action of all", "FF FF FE 02 05 FA", sent(|o| dxl1::action(o, all))),
+        ("reset 0", "FF FF 00 02 06 F7", sent(|o| dxl1::factory_reset(o, zero))),
+        (
+            "sync write goals and speeds of 0 and 1",
+            "FF FF FE 0E 83 1E 04 00 10 00 50 01 01 20 02 60 03 67",
+            tried(|o| dxl1::sync_write(o, 30, 4, moves)),
+        ),
+        (
+            "bulk read",
+            "FF FF FE 09 92 00 02 01 1E 02 02 24 1D",
+            tried(|o| dxl1::bulk_read(o, [ask(one, 30), ask(two, 36)])),
+        ),
+        (
+            "by hand: AX goal 512, speed 256",
+            "FF FF 01 07 03 1E 00 02 00 01 D3",
+            tried(|o| dxl1::write(o, one, 30, &hex("00 02 00 01"))),
+        ),
+        (
+            "by hand: AX read position",
+            "FF FF 01 04 02 24 02 D2",
+            tried(|o| dxl1::read(o, one, 36, 2)),
+        ),
+    ]);
+}
+
+#[test]
+fn protocol_1_statuses_have_the_printed_values() {
+    // Name, bytes, id, error bits, parameters.
+    let overload_and_heat = Error1::OVERLOAD | Error1::OVERHEATING;
+    let rows = [
+        ("ping 1", "FF FF 01 02 00 FC", 1, 0, ""),
+        ("temperature 32", "FF FF 01 03 00 20 DB", 1, 0, "20"),
+        ("reset 0", "FF FF 00 02 00 FD", 0, 0, ""),
+        ("bulk 1", "FF FF 01 04 00 00 80 7A", 1, 0, "00 80"),
+        ("bulk 2", "FF FF 02 04 00 00 80 79", 2, 0, "00 80"),
+        ("overload, hot", "FF FF 01 02 24 D8", 1, overload_and_heat, ""),
+        ("by hand: AX position 512", "FF FF 01 04 00 00 02 F8", 1, 0, "00 02"),
+    ];
+    for (name, printed, id, error, params) in rows {
+        let (bytes, params) = (hex(printed), hex(params));
+        let id = dxl1::Id::new(id).unwrap();
+        let status = dxl1::Status { id, error: Error1(error), params: &params };
+        assert_eq!(dxl1::decode(&bytes, 2), Decoded::Packet(status, bytes.len()), "{name}");
+    }
+}
+
+#[test]
 fn feetech_instructions_are_as_printed() {
     let [one, two] = [sts_id(1), sts_id(2)];
     let ping = |id| sent(|o| sts::ping(o, sts_id(id)));
@@ -316,6 +385,8 @@ fn feetech_instructions_are_as_printed() {
         ("ping 1", "FF FF 01 02 01 FB", ping(1)),
         ("ping 2", "FF FF 02 02 01 FA", ping(2)),
         ("ping 3", "FF FF 03 02 01 F9", ping(3)),
+        // Framing of Protocol 1.0; the servos of STS and SMS series answer in turn.
+        ("by hand: ping all", "FF FF FE 02 01 FE", sent(|o| sts::ping(o, sts::Target::All))),
         ("read position", "FF FF 01 04 02 38 02 BE", read(56, 2)),
         ("read 15 bytes", "FF FF 01 04 02 38 0F B1", read(56, 15)),
         ("read temperature", "FF FF 01 04 02 3F 01 B8", read(63, 1)),
@@ -354,7 +425,7 @@ fn feetech_instructions_are_as_printed() {
         ("by hand: registered goal", "FF FF 01 09 04 2A 00 08 00 00 E8 03 D4", registered),
         ("action of all", "FF FF FE 02 05 FA", sent(|o| sts::action(o, sts::Target::All))),
         // DYNAMIXEL Protocol 1.0 manual, Factory Reset of id 0: the same framing and code.
-        ("reset 0", "FF FF 00 02 06 F7", sent(|o| sts::reset(o, sts_id(0)))),
+        ("reset 0", "FF FF 00 02 06 F7", sent(|o| sts::factory_reset(o, sts_id(0)))),
         (
             "by hand: SCS goal 511, speed 1000, big-endian",
             "FF FF 01 09 03 2A 01 FF 00 00 03 E8 DD",

@@ -1,7 +1,9 @@
 //! Where profiles come from: compiled into the crate, or a file the user names.
 
 use crate::error::ProfileError;
+use crate::extends;
 use crate::schema::{Adapter, Robot, Servo};
+use crate::unconfirmed::Profile;
 use crate::validate;
 use serde::de::DeserializeOwned;
 use std::fs;
@@ -71,6 +73,37 @@ pub fn robot(name_or_path: &str) -> Result<Robot, ProfileError> {
     }
 }
 
+/// A profile of any kind: a shipped one by name, or a file by a path that ends in `.toml`. What
+/// kind a file is shows in its keys: `usb_ids` an adapter, `register` or `extends` a servo, all
+/// else a robot.
+///
+/// # Errors
+/// As [`servo`] and [`robot`].
+pub fn profile(name_or_path: &str) -> Result<Profile, ProfileError> {
+    let parse_any = |file: &str, text: &str| {
+        let table: toml::Table = parse(file, text)?;
+        if table.contains_key("usb_ids") {
+            parse_adapter(file, text).map(|adapter| Profile::Adapter(Box::new(adapter)))
+        } else if table.contains_key("register") || extends::has_base(&table) {
+            parse_servo(file, text).map(|servo| Profile::Servo(Box::new(servo)))
+        } else {
+            parse_robot(file, text).map(|robot| Profile::Robot(Box::new(robot)))
+        }
+    };
+    if name_or_path.ends_with(".toml") {
+        return parse_any(name_or_path, &read_text(Path::new(name_or_path))?);
+    }
+    let mut shipped = SERVOS.iter().chain(ROBOTS).chain(ADAPTERS);
+    match shipped.find(|embedded| embedded.name == name_or_path) {
+        Some(embedded) => parse_any(embedded.file, embedded.text),
+        None => {
+            let names = servo_names().chain(robot_names()).chain(adapter_names());
+            Err(unknown("profile", name_or_path, names)
+                .remedy("take one of these names, or give the path of a .toml file"))
+        }
+    }
+}
+
 /// The shipped adapters, validated once.
 ///
 /// # Errors
@@ -103,7 +136,16 @@ pub fn adapter_for_usb(
 /// # Errors
 /// What the validator has against it.
 pub fn parse_servo(file: &str, text: &str) -> Result<Servo, ProfileError> {
-    let servo: Servo = parse(file, text)?;
+    let servo: Servo = match text.parse::<toml::Table>() {
+        Ok(table) if extends::has_base(&table) => {
+            let shipped =
+                |name: &str| SERVOS.iter().find(|base| base.name == name).map(|base| base.text);
+            let whole = extends::resolve(file, table, shipped)?;
+            // Of two files joined no line can be named; the message names the key.
+            whole.try_into().map_err(|error| malformed(file, &error))?
+        }
+        _ => parse(file, text)?,
+    };
     validate::servo(file, &servo)?;
     Ok(servo)
 }
@@ -161,8 +203,7 @@ pub fn read_text(path: &Path) -> Result<String, ProfileError> {
 
 fn parse<T: DeserializeOwned>(file: &str, text: &str) -> Result<T, ProfileError> {
     toml::from_str(text).map_err(|error| {
-        let refusal = ProfileError::new(file, "the file does not have the form of a profile")
-            .got(error.message().replace('\n', "; "));
+        let refusal = malformed(file, &error);
         match error.span() {
             None => refusal,
             Some(span) => {
@@ -171,6 +212,11 @@ fn parse<T: DeserializeOwned>(file: &str, text: &str) -> Result<T, ProfileError>
             }
         }
     })
+}
+
+fn malformed(file: &str, error: &toml::de::Error) -> ProfileError {
+    ProfileError::new(file, "the file does not have the form of a profile")
+        .got(error.message().replace('\n', "; "))
 }
 
 fn unknown(kind: &str, name: &str, available: impl Iterator<Item = &'static str>) -> ProfileError {

@@ -13,7 +13,9 @@
 //!    the line is written: the manual's section, `measured DATE, UNIT`, or `unconfirmed: why`.
 //!    Leave out no register: a table with holes makes a virtual servo with holes.
 //! 3. Units and scales are the manual's own (`rpm` and 0.229, not 0.0239 rad/s).
-//! 4. Run `cargo test -p gaitway-profiles`. Each shipped file is a test of its own, and the first
+//! 4. If it differs from a shipped servo in a few values, write `extends = "that-one"` and only
+//!    what differs: see the head of `src/extends.rs`.
+//! 5. Run `cargo test -p gaitway-profiles`. Each shipped file is a test of its own, and the first
 //!    rule it breaks is named with file, register, what was found and what is allowed.
 //!
 //! # How to add a robot
@@ -42,13 +44,16 @@
 
 mod access;
 mod error;
+mod extends;
 mod files;
 pub mod schema;
+mod unconfirmed;
 mod validate;
 
 pub use error::ProfileError;
 pub use files::{
     MAX_FILE_BYTES, adapter_for_usb, adapter_names, adapters, parse_adapter, parse_robot,
-    parse_servo, read_text, robot, robot_names, servo, servo_names,
+    parse_servo, profile, read_text, robot, robot_names, servo, servo_names,
 };
 pub use schema::*;
+pub use unconfirmed::{Profile, Unconfirmed};

@@ -7,6 +7,9 @@ use serde::Deserialize;
 use std::collections::BTreeMap;
 
 /// One servo model: its control table and everything a driver or a virtual servo must know of it.
+///
+/// A file may be written as another servo plus what differs (`extends`); what is read here is
+/// always the whole.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Servo {
@@ -428,6 +431,9 @@ pub struct Adapter {
     pub echo: bool,
     /// Worst time the adapter holds received bytes back, s, as the driver sets it up by default.
     pub latency_s: f64,
+    /// What else has these ids, and how to tell it apart; absent: nothing known.
+    #[serde(default)]
+    pub ambiguous: Option<String>,
     /// Where it is written.
     pub source: String,
 }

@@ -21,6 +21,9 @@ pub(crate) fn adapter(file: &str, adapter: &Adapter) -> Verdict {
     header(file, adapter.schema, &adapter.name)?;
     not_empty(file, "model", &adapter.model)?;
     not_empty(file, "source", &adapter.source)?;
+    if let Some(text) = &adapter.ambiguous {
+        not_empty(file, "ambiguous", text)?;
+    }
     if adapter.usb_ids.is_empty() {
         return Err(ProfileError::new(file, "an adapter needs a USB id").at("usb_ids"));
     }

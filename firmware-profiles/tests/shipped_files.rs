@@ -25,13 +25,10 @@ fn main() {
         }));
     }
     trials.push(Trial::test("no_usb_id_belongs_to_two_adapters", usb_ids_are_distinct));
-    trials.push(Trial::test("no_two_servos_have_the_same_name", || {
-        let distinct: BTreeSet<&str> = servo_names().collect();
-        if distinct.len() == servo_names().count() {
-            Ok(())
-        } else {
-            Err(Failed::without_message())
-        }
+    trials.push(Trial::test("no_two_profiles_have_the_same_name", || {
+        let names = || servo_names().chain(robot_names()).chain(adapter_names());
+        let distinct: BTreeSet<&str> = names().collect();
+        if distinct.len() == names().count() { Ok(()) } else { Err(Failed::without_message()) }
     }));
     libtest_mimic::run(&Arguments::from_args(), trials).exit();
 }

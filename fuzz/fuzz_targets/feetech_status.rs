@@ -1,23 +1,18 @@
-//! Any Feetech line: no panic, progress at every step, and the same statuses whether the bytes
+//! Any Feetech line, STS and SCS alike: no panic, progress at every step, and the same statuses whether the bytes
 //! arrive at once or a few at a time.
 
 #![no_main]
 
-use gaitway::wire::Decoded;
 use gaitway::wire::feetech::{MAX_PACKET, abandon, decode};
 use gaitway_fuzz::{Seen, mend_feetech, read_line};
 use libfuzzer_sys::fuzz_target;
 
 fn statuses(line: &[u8], portion: usize, longest: usize) -> Vec<Seen> {
-    let front = |bytes: &[u8]| match decode(bytes, longest) {
-        Decoded::Packet(status, n) => {
-            assert!(status.params.len() + 6 == n && status.params.len() <= longest);
-            Decoded::Packet((status.id.get(), status.params.to_vec()), n)
-        }
-        Decoded::Need(n) => Decoded::Need(n),
-        Decoded::Skip(n) => Decoded::Skip(n),
-        Decoded::Bad(reason, n) => Decoded::Bad(reason, n),
-        Decoded::Echo(n) => Decoded::Echo(n),
+    let front = |bytes: &[u8]| {
+        decode(bytes, longest).map(|status| {
+            assert!(status.params.len() <= longest);
+            (status.id.get(), status.params.to_vec())
+        })
     };
     read_line(line, portion, MAX_PACKET, front, abandon)
 }

@@ -1,18 +1,26 @@
 //! DYNAMIXEL Protocol 2.0, the device's side: what servos do and say to an instruction.
 //!
 //! Source: ROBOTIS e-Manual, "DYNAMIXEL Protocol 2.0" (instructions, status, fast sync read).
-//! Not done: Control Table Backup (answered with an instruction error); a status for a packet with
-//! a wrong CRC (error 3), which is ignored instead, because its ID cannot be trusted.
+//!
+//! What the manual leaves open: an instruction that came with a later firmware or is not known to
+//! the model (Clear) is an undefined one, and a fast read is not answered by servos that do not
+//! know it.
 
 pub(crate) mod packet;
 
-use crate::exchange::{Answer, Exchange, Order};
+use crate::exchange::{Answer, Ask, Exchange, Order, hearing, in_turn, with_id};
+use crate::family::Family;
 use crate::servo::{BOOT_NS, Refusal, Servo};
 use gaitway_profiles::Role;
 
 const BROADCAST: u8 = 0xFE;
 const ALERT: u8 = 0x80;
 const STATUS_OVERHEAD: usize = 11;
+const FAMILY: Family = Family::Dynamixel2;
+/// From this firmware on a factory reset of everything is not obeyed if it is to everyone.
+const NO_BROADCAST_RESET_FROM: u16 = 42;
+/// Number of the error "CRC".
+const CRC_ERROR: u8 = 3;
 
 const PING: u8 = 0x01;
 const READ: u8 = 0x02;
@@ -22,6 +30,7 @@ const ACTION: u8 = 0x05;
 const FACTORY_RESET: u8 = 0x06;
 const REBOOT: u8 = 0x08;
 const CLEAR: u8 = 0x10;
+const BACKUP: u8 = 0x20;
 const STATUS: u8 = 0x55;
 const SYNC_READ: u8 = 0x82;
 const SYNC_WRITE: u8 = 0x83;
@@ -38,31 +47,21 @@ enum Level {
     All = 2,
 }
 
-/// A part of the control table one servo is asked for.
-#[derive(Clone, Copy)]
-struct Ask {
-    id: u8,
-    address: u16,
-    length: usize,
-}
-
 /// Lets the servos that hear carry out a packet that ended at `at_ns`.
 pub(crate) fn answer(packet: &[u8], servos: &mut [Servo], at_ns: u64) -> Exchange {
     let (id, code, params) = packet::open(packet);
     match (code, id) {
         (STATUS, _) => Exchange::nothing(),
-        (SYNC_READ | FAST_SYNC_READ, BROADCAST) => {
-            read_many(servos, &sync_asks(&params), code == FAST_SYNC_READ, at_ns)
-        }
-        (BULK_READ | FAST_BULK_READ, BROADCAST) => {
-            read_many(servos, &bulk_asks(&params), code == FAST_BULK_READ, at_ns)
-        }
+        (SYNC_READ, BROADCAST) => read_many(servos, &sync_asks(&params), at_ns),
+        (BULK_READ, BROADCAST) => read_many(servos, &bulk_asks(&params), at_ns),
+        (FAST_SYNC_READ, BROADCAST) => read_merged(servos, &sync_asks(&params), at_ns),
+        (FAST_BULK_READ, BROADCAST) => read_merged(servos, &bulk_asks(&params), at_ns),
         (SYNC_WRITE, BROADCAST) => sync_write(servos, &params, at_ns),
         (BULK_WRITE, BROADCAST) => bulk_write(servos, &params, at_ns),
         (PING, BROADCAST) => broadcast_ping(servos, at_ns),
         (_, BROADCAST) => {
             // A broadcast read is not carried out; nothing else broadcast is answered.
-            for servo in servos.iter_mut().filter(|servo| servo.hears && code != READ) {
+            for (_, servo) in hearing(servos, FAMILY).filter(|_| code != READ) {
                 let _ = execute(servo, code, &params, true, at_ns);
             }
             Exchange::nothing()
@@ -71,12 +70,21 @@ pub(crate) fn answer(packet: &[u8], servos: &mut [Servo], at_ns: u64) -> Exchang
     }
 }
 
+/// What a servo says to a packet for it whose CRC is wrong, if it says anything.
+pub(crate) fn complain(id: u8, servos: &mut [Servo]) -> Exchange {
+    let mut answers = Vec::new();
+    for (index, servo) in with_id(servos, FAMILY, id).filter(|(_, servo)| servo.hears) {
+        if return_level(servo) >= Level::All as i64 {
+            let bytes = packet::status(id, CRC_ERROR | alert(servo), &[]);
+            answers.push(Answer::given(index, id, bytes, servo.return_delay_ns()));
+        }
+    }
+    Exchange { order: Order::Together, answers }
+}
+
 fn unicast(servos: &mut [Servo], id: u8, code: u8, params: &[u8], at_ns: u64) -> Exchange {
     let mut answers = Vec::new();
-    for (index, servo) in servos.iter_mut().enumerate() {
-        if !servo.attached || servo.id() != id {
-            continue;
-        }
+    for (index, servo) in with_id(servos, FAMILY, id) {
         let delay_ns = servo.return_delay_ns();
         if !servo.hears {
             let length = STATUS_OVERHEAD + if code == READ { asked_length(params) } else { 0 };
@@ -94,7 +102,15 @@ fn unicast(servos: &mut [Servo], id: u8, code: u8, params: &[u8], at_ns: u64) ->
             answers.push(Answer::given(index, id, bytes, delay_ns));
         }
     }
+    for (_, servo) in hearing(servos, FAMILY).filter(|(_, servo)| in_group(servo, id)) {
+        let _ = servo.as_one_of_group(|servo| execute(servo, code, params, true, at_ns));
+    }
     Exchange { order: Order::Together, answers }
+}
+
+/// True if `id` is the servo's Secondary ID only: it obeys and says nothing.
+fn in_group(servo: &Servo, id: u8) -> bool {
+    servo.id() != id && servo.obeys(id)
 }
 
 fn return_level(servo: &Servo) -> i64 {
@@ -168,7 +184,9 @@ fn act(
         }
         (FACTORY_RESET, &[what]) => {
             match what {
-                0xFF if broadcast => return Err(Refusal::Failed),
+                0xFF if broadcast && servo.firmware() >= NO_BROADCAST_RESET_FROM => {
+                    return Err(Refusal::Failed);
+                }
                 0xFF => servo.factory_reset(at_ns, &[]),
                 0x01 => servo.factory_reset(at_ns, &[Role::Id]),
                 0x02 => servo.factory_reset(at_ns, &[Role::Id, Role::BaudRate]),
@@ -176,8 +194,13 @@ fn act(
             }
             Ok(())
         }
+        (CLEAR, _) if !since(servo, servo.model.profile.clear_from_firmware) => {
+            Err(Refusal::Instruction)
+        }
         (CLEAR, &[0x01, 0x44, 0x58, 0x4C, 0x22]) => servo.clear_turns(),
-        (CLEAR, _) => Err(Refusal::Range),
+        (BACKUP, &[0x01, 0x43, 0x54, 0x52, 0x4C]) => servo.backup_store(at_ns),
+        (BACKUP, &[0x02, 0x43, 0x54, 0x52, 0x4C]) => servo.backup_restore(at_ns),
+        (CLEAR | BACKUP, _) => Err(Refusal::Range),
         (WRITE | REG_WRITE | ACTION | REBOOT | FACTORY_RESET, _) => Err(Refusal::Length),
         _ => Err(Refusal::Instruction),
     }
@@ -203,52 +226,48 @@ fn bulk_asks(params: &[u8]) -> Vec<Ask> {
     entries.iter().map(ask).collect()
 }
 
-/// Sync and bulk reads: one status each in the order asked, or one merged status.
-fn read_many(servos: &mut [Servo], asks: &[Ask], fast: bool, at_ns: u64) -> Exchange {
+/// Sync and bulk reads: one status each in the order asked.
+fn read_many(servos: &mut [Servo], asks: &[Ask], at_ns: u64) -> Exchange {
+    in_turn(servos, FAMILY, asks, STATUS_OVERHEAD, |servo, ask| {
+        // One that answers pings only is silent.
+        if return_level(servo) < Level::Reads as i64 {
+            return None;
+        }
+        servo.advance(at_ns);
+        let (error, out) = read_for(servo, ask);
+        Some(packet::status(ask.id, error, &out))
+    })
+}
+
+/// Fast sync and bulk reads: one status from all of them.
+fn read_merged(servos: &mut [Servo], asks: &[Ask], at_ns: u64) -> Exchange {
     let total: usize = asks.iter().map(|ask| ask.length + 4).sum();
     let Ok(total) = u16::try_from(total + 1) else { return Exchange::nothing() };
-    let mut answers = Vec::with_capacity(asks.len());
+    let mut head = packet::merged_head(total);
     let mut crc = 0;
     let mut whole = true;
-    for (k, ask) in asks.iter().enumerate() {
-        let head = if fast && k == 0 { packet::merged_head(total) } else { Vec::new() };
-        let length = ask.length + if fast { head.len() + 4 } else { STATUS_OVERHEAD };
-        let mut delay_ns = 0;
+    let mut exchange = Exchange { order: Order::Merged, answers: Vec::new() };
+    for ask in asks {
+        let overhead = head.len() + 4;
+        let one = std::slice::from_ref(ask);
         let mut crc_after = None;
-        for (index, servo) in servos.iter_mut().enumerate() {
-            if !servo.attached || servo.id() != ask.id {
-                continue;
-            }
-            delay_ns = servo.return_delay_ns();
-            // One that answers pings only or does not know the fast reads is silent, and a merged
-            // status cannot go on after a gap.
-            let able = servo.hears
-                && return_level(servo) >= Level::Reads as i64
-                && (!fast || whole && knows_fast_reads(servo));
-            if !able {
-                continue;
+        let block = in_turn(servos, FAMILY, one, overhead, |servo, ask| {
+            // A merged status cannot go on after a gap.
+            if !whole || return_level(servo) < Level::Reads as i64 || !knows_fast_reads(servo) {
+                return None;
             }
             servo.advance(at_ns);
             let (error, out) = read_for(servo, ask);
-            let bytes = if fast {
-                merged_block(&head, error, ask, out, crc)
-            } else {
-                packet::status(ask.id, error, &out)
-            };
-            let twin = crc_after.is_some();
+            let bytes = merged_block(&head, error, ask, out, crc);
             crc_after.get_or_insert(packet::crc_after(crc, &bytes));
-            answers.push(Answer { twin, ..Answer::given(index, ask.id, bytes, delay_ns) });
-        }
-        match crc_after {
-            Some(after) => crc = after,
-            None => {
-                whole = false;
-                answers.push(Answer::missing(ask.id, length, delay_ns));
-            }
-        }
+            Some(bytes)
+        });
+        exchange.answers.extend(block.answers);
+        whole &= crc_after.is_some();
+        crc = crc_after.unwrap_or(crc);
+        head.clear();
     }
-    let order = if fast { Order::Merged } else { Order::Chained };
-    Exchange { order, answers }
+    exchange
 }
 
 /// Error byte and parameters of a status to a read of many.
@@ -273,8 +292,12 @@ fn merged_block(head: &[u8], error: u8, ask: &Ask, mut out: Vec<u8>, crc: u16) -
 }
 
 fn knows_fast_reads(servo: &Servo) -> bool {
-    let from = servo.model.profile.fast_sync_read_from_firmware;
-    from.is_some_and(|from| servo.firmware() >= from)
+    since(servo, servo.model.profile.fast_sync_read_from_firmware)
+}
+
+/// True if something exists that came with a firmware, and the servo's is not older.
+fn since(servo: &Servo, firmware: Option<u16>) -> bool {
+    firmware.is_some_and(|firmware| servo.firmware() >= firmware)
 }
 
 fn sync_write(servos: &mut [Servo], params: &[u8], at_ns: u64) -> Exchange {
@@ -301,15 +324,19 @@ fn bulk_write(servos: &mut [Servo], params: &[u8], at_ns: u64) -> Exchange {
 }
 
 fn write_one(servos: &mut [Servo], id: u8, address: u16, bytes: &[u8], at_ns: u64) {
-    for servo in servos.iter_mut().filter(|servo| servo.hears && servo.id() == id) {
+    for (_, servo) in hearing(servos, FAMILY).filter(|(_, servo)| servo.obeys(id)) {
         // Nobody is told of a refused write that was not addressed to one servo.
-        let _ = servo.write(address, bytes, at_ns);
+        let _ = if in_group(servo, id) {
+            servo.as_one_of_group(|servo| servo.write(address, bytes, at_ns))
+        } else {
+            servo.write(address, bytes, at_ns)
+        };
     }
 }
 
 fn broadcast_ping(servos: &mut [Servo], at_ns: u64) -> Exchange {
     let mut answers = Vec::new();
-    for (index, servo) in servos.iter_mut().enumerate().filter(|(_, servo)| servo.hears) {
+    for (index, servo) in hearing(servos, FAMILY) {
         servo.advance(at_ns);
         let id = servo.id();
         let bytes = packet::status(id, alert(servo), &identity(servo));

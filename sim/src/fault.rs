@@ -1,15 +1,19 @@
 //! What goes wrong, on purpose: scripted by time or by the number of a status, or drawn from the
 //! seed.
 
-use crate::SimError;
+pub(crate) mod plan;
+
+use crate::adapter::Usb;
+use crate::dynamixel1;
 use crate::dynamixel2::packet;
 use crate::exchange::{Exchange, Order};
-use crate::feetech;
-use gaitway_profiles::Protocol;
+use crate::family::Family;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
+use std::path::PathBuf;
 
-/// One fault in a scene. Times are world time in ns; joints are named as in the robot file.
+/// One fault in a scene. Times are world time in ns. A servo is named by its joint, as in the robot
+/// file, or as `LINE/ID` with the ID it has at first. [`crate::Script`] reads them from a file.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Fault {
     /// The `nth` status (from 0, of any kind) of this joint's servo is damaged.
@@ -23,6 +27,19 @@ pub enum Fault {
     },
     /// Every status of every servo is damaged with this probability, by the world's seed.
     AnyStatus {
+        /// 0 to 1.
+        probability: f64,
+        /// In which way.
+        damage: Damage,
+    },
+    /// Statuses are damaged, each with this probability, by the world's seed.
+    Statuses {
+        /// Whose: a servo, or all of a line as `LINE/*`; none means all there are.
+        of: Option<String>,
+        /// First moment, of the instruction they answer.
+        from_ns: u64,
+        /// First moment after; `u64::MAX` for good.
+        until_ns: u64,
         /// 0 to 1.
         probability: f64,
         /// In which way.
@@ -67,6 +84,16 @@ pub enum Fault {
         /// First moment after; `u64::MAX` for good.
         until_ns: u64,
     },
+    /// The position register stands still, whatever the shaft does; the servo itself still finds
+    /// its goal.
+    FrozenPosition {
+        /// Whose register.
+        joint: String,
+        /// First moment.
+        from_ns: u64,
+        /// First moment after; `u64::MAX` for good.
+        until_ns: u64,
+    },
     /// The encoder's reading jumps for good.
     PositionJump {
         /// Whose encoder.
@@ -75,6 +102,68 @@ pub enum Fault {
         at_ns: u64,
         /// By how many counts.
         counts: i32,
+    },
+    /// A register holds another value than the robot file says: another model, firmware or limit,
+    /// a supply too low. As [`crate::World::set_register`].
+    Register {
+        /// Whose.
+        joint: String,
+        /// Its name in the profile.
+        register: String,
+        /// The raw value.
+        raw: i64,
+        /// From when on; 0 is before anything else.
+        at_ns: u64,
+    },
+    /// Another servo like this joint's, with the same ID, hangs on its line.
+    Twin {
+        /// Whose twin.
+        joint: String,
+        /// How far its shaft is turned from the first's, rad.
+        turn_rad: f64,
+    },
+    /// The adapter hands over late.
+    SlowLine {
+        /// Which line; none means every one.
+        line: Option<String>,
+        /// First moment.
+        from_ns: u64,
+        /// First moment after; `u64::MAX` for good.
+        until_ns: u64,
+        /// Every byte is held back so long.
+        latency_ns: u64,
+        /// And gathered like this.
+        usb: Option<Usb>,
+    },
+    /// The adapter is pulled out: what is under way is lost, the port is gone. See
+    /// [`crate::World::connection`].
+    HangUp {
+        /// Which line; none means every one.
+        line: Option<String>,
+        /// When.
+        at_ns: u64,
+        /// When it is plugged in again, if ever. The servos have kept their power.
+        until_ns: Option<u64>,
+        /// Door's link from then on; none means the same.
+        link: Option<PathBuf>,
+    },
+    /// The line takes no bytes from the host.
+    Blocked {
+        /// Which line; none means every one.
+        line: Option<String>,
+        /// First moment.
+        from_ns: u64,
+        /// First moment after.
+        until_ns: u64,
+        /// So many bytes it takes all the same: a write is then partial.
+        bytes: usize,
+    },
+    /// The fault happens in so many worlds of all, by the seed.
+    Perhaps {
+        /// 0 to 1.
+        probability: f64,
+        /// Which.
+        fault: Box<Fault>,
     },
 }
 
@@ -120,107 +209,79 @@ pub enum Damage {
         /// How many.
         length: usize,
     },
+    /// The head of a status that never comes arrives right before it; its length field says there
+    /// are 40 bytes more.
+    FalseHeader,
+    /// The host's own instruction arrives right before it.
+    Echo,
+    /// Its length field holds this. It has as many bytes as that, up to 4096, zeros added, and a
+    /// checksum that is right for them. Of a fast (merged) status only the field changes.
+    Length {
+        /// The length field; Protocol 1.0 and FEETECH have its low byte.
+        length: u16,
+    },
 }
 
-/// A fault that strikes at one moment.
-#[derive(Clone, Copy, Debug)]
-pub(crate) enum Strike {
-    Overload { joint: usize },
-    Reboot { joint: usize },
-    Brownout { until_ns: u64 },
-    Block { joint: usize, blocked: bool },
-    Jump { joint: usize, counts: i64 },
-}
-
-/// A span in which a joint's servo is silent.
-pub(crate) type Silence = (usize, std::ops::Range<u64>);
-
-/// The scene's faults, sorted out.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Faults {
-    scripted: Vec<(usize, u64, Damage)>,
-    random: Vec<(f64, Damage)>,
-    /// Latest first.
-    pub strikes: Vec<(u64, Strike)>,
-    pub silences: Vec<Silence>,
-}
-
-impl Faults {
-    pub fn new(
-        faults: &[Fault],
-        find: impl Fn(&str) -> Result<usize, SimError>,
-    ) -> Result<Faults, SimError> {
-        let mut sorted = Faults::default();
-        for fault in faults {
-            match fault {
-                Fault::Status { joint, nth, damage } => {
-                    sorted.scripted.push((find(joint)?, *nth, *damage));
-                }
-                Fault::AnyStatus { probability, damage } => {
-                    sorted.random.push((*probability, *damage));
-                }
-                Fault::Silent { joint, from_ns, until_ns } => {
-                    sorted.silences.push((find(joint)?, *from_ns..*until_ns));
-                }
-                Fault::Overload { joint, at_ns } => {
-                    sorted.strikes.push((*at_ns, Strike::Overload { joint: find(joint)? }));
-                }
-                Fault::Reboot { joint, at_ns } => {
-                    sorted.strikes.push((*at_ns, Strike::Reboot { joint: find(joint)? }));
-                }
-                Fault::Brownout { from_ns, until_ns } => {
-                    sorted.strikes.push((*from_ns, Strike::Brownout { until_ns: *until_ns }));
-                }
-                Fault::StuckPosition { joint, from_ns, until_ns } => {
-                    let joint = find(joint)?;
-                    sorted.strikes.push((*from_ns, Strike::Block { joint, blocked: true }));
-                    sorted.strikes.push((*until_ns, Strike::Block { joint, blocked: false }));
-                }
-                Fault::PositionJump { joint, at_ns, counts } => {
-                    let strike = Strike::Jump { joint: find(joint)?, counts: i64::from(*counts) };
-                    sorted.strikes.push((*at_ns, strike));
-                }
-            }
+impl Damage {
+    /// Its name in a script.
+    pub fn name(self) -> &'static str {
+        match self {
+            Damage::Mute => "mute",
+            Damage::Lie { .. } => "lie",
+            Damage::WrongId { .. } => "wrong-id",
+            Damage::FlipBit { .. } => "flip-bit",
+            Damage::DropByte { .. } => "drop-byte",
+            Damage::Duplicate => "duplicate",
+            Damage::StaleReply { .. } => "stale-reply",
+            Damage::Garbage { .. } => "garbage",
+            Damage::FalseHeader => "false-header",
+            Damage::Echo => "echo",
+            Damage::Length { .. } => "length",
         }
-        sorted.strikes.sort_by_key(|&(at_ns, _)| std::cmp::Reverse(at_ns));
-        Ok(sorted)
     }
+}
 
-    /// True if no status will ever be damaged.
-    pub fn spare_statuses(&self) -> bool {
-        self.scripted.is_empty() && self.random.is_empty()
-    }
+/// A fault that struck.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Struck {
+    /// World time, ns.
+    pub at_ns: u64,
+    /// Its name in a script.
+    pub fault: &'static str,
+    /// Joint, `LINE/ID` or line; empty if it concerned all.
+    pub place: String,
+    /// Which of the servo's statuses, from 0, where it was one.
+    pub nth: Option<u64>,
+}
 
-    /// What happens to the `nth` status of a joint's servo.
-    pub fn strike_status(
-        &self,
-        joint: Option<usize>,
-        nth: u64,
-        rng: &mut ChaCha8Rng,
-    ) -> Vec<Damage> {
-        let scripted = self.scripted.iter().filter(|&&(j, n, _)| Some(j) == joint && n == nth);
-        let mut damages: Vec<Damage> = scripted.map(|&(_, _, damage)| damage).collect();
-        for &(probability, damage) in &self.random {
-            if rng.random::<f64>() < probability {
-                damages.push(damage);
-            }
+impl std::fmt::Display for Struck {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{:.6} s: {}", self.at_ns as f64 * 1e-9, self.fault)?;
+        if !self.place.is_empty() {
+            write!(f, ", {}", self.place)?;
         }
-        damages
+        match self.nth {
+            Some(nth) => write!(f, ", status {nth}"),
+            None => Ok(()),
+        }
     }
 }
 
 /// The damage done in the servo that gives answer `k`.
-pub(crate) fn damage_at_sender(
-    protocol: Protocol,
-    exchange: &mut Exchange,
-    k: usize,
-    damage: Damage,
-) {
+pub(crate) fn damage_at_sender(family: Family, exchange: &mut Exchange, k: usize, damage: Damage) {
     let merged = exchange.order == Order::Merged;
     let answer = &mut exchange.answers[k];
-    match (damage, protocol) {
+    match (damage, family) {
         (Damage::Mute, _) => answer.servo = None,
-        (Damage::Lie { .. } | Damage::WrongId { .. }, Protocol::Dynamixel2) if merged => {
+        (Damage::Length { length }, _) if merged => {
+            // One length field for all; the bytes stay.
+            if let Some(field) = exchange.answers[0].bytes.get_mut(5..7) {
+                field.copy_from_slice(&length.to_le_bytes());
+                reseal_merged(exchange);
+            }
+        }
+        (Damage::Length { length }, _) => claim_length(&mut answer.bytes, family, length),
+        (Damage::Lie { .. } | Damage::WrongId { .. }, Family::Dynamixel2) if merged => {
             let head = if answer.bytes.starts_with(&[0xFF, 0xFF, 0xFD, 0x00]) { 8 } else { 0 };
             let place = match damage {
                 Damage::Lie { at, .. } => head + 2 + at,
@@ -230,7 +291,10 @@ pub(crate) fn damage_at_sender(
             change(&mut answer.bytes[..end], place, damage);
             reseal_merged(exchange);
         }
-        (Damage::Lie { .. } | Damage::WrongId { .. }, Protocol::Dynamixel2) => {
+        // What a hostile length has left too short for an error byte stays as it is.
+        (Damage::Lie { .. } | Damage::WrongId { .. }, Family::Dynamixel2)
+            if answer.bytes.len() < 11 => {}
+        (Damage::Lie { .. } | Damage::WrongId { .. }, Family::Dynamixel2) => {
             let (id, _, body) = packet::open(&answer.bytes);
             let mut plain = body.into_owned();
             plain.insert(0, id);
@@ -242,7 +306,7 @@ pub(crate) fn damage_at_sender(
             let place = if let Damage::Lie { at, .. } = damage { at + 5 } else { 2 };
             let end = answer.bytes.len() - 1;
             change(&mut answer.bytes[..end], place, damage);
-            feetech::reseal(&mut answer.bytes);
+            dynamixel1::packet::reseal(&mut answer.bytes);
         }
         _ => {}
     }
@@ -269,6 +333,26 @@ fn reseal_merged(exchange: &mut Exchange) {
     }
 }
 
+/// Makes a status as long as its length field is to say, or as near as can be.
+fn claim_length(bytes: &mut Vec<u8>, family: Family, length: u16) {
+    const LONGEST: usize = 4096;
+    let (head, sum_bytes) = if family == Family::Dynamixel2 { (7, 2) } else { (4, 1) };
+    let claimed = match family {
+        Family::Dynamixel2 => usize::from(length),
+        _ => usize::from(length & 0xFF),
+    };
+    bytes.truncate(bytes.len() - sum_bytes);
+    bytes.resize(head + claimed.min(LONGEST).saturating_sub(sum_bytes), 0);
+    if family == Family::Dynamixel2 {
+        bytes[5..7].copy_from_slice(&length.to_le_bytes());
+        bytes.extend(packet::crc_after(0, bytes).to_le_bytes());
+    } else {
+        bytes[3] = claimed as u8;
+        bytes.push(0);
+        dynamixel1::packet::reseal(bytes);
+    }
+}
+
 /// How a status reaches the host.
 pub(crate) struct Arrival {
     pub bytes: Vec<u8>,
@@ -276,8 +360,13 @@ pub(crate) struct Arrival {
     pub late_ns: u64,
 }
 
-/// The damage done between the line and the host.
-pub(crate) fn damage_at_host(arrival: &mut Arrival, damage: Damage, rng: &mut ChaCha8Rng) {
+/// The damage done between the line and the host, who said `instruction`.
+pub(crate) fn damage_at_host(
+    arrival: &mut Arrival,
+    damage: Damage,
+    instruction: &[u8],
+    rng: &mut ChaCha8Rng,
+) {
     let bytes = &mut arrival.bytes;
     match damage {
         Damage::FlipBit { bit } if !bytes.is_empty() => {
@@ -295,6 +384,17 @@ pub(crate) fn damage_at_host(arrival: &mut Arrival, damage: Damage, rng: &mut Ch
         }
         Damage::Garbage { length } => {
             bytes.splice(0..0, (0..length).map(|_| rng.random::<u8>()));
+        }
+        Damage::FalseHeader => {
+            let head = match *bytes.as_slice() {
+                [0xFF, 0xFF, 0xFD, 0, id, ..] => vec![0xFF, 0xFF, 0xFD, 0, id, 40, 0, 0x55],
+                [_, _, id, ..] => vec![0xFF, 0xFF, id, 40, 0],
+                _ => vec![0xFF, 0xFF],
+            };
+            bytes.splice(0..0, head);
+        }
+        Damage::Echo => {
+            bytes.splice(0..0, instruction.iter().copied());
         }
         Damage::Duplicate => arrival.copies += 1,
         Damage::StaleReply { by_ns } => arrival.late_ns += by_ns,

@@ -1,19 +1,23 @@
-//! FEETECH STS/SMS protocol, the device's side.
+//! FEETECH's protocols STS (with SMS) and SCS, the device's side.
 //!
 //! Source: the maker's SDK as public in adityakamath/SCServo_Linux (`INST.h`, `SCS.cpp`) and
-//! LeRobot's `motors/feetech` tables. The frame is that of DYNAMIXEL Protocol 1.0:
-//! `FF FF ID LEN INST params CHK`. Example: `FF FF 01 02 01 FB` pings ID 1, which answers
-//! `FF FF 01 02 00 FC`. Servos with big-endian words (SCS) are not done.
+//! LeRobot's `motors/feetech` tables and notes. The bytes are those of DYNAMIXEL Protocol 1.0
+//! ([`crate::dynamixel1::packet`]). SCS differs in its words, which are big-endian (a matter of
+//! the control table), and in that it knows neither sync read nor a ping to everyone.
 //!
 //! Bad packets and unknown instructions are ignored; the status's error byte holds the state bits
 //! of the Status register.
 
-use crate::exchange::{Answer, Exchange, Order, Scan};
+use crate::dynamixel1::packet;
+use crate::exchange::{Answer, Ask, Exchange, Order, hearing, in_turn, with_id};
+use crate::family::Family;
 use crate::servo::{Refusal, Servo};
-use gaitway_profiles::Role;
+use gaitway_profiles::{Protocol, Role};
 
 const BROADCAST: u8 = 0xFE;
-const STATUS_OVERHEAD: usize = 6;
+const FAMILY: Family = Family::Feetech;
+/// The maker's SDK has room for 255 bytes in all.
+const MOST_ASKED: u8 = 249;
 
 const PING: u8 = 0x01;
 const READ: u8 = 0x02;
@@ -24,56 +28,15 @@ const RESET: u8 = 0x06;
 const SYNC_READ: u8 = 0x82;
 const SYNC_WRITE: u8 = 0x83;
 
-/// What stands at the start of `bytes`.
-pub(crate) fn scan(bytes: &[u8]) -> Scan {
-    let common = bytes.iter().take(2).take_while(|&&byte| byte == 0xFF).count();
-    if common < 2 && common < bytes.len() {
-        let next = bytes.iter().skip(1).position(|&byte| byte == 0xFF);
-        return Scan::Skip(next.map_or(bytes.len(), |at| at + 1));
-    }
-    let &[_, _, id, length, ..] = bytes else {
-        // A third FF belongs to a header that begins one byte later.
-        return if bytes.get(2) == Some(&0xFF) { Scan::Skip(1) } else { Scan::Incomplete };
-    };
-    if id == 0xFF || length < 2 {
-        return Scan::Skip(1);
-    }
-    let total = usize::from(length) + 4;
-    match bytes.get(..total) {
-        None => Scan::Incomplete,
-        Some(packet) if checksum(&packet[2..total - 1]) == packet[total - 1] => Scan::Packet(total),
-        Some(_) => Scan::Skip(1),
-    }
-}
-
-fn checksum(bytes: &[u8]) -> u8 {
-    !bytes.iter().fold(0_u8, |sum, &byte| sum.wrapping_add(byte))
-}
-
-fn status(id: u8, error: u8, params: &[u8]) -> Vec<u8> {
-    let mut packet = vec![0xFF, 0xFF, id, (params.len() + 2) as u8, error];
-    packet.extend_from_slice(params);
-    packet.push(checksum(&packet[2..]));
-    packet
-}
-
-/// Makes the checksum of a status good again after its bytes were changed.
-pub(crate) fn reseal(packet: &mut [u8]) {
-    if let [_, _, body @ .., sum] = packet {
-        *sum = checksum(body);
-    }
-}
-
 /// Lets the servos that hear carry out a packet that ended at `at_ns`.
 pub(crate) fn answer(packet: &[u8], servos: &mut [Servo], at_ns: u64) -> Exchange {
-    let (id, code) = (packet[2], packet[4]);
-    let params = &packet[5..packet.len() - 1];
+    let (id, code, params) = packet::open(packet);
     match (code, id) {
         (SYNC_READ, BROADCAST) => sync_read(servos, params, at_ns),
         (SYNC_WRITE, BROADCAST) => sync_write(servos, params, at_ns),
         (PING, BROADCAST) => broadcast_ping(servos, at_ns),
         (WRITE | REG_WRITE | ACTION | RESET, BROADCAST) => {
-            for servo in servos.iter_mut().filter(|servo| servo.hears) {
+            for (_, servo) in hearing(servos, FAMILY) {
                 let _ = act(servo, code, params, at_ns);
             }
             Exchange::nothing()
@@ -85,20 +48,13 @@ pub(crate) fn answer(packet: &[u8], servos: &mut [Servo], at_ns: u64) -> Exchang
     }
 }
 
-fn error(servo: &Servo) -> u8 {
-    servo.hardware_error() as u8
-}
-
 fn unicast(servos: &mut [Servo], id: u8, code: u8, params: &[u8], at_ns: u64) -> Exchange {
     let mut answers = Vec::new();
     let asked = if code == READ { params.get(1).map_or(0, |&n| usize::from(n)) } else { 0 };
-    for (index, servo) in servos.iter_mut().enumerate() {
-        if !servo.attached || servo.id() != id {
-            continue;
-        }
+    for (index, servo) in with_id(servos, FAMILY, id) {
         let delay_ns = servo.return_delay_ns();
         if !servo.hears {
-            answers.push(Answer::missing(id, STATUS_OVERHEAD + asked, delay_ns));
+            answers.push(Answer::missing(id, packet::STATUS_OVERHEAD + asked, delay_ns));
             continue;
         }
         servo.advance(at_ns);
@@ -107,7 +63,7 @@ fn unicast(servos: &mut [Servo], id: u8, code: u8, params: &[u8], at_ns: u64) ->
         let said = match code {
             PING => true,
             READ => match *params {
-                [address, length] if length <= 249 => {
+                [address, length] if length <= MOST_ASKED => {
                     servo.read(address.into(), length.into(), &mut out).is_ok()
                 }
                 _ => false,
@@ -115,7 +71,7 @@ fn unicast(servos: &mut [Servo], id: u8, code: u8, params: &[u8], at_ns: u64) ->
             _ => act(servo, code, params, at_ns).is_ok() && level >= 1,
         };
         if said {
-            let bytes = status(id, error(servo), &out);
+            let bytes = packet::status(id, servo.status_error(), &out);
             answers.push(Answer::given(index, id, bytes, delay_ns));
         }
     }
@@ -137,34 +93,22 @@ fn act(servo: &mut Servo, code: u8, params: &[u8], at_ns: u64) -> Result<(), Ref
 
 fn sync_read(servos: &mut [Servo], params: &[u8], at_ns: u64) -> Exchange {
     let &[address, length, ref ids @ ..] = params else { return Exchange::nothing() };
-    let wire_length = STATUS_OVERHEAD + usize::from(length);
-    let mut answers = Vec::with_capacity(ids.len());
-    // The length byte of a status cannot say more.
-    let ids = if length <= 249 { ids } else { &[] };
-    for &id in ids {
-        let mut delay_ns = 0;
-        let mut given = false;
-        for (index, servo) in servos.iter_mut().enumerate() {
-            if !servo.attached || servo.id() != id {
-                continue;
-            }
-            delay_ns = servo.return_delay_ns();
-            if !servo.hears {
-                continue;
-            }
-            servo.advance(at_ns);
-            let mut out = Vec::with_capacity(length.into());
-            if servo.read(address.into(), length.into(), &mut out).is_ok() {
-                let bytes = status(id, error(servo), &out);
-                answers.push(Answer { twin: given, ..Answer::given(index, id, bytes, delay_ns) });
-                given = true;
-            }
+    let ids = if length <= MOST_ASKED { ids } else { &[] };
+    let ask = |&id: &u8| Ask { id, address: u16::from(address), length: usize::from(length) };
+    let asks: Vec<Ask> = ids.iter().map(ask).collect();
+    in_turn(servos, FAMILY, &asks, packet::STATUS_OVERHEAD, |servo, ask| {
+        if !knows_groups(servo) {
+            return None;
         }
-        if !given {
-            answers.push(Answer::missing(id, wire_length, delay_ns));
-        }
-    }
-    Exchange { order: Order::Chained, answers }
+        servo.advance(at_ns);
+        let mut out = Vec::with_capacity(ask.length);
+        servo.read(ask.address, ask.length, &mut out).ok()?;
+        Some(packet::status(ask.id, servo.status_error(), &out))
+    })
+}
+
+fn knows_groups(servo: &Servo) -> bool {
+    servo.model.protocol == Protocol::FeetechSts
 }
 
 fn sync_write(servos: &mut [Servo], params: &[u8], at_ns: u64) -> Exchange {
@@ -172,7 +116,7 @@ fn sync_write(servos: &mut [Servo], params: &[u8], at_ns: u64) -> Exchange {
     let size = usize::from(length) + 1;
     if entries.len().is_multiple_of(size) {
         for entry in entries.chunks_exact(size) {
-            for servo in servos.iter_mut().filter(|servo| servo.hears && servo.id() == entry[0]) {
+            for (_, servo) in with_id(servos, FAMILY, entry[0]).filter(|(_, servo)| servo.hears) {
                 let _ = servo.write(address.into(), &entry[1..], at_ns);
             }
         }
@@ -182,43 +126,11 @@ fn sync_write(servos: &mut [Servo], params: &[u8], at_ns: u64) -> Exchange {
 
 fn broadcast_ping(servos: &mut [Servo], at_ns: u64) -> Exchange {
     let mut answers = Vec::new();
-    for (index, servo) in servos.iter_mut().enumerate().filter(|(_, servo)| servo.hears) {
+    for (index, servo) in hearing(servos, FAMILY).filter(|(_, servo)| knows_groups(servo)) {
         servo.advance(at_ns);
-        let bytes = status(servo.id(), error(servo), &[]);
+        let bytes = packet::status(servo.id(), servo.status_error(), &[]);
         answers.push(Answer::given(index, servo.id(), bytes, servo.return_delay_ns()));
     }
     answers.sort_by_key(|answer| answer.id);
     Exchange { order: Order::Slots, answers }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use proptest::prelude::*;
-
-    #[test]
-    fn a_status_of_position_2048_and_speed_minus_100_is_sign_and_magnitude() {
-        // Computed by the frame's rules; -100 is 100 with bit 15 set.
-        let expected = [0xFF, 0xFF, 0x01, 0x06, 0x00, 0x00, 0x08, 0x64, 0x80, 0x0C];
-        assert_eq!(status(1, 0, &[0x00, 0x08, 0x64, 0x80]), expected);
-    }
-
-    #[test]
-    fn a_third_ff_before_the_id_is_skipped() {
-        assert_eq!(scan(&[0xFF, 0xFF, 0xFF, 0x01, 0x02, 0x01, 0xFB]), Scan::Skip(1));
-        assert_eq!(scan(&[0xFF, 0xFF, 0x01, 0x02, 0x01, 0xFB]), Scan::Packet(6));
-        assert_eq!(scan(&[0xFF, 0xFF, 0x01, 0x02, 0x01, 0xFA]), Scan::Skip(1));
-        assert_eq!(scan(&[0xFF, 0xFF, 0x01]), Scan::Incomplete);
-    }
-
-    proptest! {
-        #[test]
-        fn any_bytes_are_scanned_to_an_end(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
-            let mut rest = &bytes[..];
-            while let Scan::Skip(n) | Scan::Packet(n) = scan(rest) {
-                prop_assert!(n > 0 && n <= rest.len());
-                rest = &rest[n..];
-            }
-        }
-    }
 }

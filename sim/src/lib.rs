@@ -2,29 +2,43 @@
 //!
 //! - [`World`]: a robot's servos and the time they share. Virtual time passes only when asked, so a
 //!   minute of motion takes milliseconds, and the same seed and host bytes give the same bytes.
-//! - [`Fault`]: what goes wrong, on purpose.
+//! - [`Fault`]: what goes wrong, on purpose; [`Script`] reads faults from a file.
 //! - [`Verdict`]: what the referee saw; it judges at register level and knows only the robot file.
 //! - [`Door`]: the same world behind a pseudo-terminal, in real time, for other programs.
 //!
 //! The device side of the protocols is written here from the makers' manuals alone. This crate
 //! never uses the driver's codec: a mistake made twice would be seen, one that is shared would not.
 
+/// The README's Rust example is compiled and run as a test.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
+
+mod adapter;
+mod door;
+mod dynamixel1;
 mod dynamixel2;
 mod exchange;
+mod family;
 mod fault;
 mod feetech;
 mod line;
 mod motor;
-mod pty;
 mod referee;
+mod script;
 mod servo;
 mod table;
 mod world;
 
-pub use fault::{Damage, Fault};
-pub use pty::{Door, DoorError};
+/// The files that say what servos, adapters and robots are.
+pub use gaitway_profiles as profiles;
+
+pub use adapter::Usb;
+pub use door::{Door, DoorError};
+pub use fault::{Damage, Fault, Struck};
 pub use referee::{Rule, Verdict, Violation};
-pub use world::{MissingInChain, Options, World};
+pub use script::{Script, ScriptError};
+pub use world::{BadChecksum, MissingInChain, Options, World, ZeroSpeed};
 
 /// Why a world cannot be built.
 #[derive(Debug, thiserror::Error)]
@@ -35,9 +49,12 @@ pub enum SimError {
     /// A joint names a line the robot does not have.
     #[error("no line is named {0:?}")]
     UnknownLine(String),
-    /// A fault names a joint the robot does not have.
-    #[error("no joint is named {0:?}")]
+    /// A fault names a joint, or a `LINE/ID`, the robot does not have.
+    #[error("no joint is named {0:?}, and no line has a servo with such an ID")]
     UnknownJoint(String),
+    /// No adapter profile has this name.
+    #[error("no adapter is named {0:?}")]
+    UnknownAdapter(String),
     /// A servo cannot play its part.
     #[error("joint {joint}: servo {servo} {reason}")]
     BadServo {

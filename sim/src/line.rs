@@ -1,29 +1,32 @@
 //! A half-duplex serial line: who talks when, what is heard, what reaches the host.
 //!
 //! Ten bits to a byte. One event per packet: the bytes of one status become readable together, when
-//! the last of them is complete, as with an adapter that hands over on a pause. A wrong baud rate
+//! the last of them is complete, unless an adapter gathers them ([`crate::Usb`]). A wrong baud rate
 //! makes bytes unreadable: servos ignore them, and a host that changed its rate while a status was
 //! under way reads garbage. Two that talk at once spoil each other's bytes, except that equal
 //! starts give the bitwise AND (idle is high, zero wins), so equal statuses pass unnoticed.
 
+mod inbox;
+
+use crate::adapter::Usb;
 use crate::exchange::{Answer, Exchange, Order, Scan};
-use crate::fault::{Arrival, Damage, Faults, damage_at_host, damage_at_sender};
+use crate::family::Family;
+use crate::fault::plan::{Place, Plan};
+use crate::fault::{Arrival, Damage, damage_at_host, damage_at_sender};
 use crate::referee::Referee;
 use crate::servo::Servo;
-use crate::world::MissingInChain;
-use crate::{dynamixel2, feetech};
-use gaitway_profiles::Protocol;
+use crate::world::{BadChecksum, MissingInChain};
+use gaitway_profiles::Role;
+use inbox::{Inbox, Reception};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use std::collections::VecDeque;
+use std::path::PathBuf;
 
-/// A pause between bytes longer than this ends a packet unfinished (e-Manual, Protocol 2.0,
-/// "Processing Order of Reception"; assumed for Feetech).
-const GAP_NS: u64 = 1_500_000;
 /// Between the slots of two IDs in the answer to a broadcast ping. The order is not documented;
 /// this is the pause the makers' SDKs allow for each ID, so the latest they would wait for.
 const SLOT_PAUSE_NS: u64 = 3_000_000;
-/// What waits to be sent, or for a host that never reads; more is lost, as in an overrun.
+/// What waits to be sent; more is lost, as in an overrun.
 const WAITING_BYTES_MAX: usize = 1 << 16;
 
 /// What all lines of a world share.
@@ -34,8 +37,10 @@ pub(crate) struct Shared {
     pub real_time: bool,
     pub echo: bool,
     pub adapter_latency_ns: u64,
+    pub usb: Option<Usb>,
     pub missing_in_chain: MissingInChain,
-    pub faults: Faults,
+    pub bad_checksum: BadChecksum,
+    pub faults: Plan,
     pub rng: ChaCha8Rng,
     pub referee: Referee,
 }
@@ -71,14 +76,29 @@ struct Chunk {
     baud_bps: u32,
 }
 
-/// Bytes on their way to the host.
-#[derive(Clone, Debug)]
-struct Reception {
-    span: Span,
-    ready_ns: u64,
-    bytes: Vec<u8>,
-    baud_bps: u32,
-    from_servo: bool,
+/// Whether and where a line's adapter is plugged in.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Plugged {
+    pub now: bool,
+    pub times: u32,
+    /// What a door's link is to be called since.
+    pub link: Option<PathBuf>,
+}
+
+/// A line that takes no more than so many bytes.
+#[derive(Clone, Copy, Debug)]
+struct Blocked {
+    until_ns: u64,
+    bytes: usize,
+}
+
+/// A packet among the bytes heard.
+struct Heard {
+    family: Family,
+    start: usize,
+    end: usize,
+    /// Its checksum is right.
+    sound: bool,
 }
 
 #[derive(Clone, Debug)]
@@ -91,18 +111,24 @@ pub(crate) struct Line {
     sending: VecDeque<Chunk>,
     host_free_ns: u64,
     host_baud_bps: u32,
-    /// Bytes heard that are no whole packet yet.
-    partial: Vec<u8>,
-    partial_end_ns: u64,
-    /// In order of `ready_ns`.
-    coming: VecDeque<Reception>,
-    ready: VecDeque<u8>,
+    /// Bytes heard of which some family has not yet made packets.
+    heard: Vec<u8>,
+    heard_end_ns: u64,
+    /// How much of them each family is done with, in the order of [`Family::ALL`].
+    done: [usize; Family::ALL.len()],
+    inbox: Inbox,
+    /// What the adapter holds bytes back beyond its gathering, ns.
+    latency_ns: u64,
+    pub plugged: Plugged,
+    blocked: Option<Blocked>,
+    /// The instruction carried out last.
+    instruction: Vec<u8>,
     /// When the last status asked for so far would be over.
     window_end_ns: u64,
 }
 
 impl Line {
-    pub fn new(index: usize, name: &str, baud_bps: u32) -> Line {
+    pub fn new(index: usize, name: &str, baud_bps: u32, shared: &Shared) -> Line {
         Line {
             name: name.to_string(),
             baud_bps,
@@ -111,24 +137,47 @@ impl Line {
             sending: VecDeque::new(),
             host_free_ns: 0,
             host_baud_bps: baud_bps,
-            partial: Vec::new(),
-            partial_end_ns: 0,
-            coming: VecDeque::new(),
-            ready: VecDeque::new(),
+            heard: Vec::new(),
+            heard_end_ns: 0,
+            done: [0; Family::ALL.len()],
+            inbox: Inbox::new(shared.usb),
+            latency_ns: shared.adapter_latency_ns,
+            plugged: Plugged { times: 1, now: true, link: None },
+            blocked: None,
+            instruction: Vec::new(),
             window_end_ns: 0,
         }
     }
 
-    fn protocol(&self) -> Protocol {
-        self.servos.first().map_or(Protocol::Dynamixel2, |servo| servo.model.protocol)
+    /// The host starts to send, after what it is sending already. Returns how many bytes the line
+    /// takes; fewer than there are if it is blocked.
+    pub fn transmit(
+        &mut self,
+        now_ns: u64,
+        bytes: &[u8],
+        baud_bps: u32,
+        shared: &mut Shared,
+    ) -> usize {
+        let queued: usize = self.sending.iter().map(|chunk| chunk.bytes.len()).sum();
+        let lost = baud_bps == 0 || queued + bytes.len() > WAITING_BYTES_MAX || !self.plugged.now;
+        if bytes.is_empty() || lost {
+            return bytes.len();
+        }
+        let count = match self.blocked.as_mut().filter(|blocked| now_ns < blocked.until_ns) {
+            None => bytes.len(),
+            Some(blocked) => {
+                let count = bytes.len().min(blocked.bytes);
+                blocked.bytes -= count;
+                count
+            }
+        };
+        if count > 0 {
+            self.send_from_host(now_ns, &bytes[..count], baud_bps, shared);
+        }
+        count
     }
 
-    /// The host starts to send, after what it is sending already.
-    pub fn transmit(&mut self, now_ns: u64, bytes: &[u8], baud_bps: u32, shared: &mut Shared) {
-        let queued: usize = self.sending.iter().map(|chunk| chunk.bytes.len()).sum();
-        if bytes.is_empty() || baud_bps == 0 || queued + bytes.len() > WAITING_BYTES_MAX {
-            return;
-        }
+    fn send_from_host(&mut self, now_ns: u64, bytes: &[u8], baud_bps: u32, shared: &mut Shared) {
         let start_ns = now_ns.max(self.host_free_ns);
         let end_ns = start_ns + shared.wire_ns(bytes.len(), baud_bps);
         let span = Span { start_ns, end_ns };
@@ -136,17 +185,51 @@ impl Line {
         self.collect(now_ns, &mut shared.rng);
         if baud_bps != self.host_baud_bps {
             self.host_baud_bps = baud_bps;
-            self.partial.clear();
+            self.heard.clear();
+            self.done = [0; Family::ALL.len()];
         }
         shared.referee.busy(self.index, start_ns, end_ns);
         let mut bytes = bytes.to_vec();
-        spoil(span, &mut bytes, &mut self.coming, &mut shared.rng);
+        spoil(span, &mut bytes, &mut self.inbox.coming, &mut shared.rng);
         if shared.echo {
-            let ready_ns = end_ns + shared.adapter_latency_ns;
+            let ready_ns = end_ns + self.latency_ns;
             let bytes = bytes.clone();
-            self.receive(Reception { span, ready_ns, bytes, baud_bps, from_servo: false });
+            let from_servo = false;
+            self.inbox.receive(Reception { span, ready_ns, bytes, baud_bps, from_servo });
         }
         self.sending.push_back(Chunk { span, bytes, baud_bps });
+    }
+
+    /// The adapter hands over later from now on, or as the world's options say again.
+    pub fn slow_down(&mut self, latency_ns: u64, usb: Option<Usb>) {
+        self.latency_ns = latency_ns;
+        self.inbox.usb = usb;
+    }
+
+    /// The adapter is pulled out; what the servos were told in time they do.
+    pub fn pull_out(&mut self) {
+        self.plugged.now = false;
+        self.inbox.clear();
+    }
+
+    /// The adapter is plugged in again.
+    pub fn plug_in(&mut self, link: Option<PathBuf>) {
+        self.plugged.now = true;
+        self.plugged.times += 1;
+        self.plugged.link = link;
+        self.inbox.clear();
+    }
+
+    /// From now on the line takes only so many bytes from the host.
+    pub fn block(&mut self, until_ns: u64, bytes: usize) {
+        self.blocked = Some(Blocked { until_ns, bytes });
+    }
+
+    /// Until when the line takes no more bytes.
+    pub fn blocked_until_ns(&self, now_ns: u64) -> Option<u64> {
+        let blocked =
+            self.blocked.filter(|blocked| now_ns < blocked.until_ns && blocked.bytes == 0);
+        blocked.map(|blocked| blocked.until_ns)
     }
 
     /// When the servos have next heard all of what the host sent at once.
@@ -156,42 +239,69 @@ impl Line {
 
     /// When bytes for the host become readable next.
     pub fn next_ready_ns(&self) -> Option<u64> {
-        self.coming.front().map(|reception| reception.ready_ns)
+        self.inbox.next_ready_ns()
     }
 
     /// The servos hear the host's next chunk and act on the packets in it.
     pub fn hear_next(&mut self, shared: &mut Shared) {
         let Some(chunk) = self.sending.pop_front() else { return };
-        if chunk.span.start_ns > self.partial_end_ns + GAP_NS {
-            self.partial.clear();
-        }
-        self.judge_turn(chunk.span.start_ns, shared);
-        self.partial.extend_from_slice(&chunk.bytes);
-        self.partial_end_ns = chunk.span.end_ns;
-        let mut at = 0;
-        loop {
-            let scan = match self.protocol() {
-                Protocol::Dynamixel2 => dynamixel2::packet::scan(&self.partial[at..]),
-                _ => feetech::scan(&self.partial[at..]),
-            };
-            match scan {
-                Scan::Incomplete => break,
-                Scan::Skip(bytes) => at += bytes,
-                Scan::Packet(bytes) => {
-                    let packet = self.partial[at..at + bytes].to_vec();
-                    at += bytes;
-                    let rest = self.partial.len() - at;
-                    let end_ns = chunk.span.end_ns - shared.wire_ns(rest, chunk.baud_bps);
-                    self.carry_out(&packet, end_ns, chunk.baud_bps, shared);
-                    if rest > 0 {
-                        self.judge_turn(end_ns, shared);
-                    }
-                    let span = Span { start_ns: end_ns, end_ns: chunk.span.end_ns };
-                    spoil(span, &mut self.partial[at..], &mut self.coming, &mut shared.rng);
-                }
+        for (done, family) in self.done.iter_mut().zip(Family::ALL) {
+            if chunk.span.start_ns > self.heard_end_ns + family.gap_ns() {
+                *done = self.heard.len();
             }
         }
-        self.partial.drain(..at);
+        self.judge_turn(chunk.span.start_ns, shared);
+        self.heard.extend_from_slice(&chunk.bytes);
+        self.heard_end_ns = chunk.span.end_ns;
+        let mut last_end = 0;
+        while let Some(heard) = self.next_packet(shared.bad_checksum) {
+            let packet = self.heard[heard.start..heard.end].to_vec();
+            let rest = self.heard.len() - heard.end;
+            let end_ns = chunk.span.end_ns - shared.wire_ns(rest, chunk.baud_bps);
+            // What two families understand was said once.
+            if heard.end > last_end {
+                last_end = heard.end;
+                shared.referee.instruction();
+            }
+            self.carry_out(&heard, &packet, end_ns, chunk.baud_bps, shared);
+            if rest > 0 {
+                self.judge_turn(end_ns, shared);
+            }
+            let span = Span { start_ns: end_ns, end_ns: chunk.span.end_ns };
+            spoil(span, &mut self.heard[heard.end..], &mut self.inbox.coming, &mut shared.rng);
+        }
+        let done = self.done.iter().copied().min().unwrap_or(0);
+        self.heard.drain(..done);
+        self.done = self.done.map(|at| at - done);
+    }
+
+    /// The packet that ends first among those the line's servos make of what they heard.
+    fn next_packet(&mut self, bad_checksum: BadChecksum) -> Option<Heard> {
+        let mut next: Option<(usize, Heard)> = None;
+        for (k, family) in Family::ALL.into_iter().enumerate() {
+            let done = &mut self.done[k];
+            if !self.servos.iter().any(|servo| family.includes(servo)) {
+                *done = self.heard.len();
+            }
+            let heard = loop {
+                let complains = bad_checksum == BadChecksum::Answer && family != Family::Feetech;
+                match family.scan(&self.heard[*done..]) {
+                    Scan::Incomplete => break None,
+                    Scan::Skip(bytes) => *done += bytes,
+                    Scan::Spoilt(_) if !complains => *done += 1,
+                    Scan::Packet(bytes) => break Some((bytes, true)),
+                    Scan::Spoilt(bytes) => break Some((bytes, false)),
+                }
+            };
+            let Some((bytes, sound)) = heard else { continue };
+            let heard = Heard { family, start: *done, end: *done + bytes, sound };
+            if next.as_ref().is_none_or(|(_, first)| heard.end < first.end) {
+                next = Some((k, heard));
+            }
+        }
+        let (k, heard) = next?;
+        self.done[k] = heard.end;
+        Some(heard)
     }
 
     /// The host talks from `start_ns` on: is it its turn? In real time that cannot be judged: when
@@ -202,20 +312,48 @@ impl Line {
         }
     }
 
-    fn carry_out(&mut self, packet: &[u8], end_ns: u64, baud_bps: u32, shared: &mut Shared) {
-        shared.referee.instruction();
-        for servo in &mut self.servos {
+    fn carry_out(
+        &mut self,
+        heard: &Heard,
+        packet: &[u8],
+        end_ns: u64,
+        baud_bps: u32,
+        shared: &mut Shared,
+    ) {
+        for index in 0..self.servos.len() {
+            if let Some(mate) = self.servos[index].mate {
+                self.servos[index].mate_torque = self.servos[mate].torque_on();
+            }
+        }
+        for servo in self.servos.iter_mut().filter(|servo| heard.family.includes(servo)) {
             servo.hears = servo.can_hear(end_ns, baud_bps);
             if servo.hears {
                 servo.heard(end_ns);
             }
         }
-        let exchange = match self.protocol() {
-            Protocol::Dynamixel2 => dynamixel2::answer(packet, &mut self.servos, end_ns),
-            _ => feetech::answer(packet, &mut self.servos, end_ns),
+        let exchange = if heard.sound {
+            heard.family.answer(packet, &mut self.servos, end_ns)
+        } else {
+            heard.family.complain(packet, &mut self.servos)
         };
+        self.share_cases();
+        self.instruction.clear();
+        self.instruction.extend_from_slice(packet);
         self.report(end_ns, &mut shared.referee);
         self.say(exchange, end_ns, baud_bps, shared);
+    }
+
+    /// Two axes in one case have one line speed and one protocol.
+    fn share_cases(&mut self) {
+        for index in 0..self.servos.len() {
+            let changed = std::mem::take(&mut self.servos[index].case_changed);
+            let Some(mate) = self.servos[index].mate.filter(|_| changed) else { continue };
+            for role in [Role::BaudRate, Role::ProtocolType] {
+                if let Some(raw) = self.servos[index].value(role) {
+                    self.servos[mate].set_up(role, raw);
+                }
+            }
+        }
     }
 
     /// Hands what happened in the servos to the referee.
@@ -231,7 +369,7 @@ impl Line {
 
     /// Gives the answers their times and sends them to the host.
     fn say(&mut self, mut exchange: Exchange, at_ns: u64, baud_bps: u32, shared: &mut Shared) {
-        let damages = self.draw_damages(&mut exchange, shared);
+        let damages = self.draw_damages(&mut exchange, at_ns, shared);
         let order = exchange.order;
         let mut clock = ReplyClock::new(order, at_ns);
         let mut expected = ReplyClock::new(order, at_ns);
@@ -264,22 +402,30 @@ impl Line {
     }
 
     /// What befalls each answer; what the servos do wrong themselves is done here.
-    fn draw_damages(&mut self, exchange: &mut Exchange, shared: &mut Shared) -> Vec<Vec<Damage>> {
-        if shared.faults.spare_statuses() {
+    fn draw_damages(
+        &mut self,
+        exchange: &mut Exchange,
+        at_ns: u64,
+        shared: &mut Shared,
+    ) -> Vec<Vec<Damage>> {
+        if shared.faults.spares_statuses() {
             return Vec::new();
         }
         let mut all = Vec::with_capacity(exchange.answers.len());
         for k in 0..exchange.answers.len() {
-            let mut damages = Vec::new();
-            let servo = exchange.answers[k].servo;
-            if let Some(index) = servo {
-                let servo = &self.servos[index];
-                damages = shared.faults.strike_status(servo.joint, servo.statuses, &mut shared.rng);
-            }
+            let Some(index) = exchange.answers[k].servo else {
+                all.push(Vec::new());
+                continue;
+            };
+            let servo = &self.servos[index];
+            let family = Family::of(servo.model.protocol);
+            let place = Place { line: self.index, servo: index };
+            let Shared { faults, rng, .. } = shared;
+            let damages = faults.strike_status(place, servo.statuses, at_ns, rng);
             for &damage in &damages {
-                damage_at_sender(self.protocol(), exchange, k, damage);
+                damage_at_sender(family, exchange, k, damage);
             }
-            if let (Some(index), None) = (servo, exchange.answers[k].servo) {
+            if exchange.answers[k].servo.is_none() {
                 // It was its turn, though nothing was sent.
                 self.servos[index].statuses += 1;
             }
@@ -298,59 +444,43 @@ impl Line {
     ) {
         let mut arrival = Arrival { bytes, copies: 1, late_ns: 0 };
         for &damage in damages {
-            damage_at_host(&mut arrival, damage, &mut shared.rng);
+            damage_at_host(&mut arrival, damage, &self.instruction, &mut shared.rng);
         }
-        let ready_ns = span.end_ns + shared.adapter_latency_ns + arrival.late_ns;
+        let ready_ns = span.end_ns + self.latency_ns + arrival.late_ns;
         let mut reception =
             Reception { span, ready_ns, bytes: arrival.bytes, baud_bps, from_servo: true };
         for chunk in &mut self.sending {
             collide(chunk.span, &mut chunk.bytes, &mut reception, &mut shared.rng);
         }
-        for other in self.coming.iter_mut().filter(|other| other.from_servo) {
+        for other in self.inbox.coming.iter_mut().filter(|other| other.from_servo) {
             if other.span.start_ns == span.start_ns && other.span.overlaps(span) {
                 join_equal_starts(&mut other.bytes, &mut reception.bytes);
             } else {
                 collide(other.span, &mut other.bytes, &mut reception, &mut shared.rng);
             }
         }
+        if !self.plugged.now {
+            return;
+        }
         let instant = Span { start_ns: span.end_ns, end_ns: span.end_ns };
         for _ in 1..arrival.copies {
-            self.receive(Reception { span: instant, ..reception.clone() });
+            self.inbox.receive(Reception { span: instant, ..reception.clone() });
         }
-        self.receive(reception);
+        self.inbox.receive(reception);
     }
 
-    fn receive(&mut self, reception: Reception) {
-        let after = |other: &&Reception| other.ready_ns > reception.ready_ns;
-        let later = self.coming.iter().rev().take_while(after).count();
-        self.coming.insert(self.coming.len() - later, reception);
-    }
-
-    /// Moves what is complete by `now_ns` to where the host reads it; returns how much waits there.
+    /// Moves what has come by `now_ns` to where the host reads it; returns how much waits there.
     pub fn collect(&mut self, now_ns: u64, rng: &mut ChaCha8Rng) -> usize {
-        while self.coming.front().is_some_and(|reception| reception.ready_ns <= now_ns) {
-            let Some(reception) = self.coming.pop_front() else { break };
-            let garbled = reception.baud_bps != self.host_baud_bps;
-            for byte in reception.bytes {
-                self.ready.push_back(if garbled { rng.random() } else { byte });
-            }
-        }
-        let excess = self.ready.len().saturating_sub(WAITING_BYTES_MAX);
-        self.ready.drain(..excess);
-        self.ready.len()
+        self.inbox.collect(now_ns, self.host_baud_bps, rng)
     }
 
     /// Takes readable bytes.
     pub fn take(&mut self, buf: &mut [u8]) -> usize {
-        let count = buf.len().min(self.ready.len());
-        for (slot, byte) in buf.iter_mut().zip(self.ready.drain(..count)) {
-            *slot = byte;
-        }
-        count
+        self.inbox.take(buf)
     }
 
     pub fn discard_ready(&mut self) {
-        self.ready.clear();
+        self.inbox.discard_ready();
     }
 }
 

@@ -1,52 +1,119 @@
 //! What turns the shaft: a stated model, not a measured one.
 //!
-//! Once a millisecond, like the servo's own control loop, with all angles those of the shaft:
+//! All angles are those of the output shaft; currents and torques are shares of those at stall. The
+//! profile gives the facts of one supply voltage: speed without load w0, stall current, stall
+//! torque. With duty u in -1..1, supply ratio s = voltage / nominal voltage, speed w and friction
+//! f:
 //!
-//! 1. The goal generator ([`ramp`]) gives the position asked for now.
-//! 2. The position loop asks for the speed `K * error`; the motor's duty is that speed as a share
-//!    of the speed without load, at most the duty limit. So a motion at constant speed v lags by v
-//!    / K. `K` grows with the servo's P gain: raw / 8 per second for DYNAMIXEL (800 gives 100/s),
-//!    raw * 3 per second for Feetech (32 gives 96/s). These factors are assumed, chosen so that a
-//!    sine of 30 degrees at 1 Hz lags by about 2 degrees at factory gains. I and D gains are not
-//!    modelled.
-//! 3. Torque, as a share of the stall torque, is `duty * supply - v / v_free`, the line of every
-//!    DC motor, less where a goal current limits it. It works on inertia with a mechanical time
-//!    constant of 4 ms (assumed) and against a constant load of 2 % of the stall torque that pulls
-//!    to negative angles, a stand-in for gravity (assumed).
-//! 4. Current is torque's share of the stall current; the supply sags by 6 % at stall; the winding
-//!    warms by 60 °C over 25 °C at stall with a time constant of 120 s (all assumed).
+//! ```text
+//! current   i = s u - w / wi          wi = w0 / (1 - f): back-EMF; friction makes wi into w0
+//! speed     T dw/dt = wi (i - load - f sign(w))            T = 4 ms: rotor, gears and load
+//! heat      120 s dC/dt = 25 °C + 60 °C i² - C             winding, as the sensor sees it
+//! supply    s = supply / nominal * (1 - 0.06 i u)          cable and battery sag by 6 % at stall
+//! ```
 //!
-//! Without torque the gears' friction holds the shaft where it is.
+//! f = 3 %, and a constant load of 2 % pulls to negative angles, a stand-in for gravity; both, and
+//! the figures above, are assumed. A shaft at rest stays while |s u - load| <= f, so one without
+//! power stays where it is. Limits: |u| by the duty limit; |i| by the current limit.
+//!
+//! The firmware's side runs once a millisecond: the goal generator ([`ramp`]) gives position, speed
+//! and acceleration asked for (p, v, a), and the law in force the duty:
+//!
+//! ```text
+//! position  u = (k e + ki ∫e dt + kd (v - w) + ff1 v + ff2 a) / w0,  e = p - present
+//! speed     u = (kp (v - w) + ki ∫(v - w) dt) / w0
+//! current   the duty that makes i the current asked for, as far as the duty limit allows
+//! duty      u as asked for;  brake: u = 0;  free: i = 0
+//! ```
+//!
+//! Inside a dead zone e counts as 0, outside it is counted from the zone's edge and a least duty
+//! ("punch") is added. The integral stands still while the duty is at its limit and while the error
+//! is less than half an encoder count. The speed w inside the laws is continuous: each millisecond
+//! is solved in closed form as an exponential, so that any damping is stable. A shaft at rest under
+//! a constant goal costs nothing but the warming, which has a closed form over any time.
 
 pub(crate) mod ramp;
 
-use ramp::{Pace, Ramp};
+use ramp::{Pace, Ramp, Shape, Target};
 
 /// Step of the servo's control loop, ns.
 pub(crate) const STEP_NS: u64 = 1_000_000;
 const STEP_S: f64 = 1e-3;
 const MECHANICAL_TIME_CONSTANT_S: f64 = 4e-3;
+const FRICTION_RATIO: f64 = 0.03;
 const LOAD_RATIO: f64 = 0.02;
 const SUPPLY_SAG_RATIO: f64 = 0.06;
 const AMBIENT_C: f64 = 25.0;
 const STALL_WARMING_C: f64 = 60.0;
 const THERMAL_TIME_CONSTANT_S: f64 = 120.0;
-/// Torque above this share of the stall torque for this long is an overload (assumed; the manuals
-/// speak of "persistent load that exceeds maximum output").
-const OVERLOAD_RATIO: f64 = 0.8;
-const OVERLOAD_STEPS: u32 = 1000;
 
-/// What the servo's firmware asks of the motor.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Drive {
-    /// False: no torque.
-    pub on: bool,
-    /// Speed asked for per radian of error, 1/s.
-    pub gain_per_s: f64,
+/// A load that must not last.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Bound {
+    /// Share of the stall torque, which is also that of the stall current.
+    pub ratio: f64,
+    /// How long it may be exceeded, s.
+    pub time_s: f64,
+}
+
+/// How the firmware turns errors into duty; see the module.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Regulator {
+    /// `k`, 1/s: where the goal lies at a lower angle than the shaft, and at a higher.
+    pub position_p: [f64; 2],
+    /// `ki`, 1/s².
+    pub position_i: f64,
+    /// `kd`.
+    pub position_d: f64,
+    /// `ff1`.
+    pub feedforward_speed: f64,
+    /// `ff2`, s.
+    pub feedforward_acceleration_s: f64,
+    /// Half widths of the dead zone, rad, in the order of `position_p`.
+    pub dead_zone_rad: [f64; 2],
+    /// Least duty outside the dead zone.
+    pub punch: f64,
+    /// `kp` of the speed law.
+    pub speed_p: f64,
+    /// `ki` of the speed law, 1/s.
+    pub speed_i: f64,
     /// Highest duty, 0..1.
     pub duty_limit: f64,
-    /// Highest torque as a share of the stall torque.
-    pub torque_limit: f64,
+    /// Highest current as a share of the stall current.
+    pub current_limit: f64,
+    pub overload: Bound,
+    pub overcurrent: Bound,
+}
+
+impl Regulator {
+    /// Nothing is regulated, nothing limited.
+    pub const NONE: Regulator = Regulator {
+        position_p: [0.0; 2],
+        position_i: 0.0,
+        position_d: 0.0,
+        feedforward_speed: 0.0,
+        feedforward_acceleration_s: 0.0,
+        dead_zone_rad: [0.0; 2],
+        punch: 0.0,
+        speed_p: 0.0,
+        speed_i: 0.0,
+        duty_limit: 1.0,
+        current_limit: f64::INFINITY,
+        overload: Bound { ratio: f64::INFINITY, time_s: f64::INFINITY },
+        overcurrent: Bound { ratio: f64::INFINITY, time_s: f64::INFINITY },
+    };
+}
+
+/// The law in force.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Law {
+    Free,
+    Brake,
+    Position,
+    Speed,
+    /// Share of the stall current.
+    Current(f64),
+    Duty(f64),
 }
 
 /// Why [`Motor::advance`] came back.
@@ -54,58 +121,78 @@ pub(crate) struct Drive {
 pub(crate) enum Advance {
     /// The time asked for is reached.
     Done,
-    /// The motor has been overloaded for too long at this moment; call again to go on.
+    /// A bound of the regulator has been exceeded for too long at this moment; call again to go on.
     Overloaded,
+    Overcurrent,
 }
 
 /// A motor with gears, seen from its output shaft.
 #[derive(Clone, Debug)]
 pub(crate) struct Motor {
     free_speed: f64,
+    /// `wi`: speed at which back-EMF meets the nominal voltage.
+    ideal_speed: f64,
     stall_current_a: f64,
+    nominal_v: f64,
     supply_v: f64,
-    decay: f64,
+    /// Half an encoder count, rad.
+    half_count_rad: f64,
     now_ns: u64,
     position: f64,
     velocity: f64,
-    drive: Drive,
+    law: Law,
+    regulator: Regulator,
     ramp: Ramp,
     ramp_start_ns: u64,
     pace: Pace,
+    /// What the integral adds to the speed asked for, rad/s.
+    integral: f64,
     /// A shaft that is blocked does not turn, whatever the torque.
-    pub blocked: bool,
+    blocked: bool,
     duty: f64,
-    torque: f64,
-    overload_steps: u32,
+    current: f64,
+    overload_s: f64,
+    overcurrent_s: f64,
     temperature_c: f64,
+    /// Nothing but the temperature changes until something is asked for.
+    settled: bool,
+    /// `exp(-step / time constant)` for the damping it was worked out for.
+    decay: (f64, f64),
 }
 
 impl Motor {
-    pub fn new(facts: &gaitway_profiles::Motor, position_rad: f64) -> Motor {
+    pub fn new(facts: &gaitway_profiles::Motor, radians_per_count: f64) -> Motor {
         Motor {
             free_speed: facts.no_load_speed_rad_s,
+            ideal_speed: facts.no_load_speed_rad_s / (1.0 - FRICTION_RATIO),
             stall_current_a: facts.stall_current_a,
+            nominal_v: facts.voltage_v,
             supply_v: facts.voltage_v,
-            decay: (-STEP_S / MECHANICAL_TIME_CONSTANT_S).exp(),
+            half_count_rad: 0.5 * radians_per_count,
             now_ns: 0,
-            position: position_rad,
+            position: 0.0,
             velocity: 0.0,
-            drive: Drive { on: false, gain_per_s: 0.0, duty_limit: 0.0, torque_limit: 1.0 },
-            ramp: Ramp::rest(position_rad),
+            law: Law::Free,
+            regulator: Regulator::NONE,
+            ramp: Ramp::rest(0.0),
             ramp_start_ns: 0,
             pace: Pace::Step,
+            integral: 0.0,
             blocked: false,
             duty: 0.0,
-            torque: 0.0,
-            overload_steps: 0,
+            current: 0.0,
+            overload_s: 0.0,
+            overcurrent_s: 0.0,
             temperature_c: AMBIENT_C + 5.0,
+            settled: false,
+            decay: (f64::NAN, 0.0),
         }
     }
 
     /// Moves on to the last whole millisecond at or before `time_ns`.
     pub fn advance(&mut self, time_ns: u64) -> Advance {
         while self.now_ns + STEP_NS <= time_ns {
-            if self.rests() {
+            if self.settled {
                 let steps = (time_ns - self.now_ns) / STEP_NS;
                 self.now_ns += steps * STEP_NS;
                 self.warm(steps as f64 * STEP_S);
@@ -113,62 +200,162 @@ impl Motor {
             }
             self.now_ns += STEP_NS;
             self.step();
-            if self.overload_steps >= OVERLOAD_STEPS {
-                self.overload_steps = 0;
+            if self.overload_s >= self.regulator.overload.time_s {
+                self.overload_s = 0.0;
                 return Advance::Overloaded;
+            }
+            if self.overcurrent_s >= self.regulator.overcurrent.time_s {
+                self.overcurrent_s = 0.0;
+                return Advance::Overcurrent;
             }
         }
         Advance::Done
     }
 
-    /// True if nothing but the temperature can change by itself.
-    fn rests(&self) -> bool {
-        let still = self.velocity.abs() < 1e-9;
-        if !self.drive.on {
-            return still && self.torque == 0.0;
-        }
-        still
-            && self.ramp_time_s() >= self.ramp.duration_s()
-            && (self.torque - LOAD_RATIO).abs() < 1e-9
-            && !self.blocked
-    }
-
     fn step(&mut self) {
-        let (target, _) = self.ramp.at(self.ramp_time_s());
-        let load = if self.drive.on { LOAD_RATIO } else { 0.0 };
-        self.duty = if self.drive.on {
-            let limit = self.drive.duty_limit;
-            (self.drive.gain_per_s / self.free_speed * (target - self.position))
-                .clamp(-limit, limit)
-        } else {
-            0.0
-        };
-        let push = self.duty * self.supply_ratio();
-        let limit = self.drive.torque_limit;
-        let torque = push - self.velocity / self.free_speed;
-        if self.blocked {
-            self.velocity = 0.0;
-            self.torque = push.clamp(-limit, limit);
-        } else if torque.abs() > limit {
-            self.torque = limit.copysign(torque);
-            self.velocity +=
-                (self.torque - load) * self.free_speed * STEP_S / MECHANICAL_TIME_CONSTANT_S;
-            self.position += self.velocity * STEP_S;
-        } else {
-            let steady = self.free_speed * (push - load);
-            let excess = self.velocity - steady;
-            self.velocity = steady + excess * self.decay;
-            self.position +=
-                steady * STEP_S + excess * MECHANICAL_TIME_CONSTANT_S * (1.0 - self.decay);
-            self.torque = if self.drive.on { push - self.velocity / self.free_speed } else { 0.0 };
+        let target = self.trajectory();
+        let (open_duty, damping) = self.duty_asked(&target);
+        let limit = self.regulator.duty_limit;
+        let duty = open_duty - damping * self.velocity;
+        let saturated = duty.abs() > limit;
+        let (open_duty, damping) =
+            if saturated { (limit.copysign(duty), 0.0) } else { (open_duty, damping) };
+        let supply = self.supply_ratio();
+        let current = supply * (open_duty - damping * self.velocity) - self.back_emf();
+        let before = (self.velocity, self.integral);
+        match self.law {
+            Law::Free => self.turn_by_torque(0.0),
+            Law::Current(asked) if asked.abs() < current * 1_f64.copysign(asked) => {
+                self.turn_by_torque(asked);
+            }
+            _ if current.abs() > self.regulator.current_limit => {
+                self.turn_by_torque(self.regulator.current_limit.copysign(current));
+            }
+            _ => self.turn_by_duty(supply, open_duty, damping),
         }
-        let heavy = self.torque.abs() > OVERLOAD_RATIO;
-        self.overload_steps = if heavy { self.overload_steps + 1 } else { 0 };
+        self.duty = match self.law {
+            Law::Free | Law::Brake => 0.0,
+            // What the current's controller gives.
+            _ => ((self.current + self.back_emf()) / supply).clamp(-limit, limit),
+        };
+        if !saturated {
+            self.integrate(&target);
+        }
+        let over_s = |seconds: f64, bound: Bound| {
+            if self.current.abs() > bound.ratio { seconds + STEP_S } else { 0.0 }
+        };
+        let over = (
+            over_s(self.overload_s, self.regulator.overload),
+            over_s(self.overcurrent_s, self.regulator.overcurrent),
+        );
+        (self.overload_s, self.overcurrent_s) = over;
+        self.settled = before == (0.0, self.integral)
+            && self.velocity == 0.0
+            && over == (0.0, 0.0)
+            && !self.under_way()
+            && self.ramp.end_velocity() == 0.0;
         self.warm(STEP_S);
     }
 
+    /// The duty the law asks for at rest, and how much less per rad/s of speed.
+    fn duty_asked(&self, target: &Target) -> (f64, f64) {
+        let law = &self.regulator;
+        match self.law {
+            Law::Free | Law::Brake => (0.0, 0.0),
+            // As much as it takes: the current decides.
+            Law::Current(asked) => (law.duty_limit.copysign(asked), 0.0),
+            Law::Duty(duty) => (duty, 0.0),
+            Law::Speed => {
+                let asked = law.speed_p * target.velocity + self.integral;
+                (asked / self.free_speed, law.speed_p / self.free_speed)
+            }
+            Law::Position => {
+                let error = target.position - self.position;
+                let side = usize::from(error > 0.0);
+                let beyond = (error.abs() - law.dead_zone_rad[side]).max(0.0);
+                let punch = if beyond > 0.0 { law.punch.copysign(error) } else { 0.0 };
+                let asked = law.position_p[side] * beyond.copysign(error)
+                    + self.integral
+                    + (law.position_d + law.feedforward_speed) * target.velocity
+                    + law.feedforward_acceleration_s * target.acceleration;
+                (asked / self.free_speed + punch, law.position_d / self.free_speed)
+            }
+        }
+    }
+
+    fn integrate(&mut self, target: &Target) {
+        match self.law {
+            Law::Speed => {
+                self.integral +=
+                    self.regulator.speed_i * (target.velocity - self.velocity) * STEP_S;
+            }
+            Law::Position => {
+                let error = target.position - self.position;
+                if error.abs() > self.half_count_rad {
+                    self.integral += self.regulator.position_i * error * STEP_S;
+                }
+            }
+            _ => {}
+        }
+    }
+
+    fn back_emf(&self) -> f64 {
+        self.velocity / self.ideal_speed
+    }
+
+    /// Load and friction against a push from the motor; none if the shaft stays at rest.
+    fn resistance(&self, push: f64) -> Option<f64> {
+        let way = if self.velocity == 0.0 { push - LOAD_RATIO } else { self.velocity };
+        let stays = self.velocity == 0.0 && way.abs() <= FRICTION_RATIO;
+        (!stays && !self.blocked).then(|| LOAD_RATIO + FRICTION_RATIO.copysign(way))
+    }
+
+    /// One step under a constant current.
+    fn turn_by_torque(&mut self, current: f64) {
+        self.current = current;
+        let Some(resistance) = self.resistance(current) else {
+            self.velocity = 0.0;
+            return;
+        };
+        let was = self.velocity;
+        let change = (current - resistance) * self.ideal_speed * STEP_S;
+        self.velocity += change / MECHANICAL_TIME_CONSTANT_S;
+        self.move_on(was, 0.5 * (was + self.velocity) * STEP_S);
+    }
+
+    /// One step under a duty that falls with the speed by `damping`.
+    fn turn_by_duty(&mut self, supply: f64, open_duty: f64, damping: f64) {
+        let push = supply * open_duty;
+        if let Some(resistance) = self.resistance(push) {
+            let stiffness = 1.0 + self.ideal_speed * damping;
+            if self.decay.0 != stiffness {
+                let exponent = -STEP_S * stiffness / MECHANICAL_TIME_CONSTANT_S;
+                self.decay = (stiffness, exponent.exp());
+            }
+            let was = self.velocity;
+            let steady = self.ideal_speed * (push - resistance) / stiffness;
+            let excess = was - steady;
+            let decay = self.decay.1;
+            self.velocity = steady + excess * decay;
+            let lost = excess * MECHANICAL_TIME_CONSTANT_S / stiffness * (1.0 - decay);
+            self.move_on(was, steady * STEP_S + lost);
+        } else {
+            self.velocity = 0.0;
+        }
+        self.current = supply * (open_duty - damping * self.velocity) - self.back_emf();
+    }
+
+    /// Ends a step that began at speed `was`. Friction never turns a shaft back: one that comes to
+    /// rest within the step is at rest until the next.
+    fn move_on(&mut self, was: f64, way_rad: f64) {
+        if was * self.velocity < 0.0 {
+            self.velocity = 0.0;
+        }
+        self.position += way_rad;
+    }
+
     fn warm(&mut self, seconds: f64) {
-        let settled = AMBIENT_C + STALL_WARMING_C * self.torque * self.torque;
+        let settled = AMBIENT_C + STALL_WARMING_C * self.current * self.current;
         let excess = self.temperature_c - settled;
         // One millisecond is short enough for the tangent.
         self.temperature_c = if seconds <= STEP_S {
@@ -182,36 +369,100 @@ impl Motor {
         (self.now_ns - self.ramp_start_ns) as f64 * 1e-9
     }
 
-    /// A new goal, or the old one again, at the pace set.
-    pub fn go_to(&mut self, goal_rad: f64, pace: Pace) {
-        if goal_rad == self.ramp.goal_rad() && pace == self.pace {
-            return;
+    fn begin(&mut self, law: Law, ramp: Ramp, pace: Pace) {
+        if std::mem::discriminant(&law) != std::mem::discriminant(&self.law) {
+            self.integral = 0.0;
         }
-        let (from, velocity) = self.trajectory();
-        self.ramp = Ramp::plan(from, velocity, goal_rad, pace);
+        self.law = law;
+        self.ramp = ramp;
         self.ramp_start_ns = self.now_ns;
         self.pace = pace;
+        self.settled = false;
     }
 
-    /// The goal generator starts anew at rest where the shaft is.
-    pub fn hold_here(&mut self) {
-        self.ramp = Ramp::rest(self.position);
-        self.ramp_start_ns = self.now_ns;
-        self.pace = Pace::Step;
-    }
-
-    pub fn set_drive(&mut self, drive: Drive) {
-        if !drive.on {
-            self.torque = 0.0;
-            self.duty = 0.0;
-            self.overload_steps = 0;
+    /// Where a new ramp starts: the goal generator if it is in force, else the shaft.
+    fn generator(&self, law: Law) -> Target {
+        if self.law == law {
+            return self.trajectory();
         }
-        self.drive = drive;
+        Target { position: self.position, velocity: self.velocity, acceleration: 0.0 }
     }
 
-    /// Position and velocity the goal generator asks for now, rad and rad/s.
-    pub fn trajectory(&self) -> (f64, f64) {
-        self.ramp.at(self.ramp_time_s())
+    /// A new goal, or the old one again, at this pace.
+    pub fn go_to(&mut self, goal_rad: f64, pace: Pace) {
+        let same = goal_rad == self.ramp.goal_rad() && pace == self.pace;
+        if same && self.law == Law::Position {
+            return;
+        }
+        let from = self.generator(Law::Position);
+        let ramp = Ramp::to_position(from.position, from.velocity, goal_rad, pace);
+        self.begin(Law::Position, ramp, pace);
+    }
+
+    /// Turns at this speed, rad/s; of the pace only the ramp counts.
+    pub fn spin(&mut self, velocity_rad_s: f64, pace: Pace) {
+        let same = velocity_rad_s == self.ramp.end_velocity() && pace == self.pace;
+        if same && self.law == Law::Speed {
+            return;
+        }
+        let from = self.generator(Law::Speed);
+        let ramp = Ramp::to_velocity(from.position, from.velocity, velocity_rad_s, pace);
+        self.begin(Law::Speed, ramp, pace);
+    }
+
+    /// Gives this current, A.
+    pub fn push(&mut self, current_a: f64) {
+        let law = Law::Current(current_a / self.stall_current_a);
+        self.begin(law, Ramp::rest(self.position), Pace::Step);
+    }
+
+    /// Gives this duty, -1..1.
+    pub fn apply(&mut self, duty: f64) {
+        self.begin(Law::Duty(duty), Ramp::rest(self.position), Pace::Step);
+    }
+
+    /// The goal generator starts anew at rest where the shaft is, and the shaft is held there.
+    pub fn hold_here(&mut self) {
+        self.integral = 0.0;
+        self.begin(Law::Position, Ramp::rest(self.position), Pace::Step);
+    }
+
+    /// No torque.
+    pub fn release(&mut self) {
+        self.let_go(Law::Free);
+    }
+
+    /// The terminals are shorted: the shaft resists being turned.
+    pub fn brake(&mut self) {
+        self.let_go(Law::Brake);
+    }
+
+    fn let_go(&mut self, law: Law) {
+        if self.law != law {
+            self.begin(law, Ramp::rest(self.position), Pace::Step);
+            (self.duty, self.current) = (0.0, 0.0);
+            (self.overload_s, self.overcurrent_s) = (0.0, 0.0);
+        }
+    }
+
+    pub fn set_regulator(&mut self, regulator: Regulator) {
+        if regulator != self.regulator {
+            self.regulator = regulator;
+            self.settled = false;
+        }
+    }
+
+    pub fn set_blocked(&mut self, blocked: bool) {
+        self.blocked = blocked;
+        self.settled = false;
+    }
+
+    /// What the goal generator asks for now.
+    pub fn trajectory(&self) -> Target {
+        match self.law {
+            Law::Position | Law::Speed => self.ramp.at(self.ramp_time_s()),
+            _ => Target { position: self.position, velocity: 0.0, acceleration: 0.0 },
+        }
     }
 
     /// True while the goal generator is on its way.
@@ -219,8 +470,13 @@ impl Motor {
         self.ramp_time_s() < self.ramp.duration_s()
     }
 
-    pub fn pace(&self) -> Pace {
-        self.pace
+    /// Where the goal generator is or will come to rest, rad.
+    pub fn goal_rad(&self) -> f64 {
+        if self.law == Law::Position { self.ramp.goal_rad() } else { self.position }
+    }
+
+    pub fn shape(&self) -> Shape {
+        self.ramp.shape()
     }
 
     pub fn position_rad(&self) -> f64 {
@@ -242,11 +498,11 @@ impl Motor {
 
     /// Share of the stall torque, -1..1.
     pub fn torque_ratio(&self) -> f64 {
-        self.torque
+        self.current
     }
 
     pub fn current_a(&self) -> f64 {
-        self.torque * self.stall_current_a
+        self.current * self.stall_current_a
     }
 
     pub fn stall_current_a(&self) -> f64 {
@@ -254,11 +510,11 @@ impl Motor {
     }
 
     fn supply_ratio(&self) -> f64 {
-        1.0 - SUPPLY_SAG_RATIO * self.torque.abs()
+        self.voltage_v() / self.nominal_v
     }
 
     pub fn voltage_v(&self) -> f64 {
-        self.supply_v * self.supply_ratio()
+        self.supply_v * (1.0 - SUPPLY_SAG_RATIO * (self.current * self.duty).clamp(0.0, 1.0))
     }
 
     pub fn temperature_c(&self) -> f64 {
@@ -270,11 +526,11 @@ impl Motor {
         self.now_ns
     }
 
-    /// Turns the shaft by hand.
+    /// Turns the shaft by hand; under torque it is held where it was put.
     pub fn place(&mut self, position_rad: f64) {
         self.position = position_rad;
         self.velocity = 0.0;
-        self.hold_here();
+        self.begin(self.law, Ramp::rest(position_rad), Pace::Step);
     }
 
     pub fn set_temperature_c(&mut self, temperature_c: f64) {
@@ -283,106 +539,9 @@ impl Motor {
 
     pub fn set_supply_v(&mut self, supply_v: f64) {
         self.supply_v = supply_v;
+        self.settled = false;
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use std::f64::consts::TAU;
-
-    fn motor(gain_per_s: f64) -> Motor {
-        let facts = gaitway_profiles::Motor {
-            no_load_speed_rad_s: 8.0,
-            stall_torque_nm: 3.0,
-            stall_current_a: 2.3,
-            voltage_v: 12.0,
-            source: "test".into(),
-        };
-        let mut motor = Motor::new(&facts, 0.0);
-        motor.set_drive(Drive { on: true, gain_per_s, duty_limit: 1.0, torque_limit: 1.0 });
-        motor
-    }
-
-    const MS: u64 = STEP_NS;
-
-    #[test]
-    fn a_sine_of_30_degrees_at_1_hz_lags_by_one_to_three_degrees() {
-        let mut motor = motor(100.0);
-        let mut worst = 0.0_f64;
-        for cycle in 0..200_u64 {
-            let t = cycle as f64 * 0.01;
-            let goal = 30_f64.to_radians() * (TAU * t).sin();
-            motor.advance(cycle * 10 * MS);
-            worst = worst.max((goal - motor.position_rad()).abs());
-            motor.go_to(goal, Pace::Step);
-        }
-        let worst = worst.to_degrees();
-        // 2 pi * 30 deg/s / 100 per s = 1.9 deg, plus up to one cycle of 10 ms at that speed.
-        assert!((1.0..=4.0).contains(&worst), "{worst}");
-    }
-
-    #[test]
-    fn a_step_settles_within_the_droop_the_load_makes_without_overshooting_much() {
-        let mut motor = motor(100.0);
-        motor.go_to(0.5, Pace::Step);
-        let mut highest = 0.0_f64;
-        for ms in 1..1000 {
-            motor.advance(ms * MS);
-            highest = highest.max(motor.position_rad());
-        }
-        assert!(highest <= 0.5 * 1.05, "{highest}");
-        let droop = 0.5 - motor.position_rad();
-        assert!((droop - 0.02 * 8.0 / 100.0).abs() <= 1e-4, "{droop}");
-    }
-
-    #[test]
-    fn the_shaft_never_turns_faster_than_without_load() {
-        let mut motor = motor(100.0);
-        motor.go_to(20.0, Pace::Step);
-        for ms in 1..3000 {
-            motor.advance(ms * MS);
-            assert!(motor.velocity_rad_s() <= 8.0);
-        }
-    }
-
-    #[test]
-    fn one_long_advance_equals_many_short_ones() {
-        let (mut long, mut short) = (motor(100.0), motor(100.0));
-        for motor in [&mut long, &mut short] {
-            motor.go_to(1.0, Pace::Trapezoid { speed: 2.0, acceleration: 10.0 });
-        }
-        long.advance(5_000 * MS);
-        for k in 0..=50_000 {
-            short.advance(k * MS / 10);
-        }
-        assert_eq!(long.position_rad(), short.position_rad());
-        assert!((long.temperature_c() - short.temperature_c()).abs() <= 1e-6);
-    }
-
-    #[test]
-    fn a_blocked_shaft_stalls_and_trips_after_a_second() {
-        let mut motor = motor(100.0);
-        motor.advance(10 * MS);
-        motor.blocked = true;
-        motor.go_to(1.0, Pace::Step);
-        assert_eq!(motor.advance(900 * MS), Advance::Done);
-        assert!((motor.current_a() - 2.3).abs() < 0.2);
-        assert_eq!(motor.advance(1_100 * MS), Advance::Overloaded);
-        assert!(motor.temperature_c() > 30.0);
-        assert!(motor.voltage_v() < 11.5);
-    }
-
-    #[test]
-    fn without_torque_the_shaft_coasts_to_rest_and_stays() {
-        let mut motor = motor(100.0);
-        motor.go_to(5.0, Pace::Step);
-        motor.advance(100 * MS);
-        motor.set_drive(Drive { on: false, gain_per_s: 0.0, duty_limit: 0.0, torque_limit: 1.0 });
-        motor.advance(400 * MS);
-        let rest = motor.position_rad();
-        motor.advance(10_000 * MS);
-        assert_eq!(motor.position_rad(), rest);
-        assert_eq!(motor.current_a(), 0.0);
-    }
-}
+mod tests;

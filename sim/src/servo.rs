@@ -1,16 +1,22 @@
 //! One virtual servo: its control table, its motor and what its firmware does between them.
 //!
 //! The bus sees bytes at addresses ([`access`]); everything here works on roles. What the manuals
-//! leave open is decided where it arises and said there.
+//! leave open is decided where it arises and said there: modes and positions ([`mode`]), goals,
+//! gains and reports ([`control`]), errors and torque ([`protection`]), [`backup`].
 //!
-//! Not modelled: modes other than position modes (they answer, but nothing turns), I and D gains,
-//! Startup Configuration, Secondary ID, Control Table Backup, dual joints.
+//! Bus Watchdog(98), DYNAMIXEL 2.0: any instruction on the line starts it anew, whoever it is for.
+//! When it bites, the motor stops where it is, or gives nothing in current and PWM mode; goals are
+//! refused until 0 is written, and the motor then waits for a new goal.
 
 mod access;
+mod backup;
 mod control;
+mod mode;
+mod protection;
 
 use crate::motor::{Advance, Motor};
 use crate::table::{Item, Model};
+use crate::world::ZeroSpeed;
 use gaitway_profiles::{Encoding, Protocol, Region, Role};
 use std::ops::Range;
 use std::sync::Arc;
@@ -22,10 +28,6 @@ const FEETECH_LATENCY_NS: u64 = 50_000;
 /// One count of DYNAMIXEL Bus Watchdog(98).
 const WATCHDOG_UNIT_NS: u64 = 20_000_000;
 
-const VOLTAGE_BIT: i64 = 1;
-const TEMPERATURE_BIT: i64 = 1 << 2;
-const OVERLOAD_BIT: i64 = 1 << 5;
-
 /// Why a servo does not do what an instruction says. The values are DYNAMIXEL 2.0's error numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Refusal {
@@ -35,6 +37,17 @@ pub(crate) enum Refusal {
     Length = 5,
     Limit = 6,
     Access = 7,
+}
+
+impl Refusal {
+    /// The bit of protocol 1.0's error byte that says so: angle limit, range or instruction.
+    pub fn status_bit(self) -> u8 {
+        match self {
+            Refusal::Limit => 1 << 1,
+            Refusal::Range | Refusal::Access => 1 << 3,
+            Refusal::Failed | Refusal::Instruction | Refusal::Length => 1 << 6,
+        }
+    }
 }
 
 /// What happened inside a servo that the referee judges.
@@ -66,19 +79,40 @@ pub(crate) struct Servo {
     pub attached: bool,
     /// Spans in which it neither hears nor answers, ns.
     pub silent: Vec<Range<u64>>,
+    /// What the position register shows for good, whatever the shaft does: a fault of the encoder.
+    pub frozen: Option<i64>,
     /// Whether it hears the packet now on the line.
     pub hears: bool,
     /// Statuses it has given so far.
     pub statuses: u64,
     pub events: Vec<Event>,
+    /// Index on the line of the other axis in the same case.
+    pub mate: Option<usize>,
+    /// That axis has torque, so EEPROM is closed to both.
+    pub mate_torque: bool,
+    /// What both axes in a case share has changed here: line speed or protocol.
+    pub case_changed: bool,
+    /// The instruction carried out is for its group.
+    grouped: bool,
+    pub zero_speed: ZeroSpeed,
     table: Vec<u8>,
     /// EEPROM as it will be after the next power-up.
     persistent: Vec<u8>,
     registered: Option<(u16, Vec<u8>)>,
+    /// The control table a Control Table Backup has kept; outlives power.
+    backup: Option<Vec<u8>>,
     booted_ns: u64,
     asleep_until_ns: u64,
     heard_ns: u64,
     watchdog_latched: bool,
+    /// Bits as in the hardware error (or status) register, or as in protocol 1.0's error byte.
+    errors: i64,
+    /// The motor gives torque.
+    engaged: bool,
+    /// A goal was written since the mode was chosen.
+    goal_written: bool,
+    /// The turn positions within one turn are in.
+    turn: i64,
     /// Counts by which the reading is off: an encoder that jumped, less whole turns cleared.
     reading_offset: i64,
     /// Shaft angle when the world began.
@@ -90,19 +124,30 @@ impl Servo {
     pub fn new(model: Arc<Model>, firmware: u16) -> Servo {
         let mut servo = Servo {
             joint: None,
-            motor: Motor::new(&model.profile.motor, 0.0),
+            motor: Motor::new(&model.profile.motor, model.radians_per_count),
             attached: true,
             silent: Vec::new(),
+            frozen: None,
             hears: false,
             statuses: 0,
             events: Vec::new(),
+            mate: None,
+            mate_torque: false,
+            case_changed: false,
+            grouped: false,
+            zero_speed: ZeroSpeed::NoLimit,
             table: vec![0; model.length],
             persistent: vec![0; model.length],
             registered: None,
+            backup: None,
             booted_ns: 0,
             asleep_until_ns: 0,
             heard_ns: 0,
             watchdog_latched: false,
+            errors: 0,
+            engaged: false,
+            goal_written: false,
+            turn: 0,
             reading_offset: 0,
             start_rad: 0.0,
             model,
@@ -129,23 +174,15 @@ impl Servo {
 
     /// What the firmware works out for itself at power-up.
     fn boot(&mut self) {
-        for (role, limit) in [
-            (Role::GoalPwm, Role::PwmLimit),
-            (Role::GoalCurrent, Role::CurrentLimit),
-            (Role::TorqueLimit, Role::MaxTorque),
-        ] {
-            if let Some(raw) = self.value(limit) {
-                self.put(role, raw);
-            }
-        }
-        self.put(Role::GoalPosition, self.present_position());
-        self.update_drive();
+        self.goals_to_limits();
+        self.note_turn();
+        self.put_held(Role::GoalPosition, self.present_position());
+        self.update_regulator();
     }
 
     /// Power is lost and comes back: RAM at power-up values, EEPROM as last stored, no torque.
     pub fn restart(&mut self, now_ns: u64, awake_ns: u64) {
         self.advance(now_ns);
-        self.drop_whole_turns();
         let model = Arc::clone(&self.model);
         for item in &model.items {
             let range = item.range();
@@ -156,21 +193,27 @@ impl Servo {
                 Region::Ram => item.encode(item.initial, &mut self.table[range]),
             }
         }
-        if self.torque_on() {
-            // A factory value of 1 would be a fault of the profile; torque never comes on by
-            // itself.
-            self.put(Role::TorqueEnable, 0);
-        }
-        self.events.push(Event::TorqueOff);
-        self.registered = None;
+        // A factory value of 1 would be a fault of the profile; torque never comes on by itself.
+        self.put(Role::TorqueEnable, 0);
+        self.errors = 0;
         self.watchdog_latched = false;
+        self.goal_written = false;
+        self.registered = None;
+        self.follow_torque();
+        self.forget_turns();
         self.booted_ns = now_ns;
         self.asleep_until_ns = awake_ns;
         self.boot();
+        self.start_up();
     }
 
-    /// EEPROM as it left the factory, but for what `keep` names, then a restart.
+    /// EEPROM as it left the factory, but for what `keep` names, then a restart. As one of a group
+    /// a servo keeps its EEPROM and does nothing.
     pub fn factory_reset(&mut self, now_ns: u64, keep: &[Role]) {
+        if self.grouped {
+            return;
+        }
+        self.case_changed = true;
         let kept: Vec<_> = keep
             .iter()
             .chain(&[Role::ModelNumber, Role::FirmwareVersion, Role::FirmwareVersionMinor])
@@ -207,19 +250,21 @@ impl Servo {
         if let Some(span_ns) = self.watchdog_ns() {
             let deadline_ns = self.heard_ns + span_ns;
             if self.torque_on() && now_ns > deadline_ns {
-                self.turn(deadline_ns);
-                self.watchdog_latched = true;
-                self.put(Role::BusWatchdog, -1);
-                self.motor.hold_here();
+                self.turn_until(deadline_ns);
+                self.bite();
             }
         }
-        self.turn(now_ns);
+        self.turn_until(now_ns);
         self.protect();
     }
 
-    fn turn(&mut self, now_ns: u64) {
-        while self.motor.advance(now_ns) == Advance::Overloaded {
-            self.raise(OVERLOAD_BIT);
+    fn turn_until(&mut self, now_ns: u64) {
+        loop {
+            match self.motor.advance(now_ns) {
+                Advance::Done => break,
+                Advance::Overloaded => self.overloaded(),
+                Advance::Overcurrent => self.overcurrent(),
+            }
         }
     }
 
@@ -229,60 +274,40 @@ impl Servo {
         (1..=127).contains(&raw).then(|| raw as u64 * WATCHDOG_UNIT_NS)
     }
 
-    fn protect(&mut self) {
-        let mut bits = 0;
-        let limit = |role| {
-            let item = self.model.role(role)?;
-            Some(self.model.si(item, item.decode(&self.table[item.range()])))
-        };
-        if limit(Role::TemperatureLimit).is_some_and(|c| self.motor.temperature_c() > c) {
-            bits |= TEMPERATURE_BIT;
-        }
-        let volts = self.motor.voltage_v();
-        if limit(Role::MaxVoltageLimit).is_some_and(|v| volts > v)
-            || limit(Role::MinVoltageLimit).is_some_and(|v| volts < v)
-        {
-            bits |= VOLTAGE_BIT;
-        }
-        if bits != 0 {
-            self.raise(bits);
-        }
-    }
-
-    /// Error bits stay until a restart; those in the shutdown mask take the torque away.
-    pub fn raise(&mut self, bits: i64) {
-        let all = self.hardware_error() | bits;
-        self.put(Role::HardwareError, all);
-        if self.is_shut_down() && self.torque_on() {
-            self.put(Role::TorqueEnable, 0);
-            self.events.push(Event::TorqueOff);
-            self.update_drive();
-        }
-    }
-
-    /// True while an error keeps the torque off.
-    fn is_shut_down(&self) -> bool {
-        let every = VOLTAGE_BIT | TEMPERATURE_BIT | OVERLOAD_BIT;
-        self.hardware_error() & self.value(Role::Shutdown).unwrap_or(every) != 0
-    }
-
-    pub fn raise_overload(&mut self, now_ns: u64) {
-        self.advance(now_ns);
-        self.raise(OVERLOAD_BIT);
-    }
-
-    pub fn hardware_error(&self) -> i64 {
-        self.value(Role::HardwareError).unwrap_or(0)
+    fn bite(&mut self) {
+        self.watchdog_latched = true;
+        self.put(Role::BusWatchdog, -1);
+        self.stand_still();
     }
 
     pub fn id(&self) -> u8 {
         self.value(Role::Id).unwrap_or(0) as u8
     }
 
+    /// True if an instruction to this ID is carried out: its own, or that of its group (Secondary
+    /// ID(12), 253 and above = none). As one of a group it never answers.
+    pub fn obeys(&self, id: u8) -> bool {
+        let group = self.value(Role::SecondaryId).filter(|group| (0..=252).contains(group));
+        id == self.id() || group == Some(i64::from(id))
+    }
+
+    /// Carries out an instruction to its Secondary ID: EEPROM is closed.
+    pub fn as_one_of_group<T>(&mut self, carry_out: impl FnOnce(&mut Servo) -> T) -> T {
+        self.grouped = true;
+        let done = carry_out(self);
+        self.grouped = false;
+        done
+    }
+
     pub fn baud_bps(&self) -> Option<u32> {
         let index = self.value(Role::BaudRate)?;
-        let line = self.model.profile.baud.iter().find(|line| i64::from(line.index) == index)?;
-        Some(line.bps)
+        let line = self.model.profile.baud.iter().find(|line| i64::from(line.index) == index);
+        let bps = line.map(|line| line.bps);
+        match self.model.protocol {
+            // Baud Rate(4): 2 Mbps / (value + 1), whether the manual's table lists it or not.
+            Protocol::Dynamixel1 => bps.or(u32::try_from(2_000_000 / (index + 1)).ok()),
+            _ => bps,
+        }
     }
 
     pub fn firmware(&self) -> u16 {
@@ -321,6 +346,14 @@ impl Servo {
         }
     }
 
+    /// As [`Servo::put`], but a value that does not fit becomes the nearest that does.
+    fn put_held(&mut self, role: Role, raw: i64) {
+        if let Some(item) = self.model.role(role) {
+            let (low, high) = item.representable();
+            item.encode(raw.clamp(low, high), &mut self.table[item.range()]);
+        }
+    }
+
     fn put_si(&mut self, role: Role, si: f64) {
         if let Some(item) = self.model.role(role) {
             let raw = self.model.raw(item, si);
@@ -349,11 +382,14 @@ impl Servo {
             Some(Role::PresentTemperature) => self.motor.set_temperature_c(si),
             Some(Role::PresentVoltage) => self.motor.set_supply_v(si),
             Some(Role::PresentPosition) => self.motor.place(self.shaft_rad(raw)),
+            Some(Role::HardwareError) => self.errors = raw,
             _ => {}
         }
         item.encode(raw, &mut self.table[item.range()]);
         self.persistent[item.range()].copy_from_slice(&self.table[item.range()]);
-        self.update_drive();
+        self.note_turn();
+        self.update_regulator();
+        self.follow_torque();
         true
     }
 
@@ -361,12 +397,14 @@ impl Servo {
     pub fn place(&mut self, angle_rad: f64) {
         let zero = i64::from(self.model.profile.position.zero_count);
         self.motor.place(self.shaft_rad(zero) + self.side() * angle_rad);
-        self.put(Role::GoalPosition, self.present_position());
+        self.note_turn();
+        self.put_held(Role::GoalPosition, self.present_position());
     }
 
     /// Turns the shaft by hand, in the sense of its registers.
     pub fn turn_by(&mut self, angle_rad: f64) {
         self.motor.place(self.motor.position_rad() + self.side() * angle_rad);
+        self.note_turn();
     }
 
     /// Puts a raw value into EEPROM, or RAM, by role.
@@ -397,17 +435,12 @@ impl Servo {
     }
 
     /// Clear (multi-turn): the reading becomes that within one turn.
-    fn drop_whole_turns(&mut self) {
-        let turn = i64::from(self.model.profile.position.counts);
-        let present = self.present_position();
-        self.reading_offset -= present.div_euclid(turn) * turn;
-    }
-
     pub fn clear_turns(&mut self) -> Result<(), Refusal> {
         if self.is_moving() {
             return Err(Refusal::Failed);
         }
-        self.drop_whole_turns();
+        let turn = i64::from(self.model.profile.position.counts);
+        self.reading_offset -= self.present_position().div_euclid(turn) * turn;
         self.put(Role::GoalPosition, self.present_position());
         Ok(())
     }

@@ -4,7 +4,7 @@
 //! the driver would cancel out and no test could see it.
 
 use gaitway_profiles::{
-    Access, Encoding, Protocol, Region, RegisterItem, Role, Servo as Profile, Unit,
+    Access, Encoding, Mode, Protocol, Region, RegisterItem, Role, Servo as Profile, Unit,
 };
 use std::collections::HashMap;
 use std::f64::consts::TAU;
@@ -21,6 +21,8 @@ pub(crate) struct Item {
     pub min: Option<i64>,
     pub max: Option<i64>,
     pub initial: i64,
+    /// FEETECH SCS puts the high byte of a word first.
+    big_endian: bool,
     /// One count in the unit below.
     scale: f64,
     zero: Option<i64>,
@@ -81,6 +83,7 @@ impl Model {
             min: register.min,
             max: register.max,
             initial: place.initial().unwrap_or(0),
+            big_endian: self.protocol == Protocol::FeetechScs,
             scale: register.scale.unwrap_or(1.0),
             zero: register.zero,
             unit: register.unit,
@@ -113,6 +116,12 @@ impl Model {
 
     pub fn named(&self, name: &str) -> Option<&Item> {
         self.by_name.get(name).map(|&index| &self.items[usize::from(index)])
+    }
+
+    /// What a value of the operating mode register makes of the servo.
+    pub fn mode(&self, value: i64) -> Option<Mode> {
+        let modes = &self.profile.operating_modes;
+        modes.iter().find(|mode| i64::from(mode.value) == value).map(|mode| mode.mode)
     }
 
     /// Address of the pointer behind an indirect data byte.
@@ -170,6 +179,11 @@ impl Item {
         start..start + usize::from(self.bytes)
     }
 
+    /// True if the raw value lies in the register's own range.
+    pub fn allows(&self, raw: i64) -> bool {
+        self.min.is_none_or(|min| raw >= min) && self.max.is_none_or(|max| raw <= max)
+    }
+
     fn sign_bit(&self) -> Option<u32> {
         match self.encoding {
             Encoding::SignMagnitude10 => Some(10),
@@ -194,10 +208,15 @@ impl Item {
         }
     }
 
-    /// Number in the little-endian bytes of this item; `bytes` holds at least as many.
+    /// Number in the bytes of this item; `bytes` holds at least as many.
     pub fn decode(&self, bytes: &[u8]) -> i64 {
         let bytes = &bytes[..usize::from(self.bytes)];
-        let word = bytes.iter().rev().fold(0_u32, |word, &byte| word << 8 | u32::from(byte));
+        let join = |word: u32, &byte: &u8| word << 8 | u32::from(byte);
+        let word = if self.big_endian {
+            bytes.iter().fold(0, join)
+        } else {
+            bytes.iter().rev().fold(0, join)
+        };
         match (self.encoding, self.sign_bit()) {
             (_, Some(bit)) => {
                 let magnitude = i64::from(word & ((1 << bit) - 1));
@@ -210,14 +229,17 @@ impl Item {
         }
     }
 
-    /// Writes `raw` into the bytes of this item, little-endian.
+    /// Writes `raw` into the bytes of this item.
     pub fn encode(&self, raw: i64, bytes: &mut [u8]) {
         let word = match self.sign_bit() {
             Some(bit) if raw < 0 => raw.unsigned_abs() as u32 | 1 << bit,
             _ => raw as u32,
         };
-        bytes[..usize::from(self.bytes)]
-            .copy_from_slice(&word.to_le_bytes()[..usize::from(self.bytes)]);
+        let bytes = &mut bytes[..usize::from(self.bytes)];
+        bytes.copy_from_slice(&word.to_le_bytes()[..bytes.len()]);
+        if self.big_endian {
+            bytes.reverse();
+        }
     }
 }
 

@@ -1,8 +1,10 @@
 //! The world: a robot's servos on their lines, and the time they share.
 
 use crate::SimError;
-use crate::fault::{Fault, Faults, Strike};
-use crate::line::{Line, Shared};
+use crate::adapter::Usb;
+use crate::fault::plan::{Names, Place, Plan, Strike};
+use crate::fault::{Fault, Struck};
+use crate::line::{Line, Plugged, Shared};
 use crate::referee::{Referee, Verdict};
 use crate::servo::Servo;
 use crate::table::Model;
@@ -26,8 +28,14 @@ pub struct Options {
     pub echo: bool,
     /// Time the adapter holds bytes back after they are complete.
     pub adapter_latency_ns: u64,
+    /// How the adapter gathers bytes for the host; without one it hands over whole statuses.
+    pub usb: Option<Usb>,
     /// What comes after a servo that does not answer its part of a sync or bulk read.
     pub missing_in_chain: MissingInChain,
+    /// What DYNAMIXEL servos say to a packet for them whose checksum is wrong.
+    pub bad_checksum: BadChecksum,
+    /// What goal speed 0 means to FEETECH servos that move to positions.
+    pub zero_speed: ZeroSpeed,
     /// What goes wrong.
     pub faults: Vec<Fault>,
 }
@@ -40,7 +48,10 @@ impl Default for Options {
             permit_eeprom: false,
             echo: false,
             adapter_latency_ns: 0,
+            usb: None,
             missing_in_chain: MissingInChain::Silent,
+            bad_checksum: BadChecksum::Ignore,
+            zero_speed: ZeroSpeed::NoLimit,
             faults: Vec::new(),
         }
     }
@@ -59,6 +70,27 @@ pub enum MissingInChain {
     },
 }
 
+/// What goal speed 0 means to FEETECH servos in position and step mode. A public table of the
+/// memory gives the choice to bit 3 of Phase(18), but its factory value is not told, and hosts that
+/// never write a speed expect their servos to move.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ZeroSpeed {
+    /// As fast as it can.
+    NoLimit,
+    /// Bit 3 set: as fast as it can; clear: stop.
+    AsPhaseSays,
+}
+
+/// What DYNAMIXEL servos do with a packet for them whose checksum is wrong. The manuals define an
+/// error for it (bit 4 in Protocol 1.0, number 3 in Protocol 2.0), but hosts do not get to see it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BadChecksum {
+    /// Nothing; the bytes are searched for another packet.
+    Ignore,
+    /// They answer with the error.
+    Answer,
+}
+
 /// A virtual robot in virtual time. The same seed and the same host bytes at the same times give
 /// the same bytes back.
 pub struct World {
@@ -74,8 +106,7 @@ pub struct World {
 /// Where a joint's servo is.
 #[derive(Clone, Copy, Debug)]
 struct Placed {
-    line: usize,
-    servo: usize,
+    place: Place,
     initial_rad: f64,
     /// Turns of the joint for one turn of the servo, with its sign.
     ratio: f64,
@@ -110,23 +141,23 @@ impl World {
     ) -> Result<World, SimError> {
         let by_name: BTreeMap<String, usize> =
             robot.joints.iter().enumerate().map(|(k, joint)| (joint.name.clone(), k)).collect();
-        let faults = Faults::new(&options.faults, |joint| {
-            by_name.get(joint).copied().ok_or_else(|| SimError::UnknownJoint(joint.to_string()))
-        })?;
+        let shared = Shared {
+            line_timing: options.line_timing,
+            real_time: false,
+            echo: options.echo,
+            adapter_latency_ns: options.adapter_latency_ns,
+            usb: options.usb,
+            missing_in_chain: options.missing_in_chain,
+            bad_checksum: options.bad_checksum,
+            faults: Plan::default(),
+            rng: ChaCha8Rng::seed_from_u64(options.seed),
+            referee: Referee::new(robot.lines.len(), options.permit_eeprom),
+        };
         let lines = robot.lines.iter().enumerate();
         let mut world = World {
             now_ns: 0,
-            lines: lines.map(|(k, l)| Line::new(k, &l.name, l.baud_bps)).collect(),
-            shared: Shared {
-                line_timing: options.line_timing,
-                real_time: false,
-                echo: options.echo,
-                adapter_latency_ns: options.adapter_latency_ns,
-                missing_in_chain: options.missing_in_chain,
-                faults,
-                rng: ChaCha8Rng::seed_from_u64(options.seed),
-                referee: Referee::new(robot.lines.len(), options.permit_eeprom),
-            },
+            lines: lines.map(|(k, l)| Line::new(k, &l.name, l.baud_bps, &shared)).collect(),
+            shared,
             joints: Vec::new(),
             by_name,
             epoch: None,
@@ -138,10 +169,62 @@ impl World {
             let model = models.entry(&joint.servo).or_insert_with(|| Arc::new(Model::new(profile)));
             world.add(robot, joint, Arc::clone(model))?;
         }
-        for (joint, span) in world.shared.faults.silences.clone() {
-            world.servo_mut(joint).silent.push(span);
+        for servo in world.lines.iter_mut().flat_map(|line| &mut line.servos) {
+            servo.zero_speed = options.zero_speed;
         }
+        world.join_cases(robot);
+        world.plan(robot, &options.faults)?;
         Ok(world)
+    }
+
+    /// Tells servos that are two axes in one case of each other.
+    fn join_cases(&mut self, robot: &Robot) {
+        for (joint, placed) in robot.joints.iter().zip(&self.joints) {
+            let mate = joint.shares_case_with.as_ref().and_then(|name| self.by_name.get(name));
+            let Some(mate) = mate.map(|&mate| self.joints[mate].place) else { continue };
+            let place = placed.place;
+            if mate.line == place.line && mate.servo != place.servo {
+                let servos = &mut self.lines[place.line].servos;
+                servos[place.servo].mate = Some(mate.servo);
+                servos[mate.servo].mate = Some(place.servo);
+            }
+        }
+    }
+
+    fn plan(&mut self, robot: &Robot, faults: &[Fault]) -> Result<(), SimError> {
+        let servos = robot.joints.iter().zip(&self.joints);
+        let names = Names {
+            lines: self.line_names(),
+            servos: servos
+                .map(|(joint, placed)| (joint.name.clone(), joint.id, placed.place))
+                .collect(),
+        };
+        for fault in faults {
+            self.check_register(fault, &names)?;
+        }
+        self.shared.faults = Plan::new(faults, names, &mut self.shared.rng)?;
+        self.run_until(0);
+        Ok(())
+    }
+
+    /// A fault that sets a register must find one.
+    fn check_register(&self, fault: &Fault, names: &Names) -> Result<(), SimError> {
+        match fault {
+            Fault::Perhaps { fault, .. } => self.check_register(fault, names),
+            Fault::Register { joint, register, raw, .. } => {
+                let place = names.servo(joint)?;
+                let mut servo = self.lines[place.line].servos[place.servo].clone();
+                if servo.force(register, *raw) {
+                    return Ok(());
+                }
+                Err(SimError::BadServo {
+                    joint: joint.clone(),
+                    servo: servo.model.profile.name.clone(),
+                    reason: format!("has no register {register:?} that can hold {raw}"),
+                })
+            }
+            _ => Ok(()),
+        }
     }
 
     fn add(&mut self, robot: &Robot, joint: &Joint, model: Arc<Model>) -> Result<(), SimError> {
@@ -174,8 +257,7 @@ impl World {
         servo.mark_start();
         self.shared.referee.add(joint, profile);
         self.joints.push(Placed {
-            line,
-            servo: self.lines[line].servos.len(),
+            place: Place { line, servo: self.lines[line].servos.len() },
             initial_rad: joint.initial_rad,
             ratio,
         });
@@ -219,16 +301,13 @@ impl World {
     /// When the servos hear something next, or a fault strikes.
     fn next_event_ns(&self) -> Option<u64> {
         let hearing = self.lines.iter().filter_map(Line::next_hearing_ns).min();
-        let strike = self.shared.faults.strikes.last().map(|&(at_ns, _)| at_ns);
-        hearing.into_iter().chain(strike).min()
+        hearing.into_iter().chain(self.shared.faults.next_ns()).min()
     }
 
     /// Carries out the next event, a fault before a packet.
     fn happen(&mut self) {
         let now_ns = self.now_ns;
-        if let Some((_, strike)) =
-            self.shared.faults.strikes.pop_if(|&mut (at_ns, _)| at_ns <= now_ns)
-        {
+        if let Some(strike) = self.shared.faults.strike(now_ns) {
             self.strike(strike);
         } else if let Some(line) = self
             .lines
@@ -243,37 +322,76 @@ impl World {
     fn strike(&mut self, strike: Strike) {
         let now_ns = self.now_ns;
         match strike {
-            Strike::Overload { joint } => self.servo_mut(joint).raise_overload(now_ns),
-            Strike::Reboot { joint } => {
-                self.servo_mut(joint).restart(now_ns, now_ns + crate::servo::BOOT_NS);
+            Strike::Silence { servo, until_ns } => {
+                self.at(servo).silent.push(now_ns..until_ns);
+            }
+            Strike::Overload { servo } => self.at(servo).raise_overload(now_ns),
+            Strike::Reboot { servo } => {
+                self.at(servo).restart(now_ns, now_ns + crate::servo::BOOT_NS);
             }
             Strike::Brownout { until_ns } => {
                 for servo in self.lines.iter_mut().flat_map(|line| &mut line.servos) {
                     servo.restart(now_ns, until_ns);
                 }
             }
-            Strike::Block { joint, blocked } => {
-                let servo = self.servo_mut(joint);
-                servo.advance(now_ns);
-                servo.motor.blocked = blocked;
+            Strike::Stick { servo, stuck } => self.at(servo).motor.set_blocked(stuck),
+            Strike::Freeze { servo, frozen } => {
+                let servo = self.at(servo);
+                servo.frozen = frozen.then(|| servo.present_position());
             }
-            Strike::Jump { joint, counts } => {
-                let servo = self.servo_mut(joint);
-                servo.advance(now_ns);
-                servo.jump(counts);
+            Strike::Jump { servo, counts } => self.at(servo).jump(counts),
+            Strike::Register { servo, register, raw } => {
+                // That there is one was seen before the start.
+                let _ = self.at(servo).force(&register, raw);
             }
+            Strike::Twin { servo, turn_rad } => self.duplicate_at(servo, turn_rad),
+            Strike::Slow { line, latency_ns, usb } => self.lines[line].slow_down(latency_ns, usb),
+            Strike::AtSpeed { line } => {
+                let Shared { adapter_latency_ns, usb, .. } = self.shared;
+                self.lines[line].slow_down(adapter_latency_ns, usb);
+            }
+            Strike::HangUp { line } => self.lines[line].pull_out(),
+            Strike::PlugIn { line, link } => self.lines[line].plug_in(link),
+            Strike::Block { line, until_ns, bytes } => self.lines[line].block(until_ns, bytes),
         }
         for line in &mut self.lines {
             line.report(now_ns, &mut self.shared.referee);
         }
     }
 
-    /// The host starts to send on a line, after what it is sending already; returns at once.
-    pub fn transmit(&mut self, line: usize, bytes: &[u8], baud_bps: u32) {
+    /// A servo, moved on to now.
+    fn at(&mut self, place: Place) -> &mut Servo {
+        let servo = &mut self.lines[place.line].servos[place.servo];
+        servo.advance(self.now_ns);
+        servo
+    }
+
+    /// The host starts to send on a line, after what it is sending already; returns at once how
+    /// many bytes the line takes. That is all of them, unless it is blocked; bytes for a line that
+    /// does not exist or has hung up are lost.
+    pub fn transmit(&mut self, line: usize, bytes: &[u8], baud_bps: u32) -> usize {
         let now_ns = self.now_ns;
-        if let Some(line) = self.lines.get_mut(line) {
-            line.transmit(now_ns, bytes, baud_bps, &mut self.shared);
+        match self.lines.get_mut(line) {
+            Some(line) => line.transmit(now_ns, bytes, baud_bps, &mut self.shared),
+            None => bytes.len(),
         }
+    }
+
+    /// Until when a line takes no bytes from the host, if it is blocked.
+    pub fn blocked_until_ns(&self, line: usize) -> Option<u64> {
+        self.lines.get(line)?.blocked_until_ns(self.now_ns)
+    }
+
+    /// Which connection to a line this is: 1 at first, one more each time the adapter was plugged
+    /// in again, none while it is pulled out. A host has lost its port when the number changes.
+    pub fn connection(&self, line: usize) -> Option<u32> {
+        let plugged = &self.lines.get(line)?.plugged;
+        plugged.now.then_some(plugged.times)
+    }
+
+    /// How a door stands.
+    pub(crate) fn plugged(&self, line: usize) -> Option<&Plugged> {
+        self.lines.get(line).map(|line| &line.plugged)
     }
 
     /// Runs the world until at least one byte for the host is there, or until the deadline. Returns
@@ -285,6 +403,9 @@ impl World {
         loop {
             if self.lines[line].collect(self.now_ns, &mut self.shared.rng) > 0 {
                 return self.lines[line].take(buf);
+            }
+            if !self.lines[line].plugged.now {
+                return 0;
             }
             if self.now_ns >= deadline_ns {
                 // Without line timing an instruction sent now is heard now.
@@ -311,8 +432,20 @@ impl World {
 
     /// When something happens on a line that a host would notice, if nobody sends more.
     pub(crate) fn next_on_line_ns(&self, line: usize) -> Option<u64> {
+        let fault = self.shared.faults.next_ns();
         let line = self.lines.get(line)?;
-        line.next_hearing_ns().into_iter().chain(line.next_ready_ns()).min()
+        let blocked = line.blocked_until_ns(self.now_ns);
+        let own = line.next_hearing_ns().into_iter().chain(line.next_ready_ns());
+        own.chain(fault).chain(blocked).min()
+    }
+
+    /// Moves every servo on to now, so that a long wait is not made up for all at once.
+    pub(crate) fn keep_up(&mut self) {
+        let now_ns = self.now_ns;
+        for line in &mut self.lines {
+            line.servos.iter_mut().for_each(|servo| servo.advance(now_ns));
+            line.report(now_ns, &mut self.shared.referee);
+        }
     }
 
     /// Real time and world time run together from the first call on.
@@ -322,22 +455,14 @@ impl World {
     }
 
     fn servo(&self, joint: usize) -> &Servo {
-        let place = self.joints[joint];
+        let place = self.joints[joint].place;
         &self.lines[place.line].servos[place.servo]
-    }
-
-    fn servo_mut(&mut self, joint: usize) -> &mut Servo {
-        let place = self.joints[joint];
-        &mut self.lines[place.line].servos[place.servo]
     }
 
     /// The servo of a joint, moved on to now.
     fn current(&mut self, joint: &str) -> Option<&mut Servo> {
         let joint = *self.by_name.get(joint)?;
-        let now_ns = self.now_ns;
-        let servo = self.servo_mut(joint);
-        servo.advance(now_ns);
-        Some(servo)
+        Some(self.at(self.joints[joint].place))
     }
 
     /// Where the joint really is, whatever its registers say, rad.
@@ -374,6 +499,13 @@ impl World {
         servo.named(register)
     }
 
+    /// Whether the LED of a joint's servo shines; during an alarm it blinks.
+    pub fn led_lit(&self, joint: &str) -> Option<bool> {
+        let mut servo = self.servo(*self.by_name.get(joint)?).clone();
+        servo.advance(self.now_ns);
+        Some(servo.led_lit())
+    }
+
     /// Sets a register's raw value past all rules, to set a scene. Present position, voltage and
     /// temperature set what they measure. Returns false if there is no such joint or register, or
     /// the value does not fit.
@@ -393,12 +525,15 @@ impl World {
     /// by `turn_rad`. Returns false if there is no such joint.
     pub fn duplicate(&mut self, joint: &str, turn_rad: f64) -> bool {
         let Some(&index) = self.by_name.get(joint) else { return false };
-        let Some(servo) = self.current(joint) else { return false };
-        let mut stray = servo.clone();
+        self.duplicate_at(self.joints[index].place, turn_rad);
+        true
+    }
+
+    fn duplicate_at(&mut self, place: Place, turn_rad: f64) {
+        let mut stray = self.at(place).clone();
         stray.joint = None;
         stray.turn_by(turn_rad);
-        self.lines[self.joints[index].line].servos.push(stray);
-        true
+        self.lines[place.line].servos.push(stray);
     }
 
     /// Allows or forbids EEPROM writes from now on (rule R4).
@@ -409,6 +544,16 @@ impl World {
     /// From now on no goal may differ from the last (rule R5).
     pub fn declare_stop(&mut self) {
         self.shared.referee.declare_stop();
+    }
+
+    /// How many faults have struck so far; each damaged status is one.
+    pub fn struck_count(&self) -> u64 {
+        self.shared.faults.struck_count()
+    }
+
+    /// The faults that have struck since this was asked last, the latest 4096 of them.
+    pub fn take_struck(&mut self) -> Vec<Struck> {
+        self.shared.faults.take_struck()
     }
 
     /// What the referee has seen so far.

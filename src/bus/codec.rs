@@ -1,39 +1,105 @@
 //! The protocols of a line behind one face: the same questions, each protocol's own bytes.
 
-use super::{GroupRead, Miss, Reply};
+use super::{GroupItem, GroupRead, Miss, Reply};
 use crate::time::Duration;
-use crate::wire::{Decoded, dynamixel2 as dxl, feetech as sts};
+use crate::wire::{Decoded, dynamixel1 as dxl1, dynamixel2 as dxl, feetech as sts};
 
-/// What is spoken on a line.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// What a device speaks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Protocol {
+    /// ROBOTIS DYNAMIXEL Protocol 1.0.
+    Dynamixel1,
     /// ROBOTIS DYNAMIXEL Protocol 2.0.
     Dynamixel2,
     /// FEETECH STS/SMS.
     FeetechSts,
+    /// FEETECH SCS: big-endian words and no group read.
+    FeetechScs,
+}
+
+use Protocol::{Dynamixel1, Dynamixel2, FeetechScs, FeetechSts};
+
+impl std::fmt::Display for Protocol {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Dynamixel1 => "Dynamixel 1.0",
+            Dynamixel2 => "Dynamixel 2.0",
+            FeetechSts => "Feetech STS",
+            FeetechScs => "Feetech SCS",
+        })
+    }
 }
 
 /// What lies at the front of the received bytes.
 pub(super) enum Heard<'a> {
     /// Not enough to tell.
     Need,
-    /// Drop this many bytes; true if they were a damaged packet.
-    Drop(usize, bool),
-    /// A device's answer of `n` bytes.
-    Status { id: u8, alert: bool, refused: Option<String>, params: &'a [u8], n: usize },
+    /// So many bytes of our own, or of another host.
+    Echo(usize),
+    /// So many bytes that begin no packet.
+    Noise(usize),
+    /// So many bytes of a damaged packet.
+    Damaged(usize),
+    /// A device's answer, in so many bytes.
+    Status(Said<'a>, usize),
+}
+
+/// What a device said.
+pub(super) struct Said<'a> {
+    pub id: u8,
+    pub alert: bool,
+    /// Why the instruction was not carried out.
+    pub no: Option<Miss>,
+    pub params: &'a [u8],
+}
+
+impl Said<'_> {
+    /// As the answer to a question for `length` bytes.
+    pub(super) fn reply(self, length: usize) -> Result<Reply, Miss> {
+        match self.no {
+            Some(miss) => Err(miss),
+            None if self.params.len() != length => Err(Miss::Garbled),
+            None => Ok(Reply { alert: self.alert, bytes: self.params.to_vec() }),
+        }
+    }
+}
+
+fn heard(decoded: Decoded<Said<'_>>) -> Heard<'_> {
+    match decoded {
+        Decoded::Need(_) => Heard::Need,
+        Decoded::Skip(n) => Heard::Noise(n),
+        Decoded::Echo(n) => Heard::Echo(n),
+        Decoded::Bad(_, n) => Heard::Damaged(n),
+        Decoded::Packet(said, n) => Heard::Status(said, n),
+    }
+}
+
+/// Why a Protocol 2.0 device did not do what it was told. If it says that the instruction reached
+/// it damaged, that is a fault of the line like any other, and asking again is right.
+fn refusal(code: dxl::ErrorCode) -> Miss {
+    match code {
+        dxl::ErrorCode::Crc => Miss::Garbled,
+        other => Miss::Refused(other.to_string()),
+    }
+}
+
+/// The same for Protocol 1.0.
+fn refusal1(error: dxl1::StatusError) -> Option<Miss> {
+    if error.any(dxl1::StatusError::CHECKSUM) {
+        Some(Miss::Garbled)
+    } else if error.refused() {
+        Some(Miss::Refused(error.to_string()))
+    } else {
+        None
+    }
 }
 
 fn dxl_id(id: u8) -> Result<dxl::Id, String> {
     dxl::Id::new(id).ok_or_else(|| format!("ID {id} is not a Dynamixel ID (0 to 252)"))
 }
 
-fn sts_id(id: u8) -> Result<sts::Id, String> {
-    sts::Id::new(id).ok_or_else(|| format!("ID {id} is not a Feetech ID (0 to 253)"))
-}
-
-/// A Feetech address or length, which is one byte.
-fn byte(number: u16) -> Result<u8, String> {
-    u8::try_from(number).map_err(|_| format!("{number} does not fit a Feetech packet"))
+fn short_id(id: u8) -> Result<sts::Id, String> {
+    sts::Id::new(id).ok_or_else(|| format!("ID {id} is not one of 0 to 253"))
 }
 
 impl Protocol {
@@ -41,75 +107,81 @@ impl Protocol {
     /// none; 200 us covers what owners of STS servos report.
     pub(super) const fn least_reply_delay(self) -> Duration {
         match self {
-            Self::Dynamixel2 => Duration::ZERO,
-            Self::FeetechSts => Duration::from_micros(200),
+            Dynamixel1 | Dynamixel2 => Duration::ZERO,
+            FeetechSts | FeetechScs => Duration::from_micros(200),
         }
     }
 
     /// Bytes of a status with `params` bytes.
     pub(super) const fn status_bytes(self, params: usize) -> usize {
         match self {
-            Self::Dynamixel2 => dxl::status_len(params),
-            Self::FeetechSts => sts::status_len(params),
-        }
-    }
-
-    /// Bytes of the one answer of a fast group read.
-    pub(super) const fn merged_bytes(self, devices: usize, length: usize) -> usize {
-        match self {
-            Self::Dynamixel2 => dxl::merged_status_len(devices, devices * length),
-            Self::FeetechSts => devices * sts::status_len(length),
+            Dynamixel2 => dxl::status_len(params),
+            Dynamixel1 | FeetechSts | FeetechScs => sts::status_len(params),
         }
     }
 
     /// Bytes that ask one device for some.
     pub(super) const fn read_bytes(self) -> usize {
         match self {
-            Self::Dynamixel2 => dxl::instruction_len(4),
-            Self::FeetechSts => sts::instruction_len(2),
+            Dynamixel2 => dxl::instruction_len(4),
+            Dynamixel1 | FeetechSts | FeetechScs => sts::instruction_len(2),
         }
     }
 
-    /// Bytes that answer a ping.
+    /// Parameter bytes in the answer to a ping.
     pub(super) const fn ping_bytes(self) -> usize {
         match self {
-            Self::Dynamixel2 => 3,
-            Self::FeetechSts => 0,
+            Dynamixel2 => 3,
+            Dynamixel1 | FeetechSts | FeetechScs => 0,
         }
     }
 
-    /// Bytes of a group read of `length` bytes from `devices`, question and answers.
-    pub(super) const fn group_read_bytes(
-        self,
-        devices: usize,
-        length: usize,
-        mode: GroupRead,
-    ) -> usize {
-        match (self, mode) {
-            (Self::Dynamixel2, GroupRead::Sync) => {
-                dxl::sync_read_len(devices) + devices * dxl::status_len(length)
-            }
-            (Self::Dynamixel2, GroupRead::Fast) => {
-                dxl::sync_read_len(devices) + dxl::merged_status_len(devices, devices * length)
-            }
-            (Self::FeetechSts, _) => {
-                sts::sync_read_len(devices) + devices * sts::status_len(length)
-            }
+    /// Bytes of the question to `devices`.
+    pub(super) const fn group_read_bytes(self, kind: GroupRead, devices: usize) -> usize {
+        match (self, kind) {
+            (Dynamixel2, GroupRead::Sync | GroupRead::Fast) => dxl::sync_read_len(devices),
+            (Dynamixel2, GroupRead::Bulk | GroupRead::FastBulk) => dxl::bulk_read_len(devices),
+            (_, GroupRead::Bulk | GroupRead::FastBulk) => dxl1::bulk_read_len(devices),
+            (_, GroupRead::Sync | GroupRead::Fast) => sts::sync_read_len(devices),
         }
     }
 
     /// Bytes of a sync write of `length` bytes to `devices`.
     pub(super) const fn sync_write_bytes(self, devices: usize, length: usize) -> usize {
         match self {
-            Self::Dynamixel2 => dxl::sync_write_len(devices, length),
-            Self::FeetechSts => sts::sync_write_len(devices, length),
+            Dynamixel2 => dxl::sync_write_len(devices, length),
+            Dynamixel1 | FeetechSts | FeetechScs => sts::sync_write_len(devices, length),
         }
+    }
+
+    /// A number that this protocol sends in one byte.
+    fn byte(self, what: &str, number: u16) -> Result<u8, String> {
+        u8::try_from(number).map_err(|_| {
+            format!("{what} {number} does not fit a {self} packet, which has one byte for it")
+        })
+    }
+
+    /// IDs a device can have are those below.
+    pub(super) const fn ids(self) -> u8 {
+        match self {
+            Dynamixel2 => 253,
+            Dynamixel1 | FeetechSts | FeetechScs => 254,
+        }
+    }
+
+    pub(super) fn ping_all(self, out: &mut Vec<u8>) -> Result<(), String> {
+        match self {
+            Dynamixel2 => dxl::ping(out, dxl::Target::All),
+            FeetechSts => sts::ping(out, sts::Target::All),
+            Dynamixel1 | FeetechScs => return Err(format!("{self} answers no ping of all")),
+        }
+        Ok(())
     }
 
     pub(super) fn ping(self, out: &mut Vec<u8>, id: u8) -> Result<(), String> {
         match self {
-            Self::Dynamixel2 => dxl::ping(out, dxl_id(id)?),
-            Self::FeetechSts => sts::ping(out, sts_id(id)?),
+            Dynamixel2 => dxl::ping(out, dxl_id(id)?),
+            Dynamixel1 | FeetechSts | FeetechScs => sts::ping(out, short_id(id)?),
         }
         Ok(())
     }
@@ -122,8 +194,12 @@ impl Protocol {
         length: u16,
     ) -> Result<(), String> {
         match self {
-            Self::Dynamixel2 => dxl::read(out, dxl_id(id)?, address, length),
-            Self::FeetechSts => sts::read(out, sts_id(id)?, byte(address)?, byte(length)?),
+            Dynamixel2 => dxl::read(out, dxl_id(id)?, address, length),
+            Dynamixel1 | FeetechSts | FeetechScs => {
+                let (address, length) =
+                    (self.byte("address", address)?, self.byte("length", length)?);
+                sts::read(out, short_id(id)?, address, length)
+            }
         }
         .map_err(|e| e.to_string())
     }
@@ -136,32 +212,110 @@ impl Protocol {
         bytes: &[u8],
     ) -> Result<(), String> {
         match self {
-            Self::Dynamixel2 => dxl::write(out, dxl_id(id)?, address, bytes),
-            Self::FeetechSts => sts::write(out, sts_id(id)?, byte(address)?, bytes),
+            Dynamixel2 => dxl::write(out, dxl_id(id)?, address, bytes),
+            Dynamixel1 | FeetechSts | FeetechScs => {
+                sts::write(out, short_id(id)?, self.byte("address", address)?, bytes)
+            }
         }
         .map_err(|e| e.to_string())
+    }
+
+    pub(super) fn reg_write(
+        self,
+        out: &mut Vec<u8>,
+        id: u8,
+        address: u16,
+        bytes: &[u8],
+    ) -> Result<(), String> {
+        match self {
+            Dynamixel2 => dxl::reg_write(out, dxl_id(id)?, address, bytes),
+            Dynamixel1 | FeetechSts | FeetechScs => {
+                sts::reg_write(out, short_id(id)?, self.byte("address", address)?, bytes)
+            }
+        }
+        .map_err(|e| e.to_string())
+    }
+
+    pub(super) fn action_all(self, out: &mut Vec<u8>) {
+        match self {
+            Dynamixel2 => dxl::action(out, dxl::Target::All),
+            Dynamixel1 | FeetechSts | FeetechScs => sts::action(out, sts::Target::All),
+        }
+    }
+
+    pub(super) fn factory_reset(
+        self,
+        out: &mut Vec<u8>,
+        id: u8,
+        keep: dxl::FactoryReset,
+    ) -> Result<(), String> {
+        match (self, keep) {
+            (Dynamixel2, _) => dxl::factory_reset(out, dxl_id(id)?, keep),
+            (_, dxl::FactoryReset::Everything) => sts::factory_reset(out, short_id(id)?),
+            _ => return Err(format!("{self} has no factory reset that keeps something")),
+        }
+        Ok(())
+    }
+
+    /// An instruction that only Protocol 2.0 has.
+    pub(super) fn only2(
+        self,
+        out: &mut Vec<u8>,
+        id: u8,
+        name: &str,
+        encode: impl FnOnce(&mut Vec<u8>, dxl::Id),
+    ) -> Result<(), String> {
+        if self != Dynamixel2 {
+            return Err(format!("{self} has no {name}"));
+        }
+        encode(out, dxl_id(id)?);
+        Ok(())
     }
 
     pub(super) fn group_read(
         self,
         out: &mut Vec<u8>,
-        ids: &[u8],
-        address: u16,
-        length: u16,
-        mode: GroupRead,
+        kind: GroupRead,
+        items: &[GroupItem],
     ) -> Result<(), String> {
-        match self {
-            Self::Dynamixel2 => {
-                let ids = ids.iter().map(|&id| dxl_id(id)).collect::<Result<Vec<_>, _>>()?;
-                match mode {
-                    GroupRead::Sync => dxl::sync_read(out, address, length, ids),
-                    GroupRead::Fast => dxl::fast_sync_read(out, address, length, ids),
+        match (self, kind) {
+            (Dynamixel2, GroupRead::Sync | GroupRead::Fast) => {
+                let (address, length) = shared_block(items)?;
+                let ids = items.iter().map(|item| dxl_id(item.id));
+                let ids = ids.collect::<Result<Vec<_>, _>>()?;
+                if kind == GroupRead::Sync {
+                    dxl::sync_read(out, address, length, ids)
+                } else {
+                    dxl::fast_sync_read(out, address, length, ids)
                 }
             }
-            Self::FeetechSts => {
-                let ids = ids.iter().map(|&id| sts_id(id)).collect::<Result<Vec<_>, _>>()?;
-                sts::sync_read(out, byte(address)?, byte(length)?, ids)
+            (Dynamixel2, GroupRead::Bulk | GroupRead::FastBulk) => {
+                let reads = items.iter().map(|&GroupItem { id, address, length }| {
+                    Ok(dxl::BulkRead { id: dxl_id(id)?, address, length })
+                });
+                let reads = reads.collect::<Result<Vec<_>, String>>()?;
+                if kind == GroupRead::Bulk {
+                    dxl::bulk_read(out, reads)
+                } else {
+                    dxl::fast_bulk_read(out, reads)
+                }
             }
+            (FeetechSts, GroupRead::Sync) => {
+                let (address, length) = shared_block(items)?;
+                let (address, length) =
+                    (self.byte("address", address)?, self.byte("length", length)?);
+                let ids = items.iter().map(|item| short_id(item.id));
+                sts::sync_read(out, address, length, ids.collect::<Result<Vec<_>, _>>()?)
+            }
+            (Dynamixel1, GroupRead::Bulk) => {
+                let reads = items.iter().map(|item| {
+                    let id = short_id(item.id)?;
+                    let address = self.byte("address", item.address)?;
+                    Ok(dxl1::BulkRead { id, address, length: self.byte("length", item.length)? })
+                });
+                dxl1::bulk_read(out, reads.collect::<Result<Vec<_>, String>>()?)
+            }
+            _ => return Err(format!("{self} has no {kind:?} read")),
         }
         .map_err(|e| e.to_string())
     }
@@ -175,18 +329,33 @@ impl Protocol {
         let length = items.first().map_or(0, |(_, bytes)| bytes.len());
         let length = u16::try_from(length).map_err(|_| "too many bytes".to_owned())?;
         match self {
-            Self::Dynamixel2 => {
+            Dynamixel2 => {
                 let items = items.iter().map(|&(id, bytes)| Ok((dxl_id(id)?, bytes)));
                 let items = items.collect::<Result<Vec<_>, String>>()?;
                 dxl::sync_write(out, address, length, items)
             }
-            Self::FeetechSts => {
-                let items = items.iter().map(|&(id, bytes)| Ok((sts_id(id)?, bytes)));
+            Dynamixel1 | FeetechSts | FeetechScs => {
+                let (address, length) =
+                    (self.byte("address", address)?, self.byte("length", length)?);
+                let items = items.iter().map(|&(id, bytes)| Ok((short_id(id)?, bytes)));
                 let items = items.collect::<Result<Vec<_>, String>>()?;
-                sts::sync_write(out, byte(address)?, byte(length)?, items)
+                sts::sync_write(out, address, length, items)
             }
         }
         .map_err(|e| e.to_string())
+    }
+
+    pub(super) fn bulk_write(
+        self,
+        out: &mut Vec<u8>,
+        items: &[(u8, u16, &[u8])],
+    ) -> Result<(), String> {
+        if self != Dynamixel2 {
+            return Err(format!("{self} has no bulk write"));
+        }
+        let items = items.iter().map(|&(id, address, bytes)| Ok((dxl_id(id)?, address, bytes)));
+        let items = items.collect::<Result<Vec<_>, String>>()?;
+        dxl::bulk_write(out, items).map_err(|e| e.to_string())
     }
 
     /// What lies at the front of `received`, where answers have at most `longest` bytes.
@@ -197,50 +366,62 @@ impl Protocol {
         scratch: &'a mut Vec<u8>,
     ) -> Heard<'a> {
         match self {
-            Self::Dynamixel2 => match dxl::decode(received, scratch) {
-                Decoded::Need(_) => Heard::Need,
-                Decoded::Skip(n) | Decoded::Echo(n) => Heard::Drop(n, false),
-                Decoded::Bad(_, n) => Heard::Drop(n, true),
-                Decoded::Packet(status, n) => Heard::Status {
-                    id: status.id.get(),
-                    alert: status.error.alert,
-                    refused: status.error.code.map(|code| code.to_string()),
-                    params: status.params,
-                    n,
-                },
-            },
-            Self::FeetechSts => match sts::decode(received, longest) {
-                Decoded::Need(_) => Heard::Need,
-                Decoded::Skip(n) | Decoded::Echo(n) => Heard::Drop(n, false),
-                Decoded::Bad(_, n) => Heard::Drop(n, true),
-                Decoded::Packet(status, n) => Heard::Status {
-                    id: status.id.get(),
-                    alert: !status.error.is_ok(),
-                    refused: None,
-                    params: status.params,
-                    n,
-                },
-            },
+            Dynamixel2 => heard(dxl::decode(received, scratch).map(|status| Said {
+                id: status.id.get(),
+                alert: status.error.alert,
+                no: status.error.code.map(refusal),
+                params: status.params,
+            })),
+            Dynamixel1 => heard(dxl1::decode(received, longest).map(|status| Said {
+                id: status.id.get(),
+                alert: status.error.alert(),
+                no: refusal1(status.error),
+                params: status.params,
+            })),
+            // No bit of theirs is about the instruction; what they refuse they do not answer.
+            FeetechSts | FeetechScs => heard(sts::decode(received, longest).map(|status| Said {
+                id: status.id.get(),
+                alert: !status.error.is_ok(),
+                no: None,
+                params: status.params,
+            })),
         }
     }
 
     /// Bytes to drop when nothing more comes behind the beginning of a packet.
     pub(super) fn abandon(self, received: &[u8]) -> usize {
         match self {
-            Self::Dynamixel2 => dxl::abandon(received),
-            Self::FeetechSts => sts::abandon(received),
+            Dynamixel2 => dxl::abandon(received),
+            Dynamixel1 | FeetechSts | FeetechScs => sts::abandon(received),
         }
     }
 }
 
+/// The one block all items of a sync read share.
+fn shared_block(items: &[GroupItem]) -> Result<(u16, u16), String> {
+    let first = items.first().ok_or("no device named")?;
+    let block = (first.address, first.length);
+    if items.iter().any(|item| (item.address, item.length) != block) {
+        return Err("a sync read asks all devices for the same registers".to_owned());
+    }
+    Ok(block)
+}
+
+/// Bytes of a merged status in which `devices` answer with `params` bytes in all.
+pub(super) const fn merged_bytes(devices: usize, params: usize) -> usize {
+    dxl::merged_status_len(devices, params)
+}
+
 /// The answers in a merged status, as far as they are there.
-pub(super) fn merged(received: &[u8], ids: &[u8], length: usize) -> Vec<Result<Reply, Miss>> {
-    let asked: Vec<(dxl::Id, usize)> =
-        ids.iter().filter_map(|&id| Some((dxl::Id::new(id)?, length))).collect();
+pub(super) fn merged(received: &[u8], items: &[GroupItem]) -> Vec<Result<Reply, Miss>> {
+    let asked: Vec<(dxl::Id, usize)> = items
+        .iter()
+        .filter_map(|item| Some((dxl::Id::new(item.id)?, usize::from(item.length))))
+        .collect();
     let answers = dxl::decode_merged(received, &asked).answers().map(|(id, answer)| match answer {
         Ok(status) => match status.error.code {
             None => Ok(Reply { alert: status.error.alert, bytes: status.params.to_vec() }),
-            Some(code) => Err(Miss::Refused(code.to_string())),
+            Some(code) => Err(refusal(code)),
         },
         Err(dxl::NoAnswer::Missing) => Err(Miss::Silent),
         Err(dxl::NoAnswer::WrongId { actual, .. }) => {

@@ -27,16 +27,40 @@ pub enum BusKind {
         /// Bits per second; absent: the robot file's.
         baud_bps: Option<u32>,
     },
+    /// A serial line behind a TCP port.
+    Tcp {
+        /// `host:port`.
+        place: String,
+        /// Speed of the line at the other end, bits per second; absent: the robot file's.
+        baud_bps: Option<u32>,
+    },
 }
 
-const ALLOWED: &str = "sim, sim:pty, serial:/dev/ttyUSB0 or serial:/dev/ttyUSB0?baud=1000000, \
-                       each with LINE= before it if the robot has several lines";
+impl BusKind {
+    /// True for a virtual robot of this process.
+    #[must_use]
+    pub const fn is_virtual(&self) -> bool {
+        matches!(self, Self::Sim | Self::SimPty)
+    }
+
+    /// The line speed the user gave, bits per second.
+    #[must_use]
+    pub const fn baud_bps(&self) -> Option<u32> {
+        match self {
+            Self::Sim | Self::SimPty => None,
+            Self::Serial { baud_bps, .. } | Self::Tcp { baud_bps, .. } => *baud_bps,
+        }
+    }
+}
+
+const ALLOWED: &str = "sim, sim:pty, serial:/dev/ttyUSB0, serial:/dev/ttyUSB0?baud=1000000 or \
+                       tcp:host:port, each with LINE= before it if the robot has several lines";
 
 impl FromStr for Address {
     type Err = Error;
 
     fn from_str(text: &str) -> Result<Self, Error> {
-        let unknown = || Error::new("not a bus I know").at("--bus").got(text).allowed(ALLOWED);
+        let unknown = || Error::new("not a bus I know").at("the bus").got(text).allowed(ALLOWED);
         let (line, bus) = match text.split_once('=') {
             // An `=` after `?` belongs to the bus, not to a line name.
             Some((name, bus)) if !name.contains(['?', '/', ':']) => (Some(name.to_owned()), bus),
@@ -46,9 +70,10 @@ impl FromStr for Address {
             "sim" => BusKind::Sim,
             "sim:pty" => BusKind::SimPty,
             _ => {
-                let serial = bus.strip_prefix("serial:");
-                let bare = (bus.contains('/') && !bus.contains(':')).then_some(bus);
-                serial_bus(serial.or(bare).ok_or_else(unknown)?).ok_or_else(unknown)?
+                let bare = bus.starts_with(['/', '.']).then_some(bus);
+                let serial = bus.strip_prefix("serial:").or(bare).and_then(serial_bus);
+                let tcp = || bus.strip_prefix("tcp:").and_then(tcp_bus);
+                serial.or_else(tcp).ok_or_else(unknown)?
             }
         };
         if line.as_deref() == Some("") {
@@ -66,30 +91,38 @@ impl fmt::Display for Address {
         match &self.bus {
             BusKind::Sim => f.write_str("sim"),
             BusKind::SimPty => f.write_str("sim:pty"),
-            BusKind::Serial { path, baud_bps: None } => write!(f, "serial:{path}"),
-            BusKind::Serial { path, baud_bps: Some(baud) } => {
-                write!(f, "serial:{path}?baud={baud}")
-            }
-        }
+            BusKind::Serial { path, .. } => write!(f, "serial:{path}"),
+            BusKind::Tcp { place, .. } => write!(f, "tcp:{place}"),
+        }?;
+        self.bus.baud_bps().map_or(Ok(()), |baud_bps| write!(f, "?baud={baud_bps}"))
     }
 }
 
 fn serial_bus(text: &str) -> Option<BusKind> {
-    let (path, query) = match text.split_once('?') {
-        Some((path, query)) => (path, Some(query)),
+    let (path, baud_bps) = with_speed(text)?;
+    Some(BusKind::Serial { path, baud_bps })
+}
+
+fn tcp_bus(text: &str) -> Option<BusKind> {
+    let (place, baud_bps) = with_speed(text)?;
+    let (host, port) = place.rsplit_once(':')?;
+    let usable = !host.is_empty() && port.parse::<u16>().is_ok_and(|port| port > 0);
+    usable.then_some(BusKind::Tcp { place, baud_bps })
+}
+
+/// What stands before `?baud=N`, and N.
+fn with_speed(text: &str) -> Option<(String, Option<u32>)> {
+    let (place, query) = match text.split_once('?') {
+        Some((place, query)) => (place, Some(query)),
         None => (text, None),
     };
-    if path.is_empty() {
-        return None;
-    }
     let baud_bps = match query {
         Some(query) => {
-            let baud = query.strip_prefix("baud=")?.parse().ok().filter(|&baud| baud > 0)?;
-            Some(baud)
+            Some(query.strip_prefix("baud=")?.parse().ok().filter(|&baud: &u32| baud > 0)?)
         }
         None => None,
     };
-    Some(BusKind::Serial { path: path.to_owned(), baud_bps })
+    (!place.is_empty()).then(|| (place.to_owned(), baud_bps))
 }
 
 #[cfg(test)]
@@ -98,6 +131,10 @@ mod tests {
 
     fn serial(path: &str, baud_bps: Option<u32>) -> BusKind {
         BusKind::Serial { path: path.to_owned(), baud_bps }
+    }
+
+    fn tcp(place: &str, baud_bps: Option<u32>) -> BusKind {
+        BusKind::Tcp { place: place.to_owned(), baud_bps }
     }
 
     #[test]
@@ -110,15 +147,36 @@ mod tests {
             ("serial:/tmp/op3?baud=1000000", None, serial("/tmp/op3", Some(1_000_000))),
             ("legs=serial:/dev/a?baud=9600", Some("legs"), serial("/dev/a", Some(9600))),
             ("arms=sim", Some("arms"), BusKind::Sim),
+            (
+                "/dev/serial/by-path/pci-0000:00:14.0",
+                None,
+                serial("/dev/serial/by-path/pci-0000:00:14.0", None),
+            ),
+            ("tcp:robot.local:4000", None, tcp("robot.local:4000", None)),
+            ("tcp:[::1]:4000?baud=57600", None, tcp("[::1]:4000", Some(57_600))),
+            ("legs=tcp:10.0.0.2:4000", Some("legs"), tcp("10.0.0.2:4000", None)),
         ] {
             let address: Address = text.parse().unwrap_or_else(|e| panic!("{text}: {e}"));
+            let again: Address = address.to_string().parse().expect("what it prints is read");
+            assert_eq!(again, address);
             assert_eq!((address.line.as_deref(), address.bus), (line, bus), "{text}");
         }
     }
 
     #[test]
     fn anything_else_is_refused_with_the_allowed_forms() {
-        for text in ["", "simm", "serial:", "serial:/a?baud=0", "serial:/a?x=1", "=sim", "usb:1"] {
+        for text in [
+            "",
+            "simm",
+            "serial:",
+            "serial:/a?baud=0",
+            "serial:/a?x=1",
+            "=sim",
+            "usb:1",
+            "tcp:4000",
+            "tcp::1",
+            "tcp:a:b",
+        ] {
             let error = text.parse::<Address>().expect_err(text);
             assert!(error.to_string().contains("serial:/dev/ttyUSB0"), "{error}");
         }

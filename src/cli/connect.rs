@@ -1,12 +1,14 @@
 //! From `--bus` values to a robot whose lines are open.
 
 use super::address::{Address, BusKind};
+use crate::bus::{Bus, Timing};
 use crate::error::Error;
 use crate::port::serial::SerialLine;
 use crate::port::sim::{SharedWorld, VirtualClock, VirtualLine};
+use crate::port::tcp::TcpLine;
 use crate::port::{BytePort, Clock, MonotonicClock, PortError};
 use crate::robot::{Link, Robot};
-use crate::time::Duration;
+use crate::time::{Duration, Instant};
 use gaitway_sim::{Door, Options, World};
 use std::sync::Arc;
 
@@ -23,6 +25,8 @@ pub struct Connection {
 
 /// Held back by a USB adapter that says nothing of itself, or by a pseudo-terminal's scheduling.
 const UNKNOWN_LATENCY: Duration = Duration::from_millis(5);
+/// There and back on a local network that is not idle.
+const NETWORK_LATENCY: Duration = Duration::from_millis(20);
 
 /// Opens every line of `robot`.
 ///
@@ -30,16 +34,16 @@ const UNKNOWN_LATENCY: Duration = Duration::from_millis(5);
 /// An address that names no line, a line without address, a port that cannot be opened.
 pub fn connect(robot: Robot, addresses: &[Address], seed: u64) -> Result<Connection, Error> {
     let by_line = assign(&robot, addresses)?;
-    let sims = by_line.iter().filter(|bus| !matches!(bus, BusKind::Serial { .. })).count();
+    let sims = by_line.iter().filter(|bus| bus.is_virtual()).count();
     if sims > 0 && by_line.iter().any(|bus| *bus != by_line[0]) {
         return Err(Error::new("a virtual robot has all its lines in one place")
             .at("--bus")
-            .allowed("the same kind of virtual bus for every line, or serial ports only"));
+            .allowed("the same kind of virtual bus for every line, or real lines only"));
     }
     match &by_line[0] {
         BusKind::Sim => in_virtual_time(robot, seed),
         BusKind::SimPty => behind_terminals(robot, seed),
-        BusKind::Serial { .. } => over_serial(robot, &by_line),
+        BusKind::Serial { .. } | BusKind::Tcp { .. } => over_wires(robot, &by_line),
     }
 }
 
@@ -63,7 +67,6 @@ fn assign(robot: &Robot, addresses: &[Address]) -> Result<Vec<BusKind>, Error> {
                 .allowed(format!("one for each line: {}", names.join(", "))));
         }
     }
-    let virtual_robot = |a: &Address| !matches!(a.bus, BusKind::Serial { .. });
     names
         .iter()
         .map(|&name| {
@@ -71,7 +74,7 @@ fn assign(robot: &Robot, addresses: &[Address]) -> Result<Vec<BusKind>, Error> {
             // Without a name: the robot's only line, or a virtual robot as a whole.
             let any = addresses
                 .iter()
-                .find(|a| a.line.is_none() && (names.len() == 1 || virtual_robot(a)));
+                .find(|a| a.line.is_none() && (names.len() == 1 || a.bus.is_virtual()));
             own.or(any).map(|address| address.bus.clone()).ok_or_else(|| {
                 Error::new("a line of the robot has no bus")
                     .at(format!("robot {}, line {name}", robot.name))
@@ -120,17 +123,171 @@ fn behind_terminals(robot: Robot, seed: u64) -> Result<Connection, Error> {
     Ok(Connection { link, world: Some(world), real_time: true, _doors: doors })
 }
 
-fn over_serial(mut robot: Robot, by_line: &[BusKind]) -> Result<Connection, Error> {
+fn over_wires(mut robot: Robot, by_line: &[BusKind]) -> Result<Connection, Error> {
     let mut ports: Vec<(Box<dyn BytePort>, Duration)> = Vec::new();
     for (line, bus) in robot.lines.iter_mut().zip(by_line) {
-        let BusKind::Serial { path, baud_bps } = bus else { continue };
-        line.baud_bps = baud_bps.unwrap_or(line.baud_bps);
-        let port = SerialLine::open(path, line.baud_bps).map_err(|e| port_error(path, &e))?;
-        let latency = SerialLine::latency_timer_s(path).filter(|s| (0.0..1.0).contains(s));
-        ports.push((Box::new(port), latency.map_or(UNKNOWN_LATENCY, Duration::from_secs_f64)));
+        line.baud_bps = bus.baud_bps().unwrap_or(line.baud_bps);
+        ports.push(wire(bus, line.baud_bps)?);
     }
     let link = Link::new(robot, ports, Arc::new(MonotonicClock));
     Ok(Connection { link, world: None, real_time: true, _doors: Vec::new() })
+}
+
+/// A real line at `baud_bps`, and the time its adapter may hold bytes back.
+fn wire(bus: &BusKind, baud_bps: u32) -> Result<(Box<dyn BytePort>, Duration), Error> {
+    match bus {
+        BusKind::Tcp { place, .. } => {
+            let port = TcpLine::open(place).map_err(|e| {
+                Error::new("nobody takes the connection")
+                    .at(format!("tcp:{place}"))
+                    .got(e.to_string())
+                    .remedy("start the program at the other end first, e.g. gaitway simulate")
+            })?;
+            Ok((Box::new(port), NETWORK_LATENCY))
+        }
+        BusKind::Serial { path, .. } => {
+            let port = SerialLine::open(path, baud_bps).map_err(|e| port_error(path, &e))?;
+            let latency = SerialLine::latency_timer_s(path).filter(|s| (0.0..1.0).contains(s));
+            Ok((Box::new(port), latency.map_or(UNKNOWN_LATENCY, Duration::from_secs_f64)))
+        }
+        BusKind::Sim | BusKind::SimPty => Err(Error::new("a virtual robot is no wire")),
+    }
+}
+
+/// One line, opened for questions to single devices: no robot file is needed.
+pub struct OpenLine {
+    /// The line.
+    pub bus: Bus,
+    /// Its clock.
+    pub clock: Arc<dyn Clock>,
+    /// Its speed, bits per second.
+    pub baud_bps: u32,
+    /// The virtual robot of this process, if it is one.
+    pub world: Option<SharedWorld>,
+    place: Place,
+}
+
+/// Where a line can be opened again.
+enum Place {
+    Virtual { world: SharedWorld, line: usize },
+    Wire(BusKind, Option<Door>),
+}
+
+/// Line speed if neither the address nor a robot says one, bits per second.
+const USUAL_BAUD_BPS: u32 = 1_000_000;
+/// Where nothing moves, a lost answer costs nothing but time.
+const RETRIES: u32 = 5;
+/// Time for a question and its retries: more than a host stalls.
+const PATIENCE: Duration = Duration::from_millis(500);
+/// The longest return delay a servo's register holds: 254 of 2 us.
+const LONGEST_RETURN_DELAY: Duration = Duration::from_micros(508);
+
+/// Opens the line at `address` for questions to single devices. `robot` names the robot whose line
+/// it is: required for a virtual one, else it only says the line's speed.
+///
+/// # Errors
+/// No robot for a virtual line, several lines and none named, a port that cannot be opened.
+pub fn open_bus(address: &Address, robot: Option<&str>, seed: u64) -> Result<OpenLine, Error> {
+    let robot = robot.map(Robot::load).transpose()?;
+    let line = robot.as_ref().map(|robot| line_of(robot, address)).transpose()?;
+    let of_robot = robot.as_ref().zip(line).map(|(robot, line)| robot.lines[line].baud_bps);
+    let baud_bps = address.bus.baud_bps().or(of_robot).unwrap_or(USUAL_BAUD_BPS);
+    let place = match (&address.bus, robot.as_ref().zip(line)) {
+        (BusKind::Sim, Some((robot, line))) => Place::Virtual { world: world(robot, seed)?, line },
+        (BusKind::SimPty, Some((robot, line))) => {
+            let door = Door::open(world(robot, seed)?.inner(), line, None)
+                .map_err(|e| Error::new("cannot open a pseudo-terminal").got(e.to_string()))?;
+            let path = door.path().display().to_string();
+            Place::Wire(BusKind::Serial { path, baud_bps: None }, Some(door))
+        }
+        (BusKind::Sim | BusKind::SimPty, None) => {
+            return Err(Error::new("which robot is the virtual one?")
+                .at(address.to_string())
+                .remedy("add --robot NAME, e.g. --robot op3"));
+        }
+        (wire, _) => Place::Wire(wire.clone(), None),
+    };
+    open_at(place, baud_bps)
+}
+
+fn line_of(robot: &Robot, address: &Address) -> Result<usize, Error> {
+    let names: Vec<&str> = robot.lines.iter().map(|line| line.name.as_str()).collect();
+    match &address.line {
+        None if names.len() == 1 => Ok(0),
+        Some(name) if names.contains(&name.as_str()) => {
+            Ok(names.iter().position(|known| known == name).unwrap_or(0))
+        }
+        named => Err(Error::new("which line of the robot?")
+            .at(address.to_string())
+            .got(named.clone().unwrap_or_else(|| "no line".to_owned()))
+            .allowed(names.iter().map(|n| format!("{n}=BUS")).collect::<Vec<_>>().join(", "))),
+    }
+}
+
+fn open_at(place: Place, baud_bps: u32) -> Result<OpenLine, Error> {
+    let clock: Arc<dyn Clock> = match &place {
+        Place::Virtual { world, .. } => Arc::new(VirtualClock(world.clone())),
+        Place::Wire(..) => Arc::new(MonotonicClock),
+    };
+    let (port, latency) = port_at(&place, baud_bps)?;
+    let world = match &place {
+        Place::Virtual { world, .. } => Some(world.clone()),
+        Place::Wire(..) => None,
+    };
+    let timing = Timing { baud_bps, return_delay: LONGEST_RETURN_DELAY, latency };
+    let mut bus = Bus::new(port, Arc::clone(&clock), timing);
+    bus.set_retries(RETRIES);
+    Ok(OpenLine { bus, clock, baud_bps, world, place })
+}
+
+fn port_at(place: &Place, baud_bps: u32) -> Result<(Box<dyn BytePort>, Duration), Error> {
+    match place {
+        Place::Virtual { world, line } => {
+            Ok((Box::new(VirtualLine::new(world.clone(), *line, baud_bps)), Duration::ZERO))
+        }
+        Place::Wire(kind, _) => wire(kind, baud_bps),
+    }
+}
+
+impl OpenLine {
+    /// The same line at another speed.
+    ///
+    /// # Errors
+    /// A port that does not know the speed or cannot be opened again; a line behind TCP, whose
+    /// speed the other end decides.
+    pub fn at_speed(self, baud_bps: u32) -> Result<Self, Error> {
+        let Self { bus, place, .. } = self;
+        // A port is held by one: it must be closed before it is opened again.
+        drop(bus);
+        if let Place::Wire(BusKind::Tcp { place, .. }, _) = &place {
+            return Err(Error::new("the other end of a TCP connection decides the line speed")
+                .at(format!("tcp:{place}"))
+                .remedy("do this at the machine that has the serial port"));
+        }
+        open_at(place, baud_bps)
+    }
+
+    /// The same line as the only one of `robot`, to be moved.
+    ///
+    /// # Errors
+    /// As [`OpenLine::at_speed`].
+    pub fn into_link(self, robot: Robot) -> Result<Connection, Error> {
+        let Self { bus, clock, baud_bps, world, place } = self;
+        drop(bus);
+        let port = port_at(&place, baud_bps)?;
+        let (real_time, door) = match place {
+            Place::Virtual { .. } => (false, None),
+            Place::Wire(_, door) => (true, door),
+        };
+        let link = Link::new(robot, vec![port], clock);
+        Ok(Connection { link, world, real_time, _doors: door.into_iter().collect() })
+    }
+
+    /// By when a question asked now must be answered, retries included.
+    #[must_use]
+    pub fn budget(&self) -> Instant {
+        self.clock.now() + PATIENCE
+    }
 }
 
 fn port_error(path: &str, error: &PortError) -> Error {

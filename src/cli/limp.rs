@@ -1,12 +1,13 @@
 //! `limp`: torque off. The robot falls if nothing holds it, so the command asks.
 
-use super::Remarks;
 use super::address::Address;
 use super::connect::connect;
+use super::{Output, Remarks};
 use crate::control;
 use crate::error::Error;
 use crate::robot::Robot;
 use clap::Args;
+use serde_json::json;
 use std::io::{BufRead, IsTerminal};
 
 /// Arguments of `limp`.
@@ -21,6 +22,8 @@ pub struct LimpArgs {
     /// Do not ask: the robot is supported
     #[arg(long)]
     yes: bool,
+    #[command(flatten)]
+    output: Output,
 }
 
 /// Runs `limp`.
@@ -28,6 +31,7 @@ pub struct LimpArgs {
 /// # Errors
 /// No consent, a bus that cannot be opened, joints that do not confirm.
 pub fn run(args: &LimpArgs, remarks: Remarks) -> Result<i32, Error> {
+    args.output.check_files(&[])?;
     let robot = Robot::load(&args.robot)?;
     if !args.yes && !consents(&robot.name) {
         return Err(Error::new("nobody said that the robot may go limp")
@@ -35,11 +39,15 @@ pub fn run(args: &LimpArgs, remarks: Remarks) -> Result<i32, Error> {
     }
     let mut connection = connect(robot, &args.bus, 0)?;
     control::arm::disarm(&mut connection.link)?;
+    let robot = connection.link.robot();
     remarks.say("torque is off on every joint");
+    let report = json!({ "outcome": "done", "robot": robot.name, "limp": robot.joint_names() });
+    args.output.report(&report, "")?;
     Ok(0)
 }
 
-fn consents(robot: &str) -> bool {
+/// Asks whether `robot` may go limp.
+pub(super) fn consents(robot: &str) -> bool {
     let stdin = std::io::stdin();
     if !stdin.is_terminal() {
         return false;

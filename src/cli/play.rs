@@ -1,6 +1,7 @@
 //! `play`: from a motion file to a moving robot, and what came of it. The whole job, in order.
 
 use super::address::Address;
+use super::calibrated::CalibrationArg;
 use super::connect::{Connection, connect};
 use super::report::{JointReport, Outcome, PlayReport, RefereeReport};
 use super::signals::Signals;
@@ -48,6 +49,9 @@ pub struct PlayArgs {
     /// Play on servos whose firmware the profile was not checked against
     #[arg(long)]
     accept_firmware: bool,
+    /// Lower the servos' return delay (EEPROM) if the rate needs it; how to undo it is said
+    #[arg(long)]
+    permit_eeprom: bool,
     /// Check everything, write nothing
     #[arg(long)]
     dry_run: bool,
@@ -57,6 +61,8 @@ pub struct PlayArgs {
     /// Seed of the virtual robot
     #[arg(long, default_value_t = 0)]
     seed: u64,
+    #[command(flatten)]
+    calibration: CalibrationArg,
     #[command(flatten)]
     output: Output,
 }
@@ -108,7 +114,8 @@ fn play_into(
     report: &mut PlayReport,
 ) -> Result<(), Error> {
     args.output.check_files(&[&args.record, &args.html])?;
-    let robot = Robot::load(args.motion.robot())?;
+    let (robot, calibration) = args.calibration.load(args.motion.robot(), &args.bus)?;
+    report.calibration = calibration.map(|path| path.display().to_string());
     report.robot.clone_from(&robot.name);
     let loaded = source::load(&args.motion, &robot)?;
     report.source = loaded.source.clone();
@@ -123,9 +130,11 @@ fn play_into(
         return Ok(());
     }
     let mut connection = connect(robot, &args.bus, args.seed)?;
-    let accept = Accept { firmware: args.accept_firmware };
+    let accept = Accept { firmware: args.accept_firmware, eeprom: args.permit_eeprom };
     let found = preflight(&mut connection.link, settings.period, accept)?;
     report.wire_limit_hz = Some(found.wire_limit_hz);
+    report.bus_load = found.bus_load;
+    report.notes.extend(found.lines.iter().map(ToString::to_string));
     report.notes.extend(found.notes.iter().cloned());
     let planned = plan_from(args, &connection, &found, &loaded)?;
     describe_plan(report, connection.link.robot(), &planned, &loaded);
@@ -242,21 +251,22 @@ fn perform(
     planned: &Plan,
     settings: Settings,
 ) -> Result<(), Error> {
-    let armed = control::arm::arm(&mut connection.link, found)?;
-    let begun = RunRecorder::begin(
+    // Once torque is on, nothing may keep the loop from its first cycle: the file comes before.
+    let mut recorder = RunRecorder::begin(
         args.record.as_deref(),
         args.output.force(),
         args.html.is_some(),
         connection,
         args.motion.motion(),
-    );
-    let mut recorder = match begun {
-        Ok(recorder) if !stopped_before_torque(signals, report) => recorder,
-        other => {
-            // Torque is on but nothing has moved: limp is where the robot was.
-            control::arm::disarm(&mut connection.link)?;
-            return other.map(|_| ());
-        }
+    )?;
+    let armed = if stopped_before_torque(signals, report) {
+        Ok(None)
+    } else {
+        control::arm::arm(&mut connection.link, found).map(Some)
+    };
+    let Ok(Some(armed)) = armed else {
+        recorder.discard();
+        return armed.map(|_| ());
     };
     let progress = super::progress::Progress::over(planned.trajectory.duration_s(), remarks);
     let asked = || signals.first().is_some();
@@ -280,6 +290,7 @@ fn perform(
                 "the control loop broke: {}; the servos hold their last goal",
                 words.unwrap_or("no words left")
             ));
+            report.notes.extend(control::watchdog::release(&mut connection.link));
         }
     }
     if args.end == EndState::Limp && report.outcome == Outcome::Done {
@@ -291,6 +302,17 @@ fn perform(
         report.notes.push("torque stays on: the joints hold where they are".to_owned());
     }
     recorder.finish(report, connection);
+    conclude(args, report, connection, &recorder);
+    Ok(())
+}
+
+/// What the referee saw, and the page with plots.
+fn conclude(
+    args: &PlayArgs,
+    report: &mut PlayReport,
+    connection: &Connection,
+    recorder: &RunRecorder,
+) {
     if let Some(world) = &connection.world {
         let verdict = world.lock().verdict();
         let violations = verdict.violations.iter().map(ToString::to_string).collect();
@@ -298,7 +320,7 @@ fn perform(
     }
     if let Some(path) = &args.html {
         report.html = Some(path.display().to_string());
-        let page = plots::page(report, &recorder, connection.link.robot());
+        let page = plots::page(report, recorder, connection.link.robot());
         if let Err(error) = args.output.write_file(path, page.as_bytes()) {
             report.html = None;
             report.notes.push(error.to_string());
@@ -307,7 +329,6 @@ fn perform(
             }
         }
     }
-    Ok(())
 }
 
 fn describe_run(report: &mut PlayReport, run: &Run) {
@@ -322,6 +343,7 @@ fn describe_run(report: &mut PlayReport, run: &Run) {
     report.late_cycles = run.tally.late_cycles;
     report.duration_s = run.duration_s;
     report.bus_load = run.bus_load;
+    report.notes.extend(run.notes.iter().cloned());
     report.max_temperature_c = run.tally.max_temperature_c;
     report.min_voltage_v = run.tally.min_voltage_v;
     report.max_current_a = run.tally.max_current_a;

@@ -4,6 +4,8 @@
 use crate::error::Error;
 use clap::{Args, Subcommand};
 use gaitway_profiles as profiles;
+use profiles::{Profile, Protocol, Register, Servo, Unit};
+use std::collections::BTreeMap;
 use std::fmt::Write;
 
 /// Arguments of `profile`.
@@ -16,19 +18,19 @@ pub struct ProfileArgs {
 
 #[derive(Debug, Subcommand)]
 enum Action {
-    /// Servos and robots that come with gaitway
+    /// Servos, robots and adapters that come with gaitway
     #[command(after_help = "Example: gaitway profile list")]
     List,
-    /// One servo's registers or one robot's joints
+    /// One servo's registers, one robot's joints or one adapter
     #[command(after_help = "Example: gaitway profile show xm430-w350")]
     Show {
-        /// Name of a servo or robot, or path of a robot file
+        /// Name of a shipped profile, or path of a file
         name: String,
     },
-    /// Read a robot file and say what is wrong with it, if anything
+    /// Read a servo, robot or adapter file, say what is wrong with it and what is unconfirmed
     #[command(after_help = "Example: gaitway profile check my-robot.toml")]
     Check {
-        /// Robot file, or name of a shipped one
+        /// The file, or name of a shipped profile
         file: String,
     },
 }
@@ -39,73 +41,173 @@ enum Action {
 /// An unknown name, or a file that is wrong: what, where, got, allowed.
 pub fn run(args: &ProfileArgs) -> Result<i32, Error> {
     let text = match &args.action {
-        Action::List => list(),
-        Action::Show { name } => show(name)?,
-        Action::Check { file } => {
-            let robot = profiles::robot(file).map_err(|e| Error::new(e.to_string()))?;
-            let robot = crate::robot::Robot::new(robot)?;
-            format!(
-                "{}: right; {} joints on {} line(s)\n",
-                robot.name,
-                robot.joints.len(),
-                robot.lines.len()
-            )
-        }
+        Action::List => list()?,
+        Action::Show { name } => match load(name)? {
+            Profile::Servo(servo) => show_servo(&servo),
+            Profile::Robot(robot) => show_robot(&robot),
+            Profile::Adapter(adapter) => show_adapter(&adapter),
+        },
+        Action::Check { file } => check(&load(file)?)?,
     };
     super::print(&text);
     Ok(0)
 }
 
-fn list() -> String {
-    let mut out = String::from("servos\n");
+fn load(name_or_path: &str) -> Result<Profile, Error> {
+    profiles::profile(name_or_path).map_err(wrong)
+}
+
+fn wrong(error: profiles::ProfileError) -> Error {
+    Error::new(error.to_string())
+}
+
+fn check(profile: &Profile) -> Result<String, Error> {
+    let mut out = match profile {
+        Profile::Servo(servo) => {
+            format!("{}: OK; servo, {} registers\n", servo.name, servo.items().count())
+        }
+        Profile::Robot(robot) => {
+            // What playing needs of its servos is asked for too, not only what a file must be.
+            crate::robot::Robot::new(robot.as_ref().clone())?;
+            let (joints, lines) = (robot.joints.len(), robot.lines.len());
+            format!("{}: OK; robot, {joints} joints on {lines} line(s)\n", robot.name)
+        }
+        Profile::Adapter(adapter) => {
+            format!("{}: OK; adapter, USB {}\n", adapter.name, adapter.usb_ids.join(", "))
+        }
+    };
+    let unconfirmed = profile.unconfirmed();
+    if !unconfirmed.is_empty() {
+        let _ = writeln!(out, "unconfirmed: {}", unconfirmed.len());
+    }
+    for fact in unconfirmed {
+        let _ = writeln!(out, "  {:<36} {}", fact.place, fact.source);
+    }
+    Ok(out)
+}
+
+fn list() -> Result<String, Error> {
+    let mut groups: BTreeMap<(&str, &str), Vec<&Servo>> = BTreeMap::new();
     for name in profiles::servo_names() {
-        if let Ok(servo) = profiles::servo(name) {
-            let _ = writeln!(out, "  {name:<24} {} {}", servo.maker, servo.model);
+        let servo = profiles::servo(name).map_err(wrong)?;
+        groups.entry((&servo.maker, protocol(servo.protocol))).or_default().push(servo);
+    }
+    let mut out = String::new();
+    for ((maker, protocol), servos) in groups {
+        let _ = writeln!(out, "servos, {maker}, {protocol}");
+        for servo in servos {
+            let _ = writeln!(out, "  {:<24} {}", servo.name, servo.model);
         }
     }
     out.push_str("robots\n");
     for name in profiles::robot_names() {
-        if let Ok(robot) = profiles::robot(name) {
-            let _ = writeln!(out, "  {name:<24} {}", robot.description);
-        }
+        let robot = profiles::robot(name).map_err(wrong)?;
+        let _ = writeln!(out, "  {name:<24} {}", robot.description);
     }
-    out
+    out.push_str("adapters\n");
+    for adapter in profiles::adapters().map_err(wrong)? {
+        let ids = adapter.usb_ids.join(", ");
+        let _ = writeln!(out, "  {:<24} {} ({ids})", adapter.name, adapter.model);
+    }
+    Ok(out)
 }
 
-fn show(name: &str) -> Result<String, Error> {
-    if let Ok(servo) = profiles::servo(name) {
-        return Ok(show_servo(servo));
+const fn protocol(protocol: Protocol) -> &'static str {
+    match protocol {
+        Protocol::Dynamixel1 => "DYNAMIXEL Protocol 1.0",
+        Protocol::Dynamixel2 => "DYNAMIXEL Protocol 2.0",
+        Protocol::FeetechSts => "FEETECH STS and SMS",
+        Protocol::FeetechScs => "FEETECH SCS",
     }
-    let robot = profiles::robot(name).map_err(|e| Error::new(e.to_string()))?;
-    Ok(show_robot(&robot))
 }
 
-fn show_servo(servo: &profiles::Servo) -> String {
+fn show_servo(servo: &Servo) -> String {
+    let modes: Vec<String> =
+        servo.operating_modes.iter().map(|m| format!("{} {}", m.value, words(m.mode))).collect();
+    let motor = &servo.motor;
     let mut out = format!(
-        "{} {}, model number {}\nmanual {}\n\n{:>5} {:>5} {:<28} {:<6} {:<3} {:>10} {:<8} {}\n",
+        "{} {}, model number {}, {}\nmanual   {}\nposition {} counts in {} degrees, zero at {}\n\
+         motor    {:.1} deg/s unloaded, {} N m, {} A, at {} V\nmodes    {}\n\n\
+         {:>5} {:>5} {:<28} {:<6} {:<3} {:>18} {:>9} {:<24} {}\n",
         servo.maker,
         servo.model,
         servo.model_number,
+        protocol(servo.protocol),
         servo.manual,
+        servo.position.counts,
+        servo.position.degrees,
+        servo.position.zero_count,
+        motor.no_load_speed_rad_s.to_degrees(),
+        motor.stall_torque_nm,
+        motor.stall_current_a,
+        motor.voltage_v,
+        if modes.is_empty() { "by the angle limits".to_owned() } else { modes.join(", ") },
         "addr",
         "bytes",
         "register",
         "kept",
         "",
+        "raw range",
         "initial",
-        "unit",
-        "source"
+        "role",
+        "one count"
     );
     for register in &servo.registers {
-        let kept = if register.region == profiles::Region::Eeprom { "eeprom" } else { "ram" };
-        let access = if register.access == profiles::Access::Rw { "rw" } else { "r" };
-        let initial = register.initial.map_or_else(|| "-".to_owned(), |raw| raw.to_string());
-        let unit = format!("{:?}", register.unit).to_lowercase();
-        let _ = writeln!(
-            out,
-            "{:>5} {:>5} {:<28} {kept:<6} {access:<3} {initial:>10} {unit:<8} {}",
-            register.address, register.bytes, register.name, register.source
-        );
+        let _ = writeln!(out, "{}", register_row(register));
+    }
+    out
+}
+
+fn register_row(register: &Register) -> String {
+    let kept = if register.region == profiles::Region::Eeprom { "eeprom" } else { "ram" };
+    let access = if register.access == profiles::Access::Rw { "rw" } else { "r" };
+    let initial = register.initial.map_or_else(|| "-".to_owned(), |raw| raw.to_string());
+    let name = match register.item_count() {
+        1 => register.name.clone(),
+        count => {
+            let first = register.first_number();
+            format!("{} {first} to {}", register.name, first + count - 1)
+        }
+    };
+    let (min, max) = register.range();
+    let range = format!("{min} to {max}");
+    let role = register.role.map_or_else(String::new, words);
+    let row = format!(
+        "{:>5} {:>5} {name:<28} {kept:<6} {access:<3} {range:>18} {initial:>9} {role:<24} {}",
+        register.address,
+        register.bytes,
+        one_count(register)
+    );
+    row.trim_end().to_owned()
+}
+
+/// What one count of a register is worth, in the manual's unit.
+fn one_count(register: &Register) -> String {
+    let unit = match register.unit {
+        Unit::None => return String::new(),
+        Unit::Turn | Unit::TurnRelative => return "position".to_owned(),
+        Unit::Rpm => "rev/min",
+        Unit::CountPerSecond => "counts/s",
+        Unit::Rpm2 => "rev/min2",
+        Unit::CountPerSecond2 => "counts/s2",
+        Unit::Ampere => "A",
+        Unit::Volt => "V",
+        Unit::Celsius => "degC",
+        Unit::Second => "s",
+        Unit::Ratio => "of full",
+    };
+    let zero = register.zero.map_or_else(String::new, |zero| format!(" from {zero}"));
+    format!("{} {unit}{zero}", register.scale.unwrap_or(1.0))
+}
+
+/// A name of the schema as words: `GoalPosition` is `goal position`.
+fn words(name: impl std::fmt::Debug) -> String {
+    let mut out = String::new();
+    for letter in format!("{name:?}").chars() {
+        if letter.is_ascii_uppercase() && !out.is_empty() {
+            out.push(' ');
+        }
+        out.push(letter.to_ascii_lowercase());
     }
     out
 }
@@ -134,5 +236,21 @@ fn show_robot(robot: &profiles::Robot) -> String {
         );
     }
     let _ = writeln!(out, "\nacceleration: {}", robot.acceleration_source);
+    out
+}
+
+fn show_adapter(adapter: &profiles::Adapter) -> String {
+    let echo = if adapter.echo { "hears its own bytes" } else { "does not hear its own bytes" };
+    let mut out = format!(
+        "{}: {}\nUSB      {}\necho     {echo}\nlatency  {:.1} ms at most\n",
+        adapter.name,
+        adapter.model,
+        adapter.usb_ids.join(", "),
+        adapter.latency_s * 1e3
+    );
+    if let Some(ambiguous) = &adapter.ambiguous {
+        let _ = writeln!(out, "not sure {ambiguous}");
+    }
+    let _ = writeln!(out, "source   {}", adapter.source);
     out
 }

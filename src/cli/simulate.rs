@@ -3,19 +3,27 @@
 use super::Remarks;
 use super::signals::Signals;
 use crate::error::Error;
-use crate::robot::Robot;
 use clap::Args;
-use gaitway_sim::{Door, Options, World};
-use std::path::PathBuf;
+use gaitway_profiles::Robot;
+use gaitway_sim::{Door, Options, Script, ScriptError, SimError, World};
+use std::net::{Ipv4Addr, SocketAddr};
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 /// Violations listed at the end.
 const MOST_SHOWN: usize = 20;
+/// How often struck faults and doors that moved are looked for.
+const LOOK: Duration = Duration::from_millis(50);
+/// Struck faults told at one look.
+const MOST_TOLD: usize = 100;
 
 /// Arguments of `simulate`.
 #[derive(Debug, Args)]
-#[command(after_help = "Example: gaitway simulate op3 --pty /tmp/op3\n\
+#[command(after_help = "Each line of the robot is a terminal or port of its own. Standard output \
+    begins with one line for each: its path or tcp:ADDRESS, and the line's name if there are \
+    several.\n\n\
+    Example: gaitway simulate op3 --pty /tmp/op3\n\
     then, in another terminal: gaitway play walk --robot op3 --bus serial:/tmp/op3")]
 pub struct SimulateArgs {
     /// Robot by name or path of its file
@@ -23,9 +31,19 @@ pub struct SimulateArgs {
     /// Make this link to the pseudo-terminal (for several lines: LINK-NAME)
     #[arg(long, value_name = "LINK")]
     pty: Option<PathBuf>,
-    /// Seed of everything random
-    #[arg(long, default_value_t = 0)]
-    seed: u64,
+    /// Listen at this TCP port of the loopback interface instead (for several lines: PORT, PORT+1,
+    /// ...; 0: the system chooses)
+    #[arg(long, value_name = "PORT", conflicts_with = "pty")]
+    tcp: Option<u16>,
+    /// Seed of everything random [default: that of the script, or 0]
+    #[arg(long, value_name = "N")]
+    seed: Option<u64>,
+    /// Let the faults of this script happen; its keys are in sim/README.md
+    #[arg(long, value_name = "FILE.toml")]
+    faults: Option<PathBuf>,
+    /// Put the lines behind this USB adapter (see `gaitway profile list`)
+    #[arg(long, value_name = "NAME")]
+    adapter: Option<String>,
     /// Let bytes take no time on the line
     #[arg(long)]
     no_line_timing: bool,
@@ -37,33 +55,15 @@ pub struct SimulateArgs {
 /// Runs `simulate` until a signal comes.
 ///
 /// # Errors
-/// An unknown robot, or a pseudo-terminal that cannot be made.
+/// An unknown robot or adapter, a fault script that says something wrong, or a terminal or port
+/// that cannot be had.
 pub fn run(args: &SimulateArgs, remarks: Remarks) -> Result<i32, Error> {
     let signals = Signals::listen().map_err(|e| Error::new(format!("no signals: {e}")))?;
-    let robot = Robot::load(&args.robot)?;
-    let options = Options {
-        seed: args.seed,
-        line_timing: !args.no_line_timing,
-        permit_eeprom: args.permit_eeprom,
-        ..Options::default()
-    };
-    let world = World::new(&robot.file, options)
-        .map_err(|e| Error::new(e.to_string()).at(format!("robot {}", robot.name)))?;
+    // Any robot file: the virtual servos speak more protocols than the driver needs to.
+    let robot = gaitway_profiles::robot(&args.robot).map_err(|e| Error::new(e.to_string()))?;
+    let world = World::new(&robot, options(args)?).map_err(|e| unfit(&robot, &e))?;
     let world = Arc::new(Mutex::new(world));
-    let mut doors = Vec::new();
-    for (line, facts) in robot.lines.iter().enumerate() {
-        let link = args.pty.as_ref().map(|link| match robot.lines.len() {
-            1 => link.clone(),
-            _ => PathBuf::from(format!("{}-{}", link.display(), facts.name)),
-        });
-        let door = Door::open(Arc::clone(&world), line, link.as_deref()).map_err(|e| {
-            Error::new("cannot open the pseudo-terminal")
-                .at(link.map_or_else(|| facts.name.clone(), |link| link.display().to_string()))
-                .got(e.to_string())
-        })?;
-        super::print(&format!("{}\n", door.path().display()));
-        doors.push(door);
-    }
+    let mut doors = open_doors(args, &robot, &world)?;
     let reached = args.pty.as_ref().map_or_else(String::new, |l| format!(" at {}", l.display()));
     remarks.say(&format!(
         "virtual {} with {} servos{reached}; Ctrl-C ends it",
@@ -71,17 +71,143 @@ pub fn run(args: &SimulateArgs, remarks: Remarks) -> Result<i32, Error> {
         robot.joints.len()
     ));
     while signals.first().is_none() {
-        std::thread::sleep(Duration::from_millis(50));
+        std::thread::sleep(LOOK);
+        tell_struck(&world, remarks);
+        for (name, door, path) in &mut doors {
+            let now = door.current_path();
+            if now != *path {
+                remarks.say(&match &now {
+                    Some(path) => format!("line {name} is at {} now", path.display()),
+                    None => format!("line {name} is gone"),
+                });
+                *path = now;
+            }
+        }
     }
     drop(doors);
-    let verdict = world.lock().unwrap_or_else(PoisonError::into_inner).verdict();
+    tell_struck(&world, remarks);
+    let world = world.lock().unwrap_or_else(PoisonError::into_inner);
+    let verdict = world.verdict();
     // A foreign client owes the referee nothing: what it saw is said, and is no failure.
     for violation in verdict.violations.iter().take(MOST_SHOWN) {
         remarks.say(&format!("referee: {violation}"));
+    }
+    if world.struck_count() > 0 {
+        remarks.say(&format!("faults: {} struck", world.struck_count()));
     }
     remarks.say(&match verdict.violation_count {
         0 => format!("referee: no rule broken; {} goals written", verdict.goals),
         n => format!("referee: {n} rules broken in all; {} goals written", verdict.goals),
     });
     Ok(0)
+}
+
+/// Why a robot file and a fault script make no world.
+fn unfit(robot: &Robot, error: &SimError) -> Error {
+    let said = Error::new(error.to_string()).at(format!("robot {}", robot.name));
+    let names = |names: Vec<&str>| names.join(", ");
+    match error {
+        SimError::UnknownJoint(_) => {
+            said.allowed(names(robot.joints.iter().map(|joint| joint.name.as_str()).collect()))
+        }
+        SimError::UnknownLine(_) => {
+            said.allowed(names(robot.lines.iter().map(|line| line.name.as_str()).collect()))
+        }
+        _ => said,
+    }
+}
+
+fn options(args: &SimulateArgs) -> Result<Options, Error> {
+    let script = match &args.faults {
+        Some(path) => read_script(path)?,
+        None => Script::default(),
+    };
+    let options = Options {
+        seed: args.seed.or(script.seed).unwrap_or(0),
+        line_timing: !args.no_line_timing,
+        permit_eeprom: args.permit_eeprom,
+        faults: script.faults,
+        ..Options::default()
+    };
+    match &args.adapter {
+        Some(name) => {
+            let known: Vec<&str> = gaitway_profiles::adapter_names().collect();
+            let known = known.join(", ");
+            let unknown = |e: SimError| Error::new(e.to_string()).at("--adapter").allowed(known);
+            options.behind(name).map_err(unknown)
+        }
+        None => Ok(options),
+    }
+}
+
+fn read_script(path: &Path) -> Result<Script, Error> {
+    let file = path.display().to_string();
+    let text = gaitway_profiles::read_text(path)
+        .map_err(|e| Error::new(e.to_string()).at(format!("--faults {file}")))?;
+    Script::parse(&text).map_err(|ScriptError { at, got, allowed }| {
+        Error::new("the fault script says something wrong")
+            .at(format!("{file}, {at}"))
+            .got(got)
+            .allowed(allowed)
+    })
+}
+
+/// Each line's name, its door, and where that was seen last.
+type Doors = Vec<(String, Door, Option<PathBuf>)>;
+
+fn open_doors(
+    args: &SimulateArgs,
+    robot: &Robot,
+    world: &Arc<Mutex<World>>,
+) -> Result<Doors, Error> {
+    let mut doors = Vec::new();
+    for (line, facts) in robot.lines.iter().enumerate() {
+        let several = robot.lines.len() > 1;
+        let door = match args.tcp {
+            Some(port) => open_tcp(port, line, world)?,
+            None => {
+                let link = args.pty.as_ref().map(|link| match several {
+                    false => link.clone(),
+                    true => PathBuf::from(format!("{}-{}", link.display(), facts.name)),
+                });
+                Door::open(Arc::clone(world), line, link.as_deref()).map_err(|e| {
+                    let place = link.map_or(facts.name.clone(), |l| l.display().to_string());
+                    Error::new("cannot open the pseudo-terminal").at(place).got(e.to_string())
+                })?
+            }
+        };
+        let path = door.path().display();
+        super::print(&match several {
+            false => format!("{path}\n"),
+            true => format!("{path} {}\n", facts.name),
+        });
+        let path = door.current_path();
+        doors.push((facts.name.clone(), door, path));
+    }
+    Ok(doors)
+}
+
+fn open_tcp(first: u16, line: usize, world: &Arc<Mutex<World>>) -> Result<Door, Error> {
+    let port = match first {
+        0 => Some(0),
+        first => u16::try_from(line).ok().and_then(|line| first.checked_add(line)),
+    };
+    let port = port.ok_or_else(|| {
+        Error::new("there are not as many ports as the robot has lines")
+            .at("--tcp")
+            .got(first.to_string())
+    })?;
+    let address = SocketAddr::from((Ipv4Addr::LOCALHOST, port));
+    Door::open_tcp(Arc::clone(world), line, address)
+        .map_err(|e| Error::new("cannot listen").at("--tcp").got(e.to_string()))
+}
+
+fn tell_struck(world: &Mutex<World>, remarks: Remarks) {
+    let struck = world.lock().unwrap_or_else(PoisonError::into_inner).take_struck();
+    for fault in struck.iter().take(MOST_TOLD) {
+        remarks.say(&format!("fault at {fault}"));
+    }
+    if struck.len() > MOST_TOLD {
+        remarks.say(&format!("and {} faults more", struck.len() - MOST_TOLD));
+    }
 }

@@ -1,9 +1,11 @@
 //! From limp to holding: goal = present before torque, read back at every step.
 
+use super::watchdog;
 use crate::error::Error;
 use crate::guard::{Command, Guard};
 use crate::robot::Link;
-use crate::robot::preflight::{Preflight, budget, exchange_error};
+use crate::robot::preflight::{PATIENT_RETRIES, Preflight, budget, exchange_error, positions};
+use crate::time::Duration;
 use gaitway_profiles::Role;
 
 /// Largest distance between goal and present when torque comes on, rad.
@@ -11,8 +13,9 @@ const HOLD_RAD: f64 = 0.02;
 
 /// Switches torque on with every joint told to stay where it is.
 ///
-/// Also writes what the robot file wants in RAM, and the servos' own speed limit, so that a servo
-/// whose host dies never moves faster than its joint may.
+/// Also writes what the robot file wants in RAM, the servos' own speed limit, so that a servo whose
+/// host dies never moves faster than its joint may, and their watchdog, where they have one: from
+/// here on no line may be silent for longer than [`watchdog::SILENCE`].
 ///
 /// # Errors
 /// A servo that does not take or keep what is written. Torque is switched off again then, and joints
@@ -29,7 +32,10 @@ pub fn arm(link: &mut Link, preflight: &Preflight) -> Result<(Guard, Command), E
         })?;
     match switch_on(link, preflight, &command) {
         Ok(()) => Ok((guard, command)),
-        Err(error) if preflight.held => Err(error),
+        Err(error) if preflight.held => {
+            watchdog::release(link);
+            Err(error)
+        }
         // Nothing has moved yet, so limp is where the robot already was.
         Err(error) => Err(match disarm(link) {
             Ok(()) => error,
@@ -42,6 +48,7 @@ pub fn arm(link: &mut Link, preflight: &Preflight) -> Result<(Guard, Command), E
 }
 
 fn switch_on(link: &mut Link, preflight: &Preflight, command: &Command) -> Result<(), Error> {
+    write_eeprom(link, preflight)?;
     for &(joint, register, raw) in &preflight.to_write {
         let limit = budget(link);
         let written = link.write_raw(joint, register, raw, limit);
@@ -70,23 +77,38 @@ fn switch_on(link: &mut Link, preflight: &Preflight, command: &Command) -> Resul
         }
     }
     check_where_it_was(link, command)?;
+    watchdog::arm(link)?;
     set_torque_on(link)
+}
+
+/// Lowers return delays as permitted, and reads as fast as the line then is.
+fn write_eeprom(link: &mut Link, preflight: &Preflight) -> Result<(), Error> {
+    for write in &preflight.eeprom {
+        let limit = budget(link);
+        let written = link.write_raw(write.joint, write.register, write.to, limit);
+        written.map_err(|e| exchange_error(link, Some(write.joint), &e))?;
+        expect_raw(link, write.joint, write.register, write.to)?;
+    }
+    for write in &preflight.eeprom {
+        let joint = &link.robot().joints[write.joint];
+        let delay_s = joint.model.si_from_raw(write.register, write.to);
+        link.set_return_delay(joint.line, Duration::from_secs_f64(delay_s.clamp(0.0, 1.0)));
+    }
+    if !preflight.eeprom.is_empty() {
+        link.plan_reads(&preflight.firmware, preflight.period);
+    }
+    Ok(())
 }
 
 /// Torque moves a joint to its goal: it must still be there.
 fn check_where_it_was(link: &mut Link, command: &Command) -> Result<(), Error> {
-    let limit = budget(link);
-    let states = link.states(limit).map_err(|e| exchange_error(link, None, &e))?;
-    for (index, (state, goal)) in states.iter().zip(command.goal_rad()).enumerate() {
-        let joint = &link.robot().joints[index];
-        let off = state.as_ref().map(|(state, _)| (state.position_rad - goal).abs());
-        if !off.as_ref().is_ok_and(|off| *off <= HOLD_RAD) {
+    let present_rad = positions(link)?;
+    for (index, (present, goal)) in present_rad.iter().zip(command.goal_rad()).enumerate() {
+        let off_rad = (present - goal).abs();
+        if !(off_rad <= HOLD_RAD) {
             return Err(Error::new("a joint moved before torque came on; torque stays off")
-                .at(format!("joint {}", joint.name))
-                .got(off.map_or_else(
-                    |miss| miss.to_string(),
-                    |off| format!("{:.1} deg from where it was", off.to_degrees()),
-                ))
+                .at(format!("joint {}", link.robot().joints[index].name))
+                .got(format!("{:.1} deg from where it was", off_rad.to_degrees()))
                 .allowed(format!("{:.1} deg", HOLD_RAD.to_degrees()))
                 .remedy("hold the robot still, or support it, and start again"));
         }
@@ -103,20 +125,23 @@ fn limit_speed(link: &mut Link, joint: usize) -> Result<(), Error> {
     let Ok(register) = register else { return Ok(()) };
     let raw = of
         .model
-        .raw_from_si(register, of.limits.velocity_rad_s())
+        .raw_from_si(register, of.servo_speed_rad_s(of.limits.velocity_rad_s()))
         .map_err(|e| Error::new(e.to_string()).at(format!("joint {}", of.name)))?;
+    // Zero is no limit at all in these registers; a servo that cannot be as fast is limited enough.
+    let raw = raw.clamp(1, register.max.unwrap_or(i64::MAX).max(1));
     let limit = budget(link);
     let written = link.write_raw(joint, register, raw, limit);
     written.map_err(|e| exchange_error(link, Some(joint), &e))?;
     expect_raw(link, joint, register, raw)
 }
 
-fn expect_raw(
+pub(super) fn expect_raw(
     link: &mut Link,
     joint: usize,
     register: &gaitway_profiles::Register,
     wanted: i64,
 ) -> Result<(), Error> {
+    link.break_silence(watchdog::SILENCE / 4);
     let limit = budget(link);
     let raw = link.read_register(joint, register, limit);
     let raw = raw.map_err(|e| exchange_error(link, Some(joint), &e))?;
@@ -153,6 +178,7 @@ fn torque_register(
 /// # Errors
 /// The joints that did not confirm.
 pub fn disarm(link: &mut Link) -> Result<(), Error> {
+    link.set_retries(PATIENT_RETRIES);
     let mut unsure = Vec::new();
     for joint in 0..link.robot().joints.len() {
         let register = torque_register(link, joint)?;

@@ -1,13 +1,15 @@
 //! The cycle: read states, judge, sample the motion at this very moment, let the guard look, write.
 
 use super::health::{Bounds, JointFacts, StopReason, Watch};
-use super::{Sample, Sink, Tally};
+use super::plausible::Believed;
+use super::{Sample, Sink, Tally, watchdog};
+use crate::bus::{AskError, Miss};
 use crate::device::Health;
 use crate::guard::{Command, Guard};
 use crate::motion::{Clock as MotionClock, JointLimits, Setpoint, Trajectory};
-use crate::robot::Link;
 use crate::robot::link::States;
 use crate::robot::preflight::{LINE_SHARE, error_words};
+use crate::robot::{Link, LinkError};
 use crate::time::{Duration, Instant};
 use gaitway_profiles::Role;
 
@@ -45,6 +47,8 @@ pub struct Run {
     pub duration_s: f64,
     /// Share of the time the busiest line was busy.
     pub bus_load: f64,
+    /// Things a person should know of how the robot was left.
+    pub notes: Vec<String>,
 }
 
 /// A cycle is late if it begins this share of a period after its time: its goals are stale then.
@@ -74,6 +78,11 @@ struct Player<'a> {
     frozen: bool,
     goals_at_rest: u32,
     rest_since: Option<Instant>,
+    believed: Believed,
+    /// Joints that were slow when their speed was last read.
+    resting: Vec<bool>,
+    /// True once nobody on any line answers.
+    deserted: bool,
 }
 
 /// Streams `trajectory` until it is at rest, handing each cycle to `sink`.
@@ -94,25 +103,12 @@ pub fn run(
     let began = clock.now();
     link.set_retries(RETRIES);
     let bytes_before = line_bytes(link);
-    let limits = link.robot().limits();
-    let mut player = Player {
-        link,
-        guard,
-        command,
-        trajectory,
-        clock: MotionClock::new(&limits),
-        setpoints: vec![Setpoint::default(); limits.len()],
-        goal_velocity_rad_s: vec![0.0; limits.len()],
-        written_at: None,
-        stop: None,
-        frozen: false,
-        goals_at_rest: 0,
-        rest_since: None,
-    };
+    // A pause between arming and the first cycle counts as well: servos watch for their host.
+    let mut last_cycle = link.spoken_at();
+    let mut player = Player::new(link, (guard, command), trajectory, began);
     let period_ns = whole_nanos(settings.period).max(1);
     let mut tick: u64 = 0;
     let mut overrun = false;
-    let mut last_cycle = began;
     loop {
         let due = began + Duration::from_nanos(tick * period_ns);
         clock.sleep_until(due);
@@ -122,9 +118,7 @@ pub fn run(
         // tick: those in between were lost.
         let late = overrun || behind.as_secs_f64() > LATE_SHARE * settings.period.as_secs_f64();
         tally.late_cycles += u64::from(late);
-        if tick > 0
-            && let Some(reason) = watch.pace(now.since(last_cycle), late)
-        {
+        if let Some(reason) = watch.pace(now.since(last_cycle), late) {
             // After a stall the servos stand at the last goal: going on from there would be a jump.
             player.frozen |= matches!(reason, StopReason::Stalled { .. });
             player.request_stop(reason);
@@ -146,14 +140,43 @@ pub fn run(
     }
     let duration_s = clock.now().since(began).as_secs_f64();
     let bus_load = bus_load(player.link, &bytes_before, duration_s);
-    Run { stop: player.stop, tally, duration_s, bus_load }
+    // Servos that came back from nowhere are limp and must not be written to.
+    let notes = if player.deserted { Vec::new() } else { watchdog::release(player.link) };
+    Run { stop: player.stop, tally, duration_s, bus_load, notes }
 }
 
 fn whole_nanos(duration: Duration) -> u64 {
     u64::try_from(duration.as_nanos()).unwrap_or(u64::MAX)
 }
 
-impl Player<'_> {
+impl<'a> Player<'a> {
+    /// A motion about to begin at `began`, from the command that armed the robot.
+    fn new(
+        link: &'a mut Link,
+        (guard, command): (Guard, Command),
+        trajectory: &'a Trajectory,
+        began: Instant,
+    ) -> Self {
+        let limits = link.robot().limits();
+        Self {
+            link,
+            guard,
+            trajectory,
+            clock: MotionClock::new(&limits),
+            setpoints: vec![Setpoint::default(); limits.len()],
+            goal_velocity_rad_s: vec![0.0; limits.len()],
+            written_at: None,
+            stop: None,
+            frozen: false,
+            goals_at_rest: 0,
+            rest_since: None,
+            resting: vec![false; limits.len()],
+            believed: Believed::new(command.goal_rad(), limits, began),
+            command,
+            deserted: false,
+        }
+    }
+
     /// Starts the deceleration. The first reason counts; a second request changes nothing.
     fn request_stop(&mut self, reason: StopReason) {
         if self.stop.is_none() {
@@ -172,12 +195,9 @@ impl Player<'_> {
         sink: &mut dyn Sink,
     ) -> bool {
         let budget = now + settings.period.mul_f64(LINE_SHARE);
-        let (states, health) = match self.read(tally.cycles, budget) {
+        let (states, health) = match self.read(tally.cycles, now, budget) {
             Ok(read) => read,
-            Err(reason) => {
-                self.request_stop(reason);
-                return false;
-            }
+            Err(error) => return self.lose(&error),
         };
         let sample = Sample {
             cycle: tally.cycles,
@@ -187,39 +207,56 @@ impl Player<'_> {
             states: &states,
             health,
         };
+        for (slow, state) in self.resting.iter_mut().zip(&states) {
+            match state {
+                Ok((state, _)) => {
+                    *slow = state.velocity_rad_s.map_or(*slow, |speed| speed.abs() < REST_RAD_S);
+                }
+                Err(Miss::NotAsked) => {}
+                Err(_) => *slow = false,
+            }
+        }
         let link = &*self.link;
         let reason = watch.judge(&sample, |joint, bits| error_words(link, joint, bits));
         tally.add(&sample);
         sink.take(&sample);
         if let Some(reason) = reason {
-            let deserted =
+            self.deserted =
                 matches!(reason, StopReason::Silent { .. }) && states.iter().all(Result::is_err);
             self.request_stop(reason);
-            if deserted {
+            if self.deserted {
                 // Nobody is there. Servos that come back are limp and must not be sent a goal.
                 return false;
             }
         }
-        if self.over(&states, now, settings) {
+        if self.over(now, settings) {
             return false;
         }
         match self.write(budget) {
             Ok(()) => true,
-            Err(reason) => {
-                self.request_stop(reason);
-                false
-            }
+            Err(error) => self.lose(&error),
         }
     }
 
-    /// States of all joints and the slow facts of one, in turn.
+    /// A line failed: its joints are left at their last goal and the others led to rest. False if
+    /// there are no others.
+    fn lose(&mut self, error: &LinkError) -> bool {
+        let joints = self.link.write_off(error);
+        self.request_stop(StopReason::LineLost { text: error.to_string(), joints });
+        let lines = 0..self.link.robot().lines.len();
+        self.deserted = lines.into_iter().all(|line| self.link.is_lost(line));
+        !self.deserted
+    }
+
+    /// States of all joints, as far as they can be believed, and the slow facts of one, in turn.
     fn read(
         &mut self,
         cycle: u64,
+        now: Instant,
         budget: Instant,
-    ) -> Result<(States, Option<(usize, Health)>), StopReason> {
-        let lost = |e: crate::robot::LinkError| StopReason::LineLost { text: e.to_string() };
-        let states = self.link.states(budget).map_err(lost)?;
+    ) -> Result<(States, Option<(usize, Health)>), LinkError> {
+        let mut states = self.link.states(budget)?;
+        self.believed.sift(&mut states, now, self.link.clock().now());
         let joints = states.len();
         let turn = usize::try_from(cycle).unwrap_or(0);
         // Parts change faster than joints: the supply, which all share, is seen every few cycles.
@@ -229,12 +266,11 @@ impl Player<'_> {
         let mut health = None;
         // A joint that is silent now would only cost the others their time; so would a question
         // that cannot be answered within this cycle.
-        if states[joint].is_ok() && self.link.health_fits(joint, part, budget) {
+        let silent = states[joint].as_ref().is_err_and(|miss| *miss != Miss::NotAsked);
+        if !silent && self.link.health_fits(joint, part, budget) {
             match self.link.health(joint, part, budget) {
                 Ok(read) => health = Some((joint, read)),
-                Err(error) if matches!(error.error, crate::bus::AskError::Port(_)) => {
-                    return Err(lost(error));
-                }
+                Err(error) if matches!(error.error, AskError::Port(_)) => return Err(error),
                 Err(_) => {}
             }
         }
@@ -242,19 +278,18 @@ impl Player<'_> {
     }
 
     /// True when the last goals are written and the joints have come to rest (or had their time).
-    fn over(&mut self, states: &States, now: Instant, settings: Settings) -> bool {
+    fn over(&mut self, now: Instant, settings: Settings) -> bool {
         if self.goals_at_rest < LAST_GOALS {
             return false;
         }
         let since = *self.rest_since.get_or_insert(now);
-        let still = states
-            .iter()
-            .all(|state| state.as_ref().is_ok_and(|(s, _)| s.velocity_rad_s.abs() < REST_RAD_S));
+        let still = self.link.robot().joints.iter().zip(&self.resting);
+        let still = still.into_iter().all(|(joint, &slow)| slow || self.link.is_lost(joint.line));
         still || now.since(since) >= settings.settle
     }
 
     /// Samples the motion at the moment of writing and writes what the guard admits.
-    fn write(&mut self, budget: Instant) -> Result<(), StopReason> {
+    fn write(&mut self, budget: Instant) -> Result<(), LinkError> {
         // Goals are for the moment they leave, which after a lost answer is a little later.
         let clock = std::sync::Arc::clone(self.link.clock());
         clock.sleep_until(self.link.ready_at());
@@ -285,9 +320,7 @@ impl Player<'_> {
         }
         let over = self.clock.is_stopped() || motion_s >= self.trajectory.duration_s();
         self.goals_at_rest += u32::from(over || self.frozen);
-        self.link
-            .write_goals(&self.command, budget)
-            .map_err(|e| StopReason::LineLost { text: e.to_string() })
+        self.link.write_goals(&self.command, budget)
     }
 }
 

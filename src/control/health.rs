@@ -1,13 +1,14 @@
 //! Doubts that last become a stop. Each rule has a bound, a count and a name.
 
 use super::Sample;
+use crate::bus::Miss;
 use crate::time::{Duration, Instant};
 use std::fmt;
 
 /// Bounds beyond which a motion is stopped.
 #[derive(Clone, Copy, Debug)]
 pub struct Bounds {
-    /// Cycles in a row without feedback from a joint.
+    /// Cycles in a row in which a joint was asked and gave no feedback.
     pub misses_in_a_row: u32,
     /// Late cycles among the last hundred.
     pub late_of_hundred: u32,
@@ -93,10 +94,12 @@ pub enum StopReason {
         /// In words.
         reason: String,
     },
-    /// The line failed; nothing can be commanded on it any more.
+    /// A line failed; nothing can be commanded on it any more.
     LineLost {
         /// Line and what happened.
         text: String,
+        /// The joints on it, left at their last goal.
+        joints: Vec<String>,
     },
 }
 
@@ -128,7 +131,9 @@ impl fmt::Display for StopReason {
             Self::Refused { joint, reason } => {
                 write!(f, "the guard refused a goal for joint {joint}: {reason}")
             }
-            Self::LineLost { text } => write!(f, "the line was lost: {text}"),
+            Self::LineLost { text, joints } => {
+                write!(f, "the line was lost: {text}; no word reaches {}", joints.join(", "))
+            }
         }
     }
 }
@@ -201,6 +206,7 @@ impl Watch {
             let name = || self.facts[index].name.clone();
             let (state, alert) = match state {
                 Ok(state) => state,
+                Err(Miss::NotAsked) => continue,
                 Err(miss) => {
                     joint.missed_in_a_row += 1;
                     if joint.missed_in_a_row >= self.bounds.misses_in_a_row {

@@ -1,6 +1,7 @@
 //! Figures over a whole motion, for the report.
 
 use super::Sample;
+use crate::bus::Miss;
 
 /// What was measured of one joint.
 #[derive(Clone, Copy, Debug)]
@@ -74,10 +75,14 @@ impl Tally {
         self.cycles += 1;
         let mut complete = true;
         for (index, (joint, state)) in self.joints.iter_mut().zip(sample.states).enumerate() {
-            let Ok((state, _)) = state else {
-                joint.missed += 1;
-                complete = false;
-                continue;
+            let state = match state {
+                Ok((state, _)) => state,
+                Err(Miss::NotAsked) => continue,
+                Err(_) => {
+                    joint.missed += 1;
+                    complete = false;
+                    continue;
+                }
             };
             joint.lowest_rad = joint.lowest_rad.min(state.position_rad);
             joint.highest_rad = joint.highest_rad.max(state.position_rad);

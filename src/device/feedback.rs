@@ -1,6 +1,6 @@
 //! What is read from a servo: motion in every cycle, health in turn.
 
-use super::registers::{Model, RegisterError, raw_from_bytes};
+use super::registers::{Model, RegisterError};
 use gaitway_profiles::{Register, Role};
 
 /// One joint as its servo reported it, in the servo's own sense of rotation. Absent: not read in
@@ -10,7 +10,7 @@ pub struct JointState {
     /// Angle, rad.
     pub position_rad: f64,
     /// Speed, rad/s.
-    pub velocity_rad_s: f64,
+    pub velocity_rad_s: Option<f64>,
     /// Motor current, A.
     pub current_a: Option<f64>,
     /// Output as a share of full drive.
@@ -65,17 +65,36 @@ pub struct FeedbackBlock {
     block: Block,
 }
 
+/// What lies further than this from the position is not worth the bytes between, every cycle.
+const REACH_BYTES: u16 = 16;
+
 impl FeedbackBlock {
-    /// Position, velocity and current (or load) of `model`.
+    /// Position, velocity and current (or load) of `model`, as far as they lie together.
     ///
     /// # Errors
     /// [`RegisterError::NoSuchRole`] if it does not report a position or a velocity.
     pub fn of(model: Model) -> Result<Self, RegisterError> {
-        model.register(Role::PresentPosition)?;
         model.register(Role::PresentVelocity)?;
+        let position = model.register(Role::PresentPosition)?;
         let wanted =
             [Role::PresentPosition, Role::PresentVelocity, Role::PresentCurrent, Role::PresentLoad];
-        let block = Block::over(&model, &wanted).ok_or_else(|| RegisterError::NoSuchRole {
+        let near = |role: &Role| {
+            let register = model.register(*role);
+            register.is_ok_and(|r| r.address.abs_diff(position.address) <= REACH_BYTES)
+        };
+        Self::over(model, &wanted.into_iter().filter(near).collect::<Vec<_>>())
+    }
+
+    /// Position alone.
+    ///
+    /// # Errors
+    /// As [`FeedbackBlock::of`].
+    pub fn position_of(model: Model) -> Result<Self, RegisterError> {
+        Self::over(model, &[Role::PresentPosition])
+    }
+
+    fn over(model: Model, roles: &[Role]) -> Result<Self, RegisterError> {
+        let block = Block::over(&model, roles).ok_or_else(|| RegisterError::NoSuchRole {
             servo: model.profile().name.clone(),
             role: Role::PresentPosition,
         })?;
@@ -104,7 +123,7 @@ impl FeedbackBlock {
             let si = self.model.si_from_bytes(register, self.block.bytes(register, bytes))?;
             match role {
                 Role::PresentPosition => state.position_rad = si,
-                Role::PresentVelocity => state.velocity_rad_s = si,
+                Role::PresentVelocity => state.velocity_rad_s = Some(si),
                 Role::PresentCurrent => state.current_a = Some(si),
                 _ => state.load_ratio = Some(si),
             }
@@ -159,7 +178,7 @@ impl HealthBlock {
         let Some(block) = self.blocks.get(index) else { return Ok(health) };
         for (role, register) in &block.registers {
             let own = block.bytes(register, bytes);
-            let raw = raw_from_bytes(register, own)?;
+            let raw = self.model.raw_from_bytes(register, own)?;
             let si = self.model.si_from_raw(register, raw);
             match role {
                 Role::TorqueEnable => health.torque_on = Some(raw == 1),

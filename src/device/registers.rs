@@ -1,7 +1,8 @@
 //! Raw counts to SI and back, by a servo's profile. The only place that knows scale factors.
 
+use crate::bus;
 use core::f64::consts::{PI, TAU};
-use gaitway_profiles::{Encoding, Register, Role, Servo, Unit};
+use gaitway_profiles::{Encoding, Protocol, Register, Role, Servo, Unit};
 use std::fmt;
 
 /// A servo model: its profile seen through SI units.
@@ -71,6 +72,22 @@ impl Model {
         self.servo
     }
 
+    /// What the bus has to speak to a servo of this model.
+    #[must_use]
+    pub const fn protocol(&self) -> bus::Protocol {
+        match self.servo.protocol {
+            Protocol::Dynamixel1 => bus::Protocol::Dynamixel1,
+            Protocol::Dynamixel2 => bus::Protocol::Dynamixel2,
+            Protocol::FeetechSts => bus::Protocol::FeetechSts,
+            Protocol::FeetechScs => bus::Protocol::FeetechScs,
+        }
+    }
+
+    /// Byte order is a property of the protocol: of these, only SCS sends the high byte first.
+    const fn big_endian(&self) -> bool {
+        matches!(self.servo.protocol, Protocol::FeetechScs)
+    }
+
     /// The register for `role`.
     ///
     /// # Errors
@@ -137,7 +154,7 @@ impl Model {
     /// # Errors
     /// [`RegisterError::Short`].
     pub fn si_from_bytes(&self, register: &Register, bytes: &[u8]) -> Result<f64, RegisterError> {
-        Ok(self.si_from_raw(register, raw_from_bytes(register, bytes)?))
+        Ok(self.si_from_raw(register, self.raw_from_bytes(register, bytes)?))
     }
 
     /// An SI value as the register's bytes, appended to `out`.
@@ -150,7 +167,63 @@ impl Model {
         si: f64,
         out: &mut Vec<u8>,
     ) -> Result<(), RegisterError> {
-        append_raw(register, self.raw_from_si(register, si)?, out)
+        self.append_raw(register, self.raw_from_si(register, si)?, out)
+    }
+
+    /// The number the first bytes of `bytes` hold, in the protocol's byte order.
+    ///
+    /// # Errors
+    /// [`RegisterError::Short`].
+    pub fn raw_from_bytes(&self, register: &Register, bytes: &[u8]) -> Result<i64, RegisterError> {
+        let wanted = usize::from(register.bytes);
+        let Some(own) = bytes.get(..wanted) else {
+            let got = bytes.len();
+            return Err(RegisterError::Short { register: register.name.clone(), got, wanted });
+        };
+        let append = |word: i64, &byte: &u8| (word << 8) | i64::from(byte);
+        let word = if self.big_endian() {
+            own.iter().fold(0, append)
+        } else {
+            own.iter().rev().fold(0, append)
+        };
+        Ok(match register.encoding {
+            Encoding::U8 | Encoding::U16 | Encoding::U32 => word,
+            Encoding::I8 => i64::from(word as u8 as i8),
+            Encoding::I16 => i64::from(word as u16 as i16),
+            Encoding::I32 => i64::from(word as u32 as i32),
+            encoding => {
+                let bit = sign_bit(encoding).unwrap_or(15);
+                let magnitude = word & ((1 << bit) - 1);
+                if word >> bit & 1 == 1 { -magnitude } else { magnitude }
+            }
+        })
+    }
+
+    /// `raw` as the register's bytes, in the protocol's byte order, appended to `out`.
+    ///
+    /// # Errors
+    /// [`RegisterError::OutOfRange`].
+    pub fn append_raw(
+        &self,
+        register: &Register,
+        raw: i64,
+        out: &mut Vec<u8>,
+    ) -> Result<(), RegisterError> {
+        let (min, max) = raw_range(register.encoding);
+        if !(min..=max).contains(&raw) {
+            let (register, raw) = (register.name.clone(), raw as f64);
+            return Err(RegisterError::OutOfRange { register, raw, min, max });
+        }
+        let word = match sign_bit(register.encoding) {
+            Some(bit) if raw < 0 => (1 << bit) | -raw,
+            _ => raw,
+        };
+        let start = out.len();
+        out.extend_from_slice(&word.to_le_bytes()[..usize::from(register.bytes)]);
+        if self.big_endian() {
+            out[start..].reverse();
+        }
+        Ok(())
     }
 }
 
@@ -176,48 +249,6 @@ fn sign_bit(encoding: Encoding) -> Option<u32> {
         Encoding::SignMagnitude15 => Some(15),
         _ => None,
     }
-}
-
-/// The number the first bytes of `bytes` hold.
-///
-/// # Errors
-/// [`RegisterError::Short`].
-pub fn raw_from_bytes(register: &Register, bytes: &[u8]) -> Result<i64, RegisterError> {
-    let wanted = usize::from(register.bytes);
-    let Some(own) = bytes.get(..wanted) else {
-        let got = bytes.len();
-        return Err(RegisterError::Short { register: register.name.clone(), got, wanted });
-    };
-    let word = own.iter().rev().fold(0_i64, |word, &byte| (word << 8) | i64::from(byte));
-    Ok(match register.encoding {
-        Encoding::U8 | Encoding::U16 | Encoding::U32 => word,
-        Encoding::I8 => i64::from(word as u8 as i8),
-        Encoding::I16 => i64::from(word as u16 as i16),
-        Encoding::I32 => i64::from(word as u32 as i32),
-        encoding => {
-            let bit = sign_bit(encoding).unwrap_or(15);
-            let magnitude = word & ((1 << bit) - 1);
-            if word >> bit & 1 == 1 { -magnitude } else { magnitude }
-        }
-    })
-}
-
-/// `raw` as the register's bytes, appended to `out`.
-///
-/// # Errors
-/// [`RegisterError::OutOfRange`].
-pub fn append_raw(register: &Register, raw: i64, out: &mut Vec<u8>) -> Result<(), RegisterError> {
-    let (min, max) = raw_range(register.encoding);
-    if !(min..=max).contains(&raw) {
-        let raw = raw as f64;
-        return Err(RegisterError::OutOfRange { register: register.name.clone(), raw, min, max });
-    }
-    let word = match sign_bit(register.encoding) {
-        Some(bit) if raw < 0 => (1 << bit) | -raw,
-        _ => raw,
-    };
-    out.extend_from_slice(&word.to_le_bytes()[..usize::from(register.bytes)]);
-    Ok(())
 }
 
 #[cfg(test)]
@@ -267,6 +298,21 @@ mod tests {
         }
     }
 
+    /// SCServo SDK, `SCSCL.cpp`: goal position 511 is sent as 01 FF, and speed 1000 as 03 E8.
+    #[test]
+    fn words_of_scs_servos_have_the_high_byte_first() {
+        let sts = gaitway_profiles::servo("sts3215").expect("a shipped servo");
+        let scs = Servo { protocol: Protocol::FeetechScs, ..sts.clone() };
+        let model = Model::new(Box::leak(Box::new(scs)));
+        let goal = register(&model, Role::GoalPosition);
+        let mut bytes = Vec::new();
+        model.append_raw(goal, 511, &mut bytes).expect("in range");
+        model.append_raw(register(&model, Role::GoalVelocity), 1000, &mut bytes).expect("fits");
+        assert_eq!(bytes, [0x01, 0xFF, 0x03, 0xE8]);
+        assert_eq!(model.raw_from_bytes(goal, &[0x01, 0xFF]), Ok(511));
+        assert_eq!(Model::new(sts).raw_from_bytes(goal, &[0xFF, 0x01]), Ok(511));
+    }
+
     #[test]
     fn what_does_not_fit_a_register_is_refused_with_its_range() {
         let model = model("sts3215");
@@ -295,11 +341,12 @@ mod tests {
         #[test]
         fn any_bytes_of_any_register_survive_reading_and_writing(word in any::<[u8; 4]>()) {
             for name in ["xm430-w350", "sts3215"] {
-                for register in &model(name).profile().registers {
-                    let raw = raw_from_bytes(register, &word).expect("four bytes are enough");
+                let model = model(name);
+                for register in &model.profile().registers {
+                    let raw = model.raw_from_bytes(register, &word).expect("four bytes are enough");
                     let mut bytes = Vec::new();
-                    append_raw(register, raw, &mut bytes).expect("what was read can be written");
-                    prop_assert_eq!(raw_from_bytes(register, &bytes).expect("its bytes"), raw);
+                    model.append_raw(register, raw, &mut bytes).expect("what was read can be written");
+                    prop_assert_eq!(model.raw_from_bytes(register, &bytes).expect("its bytes"), raw);
                 }
             }
         }

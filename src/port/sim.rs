@@ -45,36 +45,110 @@ impl Clock for VirtualClock {
     }
 }
 
-/// The host's end of one virtual line.
+/// The host's end of one virtual line. If the line hangs up it stays gone, as a port does whose
+/// adapter was pulled out, even if the adapter comes back.
 pub struct VirtualLine {
     world: SharedWorld,
     line: usize,
     baud_bps: u32,
+    /// Which connection to the line this is.
+    connection: Option<u32>,
 }
 
 impl VirtualLine {
     /// The host's end of line number `line`, sending at `baud_bps`.
     #[must_use]
     pub fn new(world: SharedWorld, line: usize, baud_bps: u32) -> Self {
-        Self { world, line, baud_bps }
+        let connection = world.lock().connection(line);
+        Self { world, line, baud_bps, connection }
+    }
+
+    /// The world, if the line is still the one that was opened.
+    fn connected(&self) -> Result<MutexGuard<'_, World>, PortError> {
+        let world = self.world.lock();
+        if self.connection.is_some() && world.connection(self.line) == self.connection {
+            Ok(world)
+        } else {
+            Err(PortError::Gone(format!("virtual line {} hung up", self.line)))
+        }
     }
 }
 
 impl BytePort for VirtualLine {
-    fn send(&mut self, bytes: &[u8], _deadline: Instant) -> Result<(), PortError> {
-        self.world.lock().transmit(self.line, bytes, self.baud_bps);
-        Ok(())
+    fn send(&mut self, bytes: &[u8], deadline: Instant) -> Result<(), PortError> {
+        let mut rest = bytes;
+        loop {
+            let mut world = self.connected()?;
+            let taken = world.transmit(self.line, rest, self.baud_bps);
+            rest = &rest[taken..];
+            match world.blocked_until_ns(self.line) {
+                Some(until_ns) if !rest.is_empty() => {
+                    world.run_until(until_ns.min(deadline.as_nanos()));
+                    if until_ns > deadline.as_nanos() {
+                        return Err(PortError::TimedOut);
+                    }
+                }
+                _ => return Ok(()),
+            }
+        }
     }
 
     fn receive(&mut self, buffer: &mut [u8], deadline: Instant) -> Result<usize, PortError> {
-        match self.world.lock().receive(self.line, buffer, deadline.as_nanos()) {
-            0 => Err(PortError::TimedOut),
+        let count = self.connected()?.receive(self.line, buffer, deadline.as_nanos());
+        match count {
+            0 => self.connected().and(Err(PortError::TimedOut)),
             n => Ok(n),
         }
     }
 
     fn discard_input(&mut self) -> Result<(), PortError> {
-        self.world.lock().discard_input(self.line);
+        self.connected()?.discard_input(self.line);
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use gaitway_sim::{Options, Script, profiles};
+
+    const MS: u64 = 1_000_000;
+    const PING_1: [u8; 10] = [0xFF, 0xFF, 0xFD, 0x00, 0x01, 0x03, 0x00, 0x01, 0x19, 0x4E];
+
+    fn line(script: &str) -> (SharedWorld, VirtualLine) {
+        let robot = profiles::robot("op3").expect("a robot");
+        let faults = Script::parse(script).expect("a script").faults;
+        let world = World::new(&robot, Options { faults, ..Options::default() }).expect("a world");
+        let world = SharedWorld::new(world);
+        (world.clone(), VirtualLine::new(world, 0, 2_000_000))
+    }
+
+    fn at_ms(ms: u64) -> Instant {
+        Instant::from_nanos(ms * MS)
+    }
+
+    #[test]
+    fn a_line_that_hung_up_is_gone_even_when_it_is_back() {
+        let (world, mut line) = line("[[fault]]\nkind = 'hang-up'\nat_s = 0.1\nuntil_s = 0.2");
+        let mut buffer = [0; 64];
+        assert_eq!(line.receive(&mut buffer, at_ms(50)), Err(PortError::TimedOut));
+        assert!(matches!(line.receive(&mut buffer, at_ms(150)), Err(PortError::Gone(_))));
+        assert_eq!(world.lock().now_ns(), 100 * MS, "noticed at once");
+        world.lock().run_until(300 * MS);
+        assert!(matches!(line.send(&PING_1, at_ms(400)), Err(PortError::Gone(_))));
+        let mut again = VirtualLine::new(world, 0, 2_000_000);
+        again.send(&PING_1, at_ms(400)).expect("taken");
+        assert_eq!(again.receive(&mut buffer, at_ms(400)), Ok(14));
+    }
+
+    #[test]
+    fn a_blocked_line_makes_its_host_wait_or_give_up() {
+        let script = "[[fault]]\nkind = 'blocked'\nuntil_s = 0.1\nbytes = 4";
+        let (world, mut line) = line(script);
+        assert_eq!(line.send(&PING_1, at_ms(50)), Err(PortError::TimedOut));
+        assert_eq!(world.lock().now_ns(), 50 * MS);
+        line.send(&PING_1, at_ms(150)).expect("taken in the end");
+        assert_eq!(world.lock().now_ns(), 100 * MS);
+        assert_eq!(line.receive(&mut [0; 64], at_ms(150)), Ok(14));
     }
 }

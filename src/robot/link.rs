@@ -1,8 +1,8 @@
 //! A robot with its lines open: state in, command out, for all joints at once.
 
+use super::reading::{LinePlan, LineReads, Method, Reading, plan};
 use super::{Joint, Robot};
-use crate::bus::{AskError, Bus, GroupRead, Miss, Reply, Timing};
-use crate::device::registers::{append_raw, raw_from_bytes};
+use crate::bus::{AskError, Bus, GroupItem, Miss, Protocol, Reply, Timing};
 use crate::device::{Health, JointState};
 use crate::guard::Command;
 use crate::port::{BytePort, Clock};
@@ -11,19 +11,21 @@ use gaitway_profiles::{Register, Role};
 use std::fmt;
 use std::sync::Arc;
 
-/// Joints on one line whose servos are read or written by one instruction.
+/// Joints on one line whose servos are written by one instruction.
 #[derive(Clone, Debug)]
 struct Group {
     line: usize,
+    protocol: Protocol,
     address: u16,
     length: u16,
-    mode: GroupRead,
     joints: Vec<usize>,
 }
 
 /// A line that failed, and where.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LinkError {
+    /// Index of the line in [`Robot::lines`].
+    pub line: usize,
     /// Joint or line.
     pub place: String,
     /// What the bus said.
@@ -46,9 +48,13 @@ pub struct Link {
     robot: Robot,
     buses: Vec<Bus>,
     clock: Arc<dyn Clock>,
-    reads: Vec<Group>,
+    reads: Vec<LineReads>,
+    /// Number of the cycle, which decides what is read in it.
+    turn: usize,
     writes: Vec<Group>,
     missed_in_a_row: Vec<u32>,
+    /// Lines that failed in the middle of a motion; nothing is said on them any more.
+    lost: Vec<bool>,
     payload: Vec<u8>,
 }
 
@@ -71,16 +77,80 @@ impl Link {
                     return_delay: return_delay(&robot, index),
                     latency,
                 };
-                Bus::new(port, Arc::clone(&clock), line.protocol, timing)
+                Bus::new(port, Arc::clone(&clock), timing)
             })
             .collect();
-        let reads = groups(&robot, |joint| (joint.feedback.address(), joint.feedback.length()));
         let writes = groups(&robot, |joint| {
             let goal = joint.model.register(Role::GoalPosition);
             goal.map_or((0, 0), |goal| (goal.address, u16::from(goal.bytes)))
         });
         let missed_in_a_row = vec![0; robot.joints.len()];
-        Self { robot, buses, clock, reads, writes, missed_in_a_row, payload: Vec::new() }
+        let lost = vec![false; robot.lines.len()];
+        let mut link = Self {
+            robot,
+            buses,
+            clock,
+            reads: Vec::new(),
+            turn: 0,
+            writes,
+            missed_in_a_row,
+            lost,
+            payload: Vec::new(),
+        };
+        link.plan_reads(&[], Duration::from_secs(1));
+        link
+    }
+
+    /// Chooses how every line is read in cycles of `period`, knowing the `firmware` of each joint's
+    /// servo; what came of it, line by line.
+    pub fn plan_reads(&mut self, firmware: &[u16], period: Duration) -> Vec<LinePlan> {
+        let lines = self.buses.iter().enumerate();
+        let plans = lines.map(|(line, bus)| plan(&self.robot, line, bus, firmware, period));
+        let plans: (Vec<LineReads>, Vec<LinePlan>) = plans.unzip();
+        self.reads = plans.0;
+        self.turn = 0;
+        plans.1
+    }
+
+    /// The longest that servos on line number `line` wait before they answer.
+    pub fn set_return_delay(&mut self, line: usize, return_delay: Duration) {
+        if let Some(bus) = self.buses.get_mut(line) {
+            bus.set_return_delay(return_delay);
+        }
+    }
+
+    /// True if nothing is said on line number `line` any more.
+    #[must_use]
+    pub fn is_lost(&self, line: usize) -> bool {
+        self.lost.get(line).copied().unwrap_or(true)
+    }
+
+    /// Gives up the line that failed, so that the others go on. Names of the joints on it.
+    pub fn write_off(&mut self, failed: &LinkError) -> Vec<String> {
+        if let Some(lost) = self.lost.get_mut(failed.line) {
+            *lost = true;
+        }
+        let on_line = self.robot.joints.iter().filter(|joint| joint.line == failed.line);
+        on_line.map(|joint| joint.name.clone()).collect()
+    }
+
+    /// The moment up to which something was said on every line.
+    #[must_use]
+    pub fn spoken_at(&self) -> Instant {
+        self.buses.iter().map(Bus::spoken_at).min().unwrap_or(Instant::ZERO)
+    }
+
+    /// Asks a servo on every line that has been silent for `longest` whether it is there. The
+    /// answer does not matter: servos with a watchdog must hear that their host is.
+    pub(crate) fn break_silence(&mut self, longest: Duration) {
+        for line in 0..self.buses.len() {
+            let now = self.clock.now();
+            let quiet = now.since(self.buses[line].spoken_at()) >= longest;
+            let first = self.robot.joints.iter().find(|joint| joint.line == line);
+            if let Some(joint) = first.filter(|_| quiet && !self.lost[line]) {
+                let _ = self.buses[line].ping(joint.model.protocol(), joint.id, now + longest);
+            }
+        }
     }
 
     /// The robot.
@@ -101,17 +171,6 @@ impl Link {
         &self.buses
     }
 
-    /// Reads with one merged answer per group from now on where `firmware` (per joint) can.
-    pub fn use_fast_reads(&mut self, firmware: &[u16]) {
-        for group in &mut self.reads {
-            let fast = group.joints.iter().all(|&joint| {
-                let from = self.robot.joints[joint].model.profile().fast_sync_read_from_firmware;
-                from.is_some_and(|from| firmware.get(joint).is_some_and(|&f| f >= from))
-            });
-            group.mode = if fast { GroupRead::Fast } else { GroupRead::Sync };
-        }
-    }
-
     /// How often a lost answer of one servo is asked for again.
     pub fn set_retries(&mut self, retries: u32) {
         for bus in &mut self.buses {
@@ -119,85 +178,114 @@ impl Link {
         }
     }
 
-    /// Line time of one cycle (goals out, states in) on the slowest line, s.
-    #[must_use]
-    pub fn cycle_time_s(&self) -> f64 {
-        let on_line = |line: usize| -> f64 {
-            let bus = &self.buses[line];
-            let read: f64 = self
-                .reads
-                .iter()
-                .filter(|group| group.line == line)
-                .map(|g| bus.read_time_s(g.joints.len(), usize::from(g.length), g.mode))
-                .sum();
-            let write: f64 = self
-                .writes
-                .iter()
-                .filter(|group| group.line == line)
-                .map(|g| bus.write_time_s(g.joints.len(), usize::from(g.length)))
-                .sum();
-            read + write
-        };
-        (0..self.buses.len()).map(on_line).fold(0.0, f64::max)
-    }
-
     fn line_error(&self, line: usize, error: AskError) -> LinkError {
-        LinkError { place: format!("line {}", self.robot.lines[line].name), error }
+        LinkError { line, place: format!("line {}", self.robot.lines[line].name), error }
     }
 
     fn joint_error(&self, joint: usize, error: AskError) -> LinkError {
-        let joint = &self.robot.joints[joint];
-        LinkError { place: format!("joint {} (ID {})", joint.name, joint.id), error }
+        let Joint { line, id, name, .. } = &self.robot.joints[joint];
+        LinkError { line: *line, place: format!("joint {name} (ID {id})"), error }
     }
 
-    /// The state of every joint, in joint terms, with the device's alert flag.
+    /// What this cycle reads of the joints, in joint terms, with the device's alert flag.
     ///
     /// Joints that were silent before are asked last, so that they cannot silence others.
     ///
     /// # Errors
-    /// A line that failed. A joint that does not answer is a [`Miss`] of its own.
+    /// A line that failed. A joint that does not answer is a [`Miss`] of its own, and so is one
+    /// whose turn it is not ([`Miss::NotAsked`]).
     pub fn states(&mut self, budget: Instant) -> Result<States, LinkError> {
-        let mut states: States = vec![Err(Miss::Silent); self.robot.joints.len()];
-        for round in self.rounds() {
+        let turn = self.turn;
+        self.turn = turn.wrapping_add(1);
+        let of_line = |reads: &LineReads| reads.turns[turn % reads.turns.len()].clone();
+        let readings = self.reads.iter().map(of_line).collect();
+        self.read_all(readings, budget)
+    }
+
+    /// The state of every joint, however long that takes within `budget`.
+    ///
+    /// # Errors
+    /// As [`Link::states`].
+    pub fn whole_states(&mut self, budget: Instant) -> Result<States, LinkError> {
+        let readings = self.reads.iter().map(|reads| reads.whole.clone()).collect();
+        self.read_all(readings, budget)
+    }
+
+    /// Carries out the readings of each line.
+    fn read_all(
+        &mut self,
+        mut readings: Vec<Vec<Reading>>,
+        budget: Instant,
+    ) -> Result<States, LinkError> {
+        let mut states: States = vec![Err(Miss::NotAsked); self.robot.joints.len()];
+        while readings.iter().any(|of_line| !of_line.is_empty()) {
+            let mut failed = None;
             // All lines are asked before any is waited for, so that they answer side by side.
-            let mut asked = Vec::with_capacity(round.len());
-            for number in round {
-                let mut group = self.reads[number].clone();
-                group.joints.sort_by_key(|&joint| self.missed_in_a_row[joint]);
-                let ids: Vec<u8> = group.joints.iter().map(|&j| self.robot.joints[j].id).collect();
-                self.buses[group.line]
-                    .begin_group_read(&ids, group.address, group.length, group.mode, budget)
-                    .map_err(|e| self.line_error(group.line, e))?;
-                asked.push((group, ids));
-            }
-            for (group, ids) in asked {
-                let answers = self.buses[group.line]
-                    .finish_group_read(&ids, budget)
-                    .map_err(|e| self.line_error(group.line, e))?;
-                for (&joint, answer) in group.joints.iter().zip(answers) {
-                    let state = answer.and_then(|reply| self.decode(joint, &reply));
-                    let missed = &mut self.missed_in_a_row[joint];
-                    *missed = if state.is_err() { *missed + 1 } else { 0 };
-                    states[joint] = state;
+            let mut asked = Vec::with_capacity(readings.len());
+            for (line, of_line) in readings.iter_mut().enumerate() {
+                if of_line.is_empty() {
+                    continue;
                 }
+                let mut reading = of_line.remove(0);
+                reading.joints.sort_by_key(|&(joint, _)| self.missed_in_a_row[joint]);
+                if self.lost[line] {
+                    reading.joints.iter().for_each(|&(joint, _)| states[joint] = Err(Miss::Silent));
+                    continue;
+                }
+                if let Method::Group(kind) = reading.method
+                    && let Err(e) =
+                        self.buses[line].begin_group_read(&reading.question(kind), budget)
+                {
+                    failed = Some(self.line_error(line, e));
+                    continue;
+                }
+                asked.push((line, reading));
+            }
+            // A line that fails does not keep the others from being heard to the end.
+            for (line, reading) in asked {
+                if let Err(e) = self.hear(line, &reading, &mut states, budget) {
+                    failed = Some(self.line_error(line, e));
+                }
+            }
+            if let Some(failed) = failed {
+                return Err(failed);
             }
         }
         Ok(states)
     }
 
-    /// Numbers of the groups to read, at most one per line in each round.
-    fn rounds(&self) -> Vec<Vec<usize>> {
-        let mut rounds: Vec<Vec<usize>> = Vec::new();
-        for (number, group) in self.reads.iter().enumerate() {
-            let taken = |round: &&mut Vec<usize>| {
-                round.iter().all(|&other| self.reads[other].line != group.line)
-            };
-            match rounds.iter_mut().find(taken) {
-                Some(round) => round.push(number),
-                None => rounds.push(vec![number]),
+    /// Waits for the answers to `reading`; single reads are asked only here.
+    fn hear(
+        &mut self,
+        line: usize,
+        reading: &Reading,
+        states: &mut States,
+        budget: Instant,
+    ) -> Result<(), AskError> {
+        let mut put = |link: &mut Self, (joint, item): (usize, GroupItem), answer| {
+            let state = Result::and_then(answer, |reply| link.decode(joint, item, &reply));
+            let missed = &mut link.missed_in_a_row[joint];
+            *missed = if state.is_err() { *missed + 1 } else { 0 };
+            states[joint] = state;
+        };
+        if reading.method != Method::Single {
+            let answers = self.buses[line].finish_group_read(budget)?;
+            for (&asked, answer) in reading.joints.iter().zip(answers) {
+                put(self, asked, answer);
             }
+            return Ok(());
         }
-        rounds
+        for &(joint, item) in &reading.joints {
+            let GroupItem { id, address, length } = item;
+            let answer = match self.buses[line].read(reading.protocol, id, address, length, budget)
+            {
+                Ok(reply) => Ok(reply),
+                Err(AskError::Miss(miss)) => Err(miss),
+                Err(error) => return Err(error),
+            };
+            put(self, (joint, item), answer);
+        }
+        Ok(())
     }
 
     /// When every line may be spoken to again.
@@ -206,9 +294,17 @@ impl Link {
         self.buses.iter().map(Bus::ready_at).max().unwrap_or(Instant::ZERO)
     }
 
-    fn decode(&self, joint: usize, reply: &Reply) -> Result<(JointState, bool), Miss> {
+    fn decode(
+        &self,
+        joint: usize,
+        asked: GroupItem,
+        reply: &Reply,
+    ) -> Result<(JointState, bool), Miss> {
         let joint = &self.robot.joints[joint];
-        let servo = joint.feedback.decode(&reply.bytes).map_err(|_| Miss::Garbled)?;
+        let whole =
+            asked.address == joint.feedback.address() && asked.length == joint.feedback.length();
+        let block = if whole { &joint.feedback } else { &joint.position };
+        let servo = block.decode(&reply.bytes).map_err(|_| Miss::Garbled)?;
         Ok((joint.joint_state(servo), reply.alert))
     }
 
@@ -221,9 +317,9 @@ impl Link {
     /// True if part `part` of the slow facts of `joint` can be read by `budget`.
     #[must_use]
     pub fn health_fits(&self, joint: usize, part: usize, budget: Instant) -> bool {
-        let Joint { line, health, .. } = &self.robot.joints[joint];
+        let Joint { line, model, health, .. } = &self.robot.joints[joint];
         let length = health.reads().get(part).map_or(0, |&(_, length)| length);
-        self.buses[*line].fits(usize::from(length), budget)
+        self.buses[*line].fits(model.protocol(), usize::from(length), budget)
     }
 
     /// Part `part` of the slow facts of `joint`.
@@ -236,12 +332,12 @@ impl Link {
         part: usize,
         budget: Instant,
     ) -> Result<Health, LinkError> {
-        let Joint { line, id, health, .. } = &self.robot.joints[joint];
+        let Joint { line, id, model, health, .. } = &self.robot.joints[joint];
         let Some(&(address, length)) = health.reads().get(part) else {
             return Ok(Health::default());
         };
         let reply = self.buses[*line]
-            .read(*id, address, length, budget)
+            .read(model.protocol(), *id, address, length, budget)
             .map_err(|e| self.joint_error(joint, e))?;
         let joint_of = &self.robot.joints[joint];
         joint_of
@@ -280,7 +376,7 @@ impl Link {
                 joint.model.register(role).map_or((0, 0), |r| (r.address, u16::from(r.bytes)))
             })
         };
-        for group in groups.iter().filter(|group| group.length > 0) {
+        for group in groups.iter().filter(|group| group.length > 0 && !self.lost[group.line]) {
             let mut payload = std::mem::take(&mut self.payload);
             payload.clear();
             for &index in &group.joints {
@@ -298,7 +394,7 @@ impl Link {
                 .map(|(&index, bytes)| (self.robot.joints[index].id, bytes))
                 .collect();
             self.buses[group.line]
-                .sync_write(group.address, &items, budget)
+                .sync_write(group.protocol, group.address, &items, budget)
                 .map_err(|e| self.line_error(group.line, e))?;
             self.payload = payload;
         }
@@ -310,8 +406,9 @@ impl Link {
     /// # Errors
     /// [`LinkError`].
     pub fn identity(&mut self, joint: usize, budget: Instant) -> Result<(u16, u16), LinkError> {
-        let Joint { line, id, .. } = self.robot.joints[joint];
-        self.buses[line].ping(id, budget).map_err(|e| self.joint_error(joint, e))?;
+        let Joint { line, id, model, .. } = self.robot.joints[joint];
+        let protocol = model.protocol();
+        self.buses[line].ping(protocol, id, budget).map_err(|e| self.joint_error(joint, e))?;
         let model = self.read_raw(joint, Role::ModelNumber, budget)?;
         let major = self.read_raw(joint, Role::FirmwareVersion, budget)?;
         let firmware = match self.read_raw(joint, Role::FirmwareVersionMinor, budget) {
@@ -349,11 +446,12 @@ impl Link {
         register: &Register,
         budget: Instant,
     ) -> Result<i64, LinkError> {
-        let Joint { line, id, .. } = self.robot.joints[joint];
+        let Joint { line, id, model, .. } = self.robot.joints[joint];
         let reply = self.buses[line]
-            .read(id, register.address, u16::from(register.bytes), budget)
+            .read(model.protocol(), id, register.address, u16::from(register.bytes), budget)
             .map_err(|e| self.joint_error(joint, e))?;
-        raw_from_bytes(register, &reply.bytes)
+        model
+            .raw_from_bytes(register, &reply.bytes)
             .map_err(|_| self.joint_error(joint, Miss::Garbled.into()))
     }
 
@@ -369,31 +467,34 @@ impl Link {
             let text = "a goal is written as a command, never raw".to_owned();
             return Err(self.joint_error(joint, AskError::Unsayable(text)));
         }
-        let Joint { line, id, .. } = self.robot.joints[joint];
+        let Joint { line, id, model, .. } = self.robot.joints[joint];
         let mut bytes = Vec::with_capacity(4);
-        append_raw(register, raw, &mut bytes)
+        model
+            .append_raw(register, raw, &mut bytes)
             .map_err(|e| self.joint_error(joint, AskError::Unsayable(e.to_string())))?;
         self.buses[line]
-            .write(id, register.address, &bytes, budget)
+            .write(model.protocol(), id, register.address, &bytes, budget)
             .map_err(|e| self.joint_error(joint, e))?;
         Ok(())
     }
 }
 
-/// Joints by line and by the block that is to be read or written.
+/// Joints by line, protocol and the block that is to be read or written.
 fn groups(robot: &Robot, block: impl Fn(&Joint) -> (u16, u16)) -> Vec<Group> {
     let mut groups: Vec<Group> = Vec::new();
     for (index, joint) in robot.joints.iter().enumerate() {
         let (address, length) = block(joint);
-        let same =
-            |g: &&mut Group| g.line == joint.line && g.address == address && g.length == length;
+        let protocol = joint.model.protocol();
+        let same = |g: &&mut Group| {
+            (g.line, g.protocol, g.address, g.length) == (joint.line, protocol, address, length)
+        };
         match groups.iter_mut().find(same) {
             Some(group) => group.joints.push(index),
             None => groups.push(Group {
                 line: joint.line,
+                protocol,
                 address,
                 length,
-                mode: GroupRead::Sync,
                 joints: vec![index],
             }),
         }

@@ -1,6 +1,12 @@
 //! Everything that is checked before torque: identity, configuration, health, start pose and
 //! line speed. Reads only.
 
+mod line;
+
+pub use super::reading::LINE_SHARE;
+pub use line::EepromWrite;
+
+use super::reading::LinePlan;
 use super::{Joint, Link, LinkError};
 use crate::bus::{AskError, Miss};
 use crate::error::Error;
@@ -15,14 +21,24 @@ pub struct Preflight {
     pub start_rad: Vec<f64>,
     /// Firmware of each joint's servo.
     pub firmware: Vec<u16>,
-    /// Highest rate the line can carry, by computation, Hz.
+    /// Highest rate the slowest line can carry if nothing else were said on it, by computation, Hz.
     pub wire_limit_hz: f64,
+    /// Share of the time the slowest line will be busy, by computation.
+    pub bus_load: f64,
+    /// How each line is read.
+    pub lines: Vec<LinePlan>,
+    /// Time between two cycles.
+    pub period: Duration,
     /// Things a person should know that do not stop the motion.
     pub notes: Vec<String>,
     /// True if some joint had torque on already: the robot is held, and taken over as it stands.
     pub held: bool,
     /// Registers in RAM that differ from the robot file and will be written: joint, register, raw.
     pub to_write: Vec<(usize, &'static Register, i64)>,
+    /// Registers in EEPROM that will be written, with the user's permit.
+    pub eeprom: Vec<EepromWrite>,
+    /// Raw return delay of each joint's servo; 0 where it has no such register.
+    return_delay_raw: Vec<i64>,
 }
 
 /// What preflight may pass over.
@@ -30,6 +46,8 @@ pub struct Preflight {
 pub struct Accept {
     /// Firmware outside the profile's range.
     pub firmware: bool,
+    /// Return delays in EEPROM are lowered, if the rate asked for needs it.
+    pub eeprom: bool,
 }
 
 /// A joint must be this still before torque, rad/s.
@@ -38,30 +56,33 @@ const STILL_RAD_S: f64 = 0.05;
 const STILL_FOR: Duration = Duration::from_millis(200);
 /// Distance from the temperature limit at which a motion is refused, degrees Celsius.
 const TEMPERATURE_MARGIN_C: f64 = 5.0;
+/// Silence after which no answer to an earlier question is reckoned with.
+const LATE_ANSWERS: Duration = Duration::from_millis(200);
 /// Budget of one question outside the cycle.
 pub(crate) const QUESTION: Duration = Duration::from_millis(100);
 /// Outside the cycle a lost answer costs nothing but time; a host that stalls is no silent servo.
-const PATIENT_RETRIES: u32 = 10;
-/// Share of a cycle the line may be busy.
-pub const LINE_SHARE: f64 = 0.8;
+pub(crate) const PATIENT_RETRIES: u32 = 10;
 
 /// Runs all checks for a motion at `period`.
 ///
 /// # Errors
 /// The first check that fails, with joint, found and expected values.
 pub fn preflight(link: &mut Link, period: Duration, accept: Accept) -> Result<Preflight, Error> {
-    let mut found = Preflight::default();
+    let mut found = Preflight { period, ..Preflight::default() };
     link.set_retries(PATIENT_RETRIES);
     check_identity(link, accept, &mut found)?;
+    check_joint_mode(link)?;
     check_setup(link, &mut found)?;
+    line::check_return_delays(link, &mut found)?;
+    check_watchdogs(link, &mut found)?;
     check_health(link, &mut found)?;
     if found.held {
         let note = "torque was already on: the robot is taken over where it stands";
         found.notes.push(note.to_owned());
     }
-    link.use_fast_reads(&found.firmware);
-    check_line_speed(link, period, &mut found)?;
+    line::check_line_speed(link, period, accept, &mut found)?;
     found.start_rad = check_still(link)?;
+    line::check_measured(link, &found)?;
     check_start(link, &found.start_rad)?;
     Ok(found)
 }
@@ -70,7 +91,7 @@ pub(crate) fn budget(link: &Link) -> Instant {
     link.clock().now() + QUESTION
 }
 
-fn place(link: &Link, joint: usize) -> String {
+pub(super) fn place(link: &Link, joint: usize) -> String {
     let Joint { name, id, line, .. } = &link.robot().joints[joint];
     format!("joint {name}, ID {id}, line {}", link.robot().lines[*line].name)
 }
@@ -135,14 +156,38 @@ fn check_identity(link: &mut Link, accept: Accept, found: &mut Preflight) -> Res
     Ok(())
 }
 
+/// Servos without a mode register turn endlessly when both their angle limits are zero.
+fn check_joint_mode(link: &mut Link) -> Result<(), Error> {
+    for joint in 0..link.robot().joints.len() {
+        let model = link.robot().joints[joint].model;
+        let limits = [Role::MinPositionLimit, Role::MaxPositionLimit].map(|r| model.register(r));
+        let (Err(_), [Ok(low), Ok(high)]) = (model.register(Role::OperatingMode), limits) else {
+            continue;
+        };
+        let mut raw = [0; 2];
+        for (raw, register) in raw.iter_mut().zip([low, high]) {
+            let budget = budget(link);
+            let read = link.read_register(joint, register, budget);
+            *raw = read.map_err(|e| exchange_error(link, Some(joint), &e))?;
+        }
+        if raw == [0; 2] {
+            let (low, high) = (&low.name, &high.name);
+            return Err(Error::new("a servo is in wheel mode: it would turn without end")
+                .at(place(link, joint))
+                .got(format!("{low} and {high} both 0"))
+                .allowed("joint mode: limits that are not both 0")
+                .remedy(format!("set {low} and {high} with the maker's tool")));
+        }
+    }
+    Ok(())
+}
+
 /// Compares the registers the robot file states with those in the servo.
 fn check_setup(link: &mut Link, found: &mut Preflight) -> Result<(), Error> {
     for joint in 0..link.robot().joints.len() {
         for (register, wanted) in expected_registers(&link.robot().joints[joint]) {
             let name = &register.name;
-            let budget = budget(link);
-            let read = link.read_register(joint, register, budget);
-            let raw = read.map_err(|e| exchange_error(link, Some(joint), &e))?;
+            let raw = read_surely(link, joint, register, wanted)?;
             if raw == wanted {
                 continue;
             }
@@ -164,22 +209,49 @@ fn check_setup(link: &mut Link, found: &mut Preflight) -> Result<(), Error> {
     Ok(())
 }
 
+/// The value of `register`, asked again in silence if it is not `wanted`: answers carry no number,
+/// and on a host that stood still for long one to an earlier question may come last.
+fn read_surely(
+    link: &mut Link,
+    joint: usize,
+    register: &Register,
+    wanted: i64,
+) -> Result<i64, Error> {
+    let read = |link: &mut Link| {
+        let limit = budget(link);
+        let read = link.read_register(joint, register, limit);
+        read.map_err(|e| exchange_error(link, Some(joint), &e))
+    };
+    let raw = read(link)?;
+    if raw == wanted {
+        return Ok(raw);
+    }
+    let clock = std::sync::Arc::clone(link.clock());
+    clock.sleep_until(clock.now() + LATE_ANSWERS);
+    read(link)
+}
+
 /// Registers that decide where a goal leads: compared even if the robot file leaves them at what
 /// the servo leaves the factory with.
-const DECISIVE: [Role; 5] = [
+const DECISIVE: [Role; 9] = [
     Role::DriveMode,
     Role::HomingOffset,
     Role::OperatingMode,
     Role::MinPositionLimit,
     Role::MaxPositionLimit,
+    Role::ResolutionDivider,
+    Role::AngularResolution,
+    Role::TorqueControlEnable,
+    Role::GoalTime,
 ];
 
 /// What must be in a joint's servo: the robot file's setup, and the decisive registers.
 fn expected_registers(joint: &Joint) -> Vec<(&'static Register, i64)> {
     let setup = &joint.setup;
     let expected = |register: &'static Register| {
-        // That the servo answers at all proves its line speed.
-        let role = register.role.filter(|role| *role != Role::BaudRate);
+        // That the servo answers at all proves its line speed; its return delay is measured by.
+        let apart = [Role::BaudRate, Role::ReturnDelay];
+        let role = register.role.filter(|role| !apart.contains(role));
         match setup.get(&register.name) {
             Some(&raw) if register.role.is_none() || role.is_some() => Some((register, raw)),
             None if role.is_some_and(|role| DECISIVE.contains(&role)) => {
@@ -189,6 +261,31 @@ fn expected_registers(joint: &Joint) -> Vec<(&'static Register, i64)> {
         }
     };
     joint.model.profile().registers.iter().filter_map(expected).collect()
+}
+
+/// A watchdog left on by a host that died must be off before the servo obeys goals again.
+fn check_watchdogs(link: &mut Link, found: &mut Preflight) -> Result<(), Error> {
+    for joint in 0..link.robot().joints.len() {
+        let Ok(register) = link.robot().joints[joint].model.register(Role::BusWatchdog) else {
+            continue;
+        };
+        let budget = budget(link);
+        let read = link.read_register(joint, register, budget);
+        let raw = read.map_err(|e| exchange_error(link, Some(joint), &e))?;
+        if raw == 0 {
+            continue;
+        }
+        // Above its range it reads that it has bitten (255).
+        let latched = register.max.is_some_and(|max| raw > max);
+        let words = if latched {
+            "the bus watchdog had stopped this servo when its host fell silent; it is cleared"
+        } else {
+            "the bus watchdog was left on; it is switched off first"
+        };
+        found.notes.push(format!("{}: {words}", place(link, joint)));
+        found.to_write.push((joint, register, 0));
+    }
+    Ok(())
 }
 
 fn check_health(link: &mut Link, found: &mut Preflight) -> Result<(), Error> {
@@ -244,28 +341,6 @@ pub(crate) fn error_words(link: &Link, joint: usize, bits: u8) -> String {
     if words.is_empty() { format!("error bits 0x{bits:02X}") } else { words.join(", ") }
 }
 
-fn check_line_speed(link: &Link, period: Duration, found: &mut Preflight) -> Result<(), Error> {
-    let cycle_s = link.cycle_time_s();
-    found.wire_limit_hz = 1.0 / cycle_s;
-    let allowed_s = LINE_SHARE * period.as_secs_f64();
-    if !(cycle_s <= allowed_s) {
-        return Err(Error::new("the line is too slow for this rate")
-            .at(link.robot().name.clone())
-            .got(format!("{:.2} ms of line time per cycle", cycle_s * 1e3))
-            .allowed(format!(
-                "{:.2} ms ({:.0} % of a cycle at {:.0} Hz)",
-                allowed_s * 1e3,
-                LINE_SHARE * 100.0,
-                1.0 / period.as_secs_f64()
-            ))
-            .remedy(format!(
-                "ask for at most --rate {:.0}, or raise the line speed and lower the return delay",
-                (LINE_SHARE / cycle_s).floor()
-            )));
-    }
-    Ok(())
-}
-
 /// Reads where the joints stand, twice, and that they do not move in between.
 fn check_still(link: &mut Link) -> Result<Vec<f64>, Error> {
     let first = positions(link)?;
@@ -286,11 +361,11 @@ fn check_still(link: &mut Link) -> Result<Vec<f64>, Error> {
 }
 
 /// Present position of every joint; a joint that cannot be read is an error, never a default.
-fn positions(link: &mut Link) -> Result<Vec<f64>, Error> {
+pub(crate) fn positions(link: &mut Link) -> Result<Vec<f64>, Error> {
     let mut attempts = 0;
     let states = loop {
         let budget = budget(link) + QUESTION;
-        let states = link.states(budget).map_err(|e| exchange_error(link, None, &e))?;
+        let states = link.whole_states(budget).map_err(|e| exchange_error(link, None, &e))?;
         attempts += 1;
         if attempts > PATIENT_RETRIES || states.iter().all(Result::is_ok) {
             break states;
@@ -299,9 +374,20 @@ fn positions(link: &mut Link) -> Result<Vec<f64>, Error> {
     let mut positions = Vec::with_capacity(states.len());
     for (joint, state) in states.into_iter().enumerate() {
         match state {
+            Ok((_, true)) => {
+                return Err(Error::new("a servo raises its alert flag")
+                    .at(place(link, joint))
+                    .got("an error of its own: supply, temperature or load")
+                    .allowed("no error")
+                    .remedy("find the cause, then switch the servo off and on again"));
+            }
             Ok((state, _)) => positions.push(state.position_rad),
             Err(miss) => {
-                let failed = LinkError { place: String::new(), error: miss.into() };
+                // Asked alone it may say more: silence in a group can be a collision.
+                let alone = link.read_raw(joint, Role::PresentPosition, budget(link));
+                let line = link.robot().joints[joint].line;
+                let in_group = LinkError { line, place: String::new(), error: miss.into() };
+                let failed = alone.err().unwrap_or(in_group);
                 return Err(exchange_error(link, Some(joint), &failed));
             }
         }

@@ -126,7 +126,8 @@ mod tests {
 
     #[test]
     fn a_crc_taken_in_pieces_equals_the_crc_of_the_whole() {
-        let bytes: Vec<u8> = (0..=255).map(|n: u8| n.wrapping_mul(37) ^ 0x5A).collect();
+        let last = if cfg!(miri) { 20 } else { 255 };
+        let bytes: Vec<u8> = (0..=last).map(|n: u8| n.wrapping_mul(37) ^ 0x5A).collect();
         for cut in 0..=bytes.len() {
             let mut crc = Crc16::new();
             crc.update(&bytes[..cut]);

@@ -254,6 +254,7 @@ mod tests {
     }
 
     #[test]
+    #[cfg_attr(miri, ignore = "too many tries for an interpreter")]
     fn the_quick_search_finds_what_a_slow_one_finds() {
         // All words of nine letters over the two that matter and one that does not.
         let letters = [0xFF, 0xFD, 0x00];

@@ -5,14 +5,49 @@ use gaitway::control::{self, Run, Sample, Settings, Sink};
 use gaitway::error::Error;
 use gaitway::motion::{Path, PlanOptions, Trajectory, plan};
 use gaitway::port::sim::{SharedWorld, VirtualClock, VirtualLine};
-use gaitway::port::{BytePort, Clock};
+use gaitway::port::{BytePort, Clock, PortError};
 use gaitway::robot::preflight::{Accept, Preflight, preflight};
 use gaitway::robot::{Link, Robot};
-use gaitway::time::Duration;
+use gaitway::time::{Duration, Instant};
 use gaitway_sim::{Options, Verdict, World};
 use std::sync::Arc;
 
-pub const STRICT: Accept = Accept { firmware: false };
+/// A line whose adapter is unplugged at some moment.
+struct CutLine {
+    line: VirtualLine,
+    clock: Arc<dyn Clock>,
+    cut_at: Instant,
+}
+
+impl CutLine {
+    fn there(&self) -> Result<(), PortError> {
+        if self.clock.now() < self.cut_at {
+            return Ok(());
+        }
+        Err(PortError::Gone("unplugged".into()))
+    }
+}
+
+impl BytePort for CutLine {
+    fn send(&mut self, bytes: &[u8], deadline: Instant) -> Result<(), PortError> {
+        self.there()?;
+        self.line.send(bytes, deadline)
+    }
+
+    fn receive(&mut self, buffer: &mut [u8], deadline: Instant) -> Result<usize, PortError> {
+        self.there()?;
+        let received = self.line.receive(buffer, deadline.min(self.cut_at));
+        self.there()?;
+        received
+    }
+
+    fn discard_input(&mut self) -> Result<(), PortError> {
+        self.there()?;
+        self.line.discard_input()
+    }
+}
+
+pub const STRICT: Accept = Accept { firmware: false, eeprom: false };
 
 pub struct Scene {
     pub world: SharedWorld,
@@ -43,22 +78,40 @@ impl Sink for Samples {
 }
 
 impl Scene {
+    /// A shipped robot, or one of the fixtures.
     pub fn of(robot: &str, options: Options) -> Self {
-        Self::with_robot(Robot::load(robot).expect("a shipped robot"), options)
+        let robot = match robot {
+            "protocol-1" => protocol1_robot(),
+            "mixed" => mixed_robot(),
+            _ => Robot::load(robot).expect("a shipped robot"),
+        };
+        Self::with_robot(robot, options)
     }
 
     pub fn with_robot(robot: Robot, options: Options) -> Self {
+        Self::with_cut(robot, options, None)
+    }
+
+    /// A robot one of whose lines, by number, is unplugged at some time.
+    pub fn with_cut(robot: Robot, options: Options, cut: Option<(usize, u64)>) -> Self {
         let latency = Duration::from_nanos(options.adapter_latency_ns);
         let world = World::new(&robot.file, options).expect("a virtual robot");
         let world = SharedWorld::new(world);
         let clock: Arc<dyn Clock> = Arc::new(VirtualClock(world.clone()));
         let ports = robot.lines.iter().enumerate().map(|(line, facts)| {
             let port = VirtualLine::new(world.clone(), line, facts.baud_bps);
+            let at_ns = cut.filter(|&(number, _)| number == line).map_or(u64::MAX, |(_, at)| at);
+            let cut_at = Instant::from_nanos(at_ns);
+            let port = CutLine { line: port, clock: Arc::clone(&clock), cut_at };
             (Box::new(port) as Box<dyn BytePort>, latency)
         });
         let ports = ports.collect();
         let settings = Settings::at_rate(robot.file.rate_hz);
         Self { world, link: Link::new(robot, ports, clock), settings }
+    }
+
+    pub fn last_joint(&self) -> String {
+        self.link.robot().joints.last().expect("a joint").name.clone()
     }
 
     pub fn op3() -> Self {
@@ -122,6 +175,66 @@ impl Scene {
         let verdict = self.world.lock().verdict();
         Played { run, trajectory, samples, verdict }
     }
+}
+
+/// OP3 with its legs on a line of their own, the second.
+pub fn op3_on_two_lines() -> Robot {
+    let mut file = gaitway_profiles::robot("op3").expect("a shipped robot");
+    let mut legs = file.lines[0].clone();
+    legs.name = "legs".into();
+    file.lines.push(legs);
+    for joint in file.joints.iter_mut().filter(|joint| (7..=18).contains(&joint.id)) {
+        joint.line = "legs".into();
+    }
+    Robot::new(file).expect("a robot")
+}
+
+/// How one model of servo is set up in a fixture.
+fn setup(servo: &str, firmware: u16, registers: &[(&str, i64)]) -> gaitway_profiles::Setup {
+    gaitway_profiles::Setup {
+        servo: servo.into(),
+        joints: None,
+        firmware,
+        registers: registers.iter().map(|&(name, raw)| (name.to_owned(), raw)).collect(),
+        source: "a fixture".into(),
+    }
+}
+
+/// OP3's joints with Protocol 1.0 servos at 1 Mbps: MX-28, and AX-12A in the head, whose servos
+/// must be asked one by one.
+pub fn protocol1_robot() -> Robot {
+    let mut file = gaitway_profiles::robot("op3").expect("a shipped robot");
+    file.name = "protocol-1".into();
+    file.rate_hz = 50.0;
+    file.lines[0].baud_bps = 1_000_000;
+    for joint in &mut file.joints {
+        let head = joint.name.starts_with("head");
+        joint.servo = if head { "ax-12a" } else { "mx-28" }.into();
+    }
+    let registers = [("Baud Rate", 1), ("Return Delay Time", 0)];
+    file.setups = vec![setup("mx-28", 40, &registers), setup("ax-12a", 24, &registers)];
+    Robot::new(file).expect("a robot")
+}
+
+/// Three families on one line at 1 Mbps: XM430 legs, STS3215 arms and an SCS0009 head.
+pub fn mixed_robot() -> Robot {
+    let mut file = gaitway_profiles::robot("op3").expect("a shipped robot");
+    file.name = "mixed".into();
+    file.rate_hz = 50.0;
+    file.lines[0].baud_bps = 1_000_000;
+    for joint in &mut file.joints {
+        if joint.id <= 6 {
+            joint.servo = "sts3215".into();
+        } else if joint.name.starts_with("head") {
+            joint.servo = "scs0009".into();
+        }
+    }
+    let setups = std::mem::take(&mut file.setups);
+    file.setups = setups.into_iter().filter(|setup| setup.joints.is_none()).collect();
+    file.setups[0].registers.insert("Baud Rate".into(), 3);
+    file.setups.push(setup("sts3215", 3 * 256 + 10, &[("Baud Rate", 0)]));
+    file.setups.push(setup("scs0009", 3 * 256, &[("Baud Rate", 0)]));
+    Robot::new(file).expect("a robot")
 }
 
 /// Takes samples and lets the host stall: after every cycle in `stalls`, for that long.

@@ -62,6 +62,7 @@ pub(crate) fn robot(file: &str, robot: &Robot) -> Verdict {
                 .allowed("each ID once on a line"));
         }
         on_the_bus(file, robot, joint)?;
+        shared_case(file, joint, &joints)?;
     }
     anatomy(file, robot, &joints)
 }
@@ -243,6 +244,23 @@ fn line_speed(
             .allowed(format!("{index} for {} bps", line.baud_bps)));
     }
     Ok(())
+}
+
+/// Two joints in one case name each other and have the same servo on the same line.
+fn shared_case(file: &str, joint: &Joint, joints: &BTreeMap<&str, &Joint>) -> Verdict {
+    let Some(other) = joint.shares_case_with.as_deref() else { return Ok(()) };
+    let is_pair = joints.get(other).is_some_and(|partner| {
+        partner.name != joint.name
+            && partner.shares_case_with.as_deref() == Some(joint.name.as_str())
+            && (&partner.servo, &partner.line) == (&joint.servo, &joint.line)
+    });
+    if is_pair {
+        return Ok(());
+    }
+    Err(ProfileError::new(file, "these joints cannot share a case")
+        .at(place(joint))
+        .got(format!("shares_case_with {other:?}"))
+        .allowed("a joint with the same servo on the same line that names this one"))
 }
 
 /// Both limits must lie where the servo can be sent.

@@ -2,7 +2,7 @@
 
 use super::{Verdict, header, not_empty, positive, unique};
 use crate::error::ProfileError;
-use crate::schema::{Access, Protocol, Register, Role, Servo};
+use crate::schema::{Access, Mode, Protocol, Register, Role, Servo};
 use std::collections::BTreeSet;
 
 /// Registers that the driver and the virtual servo cannot do without.
@@ -30,6 +30,14 @@ const REQUIRED_OF_DYNAMIXEL_2: &[Role] = &[
     Role::ProfileVelocity,
     Role::ProfileAcceleration,
 ];
+/// The XL-320 speaks Protocol 2.0 over a table in the manner of 1.0, which has a torque limit.
+const REQUIRED_OF_OLD_TABLE: &[Role] = &[
+    Role::ReturnDelay,
+    Role::StatusReturnLevel,
+    Role::OperatingMode,
+    Role::HardwareError,
+    Role::GoalVelocity,
+];
 const REQUIRED_OF_STS: &[Role] = &[
     Role::ReturnDelay,
     Role::StatusReturnLevel,
@@ -49,6 +57,7 @@ pub(crate) fn servo(file: &str, servo: &Servo) -> Verdict {
     not_empty(file, "maker", &servo.maker)?;
     not_empty(file, "manual", &servo.manual)?;
     facts(file, servo)?;
+    instructions(file, servo)?;
     let mut table_end = 0;
     for register in &servo.registers {
         one_register(file, servo.protocol, register)?;
@@ -62,6 +71,7 @@ pub(crate) fn servo(file: &str, servo: &Servo) -> Verdict {
     }
     unique(file, "register name", "register", servo.items().map(|item| item.name()))?;
     roles(file, servo)?;
+    modes(file, servo)?;
     baud(file, servo)
 }
 
@@ -106,6 +116,25 @@ fn facts(file: &str, servo: &Servo) -> Verdict {
         }
     }
     unique(file, "error bit", "error_bit", servo.error_bits.iter().map(|bit| bit.bit))
+}
+
+/// Of the optional questions, only those the protocol has.
+fn instructions(file: &str, servo: &Servo) -> Verdict {
+    let later = [
+        ("fast_sync_read_from_firmware", servo.fast_sync_read_from_firmware.is_some()),
+        ("clear_from_firmware", servo.clear_from_firmware.is_some()),
+        ("backup_from_firmware", servo.backup_from_firmware.is_some()),
+    ];
+    for (key, says) in later.into_iter().chain([("bulk_read", servo.bulk_read)]) {
+        let protocol = if key == "bulk_read" { Protocol::Dynamixel1 } else { Protocol::Dynamixel2 };
+        if says && servo.protocol != protocol {
+            return Err(ProfileError::new(file, "the servo's protocol knows no such question")
+                .at(key)
+                .got(format!("{:?}", servo.protocol))
+                .allowed(format!("{protocol:?} only")));
+        }
+    }
+    Ok(())
 }
 
 fn one_register(file: &str, protocol: Protocol, register: &Register) -> Verdict {
@@ -181,6 +210,7 @@ fn roles(file: &str, servo: &Servo) -> Verdict {
     }
     let of_protocol = match servo.protocol {
         Protocol::Dynamixel1 => REQUIRED_OF_DYNAMIXEL_1,
+        Protocol::Dynamixel2 if seen.contains(&Role::TorqueLimit) => REQUIRED_OF_OLD_TABLE,
         Protocol::Dynamixel2 => REQUIRED_OF_DYNAMIXEL_2,
         Protocol::FeetechSts => REQUIRED_OF_STS,
         Protocol::FeetechScs => REQUIRED_OF_SCS,
@@ -215,6 +245,37 @@ fn roles(file: &str, servo: &Servo) -> Verdict {
             .at("model_number")
             .got(servo.model_number)
             .allowed(format!("{initial}, as in the register")));
+    }
+    Ok(())
+}
+
+/// Every mode once, each a value the register takes, and the factory's among them.
+fn modes(file: &str, servo: &Servo) -> Verdict {
+    let modes = &servo.operating_modes;
+    unique(file, "operating mode", "operating_mode", modes.iter().map(|mode| mode.value))?;
+    let Some(register) = servo.register(Role::OperatingMode) else {
+        if modes.is_empty() {
+            return Ok(());
+        }
+        return Err(ProfileError::new(file, "modes are listed, but no register chooses them")
+            .at("operating_mode"));
+    };
+    let (min, max) = register.range();
+    for mode in modes {
+        if !(min..=max).contains(&i64::from(mode.value)) {
+            return Err(ProfileError::new(file, "the mode register cannot ask for this")
+                .at("operating_mode")
+                .got(mode.value)
+                .allowed(format!("{min}..{max}")));
+        }
+    }
+    let factory = register.initial;
+    let known = |value: i64| modes.iter().any(|mode| i64::from(mode.value) == value);
+    if !modes.iter().any(|mode| mode.mode == Mode::Position) || !factory.is_none_or(known) {
+        return Err(ProfileError::new(file, "the modes of the servo are not all listed")
+            .at("operating_mode")
+            .got(format!("{:?}", modes.iter().map(|mode| mode.value).collect::<Vec<_>>()))
+            .allowed("the position mode and the factory's mode among them"));
     }
     Ok(())
 }

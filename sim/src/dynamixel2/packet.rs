@@ -58,7 +58,7 @@ pub(crate) fn scan(bytes: &[u8]) -> Scan {
         return Scan::Incomplete;
     }
     let crc = u16::from_le_bytes([bytes[total - 2], bytes[total - 1]]);
-    if crc_after(0, &bytes[..total - 2]) == crc { Scan::Packet(total) } else { Scan::Skip(1) }
+    if crc_after(0, &bytes[..total - 2]) == crc { Scan::Packet(total) } else { Scan::Spoilt(total) }
 }
 
 /// ID, instruction and parameters of a packet [`scan`] found whole.
@@ -177,7 +177,7 @@ mod tests {
         #[test]
         fn any_bytes_are_scanned_to_an_end(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
             let mut rest = &bytes[..];
-            while let Scan::Skip(n) | Scan::Packet(n) = scan(rest) {
+            while let Scan::Skip(n) | Scan::Packet(n) | Scan::Spoilt(n) = scan(rest) {
                 prop_assert!(n > 0 && n <= rest.len());
                 rest = &rest[n..];
             }

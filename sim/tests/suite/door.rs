@@ -1,9 +1,10 @@
 //! A real program's view: a terminal, bytes in, bytes out.
 
 use crate::scene::{crc16, dynamixels, hex, statuses};
-use gaitway_sim::{Door, DoorError, Options, World};
+use gaitway_sim::{Door, DoorError, Fault, Options, World};
 use std::fs::{self, File, OpenOptions};
 use std::io::{Read, Write};
+use std::net::TcpStream;
 use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
@@ -111,4 +112,118 @@ fn a_dangling_link_is_replaced_and_anything_else_is_not() {
 #[test]
 fn a_line_that_is_not_there_has_no_door() {
     assert!(matches!(Door::open(world(false), 1, None).err(), Some(DoorError::NoLine(1))));
+}
+
+fn world_with(faults: Vec<Fault>) -> Arc<Mutex<World>> {
+    let options = Options { line_timing: false, faults, ..Options::default() };
+    Arc::new(Mutex::new(World::new(&dynamixels(&[1]), options).unwrap()))
+}
+
+/// Waits until something is so; a machine may be slow, but not for ever.
+fn wait_until(what: &str, is_so: impl Fn() -> bool) {
+    let begin = std::time::Instant::now();
+    while !is_so() {
+        assert!(begin.elapsed().as_secs() < 10, "{what}");
+        std::thread::sleep(std::time::Duration::from_millis(1));
+    }
+}
+
+#[test]
+fn what_one_program_left_unread_is_not_for_the_next() {
+    let door = Door::open(world(false), 0, None).unwrap();
+    for _ in 0..3 {
+        let mut port = open(door.path());
+        port.write_all(&hex(PING_1)).unwrap();
+        wait_until("an answer", || rustix::io::ioctl_fionread(&port) == Ok(14));
+        drop(port);
+        wait_until("an empty buffer", || rustix::io::ioctl_fionread(open(door.path())) == Ok(0));
+        let mut port = open(door.path());
+        // A read of the model number: its status differs from a ping's.
+        let answer = ask(&mut port, &crate::scene::read(1, 0, 2), 13);
+        assert_eq!(statuses(&answer)[0].params.len(), 2);
+    }
+}
+
+#[test]
+fn one_program_at_a_time_talks_over_tcp() {
+    let door = Door::open_tcp(world(false), 0, "127.0.0.1:0".parse().unwrap()).unwrap();
+    let address = door.path().to_str().unwrap().strip_prefix("tcp:").unwrap().to_string();
+    let ping = |port: &mut TcpStream| {
+        port.write_all(&hex(PING_1)).unwrap();
+        let mut answer = [0; 14];
+        port.read_exact(&mut answer).map(|()| answer)
+    };
+    for _ in 0..3 {
+        let mut first = TcpStream::connect(&address).unwrap();
+        assert!(ping(&mut first).is_ok());
+        let mut second = TcpStream::connect(&address).unwrap();
+        assert_eq!(second.read(&mut [0; 1]).unwrap_or(0), 0, "the second is sent away");
+        assert!(ping(&mut first).is_ok());
+    }
+}
+
+#[test]
+fn a_hang_up_is_one_and_the_door_comes_back_under_another_name() {
+    let (old, new) = (link("old"), link("new"));
+    let hang_up = Fault::HangUp {
+        line: None,
+        at_ns: 100_000_000,
+        until_ns: Some(200_000_000),
+        link: Some(new.clone()),
+    };
+    let door = Door::open(world_with(vec![hang_up]), 0, Some(&old)).unwrap();
+    let first = door.path().to_path_buf();
+    let mut port = open(&old);
+    // End of file or an error, not silence.
+    assert_eq!(port.read(&mut [0; 1]).unwrap_or(0), 0);
+    wait_until("plugged in", || door.current_path().is_some());
+    let second = door.current_path().unwrap();
+    assert_ne!(first, second);
+    assert!(fs::symlink_metadata(&old).is_err());
+    assert_eq!(fs::read_link(&new).unwrap(), second);
+    assert_eq!(ask(&mut open(&new), &hex(PING_1), 14).len(), 14);
+    drop(door);
+    assert!(fs::symlink_metadata(&new).is_err());
+}
+
+#[test]
+fn a_tcp_door_that_hung_up_sends_everyone_away() {
+    let hang_up = Fault::HangUp { line: None, at_ns: 50_000_000, until_ns: None, link: None };
+    let address = "127.0.0.1:0".parse().unwrap();
+    let door = Door::open_tcp(world_with(vec![hang_up]), 0, address).unwrap();
+    let address = door.path().to_str().unwrap().strip_prefix("tcp:").unwrap().to_string();
+    let mut early = TcpStream::connect(&address).unwrap();
+    assert_eq!(early.read(&mut [0; 1]).unwrap_or(0), 0);
+    let mut late = TcpStream::connect(&address).unwrap();
+    assert_eq!(late.read(&mut [0; 1]).unwrap_or(0), 0);
+}
+
+#[test]
+fn a_blocked_line_lets_its_program_wait() {
+    let until_ns = 300_000_000;
+    let blocked = Fault::Blocked { line: None, from_ns: 0, until_ns, bytes: 0 };
+    let world = world_with(vec![blocked]);
+    let door = Door::open(Arc::clone(&world), 0, None).unwrap();
+    let mut port = open(door.path());
+    assert_eq!(ask(&mut port, &hex(PING_1), 14).len(), 14);
+    assert!(world.lock().unwrap().now_ns() >= until_ns);
+}
+
+#[test]
+fn the_usual_speeds_of_servo_lines_can_be_set() {
+    for baud_bps in [9600, 57_600, 115_200, 1_000_000, 2_000_000, 3_000_000, 4_000_000] {
+        let mut robot = dynamixels(&[1]);
+        robot.lines[0].baud_bps = baud_bps;
+        let world = World::new(&robot, Options::default()).unwrap();
+        let door = Door::open(Arc::new(Mutex::new(world)), 0, None).unwrap();
+        let mut port = open(door.path());
+        let mut settings = rustix::termios::tcgetattr(&port).unwrap();
+        settings.set_speed(baud_bps).unwrap();
+        rustix::termios::tcsetattr(&port, rustix::termios::OptionalActions::Now, &settings)
+            .unwrap();
+        rustix::termios::tcdrain(&port).unwrap();
+        rustix::termios::tcflush(&port, rustix::termios::QueueSelector::IOFlush).unwrap();
+        rustix::termios::tcsendbreak(&port).unwrap();
+        assert_eq!(ask(&mut port, &hex(PING_1), 14).len(), 14, "{baud_bps}");
+    }
 }

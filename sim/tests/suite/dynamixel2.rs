@@ -110,12 +110,6 @@ fn clear_brings_the_reading_back_into_one_turn() {
 }
 
 #[test]
-fn control_table_backup_is_not_done_and_said_so() {
-    let mut scene = scene(&[1]);
-    assert_eq!(scene.error(&hex("FF FF FD 00 01 08 00 20 01 43 54 52 4C 16 F5")), 2);
-}
-
-#[test]
 fn sync_read_is_answered_by_each_in_the_order_asked() {
     let mut scene = scene(&[1, 2]);
     scene.set("j1", "Present Position", 166);
@@ -395,4 +389,60 @@ fn the_tick_counts_milliseconds_since_power_up() {
     let mut scene = scene(&[1]);
     scene.wait_ms(40_000);
     assert_eq!(scene.get("j1", "Realtime Tick"), 40_000 - 32_768);
+}
+
+#[test]
+fn a_backup_is_stored_and_restored_with_torque_off_only() {
+    // The manual prints the last CRC of restore as 92 F5; 9E F5 is computed.
+    let store = hex("FF FF FD 00 01 08 00 20 01 43 54 52 4C 16 F5");
+    let restore = hex("FF FF FD 00 01 08 00 20 02 43 54 52 4C 9E F5");
+    let mut scene = scene(&[1]);
+    assert_eq!(scene.error(&write(1, 52, &100_i32.to_le_bytes())), 0);
+    assert_eq!(scene.ask(&store), hex(OK_1));
+    assert_eq!(scene.error(&write(1, 52, &200_i32.to_le_bytes())), 0);
+    assert_eq!(scene.error(&write(1, TORQUE_ENABLE, &[1])), 0);
+    assert_eq!(scene.error(&restore), 1, "torque is on");
+    assert_eq!(scene.error(&write(1, TORQUE_ENABLE, &[0])), 0);
+    assert_eq!(scene.ask(&restore), hex(OK_1));
+    scene.wait_ms(1000);
+    assert_eq!(scene.get("j1", "Min Position Limit"), 100);
+    assert_eq!(scene.error(&instruction(1, 0x20, &[3, 0x43, 0x54, 0x52, 0x4C])), 4);
+}
+
+#[test]
+fn older_firmware_knows_neither_clear_nor_backup_nor_fast_reads() {
+    let mut scene = scene(&[1]);
+    scene.set("j1", "Firmware Version", 41);
+    assert_eq!(scene.error(&instruction(1, 0x10, &[1, 0x44, 0x58, 0x4C, 0x22])), 2);
+    assert_eq!(scene.error(&instruction(1, 0x20, &[1, 0x43, 0x54, 0x52, 0x4C])), 2);
+    assert_eq!(scene.ask(&sync_read(0x8A, 132, 4, &[1])), []);
+    assert_eq!(scene.tell(&sync_read(0x82, 132, 4, &[1])).len(), 1);
+}
+
+#[test]
+fn a_factory_reset_of_everything_for_everyone_is_obeyed_by_old_firmware_only() {
+    for (firmware, id) in [(41, 1), (42, 7)] {
+        let mut scene = scene(&[7]);
+        scene.set("j7", "Firmware Version", firmware);
+        assert_eq!(scene.ask(&instruction(0xFE, 0x06, &[0xFF])), []);
+        assert_eq!(scene.get("j7", "ID"), id, "firmware {firmware}");
+    }
+}
+
+#[test]
+fn a_secondary_id_is_obeyed_and_never_answered() {
+    let mut scene = scene(&[1, 2]);
+    for joint in ["j1", "j2"] {
+        scene.set(joint, "Secondary(Shadow) ID", 100);
+    }
+    assert_eq!(scene.ask(&write(100, 65, &[1])), []);
+    assert_eq!((scene.get("j1", "LED"), scene.get("j2", "LED")), (1, 1));
+    assert_eq!(scene.ask(&read(100, 65, 1)), []);
+    assert_eq!(scene.ask(&sync_read(0x82, 65, 1, &[100])), []);
+    scene.ask(&instruction(0xFE, 0x83, &[65, 0, 1, 0, 100, 0]));
+    assert_eq!((scene.get("j1", "LED"), scene.get("j2", "LED")), (0, 0));
+    // A servo's own ID comes first: it answers, the other obeys.
+    scene.set("j2", "Secondary(Shadow) ID", 1);
+    assert_eq!(scene.tell(&write(1, 65, &[1])).len(), 1);
+    assert_eq!((scene.get("j1", "LED"), scene.get("j2", "LED")), (1, 1));
 }

@@ -1,11 +1,16 @@
 //! The virtual servos against the makers' published bytes, timings and rules.
 
 mod door;
+mod dynamixel1;
 mod dynamixel2;
 mod faults;
 mod feetech;
 mod line;
+mod mixed;
+mod modes;
 mod motion;
 mod properties;
+mod protections;
 mod referee;
 mod scene;
+mod script;

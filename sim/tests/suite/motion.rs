@@ -78,16 +78,6 @@ fn without_torque_a_goal_moves_nothing() {
 }
 
 #[test]
-fn other_operating_modes_answer_but_do_not_move() {
-    let mut scene = Scene::new(&dynamixels(&[1]));
-    scene.ask(&write(1, 11, &[1]));
-    scene.ask(&write(1, 64, &[1]));
-    assert_eq!(scene.error(&write(1, 104, &100_i32.to_le_bytes())), 0);
-    scene.wait_ms(500);
-    assert_eq!(scene.get("j1", "Present Position"), 2048);
-}
-
-#[test]
 fn goal_and_present_differ_as_the_shaft_lags_behind_a_sine() {
     let mut scene = moving_scene();
     let mut worst = 0.0_f64;

@@ -1,6 +1,6 @@
 //! Whatever bytes come, in whatever pieces: no panic, and nothing but sound statuses.
 
-use crate::scene::{Scene, dynamixels, feetech, feetechs, instruction, statuses, sync_read};
+use crate::scene::{Scene, dynamixels, feetech, feetechs, instruction, mixed, statuses, sync_read};
 use gaitway_sim::{Damage, Fault, Options};
 use proptest::prelude::*;
 
@@ -96,6 +96,52 @@ proptest! {
         };
         prop_assert_eq!(once(), once());
     }
+
+    #[test]
+    fn any_damages_together_leave_a_world_that_goes_on(
+        damages in prop::collection::vec(any_damage(), 1..5),
+    ) {
+        let fault = |damage| Fault::Statuses {
+            of: None,
+            from_ns: 0,
+            until_ns: 100_000_000,
+            probability: 1.0,
+            damage,
+        };
+        let faults: Vec<Fault> = damages.into_iter().map(fault).collect();
+        let robot = mixed(&[("xm430-w350", 1), ("xm430-w350", 2), ("mx-28", 3), ("sts3215", 4)]);
+        let mut scene = Scene::with(&robot, Options { faults, ..Options::default() });
+        for packet in [
+            sync_read(0x82, 132, 4, &[1, 2]),
+            sync_read(0x8A, 132, 4, &[1, 2]),
+            instruction(0xFE, 1, &[]),
+            feetech(3, 2, &[36, 2]),
+            feetech(4, 2, &[56, 2]),
+        ] {
+            scene.ask(&packet);
+        }
+        scene.world.run_until(300_000_000);
+        scene.world.discard_input(0);
+        prop_assert_eq!(scene.tell(&sync_read(0x8A, 132, 4, &[1, 2])).len(), 1);
+        prop_assert_eq!(scene.ask(&feetech(4, 1, &[])), feetech(4, 0, &[]));
+    }
+}
+
+fn any_damage() -> impl Strategy<Value = Damage> {
+    prop_oneof![
+        Just(Damage::Mute),
+        (0..50_usize, any::<u8>()).prop_map(|(at, xor)| Damage::Lie { at, xor }),
+        any::<u8>().prop_map(|id| Damage::WrongId { id }),
+        prop::option::of(0..300_usize).prop_map(|bit| Damage::FlipBit { bit }),
+        prop::option::of(0..50_usize).prop_map(|at| Damage::DropByte { at }),
+        Just(Damage::Duplicate),
+        (0..50_000_000_u64).prop_map(|by_ns| Damage::StaleReply { by_ns }),
+        (0..20_usize).prop_map(|length| Damage::Garbage { length }),
+        Just(Damage::FalseHeader),
+        Just(Damage::Echo),
+        any::<u16>().prop_map(|length| Damage::Length { length }),
+        (0..8_u16).prop_map(|length| Damage::Length { length }),
+    ]
 }
 
 fn without_fast_reads(pieces: &[(Vec<u8>, u64)]) -> Vec<(Vec<u8>, u64)> {

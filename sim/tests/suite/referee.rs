@@ -1,6 +1,8 @@
 //! Each rule of the referee with a scene that breaks it and a twin that does not.
 
-use crate::scene::{Scene, dynamixels, instruction, sync_read, sync_write_goals, write};
+use crate::scene::{
+    Scene, dynamixels, feetech, instruction, mixed, sync_read, sync_write_goals, write,
+};
 use gaitway_sim::{Options, Rule};
 
 /// One joint: -1.5..1.5 rad, at most 4.796 rad/s.
@@ -172,4 +174,65 @@ fn the_referee_counts_goals_instructions_and_statuses() {
     assert_eq!((verdict.goals, verdict.instructions, verdict.statuses), (1, 3, 2));
     assert!(verdict.is_clean());
     assert_eq!(Rule::RestAtEnds.code(), "R2b");
+}
+
+/// A word with the low or the high byte first.
+type Word = fn(i16) -> [u8; 2];
+
+/// Servos with the address of their goal.
+const OTHER_FAMILIES: [(&str, u8, Word); 4] = [
+    ("ax-12a", 30, i16::to_le_bytes),
+    ("mx-28", 30, i16::to_le_bytes),
+    ("sts3215", 42, i16::to_le_bytes),
+    ("scs0009", 42, i16::to_be_bytes),
+];
+
+#[test]
+fn goals_of_every_family_are_judged() {
+    for (servo, address, word) in OTHER_FAMILIES {
+        let position = &gaitway_profiles::servo(servo).unwrap().position;
+        let zero = position.zero_count as i16;
+        let limit_rad = 1.5;
+        let counts_per_rad = f64::from(position.counts) / f64::from(position.degrees).to_radians();
+        let limit = (limit_rad * counts_per_rad) as i16;
+        let mut scene = Scene::with(&mixed(&[(servo, 1)]), Options::default());
+        let mut goal = |raw: i16| {
+            let [a, b] = word(raw);
+            scene.ask(&feetech(1, 3, &[address, a, b]));
+            scene.wait_ms(2000);
+            broken(&scene)
+        };
+        assert_eq!(goal(zero), [], "{servo}");
+        let mut rules = goal(zero + limit - 1);
+        rules.retain(|&rule| rule != Rule::RestAtEnds);
+        assert_eq!(rules, [], "{servo}");
+        assert!(goal(zero + limit + 2).contains(&Rule::GoalInsideLimits), "{servo}");
+        assert!(goal(zero - limit - 2).contains(&Rule::GoalInsideLimits), "{servo}");
+        assert_eq!(scene.world.verdict().goals, 4, "{servo}");
+    }
+}
+
+#[test]
+fn torque_far_from_the_goal_is_seen_in_every_family() {
+    for (servo, address, word) in OTHER_FAMILIES {
+        let zero = gaitway_profiles::servo(servo).unwrap().position.zero_count as i16;
+        for (goal, rules) in [(zero, vec![]), (zero + 100, vec![Rule::TorqueOn])] {
+            let mut scene = Scene::with(&mixed(&[(servo, 1)]), Options::default());
+            let [a, b] = word(goal);
+            scene.ask(&feetech(1, 3, &[address, a, b]));
+            let torque = if address == 30 { 24 } else { 40 };
+            scene.ask(&feetech(1, 3, &[torque, 1]));
+            assert_eq!(broken(&scene), rules, "{servo} {goal}");
+        }
+    }
+}
+
+#[test]
+fn eeprom_of_every_family_is_watched() {
+    for (servo, ..) in OTHER_FAMILIES {
+        let mut scene = Scene::with(&mixed(&[(servo, 1)]), Options::default());
+        let id = if servo.starts_with('s') { 5 } else { 3 };
+        scene.ask(&feetech(1, 3, &[id, 2]));
+        assert_eq!(broken(&scene), [Rule::Eeprom], "{servo}");
+    }
 }

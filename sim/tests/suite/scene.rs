@@ -1,7 +1,7 @@
 //! A few servos on one line, and a host that speaks to them. The host's side of the protocols is
 //! written here once more, bit by bit, so that it shares nothing with the crate.
 
-use gaitway_profiles::Robot;
+use gaitway_profiles::{Robot, Setup};
 use gaitway_sim::{Options, World};
 
 /// Bytes written as `FF FF FD 00`.
@@ -86,7 +86,7 @@ pub fn statuses(mut bytes: &[u8]) -> Vec<Status> {
     all
 }
 
-/// A FEETECH instruction.
+/// An instruction, or a status, of DYNAMIXEL Protocol 1.0 or FEETECH.
 pub fn feetech(id: u8, code: u8, params: &[u8]) -> Vec<u8> {
     let mut packet = vec![0xFF, 0xFF, id, params.len() as u8 + 2, code];
     packet.extend(params);
@@ -122,6 +122,24 @@ pub fn feetechs(ids: &[u8]) -> Robot {
         joint.name = format!("j{id}");
         joint.parent = None;
         (joint.lower_rad, joint.upper_rad, joint.initial_rad) = (-3.0, 3.0, 0.0);
+    }
+    robot
+}
+
+/// Any servos on one line at 1 Mbps, without return delay; joints are named after the IDs.
+pub fn mixed(servos: &[(&str, u8)]) -> Robot {
+    let mut robot = dynamixels(&servos.iter().map(|&(_, id)| id).collect::<Vec<_>>());
+    let common = robot.setups[0].clone();
+    robot.setups.clear();
+    for (joint, (servo, _)) in robot.joints.iter_mut().zip(servos) {
+        joint.servo = (*servo).to_string();
+        let firmware = match gaitway_profiles::servo(servo).unwrap().protocol {
+            gaitway_profiles::Protocol::Dynamixel2 => 46,
+            _ => 0x030A,
+        };
+        let registers = [("Return Delay Time".to_string(), 0)].into();
+        let servo = joint.servo.clone();
+        robot.setups.push(Setup { servo, firmware, registers, ..common.clone() });
     }
     robot
 }

@@ -86,6 +86,15 @@ impl RunRecorder {
         self.series.as_ref()
     }
 
+    /// Removes a recording that holds no cycle, because nothing was played.
+    pub fn discard(self) {
+        if let Some((recorder, path)) = self.recorder {
+            drop(recorder);
+            // One that cannot be removed is an empty recording: no reason to say anything else.
+            let _ = std::fs::remove_file(path);
+        }
+    }
+
     /// Closes the recording and says in `report` what became of it.
     pub fn finish(&mut self, report: &mut PlayReport, connection: &Connection) {
         let Some((recorder, path)) = self.recorder.take() else { return };
@@ -156,7 +165,7 @@ fn joint_records(sample: &Sample<'_>) -> Vec<JointRecord> {
                 Ok((state, _)) => JointRecord {
                     goal_rad,
                     present_position_rad: Some(state.position_rad),
-                    present_velocity_rad_s: Some(state.velocity_rad_s),
+                    present_velocity_rad_s: state.velocity_rad_s,
                     present_current_a: state.current_a,
                     present_load_ratio: state.load_ratio,
                     temperature_c: state.temperature_c,

@@ -1,0 +1,85 @@
+//! What a profile says without being sure of it.
+
+use crate::schema::{Adapter, Robot, Servo};
+
+/// The word that marks a source; `unconfirmed: why`, by itself or after what is known.
+const WORD: &str = "unconfirmed";
+
+/// A profile of any kind.
+#[derive(Clone, Debug)]
+pub enum Profile {
+    /// A servo model.
+    Servo(Box<Servo>),
+    /// A robot.
+    Robot(Box<Robot>),
+    /// A USB serial adapter.
+    Adapter(Box<Adapter>),
+}
+
+/// A fact of a profile whose source says that it is not confirmed.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Unconfirmed<'a> {
+    /// Which fact: `register NAME(ADDRESS)`, `motor`, `setup of SERVO`, ...
+    pub place: String,
+    /// The source as it is written, `unconfirmed: why` in it.
+    pub source: &'a str,
+}
+
+impl Profile {
+    /// Every fact whose source says that it is not confirmed. Of a robot: its own facts, not those
+    /// of its servos.
+    #[must_use]
+    pub fn unconfirmed(&self) -> Vec<Unconfirmed<'_>> {
+        match self {
+            Self::Servo(servo) => servo.unconfirmed(),
+            Self::Robot(robot) => robot.unconfirmed(),
+            Self::Adapter(adapter) => adapter.unconfirmed(),
+        }
+    }
+}
+
+impl Servo {
+    /// Every fact whose source says that it is not confirmed, registers in order of address.
+    #[must_use]
+    pub fn unconfirmed(&self) -> Vec<Unconfirmed<'_>> {
+        let registers = self.registers.iter().map(|register| {
+            (format!("register {}({})", register.name, register.address), &register.source)
+        });
+        let facts = [
+            ("position".to_owned(), &self.position.source),
+            ("motor".to_owned(), &self.motor.source),
+        ];
+        marked(facts.into_iter().chain(registers))
+    }
+}
+
+impl Robot {
+    /// Every fact of the file whose source says that it is not confirmed.
+    #[must_use]
+    pub fn unconfirmed(&self) -> Vec<Unconfirmed<'_>> {
+        let setups =
+            self.setups.iter().map(|setup| (format!("setup of {}", setup.servo), &setup.source));
+        let facts = [
+            ("source".to_owned(), &self.source),
+            ("acceleration".to_owned(), &self.acceleration_source),
+            ("anatomy".to_owned(), &self.anatomy.source),
+        ];
+        marked(facts.into_iter().chain(setups))
+    }
+}
+
+impl Adapter {
+    /// Its source, if that says that something is not confirmed.
+    #[must_use]
+    pub fn unconfirmed(&self) -> Vec<Unconfirmed<'_>> {
+        marked([("source".to_owned(), &self.source)])
+    }
+}
+
+fn marked<'a>(facts: impl IntoIterator<Item = (String, &'a String)>) -> Vec<Unconfirmed<'a>> {
+    facts
+        .into_iter()
+        .filter(|(_, source)| source.contains(WORD))
+        .map(|(place, source)| Unconfirmed { place, source })
+        .collect()
+}

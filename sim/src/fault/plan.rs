@@ -1,0 +1,320 @@
+//! The scene's faults sorted out: what strikes at which moment, what may befall each status, and
+//! what has struck.
+
+use super::{Damage, Fault, Struck};
+use crate::SimError;
+use crate::adapter::Usb;
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use std::collections::VecDeque;
+use std::ops::Range;
+use std::path::PathBuf;
+
+/// Struck faults remembered until they are taken; all are counted.
+const KEPT: usize = 4096;
+
+/// What happens at one moment.
+#[derive(Clone, Debug)]
+pub(crate) enum Strike {
+    Silence { servo: Place, until_ns: u64 },
+    Overload { servo: Place },
+    Reboot { servo: Place },
+    Brownout { until_ns: u64 },
+    Stick { servo: Place, stuck: bool },
+    Freeze { servo: Place, frozen: bool },
+    Jump { servo: Place, counts: i64 },
+    Register { servo: Place, register: String, raw: i64 },
+    Twin { servo: Place, turn_rad: f64 },
+    Slow { line: usize, latency_ns: u64, usb: Option<Usb> },
+    AtSpeed { line: usize },
+    HangUp { line: usize },
+    PlugIn { line: usize, link: Option<PathBuf> },
+    Block { line: usize, until_ns: u64, bytes: usize },
+}
+
+/// A servo by its line and place on it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Place {
+    pub line: usize,
+    pub servo: usize,
+}
+
+/// A strike with its time, and what is noted of it.
+#[derive(Clone, Debug)]
+struct Planned {
+    at_ns: u64,
+    strike: Strike,
+    note: Option<(&'static str, String)>,
+}
+
+/// Which statuses a damage is for.
+#[derive(Clone, Debug)]
+struct Rule {
+    line: Option<usize>,
+    servo: Option<usize>,
+    nth: Option<u64>,
+    span: Range<u64>,
+    probability: f64,
+    damage: Damage,
+}
+
+/// What things are called in a world.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Names {
+    pub lines: Vec<String>,
+    /// Joint, ID and place of every servo.
+    pub servos: Vec<(String, u8, Place)>,
+}
+
+impl Names {
+    /// The servo of a joint, or at `LINE/ID`.
+    pub fn servo(&self, name: &str) -> Result<Place, SimError> {
+        let joint = self.servos.iter().find(|(joint, ..)| joint == name);
+        let found = joint.or_else(|| {
+            let (line, id) = name.split_once('/')?;
+            let (line, id) = (self.line(line).ok()?, id.parse::<u8>().ok()?);
+            self.servos.iter().find(|&&(_, own, place)| place.line == line && own == id)
+        });
+        found.map(|&(_, _, place)| place).ok_or_else(|| SimError::UnknownJoint(name.to_string()))
+    }
+
+    fn line(&self, name: &str) -> Result<usize, SimError> {
+        let line = self.lines.iter().position(|line| line == name);
+        line.ok_or_else(|| SimError::UnknownLine(name.to_string()))
+    }
+
+    /// One line, or all.
+    fn lines(&self, name: Option<&String>) -> Result<Vec<usize>, SimError> {
+        match name {
+            Some(name) => Ok(vec![self.line(name)?]),
+            None => Ok((0..self.lines.len()).collect()),
+        }
+    }
+
+    fn joint(&self, place: Place) -> String {
+        let known = self.servos.iter().find(|&&(_, _, at)| at == place);
+        known.map_or_else(|| self.lines[place.line].clone(), |(joint, ..)| joint.clone())
+    }
+}
+
+/// The scene's faults, sorted out.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Plan {
+    names: Names,
+    rules: Vec<Rule>,
+    /// Latest first.
+    planned: Vec<Planned>,
+    struck: VecDeque<Struck>,
+    struck_count: u64,
+}
+
+impl Plan {
+    pub fn new(faults: &[Fault], names: Names, rng: &mut ChaCha8Rng) -> Result<Plan, SimError> {
+        let mut plan = Plan { names, ..Plan::default() };
+        for fault in faults {
+            plan.add(fault, rng)?;
+        }
+        // What was named first strikes first.
+        plan.planned.reverse();
+        plan.planned.sort_by_key(|planned| std::cmp::Reverse(planned.at_ns));
+        Ok(plan)
+    }
+
+    fn add(&mut self, fault: &Fault, rng: &mut ChaCha8Rng) -> Result<(), SimError> {
+        match fault {
+            Fault::Perhaps { probability, fault } => {
+                if rng.random::<f64>() < *probability {
+                    self.add(fault, rng)?;
+                }
+            }
+            Fault::Status { joint, nth, damage } => {
+                let place = self.names.servo(joint)?;
+                self.rules.push(Rule {
+                    line: Some(place.line),
+                    servo: Some(place.servo),
+                    nth: Some(*nth),
+                    span: 0..u64::MAX,
+                    probability: 1.0,
+                    damage: *damage,
+                });
+            }
+            Fault::AnyStatus { probability, damage } => {
+                let span = 0..u64::MAX;
+                let (probability, damage) = (*probability, *damage);
+                self.rules.push(Rule {
+                    line: None,
+                    servo: None,
+                    nth: None,
+                    span,
+                    probability,
+                    damage,
+                });
+            }
+            Fault::Statuses { of, from_ns, until_ns, probability, damage } => {
+                let (line, servo) = self.whose(of.as_deref())?;
+                let (span, probability, damage) = (*from_ns..*until_ns, *probability, *damage);
+                self.rules.push(Rule { line, servo, nth: None, span, probability, damage });
+            }
+            Fault::SlowLine { line, .. }
+            | Fault::HangUp { line, .. }
+            | Fault::Blocked { line, .. } => {
+                for line in self.names.lines(line.as_ref())? {
+                    self.add_to_line(fault, line);
+                }
+            }
+            _ => self.add_to_servo(fault)?,
+        }
+        Ok(())
+    }
+
+    fn whose(&self, of: Option<&str>) -> Result<(Option<usize>, Option<usize>), SimError> {
+        let Some(name) = of else { return Ok((None, None)) };
+        if let Some(line) = name.strip_suffix("/*") {
+            return Ok((Some(self.names.line(line)?), None));
+        }
+        let place = self.names.servo(name)?;
+        Ok((Some(place.line), Some(place.servo)))
+    }
+
+    fn add_to_servo(&mut self, fault: &Fault) -> Result<(), SimError> {
+        match fault {
+            Fault::Silent { joint, from_ns, until_ns } => {
+                let servo = self.names.servo(joint)?;
+                let strike = Strike::Silence { servo, until_ns: *until_ns };
+                self.plan(*from_ns, strike, "silent", servo);
+            }
+            Fault::Overload { joint, at_ns } => {
+                let servo = self.names.servo(joint)?;
+                self.plan(*at_ns, Strike::Overload { servo }, "overload", servo);
+            }
+            Fault::Reboot { joint, at_ns } => {
+                let servo = self.names.servo(joint)?;
+                self.plan(*at_ns, Strike::Reboot { servo }, "reboot", servo);
+            }
+            Fault::Brownout { from_ns, until_ns } => self.planned.push(Planned {
+                at_ns: *from_ns,
+                strike: Strike::Brownout { until_ns: *until_ns },
+                note: Some(("brownout", String::new())),
+            }),
+            Fault::StuckPosition { joint, from_ns, until_ns } => {
+                let servo = self.names.servo(joint)?;
+                self.plan(*from_ns, Strike::Stick { servo, stuck: true }, "stuck", servo);
+                let strike = Strike::Stick { servo, stuck: false };
+                self.planned.push(Planned { at_ns: *until_ns, strike, note: None });
+            }
+            Fault::FrozenPosition { joint, from_ns, until_ns } => {
+                let servo = self.names.servo(joint)?;
+                self.plan(*from_ns, Strike::Freeze { servo, frozen: true }, "frozen", servo);
+                let strike = Strike::Freeze { servo, frozen: false };
+                self.planned.push(Planned { at_ns: *until_ns, strike, note: None });
+            }
+            Fault::PositionJump { joint, at_ns, counts } => {
+                let servo = self.names.servo(joint)?;
+                let strike = Strike::Jump { servo, counts: i64::from(*counts) };
+                self.plan(*at_ns, strike, "jump", servo);
+            }
+            Fault::Register { joint, register, raw, at_ns } => {
+                let servo = self.names.servo(joint)?;
+                let strike = Strike::Register { servo, register: register.clone(), raw: *raw };
+                self.plan(*at_ns, strike, "register", servo);
+            }
+            Fault::Twin { joint, turn_rad } => {
+                let servo = self.names.servo(joint)?;
+                self.plan(0, Strike::Twin { servo, turn_rad: *turn_rad }, "twin", servo);
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    fn add_to_line(&mut self, fault: &Fault, line: usize) {
+        let name = self.names.lines[line].clone();
+        let mut plan = |at_ns, strike, note| self.planned.push(Planned { at_ns, strike, note });
+        match fault {
+            Fault::SlowLine { from_ns, until_ns, latency_ns, usb, .. } => {
+                let strike = Strike::Slow { line, latency_ns: *latency_ns, usb: *usb };
+                plan(*from_ns, strike, Some(("slow-line", name)));
+                plan(*until_ns, Strike::AtSpeed { line }, None);
+            }
+            Fault::HangUp { at_ns, until_ns, link, .. } => {
+                plan(*at_ns, Strike::HangUp { line }, Some(("hang-up", name.clone())));
+                if let Some(until_ns) = until_ns {
+                    let strike = Strike::PlugIn { line, link: link.clone() };
+                    plan(*until_ns, strike, Some(("plug-in", name)));
+                }
+            }
+            Fault::Blocked { from_ns, until_ns, bytes, .. } => {
+                let strike = Strike::Block { line, until_ns: *until_ns, bytes: *bytes };
+                plan(*from_ns, strike, Some(("blocked", name)));
+            }
+            _ => {}
+        }
+    }
+
+    fn plan(&mut self, at_ns: u64, strike: Strike, fault: &'static str, servo: Place) {
+        let note = Some((fault, self.names.joint(servo)));
+        self.planned.push(Planned { at_ns, strike, note });
+    }
+
+    /// When something strikes next.
+    pub fn next_ns(&self) -> Option<u64> {
+        self.planned.last().map(|planned| planned.at_ns)
+    }
+
+    /// What strikes by `now_ns`, one at a time.
+    pub fn strike(&mut self, now_ns: u64) -> Option<Strike> {
+        let planned = self.planned.pop_if(|planned| planned.at_ns <= now_ns)?;
+        if let Some((fault, place)) = planned.note {
+            self.note(Struck { at_ns: now_ns, fault, place, nth: None });
+        }
+        Some(planned.strike)
+    }
+
+    /// True if no status will ever be damaged.
+    pub fn spares_statuses(&self) -> bool {
+        self.rules.is_empty()
+    }
+
+    /// What happens to the `nth` status of a servo, which answers an instruction of `at_ns`.
+    pub fn strike_status(
+        &mut self,
+        place: Place,
+        nth: u64,
+        at_ns: u64,
+        rng: &mut ChaCha8Rng,
+    ) -> Vec<Damage> {
+        let mut damages = Vec::new();
+        for rule in &self.rules {
+            let meant = rule.line.is_none_or(|line| line == place.line)
+                && rule.servo.is_none_or(|servo| servo == place.servo)
+                && rule.nth.is_none_or(|only| only == nth)
+                && rule.span.contains(&at_ns);
+            if meant && (rule.probability >= 1.0 || rng.random::<f64>() < rule.probability) {
+                damages.push(rule.damage);
+            }
+        }
+        for damage in &damages {
+            let place = self.names.joint(place);
+            self.note(Struck { at_ns, fault: damage.name(), place, nth: Some(nth) });
+        }
+        damages
+    }
+
+    fn note(&mut self, struck: Struck) {
+        self.struck_count += 1;
+        if self.struck.len() == KEPT {
+            self.struck.pop_front();
+        }
+        self.struck.push_back(struck);
+    }
+
+    /// How many have struck.
+    pub fn struck_count(&self) -> u64 {
+        self.struck_count
+    }
+
+    /// Those that have struck since this was asked last, or the latest of them.
+    pub fn take_struck(&mut self) -> Vec<Struck> {
+        self.struck.drain(..).collect()
+    }
+}

@@ -1,0 +1,183 @@
+//! Takes the keys of one table one by one, and remembers which there could have been.
+
+use super::ScriptError;
+use toml::{Table, Value};
+
+/// Latest time in a script, s: a thousand days.
+const LATEST_S: f64 = 86_400_000.0;
+const TIMES: &str = "seconds from 0 to 86400000";
+
+/// `line 7`, of the byte at `offset`.
+pub(super) fn line_of(text: &str, offset: usize) -> String {
+    let before = text.bytes().take(offset);
+    format!("line {}", 1 + before.filter(|&byte| byte == b'\n').count())
+}
+
+/// A value as a person wrote it, or what kind of value it is.
+fn said(value: &Value) -> String {
+    match value {
+        Value::String(text) => format!("{text:?}"),
+        Value::Integer(number) => number.to_string(),
+        Value::Float(number) => number.to_string(),
+        Value::Boolean(truth) => truth.to_string(),
+        other => format!("a TOML {}", other.type_str()),
+    }
+}
+
+pub(super) struct Keys {
+    place: String,
+    table: Table,
+    known: Vec<&'static str>,
+}
+
+impl Keys {
+    pub fn new(place: String, table: Table) -> Keys {
+        Keys { place, table, known: Vec::new() }
+    }
+
+    fn take(&mut self, key: &'static str) -> Option<Value> {
+        if !self.known.contains(&key) {
+            self.known.push(key);
+        }
+        self.table.remove(key)
+    }
+
+    pub fn wrong(&self, key: &str, got: &str, allowed: &str) -> ScriptError {
+        let at = format!("{}, key {key}", self.place);
+        ScriptError { at, got: got.to_string(), allowed: allowed.to_string() }
+    }
+
+    pub fn missing(&self, key: &str, allowed: &str) -> ScriptError {
+        self.wrong(key, "nothing", allowed)
+    }
+
+    pub fn text(&mut self, key: &'static str) -> Result<Option<String>, ScriptError> {
+        match self.take(key) {
+            None => Ok(None),
+            Some(Value::String(text)) if !text.is_empty() => Ok(Some(text)),
+            Some(other) => Err(self.wrong(key, &said(&other), "a text in quotes")),
+        }
+    }
+
+    pub fn need_text(&mut self, key: &'static str) -> Result<String, ScriptError> {
+        self.text(key)?.ok_or_else(|| self.missing(key, "a text in quotes"))
+    }
+
+    pub fn integer(
+        &mut self,
+        key: &'static str,
+        min: i64,
+        max: i64,
+    ) -> Result<Option<i64>, ScriptError> {
+        match self.take(key) {
+            None => Ok(None),
+            Some(Value::Integer(value)) if (min..=max).contains(&value) => Ok(Some(value)),
+            Some(other) => {
+                Err(self.wrong(key, &said(&other), &format!("a whole number {min}..={max}")))
+            }
+        }
+    }
+
+    pub fn need_integer(
+        &mut self,
+        key: &'static str,
+        min: i64,
+        max: i64,
+    ) -> Result<i64, ScriptError> {
+        let value = self.integer(key, min, max)?;
+        value.ok_or_else(|| self.missing(key, &format!("a whole number {min}..={max}")))
+    }
+
+    /// One number, or a list of them.
+    pub fn numbers(&mut self, key: &'static str) -> Result<Option<Vec<u64>>, ScriptError> {
+        const ALLOWED: &str = "a whole number from 0 on, or a list of them";
+        let values = match self.take(key) {
+            None => return Ok(None),
+            Some(Value::Array(values)) => values,
+            Some(value) => vec![value],
+        };
+        let number = |value: Value| {
+            let number = value.as_integer().and_then(|value| u64::try_from(value).ok());
+            number.ok_or_else(|| self.wrong(key, &said(&value), ALLOWED))
+        };
+        values.into_iter().map(number).collect::<Result<Vec<u64>, _>>().map(Some)
+    }
+
+    pub fn number(
+        &mut self,
+        key: &'static str,
+        min: f64,
+        max: f64,
+    ) -> Result<Option<f64>, ScriptError> {
+        let allowed = format!("a number from {min} to {max}");
+        self.ranged(key, min, max, &allowed)
+    }
+
+    fn ranged(
+        &mut self,
+        key: &'static str,
+        min: f64,
+        max: f64,
+        allowed: &str,
+    ) -> Result<Option<f64>, ScriptError> {
+        let Some(value) = self.take(key) else { return Ok(None) };
+        let number = match value {
+            Value::Float(number) => Some(number),
+            Value::Integer(number) => Some(number as f64),
+            _ => None,
+        };
+        match number.filter(|number| (min..=max).contains(number)) {
+            Some(number) => Ok(Some(number)),
+            None => Err(self.wrong(key, &said(&value), allowed)),
+        }
+    }
+
+    /// A time in seconds, as ns.
+    pub fn time(&mut self, key: &'static str) -> Result<Option<u64>, ScriptError> {
+        let seconds = self.ranged(key, 0.0, LATEST_S, TIMES)?;
+        Ok(seconds.map(|seconds| (seconds * 1e9).round() as u64))
+    }
+
+    pub fn need_time(&mut self, key: &'static str) -> Result<u64, ScriptError> {
+        self.time(key)?.ok_or_else(|| self.missing(key, TIMES))
+    }
+
+    /// `from_s` and `until_s`: from the start and for good where they are not given.
+    pub fn span(&mut self) -> Result<(u64, u64), ScriptError> {
+        let from_ns = self.time("from_s")?.unwrap_or(0);
+        let until_ns = self.time("until_s")?.unwrap_or(u64::MAX);
+        if until_ns <= from_ns {
+            return Err(self.wrong("until_s", "no later time", "later than from_s"));
+        }
+        Ok((from_ns, until_ns))
+    }
+
+    /// A servo as [`crate::Fault`] names it: by `joint`, or by `line` and `id`.
+    pub fn servo(&mut self) -> Result<Option<String>, ScriptError> {
+        let joint = self.text("joint")?;
+        let id = self.integer("id", 0, 253)?;
+        match (joint, id) {
+            (Some(_), Some(id)) => {
+                Err(self.wrong("id", &id.to_string(), "either joint, or line and id"))
+            }
+            (Some(joint), None) => Ok(Some(joint)),
+            (None, Some(id)) => Ok(Some(format!("{}/{id}", self.need_text("line")?))),
+            (None, None) => {
+                if !self.known.contains(&"line") {
+                    self.known.push("line");
+                }
+                Ok(None)
+            }
+        }
+    }
+
+    /// Nothing may be left.
+    pub fn finish(self) -> Result<(), ScriptError> {
+        match self.table.keys().next() {
+            None => Ok(()),
+            Some(key) => {
+                Err(self.wrong(key, "a key this kind does not have", &self.known.join(", ")))
+            }
+        }
+    }
+}

@@ -1,0 +1,365 @@
+//! `calibrate`: torque off, by hand, joint by joint: where zero is, which way is positive, how far
+//! it goes. What is measured goes into a file; into the servos only with a permit.
+
+use super::address::Address;
+use super::connect::connect;
+use super::{Output, Remarks, limp};
+use crate::calibration::{Calibration, JointCalibration, usual_path};
+use crate::control::arm;
+use crate::error::Error;
+use crate::robot::preflight::{PATIENT_RETRIES, budget, exchange_error};
+use crate::robot::{Link, Robot};
+use answers::{Answer, Answers};
+use clap::Args;
+use gaitway_profiles::Role;
+use measure::{Measured, measure};
+use serde_json::{Value, json};
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+mod answers;
+mod homing;
+mod measure;
+
+/// Arguments of `calibrate`.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    gaitway calibrate so101 --bus serial:/dev/ttyACM0\n  \
+    gaitway calibrate op3 --bus serial:/dev/ttyUSB0 --only head_pan,head_tilt --force\n\n\
+    Answers come from standard input, one line each: Enter goes on, s skips a joint, q stops; \
+    --resume goes on later.")]
+pub struct CalibrateArgs {
+    /// Robot by name or path of its file
+    robot: String,
+    /// Where the robot is, as for `play`
+    #[arg(long, value_name = "BUS", required = true)]
+    bus: Vec<Address>,
+    /// Only these joints, separated by commas; others stay as they were calibrated
+    #[arg(long, value_name = "JOINTS", value_delimiter = ',')]
+    only: Vec<String>,
+    /// Write this file [default: gaitway/calibration/ROBOT.toml in $XDG_CONFIG_HOME]
+    #[arg(long, value_name = "FILE.toml")]
+    calibration: Option<PathBuf>,
+    /// Go on with a calibration that was stopped
+    #[arg(long)]
+    resume: bool,
+    /// Write zero offsets into the servos (kept at power-off) instead of the file
+    #[arg(long)]
+    permit_eeprom: bool,
+    /// Torque may go off without asking: the robot is supported
+    #[arg(long)]
+    yes: bool,
+    /// Measure and report, write nothing
+    #[arg(long)]
+    dry_run: bool,
+    #[command(flatten)]
+    output: Output,
+}
+
+/// Where a calibration is written while it is under way, and in the end.
+struct Files {
+    file: PathBuf,
+    partial: PathBuf,
+    before: PathBuf,
+}
+
+impl Files {
+    fn of(file: PathBuf) -> Self {
+        let beside = |end: &str| {
+            let mut name = file.clone().into_os_string();
+            name.push(end);
+            PathBuf::from(name)
+        };
+        Self { partial: beside(".partial"), before: beside(".before"), file }
+    }
+}
+
+/// Runs `calibrate`; exit code 4 if it was stopped.
+///
+/// # Errors
+/// A calibration that is already there, a robot that is not limp, a joint that does not answer.
+pub fn run(args: &CalibrateArgs, remarks: Remarks) -> Result<i32, Error> {
+    args.output.check_files(&[])?;
+    let robot = Robot::load(&args.robot)?;
+    let joints = selected(&robot, &args.only)?;
+    let usual = || usual_path(&robot.name);
+    let file = args.calibration.clone().or_else(usual).ok_or_else(|| {
+        Error::new("no place for the calibration").remedy("name one with --calibration FILE.toml")
+    })?;
+    let files = Files::of(file);
+    let mut known = begin(args, &robot, &files)?;
+    if !args.resume {
+        let again = |joint: &JointCalibration| {
+            joints.iter().any(|&index| robot.joints[index].name == joint.name)
+        };
+        known.joints.retain(|joint| !again(joint));
+    }
+    let done: Vec<String> = match args.resume {
+        true => measured_before(&files)?,
+        false => Vec::new(),
+    };
+    let name = robot.name.clone();
+    let mut connection = connect(robot, &args.bus, 0)?;
+    let link = &mut connection.link;
+    link.set_retries(PATIENT_RETRIES);
+    check_models(link, &joints)?;
+    make_limp(link, &joints, args)?;
+    if !args.dry_run {
+        save(&files.partial, &known)?;
+    }
+    let left: Vec<usize> = joints
+        .into_iter()
+        .filter(|&joint| !done.contains(&link.robot().joints[joint].name))
+        .collect();
+    let ByHand { reports, mut undo, stopped } = by_hand(link, &left, args, &files, &mut known)?;
+    if !stopped && !args.dry_run {
+        undo.push(finish(&files, &known)?);
+    }
+    for line in &undo {
+        remarks.say(&format!("to undo: {line}"));
+    }
+    if stopped && !args.dry_run {
+        remarks.say("to go on: the same command with --resume");
+    }
+    let report = json!({
+        "outcome": if stopped { "stopped" } else { "done" },
+        "robot": name, "dry_run": args.dry_run,
+        "calibration": if stopped { &files.partial } else { &files.file },
+        "joints": reports, "undo": undo,
+    });
+    args.output.report(&report, &text(&report))?;
+    Ok(if stopped { 4 } else { 0 })
+}
+
+/// What came of the joints that were asked for.
+#[derive(Default)]
+struct ByHand {
+    reports: Vec<Value>,
+    undo: Vec<String>,
+    stopped: bool,
+}
+
+/// Measures one joint after the other; what is known is saved after each.
+fn by_hand(
+    link: &mut Link,
+    joints: &[usize],
+    args: &CalibrateArgs,
+    files: &Files,
+    known: &mut Calibration,
+) -> Result<ByHand, Error> {
+    let mut answers = Answers::listen()?;
+    let mut done = ByHand::default();
+    for (turn, &joint) in joints.iter().enumerate() {
+        eprintln!("[{}/{}]", turn + 1, joints.len());
+        match measure(link, joint, &mut answers)? {
+            Answer::Go(measured) => {
+                let (calibrated, undone) = settle(link, joint, &measured, args)?;
+                done.undo.extend(undone);
+                done.reports.push(described(&calibrated, &measured));
+                known.put(calibrated);
+                if !args.dry_run {
+                    save(&files.partial, known)?;
+                }
+            }
+            Answer::Skip => {}
+            Answer::Stop => {
+                done.stopped = true;
+                break;
+            }
+        }
+    }
+    Ok(done)
+}
+
+fn selected(robot: &Robot, only: &[String]) -> Result<Vec<usize>, Error> {
+    if only.is_empty() {
+        return Ok((0..robot.joints.len()).collect());
+    }
+    let index = |name: &String| {
+        robot.joints.iter().position(|joint| joint.name == *name).ok_or_else(|| {
+            Error::new("the robot has no such joint")
+                .at("--only")
+                .got(name.clone())
+                .allowed(robot.joint_names().join(", "))
+        })
+    };
+    only.iter().map(index).collect()
+}
+
+/// What is known before the first joint is measured.
+fn begin(args: &CalibrateArgs, robot: &Robot, files: &Files) -> Result<Calibration, Error> {
+    let own = |path: &Path| -> Result<Calibration, Error> {
+        let calibration = Calibration::read(path)?;
+        // Laying it over the robot proves that it is this robot's.
+        calibration.apply(&mut robot.file.clone())?;
+        Ok(calibration)
+    };
+    if args.resume {
+        return own(&files.partial);
+    }
+    if args.dry_run {
+        return Ok(Calibration::of(&robot.name));
+    }
+    if files.partial.exists() {
+        return Err(Error::new("a calibration was begun and not finished")
+            .at(files.partial.display().to_string())
+            .remedy("add --resume to go on with it, or remove the file"));
+    }
+    if !files.file.exists() {
+        return Ok(Calibration::of(&robot.name));
+    }
+    if !args.output.force() {
+        return Err(Error::new("the robot is calibrated already")
+            .at(files.file.display().to_string())
+            .remedy("add --force to do it again; what is there is kept beside it"));
+    }
+    // With --only, the other joints stay as they were.
+    if args.only.is_empty() { Ok(Calibration::of(&robot.name)) } else { own(&files.file) }
+}
+
+fn measured_before(files: &Files) -> Result<Vec<String>, Error> {
+    let partial = Calibration::read(&files.partial)?;
+    Ok(partial.joints.into_iter().map(|joint| joint.name).collect())
+}
+
+/// Another servo's counts would be taken for angles they are not.
+fn check_models(link: &mut Link, joints: &[usize]) -> Result<(), Error> {
+    for &joint in joints {
+        let limit = budget(link);
+        let identity = link.identity(joint, limit);
+        let (model, _) = identity.map_err(|e| exchange_error(link, Some(joint), &e))?;
+        let of = &link.robot().joints[joint];
+        if model != of.model.profile().model_number {
+            return Err(Error::new("another servo model than the robot file says")
+                .at(format!("joint {}, ID {}", of.name, of.id))
+                .got(format!("model number {model}"))
+                .allowed(of.model.profile().model_number.to_string()));
+        }
+    }
+    Ok(())
+}
+
+/// Joints are moved by hand: torque must be off.
+fn make_limp(link: &mut Link, joints: &[usize], args: &CalibrateArgs) -> Result<(), Error> {
+    let mut held = false;
+    for &joint in joints {
+        let limit = budget(link);
+        let torque = link.read_raw(joint, Role::TorqueEnable, limit);
+        held |= torque.map_err(|e| exchange_error(link, Some(joint), &e))? != 0;
+    }
+    if !held {
+        return Ok(());
+    }
+    let refused = || Error::new("the robot is held; it is calibrated by hand, limp");
+    if args.dry_run {
+        return Err(refused().remedy("support it, then gaitway limp ROBOT --bus BUS"));
+    }
+    if !args.yes && !limp::consents(&link.robot().name) {
+        return Err(refused().remedy("support the robot, then answer yes or add --yes"));
+    }
+    arm::disarm(link)
+}
+
+/// What becomes of a measured joint: entries of the file, and the servo's offset if permitted.
+fn settle(
+    link: &mut Link,
+    joint: usize,
+    measured: &Measured,
+    args: &CalibrateArgs,
+) -> Result<(JointCalibration, Option<String>), Error> {
+    let name = link.robot().joints[joint].name.clone();
+    let range = measured.range_rad;
+    let mut calibrated = JointCalibration {
+        name,
+        direction: measured.direction,
+        offset_rad: measured.offset_rad,
+        lower_rad: range.map(|(lower, _)| lower),
+        upper_rad: range.map(|(_, upper)| upper),
+        homing_offset_raw: None,
+    };
+    if !args.permit_eeprom {
+        measured.refuse_crossing(link, joint, 0)?;
+        return Ok((calibrated, None));
+    }
+    let change = homing::plan(link, joint, measured)?;
+    measured.refuse_crossing(link, joint, change.shift)?;
+    if !args.dry_run {
+        homing::write(link, joint, &change)?;
+    }
+    calibrated.offset_rad = change.offset_rad;
+    calibrated.homing_offset_raw = Some(change.new);
+    let of = &link.robot().joints[joint];
+    let line = &link.robot().lines[of.line].name;
+    let own = args.bus.iter().find(|bus| bus.line.as_ref() == Some(line));
+    let bus = own.or(args.bus.first()).map(ToString::to_string).unwrap_or_default();
+    let id = of.id;
+    let undo = format!(
+        "gaitway servo set {bus} {id} '{}' --raw --permit-eeprom --robot {} -- {}",
+        change.register.name, args.robot, change.old
+    );
+    Ok((calibrated, (!args.dry_run).then_some(undo)))
+}
+
+fn described(calibrated: &JointCalibration, measured: &Measured) -> Value {
+    json!({
+        "name": calibrated.name, "direction": calibrated.direction,
+        "offset_rad": calibrated.offset_rad, "zero_servo_rad": measured.zero_servo_rad,
+        "lower_rad": calibrated.lower_rad, "upper_rad": calibrated.upper_rad,
+        "homing_offset_raw": calibrated.homing_offset_raw,
+    })
+}
+
+fn save(path: &Path, calibration: &Calibration) -> Result<(), Error> {
+    let failed = |e: std::io::Error| {
+        Error::new("the calibration cannot be written")
+            .at(path.display().to_string())
+            .got(e.to_string())
+    };
+    if let Some(folder) = path.parent() {
+        std::fs::create_dir_all(folder).map_err(failed)?;
+    }
+    // Whole or not at all, whatever happens in between.
+    let mut beside = path.as_os_str().to_owned();
+    beside.push(".new");
+    std::fs::write(&beside, calibration.text()).map_err(failed)?;
+    std::fs::rename(&beside, path).map_err(failed)
+}
+
+/// Puts the finished calibration in its place; how to undo that.
+fn finish(files: &Files, calibration: &Calibration) -> Result<String, Error> {
+    let (file, before) = (files.file.display(), files.before.display());
+    let had_one = files.file.exists();
+    if had_one {
+        std::fs::rename(&files.file, &files.before).map_err(|e| {
+            Error::new("what was there cannot be kept").at(before.to_string()).got(e.to_string())
+        })?;
+    }
+    save(&files.file, calibration)?;
+    let _ = std::fs::remove_file(&files.partial);
+    Ok(if had_one { format!("mv {before} {file}") } else { format!("rm {file}") })
+}
+
+fn text(report: &Value) -> String {
+    let degrees = |value: &Value| {
+        value.as_f64().map_or_else(|| "-".to_owned(), |rad| format!("{:.1}", rad.to_degrees()))
+    };
+    let mut out =
+        format!("{:<18} {:>9} {:>12} {:>18}\n", "joint", "direction", "offset, deg", "range, deg");
+    for joint in report["joints"].as_array().into_iter().flatten() {
+        let range = format!("{} to {}", degrees(&joint["lower_rad"]), degrees(&joint["upper_rad"]));
+        let _ = writeln!(
+            out,
+            "{:<18} {:>9} {:>12} {range:>18}",
+            joint["name"].as_str().unwrap_or_default(),
+            joint["direction"],
+            degrees(&joint["offset_rad"]),
+        );
+    }
+    let place = report["calibration"].as_str().unwrap_or_default();
+    let _ = match (report["dry_run"].as_bool(), report["outcome"].as_str()) {
+        (Some(true), _) => writeln!(out, "nothing was written; it would go to {place}"),
+        (_, Some("stopped")) => writeln!(out, "stopped; what was measured is in {place}"),
+        _ => writeln!(out, "written to {place}"),
+    };
+    out
+}

@@ -1,0 +1,89 @@
+//! What the person answers, one line each, read beside the joints.
+
+use crate::error::Error;
+use std::io::BufRead;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::time::Duration;
+
+/// What to do with a joint.
+pub enum Answer<T> {
+    /// It was measured.
+    Go(T),
+    /// Leave it as it is.
+    Skip,
+    /// End here; what was measured so far is kept.
+    Stop,
+}
+
+impl<T> Answer<T> {
+    /// Goes on with what was measured; a joint that is skipped, or a stop, stays that.
+    ///
+    /// # Errors
+    /// What `next` fails with.
+    pub fn then<U>(
+        self,
+        next: impl FnOnce(T) -> Result<Answer<U>, Error>,
+    ) -> Result<Answer<U>, Error> {
+        match self {
+            Self::Go(value) => next(value),
+            Self::Skip => Ok(Answer::Skip),
+            Self::Stop => Ok(Answer::Stop),
+        }
+    }
+}
+
+/// Lines of standard input.
+pub struct Answers(Receiver<String>);
+
+/// Time between two looks at a joint while nothing is answered.
+const LOOK: Duration = Duration::from_millis(5);
+
+impl Answers {
+    /// Reads standard input on a thread of its own.
+    ///
+    /// # Errors
+    /// No thread to be had.
+    pub fn listen() -> Result<Self, Error> {
+        let (sender, receiver) = channel();
+        let read = move || {
+            for line in std::io::stdin().lock().lines().map_while(Result::ok) {
+                if sender.send(line).is_err() {
+                    break;
+                }
+            }
+        };
+        std::thread::Builder::new()
+            .name("answers".to_owned())
+            .spawn(read)
+            .map_err(|e| Error::new(format!("no thread: {e}")))?;
+        Ok(Self(receiver))
+    }
+
+    /// Asks, and calls `look` again and again until there is an answer. No more input is a stop.
+    ///
+    /// # Errors
+    /// What `look` fails with.
+    pub fn ask(
+        &mut self,
+        question: &str,
+        mut look: impl FnMut() -> Result<(), Error>,
+    ) -> Result<Answer<()>, Error> {
+        eprintln!("{question}");
+        loop {
+            look()?;
+            let line = match self.0.recv_timeout(LOOK) {
+                Ok(line) => line,
+                Err(RecvTimeoutError::Timeout) => continue,
+                Err(RecvTimeoutError::Disconnected) => return Ok(Answer::Stop),
+            };
+            // What happened up to the answer belongs to it.
+            look()?;
+            match line.trim() {
+                "" => return Ok(Answer::Go(())),
+                "s" => return Ok(Answer::Skip),
+                "q" => return Ok(Answer::Stop),
+                other => eprintln!("  {other:?}? Enter goes on, s skips this joint, q stops"),
+            }
+        }
+    }
+}

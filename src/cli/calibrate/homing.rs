@@ -1,0 +1,103 @@
+//! A joint's zero in its servo's own offset register, so that the robot file's zero is the true one.
+
+use super::measure::{Measured, reading};
+use crate::bus::Protocol;
+use crate::calibration::{HomingSign, homing_offset};
+use crate::error::Error;
+use crate::robot::Link;
+use crate::robot::preflight::{budget, exchange_error};
+use gaitway_profiles::{Register, Role};
+
+/// What is to be written.
+pub struct Change {
+    /// The offset register.
+    pub register: &'static Register,
+    /// Before, raw.
+    pub old: i64,
+    /// After, raw.
+    pub new: i64,
+    /// What every reading changes by.
+    pub shift: i64,
+    /// The joint's offset that goes with it, rad.
+    pub offset_rad: f64,
+}
+
+/// Offsets beyond this are ignored in position mode (DYNAMIXEL e-Manual, Homing Offset(20)).
+const DYNAMIXEL_EFFECTIVE: i64 = 1024;
+/// The reading may change by a little between two looks, counts.
+const STILL_COUNTS: i64 = 12;
+
+/// What offset makes the servo read at the measured zero what the robot file expects there.
+///
+/// # Errors
+/// A servo without offset, or with one that does not reach so far.
+pub fn plan(link: &mut Link, joint: usize, measured: &Measured) -> Result<Change, Error> {
+    let of = link.robot().joints[joint].clone();
+    let place = || format!("joint {}, ID {}", of.name, of.id);
+    let wrong = |e: crate::device::RegisterError| Error::new(e.to_string()).at(place());
+    let register = of.model.register(Role::HomingOffset).map_err(wrong)?;
+    let position = of.model.register(Role::PresentPosition).map_err(wrong)?;
+    let file = link.robot().file.joint(&of.name).cloned();
+    let (offset_rad, gear) = file.map_or((0.0, 1.0), |file| (file.offset_rad, file.gear));
+    let wanted_rad = offset_rad / (f64::from(measured.direction) * gear);
+    let wanted = of.model.raw_from_si(position, wanted_rad).map_err(wrong)?;
+    let limit = budget(link);
+    let old = link.read_register(joint, register, limit);
+    let old = old.map_err(|e| exchange_error(link, Some(joint), &e))?;
+    let dynamixel = matches!(of.model.protocol(), Protocol::Dynamixel1 | Protocol::Dynamixel2);
+    let sign = if dynamixel { HomingSign::Added } else { HomingSign::Subtracted };
+    let mut new = homing_offset(sign, measured.zero, old, wanted);
+    let (mut lowest, mut highest) = register.range();
+    if dynamixel {
+        (lowest, highest) = (lowest.max(-DYNAMIXEL_EFFECTIVE), highest.min(DYNAMIXEL_EFFECTIVE));
+    } else if !(lowest..=highest).contains(&new) {
+        // A Feetech reads modulo one turn: a turn more or less is the same.
+        let turn = i64::from(of.model.profile().position.counts);
+        new -= turn * new.signum();
+    }
+    if !(lowest..=highest).contains(&new) {
+        return Err(Error::new("the servo's offset does not reach so far")
+            .at(place())
+            .got(new.to_string())
+            .allowed(format!("{lowest} to {highest} (raw)"))
+            .remedy("mount the horn nearer to the middle, or calibrate without --permit-eeprom"));
+    }
+    Ok(Change { register, old, new, shift: wanted - measured.zero, offset_rad })
+}
+
+/// Writes the offset through the servo's lock, reads it back, and sees that the reading follows.
+///
+/// # Errors
+/// A servo that does not take it.
+pub fn write(link: &mut Link, joint: usize, change: &Change) -> Result<(), Error> {
+    let of = link.robot().joints[joint].clone();
+    let before = reading(link, joint)?;
+    let lock = of.model.register(Role::EepromLock).ok();
+    let mut put = |register: &Register, raw: i64| -> Result<i64, Error> {
+        let limit = budget(link);
+        let written = link.write_raw(joint, register, raw, limit);
+        written.map_err(|e| exchange_error(link, Some(joint), &e))?;
+        let limit = budget(link);
+        let kept = link.read_register(joint, register, limit);
+        kept.map_err(|e| exchange_error(link, Some(joint), &e))
+    };
+    if let Some(lock) = lock {
+        put(lock, 0)?;
+    }
+    let kept = put(change.register, change.new);
+    if let Some(lock) = lock {
+        put(lock, 1)?;
+    }
+    let kept = kept?;
+    let after = reading(link, joint)?;
+    let turn = i64::from(of.model.profile().position.counts);
+    let off = (after - before - change.shift + turn / 2).rem_euclid(turn) - turn / 2;
+    if kept == change.new && off.abs() <= STILL_COUNTS {
+        return Ok(());
+    }
+    Err(Error::new("the servo did not take its offset")
+        .at(format!("joint {}, register {}", of.name, change.register.name))
+        .got(format!("{kept} (raw), its reading went from {before} to {after}"))
+        .allowed(format!("{} (raw), a change of {}", change.new, change.shift))
+        .remedy(format!("before, it was {}", change.old)))
+}

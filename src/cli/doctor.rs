@@ -1,0 +1,61 @@
+//! `doctor`: what on this machine stands between a robot and a smooth cycle. Looks, says, and
+//! changes nothing.
+
+use super::address::Address;
+use super::finding::Level;
+use super::{Output, Remarks, ports};
+use crate::error::Error;
+use crate::port::inventory::Machine;
+use clap::Args;
+use std::path::PathBuf;
+
+mod host;
+mod round_trip;
+
+pub use host::{Person, findings};
+
+/// Arguments of `doctor`.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  gaitway doctor\n  \
+    gaitway doctor --bus serial:/dev/ttyUSB0 --robot op3\n  \
+    gaitway doctor --rules | sudo tee /etc/udev/rules.d/60-gaitway.rules")]
+pub struct DoctorArgs {
+    /// Print the udev rules and nothing else
+    #[arg(long)]
+    rules: bool,
+    /// End with exit code 1 if something is not as it should be
+    #[arg(long)]
+    strict: bool,
+    /// Measure how long answers take on this line: serial:PATH[?baud=N], tcp:HOST:PORT
+    #[arg(long, value_name = "BUS")]
+    bus: Option<Address>,
+    /// Robot whose line --bus is: says the line speed, and which robot a virtual one is
+    #[arg(long, value_name = "ROBOT")]
+    robot: Option<String>,
+    /// Look below this folder instead of /
+    #[arg(long, value_name = "DIR", hide = true, default_value = "/")]
+    root: PathBuf,
+    #[command(flatten)]
+    output: Output,
+}
+
+/// Runs `doctor`.
+///
+/// # Errors
+/// A report file that exists or cannot be written.
+pub fn run(args: &DoctorArgs, _remarks: Remarks) -> Result<i32, Error> {
+    if args.rules {
+        super::print(ports::RULES);
+        return Ok(0);
+    }
+    args.output.check_files(&[])?;
+    let machine = Machine::at(&args.root);
+    let mut found = ports::survey(&machine);
+    found.findings.extend(findings(&machine, &Person::current(&machine)));
+    if let Some(address) = &args.bus {
+        found.findings.push(round_trip::measured(address, args.robot.as_deref()));
+    }
+    args.output.report(&found, &found.text())?;
+    let unwell = found.findings.iter().any(|finding| finding.level > Level::Ok);
+    Ok(i32::from(args.strict && unwell))
+}

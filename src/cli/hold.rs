@@ -1,0 +1,73 @@
+//! `hold`: torque on where the robot stands. Nothing moves.
+
+use super::address::Address;
+use super::calibrated::CalibrationArg;
+use super::connect::connect;
+use super::{Output, Remarks};
+use crate::control::{arm, watchdog};
+use crate::error::Error;
+use crate::robot::preflight::{Accept, preflight};
+use crate::time::Duration;
+use clap::Args;
+use serde_json::json;
+use std::fmt::Write;
+
+/// Arguments of `hold`.
+#[derive(Debug, Args)]
+#[command(after_help = "Example: gaitway hold op3 --bus serial:/dev/ttyUSB0\n\
+    gaitway limp lets go again.")]
+pub struct HoldArgs {
+    /// Robot by name or path of its file
+    robot: String,
+    /// Where the robot is, as for `play`
+    #[arg(long, value_name = "BUS", required = true)]
+    bus: Vec<Address>,
+    /// Hold servos whose firmware the profile was not checked against
+    #[arg(long)]
+    accept_firmware: bool,
+    /// Check everything, write nothing
+    #[arg(long)]
+    dry_run: bool,
+    #[command(flatten)]
+    calibration: CalibrationArg,
+    #[command(flatten)]
+    output: Output,
+}
+
+/// Runs `hold`.
+///
+/// # Errors
+/// Anything preflight or arming has against it; torque is off then, or the joints are named.
+pub fn run(args: &HoldArgs, remarks: Remarks) -> Result<i32, Error> {
+    args.output.check_files(&[])?;
+    let (robot, calibration) = args.calibration.load(&args.robot, &args.bus)?;
+    let period = Duration::from_secs_f64(1.0 / robot.file.rate_hz);
+    let mut connection = connect(robot, &args.bus, 0)?;
+    let link = &mut connection.link;
+    let accept = Accept { firmware: args.accept_firmware, eeprom: false };
+    let found = preflight(link, period, accept)?;
+    let mut notes = found.notes.clone();
+    if !args.dry_run {
+        arm::arm(link, &found)?;
+        // Nobody speaks to the servos from here on, and they shall hold all the same.
+        watchdog::release(link);
+    }
+    let robot = link.robot();
+    let what = if args.dry_run { "would be held" } else { "is held, torque on" };
+    let mut text = format!("{} {what}\n", robot.name);
+    let joints: Vec<_> = robot.joints.iter().zip(&found.start_rad).collect();
+    for (joint, at_rad) in &joints {
+        let _ = writeln!(text, "  {:<18} {:>7.1} deg", joint.name, at_rad.to_degrees());
+    }
+    let joints = joints.iter().map(|(joint, at)| json!({ "name": joint.name, "held_rad": at }));
+    notes.iter().for_each(|note| remarks.say(note));
+    if !args.dry_run {
+        notes.push(format!("gaitway limp {} --bus ... lets go", robot.name));
+    }
+    let report = json!({
+        "outcome": "done", "robot": robot.name, "dry_run": args.dry_run,
+        "calibration": calibration, "joints": joints.collect::<Vec<_>>(), "notes": notes,
+    });
+    args.output.report(&report, &text)?;
+    Ok(0)
+}

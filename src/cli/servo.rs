@@ -1,0 +1,111 @@
+//! `servo`: one servo on a bus, its registers by the maker's names.
+
+use super::address::Address;
+use super::identify::ProtocolName;
+use super::{Output, Remarks};
+use crate::error::Error;
+use clap::{Args, Subcommand};
+
+mod device;
+mod identity;
+mod registers;
+mod reset;
+mod travel;
+mod value;
+
+pub use registers::firmware_words;
+
+/// Arguments of `servo`.
+#[derive(Debug, Args)]
+#[command(after_help = "Example: gaitway servo info serial:/dev/ttyUSB0 1")]
+pub struct ServoArgs {
+    #[command(subcommand)]
+    action: Action,
+}
+
+#[derive(Debug, Subcommand)]
+enum Action {
+    /// Who the servo is, how it is set up and how it is
+    #[command(after_help = "Example: gaitway servo info serial:/dev/ttyUSB0 1")]
+    Info(Target),
+    /// Read one register, or all of them
+    #[command(after_help = "Examples:\n  \
+        gaitway servo get serial:/dev/ttyUSB0 1 'Present Temperature'\n  \
+        gaitway servo get serial:/dev/ttyUSB0?baud=57600 1 present_position\n  \
+        gaitway servo get sim 19 --robot op3")]
+    Get(registers::GetArgs),
+    /// Write one register and read it back
+    #[command(after_help = "Examples:\n  \
+        gaitway servo set serial:/dev/ttyUSB0 1 'Position P Gain' 640\n  \
+        gaitway servo set serial:/dev/ttyUSB0 1 'Temperature Limit' 70 --permit-eeprom\n  \
+        gaitway servo set serial:/dev/ttyUSB0 1 homing_offset 5.5deg --permit-eeprom")]
+    Set(registers::SetArgs),
+    /// Give the servo another ID
+    #[command(
+        after_help = "Example: gaitway servo set-id serial:/dev/ttyUSB0 1 12 --permit-eeprom"
+    )]
+    SetId(identity::SetIdArgs),
+    /// Give the servo another line speed
+    #[command(
+        after_help = "Example: gaitway servo set-baud serial:/dev/ttyUSB0 1 2000000 --permit-eeprom"
+    )]
+    SetBaud(identity::SetBaudArgs),
+    /// Restart the servo: errors are cleared, torque goes off
+    #[command(after_help = "Example: gaitway servo reboot serial:/dev/ttyUSB0 1")]
+    Reboot(reset::RebootArgs),
+    /// Set every register to what the servo left the factory with
+    #[command(
+        after_help = "Example: gaitway servo factory-reset serial:/dev/ttyUSB0 1 --permit-eeprom"
+    )]
+    FactoryReset(reset::FactoryResetArgs),
+    /// Turn the servo to an angle: one slow, guarded movement
+    #[command(after_help = "Examples:\n  \
+        gaitway servo move serial:/dev/ttyUSB0 1 30 --dry-run\n  \
+        gaitway servo move serial:/dev/ttyUSB0 1 -- -12.5")]
+    Move(travel::MoveArgs),
+}
+
+/// Which servo is meant, and how it is spoken to.
+#[derive(Clone, Debug, Args)]
+pub struct Target {
+    /// Where the line is: serial:PATH[?baud=N], tcp:HOST:PORT, sim or sim:pty
+    bus: Address,
+    /// The servo's ID
+    #[arg(value_parser = clap::value_parser!(u8).range(0..=253))]
+    id: u8,
+    /// Robot whose line this is: says the line speed, and which robot a virtual one is
+    #[arg(long, value_name = "ROBOT")]
+    robot: Option<String>,
+    /// Treat the servo as this model, whatever it says [default: by its model number]
+    #[arg(long, value_name = "PROFILE")]
+    servo: Option<String>,
+    /// Ask in this protocol only [default: all]
+    #[arg(long, value_enum)]
+    protocol: Option<ProtocolName>,
+    #[command(flatten)]
+    output: Output,
+}
+
+impl Target {
+    /// What else has to be typed to reach the same line again.
+    fn again(&self) -> String {
+        self.robot.as_ref().map(|robot| format!(" --robot {robot}")).unwrap_or_default()
+    }
+}
+
+/// Runs `servo`.
+///
+/// # Errors
+/// A servo that does not answer, or what it or we refuse.
+pub fn run(args: &ServoArgs, remarks: Remarks) -> Result<i32, Error> {
+    match &args.action {
+        Action::Info(target) => registers::info(target),
+        Action::Get(args) => registers::get(args),
+        Action::Set(args) => registers::set(args, remarks),
+        Action::SetId(args) => identity::set_id(args, remarks),
+        Action::SetBaud(args) => identity::set_baud(args, remarks),
+        Action::Reboot(args) => reset::reboot(args, remarks),
+        Action::FactoryReset(args) => reset::factory_reset(args, remarks),
+        Action::Move(args) => travel::run(args, remarks),
+    }
+}

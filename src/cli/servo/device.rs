@@ -1,0 +1,278 @@
+//! One servo whose model is known: registers in, registers out, never a goal and never torque.
+
+use super::Target;
+use crate::bus::{AskError, Protocol};
+use crate::cli::connect::{OpenLine, open_bus};
+use crate::cli::identify::{ask_error, identify};
+use crate::device::Model;
+use crate::error::Error;
+use gaitway_profiles::{self as profiles, Access, Region, RegisterItem, Role};
+
+/// A servo that answers.
+pub struct Device {
+    /// The line it hangs on.
+    pub line: OpenLine,
+    /// Its ID.
+    pub id: u8,
+    /// What it is.
+    pub model: Model,
+    /// What it calls its model.
+    pub model_number: u16,
+    /// Its firmware.
+    pub firmware: u16,
+    /// The line's address, for words.
+    bus: String,
+}
+
+/// A register that was changed, raw.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Change {
+    /// Before.
+    pub old: i64,
+    /// Now, read back.
+    pub new: i64,
+}
+
+impl Device {
+    /// Opens the line and asks who is there.
+    ///
+    /// # Errors
+    /// Nobody answers, or a model without profile and none named by `--servo`.
+    pub fn open(target: &Target) -> Result<Self, Error> {
+        let mut line = open_bus(&target.bus, target.robot.as_deref(), 0)?;
+        let place = format!("ID {} on {} at {} bit/s", target.id, target.bus, line.baud_bps);
+        let found = identify(&mut line, target.id, target.protocol.map(Protocol::from));
+        let found = found.map_err(|e| ask_error(place.clone(), &e))?;
+        let silent = || ask_error(place.clone(), &AskError::Miss(crate::bus::Miss::Silent));
+        let found = found.ok_or_else(silent)?;
+        let named = target.servo.as_deref().map(profiles::servo).transpose();
+        let named = named.map_err(|e| Error::new(e.to_string()))?;
+        let profile = named.or(found.profile).ok_or_else(|| {
+            Error::new("a servo model without profile")
+                .at(place.clone())
+                .got(format!("model number {}, {}", found.model_number, found.protocol))
+                .allowed(profiles::servo_names().collect::<Vec<_>>().join(", "))
+                .remedy("name the nearest with --servo if you know that its registers are the same")
+        })?;
+        let model = Model::new(profile);
+        if model.protocol() != found.protocol {
+            return Err(Error::new("the servo speaks another protocol than that profile")
+                .at(place)
+                .got(found.protocol.to_string())
+                .allowed(model.protocol().to_string()));
+        }
+        Ok(Self {
+            line,
+            id: target.id,
+            model,
+            model_number: found.model_number,
+            firmware: found.firmware,
+            bus: target.bus.to_string(),
+        })
+    }
+
+    /// Where this servo is, in words.
+    #[must_use]
+    pub fn place(&self) -> String {
+        format!("{}, ID {} on {}", self.model.profile().model, self.id, self.bus)
+    }
+
+    /// The line's address as the user can type it.
+    #[must_use]
+    pub fn bus(&self) -> &str {
+        &self.bus
+    }
+
+    /// Words for a question that failed.
+    #[must_use]
+    pub fn failed(&self, error: &AskError) -> Error {
+        ask_error(self.place(), error)
+    }
+
+    /// The register for `role`.
+    #[must_use]
+    pub fn item(&self, role: Role) -> Option<RegisterItem<'static>> {
+        self.model.profile().register(role)?.item(0)
+    }
+
+    /// The raw value of a register.
+    ///
+    /// # Errors
+    /// No answer, or one that does not fit.
+    pub fn read(&mut self, item: &RegisterItem<'_>) -> Result<i64, Error> {
+        let budget = self.line.budget();
+        let length = u16::from(item.register.bytes);
+        let asked =
+            self.line.bus.read(self.model.protocol(), self.id, item.address, length, budget);
+        let reply = asked.map_err(|e| self.failed(&e))?;
+        let raw = self.model.raw_from_bytes(item.register, &reply.bytes);
+        raw.map_err(|e| Error::new(e.to_string()).at(self.place()))
+    }
+
+    /// The raw value of the register for `role`; nothing if the model has none.
+    ///
+    /// # Errors
+    /// As [`Device::read`].
+    pub fn read_role(&mut self, role: Role) -> Result<Option<i64>, Error> {
+        self.item(role).map(|item| self.read(&item)).transpose()
+    }
+
+    /// The SI value of the register for `role`; nothing if the model has none.
+    ///
+    /// # Errors
+    /// As [`Device::read`].
+    pub fn read_si(&mut self, role: Role) -> Result<Option<f64>, Error> {
+        let Some(item) = self.item(role) else { return Ok(None) };
+        let raw = self.read(&item)?;
+        Ok(Some(self.model.si_from_raw(item.register, raw)))
+    }
+
+    /// True if the servo drives its motor.
+    ///
+    /// # Errors
+    /// As [`Device::read`].
+    pub fn torque_on(&mut self) -> Result<bool, Error> {
+        Ok(self.read_role(Role::TorqueEnable)?.is_some_and(|raw| raw != 0))
+    }
+
+    /// Refuses while torque is on: no servo takes its kept registers then, and none should.
+    ///
+    /// # Errors
+    /// Torque is on.
+    pub fn must_be_limp(&mut self) -> Result<(), Error> {
+        if !self.torque_on()? {
+            return Ok(());
+        }
+        Err(Error::new("torque is on; what a servo keeps is only changed while it is limp")
+            .at(self.place())
+            .remedy("support the robot, then: gaitway limp ROBOT --bus BUS"))
+    }
+
+    /// Writes a register and reads it back. Kept registers only with `permit_eeprom`, only while
+    /// torque is off, and through the lock where the servo has one.
+    ///
+    /// # Errors
+    /// What is refused here (read-only, a goal, torque, EEPROM without permit, out of range), what
+    /// the servo refuses, and a value it did not keep.
+    pub fn set(
+        &mut self,
+        item: &RegisterItem<'_>,
+        raw: i64,
+        permit_eeprom: bool,
+    ) -> Result<Change, Error> {
+        self.may_set(item, raw, permit_eeprom)?;
+        let old = self.read(item)?;
+        if old == raw {
+            return Ok(Change { old, new: raw });
+        }
+        if item.register.region == Region::Eeprom {
+            self.must_be_limp()?;
+            self.unlock()?;
+        }
+        let written = self.write(item, raw);
+        if item.register.region == Region::Eeprom {
+            self.lock()?;
+        }
+        written.map_err(|e| self.failed(&e))?;
+        let new = self.read(item)?;
+        if new == raw {
+            return Ok(Change { old, new });
+        }
+        Err(Error::new("the servo did not keep what was written")
+            .at(format!("{}, register {}", self.place(), item.name()))
+            .got(format!("{new} (raw), {old} before"))
+            .allowed(format!("{raw} (raw)")))
+    }
+
+    /// The rules for writing, before anything is written.
+    ///
+    /// # Errors
+    /// As [`Device::set`].
+    pub fn may_set(
+        &self,
+        item: &RegisterItem<'_>,
+        raw: i64,
+        permit_eeprom: bool,
+    ) -> Result<(), Error> {
+        let place = || format!("{}, register {}", self.place(), item.name());
+        let register = item.register;
+        if register.access == Access::R {
+            return Err(Error::new("this register can only be read").at(place()));
+        }
+        if let Some(command) = other_command(item) {
+            return Err(Error::new("this register is not written here")
+                .at(place())
+                .remedy(command));
+        }
+        let (lowest, highest) = register.range();
+        if !(lowest..=highest).contains(&raw) {
+            return Err(Error::new("outside what the register takes")
+                .at(place())
+                .got(format!("{raw} (raw)"))
+                .allowed(format!("{lowest} to {highest} (raw)")));
+        }
+        if register.region == Region::Eeprom && !permit_eeprom {
+            return Err(Error::new("this register is kept at power-off; nothing was written")
+                .at(place())
+                .remedy("add --permit-eeprom if that is meant"));
+        }
+        Ok(())
+    }
+
+    /// Writes a register without reading it back and without any rule.
+    pub(super) fn write(&mut self, item: &RegisterItem<'_>, raw: i64) -> Result<(), AskError> {
+        let mut bytes = Vec::with_capacity(4);
+        let fits = self.model.append_raw(item.register, raw, &mut bytes);
+        fits.map_err(|e| AskError::Unsayable(e.to_string()))?;
+        let budget = self.line.budget();
+        let protocol = self.model.protocol();
+        self.line.bus.write(protocol, self.id, item.address, &bytes, budget).map(|_| ())
+    }
+
+    /// Lets the servo keep what is written from now on (Feetech; others always do).
+    pub(super) fn unlock(&mut self) -> Result<(), Error> {
+        self.write_lock(0)
+    }
+
+    /// The opposite of [`Device::unlock`].
+    pub(super) fn lock(&mut self) -> Result<(), Error> {
+        self.write_lock(1)
+    }
+
+    fn write_lock(&mut self, raw: i64) -> Result<(), Error> {
+        let Some(item) = self.item(Role::EepromLock) else { return Ok(()) };
+        self.write(&item, raw).map_err(|e| self.failed(&e))?;
+        let kept = self.read(&item)?;
+        if kept == raw {
+            return Ok(());
+        }
+        Err(Error::new("the servo did not take its lock")
+            .at(self.place())
+            .got(kept.to_string())
+            .allowed(raw.to_string()))
+    }
+}
+
+/// The command that does what writing this register would do, where that needs more care.
+fn other_command(item: &RegisterItem<'_>) -> Option<&'static str> {
+    const MOVE: &str = "goals go through the guard: gaitway servo move BUS ID ANGLE_DEG, or play";
+    match item.register.role {
+        Some(Role::TorqueEnable) => {
+            Some("torque: gaitway hold ROBOT --bus BUS, gaitway limp ROBOT --bus BUS")
+        }
+        Some(Role::Id) => Some("gaitway servo set-id BUS ID NEW"),
+        Some(Role::BaudRate) => Some("gaitway servo set-baud BUS ID BPS"),
+        Some(Role::EepromLock) => Some("it is opened and closed where needed; nothing to do"),
+        // Indirect data are other registers under another address, goals among them.
+        Some(
+            Role::GoalPosition
+            | Role::GoalVelocity
+            | Role::GoalCurrent
+            | Role::GoalPwm
+            | Role::GoalTime
+            | Role::IndirectData,
+        ) => Some(MOVE),
+        _ if item.register.name.to_lowercase().starts_with("goal") => Some(MOVE),
+        _ => None,
+    }
+}

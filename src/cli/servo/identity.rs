@@ -1,0 +1,192 @@
+//! `servo set-id` and `servo set-baud`: after either the servo is found under other terms, and is
+//! looked for there before anything is said.
+
+use super::Target;
+use super::device::Device;
+use crate::bus::{AskError, Miss};
+use crate::cli::Remarks;
+use crate::cli::identify::identify;
+use crate::error::Error;
+use crate::time::Duration;
+use clap::Args;
+use gaitway_profiles::{RegisterItem, Role};
+use serde_json::json;
+
+/// Arguments of `servo set-id`.
+#[derive(Debug, Args)]
+pub struct SetIdArgs {
+    #[command(flatten)]
+    target: Target,
+    /// The ID it gets
+    #[arg(value_parser = clap::value_parser!(u8).range(0..=253))]
+    new_id: u8,
+    /// Allow writing what the servo keeps at power-off
+    #[arg(long)]
+    permit_eeprom: bool,
+}
+
+/// Arguments of `servo set-baud`.
+#[derive(Debug, Args)]
+pub struct SetBaudArgs {
+    #[command(flatten)]
+    target: Target,
+    /// The line speed it gets, bits per second
+    baud_bps: u32,
+    /// Allow writing what the servo keeps at power-off
+    #[arg(long)]
+    permit_eeprom: bool,
+}
+
+/// Time a servo gets to change its own terms.
+const CHANGING: Duration = Duration::from_millis(50);
+
+/// Runs `servo set-id`.
+///
+/// # Errors
+/// The new ID is taken or not one of the protocol's, no permit, torque on; or the servo is not
+/// found under its new ID.
+pub fn set_id(args: &SetIdArgs, remarks: Remarks) -> Result<i32, Error> {
+    args.target.output.check_files(&[])?;
+    let mut device = Device::open(&args.target)?;
+    let (old, new) = (device.id, args.new_id);
+    let item = needed(&device, Role::Id)?;
+    let highest = device.model.profile().protocol.highest_id();
+    if new > highest {
+        return Err(Error::new("not an ID of this protocol")
+            .at(device.place())
+            .got(new.to_string())
+            .allowed(format!("0 to {highest}")));
+    }
+    if new != old {
+        permitted(&device, args.permit_eeprom, &format!("ID {old} would become {new}"))?;
+        refuse_taken(&mut device, new)?;
+        device.must_be_limp()?;
+        device.unlock()?;
+        // It may answer under either ID: whether it worked is seen by looking for it.
+        match device.write(&item, i64::from(new)) {
+            Ok(()) | Err(AskError::Miss(Miss::Silent | Miss::WrongId { .. })) => {}
+            Err(error) => return Err(device.failed(&error)),
+        }
+        device.line.clock.sleep_until(device.line.clock.now() + CHANGING);
+        device.id = new;
+        let kept = device.read(&item).map_err(|e| e.remedy(look_everywhere(&device)))?;
+        device.lock()?;
+        if kept != i64::from(new) {
+            return Err(not_kept(&device, kept, i64::from(new)));
+        }
+    }
+    let bus = device.bus();
+    let robot = args.target.again();
+    let undo = (new != old)
+        .then(|| format!("gaitway servo set-id {bus} {new} {old} --permit-eeprom{robot}"));
+    let text = format!("{} now has ID {new} (before: {old})\n", device.model.profile().model);
+    if let Some(undo) = &undo {
+        remarks.say(&format!("to undo: {undo}"));
+    }
+    let report = json!({ "id_before": old, "id": new, "bus": bus, "undo": undo });
+    args.target.output.report(&report, &text)?;
+    Ok(0)
+}
+
+/// Two devices with one ID cannot be told apart any more by anyone.
+fn refuse_taken(device: &mut Device, id: u8) -> Result<(), Error> {
+    let place = format!("ID {id} on {}", device.bus());
+    let refused = |got: String| {
+        Err(Error::new("the new ID is taken")
+            .at(place.clone())
+            .got(got)
+            .allowed("an ID where nobody answers")
+            .remedy("`gaitway scan BUS` lists those in use"))
+    };
+    match identify(&mut device.line, id, None) {
+        Ok(None) => Ok(()),
+        Ok(Some(other)) => refused(format!("model number {} answers there", other.model_number)),
+        Err(AskError::Miss(miss)) => refused(miss.to_string()),
+        Err(error) => Err(device.failed(&error)),
+    }
+}
+
+/// Runs `servo set-baud`.
+///
+/// # Errors
+/// A speed the servo does not know, no permit, torque on; or the servo is not found at the new
+/// speed.
+pub fn set_baud(args: &SetBaudArgs, remarks: Remarks) -> Result<i32, Error> {
+    args.target.output.check_files(&[])?;
+    let mut device = Device::open(&args.target)?;
+    let item = needed(&device, Role::BaudRate)?;
+    let known = &device.model.profile().baud;
+    let Some(speed) = known.iter().find(|baud| baud.bps == args.baud_bps) else {
+        let speeds: Vec<String> = known.iter().map(|baud| baud.bps.to_string()).collect();
+        return Err(Error::new("the servo does not know this line speed")
+            .at(device.place())
+            .got(args.baud_bps.to_string())
+            .allowed(speeds.join(", ")));
+    };
+    let old_bps = device.line.baud_bps;
+    if args.baud_bps != old_bps {
+        let what = format!("{old_bps} bit/s would become {} bit/s", args.baud_bps);
+        permitted(&device, args.permit_eeprom, &what)?;
+        device.must_be_limp()?;
+        device.unlock()?;
+        match device.write(&item, i64::from(speed.index)) {
+            Ok(()) | Err(AskError::Miss(Miss::Silent | Miss::Garbled)) => {}
+            Err(error) => return Err(device.failed(&error)),
+        }
+        device.line.clock.sleep_until(device.line.clock.now() + CHANGING);
+        device.line = device.line.at_speed(args.baud_bps)?;
+        let kept = device.read(&item).map_err(|e| e.remedy(look_everywhere(&device)))?;
+        device.lock()?;
+        if kept != i64::from(speed.index) {
+            return Err(not_kept(&device, kept, i64::from(speed.index)));
+        }
+    }
+    let plain = device.bus().split('?').next().unwrap_or_default().to_owned();
+    let new_bps = args.baud_bps;
+    // A virtual servo of this process is gone when the command ends.
+    let undo = (new_bps != old_bps && device.line.world.is_none()).then(|| {
+        let id = device.id;
+        format!("gaitway servo set-baud {plain}?baud={new_bps} {id} {old_bps} --permit-eeprom")
+    });
+    let model = &device.model.profile().model;
+    let text =
+        format!("{model}, ID {}, now speaks at {new_bps} bit/s (before: {old_bps})\n", device.id);
+    if let Some(undo) = &undo {
+        remarks.say(&format!("to undo: {undo}"));
+    }
+    let report = json!({
+        "id": device.id, "baud_bps_before": old_bps, "baud_bps": new_bps, "bus": plain, "undo": undo
+    });
+    args.target.output.report(&report, &text)?;
+    Ok(0)
+}
+
+fn needed(device: &Device, role: Role) -> Result<RegisterItem<'static>, Error> {
+    device.item(role).ok_or_else(|| {
+        Error::new(format!("the servo has no register for {role:?}")).at(device.place())
+    })
+}
+
+fn permitted(device: &Device, permit_eeprom: bool, what: &str) -> Result<(), Error> {
+    if permit_eeprom {
+        return Ok(());
+    }
+    Err(Error::new("this is kept at power-off; nothing was written")
+        .at(device.place())
+        .got(what)
+        .remedy("add --permit-eeprom if that is meant"))
+}
+
+fn not_kept(device: &Device, got: i64, wanted: i64) -> Error {
+    Error::new("the servo did not keep what was written")
+        .at(device.place())
+        .got(format!("{got} (raw)"))
+        .allowed(format!("{wanted} (raw)"))
+}
+
+fn look_everywhere(device: &Device) -> String {
+    let bus = device.bus().split('?').next().unwrap_or_default();
+    format!(
+        "it was written, but the servo is not where it should be: gaitway scan {bus} --baud all"
+    )
+}

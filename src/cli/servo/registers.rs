@@ -1,0 +1,264 @@
+//! `servo info`, `servo get`, `servo set`.
+
+use super::device::Device;
+use super::{Target, value};
+use crate::cli::Remarks;
+use crate::cli::identify::protocol_name;
+use crate::error::Error;
+use clap::Args;
+use gaitway_profiles::{Access, Region, RegisterItem, Role, Servo};
+use serde_json::{Map, Value, json};
+use std::fmt::Write;
+
+/// Arguments of `servo get`.
+#[derive(Debug, Args)]
+pub struct GetArgs {
+    #[command(flatten)]
+    target: Target,
+    /// Register by the maker's name; case, spaces and underscores do not matter [default: all]
+    register: Option<String>,
+}
+
+/// Arguments of `servo set`.
+#[derive(Debug, Args)]
+pub struct SetArgs {
+    #[command(flatten)]
+    target: Target,
+    /// Register by the maker's name; case, spaces and underscores do not matter
+    register: String,
+    /// SI value (angles in rad, or in degrees with deg behind), or a whole number
+    #[arg(allow_hyphen_values = true)]
+    value: String,
+    /// VALUE is the number that goes into the register
+    #[arg(long)]
+    raw: bool,
+    /// Allow writing what the servo keeps at power-off
+    #[arg(long)]
+    permit_eeprom: bool,
+    /// Check and say what would be written, and write nothing
+    #[arg(long)]
+    dry_run: bool,
+}
+
+/// The facts of `servo info`, in this order.
+const INFO: [Role; 22] = [
+    Role::BaudRate,
+    Role::ReturnDelay,
+    Role::StatusReturnLevel,
+    Role::OperatingMode,
+    Role::DriveMode,
+    Role::Phase,
+    Role::HomingOffset,
+    Role::MinPositionLimit,
+    Role::MaxPositionLimit,
+    Role::TemperatureLimit,
+    Role::MinVoltageLimit,
+    Role::MaxVoltageLimit,
+    Role::TorqueEnable,
+    Role::GoalPosition,
+    Role::PresentPosition,
+    Role::PresentVelocity,
+    Role::PresentCurrent,
+    Role::PresentLoad,
+    Role::PresentVoltage,
+    Role::PresentTemperature,
+    Role::HardwareError,
+    Role::BusWatchdog,
+];
+
+/// Runs `servo info`.
+///
+/// # Errors
+/// A servo that does not answer.
+pub fn info(target: &Target) -> Result<i32, Error> {
+    target.output.check_files(&[])?;
+    let mut device = Device::open(target)?;
+    let items: Vec<_> = INFO.iter().filter_map(|&role| device.item(role)).collect();
+    let read = read_all(&mut device, &items)?;
+    let profile = device.model.profile();
+    let firmware = firmware_words(profile, device.firmware);
+    let mut text = format!(
+        "{} {}, ID {} on {} at {} bit/s\nmodel number {}, {}, firmware {firmware}\n",
+        profile.maker,
+        profile.model,
+        device.id,
+        device.bus(),
+        device.line.baud_bps,
+        device.model_number,
+        protocol_name(device.model.protocol()),
+    );
+    text.push_str(&table(&device, &read));
+    let report = json!({
+        "id": device.id,
+        "bus": device.bus(),
+        "baud_bps": device.line.baud_bps,
+        "protocol": protocol_name(device.model.protocol()),
+        "model": profile.model,
+        "profile": profile.name,
+        "model_number": device.model_number,
+        "firmware": device.firmware,
+        "registers": registers_json(&device, &read),
+    });
+    target.output.report(&report, &text)?;
+    Ok(0)
+}
+
+/// A firmware in the maker's form: Feetech's is two numbers.
+#[must_use]
+pub fn firmware_words(profile: &Servo, firmware: u16) -> String {
+    if profile.register(Role::FirmwareVersionMinor).is_some() {
+        format!("{}.{}", firmware >> 8, firmware & 0xFF)
+    } else {
+        firmware.to_string()
+    }
+}
+
+type Read = Vec<(RegisterItem<'static>, i64)>;
+
+fn read_all(device: &mut Device, items: &[RegisterItem<'static>]) -> Result<Read, Error> {
+    items.iter().map(|item| Ok((*item, device.read(item)?))).collect()
+}
+
+fn table(device: &Device, read: &Read) -> String {
+    let mut out = String::new();
+    for (item, raw) in read {
+        let words = value::words(&device.model, item, *raw);
+        let _ = writeln!(out, "  {:>4}  {:<28} {words}", item.address, item.name());
+    }
+    out
+}
+
+fn registers_json(device: &Device, read: &Read) -> Vec<Map<String, Value>> {
+    read.iter().map(|(item, raw)| value::json(&device.model, item, *raw)).collect()
+}
+
+/// Runs `servo get`.
+///
+/// # Errors
+/// A servo that does not answer, a register it does not have.
+pub fn get(args: &GetArgs) -> Result<i32, Error> {
+    args.target.output.check_files(&[])?;
+    let mut device = Device::open(&args.target)?;
+    let profile = device.model.profile();
+    let Some(name) = &args.register else {
+        let indirect = |role| matches!(role, Some(Role::IndirectAddress | Role::IndirectData));
+        let items: Vec<_> = profile.items().filter(|item| !indirect(item.register.role)).collect();
+        let read = read_all(&mut device, &items)?;
+        let text = format!("{}\n{}", device.place(), table(&device, &read));
+        args.target.output.report(&registers_json(&device, &read), &text)?;
+        return Ok(0);
+    };
+    let item = find(profile, name)?;
+    let raw = device.read(&item)?;
+    let text = format!("{}: {}\n", item.name(), value::words(&device.model, &item, raw));
+    args.target.output.report(&value::json(&device.model, &item, raw), &text)?;
+    Ok(0)
+}
+
+/// Runs `servo set`.
+///
+/// # Errors
+/// What [`Device::set`] refuses or finds.
+pub fn set(args: &SetArgs, remarks: Remarks) -> Result<i32, Error> {
+    args.target.output.check_files(&[])?;
+    let mut device = Device::open(&args.target)?;
+    let item = find(device.model.profile(), &args.register)?;
+    let raw = value::parse(&device.model, &item, &args.value, args.raw)?;
+    device.may_set(&item, raw, args.permit_eeprom || args.dry_run)?;
+    let change = if args.dry_run {
+        let old = device.read(&item)?;
+        super::device::Change { old, new: raw }
+    } else {
+        device.set(&item, raw, args.permit_eeprom)?
+    };
+    let words = |raw| value::words(&device.model, &item, raw);
+    let verb = match (args.dry_run, change.old == change.new) {
+        (_, true) => "is already",
+        (true, false) => "would become",
+        (false, false) => "is now",
+    };
+    let mut text = format!("{} {verb} {}\n", item.name(), words(change.new));
+    if change.old != change.new {
+        let _ = writeln!(text, "  before: {}", words(change.old));
+    }
+    let undo = undo(&device, &item, change.old, args);
+    let changed = change.old != change.new && !args.dry_run;
+    if changed {
+        remarks.say(&format!("to undo: {undo}"));
+    }
+    if changed && item.register.region == Region::Ram {
+        remarks.say("the servo forgets this at power-off");
+    }
+    let mut report = value::json(&device.model, &item, change.new);
+    report.insert("raw_before".into(), change.old.into());
+    report.insert("dry_run".into(), args.dry_run.into());
+    report.insert("undo".into(), if changed { undo.into() } else { Value::Null });
+    args.target.output.report(&report, &text)?;
+    Ok(0)
+}
+
+fn undo(device: &Device, item: &RegisterItem<'_>, old: i64, args: &SetArgs) -> String {
+    let permit = if item.register.region == Region::Eeprom { " --permit-eeprom" } else { "" };
+    let name = item.name();
+    let robot = args.target.again();
+    let bus = device.bus();
+    format!("gaitway servo set {bus} {} '{name}' --raw{permit}{robot} -- {old}", device.id)
+}
+
+/// The register that `name` means.
+///
+/// # Errors
+/// None, with those that are like it.
+pub fn find(servo: &'static Servo, name: &str) -> Result<RegisterItem<'static>, Error> {
+    let wanted = plain(name);
+    if let Some(item) = servo.items().find(|item| plain(&item.name()) == wanted) {
+        return Ok(item);
+    }
+    let alike = |item: &RegisterItem<'_>| {
+        let known = plain(&item.name());
+        !wanted.is_empty() && (known.contains(&wanted) || wanted.contains(&known))
+    };
+    let mut near: Vec<String> = servo.items().filter(alike).map(|i| i.name()).take(8).collect();
+    if near.is_empty() {
+        let writable = servo.registers.iter().filter(|r| r.access == Access::Rw);
+        near = writable.map(|register| register.name.clone()).collect();
+    }
+    Err(Error::new("the servo has no such register")
+        .at(servo.model.clone())
+        .got(name)
+        .allowed(near.join(", "))
+        .remedy(format!("gaitway profile show {} lists them", servo.name)))
+}
+
+/// A name without case, spaces, underscores and hyphens.
+fn plain(name: &str) -> String {
+    let kept = name.chars().filter(|c| !matches!(c, ' ' | '_' | '-'));
+    kept.flat_map(char::to_lowercase).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_register_is_found_however_its_name_is_typed() {
+        let servo = gaitway_profiles::servo("xm430-w350").expect("a shipped servo");
+        for name in ["Present Position", "present_position", "PRESENTPOSITION", "present-position"]
+        {
+            assert_eq!(find(servo, name).expect(name).address, 132);
+        }
+        assert_eq!(find(servo, "indirect address 3").expect("a repeated one").address, 172);
+    }
+
+    #[test]
+    fn an_unknown_register_is_answered_with_those_like_it() {
+        let servo = gaitway_profiles::servo("xm430-w350").expect("a shipped servo");
+        let error = find(servo, "temperature").expect_err("two have that word");
+        let said = error.to_string();
+        assert!(
+            said.contains("Present Temperature") && said.contains("Temperature Limit"),
+            "{said}"
+        );
+        assert!(find(servo, "").is_err());
+    }
+}

@@ -1,0 +1,198 @@
+//! `servo reboot` and `servo factory-reset`: the servo goes limp and comes back.
+
+use super::Target;
+use super::device::Device;
+use crate::bus::{AskError, FactoryReset, Miss, Protocol};
+use crate::cli::Remarks;
+use crate::cli::identify::{Identity, identify};
+use crate::error::Error;
+use crate::time::Duration;
+use clap::Args;
+use gaitway_profiles::Role;
+use serde_json::json;
+
+/// Arguments of `servo reboot`.
+#[derive(Debug, Args)]
+pub struct RebootArgs {
+    #[command(flatten)]
+    target: Target,
+    /// Torque may go off: whatever the servo carries is supported
+    #[arg(long)]
+    yes: bool,
+}
+
+/// Arguments of `servo factory-reset`.
+#[derive(Debug, Args)]
+pub struct FactoryResetArgs {
+    #[command(flatten)]
+    target: Target,
+    /// Reset ID and line speed too: afterwards the servo answers where it did in the factory
+    #[arg(long)]
+    everything: bool,
+    /// Allow writing what the servo keeps at power-off
+    #[arg(long)]
+    permit_eeprom: bool,
+}
+
+/// A restart takes a fraction of this.
+const RESTART: Duration = Duration::from_secs(5);
+/// Time between two questions whether the servo is back.
+const AGAIN: Duration = Duration::from_millis(100);
+
+/// Runs `servo reboot`.
+///
+/// # Errors
+/// A servo that cannot, that holds something, or that does not come back.
+pub fn reboot(args: &RebootArgs, remarks: Remarks) -> Result<i32, Error> {
+    args.target.output.check_files(&[])?;
+    let mut device = Device::open(&args.target)?;
+    let protocol = device.model.protocol();
+    if protocol != Protocol::Dynamixel2 {
+        return Err(Error::new("this protocol has no instruction to restart a servo")
+            .at(device.place())
+            .got(protocol.to_string())
+            .remedy("switch its power off and on"));
+    }
+    if device.torque_on()? && !args.yes {
+        return Err(Error::new("the servo holds something: restarting lets it go")
+            .at(device.place())
+            .remedy("support what it carries, then add --yes"));
+    }
+    let errors_before = device.read_role(Role::HardwareError)?;
+    let (id, budget) = (device.id, device.line.budget());
+    let told = device.line.bus.reboot(protocol, id, budget);
+    obeyed(told).map_err(|e| device.failed(&e))?;
+    remarks.say("restarting ...");
+    let back = wait_for(&mut device, id)?;
+    let errors = device.read_role(Role::HardwareError)?;
+    let torque_on = device.torque_on()?;
+    let text = format!(
+        "{} is back, firmware {}; torque is {}\n",
+        device.place(),
+        back.firmware,
+        if torque_on { "on" } else { "off" }
+    );
+    let report = json!({
+        "id": id, "firmware": back.firmware, "torque_on": torque_on,
+        "error_bits_before": errors_before, "error_bits": errors,
+    });
+    args.target.output.report(&report, &text)?;
+    if errors.is_some_and(|bits| bits != 0) {
+        return Err(Error::new("the error came back at once")
+            .at(device.place())
+            .remedy("`gaitway servo info` says which; find its cause"));
+    }
+    Ok(0)
+}
+
+/// Runs `servo factory-reset`.
+///
+/// # Errors
+/// No permit, torque on, a servo that cannot keep its ID while asked to, or that does not come
+/// back.
+pub fn factory_reset(args: &FactoryResetArgs, remarks: Remarks) -> Result<i32, Error> {
+    args.target.output.check_files(&[])?;
+    let mut device = Device::open(&args.target)?;
+    let protocol = device.model.protocol();
+    let (old_id, old_bps) = (device.id, device.line.baud_bps);
+    if protocol != Protocol::Dynamixel2 && !args.everything {
+        return Err(Error::new("this servo can only be reset with its ID and line speed")
+            .at(device.place())
+            .got(protocol.to_string())
+            .remedy("unplug every other servo first, then add --everything"));
+    }
+    let (id, bps) = if args.everything { factory_terms(&device)? } else { (old_id, old_bps) };
+    let what = format!(
+        "every register of {} becomes what it left the factory with; afterwards it has ID {id} at \
+         {bps} bit/s",
+        device.place()
+    );
+    if !args.permit_eeprom {
+        return Err(Error::new("nothing was written: this is kept at power-off")
+            .at(device.place())
+            .got(what)
+            .remedy(
+                "save what you need (`gaitway servo get BUS ID --json`), then add \
+                     --permit-eeprom",
+            ));
+    }
+    remarks.say(&what);
+    device.must_be_limp()?;
+    if id != old_id {
+        refuse_taken(&mut device, id)?;
+    }
+    device.unlock()?;
+    let keep = if args.everything { FactoryReset::Everything } else { FactoryReset::KeepIdAndBaud };
+    let budget = device.line.budget();
+    let told = device.line.bus.factory_reset(protocol, old_id, keep, budget);
+    obeyed(told).map_err(|e| device.failed(&e))?;
+    device.line.clock.sleep_until(device.line.clock.now() + AGAIN);
+    if bps != old_bps {
+        device.line = device.line.at_speed(bps)?;
+    }
+    let back = wait_for(&mut device, id)?;
+    let text = format!(
+        "{} is as it left the factory, firmware {}, at {bps} bit/s\n",
+        device.place(),
+        back.firmware
+    );
+    let report = json!({
+        "id_before": old_id, "id": id, "baud_bps_before": old_bps, "baud_bps": bps,
+        "firmware": back.firmware,
+    });
+    args.target.output.report(&report, &text)?;
+    Ok(0)
+}
+
+/// ID and line speed of the model when it leaves the factory.
+fn factory_terms(device: &Device) -> Result<(u8, u32), Error> {
+    let initial = |role| device.item(role).and_then(|item| item.initial());
+    let id = initial(Role::Id).and_then(|id| u8::try_from(id).ok());
+    let index = initial(Role::BaudRate);
+    let speeds = &device.model.profile().baud;
+    let bps = speeds.iter().find(|b| index == Some(b.index.into())).map(|b| b.bps);
+    id.zip(bps).ok_or_else(|| {
+        Error::new("the servo's profile does not say its ID and speed from the factory")
+            .at(device.place())
+    })
+}
+
+fn refuse_taken(device: &mut Device, id: u8) -> Result<(), Error> {
+    match identify(&mut device.line, id, None) {
+        Ok(None) => Ok(()),
+        Err(AskError::Port(error)) => Err(device.failed(&AskError::Port(error))),
+        _ => Err(Error::new("another servo has the ID that this one would get")
+            .at(device.place())
+            .got(format!("ID {id} answers"))
+            .remedy("unplug the other one first")),
+    }
+}
+
+/// A lost answer is no refusal: whether it obeyed is seen when it is back.
+fn obeyed(told: Result<crate::bus::Reply, AskError>) -> Result<(), AskError> {
+    match told {
+        Ok(_) | Err(AskError::Miss(Miss::Silent | Miss::Garbled)) => Ok(()),
+        Err(error) => Err(error),
+    }
+}
+
+/// Asks until the servo answers as `id`.
+fn wait_for(device: &mut Device, id: u8) -> Result<Identity, Error> {
+    device.id = id;
+    let clock = std::sync::Arc::clone(&device.line.clock);
+    let until = clock.now() + RESTART;
+    let protocol = Some(device.model.protocol());
+    loop {
+        clock.sleep_until(clock.now() + AGAIN);
+        match identify(&mut device.line, id, protocol) {
+            Ok(Some(identity)) => return Ok(identity),
+            Err(AskError::Port(error)) => return Err(device.failed(&AskError::Port(error))),
+            _ if clock.now() < until => {}
+            _ => {
+                return Err(Error::new("the servo has not come back")
+                    .at(device.place())
+                    .remedy("gaitway scan BUS --baud all"));
+            }
+        }
+    }
+}

@@ -1,0 +1,229 @@
+//! `servo move`: one servo, one angle, one actionlet, through everything a whole robot goes
+//! through: preflight, arming, guard, watch.
+
+use super::Target;
+use super::device::Device;
+use crate::cli::Remarks;
+use crate::cli::report::Outcome;
+use crate::cli::signals::Signals;
+use crate::control::{self, Sample, Settings, Sink, StopReason};
+use crate::error::Error;
+use crate::motion::{Path, PlanOptions, Setpoint, plan};
+use crate::robot::Robot;
+use crate::robot::preflight::{Accept, preflight};
+use clap::Args;
+use gaitway_profiles::{self as profiles, Mode, Role};
+use serde_json::json;
+use std::collections::BTreeMap;
+
+/// Arguments of `servo move`.
+#[derive(Debug, Args)]
+pub struct MoveArgs {
+    #[command(flatten)]
+    target: Target,
+    /// Angle of the servo, degrees; 0 is the middle of its travel
+    #[arg(allow_hyphen_values = true)]
+    angle_deg: f64,
+    /// Highest speed on the way, degrees per second
+    #[arg(long, value_name = "DEG_S", default_value_t = 30.0, value_parser = speed_deg_s)]
+    speed: f64,
+    /// Switch torque off afterwards
+    #[arg(long)]
+    limp: bool,
+    /// Check everything, write nothing
+    #[arg(long)]
+    dry_run: bool,
+    /// Move a servo whose firmware the profile was not checked against
+    #[arg(long)]
+    accept_firmware: bool,
+}
+
+/// Rate of the goals, Hz.
+const RATE_HZ: f64 = 50.0;
+/// Full speed is reached in this time, s.
+const RAMP_S: f64 = 0.25;
+/// A transition uses this share of the limits (see [`crate::motion::plan::TRANSITION_SHARE`]); the
+/// limits are set so that it becomes the speed asked for.
+const SHARE: f64 = crate::motion::plan::TRANSITION_SHARE;
+
+fn speed_deg_s(text: &str) -> Result<f64, String> {
+    let speed: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
+    if (1.0..=180.0).contains(&speed) { Ok(speed) } else { Err("1 to 180 deg/s".to_owned()) }
+}
+
+/// Runs `servo move`.
+///
+/// # Errors
+/// Anything preflight, planning or arming has against it.
+pub fn run(args: &MoveArgs, remarks: Remarks) -> Result<i32, Error> {
+    args.target.output.check_files(&[])?;
+    let signals = Signals::listen().map_err(|e| Error::new(format!("no signals: {e}")))?;
+    let mut device = Device::open(&args.target)?;
+    let place = device.place();
+    let robot = alone(&mut device, args)?;
+    let mut connection = device.line.into_link(robot)?;
+    let link = &mut connection.link;
+    let settings = Settings::at_rate(RATE_HZ);
+    let found =
+        preflight(link, settings.period, Accept { firmware: args.accept_firmware, eeprom: false })?;
+    for note in &found.notes {
+        remarks.say(note);
+    }
+    let goal_rad = args.angle_deg.to_radians();
+    let path = Path::new(link.robot().joint_names(), RATE_HZ, vec![vec![goal_rad; 2]])?;
+    let planned = plan(&found.start_rad, &path, &link.robot().limits(), PlanOptions::default())
+        .map_err(|e| e.at(place.clone()))?;
+    let trajectory = &planned.trajectory;
+    let mut last = vec![Setpoint::default()];
+    trajectory.sample(trajectory.duration_s(), &mut last);
+    let start_rad = found.start_rad[0];
+    let peak_rad_s = trajectory.peak_velocity_rad_s()[0];
+    let mut report = json!({
+        "outcome": "done", "stop_reason": null, "dry_run": args.dry_run,
+        "start_rad": start_rad, "goal_rad": last[0].position_rad, "reached_rad": null,
+        "duration_s": trajectory.duration_s(), "peak_velocity_rad_s": peak_rad_s,
+    });
+    let plan_words = format!(
+        "{place}: {:.1} deg to {:.1} deg in {:.1} s, at most {:.1} deg/s",
+        start_rad.to_degrees(),
+        last[0].position_rad.to_degrees(),
+        trajectory.duration_s(),
+        peak_rad_s.to_degrees()
+    );
+    if args.dry_run || signals.first().is_some() {
+        let text = format!("{plan_words}; nothing was written\n");
+        args.target.output.report(&report, &text)?;
+        return Ok(signals.first().map_or(0, |number| 128 + number));
+    }
+    remarks.say(&plan_words);
+    let armed = control::arm::arm(link, &found)?;
+    let mut seen = LastSeen(start_rad);
+    let asked = || signals.first().is_some();
+    let run = control::run(link, armed, trajectory, settings, &mut seen, &asked);
+    if args.limp {
+        control::arm::disarm(link)?;
+    }
+    let outcome = match &run.stop {
+        None => Outcome::Done,
+        Some(StopReason::Refused { .. }) => Outcome::Failed,
+        Some(_) => Outcome::Stopped,
+    };
+    report["outcome"] = json!(outcome);
+    report["stop_reason"] = json!(run.stop.as_ref().map(ToString::to_string));
+    report["reached_rad"] = json!(seen.0);
+    let torque = if args.limp { "torque is off" } else { "it holds, torque on" };
+    let why = run.stop.as_ref().map_or_else(String::new, |stop| format!(" ({stop})"));
+    let text = format!("{place} stands at {:.1} deg; {torque}{why}\n", seen.0.to_degrees());
+    args.target.output.report(&report, &text)?;
+    Ok(match signals.first() {
+        Some(number) if run.stop == Some(StopReason::Asked) => 128 + number,
+        _ => outcome.exit_code(),
+    })
+}
+
+/// Remembers where the servo was seen last.
+struct LastSeen(f64);
+
+impl Sink for LastSeen {
+    fn take(&mut self, sample: &Sample<'_>) {
+        if let Some(Ok((state, _))) = sample.states.first() {
+            self.0 = state.position_rad;
+        }
+    }
+}
+
+/// A robot of one joint, which is the servo itself: its own angle, its own position limits, and
+/// the registers that decide where a goal leads as they are now.
+fn alone(device: &mut Device, args: &MoveArgs) -> Result<Robot, Error> {
+    in_position_mode(device)?;
+    let place = device.place();
+    let (lower_rad, upper_rad) = travel(device)?;
+    let mut registers = BTreeMap::new();
+    let kept = [
+        Role::DriveMode,
+        Role::HomingOffset,
+        Role::OperatingMode,
+        Role::MinPositionLimit,
+        Role::MaxPositionLimit,
+        Role::ReturnDelay,
+        Role::TemperatureLimit,
+        Role::MinVoltageLimit,
+    ];
+    let servo = device.model.profile();
+    let items = kept.into_iter().filter_map(|role| servo.register(role)?.item(0));
+    for item in items {
+        registers.insert(item.name(), device.read(&item)?);
+    }
+    let velocity_rad_s = args.speed.to_radians() / SHARE;
+    let text = |words: &str| words.to_owned();
+    let file = profiles::Robot {
+        schema: 1,
+        name: format!("{}-{}", servo.name, device.id),
+        description: text("one servo"),
+        source: text("asked of the servo"),
+        rate_hz: RATE_HZ,
+        acceleration_source: text("chosen"),
+        lines: vec![profiles::Line { name: text("bus"), baud_bps: device.line.baud_bps }],
+        setups: vec![profiles::Setup {
+            servo: servo.name.clone(),
+            joints: None,
+            firmware: device.firmware,
+            registers,
+            source: text("asked of the servo"),
+        }],
+        joints: vec![profiles::Joint {
+            name: text("servo"),
+            line: text("bus"),
+            id: device.id,
+            servo: servo.name.clone(),
+            direction: 1,
+            gear: 1.0,
+            offset_rad: 0.0,
+            shares_case_with: None,
+            lower_rad,
+            upper_rad,
+            velocity_rad_s: velocity_rad_s.min(servo.motor.no_load_speed_rad_s),
+            acceleration_rad_s2: velocity_rad_s / RAMP_S,
+            initial_rad: 0.0_f64.clamp(lower_rad, upper_rad),
+            parent: None,
+            origin_m: [0.0; 3],
+            axis: [0.0, 0.0, 1.0],
+        }],
+        anatomy: profiles::Anatomy {
+            base: Vec::new(),
+            n_pose_rad: BTreeMap::new(),
+            segments: Vec::new(),
+            source: text("none"),
+        },
+    };
+    Robot::new(file).map_err(|e| e.at(place))
+}
+
+/// A goal is an angle only in position mode.
+fn in_position_mode(device: &mut Device) -> Result<(), Error> {
+    let Some(raw) = device.read_role(Role::OperatingMode)? else { return Ok(()) };
+    let modes = &device.model.profile().operating_modes;
+    let mode = modes.iter().find(|mode| i64::from(mode.value) == raw).map(|mode| mode.mode);
+    let usual = device.item(Role::OperatingMode).and_then(|item| item.initial());
+    if mode == Some(Mode::Position) || (modes.is_empty() && usual == Some(raw)) {
+        return Ok(());
+    }
+    Err(Error::new("the servo is not in position mode")
+        .at(device.place())
+        .got(mode.map_or_else(|| raw.to_string(), |mode| format!("{mode:?}")))
+        .allowed("Position")
+        .remedy("gaitway servo set BUS ID 'Operating Mode' N --permit-eeprom"))
+}
+
+/// The range the servo itself allows, rad.
+fn travel(device: &mut Device) -> Result<(f64, f64), Error> {
+    let lower = device.read_si(Role::MinPositionLimit)?;
+    let upper = device.read_si(Role::MaxPositionLimit)?;
+    match lower.zip(upper) {
+        Some((lower, upper)) if lower < upper => Ok((lower, upper)),
+        Some(_) => Err(Error::new("the servo turns without end: its position limits are equal")
+            .at(device.place())
+            .remedy("set its minimum and maximum position first")),
+        None => Err(Error::new("the servo has no position limits").at(device.place())),
+    }
+}

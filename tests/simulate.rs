@@ -1,0 +1,133 @@
+//! `simulate` as a process: what it says first, its doors, its faults, and how it ends.
+
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::TcpStream;
+use std::path::{Path, PathBuf};
+use std::process::{Child, ChildStdout, Command, Stdio};
+
+/// DYNAMIXEL 2.0: ping ID 1 (e-Manual, Protocol 2.0).
+const PING_1: [u8; 10] = [0xFF, 0xFF, 0xFD, 0x00, 0x01, 0x03, 0x00, 0x01, 0x19, 0x4E];
+
+struct Simulator {
+    child: Child,
+    stdout: BufReader<ChildStdout>,
+}
+
+impl Simulator {
+    fn start(arguments: &[&str]) -> Self {
+        let mut child = Command::new(env!("CARGO_BIN_EXE_gaitway"))
+            .arg("simulate")
+            .args(arguments)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("the simulator");
+        let stdout = BufReader::new(child.stdout.take().expect("its output"));
+        Self { child, stdout }
+    }
+
+    fn line(&mut self) -> String {
+        let mut line = String::new();
+        self.stdout.read_line(&mut line).expect("a line");
+        line.trim_end().to_string()
+    }
+
+    /// Ends it as Ctrl-C does; returns what it said to people.
+    fn end(mut self) -> String {
+        let pid = self.child.id().to_string();
+        let killed = Command::new("kill").args(["-INT", &pid]).status().expect("kill");
+        assert!(killed.success());
+        let mut said = String::new();
+        self.child.stderr.take().expect("its remarks").read_to_string(&mut said).expect("text");
+        assert_eq!(self.child.wait().expect("an end").code(), Some(0), "{said}");
+        said
+    }
+}
+
+impl Drop for Simulator {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+fn folder(name: &str) -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+    let _ = std::fs::remove_dir_all(&folder);
+    std::fs::create_dir_all(&folder).expect("a temporary folder");
+    folder
+}
+
+fn ping(port: &mut TcpStream) -> Vec<u8> {
+    port.write_all(&PING_1).expect("a write");
+    let mut answer = vec![0; 14];
+    port.read_exact(&mut answer).expect("an answer");
+    answer
+}
+
+#[test]
+fn over_tcp_it_says_the_address_first_and_answers_there() {
+    let mut simulator = Simulator::start(&["op3", "--tcp", "0"]);
+    let line = simulator.line();
+    let address = line.strip_prefix("tcp:").expect("an address");
+    assert!(address.starts_with("127.0.0.1:"), "{address}");
+    for _ in 0..2 {
+        let mut port = TcpStream::connect(address).expect("a connection");
+        assert_eq!(ping(&mut port)[..5], PING_1[..5]);
+    }
+    assert!(simulator.end().contains("referee: no rule broken"));
+}
+
+#[test]
+fn each_line_of_a_robot_is_a_terminal_with_its_own_link() {
+    let folder = folder("simulate-lines");
+    let link = folder.join("poppy").display().to_string();
+    let mut simulator = Simulator::start(&["poppy-humanoid", "--pty", &link]);
+    let mut links = Vec::new();
+    for _ in 0..2 {
+        let line = simulator.line();
+        let (path, name) = line.split_once(' ').expect("a path and a name");
+        let own = PathBuf::from(format!("{link}-{name}"));
+        assert_eq!(std::fs::read_link(&own).expect("a link"), Path::new(path));
+        links.push(own);
+    }
+    assert_ne!(links[0], links[1]);
+    simulator.end();
+    for link in links {
+        assert!(std::fs::symlink_metadata(&link).is_err(), "{} is left", link.display());
+    }
+}
+
+#[test]
+fn faults_of_a_script_strike_and_are_told() {
+    let script = folder("simulate-faults").join("faults.toml");
+    let text = "[[fault]]\nkind = 'lie'\nline = 'body'\nid = 1\nat = 0\nxor = 255\nnth = 1\n";
+    std::fs::write(&script, text).expect("a script");
+    let script = script.display().to_string();
+    let mut simulator = Simulator::start(&["op3", "--tcp", "0", "--faults", &script]);
+    let line = simulator.line();
+    let mut port = TcpStream::connect(&line["tcp:".len()..]).expect("a connection");
+    let answers: Vec<u8> = (0..3).map(|_| ping(&mut port)[9]).collect();
+    assert_eq!(answers, [0xFC, 0x03, 0xFC], "1020 is 0x03FC");
+    let said = simulator.end();
+    assert!(said.contains("s: lie, r_sho_pitch, status 1"), "{said}");
+    assert!(said.contains("faults: 1 struck"), "{said}");
+}
+
+#[test]
+fn a_wrong_script_is_refused_with_its_place() {
+    let script = folder("simulate-wrong").join("faults.toml");
+    std::fs::write(&script, "\n[[fault]]\nkind = 'mute'\njoint = 'r_knee'\nnht = 3\n")
+        .expect("a script");
+    let output = Command::new(env!("CARGO_BIN_EXE_gaitway"))
+        .args(["simulate", "op3", "--faults"])
+        .arg(&script)
+        .output()
+        .expect("a run");
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(!output.status.success());
+    assert!(output.stdout.is_empty());
+    for part in ["fault 1 (line 2), key nht", "allowed", "nth"] {
+        assert!(said.contains(part), "{said}");
+    }
+}
