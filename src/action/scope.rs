@@ -41,7 +41,7 @@ impl Kind {
         joints.dedup();
         let names = || joints.iter().map(|joint| format!("{joint:?}")).collect::<Vec<_>>();
         if dofs.is_empty() {
-            return Err(Error::new(format!("a {} action moves nothing", self.name()))
+            return Err(Error::new("a group or an action moves nothing")
                 .allowed("at least one degree of freedom"));
         }
         if self == Self::Joint && joints.len() != 1 {

@@ -78,6 +78,12 @@ pub fn run(args: &ActionletsArgs, remarks: Remarks) -> Result<i32, Error> {
     let (capture, _) = source::body_motion(&args.motion, args.mapping.as_deref())?;
     let angles = decompose::angles_of(&capture.poses);
     let found = decompose::motion_of(&angles, capture.rate_hz, args.tolerance.to_radians())?;
+    if found.motion.moving().next().is_none() {
+        return Err(Error::new("nothing in this motion moves more than the tolerance")
+            .at(args.motion.clone())
+            .got(format!("{} deg", args.tolerance))
+            .remedy("lower --tolerance"));
+    }
     let stem = args.output_file.file_stem().and_then(|stem| stem.to_str()).unwrap_or("motion");
     let source = format!("gaitway actionlets {}, {} deg", args.motion, args.tolerance);
     let note = format!("{} poses at {} Hz as actionlets", angles.len(), capture.rate_hz);
