@@ -122,8 +122,8 @@ fn main() -> Result<(), Error> {
     both.mark("Z", z_s, motion.at(HIP, z_s).position_rad);
     both.mark("A", a_s, motion.at(KNEE, a_s).position_rad);
     both.mark("E", e_s, motion.at(KNEE, e_s).position_rad);
-    both.span("|A - X|", x_s, a_s, 20.0);
-    both.span("|E - A| = |Z - X|", a_s, e_s, 40.0);
+    both.span("|A - X|", x_s, a_s, 14.0);
+    both.span("|E - A| = |Z - X|", a_s, e_s, 32.0);
     let mut mutated = panel();
     for (peak_at, dash) in [(0.3, ""), (0.5, " stroke-dasharray='3 4'")] {
         let motion = run.clone().with_peak(peak_at)?.perform()?;

@@ -96,6 +96,12 @@ proptest! {
             prop_assert!(turns.windows(2).all(|pair| pair[0].at < pair[1].at));
             prop_assert!(turns[turns.len() - 1].at < turns[0].at + 1.0);
         }
+        // No more and no fewer actionlets where the cycle is joined and left.
+        let (motion, given) = (varied.perform().unwrap(), action.perform().unwrap());
+        for dof in Dof::ALL {
+            let count = |motion: &Motion| motion.track(dof).actionlets().len();
+            prop_assert_eq!(count(&motion), count(&given), "{}", dof.name());
+        }
     }
 
     #[test]

@@ -8,7 +8,7 @@
 //! alike.
 
 use crate::action::database::{Database, Type};
-use crate::action::{Action, Turn};
+use crate::action::{Action, Group, Turn};
 use crate::actionlet::Shape;
 use crate::actionlet::shape::PEAK_AT;
 use crate::body::Dof;
@@ -35,7 +35,8 @@ impl Action {
 /// How far variations go.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Spread {
-    /// Seam angles move by at most this part of the smaller angle change beside them: 0 to 0.9.
+    /// Seam angles move by at most half this part of the smaller angle change beside them, so that
+    /// two that approach each other cannot pass: 0 to 0.9.
     pub angle: f64,
     /// Seam times move by at most this part of the shorter duration beside them: 0 to 0.45.
     pub time: f64,
@@ -100,7 +101,7 @@ pub fn mutate(
             }
         }
         move_angles(action, &dofs, turns, spread.angle, random);
-        move_times(action, turns, spread.time, random);
+        move_times(action, waveform, turns, spread.time, random);
     }
     varied
 }
@@ -181,8 +182,15 @@ fn move_angles(
 }
 
 /// Moves the times of turning points but the first of a cycle and the last of an action that is
-/// done once.
-fn move_times(action: &Action, turns: &mut [Turn], spread: f64, random: &mut impl Rng) {
+/// done once. None moves over the instants at which a cycle is joined and left: the first and last
+/// rounds of all variations are made of the same actionlets.
+fn move_times(
+    action: &Action,
+    waveform: usize,
+    turns: &mut [Turn],
+    spread: f64,
+    random: &mut impl Rng,
+) {
     let closed = action.cyclic.is_some();
     let given: Vec<f64> = turns.iter().map(|turn| turn.at).collect();
     let count = given.len();
@@ -191,9 +199,26 @@ fn move_times(action: &Action, turns: &mut [Turn], spread: f64, random: &mut imp
         let before = if index == 0 { 0.0 } else { given[index - 1] };
         let after = if index + 1 < count { given[index + 1] } else { given[0] + 1.0 };
         let fixed = if closed { index == 0 } else { index + 1 == count };
-        if !fixed {
-            let shorter = (given[index] - before).min(after - given[index]);
-            turns[index].at += moved * shorter;
+        let shorter = (given[index] - before).min(after - given[index]);
+        let at = given[index] + moved * shorter;
+        let stays =
+            rounds_played(action, waveform, at) == rounds_played(action, waveform, given[index]);
+        if !fixed && stays {
+            turns[index].at = at;
         }
     }
+}
+
+/// The first round of a cycle in which a turning point is played and the last, for every group that
+/// plays it (Eq. 7, as `Action::perform_rounds` solves it).
+fn rounds_played(action: &Action, waveform: usize, at: f64) -> Vec<[f64; 2]> {
+    let Some(ends) = &action.cyclic else { return Vec::new() };
+    let plays = |group: &&Group| group.tracks.iter().any(|track| track.waveform == waveform);
+    let rounds = |group: &Group| {
+        let rate = f64::from(group.rate.0) / f64::from(group.rate.1);
+        let round = |time: f64| rate * (time + ends.phase) + group.phase - at;
+        let left = f64::from(action.rounds) - ends.before;
+        [round(ends.after).ceil(), round(left).floor()]
+    };
+    action.groups.iter().filter(plays).map(rounds).collect()
 }

@@ -16,7 +16,8 @@ use std::path::PathBuf;
 #[command(after_help = "Examples:\n  \
     gaitway synth walk -o walk.csv\n  \
     gaitway synth walk:6s,wave-r,bow --rate 60 -o greeting.bvh\n  \
-    gaitway synth run --variations 1000000 --seed 1 --set vary_angle=0.2 -o corpus/")]
+    gaitway synth run --variations 1000000 --seed 1 --set vary_angle=0.2 -o corpus/\n  \
+    gaitway synth run --variation 17 --seed 1 -o one.bvh")]
 pub struct SynthArgs {
     /// A shipped action, an action file (.toml), or several: walk:6s,wave-r,bow
     action: String,
@@ -25,14 +26,18 @@ pub struct SynthArgs {
     rate: f64,
     /// Make so many variations; OUT is then a .parquet file, or a folder, which is taken up again
     /// where it was left
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32)
+    #[arg(long, value_name = "N", group = "varied", value_parser = clap::value_parser!(u32)
           .range(1..=i64::from(bulk::MAX_VARIATIONS)))]
     variations: Option<u32>,
+    /// Make only this one of the variations, counted from 0
+    #[arg(long, value_name = "NUMBER", group = "varied", value_parser = clap::value_parser!(u32)
+          .range(0..i64::from(bulk::MAX_VARIATIONS)))]
+    variation: Option<u32>,
     /// Seed of the variations
-    #[arg(long, default_value_t = 0, requires = "variations")]
+    #[arg(long, default_value_t = 0, requires = "varied")]
     seed: u64,
     /// Folder of action files whose velocity functions variations may take as well
-    #[arg(long, value_name = "FOLDER", requires = "variations")]
+    #[arg(long, value_name = "FOLDER", requires = "varied")]
     database: Vec<PathBuf>,
     /// Change a figure: duration_s, rounds, pace, peak, stature_m, blend_s; of variations
     /// vary_angle, vary_time, vary_peak, vary_duration, vary_exchange
@@ -175,11 +180,11 @@ pub fn run(args: &SynthArgs, remarks: Remarks) -> Result<i32, Error> {
         return Ok(0);
     }
     args.output.check_files(&[&Some(args.output_file.clone())])?;
-    let mut parts = phrase::load(&args.action)?;
-    for part in &mut parts {
-        part.action = figures.applied(part.action.clone())?;
-    }
-    let motion = phrase::perform(&parts, figures.join())?;
+    let corpus = bulk::corpus(args, &figures)?;
+    let motion = match args.variation {
+        Some(number) => corpus.variation(number)?,
+        None => phrase::perform(&corpus.parts, corpus.join)?,
+    };
     let bytes = bytes_of(args, &figures, &motion)?;
     args.output.write_file(&args.output_file, &bytes)?;
     let report = Report {

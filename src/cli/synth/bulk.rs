@@ -8,14 +8,18 @@ use crate::cli::Remarks;
 use crate::error::Error;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
+use std::fmt::{self, Write as _};
 use std::fs::{self, File};
 use std::io::BufWriter;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-/// Variations in a row group, and in a pair of files of a folder. Neither depends on the machine,
-/// so that files are the same everywhere.
-const IN_BATCH: u32 = 250;
-const IN_FILE: u32 = 10_000;
+/// Poses in a row group, about, so that memory and what a kill loses do not grow with length and
+/// rate; and most variations. Neither depends on the machine, so that files are the same everywhere.
+const POSES_IN_BATCH: usize = 125_000;
+const MAX_IN_BATCH: usize = 250;
+/// Row groups in a pair of files of a folder.
+const BATCHES_IN_FILE: u32 = 40;
 /// Most variations of a corpus.
 pub const MAX_VARIATIONS: u32 = 100_000_000;
 const ABOUT: &str = "corpus.json";
@@ -30,6 +34,8 @@ struct About {
     rate_hz: f64,
     set: Vec<String>,
     database: Vec<String>,
+    /// Of everything the variations come from: files may have been edited since.
+    fingerprint: String,
 }
 
 /// What came of it.
@@ -55,7 +61,7 @@ pub struct Made {
 pub fn make(args: &SynthArgs, figures: &Figures, remarks: Remarks) -> Result<Made, Error> {
     let variations = args.variations.unwrap_or(1);
     let corpus = corpus(args, figures)?;
-    let about = about(args, variations)?;
+    let about = about(args, variations, &corpus)?;
     let out = &args.output_file;
     let mut made = Made {
         outcome: "done",
@@ -65,22 +71,25 @@ pub fn make(args: &SynthArgs, figures: &Figures, remarks: Remarks) -> Result<Mad
         written: out.display().to_string(),
     };
     let bar = bar(variations, remarks);
+    let in_batch = in_batch(&corpus)?;
     if out.extension().is_some_and(|e| e == "parquet") {
         args.output.check_files(&[&Some(out.clone()), &Some(pieces_beside(out))])?;
-        made.poses = write_pair(&corpus, out, 0, variations, &about, &bar)?;
+        made.poses = write_pair(&corpus, out, &batches(0..variations, in_batch), &about, &bar)?;
         return Ok(made);
     }
+    refuse_file_names(out)?;
     open_folder(out, &about, args.output.force())?;
+    let in_file = in_batch * BATCHES_IN_FILE;
     let mut from = 0;
     while from < variations {
-        let to = from.saturating_add(IN_FILE).min(variations);
-        let poses = out.join(format!("poses-{:06}.parquet", from / IN_FILE));
+        let to = from.saturating_add(in_file).min(variations);
+        let poses = out.join(format!("poses-{:06}.parquet", from / in_file));
         // The second of the pair is renamed last: where it is, both are whole.
         if pieces_beside(&poses).exists() {
             made.found += to - from;
             bar.inc(u64::from(to - from));
         } else {
-            made.poses += write_pair(&corpus, &poses, from, to, &about, &bar)?;
+            made.poses += write_pair(&corpus, &poses, &batches(from..to, in_batch), &about, &bar)?;
         }
         from = to;
     }
@@ -88,7 +97,30 @@ pub fn make(args: &SynthArgs, figures: &Figures, remarks: Remarks) -> Result<Mad
     Ok(made)
 }
 
-fn corpus(args: &SynthArgs, figures: &Figures) -> Result<Corpus, Error> {
+/// Variations in a row group, from how many poses the action has as it is.
+fn in_batch(corpus: &Corpus) -> Result<u32, Error> {
+    let poses = phrase::perform(&corpus.parts, corpus.join)?.pose_count(corpus.rate_hz)?;
+    // At most MAX_IN_BATCH; the cast cannot wrap.
+    Ok((POSES_IN_BATCH / poses).clamp(1, MAX_IN_BATCH) as u32)
+}
+
+fn refuse_file_names(folder: &Path) -> Result<(), Error> {
+    let kind = folder.extension().and_then(|e| e.to_str()).unwrap_or_default();
+    if ["csv", "bvh", "x3d", "html"].contains(&kind) {
+        return Err(Error::new("variations are not written as this kind of file")
+            .at("-o")
+            .got(folder.display().to_string())
+            .allowed("a name that ends in .parquet, or a folder")
+            .remedy("for one of them in a file of its own say --variation NUMBER"));
+    }
+    Ok(())
+}
+
+/// What variations are made of.
+///
+/// # Errors
+/// If an action or a folder of the database cannot be read, or a figure is out of range.
+pub fn corpus(args: &SynthArgs, figures: &Figures) -> Result<Corpus, Error> {
     let mut database = Database::shipped()?;
     for folder in &args.database {
         database.add_folder(folder)?;
@@ -108,7 +140,27 @@ fn corpus(args: &SynthArgs, figures: &Figures) -> Result<Corpus, Error> {
     })
 }
 
-fn about(args: &SynthArgs, variations: u32) -> Result<String, Error> {
+/// FNV-1a, 64 bits (Fowler, Noll and Vo), of what is written to it.
+struct Fingerprint(u64);
+
+impl fmt::Write for Fingerprint {
+    fn write_str(&mut self, text: &str) -> fmt::Result {
+        for byte in text.bytes() {
+            self.0 = (self.0 ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
+        }
+        Ok(())
+    }
+}
+
+impl Fingerprint {
+    fn of(corpus: &Corpus) -> String {
+        let mut all = Self(0xcbf2_9ce4_8422_2325);
+        let _ = write!(all, "{corpus:?}");
+        format!("{:016x}", all.0)
+    }
+}
+
+fn about(args: &SynthArgs, variations: u32, corpus: &Corpus) -> Result<String, Error> {
     let about = About {
         generator: format!("gaitway {}", env!("CARGO_PKG_VERSION")),
         action: args.action.clone(),
@@ -117,6 +169,7 @@ fn about(args: &SynthArgs, variations: u32) -> Result<String, Error> {
         rate_hz: args.rate,
         set: args.set.clone(),
         database: args.database.iter().map(|folder| folder.display().to_string()).collect(),
+        fingerprint: Fingerprint::of(corpus),
     };
     serde_json::to_string_pretty(&about)
         .map(|text| text + "\n")
@@ -169,35 +222,43 @@ fn pieces_beside(poses: &Path) -> PathBuf {
     poses.with_file_name(name)
 }
 
-/// Writes variations `from..to` under temporary names, then renames: what has its name is whole.
+fn batches(variations: Range<u32>, in_batch: u32) -> Vec<Range<u32>> {
+    let end = variations.end;
+    let starts = variations.step_by(in_batch as usize);
+    starts.map(|start| start..start.saturating_add(in_batch).min(end)).collect()
+}
+
+/// Writes batches under temporary names, then renames: what has its name is whole, and on the disk.
 fn write_pair(
     corpus: &Corpus,
     poses: &Path,
-    from: u32,
-    to: u32,
+    batches: &[Range<u32>],
     about: &str,
     bar: &ProgressBar,
 ) -> Result<u64, Error> {
     let pieces = pieces_beside(poses);
     let part = |path: &Path| path.with_extension("parquet.part");
-    let create = |path: &Path| {
-        File::create(part(path)).map(|file| BufWriter::with_capacity(1 << 20, file)).map_err(|e| {
-            Error::new("cannot write the corpus").at(path.display().to_string()).got(e.to_string())
-        })
+    let failed = |path: &Path, e: std::io::Error| {
+        Error::new("cannot write the corpus").at(path.display().to_string()).got(e.to_string())
     };
+    let create = |path: &Path| {
+        let file = File::create(part(path)).map_err(|e| failed(path, e))?;
+        let stream = file.try_clone().map_err(|e| failed(path, e))?;
+        Ok((file, BufWriter::with_capacity(1 << 20, stream)))
+    };
+    let ((poses_file, to_poses), (pieces_file, to_pieces)) = (create(poses)?, create(&pieces)?);
     let notes = [("gaitway".to_owned(), about.to_owned())];
-    let mut writer = CorpusWriter::new(create(poses)?, create(&pieces)?, &notes)?;
+    let mut writer = CorpusWriter::new(to_poses, to_pieces, &notes)?;
     let mut rows = 0;
-    in_order(corpus, from, to, |batch| {
+    in_order(corpus, batches, |range, batch| {
         rows += batch.variation.len() as u64;
-        bar.inc(u64::from(IN_BATCH));
+        bar.inc(u64::from(range.end - range.start));
         writer.write(&batch)
     })?;
     writer.finish()?;
-    for path in [poses, &pieces] {
-        fs::rename(part(path), path).map_err(|e| {
-            Error::new("cannot name the corpus").at(path.display().to_string()).got(e.to_string())
-        })?;
+    for (path, file) in [(poses, poses_file), (pieces.as_path(), pieces_file)] {
+        let named = file.sync_all().and_then(|()| fs::rename(part(path), path));
+        named.map_err(|e| failed(path, e))?;
     }
     Ok(rows)
 }
@@ -206,30 +267,27 @@ fn write_pair(
 /// made, those before are written. Memory holds two rounds of batches, however many there are.
 fn in_order(
     corpus: &Corpus,
-    from: u32,
-    to: u32,
-    mut take: impl FnMut(Batch) -> Result<(), Error>,
+    batches: &[Range<u32>],
+    mut take: impl FnMut(&Range<u32>, Batch) -> Result<(), Error>,
 ) -> Result<(), Error> {
     let workers = std::thread::available_parallelism().map_or(1, usize::from);
-    let starts: Vec<u32> = (from..to).step_by(IN_BATCH as usize).collect();
-    let mut before: Vec<Batch> = Vec::new();
-    for round in starts.chunks(workers) {
+    let mut before: Vec<(&Range<u32>, Batch)> = Vec::new();
+    for round in batches.chunks(workers) {
         let made = std::thread::scope(|scope| {
             let begun: Vec<_> = round
                 .iter()
-                .map(|start| {
-                    let end = start.saturating_add(IN_BATCH).min(to);
-                    scope.spawn(move || corpus.batch(*start, end))
-                })
+                .map(|range| (range, scope.spawn(|| corpus.batch(range.start, range.end))))
                 .collect();
-            let written = before.drain(..).try_for_each(&mut take);
-            let made = begun.into_iter().map(|worker| {
-                worker.join().unwrap_or_else(|_| Err(Error::new("a worker of the corpus broke")))
+            let written = before.drain(..).try_for_each(|(range, batch)| take(range, batch));
+            let made = begun.into_iter().map(|(range, worker)| {
+                let batch = worker.join();
+                let broke = |_| Err(Error::new("a worker of the corpus broke"));
+                Ok((range, batch.unwrap_or_else(broke)?))
             });
-            let made = made.collect::<Result<Vec<Batch>, Error>>();
+            let made = made.collect::<Result<Vec<_>, Error>>();
             written.and(made)
         });
         before = made?;
     }
-    before.into_iter().try_for_each(take)
+    before.into_iter().try_for_each(|(range, batch)| take(range, batch))
 }

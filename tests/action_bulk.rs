@@ -1,0 +1,255 @@
+//! Corpora as others read them: pyarrow finds the samples of the single path in a Parquet file, and
+//! works them out again from the actionlets beside it. A run that is killed is taken up to the same
+//! bytes, and memory does not grow with what is made.
+
+mod aloud;
+mod python;
+
+use aloud::aloud;
+use serde_json::Value;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::Duration;
+
+/// Half a unit in the last place of a single-precision angle below 4 rad, and of the ninth decimal
+/// of the table.
+const ROUNDING_RAD: f64 = 1.25e-7;
+
+fn gaitway(arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_gaitway"));
+    command.args(arguments);
+    command
+}
+
+/// An empty folder of this test.
+fn folder(name: &str) -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("action_bulk").join(name);
+    let _ = fs::remove_dir_all(&folder);
+    fs::create_dir_all(&folder).unwrap();
+    folder
+}
+
+fn made(mut command: Command) -> Value {
+    let output = command.arg("--json").output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(0), "{command:?}: {said}");
+    serde_json::from_slice(&output.stdout).expect("a JSON report")
+}
+
+fn refused(mut command: Command, words: &[&str]) {
+    let output = command.output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{command:?}: {said}");
+    for word in words {
+        assert!(said.contains(word), "{word:?} is not in:\n{said}");
+    }
+}
+
+/// Reads both files with pyarrow and works out every angle again from the actionlets, in the words
+/// of the paper: y = a + 2 delta S(u), S by Eqs. 1 and 4.
+const SCRIPT: &str = r#"
+import json, sys
+import numpy as np
+import pyarrow.parquet as pq
+
+poses, pieces = (pq.ParquetFile(path) for path in sys.argv[1:3])
+table, made_of = poses.read(), pieces.read()
+angles = table.column_names[2:]
+variation = table["variation"].to_numpy()
+time_s = table["time_s"].to_numpy().astype(float)
+column = {name: made_of[name].to_numpy() for name in made_of.column_names}
+worst = 0.0
+for row in range(made_of.num_rows):
+    of = {name: values[row] for name, values in column.items()}
+    end_s = of["begin_s"] + of["duration_s"]
+    here = (variation == of["variation"]) & (of["begin_s"] <= time_s) & (time_s <= end_s)
+    u = (time_s[here] - of["begin_s"]) / of["duration_s"]
+    a, delta, T = of["from_rad"], of["to_rad"] - of["from_rad"], of["peak"]
+    if of["shape"] == 0:
+        assert delta == 0.0
+        y = np.full(u.shape, a)
+    else:
+        assert of["shape"] == 1
+        up = u / 2 - T / (2 * np.pi) * np.sin(np.pi * u / T)
+        down = u / 2 + (1 - T) / (2 * np.pi) * np.sin(np.pi * (u - T) / (1 - T))
+        y = a + 2 * delta * np.where(u <= T, up, down)
+    got = table[angles[of["dof"]]].to_numpy()[here]
+    worst = max(worst, np.abs(got - y).max(initial=0.0))
+print(json.dumps({
+    "names": table.column_names,
+    "row_groups": [poses.num_row_groups, pieces.num_row_groups],
+    "about": json.loads(poses.schema_arrow.metadata[b"gaitway"]),
+    "worst_rad": float(worst),
+    "covered": sorted(set(zip(column["variation"].tolist(), column["dof"].tolist()))),
+    "columns": [table[name].to_pylist() for name in table.column_names],
+}))
+"#;
+
+fn seen_by(python: &Path, poses: &Path, pieces: &Path) -> Value {
+    let output = Command::new(python).args(["-c", SCRIPT]).args([poses, pieces]).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+/// Rows of a table: time and angles.
+fn rows(table: &Path) -> Vec<Vec<f64>> {
+    let text = fs::read_to_string(table).unwrap();
+    let lines = text.lines().skip(1);
+    lines.map(|line| line.split(',').map(|value| value.parse().unwrap()).collect()).collect()
+}
+
+#[test]
+fn another_reader_finds_the_samples_of_the_single_path() {
+    let python = match python::python() {
+        Ok(python) => python.program,
+        Err(cause) => {
+            aloud!("SKIPPED: no Python with pyarrow, nothing was compared: {cause}");
+            return;
+        }
+    };
+    let folder = folder("read");
+    let out = folder.join("run.parquet");
+    let given = ["run:x2", "--seed", "9", "--rate", "120"];
+    let synth = |more: &[&str]| made(gaitway(&[&["synth"][..], &given, more].concat()));
+    let report = synth(&["--variations", "5", "-o", out.to_str().unwrap()]);
+    let found = seen_by(&python, &out, &folder.join("run.actionlets.parquet"));
+    let columns: Vec<Vec<f64>> = serde_json::from_value(found["columns"].clone()).unwrap();
+    assert_eq!(columns.len(), 24);
+    assert_eq!(columns[0].len() as u64, report["poses"].as_u64().unwrap());
+    assert_eq!(found["names"][1], "time_s");
+    assert_eq!(found["names"][2], "torso_flexion_rad");
+    assert_eq!(found["about"]["seed"], 9);
+    assert_eq!(found["about"]["variations"], 5);
+    // Times are single as well: at the greatest speed of a run, 20 rad/s, half a unit is 5e-6 rad.
+    let worst_rad = found["worst_rad"].as_f64().unwrap();
+    aloud!("{} poses; from the actionlets again within {worst_rad:.1e} rad", columns[0].len());
+    assert!(worst_rad < 5e-6, "{worst_rad}");
+    assert_eq!(found["covered"].as_array().unwrap().len(), 5 * 22);
+    for number in 0..5 {
+        let table = folder.join(format!("{number}.csv"));
+        let path = table.to_str().unwrap();
+        synth(&["--variation", &number.to_string(), "-o", path]);
+        let alone = rows(&table);
+        let at = |row: &usize| columns[0][*row] == f64::from(number);
+        let together: Vec<usize> = (0..columns[0].len()).filter(at).collect();
+        assert_eq!(together.len(), alone.len(), "variation {number}");
+        for (row, alone) in together.into_iter().zip(&alone) {
+            for (column, value) in alone.iter().enumerate().skip(1) {
+                let got = columns[column + 1][row];
+                assert!((got - value).abs() <= ROUNDING_RAD, "{number}: {got} is not {value}");
+            }
+        }
+    }
+}
+
+fn names(folder: &Path) -> Vec<String> {
+    let entries = fs::read_dir(folder).unwrap();
+    let mut names: Vec<String> =
+        entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    names
+}
+
+/// Looks again and again until `done` says so or the child has ended.
+fn watch(child: &mut Child, mut done: impl FnMut(&Child) -> bool) {
+    while child.try_wait().unwrap().is_none() && !done(child) {
+        std::thread::sleep(Duration::from_millis(1));
+    }
+}
+
+#[test]
+fn a_run_that_is_killed_is_taken_up_to_the_same_bytes_on_any_number_of_processors() {
+    let folder = folder("kill");
+    let (whole, killed) = (folder.join("whole"), folder.join("killed"));
+    let arguments = |out: &Path| {
+        let given = ["synth", "bow:0.5s", "--rate", "10", "--variations", "60001", "-o"];
+        let mut all: Vec<String> = given.map(str::to_owned).to_vec();
+        all.push(out.to_str().unwrap().to_owned());
+        all
+    };
+    let mut child = gaitway(&[])
+        .args(arguments(&killed))
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    watch(&mut child, |_| killed.join("actionlets-000000.parquet").exists());
+    child.kill().unwrap();
+    child.wait().unwrap();
+    assert!(!killed.join("actionlets-000006.parquet").exists(), "it ended before it was killed");
+    let mut again = gaitway(&[]);
+    again.args(arguments(&killed));
+    let found = made(again)["found"].as_u64().unwrap();
+    assert!((10_000..60_000).contains(&found), "{found}");
+    // On one processor, where a machine can be told so.
+    let mut alone = Command::new("taskset");
+    alone.args(["-c", "0", env!("CARGO_BIN_EXE_gaitway")]).args(arguments(&whole)).arg("--json");
+    if !alone.output().is_ok_and(|output| output.status.success()) {
+        aloud!("SKIPPED: no taskset, compared with a run on as many processors");
+        let mut command = gaitway(&[]);
+        command.args(arguments(&whole));
+        made(command);
+    }
+    assert_eq!(names(&whole), names(&killed));
+    for name in names(&whole) {
+        let [a, b] = [&whole, &killed].map(|folder| fs::read(folder.join(&name)).unwrap());
+        assert!(a == b, "{name} differs");
+    }
+    fs::remove_dir_all(folder).unwrap();
+}
+
+/// Most memory a process has held so far, bytes; none once it has ended.
+fn peak_bytes(child: &Child) -> Option<u64> {
+    let status = fs::read_to_string(format!("/proc/{}/status", child.id())).ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    line.trim().strip_suffix(" kB")?.trim().parse::<u64>().ok().map(|kb| kb * 1024)
+}
+
+#[test]
+fn memory_does_not_grow_with_what_is_made() {
+    let folder = folder("memory");
+    let out = folder.join("walk.parquet");
+    let mut child = gaitway(&["synth", "walk:x10", "--rate", "3000", "--variations", "60", "-o"])
+        .arg(&out)
+        .stdout(Stdio::null())
+        .spawn()
+        .unwrap();
+    let mut most = 0;
+    watch(&mut child, |child| {
+        most = peak_bytes(child).unwrap_or(0).max(most);
+        false
+    });
+    assert!(child.wait().unwrap().success());
+    let written = fs::metadata(&out).unwrap().len();
+    aloud!("{} MB written with at most {} MB of memory", written >> 20, most >> 20);
+    assert!(most > 0 && most < written / 2, "{most} bytes held to write {written}");
+    fs::remove_dir_all(folder).unwrap();
+}
+
+#[test]
+fn a_corpus_whose_action_was_edited_is_not_taken_up() {
+    let folder = folder("edited");
+    let (nod, out) = (folder.join("nod.toml"), folder.join("corpus"));
+    let text = |angle_deg: i32| {
+        format!(
+            "schema = 1\nname = \"nod\"\nduration_s = 1.0\n[[group]]\nname = \"neck\"\n\
+             kind = \"joint\"\nturns.neck_flexion = [[0.5, {angle_deg}], [1.0, 0]]\n"
+        )
+    };
+    let synth = || {
+        let mut command = gaitway(&["synth", "--variations", "3", "-o"]);
+        command.arg(&out).arg(&nod);
+        command
+    };
+    fs::write(&nod, text(20)).unwrap();
+    assert_eq!(made(synth())["found"], 0);
+    assert_eq!(made(synth())["found"], 3);
+    fs::write(&nod, text(21)).unwrap();
+    refused(synth(), &["another corpus", "fingerprint"]);
+    // What cannot be made is refused by name.
+    let path = folder.join("three.csv");
+    let path = path.to_str().unwrap();
+    refused(gaitway(&["synth", "bow", "--variations", "3", "-o", path]), &["--variation NUMBER"]);
+    assert!(!Path::new(path).exists());
+}
