@@ -101,6 +101,18 @@ fn a_servo_that_would_take_the_speed_limit_for_a_time_or_torque_from_a_goal_is_r
 }
 
 #[test]
+fn a_servo_whose_second_id_is_another_joints_is_refused() {
+    let second = "Secondary(Shadow) ID";
+    let scene = Scene::op3();
+    assert!(scene.world.lock().set_register("l_knee", second, 13));
+    mentions(&refused(scene), &["another joint's goals", "l_knee", "r_knee", second]);
+    // An ID that no joint has does no harm.
+    let mut scene = Scene::op3();
+    assert!(scene.world.lock().set_register("l_knee", second, 200));
+    scene.preflight().expect("a robot that is ready");
+}
+
+#[test]
 fn a_servo_that_does_not_answer_every_instruction_is_refused_in_those_words() {
     for (robot, joint, register, level, words) in [
         ("op3", "l_knee", "Status Return Level", 1, "does not answer when it is written to"),

@@ -3,7 +3,7 @@
 use super::{budget, exchange_error, place};
 use crate::bus::{AskError, Miss, Protocol};
 use crate::error::Error;
-use crate::robot::{Link, LinkError};
+use crate::robot::{Joint, Link, LinkError};
 use gaitway_profiles::{Register, Role};
 
 /// Drive Mode(10), bit 2: Profile Velocity is the duration of a move in ms and limits no speed
@@ -16,6 +16,7 @@ const TORQUE_BY_GOAL: i64 = 0x08;
 pub(super) fn check_modes(link: &mut Link) -> Result<(), Error> {
     for joint in 0..link.robot().joints.len() {
         check_answers(link, joint)?;
+        check_second_id(link, joint)?;
         check_drive_mode(link, joint)?;
         check_joint_mode(link, joint)?;
         check_torque_limit(link, joint)?;
@@ -62,6 +63,25 @@ fn check_answers(link: &mut Link, joint: usize) -> Result<(), Error> {
         .got(format!("{raw} (raw)"))
         .allowed(format!("{all} (raw): it answers every instruction"))
         .remedy(format!("gaitway servo set BUS {id} '{name}' --raw {all} (--permit-eeprom)")))
+}
+
+/// A servo carries out what is told to its second ID, in silence (e-Manual, Secondary ID(12)): it
+/// must not be that of another joint, whose goals it would take for its own.
+fn check_second_id(link: &mut Link, joint: usize) -> Result<(), Error> {
+    let Some(register) = known(link, joint, Role::SecondaryId) else { return Ok(()) };
+    let raw = read(link, joint, register)?;
+    let joints = &link.robot().joints;
+    let same = |other: &Joint| other.line == joints[joint].line && i64::from(other.id) == raw;
+    let others = joints.iter().enumerate().filter(|&(index, _)| index != joint);
+    let Some((_, other)) = others.into_iter().find(|(_, other)| same(other)) else {
+        return Ok(());
+    };
+    let (name, id, off) = (&register.name, joints[joint].id, register.initial.unwrap_or(255));
+    Err(Error::new("a servo obeys another joint's goals as well")
+        .at(format!("{}, register {name} ({})", place(link, joint), register.address))
+        .got(format!("{raw}, the ID of joint {}", other.name))
+        .allowed(format!("{off}: no second ID"))
+        .remedy(format!("gaitway servo set BUS {id} '{name}' --raw {off} --permit-eeprom")))
 }
 
 /// Arming limits each servo's speed by Profile Velocity, and writes a goal while torque is off.
