@@ -242,7 +242,9 @@ impl<'a> Player<'a> {
     /// there are no others.
     fn lose(&mut self, error: &LinkError) -> bool {
         let joints = self.link.write_off(error);
-        self.request_stop(StopReason::LineLost { text: error.to_string(), joints });
+        let name = self.link.robot().lines.get(error.line).map_or("", |line| &line.name);
+        let text = format!("line {name}: {}", error.error);
+        self.request_stop(StopReason::LineLost { text, joints });
         let lines = 0..self.link.robot().lines.len();
         self.deserted = lines.into_iter().all(|line| self.link.is_lost(line));
         !self.deserted
