@@ -2,6 +2,7 @@
 
 pub mod address;
 pub mod connect;
+pub mod convert;
 pub mod doctor;
 pub mod finding;
 pub mod identify;
@@ -12,6 +13,7 @@ pub mod plots;
 pub mod ports;
 pub mod profile;
 pub mod progress;
+pub mod record;
 pub mod recordings;
 pub mod report;
 pub mod retarget;
@@ -59,6 +61,10 @@ enum Command {
     Limp(limp::LimpArgs),
     /// Run a virtual robot that other programs can open as a serial port
     Simulate(simulate::SimulateArgs),
+    /// Record sensors, lines of text and hand-guided servos
+    Record(Box<record::RecordArgs>),
+    /// Turn a recording into a table
+    Convert(convert::ConvertArgs),
     /// Look into a recording, finished or not
     Info(recordings::InfoArgs),
     /// Save what can be saved of a recording that was never closed
@@ -91,6 +97,8 @@ pub fn main() -> i32 {
         Command::Retarget(args) => retarget::run(args, remarks),
         Command::Limp(args) => limp::run(args, remarks),
         Command::Simulate(args) => simulate::run(args, remarks),
+        Command::Record(args) => record::run(args, remarks),
+        Command::Convert(args) => convert::run(args, remarks),
         Command::Info(args) => recordings::info(args),
         Command::Recover(args) => recordings::recover(args, remarks),
         Command::Profile(args) => profile::run(args),
