@@ -186,7 +186,7 @@ fn vectornav(measured: &Measured) -> Vec<u8> {
     let mut crc = 0_u16;
     for byte in &out[1..] {
         // As printed in the manual, "16-bit CRC".
-        crc = crc >> 8 | crc << 8;
+        crc = crc.rotate_left(8);
         crc ^= u16::from(*byte);
         crc ^= (crc & 0xFF) >> 4;
         crc ^= crc << 12;
