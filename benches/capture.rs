@@ -100,8 +100,13 @@ fn filter() {
         println!("  C++ VQF: left out, GAITWAY_PYTHON is not set");
         return;
     };
+    let numbers = samples.iter().flat_map(|(rate, force)| [rate.to_array(), force.to_array()]);
+    let bytes: Vec<u8> = numbers.flatten().flat_map(f64::to_le_bytes).collect();
+    let file = std::env::temp_dir().join(format!("gaitway-bench-{}.f64", std::process::id()));
+    std::fs::write(&file, bytes).expect("a temporary file");
     let program = include_str!("capture/vqf_batch.py");
-    let run = Command::new(python).args(["-c", program]).output().expect("Python");
+    let run = Command::new(python).args(["-c", program]).arg(&file).output().expect("Python");
+    let _ = std::fs::remove_file(&file);
     print!("{}{}", String::from_utf8_lossy(&run.stdout), String::from_utf8_lossy(&run.stderr));
 }
 

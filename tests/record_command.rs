@@ -204,7 +204,7 @@ fn a_recording_that_was_killed_is_read_and_converted() {
 }
 
 #[test]
-fn a_robot_that_is_guided_by_hand_is_recorded_without_a_word_to_its_torque() {
+fn a_robot_that_is_guided_by_hand_is_recorded() {
     let folder = folder("record-servos");
     let arguments =
         ["servos:so101@sim:pty", "--for", "1s", "--rate", "20"].map(str::to_owned).to_vec();

@@ -137,7 +137,7 @@ impl Timeline {
         // Samples since the last one: 1 is the next.
         let samples = match (counter_step, clock_step_s) {
             (Some(samples), _) => samples,
-            (None, Some(step_s)) if step_s == 0.0 => 0,
+            (None, Some(0.0)) => 0,
             (None, Some(step_s)) => match (step_s / period_s).round() {
                 samples if samples >= 1.0 => samples as i64,
                 _ if step_s > 0.0 => 1,

@@ -25,7 +25,7 @@ pub struct ConvertArgs {
 /// # Errors
 /// A recording that cannot be read, a table that exists or cannot be written.
 pub fn run(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
-    if !args.table.extension().is_some_and(|extension| extension == "csv") {
+    if args.table.extension().is_none_or(|extension| extension != "csv") {
         return Err(Error::new("not a table I can write")
             .at(args.table.display().to_string())
             .allowed("a file that ends in .csv"));

@@ -35,7 +35,7 @@ pub struct SourceId(pub(super) usize);
 #[derive(Clone, Debug, PartialEq)]
 pub enum SourceRecord {
     /// A sample.
-    Sample(Captured),
+    Sample(Box<Captured>),
     /// A line of text and when it was read.
     Line(Instant, String),
 }

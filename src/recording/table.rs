@@ -73,7 +73,7 @@ impl<W: Write> Table<'_, W> {
             "sample" => {
                 let Ok(sample) = serde_json::from_slice::<Imu>(body) else { return Ok(()) };
                 self.rows.missing += sample.missed_before + sample.dropped_before;
-                let before = self.pending.insert(name.to_owned(), (sample, header.clone()));
+                let before = self.pending.insert(name.to_owned(), (sample, *header));
                 if let Some((sample, header)) = before {
                     self.row(name, &sample, &header, None)?;
                 }

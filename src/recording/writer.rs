@@ -98,7 +98,7 @@ enum Item {
     /// A source, whose records follow.
     Source(RecordedSource),
     /// A record of a source, and how many were dropped just before it.
-    Record(SourceId, Box<SourceRecord>, u64),
+    Record(SourceId, SourceRecord, u64),
     /// The end, and how many cycles were dropped just before it.
     End(RunEnd, u64),
 }
@@ -194,7 +194,7 @@ impl Recorder {
         let mut gaps = self.source_gaps.lock().unwrap_or_else(PoisonError::into_inner);
         let Some(gap) = gaps.get_mut(source.0) else { return };
         let messages = sensor::message_count(&record);
-        let item = Item::Record(source, Box::new(record), *gap);
+        let item = Item::Record(source, record, *gap);
         match self.queue.as_ref().map(|queue| queue.try_send(item)) {
             Some(Ok(())) => *gap = 0,
             _ => {

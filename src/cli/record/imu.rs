@@ -48,7 +48,9 @@ impl SerialImu {
                     let arrival = MonotonicClock.now();
                     self.stream.push(&buffer[..count], |reading| {
                         if let Some(captured) = chain.take(&reading, arrival) {
-                            session.recorder.take_record(id, SourceRecord::Sample(captured));
+                            session
+                                .recorder
+                                .take_record(id, SourceRecord::Sample(Box::new(captured)));
                         }
                     });
                 }

@@ -116,7 +116,7 @@ impl Trackers {
                 (name, id, Chain::new(&self.sensor, session.mode))
             });
             if let Some(captured) = chain.take(&reading, now) {
-                session.recorder.take_record(*id, SourceRecord::Sample(captured));
+                session.recorder.take_record(*id, SourceRecord::Sample(Box::new(captured)));
             }
         }
     }
