@@ -59,7 +59,7 @@ fn formats() {
         sensor.rate_hz = RATE_HZ;
         let imu = VirtualImu::new(motion(), Mount::default(), errors(), wire, RATE_HZ);
         let sent: Vec<_> = imu.expect("a sensor").collect();
-        let format = stream_format(&sensor).expect("a stream");
+        let format = stream_format(&sensor).expect("columns").expect("a stream");
         let seconds = least_s(|| {
             let mut stream = Stream::new(format.clone());
             let mut chain = Chain::new(&sensor, Mode::SixAxes);

@@ -49,7 +49,7 @@ fn imu(profile: &str, wire: ImuWire, errors: ImuErrors, seconds: f64) -> Virtual
 /// What is captured of each sample that arrived, with the truth of when it was sent.
 fn capture(profile: &str, imu: VirtualImu) -> (Vec<(Sent, Captured)>, Chain) {
     let sensor = gaitway_profiles::sensor(profile).expect("shipped");
-    let mut stream = Stream::new(stream_format(&sensor).expect("a stream"));
+    let mut stream = Stream::new(stream_format(&sensor).expect("columns").expect("a stream"));
     let mut chain = Chain::new(&sensor, Mode::SixAxes);
     let mut found = Vec::new();
     for sent in imu {

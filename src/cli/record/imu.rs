@@ -29,7 +29,10 @@ impl SerialImu {
         sensor: Sensor,
         port: Box<dyn BytePort>,
     ) -> Result<Self, Error> {
-        let stream = Stream::new(stream_format(&sensor)?);
+        let format = stream_format(&sensor)?.ok_or_else(|| {
+            Error::new("this sensor sends datagrams, not a stream").at(address.to_owned())
+        })?;
+        let stream = Stream::new(format);
         Ok(Self { name, address: address.to_owned(), sensor, stream, port })
     }
 
