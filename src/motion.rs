@@ -10,6 +10,7 @@
 //! Angles are rad, times s. A joint is a row: positions are indexed `[joint][sample]`.
 
 pub mod ease;
+pub mod follow;
 pub mod limits;
 pub mod path;
 pub mod plan;
@@ -20,6 +21,7 @@ pub mod spline;
 pub mod stop;
 pub mod trajectory;
 
+pub use follow::{FollowTally, Follower, Target};
 pub use limits::JointLimits;
 pub use path::Path;
 pub use plan::{Plan, PlanOptions, plan};
