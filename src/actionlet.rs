@@ -9,6 +9,10 @@
 //! "Angle" is the position of a degree of freedom, rad.
 
 pub mod cycle;
+pub mod decompose;
+pub mod insert;
+pub mod sampled;
+mod sampling;
 pub mod sequence;
 pub mod shape;
 pub mod transition;
@@ -16,6 +20,9 @@ pub mod transition;
 use crate::error::Error;
 
 pub use cycle::Cycle;
+pub use decompose::{Decomposed, decompose};
+pub use insert::{Cut, insert};
+pub use sampled::Sampled;
 pub use sequence::Sequence;
 pub use shape::Shape;
 pub use transition::{shortest_duration_s, transition};
@@ -55,7 +62,7 @@ pub struct Peaks {
 
 /// One velocity cycle of one degree of freedom: from one angle to another, at rest at both and
 /// nowhere between. From an angle to itself it is a rest.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Actionlet {
     begin_s: f64,
     duration_s: f64,
@@ -128,8 +135,8 @@ impl Actionlet {
 
     /// Its velocity function.
     #[must_use]
-    pub const fn shape(&self) -> Shape {
-        self.shape
+    pub const fn shape(&self) -> &Shape {
+        &self.shape
     }
 
     /// Angle change, rad.

@@ -13,7 +13,6 @@ pub mod angles;
 pub mod contact;
 pub mod dof;
 pub mod proportions;
-pub mod walk;
 
 mod mirror;
 

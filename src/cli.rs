@@ -1,5 +1,6 @@
 //! What a person types: one file per subcommand, results on stdout, everything else on stderr.
 
+pub mod actionlets;
 pub mod address;
 pub mod calibrate;
 pub mod calibrated;
@@ -24,6 +25,7 @@ pub mod servo;
 pub mod signals;
 pub mod simulate;
 pub mod source;
+pub mod synth;
 
 pub use output::{Output, Remarks, print};
 pub use report::Outcome;
@@ -44,7 +46,7 @@ pub struct Cli {
 const LONG_ABOUT: &str = "\
 Plays human motion on small humanoid robots, safely, and on a virtual robot when there is none.
 
-A motion capture (BVH) is read, transferred to the robot's joints, slowed until the robot can do \
+A motion capture (BVH) or an action is read, transferred to the robot's joints, slowed until the robot can do \
 it, checked, and streamed to the servos with feedback. Nothing moves before every servo's \
 identity, configuration and start pose are proven; every motion starts and ends at rest.
 
@@ -59,6 +61,10 @@ enum Command {
     Play(Box<play::PlayArgs>),
     /// Transfer a motion to a robot's joints and write the trajectory
     Retarget(Box<retarget::RetargetArgs>),
+    /// Make a motion of actionlets and write it to a file
+    Synth(Box<synth::SynthArgs>),
+    /// Take a captured motion apart into actionlets
+    Actionlets(Box<actionlets::ActionletsArgs>),
     /// Switch torque on where the robot stands: it holds
     Hold(hold::HoldArgs),
     /// Switch torque off: the robot goes limp (and falls, so it asks)
@@ -99,6 +105,8 @@ pub fn main() -> i32 {
     let done = match &cli.command {
         Command::Play(args) => play::run(args, remarks),
         Command::Retarget(args) => retarget::run(args, remarks),
+        Command::Synth(args) => synth::run(args, remarks),
+        Command::Actionlets(args) => actionlets::run(args, remarks),
         Command::Hold(args) => hold::run(args, remarks),
         Command::Limp(args) => limp::run(args, remarks),
         Command::Simulate(args) => simulate::run(args, remarks),

@@ -2,10 +2,12 @@
 //!
 //! The map: [`wire`] turns bytes into packets and knows no clock; [`port`] moves bytes and is the
 //! only place that waits; [`bus`] asks one question at a time on a shared line; [`device`] speaks
-//! SI units to one device; [`robot`] names joints on devices. [`motion`], [`actionlet`], [`body`]
+//! SI units to one device; [`robot`] names joints on devices. [`motion`], [`actionlet`], [`body`],
+//! [`action`]
 //! and [`mocap`] are mathematics and know no hardware. [`control`] is the loop and its last gate,
 //! [`recording`] the files it leaves, [`cli`] what a person types.
 
+pub mod action;
 pub mod actionlet;
 pub mod body;
 pub mod bus;

@@ -15,8 +15,10 @@ pub mod anatomy;
 pub mod bvh;
 pub mod clip;
 pub mod export;
+pub mod humanoid;
 pub mod landmarks;
 pub mod mapping;
+pub mod page;
 pub mod retarget;
 pub mod skeleton;
 

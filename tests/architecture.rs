@@ -31,6 +31,7 @@ const RULES: &[(&str, &[&str])] = &[
     ("guard", &["crate::robot", "crate::bus", "crate::port", "crate::device", "std::time"]),
     ("robot", &["crate::control", "crate::cli", "crate::recording", "std::time"]),
     ("motion", NO_HARDWARE),
+    ("action", NO_HARDWARE),
     ("actionlet", NO_HARDWARE),
     ("body", NO_HARDWARE),
     ("mocap", NO_HARDWARE),

@@ -9,7 +9,7 @@ use crate::motion::JointLimits;
 /// T). Jerk is limited only if a limit is given. Zero for no distance.
 #[must_use]
 pub fn shortest_duration_s(
-    shape: Shape,
+    shape: &Shape,
     distance_rad: f64,
     limits: &JointLimits,
     jerk_rad_s3: Option<f64>,
@@ -44,7 +44,7 @@ pub fn transition(
     if from_rad == to_rad {
         return Ok(None);
     }
-    let duration_s = shortest_duration_s(shape, to_rad - from_rad, limits, jerk_rad_s3);
+    let duration_s = shortest_duration_s(&shape, to_rad - from_rad, limits, jerk_rad_s3);
     Actionlet::new(begin_s, duration_s, from_rad, to_rad, shape).map(Some)
 }
 
@@ -61,7 +61,7 @@ mod tests {
     #[test]
     fn the_tightest_limit_decides() {
         let shape = Shape::half_sine(0.3).unwrap();
-        let by = |v, a, j| shortest_duration_s(shape, -0.8, &limits(v, a), j);
+        let by = |v, a, j| shortest_duration_s(&shape, -0.8, &limits(v, a), j);
         assert!((by(0.5, 1e6, None) - 3.2).abs() < 1e-12);
         assert!((by(1e6, 2.0, None) - (PI * 0.8 / (2.0 * 0.3)).sqrt()).abs() < 1e-12);
         let jerk = (PI * PI * 0.8 / (5.0 * 0.09)).cbrt();

@@ -1,7 +1,8 @@
 //! Where the pelvis goes, from where the feet touch the ground.
 //!
 //! Joint angles say nothing about travel. While one foot at a time stands, the foot on the ground
-//! stays where it is, so the pelvis moves against it; the ground is the plane z = 0.
+//! stays where it is, so the pelvis moves against it; the ground is the plane z = 0. When no foot
+//! stands, the root falls freely.
 
 use glam::{DQuat, DVec3};
 
@@ -9,6 +10,9 @@ use crate::body::proportions::{End, Proportions};
 use crate::body::{JointAngles, SegmentPose};
 
 const SOLES: [End; 4] = [End::LeftHeel, End::LeftToe, End::RightHeel, End::RightToe];
+
+/// Soles no further apart in height than rounding makes them.
+const EQUALLY_LOW_M: f64 = 1e-9;
 
 /// Root positions for a series of poses that is never in flight: the lowest of heels and toes is on
 /// the ground and does not slide. Each pose is joint angles and the orientation of the pelvis; the
@@ -19,14 +23,69 @@ pub fn root_on_ground(body: &Proportions, poses: &[(JointAngles, DQuat)]) -> Vec
     let mut soles_before_m = None;
     for (angles, orientation) in poses {
         let soles_m = soles(body, &angles.to_pose(DVec3::ZERO, *orientation));
-        let lowest = (0..4).fold(0, |a, b| if soles_m[b].z < soles_m[a].z { b } else { a });
+        let lowest_m = soles_m.iter().map(|sole| sole.z).fold(f64::MAX, f64::min);
         let mut root_m = roots_m.last().copied().unwrap_or(DVec3::ZERO);
         if let Some(before_m) = soles_before_m.replace(soles_m) {
-            // What the sole point moved against the pelvis, the pelvis moves against the ground.
-            root_m += before_m[lowest] - soles_m[lowest];
+            // What the soles moved against the pelvis, the pelvis moves against the ground. Points
+            // equally low, of two feet that move alike, carry equally.
+            let (mut moved_m, mut carry) = (DVec3::ZERO, 0.0);
+            for (before, now) in before_m.into_iter().zip(soles_m) {
+                if now.z <= lowest_m + EQUALLY_LOW_M {
+                    moved_m += before - now;
+                    carry += 1.0;
+                }
+            }
+            root_m += moved_m / carry;
         }
-        root_m.z = -soles_m[lowest].z;
+        root_m.z = -lowest_m;
         roots_m.push(root_m);
+    }
+    roots_m
+}
+
+/// Standard acceleration of free fall, m/s^2.
+const GRAVITY_M_S2: f64 = 9.806_65;
+/// Speed at take-off is taken over this time before it, s.
+const TAKE_OFF_S: f64 = 0.03;
+
+/// Root positions as [`root_on_ground`], for poses at `rate_hz` with times of flight, s: from, to,
+/// in order. In flight the root goes on with the horizontal speed it had, and rises and falls so
+/// that a foot touches the ground again at the end.
+#[must_use]
+pub fn root_path(
+    body: &Proportions,
+    poses: &[(JointAngles, DQuat)],
+    rate_hz: f64,
+    flights_s: &[(f64, f64)],
+) -> Vec<DVec3> {
+    let mut roots_m = root_on_ground(body, poses);
+    let index = |time_s: f64| ((time_s * rate_hz).round() as usize).min(poses.len());
+    for (from_s, to_s) in flights_s {
+        let (from, to) = (index(*from_s), index(*to_s));
+        if !(from + 1 < to && to < poses.len()) {
+            continue;
+        }
+        let before = from.saturating_sub((TAKE_OFF_S * rate_hz).ceil() as usize);
+        let velocity = match from - before {
+            0 => DVec3::ZERO,
+            steps => (roots_m[from] - roots_m[before]) * rate_hz / steps as f64,
+        };
+        let (takes_off, lands) = (roots_m[from], roots_m[to]);
+        let flight_s = (to - from) as f64 / rate_hz;
+        let rise = (lands.z - takes_off.z) / flight_s + GRAVITY_M_S2 * flight_s / 2.0;
+        for pose in from + 1..to {
+            let t = (pose - from) as f64 / rate_hz;
+            let ahead = velocity.truncate() * t;
+            let z = takes_off.z + rise * t - GRAVITY_M_S2 * t * t / 2.0;
+            roots_m[pose] = DVec3::new(takes_off.x + ahead.x, takes_off.y + ahead.y, z);
+        }
+        // What stands after the landing stands where the flight ended.
+        let ahead = velocity.truncate() * flight_s;
+        let moved = takes_off.truncate() + ahead - lands.truncate();
+        for root_m in &mut roots_m[to..] {
+            root_m.x += moved.x;
+            root_m.y += moved.y;
+        }
     }
     roots_m
 }

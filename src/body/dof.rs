@@ -29,6 +29,24 @@ pub enum Joint {
 }
 
 impl Joint {
+    /// The joint it hangs on; the pelvis hangs on none.
+    #[must_use]
+    pub const fn parent(self) -> Option<Self> {
+        match self {
+            Self::Pelvis => None,
+            Self::Torso | Self::LeftHip | Self::RightHip => Some(Self::Pelvis),
+            Self::Neck | Self::LeftShoulder | Self::RightShoulder => Some(Self::Torso),
+            Self::LeftElbow => Some(Self::LeftShoulder),
+            Self::RightElbow => Some(Self::RightShoulder),
+            Self::LeftWrist => Some(Self::LeftElbow),
+            Self::RightWrist => Some(Self::RightElbow),
+            Self::LeftKnee => Some(Self::LeftHip),
+            Self::RightKnee => Some(Self::RightHip),
+            Self::LeftAnkle => Some(Self::LeftKnee),
+            Self::RightAnkle => Some(Self::RightKnee),
+        }
+    }
+
     /// All joints; the order is the index order of joint positions.
     pub const ALL: [Self; 15] = [
         Self::Pelvis,
@@ -134,6 +152,34 @@ impl Dof {
         TABLE[self.index()].joint
     }
 
+    /// The same movement seen in a mirror: the degree of freedom of the other side, and the sign it
+    /// takes. Limbs share signs; the torso's bend and axial rotation are to the left.
+    #[must_use]
+    pub const fn mirrored(self) -> (Self, f64) {
+        match self {
+            Self::TorsoFlexion | Self::NeckFlexion => (self, 1.0),
+            Self::TorsoLateralBend | Self::TorsoAxial => (self, -1.0),
+            Self::LeftShoulderFlexion => (Self::RightShoulderFlexion, 1.0),
+            Self::LeftShoulderAbduction => (Self::RightShoulderAbduction, 1.0),
+            Self::LeftShoulderRotation => (Self::RightShoulderRotation, 1.0),
+            Self::LeftElbowFlexion => (Self::RightElbowFlexion, 1.0),
+            Self::RightShoulderFlexion => (Self::LeftShoulderFlexion, 1.0),
+            Self::RightShoulderAbduction => (Self::LeftShoulderAbduction, 1.0),
+            Self::RightShoulderRotation => (Self::LeftShoulderRotation, 1.0),
+            Self::RightElbowFlexion => (Self::LeftElbowFlexion, 1.0),
+            Self::LeftHipFlexion => (Self::RightHipFlexion, 1.0),
+            Self::LeftHipAbduction => (Self::RightHipAbduction, 1.0),
+            Self::LeftHipRotation => (Self::RightHipRotation, 1.0),
+            Self::LeftKneeFlexion => (Self::RightKneeFlexion, 1.0),
+            Self::LeftAnkleDorsiflexion => (Self::RightAnkleDorsiflexion, 1.0),
+            Self::RightHipFlexion => (Self::LeftHipFlexion, 1.0),
+            Self::RightHipAbduction => (Self::LeftHipAbduction, 1.0),
+            Self::RightHipRotation => (Self::LeftHipRotation, 1.0),
+            Self::RightKneeFlexion => (Self::LeftKneeFlexion, 1.0),
+            Self::RightAnkleDorsiflexion => (Self::LeftAnkleDorsiflexion, 1.0),
+        }
+    }
+
     /// Anatomical range of a healthy adult, least and greatest, rad. Nothing here enforces it.
     #[must_use]
     pub const fn range_rad(self) -> (f64, f64) {
@@ -228,6 +274,8 @@ mod tests {
                 let twin = Dof::named(&format!("right_{rest}")).unwrap();
                 assert_eq!(twin.range_rad(), dof.range_rad());
                 assert_ne!(twin.joint(), dof.joint());
+                assert_eq!(dof.mirrored(), (twin, 1.0));
+                assert_eq!(twin.mirrored(), (dof, 1.0));
             }
         }
     }

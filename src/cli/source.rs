@@ -1,7 +1,8 @@
 //! From a motion as typed to a path over the robot's joints.
 
 use super::report::Source;
-use crate::body::Segment;
+use crate::action::{Join, phrase, vocabulary};
+use crate::body::{Proportions, Segment};
 use crate::error::Error;
 use crate::mocap::anatomy::{self, Capture};
 use crate::mocap::bvh;
@@ -19,7 +20,8 @@ use std::path::PathBuf;
 /// Which motion, for which robot, and how much of it.
 #[derive(Clone, Debug, Args)]
 pub struct MotionArgs {
-    /// A capture (.bvh), or a motion that ships with gaitway: walk
+    /// A capture (.bvh), an action that ships with gaitway (walk), an action file (.toml), or
+    /// several actions: walk:6s,wave-r,bow
     motion: String,
     /// Robot by name, or path of its file (see `gaitway profile list`)
     #[arg(long)]
@@ -88,8 +90,10 @@ impl MotionArgs {
     }
 }
 
-/// Motions that ship with gaitway.
-const SHIPPED: [(&str, &str); 1] = [("walk", include_str!("../../motions/walk.bvh"))];
+/// Poses per second of a performed action.
+const ACTION_HZ: f64 = 120.0;
+/// Stature of the body that performs actions, m.
+const ACTION_STATURE_M: f64 = 1.75;
 
 /// A motion on a robot's joints, before it is timed.
 #[derive(Clone, Debug)]
@@ -115,17 +119,7 @@ pub fn load(args: &MotionArgs, robot: &Robot) -> Result<Loaded, Error> {
             .got(unknown.clone())
             .allowed(known.join(", ")));
     }
-    let bvh = read_bvh(&args.motion)?;
-    let mapping = args.mapping.as_deref().map(read_mapping).transpose()?;
-    let source = Source {
-        format: "bvh".to_owned(),
-        frames: bvh.pose_count(),
-        rate_hz: 1.0 / bvh.time_step_s,
-        duration_s: bvh.pose_count().saturating_sub(1) as f64 * bvh.time_step_s,
-    };
-    let in_file = |e: Error| if e.place.is_none() { e.at(args.motion.clone()) } else { e };
-    let clip = Clip::new(bvh, mapping.as_ref()).map_err(in_file)?;
-    let mut capture = anatomy::capture(&clip).map_err(in_file)?;
+    let (mut capture, source) = body_motion(&args.motion, args.mapping.as_deref())?;
     if args.mirror {
         capture.mirror();
     }
@@ -138,20 +132,58 @@ pub fn load(args: &MotionArgs, robot: &Robot) -> Result<Loaded, Error> {
     Ok(Loaded { source, notes, only: args.only.clone(), retargeted })
 }
 
-fn read_bvh(motion: &str) -> Result<bvh::Bvh, Error> {
-    if let Some((_, text)) = SHIPPED.iter().find(|(name, _)| *name == motion) {
-        return bvh::parse(text.as_bytes());
+/// Reads a capture, or performs actions, as a motion of body segments.
+///
+/// # Errors
+/// An unreadable or malformed file, a skeleton that is no person, an unknown action.
+pub fn body_motion(
+    motion: &str,
+    mapping: Option<&std::path::Path>,
+) -> Result<(Capture, Source), Error> {
+    if phrase::is_phrase(motion) {
+        return performed(motion);
     }
     let path = std::path::Path::new(motion);
-    let is_bvh = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("bvh"));
-    if !is_bvh {
-        let shipped: Vec<&str> = SHIPPED.iter().map(|(name, _)| *name).collect();
-        return Err(Error::new("not a motion I can read")
-            .at("MOTION")
-            .got(motion)
-            .allowed(format!("a .bvh file, or a shipped motion: {}", shipped.join(", "))));
+    if !path.extension().is_some_and(|e| e.eq_ignore_ascii_case("bvh")) {
+        let shipped: Vec<&str> = vocabulary::names().collect();
+        return Err(Error::new("not a motion I can read").at("MOTION").got(motion).allowed(
+            format!(
+                "a .bvh file, an action file (.toml), or a shipped action: {}",
+                shipped.join(", ")
+            ),
+        ));
     }
-    bvh::read(path)
+    let mapping = mapping.map(read_mapping).transpose()?;
+    let bvh = bvh::read(path)?;
+    let source = Source {
+        format: "bvh".to_owned(),
+        frames: bvh.pose_count(),
+        rate_hz: 1.0 / bvh.time_step_s,
+        duration_s: bvh.pose_count().saturating_sub(1) as f64 * bvh.time_step_s,
+    };
+    let in_file = |e: Error| if e.place.is_none() { e.at(motion) } else { e };
+    let clip = Clip::new(bvh, mapping.as_ref()).map_err(in_file)?;
+    Ok((anatomy::capture(&clip).map_err(in_file)?, source))
+}
+
+/// Actions, performed by a body of usual stature.
+fn performed(text: &str) -> Result<(Capture, Source), Error> {
+    let motion = phrase::perform(&phrase::load(text)?, Join::Transition)?;
+    let poses = motion.poses(&Proportions::of_stature(ACTION_STATURE_M)?, ACTION_HZ)?;
+    let source = Source {
+        format: "action".to_owned(),
+        frames: poses.len(),
+        rate_hz: ACTION_HZ,
+        duration_s: motion.duration_s(),
+    };
+    let capture = Capture {
+        rate_hz: ACTION_HZ,
+        poses,
+        tracked: [true; 13],
+        stature_m: ACTION_STATURE_M,
+        notes: Vec::new(),
+    };
+    Ok((capture, source))
 }
 
 fn read_mapping(path: &std::path::Path) -> Result<MappingFile, Error> {

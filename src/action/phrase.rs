@@ -1,0 +1,169 @@
+//! Several actions in a row, as typed: `walk:6s,wave-r,bow`.
+
+use crate::action::{Action, Join, Motion, file, vocabulary};
+use crate::error::Error;
+use std::path::Path;
+
+/// Most actions in a row.
+pub const MAX_ITEMS: usize = 1000;
+/// Slowest and fastest pace of an action.
+pub const PACES: core::ops::RangeInclusive<f64> = 0.1..=10.0;
+
+/// How long an action of a phrase lasts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Length {
+    /// As its file says.
+    Given,
+    /// So many seconds; a cyclic action in the nearest number of whole rounds.
+    Seconds(f64),
+    /// So many rounds.
+    Rounds(u32),
+}
+
+/// An action of a phrase.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Item {
+    /// A shipped action or the path of an action file.
+    pub name: String,
+    /// How long.
+    pub length: Length,
+    /// How fast; 2 is twice as fast as its file says.
+    pub pace: f64,
+}
+
+/// Whether a motion as typed means actions: a shipped name, an action file, or several in a row.
+#[must_use]
+pub fn is_phrase(text: &str) -> bool {
+    let means_action = |item: &str| {
+        let name = item.split([':', '@']).next().unwrap_or(item);
+        vocabulary::text(name).is_some() || is_file(name) || is_file(item)
+    };
+    is_file(text) || text.split(',').any(means_action)
+}
+
+fn is_file(name: &str) -> bool {
+    Path::new(name).extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"))
+}
+
+/// Reads `NAME[:6s|:x3][@PACE]`, with commas between several.
+///
+/// # Errors
+/// If an item is not written so.
+pub fn parse(text: &str) -> Result<Vec<Item>, Error> {
+    // A path may contain any of the marks.
+    if is_file(text) && Path::new(text).exists() {
+        let name = text.to_owned();
+        return Ok(vec![Item { name, length: Length::Given, pace: 1.0 }]);
+    }
+    let items: Vec<&str> = text.split(',').map(str::trim).collect();
+    if items.len() > MAX_ITEMS {
+        return Err(Error::new("too many actions in a row").allowed(MAX_ITEMS.to_string()));
+    }
+    items.into_iter().map(item).collect()
+}
+
+fn item(text: &str) -> Result<Item, Error> {
+    let wrong = |what: &str, got: &str| {
+        Error::new(what)
+            .at(text)
+            .got(got)
+            .allowed("NAME, NAME:6s, NAME:x3, NAME@0.5 or NAME:x3@0.5")
+    };
+    let (rest, pace) = match text.rsplit_once('@') {
+        None => (text, 1.0),
+        Some((rest, pace)) => match pace.parse::<f64>() {
+            Ok(value) if PACES.contains(&value) => (rest, value),
+            _ => return Err(wrong("a pace is a number from 0.1 to 10", pace)),
+        },
+    };
+    let (name, length) = match rest.rsplit_once(':') {
+        None => (rest, Length::Given),
+        Some((name, length)) => (
+            name,
+            self::length(length).ok_or_else(|| wrong("a length is seconds or rounds", length))?,
+        ),
+    };
+    if name.is_empty() {
+        return Err(wrong("an action is missing", rest));
+    }
+    Ok(Item { name: name.to_owned(), length, pace })
+}
+
+fn length(text: &str) -> Option<Length> {
+    if let Some(rounds) = text.strip_prefix('x') {
+        return rounds.parse().ok().filter(|rounds| *rounds > 0).map(Length::Rounds);
+    }
+    let seconds: f64 = text.strip_suffix('s')?.parse().ok()?;
+    (seconds > 0.0 && seconds <= file::MAX_DURATION_S).then_some(Length::Seconds(seconds))
+}
+
+impl Item {
+    /// The action's definition.
+    ///
+    /// # Errors
+    /// If there is no such action or its file is wrong.
+    pub fn action(&self) -> Result<Action, Error> {
+        if is_file(&self.name) {
+            return file::read(Path::new(&self.name));
+        }
+        vocabulary::find(&self.name).map_err(|mut e| {
+            e.what = "not an action".to_owned();
+            let shipped = e.allowed.unwrap_or_default();
+            e.allowed = Some(format!("a .toml file, or a shipped action: {shipped}"));
+            e
+        })
+    }
+
+    /// The action as long and as fast as asked for.
+    ///
+    /// # Errors
+    /// If it cannot be performed.
+    pub fn perform(&self, action: &Action) -> Result<Motion, Error> {
+        let mut action = action.clone();
+        action.duration_s /= self.pace;
+        let rounds = match self.length {
+            Length::Given => action.rounds,
+            Length::Rounds(rounds) => rounds,
+            Length::Seconds(seconds) if action.cyclic.is_some() => action.rounds_in(seconds),
+            Length::Seconds(seconds) => {
+                action.duration_s = seconds;
+                1
+            }
+        };
+        action.perform_rounds(rounds)
+    }
+}
+
+/// An item and its definition.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Part {
+    /// How long and how fast.
+    pub item: Item,
+    /// What.
+    pub action: Action,
+}
+
+/// Reads a phrase and the actions it names.
+///
+/// # Errors
+/// As [`parse`], or if an item is no action.
+pub fn load(text: &str) -> Result<Vec<Part>, Error> {
+    let items = parse(text)?.into_iter();
+    items.map(|item| Ok(Part { action: item.action()?, item })).collect()
+}
+
+/// The whole phrase as one motion: everything that moves comes to rest between its actions.
+///
+/// # Errors
+/// If an action cannot be performed or joined with the one before, or there is none.
+pub fn perform(parts: &[Part], join: Join) -> Result<Motion, Error> {
+    let mut whole: Option<Motion> = None;
+    for part in parts {
+        let next = part.item.perform(&part.action)?;
+        whole = Some(match whole {
+            None => next,
+            Some(before) => before.followed_by(next, join)?,
+        });
+    }
+    whole.ok_or_else(|| Error::new("no action was named"))
+}

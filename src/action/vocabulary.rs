@@ -1,0 +1,48 @@
+//! The actions that ship with gaitway.
+
+use crate::action::{Action, file};
+use crate::error::Error;
+
+macro_rules! shipped {
+    ($($name:literal)*) => {
+        &[$(($name, include_str!(concat!("../../actions/", $name, ".toml")))),*]
+    };
+}
+
+/// Names and files.
+const SHIPPED: &[(&str, &str)] = shipped! {
+    "walk" "run" "squat" "jump" "wave-l" "wave-r" "box-l" "box-r" "kick-l" "kick-r"
+    "side-kick-l" "side-kick-r" "knee-kick-l" "knee-kick-r" "hop" "hop-l" "hop-r"
+    "jumping-jacks" "swing-arms-sagittal" "swing-arms-transverse" "swing-arms-circular"
+    "sit-down" "stand-up" "throw-l" "throw-r" "chop-l" "chop-r" "drink-l" "drink-r" "bow"
+};
+
+/// Names of the shipped actions.
+pub fn names() -> impl Iterator<Item = &'static str> {
+    SHIPPED.iter().map(|(name, _)| *name)
+}
+
+/// The text of a shipped action's file.
+#[must_use]
+pub fn text(name: &str) -> Option<&'static str> {
+    SHIPPED.iter().find(|(shipped, _)| *shipped == name).map(|(_, text)| *text)
+}
+
+/// A shipped action.
+///
+/// # Errors
+/// If there is none of that name.
+pub fn find(name: &str) -> Result<Action, Error> {
+    let Some(text) = text(name) else {
+        return Err(Error::new("no such action ships with gaitway")
+            .got(name)
+            .allowed(names().collect::<Vec<_>>().join(", ")));
+    };
+    file::parse(text, &format!("actions/{name}.toml"), &lender)
+}
+
+/// A shipped action that leans on no other: what others may lean on.
+#[must_use]
+pub fn lender(name: &str) -> Option<Action> {
+    file::parse(text(name)?, name, &|_| None).ok()
+}

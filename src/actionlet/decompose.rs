@@ -1,0 +1,167 @@
+//! From a series of angles to the actionlets it is made of.
+//!
+//! A series that is made of actionlets is cut at its instants of zero velocity, crossings and
+//! touches alike. Any other is cut where it pays: of all chains through candidate instants the one
+//! with the least squared error plus a price per actionlet is found by dynamic programming, and the
+//! price raised as far as the tolerance allows. Either way all seam times, seam angles and peak
+//! places are then refined together by least squares.
+
+mod refine;
+mod seams;
+
+use crate::actionlet::{Actionlet, Sequence, Shape};
+use crate::error::Error;
+use refine::Knots;
+
+/// Most samples of a series.
+pub const MAX_SAMPLES: usize = 2_000_000;
+/// Attempts at the price of an actionlet.
+const PRICES: u32 = 11;
+/// A series is taken to be made of actionlets if they fit it this well, as a part of its range.
+const MADE_OF_ACTIONLETS: f64 = 1e-5;
+/// Angle changes below this part of the tolerance are rests.
+const REST_PART: f64 = 0.25;
+
+/// A series as actionlets.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Decomposed {
+    /// The actionlets, from 0 s to the last sample.
+    pub chain: Sequence,
+    /// Root mean square of chain minus series, rad.
+    pub rms_rad: f64,
+}
+
+impl Decomposed {
+    /// Numbers that say the chain: the first angle, and per actionlet when it ends, the angle there
+    /// and the place of its peak, which a rest does not have. A chain that only rests is its angle.
+    #[must_use]
+    pub fn numbers(&self) -> usize {
+        if self.chain.actionlets().iter().all(Actionlet::is_rest) {
+            return 1;
+        }
+        let of = |piece: &Actionlet| if piece.is_rest() { 2 } else { 3 };
+        1 + self.chain.actionlets().iter().map(of).sum::<usize>()
+    }
+}
+
+/// Decomposes angles, rad, sampled at `rate_hz` into as few actionlets as reproduce them with a
+/// root mean square error of `tolerance_rad`. If even the finest cut misses the tolerance, that is
+/// returned; the error says so.
+///
+/// # Errors
+/// If there are fewer than 3 samples or more than [`MAX_SAMPLES`], one is not finite, or rate or
+/// tolerance are not above zero.
+pub fn decompose(
+    samples_rad: &[f64],
+    rate_hz: f64,
+    tolerance_rad: f64,
+) -> Result<Decomposed, Error> {
+    check(samples_rad, rate_hz, tolerance_rad)?;
+    let (low, high) = samples_rad
+        .iter()
+        .fold((f64::MAX, f64::MIN), |(low, high), value| (low.min(*value), high.max(*value)));
+    let duration_s = (samples_rad.len() - 1) as f64 / rate_hz;
+    let mean_rad = samples_rad.iter().sum::<f64>() / samples_rad.len() as f64;
+    let series = Series { samples_rad, rate_hz };
+    let still = Sequence::starting_at(0.0, mean_rad)?.rest(duration_s)?;
+    let still = series.judged(still);
+    if still.rms_rad <= tolerance_rad {
+        return Ok(still);
+    }
+    if let Some(exact) = seams::instants_of_rest(samples_rad, rate_hz) {
+        let mut knots = Knots::through(samples_rad, rate_hz, &exact);
+        knots.refine(samples_rad, rate_hz, 60);
+        let found = series.judged(knots.chain(rest_below(high - low, 0.0))?);
+        if found.rms_rad <= MADE_OF_ACTIONLETS * (high - low) {
+            return Ok(found);
+        }
+    }
+    let candidates = seams::candidates(samples_rad, rate_hz)?;
+    let costs = seams::Costs::between(samples_rad, &candidates);
+    let mut best: Option<Decomposed> = None;
+    // From a price that nothing is worth to one below what the tolerance is worth.
+    let worth = tolerance_rad * tolerance_rad * samples_rad.len() as f64;
+    let (mut cheap, mut dear) = ((worth * 1e-5).ln(), (worth * 1e2).ln());
+    for attempt in 0..PRICES {
+        let price = if attempt == 0 { cheap } else { f64::midpoint(cheap, dear) };
+        let cut = costs.cheapest(price.exp());
+        let times_s: Vec<f64> = cut.iter().map(|index| *index as f64 / rate_hz).collect();
+        let mut knots = Knots::through(samples_rad, rate_hz, &times_s);
+        knots.refine(samples_rad, rate_hz, 12);
+        let found = series.judged(knots.chain(rest_below(high - low, tolerance_rad))?);
+        let fits = found.rms_rad <= tolerance_rad;
+        if attempt > 0 {
+            if fits { cheap = price } else { dear = price }
+        }
+        let better = best.as_ref().is_none_or(|best| match (fits, best.rms_rad <= tolerance_rad) {
+            (true, true) => found.numbers() < best.numbers(),
+            (fits, fitted) => fits && !fitted || fits == fitted && found.rms_rad < best.rms_rad,
+        });
+        if better {
+            best = Some(found);
+        }
+    }
+    Ok(best.unwrap_or(still))
+}
+
+fn check(samples_rad: &[f64], rate_hz: f64, tolerance_rad: f64) -> Result<(), Error> {
+    if !(3..=MAX_SAMPLES).contains(&samples_rad.len()) {
+        return Err(Error::new("a series has too few or too many samples to decompose")
+            .got(samples_rad.len().to_string())
+            .allowed(format!("3 to {MAX_SAMPLES}")));
+    }
+    if let Some(index) = samples_rad.iter().position(|value| !value.is_finite()) {
+        return Err(Error::new("a sample is not finite").at(format!("sample {index}")));
+    }
+    if !(rate_hz.is_normal() && rate_hz > 0.0 && tolerance_rad > 0.0) {
+        return Err(Error::new("rate and tolerance must be above zero")
+            .got(format!("{rate_hz} Hz, {tolerance_rad} rad")));
+    }
+    Ok(())
+}
+
+/// The angle change below which an actionlet is a rest.
+fn rest_below(range_rad: f64, tolerance_rad: f64) -> f64 {
+    (REST_PART * tolerance_rad).max(1e-6 * range_rad)
+}
+
+struct Series<'a> {
+    samples_rad: &'a [f64],
+    rate_hz: f64,
+}
+
+impl Series<'_> {
+    fn judged(&self, chain: Sequence) -> Decomposed {
+        let mut again = vec![0.0; self.samples_rad.len()];
+        chain.sample_into(self.rate_hz, &mut again);
+        let squares: f64 =
+            again.iter().zip(self.samples_rad).map(|(got, given)| (got - given).powi(2)).sum();
+        let rms_rad = (squares / again.len() as f64).sqrt();
+        Decomposed { chain, rms_rad }
+    }
+}
+
+impl Knots {
+    /// The chain of these knots; changes below `rest_rad` become rests, neighbours of which merge.
+    fn chain(&self, rest_rad: f64) -> Result<Sequence, Error> {
+        let mut chain = Sequence::starting_at(0.0, self.angles_rad[0])?;
+        let mut resting_s = 0.0;
+        for index in 0..self.peaks.len() {
+            let duration_s = self.times_s[index + 1] - self.times_s[index];
+            let to_rad = self.angles_rad[index + 1];
+            if !((to_rad - chain.to_rad()).abs() > rest_rad) {
+                resting_s += duration_s;
+                continue;
+            }
+            if resting_s > 0.0 {
+                chain = chain.rest(resting_s)?;
+                resting_s = 0.0;
+            }
+            chain = chain.then(duration_s, to_rad, Shape::half_sine(self.peaks[index])?)?;
+        }
+        if resting_s > 0.0 { chain.rest(resting_s) } else { Ok(chain) }
+    }
+}
+
+#[cfg(test)]
+mod tests;

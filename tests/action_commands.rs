@@ -1,0 +1,199 @@
+//! `synth` and `actionlets` as typed.
+
+use serde_json::Value;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+fn run(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_gaitway")).args(arguments).output().unwrap()
+}
+
+/// An empty folder of this test.
+fn folder(name: &str) -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("action_commands").join(name);
+    let _ = fs::remove_dir_all(&folder);
+    fs::create_dir_all(&folder).unwrap();
+    folder
+}
+
+fn made(arguments: &[&str]) -> Value {
+    let output = run(&[arguments, &["--json"]].concat());
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(0), "{arguments:?}: {said}");
+    let report: Value = serde_json::from_slice(&output.stdout).expect("a JSON report");
+    assert_eq!(report["outcome"], "done");
+    report
+}
+
+fn refused(arguments: &[&str], words: &[&str]) {
+    let output = run(arguments);
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{arguments:?}: {said}");
+    for word in words {
+        assert!(said.contains(word), "{word:?} is not in:\n{said}");
+    }
+}
+
+#[test]
+fn a_table_has_time_and_22_angles_at_the_rate_asked_for() {
+    let out = folder("csv").join("walk.csv");
+    let path = out.to_str().unwrap();
+    let report = made(&["synth", "walk", "--rate", "50", "-o", path]);
+    assert!((report["duration_s"].as_f64().unwrap() - 4.8).abs() < 1e-9);
+    let table = fs::read_to_string(&out).unwrap();
+    let mut lines = table.lines();
+    let head: Vec<&str> = lines.next().unwrap().split(',').collect();
+    assert_eq!((head.len(), head[0], head[1]), (23, "time_s", "torso_flexion_rad"));
+    let rows: Vec<Vec<f64>> =
+        lines.map(|line| line.split(',').map(|v| v.parse().unwrap()).collect()).collect();
+    assert_eq!(rows.len(), 241);
+    assert!(rows.iter().all(|row| row.len() == 23));
+    assert_eq!(rows[0], vec![0.0; 23]);
+    assert!((rows[240][0] - 4.8).abs() < 1e-9);
+    // What is there is not written over.
+    refused(&["synth", "walk", "-o", path], &["exists already", "--force"]);
+}
+
+#[test]
+fn figures_are_set_or_refused_by_name() {
+    let folder = folder("set");
+    let out = |name: &str| folder.join(name).to_str().unwrap().to_owned();
+    let duration = |set: &[&str], name: &str| {
+        let out = out(name);
+        let set: Vec<&str> = set.iter().flat_map(|pair| ["--set", pair]).collect();
+        let report = made(&[&["synth", "walk", "-o", &out], set.as_slice()].concat());
+        report["duration_s"].as_f64().unwrap()
+    };
+    assert!((duration(&["rounds=2"], "a.csv") - 2.4).abs() < 1e-9);
+    assert!((duration(&["duration_s=1.0", "rounds=5"], "b.csv") - 5.0).abs() < 1e-9);
+    assert!((duration(&["pace=0.5"], "c.csv") - 9.6).abs() < 1e-9);
+    assert!((duration(&["peak=0.3"], "d.bvh") - 4.8).abs() < 1e-9);
+    for (set, words) in [
+        ("rounds=0", &["rounds=0", "whole number"][..]),
+        ("speed=2", &["speed=2", "pace"]),
+        ("peak=0.95", &["peak", "0.1 to 0.9"]),
+        ("duration_s=nan", &["duration_s", "NaN"]),
+        ("stature_m=9", &["stature", "0.3 to 3 m"]),
+        ("pace", &["KEY=VALUE"]),
+    ] {
+        refused(&["synth", "walk", "-o", &out("x.bvh"), "--set", set], words);
+    }
+    refused(&["synth", "walk", "-o", &out("x.mp4")], &["x.mp4", ".csv"]);
+    refused(&["synth", "moonwalk", "-o", &out("x.csv")], &["moonwalk", "jumping-jacks"]);
+    refused(&["synth", "walk", "--rate", "0", "-o", &out("x.csv")], &["0 Hz", "10000 Hz"]);
+}
+
+#[test]
+fn a_bvh_file_reads_back_as_a_person_who_walks() {
+    let out = folder("bvh").join("walk.bvh");
+    made(&["synth", "walk:x6", "--rate", "60", "-o", out.to_str().unwrap()]);
+    let capture = gaitway::mocap::read_bvh(&out, None).unwrap();
+    assert!((capture.stature_m - 1.75).abs() < 0.1);
+    let travel_m = capture.poses[capture.poses.len() - 1].root_m.x - capture.poses[0].root_m.x;
+    assert!((8.0..13.0).contains(&travel_m), "{travel_m} m in 7.2 s");
+}
+
+#[test]
+fn an_x3d_file_is_one_humanoid_with_a_route_for_every_joint() {
+    let out = folder("x3d").join("bow.x3d");
+    made(&["synth", "bow", "--rate", "30", "-o", out.to_str().unwrap()]);
+    let text = fs::read_to_string(&out).unwrap();
+    assert_eq!(text.matches("<HAnimHumanoid ").count(), 1);
+    assert_eq!(text.matches("<HAnimJoint DEF=").count(), 13);
+    assert_eq!(text.matches("<HAnimJoint USE=").count(), 13);
+    assert_eq!(text.matches("toField='set_rotation'").count(), 13);
+    // Every element is closed.
+    let mut open: Vec<&str> = Vec::new();
+    for tag in text.split('<').skip(1).map(|rest| rest.split('>').next().unwrap()) {
+        if tag.starts_with(['?', '!']) || tag.ends_with('/') {
+            continue;
+        }
+        match tag.strip_prefix('/') {
+            Some(name) => assert_eq!(open.pop(), Some(name)),
+            None => open.push(tag.split_whitespace().next().unwrap()),
+        }
+    }
+    assert!(open.is_empty(), "{open:?}");
+    // Interpolators have a value for every key.
+    for line in text.lines().filter(|line| line.starts_with("<OrientationInterpolator")) {
+        let field = |name: &str| line.split(name).nth(1).unwrap().split('\'').nth(1).unwrap();
+        let (keys, values) = (field(" key=").split(' ').count(), field("keyValue=").split(", "));
+        assert_eq!(keys, 85);
+        assert!(
+            values.clone().count() == keys && values.into_iter().all(|v| v.split(' ').count() == 4)
+        );
+    }
+}
+
+#[test]
+fn a_page_needs_nothing_from_outside() {
+    let out = folder("page").join("run.html");
+    made(&["synth", "run", "-o", out.to_str().unwrap()]);
+    let page = fs::read_to_string(&out).unwrap();
+    assert!(page.contains("<canvas") && !page.contains("{{"));
+    for outside in ["http:", "https:", "src=", "import "] {
+        assert!(!page.contains(outside), "{outside}");
+    }
+}
+
+#[test]
+fn a_capture_becomes_an_action_file_that_plays() {
+    let out = folder("actionlets").join("My Walk.toml");
+    let path = out.to_str().unwrap();
+    let report = made(&["actionlets", "motions/walk.bvh", "-o", path]);
+    assert!(report["median_rms_deg"].as_f64().unwrap() <= 1.0, "{report:#}");
+    assert!(report["compression"].as_f64().unwrap() > 10.0, "{report:#}");
+    let text = fs::read_to_string(&out).unwrap();
+    assert!(text.contains("name = \"my-walk\"") && text.contains("captured = true"), "{text}");
+    let output = run(&["play", path, "--robot", "op3", "--bus", "sim", "--dry-run", "--json"]);
+    let played: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(played["outcome"], "done", "{played:#}");
+    refused(&["actionlets", "motions/walk.bvh", "-o", "walk.json"], &["walk.json", ".toml"]);
+    refused(&["actionlets", "no-such.bvh", "-o", path, "--force"], &["no-such.bvh"]);
+}
+
+#[test]
+fn a_corpus_is_the_same_whole_in_pieces_and_taken_up_again() {
+    let folder = folder("corpus");
+    let at = |name: &str| folder.join(name);
+    let synth = |out: &Path, seed: &str| {
+        let out = out.to_str().unwrap().to_owned();
+        let arguments = ["synth", "bow:0.5s", "--rate", "10", "--variations", "20001", "--seed"];
+        made(&[&arguments[..], &[seed, "-o", &out]].concat())
+    };
+    let whole = at("whole");
+    assert_eq!(synth(&whole, "3")["found"], 0);
+    let names = |folder: &Path| {
+        let mut names: Vec<String> = fs::read_dir(folder)
+            .unwrap()
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .collect();
+        names.sort();
+        names
+    };
+    let given = names(&whole);
+    assert_eq!(given.len(), 7, "{given:?}");
+    let bytes: Vec<Vec<u8>> = given.iter().map(|n| fs::read(whole.join(n)).unwrap()).collect();
+    // As a run leaves it that was broken off in its second pair.
+    fs::remove_file(whole.join("actionlets-000001.parquet")).unwrap();
+    fs::remove_file(whole.join("poses-000002.parquet")).unwrap();
+    fs::remove_file(whole.join("actionlets-000002.parquet")).unwrap();
+    fs::write(whole.join("poses-000002.parquet.part"), b"half").unwrap();
+    assert_eq!(synth(&whole, "3")["found"], 10_000);
+    assert_eq!(names(&whole), given);
+    for (name, bytes) in given.iter().zip(&bytes) {
+        assert!(fs::read(whole.join(name)).unwrap() == *bytes, "{name} differs");
+    }
+    // Another seed is another corpus, and not mixed with this one.
+    let out = whole.to_str().unwrap();
+    let other = ["synth", "bow:0.5s", "--rate", "10", "--variations", "20001", "--seed", "4", "-o"];
+    refused(&[&other[..], &[out]].concat(), &["another corpus", "\"seed\": 3"]);
+    let single = at("one.parquet");
+    let one = single.to_str().unwrap();
+    made(&["synth", "bow:0.5s", "--rate", "10", "--variations", "10", "-o", one]);
+    let bytes = fs::read(&single).unwrap();
+    assert!(bytes.starts_with(b"PAR1") && bytes.ends_with(b"PAR1"));
+    assert!(at("one.actionlets.parquet").exists());
+    refused(&["synth", "bow", "--variations", "10", "-o", one], &["exists already"]);
+}

@@ -1,0 +1,164 @@
+//! The shipped walk goes like people walk, on feet that stay where they stand.
+
+use gaitway::action::{Motion, vocabulary};
+use gaitway::body::contact::foot_skate_m_s;
+use gaitway::body::{Dof, End, JointAngles, Proportions, SegmentPose};
+
+const RATE_HZ: f64 = 120.0;
+
+fn body() -> Proportions {
+    Proportions::of_stature(1.75).unwrap()
+}
+
+fn walk() -> Motion {
+    vocabulary::find("walk").unwrap().perform().unwrap()
+}
+
+fn poses() -> Vec<SegmentPose> {
+    walk().poses(&body(), RATE_HZ).unwrap()
+}
+
+fn steady<T: Clone>(all: &[T]) -> Vec<T> {
+    all[144..=432].to_vec()
+}
+
+#[test]
+fn a_walk_begins_and_ends_at_rest_in_n_pose() {
+    let angles = walk().sampled(RATE_HZ).unwrap();
+    let n_pose = JointAngles::default();
+    assert_eq!(angles[0], n_pose);
+    let last = angles[angles.len() - 1];
+    assert!(Dof::ALL.iter().all(|dof| last[*dof].abs() < 1e-12));
+    let (poses, height_m) = (poses(), body().root_height_m());
+    assert!((poses[0].root_m.z - height_m).abs() < 1e-9);
+    assert!((poses[poses.len() - 1].root_m.z - height_m).abs() < 1e-9);
+}
+
+/// Ranges around the normative curves of Winter, "Biomechanics and Motor Control of Human Gait".
+#[test]
+fn joints_move_through_the_ranges_of_normal_walking() {
+    let steady = steady(&walk().sampled(RATE_HZ).unwrap());
+    for (dof, low, high) in [
+        (Dof::LeftHipFlexion, -20.0..-8.0, 25.0..35.0),
+        (Dof::RightHipFlexion, -20.0..-8.0, 25.0..35.0),
+        (Dof::LeftKneeFlexion, 0.0..12.0, 52.0..68.0),
+        (Dof::RightKneeFlexion, 0.0..12.0, 52.0..68.0),
+        (Dof::LeftAnkleDorsiflexion, -25.0..-8.0, 6.0..15.0),
+        (Dof::RightAnkleDorsiflexion, -25.0..-8.0, 6.0..15.0),
+    ] {
+        let angles = steady.iter().map(|angles| angles[dof].to_degrees());
+        let (least, most) = angles.fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(x), b.max(x)));
+        assert!(low.contains(&least), "{}: {least}", dof.name());
+        assert!(high.contains(&most), "{}: {most}", dof.name());
+    }
+}
+
+#[test]
+fn the_body_goes_forward_at_a_steady_walking_pace() {
+    let all = poses();
+    let steady = steady(&all);
+    let pace = |a: &SegmentPose, b: &SegmentPose| (b.root_m.x - a.root_m.x) * RATE_HZ;
+    let mean = pace(&steady[0], &steady[steady.len() - 1]) / (steady.len() - 1) as f64;
+    assert!((1.2..1.8).contains(&mean), "{mean} m/s");
+    for pair in steady.windows(2) {
+        let now = pace(&pair[0], &pair[1]);
+        assert!((now - mean).abs() < 0.15 * mean, "{now} m/s");
+    }
+    let heights = steady.iter().map(|pose| pose.root_m.z);
+    let (low, high) = heights.fold((f64::MAX, f64::MIN), |(a, b), z| (a.min(z), b.max(z)));
+    assert!(high - low < 0.08, "{}", high - low);
+    assert!(all.iter().all(|pose| pose.root_m.y.abs() < 1e-9));
+    for pair in all.windows(2) {
+        assert!(pace(&pair[0], &pair[1]) > -0.05, "never backwards");
+    }
+}
+
+#[test]
+fn feet_on_the_ground_hardly_slide_and_never_sink_into_it() {
+    let all = poses();
+    let skate = foot_skate_m_s(&body(), &steady(&all), RATE_HZ, 0.01);
+    assert!(skate < 0.02, "{skate} m/s");
+    let whole = foot_skate_m_s(&body(), &all, RATE_HZ, 0.01);
+    assert!(whole < 0.03, "{whole} m/s");
+    for pose in &all {
+        let at = body().positions(pose);
+        let lowest = End::ALL.map(|end| at.end_m(end).z).into_iter().fold(f64::MAX, f64::min);
+        assert!(lowest.abs() < 1e-9);
+    }
+}
+
+#[test]
+fn left_and_right_are_half_a_stride_apart() {
+    let walk = walk().sampled(RATE_HZ).unwrap();
+    for (left, right) in [
+        (Dof::LeftHipFlexion, Dof::RightHipFlexion),
+        (Dof::LeftKneeFlexion, Dof::RightKneeFlexion),
+        (Dof::LeftElbowFlexion, Dof::RightElbowFlexion),
+    ] {
+        for sample in 144..360 {
+            let (now, later) = (walk[sample][left], walk[sample + 72][right]);
+            assert!((now - later).abs() < 1e-9, "{} at {sample}", left.name());
+        }
+    }
+}
+
+/// Angles of level walking at named moments of the stride, deg: "Angular kinematics of gait",
+/// podiapaedia.org (hip and knee flexion, ankle dorsiflexion; the middle where a span is given).
+#[test]
+fn the_walk_is_near_published_angles_at_the_moments_of_the_stride() {
+    let walk = walk();
+    let period_s = 1.2;
+    // The left heel touches down half a period after the start; the second stride is steady.
+    let at = |dof, part: f64| walk.at(dof, (1.5 + part) * period_s).position_rad.to_degrees();
+    let (hip, knee) = (Dof::LeftHipFlexion, Dof::LeftKneeFlexion);
+    let ankle = Dof::LeftAnkleDorsiflexion;
+    let published = [
+        (hip, 0.0, 25.0),
+        (hip, 0.5, -10.0),
+        (hip, 0.62, 0.0),
+        (hip, 0.85, 28.0),
+        (knee, 0.0, 3.0),
+        (knee, 0.13, 17.5),
+        (knee, 0.4, 3.0),
+        (knee, 0.62, 40.0),
+        (knee, 0.75, 65.0),
+        (ankle, 0.0, 0.0),
+        (ankle, 0.45, 10.0),
+        (ankle, 0.64, -20.0),
+    ];
+    let mut squares = 0.0;
+    for (dof, part, expected) in published {
+        let off = at(dof, part) - expected;
+        squares += off * off;
+        println!("{} at {part}: {:.1}, published {expected}", dof.name(), off + expected);
+        assert!(off.abs() <= 15.0, "{} at {part} is {off} deg off", dof.name());
+    }
+    let rms = (squares / published.len() as f64).sqrt();
+    println!("root mean square {rms:.1} deg");
+    assert!(rms <= 8.0, "{rms} deg");
+}
+
+/// The knee in stance of level running: foot strike 20.9 deg, peak 36.2 deg ("Three-Dimensional
+/// Kinematic Analysis During Level and Downhill Treadmill Running", The Sport Journal).
+#[test]
+fn the_run_bends_its_knee_in_stance_as_published() {
+    let run = vocabulary::find("run").unwrap();
+    let motion = run.perform().unwrap();
+    let period_s = run.duration_s;
+    let knee = |part: f64| {
+        let time_s = (2.5 + part) * period_s;
+        motion.at(Dof::LeftKneeFlexion, time_s).position_rad.to_degrees()
+    };
+    let peak = (0..=30).map(|i| knee(f64::from(i) / 100.0)).fold(0.0, f64::max);
+    println!("foot strike {:.1}, peak {peak:.1}", knee(0.0));
+    assert!((knee(0.0) - 20.9).abs() < 3.0, "{}", knee(0.0));
+    assert!((peak - 36.2).abs() < 3.0, "{peak}");
+    // In flight no foot touches the ground: some height between 2 and 15 cm is gained.
+    let poses = motion.poses(&body(), RATE_HZ).unwrap();
+    let lowest = |pose: &SegmentPose| {
+        let at = body().positions(pose);
+        End::ALL.map(|end| at.end_m(end).z).into_iter().fold(f64::MAX, f64::min)
+    };
+    let highest = poses.iter().map(lowest).fold(f64::MIN, f64::max);
+    assert!((0.01..0.15).contains(&highest), "{highest}");
+}
