@@ -12,6 +12,7 @@ pub mod actionlet;
 pub mod body;
 pub mod bus;
 pub mod calibration;
+pub mod capture;
 pub mod cli;
 pub mod control;
 pub mod device;

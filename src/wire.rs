@@ -35,6 +35,7 @@ pub mod feetech;
 mod packet1;
 #[cfg(test)]
 mod properties;
+pub mod sensor;
 
 /// A device number on a bus, 0 to `LAST`. Numbers a protocol reserves cannot be built.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -159,6 +160,9 @@ pub enum Reason {
     /// The merged status of a fast read; [`dynamixel2::decode_merged`] reads those.
     #[error("merged status where none was asked for")]
     Merged,
+    /// What stands inside is not what such a packet holds.
+    #[error("contents that make no sense")]
+    Malformed,
 }
 
 /// Why a packet cannot be built. The buffer is left as it was.

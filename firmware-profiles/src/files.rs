@@ -2,7 +2,7 @@
 
 use crate::error::ProfileError;
 use crate::extends;
-use crate::schema::{Adapter, Robot, Servo};
+use crate::schema::{Adapter, Robot, Sensor, Servo};
 use crate::unconfirmed::Profile;
 use crate::validate;
 use serde::de::DeserializeOwned;
@@ -40,6 +40,11 @@ pub fn adapter_names() -> impl Iterator<Item = &'static str> {
     ADAPTERS.iter().map(|embedded| embedded.name)
 }
 
+/// Names of the shipped sensors, in alphabetical order.
+pub fn sensor_names() -> impl Iterator<Item = &'static str> {
+    SENSORS.iter().map(|embedded| embedded.name)
+}
+
 /// A shipped servo by name. Read and validated at the first call, then kept.
 ///
 /// # Errors
@@ -73,9 +78,25 @@ pub fn robot(name_or_path: &str) -> Result<Robot, ProfileError> {
     }
 }
 
+/// A sensor: a shipped one by name (`[a-z0-9-]+`), or a file by a path that ends in `.toml`.
+///
+/// # Errors
+/// As [`robot`].
+pub fn sensor(name_or_path: &str) -> Result<Sensor, ProfileError> {
+    if name_or_path.ends_with(".toml") {
+        let text = read_text(Path::new(name_or_path))?;
+        return parse_sensor(name_or_path, &text);
+    }
+    match SENSORS.iter().find(|embedded| embedded.name == name_or_path) {
+        Some(embedded) => parse_sensor(embedded.file, embedded.text),
+        None => Err(unknown("sensor", name_or_path, sensor_names())
+            .remedy("take one of these names, or give the path of a .toml file")),
+    }
+}
+
 /// A profile of any kind: a shipped one by name, or a file by a path that ends in `.toml`. What
-/// kind a file is shows in its keys: `usb_ids` an adapter, `register` or `extends` a servo, all
-/// else a robot.
+/// kind a file is shows in its keys: `usb_ids` an adapter, `channel` a sensor, `register` or
+/// `extends` a servo, all else a robot.
 ///
 /// # Errors
 /// As [`servo`] and [`robot`].
@@ -84,6 +105,8 @@ pub fn profile(name_or_path: &str) -> Result<Profile, ProfileError> {
         let table: toml::Table = parse(file, text)?;
         if table.contains_key("usb_ids") {
             parse_adapter(file, text).map(|adapter| Profile::Adapter(Box::new(adapter)))
+        } else if table.contains_key("channel") {
+            parse_sensor(file, text).map(|sensor| Profile::Sensor(Box::new(sensor)))
         } else if table.contains_key("register") || extends::has_base(&table) {
             parse_servo(file, text).map(|servo| Profile::Servo(Box::new(servo)))
         } else {
@@ -93,11 +116,12 @@ pub fn profile(name_or_path: &str) -> Result<Profile, ProfileError> {
     if name_or_path.ends_with(".toml") {
         return parse_any(name_or_path, &read_text(Path::new(name_or_path))?);
     }
-    let mut shipped = SERVOS.iter().chain(ROBOTS).chain(ADAPTERS);
+    let mut shipped = SERVOS.iter().chain(ROBOTS).chain(ADAPTERS).chain(SENSORS);
     match shipped.find(|embedded| embedded.name == name_or_path) {
         Some(embedded) => parse_any(embedded.file, embedded.text),
         None => {
             let names = servo_names().chain(robot_names()).chain(adapter_names());
+            let names = names.chain(sensor_names());
             Err(unknown("profile", name_or_path, names)
                 .remedy("take one of these names, or give the path of a .toml file"))
         }
@@ -168,6 +192,16 @@ pub fn parse_adapter(file: &str, text: &str) -> Result<Adapter, ProfileError> {
     let adapter: Adapter = parse(file, text)?;
     validate::adapter(file, &adapter)?;
     Ok(adapter)
+}
+
+/// Reads and validates the text of a sensor profile; `file` as in [`parse_servo`].
+///
+/// # Errors
+/// What the validator has against it.
+pub fn parse_sensor(file: &str, text: &str) -> Result<Sensor, ProfileError> {
+    let sensor: Sensor = parse(file, text)?;
+    validate::sensor(file, &sensor)?;
+    Ok(sensor)
 }
 
 /// Reads a profile file whole.

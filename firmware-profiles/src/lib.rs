@@ -1,6 +1,6 @@
-//! What each servo, adapter and robot is, as data, with the schema and the validator.
+//! What each servo, adapter, robot and sensor is, as data, with the schema and the validator.
 //!
-//! The files under `servos/`, `adapters/` and `robots/` are compiled into the crate. A file is
+//! The files under `servos/`, `adapters/`, `robots/` and `sensors/` are compiled into the crate. A file is
 //! validated before anyone sees it; whoever holds a [`Servo`] or a [`Robot`] from [`servo()`] or
 //! [`robot()`] may rely on it.
 //!
@@ -31,6 +31,12 @@
 //! 5. Run the tests, as above. A file outside this folder is checked by the same rules when it is
 //!    loaded by [`robot()`].
 //!
+//! # How to add a sensor
+//!
+//! Copy the nearest file in `sensors/`. Each `[[channel]]` says what one raw number is worth, in the
+//! unit the manual uses, and where that is written. A sample is whole when every channel that is
+//! not `optional` has arrived. [`sensor()`] takes a file outside this folder as well.
+//!
 //! # Example
 //!
 //! ```
@@ -53,7 +59,8 @@ mod validate;
 pub use error::ProfileError;
 pub use files::{
     MAX_FILE_BYTES, adapter_for_usb, adapter_names, adapters, parse_adapter, parse_robot,
-    parse_servo, profile, read_text, robot, robot_names, servo, servo_names,
+    parse_sensor, parse_servo, profile, read_text, robot, robot_names, sensor, sensor_names, servo,
+    servo_names,
 };
 pub use schema::*;
 pub use unconfirmed::{Profile, Unconfirmed};

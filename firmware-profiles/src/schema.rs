@@ -3,6 +3,13 @@
 //!
 //! Unknown keys are refused everywhere: a misspelt limit must never be a limit that is not there.
 
+mod sensor;
+
+pub use sensor::{
+    Channel, Counter, DeviceClock, LineLayout, Quantity, Sensor, SensorProtocol, SensorUnit,
+    SignedAxis, WorldAxes, hex_bytes,
+};
+
 use serde::Deserialize;
 use std::collections::BTreeMap;
 

@@ -1,6 +1,6 @@
 //! What a profile says without being sure of it.
 
-use crate::schema::{Adapter, Robot, Servo};
+use crate::schema::{Adapter, Robot, Sensor, Servo};
 
 /// The word that marks a source; `unconfirmed: why`, by itself or after what is known.
 const WORD: &str = "unconfirmed";
@@ -14,6 +14,8 @@ pub enum Profile {
     Robot(Box<Robot>),
     /// A USB serial adapter.
     Adapter(Box<Adapter>),
+    /// An inertial sensor.
+    Sensor(Box<Sensor>),
 }
 
 /// A fact of a profile whose source says that it is not confirmed.
@@ -34,6 +36,7 @@ impl Profile {
             Self::Servo(servo) => servo.unconfirmed(),
             Self::Robot(robot) => robot.unconfirmed(),
             Self::Adapter(adapter) => adapter.unconfirmed(),
+            Self::Sensor(sensor) => sensor.unconfirmed(),
         }
     }
 }
@@ -73,6 +76,18 @@ impl Adapter {
     #[must_use]
     pub fn unconfirmed(&self) -> Vec<Unconfirmed<'_>> {
         marked([("source".to_owned(), &self.source)])
+    }
+}
+
+impl Sensor {
+    /// Every fact whose source says that it is not confirmed.
+    #[must_use]
+    pub fn unconfirmed(&self) -> Vec<Unconfirmed<'_>> {
+        let channels = self
+            .channels
+            .iter()
+            .map(|channel| (format!("channel {:?}", channel.quantity), &channel.source));
+        marked([("source".to_owned(), &self.source)].into_iter().chain(channels))
     }
 }
 

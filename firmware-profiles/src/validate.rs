@@ -3,9 +3,11 @@
 //! Every comparison is written so that NaN, which TOML can spell, fails it.
 
 mod robot;
+mod sensor;
 mod servo;
 
 pub(crate) use robot::robot;
+pub(crate) use sensor::sensor;
 pub(crate) use servo::servo;
 
 use crate::error::ProfileError;

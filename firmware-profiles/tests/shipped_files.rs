@@ -1,7 +1,8 @@
 //! Every shipped profile is a test of its own: it must satisfy the validator.
 
 use gaitway_profiles::{
-    Adapter, Servo, adapter_names, adapters, robot, robot_names, servo, servo_names,
+    Adapter, Servo, adapter_names, adapters, robot, robot_names, sensor, sensor_names, servo,
+    servo_names,
 };
 use libtest_mimic::{Arguments, Failed, Trial};
 use std::collections::BTreeSet;
@@ -17,6 +18,9 @@ fn main() {
     for name in robot_names() {
         trials.push(Trial::test(format!("robot::{name}"), move || Ok(robot(name).map(|_| ())?)));
     }
+    for name in sensor_names() {
+        trials.push(Trial::test(format!("sensor::{name}"), move || Ok(sensor(name).map(|_| ())?)));
+    }
     for name in adapter_names() {
         trials.push(Trial::test(format!("adapter::{name}"), move || {
             let adapters = adapters()?;
@@ -26,7 +30,8 @@ fn main() {
     }
     trials.push(Trial::test("no_usb_id_belongs_to_two_adapters", usb_ids_are_distinct));
     trials.push(Trial::test("no_two_profiles_have_the_same_name", || {
-        let names = || servo_names().chain(robot_names()).chain(adapter_names());
+        let names =
+            || servo_names().chain(robot_names()).chain(adapter_names()).chain(sensor_names());
         let distinct: BTreeSet<&str> = names().collect();
         if distinct.len() == names().count() { Ok(()) } else { Err(Failed::without_message()) }
     }));

@@ -1,6 +1,8 @@
 //! `profile list`, `profile show`, `profile check`: what is known of devices, and whether a file
 //! is right.
 
+mod sensor;
+
 use crate::error::Error;
 use clap::{Args, Subcommand};
 use gaitway_profiles as profiles;
@@ -18,16 +20,16 @@ pub struct ProfileArgs {
 
 #[derive(Debug, Subcommand)]
 enum Action {
-    /// Servos, robots and adapters that come with gaitway
+    /// Servos, sensors, robots and adapters that come with gaitway
     #[command(after_help = "Example: gaitway profile list")]
     List,
-    /// One servo's registers, one robot's joints or one adapter
+    /// One servo's registers, one sensor's channels, one robot's joints or one adapter
     #[command(after_help = "Example: gaitway profile show xm430-w350")]
     Show {
         /// Name of a shipped profile, or path of a file
         name: String,
     },
-    /// Read a servo, robot or adapter file, say what is wrong with it and what is unconfirmed
+    /// Read a servo, sensor, robot or adapter file, say what is wrong with it and what is unconfirmed
     #[command(after_help = "Example: gaitway profile check my-robot.toml")]
     Check {
         /// The file, or name of a shipped profile
@@ -46,6 +48,7 @@ pub fn run(args: &ProfileArgs) -> Result<i32, Error> {
             Profile::Servo(servo) => show_servo(&servo),
             Profile::Robot(robot) => show_robot(&robot),
             Profile::Adapter(adapter) => show_adapter(&adapter),
+            Profile::Sensor(sensor) => sensor::show(&sensor),
         },
         Action::Check { file } => check(&load(file)?)?,
     };
@@ -75,6 +78,11 @@ fn check(profile: &Profile) -> Result<String, Error> {
         Profile::Adapter(adapter) => {
             format!("{}: OK; adapter, USB {}\n", adapter.name, adapter.usb_ids.join(", "))
         }
+        Profile::Sensor(sensor) => {
+            // What recording needs is asked for too.
+            crate::device::sensor::stream_format(sensor)?;
+            format!("{}: OK; sensor, {} channels\n", sensor.name, sensor.channels.len())
+        }
     };
     let unconfirmed = profile.unconfirmed();
     if !unconfirmed.is_empty() {
@@ -98,6 +106,11 @@ fn list() -> Result<String, Error> {
         for servo in servos {
             let _ = writeln!(out, "  {:<24} {}", servo.name, servo.model);
         }
+    }
+    out.push_str("sensors\n");
+    for name in profiles::sensor_names() {
+        let sensor = profiles::sensor(name).map_err(wrong)?;
+        let _ = writeln!(out, "  {name:<24} {} {}", sensor.maker, sensor.model);
     }
     out.push_str("robots\n");
     for name in profiles::robot_names() {

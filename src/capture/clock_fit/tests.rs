@@ -1,0 +1,153 @@
+//! The fit against simulated transports whose true sampling times are known.
+
+use super::*;
+use proptest::prelude::*;
+
+/// A device that samples at `rate_hz` with a clock that is off by `skew`, behind a transport.
+struct Scene {
+    rate_hz: f64,
+    skew: f64,
+    /// The adapter hands over what it has at multiples of this time, s.
+    batch_s: f64,
+    /// Always the same part of the way, s.
+    constant_s: f64,
+    /// Largest part that is not, s.
+    jitter_s: f64,
+    seed: u64,
+}
+
+/// Numbers that look random, 0 to 1 (Marsaglia's xorshift).
+fn random(state: &mut u64) -> f64 {
+    *state ^= *state << 13;
+    *state ^= *state >> 7;
+    *state ^= *state << 17;
+    (*state >> 11) as f64 / (1_u64 << 53) as f64
+}
+
+impl Scene {
+    /// Errors of the estimates after `from_s`, the constant part of the way taken off, s.
+    fn errors_s(&self, seconds: f64, from_s: f64) -> Vec<f64> {
+        let mut state = self.seed | 1;
+        let mut fit = ClockFit::default();
+        let mut last_arrival_s = 0.0_f64;
+        let start_s = 1000.0;
+        let mut errors = Vec::new();
+        for n in 0..(seconds * self.rate_hz) as u64 {
+            // The device samples by its own clock, which the host sees run fast or slow.
+            let device_s = 7.0 + n as f64 / self.rate_hz;
+            let true_s = start_s + n as f64 / self.rate_hz * (1.0 + self.skew);
+            // Three samples in a thousand wait 60 ms, and those behind them.
+            let spike_s = if random(&mut state) < 0.003 { 0.06 } else { 0.0 };
+            let sent_s = true_s + self.constant_s + random(&mut state) * self.jitter_s + spike_s;
+            let arrival_s = if self.batch_s > 0.0 {
+                (sent_s / self.batch_s).ceil() * self.batch_s
+            } else {
+                sent_s
+            };
+            last_arrival_s = last_arrival_s.max(arrival_s);
+            let lost = random(&mut state) < 0.002;
+            if lost {
+                continue;
+            }
+            let arrival = Instant::from_nanos((last_arrival_s * 1e9) as u64);
+            let estimate = fit.take(device_s, arrival);
+            if true_s - start_s >= from_s {
+                errors.push(estimate.as_nanos() as f64 / 1e9 - true_s - self.constant_s);
+            }
+        }
+        errors
+    }
+}
+
+fn p99_s(errors: &[f64]) -> f64 {
+    let mut sizes: Vec<f64> = errors.iter().map(|error| error.abs()).collect();
+    sizes.sort_by(f64::total_cmp);
+    sizes[sizes.len() * 99 / 100]
+}
+
+/// The case of a sensor behind a USB adapter: 20 ppm, 16 ms batches. What every sample of the run
+/// waits at least for its batch is a constant of the transport too, so the median is taken off.
+#[test]
+fn behind_a_usb_adapter_time_is_known_to_a_millisecond_after_a_minute() {
+    for (seed, rate_hz) in [(1, 100.0), (2, 200.0), (3, 60.0), (4, 142.0)] {
+        let scene = Scene {
+            rate_hz,
+            skew: 20e-6,
+            batch_s: 0.016,
+            constant_s: 0.0015,
+            jitter_s: 0.001,
+            seed,
+        };
+        let mut errors = scene.errors_s(300.0, 60.0);
+        errors.sort_by(f64::total_cmp);
+        let constant = errors[errors.len() / 2];
+        errors.iter_mut().for_each(|error| *error -= constant);
+        let p99 = p99_s(&errors);
+        eprintln!("{rate_hz} Hz: p99 {:.3} ms, constant {:.3} ms", p99 * 1e3, constant * 1e3);
+        assert!(p99 < 0.001, "{rate_hz} Hz: p99 {p99} s");
+    }
+}
+
+/// Without batches the waiting is a millisecond, and the quickest samples show the true time.
+#[test]
+fn without_batches_nothing_needs_to_be_taken_off() {
+    let scene = Scene {
+        rate_hz: 100.0,
+        skew: -60e-6,
+        batch_s: 0.0,
+        constant_s: 0.002,
+        jitter_s: 0.001,
+        seed: 5,
+    };
+    let p99 = p99_s(&scene.errors_s(200.0, 60.0));
+    assert!(p99 < 0.0003, "p99 {p99} s");
+}
+
+#[test]
+fn the_skew_is_found() {
+    let mut fit = ClockFit::default();
+    for n in 0..6000_u64 {
+        let host_s = 50.0 + n as f64 * 0.01;
+        // The device's clock is 100 ppm slow.
+        fit.take(n as f64 * 0.01 * (1.0 - 100e-6), Instant::from_nanos((host_s * 1e9) as u64));
+    }
+    assert!((fit.quality().skew_ppm - 100.0).abs() < 0.1, "{:?}", fit.quality());
+}
+
+#[test]
+fn a_device_that_was_reset_begins_again_at_once() {
+    let mut fit = ClockFit::default();
+    let at = |seconds: f64| Instant::from_nanos((seconds * 1e9) as u64);
+    for n in 0..1000 {
+        fit.take(500.0 + f64::from(n) * 0.01, at(10.0 + f64::from(n) * 0.01));
+    }
+    // Its clock starts at zero again after half a second.
+    let estimate = fit.take(0.0, at(20.5));
+    assert_eq!((estimate, fit.quality().restarts), (at(20.5), 1));
+    // And after a silence, though its clock went on.
+    fit.take(0.01, at(20.51));
+    fit.take(6.0, at(26.5));
+    assert_eq!(fit.quality().restarts, 2);
+    // And when its clock leaps ahead.
+    fit.take(60.0, at(26.51));
+    assert_eq!(fit.quality().restarts, 3);
+}
+
+proptest! {
+    /// Whatever a device and a transport do, time never runs back and nothing is from the future.
+    #[test]
+    fn estimates_never_run_back_nor_ahead_of_the_arrival(
+        steps in prop::collection::vec((-0.1_f64..0.2, 0_u64..200_000_000), 1..300),
+    ) {
+        let mut fit = ClockFit::default();
+        let (mut device_s, mut arrival_ns, mut last) = (5.0, 1_000_000_000_u64, Instant::ZERO);
+        for (step_s, wait_ns) in steps {
+            device_s += step_s;
+            arrival_ns += wait_ns;
+            let arrival = Instant::from_nanos(arrival_ns);
+            let estimate = fit.take(device_s, arrival);
+            prop_assert!(estimate >= last && estimate <= arrival);
+            last = estimate;
+        }
+    }
+}
