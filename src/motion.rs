@@ -20,6 +20,7 @@ pub mod smooth;
 pub mod spline;
 pub mod stop;
 pub mod trajectory;
+pub mod trend;
 
 pub use follow::{FollowTally, Follower, Target};
 pub use limits::JointLimits;
@@ -31,3 +32,4 @@ pub use smooth::low_pass;
 pub use spline::{End, Extreme, Extremes, Spline};
 pub use stop::Clock;
 pub use trajectory::{Setpoint, Trajectory};
+pub use trend::Trend;

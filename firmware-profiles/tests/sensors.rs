@@ -31,7 +31,11 @@ fn a_file_with_a_mistake_is_refused_by_name() {
     refused("unit = \"m/s2\"", "unit = \"deg/s\"", "another unit");
     refused("scale = 1.0", "scale = 0.0", "scale of zero");
     refused("range = 400.0", "range = -1.0", "above zero");
-    refused("quantity = \"angular-rate\"\nunit = \"rad/s\"", "quantity = \"acceleration\"\nunit = \"m/s2\"", "same quantity twice");
+    refused(
+        "quantity = \"angular-rate\"\nunit = \"rad/s\"",
+        "quantity = \"acceleration\"\nunit = \"m/s2\"",
+        "same quantity twice",
+    );
 }
 
 #[test]

@@ -112,6 +112,12 @@ impl Follower {
         self.stopping = true;
     }
 
+    /// True once it was told to brake for good.
+    #[must_use]
+    pub const fn is_stopping(&self) -> bool {
+        self.stopping
+    }
+
     /// True if no joint moves.
     #[must_use]
     pub fn is_at_rest(&self) -> bool {
