@@ -348,7 +348,7 @@ fn a_calibration_that_cannot_be_trusted_is_refused_and_says_why() {
     // A leg that swings about two axes is no hinge: the strapping is used, and it is said.
     let mut moved = person.movement(Movement::Bend);
     for (n, q) in moved.orientation[0].iter_mut().enumerate() {
-        *q = DQuat::from_rotation_x(0.5 * (n as f64 / 7.0).sin()) * *q;
+        *q = DQuat::from_rotation_z(0.5 * (n as f64 / 7.0).sin()) * *q;
     }
     let found = calibrate(&person.sensors(true), &n_pose, None, &[moved]).expect("strapped");
     assert_eq!(found.mounts[0].heading_by, HeadingBy::Strapping);
