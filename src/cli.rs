@@ -5,6 +5,7 @@ pub mod address;
 pub mod calibrate;
 pub mod calibrated;
 pub mod connect;
+pub mod convert;
 pub mod doctor;
 pub mod finding;
 pub mod hold;
@@ -18,6 +19,7 @@ pub mod plots;
 pub mod ports;
 pub mod profile;
 pub mod progress;
+pub mod record;
 pub mod recordings;
 pub mod report;
 pub mod retarget;
@@ -74,6 +76,10 @@ enum Command {
     Limp(limp::LimpArgs),
     /// Run a virtual robot that other programs can open as a serial port
     Simulate(simulate::SimulateArgs),
+    /// Record sensors, lines of text and hand-guided servos
+    Record(Box<record::RecordArgs>),
+    /// Turn a recording into a table
+    Convert(convert::ConvertArgs),
     /// Look into a recording, finished or not
     Info(recordings::InfoArgs),
     /// Save what can be saved of a recording that was never closed
@@ -114,6 +120,8 @@ pub fn main() -> i32 {
         Command::Hold(args) => hold::run(args, remarks),
         Command::Limp(args) => limp::run(args, remarks),
         Command::Simulate(args) => simulate::run(args, remarks),
+        Command::Record(args) => record::run(args, remarks),
+        Command::Convert(args) => convert::run(args, remarks),
         Command::Info(args) => recordings::info(args),
         Command::Recover(args) => recordings::recover(args, remarks),
         Command::Profile(args) => profile::run(args),

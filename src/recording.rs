@@ -23,6 +23,9 @@
 //! | `/cycle` | `gaitway.Cycle` | joints missed and why, cycles dropped before this one |
 //! | `/health` | `gaitway.Health` | temperature and voltage, in the cycles that read them |
 //! | `/run` | `gaitway.Run` | the start and the end of the run |
+//! | `/imu/NAME/sample` | `gaitway.Imu` | what a sensor measured, its raw clock and counter, gaps |
+//! | `/imu/NAME/orientation` | `foxglove.FrameTransform` | the fused orientation |
+//! | `/lines/NAME` | `gaitway.Line` | lines of text as they were read |
 //!
 //! `foxglove.JointStates` (<https://docs.foxglove.dev/docs/sdk/schemas/joint-states>) was chosen
 //! over three parallel arrays because a value may be left out for one joint alone: Foxglove then
@@ -34,17 +37,23 @@
 //! # Time
 //! `log_time` is the wall clock read once at the start plus monotonic time since, so a jump of
 //! the wall clock changes nothing. Each message also carries the raw `host_monotonic_ns`.
-//! `publish_time` equals `log_time`: all values of a cycle share the cycle's one instant.
+//! Of a cycle `publish_time` equals `log_time`: all its values share one instant. Of a sensor's
+//! sample `log_time` is when it was read and `publish_time` when it was taken, as well as that can be
+//! told; `sequence` is its number, missing samples counted.
 
 mod crc;
 mod message;
 mod reader;
 mod sample;
 mod scan;
+mod sensor;
+mod table;
 mod writer;
 
 pub use reader::{
     GoalSeries, Overview, Recording, Recovered, joint_series, read, recover, summary,
 };
 pub use sample::{CycleRecord, JointRecord, RecordedJoint, RunEnd, RunStart};
+pub use sensor::{RecordedSource, SourceId, SourceKind, SourceRecord};
+pub use table::{Rows, write_csv};
 pub use writer::{Disk, Pace, Recorder, Summary};

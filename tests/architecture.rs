@@ -36,6 +36,19 @@ const RULES: &[(&str, &[&str])] = &[
     ("body", NO_HARDWARE),
     ("mocap", NO_HARDWARE),
     ("control", &["crate::cli", "crate::mocap", "crate::recording", "std::fs", "std::time"]),
+    (
+        "capture",
+        &[
+            "crate::port",
+            "crate::bus",
+            "crate::robot",
+            "crate::control",
+            "crate::cli",
+            "crate::recording",
+            "std::fs",
+            "std::time",
+        ],
+    ),
     ("recording", &["crate::control", "crate::bus", "crate::port", "crate::robot", "crate::cli"]),
     ("plot", &["crate::control", "crate::bus", "crate::port", "crate::robot", "crate::cli"]),
 ];

@@ -25,7 +25,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Instant;
 use tcp::TcpEnd;
-use terminal::Terminal;
+pub(crate) use terminal::Terminal;
 
 /// The world is moved on at least this often, so that nothing piles up in a long silence.
 const KEEP_UP_NS: u64 = 250_000_000;
@@ -199,7 +199,7 @@ fn lock(world: &Mutex<World>) -> MutexGuard<'_, World> {
 }
 
 /// Makes `link` point to `path`, in one step, in place of nothing but a dangling or an equal link.
-fn make_link(path: &Path, link: &Path) -> Result<(), DoorError> {
+pub(crate) fn make_link(path: &Path, link: &Path) -> Result<(), DoorError> {
     let failed = |cause| DoorError::Link { path: link.to_path_buf(), cause };
     match symlink(path, link) {
         Err(taken) if taken.kind() == ErrorKind::AlreadyExists => {}

@@ -4,6 +4,7 @@
 //!   minute of motion takes milliseconds, and the same seed and host bytes give the same bytes.
 //! - [`Fault`]: what goes wrong, on purpose; [`Script`] reads faults from a file.
 //! - [`Verdict`]: what the referee saw; it judges at register level and knows only the robot file.
+//! - [`imu`]: virtual inertial sensors on a moving body.
 //! - [`Door`]: the same world behind a pseudo-terminal, in real time, for other programs.
 //!
 //! The device side of the protocols is written here from the makers' manuals alone. This crate
@@ -22,6 +23,7 @@ mod exchange;
 mod family;
 mod fault;
 mod feetech;
+pub mod imu;
 mod line;
 mod motor;
 mod referee;

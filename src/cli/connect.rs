@@ -154,6 +154,19 @@ fn wire(bus: &BusKind, baud_bps: u32) -> Result<(Box<dyn BytePort>, Duration), E
     }
 }
 
+/// A serial line that is only listened to, at `baud_bps` unless the address says another speed.
+///
+/// # Errors
+/// A virtual robot, which is no stream; a port that cannot be opened.
+pub fn open_stream(address: &Address, baud_bps: u32) -> Result<Box<dyn BytePort>, Error> {
+    if address.bus.is_virtual() {
+        return Err(Error::new("a virtual robot sends no stream")
+            .at(address.to_string())
+            .allowed("serial:/dev/ttyUSB0 or tcp:host:port"));
+    }
+    Ok(wire(&address.bus, address.bus.baud_bps().unwrap_or(baud_bps))?.0)
+}
+
 /// One line, opened for questions to single devices: no robot file is needed.
 pub struct OpenLine {
     /// The line.

@@ -55,6 +55,12 @@ impl Output {
         self.force
     }
 
+    /// No report, and files that exist are overwritten if `force`.
+    #[must_use]
+    pub fn forced(force: bool) -> Self {
+        Self { force, ..Self::default() }
+    }
+
     /// Prints a report as text or JSON and writes it to `--report`.
     ///
     /// # Errors

@@ -38,6 +38,13 @@ pub fn info(args: &InfoArgs) -> Result<i32, Error> {
         "gaps      {} readings missed, {} cycles dropped",
         overview.missed_reads, overview.dropped_cycles
     );
+    if overview.missed_samples + overview.dropped_samples > 0 {
+        let _ = writeln!(
+            text,
+            "samples   {} missing, {} dropped",
+            overview.missed_samples, overview.dropped_samples
+        );
+    }
     let _ = match (overview.finished, overview.lost_bytes) {
         (true, 0) => writeln!(text, "file      complete"),
         (true, lost) => writeln!(text, "file      closed, but {lost} bytes are damaged"),

@@ -159,7 +159,7 @@ impl Assembler {
     pub fn take(&mut self, reading: &Reading) -> Option<SensorSample> {
         let sent = [
             reading.acceleration.is_some(),
-            false,
+            reading.linear_acceleration.is_some(),
             reading.angular_rate.is_some(),
             reading.magnetic_field.is_some(),
             reading.quaternion.is_some(),
@@ -187,6 +187,7 @@ impl Assembler {
     fn add(&mut self, reading: &Reading, decisive: bool) {
         self.sample.counter = reading.counter.or(self.sample.counter);
         let measures = reading.acceleration.is_some()
+            || reading.linear_acceleration.is_some()
             || reading.angular_rate.is_some()
             || reading.magnetic_field.is_some()
             || reading.quaternion.is_some()
@@ -199,6 +200,11 @@ impl Assembler {
         let vector = |raw: [f64; 3]| self.axes * DVec3::from_array(raw);
         if let Some(value) = self.scaled(Quantity::Acceleration, reading.acceleration) {
             self.sample.acceleration_m_s2 = value.map(vector);
+            self.sample.implausible |= value.is_none();
+        }
+        if let Some(value) = self.scaled(Quantity::LinearAcceleration, reading.linear_acceleration)
+        {
+            self.sample.linear_acceleration_m_s2 = value.map(vector);
             self.sample.implausible |= value.is_none();
         }
         if let Some(value) = self.scaled(Quantity::AngularRate, reading.angular_rate) {

@@ -54,7 +54,7 @@ impl Topic {
 }
 
 /// Wall clock, as every tool that knows Foxglove's schemas reads it.
-#[derive(Clone, Copy, Default, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Stamp {
     sec: u64,
     nsec: u32,

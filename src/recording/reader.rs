@@ -61,10 +61,23 @@ pub struct Overview {
     pub missed_reads: u64,
     /// Cycles that the recorder dropped because the disk could not keep up.
     pub dropped_cycles: u64,
+    /// Samples of sensors that were lost on their way to the recorder.
+    pub missed_samples: u64,
+    /// Samples and lines that the recorder dropped because the disk could not keep up.
+    pub dropped_samples: u64,
     /// Whether the file was closed as it should be.
     pub finished: bool,
     /// Bytes of the file that could not be used.
     pub lost_bytes: u64,
+}
+
+/// The counts of a message of a source.
+#[derive(Deserialize)]
+struct Losses {
+    #[serde(default)]
+    missed_before: u64,
+    #[serde(default)]
+    dropped_before: u64,
 }
 
 /// What [`recover`] saved.
@@ -251,6 +264,11 @@ impl Overview {
                     (self.robot, self.motion) = (Some(start.robot), Some(start.motion));
                 }
                 self.outcome = run.end.map(|end| end.outcome).or(self.outcome.take());
+            }
+            None if topic.ends_with("/sample") || topic.starts_with("/lines/") => {
+                let Some(losses) = parse::<Losses>(body) else { return };
+                self.missed_samples = self.missed_samples.saturating_add(losses.missed_before);
+                self.dropped_samples = self.dropped_samples.saturating_add(losses.dropped_before);
             }
             _ => {}
         }

@@ -15,11 +15,16 @@ use mcap::write::NoSeek;
 
 use super::message::{self, Run, Stamp, Topic};
 use super::sample::{CycleRecord, RunEnd, RunStart};
+use super::sensor::{self, RecordedSource, SourceId, SourceKind, SourceRecord};
 use crate::error::Error;
 use crate::time::Instant;
 
 /// Cycles that may wait for the disk: 2.5 s at 100 Hz, about 1 MiB with 20 joints.
 const QUEUE_CYCLES: usize = 256;
+/// Samples that may wait for the disk: 2.7 s of 15 sensors at 200 Hz.
+const QUEUE_SAMPLES: usize = 8192;
+/// Topic under which dropped samples and lines of sources are counted.
+const SOURCES: &str = "/imu, /lines";
 
 /// What a recording needs of a disk.
 pub trait Disk: Send + 'static {
@@ -90,6 +95,10 @@ impl Summary {
 enum Item {
     /// A cycle, and how many were dropped just before it.
     Cycle(CycleRecord, u64),
+    /// A source, whose records follow.
+    Source(RecordedSource),
+    /// A record of a source, and how many were dropped just before it.
+    Record(SourceId, Box<SourceRecord>, u64),
     /// The end, and how many cycles were dropped just before it.
     End(RunEnd, u64),
 }
@@ -105,6 +114,10 @@ pub struct Recorder {
     gap: AtomicU64,
     /// Messages dropped, by topic in the order of [`Topic::ALL`].
     dropped: [AtomicU64; Topic::ALL.len()],
+    /// Records dropped since the last one the queue took, by source.
+    source_gaps: Mutex<Vec<u64>>,
+    /// Messages of sources dropped.
+    dropped_of_sources: AtomicU64,
 }
 
 impl Recorder {
@@ -123,16 +136,72 @@ impl Recorder {
     /// # Errors
     /// If the start of the run cannot be written, or the system gives no thread.
     pub fn create_on(disk: impl Disk, start: RunStart, pace: Pace) -> Result<Self, Error> {
+        Self::with_queue(disk, start, pace, QUEUE_CYCLES)
+    }
+
+    /// As [`Recorder::create`], with a queue long enough for many sensors.
+    ///
+    /// # Errors
+    /// As [`Recorder::create`].
+    pub fn create_for_sources(path: &Path, force: bool, start: RunStart) -> Result<Self, Error> {
+        let file = create_file(path, force)?;
+        Self::with_queue(file, start, Pace::default(), QUEUE_SAMPLES)
+            .map_err(|error| error.at(shown(path)))
+    }
+
+    fn with_queue(
+        disk: impl Disk,
+        start: RunStart,
+        pace: Pace,
+        length: usize,
+    ) -> Result<Self, Error> {
         let joints = start.joints.len();
         let log = Log::create(disk, start, pace)
             .map_err(|cause| Error::new("the recording cannot be started").got(cause))?;
-        let (queue, taken) = sync_channel(QUEUE_CYCLES);
+        let (queue, taken) = sync_channel(length);
         let thread = std::thread::Builder::new()
             .name("recording".into())
             .spawn(move || log.run(&taken))
             .map_err(|cause| Error::new("no thread for the recording").got(cause.to_string()))?;
-        let (gap, dropped) = Default::default();
-        Ok(Self { queue: Some(queue), thread: Some(thread), joints, gap, dropped })
+        let (gap, dropped, source_gaps, dropped_of_sources) = Default::default();
+        Ok(Self {
+            queue: Some(queue),
+            thread: Some(thread),
+            joints,
+            gap,
+            dropped,
+            source_gaps,
+            dropped_of_sources,
+        })
+    }
+
+    /// Adds a source; its channels stand in the file before its first record. Waits for the queue.
+    pub fn add_source(&self, source: RecordedSource) -> SourceId {
+        let mut gaps = self.source_gaps.lock().unwrap_or_else(PoisonError::into_inner);
+        let id = SourceId(gaps.len());
+        gaps.push(0);
+        if let Some(queue) = &self.queue {
+            // In the order of the numbers, so while they are locked. Refused only if the thread is
+            // gone; `finish` then says so.
+            let _ = queue.send(Item::Source(source));
+        }
+        id
+    }
+
+    /// Takes a record of a source; never waits. If the queue is full, the record is dropped and
+    /// counted, and the next one of the source says so in the file.
+    pub fn take_record(&self, source: SourceId, record: SourceRecord) {
+        let mut gaps = self.source_gaps.lock().unwrap_or_else(PoisonError::into_inner);
+        let Some(gap) = gaps.get_mut(source.0) else { return };
+        let messages = sensor::message_count(&record);
+        let item = Item::Record(source, Box::new(record), *gap);
+        match self.queue.as_ref().map(|queue| queue.try_send(item)) {
+            Some(Ok(())) => *gap = 0,
+            _ => {
+                *gap += 1;
+                self.dropped_of_sources.fetch_add(messages, Ordering::Relaxed);
+            }
+        }
     }
 
     /// Takes one cycle; never waits. If the queue is full, the cycle is dropped, counted by topic,
@@ -190,6 +259,10 @@ impl Recorder {
             if dropped > 0 {
                 summary.dropped.insert(topic.name(), dropped);
             }
+        }
+        let dropped = self.dropped_of_sources.load(Ordering::Relaxed);
+        if dropped > 0 {
+            summary.dropped.insert(SOURCES, dropped);
         }
         summary
     }
@@ -278,6 +351,8 @@ struct Log<D> {
     mcap: mcap::Writer<NoSeek<Bytes>>,
     channels: [u16; Topic::ALL.len()],
     sequences: [u32; Topic::ALL.len()],
+    /// Added sources: name and channels.
+    sources: Vec<(String, Vec<u16>)>,
     start: RunStart,
     pace: Pace,
     /// Size and count of the open chunk, and when its first message came.
@@ -306,6 +381,7 @@ impl<D: Disk> Log<D> {
             mcap,
             channels,
             sequences: [0; Topic::ALL.len()],
+            sources: Vec::new(),
             last_at: start.monotonic_start,
             start,
             pace,
@@ -326,6 +402,10 @@ impl<D: Disk> Log<D> {
         loop {
             match taken.recv_timeout(self.patience()) {
                 Ok(Item::Cycle(record, gap)) => self.take(&record, gap),
+                Ok(Item::Source(source)) => {
+                    self.attempt(0, |log| log.add_source(&source));
+                }
+                Ok(Item::Record(source, record, gap)) => self.take_record(source, &record, gap),
                 Ok(Item::End(end, gap)) => {
                     self.attempt(1, |log| log.write_end(&end, gap).and_then(|()| log.close_file()));
                     break;
@@ -390,6 +470,38 @@ impl<D: Disk> Log<D> {
             let messages = message::of_cycle(&log.start.joints, record, wall_ns, gap)
                 .map_err(|error| error.to_string())?;
             messages.iter().try_for_each(|(topic, json)| log.write(*topic, wall_ns, json))
+        });
+    }
+
+    fn add_source(&mut self, source: &RecordedSource) -> Result<(), String> {
+        let channels = add_channels(&mut self.mcap, source.kind, &source.name, &source.metadata);
+        self.sources.push((source.name.clone(), channels.map_err(|error| error.to_string())?));
+        Ok(())
+    }
+
+    fn take_record(&mut self, source: SourceId, record: &SourceRecord, gap: u64) {
+        let (read, true_at) = record.moments();
+        self.last_at = self.last_at.max(read);
+        let (log_time, publish_time) =
+            (self.start.wall_nanos(read), self.start.wall_nanos(true_at));
+        let sequence = match record {
+            SourceRecord::Sample(captured) => captured.stamp.number as u32,
+            SourceRecord::Line(..) => 0, // no number, by the format
+        };
+        self.attempt(sensor::message_count(record), |log| {
+            let (name, channels) =
+                log.sources.get(source.0).ok_or("a source that was not added")?;
+            let messages = sensor::messages(name, record, publish_time, gap)
+                .map_err(|error| error.to_string())?;
+            for (channel, json) in messages {
+                let channel_id = channels.get(channel).copied().unwrap_or_default();
+                let header = MessageHeader { channel_id, sequence, log_time, publish_time };
+                log.chunk_bytes += json.len();
+                log.mcap
+                    .write_to_known_channel(&header, &json)
+                    .map_err(|error| error.to_string())?;
+            }
+            Ok(())
         });
     }
 
@@ -491,4 +603,18 @@ impl<D: Disk> Log<D> {
 fn add_topic(mcap: &mut mcap::Writer<NoSeek<Bytes>>, topic: Topic) -> mcap::McapResult<u16> {
     let schema = mcap.add_schema(topic.schema_name(), "jsonschema", topic.schema().as_bytes())?;
     mcap.add_channel(schema, topic.name(), "json", &BTreeMap::new())
+}
+
+fn add_channels(
+    mcap: &mut mcap::Writer<NoSeek<Bytes>>,
+    kind: SourceKind,
+    name: &str,
+    metadata: &BTreeMap<String, String>,
+) -> mcap::McapResult<Vec<u16>> {
+    let mut channels = Vec::new();
+    for (topic, schema_name, schema) in kind.channels(name) {
+        let schema = mcap.add_schema(schema_name, "jsonschema", schema.as_bytes())?;
+        channels.push(mcap.add_channel(schema, &topic, "json", metadata)?);
+    }
+    Ok(channels)
 }

@@ -52,6 +52,8 @@ pub const MAX_LINE: usize = 512;
 pub struct Reading {
     /// Specific force, x, y, z.
     pub acceleration: Option<[f64; 3]>,
+    /// Acceleration without gravity, x, y, z.
+    pub linear_acceleration: Option<[f64; 3]>,
     /// Angular rate, x, y, z.
     pub angular_rate: Option<[f64; 3]>,
     /// Magnetic field, x, y, z.

@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 /// Both ends of a raw terminal. The program's end is held open here too, so that the terminal
 /// outlives the programs that come and go; what the system does when a program closes a real port
 /// as the last one is therefore done here.
-pub(super) struct Terminal {
+pub(crate) struct Terminal {
     /// None once hung up.
     master: Option<OwnedFd>,
     slave: OwnedFd,
@@ -49,6 +49,11 @@ impl Terminal {
 
     pub fn path(&self) -> &Path {
         &self.path
+    }
+
+    /// True while a program has it open.
+    pub const fn is_open(&self) -> bool {
+        self.programs > 0
     }
 
     /// The speed programs have set.

@@ -5,6 +5,7 @@ mod dynamixel1;
 mod dynamixel2;
 mod faults;
 mod feetech;
+mod imu;
 mod line;
 mod mixed;
 mod modes;

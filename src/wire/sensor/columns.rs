@@ -141,6 +141,7 @@ pub(super) fn reading(
     let [celsius, counter, ticks] = rest;
     Ok(Reading {
         acceleration: finite([ax, ay, az]),
+        linear_acceleration: None,
         angular_rate: finite([gx, gy, gz]),
         magnetic_field: finite([mx, my, mz]),
         quaternion: finite([qw, qx, qy, qz]),

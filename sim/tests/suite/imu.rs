@@ -1,0 +1,161 @@
+//! Virtual inertial sensors: what they measure is what the motion does, and nothing else.
+
+use gaitway_sim::imu::{
+    BodyMotion, Disturbance, GRAVITY_M_S2, ImuError, ImuErrors, ImuWire, Measured, Mount,
+    VirtualImu,
+};
+
+fn near(found: [f64; 3], expected: [f64; 3], tolerance: f64) {
+    for (found, expected) in found.iter().zip(expected) {
+        assert!((found - expected).abs() <= tolerance, "{found} is not {expected}");
+    }
+}
+
+/// A segment on a turntable: radius 0.5 m, 2 rad/s about the vertical, its X axis outwards.
+fn turntable() -> BodyMotion {
+    let (rate_hz, radius_m, speed_rad_s) = (100.0, 0.5, 2.0);
+    let angles: Vec<f64> = (0..=400).map(|n| f64::from(n) / rate_hz * speed_rad_s).collect();
+    let positions: Vec<_> =
+        angles.iter().map(|a| [radius_m * a.cos(), radius_m * a.sin(), 1.0]).collect();
+    let orientations: Vec<_> =
+        angles.iter().map(|a| [(a / 2.0).cos(), 0.0, 0.0, (a / 2.0).sin()]).collect();
+    BodyMotion::new(rate_hz, &positions, &orientations).expect("a motion")
+}
+
+/// On a circle the acceleration is v^2/r towards the middle; mounted 0.2 m further in, less.
+#[test]
+fn a_turntable_gives_its_rate_gravity_and_the_centripetal_acceleration() {
+    let motion = turntable();
+    let at = motion.at(2.0, &Mount::default());
+    near(at.rate_rad_s, [0.0, 0.0, 2.0], 1e-4);
+    near(at.specific_force_m_s2, [-2.0, 0.0, GRAVITY_M_S2], 1e-3);
+    let inner = Mount { offset_m: [-0.2, 0.0, 0.0], ..Mount::default() };
+    near(motion.at(2.0, &inner).specific_force_m_s2, [-0.3 * 4.0, 0.0, GRAVITY_M_S2], 1e-3);
+    // Turned on its segment by 90 degrees about X: the sensor's Y axis points up.
+    let half = std::f64::consts::FRAC_1_SQRT_2;
+    let turned = Mount { orientation: [half, half, 0.0, 0.0], ..Mount::default() };
+    let at = motion.at(2.0, &turned);
+    near(at.rate_rad_s, [0.0, 2.0, 0.0], 1e-4);
+    near(at.specific_force_m_s2, [-2.0, GRAVITY_M_S2, 0.0], 1e-3);
+}
+
+/// A swing that speeds up and slows down: the tangential part is angular acceleration times radius.
+#[test]
+fn a_swing_accelerates_what_hangs_on_it() {
+    let rate_hz = 200.0;
+    let angle = |t: f64| 0.5 * (3.0 * t).sin();
+    let orientations: Vec<_> = (0..=800)
+        .map(|n| angle(f64::from(n) / rate_hz))
+        .map(|a| [(a / 2.0).cos(), 0.0, 0.0, (a / 2.0).sin()])
+        .collect();
+    let motion =
+        BodyMotion::new(rate_hz, &vec![[0.0; 3]; orientations.len()], &orientations).expect("one");
+    let mount = Mount { offset_m: [0.4, 0.0, 0.0], ..Mount::default() };
+    for t in [1.0_f64, 1.3, 2.1] {
+        let (rate, change) = (1.5 * (3.0 * t).cos(), -4.5 * (3.0 * t).sin());
+        let at = motion.at(t, &mount);
+        near(at.rate_rad_s, [0.0, 0.0, rate], 1e-3);
+        let expected = [-0.4 * rate * rate, 0.4 * change, GRAVITY_M_S2];
+        near(at.specific_force_m_s2, expected, 5e-3);
+    }
+}
+
+fn samples(errors: ImuErrors, wire: ImuWire) -> Vec<gaitway_sim::imu::Sent> {
+    VirtualImu::new(turntable(), Mount::default(), errors, wire, 100.0).expect("one").collect()
+}
+
+#[test]
+fn samples_come_by_the_sensors_own_clock_and_in_batches() {
+    let errors = ImuErrors {
+        clock_skew: 100e-6,
+        batch_s: 0.016,
+        latency_s: 0.002,
+        jitter_s: 0.001,
+        ..ImuErrors::default()
+    };
+    let sent = samples(errors, ImuWire::Csv);
+    assert!((sent[100].taken_s - 1.0001).abs() < 1e-12);
+    for pair in sent.windows(2) {
+        assert!(pair[1].due_s >= pair[0].due_s);
+    }
+    for one in &sent {
+        let batches = one.due_s / 0.016;
+        assert!((batches - batches.round()).abs() < 1e-6 && one.due_s >= one.taken_s + 0.002);
+    }
+}
+
+#[test]
+fn the_same_seed_gives_the_same_bytes_and_loses_what_it_says() {
+    let errors = |seed| ImuErrors {
+        rate_noise_rad_s: 0.01,
+        acceleration_noise_m_s2: 0.05,
+        loss: 0.2,
+        seed,
+        ..ImuErrors::default()
+    };
+    let one = samples(errors(1), ImuWire::Xsens);
+    assert_eq!(one, samples(errors(1), ImuWire::Xsens));
+    assert_ne!(one, samples(errors(2), ImuWire::Xsens));
+    let lost = one.iter().filter(|sent| sent.bytes.is_empty()).count();
+    assert!((40..120).contains(&lost), "{lost} of 401");
+}
+
+#[test]
+fn a_disturbed_field_is_disturbed_for_its_time_only() {
+    let errors = ImuErrors {
+        disturbances: vec![Disturbance { from_s: 1.0, to_s: 2.0, field_t: [30e-6, 0.0, 0.0] }],
+        ..ImuErrors::default()
+    };
+    // The field is in the lines of VNQMR, cells 5 to 7, in gauss; its length does not turn.
+    let strength = |sent: &gaitway_sim::imu::Sent| {
+        let text = String::from_utf8(sent.bytes.clone()).expect("text");
+        let cells: Vec<f64> =
+            text.split(',').skip(5).take(3).map(|c| c.parse().expect("number")).collect();
+        cells.iter().map(|c| c * c).sum::<f64>().sqrt()
+    };
+    let sent = samples(errors, ImuWire::VectorNavAscii);
+    let quiet = (0.20_f64.powi(2) + 0.44_f64.powi(2)).sqrt();
+    assert!((strength(&sent[50]) - quiet).abs() < 1e-3);
+    assert!((strength(&sent[250]) - quiet).abs() < 1e-3);
+    let loud = (0.30_f64.powi(2) + 0.20_f64.powi(2) + 0.44_f64.powi(2)).sqrt();
+    assert!((strength(&sent[150]) - loud).abs() < 1e-3);
+}
+
+#[test]
+fn what_makes_no_motion_is_refused() {
+    let one = [[0.0; 3]];
+    assert!(matches!(BodyMotion::new(100.0, &one, &[]), Err(ImuError::Poses { .. })));
+    let (two, nan) = ([[0.0; 3]; 2], [[f64::NAN, 0.0, 0.0, 0.0]; 2]);
+    assert!(matches!(BodyMotion::new(100.0, &two, &nan), Err(ImuError::Number(_))));
+    assert!(matches!(BodyMotion::still(-1.0), Err(ImuError::Number(_))));
+}
+
+/// BNO080 data sheet, section 1.3.5.2: index 222, yaw 0.01, pitch -1.10, roll 20.85 degrees,
+/// -371, -20, 977 mg; the reserved bytes are zero.
+#[test]
+fn the_report_of_the_data_sheet_is_built() {
+    let [yaw, pitch, roll] = [0.01_f64, -1.10, 20.85].map(|a| a.to_radians() / 2.0);
+    let (cy, sy, cp, sp, cr, sr) =
+        (yaw.cos(), yaw.sin(), pitch.cos(), pitch.sin(), roll.cos(), roll.sin());
+    let measured = Measured {
+        rate_rad_s: [0.0; 3],
+        specific_force_m_s2: [-0.371, -0.020, 0.977].map(|g| g * GRAVITY_M_S2),
+        linear_acceleration_m_s2: [0.0; 3],
+        field_t: [0.0; 3],
+        orientation: [
+            cr * cp * cy + sr * sp * sy,
+            sr * cp * cy - cr * sp * sy,
+            cr * sp * cy + sr * cp * sy,
+            cr * cp * sy - sr * sp * cy,
+        ],
+        number: 222,
+        device_s: 0.0,
+    };
+    assert_eq!(
+        ImuWire::Bno08xRvc.encode(&measured),
+        [
+            0xAA, 0xAA, 0xDE, 0x01, 0x00, 0x92, 0xFF, 0x25, 0x08, 0x8D, 0xFE, 0xEC, 0xFF, 0xD1,
+            0x03, 0x00, 0x00, 0x00, 0xE7
+        ]
+    );
+}

@@ -1,0 +1,84 @@
+//! One sensor from readings to captured samples: SI units, a place in time, an orientation.
+
+use super::orientation::{Fused, Mode, Orientation};
+use super::timeline::{Order, Stamp, Telling, Timeline};
+use crate::device::sensor::{Assembler, SensorSample};
+use crate::time::{Duration, Instant};
+use crate::wire::sensor::Reading;
+use gaitway_profiles::Sensor;
+
+/// A sample with all that is known of it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Captured {
+    /// When and which.
+    pub stamp: Stamp,
+    /// What was measured.
+    pub sample: SensorSample,
+    /// Orientation from angular rate and acceleration; `None` where one of them is missing, and for
+    /// samples that came twice or out of order.
+    pub fused: Option<Fused>,
+}
+
+/// The way of one sensor's readings.
+pub struct Chain {
+    assembler: Assembler,
+    timeline: Timeline,
+    orientation: Orientation,
+    /// Time since the last sample that was fused, s.
+    unfused_s: f64,
+}
+
+impl Chain {
+    /// For a sensor of this profile.
+    #[must_use]
+    pub fn new(sensor: &Sensor, mode: Mode) -> Self {
+        let period_s = 1.0 / sensor.rate_hz;
+        let telling = Telling {
+            counter_bits: sensor.counter.map(|counter| counter.bits),
+            clock: sensor.clock.map(|clock| (clock.bits, clock.tick_s)),
+            period_s,
+            latency: Duration::from_secs_f64(sensor.latency_s),
+        };
+        Self {
+            assembler: Assembler::new(sensor),
+            timeline: Timeline::new(telling),
+            orientation: Orientation::new(period_s, mode),
+            unfused_s: 0.0,
+        }
+    }
+
+    /// Takes a reading that arrived at `arrival`; the sample it completes, if it does.
+    pub fn take(&mut self, reading: &Reading, arrival: Instant) -> Option<Captured> {
+        let sample = self.assembler.take(reading)?;
+        let stamp = self.timeline.take(sample.counter, sample.ticks, arrival);
+        let fused = match stamp.order {
+            Order::Duplicate | Order::Late => None,
+            Order::Next | Order::Gap | Order::Reset => {
+                self.unfused_s += stamp.step_s;
+                let fused = self.orientation.take(
+                    self.unfused_s,
+                    sample.angular_rate_rad_s,
+                    sample.acceleration_m_s2,
+                    sample.magnetic_field_t,
+                );
+                if fused.is_some() {
+                    self.unfused_s = 0.0;
+                }
+                fused
+            }
+        };
+        Some(Captured { stamp, sample, fused })
+    }
+
+    /// What was seen of order and time.
+    #[must_use]
+    pub const fn timeline(&self) -> &Timeline {
+        &self.timeline
+    }
+
+    /// Samples that lacked a required part.
+    #[must_use]
+    pub const fn incomplete(&self) -> u64 {
+        self.assembler.incomplete()
+    }
+}

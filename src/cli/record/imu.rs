@@ -1,0 +1,98 @@
+//! An inertial sensor on a serial line or behind a TCP port.
+
+use super::{LOOK, PARTIAL_PACKET, PATIENCE, Session, SourceReport};
+use crate::capture::Chain;
+use crate::device::sensor::stream_format;
+use crate::error::Error;
+use crate::port::{BytePort, Clock, MonotonicClock, PortError};
+use crate::recording::{SourceKind, SourceRecord};
+use crate::wire::sensor::Stream;
+use gaitway_profiles::{Sensor, hex_bytes};
+
+/// A sensor whose line is open.
+pub struct SerialImu {
+    name: String,
+    address: String,
+    sensor: Sensor,
+    stream: Stream,
+    port: Box<dyn BytePort>,
+}
+
+impl SerialImu {
+    /// A sensor of this profile at the other end of `port`.
+    ///
+    /// # Errors
+    /// A profile without a stream.
+    pub fn new(
+        name: String,
+        address: &str,
+        sensor: Sensor,
+        port: Box<dyn BytePort>,
+    ) -> Result<Self, Error> {
+        let stream = Stream::new(stream_format(&sensor)?);
+        Ok(Self { name, address: address.to_owned(), sensor, stream, port })
+    }
+
+    /// Records until it is to stop or the port is gone.
+    pub fn record(mut self, session: &Session) {
+        let metadata = [("profile", self.sensor.name.as_str()), ("source", self.address.as_str())];
+        let (name, id) = session.add(&self.name, SourceKind::Imu, &metadata);
+        let mut chain = Chain::new(&self.sensor, session.mode);
+        let mut ended = self.say(&self.sensor.start.clone()).err();
+        let mut buffer = [0_u8; 4096];
+        let began = MonotonicClock.now();
+        let mut remarked = false;
+        while ended.is_none() && !session.stopped() {
+            match self.port.receive(&mut buffer, MonotonicClock.now() + LOOK) {
+                Ok(count) => {
+                    let arrival = MonotonicClock.now();
+                    self.stream.push(&buffer[..count], |reading| {
+                        if let Some(captured) = chain.take(&reading, arrival) {
+                            session.recorder.take_record(id, SourceRecord::Sample(captured));
+                        }
+                    });
+                }
+                Err(PortError::TimedOut) => {}
+                Err(error) => ended = Some(error),
+            }
+            let silent = chain.timeline().counts().samples == 0;
+            if silent && !remarked && MonotonicClock.now().since(began) > PATIENCE {
+                remarked = true;
+                session.remarks.say(&self.silence(&name));
+            }
+        }
+        let counts = self.stream.counts();
+        // The first packet is usually cut in two: recording began in the middle of it.
+        let tail = counts.stray_bytes <= PARTIAL_PACKET && counts.bad <= 1;
+        let _ = self.say(&self.sensor.stop.clone());
+        session.report(SourceReport {
+            stray_bytes: counts.stray_bytes,
+            bad_packets: if tail { 0 } else { counts.bad },
+            ended: ended.map(|error| error.to_string()),
+            ..SourceReport::of(&name, &chain)
+        });
+    }
+
+    /// Why a sensor may be silent, as far as it can be told from what came.
+    fn silence(&self, name: &str) -> String {
+        let counts = self.stream.counts();
+        match counts.bad + counts.stray_bytes {
+            0 => format!("{name}: nothing comes; is it switched on, and are RX and TX crossed?"),
+            _ => format!(
+                "{name}: bytes come, but no packets of {}; check the line speed ({} bit/s) and the \
+                 profile",
+                self.sensor.name,
+                self.sensor.baud_bps.unwrap_or(0)
+            ),
+        }
+    }
+
+    fn say(&mut self, commands: &[String]) -> Result<(), PortError> {
+        for command in commands.iter().filter_map(|command| hex_bytes(command)) {
+            self.port.send(&command, MonotonicClock.now() + LOOK)?;
+            // Small devices lose a command that follows at once.
+            MonotonicClock.sleep_until(MonotonicClock.now() + LOOK);
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,56 @@
+//! Lines of text, kept as they are.
+
+use super::{LOOK, Session, SourceReport};
+use crate::capture::Counts;
+use crate::port::{BytePort, Clock, MonotonicClock, PortError};
+use crate::recording::{SourceKind, SourceRecord};
+
+/// Longer lines are cut.
+const LONGEST_LINE: usize = 4096;
+
+/// A line of text whose port is open.
+pub struct TextLines {
+    name: String,
+    address: String,
+    port: Box<dyn BytePort>,
+}
+
+impl TextLines {
+    /// Lines that come from `port`.
+    pub fn new(name: String, address: &str, port: Box<dyn BytePort>) -> Self {
+        Self { name, address: address.to_owned(), port }
+    }
+
+    /// Records until it is to stop or the port is gone.
+    pub fn record(mut self, session: &Session) {
+        let metadata = [("source", self.address.as_str())];
+        let (name, id) = session.add(&self.name, SourceKind::Lines, &metadata);
+        let mut counts = Counts::default();
+        let mut line = Vec::new();
+        let mut buffer = [0_u8; 4096];
+        let mut ended = None;
+        while ended.is_none() && !session.stopped() {
+            match self.port.receive(&mut buffer, MonotonicClock.now() + LOOK) {
+                Ok(count) => {
+                    let arrival = MonotonicClock.now();
+                    for &byte in &buffer[..count] {
+                        if byte != b'\n' && line.len() < LONGEST_LINE {
+                            line.push(byte);
+                            continue;
+                        }
+                        let text = String::from_utf8_lossy(&line).trim_end().to_owned();
+                        line.clear();
+                        if byte != b'\n' {
+                            line.push(byte);
+                        }
+                        counts.samples += 1;
+                        session.recorder.take_record(id, SourceRecord::Line(arrival, text));
+                    }
+                }
+                Err(PortError::TimedOut) => {}
+                Err(error) => ended = Some(error.to_string()),
+            }
+        }
+        session.report(SourceReport { name, counts, ended, ..SourceReport::default() });
+    }
+}

@@ -1,0 +1,113 @@
+//! A robot's joints as a source: hand-guided teaching. Nothing is written to the servos but, if
+//! asked for, torque off.
+
+use super::{Session, SourceReport};
+use crate::capture::Counts;
+use crate::cli::address::Address;
+use crate::cli::connect::{Connection, connect};
+use crate::control;
+use crate::error::Error;
+use crate::port::{Clock, MonotonicClock};
+use crate::recording::{CycleRecord, JointRecord, RecordedJoint};
+use crate::robot::Robot;
+use crate::time::{Duration, Instant};
+
+/// A robot whose lines are open.
+pub struct Servos {
+    connection: Connection,
+    period: Duration,
+}
+
+impl Servos {
+    /// Opens a robot; with `limp` its torque is switched off.
+    ///
+    /// # Errors
+    /// An unknown robot, a bus that cannot be opened or has no real time, a rate that is none,
+    /// joints that do not confirm.
+    pub fn open(name: &str, buses: &[Address], rate_hz: f64, limp: bool) -> Result<Self, Error> {
+        if !(rate_hz > 0.0 && rate_hz <= 1000.0) {
+            return Err(Error::new("not a rate")
+                .at("--rate")
+                .got(rate_hz.to_string())
+                .allowed("above 0 to 1000 Hz"));
+        }
+        let mut connection = connect(Robot::load(name)?, buses, 0)?;
+        if !connection.real_time {
+            return Err(Error::new("a virtual robot in virtual time cannot be recorded")
+                .at("--bus sim")
+                .remedy("sim:pty, or gaitway simulate in another terminal"));
+        }
+        if limp {
+            control::arm::disarm(&mut connection.link)?;
+        }
+        let period = Duration::from_secs_f64(1.0 / rate_hz);
+        Ok(Self { connection, period })
+    }
+
+    /// The robot's name.
+    pub fn robot_name(&self) -> &str {
+        &self.connection.link.robot().name
+    }
+
+    /// Its joints and their limits, as a recording keeps them.
+    pub fn recorded_joints(&self) -> Vec<RecordedJoint> {
+        let joints = self.connection.link.robot().joints.iter();
+        let recorded = joints.map(|joint| RecordedJoint {
+            name: joint.name.clone(),
+            lower_rad: Some(joint.limits.lower_rad()),
+            upper_rad: Some(joint.limits.upper_rad()),
+            velocity_limit_rad_s: Some(joint.limits.velocity_rad_s()),
+            acceleration_limit_rad_s2: Some(joint.limits.acceleration_rad_s2()),
+        });
+        recorded.collect()
+    }
+
+    /// Records until it is to stop or a line fails.
+    pub fn record(mut self, session: &Session) {
+        let name = self.robot_name().to_owned();
+        let mut counts = Counts::default();
+        let mut ended = None;
+        let mut at = MonotonicClock.now();
+        for cycle in 0.. {
+            MonotonicClock.sleep_until(at);
+            if session.stopped() {
+                break;
+            }
+            match self.read(cycle, at) {
+                Ok(record) => {
+                    let missed = record.joints.iter().filter(|joint| joint.missed.is_some());
+                    counts.missed += missed.count() as u64;
+                    counts.samples += 1;
+                    session.recorder.take(record);
+                }
+                Err(error) => {
+                    ended = Some(error);
+                    break;
+                }
+            }
+            at = (at + self.period).max(MonotonicClock.now());
+        }
+        session.report(SourceReport { name, counts, ended, ..SourceReport::default() });
+    }
+
+    fn read(&mut self, cycle: u64, at: Instant) -> Result<CycleRecord, String> {
+        // A servo that is silent must not hold up the others for longer than a few cycles.
+        let budget = at + self.period.max(Duration::from_millis(50));
+        let states = self.connection.link.whole_states(budget).map_err(|e| e.to_string())?;
+        let joints = states.into_iter().map(|state| match state {
+            Ok((state, _alert)) => JointRecord {
+                present_position_rad: Some(state.position_rad),
+                present_velocity_rad_s: state.velocity_rad_s,
+                present_current_a: state.current_a,
+                present_load_ratio: state.load_ratio,
+                temperature_c: state.temperature_c,
+                voltage_v: state.voltage_v,
+                ..JointRecord::default()
+            },
+            Err(miss) => {
+                JointRecord { missed: Some(miss.to_string().into()), ..JointRecord::default() }
+            }
+        });
+        Ok(CycleRecord { cycle, at, joints: joints.collect() })
+    }
+}

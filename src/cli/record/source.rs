@@ -1,0 +1,187 @@
+//! `[NAME=]KIND@BUS`: what a source is and where.
+
+use super::Session;
+use super::imu::SerialImu;
+use super::lines::TextLines;
+use super::slimevr::Trackers;
+use crate::cli::address::Address;
+use crate::cli::connect::open_stream;
+use crate::error::Error;
+use crate::time::Duration;
+use gaitway_profiles::{Sensor, SensorProtocol};
+use std::net::{Ipv4Addr, SocketAddr};
+use std::str::FromStr;
+
+/// A source as it was typed.
+#[derive(Clone, Debug)]
+pub struct Source {
+    pub text: String,
+    pub name: Option<String>,
+    pub what: What,
+}
+
+/// Kinds of sources.
+#[derive(Clone, Debug)]
+pub enum What {
+    Imu { profile: String, address: Address },
+    Trackers { profile: String, listen: SocketAddr },
+    Lines { address: Address },
+    Servos { robot: String, addresses: Vec<Address> },
+}
+
+const ALLOWED: &str = "imu:PROFILE@serial:/dev/ttyUSB0, imu:slimevr@udp:6969, \
+                       lines@/dev/ttyACM0?baud=115200 or servos:ROBOT@BUS, each with NAME= before it";
+
+impl FromStr for Source {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self, Error> {
+        let unknown = || Error::new("not a source I know").got(text).allowed(ALLOWED);
+        let (name, rest) = match text.split_once('=') {
+            Some((name, rest)) if is_name(name) => (Some(name.to_owned()), rest),
+            _ => (None, text),
+        };
+        let (kind, bus) = rest.split_once('@').ok_or_else(unknown)?;
+        let (kind, which) = kind.split_once(':').unwrap_or((kind, ""));
+        let what = match (kind, which.is_empty()) {
+            ("imu", false) => match bus.strip_prefix("udp:") {
+                Some(listen) => What::Trackers {
+                    profile: which.to_owned(),
+                    listen: socket(listen).ok_or_else(unknown)?,
+                },
+                None => What::Imu { profile: which.to_owned(), address: bus.parse()? },
+            },
+            ("lines", true) => What::Lines { address: bus.parse()? },
+            ("servos", false) => {
+                let addresses = bus.split(',').map(str::parse).collect::<Result<_, _>>()?;
+                What::Servos { robot: which.to_owned(), addresses }
+            }
+            _ => return Err(unknown()),
+        };
+        Ok(Self { text: text.to_owned(), name, what })
+    }
+}
+
+fn is_name(name: &str) -> bool {
+    let fits = |byte: u8| byte.is_ascii_alphanumeric() || matches!(byte, b'-' | b'_');
+    !name.is_empty() && name.bytes().all(fits)
+}
+
+/// A port on every interface, or an address.
+fn socket(text: &str) -> Option<SocketAddr> {
+    let port = text.parse::<u16>().map(|port| SocketAddr::from((Ipv4Addr::UNSPECIFIED, port)));
+    port.or_else(|_| text.parse()).ok()
+}
+
+/// `10s`, `2.5s`, `500ms`, `2min`.
+pub fn duration(text: &str) -> Result<Duration, String> {
+    let (number, unit_s) = if let Some(number) = text.strip_suffix("ms") {
+        (number, 1e-3)
+    } else if let Some(number) = text.strip_suffix("min") {
+        (number, 60.0)
+    } else {
+        (text.strip_suffix('s').unwrap_or(text), 1.0)
+    };
+    let seconds = number.trim().parse::<f64>().map_err(|e| e.to_string())? * unit_s;
+    if seconds > 0.0 && seconds <= 1e6 {
+        Ok(Duration::from_secs_f64(seconds))
+    } else {
+        Err("allowed are times above zero, e.g. 10s, 500ms, 2min".to_owned())
+    }
+}
+
+/// A source that is open.
+pub enum Opened {
+    Imu(Box<SerialImu>),
+    Trackers(Box<Trackers>),
+    Lines(Box<TextLines>),
+}
+
+impl Opened {
+    /// Records until it is to stop.
+    pub fn record(self, session: &Session) {
+        match self {
+            Self::Imu(imu) => imu.record(session),
+            Self::Trackers(trackers) => trackers.record(session),
+            Self::Lines(lines) => lines.record(session),
+        }
+    }
+}
+
+/// Line speed of text if the address says none.
+const TEXT_BAUD_BPS: u32 = 115_200;
+
+impl Source {
+    /// Opens a source that is no robot.
+    ///
+    /// # Errors
+    /// An unknown profile, one that does not fit the bus, a port that cannot be opened.
+    pub fn open(&self) -> Result<Opened, Error> {
+        let mismatch = |remedy: &str| {
+            Error::new("the profile and the bus do not fit").at(self.text.clone()).remedy(remedy)
+        };
+        match &self.what {
+            What::Imu { profile, address } => {
+                let sensor = load(profile)?;
+                let Some(baud_bps) = sensor.baud_bps else {
+                    return Err(mismatch("SlimeVR trackers send UDP: imu:slimevr@udp:6969"));
+                };
+                let port = open_stream(address, baud_bps)?;
+                let name = self.name.clone().unwrap_or_else(|| sensor.name.clone());
+                SerialImu::new(name, &self.text, sensor, port).map(|imu| Opened::Imu(Box::new(imu)))
+            }
+            What::Trackers { profile, listen } => {
+                let sensor = load(profile)?;
+                if sensor.protocol != SensorProtocol::Slimevr {
+                    return Err(mismatch("only SlimeVR trackers send UDP"));
+                }
+                let name = self.name.clone().unwrap_or_else(|| "tracker".to_owned());
+                Trackers::open(name, sensor, *listen).map(|t| Opened::Trackers(Box::new(t)))
+            }
+            What::Lines { address } => {
+                let port = open_stream(address, TEXT_BAUD_BPS)?;
+                let name = self.name.clone().unwrap_or_else(|| "lines".to_owned());
+                Ok(Opened::Lines(Box::new(TextLines::new(name, &self.text, port))))
+            }
+            What::Servos { .. } => Err(Error::new("a robot is no stream").at(self.text.clone())),
+        }
+    }
+}
+
+fn load(profile: &str) -> Result<Sensor, Error> {
+    gaitway_profiles::sensor(profile).map_err(|error| Error::new(error.to_string()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sources_are_read_and_others_refused_with_the_allowed_forms() {
+        let source = |text: &str| text.parse::<Source>().unwrap_or_else(|e| panic!("{text}: {e}"));
+        let imu = source("left=imu:bno08x-rvc@/dev/ttyUSB0");
+        assert_eq!(imu.name.as_deref(), Some("left"));
+        assert!(matches!(imu.what, What::Imu { profile, .. } if profile == "bno08x-rvc"));
+        let own = source("imu:./mine.toml@serial:/dev/ttyACM0?baud=9600");
+        assert!(matches!(own.what, What::Imu { profile, address }
+            if profile == "./mine.toml" && address.bus.baud_bps() == Some(9600)));
+        let trackers = source("imu:slimevr@udp:6969");
+        assert!(matches!(trackers.what, What::Trackers { listen, .. } if listen.port() == 6969));
+        assert!(matches!(source("lines@/dev/ttyACM0").what, What::Lines { .. }));
+        assert!(matches!(source("servos:op3@sim:pty").what, What::Servos { .. }));
+        for text in ["", "imu@/dev/x", "imu:a", "lines:x@/dev/x", "servos@sim", "imu:a@udp:x"] {
+            assert!(text.parse::<Source>().is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn durations_have_units() {
+        assert_eq!(duration("10s"), Ok(Duration::from_secs(10)));
+        assert_eq!(duration("2.5"), Ok(Duration::from_millis(2500)));
+        assert_eq!(duration("500ms"), Ok(Duration::from_millis(500)));
+        assert_eq!(duration("2min"), Ok(Duration::from_secs(120)));
+        for text in ["", "0s", "-1s", "nan", "1h"] {
+            assert!(duration(text).is_err(), "{text}");
+        }
+    }
+}

@@ -1,0 +1,179 @@
+//! A recording as a table of comma-separated values, for spreadsheets and statistics.
+//!
+//! Samples of sensors: one row per sample, all sensors in one table in the order in which they were
+//! read. Joints of a robot, if the recording has no sensors: one row per cycle. What was not measured
+//! is an empty cell. Times are seconds since the start of the recording.
+
+use super::reader::read;
+use super::scan::{Found, scan};
+use super::sensor::{Imu, Rotation, Transform, Vector};
+use crate::error::Error;
+use mcap::records::MessageHeader;
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{BufReader, Write};
+use std::path::Path;
+
+const TITLES: &str = "sensor,number,taken_s,read_s,order,missed_before,acceleration_x_m_s2,\
+acceleration_y_m_s2,acceleration_z_m_s2,rate_x_rad_s,rate_y_rad_s,rate_z_rad_s,field_x_t,field_y_t,\
+field_z_t,device_w,device_x,device_y,device_z,fused_w,fused_x,fused_y,fused_z,settled,\
+temperature_c,device_counter,device_ticks";
+
+/// What was written.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Rows {
+    /// Rows, titles not counted.
+    pub rows: u64,
+    /// Samples or cycles that are missing in the recording.
+    pub missing: u64,
+    /// True if the recording was closed as it should be and nothing in it is damaged.
+    pub whole: bool,
+}
+
+/// Writes a recording as a table.
+///
+/// # Errors
+/// A recording that cannot be read or holds neither samples nor cycles; a table that cannot be
+/// written.
+pub fn write_csv(path: &Path, out: &mut impl Write) -> Result<Rows, Error> {
+    let file = File::open(path).map_err(|cause| {
+        Error::new("the file cannot be read").at(path.display().to_string()).got(cause.to_string())
+    })?;
+    let mut table = Table { out, pending: BTreeMap::new(), start_ns: None, rows: Rows::default() };
+    let tally = scan(BufReader::new(file), |found| match found {
+        Found::Message { channel, header, body } => table.add(&channel.topic, &header, body),
+        Found::Metadata(_) => Ok(()),
+    })
+    .map_err(|error| error.at(path.display().to_string()))?;
+    table.finish()?;
+    let mut rows = table.rows;
+    if rows.rows == 0 {
+        return joints(path, out);
+    }
+    rows.whole = tally.finished && tally.lost_bytes == 0;
+    Ok(rows)
+}
+
+struct Table<'a, W> {
+    out: &'a mut W,
+    /// Samples whose orientation may still follow, by sensor.
+    pending: BTreeMap<String, (Imu, MessageHeader)>,
+    start_ns: Option<u64>,
+    rows: Rows,
+}
+
+impl<W: Write> Table<'_, W> {
+    fn add(&mut self, topic: &str, header: &MessageHeader, body: &[u8]) -> Result<(), Error> {
+        self.start_ns.get_or_insert(header.log_time);
+        let Some((name, part)) = topic.strip_prefix("/imu/").and_then(|t| t.rsplit_once('/'))
+        else {
+            return Ok(());
+        };
+        match part {
+            "sample" => {
+                let Ok(sample) = serde_json::from_slice::<Imu>(body) else { return Ok(()) };
+                self.rows.missing += sample.missed_before + sample.dropped_before;
+                let before = self.pending.insert(name.to_owned(), (sample, header.clone()));
+                if let Some((sample, header)) = before {
+                    self.row(name, &sample, &header, None)?;
+                }
+            }
+            "orientation" => {
+                let Ok(transform) = serde_json::from_slice::<Transform>(body) else {
+                    return Ok(());
+                };
+                if let Some((sample, header)) = self.pending.remove(name) {
+                    self.row(name, &sample, &header, Some(&transform))?;
+                }
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    fn finish(&mut self) -> Result<(), Error> {
+        for (name, (sample, header)) in std::mem::take(&mut self.pending) {
+            self.row(&name, &sample, &header, None)?;
+        }
+        Ok(())
+    }
+
+    fn row(
+        &mut self,
+        name: &str,
+        sample: &Imu,
+        header: &MessageHeader,
+        transform: Option<&Transform>,
+    ) -> Result<(), Error> {
+        if self.rows.rows == 0 {
+            line(self.out, TITLES)?;
+        }
+        self.rows.rows += 1;
+        let start_ns = self.start_ns.unwrap_or(0);
+        let since_s =
+            |ns: u64| format!("{:.9}", (i128::from(ns) - i128::from(start_ns)) as f64 / 1e9);
+        let fused = transform.filter(|transform| transform.source == "vqf");
+        let cells = [
+            name.to_owned(),
+            sample.number.to_string(),
+            since_s(header.publish_time),
+            since_s(header.log_time),
+            sample.order.to_string(),
+            sample.missed_before.to_string(),
+            vector(sample.linear_acceleration),
+            vector(sample.angular_velocity),
+            vector(sample.magnetic_field),
+            rotation(sample.orientation),
+            rotation(fused.map(|fused| fused.rotation)),
+            fused.map_or_else(String::new, |fused| u8::from(fused.settled).to_string()),
+            cell(sample.temperature_c),
+            cell(sample.device_counter),
+            cell(sample.device_ticks),
+        ];
+        line(self.out, &cells.join(","))
+    }
+}
+
+fn cell(value: Option<impl ToString>) -> String {
+    value.map_or_else(String::new, |value| value.to_string())
+}
+
+fn vector(value: Option<Vector>) -> String {
+    value.map_or_else(|| ",,".to_owned(), |v| format!("{},{},{}", v.x, v.y, v.z))
+}
+
+fn rotation(value: Option<Rotation>) -> String {
+    value.map_or_else(|| ",,,".to_owned(), |q| format!("{},{},{},{}", q.w, q.x, q.y, q.z))
+}
+
+fn line(out: &mut impl Write, text: &str) -> Result<(), Error> {
+    writeln!(out, "{text}")
+        .map_err(|cause| Error::new("the table cannot be written").got(cause.to_string()))
+}
+
+/// One row per cycle.
+fn joints(path: &Path, out: &mut impl Write) -> Result<Rows, Error> {
+    let recording = read(path)?;
+    if recording.cycles.is_empty() {
+        return Err(Error::new("the recording holds neither samples nor cycles")
+            .at(path.display().to_string()));
+    }
+    let titles = recording.joint_names.iter().map(|name| format!(",{name}_goal_rad,{name}_rad"));
+    line(out, &format!("cycle,time_s{}", titles.collect::<String>()))?;
+    let first = recording.cycles[0].at;
+    let mut rows = Rows {
+        missing: recording.dropped_cycles,
+        whole: recording.finished && recording.lost_bytes == 0,
+        rows: 0,
+    };
+    for cycle in &recording.cycles {
+        let mut row = format!("{},{:.9}", cycle.cycle, cycle.at.seconds_since(first));
+        for joint in &cycle.joints {
+            row += &format!(",{},{}", cell(joint.goal_rad), cell(joint.present_position_rad));
+            rows.missing += u64::from(joint.missed.is_some());
+        }
+        line(out, &row)?;
+        rows.rows += 1;
+    }
+    Ok(rows)
+}

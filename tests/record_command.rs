@@ -1,0 +1,240 @@
+//! `gaitway record` on virtual sensors behind pseudo-terminals and UDP. Time is real here.
+
+use gaitway_sim::imu::{BodyMotion, ImuDoor, ImuErrors, ImuWire, Mount, VirtualImu};
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+fn gaitway() -> Command {
+    Command::new(env!("CARGO_BIN_EXE_gaitway"))
+}
+
+/// A folder of this test's own.
+fn folder(name: &str) -> PathBuf {
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
+    let _ = std::fs::remove_dir_all(&folder);
+    std::fs::create_dir_all(&folder).expect("a temporary folder");
+    folder
+}
+
+/// A sensor that turns about the vertical at 1 rad/s for so long.
+fn sensor(wire: ImuWire, rate_hz: f64, seconds: f64, errors: ImuErrors) -> VirtualImu {
+    let angles: Vec<f64> = (0..=(seconds * 50.0) as u32).map(|n| f64::from(n) / 50.0).collect();
+    let turns: Vec<_> =
+        angles.iter().map(|a| [(a / 2.0).cos(), 0.0, 0.0, (a / 2.0).sin()]).collect();
+    let motion = BodyMotion::new(50.0, &vec![[0.0; 3]; turns.len()], &turns).expect("a motion");
+    VirtualImu::new(motion, Mount::default(), errors, wire, rate_hz).expect("a sensor")
+}
+
+fn record(folder: &Path, arguments: &[String]) -> Output {
+    gaitway()
+        .current_dir(folder)
+        .args(["record", "-o", "take.mcap", "--json"])
+        .args(arguments)
+        .output()
+        .expect("the command")
+}
+
+fn json(output: &Output) -> Value {
+    serde_json::from_slice(&output.stdout)
+        .unwrap_or_else(|e| panic!("no report ({e}): {}", String::from_utf8_lossy(&output.stderr)))
+}
+
+/// Rows of the table by sensor, as maps from title to cell.
+fn table(folder: &Path) -> BTreeMap<String, Vec<BTreeMap<String, String>>> {
+    let output = gaitway()
+        .current_dir(folder)
+        .args(["convert", "take.mcap", "take.csv"])
+        .output()
+        .expect("the command");
+    assert!(matches!(output.status.code(), Some(0 | 3)), "{output:?}");
+    let text = std::fs::read_to_string(folder.join("take.csv")).expect("a table");
+    let mut lines = text.lines().map(|line| line.split(',').map(str::to_owned));
+    let titles: Vec<String> = lines.next().expect("titles").collect();
+    let mut rows: BTreeMap<String, Vec<_>> = BTreeMap::new();
+    for line in lines {
+        let row: BTreeMap<String, String> = titles.iter().cloned().zip(line).collect();
+        assert_eq!(row.len(), titles.len());
+        rows.entry(row["sensor"].clone()).or_default().push(row);
+    }
+    rows
+}
+
+fn number(row: &BTreeMap<String, String>, title: &str) -> f64 {
+    row[title].parse().unwrap_or_else(|e| panic!("{title} {:?}: {e}", row[title]))
+}
+
+#[test]
+fn two_sensors_of_different_make_are_recorded_side_by_side() {
+    let folder = folder("record-two");
+    let errors = ImuErrors { latency_s: 0.001, jitter_s: 0.001, ..ImuErrors::default() };
+    let left = sensor(ImuWire::Xsens, 100.0, 60.0, errors.clone());
+    let right = sensor(ImuWire::Csv, 100.0, 60.0, errors);
+    let left = ImuDoor::open(left, 115_200, None).expect("a terminal");
+    let right = ImuDoor::open(right, 115_200, None).expect("a terminal");
+    let output = record(
+        &folder,
+        &[
+            format!("left=imu:xsens-mti@{}", left.path().display()),
+            format!("right=imu:arduino-csv@{}", right.path().display()),
+            "--for".to_owned(),
+            "2s".to_owned(),
+            "--name".to_owned(),
+            "turn".to_owned(),
+        ],
+    );
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+    let report = json(&output);
+    assert_eq!(
+        (&report["outcome"], report["sources"].as_array().map(Vec::len)),
+        (&"done".into(), Some(2))
+    );
+
+    let info = gaitway().current_dir(&folder).args(["info", "take.mcap"]).output().expect("info");
+    let said = String::from_utf8_lossy(&info.stdout).into_owned();
+    for word in ["motion    turn", "/imu/left/sample", "/imu/right/orientation", "complete"] {
+        assert!(said.contains(word), "no {word} in:\n{said}");
+    }
+
+    let rows = table(&folder);
+    for name in ["left", "right"] {
+        let rows = &rows[name];
+        // A host that stalls reads later, and not less: the terminal keeps what it has.
+        assert!(rows.len() > 100, "{name}: {}", rows.len());
+        for pair in rows.windows(2) {
+            assert_eq!(number(&pair[1], "number"), number(&pair[0], "number") + 1.0);
+            assert!(number(&pair[1], "taken_s") >= number(&pair[0], "taken_s"));
+            assert!(number(&pair[1], "taken_s") <= number(&pair[1], "read_s"));
+        }
+        let (first, last) = (&rows[20], &rows[rows.len() - 1]);
+        assert!((number(last, "acceleration_z_m_s2") - 9.80665).abs() < 0.01);
+        assert!((number(last, "rate_z_rad_s") - 1.0).abs() < 0.01);
+        // 1 rad/s: the fused heading turns by as many radians as seconds pass on its own clock.
+        let heading = |row| 2.0 * number(row, "fused_z").atan2(number(row, "fused_w"));
+        let turned = (heading(last) - heading(first)).rem_euclid(std::f64::consts::TAU);
+        let passed = (number(last, "number") - number(first, "number")) / 100.0;
+        assert!((turned - passed % std::f64::consts::TAU).abs() < 0.02, "{turned} in {passed} s");
+    }
+}
+
+#[test]
+fn samples_that_are_lost_are_counted_and_told_by_the_exit_code() {
+    let folder = folder("record-loss");
+    let errors = ImuErrors { loss: 0.1, seed: 5, ..ImuErrors::default() };
+    let door = ImuDoor::open(sensor(ImuWire::Bno08xRvc, 100.0, 60.0, errors), 115_200, None)
+        .expect("a terminal");
+    let source = format!("imu:bno08x-rvc@{}", door.path().display());
+    let output = record(&folder, &[source, "--for".to_owned(), "2s".to_owned()]);
+    assert_eq!(output.status.code(), Some(3), "{output:?}");
+    let report = json(&output);
+    let counts = &report["sources"][0]["counts"];
+    let (samples, missed) = (counts["samples"].as_u64(), counts["missed"].as_u64());
+    assert!(samples > Some(50) && missed > Some(2), "{counts}");
+    let rows = &table(&folder)["bno08x-rvc"];
+    let in_table: f64 = rows.iter().map(|row| number(row, "missed_before")).sum();
+    assert_eq!(Some(in_table as u64), missed);
+}
+
+#[test]
+fn a_slimevr_tracker_finds_the_recorder_and_is_recorded() {
+    let folder = folder("record-slimevr");
+    // A port that was free a moment ago.
+    let free = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).and_then(|s| s.local_addr());
+    let port = free.expect("a port").port();
+    let imu = sensor(ImuWire::SlimeVr, 100.0, 60.0, ImuErrors::default());
+    let tracker = ImuDoor::open_slimevr(imu, SocketAddr::from((Ipv4Addr::LOCALHOST, port)))
+        .expect("a tracker");
+    let source = format!("imu:slimevr@udp:127.0.0.1:{port}");
+    let output = record(&folder, &[source, "--for".to_owned(), "3s".to_owned()]);
+    drop(tracker);
+    let report = json(&output);
+    assert!(report["sources"][0]["counts"]["samples"].as_u64() > Some(50), "{report}");
+    let rows = &table(&folder)["tracker-000001-0"];
+    assert!(rows.iter().all(|row| !row["device_w"].is_empty() && row["fused_w"].is_empty()));
+}
+
+#[test]
+fn a_sensor_that_vanishes_ends_its_source_and_not_the_recording() {
+    let folder = folder("record-vanish");
+    let door = ImuDoor::open(sensor(ImuWire::Nmea, 50.0, 60.0, ImuErrors::default()), 9600, None)
+        .expect("a terminal");
+    let source = format!("imu:nmea-imu@{}", door.path().display());
+    let child = gaitway()
+        .current_dir(&folder)
+        .args(["record", &source, "-o", "take.mcap", "--json", "--for", "2s"])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the command");
+    std::thread::sleep(Duration::from_millis(900));
+    drop(door);
+    let output = child.wait_with_output().expect("its end");
+    assert_eq!(output.status.code(), Some(3), "{output:?}");
+    let report = json(&output);
+    assert!(report["sources"][0]["ended"].is_string(), "{report}");
+    assert!(report["duration_s"].as_f64() >= Some(2.0));
+}
+
+#[test]
+fn a_recording_that_was_killed_is_read_and_converted() {
+    let folder = folder("record-killed");
+    let door = ImuDoor::open(sensor(ImuWire::Cobs, 100.0, 60.0, ImuErrors::default()), 9600, None)
+        .expect("a terminal");
+    let source = format!("imu:cobs-imu@{}", door.path().display());
+    let mut child = gaitway()
+        .current_dir(&folder)
+        .args(["record", &source, "-o", "take.mcap", "--quiet"])
+        .spawn()
+        .expect("the command");
+    let path = folder.join("take.mcap");
+    let began = Instant::now();
+    let size = || std::fs::metadata(&path).map_or(0, |metadata| metadata.len());
+    while size() < 100_000 && began.elapsed() < Duration::from_secs(20) {
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    child.kill().expect("killed");
+    let _ = child.wait();
+    let rows = table(&folder);
+    assert!(rows["cobs-imu"].len() > 100, "{}", rows["cobs-imu"].len());
+    let recovered = gaitway().current_dir(&folder).args(["recover", "take.mcap"]).output();
+    assert_eq!(recovered.expect("recover").status.code(), Some(3));
+}
+
+#[test]
+fn a_robot_that_is_guided_by_hand_is_recorded_without_a_word_to_its_torque() {
+    let folder = folder("record-servos");
+    let arguments =
+        ["servos:so101@sim:pty", "--for", "1s", "--rate", "20"].map(str::to_owned).to_vec();
+    let output = record(&folder, &arguments);
+    let report = json(&output);
+    assert!(report["sources"][0]["counts"]["samples"].as_u64() > Some(5), "{report}");
+    let converted = gaitway()
+        .current_dir(&folder)
+        .args(["convert", "take.mcap", "take.csv"])
+        .output()
+        .expect("the command");
+    assert!(matches!(converted.status.code(), Some(0 | 3)), "{converted:?}");
+    let text = std::fs::read_to_string(folder.join("take.csv")).expect("a table");
+    assert!(text.lines().count() > 5 && text.contains("_rad"), "{text}");
+}
+
+#[test]
+fn what_cannot_be_recorded_is_refused_before_a_file_is_made() {
+    let folder = folder("record-refused");
+    for (source, said) in [
+        ("imu:no-such@/dev/null", "no sensor of this name"),
+        ("imu:slimevr@/dev/null", "do not fit"),
+        ("imu:bno08x-rvc@udp:6969", "only SlimeVR"),
+        ("imu:bno08x-rvc@/dev/no-such-port", "no such port"),
+        ("servos:op3@sim", "virtual time"),
+        ("nonsense", "not a source"),
+    ] {
+        let output = record(&folder, &[source.to_owned(), "--for".to_owned(), "1s".to_owned()]);
+        let text = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(!output.status.success() && text.contains(said), "{source}: {text}");
+        assert!(!folder.join("take.mcap").exists(), "{source}");
+    }
+}
