@@ -13,6 +13,7 @@ pub mod angles;
 pub mod contact;
 pub mod dof;
 pub mod proportions;
+pub mod worn;
 
 mod mirror;
 

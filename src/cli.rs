@@ -11,6 +11,7 @@ pub mod finding;
 pub mod hold;
 pub mod identify;
 pub mod limp;
+pub mod live;
 pub mod monitor;
 pub mod output;
 pub mod play;
@@ -65,6 +66,8 @@ Exit codes: 0 done, 1 refused or failed, 2 usage, 3 done but something was not r
 enum Command {
     /// Play a motion on a robot, real or virtual
     Play(Box<play::PlayArgs>),
+    /// Let a robot do now what a body does
+    Live(Box<live::LiveArgs>),
     /// Transfer a motion to a robot's joints and write the trajectory
     Retarget(Box<retarget::RetargetArgs>),
     /// Make a motion of actionlets and write it to a file
@@ -114,6 +117,7 @@ pub fn main() -> i32 {
     let remarks = Remarks { quiet: cli.quiet };
     let done = match &cli.command {
         Command::Play(args) => play::run(args, remarks),
+        Command::Live(args) => live::run(args, remarks),
         Command::Retarget(args) => retarget::run(args, remarks),
         Command::Synth(args) => synth::run(args, remarks),
         Command::Actionlets(args) => actionlets::run(args, remarks),

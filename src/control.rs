@@ -3,12 +3,14 @@
 pub mod arm;
 pub mod cycle;
 pub mod health;
+pub mod mirror;
 pub mod plausible;
 pub mod tally;
 pub mod watchdog;
 
-pub use cycle::{Run, Settings, run};
+pub use cycle::{Motion, Run, Settings, run, stream};
 pub use health::StopReason;
+pub use mirror::{Input, Mirror};
 pub use tally::{JointTally, Tally};
 
 use crate::bus::Miss;

@@ -158,6 +158,7 @@ impl Guard {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::motion::{Follower, Setpoint, Target};
     use proptest::prelude::*;
 
     const T: Duration = Duration::from_millis(10);
@@ -276,6 +277,30 @@ mod tests {
                     prop_assert!((goal - last).abs() <= 4.0 * since * (1.0 + 1e-6) + 1e-8);
                     (last, now) = (goal, at);
                 }
+            }
+        }
+
+        #[test]
+        fn what_a_follower_lets_out_is_never_refused(
+            asked in prop::collection::vec(
+                (-3.0..3.0_f64, -9.0..9.0_f64, 0.0..0.12_f64, 0_u64..130), 1..80,
+            )
+        ) {
+            let mut now = Instant::ZERO;
+            let mut follower = Follower::standing_at(&[0.3, 0.0], limits());
+            let (mut guard, _) = Guard::standing_at(&[0.3, 0.0], limits(), now).unwrap();
+            let mut setpoints = [Setpoint::default(); 2];
+            for (position, velocity, age_s, millis) in asked {
+                let dt = Duration::from_millis(millis);
+                now = now + dt;
+                let target = Target {
+                    position_rad: vec![position, -position],
+                    velocity_rad_s: vec![velocity, velocity],
+                    age_s,
+                };
+                follower.advance(dt.as_secs_f64(), Some(&target), &mut setpoints);
+                let goals = setpoints.map(|setpoint| setpoint.position_rad);
+                prop_assert!(guard.admit(&goals, now).is_ok(), "{goals:?}");
             }
         }
     }

@@ -10,6 +10,7 @@
 //! Angles are rad, times s. A joint is a row: positions are indexed `[joint][sample]`.
 
 pub mod ease;
+pub mod follow;
 pub mod limits;
 pub mod path;
 pub mod plan;
@@ -19,7 +20,9 @@ pub mod smooth;
 pub mod spline;
 pub mod stop;
 pub mod trajectory;
+pub mod trend;
 
+pub use follow::{FollowTally, Follower, Target};
 pub use limits::JointLimits;
 pub use path::Path;
 pub use plan::{Plan, PlanOptions, plan};
@@ -29,3 +32,4 @@ pub use smooth::low_pass;
 pub use spline::{End, Extreme, Extremes, Spline};
 pub use stop::Clock;
 pub use trajectory::{Setpoint, Trajectory};
+pub use trend::Trend;

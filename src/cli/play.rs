@@ -150,7 +150,7 @@ fn play_into(
 }
 
 /// A wish to stop that comes before torque is on is fulfilled by never switching it on.
-fn stopped_before_torque(signals: &Signals, report: &mut PlayReport) -> bool {
+pub(super) fn stopped_before_torque(signals: &Signals, report: &mut PlayReport) -> bool {
     if signals.first().is_none() {
         return false;
     }
@@ -336,7 +336,7 @@ fn conclude(
     }
 }
 
-fn describe_run(report: &mut PlayReport, run: &Run) {
+pub(super) fn describe_run(report: &mut PlayReport, run: &Run) {
     report.outcome = match &run.stop {
         None => Outcome::Done,
         Some(StopReason::Refused { .. }) => Outcome::Failed,

@@ -213,7 +213,8 @@ fn cut(capture: &mut Capture, from: Option<f64>, to: Option<f64>) -> Result<(), 
 }
 
 /// The robot as retargeting sees it.
-fn robot_model(file: &profiles::Robot, robot: &Robot) -> RobotModel {
+#[must_use]
+pub fn robot_model(file: &profiles::Robot, robot: &Robot) -> RobotModel {
     let index = |name: &str| file.joints.iter().position(|joint| joint.name == name);
     let joints = file.joints.iter().zip(&robot.joints).map(|(joint, resolved)| ModelJoint {
         name: joint.name.clone(),

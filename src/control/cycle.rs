@@ -63,13 +63,41 @@ const LAST_GOALS: u32 = 2;
 /// Far below a count of any encoder, far above what arithmetic loses.
 const ROUNDING_RAD: f64 = 1e-9;
 
+/// Where goals come from, cycle by cycle. Starts and ends at rest.
+pub trait Motion {
+    /// Lets `dt_s` pass until `now` and says where the joints shall be then; true once they are at
+    /// rest for good.
+    fn advance(&mut self, dt_s: f64, now: Instant, setpoints: &mut [Setpoint]) -> bool;
+
+    /// Begins to come to rest. Another stop changes nothing.
+    fn stop(&mut self);
+}
+
+/// A motion that is known to its end.
+struct Planned<'a> {
+    trajectory: &'a Trajectory,
+    clock: MotionClock,
+}
+
+impl Motion for Planned<'_> {
+    fn advance(&mut self, dt_s: f64, _now: Instant, setpoints: &mut [Setpoint]) -> bool {
+        let motion_s = self.clock.advance(dt_s);
+        self.trajectory.sample(motion_s, setpoints);
+        self.clock.apply_rate(setpoints);
+        self.clock.is_stopped() || motion_s >= self.trajectory.duration_s()
+    }
+
+    fn stop(&mut self) {
+        self.clock.stop();
+    }
+}
+
 /// The loop's memory between two cycles.
 struct Player<'a> {
     link: &'a mut Link,
     guard: Guard,
     command: Command,
-    trajectory: &'a Trajectory,
-    clock: MotionClock,
+    motion: &'a mut dyn Motion,
     setpoints: Vec<Setpoint>,
     goal_velocity_rad_s: Vec<f64>,
     /// When a goal was last written; none yet: the motion's clock starts with the first.
@@ -91,8 +119,21 @@ struct Player<'a> {
 /// the motion starts where it stands.
 pub fn run(
     link: &mut Link,
-    (guard, command): (Guard, Command),
+    armed: (Guard, Command),
     trajectory: &Trajectory,
+    settings: Settings,
+    sink: &mut dyn Sink,
+    asked_to_stop: &dyn Fn() -> bool,
+) -> Run {
+    let clock = MotionClock::new(&link.robot().limits());
+    stream(link, armed, &mut Planned { trajectory, clock }, settings, sink, asked_to_stop)
+}
+
+/// Streams whatever motion there is until it is at rest; the rest as [`run`].
+pub fn stream(
+    link: &mut Link,
+    (guard, command): (Guard, Command),
+    motion: &mut dyn Motion,
     settings: Settings,
     sink: &mut dyn Sink,
     asked_to_stop: &dyn Fn() -> bool,
@@ -105,7 +146,7 @@ pub fn run(
     let bytes_before = line_bytes(link);
     // A pause between arming and the first cycle counts as well: servos watch for their host.
     let mut last_cycle = link.spoken_at();
-    let mut player = Player::new(link, (guard, command), trajectory, began);
+    let mut player = Player::new(link, (guard, command), motion, began);
     let period_ns = whole_nanos(settings.period).max(1);
     let mut tick: u64 = 0;
     let mut overrun = false;
@@ -154,15 +195,14 @@ impl<'a> Player<'a> {
     fn new(
         link: &'a mut Link,
         (guard, command): (Guard, Command),
-        trajectory: &'a Trajectory,
+        motion: &'a mut dyn Motion,
         began: Instant,
     ) -> Self {
         let limits = link.robot().limits();
         Self {
             link,
             guard,
-            trajectory,
-            clock: MotionClock::new(&limits),
+            motion,
             setpoints: vec![Setpoint::default(); limits.len()],
             goal_velocity_rad_s: vec![0.0; limits.len()],
             written_at: None,
@@ -181,7 +221,7 @@ impl<'a> Player<'a> {
     fn request_stop(&mut self, reason: StopReason) {
         if self.stop.is_none() {
             self.stop = Some(reason);
-            self.clock.stop();
+            self.motion.stop();
         }
     }
 
@@ -297,11 +337,9 @@ impl<'a> Player<'a> {
         clock.sleep_until(self.link.ready_at());
         let now = clock.now();
         let since = self.written_at.map_or(Duration::ZERO, |before| now.since(before));
-        let motion_s = self.clock.advance(since.as_secs_f64());
+        let over = self.motion.advance(since.as_secs_f64(), now, &mut self.setpoints);
         self.written_at = Some(now);
         if !self.frozen {
-            self.trajectory.sample(motion_s, &mut self.setpoints);
-            self.clock.apply_rate(&mut self.setpoints);
             let joints = self.setpoints.iter().zip(&self.link.robot().joints);
             let goal_rad: Vec<f64> =
                 joints.map(|(s, joint)| unrounded(s.position_rad, &joint.limits)).collect();
@@ -320,7 +358,6 @@ impl<'a> Player<'a> {
                 }
             }
         }
-        let over = self.clock.is_stopped() || motion_s >= self.trajectory.duration_s();
         self.goals_at_rest += u32::from(over || self.frozen);
         self.link.write_goals(&self.command, budget)
     }

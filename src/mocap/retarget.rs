@@ -24,9 +24,11 @@ use crate::units::wrap_rad;
 use glam::{DQuat, DVec3};
 
 mod group;
+mod online;
 mod solve;
 
 use group::Group;
+pub use online::Online;
 
 /// A joint of a robot; same meaning as in a robot profile.
 #[derive(Clone, Debug)]

@@ -17,14 +17,14 @@ const STEADY_WEIGHT: f64 = 0.05;
 /// Fits kept per pose.
 const FITS: usize = 4;
 /// A fit this cheap, some 6 degrees off in one direction, needs no better one looked for.
-const GOOD_COST: f64 = 0.01;
+pub(super) const GOOD_COST: f64 = 0.01;
 /// Fits closer than this, rad, are one.
-const SAME_RAD: f64 = 0.05;
+pub(super) const SAME_RAD: f64 = 0.05;
 /// In larger groups of joints the ends of their ranges are not tried as starts, for time.
 const MANY_JOINTS: usize = 8;
 /// Speed of changing from one fit to another, rad/s, for its cost: as long as it lasts, the links
 /// are off by about a radian.
-const CHANGE_RAD_S: f64 = 8.0;
+pub(super) const CHANGE_RAD_S: f64 = 8.0;
 /// Weight of velocity, s: an angle that a segment settles fully follows up to 1 / (2 pi 0.006 s) =
 /// 27 Hz, one that counts for a tenth up to 2.7 Hz.
 const VELOCITY_WEIGHT_S: f64 = 0.006;
@@ -33,8 +33,8 @@ const VELOCITY_WEIGHT_S: f64 = 0.006;
 const FAST_RAD_S: f64 = 12.0;
 const FAST_WEIGHT_S: f64 = 0.1;
 /// Iterations from a fixed start, from the pose before, and over the whole clip.
-const COLD_STEPS: usize = 30;
-const WARM_STEPS: usize = 6;
+pub(super) const COLD_STEPS: usize = 30;
+pub(super) const WARM_STEPS: usize = 6;
 const CLIP_STEPS: usize = 100;
 /// A step shorter than this, rad, ends the iteration: in the first pass, over the whole clip.
 const ROUGH_STEP_RAD: f64 = 1e-3;
@@ -97,7 +97,7 @@ fn cheapest_way(
 
 /// Where fits start beside the pose before: middle of the ranges, initial pose, and one joint
 /// after another near either end of its range.
-fn fixed_starts(group: &Group<'_>, initial_rad: &[f64]) -> Vec<DVector<f64>> {
+pub(super) fn fixed_starts(group: &Group<'_>, initial_rad: &[f64]) -> Vec<DVector<f64>> {
     let size = group.joints().len();
     let middle = group.middles();
     let initial = group.joints().iter().map(|joint| initial_rad[*joint]);
@@ -142,7 +142,7 @@ fn fits(
 }
 
 /// Levenberg-Marquardt descent on one pose: angles and cost.
-fn descend(
+pub(super) fn descend(
     group: &Group<'_>,
     targets: &[Target],
     start: DVector<f64>,

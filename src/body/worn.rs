@@ -1,0 +1,225 @@
+//! A body that wears orientation sensors: from what the sensors say to segments and joint angles.
+//!
+//! A sensor gives its orientation in a world of its own: Z is up for all of them, but without a
+//! magnetometer each one's heading starts somewhere else. With `q` that orientation, `m` how the
+//! segment is turned in the sensor's axes, and `h` the heading of the sensor's world in ours,
+//!
+//! ```text
+//! segment in the world = Rz(h) q m
+//! ```
+//!
+//! [`calibrate`] finds `m` and `h` of every sensor, [`Wearing`] applies them, keeps `h` true while
+//! the body moves, and says what it had to mend. Any subset of segments may be worn: the others are
+//! at rest on the segment that carries them, and are said not to be worn.
+
+pub mod calibrate;
+mod constraint;
+
+use crate::body::{JointAngles, Measured, Segment, SegmentPose};
+use constraint::{Freedom, heading_error_rad};
+use glam::{DQuat, DVec3};
+
+pub use calibrate::{Calibration, HeadingBy, Mount, Moved, Movement, WornSensor};
+
+/// Fastest correction of a heading while the body moves, rad/s: far above the drift of a sensor
+/// whose bias is known, far below what anyone sees.
+const CORRECTION_RAD_S: f64 = 0.5 * core::f64::consts::PI / 180.0;
+/// Time in which a correction follows what the joints say, s (Laidig et al., "Exploiting kinematic
+/// constraints to compensate magnetic disturbances when calculating joint angles of approximate
+/// hinge joints from orientation estimates of inertial sensors", ICORR 2017, use 5 s).
+const CORRECTION_S: f64 = 5.0;
+/// Fastest change of a heading after a reset, rad/s: a robot that mirrors must not jump.
+const RESET_RAD_S: f64 = 20.0 * core::f64::consts::PI / 180.0;
+
+/// Joints whose anatomy tells the heading of the segment below from that of the one above. Knee and
+/// ankle are taken as hinges; a forearm also turns about its own axis.
+const JOINTS: [(Segment, Freedom); 6] = [
+    (Segment::LeftForearm, Freedom::FlexionAndTwist),
+    (Segment::RightForearm, Freedom::FlexionAndTwist),
+    (Segment::LeftShank, Freedom::Flexion),
+    (Segment::LeftFoot, Freedom::Flexion),
+    (Segment::RightShank, Freedom::Flexion),
+    (Segment::RightFoot, Freedom::Flexion),
+];
+
+/// A body that wears calibrated sensors, as it moves.
+#[derive(Clone, Debug)]
+pub struct Wearing {
+    mounts: [Option<Mount>; 13],
+    headings: [Heading; 13],
+    /// Last orientation said by each segment's sensor.
+    said: [Option<DQuat>; 13],
+    before: Option<JointAngles>,
+    worn_for_s: f64,
+}
+
+/// What was done to a sensor's heading since calibration.
+#[derive(Clone, Copy, Debug, Default)]
+struct Heading {
+    /// Sum of what the joints asked for, rad.
+    corrected_rad: f64,
+    /// Sum of what resets asked for and was done, rad.
+    reset_rad: f64,
+    /// Part of a reset that is still to be done, rad.
+    owed_rad: f64,
+}
+
+/// A moment of a body that wears sensors.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WornPose {
+    /// Segments in the world; the pelvis stands at the origin.
+    pub pose: SegmentPose,
+    /// Angles of the joints, and what they do not say.
+    pub measured: Measured,
+    /// By [`Segment::index`]: true if the segment's own sensor said so now. The others are at rest
+    /// on what carries them or, if their sensor is silent, as it said last.
+    pub fresh: [bool; 13],
+}
+
+/// How a sensor's heading ran away, as far as the joints show it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Drift {
+    /// The segment that wears it.
+    pub segment: Segment,
+    /// Heading corrected since calibration, against the segment that carries it, rad; `None` where
+    /// no joint tells: only a reset mends such a heading.
+    pub corrected_rad: Option<f64>,
+    /// The same per time, rad/s; `None` during the first ten seconds.
+    pub rate_rad_s: Option<f64>,
+    /// Heading taken by resets, rad.
+    pub reset_rad: f64,
+}
+
+impl Wearing {
+    /// A body that wears what was calibrated.
+    #[must_use]
+    pub fn new(calibration: &Calibration) -> Self {
+        let mut mounts = [None; 13];
+        for mount in &calibration.mounts {
+            mounts[mount.segment.index()] = Some(*mount);
+        }
+        Self {
+            mounts,
+            headings: [Heading::default(); 13],
+            said: [None; 13],
+            before: None,
+            worn_for_s: 0.0,
+        }
+    }
+
+    /// By [`Segment::index`]: which segments wear a sensor.
+    #[must_use]
+    pub fn worn(&self) -> [bool; 13] {
+        self.mounts.map(|mount| mount.is_some())
+    }
+
+    /// The body `dt_s` after the moment before. `said` is by [`Segment::index`]: the orientation of
+    /// the segment's sensor in its own world, `None` if it said nothing valid.
+    pub fn pose(&mut self, said: &[Option<DQuat>; 13], dt_s: f64) -> WornPose {
+        let dt_s = if dt_s.is_finite() { dt_s.clamp(0.0, 1.0) } else { 0.0 };
+        let mut fresh = [false; 13];
+        for (at, quaternion) in said.iter().enumerate() {
+            let sound = quaternion.filter(|q| q.is_finite() && q.length_squared() > 0.25);
+            if let (Some(quaternion), Some(_)) = (sound, &self.mounts[at]) {
+                self.said[at] = Some(quaternion.normalize());
+                fresh[at] = true;
+            }
+        }
+        self.worn_for_s += dt_s;
+        for heading in &mut self.headings {
+            let step = heading.owed_rad.clamp(-RESET_RAD_S * dt_s, RESET_RAD_S * dt_s);
+            heading.owed_rad -= step;
+            heading.reset_rad += step;
+        }
+        self.correct(&fresh, dt_s);
+        let pose = self.segments();
+        let measured = match &self.before {
+            Some(before) => JointAngles::of_pose_after(&pose, before),
+            None => JointAngles::of_pose(&pose),
+        };
+        self.before = Some(measured.angles);
+        WornPose { pose, measured, fresh }
+    }
+
+    /// Takes it that the body stands in N pose now, facing where it faced at calibration: headings
+    /// are mended, smoothly, tilts are not touched.
+    pub fn reset_heading(&mut self) {
+        for segment in Segment::ALL {
+            if let Some(turned) = self.orientation(segment) {
+                // The turn about Z nearest to how the segment is turned, and not an Euler angle,
+                // which would be another one for a segment that leans.
+                let off_rad = 2.0 * turned.z.atan2(turned.w);
+                self.headings[segment.index()].owed_rad = -crate::units::wrap_rad(off_rad);
+            }
+        }
+        self.before = None;
+    }
+
+    /// What happened to headings, sensor by sensor.
+    #[must_use]
+    pub fn drifts(&self) -> Vec<Drift> {
+        let worn = Segment::ALL.into_iter().filter(|s| self.mounts[s.index()].is_some());
+        let drift = |segment: Segment| {
+            let heading = self.headings[segment.index()];
+            let told = JOINTS.iter().any(|(below, _)| *below == segment)
+                && segment.parent().is_some_and(|above| self.mounts[above.index()].is_some());
+            let corrected_rad = told.then_some(heading.corrected_rad);
+            let long = self.worn_for_s > 10.0;
+            Drift {
+                segment,
+                corrected_rad,
+                rate_rad_s: corrected_rad.filter(|_| long).map(|rad| rad / self.worn_for_s),
+                reset_rad: heading.reset_rad,
+            }
+        };
+        worn.map(drift).collect()
+    }
+
+    /// Turns headings a little towards what the joints allow.
+    fn correct(&mut self, fresh: &[bool; 13], dt_s: f64) {
+        for (below, freedom) in JOINTS {
+            let Some(above) = below.parent() else { continue };
+            // What a reset has not done yet is no drift.
+            let is_settled = |segment: Segment| self.headings[segment.index()].owed_rad == 0.0;
+            let is_told = |segment: Segment| fresh[segment.index()] && is_settled(segment);
+            if !(is_told(above) && is_told(below)) {
+                continue;
+            }
+            let (Some(upper), Some(lower)) = (self.orientation(above), self.orientation(below))
+            else {
+                continue;
+            };
+            let Some((off_rad, weight)) = heading_error_rad(upper, lower, freedom) else {
+                continue;
+            };
+            let most = CORRECTION_RAD_S * dt_s;
+            let step = (off_rad * weight * dt_s / CORRECTION_S).clamp(-most, most);
+            self.headings[below.index()].corrected_rad += step;
+        }
+    }
+
+    /// Orientation of a worn segment in the world.
+    fn orientation(&self, segment: Segment) -> Option<DQuat> {
+        let at = segment.index();
+        let (mount, said) = (self.mounts[at]?, self.said[at]?);
+        let heading = self.headings[at];
+        let heading_rad = mount.heading_rad + heading.corrected_rad + heading.reset_rad;
+        Some((DQuat::from_rotation_z(heading_rad) * said * mount.sensor_from_segment).normalize())
+    }
+
+    /// All segments: worn ones as they say, the others at rest on what carries them. A pelvis that
+    /// is not worn stands upright and faces where the torso faces.
+    fn segments(&self) -> SegmentPose {
+        let facing = self.orientation(Segment::Torso).map(|torso| {
+            let about_z = DQuat::from_xyzw(0.0, 0.0, torso.z, torso.w);
+            if about_z.length_squared() > 1e-6 { about_z.normalize() } else { DQuat::IDENTITY }
+        });
+        let mut orientation = [facing.unwrap_or(DQuat::IDENTITY); 13];
+        for segment in Segment::ALL {
+            let carried = segment.parent().map(|above| orientation[above.index()]);
+            let own = self.orientation(segment).or(carried);
+            orientation[segment.index()] = own.unwrap_or(orientation[0]);
+        }
+        SegmentPose { root_m: DVec3::ZERO, orientation }
+    }
+}

@@ -1,0 +1,43 @@
+//! Somebody who does a recorded motion now.
+
+use crate::body::SegmentPose;
+use crate::mocap::anatomy::Capture;
+
+/// Performs a capture: stands in its first pose until the robot has reached it, then moves.
+pub struct Performer {
+    capture: Capture,
+    longest_s: f64,
+    began_s: Option<f64>,
+}
+
+impl Performer {
+    /// Performs `capture`, for `duration_s` if that is shorter than it.
+    pub fn new(capture: Capture, duration_s: Option<f64>) -> Self {
+        let last = capture.poses.len().saturating_sub(1) as f64;
+        let longest_s = duration_s.unwrap_or(f64::INFINITY).min(last / capture.rate_hz);
+        Self { capture, longest_s, began_s: None }
+    }
+
+    /// The pose at a moment; `None` once the performance is over. While the robot is on its way to
+    /// the first pose, that is held.
+    pub fn pose(&mut self, now_s: f64, approaching: bool) -> Option<SegmentPose> {
+        if !approaching && self.began_s.is_none() {
+            self.began_s = Some(now_s);
+        }
+        let time_s = self.began_s.map_or(0.0, |began_s| now_s - began_s);
+        if !(time_s <= self.longest_s) {
+            return None;
+        }
+        let poses = &self.capture.poses;
+        let sample = (time_s * self.capture.rate_hz).max(0.0);
+        let first = (sample.floor() as usize).min(poses.len().checked_sub(1)?);
+        let next = (first + 1).min(poses.len() - 1);
+        let share = (sample - first as f64).clamp(0.0, 1.0);
+        let mut pose = poses[first].clone();
+        pose.root_m = pose.root_m.lerp(poses[next].root_m, share);
+        for (orientation, towards) in pose.orientation.iter_mut().zip(&poses[next].orientation) {
+            *orientation = orientation.slerp(*towards, share);
+        }
+        Some(pose)
+    }
+}

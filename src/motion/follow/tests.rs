@@ -1,0 +1,247 @@
+use super::*;
+use proptest::prelude::*;
+
+const V: f64 = 4.0;
+const A: f64 = 20.0;
+const LOWER: f64 = -0.5;
+const UPPER: f64 = 1.0;
+const DT: f64 = 0.01;
+
+fn limits() -> Vec<JointLimits> {
+    vec![JointLimits::new(LOWER, UPPER, V, A).unwrap()]
+}
+
+fn at(position_rad: f64, velocity_rad_s: f64) -> Target {
+    Target { position_rad: vec![position_rad], velocity_rad_s: vec![velocity_rad_s], age_s: 0.0 }
+}
+
+/// A follower that has reached `q` and may use all of its limits.
+fn following(q: f64) -> Follower {
+    let mut follower = Follower::standing_at(&[q], limits());
+    step(&mut follower, DT, Some(&at(q, 0.0)));
+    assert!(!follower.is_approaching());
+    follower
+}
+
+fn step(follower: &mut Follower, dt_s: f64, target: Option<&Target>) -> Setpoint {
+    let mut setpoints = [Setpoint::default()];
+    follower.advance(dt_s, target, &mut setpoints);
+    setpoints[0]
+}
+
+#[test]
+fn a_step_of_the_target_takes_the_shortest_time_there_is() {
+    // 0.5 rad at 20 rad/s^2 without reaching 4 rad/s: 2 sqrt(0.5 / 20) = 0.3162 s.
+    let mut follower = following(0.0);
+    let shortest_s = 2.0 * (0.5_f64 / A).sqrt();
+    let before = (shortest_s / DT).floor() as usize;
+    for _ in 0..before {
+        assert!(step(&mut follower, DT, Some(&at(0.5, 0.0))).position_rad < 0.5 - 1e-6);
+    }
+    let last = step(&mut follower, DT, Some(&at(0.5, 0.0)));
+    assert!((last.position_rad - 0.5).abs() < 1e-12 && last.velocity_rad_s == 0.0, "{last:?}");
+    assert!(follower.is_at_rest());
+}
+
+#[test]
+fn a_long_way_is_cruised_at_the_velocity_limit() {
+    // 0.8 rad up to 4 rad/s and down again, and 0.7 rad between: 0.4 s + 0.175 s.
+    let mut follower = following(LOWER);
+    let mut fastest = 0.0_f64;
+    for _ in 0..57 {
+        fastest = fastest.max(step(&mut follower, DT, Some(&at(UPPER, 0.0))).velocity_rad_s);
+    }
+    assert!((fastest - V).abs() < 1e-9 && !follower.is_at_rest());
+    let last = step(&mut follower, DT, Some(&at(UPPER, 0.0)));
+    assert!((last.position_rad - UPPER).abs() < 1e-9 && follower.is_at_rest());
+}
+
+#[test]
+fn an_even_motion_is_met_and_then_followed_without_distance() {
+    let mut follower = following(0.0);
+    // Up to 0.85 rad: from further on 1.5 rad/s could not be stopped in time.
+    for cycle in 1..50 {
+        let wanted = 0.1 + 1.5 * DT * f64::from(cycle);
+        let got = step(&mut follower, DT, Some(&at(wanted, 1.5)));
+        if cycle > 30 {
+            assert!((got.position_rad - wanted).abs() < 1e-9, "{cycle}");
+            assert!((got.velocity_rad_s - 1.5).abs() < 1e-9);
+        }
+    }
+}
+
+#[test]
+fn an_old_pose_of_a_moving_person_is_carried_forward_to_now() {
+    let mut follower = following(0.0);
+    for cycle in 0..60 {
+        let now = 1.5 * DT * f64::from(cycle);
+        let target = Target { age_s: 0.04, ..at(now - 1.5 * 0.04, 1.5) };
+        let got = step(&mut follower, DT, Some(&target));
+        assert!(cycle < 30 || (got.position_rad - now).abs() < 1e-9, "{cycle}");
+    }
+}
+
+#[test]
+fn the_lag_of_what_cannot_be_followed_is_estimated_and_its_samples_are_counted() {
+    let mut follower = following(0.0);
+    // A slow swing is followed without lag.
+    for cycle in 0..300 {
+        let t = f64::from(cycle) * DT;
+        step(&mut follower, DT, Some(&at(0.3 * (2.0 * t).sin(), 0.6 * (2.0 * t).cos())));
+    }
+    assert!(follower.tally().lag_s().unwrap().abs() < 0.005);
+    let few = follower.tally().limited_samples[0];
+    assert!(few < 20, "{few}");
+    // 15 rad/s at 0.45 rad asks for 101 rad/s^2: more than the joint has.
+    for cycle in 0..300 {
+        let t = f64::from(cycle) * DT;
+        step(&mut follower, DT, Some(&at(0.45 * (15.0 * t).sin(), 6.75 * (15.0 * t).cos())));
+    }
+    let tally = follower.tally();
+    assert!(tally.limited_samples[0] > few + 150, "{tally:?}");
+    assert!(tally.lag_s().unwrap() > 0.01, "{:?}", tally.lag_s());
+}
+
+#[test]
+fn the_first_way_is_taken_at_a_share_of_the_limits() {
+    let mut follower = Follower::standing_at(&[LOWER], limits());
+    let mut fastest = 0.0_f64;
+    for _ in 0..400 {
+        fastest = fastest.max(step(&mut follower, DT, Some(&at(UPPER, 0.0))).velocity_rad_s);
+    }
+    assert!((fastest - APPROACH_SHARE * V).abs() < 1e-9);
+    assert!(!follower.is_approaching());
+    // From 0.05 rad on it is the joint's own matter.
+    assert!(follower.tally().limited_samples[0] <= 3);
+}
+
+#[test]
+fn input_older_than_100_ms_is_braked_from_and_approached_again() {
+    let mut follower = following(0.0);
+    for _ in 0..10 {
+        step(&mut follower, DT, Some(&at(0.9, 0.0)));
+    }
+    let moving = step(&mut follower, DT, Some(&at(0.9, 0.0)));
+    let old = Target { age_s: 0.101, ..at(0.9, 0.0) };
+    let after = step(&mut follower, DT, Some(&old));
+    assert!((moving.velocity_rad_s - after.velocity_rad_s - A * DT).abs() < 1e-9);
+    for _ in 0..30 {
+        step(&mut follower, DT, Some(&old));
+    }
+    assert!(follower.is_at_rest());
+    let again = step(&mut follower, DT, Some(&at(0.9, 0.0)));
+    assert!((again.velocity_rad_s - APPROACH_SHARE * A * DT).abs() < 1e-9);
+}
+
+#[test]
+fn what_is_no_number_or_of_another_robot_is_not_followed() {
+    let wide = Target { position_rad: vec![0.5; 2], velocity_rad_s: vec![0.0; 2], ..at(0.0, 0.0) };
+    let aged = Target { age_s: f64::NAN, ..at(0.5, 0.0) };
+    for bad in [at(f64::NAN, 0.0), at(f64::INFINITY, 0.0), at(0.5, f64::NAN), wide, aged] {
+        let mut follower = following(0.2);
+        let got = step(&mut follower, DT, Some(&bad));
+        let infinite = bad.position_rad[0] == f64::INFINITY;
+        assert!(got.position_rad == 0.2 || infinite, "{bad:?}");
+        assert!(got.position_rad.is_finite() && got.velocity_rad_s.is_finite());
+    }
+}
+
+#[test]
+fn a_stop_brakes_to_rest_whatever_is_asked() {
+    let mut follower = following(0.0);
+    for _ in 0..12 {
+        step(&mut follower, DT, Some(&at(0.9, 0.0)));
+    }
+    follower.stop();
+    let mut before = step(&mut follower, 0.0, None);
+    let mut cycles = 0;
+    while !follower.is_at_rest() {
+        let after = step(&mut follower, DT, Some(&at(0.9, 2.0)));
+        assert!(after.velocity_rad_s < before.velocity_rad_s);
+        before = after;
+        cycles += 1;
+    }
+    // 2.4 rad/s at 20 rad/s^2.
+    assert!((11..=13).contains(&cycles), "{cycles}");
+    assert_eq!(step(&mut follower, DT, Some(&at(0.9, 0.0))), before.at_rest());
+}
+
+impl Setpoint {
+    fn at_rest(self) -> Self {
+        Self { velocity_rad_s: 0.0, acceleration_rad_s2: 0.0, ..self }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(400))]
+
+    /// Wild targets, steps from 0 to 150 ms, dropouts, approaches: the goals written are a motion
+    /// within the limits, and it can always be stopped inside them.
+    #[test]
+    fn whatever_is_asked_the_limits_hold_and_rest_is_always_in_reach(
+        start in LOWER..UPPER,
+        asked in prop::collection::vec(
+            (-3.0..3.0_f64, -9.0..9.0_f64, 0.0..0.12_f64, 0.0..0.15_f64, any::<bool>()),
+            1..80,
+        ),
+    ) {
+        let mut follower = Follower::standing_at(&[start], limits());
+        let (mut q, mut v) = (start, 0.0_f64);
+        for (position, velocity, age_s, dt_s, calm) in asked {
+            let dt_s = if calm { 0.008 + dt_s / 50.0 } else { dt_s };
+            let target = Target { age_s, ..at(position, velocity) };
+            let got = step(&mut follower, dt_s, Some(&target));
+            let t = dt_s.min(LONGEST_STEP_S);
+            prop_assert!((LOWER..=UPPER).contains(&got.position_rad));
+            prop_assert!(got.velocity_rad_s.abs() <= V * (1.0 + 1e-12));
+            prop_assert!((got.velocity_rad_s - v).abs() <= A * t * (1.0 + 1e-9) + 1e-12);
+            prop_assert!((got.position_rad - q).abs() <= V * t * (1.0 + 1e-9) + 1e-12);
+            // Between samples no acceleration beyond A can hide: from (q, v) the joint can have
+            // gone neither further nor less far than full acceleration either way allows.
+            let middle = q + v * t;
+            prop_assert!((got.position_rad - middle).abs() <= A * t * t / 2.0 + 1e-9);
+            let mut stopped = follower.clone();
+            stopped.stop();
+            for _ in 0..300 {
+                let rest = step(&mut stopped, 0.007, None);
+                prop_assert!((LOWER..=UPPER).contains(&rest.position_rad));
+            }
+            prop_assert!(stopped.is_at_rest());
+            (q, v) = (got.position_rad, got.velocity_rad_s);
+        }
+    }
+
+    /// The law is in continuous time: how it is cut into steps does not matter.
+    #[test]
+    fn two_short_steps_are_one_long_step(
+        first in -0.4..0.9_f64, goal in LOWER..UPPER, dt_s in 0.0..0.1_f64, cut in 0.0..1.0_f64,
+    ) {
+        let mut one = following(0.0);
+        for _ in 0..7 {
+            step(&mut one, DT, Some(&at(first, 0.0)));
+        }
+        let mut two = one.clone();
+        let whole = step(&mut one, dt_s, Some(&at(goal, 0.0)));
+        step(&mut two, dt_s * cut, Some(&at(goal, 0.0)));
+        let rest = step(&mut two, dt_s * (1.0 - cut), Some(&at(goal, 0.0)));
+        prop_assert!((whole.position_rad - rest.position_rad).abs() < 1e-7);
+        prop_assert!((whole.velocity_rad_s - rest.velocity_rad_s).abs() < 1e-5);
+    }
+
+    #[test]
+    fn a_target_that_rests_is_reached_from_any_motion(
+        way in prop::collection::vec((-1.0..2.0_f64, -4.0..4.0_f64), 0..20),
+        goal in LOWER..UPPER,
+    ) {
+        let mut follower = following(0.0);
+        for (position, velocity) in way {
+            step(&mut follower, DT, Some(&at(position, velocity)));
+        }
+        for _ in 0..150 {
+            step(&mut follower, DT, Some(&at(goal, 0.0)));
+        }
+        let got = step(&mut follower, DT, Some(&at(goal, 0.0)));
+        prop_assert!((got.position_rad - goal).abs() < 1e-9);
+        prop_assert!(got.velocity_rad_s.abs() < 1e-9);
+    }
+}

@@ -1,0 +1,293 @@
+//! Live, from end to end: virtual sensors on a walking body, their bytes, fusion, joints, the
+//! robot's joints, follower, guard, and a virtual OP3, against what was truly done.
+
+mod scene;
+
+use gaitway::action::vocabulary;
+use gaitway::body::proportions::proximal_joint;
+use gaitway::body::worn::{Calibration, Wearing, WornSensor, calibrate::calibrate};
+use gaitway::body::{Dof, JointAngles, Proportions, Segment, SegmentPose};
+use gaitway::capture::{Chain, Mode};
+use gaitway::cli::source::robot_model;
+use gaitway::control::{self, Input, Mirror};
+use gaitway::device::sensor::stream_format;
+use gaitway::mocap::retarget::{Online, Settings};
+use gaitway::motion::Trend;
+use gaitway::time::Instant;
+use gaitway::wire::sensor::Stream;
+use gaitway_sim::Options;
+use gaitway_sim::imu::{BodyMotion, ImuErrors, ImuWire, Mount, VirtualImu};
+use glam::{DQuat, DVec3};
+use scene::{Samples, Scene};
+use std::sync::Mutex;
+
+const RATE_HZ: f64 = 120.0;
+/// Standing in N pose: until calibration ends, and until the walk begins.
+const STILL_S: f64 = 6.0;
+const STAND_S: f64 = 9.0;
+/// When what is measured of the robot is compared.
+const WALKING_S: f64 = STAND_S + 0.5;
+
+/// A person who stands, then walks.
+struct Walker {
+    angles: Vec<JointAngles>,
+    poses: Vec<SegmentPose>,
+}
+
+impl Walker {
+    fn new(rounds: u32) -> Self {
+        let walk =
+            vocabulary::find("walk").expect("shipped").perform_rounds(rounds).expect("walks");
+        let body = Proportions::of_stature(1.75).expect("a body");
+        let mut angles = walk.sampled(RATE_HZ).expect("sampled");
+        let mut poses = walk.poses(&body, RATE_HZ).expect("posed");
+        let stand = (STAND_S * RATE_HZ) as usize;
+        angles.splice(0..0, std::iter::repeat_n(angles[0], stand));
+        poses.splice(0..0, std::iter::repeat_n(poses[0].clone(), stand));
+        Self { angles, poses }
+    }
+
+    fn motion(&self, segment: Segment) -> BodyMotion {
+        let body = Proportions::of_stature(1.75).expect("a body");
+        let joint = proximal_joint(segment);
+        let positions: Vec<[f64; 3]> =
+            self.poses.iter().map(|p| body.positions(p).joint_m(joint).to_array()).collect();
+        let turn = |pose: &SegmentPose| {
+            let q = pose.orientation[segment.index()];
+            [q.w, q.x, q.y, q.z]
+        };
+        let orientations: Vec<[f64; 4]> = self.poses.iter().map(turn).collect();
+        BodyMotion::new(RATE_HZ, &positions, &orientations).expect("a motion")
+    }
+
+    fn at(&self, time_s: f64) -> usize {
+        ((time_s * RATE_HZ).round().max(0.0) as usize).min(self.poses.len() - 1)
+    }
+
+    fn duration_s(&self) -> f64 {
+        (self.poses.len() - 1) as f64 / RATE_HZ
+    }
+}
+
+/// One sensor and the way of its bytes.
+struct Worn {
+    segment: Segment,
+    sent: std::iter::Peekable<VirtualImu>,
+    stream: Stream,
+    chain: Chain,
+    /// Orientation and when it was taken, s.
+    newest: Option<(DQuat, f64)>,
+}
+
+impl Worn {
+    fn new(walker: &Walker, segment: Segment, batch_s: f64) -> Self {
+        let sensor = gaitway_profiles::sensor("x-imu3").expect("shipped");
+        let n = segment.index() as f64;
+        // Strapped on with its X forward, turned down a little; not where the segment begins.
+        let tilt = DQuat::from_rotation_y(0.1 * (n - 6.0) / 6.0);
+        let mount = Mount {
+            offset_m: (segment.long_axis() * 0.12).to_array(),
+            orientation: [tilt.w, tilt.x, tilt.y, tilt.z],
+        };
+        let errors = ImuErrors {
+            rate_bias_rad_s: [0.004, -0.003, 0.005],
+            rate_noise_rad_s: 0.002,
+            acceleration_noise_m_s2: 0.03,
+            clock_skew: 20e-6,
+            loss: 0.002,
+            latency_s: 0.002,
+            jitter_s: 0.001,
+            batch_s,
+            seed: segment.index() as u64 + 1,
+            ..ImuErrors::default()
+        };
+        let motion = walker.motion(segment);
+        let imu = VirtualImu::new(motion, mount, errors, ImuWire::XImu3, sensor.rate_hz);
+        Self {
+            segment,
+            sent: imu.expect("a sensor").peekable(),
+            stream: Stream::new(stream_format(&sensor).expect("a stream")),
+            chain: Chain::new(&sensor, Mode::SixAxes),
+            newest: None,
+        }
+    }
+
+    /// Reads what has arrived up to `now_s`; orientations on the way go to `seen`.
+    fn read(&mut self, now_s: f64, mut seen: impl FnMut(DQuat)) {
+        while let Some(sent) = self.sent.next_if(|sent| sent.due_s <= now_s) {
+            let arrival = Instant::from_nanos(1_000_000_000 + (sent.due_s * 1e9).round() as u64);
+            let (chain, newest) = (&mut self.chain, &mut self.newest);
+            self.stream.push(&sent.bytes, |reading| {
+                let Some(captured) = chain.take(&reading, arrival) else { return };
+                let taken_s = captured.stamp.taken.as_nanos() as f64 / 1e9 - 1.0;
+                if let Some(fused) = captured.fused.filter(|fused| fused.settled) {
+                    *newest = Some((fused.orientation, taken_s));
+                    seen(fused.orientation);
+                }
+            });
+        }
+    }
+}
+
+/// N pose: the last three seconds of standing still.
+fn calibrated(sensors: &mut [Worn]) -> Calibration {
+    let worn: Vec<WornSensor> = sensors
+        .iter()
+        .map(|s| WornSensor { segment: s.segment, forward: Some(DVec3::X) })
+        .collect();
+    let stand = |sensor: &mut Worn| {
+        sensor.read(STILL_S - 3.0, |_| {});
+        let mut said = Vec::new();
+        sensor.read(STILL_S, |orientation| said.push(orientation));
+        said
+    };
+    let n_pose: Vec<Vec<DQuat>> = sensors.iter_mut().map(stand).collect();
+    calibrate(&worn, &n_pose, None, &[]).expect("calibrated")
+}
+
+fn rms_deg(squares: f64, count: usize) -> f64 {
+    (squares / count.max(1) as f64).sqrt().to_degrees()
+}
+
+fn walks_live(batch_s: f64) {
+    let walker = Walker::new(6);
+    let sensors = Segment::ALL.map(|segment| Worn::new(&walker, segment, batch_s));
+    let mut sensors = Vec::from(sensors);
+    let mut wearing = Wearing::new(&calibrated(&mut sensors));
+    let mut scene = Scene::of("op3", Options::default());
+    let found = scene.preflight().expect("ready");
+    let armed = control::arm::arm(&mut scene.link, &found).expect("torque");
+    let robot = scene.link.robot().clone();
+    let model = robot_model(&robot.file, &robot);
+    let settings = Settings::default();
+    let mut online = Online::new(&model, &[true; 13], &found.start_rad, &settings).expect("fits");
+    let mut trend = Trend::default();
+    let mut began: Option<Instant> = None;
+    let mut before_s = STILL_S;
+    let body = Mutex::new((0.0, 0_usize, Vec::<(Instant, f64)>::new()));
+    let mut newest = |now: Instant, _approaching: bool| {
+        let now_s = STILL_S + now.seconds_since(*began.get_or_insert(now));
+        if now_s >= walker.duration_s() {
+            return Input::End;
+        }
+        let mut said = [None; 13];
+        let mut oldest_s = f64::INFINITY;
+        for sensor in &mut sensors {
+            sensor.read(now_s, |_| {});
+            let Some((orientation, taken_s)) = sensor.newest else { return Input::Nothing };
+            said[sensor.segment.index()] = Some(orientation);
+            oldest_s = oldest_s.min(taken_s);
+        }
+        let moment = wearing.pose(&said, now_s - before_s);
+        trend.push(oldest_s, online.pose(&moment.pose, now_s - before_s));
+        before_s = now_s;
+        let mut body = body.lock().expect("nobody else");
+        body.2.push((now, now_s));
+        if now_s > WALKING_S {
+            let truth = walker.angles[walker.at(oldest_s)];
+            for dof in Dof::ALL {
+                body.0 += (moment.measured.angles[dof] - truth[dof]).powi(2);
+                body.1 += 1;
+            }
+        }
+        trend.target(now_s).map_or(Input::Nothing, Input::Pose)
+    };
+    let limits = robot.limits();
+    let mut mirror = Mirror::new(&mut newest, &found.start_rad, limits);
+    let mut samples = Samples::default();
+    let run =
+        control::stream(&mut scene.link, armed, &mut mirror, scene.settings, &mut samples, &|| {
+            false
+        });
+    assert_eq!(run.stop, None);
+    let verdict = scene.world.lock().verdict();
+    assert!(verdict.violations.is_empty(), "{:?}", verdict.violations);
+    let latency = mirror.latency().expect("followed");
+    let tally = mirror.tally().clone();
+    let (squares, count, moments) = body.into_inner().expect("nobody else");
+    let body_deg = rms_deg(squares, count);
+    // What the robot was to do, from the true poses; and what it did, cycle by cycle.
+    let truth: Vec<Vec<f64>> = {
+        let mut online = Online::new(&model, &[true; 13], &found.start_rad, &settings).unwrap();
+        walker.poses.iter().map(|pose| online.pose(pose, 1.0 / RATE_HZ).to_vec()).collect()
+    };
+    let error_deg = |delay_s: f64| {
+        let (mut squares, mut count) = (0.0, 0);
+        for ((_, now_s), measured) in moments.iter().zip(&samples.0) {
+            if *now_s < WALKING_S {
+                continue;
+            }
+            let wanted = &truth[walker.at(now_s - delay_s)];
+            for (measured, wanted) in measured.iter().zip(wanted) {
+                let Some(measured) = measured else { continue };
+                squares += (measured - wanted).powi(2);
+                count += 1;
+            }
+        }
+        rms_deg(squares, count)
+    };
+    let delays = (0..40).map(|n| f64::from(n) / RATE_HZ);
+    let best = delays.min_by(|a, b| error_deg(*a).total_cmp(&error_deg(*b))).unwrap_or(0.0);
+    println!(
+        "batches of {:.0} ms: joints of the body {body_deg:.2} deg RMSE; motion to goal median \
+         {:.1} ms, p99 {:.1} ms, behind by limits {:.1} ms ({} samples limited); robot against \
+         truth {:.2} deg RMSE, {:.2} deg at a delay of {:.0} ms",
+        batch_s * 1e3,
+        latency.median_s * 1e3,
+        latency.p99_s * 1e3,
+        tally.lag_s().unwrap_or(0.0) * 1e3,
+        tally.limited_samples.iter().sum::<u64>(),
+        error_deg(0.0),
+        error_deg(best),
+        best * 1e3
+    );
+    assert!(body_deg < 4.0, "{body_deg}");
+    assert!(latency.p99_s < 0.1 && latency.median_s < 0.05);
+    assert!(error_deg(best) < 8.0, "{}", error_deg(best));
+    assert!(tally.stale_samples < 5, "{tally:?}");
+}
+
+#[test]
+fn a_body_that_wears_13_sensors_walks_and_a_virtual_op3_walks_with_it() {
+    walks_live(0.0);
+}
+
+#[test]
+fn adapters_that_hold_bytes_back_for_16_ms_make_it_later_and_not_wilder() {
+    walks_live(0.016);
+}
+
+/// The command, on an action somebody performs now.
+#[test]
+fn the_live_command_follows_an_action_and_reports_how() {
+    let output = std::process::Command::new(env!("CARGO_BIN_EXE_gaitway"))
+        .args(["live", "--from", "file:wave-r", "--robot", "op3", "--bus", "sim", "--json"])
+        .args(["--for", "2"])
+        .output()
+        .expect("runs");
+    assert_eq!(output.status.code(), Some(0));
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    assert_eq!(report["outcome"], "done");
+    assert_eq!(report["referee"]["violations"].as_array().map(Vec::len), Some(0));
+    assert!(report["limited_samples"].is_u64() && report["lag_s"].is_f64());
+    assert!(report["latency"]["median_s"].is_f64() && report["latency"]["p99_s"].is_f64());
+    let following_s = report["following_s"].as_f64().unwrap();
+    assert!((1.9..2.2).contains(&following_s), "{following_s}");
+    for joint in report["joints"].as_array().expect("joints") {
+        let peak = joint["peak_velocity_rad_s"].as_f64().unwrap();
+        assert!(peak <= joint["limit_velocity_rad_s"].as_f64().unwrap() * (1.0 + 1e-9));
+        assert_eq!(joint["end_velocity_rad_s"], 0.0);
+    }
+}
+
+#[test]
+fn a_source_that_cannot_be_followed_is_refused_before_anything_moves() {
+    let output = std::process::Command::new(env!("CARGO_BIN_EXE_gaitway"))
+        .args(["live", "--from", "walk", "--robot", "op3", "--bus", "sim", "--json"])
+        .output()
+        .expect("runs");
+    assert_eq!(output.status.code(), Some(1));
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    assert_eq!(report["outcome"], "refused");
+    assert!(report["stop_reason"].as_str().unwrap().contains("file:MOTION"));
+}
