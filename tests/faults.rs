@@ -17,8 +17,7 @@ const MID_NS: u64 = 2_500_000_000;
 const SWING_RAD: f64 = 0.2;
 /// One robot of each kind: Dynamixel 2.0, Feetech STS, Dynamixel 1.0 (bulk and single reads), and
 /// three protocols on one line, SCS among them; and one with two lines.
-const ROBOTS: [&str; 5] =
-    ["op3", "open-duck-mini-v2", "protocol-1", "mixed", "poppy-humanoid"];
+const ROBOTS: [&str; 5] = ["op3", "open-duck-mini-v2", "protocol-1", "mixed", "poppy-humanoid"];
 
 fn first_joint(robot: &str) -> String {
     Scene::of(robot, Options::default()).link.robot().joints[3].name.clone()
