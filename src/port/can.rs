@@ -9,7 +9,7 @@ use crate::wire::can::error_frame::ErrorFrame;
 use crate::wire::can::{CanFrame, CanId, Format};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
-use socketcan::frame::FdFlags;
+use socketcan::id::FdFlags;
 use socketcan::nl::CanState;
 use socketcan::{
     CanAnyFrame, CanDataFrame, CanFdFrame, CanFdSocket, CanFilter, CanRemoteFrame, EmbeddedFrame,
