@@ -8,8 +8,12 @@ fn main() -> io::Result<()> {
     let root = PathBuf::from(env::var_os("CARGO_MANIFEST_DIR").unwrap_or_default());
     let out = PathBuf::from(env::var_os("OUT_DIR").unwrap_or_default());
     let mut code = String::new();
-    for (constant, folder) in [("SERVOS", "servos"), ("ADAPTERS", "adapters"), ("ROBOTS", "robots")]
-    {
+    for (constant, folder) in [
+        ("SERVOS", "servos"),
+        ("ACTUATORS", "actuators"),
+        ("ADAPTERS", "adapters"),
+        ("ROBOTS", "robots"),
+    ] {
         let mut files = Vec::new();
         collect_toml(&root.join(folder), &mut files)?;
         files.sort_by_key(|path| path.file_stem().map(ToOwned::to_owned));

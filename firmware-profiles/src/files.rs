@@ -2,7 +2,7 @@
 
 use crate::error::ProfileError;
 use crate::extends;
-use crate::schema::{Adapter, Robot, Servo};
+use crate::schema::{Actuator, Adapter, Robot, Servo};
 use crate::unconfirmed::Profile;
 use crate::validate;
 use serde::de::DeserializeOwned;
@@ -28,6 +28,11 @@ include!(concat!(env!("OUT_DIR"), "/embedded.rs"));
 /// Names of the shipped servo profiles, in alphabetical order.
 pub fn servo_names() -> impl Iterator<Item = &'static str> {
     SERVOS.iter().map(|embedded| embedded.name)
+}
+
+/// Names of the shipped CAN actuators, in alphabetical order.
+pub fn actuator_names() -> impl Iterator<Item = &'static str> {
+    ACTUATORS.iter().map(|embedded| embedded.name)
 }
 
 /// Names of the shipped robots, in alphabetical order.
@@ -56,6 +61,17 @@ pub fn servo(name: &str) -> Result<&'static Servo, ProfileError> {
         .map_err(ProfileError::clone)
 }
 
+/// A shipped CAN actuator by name.
+///
+/// # Errors
+/// As [`servo`].
+pub fn actuator(name: &str) -> Result<Actuator, ProfileError> {
+    match ACTUATORS.iter().find(|embedded| embedded.name == name) {
+        Some(embedded) => parse_actuator(embedded.file, embedded.text),
+        None => Err(unknown("actuator", name, actuator_names())),
+    }
+}
+
 /// A robot: a shipped one by name (`[a-z0-9-]+`), or a file by a path that ends in `.toml`.
 ///
 /// # Errors
@@ -74,8 +90,8 @@ pub fn robot(name_or_path: &str) -> Result<Robot, ProfileError> {
 }
 
 /// A profile of any kind: a shipped one by name, or a file by a path that ends in `.toml`. What
-/// kind a file is shows in its keys: `usb_ids` an adapter, `register` or `extends` a servo, all
-/// else a robot.
+/// kind a file is shows in its keys: `usb_ids` an adapter, `dialect` a CAN actuator, `register`
+/// or `extends` a servo, all else a robot.
 ///
 /// # Errors
 /// As [`servo`] and [`robot`].
@@ -84,6 +100,8 @@ pub fn profile(name_or_path: &str) -> Result<Profile, ProfileError> {
         let table: toml::Table = parse(file, text)?;
         if table.contains_key("usb_ids") {
             parse_adapter(file, text).map(|adapter| Profile::Adapter(Box::new(adapter)))
+        } else if table.contains_key("dialect") {
+            parse_actuator(file, text).map(|actuator| Profile::Actuator(Box::new(actuator)))
         } else if table.contains_key("register") || extends::has_base(&table) {
             parse_servo(file, text).map(|servo| Profile::Servo(Box::new(servo)))
         } else {
@@ -93,11 +111,12 @@ pub fn profile(name_or_path: &str) -> Result<Profile, ProfileError> {
     if name_or_path.ends_with(".toml") {
         return parse_any(name_or_path, &read_text(Path::new(name_or_path))?);
     }
-    let mut shipped = SERVOS.iter().chain(ROBOTS).chain(ADAPTERS);
+    let mut shipped = SERVOS.iter().chain(ACTUATORS).chain(ROBOTS).chain(ADAPTERS);
     match shipped.find(|embedded| embedded.name == name_or_path) {
         Some(embedded) => parse_any(embedded.file, embedded.text),
         None => {
-            let names = servo_names().chain(robot_names()).chain(adapter_names());
+            let names = servo_names().chain(actuator_names());
+            let names = names.chain(robot_names()).chain(adapter_names());
             Err(unknown("profile", name_or_path, names)
                 .remedy("take one of these names, or give the path of a .toml file"))
         }
@@ -148,6 +167,16 @@ pub fn parse_servo(file: &str, text: &str) -> Result<Servo, ProfileError> {
     };
     validate::servo(file, &servo)?;
     Ok(servo)
+}
+
+/// Reads and validates the text of a CAN actuator's profile; `file` as in [`parse_servo`].
+///
+/// # Errors
+/// What the validator has against it.
+pub fn parse_actuator(file: &str, text: &str) -> Result<Actuator, ProfileError> {
+    let actuator: Actuator = parse(file, text)?;
+    validate::actuator(file, &actuator)?;
+    Ok(actuator)
 }
 
 /// Reads and validates the text of a robot; `file` as in [`parse_servo`].

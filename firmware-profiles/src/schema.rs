@@ -3,6 +3,10 @@
 //!
 //! Unknown keys are refused everywhere: a misspelt limit must never be a limit that is not there.
 
+mod actuator;
+
+pub use actuator::{Actuator, CanLine, Dialect, Gear, Ranges, Timeout, TimeoutKind};
+
 use serde::Deserialize;
 use std::collections::BTreeMap;
 

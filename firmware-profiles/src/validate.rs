@@ -2,9 +2,11 @@
 //!
 //! Every comparison is written so that NaN, which TOML can spell, fails it.
 
+mod actuator;
 mod robot;
 mod servo;
 
+pub(crate) use actuator::actuator;
 pub(crate) use robot::robot;
 pub(crate) use servo::servo;
 
