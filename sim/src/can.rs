@@ -241,9 +241,8 @@ mod tests {
 
     #[test]
     fn standard_wins_over_extended_and_data_over_remote() {
-        let urgency = |id, extended, kind| {
-            CanFrame { id, extended, kind, bytes: Vec::new() }.urgency()
-        };
+        let urgency =
+            |id, extended, kind| CanFrame { id, extended, kind, bytes: Vec::new() }.urgency();
         let standard = urgency(0x100, false, Kind::Classic);
         let remote = urgency(0x100, false, Kind::Remote(8));
         let extended = urgency(0x100 << 18, true, Kind::Classic);

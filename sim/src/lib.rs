@@ -15,6 +15,7 @@
 struct Readme;
 
 mod adapter;
+pub mod can;
 mod door;
 mod dynamixel1;
 mod dynamixel2;

@@ -114,7 +114,12 @@ mod tests {
     #[test]
     fn a_fast_payload_is_shorter() {
         let bytes = vec![0; 64];
-        let frame = |fast| CanFrame { id: 1, extended: false, kind: Kind::Fd { fast }, bytes: bytes.clone() };
+        let frame = |fast| CanFrame {
+            id: 1,
+            extended: false,
+            kind: Kind::Fd { fast },
+            bytes: bytes.clone(),
+        };
         let options = CanOptions::default();
         let (slow, fast) = (length_ns(&frame(false), options), length_ns(&frame(true), options));
         assert!(fast < slow / 3 && fast > 100_000, "{fast} {slow}");
