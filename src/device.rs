@@ -1,5 +1,6 @@
 //! One device in SI units: a profile's registers and what is read and written in every cycle.
 
+pub mod coded;
 pub mod feedback;
 pub mod registers;
 
