@@ -10,6 +10,7 @@ fn main() -> io::Result<()> {
     let mut code = String::new();
     for (constant, folder) in [
         ("SERVOS", "servos"),
+        ("ACTUATORS", "actuators"),
         ("ADAPTERS", "adapters"),
         ("ROBOTS", "robots"),
         ("SENSORS", "sensors"),

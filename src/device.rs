@@ -1,6 +1,7 @@
 //! One device in SI units: a profile's registers and what is read and written in every cycle; what
 //! a profile makes of a sensor's stream.
 
+pub mod coded;
 pub mod feedback;
 pub mod registers;
 pub mod sensor;

@@ -11,6 +11,8 @@ pub mod sim;
 pub mod tcp;
 
 use crate::time::Instant;
+use crate::wire::can::CanFrame;
+use crate::wire::can::error_frame::ErrorFrame;
 use std::fmt;
 
 /// A monotonic clock that can be waited on.
@@ -47,29 +49,28 @@ pub trait BytePort: Send {
 
 /// One end of a CAN line. Frames are values; the line arbitrates.
 pub trait FramePort: Send {
-    /// Queues a frame for sending.
+    /// Hands a frame to the line's send queue, waiting for room in it until `deadline`. That it was
+    /// taken does not mean that it was sent.
     ///
     /// # Errors
-    /// [`PortError::Busy`] when the send queue is full, [`PortError::Gone`] when the interface is
-    /// down or vanished.
-    fn send(&mut self, frame: &CanFrame) -> Result<(), PortError>;
+    /// [`PortError::TimedOut`] when the queue stayed full, [`PortError::Gone`] when the interface
+    /// is down or vanished, [`PortError::Io`] for a frame the line cannot carry.
+    fn send(&mut self, frame: &CanFrame, deadline: Instant) -> Result<(), PortError>;
 
-    /// The next frame, waiting until `deadline`.
+    /// What is heard next, waiting until `deadline`.
     ///
     /// # Errors
     /// [`PortError::TimedOut`], [`PortError::Gone`].
-    fn receive(&mut self, deadline: Instant) -> Result<CanFrame, PortError>;
+    fn receive(&mut self, deadline: Instant) -> Result<Heard, PortError>;
 }
 
-/// A classic CAN frame.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct CanFrame {
-    /// Identifier: 11 bits, or 29 bits if `extended`.
-    pub id: u32,
-    /// True for a 29-bit identifier.
-    pub extended: bool,
-    /// 0 to 8 bytes.
-    pub payload: Vec<u8>,
+/// What comes from a CAN line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Heard {
+    /// A frame of someone else.
+    Frame(CanFrame),
+    /// The line itself reports.
+    Report(ErrorFrame),
 }
 
 /// What can go wrong between here and the wire.

@@ -28,6 +28,7 @@
 //! assert_eq!(positions, [[0xA6, 0x00, 0x00, 0x00]]);
 //! ```
 
+pub mod can;
 pub mod checksum;
 pub mod dynamixel1;
 pub mod dynamixel2;

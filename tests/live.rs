@@ -106,7 +106,9 @@ impl Worn {
         Self {
             segment,
             sent: imu.expect("a sensor").peekable(),
-            stream: Stream::new(stream_format(&sensor).expect("a stream")),
+            stream: Stream::new(
+                stream_format(&sensor).expect("a stream").expect("bytes one after another"),
+            ),
             chain: Chain::new(&sensor, Mode::SixAxes),
             newest: None,
         }

@@ -2,7 +2,7 @@
 
 use crate::error::ProfileError;
 use crate::extends;
-use crate::schema::{Adapter, Robot, Sensor, Servo};
+use crate::schema::{Actuator, Adapter, Robot, Sensor, Servo};
 use crate::unconfirmed::Profile;
 use crate::validate;
 use serde::de::DeserializeOwned;
@@ -28,6 +28,11 @@ include!(concat!(env!("OUT_DIR"), "/embedded.rs"));
 /// Names of the shipped servo profiles, in alphabetical order.
 pub fn servo_names() -> impl Iterator<Item = &'static str> {
     SERVOS.iter().map(|embedded| embedded.name)
+}
+
+/// Names of the shipped CAN actuators, in alphabetical order.
+pub fn actuator_names() -> impl Iterator<Item = &'static str> {
+    ACTUATORS.iter().map(|embedded| embedded.name)
 }
 
 /// Names of the shipped robots, in alphabetical order.
@@ -59,6 +64,17 @@ pub fn servo(name: &str) -> Result<&'static Servo, ProfileError> {
     cell.get_or_init(|| parse_servo(embedded.file, embedded.text))
         .as_ref()
         .map_err(ProfileError::clone)
+}
+
+/// A shipped CAN actuator by name.
+///
+/// # Errors
+/// As [`servo`].
+pub fn actuator(name: &str) -> Result<Actuator, ProfileError> {
+    match ACTUATORS.iter().find(|embedded| embedded.name == name) {
+        Some(embedded) => parse_actuator(embedded.file, embedded.text),
+        None => Err(unknown("actuator", name, actuator_names())),
+    }
 }
 
 /// A robot: a shipped one by name (`[a-z0-9-]+`), or a file by a path that ends in `.toml`.
@@ -95,8 +111,8 @@ pub fn sensor(name_or_path: &str) -> Result<Sensor, ProfileError> {
 }
 
 /// A profile of any kind: a shipped one by name, or a file by a path that ends in `.toml`. What
-/// kind a file is shows in its keys: `usb_ids` an adapter, `channel` a sensor, `register` or
-/// `extends` a servo, all else a robot.
+/// kind a file is shows in its keys: `usb_ids` an adapter, `channel` a sensor, `dialect` a CAN
+/// actuator, `register` or `extends` a servo, all else a robot.
 ///
 /// # Errors
 /// As [`servo`] and [`robot`].
@@ -107,6 +123,8 @@ pub fn profile(name_or_path: &str) -> Result<Profile, ProfileError> {
             parse_adapter(file, text).map(|adapter| Profile::Adapter(Box::new(adapter)))
         } else if table.contains_key("channel") {
             parse_sensor(file, text).map(|sensor| Profile::Sensor(Box::new(sensor)))
+        } else if table.contains_key("dialect") {
+            parse_actuator(file, text).map(|actuator| Profile::Actuator(Box::new(actuator)))
         } else if table.contains_key("register") || extends::has_base(&table) {
             parse_servo(file, text).map(|servo| Profile::Servo(Box::new(servo)))
         } else {
@@ -116,12 +134,12 @@ pub fn profile(name_or_path: &str) -> Result<Profile, ProfileError> {
     if name_or_path.ends_with(".toml") {
         return parse_any(name_or_path, &read_text(Path::new(name_or_path))?);
     }
-    let mut shipped = SERVOS.iter().chain(ROBOTS).chain(ADAPTERS).chain(SENSORS);
+    let mut shipped = SERVOS.iter().chain(ACTUATORS).chain(ROBOTS).chain(ADAPTERS).chain(SENSORS);
     match shipped.find(|embedded| embedded.name == name_or_path) {
         Some(embedded) => parse_any(embedded.file, embedded.text),
         None => {
-            let names = servo_names().chain(robot_names()).chain(adapter_names());
-            let names = names.chain(sensor_names());
+            let names = servo_names().chain(actuator_names()).chain(robot_names());
+            let names = names.chain(adapter_names()).chain(sensor_names());
             Err(unknown("profile", name_or_path, names)
                 .remedy("take one of these names, or give the path of a .toml file"))
         }
@@ -172,6 +190,16 @@ pub fn parse_servo(file: &str, text: &str) -> Result<Servo, ProfileError> {
     };
     validate::servo(file, &servo)?;
     Ok(servo)
+}
+
+/// Reads and validates the text of a CAN actuator's profile; `file` as in [`parse_servo`].
+///
+/// # Errors
+/// What the validator has against it.
+pub fn parse_actuator(file: &str, text: &str) -> Result<Actuator, ProfileError> {
+    let actuator: Actuator = parse(file, text)?;
+    validate::actuator(file, &actuator)?;
+    Ok(actuator)
 }
 
 /// Reads and validates the text of a robot; `file` as in [`parse_servo`].

@@ -1,6 +1,6 @@
 //! What each servo, adapter, robot and sensor is, as data, with the schema and the validator.
 //!
-//! The files under `servos/`, `adapters/`, `robots/` and `sensors/` are compiled into the crate. A file is
+//! The files under `servos/`, `actuators/`, `adapters/`, `robots/` and `sensors/` are compiled into the crate. A file is
 //! validated before anyone sees it; whoever holds a [`Servo`] or a [`Robot`] from [`servo()`] or
 //! [`robot()`] may rely on it.
 //!
@@ -17,6 +17,12 @@
 //!    what differs: see the head of `src/extends.rs`.
 //! 5. Run `cargo test -p gaitway-profiles`. Each shipped file is a test of its own, and the first
 //!    rule it breaks is named with file, register, what was found and what is allowed.
+//!
+//! # How to add a CAN actuator
+//!
+//! Copy the nearest file under `actuators/`. The ranges are those the device's firmware codes its
+//! numbers with: where sources disagree, say so in `source`. No code is needed if it speaks one of
+//! the [`Dialect`]s.
 //!
 //! # How to add a robot
 //!
@@ -58,9 +64,9 @@ mod validate;
 
 pub use error::ProfileError;
 pub use files::{
-    MAX_FILE_BYTES, adapter_for_usb, adapter_names, adapters, parse_adapter, parse_robot,
-    parse_sensor, parse_servo, profile, read_text, robot, robot_names, sensor, sensor_names, servo,
-    servo_names,
+    MAX_FILE_BYTES, actuator, actuator_names, adapter_for_usb, adapter_names, adapters,
+    parse_actuator, parse_adapter, parse_robot, parse_sensor, parse_servo, profile, read_text,
+    robot, robot_names, sensor, sensor_names, servo, servo_names,
 };
 pub use schema::*;
 pub use unconfirmed::{Profile, Unconfirmed};

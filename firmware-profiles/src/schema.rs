@@ -3,8 +3,10 @@
 //!
 //! Unknown keys are refused everywhere: a misspelt limit must never be a limit that is not there.
 
+mod actuator;
 mod sensor;
 
+pub use actuator::{Actuator, CanLine, Dialect, Gear, Ranges, Timeout, TimeoutKind};
 pub use sensor::{
     Channel, Counter, DeviceClock, LineLayout, Quantity, Sensor, SensorProtocol, SensorUnit,
     SignedAxis, WorldAxes, hex_bytes,

@@ -1,6 +1,6 @@
 //! What a profile says without being sure of it.
 
-use crate::schema::{Adapter, Robot, Sensor, Servo};
+use crate::schema::{Actuator, Adapter, Robot, Sensor, Servo};
 
 /// The word that marks a source; `unconfirmed: why`, by itself or after what is known.
 const WORD: &str = "unconfirmed";
@@ -10,6 +10,8 @@ const WORD: &str = "unconfirmed";
 pub enum Profile {
     /// A servo model.
     Servo(Box<Servo>),
+    /// A CAN actuator model.
+    Actuator(Box<Actuator>),
     /// A robot.
     Robot(Box<Robot>),
     /// A USB serial adapter.
@@ -34,6 +36,7 @@ impl Profile {
     pub fn unconfirmed(&self) -> Vec<Unconfirmed<'_>> {
         match self {
             Self::Servo(servo) => servo.unconfirmed(),
+            Self::Actuator(actuator) => actuator.unconfirmed(),
             Self::Robot(robot) => robot.unconfirmed(),
             Self::Adapter(adapter) => adapter.unconfirmed(),
             Self::Sensor(sensor) => sensor.unconfirmed(),
@@ -53,6 +56,20 @@ impl Servo {
             ("motor".to_owned(), &self.motor.source),
         ];
         marked(facts.into_iter().chain(registers))
+    }
+}
+
+impl Actuator {
+    /// Every fact whose source says that it is not confirmed.
+    #[must_use]
+    pub fn unconfirmed(&self) -> Vec<Unconfirmed<'_>> {
+        let facts = [
+            ("source".to_owned(), Some(&self.source)),
+            ("ranges".to_owned(), self.ranges.as_ref().map(|ranges| &ranges.source)),
+            ("timeout".to_owned(), Some(&self.timeout.source)),
+            ("gear".to_owned(), self.gear.as_ref().map(|gear| &gear.source)),
+        ];
+        marked(facts.into_iter().filter_map(|(place, source)| Some((place, source?))))
     }
 }
 

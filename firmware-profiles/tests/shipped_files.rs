@@ -1,8 +1,8 @@
 //! Every shipped profile is a test of its own: it must satisfy the validator.
 
 use gaitway_profiles::{
-    Adapter, Servo, adapter_names, adapters, robot, robot_names, sensor, sensor_names, servo,
-    servo_names,
+    Adapter, Servo, actuator, actuator_names, adapter_names, adapters, robot, robot_names, sensor,
+    sensor_names, servo, servo_names,
 };
 use libtest_mimic::{Arguments, Failed, Trial};
 use std::collections::BTreeSet;
@@ -13,6 +13,11 @@ fn main() {
         trials.push(Trial::test(format!("servo::{name}"), move || {
             let servo = servo(name)?;
             every_byte_has_an_owner_or_none(servo)
+        }));
+    }
+    for name in actuator_names() {
+        trials.push(Trial::test(format!("actuator::{name}"), move || {
+            Ok(actuator(name).map(|_| ())?)
         }));
     }
     for name in robot_names() {
@@ -30,8 +35,8 @@ fn main() {
     }
     trials.push(Trial::test("no_usb_id_belongs_to_two_adapters", usb_ids_are_distinct));
     trials.push(Trial::test("no_two_profiles_have_the_same_name", || {
-        let names =
-            || servo_names().chain(robot_names()).chain(adapter_names()).chain(sensor_names());
+        let devices = || servo_names().chain(actuator_names()).chain(adapter_names());
+        let names = || devices().chain(robot_names()).chain(sensor_names());
         let distinct: BTreeSet<&str> = names().collect();
         if distinct.len() == names().count() { Ok(()) } else { Err(Failed::without_message()) }
     }));

@@ -16,6 +16,7 @@
 struct Readme;
 
 mod adapter;
+pub mod can;
 mod door;
 mod dynamixel1;
 mod dynamixel2;

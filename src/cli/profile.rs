@@ -6,7 +6,7 @@ mod sensor;
 use crate::error::Error;
 use clap::{Args, Subcommand};
 use gaitway_profiles as profiles;
-use profiles::{Profile, Protocol, Register, Servo, Unit};
+use profiles::{Actuator, Dialect, Profile, Protocol, Register, Servo, Unit};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
@@ -20,16 +20,17 @@ pub struct ProfileArgs {
 
 #[derive(Debug, Subcommand)]
 enum Action {
-    /// Servos, sensors, robots and adapters that come with gaitway
+    /// Servos, CAN actuators, sensors, robots and adapters that come with gaitway
     #[command(after_help = "Example: gaitway profile list")]
     List,
-    /// One servo's registers, one sensor's channels, one robot's joints or one adapter
+    /// One servo's registers, one CAN actuator, one sensor's channels, one robot's joints or one adapter
     #[command(after_help = "Example: gaitway profile show xm430-w350")]
     Show {
         /// Name of a shipped profile, or path of a file
         name: String,
     },
-    /// Read a servo, sensor, robot or adapter file, say what is wrong with it and what is unconfirmed
+    /// Read a servo, CAN actuator, sensor, robot or adapter file, say what is wrong with it and what is
+    /// unconfirmed
     #[command(after_help = "Example: gaitway profile check my-robot.toml")]
     Check {
         /// The file, or name of a shipped profile
@@ -46,6 +47,7 @@ pub fn run(args: &ProfileArgs) -> Result<i32, Error> {
         Action::List => list()?,
         Action::Show { name } => match load(name)? {
             Profile::Servo(servo) => show_servo(&servo),
+            Profile::Actuator(actuator) => show_actuator(&actuator),
             Profile::Robot(robot) => show_robot(&robot),
             Profile::Adapter(adapter) => show_adapter(&adapter),
             Profile::Sensor(sensor) => sensor::show(&sensor),
@@ -64,6 +66,9 @@ fn check(profile: &Profile) -> Result<String, Error> {
     let mut out = match profile {
         Profile::Servo(servo) => {
             format!("{}: OK; servo, {} registers\n", servo.name, servo.items().count())
+        }
+        Profile::Actuator(actuator) => {
+            format!("{}: OK; CAN actuator, {}\n", actuator.name, dialect(actuator.dialect))
         }
         Profile::Robot(robot) => {
             // What playing needs of its servos is asked for too, not only what a file must be.
@@ -103,6 +108,7 @@ fn list() -> Result<String, Error> {
             let _ = writeln!(out, "  {:<24} {}", servo.name, servo.model);
         }
     }
+    list_actuators(&mut out)?;
     out.push_str("sensors\n");
     for name in profiles::sensor_names() {
         let sensor = profiles::sensor(name)?;
@@ -119,6 +125,69 @@ fn list() -> Result<String, Error> {
         let _ = writeln!(out, "  {:<24} {} ({ids})", adapter.name, adapter.model);
     }
     Ok(out)
+}
+
+fn list_actuators(out: &mut String) -> Result<(), Error> {
+    let mut groups: BTreeMap<_, Vec<Actuator>> = BTreeMap::new();
+    for name in profiles::actuator_names() {
+        let actuator = profiles::actuator(name)?;
+        let group = (actuator.maker.clone(), dialect(actuator.dialect));
+        groups.entry(group).or_default().push(actuator);
+    }
+    for ((maker, dialect), actuators) in groups {
+        let _ = writeln!(out, "CAN actuators, {maker}, {dialect}");
+        for actuator in actuators {
+            let _ = writeln!(out, "  {:<24} {}", actuator.name, actuator.model);
+        }
+    }
+    Ok(())
+}
+
+const fn dialect(dialect: Dialect) -> &'static str {
+    match dialect {
+        Dialect::CubemarsMit => "MIT mode",
+        Dialect::Damiao => "Damiao",
+        Dialect::Robstride => "CyberGear and RobStride",
+        Dialect::Odrive => "CAN Simple",
+        Dialect::Moteus => "moteus, CAN FD",
+    }
+}
+
+fn show_actuator(actuator: &Actuator) -> String {
+    let line = &actuator.line;
+    let rates = |rates: &[u32]| {
+        let rates: Vec<_> = rates.iter().map(u32::to_string).collect();
+        rates.join(", ")
+    };
+    let mut out = format!(
+        "{} {}, CAN actuator, {}\nsource   {}\nline     {} bit/s\n",
+        actuator.maker,
+        actuator.model,
+        dialect(actuator.dialect),
+        actuator.source,
+        rates(&line.bitrates_bps)
+    );
+    if !line.data_bitrates_bps.is_empty() {
+        let _ = writeln!(out, "CAN FD   {} bit/s", rates(&line.data_bitrates_bps));
+    }
+    let factory = line.factory_id.map_or_else(String::new, |id| format!(", {id} when new"));
+    let _ = writeln!(out, "ids      {} to {}{factory}", line.first_id, line.last_id);
+    if let Some(ranges) = &actuator.ranges {
+        let _ = writeln!(
+            out,
+            "ranges   {:.1} deg, {:.1} deg/s, {} N m (either way); kp to {} N m/rad, kd to {} N m s/rad",
+            ranges.position_rad.to_degrees(),
+            ranges.velocity_rad_s.to_degrees(),
+            ranges.torque_nm,
+            ranges.kp_nm_rad,
+            ranges.kd_nm_s_rad
+        );
+    }
+    if let Some(gear) = &actuator.gear {
+        let _ = writeln!(out, "gear     {} : 1", gear.ratio);
+    }
+    let _ = writeln!(out, "timeout  {}", actuator.timeout.action);
+    out
 }
 
 const fn protocol(protocol: Protocol) -> &'static str {
