@@ -12,7 +12,7 @@ use gaitway::cli::source::{body_motion, robot_model};
 use gaitway::control::{self, Input, Mirror, mirror::Latency};
 use gaitway::device::sensor::stream_format;
 use gaitway::mocap::retarget::{Online, Settings, retarget};
-use gaitway::motion::{FollowTally, Trend};
+use gaitway::motion::{FollowTally, Target, Trend};
 use gaitway::robot::Robot;
 use gaitway::time::Instant;
 use gaitway::wire::sensor::Stream;
@@ -273,6 +273,49 @@ fn a_body_that_wears_13_sensors_walks_and_a_virtual_op3_walks_with_it() {
 #[test]
 fn adapters_that_hold_bytes_back_for_16_ms_make_it_later_and_not_wilder() {
     walks_live(0.016);
+}
+
+/// One joint that swings; silent from 2 to 3 s; asked to stop after 5 s, in the middle of a swing.
+#[test]
+fn without_input_the_robot_stands_and_a_stop_ends_at_rest_within_the_joints_limits() {
+    let mut scene = Scene::of("op3", Options::default());
+    let found = scene.preflight().expect("ready");
+    let armed = control::arm::arm(&mut scene.link, &found).expect("torque");
+    let limits = scene.link.robot().limits();
+    let start = found.start_rad.clone();
+    let swing = |t: f64| (0.3 * (1.0 - (4.0 * t).cos()), 1.2 * (4.0 * t).sin());
+    let began = scene.link.clock().now();
+    let mut newest = |now: Instant, _approaching: bool| {
+        let t = now.seconds_since(began);
+        if (2.0..3.0).contains(&t) {
+            return Input::Nothing;
+        }
+        let (position_rad, velocity_rad_s) = swing(t);
+        let mut target = Target {
+            position_rad: start.clone(),
+            velocity_rad_s: vec![0.0; start.len()],
+            age_s: 0.0,
+        };
+        target.position_rad[0] += position_rad;
+        target.velocity_rad_s[0] = velocity_rad_s;
+        Input::Pose(target)
+    };
+    let mut mirror = Mirror::new(&mut newest, &found.start_rad, limits.clone());
+    let mut samples = Samples::default();
+    let clock = std::sync::Arc::clone(scene.link.clock());
+    let asked = || clock.now().seconds_since(began) > 5.0;
+    let settings = scene.settings;
+    let run = control::stream(&mut scene.link, armed, &mut mirror, settings, &mut samples, &asked);
+    assert_eq!(run.stop, Some(control::StopReason::Asked));
+    let verdict = scene.world.lock().verdict();
+    assert!(verdict.violations.is_empty(), "{:?}", verdict.violations);
+    // From at most 1.2 rad/s; the settling time comes after it.
+    let ramp_s = 1.2 / limits[0].acceleration_rad_s2();
+    assert!(run.duration_s < 5.0 + ramp_s + settings.settle.as_secs_f64() + 0.1);
+    let at = |t: f64| samples.0[(t * 100.0) as usize][0].expect("read");
+    assert!((at(2.3) - at(2.95)).abs() < 0.002, "it stands while nobody says anything");
+    assert!((at(4.9) - start[0] - swing(4.9).0).abs() < 0.06, "and follows again");
+    assert!(mirror.tally().stale_samples >= 95);
 }
 
 /// Blind to what comes next, it must not do something else than with the whole clip at hand.
