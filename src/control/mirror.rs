@@ -58,8 +58,8 @@ impl<'a> Mirror<'a> {
         self.follower.tally()
     }
 
-    /// Greatest speeds and accelerations of the goals, by joint, rad/s and rad/s²; accelerations as
-    /// means over cycles.
+    /// Greatest speeds and accelerations of the goals, by joint, rad/s and rad/s²; accelerations
+    /// as means over cycles.
     #[must_use]
     pub fn peaks(&self) -> (&[f64], &[f64]) {
         (&self.peak_velocity_rad_s, &self.peak_acceleration_rad_s2)

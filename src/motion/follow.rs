@@ -136,8 +136,8 @@ impl Follower {
         &self.tally
     }
 
-    /// Lets `dt_s` pass, at most 0.1 s, towards `target` if there is a fresh one, and says where the
-    /// joints are then. A step that is negative or not a number counts as none.
+    /// Lets `dt_s` pass, at most 0.1 s, towards `target` if there is a fresh one, and says where
+    /// the joints are then. A step that is negative or not a number counts as none.
     pub fn advance(&mut self, dt_s: f64, target: Option<&Target>, setpoints: &mut [Setpoint]) {
         let dt_s = dt_s.clamp(0.0, LONGEST_STEP_S);
         let dt_s = if dt_s.is_nan() { 0.0 } else { dt_s };

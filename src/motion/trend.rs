@@ -3,8 +3,8 @@
 use crate::motion::follow::Target;
 use std::collections::VecDeque;
 
-/// Poses this much older than the newest no longer count, s: three at 60 Hz, so that the velocity is
-/// not that of a single step, and short against any movement of a person.
+/// Poses this much older than the newest no longer count, s: three at 60 Hz, so that the velocity
+/// is not that of a single step, and short against any movement of a person.
 const WINDOW_S: f64 = 0.05;
 /// Most poses kept, whatever their rate.
 const MOST_POSES: usize = 64;

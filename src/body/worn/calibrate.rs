@@ -254,8 +254,8 @@ fn by_movement<'a>(
     best
 }
 
-/// The axis that a sensor turned about, in its own world, pointing so that the turn from standing to
-/// the far end is positive; and the second over the first principal component of its rate.
+/// The axis that a sensor turned about, in its own world, pointing so that the turn from standing
+/// to the far end is positive; and the second over the first principal component of its rate.
 fn axis_of(standing: DQuat, said: &[DQuat]) -> Result<(DVec3, f64), String> {
     let mut spread = DMat3::ZERO;
     for pair in said.windows(2) {

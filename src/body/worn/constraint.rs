@@ -21,8 +21,8 @@ const LEAST_LEVEL: f64 = 0.5;
 ///
 /// One axis: the projections of the common axis on the ground must agree. Two axes: turning the
 /// lower one about the vertical until it is at right angles to the upper one; of the two ways the
-/// nearer. (D. Laidig, D. Lehmann, M.-A. Begin, T. Seel, "Magnetometer-free realtime inertial motion
-/// tracking by exploitation of kinematic constraints in 2-DOF joints", EMBC 2019.)
+/// nearer. (D. Laidig, D. Lehmann, M.-A. Begin, T. Seel, "Magnetometer-free realtime inertial
+/// motion tracking by exploitation of kinematic constraints in 2-DOF joints", EMBC 2019.)
 pub fn heading_error_rad(above: DQuat, below: DQuat, freedom: Freedom) -> Option<(f64, f64)> {
     let upper = above * DVec3::Y;
     let lower = below * if freedom == Freedom::Flexion { DVec3::Y } else { DVec3::Z };
