@@ -16,18 +16,19 @@ fn off_deg(action: &str, measured: &Measured) -> [f64; 3] {
         let part = sample as f64 / 20.0;
         motion.at(dof, (1.5 + part) * action.duration_s).position_rad.to_degrees()
     };
-    let rms = |dof, expected: [f64; 20]| {
-        let square = |(sample, angle): (usize, f64)| (at_deg(dof, sample) - angle).powi(2);
-        let sum: f64 = expected.into_iter().enumerate().map(square).sum();
-        (sum / 20.0).sqrt()
-    };
-    let off = [
-        rms(Dof::LeftHipFlexion, measured.hip_deg.map(|hip| hip - measured.pelvis_deg)),
-        rms(Dof::LeftKneeFlexion, measured.knee_deg),
-        rms(Dof::LeftAnkleDorsiflexion, measured.ankle_deg),
-    ];
-    println!("{}: hip {:.1}, knee {:.1}, ankle {:.1} deg", action.name, off[0], off[1], off[2]);
-    off
+    let hip_deg = measured.hip_deg.map(|hip| hip - measured.pelvis_deg);
+    [
+        (Dof::LeftHipFlexion, hip_deg),
+        (Dof::LeftKneeFlexion, measured.knee_deg),
+        (Dof::LeftAnkleDorsiflexion, measured.ankle_deg),
+    ]
+    .map(|(dof, expected_deg)| {
+        let off = |sample: usize| at_deg(dof, sample) - expected_deg[sample];
+        let rms = ((0..20).map(|sample| off(sample).powi(2)).sum::<f64>() / 20.0).sqrt();
+        let most = (0..20).map(|sample| off(sample).abs()).fold(0.0, f64::max);
+        println!("{} {}: {rms:.1}, at most {most:.1} deg", action.name, dof.name());
+        rms
+    })
 }
 
 #[test]
