@@ -1,11 +1,15 @@
 //! The knee and hip of running as actionlets, arranged as Fig. 5 of Zheng et al., "Human Motion
-//! Simulation and Action Corpus", 2007: one HTML page on stdout.
+//! Simulation and Action Corpus", 2007, and the body at the six positions A to F, as in its Fig. 4:
+//! one HTML page on stdout.
 //!
 //! `cargo run --example running_curves > running.html`
 
+#[path = "gait_curves/stick.rs"]
+mod stick;
+
 use gaitway::action::{Motion, vocabulary};
 use gaitway::actionlet::Actionlet;
-use gaitway::body::Dof;
+use gaitway::body::{Dof, Proportions};
 use gaitway::error::Error;
 use std::fmt::Write;
 
@@ -95,10 +99,28 @@ fn pieces(motion: &Motion, dof: Dof, from_s: f64) -> Vec<&Actionlet> {
     all.filter(|piece| piece.begin_s() >= from_s - 1e-9).collect()
 }
 
+/// The body at A to E, where an actionlet of the knee begins, and at F, where the last one ends.
+fn postures(motion: &Motion, cycle: &[&Actionlet]) -> Result<String, Error> {
+    let body = Proportions::of_stature(1.75)?;
+    let poses = motion.poses(&body, RATE_HZ)?;
+    let seams_s = cycle.iter().map(|piece| piece.begin_s());
+    let seams_s = seams_s.chain(cycle.last().map(|piece| piece.end_s()));
+    let figures: Vec<_> = ["A", "B", "C", "D", "E", "F"]
+        .into_iter()
+        .zip(seams_s)
+        .filter_map(|(name, time_s)| {
+            let pose = poses.get((time_s * RATE_HZ).round() as usize)?;
+            Some((name.to_owned(), body.positions(pose)))
+        })
+        .collect();
+    Ok(stick::strip(&figures))
+}
+
 fn main() -> Result<(), Error> {
     let run = vocabulary::find("run")?;
     let motion = run.perform()?;
-    // A: contact, where the knee begins to flex in stance, which is the smaller flexion; X: where the hip begins to extend.
+    // A: contact, where the knee begins to flex in stance, which is the smaller flexion; X: where
+    // the hip begins to extend.
     let knee = pieces(&motion, KNEE, 1.2);
     let contact = |piece: &&Actionlet| (0.0..0.6).contains(&piece.change_rad());
     let cycle = knee.iter().position(contact).and_then(|at| knee.get(at..at + 5));
@@ -115,6 +137,7 @@ fn main() -> Result<(), Error> {
     for (name, piece) in ["A", "B", "C", "D", "E"].into_iter().zip(cycle) {
         knees.mark(name, piece.begin_s(), piece.from_rad());
     }
+    knees.mark("F", cycle[4].end_s(), cycle[4].to_rad());
     let mut both = panel();
     both.curve(&motion, KNEE, red);
     both.curve(&motion, HIP, blue);
@@ -133,7 +156,8 @@ fn main() -> Result<(), Error> {
     println!(
         "<!DOCTYPE html><html lang='en'><meta charset='utf-8'><title>Running</title>\
          <style>body{{font:14px sans-serif;margin:24px}}text{{font-size:13px}}</style>\
-         <h1>Running at {RATE_HZ} frames a second</h1>{}{}{}</html>",
+         <h1>Running at {RATE_HZ} frames a second</h1>{}{}{}{}</html>",
+        postures(&motion, cycle)?,
         knees.svg("(a) right knee: actionlets AB, BC, CD, DE"),
         both.svg("(b) right knee (red) and hip (blue): equal periods, a phase between"),
         mutated.svg("(c) knee and hip with T = 0.3 (solid) and T = 0.5 (dotted)")

@@ -1,7 +1,7 @@
 //! What holds for every action, whatever its numbers: continuity, Eq. 7, mutation, joining.
 
 use gaitway::action::{Action, Database, Join, Motion, Spread, mutate, phrase, vocabulary};
-use gaitway::actionlet::Shape;
+use gaitway::actionlet::{Actionlet, Shape};
 use gaitway::body::Dof;
 use proptest::prelude::*;
 use rand::SeedableRng;
@@ -13,6 +13,43 @@ static SHIPPED: LazyLock<Database> = LazyLock::new(|| Database::shipped().unwrap
 fn any_action() -> impl Strategy<Value = Action> {
     let names: Vec<&str> = vocabulary::names().collect();
     prop::sample::select(names).prop_map(|name| vocabulary::find(name).unwrap())
+}
+
+/// One to four actions in a row, some longer, shorter, faster or slower than shipped.
+fn any_phrase() -> impl Strategy<Value = String> {
+    let names: Vec<&str> = vocabulary::names().collect();
+    let length = prop_oneof![
+        Just(String::new()),
+        (1u32..5).prop_map(|rounds| format!(":x{rounds}")),
+        (0.5..12.0).prop_map(|seconds| format!(":{seconds:.2}s")),
+    ];
+    let pace = prop_oneof![Just(String::new()), (0.1..10.0).prop_map(|pace| format!("@{pace:.2}"))];
+    let item = (prop::sample::select(names), length, pace);
+    let item = item.prop_map(|(name, length, pace)| format!("{name}{length}{pace}"));
+    prop::collection::vec(item, 1..5).prop_map(|items| items.join(","))
+}
+
+/// Between samples, velocity changes no more than the sharpest acceleration allows, and angle no
+/// more than the velocity: no jump hides in a seam, whatever the seams claim.
+fn never_jumps(motion: &Motion) -> Result<(), TestCaseError> {
+    const STEPS: u32 = 2000;
+    let step_s = motion.duration_s() / f64::from(STEPS);
+    for dof in Dof::ALL {
+        let peaks = motion.track(dof).actionlets().iter().map(Actionlet::peaks);
+        let (fastest, sharpest) = peaks.fold((0.0f64, 0.0f64), |(speed, sharp), peak| {
+            (speed.max(peak.velocity_rad_s), sharp.max(peak.acceleration_rad_s2))
+        });
+        let mut before = motion.at(dof, 0.0);
+        for step in 1..=STEPS {
+            let now = motion.at(dof, f64::from(step) * step_s);
+            let moved = (now.position_rad - before.position_rad).abs();
+            let changed = (now.velocity_rad_s - before.velocity_rad_s).abs();
+            prop_assert!(moved <= fastest * step_s * 1.001 + 1e-9, "{dof:?}: {moved} rad");
+            prop_assert!(changed <= sharpest * step_s * 1.001 + 1e-9, "{dof:?}: {changed} rad/s");
+            before = now;
+        }
+    }
+    Ok(())
 }
 
 fn any_spread() -> impl Strategy<Value = Spread> {
@@ -154,6 +191,17 @@ proptest! {
     }
 
     #[test]
+    fn phrases_start_loop_stop_and_change_pace_without_a_jump(text in any_phrase()) {
+        let motion = phrase::perform(&phrase::load(&text).unwrap(), Join::Transition).unwrap();
+        is_smooth(&motion)?;
+        never_jumps(&motion)?;
+        for dof in Dof::ALL {
+            prop_assert_eq!(motion.at(dof, 0.0).velocity_rad_s, 0.0);
+            prop_assert!(motion.at(dof, motion.duration_s()).velocity_rad_s.abs() < 1e-9);
+        }
+    }
+
+    #[test]
     fn any_phrase_is_read_or_refused(text in "[a-z:@,.0-9x-]{0,30}") {
         let _ = phrase::parse(&text);
         let _ = phrase::is_phrase(&text);
@@ -222,7 +270,7 @@ fn the_database_finds_actionlets_by_type_with_where_they_come_from() {
     let found = database.of_type(kind);
     assert!(!found.is_empty());
     assert!(found.iter().all(|entry| entry.action == "run" && entry.change_rad > 0.78));
-    assert!(found.iter().any(|entry| entry.source.contains("Novacheck")));
+    assert!(found.iter().any(|entry| entry.source.contains("Fukuchi")));
     let count: usize = database.types().map(|(_, entries)| entries.len()).sum();
     database.insert(vocabulary::find("run").unwrap()).unwrap();
     let again: usize = database.types().map(|(_, entries)| entries.len()).sum();
