@@ -12,9 +12,9 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
-/// Half a unit in the last place of a single-precision angle below 4 rad, and of the ninth decimal
-/// of the table.
-const ROUNDING_RAD: f64 = 1.25e-7;
+/// Half a unit in the last place of a single-precision number below 4 (rad, m), and of the ninth
+/// decimal of the table.
+const ROUNDING: f64 = 1.25e-7;
 
 fn gaitway(arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_gaitway"));
@@ -55,7 +55,7 @@ import pyarrow.parquet as pq
 
 poses, pieces = (pq.ParquetFile(path) for path in sys.argv[1:3])
 table, made_of = poses.read(), pieces.read()
-angles = table.column_names[2:]
+angles = table.column_names[2:24]
 variation = table["variation"].to_numpy()
 time_s = table["time_s"].to_numpy().astype(float)
 column = {name: made_of[name].to_numpy() for name in made_of.column_names}
@@ -92,7 +92,7 @@ fn seen_by(python: &Path, poses: &Path, pieces: &Path) -> Value {
     serde_json::from_slice(&output.stdout).unwrap()
 }
 
-/// Rows of a table: time and angles.
+/// Rows of a table: time, angles and root.
 fn rows(table: &Path) -> Vec<Vec<f64>> {
     let text = fs::read_to_string(table).unwrap();
     let lines = text.lines().skip(1);
@@ -115,10 +115,11 @@ fn another_reader_finds_the_samples_of_the_single_path() {
     let report = synth(&["--variations", "5", "-o", out.to_str().unwrap()]);
     let found = seen_by(&python, &out, &folder.join("run.actionlets.parquet"));
     let columns: Vec<Vec<f64>> = serde_json::from_value(found["columns"].clone()).unwrap();
-    assert_eq!(columns.len(), 24);
+    assert_eq!(columns.len(), 27);
     assert_eq!(columns[0].len() as u64, report["poses"].as_u64().unwrap());
     assert_eq!(found["names"][1], "time_s");
     assert_eq!(found["names"][2], "torso_flexion_rad");
+    assert_eq!(found["names"][24], "root_x_m");
     assert_eq!(found["about"]["seed"], 9);
     assert_eq!(found["about"]["variations"], 5);
     // Times are single as well: at the greatest speed of a run, 20 rad/s, half a unit is 5e-6 rad.
@@ -137,7 +138,7 @@ fn another_reader_finds_the_samples_of_the_single_path() {
         for (row, alone) in together.into_iter().zip(&alone) {
             for (column, value) in alone.iter().enumerate().skip(1) {
                 let got = columns[column + 1][row];
-                assert!((got - value).abs() <= ROUNDING_RAD, "{number}: {got} is not {value}");
+                assert!((got - value).abs() <= ROUNDING, "{number}: {got} is not {value}");
             }
         }
     }

@@ -3,7 +3,7 @@
 
 use crate::action::{Database, Join, Motion, Spread, mutate, phrase};
 use crate::actionlet::Shape;
-use crate::body::Dof;
+use crate::body::{Dof, Proportions};
 use crate::error::Error;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -23,6 +23,8 @@ pub struct Corpus {
     pub seed: u64,
     /// Poses per second.
     pub rate_hz: f64,
+    /// The body that moves: its legs decide where the root goes.
+    pub body: Proportions,
 }
 
 /// Some variations as columns.
@@ -34,6 +36,8 @@ pub struct Batch {
     pub time_s: Vec<f32>,
     /// Angles, rad, by degree of freedom and pose.
     pub angles_rad: [Vec<f32>; 22],
+    /// Where the root is in the world, m: X forward, Y left, Z up; by axis and pose.
+    pub root_m: [Vec<f32>; 3],
     /// The actionlets the poses were made from.
     pub pieces: Pieces,
 }
@@ -81,18 +85,19 @@ impl Corpus {
     /// If one cannot be performed or has too many poses.
     pub fn batch(&self, from: u32, to: u32) -> Result<Batch, Error> {
         let mut batch = Batch::default();
-        let mut column = Vec::new();
         for index in from..to {
             let motion = self.variation(index)?;
-            let poses = motion.pose_count(self.rate_hz)?;
+            let placed = motion.placed(&self.body, self.rate_hz)?;
+            let poses = placed.len();
             // A file holds at most a million variations; the cast cannot wrap.
             let number = index as i32;
             batch.variation.resize(batch.variation.len() + poses, number);
             batch.time_s.extend((0..poses).map(|pose| (pose as f64 / self.rate_hz) as f32));
-            column.resize(poses, 0.0);
-            for dof in Dof::ALL {
-                motion.track(dof).sample_into(self.rate_hz, &mut column);
-                batch.angles_rad[dof.index()].extend(column.iter().map(|angle| *angle as f32));
+            for (dof, column) in batch.angles_rad.iter_mut().enumerate() {
+                column.extend(placed.iter().map(|(angles, _)| angles.0[dof] as f32));
+            }
+            for (axis, column) in batch.root_m.iter_mut().enumerate() {
+                column.extend(placed.iter().map(|(_, root_m)| root_m[axis] as f32));
             }
             batch.pieces.push(number, &motion);
         }
@@ -135,6 +140,7 @@ mod tests {
             database: Database::shipped().unwrap(),
             seed,
             rate_hz: 60.0,
+            body: Proportions::of_stature(1.75).unwrap(),
         }
     }
 

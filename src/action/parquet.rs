@@ -34,6 +34,9 @@ impl<W: Write + Send> CorpusWriter<W> {
         for dof in Dof::ALL {
             let _ = write!(schema, "required float {}_rad; ", dof.name());
         }
+        for axis in ["x", "y", "z"] {
+            let _ = write!(schema, "required float root_{axis}_m; ");
+        }
         schema.push('}');
         let pieces_schema = "message actionlets { required int32 variation; required int32 dof; \
              required int32 shape; required double begin_s; required double duration_s; \
@@ -101,8 +104,8 @@ fn write_poses<W: Write + Send>(
     let mut group = file.next_row_group()?;
     column::<_, Int32Type>(&mut group, &batch.variation)?;
     column::<_, FloatType>(&mut group, &batch.time_s)?;
-    for angles_rad in &batch.angles_rad {
-        column::<_, FloatType>(&mut group, angles_rad)?;
+    for values in batch.angles_rad.iter().chain(&batch.root_m) {
+        column::<_, FloatType>(&mut group, values)?;
     }
     group.close().map(|_| ())
 }

@@ -137,6 +137,7 @@ pub fn corpus(args: &SynthArgs, figures: &Figures) -> Result<Corpus, Error> {
         database,
         seed: args.seed,
         rate_hz: args.rate,
+        body: figures.body()?,
     })
 }
 
@@ -244,7 +245,7 @@ fn write_pair(
     let create = |path: &Path| {
         let file = File::create(part(path)).map_err(|e| failed(path, e))?;
         let stream = file.try_clone().map_err(|e| failed(path, e))?;
-        Ok((file, BufWriter::with_capacity(1 << 20, stream)))
+        Ok::<_, Error>((file, BufWriter::with_capacity(1 << 20, stream)))
     };
     let ((poses_file, to_poses), (pieces_file, to_pieces)) = (create(poses)?, create(&pieces)?);
     let notes = [("gaitway".to_owned(), about.to_owned())];
