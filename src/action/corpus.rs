@@ -61,6 +61,11 @@ pub struct Pieces {
     pub to_rad: Vec<f64>,
     /// T of a half sine; not a number for the others.
     pub peak: Vec<f64>,
+    /// How many of `samples` belong to it: none unless its shape is sampled.
+    pub sample_count: Vec<usize>,
+    /// Velocity functions by samples, of an integral of 1, one after the other; see
+    /// [`Sampled::velocities`](crate::actionlet::Sampled::velocities).
+    pub samples: Vec<f64>,
 }
 
 impl Corpus {
@@ -109,11 +114,11 @@ impl Pieces {
     fn push(&mut self, variation: i32, motion: &Motion) {
         for dof in Dof::ALL {
             for piece in motion.track(dof).actionlets() {
-                let (shape, peak) = match piece.shape() {
-                    _ if piece.is_rest() => (0, f64::NAN),
-                    Shape::HalfSine(peak_at) => (1, peak_at.value()),
-                    Shape::MinimumJerk => (2, f64::NAN),
-                    Shape::Sampled(_) => (3, f64::NAN),
+                let (shape, peak, samples) = match piece.shape() {
+                    _ if piece.is_rest() => (0, f64::NAN, &[][..]),
+                    Shape::HalfSine(peak_at) => (1, peak_at.value(), &[][..]),
+                    Shape::MinimumJerk => (2, f64::NAN, &[][..]),
+                    Shape::Sampled(sampled) => (3, f64::NAN, sampled.velocities()),
                 };
                 self.variation.push(variation);
                 self.dof.push(dof.index() as i32);
@@ -123,6 +128,8 @@ impl Pieces {
                 self.from_rad.push(piece.from_rad());
                 self.to_rad.push(piece.to_rad());
                 self.peak.push(peak);
+                self.sample_count.push(samples.len());
+                self.samples.extend_from_slice(samples);
             }
         }
     }
@@ -131,6 +138,8 @@ impl Pieces {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::actionlet::Sampled;
+    use std::sync::Arc;
 
     fn corpus(seed: u64) -> Corpus {
         Corpus {
@@ -157,8 +166,15 @@ mod tests {
 
     #[test]
     fn the_parameters_make_the_poses_again() {
-        let batch = corpus(1).batch(3, 4).unwrap();
+        let mut corpus = corpus(1);
+        // A knee that is late: of a kind a capture may have.
+        let sampled = Shape::Sampled(Arc::new(Sampled::through(&[0.0, 1.0, 4.0, 0.0]).unwrap()));
+        for turn in &mut corpus.parts[0].action.waveforms[0] {
+            turn.shape = sampled.clone();
+        }
+        let batch = corpus.batch(3, 4).unwrap();
         let pieces = &batch.pieces;
+        assert!(pieces.shape.contains(&3));
         for (pose, time_s) in batch.time_s.iter().enumerate() {
             let time_s = f64::from(*time_s);
             for dof in Dof::ALL {
@@ -172,7 +188,12 @@ mod tests {
                 let progress = match pieces.shape[at] {
                     0 => 0.0,
                     1 => Shape::half_sine(pieces.peak[at]).unwrap().progress(u)[0],
-                    _ => Shape::MinimumJerk.progress(u)[0],
+                    2 => Shape::MinimumJerk.progress(u)[0],
+                    _ => {
+                        let from: usize = pieces.sample_count[..at].iter().sum();
+                        let samples = &pieces.samples[from..from + pieces.sample_count[at]];
+                        Sampled::through(samples).unwrap().raw(u)[0]
+                    }
                 };
                 let change = pieces.to_rad[at] - pieces.from_rad[at];
                 let expected = pieces.from_rad[at] + change * progress;

@@ -1,5 +1,5 @@
-//! A motion as a table: `time_s`, the 22 degrees of freedom by name, rad, and where the root is in the
-//! world, m: X forward, Y left, Z up, from [`Motion::placed`].
+//! A motion as a table: `time_s`, the 22 degrees of freedom by name, rad, and where the root is in
+//! the world, m: X forward, Y left, Z up, from [`Motion::placed`].
 
 use crate::action::Motion;
 use crate::body::{Dof, Proportions};
