@@ -3,7 +3,7 @@
 
 use gaitway::action::corpus::Corpus;
 use gaitway::action::{Database, Join, Spread, phrase, vocabulary};
-use gaitway::body::Dof;
+use gaitway::body::{Dof, Proportions};
 use std::hint::black_box;
 use std::process::Command;
 use std::time::Instant;
@@ -135,6 +135,7 @@ fn variations() {
         database: Database::shipped().expect("actions"),
         seed: 1,
         rate_hz: 120.0,
+        body: Proportions::of_stature(1.75).expect("a body"),
     };
     let mut poses = 0;
     let seconds = time_s(|| poses = black_box(corpus.batch(0, 250)).expect("a batch").time_s.len());

@@ -3,12 +3,11 @@
 //! An [`Actionlet`] is one cycle of acceleration and deceleration of one degree of freedom, between
 //! two successive instants of zero velocity (Zheng et al., "Human Motion Simulation and Action
 //! Corpus", 2007, Eqs. 1, 4, 5). A [`Sequence`] is a chain of them: angle and velocity are
-//! continuous because each starts where the one before ended, at rest. A [`Cycle`] is a sequence
-//! that closes and can go round for ever.
+//! continuous because each starts where the one before ended, at rest. [`insert()`] pastes a piece of
+//! one into another.
 //!
 //! "Angle" is the position of a degree of freedom, rad.
 
-pub mod cycle;
 pub mod decompose;
 pub mod insert;
 pub mod sampled;
@@ -19,7 +18,6 @@ pub mod transition;
 
 use crate::error::Error;
 
-pub use cycle::Cycle;
 pub use decompose::{Decomposed, decompose};
 pub use insert::{Cut, insert};
 pub use sampled::Sampled;

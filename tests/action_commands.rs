@@ -36,7 +36,7 @@ fn refused(arguments: &[&str], words: &[&str]) {
 }
 
 #[test]
-fn a_table_has_time_and_22_angles_at_the_rate_asked_for() {
+fn a_table_has_time_22_angles_and_the_root_at_the_rate_asked_for() {
     let out = folder("csv").join("walk.csv");
     let path = out.to_str().unwrap();
     let report = made(&["synth", "walk", "--rate", "50", "-o", path]);
@@ -44,12 +44,18 @@ fn a_table_has_time_and_22_angles_at_the_rate_asked_for() {
     let table = fs::read_to_string(&out).unwrap();
     let mut lines = table.lines();
     let head: Vec<&str> = lines.next().unwrap().split(',').collect();
-    assert_eq!((head.len(), head[0], head[1]), (23, "time_s", "torso_flexion_rad"));
+    assert_eq!((head.len(), head[0], head[1]), (26, "time_s", "torso_flexion_rad"));
+    assert_eq!(head[23..], ["root_x_m", "root_y_m", "root_z_m"]);
     let rows: Vec<Vec<f64>> =
         lines.map(|line| line.split(',').map(|v| v.parse().unwrap()).collect()).collect();
     assert_eq!(rows.len(), 241);
-    assert!(rows.iter().all(|row| row.len() == 23));
-    assert_eq!(rows[0], vec![0.0; 23]);
+    assert!(rows.iter().all(|row| row.len() == 26));
+    assert_eq!(rows[0][..25], [0.0; 25]);
+    // Thigh, shank and foot of 1.75 m (Winter: 0.530 of it) at both ends, and steps between.
+    for row in [0, 240] {
+        assert!((rows[row][25] - 0.530 * 1.75).abs() < 1e-6, "{:?}", rows[row]);
+    }
+    assert!(rows[240][23] > 2.0 && rows[240][24].abs() < 0.3, "{:?}", rows[240]);
     assert!((rows[240][0] - 4.8).abs() < 1e-9);
     // What is there is not written over.
     refused(&["synth", "walk", "-o", path], &["exists already", "--force"]);

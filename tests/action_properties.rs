@@ -242,6 +242,25 @@ fn phase_is_kept_over_a_thousand_cycles() {
 }
 
 #[test]
+fn what_is_not_to_vary_stays_also_where_a_capture_left_the_anatomical_range() {
+    let mut walk = vocabulary::find("walk").unwrap();
+    let (_, upper) = Dof::LeftKneeFlexion.range_rad();
+    let knee = walk.tracks().find(|track| track.dof == Dof::LeftKneeFlexion).unwrap().waveform;
+    walk.captured = true;
+    walk.waveforms[knee][0].angle_rad = upper + 0.2;
+    let still = Spread { angle: 0.0, time: 0.0, peak: 0.0, duration: 0.0, exchange: 0.0 };
+    let vary = |spread: &Spread, seed| {
+        mutate(&walk, spread, &SHIPPED, &mut ChaCha8Rng::seed_from_u64(seed))
+    };
+    assert_eq!(vary(&still, 1), walk);
+    let angles = (0..50)
+        .map(|seed| vary(&Spread { angle: 0.2, ..still }, seed).waveforms[knee][0].angle_rad);
+    let angles: Vec<f64> = angles.collect();
+    assert!(angles.iter().all(|angle| *angle <= upper + 0.2), "no further out");
+    assert!(angles.iter().any(|angle| *angle < upper + 0.2), "but it does vary");
+}
+
+#[test]
 fn phrases_take_seconds_rounds_and_pace() {
     let perform = |text: &str| {
         phrase::perform(&phrase::load(text).unwrap(), Join::Transition).unwrap().duration_s()

@@ -3,7 +3,7 @@
 
 use crate::action::{Database, Join, Motion, Spread, mutate, phrase};
 use crate::actionlet::Shape;
-use crate::body::Dof;
+use crate::body::{Dof, Proportions};
 use crate::error::Error;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -23,6 +23,8 @@ pub struct Corpus {
     pub seed: u64,
     /// Poses per second.
     pub rate_hz: f64,
+    /// The body that moves: its legs decide where the root goes.
+    pub body: Proportions,
 }
 
 /// Some variations as columns.
@@ -34,6 +36,8 @@ pub struct Batch {
     pub time_s: Vec<f32>,
     /// Angles, rad, by degree of freedom and pose.
     pub angles_rad: [Vec<f32>; 22],
+    /// Where the root is in the world, m: X forward, Y left, Z up; by axis and pose.
+    pub root_m: [Vec<f32>; 3],
     /// The actionlets the poses were made from.
     pub pieces: Pieces,
 }
@@ -57,6 +61,11 @@ pub struct Pieces {
     pub to_rad: Vec<f64>,
     /// T of a half sine; not a number for the others.
     pub peak: Vec<f64>,
+    /// How many of `samples` belong to it: none unless its shape is sampled.
+    pub sample_count: Vec<usize>,
+    /// Velocity functions by samples, of an integral of 1, one after the other; see
+    /// [`Sampled::velocities`](crate::actionlet::Sampled::velocities).
+    pub samples: Vec<f64>,
 }
 
 impl Corpus {
@@ -81,18 +90,19 @@ impl Corpus {
     /// If one cannot be performed or has too many poses.
     pub fn batch(&self, from: u32, to: u32) -> Result<Batch, Error> {
         let mut batch = Batch::default();
-        let mut column = Vec::new();
         for index in from..to {
             let motion = self.variation(index)?;
-            let poses = motion.pose_count(self.rate_hz)?;
+            let placed = motion.placed(&self.body, self.rate_hz)?;
+            let poses = placed.len();
             // A file holds at most a million variations; the cast cannot wrap.
             let number = index as i32;
             batch.variation.resize(batch.variation.len() + poses, number);
             batch.time_s.extend((0..poses).map(|pose| (pose as f64 / self.rate_hz) as f32));
-            column.resize(poses, 0.0);
-            for dof in Dof::ALL {
-                motion.track(dof).sample_into(self.rate_hz, &mut column);
-                batch.angles_rad[dof.index()].extend(column.iter().map(|angle| *angle as f32));
+            for (dof, column) in batch.angles_rad.iter_mut().enumerate() {
+                column.extend(placed.iter().map(|(angles, _)| angles.0[dof] as f32));
+            }
+            for (axis, column) in batch.root_m.iter_mut().enumerate() {
+                column.extend(placed.iter().map(|(_, root_m)| root_m[axis] as f32));
             }
             batch.pieces.push(number, &motion);
         }
@@ -104,11 +114,11 @@ impl Pieces {
     fn push(&mut self, variation: i32, motion: &Motion) {
         for dof in Dof::ALL {
             for piece in motion.track(dof).actionlets() {
-                let (shape, peak) = match piece.shape() {
-                    _ if piece.is_rest() => (0, f64::NAN),
-                    Shape::HalfSine(peak_at) => (1, peak_at.value()),
-                    Shape::MinimumJerk => (2, f64::NAN),
-                    Shape::Sampled(_) => (3, f64::NAN),
+                let (shape, peak, samples) = match piece.shape() {
+                    _ if piece.is_rest() => (0, f64::NAN, &[][..]),
+                    Shape::HalfSine(peak_at) => (1, peak_at.value(), &[][..]),
+                    Shape::MinimumJerk => (2, f64::NAN, &[][..]),
+                    Shape::Sampled(sampled) => (3, f64::NAN, sampled.velocities()),
                 };
                 self.variation.push(variation);
                 self.dof.push(dof.index() as i32);
@@ -118,6 +128,8 @@ impl Pieces {
                 self.from_rad.push(piece.from_rad());
                 self.to_rad.push(piece.to_rad());
                 self.peak.push(peak);
+                self.sample_count.push(samples.len());
+                self.samples.extend_from_slice(samples);
             }
         }
     }
@@ -126,6 +138,8 @@ impl Pieces {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::actionlet::Sampled;
+    use std::sync::Arc;
 
     fn corpus(seed: u64) -> Corpus {
         Corpus {
@@ -135,6 +149,7 @@ mod tests {
             database: Database::shipped().unwrap(),
             seed,
             rate_hz: 60.0,
+            body: Proportions::of_stature(1.75).unwrap(),
         }
     }
 
@@ -151,8 +166,15 @@ mod tests {
 
     #[test]
     fn the_parameters_make_the_poses_again() {
-        let batch = corpus(1).batch(3, 4).unwrap();
+        let mut corpus = corpus(1);
+        // A knee that is late: of a kind a capture may have.
+        let sampled = Shape::Sampled(Arc::new(Sampled::through(&[0.0, 1.0, 4.0, 0.0]).unwrap()));
+        for turn in &mut corpus.parts[0].action.waveforms[0] {
+            turn.shape = sampled.clone();
+        }
+        let batch = corpus.batch(3, 4).unwrap();
         let pieces = &batch.pieces;
+        assert!(pieces.shape.contains(&3));
         for (pose, time_s) in batch.time_s.iter().enumerate() {
             let time_s = f64::from(*time_s);
             for dof in Dof::ALL {
@@ -166,7 +188,12 @@ mod tests {
                 let progress = match pieces.shape[at] {
                     0 => 0.0,
                     1 => Shape::half_sine(pieces.peak[at]).unwrap().progress(u)[0],
-                    _ => Shape::MinimumJerk.progress(u)[0],
+                    2 => Shape::MinimumJerk.progress(u)[0],
+                    _ => {
+                        let from: usize = pieces.sample_count[..at].iter().sum();
+                        let samples = &pieces.samples[from..from + pieces.sample_count[at]];
+                        Sampled::through(samples).unwrap().raw(u)[0]
+                    }
                 };
                 let change = pieces.to_rad[at] - pieces.from_rad[at];
                 let expected = pieces.from_rad[at] + change * progress;

@@ -4,7 +4,7 @@ use crate::actionlet::{Actionlet, Sequence, Shape, State};
 use crate::body::contact::root_path;
 use crate::body::{Dof, JointAngles, Proportions, SegmentPose};
 use crate::error::Error;
-use glam::DQuat;
+use glam::{DQuat, DVec3};
 use std::ops::RangeInclusive;
 
 /// Poses per second a motion can be sampled at.
@@ -132,12 +132,24 @@ impl Motion {
     /// # Errors
     /// As [`Self::pose_count`].
     pub fn poses(&self, body: &Proportions, rate_hz: f64) -> Result<Vec<SegmentPose>, Error> {
+        let placed = self.placed(body, rate_hz)?.into_iter();
+        Ok(placed.map(|(angles, root_m)| angles.to_pose(root_m, DQuat::IDENTITY)).collect())
+    }
+
+    /// The same as angles, and where the root (between the hip joints) is in the world, m.
+    ///
+    /// # Errors
+    /// As [`Self::pose_count`].
+    pub fn placed(
+        &self,
+        body: &Proportions,
+        rate_hz: f64,
+    ) -> Result<Vec<(JointAngles, DVec3)>, Error> {
         let angles = self.sampled(rate_hz)?;
         let upright: Vec<(JointAngles, DQuat)> =
             angles.into_iter().map(|angles| (angles, DQuat::IDENTITY)).collect();
         let roots_m = root_path(body, &upright, rate_hz, &self.flights_s);
-        let placed = upright.iter().zip(roots_m);
-        Ok(placed.map(|((angles, turned), root_m)| angles.to_pose(root_m, *turned)).collect())
+        Ok(upright.into_iter().map(|(angles, _)| angles).zip(roots_m).collect())
     }
 
     /// Actionlets that move, over all degrees of freedom.

@@ -142,7 +142,8 @@ fn exchange(
     }
 }
 
-/// Moves the angles of turning points. Neighbours with equal angles, a rest between, move together;
+/// Moves the angles of turning points inside the anatomical range, and never further out of it than
+/// they are (captured ones may be). Neighbours with equal angles, a rest between, move together;
 /// where an action that is done once starts and ends it stays.
 fn move_angles(
     action: &Action,
@@ -174,7 +175,8 @@ fn move_angles(
             let angle_rad = given[index] + moved * smaller / 2.0;
             let (lower, upper) = dofs[0].range_rad();
             for turn in &mut turns[index..=end] {
-                turn.angle_rad = angle_rad.clamp(lower, upper);
+                turn.angle_rad =
+                    angle_rad.clamp(lower.min(turn.angle_rad), upper.max(turn.angle_rad));
             }
         }
         index = end + 1;

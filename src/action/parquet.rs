@@ -34,10 +34,14 @@ impl<W: Write + Send> CorpusWriter<W> {
         for dof in Dof::ALL {
             let _ = write!(schema, "required float {}_rad; ", dof.name());
         }
+        for axis in ["x", "y", "z"] {
+            let _ = write!(schema, "required float root_{axis}_m; ");
+        }
         schema.push('}');
         let pieces_schema = "message actionlets { required int32 variation; required int32 dof; \
              required int32 shape; required double begin_s; required double duration_s; \
-             required double from_rad; required double to_rad; required double peak; }";
+             required double from_rad; required double to_rad; required double peak; \
+             required group samples (LIST) { repeated group list { required double element; } } }";
         Ok(Self {
             poses: begun(poses, &schema, notes).map_err(unwritable)?,
             pieces: begun(pieces, pieces_schema, notes).map_err(unwritable)?,
@@ -101,8 +105,8 @@ fn write_poses<W: Write + Send>(
     let mut group = file.next_row_group()?;
     column::<_, Int32Type>(&mut group, &batch.variation)?;
     column::<_, FloatType>(&mut group, &batch.time_s)?;
-    for angles_rad in &batch.angles_rad {
-        column::<_, FloatType>(&mut group, angles_rad)?;
+    for values in batch.angles_rad.iter().chain(&batch.root_m) {
+        column::<_, FloatType>(&mut group, values)?;
     }
     group.close().map(|_| ())
 }
@@ -120,5 +124,26 @@ fn write_pieces<W: Write + Send>(
     {
         column::<_, DoubleType>(&mut group, real)?;
     }
+    lists(&mut group, &pieces.sample_count, &pieces.samples)?;
     group.close().map(|_| ())
+}
+
+/// Writes a column of lists, `values` one list after the other. By the format's encoding of nested
+/// columns (Parquet, "Nested Encoding"), an empty list is one level without a value; repetition 0
+/// begins a list, 1 goes on with it.
+fn lists<W: Write + Send>(
+    group: &mut RowGroup<'_, W>,
+    lengths: &[usize],
+    values: &[f64],
+) -> Result<(), ParquetError> {
+    let (mut defined, mut repeated) = (Vec::new(), Vec::new());
+    for length in lengths {
+        defined.resize(defined.len() + (*length).max(1), i16::from(*length > 0));
+        repeated.push(0);
+        repeated.resize(defined.len(), 1);
+    }
+    let next = group.next_column()?;
+    let mut column = next.ok_or_else(|| ParquetError::General("a column too many".to_owned()))?;
+    column.typed::<DoubleType>().write_batch(values, Some(&defined), Some(&repeated))?;
+    column.close()
 }

@@ -1,7 +1,8 @@
-//! Angles as a table: `time_s` and the 22 degrees of freedom by name, rad.
+//! A motion as a table: `time_s`, the 22 degrees of freedom by name, rad, and where the root is in
+//! the world, m: X forward, Y left, Z up, from [`Motion::placed`].
 
 use crate::action::Motion;
-use crate::body::Dof;
+use crate::body::{Dof, Proportions};
 use crate::error::Error;
 use std::fmt::Write;
 use std::io;
@@ -13,22 +14,27 @@ pub fn head() -> String {
     for dof in Dof::ALL {
         let _ = write!(head, ",{}_rad", dof.name());
     }
-    head
+    head + ",root_x_m,root_y_m,root_z_m"
 }
 
-/// Writes a motion, a row per sample.
+/// Writes a motion of a body with these proportions, a row per sample.
 ///
 /// # Errors
 /// If the rate is out of range, or the table cannot be written.
-pub fn write_csv(motion: &Motion, rate_hz: f64, out: &mut impl io::Write) -> Result<(), Error> {
+pub fn write_csv(
+    motion: &Motion,
+    body: &Proportions,
+    rate_hz: f64,
+    out: &mut impl io::Write,
+) -> Result<(), Error> {
     let unwritable = |e: io::Error| Error::new("cannot write the table").got(e.to_string());
     writeln!(out, "{}", head()).map_err(unwritable)?;
     let mut row = String::new();
-    for (index, angles) in motion.sampled(rate_hz)?.iter().enumerate() {
+    for (index, (angles, root_m)) in motion.placed(body, rate_hz)?.iter().enumerate() {
         row.clear();
         let _ = write!(row, "{:.6}", index as f64 / rate_hz);
-        for angle_rad in angles.0 {
-            let _ = write!(row, ",{angle_rad:.9}");
+        for value in angles.0.into_iter().chain(root_m.to_array()) {
+            let _ = write!(row, ",{value:.9}");
         }
         row.push('\n');
         out.write_all(row.as_bytes()).map_err(unwritable)?;

@@ -21,11 +21,35 @@ pub struct Cut {
     pub keep_end: bool,
 }
 
-/// Pastes a piece of `source` into `target`: `ta1' = [t_ta1, t_target + (t_sa2 - t_begin)]` with the
-/// velocity function of ta1, `ta2' = [that, t_ta2 + (t_end - t_begin)]` with that of sa2. Actionlets
-/// wholly inside the piece come between, shifted by `t_target - t_begin`, unchanged in duration and
-/// in angle covered. The actionlet of the target is retimed from its own start: an insert has to be
-/// decided before that begins to play.
+/// Pastes a piece of `source` into `target`: `ta1' = [t_ta1, t_target + (t_sa2 - t_begin)]` with
+/// the velocity function of ta1, `ta2' = [that, t_ta2 + (t_end - t_begin)]` with that of sa2.
+/// Actionlets wholly inside the piece come between, shifted by `t_target - t_begin`, unchanged in
+/// duration and in angle covered. The actionlet of the target is retimed from its own start: an
+/// insert has to be decided before that begins to play.
+///
+/// It works on one degree of freedom; those of a body reach rest at different times, so that there
+/// is no one cut for all of them. A nod in the middle of a bow:
+///
+/// ```
+/// use gaitway::action::{Motion, vocabulary};
+/// use gaitway::actionlet::{Cut, Sequence, Shape, insert};
+/// use gaitway::body::Dof;
+///
+/// let nod = Sequence::starting_at(0.0, 0.0)?;
+/// let nod = nod.then(0.3, 0.35, Shape::half_sine(0.5)?)?;
+/// let nod = nod.then(0.3, 0.0, Shape::half_sine(0.4)?)?;
+/// let bow = vocabulary::find("bow")?.perform()?;
+/// let neck = bow.track(Dof::NeckFlexion);
+/// let moving = neck.actionlets().iter().find(|piece| !piece.is_rest()).unwrap();
+/// let target_s = moving.begin_s() + moving.duration_s() / 2.0;
+/// let cut = Cut { begin_s: 0.1, end_s: 0.5, target_s, keep_end: false };
+///
+/// let mut tracks = bow.clone().into_tracks();
+/// tracks[Dof::NeckFlexion.index()] = insert(&nod, neck, cut)?;
+/// let nodding = Motion::new(tracks)?;
+/// assert!((nodding.duration_s() - bow.duration_s() - 0.4).abs() < 1e-9);
+/// # Ok::<(), gaitway::error::Error>(())
+/// ```
 ///
 /// # Errors
 /// If a time does not lie strictly inside an actionlet, begin and end lie in the same one, or

@@ -115,24 +115,27 @@ impl JointAngles {
     /// `root_orientation`, both in the world.
     #[must_use]
     pub fn to_pose(&self, root_m: DVec3, root_orientation: DQuat) -> SegmentPose {
-        let mut local = [DQuat::IDENTITY; 13];
-        for ball in &BALLS {
-            let [y, x, z] = [0, 1, 2].map(|axis| ball.signs[axis] * self[ball.dofs[axis]]);
-            local[ball.segment.index()] =
-                DQuat::from_rotation_y(y) * DQuat::from_rotation_x(x) * DQuat::from_rotation_z(z);
-        }
-        for hinge in &HINGES {
-            local[hinge.segment.index()] = DQuat::from_rotation_y(hinge.sign * self[hinge.dof]);
-        }
         let mut orientation = [root_orientation; 13];
         // Parents come before children in `Segment::ALL`.
         for segment in Segment::ALL {
             if let Some(parent) = segment.parent() {
-                let turned = orientation[parent.index()] * local[segment.index()];
+                let turned = orientation[parent.index()] * self.against_parent(segment);
                 orientation[segment.index()] = turned.normalize();
             }
         }
         SegmentPose { root_m, orientation }
+    }
+
+    /// How a segment is turned against its parent; the pelvis has none and is not turned.
+    pub(super) fn against_parent(&self, segment: Segment) -> DQuat {
+        if let Some(ball) = BALLS.iter().find(|ball| ball.segment == segment) {
+            let [y, x, z] = [0, 1, 2].map(|axis| ball.signs[axis] * self[ball.dofs[axis]]);
+            return DQuat::from_rotation_y(y)
+                * DQuat::from_rotation_x(x)
+                * DQuat::from_rotation_z(z);
+        }
+        let hinge = HINGES.iter().find(|hinge| hinge.segment == segment);
+        hinge.map_or(DQuat::IDENTITY, |hinge| DQuat::from_rotation_y(hinge.sign * self[hinge.dof]))
     }
 
     /// Angles of a pose on its own. Of the two ways to say each three-angle joint, the one nearer

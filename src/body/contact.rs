@@ -6,8 +6,8 @@
 
 use glam::{DQuat, DVec3};
 
-use crate::body::proportions::{End, Proportions};
-use crate::body::{JointAngles, SegmentPose};
+use crate::body::proportions::{End, Proportions, proximal_joint};
+use crate::body::{JointAngles, Segment, SegmentPose};
 
 const SOLES: [End; 4] = [End::LeftHeel, End::LeftToe, End::RightHeel, End::RightToe];
 
@@ -22,7 +22,7 @@ pub fn root_on_ground(body: &Proportions, poses: &[(JointAngles, DQuat)]) -> Vec
     let mut roots_m: Vec<DVec3> = Vec::with_capacity(poses.len());
     let mut soles_before_m = None;
     for (angles, orientation) in poses {
-        let soles_m = soles(body, &angles.to_pose(DVec3::ZERO, *orientation));
+        let soles_m = soles_of_legs(body, angles, *orientation);
         let lowest_m = soles_m.iter().map(|sole| sole.z).fold(f64::MAX, f64::min);
         let mut root_m = roots_m.last().copied().unwrap_or(DVec3::ZERO);
         if let Some(before_m) = soles_before_m.replace(soles_m) {
@@ -117,10 +117,50 @@ fn soles(body: &Proportions, pose: &SegmentPose) -> [DVec3; 4] {
     SOLES.map(|end| at.end_m(end))
 }
 
+const LEGS: [([Segment; 3], [End; 2]); 2] = [
+    ([Segment::LeftThigh, Segment::LeftShank, Segment::LeftFoot], [End::LeftHeel, End::LeftToe]),
+    (
+        [Segment::RightThigh, Segment::RightShank, Segment::RightFoot],
+        [End::RightHeel, End::RightToe],
+    ),
+];
+
+/// [`soles`] of a body with its root at the origin, without the rest of it: corpora ask for this at
+/// every pose.
+fn soles_of_legs(body: &Proportions, angles: &JointAngles, pelvis: DQuat) -> [DVec3; 4] {
+    let [left_m, right_m] = LEGS.map(|(segments, ends)| {
+        let (mut at_m, mut turned) = (DVec3::ZERO, pelvis);
+        for segment in segments {
+            if let Some((_, offset_m)) = body.joint_offset_m(proximal_joint(segment)) {
+                at_m += turned * offset_m;
+            }
+            turned = (turned * angles.against_parent(segment)).normalize();
+        }
+        ends.map(|end| at_m + turned * body.end_offset_m(end).1)
+    });
+    [left_m[0], left_m[1], right_m[0], right_m[1]]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::body::Dof;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn legs_alone_have_their_soles_where_the_whole_body_has(
+            angles in prop::array::uniform22(-1.5..1.5),
+            (x, y) in (-1.0..1.0, -1.0..1.0),
+        ) {
+            let (angles, pelvis) =
+                (JointAngles(angles), DQuat::from_rotation_x(x) * DQuat::from_rotation_y(y));
+            let whole_m = soles(&body(), &angles.to_pose(DVec3::ZERO, pelvis));
+            for (got_m, sole_m) in soles_of_legs(&body(), &angles, pelvis).into_iter().zip(whole_m) {
+                prop_assert!((got_m - sole_m).length() < 1e-12);
+            }
+        }
+    }
 
     fn body() -> Proportions {
         Proportions::of_stature(1.75).unwrap()

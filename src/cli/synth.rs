@@ -43,8 +43,8 @@ pub struct SynthArgs {
     /// vary_angle, vary_time, vary_peak, vary_duration, vary_exchange
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
-    /// File to write: .csv (time_s and the 22 angles, rad), .bvh, .x3d (an H-Anim humanoid), or
-    /// .html (a page that draws it)
+    /// File to write: .csv (time_s, the 22 angles, rad, and the root, m), .bvh, .x3d (an H-Anim
+    /// humanoid), or .html (a page that draws it)
     #[arg(short, long, value_name = "OUT")]
     output_file: PathBuf,
     #[command(flatten)]
@@ -221,7 +221,7 @@ fn bytes_of(args: &SynthArgs, figures: &Figures, motion: &Motion) -> Result<Vec<
     match args.output_file.extension().and_then(|e| e.to_str()).unwrap_or_default() {
         "csv" => {
             let mut bytes = Vec::new();
-            table::write_csv(motion, args.rate, &mut bytes)?;
+            table::write_csv(motion, &body, args.rate, &mut bytes)?;
             Ok(bytes)
         }
         "bvh" => Ok(bvh::write(&export::bvh_of(&poses()?, &body, args.rate)).into_bytes()),

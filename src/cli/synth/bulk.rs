@@ -137,6 +137,7 @@ pub fn corpus(args: &SynthArgs, figures: &Figures) -> Result<Corpus, Error> {
         database,
         seed: args.seed,
         rate_hz: args.rate,
+        body: figures.body()?,
     })
 }
 
