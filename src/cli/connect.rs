@@ -3,6 +3,7 @@
 use super::address::{Address, BusKind};
 use crate::bus::{Bus, Timing};
 use crate::error::Error;
+use crate::port::inventory::Machine;
 use crate::port::serial::SerialLine;
 use crate::port::sim::{SharedWorld, VirtualClock, VirtualLine};
 use crate::port::tcp::TcpLine;
@@ -129,8 +130,23 @@ fn over_wires(mut robot: Robot, by_line: &[BusKind]) -> Result<Connection, Error
         line.baud_bps = bus.baud_bps().unwrap_or(line.baud_bps);
         ports.push(wire(bus, line.baud_bps)?);
     }
-    let link = Link::new(robot, ports, Arc::new(MonotonicClock));
+    let mut link = Link::new(robot, ports, Arc::new(MonotonicClock));
+    for (line, bus) in by_line.iter().enumerate() {
+        link.set_echo(line, echoes(bus)?);
+    }
     Ok(Connection { link, world: None, real_time: true, _doors: Vec::new() })
+}
+
+/// True if the adapter behind a serial port is known to let the host hear its own bytes.
+fn echoes(bus: &BusKind) -> Result<bool, Error> {
+    let BusKind::Serial { path, .. } = bus else { return Ok(false) };
+    let node = std::fs::canonicalize(path).unwrap_or_else(|_| path.into());
+    let ports = Machine::default().serial_ports();
+    let port = ports.iter().find(|port| node == std::path::Path::new(&port.path));
+    let Some((vendor, product)) = port.and_then(|port| port.usb.as_ref()?.ids()) else {
+        return Ok(false);
+    };
+    Ok(gaitway_profiles::adapter_for_usb(vendor, product)?.is_some_and(|adapter| adapter.echo))
 }
 
 /// A real line at `baud_bps`, and the time its adapter may hold bytes back.
@@ -250,6 +266,9 @@ fn open_at(place: Place, baud_bps: u32) -> Result<OpenLine, Error> {
     let timing = Timing { baud_bps, return_delay: LONGEST_RETURN_DELAY, latency };
     let mut bus = Bus::new(port, Arc::clone(&clock), timing);
     bus.set_retries(RETRIES);
+    if let Place::Wire(kind, _) = &place {
+        bus.set_echo(echoes(kind)?);
+    }
     Ok(OpenLine { bus, clock, baud_bps, world, place })
 }
 

@@ -171,6 +171,13 @@ impl Link {
         &self.buses
     }
 
+    /// The adapter of this line lets the host hear its own bytes.
+    pub fn set_echo(&mut self, line: usize, echo: bool) {
+        if let Some(bus) = self.buses.get_mut(line) {
+            bus.set_echo(echo);
+        }
+    }
+
     /// How often a lost answer of one servo is asked for again.
     pub fn set_retries(&mut self, retries: u32) {
         for bus in &mut self.buses {
