@@ -12,9 +12,11 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
-/// Half a unit in the last place of a single-precision number below 4 (rad, m), and of the ninth
-/// decimal of the table.
-const ROUNDING: f64 = 1.25e-7;
+/// Half a unit in the last place of `value` in single precision, and of the ninth decimal of the
+/// table.
+fn rounding(value: f64) -> f64 {
+    value.abs() * f64::from(f32::EPSILON) / 2.0 + 1e-9
+}
 
 fn gaitway(arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_gaitway"));
@@ -158,7 +160,7 @@ fn another_reader_finds_the_samples_of_the_single_path() {
         for (row, alone) in together.into_iter().zip(&alone) {
             for (column, value) in alone.iter().enumerate().skip(1) {
                 let got = columns[column + 1][row];
-                assert!((got - value).abs() <= ROUNDING, "{number}: {got} is not {value}");
+                assert!((got - value).abs() <= rounding(*value), "{number}: {got} is not {value}");
             }
         }
     }
