@@ -2,7 +2,7 @@
 //! nightly compiler with the components `miri` and `rust-src` is at hand. In this folder:
 //!
 //! ```sh
-//! MIRIFLAGS=-Zmiri-disable-isolation cargo +nightly miri test --lib
+//! PROPTEST_CASES=2 MIRIFLAGS=-Zmiri-disable-isolation cargo +nightly miri test --lib
 //! ```
 
 #[path = "../../../src"]
