@@ -147,6 +147,7 @@ proptest! {
     }
 
     #[test]
+    #[cfg_attr(miri, ignore = "too many tries for an interpreter")]
     fn it_does_not_matter_in_which_portions_bytes_arrive(
         bytes in noise(),
         portion in 1_usize..40,
@@ -165,6 +166,7 @@ proptest! {
 
     /// Bytes lost, changed and added in a packet cost that packet and at most three after it.
     #[test]
+    #[cfg_attr(miri, ignore = "too many tries for an interpreter")]
     fn after_any_damage_the_stream_is_read_again(
         from in 0_usize..40,
         lost in 0_usize..25,
