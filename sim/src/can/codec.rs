@@ -46,7 +46,7 @@ pub(super) fn hear(actuator: &mut Actuator, frame: &CanFrame) -> Option<Option<C
         Dialect::CubemarsMit => cubemars(actuator, frame),
         Dialect::Damiao => damiao(actuator, frame),
         Dialect::Robstride => robstride(actuator, frame),
-        Dialect::Odrive | Dialect::Moteus => None,
+        Dialect::CubemarsServo | Dialect::Odrive | Dialect::Moteus | Dialect::Recoil => None,
     }
 }
 
