@@ -166,7 +166,7 @@ fn wire_us(kind: &Kind, n: f64, mbps: f64) -> f64 {
 /// `servos` servos of one kind on one line.
 fn line_of(kind: &Kind, servos: u8) -> Robot {
     let mut robot = gaitway_profiles::robot("op3").expect("op3 ships with gaitway");
-    robot.lines[0].baud_bps = LINE_BPS;
+    robot.lines[0].kind = gaitway_profiles::LineKind::Serial { baud_bps: LINE_BPS };
     let pattern = robot.joints[0].clone();
     let joint = |id: u8| {
         let mut joint = pattern.clone();

@@ -160,7 +160,7 @@ impl Robot {
         let lines: Vec<Line> = file
             .lines
             .iter()
-            .map(|line| Line { name: line.name.clone(), baud_bps: line.baud_bps })
+            .map(|line| Line { name: line.name.clone(), baud_bps: line.baud_bps().unwrap_or(0) })
             .collect();
         let mut joints = Vec::with_capacity(file.joints.len());
         for joint in &file.joints {

@@ -27,7 +27,7 @@
 //! # How to add a robot
 //!
 //! 1. Copy `robots/op3.toml`; the name rule is the same.
-//! 2. One `[[line]]` for each serial line, one `[[setup]]` for each servo model (registers that
+//! 2. One `[[line]]` for each line (a CAN line has `kind = "can"` and `bitrate_bps`), one `[[setup]]` for each servo model (registers that
 //!    differ from what the servo leaves the factory with, or that must not change), one
 //!    `[[joint]]` for each joint, parents first.
 //! 3. Put the robot in the pose where all joints read zero. Every link frame is then parallel to

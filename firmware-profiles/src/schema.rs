@@ -4,9 +4,11 @@
 //! Unknown keys are refused everywhere: a misspelt limit must never be a limit that is not there.
 
 mod actuator;
+mod line;
 mod sensor;
 
 pub use actuator::{Actuator, CanLine, Dialect, Gear, Ranges, Timeout, TimeoutKind};
+pub use line::{CanSpeed, Line, LineKind};
 pub use sensor::{
     Channel, Counter, DeviceClock, LineLayout, Quantity, Sensor, SensorProtocol, SensorUnit,
     SignedAxis, WorldAxes, hex_bytes,
@@ -447,7 +449,7 @@ pub struct Adapter {
     pub source: String,
 }
 
-/// A robot: named joints on servos on lines, and how its links stand for a human's segments.
+/// A robot: named joints on servos or CAN actuators on lines, and how its links stand for a human's segments.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Robot {
@@ -463,27 +465,17 @@ pub struct Robot {
     pub rate_hz: f64,
     /// Where acceleration limits come from; `assumed: ...` is said in every report.
     pub acceleration_source: String,
-    /// Serial lines.
+    /// Serial and CAN lines.
     #[serde(rename = "line")]
     pub lines: Vec<Line>,
-    /// State the servos are configured to, by servo profile.
-    #[serde(rename = "setup")]
+    /// State the servos are configured to, by servo profile; a CAN actuator has none.
+    #[serde(default, rename = "setup")]
     pub setups: Vec<Setup>,
     /// Joints, in the order reports list them.
     #[serde(rename = "joint")]
     pub joints: Vec<Joint>,
     /// What stands for what in a human.
     pub anatomy: Anatomy,
-}
-
-/// One shared half-duplex line.
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Line {
-    /// Name used by `--bus NAME=BUS`.
-    pub name: String,
-    /// Bits per second.
-    pub baud_bps: u32,
 }
 
 /// How servos of one model are configured in this robot: what preflight expects, and what the
@@ -514,8 +506,22 @@ pub struct Joint {
     pub line: String,
     /// Bus ID.
     pub id: u8,
-    /// Servo profile by name.
+    /// Servo profile by name; on a CAN line the name of an actuator profile.
     pub servo: String,
+    /// Identifier of a CAN actuator's answers, where it can be chosen (Damiao's MST_ID); absent: 0.
+    #[serde(default)]
+    pub answer_id: Option<u16>,
+    /// Gain on the error of position at the actuator's output, N m/rad. Present for exactly the
+    /// CAN actuators that are told their gains with every goal.
+    #[serde(default)]
+    pub kp_nm_rad: Option<f64>,
+    /// Gain on the error of velocity, N m s/rad; as [`Joint::kp_nm_rad`].
+    #[serde(default)]
+    pub kd_nm_s_rad: Option<f64>,
+    /// The silence, s, after which a CAN actuator lets go, as the user set it with the maker's
+    /// tool; only where the line cannot set it ([`TimeoutKind::Configured`]).
+    #[serde(default)]
+    pub timeout_configured_s: Option<f64>,
     /// +1 or -1: joint angle = direction x gear x servo angle - offset.
     pub direction: i8,
     /// Turns of the joint for one turn of the servo; absent = 1.

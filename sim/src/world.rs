@@ -156,7 +156,9 @@ impl World {
         let lines = robot.lines.iter().enumerate();
         let mut world = World {
             now_ns: 0,
-            lines: lines.map(|(k, l)| Line::new(k, &l.name, l.baud_bps, &shared)).collect(),
+            lines: lines
+                .map(|(k, l)| Line::new(k, &l.name, l.baud_bps().unwrap_or(0), &shared))
+                .collect(),
             shared,
             joints: Vec::new(),
             by_name,
@@ -230,7 +232,7 @@ impl World {
     fn add(&mut self, robot: &Robot, joint: &Joint, model: Arc<Model>) -> Result<(), SimError> {
         let line = robot.lines.iter().position(|line| line.name == joint.line);
         let line = line.ok_or_else(|| SimError::UnknownLine(joint.line.clone()))?;
-        let baud_bps = robot.lines[line].baud_bps;
+        let baud_bps = robot.lines[line].baud_bps().unwrap_or(0);
         let profile = &model.profile;
         let wrong = |reason: &str| SimError::BadServo {
             joint: joint.name.clone(),

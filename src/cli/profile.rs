@@ -295,7 +295,16 @@ fn words(name: impl std::fmt::Debug) -> String {
 fn show_robot(robot: &profiles::Robot) -> String {
     let mut out = format!("{}: {}\nsource {}\n\n", robot.name, robot.description, robot.source);
     for line in &robot.lines {
-        let _ = writeln!(out, "line {}: {} bit/s", line.name, line.baud_bps);
+        let _ = match line.kind {
+            profiles::LineKind::Serial { baud_bps } => {
+                writeln!(out, "line {}: {baud_bps} bit/s", line.name)
+            }
+            profiles::LineKind::Can(speed) => {
+                let fast = speed.data_bitrate_bps.map(|bps| format!(", payload {bps} bit/s"));
+                let fast = fast.unwrap_or_default();
+                writeln!(out, "line {}: CAN, {} bit/s{fast}", line.name, speed.bitrate_bps)
+            }
+        };
     }
     let _ = writeln!(
         out,

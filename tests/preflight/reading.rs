@@ -14,7 +14,7 @@ const RETURN_DELAY: &str = "Return Delay Time";
 fn op3_with(joints: usize, baud_bps: u32, baud_index: i64) -> Robot {
     let mut file = gaitway_profiles::robot("op3").expect("a shipped robot");
     file.joints.truncate(joints);
-    file.lines[0].baud_bps = baud_bps;
+    file.lines[0].kind = gaitway_profiles::LineKind::Serial { baud_bps };
     for setup in &mut file.setups {
         setup.registers.insert("Baud Rate".into(), baud_index);
     }

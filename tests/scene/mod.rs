@@ -206,7 +206,7 @@ pub fn protocol1_robot() -> Robot {
     let mut file = gaitway_profiles::robot("op3").expect("a shipped robot");
     file.name = "protocol-1".into();
     file.rate_hz = 50.0;
-    file.lines[0].baud_bps = 1_000_000;
+    file.lines[0].kind = gaitway_profiles::LineKind::Serial { baud_bps: 1_000_000 };
     for joint in &mut file.joints {
         let head = joint.name.starts_with("head");
         joint.servo = if head { "ax-12a" } else { "mx-28" }.into();
@@ -221,7 +221,7 @@ pub fn mixed_robot() -> Robot {
     let mut file = gaitway_profiles::robot("op3").expect("a shipped robot");
     file.name = "mixed".into();
     file.rate_hz = 50.0;
-    file.lines[0].baud_bps = 1_000_000;
+    file.lines[0].kind = gaitway_profiles::LineKind::Serial { baud_bps: 1_000_000 };
     for joint in &mut file.joints {
         if joint.id <= 6 {
             joint.servo = "sts3215".into();

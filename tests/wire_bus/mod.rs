@@ -136,7 +136,7 @@ pub fn sts_robot() -> Robot {
     for joint in &mut robot.joints {
         joint.servo = "sts3215".to_owned();
     }
-    robot.lines[0].baud_bps = BAUD_BPS;
+    robot.lines[0].kind = gaitway_profiles::LineKind::Serial { baud_bps: BAUD_BPS };
     robot.setups = vec![Setup {
         servo: "sts3215".to_owned(),
         joints: None,
@@ -150,7 +150,7 @@ pub fn sts_robot() -> Robot {
 /// OP3 with servos of four families in turn, one per protocol, on one line of 1 Mbit/s.
 pub fn mixed_robot() -> Robot {
     let mut robot = op3();
-    robot.lines[0].baud_bps = BAUD_BPS;
+    robot.lines[0].kind = gaitway_profiles::LineKind::Serial { baud_bps: BAUD_BPS };
     robot.setups.clear();
     for (servo, firmware) in
         [("ax-12a", 24), ("sts3215", 0x0309), ("scs0009", 0x0102), ("xm430-w350", 45)]
@@ -173,7 +173,7 @@ pub fn mixed_robot() -> Robot {
 pub fn virtual_bus(robot: &Robot, options: Options) -> (SharedWorld, Bus) {
     let latency = Duration::from_nanos(options.adapter_latency_ns);
     let world = SharedWorld::new(World::new(robot, options).expect("a virtual robot"));
-    let baud_bps = robot.lines[0].baud_bps;
+    let baud_bps = robot.lines[0].baud_bps().expect("a serial line");
     let timing = Timing { baud_bps, return_delay: Duration::from_micros(508), latency };
     let port = VirtualLine::new(world.clone(), 0, baud_bps);
     let bus = Bus::new(Box::new(port), Arc::new(VirtualClock(world.clone())), timing);

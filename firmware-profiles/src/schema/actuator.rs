@@ -57,6 +57,19 @@ impl Dialect {
         matches!(self, Self::CubemarsMit | Self::Damiao | Self::Robstride)
     }
 
+    /// True if its frames are those of CAN FD.
+    #[must_use]
+    pub const fn is_fd(self) -> bool {
+        matches!(self, Self::Moteus)
+    }
+
+    /// True if its frames have identifiers of 11 bits, or may have (moteus), so that another such
+    /// dialect on the line would take some of them for its own.
+    #[must_use]
+    pub const fn has_short_ids(self) -> bool {
+        !matches!(self, Self::Robstride)
+    }
+
     /// The largest id the dialect has room for.
     #[must_use]
     pub const fn last_id(self) -> u8 {

@@ -1,9 +1,11 @@
-//! Rules for robots: a tree of joints, each on a servo that can reach its limits.
+//! Rules for robots: a tree of joints, each on a servo or actuator that can reach its limits.
+
+mod can;
 
 use super::{Verdict, finite, header, is_name, not_empty, positive, unique};
 use crate::error::ProfileError;
 use crate::files;
-use crate::schema::{Joint, Line, Protocol, Robot, Role, Segment, Servo, Setup};
+use crate::schema::{Joint, LineKind, Protocol, Robot, Role, Segment, Servo, Setup};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// How far the length of an axis may be from 1.
@@ -55,7 +57,8 @@ pub(crate) fn robot(file: &str, robot: &Robot) -> Verdict {
         numbers(file, joint)?;
         parent(file, joint, &earlier, &joints)?;
         earlier.insert(joint.name.as_str());
-        if !ids.insert((joint.line.as_str(), joint.id)) {
+        let on_can = robot.lines.iter().any(|l| l.name == joint.line && l.can().is_some());
+        if !on_can && !ids.insert((joint.line.as_str(), joint.id)) {
             return Err(ProfileError::new(file, "two joints on a line have the same ID")
                 .at(place(joint))
                 .got(format!("ID {} on line {:?}", joint.id, joint.line))
@@ -63,6 +66,9 @@ pub(crate) fn robot(file: &str, robot: &Robot) -> Verdict {
         }
         on_the_bus(file, robot, joint)?;
         shared_case(file, joint, &joints)?;
+    }
+    for line in robot.lines.iter().filter(|line| line.can().is_some()) {
+        can::line(file, robot, line)?;
     }
     anatomy(file, robot, &joints)
 }
@@ -195,13 +201,23 @@ fn parent(
 /// What joint, line, servo and setup must be to one another.
 fn on_the_bus(file: &str, robot: &Robot, joint: &Joint) -> Verdict {
     let refuse = |what: &str| ProfileError::new(file, what).at(place(joint));
-    let servo = known_servo(file, &place(joint), &joint.servo)?;
     let Some(line) = robot.lines.iter().find(|line| line.name == joint.line) else {
         let names: Vec<_> = robot.lines.iter().map(|line| line.name.as_str()).collect();
         return Err(refuse("there is no such line")
             .got(format!("{:?}", joint.line))
             .allowed(names.join(", ")));
     };
+    let baud_bps = match line.kind {
+        LineKind::Serial { baud_bps } => baud_bps,
+        LineKind::Can(speed) => return can::joint(file, joint, line, speed),
+    };
+    if files::actuator(&joint.servo).is_ok() {
+        return Err(refuse("a CAN actuator cannot hang on a serial line")
+            .got(format!("{:?} on line {:?}", joint.servo, line.name))
+            .allowed("a servo, or a line of kind = \"can\""));
+    }
+    can::not_on_serial(file, joint)?;
+    let servo = known_servo(file, &place(joint), &joint.servo)?;
     if joint.id > servo.protocol.highest_id() {
         return Err(refuse("the protocol has no such ID")
             .got(joint.id)
@@ -218,30 +234,30 @@ fn on_the_bus(file: &str, robot: &Robot, joint: &Joint) -> Verdict {
             .allowed(format!("at most {}, {} without load", fastest * joint.gear, servo.model)));
     }
     let (_, registers) = robot.setup_for(joint);
-    line_speed(file, joint, line, servo, &registers)?;
+    line_speed(file, joint, baud_bps, servo, &registers)?;
     reach(file, joint, servo, &registers)
 }
 
 fn line_speed(
     file: &str,
     joint: &Joint,
-    line: &Line,
+    baud_bps: u32,
     servo: &Servo,
     registers: &BTreeMap<String, i64>,
 ) -> Verdict {
-    let Some(index) = servo.baud_index(line.baud_bps) else {
+    let Some(index) = servo.baud_index(baud_bps) else {
         let speeds: Vec<_> = servo.baud.iter().map(|baud| baud.bps.to_string()).collect();
         return Err(ProfileError::new(file, "a servo on this line cannot run at its speed")
-            .at(format!("line {:?}, {}", line.name, place(joint)))
-            .got(line.baud_bps)
+            .at(format!("line {:?}, {}", joint.line, place(joint)))
+            .got(baud_bps)
             .allowed(speeds.join(", ")));
     };
     let configured = configured(servo, Role::BaudRate, registers);
     if configured.is_some_and(|raw| raw != i64::from(index)) {
         return Err(ProfileError::new(file, "the setup's baud register is not the line's speed")
-            .at(format!("line {:?}, {}", line.name, place(joint)))
+            .at(format!("line {:?}, {}", joint.line, place(joint)))
             .got(configured.unwrap_or_default())
-            .allowed(format!("{index} for {} bps", line.baud_bps)));
+            .allowed(format!("{index} for {} bps", baud_bps)));
     }
     Ok(())
 }

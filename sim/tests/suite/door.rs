@@ -254,7 +254,7 @@ fn a_blocked_line_lets_its_program_wait() {
 fn the_usual_speeds_of_servo_lines_can_be_set() {
     for baud_bps in [9600, 57_600, 115_200, 1_000_000, 2_000_000, 3_000_000, 4_000_000] {
         let mut robot = dynamixels(&[1]);
-        robot.lines[0].baud_bps = baud_bps;
+        robot.lines[0].kind = gaitway_profiles::LineKind::Serial { baud_bps };
         let world = World::new(&robot, Options::default()).unwrap();
         let door = Door::open(Arc::new(Mutex::new(world)), 0, None).unwrap();
         let mut port = open(door.path());

@@ -68,7 +68,7 @@ fn a_registered_write_waits_for_the_broadcast_action() {
 #[test]
 fn factory_reset_brings_back_id_and_speed_of_the_factory() {
     let mut robot = mixed(&[("ax-12a", 0)]);
-    robot.lines[0].baud_bps = 500_000;
+    robot.lines[0].kind = gaitway_profiles::LineKind::Serial { baud_bps: 500_000 };
     let mut scene = Scene::new(&robot);
     assert_eq!(scene.ask(&hex("FF FF 00 02 06 F7")), hex("FF FF 00 02 00 FD"));
     scene.wait_ms(1000);

@@ -218,6 +218,6 @@ fn a_fault_for_an_unknown_joint_is_refused() {
 #[test]
 fn a_line_speed_the_servo_does_not_have_is_refused() {
     let mut robot = dynamixels(&[1]);
-    robot.lines[0].baud_bps = 123_456;
+    robot.lines[0].kind = gaitway_profiles::LineKind::Serial { baud_bps: 123_456 };
     assert!(matches!(World::new(&robot, Options::default()), Err(SimError::BadServo { .. })));
 }

@@ -95,7 +95,7 @@ fn lines_of_a_robot_do_not_disturb_each_other() {
     let lines: Vec<(u8, u32)> = robot
         .lines
         .iter()
-        .map(|line| (robot.joints_on(&line.name).next().unwrap().id, line.baud_bps))
+        .map(|line| (robot.joints_on(&line.name).next().unwrap().id, line.baud_bps().unwrap()))
         .collect();
     assert_eq!(lines.len(), 2);
     // Both are asked at once.

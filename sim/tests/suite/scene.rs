@@ -1,7 +1,7 @@
 //! A few servos on one line, and a host that speaks to them. The host's side of the protocols is
 //! written here once more, bit by bit, so that it shares nothing with the crate.
 
-use gaitway_profiles::{Robot, Setup};
+use gaitway_profiles::{LineKind, Robot, Setup};
 use gaitway_sim::{Options, World};
 
 /// Bytes written as `FF FF FD 00`.
@@ -98,7 +98,7 @@ pub fn feetech(id: u8, code: u8, params: &[u8]) -> Vec<u8> {
 /// OP3's first joints, XM430-W350 at 1 Mbps without return delay, with these IDs.
 pub fn dynamixels(ids: &[u8]) -> Robot {
     let mut robot = gaitway_profiles::robot("op3").unwrap();
-    robot.lines[0].baud_bps = 1_000_000;
+    robot.lines[0].kind = LineKind::Serial { baud_bps: 1_000_000 };
     let mut setup = robot.setups.swap_remove(0);
     setup.registers.remove("Baud Rate");
     setup.registers.insert("Return Delay Time".into(), 0);
@@ -156,7 +156,7 @@ impl Scene {
     }
 
     pub fn with(robot: &Robot, options: Options) -> Scene {
-        let baud_bps = robot.lines[0].baud_bps;
+        let baud_bps = robot.lines[0].baud_bps().unwrap();
         Scene { world: World::new(robot, options).unwrap(), baud_bps }
     }
 

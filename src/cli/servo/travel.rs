@@ -172,7 +172,10 @@ fn alone(device: &mut Device, args: &MoveArgs) -> Result<Robot, Error> {
         source: text("asked of the servo"),
         rate_hz: RATE_HZ,
         acceleration_source: text("chosen"),
-        lines: vec![profiles::Line { name: text("bus"), baud_bps: device.line.baud_bps }],
+        lines: vec![profiles::Line {
+            name: text("bus"),
+            kind: profiles::LineKind::Serial { baud_bps: device.line.baud_bps },
+        }],
         setups: vec![profiles::Setup {
             servo: servo.name.clone(),
             joints: None,
@@ -185,6 +188,10 @@ fn alone(device: &mut Device, args: &MoveArgs) -> Result<Robot, Error> {
             line: text("bus"),
             id: device.id,
             servo: servo.name.clone(),
+            answer_id: None,
+            kp_nm_rad: None,
+            kd_nm_s_rad: None,
+            timeout_configured_s: None,
             direction: 1,
             gear: 1.0,
             offset_rad: 0.0,
