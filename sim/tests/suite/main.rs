@@ -1,5 +1,6 @@
 //! The virtual servos against the makers' published bytes, timings and rules.
 
+mod can;
 mod door;
 mod dynamixel1;
 mod dynamixel2;
