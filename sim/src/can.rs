@@ -21,6 +21,7 @@ mod damiao;
 mod drive;
 mod moteus;
 mod odrive;
+mod recoil;
 mod robstride;
 
 pub(crate) use actuator::BOOT_NS;

@@ -29,8 +29,7 @@ const DAMAGES: [&str; 11] = [
 ];
 const SERVO_FAULTS: [&str; 9] =
     ["silent", "overload", "reboot", "stuck", "frozen", "jump", "register", "twin", "trouble"];
-const LINE_FAULTS: [&str; 6] =
-    ["brownout", "slow-line", "hang-up", "blocked", "bus-off", "babble"];
+const LINE_FAULTS: [&str; 6] = ["brownout", "slow-line", "hang-up", "blocked", "bus-off", "babble"];
 
 /// Faults and switches read from a script.
 ///

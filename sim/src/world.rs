@@ -177,7 +177,7 @@ impl World {
             let line = robot.lines.iter().position(|line| line.name == joint.line);
             let line = line.ok_or_else(|| SimError::UnknownLine(joint.line.clone()))?;
             if world.can.contains_key(&line) {
-                world.add_actuator(joint, line)?;
+                world.add_actuator(robot, joint, line)?;
                 continue;
             }
             let profile =

@@ -146,10 +146,12 @@ fn list_actuators(out: &mut String) -> Result<(), Error> {
 const fn dialect(dialect: Dialect) -> &'static str {
     match dialect {
         Dialect::CubemarsMit => "MIT mode",
+        Dialect::CubemarsServo => "CubeMars servo mode",
         Dialect::Damiao => "Damiao",
         Dialect::Robstride => "CyberGear and RobStride",
         Dialect::Odrive => "CAN Simple",
         Dialect::Moteus => "moteus, CAN FD",
+        Dialect::Recoil => "Recoil",
     }
 }
 

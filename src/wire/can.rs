@@ -9,6 +9,7 @@
 //! | [`robstride`] | Xiaomi CyberGear and RobStride, the makers' own protocol |
 //! | [`odrive`] | ODrive, CAN Simple |
 //! | [`moteus`] | mjbots moteus, CAN FD |
+//! | [`recoil`] | Recoil, of Berkeley Humanoid Lite |
 //! | [`error_frame`] | what the line itself reports through Linux |
 //!
 //! Encoders cannot fail where types can see to it. Decoders are total: any frame gives a value or
@@ -40,6 +41,7 @@ pub mod moteus;
 pub mod odrive;
 #[cfg(test)]
 mod properties;
+pub mod recoil;
 pub mod robstride;
 
 use std::fmt;

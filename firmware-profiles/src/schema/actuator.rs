@@ -36,6 +36,8 @@ pub struct Actuator {
 pub enum Dialect {
     /// CubeMars (T-Motor) AK in MIT mode.
     CubemarsMit,
+    /// CubeMars (T-Motor) AK in servo mode.
+    CubemarsServo,
     /// Damiao DM.
     Damiao,
     /// CyberGear and RobStride, the makers' own protocol.
@@ -44,6 +46,8 @@ pub enum Dialect {
     Odrive,
     /// mjbots moteus, CAN FD.
     Moteus,
+    /// Recoil, the motor controller of Berkeley Humanoid Lite.
+    Recoil,
 }
 
 impl Dialect {
@@ -59,22 +63,28 @@ impl Dialect {
         matches!(self, Self::Moteus)
     }
 
-    /// True if its frames have identifiers of 11 bits, or may have (moteus), so that another such
-    /// dialect on the line would take some of them for its own.
+    /// True if its frames have identifiers of 11 bits, or may have (moteus); else they have 29. A
+    /// dialect with identifiers of the same kind on the line would take some of them for its own.
     #[must_use]
     pub const fn has_short_ids(self) -> bool {
-        !matches!(self, Self::Robstride)
+        !matches!(self, Self::CubemarsServo | Self::Robstride)
     }
 
     /// The largest id the dialect has room for.
     #[must_use]
     pub const fn last_id(self) -> u8 {
         match self {
-            Self::CubemarsMit | Self::Damiao => 255,
+            Self::CubemarsMit | Self::CubemarsServo | Self::Damiao => 255,
             Self::Robstride => 254,
             Self::Odrive => 63,
-            Self::Moteus => 127,
+            Self::Moteus | Self::Recoil => 127,
         }
+    }
+
+    /// True if speeds are electrical, so that they mean something with the pole pairs only.
+    #[must_use]
+    pub const fn electrical_speed(self) -> bool {
+        matches!(self, Self::CubemarsServo)
     }
 }
 
@@ -154,6 +164,10 @@ pub enum TimeoutKind {
 pub struct Gear {
     /// Turns of the rotor in one of the output.
     pub ratio: f64,
+    /// Electrical turns in one of the rotor. Present for exactly the dialects that tell electrical
+    /// speeds.
+    #[serde(default)]
+    pub pole_pairs: Option<u8>,
     /// Where it is written.
     pub source: String,
 }

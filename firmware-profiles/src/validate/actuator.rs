@@ -14,11 +14,27 @@ pub(crate) fn actuator(file: &str, actuator: &Actuator) -> Verdict {
     line(file, actuator)?;
     ranges(file, actuator)?;
     timeout(file, actuator)?;
+    gear(file, actuator)
+}
+
+fn gear(file: &str, actuator: &Actuator) -> Verdict {
     if let Some(gear) = &actuator.gear {
         not_empty(file, "gear.source", &gear.source)?;
         positive(file, || "gear.ratio".to_owned(), gear.ratio)?;
     }
-    Ok(())
+    let pole_pairs = actuator.gear.as_ref().and_then(|gear| gear.pole_pairs);
+    match (actuator.dialect.electrical_speed(), pole_pairs) {
+        (true, Some(1..)) | (false, None) => Ok(()),
+        (true, pole_pairs) => {
+            Err(ProfileError::new(file, "without pole pairs its speeds mean nothing")
+                .at("gear.pole_pairs")
+                .got(pole_pairs.map_or("none".to_owned(), |pairs| pairs.to_string()))
+                .allowed("1 to 255 for a dialect that tells electrical speeds"))
+        }
+        (false, Some(_)) => Err(ProfileError::new(file, "this dialect tells no electrical speeds")
+            .at("gear.pole_pairs")
+            .allowed("no pole_pairs")),
+    }
 }
 
 fn line(file: &str, actuator: &Actuator) -> Verdict {

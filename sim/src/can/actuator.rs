@@ -5,6 +5,7 @@ use super::damiao::Damiao;
 use super::drive::{Drive, Trouble};
 use super::moteus::Moteus;
 use super::odrive::Odrive;
+use super::recoil::Recoil;
 use super::robstride::Robstride;
 use super::{CanFrame, Kind};
 use crate::servo::Event;
@@ -28,9 +29,6 @@ pub enum ActuatorError {
     /// The family codes its numbers on ranges, and the profile has none.
     #[error("its profile has no ranges")]
     NoRanges,
-    /// Not a CubeMars, which alone has a servo mode.
-    #[error("{0} has no servo mode")]
-    NoServoMode(String),
 }
 
 fn known(model: &str) -> Result<Profile, ActuatorError> {
@@ -46,6 +44,7 @@ enum Family {
     Robstride(Robstride),
     Odrive(Odrive),
     Moteus(Moteus),
+    Recoil(Recoil),
 }
 
 /// One actuator.
@@ -81,30 +80,22 @@ impl Actuator {
         let ranges = || profile.ranges.clone().ok_or(ActuatorError::NoRanges);
         let family = match profile.dialect {
             Dialect::CubemarsMit => Family::Mit(Mit::new(id, ranges()?)),
+            Dialect::CubemarsServo => {
+                let gear = profile.gear.as_ref();
+                let pole_pairs = gear.and_then(|gear| gear.pole_pairs).unwrap_or(1);
+                let turns = gear.map_or(1.0, |gear| gear.ratio) * f64::from(pole_pairs);
+                Family::ServoMode(ServoMode::new(id, turns))
+            }
             Dialect::Damiao => Family::Damiao(Damiao::new(id, ranges()?)),
             Dialect::Robstride => Family::Robstride(Robstride::new(id, &profile.name, ranges()?)),
             Dialect::Odrive => Family::Odrive(Odrive::new(id, profile)),
             Dialect::Moteus => Family::Moteus(Moteus::new(id)),
+            Dialect::Recoil => Family::Recoil(Recoil::new(id)),
         };
         let factory_ns = profile.timeout.factory_s.map(|seconds| (seconds * 1e9) as u64);
         let mut drive = Drive::new(profile);
         drive.set_timeout(factory_ns);
         Ok(Actuator { drive, family, silent: Vec::new(), said: 0, now_ns: 0 })
-    }
-
-    /// A CubeMars set to servo mode, which tells of itself `feedback_hz` times a second.
-    ///
-    /// # Errors
-    /// As [`Actuator::new`], or another maker's actuator.
-    pub fn in_servo_mode(model: &str, id: u8, feedback_hz: u32) -> Result<Actuator, ActuatorError> {
-        let profile = known(model)?;
-        let mut actuator = Actuator::with(&profile, id)?;
-        if profile.dialect != Dialect::CubemarsMit {
-            return Err(ActuatorError::NoServoMode(model.to_string()));
-        }
-        let gear_ratio = profile.gear.map_or(1.0, |gear| gear.ratio);
-        actuator.family = Family::ServoMode(ServoMode::new(id, gear_ratio, feedback_hz));
-        Ok(actuator)
     }
 
     /// Where the shaft is, rad.
@@ -139,8 +130,18 @@ impl Actuator {
     /// Sets the silence it allows, ns, as the maker's tool would; none = any.
     pub fn set_timeout(&mut self, timeout_ns: Option<u64>) {
         self.drive.set_timeout(timeout_ns);
-        if let Family::Moteus(moteus) = &mut self.family {
-            moteus.default_timeout_ns = timeout_ns;
+        match &mut self.family {
+            Family::Moteus(moteus) => moteus.default_timeout_ns = timeout_ns,
+            Family::Recoil(recoil) => recoil.set_timeout(timeout_ns),
+            _ => {}
+        }
+    }
+
+    /// Sets how often a CubeMars in servo mode tells of itself, Hz, as the maker's tool would;
+    /// nothing happens to the others.
+    pub fn set_feedback_rate(&mut self, feedback_hz: u32) {
+        if let Family::ServoMode(family) = &mut self.family {
+            family.set_rate(feedback_hz.min(500), self.now_ns);
         }
     }
 
@@ -187,6 +188,7 @@ impl Actuator {
             Family::Robstride(robstride) => robstride.restart(),
             Family::Odrive(odrive) => odrive.restart(),
             Family::Moteus(moteus) => moteus.restart(),
+            Family::Recoil(recoil) => recoil.restart(&mut self.drive),
             Family::Mit(_) | Family::ServoMode(_) => {}
         }
     }
@@ -213,6 +215,7 @@ impl Actuator {
             Family::ServoMode(family) if classic => family.hear(drive, frame),
             Family::Damiao(family) if classic => family.hear(drive, frame),
             Family::Robstride(family) if classic => family.hear(drive, frame),
+            Family::Recoil(family) if classic => family.hear(drive, frame),
             Family::Odrive(family) => family.hear(drive, frame),
             Family::Moteus(family) => family.hear(drive, frame),
             _ => Vec::new(),
@@ -225,6 +228,7 @@ impl Actuator {
             Family::ServoMode(family) => family.due_ns(),
             Family::Odrive(family) => family.due_ns(),
             Family::Robstride(family) => family.due_ns(&self.drive, self.now_ns),
+            Family::Recoil(family) => family.due_ns(),
             Family::Mit(_) | Family::Damiao(_) | Family::Moteus(_) => None,
         }
     }
@@ -234,7 +238,8 @@ impl Actuator {
         let said = match &mut self.family {
             Family::ServoMode(family) => family.speak(&self.drive),
             Family::Odrive(family) => family.speak(&self.drive, self.now_ns),
-            Family::Robstride(family) => family.speak(&self.drive),
+            Family::Robstride(family) => family.speak(&self.drive, self.now_ns),
+            Family::Recoil(family) => family.speak(&self.drive, self.now_ns),
             Family::Mit(_) | Family::Damiao(_) | Family::Moteus(_) => Vec::new(),
         };
         if self.is_silent() { Vec::new() } else { said }

@@ -15,8 +15,8 @@ use gaitway_profiles::Ranges;
 const MASTER: u32 = 0;
 /// How steeply a profile closes in on its goal, 1/s (assumed).
 const APPROACH_PER_S: f64 = 30.0;
-/// Pole pairs of the AK motors, most of them.
-const POLE_PAIRS: f64 = 21.0;
+/// Feedback unless it is set otherwise, Hz (assumed; 1 to 500 can be set).
+const FEEDBACK_HZ: u32 = 50;
 /// Torque at the output for one ampere, N m (assumed; about an AK80-9's).
 const TORQUE_CONSTANT_NM_A: f64 = 0.945;
 
@@ -79,10 +79,17 @@ pub(super) struct ServoMode {
 }
 
 impl ServoMode {
-    pub fn new(id: u8, gear_ratio: f64, feedback_hz: u32) -> ServoMode {
-        let period_ns = 1_000_000_000_u64.checked_div(feedback_hz.into());
-        let turns = POLE_PAIRS * gear_ratio;
-        ServoMode { id, turns, period_ns, due_ns: period_ns.unwrap_or(0) }
+    /// `turns`: electrical revolutions for one of the output.
+    pub fn new(id: u8, turns: f64) -> ServoMode {
+        let mut mode = ServoMode { id, turns, period_ns: None, due_ns: 0 };
+        mode.set_rate(FEEDBACK_HZ, 0);
+        mode
+    }
+
+    /// How often it tells of itself; 0 = never.
+    pub fn set_rate(&mut self, feedback_hz: u32, now_ns: u64) {
+        self.period_ns = 1_000_000_000_u64.checked_div(feedback_hz.into());
+        self.due_ns = now_ns + self.period_ns.unwrap_or(0);
     }
 
     fn output_rad_s(&self, electrical_rpm: f64) -> f64 {

@@ -21,6 +21,8 @@ const VMAX: usize = 22;
 const TMAX: usize = 23;
 /// The position, read only: at the motor, and at the output.
 const POSITIONS: [usize; 2] = [80, 81];
+/// The supply voltage, read only, of newer firmware.
+const SUPPLY: usize = 60;
 /// One step of the timeout register, ns.
 const TIMEOUT_STEP_NS: u64 = 50_000;
 /// How steeply a profile closes in on its goal, 1/s (assumed).
@@ -127,6 +129,9 @@ impl Damiao {
         if POSITIONS.contains(&number) {
             return Some((drive.position_rad() as f32).to_bits());
         }
+        if number == SUPPLY {
+            return Some((drive.supply_v() as f32).to_bits());
+        }
         self.registers.get(number).copied()
     }
 
@@ -139,7 +144,7 @@ impl Damiao {
                 let end = f32::from_bits(value);
                 end.is_finite() && end > 0.0
             }
-            11..=20 | 36 | 50..=55 | 80 | 81 => false,
+            11..=20 | 36 | 50..=55 | SUPPLY | 80 | 81 => false,
             _ => number < self.registers.len(),
         };
         if !allowed {

@@ -150,7 +150,7 @@ impl Drive {
         let ranges = profile.ranges.as_ref();
         let on_silence = match profile.dialect {
             Dialect::Damiao | Dialect::Odrive => OnSilence::Fault,
-            Dialect::Moteus => OnSilence::Brake,
+            Dialect::Moteus | Dialect::Recoil => OnSilence::Brake,
             _ => OnSilence::LetGo,
         };
         Drive {
@@ -184,6 +184,10 @@ impl Drive {
     /// Where its encoder says the shaft is, rad.
     pub fn position_rad(&self) -> f64 {
         self.frozen_rad.unwrap_or(self.position_rad)
+    }
+
+    pub fn now_ns(&self) -> u64 {
+        self.now_ns
     }
 
     pub fn celsius(&self) -> f64 {

@@ -29,6 +29,8 @@ const TIMEOUT_STEP_NS: u64 = 50_000;
 const APPROACH_PER_S: f64 = 30.0;
 /// Torque for one ampere, N m (assumed; a CyberGear's).
 const TORQUE_CONSTANT_NM_A: f64 = 0.87;
+/// Between two reports, ns: the factory's EPScan_time of 1.
+const REPORT_NS: u64 = 10_000_000;
 /// The host until one has spoken.
 const HOST: u8 = 0xFD;
 
@@ -39,15 +41,19 @@ pub(super) struct Robstride {
     timeout_index: u16,
     /// Parameters by index, their bits: those that can be written.
     parameters: BTreeMap<u16, u32>,
-    factory: BTreeMap<u16, u32>,
+    kept: BTreeMap<u16, u32>,
     host: u8,
     /// The fault it has told of.
     told: Option<Trouble>,
+    /// When it tells of itself unasked next, if it does.
+    report_ns: Option<u64>,
+    cybergear: bool,
 }
 
 impl Robstride {
     pub fn new(id: u8, model: &str, ranges: Ranges) -> Robstride {
-        let timeout_index = if model == "cybergear" { CYBERGEAR_TIMEOUT } else { TIMEOUT };
+        let cybergear = model == "cybergear";
+        let timeout_index = if cybergear { CYBERGEAR_TIMEOUT } else { TIMEOUT };
         let float = |value: f64| (value as f32).to_bits();
         let factory: BTreeMap<u16, u32> = [
             (RUN_MODE, 0),
@@ -67,19 +73,34 @@ impl Robstride {
         ]
         .into();
         let parameters = factory.clone();
-        Robstride { id, ranges, timeout_index, parameters, factory, host: HOST, told: None }
+        Robstride {
+            id,
+            ranges,
+            timeout_index,
+            parameters,
+            kept: factory,
+            host: HOST,
+            told: None,
+            report_ns: None,
+            cybergear,
+        }
     }
 
     pub fn restart(&mut self) {
-        self.parameters.clone_from(&self.factory);
+        self.parameters.clone_from(&self.kept);
+        self.report_ns = None;
     }
 
     pub fn due_ns(&self, drive: &Drive, now_ns: u64) -> Option<u64> {
-        (drive.latched != self.told).then_some(now_ns)
+        if drive.latched == self.told { self.report_ns } else { Some(now_ns) }
     }
 
-    /// A fault is told of as it comes up.
-    pub fn speak(&mut self, drive: &Drive) -> Vec<CanFrame> {
+    /// A fault is told of as it comes up, and all else at a steady rate if that was asked for.
+    pub fn speak(&mut self, drive: &Drive, now_ns: u64) -> Vec<CanFrame> {
+        if drive.latched == self.told {
+            self.report_ns = Some(now_ns + REPORT_NS);
+            return vec![self.feedback(24, drive)];
+        }
         self.told = drive.latched;
         let bits: u32 = match drive.latched {
             None | Some(Trouble::Silence | Trouble::Stopped) => return Vec::new(),
@@ -123,9 +144,16 @@ impl Robstride {
             }
             17 => return vec![self.read(drive, bytes)],
             18 => self.write(drive, bytes),
+            22 if !self.cybergear && bytes == [1, 2, 3, 4, 5, 6, 7, 8] => {
+                self.kept.clone_from(&self.parameters);
+                drive.note(Event::Kept("all parameters"));
+            }
+            24 if !self.cybergear && bytes[..6] == [1, 2, 3, 4, 5, 6] => {
+                self.report_ns = (bytes[6] == 1).then_some(drive.now_ns() + REPORT_NS);
+            }
             _ => return Vec::new(),
         }
-        vec![self.feedback(drive)]
+        vec![self.feedback(2, drive)]
     }
 
     /// The unique number of its processor, made up from its id.
@@ -218,12 +246,15 @@ impl Robstride {
         CanFrame::classic(id, true, &[i0, i1, 0, 0, v0, v1, v2, v3])
     }
 
-    fn feedback(&self, drive: &Drive) -> CanFrame {
+    fn feedback(&self, kind: u32, drive: &Drive) -> CanFrame {
         let mode: u32 = if drive.enabled { 2 } else { 0 };
         let fault: u32 = match drive.latched {
             None | Some(Trouble::Silence | Trouble::Stopped | Trouble::OverVoltage) => 0,
             Some(Trouble::UnderVoltage) => 1 << 16,
-            Some(Trouble::OverCurrent | Trouble::LostPhase | Trouble::Overload) => 1 << 17,
+            Some(Trouble::OverCurrent | Trouble::LostPhase) => 1 << 17,
+            // A Hall encoder's on CyberGear.
+            Some(Trouble::Overload) if self.cybergear => 1 << 17,
+            Some(Trouble::Overload) => 1 << 20,
             Some(Trouble::OverTemperature) => 1 << 18,
             Some(Trouble::Encoder) => 1 << 19,
         };
@@ -233,6 +264,6 @@ impl Robstride {
             | encode(drive.velocity_rad_s, 16, ranges.velocity_rad_s) << 32
             | encode(drive.torque_nm, 16, ranges.torque_nm) << 16
             | (drive.celsius() * 10.0) as u64;
-        CanFrame::classic(2 << 24 | mode << 22 | fault | who, true, &whole.to_be_bytes())
+        CanFrame::classic(kind << 24 | mode << 22 | fault | who, true, &whole.to_be_bytes())
     }
 }

@@ -25,7 +25,12 @@ pub(super) fn lines(robot: &Robot, line_timing: bool) -> BTreeMap<usize, CanLine
 }
 
 impl World {
-    pub(super) fn add_actuator(&mut self, joint: &Joint, line: usize) -> Result<(), SimError> {
+    pub(super) fn add_actuator(
+        &mut self,
+        robot: &Robot,
+        joint: &Joint,
+        line: usize,
+    ) -> Result<(), SimError> {
         let wrong = |reason: String| SimError::BadServo {
             joint: joint.name.clone(),
             servo: joint.servo.clone(),
@@ -37,6 +42,7 @@ impl World {
             Actuator::with(&profile, joint.id).map_err(|error| wrong(error.to_string()))?;
         let ratio = f64::from(joint.direction) * joint.gear;
         actuator.place((joint.initial_rad + joint.offset_rad) / ratio);
+        actuator.set_feedback_rate(robot.rate_hz.ceil() as u32);
         actuator.set_answer_id(joint.answer_id.unwrap_or(0));
         if let Some(seconds) = joint.timeout_configured_s {
             actuator.set_timeout(Some((seconds * 1e9) as u64));

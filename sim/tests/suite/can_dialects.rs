@@ -12,10 +12,7 @@ struct Bench {
 
 impl Bench {
     fn new(model: &str, id: u8) -> Bench {
-        Bench::of(Actuator::new(model, id).expect("an actuator"))
-    }
-
-    fn of(actuator: Actuator) -> Bench {
+        let actuator = Actuator::new(model, id).expect("an actuator");
         Bench { line: CanLine::new(CanOptions::default(), vec![actuator]) }
     }
 
@@ -182,7 +179,9 @@ mod cubemars {
 
     /// Servo mode with ten frames of feedback in a second.
     fn servo_mode() -> Bench {
-        Bench::of(Actuator::in_servo_mode("ak80-9", 1, 10).expect("a CubeMars"))
+        let mut bench = Bench::new("ak80-9-servo", 1);
+        bench.actuator().set_feedback_rate(10);
+        bench
     }
 
     fn command(bench: &mut Bench, id: u32, bytes: &[u8]) {
@@ -286,6 +285,25 @@ mod robstride {
             bench.wait(10);
             assert!(!bench.enabled());
         }
+    }
+
+    // RobStride, "RS00 user manual", sections 4.1.11 and 4.1.13.
+    #[test]
+    fn it_saves_and_reports_when_the_guarding_bytes_are_there() {
+        let mut bench = Bench::new("rs02", 0x7F);
+        set(&mut bench, [0x17, 0x70], 3.0_f32.to_le_bytes());
+        bench.extended(0x1600_FD7F, &[1, 2, 3, 4, 5, 6, 7, 8]);
+        set(&mut bench, [0x17, 0x70], 4.0_f32.to_le_bytes());
+        let now_ns = bench.line.now_ns();
+        bench.actuator().restart(now_ns + MS);
+        bench.wait(2);
+        let speed = bench.extended(0x1100_FD7F, &[0x17, 0x70, 0, 0, 0, 0, 0, 0]);
+        assert_eq!(speed.bytes[4..], 3.0_f32.to_le_bytes());
+        bench.extended(0x1800_FD7F, &[1, 2, 3, 4, 5, 6, 1, 0]);
+        let reports = bench.heard(100);
+        assert_eq!((reports.len(), reports[0].id), (10, 0x1800_7FFD));
+        bench.extended(0x1800_FD7F, &[1, 2, 3, 4, 5, 6, 0, 0]);
+        assert!(bench.heard(100).is_empty());
     }
 
     #[test]
@@ -535,5 +553,81 @@ mod moteus {
         assert_eq!(bytes[..4], [0x31, 0xFF, 0x0F, 2]);
         assert!(ask(&mut bench, 0x8002, &[0x11, 0x00]).is_empty());
         assert!(ask(&mut bench, 0x0001, &[0x11, 0x00]).is_empty(), "no answer was asked for");
+    }
+}
+
+mod recoil {
+    use super::*;
+
+    fn read(bench: &mut Bench, at: u16) -> u32 {
+        let [low, high] = at.to_le_bytes();
+        let answer = bench.standard(0x60B, &[0x40, low, high]);
+        assert_eq!(answer.id, 0x58B);
+        u32::from_le_bytes(answer.bytes.try_into().expect("four bytes"))
+    }
+
+    fn mode(bench: &mut Bench, mode: u8) {
+        assert!(bench.tell(CanFrame::classic(0x00B, false, &[mode, 11])).is_empty());
+    }
+
+    fn go(bench: &mut Bench, position: f32) -> CanFrame {
+        bench.standard(0x30B, &[position.to_le_bytes(), [0; 4]].concat())
+    }
+
+    #[test]
+    fn position_mode_holds_first_and_then_goes_where_it_is_told() {
+        let mut bench = Bench::new("recoil-5010", 11);
+        bench.actuator().place(0.3);
+        mode(&mut bench, 0x13);
+        bench.wait(100);
+        close(bench.position(), 0.3, 1e-6);
+        for _ in 0..300 {
+            go(&mut bench, 0.5);
+            bench.wait(3);
+        }
+        close(bench.position(), 0.5, 1e-3);
+        let state = go(&mut bench, 0.5);
+        assert_eq!(state.id, 0x28B);
+        let told = f32::from_le_bytes(state.bytes[..4].try_into().expect("four bytes"));
+        close(told.into(), 0.5, 1e-3);
+        assert_eq!(read(&mut bench, 0x010), 0x13);
+    }
+
+    #[test]
+    fn a_silent_host_brings_damping_and_an_error_bit() {
+        let mut bench = Bench::new("recoil-5010", 11);
+        mode(&mut bench, 0x13);
+        bench.wait(900);
+        bench.tell(CanFrame::classic(0x70B, false, &[]));
+        bench.wait(990);
+        assert_eq!(read(&mut bench, 0x010), 0x13, "the heartbeat fed it");
+        bench.wait(20);
+        assert_eq!((read(&mut bench, 0x010), read(&mut bench, 0x014)), (0x02, 0x40));
+        mode(&mut bench, 0x01);
+        assert!(!bench.enabled());
+        mode(&mut bench, 0x13);
+        go(&mut bench, 0.0);
+        assert_eq!(read(&mut bench, 0x010), 0x13);
+    }
+
+    #[test]
+    fn disabled_is_left_by_way_of_idle_only() {
+        let mut bench = Bench::new("recoil-5010", 11);
+        mode(&mut bench, 0x00);
+        mode(&mut bench, 0x13);
+        assert_eq!((read(&mut bench, 0x010), read(&mut bench, 0x014)), (0x01, 0x20));
+    }
+
+    #[test]
+    fn parameters_are_read_and_written_where_they_lie() {
+        let mut bench = Bench::new("recoil-5010", 11);
+        let [a, b, c, d] = 35.0_f32.to_le_bytes();
+        assert!(
+            bench.tell(CanFrame::classic(0x60B, false, &[0x20, 0x20, 0, 0, a, b, c, d])).is_empty()
+        );
+        assert_eq!(read(&mut bench, 0x020), 35.0_f32.to_bits());
+        assert_eq!(read(&mut bench, 0x100), 24.0_f32.to_bits());
+        let echo = bench.standard(0x20B, &[0xCA, 1, 2, 3, 4, 5, 6, 7]);
+        assert_eq!((echo.id, echo.bytes[0]), (0x18B, 0xCA));
     }
 }

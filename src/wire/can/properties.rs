@@ -2,7 +2,7 @@
 
 use super::{
     CanFrame, CanId, Format, Number, cubemars, damiao, error_frame, fd_length, mit, moteus, odrive,
-    robstride,
+    recoil, robstride,
 };
 use proptest::prelude::*;
 
@@ -34,6 +34,7 @@ proptest! {
         let _ = cubemars::servo_feedback(&frame);
         let _ = robstride::message(&frame);
         let _ = odrive::message(&frame);
+        let _ = recoil::message(&frame);
         let _ = moteus::ends(&frame);
         if let Some(id) = damiao::Id::new(number) {
             let _ = damiao::feedback(id, 0x11, &frame);
