@@ -1,6 +1,8 @@
 //! Shipped robots against their makers' documents and public models: where the links are.
 
-use gaitway_profiles::{Joint, Robot, Role, Segment, Servo, robot, robot_names, servo};
+use gaitway_profiles::{
+    Joint, LineKind, Robot, Role, Segment, Servo, actuator, robot, robot_names, servo,
+};
 use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -199,7 +201,8 @@ fn each_robot_plays_pelvis_torso_head_and_legs() {
     }
 }
 
-const HUMANOIDS: [&str; 5] = ["op2", "op3", "open-duck-mini-v2", "poppy-humanoid", "toddlerbot"];
+const HUMANOIDS: [&str; 6] =
+    ["berkeley-humanoid-lite", "op2", "op3", "open-duck-mini-v2", "poppy-humanoid", "toddlerbot"];
 
 /// The right-hand joint of a left-hand one.
 fn partner<'a>(robot: &'a Robot, left: &Joint) -> Option<&'a Joint> {
@@ -258,6 +261,7 @@ fn left_and_right_are_mirror_images() {
 #[test]
 fn every_knee_bends_backwards_as_far_as_a_crouch_needs() {
     for (name, hip, knee, ankle) in [
+        ("berkeley-humanoid-lite", "left_hip_pitch", "left_knee_pitch", "left_ankle_pitch"),
         ("op2", "l_hip_pitch", "l_knee", "l_ank_pitch"),
         ("op3", "l_hip_pitch", "l_knee", "l_ank_pitch"),
         ("poppy-humanoid", "l_hip_y", "l_knee_y", "l_ankle_y"),
@@ -411,12 +415,58 @@ fn so101_reaches_forward_and_its_n_pose_hangs_down() {
 fn no_robot_asks_a_joint_for_more_than_its_servo_gives() {
     for name in robot_names() {
         for joint in &robot(name).unwrap().joints {
-            let fastest = servo(&joint.servo).unwrap().motor.no_load_speed_rad_s * joint.gear;
-            let share = joint.velocity_rad_s / fastest;
-            assert!((0.5..=1.0).contains(&share), "{name} {}: {share}", joint.name);
+            // No profile of an actuator says how fast it is.
+            if actuator(&joint.servo).is_err() {
+                let fastest = servo(&joint.servo).unwrap().motor.no_load_speed_rad_s * joint.gear;
+                let share = joint.velocity_rad_s / fastest;
+                assert!((0.5..=1.0).contains(&share), "{name} {}: {share}", joint.name);
+            }
             assert!(joint.axis.iter().all(|value| value.abs() <= 1.0), "{name} {}", joint.name);
             let (low, high) = (joint.lower_rad, joint.upper_rad);
             assert!(low >= -2.0 * PI && high <= 2.0 * PI, "{name} {}: {low} {high}", joint.name);
         }
     }
+}
+
+// berkeley_humanoid_lite.urdf: the lengths of thigh and shank are those of the joints' origins in
+// the rotated frames there, (0, 0.15, 0.018) and (0, 0.16, 0.003); of the arm 0.123 + 0.043 m.
+#[test]
+fn berkeley_humanoid_lite_has_its_makers_limbs_and_hangs_its_arms_in_n_pose() {
+    let lite = robot("berkeley-humanoid-lite").unwrap();
+    let at_zero = links(&lite, |_| 0.0);
+    let between = |a: &str, b: &str| add(at_zero[b].0, at_zero[a].0.map(|v| -v));
+    for (side, y) in [("left", 1.0), ("right", -1.0)] {
+        let joint = |name: &str| format!("{side}_{name}");
+        let thigh = between(&joint("hip_pitch"), &joint("knee_pitch"));
+        close(thigh, [0.0, -0.018 * y, -0.15], 1e-5);
+        let shank = between(&joint("knee_pitch"), &joint("ankle_pitch"));
+        close(shank, [0.0, -0.003 * y, -0.16], 1e-5);
+    }
+    let hanging = links(&lite, |joint| n_pose(&lite, joint));
+    for side in ["left", "right"] {
+        let [upper, lower, wrist] = ["shoulder_yaw", "elbow_pitch", "elbow_roll"]
+            .map(|name| hanging[&format!("{side}_{name}")].0);
+        // Straight down, but for what the joints stand to the side: (0.0245, 0, 0.043) and
+        // (0, 0.123, -0.0255) in the file.
+        let inward = if side == "left" { -0.0245 } else { 0.0245 };
+        close(add(lower, upper.map(|v| -v)), [0.0, inward, -0.043], 1e-4);
+        close(add(wrist, lower.map(|v| -v)), [0.0, -inward / 0.0245 * 0.0255, -0.123], 1e-4);
+    }
+}
+
+#[test]
+fn berkeley_humanoid_lite_has_two_arms_and_two_legs_on_lines_of_their_own() {
+    let lite = robot("berkeley-humanoid-lite").unwrap();
+    let ids = |line| lite.joints_on(line).map(|joint| joint.id).collect::<Vec<_>>();
+    assert_eq!(ids("left_arm"), [1, 3, 5, 7, 9]);
+    assert_eq!(ids("right_arm"), [2, 4, 6, 8, 10]);
+    assert_eq!(ids("left_leg"), [1, 3, 5, 7, 11, 13]);
+    assert_eq!(ids("right_leg"), [2, 4, 6, 8, 12, 14]);
+    for line in &lite.lines {
+        assert!(matches!(line.kind, LineKind::Can(speed) if speed.bitrate_bps == 1_000_000));
+    }
+    // robot.py, joint_axis_directions, left leg and right.
+    let directions = |line| lite.joints_on(line).map(|joint| joint.direction).collect::<Vec<_>>();
+    assert_eq!(directions("left_leg"), [-1, 1, -1, -1, -1, 1]);
+    assert_eq!(directions("right_leg"), [-1, 1, 1, 1, 1, 1]);
 }

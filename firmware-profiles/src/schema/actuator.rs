@@ -63,11 +63,11 @@ impl Dialect {
         matches!(self, Self::Moteus)
     }
 
-    /// True if its frames have identifiers of 11 bits, or may have (moteus), so that another such
-    /// dialect on the line would take some of them for its own.
+    /// True if its frames have identifiers of 11 bits, or may have (moteus); else they have 29. A
+    /// dialect with identifiers of the same kind on the line would take some of them for its own.
     #[must_use]
     pub const fn has_short_ids(self) -> bool {
-        !matches!(self, Self::Robstride)
+        !matches!(self, Self::CubemarsServo | Self::Robstride)
     }
 
     /// The largest id the dialect has room for.

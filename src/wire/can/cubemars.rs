@@ -129,11 +129,11 @@ pub fn servo_feedback(frame: &CanFrame) -> Option<(Id, Feedback)> {
 }
 
 /// Codes 0 to 7. Of 6 the sources disagree (unbalanced phases, or the power stage too hot); both
-/// are its driver's.
+/// are its driver's. The temperature it tells, and 1 is about, is the driver board's.
 const fn faults(code: u8) -> Faults {
     match code {
         0 => Faults::NONE,
-        1 => Faults::MOTOR_HOT,
+        1 => Faults::HOT,
         2 => Faults::CURRENT,
         3 => Faults::OVER_VOLTAGE,
         4 => Faults::UNDER_VOLTAGE,
@@ -177,7 +177,7 @@ mod tests {
         assert_eq!(feedback.velocity, Some(Number::Code { code: 0x7FF, bits: 12 }));
         assert_eq!(feedback.torque, Some(Number::Code { code: 0x7FF, bits: 12 }));
         assert_eq!(feedback.temperature, Some(Number::Steps(35)));
-        assert_eq!(feedback.faults, Faults::MOTOR_HOT);
+        assert_eq!(feedback.faults, Faults::HOT);
     }
 
     #[test]

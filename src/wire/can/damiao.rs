@@ -5,7 +5,7 @@
 //! byte names it by the low four bits of its id: with a shared master id, ids must differ there.
 //!
 //! Source: Damiao, "DM-J4310-2EC user manual" V1.0; cmjang/DM_Control_Python, `DM_CAN.py`;
-//! huggingface/lerobot 7427f318, `motors/damiao`.
+//! huggingface/lerobot 7427f318, `motors/damiao`; jia-xie/damiao-motor 1.0.6, its register table.
 
 pub use super::mit::Setpoint;
 use super::mit::{self, Order};
@@ -152,8 +152,18 @@ const fn faults(state: u8) -> Faults {
     }
 }
 
-/// Numbers of the registers used here.
+/// Numbers of the registers, `f32` where a unit stands, else integers.
 pub mod register {
+    /// Least supply voltage, V.
+    pub const UNDER_VOLTAGE: u8 = 0;
+    /// Temperature at which it lets go, degrees Celsius.
+    pub const OVER_TEMPERATURE: u8 = 2;
+    /// Acceleration in modes 2 and 3, rad/s2.
+    pub const ACCELERATION: u8 = 4;
+    /// Deceleration in modes 2 and 3, rad/s2; below zero.
+    pub const DECELERATION: u8 = 5;
+    /// Largest speed in modes 2 and 3, rad/s.
+    pub const SPEED_LIMIT: u8 = 6;
     /// Id the device answers under.
     pub const MST_ID: u8 = 7;
     /// Id the device listens to.
@@ -162,12 +172,20 @@ pub mod register {
     pub const TIMEOUT: u8 = 9;
     /// Control mode, 1 to 4.
     pub const CTRL_MODE: u8 = 10;
-    /// End of the range of position, rad, `f32`.
+    /// Version of the firmware.
+    pub const SOFTWARE: u8 = 14;
+    /// Turns of the rotor in one of the output, a ratio as `f32`.
+    pub const GEAR_RATIO: u8 = 20;
+    /// End of the range of position, rad.
     pub const PMAX: u8 = 21;
-    /// End of the range of velocity, rad/s, `f32`.
+    /// End of the range of velocity, rad/s.
     pub const VMAX: u8 = 22;
-    /// End of the range of torque, N m, `f32`.
+    /// End of the range of torque, N m.
     pub const TMAX: u8 = 23;
+    /// Bit rate, 0 to 9: 125, 200, 250, 500 kbit/s, 1, 2, 2.5, 3.2, 4, 5 Mbit/s.
+    pub const BIT_RATE: u8 = 35;
+    /// Supply voltage, V. Read only, newer firmware.
+    pub const BUS_VOLTAGE: u8 = 60;
 
     /// True for a register that holds an integer; the others hold an `f32`.
     #[must_use]
@@ -202,6 +220,8 @@ mod tests {
             (Request::Feedback, [0x01, 0, 0xCC, 0, 0, 0, 0, 0]),
             (Request::Read(register::PMAX), [0x01, 0, 0x33, 0x15, 0, 0, 0, 0]),
             (Request::Write(register::CTRL_MODE, 2), [0x01, 0, 0x55, 0x0A, 2, 0, 0, 0]),
+            // 20 ms of silence in steps of 50 us: 400.
+            (Request::Write(register::TIMEOUT, 400), [0x01, 0, 0x55, 0x09, 0x90, 0x01, 0, 0]),
             (Request::Save, [0x01, 0, 0xAA, 0x01, 0, 0, 0, 0]),
         ] {
             assert_eq!(said(super::request(ONE, request)), (0x7FF, bytes.to_vec()), "{request:?}");

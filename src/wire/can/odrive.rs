@@ -5,8 +5,9 @@
 //! remote request. In `Feedback`, position is in revolutions, velocity in revolutions per second,
 //! torque a motor current in ampere.
 //!
-//! Source: odriverobotics/ODrive, `docs/can-protocol.rst` and `can_simple.cpp` of firmware 0.5.6;
-//! ODrive documentation, "CAN Protocol" of firmware 0.6.
+//! Source: odriverobotics/ODrive, `docs/can-protocol.rst` and `can_simple.cpp` of firmware 0.5.6, and
+//! `ODrive.Axis.Error` of its reference;
+//! ODrive documentation, "CAN Protocol" of firmware 0.6, and `enums.py` of odrive 0.6.11.
 
 use super::{CanFrame, CanId, Faults, Feedback, Format, Number};
 
@@ -180,18 +181,18 @@ pub fn faults(error: u32, firmware: Firmware) -> Faults {
     Faults::of_bits(error, table).and(other)
 }
 
-/// `ODrive.Axis.Error`, firmware 0.5.
+/// `ODrive.Axis.Error`, firmware 0.5; the voltages until 0.5.3.
 const ERRORS_05: &[(u32, Faults)] = &[
     (1, Faults::UNDER_VOLTAGE),
     (2, Faults::OVER_VOLTAGE),
     (6, Faults::DRIVER),
+    (7, Faults::ENCODER),
     (8, Faults::ENCODER),
     (11, Faults::SILENCE),
     (12, Faults::OUT_OF_RANGE),
     (13, Faults::OUT_OF_RANGE),
-    (15, Faults::CURRENT),
-    (16, Faults::CURRENT),
     (18, Faults::HOT),
+    (19, Faults::NOT_CALIBRATED),
 ];
 
 /// `ODrive.Error`, firmware 0.6.
@@ -208,6 +209,7 @@ const ERRORS_06: &[(u32, Faults)] = &[
     (14, Faults::HOT),
     (15, Faults::OUT_OF_RANGE),
     (16, Faults::OUT_OF_RANGE),
+    (17, Faults::CURRENT),
     (24, Faults::SILENCE),
     (26, Faults::ENCODER),
     (30, Faults::NOT_CALIBRATED),

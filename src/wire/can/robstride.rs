@@ -8,8 +8,8 @@
 //! Two byte orders: motion and feedback are big-endian, parameters little-endian. The torque of a
 //! motion command travels in the identifier.
 //!
-//! Source: Xiaomi, "CyberGear instruction manual" section 4 (belovictor/cybergear-docs);
-//! kscalelabs/actuator 01c8f989, `actuator/rust/robstride`.
+//! Source: Xiaomi, "CyberGear instruction manual" section 4 (belovictor/cybergear-docs); RobStride,
+//! "RS00 user manual", section 4; kscalelabs/actuator 01c8f989, `actuator/rust/robstride`.
 
 use super::{CanFrame, CanId, Faults, Feedback, Number};
 
@@ -53,12 +53,17 @@ pub enum Command {
     Read(u16),
     /// Sets a parameter until power-off: an `f32`'s bits, or an integer.
     Write(u16, u32),
+    /// Keeps the settings over power-off. RobStride only.
+    Save,
+    /// Tell feedback unasked, or do not. RobStride only.
+    Report(bool),
 }
 
 const KIND_IDENTITY: u32 = 0;
 const KIND_FEEDBACK: u32 = 2;
 const KIND_READ: u32 = 17;
 const KIND_FAULT: u32 = 21;
+const KIND_REPORT: u32 = 24;
 
 /// A frame from host to device.
 #[must_use]
@@ -86,6 +91,10 @@ pub fn command(host: Id, id: Id, command: Command) -> CanFrame {
         Command::SetId(new) => CanFrame::classic(to(7, u16::from(new.get()) << 8 | from), first(1)),
         Command::Read(index) => CanFrame::classic(to(KIND_READ, from), parameter(index, 0)),
         Command::Write(index, value) => CanFrame::classic(to(18, from), parameter(index, value)),
+        Command::Save => CanFrame::classic(to(22, from), [1, 2, 3, 4, 5, 6, 7, 8]),
+        Command::Report(on) => {
+            CanFrame::classic(to(KIND_REPORT, from), [1, 2, 3, 4, 5, 6, on.into(), 0])
+        }
     }
 }
 
@@ -98,8 +107,9 @@ pub enum Message {
     Feedback(Feedback),
     /// Value of a parameter, its bits.
     Parameter(u16, u32),
-    /// Faults and warnings, bit by bit. Families disagree about the bits; feedback names the
-    /// common ones.
+    /// It has no such parameter.
+    NoParameter(u16),
+    /// Faults and warnings, bit by bit; see [`faults`].
     Fault {
         /// Not zero: it has let go.
         faults: u32,
@@ -119,10 +129,14 @@ pub fn message(frame: &CanFrame) -> Option<(Id, Message)> {
     let id = Id::new((number >> 8) as u8)?;
     let message = match number >> 24 {
         KIND_IDENTITY if number & 0xFF == 0xFE => Message::Identity(bytes),
-        KIND_FEEDBACK => Message::Feedback(feedback(number, bytes)),
+        KIND_FEEDBACK | KIND_REPORT => Message::Feedback(feedback(number, bytes)),
         KIND_READ => {
             let [i0, i1, _, _, value @ ..] = bytes;
-            Message::Parameter(u16::from_le_bytes([i0, i1]), u32::from_le_bytes(value))
+            let index = u16::from_le_bytes([i0, i1]);
+            match number >> 16 & 0xFF {
+                0 => Message::Parameter(index, u32::from_le_bytes(value)),
+                _ => Message::NoParameter(index),
+            }
         }
         KIND_FAULT => {
             let [f0, f1, f2, f3, warnings @ ..] = bytes;
@@ -136,12 +150,13 @@ pub fn message(frame: &CanFrame) -> Option<(Id, Message)> {
 
 fn feedback(number: u32, [p1, p0, v1, v0, t1, t0, c1, c0]: [u8; 8]) -> Feedback {
     const RUNNING: u32 = 2;
+    // Bit 20 is a Hall encoder's on CyberGear and a blocked motor's on RobStride.
     const BITS: [(u32, Faults); 6] = [
         (16, Faults::UNDER_VOLTAGE),
         (17, Faults::CURRENT),
         (18, Faults::HOT),
         (19, Faults::ENCODER),
-        (20, Faults::ENCODER),
+        (20, Faults::ENCODER.and(Faults::OVERLOAD)),
         (21, Faults::NOT_CALIBRATED),
     ];
     let code = |high, low| Some(Number::Code { code: u16::from_be_bytes([high, low]), bits: 16 });
@@ -155,7 +170,26 @@ fn feedback(number: u32, [p1, p0, v1, v0, t1, t0, c1, c0]: [u8; 8]) -> Feedback 
     }
 }
 
-/// Indices of the parameters used here; `f32` but for the first and the last.
+/// The faults of [`Message::Fault`] in common words: the bits on which the families agree.
+#[must_use]
+pub fn faults(bits: u32) -> Faults {
+    const BITS: [(u32, Faults); 9] = [
+        (0, Faults::MOTOR_HOT),
+        (1, Faults::DRIVER),
+        (2, Faults::UNDER_VOLTAGE),
+        (3, Faults::OVER_VOLTAGE),
+        (4, Faults::CURRENT),
+        (5, Faults::CURRENT),
+        (7, Faults::NOT_CALIBRATED),
+        (14, Faults::OVERLOAD),
+        (16, Faults::CURRENT),
+    ];
+    let known = BITS.iter().fold(0, |mask, (bit, _)| mask | 1 << bit);
+    let other = if bits & !known != 0 { Faults::OTHER } else { Faults::NONE };
+    Faults::of_bits(bits, &BITS).and(other)
+}
+
+/// Indices of the parameters used here; `f32` where a unit stands.
 pub mod parameter {
     /// 0 motion, 1 position, 2 speed, 3 current; one byte. Only while disabled.
     pub const RUN_MODE: u16 = 0x7005;
@@ -169,8 +203,12 @@ pub mod parameter {
     pub const SPEED_LIMIT: u16 = 0x7017;
     /// Position, rad. Read only.
     pub const POSITION: u16 = 0x7019;
+    /// Velocity, rad/s. Read only.
+    pub const VELOCITY: u16 = 0x701B;
     /// Supply voltage, V. Read only.
     pub const BUS_VOLTAGE: u16 = 0x701C;
+    /// Silence of the host after which it lets go, in 50 us, four bytes; 0 = never. RobStride only.
+    pub const CAN_TIMEOUT: u16 = 0x7028;
 }
 
 #[cfg(test)]
@@ -198,6 +236,14 @@ mod tests {
         assert_eq!(said(Command::Identify), (0x0000_FD7F, none));
     }
 
+    // Sections 4.1.11 and 4.1.13 of RobStride's manual.
+    #[test]
+    fn saving_and_reporting_spell_out_the_bytes_that_guard_them() {
+        assert_eq!(said(Command::Save), (0x1600_FD7F, vec![1, 2, 3, 4, 5, 6, 7, 8]));
+        assert_eq!(said(Command::Report(true)), (0x1800_FD7F, vec![1, 2, 3, 4, 5, 6, 1, 0]));
+        assert_eq!(said(Command::Report(false)), (0x1800_FD7F, vec![1, 2, 3, 4, 5, 6, 0, 0]));
+    }
+
     #[test]
     fn parameters_are_little_endian() {
         use parameter::*;
@@ -211,6 +257,9 @@ mod tests {
         assert_eq!(write(SPEED_LIMIT, 2.0), limit);
         let read = expected(0x1100_FD7F, [0x19, 0x70, 0, 0, 0, 0, 0, 0]);
         assert_eq!(said(Command::Read(POSITION)), read);
+        // 20000 is a second.
+        let timeout = expected(0x1200_FD7F, [0x28, 0x70, 0, 0, 0xD0, 0x07, 0, 0]);
+        assert_eq!(said(Command::Write(CAN_TIMEOUT, 2_000)), timeout);
     }
 
     #[test]
@@ -255,10 +304,25 @@ mod tests {
         let value = heard(0x1100_7FFD, &[0x19, 0x70, 0, 0, 0, 0, 0x80, 0x3F]);
         let position = Message::Parameter(parameter::POSITION, 1.0_f32.to_bits());
         assert_eq!(value.map(|(_, message)| message), Some(position));
+        let none = heard(0x1101_7FFD, &[0x28, 0x70, 0, 0, 0, 0, 0, 0]).map(|(_, m)| m);
+        assert_eq!(none, Some(Message::NoParameter(parameter::CAN_TIMEOUT)));
         let fault = heard(0x1500_7FFD, &[0x01, 0, 0, 0, 0x02, 0, 0, 0]).map(|(_, m)| m);
         assert_eq!(fault, Some(Message::Fault { faults: 1, warnings: 2 }));
         let number = heard(0x0000_7FFE, &[1, 2, 3, 4, 5, 6, 7, 8]).map(|(_, m)| m);
         assert_eq!(number, Some(Message::Identity([1, 2, 3, 4, 5, 6, 7, 8])));
         assert_eq!(heard(0x0300_FD7F, &[0; 8]), None, "a host's own frame is no device's");
+    }
+
+    #[test]
+    fn fault_bits_have_common_words_where_the_families_agree() {
+        assert_eq!(faults(0), Faults::NONE);
+        assert_eq!(faults(1 << 2 | 1 << 16), Faults::UNDER_VOLTAGE.and(Faults::CURRENT));
+        assert_eq!(faults(1 << 14 | 1 << 7), Faults::OVERLOAD.and(Faults::NOT_CALIBRATED));
+        assert_eq!(faults(1 << 9), Faults::OTHER);
+    }
+
+    #[test]
+    fn feedback_told_unasked_is_feedback() {
+        assert_eq!(heard(0x1880_7FFD, &[1; 8]), heard(0x0280_7FFD, &[1; 8]));
     }
 }

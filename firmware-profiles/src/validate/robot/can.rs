@@ -81,11 +81,13 @@ pub(super) fn line(file: &str, robot: &Robot, line: &Line) -> Verdict {
                     .got(format!("ID {} on line {:?}", joint.id, joint.line))
                     .allowed("each ID once on a line"));
             }
-            if dialect != others && dialect.has_short_ids() && others.has_short_ids() {
+            if dialect != others && dialect.has_short_ids() == others.has_short_ids() {
                 return Err(ProfileError::new(file, "the identifiers of two dialects would mix")
                     .at(place(joint))
                     .got(format!("{dialect:?} beside {others:?} on line {:?}", line.name))
-                    .allowed("one of CubeMars, Damiao, ODrive and moteus on a line"));
+                    .allowed(
+                        "one dialect with identifiers of 11 bits on a line, and one with 29",
+                    ));
             }
         }
     }
