@@ -6,7 +6,7 @@ use crate::error::Error;
 use crate::port::can::{self, CanInterface, Controller};
 use crate::port::inventory::Machine;
 use crate::port::serial::SerialLine;
-use crate::port::sim::{SharedWorld, VirtualClock, VirtualLine};
+use crate::port::sim::{SharedWorld, VirtualCanLine, VirtualClock, VirtualLine};
 use crate::port::tcp::TcpLine;
 use crate::port::{BytePort, Clock, FramePort, MonotonicClock, PortError};
 use crate::robot::{LinePort, Link, Robot};
@@ -105,13 +105,24 @@ fn in_virtual_time(robot: Robot, seed: u64) -> Result<Connection, Error> {
         .lines
         .iter()
         .enumerate()
-        .map(|(line, facts)| {
-            let port = VirtualLine::new(world.clone(), line, facts.bits_per_s());
-            (Box::new(port) as Box<dyn BytePort>, Duration::ZERO)
-        })
+        .map(|(line, facts)| (virtual_port(&world, line, facts.kind), Duration::ZERO))
         .collect();
     let link = Link::new(robot, ports, clock);
     Ok(Connection { link, world: Some(world), real_time: false, _doors: Vec::new() })
+}
+
+/// The host's end of a virtual line.
+fn virtual_port(world: &SharedWorld, line: usize, kind: LineKind) -> LinePort {
+    match kind {
+        LineKind::Serial { baud_bps } => {
+            let port: Box<dyn BytePort> = Box::new(VirtualLine::new(world.clone(), line, baud_bps));
+            port.into()
+        }
+        LineKind::Can(_) => {
+            let port: Box<dyn FramePort> = Box::new(VirtualCanLine::new(world.clone(), line));
+            port.into()
+        }
+    }
 }
 
 fn behind_terminals(robot: Robot, seed: u64) -> Result<Connection, Error> {
@@ -119,6 +130,11 @@ fn behind_terminals(robot: Robot, seed: u64) -> Result<Connection, Error> {
     let mut doors = Vec::new();
     let mut ports: Vec<(Box<dyn BytePort>, Duration)> = Vec::new();
     for (line, facts) in robot.lines.iter().enumerate() {
+        if let LineKind::Can(_) = facts.kind {
+            return Err(Error::new("a CAN line has no terminal")
+                .at(format!("--bus sim:pty, line {}", facts.name))
+                .allowed("--bus sim: a robot with CAN lines is virtual in virtual time"));
+        }
         let door = Door::open(world.inner(), line, None)
             .map_err(|e| Error::new("cannot open a pseudo-terminal").got(e.to_string()))?;
         let path = door.path().display().to_string();

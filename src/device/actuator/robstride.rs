@@ -6,12 +6,12 @@ use super::{
 };
 use crate::bus::can::Shape;
 use crate::device::coded::Impedance;
-use crate::wire::can::robstride::{Command, Id, Message, command, message, parameter};
-use crate::wire::can::{CanFrame, Faults};
+use crate::wire::can::CanFrame;
+use crate::wire::can::robstride::{self, Command, Id, Message, command, message, parameter};
 use gaitway_profiles::Ranges;
 
 /// Number of the setting that says how long the host may be silent.
-pub(super) const TIMEOUT: u16 = 0x7028;
+pub(super) const TIMEOUT: u16 = parameter::CAN_TIMEOUT;
 /// Not a parameter: stands for the number of the device's processor.
 const IDENTITY: u16 = 0;
 /// Value of the run mode in which it takes motion commands.
@@ -52,8 +52,7 @@ impl Language for Robstride {
         Some(match self.said(frame)? {
             Message::Feedback(feedback) => decoded(&feedback, &self.ranges, STEP_C),
             Message::Fault { faults, .. } => {
-                let faults = if faults == 0 { Faults::NONE } else { Faults::OTHER };
-                Told { faults: Some(faults), ..Told::default() }
+                Told { faults: Some(robstride::faults(faults)), ..Told::default() }
             }
             // Answers to questions that were given up.
             _ => Told::default(),
