@@ -5,16 +5,32 @@
 //! - Timing: a classic frame takes exactly its bits, stuff bits and pause to the next frame
 //!   included; a CAN FD frame the most it may take.
 //! - The host's send queue is short, as in Linux; [`CanLine::send`] says when it is full.
+//! - Bus-off: the host's interface has left the line. It says so once, hears nothing any more, and
+//!   what the host sends is lost, until it is started anew.
+//!
+//! A world's lines ([`crate::World::can_send`]) run with everything else in it; a [`CanLine`] of
+//! its own is for a test of one device.
 //!
 //! Not modelled: errors on the line, and two nodes that send the same identifier at once.
 
 mod actuator;
 mod bits;
-mod codec;
+mod coded;
+mod cubemars;
+mod damiao;
+mod drive;
+mod moteus;
+mod odrive;
+mod recoil;
+mod robstride;
 
+pub(crate) use actuator::BOOT_NS;
 pub use actuator::{Actuator, ActuatorError};
+pub use drive::Trouble;
 
+use crate::servo::Event;
 use std::collections::VecDeque;
+use std::ops::Range;
 
 /// A frame, on the simulator's side.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -50,6 +66,12 @@ impl CanFrame {
         CanFrame { id, extended, kind: Kind::Classic, bytes: bytes.to_vec() }
     }
 
+    /// Cuts the payload, or fills it up with zeros, as far as its format allows.
+    pub(crate) fn set_length(&mut self, length: usize) {
+        let most = if matches!(self.kind, Kind::Fd { .. }) { 64 } else { 8 };
+        self.bytes.resize(length.min(most), 0);
+    }
+
     /// What arbitration compares, first bit highest: 11 bits of identifier, RTR or SRR, IDE, the
     /// rest of an extended identifier, its RTR. Zero wins.
     fn urgency(&self) -> u32 {
@@ -60,6 +82,17 @@ impl CanFrame {
             self.id << 21 | remote << 20
         }
     }
+}
+
+/// What the host's interface hears.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum CanHeard {
+    /// A frame of someone else.
+    Frame(CanFrame),
+    /// The interface has left the line.
+    BusOff,
+    /// It takes part again.
+    Restarted,
 }
 
 /// How fast a line is and how much the host may queue.
@@ -84,8 +117,49 @@ impl Default for CanOptions {
 #[error("the send queue is full")]
 pub struct QueueFull;
 
+/// What the host does not fetch is lost beyond this many, as in a socket's buffer.
+const INBOX_FRAMES: usize = 4096;
+
 /// Frames that wait for the line, each not before its time.
 type Queue = VecDeque<(u64, CanFrame)>;
+
+/// The frame that is on the line.
+#[derive(Clone, Copy, Debug)]
+struct Passing {
+    node: usize,
+    start_ns: u64,
+    end_ns: u64,
+}
+
+/// A node that talks without being asked: foreign, or gone mad.
+#[derive(Clone, Debug)]
+struct Babbler {
+    frame: CanFrame,
+    period_ns: u64,
+    next_ns: u64,
+    until_ns: u64,
+}
+
+/// A frame an actuator is about to send.
+#[derive(Clone, Debug)]
+pub(crate) struct Said {
+    pub actuator: usize,
+    pub ready_ns: u64,
+    pub frame: CanFrame,
+}
+
+/// What one event on a line has brought.
+#[derive(Debug, Default)]
+pub(crate) struct Happened {
+    /// To be handed to [`CanLine::queue`].
+    pub said: Vec<Said>,
+    /// For the referee: of which actuator, when, what.
+    pub events: Vec<(usize, u64, Event)>,
+    /// A frame was on the line.
+    pub busy_ns: Option<Range<u64>>,
+    /// It was the host's.
+    pub from_host: bool,
+}
 
 /// The line, and all that hangs on it.
 #[derive(Clone, Debug)]
@@ -95,9 +169,17 @@ pub struct CanLine {
     now_ns: u64,
     free_ns: u64,
     busy_ns: u64,
+    passing: Option<Passing>,
     sending: Queue,
     answering: Vec<Queue>,
-    inbox: VecDeque<CanFrame>,
+    babblers: Vec<Babbler>,
+    babbling: Queue,
+    bus_off: bool,
+    /// Nothing of the host's goes out before: nobody acknowledges.
+    held_until_ns: u64,
+    inbox: VecDeque<CanHeard>,
+    /// What the host said last, for those who throw it back at it.
+    last_of_host: Option<CanFrame>,
 }
 
 impl CanLine {
@@ -111,9 +193,15 @@ impl CanLine {
             now_ns: 0,
             free_ns: 0,
             busy_ns: 0,
+            passing: None,
             sending: Queue::new(),
             answering,
+            babblers: Vec::new(),
+            babbling: Queue::new(),
+            bus_off: false,
+            held_until_ns: 0,
             inbox: VecDeque::new(),
+            last_of_host: None,
         }
     }
 
@@ -129,6 +217,12 @@ impl CanLine {
         self.busy_ns
     }
 
+    /// How fast it is, and what the host may queue.
+    #[must_use]
+    pub fn options(&self) -> CanOptions {
+        self.options
+    }
+
     /// The actuators, in the order given.
     #[must_use]
     pub fn actuators(&self) -> &[Actuator] {
@@ -140,11 +234,19 @@ impl CanLine {
         &mut self.actuators
     }
 
+    pub(crate) fn add(&mut self, actuator: Actuator) {
+        self.actuators.push(actuator);
+        self.answering.push(Queue::new());
+    }
+
     /// The host queues a frame.
     ///
     /// # Errors
     /// The queue is full; time must pass first.
     pub fn send(&mut self, frame: CanFrame) -> Result<(), QueueFull> {
+        if self.bus_off {
+            return Ok(()); // As Linux does: the interface has no carrier, and the frame is lost.
+        }
         if self.sending.len() >= self.options.queue_frames {
             return Err(QueueFull);
         }
@@ -152,83 +254,195 @@ impl CanLine {
         Ok(())
     }
 
-    /// The next frame the host has heard by now.
-    pub fn receive(&mut self) -> Option<CanFrame> {
+    /// What the host has heard next by now.
+    pub fn receive(&mut self) -> Option<CanHeard> {
         self.inbox.pop_front()
     }
 
-    /// Lets time pass, to `time_ns` or to the first frame the host hears, whichever is first.
+    /// Throws away what the host has heard.
+    pub(crate) fn discard_input(&mut self) {
+        self.inbox.clear();
+    }
+
+    /// The host's interface leaves the line, or takes part in it again.
+    pub fn set_bus_off(&mut self, bus_off: bool) {
+        if bus_off == self.bus_off {
+            return;
+        }
+        self.bus_off = bus_off;
+        self.inbox.push_back(if bus_off { CanHeard::BusOff } else { CanHeard::Restarted });
+        if self.passing.is_some_and(|passing| passing.node == HOST) {
+            self.passing = None;
+        }
+        self.sending.clear();
+    }
+
+    /// Until `until_ns` nothing of the host's goes out, as if nobody acknowledged it: its queue fills.
+    pub fn hold(&mut self, until_ns: u64) {
+        self.held_until_ns = until_ns;
+    }
+
+    /// The host's interface is pulled out: what it was to send or has heard is lost.
+    pub(crate) fn pull_out(&mut self) {
+        if self.passing.is_some_and(|passing| passing.node == HOST) {
+            self.passing = None;
+        }
+        self.sending.clear();
+        self.inbox.clear();
+        self.bus_off = false;
+    }
+
+    /// Another node sends this frame every `period_ns`, 10 us at least, from now on.
+    pub fn babble(&mut self, frame: CanFrame, period_ns: u64, until_ns: u64) {
+        let (period_ns, next_ns) = (period_ns.max(10_000), self.now_ns);
+        self.babblers.push(Babbler { frame, period_ns, next_ns, until_ns });
+    }
+
+    /// Lets time pass, to `time_ns` or to the first thing the host hears, whichever is first.
     pub fn run_until_heard(&mut self, time_ns: u64) {
-        while self.inbox.is_empty() && self.now_ns < time_ns {
-            self.step(time_ns);
+        while self.inbox.is_empty() {
+            match self.next_event_ns().filter(|&next_ns| next_ns <= time_ns) {
+                Some(next_ns) => self.run_until(next_ns),
+                None => return self.pass(time_ns),
+            }
         }
     }
 
     /// Lets time pass.
     pub fn run_until(&mut self, time_ns: u64) {
-        while self.now_ns < time_ns {
-            self.step(time_ns);
+        while self.next_event_ns().is_some_and(|next_ns| next_ns <= time_ns) {
+            for said in self.happen().said {
+                self.queue(said);
+            }
+        }
+        self.pass(time_ns);
+        for actuator in &mut self.actuators {
+            actuator.take_events();
         }
     }
 
-    /// One frame goes over the line whole by `time_ns`, or time passes to there.
-    fn step(&mut self, time_ns: u64) {
-        let start_ns = match self.first_ready_ns() {
-            Some(ready_ns) => ready_ns.max(self.free_ns),
-            None => return self.pass(time_ns),
+    /// When something happens on the line next.
+    pub(crate) fn next_event_ns(&self) -> Option<u64> {
+        let due = self.actuators.iter().filter_map(Actuator::due_ns);
+        let babble = self.babblers.iter().map(|babbler| babbler.next_ns);
+        let line = match self.passing {
+            Some(passing) => Some(passing.end_ns),
+            None => self.first_ready_ns().map(|ready_ns| ready_ns.max(self.free_ns)),
         };
-        let Some((node, length_ns)) = self.winner(start_ns) else {
-            return self.pass(time_ns);
-        };
-        let end_ns = start_ns + length_ns;
-        if end_ns > time_ns {
-            return self.pass(time_ns);
-        }
-        let queue = if node == HOST { &mut self.sending } else { &mut self.answering[node - 1] };
-        let Some((_, frame)) = queue.pop_front() else { return self.pass(time_ns) };
-        self.pass(end_ns);
-        self.free_ns = end_ns;
-        self.busy_ns += length_ns;
-        self.deliver(node, &frame);
+        due.chain(babble).chain(line).min().map(|next_ns| next_ns.max(self.now_ns))
     }
 
-    fn queues(&self) -> impl Iterator<Item = (usize, &Queue)> {
-        std::iter::once(&self.sending).chain(&self.answering).enumerate()
+    /// Carries out the next event: someone speaks up, a frame has passed, the next begins.
+    pub(crate) fn happen(&mut self) -> Happened {
+        let mut happened = Happened::default();
+        let Some(time_ns) = self.next_event_ns() else { return happened };
+        self.pass(time_ns);
+        self.speak_up(&mut happened.said);
+        match self.passing.take_if(|passing| passing.end_ns <= time_ns) {
+            Some(passing) => self.deliver(passing, &mut happened),
+            None if happened.said.is_empty() && self.passing.is_none() => self.begin(),
+            None => {}
+        }
+        for (k, actuator) in self.actuators.iter_mut().enumerate() {
+            let events = actuator.take_events().into_iter();
+            happened.events.extend(events.map(|(at_ns, event)| (k, at_ns, event)));
+        }
+        happened
+    }
+
+    /// An actuator sends what it said.
+    pub(crate) fn queue(&mut self, said: Said) {
+        if let Some(queue) = self.answering.get_mut(said.actuator) {
+            queue.push_back((said.ready_ns, said.frame));
+        }
+    }
+
+    pub(crate) fn last_of_host(&self) -> Option<&CanFrame> {
+        self.last_of_host.as_ref()
+    }
+
+    /// Those who speak without being asked do.
+    fn speak_up(&mut self, said: &mut Vec<Said>) {
+        let ready_ns = self.now_ns;
+        for (k, actuator) in self.actuators.iter_mut().enumerate() {
+            while actuator.due_ns().is_some_and(|due_ns| due_ns <= ready_ns) {
+                let frames = actuator.speak().into_iter();
+                said.extend(frames.map(|frame| Said { actuator: k, ready_ns, frame }));
+            }
+        }
+        for babbler in &mut self.babblers {
+            while babbler.next_ns <= ready_ns {
+                // A node that cannot keep up sends the same again.
+                if self.babbling.len() < 2 {
+                    self.babbling.push_back((babbler.next_ns, babbler.frame.clone()));
+                }
+                babbler.next_ns += babbler.period_ns;
+            }
+        }
+        self.babblers.retain(|babbler| babbler.next_ns < babbler.until_ns);
+    }
+
+    /// The first frame of each node, and when it may go.
+    fn heads(&self) -> impl Iterator<Item = (usize, u64, &CanFrame)> {
+        let devices = self.answering.iter().chain([&self.babbling]);
+        let queues = std::iter::once(&self.sending).chain(devices).enumerate();
+        queues.filter_map(|(node, queue)| {
+            let (ready_ns, frame) = queue.front()?;
+            let held_ns = if node == HOST { self.held_until_ns } else { 0 };
+            Some((node, held_ns.max(*ready_ns), frame))
+        })
     }
 
     fn first_ready_ns(&self) -> Option<u64> {
-        self.queues().filter_map(|(_, queue)| queue.front()).map(|(ready_ns, _)| *ready_ns).min()
+        self.heads().map(|(_, ready_ns, _)| ready_ns).min()
     }
 
-    /// Who wins the line that is idle at `start_ns`, and for how long.
-    fn winner(&self, start_ns: u64) -> Option<(usize, u64)> {
-        let heads = self.queues().filter_map(|(node, queue)| Some((node, queue.front()?)));
-        heads
-            .filter(|(_, (ready_ns, _))| *ready_ns <= start_ns)
-            .min_by_key(|(_, (_, frame))| frame.urgency())
-            .map(|(node, (_, frame))| (node, bits::length_ns(frame, self.options)))
+    /// Of all frames that wait, the most urgent one begins.
+    fn begin(&mut self) {
+        let start_ns = self.now_ns;
+        let waiting = self.heads().filter(|(_, ready_ns, _)| *ready_ns <= start_ns);
+        let winner = waiting.min_by_key(|(_, _, frame)| frame.urgency());
+        self.passing = winner.map(|(node, _, frame)| {
+            let end_ns = start_ns + bits::length_ns(frame, self.options);
+            Passing { node, start_ns, end_ns }
+        });
     }
 
-    fn pass(&mut self, time_ns: u64) {
+    pub(crate) fn pass(&mut self, time_ns: u64) {
         for actuator in &mut self.actuators {
             actuator.run_until(time_ns);
         }
         self.now_ns = self.now_ns.max(time_ns);
     }
 
-    fn deliver(&mut self, from: usize, frame: &CanFrame) {
-        if from != HOST {
-            return self.inbox.push_back(frame.clone());
-        }
-        for (actuator, queue) in self.actuators.iter_mut().zip(&mut self.answering) {
-            if let Some(answer) = actuator.hear(frame) {
-                queue.push_back((self.now_ns + actuator.answer_delay_ns(), answer));
+    /// A frame has passed whole.
+    fn deliver(&mut self, passing: Passing, happened: &mut Happened) {
+        let Passing { node, start_ns, end_ns } = passing;
+        let queue = match node {
+            HOST => &mut self.sending,
+            node => self.answering.get_mut(node - 1).unwrap_or(&mut self.babbling),
+        };
+        let Some((asked_ns, frame)) = queue.pop_front() else { return };
+        self.free_ns = end_ns;
+        self.busy_ns += end_ns - start_ns;
+        happened.busy_ns = Some(start_ns..end_ns);
+        happened.from_host = node == HOST;
+        if node != HOST {
+            if !self.bus_off && self.inbox.len() < INBOX_FRAMES {
+                self.inbox.push_back(CanHeard::Frame(frame));
             }
+            return;
         }
+        for (k, actuator) in self.actuators.iter_mut().enumerate() {
+            let ready_ns = end_ns + actuator.answer_delay_ns();
+            let frames = actuator.hear(&frame, asked_ns).into_iter();
+            happened.said.extend(frames.map(|frame| Said { actuator: k, ready_ns, frame }));
+        }
+        self.last_of_host = Some(frame);
     }
 }
 
-/// The host's place among the nodes; the actuators follow.
+/// The host's place among the nodes; the actuators follow, and whoever babbles.
 const HOST: usize = 0;
 
 #[cfg(test)]

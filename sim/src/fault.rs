@@ -4,6 +4,7 @@
 pub(crate) mod plan;
 
 use crate::adapter::Usb;
+use crate::can::{CanFrame, Trouble};
 use crate::dynamixel1;
 use crate::dynamixel2::packet;
 use crate::exchange::{Exchange, Order};
@@ -158,6 +159,40 @@ pub enum Fault {
         /// So many bytes it takes all the same: a write is then partial.
         bytes: usize,
     },
+    /// Something is wrong with a CAN actuator: it lets go, and says so in its family's way until
+    /// the cause is gone and the fault is cleared.
+    Trouble {
+        /// Whose.
+        joint: String,
+        /// What.
+        trouble: Trouble,
+        /// First moment.
+        from_ns: u64,
+        /// First moment after; `u64::MAX` for good.
+        until_ns: u64,
+    },
+    /// The host's interface leaves a CAN line. See [`crate::can::CanHeard::BusOff`].
+    BusOff {
+        /// Which line; none means every CAN line.
+        line: Option<String>,
+        /// When.
+        at_ns: u64,
+        /// When it takes part again, if ever.
+        until_ns: Option<u64>,
+    },
+    /// A foreign node talks on a CAN line without being asked.
+    Babble {
+        /// Which line; none means every CAN line.
+        line: Option<String>,
+        /// What it says.
+        frame: CanFrame,
+        /// How often; at least 10 us.
+        period_ns: u64,
+        /// First moment.
+        from_ns: u64,
+        /// First moment after; `u64::MAX` for good.
+        until_ns: u64,
+    },
     /// The fault happens in so many worlds of all, by the seed.
     Perhaps {
         /// 0 to 1.
@@ -171,6 +206,11 @@ pub enum Fault {
 ///
 /// `Mute`, `Lie` and `WrongId` happen in the servo, so the others on the line hear them too and a
 /// chain breaks after a mute one. The rest happens between the line and the host.
+///
+/// A CAN actuator's frame: `Lie` changes a byte of its payload, `WrongId` the low eight bits of its
+/// identifier; `Length` makes the payload so many bytes (8 at most, or 64 with FD), `DropByte` one
+/// fewer; `Garbage` is a foreign frame before it, `Echo` the host's own. `FlipBit` and
+/// `FalseHeader` do nothing: such a frame never gets past the controller.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Damage {
     /// It is not sent.
@@ -351,6 +391,39 @@ fn claim_length(bytes: &mut Vec<u8>, family: Family, length: u16) {
         bytes.push(0);
         dynamixel1::packet::reseal(bytes);
     }
+}
+
+/// What becomes of a CAN actuator's frame: the frames that are sent for it, and how much later.
+pub(crate) fn damage_frame(
+    frame: CanFrame,
+    damages: &[Damage],
+    last_of_host: Option<&CanFrame>,
+    rng: &mut ChaCha8Rng,
+) -> (Vec<CanFrame>, u64) {
+    let (mut frames, mut late_ns) = (vec![frame], 0);
+    for damage in damages {
+        let Some(frame) = frames.last_mut() else { break };
+        match *damage {
+            Damage::Mute => frames.clear(),
+            Damage::Lie { at, xor } => {
+                if let Some(byte) = frame.bytes.get_mut(at) {
+                    *byte ^= xor;
+                }
+            }
+            Damage::WrongId { id } => frame.id = frame.id & !0xFF | u32::from(id),
+            Damage::Length { length } => frame.set_length(length.into()),
+            Damage::DropByte { .. } => frame.set_length(frame.bytes.len().saturating_sub(1)),
+            Damage::Duplicate => frames.extend_from_within(frames.len() - 1..),
+            Damage::StaleReply { by_ns } => late_ns += by_ns,
+            Damage::Garbage { length } => {
+                let bytes: Vec<u8> = (0..length.min(8)).map(|_| rng.random()).collect();
+                frames.insert(0, CanFrame::classic(rng.random_range(0..0x800), false, &bytes));
+            }
+            Damage::Echo => frames.splice(0..0, last_of_host.cloned()).for_each(drop),
+            Damage::FlipBit { .. } | Damage::FalseHeader => {}
+        }
+    }
+    (frames, late_ns)
 }
 
 /// How a status reaches the host.

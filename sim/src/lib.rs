@@ -55,10 +55,13 @@ pub enum SimError {
     /// A fault names a joint, or a `LINE/ID`, the robot does not have.
     #[error("no joint is named {0:?}, and no line has a servo with such an ID")]
     UnknownJoint(String),
+    /// A fault is for a CAN line, and this is none.
+    #[error("line {0:?} is no CAN line")]
+    NotCan(String),
     /// No adapter profile has this name.
     #[error("no adapter is named {0:?}")]
     UnknownAdapter(String),
-    /// A servo cannot play its part.
+    /// A servo or CAN actuator cannot play its part.
     #[error("joint {joint}: servo {servo} {reason}")]
     BadServo {
         /// The joint.

@@ -101,6 +101,8 @@ struct Watched {
     offset: f64,
     radians_per_count: f64,
     zero_count: i64,
+    /// The smallest step of the joint that can be told, rad.
+    resolution: f64,
     torque: bool,
     goals: u64,
     first: [i64; 2],
@@ -138,6 +140,17 @@ impl Referee {
     /// Joints are numbered in the order they are added.
     pub fn add(&mut self, joint: &Joint, servo: &Profile) {
         let position = &servo.position;
+        let count = f64::from(position.degrees).to_radians() / f64::from(position.counts);
+        self.watch(joint, count, i64::from(position.zero_count), count);
+    }
+
+    /// A joint on a CAN actuator, which can be told its position in steps of `resolution` rad. Its
+    /// counts are microradians.
+    pub fn add_actuator(&mut self, joint: &Joint, resolution: f64) {
+        self.watch(joint, 1e-6, 0, resolution.max(1e-6));
+    }
+
+    fn watch(&mut self, joint: &Joint, radians_per_count: f64, zero_count: i64, resolution: f64) {
         self.joints.push(Watched {
             name: joint.name.clone(),
             lower: joint.lower_rad,
@@ -145,9 +158,9 @@ impl Referee {
             speed: joint.velocity_rad_s,
             ratio: f64::from(joint.direction) * joint.gear,
             offset: joint.offset_rad,
-            radians_per_count: f64::from(position.degrees).to_radians()
-                / f64::from(position.counts),
-            zero_count: i64::from(position.zero_count),
+            radians_per_count,
+            zero_count,
+            resolution: resolution * joint.gear.abs(),
             torque: false,
             goals: 0,
             first: [0; 2],
@@ -212,6 +225,12 @@ impl Referee {
                     self.note(Rule::Eeprom, Some(joint), at_ns, text);
                 }
             }
+            Event::Kept(what) => {
+                if !self.permit_eeprom {
+                    let text = format!("{what} was changed for good without permission");
+                    self.note(Rule::Eeprom, Some(joint), at_ns, text);
+                }
+            }
         }
     }
 
@@ -219,7 +238,7 @@ impl Referee {
         let watched = &self.joints[joint];
         let angle = watched.angle(raw);
         // A limit that lies between two counts may be rounded to.
-        let slack = 0.5 * watched.radians_per_count + 1e-9;
+        let slack = 0.5 * watched.resolution + 1e-9;
         if !(angle >= watched.lower - slack && angle <= watched.upper + slack) {
             let text = format!(
                 "goal {angle:.4} rad outside {:.4}..{:.4} rad",
@@ -247,9 +266,9 @@ impl Referee {
             return;
         }
         let counts = (raw - watched.last[0]).abs();
-        let step = counts as f64 * watched.radians_per_count;
-        let seconds = (at_ns - watched.last_ns) as f64 * 1e-9;
-        let allowed = watched.speed * seconds + watched.radians_per_count;
+        let step = counts as f64 * watched.radians_per_count * watched.ratio.abs();
+        let seconds = at_ns.saturating_sub(watched.last_ns) as f64 * 1e-9;
+        let allowed = watched.speed * seconds + watched.resolution;
         let reachable = step <= allowed + 1e-9;
         if self.stopped && counts != 0 {
             let text = format!("goal moved by {counts} counts after the stop");

@@ -4,6 +4,7 @@
 mod keys;
 
 use crate::adapter::Usb;
+use crate::can::{CanFrame, Trouble};
 use crate::fault::{Damage, Fault};
 use crate::world::{BadChecksum, MissingInChain, Options, ZeroSpeed};
 use keys::{Keys, line_of};
@@ -26,9 +27,9 @@ const DAMAGES: [&str; 11] = [
     "echo",
     "length",
 ];
-const SERVO_FAULTS: [&str; 8] =
-    ["silent", "overload", "reboot", "stuck", "frozen", "jump", "register", "twin"];
-const LINE_FAULTS: [&str; 4] = ["brownout", "slow-line", "hang-up", "blocked"];
+const SERVO_FAULTS: [&str; 9] =
+    ["silent", "overload", "reboot", "stuck", "frozen", "jump", "register", "twin", "trouble"];
+const LINE_FAULTS: [&str; 6] = ["brownout", "slow-line", "hang-up", "blocked", "bus-off", "babble"];
 
 /// Faults and switches read from a script.
 ///
@@ -227,6 +228,13 @@ fn read_servo_fault(kind: &str, joint: String, keys: &mut Keys) -> Result<Fault,
             raw: keys.need_integer("value", i64::from(i32::MIN), i64::from(u32::MAX))?,
             at_ns: keys.time("at_s")?.unwrap_or(0),
         },
+        "trouble" => {
+            let (from_ns, until_ns) = keys.span()?;
+            let cause = keys.choice("cause", Trouble::NAMES)?;
+            let names = Trouble::NAMES.map(|(name, _)| name).join(", ");
+            let trouble = cause.ok_or_else(|| keys.missing("cause", &names))?;
+            Fault::Trouble { joint, trouble, from_ns, until_ns }
+        }
         _ => {
             let turn_rad = keys.number("turn_rad", -100.0, 100.0)?.unwrap_or(0.0);
             Fault::Twin { joint, turn_rad }
@@ -257,6 +265,22 @@ fn read_line_fault(kind: &str, keys: &mut Keys) -> Result<Fault, ScriptError> {
             }
             let link = keys.text("link")?.map(PathBuf::from);
             Fault::HangUp { line, at_ns, until_ns, link }
+        }
+        "bus-off" => {
+            let at_ns = keys.need_time("at_s")?;
+            let until_ns = keys.time("until_s")?;
+            if until_ns.is_some_and(|until_ns| until_ns <= at_ns) {
+                return Err(keys.wrong("until_s", "no later time", "later than at_s"));
+            }
+            Fault::BusOff { line, at_ns, until_ns }
+        }
+        "babble" => {
+            let (from_ns, until_ns) = keys.span()?;
+            let period_ns = keys.need_time("period_s")?;
+            let id = keys.integer("frame_id", 0, 0x1FFF_FFFF)?.unwrap_or(0) as u32;
+            let length = keys.integer("bytes", 0, 8)?.unwrap_or(8) as usize;
+            let frame = CanFrame::classic(id, id > 0x7FF, &[0x55; 8][..length]);
+            Fault::Babble { line, frame, period_ns, from_ns, until_ns }
         }
         _ => {
             let (from_ns, until_ns) = keys.span()?;

@@ -67,6 +67,8 @@ pub(crate) enum Event {
     Eeprom {
         address: u16,
     },
+    /// A CAN actuator keeps this over power-off from now on.
+    Kept(&'static str),
 }
 
 #[derive(Clone, Debug)]

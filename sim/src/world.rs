@@ -1,7 +1,10 @@
-//! The world: a robot's servos on their lines, and the time they share.
+//! The world: a robot's servos and CAN actuators on their lines, and the time they share.
+
+mod can;
 
 use crate::SimError;
 use crate::adapter::Usb;
+use crate::can::CanLine;
 use crate::fault::plan::{Names, Place, Plan, Strike};
 use crate::fault::{Fault, Struck};
 use crate::line::{Line, Plugged, Shared};
@@ -95,7 +98,10 @@ pub enum BadChecksum {
 /// the same bytes back.
 pub struct World {
     now_ns: u64,
+    /// All lines; those of CAN have only their name and whether they are plugged in here.
     lines: Vec<Line>,
+    /// CAN lines by their number.
+    can: BTreeMap<usize, CanLine>,
     shared: Shared,
     joints: Vec<Placed>,
     by_name: BTreeMap<String, usize>,
@@ -103,11 +109,12 @@ pub struct World {
     epoch: Option<(Instant, u64)>,
 }
 
-/// Where a joint's servo is.
+/// Where a joint's servo or actuator is.
 #[derive(Clone, Copy, Debug)]
 struct Placed {
     place: Place,
     initial_rad: f64,
+    offset_rad: f64,
     /// Turns of the joint for one turn of the servo, with its sign.
     ratio: f64,
 }
@@ -159,6 +166,7 @@ impl World {
             lines: lines
                 .map(|(k, l)| Line::new(k, &l.name, l.baud_bps().unwrap_or(0), &shared))
                 .collect(),
+            can: can::lines(robot, options.line_timing),
             shared,
             joints: Vec::new(),
             by_name,
@@ -166,10 +174,16 @@ impl World {
         };
         let mut models: BTreeMap<&str, Arc<Model>> = BTreeMap::new();
         for joint in &robot.joints {
+            let line = robot.lines.iter().position(|line| line.name == joint.line);
+            let line = line.ok_or_else(|| SimError::UnknownLine(joint.line.clone()))?;
+            if world.can.contains_key(&line) {
+                world.add_actuator(robot, joint, line)?;
+                continue;
+            }
             let profile =
                 find(&joint.servo).ok_or_else(|| SimError::UnknownServo(joint.servo.clone()))?;
             let model = models.entry(&joint.servo).or_insert_with(|| Arc::new(Model::new(profile)));
-            world.add(robot, joint, Arc::clone(model))?;
+            world.add(robot, joint, line, Arc::clone(model))?;
         }
         for servo in world.lines.iter_mut().flat_map(|line| &mut line.servos) {
             servo.zero_speed = options.zero_speed;
@@ -185,7 +199,10 @@ impl World {
             let mate = joint.shares_case_with.as_ref().and_then(|name| self.by_name.get(name));
             let Some(mate) = mate.map(|&mate| self.joints[mate].place) else { continue };
             let place = placed.place;
-            if mate.line == place.line && mate.servo != place.servo {
+            if mate.line == place.line
+                && !self.can.contains_key(&place.line)
+                && mate.servo != place.servo
+            {
                 let servos = &mut self.lines[place.line].servos;
                 servos[place.servo].mate = Some(mate.servo);
                 servos[mate.servo].mate = Some(place.servo);
@@ -197,12 +214,14 @@ impl World {
         let servos = robot.joints.iter().zip(&self.joints);
         let names = Names {
             lines: self.line_names(),
+            can: self.can.keys().copied().collect(),
             servos: servos
                 .map(|(joint, placed)| (joint.name.clone(), joint.id, placed.place))
                 .collect(),
         };
         for fault in faults {
             self.check_register(fault, &names)?;
+            self.check_actuator(fault, &names)?;
         }
         self.shared.faults = Plan::new(faults, names, &mut self.shared.rng)?;
         self.run_until(0);
@@ -215,7 +234,8 @@ impl World {
             Fault::Perhaps { fault, .. } => self.check_register(fault, names),
             Fault::Register { joint, register, raw, .. } => {
                 let place = names.servo(joint)?;
-                let mut servo = self.lines[place.line].servos[place.servo].clone();
+                let servo = self.lines[place.line].servos.get(place.servo);
+                let Some(mut servo) = servo.cloned() else { return Ok(()) };
                 if servo.force(register, *raw) {
                     return Ok(());
                 }
@@ -229,9 +249,13 @@ impl World {
         }
     }
 
-    fn add(&mut self, robot: &Robot, joint: &Joint, model: Arc<Model>) -> Result<(), SimError> {
-        let line = robot.lines.iter().position(|line| line.name == joint.line);
-        let line = line.ok_or_else(|| SimError::UnknownLine(joint.line.clone()))?;
+    fn add(
+        &mut self,
+        robot: &Robot,
+        joint: &Joint,
+        line: usize,
+        model: Arc<Model>,
+    ) -> Result<(), SimError> {
         let baud_bps = robot.lines[line].baud_bps().unwrap_or(0);
         let profile = &model.profile;
         let wrong = |reason: &str| SimError::BadServo {
@@ -261,6 +285,7 @@ impl World {
         self.joints.push(Placed {
             place: Place { line, servo: self.lines[line].servos.len() },
             initial_rad: joint.initial_rad,
+            offset_rad: joint.offset_rad,
             ratio,
         });
         self.lines[line].servos.push(servo);
@@ -277,7 +302,7 @@ impl World {
         self.lines.iter().map(|line| line.name.clone()).collect()
     }
 
-    /// Speed the servos of a line are set up for, bits per second.
+    /// Speed the servos of a line are set up for, bits per second; 0 of a CAN line.
     pub fn line_baud_bps(&self, line: usize) -> Option<u32> {
         self.lines.get(line).map(|line| line.baud_bps)
     }
@@ -298,12 +323,13 @@ impl World {
             self.happen();
         }
         self.now_ns = self.now_ns.max(time_ns);
+        self.pass_can();
     }
 
-    /// When the servos hear something next, or a fault strikes.
+    /// When something is heard next on a line, or a fault strikes.
     fn next_event_ns(&self) -> Option<u64> {
-        let hearing = self.lines.iter().filter_map(Line::next_hearing_ns).min();
-        hearing.into_iter().chain(self.shared.faults.next_ns()).min()
+        let hearing = self.lines.iter().filter_map(Line::next_hearing_ns);
+        hearing.chain(self.next_can_ns()).chain(self.shared.faults.next_ns()).min()
     }
 
     /// Carries out the next event, a fault before a packet.
@@ -311,6 +337,8 @@ impl World {
         let now_ns = self.now_ns;
         if let Some(strike) = self.shared.faults.strike(now_ns) {
             self.strike(strike);
+        } else if self.next_can_ns().is_some_and(|next_ns| next_ns <= now_ns) {
+            self.happen_on_can();
         } else if let Some(line) = self
             .lines
             .iter_mut()
@@ -323,6 +351,7 @@ impl World {
 
     fn strike(&mut self, strike: Strike) {
         let now_ns = self.now_ns;
+        let Some(strike) = self.strike_can(strike) else { return };
         match strike {
             Strike::Silence { servo, until_ns } => {
                 self.at(servo).silent.push(now_ns..until_ns);
@@ -355,6 +384,7 @@ impl World {
             Strike::HangUp { line } => self.lines[line].pull_out(),
             Strike::PlugIn { line, link } => self.lines[line].plug_in(link),
             Strike::Block { line, until_ns, bytes } => self.lines[line].block(until_ns, bytes),
+            Strike::Trouble { .. } | Strike::BusOff { .. } | Strike::Babble { .. } => {}
         }
         for line in &mut self.lines {
             line.report(now_ns, &mut self.shared.referee);
@@ -426,6 +456,9 @@ impl World {
 
     /// Drops what waits for the host on a line.
     pub fn discard_input(&mut self, line: usize) {
+        if let Some(can) = self.can.get_mut(&line) {
+            can.discard_input();
+        }
         if let Some(line) = self.lines.get_mut(line) {
             line.collect(self.now_ns, &mut self.shared.rng);
             line.discard_ready();
@@ -456,43 +489,59 @@ impl World {
         *self.epoch.get_or_insert((Instant::now(), self.now_ns))
     }
 
-    fn servo(&self, joint: usize) -> &Servo {
+    /// The servo of a joint, which is not on a CAN line.
+    fn servo(&self, joint: usize) -> Option<&Servo> {
         let place = self.joints[joint].place;
-        &self.lines[place.line].servos[place.servo]
+        self.lines[place.line].servos.get(place.servo)
     }
 
     /// The servo of a joint, moved on to now.
     fn current(&mut self, joint: &str) -> Option<&mut Servo> {
         let joint = *self.by_name.get(joint)?;
+        self.servo(joint)?;
         Some(self.at(self.joints[joint].place))
     }
 
     /// Where the joint really is, whatever its registers say, rad.
     pub fn joint_position_rad(&self, joint: &str) -> Option<f64> {
+        if let Some(actuator) = self.actuator(joint) {
+            let Placed { ratio, offset_rad, .. } = self.joints[*self.by_name.get(joint)?];
+            return Some(ratio * actuator.position_rad() - offset_rad);
+        }
         let joint = *self.by_name.get(joint)?;
         let place = self.joints[joint];
-        let mut servo = self.servo(joint).clone();
+        let mut servo = self.servo(joint)?.clone();
         servo.advance(self.now_ns);
         Some(place.initial_rad + place.ratio * servo.turned_rad())
     }
 
     /// How fast the joint really turns, rad/s.
     pub fn joint_velocity_rad_s(&self, joint: &str) -> Option<f64> {
-        let joint = *self.by_name.get(joint)?;
-        let mut servo = self.servo(joint).clone();
+        let ratio = self.joints[*self.by_name.get(joint)?].ratio;
+        if let Some(actuator) = self.actuator(joint) {
+            return Some(ratio * actuator.velocity_rad_s());
+        }
+        let mut servo = self.servo(*self.by_name.get(joint)?)?.clone();
         servo.advance(self.now_ns);
-        Some(self.joints[joint].ratio * servo.velocity_rad_s())
+        Some(ratio * servo.velocity_rad_s())
     }
 
-    /// How many statuses the servo of a joint has given so far.
+    /// How many statuses the servo of a joint has given so far, or frames its actuator.
     pub fn statuses(&self, joint: &str) -> Option<u64> {
-        Some(self.servo(*self.by_name.get(joint)?).statuses)
+        if let Some(actuator) = self.actuator(joint) {
+            return Some(actuator.said);
+        }
+        Some(self.servo(*self.by_name.get(joint)?)?.statuses)
     }
 
     /// Turns a joint's shaft by hand, rad. Returns false if there is no such joint.
     pub fn place_joint(&mut self, joint: &str, position_rad: f64) -> bool {
         let Some(&index) = self.by_name.get(joint) else { return false };
-        let Placed { initial_rad, ratio, .. } = self.joints[index];
+        let Placed { initial_rad, offset_rad, ratio, .. } = self.joints[index];
+        if let Some(actuator) = self.actuator_mut(joint) {
+            actuator.place((position_rad + offset_rad) / ratio);
+            return true;
+        }
         let Some(servo) = self.current(joint) else { return false };
         let turn = (position_rad - initial_rad) / ratio - servo.turned_rad();
         servo.turn_by(turn);
@@ -501,14 +550,14 @@ impl World {
 
     /// Raw value of a register by its name in the profile.
     pub fn register(&self, joint: &str, register: &str) -> Option<i64> {
-        let mut servo = self.servo(*self.by_name.get(joint)?).clone();
+        let mut servo = self.servo(*self.by_name.get(joint)?)?.clone();
         servo.advance(self.now_ns);
         servo.named(register)
     }
 
     /// Whether the LED of a joint's servo shines; during an alarm it blinks.
     pub fn led_lit(&self, joint: &str) -> Option<bool> {
-        let mut servo = self.servo(*self.by_name.get(joint)?).clone();
+        let mut servo = self.servo(*self.by_name.get(joint)?)?.clone();
         servo.advance(self.now_ns);
         Some(servo.led_lit())
     }
@@ -520,8 +569,13 @@ impl World {
         self.current(joint).is_some_and(|servo| servo.force(register, raw))
     }
 
-    /// Unplugs a joint's servo. Returns false if there is no such joint.
+    /// Unplugs a joint's servo or actuator. Returns false if there is no such joint.
     pub fn remove(&mut self, joint: &str) -> bool {
+        let now_ns = self.now_ns;
+        if let Some(actuator) = self.actuator_mut(joint) {
+            actuator.be_silent(now_ns..u64::MAX);
+            return true;
+        }
         self.current(joint).is_some_and(|servo| {
             servo.attached = false;
             true
@@ -529,9 +583,12 @@ impl World {
     }
 
     /// Plugs in another servo like this joint's, with the same ID and registers, its shaft turned
-    /// by `turn_rad`. Returns false if there is no such joint.
+    /// by `turn_rad`. Returns false if there is no such joint, or it is on a CAN line.
     pub fn duplicate(&mut self, joint: &str, turn_rad: f64) -> bool {
         let Some(&index) = self.by_name.get(joint) else { return false };
+        if self.servo(index).is_none() {
+            return false;
+        }
         self.duplicate_at(self.joints[index].place, turn_rad);
         true
     }

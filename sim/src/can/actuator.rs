@@ -1,23 +1,21 @@
-//! A virtual CAN actuator: a motor with a load of fixed inertia, its drive and its watchdog.
-//!
-//! What the host says is read by the family's codec ([`super::codec`]) and becomes a [`Goal`]. With
-//! a timeout set, a drive that hears nothing for so long lets go; a Damiao and an ODrive then have
-//! a fault that must be cleared.
+//! A virtual CAN actuator: a motor with its drive, and the language of its family.
 
-use super::CanFrame;
-use super::codec;
-use gaitway_profiles::{Dialect, Ranges};
+use super::cubemars::{Mit, ServoMode};
+use super::damiao::Damiao;
+use super::drive::{Drive, Trouble};
+use super::moteus::Moteus;
+use super::odrive::Odrive;
+use super::recoil::Recoil;
+use super::robstride::Robstride;
+use super::{CanFrame, Kind};
+use crate::servo::Event;
+use gaitway_profiles::{Actuator as Profile, Dialect};
+use std::ops::Range;
 
-/// Step of the integration.
-const STEP_NS: u64 = 100_000;
-/// Moment of inertia at the output, kg m2: a forearm's.
-const INERTIA_KG_M2: f64 = 0.01;
-/// Viscous friction at the output, N m s/rad.
-const FRICTION_NM_S_RAD: f64 = 0.02;
-/// How fast a profile of position closes in on its goal, 1/s.
-const APPROACH_PER_S: f64 = 30.0;
 /// From a frame to its answer, ns; measured values lie between 50 and 300 us.
 const ANSWER_DELAY_NS: u64 = 100_000;
+/// From power-up until a drive listens, ns (assumed).
+pub(crate) const BOOT_NS: u64 = 300_000_000;
 
 /// Why an actuator cannot be played.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -28,158 +26,232 @@ pub enum ActuatorError {
     /// Not an id of the family.
     #[error("id {0} is none of the {1} family")]
     Id(u8, String),
-    /// The family is not played yet.
-    #[error("{0} actuators are not played")]
-    Family(String),
+    /// The family codes its numbers on ranges, and the profile has none.
+    #[error("its profile has no ranges")]
+    NoRanges,
 }
 
-/// What the drive was last told to do.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Goal {
-    /// Spring, damper and torque.
-    Impedance { position: f64, velocity: f64, kp: f64, kd: f64, torque: f64 },
-    /// A position, at no more than a speed.
-    Position { position: f64, speed: f64 },
-    /// A velocity.
-    Velocity(f64),
+fn known(model: &str) -> Result<Profile, ActuatorError> {
+    gaitway_profiles::actuator(model).map_err(|error| ActuatorError::Profile(error.to_string()))
+}
+
+/// What each family remembers, and how it speaks.
+#[derive(Clone, Debug)]
+enum Family {
+    Mit(Mit),
+    ServoMode(ServoMode),
+    Damiao(Damiao),
+    Robstride(Robstride),
+    Odrive(Odrive),
+    Moteus(Moteus),
+    Recoil(Recoil),
 }
 
 /// One actuator.
 #[derive(Clone, Debug)]
 pub struct Actuator {
-    pub(super) dialect: Dialect,
-    pub(super) id: u8,
-    pub(super) ranges: Ranges,
-    pub(super) registers: codec::Registers,
-    pub(super) goal: Option<Goal>,
-    pub(super) enabled: bool,
-    pub(super) position_rad: f64,
-    pub(super) velocity_rad_s: f64,
-    pub(super) torque_nm: f64,
-    pub(super) celsius: f64,
-    /// Let go because the host was silent, and not cleared since.
-    pub(super) silenced: bool,
-    timeout_ns: Option<u64>,
-    heard_ns: u64,
+    drive: Drive,
+    family: Family,
+    /// Spans in which it neither hears nor answers, ns.
+    silent: Vec<Range<u64>>,
+    /// Frames it has said so far.
+    pub(crate) said: u64,
     now_ns: u64,
 }
 
 impl Actuator {
-    /// An actuator of the profile `model`, at rest at zero, disabled, its timeout off.
+    /// An actuator of the profile `model`, at rest at zero, disabled, its timeout as the factory
+    /// sets it.
     ///
     /// # Errors
-    /// No such profile, an id the family does not have, or a family that is not played.
+    /// No such profile, or an id the family does not have.
     pub fn new(model: &str, id: u8) -> Result<Actuator, ActuatorError> {
-        let profile = gaitway_profiles::actuator(model)
-            .map_err(|error| ActuatorError::Profile(error.to_string()))?;
-        let family = format!("{:?}", profile.dialect);
-        if id > profile.dialect.last_id() {
-            return Err(ActuatorError::Id(id, family));
-        }
-        let ranges = profile.ranges.ok_or(ActuatorError::Family(family))?;
-        Ok(Actuator {
-            dialect: profile.dialect,
-            id,
-            registers: codec::Registers::new(id, &ranges),
-            ranges,
-            goal: None,
-            enabled: false,
-            position_rad: 0.0,
-            velocity_rad_s: 0.0,
-            torque_nm: 0.0,
-            celsius: 30.0,
-            silenced: false,
-            timeout_ns: None,
-            heard_ns: 0,
-            now_ns: 0,
-        })
+        Actuator::with(&known(model)?, id)
     }
 
-    /// Where it stands, rad.
+    /// As [`Actuator::new`], with a profile that need not be shipped.
+    ///
+    /// # Errors
+    /// As [`Actuator::new`].
+    pub fn with(profile: &Profile, id: u8) -> Result<Actuator, ActuatorError> {
+        if id > profile.dialect.last_id() {
+            return Err(ActuatorError::Id(id, format!("{:?}", profile.dialect)));
+        }
+        let ranges = || profile.ranges.clone().ok_or(ActuatorError::NoRanges);
+        let family = match profile.dialect {
+            Dialect::CubemarsMit => Family::Mit(Mit::new(id, ranges()?)),
+            Dialect::CubemarsServo => {
+                let gear = profile.gear.as_ref();
+                let pole_pairs = gear.and_then(|gear| gear.pole_pairs).unwrap_or(1);
+                let turns = gear.map_or(1.0, |gear| gear.ratio) * f64::from(pole_pairs);
+                Family::ServoMode(ServoMode::new(id, turns))
+            }
+            Dialect::Damiao => Family::Damiao(Damiao::new(id, ranges()?)),
+            Dialect::Robstride => Family::Robstride(Robstride::new(id, &profile.name, ranges()?)),
+            Dialect::Odrive => Family::Odrive(Odrive::new(id, profile)),
+            Dialect::Moteus => Family::Moteus(Moteus::new(id)),
+            Dialect::Recoil => Family::Recoil(Recoil::new(id)),
+        };
+        let factory_ns = profile.timeout.factory_s.map(|seconds| (seconds * 1e9) as u64);
+        let mut drive = Drive::new(profile);
+        drive.set_timeout(factory_ns);
+        Ok(Actuator { drive, family, silent: Vec::new(), said: 0, now_ns: 0 })
+    }
+
+    /// Where the shaft is, rad.
     #[must_use]
     pub fn position_rad(&self) -> f64 {
-        self.position_rad
+        self.drive.shaft_rad()
+    }
+
+    /// How fast it turns, rad/s.
+    #[must_use]
+    pub fn velocity_rad_s(&self) -> f64 {
+        self.drive.velocity_rad_s
     }
 
     /// Whether it drives.
     #[must_use]
     pub fn enabled(&self) -> bool {
-        self.enabled
+        self.drive.enabled
     }
 
-    /// Puts it somewhere, past the line.
+    /// The fault it remembers.
+    #[must_use]
+    pub fn trouble(&self) -> Option<Trouble> {
+        self.drive.latched
+    }
+
+    /// Puts the shaft somewhere, past the line.
     pub fn place(&mut self, position_rad: f64) {
-        self.position_rad = position_rad;
-        self.velocity_rad_s = 0.0;
+        self.drive.place(position_rad);
     }
 
     /// Sets the silence it allows, ns, as the maker's tool would; none = any.
     pub fn set_timeout(&mut self, timeout_ns: Option<u64>) {
-        self.timeout_ns = timeout_ns;
-        self.heard_ns = self.now_ns;
+        self.drive.set_timeout(timeout_ns);
+        match &mut self.family {
+            Family::Moteus(moteus) => moteus.default_timeout_ns = timeout_ns,
+            Family::Recoil(recoil) => recoil.set_timeout(timeout_ns),
+            _ => {}
+        }
+    }
+
+    /// Sets how often a CubeMars in servo mode tells of itself, Hz, as the maker's tool would;
+    /// nothing happens to the others.
+    pub fn set_feedback_rate(&mut self, feedback_hz: u32) {
+        if let Family::ServoMode(family) = &mut self.family {
+            family.set_rate(feedback_hz.min(500), self.now_ns);
+        }
+    }
+
+    /// Sets the identifier of a Damiao's answers (MST_ID), as the maker's tool would; nothing
+    /// happens to the others.
+    pub fn set_answer_id(&mut self, id: u16) {
+        if let Family::Damiao(damiao) = &mut self.family {
+            damiao.set_answer_id(id);
+        }
+    }
+
+    /// Something is wrong from now on, or not any more. What it makes the drive remember must be
+    /// cleared all the same.
+    pub fn set_trouble(&mut self, trouble: Option<Trouble>) {
+        self.drive.set_cause(trouble);
+    }
+
+    /// The overload protection trips; nothing stands in the way of clearing it.
+    pub fn overload(&mut self) {
+        self.drive.trip(Trouble::Overload);
+    }
+
+    /// Blocks the shaft, or lets it go.
+    pub fn set_stuck(&mut self, stuck: bool) {
+        self.drive.stuck = stuck;
+    }
+
+    /// The encoder reports one position for good, or the truth again.
+    pub fn set_frozen(&mut self, frozen: bool) {
+        self.drive.frozen_rad = frozen.then_some(self.drive.shaft_rad());
+    }
+
+    /// It neither hears nor answers for a while. Its motor goes on, and its timeout runs.
+    pub fn be_silent(&mut self, span_ns: Range<u64>) {
+        self.silent.push(span_ns);
+    }
+
+    /// Power goes, and it listens again at `until_ns`, with what it has kept.
+    pub fn restart(&mut self, until_ns: u64) {
+        self.drive.restart();
+        self.silent.push(self.now_ns..until_ns);
+        match &mut self.family {
+            Family::Damiao(damiao) => damiao.restart(),
+            Family::Robstride(robstride) => robstride.restart(),
+            Family::Odrive(odrive) => odrive.restart(),
+            Family::Moteus(moteus) => moteus.restart(),
+            Family::Recoil(recoil) => recoil.restart(&mut self.drive),
+            Family::Mit(_) | Family::ServoMode(_) => {}
+        }
+    }
+
+    fn is_silent(&self) -> bool {
+        self.silent.iter().any(|span| span.contains(&self.now_ns))
     }
 
     pub(super) const fn answer_delay_ns(&self) -> u64 {
         ANSWER_DELAY_NS
     }
 
-    /// A frame of the host; what it answers, if it is meant.
-    pub(super) fn hear(&mut self, frame: &CanFrame) -> Option<CanFrame> {
-        let answer = codec::hear(self, frame)?;
-        self.heard_ns = self.now_ns;
-        answer
+    /// What it answers to a frame of the host, who queued it at `asked_ns`.
+    pub(super) fn hear(&mut self, frame: &CanFrame, asked_ns: u64) -> Vec<CanFrame> {
+        self.silent.retain(|span| span.end > self.now_ns);
+        if self.is_silent() {
+            return Vec::new();
+        }
+        let drive = &mut self.drive;
+        drive.asked(asked_ns);
+        let classic = frame.kind == Kind::Classic;
+        match &mut self.family {
+            Family::Mit(family) if classic => family.hear(drive, frame),
+            Family::ServoMode(family) if classic => family.hear(drive, frame),
+            Family::Damiao(family) if classic => family.hear(drive, frame),
+            Family::Robstride(family) if classic => family.hear(drive, frame),
+            Family::Recoil(family) if classic => family.hear(drive, frame),
+            Family::Odrive(family) => family.hear(drive, frame),
+            Family::Moteus(family) => family.hear(drive, frame),
+            _ => Vec::new(),
+        }
     }
 
-    pub(super) fn enable(&mut self, enabled: bool) {
-        self.enabled = enabled && !self.silenced;
-        self.goal = None;
+    /// When it speaks without being asked next.
+    pub(super) fn due_ns(&self) -> Option<u64> {
+        match &self.family {
+            Family::ServoMode(family) => family.due_ns(),
+            Family::Odrive(family) => family.due_ns(),
+            Family::Robstride(family) => family.due_ns(&self.drive, self.now_ns),
+            Family::Recoil(family) => family.due_ns(),
+            Family::Mit(_) | Family::Damiao(_) | Family::Moteus(_) => None,
+        }
+    }
+
+    /// What it says without being asked, now that it is due.
+    pub(super) fn speak(&mut self) -> Vec<CanFrame> {
+        let said = match &mut self.family {
+            Family::ServoMode(family) => family.speak(&self.drive),
+            Family::Odrive(family) => family.speak(&self.drive, self.now_ns),
+            Family::Robstride(family) => family.speak(&self.drive, self.now_ns),
+            Family::Recoil(family) => family.speak(&self.drive, self.now_ns),
+            Family::Mit(_) | Family::Damiao(_) | Family::Moteus(_) => Vec::new(),
+        };
+        if self.is_silent() { Vec::new() } else { said }
     }
 
     pub(super) fn run_until(&mut self, time_ns: u64) {
-        while self.now_ns < time_ns {
-            let step_ns = STEP_NS.min(time_ns - self.now_ns);
-            self.now_ns += step_ns;
-            let silent = self.timeout_ns.is_some_and(|t| self.now_ns - self.heard_ns > t);
-            if self.enabled && silent {
-                self.enable(false);
-                self.silenced = codec::keeps_silence_fault(self.dialect);
-            }
-            self.advance(step_ns as f64 * 1e-9);
-        }
+        self.drive.run_until(time_ns);
+        self.now_ns = self.now_ns.max(time_ns);
     }
 
-    fn advance(&mut self, dt: f64) {
-        let most = self.ranges.torque_nm;
-        match self.goal.filter(|_| self.enabled) {
-            Some(Goal::Position { position, speed }) => {
-                let speed = speed.abs().min(self.ranges.velocity_rad_s);
-                let wanted = APPROACH_PER_S * (position - self.position_rad);
-                self.velocity_rad_s = wanted.clamp(-speed, speed);
-                self.torque_nm = 0.0;
-            }
-            Some(Goal::Velocity(velocity)) => {
-                let most = self.ranges.velocity_rad_s;
-                self.velocity_rad_s = velocity.clamp(-most, most);
-                self.torque_nm = 0.0;
-            }
-            Some(Goal::Impedance { position, velocity, kp, kd, torque }) => {
-                let spring = kp * (position - self.position_rad);
-                let damper = kd * (velocity - self.velocity_rad_s);
-                self.torque_nm = (spring + damper + torque).clamp(-most, most);
-                self.accelerate(dt);
-            }
-            None => {
-                self.torque_nm = 0.0;
-                self.accelerate(dt);
-            }
-        }
-        self.position_rad += self.velocity_rad_s * dt;
-    }
-
-    fn accelerate(&mut self, dt: f64) {
-        let net = self.torque_nm - FRICTION_NM_S_RAD * self.velocity_rad_s;
-        self.velocity_rad_s += net / INERTIA_KG_M2 * dt;
-        let most = self.ranges.velocity_rad_s;
-        self.velocity_rad_s = self.velocity_rad_s.clamp(-most, most);
+    /// What the referee judges, with the time of each.
+    pub(crate) fn take_events(&mut self) -> Vec<(u64, Event)> {
+        std::mem::take(&mut self.drive.events)
     }
 }

@@ -4,6 +4,7 @@
 use super::{Damage, Fault, Struck};
 use crate::SimError;
 use crate::adapter::Usb;
+use crate::can::{CanFrame, Trouble};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use std::collections::VecDeque;
@@ -30,6 +31,9 @@ pub(crate) enum Strike {
     HangUp { line: usize },
     PlugIn { line: usize, link: Option<PathBuf> },
     Block { line: usize, until_ns: u64, bytes: usize },
+    Trouble { servo: Place, trouble: Option<Trouble> },
+    BusOff { line: usize, bus_off: bool },
+    Babble { line: usize, frame: CanFrame, period_ns: u64, until_ns: u64 },
 }
 
 /// A servo by its line and place on it.
@@ -62,6 +66,8 @@ struct Rule {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Names {
     pub lines: Vec<String>,
+    /// Which of the lines are CAN.
+    pub can: Vec<usize>,
     /// Joint, ID and place of every servo.
     pub servos: Vec<(String, u8, Place)>,
 }
@@ -81,6 +87,16 @@ impl Names {
     fn line(&self, name: &str) -> Result<usize, SimError> {
         let line = self.lines.iter().position(|line| line == name);
         line.ok_or_else(|| SimError::UnknownLine(name.to_string()))
+    }
+
+    /// One CAN line, or all.
+    fn can_lines(&self, name: Option<&String>) -> Result<Vec<usize>, SimError> {
+        let Some(name) = name else { return Ok(self.can.clone()) };
+        let line = self.line(name)?;
+        if self.can.contains(&line) {
+            return Ok(vec![line]);
+        }
+        Err(SimError::NotCan(name.clone()))
     }
 
     /// One line, or all.
@@ -162,6 +178,11 @@ impl Plan {
                     self.add_to_line(fault, line);
                 }
             }
+            Fault::BusOff { line, .. } | Fault::Babble { line, .. } => {
+                for line in self.names.can_lines(line.as_ref())? {
+                    self.add_to_line(fault, line);
+                }
+            }
             _ => self.add_to_servo(fault)?,
         }
         Ok(())
@@ -218,6 +239,13 @@ impl Plan {
                 let strike = Strike::Register { servo, register: register.clone(), raw: *raw };
                 self.plan(*at_ns, strike, "register", servo);
             }
+            Fault::Trouble { joint, trouble, from_ns, until_ns } => {
+                let servo = self.names.servo(joint)?;
+                let strike = Strike::Trouble { servo, trouble: Some(*trouble) };
+                self.plan(*from_ns, strike, "trouble", servo);
+                let strike = Strike::Trouble { servo, trouble: None };
+                self.planned.push(Planned { at_ns: *until_ns, strike, note: None });
+            }
             Fault::Twin { joint, turn_rad } => {
                 let servo = self.names.servo(joint)?;
                 self.plan(0, Strike::Twin { servo, turn_rad: *turn_rad }, "twin", servo);
@@ -246,6 +274,17 @@ impl Plan {
             Fault::Blocked { from_ns, until_ns, bytes, .. } => {
                 let strike = Strike::Block { line, until_ns: *until_ns, bytes: *bytes };
                 plan(*from_ns, strike, Some(("blocked", name)));
+            }
+            Fault::BusOff { at_ns, until_ns, .. } => {
+                plan(*at_ns, Strike::BusOff { line, bus_off: true }, Some(("bus-off", name)));
+                if let Some(until_ns) = until_ns {
+                    plan(*until_ns, Strike::BusOff { line, bus_off: false }, None);
+                }
+            }
+            Fault::Babble { frame, period_ns, from_ns, until_ns, .. } => {
+                let (frame, period_ns, until_ns) = (frame.clone(), *period_ns, *until_ns);
+                let strike = Strike::Babble { line, frame, period_ns, until_ns };
+                plan(*from_ns, strike, Some(("babble", name)));
             }
             _ => {}
         }

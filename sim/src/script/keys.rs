@@ -64,10 +64,10 @@ impl Keys {
     }
 
     /// One of these words.
-    pub fn choice<T>(
+    pub fn choice<T, const N: usize>(
         &mut self,
         key: &'static str,
-        words: [(&str, T); 2],
+        words: [(&str, T); N],
     ) -> Result<Option<T>, ScriptError> {
         let Some(word) = self.text(key)? else { return Ok(None) };
         let allowed = words.iter().map(|(word, _)| *word).collect::<Vec<_>>().join(", ");

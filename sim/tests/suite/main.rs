@@ -1,5 +1,8 @@
 //! The virtual servos against the makers' published bytes, timings and rules.
 
+mod can;
+mod can_dialects;
+mod can_line;
 mod door;
 mod dynamixel1;
 mod dynamixel2;

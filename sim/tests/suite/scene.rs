@@ -1,7 +1,7 @@
 //! A few servos on one line, and a host that speaks to them. The host's side of the protocols is
 //! written here once more, bit by bit, so that it shares nothing with the crate.
 
-use gaitway_profiles::{LineKind, Robot, Setup};
+use gaitway_profiles::{CanSpeed, Line, LineKind, Robot, Setup};
 use gaitway_sim::{Options, World};
 
 /// Bytes written as `FF FF FD 00`.
@@ -198,4 +198,24 @@ impl Scene {
         let now_ns = self.world.now_ns();
         self.world.run_until(now_ns + ms * 1_000_000);
     }
+}
+
+/// OP3's first joints as CAN actuators of these profiles on one line at 1 Mbit/s, from zero pose,
+/// the Damiao among them answering under 0x10 and their id.
+pub fn can_robot(actuators: &[(&str, u8)]) -> Robot {
+    let mut robot = gaitway_profiles::robot("op3").unwrap();
+    let name = robot.lines[0].name.clone();
+    let speed = CanSpeed { bitrate_bps: 1_000_000, data_bitrate_bps: None, host_id: 0xFD };
+    robot.lines = vec![Line { name: name.clone(), kind: LineKind::Can(speed) }];
+    robot.setups.clear();
+    robot.joints.truncate(actuators.len());
+    for (k, (joint, &(model, id))) in robot.joints.iter_mut().zip(actuators).enumerate() {
+        joint.name = format!("j{}", k + 1);
+        (joint.line, joint.servo, joint.id) = (name.clone(), model.to_string(), id);
+        joint.answer_id = model.starts_with("dm").then_some(0x10 + u16::from(id));
+        (joint.direction, joint.gear, joint.offset_rad) = (1, 1.0, 0.0);
+        (joint.lower_rad, joint.upper_rad, joint.velocity_rad_s) = (-2.0, 2.0, 5.0);
+        (joint.initial_rad, joint.parent, joint.shares_case_with) = (0.0, None, None);
+    }
+    robot
 }

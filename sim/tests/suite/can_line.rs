@@ -1,6 +1,6 @@
 //! Virtual actuators on a virtual CAN line, spoken to in bytes.
 
-use gaitway_sim::can::{Actuator, CanFrame, CanLine, CanOptions};
+use gaitway_sim::can::{Actuator, CanFrame, CanHeard, CanLine, CanOptions};
 
 const MS: u64 = 1_000_000;
 
@@ -12,7 +12,14 @@ fn line(actuators: &[(&str, u8)]) -> CanLine {
 fn ask(line: &mut CanLine, frame: CanFrame) -> CanFrame {
     line.send(frame).expect("room");
     line.run_until_heard(line.now_ns() + 5 * MS);
-    line.receive().expect("an answer")
+    heard(line)
+}
+
+fn heard(line: &mut CanLine) -> CanFrame {
+    match line.receive() {
+        Some(CanHeard::Frame(frame)) => frame,
+        other => panic!("no frame but {other:?}"),
+    }
 }
 
 fn standard(id: u32, bytes: &[u8]) -> CanFrame {
@@ -34,8 +41,7 @@ fn answers_come_lowest_identifier_first_whoever_was_asked_first() {
         line.send(standard(id, &bytes)).expect("room");
     }
     line.run_until(line.now_ns() + 5 * MS);
-    let first = line.receive().expect("an answer");
-    let second = line.receive().expect("another");
+    let (first, second) = (heard(&mut line), heard(&mut line));
     assert_eq!((first.id, second.id), (0x11, 0x12));
     assert_eq!(first.bytes[0] >> 4, 1, "enabled");
 }
