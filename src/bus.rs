@@ -3,6 +3,7 @@
 //!
 //! A question is split in `begin` and `finish`, so that two lines can overlap without threads.
 
+pub mod can;
 mod codec;
 mod group;
 mod instruct;

@@ -5,15 +5,82 @@ pub mod link;
 pub mod preflight;
 pub mod reading;
 
-pub use link::{Link, LinkError};
+pub use link::{LinePort, Link, LinkError};
 
 use crate::bus::Protocol;
 use crate::calibration::Calibration;
-use crate::device::{FeedbackBlock, HealthBlock, JointState, Model};
+use crate::device::actuator::Placing;
+use crate::device::{Actuator, FeedbackBlock, HealthBlock, JointState, Model};
 use crate::error::Error;
 use crate::motion::JointLimits;
-use gaitway_profiles::{self as profiles, Role};
+use gaitway_profiles::{self as profiles, CanSpeed, LineKind, Register, Role};
 use std::collections::BTreeMap;
+
+/// What turns a joint.
+#[derive(Clone, Debug)]
+pub enum Drive {
+    /// A servo with registers, on a serial line.
+    Servo(Box<ServoDrive>),
+    /// An actuator on a CAN line.
+    Actuator(Actuator),
+}
+
+/// A joint's servo: its control table, how it is configured and what is read of it.
+#[derive(Clone, Debug)]
+pub struct ServoDrive {
+    /// Its registers.
+    pub model: Model,
+    /// Raw values its registers are configured to, by register name.
+    pub setup: BTreeMap<String, i64>,
+    /// Read in every cycle.
+    feedback: FeedbackBlock,
+    /// Read instead where that is too much.
+    position: FeedbackBlock,
+    health: HealthBlock,
+}
+
+impl ServoDrive {
+    fn new(file: &profiles::Robot, joint: &profiles::Joint) -> Result<Self, Error> {
+        let servo = profiles::servo(&joint.servo).map_err(|e| Error::new(e.to_string()))?;
+        let unfit = |e: crate::device::RegisterError| Error::new(e.to_string());
+        let model = Model::new(servo);
+        model.register(Role::GoalPosition).map_err(unfit)?;
+        Ok(Self {
+            model,
+            setup: file.setup_for(joint).1,
+            feedback: FeedbackBlock::of(model).map_err(unfit)?,
+            position: FeedbackBlock::position_of(model).map_err(unfit)?,
+            health: HealthBlock::of(model),
+        })
+    }
+
+    /// The angle nearest to `angle_rad` that its goal register can hold, on the side of it that
+    /// `up` names.
+    fn tellable_rad(&self, angle_rad: f64, up: bool) -> Result<f64, Error> {
+        let unfit = |e: crate::device::RegisterError| Error::new(e.to_string());
+        let goal = self.model.register(Role::GoalPosition).map_err(unfit)?;
+        let raw = self.model.raw_from_si(goal, angle_rad).map_err(unfit)?;
+        let told_rad = self.model.si_from_raw(goal, raw);
+        let next = if up && told_rad < angle_rad {
+            raw + 1
+        } else if !up && told_rad > angle_rad {
+            raw - 1
+        } else {
+            raw
+        };
+        Ok(self.model.si_from_raw(goal, next))
+    }
+
+    /// True if it can be asked for its own registers in a question to several.
+    #[must_use]
+    pub fn bulk_read(&self) -> bool {
+        match self.model.protocol() {
+            Protocol::Dynamixel1 => self.model.profile().bulk_read,
+            Protocol::Dynamixel2 => true,
+            Protocol::FeetechSts | Protocol::FeetechScs => false,
+        }
+    }
+}
 
 /// One degree of freedom, resolved.
 #[derive(Clone, Debug)]
@@ -24,48 +91,45 @@ pub struct Joint {
     pub line: usize,
     /// Bus ID.
     pub id: u8,
-    /// The servo that turns it.
-    pub model: Model,
-    /// Limits, rounded inwards to whole counts of the servo, so that no goal that keeps them
-    /// can be rounded out of them.
+    /// What turns it.
+    pub drive: Drive,
+    /// Limits, rounded inwards to what the drive can be told exactly, so that no goal that keeps
+    /// them can be rounded out of them.
     pub limits: JointLimits,
     /// Pose the robot file starts in, rad.
     pub initial_rad: f64,
-    /// Raw values its registers are configured to, by register name.
-    pub setup: BTreeMap<String, i64>,
-    /// Turns of the joint for one turn of the servo, with its sign.
+    /// Turns of the joint for one turn of the drive, with its sign.
     ratio: f64,
     offset_rad: f64,
-    /// Read in every cycle.
-    feedback: FeedbackBlock,
-    /// Read instead where that is too much.
-    position: FeedbackBlock,
-    health: HealthBlock,
 }
 
 impl Joint {
     fn new(file: &profiles::Robot, joint: &profiles::Joint, line: usize) -> Result<Self, Error> {
         let place = || format!("robot {}, joint {}", file.name, joint.name);
-        let servo =
-            profiles::servo(&joint.servo).map_err(|e| Error::new(e.to_string()).at(place()))?;
-        let model = Model::new(servo);
-        let unfit = |e: crate::device::RegisterError| Error::new(e.to_string()).at(place());
-        let goal = model.register(Role::GoalPosition).map_err(unfit)?;
+        let drive = match file.lines[line].kind {
+            LineKind::Serial { .. } => {
+                let servo = ServoDrive::new(file, joint).map_err(|e| e.at(place()))?;
+                Drive::Servo(Box::new(servo))
+            }
+            LineKind::Can(speed) => {
+                Drive::Actuator(actuator(joint, speed).map_err(|e| e.at(place()))?)
+            }
+        };
         let direction = f64::from(joint.direction);
         let ratio = direction * joint.gear;
-        let servo_angle = |joint_rad: f64| direction * (joint_rad + joint.offset_rad) / joint.gear;
-        let inward = |limit_rad: f64, towards: f64| -> Result<f64, Error> {
-            let wanted = servo_angle(limit_rad);
-            let mut raw = model.raw_from_si(goal, wanted).map_err(unfit)?;
-            let back = |raw| ratio * model.si_from_raw(goal, raw) - joint.offset_rad;
-            if (back(raw) - limit_rad) * towards < 0.0 {
-                raw += if direction * towards > 0.0 { 1 } else { -1 };
-            }
-            Ok(back(raw))
+        let inward = |limit_rad: f64, raised: bool| -> Result<f64, Error> {
+            let wanted_rad = direction * (limit_rad + joint.offset_rad) / joint.gear;
+            // What is further inside for the joint is further up or down for its drive.
+            let up = raised == (joint.direction > 0);
+            let told_rad = match &drive {
+                Drive::Servo(servo) => servo.tellable_rad(wanted_rad, up)?,
+                Drive::Actuator(actuator) => actuator.tellable_rad(wanted_rad, up),
+            };
+            Ok(ratio * told_rad - joint.offset_rad)
         };
         let limits = JointLimits::new(
-            inward(joint.lower_rad, 1.0)?,
-            inward(joint.upper_rad, -1.0)?,
+            inward(joint.lower_rad, true)?,
+            inward(joint.upper_rad, false)?,
             joint.velocity_rad_s,
             joint.acceleration_rad_s2,
         )
@@ -74,49 +138,72 @@ impl Joint {
             name: joint.name.clone(),
             line,
             id: joint.id,
-            model,
+            drive,
             limits,
             initial_rad: joint.initial_rad,
-            setup: file.setup_for(joint).1,
             ratio,
             offset_rad: joint.offset_rad,
-            feedback: FeedbackBlock::of(model).map_err(unfit)?,
-            position: FeedbackBlock::position_of(model).map_err(unfit)?,
-            health: HealthBlock::of(model),
         })
+    }
+
+    /// Its servo, if a servo turns it.
+    #[must_use]
+    pub fn servo(&self) -> Option<&ServoDrive> {
+        match &self.drive {
+            Drive::Servo(servo) => Some(servo),
+            Drive::Actuator(_) => None,
+        }
+    }
+
+    /// The registers of its servo, for what only a servo can do.
+    ///
+    /// # Errors
+    /// A CAN actuator, which has none.
+    pub fn model(&self) -> Result<Model, Error> {
+        self.servo().map(|servo| servo.model).ok_or_else(|| {
+            Error::new("this is done with the registers of a servo, and the joint has none")
+                .at(format!("joint {}, ID {}", self.name, self.id))
+                .got("an actuator on a CAN line")
+        })
+    }
+
+    /// Its actuator, if it hangs on a CAN line.
+    #[must_use]
+    pub fn actuator(&self) -> Option<&Actuator> {
+        match &self.drive {
+            Drive::Servo(_) => None,
+            Drive::Actuator(actuator) => Some(actuator),
+        }
+    }
+
+    /// The register of its servo for `role`, if it has one.
+    #[must_use]
+    pub fn register(&self, role: Role) -> Option<&'static Register> {
+        self.servo()?.model.register(role).ok()
     }
 
     /// SI value of a configuration register as the robot file, or else the factory, sets it.
     #[must_use]
     pub fn configured(&self, role: Role) -> Option<f64> {
-        let register = self.model.register(role).ok()?;
-        let raw = self.setup.get(&register.name).copied().or(register.initial)?;
-        Some(self.model.si_from_raw(register, raw))
+        let servo = self.servo()?;
+        let register = servo.model.register(role).ok()?;
+        let raw = servo.setup.get(&register.name).copied().or(register.initial)?;
+        Some(servo.model.si_from_raw(register, raw))
     }
 
-    /// True if its servo can be asked for its own registers in a question to several.
-    #[must_use]
-    pub fn bulk_read(&self) -> bool {
-        match self.model.protocol() {
-            Protocol::Dynamixel1 => self.model.profile().bulk_read,
-            Protocol::Dynamixel2 => true,
-            Protocol::FeetechSts | Protocol::FeetechScs => false,
-        }
-    }
-
-    /// The servo's angle for a joint angle, rad.
+    /// The drive's angle for a joint angle, rad.
     #[must_use]
     pub fn servo_rad(&self, joint_rad: f64) -> f64 {
         (joint_rad + self.offset_rad) / self.ratio
     }
 
-    /// The servo's speed for a speed of the joint, rad/s, without sign.
+    /// The drive's speed for a speed of the joint, rad/s, without sign.
     #[must_use]
     pub fn servo_speed_rad_s(&self, joint_rad_s: f64) -> f64 {
         (joint_rad_s / self.ratio).abs()
     }
 
-    /// The joint's state from what its servo reported.
+    /// The joint's state from what its drive reported.
     #[must_use]
     pub fn joint_state(&self, servo: JointState) -> JointState {
         JointState {
@@ -129,13 +216,36 @@ impl Joint {
     }
 }
 
-/// A serial line of the robot.
+fn actuator(joint: &profiles::Joint, speed: CanSpeed) -> Result<Actuator, Error> {
+    let profile = profiles::actuator(&joint.servo).map_err(|e| Error::new(e.to_string()))?;
+    let placing = Placing {
+        id: joint.id,
+        answer_id: joint.answer_id.unwrap_or(0),
+        kp_nm_rad: joint.kp_nm_rad.unwrap_or(0.0),
+        kd_nm_s_rad: joint.kd_nm_s_rad.unwrap_or(0.0),
+        timeout_configured_s: joint.timeout_configured_s,
+    };
+    Actuator::new(profile, placing, speed).map_err(Error::new)
+}
+
+/// A line of the robot.
 #[derive(Clone, Debug)]
 pub struct Line {
     /// Its name in the robot file.
     pub name: String,
-    /// Bits per second.
-    pub baud_bps: u32,
+    /// Serial or CAN, and how fast.
+    pub kind: LineKind,
+}
+
+impl Line {
+    /// Bits per second; of a CAN line those outside fast payloads.
+    #[must_use]
+    pub const fn bits_per_s(&self) -> u32 {
+        match self.kind {
+            LineKind::Serial { baud_bps } => baud_bps,
+            LineKind::Can(speed) => speed.bitrate_bps,
+        }
+    }
 }
 
 /// A robot as its file describes it, resolved against the servo profiles.
@@ -155,12 +265,12 @@ impl Robot {
     /// Resolves a validated robot file.
     ///
     /// # Errors
-    /// A servo without the registers that playing needs; limits outside the servo's travel.
+    /// A servo without the registers that playing needs; limits outside the drive's travel.
     pub fn new(file: profiles::Robot) -> Result<Self, Error> {
         let lines: Vec<Line> = file
             .lines
             .iter()
-            .map(|line| Line { name: line.name.clone(), baud_bps: line.baud_bps().unwrap_or(0) })
+            .map(|line| Line { name: line.name.clone(), kind: line.kind })
             .collect();
         let mut joints = Vec::with_capacity(file.joints.len());
         for joint in &file.joints {

@@ -471,7 +471,7 @@ impl World {
         let line = self.lines.get(line)?;
         let blocked = line.blocked_until_ns(self.now_ns);
         let own = line.next_hearing_ns().into_iter().chain(line.next_ready_ns());
-        own.chain(fault).chain(blocked).min()
+        own.chain(self.next_can_ns()).chain(fault).chain(blocked).min()
     }
 
     /// Moves every servo on to now, so that a long wait is not made up for all at once.

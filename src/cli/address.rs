@@ -27,6 +27,11 @@ pub enum BusKind {
         /// Bits per second; absent: the robot file's.
         baud_bps: Option<u32>,
     },
+    /// A CAN interface of the system, set up with its speeds beforehand.
+    Can {
+        /// Its name, e.g. `can0`.
+        interface: String,
+    },
     /// A serial line behind a TCP port.
     Tcp {
         /// `host:port`.
@@ -43,18 +48,24 @@ impl BusKind {
         matches!(self, Self::Sim | Self::SimPty)
     }
 
+    /// True for a CAN interface.
+    #[must_use]
+    pub const fn is_can(&self) -> bool {
+        matches!(self, Self::Can { .. })
+    }
+
     /// The line speed the user gave, bits per second.
     #[must_use]
     pub const fn baud_bps(&self) -> Option<u32> {
         match self {
-            Self::Sim | Self::SimPty => None,
+            Self::Sim | Self::SimPty | Self::Can { .. } => None,
             Self::Serial { baud_bps, .. } | Self::Tcp { baud_bps, .. } => *baud_bps,
         }
     }
 }
 
-const ALLOWED: &str = "sim, sim:pty, serial:/dev/ttyUSB0, serial:/dev/ttyUSB0?baud=1000000 or \
-                       tcp:host:port, each with LINE= before it if the robot has several lines";
+const ALLOWED: &str = "sim, sim:pty, serial:/dev/ttyUSB0, serial:/dev/ttyUSB0?baud=1000000, \
+                       tcp:host:port or can:can0, each with LINE= before it if the robot has several lines";
 
 impl FromStr for Address {
     type Err = Error;
@@ -73,7 +84,8 @@ impl FromStr for Address {
                 let bare = bus.starts_with(['/', '.']).then_some(bus);
                 let serial = bus.strip_prefix("serial:").or(bare).and_then(serial_bus);
                 let tcp = || bus.strip_prefix("tcp:").and_then(tcp_bus);
-                serial.or_else(tcp).ok_or_else(unknown)?
+                let can = || bus.strip_prefix("can:").and_then(can_bus);
+                serial.or_else(tcp).or_else(can).ok_or_else(unknown)?
             }
         };
         if line.as_deref() == Some("") {
@@ -88,14 +100,28 @@ impl fmt::Display for Address {
         if let Some(line) = &self.line {
             write!(f, "{line}=")?;
         }
-        match &self.bus {
-            BusKind::Sim => f.write_str("sim"),
-            BusKind::SimPty => f.write_str("sim:pty"),
-            BusKind::Serial { path, .. } => write!(f, "serial:{path}"),
-            BusKind::Tcp { place, .. } => write!(f, "tcp:{place}"),
-        }?;
-        self.bus.baud_bps().map_or(Ok(()), |baud_bps| write!(f, "?baud={baud_bps}"))
+        self.bus.fmt(f)
     }
+}
+
+impl fmt::Display for BusKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Sim => f.write_str("sim"),
+            Self::SimPty => f.write_str("sim:pty"),
+            Self::Serial { path, .. } => write!(f, "serial:{path}"),
+            Self::Can { interface } => write!(f, "can:{interface}"),
+            Self::Tcp { place, .. } => write!(f, "tcp:{place}"),
+        }?;
+        self.baud_bps().map_or(Ok(()), |baud_bps| write!(f, "?baud={baud_bps}"))
+    }
+}
+
+/// Names of interfaces have at most 15 bytes, no slash and no blank (`netdevice(7)`).
+fn can_bus(name: &str) -> Option<BusKind> {
+    let fits = (1..=15).contains(&name.len());
+    let usable = fits && !name.contains(|c: char| c == '/' || c == '?' || c.is_whitespace());
+    usable.then(|| BusKind::Can { interface: name.to_owned() })
 }
 
 fn serial_bus(text: &str) -> Option<BusKind> {
@@ -155,6 +181,8 @@ mod tests {
             ("tcp:robot.local:4000", None, tcp("robot.local:4000", None)),
             ("tcp:[::1]:4000?baud=57600", None, tcp("[::1]:4000", Some(57_600))),
             ("legs=tcp:10.0.0.2:4000", Some("legs"), tcp("10.0.0.2:4000", None)),
+            ("can:can0", None, BusKind::Can { interface: "can0".to_owned() }),
+            ("legs=can:vcan1", Some("legs"), BusKind::Can { interface: "vcan1".to_owned() }),
         ] {
             let address: Address = text.parse().unwrap_or_else(|e| panic!("{text}: {e}"));
             let again: Address = address.to_string().parse().expect("what it prints is read");
@@ -176,6 +204,10 @@ mod tests {
             "tcp:4000",
             "tcp::1",
             "tcp:a:b",
+            "can:",
+            "can:a/b",
+            "can:can0?baud=1",
+            "can:sixteen-letters-",
         ] {
             let error = text.parse::<Address>().expect_err(text);
             assert!(error.to_string().contains("serial:/dev/ttyUSB0"), "{error}");

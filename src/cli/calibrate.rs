@@ -243,11 +243,12 @@ fn check_models(link: &mut Link, joints: &[usize]) -> Result<(), Error> {
         let identity = link.identity(joint, limit);
         let (model, _) = identity.map_err(|e| exchange_error(link, Some(joint), &e))?;
         let of = &link.robot().joints[joint];
-        if model != of.model.profile().model_number {
+        let profile = of.model()?.profile();
+        if model != profile.model_number {
             return Err(Error::new("another servo model than the robot file says")
                 .at(format!("joint {}, ID {}", of.name, of.id))
                 .got(format!("model number {model}"))
-                .allowed(of.model.profile().model_number.to_string()));
+                .allowed(profile.model_number.to_string()));
         }
     }
     Ok(())

@@ -3,13 +3,15 @@
 use super::address::{Address, BusKind};
 use crate::bus::{Bus, Timing};
 use crate::error::Error;
+use crate::port::can::{self, CanInterface, Controller};
 use crate::port::inventory::Machine;
 use crate::port::serial::SerialLine;
-use crate::port::sim::{SharedWorld, VirtualClock, VirtualLine};
+use crate::port::sim::{SharedWorld, VirtualCanLine, VirtualClock, VirtualLine};
 use crate::port::tcp::TcpLine;
-use crate::port::{BytePort, Clock, MonotonicClock, PortError};
-use crate::robot::{Link, Robot};
+use crate::port::{BytePort, Clock, FramePort, MonotonicClock, PortError};
+use crate::robot::{LinePort, Link, Robot};
 use crate::time::{Duration, Instant};
+use gaitway_profiles::{CanSpeed, LineKind};
 use gaitway_sim::{Door, Options, World};
 use std::sync::Arc;
 
@@ -26,6 +28,8 @@ pub struct Connection {
 
 /// Held back by a USB adapter that says nothing of itself, or by a pseudo-terminal's scheduling.
 const UNKNOWN_LATENCY: Duration = Duration::from_millis(5);
+/// Held back by a USB-CAN adapter: two frames of USB.
+const CAN_LATENCY: Duration = Duration::from_millis(2);
 /// There and back on a local network that is not idle.
 const NETWORK_LATENCY: Duration = Duration::from_millis(20);
 
@@ -44,7 +48,9 @@ pub fn connect(robot: Robot, addresses: &[Address], seed: u64) -> Result<Connect
     match &by_line[0] {
         BusKind::Sim => in_virtual_time(robot, seed),
         BusKind::SimPty => behind_terminals(robot, seed),
-        BusKind::Serial { .. } | BusKind::Tcp { .. } => over_wires(robot, &by_line),
+        BusKind::Serial { .. } | BusKind::Tcp { .. } | BusKind::Can { .. } => {
+            over_wires(robot, &by_line)
+        }
     }
 }
 
@@ -99,13 +105,24 @@ fn in_virtual_time(robot: Robot, seed: u64) -> Result<Connection, Error> {
         .lines
         .iter()
         .enumerate()
-        .map(|(line, facts)| {
-            let port = VirtualLine::new(world.clone(), line, facts.baud_bps);
-            (Box::new(port) as Box<dyn BytePort>, Duration::ZERO)
-        })
+        .map(|(line, facts)| (virtual_port(&world, line, facts.kind), Duration::ZERO))
         .collect();
     let link = Link::new(robot, ports, clock);
     Ok(Connection { link, world: Some(world), real_time: false, _doors: Vec::new() })
+}
+
+/// The host's end of a virtual line.
+fn virtual_port(world: &SharedWorld, line: usize, kind: LineKind) -> LinePort {
+    match kind {
+        LineKind::Serial { baud_bps } => {
+            let port: Box<dyn BytePort> = Box::new(VirtualLine::new(world.clone(), line, baud_bps));
+            port.into()
+        }
+        LineKind::Can(_) => {
+            let port: Box<dyn FramePort> = Box::new(VirtualCanLine::new(world.clone(), line));
+            port.into()
+        }
+    }
 }
 
 fn behind_terminals(robot: Robot, seed: u64) -> Result<Connection, Error> {
@@ -113,10 +130,16 @@ fn behind_terminals(robot: Robot, seed: u64) -> Result<Connection, Error> {
     let mut doors = Vec::new();
     let mut ports: Vec<(Box<dyn BytePort>, Duration)> = Vec::new();
     for (line, facts) in robot.lines.iter().enumerate() {
+        if let LineKind::Can(_) = facts.kind {
+            return Err(Error::new("a CAN line has no terminal")
+                .at(format!("--bus sim:pty, line {}", facts.name))
+                .allowed("--bus sim: a robot with CAN lines is virtual in virtual time"));
+        }
         let door = Door::open(world.inner(), line, None)
             .map_err(|e| Error::new("cannot open a pseudo-terminal").got(e.to_string()))?;
         let path = door.path().display().to_string();
-        let port = SerialLine::open(&path, facts.baud_bps).map_err(|e| port_error(&path, &e))?;
+        let port =
+            SerialLine::open(&path, facts.bits_per_s()).map_err(|e| port_error(&path, &e))?;
         ports.push((Box::new(port), UNKNOWN_LATENCY));
         doors.push(door);
     }
@@ -125,16 +148,82 @@ fn behind_terminals(robot: Robot, seed: u64) -> Result<Connection, Error> {
 }
 
 fn over_wires(mut robot: Robot, by_line: &[BusKind]) -> Result<Connection, Error> {
-    let mut ports: Vec<(Box<dyn BytePort>, Duration)> = Vec::new();
+    let mut ports: Vec<(LinePort, Duration)> = Vec::new();
     for (line, bus) in robot.lines.iter_mut().zip(by_line) {
-        line.baud_bps = bus.baud_bps().unwrap_or(line.baud_bps);
-        ports.push(wire(bus, line.baud_bps)?);
+        ports.push(match (&mut line.kind, bus) {
+            (LineKind::Can(speed), BusKind::Can { interface }) => {
+                (interface_at(interface, *speed)?.into(), CAN_LATENCY)
+            }
+            (LineKind::Serial { baud_bps }, bus) if !bus.is_can() => {
+                *baud_bps = bus.baud_bps().unwrap_or(*baud_bps);
+                let (port, latency) = wire(bus, *baud_bps)?;
+                (port.into(), latency)
+            }
+            (kind, bus) => return Err(wrong_kind(&line.name, *kind, bus)),
+        });
     }
     let mut link = Link::new(robot, ports, Arc::new(MonotonicClock));
     for (line, bus) in by_line.iter().enumerate() {
         link.set_echo(line, echoes(bus)?);
     }
     Ok(Connection { link, world: None, real_time: true, _doors: Vec::new() })
+}
+
+fn wrong_kind(line: &str, kind: LineKind, bus: &BusKind) -> Error {
+    let allowed = match kind {
+        LineKind::Can(_) => "a CAN interface, e.g. can:can0",
+        LineKind::Serial { .. } => "a serial line, e.g. serial:/dev/ttyUSB0 or tcp:host:port",
+    };
+    Error::new("the line is of another kind than the bus")
+        .at(format!("--bus for line {line}"))
+        .got(bus.to_string())
+        .allowed(allowed)
+}
+
+/// A CAN interface that is up and runs at the line's speeds, as far as the kernel tells.
+fn interface_at(interface: &str, speed: CanSpeed) -> Result<Box<dyn FramePort>, Error> {
+    let place = || format!("can:{interface}");
+    let setup = match speed.data_bitrate_bps {
+        Some(fast) => {
+            format!("type can bitrate {} dbitrate {fast} fd on", speed.bitrate_bps)
+        }
+        None => format!("type can bitrate {}", speed.bitrate_bps),
+    };
+    let remedy =
+        || format!("ip link set {interface} down; ip link set {interface} up {setup} (as root)");
+    let found = can::state(interface).map_err(|e| {
+        Error::new("there is no such CAN interface")
+            .at(place())
+            .got(spoken(&e))
+            .remedy("plug the adapter in; `ip link` and `gaitway ports` list what is there")
+    })?;
+    let refuse = |what: &str, got: String, allowed: String| {
+        Err(Error::new(what).at(place()).got(got).allowed(allowed).remedy(remedy()))
+    };
+    if !found.up {
+        return refuse("the CAN interface is down", "down".into(), "up".into());
+    }
+    if found.controller == Some(Controller::BusOff) {
+        return refuse("the CAN controller has left the line", "bus off".into(), "active".into());
+    }
+    // A virtual interface has no speed.
+    if let Some(bps) = found.bitrate_bps.filter(|&bps| bps != speed.bitrate_bps) {
+        let allowed = format!("{} bit/s", speed.bitrate_bps);
+        return refuse("the CAN interface runs at another speed", format!("{bps} bit/s"), allowed);
+    }
+    if let Some(fast) = speed.data_bitrate_bps {
+        if !found.fd {
+            return refuse("the CAN interface carries no CAN FD", "classic".into(), "fd on".into());
+        }
+        if let Some(bps) = found.data_bitrate_bps.filter(|&bps| bps != fast) {
+            let got = format!("dbitrate {bps}");
+            return refuse("the CAN interface has another data speed", got, fast.to_string());
+        }
+    }
+    let port = CanInterface::open(interface).map_err(|e| {
+        Error::new("the CAN interface cannot be opened").at(place()).got(spoken(&e))
+    })?;
+    Ok(Box::new(port))
 }
 
 /// True if the adapter behind a serial port is known to let the host hear its own bytes.
@@ -166,6 +255,9 @@ fn wire(bus: &BusKind, baud_bps: u32) -> Result<(Box<dyn BytePort>, Duration), E
             let latency = SerialLine::latency_timer_s(path).filter(|s| (0.0..1.0).contains(s));
             Ok((Box::new(port), latency.map_or(UNKNOWN_LATENCY, Duration::from_secs_f64)))
         }
+        BusKind::Can { interface } => Err(Error::new("a CAN interface is no serial line")
+            .at(format!("can:{interface}"))
+            .allowed("serial:/dev/ttyUSB0 or tcp:host:port")),
         BusKind::Sim | BusKind::SimPty => Err(Error::new("a virtual robot is no wire")),
     }
 }
@@ -219,7 +311,7 @@ const LONGEST_RETURN_DELAY: Duration = Duration::from_micros(508);
 pub fn open_bus(address: &Address, robot: Option<&str>, seed: u64) -> Result<OpenLine, Error> {
     let robot = robot.map(Robot::load).transpose()?;
     let line = robot.as_ref().map(|robot| line_of(robot, address)).transpose()?;
-    let of_robot = robot.as_ref().zip(line).map(|(robot, line)| robot.lines[line].baud_bps);
+    let of_robot = robot.as_ref().zip(line).map(|(robot, line)| robot.lines[line].bits_per_s());
     let baud_bps = address.bus.baud_bps().or(of_robot).unwrap_or(USUAL_BAUD_BPS);
     let place = match (&address.bus, robot.as_ref().zip(line)) {
         (BusKind::Sim, Some((robot, line))) => Place::Virtual { world: world(robot, seed)?, line },

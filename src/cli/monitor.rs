@@ -8,7 +8,6 @@ use super::signals::Signals;
 use crate::bus::AskError;
 use crate::device::{Health, JointState};
 use crate::error::Error;
-use crate::robot::preflight::error_words;
 use crate::robot::{Link, LinkError};
 use crate::time::Duration;
 use clap::Args;
@@ -173,16 +172,16 @@ fn read(link: &mut Link) -> Result<Vec<Row>, Error> {
 /// Goal and slow facts of one joint.
 fn fill(link: &mut Link, index: usize, row: &mut Row) -> Result<(), Error> {
     let budget = link.clock().now() + QUESTION;
-    match answered(link.read_raw(index, Role::GoalPosition, budget))? {
-        Ok(raw) => {
-            let joint = &link.robot().joints[index];
-            let register = joint.model.register(Role::GoalPosition);
-            row.goal_rad = register.ok().map(|register| {
-                let position_rad = joint.model.si_from_raw(register, raw);
-                joint.joint_state(JointState { position_rad, ..JointState::default() }).position_rad
-            });
+    if let Some(register) = link.robot().joints[index].register(Role::GoalPosition) {
+        match answered(link.read_register(index, register, budget))? {
+            Ok(raw) => {
+                let joint = &link.robot().joints[index];
+                let position_rad = joint.model()?.si_from_raw(register, raw);
+                let goal = JointState { position_rad, ..JointState::default() };
+                row.goal_rad = Some(joint.joint_state(goal).position_rad);
+            }
+            Err(miss) => row.error = Some(miss),
         }
-        Err(miss) => row.error = Some(miss),
     }
     for part in 0..link.health_reads(index) {
         let budget = link.clock().now() + QUESTION;
@@ -190,7 +189,7 @@ fn fill(link: &mut Link, index: usize, row: &mut Row) -> Result<(), Error> {
             Ok(health) => {
                 row.take_health(&health);
                 if let Some(bits) = health.error_bits.filter(|&bits| bits != 0) {
-                    row.error = Some(error_words(link, index, bits));
+                    row.error = Some(link.error_words(index, bits));
                 }
             }
             Err(miss) => row.error = Some(miss),

@@ -55,21 +55,28 @@ fn switch_on(link: &mut Link, preflight: &Preflight, command: &Command) -> Resul
         written.map_err(|e| exchange_error(link, Some(joint), &e))?;
         expect_raw(link, joint, register, raw)?;
     }
+    for &(joint, number, bits) in &preflight.settings {
+        write_setting(link, joint, number, bits)?;
+    }
     for joint in 0..link.robot().joints.len() {
         limit_speed(link, joint)?;
+        let limit = budget(link);
+        link.prepare(joint, limit).map_err(|e| exchange_error(link, Some(joint), &e))?;
     }
     // Where torque is on already, a goal moves the joint.
     check_where_it_was(link, command)?;
     let limit = budget(link);
     link.write_goals(command, limit).map_err(|e| exchange_error(link, None, &e))?;
     for joint in 0..link.robot().joints.len() {
-        let register = link.robot().joints[joint].model.register(Role::GoalPosition);
-        let register = register.map_err(|e| Error::new(e.to_string()))?;
+        // An actuator tells no goal: that it still stands where it was is seen below.
+        let Some(register) = link.robot().joints[joint].register(Role::GoalPosition) else {
+            continue;
+        };
         let limit = budget(link);
         let raw = link.read_register(joint, register, limit);
         let raw = raw.map_err(|e| exchange_error(link, Some(joint), &e))?;
         let of = &link.robot().joints[joint];
-        let goal_rad = of.model.si_from_raw(register, raw);
+        let goal_rad = of.model()?.si_from_raw(register, raw);
         let wanted_rad = of.servo_rad(command.goal_rad()[joint]);
         if !((goal_rad - wanted_rad).abs() <= HOLD_RAD) {
             return Err(Error::new("a servo did not keep its goal; torque stays off")
@@ -93,7 +100,7 @@ fn write_eeprom(link: &mut Link, preflight: &Preflight) -> Result<(), Error> {
     }
     for write in &preflight.eeprom {
         let joint = &link.robot().joints[write.joint];
-        let delay_s = joint.model.si_from_raw(write.register, write.to);
+        let delay_s = joint.model()?.si_from_raw(write.register, write.to);
         link.set_return_delay(joint.line, Duration::from_secs_f64(delay_s.clamp(0.0, 1.0)));
     }
     if !preflight.eeprom.is_empty() {
@@ -122,11 +129,10 @@ fn check_where_it_was(link: &mut Link, command: &Command) -> Result<(), Error> {
 fn limit_speed(link: &mut Link, joint: usize) -> Result<(), Error> {
     let of = &link.robot().joints[joint];
     // A Dynamixel's Goal Velocity acts in velocity mode only; its moves obey Profile Velocity.
-    let register =
-        of.model.register(Role::ProfileVelocity).or_else(|_| of.model.register(Role::GoalVelocity));
-    let Ok(register) = register else { return Ok(()) };
+    let register = of.register(Role::ProfileVelocity).or_else(|| of.register(Role::GoalVelocity));
+    let Some(register) = register else { return Ok(()) };
     let raw = of
-        .model
+        .model()?
         .raw_from_si(register, of.servo_speed_rad_s(of.limits.velocity_rad_s()))
         .map_err(|e| Error::new(e.to_string()).at(format!("joint {}", of.name)))?;
     // Zero is no limit at all in these registers; a servo that cannot be as fast is limited enough.
@@ -161,17 +167,52 @@ fn set_torque_on(link: &mut Link) -> Result<(), Error> {
     let limit = budget(link);
     link.write_torque(true, limit).map_err(|e| exchange_error(link, None, &e))?;
     for joint in 0..link.robot().joints.len() {
-        expect_raw(link, joint, torque_register(link, joint)?, 1)?;
+        link.break_silence(watchdog::SILENCE / 4);
+        match torque_register(link, joint) {
+            Some(register) => expect_raw(link, joint, register, 1)?,
+            None => expect_torque(link, joint)?,
+        }
     }
     Ok(())
 }
 
-fn torque_register(
-    link: &Link,
-    joint: usize,
-) -> Result<&'static gaitway_profiles::Register, Error> {
-    let register = link.robot().joints[joint].model.register(Role::TorqueEnable);
-    register.map_err(|e| Error::new(e.to_string()))
+/// An actuator says whether it drives.
+fn expect_torque(link: &mut Link, joint: usize) -> Result<(), Error> {
+    let on = link.torque_is(joint, true);
+    if on.map_err(|e| exchange_error(link, Some(joint), &e))? {
+        return Ok(());
+    }
+    let limit = budget(link);
+    let bits = link.health(joint, 0, limit).ok().and_then(|health| health.error_bits);
+    let faults = bits.filter(|&bits| bits != 0).map(|bits| link.error_words(joint, bits));
+    let of = &link.robot().joints[joint];
+    Err(Error::new("an actuator does not switch on")
+        .at(format!("joint {}, ID {}", of.name, of.id))
+        .got(
+            faults.map_or("it says that it is off".to_owned(), |words| format!("it says: {words}")),
+        )
+        .allowed("it drives once it is told to")
+        .remedy("find the cause, then switch its power off and on"))
+}
+
+/// Writes a setting of an actuator, which must then read so.
+fn write_setting(link: &mut Link, joint: usize, number: u16, bits: u32) -> Result<(), Error> {
+    let limit = budget(link);
+    let kept = link.write_setting(joint, number, bits, limit);
+    let kept = kept.map_err(|e| exchange_error(link, Some(joint), &e))?;
+    if kept == bits {
+        return Ok(());
+    }
+    Err(Error::new("an actuator did not keep what was written")
+        .at(format!("joint {}, setting {number}", link.robot().joints[joint].name))
+        .got(kept.to_string())
+        .allowed(bits.to_string())
+        .remedy("set it with the maker's tool"))
+}
+
+/// The torque switch of a servo; an actuator has an order for it.
+fn torque_register(link: &Link, joint: usize) -> Option<&'static gaitway_profiles::Register> {
+    link.robot().joints[joint].register(Role::TorqueEnable)
 }
 
 /// Switches torque off on every joint, one after the other and whatever the others say: the robot
@@ -183,11 +224,15 @@ pub fn disarm(link: &mut Link) -> Result<(), Error> {
     link.set_retries(PATIENT_RETRIES);
     let mut unsure = Vec::new();
     for joint in 0..link.robot().joints.len() {
-        let register = torque_register(link, joint)?;
-        let limit = budget(link);
-        if link.write_raw(joint, register, 0, limit).is_err()
-            || expect_raw(link, joint, register, 0).is_err()
-        {
+        let confirmed = match torque_register(link, joint) {
+            Some(register) => {
+                let limit = budget(link);
+                link.write_raw(joint, register, 0, limit).is_ok()
+                    && expect_raw(link, joint, register, 0).is_ok()
+            }
+            None => link.limp(joint).is_ok(),
+        };
+        if !confirmed {
             unsure.push(link.robot().joints[joint].name.clone());
         }
     }

@@ -8,7 +8,7 @@ use crate::device::Health;
 use crate::guard::{Command, Guard};
 use crate::motion::{Clock as MotionClock, JointLimits, Setpoint, Trajectory};
 use crate::robot::link::States;
-use crate::robot::preflight::{LINE_SHARE, error_words};
+use crate::robot::preflight::LINE_SHARE;
 use crate::robot::{Link, LinkError};
 use crate::time::{Duration, Instant};
 use gaitway_profiles::Role;
@@ -143,7 +143,7 @@ pub fn stream(
     let clock = std::sync::Arc::clone(link.clock());
     let began = clock.now();
     link.set_retries(RETRIES);
-    let bytes_before = line_bytes(link);
+    let busy_before_s = link.busy_s();
     // A pause between arming and the first cycle counts as well: servos watch for their host.
     let mut last_cycle = link.spoken_at();
     let mut player = Player::new(link, (guard, command), motion, began);
@@ -180,9 +180,10 @@ pub fn stream(
         tick = next;
     }
     let duration_s = clock.now().since(began).as_secs_f64();
-    let bus_load = bus_load(player.link, &bytes_before, duration_s);
+    let bus_load = bus_load(player.link, &busy_before_s, duration_s);
     // Servos that came back from nowhere are limp and must not be written to.
-    let notes = if player.deserted { Vec::new() } else { watchdog::release(player.link) };
+    let mut notes = if player.deserted { Vec::new() } else { watchdog::release(player.link) };
+    notes.extend(player.link.troubles());
     Run { stop: player.stop, tally, duration_s, bus_load, notes }
 }
 
@@ -257,7 +258,7 @@ impl<'a> Player<'a> {
             }
         }
         let link = &*self.link;
-        let reason = watch.judge(&sample, |joint, bits| error_words(link, joint, bits));
+        let reason = watch.judge(&sample, |joint, bits| link.error_words(joint, bits));
         tally.add(&sample);
         sink.take(&sample);
         if let Some(reason) = reason {
@@ -303,7 +304,8 @@ impl<'a> Player<'a> {
         let turn = usize::try_from(cycle).unwrap_or(0);
         // Parts change faster than joints: the supply, which all share, is seen every few cycles.
         let most_parts = (0..joints).map(|j| self.link.health_reads(j)).max().unwrap_or(1).max(1);
-        let joint = turn / most_parts % joints;
+        // Who told of trouble is heard out first.
+        let joint = self.link.suspect().unwrap_or(turn / most_parts % joints);
         let part = turn % most_parts;
         let mut health = None;
         // A joint that is silent now would only cost the others their time; so would a question
@@ -379,14 +381,8 @@ fn joint_facts(link: &Link) -> Vec<JointFacts> {
     link.robot().joints.iter().map(facts).collect()
 }
 
-fn line_bytes(link: &Link) -> Vec<u64> {
-    link.buses().iter().map(|bus| bus.stats().bytes).collect()
-}
-
-fn bus_load(link: &Link, before: &[u64], duration_s: f64) -> f64 {
-    let busy = |(bus, before): (&crate::bus::Bus, &u64)| {
-        let bytes = (bus.stats().bytes - before) as f64;
-        bytes * 10.0 / f64::from(bus.timing().baud_bps) / duration_s
-    };
-    link.buses().iter().zip(before).map(busy).fold(0.0, f64::max)
+/// Share of the time the busiest line was busy since it had been for `before`.
+fn bus_load(link: &Link, before: &[f64], duration_s: f64) -> f64 {
+    let busy = link.busy_s().into_iter().zip(before);
+    busy.map(|(now_s, before_s)| (now_s - before_s) / duration_s).fold(0.0, f64::max)
 }

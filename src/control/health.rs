@@ -198,7 +198,7 @@ impl Watch {
     pub fn judge(
         &mut self,
         sample: &Sample<'_>,
-        fault_words: impl Fn(usize, u8) -> String,
+        fault_words: impl Fn(usize, u16) -> String,
     ) -> Option<StopReason> {
         let mut reason = None;
         for (index, state) in sample.states.iter().enumerate() {
@@ -251,7 +251,7 @@ impl Watch {
         index: usize,
         health: &crate::device::Health,
         at: Instant,
-        fault_words: &impl Fn(usize, u8) -> String,
+        fault_words: &impl Fn(usize, u16) -> String,
     ) -> Option<StopReason> {
         let facts = &self.facts[index];
         let joint = facts.name.clone();

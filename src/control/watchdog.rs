@@ -5,6 +5,8 @@
 //! feeds it, whomever it is for. So every line must be spoken on while watchdogs are set.)
 
 use super::arm::expect_raw;
+use crate::device::Actuator;
+use crate::device::actuator::HostWatch;
 use crate::error::Error;
 use crate::robot::Link;
 use crate::robot::preflight::{PATIENT_RETRIES, budget, exchange_error};
@@ -19,7 +21,7 @@ fn watched(link: &Link) -> Vec<(usize, &'static Register)> {
     let joints = link.robot().joints.iter().enumerate();
     let registers = joints.filter(|(_, joint)| !link.is_lost(joint.line));
     registers
-        .filter_map(|(index, joint)| Some((index, joint.model.register(Role::BusWatchdog).ok()?)))
+        .filter_map(|(index, joint)| Some((index, joint.register(Role::BusWatchdog)?)))
         .collect()
 }
 
@@ -37,11 +39,40 @@ fn set(link: &mut Link, joint: usize, register: &'static Register, raw: i64) -> 
 /// A servo that does not take or keep it.
 pub(super) fn arm(link: &mut Link) -> Result<(), Error> {
     for (joint, register) in watched(link) {
-        let raw = link.robot().joints[joint].model.raw_from_si(register, SILENCE.as_secs_f64());
+        let model = link.robot().joints[joint].model()?;
+        let raw = model.raw_from_si(register, SILENCE.as_secs_f64());
         let raw = raw.map_err(|e| Error::new(e.to_string()))?;
         set(link, joint, register, raw)?;
     }
+    for joint in actuators(link) {
+        watch(link, joint, Some(SILENCE))?;
+    }
     Ok(())
+}
+
+/// The joints with an actuator, on lines that are still there.
+fn actuators(link: &Link) -> Vec<usize> {
+    let joints = link.robot().joints.iter().enumerate();
+    let there = joints.filter(|(_, of)| of.actuator().is_some() && !link.is_lost(of.line));
+    there.map(|(joint, _)| joint).collect()
+}
+
+fn watch(link: &mut Link, joint: usize, silence: Option<Duration>) -> Result<(), Error> {
+    link.break_silence(SILENCE / 4);
+    let limit = budget(link);
+    let set = link.watch_host(joint, silence, limit);
+    set.map_err(|e| exchange_error(link, Some(joint), &e))
+}
+
+/// Joints whose actuators let go by themselves, after what silence, s, since nothing on the line
+/// can change it.
+fn lets_go(link: &Link) -> Vec<(&str, f64)> {
+    let joints = actuators(link).into_iter().map(|joint| &link.robot().joints[joint]);
+    let said = joints.filter_map(|of| match of.actuator()?.watch() {
+        HostWatch::Said(said_s) => Some((of.name.as_str(), said_s)),
+        _ => None,
+    });
+    said.collect()
 }
 
 /// Switches every watchdog off, so that a robot that is left holding goes on holding. What a
@@ -55,19 +86,43 @@ pub fn release(link: &mut Link) -> Vec<String> {
             unsure.push(link.robot().joints[joint].name.clone());
         }
     }
-    if watched.is_empty() {
-        return Vec::new();
+    let mut watching = watched.len();
+    for joint in actuators(link) {
+        let of = link.robot().joints[joint].actuator().map(Actuator::watch);
+        if matches!(of, Some(HostWatch::Setting { .. } | HostWatch::InGoals)) {
+            watching += 1;
+            if watch(link, joint, None).is_err() {
+                unsure.push(link.robot().joints[joint].name.clone());
+            }
+        }
+    }
+    let mut notes = Vec::new();
+    let by_themselves = lets_go(link);
+    if let Some((_, shortest_s)) =
+        by_themselves.iter().min_by(|(_, a), (_, b)| a.total_cmp(b)).copied()
+    {
+        let names: Vec<&str> = by_themselves.iter().map(|(name, _)| *name).collect();
+        notes.push(format!(
+            "let go {shortest_s} s after the host's last word, as set with the maker's tool, and \
+             are not held from then on: {}",
+            names.join(", ")
+        ));
+    }
+    if watching == 0 {
+        return notes;
     }
     if unsure.is_empty() {
-        let (joints, millis) = (watched.len(), SILENCE.as_millis());
-        return vec![format!(
-            "{joints} servos would have stopped by themselves {millis} ms after the host's last \
+        let millis = SILENCE.as_millis();
+        notes.push(format!(
+            "{watching} servos would have stopped by themselves {millis} ms after the host's last \
              word; now that nothing moves, that watch is off again"
-        )];
+        ));
+        return notes;
     }
-    vec![format!(
+    notes.push(format!(
         "the bus watchdog may still be on in {}: such a servo stands still and obeys no goal; the \
          next start switches it off",
         unsure.join(", ")
-    )]
+    ));
+    notes
 }

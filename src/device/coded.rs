@@ -1,5 +1,6 @@
 //! Coded numbers of CAN actuators: steps on a range of the model, to SI units and back.
 
+use super::actuator::{Goal, Placing};
 use crate::wire::can::{Number, mit, robstride};
 use gaitway_profiles::Ranges;
 
@@ -16,6 +17,20 @@ pub struct Impedance {
     pub kd_nm_s_rad: f64,
     /// N m
     pub torque_nm: f64,
+}
+
+impl Impedance {
+    /// A goal with the gains the robot file states, and no torque added.
+    #[must_use]
+    pub const fn of(goal: Goal, placing: Placing) -> Self {
+        Self {
+            position_rad: goal.position_rad,
+            velocity_rad_s: goal.velocity_rad_s,
+            kp_nm_rad: placing.kp_nm_rad,
+            kd_nm_s_rad: placing.kd_nm_s_rad,
+            torque_nm: 0.0,
+        }
+    }
 }
 
 /// The step of 2^`bits` on `low` to `high` that is nearest to `value`. What lies outside is the
@@ -38,6 +53,18 @@ pub fn symmetric(number: Number, end: f64) -> Option<f64> {
         }
         Number::Steps(_) | Number::Value(_) => None,
     }
+}
+
+/// The angle nearest to `angle` that 16 bits on `-end` to `end` can say, on the side of it that
+/// `up` names.
+#[must_use]
+pub fn representable(angle: f64, end: f64, up: bool) -> f64 {
+    /// A step that is met but for rounding is met.
+    const NEAR: f64 = 1e-6;
+    let last = f64::from(last_step(mit::POSITION_BITS));
+    let at = (angle + end) / (2.0 * end) * last;
+    let step = if up { (at - NEAR).ceil() } else { (at + NEAR).floor() };
+    step.clamp(0.0, last) / last * 2.0 * end - end
 }
 
 fn last_step(bits: u8) -> u16 {
@@ -88,6 +115,20 @@ mod tests {
             let back = symmetric(Number::Code { code: step(value, -end, end, bits), bits }, end);
             let half_step = end / f64::from((1_u32 << bits) - 1);
             prop_assert!((back.expect("a step") - value).abs() <= half_step * 1.000_001);
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn a_limit_rounded_inwards_is_a_step_and_stays_inside(
+            angle in -12.5_f64..=12.5,
+            up: bool,
+        ) {
+            let told = representable(angle, 12.5, up);
+            let off = if up { told - angle } else { angle - told };
+            prop_assert!((-1e-9..=25.0 / 65_535.0).contains(&off), "{off}");
+            let again = Number::Code { code: step(told, -12.5, 12.5, 16), bits: 16 };
+            prop_assert!((symmetric(again, 12.5).expect("a step") - told).abs() < 1e-9);
         }
     }
 

@@ -26,8 +26,8 @@ pub struct JointState {
 pub struct Health {
     /// True if the servo drives its motor.
     pub torque_on: Option<bool>,
-    /// Hardware error bits; zero = none.
-    pub error_bits: Option<u8>,
+    /// Error bits; zero = none. What they mean is told by the device's profile or dialect.
+    pub error_bits: Option<u16>,
     /// Supply voltage at the servo, V.
     pub voltage_v: Option<f64>,
     /// Temperature inside, degrees Celsius.
@@ -182,7 +182,7 @@ impl HealthBlock {
             let si = self.model.si_from_raw(register, raw);
             match role {
                 Role::TorqueEnable => health.torque_on = Some(raw == 1),
-                Role::HardwareError => health.error_bits = u8::try_from(raw).ok(),
+                Role::HardwareError => health.error_bits = u16::try_from(raw).ok(),
                 Role::PresentVoltage => health.voltage_v = Some(si),
                 _ => health.temperature_c = Some(si),
             }

@@ -1,9 +1,12 @@
 //! The virtual robot behind the port traits: waiting *is* running the virtual world, so the code
 //! above runs unmodified, in one thread and in virtual time. All lines of a world share its clock.
 
-use super::{BytePort, Clock, PortError};
-use crate::time::Instant;
+use super::{BytePort, Clock, FramePort, Heard, PortError};
+use crate::time::{Duration, Instant};
+use crate::wire::can::error_frame::ErrorFrame;
+use crate::wire::can::{CanFrame, CanId, Format};
 use gaitway_sim::World;
+use gaitway_sim::can::{self as sim, CanHeard, Kind};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// A virtual world shared by its clock and its lines.
@@ -45,7 +48,7 @@ impl Clock for VirtualClock {
     }
 }
 
-/// The host's end of one virtual line. If the line hangs up it stays gone, as a port does whose
+/// The host's end of one virtual serial line. If the line hangs up it stays gone, as a port does whose
 /// adapter was pulled out, even if the adapter comes back.
 pub struct VirtualLine {
     world: SharedWorld,
@@ -63,14 +66,22 @@ impl VirtualLine {
         Self { world, line, baud_bps, connection }
     }
 
-    /// The world, if the line is still the one that was opened.
     fn connected(&self) -> Result<MutexGuard<'_, World>, PortError> {
-        let world = self.world.lock();
-        if self.connection.is_some() && world.connection(self.line) == self.connection {
-            Ok(world)
-        } else {
-            Err(PortError::Gone(format!("virtual line {} hung up", self.line)))
-        }
+        connected(&self.world, self.line, self.connection)
+    }
+}
+
+/// The world, if the line is still the one that was opened.
+fn connected(
+    world: &SharedWorld,
+    line: usize,
+    connection: Option<u32>,
+) -> Result<MutexGuard<'_, World>, PortError> {
+    let world = world.lock();
+    if connection.is_some() && world.connection(line) == connection {
+        Ok(world)
+    } else {
+        Err(PortError::Gone(format!("virtual line {line} hung up")))
     }
 }
 
@@ -105,6 +116,89 @@ impl BytePort for VirtualLine {
         self.connected()?.discard_input(self.line);
         Ok(())
     }
+}
+
+/// The host's end of one virtual CAN line. Its send queue is as short as that of an interface, and
+/// whoever finds it full waits, as at one.
+pub struct VirtualCanLine {
+    world: SharedWorld,
+    line: usize,
+    connection: Option<u32>,
+}
+
+/// Pause before a full send queue is tried again: about one frame of eight bytes at 1 Mbit/s.
+const QUEUE_PAUSE: Duration = Duration::from_micros(150);
+
+impl VirtualCanLine {
+    /// The host's end of line number `line`.
+    #[must_use]
+    pub fn new(world: SharedWorld, line: usize) -> Self {
+        let connection = world.lock().connection(line);
+        Self { world, line, connection }
+    }
+
+    fn connected(&self) -> Result<MutexGuard<'_, World>, PortError> {
+        connected(&self.world, self.line, self.connection)
+    }
+}
+
+impl FramePort for VirtualCanLine {
+    fn send(&mut self, frame: &CanFrame, deadline: Instant) -> Result<(), PortError> {
+        let frame = to_sim(frame);
+        loop {
+            let mut world = self.connected()?;
+            if world.can_send(self.line, frame.clone()).is_ok() {
+                return Ok(());
+            }
+            let again = Instant::from_nanos(world.now_ns()) + QUEUE_PAUSE;
+            if again > deadline {
+                return Err(PortError::TimedOut);
+            }
+            world.run_until(again.as_nanos());
+        }
+    }
+
+    fn receive(&mut self, deadline: Instant) -> Result<Heard, PortError> {
+        loop {
+            let heard = self.connected()?.can_receive(self.line, deadline.as_nanos());
+            // Defined in `linux/can/error.h`: bus-off, and that the controller was restarted.
+            let report = |classes| Ok(Heard::Report(ErrorFrame::decode(classes, &[])));
+            match heard {
+                Some(CanHeard::Frame(frame)) => {
+                    if let Some(frame) = from_sim(&frame) {
+                        return Ok(Heard::Frame(frame));
+                    }
+                }
+                Some(CanHeard::BusOff) => return report(1 << 6),
+                Some(CanHeard::Restarted) => return report(1 << 8),
+                None => return self.connected().and(Err(PortError::TimedOut)),
+            }
+        }
+    }
+}
+
+fn to_sim(frame: &CanFrame) -> sim::CanFrame {
+    sim::CanFrame {
+        id: frame.id().number(),
+        extended: frame.id().is_extended(),
+        kind: match frame.format() {
+            Format::Classic => Kind::Classic,
+            Format::Remote { length } => Kind::Remote(length),
+            Format::Fd { fast } => Kind::Fd { fast },
+        },
+        bytes: frame.payload().to_vec(),
+    }
+}
+
+/// None for what no CAN line carries.
+fn from_sim(frame: &sim::CanFrame) -> Option<CanFrame> {
+    let id = if frame.extended { CanId::extended(frame.id) } else { CanId::standard(frame.id) };
+    let format = match frame.kind {
+        Kind::Classic => Format::Classic,
+        Kind::Remote(length) => Format::Remote { length },
+        Kind::Fd { fast } => Format::Fd { fast },
+    };
+    CanFrame::new(id?, format, &frame.bytes)
 }
 
 #[cfg(test)]

@@ -1,13 +1,19 @@
 //! A robot with its lines open: state in, command out, for all joints at once.
 
+mod can;
+
 use super::reading::{LinePlan, LineReads, Method, Reading, plan};
 use super::{Joint, Robot};
+use crate::bus::can::{CanStats, CanTiming};
 use crate::bus::{AskError, Bus, GroupItem, Miss, Protocol, Reply, Timing};
-use crate::device::{Health, JointState};
+use crate::device::{Health, JointState, Model};
 use crate::guard::Command;
-use crate::port::{BytePort, Clock};
+use crate::port::{BytePort, Clock, FramePort};
 use crate::time::{Duration, Instant};
-use gaitway_profiles::{Register, Role};
+use crate::units::line_time_s;
+use crate::wire::can::Faults;
+use can::CanLine;
+use gaitway_profiles::{LineKind, Register, Role};
 use std::fmt;
 use std::sync::Arc;
 
@@ -43,10 +49,36 @@ impl std::error::Error for LinkError {}
 /// What one read of all joints gave: the state of each, or why there is none.
 pub type States = Vec<Result<(JointState, bool), Miss>>;
 
+/// The host's end of a line, serial or CAN.
+pub enum LinePort {
+    /// A serial line.
+    Bytes(Box<dyn BytePort>),
+    /// A CAN line.
+    Frames(Box<dyn FramePort>),
+}
+
+impl From<Box<dyn BytePort>> for LinePort {
+    fn from(port: Box<dyn BytePort>) -> Self {
+        Self::Bytes(port)
+    }
+}
+
+impl From<Box<dyn FramePort>> for LinePort {
+    fn from(port: Box<dyn FramePort>) -> Self {
+        Self::Frames(port)
+    }
+}
+
+/// An open line.
+enum OpenLine {
+    Serial(Box<Bus>),
+    Can(Box<CanLine>),
+}
+
 /// A robot whose lines are open.
 pub struct Link {
     robot: Robot,
-    buses: Vec<Bus>,
+    lines: Vec<OpenLine>,
     clock: Arc<dyn Clock>,
     reads: Vec<LineReads>,
     /// Number of the cycle, which decides what is read in it.
@@ -59,36 +91,42 @@ pub struct Link {
 }
 
 impl Link {
-    /// A link over `ports`, one per line of the robot in its order, with the worst time each
-    /// line's adapter holds bytes back.
+    /// A link over `ports`, one per line of the robot in its order and of its kind, with the worst
+    /// time each line's adapter holds back what it received. A joint whose line has a port of the
+    /// other kind is never asked, and so never passes preflight.
     #[must_use]
-    pub fn new(
+    pub fn new<P: Into<LinePort>>(
         robot: Robot,
-        ports: Vec<(Box<dyn BytePort>, Duration)>,
+        ports: Vec<(P, Duration)>,
         clock: Arc<dyn Clock>,
     ) -> Self {
-        let buses = ports
-            .into_iter()
-            .enumerate()
-            .zip(&robot.lines)
-            .map(|((index, (port, latency)), line)| {
-                let timing = Timing {
-                    baud_bps: line.baud_bps,
-                    return_delay: return_delay(&robot, index),
-                    latency,
-                };
-                Bus::new(port, Arc::clone(&clock), timing)
-            })
-            .collect();
+        let open = |(line, (port, latency)): (usize, (P, Duration))| {
+            let kind = robot.lines[line].kind;
+            match port.into() {
+                LinePort::Bytes(port) => {
+                    let baud_bps = robot.lines[line].bits_per_s();
+                    let return_delay = return_delay(&robot, line);
+                    let timing = Timing { baud_bps, return_delay, latency };
+                    OpenLine::Serial(Box::new(Bus::new(port, Arc::clone(&clock), timing)))
+                }
+                LinePort::Frames(port) => {
+                    let timing = can_timing(kind, latency);
+                    let clock = Arc::clone(&clock);
+                    OpenLine::Can(Box::new(CanLine::new(&robot, line, port, clock, timing)))
+                }
+            }
+        };
+        let count = robot.lines.len();
+        let lines = ports.into_iter().take(count).enumerate().map(open).collect();
         let writes = groups(&robot, |joint| {
-            let goal = joint.model.register(Role::GoalPosition);
-            goal.map_or((0, 0), |goal| (goal.address, u16::from(goal.bytes)))
+            let goal = joint.register(Role::GoalPosition);
+            goal.map(|goal| (goal.address, u16::from(goal.bytes)))
         });
         let missed_in_a_row = vec![0; robot.joints.len()];
         let lost = vec![false; robot.lines.len()];
         let mut link = Self {
             robot,
-            buses,
+            lines,
             clock,
             reads: Vec::new(),
             turn: 0,
@@ -104,19 +142,92 @@ impl Link {
     /// Chooses how every line is read in cycles of `period`, knowing the `firmware` of each joint's
     /// servo; what came of it, line by line.
     pub fn plan_reads(&mut self, firmware: &[u16], period: Duration) -> Vec<LinePlan> {
-        let lines = self.buses.iter().enumerate();
-        let plans = lines.map(|(line, bus)| plan(&self.robot, line, bus, firmware, period));
+        let plans = self.lines.iter().enumerate().map(|(line, open)| match open {
+            OpenLine::Serial(bus) => plan(&self.robot, line, bus, firmware, period),
+            OpenLine::Can(can) => {
+                let plan = can.plan(&self.robot.lines[line].name, period);
+                (LineReads::none(), plan)
+            }
+        });
         let plans: (Vec<LineReads>, Vec<LinePlan>) = plans.unzip();
         self.reads = plans.0;
         self.turn = 0;
         plans.1
     }
 
+    /// The serial line number `line`.
+    fn serial(&mut self, line: usize) -> Result<&mut Bus, AskError> {
+        match self.lines.get_mut(line) {
+            Some(OpenLine::Serial(bus)) => Ok(bus),
+            _ => Err(AskError::Unsayable("this is no serial line".to_owned())),
+        }
+    }
+
+    /// The CAN line of `joint`.
+    fn can(&mut self, joint: usize) -> Result<&mut CanLine, LinkError> {
+        let line = self.robot.joints[joint].line;
+        if let Some(OpenLine::Can(can)) = self.lines.get_mut(line) {
+            return Ok(can);
+        }
+        let text = "the joint hangs on no CAN line".to_owned();
+        Err(joint_error(&self.robot, joint, AskError::Unsayable(text)))
+    }
+
+    fn serial_lines(&self) -> impl Iterator<Item = &Bus> {
+        self.lines.iter().filter_map(|line| match line {
+            OpenLine::Serial(bus) => Some(&**bus),
+            OpenLine::Can(_) => None,
+        })
+    }
+
     /// The longest that servos on line number `line` wait before they answer.
     pub fn set_return_delay(&mut self, line: usize, return_delay: Duration) {
-        if let Some(bus) = self.buses.get_mut(line) {
+        if let Ok(bus) = self.serial(line) {
             bus.set_return_delay(return_delay);
         }
+    }
+
+    /// The longest that servos wait before they answer, line by line; zero on a CAN line.
+    #[must_use]
+    pub fn return_delays(&self) -> Vec<Duration> {
+        let delay = |line: &OpenLine| match line {
+            OpenLine::Serial(bus) => bus.timing().return_delay,
+            OpenLine::Can(_) => Duration::ZERO,
+        };
+        self.lines.iter().map(delay).collect()
+    }
+
+    /// Time each line was occupied so far, s; of a CAN line with the most stuff bits there can be.
+    #[must_use]
+    pub fn busy_s(&self) -> Vec<f64> {
+        let busy = |line: &OpenLine| match line {
+            OpenLine::Serial(bus) => {
+                let bytes = usize::try_from(bus.stats().bytes).unwrap_or(usize::MAX);
+                line_time_s(bytes, bus.timing().baud_bps)
+            }
+            OpenLine::Can(can) => can.stats().busy_s,
+        };
+        self.lines.iter().map(busy).collect()
+    }
+
+    /// What happened on line number `line`, if it is a CAN line.
+    #[must_use]
+    pub fn can_stats(&self, line: usize) -> Option<CanStats> {
+        match self.lines.get(line)? {
+            OpenLine::Serial(_) => None,
+            OpenLine::Can(can) => Some(can.stats()),
+        }
+    }
+
+    /// What lines reported of themselves, in words for a person.
+    #[must_use]
+    pub fn troubles(&self) -> Vec<String> {
+        let named = self.lines.iter().zip(&self.robot.lines);
+        let said = named.filter_map(|(open, line)| match open {
+            OpenLine::Serial(_) => None,
+            OpenLine::Can(can) => Some(format!("line {}: {}", line.name, can.bus().troubles()?)),
+        });
+        said.collect()
     }
 
     /// True if nothing is said on line number `line` any more.
@@ -137,18 +248,34 @@ impl Link {
     /// The moment up to which something was said on every line.
     #[must_use]
     pub fn spoken_at(&self) -> Instant {
-        self.buses.iter().map(Bus::spoken_at).min().unwrap_or(Instant::ZERO)
+        let spoken = |line: &OpenLine| match line {
+            OpenLine::Serial(bus) => bus.spoken_at(),
+            OpenLine::Can(can) => can.spoken_at(),
+        };
+        self.lines.iter().map(spoken).min().unwrap_or(Instant::ZERO)
     }
 
-    /// Asks a servo on every line that has been silent for `longest` whether it is there. The
-    /// answer does not matter: servos with a watchdog must hear that their host is.
+    /// Speaks to whoever heard nothing for `longest`: asks a servo of a serial line whether it is
+    /// there, and tells actuators of a CAN line their goal once more. The answer does not matter:
+    /// drives with a watchdog must hear that their host is.
     pub(crate) fn break_silence(&mut self, longest: Duration) {
-        for line in 0..self.buses.len() {
+        for line in 0..self.lines.len() {
+            if self.lost[line] {
+                continue;
+            }
             let now = self.clock.now();
-            let quiet = now.since(self.buses[line].spoken_at()) >= longest;
-            let first = self.robot.joints.iter().find(|joint| joint.line == line);
-            if let Some(joint) = first.filter(|_| quiet && !self.lost[line]) {
-                let _ = self.buses[line].ping(joint.model.protocol(), joint.id, now + longest);
+            match &mut self.lines[line] {
+                OpenLine::Serial(bus) => {
+                    let quiet = now.since(bus.spoken_at()) >= longest;
+                    let mut joints = self.robot.joints.iter().filter(|joint| joint.line == line);
+                    let first = joints.find_map(|joint| Some((joint.id, joint.servo()?)));
+                    if let Some((id, servo)) = first.filter(|_| quiet) {
+                        let _ = bus.ping(servo.model.protocol(), id, now + longest);
+                    }
+                }
+                OpenLine::Can(can) => {
+                    let _ = can.break_silence(longest);
+                }
             }
         }
     }
@@ -165,23 +292,20 @@ impl Link {
         &self.clock
     }
 
-    /// The lines.
-    #[must_use]
-    pub fn buses(&self) -> &[Bus] {
-        &self.buses
-    }
-
     /// The adapter of this line lets the host hear its own bytes.
     pub fn set_echo(&mut self, line: usize, echo: bool) {
-        if let Some(bus) = self.buses.get_mut(line) {
+        if let Ok(bus) = self.serial(line) {
             bus.set_echo(echo);
         }
     }
 
-    /// How often a lost answer of one servo is asked for again.
+    /// How often a lost answer is asked for again.
     pub fn set_retries(&mut self, retries: u32) {
-        for bus in &mut self.buses {
-            bus.set_retries(retries);
+        for line in &mut self.lines {
+            match line {
+                OpenLine::Serial(bus) => bus.set_retries(retries),
+                OpenLine::Can(can) => can.bus_mut().set_retries(retries),
+            }
         }
     }
 
@@ -190,8 +314,7 @@ impl Link {
     }
 
     fn joint_error(&self, joint: usize, error: AskError) -> LinkError {
-        let Joint { line, id, name, .. } = &self.robot.joints[joint];
-        LinkError { line: *line, place: format!("joint {name} (ID {id})"), error }
+        joint_error(&self.robot, joint, error)
     }
 
     /// What this cycle reads of the joints, in joint terms, with the device's alert flag.
@@ -206,7 +329,7 @@ impl Link {
         self.turn = turn.wrapping_add(1);
         let of_line = |reads: &LineReads| reads.turns[turn % reads.turns.len()].clone();
         let readings = self.reads.iter().map(of_line).collect();
-        self.read_all(readings, budget)
+        self.read_all(readings, false, budget)
     }
 
     /// The state of every joint, however long that takes within `budget`.
@@ -215,16 +338,69 @@ impl Link {
     /// As [`Link::states`].
     pub fn whole_states(&mut self, budget: Instant) -> Result<States, LinkError> {
         let readings = self.reads.iter().map(|reads| reads.whole.clone()).collect();
-        self.read_all(readings, budget)
+        self.read_all(readings, true, budget)
     }
 
-    /// Carries out the readings of each line.
+    /// Carries out the readings of each serial line, and takes the states of each CAN line; `anew`:
+    /// those that came by themselves do not count. A line that fails does not keep the others from
+    /// being heard to the end.
     fn read_all(
         &mut self,
-        mut readings: Vec<Vec<Reading>>,
+        readings: Vec<Vec<Reading>>,
+        anew: bool,
         budget: Instant,
     ) -> Result<States, LinkError> {
         let mut states: States = vec![Err(Miss::NotAsked); self.robot.joints.len()];
+        let begun = self.each_can(|can| can.begin_states(anew, budget));
+        let serial = self.read_serial(readings, &mut states, budget);
+        let heard = self.each_can(|can| can.finish_states(budget));
+        begun.into_iter().collect::<Result<Vec<()>, _>>()?;
+        for (joint, state) in
+            heard.into_iter().collect::<Result<Vec<_>, _>>()?.into_iter().flatten()
+        {
+            self.put(joint, state.map(|state| (state, false)), &mut states);
+        }
+        serial?;
+        for (joint, state) in self.robot.joints.iter().zip(&mut states) {
+            if self.lost[joint.line] {
+                *state = Err(Miss::Silent);
+            }
+        }
+        Ok(states)
+    }
+
+    /// Does something on each CAN line that is still there.
+    fn each_can<T>(
+        &mut self,
+        mut each: impl FnMut(&mut CanLine) -> Result<T, AskError>,
+    ) -> Vec<Result<T, LinkError>> {
+        let mut done = Vec::new();
+        for line in 0..self.lines.len() {
+            if let OpenLine::Can(can) = &mut self.lines[line]
+                && !self.lost[line]
+            {
+                let result = each(can);
+                done.push(result.map_err(|error| self.line_error(line, error)));
+            }
+        }
+        done
+    }
+
+    /// Keeps what a drive said of its joint, or why it said nothing.
+    fn put(&mut self, joint: usize, drive: Result<(JointState, bool), Miss>, states: &mut States) {
+        let missed = &mut self.missed_in_a_row[joint];
+        *missed = if drive.is_err() { *missed + 1 } else { 0 };
+        let of = &self.robot.joints[joint];
+        states[joint] = drive.map(|(state, alert)| (of.joint_state(state), alert));
+    }
+
+    /// Carries out the readings of each serial line.
+    fn read_serial(
+        &mut self,
+        mut readings: Vec<Vec<Reading>>,
+        states: &mut States,
+        budget: Instant,
+    ) -> Result<(), LinkError> {
         while readings.iter().any(|of_line| !of_line.is_empty()) {
             let mut failed = None;
             // All lines are asked before any is waited for, so that they answer side by side.
@@ -234,23 +410,23 @@ impl Link {
                     continue;
                 }
                 let mut reading = of_line.remove(0);
-                reading.joints.sort_by_key(|&(joint, _)| self.missed_in_a_row[joint]);
                 if self.lost[line] {
-                    reading.joints.iter().for_each(|&(joint, _)| states[joint] = Err(Miss::Silent));
                     continue;
                 }
-                if let Method::Group(kind) = reading.method
-                    && let Err(e) =
-                        self.buses[line].begin_group_read(&reading.question(kind), budget)
-                {
-                    failed = Some(self.line_error(line, e));
-                    continue;
+                reading.joints.sort_by_key(|&(joint, _)| self.missed_in_a_row[joint]);
+                if let Method::Group(kind) = reading.method {
+                    let question = reading.question(kind);
+                    let begun = self.serial(line);
+                    if let Err(e) = begun.and_then(|bus| bus.begin_group_read(&question, budget)) {
+                        failed = Some(self.line_error(line, e));
+                        continue;
+                    }
                 }
                 asked.push((line, reading));
             }
             // A line that fails does not keep the others from being heard to the end.
             for (line, reading) in asked {
-                if let Err(e) = self.hear(line, &reading, &mut states, budget) {
+                if let Err(e) = self.hear(line, &reading, states, budget) {
                     failed = Some(self.line_error(line, e));
                 }
             }
@@ -258,7 +434,7 @@ impl Link {
                 return Err(failed);
             }
         }
-        Ok(states)
+        Ok(())
     }
 
     /// Waits for the answers to `reading`; single reads are asked only here.
@@ -269,28 +445,23 @@ impl Link {
         states: &mut States,
         budget: Instant,
     ) -> Result<(), AskError> {
-        let mut put = |link: &mut Self, (joint, item): (usize, GroupItem), answer| {
-            let state = Result::and_then(answer, |reply| link.decode(joint, item, &reply));
-            let missed = &mut link.missed_in_a_row[joint];
-            *missed = if state.is_err() { *missed + 1 } else { 0 };
-            states[joint] = state;
-        };
         if reading.method != Method::Single {
-            let answers = self.buses[line].finish_group_read(budget)?;
-            for (&asked, answer) in reading.joints.iter().zip(answers) {
-                put(self, asked, answer);
+            let answers = self.serial(line)?.finish_group_read(budget)?;
+            for (&(joint, item), answer) in reading.joints.iter().zip(answers) {
+                let state = answer.and_then(|reply| self.decode(joint, item, &reply));
+                self.put(joint, state, states);
             }
             return Ok(());
         }
         for &(joint, item) in &reading.joints {
             let GroupItem { id, address, length } = item;
-            let answer = match self.buses[line].read(reading.protocol, id, address, length, budget)
-            {
-                Ok(reply) => Ok(reply),
+            let bus = self.serial(line)?;
+            let answer = match bus.read(reading.protocol, id, address, length, budget) {
+                Ok(reply) => self.decode(joint, item, &reply),
                 Err(AskError::Miss(miss)) => Err(miss),
                 Err(error) => return Err(error),
             };
-            put(self, (joint, item), answer);
+            self.put(joint, answer, states);
         }
         Ok(())
     }
@@ -302,38 +473,50 @@ impl Link {
         joints.into_iter().all(|(joint, &missed)| missed > 0 || self.is_lost(joint.line))
     }
 
-    /// When every line may be spoken to again.
+    /// When every line may be spoken to again. A CAN line always may: its frames name their device.
     #[must_use]
     pub fn ready_at(&self) -> Instant {
-        self.buses.iter().map(Bus::ready_at).max().unwrap_or(Instant::ZERO)
+        self.serial_lines().map(Bus::ready_at).max().unwrap_or(Instant::ZERO)
     }
 
+    /// What a servo said, in its own terms.
     fn decode(
         &self,
         joint: usize,
         asked: GroupItem,
         reply: &Reply,
     ) -> Result<(JointState, bool), Miss> {
-        let joint = &self.robot.joints[joint];
+        let servo = self.robot.joints[joint].servo().ok_or(Miss::NotAsked)?;
         let whole =
-            asked.address == joint.feedback.address() && asked.length == joint.feedback.length();
-        let block = if whole { &joint.feedback } else { &joint.position };
-        let servo = block.decode(&reply.bytes).map_err(|_| Miss::Garbled)?;
-        Ok((joint.joint_state(servo), reply.alert))
+            asked.address == servo.feedback.address() && asked.length == servo.feedback.length();
+        let block = if whole { &servo.feedback } else { &servo.position };
+        let state = block.decode(&reply.bytes).map_err(|_| Miss::Garbled)?;
+        Ok((state, reply.alert))
     }
 
     /// Number of reads that make up the slow facts of `joint`.
     #[must_use]
     pub fn health_reads(&self, joint: usize) -> usize {
-        self.robot.joints[joint].health.reads().len()
+        let of = &self.robot.joints[joint];
+        match (of.servo(), self.lines.get(of.line)) {
+            (Some(servo), _) => servo.health.reads().len(),
+            (None, Some(OpenLine::Can(can))) => can.slow_parts(joint),
+            (None, _) => 1,
+        }
     }
 
     /// True if part `part` of the slow facts of `joint` can be read by `budget`.
     #[must_use]
     pub fn health_fits(&self, joint: usize, part: usize, budget: Instant) -> bool {
-        let Joint { line, model, health, .. } = &self.robot.joints[joint];
-        let length = health.reads().get(part).map_or(0, |&(_, length)| length);
-        self.buses[*line].fits(model.protocol(), usize::from(length), budget)
+        let of = &self.robot.joints[joint];
+        match (of.servo(), self.lines.get(of.line)) {
+            (Some(servo), Some(OpenLine::Serial(bus))) => {
+                let length = servo.health.reads().get(part).map_or(0, |&(_, length)| length);
+                bus.fits(servo.model.protocol(), usize::from(length), budget)
+            }
+            (None, Some(OpenLine::Can(can))) => can.fits(budget),
+            _ => false,
+        }
     }
 
     /// Part `part` of the slow facts of `joint`.
@@ -346,34 +529,136 @@ impl Link {
         part: usize,
         budget: Instant,
     ) -> Result<Health, LinkError> {
-        let Joint { line, id, model, health, .. } = &self.robot.joints[joint];
-        let Some(&(address, length)) = health.reads().get(part) else {
+        let Joint { line, id, .. } = self.robot.joints[joint];
+        let Some(servo) = self.robot.joints[joint].servo() else {
+            let read = self.can(joint)?.health(joint, part, budget);
+            return read.map_err(|e| self.joint_error(joint, e));
+        };
+        let Some(&(address, length)) = servo.health.reads().get(part) else {
             return Ok(Health::default());
         };
-        let reply = self.buses[*line]
-            .read(model.protocol(), *id, address, length, budget)
-            .map_err(|e| self.joint_error(joint, e))?;
-        let joint_of = &self.robot.joints[joint];
-        joint_of
-            .health
-            .decode(part, &reply.bytes)
-            .map_err(|_| self.joint_error(joint, Miss::Garbled.into()))
+        let protocol = servo.model.protocol();
+        let bus = self.serial(line);
+        let reply = bus.and_then(|bus| bus.read(protocol, id, address, length, budget));
+        let reply = reply.map_err(|e| self.joint_error(joint, e))?;
+        let decoded = self.robot.joints[joint]
+            .servo()
+            .map(|servo| servo.health.decode(part, &reply.bytes))
+            .transpose();
+        let garbled = |_| self.joint_error(joint, Miss::Garbled.into());
+        Ok(decoded.map_err(garbled)?.unwrap_or_default())
     }
 
-    /// Writes the goal of every joint.
+    /// A joint whose drive told of a fault together with its state, or that it let go.
+    #[must_use]
+    pub fn suspect(&self) -> Option<usize> {
+        let lines = self.lines.iter().zip(&self.lost).filter(|(_, lost)| !**lost);
+        lines.into_iter().find_map(|(line, _)| match line {
+            OpenLine::Serial(_) => None,
+            OpenLine::Can(can) => can.suspect(),
+        })
+    }
+
+    /// The names of the error bits a joint's drive reports.
+    #[must_use]
+    pub fn error_words(&self, joint: usize, bits: u16) -> String {
+        let Some(servo) = self.robot.joints[joint].servo() else {
+            return Faults::from_bits(bits).to_string();
+        };
+        let known = servo.model.profile().error_bits.iter();
+        let known = known.filter(|bit| bits.checked_shr(bit.bit.into()).unwrap_or(0) & 1 == 1);
+        let words: Vec<&str> = known.map(|bit| bit.name.as_str()).collect();
+        if words.is_empty() { format!("error bits 0x{bits:02X}") } else { words.join(", ") }
+    }
+
+    /// Writes the goal of every joint, on all lines before any answer is waited for.
     ///
     /// # Errors
     /// A line that failed, or a goal that does not fit its register.
     pub fn write_goals(&mut self, command: &Command, budget: Instant) -> Result<(), LinkError> {
         self.write_all(Role::GoalPosition, budget, |joint, index| {
             joint.servo_rad(command.goal_rad()[index])
-        })
+        })?;
+        let joints: Vec<(f64, f64)> = self
+            .robot
+            .joints
+            .iter()
+            .zip(command.goal_rad())
+            .map(|(joint, &goal_rad)| {
+                let most_rad_s = joint.servo_speed_rad_s(joint.limits.velocity_rad_s());
+                (joint.servo_rad(goal_rad), most_rad_s)
+            })
+            .collect();
+        let written = self.each_can(|can| can.write_goals(|joint| joints[joint], budget));
+        written.into_iter().collect()
     }
 
     /// Switches torque on or off on every joint; nobody answers.
     pub(crate) fn write_torque(&mut self, on: bool, budget: Instant) -> Result<(), LinkError> {
         let value = f64::from(u8::from(on));
-        self.write_all(Role::TorqueEnable, budget, |_, _| value)
+        self.write_all(Role::TorqueEnable, budget, |_, _| value)?;
+        self.each_can(|can| can.write_torque(on, budget)).into_iter().collect()
+    }
+
+    /// True if the actuator of `joint` says that it drives, or does not, as `wanted`. A servo's
+    /// torque is a register like any other.
+    pub(crate) fn torque_is(&mut self, joint: usize, wanted: bool) -> Result<bool, LinkError> {
+        let told = self.can(joint)?.torque(joint, wanted);
+        told.map_err(|e| self.joint_error(joint, e))
+    }
+
+    /// Switches the actuator of `joint` off and has it confirm that.
+    pub(crate) fn limp(&mut self, joint: usize) -> Result<(), LinkError> {
+        let limp = self.can(joint)?.limp(joint);
+        limp.map_err(|e| self.joint_error(joint, e))
+    }
+
+    /// Prepares the drive of `joint` for its first goal. Nothing moves by it.
+    pub(crate) fn prepare(&mut self, joint: usize, budget: Instant) -> Result<(), LinkError> {
+        if self.robot.joints[joint].servo().is_some() {
+            return Ok(());
+        }
+        let prepared = self.can(joint)?.prepare(joint, budget);
+        prepared.map_err(|e| self.joint_error(joint, e))
+    }
+
+    /// Sets how long the host may be silent before the actuator of `joint` lets go, where the line
+    /// can set it, and reads it back; none restores what was found. A servo's watchdog is a
+    /// register like any other.
+    pub(crate) fn watch_host(
+        &mut self,
+        joint: usize,
+        silence: Option<Duration>,
+        budget: Instant,
+    ) -> Result<(), LinkError> {
+        let set = self.can(joint)?.watch_host(joint, silence, budget);
+        set.map_err(|e| self.joint_error(joint, e))
+    }
+
+    /// Bits of a setting of the actuator of `joint`.
+    ///
+    /// # Errors
+    /// [`LinkError`]; [`AskError::Unsayable`] for a servo, and if the dialect has no such setting.
+    pub fn read_setting(
+        &mut self,
+        joint: usize,
+        number: u16,
+        budget: Instant,
+    ) -> Result<u32, LinkError> {
+        let read = self.can(joint)?.read(joint, number, budget);
+        read.map_err(|e| self.joint_error(joint, e))
+    }
+
+    /// Writes a setting of the actuator of `joint` until power-off; what it then reads.
+    pub(crate) fn write_setting(
+        &mut self,
+        joint: usize,
+        number: u16,
+        bits: u32,
+        budget: Instant,
+    ) -> Result<u32, LinkError> {
+        let written = self.can(joint)?.write(joint, number, bits, budget);
+        written.map_err(|e| self.joint_error(joint, e))
     }
 
     /// Writes one register of every joint that has it, from an SI value in servo terms.
@@ -387,32 +672,47 @@ impl Link {
             self.writes.clone()
         } else {
             groups(&self.robot, |joint| {
-                joint.model.register(role).map_or((0, 0), |r| (r.address, u16::from(r.bytes)))
+                joint.register(role).map(|r| (r.address, u16::from(r.bytes)))
             })
         };
-        for group in groups.iter().filter(|group| group.length > 0 && !self.lost[group.line]) {
+        for group in &groups {
+            if self.lost[group.line] {
+                continue;
+            }
             let mut payload = std::mem::take(&mut self.payload);
             payload.clear();
             for &index in &group.joints {
                 let joint = &self.robot.joints[index];
-                let written = joint.model.register(role).and_then(|register| {
-                    joint.model.append_si(register, value(joint, index), &mut payload)
+                let Some(servo) = joint.servo() else { continue };
+                let written = servo.model.register(role).and_then(|register| {
+                    servo.model.append_si(register, value(joint, index), &mut payload)
                 });
                 written.map_err(|e| self.joint_error(index, AskError::Unsayable(e.to_string())))?;
             }
             let size = usize::from(group.length);
-            let items: Vec<(u8, &[u8])> = group
-                .joints
-                .iter()
-                .zip(payload.chunks_exact(size))
-                .map(|(&index, bytes)| (self.robot.joints[index].id, bytes))
-                .collect();
-            self.buses[group.line]
-                .sync_write(group.protocol, group.address, &items, budget)
+            let ids: Vec<u8> = group.joints.iter().map(|&j| self.robot.joints[j].id).collect();
+            let items: Vec<(u8, &[u8])> =
+                ids.into_iter().zip(payload.chunks_exact(size.max(1))).collect();
+            let bus = self.serial(group.line);
+            bus.and_then(|bus| bus.sync_write(group.protocol, group.address, &items, budget))
                 .map_err(|e| self.line_error(group.line, e))?;
             self.payload = payload;
         }
         Ok(())
+    }
+
+    /// The joint's servo, and its line.
+    fn asked_servo(&mut self, joint: usize) -> Result<(&mut Bus, u8, Model), LinkError> {
+        let Joint { line, id, .. } = self.robot.joints[joint];
+        let Some(model) = self.robot.joints[joint].servo().map(|servo| servo.model) else {
+            let text = "an actuator on a CAN line has no registers".to_owned();
+            return Err(self.joint_error(joint, AskError::Unsayable(text)));
+        };
+        if let Some(OpenLine::Serial(bus)) = self.lines.get_mut(line) {
+            return Ok((bus, id, model));
+        }
+        let text = "this is no serial line".to_owned();
+        Err(joint_error(&self.robot, joint, AskError::Unsayable(text)))
     }
 
     /// Asks whether the servo of `joint` is there.
@@ -420,8 +720,8 @@ impl Link {
     /// # Errors
     /// [`LinkError`].
     pub fn ping(&mut self, joint: usize, budget: Instant) -> Result<(), LinkError> {
-        let Joint { line, id, model, .. } = self.robot.joints[joint];
-        let asked = self.buses[line].ping(model.protocol(), id, budget);
+        let (bus, id, model) = self.asked_servo(joint)?;
+        let asked = bus.ping(model.protocol(), id, budget);
         asked.map(|_| ()).map_err(|e| self.joint_error(joint, e))
     }
 
@@ -452,7 +752,8 @@ impl Link {
         role: Role,
         budget: Instant,
     ) -> Result<i64, LinkError> {
-        let register = self.robot.joints[joint].model.register(role);
+        let (_, _, model) = self.asked_servo(joint)?;
+        let register = model.register(role);
         let register =
             register.map_err(|e| self.joint_error(joint, AskError::Unsayable(e.to_string())))?;
         self.read_register(joint, register, budget)
@@ -468,10 +769,10 @@ impl Link {
         register: &Register,
         budget: Instant,
     ) -> Result<i64, LinkError> {
-        let Joint { line, id, model, .. } = self.robot.joints[joint];
-        let reply = self.buses[line]
-            .read(model.protocol(), id, register.address, u16::from(register.bytes), budget)
-            .map_err(|e| self.joint_error(joint, e))?;
+        let (bus, id, model) = self.asked_servo(joint)?;
+        let length = u16::from(register.bytes);
+        let reply = bus.read(model.protocol(), id, register.address, length, budget);
+        let reply = reply.map_err(|e| self.joint_error(joint, e))?;
         model
             .raw_from_bytes(register, &reply.bytes)
             .map_err(|_| self.joint_error(joint, Miss::Garbled.into()))
@@ -489,24 +790,28 @@ impl Link {
             let text = "a goal is written as a command, never raw".to_owned();
             return Err(self.joint_error(joint, AskError::Unsayable(text)));
         }
-        let Joint { line, id, model, .. } = self.robot.joints[joint];
+        let (bus, id, model) = self.asked_servo(joint)?;
         let mut bytes = Vec::with_capacity(4);
-        model
-            .append_raw(register, raw, &mut bytes)
-            .map_err(|e| self.joint_error(joint, AskError::Unsayable(e.to_string())))?;
-        self.buses[line]
-            .write(model.protocol(), id, register.address, &bytes, budget)
-            .map_err(|e| self.joint_error(joint, e))?;
-        Ok(())
+        let fits = model.append_raw(register, raw, &mut bytes);
+        let written = match fits {
+            Ok(()) => bus.write(model.protocol(), id, register.address, &bytes, budget),
+            Err(e) => Err(AskError::Unsayable(e.to_string())),
+        };
+        written.map(|_| ()).map_err(|e| self.joint_error(joint, e))
     }
 }
 
-/// Joints by line, protocol and the block that is to be read or written.
-fn groups(robot: &Robot, block: impl Fn(&Joint) -> (u16, u16)) -> Vec<Group> {
+fn joint_error(robot: &Robot, joint: usize, error: AskError) -> LinkError {
+    let Joint { line, id, name, .. } = &robot.joints[joint];
+    LinkError { line: *line, place: format!("joint {name} (ID {id})"), error }
+}
+
+/// Servos by line, protocol and the block that is to be read or written, of those that have it.
+fn groups(robot: &Robot, block: impl Fn(&Joint) -> Option<(u16, u16)>) -> Vec<Group> {
     let mut groups: Vec<Group> = Vec::new();
     for (index, joint) in robot.joints.iter().enumerate() {
-        let (address, length) = block(joint);
-        let protocol = joint.model.protocol();
+        let Some((servo, (address, length))) = joint.servo().zip(block(joint)) else { continue };
+        let protocol = servo.model.protocol();
         let same = |g: &&mut Group| {
             (g.line, g.protocol, g.address, g.length) == (joint.line, protocol, address, length)
         };
@@ -522,6 +827,19 @@ fn groups(robot: &Robot, block: impl Fn(&Joint) -> (u16, u16)) -> Vec<Group> {
         }
     }
     groups
+}
+
+fn can_timing(kind: LineKind, latency: Duration) -> CanTiming {
+    match kind {
+        LineKind::Can(speed) => CanTiming {
+            bitrate_bps: speed.bitrate_bps,
+            data_bitrate_bps: speed.data_bitrate_bps.unwrap_or(speed.bitrate_bps),
+            latency,
+        },
+        LineKind::Serial { baud_bps } => {
+            CanTiming { bitrate_bps: baud_bps, data_bitrate_bps: baud_bps, latency }
+        }
+    }
 }
 
 /// Longest return delay among the servos of line number `line`, as the robot file sets it.

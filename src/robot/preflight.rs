@@ -1,6 +1,7 @@
 //! Everything that is checked before torque: identity, configuration, health, start pose and
 //! line speed. Reads only.
 
+mod actuator;
 mod line;
 mod mode;
 
@@ -8,7 +9,7 @@ pub use super::reading::LINE_SHARE;
 pub use line::EepromWrite;
 
 use super::reading::LinePlan;
-use super::{Joint, Link, LinkError};
+use super::{Joint, Link, LinkError, ServoDrive};
 use crate::bus::{AskError, Miss};
 use crate::error::Error;
 use crate::port::PortError;
@@ -38,6 +39,9 @@ pub struct Preflight {
     pub to_write: Vec<(usize, &'static Register, i64)>,
     /// Registers in EEPROM that will be written, with the user's permit.
     pub eeprom: Vec<EepromWrite>,
+    /// Settings of CAN actuators that differ from what goals need and will be written, until
+    /// power-off: joint, number, bits.
+    pub settings: Vec<(usize, u16, u32)>,
     /// Raw return delay of each joint's servo; 0 where it has no such register.
     return_delay_raw: Vec<i64>,
 }
@@ -72,6 +76,7 @@ pub fn preflight(link: &mut Link, period: Duration, accept: Accept) -> Result<Pr
     let mut found = Preflight { period, ..Preflight::default() };
     link.set_retries(PATIENT_RETRIES);
     check_identity(link, accept, &mut found)?;
+    actuator::check(link, &mut found)?;
     mode::check_modes(link)?;
     check_setup(link, &mut found)?;
     line::check_return_delays(link, &mut found)?;
@@ -99,6 +104,7 @@ pub(super) fn place(link: &Link, joint: usize) -> String {
 
 /// Words for a failed exchange with `joint`.
 pub(crate) fn exchange_error(link: &Link, joint: Option<usize>, failed: &LinkError) -> Error {
+    let actuator = joint.is_some_and(|joint| link.robot().joints[joint].actuator().is_some());
     let place = joint.map_or_else(|| failed.place.clone(), |joint| place(link, joint));
     match &failed.error {
         AskError::Port(PortError::Gone(port)) => Error::new("the port vanished")
@@ -106,6 +112,12 @@ pub(crate) fn exchange_error(link: &Link, joint: Option<usize>, failed: &LinkErr
             .got(port.clone())
             .remedy("check the cable and the adapter, then start again"),
         AskError::Port(error) => Error::new("the line failed").at(place).got(error.to_string()),
+        AskError::Miss(Miss::Silent) if actuator => {
+            Error::new("an actuator does not answer").at(place).got("nothing").remedy(
+                "check its power, its cable, its ids (its own and that of its answers), the bit \
+                 rate, and a terminator at each end of the line",
+            )
+        }
         AskError::Miss(Miss::Silent) => Error::new("a servo does not answer")
             .at(place)
             .got("nothing")
@@ -126,10 +138,14 @@ pub(crate) fn exchange_error(link: &Link, joint: Option<usize>, failed: &LinkErr
 
 fn check_identity(link: &mut Link, accept: Accept, found: &mut Preflight) -> Result<(), Error> {
     for joint in 0..link.robot().joints.len() {
+        let Some(servo) = link.robot().joints[joint].servo() else {
+            found.firmware.push(0);
+            continue;
+        };
+        let profile = servo.model.profile();
         let budget = budget(link);
         let identity = link.identity(joint, budget);
         let (model, firmware) = identity.map_err(|e| mode::unanswered(link, joint, &e))?;
-        let profile = link.robot().joints[joint].model.profile();
         if model != profile.model_number {
             return Err(Error::new("another servo model than the robot file says")
                 .at(place(link, joint))
@@ -222,7 +238,7 @@ const DECISIVE: [Role; 9] = [
 
 /// What must be in a joint's servo: the robot file's setup, and the decisive registers.
 fn expected_registers(joint: &Joint) -> Vec<(&'static Register, i64)> {
-    let setup = &joint.setup;
+    let Some(ServoDrive { model, setup, .. }) = joint.servo() else { return Vec::new() };
     let expected = |register: &'static Register| {
         // That the servo answers at all proves its line speed; its return delay is measured by.
         let apart = [Role::BaudRate, Role::ReturnDelay];
@@ -235,13 +251,13 @@ fn expected_registers(joint: &Joint) -> Vec<(&'static Register, i64)> {
             _ => None,
         }
     };
-    joint.model.profile().registers.iter().filter_map(expected).collect()
+    model.profile().registers.iter().filter_map(expected).collect()
 }
 
 /// A watchdog left on by a host that died must be off before the servo obeys goals again.
 fn check_watchdogs(link: &mut Link, found: &mut Preflight) -> Result<(), Error> {
     for joint in 0..link.robot().joints.len() {
-        let Ok(register) = link.robot().joints[joint].model.register(Role::BusWatchdog) else {
+        let Some(register) = link.robot().joints[joint].register(Role::BusWatchdog) else {
             continue;
         };
         let budget = budget(link);
@@ -269,10 +285,12 @@ fn check_health(link: &mut Link, found: &mut Preflight) -> Result<(), Error> {
             let budget = budget(link);
             let read = link.health(joint, part, budget);
             let health = read.map_err(|e| exchange_error(link, Some(joint), &e))?;
-            if let Some(bits) = health.error_bits.filter(|&bits| bits != 0) {
+            if let Some(bits) = health.error_bits.filter(|&bits| bits != 0)
+                && actuator::serious(link, joint, bits, found)
+            {
                 return Err(Error::new("a servo reports a hardware error")
                     .at(place(link, joint))
-                    .got(error_words(link, joint, bits))
+                    .got(link.error_words(joint, bits))
                     .allowed("no error")
                     .remedy("find the cause, then reboot the servo"));
             }
@@ -306,14 +324,6 @@ fn check_supply(link: &Link, joint: usize, health: &crate::device::Health) -> Re
             .remedy("let it cool down"));
     }
     Ok(())
-}
-
-/// The names of the error bits that are set.
-pub(crate) fn error_words(link: &Link, joint: usize, bits: u8) -> String {
-    let profile = link.robot().joints[joint].model.profile();
-    let known = profile.error_bits.iter().filter(|bit| bits >> bit.bit & 1 == 1);
-    let words: Vec<&str> = known.map(|bit| bit.name.as_str()).collect();
-    if words.is_empty() { format!("error bits 0x{bits:02X}") } else { words.join(", ") }
 }
 
 /// Reads where the joints stand, twice, and that they do not move in between.
@@ -359,10 +369,15 @@ pub(crate) fn positions(link: &mut Link) -> Result<Vec<f64>, Error> {
             Ok((state, _)) => positions.push(state.position_rad),
             Err(miss) => {
                 // Asked alone it may say more: silence in a group can be a collision.
-                let alone = link.read_raw(joint, Role::PresentPosition, budget(link));
-                let line = link.robot().joints[joint].line;
+                let of = &link.robot().joints[joint];
+                let (line, on_can) = (of.line, of.actuator().is_some());
                 let in_group = LinkError { line, place: String::new(), error: miss.into() };
-                let failed = alone.err().unwrap_or(in_group);
+                let failed = if on_can {
+                    in_group
+                } else {
+                    let alone = link.read_raw(joint, Role::PresentPosition, budget(link));
+                    alone.err().unwrap_or(in_group)
+                };
                 return Err(exchange_error(link, Some(joint), &failed));
             }
         }

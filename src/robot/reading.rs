@@ -1,7 +1,7 @@
 //! How every line is read: which instruction, and what in which cycle, so that the rate asked for
 //! fits the line. Pure arithmetic; nothing is sent from here.
 
-use super::{Joint, Robot};
+use super::{Joint, Robot, ServoDrive};
 use crate::bus::{Bus, GroupItem, GroupQuestion, GroupRead, Protocol};
 use crate::time::Duration;
 use gaitway_profiles::Role;
@@ -91,6 +91,14 @@ pub struct LineReads {
     pub turns: Vec<Vec<Reading>>,
 }
 
+impl LineReads {
+    /// Nothing is read: the line tells by itself.
+    #[must_use]
+    pub fn none() -> Self {
+        Self { whole: Vec::new(), turns: vec![Vec::new()] }
+    }
+}
+
 /// What a line carries in a cycle, and how fast that can be.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LinePlan {
@@ -111,6 +119,21 @@ pub struct LinePlan {
 }
 
 impl LinePlan {
+    /// Of a line that is occupied for `cycle_s` by each cycle, and for `share` of the time besides.
+    #[must_use]
+    pub fn of(line: &str, method: String, cycle_s: f64, share: f64, period_s: f64) -> Self {
+        let cycle_time_s = cycle_s + share * period_s;
+        Self {
+            line: line.to_owned(),
+            method,
+            turns: 1,
+            cycle_time_s,
+            limit_hz: (1.0 - share) / cycle_s,
+            fits: cycle_time_s <= LINE_SHARE * period_s,
+            period_s,
+        }
+    }
+
     /// Share of the time the line is busy.
     #[must_use]
     pub fn load(&self) -> f64 {
@@ -155,20 +178,21 @@ pub fn plan(
         (0..robot.joints.len()).filter(|&joint| robot.joints[joint].line == line).collect();
     let member = |joint: usize, share: Share| {
         let of = &robot.joints[joint];
+        let servo = of.servo()?;
         let block = match share {
-            Share::Whole => &of.feedback,
-            Share::Position => &of.position,
+            Share::Whole => &servo.feedback,
+            Share::Position => &servo.position,
             Share::Nothing => return None,
         };
         let item = GroupItem { id: of.id, address: block.address(), length: block.length() };
-        let version = firmware.get(joint).copied();
-        Some(Member { joint, item, fast: is_fast(robot, of, version), bulk: of.bulk_read() })
+        let fast = is_fast(robot, of, servo, firmware.get(joint).copied());
+        let member = Member { joint, item, fast, bulk: servo.bulk_read() };
+        Some((servo.model.protocol(), member))
     };
     let arrange = |share: &dyn Fn(usize) -> Share| -> Vec<Reading> {
         let mut by_protocol: BTreeMap<Protocol, Vec<Member>> = BTreeMap::new();
         for (place, &joint) in on_line.iter().enumerate() {
-            if let Some(member) = member(joint, share(place)) {
-                let protocol = robot.joints[joint].model.protocol();
+            if let Some((protocol, member)) = member(joint, share(place)) {
                 by_protocol.entry(protocol).or_default().push(member);
             }
         }
@@ -236,8 +260,8 @@ fn words(turns: &[Vec<Reading>], kind: Split) -> String {
 
 /// Whether a joint's servo joins a merged answer. Servos with two axes in one case do not, whatever
 /// their firmware (ROBOTIS lists Fast Sync Read for the single-axis models only).
-fn is_fast(robot: &Robot, joint: &Joint, firmware: Option<u16>) -> bool {
-    let from = joint.model.profile().fast_sync_read_from_firmware;
+fn is_fast(robot: &Robot, joint: &Joint, servo: &ServoDrive, firmware: Option<u16>) -> bool {
+    let from = servo.model.profile().fast_sync_read_from_firmware;
     let new_enough = from.is_some_and(|from| firmware.is_some_and(|firmware| firmware >= from));
     let file = robot.file.joint(&joint.name);
     new_enough && file.is_some_and(|file| file.shares_case_with.is_none())
@@ -294,9 +318,9 @@ fn cheapest(bus: &Bus, protocol: Protocol, members: &[Member]) -> Vec<Reading> {
 fn write_time_s(robot: &Robot, on_line: &[usize], bus: &Bus) -> f64 {
     let mut groups: BTreeMap<(Protocol, u16, u8), usize> = BTreeMap::new();
     for &joint in on_line {
-        let model = robot.joints[joint].model;
-        if let Ok(goal) = model.register(Role::GoalPosition) {
-            *groups.entry((model.protocol(), goal.address, goal.bytes)).or_default() += 1;
+        let Some(servo) = robot.joints[joint].servo() else { continue };
+        if let Ok(goal) = servo.model.register(Role::GoalPosition) {
+            *groups.entry((servo.model.protocol(), goal.address, goal.bytes)).or_default() += 1;
         }
     }
     let time = |((protocol, _, bytes), count): ((Protocol, u16, u8), usize)| {
@@ -308,9 +332,9 @@ fn write_time_s(robot: &Robot, on_line: &[usize], bus: &Bus) -> f64 {
 /// Line time of the longest slow read of any joint, s: there must be room for one in a cycle.
 fn slow_time_s(robot: &Robot, on_line: &[usize], bus: &Bus) -> f64 {
     let of = |&joint: &usize| {
-        let Joint { model, health, .. } = &robot.joints[joint];
-        let reads = health.reads().into_iter();
-        let time = |(_, bytes)| bus.one_read_time_s(model.protocol(), usize::from(bytes));
+        let Some(servo) = robot.joints[joint].servo() else { return 0.0 };
+        let reads = servo.health.reads().into_iter();
+        let time = |(_, bytes)| bus.one_read_time_s(servo.model.protocol(), usize::from(bytes));
         reads.map(time).fold(0.0, f64::max)
     };
     on_line.iter().map(of).fold(0.0, f64::max)

@@ -299,6 +299,18 @@ impl Faults {
         Self(self.0 | others.0)
     }
 
+    /// All of them as bits.
+    #[must_use]
+    pub const fn bits(self) -> u16 {
+        self.0
+    }
+
+    /// Those whose [`Faults::bits`] are these.
+    #[must_use]
+    pub const fn from_bits(bits: u16) -> Self {
+        Self(bits)
+    }
+
     /// The faults whose bit is set in `bits`.
     fn of_bits(bits: u32, table: &[(u32, Self)]) -> Self {
         table

@@ -77,9 +77,9 @@ fn x27_servos_stop_by_themselves_when_their_host_is_killed() {
             let (to_rad, last_goal) = at(&scene, joint);
             assert_eq!(goal, last_goal, "{joint}: a goal after the kill");
             let of = &scene.link.robot().joints[index];
-            let register = of.model.register(gaitway_profiles::Role::GoalPosition).expect("one");
+            let register = of.register(gaitway_profiles::Role::GoalPosition).expect("one");
             // OP3's joints turn as their servos do.
-            let goal_rad = of.model.si_from_raw(register, goal);
+            let goal_rad = of.model().expect("a servo").si_from_raw(register, goal);
             let (low, high) = (from_rad.min(goal_rad) - 0.05, from_rad.max(goal_rad) + 0.05);
             assert!(to_rad >= low && to_rad <= high, "{joint}: {to_rad} not in {low}..{high}");
         }

@@ -11,7 +11,7 @@ use std::cell::Cell;
 fn position_byte(robot: &str, joint: &str) -> usize {
     let scene = Scene::of(robot, Options::default());
     let joint = scene.link.robot().joints.iter().find(|j| j.name == joint).expect("a joint");
-    match joint.model.profile().name.as_str() {
+    match joint.model().expect("a servo").profile().name.as_str() {
         // Current (2), velocity (4), then the position's four bytes, low first.
         "xm430-w350" => 7,
         // Position first: low byte, high byte.
@@ -229,10 +229,10 @@ fn b15_a_servo_that_is_not_what_the_file_says_is_refused_with_both_values() {
     for robot in ROBOTS {
         let scene = Scene::of(robot, Options::default());
         let joint = scene.link.robot().joints[3].clone();
-        let profile = joint.model.profile();
-        let named = |role| joint.model.register(role).map(|r| r.name.clone());
+        let profile = joint.model().expect("a servo").profile();
+        let named = |role| joint.register(role).map(|r| r.name.clone());
         use gaitway_profiles::Role::{MinPositionLimit, ModelNumber};
-        let model_register = named(ModelNumber).unwrap_or_else(|_| model(robot).into());
+        let model_register = named(ModelNumber).unwrap_or_else(|| model(robot).into());
         let limit_register = named(MinPositionLimit).expect("a limit");
         for (register, raw, expected) in
             [(model_register, 4_321, i64::from(profile.model_number)), (limit_register, 77, 0)]

@@ -4,11 +4,12 @@
 use gaitway::control::{self, Run, Sample, Settings, Sink};
 use gaitway::error::Error;
 use gaitway::motion::{Path, PlanOptions, Trajectory, plan};
-use gaitway::port::sim::{SharedWorld, VirtualClock, VirtualLine};
+use gaitway::port::sim::{SharedWorld, VirtualCanLine, VirtualClock, VirtualLine};
 use gaitway::port::{BytePort, Clock, PortError};
 use gaitway::robot::preflight::{Accept, Preflight, preflight};
-use gaitway::robot::{Link, Robot};
+use gaitway::robot::{LinePort, Link, Robot};
 use gaitway::time::{Duration, Instant};
+use gaitway_profiles::LineKind;
 use gaitway_sim::{Options, Verdict, World};
 use std::sync::Arc;
 
@@ -99,11 +100,15 @@ impl Scene {
         let world = SharedWorld::new(world);
         let clock: Arc<dyn Clock> = Arc::new(VirtualClock(world.clone()));
         let ports = robot.lines.iter().enumerate().map(|(line, facts)| {
-            let port = VirtualLine::new(world.clone(), line, facts.baud_bps);
+            let LineKind::Serial { baud_bps } = facts.kind else {
+                let port = VirtualCanLine::new(world.clone(), line);
+                return (LinePort::Frames(Box::new(port)), latency);
+            };
+            let port = VirtualLine::new(world.clone(), line, baud_bps);
             let at_ns = cut.filter(|&(number, _)| number == line).map_or(u64::MAX, |(_, at)| at);
             let cut_at = Instant::from_nanos(at_ns);
             let port = CutLine { line: port, clock: Arc::clone(&clock), cut_at };
-            (Box::new(port) as Box<dyn BytePort>, latency)
+            (LinePort::Bytes(Box::new(port)), latency)
         });
         let ports = ports.collect();
         let settings = Settings::at_rate(robot.file.rate_hz);
@@ -206,7 +211,7 @@ pub fn protocol1_robot() -> Robot {
     let mut file = gaitway_profiles::robot("op3").expect("a shipped robot");
     file.name = "protocol-1".into();
     file.rate_hz = 50.0;
-    file.lines[0].kind = gaitway_profiles::LineKind::Serial { baud_bps: 1_000_000 };
+    file.lines[0].kind = LineKind::Serial { baud_bps: 1_000_000 };
     for joint in &mut file.joints {
         let head = joint.name.starts_with("head");
         joint.servo = if head { "ax-12a" } else { "mx-28" }.into();
@@ -221,7 +226,7 @@ pub fn mixed_robot() -> Robot {
     let mut file = gaitway_profiles::robot("op3").expect("a shipped robot");
     file.name = "mixed".into();
     file.rate_hz = 50.0;
-    file.lines[0].kind = gaitway_profiles::LineKind::Serial { baud_bps: 1_000_000 };
+    file.lines[0].kind = LineKind::Serial { baud_bps: 1_000_000 };
     for joint in &mut file.joints {
         if joint.id <= 6 {
             joint.servo = "sts3215".into();

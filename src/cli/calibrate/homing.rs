@@ -34,8 +34,9 @@ const STILL_COUNTS: i64 = 12;
 /// A servo that does not answer.
 pub fn in_force(link: &mut Link, joint: usize) -> Result<Option<i64>, Error> {
     let of = &link.robot().joints[joint];
-    let Ok(register) = of.model.register(Role::HomingOffset) else { return Ok(None) };
-    let stated = of.setup.get(&register.name).copied().or(register.initial);
+    let Some(register) = of.register(Role::HomingOffset) else { return Ok(None) };
+    let stated = of.servo().and_then(|servo| servo.setup.get(&register.name).copied());
+    let stated = stated.or(register.initial);
     let limit = budget(link);
     let raw = link.read_register(joint, register, limit);
     let raw = raw.map_err(|e| exchange_error(link, Some(joint), &e))?;
@@ -50,16 +51,17 @@ pub fn plan(link: &mut Link, joint: usize, measured: &Measured) -> Result<Change
     let of = link.robot().joints[joint].clone();
     let place = || format!("joint {}, ID {}", of.name, of.id);
     let wrong = |e: crate::device::RegisterError| Error::new(e.to_string()).at(place());
-    let register = of.model.register(Role::HomingOffset).map_err(wrong)?;
-    let position = of.model.register(Role::PresentPosition).map_err(wrong)?;
+    let model = of.model()?;
+    let register = model.register(Role::HomingOffset).map_err(wrong)?;
+    let position = model.register(Role::PresentPosition).map_err(wrong)?;
     let file = link.robot().file.joint(&of.name).cloned();
     let (offset_rad, gear) = file.map_or((0.0, 1.0), |file| (file.offset_rad, file.gear));
     let wanted_rad = offset_rad / (f64::from(measured.direction) * gear);
-    let wanted = of.model.raw_from_si(position, wanted_rad).map_err(wrong)?;
+    let wanted = model.raw_from_si(position, wanted_rad).map_err(wrong)?;
     let limit = budget(link);
     let old = link.read_register(joint, register, limit);
     let old = old.map_err(|e| exchange_error(link, Some(joint), &e))?;
-    let dynamixel = matches!(of.model.protocol(), Protocol::Dynamixel1 | Protocol::Dynamixel2);
+    let dynamixel = matches!(model.protocol(), Protocol::Dynamixel1 | Protocol::Dynamixel2);
     let sign = if dynamixel { HomingSign::Added } else { HomingSign::Subtracted };
     let mut new = homing_offset(sign, measured.zero, old, wanted);
     let (mut lowest, mut highest) = register.range();
@@ -67,7 +69,7 @@ pub fn plan(link: &mut Link, joint: usize, measured: &Measured) -> Result<Change
         (lowest, highest) = (lowest.max(-DYNAMIXEL_EFFECTIVE), highest.min(DYNAMIXEL_EFFECTIVE));
     } else if !(lowest..=highest).contains(&new) {
         // A Feetech reads modulo one turn: a turn more or less is the same.
-        let turn = i64::from(of.model.profile().position.counts);
+        let turn = i64::from(model.profile().position.counts);
         new -= turn * new.signum();
     }
     if !(lowest..=highest).contains(&new) {
@@ -87,7 +89,8 @@ pub fn plan(link: &mut Link, joint: usize, measured: &Measured) -> Result<Change
 pub fn write(link: &mut Link, joint: usize, change: &Change) -> Result<(), Error> {
     let of = link.robot().joints[joint].clone();
     let before = reading(link, joint)?;
-    let lock = of.model.eeprom_lock();
+    let model = of.model()?;
+    let lock = model.eeprom_lock();
     let mut put = |register: &Register, raw: i64| -> Result<i64, Error> {
         let limit = budget(link);
         let written = link.write_raw(joint, register, raw, limit);
@@ -108,7 +111,7 @@ pub fn write(link: &mut Link, joint: usize, change: &Change) -> Result<(), Error
     }
     let kept = kept?;
     let after = reading(link, joint)?;
-    let turn = i64::from(of.model.profile().position.counts);
+    let turn = i64::from(model.profile().position.counts);
     let off = (after - before - change.shift + turn / 2).rem_euclid(turn) - turn / 2;
     if kept == change.new && off.abs() <= STILL_COUNTS {
         return Ok(());

@@ -3,6 +3,7 @@
 use super::answers::{Answer, Answers};
 use crate::bus::AskError;
 use crate::calibration::Unwrapped;
+use crate::device::Model;
 use crate::error::Error;
 use crate::robot::preflight::{budget, exchange_error};
 use crate::robot::{Joint, Link, LinkError};
@@ -40,6 +41,7 @@ struct Hand<'a> {
     link: &'a mut Link,
     joint: usize,
     of: Joint,
+    model: Model,
     answers: &'a mut Answers,
     at: Unwrapped,
 }
@@ -54,11 +56,11 @@ pub fn measure(
     answers: &mut Answers,
 ) -> Result<Answer<Measured>, Error> {
     let of = link.robot().joints[joint].clone();
-    let model = of.model;
+    let model = of.model()?;
     let gear = link.robot().file.joint(&of.name).map_or(1.0, |joint| joint.gear);
     let register = model.register(Role::PresentPosition).map_err(|e| Error::new(e.to_string()))?;
-    let at = Unwrapped::from(reading(link, joint)?, turn_counts(&of));
-    let mut hand = Hand { link, joint, of, answers, at };
+    let at = Unwrapped::from(reading(link, joint)?, turn_counts(model));
+    let mut hand = Hand { link, joint, of, model, answers, at };
     hand.zero()?.then(|zero| {
         let zero_servo_rad = model.si_from_raw(register, zero);
         eprintln!("  zero where the servo stands at {:.1} deg", zero_servo_rad.to_degrees());
@@ -92,7 +94,7 @@ impl Hand<'_> {
 
     /// The reading where the person says that zero is.
     fn zero(&mut self) -> Result<Answer<i64>, Error> {
-        let turn = turn_counts(&self.of);
+        let turn = turn_counts(self.model);
         let question = format!(
             "{} (ID {}): hold it at its zero, then Enter (s skips it, q stops)",
             self.of.name, self.of.id
@@ -110,7 +112,7 @@ impl Hand<'_> {
                 Answer::Skip => return Ok(Answer::Skip),
                 Answer::Stop => return Ok(Answer::Stop),
             }
-            let turned_rad = (self.at.now() - zero) as f64 * self.of.model.rad_per_count();
+            let turned_rad = (self.at.now() - zero) as f64 * self.model.rad_per_count();
             if turned_rad.abs() >= LEAST_RAD {
                 return Ok(Answer::Go(if turned_rad > 0.0 { 1 } else { -1 }));
             }
@@ -121,7 +123,7 @@ impl Hand<'_> {
     /// The joint angles that are reached, drawn in; none if it was hardly moved. `sign` is the
     /// joint's turn for one of its servo.
     fn range(&mut self, zero: i64, sign: f64) -> Result<Answer<Option<(f64, f64)>>, Error> {
-        let rad_per_count = self.of.model.rad_per_count();
+        let rad_per_count = self.model.rad_per_count();
         let angles = |(low, high): (i64, i64)| {
             let ends = [low, high].map(|at| sign * (at - zero) as f64 * rad_per_count);
             (ends[0].min(ends[1]), ends[0].max(ends[1]))
@@ -150,8 +152,8 @@ impl Hand<'_> {
 }
 
 /// Counts after which the encoder's reading begins anew.
-fn turn_counts(joint: &Joint) -> i64 {
-    let position = &joint.model.profile().position;
+fn turn_counts(model: Model) -> i64 {
+    let position = &model.profile().position;
     // A servo with less than a turn has nothing to begin anew; its scale still says a full one.
     i64::from(position.counts) * 360 / i64::from(position.degrees).max(1)
 }
@@ -180,7 +182,7 @@ impl Measured {
     pub fn refuse_crossing(&self, link: &Link, joint: usize, shift: i64) -> Result<(), Error> {
         let of = &link.robot().joints[joint];
         let (low, high) = (self.counts.0 + shift, self.counts.1 + shift);
-        let turn = turn_counts(of);
+        let turn = turn_counts(of.model()?);
         if low >= 0 && high < turn {
             return Ok(());
         }

@@ -28,7 +28,7 @@ pub struct EepromWrite {
 
 /// The return delay register of a joint.
 fn return_delay(link: &Link, joint: usize) -> Option<&'static Register> {
-    link.robot().joints[joint].model.register(Role::ReturnDelay).ok()
+    link.robot().joints[joint].register(Role::ReturnDelay)
 }
 
 /// Reads how long each servo waits before it answers; the longest on a line counts.
@@ -41,7 +41,8 @@ pub(super) fn check_return_delays(link: &mut Link, found: &mut Preflight) -> Res
         let read = link.read_register(joint, register, budget);
         let raw = read.map_err(|e| exchange_error(link, Some(joint), &e))?;
         let of = &link.robot().joints[joint];
-        if let Some(&stated) = of.setup.get(&register.name).filter(|&&stated| stated != raw) {
+        let Some(servo) = of.servo() else { continue };
+        if let Some(&stated) = servo.setup.get(&register.name).filter(|&&stated| stated != raw) {
             let name = &register.name;
             found.notes.push(format!(
                 "{}: {name} is {raw}, not {stated} as in the robot file; the line is timed by it",
@@ -50,7 +51,7 @@ pub(super) fn check_return_delays(link: &mut Link, found: &mut Preflight) -> Res
         }
         found.return_delay_raw[joint] = raw;
         let longest_s = &mut longest_s[of.line];
-        *longest_s = longest_s.max(of.model.si_from_raw(register, raw));
+        *longest_s = longest_s.max(servo.model.si_from_raw(register, raw));
     }
     for (line, longest_s) in longest_s.into_iter().enumerate() {
         link.set_return_delay(line, Duration::from_secs_f64(longest_s.clamp(0.0, 1.0)));
@@ -68,8 +69,7 @@ pub(super) fn check_line_speed(
     let mut plans = link.plan_reads(&found.firmware, period);
     let fit = plans.iter().all(|plan| plan.fits);
     if !fit || plans.iter().any(|plan| plan.turns > 1) {
-        let delays: Vec<Duration> =
-            link.buses().iter().map(|bus| bus.timing().return_delay).collect();
+        let delays = link.return_delays();
         let lowered = plans_without_delay(link, &found.firmware, period);
         let mends = lowered.iter().all(|plan| plan.fits)
             && plans.iter().zip(&lowered).any(|(now, then)| !now.fits || then.turns < now.turns);
@@ -104,7 +104,7 @@ fn slower(a: &LinePlan, b: &LinePlan) -> std::cmp::Ordering {
 
 /// The plans as they would be if no servo waited before it answers. Leaves the link as it was.
 fn plans_without_delay(link: &mut Link, firmware: &[u16], period: Duration) -> Vec<LinePlan> {
-    let now: Vec<Duration> = link.buses().iter().map(|bus| bus.timing().return_delay).collect();
+    let now = link.return_delays();
     (0..now.len()).for_each(|line| link.set_return_delay(line, Duration::ZERO));
     let plans = link.plan_reads(firmware, period);
     now.into_iter().enumerate().for_each(|(line, delay)| link.set_return_delay(line, delay));
@@ -121,7 +121,8 @@ fn plan_delay_writes(link: &Link, plans: &[LinePlan], found: &mut Preflight) {
         let of = &link.robot().joints[joint];
         let plan = &plans[of.line];
         // Feetech's register is said to do nothing, and its EEPROM is locked besides.
-        let dynamixel = matches!(of.model.protocol(), Protocol::Dynamixel1 | Protocol::Dynamixel2);
+        let protocol = of.servo().map(|servo| servo.model.protocol());
+        let dynamixel = matches!(protocol, Some(Protocol::Dynamixel1 | Protocol::Dynamixel2));
         if plan.fits && plan.turns == 1 || from <= to || !dynamixel {
             continue;
         }

@@ -46,7 +46,7 @@ fn read(link: &mut Link, joint: usize, register: &Register) -> Result<i64, Error
 
 /// The register of `joint` for `role`, if it has one.
 fn known(link: &Link, joint: usize, role: Role) -> Option<&'static Register> {
-    link.robot().joints[joint].model.register(role).ok()
+    link.robot().joints[joint].register(role)
 }
 
 /// What is written is believed only with the servo's yes.
@@ -87,7 +87,8 @@ fn check_second_id(link: &mut Link, joint: usize) -> Result<(), Error> {
 /// Arming limits each servo's speed by Profile Velocity, and writes a goal while torque is off.
 fn check_drive_mode(link: &mut Link, joint: usize) -> Result<(), Error> {
     let Some(register) = known(link, joint, Role::DriveMode) else { return Ok(()) };
-    if link.robot().joints[joint].model.protocol() != Protocol::Dynamixel2 {
+    let protocol = link.robot().joints[joint].servo().map(|servo| servo.model.protocol());
+    if protocol != Some(Protocol::Dynamixel2) {
         return Ok(());
     }
     let raw = read(link, joint, register)?;
