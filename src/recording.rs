@@ -44,6 +44,7 @@
 mod crc;
 mod message;
 mod reader;
+mod replay;
 mod sample;
 mod scan;
 mod sensor;
@@ -53,6 +54,7 @@ mod writer;
 pub use reader::{
     GoalSeries, Overview, Recording, Recovered, joint_series, read, recover, summary,
 };
+pub use replay::{ReplayedSample, read_orientations};
 pub use sample::{CycleRecord, JointRecord, RecordedJoint, RunEnd, RunStart};
 pub use sensor::{RecordedSource, SourceId, SourceKind, SourceRecord};
 pub use table::{Rows, write_csv};
