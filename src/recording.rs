@@ -26,6 +26,7 @@
 //! | `/imu/NAME/sample` | `gaitway.Imu` | what a sensor measured, its raw clock and counter, gaps |
 //! | `/imu/NAME/orientation` | `foxglove.FrameTransform` | the fused orientation |
 //! | `/lines/NAME` | `gaitway.Line` | lines of text as they were read |
+//! | `/marker` | `foxglove.Log` | what somebody marked while it was recorded |
 //!
 //! `foxglove.JointStates` (<https://docs.foxglove.dev/docs/sdk/schemas/joint-states>) was chosen
 //! over three parallel arrays because a value may be left out for one joint alone: Foxglove then
@@ -42,18 +43,22 @@
 //! told; `sequence` is its number, missing samples counted.
 
 mod crc;
+mod marker;
 mod message;
 mod reader;
 mod sample;
 mod scan;
 mod sensor;
+mod series;
 mod table;
 mod writer;
 
+pub use marker::Marker;
 pub use reader::{
     GoalSeries, Overview, Recording, Recovered, joint_series, read, recover, summary,
 };
 pub use sample::{CycleRecord, JointRecord, RecordedJoint, RunEnd, RunStart};
 pub use sensor::{RecordedSource, SourceId, SourceKind, SourceRecord};
+pub use series::{SensorMoment, SensorSeries, run_start, sensor_series};
 pub use table::{Rows, write_csv};
 pub use writer::{Disk, Pace, Recorder, Summary};

@@ -442,7 +442,7 @@ pub fn joint_series(recording: &Recording) -> GoalSeries {
     series
 }
 
-fn open(path: &Path) -> Result<File, Error> {
+pub(super) fn open(path: &Path) -> Result<File, Error> {
     let unreadable = |cause: String| {
         Error::new("the recording cannot be opened").at(path.display().to_string()).got(cause)
     };
@@ -454,7 +454,7 @@ fn open(path: &Path) -> Result<File, Error> {
     File::open(path).map_err(|cause| unreadable(cause.to_string()))
 }
 
-fn parse<'a, T: Deserialize<'a>>(body: &'a [u8]) -> Option<T> {
+pub(super) fn parse<'a, T: Deserialize<'a>>(body: &'a [u8]) -> Option<T> {
     if body.len() > MESSAGE_BYTES {
         return None;
     }

@@ -486,7 +486,7 @@ impl<D: Disk> Log<D> {
             (self.start.wall_nanos(read), self.start.wall_nanos(true_at));
         let sequence = match record {
             SourceRecord::Sample(captured) => captured.stamp.number as u32,
-            SourceRecord::Line(..) => 0, // no number, by the format
+            SourceRecord::Line(..) | SourceRecord::Mark(_) => 0, // no number, by the format
         };
         self.attempt(sensor::message_count(record), |log| {
             let (name, channels) =
