@@ -42,7 +42,9 @@
 //! told; `sequence` is its number, missing samples counted.
 
 mod crc;
+mod log;
 mod message;
+mod overview;
 mod reader;
 mod sample;
 mod scan;
@@ -50,9 +52,8 @@ mod sensor;
 mod table;
 mod writer;
 
-pub use reader::{
-    GoalSeries, Overview, Recording, Recovered, joint_series, read, recover, summary,
-};
+pub use overview::{Overview, SourceOverview, summary};
+pub use reader::{GoalSeries, Recording, Recovered, joint_series, read, recover};
 pub use sample::{CycleRecord, JointRecord, RecordedJoint, RunEnd, RunStart};
 pub use sensor::{RecordedSource, SourceId, SourceKind, SourceRecord};
 pub use table::{Rows, write_csv};
