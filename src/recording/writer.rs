@@ -153,8 +153,20 @@ impl Recorder {
     /// As [`Recorder::create`].
     pub fn create_for_sources(path: &Path, force: bool, start: RunStart) -> Result<Self, Error> {
         let file = create_file(path, force)?;
-        Self::with_queue(file, start, Pace::default(), QUEUE_SAMPLES)
+        Self::create_for_sources_on(file, start, Pace::default())
             .map_err(|error| error.at(shown(path)))
+    }
+
+    /// As [`Recorder::create_on`], with a queue long enough for many sensors.
+    ///
+    /// # Errors
+    /// As [`Recorder::create_on`].
+    pub fn create_for_sources_on(
+        disk: impl Disk,
+        start: RunStart,
+        pace: Pace,
+    ) -> Result<Self, Error> {
+        Self::with_queue(disk, start, pace, QUEUE_SAMPLES)
     }
 
     fn with_queue(
