@@ -296,11 +296,13 @@ fn text(report: &Report) -> String {
         }
         out.push('\n');
     }
-    if report.dropped > 0 {
-        let _ = writeln!(out, "  the disk could not keep up: {} messages lost", report.dropped);
+    let refused: u64 = report.dropped_by_topic.values().sum();
+    if refused > 0 {
+        let _ = writeln!(out, "  the disk could not keep up: {refused} messages lost");
     }
     if let Some(poisoned) = &report.poisoned {
-        let _ = writeln!(out, "  the recording ended early: {poisoned}");
+        let lost = report.dropped - refused;
+        let _ = writeln!(out, "  the recording ended early: {poisoned}; {lost} messages lost");
     }
     out
 }

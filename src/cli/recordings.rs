@@ -30,10 +30,16 @@ pub fn info(args: &InfoArgs) -> Result<i32, Error> {
 
 fn description(overview: &Overview) -> String {
     let mut text = String::new();
-    let said = |word: &Option<String>| word.clone().unwrap_or_else(|| "not said".to_owned());
-    let _ = writeln!(text, "robot     {}", said(&overview.robot));
-    let _ = writeln!(text, "motion    {}", said(&overview.motion));
-    let _ = writeln!(text, "outcome   {}", said(&overview.outcome));
+    let words = [
+        ("robot  ", &overview.robot),
+        ("motion ", &overview.motion),
+        ("outcome", &overview.outcome),
+    ];
+    for (title, word) in words {
+        // A recording of sensors has no robot, and says so by an empty name.
+        let word = word.as_deref().filter(|word| !word.is_empty()).unwrap_or("not said");
+        let _ = writeln!(text, "{title}   {word}");
+    }
     let _ = writeln!(text, "duration  {:.2} s", overview.duration_s);
     for (channel, messages) in &overview.channels {
         let _ = writeln!(text, "channel   {channel}: {messages} messages");
