@@ -43,8 +43,10 @@
 //! told; `sequence` is its number, missing samples counted.
 
 mod crc;
+mod log;
 mod marker;
 mod message;
+mod overview;
 mod reader;
 mod sample;
 mod scan;
@@ -54,9 +56,8 @@ mod table;
 mod writer;
 
 pub use marker::Marker;
-pub use reader::{
-    GoalSeries, Overview, Recording, Recovered, joint_series, read, recover, summary,
-};
+pub use overview::{Overview, SourceOverview, summary};
+pub use reader::{GoalSeries, Recording, Recovered, joint_series, read, recover};
 pub use sample::{CycleRecord, JointRecord, RecordedJoint, RunEnd, RunStart};
 pub use sensor::{RecordedSource, SourceId, SourceKind, SourceRecord};
 pub use series::{SensorMoment, SensorSeries, run_start, sensor_series};

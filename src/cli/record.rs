@@ -106,7 +106,11 @@ struct Report {
     duration_s: f64,
     sources: Vec<SourceReport>,
     messages: u64,
+    /// Messages that are not stored: refused by the full queue, or lost by a disk that failed.
     dropped: u64,
+    /// Those refused by the full queue, by topic.
+    dropped_by_topic: BTreeMap<String, u64>,
+    /// Why writing ended early, if it did.
     poisoned: Option<String>,
 }
 
@@ -201,17 +205,27 @@ pub fn run(args: &RecordArgs, remarks: Remarks) -> Result<i32, Error> {
             let session = &session;
             scope.spawn(move || joints.record(session));
         }
-        wait(args, &signals, began);
+        wait(args, &signals, &recorder, remarks, began);
         stop.store(true, Ordering::Release);
     });
     let sources = session.reports.into_inner().unwrap_or_default();
     finish(args, recorder, sources, began)
 }
 
-fn wait(args: &RecordArgs, signals: &Signals, began: Instant) {
+fn wait(
+    args: &RecordArgs,
+    signals: &Signals,
+    recorder: &Recorder,
+    remarks: Remarks,
+    began: Instant,
+) {
     let until = args.time.map(|time| began + time);
     loop {
         let now = MonotonicClock.now();
+        if let Some(cause) = recorder.failure() {
+            // Nothing more can be stored, so whoever performs is told at once and not at the end.
+            return remarks.say(&format!("the recording ends here, the disk fails: {cause}"));
+        }
         if signals.first().is_some() || until.is_some_and(|until| now >= until) {
             return;
         }
@@ -227,7 +241,9 @@ fn finish(
     began: Instant,
 ) -> Result<i32, Error> {
     let ended = MonotonicClock.now();
+    let dropped_by_topic = recorder.dropped();
     let lossless = sources.iter().all(SourceReport::lossless) && !sources.is_empty();
+    let lossless = lossless && dropped_by_topic.is_empty();
     let outcome = if lossless { Outcome::Done } else { Outcome::DoneWithLoss };
     let metadata = sources.iter().filter_map(|source| {
         Some((format!("source {}", source.name), serde_json::to_string(source).ok()?))
@@ -247,6 +263,7 @@ fn finish(
         sources,
         messages: summary.messages,
         dropped: summary.dropped.values().sum::<u64>() + summary.lost,
+        dropped_by_topic,
         poisoned: summary.poisoned,
     };
     args.output.report(&report, &text(&report))?;
@@ -279,11 +296,13 @@ fn text(report: &Report) -> String {
         }
         out.push('\n');
     }
-    if report.dropped > 0 {
-        let _ = writeln!(out, "  the disk could not keep up: {} messages lost", report.dropped);
+    let refused: u64 = report.dropped_by_topic.values().sum();
+    if refused > 0 {
+        let _ = writeln!(out, "  the disk could not keep up: {refused} messages lost");
     }
     if let Some(poisoned) = &report.poisoned {
-        let _ = writeln!(out, "  the recording ended early: {poisoned}");
+        let lost = report.dropped - refused;
+        let _ = writeln!(out, "  the recording ended early: {poisoned}; {lost} messages lost");
     }
     out
 }

@@ -251,12 +251,12 @@ fn transform<'a>(name: &'a str, captured: &Captured, timestamp: Stamp) -> Option
     })
 }
 
-/// How many messages a record becomes.
-pub(super) fn message_count(record: &SourceRecord) -> u64 {
+/// How many messages a record becomes: one on each of its source's first channels.
+pub(super) fn message_count(record: &SourceRecord) -> usize {
     match record {
         SourceRecord::Line(..) | SourceRecord::Mark(_) => 1,
         SourceRecord::Sample(captured) => {
-            1 + u64::from(captured.fused.is_some() || captured.sample.orientation.is_some())
+            1 + usize::from(captured.fused.is_some() || captured.sample.orientation.is_some())
         }
     }
 }
