@@ -102,3 +102,16 @@ pub struct SegmentPose {
     /// Orientation of each segment's anatomical frame in the world, by [`Segment::index`].
     pub orientation: [DQuat; 13],
 }
+
+impl SegmentPose {
+    /// The pose on the way to another: `share` 0 is this one, 1 the other.
+    #[must_use]
+    pub fn towards(&self, other: &Self, share: f64) -> Self {
+        Self {
+            root_m: self.root_m.lerp(other.root_m, share),
+            orientation: std::array::from_fn(|at| {
+                self.orientation[at].slerp(other.orientation[at], share)
+            }),
+        }
+    }
+}

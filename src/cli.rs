@@ -29,6 +29,7 @@ pub mod signals;
 pub mod simulate;
 pub mod source;
 pub mod synth;
+pub mod wear;
 
 pub use output::{Output, Remarks, print};
 pub use report::Outcome;

@@ -1,6 +1,6 @@
 //! `gaitway record` on virtual sensors behind pseudo-terminals and UDP. Time is real here.
 
-use gaitway_sim::imu::{BodyMotion, ImuDoor, ImuErrors, ImuWire, Mount, VirtualImu};
+use gaitway_sim::imu::{BodyMotion, ImuDoor, ImuErrors, ImuWire, Mount, Stage, VirtualImu};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
@@ -145,7 +145,8 @@ fn a_slimevr_tracker_finds_the_recorder_and_is_recorded() {
     let free = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).and_then(|s| s.local_addr());
     let port = free.expect("a port").port();
     let imu = sensor(ImuWire::SlimeVr, 100.0, 60.0, ImuErrors::default());
-    let tracker = ImuDoor::open_slimevr(imu, SocketAddr::from((Ipv4Addr::LOCALHOST, port)))
+    let server = SocketAddr::from((Ipv4Addr::LOCALHOST, port));
+    let tracker = ImuDoor::open_slimevr(&Stage::default(), imu, server, [2, 0, 0, 0, 0, 1])
         .expect("a tracker");
     let source = format!("imu:slimevr@udp:127.0.0.1:{port}");
     let output = record(&folder, &[source, "--for".to_owned(), "3s".to_owned()]);

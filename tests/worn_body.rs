@@ -2,7 +2,7 @@
 
 use gaitway::action::vocabulary;
 use gaitway::body::worn::{
-    Calibration, HeadingBy, Moved, Movement, Wearing, WornSensor, calibrate::calibrate,
+    Calibration, HeadingBy, Moved, Movement, Wearing, WornSensor, calibrate::calibrate, check,
 };
 use gaitway::body::{Dof, JointAngles, Segment, SegmentPose};
 use glam::{DQuat, DVec3};
@@ -356,4 +356,109 @@ fn a_calibration_that_cannot_be_trusted_is_refused_and_says_why() {
     let twice = [person.sensors(true)[0]; 2];
     let series = vec![n_pose[0].clone(); 2];
     assert!(calibrate(&twice, &series, None, &[]).is_err());
+}
+
+/// Straps stay, but the sensors were switched off: their worlds begin elsewhere.
+#[test]
+fn a_calibration_that_was_kept_finds_its_headings_anew_in_n_pose() {
+    let mut person = Person::new(&Segment::ALL, NONE, 17);
+    let kept = person.calibrated(Method::Movements);
+    for heading in &mut person.heading {
+        *heading += 1.9;
+    }
+    let n_pose = person.stand(&JointAngles::default());
+    let found = kept.reheaded(&n_pose).expect("as it was");
+    let mut wearing = Wearing::new(&found);
+    let off = errors(&mut person, &mut wearing, &performed("walk"), 5.0);
+    assert!(overall_deg(&off) < 0.2, "{off:?}");
+    // A strap that slipped by 30 deg.
+    person.strapped[4] = DQuat::from_rotation_x(0.52) * person.strapped[4];
+    let error = kept.reheaded(&person.stand(&JointAngles::default())).unwrap_err().to_string();
+    assert!(error.contains("left forearm") && error.contains("slipped"), "{error}");
+}
+
+#[test]
+fn t_pose_says_which_segment_is_not_where_it_belongs() {
+    let mut person = Person::new(&Segment::ALL, NONE, 19);
+    let calibration = person.calibrated(Method::NPose);
+    let off = check::off_t_pose(&calibration, &person.stand(&t_pose())).expect("stands");
+    assert!(off.iter().all(|(_, rad)| *rad < 0.01), "{off:?}");
+    let mut lazy = t_pose();
+    lazy[Dof::LeftShoulderAbduction] -= 0.4;
+    let off = check::off_t_pose(&calibration, &person.stand(&lazy)).expect("stands");
+    for (segment, rad) in off {
+        let arm = [Segment::LeftUpperArm, Segment::LeftForearm].contains(&segment);
+        assert!((rad - if arm { 0.4 } else { 0.0 }).abs() < 0.01, "{segment:?} {rad}");
+    }
+}
+
+#[test]
+fn who_moves_in_a_pose_is_named_and_who_stands_is_not() {
+    let mut person = Person::new(&Segment::ALL, REAL, 23);
+    let mut said = person.stand(&JointAngles::default());
+    assert_eq!(check::restless(&said), None);
+    for (n, q) in said[7].iter_mut().enumerate() {
+        *q = DQuat::from_rotation_y(0.2 * (n as f64 / 20.0).sin()) * *q;
+    }
+    let (at, rad) = check::restless(&said).expect("seen");
+    assert!(at == 7 && (rad - 0.2 / 2.0_f64.sqrt()).abs() < 0.03, "{at} {rad}");
+    said[3].clear();
+    assert_eq!(check::restless(&said), Some((3, f64::INFINITY)));
+}
+
+/// Two sensors change places; what the rest says tells.
+#[test]
+fn sensors_that_were_swapped_are_doubted_and_others_are_not() {
+    // Marching: one side after the other.
+    let march: Vec<SegmentPose> = (0..600)
+        .map(|n| {
+            let phase = f64::from(n % 120) / 120.0;
+            let lift = |begin: f64| {
+                let along = ((phase - begin) / 0.5).clamp(0.0, 1.0);
+                (1.0 - (2.0 * PI * along).cos()) / 2.0
+            };
+            let (left, right) = (lift(0.0), lift(0.5));
+            let mut angles = JointAngles::default();
+            angles[Dof::LeftHipFlexion] = 0.6 * left;
+            angles[Dof::LeftKneeFlexion] = 1.2 * left;
+            angles[Dof::RightHipFlexion] = 0.6 * right;
+            angles[Dof::RightKneeFlexion] = 1.2 * right;
+            angles.to_pose(DVec3::ZERO, DQuat::IDENTITY)
+        })
+        .collect();
+    for seed in 1..=5 {
+        let mut person = Person::new(&Segment::ALL, REAL, seed);
+        let poses = march.clone();
+        let moves = [Moved { movement: Movement::Bend, orientation: person.series(&poses) }];
+        let (n_pose, t) = (person.stand(&JointAngles::default()), person.stand(&t_pose()));
+        let worn = person.sensors(true);
+        let doubts = check::doubts(&worn, &n_pose, Some(&t), &moves);
+        assert!(doubts.is_empty(), "{doubts:?}");
+        for (left, right, limb) in [
+            (Segment::LeftForearm, Segment::RightForearm, "forearm"),
+            (Segment::LeftShank, Segment::RightShank, "shank"),
+        ] {
+            let mut swapped = worn.clone();
+            swapped[left.index()].segment = right;
+            swapped[right.index()].segment = left;
+            let doubts = check::doubts(&swapped, &n_pose, Some(&t), &moves);
+            assert!(doubts.iter().any(|doubt| doubt.contains(limb)), "{limb}: {doubts:?}");
+        }
+    }
+}
+
+#[test]
+fn a_sensor_that_began_anew_is_taken_up_where_its_segment_faced() {
+    let mut person = Person::new(&Segment::ALL, NONE, 29);
+    let mut wearing = Wearing::new(&person.calibrated(Method::NPose));
+    let mut angles = JointAngles::default();
+    angles[Dof::LeftHipFlexion] = 0.5;
+    let pose = angles.to_pose(DVec3::ZERO, DQuat::IDENTITY);
+    let before = wearing.pose(&person.say(&pose, 0.0), 0.01);
+    person.heading[Segment::LeftThigh.index()] += 2.0;
+    wearing.heading_lost(Segment::LeftThigh);
+    let after = wearing.pose(&person.say(&pose, 0.0), 0.01);
+    for (a, b) in before.pose.orientation.iter().zip(&after.pose.orientation) {
+        assert!(a.angle_between(*b) < 1e-3, "{}", a.angle_between(*b));
+    }
 }

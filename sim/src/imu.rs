@@ -11,11 +11,13 @@
 mod door;
 mod encode;
 mod motion;
+mod stage;
 mod turn;
 
 pub use door::ImuDoor;
 pub use encode::{ImuWire, Measured};
 pub use motion::{BodyMotion, Kinematics};
+pub use stage::Stage;
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -87,6 +89,8 @@ pub struct ImuErrors {
     pub earth_field_t: [f64; 3],
     /// Fields beside it.
     pub disturbances: Vec<Disturbance>,
+    /// How fast the heading runs away of an orientation that the sensor computes itself, rad/s.
+    pub heading_drift_rad_s: f64,
     /// Probability that a sample is lost on its way.
     pub loss: f64,
     /// How much slower the sensor's clock runs than the host's; it samples by its own.
@@ -113,6 +117,7 @@ impl Default for ImuErrors {
             misalignment_rad: [0.0; 3],
             earth_field_t: [0.0, 20e-6, -44e-6],
             disturbances: Vec::new(),
+            heading_drift_rad_s: 0.0,
             loss: 0.0,
             clock_skew: 0.0,
             batch_s: 0.0,
@@ -148,6 +153,7 @@ pub struct VirtualImu {
     rate_hz: f64,
     number: u64,
     last_due_s: f64,
+    stays: bool,
     random: ChaCha8Rng,
 }
 
@@ -168,7 +174,16 @@ impl VirtualImu {
             return Err(ImuError::Number("the rate"));
         }
         let random = ChaCha8Rng::seed_from_u64(errors.seed);
-        Ok(Self { motion, mount, errors, wire, rate_hz, number: 0, last_due_s: 0.0, random })
+        let (number, last_due_s, stays) = (0, 0.0, false);
+        Ok(Self { motion, mount, errors, wire, rate_hz, number, last_due_s, stays, random })
+    }
+
+    /// The same, and when the motion is over it goes on to measure the last pose without end. The
+    /// motion must end at rest.
+    #[must_use]
+    pub const fn then_still(mut self) -> Self {
+        self.stays = true;
+        self
     }
 
     /// What it speaks.
@@ -210,7 +225,10 @@ impl VirtualImu {
                 turn::back(truth.orientation, [0.0, 0.0, -GRAVITY_M_S2]),
             ),
             field_t: self.noisy(field, errors.field_noise_t),
-            orientation: truth.orientation,
+            orientation: turn::times(
+                turn::of_vector([0.0, 0.0, errors.heading_drift_rad_s * taken_s]),
+                truth.orientation,
+            ),
             number: self.number,
             device_s: self.number as f64 / self.rate_hz,
         }
@@ -220,11 +238,11 @@ impl VirtualImu {
 impl Iterator for VirtualImu {
     type Item = Sent;
 
-    /// The next sample, until the motion is over.
+    /// The next sample, until the motion is over, or without end ([`VirtualImu::then_still`]).
     fn next(&mut self) -> Option<Sent> {
         let number = self.number;
         let taken_s = number as f64 / self.rate_hz * (1.0 + self.errors.clock_skew);
-        if taken_s > self.motion.duration_s() {
+        if taken_s > self.motion.duration_s() && !self.stays {
             return None;
         }
         let truth = self.motion.at(taken_s, &self.mount);

@@ -13,7 +13,9 @@
 //! at rest on the segment that carries them, and are said not to be worn.
 
 pub mod calibrate;
+pub mod check;
 mod constraint;
+pub mod kept;
 
 use crate::body::{JointAngles, Measured, Segment, SegmentPose};
 use constraint::{Freedom, heading_error_rad};
@@ -49,6 +51,8 @@ pub struct Wearing {
     headings: [Heading; 13],
     /// Last orientation said by each segment's sensor.
     said: [Option<DQuat>; 13],
+    /// Sensors that began anew: their own headings mean nothing until they are taken up again.
+    lost: [bool; 13],
     before: Option<JointAngles>,
     worn_for_s: f64,
 }
@@ -102,6 +106,7 @@ impl Wearing {
             mounts,
             headings: [Heading::default(); 13],
             said: [None; 13],
+            lost: [false; 13],
             before: None,
             worn_for_s: 0.0,
         }
@@ -120,8 +125,16 @@ impl Wearing {
         let mut fresh = [false; 13];
         for (at, quaternion) in said.iter().enumerate() {
             let sound = quaternion.filter(|q| q.is_finite() && q.length_squared() > 0.25);
-            if let (Some(quaternion), Some(_)) = (sound, &self.mounts[at]) {
-                self.said[at] = Some(quaternion.normalize());
+            if let (Some(quaternion), Some(mount)) = (sound, &self.mounts[at]) {
+                let quaternion = quaternion.normalize();
+                if std::mem::take(&mut self.lost[at])
+                    && let Some(before) = self.orientation(mount.segment)
+                {
+                    let heading_rad = self.heading_rad(mount);
+                    let again = Mount { heading_rad, ..*mount }.segment_in_world(quaternion);
+                    self.headings[at].reset_rad += about_z_rad(before * again.inverse());
+                }
+                self.said[at] = Some(quaternion);
                 fresh[at] = true;
             }
         }
@@ -146,13 +159,17 @@ impl Wearing {
     pub fn reset_heading(&mut self) {
         for segment in Segment::ALL {
             if let Some(turned) = self.orientation(segment) {
-                // The turn about Z nearest to how the segment is turned, and not an Euler angle,
-                // which would be another one for a segment that leans.
-                let off_rad = 2.0 * turned.z.atan2(turned.w);
-                self.headings[segment.index()].owed_rad = -crate::units::wrap_rad(off_rad);
+                self.headings[segment.index()].owed_rad = -about_z_rad(turned);
             }
         }
         self.before = None;
+    }
+
+    /// The sensor of a segment began anew, and its own heading elsewhere: when it speaks again, the
+    /// segment is taken to face as it did last. As good as the body stood still meanwhile; a heading
+    /// reset mends the rest.
+    pub fn heading_lost(&mut self, segment: Segment) {
+        self.lost[segment.index()] = self.mounts[segment.index()].is_some();
     }
 
     /// What happened to headings, sensor by sensor.
@@ -202,9 +219,14 @@ impl Wearing {
     fn orientation(&self, segment: Segment) -> Option<DQuat> {
         let at = segment.index();
         let (mount, said) = (self.mounts[at]?, self.said[at]?);
-        let heading = self.headings[at];
-        let heading_rad = mount.heading_rad + heading.corrected_rad + heading.reset_rad;
-        Some((DQuat::from_rotation_z(heading_rad) * said * mount.sensor_from_segment).normalize())
+        let heading_rad = self.heading_rad(&mount);
+        Some(Mount { heading_rad, ..mount }.segment_in_world(said))
+    }
+
+    /// Heading of a sensor's world in ours by now, rad.
+    fn heading_rad(&self, mount: &Mount) -> f64 {
+        let heading = self.headings[mount.segment.index()];
+        mount.heading_rad + heading.corrected_rad + heading.reset_rad
     }
 
     /// All segments: worn ones as they say, the others at rest on what carries them. A pelvis that
@@ -222,4 +244,10 @@ impl Wearing {
         }
         SegmentPose { root_m: DVec3::ZERO, orientation }
     }
+}
+
+/// The turn about Z nearest to a rotation, rad: not an Euler angle, which would be another one for a
+/// segment that leans.
+fn about_z_rad(turn: DQuat) -> f64 {
+    crate::units::wrap_rad(2.0 * turn.z.atan2(turn.w))
 }

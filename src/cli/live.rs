@@ -4,56 +4,99 @@ use super::address::Address;
 use super::calibrated::CalibrationArg;
 use super::connect::{Connection, connect};
 use super::play::{self, RunRecorder};
+use super::record::source::duration;
 use super::report::{JointReport, Outcome, PlayReport, RefereeReport};
 use super::signals::Signals;
 use super::source::{self, robot_model};
+use super::wear::Operator;
 use super::{Output, Remarks};
+use crate::body::worn::Movement;
 use crate::control::{self, Input, Mirror, Settings, StopReason};
 use crate::error::Error;
 use crate::mocap::retarget::{self, Online};
 use crate::motion::Trend;
 use crate::robot::preflight::{Accept, Preflight, preflight};
-use crate::time::Instant;
-use clap::Args;
+use crate::time::{Duration, Instant};
+use clap::{Args, ValueEnum};
 use std::path::PathBuf;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 mod performer;
 mod report;
+mod table;
+mod worn;
 
 use performer::Performer;
-pub use report::{LiveJoint, LiveReport};
+pub use report::{BodyReport, LiveJoint, LiveReport, MountReport};
 
 /// Arguments of `live`.
 #[derive(Clone, Debug, Args)]
-#[command(after_help = "Example:\n  \
-    gaitway live --from file:walk --robot op3 --bus sim --for 10\n\n\
-    The robot first goes to the first pose at 30 % of its speed; then it follows. Ctrl-C, or q and \
-    Enter, brings it to rest; it holds there.")]
+#[command(after_help = "\
+SOURCE is one of:
+  SEGMENT=imu:PROFILE@serial:/dev/ttyUSB0   a sensor on a segment of the body; as many as are worn
+  imu:slimevr@udp:6969                      SlimeVR trackers; --wear says which is where
+  replay:FILE.mcap                          sensors that were recorded, as if they spoke now
+  file:MOTION                               a capture (.bvh) or actions, as if somebody did them now
+SEGMENT: pelvis, torso, head, left_upper_arm, left_forearm, left_thigh, left_shank, left_foot, and
+right_ ones. What is not worn is at rest, and its joints of the robot stay where they are.
+
+Sensors are calibrated first, in words at the terminal: N pose, T pose, and the movements of --moves.
+The robot then goes to the body's pose at 30 % of its speed, and follows. Ctrl-C, or q and Enter,
+brings it to rest; it holds there. r and Enter, in N pose, mends headings that drifted.
+
+Examples:
+  gaitway live --from file:walk --robot op3 --bus sim --for 10
+  gaitway live --from right_upper_arm=imu:bno08x-rvc@/dev/ttyUSB0 \\
+    right_forearm=imu:bno08x-rvc@/dev/ttyUSB1 --robot op3 --bus serial:/dev/ttyUSB2
+  gaitway live --wear /tmp/body/wear.toml --dry-run     # joint angles, no robot")]
 pub struct LiveArgs {
-    /// Whom to follow: file:MOTION, a capture (.bvh) or action performed as if somebody did it now
-    #[arg(long, value_name = "SOURCE")]
-    from: String,
+    /// Whom to follow
+    #[arg(long, value_name = "SOURCE", num_args = 1.., required_unless_present = "wear")]
+    from: Vec<String>,
+    /// Which segment wears which sensor: SEGMENT=SENSOR, or a file of those
+    #[arg(long, value_name = "FILE.toml", num_args = 1..)]
+    wear: Vec<String>,
     /// Robot by name, or path of its file (see `gaitway profile list`)
-    #[arg(long)]
-    robot: String,
+    #[arg(long, required_unless_present = "dry_run")]
+    robot: Option<String>,
     /// Where the robot is, as for `play`
-    #[arg(long, value_name = "BUS", required = true)]
+    #[arg(long, value_name = "BUS", required_unless_present = "dry_run")]
     bus: Vec<Address>,
     /// Cycles per second [default: the robot file's]
     #[arg(long, value_name = "HZ", value_parser = play::rate, allow_negative_numbers = true)]
     rate: Option<f64>,
-    /// Follow for this time, then come to rest, s
-    #[arg(long = "for", value_name = "S", value_parser = seconds, allow_negative_numbers = true)]
-    duration_s: Option<f64>,
-    /// Record goals and measured states to this file
+    /// Follow for this time, then come to rest
+    #[arg(long = "for", value_name = "TIME", value_parser = follow_time, allow_negative_numbers = true)]
+    time: Option<Duration>,
+    /// Calibration of the body: taken up if the file is there (N pose finds the headings), else
+    /// made and kept there
+    #[arg(long, value_name = "FILE.toml")]
+    calibration_body: Option<PathBuf>,
+    /// Make the calibration of the body anew, and replace the file
+    #[arg(long, requires = "calibration_body")]
+    recalibrate: bool,
+    /// Who wears the sensors; kept with the calibration of the body
+    #[arg(long, value_name = "NAME", default_value = "")]
+    subject: String,
+    /// Begin N pose after this time, instead of with Enter [without a terminal: 3s]
+    #[arg(long, value_name = "TIME", value_parser = duration)]
+    n_pose_after: Option<Duration>,
+    /// Do not ask for T pose
+    #[arg(long)]
+    no_t_pose: bool,
+    /// Movements that tell headings better than straps do
+    #[arg(long, value_name = "MOVES", value_delimiter = ',')]
+    moves: Vec<MoveArg>,
+    /// Tell headings from the magnetic field where there is one (indoors rather not)
+    #[arg(long)]
+    magnetometer: bool,
+    /// Record goals, measured states and the samples of all sensors to this file
     #[arg(long, value_name = "FILE.mcap")]
     record: Option<PathBuf>,
     /// Move servos whose firmware the profile was not checked against
     #[arg(long)]
     accept_firmware: bool,
-    /// Check everything, write nothing
+    /// Write nothing to the robot. With sensors: show the joint angles of the body, with or
+    /// without a robot
     #[arg(long)]
     dry_run: bool,
     /// Seed of the virtual robot
@@ -65,11 +108,52 @@ pub struct LiveArgs {
     output: Output,
 }
 
-/// Reads `--for`: `10` or `10s`.
-fn seconds(text: &str) -> Result<f64, String> {
-    let number = text.strip_suffix('s').unwrap_or(text);
-    let seconds: f64 = number.parse().map_err(|_| "not a number of seconds".to_owned())?;
-    if (0.1..=86_400.0).contains(&seconds) { Ok(seconds) } else { Err("0.1 to 86400 s".to_owned()) }
+/// Movements as they are typed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum MoveArg {
+    /// Bow: pelvis, torso, head
+    Bow,
+    /// Sit down and stand up: thighs
+    Sit,
+    /// March, elbows bending: forearms, shanks, feet
+    March,
+    /// Raise both arms: upper arms
+    Raise,
+}
+
+impl From<MoveArg> for Movement {
+    fn from(typed: MoveArg) -> Self {
+        match typed {
+            MoveArg::Bow => Self::Bow,
+            MoveArg::Sit => Self::SitToStand,
+            MoveArg::March => Self::Bend,
+            MoveArg::Raise => Self::RaiseArms,
+        }
+    }
+}
+
+/// Reads `--for`: from a tenth of a second to a day.
+fn follow_time(text: &str) -> Result<Duration, String> {
+    let time = duration(text)?;
+    let allowed = Duration::from_millis(100)..=Duration::from_secs(86_400);
+    if allowed.contains(&time) { Ok(time) } else { Err("0.1 to 86400 s".to_owned()) }
+}
+
+impl LiveArgs {
+    /// Whom to follow, as it was typed.
+    fn motion(&self) -> String {
+        let typed = self.from.iter().chain(&self.wear).map(String::as_str);
+        typed.collect::<Vec<_>>().join(" ")
+    }
+}
+
+/// What the whole command shares.
+struct Job<'a> {
+    args: &'a LiveArgs,
+    remarks: Remarks,
+    operator: &'a Operator,
+    signals: &'a Signals,
+    report: LiveReport,
 }
 
 /// Runs `live`; the exit code.
@@ -79,16 +163,19 @@ fn seconds(text: &str) -> Result<f64, String> {
 pub fn run(args: &LiveArgs, remarks: Remarks) -> Result<i32, Error> {
     let signals = Signals::listen().map_err(|e| Error::new(format!("no signals: {e}")))?;
     let mut report = LiveReport::new(PlayReport::new(
-        &args.from,
-        &args.robot,
+        &args.motion(),
+        args.robot.as_deref().unwrap_or_default(),
         args.bus.iter().map(ToString::to_string).collect(),
     ));
     report.run.dry_run = args.dry_run;
-    if let Err(error) = live_into(args, remarks, &signals, &mut report) {
-        report.run.outcome = Outcome::Refused;
-        report.run.stop_reason = Some(error.to_string());
+    let operator = Operator::listen(signals.clone());
+    let mut job = Job { args, remarks, operator: &operator, signals: &signals, report };
+    if let Err(error) = job.live() {
+        job.report.run.outcome = Outcome::Refused;
+        job.report.run.stop_reason = Some(error.to_string());
     }
-    args.output.report(&report, &report.text(remarks.quiet))?;
+    let report = &job.report;
+    args.output.report(report, &report.text(remarks.quiet))?;
     let asked = report.run.stop_reason.as_deref() == Some(StopReason::Asked.to_string().as_str());
     Ok(match signals.first() {
         Some(number) if asked => 128 + number,
@@ -96,121 +183,148 @@ pub fn run(args: &LiveArgs, remarks: Remarks) -> Result<i32, Error> {
     })
 }
 
-fn live_into(
-    args: &LiveArgs,
-    remarks: Remarks,
-    signals: &Signals,
-    report: &mut LiveReport,
-) -> Result<(), Error> {
-    args.output.check_files(&[&args.record])?;
-    let (robot, calibration) = args.calibration.load(&args.robot, &args.bus)?;
-    let run = &mut report.run;
-    run.calibration = calibration.map(|path| path.display().to_string());
-    run.robot.clone_from(&robot.name);
-    let Some(motion) = args.from.strip_prefix("file:") else {
-        return Err(Error::new("not a source I can follow")
-            .at("--from")
-            .got(args.from.clone())
-            .allowed("file:MOTION, e.g. file:walk or file:dance.bvh"));
-    };
-    let (capture, origin) = source::body_motion(motion, None)?;
-    run.source = origin;
-    run.notes.extend(capture.notes.iter().cloned());
-    report.worn = capture.tracked;
-    let rate_hz = args.rate.unwrap_or(robot.file.rate_hz);
-    run.cycle_hz = rate_hz;
-    let settings = Settings::at_rate(rate_hz);
-    let model = robot_model(&robot.file, &robot);
-    let mut connection = connect(robot, &args.bus, args.seed)?;
-    let accept = Accept { firmware: args.accept_firmware, eeprom: false };
-    let found = preflight(&mut connection.link, settings.period, accept)?;
-    run.wire_limit_hz = Some(found.wire_limit_hz);
-    run.bus_load = found.bus_load;
-    run.notes.extend(found.lines.iter().map(ToString::to_string));
-    run.notes.extend(found.notes.iter().cloned());
-    let tracked = capture.tracked;
-    let retargeting = retarget::Settings::default();
-    let mut online = Online::new(&model, &tracked, &found.start_rad, &retargeting)?;
-    run.notes.extend(online.notes().iter().cloned());
-    if args.dry_run {
-        run.outcome = Outcome::Done;
-        return Ok(());
-    }
-    if play::stopped_before_torque(signals, run) {
-        return Ok(());
-    }
-    let mut performer = Performer::new(capture, args.duration_s);
-    let mut trend = Trend::default();
-    let mut began: Option<Instant> = None;
-    let mut before_s: Option<f64> = None;
-    let mut newest = move |now: Instant, approaching: bool| {
-        let now_s = now.seconds_since(*began.get_or_insert(now));
-        let Some(pose) = performer.pose(now_s, approaching) else { return Input::End };
-        let dt_s = before_s.map_or(0.0, |before_s| now_s - before_s);
-        before_s = Some(now_s);
-        trend.push(now_s, online.pose(&pose, dt_s));
-        trend.target(now_s).map_or(Input::Nothing, Input::Pose)
-    };
-    mirror(args, remarks, signals, report, &mut connection, &found, settings, &mut newest)
-}
-
-#[allow(clippy::too_many_arguments)]
-fn mirror(
-    args: &LiveArgs,
-    remarks: Remarks,
-    signals: &Signals,
-    report: &mut LiveReport,
-    connection: &mut Connection,
-    found: &Preflight,
+/// A robot that was looked at and not touched.
+struct Ready {
+    connection: Connection,
+    found: Preflight,
     settings: Settings,
-    newest: &mut control::mirror::Source<'_>,
-) -> Result<(), Error> {
-    // Once torque is on, nothing may keep the loop from its first cycle: the file comes before.
-    let force = args.output.force();
-    let mut recorder =
-        RunRecorder::begin(args.record.as_deref(), force, false, connection, &args.from)?;
-    let armed = match control::arm::arm(&mut connection.link, found) {
-        Ok(armed) => armed,
-        Err(error) => {
-            recorder.discard();
-            return Err(error);
-        }
-    };
-    let quit = said_q();
-    remarks.say("following; Ctrl-C, or q and Enter, brings the robot to rest");
-    let limits = connection.link.robot().limits();
-    let mut mirror = Mirror::new(newest, &found.start_rad, limits);
-    let asked = || signals.first().is_some() || quit.load(Ordering::Relaxed);
-    let meter = super::progress::Meter::default();
-    let sink = &mut recorder.metered(meter);
-    let run = control::stream(&mut connection.link, armed, &mut mirror, settings, sink, &asked);
-    describe_joints(report, connection, &mirror);
-    report.describe(&mirror, settings);
-    play::describe_run(&mut report.run, &run);
-    report.run.notes.push("torque stays on: the joints hold where they are".to_owned());
-    recorder.finish(&mut report.run, connection);
-    if let Some(world) = &connection.world {
-        let verdict = world.lock().verdict();
-        let violations = verdict.violations.iter().map(ToString::to_string).collect();
-        report.run.referee = Some(RefereeReport { violations });
-    }
-    Ok(())
 }
 
-/// True once somebody typed q at the terminal.
-fn said_q() -> Arc<AtomicBool> {
-    let said = Arc::new(AtomicBool::new(false));
-    if rustix::termios::isatty(rustix::stdio::stdin()) {
-        let flag = Arc::clone(&said);
-        // The thread waits for a line until the process ends; nothing depends on it.
-        std::thread::spawn(move || {
-            let lines = std::io::stdin().lines().map_while(Result::ok);
-            if lines.into_iter().any(|line| line.trim().eq_ignore_ascii_case("q")) {
-                flag.store(true, Ordering::Relaxed);
-            }
-        });
+impl Job<'_> {
+    fn live(&mut self) -> Result<(), Error> {
+        let args = self.args;
+        args.output.check_files(&[&args.record])?;
+        match args.from.as_slice() {
+            [one] if one.starts_with("file:") => self.perform(one.trim_start_matches("file:")),
+            _ => self.follow_sensors(),
+        }
     }
-    said
+
+    /// Connects to the robot and looks at it; `None` if none was named.
+    fn robot(&mut self) -> Result<Option<Ready>, Error> {
+        let args = self.args;
+        let run = &mut self.report.run;
+        let Some(name) = &args.robot else { return Ok(None) };
+        let (robot, calibration) = args.calibration.load(name, &args.bus)?;
+        run.calibration = calibration.map(|path| path.display().to_string());
+        run.robot.clone_from(&robot.name);
+        if args.bus.is_empty() {
+            return Ok(None);
+        }
+        let rate_hz = args.rate.unwrap_or(robot.file.rate_hz);
+        run.cycle_hz = rate_hz;
+        let settings = Settings::at_rate(rate_hz);
+        let mut connection = connect(robot, &args.bus, args.seed)?;
+        let found = look(args, &mut connection, settings)?;
+        run.wire_limit_hz = Some(found.wire_limit_hz);
+        run.bus_load = found.bus_load;
+        run.notes.extend(found.lines.iter().map(ToString::to_string));
+        run.notes.extend(found.notes.iter().cloned());
+        Ok(Some(Ready { connection, found, settings }))
+    }
+
+    /// Follows a capture or actions that somebody performs now.
+    fn perform(&mut self, motion: &str) -> Result<(), Error> {
+        let (capture, origin) = source::body_motion(motion, None)?;
+        self.report.run.source = origin;
+        self.report.run.notes.extend(capture.notes.iter().cloned());
+        self.report.worn = capture.tracked;
+        let Some(mut ready) = self.robot()? else {
+            return Err(Error::new("which robot, and where?")
+                .remedy("add --robot and --bus; only sensors are shown without"));
+        };
+        let robot = ready.connection.link.robot().clone();
+        let model = robot_model(&robot.file, &robot);
+        let settings = retarget::Settings::default();
+        let mut online = Online::new(&model, &capture.tracked, &ready.found.start_rad, &settings)?;
+        self.report.run.notes.extend(online.notes().iter().cloned());
+        if self.args.dry_run {
+            self.report.run.outcome = Outcome::Done;
+            return Ok(());
+        }
+        let longest_s = self.args.time.map(|time| time.as_secs_f64());
+        let mut performer = Performer::new(capture, longest_s);
+        let mut trend = Trend::default();
+        let mut began: Option<Instant> = None;
+        let mut before_s: Option<f64> = None;
+        let mut newest = move |now: Instant, approaching: bool| {
+            let now_s = now.seconds_since(*began.get_or_insert(now));
+            let Some(pose) = performer.pose(now_s, approaching) else { return Input::End };
+            let dt_s = before_s.map_or(0.0, |before_s| now_s - before_s);
+            before_s = Some(now_s);
+            trend.push(now_s, online.pose(&pose, dt_s));
+            trend.target(now_s).map_or(Input::Nothing, Input::Pose)
+        };
+        let recorder = self.recorder(&ready.connection)?;
+        let recorder = self.mirror(&mut ready, &mut newest, recorder)?;
+        if let Some(mut recorder) = recorder {
+            recorder.finish(&mut self.report.run, &ready.connection);
+        }
+        Ok(())
+    }
+
+    /// Once torque is on, nothing may keep the loop from its first cycle: the file comes before.
+    fn recorder(&self, connection: &Connection) -> Result<RunRecorder, Error> {
+        let (path, force) = (self.args.record.as_deref(), self.args.output.force());
+        RunRecorder::begin(path, force, false, connection, &self.args.motion())
+    }
+
+    /// The same, with room for the samples of many sensors.
+    fn recorder_for_sensors(&self, connection: &Connection) -> Result<RunRecorder, Error> {
+        let (path, force) = (self.args.record.as_deref(), self.args.output.force());
+        RunRecorder::begin_with_sensors(path, force, connection, &self.args.motion())
+    }
+
+    /// Lets the robot follow until the source ends or somebody stops it. The recorder is given back
+    /// unless nothing was played.
+    fn mirror(
+        &mut self,
+        ready: &mut Ready,
+        newest: &mut control::mirror::Source<'_>,
+        mut recorder: RunRecorder,
+    ) -> Result<Option<RunRecorder>, Error> {
+        let Ready { connection, found, settings } = ready;
+        if play::stopped_before_torque(self.signals, &mut self.report.run) {
+            recorder.discard();
+            return Ok(None);
+        }
+        let armed = match control::arm::arm(&mut connection.link, found) {
+            Ok(armed) => armed,
+            Err(error) => {
+                recorder.discard();
+                return Err(error);
+            }
+        };
+        self.remarks.say("following; Ctrl-C, or q and Enter, brings the robot to rest");
+        let limits = connection.link.robot().limits();
+        let mut mirror = Mirror::new(newest, &found.start_rad, limits);
+        let asked = || self.operator.wants_to_stop();
+        let meter = super::progress::Meter::default();
+        let sink = &mut recorder.metered(meter);
+        let run =
+            control::stream(&mut connection.link, armed, &mut mirror, *settings, sink, &asked);
+        describe_joints(&mut self.report, connection, &mirror);
+        self.report.describe(&mirror, *settings);
+        play::describe_run(&mut self.report.run, &run);
+        let holds = "torque stays on: the joints hold where they are";
+        self.report.run.notes.push(holds.to_owned());
+        if let Some(world) = &connection.world {
+            let verdict = world.lock().verdict();
+            let violations = verdict.violations.iter().map(ToString::to_string).collect();
+            self.report.run.referee = Some(RefereeReport { violations });
+        }
+        Ok(Some(recorder))
+    }
+}
+
+/// Looks at every servo, writes nothing.
+fn look(
+    args: &LiveArgs,
+    connection: &mut Connection,
+    settings: Settings,
+) -> Result<Preflight, Error> {
+    let accept = Accept { firmware: args.accept_firmware, eeprom: false };
+    preflight(&mut connection.link, settings.period, accept)
 }
 
 fn describe_joints(report: &mut LiveReport, connection: &Connection, mirror: &Mirror<'_>) {

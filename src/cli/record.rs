@@ -1,26 +1,27 @@
 //! `record`: sensors, lines of text and hand-guided servos into one recording.
 
 mod imu;
+pub(in crate::cli) mod intake;
 mod lines;
 mod servos;
 mod slimevr;
-mod source;
+pub(in crate::cli) mod source;
 
 use super::report::Outcome;
 use super::signals::Signals;
 use super::{Output, Remarks};
-use crate::capture::{Chain, Counts, Mode, Quality};
+use crate::capture::Mode;
 use crate::error::Error;
 use crate::port::{Clock, MonotonicClock};
-use crate::recording::{RecordedSource, Recorder, RunEnd, RunStart, SourceId, SourceKind};
+use crate::recording::{Recorder, RunEnd, RunStart};
 use crate::time::{Duration, Instant};
 use clap::Args;
+use intake::{Intake, SourceReport};
 use serde::Serialize;
 use source::{Source, What};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::PathBuf;
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Arguments of `record`.
@@ -60,45 +61,6 @@ pub struct RecordArgs {
     output: Output,
 }
 
-/// What became of one source.
-#[derive(Clone, Debug, Default, Serialize)]
-struct SourceReport {
-    name: String,
-    counts: Counts,
-    /// Samples that lacked a required part.
-    incomplete: u64,
-    /// Bytes that belonged to no packet.
-    stray_bytes: u64,
-    /// Beginnings of packets that were none.
-    bad_packets: u64,
-    /// Drift of the device's clock against the host's, parts per million.
-    skew_ppm: f64,
-    /// 99 % of the samples were read within this time after they were taken, less the constant part.
-    late_p99_s: f64,
-    /// Why it ended early.
-    ended: Option<String>,
-}
-
-impl SourceReport {
-    fn of(name: &str, chain: &Chain) -> Self {
-        let Quality { skew_ppm, late_p99_s, .. } = chain.timeline().quality();
-        Self {
-            name: name.to_owned(),
-            counts: chain.timeline().counts(),
-            incomplete: chain.incomplete(),
-            skew_ppm,
-            late_p99_s,
-            ..Self::default()
-        }
-    }
-
-    fn lossless(&self) -> bool {
-        let counts = self.counts;
-        let lost = counts.missed + counts.late + counts.resets + self.incomplete;
-        lost == 0 && self.ended.is_none() && counts.samples > 0
-    }
-}
-
 #[derive(Debug, Serialize)]
 struct Report {
     file: PathBuf,
@@ -114,47 +76,12 @@ struct Report {
     poisoned: Option<String>,
 }
 
-/// What every source's thread shares.
-struct Session<'a> {
-    recorder: &'a Recorder,
-    stop: &'a AtomicBool,
-    mode: Mode,
-    names: Mutex<BTreeMap<String, u32>>,
-    reports: Mutex<Vec<SourceReport>>,
-    remarks: Remarks,
-}
-
 /// How often a silent source looks whether it is to stop.
 const LOOK: Duration = Duration::from_millis(50);
 /// A source that has said nothing for so long is remarked upon.
 const PATIENCE: Duration = Duration::from_secs(3);
 /// Bytes of a line that come after its start belong to a packet cut in two; so many are no loss.
 const PARTIAL_PACKET: u64 = 600;
-
-impl Session<'_> {
-    fn stopped(&self) -> bool {
-        self.stop.load(Ordering::Acquire)
-    }
-
-    /// Adds a source under a name that no other has.
-    fn add(&self, wanted: &str, kind: SourceKind, metadata: &[(&str, &str)]) -> (String, SourceId) {
-        let mut names = self.names.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-        let count = names.entry(wanted.to_owned()).or_insert(0);
-        *count += 1;
-        let name = match *count {
-            1 => wanted.to_owned(),
-            n => format!("{wanted}-{n}"),
-        };
-        let metadata =
-            metadata.iter().map(|(key, value)| ((*key).to_owned(), (*value).to_owned())).collect();
-        let source = RecordedSource { name: name.clone(), metadata, kind };
-        (name, self.recorder.add_source(source))
-    }
-
-    fn report(&self, report: SourceReport) {
-        self.reports.lock().unwrap_or_else(std::sync::PoisonError::into_inner).push(report);
-    }
-}
 
 /// Runs `record`; exit code 3 if something is missing in the recording.
 ///
@@ -188,27 +115,21 @@ pub fn run(args: &RecordArgs, remarks: Remarks) -> Result<i32, Error> {
     let recorder = Recorder::create_for_sources(&args.out, args.output.force(), start)?;
     let began = MonotonicClock.now();
     let stop = AtomicBool::new(false);
-    let session = Session {
-        recorder: &recorder,
-        stop: &stop,
-        mode: if args.magnetometer { Mode::NineAxes } else { Mode::SixAxes },
-        names: Mutex::default(),
-        reports: Mutex::default(),
-        remarks,
-    };
+    let mode = if args.magnetometer { Mode::NineAxes } else { Mode::SixAxes };
+    let intake = Intake::new(Some(&recorder), &stop, mode, remarks);
     std::thread::scope(|scope| {
         for source in opened {
-            let session = &session;
-            scope.spawn(move || source.record(session));
+            let intake = &intake;
+            scope.spawn(move || source.record(intake));
         }
         if let Some(joints) = joints {
-            let session = &session;
-            scope.spawn(move || joints.record(session));
+            let intake = &intake;
+            scope.spawn(move || joints.record(intake));
         }
         wait(args, &signals, &recorder, remarks, began);
         stop.store(true, Ordering::Release);
     });
-    let sources = session.reports.into_inner().unwrap_or_default();
+    let sources = intake.into_reports();
     finish(args, recorder, sources, began)
 }
 
@@ -273,28 +194,7 @@ fn finish(
 fn text(report: &Report) -> String {
     let mut out = format!("recorded {:.2} s to {}\n", report.duration_s, report.file.display());
     for source in &report.sources {
-        let counts = source.counts;
-        let _ = write!(out, "  {:<16} {} samples", source.name, counts.samples);
-        let told = [
-            (counts.missed, "missing"),
-            (counts.duplicates, "twice"),
-            (counts.late, "out of order"),
-            (counts.resets, "resets"),
-            (source.incomplete, "incomplete"),
-            (source.bad_packets, "bad packets"),
-        ];
-        for (count, word) in told {
-            if count > 0 {
-                let _ = write!(out, ", {count} {word}");
-            }
-        }
-        if source.skew_ppm != 0.0 {
-            let _ = write!(out, ", clock {:+.1} ppm", source.skew_ppm);
-        }
-        if let Some(ended) = &source.ended {
-            let _ = write!(out, "; ended early: {ended}");
-        }
-        out.push('\n');
+        source.text(&mut out);
     }
     let refused: u64 = report.dropped_by_topic.values().sum();
     if refused > 0 {

@@ -1,5 +1,7 @@
 //! `simulate`: the virtual robot as a device that other programs open.
 
+mod imus;
+
 use super::Remarks;
 use super::signals::Signals;
 use crate::error::Error;
@@ -20,14 +22,18 @@ const MOST_TOLD: usize = 100;
 
 /// Arguments of `simulate`.
 #[derive(Debug, Args)]
+#[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 #[command(after_help = "Each line of the robot is a terminal or port of its own. Standard output \
     begins with one line for each: its path or tcp:ADDRESS, and the line's name if there are \
     several.\n\n\
     Example: gaitway simulate op3 --pty /tmp/op3\n\
     then, in another terminal: gaitway play walk --robot op3 --bus serial:/tmp/op3")]
 pub struct SimulateArgs {
+    #[command(subcommand)]
+    other: Option<Other>,
     /// Robot by name or path of its file
-    robot: String,
+    #[arg(required = true)]
+    robot: Option<String>,
     /// Make this link to the pseudo-terminal (for several lines: LINK-NAME)
     #[arg(long, value_name = "LINK")]
     pty: Option<PathBuf>,
@@ -53,15 +59,25 @@ pub struct SimulateArgs {
     permit_eeprom: bool,
 }
 
+/// What else than a robot can be simulated.
+#[derive(Debug, clap::Subcommand)]
+enum Other {
+    /// A person who wears virtual inertial sensors
+    Imus(Box<imus::ImusArgs>),
+}
+
 /// Runs `simulate` until a signal comes.
 ///
 /// # Errors
 /// An unknown robot or adapter, a fault script that says something wrong, or a terminal or port
 /// that cannot be had.
 pub fn run(args: &SimulateArgs, remarks: Remarks) -> Result<i32, Error> {
+    if let Some(Other::Imus(args)) = &args.other {
+        return imus::run(args, remarks);
+    }
     let signals = Signals::listen().map_err(|e| Error::new(format!("no signals: {e}")))?;
     // Any robot file: the virtual servos speak more protocols than the driver needs to.
-    let robot = gaitway_profiles::robot(&args.robot)?;
+    let robot = gaitway_profiles::robot(args.robot.as_deref().unwrap_or_default())?;
     let world = World::new(&robot, options(args)?).map_err(|e| unfit(&robot, &e))?;
     let world = Arc::new(Mutex::new(world));
     let mut doors = open_doors(args, &robot, &world)?;

@@ -466,6 +466,19 @@ fn mean_rotation(rotations: impl Iterator<Item = (DQuat, f64)>) -> Option<DQuat>
 }
 
 impl Capture {
+    /// The pose at a time, s, between the samples around it; the first before the beginning, the
+    /// last after the end. A capture without poses stands in N pose.
+    #[must_use]
+    pub fn at(&self, time_s: f64) -> SegmentPose {
+        let Some(last) = self.poses.len().checked_sub(1) else {
+            return crate::body::JointAngles::default().to_pose(DVec3::ZERO, DQuat::IDENTITY);
+        };
+        let sample = (time_s * self.rate_hz).max(0.0);
+        let first = (sample.floor() as usize).min(last);
+        let share = (sample - first as f64).clamp(0.0, 1.0);
+        self.poses[first].towards(&self.poses[(first + 1).min(last)], share)
+    }
+
     /// Exchanges left and right.
     pub fn mirror(&mut self) {
         for pose in &mut self.poses {

@@ -85,6 +85,20 @@ pub const fn segment_name(segment: Segment) -> &'static str {
     }
 }
 
+/// The segment of this name; hyphens count as underscores.
+///
+/// # Errors
+/// No such segment.
+pub fn segment_named(name: &str) -> Result<Segment, Error> {
+    let wanted = name.replace('-', "_");
+    let found = Segment::ALL.into_iter().find(|segment| segment_name(*segment) == wanted);
+    found.ok_or_else(|| {
+        Error::new("no such segment of the body")
+            .got(name)
+            .allowed(Segment::ALL.map(segment_name).join(", "))
+    })
+}
+
 /// Segments of a leg from the hip down, by side.
 pub const LEGS: [[Segment; 3]; 2] = [
     [Segment::LeftThigh, Segment::LeftShank, Segment::LeftFoot],

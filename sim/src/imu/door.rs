@@ -2,7 +2,7 @@
 //!
 //! It begins when somebody listens: the terminal is opened, or a server answers the handshake.
 
-use super::VirtualImu;
+use super::{Stage, VirtualImu};
 use crate::door::{DoorError, Terminal, make_link};
 use std::fs;
 use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
@@ -16,6 +16,8 @@ use std::time::{Duration, Instant};
 const LOOK: Duration = Duration::from_millis(20);
 /// How often a tracker looks for its server.
 const HANDSHAKE: Duration = Duration::from_millis(500);
+/// A server sends a heartbeat twice a second; one that was silent for so long is gone.
+const SILENCE: Duration = Duration::from_secs(3);
 /// What the server answers.
 const HELLO: &[u8] = b"\x03Hey OVR =D 5";
 
@@ -28,64 +30,94 @@ pub struct ImuDoor {
 }
 
 impl ImuDoor {
-    /// Opens a pseudo-terminal and plays the sensor there once. `link`, if given, becomes a symbolic
-    /// link to it.
+    /// Opens a pseudo-terminal and plays the sensor there, from the start whenever a program opens
+    /// it. `link`, if given, becomes a symbolic link to it.
     ///
     /// # Errors
     /// No terminal or thread to be had, or a link that cannot be made.
     pub fn open(imu: VirtualImu, baud_bps: u32, link: Option<&Path>) -> Result<Self, DoorError> {
+        Self::open_on(&Stage::default(), imu, baud_bps, link)
+    }
+
+    /// The same for one of several sensors whose motion begins together.
+    ///
+    /// # Errors
+    /// As [`ImuDoor::open`].
+    pub fn open_on(
+        stage: &Stage,
+        imu: VirtualImu,
+        baud_bps: u32,
+        link: Option<&Path>,
+    ) -> Result<Self, DoorError> {
         let mut terminal = Terminal::open(baud_bps)?;
         let path = terminal.path().to_path_buf();
         if let Some(link) = link {
             make_link(&path, link)?;
         }
         let link = link.map(Path::to_path_buf);
+        let stage = stage.clone();
         Self::start(path, link, move |stop| {
             let mut commands = [0_u8; 256];
-            while !terminal.is_open() && !stop.load(Ordering::Acquire) {
-                std::thread::sleep(LOOK);
-                if terminal.read(true, &mut commands).is_err() {
-                    return;
-                }
-            }
-            play(imu, stop, |bytes| {
-                // Commands are taken and not obeyed: the sensor is set up already.
-                terminal.read(true, &mut commands).is_ok() && terminal.write(bytes).is_ok()
-            });
-            // The terminal stays until the door is closed: what was sent last is still to be read.
+            // Commands are taken and not obeyed: the sensor is set up already.
+            let mut is_open = |terminal: &mut Terminal| {
+                terminal.read(true, &mut commands).map(|_| terminal.is_open())
+            };
             while !stop.load(Ordering::Acquire) {
-                std::thread::sleep(LOOK);
+                match is_open(&mut terminal) {
+                    Ok(true) => {}
+                    Ok(false) => {
+                        std::thread::sleep(LOOK);
+                        continue;
+                    }
+                    Err(_) => return,
+                }
+                let began = stage.enter();
+                play(imu.clone(), began, stop, |bytes| {
+                    is_open(&mut terminal) == Ok(true) && terminal.write(bytes).is_ok()
+                });
+                // What was sent last is still to be read.
+                while !stop.load(Ordering::Acquire) && is_open(&mut terminal) == Ok(true) {
+                    std::thread::sleep(LOOK);
+                }
+                stage.leave();
             }
         })
     }
 
-    /// A SlimeVR tracker that looks for its server at `server`.
+    /// A SlimeVR tracker with this network address that looks for its server at `server`, and again
+    /// once that has been silent.
     ///
     /// # Errors
     /// No socket or thread to be had.
-    pub fn open_slimevr(imu: VirtualImu, server: SocketAddr) -> Result<Self, DoorError> {
+    pub fn open_slimevr(
+        stage: &Stage,
+        imu: VirtualImu,
+        server: SocketAddr,
+        mac: [u8; 6],
+    ) -> Result<Self, DoorError> {
         let failed = |cause| DoorError::Tcp { address: server, cause };
         let socket = UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0)).map_err(failed)?;
         socket.connect(server).map_err(failed)?;
         socket.set_read_timeout(Some(HANDSHAKE)).map_err(failed)?;
         let path = PathBuf::from(format!("udp:{server}"));
+        let stage = stage.clone();
         Self::start(path, None, move |stop| {
-            let mut answer = [0_u8; 128];
-            while !stop.load(Ordering::Acquire) {
-                // Nobody there yet is an error of the socket too; it is tried again.
-                let _ = socket.send(&handshake());
-                let count = socket.recv(&mut answer).unwrap_or(0);
-                if answer[..count].starts_with(HELLO) {
-                    break;
-                }
-                if count == 0 {
-                    std::thread::sleep(LOOK);
-                }
+            while find_server(&socket, mac, stop) {
+                let began = stage.enter();
+                let mut heard = Instant::now();
+                // Heartbeats are only looked for between samples.
+                let _ = socket.set_nonblocking(true);
+                play(imu.clone(), began, stop, |datagram| {
+                    let _ = socket.send(datagram);
+                    let mut heartbeat = [0_u8; 128];
+                    if socket.recv(&mut heartbeat).is_ok() {
+                        heard = Instant::now();
+                    }
+                    heard.elapsed() < SILENCE
+                });
+                let _ = socket.set_nonblocking(false);
+                stage.leave();
             }
-            play(imu, stop, |datagram| {
-                let _ = socket.send(datagram);
-                true
-            });
         })
     }
 
@@ -123,11 +155,15 @@ impl Drop for ImuDoor {
     }
 }
 
-/// Sends each sample when it is due, until the motion is over, `send` fails or it is to stop.
-fn play(imu: VirtualImu, stop: &AtomicBool, mut send: impl FnMut(&[u8]) -> bool) {
-    let began = Instant::now();
+/// Sends each sample when it is due, until the motion is over, `send` fails or it is to stop. What was
+/// due before somebody listened is not sent.
+fn play(imu: VirtualImu, began: Instant, stop: &AtomicBool, mut send: impl FnMut(&[u8]) -> bool) {
+    let entered = Instant::now();
     for sent in imu {
         let due = began + Duration::from_secs_f64(sent.due_s);
+        if due < entered {
+            continue;
+        }
         loop {
             if stop.load(Ordering::Acquire) {
                 return;
@@ -144,14 +180,31 @@ fn play(imu: VirtualImu, stop: &AtomicBool, mut send: impl FnMut(&[u8]) -> bool)
     }
 }
 
-/// Board, sensor and processor kinds, three words, build 19, version "sim", a network address.
-fn handshake() -> Vec<u8> {
+/// Says who it is until a server answers; false if it is to stop.
+fn find_server(socket: &UdpSocket, mac: [u8; 6], stop: &AtomicBool) -> bool {
+    let mut answer = [0_u8; 128];
+    while !stop.load(Ordering::Acquire) {
+        // Nobody there yet is an error of the socket too; it is tried again.
+        let _ = socket.send(&handshake(mac));
+        let count = socket.recv(&mut answer).unwrap_or(0);
+        if answer[..count].starts_with(HELLO) {
+            return true;
+        }
+        if count == 0 {
+            std::thread::sleep(LOOK);
+        }
+    }
+    false
+}
+
+/// Board, sensor and processor kinds, three words, build 19, version "sim", the network address.
+fn handshake(mac: [u8; 6]) -> Vec<u8> {
     let mut packet = vec![0, 0, 0, 3, 0, 0, 0, 0, 0, 0, 0, 0];
     for word in [4_u32, 4, 2, 0, 0, 0, 19] {
         packet.extend(word.to_be_bytes());
     }
     packet.push(3);
     packet.extend(b"sim");
-    packet.extend([2, 0, 0, 0, 0, 1]);
+    packet.extend(mac);
     packet
 }

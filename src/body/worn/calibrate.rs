@@ -18,7 +18,7 @@ use glam::{DMat3, DQuat, DVec3};
 use nalgebra::{Matrix3, SymmetricEigen};
 
 /// A person who stands still moves less than this, rad, root mean square.
-const STILL_RAD: f64 = 0.05;
+pub(super) const STILL_RAD: f64 = 0.05;
 /// A movement is about one axis if the second principal component of its angular rate is below this
 /// share of the first.
 pub const CONSISTENT: f64 = 0.1;
@@ -26,6 +26,8 @@ pub const CONSISTENT: f64 = 0.1;
 const LEAST_TURN_RAD: f64 = 0.35;
 /// An axis that is horizontal on a body is measured this near to it: the sine of its slope.
 const LEVEL: f64 = 0.35;
+/// A sensor whose tilt on its segment changed by more than this has slipped, rad.
+const SLIPPED_RAD: f64 = 0.26;
 /// From N to T pose an arm turns by a right angle, give or take this, rad.
 const T_POSE_RAD: f64 = 0.6;
 
@@ -54,6 +56,9 @@ pub enum Movement {
 }
 
 impl Movement {
+    /// All of them, in the order in which they are asked for.
+    pub const ALL: [Self; 4] = [Self::Bow, Self::SitToStand, Self::Bend, Self::RaiseArms];
+
     /// The segments it turns, and whether their turning about +Y is positive at the far end.
     #[must_use]
     pub const fn turns(self) -> &'static [(Segment, f64)] {
@@ -94,6 +99,24 @@ pub enum HeadingBy {
     Strapping,
 }
 
+impl HeadingBy {
+    /// Its word in files and reports.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Movement => "movement",
+            Self::TPose => "t_pose",
+            Self::Strapping => "strapping",
+        }
+    }
+
+    /// What a word means.
+    #[must_use]
+    pub fn from_word(word: &str) -> Option<Self> {
+        [Self::Movement, Self::TPose, Self::Strapping].into_iter().find(|by| by.word() == word)
+    }
+}
+
 /// How a sensor sits on its segment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mount {
@@ -110,6 +133,14 @@ pub struct Mount {
     /// Heading by strapping minus the heading found, rad: how far the sensor sits from where it was
     /// to sit.
     pub strapped_off_rad: Option<f64>,
+}
+
+impl Mount {
+    /// The segment in our world, from what its sensor says in its own.
+    #[must_use]
+    pub fn segment_in_world(&self, said: DQuat) -> DQuat {
+        (DQuat::from_rotation_z(self.heading_rad) * said * self.sensor_from_segment).normalize()
+    }
 }
 
 /// How all sensors sit.
@@ -176,17 +207,59 @@ pub fn calibrate(
     Ok(calibration)
 }
 
-/// Mean orientation of a person who stands still.
-fn still(said: &[DQuat], name: &str, pose: &str) -> Result<DQuat, Error> {
+impl Calibration {
+    /// The same mounts with headings found anew: `n_pose` is what each sensor, in the order of
+    /// [`Calibration::mounts`], said while the person stood in N pose. For sensors that were switched
+    /// off since, whose own headings begin elsewhere.
+    ///
+    /// # Errors
+    /// Lists that do not fit, a sensor that moved, and one that hangs on its segment differently
+    /// from before: its strap has slipped.
+    pub fn reheaded(&self, n_pose: &[Vec<DQuat>]) -> Result<Self, Error> {
+        let mut found = Self { mounts: Vec::new(), notes: self.notes.clone() };
+        if n_pose.len() != self.mounts.len() {
+            return Err(Error::new("there is not one series for every sensor")
+                .allowed(format!("{} series", self.mounts.len())));
+        }
+        for (mount, said) in self.mounts.iter().zip(n_pose) {
+            let name = format!("sensor on the {}", words(mount.segment));
+            let standing = still(said, &name, "N pose")?;
+            // An upright segment is turned about the vertical only in its sensor's world.
+            let turned = standing * mount.sensor_from_segment;
+            let heading_rad = wrap_rad(-2.0 * turned.z.atan2(turned.w));
+            let lean = DQuat::from_rotation_z(heading_rad) * turned;
+            let lean_rad = DQuat::IDENTITY.angle_between(if lean.w < 0.0 { -lean } else { lean });
+            if !(lean_rad <= SLIPPED_RAD) {
+                return Err(Error::new("a sensor does not sit as it did when it was calibrated")
+                    .at(name)
+                    .got(format!("turned by {:.0} deg", lean_rad.to_degrees()))
+                    .allowed(format!("{:.0} deg", SLIPPED_RAD.to_degrees()))
+                    .remedy("stand in N pose; if the strap has slipped, calibrate anew"));
+            }
+            let upright = DQuat::from_rotation_z(-heading_rad);
+            let sensor_from_segment = (standing.inverse() * upright).normalize();
+            found.mounts.push(Mount { sensor_from_segment, heading_rad, ..*mount });
+        }
+        Ok(found)
+    }
+}
+
+/// Mean orientation and root mean square distance from it, rad; `None` without a sample.
+pub(super) fn mean(said: &[DQuat]) -> Option<(DQuat, f64)> {
     let sound: Vec<DQuat> = said.iter().copied().filter(|q| q.is_finite()).collect();
-    let Some(first) = sound.first().copied() else {
-        return Err(Error::new(format!("a sensor said nothing in {pose}")).at(name));
-    };
+    let first = sound.first().copied()?;
     let same_side = |q: &DQuat| if q.dot(first) < 0.0 { -*q } else { *q };
     let sum = sound.iter().map(same_side).fold(DQuat::from_xyzw(0.0, 0.0, 0.0, 0.0), |a, b| a + b);
     let mean = sum.normalize();
     let squares: f64 = sound.iter().map(|q| mean.angle_between(same_side(q)).powi(2)).sum();
-    let spread_rad = (squares / sound.len() as f64).sqrt();
+    Some((mean, (squares / sound.len() as f64).sqrt()))
+}
+
+/// Mean orientation of a person who stands still.
+fn still(said: &[DQuat], name: &str, pose: &str) -> Result<DQuat, Error> {
+    let Some((mean, spread_rad)) = mean(said) else {
+        return Err(Error::new(format!("a sensor said nothing in {pose}")).at(name));
+    };
     if !(spread_rad <= STILL_RAD) {
         return Err(Error::new(format!("a sensor moved in {pose}"))
             .at(name)
@@ -198,13 +271,13 @@ fn still(said: &[DQuat], name: &str, pose: &str) -> Result<DQuat, Error> {
 }
 
 /// Heading by the axis that was to point forward.
-fn by_strapping(standing: DQuat, forward: DVec3) -> Option<f64> {
+pub(super) fn by_strapping(standing: DQuat, forward: DVec3) -> Option<f64> {
     let forward = standing * forward.normalize_or_zero();
     (forward.x.hypot(forward.y) > LEVEL).then(|| -forward.y.atan2(forward.x))
 }
 
 /// Heading of the arms by their turn from N to T pose.
-fn by_t_pose(
+pub(super) fn by_t_pose(
     segment: Segment,
     standing: DQuat,
     spread: DQuat,
@@ -228,7 +301,7 @@ fn by_t_pose(
 }
 
 /// Heading by the best of the movements that turn the segment about +Y, and its consistency.
-fn by_movement<'a>(
+pub(super) fn by_movement<'a>(
     segment: Segment,
     standing: DQuat,
     moved: impl Iterator<Item = (Movement, &'a [DQuat])>,
@@ -291,7 +364,8 @@ fn axis_of(standing: DQuat, said: &[DQuat]) -> Result<(DVec3, f64), String> {
 }
 
 /// Name of a segment as a person says it.
-fn words(segment: Segment) -> String {
+#[must_use]
+pub fn words(segment: Segment) -> String {
     let mut words = String::new();
     for letter in format!("{segment:?}").chars() {
         if letter.is_uppercase() && !words.is_empty() {

@@ -28,16 +28,6 @@ impl Performer {
         if !(time_s <= self.longest_s) {
             return None;
         }
-        let poses = &self.capture.poses;
-        let sample = (time_s * self.capture.rate_hz).max(0.0);
-        let first = (sample.floor() as usize).min(poses.len().checked_sub(1)?);
-        let next = (first + 1).min(poses.len() - 1);
-        let share = (sample - first as f64).clamp(0.0, 1.0);
-        let mut pose = poses[first].clone();
-        pose.root_m = pose.root_m.lerp(poses[next].root_m, share);
-        for (orientation, towards) in pose.orientation.iter_mut().zip(&poses[next].orientation) {
-            *orientation = orientation.slerp(*towards, share);
-        }
-        Some(pose)
+        (!self.capture.poses.is_empty()).then(|| self.capture.at(time_s))
     }
 }

@@ -1,10 +1,16 @@
 //! What `live` tells beyond what every run tells.
 
-use crate::body::Segment;
+use crate::body::worn::kept::utc;
+use crate::body::{Dof, JointAngles, Segment};
+use crate::cli::record::intake::SourceReport;
 use crate::cli::report::PlayReport;
+use crate::cli::wear::Guided;
 use crate::control::{Mirror, Settings};
+use crate::mocap::mapping::segment_name;
 use serde::Serialize;
+use std::collections::BTreeMap;
 use std::fmt::Write;
+use std::time::UNIX_EPOCH;
 
 /// One joint that followed.
 #[derive(Clone, Debug, Serialize)]
@@ -47,6 +53,112 @@ pub struct LiveReport {
     pub following_s: f64,
     /// Time without a fresh pose: braking, or at rest, s.
     pub stale_s: f64,
+    /// How sensors sit on the body; null if none are worn.
+    pub body: Option<BodyReport>,
+    /// What came from each sensor.
+    pub(in crate::cli) sensors: Vec<SourceReport>,
+    /// The last angles of the body, by degree of freedom, rad, where they were only shown.
+    pub angles_rad: Option<BTreeMap<&'static str, f64>>,
+}
+
+/// A body that wears sensors.
+#[derive(Clone, Debug, Serialize)]
+pub struct BodyReport {
+    /// Who.
+    pub subject: String,
+    /// When it was calibrated, UTC.
+    pub calibrated: String,
+    /// Sensors that seem to be on another segment than was said.
+    pub doubts: Vec<String>,
+    /// Heading resets that were asked for.
+    pub heading_resets: u64,
+    /// Sensor by sensor.
+    pub sensors: Vec<MountReport>,
+}
+
+/// One sensor on a body.
+#[derive(Clone, Debug, Serialize)]
+pub struct MountReport {
+    /// The segment that wears it.
+    pub segment: &'static str,
+    /// Its name.
+    pub sensor: String,
+    /// How its heading was found: `movement`, `t_pose` or `strapping`.
+    pub heading_by: &'static str,
+    /// Second over first principal component of the movement's angular rate.
+    pub consistency: Option<f64>,
+    /// Heading by strapping minus the heading found, rad.
+    pub strapped_off_rad: Option<f64>,
+    /// How far the segment was from where it belongs in T pose, rad; null if that was not seen.
+    pub off_t_pose_rad: Option<f64>,
+    /// Heading that the joints mended, rad; null where no joint tells.
+    pub drift_corrected_rad: Option<f64>,
+    /// The same per time, rad/s; null in the first ten seconds.
+    pub drift_rad_s: Option<f64>,
+    /// Heading taken by resets, rad.
+    pub heading_reset_rad: f64,
+    /// Time in which its newest sample was too old to be followed, s.
+    pub stale_s: f64,
+    /// How often it began anew, and its heading elsewhere.
+    pub heading_lost: u64,
+}
+
+impl BodyReport {
+    /// What a calibration tells.
+    pub fn of(guided: &Guided) -> Self {
+        let kept = &guided.kept;
+        let made_s = kept.made.duration_since(UNIX_EPOCH).unwrap_or_default().as_secs();
+        let off = |segment| {
+            guided.off_t_pose_rad.iter().find(|(at, _)| *at == segment).map(|(_, rad)| *rad)
+        };
+        let mounts = kept.calibration.mounts.iter().zip(&kept.sensors);
+        let mounts = mounts.map(|(mount, sensor)| MountReport {
+            segment: segment_name(mount.segment),
+            sensor: sensor.clone(),
+            heading_by: mount.heading_by.word(),
+            consistency: mount.consistency,
+            strapped_off_rad: mount.strapped_off_rad,
+            off_t_pose_rad: off(mount.segment),
+            drift_corrected_rad: None,
+            drift_rad_s: None,
+            heading_reset_rad: 0.0,
+            stale_s: 0.0,
+            heading_lost: 0,
+        });
+        Self {
+            subject: kept.subject.clone(),
+            calibrated: utc(made_s),
+            doubts: guided.doubts.clone(),
+            heading_resets: 0,
+            sensors: mounts.collect(),
+        }
+    }
+
+    fn text(&self, out: &mut String) {
+        let _ = writeln!(out, "body      calibrated {} {}", self.calibrated, self.subject);
+        for mount in &self.sensors {
+            let degrees = |rad: Option<f64>| {
+                rad.map_or_else(|| "-".to_owned(), |rad| format!("{:.1}", rad.to_degrees()))
+            };
+            let _ = writeln!(
+                out,
+                "  {:<16} heading by {:<9} T pose {:>5} deg  drift {:>5} deg  silent {:.2} s",
+                mount.segment,
+                mount.heading_by,
+                degrees(mount.off_t_pose_rad),
+                degrees(mount.drift_corrected_rad),
+                mount.stale_s
+            );
+        }
+        for doubt in &self.doubts {
+            let _ = writeln!(out, "  look: {doubt}");
+        }
+    }
+}
+
+/// Angles by the names of the degrees of freedom, rad.
+pub fn angles_by_name(angles: JointAngles) -> BTreeMap<&'static str, f64> {
+    Dof::ALL.into_iter().map(|dof| (dof.name(), angles[dof])).collect()
 }
 
 fn by_name<S: serde::Serializer>(worn: &[bool; 13], serializer: S) -> Result<S::Ok, S::Error> {
@@ -69,6 +181,9 @@ impl LiveReport {
             approaching_s: 0.0,
             following_s: 0.0,
             stale_s: 0.0,
+            body: None,
+            sensors: Vec::new(),
+            angles_rad: None,
         }
     }
 
@@ -90,6 +205,12 @@ impl LiveReport {
     /// The report as lines for a person; `brief` leaves the notes out.
     pub fn text(&self, brief: bool) -> String {
         let mut out = self.run.text(brief);
+        if let Some(body) = &self.body {
+            body.text(&mut out);
+        }
+        for sensor in &self.sensors {
+            sensor.text(&mut out);
+        }
         if self.run.cycles == 0 {
             return out;
         }

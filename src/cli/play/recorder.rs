@@ -8,6 +8,7 @@ use crate::error::Error;
 use crate::recording::{CycleRecord, JointRecord, RecordedJoint, Recorder, RunEnd, RunStart};
 use crate::time::Instant;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Series of one run, kept for the plots.
 #[derive(Debug, Default)]
@@ -24,7 +25,7 @@ pub struct Series {
 
 /// Takes every cycle of a run.
 pub struct RunRecorder {
-    recorder: Option<(Recorder, PathBuf)>,
+    recorder: Option<(Arc<Recorder>, PathBuf)>,
     patient: bool,
     series: Option<Series>,
     began: Option<Instant>,
@@ -42,30 +43,14 @@ impl RunRecorder {
         connection: &Connection,
         motion: &str,
     ) -> Result<Self, Error> {
-        let robot = connection.link.robot();
         let recorder = match path {
             None => None,
             Some(path) => {
-                let joint = |joint: &crate::robot::Joint| RecordedJoint {
-                    name: joint.name.clone(),
-                    lower_rad: Some(joint.limits.lower_rad()),
-                    upper_rad: Some(joint.limits.upper_rad()),
-                    velocity_limit_rad_s: Some(joint.limits.velocity_rad_s()),
-                    acceleration_limit_rad_s2: Some(joint.limits.acceleration_rad_s2()),
-                };
-                let start = RunStart {
-                    robot: robot.name.clone(),
-                    motion: motion.to_owned(),
-                    joints: robot.joints.iter().map(joint).collect(),
-                    wall_clock_start: std::time::SystemTime::now(),
-                    monotonic_start: connection.link.clock().now(),
-                    gaitway_version: env!("CARGO_PKG_VERSION").to_owned(),
-                    metadata: Default::default(),
-                };
-                Some((Recorder::create(path, force, start)?, path.to_owned()))
+                let recorder = Recorder::create(path, force, start(connection, motion))?;
+                Some((Arc::new(recorder), path.to_owned()))
             }
         };
-        let joints = robot.joints.len();
+        let joints = connection.link.robot().joints.len();
         let series = plots.then(|| Series {
             time_s: Vec::new(),
             goal_rad: vec![Vec::new(); joints],
@@ -75,9 +60,34 @@ impl RunRecorder {
         Ok(Self { recorder, patient: !connection.real_time, series, began: None })
     }
 
+    /// Starts a recording that sensors are written to beside the loop, if one is wanted.
+    ///
+    /// # Errors
+    /// As [`RunRecorder::begin`].
+    pub fn begin_with_sensors(
+        path: Option<&Path>,
+        force: bool,
+        connection: &Connection,
+        motion: &str,
+    ) -> Result<Self, Error> {
+        let mut all = Self::begin(None, force, false, connection, motion)?;
+        if let Some(path) = path {
+            let recorder = Recorder::create_for_sources(path, force, start(connection, motion))?;
+            all.recorder = Some((Arc::new(recorder), path.to_owned()));
+        }
+        Ok(all)
+    }
+
     /// This recorder as the loop's sink, telling `meter` how far the motion is.
     pub fn metered(&mut self, meter: Meter) -> Metered<'_> {
         Metered { recorder: self, meter }
+    }
+
+    /// The recording itself, for whoever records beside the loop; to be given back before
+    /// [`RunRecorder::finish`].
+    #[must_use]
+    pub fn shared(&self) -> Option<Arc<Recorder>> {
+        self.recorder.as_ref().map(|(recorder, _)| Arc::clone(recorder))
     }
 
     /// The series kept for plots.
@@ -105,8 +115,12 @@ impl RunRecorder {
             at: connection.link.clock().now(),
             metadata: Default::default(),
         };
-        let summary = recorder.finish(end);
         report.recording = Some(path.display().to_string());
+        let Some(recorder) = Arc::into_inner(recorder) else {
+            report.notes.push("the recording was not closed: something still writes".to_owned());
+            return;
+        };
+        let summary = recorder.finish(end);
         if summary.is_complete() {
             return;
         }
@@ -187,4 +201,25 @@ fn joint_records(sample: &Sample<'_>) -> Vec<JointRecord> {
         record.voltage_v = record.voltage_v.or(health.voltage_v);
     }
     records
+}
+
+/// What is known before the first cycle.
+fn start(connection: &Connection, motion: &str) -> RunStart {
+    let robot = connection.link.robot();
+    let joint = |joint: &crate::robot::Joint| RecordedJoint {
+        name: joint.name.clone(),
+        lower_rad: Some(joint.limits.lower_rad()),
+        upper_rad: Some(joint.limits.upper_rad()),
+        velocity_limit_rad_s: Some(joint.limits.velocity_rad_s()),
+        acceleration_limit_rad_s2: Some(joint.limits.acceleration_rad_s2()),
+    };
+    RunStart {
+        robot: robot.name.clone(),
+        motion: motion.to_owned(),
+        joints: robot.joints.iter().map(joint).collect(),
+        wall_clock_start: std::time::SystemTime::now(),
+        monotonic_start: connection.link.clock().now(),
+        gaitway_version: env!("CARGO_PKG_VERSION").to_owned(),
+        metadata: Default::default(),
+    }
 }

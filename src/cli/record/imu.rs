@@ -1,11 +1,12 @@
 //! An inertial sensor on a serial line or behind a TCP port.
 
-use super::{LOOK, PARTIAL_PACKET, PATIENCE, Session, SourceReport};
+use super::intake::{Intake, SourceReport};
+use super::{LOOK, PARTIAL_PACKET, PATIENCE};
 use crate::capture::Chain;
 use crate::device::sensor::stream_format;
 use crate::error::Error;
 use crate::port::{BytePort, Clock, MonotonicClock, PortError};
-use crate::recording::{SourceKind, SourceRecord};
+use crate::recording::SourceKind;
 use crate::wire::sensor::Stream;
 use gaitway_profiles::{Sensor, hex_bytes};
 
@@ -37,23 +38,21 @@ impl SerialImu {
     }
 
     /// Records until it is to stop or the port is gone.
-    pub fn record(mut self, session: &Session) {
+    pub fn record(mut self, intake: &Intake) {
         let metadata = [("profile", self.sensor.name.as_str()), ("source", self.address.as_str())];
-        let (name, id) = session.add(&self.name, SourceKind::Imu, &metadata);
-        let mut chain = Chain::new(&self.sensor, session.mode);
+        let source = intake.add(&self.name, SourceKind::Imu, &metadata);
+        let mut chain = Chain::new(&self.sensor, intake.mode);
         let mut ended = self.say(&self.sensor.start.clone()).err();
         let mut buffer = [0_u8; 4096];
         let began = MonotonicClock.now();
         let mut remarked = false;
-        while ended.is_none() && !session.stopped() {
+        while ended.is_none() && !intake.stopped() {
             match self.port.receive(&mut buffer, MonotonicClock.now() + LOOK) {
                 Ok(count) => {
                     let arrival = MonotonicClock.now();
                     self.stream.push(&buffer[..count], |reading| {
                         if let Some(captured) = chain.take(&reading, arrival) {
-                            session
-                                .recorder
-                                .take_record(id, SourceRecord::Sample(Box::new(captured)));
+                            intake.take(&source, captured);
                         }
                     });
                 }
@@ -63,18 +62,21 @@ impl SerialImu {
             let silent = chain.timeline().counts().samples == 0;
             if silent && !remarked && MonotonicClock.now().since(began) > PATIENCE {
                 remarked = true;
-                session.remarks.say(&self.silence(&name));
+                intake.remarks.say(&self.silence(&source.name));
             }
+        }
+        if let Some(error) = &ended {
+            intake.ended(&source, &error.to_string());
         }
         let counts = self.stream.counts();
         // The first packet is usually cut in two: recording began in the middle of it.
         let tail = counts.stray_bytes <= PARTIAL_PACKET && counts.bad <= 1;
         let _ = self.say(&self.sensor.stop.clone());
-        session.report(SourceReport {
+        intake.report(SourceReport {
             stray_bytes: counts.stray_bytes,
             bad_packets: if tail { 0 } else { counts.bad },
             ended: ended.map(|error| error.to_string()),
-            ..SourceReport::of(&name, &chain)
+            ..SourceReport::of(&source.name, &chain)
         });
     }
 

@@ -1,9 +1,10 @@
 //! Lines of text, kept as they are.
 
-use super::{LOOK, Session, SourceReport};
+use super::LOOK;
+use super::intake::{Intake, SourceReport};
 use crate::capture::Counts;
 use crate::port::{BytePort, Clock, MonotonicClock, PortError};
-use crate::recording::{SourceKind, SourceRecord};
+use crate::recording::SourceKind;
 
 /// Longer lines are cut.
 const LONGEST_LINE: usize = 4096;
@@ -22,14 +23,14 @@ impl TextLines {
     }
 
     /// Records until it is to stop or the port is gone.
-    pub fn record(mut self, session: &Session) {
+    pub fn record(mut self, intake: &Intake) {
         let metadata = [("source", self.address.as_str())];
-        let (name, id) = session.add(&self.name, SourceKind::Lines, &metadata);
+        let source = intake.add(&self.name, SourceKind::Lines, &metadata);
         let mut counts = Counts::default();
         let mut line = Vec::new();
         let mut buffer = [0_u8; 4096];
         let mut ended = None;
-        while ended.is_none() && !session.stopped() {
+        while ended.is_none() && !intake.stopped() {
             match self.port.receive(&mut buffer, MonotonicClock.now() + LOOK) {
                 Ok(count) => {
                     let arrival = MonotonicClock.now();
@@ -44,13 +45,14 @@ impl TextLines {
                             line.push(byte);
                         }
                         counts.samples += 1;
-                        session.recorder.take_record(id, SourceRecord::Line(arrival, text));
+                        intake.take_line(&source, arrival, text);
                     }
                 }
                 Err(PortError::TimedOut) => {}
                 Err(error) => ended = Some(error.to_string()),
             }
         }
-        session.report(SourceReport { name, counts, ended, ..SourceReport::default() });
+        let name = source.name.to_string();
+        intake.report(SourceReport { name, counts, ended, ..SourceReport::default() });
     }
 }

@@ -1,7 +1,7 @@
 //! A robot's joints as a source: hand-guided teaching. Nothing is written to the servos but, if
 //! asked for, torque off.
 
-use super::{Session, SourceReport};
+use super::intake::{Intake, SourceReport};
 use crate::capture::Counts;
 use crate::cli::address::Address;
 use crate::cli::connect::{Connection, connect};
@@ -63,14 +63,14 @@ impl Servos {
     }
 
     /// Records until it is to stop or a line fails.
-    pub fn record(mut self, session: &Session) {
+    pub fn record(mut self, intake: &Intake) {
         let name = self.robot_name().to_owned();
         let mut counts = Counts::default();
         let mut ended = None;
         let mut at = MonotonicClock.now();
         for cycle in 0.. {
             MonotonicClock.sleep_until(at);
-            if session.stopped() {
+            if intake.stopped() {
                 break;
             }
             match self.read(cycle, at) {
@@ -78,7 +78,7 @@ impl Servos {
                     let missed = record.joints.iter().filter(|joint| joint.missed.is_some());
                     counts.missed += missed.count() as u64;
                     counts.samples += 1;
-                    session.recorder.take(record);
+                    intake.take_cycle(record);
                 }
                 Err(error) => {
                     ended = Some(error);
@@ -87,7 +87,7 @@ impl Servos {
             }
             at = (at + self.period).max(MonotonicClock.now());
         }
-        session.report(SourceReport { name, counts, ended, ..SourceReport::default() });
+        intake.report(SourceReport { name, counts, ended, ..SourceReport::default() });
     }
 
     fn read(&mut self, cycle: u64, at: Instant) -> Result<CycleRecord, String> {

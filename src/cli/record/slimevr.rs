@@ -1,10 +1,11 @@
 //! SlimeVR trackers over UDP: whoever looks for a server finds us.
 
-use super::{LOOK, PATIENCE, Session, SourceReport};
+use super::intake::{Intake, Named, SourceReport};
+use super::{LOOK, PATIENCE};
 use crate::capture::Chain;
 use crate::error::Error;
 use crate::port::{Clock, MonotonicClock};
-use crate::recording::{SourceId, SourceKind, SourceRecord};
+use crate::recording::SourceKind;
 use crate::time::{Duration, Instant};
 use crate::wire::sensor::Reading;
 use crate::wire::sensor::slimevr::{self, Message};
@@ -34,7 +35,7 @@ struct Tracker {
     last: u64,
     missed: u64,
     late: u64,
-    sensors: BTreeMap<u8, (String, SourceId, Chain)>,
+    sensors: BTreeMap<u8, (Named, Chain)>,
 }
 
 impl Trackers {
@@ -55,16 +56,16 @@ impl Trackers {
     }
 
     /// Records until it is to stop.
-    pub fn record(mut self, session: &Session) {
+    pub fn record(mut self, intake: &Intake) {
         let mut buffer = [0_u8; 2048];
         let began = MonotonicClock.now();
         let mut beaten = began;
         let mut remarked = false;
-        while !session.stopped() {
+        while !intake.stopped() {
             let received = self.socket.recv_from(&mut buffer);
             let now = MonotonicClock.now();
             if let Ok((count, from)) = received {
-                self.take(&buffer[..count], from, now, session);
+                self.take(&buffer[..count], from, now, intake);
             }
             if now.since(beaten) >= HEARTBEAT {
                 beaten = now;
@@ -75,16 +76,16 @@ impl Trackers {
             }
             if self.trackers.is_empty() && !remarked && now.since(began) > PATIENCE {
                 remarked = true;
-                session.remarks.say(
+                intake.remarks.say(
                     "no tracker has called yet; is this machine in their network, and does its \
                      firewall let UDP in?",
                 );
             }
         }
-        self.report(session);
+        self.report(intake);
     }
 
-    fn take(&mut self, datagram: &[u8], from: SocketAddr, now: Instant, session: &Session) {
+    fn take(&mut self, datagram: &[u8], from: SocketAddr, now: Instant, intake: &Intake) {
         let mut messages = Vec::new();
         let number = slimevr::decode(datagram, |message| messages.push(message)).unwrap_or(0);
         for message in messages {
@@ -109,33 +110,33 @@ impl Trackers {
                 continue;
             }
             let tracker_name = tracker.name.clone();
-            let (_, id, chain) = tracker.sensors.entry(sensor).or_insert_with(|| {
+            let (source, chain) = tracker.sensors.entry(sensor).or_insert_with(|| {
                 let wanted = format!("{tracker_name}-{sensor}");
                 let metadata = [("profile", self.sensor.name.as_str())];
-                let (name, id) = session.add(&wanted, SourceKind::Imu, &metadata);
-                (name, id, Chain::new(&self.sensor, session.mode))
+                let source = intake.add(&wanted, SourceKind::Imu, &metadata);
+                (source, Chain::new(&self.sensor, intake.mode))
             });
             if let Some(captured) = chain.take(&reading, now) {
-                session.recorder.take_record(*id, SourceRecord::Sample(Box::new(captured)));
+                intake.take(source, captured);
             }
         }
     }
 
-    fn report(self, session: &Session) {
+    fn report(self, intake: &Intake) {
         if self.trackers.is_empty() {
             let ended = Some("no tracker has called".to_owned());
-            session.report(SourceReport { name: self.name, ended, ..SourceReport::default() });
+            intake.report(SourceReport { name: self.name, ended, ..SourceReport::default() });
             return;
         }
         for tracker in self.trackers.into_values() {
-            for (index, (name, _, chain)) in tracker.sensors.into_values().enumerate() {
-                let mut report = SourceReport::of(&name, &chain);
+            for (index, (source, chain)) in tracker.sensors.into_values().enumerate() {
+                let mut report = SourceReport::of(&source.name, &chain);
                 // Datagrams are the tracker's, not a sensor's: they are told once.
                 if index == 0 {
                     report.counts.missed += tracker.missed;
                     report.counts.late += tracker.late;
                 }
-                session.report(report);
+                intake.report(report);
             }
         }
     }

@@ -1,7 +1,7 @@
 //! `[NAME=]KIND@BUS`: what a source is and where.
 
-use super::Session;
 use super::imu::SerialImu;
+use super::intake::Intake;
 use super::lines::TextLines;
 use super::slimevr::Trackers;
 use crate::cli::address::Address;
@@ -99,11 +99,11 @@ pub enum Opened {
 
 impl Opened {
     /// Records until it is to stop.
-    pub fn record(self, session: &Session) {
+    pub fn record(self, intake: &Intake) {
         match self {
-            Self::Imu(imu) => imu.record(session),
-            Self::Trackers(trackers) => trackers.record(session),
-            Self::Lines(lines) => lines.record(session),
+            Self::Imu(imu) => imu.record(intake),
+            Self::Trackers(trackers) => trackers.record(intake),
+            Self::Lines(lines) => lines.record(intake),
         }
     }
 }

@@ -1,0 +1,231 @@
+//! A calibration of a body as a file: how sensors sit, who wore them, and when that was found.
+
+use super::calibrate::{Calibration, HeadingBy, Mount};
+use crate::error::Error;
+use crate::mocap::mapping::{segment_name, segment_named};
+use glam::DQuat;
+use serde::Deserialize;
+use std::fmt::Write;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+/// Version of the file format.
+const SCHEMA: u32 = 1;
+/// Straps are taken off and move: a calibration older than this is another day's.
+pub const VALID: Duration = Duration::from_secs(12 * 3600);
+
+/// A calibration that was kept.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Kept {
+    /// Who wore the sensors; may be empty.
+    pub subject: String,
+    /// When it was made, in whole seconds.
+    pub made: SystemTime,
+    /// Name of the sensor of each mount, in the order of [`Calibration::mounts`].
+    pub sensors: Vec<String>,
+    /// How they sit.
+    pub calibration: Calibration,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    schema: u32,
+    #[serde(default)]
+    subject: String,
+    made_unix_s: u64,
+    /// For people; [`File::made_unix_s`] counts.
+    #[serde(rename = "made", default)]
+    _made: String,
+    mount: Vec<Entry>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Entry {
+    segment: String,
+    sensor: String,
+    sensor_from_segment: [f64; 4],
+    heading_rad: f64,
+    heading_by: String,
+    consistency: Option<f64>,
+    strapped_off_rad: Option<f64>,
+}
+
+impl Kept {
+    /// The text of a file.
+    #[must_use]
+    pub fn text(&self) -> String {
+        let made_s = self.made.duration_since(UNIX_EPOCH).unwrap_or_default().as_secs();
+        let mut out = format!(
+            "# How sensors sit on a body. Quaternions w, x, y, z turn vectors of the segment into \
+             those of the\n# sensor. Headings hold until the sensors are switched off; they are \
+             found anew in N pose.\nschema = {SCHEMA}\nsubject = {:?}\nmade = {:?}\nmade_unix_s = \
+             {made_s}\n",
+            self.subject,
+            utc(made_s)
+        );
+        for (mount, sensor) in self.calibration.mounts.iter().zip(&self.sensors) {
+            let q = mount.sensor_from_segment;
+            let _ = write!(
+                out,
+                "\n[[mount]]\nsegment = {:?}\nsensor = {sensor:?}\nsensor_from_segment = [{:?}, \
+                 {:?}, {:?}, {:?}]\nheading_rad = {:?}\nheading_by = {:?}\n",
+                segment_name(mount.segment),
+                q.w,
+                q.x,
+                q.y,
+                q.z,
+                mount.heading_rad,
+                mount.heading_by.word()
+            );
+            for (key, value) in
+                [("consistency", mount.consistency), ("strapped_off_rad", mount.strapped_off_rad)]
+            {
+                if let Some(value) = value {
+                    let _ = writeln!(out, "{key} = {value:?}");
+                }
+            }
+        }
+        out
+    }
+
+    /// Reads the text of a file.
+    ///
+    /// # Errors
+    /// Another format, an unknown segment or one named twice, a quaternion that is none.
+    pub fn parse(text: &str) -> Result<Self, Error> {
+        let wrong = |got: String| {
+            Error::new("this is no calibration of a body")
+                .got(got)
+                .remedy("calibrate anew, or name another file")
+        };
+        let file: File =
+            toml::from_str(text).map_err(|cause| wrong(cause.to_string().trim().to_owned()))?;
+        if file.schema != SCHEMA {
+            return Err(wrong(format!("schema {}", file.schema)));
+        }
+        let made = UNIX_EPOCH.checked_add(Duration::from_secs(file.made_unix_s));
+        let mut kept = Self {
+            subject: file.subject,
+            made: made.ok_or_else(|| wrong(format!("made_unix_s = {}", file.made_unix_s)))?,
+            sensors: Vec::new(),
+            calibration: Calibration::default(),
+        };
+        for entry in file.mount {
+            let segment = segment_named(&entry.segment)?;
+            let [w, x, y, z] = entry.sensor_from_segment;
+            let quaternion = DQuat::from_xyzw(x, y, z, w);
+            let numbers = [entry.heading_rad, quaternion.length()];
+            if !(numbers.iter().all(|n| n.is_finite()) && (numbers[1] - 1.0).abs() < 1e-3) {
+                return Err(wrong(format!("numbers of {}", entry.segment)));
+            }
+            if kept.calibration.mounts.iter().any(|mount| mount.segment == segment) {
+                return Err(wrong(format!("{} twice", entry.segment)));
+            }
+            let heading_by = HeadingBy::from_word(&entry.heading_by)
+                .ok_or_else(|| wrong(format!("heading_by = {:?}", entry.heading_by)))?;
+            kept.sensors.push(entry.sensor);
+            kept.calibration.mounts.push(Mount {
+                segment,
+                sensor_from_segment: quaternion.normalize(),
+                heading_rad: entry.heading_rad,
+                heading_by,
+                consistency: entry.consistency,
+                strapped_off_rad: entry.strapped_off_rad,
+            });
+        }
+        Ok(kept)
+    }
+
+    /// Time since it was made; zero if that is still to come.
+    #[must_use]
+    pub fn age(&self, now: SystemTime) -> Duration {
+        now.duration_since(self.made).unwrap_or_default()
+    }
+}
+
+/// A moment as people write it, UTC (the civil calendar from days: H. Hinnant, "chrono-Compatible
+/// Low-Level Date Algorithms", `civil_from_days`).
+#[must_use]
+pub fn utc(unix_s: u64) -> String {
+    let (days, second) = (unix_s / 86_400, unix_s % 86_400);
+    let days = days + 719_468;
+    let (era, day_of_era) = (days / 146_097, days % 146_097);
+    let year_of_era =
+        (day_of_era - day_of_era / 1460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
+    let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
+    let shifted_month = (5 * day_of_year + 2) / 153;
+    let day = day_of_year - (153 * shifted_month + 2) / 5 + 1;
+    let month = if shifted_month < 10 { shifted_month + 3 } else { shifted_month - 9 };
+    let year = year_of_era + era * 400 + u64::from(month <= 2);
+    let (hour, minute, second) = (second / 3600, second / 60 % 60, second % 60);
+    format!("{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}Z")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::body::Segment;
+
+    fn kept() -> Kept {
+        let mount = Mount {
+            segment: Segment::LeftThigh,
+            sensor_from_segment: DQuat::from_rotation_y(0.3),
+            heading_rad: -1.25,
+            heading_by: HeadingBy::TPose,
+            consistency: None,
+            strapped_off_rad: Some(0.1),
+        };
+        let calibration = Calibration { mounts: vec![mount], notes: Vec::new() };
+        Kept {
+            subject: "a \"b\"".to_owned(),
+            made: UNIX_EPOCH + Duration::from_secs(951_782_400),
+            sensors: vec!["tracker-00aa01-0".to_owned()],
+            calibration,
+        }
+    }
+
+    #[test]
+    fn what_is_written_is_read_back() {
+        let text = kept().text();
+        let read = Kept::parse(&text).expect("reads");
+        let (a, b) = (&read.calibration.mounts[0], &kept().calibration.mounts[0]);
+        assert!(a.sensor_from_segment.angle_between(b.sensor_from_segment) < 1e-12);
+        assert_eq!((read.subject, read.made, read.sensors), {
+            let kept = kept();
+            (kept.subject, kept.made, kept.sensors)
+        });
+        assert_eq!(
+            (a.heading_rad, a.heading_by, a.strapped_off_rad),
+            (-1.25, b.heading_by, Some(0.1))
+        );
+    }
+
+    /// `date -u -d @951782400` and others; the first is a leap day of a year that 400 divides.
+    #[test]
+    fn moments_are_written_as_people_do() {
+        assert_eq!(utc(0), "1970-01-01T00:00:00Z");
+        assert_eq!(utc(951_782_400), "2000-02-29T00:00:00Z");
+        assert_eq!(utc(951_868_799), "2000-02-29T23:59:59Z");
+        assert_eq!(utc(1_767_225_599), "2025-12-31T23:59:59Z");
+        assert_eq!(utc(4_107_542_400), "2100-03-01T00:00:00Z");
+    }
+
+    #[test]
+    fn files_that_say_nonsense_are_refused() {
+        let good = kept().text();
+        for (from, to) in [
+            ("schema = 1", "schema = 2"),
+            ("left_thigh", "left_nose"),
+            ("t_pose", "guess"),
+            ("heading_rad = -1.25", "heading_rad = nan"),
+            ("[[mount]]", "[[mounts]]"),
+        ] {
+            assert!(good.contains(from), "{from}");
+            assert!(Kept::parse(&good.replace(from, to)).is_err(), "{to}");
+        }
+        let twice =
+            good.split_once("[[mount]]").map(|(_, entry)| format!("{good}\n[[mount]]{entry}"));
+        assert!(Kept::parse(&twice.expect("an entry")).is_err());
+    }
+}

@@ -1,0 +1,448 @@
+//! A robot that does what a person who wears sensors does.
+
+use super::report::{self, BodyReport, LiveReport};
+use super::{Job, Ready, look, table};
+use crate::body::Segment;
+use crate::body::worn::calibrate::words;
+use crate::body::worn::kept::Kept;
+use crate::body::worn::{Wearing, WornPose};
+use crate::capture::{Counts, Mode};
+use crate::cli::output::Output;
+use crate::cli::play::RunRecorder;
+use crate::cli::record::intake::{Intake, SourceReport};
+use crate::cli::record::source::Source;
+use crate::cli::report::Outcome;
+use crate::cli::source::robot_model;
+use crate::cli::wear::{Feed, Guide, Guided, Operator, Plan, Sensors, Wear};
+use crate::control::{Input, StopReason};
+use crate::error::Error;
+use crate::mocap::mapping::{segment_name, segment_named};
+use crate::mocap::retarget::{self, Online};
+use crate::motion::Trend;
+use crate::motion::follow::STALE_S;
+use crate::port::{Clock, MonotonicClock};
+use crate::recording::read_orientations;
+use crate::time::{Duration, Instant};
+use glam::DQuat;
+use std::io::IsTerminal;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Sender, channel};
+
+/// Tables per second.
+const SHOWN_HZ: f64 = 4.0;
+/// Poses per second where no robot asks for them.
+const POSES_HZ: f64 = 50.0;
+
+/// Ends the readers however this ends.
+struct StopAtEnd<'a>(&'a AtomicBool);
+
+impl Drop for StopAtEnd<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Release);
+    }
+}
+
+impl Job<'_> {
+    /// Calibrates who wears the sensors, then lets the robot follow, or shows angles.
+    pub(super) fn follow_sensors(&mut self) -> Result<(), Error> {
+        let args = self.args;
+        let (wear, replayed) = self.wear()?;
+        let ready = self.robot()?;
+        let real_time = ready.as_ref().is_none_or(|ready| ready.connection.real_time);
+        if !real_time && replayed.is_none() {
+            return Err(Error::new(
+                "sensors speak in real time, and this robot is in virtual time",
+            )
+            .at("--bus")
+            .got("sim")
+            .remedy("take --bus sim:pty: the virtual robot in real time"));
+        }
+        let mut opened = Vec::new();
+        for source in &wear.sources {
+            opened.push(source.open()?);
+        }
+        let recorder = match &ready {
+            Some(ready) if !args.dry_run => Some(self.recorder_for_sensors(&ready.connection)?),
+            _ => None,
+        };
+        let kept = recorder.as_ref().and_then(RunRecorder::shared);
+        let stop = AtomicBool::new(false);
+        let mode = if args.magnetometer { Mode::NineAxes } else { Mode::SixAxes };
+        let intake = Intake::new(kept.as_deref(), &stop, mode, self.remarks);
+        let (sender, receiver) = channel();
+        let intake = intake.heard_by(sender);
+        let is_replay = replayed.is_some();
+        let feed = replayed.unwrap_or(Feed::Live(receiver));
+        let mut sensors = Sensors::new(wear.places, feed);
+        let remarks = self.remarks;
+        let done = std::thread::scope(|scope| {
+            let _stop = StopAtEnd(&stop);
+            for source in opened {
+                let intake = &intake;
+                scope.spawn(move || source.record(intake));
+            }
+            // The loop may not wait for a terminal: what it has to say is said elsewhere.
+            let (tell, told) = channel::<String>();
+            scope.spawn(move || told.into_iter().for_each(|text| remarks.say(&text)));
+            self.led(&mut sensors, ready, recorder, tell)
+        });
+        self.report.sensors = match is_replay {
+            false => intake.into_reports(),
+            true => replay_reports(&sensors),
+        };
+        self.report.sensors.sort_by(|a, b| a.name.cmp(&b.name));
+        drop(kept);
+        if let Some((mut recorder, ready)) = done? {
+            recorder.finish(&mut self.report.run, &ready.connection);
+        }
+        Ok(())
+    }
+
+    /// Who wears what, and the recording that speaks for them if it is one.
+    fn wear(&self) -> Result<(Wear, Option<Feed>), Error> {
+        let replays: Vec<&str> =
+            self.args.from.iter().filter_map(|from| from.strip_prefix("replay:")).collect();
+        let [replay] = replays.as_slice() else {
+            let unknown = |error: Error| {
+                Error {
+                allowed: Some(
+                    "SEGMENT=imu:PROFILE@BUS, imu:slimevr@udp:6969, or, alone, replay:FILE.mcap or \
+                     file:MOTION"
+                        .to_owned(),
+                ),
+                ..error
+            }
+            };
+            let sources = self.args.from.iter().map(|text| text.parse::<Source>().map_err(unknown));
+            let sources = sources.collect::<Result<Vec<_>, Error>>()?;
+            return Ok((Wear::of(sources, &self.args.wear)?, None));
+        };
+        if self.args.from.len() > 1 {
+            return Err(Error::new("a recording is followed alone").at("--from"));
+        }
+        let samples = read_orientations(Path::new(replay))?;
+        let mut wear = Wear::of(Vec::new(), &self.args.wear)?;
+        if !wear.sources.is_empty() {
+            return Err(Error::new("a recording is followed alone").at("--wear"));
+        }
+        let mut names: Vec<Arc<str>> = samples.iter().map(|s| Arc::clone(&s.sensor)).collect();
+        names.sort();
+        names.dedup();
+        for name in &names {
+            let is_placed = wear.places.iter().any(|place| *place.sensor == **name);
+            if !is_placed && segment_named(name).is_ok() {
+                wear.put(name, name, Some(glam::DVec3::X))?;
+            }
+        }
+        if wear.places.is_empty() {
+            return Err(Error::new("which segment wears which sensor?")
+                .got(format!("recorded: {}", names.join(", ")))
+                .remedy("say it for each, e.g. --wear left_thigh=NAME"));
+        }
+        Ok((wear, Some(Feed::replay(samples))))
+    }
+
+    /// Calibrates and follows while the readers run.
+    fn led(
+        &mut self,
+        sensors: &mut Sensors,
+        ready: Option<Ready>,
+        recorder: Option<RunRecorder>,
+        tell: Sender<String>,
+    ) -> Result<Option<(RunRecorder, Ready)>, Error> {
+        let monotonic: Arc<dyn Clock> = Arc::new(MonotonicClock);
+        let clock =
+            ready.as_ref().map_or(monotonic, |ready| Arc::clone(ready.connection.link.clock()));
+        let guided = match self.calibrated(sensors, &*clock) {
+            Ok(Some(guided)) => guided,
+            other => {
+                // Nothing was played: an empty recording would only be in the way.
+                let _ = recorder.map(RunRecorder::discard);
+                if other?.is_none() {
+                    self.report.run.outcome = Outcome::Stopped;
+                    self.report.run.stop_reason = Some(StopReason::Asked.to_string());
+                    let note = "stopped before torque came on; nothing moved";
+                    self.report.run.notes.push(note.to_owned());
+                }
+                return Ok(None);
+            }
+        };
+        self.report.body = Some(BodyReport::of(&guided));
+        let wearing = Wearing::new(&guided.kept.calibration);
+        self.report.worn = wearing.worn();
+        let mut body = Body::new(sensors, wearing, self.operator, tell, self.args.time);
+        let done = match (ready, recorder) {
+            (Some(ready), Some(recorder)) => self.mirrored(&mut body, ready, recorder),
+            _ => {
+                self.show(&mut body, &*clock);
+                Ok(None)
+            }
+        };
+        body.describe(&mut self.report);
+        done
+    }
+
+    /// Takes up the calibration of the body, or makes one and keeps it.
+    fn calibrated(
+        &mut self,
+        sensors: &mut Sensors,
+        clock: &dyn Clock,
+    ) -> Result<Option<Guided>, Error> {
+        let args = self.args;
+        let plan = Plan {
+            n_pose_after: args.n_pose_after,
+            t_pose: !args.no_t_pose,
+            moves: args.moves.iter().map(|&typed| typed.into()).collect(),
+            subject: args.subject.clone(),
+        };
+        let file = args.calibration_body.as_deref();
+        let known = match file.filter(|path| path.exists() && !args.recalibrate) {
+            None => None,
+            Some(path) => {
+                let text = gaitway_profiles::read_text(path)?;
+                Some(Kept::parse(&text).map_err(|e| e.at(path.display().to_string()))?)
+            }
+        };
+        let mut guide = Guide::new(sensors, clock, self.operator);
+        if guide.wait_for_sensors()?.is_none() {
+            return Ok(None);
+        }
+        if let Some(kept) = known {
+            return guide.take_up(kept, &plan);
+        }
+        let Some(guided) = guide.calibrate(&plan)? else { return Ok(None) };
+        if let Some(path) = file {
+            Output::forced(args.recalibrate).write_file(path, guided.kept.text().as_bytes())?;
+            self.remarks.say(&format!("calibration of the body kept in {}", path.display()));
+        }
+        Ok(Some(guided))
+    }
+
+    /// The robot follows the body.
+    fn mirrored(
+        &mut self,
+        body: &mut Body<'_>,
+        mut ready: Ready,
+        recorder: RunRecorder,
+    ) -> Result<Option<(RunRecorder, Ready)>, Error> {
+        // Somebody may have moved the robot while the person was calibrated.
+        ready.found = match look(self.args, &mut ready.connection, ready.settings) {
+            Ok(found) => found,
+            Err(error) => {
+                recorder.discard();
+                return Err(error);
+            }
+        };
+        let robot = ready.connection.link.robot().clone();
+        let model = robot_model(&robot.file, &robot);
+        let start_rad = ready.found.start_rad.clone();
+        let settings = retarget::Settings::default();
+        let mut online = match Online::new(&model, &body.wearing.worn(), &start_rad, &settings) {
+            Ok(online) => online,
+            Err(error) => {
+                recorder.discard();
+                return Err(error);
+            }
+        };
+        self.report.run.notes.extend(online.notes().iter().cloned());
+        let mut trend = Trend::default();
+        let mut newest = |now: Instant, approaching: bool| {
+            if body.is_over(now, approaching) {
+                return Input::End;
+            }
+            let Some((moment, oldest_s, dt_s)) = body.moment(now) else { return Input::Nothing };
+            trend.push(oldest_s, online.pose(&moment.pose, dt_s));
+            trend.target(body.seconds(now)).map_or(Input::Nothing, Input::Pose)
+        };
+        let recorder = self.mirror(&mut ready, &mut newest, recorder)?;
+        Ok(recorder.map(|recorder| (recorder, ready)))
+    }
+
+    /// Shows the angles of the body until it is to end.
+    fn show(&mut self, body: &mut Body<'_>, clock: &dyn Clock) {
+        let live = std::io::stderr().is_terminal();
+        let shown_hz = if live { SHOWN_HZ } else { 1.0 };
+        let mut lines = 0;
+        let mut show_at = clock.now();
+        let mut last = None;
+        while !self.operator.wants_to_stop() {
+            let now = clock.now();
+            if body.is_over(now, false) {
+                break;
+            }
+            if let Some((moment, ..)) = body.moment(now) {
+                if now >= show_at {
+                    show_at = now + Duration::from_secs_f64(1.0 / shown_hz);
+                    let angles = &moment.measured.angles;
+                    if live {
+                        // Over the table before: up as many lines as it had.
+                        let text = table::text(angles, &body.wearing.worn());
+                        let up =
+                            if lines > 0 { format!("\x1b[{lines}A\x1b[J") } else { String::new() };
+                        lines = text.lines().count();
+                        eprint!("{up}{text}");
+                    } else {
+                        self.remarks.say(&table::line(angles));
+                    }
+                }
+                last = Some(moment.measured.angles);
+            }
+            clock.sleep_until(now + Duration::from_secs_f64(1.0 / POSES_HZ));
+        }
+        self.report.angles_rad = last.map(report::angles_by_name);
+        self.report.run.outcome = Outcome::Done;
+    }
+}
+
+/// Counts of a recording that was followed.
+fn replay_reports(sensors: &Sensors) -> Vec<SourceReport> {
+    let report = |(name, samples): (&str, u64)| SourceReport {
+        name: name.to_owned(),
+        counts: Counts { samples, ..Counts::default() },
+        ..SourceReport::default()
+    };
+    sensors.samples().map(report).collect()
+}
+
+/// A body whose sensors are calibrated, from moment to moment.
+struct Body<'a> {
+    sensors: &'a mut Sensors,
+    wearing: Wearing,
+    operator: &'a Operator,
+    tell: Sender<String>,
+    longest: Option<Duration>,
+    /// When it was first looked at: times of poses count from here.
+    began: Option<Instant>,
+    following_since: Option<Instant>,
+    before: Option<Instant>,
+    stale_s: [f64; 13],
+    heading_lost: [u64; 13],
+    resets: u64,
+    is_silent: bool,
+}
+
+impl<'a> Body<'a> {
+    fn new(
+        sensors: &'a mut Sensors,
+        wearing: Wearing,
+        operator: &'a Operator,
+        tell: Sender<String>,
+        longest: Option<Duration>,
+    ) -> Self {
+        Self {
+            sensors,
+            wearing,
+            operator,
+            tell,
+            longest,
+            began: None,
+            following_since: None,
+            before: None,
+            stale_s: [0.0; 13],
+            heading_lost: [0; 13],
+            resets: 0,
+            is_silent: false,
+        }
+    }
+
+    /// Seconds of a moment since the body was first looked at.
+    fn seconds(&self, at: Instant) -> f64 {
+        at.seconds_since(self.began.unwrap_or(at))
+    }
+
+    /// True once there is nothing more to follow.
+    fn is_over(&mut self, now: Instant, approaching: bool) -> bool {
+        if !approaching {
+            self.following_since.get_or_insert(now);
+        }
+        let follows = self.following_since.map(|since| now.since(since));
+        let is_late = self.longest.zip(follows).is_some_and(|(longest, time)| time >= longest);
+        is_late || self.sensors.ended().is_some() || self.sensors.is_over()
+    }
+
+    /// The body now, when the oldest of its sensors was read, s, and the time since the moment
+    /// before, s; `None` while a sensor says nothing that can be used.
+    fn moment(&mut self, now: Instant) -> Option<(WornPose, f64, f64)> {
+        self.began.get_or_insert(now);
+        self.sensors.hear(now);
+        for segment in self.sensors.take_anew() {
+            self.wearing.heading_lost(segment);
+            self.heading_lost[segment.index()] += 1;
+            self.tell(format!(
+                "the sensor on the {} began anew, its heading is a guess: stand in N pose, r and \
+                 Enter",
+                words(segment)
+            ));
+        }
+        if self.operator.wants_a_reset() {
+            self.wearing.reset_heading();
+            self.resets += 1;
+            self.tell("headings are mended, slowly".to_owned());
+        }
+        let dt_s = self.before.map_or(0.0, |before| now.seconds_since(before));
+        self.before = Some(now);
+        let newest = self.sensors.newest();
+        self.watch(&newest, now, dt_s);
+        let mut said = [None; 13];
+        let mut oldest = now;
+        for (segment, heard) in &newest {
+            let (orientation, taken) = (*heard)?;
+            oldest = oldest.min(taken);
+            let is_fresh = now.seconds_since(taken) <= STALE_S;
+            said[segment.index()] = Some(orientation).filter(|_| is_fresh);
+        }
+        let moment = self.wearing.pose(&said, dt_s);
+        Some((moment, self.seconds(oldest), dt_s))
+    }
+
+    /// Notices who is silent, and says so once.
+    fn watch(&mut self, newest: &[(Segment, Option<(DQuat, Instant)>)], now: Instant, dt_s: f64) {
+        let mut silent = Vec::new();
+        for (segment, heard) in newest {
+            if heard.is_none_or(|(_, taken)| now.seconds_since(taken) > STALE_S) {
+                self.stale_s[segment.index()] += dt_s;
+                silent.push(segment_name(*segment));
+            }
+        }
+        if self.is_silent != silent.is_empty() {
+            return;
+        }
+        self.is_silent = !silent.is_empty();
+        self.tell(match self.is_silent {
+            true => format!("silent: {}; the robot stands until it speaks", silent.join(", ")),
+            false => "all sensors speak again".to_owned(),
+        });
+    }
+
+    /// Says something to the person, without waiting for a terminal.
+    fn tell(&self, text: String) {
+        // Nobody listens any more only at the very end.
+        let _ = self.tell.send(text);
+    }
+
+    /// Writes down what became of the sensors.
+    fn describe(&self, report: &mut LiveReport) {
+        if let Some((sensor, why)) = self.sensors.ended() {
+            if report.run.outcome == Outcome::Done {
+                report.run.outcome = Outcome::Stopped;
+            }
+            report.run.stop_reason = Some(format!("sensor {sensor} is gone: {why}"));
+        }
+        let Some(body) = &mut report.body else { return };
+        body.heading_resets = self.resets;
+        for drift in self.wearing.drifts() {
+            let at = drift.segment.index();
+            let name = segment_name(drift.segment);
+            let Some(mount) = body.sensors.iter_mut().find(|mount| mount.segment == name) else {
+                continue;
+            };
+            mount.drift_corrected_rad = drift.corrected_rad;
+            mount.drift_rad_s = drift.rate_rad_s;
+            mount.heading_reset_rad = drift.reset_rad;
+            mount.stale_s = self.stale_s[at];
+            mount.heading_lost = self.heading_lost[at];
+        }
+    }
+}

@@ -1,0 +1,226 @@
+//! Where the samples of all sources go, and what came of each source.
+
+use crate::capture::{Captured, Chain, Counts, Mode, Order, Quality};
+use crate::cli::Remarks;
+use crate::recording::{CycleRecord, RecordedSource, Recorder, SourceId, SourceKind, SourceRecord};
+use crate::time::Instant;
+use glam::DQuat;
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::Sender;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// What somebody who listens to the sensors hears.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Said {
+    /// A sample of a sensor.
+    Sample {
+        /// Name of the sensor.
+        sensor: Arc<str>,
+        /// Turns vectors of the sensor into those of its own world, Z up; `None` while nobody
+        /// knows.
+        orientation: Option<DQuat>,
+        /// True if the device or the filter began anew: its heading has nothing to do with the one
+        /// before.
+        anew: bool,
+        /// When it was read.
+        arrival: Instant,
+        /// When it was taken.
+        taken: Instant,
+    },
+    /// There will be no more of a sensor.
+    Ended {
+        /// Name of the sensor.
+        sensor: Arc<str>,
+        /// Why, in words.
+        why: String,
+    },
+}
+
+impl Said {
+    /// What a captured sample says: the fused orientation once that is settled or, of a sensor that
+    /// sends no angular rate, its own.
+    #[must_use]
+    pub fn of(sensor: &Arc<str>, captured: &Captured) -> Self {
+        let orientation = match captured.fused {
+            Some(fused) => Some(fused.orientation).filter(|_| fused.settled),
+            None => captured.sample.orientation,
+        };
+        let unsettled = captured.fused.is_some_and(|fused| !fused.settled);
+        let anew = unsettled || captured.stamp.order == Order::Reset;
+        let (arrival, taken) = (captured.stamp.arrival, captured.stamp.taken);
+        Self::Sample { sensor: Arc::clone(sensor), orientation, anew, arrival, taken }
+    }
+}
+
+/// What became of one source.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct SourceReport {
+    /// Name of the sensor.
+    pub name: String,
+    /// What its timeline has seen.
+    pub counts: Counts,
+    /// Samples that lacked a required part.
+    pub incomplete: u64,
+    /// Bytes that belonged to no packet.
+    pub stray_bytes: u64,
+    /// Beginnings of packets that were none.
+    pub bad_packets: u64,
+    /// Drift of the device's clock against the host's, parts per million.
+    pub skew_ppm: f64,
+    /// 99 % of the samples were read within this time after they were taken, less the constant part.
+    pub late_p99_s: f64,
+    /// Why it ended early.
+    pub ended: Option<String>,
+}
+
+impl SourceReport {
+    /// What the chain of a sensor has seen.
+    pub fn of(name: &str, chain: &Chain) -> Self {
+        let Quality { skew_ppm, late_p99_s, .. } = chain.timeline().quality();
+        Self {
+            name: name.to_owned(),
+            counts: chain.timeline().counts(),
+            incomplete: chain.incomplete(),
+            skew_ppm,
+            late_p99_s,
+            ..Self::default()
+        }
+    }
+
+    /// One line for a person.
+    pub fn text(&self, out: &mut String) {
+        let counts = self.counts;
+        let _ = write!(out, "  {:<16} {} samples", self.name, counts.samples);
+        let told = [
+            (counts.missed, "missing"),
+            (counts.duplicates, "twice"),
+            (counts.late, "out of order"),
+            (counts.resets, "resets"),
+            (self.incomplete, "incomplete"),
+            (self.bad_packets, "bad packets"),
+        ];
+        for (count, word) in told {
+            if count > 0 {
+                let _ = write!(out, ", {count} {word}");
+            }
+        }
+        if self.skew_ppm != 0.0 {
+            let _ = write!(out, ", clock {:+.1} ppm", self.skew_ppm);
+        }
+        if let Some(ended) = &self.ended {
+            let _ = write!(out, "; ended early: {ended}");
+        }
+        out.push('\n');
+    }
+
+    /// True if nothing is known to be missing.
+    pub fn lossless(&self) -> bool {
+        let counts = self.counts;
+        let lost = counts.missed + counts.late + counts.resets + self.incomplete;
+        lost == 0 && self.ended.is_none() && counts.samples > 0
+    }
+}
+
+/// A source that was given a name.
+#[derive(Clone, Debug)]
+pub struct Named {
+    pub name: Arc<str>,
+    id: Option<SourceId>,
+}
+
+/// What every source's thread shares.
+pub struct Intake<'a> {
+    recorder: Option<&'a Recorder>,
+    listener: Option<Sender<Said>>,
+    stop: &'a AtomicBool,
+    pub mode: Mode,
+    pub remarks: Remarks,
+    names: Mutex<BTreeMap<String, u32>>,
+    reports: Mutex<Vec<SourceReport>>,
+}
+
+impl<'a> Intake<'a> {
+    /// Samples go to a recorder, if there is one, until `stop`.
+    pub fn new(
+        recorder: Option<&'a Recorder>,
+        stop: &'a AtomicBool,
+        mode: Mode,
+        remarks: Remarks,
+    ) -> Self {
+        let (names, reports) = Default::default();
+        Self { recorder, listener: None, stop, mode, remarks, names, reports }
+    }
+
+    /// Lets somebody listen as well.
+    #[must_use]
+    pub fn heard_by(mut self, listener: Sender<Said>) -> Self {
+        self.listener = Some(listener);
+        self
+    }
+
+    /// True once sources are to end.
+    pub fn stopped(&self) -> bool {
+        self.stop.load(Ordering::Acquire)
+    }
+
+    /// Adds a source under a name that no other has.
+    pub fn add(&self, wanted: &str, kind: SourceKind, metadata: &[(&str, &str)]) -> Named {
+        let mut names = self.names.lock().unwrap_or_else(PoisonError::into_inner);
+        let count = names.entry(wanted.to_owned()).or_insert(0);
+        *count += 1;
+        let name = match *count {
+            1 => wanted.to_owned(),
+            n => format!("{wanted}-{n}"),
+        };
+        let metadata =
+            metadata.iter().map(|(key, value)| ((*key).to_owned(), (*value).to_owned())).collect();
+        let source = RecordedSource { name: name.clone(), metadata, kind };
+        Named { name: name.into(), id: self.recorder.map(|recorder| recorder.add_source(source)) }
+    }
+
+    /// Takes a sample of a sensor; never waits.
+    pub fn take(&self, source: &Named, captured: Captured) {
+        if let Some(listener) = &self.listener {
+            // Nobody listens any more: the end is near, and `stopped` says so.
+            let _ = listener.send(Said::of(&source.name, &captured));
+        }
+        if let (Some(recorder), Some(id)) = (self.recorder, source.id) {
+            recorder.take_record(id, SourceRecord::Sample(Box::new(captured)));
+        }
+    }
+
+    /// Takes a line of text; never waits.
+    pub fn take_line(&self, source: &Named, at: Instant, text: String) {
+        if let (Some(recorder), Some(id)) = (self.recorder, source.id) {
+            recorder.take_record(id, SourceRecord::Line(at, text));
+        }
+    }
+
+    /// Takes a cycle of a robot; never waits.
+    pub fn take_cycle(&self, record: CycleRecord) {
+        if let Some(recorder) = self.recorder {
+            recorder.take(record);
+        }
+    }
+
+    /// Says at once that a source has ended early.
+    pub fn ended(&self, source: &Named, why: &str) {
+        if let Some(listener) = &self.listener {
+            let (sensor, why) = (Arc::clone(&source.name), why.to_owned());
+            let _ = listener.send(Said::Ended { sensor, why });
+        }
+    }
+
+    /// Takes what became of a source.
+    pub fn report(&self, report: SourceReport) {
+        self.reports.lock().unwrap_or_else(PoisonError::into_inner).push(report);
+    }
+
+    /// What became of all sources, in the order in which they ended.
+    pub fn into_reports(self) -> Vec<SourceReport> {
+        self.reports.into_inner().unwrap_or_else(PoisonError::into_inner)
+    }
+}

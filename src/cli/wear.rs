@@ -1,0 +1,250 @@
+//! Sensors that a person wears: which is where, what they say, and a guided calibration.
+//!
+//! [`Wear`] is who wears what as it was typed, [`Sensors`] what is heard of it, [`Guide`] leads
+//! through the poses and movements that `body::worn` makes a calibration of.
+
+mod guide;
+mod operator;
+mod sensors;
+
+pub use guide::{Guide, Guided, Plan};
+pub use operator::Operator;
+pub use sensors::{Feed, Sensors};
+
+use super::record::source::{Source, What};
+use crate::body::Segment;
+use crate::body::worn::WornSensor;
+use crate::error::Error;
+use crate::mocap::mapping::{segment_name, segment_named};
+use glam::DVec3;
+use serde::Deserialize;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// A sensor on a segment.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Place {
+    /// The segment that wears it.
+    pub segment: Segment,
+    /// Name of the sensor: that of its source, or the one a tracker gives itself.
+    pub sensor: String,
+    /// The axis of the sensor that points forward in N pose, as far as straps allow.
+    pub forward: Option<DVec3>,
+}
+
+/// Who wears what, and where it is heard.
+#[derive(Clone, Debug, Default)]
+pub struct Wear {
+    /// What is worn.
+    pub places: Vec<Place>,
+    /// Where sensors are heard.
+    pub(in crate::cli) sources: Vec<Source>,
+}
+
+/// A file of `--wear`.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct WearFile {
+    #[serde(default)]
+    sources: Vec<String>,
+    #[serde(default)]
+    forward: Option<String>,
+    segments: BTreeMap<String, Entry>,
+}
+
+#[derive(Deserialize)]
+#[serde(untagged)]
+enum Entry {
+    Plain(String),
+    Full { sensor: String, forward: Option<String> },
+}
+
+impl Wear {
+    /// From `--from` and `--wear` as they were typed. A sensor that is named like a segment is worn
+    /// there; others need a `--wear SEGMENT=SENSOR`, or a file of those.
+    ///
+    /// # Errors
+    /// An unknown segment, one that wears two sensors, a sensor on two segments, a source that
+    /// cannot be worn, one that nobody wears.
+    pub(in crate::cli) fn of(sources: Vec<Source>, wear: &[String]) -> Result<Self, Error> {
+        let mut all = Self { places: Vec::new(), sources };
+        for text in wear {
+            match text.split_once('=') {
+                Some((segment, sensor)) => {
+                    all.put(segment, sensor, Some(DVec3::X)).map_err(|e| at(e, text))?;
+                }
+                None => all.read(Path::new(text)).map_err(|e| at(e, text))?,
+            }
+        }
+        for source in all.sources.clone() {
+            all.place(&source).map_err(|e| at(e, &source.text))?;
+        }
+        Ok(all)
+    }
+
+    /// What is worn, as calibration wants it.
+    #[must_use]
+    pub fn worn(&self) -> Vec<WornSensor> {
+        let worn = |place: &Place| WornSensor { segment: place.segment, forward: place.forward };
+        self.places.iter().map(worn).collect()
+    }
+
+    fn read(&mut self, path: &Path) -> Result<(), Error> {
+        let text = gaitway_profiles::read_text(path)?;
+        let file: WearFile = toml::from_str(&text).map_err(|cause| {
+            Error::new("the file does not say what is worn")
+                .got(cause.to_string().trim_end().to_owned())
+                .allowed(
+                    "[segments] with lines such as left_thigh = \"imu:bno08x-rvc@/dev/ttyUSB0\"",
+                )
+        })?;
+        for source in &file.sources {
+            self.sources.push(source.parse()?);
+        }
+        let usual = file.forward.as_deref().map_or(Ok(Some(DVec3::X)), axis)?;
+        for (segment, entry) in &file.segments {
+            let (sensor, forward) = match entry {
+                Entry::Plain(sensor) => (sensor, usual),
+                Entry::Full { sensor, forward } => {
+                    (sensor, forward.as_deref().map_or(Ok(usual), axis)?)
+                }
+            };
+            self.put(segment, sensor, forward)?;
+        }
+        Ok(())
+    }
+
+    /// Puts a sensor, or what is heard at a source, on a segment.
+    pub(in crate::cli) fn put(
+        &mut self,
+        segment: &str,
+        sensor: &str,
+        forward: Option<DVec3>,
+    ) -> Result<(), Error> {
+        let segment = segment_named(segment)?;
+        let sensor = if sensor.contains('@') {
+            let source: Source = sensor.parse()?;
+            if !matches!(source.what, What::Imu { .. }) {
+                return Err(not_worn(sensor));
+            }
+            let name = segment_name(segment).to_owned();
+            self.sources.push(Source { name: Some(name.clone()), ..source });
+            name
+        } else {
+            sensor.to_owned()
+        };
+        if let Some(other) = self.places.iter().find(|place| place.segment == segment) {
+            return Err(Error::new("two sensors are worn on one segment")
+                .at(segment_name(segment))
+                .got(format!("{} and {sensor}", other.sensor)));
+        }
+        if let Some(other) = self.places.iter().find(|place| place.sensor == sensor) {
+            return Err(Error::new("one sensor is worn on two segments")
+                .at(format!("sensor {sensor}"))
+                .got(format!("{} and {}", segment_name(other.segment), segment_name(segment))));
+        }
+        self.places.push(Place { segment, sensor, forward });
+        Ok(())
+    }
+
+    /// Finds where a source is worn, if its name says so.
+    fn place(&mut self, source: &Source) -> Result<(), Error> {
+        match (&source.what, &source.name) {
+            // Trackers name themselves.
+            (What::Trackers { .. }, _) => Ok(()),
+            (What::Lines { .. } | What::Servos { .. }, _) => Err(not_worn(&source.text)),
+            (What::Imu { .. }, Some(name)) => {
+                let is_same = |other: &&Source| other.name.as_ref() == Some(name);
+                if self.sources.iter().filter(is_same).count() > 1 {
+                    return Err(Error::new("two sensors are worn on one segment").at(name.clone()));
+                }
+                match self.places.iter().any(|place| place.sensor == *name) {
+                    true => Ok(()),
+                    false => self.put(name, name, Some(DVec3::X)),
+                }
+            }
+            (What::Imu { .. }, None) => Err(Error::new("which segment wears this sensor?")
+                .allowed(Segment::ALL.map(segment_name).join(", "))
+                .remedy(format!("write SEGMENT= before it, e.g. left_thigh={}", source.text))),
+        }
+    }
+}
+
+fn not_worn(source: &str) -> Error {
+    Error::new("nobody can wear this source")
+        .got(source)
+        .allowed("imu:PROFILE@BUS, e.g. left_thigh=imu:bno08x-rvc@/dev/ttyUSB0")
+}
+
+fn at(error: Error, place: &str) -> Error {
+    if error.place.is_none() { error.at(place) } else { error }
+}
+
+/// An axis of a sensor.
+fn axis(word: &str) -> Result<Option<DVec3>, Error> {
+    let axes = [
+        ("x", DVec3::X),
+        ("-x", DVec3::NEG_X),
+        ("y", DVec3::Y),
+        ("-y", DVec3::NEG_Y),
+        ("z", DVec3::Z),
+        ("-z", DVec3::NEG_Z),
+    ];
+    match axes.iter().find(|(name, _)| *name == word.trim_start_matches('+')) {
+        Some((_, axis)) => Ok(Some(*axis)),
+        None if word == "none" => Ok(None),
+        None => Err(Error::new("not an axis").got(word).allowed("x, -x, y, -y, z, -z or none")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn wear(sources: &[&str], wear: &[&str]) -> Result<Wear, Error> {
+        let sources = sources.iter().map(|text| text.parse()).collect::<Result<_, _>>()?;
+        Wear::of(sources, &wear.iter().map(|text| (*text).to_owned()).collect::<Vec<_>>())
+    }
+
+    #[test]
+    fn a_sensor_named_like_a_segment_is_worn_there_and_others_by_the_map() {
+        let all = wear(
+            &["left-thigh=imu:bno08x-rvc@/dev/a", "b=imu:x-imu3@/dev/b", "imu:slimevr@udp:6969"],
+            &["left_shank=b", "left_foot=tracker-00aa01-0", "head=imu:x-imu3@/dev/c"],
+        )
+        .expect("fits");
+        let places: Vec<(Segment, &str)> =
+            all.places.iter().map(|p| (p.segment, p.sensor.as_str())).collect();
+        assert_eq!(
+            places,
+            [
+                (Segment::LeftShank, "b"),
+                (Segment::LeftFoot, "tracker-00aa01-0"),
+                (Segment::Head, "head"),
+                (Segment::LeftThigh, "left-thigh"),
+            ]
+        );
+        assert_eq!(all.sources.len(), 4);
+    }
+
+    #[test]
+    fn a_map_that_cannot_be_is_refused_and_names_what_is_wrong() {
+        let imu = |name: &str| format!("{name}imu:bno08x-rvc@/dev/a");
+        let (thigh, hyphen) = (imu("left_thigh="), imu("left-thigh="));
+        for (sources, map, said) in [
+            (vec![imu("nose=")], vec![], "no such segment"),
+            (vec![imu("")], vec![], "which segment wears this sensor"),
+            (vec![thigh.clone(), hyphen], vec![], "two sensors are worn on one segment"),
+            (vec![thigh.clone(), thigh.clone()], vec![], "two sensors are worn on one segment"),
+            (vec![thigh], vec!["left_thigh=t"], "two sensors are worn on one segment"),
+            (vec![], vec!["head=t", "torso=t"], "one sensor is worn on two segments"),
+            (vec!["lines@/dev/a".to_owned()], vec![], "nobody can wear"),
+            (vec!["servos:op3@sim".to_owned()], vec![], "nobody can wear"),
+            (vec![], vec!["/no/such/file.toml"], "no such file"),
+        ] {
+            let sources: Vec<&str> = sources.iter().map(String::as_str).collect();
+            let error = wear(&sources, &map).expect_err(said).to_string();
+            assert!(error.to_lowercase().contains(said), "{said}: {error}");
+        }
+    }
+}

@@ -1,0 +1,74 @@
+//! The person at the terminal: what they type, and whether they want to stop.
+
+use crate::cli::signals::Signals;
+use std::io::{BufRead, IsTerminal};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, channel};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Whoever started the program. Lines are read by a thread of their own.
+pub struct Operator {
+    signals: Signals,
+    typed: Arc<Typed>,
+    lines: Mutex<Receiver<String>>,
+    is_at_terminal: bool,
+}
+
+/// What counts whenever it is typed.
+#[derive(Default)]
+struct Typed {
+    quit: AtomicBool,
+    reset: AtomicBool,
+}
+
+impl Operator {
+    /// Listens to standard input, if that is a terminal.
+    #[must_use]
+    pub fn listen(signals: Signals) -> Self {
+        let (sender, lines) = channel();
+        let typed = Arc::new(Typed::default());
+        let is_at_terminal = std::io::stdin().is_terminal();
+        if is_at_terminal {
+            let typed = Arc::clone(&typed);
+            // The thread waits for a line until the process ends; nothing depends on it.
+            std::thread::spawn(move || {
+                for line in std::io::stdin().lock().lines().map_while(Result::ok) {
+                    let word = line.trim().to_ascii_lowercase();
+                    if word == "q" {
+                        typed.quit.store(true, Ordering::Release);
+                    } else if word == "r" {
+                        typed.reset.store(true, Ordering::Release);
+                    } else if sender.send(word).is_err() {
+                        // Nobody is left who would read it.
+                        return;
+                    }
+                }
+            });
+        }
+        Self { signals, typed, lines: Mutex::new(lines), is_at_terminal }
+    }
+
+    /// True if there is somebody who can answer.
+    #[must_use]
+    pub const fn is_at_terminal(&self) -> bool {
+        self.is_at_terminal
+    }
+
+    /// True once it is to end: a signal, or q and Enter.
+    #[must_use]
+    pub fn wants_to_stop(&self) -> bool {
+        self.signals.first().is_some() || self.typed.quit.load(Ordering::Acquire)
+    }
+
+    /// True once after r and Enter.
+    #[must_use]
+    pub fn wants_a_reset(&self) -> bool {
+        self.typed.reset.swap(false, Ordering::AcqRel)
+    }
+
+    /// The next line that was typed, without spaces around it and in small letters.
+    #[must_use]
+    pub fn line(&self) -> Option<String> {
+        self.lines.lock().unwrap_or_else(PoisonError::into_inner).try_recv().ok()
+    }
+}

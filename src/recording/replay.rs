@@ -1,0 +1,88 @@
+//! Orientations of sensors out of a recording, to be played as if they came now.
+
+use super::scan::{Found, scan};
+use super::sensor::{Imu, Transform};
+use crate::error::Error;
+use crate::time::Duration;
+use glam::DQuat;
+use std::collections::{BTreeMap, VecDeque};
+use std::fs::File;
+use std::io::BufReader;
+use std::path::Path;
+use std::sync::Arc;
+
+/// Samples replayed at most: half an hour of 15 sensors at 200 Hz.
+const MOST_SAMPLES: usize = 5_400_000;
+
+/// A recorded sample, as far as it is replayed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ReplayedSample {
+    /// Name of the sensor.
+    pub sensor: Arc<str>,
+    /// Turns vectors of the sensor into those of its own world, Z up; `None` while nobody knew.
+    pub orientation: Option<DQuat>,
+    /// True if the sensor or its filter had begun anew.
+    pub anew: bool,
+    /// When it was read, since the first sample was.
+    pub read: Duration,
+    /// How long before that it was taken.
+    pub age: Duration,
+}
+
+/// Reads the orientations of all sensors, in the order in which they were read.
+///
+/// # Errors
+/// A file that cannot be read, one without orientations, one that is too long.
+pub fn read_orientations(path: &Path) -> Result<VecDeque<ReplayedSample>, Error> {
+    let place = || path.display().to_string();
+    let file = File::open(path).map_err(|cause| {
+        Error::new("the file cannot be read").at(place()).got(cause.to_string())
+    })?;
+    let mut found = Vec::new();
+    // What the sample said before its orientation: whether the device began anew.
+    let mut names: BTreeMap<String, (Arc<str>, bool)> = BTreeMap::new();
+    scan(BufReader::new(file), |what| {
+        let Found::Message { channel, header, body } = what else { return Ok(()) };
+        let Some((name, part)) =
+            channel.topic.strip_prefix("/imu/").and_then(|topic| topic.rsplit_once('/'))
+        else {
+            return Ok(());
+        };
+        if !names.contains_key(name) {
+            names.insert(name.to_owned(), (name.into(), false));
+        }
+        let Some((sensor, reset)) = names.get_mut(name) else { return Ok(()) };
+        if part == "sample" {
+            *reset |= serde_json::from_slice::<Imu>(body).is_ok_and(|imu| imu.order == "reset");
+            return Ok(());
+        }
+        let Ok(transform) = serde_json::from_slice::<Transform>(body) else { return Ok(()) };
+        let q = transform.rotation;
+        let orientation = DQuat::from_xyzw(q.x, q.y, q.z, q.w);
+        found.push((
+            header.log_time,
+            ReplayedSample {
+                sensor: Arc::clone(sensor),
+                orientation: Some(orientation).filter(|q| transform.settled && q.is_finite()),
+                anew: std::mem::take(reset) || !transform.settled,
+                read: Duration::ZERO,
+                age: Duration::from_nanos(header.log_time.saturating_sub(header.publish_time)),
+            },
+        ));
+        if found.len() > MOST_SAMPLES {
+            return Err(Error::new("the recording is too long to be played as if now")
+                .allowed(format!("{MOST_SAMPLES} samples")));
+        }
+        Ok(())
+    })
+    .map_err(|error| error.at(place()))?;
+    found.sort_by_key(|(log_time, _)| *log_time);
+    let Some(&(first, _)) = found.first() else {
+        return Err(Error::new("the recording holds no orientations of sensors").at(place()));
+    };
+    let since_first = |(log_time, sample): (u64, ReplayedSample)| ReplayedSample {
+        read: Duration::from_nanos(log_time - first),
+        ..sample
+    };
+    Ok(found.into_iter().map(since_first).collect())
+}
