@@ -8,7 +8,8 @@
 //! DIR/session.toml             what the session is: sources, plan, subjects, place, remarks
 //! DIR/subjects/ID.toml         a person's measures
 //! DIR/calibration/device-NN.toml   how still and how steady each sensor was
-//! DIR/calibration/body-ID-NN.toml  how each sensor sits on the body, and how well that is known
+//! DIR/calibration/body-ID-NN.toml  how each sensor sits on the body, and -check: how well that
+//!                                  is known
 //! DIR/trials/NAME-NN.mcap      a recording (NAME-NN.ID.mcap where two people act together)
 //! DIR/trials/NAME-NN.toml      what was thought of it: keep or retake, repetitions, notes, props
 //! DIR/angles/NAME-NN.csv,.bvh  joint angles of a kept trial
@@ -19,7 +20,6 @@ pub mod angles;
 pub mod files;
 pub mod folder;
 pub mod manifest;
-pub mod mounts;
 pub mod plan;
 pub mod steps;
 pub mod still;
@@ -28,8 +28,7 @@ pub mod toml_text;
 pub mod utc;
 pub mod wearers;
 
-pub use files::{DeviceCheck, SensorCheck, SessionFile, TrialFile, Verdict};
+pub use files::{BodyCheck, DeviceCheck, SensorCheck, SessionFile, TrialFile, Verdict};
 pub use folder::Folder;
-pub use mounts::BodyCalibration;
 pub use plan::{Plan, PlannedAction};
 pub use steps::{Progress, Step};

@@ -2,14 +2,14 @@
 
 use super::report::Outcome;
 use super::{Output, Remarks};
+use crate::body::worn::kept::Kept;
 use crate::error::Error;
-use crate::recording::{self, SensorSeries};
-use crate::session::BodyCalibration;
+use crate::recording;
 use crate::session::angles::WornMotion;
-use crate::session::mounts::METADATA_KEY;
+use crate::session::files::{BODY_KEY, STATURE_KEY};
 use clap::Args;
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Arguments of `convert`.
 #[derive(Debug, Args)]
@@ -36,6 +36,9 @@ pub struct ConvertArgs {
     /// Poses per second of joint angles
     #[arg(long, value_name = "HZ", default_value_t = 100.0, allow_negative_numbers = true)]
     rate: f64,
+    /// Stature of whoever wore the sensors, m [default: what the recording says, or 1.75]
+    #[arg(long, value_name = "M", allow_negative_numbers = true)]
+    stature: Option<f64>,
     /// A table of samples, also of worn sensors
     #[arg(long, conflicts_with = "body")]
     samples: bool,
@@ -60,8 +63,10 @@ pub fn run(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
     if args.samples {
         return samples(args, remarks);
     }
-    match worn(args)? {
-        Some(body) => angles(args, kind, remarks, &body),
+    let start = recording::run_start(&args.file)?;
+    let metadata = start.map(|start| start.metadata).unwrap_or_default();
+    match worn(args, &metadata)? {
+        Some(kept) => angles(args, kind, remarks, &kept, metadata),
         None if kind == "csv" => samples(args, remarks),
         None => Err(Error::new("the recording does not know how its sensors were worn")
             .at(args.file.display().to_string())
@@ -73,32 +78,34 @@ pub fn run(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
 }
 
 /// How the sensors were worn, if that is known.
-fn worn(args: &ConvertArgs) -> Result<Option<BodyCalibration>, Error> {
-    if let Some(path) = &args.body {
-        let text = gaitway_profiles::read_text(path)?;
-        let body = BodyCalibration::parse(&text).map_err(|e| e.at(path.display().to_string()))?;
-        return Ok(Some(body));
-    }
-    let start = recording::run_start(&args.file)?;
-    let said = start.as_ref().and_then(|start| start.metadata.get(METADATA_KEY));
-    let body = said.map(|text| BodyCalibration::parse(text)).transpose();
-    body.map_err(|e| e.at(args.file.display().to_string()))
+fn worn(args: &ConvertArgs, metadata: &BTreeMap<String, String>) -> Result<Option<Kept>, Error> {
+    let (text, place) = match (&args.body, metadata.get(BODY_KEY)) {
+        (Some(path), _) => (gaitway_profiles::read_text(path)?, path),
+        (None, Some(text)) => (text.clone(), &args.file),
+        (None, None) => return Ok(None),
+    };
+    Kept::parse(&text).map(Some).map_err(|e| e.at(place.display().to_string()))
 }
 
 fn angles(
     args: &ConvertArgs,
     kind: &str,
     remarks: Remarks,
-    body: &BodyCalibration,
+    kept: &Kept,
+    mut metadata: BTreeMap<String, String>,
 ) -> Result<i32, Error> {
-    let series = &recording::sensor_series(&args.file)?;
-    let motion = WornMotion::of(series, body, args.rate)
+    let series = recording::sensor_series(&args.file)?;
+    let stature_m = metadata.get(STATURE_KEY).and_then(|text| text.parse().ok());
+    let motion = WornMotion::of(&series, kept, args.stature.or(stature_m), args.rate)
         .map_err(|e| if e.place.is_none() { e.at(args.file.display().to_string()) } else { e })?;
+    metadata.remove(BODY_KEY);
+    metadata.insert("from".to_owned(), args.file.display().to_string());
+    metadata.insert("subject".to_owned(), kept.subject.clone());
     let output = Output::forced(args.force);
     match kind {
         "csv" => output.write_file(&args.out, motion.csv().as_bytes())?,
         "bvh" => output.write_file(&args.out, motion.bvh().as_bytes())?,
-        _ => motion.write_mcap(&args.out, args.force, described(&args.file, series, body))?,
+        _ => motion.write_mcap(&args.out, args.force, metadata)?,
     }
     let (count, silent) = (motion.angles.len(), motion.silent_samples());
     remarks.say(&format!("{count} poses at {} Hz to {}", motion.rate_hz, args.out.display()));
@@ -115,20 +122,6 @@ fn angles(
     let whole = series.whole && silent + series.missed == 0;
     let outcome = if whole { Outcome::Done } else { Outcome::DoneWithLoss };
     Ok(outcome.exit_code())
-}
-
-/// What the recording of joint angles says of where they come from.
-fn described(
-    file: &Path,
-    series: &SensorSeries,
-    body: &BodyCalibration,
-) -> BTreeMap<String, String> {
-    let of = |start: &recording::RunStart| start.metadata.clone();
-    let mut metadata = series.start.as_ref().map(of).unwrap_or_default();
-    metadata.remove(METADATA_KEY);
-    metadata.insert("from".to_owned(), file.display().to_string());
-    metadata.insert("subject".to_owned(), body.subject.clone());
-    metadata
 }
 
 /// One row per sample of a sensor, or per cycle of a robot.

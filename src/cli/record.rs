@@ -3,7 +3,9 @@
 mod imu;
 pub(in crate::cli) mod intake;
 mod lines;
+mod marks;
 mod servos;
+mod session;
 mod slimevr;
 pub(in crate::cli) mod source;
 
@@ -17,11 +19,12 @@ use crate::recording::{Recorder, RunEnd, RunStart};
 use crate::time::{Duration, Instant};
 use clap::Args;
 use intake::{Intake, SourceReport};
+use marks::Marks;
 use serde::Serialize;
 use source::{Source, What};
 use std::collections::BTreeMap;
 use std::fmt::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Arguments of `record`.
@@ -34,14 +37,28 @@ SOURCE is [NAME=]KIND@BUS:
   lines@/dev/ttyACM0?baud=115200     lines of text, kept as they are
   servos:ROBOT@serial:/dev/ttyUSB1   joint angles of a robot, read only
 
-Example: gaitway record left=imu:bno08x-rvc@/dev/ttyUSB0 -o wave.mcap --for 10s --name wave")]
+While it records, Enter marks the moment, and words and Enter note something there.
+
+--session leads through a whole session: metadata, calibration of sensors and subjects, trials. Each
+sensor is then named like the segment that wears it. The same command goes on where it was left.
+
+Examples:
+  gaitway record left=imu:bno08x-rvc@/dev/ttyUSB0 -o wave.mcap --for 10s --name wave
+  gaitway record --session lab --plan plan.toml torso=imu:x-imu3@/dev/ttyACM0 \\
+          right_forearm=imu:x-imu3@/dev/ttyACM1")]
 pub struct RecordArgs {
     /// What to record
-    #[arg(required = true, value_name = "SOURCE")]
+    #[arg(required_unless_present = "session", value_name = "SOURCE")]
     sources: Vec<Source>,
     /// The recording
-    #[arg(short, long, value_name = "FILE.mcap")]
-    out: PathBuf,
+    #[arg(short, long, value_name = "FILE.mcap", required_unless_present = "session")]
+    out: Option<PathBuf>,
+    /// Lead through a recording session in this folder, or go on with one
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["out", "time", "name", "limp", "force"])]
+    session: Option<PathBuf>,
+    /// What the session is to record (see docs/capture.md); without it actions are asked for
+    #[arg(long, value_name = "FILE.toml", requires = "session")]
+    plan: Option<PathBuf>,
     /// How long, e.g. 10s or 2.5s; without it until Ctrl-C
     #[arg(long = "for", value_name = "TIME", value_parser = source::duration)]
     time: Option<Duration>,
@@ -89,7 +106,11 @@ const PARTIAL_PACKET: u64 = 600;
 /// A source that cannot be opened, a file that cannot be written.
 pub fn run(args: &RecordArgs, remarks: Remarks) -> Result<i32, Error> {
     let signals = Signals::listen().map_err(|e| Error::new(format!("no signals: {e}")))?;
-    args.output.check_files(&[&Some(args.out.clone())])?;
+    if let Some(root) = &args.session {
+        return session::run(args, root, signals, remarks);
+    }
+    let out = args.out.as_deref().ok_or_else(|| Error::new("no file to record to"))?;
+    args.output.check_files(&[&args.out])?;
     let mut opened = Vec::new();
     let mut joints = None;
     for source in &args.sources {
@@ -112,7 +133,7 @@ pub fn run(args: &RecordArgs, remarks: Remarks) -> Result<i32, Error> {
         gaitway_version: env!("CARGO_PKG_VERSION").to_owned(),
         metadata: BTreeMap::from([("trial".to_owned(), args.name.clone())]),
     };
-    let recorder = Recorder::create_for_sources(&args.out, args.output.force(), start)?;
+    let recorder = Recorder::create_for_sources(out, args.output.force(), start)?;
     let began = MonotonicClock.now();
     let stop = AtomicBool::new(false);
     let mode = if args.magnetometer { Mode::NineAxes } else { Mode::SixAxes };
@@ -130,7 +151,7 @@ pub fn run(args: &RecordArgs, remarks: Remarks) -> Result<i32, Error> {
         stop.store(true, Ordering::Release);
     });
     let sources = intake.into_reports();
-    finish(args, recorder, sources, began)
+    finish(args, out, recorder, sources, began)
 }
 
 fn wait(
@@ -141,8 +162,10 @@ fn wait(
     began: Instant,
 ) {
     let until = args.time.map(|time| began + time);
+    let mut marks = Marks::listen();
     loop {
         let now = MonotonicClock.now();
+        marks.record(recorder);
         if let Some(cause) = recorder.failure() {
             // Nothing more can be stored, so whoever performs is told at once and not at the end.
             return remarks.say(&format!("the recording ends here, the disk fails: {cause}"));
@@ -157,6 +180,7 @@ fn wait(
 
 fn finish(
     args: &RecordArgs,
+    out: &Path,
     recorder: Recorder,
     sources: Vec<SourceReport>,
     began: Instant,
@@ -178,7 +202,7 @@ fn finish(
     let outcome = if summary.is_complete() { outcome } else { Outcome::DoneWithLoss };
     let whole = matches!(outcome, Outcome::Done);
     let report = Report {
-        file: args.out.clone(),
+        file: out.to_owned(),
         outcome: if whole { "done" } else { "done_with_loss" },
         duration_s: ended.seconds_since(began),
         sources,

@@ -3,8 +3,10 @@
 use super::report::Outcome;
 use super::{Output, Remarks};
 use crate::error::Error;
-use crate::recording::{self, Overview, Recovered, SourceOverview};
+use crate::recording::{self, Overview, Recovered, SensorSeries, SourceOverview, sensor_series};
+use crate::session::tap::{Tap, taps};
 use clap::Args;
+use serde::Serialize;
 use std::fmt::Write;
 use std::path::PathBuf;
 
@@ -24,8 +26,53 @@ pub struct InfoArgs {
 /// A file that cannot be read as a recording.
 pub fn info(args: &InfoArgs) -> Result<i32, Error> {
     let overview = recording::summary(&args.file)?;
-    args.output.report(&overview, &description(&overview))?;
+    let mut text = description(&overview);
+    let mut told = Told { overview, markers: Vec::new(), taps: Vec::new() };
+    // A recording too large to be looked into is told of all the same.
+    if worth_a_look(&told.overview)
+        && let Ok(series) = sensor_series(&args.file)
+    {
+        told.add(&series, &mut text);
+    }
+    args.output.report(&told, &text)?;
     Ok(0)
+}
+
+/// What `info` tells.
+#[derive(Serialize)]
+struct Told {
+    #[serde(flatten)]
+    overview: Overview,
+    /// What was marked while it was recorded.
+    markers: Vec<Marked>,
+    /// Taps that several sensors felt: whether their times agree.
+    taps: Vec<Tap>,
+}
+
+#[derive(Serialize)]
+struct Marked {
+    at_s: f64,
+    text: String,
+}
+
+/// True if there may be marks, or several sensors that may have felt a tap.
+fn worth_a_look(overview: &Overview) -> bool {
+    overview.sources.len() > 1 || overview.channels.contains_key("/marker")
+}
+
+impl Told {
+    fn add(&mut self, series: &SensorSeries, text: &mut String) {
+        let began = series.start.as_ref().map(|start| start.monotonic_start).unwrap_or_default();
+        for marker in &series.markers {
+            let at_s = marker.at.seconds_since(began);
+            let _ = writeln!(text, "marker    at {at_s:.3} s: {}", marker.text);
+            self.markers.push(Marked { at_s, text: marker.text.clone() });
+        }
+        self.taps = taps(&series.sensors, series.start_ns());
+        for tap in &self.taps {
+            let _ = writeln!(text, "tap       {}", tap.words());
+        }
+    }
 }
 
 fn description(overview: &Overview) -> String {

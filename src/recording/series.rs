@@ -104,6 +104,12 @@ pub fn run_start(path: &Path) -> Result<Option<RunStart>, Error> {
 }
 
 impl SensorSeries {
+    /// Wall clock at the start, nanoseconds since 1970.
+    #[must_use]
+    pub fn start_ns(&self) -> u64 {
+        self.start.as_ref().map_or(self.first_ns, |start| start.wall_nanos(start.monotonic_start))
+    }
+
     /// From the first to the last message, s.
     #[must_use]
     pub const fn duration_s(&self) -> f64 {

@@ -5,13 +5,13 @@
 //! silent: its segment stays as it was and is marked. Segments that are not worn are at rest on what
 //! carries them, and are marked all along.
 
-use super::mounts::BodyCalibration;
-use super::wearers::segment_name;
 use crate::action::table;
 use crate::body::contact::root_on_ground;
 use crate::body::worn::Wearing;
+use crate::body::worn::kept::Kept;
 use crate::body::{Dof, JointAngles, Proportions, Segment, SegmentPose};
 use crate::error::Error;
+use crate::mocap::mapping::segment_name;
 use crate::mocap::{bvh, export};
 use crate::recording::{
     CycleRecord, JointRecord, RecordedJoint, Recorder, RunEnd, RunStart, SensorMoment, SensorSeries,
@@ -49,18 +49,20 @@ pub struct WornMotion {
 }
 
 impl WornMotion {
-    /// The motion in a recording of a person who was calibrated so.
+    /// The motion in a recording of a person of this stature, m (1.75 if nobody knows), who was
+    /// calibrated so.
     ///
     /// # Errors
     /// A calibration that names sensors which are not in the recording, a rate that is none, sensors
     /// that never spoke at the same time.
     pub fn of(
         series: &SensorSeries,
-        calibration: &BodyCalibration,
+        kept: &Kept,
+        stature_m: Option<f64>,
         rate_hz: f64,
     ) -> Result<Self, Error> {
-        let body = Proportions::of_stature(calibration.stature_m.unwrap_or(USUAL_STATURE_M))?;
-        let sensors = worn_sensors(series, calibration)?;
+        let body = Proportions::of_stature(stature_m.unwrap_or(USUAL_STATURE_M))?;
+        let sensors = worn_sensors(series, kept)?;
         let (first_ns, last_ns) = common_span(&sensors)?;
         let span_s = (last_ns - first_ns) as f64 / 1e9;
         let count = (span_s * rate_hz).floor() + 1.0;
@@ -69,7 +71,7 @@ impl WornMotion {
                 .got(format!("{rate_hz} Hz for {span_s:.1} s"))
                 .allowed("1 to 1000 Hz, at most 8,640,000 poses"));
         }
-        let mut wearing = Wearing::new(&calibration.worn()?);
+        let mut wearing = Wearing::new(&kept.calibration);
         let mut readers: Vec<Interpolated> =
             sensors.iter().map(|(segment, said)| Interpolated::new(*segment, said)).collect();
         let mut motion = Self {
@@ -218,21 +220,18 @@ fn moved(dof: Dof) -> Segment {
 type Orientations = Vec<(u64, DQuat)>;
 
 /// The sensors of the calibration with what each said.
-fn worn_sensors(
-    series: &SensorSeries,
-    calibration: &BodyCalibration,
-) -> Result<Vec<(Segment, Orientations)>, Error> {
+fn worn_sensors(series: &SensorSeries, kept: &Kept) -> Result<Vec<(Segment, Orientations)>, Error> {
     let mut sensors = Vec::new();
-    for row in &calibration.sensors {
-        let moments = series.sensors.get(&row.source).ok_or_else(|| {
+    for (name, mount) in kept.sensors.iter().zip(&kept.calibration.mounts) {
+        let moments = series.sensors.get(name).ok_or_else(|| {
             let known: Vec<&str> = series.sensors.keys().map(String::as_str).collect();
             Error::new("the calibration's sensor is not in the recording")
-                .got(row.source.clone())
+                .got(name.clone())
                 .allowed(known.join(", "))
                 .remedy("is it the calibration of this session and subject?")
         })?;
         let said = |moment: &SensorMoment| Some((moment.taken_ns, moment.orientation?));
-        sensors.push((row.segment()?, moments.iter().filter_map(said).collect()));
+        sensors.push((mount.segment, moments.iter().filter_map(said).collect()));
     }
     Ok(sensors)
 }

@@ -4,6 +4,7 @@ use super::plan::Plan;
 use super::tap::Tap;
 use super::utc::Utc;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
 /// Version of the files of a session.
 pub const SCHEMA: u32 = 1;
@@ -95,6 +96,38 @@ pub struct SensorCheck {
     /// How fast the fused heading turned, rad/s.
     pub heading_drift_rad_s: Option<f64>,
 }
+
+/// `calibration/body-ID-NN-check.toml`: how well it is known how sensors sit on a subject. How they
+/// sit stands in `body-ID-NN.toml`, which `gaitway live` takes as well.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BodyCheck {
+    /// Version of the format; 1.
+    pub schema: u32,
+    /// Id of the subject.
+    pub subject: String,
+    /// When it was made.
+    pub made: Utc,
+    /// Until when it is trusted.
+    pub expires: Utc,
+    /// True if it may be used.
+    pub passed: bool,
+    /// Sensors that were calibrated.
+    pub sensors: u64,
+    /// Largest error of a segment in T pose, rad.
+    pub worst_rad: Option<f64>,
+    /// Error in T pose by segment, rad.
+    pub off_t_pose_rad: BTreeMap<String, f64>,
+    /// What a person should know.
+    #[serde(default)]
+    pub notes: Vec<String>,
+}
+
+/// Under this key a recording's metadata holds how its sensors were worn: the text of a
+/// [`Kept`](crate::body::worn::kept::Kept) calibration.
+pub const BODY_KEY: &str = "body_calibration";
+/// Under this key it holds the stature of whoever wore them, m.
+pub const STATURE_KEY: &str = "stature_m";
 
 /// What was thought of a trial.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

@@ -69,6 +69,20 @@ impl Folder {
     /// # Errors
     /// A file that cannot be read or says something else than it should.
     pub fn read<T: DeserializeOwned>(&self, name: &str) -> Result<Option<T>, Error> {
+        let Some(text) = self.text(name)? else { return Ok(None) };
+        let value = toml::from_str(&text).map_err(|e| {
+            Error::new("the file of a session was changed into something else")
+                .at(shown(&self.path(name)))
+                .got(e.message().replace('\n', "; "))
+        })?;
+        Ok(Some(value))
+    }
+
+    /// Reads the text of a file; `None` if it is not there.
+    ///
+    /// # Errors
+    /// A file that cannot be read.
+    pub fn text(&self, name: &str) -> Result<Option<String>, Error> {
         let path = self.path(name);
         if !self.has(name) {
             return Ok(None);
@@ -82,12 +96,7 @@ impl Folder {
         let text = fs::read_to_string(&path).map_err(|cause| {
             Error::new("the file cannot be read").at(shown(&path)).got(cause.to_string())
         })?;
-        let value = toml::from_str(&text).map_err(|e| {
-            Error::new("the file of a session was changed into something else")
-                .at(shown(&path))
-                .got(e.message().replace('\n', "; "))
-        })?;
-        Ok(Some(value))
+        Ok(Some(text))
     }
 
     /// Writes a new TOML file.

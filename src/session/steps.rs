@@ -1,10 +1,10 @@
 //! What comes next, from what is on the disk.
 
-use super::files::{DeviceCheck, SessionFile, TrialFile, trial_of};
+use super::files::{BodyCheck, DeviceCheck, SessionFile, TrialFile, trial_of};
 use super::folder::Folder;
-use super::mounts::BodyCalibration;
 use super::utc::Utc;
 use crate::body::anthropometry::Subject;
+use crate::body::worn::kept::Kept;
 use crate::error::Error;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -18,7 +18,7 @@ pub struct Progress {
     /// The last device calibration that may be used.
     pub device: Option<DeviceCheck>,
     /// The last calibration of each subject that may be used.
-    pub bodies: BTreeMap<String, BodyCalibration>,
+    pub bodies: BTreeMap<String, Body>,
     /// Device calibrations and calibrations of subjects that were made, good or not, by name of
     /// file without ending.
     pub attempts: BTreeSet<String>,
@@ -28,6 +28,15 @@ pub struct Progress {
     pub unjudged: BTreeMap<String, Vec<String>>,
     /// True once the manifest is written.
     pub finished: bool,
+}
+
+/// A subject's calibration.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Body {
+    /// How well it is known.
+    pub check: BodyCheck,
+    /// How sensors sit.
+    pub kept: Kept,
 }
 
 /// What is to be done.
@@ -43,8 +52,8 @@ pub enum Step {
     Body(String),
     /// Say what is thought of this trial.
     Judge(String),
-    /// Record this trial: index of the action in the plan, number of the trial.
-    Trial(usize, u32),
+    /// Record this trial: index of the action in the plan, number of the trial, subjects.
+    Trial(usize, u32, Vec<String>),
     /// Everything is there: export angles, write the manifest.
     Finish,
     /// Nothing.
@@ -80,14 +89,18 @@ impl Progress {
                 if let Some(check) = check.filter(|c| c.is_usable() && newer(c)) {
                     progress.device = Some(check);
                 }
-            } else if name.starts_with("body-") {
-                let found: Option<BodyCalibration> = folder.read(&file)?;
-                let newer = |body: &BodyCalibration| {
-                    progress.bodies.get(&body.subject).is_none_or(|known| known.made <= body.made)
+            } else if let Some(kept) = name.strip_suffix("-check") {
+                let check: Option<BodyCheck> = folder.read(&file)?;
+                let newer = |check: &BodyCheck| {
+                    let known = progress.bodies.get(&check.subject);
+                    known.is_none_or(|known| known.check.made <= check.made)
                 };
-                if let Some(body) = found.filter(|body| body.passed && newer(body)) {
-                    body.worn().map_err(|e| e.at(file))?;
-                    progress.bodies.insert(body.subject.clone(), body);
+                if let Some(check) = check.filter(|check| check.passed && newer(check)) {
+                    let file = format!("calibration/{kept}.toml");
+                    let kept = folder.text(&file)?.map(|text| Kept::parse(&text));
+                    if let Some(kept) = kept.transpose().map_err(|e| e.at(file))? {
+                        progress.bodies.insert(check.subject.clone(), Body { check, kept });
+                    }
                 }
             }
             progress.attempts.insert(name);
@@ -120,21 +133,33 @@ impl Progress {
         if let Some(name) = self.unjudged.keys().next() {
             return Step::Judge(name.clone());
         }
-        let Some(action) = self.first_open_action(session) else { return Step::Finish };
+        let Some((action, subjects)) = self.first_open(session) else { return Step::Finish };
         if self.device.as_ref().is_none_or(|check| check.expires <= now) {
             return Step::Device;
         }
-        let stale = |id: &&String| self.bodies.get(*id).is_none_or(|body| body.expires <= now);
+        let stale =
+            |id: &&String| self.bodies.get(*id).is_none_or(|body| body.check.expires <= now);
         if let Some(id) = session.subjects.iter().find(stale) {
             return Step::Body(id.clone());
         }
-        Step::Trial(action, self.next_number(&session.plan.actions[action].name))
+        Step::Trial(action, self.next_number(&session.plan.actions[action].name), subjects)
     }
 
     /// Good repetitions of an action so far.
     #[must_use]
     pub fn good(&self, action: &str) -> u32 {
         self.trials.iter().filter(|trial| trial.action == action).map(TrialFile::counted).sum()
+    }
+
+    /// Good repetitions of an action by exactly these subjects so far.
+    #[must_use]
+    pub fn good_by(&self, action: &str, subjects: &[String]) -> u32 {
+        let by_them = |trial: &&TrialFile| {
+            trial.action == action
+                && trial.recordings.len() == subjects.len()
+                && trial.recordings.iter().all(|r| subjects.contains(&r.subject))
+        };
+        self.trials.iter().filter(by_them).map(TrialFile::counted).sum()
     }
 
     /// The number a new trial of an action gets: no number is used twice.
@@ -155,11 +180,22 @@ impl Progress {
         format!("{kind}-{:02}", last + 1)
     }
 
-    fn first_open_action(&self, session: &SessionFile) -> Option<usize> {
+    /// The first action of which repetitions are missing, and whose.
+    fn first_open(&self, session: &SessionFile) -> Option<(usize, Vec<String>)> {
         let plan = &session.plan;
-        plan.actions.iter().position(|action| {
-            !session.skipped.contains(&action.name) && self.good(&action.name) < plan.wanted(action)
-        })
+        for (index, action) in plan.actions.iter().enumerate() {
+            if session.skipped.contains(&action.name) {
+                continue;
+            }
+            // Who is to do it: all at once, or one after the other.
+            let size = if action.together { session.subjects.len().max(1) } else { 1 };
+            let mut parties = session.subjects.chunks(size);
+            let open = |ids: &&[String]| self.good_by(&action.name, ids) < plan.wanted(action);
+            if let Some(subjects) = parties.find(open) {
+                return Some((index, subjects.to_vec()));
+            }
+        }
+        None
     }
 }
 

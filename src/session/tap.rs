@@ -33,6 +33,28 @@ pub struct Tap {
 }
 
 impl Tap {
+    /// True if the sensors agree as well as their rates let them.
+    #[must_use]
+    pub fn agrees(&self) -> bool {
+        self.spread_s() <= 2.0 * self.resolution_s
+    }
+
+    /// In a line, for a person.
+    #[must_use]
+    pub fn words(&self) -> String {
+        let ms = |s: f64| s * 1e3;
+        let offsets = self.offset_s.iter().map(|(name, s)| format!("{name} {:+.1} ms", ms(*s)));
+        let verdict = if self.agrees() { "one time base" } else { "their times differ" };
+        format!(
+            "at {:.3} s, felt by {} sensors, {:.1} ms apart: {verdict} ({}; each within {:.1} ms)",
+            self.at_s,
+            self.offset_s.len(),
+            ms(self.spread_s()),
+            offsets.collect::<Vec<_>>().join(", "),
+            ms(self.resolution_s)
+        )
+    }
+
     /// The largest distance between two sensors, s.
     #[must_use]
     pub fn spread_s(&self) -> f64 {
@@ -189,6 +211,7 @@ mod tests {
                 assert!((off - late_s).abs() <= tap.resolution_s, "{late_s}: {off}");
                 assert!((tap.resolution_s - 0.0025).abs() < 1e-4, "{tap:?}");
                 assert!((tap.spread_s() - late_s.abs()).abs() <= tap.resolution_s);
+                assert_eq!(tap.agrees(), late_s == 0.0, "{}", tap.words());
             }
         }
     }

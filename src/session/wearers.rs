@@ -1,42 +1,7 @@
-//! Names of body segments, and which source is worn by whom and where.
+//! Which source is worn by whom and where: its name says so.
 
 use crate::body::Segment;
-
-/// Names in files and of sources, by [`Segment::index`].
-const NAMES: [&str; 13] = [
-    "pelvis",
-    "torso",
-    "head",
-    "left_upper_arm",
-    "left_forearm",
-    "right_upper_arm",
-    "right_forearm",
-    "left_thigh",
-    "left_shank",
-    "left_foot",
-    "right_thigh",
-    "right_shank",
-    "right_foot",
-];
-
-/// Name of a segment in files.
-#[must_use]
-pub const fn segment_name(segment: Segment) -> &'static str {
-    NAMES[segment.index()]
-}
-
-/// The segment of a name; `-` is as good as `_`.
-#[must_use]
-pub fn segment_named(name: &str) -> Option<Segment> {
-    let name = name.replace('-', "_");
-    Segment::ALL.into_iter().find(|segment| segment_name(*segment) == name)
-}
-
-/// All names, for a person who has to choose one.
-#[must_use]
-pub fn segment_names() -> String {
-    NAMES.join(", ")
-}
+use crate::mocap::mapping::segment_named;
 
 /// Who wears a source of this name, counted from zero, and where: `torso`, or `2-torso` for the
 /// second subject. `None` if it is not worn.
@@ -47,7 +12,7 @@ pub fn wearer(source: &str) -> Option<(usize, Segment)> {
         Some(("2", name)) => (1, name),
         _ => (0, source),
     };
-    Some((subject, segment_named(name)?))
+    Some((subject, segment_named(name).ok()?))
 }
 
 /// Sources that a subject wears, with their segments.
@@ -68,17 +33,18 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_segment_has_a_name_and_every_name_a_segment() {
+    fn a_source_is_named_like_the_segment_and_if_need_be_the_subject() {
         for segment in Segment::ALL {
-            let name = segment_name(segment);
-            assert_eq!(segment_named(name), Some(segment));
+            let name = crate::mocap::mapping::segment_name(segment);
+            assert_eq!(wearer(name), Some((0, segment)));
             assert_eq!(wearer(&name.replace('_', "-")), Some((0, segment)));
+            assert_eq!(wearer(&format!("1-{name}")), Some((0, segment)));
             assert_eq!(wearer(&format!("2-{name}")), Some((1, segment)));
-            // As it is called in code, but for the case.
-            assert_eq!(name.replace('_', ""), format!("{segment:?}").to_lowercase());
         }
         for name in ["", "3-torso", "left", "lines", "2-"] {
             assert_eq!(wearer(name), None, "{name}");
         }
+        let both = worn_by(1, ["torso", "2-torso", "2-head", "desk"].into_iter());
+        assert_eq!(both, [("2-torso", Segment::Torso), ("2-head", Segment::Head)]);
     }
 }
