@@ -10,6 +10,7 @@
 //! turn a pose into points in space.
 
 pub mod angles;
+pub mod anthropometry;
 pub mod contact;
 pub mod dof;
 pub mod proportions;

@@ -24,6 +24,7 @@ pub mod plot;
 pub mod port;
 pub mod recording;
 pub mod robot;
+pub mod session;
 pub mod time;
 pub mod units;
 pub mod wire;

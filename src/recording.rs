@@ -26,6 +26,7 @@
 //! | `/imu/NAME/sample` | `gaitway.Imu` | what a sensor measured, its raw clock and counter, gaps |
 //! | `/imu/NAME/orientation` | `foxglove.FrameTransform` | the fused orientation |
 //! | `/lines/NAME` | `gaitway.Line` | lines of text as they were read |
+//! | `/marker` | `foxglove.Log` | what somebody marked while it was recorded |
 //!
 //! `foxglove.JointStates` (<https://docs.foxglove.dev/docs/sdk/schemas/joint-states>) was chosen
 //! over three parallel arrays because a value may be left out for one joint alone: Foxglove then
@@ -42,20 +43,25 @@
 //! told; `sequence` is its number, missing samples counted.
 
 mod crc;
+mod log;
+mod marker;
 mod message;
+mod overview;
 mod reader;
 mod replay;
 mod sample;
 mod scan;
 mod sensor;
+mod series;
 mod table;
 mod writer;
 
-pub use reader::{
-    GoalSeries, Overview, Recording, Recovered, joint_series, read, recover, summary,
-};
+pub use marker::Marker;
+pub use overview::{Overview, SourceOverview, summary};
+pub use reader::{GoalSeries, Recording, Recovered, joint_series, read, recover};
 pub use replay::{ReplayedSample, read_orientations};
 pub use sample::{CycleRecord, JointRecord, RecordedJoint, RunEnd, RunStart};
 pub use sensor::{RecordedSource, SourceId, SourceKind, SourceRecord};
+pub use series::{SensorMoment, SensorSeries, run_start, sensor_series};
 pub use table::{Rows, write_csv};
 pub use writer::{Disk, Pace, Recorder, Summary};

@@ -87,7 +87,7 @@ fn the_reference_reader_finds_what_was_recorded() {
 
     let bytes = fs::read(&path).unwrap();
     fs::write(&path, &bytes[..bytes.len() - 200]).unwrap();
-    let recovered = recover(&path).unwrap();
+    let recovered = recover(&path, false).unwrap();
     let seen = seen_by(&python, &recovered.path);
     assert_eq!(seen["message_count"], recovered.messages);
     assert_eq!(seen["counts"], counts);

@@ -204,6 +204,51 @@ fn a_recording_that_was_killed_is_read_and_converted() {
     assert_eq!(recovered.expect("recover").status.code(), Some(3));
 }
 
+/// The kernel ends the file at a size, in the middle of a write if need be, as a full disk does.
+#[test]
+fn a_disk_that_fills_up_is_said_at_once_ends_the_recording_and_costs_nothing_before() {
+    let folder = folder("record-full");
+    let doors = [ImuWire::Cobs, ImuWire::Csv].map(|wire| {
+        ImuDoor::open(sensor(wire, 100.0, 60.0, ImuErrors::default()), 115_200, None)
+            .expect("a terminal")
+    });
+    let [cobs, csv] = [0, 1].map(|n| doors[n].path().display().to_string());
+    let output = Command::new("sh")
+        .current_dir(&folder)
+        // Blocks of 512 bytes; a write beyond them is an error instead of a signal.
+        .args(["-c", "ulimit -f 500; trap '' XFSZ; exec \"$@\"", "sh"])
+        .arg(env!("CARGO_BIN_EXE_gaitway"))
+        .args(["record", "-o", "take.mcap", "--json", "--for", "60s"])
+        .args([format!("cobs=imu:cobs-imu@{cobs}"), format!("csv=imu:arduino-csv@{csv}")])
+        .output()
+        .expect("a shell");
+    assert_eq!(output.status.code(), Some(3), "{output:?}");
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(said.contains("the disk fails") && said.contains("File too large"), "{said}");
+    let report = json(&output);
+    assert_eq!(report["outcome"], "done_with_loss");
+    assert!(report["poisoned"].as_str().is_some_and(|why| why.contains("too large")), "{report}");
+    assert!(report["duration_s"].as_f64() < Some(59.0), "it does not go on for nothing: {report}");
+    assert!(report["dropped"].as_u64() > Some(0), "{report}");
+
+    let info = gaitway().current_dir(&folder).args(["info", "take.mcap", "--json"]).output();
+    let info = json(&info.expect("info"));
+    assert_eq!((&info["finished"], &info["damaged_samples"]), (&false.into(), &0.into()), "{info}");
+    for name in ["cobs", "csv"] {
+        let source = &info["sources"][name];
+        assert!(source["records"].as_u64() > Some(50), "{name}: {info}");
+        assert_eq!(source["gaps"], 0, "{name}: {info}");
+    }
+    let in_file: u64 =
+        info["channels"].as_object().expect("channels").values().filter_map(Value::as_u64).sum();
+    assert_eq!(Some(in_file), report["messages"].as_u64(), "no more and no less than was promised");
+    let recovered =
+        gaitway().current_dir(&folder).args(["recover", "take.mcap", "--json"]).output();
+    let recovered = recovered.expect("recover");
+    assert_eq!(recovered.status.code(), Some(3));
+    assert_eq!(json(&recovered)["messages"], in_file);
+}
+
 #[test]
 fn a_robot_that_is_guided_by_hand_is_recorded() {
     let folder = folder("record-servos");

@@ -3,12 +3,11 @@
 
 use std::collections::BTreeMap;
 use std::io;
-use std::sync::mpsc::{Receiver, channel};
-use std::sync::{Arc, Mutex};
+use std::sync::mpsc::channel;
 use std::time::Duration;
 
 use gaitway::recording::{
-    CycleRecord, Disk, JointRecord, Pace, RecordedJoint, Recorder, Recording, RunStart, Summary,
+    CycleRecord, JointRecord, Pace, RecordedJoint, Recorder, Recording, RunStart, Summary,
     joint_series,
 };
 use gaitway::time::Instant;
@@ -16,64 +15,16 @@ use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::Index;
 
+#[path = "recording/disk.rs"]
+mod disk;
 #[path = "recording/scene.rs"]
 mod scene;
 
+use disk::{GatedDisk, MemoryDisk};
 use scene::{cycle, end, messages, start};
 
 /// Each cycle is a chunk of its own, each chunk is synchronised.
 const EACH_CYCLE: Pace = Pace { chunk: Duration::ZERO, sync: Duration::ZERO };
-
-#[derive(Clone, Default)]
-struct MemoryDisk(Arc<Mutex<Memory>>);
-
-#[derive(Default)]
-struct Memory {
-    bytes: Vec<u8>,
-    /// Length of the file after each append.
-    lengths: Vec<usize>,
-    calls: u64,
-    /// The call that fails; an append writes half of its bytes first.
-    fails_at: Option<u64>,
-}
-
-impl MemoryDisk {
-    fn failing_at(call: u64) -> Self {
-        let disk = Self::default();
-        disk.0.lock().unwrap().fails_at = Some(call);
-        disk
-    }
-
-    fn bytes(&self) -> Vec<u8> {
-        self.0.lock().unwrap().bytes.clone()
-    }
-}
-
-impl Memory {
-    fn call(&mut self) -> io::Result<()> {
-        self.calls += 1;
-        match self.fails_at {
-            Some(call) if call == self.calls => Err(io::Error::other("no space left")),
-            _ => Ok(()),
-        }
-    }
-}
-
-impl Disk for MemoryDisk {
-    fn append(&mut self, bytes: &[u8]) -> io::Result<()> {
-        let mut memory = self.0.lock().unwrap();
-        let called = memory.call();
-        let stored = if called.is_ok() { bytes } else { &bytes[..bytes.len() / 2] };
-        memory.bytes.extend_from_slice(stored);
-        let length = memory.bytes.len();
-        memory.lengths.push(length);
-        called
-    }
-
-    fn sync(&mut self) -> io::Result<()> {
-        self.0.lock().unwrap().call()
-    }
-}
 
 fn record(disk: &MemoryDisk, cycles: u64, pace: Pace) -> Summary {
     let recorder = Recorder::create_on(disk.clone(), start(), pace).unwrap();
@@ -230,7 +181,7 @@ fn a_file_cut_at_any_byte_gives_every_closed_chunk_and_nothing_else() {
     record(&disk, 12, EACH_CYCLE);
     let bytes = disk.bytes();
     // Appends: the start of the run, one per cycle, the end of the run, the summary.
-    let lengths = disk.0.lock().unwrap().lengths.clone();
+    let lengths = disk.lengths();
     assert_eq!(lengths.len(), 1 + 12 + 1 + 1);
     for cut in mcap::MAGIC.len()..bytes.len() {
         let recording = Recording::from_source(&bytes[..cut]).unwrap();
@@ -263,7 +214,7 @@ fn a_sector_of_zeros_costs_its_own_chunks_at_most_those_behind_it() {
     let disk = MemoryDisk::default();
     record(&disk, 20, EACH_CYCLE);
     let bytes = disk.bytes();
-    let lengths = disk.0.lock().unwrap().lengths.clone();
+    let lengths = disk.lengths();
     for sector in (512..bytes.len()).step_by(512) {
         let mut torn = bytes.clone();
         let end = torn.len().min(sector + 512);
@@ -284,7 +235,7 @@ fn a_chunk_with_a_wrong_checksum_is_left_out_and_the_next_ones_are_read() {
     let disk = MemoryDisk::default();
     record(&disk, 12, EACH_CYCLE);
     let mut bytes = disk.bytes();
-    let lengths = disk.0.lock().unwrap().lengths.clone();
+    let lengths = disk.lengths();
     // 100 bytes into the sixth cycle's chunk: past its header of 49 bytes, inside a message.
     bytes[lengths[5] + 100] ^= 0x01;
     let recording = Recording::from_source(bytes.as_slice()).unwrap();
@@ -330,38 +281,15 @@ fn a_disk_that_fails_at_any_call_keeps_what_was_stored_and_every_message_is_coun
 fn after_a_failure_nothing_more_is_written() {
     let disk = MemoryDisk::failing_at(7);
     let summary = record(&disk, 50, EACH_CYCLE);
-    assert_eq!(disk.0.lock().unwrap().calls, 7);
+    assert_eq!(disk.calls(), 7);
     assert_eq!(summary.poisoned.as_deref(), Some("no space left"));
-}
-
-/// A disk that stands still until its gate is dropped.
-struct GatedDisk {
-    disk: MemoryDisk,
-    gate: Receiver<()>,
-    open_appends: u32,
-}
-
-impl Disk for GatedDisk {
-    fn append(&mut self, bytes: &[u8]) -> io::Result<()> {
-        if self.open_appends == 0 {
-            // Waits until the other end is gone, then never again.
-            let _ = self.gate.recv();
-        } else {
-            self.open_appends -= 1;
-        }
-        self.disk.append(bytes)
-    }
-
-    fn sync(&mut self) -> io::Result<()> {
-        self.disk.sync()
-    }
 }
 
 #[test]
 fn a_disk_that_stands_still_never_holds_up_the_cycle_and_the_gap_is_marked() {
     let (gate, closed) = channel();
     let disk = MemoryDisk::default();
-    let gated = GatedDisk { disk: disk.clone(), gate: closed, open_appends: 1 };
+    let gated = GatedDisk { disk: disk.clone(), gate: closed, open_calls: 2 };
     let recorder = Recorder::create_on(gated, start(), EACH_CYCLE).unwrap();
     // If `take` waited for the disk, this loop would never end.
     (0..2_000).for_each(|n| recorder.take(cycle(n)));

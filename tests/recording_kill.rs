@@ -79,7 +79,7 @@ fn a_process_killed_at_any_moment_loses_at_most_one_second() {
                     assert_eq!(*record, CycleRecord { at: record.at, ..cycle(n as u64) });
                 }
 
-                let recovered = recover(&path).unwrap();
+                let recovered = recover(&path, false).unwrap();
                 let whole = read(&recovered.path).unwrap();
                 assert!(whole.finished && !recovered.was_finished);
                 assert_eq!(whole.cycles, recording.cycles);
@@ -143,7 +143,7 @@ fn recovering_counts_what_it_keeps_and_never_replaces_a_file() {
     let bytes = fs::read(&path).unwrap();
     fs::write(&path, &bytes[..bytes.len() - 100]).unwrap();
 
-    let recovered = recover(&path).unwrap();
+    let recovered = recover(&path, false).unwrap();
     assert_eq!(recovered.path, folder.join("trial.recovered.mcap"));
     assert_eq!(recovered.messages, (0..50).map(messages).sum::<u64>() + 2);
     assert!(!recovered.was_finished && recovered.lost_bytes > 0);
@@ -152,7 +152,7 @@ fn recovering_counts_what_it_keeps_and_never_replaces_a_file() {
     let stream = mcap::MessageStream::new_with_options(&whole, checked).unwrap();
     assert_eq!(stream.map(Result::unwrap).count() as u64, recovered.messages);
 
-    assert!(recover(&path).is_err(), "the first rescue stands");
+    assert!(recover(&path, false).is_err(), "the first rescue stands");
     assert_eq!(fs::read(&recovered.path).unwrap(), whole);
 }
 
@@ -161,7 +161,7 @@ fn a_rescue_that_fails_leaves_no_file_behind() {
     let folder = folder("no_rescue");
     let path = folder.join("walk.bvh");
     fs::write(&path, "HIERARCHY").unwrap();
-    let error = recover(&path).unwrap_err();
+    let error = recover(&path, false).unwrap_err();
     assert!(error.place.unwrap().ends_with("walk.bvh"));
     assert_eq!(fs::read_dir(&folder).unwrap().count(), 1);
 }

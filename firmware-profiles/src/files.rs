@@ -146,6 +146,24 @@ pub fn profile(name_or_path: &str) -> Result<Profile, ProfileError> {
     }
 }
 
+/// The whole file of a profile of any kind as it is written, `extends` resolved: for those who show
+/// it. Named as for [`profile`], and valid.
+///
+/// # Errors
+/// As [`profile`].
+pub fn whole_table(name_or_path: &str) -> Result<toml::Table, ProfileError> {
+    profile(name_or_path)?;
+    let shipped = SERVOS.iter().chain(ACTUATORS).chain(ROBOTS).chain(ADAPTERS).chain(SENSORS);
+    let text = match shipped.clone().find(|embedded| embedded.name == name_or_path) {
+        Some(embedded) => embedded.text.to_owned(),
+        None => read_text(Path::new(name_or_path))?,
+    };
+    let table = parse(name_or_path, &text)?;
+    extends::resolve(name_or_path, table, |base| {
+        SERVOS.iter().find(|embedded| embedded.name == base).map(|embedded| embedded.text)
+    })
+}
+
 /// The shipped adapters, validated once.
 ///
 /// # Errors

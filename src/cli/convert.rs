@@ -1,21 +1,48 @@
-//! `convert`: a recording as a table.
+//! `convert`: a recording as a table, or as joint angles of the person who wore its sensors.
 
 use super::report::Outcome;
 use super::{Output, Remarks};
+use crate::body::worn::kept::Kept;
 use crate::error::Error;
 use crate::recording;
+use crate::session::angles::WornMotion;
+use crate::session::files::{BODY_KEY, STATURE_KEY};
 use clap::Args;
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 /// Arguments of `convert`.
 #[derive(Debug, Args)]
-#[command(after_help = "Example: gaitway convert wave.mcap wave.csv")]
+#[command(after_help = "\
+OUT.csv   joint angles if the recording knows how its sensors were worn, else one row per sample of
+          a sensor, or per cycle of a robot
+OUT.bvh   joint angles on a skeleton of the person's stature
+OUT.mcap  joint angles as joint states
+
+Segments that are not worn stay at rest and are named.
+
+Examples:
+  gaitway convert wave.mcap wave.csv
+  gaitway convert trials/wave-r-01.mcap wave.bvh
+  gaitway convert dance.mcap dance.bvh --body lab/calibration/body-s01-01.toml")]
 pub struct ConvertArgs {
     /// Recording, finished or not
     file: PathBuf,
-    /// The table: one row per sample of a sensor, or per cycle of a robot
-    table: PathBuf,
-    /// Overwrite the table if it exists
+    /// The table, skeleton file or recording to write
+    out: PathBuf,
+    /// How the sensors were worn, in place of what the recording says
+    #[arg(long, value_name = "FILE.toml")]
+    body: Option<PathBuf>,
+    /// Poses per second of joint angles
+    #[arg(long, value_name = "HZ", default_value_t = 100.0, allow_negative_numbers = true)]
+    rate: f64,
+    /// Stature of whoever wore the sensors, m [default: what the recording says, or 1.75]
+    #[arg(long, value_name = "M", allow_negative_numbers = true)]
+    stature: Option<f64>,
+    /// A table of samples, also of worn sensors
+    #[arg(long, conflicts_with = "body")]
+    samples: bool,
+    /// Overwrite the file if it exists
     #[arg(long)]
     force: bool,
 }
@@ -23,17 +50,86 @@ pub struct ConvertArgs {
 /// Runs `convert`; exit code 3 if something is missing in the recording.
 ///
 /// # Errors
-/// A recording that cannot be read, a table that exists or cannot be written.
+/// A recording that cannot be read or does not know how its sensors were worn, a file that exists
+/// or cannot be written.
 pub fn run(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
-    if args.table.extension().is_none_or(|extension| extension != "csv") {
-        return Err(Error::new("not a table I can write")
-            .at(args.table.display().to_string())
-            .allowed("a file that ends in .csv"));
+    let kind = args.out.extension().and_then(|e| e.to_str()).unwrap_or_default();
+    if !["csv", "bvh", "mcap"].contains(&kind) || (args.samples && kind != "csv") {
+        return Err(Error::new("not a kind of file I can write")
+            .at(args.out.display().to_string())
+            .allowed("a file that ends in .csv, .bvh or .mcap; with --samples .csv"));
     }
+    Output::forced(args.force).check_files(&[&Some(args.out.clone())])?;
+    if args.samples {
+        return samples(args, remarks);
+    }
+    let start = recording::run_start(&args.file)?;
+    let metadata = start.map(|start| start.metadata).unwrap_or_default();
+    match worn(args, &metadata)? {
+        Some(kept) => angles(args, kind, remarks, &kept, metadata),
+        None if kind == "csv" => samples(args, remarks),
+        None => Err(Error::new("the recording does not know how its sensors were worn")
+            .at(args.file.display().to_string())
+            .remedy(
+                "record it in a session (`gaitway record --session`), or name a calibration: \
+                 --body FILE.toml",
+            )),
+    }
+}
+
+/// How the sensors were worn, if that is known.
+fn worn(args: &ConvertArgs, metadata: &BTreeMap<String, String>) -> Result<Option<Kept>, Error> {
+    let (text, place) = match (&args.body, metadata.get(BODY_KEY)) {
+        (Some(path), _) => (gaitway_profiles::read_text(path)?, path),
+        (None, Some(text)) => (text.clone(), &args.file),
+        (None, None) => return Ok(None),
+    };
+    Kept::parse(&text).map(Some).map_err(|e| e.at(place.display().to_string()))
+}
+
+fn angles(
+    args: &ConvertArgs,
+    kind: &str,
+    remarks: Remarks,
+    kept: &Kept,
+    mut metadata: BTreeMap<String, String>,
+) -> Result<i32, Error> {
+    let series = recording::sensor_series(&args.file)?;
+    let stature_m = metadata.get(STATURE_KEY).and_then(|text| text.parse().ok());
+    let motion = WornMotion::of(&series, kept, args.stature.or(stature_m), args.rate)
+        .map_err(|e| if e.place.is_none() { e.at(args.file.display().to_string()) } else { e })?;
+    metadata.remove(BODY_KEY);
+    metadata.insert("from".to_owned(), args.file.display().to_string());
+    metadata.insert("subject".to_owned(), kept.subject.clone());
+    let output = Output::forced(args.force);
+    match kind {
+        "csv" => output.write_file(&args.out, motion.csv().as_bytes())?,
+        "bvh" => output.write_file(&args.out, motion.bvh().as_bytes())?,
+        _ => motion.write_mcap(&args.out, args.force, metadata)?,
+    }
+    let (count, silent) = (motion.angles.len(), motion.silent_samples());
+    remarks.say(&format!("{count} poses at {} Hz to {}", motion.rate_hz, args.out.display()));
+    let not_worn = motion.not_worn();
+    if !not_worn.is_empty() {
+        remarks.say(&format!("not worn, and therefore at rest: {}", not_worn.join(", ")));
+    }
+    if silent + series.missed > 0 {
+        remarks.say(&format!(
+            "{} samples are missing in the recording; sensors were silent in {silent} moments",
+            series.missed
+        ));
+    }
+    let whole = series.whole && silent + series.missed == 0;
+    let outcome = if whole { Outcome::Done } else { Outcome::DoneWithLoss };
+    Ok(outcome.exit_code())
+}
+
+/// One row per sample of a sensor, or per cycle of a robot.
+fn samples(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
     let mut bytes = Vec::new();
     let rows = recording::write_csv(&args.file, &mut bytes)?;
-    Output::forced(args.force).write_file(&args.table, &bytes)?;
-    remarks.say(&format!("{} rows to {}", rows.rows, args.table.display()));
+    Output::forced(args.force).write_file(&args.out, &bytes)?;
+    remarks.say(&format!("{} rows to {}", rows.rows, args.out.display()));
     let whole = rows.whole && rows.missing == 0;
     if !whole {
         remarks.say(&format!("{} samples or readings are missing in the recording", rows.missing));

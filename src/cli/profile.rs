@@ -3,10 +3,12 @@
 
 mod sensor;
 
+use super::{Outcome, Output};
 use crate::error::Error;
 use clap::{Args, Subcommand};
 use gaitway_profiles as profiles;
 use profiles::{Actuator, Dialect, Profile, Protocol, Register, Servo, Unit};
+use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
@@ -22,12 +24,17 @@ pub struct ProfileArgs {
 enum Action {
     /// Servos, CAN actuators, sensors, robots and adapters that come with gaitway
     #[command(after_help = "Example: gaitway profile list")]
-    List,
+    List {
+        #[command(flatten)]
+        output: Output,
+    },
     /// One servo's registers, one CAN actuator, one sensor's channels, one robot's joints or one adapter
     #[command(after_help = "Example: gaitway profile show xm430-w350")]
     Show {
         /// Name of a shipped profile, or path of a file
         name: String,
+        #[command(flatten)]
+        output: Output,
     },
     /// Read a servo, CAN actuator, sensor, robot or adapter file, say what is wrong with it and what is
     /// unconfirmed
@@ -35,6 +42,8 @@ enum Action {
     Check {
         /// The file, or name of a shipped profile
         file: String,
+        #[command(flatten)]
+        output: Output,
     },
 }
 
@@ -43,18 +52,28 @@ enum Action {
 /// # Errors
 /// An unknown name, or a file that is wrong: what, where, got, allowed.
 pub fn run(args: &ProfileArgs) -> Result<i32, Error> {
-    let text = match &args.action {
-        Action::List => list()?,
-        Action::Show { name } => match load(name)? {
-            Profile::Servo(servo) => show_servo(&servo),
-            Profile::Actuator(actuator) => show_actuator(&actuator),
-            Profile::Robot(robot) => show_robot(&robot),
-            Profile::Adapter(adapter) => show_adapter(&adapter),
-            Profile::Sensor(sensor) => sensor::show(&sensor),
-        },
-        Action::Check { file } => check(&load(file)?)?,
-    };
-    super::print(&text);
+    match &args.action {
+        Action::List { output } => {
+            let list = List::of_all()?;
+            output.report(&list, &list.text())?;
+        }
+        Action::Show { name, output } => {
+            let text = match load(name)? {
+                Profile::Servo(servo) => show_servo(&servo),
+                Profile::Actuator(actuator) => show_actuator(&actuator),
+                Profile::Robot(robot) => show_robot(&robot),
+                Profile::Adapter(adapter) => show_adapter(&adapter),
+                Profile::Sensor(sensor) => sensor::show(&sensor),
+            };
+            // A program gets the file itself, in its own units, with every source.
+            output.report(&profiles::whole_table(name)?, &text)?;
+        }
+        Action::Check { file, output } => {
+            let profile = load(file)?;
+            let checked = check(&profile)?;
+            output.report(&checked, &checked.text())?;
+        }
+    }
     Ok(0)
 }
 
@@ -62,85 +81,172 @@ fn load(name_or_path: &str) -> Result<Profile, Error> {
     Ok(profiles::profile(name_or_path)?)
 }
 
-fn check(profile: &Profile) -> Result<String, Error> {
-    let mut out = match profile {
+/// A file in which nothing is wrong.
+#[derive(Debug, Serialize)]
+struct Checked {
+    outcome: Outcome,
+    name: String,
+    kind: &'static str,
+    #[serde(skip)]
+    holds: String,
+    unconfirmed: Vec<Unconfirmed>,
+}
+
+/// A fact nobody could confirm.
+#[derive(Debug, Serialize)]
+struct Unconfirmed {
+    place: String,
+    source: String,
+}
+
+impl Checked {
+    fn text(&self) -> String {
+        let mut out = format!("{}: OK; {}, {}\n", self.name, self.kind, self.holds);
+        if !self.unconfirmed.is_empty() {
+            let _ = writeln!(out, "unconfirmed: {}", self.unconfirmed.len());
+        }
+        for fact in &self.unconfirmed {
+            let _ = writeln!(out, "  {:<36} {}", fact.place, fact.source);
+        }
+        out
+    }
+}
+
+fn check(profile: &Profile) -> Result<Checked, Error> {
+    let (name, kind, holds) = match profile {
         Profile::Servo(servo) => {
-            format!("{}: OK; servo, {} registers\n", servo.name, servo.items().count())
+            (&servo.name, "servo", format!("{} registers", servo.items().count()))
         }
         Profile::Actuator(actuator) => {
-            format!("{}: OK; CAN actuator, {}\n", actuator.name, dialect(actuator.dialect))
+            (&actuator.name, "CAN actuator", dialect(actuator.dialect).to_owned())
         }
         Profile::Robot(robot) => {
             // What playing needs of its servos is asked for too, not only what a file must be.
             crate::robot::Robot::new(robot.as_ref().clone())?;
             let (joints, lines) = (robot.joints.len(), robot.lines.len());
-            format!("{}: OK; robot, {joints} joints on {lines} line(s)\n", robot.name)
+            (&robot.name, "robot", format!("{joints} joints on {lines} line(s)"))
         }
         Profile::Adapter(adapter) => {
-            format!("{}: OK; adapter, USB {}\n", adapter.name, adapter.usb_ids.join(", "))
+            (&adapter.name, "adapter", format!("USB {}", adapter.usb_ids.join(", ")))
         }
         Profile::Sensor(sensor) => {
             // What recording needs is asked for too.
             crate::device::sensor::stream_format(sensor)?;
-            format!("{}: OK; sensor, {} channels\n", sensor.name, sensor.channels.len())
+            (&sensor.name, "sensor", format!("{} channels", sensor.channels.len()))
         }
     };
-    let unconfirmed = profile.unconfirmed();
-    if !unconfirmed.is_empty() {
-        let _ = writeln!(out, "unconfirmed: {}", unconfirmed.len());
-    }
-    for fact in unconfirmed {
-        let _ = writeln!(out, "  {:<36} {}", fact.place, fact.source);
-    }
-    Ok(out)
+    let unconfirmed = profile
+        .unconfirmed()
+        .into_iter()
+        .map(|fact| Unconfirmed { place: fact.place, source: fact.source.to_owned() });
+    Ok(Checked {
+        outcome: Outcome::Done,
+        name: name.clone(),
+        kind,
+        holds,
+        unconfirmed: unconfirmed.collect(),
+    })
 }
 
-fn list() -> Result<String, Error> {
-    let mut groups: BTreeMap<(&str, &str), Vec<&Servo>> = BTreeMap::new();
-    for name in profiles::servo_names() {
-        let servo = profiles::servo(name)?;
-        groups.entry((&servo.maker, protocol(servo.protocol))).or_default().push(servo);
-    }
-    let mut out = String::new();
-    for ((maker, protocol), servos) in groups {
-        let _ = writeln!(out, "servos, {maker}, {protocol}");
-        for servo in servos {
-            let _ = writeln!(out, "  {:<24} {}", servo.name, servo.model);
-        }
-    }
-    list_actuators(&mut out)?;
-    out.push_str("sensors\n");
-    for name in profiles::sensor_names() {
-        let sensor = profiles::sensor(name)?;
-        let _ = writeln!(out, "  {name:<24} {} {}", sensor.maker, sensor.model);
-    }
-    out.push_str("robots\n");
-    for name in profiles::robot_names() {
-        let robot = profiles::robot(name)?;
-        let _ = writeln!(out, "  {name:<24} {}", robot.description);
-    }
-    out.push_str("adapters\n");
-    for adapter in profiles::adapters()? {
-        let ids = adapter.usb_ids.join(", ");
-        let _ = writeln!(out, "  {:<24} {} ({ids})", adapter.name, adapter.model);
-    }
-    Ok(out)
+/// All shipped profiles.
+#[derive(Debug, Serialize)]
+struct List {
+    servos: Vec<Listed>,
+    actuators: Vec<Listed>,
+    sensors: Vec<Listed>,
+    robots: Vec<Listed>,
+    adapters: Vec<Listed>,
 }
 
-fn list_actuators(out: &mut String) -> Result<(), Error> {
-    let mut groups: BTreeMap<_, Vec<Actuator>> = BTreeMap::new();
-    for name in profiles::actuator_names() {
-        let actuator = profiles::actuator(name)?;
-        let group = (actuator.maker.clone(), dialect(actuator.dialect));
-        groups.entry(group).or_default().push(actuator);
-    }
-    for ((maker, dialect), actuators) in groups {
-        let _ = writeln!(out, "CAN actuators, {maker}, {dialect}");
-        for actuator in actuators {
-            let _ = writeln!(out, "  {:<24} {}", actuator.name, actuator.model);
+/// One of them. A robot has no maker and a sensor no protocol that sets it apart.
+#[derive(Debug, Default, Serialize)]
+struct Listed {
+    name: String,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    maker: Option<String>,
+    /// Model, or description of a robot.
+    model: String,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    protocol: Option<&'static str>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    usb_ids: Vec<String>,
+}
+
+impl List {
+    fn of_all() -> Result<Self, Error> {
+        let mut list = Self {
+            servos: Vec::new(),
+            actuators: Vec::new(),
+            sensors: Vec::new(),
+            robots: Vec::new(),
+            adapters: Vec::new(),
+        };
+        for name in profiles::servo_names() {
+            let servo = profiles::servo(name)?;
+            list.servos.push(Listed {
+                name: name.to_owned(),
+                maker: Some(servo.maker.clone()),
+                model: servo.model.clone(),
+                protocol: Some(protocol(servo.protocol)),
+                usb_ids: Vec::new(),
+            });
         }
+        for name in profiles::actuator_names() {
+            let actuator = profiles::actuator(name)?;
+            list.actuators.push(Listed {
+                name: name.to_owned(),
+                maker: Some(actuator.maker.clone()),
+                model: actuator.model.clone(),
+                protocol: Some(dialect(actuator.dialect)),
+                usb_ids: Vec::new(),
+            });
+        }
+        for name in profiles::sensor_names() {
+            let sensor = profiles::sensor(name)?;
+            let (maker, model) = (Some(sensor.maker), sensor.model);
+            list.sensors.push(Listed { name: name.to_owned(), maker, model, ..Listed::default() });
+        }
+        for name in profiles::robot_names() {
+            let model = profiles::robot(name)?.description;
+            list.robots.push(Listed { name: name.to_owned(), model, ..Listed::default() });
+        }
+        for adapter in profiles::adapters()? {
+            let (name, model) = (adapter.name.clone(), adapter.model.clone());
+            let usb_ids = adapter.usb_ids.clone();
+            list.adapters.push(Listed { name, model, usb_ids, ..Listed::default() });
+        }
+        Ok(list)
     }
-    Ok(())
+
+    fn text(&self) -> String {
+        let mut out = String::new();
+        for (title, listed) in [("servos", &self.servos), ("CAN actuators", &self.actuators)] {
+            let mut groups: BTreeMap<_, Vec<&Listed>> = BTreeMap::new();
+            for one in listed {
+                groups.entry((&one.maker, one.protocol)).or_default().push(one);
+            }
+            for ((maker, protocol), listed) in groups {
+                let words = [Some(title), maker.as_deref(), protocol];
+                let words: Vec<_> = words.into_iter().flatten().collect();
+                let _ = writeln!(out, "{}", words.join(", "));
+                for one in listed {
+                    let _ = writeln!(out, "  {:<24} {}", one.name, one.model);
+                }
+            }
+        }
+        for (title, listed) in
+            [("sensors", &self.sensors), ("robots", &self.robots), ("adapters", &self.adapters)]
+        {
+            let _ = writeln!(out, "{title}");
+            for one in listed {
+                let maker = one.maker.as_ref().map_or_else(String::new, |m| format!("{m} "));
+                let ids = one.usb_ids.join(", ");
+                let ids = if ids.is_empty() { ids } else { format!(" ({ids})") };
+                let _ = writeln!(out, "  {:<24} {maker}{}{ids}", one.name, one.model);
+            }
+        }
+        out
+    }
 }
 
 const fn dialect(dialect: Dialect) -> &'static str {

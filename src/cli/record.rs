@@ -3,7 +3,9 @@
 mod imu;
 pub(in crate::cli) mod intake;
 mod lines;
+mod marks;
 mod servos;
+mod session;
 mod slimevr;
 pub(in crate::cli) mod source;
 
@@ -17,11 +19,12 @@ use crate::recording::{Recorder, RunEnd, RunStart};
 use crate::time::{Duration, Instant};
 use clap::Args;
 use intake::{Intake, SourceReport};
+use marks::Marks;
 use serde::Serialize;
 use source::{Source, What};
 use std::collections::BTreeMap;
 use std::fmt::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Arguments of `record`.
@@ -34,14 +37,28 @@ SOURCE is [NAME=]KIND@BUS:
   lines@/dev/ttyACM0?baud=115200     lines of text, kept as they are
   servos:ROBOT@serial:/dev/ttyUSB1   joint angles of a robot, read only
 
-Example: gaitway record left=imu:bno08x-rvc@/dev/ttyUSB0 -o wave.mcap --for 10s --name wave")]
+While it records, Enter marks the moment, and words and Enter note something there.
+
+--session leads through a whole session: metadata, calibration of sensors and subjects, trials. Each
+sensor is then named like the segment that wears it. The same command goes on where it was left.
+
+Examples:
+  gaitway record left=imu:bno08x-rvc@/dev/ttyUSB0 -o wave.mcap --for 10s --name wave
+  gaitway record --session lab --plan plan.toml torso=imu:x-imu3@/dev/ttyACM0 \\
+          right_forearm=imu:x-imu3@/dev/ttyACM1")]
 pub struct RecordArgs {
     /// What to record
-    #[arg(required = true, value_name = "SOURCE")]
+    #[arg(required_unless_present = "session", value_name = "SOURCE")]
     sources: Vec<Source>,
     /// The recording
-    #[arg(short, long, value_name = "FILE.mcap")]
-    out: PathBuf,
+    #[arg(short, long, value_name = "FILE.mcap", required_unless_present = "session")]
+    out: Option<PathBuf>,
+    /// Lead through a recording session in this folder, or go on with one
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["out", "time", "name", "limp", "force"])]
+    session: Option<PathBuf>,
+    /// What the session is to record (see docs/capture.md); without it actions are asked for
+    #[arg(long, value_name = "FILE.toml", requires = "session")]
+    plan: Option<PathBuf>,
     /// How long, e.g. 10s or 2.5s; without it until Ctrl-C
     #[arg(long = "for", value_name = "TIME", value_parser = source::duration)]
     time: Option<Duration>,
@@ -68,7 +85,11 @@ struct Report {
     duration_s: f64,
     sources: Vec<SourceReport>,
     messages: u64,
+    /// Messages that are not stored: refused by the full queue, or lost by a disk that failed.
     dropped: u64,
+    /// Those refused by the full queue, by topic.
+    dropped_by_topic: BTreeMap<String, u64>,
+    /// Why writing ended early, if it did.
     poisoned: Option<String>,
 }
 
@@ -85,7 +106,11 @@ const PARTIAL_PACKET: u64 = 600;
 /// A source that cannot be opened, a file that cannot be written.
 pub fn run(args: &RecordArgs, remarks: Remarks) -> Result<i32, Error> {
     let signals = Signals::listen().map_err(|e| Error::new(format!("no signals: {e}")))?;
-    args.output.check_files(&[&Some(args.out.clone())])?;
+    if let Some(root) = &args.session {
+        return session::run(args, root, signals, remarks);
+    }
+    let out = args.out.as_deref().ok_or_else(|| Error::new("no file to record to"))?;
+    args.output.check_files(&[&args.out])?;
     let mut opened = Vec::new();
     let mut joints = None;
     for source in &args.sources {
@@ -108,7 +133,7 @@ pub fn run(args: &RecordArgs, remarks: Remarks) -> Result<i32, Error> {
         gaitway_version: env!("CARGO_PKG_VERSION").to_owned(),
         metadata: BTreeMap::from([("trial".to_owned(), args.name.clone())]),
     };
-    let recorder = Recorder::create_for_sources(&args.out, args.output.force(), start)?;
+    let recorder = Recorder::create_for_sources(out, args.output.force(), start)?;
     let began = MonotonicClock.now();
     let stop = AtomicBool::new(false);
     let mode = if args.magnetometer { Mode::NineAxes } else { Mode::SixAxes };
@@ -122,17 +147,29 @@ pub fn run(args: &RecordArgs, remarks: Remarks) -> Result<i32, Error> {
             let intake = &intake;
             scope.spawn(move || joints.record(intake));
         }
-        wait(args, &signals, began);
+        wait(args, &signals, &recorder, remarks, began);
         stop.store(true, Ordering::Release);
     });
     let sources = intake.into_reports();
-    finish(args, recorder, sources, began)
+    finish(args, out, recorder, sources, began)
 }
 
-fn wait(args: &RecordArgs, signals: &Signals, began: Instant) {
+fn wait(
+    args: &RecordArgs,
+    signals: &Signals,
+    recorder: &Recorder,
+    remarks: Remarks,
+    began: Instant,
+) {
     let until = args.time.map(|time| began + time);
+    let mut marks = Marks::listen();
     loop {
         let now = MonotonicClock.now();
+        marks.record(recorder);
+        if let Some(cause) = recorder.failure() {
+            // Nothing more can be stored, so whoever performs is told at once and not at the end.
+            return remarks.say(&format!("the recording ends here, the disk fails: {cause}"));
+        }
         if signals.first().is_some() || until.is_some_and(|until| now >= until) {
             return;
         }
@@ -143,12 +180,15 @@ fn wait(args: &RecordArgs, signals: &Signals, began: Instant) {
 
 fn finish(
     args: &RecordArgs,
+    out: &Path,
     recorder: Recorder,
     sources: Vec<SourceReport>,
     began: Instant,
 ) -> Result<i32, Error> {
     let ended = MonotonicClock.now();
+    let dropped_by_topic = recorder.dropped();
     let lossless = sources.iter().all(SourceReport::lossless) && !sources.is_empty();
+    let lossless = lossless && dropped_by_topic.is_empty();
     let outcome = if lossless { Outcome::Done } else { Outcome::DoneWithLoss };
     let metadata = sources.iter().filter_map(|source| {
         Some((format!("source {}", source.name), serde_json::to_string(source).ok()?))
@@ -162,12 +202,13 @@ fn finish(
     let outcome = if summary.is_complete() { outcome } else { Outcome::DoneWithLoss };
     let whole = matches!(outcome, Outcome::Done);
     let report = Report {
-        file: args.out.clone(),
+        file: out.to_owned(),
         outcome: if whole { "done" } else { "done_with_loss" },
         duration_s: ended.seconds_since(began),
         sources,
         messages: summary.messages,
         dropped: summary.dropped.values().sum::<u64>() + summary.lost,
+        dropped_by_topic,
         poisoned: summary.poisoned,
     };
     args.output.report(&report, &text(&report))?;
@@ -179,11 +220,13 @@ fn text(report: &Report) -> String {
     for source in &report.sources {
         source.text(&mut out);
     }
-    if report.dropped > 0 {
-        let _ = writeln!(out, "  the disk could not keep up: {} messages lost", report.dropped);
+    let refused: u64 = report.dropped_by_topic.values().sum();
+    if refused > 0 {
+        let _ = writeln!(out, "  the disk could not keep up: {refused} messages lost");
     }
     if let Some(poisoned) = &report.poisoned {
-        let _ = writeln!(out, "  the recording ended early: {poisoned}");
+        let lost = report.dropped - refused;
+        let _ = writeln!(out, "  the recording ended early: {poisoned}; {lost} messages lost");
     }
     out
 }

@@ -3,8 +3,10 @@
 use super::report::Outcome;
 use super::{Output, Remarks};
 use crate::error::Error;
-use crate::recording;
+use crate::recording::{self, Overview, Recovered, SensorSeries, SourceOverview, sensor_series};
+use crate::session::tap::{Tap, taps};
 use clap::Args;
+use serde::Serialize;
 use std::fmt::Write;
 use std::path::PathBuf;
 
@@ -24,14 +26,73 @@ pub struct InfoArgs {
 /// A file that cannot be read as a recording.
 pub fn info(args: &InfoArgs) -> Result<i32, Error> {
     let overview = recording::summary(&args.file)?;
+    let mut text = description(&overview);
+    let mut told = Told { overview, markers: Vec::new(), taps: Vec::new() };
+    // A recording too large to be looked into is told of all the same.
+    if worth_a_look(&told.overview)
+        && let Ok(series) = sensor_series(&args.file)
+    {
+        told.add(&series, &mut text);
+    }
+    args.output.report(&told, &text)?;
+    Ok(0)
+}
+
+/// What `info` tells.
+#[derive(Serialize)]
+struct Told {
+    #[serde(flatten)]
+    overview: Overview,
+    /// What was marked while it was recorded.
+    markers: Vec<Marked>,
+    /// Taps that several sensors felt: whether their times agree.
+    taps: Vec<Tap>,
+}
+
+#[derive(Serialize)]
+struct Marked {
+    at_s: f64,
+    text: String,
+}
+
+/// True if there may be marks, or several sensors that may have felt a tap.
+fn worth_a_look(overview: &Overview) -> bool {
+    overview.sources.len() > 1 || overview.channels.contains_key("/marker")
+}
+
+impl Told {
+    fn add(&mut self, series: &SensorSeries, text: &mut String) {
+        let began = series.start.as_ref().map(|start| start.monotonic_start).unwrap_or_default();
+        for marker in &series.markers {
+            let at_s = marker.at.seconds_since(began);
+            let _ = writeln!(text, "marker    at {at_s:.3} s: {}", marker.text);
+            self.markers.push(Marked { at_s, text: marker.text.clone() });
+        }
+        self.taps = taps(&series.sensors, series.start_ns());
+        for tap in &self.taps {
+            let _ = writeln!(text, "tap       {}", tap.words());
+        }
+    }
+}
+
+fn description(overview: &Overview) -> String {
     let mut text = String::new();
-    let said = |word: &Option<String>| word.clone().unwrap_or_else(|| "not said".to_owned());
-    let _ = writeln!(text, "robot     {}", said(&overview.robot));
-    let _ = writeln!(text, "motion    {}", said(&overview.motion));
-    let _ = writeln!(text, "outcome   {}", said(&overview.outcome));
+    let words = [
+        ("robot  ", &overview.robot),
+        ("motion ", &overview.motion),
+        ("outcome", &overview.outcome),
+    ];
+    for (title, word) in words {
+        // A recording of sensors has no robot, and says so by an empty name.
+        let word = word.as_deref().filter(|word| !word.is_empty()).unwrap_or("not said");
+        let _ = writeln!(text, "{title}   {word}");
+    }
     let _ = writeln!(text, "duration  {:.2} s", overview.duration_s);
     for (channel, messages) in &overview.channels {
         let _ = writeln!(text, "channel   {channel}: {messages} messages");
+    }
+    for (name, source) in &overview.sources {
+        let _ = writeln!(text, "source    {}", of_source(name, source));
     }
     let _ = writeln!(
         text,
@@ -45,6 +106,13 @@ pub fn info(args: &InfoArgs) -> Result<i32, Error> {
             overview.missed_samples, overview.dropped_samples
         );
     }
+    if overview.damaged_cycles + overview.damaged_samples > 0 {
+        let _ = writeln!(
+            text,
+            "damage    {} cycles and {} samples cannot be read",
+            overview.damaged_cycles, overview.damaged_samples
+        );
+    }
     let _ = match (overview.finished, overview.lost_bytes) {
         (true, 0) => writeln!(text, "file      complete"),
         (true, lost) => writeln!(text, "file      closed, but {lost} bytes are damaged"),
@@ -53,8 +121,25 @@ pub fn info(args: &InfoArgs) -> Result<i32, Error> {
             "file      never closed (killed?): `gaitway recover` makes one other tools open"
         ),
     };
-    args.output.report(&overview, &text)?;
-    Ok(0)
+    text
+}
+
+/// A source in one line: what there is and what is not.
+fn of_source(name: &str, source: &SourceOverview) -> String {
+    let mut text = format!("{name}: {} in {:.2} s", source.records, source.duration_s);
+    let counts = [
+        (source.gaps, "gaps"),
+        (source.missed, "missing"),
+        (source.dropped, "dropped"),
+        (source.damaged, "unreadable"),
+        (source.duplicates, "twice"),
+        (source.late, "out of order"),
+        (source.resets, "resets"),
+    ];
+    for (count, word) in counts.into_iter().filter(|(count, _)| *count > 0) {
+        let _ = write!(text, ", {count} {word}");
+    }
+    text
 }
 
 /// Arguments of `recover`.
@@ -63,6 +148,8 @@ pub fn info(args: &InfoArgs) -> Result<i32, Error> {
 pub struct RecoverArgs {
     /// Recording that was never closed, or is damaged
     file: PathBuf,
+    #[command(flatten)]
+    output: Output,
 }
 
 /// Runs `recover`; exit code 3 if something was lost.
@@ -70,13 +157,26 @@ pub struct RecoverArgs {
 /// # Errors
 /// A file in which no recording is found; a recovered file that exists already.
 pub fn recover(args: &RecoverArgs, remarks: Remarks) -> Result<i32, Error> {
-    let recovered = recording::recover(&args.file)?;
-    super::print(&format!("{}\n", recovered.path.display()));
-    remarks.say(&format!(
-        "{} messages saved, {} bytes could not be used",
-        recovered.messages, recovered.lost_bytes
-    ));
+    args.output.check_files(&[])?;
+    let recovered = recording::recover(&args.file, args.output.force())?;
+    args.output.report(&recovered, &format!("{}\n", recovered.path.display()))?;
+    remarks.say(&loss(&recovered));
     let whole = recovered.was_finished && recovered.lost_bytes == 0;
     let outcome = if whole { Outcome::Done } else { Outcome::DoneWithLoss };
     Ok(outcome.exit_code())
+}
+
+/// What was saved and what was not, as far as the file can tell.
+fn loss(recovered: &Recovered) -> String {
+    let mut text = format!(
+        "{} messages saved, {} bytes could not be used",
+        recovered.messages, recovered.lost_bytes
+    );
+    if recovered.damaged > 0 {
+        let _ = write!(text, ", with {} samples or cycles in them", recovered.damaged);
+    }
+    if !recovered.was_finished {
+        text += "; the recording was cut off, and what came in its last second may be missing";
+    }
+    text
 }

@@ -1,6 +1,7 @@
 //! The messages of a recording as JSON: one definition for writing and for reading.
 
 use std::borrow::Cow;
+use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
@@ -150,6 +151,9 @@ pub(super) struct Run {
     /// Cycles the full queue dropped just before this.
     #[serde(default)]
     pub(super) dropped_before: u64,
+    /// Samples and lines of sources it dropped since the last ones that were stored.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub(super) dropped_by_source: BTreeMap<String, u64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) start: Option<RunStart>,
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -11,10 +11,12 @@ use mcap::records::{MessageHeader, Metadata};
 use mcap::write::NoSeek;
 use serde::{Deserialize, Serialize};
 
+use super::log::{Bytes, mcap_writer};
 use super::message::{Cycle, Health, JointState, JointStates, Moment, Run, Topic};
+use super::overview::{Overview, SourceOverview};
 use super::sample::{CycleRecord, JointRecord, RunEnd, RunStart};
 use super::scan::{Channel, Found, Tally, scan};
-use super::writer::{Bytes, Disk, create_file, mcap_writer};
+use super::writer::{Disk, create_file};
 use crate::error::Error;
 use crate::time::Instant;
 
@@ -44,44 +46,8 @@ pub struct Recording {
     pub lost_bytes: u64,
 }
 
-/// What a file holds, without its values.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct Overview {
-    /// The robot's name, if the file says it.
-    pub robot: Option<String>,
-    /// The motion's name or path, if the file says it.
-    pub motion: Option<String>,
-    /// How the run ended, if the file says it.
-    pub outcome: Option<String>,
-    /// From the first to the last message, seconds.
-    pub duration_s: f64,
-    /// Messages by topic.
-    pub channels: BTreeMap<String, u64>,
-    /// Readings of a joint that are missing, each a gap with a reason.
-    pub missed_reads: u64,
-    /// Cycles that the recorder dropped because the disk could not keep up.
-    pub dropped_cycles: u64,
-    /// Samples of sensors that were lost on their way to the recorder.
-    pub missed_samples: u64,
-    /// Samples and lines that the recorder dropped because the disk could not keep up.
-    pub dropped_samples: u64,
-    /// Whether the file was closed as it should be.
-    pub finished: bool,
-    /// Bytes of the file that could not be used.
-    pub lost_bytes: u64,
-}
-
-/// The counts of a message of a source.
-#[derive(Deserialize)]
-struct Losses {
-    #[serde(default)]
-    missed_before: u64,
-    #[serde(default)]
-    dropped_before: u64,
-}
-
 /// What [`recover`] saved.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Recovered {
     /// The new file.
     pub path: PathBuf,
@@ -91,6 +57,11 @@ pub struct Recovered {
     pub was_finished: bool,
     /// Bytes of the old file that could not be used.
     pub lost_bytes: u64,
+    /// Samples of sensors and cycles of a robot that had been stored and could not be read: those
+    /// that are missing in the middle. What had not reached the file when it was cut off is not known.
+    pub damaged: u64,
+    /// What there is of each sensor and source of text.
+    pub sources: BTreeMap<String, SourceOverview>,
 }
 
 /// The goals of a recording as a motion.
@@ -249,70 +220,25 @@ impl Recording {
     }
 }
 
-impl Overview {
-    fn add(&mut self, topic: &str, body: &[u8]) {
-        match Topic::from_name(topic) {
-            Some(Topic::Cycle) => {
-                let Some(cycle) = parse::<Cycle>(body) else { return };
-                self.missed_reads += cycle.missed.len() as u64;
-                self.dropped_cycles = self.dropped_cycles.saturating_add(cycle.dropped_before);
-            }
-            Some(Topic::Run) => {
-                let Some(run) = parse::<Run>(body) else { return };
-                self.dropped_cycles = self.dropped_cycles.saturating_add(run.dropped_before);
-                if let Some(start) = run.start {
-                    (self.robot, self.motion) = (Some(start.robot), Some(start.motion));
-                }
-                self.outcome = run.end.map(|end| end.outcome).or(self.outcome.take());
-            }
-            None if topic.ends_with("/sample") || topic.starts_with("/lines/") => {
-                let Some(losses) = parse::<Losses>(body) else { return };
-                self.missed_samples = self.missed_samples.saturating_add(losses.missed_before);
-                self.dropped_samples = self.dropped_samples.saturating_add(losses.dropped_before);
-            }
-            _ => {}
-        }
-    }
-}
-
-/// Tells what a file holds, reading it once in little memory.
-///
-/// # Errors
-/// If the file cannot be opened, is no MCAP recording or is compressed.
-pub fn summary(path: &Path) -> Result<Overview, Error> {
-    let mut overview = Overview::default();
-    let (mut first, mut last) = (u64::MAX, 0);
-    let tally = scan(BufReader::new(open(path)?), |found| {
-        let Found::Message { channel, header, body } = found else { return Ok(()) };
-        (first, last) = (first.min(header.log_time), last.max(header.log_time));
-        match overview.channels.get_mut(&channel.topic) {
-            Some(count) => *count += 1,
-            None => drop(overview.channels.insert(channel.topic.clone(), 1)),
-        }
-        overview.add(&channel.topic, body);
-        Ok(())
-    })
-    .map_err(|error| error.at(path.display().to_string()))?;
-    overview.duration_s = last.saturating_sub(first) as f64 / 1e9;
-    (overview.finished, overview.lost_bytes) = (tally.finished, tally.lost_bytes);
-    Ok(overview)
-}
-
 /// Writes everything that can be trusted in `path` to `FILE.recovered.mcap` beside it, as a
-/// finished file. Takes any uncompressed MCAP file, ours or not. Never replaces a file.
+/// finished file. Takes any uncompressed MCAP file, ours or not. Replaces a file only with `force`.
 ///
 /// # Errors
 /// If the file cannot be read, is no MCAP recording or is compressed, or the new file exists or
 /// cannot be written.
-pub fn recover(path: &Path) -> Result<Recovered, Error> {
+pub fn recover(path: &Path, force: bool) -> Result<Recovered, Error> {
     let source = open(path)?;
     let target = path.with_extension("recovered.mcap");
-    let file = create_file(&target, false).map_err(|error| match error.remedy {
-        Some(_) => error.remedy("move it away or delete it first"),
+    let file = create_file(&target, force).map_err(|error| match error.remedy {
+        Some(_) => error.remedy("move it away, or add --force to replace it"),
         None => error,
     })?;
     let mut copy = Copy::new(file).map_err(|cause| unwritable(&target, &cause))?;
+    let mut overview = Overview::default();
     let copied = scan(BufReader::new(source), |found| {
+        if let Found::Message { channel, header, body } = &found {
+            overview.add(&channel.topic, header, body);
+        }
         copy.add(found).map_err(|cause| unwritable(&target, &cause))
     })
     .and_then(|tally| {
@@ -325,6 +251,8 @@ pub fn recover(path: &Path) -> Result<Recovered, Error> {
             messages: copy.messages,
             was_finished: tally.finished,
             lost_bytes: tally.lost_bytes,
+            damaged: overview.damaged(),
+            sources: overview.sources,
         }),
         Err(error) => {
             // Half a rescue would stand in the way of the next one.
@@ -442,7 +370,7 @@ pub fn joint_series(recording: &Recording) -> GoalSeries {
     series
 }
 
-fn open(path: &Path) -> Result<File, Error> {
+pub(super) fn open(path: &Path) -> Result<File, Error> {
     let unreadable = |cause: String| {
         Error::new("the recording cannot be opened").at(path.display().to_string()).got(cause)
     };
@@ -454,7 +382,7 @@ fn open(path: &Path) -> Result<File, Error> {
     File::open(path).map_err(|cause| unreadable(cause.to_string()))
 }
 
-fn parse<'a, T: Deserialize<'a>>(body: &'a [u8]) -> Option<T> {
+pub(super) fn parse<'a, T: Deserialize<'a>>(body: &'a [u8]) -> Option<T> {
     if body.len() > MESSAGE_BYTES {
         return None;
     }

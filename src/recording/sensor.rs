@@ -1,5 +1,6 @@
 //! Sensor samples as messages: what `gaitway record` writes and `gaitway convert` reads.
 
+use super::marker::{self, Marker};
 use super::message::Stamp;
 use crate::capture::{Captured, Order};
 use crate::time::Instant;
@@ -25,6 +26,8 @@ pub enum SourceKind {
     Imu,
     /// Lines of text, kept as they are.
     Lines,
+    /// Marks that somebody sets; there is one of these, whatever it is called.
+    Marks,
 }
 
 /// Number of a source in a recording.
@@ -38,6 +41,8 @@ pub enum SourceRecord {
     Sample(Box<Captured>),
     /// A line of text and when it was read.
     Line(Instant, String),
+    /// A mark.
+    Mark(Marker),
 }
 
 impl SourceRecord {
@@ -46,6 +51,7 @@ impl SourceRecord {
         match self {
             Self::Sample(captured) => (captured.stamp.arrival, captured.stamp.taken),
             Self::Line(at, _) => (*at, *at),
+            Self::Mark(mark) => (mark.at, mark.at),
         }
     }
 }
@@ -65,6 +71,9 @@ impl SourceKind {
             Self::Lines => {
                 vec![(format!("/lines/{name}"), "gaitway.Line", include_str!("schema/line.json"))]
             }
+            Self::Marks => {
+                vec![(marker::TOPIC.to_owned(), "foxglove.Log", include_str!("schema/log.json"))]
+            }
         }
     }
 }
@@ -83,6 +92,12 @@ impl From<DVec3> for Vector {
     }
 }
 
+impl From<Vector> for DVec3 {
+    fn from(v: Vector) -> Self {
+        Self::new(v.x, v.y, v.z)
+    }
+}
+
 /// A rotation, as Foxglove's schemas name it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Rotation {
@@ -95,6 +110,12 @@ pub(super) struct Rotation {
 impl From<DQuat> for Rotation {
     fn from(q: DQuat) -> Self {
         Self { x: q.x, y: q.y, z: q.z, w: q.w }
+    }
+}
+
+impl From<Rotation> for DQuat {
+    fn from(q: Rotation) -> Self {
+        Self::from_xyzw(q.x, q.y, q.z, q.w)
     }
 }
 
@@ -185,6 +206,7 @@ pub(super) fn messages(
             let line = Line { timestamp, host_monotonic_ns, dropped_before, text };
             return Ok(vec![(0, serde_json::to_vec(&line)?)]);
         }
+        SourceRecord::Mark(mark) => return Ok(vec![(0, mark.message(taken_wall_ns)?)]),
         SourceRecord::Sample(captured) => captured,
     };
     let (sample, stamp) = (&captured.sample, &captured.stamp);
@@ -229,12 +251,12 @@ fn transform<'a>(name: &'a str, captured: &Captured, timestamp: Stamp) -> Option
     })
 }
 
-/// How many messages a record becomes.
-pub(super) fn message_count(record: &SourceRecord) -> u64 {
+/// How many messages a record becomes: one on each of its source's first channels.
+pub(super) fn message_count(record: &SourceRecord) -> usize {
     match record {
-        SourceRecord::Line(..) => 1,
+        SourceRecord::Line(..) | SourceRecord::Mark(_) => 1,
         SourceRecord::Sample(captured) => {
-            1 + u64::from(captured.fused.is_some() || captured.sample.orientation.is_some())
+            1 + usize::from(captured.fused.is_some() || captured.sample.orientation.is_some())
         }
     }
 }

@@ -1,30 +1,25 @@
-//! The writing side: a bounded queue, one thread, one file that only grows.
+//! The writing side: a bounded queue in front of the thread of [`super::log`].
 
 use std::collections::BTreeMap;
 use std::fs::{File, OpenOptions};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::mpsc::{SyncSender, TrySendError, sync_channel};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::thread::JoinHandle;
-use std::time::{Duration, Instant as Clock};
+use std::time::Duration;
 
-use mcap::records::{MessageHeader, Metadata};
-use mcap::write::NoSeek;
-
-use super::message::{self, Run, Stamp, Topic};
+use super::log::Log;
+use super::message::{self, Topic};
 use super::sample::{CycleRecord, RunEnd, RunStart};
-use super::sensor::{self, RecordedSource, SourceId, SourceKind, SourceRecord};
+use super::sensor::{self, RecordedSource, SourceId, SourceRecord};
 use crate::error::Error;
-use crate::time::Instant;
 
 /// Cycles that may wait for the disk: 2.5 s at 100 Hz, about 1 MiB with 20 joints.
 const QUEUE_CYCLES: usize = 256;
 /// Samples that may wait for the disk: 2.7 s of 15 sensors at 200 Hz.
 const QUEUE_SAMPLES: usize = 8192;
-/// Topic under which dropped samples and lines of sources are counted.
-const SOURCES: &str = "/imu, /lines";
 
 /// What a recording needs of a disk.
 pub trait Disk: Send + 'static {
@@ -66,16 +61,13 @@ impl Default for Pace {
     }
 }
 
-/// A chunk is also closed at this size, which bounds the memory it takes.
-const CHUNK_BYTES: usize = 1 << 20;
-
 /// What became of everything a [`Recorder`] was given.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Summary {
     /// Messages stored.
     pub messages: u64,
     /// Messages refused by the full queue, by topic.
-    pub dropped: BTreeMap<&'static str, u64>,
+    pub dropped: BTreeMap<String, u64>,
     /// Messages taken from the queue but not stored, because the disk failed.
     pub lost: u64,
     /// Bytes appended to the file.
@@ -92,15 +84,32 @@ impl Summary {
     }
 }
 
-enum Item {
+pub(super) enum Item {
     /// A cycle, and how many were dropped just before it.
     Cycle(CycleRecord, u64),
-    /// A source, whose records follow.
-    Source(RecordedSource),
     /// A record of a source, and how many were dropped just before it.
     Record(SourceId, SourceRecord, u64),
-    /// The end, and how many cycles were dropped just before it.
-    End(RunEnd, u64),
+    /// The end, and what was dropped just before it: cycles, and records by source.
+    End(RunEnd, u64, BTreeMap<String, u64>),
+}
+
+/// What the recorder and its thread both look at. Nobody waits while holding it.
+#[derive(Debug, Default)]
+pub(super) struct Shared {
+    /// Added sources, in the order of their numbers.
+    pub(super) sources: Mutex<Vec<RecordedSource>>,
+    /// Why writing ended early.
+    pub(super) failure: OnceLock<String>,
+}
+
+/// What the full queue refused of one source.
+#[derive(Debug)]
+struct Refused {
+    name: String,
+    /// Records since the last one the queue took.
+    gap: u64,
+    /// Messages, by topic.
+    messages: Vec<(String, u64)>,
 }
 
 /// Records a run. Dropped without [`Recorder::finish`], it stores what it was given and leaves
@@ -114,10 +123,9 @@ pub struct Recorder {
     gap: AtomicU64,
     /// Messages dropped, by topic in the order of [`Topic::ALL`].
     dropped: [AtomicU64; Topic::ALL.len()],
-    /// Records dropped since the last one the queue took, by source.
-    source_gaps: Mutex<Vec<u64>>,
-    /// Messages of sources dropped.
-    dropped_of_sources: AtomicU64,
+    /// What was dropped of each source.
+    refused: Mutex<Vec<Refused>>,
+    shared: Arc<Shared>,
 }
 
 impl Recorder {
@@ -145,8 +153,20 @@ impl Recorder {
     /// As [`Recorder::create`].
     pub fn create_for_sources(path: &Path, force: bool, start: RunStart) -> Result<Self, Error> {
         let file = create_file(path, force)?;
-        Self::with_queue(file, start, Pace::default(), QUEUE_SAMPLES)
+        Self::create_for_sources_on(file, start, Pace::default())
             .map_err(|error| error.at(shown(path)))
+    }
+
+    /// As [`Recorder::create_on`], with a queue long enough for many sensors.
+    ///
+    /// # Errors
+    /// As [`Recorder::create_on`].
+    pub fn create_for_sources_on(
+        disk: impl Disk,
+        start: RunStart,
+        pace: Pace,
+    ) -> Result<Self, Error> {
+        Self::with_queue(disk, start, pace, QUEUE_SAMPLES)
     }
 
     fn with_queue(
@@ -159,47 +179,57 @@ impl Recorder {
         let log = Log::create(disk, start, pace)
             .map_err(|cause| Error::new("the recording cannot be started").got(cause))?;
         let (queue, taken) = sync_channel(length);
+        let shared = log.shared();
         let thread = std::thread::Builder::new()
             .name("recording".into())
             .spawn(move || log.run(&taken))
             .map_err(|cause| Error::new("no thread for the recording").got(cause.to_string()))?;
-        let (gap, dropped, source_gaps, dropped_of_sources) = Default::default();
-        Ok(Self {
-            queue: Some(queue),
-            thread: Some(thread),
-            joints,
-            gap,
-            dropped,
-            source_gaps,
-            dropped_of_sources,
-        })
+        let (gap, dropped, refused) = Default::default();
+        Ok(Self { queue: Some(queue), thread: Some(thread), joints, gap, dropped, refused, shared })
     }
 
-    /// Adds a source; its channels stand in the file before its first record. Waits for the queue.
+    /// Why nothing is stored any more, as soon as that is so.
+    #[must_use]
+    pub fn failure(&self) -> Option<&str> {
+        self.shared.failure.get().map(String::as_str)
+    }
+
+    /// Messages refused by the full queue so far, by topic.
+    #[must_use]
+    pub fn dropped(&self) -> BTreeMap<String, u64> {
+        let of_cycles = Topic::ALL.iter().zip(&self.dropped);
+        let of_cycles = of_cycles
+            .map(|(topic, dropped)| (topic.name().to_owned(), dropped.load(Ordering::Relaxed)));
+        let refused = locked(&self.refused);
+        let of_sources = refused.iter().flat_map(|refused| refused.messages.iter().cloned());
+        of_cycles.chain(of_sources).filter(|(_, dropped)| *dropped > 0).collect()
+    }
+
+    /// Adds a source; its channels stand in the file before its first record. Never waits for the
+    /// disk.
     pub fn add_source(&self, source: RecordedSource) -> SourceId {
-        let mut gaps = self.source_gaps.lock().unwrap_or_else(PoisonError::into_inner);
-        let id = SourceId(gaps.len());
-        gaps.push(0);
-        if let Some(queue) = &self.queue {
-            // In the order of the numbers, so while they are locked. Refused only if the thread is
-            // gone; `finish` then says so.
-            let _ = queue.send(Item::Source(source));
-        }
+        let mut refused = locked(&self.refused);
+        let id = SourceId(refused.len());
+        let topics = source.kind.channels(&source.name).into_iter().map(|(topic, ..)| (topic, 0));
+        let messages = topics.collect();
+        refused.push(Refused { name: source.name.clone(), gap: 0, messages });
+        // In the order of the numbers, so while they are locked.
+        locked(&self.shared.sources).push(source);
         id
     }
 
     /// Takes a record of a source; never waits. If the queue is full, the record is dropped and
-    /// counted, and the next one of the source says so in the file.
+    /// counted by topic, and the next one of the source says so in the file.
     pub fn take_record(&self, source: SourceId, record: SourceRecord) {
-        let mut gaps = self.source_gaps.lock().unwrap_or_else(PoisonError::into_inner);
-        let Some(gap) = gaps.get_mut(source.0) else { return };
+        let mut refused = locked(&self.refused);
+        let Some(refused) = refused.get_mut(source.0) else { return };
         let messages = sensor::message_count(&record);
-        let item = Item::Record(source, record, *gap);
+        let item = Item::Record(source, record, refused.gap);
         match self.queue.as_ref().map(|queue| queue.try_send(item)) {
-            Some(Ok(())) => *gap = 0,
+            Some(Ok(())) => refused.gap = 0,
             _ => {
-                *gap += 1;
-                self.dropped_of_sources.fetch_add(messages, Ordering::Relaxed);
+                refused.gap += 1;
+                refused.messages.iter_mut().take(messages).for_each(|(_, count)| *count += 1);
             }
         }
     }
@@ -241,7 +271,13 @@ impl Recorder {
     pub fn finish(mut self, end: RunEnd) -> Summary {
         if let Some(queue) = &self.queue {
             // Refused only if the thread is gone; `close` then says so.
-            let _ = queue.send(Item::End(end, self.gap.load(Ordering::Relaxed)));
+            let gap = self.gap.load(Ordering::Relaxed);
+            let of_sources = locked(&self.refused)
+                .iter()
+                .filter(|refused| refused.gap > 0)
+                .map(|refused| (refused.name.clone(), refused.gap))
+                .collect();
+            let _ = queue.send(Item::End(end, gap, of_sources));
         }
         self.close()
     }
@@ -254,16 +290,7 @@ impl Recorder {
         };
         let Some(thread) = self.thread.take() else { return gone() };
         let mut summary = thread.join().unwrap_or_else(|_| gone());
-        for (topic, dropped) in Topic::ALL.iter().zip(&self.dropped) {
-            let dropped = dropped.load(Ordering::Relaxed);
-            if dropped > 0 {
-                summary.dropped.insert(topic.name(), dropped);
-            }
-        }
-        let dropped = self.dropped_of_sources.load(Ordering::Relaxed);
-        if dropped > 0 {
-            summary.dropped.insert(SOURCES, dropped);
-        }
+        summary.dropped = self.dropped();
         summary
     }
 
@@ -281,6 +308,11 @@ impl Drop for Recorder {
             self.close();
         }
     }
+}
+
+/// What is in it, also after a thread that held it has panicked: counts stay counts.
+pub(super) fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 fn shown(path: &Path) -> String {
@@ -310,311 +342,4 @@ pub(super) fn create_file(path: &Path, force: bool) -> Result<File, Error> {
     // Some file systems cannot synchronise a folder; the recording is worth having even so.
     let _ = File::open(folder).and_then(|folder| folder.sync_all());
     Ok(file)
-}
-
-/// Collects the bytes of an MCAP writer, so that a chunk reaches the disk in one append and the
-/// MCAP writer itself never meets an I/O error.
-#[derive(Clone, Default)]
-pub(super) struct Bytes(Arc<Mutex<Vec<u8>>>);
-
-impl Bytes {
-    pub(super) fn take(&self) -> Vec<u8> {
-        std::mem::take(&mut *self.0.lock().unwrap_or_else(PoisonError::into_inner))
-    }
-}
-
-impl Write for Bytes {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).extend_from_slice(bytes);
-        Ok(bytes.len())
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        Ok(())
-    }
-}
-
-/// An MCAP writer for a file that only grows: no seeking, no compression, chunks closed by us.
-pub(super) fn mcap_writer(bytes: &Bytes) -> mcap::McapResult<mcap::Writer<NoSeek<Bytes>>> {
-    mcap::WriteOptions::new()
-        .compression(None)
-        .chunk_size(None)
-        .disable_seeking(true)
-        .library(concat!("gaitway ", env!("CARGO_PKG_VERSION")))
-        .create(NoSeek::new(bytes.clone()))
-}
-
-/// The thread's side: turns records into chunks and counts what is safe.
-struct Log<D> {
-    disk: D,
-    bytes: Bytes,
-    mcap: mcap::Writer<NoSeek<Bytes>>,
-    channels: [u16; Topic::ALL.len()],
-    sequences: [u32; Topic::ALL.len()],
-    /// Added sources: name and channels.
-    sources: Vec<(String, Vec<u16>)>,
-    start: RunStart,
-    pace: Pace,
-    /// Size and count of the open chunk, and when its first message came.
-    chunk_bytes: usize,
-    in_chunk: u64,
-    chunk_opened: Clock,
-    /// Messages appended but not yet synchronised, and when the last synchronisation was.
-    since_sync: u64,
-    last_sync: Clock,
-    last_at: Instant,
-    summary: Summary,
-}
-
-impl<D: Disk> Log<D> {
-    fn create(disk: D, start: RunStart, pace: Pace) -> Result<Self, String> {
-        let bytes = Bytes::default();
-        let mut mcap = mcap_writer(&bytes).map_err(|error| error.to_string())?;
-        let mut channels = [0; Topic::ALL.len()];
-        for (topic, channel) in Topic::ALL.into_iter().zip(&mut channels) {
-            *channel = add_topic(&mut mcap, topic).map_err(|error| error.to_string())?;
-        }
-        let now = Clock::now();
-        let mut log = Self {
-            disk,
-            bytes,
-            mcap,
-            channels,
-            sequences: [0; Topic::ALL.len()],
-            sources: Vec::new(),
-            last_at: start.monotonic_start,
-            start,
-            pace,
-            chunk_bytes: 0,
-            in_chunk: 0,
-            chunk_opened: now,
-            since_sync: 0,
-            last_sync: now,
-            summary: Summary::default(),
-        };
-        log.open_chunk(1);
-        log.write_start().and_then(|()| log.close_chunk()).and_then(|()| log.sync())?;
-        Ok(log)
-    }
-
-    /// Takes records until the recorder lets go, whatever the disk does meanwhile.
-    fn run(mut self, taken: &Receiver<Item>) -> Summary {
-        loop {
-            match taken.recv_timeout(self.patience()) {
-                Ok(Item::Cycle(record, gap)) => self.take(&record, gap),
-                Ok(Item::Source(source)) => {
-                    self.attempt(0, |log| log.add_source(&source));
-                }
-                Ok(Item::Record(source, record, gap)) => self.take_record(source, &record, gap),
-                Ok(Item::End(end, gap)) => {
-                    self.attempt(1, |log| log.write_end(&end, gap).and_then(|()| log.close_file()));
-                    break;
-                }
-                Err(RecvTimeoutError::Timeout) => {}
-                Err(RecvTimeoutError::Disconnected) => {
-                    self.attempt(0, |log| log.close_chunk().and_then(|()| log.sync()));
-                    break;
-                }
-            }
-            self.attempt(0, Self::close_what_is_due);
-        }
-        self.summary
-    }
-
-    /// How long nothing needs to be done.
-    fn patience(&self) -> Duration {
-        let chunk = (self.in_chunk > 0).then_some(self.chunk_opened + self.pace.chunk);
-        let sync = (self.since_sync > 0).then_some(self.last_sync + self.pace.sync);
-        let idle = Duration::from_secs(1);
-        let due = chunk.into_iter().chain(sync).min();
-        due.map_or(idle, |due| due.saturating_duration_since(Clock::now()))
-    }
-
-    fn close_what_is_due(&mut self) -> Result<(), String> {
-        let chunk_is_old = self.chunk_opened.elapsed() >= self.pace.chunk;
-        if self.in_chunk > 0 && (chunk_is_old || self.chunk_bytes >= CHUNK_BYTES) {
-            self.close_chunk()?;
-        }
-        if self.since_sync > 0 && self.last_sync.elapsed() >= self.pace.sync {
-            self.sync()?;
-        }
-        Ok(())
-    }
-
-    /// Does a step that stores this many messages, unless poisoned. If it fails, poisons the log.
-    /// Either way, what is not stored is counted as lost.
-    fn attempt(&mut self, messages: u64, step: impl FnOnce(&mut Self) -> Result<(), String>) {
-        if self.summary.poisoned.is_some() {
-            self.summary.lost += messages;
-            return;
-        }
-        self.open_chunk(messages);
-        if let Err(cause) = step(self) {
-            self.summary.lost += self.in_chunk;
-            self.in_chunk = 0;
-            self.summary.poisoned = Some(cause);
-        }
-    }
-
-    fn open_chunk(&mut self, messages: u64) {
-        if self.in_chunk == 0 && messages > 0 {
-            self.chunk_opened = Clock::now();
-        }
-        self.in_chunk += messages;
-    }
-
-    fn take(&mut self, record: &CycleRecord, gap: u64) {
-        let wall_ns = self.start.wall_nanos(record.at);
-        self.last_at = self.last_at.max(record.at);
-        self.attempt(message::topics(record).count() as u64, |log| {
-            let messages = message::of_cycle(&log.start.joints, record, wall_ns, gap)
-                .map_err(|error| error.to_string())?;
-            messages.iter().try_for_each(|(topic, json)| log.write(*topic, wall_ns, json))
-        });
-    }
-
-    fn add_source(&mut self, source: &RecordedSource) -> Result<(), String> {
-        let channels = add_channels(&mut self.mcap, source.kind, &source.name, &source.metadata);
-        self.sources.push((source.name.clone(), channels.map_err(|error| error.to_string())?));
-        Ok(())
-    }
-
-    fn take_record(&mut self, source: SourceId, record: &SourceRecord, gap: u64) {
-        let (read, true_at) = record.moments();
-        self.last_at = self.last_at.max(read);
-        let (log_time, publish_time) =
-            (self.start.wall_nanos(read), self.start.wall_nanos(true_at));
-        let sequence = match record {
-            SourceRecord::Sample(captured) => captured.stamp.number as u32,
-            SourceRecord::Line(..) => 0, // no number, by the format
-        };
-        self.attempt(sensor::message_count(record), |log| {
-            let (name, channels) =
-                log.sources.get(source.0).ok_or("a source that was not added")?;
-            let messages = sensor::messages(name, record, publish_time, gap)
-                .map_err(|error| error.to_string())?;
-            for (channel, json) in messages {
-                let channel_id = channels.get(channel).copied().unwrap_or_default();
-                let header = MessageHeader { channel_id, sequence, log_time, publish_time };
-                log.chunk_bytes += json.len();
-                log.mcap
-                    .write_to_known_channel(&header, &json)
-                    .map_err(|error| error.to_string())?;
-            }
-            Ok(())
-        });
-    }
-
-    fn write_start(&mut self) -> Result<(), String> {
-        let start = &self.start;
-        let names: Vec<_> = start.joints.iter().map(|joint| joint.name.as_str()).collect();
-        let wall_ns = start.wall_nanos(start.monotonic_start);
-        let mut metadata = start.metadata.clone();
-        metadata.insert("robot".into(), start.robot.clone());
-        metadata.insert("motion".into(), start.motion.clone());
-        metadata.insert("joints".into(), names.join(","));
-        metadata.insert("gaitway_version".into(), start.gaitway_version.clone());
-        metadata.insert("wall_clock_start_ns".into(), wall_ns.to_string());
-        metadata.insert("monotonic_start_ns".into(), start.monotonic_start.as_nanos().to_string());
-        let run = Run {
-            timestamp: Stamp::from_nanos(wall_ns),
-            dropped_before: 0,
-            start: Some(start.clone()),
-            end: None,
-        };
-        let json = serde_json::to_vec(&run).map_err(|error| error.to_string())?;
-        self.write_metadata("gaitway.start", metadata)?;
-        self.write(Topic::Run, wall_ns, &json)
-    }
-
-    fn write_end(&mut self, end: &RunEnd, gap: u64) -> Result<(), String> {
-        let wall_ns = self.start.wall_nanos(end.at.max(self.last_at));
-        let mut metadata = end.metadata.clone();
-        metadata.insert("outcome".into(), end.outcome.clone());
-        if let Some(reason) = &end.stop_reason {
-            metadata.insert("stop_reason".into(), reason.clone());
-        }
-        let run = Run {
-            timestamp: Stamp::from_nanos(wall_ns),
-            dropped_before: gap,
-            start: None,
-            end: Some(end.clone()),
-        };
-        let json = serde_json::to_vec(&run).map_err(|error| error.to_string())?;
-        self.write(Topic::Run, wall_ns, &json)?;
-        self.write_metadata("gaitway.end", metadata)
-    }
-
-    fn write_metadata(
-        &mut self,
-        name: &str,
-        metadata: BTreeMap<String, String>,
-    ) -> Result<(), String> {
-        self.mcap
-            .write_metadata(&Metadata { name: name.into(), metadata })
-            .map_err(|error| error.to_string())
-    }
-
-    fn write(&mut self, topic: Topic, wall_ns: u64, json: &[u8]) -> Result<(), String> {
-        self.chunk_bytes += json.len();
-        let sequence = self.sequences[topic as usize];
-        self.sequences[topic as usize] = sequence.wrapping_add(1);
-        let channel_id = self.channels[topic as usize];
-        let header =
-            MessageHeader { channel_id, sequence, log_time: wall_ns, publish_time: wall_ns };
-        self.mcap.write_to_known_channel(&header, json).map_err(|error| error.to_string())
-    }
-
-    fn close_chunk(&mut self) -> Result<(), String> {
-        self.mcap.flush().map_err(|error| error.to_string())?;
-        self.append()
-    }
-
-    fn close_file(&mut self) -> Result<(), String> {
-        // The chunk goes first and alone, so that a failure in the summary loses no message.
-        self.close_chunk()?;
-        self.mcap.finish().map_err(|error| error.to_string())?;
-        self.append()?;
-        self.sync()
-    }
-
-    fn append(&mut self) -> Result<(), String> {
-        let bytes = self.bytes.take();
-        self.disk.append(&bytes).map_err(|error| error.to_string())?;
-        self.summary.bytes += bytes.len() as u64;
-        self.summary.messages += self.in_chunk;
-        self.since_sync += self.in_chunk;
-        (self.in_chunk, self.chunk_bytes) = (0, 0);
-        Ok(())
-    }
-
-    fn sync(&mut self) -> Result<(), String> {
-        if let Err(cause) = self.disk.sync() {
-            // The system may have thrown these away; a second try would not bring them back.
-            self.summary.messages -= self.since_sync;
-            self.summary.lost += self.since_sync;
-            return Err(format!("synchronising failed: {cause}"));
-        }
-        (self.since_sync, self.last_sync) = (0, Clock::now());
-        Ok(())
-    }
-}
-
-fn add_topic(mcap: &mut mcap::Writer<NoSeek<Bytes>>, topic: Topic) -> mcap::McapResult<u16> {
-    let schema = mcap.add_schema(topic.schema_name(), "jsonschema", topic.schema().as_bytes())?;
-    mcap.add_channel(schema, topic.name(), "json", &BTreeMap::new())
-}
-
-fn add_channels(
-    mcap: &mut mcap::Writer<NoSeek<Bytes>>,
-    kind: SourceKind,
-    name: &str,
-    metadata: &BTreeMap<String, String>,
-) -> mcap::McapResult<Vec<u16>> {
-    let mut channels = Vec::new();
-    for (topic, schema_name, schema) in kind.channels(name) {
-        let schema = mcap.add_schema(schema_name, "jsonschema", schema.as_bytes())?;
-        channels.push(mcap.add_channel(schema, &topic, "json", metadata)?);
-    }
-    Ok(channels)
 }

@@ -1,5 +1,6 @@
 //! Where the samples of all sources go, and what came of each source.
 
+use super::session::hub::Hub;
 use crate::capture::{Captured, Chain, Counts, Mode, Order, Quality};
 use crate::cli::Remarks;
 use crate::recording::{CycleRecord, RecordedSource, Recorder, SourceId, SourceKind, SourceRecord};
@@ -135,6 +136,7 @@ pub struct Named {
 pub struct Intake<'a> {
     recorder: Option<&'a Recorder>,
     listener: Option<Sender<Said>>,
+    hub: Option<&'a Hub>,
     stop: &'a AtomicBool,
     pub mode: Mode,
     pub remarks: Remarks,
@@ -151,13 +153,20 @@ impl<'a> Intake<'a> {
         remarks: Remarks,
     ) -> Self {
         let (names, reports) = Default::default();
-        Self { recorder, listener: None, stop, mode, remarks, names, reports }
+        Self { recorder, listener: None, hub: None, stop, mode, remarks, names, reports }
     }
 
     /// Lets somebody listen as well.
     #[must_use]
     pub fn heard_by(mut self, listener: Sender<Said>) -> Self {
         self.listener = Some(listener);
+        self
+    }
+
+    /// Lets a session hear all of every sample.
+    #[must_use]
+    pub fn heard_by_hub(mut self, hub: &'a Hub) -> Self {
+        self.hub = Some(hub);
         self
     }
 
@@ -183,6 +192,9 @@ impl<'a> Intake<'a> {
 
     /// Takes a sample of a sensor; never waits.
     pub fn take(&self, source: &Named, captured: Captured) {
+        if let Some(hub) = self.hub {
+            hub.hear(&source.name, &captured);
+        }
         if let Some(listener) = &self.listener {
             // Nobody listens any more: the end is near, and `stopped` says so.
             let _ = listener.send(Said::of(&source.name, &captured));
@@ -208,6 +220,9 @@ impl<'a> Intake<'a> {
 
     /// Says at once that a source has ended early.
     pub fn ended(&self, source: &Named, why: &str) {
+        if let Some(hub) = self.hub {
+            hub.ended(&source.name, why);
+        }
         if let Some(listener) = &self.listener {
             let (sensor, why) = (Arc::clone(&source.name), why.to_owned());
             let _ = listener.send(Said::Ended { sensor, why });

@@ -3,14 +3,16 @@
 use crate::cli::signals::Signals;
 use std::io::{BufRead, IsTerminal};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, channel};
+use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Whoever started the program. Lines are read by a thread of their own.
 pub struct Operator {
     signals: Signals,
     typed: Arc<Typed>,
-    lines: Mutex<Receiver<String>>,
+    lines: Arc<Mutex<Receiver<String>>>,
+    /// True if lines are read elsewhere: their end is a stop.
+    is_shared: bool,
     is_at_terminal: bool,
 }
 
@@ -45,7 +47,14 @@ impl Operator {
                 }
             });
         }
-        Self { signals, typed, lines: Mutex::new(lines), is_at_terminal }
+        let lines = Arc::new(Mutex::new(lines));
+        Self { signals, typed, lines, is_shared: false, is_at_terminal }
+    }
+
+    /// Somebody whose lines are read elsewhere, and are this one's to answer for now.
+    #[must_use]
+    pub fn sharing(signals: Signals, lines: Arc<Mutex<Receiver<String>>>) -> Self {
+        Self { signals, typed: Arc::default(), lines, is_shared: true, is_at_terminal: true }
     }
 
     /// True if there is somebody who can answer.
@@ -69,6 +78,15 @@ impl Operator {
     /// The next line that was typed, without spaces around it and in small letters.
     #[must_use]
     pub fn line(&self) -> Option<String> {
-        self.lines.lock().unwrap_or_else(PoisonError::into_inner).try_recv().ok()
+        let line = self.lines.lock().unwrap_or_else(PoisonError::into_inner).try_recv();
+        if !self.is_shared {
+            return line.ok();
+        }
+        let word = line.map(|line| line.trim().to_ascii_lowercase());
+        if word == Err(TryRecvError::Disconnected) || word.as_deref() == Ok("q") {
+            self.typed.quit.store(true, Ordering::Release);
+            return None;
+        }
+        word.ok()
     }
 }

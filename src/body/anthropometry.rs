@@ -1,0 +1,326 @@
+//! Who moves: a person's measures, as a motion database keeps them.
+//!
+//! Which measures, and how they are taken, is the usual marker set's (Vicon, "Plug-in Gait Reference
+//! Guide", subject measurements): leg length from the front of the hip bone to the inner ankle,
+//! widths across the joint. The ranges are ours; they are wider than people are, and keep
+//! centimetres from being taken for metres.
+
+use crate::body::Proportions;
+use crate::error::Error;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::ops::RangeInclusive;
+
+/// A person who is recorded. What was not measured is not there, never a guess.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Subject {
+    /// Name in files: small letters, digits and `-`. No real name needs to be told.
+    pub id: String,
+    /// Gender, in the subject's words.
+    #[serde(default)]
+    pub gender: String,
+    /// Anything else: actions that are not possible, injuries.
+    #[serde(default)]
+    pub remarks: String,
+    /// What was measured, in SI; age in years.
+    pub measures: BTreeMap<Measure, f64>,
+}
+
+/// What is measured, in the order in which a person is asked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[allow(missing_docs)]
+pub enum Measure {
+    #[serde(rename = "age_years")]
+    Age,
+    #[serde(rename = "stature_m")]
+    Stature,
+    #[serde(rename = "mass_kg")]
+    Mass,
+    #[serde(rename = "left_leg_length_m")]
+    LeftLegLength,
+    #[serde(rename = "right_leg_length_m")]
+    RightLegLength,
+    #[serde(rename = "left_knee_width_m")]
+    LeftKneeWidth,
+    #[serde(rename = "right_knee_width_m")]
+    RightKneeWidth,
+    #[serde(rename = "left_ankle_width_m")]
+    LeftAnkleWidth,
+    #[serde(rename = "right_ankle_width_m")]
+    RightAnkleWidth,
+    #[serde(rename = "left_elbow_width_m")]
+    LeftElbowWidth,
+    #[serde(rename = "right_elbow_width_m")]
+    RightElbowWidth,
+    #[serde(rename = "left_wrist_width_m")]
+    LeftWristWidth,
+    #[serde(rename = "right_wrist_width_m")]
+    RightWristWidth,
+    #[serde(rename = "left_shoulder_offset_m")]
+    LeftShoulderOffset,
+    #[serde(rename = "right_shoulder_offset_m")]
+    RightShoulderOffset,
+    #[serde(rename = "left_hand_thickness_m")]
+    LeftHandThickness,
+    #[serde(rename = "right_hand_thickness_m")]
+    RightHandThickness,
+}
+
+/// Units of an answer, each with what it is in SI.
+type Units = &'static [(&'static str, f64)];
+
+const METRES: Units = &[("mm", 1e-3), ("cm", 1e-2), ("m", 1.0)];
+const KILOGRAMS: Units = &[("kg", 1.0)];
+const YEARS: Units = &[("years", 1.0), ("y", 1.0)];
+
+impl Measure {
+    /// All of them.
+    pub const ALL: [Self; 17] = [
+        Self::Age,
+        Self::Stature,
+        Self::Mass,
+        Self::LeftLegLength,
+        Self::RightLegLength,
+        Self::LeftKneeWidth,
+        Self::RightKneeWidth,
+        Self::LeftAnkleWidth,
+        Self::RightAnkleWidth,
+        Self::LeftElbowWidth,
+        Self::RightElbowWidth,
+        Self::LeftWristWidth,
+        Self::RightWristWidth,
+        Self::LeftShoulderOffset,
+        Self::RightShoulderOffset,
+        Self::LeftHandThickness,
+        Self::RightHandThickness,
+    ];
+
+    /// What it is called, and how it is taken.
+    #[must_use]
+    pub const fn words(self) -> &'static str {
+        match self {
+            Self::Age => "age",
+            Self::Stature => "stature (body height, without shoes)",
+            Self::Mass => "mass",
+            Self::LeftLegLength => "left leg length (front of the hip bone to the inner ankle)",
+            Self::RightLegLength => "right leg length",
+            Self::LeftKneeWidth => "left knee width",
+            Self::RightKneeWidth => "right knee width",
+            Self::LeftAnkleWidth => "left ankle width",
+            Self::RightAnkleWidth => "right ankle width",
+            Self::LeftElbowWidth => "left elbow width",
+            Self::RightElbowWidth => "right elbow width",
+            Self::LeftWristWidth => "left wrist thickness",
+            Self::RightWristWidth => "right wrist thickness",
+            Self::LeftShoulderOffset => "left shoulder offset (top of the shoulder to its centre)",
+            Self::RightShoulderOffset => "right shoulder offset",
+            Self::LeftHandThickness => "left hand thickness",
+            Self::RightHandThickness => "right hand thickness",
+        }
+    }
+
+    /// What is plausible, in [`Self::unit`].
+    #[must_use]
+    pub const fn range(self) -> RangeInclusive<f64> {
+        match self {
+            Self::Age => 1.0..=120.0,
+            Self::Stature => 0.5..=2.5,
+            Self::Mass => 3.0..=300.0,
+            Self::LeftLegLength | Self::RightLegLength => 0.2..=1.4,
+            Self::LeftKneeWidth | Self::RightKneeWidth => 0.04..=0.20,
+            Self::LeftAnkleWidth | Self::RightAnkleWidth => 0.03..=0.15,
+            Self::LeftElbowWidth | Self::RightElbowWidth => 0.03..=0.15,
+            Self::LeftWristWidth | Self::RightWristWidth => 0.02..=0.10,
+            Self::LeftShoulderOffset | Self::RightShoulderOffset => 0.01..=0.12,
+            Self::LeftHandThickness | Self::RightHandThickness => 0.01..=0.08,
+        }
+    }
+
+    /// The unit it is kept in.
+    #[must_use]
+    pub const fn unit(self) -> &'static str {
+        match self {
+            Self::Age => "years",
+            Self::Mass => "kg",
+            _ => "m",
+        }
+    }
+
+    /// True if a session cannot do without it.
+    #[must_use]
+    pub const fn is_required(self) -> bool {
+        matches!(self, Self::Stature)
+    }
+
+    const fn units(self) -> Units {
+        match self {
+            Self::Age => YEARS,
+            Self::Mass => KILOGRAMS,
+            _ => METRES,
+        }
+    }
+
+    /// What may be answered, for a person who is asked.
+    #[must_use]
+    pub fn allowed(self) -> String {
+        let (range, unit) = (self.range(), self.unit());
+        let units = match self.units() {
+            METRES => "; 3 cm and 30 mm are understood",
+            _ => "",
+        };
+        format!("{} to {} {unit}{units}", range.start(), range.end())
+    }
+
+    /// Reads an answer: a number in [`Self::unit`], or with a unit behind it.
+    ///
+    /// # Errors
+    /// No number, an unknown unit, a value that no person has.
+    pub fn read(self, answer: &str) -> Result<f64, Error> {
+        let text = answer.trim().replace(',', ".");
+        let refused = |what: &str| {
+            Error::new(format!("{}: {what}", self.words())).got(answer).allowed(self.allowed())
+        };
+        let digits = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
+        let unit = text[digits.len()..].to_ascii_lowercase();
+        let in_si = match unit.as_str() {
+            "" => Some(1.0),
+            unit => self.units().iter().find(|(name, _)| *name == unit).map(|(_, si)| *si),
+        };
+        let in_si = in_si.ok_or_else(|| refused("not a unit of this measure"))?;
+        let value: f64 = digits.trim().parse().map_err(|_| refused("not a number"))?;
+        let value = value * in_si;
+        if !self.range().contains(&value) {
+            return Err(refused("no person's measure"));
+        }
+        Ok(value)
+    }
+}
+
+/// Longest id, letters.
+const LONGEST_ID: usize = 32;
+
+/// Checks a subject's id.
+///
+/// # Errors
+/// One that is empty, too long, or could not be a file's name everywhere.
+pub fn check_id(id: &str) -> Result<(), Error> {
+    let fits = |b: u8| b.is_ascii_lowercase() || b.is_ascii_digit() || b == b'-';
+    if !id.is_empty() && id.len() <= LONGEST_ID && id.bytes().all(fits) && !id.starts_with('-') {
+        return Ok(());
+    }
+    Err(Error::new("not an id")
+        .got(id)
+        .allowed("1 to 32 of a-z, 0-9 and -, such as s01; a real name is not needed"))
+}
+
+impl Subject {
+    /// A measure, in its unit.
+    #[must_use]
+    pub fn measure(&self, measure: Measure) -> Option<f64> {
+        self.measures.get(&measure).copied()
+    }
+
+    /// Checks every measure, as of a file that somebody edited.
+    ///
+    /// # Errors
+    /// An id that is none, no stature, a measure that no person has.
+    pub fn check(&self) -> Result<(), Error> {
+        check_id(&self.id)?;
+        self.proportions()?;
+        for measure in Measure::ALL {
+            let Some(value) = self.measure(measure) else { continue };
+            measure.read(&value.to_string())?;
+        }
+        Ok(())
+    }
+
+    /// What makes a measure doubtful beside the others, if anything does: each is plausible alone.
+    #[must_use]
+    pub fn doubt(&self, measure: Measure) -> Option<String> {
+        let value = self.measure(measure)?;
+        let twin = |other: Measure| self.measure(other);
+        use Measure as M;
+        match measure {
+            M::LeftLegLength | M::RightLegLength => {
+                let share = value / self.measure(M::Stature)?;
+                (!(0.40..=0.65).contains(&share)).then(|| {
+                    format!("legs are 40 to 65 % of the stature, this is {:.0} %", share * 100.0)
+                })
+            }
+            M::RightKneeWidth => uneven(value, twin(M::LeftKneeWidth)),
+            M::RightAnkleWidth => uneven(value, twin(M::LeftAnkleWidth)),
+            M::RightElbowWidth => uneven(value, twin(M::LeftElbowWidth)),
+            M::RightWristWidth => uneven(value, twin(M::LeftWristWidth)),
+            M::RightShoulderOffset => uneven(value, twin(M::LeftShoulderOffset)),
+            M::RightHandThickness => uneven(value, twin(M::LeftHandThickness)),
+            _ => None,
+        }
+    }
+
+    /// The body that angles are put on. Its parts follow from the stature (see [`Proportions`]).
+    ///
+    /// # Errors
+    /// A stature that is missing or that no person has.
+    pub fn proportions(&self) -> Result<Proportions, Error> {
+        let stature_m = self.measure(Measure::Stature);
+        let missing = || Error::new("the stature is missing").at(format!("subject {}", self.id));
+        Proportions::of_stature(stature_m.ok_or_else(missing)?)
+    }
+}
+
+/// Two sides of a person differ by less than half.
+fn uneven(right: f64, left: Option<f64>) -> Option<String> {
+    let left = left?;
+    let ratio = right / left;
+    (!(0.67..=1.5).contains(&ratio)).then(|| format!("the left one is {left} m"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn person(stature_m: f64) -> Subject {
+        let measures = BTreeMap::from([(Measure::Stature, stature_m)]);
+        Subject { id: "s01".into(), measures, ..Subject::default() }
+    }
+
+    #[test]
+    fn answers_with_units_mean_the_same_and_others_are_refused() {
+        for answer in ["1.75", " 1,75 ", "175 cm", "1750mm", "1.75 m", "175CM"] {
+            assert!((Measure::Stature.read(answer).unwrap() - 1.75).abs() < 1e-12, "{answer}");
+        }
+        assert_eq!(Measure::Age.read("30"), Ok(30.0));
+        assert_eq!(Measure::Mass.read("70.5 kg"), Ok(70.5));
+        for answer in ["175", "-1.75", "tall", "", "1.75 kg", "nan", "inf", "1.7.5", "cm"] {
+            let error = Measure::Stature.read(answer).unwrap_err();
+            assert!(error.allowed.is_some_and(|a| a.contains("0.5 to 2.5 m")), "{answer}");
+        }
+    }
+
+    #[test]
+    fn what_is_plausible_alone_may_be_doubtful_beside_the_rest() {
+        let mut subject = person(1.8);
+        assert_eq!(subject.check(), Ok(()));
+        subject.measures.insert(Measure::LeftLegLength, 0.95);
+        assert_eq!(subject.doubt(Measure::LeftLegLength), None);
+        subject.measures.insert(Measure::LeftLegLength, 0.5);
+        assert!(subject.doubt(Measure::LeftLegLength).unwrap().contains("28 %"));
+        assert_eq!(subject.check(), Ok(()), "doubt is for the person who measures");
+        subject.measures.insert(Measure::LeftLegLength, 9.5);
+        assert!(subject.check().is_err());
+        subject.measures.insert(Measure::LeftKneeWidth, 0.06);
+        subject.measures.insert(Measure::RightKneeWidth, 0.11);
+        assert!(subject.doubt(Measure::RightKneeWidth).is_some());
+    }
+
+    #[test]
+    fn ids_are_file_names_everywhere() {
+        for id in ["s01", "anna-2", "7"] {
+            assert_eq!(check_id(id), Ok(()), "{id}");
+        }
+        for id in ["", "Anna", "a b", "../x", "a/b", "é", "-x", "a.b", &"x".repeat(33)] {
+            assert!(check_id(id).is_err(), "{id}");
+        }
+    }
+}

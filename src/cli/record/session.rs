@@ -1,0 +1,276 @@
+//! `record --session`: an operator is led through a whole recording session.
+//!
+//! What is to be done next follows from what is in the folder
+//! ([`Progress`](crate::session::Progress)), so the session can be ended anywhere, by any means, and
+//! gone on with.
+
+mod console;
+mod device;
+mod finish;
+pub(super) mod hub;
+mod setup;
+mod subject;
+mod trial;
+
+use super::RecordArgs;
+use super::intake::Intake;
+use super::source::{Source, What};
+use crate::capture::Mode;
+use crate::cli::Remarks;
+use crate::cli::report::Outcome;
+use crate::cli::signals::Signals;
+use crate::error::Error;
+use crate::session::utc::Utc;
+use crate::session::wearers::wearer;
+use crate::session::{Folder, Plan, Progress, SessionFile, Step, Verdict};
+use console::{Console, Ended};
+use hub::Hub;
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::SystemTime;
+
+/// A source of a session.
+struct Worn {
+    source: Source,
+    name: String,
+    rate_hz: f64,
+}
+
+/// The session that runs.
+struct Job<'a> {
+    folder: &'a Folder,
+    console: &'a Console,
+    hub: &'a Hub,
+    worn: &'a [Worn],
+    progress: Progress,
+}
+
+impl Job<'_> {
+    fn now(&self) -> Utc {
+        SystemTime::now().into()
+    }
+
+    /// What the session is.
+    fn session(&self) -> Result<&SessionFile, Error> {
+        self.progress.session.as_ref().ok_or_else(|| Error::new("the session is not set up"))
+    }
+
+    /// Names of the sources.
+    fn names(&self) -> Vec<String> {
+        self.worn.iter().map(|worn| worn.name.clone()).collect()
+    }
+
+    fn nominal_rate_hz(&self, name: &str) -> f64 {
+        self.worn.iter().find(|worn| worn.name == name).map_or(0.0, |worn| worn.rate_hz)
+    }
+
+    /// Number of a subject among those of the session.
+    fn wearer_of(&self, id: &str) -> usize {
+        let subjects = self.progress.session.as_ref().map(|session| &session.subjects);
+        subjects.and_then(|ids| ids.iter().position(|known| known == id)).unwrap_or(0)
+    }
+
+    /// Reads again what is there.
+    fn reload(&mut self) -> Result<(), Error> {
+        self.progress = Progress::read(self.folder)?;
+        Ok(())
+    }
+}
+
+/// What came of it.
+#[derive(Serialize)]
+struct Report {
+    outcome: &'static str,
+    session: PathBuf,
+    subjects: Vec<String>,
+    trials: usize,
+    kept: usize,
+    good_repetitions: u32,
+    manifest: Option<PathBuf>,
+}
+
+/// Ends the readers however this ends.
+struct StopAtEnd<'a>(&'a AtomicBool);
+
+impl Drop for StopAtEnd<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Release);
+    }
+}
+
+/// Leads a session, from its beginning or from where it was left.
+///
+/// # Errors
+/// A folder or sources that cannot be used; a disk that fails.
+pub fn run(
+    args: &RecordArgs,
+    root: &Path,
+    signals: Signals,
+    remarks: Remarks,
+) -> Result<i32, Error> {
+    args.output.check_files(&[])?;
+    let plan = args.plan.as_deref().map(read_plan).transpose()?;
+    let folder = Folder::open(root)?;
+    let progress = Progress::read(&folder)?;
+    if progress.finished {
+        remarks.say("the session is finished already");
+        return report(args, &folder, &progress).map(|()| 0);
+    }
+    let texts = sources(args, &progress)?;
+    let worn = texts.iter().map(|text| read_source(text)).collect::<Result<Vec<_>, _>>()?;
+    check_names(&worn, progress.session.as_ref())?;
+    let given = setup::Given {
+        sources: texts,
+        names: worn.iter().map(|worn| worn.name.clone()).collect(),
+        plan,
+        magnetometer: args.magnetometer,
+    };
+    let opened = worn.iter().map(|worn| worn.source.open()).collect::<Result<Vec<_>, _>>()?;
+    let nine = progress.session.as_ref().map_or(args.magnetometer, |s| s.magnetometer);
+    let mode = if nine { Mode::NineAxes } else { Mode::SixAxes };
+    let (hub, stop) = (Hub::default(), AtomicBool::new(false));
+    let intake = Intake::new(None, &stop, mode, remarks).heard_by_hub(&hub);
+    let console = Console::listen(signals)?;
+    let ended = std::thread::scope(|scope| {
+        let _stop = StopAtEnd(&stop);
+        for source in opened {
+            let intake = &intake;
+            scope.spawn(move || source.record(intake));
+        }
+        let (folder, console, hub, worn) = (&folder, &console, &hub, &worn[..]);
+        let mut job = Job { folder, console, hub, worn, progress };
+        lead(&mut job, given)
+    });
+    let on = format!("to go on: gaitway record --session {}", root.display());
+    match ended {
+        Ok(()) => {
+            report(args, &folder, &Progress::read(&folder)?)?;
+            Ok(0)
+        }
+        Err(Ended::Stopped) => {
+            console.say(&format!("\nstopped; {on}"));
+            Ok(Outcome::Stopped.exit_code())
+        }
+        Err(Ended::Signal(number)) => {
+            console.say(&format!("\nstopped; {on}"));
+            Ok(128 + number)
+        }
+        Err(Ended::Failed(error)) => {
+            console.say(&format!("\nwhat was done is kept; {on}"));
+            Err(error)
+        }
+    }
+}
+
+/// Step by step, until nothing is left.
+fn lead(job: &mut Job, given: setup::Given) -> Result<(), Ended> {
+    let mut given = Some(given);
+    if let Some(session) = &job.progress.session {
+        job.console.say(&format!(
+            "Session {}, begun {}: going on where it was.",
+            session.name, session.begun
+        ));
+    }
+    loop {
+        job.reload()?;
+        match job.progress.next(job.now()) {
+            Step::SetUp => {
+                let given = given.take().ok_or_else(|| Error::new("there is no session.toml"))?;
+                setup::session(job.console, job.folder, given, job.now())?;
+            }
+            Step::Subject(id) => setup::subject(job.console, job.folder, &id)?,
+            Step::Device => device::calibrate(job)?,
+            Step::Body(id) => subject::calibrate(job, &id)?,
+            Step::Judge(name) => {
+                job.console.say(&format!("\nTrial {name} was recorded and not judged."));
+                trial::judge(job, &name)?;
+            }
+            Step::Trial(action, number, subjects) => trial::trial(job, action, number, &subjects)?,
+            Step::Finish => finish::finish(job)?,
+            Step::Finished => return Ok(()),
+        }
+    }
+}
+
+fn read_plan(path: &Path) -> Result<Plan, Error> {
+    Plan::parse(&gaitway_profiles::read_text(path)?, &path.display().to_string())
+}
+
+/// Sources as they were typed now or, of a session that goes on, before.
+fn sources(args: &RecordArgs, progress: &Progress) -> Result<Vec<String>, Error> {
+    if !args.sources.is_empty() {
+        return Ok(args.sources.iter().map(|source| source.text.clone()).collect());
+    }
+    progress.session.as_ref().map(|session| session.sources.clone()).ok_or_else(|| {
+        Error::new("a session needs sensors")
+            .allowed("SEGMENT=imu:PROFILE@BUS for each sensor that is worn")
+            .remedy("e.g. gaitway record --session lab torso=imu:bno08x-rvc@/dev/ttyUSB0")
+    })
+}
+
+fn read_source(text: &str) -> Result<Worn, Error> {
+    let source: Source = text.parse()?;
+    let What::Imu { profile, .. } = &source.what else {
+        return Err(Error::new("a session records sensors that are worn on a line of their own")
+            .got(text)
+            .allowed("SEGMENT=imu:PROFILE@BUS"));
+    };
+    let rate_hz = gaitway_profiles::sensor(profile)?.rate_hz;
+    let named = source.name.as_deref().filter(|name| wearer(name).is_some());
+    let Some(name) = named.map(str::to_owned) else {
+        return Err(Error::new("which segment wears this sensor?")
+            .got(text)
+            .allowed(format!(
+                "{} before the =, of a second subject with 2- before that",
+                crate::body::Segment::ALL.map(crate::mocap::mapping::segment_name).join(", ")
+            ))
+            .remedy(format!("e.g. torso={}", text.rsplit('=').next().unwrap_or(text))));
+    };
+    Ok(Worn { source, name, rate_hz })
+}
+
+/// Each segment once, and the same ones as before.
+fn check_names(worn: &[Worn], session: Option<&SessionFile>) -> Result<(), Error> {
+    let mut segments: Vec<_> = worn.iter().map(|worn| wearer(&worn.name)).collect();
+    segments.sort();
+    if let Some(twice) = segments.windows(2).find(|pair| pair[0] == pair[1]) {
+        let name = worn.iter().find(|worn| wearer(&worn.name) == twice[0]);
+        return Err(Error::new("two sensors are worn on one segment")
+            .at(name.map_or_else(String::new, |worn| worn.name.clone())));
+    }
+    let Some(session) = session else { return Ok(()) };
+    let before = session.sources.iter().map(|text| read_source(text).map(|worn| worn.name));
+    let mut before: Vec<String> = before.collect::<Result<_, _>>()?;
+    let mut now: Vec<String> = worn.iter().map(|worn| worn.name.clone()).collect();
+    before.sort();
+    now.sort();
+    if before == now {
+        return Ok(());
+    }
+    Err(Error::new("the session was begun with other sensors")
+        .got(now.join(", "))
+        .allowed(before.join(", "))
+        .remedy("give the same names (lines may have changed), or begin another session"))
+}
+
+fn report(args: &RecordArgs, folder: &Folder, progress: &Progress) -> Result<(), Error> {
+    let kept = progress.trials.iter().filter(|trial| trial.verdict == Verdict::Keep);
+    let report = Report {
+        outcome: "done",
+        session: folder.root().to_owned(),
+        subjects: progress.subjects.keys().cloned().collect(),
+        trials: progress.trials.len(),
+        kept: kept.count(),
+        good_repetitions: progress.trials.iter().map(|trial| trial.counted()).sum(),
+        manifest: progress.finished.then(|| folder.path("manifest.toml")),
+    };
+    let text = format!(
+        "finished: {} trials, {} kept, {} good repetitions\nwritten   {}\n",
+        report.trials,
+        report.kept,
+        report.good_repetitions,
+        folder.path("manifest.toml").display()
+    );
+    args.output.report(&report, &text)
+}

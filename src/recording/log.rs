@@ -1,0 +1,350 @@
+//! The recording's thread: turns records into chunks of one file that only grows, and counts what
+//! is safe.
+
+use std::collections::BTreeMap;
+use std::io::{self, Write};
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant as Clock};
+
+use mcap::records::{MessageHeader, Metadata};
+use mcap::write::NoSeek;
+
+use super::message::{self, Run, Stamp, Topic};
+use super::sample::{CycleRecord, RunEnd, RunStart};
+use super::sensor::{self, SourceId, SourceKind, SourceRecord};
+use super::writer::{Disk, Item, Pace, Shared, Summary, locked};
+use crate::time::Instant;
+
+/// A chunk is also closed at this size, which bounds the memory it takes.
+const CHUNK_BYTES: usize = 1 << 20;
+
+/// Collects the bytes of an MCAP writer, so that a chunk reaches the disk in one append and the
+/// MCAP writer itself never meets an I/O error.
+#[derive(Clone, Default)]
+pub(super) struct Bytes(Arc<Mutex<Vec<u8>>>);
+
+impl Bytes {
+    pub(super) fn take(&self) -> Vec<u8> {
+        std::mem::take(&mut *locked(&self.0))
+    }
+}
+
+impl Write for Bytes {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        locked(&self.0).extend_from_slice(bytes);
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+/// An MCAP writer for a file that only grows: no seeking, no compression, chunks closed by us.
+pub(super) fn mcap_writer(bytes: &Bytes) -> mcap::McapResult<mcap::Writer<NoSeek<Bytes>>> {
+    mcap::WriteOptions::new()
+        .compression(None)
+        .chunk_size(None)
+        .disable_seeking(true)
+        .library(concat!("gaitway ", env!("CARGO_PKG_VERSION")))
+        .create(NoSeek::new(bytes.clone()))
+}
+
+/// The thread's side: turns records into chunks and counts what is safe.
+pub(super) struct Log<D> {
+    disk: D,
+    bytes: Bytes,
+    mcap: mcap::Writer<NoSeek<Bytes>>,
+    channels: [u16; Topic::ALL.len()],
+    sequences: [u32; Topic::ALL.len()],
+    /// Sources whose channels are in the file: name and channels.
+    sources: Vec<(String, Vec<u16>)>,
+    shared: Arc<Shared>,
+    start: RunStart,
+    pace: Pace,
+    /// Size and count of the open chunk, and when its first message came.
+    chunk_bytes: usize,
+    in_chunk: u64,
+    chunk_opened: Clock,
+    /// Messages appended but not yet synchronised, and when the last synchronisation was.
+    since_sync: u64,
+    last_sync: Clock,
+    last_at: Instant,
+    summary: Summary,
+}
+
+impl<D: Disk> Log<D> {
+    /// Writes the start of the run and waits until it is on the disk.
+    pub(super) fn create(disk: D, start: RunStart, pace: Pace) -> Result<Self, String> {
+        let bytes = Bytes::default();
+        let mut mcap = mcap_writer(&bytes).map_err(|error| error.to_string())?;
+        let mut channels = [0; Topic::ALL.len()];
+        for (topic, channel) in Topic::ALL.into_iter().zip(&mut channels) {
+            *channel = add_topic(&mut mcap, topic).map_err(|error| error.to_string())?;
+        }
+        let now = Clock::now();
+        let mut log = Self {
+            disk,
+            bytes,
+            mcap,
+            channels,
+            sequences: [0; Topic::ALL.len()],
+            sources: Vec::new(),
+            shared: Arc::default(),
+            last_at: start.monotonic_start,
+            start,
+            pace,
+            chunk_bytes: 0,
+            in_chunk: 0,
+            chunk_opened: now,
+            since_sync: 0,
+            last_sync: now,
+            summary: Summary::default(),
+        };
+        log.open_chunk(1);
+        log.write_start().and_then(|()| log.close_chunk()).and_then(|()| log.sync())?;
+        Ok(log)
+    }
+
+    /// What is also seen from outside the thread.
+    pub(super) fn shared(&self) -> Arc<Shared> {
+        Arc::clone(&self.shared)
+    }
+
+    /// Takes records until the recorder lets go, whatever the disk does meanwhile.
+    pub(super) fn run(mut self, taken: &Receiver<Item>) -> Summary {
+        loop {
+            let item = taken.recv_timeout(self.patience());
+            self.attempt(0, Self::add_sources);
+            match item {
+                Ok(Item::Cycle(record, gap)) => self.take(&record, gap),
+                Ok(Item::Record(source, record, gap)) => self.take_record(source, &record, gap),
+                Ok(Item::End(end, gap, of_sources)) => {
+                    self.attempt(1, |log| {
+                        log.write_end(&end, gap, of_sources).and_then(|()| log.close_file())
+                    });
+                    break;
+                }
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => {
+                    self.attempt(0, |log| log.close_chunk().and_then(|()| log.sync()));
+                    break;
+                }
+            }
+            self.attempt(0, Self::close_what_is_due);
+        }
+        self.summary
+    }
+
+    /// How long nothing needs to be done.
+    fn patience(&self) -> Duration {
+        let chunk = (self.in_chunk > 0).then_some(self.chunk_opened + self.pace.chunk);
+        let sync = (self.since_sync > 0).then_some(self.last_sync + self.pace.sync);
+        let idle = Duration::from_secs(1);
+        let due = chunk.into_iter().chain(sync).min();
+        due.map_or(idle, |due| due.saturating_duration_since(Clock::now()))
+    }
+
+    fn close_what_is_due(&mut self) -> Result<(), String> {
+        let chunk_is_old = self.chunk_opened.elapsed() >= self.pace.chunk;
+        if self.in_chunk > 0 && (chunk_is_old || self.chunk_bytes >= CHUNK_BYTES) {
+            self.close_chunk()?;
+        }
+        if self.since_sync > 0 && self.last_sync.elapsed() >= self.pace.sync {
+            self.sync()?;
+        }
+        Ok(())
+    }
+
+    /// Does a step that stores this many messages, unless poisoned. If it fails, poisons the log.
+    /// Either way, what is not stored is counted as lost.
+    fn attempt(&mut self, messages: u64, step: impl FnOnce(&mut Self) -> Result<(), String>) {
+        if self.summary.poisoned.is_some() {
+            self.summary.lost += messages;
+            return;
+        }
+        self.open_chunk(messages);
+        if let Err(cause) = step(self) {
+            self.summary.lost += self.in_chunk;
+            self.in_chunk = 0;
+            // Only the first failure poisons, so nobody has set it before.
+            let _ = self.shared.failure.set(cause.clone());
+            self.summary.poisoned = Some(cause);
+        }
+    }
+
+    fn open_chunk(&mut self, messages: u64) {
+        if self.in_chunk == 0 && messages > 0 {
+            self.chunk_opened = Clock::now();
+        }
+        self.in_chunk += messages;
+    }
+
+    fn take(&mut self, record: &CycleRecord, gap: u64) {
+        let wall_ns = self.start.wall_nanos(record.at);
+        self.last_at = self.last_at.max(record.at);
+        self.attempt(message::topics(record).count() as u64, |log| {
+            let messages = message::of_cycle(&log.start.joints, record, wall_ns, gap)
+                .map_err(|error| error.to_string())?;
+            messages.iter().try_for_each(|(topic, json)| log.write(*topic, wall_ns, json))
+        });
+    }
+
+    /// Writes down the channels of sources that were added since.
+    fn add_sources(&mut self) -> Result<(), String> {
+        let added: Vec<_> = locked(&self.shared.sources)[self.sources.len()..].to_vec();
+        for source in added {
+            let channels =
+                add_channels(&mut self.mcap, source.kind, &source.name, &source.metadata);
+            self.sources.push((source.name, channels.map_err(|error| error.to_string())?));
+        }
+        Ok(())
+    }
+
+    fn take_record(&mut self, source: SourceId, record: &SourceRecord, gap: u64) {
+        let (read, true_at) = record.moments();
+        self.last_at = self.last_at.max(read);
+        let (log_time, publish_time) =
+            (self.start.wall_nanos(read), self.start.wall_nanos(true_at));
+        let sequence = match record {
+            SourceRecord::Sample(captured) => captured.stamp.number as u32,
+            SourceRecord::Line(..) | SourceRecord::Mark(_) => 0, // no number, by the format
+        };
+        self.attempt(sensor::message_count(record) as u64, |log| {
+            let (name, channels) =
+                log.sources.get(source.0).ok_or("a source that was not added")?;
+            let messages = sensor::messages(name, record, publish_time, gap)
+                .map_err(|error| error.to_string())?;
+            for (channel, json) in messages {
+                let channel_id = channels.get(channel).copied().unwrap_or_default();
+                let header = MessageHeader { channel_id, sequence, log_time, publish_time };
+                log.chunk_bytes += json.len();
+                log.mcap
+                    .write_to_known_channel(&header, &json)
+                    .map_err(|error| error.to_string())?;
+            }
+            Ok(())
+        });
+    }
+
+    fn write_start(&mut self) -> Result<(), String> {
+        let start = &self.start;
+        let names: Vec<_> = start.joints.iter().map(|joint| joint.name.as_str()).collect();
+        let wall_ns = start.wall_nanos(start.monotonic_start);
+        let mut metadata = start.metadata.clone();
+        metadata.insert("robot".into(), start.robot.clone());
+        metadata.insert("motion".into(), start.motion.clone());
+        metadata.insert("joints".into(), names.join(","));
+        metadata.insert("gaitway_version".into(), start.gaitway_version.clone());
+        metadata.insert("wall_clock_start_ns".into(), wall_ns.to_string());
+        metadata.insert("monotonic_start_ns".into(), start.monotonic_start.as_nanos().to_string());
+        let run = Run {
+            timestamp: Stamp::from_nanos(wall_ns),
+            dropped_before: 0,
+            dropped_by_source: BTreeMap::new(),
+            start: Some(start.clone()),
+            end: None,
+        };
+        let json = serde_json::to_vec(&run).map_err(|error| error.to_string())?;
+        self.write_metadata("gaitway.start", metadata)?;
+        self.write(Topic::Run, wall_ns, &json)
+    }
+
+    fn write_end(
+        &mut self,
+        end: &RunEnd,
+        gap: u64,
+        dropped_by_source: BTreeMap<String, u64>,
+    ) -> Result<(), String> {
+        let wall_ns = self.start.wall_nanos(end.at.max(self.last_at));
+        let mut metadata = end.metadata.clone();
+        metadata.insert("outcome".into(), end.outcome.clone());
+        if let Some(reason) = &end.stop_reason {
+            metadata.insert("stop_reason".into(), reason.clone());
+        }
+        let run = Run {
+            timestamp: Stamp::from_nanos(wall_ns),
+            dropped_before: gap,
+            dropped_by_source,
+            start: None,
+            end: Some(end.clone()),
+        };
+        let json = serde_json::to_vec(&run).map_err(|error| error.to_string())?;
+        self.write(Topic::Run, wall_ns, &json)?;
+        self.write_metadata("gaitway.end", metadata)
+    }
+
+    fn write_metadata(
+        &mut self,
+        name: &str,
+        metadata: BTreeMap<String, String>,
+    ) -> Result<(), String> {
+        self.mcap
+            .write_metadata(&Metadata { name: name.into(), metadata })
+            .map_err(|error| error.to_string())
+    }
+
+    fn write(&mut self, topic: Topic, wall_ns: u64, json: &[u8]) -> Result<(), String> {
+        self.chunk_bytes += json.len();
+        let sequence = self.sequences[topic as usize];
+        self.sequences[topic as usize] = sequence.wrapping_add(1);
+        let channel_id = self.channels[topic as usize];
+        let header =
+            MessageHeader { channel_id, sequence, log_time: wall_ns, publish_time: wall_ns };
+        self.mcap.write_to_known_channel(&header, json).map_err(|error| error.to_string())
+    }
+
+    fn close_chunk(&mut self) -> Result<(), String> {
+        self.mcap.flush().map_err(|error| error.to_string())?;
+        self.append()
+    }
+
+    fn close_file(&mut self) -> Result<(), String> {
+        // The chunk goes first and alone, so that a failure in the summary loses no message.
+        self.close_chunk()?;
+        self.mcap.finish().map_err(|error| error.to_string())?;
+        self.append()?;
+        self.sync()
+    }
+
+    fn append(&mut self) -> Result<(), String> {
+        let bytes = self.bytes.take();
+        self.disk.append(&bytes).map_err(|error| error.to_string())?;
+        self.summary.bytes += bytes.len() as u64;
+        self.summary.messages += self.in_chunk;
+        self.since_sync += self.in_chunk;
+        (self.in_chunk, self.chunk_bytes) = (0, 0);
+        Ok(())
+    }
+
+    fn sync(&mut self) -> Result<(), String> {
+        if let Err(cause) = self.disk.sync() {
+            // The system may have thrown these away; a second try would not bring them back.
+            self.summary.messages -= self.since_sync;
+            self.summary.lost += self.since_sync;
+            return Err(format!("synchronising failed: {cause}"));
+        }
+        (self.since_sync, self.last_sync) = (0, Clock::now());
+        Ok(())
+    }
+}
+
+fn add_topic(mcap: &mut mcap::Writer<NoSeek<Bytes>>, topic: Topic) -> mcap::McapResult<u16> {
+    let schema = mcap.add_schema(topic.schema_name(), "jsonschema", topic.schema().as_bytes())?;
+    mcap.add_channel(schema, topic.name(), "json", &BTreeMap::new())
+}
+
+fn add_channels(
+    mcap: &mut mcap::Writer<NoSeek<Bytes>>,
+    kind: SourceKind,
+    name: &str,
+    metadata: &BTreeMap<String, String>,
+) -> mcap::McapResult<Vec<u16>> {
+    let mut channels = Vec::new();
+    for (topic, schema_name, schema) in kind.channels(name) {
+        let schema = mcap.add_schema(schema_name, "jsonschema", schema.as_bytes())?;
+        channels.push(mcap.add_channel(schema, &topic, "json", metadata)?);
+    }
+    Ok(channels)
+}

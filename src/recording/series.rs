@@ -1,0 +1,158 @@
+//! What the sensors of a recording said, sensor by sensor, for whoever works on it afterwards.
+
+use super::marker::Marker;
+use super::message::{Run, Topic};
+use super::reader::{open, parse};
+use super::sample::RunStart;
+use super::scan::{Found, scan};
+use super::sensor::{Imu, Transform};
+use crate::error::Error;
+use glam::{DQuat, DVec3};
+use std::collections::BTreeMap;
+use std::io::{BufReader, Read};
+use std::path::Path;
+
+/// The largest recording taken into memory, bytes.
+const FILE_BYTES: u64 = 1 << 30;
+
+/// The sensors of a recording in memory.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SensorSeries {
+    /// What the recording was; missing only if the very beginning of the file is damaged.
+    pub start: Option<RunStart>,
+    /// By name of the sensor, samples in the order in which they were taken.
+    pub sensors: BTreeMap<String, Vec<SensorMoment>>,
+    /// What was marked while it was recorded.
+    pub markers: Vec<Marker>,
+    /// Samples known to be missing.
+    pub missed: u64,
+    /// Wall clock of the first message, nanoseconds since 1970.
+    pub first_ns: u64,
+    /// Wall clock of the last.
+    pub last_ns: u64,
+    /// Whether the file was closed as it should be and nothing in it is damaged.
+    pub whole: bool,
+}
+
+/// One sample of a sensor.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SensorMoment {
+    /// When it was taken: wall clock at the start plus monotonic time, nanoseconds since 1970.
+    pub taken_ns: u64,
+    /// Angular rate in the sensor's axes, rad/s.
+    pub rate_rad_s: Option<DVec3>,
+    /// Acceleration in the sensor's axes, gravity included, m/s^2.
+    pub acceleration_m_s2: Option<DVec3>,
+    /// Turns vectors of the sensor into those of its own world, Z up; `None` while nobody knows.
+    pub orientation: Option<DQuat>,
+}
+
+/// Reads the sensors of a recording, finished or not.
+///
+/// # Errors
+/// If the file cannot be opened, is no MCAP recording, is compressed or over 1 GiB.
+pub fn sensor_series(path: &Path) -> Result<SensorSeries, Error> {
+    let at_path = |error: Error| error.at(path.display().to_string());
+    let file = open(path)?;
+    let bytes = file.metadata().map_or(0, |metadata| metadata.len());
+    if bytes > FILE_BYTES {
+        return Err(at_path(
+            Error::new("the recording is too large to be read at once")
+                .got(format!("{} MiB", bytes >> 20))
+                .allowed(format!("{} MiB", FILE_BYTES >> 20)),
+        ));
+    }
+    let mut series = SensorSeries { first_ns: u64::MAX, ..SensorSeries::default() };
+    let tally = scan(BufReader::new(file).take(FILE_BYTES), |found| {
+        if let Found::Message { channel, header, body } = found {
+            series.first_ns = series.first_ns.min(header.log_time);
+            series.last_ns = series.last_ns.max(header.log_time);
+            series.add(&channel.topic, header.publish_time, body);
+        }
+        Ok(())
+    })
+    .map_err(at_path)?;
+    series.first_ns = series.first_ns.min(series.last_ns);
+    series.whole = tally.finished && tally.lost_bytes == 0;
+    for moments in series.sensors.values_mut() {
+        // Late ones came out of order.
+        moments.sort_by_key(|moment| moment.taken_ns);
+    }
+    Ok(series)
+}
+
+/// What a recording says of itself at its start; `None` if the very beginning is damaged.
+///
+/// # Errors
+/// If the file cannot be opened, is no MCAP recording or is compressed.
+pub fn run_start(path: &Path) -> Result<Option<RunStart>, Error> {
+    let mut start = None;
+    let scanned = scan(BufReader::new(open(path)?), |found| match found {
+        Found::Message { channel, body, .. }
+            if Topic::from_name(&channel.topic) == Some(Topic::Run) =>
+        {
+            start = parse::<Run>(body).and_then(|run| run.start);
+            // Once that is known, nothing that follows is of interest.
+            if start.is_some() { Err(Error::new("enough was read")) } else { Ok(()) }
+        }
+        _ => Ok(()),
+    });
+    match scanned {
+        Err(error) if start.is_none() => Err(error.at(path.display().to_string())),
+        _ => Ok(start),
+    }
+}
+
+impl SensorSeries {
+    /// Wall clock at the start, nanoseconds since 1970.
+    #[must_use]
+    pub fn start_ns(&self) -> u64 {
+        self.start.as_ref().map_or(self.first_ns, |start| start.wall_nanos(start.monotonic_start))
+    }
+
+    /// From the first to the last message, s.
+    #[must_use]
+    pub const fn duration_s(&self) -> f64 {
+        self.last_ns.saturating_sub(self.first_ns) as f64 / 1e9
+    }
+
+    fn add(&mut self, topic: &str, taken_ns: u64, body: &[u8]) {
+        if Topic::from_name(topic) == Some(Topic::Run) {
+            if let Some(run) = parse::<Run>(body) {
+                self.start = run.start.or(self.start.take());
+            }
+            return;
+        }
+        if topic == super::marker::TOPIC {
+            self.markers.extend(Marker::read(body));
+            return;
+        }
+        let Some((name, part)) = topic.strip_prefix("/imu/").and_then(|t| t.rsplit_once('/'))
+        else {
+            return;
+        };
+        match part {
+            "sample" => {
+                let Some(imu) = parse::<Imu>(body) else { return };
+                self.missed = self.missed.saturating_add(imu.missed_before + imu.dropped_before);
+                let moment = SensorMoment {
+                    taken_ns,
+                    rate_rad_s: imu.angular_velocity.map(DVec3::from),
+                    acceleration_m_s2: imu.linear_acceleration.map(DVec3::from),
+                    orientation: None,
+                };
+                self.sensors.entry(name.to_owned()).or_default().push(moment);
+            }
+            "orientation" => {
+                let Some(transform) = parse::<Transform>(body) else { return };
+                // It follows the sample it belongs to.
+                let last = self.sensors.get_mut(name).and_then(|moments| moments.last_mut());
+                if let Some(last) = last.filter(|last| last.taken_ns == taken_ns) {
+                    let known = transform.settled.then(|| DQuat::from(transform.rotation));
+                    last.orientation = known.filter(|q| q.is_finite());
+                }
+            }
+            _ => {}
+        }
+    }
+}

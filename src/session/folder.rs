@@ -1,0 +1,174 @@
+//! The folder of a session: files appear whole or not at all, and are never written over.
+
+use crate::error::Error;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use std::fs::{self, File};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+/// Most bytes of a file of a session that is read.
+const MOST_BYTES: u64 = 4 << 20;
+const ROOMS: [&str; 4] = ["subjects", "calibration", "trials", "angles"];
+
+/// The folder of a session. While it lives, no other program runs a session there.
+#[derive(Debug)]
+pub struct Folder {
+    root: PathBuf,
+    /// Locked as long as it is open.
+    _lock: File,
+}
+
+impl Folder {
+    /// Opens the folder, or makes it.
+    ///
+    /// # Errors
+    /// A folder that cannot be made, holds other things, or in which a session runs now.
+    pub fn open(root: &Path) -> Result<Self, Error> {
+        let begun = root.join("session.toml").exists();
+        if !begun && fs::read_dir(root).is_ok_and(|entries| has_strangers(entries)) {
+            return Err(Error::new("the folder holds other things and no session")
+                .at(shown(root))
+                .remedy("choose a folder that is empty or does not exist yet"));
+        }
+        for room in ROOMS {
+            let room = root.join(room);
+            fs::create_dir_all(&room).map_err(|cause| unwritable(&room, &cause))?;
+        }
+        let path = root.join(LOCK);
+        let lock = File::create(&path).map_err(|cause| unwritable(&path, &cause))?;
+        // Where the file system knows no locks, there is none; two operators would see each other.
+        if matches!(lock.try_lock(), Err(fs::TryLockError::WouldBlock)) {
+            return Err(Error::new("a session runs in this folder now")
+                .at(shown(root))
+                .remedy("end it there, or choose another folder"));
+        }
+        Ok(Self { root: root.to_owned(), _lock: lock })
+    }
+
+    /// Where it is.
+    #[must_use]
+    pub fn root(&self) -> &Path {
+        &self.root
+    }
+
+    /// The path of a file in it.
+    #[must_use]
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.root.join(name)
+    }
+
+    /// True if there is such a file.
+    #[must_use]
+    pub fn has(&self, name: &str) -> bool {
+        self.path(name).symlink_metadata().is_ok()
+    }
+
+    /// Reads a TOML file; `None` if it is not there.
+    ///
+    /// # Errors
+    /// A file that cannot be read or says something else than it should.
+    pub fn read<T: DeserializeOwned>(&self, name: &str) -> Result<Option<T>, Error> {
+        let Some(text) = self.text(name)? else { return Ok(None) };
+        let value = toml::from_str(&text).map_err(|e| {
+            Error::new("the file of a session was changed into something else")
+                .at(shown(&self.path(name)))
+                .got(e.message().replace('\n', "; "))
+        })?;
+        Ok(Some(value))
+    }
+
+    /// Reads the text of a file; `None` if it is not there.
+    ///
+    /// # Errors
+    /// A file that cannot be read.
+    pub fn text(&self, name: &str) -> Result<Option<String>, Error> {
+        let path = self.path(name);
+        if !self.has(name) {
+            return Ok(None);
+        }
+        let size = fs::metadata(&path).map(|m| m.len()).unwrap_or(0);
+        if size > MOST_BYTES {
+            return Err(Error::new("the file is too large to be one of a session")
+                .at(shown(&path))
+                .got(format!("{size} bytes")));
+        }
+        let text = fs::read_to_string(&path).map_err(|cause| {
+            Error::new("the file cannot be read").at(shown(&path)).got(cause.to_string())
+        })?;
+        Ok(Some(text))
+    }
+
+    /// Writes a new TOML file.
+    ///
+    /// # Errors
+    /// A file that is there already or cannot be written.
+    pub fn write_new(&self, name: &str, value: &impl Serialize) -> Result<(), Error> {
+        self.write_new_bytes(name, super::toml_text::to_text(value)?.as_bytes())
+    }
+
+    /// Writes a new file of any kind.
+    ///
+    /// # Errors
+    /// A file that is there already or cannot be written.
+    pub fn write_new_bytes(&self, name: &str, bytes: &[u8]) -> Result<(), Error> {
+        if self.has(name) {
+            return Err(Error::new("the file exists already").at(shown(&self.path(name))));
+        }
+        self.replace_bytes(name, bytes)
+    }
+
+    /// Writes a TOML file in place of what was there: old or new, never half of it.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    pub fn replace(&self, name: &str, value: &impl Serialize) -> Result<(), Error> {
+        self.replace_bytes(name, super::toml_text::to_text(value)?.as_bytes())
+    }
+
+    fn replace_bytes(&self, name: &str, bytes: &[u8]) -> Result<(), Error> {
+        let path = self.path(name);
+        let beside = self.path(&format!("{name}.new"));
+        let write = || -> io::Result<()> {
+            let mut file = File::create(&beside)?;
+            file.write_all(bytes)?;
+            file.sync_all()?;
+            fs::rename(&beside, &path)?;
+            // The name too survives a power cut, where the file system can say so.
+            let _ = path.parent().map(|folder| File::open(folder).and_then(|f| f.sync_all()));
+            Ok(())
+        };
+        write().map_err(|cause| unwritable(&path, &cause))
+    }
+
+    /// Names of the files in a room that end so, without the ending, sorted.
+    #[must_use]
+    pub fn names(&self, room: &str, ending: &str) -> Vec<String> {
+        let entries = fs::read_dir(self.path(room)).into_iter().flatten().flatten();
+        let stem = |entry: fs::DirEntry| {
+            Some(entry.file_name().to_str()?.strip_suffix(ending)?.to_owned())
+        };
+        let mut names: Vec<String> = entries.filter_map(stem).collect();
+        names.sort();
+        names
+    }
+}
+
+const LOCK: &str = ".lock";
+
+/// True if a folder holds something that a session just begun and killed does not.
+fn has_strangers(mut entries: fs::ReadDir) -> bool {
+    entries.any(|entry| {
+        let name = entry.map(|entry| entry.file_name()).unwrap_or_default();
+        name.to_str()
+            .is_none_or(|name| name != LOCK && name != "session.toml.new" && !ROOMS.contains(&name))
+    })
+}
+
+fn shown(path: &Path) -> String {
+    path.display().to_string()
+}
+
+fn unwritable(path: &Path, cause: &io::Error) -> Error {
+    Error::new("the session cannot be written").at(shown(path)).got(cause.to_string())
+}

@@ -1,0 +1,367 @@
+//! Joint angles out of a recording of worn sensors: `gaitway convert`.
+
+use gaitway::action::vocabulary;
+use gaitway::body::proportions::proximal_joint;
+use gaitway::body::worn::WornSensor;
+use gaitway::body::worn::calibrate::calibrate;
+use gaitway::body::worn::kept::Kept;
+use gaitway::body::{Dof, JointAngles, Proportions, Segment, SegmentPose};
+use gaitway::capture::{Chain, Mode};
+use gaitway::device::sensor::stream_format;
+use gaitway::mocap::anatomy::Capture;
+use gaitway::mocap::mapping::segment_name;
+use gaitway::recording::{
+    Marker, RecordedSource, Recorder, RunEnd, RunStart, SourceKind, SourceRecord, read,
+    sensor_series,
+};
+use gaitway::time::{Duration, Instant};
+use gaitway::wire::sensor::Stream;
+use gaitway_sim::imu::{BodyMotion, ImuErrors, ImuWire, Mount, VirtualImu};
+use glam::{DQuat, DVec3};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use std::time::{SystemTime, UNIX_EPOCH};
+
+const RATE_HZ: f64 = 120.0;
+const STATURE_M: f64 = 1.62;
+/// Standing in N pose before the action.
+const STAND_S: f64 = 5.0;
+/// Wall clock at the start of the recordings.
+const WALL_S: u64 = 1_700_000_000;
+
+fn gaitway(folder: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_gaitway"))
+        .current_dir(folder)
+        .args(arguments)
+        .output()
+        .expect("the command")
+}
+
+fn folder(name: &str) -> PathBuf {
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
+    let _ = std::fs::remove_dir_all(&folder);
+    std::fs::create_dir_all(&folder).expect("a temporary folder");
+    folder
+}
+
+/// Somebody who stands, then does an action.
+struct Person {
+    angles: Vec<JointAngles>,
+    poses: Vec<SegmentPose>,
+}
+
+impl Person {
+    fn doing(action: &str) -> Self {
+        let motion = vocabulary::find(action).and_then(|a| a.perform_rounds(2)).expect("shipped");
+        let body = Proportions::of_stature(STATURE_M).expect("a body");
+        let mut angles = motion.sampled(RATE_HZ).expect("sampled");
+        let mut poses = motion.poses(&body, RATE_HZ).expect("posed");
+        let stand = (STAND_S * RATE_HZ) as usize;
+        angles.splice(0..0, std::iter::repeat_n(angles[0], stand));
+        poses.splice(0..0, std::iter::repeat_n(poses[0].clone(), stand));
+        Self { angles, poses }
+    }
+
+    fn motion(&self, segment: Segment) -> BodyMotion {
+        let body = Proportions::of_stature(STATURE_M).expect("a body");
+        let joint = proximal_joint(segment);
+        let positions: Vec<[f64; 3]> =
+            self.poses.iter().map(|p| body.positions(p).joint_m(joint).to_array()).collect();
+        let turn = |pose: &SegmentPose| {
+            let q = pose.orientation[segment.index()];
+            [q.w, q.x, q.y, q.z]
+        };
+        let orientations: Vec<[f64; 4]> = self.poses.iter().map(turn).collect();
+        BodyMotion::new(RATE_HZ, &positions, &orientations).expect("a motion")
+    }
+}
+
+/// Samples of one sensor in the order in which they come, and what it said while standing.
+fn sensed(person: &Person, segment: Segment, loss: f64) -> (Vec<SourceRecord>, Vec<DQuat>) {
+    let sensor = gaitway_profiles::sensor("x-imu3").expect("shipped");
+    let tilt = DQuat::from_rotation_y(0.1) * DQuat::from_rotation_z(0.05 * segment.index() as f64);
+    let mount = Mount {
+        offset_m: (segment.long_axis() * 0.12).to_array(),
+        orientation: [tilt.w, tilt.x, tilt.y, tilt.z],
+    };
+    let errors = ImuErrors {
+        rate_noise_rad_s: 0.002,
+        acceleration_noise_m_s2: 0.03,
+        clock_skew: 20e-6,
+        latency_s: 0.002,
+        jitter_s: 0.001,
+        loss,
+        seed: segment.index() as u64 + 1,
+        ..ImuErrors::default()
+    };
+    let motion = person.motion(segment);
+    let imu = VirtualImu::new(motion, mount, errors, ImuWire::XImu3, sensor.rate_hz);
+    let format = stream_format(&sensor).expect("a stream").expect("bytes one after another");
+    let (mut stream, mut chain) = (Stream::new(format), Chain::new(&sensor, Mode::SixAxes));
+    let (mut records, mut standing) = (Vec::new(), Vec::new());
+    for sent in imu.expect("a sensor") {
+        let arrival = Instant::from_nanos(1_000_000_000 + (sent.due_s * 1e9).round() as u64);
+        stream.push(&sent.bytes, |reading| {
+            let Some(captured) = chain.take(&reading, arrival) else { return };
+            if let Some(fused) = captured.fused
+                && (2.0..STAND_S - 0.5).contains(&sent.due_s)
+            {
+                standing.push(fused.orientation);
+            }
+            records.push(SourceRecord::Sample(Box::new(captured)));
+        });
+    }
+    (records, standing)
+}
+
+/// Records a person who wears sensors on these segments; `silent` says nothing from 1 s after the
+/// action began to 2 s.
+fn record(path: &Path, person: &Person, worn: &[Segment], is_known: bool, silent: Option<Segment>) {
+    let sensed: Vec<_> = worn.iter().map(|segment| sensed(person, *segment, 0.0)).collect();
+    let forward = Some(DVec3::X);
+    let sensors: Vec<WornSensor> =
+        worn.iter().map(|&segment| WornSensor { segment, forward }).collect();
+    // The way it was strapped on tells nothing here: a sensor turned about the limb says so.
+    let standing: Vec<Vec<DQuat>> = sensed.iter().map(|(_, said)| said.clone()).collect();
+    let mut calibration = calibrate(&sensors, &standing, None, &[]).expect("calibrated");
+    for (mount, said) in calibration.mounts.iter_mut().zip(&standing) {
+        // A movement would have told it: in N pose the segment's X is the world's.
+        let tilt = DQuat::from_rotation_y(0.1)
+            * DQuat::from_rotation_z(0.05 * mount.segment.index() as f64);
+        mount.sensor_from_segment = tilt.inverse();
+        let turned = said[said.len() / 2] * tilt.inverse();
+        mount.heading_rad = -2.0 * turned.z.atan2(turned.w);
+    }
+    let names: Vec<String> = worn.iter().map(|s| segment_name(*s).to_owned()).collect();
+    let kept = Kept {
+        subject: "s01".to_owned(),
+        made: SystemTime::now(),
+        sensors: names.clone(),
+        calibration,
+    };
+    let mut metadata = BTreeMap::from([("trial".to_owned(), "walk-01".to_owned())]);
+    if is_known {
+        metadata.insert("body_calibration".to_owned(), kept.text());
+        metadata.insert("stature_m".to_owned(), STATURE_M.to_string());
+    } else {
+        std::fs::write(path.with_extension("toml"), kept.text()).expect("written");
+    }
+    let start = RunStart {
+        robot: String::new(),
+        motion: "walk-01".to_owned(),
+        joints: Vec::new(),
+        wall_clock_start: UNIX_EPOCH + Duration::from_secs(WALL_S),
+        monotonic_start: Instant::from_nanos(1_000_000_000),
+        gaitway_version: "test".to_owned(),
+        metadata,
+    };
+    let recorder = Recorder::create_for_sources(path, false, start).expect("a file");
+    let source = |name: &str, kind| {
+        let (name, metadata) = (name.to_owned(), BTreeMap::new());
+        recorder.add_source(RecordedSource { name, metadata, kind })
+    };
+    let ids: Vec<_> = names.iter().map(|name| source(name, SourceKind::Imu)).collect();
+    let marks = source("marks", SourceKind::Marks);
+    let mark = Marker { at: Instant::from_nanos(6_000_000_000), text: "begin".to_owned() };
+    recorder.take_record(marks, SourceRecord::Mark(mark));
+    let mut all: Vec<_> = sensed
+        .into_iter()
+        .zip(ids)
+        .zip(worn)
+        .flat_map(|(((said, _), id), s)| {
+            let is_silent = Some(*s) == silent;
+            said.into_iter().enumerate().map(move |(n, record)| (n, id, record, is_silent))
+        })
+        .collect();
+    all.sort_by_key(|(n, ..)| *n);
+    let mut at = Instant::ZERO;
+    for (count, (_, id, record, is_silent)) in all.into_iter().enumerate() {
+        let SourceRecord::Sample(captured) = &record else { continue };
+        at = at.max(captured.stamp.arrival);
+        let time_s = captured.stamp.arrival.seconds_since(Instant::from_nanos(1_000_000_000));
+        if is_silent && (STAND_S + 1.0..STAND_S + 2.0).contains(&time_s) {
+            continue;
+        }
+        recorder.take_record(id, record);
+        if count % 3000 == 2999 {
+            wait_for_bytes(path, (count as u64 - 2000) * 950);
+        }
+    }
+    let end = RunEnd { outcome: "done".into(), stop_reason: None, at, metadata: BTreeMap::new() };
+    let summary = recorder.finish(end);
+    assert!(summary.is_complete(), "{summary:?}");
+}
+
+/// The recorder's queue is as long as sensors need in real time; here they come as fast as they can.
+/// A sample takes more than 950 bytes.
+fn wait_for_bytes(path: &Path, bytes: u64) {
+    let began = std::time::Instant::now();
+    while std::fs::metadata(path).map_or(0, |m| m.len()) < bytes {
+        assert!(began.elapsed().as_secs() < 30, "nothing is written");
+        std::thread::sleep(std::time::Duration::from_millis(10));
+    }
+}
+
+struct Table {
+    times_s: Vec<f64>,
+    angles: Vec<JointAngles>,
+    not_measured: Vec<String>,
+}
+
+fn table(path: &Path) -> Table {
+    let text = std::fs::read_to_string(path).expect("a table");
+    let mut lines = text.lines().map(|line| line.split(',').collect::<Vec<_>>());
+    let titles = lines.next().expect("titles");
+    let wanted: Vec<String> = Dof::ALL.iter().map(|dof| format!("{}_rad", dof.name())).collect();
+    assert_eq!(
+        (titles[0], &titles[1..23]),
+        ("time_s", &wanted.iter().map(String::as_str).collect::<Vec<_>>()[..])
+    );
+    let mut table = Table { times_s: Vec::new(), angles: Vec::new(), not_measured: Vec::new() };
+    for line in lines {
+        assert_eq!(line.len(), titles.len());
+        let number = |at: usize| line[at].parse::<f64>().expect("a number");
+        table.times_s.push(number(0));
+        table.angles.push(JointAngles(std::array::from_fn(|n| number(n + 1))));
+        table.not_measured.push(line[line.len() - 1].to_owned());
+    }
+    table
+}
+
+/// Root mean square error of a degree of freedom from one second before the action on, deg.
+fn error_deg(table: &Table, person: &Person, first_s: f64, dof: Dof) -> f64 {
+    let (mut squares, mut count) = (0.0, 0);
+    for (time_s, angles) in table.times_s.iter().zip(&table.angles) {
+        let at_s = time_s + first_s;
+        if at_s > STAND_S - 1.0 {
+            let at = ((at_s * RATE_HZ).round() as usize).min(person.angles.len() - 1);
+            squares += (angles[dof] - person.angles[at][dof]).powi(2);
+            count += 1;
+        }
+    }
+    (squares / f64::from(count)).sqrt().to_degrees()
+}
+
+#[test]
+fn a_walk_that_was_recorded_comes_out_as_the_angles_that_were_walked() {
+    let folder = folder("convert-worn");
+    let person = Person::doing("walk");
+    record(&folder.join("walk.mcap"), &person, &Segment::ALL, true, None);
+    let series = sensor_series(&folder.join("walk.mcap")).expect("read");
+    assert!(series.whole && series.missed == 0);
+    assert_eq!(series.markers.len(), 1);
+    assert_eq!(
+        (series.markers[0].text.as_str(), series.markers[0].at.as_nanos()),
+        ("begin", 6_000_000_000)
+    );
+
+    for out in ["walk.csv", "walk.bvh", "angles.mcap"] {
+        let output = gaitway(&folder, &["convert", "walk.mcap", out, "--rate", "60"]);
+        assert_eq!(output.status.code(), Some(0), "{output:?}");
+        // A file that is there is not written over.
+        let again = gaitway(&folder, &["convert", "walk.mcap", out]);
+        assert_eq!(again.status.code(), Some(1), "{again:?}");
+    }
+    let table = table(&folder.join("walk.csv"));
+    assert!(table.not_measured.iter().all(String::is_empty));
+    // The first second is the filters'.
+    let first_s = STAND_S + person.angles.len() as f64 / RATE_HZ
+        - STAND_S
+        - table.times_s[table.times_s.len() - 1]
+        - 1.0 / RATE_HZ;
+    let mut worst: f64 = 0.0;
+    for dof in Dof::ALL {
+        worst = worst.max(error_deg(&table, &person, first_s, dof));
+    }
+    println!("worst joint {worst:.2} deg RMSE");
+    assert!(worst < 2.0, "{worst}");
+
+    // The skeleton file is a person of this stature who does the same.
+    let (capture, source) =
+        gaitway::cli::source::body_motion(folder.join("walk.bvh").to_str().expect("a path"), None)
+            .expect("our own reader reads it");
+    assert_eq!(source.frames, table.angles.len());
+    assert!(capture.tracked.iter().all(|tracked| *tracked));
+    assert!(bvh_error_deg(&capture, &table) < 1.0);
+
+    // Joint states, by name.
+    let angles = read(&folder.join("angles.mcap")).expect("read");
+    assert!(angles.finished && angles.joint_names.len() == 22);
+    assert_eq!(angles.cycles.len(), table.angles.len());
+    let knee = Dof::LeftKneeFlexion.index();
+    for (cycle, row) in angles.cycles.iter().zip(&table.angles) {
+        let position = cycle.joints[knee].present_position_rad.expect("measured");
+        assert!((position - row[Dof::LeftKneeFlexion]).abs() < 1e-6);
+    }
+    let metadata = angles.start.expect("a start").metadata;
+    assert_eq!((metadata["not_worn"].as_str(), metadata["subject"].as_str()), ("", "s01"));
+}
+
+/// Elbows and knees of the capture against the table, deg RMS.
+fn bvh_error_deg(capture: &Capture, table: &Table) -> f64 {
+    let (mut squares, mut count) = (0.0, 0);
+    for (pose, row) in capture.poses.iter().zip(&table.angles) {
+        let angles = JointAngles::of_pose(pose).angles;
+        for dof in [Dof::LeftKneeFlexion, Dof::RightElbowFlexion, Dof::RightHipFlexion] {
+            squares += (angles[dof] - row[dof]).powi(2);
+            count += 1;
+        }
+    }
+    (squares / f64::from(count)).sqrt().to_degrees()
+}
+
+#[test]
+fn what_is_not_worn_is_at_rest_and_what_falls_silent_is_marked() {
+    let folder = folder("convert-part");
+    let person = Person::doing("wave-r");
+    let worn = [Segment::Torso, Segment::RightUpperArm, Segment::RightForearm];
+    record(&folder.join("wave.mcap"), &person, &worn, true, Some(Segment::RightForearm));
+    let output = gaitway(&folder, &["convert", "wave.mcap", "wave.csv"]);
+    // Something is missing, and the exit code says so.
+    assert_eq!(output.status.code(), Some(3), "{output:?}");
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(said.contains("not worn") && said.contains("left_thigh"), "{said}");
+    let table = table(&folder.join("wave.csv"));
+    let is_arm = |dof: &Dof| {
+        dof.name().starts_with("right_shoulder")
+            || dof.name().starts_with("right_elbow")
+            || dof.name().starts_with("torso")
+    };
+    for dof in Dof::ALL.iter().filter(|dof| !is_arm(dof)) {
+        assert!(table.angles.iter().all(|row| row[*dof].abs() < 1e-6), "{}", dof.name());
+    }
+    let silent = table.not_measured.iter().filter(|row| row.contains("right_forearm")).count();
+    assert!((90..=110).contains(&silent), "{silent} of a second at 100 Hz");
+    assert!(table.not_measured.iter().all(|row| row.contains("left_thigh;left_shank")));
+    let moved = table.angles.iter().map(|row| row[Dof::RightElbowFlexion]).fold(0.0, f64::max);
+    assert!(moved > 1.5, "{moved}");
+}
+
+#[test]
+fn a_recording_that_does_not_know_how_it_was_worn_is_a_table_of_samples_or_needs_to_be_told() {
+    let folder = folder("convert-unknown");
+    let person = Person::doing("bow");
+    record(&folder.join("bow.mcap"), &person, &[Segment::Torso], false, None);
+    let refused = gaitway(&folder, &["convert", "bow.mcap", "bow.bvh"]);
+    assert_eq!(refused.status.code(), Some(1));
+    let said = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(said.contains("--body") && !folder.join("bow.bvh").exists(), "{said}");
+    assert_eq!(gaitway(&folder, &["convert", "bow.mcap", "bow.csv"]).status.code(), Some(0));
+    let text = std::fs::read_to_string(folder.join("bow.csv")).expect("a table");
+    assert!(text.starts_with("sensor,number"), "{}", &text[..40]);
+    let told = gaitway(&folder, &["convert", "bow.mcap", "told.csv", "--body", "bow.toml"]);
+    assert_eq!(told.status.code(), Some(0), "{told:?}");
+    let bowed = table(&folder.join("told.csv"));
+    let most = bowed.angles.iter().map(|row| row[Dof::TorsoFlexion]).fold(0.0, f64::max);
+    assert!(most > 0.3, "{most}");
+    let nonsense = gaitway(&folder, &["convert", "bow.mcap", "x.csv", "--body", "bow.mcap"]);
+    assert_eq!(nonsense.status.code(), Some(1));
+    for bad in ["0", "nan", "-5", "1e9"] {
+        let refused = gaitway(
+            &folder,
+            &["convert", "bow.mcap", "y.csv", "--body", "bow.toml", "--rate", bad],
+        );
+        assert_eq!(refused.status.code(), Some(1), "{bad}");
+    }
+}

@@ -1,0 +1,104 @@
+//! Disks made of memory, which fail and stand still when they are told to.
+
+use std::io;
+use std::sync::mpsc::Receiver;
+use std::sync::{Arc, Mutex, MutexGuard};
+
+use gaitway::recording::Disk;
+
+/// A disk in memory. Clones share it.
+#[derive(Clone, Default)]
+pub struct MemoryDisk(Arc<Mutex<Memory>>);
+
+#[derive(Default)]
+struct Memory {
+    bytes: Vec<u8>,
+    /// Length of the file after each append.
+    lengths: Vec<usize>,
+    calls: u64,
+    /// The call that fails; an append writes half of its bytes first.
+    fails_at: Option<u64>,
+}
+
+impl MemoryDisk {
+    pub fn failing_at(call: u64) -> Self {
+        let disk = Self::default();
+        disk.memory().fails_at = Some(call);
+        disk
+    }
+
+    pub fn bytes(&self) -> Vec<u8> {
+        self.memory().bytes.clone()
+    }
+
+    /// Length of the file after each append.
+    pub fn lengths(&self) -> Vec<usize> {
+        self.memory().lengths.clone()
+    }
+
+    /// Appends and synchronisations so far.
+    pub fn calls(&self) -> u64 {
+        self.memory().calls
+    }
+
+    fn memory(&self) -> MutexGuard<'_, Memory> {
+        self.0.lock().unwrap()
+    }
+}
+
+impl Memory {
+    fn call(&mut self) -> io::Result<()> {
+        self.calls += 1;
+        match self.fails_at {
+            Some(call) if call == self.calls => Err(io::Error::other("no space left")),
+            _ => Ok(()),
+        }
+    }
+}
+
+impl Disk for MemoryDisk {
+    fn append(&mut self, bytes: &[u8]) -> io::Result<()> {
+        let mut memory = self.memory();
+        let called = memory.call();
+        let stored = if called.is_ok() { bytes } else { &bytes[..bytes.len() / 2] };
+        memory.bytes.extend_from_slice(stored);
+        let length = memory.bytes.len();
+        memory.lengths.push(length);
+        called
+    }
+
+    fn sync(&mut self) -> io::Result<()> {
+        self.memory().call()
+    }
+}
+
+/// A disk that stands still from a call on until its gate is dropped.
+pub struct GatedDisk {
+    pub disk: MemoryDisk,
+    pub gate: Receiver<()>,
+    /// Appends and synchronisations that are let through before.
+    pub open_calls: u32,
+}
+
+impl GatedDisk {
+    fn pass(&mut self) {
+        if self.open_calls == 0 {
+            // Waits until the other end is gone, then never again.
+            let _ = self.gate.recv();
+        } else {
+            self.open_calls -= 1;
+        }
+    }
+}
+
+impl Disk for GatedDisk {
+    fn append(&mut self, bytes: &[u8]) -> io::Result<()> {
+        self.pass();
+        self.disk.append(bytes)
+    }
+
+    fn sync(&mut self) -> io::Result<()> {
+        self.pass();
+        self.disk.sync()
+    }
+}

@@ -1,0 +1,299 @@
+//! Recordings of sensors and lines on disks made of memory: a disk that fails, fills up or stands
+//! still costs what it must, is counted by topic and source, and holds up nobody.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::channel;
+use std::time::{Duration, Instant as Clock, UNIX_EPOCH};
+
+use gaitway::capture::{Captured, Order, Stamp};
+use gaitway::device::sensor::SensorSample;
+use gaitway::recording::{
+    Overview, Pace, RecordedSource, Recorder, RunEnd, RunStart, SourceId, SourceKind, SourceRecord,
+    recover, summary,
+};
+use gaitway::time::Instant;
+use glam::{DQuat, DVec3};
+
+#[path = "recording/disk.rs"]
+mod disk;
+
+use disk::{GatedDisk, MemoryDisk};
+
+const MONOTONIC_START: Instant = Instant::from_nanos(5_000_000_000);
+
+const EACH_RECORD: Pace = Pace { chunk: Duration::ZERO, sync: Duration::ZERO };
+/// Records that wait for the disk: those of 15 sensors at 200 Hz for 2.7 s.
+const QUEUE: u64 = 8192;
+
+fn start() -> RunStart {
+    RunStart {
+        robot: String::new(),
+        motion: "squat".into(),
+        joints: Vec::new(),
+        wall_clock_start: UNIX_EPOCH + Duration::from_secs(1_704_164_645),
+        monotonic_start: MONOTONIC_START,
+        gaitway_version: "0.1.0".into(),
+        metadata: BTreeMap::new(),
+    }
+}
+
+fn end(number: u64) -> RunEnd {
+    let (outcome, metadata) = ("done".into(), BTreeMap::new());
+    RunEnd { outcome, stop_reason: None, at: at(number), metadata }
+}
+
+fn at(number: u64) -> Instant {
+    MONOTONIC_START + Duration::from_millis(5 * number)
+}
+
+/// Sample `number` of a 200 Hz sensor that knows its own orientation: two messages.
+fn sample(number: u64, missed: u64) -> SourceRecord {
+    let order = if missed == 0 { Order::Next } else { Order::Gap };
+    let (arrival, taken) = (at(number), at(number));
+    SourceRecord::Sample(Box::new(Captured {
+        stamp: Stamp { arrival, taken, number, step_s: 0.005, missed, order },
+        sample: SensorSample {
+            acceleration_m_s2: Some(DVec3::new(number as f64, 0.5, 9.75)),
+            orientation: Some(DQuat::IDENTITY),
+            ticks: Some(number * 5000),
+            ..SensorSample::default()
+        },
+        fused: None,
+    }))
+}
+
+fn line(number: u64) -> SourceRecord {
+    SourceRecord::Line(at(number), format!("line {number}"))
+}
+
+fn source(name: &str, kind: SourceKind) -> RecordedSource {
+    RecordedSource { name: name.to_owned(), metadata: BTreeMap::new(), kind }
+}
+
+fn recorder(disk: impl gaitway::recording::Disk, pace: Pace) -> Recorder {
+    Recorder::create_for_sources_on(disk, start(), pace).unwrap()
+}
+
+fn file(name: &str, bytes: &[u8]) -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("recording-sensors");
+    std::fs::create_dir_all(&folder).unwrap();
+    let path = folder.join(format!("{name}.mcap"));
+    std::fs::write(&path, bytes).unwrap();
+    path
+}
+
+fn overview(name: &str, bytes: &[u8]) -> Overview {
+    summary(&file(name, bytes)).unwrap()
+}
+
+/// Two sensors and lines, `count` of each in turn.
+fn record_three(recorder: &Recorder, count: u64) -> [SourceId; 3] {
+    let ids = [("left", SourceKind::Imu), ("right", SourceKind::Imu), ("notes", SourceKind::Lines)]
+        .map(|(name, kind)| recorder.add_source(source(name, kind)));
+    for number in 0..count {
+        recorder.take_record(ids[0], sample(number, 0));
+        recorder.take_record(ids[1], sample(number, 0));
+        recorder.take_record(ids[2], line(number));
+    }
+    ids
+}
+
+#[test]
+fn what_each_source_sent_is_told_by_source() {
+    let disk = MemoryDisk::default();
+    let recorder = recorder(disk.clone(), Pace::default());
+    let ids = record_three(&recorder, 100);
+    // The left one loses two samples on its line, then goes on.
+    recorder.take_record(ids[0], sample(102, 2));
+    assert!(recorder.finish(end(110)).is_complete());
+
+    let found = overview("told", &disk.bytes());
+    let [left, right, notes] = ["left", "right", "notes"].map(|name| &found.sources[name]);
+    assert_eq!((left.records, left.gaps, left.missed), (101, 1, 2));
+    assert_eq!((right.records, right.gaps, right.missed), (100, 0, 0));
+    assert_eq!((notes.records, notes.gaps), (100, 0));
+    assert!((left.duration_s - 0.51).abs() < 1e-9 && (right.duration_s - 0.495).abs() < 1e-9);
+    assert_eq!((found.missed_samples, found.damaged_samples, found.dropped_samples), (2, 0, 0));
+    assert!(found.finished);
+}
+
+#[test]
+fn a_cut_anywhere_leaves_every_closed_chunk_of_every_sensor() {
+    let disk = MemoryDisk::default();
+    let recorder = recorder(disk.clone(), EACH_RECORD);
+    record_three(&recorder, 8);
+    assert!(recorder.finish(end(10)).is_complete());
+    let (bytes, lengths) = (disk.bytes(), disk.lengths());
+    // Appends: the start, one per record, the end, the summary.
+    assert_eq!(lengths.len(), 1 + 24 + 1 + 1);
+    for cut in (lengths[0]..bytes.len()).step_by(53) {
+        let found = overview("cut", &bytes[..cut]);
+        let closed = lengths[1..25].iter().filter(|&&length| length <= cut).count() as u64;
+        let records = found.sources.values().map(|source| source.records).sum::<u64>();
+        // A chunk is whole a little before its append is: its index follows it.
+        assert!(records == closed || records == closed + 1, "cut at {cut}: {closed}, {records}");
+        assert!(!found.finished && found.damaged_samples == 0);
+        assert!(found.sources.values().all(|source| source.gaps == 0));
+    }
+}
+
+#[test]
+fn samples_in_a_broken_chunk_are_counted_and_said_by_the_rescue() {
+    let disk = MemoryDisk::default();
+    let recorder = recorder(disk.clone(), EACH_RECORD);
+    record_three(&recorder, 20);
+    assert!(recorder.finish(end(20)).is_complete());
+    let (mut bytes, lengths) = (disk.bytes(), disk.lengths());
+    // The chunks of the left sensor's samples 4, 5 and 9 and of the right one's 7; 100 bytes into a
+    // chunk is inside a message.
+    for append in [1 + 3 * 4, 1 + 3 * 5, 1 + 3 * 9, 1 + 3 * 7 + 1] {
+        bytes[lengths[append - 1] + 100] ^= 0x10;
+    }
+    let found = overview("broken", &bytes);
+    let [left, right] = ["left", "right"].map(|name| &found.sources[name]);
+    assert_eq!((left.records, left.damaged, left.gaps), (17, 3, 2));
+    assert_eq!((right.records, right.damaged, right.gaps), (19, 1, 1));
+    assert_eq!((found.damaged_samples, found.finished), (4, true));
+
+    let path = file("rescued", &bytes);
+    let recovered = recover(&path, true).unwrap();
+    assert_eq!((recovered.damaged, recovered.was_finished), (4, true));
+    assert!(recovered.lost_bytes > 0);
+    let rescued = summary(&recovered.path).unwrap();
+    assert_eq!(rescued.sources, found.sources, "the gaps stay gaps");
+}
+
+#[test]
+fn a_disk_that_fails_at_any_call_keeps_what_was_stored_and_every_message_is_counted() {
+    // Ten of each: two messages a sample, one a line, and the start and the end.
+    let total = 10 * (2 + 2 + 1) + 2;
+    let mut call = 3;
+    loop {
+        let disk = MemoryDisk::failing_at(call);
+        let recorder = recorder(disk.clone(), EACH_RECORD);
+        record_three(&recorder, 10);
+        let summary = recorder.finish(end(10));
+        assert_eq!(summary.messages + summary.lost, total, "call {call}");
+        assert!(summary.dropped.is_empty());
+        let found = overview("failing", &disk.bytes());
+        let read: u64 = found.channels.values().sum();
+        // A failed synchronisation may have kept the message it was for, and the end of the run.
+        assert!(read + 1 >= summary.messages, "call {call}: less in the file than was promised");
+        assert!(found.sources.values().all(|source| source.gaps == 0), "call {call}");
+        if summary.poisoned.is_none() {
+            break;
+        }
+        assert!(!summary.is_complete());
+        call += 1;
+    }
+    assert!(call > 60, "every append and synchronisation failed once: {call}");
+}
+
+#[test]
+fn a_full_disk_is_said_at_once_and_not_at_the_end() {
+    let disk = MemoryDisk::failing_at(5);
+    let recorder = recorder(disk, EACH_RECORD);
+    assert_eq!(recorder.failure(), None);
+    let id = recorder.add_source(source("left", SourceKind::Imu));
+    let patience = Clock::now() + Duration::from_secs(30);
+    let mut number = 0;
+    while recorder.failure().is_none() {
+        assert!(Clock::now() < patience, "the failure is never said");
+        recorder.take_record(id, sample(number, 0));
+        number += 1;
+        std::thread::yield_now();
+    }
+    assert_eq!(recorder.failure(), Some("no space left"));
+    let summary = recorder.finish(end(number));
+    assert_eq!(summary.poisoned.as_deref(), Some("no space left"));
+    let dropped: u64 = summary.dropped.values().sum();
+    assert_eq!(summary.messages + summary.lost + dropped, 2 * number + 2);
+}
+
+#[test]
+fn a_synchronisation_that_takes_two_seconds_loses_nothing_of_fifteen_sensors() {
+    let (gate, closed) = channel();
+    let disk = MemoryDisk::default();
+    // The start is appended and synchronised, the first chunk appended; then the disk stands still.
+    let gated = GatedDisk { disk: disk.clone(), gate: closed, open_calls: 3 };
+    let recorder = recorder(gated, EACH_RECORD);
+    let ids: Vec<_> = (0..15)
+        .map(|n| recorder.add_source(source(&format!("imu-{n}"), SourceKind::Imu)))
+        .collect();
+    for number in 0..2 * 200 {
+        ids.iter().for_each(|id| recorder.take_record(*id, sample(number, 0)));
+    }
+    drop(gate);
+    let summary = recorder.finish(end(400));
+    assert!(summary.is_complete(), "{:?}", summary.dropped);
+    let found = overview("slow", &disk.bytes());
+    assert!(found.sources.values().all(|source| (source.records, source.gaps) == (400, 0)));
+    assert_eq!(found.sources.len(), 15);
+}
+
+#[test]
+fn a_disk_that_stands_still_holds_up_no_sensor_and_what_is_dropped_is_counted_by_topic() {
+    let (gate, closed) = channel();
+    let disk = MemoryDisk::default();
+    let gated = GatedDisk { disk: disk.clone(), gate: closed, open_calls: 2 };
+    let recorder = recorder(gated, EACH_RECORD);
+    // If `take_record` or `add_source` waited for the disk, this would never end.
+    let left = recorder.add_source(source("left", SourceKind::Imu));
+    let count = QUEUE + 500;
+    (0..count).for_each(|number| recorder.take_record(left, sample(number, 0)));
+    let notes = recorder.add_source(source("notes", SourceKind::Lines));
+    (0..7).for_each(|number| recorder.take_record(notes, line(number)));
+
+    let dropped = recorder.dropped()["/imu/left/sample"];
+    // The queue is full and one record is being written.
+    assert!((499..=500).contains(&dropped), "{dropped} dropped");
+    drop(gate);
+    let summary = recorder.finish(end(count));
+    assert_eq!(summary.dropped["/imu/left/sample"], dropped);
+    assert_eq!(summary.dropped["/imu/left/orientation"], dropped);
+    assert_eq!(summary.dropped["/lines/notes"], 7);
+    assert_eq!((summary.lost, summary.dropped.len()), (0, 3));
+    assert!(!summary.is_complete());
+
+    let found = overview("still", &disk.bytes());
+    let (left, notes) = (&found.sources["left"], &found.sources["notes"]);
+    assert_eq!(left.records + dropped, count);
+    // Nothing came after the gap, so the end of the run tells of it.
+    assert_eq!((left.dropped, left.gaps, left.damaged), (dropped, 1, 0));
+    assert_eq!((notes.records, notes.dropped), (0, 7));
+    assert_eq!(found.dropped_samples, dropped + 7);
+}
+
+#[test]
+fn the_first_sample_after_a_gap_says_how_many_were_dropped() {
+    let (gate, closed) = channel();
+    let disk = MemoryDisk::default();
+    let gated = GatedDisk { disk: disk.clone(), gate: closed, open_calls: 2 };
+    let recorder = recorder(gated, EACH_RECORD);
+    let left = recorder.add_source(source("left", SourceKind::Imu));
+    (0..QUEUE + 100).for_each(|number| recorder.take_record(left, sample(number, 0)));
+    let dropped = recorder.dropped()["/imu/left/sample"];
+    drop(gate);
+    // Once there is room again, the next one is taken.
+    let patience = Clock::now() + Duration::from_secs(30);
+    while disk.calls() < 2000 {
+        assert!(Clock::now() < patience, "the disk stands still");
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    recorder.take_record(left, sample(QUEUE + 100, 0));
+    let summary = recorder.finish(end(QUEUE + 100));
+    assert_eq!(summary.dropped["/imu/left/sample"], dropped);
+
+    let bytes = disk.bytes();
+    let gaps: Vec<u64> = mcap::MessageStream::new(&bytes)
+        .unwrap()
+        .map(Result::unwrap)
+        .filter(|message| message.channel.topic == "/imu/left/sample")
+        .map(|message| serde_json::from_slice::<serde_json::Value>(&message.data).unwrap())
+        .filter_map(|json| json["dropped_before"].as_u64().filter(|&count| count > 0))
+        .collect();
+    assert_eq!(gaps, [dropped]);
+    let left = &overview("after", &bytes).sources["left"];
+    assert_eq!((left.dropped, left.gaps, left.damaged), (dropped, 1, 0));
+}
