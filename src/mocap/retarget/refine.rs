@@ -20,6 +20,9 @@ const FAST_WEIGHT_S: f64 = 0.1;
 const UNFOLLOWED_WEIGHT_S2: f64 = 0.01;
 /// Cost of a fit at which half of that applies: one direction off by 18 degrees.
 const UNFOLLOWED_COST: f64 = 0.1;
+/// That weight is the mean over so many seconds before and after: a limb that arrives where it cannot
+/// go on has to slow down first.
+const UNFOLLOWED_REACH_S: f64 = 0.2;
 const STEPS: usize = 100;
 /// A step shorter than this, rad, ends the iteration.
 const FINE_STEP_RAD: f64 = 1e-4;
@@ -40,7 +43,8 @@ pub fn together(
     let mut normals: Vec<Normal> =
         targets.iter().map(|_| Normal::new(group.joints().len())).collect();
     fit(&angles, &mut normals);
-    let pace = Pace { rate_hz, calm: normals.iter().map(|normal| calm(normal.cost)).collect() };
+    let calm = calm(&normals.iter().map(|normal| normal.cost).collect::<Vec<_>>(), rate_hz);
+    let pace = Pace { rate_hz, calm };
     let cost = |normals: &[Normal], angles: &[DVector<f64>]| {
         normals.iter().map(|normal| normal.cost).sum::<f64>()
             + pace.changes(angles).map(|change| change.penalty.cost).sum::<f64>()
@@ -67,10 +71,19 @@ pub fn together(
     angles
 }
 
-/// Weight of acceleration at a pose, s^4, by the cost of its fit in the first pass.
-fn calm(cost: f64) -> f64 {
-    let squares = (cost * cost, UNFOLLOWED_COST * UNFOLLOWED_COST);
-    UNFOLLOWED_WEIGHT_S2.powi(2) * squares.0 / (squares.0 + squares.1)
+/// Weight of acceleration by pose, s^4, from the costs of their fits in the first pass.
+fn calm(costs: &[f64], rate_hz: f64) -> Vec<f64> {
+    let weight = |cost: &f64| {
+        let square = cost * cost;
+        UNFOLLOWED_WEIGHT_S2.powi(2) * square / (square + UNFOLLOWED_COST.powi(2))
+    };
+    let weights: Vec<f64> = costs.iter().map(weight).collect();
+    let reach = (UNFOLLOWED_REACH_S * rate_hz) as usize;
+    let around = |at: usize| {
+        let near = &weights[at.saturating_sub(reach)..(at + reach + 1).min(weights.len())];
+        near.iter().sum::<f64>() / near.len() as f64
+    };
+    (0..weights.len()).map(around).collect()
 }
 
 /// What couples the poses.
