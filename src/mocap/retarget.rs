@@ -11,7 +11,9 @@
 //! * middle: a faint pull to the middle of the range, for angles nothing else settles,
 //! * velocity: a penalty on speed, over the whole clip at once and blind to the direction of time.
 //!   Angles that the segments settle well are hardly touched; where a robot's shoulder or hip is
-//!   singular and an angle counts for little, it changes slowly instead of spinning.
+//!   singular and an angle counts for little, it changes slowly instead of spinning,
+//! * acceleration: a penalty where the robot cannot follow, so that it does not chase what it will
+//!   not reach.
 //!
 //! The result is filtered without delay and bent smoothly into the limits.
 
@@ -25,6 +27,7 @@ use glam::{DQuat, DVec3};
 
 mod group;
 mod online;
+mod refine;
 mod solve;
 
 use group::Group;

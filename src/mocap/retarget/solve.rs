@@ -4,13 +4,13 @@
 //! make the one better that is not next to the pose before. So, first, each pose is fitted from
 //! the fits of the pose before and from some fixed starts, and the cheapest way from fit to fit
 //! through the clip is chosen (dynamic programming; a change of fits costs the time it takes).
-//! Then all poses are refined together, Gauss-Newton on a block tridiagonal system, with the
-//! penalty on velocity. As nothing but poses decides, the result does not hang on where a clip
-//! begins.
+//! Then all poses are refined together (`refine`). As nothing but poses decides, the result does
+//! not hang on where a clip begins.
 
 use super::group::{Group, Normal, Room, Target};
+use super::refine;
 use crate::mocap::anatomy::Capture;
-use nalgebra::{Cholesky, DMatrix, DVector};
+use nalgebra::{Cholesky, DVector};
 
 /// Pull towards the pose before, in the first pass only.
 const STEADY_WEIGHT: f64 = 0.05;
@@ -25,20 +25,11 @@ const MANY_JOINTS: usize = 8;
 /// Speed of changing from one fit to another, rad/s, for its cost: as long as it lasts, the links
 /// are off by about a radian.
 pub(super) const CHANGE_RAD_S: f64 = 8.0;
-/// Weight of velocity, s: an angle that a segment settles fully follows up to 1 / (2 pi 0.006 s) =
-/// 27 Hz, one that counts for a tenth up to 2.7 Hz.
-const VELOCITY_WEIGHT_S: f64 = 0.006;
-/// Speed, rad/s, beyond which velocity weighs more, and its weight there, s. A fast kick reaches
-/// this speed; what is faster is a change of fits or a slip of the capture.
-const FAST_RAD_S: f64 = 12.0;
-const FAST_WEIGHT_S: f64 = 0.1;
-/// Iterations from a fixed start, from the pose before, and over the whole clip.
+/// Iterations from a fixed start, and from the pose before.
 pub(super) const COLD_STEPS: usize = 30;
 pub(super) const WARM_STEPS: usize = 6;
-const CLIP_STEPS: usize = 100;
-/// A step shorter than this, rad, ends the iteration: in the first pass, over the whole clip.
+/// A step shorter than this, rad, ends the iteration.
 const ROUGH_STEP_RAD: f64 = 1e-3;
-const FINE_STEP_RAD: f64 = 1e-4;
 
 /// Solves a clip: angles by pose, each in the order of [`Group::joints`].
 pub fn clip(group: &Group<'_>, capture: &Capture, initial_rad: &[f64]) -> Vec<DVector<f64>> {
@@ -47,7 +38,7 @@ pub fn clip(group: &Group<'_>, capture: &Capture, initial_rad: &[f64]) -> Vec<DV
         return Vec::new();
     }
     let angles = cheapest_way(group, &targets, capture.rate_hz, initial_rad);
-    together(group, &targets, angles, capture.rate_hz)
+    refine::together(group, &targets, angles, capture.rate_hz)
 }
 
 /// A local best fit of a pose.
@@ -185,117 +176,4 @@ pub(super) fn descend(
         }
     }
     (angles, here.cost)
-}
-
-/// Refines all poses at once, with the penalty on velocity.
-fn together(
-    group: &Group<'_>,
-    targets: &[Vec<Target>],
-    mut angles: Vec<DVector<f64>>,
-    rate_hz: f64,
-) -> Vec<DVector<f64>> {
-    let size = group.joints().len();
-    let mut room = Room::default();
-    let mut evaluate = |angles: &[DVector<f64>], normals: &mut [Normal]| {
-        let mut cost = 0.0;
-        for (at, normal) in normals.iter_mut().enumerate() {
-            group.normal(&angles[at], &targets[at], normal, &mut room);
-            cost += normal.cost;
-        }
-        let moves = angles.windows(2).flat_map(|pair| (&pair[1] - &pair[0]).data.as_vec().clone());
-        cost + moves.map(|change| velocity(change, rate_hz).cost).sum::<f64>()
-    };
-    let mut normals: Vec<Normal> = targets.iter().map(|_| Normal::new(size)).collect();
-    let mut cost = evaluate(&angles, &mut normals);
-    let mut damping = 1e-4;
-    for _ in 0..CLIP_STEPS {
-        let Some(steps) = chained_step(&normals, &angles, rate_hz, damping) else { break };
-        let next: Vec<DVector<f64>> = angles.iter().zip(&steps).map(|(a, step)| a + step).collect();
-        let next_cost = evaluate(&next, &mut normals);
-        let longest = steps.iter().map(|step| step.amax()).fold(0.0, f64::max);
-        if next_cost < cost {
-            (angles, cost) = (next, next_cost);
-            damping = (damping * 0.3).max(1e-6);
-        } else {
-            damping *= 10.0;
-            evaluate(&angles, &mut normals);
-        }
-        if longest < FINE_STEP_RAD {
-            break;
-        }
-    }
-    angles
-}
-
-/// The penalty on one joint's change from a pose to the next.
-struct Velocity {
-    cost: f64,
-    /// Half the first and half the second derivative of the cost by the change.
-    slope: f64,
-    curvature: f64,
-}
-
-fn velocity(change: f64, rate_hz: f64) -> Velocity {
-    let weight = (VELOCITY_WEIGHT_S * rate_hz).powi(2);
-    let mut penalty =
-        Velocity { cost: weight * change * change, slope: weight * change, curvature: weight };
-    let beyond = change - change.clamp(-FAST_RAD_S / rate_hz, FAST_RAD_S / rate_hz);
-    if beyond != 0.0 {
-        let weight = (FAST_WEIGHT_S * rate_hz).powi(2);
-        penalty.cost += weight * beyond * beyond;
-        penalty.slope += weight * beyond;
-        penalty.curvature += weight;
-    }
-    penalty
-}
-
-/// The Gauss-Newton step of all poses, coupled by velocity: block tridiagonal, by elimination
-/// forwards and substitution backwards. The blocks off the diagonal are diagonal.
-fn chained_step(
-    normals: &[Normal],
-    angles: &[DVector<f64>],
-    rate_hz: f64,
-    damping: f64,
-) -> Option<Vec<DVector<f64>>> {
-    let size = angles[0].len();
-    let mut inverses: Vec<DMatrix<f64>> = Vec::with_capacity(normals.len());
-    let mut sides: Vec<DVector<f64>> = Vec::with_capacity(normals.len());
-    let mut couplings: Vec<DVector<f64>> = Vec::with_capacity(normals.len());
-    for (at, normal) in normals.iter().enumerate() {
-        let mut block = normal.hessian.clone();
-        let mut side = -&normal.gradient;
-        let mut coupling = DVector::zeros(size);
-        for row in 0..size {
-            block[(row, row)] += damping;
-            if at > 0 {
-                let penalty = velocity(angles[at][row] - angles[at - 1][row], rate_hz);
-                side[row] -= penalty.slope;
-                block[(row, row)] += penalty.curvature;
-            }
-            if let Some(next) = angles.get(at + 1) {
-                let penalty = velocity(next[row] - angles[at][row], rate_hz);
-                side[row] += penalty.slope;
-                block[(row, row)] += penalty.curvature;
-                coupling[row] = penalty.curvature;
-            }
-        }
-        if let (Some(inverse), Some(before), Some(coupled)) =
-            (inverses.last(), sides.last(), couplings.last())
-        {
-            side += (inverse * before).component_mul(coupled);
-            let coupled = DMatrix::from_diagonal(coupled);
-            block -= &coupled * inverse * &coupled;
-        }
-        inverses.push(Cholesky::new(block)?.inverse());
-        sides.push(side);
-        couplings.push(coupling);
-    }
-    let mut steps = vec![DVector::zeros(size); normals.len()];
-    for at in (0..normals.len()).rev() {
-        if at + 1 < normals.len() {
-            sides[at] += steps[at + 1].component_mul(&couplings[at]);
-        }
-        steps[at] = &inverses[at] * &sides[at];
-    }
-    Some(steps)
 }

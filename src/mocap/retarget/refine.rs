@@ -1,0 +1,287 @@
+//! All poses of a clip at once: segments, limits, and how the joints move between poses.
+//!
+//! Two penalties couple the poses. One is on velocity, alike everywhere. The other is on
+//! acceleration, and weighs the more the worse the best fit of a pose is: an arm without a turn about
+//! its upper arm, or a leg at its limit, is far from the person's whatever it does, and what cannot
+//! be followed need not be chased. Where a robot can do what the person does, it weighs nothing.
+
+use super::group::{Group, Normal, Room, Target};
+use nalgebra::DVector;
+
+/// Weight of velocity, s: an angle that a segment settles fully follows up to 1 / (2 pi 0.006 s) =
+/// 27 Hz, one that counts for a tenth up to 2.7 Hz.
+const VELOCITY_WEIGHT_S: f64 = 0.006;
+/// Speed, rad/s, beyond which velocity weighs more, and its weight there, s. A fast kick reaches
+/// this speed; what is faster is a change of fits or a slip of the capture.
+const FAST_RAD_S: f64 = 12.0;
+const FAST_WEIGHT_S: f64 = 0.1;
+/// Weight of acceleration where a pose cannot be followed at all, s^2: an angle of normal weight is
+/// then filtered as by two passes of a Butterworth filter at 1 / (2 pi 0.1 s) = 1.6 Hz.
+const UNFOLLOWED_WEIGHT_S2: f64 = 0.01;
+/// Cost of a fit at which half of that applies: one direction off by 18 degrees.
+const UNFOLLOWED_COST: f64 = 0.1;
+/// That weight is the mean over so many seconds before and after: a limb that arrives where it cannot
+/// go on has to slow down first.
+const UNFOLLOWED_REACH_S: f64 = 0.2;
+const STEPS: usize = 100;
+/// A step shorter than this, rad, ends the iteration.
+const FINE_STEP_RAD: f64 = 1e-4;
+
+/// Refines angles of all poses from those of the first pass.
+pub fn together(
+    group: &Group<'_>,
+    targets: &[Vec<Target>],
+    mut angles: Vec<DVector<f64>>,
+    rate_hz: f64,
+) -> Vec<DVector<f64>> {
+    let mut room = Room::default();
+    let mut fit = |angles: &[DVector<f64>], normals: &mut [Normal]| {
+        for ((normal, angles), targets) in normals.iter_mut().zip(angles).zip(targets) {
+            group.normal(angles, targets, normal, &mut room);
+        }
+    };
+    let mut normals: Vec<Normal> =
+        targets.iter().map(|_| Normal::new(group.joints().len())).collect();
+    fit(&angles, &mut normals);
+    let calm = calm(&normals.iter().map(|normal| normal.cost).collect::<Vec<_>>(), rate_hz);
+    let pace = Pace { rate_hz, calm };
+    let cost = |normals: &[Normal], angles: &[DVector<f64>]| {
+        normals.iter().map(|normal| normal.cost).sum::<f64>()
+            + pace.changes(angles).map(|change| change.penalty.cost).sum::<f64>()
+    };
+    let mut here = cost(&normals, &angles);
+    let mut damping = 1e-4;
+    for _ in 0..STEPS {
+        let Some(steps) = coupled_step(&normals, &angles, &pace, damping) else { break };
+        let next: Vec<DVector<f64>> = angles.iter().zip(&steps).map(|(a, step)| a + step).collect();
+        let longest = steps.iter().map(|step| step.amax()).fold(0.0, f64::max);
+        fit(&next, &mut normals);
+        let there = cost(&normals, &next);
+        if there < here {
+            (angles, here) = (next, there);
+            damping = (damping * 0.3).max(1e-6);
+        } else {
+            damping *= 10.0;
+            fit(&angles, &mut normals);
+        }
+        if longest < FINE_STEP_RAD {
+            break;
+        }
+    }
+    angles
+}
+
+/// Weight of acceleration by pose, s^4, from the costs of their fits in the first pass.
+fn calm(costs: &[f64], rate_hz: f64) -> Vec<f64> {
+    let weight = |cost: &f64| {
+        let square = cost * cost;
+        UNFOLLOWED_WEIGHT_S2.powi(2) * square / (square + UNFOLLOWED_COST.powi(2))
+    };
+    let weights: Vec<f64> = costs.iter().map(weight).collect();
+    let reach = (UNFOLLOWED_REACH_S * rate_hz) as usize;
+    let around = |at: usize| {
+        let near = &weights[at.saturating_sub(reach)..(at + reach + 1).min(weights.len())];
+        near.iter().sum::<f64>() / near.len() as f64
+    };
+    (0..weights.len()).map(around).collect()
+}
+
+/// What couples the poses.
+struct Pace {
+    rate_hz: f64,
+    /// Weight of acceleration, s^4, by pose.
+    calm: Vec<f64>,
+}
+
+/// A penalty on how one joint moves: on a sum of successive angles, each times its part.
+struct Change {
+    /// The first of the poses, and the joint.
+    at: usize,
+    row: usize,
+    parts: &'static [f64],
+    penalty: Penalty,
+}
+
+/// A penalty on a value, `weight * value^2`.
+struct Penalty {
+    cost: f64,
+    /// Half the first and half the second derivative of the cost by the sum of angles.
+    slope: f64,
+    curvature: f64,
+}
+
+impl Penalty {
+    /// For a value that is a sum of angles times `scale`.
+    fn new(value: f64, weight: f64, scale: f64) -> Self {
+        let slope = weight * value * scale;
+        Self { cost: weight * value * value, slope, curvature: weight * scale * scale }
+    }
+
+    /// Adds one on what a value is beyond a bound.
+    fn beyond(mut self, value: f64, bound: f64, weight: f64, scale: f64) -> Self {
+        let beyond = value - value.clamp(-bound, bound);
+        if beyond != 0.0 {
+            let more = Self::new(beyond, weight, scale);
+            self.cost += more.cost;
+            self.slope += more.slope;
+            self.curvature += more.curvature;
+        }
+        self
+    }
+}
+
+impl Pace {
+    /// All penalties on how the joints move.
+    fn changes(&self, angles: &[DVector<f64>]) -> impl Iterator<Item = Change> {
+        let size = angles.first().map_or(0, DVector::len);
+        let velocities =
+            angles.windows(2).enumerate().flat_map(move |(at, poses)| {
+                (0..size).map(move |row| {
+                    let value = (poses[1][row] - poses[0][row]) * self.rate_hz;
+                    let penalty = Penalty::new(value, VELOCITY_WEIGHT_S.powi(2), self.rate_hz)
+                        .beyond(value, FAST_RAD_S, FAST_WEIGHT_S.powi(2), self.rate_hz);
+                    Change { at, row, parts: &[-1.0, 1.0], penalty }
+                })
+            });
+        let square = self.rate_hz.powi(2);
+        let accelerations = angles.windows(3).enumerate().flat_map(move |(at, poses)| {
+            (0..size).map(move |row| {
+                let value = (poses[2][row] - 2.0 * poses[1][row] + poses[0][row]) * square;
+                let penalty = Penalty::new(value, self.calm[at + 1], square);
+                Change { at, row, parts: &[1.0, -2.0, 1.0], penalty }
+            })
+        });
+        velocities.chain(accelerations)
+    }
+}
+
+/// The Gauss-Newton step of all poses: a banded system, since no penalty reaches further than two
+/// poses.
+fn coupled_step(
+    normals: &[Normal],
+    angles: &[DVector<f64>],
+    pace: &Pace,
+    damping: f64,
+) -> Option<Vec<DVector<f64>>> {
+    let size = angles[0].len();
+    let mut system = Banded::new(normals.len() * size, 2 * size);
+    for (at, normal) in normals.iter().enumerate() {
+        for row in 0..size {
+            let i = at * size + row;
+            system.side[i] -= normal.gradient[row];
+            for column in 0..=row {
+                *system.entry(i, at * size + column) += normal.hessian[(row, column)];
+            }
+            *system.entry(i, i) += damping;
+        }
+    }
+    for Change { at, row, parts, penalty } in pace.changes(angles) {
+        for (later, part) in parts.iter().enumerate() {
+            let i = (at + later) * size + row;
+            system.side[i] -= part * penalty.slope;
+            for (sooner, other) in parts.iter().enumerate().take(later + 1) {
+                *system.entry(i, (at + sooner) * size + row) += part * other * penalty.curvature;
+            }
+        }
+    }
+    let steps = system.solve()?;
+    Some(steps.chunks(size).map(DVector::from_column_slice).collect())
+}
+
+/// A symmetric positive definite system whose entries are zero further than `reach` from the
+/// diagonal.
+struct Banded {
+    reach: usize,
+    /// The lower half row by row, `reach + 1` entries each, the last on the diagonal.
+    band: Vec<f64>,
+    side: Vec<f64>,
+}
+
+impl Banded {
+    fn new(count: usize, reach: usize) -> Self {
+        Self { reach, band: vec![0.0; count * (reach + 1)], side: vec![0.0; count] }
+    }
+
+    /// Place of the entry in row `i`, column `j`; `j` is at most `i` and at least `i - reach`.
+    const fn place(&self, i: usize, j: usize) -> usize {
+        (i + 1) * (self.reach + 1) - 1 - (i - j)
+    }
+
+    fn entry(&mut self, i: usize, j: usize) -> &mut f64 {
+        let place = self.place(i, j);
+        &mut self.band[place]
+    }
+
+    /// Cholesky factors in place, then substitution forwards and backwards.
+    fn solve(mut self) -> Option<Vec<f64>> {
+        let count = self.side.len();
+        for i in 0..count {
+            let first = i.saturating_sub(self.reach);
+            for j in first..i {
+                // Row j begins before row i.
+                let above = self.place(j, first)..self.place(j, j);
+                let left = self.place(i, first)..self.place(i, j);
+                let products = self.band[above].iter().zip(&self.band[left]).map(|(a, b)| a * b);
+                let rest = self.band[self.place(i, j)] - products.sum::<f64>();
+                *self.entry(i, j) = rest / self.band[self.place(j, j)];
+            }
+            let left = &self.band[self.place(i, first)..self.place(i, i)];
+            let (mut square, mut sum) = (self.band[self.place(i, i)], self.side[i]);
+            for (entry, solved) in left.iter().zip(&self.side[first..i]) {
+                square -= entry * entry;
+                sum -= entry * solved;
+            }
+            if !(square > 0.0) {
+                return None;
+            }
+            *self.entry(i, i) = square.sqrt();
+            self.side[i] = sum / square.sqrt();
+        }
+        for i in (0..count).rev() {
+            self.side[i] /= self.band[self.place(i, i)];
+            for j in i.saturating_sub(self.reach)..i {
+                self.side[j] -= self.band[self.place(i, j)] * self.side[i];
+            }
+        }
+        Some(self.side)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::DMatrix;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn a_banded_system_is_solved_as_a_full_one(
+            reach in 0usize..5,
+            entries in prop::collection::vec(-1.0..1.0, 12 * 6),
+            side in prop::collection::vec(-9.0..9.0, 12),
+        ) {
+            let mut system = Banded::new(12, reach);
+            let mut full = DMatrix::zeros(12, 12);
+            for i in 0..12usize {
+                for j in i.saturating_sub(reach)..=i {
+                    // Heavy on the diagonal, and so positive definite.
+                    let value = entries[i * 6 + i - j] + if i == j { 12.0 } else { 0.0 };
+                    *system.entry(i, j) = value;
+                    (full[(i, j)], full[(j, i)]) = (value, value);
+                }
+            }
+            system.side.clone_from(&side);
+            let solved = DVector::from_vec(system.solve().unwrap());
+            prop_assert!((full * solved - DVector::from_vec(side)).amax() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn a_system_that_is_not_positive_definite_is_not_solved() {
+        let mut system = Banded::new(2, 1);
+        for (i, j, value) in [(0, 0, 1.0), (1, 0, 2.0), (1, 1, 1.0)] {
+            *system.entry(i, j) = value;
+        }
+        assert!(system.solve().is_none());
+    }
+}
