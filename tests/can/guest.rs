@@ -5,6 +5,8 @@
 mod dialects;
 #[path = "slcan.rs"]
 mod slcan;
+#[path = "virtual_actuators.rs"]
+mod virtual_actuators;
 
 use gaitway::port::can::{CanInterface, Filter, interfaces, state};
 use gaitway::port::{Clock as _, FramePort as _, Heard, MonotonicClock, PortError};
