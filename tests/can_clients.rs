@@ -9,6 +9,8 @@ mod python;
 mod asked;
 #[path = "can_clients/moteus.rs"]
 mod moteus;
+#[path = "can_clients/on_the_line.rs"]
+mod on_the_line;
 
 use aloud::aloud;
 use asked::{asked, assert_sent, bytes, error, hexadecimal, number, sent};
