@@ -5,6 +5,8 @@
 //! several questions may be open at once, and a late answer is still its device's own.
 
 mod bits;
+#[cfg(test)]
+mod tests;
 
 pub use bits::Shape;
 

@@ -3,6 +3,8 @@
 
 #[path = "dialects.rs"]
 mod dialects;
+#[path = "simulator.rs"]
+mod simulator;
 #[path = "slcan.rs"]
 mod slcan;
 #[path = "virtual_actuators.rs"]

@@ -36,6 +36,8 @@ struct Axis {
     told: Told,
     /// It told its position since states were last taken.
     fresh: bool,
+    /// When it told its position.
+    heard_at: Instant,
     /// When it was last told or asked something that it answers with its state.
     asked_at: Instant,
     /// The question whose answer is waited for.
@@ -51,11 +53,13 @@ struct Axis {
 }
 
 impl Axis {
-    /// Takes what `frame` tells of it; true if it does.
-    fn hear(&mut self, frame: &CanFrame) -> bool {
+    /// Takes what `frame`, which was heard by `now`, tells of it; true if it does.
+    fn hear(&mut self, frame: &CanFrame, now: Instant) -> bool {
         let answer = self.open.and_then(|asked| self.actuator.answer(&asked, frame));
         let Some(told) = answer.or_else(|| self.actuator.told(frame)) else { return false };
-        self.fresh |= told.position_rad.is_some();
+        if told.position_rad.is_some() {
+            (self.fresh, self.heard_at) = (true, now);
+        }
         self.told = self.told.then(told);
         true
     }
@@ -103,9 +107,9 @@ fn speed(step_rad: f64, apart: Duration, most_rad_s: f64) -> f64 {
 }
 
 /// Hands `frame` to whomever it is of; true if it is of anybody.
-fn dispatch(axes: &mut [Axis], frame: &CanFrame) -> bool {
+fn dispatch(axes: &mut [Axis], frame: &CanFrame, now: Instant) -> bool {
     // Damiao devices may share the identifier of their answers; each knows its own.
-    axes.iter_mut().fold(false, |known, axis| axis.hear(frame) || known)
+    axes.iter_mut().fold(false, |known, axis| axis.hear(frame, now) || known)
 }
 
 impl CanLine {
@@ -123,6 +127,7 @@ impl CanLine {
                 actuator: of.actuator()?.clone(),
                 told: Told::default(),
                 fresh: false,
+                heard_at: Instant::ZERO,
                 asked_at: Instant::ZERO,
                 open: None,
                 goal: None,
@@ -159,8 +164,8 @@ impl CanLine {
 
     /// Takes in what was heard up to now.
     fn drain(&mut self) -> Result<(), AskError> {
-        let axes = &mut self.axes;
-        self.bus.drain(&mut |frame| dispatch(axes, frame))
+        let (axes, clock) = (&mut self.axes, &self.clock);
+        self.bus.drain(&mut |frame| dispatch(axes, frame, clock.now()))
     }
 
     /// The goal frame of one actuator. Only the guard's command gets here: through
@@ -214,6 +219,9 @@ impl CanLine {
             let since = now.since(axis.asked_at);
             let answers = axis.driven && axis.actuator.answers_goals();
             axis.fresh &= !anew && (!answers || since <= OLDEST);
+            // Who can only be listened to tells in a time of his own.
+            let listened_to = axis.actuator.ask_state().is_none() && !axis.actuator.answers_goals();
+            axis.fresh |= listened_to && !anew && now.since(axis.heard_at) <= OLDEST;
             axis.open = None;
             // An answer that is still on its way is waited for.
             if axis.fresh || answers && !anew && since < window {
@@ -258,10 +266,10 @@ impl CanLine {
             }
             let asked_at = self.axes.iter().map(|axis| axis.asked_at).max();
             let until = budget.min(asked_at.unwrap_or(Instant::ZERO) + window);
-            let axes = &mut self.axes;
+            let (axes, clock) = (&mut self.axes, &self.clock);
             if axes.iter().any(|axis| !axis.fresh) {
                 self.bus.listen(until, &mut |frame| {
-                    let known = dispatch(axes, frame);
+                    let known = dispatch(axes, frame, clock.now());
                     (known, axes.iter().any(|axis| !axis.fresh))
                 })?;
             }
@@ -343,11 +351,11 @@ impl CanLine {
         budget: Instant,
     ) -> Result<Told, AskError> {
         let actuator = self.axes[index].actuator.clone();
-        let axes = &mut self.axes;
+        let (axes, clock) = (&mut self.axes, &self.clock);
         let told = self.bus.ask(
             &question.frame,
             |frame| actuator.answer(question, frame),
-            |frame| dispatch(axes, frame),
+            |frame| dispatch(axes, frame, clock.now()),
             budget,
         )?;
         let axis = &mut self.axes[index];
@@ -475,9 +483,9 @@ impl CanLine {
         while !agrees(&self.axes[index]) && self.clock.now() < give_up {
             self.ask_torque(index, give_up)?;
             let until = give_up.min(self.clock.now() + ASK_AGAIN);
-            let axes = &mut self.axes;
+            let (axes, clock) = (&mut self.axes, &self.clock);
             self.bus.listen(until, &mut |frame| {
-                let known = dispatch(axes, frame);
+                let known = dispatch(axes, frame, clock.now());
                 (known, !agrees(&axes[index]))
             })?;
             // The others must not think that their host is gone.
@@ -556,11 +564,11 @@ impl CanLine {
             _ => None,
         });
         let until = self.clock.now() + said.max().unwrap_or_default() + LISTEN;
-        let axes = &mut self.axes;
+        let (axes, clock) = (&mut self.axes, &self.clock);
         let mut spoken_to = None;
         self.bus.listen(until, &mut |frame| {
             for axis in axes.iter_mut() {
-                if axis.hear(frame) && axis.actuator.answers_goals() {
+                if axis.hear(frame, clock.now()) && axis.actuator.answers_goals() {
                     spoken_to.get_or_insert(axis.joint);
                 }
             }
