@@ -66,7 +66,7 @@ fn twelve_actuators_on_one_line_play_at_200_hz() {
     assert!(played.trajectory.duration_s() > 1.0);
     for joint in scene.link.robot().joint_names() {
         let speed = scene.world.lock().joint_velocity_rad_s(&joint).expect("a joint");
-        assert!(speed.abs() < 0.01, "{joint} still turns at {speed} rad/s");
+        assert!(speed.abs() < 0.05, "{joint} still turns at {speed} rad/s");
     }
     let stats = scene.link.can_stats(0).expect("a CAN line");
     assert_eq!((stats.foreign, stats.retried), (0, 0));
@@ -229,6 +229,14 @@ fn killed_in_motion(scene: &mut Scene) {
     assert!(killed.is_err());
 }
 
+/// A moteus goes on braking in a mode of its own, which it tells.
+fn brakes(scene: &mut Scene) -> bool {
+    let budget = scene.link.clock().now() + Duration::from_millis(100);
+    scene.link.whole_states(budget).expect("a line");
+    let told = scene.link.health(1, 0, budget).expect("a line").error_bits;
+    told.is_some_and(|bits| scene.link.error_words(1, bits).contains("host was silent"))
+}
+
 struct KilledIn(u64);
 
 impl Sink for KilledIn {
@@ -247,22 +255,23 @@ fn whoever_hears_nothing_from_the_host_lets_go_and_is_played_again() {
     {
         let mut scene = few(kind, 3, 100.0);
         killed_in_motion(&mut scene);
-        let wait_ms = |millis: u64| {
+        let wait_ms = |scene: &Scene, millis: u64| {
             let mut world = scene.world.lock();
             let until_ns = world.now_ns() + millis * 1_000_000;
             world.run_until(until_ns);
         };
+        let shared = scene.world.clone();
         let trouble = || {
-            let world = scene.world.lock();
+            let world = shared.lock();
             world.actuator("joint_2").expect("an actuator").trouble()
         };
-        let driven = || scene.world.lock().actuator("joint_2").expect("an actuator").enabled();
-        wait_ms(silence_ms - 20);
+        let driven = || shared.lock().actuator("joint_2").expect("an actuator").enabled();
+        wait_ms(&scene, silence_ms - 20);
         assert!(driven(), "{}: let go too early", kind.servo);
-        wait_ms(40);
-        let gone = !driven() || trouble() == Some(Trouble::Silence);
+        wait_ms(&scene, 40);
+        let gone = !driven() || trouble() == Some(Trouble::Silence) || brakes(&mut scene);
         assert!(gone, "{}: still driven", kind.servo);
-        wait_ms(2000);
+        wait_ms(&scene, 2000);
         let played = scene.play(0.3, 1);
         assert_eq!(played.run.stop, None, "{}: {:?}", kind.servo, played.run.notes);
     }

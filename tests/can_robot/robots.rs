@@ -59,7 +59,7 @@ fn joint(out: &mut String, name: &str, line: &str, servo: &str, id: usize, keys:
         out,
         "[[joint]]\nname = \"{name}\"\nline = \"{line}\"\nid = {id}\nservo = \"{servo}\"\n{keys}\n\
          direction = 1\noffset_rad = 0.0\nlower_rad = -1.0\nupper_rad = 1.0\n\
-         velocity_rad_s = 6.0\nacceleration_rad_s2 = 30.0\ninitial_rad = 0.0\n\
+         velocity_rad_s = 4.0\nacceleration_rad_s2 = 20.0\ninitial_rad = 0.0\n\
          origin_m = [0.0, 0.0, 0.1]\naxis = [0.0, 1.0, 0.0]\n\n"
     );
 }

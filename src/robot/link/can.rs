@@ -242,7 +242,9 @@ impl CanLine {
         axis.asked_at = self.clock.now();
         match axis.open {
             Some(question) => self.bus.send(&question.frame, budget),
-            None if axis.is_asked_by_letting_go() => self.order(index, Order::LetGo, budget),
+            None if self.alone && axis.is_asked_by_letting_go() => {
+                self.order(index, Order::LetGo, budget)
+            }
             None => Ok(()),
         }
     }
@@ -375,7 +377,17 @@ impl CanLine {
         let no_such = || AskError::Unsayable(format!("setting {number} is not for writing"));
         let frame = self.axes[index].actuator.write_setting(number, bits).ok_or_else(no_such)?;
         self.bus.send(&frame, budget)?;
+        // Some answer with what they were told; only what they read is what they kept.
+        self.settle()?;
         self.read(joint, number, budget)
+    }
+
+    /// Waits until everything that was said is answered: what is heard from then on answers what is
+    /// said from then on.
+    fn settle(&mut self) -> Result<(), AskError> {
+        let until = self.clock.now() + self.bus.answer_time(self.exchange_s());
+        let (axes, clock) = (&mut self.axes, &self.clock);
+        self.bus.listen(until, &mut |frame| (dispatch(axes, frame, clock.now()), true))
     }
 
     /// Everything an actuator tells besides where it stands, as far as it has told it.
@@ -409,6 +421,13 @@ impl CanLine {
         if let Some(question) = questions.get(part) {
             self.ask(index, question, budget)?;
         }
+        // Who let go without being told to is heard out at once.
+        let Axis { driven, told, .. } = &self.axes[index];
+        if *driven && told.enabled == Some(false) && told.faults.is_none_or(Faults::is_none) {
+            for question in &questions {
+                self.ask(index, question, budget)?;
+            }
+        }
         Ok(self.facts(joint))
     }
 
@@ -434,11 +453,12 @@ impl CanLine {
 
     /// Switches all actuators on, each at its last goal, or off. Nothing is waited for.
     pub fn write_torque(&mut self, on: bool, budget: Instant) -> Result<(), AskError> {
+        self.settle()?;
         for index in 0..self.axes.len() {
             if on {
                 self.order(index, Order::Enable, budget)?;
                 let axis = &mut self.axes[index];
-                (axis.driven, axis.told.enabled) = (true, None);
+                (axis.driven, axis.told.enabled, axis.fresh) = (true, None, false);
                 self.send_goal(index, budget)?;
             } else {
                 self.let_go(index, budget)?;
@@ -456,6 +476,7 @@ impl CanLine {
     /// Switches one actuator off and waits for it to say so. An order that is lost is given again.
     pub fn limp(&mut self, joint: usize) -> Result<(), AskError> {
         let index = self.index(joint)?;
+        self.settle()?;
         let give_up = self.clock.now() + TELLS_ITSELF;
         while self.clock.now() < give_up {
             self.let_go(index, give_up)?;
