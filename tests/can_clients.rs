@@ -11,6 +11,8 @@ mod asked;
 mod moteus;
 #[path = "can_clients/on_the_line.rs"]
 mod on_the_line;
+#[path = "can_clients/page.rs"]
+mod page;
 
 use aloud::aloud;
 use asked::{asked, assert_sent, bytes, error, hexadecimal, number, sent};
