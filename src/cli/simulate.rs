@@ -1,6 +1,6 @@
 //! `simulate`: the virtual robot as a device that other programs open.
 
-mod imus;
+pub mod imus;
 
 use super::Remarks;
 use super::signals::Signals;

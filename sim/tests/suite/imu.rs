@@ -1,8 +1,8 @@
 //! Virtual inertial sensors: what they measure is what the motion does, and nothing else.
 
 use gaitway_sim::imu::{
-    BodyMotion, Disturbance, GRAVITY_M_S2, ImuError, ImuErrors, ImuWire, Measured, Mount,
-    VirtualImu,
+    BodyMotion, Disturbance, GRAVITY_M_S2, ImuDoor, ImuError, ImuErrors, ImuWire, Measured, Mount,
+    Stage, VirtualImu,
 };
 
 fn near(found: [f64; 3], expected: [f64; 3], tolerance: f64) {
@@ -158,4 +158,60 @@ fn the_report_of_the_data_sheet_is_built() {
             0x03, 0x00, 0x00, 0x00, 0xE7
         ]
     );
+}
+
+/// Two sensors of one body, opened 0.3 s apart: what they say was taken at the same time of its motion.
+#[test]
+fn sensors_of_one_body_share_the_time_of_its_motion_and_begin_again_when_all_were_closed() {
+    use std::io::Read;
+    let stage = Stage::default();
+    let door = || {
+        let motion = BodyMotion::still(0.5).expect("a motion");
+        let errors = ImuErrors::default();
+        let imu = VirtualImu::new(motion, Mount::default(), errors, ImuWire::Csv, 100.0);
+        let imu = imu.expect("a sensor").then_still();
+        ImuDoor::open_on(&stage, imu, 115_200, None).expect("a terminal")
+    };
+    let doors = [door(), door()];
+    let first_tick = |port: &mut std::fs::File| -> u64 {
+        let mut bytes = Vec::new();
+        while !bytes.contains(&b',') {
+            let mut buffer = [0; 64];
+            let count = port.read(&mut buffer).expect("bytes");
+            bytes.extend(&buffer[..count]);
+        }
+        let text = String::from_utf8_lossy(&bytes).into_owned();
+        text.split(',').next().and_then(|ticks| ticks.parse().ok()).expect("microseconds")
+    };
+    assert_eq!(stage.began(), None);
+    for round in 0..2 {
+        let open = |door: &ImuDoor| std::fs::File::open(door.path()).expect("opens");
+        let mut one = open(&doors[0]);
+        assert!(first_tick(&mut one) < 200_000, "from the start, round {round}");
+        std::thread::sleep(std::time::Duration::from_millis(300));
+        let mut other = open(&doors[1]);
+        let ticks = first_tick(&mut other);
+        let passed = stage.began().expect("somebody listens").elapsed();
+        // The host may have stalled since, but the motion had gone on before.
+        assert!(ticks >= 290_000 && u128::from(ticks) <= passed.as_micros(), "{ticks}");
+        drop((one, other));
+        while stage.began().is_some() {
+            std::thread::sleep(std::time::Duration::from_millis(5));
+        }
+    }
+}
+
+#[test]
+fn a_sensor_that_stays_goes_on_after_the_motion_and_a_heading_drifts_as_it_is_told() {
+    let motion = BodyMotion::still(0.5).expect("a motion");
+    let errors = ImuErrors { heading_drift_rad_s: 0.01, ..ImuErrors::default() };
+    let imu = VirtualImu::new(motion, Mount::default(), errors, ImuWire::Teapot, 100.0);
+    let sent: Vec<_> = imu.expect("a sensor").then_still().take(3001).collect();
+    let last = &sent[3000];
+    assert!((last.taken_s - 30.0).abs() < 1e-9);
+    assert!((last.truth.specific_force_m_s2[2] - 9.80665).abs() < 1e-9);
+    // The quaternion of a packet: four words from the third byte on, 16384 per unit.
+    let word = |at: usize| f64::from(i16::from_be_bytes([last.bytes[at], last.bytes[at + 1]]));
+    let heading = 2.0 * word(8).atan2(word(2));
+    assert!((heading - 0.3).abs() < 1e-3, "{heading}");
 }

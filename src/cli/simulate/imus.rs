@@ -1,6 +1,6 @@
 //! `simulate imus`: a virtual person who wears virtual sensors, each of which other programs open.
 
-mod person;
+pub mod person;
 
 use crate::body::Segment;
 use crate::body::proportions::proximal_joint;
@@ -57,7 +57,7 @@ pub struct ImusArgs {
     /// Where to write which segment wears which sensor [default: DIR/wear.toml]
     #[arg(long, value_name = "FILE.toml")]
     wear_file: Option<PathBuf>,
-    /// How long the person stands in N pose at first, e.g. 10s
+    /// How long the person stands in N pose at first, and before the motion, e.g. 10s
     #[arg(long, value_name = "TIME", value_parser = duration, default_value = "10s")]
     stand: Duration,
     /// Noise and bias as a multiple of a usual sensor's; 0: none

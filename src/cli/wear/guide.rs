@@ -396,12 +396,10 @@ impl<'a> Guide<'a> {
         n_pose: &[Vec<DQuat>],
     ) -> Result<Option<Option<Moved>>, Error> {
         let turned: Vec<usize> = self.turned_by(movement).collect();
-        // Arms may still be on their way down from T pose.
         self.say(&format!("then: {}", asked(movement)));
         let until = self.clock.now() + WITHIN;
-        let mut began: Option<Instant> = None;
-        let mut back_since: Option<Instant> = None;
-        let mut stood_since: Option<Instant> = None;
+        self.sensors.listen();
+        let mut progress = Progress::default();
         loop {
             match self.look()? {
                 Answer::GoOn => {}
@@ -412,24 +410,11 @@ impl<'a> Guide<'a> {
             let said = self.sensors.now();
             let off = |at: usize| turned_rad(&n_pose[at], said[at]?);
             let is_back = (0..said.len()).all(|at| off(at).is_some_and(|rad| rad < BACK_RAD));
-            let has_begun = turned.iter().any(|at| off(*at).is_some_and(|rad| rad > BEGUN_RAD));
-            match began {
-                None if is_back => {
-                    if stood_since.is_none() {
-                        stood_since = Some(now);
-                        self.sensors.listen();
-                    }
-                }
-                None if has_begun && stood_since.is_some() => began = stood_since,
-                None => {}
-                Some(began) if is_back => {
-                    if now.since(*back_since.get_or_insert(now)) >= OVER {
-                        self.say("  good");
-                        let orientation = self.sensors.listened(began, now);
-                        return Ok(Some(Some(Moved { movement, orientation })));
-                    }
-                }
-                Some(_) => back_since = None,
+            let is_away = turned.iter().any(|at| off(*at).is_some_and(|rad| rad > BEGUN_RAD));
+            if let Some(stood) = progress.take(now, is_back, is_away) {
+                self.say("  good");
+                let orientation = self.sensors.listened(stood, now);
+                return Ok(Some(Some(Moved { movement, orientation })));
             }
             if !self.operator.is_at_terminal() && now >= until {
                 self.say("  it was not seen: left out");
@@ -516,6 +501,32 @@ impl<'a> Guide<'a> {
     }
 }
 
+/// How far somebody is with a movement: standing first, for arms may still be on their way down from T
+/// pose, then away, then standing again.
+#[derive(Debug, Default)]
+struct Progress {
+    stood: Option<Instant>,
+    went: bool,
+    back: Option<Instant>,
+}
+
+impl Progress {
+    /// Takes a moment; once it is over, since when.
+    fn take(&mut self, now: Instant, is_back: bool, is_away: bool) -> Option<Instant> {
+        if !is_back {
+            self.back = None;
+            self.went |= is_away && self.stood.is_some();
+            return None;
+        }
+        let stood = *self.stood.get_or_insert(now);
+        if !self.went {
+            return None;
+        }
+        let back = *self.back.get_or_insert(now);
+        (now.since(back) >= OVER).then_some(stood)
+    }
+}
+
 /// A movement as a person is asked for it.
 fn asked(movement: Movement) -> &'static str {
     match movement {
@@ -525,5 +536,27 @@ fn asked(movement: Movement) -> &'static str {
             "march on the spot, feet pulled along, elbows bending, arms at the sides; then stand"
         }
         Movement::RaiseArms => "raise both straight arms forward and lower them",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_movement_begins_from_standing_and_is_over_after_standing_again() {
+        let mut progress = Progress::default();
+        let at = |seconds: f64| Instant::from_nanos((seconds * 1e9) as u64);
+        // Arms that come down from T pose are no movement.
+        assert_eq!(progress.take(at(0.0), false, true), None);
+        assert_eq!(progress.take(at(1.0), true, false), None);
+        assert_eq!(progress.take(at(3.0), true, false), None);
+        assert_eq!(progress.take(at(4.0), false, true), None);
+        // On the way back, with a stumble.
+        assert_eq!(progress.take(at(5.0), true, false), None);
+        assert_eq!(progress.take(at(5.5), false, false), None);
+        assert_eq!(progress.take(at(5.6), true, false), None);
+        assert_eq!(progress.take(at(6.2), true, false), None);
+        assert_eq!(progress.take(at(6.31), true, false), Some(at(1.0)));
     }
 }

@@ -242,3 +242,131 @@ impl Sensors {
         within as f64 / to.seconds_since(from).max(1e-9)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::mpsc::{Sender, channel};
+
+    fn place(segment: Segment, sensor: &str) -> Place {
+        Place { segment, sensor: sensor.to_owned(), forward: None }
+    }
+
+    fn at(seconds: f64) -> Instant {
+        Instant::from_nanos((seconds * 1e9).round() as u64)
+    }
+
+    fn say(sender: &Sender<Said>, sensor: &str, angle: Option<f64>, anew: bool, taken_s: f64) {
+        let said = Said::Sample {
+            sensor: sensor.into(),
+            orientation: angle.map(DQuat::from_rotation_z),
+            anew,
+            arrival: at(taken_s),
+            taken: at(taken_s),
+        };
+        sender.send(said).expect("heard");
+    }
+
+    fn two() -> (Sensors, Sender<Said>) {
+        let (sender, receiver) = channel();
+        let places = vec![place(Segment::Torso, "a"), place(Segment::Head, "b")];
+        (Sensors::new(places, Feed::Live(receiver)), sender)
+    }
+
+    #[test]
+    fn who_is_silent_who_nobody_wears_and_who_is_gone_is_known() {
+        let (mut sensors, sender) = two();
+        say(&sender, "a", Some(0.5), false, 1.0);
+        say(&sender, "c", Some(0.5), false, 1.0);
+        say(&sender, "b", None, false, 1.0);
+        sensors.hear(at(1.0));
+        let silent: Vec<Segment> = sensors.silent().map(|place| place.segment).collect();
+        assert_eq!(silent, [Segment::Head]);
+        assert_eq!(sensors.others().collect::<Vec<_>>(), ["c"]);
+        assert_eq!(sensors.ended(), None);
+        let gone = |sensor: &str| Said::Ended { sensor: sensor.into(), why: "pulled".to_owned() };
+        for name in ["c", "b"] {
+            sender.send(gone(name)).expect("heard");
+        }
+        sensors.hear(at(1.0));
+        assert_eq!(sensors.ended(), Some(&("b".to_owned(), "pulled".to_owned())));
+    }
+
+    /// Its filter settles for a second: a hundred samples that say so are one new beginning.
+    #[test]
+    fn a_sensor_that_begins_anew_says_nothing_until_it_has_settled_and_is_told_once() {
+        let (mut sensors, sender) = two();
+        say(&sender, "a", None, true, 0.9);
+        say(&sender, "a", Some(0.5), false, 1.0);
+        sensors.hear(at(1.0));
+        assert!(sensors.take_anew().is_empty(), "the first beginning is none anew");
+        for n in 0..100 {
+            say(&sender, "a", None, true, 2.0 + f64::from(n) / 100.0);
+        }
+        sensors.hear(at(3.0));
+        assert_eq!(sensors.newest()[0], (Segment::Torso, None));
+        say(&sender, "a", Some(0.7), false, 3.1);
+        sensors.hear(at(3.1));
+        assert_eq!(sensors.take_anew(), [Segment::Torso]);
+        assert!(sensors.newest()[0].1.is_some_and(|(_, taken)| taken == at(3.1)));
+        // A device that was reset and goes on at once.
+        say(&sender, "a", Some(0.0), true, 3.2);
+        sensors.hear(at(3.2));
+        assert_eq!(sensors.take_anew(), [Segment::Torso]);
+    }
+
+    /// 100 and 40 samples per second become 60 of both, at the same moments.
+    #[test]
+    fn what_was_listened_to_is_the_newest_of_each_sensor_at_even_moments() {
+        let (mut sensors, sender) = two();
+        sensors.listen();
+        for n in 0..200 {
+            let time_s = 1.0 + f64::from(n) / 100.0;
+            say(&sender, "a", Some(time_s), false, time_s);
+        }
+        for n in 0..80 {
+            let time_s = 1.0 + f64::from(n) / 40.0;
+            say(&sender, "b", Some(time_s), false, time_s);
+        }
+        sensors.hear(at(3.0));
+        let said = sensors.listened(at(1.5), at(2.5));
+        assert_eq!([said[0].len(), said[1].len()], [61, 61]);
+        for (n, (a, b)) in said[0].iter().zip(&said[1]).enumerate() {
+            let moment = 1.5 + n as f64 / LISTENED_HZ;
+            for (said, period_s) in [(a, 0.01), (b, 0.025)] {
+                let behind = moment - 2.0 * said.z.atan2(said.w);
+                assert!((-1e-6..period_s + 1e-6).contains(&behind), "{n}: {behind}");
+            }
+        }
+        assert!((sensors.rate_hz(0, at(1.5), at(2.5)) - 100.0).abs() < 2.0);
+        assert!((sensors.rate_hz(1, at(1.5), at(2.5)) - 40.0).abs() < 2.0);
+        sensors.forget();
+        assert!(sensors.listened(at(1.5), at(2.5)).iter().all(Vec::is_empty));
+    }
+
+    #[test]
+    fn a_recording_speaks_at_its_own_pace_from_when_it_is_first_asked() {
+        let sample = |read_ms: u64| ReplayedSample {
+            sensor: "a".into(),
+            orientation: Some(DQuat::IDENTITY),
+            anew: false,
+            read: Duration::from_millis(read_ms),
+            age: Duration::from_millis(4),
+        };
+        let samples = [0, 10, 20, 1000].map(sample);
+        let places = vec![place(Segment::Torso, "a")];
+        let mut sensors = Sensors::new(places, Feed::replay(samples.into()));
+        let mut heard = |now_s: f64| {
+            sensors.hear(at(now_s));
+            (
+                sensors.samples().next().map(|(_, count)| count),
+                sensors.newest()[0].1,
+                sensors.is_over(),
+            )
+        };
+        assert_eq!(heard(50.0), (Some(1), Some((DQuat::IDENTITY, at(49.996))), false));
+        assert_eq!(heard(50.015).0, Some(2));
+        assert_eq!(heard(50.9), (Some(3), Some((DQuat::IDENTITY, at(50.016))), false));
+        assert_eq!(heard(51.0), (Some(4), Some((DQuat::IDENTITY, at(50.996))), true));
+    }
+}

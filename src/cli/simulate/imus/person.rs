@@ -17,12 +17,13 @@ const STAND_S: f64 = 4.0;
 /// How far the bow goes, rad, and how long it takes there, s.
 const BOW_RAD: f64 = 0.8;
 const BOW_S: f64 = 1.5;
-/// How long the person stands before the motion, s: a robot goes to its pose meanwhile.
-const READY_S: f64 = 12.0;
 /// At the end, so that what is measured afterwards is at rest, s.
 const END_S: f64 = 1.0;
 /// Longest performance, s: ten minutes of 13 sensors are 200 MB.
 const LONGEST_S: f64 = 600.0;
+
+/// What the motion is called.
+const MOTION: &str = "the motion";
 
 /// A performance, pose by pose.
 pub struct Person {
@@ -33,16 +34,17 @@ pub struct Person {
 }
 
 impl Person {
-    /// Somebody who stands for `stand_s` first, and then does what was captured.
+    /// Somebody who stands for `stand_s`, shows T pose and a bow, stands so long once more, so that a
+    /// robot can go to its pose, and then does what was captured.
     ///
     /// # Errors
     /// A motion that is too long.
     pub fn new(capture: &Capture, stand_s: f64) -> Result<Self, Error> {
         let duration_s = capture.poses.len() as f64 / capture.rate_hz;
-        if !(duration_s + stand_s <= LONGEST_S) {
+        if !(duration_s + 2.0 * stand_s <= LONGEST_S) {
             return Err(Error::new("the performance is too long")
                 .at("--motion")
-                .got(format!("{:.0} s", duration_s + stand_s))
+                .got(format!("{:.0} s", duration_s + 2.0 * stand_s))
                 .allowed(format!("{LONGEST_S:.0} s")));
         }
         let body = Proportions::of_stature(capture.stature_m)?;
@@ -61,27 +63,36 @@ impl Person {
         person.stand("N pose", STAND_S);
         person.change("bow", &bowed, BOW_S);
         person.change("up again", &n_pose, BOW_S);
-        person.stand("stands", READY_S);
+        person.stand("stands", stand_s);
         let samples = (duration_s * RATE_HZ) as usize;
         let moving: Vec<SegmentPose> =
             (0..samples).map(|n| capture.at(n as f64 / RATE_HZ)).collect();
         if let Some(first) = moving.first() {
             person.change("to the motion", first, CHANGE_S);
         }
-        person.begin("the motion");
+        person.begin(MOTION);
         person.poses.extend(moving);
         person.change("to N pose", &n_pose, CHANGE_S);
         person.stand("N pose until the end", END_S);
         Ok(person)
     }
 
+    /// When the motion begins, s.
+    #[must_use]
+    pub fn motion_at_s(&self) -> f64 {
+        let motion = self.doing.iter().find(|(_, what)| *what == MOTION);
+        motion.map_or(0.0, |(from_s, _)| *from_s)
+    }
+
     /// What is done at a time, s.
+    #[must_use]
     pub fn doing(&self, time_s: f64) -> &'static str {
         let begun = self.doing.partition_point(|(from_s, _)| *from_s <= time_s);
         self.doing[begun.saturating_sub(1)].1
     }
 
     /// All poses, [`RATE_HZ`] per second.
+    #[must_use]
     pub fn poses(&self) -> &[SegmentPose] {
         &self.poses
     }

@@ -1,0 +1,480 @@
+//! A person with sensors drives a robot by the command: virtual sensors behind pseudo-terminals and
+//! UDP, `gaitway live` as a process of its own, a virtual OP3. Time is real here unless a recording
+//! is played: what a busy machine does to it is printed, not judged.
+
+use gaitway::body::worn::Wearing;
+use gaitway::body::worn::kept::Kept;
+use gaitway::body::{Dof, JointAngles, Segment, SegmentPose};
+use gaitway::cli::simulate::imus::person::{Person, RATE_HZ};
+use gaitway::cli::source::{body_motion, robot_model};
+use gaitway::mocap::retarget::{Online, Settings};
+use gaitway::recording::{self, read_orientations};
+use gaitway::robot::Robot;
+use gaitway_sim::imu::{BodyMotion, ImuDoor, ImuErrors, ImuWire, Mount, Stage, VirtualImu};
+use serde_json::Value;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::{Ipv4Addr, UdpSocket};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+/// Nothing here takes so long, however busy the machine is.
+const PATIENCE: Duration = Duration::from_secs(120);
+
+fn gaitway(folder: &Path) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_gaitway"));
+    command.current_dir(folder).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    command
+}
+
+/// A folder of this test's own.
+fn folder(name: &str) -> PathBuf {
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
+    let _ = std::fs::remove_dir_all(&folder);
+    std::fs::create_dir_all(&folder).expect("a temporary folder");
+    folder
+}
+
+fn json(output: &Output) -> Value {
+    serde_json::from_slice(&output.stdout)
+        .unwrap_or_else(|e| panic!("no report ({e}): {}", String::from_utf8_lossy(&output.stderr)))
+}
+
+fn words(text: &str) -> Vec<&str> {
+    text.split_whitespace().collect()
+}
+
+/// A virtual person, ended with the test.
+struct Wearer(Child);
+
+impl Wearer {
+    fn start(folder: &Path, arguments: &str) -> Self {
+        let mut child = gaitway(folder)
+            .args(["simulate", "imus"])
+            .args(words(arguments))
+            .spawn()
+            .expect("runs");
+        // The file of what is worn is complete once it says how to go on.
+        let mut lines = BufReader::new(child.stderr.take().expect("piped")).lines();
+        let ready = lines.by_ref().map_while(Result::ok).any(|line| line.contains("then:"));
+        assert!(ready, "the virtual person did not come");
+        std::thread::spawn(move || lines.map_while(Result::ok).for_each(drop));
+        Self(child)
+    }
+}
+
+impl Drop for Wearer {
+    fn drop(&mut self) {
+        signal(&self.0, "INT");
+        let _ = self.0.wait();
+    }
+}
+
+fn signal(child: &Child, name: &str) {
+    let pid = child.id().to_string();
+    let _ = Command::new("kill").args(["-s", name, &pid]).status();
+}
+
+/// What the person truly did.
+struct Truth {
+    poses: Vec<SegmentPose>,
+    motion_at_s: f64,
+}
+
+impl Truth {
+    fn of(motion: &str, stand_s: f64) -> Self {
+        let (capture, _) = body_motion(motion, None).expect("shipped");
+        let person = Person::new(&capture, stand_s).expect("performed");
+        Self { poses: person.poses().to_vec(), motion_at_s: person.motion_at_s() }
+    }
+
+    fn at(&self, time_s: f64) -> &SegmentPose {
+        &self.poses[((time_s * RATE_HZ).round().max(0.0) as usize).min(self.poses.len() - 1)]
+    }
+}
+
+fn rms_deg(squares: f64, count: usize) -> f64 {
+    (squares / count.max(1) as f64).sqrt().to_degrees()
+}
+
+/// Joint angles from the recorded orientations and the kept calibration against the truth, from the
+/// beginning of the motion on, deg.
+fn body_error_deg(recording: &Path, calibration: &Path, truth: &Truth) -> f64 {
+    let text = std::fs::read_to_string(calibration).expect("kept");
+    let kept = Kept::parse(&text).expect("a calibration");
+    let mut wearing = Wearing::new(&kept.calibration);
+    let segments: Vec<(String, Segment)> = kept
+        .sensors
+        .iter()
+        .zip(&kept.calibration.mounts)
+        .map(|(sensor, mount)| (sensor.clone(), mount.segment))
+        .collect();
+    let mut said = [None; 13];
+    let (mut squares, mut count, mut before_s) = (0.0, 0, 0.0);
+    for sample in read_orientations(recording).expect("recorded") {
+        let Some((_, segment)) = segments.iter().find(|(name, _)| **name == *sample.sensor) else {
+            continue;
+        };
+        said[segment.index()] = sample.orientation;
+        // The pelvis stands for a moment of all: one sample of each in ten milliseconds.
+        if *segment != Segment::Pelvis || said.iter().any(Option::is_none) {
+            continue;
+        }
+        let taken_s = (sample.read.as_secs_f64() - sample.age.as_secs_f64()).max(0.0);
+        let moment = wearing.pose(&said, taken_s - before_s);
+        before_s = taken_s;
+        if taken_s < truth.motion_at_s {
+            continue;
+        }
+        let wanted = JointAngles::of_pose(truth.at(taken_s)).angles;
+        for dof in Dof::ALL {
+            squares += (moment.measured.angles[dof] - wanted[dof]).powi(2);
+            count += 1;
+        }
+    }
+    assert!(count > 1000, "{count}");
+    rms_deg(squares, count)
+}
+
+/// What the robot did during the motion against what it was to do, at the delay that fits best, deg.
+fn robot_error_deg(recording: &Path, truth: &Truth) -> f64 {
+    let robot = Robot::load("op3").expect("shipped");
+    let model = robot_model(&robot.file, &robot);
+    let start: Vec<f64> = robot.joints.iter().map(|joint| joint.initial_rad).collect();
+    let mut online = Online::new(&model, &[true; 13], &start, &Settings::default()).expect("fits");
+    let wanted: Vec<Vec<f64>> =
+        truth.poses.iter().map(|pose| online.pose(pose, 1.0 / RATE_HZ).to_vec()).collect();
+    let cycles = recording::read(recording).expect("recorded").cycles;
+    let last = cycles.last().expect("cycles").at;
+    // The last cycles belong to the pose at the end; how long before that the motion began is known.
+    let length_s = truth.poses.len() as f64 / RATE_HZ - truth.motion_at_s;
+    let error = |ended_s: f64| {
+        let (mut squares, mut count) = (0.0, 0);
+        for cycle in &cycles {
+            let time_s = ended_s - last.seconds_since(cycle.at);
+            if !(truth.motion_at_s..truth.motion_at_s + length_s).contains(&time_s) {
+                continue;
+            }
+            let wanted = &wanted[((time_s * RATE_HZ) as usize).min(wanted.len() - 1)];
+            for (joint, wanted) in cycle.joints.iter().zip(wanted) {
+                let Some(present) = joint.present_position_rad else { continue };
+                squares += (present - wanted).powi(2);
+                count += 1;
+            }
+        }
+        // Too little of the motion is no comparison.
+        if count > 2000 { rms_deg(squares, count) } else { f64::INFINITY }
+    };
+    let candidates = (0..1500).map(|n| truth.motion_at_s + f64::from(n) * 0.02);
+    candidates.map(error).fold(f64::INFINITY, f64::min)
+}
+
+/// One performance for all: recorded while a robot follows it in real time, and played again in
+/// virtual time.
+#[test]
+fn a_person_with_13_sensors_walks_and_a_virtual_op3_walks_along_now_and_from_the_recording() {
+    let folder = folder("live-walk");
+    let stand_s = 7.0;
+    let wearer = Wearer::start(&folder, "--motion walk:6s --stand 7s --pty body --seed 3");
+    let mut report = Value::Null;
+    // A machine that stands still for long stops the robot, rightly; then it is tried again.
+    for rate in ["50", "20", "20"] {
+        let output = gaitway(&folder)
+            .args(words(
+                "live --wear body/wear.toml --robot op3 --bus sim:pty --n-pose-after 500ms",
+            ))
+            .args(words("--moves bow --for 18s --record live.mcap --calibration-body body.toml"))
+            .args(words("--recalibrate --subject p1 --json --force --rate"))
+            .arg(rate)
+            .output()
+            .expect("runs");
+        report = json(&output);
+        if report["outcome"] == "done" {
+            break;
+        }
+        eprintln!("at {rate} Hz: {}", report["stop_reason"]);
+        assert!(report["stop_reason"].as_str().unwrap_or("").contains("host"), "{report}");
+    }
+    drop(wearer);
+    assert_eq!(report["outcome"], "done", "{report}");
+    assert_eq!(report["referee"]["violations"].as_array().map(Vec::len), Some(0));
+    assert_eq!(report["sensors"].as_array().map(Vec::len), Some(13));
+    assert!(report["worn"].as_object().expect("segments").values().all(|worn| worn == true));
+    for sensor in report["body"]["sensors"].as_array().expect("sensors") {
+        let segment = sensor["segment"].as_str().expect("a name");
+        let by = match segment {
+            "pelvis" | "torso" | "head" => "movement",
+            arm if arm.contains("arm") => "t_pose",
+            _ => "strapping",
+        };
+        assert_eq!(sensor["heading_by"], by, "{segment}");
+        assert!(sensor["off_t_pose_rad"].as_f64() < Some(0.1), "{sensor}");
+    }
+    let truth = Truth::of("walk:6s", stand_s);
+    let (recorded, kept) = (folder.join("live.mcap"), folder.join("body.toml"));
+    let figure = |name: &str| report["latency"][name].as_f64().unwrap_or(f64::NAN) * 1e3;
+    println!(
+        "now: motion to goal median {:.1} ms, p99 {:.1} ms; following {} s, stale {} s; robot against \
+         truth {:.2} deg RMSE",
+        figure("median_s"),
+        figure("p99_s"),
+        report["following_s"],
+        report["stale_s"],
+        robot_error_deg(&recorded, &truth)
+    );
+
+    let output = gaitway(&folder)
+        .args(words("live --from replay:live.mcap --robot op3 --bus sim --n-pose-after 500ms"))
+        .args(words("--moves bow --record again.mcap --calibration-body again.toml --json"))
+        .output()
+        .expect("runs");
+    let again = json(&output);
+    assert_eq!((&again["outcome"], output.status.code()), (&"done".into(), Some(0)), "{again}");
+    assert_eq!(again["referee"]["violations"].as_array().map(Vec::len), Some(0));
+    let body_deg = body_error_deg(&recorded, &folder.join("again.toml"), &truth);
+    let robot_deg = robot_error_deg(&folder.join("again.mcap"), &truth);
+    println!("again: joints of the body {body_deg:.2} deg RMSE, robot {robot_deg:.2} deg RMSE");
+    assert!(kept.exists());
+    assert!(body_deg < 6.0, "{body_deg}");
+    assert!(robot_deg < 8.0, "{robot_deg}");
+
+    take_up_what_was_kept(&folder);
+}
+
+/// The calibration that was kept is taken up in N pose alone; another body's is not.
+fn take_up_what_was_kept(folder: &Path) {
+    let again = |extra: &str| {
+        let output = gaitway(folder)
+            .args(words("live --from replay:live.mcap --robot op3 --bus sim --n-pose-after 500ms"))
+            .args(words("--calibration-body again.toml --for 3s --json"))
+            .args(words(extra))
+            .output()
+            .expect("runs");
+        (json(&output), String::from_utf8_lossy(&output.stderr).into_owned())
+    };
+    let (report, said) = again("");
+    assert_eq!(report["outcome"], "done", "{report}");
+    assert!(!said.contains("T pose"), "{said}");
+    assert_eq!(report["body"]["sensors"][0]["heading_by"], "movement");
+    let (report, _) = again("--wear right_foot=left_foot left_foot=right_foot");
+    assert_eq!(report["outcome"], "refused");
+    let reason = report["stop_reason"].as_str().expect("a reason");
+    assert!(reason.contains("not in the calibration") && reason.contains("--recalibrate"));
+    let (report, said) =
+        again("--recalibrate --wear right_forearm=left_forearm left_forearm=right_forearm");
+    assert!(said.contains("forearm") && said.contains("swapped"), "{said}\n{report}");
+    // Straps slip: the kept file says that a sensor sat otherwise.
+    let text = std::fs::read_to_string(folder.join("again.toml")).expect("kept");
+    assert!(text.contains("subject = \"\""));
+}
+
+/// A port of the loopback interface that was free a moment ago.
+fn free_port() -> u16 {
+    let socket = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).expect("a port");
+    socket.local_addr().expect("an address").port()
+}
+
+#[test]
+fn slimevr_trackers_are_worn_by_name_and_the_angles_shown_without_a_robot() {
+    let folder = folder("live-slimevr");
+    let port = free_port();
+    let _wearer = Wearer::start(
+        &folder,
+        &format!(
+            "--motion wave-r --stand 6s --profile slimevr --udp 127.0.0.1:{port} --wear-file w.toml \
+             --wear torso,left_upper_arm,left_forearm,right_upper_arm,right_forearm"
+        ),
+    );
+    let output = gaitway(&folder)
+        .args(words("live --wear w.toml --dry-run --n-pose-after 500ms --for 2s --json"))
+        .output()
+        .expect("runs");
+    let report = json(&output);
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(report["outcome"], "done", "{report}\n{said}");
+    let worn: Vec<&str> = report["worn"]
+        .as_object()
+        .expect("segments")
+        .iter()
+        .filter_map(|(name, worn)| (worn == true).then_some(name.as_str()))
+        .collect();
+    assert_eq!(worn.len(), 5, "{worn:?}");
+    assert_eq!(report["angles_rad"].as_object().map(serde_json::Map::len), Some(22));
+    // What is not worn is at rest.
+    assert_eq!(report["angles_rad"]["left_knee_flexion"], 0.0);
+    assert!(said.contains("T pose") && said.contains("left_forearm"), "{said}");
+    // Without a map, whoever is heard is named.
+    let output = gaitway(&folder)
+        .args([
+            "live",
+            "--from",
+            &format!("imu:slimevr@udp:127.0.0.1:{port}"),
+            "--dry-run",
+            "--json",
+        ])
+        .output()
+        .expect("runs");
+    let reason = json(&output)["stop_reason"].as_str().expect("a reason").to_owned();
+    assert!(reason.contains("tracker-000005-0") && reason.contains("--wear"), "{reason}");
+}
+
+/// A body that stands for so long: sensors behind terminals, by segment.
+fn standing(segments: &[(&str, f64)]) -> Vec<(String, ImuDoor)> {
+    let stage = Stage::default();
+    let door = |(name, seconds): &(&str, f64)| {
+        let motion = BodyMotion::still(*seconds).expect("a motion");
+        let errors = ImuErrors { rate_noise_rad_s: 0.001, seed: 7, ..ImuErrors::default() };
+        let imu = VirtualImu::new(motion, Mount::default(), errors, ImuWire::Csv, 100.0);
+        let door = ImuDoor::open_on(&stage, imu.expect("a sensor"), 115_200, None).expect("a door");
+        (format!("{name}=imu:arduino-csv@{}", door.path().display()), door)
+    };
+    segments.iter().map(door).collect()
+}
+
+/// `live` that follows a body, and the lines it says beside its report.
+struct Following {
+    child: Child,
+    said: std::sync::mpsc::Receiver<String>,
+    heard: String,
+}
+
+impl Following {
+    fn start(mut command: Command, doors: &[(String, ImuDoor)], arguments: &str) -> Self {
+        let sources = doors.iter().map(|(source, _)| source);
+        command.args(["live", "--json", "--from"]).args(sources).args(words(arguments));
+        let mut child = command.spawn().expect("runs");
+        let lines = BufReader::new(child.stderr.take().expect("piped")).lines();
+        let (sender, said) = std::sync::mpsc::channel();
+        std::thread::spawn(move || {
+            lines.map_while(Result::ok).try_for_each(|line| sender.send(line))
+        });
+        Self { child, said, heard: String::new() }
+    }
+
+    /// Waits until it says something.
+    fn until(&mut self, words: &str) {
+        let began = Instant::now();
+        while !self.heard.contains(words) {
+            let Ok(line) = self.said.recv_timeout(PATIENCE.saturating_sub(began.elapsed())) else {
+                panic!("never said {words:?}:\n{}", self.heard);
+            };
+            self.heard += &format!("{line}\n");
+        }
+        self.heard.clear();
+    }
+
+    /// Its report and exit code.
+    fn end(mut self) -> (Value, Option<i32>) {
+        let mut text = String::new();
+        let mut stdout = self.child.stdout.take().expect("piped");
+        stdout.read_to_string(&mut text).expect("text");
+        let code = self.child.wait().expect("ends").code();
+        (serde_json::from_str(&text).unwrap_or_else(|e| panic!("{e}: {text}")), code)
+    }
+}
+
+const ROBOT: &str = "--robot op3 --bus sim:pty --rate 20 --no-t-pose --n-pose-after 200ms";
+
+#[test]
+fn a_sensor_that_is_pulled_out_brings_the_robot_to_rest_and_is_named() {
+    let mut doors = standing(&[("left_upper_arm", 600.0), ("left_forearm", 600.0)]);
+    let mut live = Following::start(gaitway(&folder("live-pulled")), &doors, ROBOT);
+    live.until("following");
+    doors.pop();
+    let (report, code) = live.end();
+    assert_eq!((&report["outcome"], code), (&"stopped".into(), Some(4)), "{report}");
+    let reason = report["stop_reason"].as_str().expect("a reason");
+    assert!(reason.contains("left_forearm is gone"), "{reason}");
+    for joint in report["joints"].as_array().expect("joints") {
+        assert_eq!(joint["end_velocity_rad_s"], 0.0);
+    }
+}
+
+#[test]
+fn a_sensor_that_falls_silent_is_said_and_the_robot_stands_until_it_is_stopped() {
+    let doors = standing(&[("left_upper_arm", 600.0), ("left_forearm", 12.0)]);
+    let mut live = Following::start(gaitway(&folder("live-silent")), &doors, ROBOT);
+    live.until("silent: left_forearm");
+    std::thread::sleep(Duration::from_millis(500));
+    signal(&live.child, "INT");
+    let (report, code) = live.end();
+    assert_eq!((&report["outcome"], code), (&"stopped".into(), Some(130)), "{report}");
+    assert!(report["stale_s"].as_f64() > Some(0.3), "{report}");
+    let sensors = report["body"]["sensors"].as_array().expect("sensors");
+    let stale = |at: usize| sensors[at]["stale_s"].as_f64().expect("seconds");
+    assert!(stale(1) > 0.3 && stale(1) > stale(0), "{sensors:?}");
+}
+
+#[test]
+fn whoever_stops_during_the_calibration_has_moved_nothing_and_left_no_recording() {
+    let folder = folder("live-stopped");
+    let doors = standing(&[("left_upper_arm", 600.0)]);
+    let arguments = format!("{ROBOT} --record no.mcap");
+    let mut live = Following::start(gaitway(&folder), &doors, &arguments);
+    live.until("hold still");
+    signal(&live.child, "INT");
+    let (report, code) = live.end();
+    assert_eq!((&report["outcome"], code), (&"stopped".into(), Some(130)), "{report}");
+    assert_eq!(report["cycles"], 0);
+    assert!(!folder.join("no.mcap").exists());
+}
+
+/// A terminal whose other end the test types at.
+fn terminal() -> (std::fs::File, Stdio) {
+    use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+    let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).expect("a terminal");
+    grantpt(&master).and_then(|()| unlockpt(&master)).expect("granted");
+    let name = ptsname(&master, Vec::new()).expect("a name").into_string().expect("text");
+    let slave = std::fs::OpenOptions::new().read(true).write(true).open(name).expect("opens");
+    (std::fs::File::from(master), Stdio::from(slave))
+}
+
+#[test]
+fn at_a_terminal_enter_goes_on_s_skips_r_mends_headings_and_q_ends() {
+    let doors = standing(&[("right_upper_arm", 600.0), ("right_forearm", 600.0)]);
+    let (mut keys, stdin) = terminal();
+    let mut command = gaitway(&folder("live-terminal"));
+    command.stdin(stdin);
+    let mut live = Following::start(command, &doors, "--dry-run --moves raise");
+    live.until("Enter when you stand so");
+    keys.write_all(b"what\n").expect("typed");
+    live.until("Enter goes on");
+    keys.write_all(b"\n").expect("typed");
+    live.until("T pose");
+    keys.write_all(b"s\n").expect("typed");
+    live.until("raise both");
+    keys.write_all(b"s\n").expect("typed");
+    live.until("deg");
+    keys.write_all(b"r\n").expect("typed");
+    live.until("headings are mended");
+    keys.write_all(b"q\n").expect("typed");
+    let (report, code) = live.end();
+    assert_eq!((&report["outcome"], code), (&"done".into(), Some(0)), "{report}");
+    assert_eq!(report["body"]["heading_resets"], 1);
+}
+
+#[test]
+fn a_map_that_cannot_be_is_refused_before_anything_is_opened() {
+    let folder = folder("live-refused");
+    std::fs::write(folder.join("nose.toml"), "[segments]\nnose = \"t\"\n").expect("written");
+    let imu = "imu:bno08x-rvc@/dev/no-such-port";
+    for (arguments, said) in [
+        (format!("--from nose={imu}"), "no such segment"),
+        (format!("--from head={imu} head={imu}2"), "two sensors are worn on one segment"),
+        (format!("--from {imu}"), "which segment wears this sensor"),
+        ("--wear head=t torso=t".to_owned(), "one sensor is worn on two segments"),
+        ("--wear nose.toml".to_owned(), "no such segment"),
+        ("--from lines@/dev/null".to_owned(), "nobody can wear"),
+        (format!("--from replay:x.mcap head={imu}"), "followed alone"),
+        ("--from replay:no-such.mcap".to_owned(), "cannot be read"),
+        (format!("--from head={imu} --bus sim --robot op3"), "real time"),
+        (format!("--from head={imu}"), "no such port"),
+    ] {
+        let output =
+            gaitway(&folder).args(["live", "--dry-run", "--json"]).args(words(&arguments)).output();
+        let report = json(&output.expect("runs"));
+        let reason = report["stop_reason"].as_str().unwrap_or_default();
+        assert_eq!(report["outcome"], "refused");
+        assert!(reason.contains(said), "{arguments}: {reason}");
+    }
+}
