@@ -12,7 +12,7 @@ use gaitway::body::worn::check::t_pose;
 use gaitway::body::{Dof, JointAngles, Segment};
 use gaitway::recording::sensor_series;
 use gaitway::session::manifest::Manifest;
-use gaitway::session::{DeviceCheck, TrialFile, Verdict};
+use gaitway::session::{DeviceCheck, SessionFile, TrialFile, Verdict};
 use person::{Act, Person, STATURE_M};
 use serde::de::DeserializeOwned;
 use std::path::{Path, PathBuf};
@@ -164,7 +164,10 @@ fn a_session_ends_as_a_finished_database_folder_whatever_happens_in_between() {
     kept_trial(&mut operator, &person);
     retaken_trial(&mut operator, &person);
     cut_off_trial(&mut operator, &person);
-    operator.is_killed();
+    operator.dies();
+
+    // A recording that had only just been begun.
+    std::fs::write(lab.join("trials/wave-r-04.mcap"), []).expect("written");
 
     // It goes on where it was.
     let mut operator = Dialogue::start(&folder, &["--session".into(), "lab".into()], &person);
@@ -175,8 +178,13 @@ fn a_session_ends_as_a_finished_database_folder_whatever_happens_in_between() {
     operator.answer("good repetitions in it [Enter: 1", "");
     operator.answer("notes", "power was cut");
     operator.answer("props", "");
+    operator.expect("Trial wave-r-04 was recorded and not judged");
+    operator.answer("keep it?", "k");
+    operator.expect("not one of the answers");
+    operator.answer("keep it?", "r");
+    operator.answer("what was wrong", "there is nothing in it");
     last_trial(&mut operator, &person);
-    operator.expect("finished: 4 trials, 3 kept, 3 good repetitions");
+    operator.expect("finished: 5 trials, 3 kept, 3 good repetitions");
     assert_eq!(operator.ends(), Some(0));
 
     // There is nothing left to be done, and nothing is asked.
@@ -185,6 +193,58 @@ fn a_session_ends_as_a_finished_database_folder_whatever_happens_in_between() {
     assert_eq!(operator.ends(), Some(0));
     check_folder(&lab);
     check_angles(&lab);
+}
+
+#[test]
+fn a_session_can_be_interrupted_or_told_by_a_script_and_keeps_what_was_done() {
+    let folder = folder("record-session-script");
+    let person = Person::wearing(&[Segment::Torso]);
+    let mut begin: Vec<String> = ["--session", "lab"].map(str::to_owned).to_vec();
+    begin.extend(person.sources());
+    // Ctrl-C in the middle of the set-up: nothing is half there.
+    let mut operator = Dialogue::start(&folder, &begin, &person);
+    operator.answer("name of the session", "first");
+    operator.expect("operator (who leads it)");
+    operator.interrupts();
+    operator.expect("to go on: gaitway record --session lab");
+    assert_eq!(operator.ends(), Some(130));
+    assert!(!folder.join("lab/session.toml").exists());
+
+    // A script that ends early ends the session, to be gone on with.
+    person.is_listened_to();
+    let script = "first\n\n\n\nbow nonsense\nbow walk\ns01\n\n\n1.8\n.\n\n";
+    let told = |arguments: &[String], script: &str| {
+        std::fs::write(folder.join("script"), script).expect("a script");
+        let output = Command::new(env!("CARGO_BIN_EXE_gaitway"))
+            .current_dir(&folder)
+            .arg("record")
+            .args(arguments)
+            .stdin(std::fs::File::open(folder.join("script")).expect("the script"))
+            .output()
+            .expect("the command");
+        let said = String::from_utf8_lossy(&output.stdout).into_owned();
+        (output.status.code(), said + &String::from_utf8_lossy(&output.stderr))
+    };
+    let (code, said) = told(&begin, script);
+    assert_eq!(code, Some(4), "{said}");
+    assert!(said.contains("the vocabulary has no such action"), "{said}");
+    let session: SessionFile = read(&folder.join("lab/session.toml"));
+    let names: Vec<&str> = session.plan.actions.iter().map(|a| a.name.as_str()).collect();
+    assert_eq!((names, session.plan.repetitions), (vec!["bow", "walk"], 10));
+    assert!(folder.join("lab/subjects/s01.toml").exists());
+
+    // Other sensors than it was begun with, or none that is worn, are refused.
+    let go_on = |source: &str| told(&["--session".into(), "lab".into(), source.into()], "");
+    let (code, said) = go_on("head=imu:arduino-csv@/dev/null");
+    assert!(code == Some(1) && said.contains("begun with other sensors"), "{said}");
+    let (code, said) = go_on("imu:arduino-csv@/dev/null");
+    assert!(code == Some(1) && said.contains("which segment wears this sensor"), "{said}");
+    // So is a folder that is somebody else's.
+    let (code, said) = told(&["--session".into(), ".".into(), begin[2].clone()], "");
+    assert!(code == Some(1) && said.contains("holds other things"), "{said}");
+    let (code, said) = told(&["--session".into(), "new".into()], "");
+    assert!(code == Some(1) && said.contains("a session needs sensors"), "{said}");
+    person.is_left();
 }
 
 /// A tap, a good repetition and a bad one.
@@ -298,6 +358,7 @@ fn check_folder(lab: &Path) {
             ("wave-r-01", Verdict::Keep),
             ("wave-r-02", Verdict::Retake),
             ("wave-r-03", Verdict::Keep),
+            ("wave-r-04", Verdict::Retake),
         ]
     );
     for trial in &manifest.trials {

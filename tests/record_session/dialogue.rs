@@ -88,8 +88,15 @@ impl<'a> Dialogue<'a> {
         code
     }
 
+    /// Ctrl-C.
+    pub fn interrupts(&self) {
+        let id = i32::try_from(self.child.id()).ok().and_then(rustix::process::Pid::from_raw);
+        rustix::process::kill_process(id.expect("a process"), rustix::process::Signal::INT)
+            .expect("interrupted");
+    }
+
     /// As by a power cut.
-    pub fn is_killed(mut self) {
+    pub fn dies(mut self) {
         self.child.kill().expect("killed");
         let _ = self.child.wait();
         self.person.is_left();
