@@ -63,6 +63,19 @@ const RULES: &[(&str, &[&str])] = &[
             "std::time",
         ],
     ),
+    (
+        "session",
+        &[
+            "crate::control",
+            "crate::bus",
+            "crate::port",
+            "crate::device",
+            "crate::robot",
+            "crate::cli",
+            "std::io::stdin",
+            "std::thread",
+        ],
+    ),
     ("recording", &["crate::control", "crate::bus", "crate::port", "crate::robot", "crate::cli"]),
     ("plot", &["crate::control", "crate::bus", "crate::port", "crate::robot", "crate::cli"]),
 ];

@@ -183,6 +183,9 @@ impl Measure {
         };
         let digits = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
         let unit = text[digits.len()..].to_ascii_lowercase();
+        if digits.trim().is_empty() {
+            return Err(refused("not a number"));
+        }
         let in_si = match unit.as_str() {
             "" => Some(1.0),
             unit => self.units().iter().find(|(name, _)| *name == unit).map(|(_, si)| *si),

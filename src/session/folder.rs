@@ -26,7 +26,7 @@ impl Folder {
     /// A folder that cannot be made, holds other things, or in which a session runs now.
     pub fn open(root: &Path) -> Result<Self, Error> {
         let begun = root.join("session.toml").exists();
-        if !begun && fs::read_dir(root).is_ok_and(|entries| has_strangers(entries)) {
+        if !begun && fs::read_dir(root).is_ok_and(has_strangers) {
             return Err(Error::new("the folder holds other things and no session")
                 .at(shown(root))
                 .remedy("choose a folder that is empty or does not exist yet"));

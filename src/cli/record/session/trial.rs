@@ -233,7 +233,11 @@ pub fn judge(job: &mut Job, name: &str) -> Result<(), Ended> {
     let mut recordings = Vec::new();
     let mut series = Vec::new();
     for file in files {
-        let read = sensor_series(&job.folder.path(&file))?;
+        // One that was cut off before its first byte cannot be read, and must not be in the way.
+        let read = sensor_series(&job.folder.path(&file)).unwrap_or_else(|error| {
+            job.console.say(&format!("! {error}"));
+            SensorSeries::default()
+        });
         let said = read.start.as_ref().and_then(|start| start.metadata.get("subject").cloned());
         recordings.push(TrialRecording { subject: said.unwrap_or_default(), file });
         series.push(read);
@@ -244,7 +248,11 @@ pub fn judge(job: &mut Job, name: &str) -> Result<(), Ended> {
     let whole = tell(job, name, &series);
     let marked = first.markers.iter().filter(|marker| marker.text == GOOD).count();
     let (keep, retake) = (("k", "keep"), ("r", "retake"));
-    let choices = if whole { [keep, retake] } else { [retake, keep] };
+    let choices = match recordings.iter().all(|recording| !recording.subject.is_empty()) {
+        true if whole => vec![keep, retake],
+        true => vec![retake, keep],
+        false => vec![retake],
+    };
     let is_kept = job.console.choose(&format!("Trial {name}: keep it?"), &choices)? == "k";
     let good_repetitions = match is_kept {
         true => repetitions(job, marked)?,

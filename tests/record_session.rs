@@ -1,0 +1,412 @@
+//! A person's session, from start to a finished database folder: `gaitway record --session` behind a
+//! real pseudo-terminal, with a virtual person who wears virtual sensors. Time is real here.
+
+#[path = "record_session/dialogue.rs"]
+mod dialogue;
+#[path = "record_session/person.rs"]
+mod person;
+
+use dialogue::Dialogue;
+use gaitway::action::vocabulary;
+use gaitway::body::worn::check::t_pose;
+use gaitway::body::{Dof, JointAngles, Segment};
+use gaitway::recording::sensor_series;
+use gaitway::session::manifest::Manifest;
+use gaitway::session::{DeviceCheck, SessionFile, TrialFile, Verdict};
+use person::{Act, Person, STATURE_M};
+use serde::de::DeserializeOwned;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::Arc;
+use std::time::Duration;
+
+const PLAN: &str = r#"
+still_s = 1.5
+
+[[action]]
+name = "wave-r"
+repetitions = 2
+
+[[action]]
+name = "reach-up"
+explain = "Reach up with the right hand, straight, and lower it."
+repetitions = 1
+props = "a lamp"
+"#;
+
+fn folder(name: &str) -> PathBuf {
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
+    let _ = std::fs::remove_dir_all(&folder);
+    std::fs::create_dir_all(&folder).expect("a temporary folder");
+    folder
+}
+
+fn read<T: DeserializeOwned>(path: &Path) -> T {
+    let text = std::fs::read_to_string(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+    toml::from_str(&text).unwrap_or_else(|e| panic!("{}: {e}\n{text}", path.display()))
+}
+
+/// Waving, twice as fast as usual, at 100 poses per second.
+fn waving() -> Act {
+    let wave = vocabulary::find("wave-r").and_then(|action| action.perform()).expect("shipped");
+    Act::Angles(Arc::new(wave.sampled(50.0).expect("sampled")))
+}
+
+fn raises_an_arm() -> Act {
+    Act::Swing(vec![Dof::RightShoulderFlexion], 1.4, 2.0)
+}
+
+/// Something real takes so long.
+fn passes(seconds: f64) {
+    std::thread::sleep(Duration::from_secs_f64(seconds));
+}
+
+/// Session and subject, with answers that nobody can use among them.
+fn set_up(operator: &mut Dialogue) {
+    operator.answer("name of the session", "");
+    operator.answer("operator", "Ada");
+    operator.answer("place", "");
+    operator.answer("remarks", "a rehearsal");
+    operator.answer("id of the subject", "Anna B");
+    operator.expect("! not an id");
+    operator.answer("id of the subject", "s01");
+    operator.answer("gender", "f");
+    operator.answer("age", "thirty");
+    operator.expect("not a number");
+    operator.answer("age", "31");
+    operator.answer("stature", "170");
+    operator.expect("no person's measure");
+    operator.answer("stature", "");
+    operator.answer("stature", "170 cm");
+    operator.answer("mass", "60");
+    operator.answer("left leg length", "40 cm");
+    operator.answer("Is it right?", "");
+    operator.answer("left leg length", ".");
+    operator.answer("remarks: actions", "");
+}
+
+/// Lies still, after having been moved.
+fn devices(operator: &mut Dialogue, person: &Person) {
+    person.does(raises_an_arm());
+    passes(0.5);
+    operator.answer("Do they lie still?", "");
+    operator.expect("REPEAT");
+    operator.expect("it moved");
+    person.stands();
+    operator.answer("Not every sensor is good", "");
+    passes(0.6);
+    operator.answer("Do they lie still?", "");
+    operator.expect("written: calibration/device-02.toml");
+}
+
+/// Poses and movements as the guide asks for them.
+fn subject(operator: &mut Dialogue, person: &Person) {
+    operator.answer("Are they on?", "");
+    stand_so(operator);
+    operator.expect("T pose");
+    person.does(Act::Pose(t_pose()));
+    operator.expect("then: bow");
+    movement(operator, person, Act::Bow(2.0));
+    operator.expect("then: march");
+    movement(operator, person, Act::Swing(vec![Dof::RightElbowFlexion], 1.5, 2.0));
+    operator.expect("then: raise");
+    movement(operator, person, raises_an_arm());
+    operator.expect("measured error in T pose");
+    operator.expect("written: calibration/body-s01-01.toml");
+}
+
+/// N pose first, then the movement once, and N pose again.
+fn movement(operator: &mut Dialogue, person: &Person, act: Act) {
+    person.stands();
+    passes(0.9);
+    person.does(act);
+    // A period of two seconds after the change, and then it stands.
+    passes(2.35);
+    person.stands();
+    operator.expect("good");
+}
+
+fn stand_so(operator: &mut Dialogue) {
+    operator.answer("Enter when you stand so", "");
+}
+
+#[test]
+fn a_session_ends_as_a_finished_database_folder_whatever_happens_in_between() {
+    let folder = folder("record-session");
+    std::fs::write(folder.join("plan.toml"), PLAN).expect("a plan");
+    let worn = [Segment::Torso, Segment::RightUpperArm, Segment::RightForearm];
+    let person = Person::wearing(&worn);
+    let lab = folder.join("lab");
+
+    // Set-up, and an operator who goes for lunch.
+    let mut begin: Vec<String> =
+        ["--session", "lab", "--plan", "plan.toml"].map(str::to_owned).to_vec();
+    begin.extend(person.sources());
+    let mut operator = Dialogue::start(&folder, &begin, &person);
+    set_up(&mut operator);
+    operator.answer("Do they lie still?", "perhaps");
+    operator.expect("not one of the answers");
+    operator.answer("Do they lie still?", "q");
+    operator.expect("to go on: gaitway record --session lab");
+    assert_eq!(operator.ends(), Some(4));
+
+    // Calibration, a trial that is kept, one that is not, and a computer that loses power.
+    let mut operator = Dialogue::start(&folder, &["--session".into(), "lab".into()], &person);
+    operator.expect("going on where it was");
+    devices(&mut operator, &person);
+    let second = Command::new(env!("CARGO_BIN_EXE_gaitway"))
+        .current_dir(&folder)
+        .args(["record", "--session", "lab"])
+        .output()
+        .expect("the command");
+    assert!(String::from_utf8_lossy(&second.stderr).contains("a session runs in this folder now"));
+    subject(&mut operator, &person);
+    kept_trial(&mut operator, &person);
+    retaken_trial(&mut operator, &person);
+    cut_off_trial(&mut operator, &person);
+    operator.dies();
+
+    // A recording that had only just been begun.
+    std::fs::write(lab.join("trials/wave-r-04.mcap"), []).expect("written");
+
+    // It goes on where it was.
+    let mut operator = Dialogue::start(&folder, &["--session".into(), "lab".into()], &person);
+    operator.expect("Trial wave-r-03 was recorded and not judged");
+    operator.expect("it was cut off");
+    // What is cut off is not kept unless somebody says so.
+    operator.answer("keep it?", "k");
+    operator.answer("good repetitions in it [Enter: 1", "");
+    operator.answer("notes", "power was cut");
+    operator.answer("props", "");
+    operator.expect("Trial wave-r-04 was recorded and not judged");
+    operator.answer("keep it?", "k");
+    operator.expect("not one of the answers");
+    operator.answer("keep it?", "r");
+    operator.answer("what was wrong", "there is nothing in it");
+    last_trial(&mut operator, &person);
+    operator.expect("finished: 5 trials, 3 kept, 3 good repetitions");
+    assert_eq!(operator.ends(), Some(0));
+
+    // There is nothing left to be done, and nothing is asked.
+    let mut operator = Dialogue::start(&folder, &["--session".into(), "lab".into()], &person);
+    operator.expect("finished already");
+    assert_eq!(operator.ends(), Some(0));
+    check_folder(&lab);
+    check_angles(&lab);
+}
+
+#[test]
+fn a_session_can_be_interrupted_or_told_by_a_script_and_keeps_what_was_done() {
+    let folder = folder("record-session-script");
+    let person = Person::wearing(&[Segment::Torso]);
+    let mut begin: Vec<String> = ["--session", "lab"].map(str::to_owned).to_vec();
+    begin.extend(person.sources());
+    // Ctrl-C in the middle of the set-up: nothing is half there.
+    let mut operator = Dialogue::start(&folder, &begin, &person);
+    operator.answer("name of the session", "first");
+    operator.expect("operator (who leads it)");
+    operator.interrupts();
+    operator.expect("to go on: gaitway record --session lab");
+    assert_eq!(operator.ends(), Some(130));
+    assert!(!folder.join("lab/session.toml").exists());
+
+    // A script that ends early ends the session, to be gone on with.
+    person.is_listened_to();
+    let script = "first\n\n\n\nbow nonsense\nbow walk\ns01\n\n\n1.8\n.\n\n";
+    let told = |arguments: &[String], script: &str| {
+        std::fs::write(folder.join("script"), script).expect("a script");
+        let output = Command::new(env!("CARGO_BIN_EXE_gaitway"))
+            .current_dir(&folder)
+            .arg("record")
+            .args(arguments)
+            .stdin(std::fs::File::open(folder.join("script")).expect("the script"))
+            .output()
+            .expect("the command");
+        let said = String::from_utf8_lossy(&output.stdout).into_owned();
+        (output.status.code(), said + &String::from_utf8_lossy(&output.stderr))
+    };
+    let (code, said) = told(&begin, script);
+    assert_eq!(code, Some(4), "{said}");
+    assert!(said.contains("the vocabulary has no such action"), "{said}");
+    let session: SessionFile = read(&folder.join("lab/session.toml"));
+    let names: Vec<&str> = session.plan.actions.iter().map(|a| a.name.as_str()).collect();
+    assert_eq!((names, session.plan.repetitions), (vec!["bow", "walk"], 10));
+    assert!(folder.join("lab/subjects/s01.toml").exists());
+
+    // Other sensors than it was begun with, or none that is worn, are refused.
+    let go_on = |source: &str| told(&["--session".into(), "lab".into(), source.into()], "");
+    let (code, said) = go_on("head=imu:arduino-csv@/dev/null");
+    assert!(code == Some(1) && said.contains("begun with other sensors"), "{said}");
+    let (code, said) = go_on("imu:arduino-csv@/dev/null");
+    assert!(code == Some(1) && said.contains("which segment wears this sensor"), "{said}");
+    // So is a folder that is somebody else's.
+    let (code, said) = told(&["--session".into(), ".".into(), begin[2].clone()], "");
+    assert!(code == Some(1) && said.contains("holds other things"), "{said}");
+    let (code, said) = told(&["--session".into(), "new".into()], "");
+    assert!(code == Some(1) && said.contains("a session needs sensors"), "{said}");
+    person.is_left();
+}
+
+/// A tap, a good repetition and a bad one.
+fn kept_trial(operator: &mut Dialogue, person: &Person) {
+    operator.expect("0 of 2 good repetitions");
+    operator.answer("Explain it and show it", "");
+    operator.answer("Let it be practised", "");
+    operator.answer("Record wave-r-01?", "");
+    stand_so(operator);
+    operator.expect("RECORDING wave-r-01");
+    passes(0.8);
+    person.is_tapped();
+    passes(0.4);
+    person.does(waving());
+    passes(3.2);
+    operator.say("");
+    operator.expect("1 good, 0 bad");
+    operator.say("x");
+    operator.expect("1 good, 1 bad");
+    operator.say("the phone rang");
+    person.stands();
+    passes(0.6);
+    operator.say(".");
+    operator.expect("one time base");
+    operator.answer("keep it?", "maybe");
+    operator.expect("not one of the answers");
+    operator.answer("keep it?", "k");
+    operator.answer("good repetitions in it [Enter: 1", "many");
+    operator.expect("not a number of repetitions");
+    operator.answer("good repetitions in it", "");
+    operator.answer("notes", "the first");
+    operator.answer("props", "");
+}
+
+fn retaken_trial(operator: &mut Dialogue, person: &Person) {
+    operator.expect("1 of 2 good repetitions");
+    operator.answer("Record wave-r-02?", "");
+    person.stands();
+    stand_so(operator);
+    operator.expect("RECORDING wave-r-02");
+    passes(0.3);
+    operator.say(".");
+    operator.answer("keep it?", "r");
+    operator.answer("what was wrong", "stumbled");
+}
+
+fn cut_off_trial(operator: &mut Dialogue, person: &Person) {
+    operator.expect("1 of 2 good repetitions");
+    operator.answer("Record wave-r-03?", "");
+    stand_so(operator);
+    operator.expect("RECORDING wave-r-03");
+    person.does(waving());
+    passes(3.0);
+    operator.say("");
+    operator.expect("1 good, 0 bad");
+    // A second is what may be lost.
+    passes(1.2);
+}
+
+fn last_trial(operator: &mut Dialogue, person: &Person) {
+    person.stands();
+    operator.expect("reach-up, s01: 0 of 1 good repetitions");
+    operator.expect("props: a lamp");
+    operator.answer("Explain it and show it", "");
+    operator.answer("Let it be practised", "");
+    operator.answer("Record reach-up-01?", "");
+    stand_so(operator);
+    operator.expect("RECORDING reach-up-01");
+    person.does(raises_an_arm());
+    passes(2.35);
+    person.stands();
+    operator.say("");
+    operator.expect("1 good");
+    passes(0.6);
+    operator.say(".");
+    operator.answer("keep it?", "");
+    operator.answer("good repetitions in it", "");
+    operator.answer("notes", "");
+    operator.answer("props", "");
+}
+
+fn check_folder(lab: &Path) {
+    let first: DeviceCheck = read(&lab.join("calibration/device-01.toml"));
+    let second: DeviceCheck = read(&lab.join("calibration/device-02.toml"));
+    assert!(!first.passed && second.passed && second.sensors.len() == 3);
+    let trial = |name: &str| read::<TrialFile>(&lab.join(format!("trials/{name}.toml")));
+    let kept = trial("wave-r-01");
+    assert_eq!((kept.verdict, kept.good_repetitions), (Verdict::Keep, 1));
+    assert_eq!(kept.notes, "the first");
+    assert!(kept.closed);
+    assert_eq!(kept.taps.len(), 1, "{:?}", kept.taps);
+    assert_eq!(kept.taps[0].offset_s.len(), 3);
+    let retaken = trial("wave-r-02");
+    assert_eq!((retaken.verdict, retaken.counted()), (Verdict::Retake, 0));
+    assert_eq!(retaken.notes, "stumbled");
+    assert!(lab.join("trials/wave-r-02.mcap").exists(), "it is kept, and marked");
+    let cut = trial("wave-r-03");
+    assert!(!cut.closed && cut.verdict == Verdict::Keep);
+    let series = sensor_series(&lab.join("trials/wave-r-01.mcap")).expect("read");
+    let marks: Vec<&str> = series.markers.iter().map(|marker| marker.text.as_str()).collect();
+    assert_eq!(marks, ["repetition", "repetition, bad", "the phone rang"]);
+
+    let manifest: Manifest = read(&lab.join("manifest.toml"));
+    assert_eq!((manifest.session.as_str(), manifest.operator.as_str()), ("lab", "Ada"));
+    assert_eq!(manifest.choices.range_of_subjects, "s01, f, 31 years, 1.7 m, 60 kg");
+    let verdicts: Vec<_> = manifest.trials.iter().map(|t| (t.name.as_str(), t.verdict)).collect();
+    assert_eq!(
+        verdicts,
+        [
+            ("reach-up-01", Verdict::Keep),
+            ("wave-r-01", Verdict::Keep),
+            ("wave-r-02", Verdict::Retake),
+            ("wave-r-03", Verdict::Keep),
+            ("wave-r-04", Verdict::Retake),
+        ]
+    );
+    for trial in &manifest.trials {
+        assert_eq!(trial.no_angles, None);
+        assert_eq!(trial.angles.len(), if trial.verdict == Verdict::Keep { 2 } else { 0 });
+        for file in trial.angles.iter().chain(&trial.recordings) {
+            assert!(lab.join(file).exists(), "{file}");
+        }
+    }
+    assert!(manifest.trials[0].not_worn.contains(&"left_thigh".to_owned()));
+    assert_eq!(manifest.actions[0].good_repetitions, 2);
+    for entry in std::fs::read_dir(lab.join("trials")).expect("trials") {
+        let name = entry.expect("an entry").file_name();
+        assert!(!name.to_string_lossy().ends_with(".new"), "{name:?}");
+    }
+}
+
+/// A column of a table of angles, rad.
+fn column(path: &Path, dof: Dof) -> Vec<f64> {
+    let text = std::fs::read_to_string(path).expect("a table");
+    let mut lines = text.lines();
+    let title = format!("{}_rad", dof.name());
+    let at = lines.next().and_then(|titles| titles.split(',').position(|t| t == title));
+    let at = at.expect("a column");
+    lines
+        .map(|line| line.split(',').nth(at).and_then(|c| c.parse().ok()).expect("a number"))
+        .collect()
+}
+
+/// What came out is what was done, before and after the power was cut.
+fn check_angles(lab: &Path) {
+    let most = |trial: &str, dof: Dof| {
+        column(&lab.join(format!("angles/{trial}.csv")), dof).into_iter().fold(f64::MIN, f64::max)
+    };
+    let wave = vocabulary::find("wave-r").and_then(|action| action.perform()).expect("shipped");
+    let done: Vec<JointAngles> = wave.sampled(50.0).expect("sampled");
+    let bent = done.iter().map(|angles| angles[Dof::RightElbowFlexion]).fold(f64::MIN, f64::max);
+    for trial in ["wave-r-01", "wave-r-03"] {
+        let off = (most(trial, Dof::RightElbowFlexion) - bent).to_degrees();
+        println!("{trial}: elbow {off:+.1} deg off at its most");
+        assert!(off.abs() < 5.0, "{trial}: {off}");
+        assert!(most(trial, Dof::LeftElbowFlexion).abs() < 1e-6);
+    }
+    let off = (most("reach-up-01", Dof::RightShoulderFlexion) - 1.4).to_degrees();
+    println!("reach-up-01: shoulder {off:+.1} deg off at its most");
+    assert!(off.abs() < 5.0, "{off}");
+    let bvh = lab.join("angles/reach-up-01.bvh");
+    let (capture, _) =
+        gaitway::cli::source::body_motion(bvh.to_str().expect("a path"), None).expect("a person");
+    assert!((capture.stature_m - STATURE_M).abs() < 0.05, "{}", capture.stature_m);
+}
