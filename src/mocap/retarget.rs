@@ -21,7 +21,9 @@ use crate::body::{Segment, SegmentPose};
 use crate::error::Error;
 use crate::mocap::anatomy::Capture;
 use crate::mocap::mapping::segment_name;
-use crate::motion::{low_pass, saturate};
+use crate::motion::path::end_velocity;
+use crate::motion::saturate;
+use crate::motion::smooth::{Rests, low_pass_between};
 use crate::units::wrap_rad;
 use glam::{DQuat, DVec3};
 
@@ -123,6 +125,9 @@ const CLIPPED_RAD: f64 = 0.01;
 /// Joints at a limit for more than this share of the poses are said in the notes.
 const NOTED_SHARE: f64 = 0.2;
 
+/// An end of a clip is at rest if no joint is faster there, rad/s: a sway, not yet a movement.
+const STILL_RAD_S: f64 = 0.05;
+
 /// Turns a capture into joint angles of a robot. Joints that move no link of `model.links` stay at
 /// `initial_rad`.
 ///
@@ -138,8 +143,9 @@ pub fn retarget(
     let mut notes = capture.notes.clone();
     let mut wanted_rad = wanted(capture, model, initial_rad, &mut notes)?;
     let cutoff_hz = settings.cutoff_hz.min(0.4 * capture.rate_hz);
+    let rests = rests(&wanted_rad, capture.rate_hz);
     for series in &mut wanted_rad {
-        *series = low_pass(series, capture.rate_hz, cutoff_hz)?;
+        *series = low_pass_between(series, capture.rate_hz, cutoff_hz, rests)?;
     }
     let positions_rad: Vec<Vec<f64>> = wanted_rad
         .iter()
@@ -232,6 +238,18 @@ fn usable_links(
         }
     }
     Ok(used)
+}
+
+/// At which ends no joint moves.
+fn rests(wanted_rad: &[Vec<f64>], rate_hz: f64) -> Rests {
+    let still = |at: fn(usize, usize) -> usize| {
+        wanted_rad.iter().all(|series| {
+            let angle = |i| series[at(i, series.len())];
+            series.len() >= 4
+                && end_velocity(series.len(), 1.0 / rate_hz, angle).abs() <= STILL_RAD_S
+        })
+    };
+    Rests { start: still(|i, _| i), end: still(|i, count| count - 1 - i) }
 }
 
 /// Takes jumps of whole turns out of a series and shifts it by turns to lie about `middle`.

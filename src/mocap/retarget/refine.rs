@@ -1,8 +1,8 @@
 //! All poses of a clip at once: segments, limits, and how the joints move between poses.
 //!
 //! Two penalties couple the poses. One is on velocity, alike everywhere. The other is on
-//! acceleration, and weighs the more the worse the best fit of a pose is: an arm without a turn about
-//! its upper arm, or a leg at its limit, is far from the person's whatever it does, and what cannot
+//! acceleration, and weighs the more the worse the best fit of a pose is: an arm that cannot turn
+//! about itself, or a leg at its limit, is far from the person's whatever it does, and what cannot
 //! be followed need not be chased. Where a robot can do what the person does, it weighs nothing.
 
 use super::group::{Group, Normal, Room, Target};
@@ -20,9 +20,9 @@ const FAST_WEIGHT_S: f64 = 0.1;
 const UNFOLLOWED_WEIGHT_S2: f64 = 0.01;
 /// Cost of a fit at which half of that applies: one direction off by 18 degrees.
 const UNFOLLOWED_COST: f64 = 0.1;
-/// That weight is the mean over so many seconds before and after: a limb that arrives where it cannot
-/// go on has to slow down first.
-const UNFOLLOWED_REACH_S: f64 = 0.2;
+/// That weight is the mean over so many seconds before and after: a limb that arrives where it
+/// cannot go on has to slow down first.
+const UNFOLLOWED_REACH_S: f64 = 0.3;
 const STEPS: usize = 100;
 /// A step shorter than this, rad, ends the iteration.
 const FINE_STEP_RAD: f64 = 1e-4;
