@@ -125,7 +125,7 @@ const CLIPPED_RAD: f64 = 0.01;
 /// Joints at a limit for more than this share of the poses are said in the notes.
 const NOTED_SHARE: f64 = 0.2;
 
-/// An end of a clip is at rest if no joint is faster there, rad/s: a sway, not yet a movement.
+/// An end of a clip is at rest if no segment turns faster there, rad/s: a sway, not yet a movement.
 const STILL_RAD_S: f64 = 0.05;
 
 /// Turns a capture into joint angles of a robot. Joints that move no link of `model.links` stay at
@@ -143,7 +143,7 @@ pub fn retarget(
     let mut notes = capture.notes.clone();
     let mut wanted_rad = wanted(capture, model, initial_rad, &mut notes)?;
     let cutoff_hz = settings.cutoff_hz.min(0.4 * capture.rate_hz);
-    let rests = rests(&wanted_rad, capture.rate_hz);
+    let rests = rests(capture);
     for series in &mut wanted_rad {
         *series = low_pass_between(series, capture.rate_hz, cutoff_hz, rests)?;
     }
@@ -203,10 +203,11 @@ pub fn wanted(
 ) -> Result<Vec<Vec<f64>>, Error> {
     model.check(initial_rad)?;
     let used = usable_links(capture, model, notes)?;
+    let rests = rests(capture);
     let mut angles: Vec<Vec<f64>> =
         initial_rad.iter().map(|angle| vec![*angle; capture.poses.len()]).collect();
     for group in Group::all(model, &used) {
-        let solved = solve::clip(&group, capture, initial_rad);
+        let solved = solve::clip(&group, capture, rests, initial_rad);
         for (row, joint) in group.joints().iter().enumerate() {
             let mut series: Vec<f64> = solved.iter().map(|angles| angles[row]).collect();
             let joint_model = &model.joints[*joint];
@@ -240,14 +241,21 @@ fn usable_links(
     Ok(used)
 }
 
-/// At which ends no joint moves.
-fn rests(wanted_rad: &[Vec<f64>], rate_hz: f64) -> Rests {
+/// At which ends no segment turns.
+fn rests(capture: &Capture) -> Rests {
+    let poses = &capture.poses;
     let still = |at: fn(usize, usize) -> usize| {
-        wanted_rad.iter().all(|series| {
-            let angle = |i| series[at(i, series.len())];
-            series.len() >= 4
-                && end_velocity(series.len(), 1.0 / rate_hz, angle).abs() <= STILL_RAD_S
-        })
+        let turned = |segment: usize, i: usize| {
+            let of = |i: usize| poses[at(i, poses.len())].orientation[segment];
+            (of(0).inverse() * of(i)).to_scaled_axis()
+        };
+        let speed = |(segment, axis): (usize, usize)| {
+            let angle = |i| turned(segment, i)[axis];
+            end_velocity(poses.len(), 1.0 / capture.rate_hz, angle).abs()
+        };
+        let mut all =
+            (0..capture.tracked.len()).flat_map(|segment| (0..3).map(move |i| (segment, i)));
+        poses.len() >= 4 && all.all(|at| speed(at) <= STILL_RAD_S)
     };
     Rests { start: still(|i, _| i), end: still(|i, count| count - 1 - i) }
 }
