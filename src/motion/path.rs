@@ -17,8 +17,8 @@ pub const MAX_RATE_HZ: f64 = 100_000.0;
 /// Longest path: one day.
 pub const MAX_DURATION_S: f64 = 86_400.0;
 /// Slowest end velocity that counts as moving. Slower than this on every joint, the end is taken
-/// for a rest, and a stop there asks almost nothing of the acceleration.
-pub const REST_RAD_S: f64 = 1e-3;
+/// for a rest, and a stop there asks little of the acceleration.
+pub const REST_RAD_S: f64 = 1e-2;
 /// Largest difference of a time stamp from the even grid, as a part of the grid's step. Files round
 /// their times (0.0083 s at 120 Hz is off by 0.4 %); more is not an evenly sampled motion.
 const GRID_TOLERANCE: f64 = 0.02;
