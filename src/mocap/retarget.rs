@@ -21,7 +21,9 @@ use crate::body::{Segment, SegmentPose};
 use crate::error::Error;
 use crate::mocap::anatomy::Capture;
 use crate::mocap::mapping::segment_name;
-use crate::motion::{low_pass, saturate};
+use crate::motion::path::end_velocity;
+use crate::motion::saturate;
+use crate::motion::smooth::{Rests, low_pass_between};
 use crate::units::wrap_rad;
 use glam::{DQuat, DVec3};
 
@@ -123,6 +125,9 @@ const CLIPPED_RAD: f64 = 0.01;
 /// Joints at a limit for more than this share of the poses are said in the notes.
 const NOTED_SHARE: f64 = 0.2;
 
+/// An end of a clip is at rest if no segment turns faster there, rad/s: a sway, not yet a movement.
+const STILL_RAD_S: f64 = 0.05;
+
 /// Turns a capture into joint angles of a robot. Joints that move no link of `model.links` stay at
 /// `initial_rad`.
 ///
@@ -138,8 +143,9 @@ pub fn retarget(
     let mut notes = capture.notes.clone();
     let mut wanted_rad = wanted(capture, model, initial_rad, &mut notes)?;
     let cutoff_hz = settings.cutoff_hz.min(0.4 * capture.rate_hz);
+    let rests = rests(capture);
     for series in &mut wanted_rad {
-        *series = low_pass(series, capture.rate_hz, cutoff_hz)?;
+        *series = low_pass_between(series, capture.rate_hz, cutoff_hz, rests)?;
     }
     let positions_rad: Vec<Vec<f64>> = wanted_rad
         .iter()
@@ -197,10 +203,11 @@ pub fn wanted(
 ) -> Result<Vec<Vec<f64>>, Error> {
     model.check(initial_rad)?;
     let used = usable_links(capture, model, notes)?;
+    let rests = rests(capture);
     let mut angles: Vec<Vec<f64>> =
         initial_rad.iter().map(|angle| vec![*angle; capture.poses.len()]).collect();
     for group in Group::all(model, &used) {
-        let solved = solve::clip(&group, capture, initial_rad);
+        let solved = solve::clip(&group, capture, rests, initial_rad);
         for (row, joint) in group.joints().iter().enumerate() {
             let mut series: Vec<f64> = solved.iter().map(|angles| angles[row]).collect();
             let joint_model = &model.joints[*joint];
@@ -232,6 +239,25 @@ fn usable_links(
         }
     }
     Ok(used)
+}
+
+/// At which ends no segment turns.
+fn rests(capture: &Capture) -> Rests {
+    let poses = &capture.poses;
+    let still = |at: fn(usize, usize) -> usize| {
+        let turned = |segment: usize, i: usize| {
+            let of = |i: usize| poses[at(i, poses.len())].orientation[segment];
+            (of(0).inverse() * of(i)).to_scaled_axis()
+        };
+        let speed = |(segment, axis): (usize, usize)| {
+            let angle = |i| turned(segment, i)[axis];
+            end_velocity(poses.len(), 1.0 / capture.rate_hz, angle).abs()
+        };
+        let mut all =
+            (0..capture.tracked.len()).flat_map(|segment| (0..3).map(move |i| (segment, i)));
+        poses.len() >= 4 && all.all(|at| speed(at) <= STILL_RAD_S)
+    };
+    Rests { start: still(|i, _| i), end: still(|i, count| count - 1 - i) }
 }
 
 /// Takes jumps of whole turns out of a series and shifts it by turns to lie about `middle`.

@@ -17,8 +17,8 @@ pub const MAX_RATE_HZ: f64 = 100_000.0;
 /// Longest path: one day.
 pub const MAX_DURATION_S: f64 = 86_400.0;
 /// Slowest end velocity that counts as moving. Slower than this on every joint, the end is taken
-/// for a rest, and a stop there asks almost nothing of the acceleration.
-pub const REST_RAD_S: f64 = 1e-3;
+/// for a rest, and a stop there asks little of the acceleration.
+pub const REST_RAD_S: f64 = 1e-2;
 /// Largest difference of a time stamp from the even grid, as a part of the grid's step. Files round
 /// their times (0.0083 s at 120 Hz is off by 0.4 %); more is not an evenly sampled motion.
 const GRID_TOLERANCE: f64 = 0.02;
@@ -183,15 +183,16 @@ impl Path {
 }
 
 /// Velocity at the end where `at(0)` is the last point before nothing, from as many of the nearest
-/// four points as there are (one-sided differences, exact for polynomials of that order).
-fn end_velocity(samples: usize, step_s: f64, at: impl Fn(usize) -> f64) -> f64 {
-    let difference = match samples {
-        0 | 1 => 0.0,
-        2 => at(1) - at(0),
-        3 => (-3.0 * at(0) + 4.0 * at(1) - at(2)) / 2.0,
-        _ => (-11.0 * at(0) + 18.0 * at(1) - 9.0 * at(2) + 2.0 * at(3)) / 6.0,
+/// six points as there are (one-sided differences, exact for polynomials of that order).
+pub(crate) fn end_velocity(samples: usize, step_s: f64, at: impl Fn(usize) -> f64) -> f64 {
+    let weights: &[f64] = match samples {
+        0 | 1 => &[],
+        2 => &[-1.0, 1.0],
+        3 => &[-1.5, 2.0, -0.5],
+        4 | 5 => &[-11.0 / 6.0, 3.0, -1.5, 1.0 / 3.0],
+        _ => &[-137.0 / 60.0, 5.0, -5.0, 10.0 / 3.0, -1.25, 0.2],
     };
-    difference / step_s
+    weights.iter().enumerate().map(|(i, weight)| weight * at(i)).sum::<f64>() / step_s
 }
 
 pub(crate) fn check_names(joints: &[String], rows: usize) -> Result<(), Error> {

@@ -13,13 +13,35 @@ use crate::error::Error;
 /// ones would need more padding than they are worth.
 const MIN_RATIO: f64 = 1e-4;
 
-/// Filters evenly sampled values. The ends keep their values and a straight line is left as it is:
-/// the series is continued beyond each end by its point reflection, as often as needed, so any
-/// length works.
+/// At which ends a series is at rest.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Rests {
+    /// At its first sample.
+    pub start: bool,
+    /// At its last sample.
+    pub end: bool,
+}
+
+/// Filters evenly sampled values that may be moving at both ends: [`low_pass_between`] no rests.
+///
+/// # Errors
+/// As [`low_pass_between`].
+pub fn low_pass(values: &[f64], rate_hz: f64, cutoff_hz: f64) -> Result<Vec<f64>, Error> {
+    low_pass_between(values, rate_hz, cutoff_hz, Rests::default())
+}
+
+/// Filters evenly sampled values; any length works. Beyond an end that moves the series is continued
+/// by its point reflection: the end keeps its value, and a straight line stays one. Beyond an end at
+/// rest it is continued by its mirror image: the end stays at rest.
 ///
 /// # Errors
 /// If the cutoff is not between a ten-thousandth and a half of the rate.
-pub fn low_pass(values: &[f64], rate_hz: f64, cutoff_hz: f64) -> Result<Vec<f64>, Error> {
+pub fn low_pass_between(
+    values: &[f64],
+    rate_hz: f64,
+    cutoff_hz: f64,
+    rests: Rests,
+) -> Result<Vec<f64>, Error> {
     let ratio = cutoff_hz / rate_hz;
     if !(rate_hz.is_finite() && rate_hz > 0.0 && (MIN_RATIO..0.5 - MIN_RATIO).contains(&ratio)) {
         return Err(Error::new("the cutoff of a low-pass filter does not fit the rate")
@@ -27,15 +49,19 @@ pub fn low_pass(values: &[f64], rate_hz: f64, cutoff_hz: f64) -> Result<Vec<f64>
             .allowed("more than a ten-thousandth and less than half the rate"));
     }
     let [first, .., last] = values else { return Ok(values.to_vec()) };
-    let line = |i: f64| first + (last - first) * i / (values.len() - 1) as f64;
-    // Without the line through its ends the continued series is periodic, odd about each end.
+    // Through the ends that move: without it the continued series is odd about these, and periodic.
+    let line = |i: f64| match (rests.start, rests.end) {
+        (false, false) => first + (last - first) * i / (values.len() - 1) as f64,
+        (true, false) => *last,
+        (_, true) => *first,
+    };
     let detrended: Vec<f64> =
         values.iter().enumerate().map(|(i, value)| value - line(i as f64)).collect();
     // After this many samples the filter has forgotten its start (to 1e-7); near half the rate it
     // rings as long as it lags near zero.
     let padding = (4.0 / ratio.min(0.5 - ratio)).ceil() as usize;
     let mut padded: Vec<f64> = (0..values.len() + 2 * padding)
-        .map(|i| reflected(&detrended, i as i64 - padding as i64))
+        .map(|i| reflected(&detrended, i as i64 - padding as i64, rests))
         .collect();
     let filter = Biquad::low_pass(ratio);
     filter.run(padded.iter_mut());
@@ -43,11 +69,20 @@ pub fn low_pass(values: &[f64], rate_hz: f64, cutoff_hz: f64) -> Result<Vec<f64>
     Ok((0..values.len()).map(|i| padded[padding + i] + line(i as f64)).collect())
 }
 
-/// The odd periodic continuation of a series that is zero at both ends.
-fn reflected(series: &[f64], index: i64) -> f64 {
+/// The continuation of a series beyond its ends: even about those at rest, odd about the others,
+/// where the series is zero.
+fn reflected(series: &[f64], index: i64, rests: Rests) -> f64 {
+    let sign = |rests: bool| if rests { 1.0 } else { -1.0 };
+    let (start, end) = (sign(rests.start), sign(rests.end));
     let last = series.len() as i64 - 1;
     let phase = index.rem_euclid(2 * last);
-    if phase <= last { series[phase as usize] } else { -series[(2 * last - phase) as usize] }
+    let round = if index.div_euclid(2 * last) % 2 == 0 { 1.0 } else { start * end };
+    let value = if phase <= last {
+        series[phase as usize]
+    } else {
+        end * series[(2 * last - phase) as usize]
+    };
+    round * value
 }
 
 /// A second-order section with unit gain at zero frequency.
@@ -143,6 +178,33 @@ mod tests {
             let filtered = low_pass(&values, 100.0, cutoff_hz).unwrap();
             prop_assert!((filtered[0] - values[0]).abs() < 1e-5);
             prop_assert!((filtered[values.len() - 1] - values[values.len() - 1]).abs() < 1e-5);
+        }
+
+        #[test]
+        fn an_end_at_rest_stays_at_rest_and_the_other_keeps_its_value(
+            steps in prop::collection::vec(-0.1..0.1, 20..200),
+            cutoff_hz in 2.0..12.0,
+        ) {
+            // Twice a sum: starts with rest, ends anyhow.
+            let (mut velocity, mut at) = (0.0, 0.0);
+            let mut values = vec![0.0; 3];
+            for step in &steps {
+                velocity += step;
+                at += velocity;
+                values.push(at);
+            }
+            let rests = Rests { start: true, end: false };
+            let filtered = low_pass_between(&values, 100.0, cutoff_hz, rests).unwrap();
+            // As much as a mirrored series, whose middle is even by symmetry.
+            let mirrored: Vec<f64> =
+                values[1..].iter().rev().chain(&values).copied().collect();
+            let whole = low_pass(&mirrored, 100.0, cutoff_hz).unwrap();
+            let scale = values.iter().fold(1.0, |most: f64, value| most.max(value.abs()));
+            for (a, b) in filtered.iter().zip(&whole[values.len() - 1..]) {
+                prop_assert!((a - b).abs() < 1e-5 * scale);
+            }
+            let end = values.len() - 1;
+            prop_assert!((filtered[end] - values[end]).abs() < 1e-5 * scale);
         }
 
         #[test]

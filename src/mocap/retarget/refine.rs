@@ -1,11 +1,12 @@
 //! All poses of a clip at once: segments, limits, and how the joints move between poses.
 //!
 //! Two penalties couple the poses. One is on velocity, alike everywhere. The other is on
-//! acceleration, and weighs the more the worse the best fit of a pose is: an arm without a turn about
-//! its upper arm, or a leg at its limit, is far from the person's whatever it does, and what cannot
+//! acceleration, and weighs the more the worse the best fit of a pose is: an arm that cannot turn
+//! about itself, or a leg at its limit, is far from the person's whatever it does, and what cannot
 //! be followed need not be chased. Where a robot can do what the person does, it weighs nothing.
 
 use super::group::{Group, Normal, Room, Target};
+use crate::motion::smooth::Rests;
 use nalgebra::DVector;
 
 /// Weight of velocity, s: an angle that a segment settles fully follows up to 1 / (2 pi 0.006 s) =
@@ -20,19 +21,21 @@ const FAST_WEIGHT_S: f64 = 0.1;
 const UNFOLLOWED_WEIGHT_S2: f64 = 0.01;
 /// Cost of a fit at which half of that applies: one direction off by 18 degrees.
 const UNFOLLOWED_COST: f64 = 0.1;
-/// That weight is the mean over so many seconds before and after: a limb that arrives where it cannot
-/// go on has to slow down first.
-const UNFOLLOWED_REACH_S: f64 = 0.2;
+/// That weight is the mean over so many seconds before and after: a limb that arrives where it
+/// cannot go on has to slow down first.
+const UNFOLLOWED_REACH_S: f64 = 0.3;
 const STEPS: usize = 100;
 /// A step shorter than this, rad, ends the iteration.
 const FINE_STEP_RAD: f64 = 1e-4;
 
-/// Refines angles of all poses from those of the first pass.
+/// Refines angles of all poses from those of the first pass. An end where the body rests is one where
+/// the motion turns back as it came: the joints rest there, too.
 pub fn together(
     group: &Group<'_>,
     targets: &[Vec<Target>],
     mut angles: Vec<DVector<f64>>,
     rate_hz: f64,
+    rests: Rests,
 ) -> Vec<DVector<f64>> {
     let mut room = Room::default();
     let mut fit = |angles: &[DVector<f64>], normals: &mut [Normal]| {
@@ -44,7 +47,7 @@ pub fn together(
         targets.iter().map(|_| Normal::new(group.joints().len())).collect();
     fit(&angles, &mut normals);
     let calm = calm(&normals.iter().map(|normal| normal.cost).collect::<Vec<_>>(), rate_hz);
-    let pace = Pace { rate_hz, calm };
+    let pace = Pace { rate_hz, calm, rests };
     let cost = |normals: &[Normal], angles: &[DVector<f64>]| {
         normals.iter().map(|normal| normal.cost).sum::<f64>()
             + pace.changes(angles).map(|change| change.penalty.cost).sum::<f64>()
@@ -91,6 +94,7 @@ struct Pace {
     rate_hz: f64,
     /// Weight of acceleration, s^4, by pose.
     calm: Vec<f64>,
+    rests: Rests,
 }
 
 /// A penalty on how one joint moves: on a sum of successive angles, each times its part.
@@ -151,7 +155,18 @@ impl Pace {
                 Change { at, row, parts: &[1.0, -2.0, 1.0], penalty }
             })
         });
-        velocities.chain(accelerations)
+        // At a rest, half of the mirrored acceleration.
+        let last = angles.len().saturating_sub(1);
+        let ends = [(self.rests.start, 0, 0), (self.rests.end, last, last.saturating_sub(1))];
+        let rests = ends.into_iter().filter(move |(rests, ..)| *rests && last > 0);
+        let turns = rests.flat_map(move |(_, pose, at)| {
+            (0..size).map(move |row| {
+                let value = (angles[at + 1][row] - angles[at][row]) * 2.0 * square;
+                let penalty = Penalty::new(value, self.calm[pose] / 2.0, 2.0 * square);
+                Change { at, row, parts: &[-1.0, 1.0], penalty }
+            })
+        });
+        velocities.chain(accelerations).chain(turns)
     }
 }
 

@@ -10,6 +10,7 @@
 use super::group::{Group, Normal, Room, Target};
 use super::refine;
 use crate::mocap::anatomy::Capture;
+use crate::motion::smooth::Rests;
 use nalgebra::{Cholesky, DVector};
 
 /// Pull towards the pose before, in the first pass only.
@@ -32,13 +33,18 @@ pub(super) const WARM_STEPS: usize = 6;
 const ROUGH_STEP_RAD: f64 = 1e-3;
 
 /// Solves a clip: angles by pose, each in the order of [`Group::joints`].
-pub fn clip(group: &Group<'_>, capture: &Capture, initial_rad: &[f64]) -> Vec<DVector<f64>> {
+pub fn clip(
+    group: &Group<'_>,
+    capture: &Capture,
+    rests: Rests,
+    initial_rad: &[f64],
+) -> Vec<DVector<f64>> {
     let targets: Vec<Vec<Target>> = capture.poses.iter().map(|pose| group.targets(pose)).collect();
     if targets.is_empty() {
         return Vec::new();
     }
     let angles = cheapest_way(group, &targets, capture.rate_hz, initial_rad);
-    refine::together(group, &targets, angles, capture.rate_hz)
+    refine::together(group, &targets, angles, capture.rate_hz, rests)
 }
 
 /// A local best fit of a pose.
