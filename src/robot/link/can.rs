@@ -110,8 +110,12 @@ fn speed(step_rad: f64, apart: Duration, most_rad_s: f64) -> f64 {
 
 /// Hands `frame` to whomever it is of; true if it is of anybody.
 fn dispatch(axes: &mut [Axis], frame: &CanFrame, now: Instant) -> bool {
+    let mut known = false;
     // Damiao devices may share the identifier of their answers; each knows its own.
-    axes.iter_mut().fold(false, |known, axis| axis.hear(frame, now) || known)
+    for axis in axes {
+        known |= axis.hear(frame, now);
+    }
+    known
 }
 
 impl CanLine {
