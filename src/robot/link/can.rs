@@ -452,6 +452,8 @@ impl CanLine {
         let silence = |faults: Faults| faults.any(Faults::SILENCE);
         if self.axes[index].told.faults.is_some_and(silence) {
             self.order(index, Order::ForgetSilence, budget)?;
+            // What was told of it is over; what is not will be told again.
+            self.axes[index].told.faults = None;
         }
         self.order(index, Order::HeedGoals, budget)
     }
