@@ -335,15 +335,15 @@ mod odrive {
 
     /// The last heartbeat of a while: its error and its state.
     fn beat(bench: &mut Bench) -> (u32, u8) {
-        let beats = bench.heard(100).into_iter().filter(|frame| frame.id == 0x21);
-        let beat = beats.last().expect("a heartbeat");
+        let mut beats = bench.heard(100).into_iter().filter(|frame| frame.id == 0x21);
+        let beat = beats.next_back().expect("a heartbeat");
         let error = beat.bytes[..4].try_into().expect("four bytes");
         (u32::from_le_bytes(error), beat.bytes[4])
     }
 
     fn estimates(bench: &mut Bench) -> [f32; 2] {
-        let frames = bench.heard(20).into_iter().filter(|frame| frame.id == 0x29);
-        let bytes = frames.last().expect("estimates").bytes;
+        let mut frames = bench.heard(20).into_iter().filter(|frame| frame.id == 0x29);
+        let bytes = frames.next_back().expect("estimates").bytes;
         [0, 4].map(|k| f32::from_le_bytes(bytes[k..k + 4].try_into().expect("four bytes")))
     }
 
