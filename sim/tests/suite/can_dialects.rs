@@ -177,6 +177,18 @@ mod cubemars {
         }
     }
 
+    #[test]
+    fn it_is_mute_for_a_second_after_it_has_set_its_zero() {
+        let mut bench = Bench::new("ak80-9", 3);
+        bench.actuator().place(0.7);
+        let order = |last| CanFrame::classic(3, false, &[[0xFF; 7].as_slice(), &[last]].concat());
+        assert!(bench.tell(order(0xFE)).is_empty());
+        bench.wait(900);
+        assert!(bench.tell(order(0xFC)).is_empty());
+        bench.wait(100);
+        assert_eq!(bench.ask(order(0xFC)).bytes[1..3], [0x7F, 0xFF]);
+    }
+
     /// Servo mode with ten frames of feedback in a second.
     fn servo_mode() -> Bench {
         let mut bench = Bench::new("ak80-9-servo", 1);
