@@ -503,6 +503,40 @@ mod moteus {
         assert_eq!(answer(&mut bench, &asked), expected);
     }
 
+    // docs/reference.md, A.2.a: what one step of each integer stands for.
+    #[test]
+    fn integers_count_in_the_steps_of_their_quantity() {
+        for (register, value, steps) in [
+            (0x20, 0.5_f32, [50, 5000, 50_000]),
+            (0x21, 0.5, [5, 2000, 50_000]),
+            (0x22, -1.5, [-3, -150, -1500]),
+            (0x23, 1.0, [127, 32_767, i32::MAX]),
+            (0x27, 0.25, [25, 250, 250_000]),
+        ] {
+            let mut bench = Bench::new("moteus-r4", 1);
+            let mut bytes = vec![0x0D, register];
+            bytes.extend(value.to_le_bytes());
+            bytes.extend([0x11, register, 0x15, register, 0x19, register]);
+            let said = answer(&mut bench, &bytes);
+            let mut expected = vec![0x21, register, steps[0] as u8, 0x25, register];
+            expected.extend((steps[1] as i16).to_le_bytes());
+            expected.extend([0x29, register]);
+            expected.extend(steps[2].to_le_bytes());
+            assert_eq!(said[..expected.len()], expected, "{register:#x}");
+        }
+    }
+
+    #[test]
+    fn a_goal_that_is_no_number_moves_nothing() {
+        let mut bench = Bench::new("moteus-r4", 1);
+        answer(&mut bench, &position(0.0, 0.0, i16::MIN));
+        for wrong in [position(f32::INFINITY, 0.0, 0), position(0.0, f32::NEG_INFINITY, 0)] {
+            answer(&mut bench, &wrong);
+            bench.wait(20);
+            close(bench.position(), 0.0, 1e-9);
+        }
+    }
+
     #[test]
     fn not_a_number_is_the_smallest_integer() {
         let mut bench = Bench::new("moteus-r4", 1);
