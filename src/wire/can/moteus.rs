@@ -261,7 +261,8 @@ pub fn feedback(id: Id, frame: &CanFrame) -> Option<Feedback> {
             register::TORQUE => feedback.torque = number,
             register::TEMPERATURE => feedback.temperature = number,
             register::FAULT => {
-                feedback.faults = number.and_then(whole).map_or(Faults::NONE, faults)
+                let told = number.and_then(whole).map_or(Faults::NONE, faults);
+                feedback.faults = feedback.faults.and(told);
             }
             _ => {}
         }
@@ -539,10 +540,12 @@ mod tests {
 
     #[test]
     fn the_watchdog_mode_is_a_silent_host() {
-        let bytes = [0x21, 0x00, 0x0B];
         let id_100 = CanId::standard(0x100).expect("fits");
-        let frame = CanFrame::new(id_100, Format::Fd { fast: false }, &bytes).expect("fits");
-        let feedback = feedback(id(1), &frame).expect("his");
-        assert!(feedback.faults.any(Faults::SILENCE));
+        // Register 0x00F, no fault, is told behind the mode.
+        for bytes in [&[0x21, 0x00, 0x0B][..], &[0x21, 0x00, 0x0B, 0x21, 0x0F, 0x00]] {
+            let frame = CanFrame::new(id_100, Format::Fd { fast: false }, bytes).expect("fits");
+            let feedback = feedback(id(1), &frame).expect("his");
+            assert!(feedback.faults.any(Faults::SILENCE), "{bytes:02X?}");
+        }
     }
 }
