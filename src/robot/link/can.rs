@@ -40,6 +40,8 @@ struct Axis {
     heard_at: Instant,
     /// When it was last told or asked something that it answers with its state.
     asked_at: Instant,
+    /// When it was last told a goal, which is what every dialect's watch over the host heeds.
+    fed_at: Instant,
     /// The question whose answer is waited for.
     open: Option<Question>,
     /// The last goal the guard let through, and when it was written.
@@ -110,8 +112,8 @@ fn speed(step_rad: f64, apart: Duration, most_rad_s: f64) -> f64 {
 
 /// Hands `frame` to whomever it is of; true if it is of anybody.
 fn dispatch(axes: &mut [Axis], frame: &CanFrame, now: Instant) -> bool {
-    // Damiao devices may share the identifier of their answers; each knows its own.
-    axes.iter_mut().fold(false, |known, axis| axis.hear(frame, now) || known)
+    // Damiao devices may share the identifier of their answers, but each knows its own.
+    axes.iter_mut().any(|axis| axis.hear(frame, now))
 }
 
 impl CanLine {
@@ -131,6 +133,7 @@ impl CanLine {
                 fresh: false,
                 heard_at: Instant::ZERO,
                 asked_at: Instant::ZERO,
+                fed_at: Instant::ZERO,
                 open: None,
                 goal: None,
                 driven: false,
@@ -178,7 +181,7 @@ impl CanLine {
         let Some((goal, _)) = axis.goal else { return Ok(()) };
         let goal = Goal { holds_s: axis.holds_s, ..goal };
         self.bus.send(&axis.actuator.goal_frame(goal), budget)?;
-        axis.asked_at = self.clock.now();
+        (axis.asked_at, axis.fed_at) = (self.clock.now(), self.clock.now());
         Ok(())
     }
 
@@ -188,6 +191,18 @@ impl CanLine {
         shapes.map(|shape| self.bus.frame_time_s(shape)).sum()
     }
 
+    /// Line time of the longest question for a slow fact, with its answer, s: there must be room for
+    /// one in a cycle.
+    fn slow_s(&self) -> f64 {
+        let questions = self.axes.iter().flat_map(|axis| axis.actuator.ask_slowly());
+        let time = |question: Question| {
+            let shape = Shape::of(&question.frame);
+            let answer = Shape::classic(shape.extended, 8);
+            self.bus.frame_time_s(shape) + self.bus.frame_time_s(answer)
+        };
+        questions.map(time).fold(0.0, f64::max)
+    }
+
     /// What the line carries in cycles of `period`.
     pub fn plan(&self, name: &str, period: Duration) -> LinePlan {
         let period_s = period.as_secs_f64();
@@ -195,7 +210,7 @@ impl CanLine {
         let share: f64 = unasked
             .map(|(shape, rate_hz): (Shape, f64)| self.bus.frame_time_s(shape) * rate_hz)
             .sum();
-        let own_s = self.exchange_s();
+        let own_s = self.exchange_s() + self.slow_s();
         let answering = self.axes.iter().filter(|axis| axis.actuator.answers_goals()).count();
         let silent = self.axes.len() - answering;
         let mut method = format!("answers to the goals of {answering} actuators");
@@ -326,7 +341,7 @@ impl CanLine {
                 HostWatch::Said(said_s) => Duration::from_secs_f64((said_s / 4.0).min(60.0)),
                 _ => longest,
             };
-            if axis.driven && now.since(axis.asked_at) >= allowed.min(longest) {
+            if axis.driven && now.since(axis.fed_at) >= allowed.min(longest) {
                 // The speed of a goal is that of the moment it was for.
                 if let Some((goal, _)) = &mut self.axes[index].goal {
                     goal.velocity_rad_s = 0.0;
