@@ -69,6 +69,29 @@ fn the_moteus_package_moves_a_virtual_moteus_with_fd_frames() {
     moves("moteus");
 }
 
+#[test]
+fn the_example_of_the_readme_does_what_it_says() {
+    let python = match python::python() {
+        Ok(python) => python,
+        Err(why) => {
+            aloud!("SKIPPED: the README's python-can example was not tried: {why}");
+            return;
+        }
+    };
+    let readme = include_str!("../sim/README.md");
+    let examples = readme.split("```python\n").filter_map(|text| text.split_once("```"));
+    let mut examples = examples.map(|(code, _)| code).filter(|code| code.contains("import can\n"));
+    let example = examples.next().expect("an example");
+    let (_world, door) = door("damiao");
+    let path = door.path().display().to_string();
+    let output = Command::new(python.program)
+        .args(["-c", &example.replace("/tmp/my-robot", &path)])
+        .output()
+        .expect("Python starts");
+    let said = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert_eq!(said.trim(), "0x11 0.5", "{}", String::from_utf8_lossy(&output.stderr));
+}
+
 fn simulate(arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_gaitway"));
     let robot = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/can_door/four-families.toml");

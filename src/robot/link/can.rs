@@ -90,6 +90,8 @@ pub(super) struct CanLine {
     bus: CanBus,
     clock: Arc<dyn Clock>,
     axes: Vec<Axis>,
+    /// When what was heard was last taken in.
+    drained_at: Instant,
     /// No other host was heard, so that who only answers commands may be told to let go.
     alone: bool,
 }
@@ -138,7 +140,7 @@ impl CanLine {
         });
         let axes = axes.collect();
         let bus = CanBus::new(port, Arc::clone(&clock), timing);
-        Self { bus, clock, axes, alone: false }
+        Self { bus, clock, axes, drained_at: Instant::ZERO, alone: false }
     }
 
     pub const fn bus(&self) -> &CanBus {
@@ -165,6 +167,7 @@ impl CanLine {
     /// Takes in what was heard up to now.
     fn drain(&mut self) -> Result<(), AskError> {
         let (axes, clock) = (&mut self.axes, &self.clock);
+        self.drained_at = clock.now();
         self.bus.drain(&mut |frame| dispatch(axes, frame, clock.now()))
     }
 
@@ -208,6 +211,8 @@ impl CanLine {
     /// Asks for the state of every actuator whose answer has not come by itself. `anew`: what came
     /// before does not count.
     pub fn begin_states(&mut self, anew: bool, budget: Instant) -> Result<(), AskError> {
+        // After a pause nobody knows how old what was heard in it is.
+        let anew = anew || self.clock.now().since(self.drained_at) > OLDEST;
         self.drain()?;
         if !self.alone && self.axes.iter().any(Axis::is_asked_by_letting_go) {
             self.listen_for_others()?;
@@ -447,6 +452,8 @@ impl CanLine {
         let silence = |faults: Faults| faults.any(Faults::SILENCE);
         if self.axes[index].told.faults.is_some_and(silence) {
             self.order(index, Order::ForgetSilence, budget)?;
+            // What was told of it is over; what is not will be told again.
+            self.axes[index].told.faults = None;
         }
         self.order(index, Order::HeedGoals, budget)
     }
