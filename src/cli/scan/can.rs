@@ -178,7 +178,7 @@ fn way(dialect: Dialect, named: bool, let_go: bool, line: &OpenCanLine) -> Way {
         Dialect::Recoil => Way::LeaveOut(
             "its questions could be commands to others on the line; ask with --protocol recoil",
         ),
-        Dialect::CubemarsMit if let_go => Way::Ask(Call::CubemarsMit),
+        Dialect::CubemarsMit if let_go && named => Way::Ask(Call::CubemarsMit),
         Dialect::CubemarsMit => Way::LeaveOut(
             "it answers only when it is switched on or off; support the robot, then add \
              --protocol cubemars-mit --let-go: whatever is found has let go",
