@@ -5,6 +5,7 @@
 //! whether time is real.
 
 pub mod can;
+pub mod can_bridge;
 pub mod inventory;
 pub mod serial;
 pub mod sim;

@@ -28,14 +28,28 @@ const RULES: &[(&str, &[&str])] = &[
     ),
     ("bus", &["crate::device", "crate::robot", "crate::control", "gaitway_profiles", "std::time"]),
     ("device", &["crate::control", "crate::robot", "crate::motion", "std::fs", "std::time"]),
-    ("guard", &["crate::robot", "crate::bus", "crate::port", "crate::device", "std::time"]),
+    (
+        "guard",
+        &["crate::robot", "crate::bus", "crate::port", "crate::device", "crate::wire", "std::time"],
+    ),
     ("robot", &["crate::control", "crate::cli", "crate::recording", "std::time"]),
     ("motion", NO_HARDWARE),
     ("action", NO_HARDWARE),
     ("actionlet", NO_HARDWARE),
     ("body", NO_HARDWARE),
     ("mocap", NO_HARDWARE),
-    ("control", &["crate::cli", "crate::mocap", "crate::recording", "std::fs", "std::time"]),
+    (
+        "control",
+        &[
+            "crate::cli",
+            "crate::mocap",
+            "crate::recording",
+            "crate::wire",
+            "crate::bus::can",
+            "std::fs",
+            "std::time",
+        ],
+    ),
     (
         "capture",
         &[
@@ -135,4 +149,58 @@ fn only_the_guard_can_make_a_command() {
     }
     let guard = code(&src.join("guard.rs"));
     assert!(guard.contains("    goal_rad: Vec<f64>,"), "the field of Command must stay private");
+}
+
+/// What makes a frame of a CAN actuator's goal out of numbers.
+const GOAL_ENCODERS: &[&str] = &[
+    "Command::Setpoint",
+    "Command::Position",
+    "Command::Velocity",
+    "Command::Torque",
+    "Command::Duty",
+    "Command::Current(",
+    "mit_setpoint(",
+    "robstride_setpoint(",
+    "MODE_POSITION",
+    "register::COMMAND",
+    "parameter::POSITION_GOAL",
+];
+
+/// Where they may stand: the dialects, and the one room that knows what their numbers mean.
+fn may_encode_goals(path: &Path) -> bool {
+    let path = path.to_string_lossy();
+    ["src/wire/can", "src/device/actuator", "src/device/coded.rs"]
+        .iter()
+        .any(|of| path.contains(of))
+}
+
+#[test]
+fn only_a_command_of_the_guard_becomes_a_goal_on_a_can_line() {
+    let src = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let mut files = Vec::new();
+    rust_files(&src, &mut files);
+    for file in files.iter().filter(|file| !may_encode_goals(file)) {
+        let code = code(file);
+        let known = GOAL_ENCODERS.iter().find(|name| code.contains(*name));
+        assert_eq!(known, None, "{} makes goals", file.display());
+    }
+    // From the one function that asks for a goal frame the way leads to `Link::write_goals` alone,
+    // which takes nothing but a command.
+    let (device, line) = ("device/actuator.rs", "robot/link/can.rs");
+    let places = |name: &str| -> Vec<(String, usize)> {
+        let count = |file: &PathBuf| {
+            let within = file.strip_prefix(&src).expect("inside").display().to_string();
+            (within, code(file).matches(name).count())
+        };
+        let code = files.iter().filter(|file| !file.ends_with("tests.rs"));
+        code.map(count).filter(|(_, count)| *count > 0).collect()
+    };
+    let mut asked = places("goal_frame(");
+    asked.sort();
+    // Its own definition, and the form of a cycle's frames, which is never sent.
+    assert_eq!(asked, [(device.to_owned(), 2), (line.to_owned(), 1)]);
+    assert_eq!(places("axis.goal = Some("), [(line.to_owned(), 1)]);
+    assert_eq!(places("can.write_goals("), [("robot/link.rs".to_owned(), 1)]);
+    let link = code(&src.join("robot/link.rs"));
+    assert!(link.contains("pub fn write_goals(&mut self, command: &Command,"));
 }

@@ -23,6 +23,7 @@ mod moteus;
 mod odrive;
 mod recoil;
 mod robstride;
+pub(crate) mod slcan;
 
 pub(crate) use actuator::BOOT_NS;
 pub use actuator::{Actuator, ActuatorError};
@@ -104,11 +105,18 @@ pub struct CanOptions {
     pub data_bitrate_bps: u32,
     /// Frames the host's interface holds; Linux has 10 by default (`txqueuelen`).
     pub queue_frames: usize,
+    /// False: frames take no time.
+    pub timing: bool,
 }
 
 impl Default for CanOptions {
     fn default() -> Self {
-        CanOptions { bitrate_bps: 1_000_000, data_bitrate_bps: 5_000_000, queue_frames: 10 }
+        CanOptions {
+            bitrate_bps: 1_000_000,
+            data_bitrate_bps: 5_000_000,
+            queue_frames: 10,
+            timing: true,
+        }
     }
 }
 
@@ -221,6 +229,11 @@ impl CanLine {
     #[must_use]
     pub fn options(&self) -> CanOptions {
         self.options
+    }
+
+    /// Lets the host queue so many frames from now on.
+    pub fn set_queue(&mut self, frames: usize) {
+        self.options.queue_frames = frames;
     }
 
     /// The actuators, in the order given.

@@ -5,12 +5,18 @@
 //! its end of the terminal at each write, so a wrong one is not understood, as on hardware; over
 //! TCP nobody tells a speed, and the bytes go out at that of the robot file. One thread serves the
 //! door and sleeps until bytes come or a status is due.
+//!
+//! A CAN line is behind a USB-CAN adapter that speaks slcan, whatever the speed of the terminal. For
+//! other ways to carry its frames there is [`LiveCan`].
 
+mod live_can;
 mod tcp;
 mod terminal;
 
 use crate::World;
+use crate::can::slcan::Adapter;
 use crate::line::Plugged;
+pub use live_can::LiveCan;
 use rustix::event::{EventfdFlags, PollFd, PollFlags, Timespec, eventfd, poll};
 use rustix::fd::{AsFd, BorrowedFd, OwnedFd};
 use rustix::io::Errno;
@@ -30,11 +36,14 @@ pub(crate) use terminal::Terminal;
 /// The world is moved on at least this often, so that nothing piles up in a long silence.
 const KEEP_UP_NS: u64 = 250_000_000;
 
+/// Frames an adapter holds for its line; CANable's firmware has as many.
+const ADAPTER_FRAMES: usize = 64;
+
 /// Why a door cannot be opened.
 #[derive(Debug, thiserror::Error)]
 pub enum DoorError {
-    /// The world has no line with this number.
-    #[error("the world has no line {0}")]
+    /// The world has no line with this number, or none of the kind that is wanted.
+    #[error("the world has no such line {0}")]
     NoLine(usize),
     /// The system gives no pseudo-terminal.
     #[error("no pseudo-terminal: {0}")]
@@ -98,7 +107,7 @@ impl Door {
         link: Option<&Path>,
     ) -> Result<Door, DoorError> {
         let baud_bps = lock(&world).line_baud_bps(line).ok_or(DoorError::NoLine(line))?;
-        let terminal = Terminal::open(baud_bps)?;
+        let terminal = Terminal::open(terminal_bps(baud_bps))?;
         let path = terminal.path().to_path_buf();
         if let Some(link) = link {
             make_link(&path, link)?;
@@ -134,6 +143,10 @@ impl Door {
     ) -> Result<Door, DoorError> {
         let epoch = lock(&world).epoch();
         let plugged = lock(&world).plugged(line).ok_or(DoorError::NoLine(line))?.clone();
+        let adapter = lock(&world).can_line_mut(line).map(|can| {
+            can.set_queue(ADAPTER_FRAMES);
+            Adapter::new(can.options())
+        });
         let event = eventfd(0, EventfdFlags::CLOEXEC | EventfdFlags::NONBLOCK)?;
         let bell = Arc::new(Bell { stop: AtomicBool::new(false), event });
         let place = Arc::new(Mutex::new(Placement { path: Some(path.clone()), link }));
@@ -143,6 +156,7 @@ impl Door {
             baud_bps,
             epoch,
             end,
+            adapter,
             pending: Vec::new(),
             kept_up_ns: epoch.1,
             plugged,
@@ -191,6 +205,11 @@ impl Placement {
             let _ = fs::remove_file(link);
         }
     }
+}
+
+/// How a terminal is set up at first; behind an adapter its speed means nothing.
+fn terminal_bps(line_bps: u32) -> u32 {
+    if line_bps == 0 { 115_200 } else { line_bps }
 }
 
 fn lock(world: &Mutex<World>) -> MutexGuard<'_, World> {
@@ -264,6 +283,8 @@ struct Server {
     baud_bps: u32,
     epoch: (Instant, u64),
     end: End,
+    /// Between the program and a CAN line.
+    adapter: Option<Adapter>,
     /// Bytes of the program that the line did not take yet.
     pending: Vec<u8>,
     /// When the whole world was moved on last.
@@ -328,7 +349,17 @@ impl Server {
             let plugged = plugged.clone();
             self.replug(plugged)?;
         }
-        if !self.pending.is_empty() {
+        if let Some(adapter) = &mut self.adapter {
+            let pending = std::mem::take(&mut self.pending);
+            let line = self.line;
+            let said = adapter.hear(&pending, |frame| world.can_send(line, frame).is_ok());
+            if !said.is_empty() {
+                self.end.write(&said)?;
+            }
+            while let Some(heard) = world.can_receive(line, now_ns) {
+                self.end.write(&adapter.tell(&heard, now_ns))?;
+            }
+        } else if !self.pending.is_empty() {
             let taken = world.transmit(self.line, &self.pending, baud_bps);
             self.pending.drain(..taken);
         }
@@ -356,6 +387,9 @@ impl Server {
         place.remove_link();
         place.path = None;
         self.pending.clear();
+        if let Some(adapter) = &mut self.adapter {
+            adapter.restart();
+        }
         match &mut self.end {
             End::Terminal(terminal) => terminal.hang_up(),
             End::Tcp(tcp) => tcp.hang_up(),
@@ -364,7 +398,7 @@ impl Server {
             match &mut self.end {
                 End::Terminal(terminal) => {
                     // The old one is held until the new one is there, so the name is another.
-                    *terminal = Terminal::open(self.baud_bps)?;
+                    *terminal = Terminal::open(terminal_bps(self.baud_bps))?;
                     let path = terminal.path().to_path_buf();
                     place.link = plugged.link.clone().or(place.link.take());
                     if let Some(link) = &place.link {

@@ -7,6 +7,8 @@
 mod bits;
 mod peer;
 pub mod scan;
+#[cfg(test)]
+mod tests;
 
 pub use bits::Shape;
 pub use peer::{Form, NoSuchSetting, Peer};

@@ -13,7 +13,7 @@ use crate::port::serial::SerialLine;
 use crate::port::sim::{SharedWorld, VirtualCanLine, VirtualClock, VirtualLine};
 use crate::port::tcp::TcpLine;
 use crate::port::{BytePort, Clock, FramePort, MonotonicClock, PortError};
-use crate::robot::{LinePort, Link, Robot};
+use crate::robot::{Line, LinePort, Link, Robot};
 use crate::time::{Duration, Instant};
 use gaitway_profiles::{CanSpeed, LineKind};
 use gaitway_sim::{Door, Options, World};
@@ -60,6 +60,10 @@ pub fn connect(robot: Robot, addresses: &[Address], seed: u64) -> Result<Connect
 
 fn assign(robot: &Robot, addresses: &[Address]) -> Result<Vec<BusKind>, Error> {
     let names: Vec<&str> = robot.lines.iter().map(|line| line.name.as_str()).collect();
+    let usual = |name: &str| match robot.lines.iter().find(|line| line.name == name) {
+        Some(Line { kind: LineKind::Can(_), .. }) => "can:can0",
+        _ => "serial:/dev/...",
+    };
     for address in addresses {
         let known = address.line.as_deref().is_none_or(|name| names.contains(&name));
         if !known {
@@ -89,7 +93,7 @@ fn assign(robot: &Robot, addresses: &[Address]) -> Result<Vec<BusKind>, Error> {
             own.or(any).map(|address| address.bus.clone()).ok_or_else(|| {
                 Error::new("a line of the robot has no bus")
                     .at(format!("robot {}, line {name}", robot.name))
-                    .remedy(format!("add --bus {name}=serial:/dev/..."))
+                    .remedy(format!("add --bus {name}={}", usual(name)))
             })
         })
         .collect()

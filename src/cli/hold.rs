@@ -19,8 +19,8 @@ use std::fmt::Write;
 pub struct HoldArgs {
     /// Robot by name or path of its file
     robot: String,
-    /// Where the robot is: sim, sim:pty, serial:PATH[?baud=N], tcp:HOST:PORT; LINE=BUS for each line
-    /// of a robot with several
+    /// Where the robot is: sim, sim:pty, serial:PATH[?baud=N], tcp:HOST:PORT, can:INTERFACE; LINE=BUS
+    /// for each line of a robot with several
     #[arg(long, value_name = "BUS", required = true)]
     bus: Vec<Address>,
     /// Hold servos whose firmware the profile was not checked against

@@ -16,8 +16,8 @@ use std::io::{BufRead, IsTerminal};
 pub struct LimpArgs {
     /// Robot by name or path of its file
     robot: String,
-    /// Where the robot is: sim, sim:pty, serial:PATH[?baud=N], tcp:HOST:PORT; LINE=BUS for each line
-    /// of a robot with several
+    /// Where the robot is: sim, sim:pty, serial:PATH[?baud=N], tcp:HOST:PORT, can:INTERFACE; LINE=BUS
+    /// for each line of a robot with several
     #[arg(long, value_name = "BUS", required = true)]
     bus: Vec<Address>,
     /// Do not ask: the robot is supported

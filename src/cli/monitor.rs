@@ -23,8 +23,8 @@ use std::io::IsTerminal;
 pub struct MonitorArgs {
     /// Robot by name or path of its file
     robot: String,
-    /// Where the robot is: sim, sim:pty, serial:PATH[?baud=N], tcp:HOST:PORT; LINE=BUS for each line
-    /// of a robot with several
+    /// Where the robot is: sim, sim:pty, serial:PATH[?baud=N], tcp:HOST:PORT, can:INTERFACE; LINE=BUS
+    /// for each line of a robot with several
     #[arg(long, value_name = "BUS", required = true)]
     bus: Vec<Address>,
     /// End after this time, e.g. 5s or 500ms [default: at Ctrl-C; once in virtual time]

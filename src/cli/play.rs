@@ -27,8 +27,8 @@ pub use recorder::RunRecorder;
 pub struct PlayArgs {
     #[command(flatten)]
     motion: MotionArgs,
-    /// Where the robot is: sim, sim:pty, serial:PATH[?baud=N], tcp:HOST:PORT; LINE=BUS for each line
-    /// of a robot with several
+    /// Where the robot is: sim, sim:pty, serial:PATH[?baud=N], tcp:HOST:PORT, can:INTERFACE; LINE=BUS
+    /// for each line of a robot with several
     #[arg(long, value_name = "BUS", required = true)]
     bus: Vec<Address>,
     /// Cycles per second [default: the robot file's]

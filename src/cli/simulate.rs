@@ -3,9 +3,11 @@
 use super::Remarks;
 use super::signals::Signals;
 use crate::error::Error;
+use crate::port::can_bridge::CanBridge;
 use clap::Args;
 use gaitway_profiles::Robot;
 use gaitway_sim::{Door, Options, Script, ScriptError, SimError, World};
+use std::collections::BTreeMap;
 use std::net::{Ipv4Addr, SocketAddr};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -21,8 +23,9 @@ const MOST_TOLD: usize = 100;
 /// Arguments of `simulate`.
 #[derive(Debug, Args)]
 #[command(after_help = "Each line of the robot is a terminal or port of its own. Standard output \
-    begins with one line for each: its path or tcp:ADDRESS, and the line's name if there are \
-    several.\n\n\
+    begins with one line for each: its path, tcp:ADDRESS or can:INTERFACE, and the line's name if \
+    there are several. A CAN line is behind a USB-CAN adapter that speaks slcan (Lawicel), unless \
+    --can puts it on an interface of the system.\n\n\
     Example: gaitway simulate op3 --pty /tmp/op3\n\
     then, in another terminal: gaitway play walk --robot op3 --bus serial:/tmp/op3")]
 pub struct SimulateArgs {
@@ -35,6 +38,10 @@ pub struct SimulateArgs {
     /// ...; 0: the system chooses)
     #[arg(long, value_name = "PORT", conflicts_with = "pty")]
     tcp: Option<u16>,
+    /// Put a CAN line on this interface of the system (of several CAN lines: NAME=INTERFACE, again
+    /// for each); `ip link add vcan0 type vcan` makes one
+    #[arg(long, value_name = "INTERFACE")]
+    can: Vec<String>,
     /// Seed of everything random [default: that of the script, or 0]
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
@@ -74,14 +81,14 @@ pub fn run(args: &SimulateArgs, remarks: Remarks) -> Result<i32, Error> {
     while signals.first().is_none() {
         std::thread::sleep(LOOK);
         tell_struck(&world, remarks);
-        for (name, door, path) in &mut doors {
-            let now = door.current_path();
-            if now != *path {
+        for (name, entrance, place) in &mut doors {
+            let now = entrance.place();
+            if now != *place {
                 remarks.say(&match &now {
-                    Some(path) => format!("line {name} is at {} now", path.display()),
+                    Some(place) => format!("line {name} is at {place} now"),
                     None => format!("line {name} is gone"),
                 });
-                *path = now;
+                *place = now;
             }
         }
     }
@@ -151,42 +158,105 @@ fn read_script(path: &Path) -> Result<Script, Error> {
     })
 }
 
-/// Each line's name, its door, and where that was seen last.
-type Doors = Vec<(String, Door, Option<PathBuf>)>;
+/// A way in to a line.
+enum Entrance {
+    Door(Door),
+    Can(CanBridge),
+}
+
+impl Entrance {
+    /// What programs can open now; nothing while the adapter is pulled out.
+    fn place(&self) -> Option<String> {
+        match self {
+            Entrance::Door(door) => door.current_path().map(|path| path.display().to_string()),
+            Entrance::Can(bridge) => {
+                bridge.lost().is_none().then(|| format!("can:{}", bridge.name()))
+            }
+        }
+    }
+}
+
+/// Each line's name, the way in, and where that was seen last.
+type Doors = Vec<(String, Entrance, Option<String>)>;
 
 fn open_doors(
     args: &SimulateArgs,
     robot: &Robot,
     world: &Arc<Mutex<World>>,
 ) -> Result<Doors, Error> {
+    let interfaces = interfaces(&args.can, robot)?;
+    let several = robot.lines.len() > 1;
     let mut doors = Vec::new();
     for (line, facts) in robot.lines.iter().enumerate() {
-        let several = robot.lines.len() > 1;
-        let door = match args.tcp {
-            Some(port) => open_tcp(port, line, world)?,
-            None => {
-                let link = args.pty.as_ref().map(|link| match several {
-                    false => link.clone(),
-                    true => PathBuf::from(format!("{}-{}", link.display(), facts.name)),
-                });
-                Door::open(Arc::clone(world), line, link.as_deref()).map_err(|e| {
-                    let place = link.map_or(facts.name.clone(), |l| l.display().to_string());
-                    Error::new("cannot open the pseudo-terminal")
-                        .at(place)
+        let entrance = match (interfaces.get(&line), args.tcp) {
+            (Some(interface), _) => {
+                Entrance::Can(CanBridge::open(Arc::clone(world), line, interface).map_err(|e| {
+                    Error::new("cannot put the line on this interface")
+                        .at(format!("--can, line {}", facts.name))
                         .got(e.to_string())
-                        .remedy("choose another name for the link, in a folder you may write to")
-                })?
+                        .remedy("ip link add vcan0 type vcan && ip link set vcan0 mtu 72 up")
+                })?)
             }
+            (None, Some(port)) => Entrance::Door(open_tcp(port, line, world)?),
+            (None, None) => Entrance::Door(open_pty(args, several, line, &facts.name, world)?),
         };
-        let path = door.path().display();
+        let place = entrance.place();
+        let path = place.as_deref().unwrap_or_default();
         super::print(&match several {
             false => format!("{path}\n"),
             true => format!("{path} {}\n", facts.name),
         });
-        let path = door.current_path();
-        doors.push((facts.name.clone(), door, path));
+        doors.push((facts.name.clone(), entrance, place));
     }
     Ok(doors)
+}
+
+/// Which interface each CAN line goes to, by its number.
+fn interfaces(given: &[String], robot: &Robot) -> Result<BTreeMap<usize, String>, Error> {
+    let lines = robot.lines.iter().enumerate().filter(|(_, line)| line.can().is_some());
+    let lines: Vec<_> = lines.map(|(k, line)| (k, line.name.as_str())).collect();
+    let refuse = |what: &str, got: &str| {
+        let names: Vec<_> = lines.iter().map(|(_, name)| *name).collect();
+        Error::new(what).at("--can").got(got.to_string()).allowed(match names.as_slice() {
+            [] => "a robot with a CAN line".to_string(),
+            names => format!("NAME=INTERFACE with one of {}", names.join(", ")),
+        })
+    };
+    let mut interfaces = BTreeMap::new();
+    for text in given {
+        let (line, interface) = match (text.split_once('='), lines.as_slice()) {
+            (None, &[(line, _)]) => (line, text.as_str()),
+            (None, _) => return Err(refuse("which CAN line is meant?", text)),
+            (Some((name, interface)), _) => {
+                let known = lines.iter().find(|(_, known)| *known == name);
+                let (line, _) = known.ok_or_else(|| refuse("there is no such CAN line", name))?;
+                (*line, interface)
+            }
+        };
+        if interfaces.insert(line, interface.to_string()).is_some() {
+            return Err(refuse("a CAN line goes to one interface", text));
+        }
+    }
+    Ok(interfaces)
+}
+
+fn open_pty(
+    args: &SimulateArgs,
+    several: bool,
+    line: usize,
+    name: &str,
+    world: &Arc<Mutex<World>>,
+) -> Result<Door, Error> {
+    let link = args.pty.as_ref().map(|link| match several {
+        false => link.clone(),
+        true => PathBuf::from(format!("{}-{name}", link.display())),
+    });
+    Door::open(Arc::clone(world), line, link.as_deref()).map_err(|e| {
+        Error::new("cannot open the pseudo-terminal")
+            .at(link.map_or(name.to_string(), |link| link.display().to_string()))
+            .got(e.to_string())
+            .remedy("choose another name for the link, in a folder you may write to")
+    })
 }
 
 fn open_tcp(first: u16, line: usize, world: &Arc<Mutex<World>>) -> Result<Door, Error> {

@@ -9,6 +9,8 @@ mod moteus;
 mod odrive;
 mod recoil;
 mod robstride;
+#[cfg(test)]
+mod tests;
 
 use crate::bus::can::Shape;
 use crate::wire::can::{CanFrame, Faults, Feedback, Number};

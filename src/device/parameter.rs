@@ -8,7 +8,8 @@
 //! and ODrive documentation, "CAN Protocol" of firmware 0.6. Recoil: uncertainty-cc/
 //! Recoil-Motor-Controller, `motor_controller.h`.
 
-use crate::bus::can::Form;
+use crate::bus::can::{Form, Peer};
+use crate::wire::can::CanFrame;
 use gaitway_profiles::Dialect;
 use std::f64::consts::TAU;
 
@@ -72,10 +73,35 @@ impl Parameter {
         }
     }
 
-    /// True if its value is a number without unit and counts something.
+    /// The value of `bits` as the device counts it.
     #[must_use]
-    pub const fn is_plain(&self) -> bool {
-        self.unit.is_empty()
+    pub fn raw_from_bits(&self, bits: u32) -> f64 {
+        match self.form {
+            Form::Whole => f64::from(bits),
+            Form::Float => f64::from(f32::from_bits(bits)),
+        }
+    }
+
+    /// The bits of a value as the device counts it; none if it does not fit.
+    #[must_use]
+    pub fn bits_from_raw(&self, raw: f64) -> Option<u32> {
+        match self.form {
+            Form::Float => Some(raw as f32).filter(|x| x.is_finite()).map(f32::to_bits),
+            Form::Whole => {
+                let fits = raw.fract() == 0.0 && (0.0..=f64::from(u32::MAX)).contains(&raw);
+                fits.then_some(raw as u32)
+            }
+        }
+    }
+
+    /// The frame that writes it until power-off. None for what moves, switches or only tells, and
+    /// where the dialect has none.
+    #[must_use]
+    pub fn write(&self, peer: &Peer, bits: u32) -> Option<CanFrame> {
+        match self.access {
+            Access::Set | Access::Identity => peer.write(self.number, bits),
+            Access::Tells | Access::Goal | Access::Torque | Access::LineSpeed => None,
+        }
     }
 
     const fn whole(number: u16, name: &'static str, access: Access) -> Self {

@@ -4,7 +4,7 @@
 use super::{FAST, frame, heard, open, soon};
 use gaitway::port::FramePort as _;
 use gaitway::wire::can::{CanFrame, CanId, Faults, Format, Number};
-use gaitway::wire::can::{cubemars, damiao, moteus, odrive, robstride};
+use gaitway::wire::can::{cubemars, damiao, moteus, odrive, recoil, robstride};
 use std::thread::{JoinHandle, spawn};
 
 /// A device that expects these frames in turn and answers each.
@@ -191,4 +191,26 @@ fn moteus_answers_over_fd_with_an_extended_identifier() {
     let feedback = moteus::feedback(id, &answers[0]).expect("feedback");
     assert_eq!(feedback.position, Some(Number::Steps(0x50)));
     assert_eq!(feedback.enabled, Some(true));
+}
+
+#[test]
+#[ignore = "needs CAN interfaces"]
+fn recoil_answers_a_goal_with_its_state_and_a_read_with_a_value() {
+    use recoil::{Command, Message, command, parameter};
+    let id = recoil::Id::new(11).expect("an id");
+    // One radian at -2 rad/s; it stands at -0.25 rad and turns at 2 rad/s. The watchdog: 1000 ms.
+    let goal = standard(0x30B, &[0, 0, 0x80, 0x3F, 0, 0, 0, 0xC0]);
+    let state = standard(0x28B, &[0, 0, 0x80, 0xBE, 0, 0, 0, 0x40]);
+    let read = standard(0x60B, &[0x40, 0x08, 0x00]);
+    let value = standard(0x58B, &[0xE8, 0x03, 0, 0]);
+    let asked = [
+        command(id, Command::PositionVelocity(1.0, -2.0)),
+        command(id, Command::Read(parameter::WATCHDOG)),
+    ];
+    let answers = ask("vcan1", vec![(goal, state), (read, value)], &asked);
+    let Some((whose, Message::Feedback(feedback))) = recoil::message(&answers[0]) else {
+        panic!("feedback");
+    };
+    assert_eq!((whose, feedback.position), (id, Some(Number::Value(-0.25))));
+    assert_eq!(recoil::message(&answers[1]), Some((id, Message::Parameter(1000))));
 }

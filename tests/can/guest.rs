@@ -3,8 +3,12 @@
 
 #[path = "dialects.rs"]
 mod dialects;
+#[path = "simulator.rs"]
+mod simulator;
 #[path = "slcan.rs"]
 mod slcan;
+#[path = "virtual_actuators.rs"]
+mod virtual_actuators;
 
 use gaitway::port::can::{CanInterface, Filter, interfaces, state};
 use gaitway::port::{Clock as _, FramePort as _, Heard, MonotonicClock, PortError};

@@ -59,7 +59,7 @@ fn joint(out: &mut String, name: &str, line: &str, servo: &str, id: usize, keys:
         out,
         "[[joint]]\nname = \"{name}\"\nline = \"{line}\"\nid = {id}\nservo = \"{servo}\"\n{keys}\n\
          direction = 1\noffset_rad = 0.0\nlower_rad = -1.0\nupper_rad = 1.0\n\
-         velocity_rad_s = 6.0\nacceleration_rad_s2 = 30.0\ninitial_rad = 0.0\n\
+         velocity_rad_s = 4.0\nacceleration_rad_s2 = 20.0\ninitial_rad = 0.0\n\
          origin_m = [0.0, 0.0, 0.1]\naxis = [0.0, 1.0, 0.0]\n\n"
     );
 }
@@ -120,4 +120,38 @@ pub fn mixed(rate_hz: f64) -> String {
         }
     }
     out
+}
+
+/// The legs of Berkeley Humanoid Lite as its file has them, all twelve on one line.
+pub fn berkeley_legs() -> String {
+    let path = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/firmware-profiles/robots/berkeley-humanoid-lite.toml"
+    );
+    let text = std::fs::read_to_string(path).expect("a shipped robot");
+    let of_a_leg = |block: &str| ["hip", "knee", "ankle"].iter().any(|part| block.contains(part));
+    // A block reaches from one head to the next.
+    let mut kept = Vec::new();
+    let mut line_is_there = false;
+    for block in text.split("\n[") {
+        let keep = if block.starts_with("[line]") {
+            !std::mem::replace(&mut line_is_there, true)
+        } else if block.starts_with("[joint]") || block.starts_with("[anatomy.segment]") {
+            of_a_leg(block)
+        } else {
+            true
+        };
+        if keep && block.starts_with("anatomy]") {
+            let poses = block.lines().filter(|line| !line.contains("shoulder"));
+            let poses: Vec<&str> = poses.collect();
+            kept.push(format!("{}\nn_pose_rad = {{}}\n", poses.join("\n")));
+        } else if keep {
+            kept.push(block.to_owned());
+        }
+    }
+    let mut legs = kept.join("\n[");
+    for line in ["left_arm", "left_leg", "right_leg"] {
+        legs = legs.replace(&format!("\"{line}\""), "\"legs\"");
+    }
+    legs.replace("name = \"berkeley-humanoid-lite\"", "name = \"berkeley-legs\"")
 }

@@ -9,6 +9,9 @@ use super::{CanFrame, CanOptions, Kind};
 const TAIL: u64 = 13;
 
 pub(super) fn length_ns(frame: &CanFrame, options: CanOptions) -> u64 {
+    if !options.timing {
+        return 0;
+    }
     let ns = |bits: u64, rate: u32| bits * 1_000_000_000 / u64::from(rate.max(1));
     match frame.kind {
         Kind::Classic | Kind::Remote(_) => ns(classic_bits(frame), options.bitrate_bps),

@@ -13,6 +13,9 @@ use gaitway_profiles::Ranges;
 
 /// Who answers go to.
 const MASTER: u32 = 0;
+/// How long the firmware says nothing after it was told to set its zero, ns; TMotorCANControl
+/// waits so long.
+const MUTE_NS: u64 = 1_000_000_000;
 /// How steeply a profile closes in on its goal, 1/s (assumed).
 const APPROACH_PER_S: f64 = 30.0;
 /// Feedback unless it is set otherwise, Hz (assumed; 1 to 500 can be set).
@@ -37,11 +40,12 @@ fn error_code(trouble: Option<Trouble>) -> u8 {
 pub(super) struct Mit {
     id: u8,
     ranges: Ranges,
+    mute_until_ns: u64,
 }
 
 impl Mit {
     pub fn new(id: u8, ranges: Ranges) -> Mit {
-        Mit { id, ranges }
+        Mit { id, ranges, mute_until_ns: 0 }
     }
 
     pub fn hear(&mut self, drive: &mut Drive, frame: &CanFrame) -> Vec<CanFrame> {
@@ -58,8 +62,14 @@ impl Mit {
                 drive.enable_without_goal();
             }
             Some(Order::Disable) => drive.disable(),
-            Some(Order::SetZero) => drive.place(0.0),
+            Some(Order::SetZero) => {
+                drive.place(0.0);
+                self.mute_until_ns = drive.now_ns() + MUTE_NS;
+            }
             Some(Order::Clear | Order::Unknown) => {}
+        }
+        if drive.now_ns() < self.mute_until_ns {
+            return Vec::new();
         }
         let [p1, p0, v, vt, t] = state(&self.ranges, drive);
         let error = error_code(drive.latched);

@@ -31,14 +31,14 @@ const APPROACH_PER_S: f64 = 30.0;
 #[derive(Clone, Debug)]
 pub(super) struct Damiao {
     ranges: Ranges,
-    registers: [u32; 128],
+    registers: Vec<u32>,
     /// Registers as they will be after the next power-up.
-    kept: [u32; 128],
+    kept: Vec<u32>,
 }
 
 impl Damiao {
     pub fn new(id: u8, ranges: Ranges) -> Damiao {
-        let mut registers = [0; 128];
+        let mut registers = vec![0; 128];
         registers[ESC_ID] = id.into();
         registers[CTRL_MODE] = 1;
         for (register, end) in
@@ -46,7 +46,7 @@ impl Damiao {
         {
             registers[register] = (end as f32).to_bits();
         }
-        Damiao { ranges, registers, kept: registers }
+        Damiao { ranges, kept: registers.clone(), registers }
     }
 
     pub fn set_answer_id(&mut self, id: u16) {
@@ -55,7 +55,7 @@ impl Damiao {
     }
 
     pub fn restart(&mut self) {
-        self.registers = self.kept;
+        self.registers.clone_from(&self.kept);
         self.take_ranges();
     }
 
@@ -113,7 +113,7 @@ impl Damiao {
             0xAA => {
                 // Only while disabled.
                 if !drive.enabled {
-                    self.kept = self.registers;
+                    self.kept.clone_from(&self.registers);
                     drive.note(Event::Kept("all registers"));
                 }
                 return vec![self.answer([asked_id[0], asked_id[1], what, number, 0, 0, 0, 0])];

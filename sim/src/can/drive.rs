@@ -93,6 +93,22 @@ impl Goal {
         Goal::Impedance { position, velocity, kp, kd, torque, torque_limit, travels, stop }
     }
 
+    /// True if all its numbers are some; where it stops, and its limits, may be none.
+    fn is_sound(&self) -> bool {
+        match *self {
+            Goal::Impedance { position, velocity, kp, kd, torque, torque_limit, .. } => {
+                let numbers = [position, velocity, kp, kd, torque];
+                numbers.iter().all(|number| number.is_finite()) && !torque_limit.is_nan()
+            }
+            Goal::Position { position, velocity, gain, speed } => {
+                [position, velocity, gain].iter().all(|number| number.is_finite())
+                    && !speed.is_nan()
+            }
+            Goal::Velocity(number) | Goal::Torque(number) => number.is_finite(),
+            Goal::Brake => true,
+        }
+    }
+
     /// The position that the shaft is pulled to, if it is.
     fn pulls_to(&self) -> Option<f64> {
         match *self {
@@ -255,8 +271,11 @@ impl Drive {
         self.release();
     }
 
-    /// Another goal.
+    /// Another goal, if there is any sense in it.
     pub fn aim(&mut self, goal: Goal) {
+        if !goal.is_sound() {
+            return;
+        }
         if let Some(position) = goal.pulls_to() {
             let raw = (position * 1e6).round() as i64;
             self.note(Event::Goal { raw, accepted: true });

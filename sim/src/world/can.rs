@@ -14,11 +14,12 @@ pub(super) fn lines(robot: &Robot, line_timing: bool) -> BTreeMap<usize, CanLine
     let speeds = lines.filter_map(|(k, line)| Some((k, line.can()?)));
     speeds
         .map(|(k, speed)| {
-            let [bitrate_bps, data_bitrate_bps] = match line_timing {
-                true => [speed.bitrate_bps, speed.data_bitrate_bps.unwrap_or(speed.bitrate_bps)],
-                false => [u32::MAX; 2],
+            let options = CanOptions {
+                bitrate_bps: speed.bitrate_bps,
+                data_bitrate_bps: speed.data_bitrate_bps.unwrap_or(speed.bitrate_bps),
+                timing: line_timing,
+                ..CanOptions::default()
             };
-            let options = CanOptions { bitrate_bps, data_bitrate_bps, ..CanOptions::default() };
             (k, CanLine::new(options, Vec::new()))
         })
         .collect()

@@ -177,6 +177,18 @@ mod cubemars {
         }
     }
 
+    #[test]
+    fn it_is_mute_for_a_second_after_it_has_set_its_zero() {
+        let mut bench = Bench::new("ak80-9", 3);
+        bench.actuator().place(0.7);
+        let order = |last| CanFrame::classic(3, false, &[[0xFF; 7].as_slice(), &[last]].concat());
+        assert!(bench.tell(order(0xFE)).is_empty());
+        bench.wait(900);
+        assert!(bench.tell(order(0xFC)).is_empty());
+        bench.wait(100);
+        assert_eq!(bench.ask(order(0xFC)).bytes[1..3], [0x7F, 0xFF]);
+    }
+
     /// Servo mode with ten frames of feedback in a second.
     fn servo_mode() -> Bench {
         let mut bench = Bench::new("ak80-9-servo", 1);
@@ -335,15 +347,15 @@ mod odrive {
 
     /// The last heartbeat of a while: its error and its state.
     fn beat(bench: &mut Bench) -> (u32, u8) {
-        let beats = bench.heard(100).into_iter().filter(|frame| frame.id == 0x21);
-        let beat = beats.last().expect("a heartbeat");
+        let mut beats = bench.heard(100).into_iter().filter(|frame| frame.id == 0x21);
+        let beat = beats.next_back().expect("a heartbeat");
         let error = beat.bytes[..4].try_into().expect("four bytes");
         (u32::from_le_bytes(error), beat.bytes[4])
     }
 
     fn estimates(bench: &mut Bench) -> [f32; 2] {
-        let frames = bench.heard(20).into_iter().filter(|frame| frame.id == 0x29);
-        let bytes = frames.last().expect("estimates").bytes;
+        let mut frames = bench.heard(20).into_iter().filter(|frame| frame.id == 0x29);
+        let bytes = frames.next_back().expect("estimates").bytes;
         [0, 4].map(|k| f32::from_le_bytes(bytes[k..k + 4].try_into().expect("four bytes")))
     }
 
@@ -489,6 +501,40 @@ mod moteus {
         expected.extend((-0.25_f32).to_le_bytes());
         expected.resize(20, 0x50);
         assert_eq!(answer(&mut bench, &asked), expected);
+    }
+
+    // docs/reference.md, A.2.a: what one step of each integer stands for.
+    #[test]
+    fn integers_count_in_the_steps_of_their_quantity() {
+        for (register, value, steps) in [
+            (0x20, 0.5_f32, [50, 5000, 50_000]),
+            (0x21, 0.5, [5, 2000, 50_000]),
+            (0x22, -1.5, [-3, -150, -1500]),
+            (0x23, 1.0, [127, 32_767, i32::MAX]),
+            (0x27, 0.25, [25, 250, 250_000]),
+        ] {
+            let mut bench = Bench::new("moteus-r4", 1);
+            let mut bytes = vec![0x0D, register];
+            bytes.extend(value.to_le_bytes());
+            bytes.extend([0x11, register, 0x15, register, 0x19, register]);
+            let said = answer(&mut bench, &bytes);
+            let mut expected = vec![0x21, register, steps[0] as u8, 0x25, register];
+            expected.extend((steps[1] as i16).to_le_bytes());
+            expected.extend([0x29, register]);
+            expected.extend(steps[2].to_le_bytes());
+            assert_eq!(said[..expected.len()], expected, "{register:#x}");
+        }
+    }
+
+    #[test]
+    fn a_goal_that_is_no_number_moves_nothing() {
+        let mut bench = Bench::new("moteus-r4", 1);
+        answer(&mut bench, &position(0.0, 0.0, i16::MIN));
+        for wrong in [position(f32::INFINITY, 0.0, 0), position(0.0, f32::NEG_INFINITY, 0)] {
+            answer(&mut bench, &wrong);
+            bench.wait(20);
+            close(bench.position(), 0.0, 1e-9);
+        }
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! A real program's view: a terminal, bytes in, bytes out.
 
-use crate::scene::{crc16, dynamixels, hex, statuses};
+use crate::scene::{can_robot, crc16, dynamixels, hex, statuses};
 use gaitway_sim::{Door, DoorError, Fault, Options, World};
 use std::fs::{self, File, OpenOptions};
 use std::io::{Read, Write};
@@ -267,4 +267,52 @@ fn the_usual_speeds_of_servo_lines_can_be_set() {
         rustix::termios::tcsendbreak(&port).unwrap();
         assert_eq!(ask(&mut port, &hex(PING_1), 14).len(), 14, "{baud_bps}");
     }
+}
+
+/// The first line of the adapter that begins so.
+fn line_that_begins(port: &mut File, wanted: &str) -> String {
+    let mut line = String::new();
+    loop {
+        let mut byte = [0];
+        port.read_exact(&mut byte).unwrap();
+        match byte[0] {
+            b'\r' if line.starts_with(wanted) => return line,
+            b'\r' | 7 => line.clear(),
+            other => line.push(char::from(other)),
+        }
+    }
+}
+
+#[test]
+fn a_can_line_is_behind_an_adapter_that_speaks_slcan() {
+    let world = World::new(&can_robot(&[("dm4310", 1)]), Options::default()).unwrap();
+    let world = Arc::new(Mutex::new(world));
+    let door = Door::open(Arc::clone(&world), 0, None).unwrap();
+    for _ in 0..2 {
+        let mut port = open(door.path());
+        port.write_all(b"\rC\rS8\rO\rV\r").unwrap();
+        assert_eq!(line_that_begins(&mut port, "V"), "V1013");
+        port.write_all(b"t0018FFFFFFFFFFFFFFFC\r").unwrap();
+        // Under its answer_id, enabled, at zero.
+        assert!(line_that_begins(&mut port, "t0118").starts_with("t0118117FFF7FF7FF"));
+        port.write_all(b"C\r").unwrap();
+        line_that_begins(&mut port, "");
+    }
+    assert!(world.lock().unwrap().actuator("j1").unwrap().enabled());
+}
+
+#[test]
+fn an_adapter_tells_of_bus_off() {
+    let fault = Fault::BusOff { line: None, at_ns: 0, until_ns: None };
+    let options = Options { faults: vec![fault], ..Options::default() };
+    let world = World::new(&can_robot(&[("dm4310", 1)]), options).unwrap();
+    let door = Door::open(Arc::new(Mutex::new(world)), 0, None).unwrap();
+    let mut port = open(door.path());
+    // It has left the line before anybody asked; the flags tell, and frames are refused.
+    port.write_all(b"S8\rO\rV\r").unwrap();
+    line_that_begins(&mut port, "V");
+    port.write_all(b"F\r").unwrap();
+    assert!(["F00", "FA4"].contains(&line_that_begins(&mut port, "F").as_str()));
+    port.write_all(b"t0010\rF\r").unwrap();
+    assert_eq!(line_that_begins(&mut port, "F"), "FA4");
 }

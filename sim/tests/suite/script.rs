@@ -1,9 +1,11 @@
 //! Faults as data: what a script says happens, and what it says wrongly is named.
 
 use crate::scene::{
-    Scene, dynamixels, feetech, feetechs, instruction, mixed, read, statuses, sync_read, write,
+    Scene, can_robot, dynamixels, feetech, feetechs, instruction, mixed, read, statuses, sync_read,
+    write,
 };
-use gaitway_sim::{BadChecksum, MissingInChain, Options, Rule, Script, Usb, ZeroSpeed};
+use gaitway_sim::can::{CanFrame, CanHeard};
+use gaitway_sim::{BadChecksum, MissingInChain, Options, Rule, Script, Usb, World, ZeroSpeed};
 
 const MS: u64 = 1_000_000;
 
@@ -276,4 +278,51 @@ fn a_script_chooses_what_the_manuals_leave_open() {
     assert!(said.contains("behaviour (line 2), key bad_checksum: got \"shout\""), "{said}");
     assert!(said.contains("ignore, answer"), "{said}");
     assert!(refusal("[behaviour]\nspeed = 1\n").contains("key speed"));
+}
+
+/// A world of one DM4310 that this script befalls, for 60 ms; what struck, and when.
+fn struck_on_can(script: &str) -> Vec<String> {
+    let faults = Script::parse(script).unwrap().faults;
+    let options = Options { faults, ..Options::default() };
+    let mut world = World::new(&can_robot(&[("dm4310", 1)]), options).unwrap();
+    for k in 0..30 {
+        world.run_until(k * 2 * MS);
+        let refresh = CanFrame::classic(0x7FF, false, &[1, 0, 0xCC, 0, 0, 0, 0, 0]);
+        world.can_send(0, refresh).unwrap();
+        while let Some(heard) = world.can_receive(0, (k + 1) * 2 * MS) {
+            if let CanHeard::Frame(frame) = heard {
+                assert!(frame.bytes.len() <= 8);
+            }
+        }
+    }
+    world.take_struck().iter().map(|struck| format!("{} {}", struck.fault, struck.place)).collect()
+}
+
+#[test]
+fn a_script_makes_a_can_line_and_its_actuators_fail() {
+    for (script, told) in [
+        ("kind = 'trouble'\njoint = 'j1'\ncause = 'lost-phase'\nfrom_s = 0.01", "trouble j1"),
+        ("kind = 'bus-off'\nline = 'body'\nat_s = 0.02\nuntil_s = 0.03", "bus-off body"),
+        ("kind = 'babble'\nperiod_s = 0.001\nframe_id = 3\nbytes = 2", "babble body"),
+        ("kind = 'silent'\nline = 'body'\nid = 1\nfrom_s = 0.01", "silent j1"),
+        ("kind = 'length'\njoint = 'j1'\nlength = 3\nnth = 4", "length j1"),
+        ("kind = 'blocked'\nfrom_s = 0.01\nuntil_s = 0.02", "blocked body"),
+    ] {
+        assert_eq!(struck_on_can(&format!("[[fault]]\n{script}")), [told], "{script}");
+    }
+}
+
+#[test]
+fn wrong_can_faults_are_named() {
+    for (script, parts) in [
+        ("kind = 'trouble'\njoint = 'j1'", &["key cause", "lost-phase"][..]),
+        ("kind = 'trouble'\njoint = 'j1'\ncause = 'rust'", &["key cause", "\"rust\""]),
+        ("kind = 'bus-off'", &["key at_s", "nothing"]),
+        ("kind = 'bus-off'\nat_s = 2\nuntil_s = 1", &["key until_s", "later than at_s"]),
+        ("kind = 'babble'", &["key period_s"]),
+        ("kind = 'babble'\nperiod_s = 1\nframe_id = 536870912", &["key frame_id", "536870911"]),
+    ] {
+        let said = refusal(&format!("[[fault]]\n{script}"));
+        assert!(parts.iter().all(|part| said.contains(part)), "{said}");
+    }
 }

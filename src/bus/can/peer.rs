@@ -1,7 +1,7 @@
 //! One device of a CAN line, by how it is spoken to: questions for its numbered settings, and what
 //! its answers hold.
 
-use crate::wire::can::moteus::{self, Message, Part, Resolution, Route, Values};
+use crate::wire::can::moteus::{self, Message, Part, Resolution, Route};
 use crate::wire::can::{CanFrame, Number, cubemars, damiao, odrive, recoil, robstride};
 use std::fmt;
 
@@ -133,10 +133,10 @@ impl Peer {
         }
     }
 
-    /// The frame that writes a setting until power-off. None where settings are not written so.
-    /// Nothing here keeps goals from being written: the caller does.
-    #[must_use]
-    pub fn write(&self, number: u16, bits: u32, form: Form) -> Option<CanFrame> {
+    /// The frame that writes a setting until power-off. None where settings are not written so: all
+    /// that moteus takes over the line are goals. Only the table of
+    /// settings in `device`, which knows which numbers are goals, may ask for it.
+    pub(crate) fn write(&self, number: u16, bits: u32) -> Option<CanFrame> {
         Some(match *self {
             Self::Damiao { id, .. } => {
                 damiao::request(id, damiao::Request::Write(u8::try_from(number).ok()?, bits))
@@ -144,19 +144,11 @@ impl Peer {
             Self::Robstride { id, host } => {
                 robstride::command(host, id, robstride::Command::Write(number, bits))
             }
-            Self::Moteus { id, host } => {
-                let mut message = Message::default();
-                match form {
-                    Form::Whole => message.write(number, Values::Int32(&[bits.cast_signed()])),
-                    Form::Float => message.write(number, Values::Float(&[f32::from_bits(bits)])),
-                }
-                .ok()?;
-                message.frame(Route { source: host, destination: id, reply: true, fast: true })
-            }
             Self::Recoil { id } => recoil::command(id, recoil::Command::Write(number, bits)),
-            Self::Odrive { .. } | Self::CubemarsMit { .. } | Self::CubemarsServo { .. } => {
-                return None;
-            }
+            Self::Odrive { .. }
+            | Self::Moteus { .. }
+            | Self::CubemarsMit { .. }
+            | Self::CubemarsServo { .. } => return None,
         })
     }
 

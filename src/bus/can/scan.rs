@@ -62,33 +62,36 @@ impl Call {
     /// Every question it takes.
     #[must_use]
     pub fn questions(self) -> Vec<CanFrame> {
-        match self {
-            Self::Damiao => (1..=u8::MAX)
-                .filter_map(damiao::Id::new)
-                .map(|id| damiao::request(id, damiao::Request::Read(OWN_ID)))
-                .collect(),
-            Self::Robstride(host) => (0..=254)
-                .filter_map(robstride::Id::new)
-                .map(|id| robstride::command(host, id, robstride::Command::Identify))
-                .collect(),
-            Self::Odrive => (0..=63)
-                .filter_map(odrive::Id::new)
-                .map(|id| odrive::request(id, odrive::Request::Estimates))
-                .collect(),
-            Self::Moteus(host) => (1..=126)
-                .filter_map(moteus::Id::new)
-                .filter(|id| *id != host)
-                .map(|id| moteus_question(host, id))
-                .collect(),
-            Self::Recoil => (1..=127)
-                .filter_map(recoil::Id::new)
-                .map(|id| recoil::command(id, recoil::Command::Read(recoil::parameter::DEVICE_ID)))
-                .collect(),
-            Self::CubemarsMit => (0..=u8::MAX)
-                .filter_map(cubemars::Id::new)
-                .map(|id| cubemars::mit_command(id, MitCommand::Disable))
-                .collect(),
-        }
+        let [first, last] = match self {
+            Self::Damiao => [1, u8::MAX],
+            Self::Robstride(_) => [0, 254],
+            Self::Odrive => [0, 63],
+            // 127 is everybody.
+            Self::Moteus(_) => [1, 126],
+            Self::Recoil => [1, 127],
+            Self::CubemarsMit => [0, u8::MAX],
+        };
+        (first..=last).filter_map(|id| self.question(id)).collect()
+    }
+
+    /// The question to `id`; none if the dialect has no such id, or it is the host's.
+    fn question(self, id: u8) -> Option<CanFrame> {
+        Some(match self {
+            Self::Damiao => damiao::request(damiao::Id::new(id)?, damiao::Request::Read(OWN_ID)),
+            Self::Robstride(host) => {
+                let id = robstride::Id::new(id)?;
+                robstride::command(host, id, robstride::Command::Identify)
+            }
+            Self::Odrive => odrive::request(odrive::Id::new(id)?, odrive::Request::Estimates),
+            Self::Moteus(host) => {
+                moteus_question(host, moteus::Id::new(id).filter(|id| *id != host)?)
+            }
+            Self::Recoil => {
+                let own_id = recoil::Command::Read(recoil::parameter::DEVICE_ID);
+                recoil::command(recoil::Id::new(id)?, own_id)
+            }
+            Self::CubemarsMit => cubemars::mit_command(cubemars::Id::new(id)?, MitCommand::Disable),
+        })
     }
 
     /// Who gives this answer to any of its questions, and a number that is its own alone.
@@ -206,6 +209,25 @@ fn odrive_state(id: odrive::Id, frame: &CanFrame) -> Option<(bool, Faults)> {
             Some((u32::from(state) == odrive::STATE_CLOSED_LOOP, faults))
         }
         _ => None,
+    }
+}
+
+/// The device with this id, if one answers by `budget`.
+///
+/// # Errors
+/// [`AskError::Port`]: the line failed.
+pub fn find(
+    bus: &mut CanBus,
+    call: Call,
+    id: u8,
+    budget: Instant,
+) -> Result<Option<Found>, AskError> {
+    let Some(question) = call.question(id) else { return Ok(None) };
+    let answer = |frame: &CanFrame| call.answer(frame).filter(|(peer, _)| peer.id() == id);
+    match bus.ask(&question, answer, |_| true, budget) {
+        Ok((peer, serial)) => Ok(Some(Found { peer, unasked: false, serial, contradicts: false })),
+        Err(AskError::Port(error)) => Err(error.into()),
+        Err(_) => Ok(None),
     }
 }
 

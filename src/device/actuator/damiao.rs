@@ -6,10 +6,10 @@ use super::{
 };
 use crate::bus::can::Shape;
 use crate::device::coded::Impedance;
-use crate::wire::can::CanFrame;
 use crate::wire::can::damiao::{
     Command, Id, Request, command, feedback, register, register_value, request,
 };
+use crate::wire::can::{CanFrame, CanId};
 use gaitway_profiles::Ranges;
 
 /// Number of the setting that says how long the host may be silent.
@@ -22,6 +22,7 @@ const READ_OR_WRITTEN: [u8; 2] = [0x33, 0x55];
 #[derive(Debug)]
 pub(super) struct Damiao {
     id: Id,
+    answers_under: CanId,
     placing: Placing,
     ranges: Ranges,
 }
@@ -29,18 +30,21 @@ pub(super) struct Damiao {
 impl Damiao {
     pub fn new(placing: Placing, ranges: Ranges) -> Result<Self, String> {
         let id = Id::new(placing.id).ok_or_else(|| no_such_id(placing.id))?;
-        Ok(Self { id, placing, ranges })
+        let answers_under = CanId::standard(placing.answer_id.into());
+        let answers_under = answers_under.ok_or("the id of its answers has 11 bits")?;
+        Ok(Self { id, answers_under, placing, ranges })
     }
 }
 
 impl Language for Damiao {
     fn told(&self, frame: &CanFrame) -> Option<Told> {
         // A late answer about a register has the form of feedback, from the end of the range.
+        let from_it = frame.id() == self.answers_under;
         if let [low, 0, what, ..] = frame.payload()
             && *low == self.id.get()
             && READ_OR_WRITTEN.contains(what)
         {
-            return None;
+            return from_it.then(Told::default);
         }
         let feedback = feedback(self.id, self.placing.answer_id, frame)?;
         Some(decoded(&feedback, &self.ranges, 1.0))

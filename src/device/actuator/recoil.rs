@@ -70,8 +70,12 @@ impl Language for Recoil {
         })
     }
 
+    /// Its whole memory can be written. Behind the limits lie what it measures and its goals, before
+    /// them its mode.
     fn write_setting(&self, number: u16, bits: u32) -> Option<CanFrame> {
-        Some(command(self.id, Command::Write(number, bits)))
+        let kept = [parameter::WATCHDOG, parameter::UNASKED_RATE].contains(&number)
+            || (parameter::KP..=parameter::UPPER_LIMIT).contains(&number);
+        kept.then(|| command(self.id, Command::Write(number, bits)))
     }
 
     fn settings(&self) -> Vec<Setting> {
@@ -87,7 +91,10 @@ impl Language for Recoil {
         match order {
             // A disabled device must be idle first.
             Order::Enable => vec![mode(Mode::Idle), mode(Mode::Position)],
-            Order::LetGo | Order::ForgetSilence => vec![mode(Mode::Idle)],
+            Order::LetGo => vec![mode(Mode::Idle)],
+            Order::ForgetSilence => {
+                vec![mode(Mode::Idle), command(self.id, Command::Write(parameter::ERROR, 0))]
+            }
             Order::HeedGoals => Vec::new(),
         }
     }

@@ -14,6 +14,8 @@ use gaitway_profiles::Ranges;
 pub(super) const TIMEOUT: u16 = parameter::CAN_TIMEOUT;
 /// Not a parameter: stands for the number of the device's processor.
 const IDENTITY: u16 = 0;
+/// Goal of run mode 3, A (manual, section 4.1.12).
+const CURRENT_GOAL: u16 = 0x7006;
 /// Value of the run mode in which it takes motion commands.
 const MOTION: u32 = 0;
 const STEP_C: f64 = 0.1;
@@ -92,7 +94,7 @@ impl Language for Robstride {
     }
 
     fn write_setting(&self, number: u16, bits: u32) -> Option<CanFrame> {
-        let goals = [parameter::POSITION_GOAL, parameter::SPEED_GOAL];
+        let goals = [parameter::POSITION_GOAL, parameter::SPEED_GOAL, CURRENT_GOAL];
         (!goals.contains(&number)).then(|| self.command(Command::Write(number, bits)))
     }
 

@@ -90,6 +90,8 @@ pub(super) struct CanLine {
     bus: CanBus,
     clock: Arc<dyn Clock>,
     axes: Vec<Axis>,
+    /// When what was heard was last taken in.
+    drained_at: Instant,
     /// No other host was heard, so that who only answers commands may be told to let go.
     alone: bool,
 }
@@ -138,7 +140,7 @@ impl CanLine {
         });
         let axes = axes.collect();
         let bus = CanBus::new(port, Arc::clone(&clock), timing);
-        Self { bus, clock, axes, alone: false }
+        Self { bus, clock, axes, drained_at: Instant::ZERO, alone: false }
     }
 
     pub const fn bus(&self) -> &CanBus {
@@ -165,6 +167,7 @@ impl CanLine {
     /// Takes in what was heard up to now.
     fn drain(&mut self) -> Result<(), AskError> {
         let (axes, clock) = (&mut self.axes, &self.clock);
+        self.drained_at = clock.now();
         self.bus.drain(&mut |frame| dispatch(axes, frame, clock.now()))
     }
 
@@ -208,6 +211,8 @@ impl CanLine {
     /// Asks for the state of every actuator whose answer has not come by itself. `anew`: what came
     /// before does not count.
     pub fn begin_states(&mut self, anew: bool, budget: Instant) -> Result<(), AskError> {
+        // After a pause nobody knows how old what was heard in it is.
+        let anew = anew || self.clock.now().since(self.drained_at) > OLDEST;
         self.drain()?;
         if !self.alone && self.axes.iter().any(Axis::is_asked_by_letting_go) {
             self.listen_for_others()?;
@@ -242,7 +247,9 @@ impl CanLine {
         axis.asked_at = self.clock.now();
         match axis.open {
             Some(question) => self.bus.send(&question.frame, budget),
-            None if axis.is_asked_by_letting_go() => self.order(index, Order::LetGo, budget),
+            None if self.alone && axis.is_asked_by_letting_go() => {
+                self.order(index, Order::LetGo, budget)
+            }
             None => Ok(()),
         }
     }
@@ -375,7 +382,17 @@ impl CanLine {
         let no_such = || AskError::Unsayable(format!("setting {number} is not for writing"));
         let frame = self.axes[index].actuator.write_setting(number, bits).ok_or_else(no_such)?;
         self.bus.send(&frame, budget)?;
+        // Some answer with what they were told; only what they read is what they kept.
+        self.settle()?;
         self.read(joint, number, budget)
+    }
+
+    /// Waits until everything that was said is answered: what is heard from then on answers what is
+    /// said from then on.
+    fn settle(&mut self) -> Result<(), AskError> {
+        let until = self.clock.now() + self.bus.answer_time(self.exchange_s());
+        let (axes, clock) = (&mut self.axes, &self.clock);
+        self.bus.listen(until, &mut |frame| (dispatch(axes, frame, clock.now()), true))
     }
 
     /// Everything an actuator tells besides where it stands, as far as it has told it.
@@ -409,6 +426,13 @@ impl CanLine {
         if let Some(question) = questions.get(part) {
             self.ask(index, question, budget)?;
         }
+        // Who let go without being told to is heard out at once.
+        let Axis { driven, told, .. } = &self.axes[index];
+        if *driven && told.enabled == Some(false) && told.faults.is_none_or(Faults::is_none) {
+            for question in &questions {
+                self.ask(index, question, budget)?;
+            }
+        }
         Ok(self.facts(joint))
     }
 
@@ -428,17 +452,20 @@ impl CanLine {
         let silence = |faults: Faults| faults.any(Faults::SILENCE);
         if self.axes[index].told.faults.is_some_and(silence) {
             self.order(index, Order::ForgetSilence, budget)?;
+            // What was told of it is over; what is not will be told again.
+            self.axes[index].told.faults = None;
         }
         self.order(index, Order::HeedGoals, budget)
     }
 
     /// Switches all actuators on, each at its last goal, or off. Nothing is waited for.
     pub fn write_torque(&mut self, on: bool, budget: Instant) -> Result<(), AskError> {
+        self.settle()?;
         for index in 0..self.axes.len() {
             if on {
                 self.order(index, Order::Enable, budget)?;
                 let axis = &mut self.axes[index];
-                (axis.driven, axis.told.enabled) = (true, None);
+                (axis.driven, axis.told.enabled, axis.fresh) = (true, None, false);
                 self.send_goal(index, budget)?;
             } else {
                 self.let_go(index, budget)?;
@@ -456,6 +483,7 @@ impl CanLine {
     /// Switches one actuator off and waits for it to say so. An order that is lost is given again.
     pub fn limp(&mut self, joint: usize) -> Result<(), AskError> {
         let index = self.index(joint)?;
+        self.settle()?;
         let give_up = self.clock.now() + TELLS_ITSELF;
         while self.clock.now() < give_up {
             self.let_go(index, give_up)?;

@@ -9,7 +9,8 @@
 //! of its own; the smallest integer means "no number". Positions are in revolutions, velocities in
 //! rev/s, torques in N m.
 //!
-//! Source: mjbots/moteus 00d474b0, `docs/reference.md` (sections A and B of the protocol).
+//! Source: mjbots/moteus 00d474b0, `docs/reference.md` (sections A and B of the protocol); newer
+//! faults and modes from its `fw/error.h` and from `protocol.py` of moteus 1.1.1.
 
 use super::{CanFrame, CanId, Faults, Feedback, Format, MAX_PAYLOAD, Number, fd_length};
 
@@ -254,14 +255,15 @@ pub fn feedback(id: Id, frame: &CanFrame) -> Option<Feedback> {
         match u16::try_from(register).unwrap_or(u16::MAX) {
             register::MODE => {
                 feedback.enabled =
-                    number.and_then(whole).map(|mode| matches!(mode, 5..=10 | 12 | 13));
+                    number.and_then(whole).map(|mode| matches!(mode, 5..=10 | 12..=15));
             }
             register::POSITION => feedback.position = number,
             register::VELOCITY => feedback.velocity = number,
             register::TORQUE => feedback.torque = number,
             register::TEMPERATURE => feedback.temperature = number,
             register::FAULT => {
-                feedback.faults = number.and_then(whole).map_or(Faults::NONE, faults)
+                let told = number.and_then(whole).map_or(Faults::NONE, faults);
+                feedback.faults = feedback.faults.and(told);
             }
             _ => {}
         }
@@ -282,15 +284,16 @@ fn whole(number: Number) -> Option<i32> {
     }
 }
 
+/// From 96 to 105 it names the limit it is at, and goes on.
 const fn faults(code: i32) -> Faults {
     match code {
-        0 => Faults::NONE,
-        32 | 36 => Faults::NOT_CALIBRATED,
-        33 => Faults::DRIVER,
+        0 | 96..=105 => Faults::NONE,
+        32 | 36 | 41 => Faults::NOT_CALIBRATED,
+        33 | 44 => Faults::DRIVER,
         34 => Faults::OVER_VOLTAGE,
-        35 => Faults::ENCODER,
+        35 | 42 | 43 => Faults::ENCODER,
         38 => Faults::HOT,
-        39 => Faults::OUT_OF_RANGE,
+        39 | 48 => Faults::OUT_OF_RANGE,
         40 => Faults::UNDER_VOLTAGE,
         _ => Faults::OTHER,
     }
@@ -538,11 +541,26 @@ mod tests {
     }
 
     #[test]
+    fn a_limit_it_is_at_is_no_fault() {
+        let at = |code: u8| {
+            let bytes = [0x21, 0x0F, code];
+            let id_100 = CanId::standard(0x100).expect("fits");
+            let frame = CanFrame::new(id_100, Format::Fd { fast: false }, &bytes).expect("fits");
+            feedback(id(1), &frame).expect("his").faults
+        };
+        assert_eq!([at(0), at(96), at(103), at(105)], [Faults::NONE; 4]);
+        assert_eq!((at(40), at(43)), (Faults::UNDER_VOLTAGE, Faults::ENCODER));
+        assert_eq!((at(95), at(106)), (Faults::OTHER, Faults::OTHER));
+    }
+
+    #[test]
     fn the_watchdog_mode_is_a_silent_host() {
-        let bytes = [0x21, 0x00, 0x0B];
         let id_100 = CanId::standard(0x100).expect("fits");
-        let frame = CanFrame::new(id_100, Format::Fd { fast: false }, &bytes).expect("fits");
-        let feedback = feedback(id(1), &frame).expect("his");
-        assert!(feedback.faults.any(Faults::SILENCE));
+        // Register 0x00F, no fault, is told behind the mode.
+        for bytes in [&[0x21, 0x00, 0x0B][..], &[0x21, 0x00, 0x0B, 0x21, 0x0F, 0x00]] {
+            let frame = CanFrame::new(id_100, Format::Fd { fast: false }, bytes).expect("fits");
+            let feedback = feedback(id(1), &frame).expect("his");
+            assert!(feedback.faults.any(Faults::SILENCE), "{bytes:02X?}");
+        }
     }
 }

@@ -49,6 +49,8 @@ pub enum Command {
     VelocityGains(f32, f32),
     /// Forget all errors.
     ClearErrors,
+    /// Start anew; lets go.
+    Reboot,
 }
 
 /// Axis state: lets go.
@@ -84,6 +86,7 @@ pub fn command(id: Id, command: Command) -> CanFrame {
             CanFrame::classic(to(id, 0x1B), floats(gain, integral))
         }
         Command::ClearErrors => CanFrame::classic(to(id, 0x18), []),
+        Command::Reboot => CanFrame::classic(to(id, 0x16), []),
     }
 }
 

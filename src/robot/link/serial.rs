@@ -1,0 +1,271 @@
+//! The serial lines of a link: servos by their registers.
+
+use super::{Group, Link, LinkError, OpenLine, States, joint_error};
+use crate::bus::{AskError, Bus, GroupItem, Miss, Reply};
+use crate::device::{JointState, Model};
+use crate::robot::reading::{Method, Reading};
+use crate::robot::{Joint, Robot};
+use crate::time::{Duration, Instant};
+use gaitway_profiles::{Register, Role};
+
+impl Link {
+    /// Carries out the readings of each serial line.
+    pub(super) fn read_serial(
+        &mut self,
+        mut readings: Vec<Vec<Reading>>,
+        states: &mut States,
+        budget: Instant,
+    ) -> Result<(), LinkError> {
+        while readings.iter().any(|of_line| !of_line.is_empty()) {
+            let mut failed = None;
+            // All lines are asked before any is waited for, so that they answer side by side.
+            let mut asked = Vec::with_capacity(readings.len());
+            for (line, of_line) in readings.iter_mut().enumerate() {
+                if of_line.is_empty() {
+                    continue;
+                }
+                let mut reading = of_line.remove(0);
+                if self.lost[line] {
+                    continue;
+                }
+                reading.joints.sort_by_key(|&(joint, _)| self.missed_in_a_row[joint]);
+                if let Method::Group(kind) = reading.method {
+                    let question = reading.question(kind);
+                    let begun = self.serial(line);
+                    if let Err(e) = begun.and_then(|bus| bus.begin_group_read(&question, budget)) {
+                        failed = Some(self.line_error(line, e));
+                        continue;
+                    }
+                }
+                asked.push((line, reading));
+            }
+            // A line that fails does not keep the others from being heard to the end.
+            for (line, reading) in asked {
+                if let Err(e) = self.hear(line, &reading, states, budget) {
+                    failed = Some(self.line_error(line, e));
+                }
+            }
+            if let Some(failed) = failed {
+                return Err(failed);
+            }
+        }
+        Ok(())
+    }
+
+    /// Waits for the answers to `reading`; single reads are asked only here.
+    fn hear(
+        &mut self,
+        line: usize,
+        reading: &Reading,
+        states: &mut States,
+        budget: Instant,
+    ) -> Result<(), AskError> {
+        if reading.method != Method::Single {
+            let answers = self.serial(line)?.finish_group_read(budget)?;
+            for (&(joint, item), answer) in reading.joints.iter().zip(answers) {
+                let state = answer.and_then(|reply| self.decode(joint, item, &reply));
+                self.put(joint, state, states);
+            }
+            return Ok(());
+        }
+        for &(joint, item) in &reading.joints {
+            let GroupItem { id, address, length } = item;
+            let bus = self.serial(line)?;
+            let answer = match bus.read(reading.protocol, id, address, length, budget) {
+                Ok(reply) => self.decode(joint, item, &reply),
+                Err(AskError::Miss(miss)) => Err(miss),
+                Err(error) => return Err(error),
+            };
+            self.put(joint, answer, states);
+        }
+        Ok(())
+    }
+
+    /// What a servo said, in its own terms.
+    fn decode(
+        &self,
+        joint: usize,
+        asked: GroupItem,
+        reply: &Reply,
+    ) -> Result<(JointState, bool), Miss> {
+        let servo = self.robot.joints[joint].servo().ok_or(Miss::NotAsked)?;
+        let whole =
+            asked.address == servo.feedback.address() && asked.length == servo.feedback.length();
+        let block = if whole { &servo.feedback } else { &servo.position };
+        let state = block.decode(&reply.bytes).map_err(|_| Miss::Garbled)?;
+        Ok((state, reply.alert))
+    }
+
+    /// Writes one register of every joint that has it, from an SI value in servo terms.
+    pub(super) fn write_all(
+        &mut self,
+        role: Role,
+        budget: Instant,
+        value: impl Fn(&Joint, usize) -> f64,
+    ) -> Result<(), LinkError> {
+        let groups = if role == Role::GoalPosition {
+            self.writes.clone()
+        } else {
+            groups(&self.robot, |joint| {
+                joint.register(role).map(|r| (r.address, u16::from(r.bytes)))
+            })
+        };
+        for group in &groups {
+            if self.lost[group.line] {
+                continue;
+            }
+            let mut payload = std::mem::take(&mut self.payload);
+            payload.clear();
+            for &index in &group.joints {
+                let joint = &self.robot.joints[index];
+                let Some(servo) = joint.servo() else { continue };
+                let written = servo.model.register(role).and_then(|register| {
+                    servo.model.append_si(register, value(joint, index), &mut payload)
+                });
+                written.map_err(|e| self.joint_error(index, AskError::Unsayable(e.to_string())))?;
+            }
+            let size = usize::from(group.length);
+            let ids: Vec<u8> = group.joints.iter().map(|&j| self.robot.joints[j].id).collect();
+            let items: Vec<(u8, &[u8])> =
+                ids.into_iter().zip(payload.chunks_exact(size.max(1))).collect();
+            let bus = self.serial(group.line);
+            bus.and_then(|bus| bus.sync_write(group.protocol, group.address, &items, budget))
+                .map_err(|e| self.line_error(group.line, e))?;
+            self.payload = payload;
+        }
+        Ok(())
+    }
+
+    /// The joint's servo, and its line.
+    fn asked_servo(&mut self, joint: usize) -> Result<(&mut Bus, u8, Model), LinkError> {
+        let Joint { line, id, .. } = self.robot.joints[joint];
+        let Some(model) = self.robot.joints[joint].servo().map(|servo| servo.model) else {
+            let text = "an actuator on a CAN line has no registers".to_owned();
+            return Err(self.joint_error(joint, AskError::Unsayable(text)));
+        };
+        if let Some(OpenLine::Serial(bus)) = self.lines.get_mut(line) {
+            return Ok((bus, id, model));
+        }
+        let text = "this is no serial line".to_owned();
+        Err(joint_error(&self.robot, joint, AskError::Unsayable(text)))
+    }
+
+    /// Asks whether the servo of `joint` is there.
+    ///
+    /// # Errors
+    /// [`LinkError`].
+    pub fn ping(&mut self, joint: usize, budget: Instant) -> Result<(), LinkError> {
+        let (bus, id, model) = self.asked_servo(joint)?;
+        let asked = bus.ping(model.protocol(), id, budget);
+        asked.map(|_| ()).map_err(|e| self.joint_error(joint, e))
+    }
+
+    /// Asks whether the servo of `joint` is there; model number and firmware.
+    ///
+    /// # Errors
+    /// [`LinkError`].
+    pub fn identity(&mut self, joint: usize, budget: Instant) -> Result<(u16, u16), LinkError> {
+        self.ping(joint, budget)?;
+        let model = self.read_raw(joint, Role::ModelNumber, budget)?;
+        let major = self.read_raw(joint, Role::FirmwareVersion, budget)?;
+        let firmware = match self.read_raw(joint, Role::FirmwareVersionMinor, budget) {
+            Ok(minor) => major * 256 + minor,
+            Err(LinkError { error: AskError::Unsayable(_), .. }) => major,
+            Err(error) => return Err(error),
+        };
+        let fit = |raw: i64| u16::try_from(raw).unwrap_or(u16::MAX);
+        Ok((fit(model), fit(firmware)))
+    }
+
+    /// Raw value of the register for `role`.
+    ///
+    /// # Errors
+    /// [`LinkError`]; [`AskError::Unsayable`] if the model has no such register.
+    pub fn read_raw(
+        &mut self,
+        joint: usize,
+        role: Role,
+        budget: Instant,
+    ) -> Result<i64, LinkError> {
+        let (_, _, model) = self.asked_servo(joint)?;
+        let register = model.register(role);
+        let register =
+            register.map_err(|e| self.joint_error(joint, AskError::Unsayable(e.to_string())))?;
+        self.read_register(joint, register, budget)
+    }
+
+    /// Raw value of `register`.
+    ///
+    /// # Errors
+    /// [`LinkError`].
+    pub fn read_register(
+        &mut self,
+        joint: usize,
+        register: &Register,
+        budget: Instant,
+    ) -> Result<i64, LinkError> {
+        let (bus, id, model) = self.asked_servo(joint)?;
+        let length = u16::from(register.bytes);
+        let reply = bus.read(model.protocol(), id, register.address, length, budget);
+        let reply = reply.map_err(|e| self.joint_error(joint, e))?;
+        model
+            .raw_from_bytes(register, &reply.bytes)
+            .map_err(|_| self.joint_error(joint, Miss::Garbled.into()))
+    }
+
+    /// Writes a raw value to a RAM register and waits for the servo's yes.
+    pub(crate) fn write_raw(
+        &mut self,
+        joint: usize,
+        register: &Register,
+        raw: i64,
+        budget: Instant,
+    ) -> Result<(), LinkError> {
+        if register.role == Some(Role::GoalPosition) {
+            let text = "a goal is written as a command, never raw".to_owned();
+            return Err(self.joint_error(joint, AskError::Unsayable(text)));
+        }
+        let (bus, id, model) = self.asked_servo(joint)?;
+        let mut bytes = Vec::with_capacity(4);
+        let fits = model.append_raw(register, raw, &mut bytes);
+        let written = match fits {
+            Ok(()) => bus.write(model.protocol(), id, register.address, &bytes, budget),
+            Err(e) => Err(AskError::Unsayable(e.to_string())),
+        };
+        written.map(|_| ()).map_err(|e| self.joint_error(joint, e))
+    }
+}
+
+/// Servos by line, protocol and the block that is to be read or written, of those that have it.
+pub(super) fn groups(robot: &Robot, block: impl Fn(&Joint) -> Option<(u16, u16)>) -> Vec<Group> {
+    let mut groups: Vec<Group> = Vec::new();
+    for (index, joint) in robot.joints.iter().enumerate() {
+        let Some((servo, (address, length))) = joint.servo().zip(block(joint)) else { continue };
+        let protocol = servo.model.protocol();
+        let same = |g: &&mut Group| {
+            (g.line, g.protocol, g.address, g.length) == (joint.line, protocol, address, length)
+        };
+        match groups.iter_mut().find(same) {
+            Some(group) => group.joints.push(index),
+            None => groups.push(Group {
+                line: joint.line,
+                protocol,
+                address,
+                length,
+                joints: vec![index],
+            }),
+        }
+    }
+    groups
+}
+
+/// Longest return delay among the servos of line number `line`, as the robot file sets it.
+pub(super) fn return_delay(robot: &Robot, line: usize) -> Duration {
+    let on_line = robot.joints.iter().filter(|joint| joint.line == line);
+    Duration::from_secs_f64(
+        on_line
+            .filter_map(|joint| joint.configured(Role::ReturnDelay))
+            .fold(0.0, f64::max)
+            .clamp(0.0, 1.0),
+    )
+}
