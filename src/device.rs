@@ -4,6 +4,7 @@
 pub mod actuator;
 pub mod coded;
 pub mod feedback;
+pub mod parameter;
 pub mod registers;
 pub mod sensor;
 

@@ -5,10 +5,13 @@
 //! several questions may be open at once, and a late answer is still its device's own.
 
 mod bits;
+mod peer;
+pub mod scan;
 #[cfg(test)]
 mod tests;
 
 pub use bits::Shape;
+pub use peer::{Form, NoSuchSetting, Peer};
 
 use super::{AskError, Miss};
 use crate::port::{Clock, FramePort, Heard, PortError};

@@ -1,5 +1,9 @@
 //! From `--bus` values to a robot whose lines are open.
 
+mod can_line;
+
+pub use can_line::{OpenCanLine, is_can, open_can};
+
 use super::address::{Address, BusKind};
 use crate::bus::{Bus, Timing};
 use crate::error::Error;

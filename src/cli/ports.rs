@@ -3,7 +3,8 @@
 use super::finding::{self, Finding};
 use super::{Output, Remarks};
 use crate::error::Error;
-use crate::port::inventory::{Access, CanPort, Machine, SerialPort, UsbFacts};
+use crate::port::can::Controller;
+use crate::port::inventory::{Access, CanKind, CanPort, Machine, SerialPort, UsbFacts};
 use clap::Args;
 use gaitway_profiles as profiles;
 use serde::Serialize;
@@ -49,6 +50,8 @@ pub struct Survey {
     pub serial: Vec<Port>,
     /// CAN interfaces.
     pub can: Vec<CanPort>,
+    /// Whether this kernel knows CAN at all.
+    pub kernel_speaks_can: bool,
     /// What is not as it should be.
     pub findings: Vec<Finding>,
 }
@@ -86,8 +89,9 @@ pub fn survey(machine: &Machine) -> Survey {
         ));
     }
     findings.extend(serial.iter().flat_map(|port| serial_findings(&port.port)));
+    findings.extend(serial.iter().filter_map(|port| slcan_finding(&port.port)));
     findings.extend(can.iter().filter_map(can_finding));
-    Survey { serial, can, findings }
+    Survey { serial, can, kernel_speaks_can: machine.speaks_can(), findings }
 }
 
 fn serial_findings(port: &SerialPort) -> Vec<Finding> {
@@ -134,14 +138,104 @@ fn no_access(port: &SerialPort) -> Finding {
     }
 }
 
+/// What keeps a CAN interface from working, with what mends it.
 fn can_finding(can: &CanPort) -> Option<Finding> {
-    (can.state == "down").then(|| {
+    let name = &can.name;
+    let set_up = match (can.bitrate_bps, can.data_bitrate_bps) {
+        (Some(bps), Some(fast)) => format!("type can bitrate {bps} dbitrate {fast} fd on"),
+        (Some(bps), None) => format!("type can bitrate {bps}"),
+        _ => "type can bitrate 1000000".to_owned(),
+    };
+    if can.state == "down" {
+        let remedy = match can.kind {
+            CanKind::Virtual => format!("sudo ip link set {name} up"),
+            CanKind::Slcan => format!(
+                "sudo ip link set {name} up\n\
+                 if slcand has ended: sudo slcand -o -c -s8 /dev/ttyACM0 {name} (-s8: 1 Mbit/s)"
+            ),
+            CanKind::Controller => format!(
+                "sudo ip link set {name} up {set_up}\n\
+                 for CAN FD (moteus): sudo ip link set {name} up type can bitrate 1000000 \
+                 dbitrate 5000000 fd on"
+            ),
+        };
+        return Some(Finding::advice(name, "the interface is down", remedy));
+    }
+    let again = format!(
+        "check CAN_H, CAN_L, ground, a resistor of 120 ohm at each end and the bit rate, then:\n\
+         sudo ip link set {name} down && sudo ip link set {name} up {set_up} restart-ms 100"
+    );
+    match can.controller? {
+        Controller::BusOff => Some(Finding::problem(
+            name,
+            "the controller has left the line (bus-off): too many errors",
+            again,
+        )),
+        Controller::Passive => Some(Finding::problem(
+            name,
+            "so many errors that the controller may not speak up any more (error passive)",
+            again,
+        )),
+        Controller::Warning => {
+            Some(Finding::advice(name, "the controller has counted many errors", again))
+        }
+        Controller::Active | Controller::Stopped => None,
+    }
+}
+
+/// A serial port that is a USB-CAN adapter in disguise.
+fn slcan_finding(port: &SerialPort) -> Option<Finding> {
+    let usb = port.usb.as_ref()?;
+    let said = [&usb.maker, &usb.product].into_iter().flatten();
+    let said: Vec<String> = said.map(|words| words.to_lowercase()).collect();
+    let is_can = said.iter().any(|words| words.contains("canable") || words.contains("slcan"));
+    is_can.then(|| {
         Finding::advice(
-            &can.name,
-            "the interface is down",
-            format!("sudo ip link set {} up type can bitrate 1000000", can.name),
+            &port.path,
+            "a USB-CAN adapter that speaks slcan: it becomes a CAN interface by slcand",
+            format!(
+                "sudo slcand -o -c -s8 {} can0 && sudo ip link set can0 up (-s8: 1 Mbit/s; from \
+                 can-utils)",
+                port.path
+            ),
         )
     })
+}
+
+/// A CAN interface for a person.
+fn can_words(can: &CanPort) -> String {
+    let mut words = vec![can.state.clone()];
+    words.push(match (can.kind, &can.driver) {
+        (CanKind::Virtual, _) => "virtual".to_owned(),
+        (CanKind::Slcan, _) => "serial adapter (slcan)".to_owned(),
+        (CanKind::Controller, driver) => {
+            let driver = driver.as_deref().unwrap_or("?");
+            let usb = can.usb.as_ref().and_then(|usb| usb.product.clone());
+            format!("driver {driver}{}", usb.map_or_else(String::new, |name| format!(", {name}")))
+        }
+    });
+    words.push(match (can.bitrate_bps, can.kind) {
+        (Some(bps), _) => format!("{bps} bit/s"),
+        (None, CanKind::Virtual) => "no speed".to_owned(),
+        (None, _) => "no speed set".to_owned(),
+    });
+    match (can.fd, can.data_bitrate_bps) {
+        (Some(true), Some(fast)) => words.push(format!("CAN FD, data {fast} bit/s")),
+        (Some(true), None) => words.push("CAN FD".to_owned()),
+        (Some(false), _) => words.push("classic".to_owned()),
+        (None, _) => {}
+    }
+    words.extend(can.controller.map(|health| {
+        let health = match health {
+            Controller::Active => "error active",
+            Controller::Warning => "error warning",
+            Controller::Passive => "ERROR PASSIVE",
+            Controller::BusOff => "BUS-OFF",
+            Controller::Stopped => "stopped",
+        };
+        health.to_owned()
+    }));
+    words.join(", ")
 }
 
 impl Survey {
@@ -182,12 +276,14 @@ impl Survey {
             out.push_str("CAN interfaces\n");
         }
         for can in &self.can {
-            let rate = can.bitrate_bps.map_or_else(
-                || format!("speed: ask `ip -details link show {}`", can.name),
-                |bps| format!("{bps} bit/s"),
+            let _ = writeln!(out, "  {:<15} {}", can.name, can_words(can));
+        }
+        if !self.kernel_speaks_can {
+            out.push_str(
+                "no CAN: this kernel was built without it (or a container hides it), so there is \
+                 no can: bus here;\n  robots on CAN lines play with --bus sim. On the machine \
+                 itself: sudo modprobe can_raw\n",
             );
-            let driver = can.driver.as_deref().unwrap_or("virtual");
-            let _ = writeln!(out, "  {:<15} {}, {driver}, {rate}", can.name, can.state);
         }
         out.push_str(&finding::text(&self.findings));
         out

@@ -1,9 +1,12 @@
 //! `scan`: every device that answers on a line. Reads only.
 
+mod can;
+
 use super::address::{Address, BusKind};
-use super::connect::{OpenLine, open_bus};
+use super::connect::{OpenLine, is_can, open_bus};
 use super::identify::{
     Identity, ProtocolName, all_servos, ask_error, identify, profile_of, protocol_name,
+    serial_protocol,
 };
 use super::servo::firmware_words;
 use super::{Output, Remarks};
@@ -24,19 +27,27 @@ use std::fmt::Write;
 #[command(after_help = "Examples:\n  \
     gaitway scan serial:/dev/ttyUSB0 --baud all\n  \
     gaitway scan serial:/dev/ttyUSB0?baud=57600 --protocol dynamixel-2.0\n  \
-    gaitway scan sim --robot op3")]
+    gaitway scan sim --robot op3\n  \
+    gaitway scan can:can0\n  \
+    gaitway scan can:can0 --protocol cubemars-mit --let-go\n  \
+    gaitway scan sim --robot berkeley-humanoid-lite")]
 pub struct ScanArgs {
-    /// Where the line is: serial:PATH[?baud=N], tcp:HOST:PORT, sim or sim:pty
+    /// Where the line is: serial:PATH[?baud=N], tcp:HOST:PORT, can:INTERFACE, sim or sim:pty
     bus: Address,
     /// Ask in this protocol only [default: all]
     #[arg(long, value_enum)]
     protocol: Option<ProtocolName>,
-    /// Line speed, bits per second, or `all`: every speed of every known servo
+    /// Line speed, bits per second, or `all`: every speed of every known servo. Of serial lines: the
+    /// speed of a CAN interface is set with `ip link`
     #[arg(long, value_name = "BPS|all", value_parser = baud)]
     baud: Option<Baud>,
     /// Robot whose line this is: says the line speed, and which robot a virtual one is
     #[arg(long, value_name = "ROBOT")]
     robot: Option<String>,
+    /// Tell CubeMars actuators in MIT mode to let go: they answer nothing else that moves nothing.
+    /// What they hold falls
+    #[arg(long)]
+    let_go: bool,
     #[command(flatten)]
     output: Output,
 }
@@ -109,8 +120,11 @@ const ALL: [Protocol; 4] =
 /// A line that cannot be opened or fails.
 pub fn run(args: &ScanArgs, remarks: Remarks) -> Result<i32, Error> {
     args.output.check_files(&[])?;
+    if is_can(&args.bus, args.robot.as_deref())? {
+        return can::run(args, remarks);
+    }
+    let wanted = serial_protocol(args.protocol, &args.bus)?;
     let mut line = open_bus(&args.bus, args.robot.as_deref(), 0)?;
-    let wanted = args.protocol.map(Protocol::from);
     let protocols: Vec<Protocol> = wanted.map_or_else(|| ALL.to_vec(), |one| vec![one]);
     let speeds = match args.baud {
         None => vec![line.baud_bps],

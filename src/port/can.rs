@@ -9,6 +9,7 @@ use crate::wire::can::error_frame::ErrorFrame;
 use crate::wire::can::{CanFrame, CanId, Format};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
+use serde::Serialize;
 use socketcan::id::FdFlags;
 use socketcan::nl::CanState;
 use socketcan::{
@@ -57,7 +58,8 @@ pub struct InterfaceState {
 }
 
 /// Health of a CAN controller.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Controller {
     /// All is well.
     Active,
@@ -85,6 +87,17 @@ pub fn interfaces() -> Vec<String> {
         .collect();
     names.sort();
     names
+}
+
+/// `EAFNOSUPPORT` (`asm-generic/errno.h`): the kernel has no such protocol, nor a module for it.
+const NO_SUCH_FAMILY: i32 = 97;
+
+/// True if the kernel knows CAN, whether or not it has an interface.
+#[must_use]
+pub fn is_supported() -> bool {
+    // No CAN interface has this name: only the reason why it cannot be opened matters.
+    let opened = CanFdSocket::open("lo");
+    !opened.is_err_and(|error| error.raw_os_error() == Some(NO_SUCH_FAMILY))
 }
 
 /// How the interface `name` stands.
@@ -119,7 +132,9 @@ impl CanInterface {
     /// [`PortError::Denied`] without permission.
     pub fn open(name: &str) -> Result<Self, PortError> {
         let socket = CanFdSocket::open(name).map_err(|e| match e.raw_os_error() {
-            Some(97) => PortError::Gone(format!("{name}: this kernel was built without CAN")),
+            Some(NO_SUCH_FAMILY) => {
+                PortError::Gone(format!("{name}: this kernel was built without CAN"))
+            }
             Some(19) => PortError::Gone(format!("{name}: no such CAN interface")),
             _ if e.kind() == ErrorKind::PermissionDenied => PortError::Denied(name.to_owned()),
             _ => PortError::Io(format!("{name}: {e}")),

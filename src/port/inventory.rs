@@ -2,6 +2,7 @@
 //!
 //! Everything is read from files below one root, so that a test brings a tree of its own.
 
+use super::can::{self, Controller};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fs;
@@ -86,14 +87,34 @@ pub struct Holder {
 pub struct CanPort {
     /// Interface, e.g. `can0`.
     pub name: String,
+    /// What is behind it.
+    pub kind: CanKind,
     /// `up` or `down`, as the kernel says.
     pub state: String,
     /// Kernel driver; none for a virtual one.
     pub driver: Option<String>,
-    /// Line speed, if `ip` could be asked.
+    /// Line speed, bit/s; virtual interfaces have none.
     pub bitrate_bps: Option<u32>,
+    /// Speed of the payload of fast FD frames, bit/s.
+    pub data_bitrate_bps: Option<u32>,
+    /// It carries CAN FD, if the kernel could be asked.
+    pub fd: Option<bool>,
+    /// Health of its controller, if it has one.
+    pub controller: Option<Controller>,
     /// The USB device behind it, if it is one.
     pub usb: Option<UsbFacts>,
+}
+
+/// Kinds of CAN interfaces.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum CanKind {
+    /// A controller with a driver of its own, on USB or built in.
+    Controller,
+    /// A serial adapter that `slcand` made an interface of.
+    Slcan,
+    /// None: frames go from program to program.
+    Virtual,
 }
 
 impl Default for Machine {
@@ -238,16 +259,44 @@ impl Machine {
         names.map(|name| self.can_port(name)).collect()
     }
 
+    /// True if this kernel knows CAN lines, as far as that can be seen.
+    #[must_use]
+    pub fn speaks_can(&self) -> bool {
+        !self.is_this_one() || can::is_supported()
+    }
+
+    /// What the kernel tells over netlink is told of this machine only.
+    fn is_this_one(&self) -> bool {
+        self.root == Path::new("/")
+    }
+
     fn can_port(&self, name: String) -> CanPort {
         let class = format!("sys/class/net/{name}");
         let device = fs::canonicalize(self.file(&format!("{class}/device"))).ok();
-        let state = self.line(&format!("{class}/operstate"));
+        let asked = self.is_this_one().then(|| can::state(&name).ok()).flatten();
+        let state = match asked {
+            Some(asked) => Some(if asked.up { "up" } else { "down" }.to_owned()),
+            None => self.line(&format!("{class}/operstate")),
+        };
+        let bitrate_bps = asked.and_then(|asked| asked.bitrate_bps);
+        let kind = match (&device, name.starts_with("slcan")) {
+            (_, true) => CanKind::Slcan,
+            (Some(_), false) => CanKind::Controller,
+            // slcand gives any name; its interfaces have a speed or a health, virtual ones neither.
+            (None, false) if asked.is_some_and(|asked| asked.controller.is_some()) => {
+                CanKind::Slcan
+            }
+            (None, false) => CanKind::Virtual,
+        };
         CanPort {
+            kind,
             state: state.unwrap_or_else(|| "unknown".to_owned()),
             driver: device.as_ref().and_then(|device| link_name(&device.join("driver"))),
             usb: device.as_deref().and_then(usb_above),
-            // The kernel tells the speed over netlink only, and `ip` speaks that.
-            bitrate_bps: (self.root == Path::new("/")).then(|| asked_bitrate(&name)).flatten(),
+            bitrate_bps,
+            data_bitrate_bps: asked.and_then(|asked| asked.data_bitrate_bps),
+            fd: asked.map(|asked| asked.fd),
+            controller: asked.and_then(|asked| asked.controller),
             name,
         }
     }
@@ -303,35 +352,9 @@ fn usb_above(device: &Path) -> Option<UsbFacts> {
     })
 }
 
-fn asked_bitrate(name: &str) -> Option<u32> {
-    let asked = std::process::Command::new("ip")
-        .args(["-json", "-details", "link", "show", "dev", name])
-        .output()
-        .ok()?;
-    bitrate_in(&asked.stdout)
-}
-
-/// The bit rate in what `ip -json -details link show` prints.
-fn bitrate_in(json: &[u8]) -> Option<u32> {
-    let links: serde_json::Value = serde_json::from_slice(json).ok()?;
-    let rate = links.get(0)?.pointer("/linkinfo/info_data/bittiming/bitrate")?.as_u64()?;
-    u32::try_from(rate).ok()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn the_bit_rate_is_where_ip_prints_it() {
-        // Shape of iproute2's output (ip/iplink_can.c), shortened.
-        let json = br#"[{"ifname":"can0","linkinfo":{"info_kind":"can","info_data":
-            {"state":"ERROR-ACTIVE","bittiming":{"bitrate":1000000,"sample_point":"0.750"}}}}]"#;
-        assert_eq!(bitrate_in(json), Some(1_000_000));
-        for nothing in [&b""[..], b"[]", b"[{}]", b"{", br#"[{"linkinfo":{"info_data":{}}}]"#] {
-            assert_eq!(bitrate_in(nothing), None);
-        }
-    }
 
     #[test]
     fn a_group_line_is_read_with_its_members_and_nonsense_is_not() {

@@ -61,7 +61,21 @@ pub fn findings(machine: &Machine, person: &Person) -> Vec<Finding> {
     findings.extend(brltty(machine));
     findings.extend([real_time(person), locked_memory(person)]);
     findings.extend(governor(machine));
+    findings.push(can(machine));
     findings
+}
+
+/// Only who has a robot on CAN lines needs it.
+fn can(machine: &Machine) -> Finding {
+    let about = "CAN in the kernel";
+    if machine.speaks_can() {
+        return Finding::ok(about, "yes");
+    }
+    Finding::ok(
+        about,
+        "no; needed for robots on CAN lines only: sudo modprobe can_raw, or a kernel with \
+         CONFIG_CAN",
+    )
 }
 
 fn rules(machine: &Machine) -> Finding {

@@ -1,9 +1,9 @@
 //! One servo whose model is known: registers in, registers out, never a goal and never torque.
 
 use super::{Target, value};
-use crate::bus::{AskError, Miss, Protocol};
+use crate::bus::{AskError, Miss};
 use crate::cli::connect::{OpenLine, open_bus};
-use crate::cli::identify::{ask_error, identify};
+use crate::cli::identify::{ask_error, identify, serial_protocol};
 use crate::device::Model;
 use crate::error::Error;
 use gaitway_profiles::{self as profiles, Access, Region, Register, RegisterItem, Role};
@@ -39,9 +39,10 @@ impl Device {
     /// # Errors
     /// Nobody answers, or a model without profile and none named by `--servo`.
     pub fn open(target: &Target) -> Result<Self, Error> {
+        let wanted = serial_protocol(target.protocol, &target.bus)?;
         let mut line = open_bus(&target.bus, target.robot.as_deref(), 0)?;
         let place = format!("ID {} on {} at {} bit/s", target.id, target.bus, line.baud_bps);
-        let found = identify(&mut line, target.id, target.protocol.map(Protocol::from));
+        let found = identify(&mut line, target.id, wanted);
         let found = found.map_err(|e| ask_error(place.clone(), &e))?;
         let silent = || ask_error(place.clone(), &AskError::Miss(Miss::Silent));
         let found = found.ok_or_else(silent)?;

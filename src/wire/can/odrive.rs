@@ -49,6 +49,8 @@ pub enum Command {
     VelocityGains(f32, f32),
     /// Forget all errors.
     ClearErrors,
+    /// Start anew; lets go.
+    Reboot,
 }
 
 /// Axis state: lets go.
@@ -84,6 +86,7 @@ pub fn command(id: Id, command: Command) -> CanFrame {
             CanFrame::classic(to(id, 0x1B), floats(gain, integral))
         }
         Command::ClearErrors => CanFrame::classic(to(id, 0x18), []),
+        Command::Reboot => CanFrame::classic(to(id, 0x16), []),
     }
 }
 
@@ -101,9 +104,22 @@ pub enum Request {
 /// A remote request, which firmware 0.5 answers with a frame of the same identifier.
 #[must_use]
 pub const fn request(id: Id, request: Request) -> CanFrame {
-    let mut frame = CanFrame::classic(to(id, request as u32), []);
+    question(id, request as u8)
+}
+
+/// A remote request for message `number`, of which five bits count.
+#[must_use]
+pub const fn question(id: Id, number: u8) -> CanFrame {
+    let mut frame = CanFrame::classic(to(id, number as u32 & 0x1F), []);
     frame.format = Format::Remote { length: 8 };
     frame
+}
+
+/// The two words of message `number`, if `frame` is that of node `id`.
+#[must_use]
+pub fn words(id: Id, number: u8, frame: &CanFrame) -> Option<[u32; 2]> {
+    let meant = frame.id() == to(id, u32::from(number) & 0x1F);
+    frame.classic_bytes().filter(|_| meant).map(halves)
 }
 
 /// What a node says.

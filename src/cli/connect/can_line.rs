@@ -1,0 +1,160 @@
+//! One CAN line, opened for questions to single devices: no robot file is needed.
+
+use super::{CAN_LATENCY, Connection, PATIENCE, RETRIES, interface_at, line_of, world};
+use crate::bus::can::{CanBus, CanTiming};
+use crate::cli::address::{Address, BusKind};
+use crate::error::Error;
+use crate::port::can;
+use crate::port::sim::{SharedWorld, VirtualCanLine, VirtualClock};
+use crate::port::{Clock, FramePort, MonotonicClock};
+use crate::robot::{Link, Robot};
+use crate::time::{Duration, Instant};
+use gaitway_profiles::{CanSpeed, LineKind};
+use std::sync::Arc;
+
+/// Bit rate where neither the interface nor a robot says one, bit/s.
+const USUAL_BITRATE_BPS: u32 = 1_000_000;
+/// Bit rate of fast payloads likewise, bit/s.
+const USUAL_DATA_BITRATE_BPS: u32 = 5_000_000;
+/// The host's own id, for the dialect that has one, as the maker's tools have it.
+const USUAL_HOST: u8 = 0xFD;
+
+/// An open CAN line.
+pub struct OpenCanLine {
+    /// The line.
+    pub bus: CanBus,
+    /// Its clock.
+    pub clock: Arc<dyn Clock>,
+    /// Its speeds; of a virtual interface, which has none, the usual ones.
+    pub speed: CanSpeed,
+    /// It carries CAN FD.
+    pub fd: bool,
+    /// The robot it belongs to, and which of its lines it is, if one was named.
+    pub robot: Option<(Robot, usize)>,
+    /// The virtual robot of this process, if it is one.
+    pub world: Option<SharedWorld>,
+    interface: Option<String>,
+}
+
+/// True if the line at `address` is a CAN line: an interface, or that of a virtual robot.
+///
+/// # Errors
+/// An unknown robot, or one with several lines of which none is named.
+pub fn is_can(address: &Address, robot: Option<&str>) -> Result<bool, Error> {
+    match (&address.bus, robot) {
+        (BusKind::Can { .. }, _) => Ok(true),
+        (BusKind::Sim | BusKind::SimPty, Some(name)) => {
+            let robot = Robot::load(name)?;
+            let line = line_of(&robot, address)?;
+            Ok(matches!(robot.lines[line].kind, LineKind::Can(_)))
+        }
+        _ => Ok(false),
+    }
+}
+
+/// Opens the CAN line at `address`. `robot` names the robot whose line it is: required for a virtual
+/// one, else it says the speeds the interface must have, and who should be there.
+///
+/// # Errors
+/// An interface that is not there, down, or of another speed; a line of the robot that is no CAN
+/// line; a virtual line behind a terminal.
+pub fn open_can(address: &Address, robot: Option<&str>, seed: u64) -> Result<OpenCanLine, Error> {
+    let robot = robot.map(Robot::load).transpose()?;
+    let line = robot.as_ref().map(|robot| line_of(robot, address)).transpose()?;
+    let robot = robot.zip(line);
+    let said = match &robot {
+        Some((robot, line)) => match robot.lines[*line].kind {
+            LineKind::Can(speed) => Some(speed),
+            kind @ LineKind::Serial { .. } => {
+                return Err(super::wrong_kind(&robot.lines[*line].name, kind, &address.bus));
+            }
+        },
+        None => None,
+    };
+    match (&address.bus, &robot, said) {
+        (BusKind::Sim, Some((of, line)), Some(speed)) => {
+            let world = world(of, seed)?;
+            let clock: Arc<dyn Clock> = Arc::new(VirtualClock(world.clone()));
+            let port = Box::new(VirtualCanLine::new(world.clone(), *line));
+            let bus = bus_of(port, &clock, speed, Duration::ZERO);
+            let (fd, world) = (speed.data_bitrate_bps.is_some(), Some(world));
+            Ok(OpenCanLine { bus, clock, speed, fd, robot, world, interface: None })
+        }
+        (BusKind::Can { interface }, _, said) => {
+            let found = can::state(interface).ok();
+            let fd = found.is_some_and(|found| found.fd);
+            let own = |bps: Option<u32>, usual| bps.unwrap_or(usual);
+            let speed = said.unwrap_or_else(|| CanSpeed {
+                bitrate_bps: own(found.and_then(|f| f.bitrate_bps), USUAL_BITRATE_BPS),
+                data_bitrate_bps: fd
+                    .then(|| own(found.and_then(|f| f.data_bitrate_bps), USUAL_DATA_BITRATE_BPS)),
+                host_id: USUAL_HOST,
+            });
+            let clock: Arc<dyn Clock> = Arc::new(MonotonicClock);
+            let bus = bus_of(interface_at(interface, speed)?, &clock, speed, CAN_LATENCY);
+            let interface = Some(interface.clone());
+            Ok(OpenCanLine { bus, clock, speed, fd, robot, world: None, interface })
+        }
+        _ => Err(Error::new("a virtual CAN line has no terminal")
+            .at(address.to_string())
+            .allowed("sim, with --robot")),
+    }
+}
+
+fn bus_of(
+    port: Box<dyn FramePort>,
+    clock: &Arc<dyn Clock>,
+    speed: CanSpeed,
+    latency: Duration,
+) -> CanBus {
+    let timing = CanTiming {
+        bitrate_bps: speed.bitrate_bps,
+        data_bitrate_bps: speed.data_bitrate_bps.unwrap_or(speed.bitrate_bps),
+        latency,
+    };
+    let mut bus = CanBus::new(port, Arc::clone(clock), timing);
+    bus.set_retries(RETRIES);
+    bus
+}
+
+impl OpenCanLine {
+    /// By when a question asked now must be answered, retries included.
+    #[must_use]
+    pub fn budget(&self) -> Instant {
+        self.clock.now() + PATIENCE
+    }
+
+    /// The host's own id, for dialects that have one.
+    #[must_use]
+    pub const fn host_id(&self) -> u8 {
+        self.speed.host_id
+    }
+
+    /// How fast the line is, in words.
+    #[must_use]
+    pub fn speed_words(&self) -> String {
+        match self.speed.data_bitrate_bps {
+            Some(fast) => format!("{} bit/s, CAN FD at {fast} bit/s", self.speed.bitrate_bps),
+            None => format!("{} bit/s", self.speed.bitrate_bps),
+        }
+    }
+
+    /// The same line as the only one of `robot`, to be moved.
+    ///
+    /// # Errors
+    /// An interface that cannot be opened again.
+    pub fn into_link(self, robot: Robot) -> Result<Connection, Error> {
+        let Self { bus, clock, speed, robot: whole, world, interface, .. } = self;
+        drop(bus);
+        let (port, latency): (Box<dyn FramePort>, Duration) = match (interface, &world, whole) {
+            (Some(interface), _, _) => (interface_at(&interface, speed)?, CAN_LATENCY),
+            (None, Some(world), Some((_, line))) => {
+                (Box::new(VirtualCanLine::new(world.clone(), line)), Duration::ZERO)
+            }
+            _ => return Err(Error::new("the line cannot be opened again")),
+        };
+        let real_time = world.is_none();
+        let link = Link::new(robot, vec![(port, latency)], clock);
+        Ok(Connection { link, world, real_time, _doors: Vec::new() })
+    }
+}
