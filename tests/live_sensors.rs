@@ -272,9 +272,21 @@ fn take_up_what_was_kept(folder: &Path) {
     let (report, said) =
         again("--recalibrate --wear right_forearm=left_forearm left_forearm=right_forearm");
     assert!(said.contains("forearm") && said.contains("swapped"), "{said}\n{report}");
-    // Straps slip: the kept file says that a sensor sat otherwise.
-    let text = std::fs::read_to_string(folder.join("again.toml")).expect("kept");
-    assert!(text.contains("subject = \"\""));
+    // A torso whose sensor was strapped on anyhow: only a movement tells its heading.
+    let torso = "[segments]\ntorso = { sensor = \"torso\", forward = \"none\" }\n";
+    std::fs::write(folder.join("torso.toml"), torso).expect("written");
+    let (report, _) = again("--recalibrate --wear torso.toml");
+    let reason = report["stop_reason"].as_str().unwrap_or_default();
+    assert!(reason.contains("which way a sensor faces") && reason.contains("torso"), "{report}");
+    let (report, _) = again("--recalibrate --wear torso.toml --moves bow");
+    assert_eq!(report["outcome"], "done", "{report}");
+    // A name that nothing was recorded under.
+    let (report, _) = again("--recalibrate --wear left_foot=nobody");
+    let reason = report["stop_reason"].as_str().unwrap_or_default();
+    assert!(
+        reason.contains("left_foot (nobody)") && reason.contains("others are heard"),
+        "{reason}"
+    );
 }
 
 /// A port of the loopback interface that was free a moment ago.
@@ -295,6 +307,15 @@ fn slimevr_trackers_are_worn_by_name_and_the_angles_shown_without_a_robot() {
              --wear torso,left_upper_arm,left_forearm,right_upper_arm,right_forearm"
         ),
     );
+    // A file of somebody else is not written over.
+    std::fs::create_dir(folder.join("mine")).expect("a folder");
+    std::fs::write(folder.join("mine/wear.toml"), "[segments]\n").expect("written");
+    let output = gaitway(&folder)
+        .args(words("simulate imus --pty mine --wear torso"))
+        .output()
+        .expect("runs");
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.code() == Some(1) && said.contains("exists already"), "{said}");
     let output = gaitway(&folder)
         .args(words("live --wear w.toml --dry-run --n-pose-after 500ms --for 2s --json"))
         .output()
