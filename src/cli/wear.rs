@@ -5,6 +5,7 @@
 
 mod guide;
 mod operator;
+mod progress;
 mod sensors;
 
 pub use guide::{Guide, Guided, Plan};

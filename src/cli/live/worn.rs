@@ -13,7 +13,7 @@ use crate::cli::record::intake::{Intake, SourceReport};
 use crate::cli::record::source::Source;
 use crate::cli::report::Outcome;
 use crate::cli::source::robot_model;
-use crate::cli::wear::{Feed, Guide, Guided, Operator, Plan, Sensors, Wear};
+use crate::cli::wear::{Feed, Guide, Guided, Operator, Place, Plan, Sensors, Wear};
 use crate::control::{Input, StopReason};
 use crate::error::Error;
 use crate::mocap::mapping::{segment_name, segment_named};
@@ -23,7 +23,7 @@ use crate::motion::follow::STALE_S;
 use crate::port::{Clock, MonotonicClock};
 use crate::recording::read_orientations;
 use crate::time::{Duration, Instant};
-use glam::DQuat;
+use glam::{DQuat, DVec3};
 use std::io::IsTerminal;
 use std::path::Path;
 use std::sync::Arc;
@@ -131,9 +131,11 @@ impl Job<'_> {
         names.sort();
         names.dedup();
         for name in &names {
-            let is_placed = wear.places.iter().any(|place| *place.sensor == **name);
-            if !is_placed && segment_named(name).is_ok() {
-                wear.put(name, name, Some(glam::DVec3::X))?;
+            // What was said at the command line wins over how a sensor was named when it was recorded.
+            let Ok(segment) = segment_named(name) else { continue };
+            let is_taken = |place: &Place| *place.sensor == **name || place.segment == segment;
+            if !wear.places.iter().any(is_taken) {
+                wear.put(name, name, Some(DVec3::X))?;
             }
         }
         if wear.places.is_empty() {

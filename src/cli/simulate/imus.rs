@@ -27,6 +27,9 @@ const LOOK: std::time::Duration = std::time::Duration::from_millis(50);
 /// From the joint above to the sensor, along the segment, m.
 const ALONG_M: f64 = 0.12;
 
+/// First line of a file of what is worn; one that begins so is ours to write over.
+const HEAD: &str = "# Which segment wears which virtual sensor, written by gaitway simulate imus";
+
 /// Arguments of `simulate imus`.
 #[derive(Debug, Args)]
 #[command(after_help = "\
@@ -246,7 +249,7 @@ impl<'a> Place<'a> {
                     .got(e.to_string())
             })?;
         }
-        let mut wear = "# Which segment wears which virtual sensor.\n".to_owned();
+        let mut wear = format!("{HEAD}\n");
         if let Some(server) = server {
             let _ = writeln!(wear, "sources = [\"imu:slimevr@udp:{}\"]", server.port());
         }
@@ -287,6 +290,12 @@ impl<'a> Place<'a> {
     fn finish(self, remarks: Remarks) -> Result<(), Error> {
         let usual = || self.args.pty.as_ref().map(|folder| folder.join("wear.toml"));
         let Some(path) = self.args.wear_file.clone().or_else(usual) else { return Ok(()) };
+        let is_ours = std::fs::read_to_string(&path).is_ok_and(|text| text.starts_with(HEAD));
+        if path.exists() && !is_ours {
+            return Err(Error::new("the file exists already")
+                .at(path.display().to_string())
+                .remedy("choose another folder, or another --wear-file"));
+        }
         std::fs::write(&path, &self.wear).map_err(|e| {
             Error::new("cannot write the file").at(path.display().to_string()).got(e.to_string())
         })?;

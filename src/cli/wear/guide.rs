@@ -1,6 +1,7 @@
 //! Leads somebody through a calibration: in words at a terminal, or by time without one.
 
 use super::operator::Operator;
+use super::progress::Progress;
 use super::sensors::Sensors;
 use super::{Place, Wear};
 use crate::body::Segment;
@@ -8,15 +9,15 @@ use crate::body::worn::calibrate::{calibrate, words};
 use crate::body::worn::check::{
     PAIRS, T_POSE_FAIL_RAD, T_POSE_WARN_RAD, doubts, off_t_pose, restless, turned_rad,
 };
-use crate::body::worn::kept::{Kept, VALID};
+use crate::body::worn::kept::{Kept, VALID_S};
 use crate::body::worn::{Calibration, Moved, Movement, WornSensor};
 use crate::error::Error;
 use crate::mocap::mapping::segment_name;
 use crate::port::Clock;
 use crate::time::{Duration, Instant};
 use core::f64::consts::FRAC_PI_2;
-use glam::DQuat;
-use std::time::SystemTime;
+use glam::{DQuat, DVec3};
+use std::time::{SystemTime, UNIX_EPOCH};
 
 /// How often it is looked what sensors say.
 const LOOK: Duration = Duration::from_millis(20);
@@ -28,16 +29,16 @@ const HOLD_SPREAD: Duration = Duration::from_millis(1500);
 const PATIENCE: Duration = Duration::from_secs(15);
 /// Without a terminal, a pose or a movement comes within this time.
 const WITHIN: Duration = Duration::from_secs(30);
+/// Who waits for a pose that does not come is told why, this often.
+const HINT: Duration = Duration::from_secs(6);
 /// Without a terminal, so many tries to stand still.
 const TRIES: usize = 10;
 /// Arms are up once each has turned so far from N pose, rad.
 const SPREAD_RAD: f64 = FRAC_PI_2 - 0.6;
 /// A movement has begun once a segment turned so far, rad.
 const BEGUN_RAD: f64 = 0.35;
-/// It is over once all are so near to N pose again, rad, for [`OVER`].
+/// It is over once all are so near to N pose again, rad.
 const BACK_RAD: f64 = 0.15;
-/// How long somebody stands after a movement.
-const OVER: Duration = Duration::from_millis(700);
 /// Slower sensors could not be followed, Hz: their poses would be too old.
 const LEAST_RATE_HZ: f64 = 20.0;
 
@@ -180,8 +181,8 @@ impl<'a> Guide<'a> {
         }
         self.sensors.forget();
         let sensors = self.sensors.places().iter().map(|place| place.sensor.clone()).collect();
-        let (subject, made) = (plan.subject.clone(), SystemTime::now());
-        let kept = Kept { subject, made, sensors, calibration };
+        let (subject, made_unix_s) = (plan.subject.clone(), now_unix_s());
+        let kept = Kept { subject, made_unix_s, sensors, calibration };
         Ok(Some(Guided { kept, off_t_pose_rad, doubts }))
     }
 
@@ -202,12 +203,13 @@ impl<'a> Guide<'a> {
             })
         });
         let order = order.collect::<Result<Vec<usize>, Error>>()?;
-        let hours = kept.age(SystemTime::now()).as_secs_f64() / 3600.0;
-        if kept.age(SystemTime::now()) > VALID {
+        let age_s = kept.age_s(now_unix_s());
+        if age_s > VALID_S {
             self.say(&format!(
-                "the calibration of the body is {hours:.0} hours old, and held for {:.0}: straps \
+                "the calibration of the body is {} hours old, and held for {}: straps \
                  move; --recalibrate makes a new one",
-                VALID.as_secs_f64() / 3600.0
+                age_s / 3600,
+                VALID_S / 3600
             ));
         }
         let mounts = order.iter().map(|at| kept.calibration.mounts[*at]).collect();
@@ -304,12 +306,17 @@ impl<'a> Guide<'a> {
         &mut self,
         n_pose: &[Vec<DQuat>],
     ) -> Result<Option<(Option<Series>, Vec<(Segment, f64)>)>, Error> {
+        // Movements come later: what only they tell makes no difference here, because segments other
+        // than arms are turned alike in both poses.
+        let known =
+            |worn: &WornSensor| WornSensor { forward: worn.forward.or(Some(DVec3::X)), ..*worn };
+        let worn: Vec<WornSensor> = self.worn.iter().map(known).collect();
         let mut tries = 0;
         loop {
             tries += 1;
             let Some(seen) = self.t_pose(n_pose)? else { return Ok(None) };
             let Some(said) = seen else { return Ok(Some((None, Vec::new()))) };
-            let found = calibrate(&self.worn, n_pose, Some(&said), &[])?;
+            let found = calibrate(&worn, n_pose, Some(&said), &[])?;
             let off = off_t_pose(&found, &said)?;
             let mut failed = false;
             for (segment, rad) in &off {
@@ -356,6 +363,7 @@ impl<'a> Guide<'a> {
         let until = self.clock.now() + WITHIN;
         self.sensors.listen();
         let mut up_since: Option<Instant> = None;
+        let mut hint_at = self.clock.now() + HINT;
         loop {
             match self.look()? {
                 Answer::GoOn => {}
@@ -370,6 +378,7 @@ impl<'a> Guide<'a> {
             };
             if !arms.iter().all(|at| is_up(at) == Some(true)) {
                 up_since = None;
+                self.hint(&mut hint_at, "not up yet", &arms, n_pose, |rad| rad < SPREAD_RAD);
             } else {
                 let since = *up_since.get_or_insert(now);
                 if now.since(since) >= HOLD_SPREAD {
@@ -400,6 +409,8 @@ impl<'a> Guide<'a> {
         let until = self.clock.now() + WITHIN;
         self.sensors.listen();
         let mut progress = Progress::default();
+        let mut hint_at = self.clock.now() + HINT;
+        let all: Vec<usize> = (0..self.worn.len()).collect();
         loop {
             match self.look()? {
                 Answer::GoOn => {}
@@ -411,6 +422,10 @@ impl<'a> Guide<'a> {
             let off = |at: usize| turned_rad(&n_pose[at], said[at]?);
             let is_back = (0..said.len()).all(|at| off(at).is_some_and(|rad| rad < BACK_RAD));
             let is_away = turned.iter().any(|at| off(*at).is_some_and(|rad| rad > BEGUN_RAD));
+            if !is_back {
+                let words = "not back yet";
+                self.hint(&mut hint_at, words, &all, n_pose, |rad| !(rad < BACK_RAD));
+            }
             if let Some(stood) = progress.take(now, is_back, is_away) {
                 self.say("  good");
                 let orientation = self.sensors.listened(stood, now);
@@ -420,6 +435,32 @@ impl<'a> Guide<'a> {
                 self.say("  it was not seen: left out");
                 return Ok(Some(None));
             }
+        }
+    }
+
+    /// Says now and then which segments keep what is waited for from happening.
+    fn hint(
+        &self,
+        at: &mut Instant,
+        words: &str,
+        places: &[usize],
+        n_pose: &[Vec<DQuat>],
+        is_wrong: impl Fn(f64) -> bool,
+    ) {
+        let now = self.clock.now();
+        if now < *at {
+            return;
+        }
+        *at = now + HINT;
+        let said = self.sensors.now();
+        let wrong = places.iter().filter_map(|place| {
+            let turned = turned_rad(&n_pose[*place], said[*place]?).filter(|rad| is_wrong(*rad))?;
+            let name = segment_name(self.worn[*place].segment);
+            Some(format!("{name} ({:.0} deg from N pose)", turned.to_degrees()))
+        });
+        let wrong: Vec<String> = wrong.collect();
+        if !wrong.is_empty() {
+            self.say(&format!("  {words}: {}", wrong.join(", ")));
         }
     }
 
@@ -501,30 +542,9 @@ impl<'a> Guide<'a> {
     }
 }
 
-/// How far somebody is with a movement: standing first, for arms may still be on their way down from T
-/// pose, then away, then standing again.
-#[derive(Debug, Default)]
-struct Progress {
-    stood: Option<Instant>,
-    went: bool,
-    back: Option<Instant>,
-}
-
-impl Progress {
-    /// Takes a moment; once it is over, since when.
-    fn take(&mut self, now: Instant, is_back: bool, is_away: bool) -> Option<Instant> {
-        if !is_back {
-            self.back = None;
-            self.went |= is_away && self.stood.is_some();
-            return None;
-        }
-        let stood = *self.stood.get_or_insert(now);
-        if !self.went {
-            return None;
-        }
-        let back = *self.back.get_or_insert(now);
-        (now.since(back) >= OVER).then_some(stood)
-    }
+/// The wall clock, s since 1970.
+fn now_unix_s() -> u64 {
+    SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_secs()
 }
 
 /// A movement as a person is asked for it.
@@ -536,27 +556,5 @@ fn asked(movement: Movement) -> &'static str {
             "march on the spot, feet pulled along, elbows bending, arms at the sides; then stand"
         }
         Movement::RaiseArms => "raise both straight arms forward and lower them",
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_movement_begins_from_standing_and_is_over_after_standing_again() {
-        let mut progress = Progress::default();
-        let at = |seconds: f64| Instant::from_nanos((seconds * 1e9) as u64);
-        // Arms that come down from T pose are no movement.
-        assert_eq!(progress.take(at(0.0), false, true), None);
-        assert_eq!(progress.take(at(1.0), true, false), None);
-        assert_eq!(progress.take(at(3.0), true, false), None);
-        assert_eq!(progress.take(at(4.0), false, true), None);
-        // On the way back, with a stumble.
-        assert_eq!(progress.take(at(5.0), true, false), None);
-        assert_eq!(progress.take(at(5.5), false, false), None);
-        assert_eq!(progress.take(at(5.6), true, false), None);
-        assert_eq!(progress.take(at(6.2), true, false), None);
-        assert_eq!(progress.take(at(6.31), true, false), Some(at(1.0)));
     }
 }
