@@ -2,11 +2,12 @@
 
 use super::report::Outcome;
 use super::{Output, Remarks};
+use crate::body::Proportions;
 use crate::body::worn::kept::Kept;
 use crate::error::Error;
 use crate::recording;
-use crate::session::angles::WornMotion;
-use crate::session::files::{BODY_KEY, STATURE_KEY};
+use crate::session::angles::{WornMotion, body_of};
+use crate::session::files::BODY_KEY;
 use clap::Args;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -95,8 +96,11 @@ fn angles(
     mut metadata: BTreeMap<String, String>,
 ) -> Result<i32, Error> {
     let series = recording::sensor_series(&args.file)?;
-    let stature_m = metadata.get(STATURE_KEY).and_then(|text| text.parse().ok());
-    let motion = WornMotion::of(&series, kept, args.stature.or(stature_m), args.rate)
+    let body = match args.stature {
+        Some(stature_m) => Proportions::of_stature(stature_m)?,
+        None => body_of(&metadata)?,
+    };
+    let motion = WornMotion::of(&series, kept, body, args.rate)
         .map_err(|e| if e.place.is_none() { e.at(args.file.display().to_string()) } else { e })?;
     metadata.remove(BODY_KEY);
     metadata.insert("from".to_owned(), args.file.display().to_string());
