@@ -21,7 +21,7 @@ use glam::{DQuat, DVec3};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::time::UNIX_EPOCH;
 
 const RATE_HZ: f64 = 120.0;
 const STATURE_M: f64 = 1.62;
@@ -136,7 +136,7 @@ fn record(path: &Path, person: &Person, worn: &[Segment], is_known: bool, silent
     let names: Vec<String> = worn.iter().map(|s| segment_name(*s).to_owned()).collect();
     let kept = Kept {
         subject: "s01".to_owned(),
-        made: SystemTime::now(),
+        made_unix_s: WALL_S,
         sensors: names.clone(),
         calibration,
     };

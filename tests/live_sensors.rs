@@ -16,7 +16,15 @@ use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{Ipv4Addr, UdpSocket};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
+
+/// Real time for one at a time: together they would keep the processors from each other.
+static REAL_TIME: Mutex<()> = Mutex::new(());
+
+fn alone() -> MutexGuard<'static, ()> {
+    REAL_TIME.lock().unwrap_or_else(PoisonError::into_inner)
+}
 
 /// Nothing here takes so long, however busy the machine is.
 const PATIENCE: Duration = Duration::from_secs(120);
@@ -173,6 +181,7 @@ fn robot_error_deg(recording: &Path, truth: &Truth) -> f64 {
 /// virtual time.
 #[test]
 fn a_person_with_13_sensors_walks_and_a_virtual_op3_walks_along_now_and_from_the_recording() {
+    let _alone = alone();
     let folder = folder("live-walk");
     let stand_s = 7.0;
     let wearer = Wearer::start(&folder, "--motion walk:6s --stand 7s --pty body --seed 3");
@@ -276,6 +285,7 @@ fn free_port() -> u16 {
 
 #[test]
 fn slimevr_trackers_are_worn_by_name_and_the_angles_shown_without_a_robot() {
+    let _alone = alone();
     let folder = folder("live-slimevr");
     let port = free_port();
     let _wearer = Wearer::start(
@@ -356,7 +366,10 @@ impl Following {
         let began = Instant::now();
         while !self.heard.contains(words) {
             let Ok(line) = self.said.recv_timeout(PATIENCE.saturating_sub(began.elapsed())) else {
-                panic!("never said {words:?}:\n{}", self.heard);
+                signal(&self.child, "KILL");
+                let mut report = String::new();
+                let _ = self.child.stdout.take().map(|mut out| out.read_to_string(&mut report));
+                panic!("never said {words:?}:\n{}\n{report}", self.heard);
             };
             self.heard += &format!("{line}\n");
         }
@@ -377,6 +390,7 @@ const ROBOT: &str = "--robot op3 --bus sim:pty --rate 20 --no-t-pose --n-pose-af
 
 #[test]
 fn a_sensor_that_is_pulled_out_brings_the_robot_to_rest_and_is_named() {
+    let _alone = alone();
     let mut doors = standing(&[("left_upper_arm", 600.0), ("left_forearm", 600.0)]);
     let mut live = Following::start(gaitway(&folder("live-pulled")), &doors, ROBOT);
     live.until("following");
@@ -392,6 +406,7 @@ fn a_sensor_that_is_pulled_out_brings_the_robot_to_rest_and_is_named() {
 
 #[test]
 fn a_sensor_that_falls_silent_is_said_and_the_robot_stands_until_it_is_stopped() {
+    let _alone = alone();
     let doors = standing(&[("left_upper_arm", 600.0), ("left_forearm", 12.0)]);
     let mut live = Following::start(gaitway(&folder("live-silent")), &doors, ROBOT);
     live.until("silent: left_forearm");
@@ -407,6 +422,7 @@ fn a_sensor_that_falls_silent_is_said_and_the_robot_stands_until_it_is_stopped()
 
 #[test]
 fn whoever_stops_during_the_calibration_has_moved_nothing_and_left_no_recording() {
+    let _alone = alone();
     let folder = folder("live-stopped");
     let doors = standing(&[("left_upper_arm", 600.0)]);
     let arguments = format!("{ROBOT} --record no.mcap");
@@ -431,6 +447,7 @@ fn terminal() -> (std::fs::File, Stdio) {
 
 #[test]
 fn at_a_terminal_enter_goes_on_s_skips_r_mends_headings_and_q_ends() {
+    let _alone = alone();
     let doors = standing(&[("right_upper_arm", 600.0), ("right_forearm", 600.0)]);
     let (mut keys, stdin) = terminal();
     let mut command = gaitway(&folder("live-terminal"));

@@ -164,7 +164,7 @@ pub fn run(args: &LiveArgs, remarks: Remarks) -> Result<i32, Error> {
     let signals = Signals::listen().map_err(|e| Error::new(format!("no signals: {e}")))?;
     let mut report = LiveReport::new(PlayReport::new(
         &args.motion(),
-        args.robot.as_deref().unwrap_or_default(),
+        args.robot.as_deref().unwrap_or("no robot"),
         args.bus.iter().map(ToString::to_string).collect(),
     ));
     report.run.dry_run = args.dry_run;

@@ -6,20 +6,19 @@ use crate::mocap::mapping::{segment_name, segment_named};
 use glam::DQuat;
 use serde::Deserialize;
 use std::fmt::Write;
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 /// Version of the file format.
 const SCHEMA: u32 = 1;
-/// Straps are taken off and move: a calibration older than this is another day's.
-pub const VALID: Duration = Duration::from_secs(12 * 3600);
+/// Straps are taken off and move: a calibration older than this, s, is another day's.
+pub const VALID_S: u64 = 12 * 3600;
 
 /// A calibration that was kept.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Kept {
     /// Who wore the sensors; may be empty.
     pub subject: String,
-    /// When it was made, in whole seconds.
-    pub made: SystemTime,
+    /// When it was made, s since 1970.
+    pub made_unix_s: u64,
     /// Name of the sensor of each mount, in the order of [`Calibration::mounts`].
     pub sensors: Vec<String>,
     /// How they sit.
@@ -55,7 +54,7 @@ impl Kept {
     /// The text of a file.
     #[must_use]
     pub fn text(&self) -> String {
-        let made_s = self.made.duration_since(UNIX_EPOCH).unwrap_or_default().as_secs();
+        let made_s = self.made_unix_s;
         let mut out = format!(
             "# How sensors sit on a body. Quaternions w, x, y, z turn vectors of the segment into \
              those of the\n# sensor. Headings hold until the sensors are switched off; they are \
@@ -104,10 +103,9 @@ impl Kept {
         if file.schema != SCHEMA {
             return Err(wrong(format!("schema {}", file.schema)));
         }
-        let made = UNIX_EPOCH.checked_add(Duration::from_secs(file.made_unix_s));
         let mut kept = Self {
             subject: file.subject,
-            made: made.ok_or_else(|| wrong(format!("made_unix_s = {}", file.made_unix_s)))?,
+            made_unix_s: file.made_unix_s,
             sensors: Vec::new(),
             calibration: Calibration::default(),
         };
@@ -137,10 +135,10 @@ impl Kept {
         Ok(kept)
     }
 
-    /// Time since it was made; zero if that is still to come.
+    /// Time since it was made, s, at a moment, s since 1970; zero if that is still to come.
     #[must_use]
-    pub fn age(&self, now: SystemTime) -> Duration {
-        now.duration_since(self.made).unwrap_or_default()
+    pub const fn age_s(&self, now_unix_s: u64) -> u64 {
+        now_unix_s.saturating_sub(self.made_unix_s)
     }
 }
 
@@ -179,7 +177,7 @@ mod tests {
         let calibration = Calibration { mounts: vec![mount], notes: Vec::new() };
         Kept {
             subject: "a \"b\"".to_owned(),
-            made: UNIX_EPOCH + Duration::from_secs(951_782_400),
+            made_unix_s: 951_782_400,
             sensors: vec!["tracker-00aa01-0".to_owned()],
             calibration,
         }
@@ -191,9 +189,9 @@ mod tests {
         let read = Kept::parse(&text).expect("reads");
         let (a, b) = (&read.calibration.mounts[0], &kept().calibration.mounts[0]);
         assert!(a.sensor_from_segment.angle_between(b.sensor_from_segment) < 1e-12);
-        assert_eq!((read.subject, read.made, read.sensors), {
+        assert_eq!((read.subject, read.made_unix_s, read.sensors), {
             let kept = kept();
-            (kept.subject, kept.made, kept.sensors)
+            (kept.subject, kept.made_unix_s, kept.sensors)
         });
         assert_eq!(
             (a.heading_rad, a.heading_by, a.strapped_off_rad),

@@ -10,7 +10,6 @@ use crate::mocap::mapping::segment_name;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt::Write;
-use std::time::UNIX_EPOCH;
 
 /// One joint that followed.
 #[derive(Clone, Debug, Serialize)]
@@ -107,7 +106,6 @@ impl BodyReport {
     /// What a calibration tells.
     pub fn of(guided: &Guided) -> Self {
         let kept = &guided.kept;
-        let made_s = kept.made.duration_since(UNIX_EPOCH).unwrap_or_default().as_secs();
         let off = |segment| {
             guided.off_t_pose_rad.iter().find(|(at, _)| *at == segment).map(|(_, rad)| *rad)
         };
@@ -127,7 +125,7 @@ impl BodyReport {
         });
         Self {
             subject: kept.subject.clone(),
-            calibrated: utc(made_s),
+            calibrated: utc(kept.made_unix_s),
             doubts: guided.doubts.clone(),
             heading_resets: 0,
             sensors: mounts.collect(),

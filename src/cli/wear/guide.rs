@@ -8,7 +8,7 @@ use crate::body::worn::calibrate::{calibrate, words};
 use crate::body::worn::check::{
     PAIRS, T_POSE_FAIL_RAD, T_POSE_WARN_RAD, doubts, off_t_pose, restless, turned_rad,
 };
-use crate::body::worn::kept::{Kept, VALID};
+use crate::body::worn::kept::{Kept, VALID_S};
 use crate::body::worn::{Calibration, Moved, Movement, WornSensor};
 use crate::error::Error;
 use crate::mocap::mapping::segment_name;
@@ -16,7 +16,7 @@ use crate::port::Clock;
 use crate::time::{Duration, Instant};
 use core::f64::consts::FRAC_PI_2;
 use glam::DQuat;
-use std::time::SystemTime;
+use std::time::{SystemTime, UNIX_EPOCH};
 
 /// How often it is looked what sensors say.
 const LOOK: Duration = Duration::from_millis(20);
@@ -180,8 +180,8 @@ impl<'a> Guide<'a> {
         }
         self.sensors.forget();
         let sensors = self.sensors.places().iter().map(|place| place.sensor.clone()).collect();
-        let (subject, made) = (plan.subject.clone(), SystemTime::now());
-        let kept = Kept { subject, made, sensors, calibration };
+        let (subject, made_unix_s) = (plan.subject.clone(), now_unix_s());
+        let kept = Kept { subject, made_unix_s, sensors, calibration };
         Ok(Some(Guided { kept, off_t_pose_rad, doubts }))
     }
 
@@ -202,12 +202,13 @@ impl<'a> Guide<'a> {
             })
         });
         let order = order.collect::<Result<Vec<usize>, Error>>()?;
-        let hours = kept.age(SystemTime::now()).as_secs_f64() / 3600.0;
-        if kept.age(SystemTime::now()) > VALID {
+        let age_s = kept.age_s(now_unix_s());
+        if age_s > VALID_S {
             self.say(&format!(
-                "the calibration of the body is {hours:.0} hours old, and held for {:.0}: straps \
+                "the calibration of the body is {} hours old, and held for {}: straps \
                  move; --recalibrate makes a new one",
-                VALID.as_secs_f64() / 3600.0
+                age_s / 3600,
+                VALID_S / 3600
             ));
         }
         let mounts = order.iter().map(|at| kept.calibration.mounts[*at]).collect();
@@ -525,6 +526,11 @@ impl Progress {
         let back = *self.back.get_or_insert(now);
         (now.since(back) >= OVER).then_some(stood)
     }
+}
+
+/// The wall clock, s since 1970.
+fn now_unix_s() -> u64 {
+    SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_secs()
 }
 
 /// A movement as a person is asked for it.
