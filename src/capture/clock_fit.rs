@@ -7,14 +7,17 @@
 //! carry the mean of the waiting with them.
 //!
 //! Per block of 2 s the least `arrival - device` is kept, of the last 60 blocks; a line is laid
-//! through them by least squares, leaving out blocks that lie far off (a block in which every sample
-//! waited). Compare L. Zhang, Z. Liu, C. Honghui Xia, "Clock synchronization algorithms for network
-//! measurements", INFOCOM 2002 (convex hull of the minima).
+//! through them by least squares. A block in which every sample waited counts as no later than the
+//! median of the blocks around it: a step stays a step, and a busy machine is seen through. Compare
+//! L. Zhang, Z. Liu, C. Honghui Xia, "Clock synchronization algorithms for network measurements",
+//! INFOCOM 2002 (convex hull of the minima).
 //!
-//! What cannot be seen: an adapter that hands over every 16 ms and a sensor that samples every 20 ms
-//! meet in four phases only, so that even the quickest sample waits up to 4 ms, by an amount that
-//! wanders with the drift of the clocks. Sixty blocks rather than thirty average over more of that
-//! wandering; the cure is to set the adapter's latency timer to 1 ms.
+//! What cannot be seen: an adapter that hands over every 16 ms by a timer of its own and a sensor that
+//! samples every 20 ms meet in four phases only, 4 ms apart. Until the drift of the clocks has carried
+//! one of them over the timer's edge (at 20 ppm that takes up to 200 s), every sample arrives exactly
+//! as if there were no drift: nothing that came tells one from the other. So the error wanders by up
+//! to the distance of the phases (50 Hz: 4 ms, 125 Hz: 8 ms, 100 Hz: 2 ms, 200 Hz: 1 ms); the cure is
+//! to set the adapter's latency timer to 1 ms.
 
 use crate::time::{Duration, Instant};
 use std::collections::VecDeque;
@@ -27,8 +30,8 @@ const BLOCKS: usize = 60;
 const BLOCKS_FOR_SLOPE: usize = 4;
 /// No crystal in use is worse.
 const MOST_SLOPE: f64 = 500e-6;
-/// How often blocks that lie off the line are left out and the line is laid anew.
-const TRIMS: usize = 3;
+/// So many blocks to each side say whether all samples of a block waited: together 26 s.
+const AROUND: usize = 6;
 /// A silence after which nothing of before is trusted.
 const MOST_SILENCE: Duration = Duration::from_secs(5);
 /// A sample this far from the line shows that the device's clock was set, s.
@@ -173,21 +176,31 @@ impl ClockFit {
 
 /// The line through the quickest samples: slope, and offset at zero.
 fn line(blocks: &VecDeque<Quickest>) -> (f64, f64) {
-    let mut line = least_squares(blocks.iter());
-    for _ in 0..TRIMS {
-        let off = |q: &Quickest| q.offset_s - line.1 - line.0 * q.device_s;
-        let mut sizes: Vec<f64> = blocks.iter().map(|q| off(q).abs()).collect();
-        let middle = sizes.len() / 2;
-        let typical = *sizes.select_nth_unstable_by(middle, f64::total_cmp).1;
-        let most = 3.0 * typical + 1e-9;
-        // Too early is never a matter of waiting, so only late blocks are left out.
-        let trimmed = least_squares(blocks.iter().filter(|q| off(q) <= most));
-        line = trimmed;
-    }
-    line
+    let (slope, _) = least_squares(blocks.iter().copied());
+    let level_s = |q: &Quickest| q.offset_s - slope * q.device_s;
+    let levels_s: Vec<f64> = blocks.iter().map(level_s).collect();
+    let capped = blocks.iter().enumerate().map(|(index, q)| {
+        let late_s = (levels_s[index] - median_around(&levels_s, index)).max(0.0);
+        Quickest { offset_s: q.offset_s - late_s, ..*q }
+    });
+    least_squares(capped)
 }
 
-fn least_squares<'a>(points: impl Iterator<Item = &'a Quickest> + Clone) -> (f64, f64) {
+/// The median of the levels around one, itself included. Beyond the ends the levels go on as in a
+/// mirror.
+fn median_around(levels_s: &[f64], index: usize) -> f64 {
+    let last = levels_s.len() - 1;
+    let reach = AROUND.min(last / 2);
+    let mut around: Vec<f64> = (0..=2 * reach)
+        .map(|step| {
+            let place = (index + step).abs_diff(reach);
+            levels_s[if place > last { 2 * last - place } else { place }]
+        })
+        .collect();
+    *around.select_nth_unstable_by(reach, f64::total_cmp).1
+}
+
+fn least_squares(points: impl Iterator<Item = Quickest> + Clone) -> (f64, f64) {
     let count = points.clone().count().max(1) as f64;
     let mean_device_s = points.clone().map(|q| q.device_s).sum::<f64>() / count;
     let mean_offset_s = points.clone().map(|q| q.offset_s).sum::<f64>() / count;

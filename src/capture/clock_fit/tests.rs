@@ -13,7 +13,27 @@ struct Scene {
     constant_s: f64,
     /// Largest part that is not, s.
     jitter_s: f64,
+    /// When the device took its first sample, s: how it stands to the adapter's timer.
+    start_s: f64,
+    /// For 7 of every 31 s the machine is busy, and each sample waits for up to 20 ms more.
+    busy: bool,
     seed: u64,
+}
+
+impl Default for Scene {
+    /// A sensor behind a USB adapter with its usual settings.
+    fn default() -> Self {
+        Self {
+            rate_hz: 100.0,
+            skew: 20e-6,
+            batch_s: 0.016,
+            constant_s: 0.0015,
+            jitter_s: 0.001,
+            start_s: 1000.0,
+            busy: false,
+            seed: 1,
+        }
+    }
 }
 
 /// Numbers that look random, 0 to 1 (Marsaglia's xorshift).
@@ -30,7 +50,7 @@ impl Scene {
         let mut state = self.seed | 1;
         let mut fit = ClockFit::default();
         let mut last_arrival_s = 0.0_f64;
-        let start_s = 1000.0;
+        let start_s = self.start_s;
         let mut errors = Vec::new();
         for n in 0..(seconds * self.rate_hz) as u64 {
             // The device samples by its own clock, which the host sees run fast or slow.
@@ -38,7 +58,10 @@ impl Scene {
             let true_s = start_s + n as f64 / self.rate_hz * (1.0 + self.skew);
             // Three samples in a thousand wait 60 ms, and those behind them.
             let spike_s = if random(&mut state) < 0.003 { 0.06 } else { 0.0 };
-            let sent_s = true_s + self.constant_s + random(&mut state) * self.jitter_s + spike_s;
+            let busy = self.busy && true_s % 31.0 < 7.0;
+            let busy_s = if busy { random(&mut state) * 0.02 } else { 0.0 };
+            let jitter_s = random(&mut state) * self.jitter_s;
+            let sent_s = true_s + self.constant_s + jitter_s + busy_s + spike_s;
             let arrival_s = if self.batch_s > 0.0 {
                 (sent_s / self.batch_s).ceil() * self.batch_s
             } else {
@@ -65,26 +88,46 @@ fn p99_s(errors: &[f64]) -> f64 {
     sizes[sizes.len() * 99 / 100]
 }
 
-/// The case of a sensor behind a USB adapter: 20 ppm, 16 ms batches. What every sample of the run
-/// waits at least for its batch is a constant of the transport too, so the median is taken off.
-#[test]
-fn behind_a_usb_adapter_time_is_known_to_a_millisecond_after_a_minute() {
-    for (seed, rate_hz) in [(1, 100.0), (2, 200.0), (3, 60.0), (4, 142.0)] {
-        let scene = Scene {
-            rate_hz,
-            skew: 20e-6,
-            batch_s: 0.016,
-            constant_s: 0.0015,
-            jitter_s: 0.001,
-            seed,
-        };
+/// The worst 99th percentile from the first minute to the fifth, over twelve ways in which the sensor
+/// may stand to the adapter's timer, its clock fast and slow. What every sample of the run waits at
+/// least for its batch is a constant of the transport too, so the median is taken off.
+fn worst_p99_s(rate_hz: f64, busy: bool) -> f64 {
+    let mut worst = 0.0_f64;
+    for way in 0..12_u32 {
+        let skew = if way % 2 == 0 { 20e-6 } else { -20e-6 };
+        let start_s = 1000.0 + f64::from(way) * 0.016 / 12.0;
+        let seed = u64::from(way) + 1;
+        let scene = Scene { rate_hz, skew, start_s, busy, seed, ..Scene::default() };
         let mut errors = scene.errors_s(300.0, 60.0);
         errors.sort_by(f64::total_cmp);
         let constant = errors[errors.len() / 2];
         errors.iter_mut().for_each(|error| *error -= constant);
-        let p99 = p99_s(&errors);
-        eprintln!("{rate_hz} Hz: p99 {:.3} ms, constant {:.3} ms", p99 * 1e3, constant * 1e3);
-        assert!(p99 < 0.001, "{rate_hz} Hz: p99 {p99} s");
+        worst = worst.max(p99_s(&errors));
+    }
+    eprintln!("{rate_hz} Hz, busy {busy}: worst p99 {:.3} ms", worst * 1e3);
+    worst
+}
+
+/// The case of a sensor behind a USB adapter: 20 ppm, 16 ms batches.
+#[test]
+fn behind_a_usb_adapter_time_is_known_to_a_millisecond_after_a_minute() {
+    for rate_hz in [30.0, 60.0, 142.0, 200.0, 400.0] {
+        for busy in [false, true] {
+            let worst = worst_p99_s(rate_hz, busy);
+            assert!(worst < 0.001, "{rate_hz} Hz, busy {busy}: p99 {worst} s");
+        }
+    }
+}
+
+/// Where sensor and adapter meet in few phases, nothing that arrives tells more than these: 50 Hz
+/// and 16 ms in four, 125 Hz in two. 100 Hz meets it in eight, 2 ms apart: half of that, to a tenth.
+#[test]
+fn where_they_meet_in_few_phases_the_error_stays_below_the_distance_of_these() {
+    for (rate_hz, most_s) in [(50.0, 0.004), (100.0, 0.0012), (125.0, 0.008)] {
+        for busy in [false, true] {
+            let worst = worst_p99_s(rate_hz, busy);
+            assert!(worst < most_s, "{rate_hz} Hz, busy {busy}: p99 {worst} s");
+        }
     }
 }
 
@@ -96,8 +139,8 @@ fn without_batches_nothing_needs_to_be_taken_off() {
         skew: -60e-6,
         batch_s: 0.0,
         constant_s: 0.002,
-        jitter_s: 0.001,
         seed: 5,
+        ..Scene::default()
     };
     let p99 = p99_s(&scene.errors_s(200.0, 60.0));
     assert!(p99 < 0.0003, "p99 {p99} s");
