@@ -21,7 +21,7 @@ use glam::{DQuat, DVec3};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::time::UNIX_EPOCH;
 
 const RATE_HZ: f64 = 120.0;
 const STATURE_M: f64 = 1.62;
@@ -136,7 +136,7 @@ fn record(path: &Path, person: &Person, worn: &[Segment], is_known: bool, silent
     let names: Vec<String> = worn.iter().map(|s| segment_name(*s).to_owned()).collect();
     let kept = Kept {
         subject: "s01".to_owned(),
-        made: SystemTime::now(),
+        made_unix_s: WALL_S,
         sensors: names.clone(),
         calibration,
     };
@@ -346,21 +346,23 @@ fn a_recording_that_does_not_know_how_it_was_worn_is_a_table_of_samples_or_needs
     let refused = gaitway(&folder, &["convert", "bow.mcap", "bow.bvh"]);
     assert_eq!(refused.status.code(), Some(1));
     let said = String::from_utf8_lossy(&refused.stderr).into_owned();
-    assert!(said.contains("--body") && !folder.join("bow.bvh").exists(), "{said}");
+    assert!(said.contains("--calibration-body") && !folder.join("bow.bvh").exists(), "{said}");
     assert_eq!(gaitway(&folder, &["convert", "bow.mcap", "bow.csv"]).status.code(), Some(0));
     let text = std::fs::read_to_string(folder.join("bow.csv")).expect("a table");
     assert!(text.starts_with("sensor,number"), "{}", &text[..40]);
-    let told = gaitway(&folder, &["convert", "bow.mcap", "told.csv", "--body", "bow.toml"]);
+    let told =
+        gaitway(&folder, &["convert", "bow.mcap", "told.csv", "--calibration-body", "bow.toml"]);
     assert_eq!(told.status.code(), Some(0), "{told:?}");
     let bowed = table(&folder.join("told.csv"));
     let most = bowed.angles.iter().map(|row| row[Dof::TorsoFlexion]).fold(0.0, f64::max);
     assert!(most > 0.3, "{most}");
-    let nonsense = gaitway(&folder, &["convert", "bow.mcap", "x.csv", "--body", "bow.mcap"]);
+    let nonsense =
+        gaitway(&folder, &["convert", "bow.mcap", "x.csv", "--calibration-body", "bow.mcap"]);
     assert_eq!(nonsense.status.code(), Some(1));
     for bad in ["0", "nan", "-5", "1e9"] {
         let refused = gaitway(
             &folder,
-            &["convert", "bow.mcap", "y.csv", "--body", "bow.toml", "--rate", bad],
+            &["convert", "bow.mcap", "y.csv", "--calibration-body", "bow.toml", "--rate", bad],
         );
         assert_eq!(refused.status.code(), Some(1), "{bad}");
     }

@@ -13,8 +13,10 @@ use gaitway::body::{Dof, JointAngles, Segment};
 use gaitway::recording::sensor_series;
 use gaitway::session::manifest::Manifest;
 use gaitway::session::{DeviceCheck, SessionFile, TrialFile, Verdict};
+use gaitway_sim::imu::{BodyMotion, ImuDoor, ImuErrors, ImuWire, Mount, Stage, VirtualImu};
 use person::{Act, Person, STATURE_M};
 use serde::de::DeserializeOwned;
+use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::Arc;
@@ -102,8 +104,7 @@ fn devices(operator: &mut Dialogue, person: &Person) {
 /// Poses and movements as the guide asks for them.
 fn subject(operator: &mut Dialogue, person: &Person) {
     operator.answer("Are they on?", "");
-    stand_so(operator);
-    operator.expect("T pose");
+    stand_until(operator, "T pose: arms straight out");
     person.does(Act::Pose(t_pose()));
     operator.expect("then: bow");
     movement(operator, person, Act::Bow(2.0));
@@ -126,8 +127,17 @@ fn movement(operator: &mut Dialogue, person: &Person, act: Act) {
     operator.expect("good");
 }
 
-fn stand_so(operator: &mut Dialogue) {
-    operator.answer("Enter when you stand so", "");
+/// N pose. Who stood still while the machine did not is asked once more.
+fn stand_until(operator: &mut Dialogue, next: &str) {
+    const ASKED: &str = "Enter when you stand so";
+    operator.expect(ASKED);
+    for _ in 0..4 {
+        operator.say("");
+        if operator.expect_one_of(&[next, ASKED]) == next {
+            return;
+        }
+    }
+    panic!("four times no N pose");
 }
 
 #[test]
@@ -247,14 +257,57 @@ fn a_session_can_be_interrupted_or_told_by_a_script_and_keeps_what_was_done() {
     person.is_left();
 }
 
+/// Trackers name themselves; who wears which is said.
+#[test]
+fn slimevr_trackers_are_worn_as_was_said() {
+    let folder = folder("record-session-trackers");
+    let free = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).and_then(|socket| socket.local_addr());
+    let port = free.expect("a port").port();
+    let motion = BodyMotion::still(60.0).expect("a motion");
+    let (mount, errors) = (Mount::default(), ImuErrors::default());
+    let imu = VirtualImu::new(motion, mount, errors, ImuWire::SlimeVr, 100.0).expect("a sensor");
+    let server = SocketAddr::from((Ipv4Addr::LOCALHOST, port));
+    let mac = [2, 0, 0, 0, 0, 1];
+    let _tracker = ImuDoor::open_slimevr(&Stage::default(), imu, server, mac).expect("a tracker");
+    let source = format!("imu:slimevr@udp:127.0.0.1:{port}");
+    let nobody = Person::wearing(&[]);
+    let refused = Command::new(env!("CARGO_BIN_EXE_gaitway"))
+        .current_dir(&folder)
+        .args(["record", "--session", "lab", &source])
+        .output()
+        .expect("the command");
+    let said = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(said.contains("--wear"), "{said}");
+
+    std::fs::write(folder.join("plan.toml"), PLAN).expect("a plan");
+    let begin =
+        ["--session", "lab", "--plan", "plan.toml", &source, "--wear", "head=tracker-000001-0"];
+    let mut operator = Dialogue::start(&folder, &begin.map(str::to_owned), &nobody);
+    for question in ["name of the session", "operator", "place", "remarks"] {
+        operator.answer(question, "");
+    }
+    operator.answer("id of the subject", "s01");
+    for (question, answer) in [("gender", ""), ("age", "."), ("stature", "1.7"), ("remarks", "")] {
+        operator.answer(question, answer);
+    }
+    // It looks for its server twice a second.
+    passes(1.5);
+    operator.answer("Do they lie still?", "");
+    operator.expect("head ");
+    operator.expect("samples");
+    operator.answer("", "q");
+    operator.ends();
+    let session: SessionFile = read(&folder.join("lab/session.toml"));
+    assert_eq!(session.wear["tracker-000001-0"], "head");
+}
+
 /// A tap, a good repetition and a bad one.
 fn kept_trial(operator: &mut Dialogue, person: &Person) {
     operator.expect("0 of 2 good repetitions");
     operator.answer("Explain it and show it", "");
     operator.answer("Let it be practised", "");
     operator.answer("Record wave-r-01?", "");
-    stand_so(operator);
-    operator.expect("RECORDING wave-r-01");
+    stand_until(operator, "RECORDING wave-r-01");
     passes(0.8);
     person.is_tapped();
     passes(0.4);
@@ -283,8 +336,7 @@ fn retaken_trial(operator: &mut Dialogue, person: &Person) {
     operator.expect("1 of 2 good repetitions");
     operator.answer("Record wave-r-02?", "");
     person.stands();
-    stand_so(operator);
-    operator.expect("RECORDING wave-r-02");
+    stand_until(operator, "RECORDING wave-r-02");
     passes(0.3);
     operator.say(".");
     operator.answer("keep it?", "r");
@@ -294,8 +346,7 @@ fn retaken_trial(operator: &mut Dialogue, person: &Person) {
 fn cut_off_trial(operator: &mut Dialogue, person: &Person) {
     operator.expect("1 of 2 good repetitions");
     operator.answer("Record wave-r-03?", "");
-    stand_so(operator);
-    operator.expect("RECORDING wave-r-03");
+    stand_until(operator, "RECORDING wave-r-03");
     person.does(waving());
     passes(3.0);
     operator.say("");
@@ -311,8 +362,7 @@ fn last_trial(operator: &mut Dialogue, person: &Person) {
     operator.answer("Explain it and show it", "");
     operator.answer("Let it be practised", "");
     operator.answer("Record reach-up-01?", "");
-    stand_so(operator);
-    operator.expect("RECORDING reach-up-01");
+    stand_until(operator, "RECORDING reach-up-01");
     person.does(raises_an_arm());
     passes(2.35);
     person.stands();

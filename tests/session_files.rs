@@ -12,7 +12,6 @@ use gaitway::session::{
 use glam::DQuat;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use std::time::SystemTime;
 
 const NOW: Utc = Utc(1_800_000_000);
 
@@ -31,6 +30,7 @@ fn session(subjects: &[&str], plan: &str) -> SessionFile {
         place: String::new(),
         remarks: String::new(),
         sources: vec!["torso=imu:x-imu3@/dev/null".into()],
+        wear: BTreeMap::new(),
         magnetometer: false,
         subjects: subjects.iter().map(|id| (*id).to_owned()).collect(),
         skipped: Vec::new(),
@@ -80,7 +80,7 @@ fn kept(id: &str) -> String {
     };
     let calibration = Calibration { mounts: vec![mount], notes: Vec::new() };
     let (subject, sensors) = (id.to_owned(), vec!["torso".to_owned()]);
-    Kept { subject, made: SystemTime::UNIX_EPOCH, sensors, calibration }.text()
+    Kept { subject, made_unix_s: NOW.0, sensors, calibration }.text()
 }
 
 fn trial(action: &str, number: u32, subjects: &[&str], verdict: Verdict, good: u32) -> TrialFile {

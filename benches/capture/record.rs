@@ -12,9 +12,11 @@ const MEASURED: Duration = Duration::from_secs(10);
 
 pub fn over_terminals() {
     println!("\n`gaitway record` of 15 sensors at 200 Hz over pseudo-terminals: share of one core");
-    for (profile, wire) in
-        [("xsens-mti", ImuWire::Xsens), ("x-imu3", ImuWire::XImu3), ("arduino-csv", ImuWire::Csv)]
-    {
+    for (profile, wire) in [
+        ("xsens-mti", ImuWire::Xsens),
+        ("vectornav-vn100", ImuWire::VectorNavBinary),
+        ("arduino-csv", ImuWire::Csv),
+    ] {
         match share(profile, wire) {
             Ok((share, said)) => println!("  {profile:<24} {:>6.2} %  {said}", share * 100.0),
             Err(cause) => println!("  {profile:<24} {cause}"),

@@ -261,14 +261,24 @@ impl Subject {
         }
     }
 
-    /// The body that angles are put on. Its parts follow from the stature (see [`Proportions`]).
+    /// Mean length of the legs that were measured, m.
+    #[must_use]
+    pub fn leg_length_m(&self) -> Option<f64> {
+        let both = [Measure::LeftLegLength, Measure::RightLegLength];
+        let known: Vec<f64> = both.iter().filter_map(|leg| self.measure(*leg)).collect();
+        (!known.is_empty()).then(|| known.iter().sum::<f64>() / known.len() as f64)
+    }
+
+    /// The body that angles are put on: its parts follow from the stature, and its legs from their
+    /// length where that was measured (see [`Proportions`]).
     ///
     /// # Errors
-    /// A stature that is missing or that no person has.
+    /// A stature that is missing or that no person has, legs that do not go with it.
     pub fn proportions(&self) -> Result<Proportions, Error> {
         let stature_m = self.measure(Measure::Stature);
         let missing = || Error::new("the stature is missing").at(format!("subject {}", self.id));
-        Proportions::of_stature(stature_m.ok_or_else(missing)?)
+        let body = Proportions::of_stature(stature_m.ok_or_else(missing)?)?;
+        self.leg_length_m().map_or(Ok(body), |length_m| body.with_leg_length_m(length_m))
     }
 }
 
@@ -310,6 +320,7 @@ mod tests {
         subject.measures.insert(Measure::LeftLegLength, 0.5);
         assert!(subject.doubt(Measure::LeftLegLength).unwrap().contains("28 %"));
         assert_eq!(subject.check(), Ok(()), "doubt is for the person who measures");
+        assert!(subject.proportions().is_ok(), "some people have short legs");
         subject.measures.insert(Measure::LeftLegLength, 9.5);
         assert!(subject.check().is_err());
         subject.measures.insert(Measure::LeftKneeWidth, 0.06);

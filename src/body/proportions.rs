@@ -56,6 +56,8 @@ impl End {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Proportions {
     stature_m: f64,
+    /// Thighs and shanks as a multiple of what the stature says.
+    legs: f64,
 }
 
 /// Points of a posed body in the world, m.
@@ -92,7 +94,27 @@ impl Proportions {
                 .got(format!("{stature_m} m"))
                 .allowed("0.3 to 3 m"));
         }
-        Ok(Self { stature_m })
+        Ok(Self { stature_m, legs: 1.0 })
+    }
+
+    /// The same body with legs of a measured length, m: from the front of the hip bone to the inner
+    /// ankle. How far below that bone the hip joint lies follows from the length (Davis et al., "A gait
+    /// analysis data collection and reduction technique", Human Movement Science 10, 1991, Eqs. 2-4,
+    /// without markers). The trunk stays as the stature says.
+    ///
+    /// # Errors
+    /// If the length does not go with the stature.
+    pub fn with_leg_length_m(self, length_m: f64) -> Result<Self, Error> {
+        let (beta, theta) = (18.0_f64.to_radians(), 28.4_f64.to_radians());
+        let behind_m = 0.1288 * length_m - 0.048_56;
+        let inwards_m = 0.115 * length_m - 0.0153;
+        let below_m = behind_m * beta.sin() + inwards_m * theta.cos() * beta.cos();
+        let legs = (length_m - below_m) / ((THIGH + SHANK) * self.stature_m);
+        if !(0.4..=1.6).contains(&legs) {
+            return Err(Error::new("a person's legs do not go with the stature")
+                .got(format!("{length_m} m of {} m", self.stature_m)));
+        }
+        Ok(Self { legs, ..self })
     }
 
     /// Body height, m.
@@ -104,7 +126,7 @@ impl Proportions {
     /// Height of the root (between the hip joints) in N pose on the ground, m.
     #[must_use]
     pub fn root_height_m(&self) -> f64 {
-        (THIGH + SHANK + ANKLE_HEIGHT) * self.stature_m
+        ((THIGH + SHANK) * self.legs + ANKLE_HEIGHT) * self.stature_m
     }
 
     /// Place of a joint in the anatomical frame of the segment that carries it: that segment, and
@@ -123,10 +145,10 @@ impl Proportions {
             Joint::RightWrist => (Segment::RightForearm, 0.0, 0.0, -FOREARM),
             Joint::LeftHip => (Segment::Pelvis, 0.0, HALF_HIPS, 0.0),
             Joint::RightHip => (Segment::Pelvis, 0.0, -HALF_HIPS, 0.0),
-            Joint::LeftKnee => (Segment::LeftThigh, 0.0, 0.0, -THIGH),
-            Joint::RightKnee => (Segment::RightThigh, 0.0, 0.0, -THIGH),
-            Joint::LeftAnkle => (Segment::LeftShank, 0.0, 0.0, -SHANK),
-            Joint::RightAnkle => (Segment::RightShank, 0.0, 0.0, -SHANK),
+            Joint::LeftKnee => (Segment::LeftThigh, 0.0, 0.0, -THIGH * self.legs),
+            Joint::RightKnee => (Segment::RightThigh, 0.0, 0.0, -THIGH * self.legs),
+            Joint::LeftAnkle => (Segment::LeftShank, 0.0, 0.0, -SHANK * self.legs),
+            Joint::RightAnkle => (Segment::RightShank, 0.0, 0.0, -SHANK * self.legs),
         };
         Some((segment, DVec3::new(x, y, z) * self.stature_m))
     }
@@ -220,6 +242,22 @@ mod tests {
         assert!((width - 2.0 * 0.191).abs() < 1e-12);
         let foot = at.end_m(End::LeftToe) - at.end_m(End::LeftHeel);
         assert!((foot - DVec3::new(2.0 * 0.152, 0.0, 0.0)).length() < 1e-12);
+    }
+
+    /// 0.92 m: the joint lies 0.0699 m behind, and so 0.0216 + 0.0757 m below, the bone.
+    #[test]
+    fn measured_legs_are_as_long_as_they_were_measured() {
+        let body = Proportions::of_stature(1.75).unwrap().with_leg_length_m(0.92).unwrap();
+        let root_m = DVec3::new(0.0, 0.0, body.root_height_m());
+        let at = body.positions(&JointAngles::default().to_pose(root_m, DQuat::IDENTITY));
+        let hip_to_ankle = at.joint_m(Joint::LeftHip).z - at.joint_m(Joint::LeftAnkle).z;
+        assert!((hip_to_ankle - 0.8227).abs() < 1e-4, "{hip_to_ankle}");
+        assert!(at.end_m(End::RightToe).z.abs() < 1e-12, "it stands on the ground");
+        let trunk = at.joint_m(Joint::Neck).z - root_m.z;
+        assert!((trunk - 1.75 * (0.818 - 0.530)).abs() < 1e-12, "the trunk is the stature's");
+        for length_m in [0.0, 0.3, 1.6, f64::NAN] {
+            assert!(body.with_leg_length_m(length_m).is_err(), "{length_m}");
+        }
     }
 
     #[test]

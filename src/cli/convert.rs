@@ -2,11 +2,12 @@
 
 use super::report::Outcome;
 use super::{Output, Remarks};
+use crate::body::Proportions;
 use crate::body::worn::kept::Kept;
 use crate::error::Error;
 use crate::recording;
-use crate::session::angles::WornMotion;
-use crate::session::files::{BODY_KEY, STATURE_KEY};
+use crate::session::angles::{WornMotion, body_of};
+use crate::session::files::BODY_KEY;
 use clap::Args;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -24,7 +25,8 @@ Segments that are not worn stay at rest and are named.
 Examples:
   gaitway convert wave.mcap wave.csv
   gaitway convert trials/wave-r-01.mcap wave.bvh
-  gaitway convert dance.mcap dance.bvh --body lab/calibration/body-s01-01.toml")]
+  gaitway convert dance.mcap dance.bvh \\
+          --calibration-body lab/calibration/body-s01-01.toml")]
 pub struct ConvertArgs {
     /// Recording, finished or not
     file: PathBuf,
@@ -32,7 +34,7 @@ pub struct ConvertArgs {
     out: PathBuf,
     /// How the sensors were worn, in place of what the recording says
     #[arg(long, value_name = "FILE.toml")]
-    body: Option<PathBuf>,
+    calibration_body: Option<PathBuf>,
     /// Poses per second of joint angles
     #[arg(long, value_name = "HZ", default_value_t = 100.0, allow_negative_numbers = true)]
     rate: f64,
@@ -40,7 +42,7 @@ pub struct ConvertArgs {
     #[arg(long, value_name = "M", allow_negative_numbers = true)]
     stature: Option<f64>,
     /// A table of samples, also of worn sensors
-    #[arg(long, conflicts_with = "body")]
+    #[arg(long, conflicts_with = "calibration_body")]
     samples: bool,
     /// Overwrite the file if it exists
     #[arg(long)]
@@ -72,14 +74,14 @@ pub fn run(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
             .at(args.file.display().to_string())
             .remedy(
                 "record it in a session (`gaitway record --session`), or name a calibration: \
-                 --body FILE.toml",
+                 --calibration-body FILE.toml",
             )),
     }
 }
 
 /// How the sensors were worn, if that is known.
 fn worn(args: &ConvertArgs, metadata: &BTreeMap<String, String>) -> Result<Option<Kept>, Error> {
-    let (text, place) = match (&args.body, metadata.get(BODY_KEY)) {
+    let (text, place) = match (&args.calibration_body, metadata.get(BODY_KEY)) {
         (Some(path), _) => (gaitway_profiles::read_text(path)?, path),
         (None, Some(text)) => (text.clone(), &args.file),
         (None, None) => return Ok(None),
@@ -95,8 +97,11 @@ fn angles(
     mut metadata: BTreeMap<String, String>,
 ) -> Result<i32, Error> {
     let series = recording::sensor_series(&args.file)?;
-    let stature_m = metadata.get(STATURE_KEY).and_then(|text| text.parse().ok());
-    let motion = WornMotion::of(&series, kept, args.stature.or(stature_m), args.rate)
+    let body = match args.stature {
+        Some(stature_m) => Proportions::of_stature(stature_m)?,
+        None => body_of(&metadata)?,
+    };
+    let motion = WornMotion::of(&series, kept, body, args.rate)
         .map_err(|e| if e.place.is_none() { e.at(args.file.display().to_string()) } else { e })?;
     metadata.remove(BODY_KEY);
     metadata.insert("from".to_owned(), args.file.display().to_string());

@@ -56,6 +56,9 @@ pub struct RecordArgs {
     /// Lead through a recording session in this folder, or go on with one
     #[arg(long, value_name = "DIR", conflicts_with_all = ["out", "time", "name", "limp", "force"])]
     session: Option<PathBuf>,
+    /// Which segment wears which SlimeVR tracker, in a session: left_thigh=tracker-00aa01-0
+    #[arg(long, value_name = "SEGMENT=TRACKER", requires = "session")]
+    wear: Vec<String>,
     /// What the session is to record (see docs/capture.md); without it actions are asked for
     #[arg(long, value_name = "FILE.toml", requires = "session")]
     plan: Option<PathBuf>,

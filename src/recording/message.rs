@@ -178,8 +178,10 @@ pub(super) fn of_cycle(
         let joints = named().map(|(name, joint)| goal(name, joint)).collect();
         messages.push((Topic::Goal, serde_json::to_vec(&JointStates { moment, joints })?));
     }
-    let joints = named().map(|(name, joint)| present(name, joint)).collect();
-    messages.push((Topic::Present, serde_json::to_vec(&JointStates { moment, joints })?));
+    if has_present(record) {
+        let joints = named().map(|(name, joint)| present(name, joint)).collect();
+        messages.push((Topic::Present, serde_json::to_vec(&JointStates { moment, joints })?));
+    }
     if has_health(record) {
         let joints = named().map(|(name, joint)| health(name, joint)).collect();
         messages.push((Topic::Health, serde_json::to_vec(&Health { moment, joints })?));
@@ -193,7 +195,17 @@ pub(super) fn of_cycle(
 pub(super) fn topics(record: &CycleRecord) -> impl Iterator<Item = Topic> {
     let goal = has_goal(record).then_some(Topic::Goal);
     let health = has_health(record).then_some(Topic::Health);
-    [goal, Some(Topic::Present), health, Some(Topic::Cycle)].into_iter().flatten()
+    let present = has_present(record).then_some(Topic::Present);
+    [goal, present, health, Some(Topic::Cycle)].into_iter().flatten()
+}
+
+/// Nothing was asked of the joints of a motion that is only planned; a read that was missed was.
+fn has_present(record: &CycleRecord) -> bool {
+    let plain = JointRecord::default();
+    record.joints.iter().any(|joint| {
+        let unasked = JointRecord { goal_rad: joint.goal_rad, ..plain.clone() };
+        *joint != unasked
+    })
 }
 
 fn has_goal(record: &CycleRecord) -> bool {

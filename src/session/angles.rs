@@ -5,6 +5,7 @@
 //! silent: its segment stays as it was and is marked. Segments that are not worn are at rest on what
 //! carries them, and are marked all along.
 
+use super::files::{LEGS_KEY, STATURE_KEY};
 use crate::action::table;
 use crate::body::contact::root_on_ground;
 use crate::body::worn::Wearing;
@@ -49,8 +50,7 @@ pub struct WornMotion {
 }
 
 impl WornMotion {
-    /// The motion in a recording of a person of this stature, m (1.75 if nobody knows), who was
-    /// calibrated so.
+    /// The motion in a recording of a person with this body who was calibrated so.
     ///
     /// # Errors
     /// A calibration that names sensors which are not in the recording, a rate that is none, sensors
@@ -58,10 +58,9 @@ impl WornMotion {
     pub fn of(
         series: &SensorSeries,
         kept: &Kept,
-        stature_m: Option<f64>,
+        body: Proportions,
         rate_hz: f64,
     ) -> Result<Self, Error> {
-        let body = Proportions::of_stature(stature_m.unwrap_or(USUAL_STATURE_M))?;
         let sensors = worn_sensors(series, kept)?;
         let (first_ns, last_ns) = common_span(&sensors)?;
         let span_s = (last_ns - first_ns) as f64 / 1e9;
@@ -201,6 +200,16 @@ impl WornMotion {
             .at(path.display().to_string())
             .got(summary.poisoned.unwrap_or_default()))
     }
+}
+
+/// The body of whoever was recorded, from a recording's metadata: 1.75 m tall if nobody knows.
+///
+/// # Errors
+/// Measures that no person has.
+pub fn body_of(metadata: &BTreeMap<String, String>) -> Result<Proportions, Error> {
+    let measure = |key: &str| metadata.get(key).and_then(|text| text.parse::<f64>().ok());
+    let body = Proportions::of_stature(measure(STATURE_KEY).unwrap_or(USUAL_STATURE_M))?;
+    measure(LEGS_KEY).map_or(Ok(body), |length_m| body.with_leg_length_m(length_m))
 }
 
 /// Names of the segments for which `is_so` is false.

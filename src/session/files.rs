@@ -30,6 +30,9 @@ pub struct SessionFile {
     pub remarks: String,
     /// Sources as they are given to `record`, each with its name.
     pub sources: Vec<String>,
+    /// Trackers that name themselves, each with the name it goes by here.
+    #[serde(default)]
+    pub wear: BTreeMap<String, String>,
     /// True if headings are told from the magnetic field where there is one.
     #[serde(default)]
     pub magnetometer: bool,
@@ -128,6 +131,8 @@ pub struct BodyCheck {
 pub const BODY_KEY: &str = "body_calibration";
 /// Under this key it holds the stature of whoever wore them, m.
 pub const STATURE_KEY: &str = "stature_m";
+/// Under this key the length of their legs, if that was measured, m.
+pub const LEGS_KEY: &str = "leg_length_m";
 
 /// What was thought of a trial.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

@@ -3,6 +3,7 @@
 
 use super::angles::WornMotion;
 use super::files::{SCHEMA, SessionFile, TrialFile, Verdict};
+use super::plan::{Plan, PlannedAction};
 use super::steps::Progress;
 use super::utc::Utc;
 use crate::body::anthropometry::{Measure, Subject};
@@ -62,7 +63,7 @@ pub struct ActionRow {
     pub name: String,
     /// What subjects were told.
     pub explained: String,
-    /// Good repetitions wanted.
+    /// Good repetitions wanted of each subject.
     pub wanted_repetitions: u32,
     /// Good repetitions there are.
     pub good_repetitions: u32,
@@ -140,7 +141,7 @@ impl Manifest {
         trials: Vec<TrialRow>,
         finished: Utc,
     ) -> Self {
-        let action = |action: &super::plan::PlannedAction| ActionRow {
+        let action = |action: &PlannedAction| ActionRow {
             name: action.name.clone(),
             explained: action.explain.clone(),
             wanted_repetitions: session.plan.wanted(action),
@@ -176,16 +177,26 @@ fn choices(session: &SessionFile, progress: &Progress) -> Choices {
         range_of_subjects: subjects.join("; "),
         definition_and_execution: format!(
             "names of a controlled vocabulary; explained, practised, then recorded in {} trials, \
-             {kept} of them kept; {} good repetitions wanted of an action; keep or retake by the \
-             operator",
+             {kept} of them kept; {} good repetitions wanted of each action and subject; keep or \
+             retake by the operator",
             progress.trials.len(),
-            session.plan.repetitions
+            wanted(&session.plan)
         ),
         output: format!(
             "MCAP with raw samples and orientation; joint angles of a 22-DOF body at {} Hz as CSV \
              and BVH",
             session.plan.rate_hz
         ),
+    }
+}
+
+/// `10`, or `2 to 10`.
+fn wanted(plan: &Plan) -> String {
+    let wanted = || plan.actions.iter().map(|action| plan.wanted(action));
+    match (wanted().min(), wanted().max()) {
+        (Some(least), Some(most)) if least < most => format!("{least} to {most}"),
+        (Some(all), _) => all.to_string(),
+        _ => String::new(),
     }
 }
 

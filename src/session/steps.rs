@@ -154,12 +154,21 @@ impl Progress {
     /// Good repetitions of an action by exactly these subjects so far.
     #[must_use]
     pub fn good_by(&self, action: &str, subjects: &[String]) -> u32 {
-        let by_them = |trial: &&TrialFile| {
+        self.trials_by(action, subjects).map(TrialFile::counted).sum()
+    }
+
+    /// True if there is a trial of this action by exactly these subjects, good or not.
+    #[must_use]
+    pub fn has_tried(&self, action: &str, subjects: &[String]) -> bool {
+        self.trials_by(action, subjects).next().is_some()
+    }
+
+    fn trials_by(&self, action: &str, subjects: &[String]) -> impl Iterator<Item = &TrialFile> {
+        self.trials.iter().filter(move |trial| {
             trial.action == action
                 && trial.recordings.len() == subjects.len()
                 && trial.recordings.iter().all(|r| subjects.contains(&r.subject))
-        };
-        self.trials.iter().filter(by_them).map(TrialFile::counted).sum()
+        })
     }
 
     /// The number a new trial of an action gets: no number is used twice.

@@ -1,5 +1,6 @@
 //! Moments of the calendar, in whole seconds, as text that everybody reads the same way.
 
+use crate::body::worn::kept::utc;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::fmt;
 use std::str::FromStr;
@@ -27,10 +28,7 @@ impl From<std::time::SystemTime> for Utc {
 
 impl fmt::Display for Utc {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (day, second) = (self.0 / DAY_S, self.0 % DAY_S);
-        let (year, month, date) = civil(day);
-        let (hour, minute, second) = (second / 3600, second / 60 % 60, second % 60);
-        write!(f, "{year:04}-{month:02}-{date:02}T{hour:02}:{minute:02}:{second:02}Z")
+        f.write_str(&utc(self.0))
     }
 }
 
@@ -56,20 +54,8 @@ impl FromStr for Utc {
     }
 }
 
-/// Year, month and date of a day since 1970 (E. Richards, "Mapping Time", 1998: years counted from
-/// March, so that the leap day is the last).
-fn civil(day: u64) -> (u64, u64, u64) {
-    let shifted = day + 719_468;
-    let (era, of_era) = (shifted / 146_097, shifted % 146_097);
-    let year_of_era = (of_era - of_era / 1460 + of_era / 36_524 - of_era / 146_096) / 365;
-    let of_year = of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
-    let march_month = (5 * of_year + 2) / 153;
-    let date = of_year - (153 * march_month + 2) / 5 + 1;
-    let month = if march_month < 10 { march_month + 3 } else { march_month - 9 };
-    (era * 400 + year_of_era + u64::from(month <= 2), month, date)
-}
-
-/// Days from 1970 to a date.
+/// Days from 1970 to a date: the inverse of what [`utc`] does; years begin in March, so that the leap
+/// day is their last.
 fn day(year: u64, month: u64, date: u64) -> u64 {
     let (year, march_month) = if month > 2 { (year, month - 3) } else { (year - 1, month + 9) };
     let (era, of_era) = (year / 400, year % 400);

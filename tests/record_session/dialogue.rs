@@ -56,14 +56,20 @@ impl<'a> Dialogue<'a> {
 
     /// Waits until these words are said after those that were expected before.
     pub fn expect(&mut self, words: &str) {
+        self.expect_one_of(&[words]);
+    }
+
+    /// Waits until one of these is said, and tells which was first.
+    pub fn expect_one_of<'w>(&mut self, choices: &[&'w str]) -> &'w str {
         let began = Instant::now();
         loop {
             let said = self.said.lock().expect("whole").clone();
-            if let Some(at) = said[self.seen..].find(words) {
+            let found = choices.iter().filter_map(|w| Some((said[self.seen..].find(w)?, *w)));
+            if let Some((at, words)) = found.min() {
                 self.seen += at + words.len();
-                return;
+                return words;
             }
-            assert!(began.elapsed() < PATIENCE, "{words:?} was not said:\n{said}");
+            assert!(began.elapsed() < PATIENCE, "{choices:?} was not said:\n{said}");
             std::thread::sleep(Duration::from_millis(5));
         }
     }
@@ -105,6 +111,8 @@ impl<'a> Dialogue<'a> {
 
 impl Drop for Dialogue<'_> {
     fn drop(&mut self) {
+        // Shown for a test that fails, and with --nocapture.
+        println!("{}", self.said.lock().expect("whole"));
         // A test that failed leaves nobody behind.
         let _ = self.child.kill();
         let _ = self.child.wait();

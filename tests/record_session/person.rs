@@ -106,6 +106,8 @@ struct Line {
     master: OwnedFd,
     slave: OwnedFd,
     path: String,
+    /// What was said and is not on the line yet.
+    pending: Mutex<Vec<u8>>,
 }
 
 impl Line {
@@ -119,7 +121,16 @@ impl Line {
         settings.make_raw();
         tcsetattr(&slave, OptionalActions::Now, &settings).expect("raw");
         rustix::fs::fcntl_setfl(&master, OFlags::RDWR | OFlags::NONBLOCK).expect("patience");
-        Self { segment, mount, master, slave, path }
+        Self { segment, mount, master, slave, path, pending: Mutex::default() }
+    }
+
+    /// Says more. A host that stalls reads later, and not half a line.
+    fn say(&self, bytes: &[u8]) {
+        let mut pending = self.pending.lock().expect("nobody fell");
+        pending.extend_from_slice(bytes);
+        if let Ok(written) = rustix::io::write(&self.master, &pending) {
+            pending.drain(..written);
+        }
     }
 
     /// What the sensor measures of a motion, from differences over two milliseconds.
@@ -223,6 +234,7 @@ impl Person {
     pub fn is_left(&self) {
         self.is_heard.store(false, Ordering::Release);
         for line in self.lines.iter() {
+            line.pending.lock().expect("nobody fell").clear();
             let _ = tcflush(&line.slave, QueueSelector::IFlush);
             let _ = ioctl_tiocnxcl(&line.slave);
         }
@@ -253,9 +265,7 @@ fn perform(
         while number <= due {
             let doing = doing.lock().expect("nobody fell");
             for line in lines.iter().filter(|_| is_heard.load(Ordering::Acquire)) {
-                let bytes = ImuWire::Csv.encode(&line.measured(&doing, &body, number));
-                // What does not fit is lost, as on a line that nobody reads.
-                let _ = rustix::io::write(&line.master, &bytes);
+                line.say(&ImuWire::Csv.encode(&line.measured(&doing, &body, number)));
             }
             number += 1;
         }

@@ -15,24 +15,29 @@ mod trial;
 use super::RecordArgs;
 use super::intake::Intake;
 use super::source::{Source, What};
+use crate::body::Segment;
 use crate::capture::Mode;
 use crate::cli::Remarks;
 use crate::cli::report::Outcome;
 use crate::cli::signals::Signals;
 use crate::error::Error;
+use crate::mocap::mapping::segment_name;
 use crate::session::utc::Utc;
 use crate::session::wearers::wearer;
 use crate::session::{Folder, Plan, Progress, SessionFile, Step, Verdict};
 use console::{Console, Ended};
 use hub::Hub;
 use serde::Serialize;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::SystemTime;
 
-/// A source of a session.
+/// A sensor of a session.
 struct Worn {
-    source: Source,
+    /// The name under which it is heard.
+    heard: String,
+    /// The name that says where it is worn.
     name: String,
     rate_hz: f64,
 }
@@ -117,19 +122,22 @@ pub fn run(
         remarks.say("the session is finished already");
         return report(args, &folder, &progress).map(|()| 0);
     }
-    let texts = sources(args, &progress)?;
-    let worn = texts.iter().map(|text| read_source(text)).collect::<Result<Vec<_>, _>>()?;
+    let (texts, wear) = given(args, &progress)?;
+    let worn = sensors(&texts, &wear)?;
     check_names(&worn, progress.session.as_ref())?;
+    let open = |text: &String| text.parse::<Source>()?.open();
+    let opened = texts.iter().map(open).collect::<Result<Vec<_>, Error>>()?;
     let given = setup::Given {
         sources: texts,
+        wear,
         names: worn.iter().map(|worn| worn.name.clone()).collect(),
         plan,
         magnetometer: args.magnetometer,
     };
-    let opened = worn.iter().map(|worn| worn.source.open()).collect::<Result<Vec<_>, _>>()?;
     let nine = progress.session.as_ref().map_or(args.magnetometer, |s| s.magnetometer);
     let mode = if nine { Mode::NineAxes } else { Mode::SixAxes };
-    let (hub, stop) = (Hub::default(), AtomicBool::new(false));
+    let hub = Hub::of(worn.iter().map(|worn| (worn.heard.clone(), worn.name.clone())));
+    let stop = AtomicBool::new(false);
     let intake = Intake::new(None, &stop, mode, remarks).heard_by_hub(&hub);
     let console = Console::listen(signals)?;
     let ended = std::thread::scope(|scope| {
@@ -197,37 +205,69 @@ fn read_plan(path: &Path) -> Result<Plan, Error> {
     Plan::parse(&gaitway_profiles::read_text(path)?, &path.display().to_string())
 }
 
-/// Sources as they were typed now or, of a session that goes on, before.
-fn sources(args: &RecordArgs, progress: &Progress) -> Result<Vec<String>, Error> {
-    if !args.sources.is_empty() {
-        return Ok(args.sources.iter().map(|source| source.text.clone()).collect());
+/// Sources and who wears which tracker, as typed now or, of a session that goes on, before.
+fn given(
+    args: &RecordArgs,
+    progress: &Progress,
+) -> Result<(Vec<String>, BTreeMap<String, String>), Error> {
+    if args.sources.is_empty() {
+        let session = progress.session.as_ref().ok_or_else(|| {
+            Error::new("a session needs sensors")
+                .allowed("SEGMENT=imu:PROFILE@BUS for each sensor that is worn")
+                .remedy("e.g. gaitway record --session lab torso=imu:bno08x-rvc@/dev/ttyUSB0")
+        })?;
+        return Ok((session.sources.clone(), session.wear.clone()));
     }
-    progress.session.as_ref().map(|session| session.sources.clone()).ok_or_else(|| {
-        Error::new("a session needs sensors")
-            .allowed("SEGMENT=imu:PROFILE@BUS for each sensor that is worn")
-            .remedy("e.g. gaitway record --session lab torso=imu:bno08x-rvc@/dev/ttyUSB0")
-    })
+    let mut wear = BTreeMap::new();
+    for text in &args.wear {
+        let pair = text.split_once('=').filter(|(segment, _)| wearer(segment).is_some());
+        let (segment, tracker) = pair.ok_or_else(|| unnamed(text).at("--wear"))?;
+        wear.insert(tracker.to_owned(), segment.to_owned());
+    }
+    Ok((args.sources.iter().map(|source| source.text.clone()).collect(), wear))
 }
 
-fn read_source(text: &str) -> Result<Worn, Error> {
-    let source: Source = text.parse()?;
-    let What::Imu { profile, .. } = &source.what else {
-        return Err(Error::new("a session records sensors that are worn on a line of their own")
-            .got(text)
-            .allowed("SEGMENT=imu:PROFILE@BUS"));
-    };
-    let rate_hz = gaitway_profiles::sensor(profile)?.rate_hz;
-    let named = source.name.as_deref().filter(|name| wearer(name).is_some());
-    let Some(name) = named.map(str::to_owned) else {
-        return Err(Error::new("which segment wears this sensor?")
-            .got(text)
-            .allowed(format!(
-                "{} before the =, of a second subject with 2- before that",
-                crate::body::Segment::ALL.map(crate::mocap::mapping::segment_name).join(", ")
-            ))
-            .remedy(format!("e.g. torso={}", text.rsplit('=').next().unwrap_or(text))));
-    };
-    Ok(Worn { source, name, rate_hz })
+/// The sensors that these sources bring.
+fn sensors(texts: &[String], wear: &BTreeMap<String, String>) -> Result<Vec<Worn>, Error> {
+    let mut worn = Vec::new();
+    for text in texts {
+        let source: Source = text.parse()?;
+        match &source.what {
+            What::Imu { profile, .. } => {
+                let name = source.name.filter(|name| wearer(name).is_some());
+                let name = name.ok_or_else(|| unnamed(text))?;
+                let rate_hz = gaitway_profiles::sensor(profile)?.rate_hz;
+                worn.push(Worn { heard: name.clone(), name, rate_hz });
+            }
+            What::Trackers { profile, .. } if !wear.is_empty() => {
+                let rate_hz = gaitway_profiles::sensor(profile)?.rate_hz;
+                worn.extend(wear.iter().map(|(heard, name)| Worn {
+                    heard: heard.clone(),
+                    name: name.clone(),
+                    rate_hz,
+                }));
+            }
+            What::Trackers { .. } => {
+                return Err(Error::new("which segment wears which tracker?").got(text).remedy(
+                    "add --wear left_thigh=tracker-00aa01-0 for each; `gaitway record` names \
+                     those it hears",
+                ));
+            }
+            What::Lines { .. } | What::Servos { .. } => {
+                return Err(Error::new("a session records sensors that are worn")
+                    .got(text)
+                    .allowed("SEGMENT=imu:PROFILE@BUS, or imu:slimevr@udp:6969 with --wear"));
+            }
+        }
+    }
+    Ok(worn)
+}
+
+fn unnamed(text: &str) -> Error {
+    Error::new("which segment wears this sensor?").got(text).allowed(format!(
+        "{} before the =, of a second subject with 2- before that",
+        Segment::ALL.map(segment_name).join(", ")
+    ))
 }
 
 /// Each segment once, and the same ones as before.
@@ -240,8 +280,8 @@ fn check_names(worn: &[Worn], session: Option<&SessionFile>) -> Result<(), Error
             .at(name.map_or_else(String::new, |worn| worn.name.clone())));
     }
     let Some(session) = session else { return Ok(()) };
-    let before = session.sources.iter().map(|text| read_source(text).map(|worn| worn.name));
-    let mut before: Vec<String> = before.collect::<Result<_, _>>()?;
+    let before = sensors(&session.sources, &session.wear)?;
+    let mut before: Vec<String> = before.into_iter().map(|worn| worn.name).collect();
     let mut now: Vec<String> = worn.iter().map(|worn| worn.name.clone()).collect();
     before.sort();
     now.sort();

@@ -5,9 +5,10 @@ use super::console::Ended;
 use crate::body::worn::kept::Kept;
 use crate::error::Error;
 use crate::recording::sensor_series;
-use crate::session::angles::WornMotion;
-use crate::session::files::{BODY_KEY, STATURE_KEY, TrialFile, TrialRecording, Verdict};
+use crate::session::angles::{WornMotion, body_of};
+use crate::session::files::{BODY_KEY, TrialFile, TrialRecording, Verdict};
 use crate::session::manifest::{Manifest, TrialRow};
+use std::collections::BTreeMap;
 
 /// Exports what is missing and writes the manifest: the folder is finished then.
 pub fn finish(job: &mut Job) -> Result<(), Ended> {
@@ -53,8 +54,8 @@ fn angles(
     let said = |key: &str| metadata.and_then(|metadata| metadata.get(key));
     let text = said(BODY_KEY)
         .ok_or_else(|| Error::new("the recording does not know how its sensors were worn"))?;
-    let stature_m = said(STATURE_KEY).and_then(|text| text.parse().ok());
-    let motion = WornMotion::of(&series, &Kept::parse(text)?, stature_m, rate_hz)?;
+    let body = metadata.map_or_else(|| body_of(&BTreeMap::new()), body_of)?;
+    let motion = WornMotion::of(&series, &Kept::parse(text)?, body, rate_hz)?;
     let stem = recording.file.trim_start_matches("trials/").trim_end_matches(".mcap");
     let mut files = Vec::new();
     for (ending, text) in [("csv", motion.csv()), ("bvh", motion.bvh())] {

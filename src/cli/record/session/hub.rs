@@ -14,8 +14,11 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 pub type Still = (Vec<StillSample>, u64);
 
 /// Hears all sensors.
-#[derive(Default)]
-pub struct Hub(Mutex<Inner>);
+pub struct Hub {
+    /// Names that sensors go by, by the names they are heard under.
+    names: BTreeMap<String, Arc<str>>,
+    inner: Mutex<Inner>,
+}
 
 #[derive(Default)]
 struct Inner {
@@ -33,12 +36,19 @@ struct Part {
 }
 
 impl Hub {
+    /// Hears these sensors, heard name and name, and no others.
+    pub fn of(names: impl Iterator<Item = (String, String)>) -> Self {
+        let names = names.map(|(heard, name)| (heard, name.into())).collect();
+        Self { names, inner: Mutex::default() }
+    }
+
     fn inner(&self) -> MutexGuard<'_, Inner> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        self.inner.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Takes a sample; never waits for a disk.
-    pub fn hear(&self, sensor: &Arc<str>, captured: &Captured) {
+    pub fn hear(&self, heard: &str, captured: &Captured) {
+        let Some(sensor) = self.names.get(heard) else { return };
         let mut inner = self.inner();
         if let Some(listener) = &inner.listener {
             // Whoever listened may have heard enough.
@@ -79,7 +89,8 @@ impl Hub {
     }
 
     /// Takes that there will be no more of a sensor, and why.
-    pub fn ended(&self, sensor: &Arc<str>, why: &str) {
+    pub fn ended(&self, heard: &str, why: &str) {
+        let Some(sensor) = self.names.get(heard) else { return };
         let mut inner = self.inner();
         if let Some(listener) = &inner.listener {
             let (sensor, why) = (Arc::clone(sensor), why.to_owned());
@@ -123,5 +134,92 @@ impl Hub {
     /// Records nothing any more: the recorders are free to be finished.
     pub fn end_parts(&self) {
         self.inner().parts.clear();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::capture::{Order, Stamp};
+    use crate::device::sensor::SensorSample;
+    use crate::recording::{RunEnd, RunStart, sensor_series};
+    use crate::time::Instant;
+
+    fn same<'a>(names: &'a [&str]) -> impl Iterator<Item = (String, String)> + 'a {
+        names.iter().map(|name| ((*name).to_owned(), (*name).to_owned()))
+    }
+
+    fn captured(n: u64, missed: u64) -> Captured {
+        let at = Instant::from_nanos(n * 10_000_000);
+        let order = Order::Next;
+        let stamp = Stamp { arrival: at, taken: at, number: n, step_s: 0.01, missed, order };
+        Captured { stamp, sample: SensorSample::default(), fused: None }
+    }
+
+    #[test]
+    fn each_of_two_subjects_has_a_recording_of_what_that_subject_wears() {
+        let hub = Hub::of(same(&["torso", "2-torso"]));
+        let folder = std::env::temp_dir().join(format!("gaitway-hub-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).expect("a folder");
+        let recorder = |subject: usize| {
+            let start = RunStart {
+                robot: String::new(),
+                motion: String::new(),
+                joints: Vec::new(),
+                wall_clock_start: std::time::UNIX_EPOCH,
+                monotonic_start: Instant::ZERO,
+                gaitway_version: String::new(),
+                metadata: BTreeMap::new(),
+            };
+            let path = folder.join(format!("{subject}.mcap"));
+            let recorder = Recorder::create_for_sources(&path, true, start).expect("a file");
+            (path, Arc::new(recorder))
+        };
+        hub.hear("torso", &captured(0, 0));
+        let parts = [recorder(0), recorder(1)];
+        for (subject, (_, recorder)) in parts.iter().enumerate() {
+            hub.begin_part(subject, Arc::clone(recorder));
+        }
+        for n in 1..=30 {
+            hub.hear("torso", &captured(n, 0));
+            hub.hear("a neighbour's", &captured(n, 0));
+            if n % 3 == 0 {
+                hub.hear("2-torso", &captured(n, 0));
+            }
+        }
+        hub.end_parts();
+        hub.hear("torso", &captured(31, 0));
+        let end = RunEnd {
+            outcome: "done".into(),
+            stop_reason: None,
+            at: Instant::ZERO,
+            metadata: BTreeMap::new(),
+        };
+        for ((path, recorder), (name, count)) in
+            parts.into_iter().zip([("torso", 30), ("2-torso", 10)])
+        {
+            let recorder = Arc::try_unwrap(recorder).expect("the hub has let go");
+            assert!(recorder.finish(end.clone()).is_complete());
+            let series = sensor_series(&path).expect("read");
+            let counts: Vec<_> =
+                series.sensors.iter().map(|(n, m)| (n.as_str(), m.len())).collect();
+            assert_eq!(counts, [(name, count)]);
+        }
+        let _ = std::fs::remove_dir_all(folder);
+    }
+
+    #[test]
+    fn what_was_lost_before_sensors_lay_still_is_not_held_against_them() {
+        let names = [("tracker-000001-0".to_owned(), "torso".to_owned())];
+        let hub = Hub::of(names.into_iter());
+        hub.hear("tracker-000001-0", &captured(0, 0));
+        hub.begin_still();
+        for (n, missed) in [(9, 8), (10, 0), (13, 2)] {
+            hub.hear("tracker-000001-0", &captured(n, missed));
+        }
+        let still = hub.end_still();
+        hub.hear("tracker-000001-0", &captured(14, 0));
+        assert_eq!((still["torso"].0.len(), still["torso"].1), (3, 2));
+        assert!(hub.end_still().is_empty());
     }
 }

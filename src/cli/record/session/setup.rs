@@ -8,12 +8,15 @@ use crate::session::files::SCHEMA;
 use crate::session::utc::Utc;
 use crate::session::wearers::wearer;
 use crate::session::{Folder, Plan, SessionFile};
+use std::collections::BTreeMap;
 
 /// What is known from the command line.
 pub struct Given {
     /// Sources as they were typed.
     pub sources: Vec<String>,
-    /// Their names.
+    /// Trackers that name themselves, each with the name it goes by here.
+    pub wear: BTreeMap<String, String>,
+    /// Names of all sensors.
     pub names: Vec<String>,
     /// The plan, if a file was named.
     pub plan: Option<Plan>,
@@ -59,6 +62,7 @@ pub fn session(
         place,
         remarks,
         sources: given.sources,
+        wear: given.wear,
         magnetometer: given.magnetometer,
         subjects,
         skipped: Vec::new(),

@@ -2,6 +2,7 @@
 
 use super::console::Ended;
 use super::{Job, subject};
+use crate::body::anthropometry::{Measure, Subject};
 use crate::body::worn::kept::Kept;
 use crate::error::Error;
 use crate::port::{Clock, MonotonicClock};
@@ -10,7 +11,8 @@ use crate::recording::{
     SourceRecord, sensor_series,
 };
 use crate::session::files::{
-    BODY_KEY, SCHEMA, STATURE_KEY, TrialFile, TrialRecording, Verdict, trial_name, trial_of,
+    BODY_KEY, LEGS_KEY, SCHEMA, STATURE_KEY, TrialFile, TrialRecording, Verdict, trial_name,
+    trial_of,
 };
 use crate::session::tap::taps;
 use crate::session::{Plan, PlannedAction};
@@ -38,7 +40,7 @@ pub fn trial(job: &mut Job, action: usize, number: u32, subjects: &[String]) -> 
     let planned = &plan.actions[action];
     let place = format!("[{}/{}]", action + 1, plan.actions.len());
     announce(job, &plan, planned, subjects, &place);
-    match wish(job, planned, number)? {
+    match wish(job, planned, number, subjects)? {
         Wish::Record => {}
         Wish::Devices => return super::device::calibrate(job),
         Wish::Subjects => {
@@ -78,8 +80,13 @@ fn announce(job: &Job, plan: &Plan, planned: &PlannedAction, subjects: &[String]
 }
 
 /// The first time an action is explained and practised before it is recorded.
-fn wish(job: &Job, planned: &PlannedAction, number: u32) -> Result<Wish, Ended> {
-    if number == 1 {
+fn wish(
+    job: &Job,
+    planned: &PlannedAction,
+    number: u32,
+    subjects: &[String],
+) -> Result<Wish, Ended> {
+    if !job.progress.has_tried(&planned.name, subjects) {
         job.console.choose("Explain it and show it.", &[("y", "it is understood")])?;
         job.console.choose("Let it be practised; nothing is recorded.", &[("y", "it works")])?;
     }
@@ -165,11 +172,11 @@ fn record(
 }
 
 fn start(job: &Job, planned: &PlannedAction, name: &str, id: &str, kept: &Kept) -> RunStart {
-    let stature = job
-        .progress
-        .subjects
-        .get(id)
-        .and_then(|subject| subject.measure(crate::body::anthropometry::Measure::Stature));
+    let subject = job.progress.subjects.get(id);
+    let measures = [
+        (STATURE_KEY, subject.and_then(|subject| subject.measure(Measure::Stature))),
+        (LEGS_KEY, subject.and_then(Subject::leg_length_m)),
+    ];
     let mut metadata = BTreeMap::from([
         ("trial".to_owned(), name.to_owned()),
         ("action".to_owned(), planned.name.clone()),
@@ -177,7 +184,9 @@ fn start(job: &Job, planned: &PlannedAction, name: &str, id: &str, kept: &Kept) 
         ("props".to_owned(), planned.props.clone()),
         (BODY_KEY.to_owned(), kept.text()),
     ]);
-    metadata.extend(stature.map(|stature| (STATURE_KEY.to_owned(), stature.to_string())));
+    let known =
+        measures.iter().filter_map(|(key, m)| Some(((*key).to_owned(), m.as_ref()?.to_string())));
+    metadata.extend(known);
     RunStart {
         robot: String::new(),
         motion: name.to_owned(),
@@ -261,8 +270,9 @@ pub fn judge(job: &mut Job, name: &str) -> Result<(), Ended> {
     let notes = job.console.ask(if is_kept { "notes" } else { "what was wrong" })?;
     let planned = job.session()?.plan.actions.iter().find(|planned| planned.name == action);
     let usual = planned.map_or_else(String::new, |planned| planned.props.clone());
+    let said = if usual.is_empty() { "nothing" } else { usual.as_str() };
     let props = match is_kept {
-        true => job.console.ask(&format!("props: what was held or used [Enter: {usual:?}]"))?,
+        true => job.console.ask(&format!("props: what was held or used [Enter: {said}]"))?,
         false => String::new(),
     };
     let trial = TrialFile {
@@ -304,31 +314,42 @@ fn all_sensors(series: &[SensorSeries]) -> BTreeMap<String, Vec<crate::recording
     series.iter().flat_map(|series| series.sensors.clone()).collect()
 }
 
+/// A sensor that says nothing for so long at the end of a trial has fallen silent.
+const SILENT_S: f64 = 0.5;
+
 /// Says what is in a trial; false if something is missing in it.
 fn tell(job: &Job, name: &str, series: &[SensorSeries]) -> bool {
-    let mut whole = true;
+    let mut wrong = Vec::new();
     for part in series {
         job.console.say(&format!("{name}: {:.1} s", part.duration_s()));
-        if !part.whole {
-            whole = false;
-            job.console.say("  ! it was cut off: its last second may be missing");
-        }
         for (sensor, moments) in &part.sensors {
             job.console.say(&format!("  {sensor:<16} {} samples", moments.len()));
         }
+        if !part.whole {
+            wrong.push("it was cut off: its last second may be missing".to_owned());
+        }
         if part.missed > 0 {
-            whole = false;
-            job.console.say(&format!("  ! {} samples are missing", part.missed));
+            wrong.push(format!("{} samples are missing", part.missed));
         }
-        if part.sensors.is_empty() {
-            whole = false;
-            job.console.say("  ! no sensor said anything");
+        let worn = part.start.as_ref().and_then(|start| start.metadata.get(BODY_KEY));
+        let worn = worn.and_then(|text| Kept::parse(text).ok());
+        for sensor in worn.iter().flat_map(|kept| &kept.sensors) {
+            let last = part.sensors.get(sensor).and_then(|moments| moments.last());
+            let silent_s = last.map_or(part.duration_s(), |last| {
+                part.last_ns.saturating_sub(last.taken_ns) as f64 / 1e9
+            });
+            if last.is_none() || !(silent_s <= SILENT_S) {
+                wrong.push(format!("{sensor} is silent for the last {silent_s:.1} s"));
+            }
         }
+    }
+    for words in &wrong {
+        job.console.say(&format!("  ! {words}"));
     }
     if let Some(first) = series.first() {
         for tap in taps(&all_sensors(series), first.start_ns()) {
             job.console.say(&format!("  tap {}", tap.words()));
         }
     }
-    whole
+    wrong.is_empty()
 }

@@ -1,0 +1,89 @@
+//! `gaitway retarget`: the same trajectory in each kind of file.
+
+use gaitway::mocap::bvh;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+fn folder() -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("commands-retarget");
+    std::fs::create_dir_all(&folder).expect("a temporary folder");
+    folder
+}
+
+fn retarget(out: &Path, more: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_gaitway"))
+        .args(["retarget", "wave-r", "--robot", "op3", "--rate", "50", "-o"])
+        .arg(out)
+        .args(more)
+        .output()
+        .expect("the command")
+}
+
+/// The table: times, and one row of angles per time, rad.
+fn table() -> (Vec<f64>, Vec<Vec<f64>>, Vec<String>) {
+    let path = folder().join("wave.csv");
+    assert!(retarget(&path, &["--force"]).status.success());
+    let text = std::fs::read_to_string(path).expect("a table");
+    let mut lines = text.lines();
+    let titles = lines.next().expect("titles").split(',').skip(1);
+    let names = titles.map(|title| title.trim_end_matches("_rad").to_owned()).collect();
+    let rows = lines.map(|line| line.split(',').map(|cell| cell.parse().expect("a number")));
+    let (times, poses) = rows.map(|mut row| (row.next().expect("a time"), row.collect())).unzip();
+    (times, poses, names)
+}
+
+#[test]
+fn a_recording_holds_the_goals_of_the_table_and_nothing_that_was_not_measured() {
+    let (times, poses, names) = table();
+    let path = folder().join("wave.mcap");
+    let _ = std::fs::remove_file(&path);
+    let output = retarget(&path, &[]);
+    assert!(output.status.success(), "{output:?}");
+    let recording = gaitway::recording::read(&path).expect("a recording");
+    assert!(recording.finished);
+    let series = gaitway::recording::joint_series(&recording);
+    assert_eq!(series.joint_names, names);
+    assert_eq!(series.times_s.len(), times.len());
+    for (time_s, expected_s) in series.times_s.iter().zip(&times) {
+        assert!((time_s - expected_s).abs() < 1e-6);
+    }
+    for (found, expected) in series.positions_rad.iter().flatten().zip(poses.iter().flatten()) {
+        assert!((found - expected).abs() < 1e-8);
+    }
+    let overview = gaitway::recording::summary(&path).expect("a recording");
+    assert_eq!(overview.channels.get("/joints/present"), None);
+    assert_eq!(overview.missed_reads, 0);
+    assert_eq!(retarget(&path, &[]).status.code(), Some(1), "never replaced unasked");
+}
+
+#[test]
+fn a_bvh_file_has_the_robots_joints_and_as_many_poses_as_the_table_has_rows() {
+    let (times, poses, names) = table();
+    let path = folder().join("wave.bvh");
+    let output = retarget(&path, &["--force"]);
+    assert!(output.status.success(), "{output:?}");
+    let read = bvh::read(&path).expect("a BVH file");
+    assert_eq!(read.pose_count(), times.len());
+    assert!((read.time_step_s - 0.02).abs() < 1e-12);
+    assert_eq!(read.joints[0].name, "base");
+    for (index, name) in names.iter().enumerate() {
+        let joint = read.joints.iter().find(|joint| joint.name == *name).expect(name);
+        // However a turn is split over three axes, its size is that of the joint's angle.
+        for (row, pose) in poses.iter().enumerate() {
+            let at = joint.first_channel;
+            let angles = &read.pose(row)[at..at + 3];
+            let [z, x, y] = [0, 1, 2].map(|part| angles[part].to_radians());
+            let turn = glam::DQuat::from_euler(glam::EulerRot::ZXY, z, x, y);
+            let size = 2.0 * turn.w.abs().min(1.0).acos();
+            assert!((size - pose[index].abs()).abs() < 1e-6, "{name} {row}: {size}");
+        }
+    }
+}
+
+#[test]
+fn an_ending_it_does_not_know_is_refused_with_those_it_does() {
+    let output = retarget(&folder().join("wave.fbx"), &[]);
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(1));
+    assert!(said.contains(".csv, .mcap or .bvh"), "{said}");
+}
