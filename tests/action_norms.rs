@@ -7,8 +7,9 @@ use gaitway::action::vocabulary;
 use gaitway::body::Dof;
 use measured::{Measured, RUNNING, WALKING};
 
-/// Root mean square over the stride, deg, of hip, knee and ankle; a left stride that is steady.
-fn off_deg(action: &str, measured: &Measured) -> [f64; 3] {
+/// Root mean square over the stride and largest difference, deg, of hip, knee and ankle; a left
+/// stride that is steady.
+fn off_deg(action: &str, measured: &Measured) -> [(f64, f64); 3] {
     let action = vocabulary::find(action).unwrap();
     let motion = action.perform().unwrap();
     // The left foot touches down half a period after the start.
@@ -27,20 +28,20 @@ fn off_deg(action: &str, measured: &Measured) -> [f64; 3] {
         let rms = ((0..20).map(|sample| off(sample).powi(2)).sum::<f64>() / 20.0).sqrt();
         let most = (0..20).map(|sample| off(sample).abs()).fold(0.0, f64::max);
         println!("{} {}: {rms:.1}, at most {most:.1} deg", action.name, dof.name());
-        rms
+        (rms, most)
     })
 }
 
 #[test]
 fn walking_angles_are_within_five_degrees_of_measured_people_along_the_stride() {
     let off = off_deg("walk", &WALKING);
-    assert!(off.iter().all(|rms| *rms <= 5.0), "{off:?}");
+    assert!(off.iter().all(|(rms, most)| *rms <= 5.0 && *most <= 11.0), "{off:?}");
 }
 
 #[test]
-fn running_angles_are_within_eight_degrees_of_measured_people_along_the_stride() {
+fn running_angles_are_within_six_degrees_of_measured_people_along_the_stride() {
     let off = off_deg("run", &RUNNING);
-    assert!(off.iter().all(|rms| *rms <= 8.0), "{off:?}");
+    assert!(off.iter().all(|(rms, most)| *rms <= 6.0 && *most <= 13.0), "{off:?}");
 }
 
 /// The tilt of the pelvis is no free number: it lays the sole flat while the foot stands.

@@ -3,7 +3,8 @@
 mod aloud;
 
 use aloud::aloud;
-use gaitway::action::{Motion, vocabulary};
+use gaitway::action::join::Join;
+use gaitway::action::{Motion, phrase, vocabulary};
 use gaitway::actionlet::Actionlet;
 use gaitway::body::Dof;
 use gaitway::motion::smooth::{Rests, low_pass_between};
@@ -22,8 +23,13 @@ const CUTOFF_HZ: f64 = 6.0;
 const RATE_HZ: f64 = 240.0;
 
 fn play(action: &str) -> Value {
+    play_with(action, &[])
+}
+
+fn play_with(action: &str, options: &[&str]) -> Value {
     let output = Command::new(env!("CARGO_BIN_EXE_gaitway"))
         .args(["play", action, "--robot", "op3", "--bus", "sim", "--json", "-q"])
+        .args(options)
         .output()
         .unwrap();
     serde_json::from_slice(&output.stdout).expect("a JSON report")
@@ -123,6 +129,32 @@ fn all_actions_are_done_on_op3_and_slowed_only_where_servos_must() {
 fn actions_in_a_row_come_to_rest_in_between_and_paces_change_there() {
     for phrase in ["walk:x2,wave-r,bow", "squat@2,squat@0.5", "sit-down,wave-l,stand-up"] {
         judge(&play(phrase), phrase);
+    }
+}
+
+#[test]
+fn rounds_of_a_phrase_are_joined_at_rest_at_any_speed() {
+    for options in [&["--loop", "3"][..], &["--loop", "2", "--speed", "3"], &["--speed", "0.3"]] {
+        judge(&play_with("walk:x1@2,squat@3", options), &options.join(" "));
+    }
+}
+
+#[test]
+fn a_pace_changes_where_every_joint_rests_and_no_velocity_jumps() {
+    let of = |text: &str| phrase::perform(&phrase::load(text).unwrap(), Join::Transition).unwrap();
+    let walk_s = of("walk:x2@2").duration_s();
+    assert!((walk_s - of("walk:x2").duration_s() / 2.0).abs() < 1e-9);
+    let motion = of("walk:x2@2,squat@0.5");
+    let step_s = 1e-3;
+    for dof in Dof::ALL {
+        assert_eq!(motion.at(dof, walk_s).velocity_rad_s.abs(), 0.0, "{}", dof.name());
+        let sharpest = motion.moving().filter(|(of, _)| *of == dof).map(|(_, piece)| piece.peaks());
+        let most = sharpest.map(|peaks| peaks.acceleration_rad_s2).fold(0.0, f64::max);
+        for step in 0..(motion.duration_s() / step_s) as u32 {
+            let at = |step: u32| motion.at(dof, f64::from(step) * step_s).velocity_rad_s;
+            let change = (at(step + 1) - at(step)).abs();
+            assert!(change <= most * step_s + 1e-9, "{} at step {step}: {change}", dof.name());
+        }
     }
 }
 

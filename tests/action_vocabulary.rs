@@ -102,6 +102,10 @@ fn no_joint_moves_faster_than_people_do() {
     }
 }
 
+/// Actions in which a leg swings through so low that its sole comes within a centimetre of the ground,
+/// or feet come down to a place that is not yet where they stand.
+const SWING_LOW: [&str; 4] = ["kick", "hop-", "jumping-jacks", "throw"];
+
 /// Root mean square speed of soles near the ground, m/s, where something stands: at both ends of a
 /// flight, toes and heels pass low over the ground at the speed of the leg.
 fn standing_skate_m_s(motion: &Motion, poses: &[SegmentPose]) -> f64 {
@@ -131,7 +135,9 @@ fn feet_hardly_slide_and_never_sink_into_the_ground() {
         }
         let skate = standing_skate_m_s(&motion, &poses);
         println!("{:24} skate {skate:.3} m/s, lowest {:.1} mm", action.name, lowest * 1e3);
-        if !(skate < 0.35 && lowest > -0.03) {
+        let low = SWING_LOW.iter().any(|part| action.name.contains(part));
+        let most = if low { 0.35 } else { 0.015 };
+        if !(skate < most && lowest > -0.003) {
             bad.push(format!("{} skates at {skate} m/s, sinks {lowest} m", action.name));
         }
     }

@@ -1,8 +1,13 @@
 //! The shipped walk goes like people walk, on feet that stay where they stand.
 
+#[allow(dead_code, reason = "running is compared elsewhere")]
+#[path = "gait/measured.rs"]
+mod measured;
+
 use gaitway::action::{Motion, vocabulary};
 use gaitway::body::contact::foot_skate_m_s;
 use gaitway::body::{Dof, End, JointAngles, Proportions, SegmentPose};
+use measured::WALKING;
 
 const RATE_HZ: f64 = 120.0;
 
@@ -34,23 +39,27 @@ fn a_walk_begins_and_ends_at_rest_in_n_pose() {
     assert!((poses[poses.len() - 1].root_m.z - height_m).abs() < 1e-9);
 }
 
-/// Ranges around the normative curves of Winter, "Biomechanics and Motor Control of Human Gait". The
-/// ankle pushes off less than a person's 15 to 20 degrees: the foot of the body has no toe joint.
+/// Extremes of the mean of measured people, within five degrees; but the ankle pushes off less than
+/// theirs, since the foot of the body has no toe joint.
 #[test]
 fn joints_move_through_the_ranges_of_normal_walking() {
     let steady = steady(&walk().sampled(RATE_HZ).unwrap());
-    for (dof, low, high) in [
-        (Dof::LeftHipFlexion, -22.0..-8.0, 25.0..35.0),
-        (Dof::RightHipFlexion, -22.0..-8.0, 25.0..35.0),
-        (Dof::LeftKneeFlexion, 0.0..12.0, 52.0..68.0),
-        (Dof::RightKneeFlexion, 0.0..12.0, 52.0..68.0),
-        (Dof::LeftAnkleDorsiflexion, -25.0..-4.0, 6.0..15.0),
-        (Dof::RightAnkleDorsiflexion, -25.0..-4.0, 6.0..15.0),
+    let hip = WALKING.hip_deg.map(|hip| hip - WALKING.pelvis_deg);
+    for (dof, measured, least_off, most_off) in [
+        (Dof::LeftHipFlexion, hip, 5.0, 5.0),
+        (Dof::RightHipFlexion, hip, 5.0, 5.0),
+        (Dof::LeftKneeFlexion, WALKING.knee_deg, 5.0, 5.0),
+        (Dof::RightKneeFlexion, WALKING.knee_deg, 5.0, 5.0),
+        (Dof::LeftAnkleDorsiflexion, WALKING.ankle_deg, 7.0, 5.0),
+        (Dof::RightAnkleDorsiflexion, WALKING.ankle_deg, 7.0, 5.0),
     ] {
-        let angles = steady.iter().map(|angles| angles[dof].to_degrees());
-        let (least, most) = angles.fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(x), b.max(x)));
-        assert!(low.contains(&least), "{}: {least}", dof.name());
-        assert!(high.contains(&most), "{}: {most}", dof.name());
+        let extremes = |angles: &mut dyn Iterator<Item = f64>| {
+            angles.fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(x), b.max(x)))
+        };
+        let (least, most) = extremes(&mut steady.iter().map(|angles| angles[dof].to_degrees()));
+        let (low, high) = extremes(&mut measured.into_iter());
+        assert!((least - low).abs() <= least_off, "{}: {least}, measured {low}", dof.name());
+        assert!((most - high).abs() <= most_off, "{}: {most}, measured {high}", dof.name());
     }
 }
 
@@ -78,9 +87,9 @@ fn the_body_goes_forward_at_a_steady_walking_pace() {
 fn feet_on_the_ground_hardly_slide_and_never_sink_into_it() {
     let all = poses();
     let skate = foot_skate_m_s(&body(), &steady(&all), RATE_HZ, 0.01);
-    assert!(skate < 0.02, "{skate} m/s");
+    assert!(skate < 0.015, "{skate} m/s");
     let whole = foot_skate_m_s(&body(), &all, RATE_HZ, 0.01);
-    assert!(whole < 0.03, "{whole} m/s");
+    assert!(whole < 0.015, "{whole} m/s");
     for pose in &all {
         let at = body().positions(pose);
         let lowest = End::ALL.map(|end| at.end_m(end).z).into_iter().fold(f64::MAX, f64::min);
@@ -151,7 +160,7 @@ fn a_running_foot_stands_still_while_it_stands_and_sinks_at_no_time() {
         }
     }
     println!("at most {skate:.3} m/s over {steps} steps");
-    assert!(steps > 100 && skate < 0.3, "{skate} m/s");
+    assert!(steps > 100 && skate < 0.05, "{skate} m/s");
     for pose in &poses {
         let at = body().positions(pose);
         let lowest = End::ALL.map(|end| at.end_m(end).z).into_iter().fold(f64::MAX, f64::min);

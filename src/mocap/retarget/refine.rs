@@ -19,6 +19,8 @@ const FAST_WEIGHT_S: f64 = 0.1;
 /// Weight of acceleration where a pose cannot be followed at all, s^2: an angle of normal weight is
 /// then filtered as by two passes of a Butterworth filter at 1 / (2 pi 0.1 s) = 1.6 Hz.
 const UNFOLLOWED_WEIGHT_S2: f64 = 0.01;
+/// The same for a limb that lacks no joint, and is stopped by its limits only.
+const STOPPED_WEIGHT_S2: f64 = 0.003;
 /// Cost of a fit at which half of that applies: one direction off by 18 degrees.
 const UNFOLLOWED_COST: f64 = 0.1;
 /// That weight is the mean over so many seconds before and after: a limb that arrives where it
@@ -46,7 +48,11 @@ pub fn together(
     let mut normals: Vec<Normal> =
         targets.iter().map(|_| Normal::new(group.joints().len())).collect();
     fit(&angles, &mut normals);
-    let calm = calm(&normals.iter().map(|normal| normal.cost).collect::<Vec<_>>(), rate_hz);
+    // Every segment points in a direction of two angles.
+    let lacks_joints = group.joints().len() < 2 * group.links().len();
+    let weight_s2 = if lacks_joints { UNFOLLOWED_WEIGHT_S2 } else { STOPPED_WEIGHT_S2 };
+    let calm =
+        calm(weight_s2, &normals.iter().map(|normal| normal.cost).collect::<Vec<_>>(), rate_hz);
     let pace = Pace { rate_hz, calm, rests };
     let cost = |normals: &[Normal], angles: &[DVector<f64>]| {
         normals.iter().map(|normal| normal.cost).sum::<f64>()
@@ -75,10 +81,10 @@ pub fn together(
 }
 
 /// Weight of acceleration by pose, s^4, from the costs of their fits in the first pass.
-fn calm(costs: &[f64], rate_hz: f64) -> Vec<f64> {
+fn calm(weight_s2: f64, costs: &[f64], rate_hz: f64) -> Vec<f64> {
     let weight = |cost: &f64| {
         let square = cost * cost;
-        UNFOLLOWED_WEIGHT_S2.powi(2) * square / (square + UNFOLLOWED_COST.powi(2))
+        weight_s2.powi(2) * square / (square + UNFOLLOWED_COST.powi(2))
     };
     let weights: Vec<f64> = costs.iter().map(weight).collect();
     let reach = (UNFOLLOWED_REACH_S * rate_hz) as usize;
