@@ -96,7 +96,7 @@ mod tests {
             let model = robot_model(&robot.file, &robot);
             let pose: Vec<f64> =
                 (0..model.joints.len()).map(|n| 0.9 * (1.3 * n as f64).sin()).collect();
-            let text = bvh::write(&of_robot(&model, &[pose.clone()], 100.0));
+            let text = bvh::write(&of_robot(&model, std::slice::from_ref(&pose), 100.0));
             let read = bvh::parse(text.as_bytes()).expect("a BVH file");
             assert_eq!(read.joints.len(), model.joints.len() + 1, "{name}");
             let skeleton = Skeleton::new(&read);
