@@ -2,9 +2,10 @@
 //! against the truth.
 
 use gaitway::capture::{Captured, Chain, Mode, Order};
-use gaitway::device::sensor::stream_format;
+use gaitway::device::sensor::{SensorSample, stream_format};
 use gaitway::time::Instant;
 use gaitway::wire::sensor::Stream;
+use gaitway_profiles::Quantity;
 use gaitway_sim::imu::{BodyMotion, ImuErrors, ImuWire, Kinematics, Mount, Sent, VirtualImu};
 use glam::{DQuat, DVec3};
 
@@ -73,6 +74,17 @@ fn orientation(truth: &Kinematics) -> DQuat {
     DQuat::from_xyzw(x, y, z, w)
 }
 
+fn has(sample: &SensorSample, quantity: Quantity) -> bool {
+    match quantity {
+        Quantity::Acceleration => sample.acceleration_m_s2.is_some(),
+        Quantity::LinearAcceleration => sample.linear_acceleration_m_s2.is_some(),
+        Quantity::AngularRate => sample.angular_rate_rad_s.is_some(),
+        Quantity::MagneticField => sample.magnetic_field_t.is_some(),
+        Quantity::Orientation | Quantity::Euler => sample.orientation.is_some(),
+        Quantity::Temperature => sample.temperature_c.is_some(),
+    }
+}
+
 #[test]
 fn every_format_brings_over_what_the_sensor_underwent() {
     for (profile, wire) in PROFILES {
@@ -97,9 +109,12 @@ fn every_format_brings_over_what_the_sensor_underwent() {
                 assert!(off < 0.001, "{profile}: orientation off by {off}");
             }
         }
-        let first = found[0].1.sample;
-        let measured = first.acceleration_m_s2.is_some() || first.orientation.is_some();
-        assert!(measured, "{profile} measures nothing");
+        let sensor = gaitway_profiles::sensor(profile).expect("shipped");
+        let required = sensor.channels.iter().filter(|channel| !channel.optional);
+        for quantity in required.map(|channel| channel.quantity) {
+            let all = found.iter().all(|(_, captured)| has(&captured.sample, quantity));
+            assert!(all, "{profile} lacks {quantity:?}");
+        }
     }
 }
 

@@ -146,6 +146,14 @@ fn without_batches_nothing_needs_to_be_taken_off() {
     assert!(p99 < 0.0003, "p99 {p99} s");
 }
 
+/// Seven busy seconds of every 31 shift nothing: their blocks count as no later than those around.
+#[test]
+fn a_busy_machine_is_seen_through() {
+    let scene = Scene { rate_hz: 200.0, batch_s: 0.0, busy: true, seed: 6, ..Scene::default() };
+    let p99 = p99_s(&scene.errors_s(300.0, 60.0));
+    assert!(p99 < 0.0001, "p99 {p99} s");
+}
+
 #[test]
 fn the_skew_is_found() {
     let mut fit = ClockFit::default();
