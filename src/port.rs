@@ -63,6 +63,9 @@ pub trait FramePort: Send {
     /// # Errors
     /// [`PortError::TimedOut`], [`PortError::Gone`].
     fn receive(&mut self, deadline: Instant) -> Result<Heard, PortError>;
+
+    /// How often the send queue was found full. Each time the port waited and tried again.
+    fn full_queue_count(&self) -> u64;
 }
 
 /// What comes from a CAN line.

@@ -73,6 +73,10 @@ fn twelve_actuators_on_one_line_play_at_200_hz() {
     }
     let stats = scene.link.can_stats(0).expect("a CAN line");
     assert_eq!((stats.foreign, stats.retried), (0, 0));
+    // Twelve goals at once, into a queue of ten.
+    assert!(stats.full_queue >= played.run.tally.cycles, "{stats:?}");
+    let note = "line legs: send queue full, and waited for";
+    assert!(played.run.notes.iter().any(|said| said.starts_with(note)), "{:?}", played.run.notes);
     // The preflight before it and the arming say a few hundred frames more.
     let goals = 12 * played.run.tally.cycles;
     let sent = stats.sent - before.sent;
@@ -135,6 +139,10 @@ impl<P> Tapped<P> {
 }
 
 impl FramePort for Tapped<VirtualCanLine> {
+    fn full_queue_count(&self) -> u64 {
+        self.port.full_queue_count()
+    }
+
     fn send(&mut self, frame: &CanFrame, deadline: Instant) -> Result<(), PortError> {
         self.note();
         self.port.send(frame, deadline)

@@ -51,6 +51,8 @@ pub struct CanStats {
     pub foreign: u64,
     /// Time these frames occupy the line, s, each taken for the longest it may be.
     pub busy_s: f64,
+    /// How often the send queue was found full, and waited for.
+    pub full_queue: u64,
     /// Reports of the line: nobody acknowledged.
     pub no_ack: u64,
     /// Reports: so many errors that the controller may not speak up any more.
@@ -81,8 +83,8 @@ impl CanBus {
 
     /// What happened so far.
     #[must_use]
-    pub const fn stats(&self) -> CanStats {
-        self.stats
+    pub fn stats(&self) -> CanStats {
+        CanStats { full_queue: self.port.full_queue_count(), ..self.stats }
     }
 
     /// The last thing the line reported of itself.
@@ -249,8 +251,9 @@ impl CanBus {
     /// What the line reported of itself, in words for a person; none if nothing.
     #[must_use]
     pub fn troubles(&self) -> Option<String> {
-        let CanStats { no_ack, passive, overflow, other_reports, .. } = self.stats;
+        let CanStats { no_ack, passive, overflow, other_reports, full_queue, .. } = self.stats();
         let counts = [
+            (full_queue, "send queue full, and waited for"),
             (passive, "error passive"),
             (no_ack, "no acknowledgement"),
             (overflow, "frames lost in the controller"),
@@ -258,7 +261,7 @@ impl CanBus {
         ];
         let said = counts.iter().filter(|(count, _)| *count > 0);
         let said: Vec<String> = said.map(|(count, words)| format!("{words} ({count})")).collect();
-        let last = self.last_report?;
-        (!said.is_empty()).then(|| format!("{}; last: {last}", said.join(", ")))
+        let last = self.last_report.map(|last| format!("; last report: {last}"));
+        (!said.is_empty()).then(|| said.join(", ") + &last.unwrap_or_default())
     }
 }

@@ -160,12 +160,6 @@ impl CanInterface {
         self.socket.set_filters(&filters).map_err(|e| self.io_error(&e))
     }
 
-    /// How often the send queue was found full. Each time the port waited and tried again.
-    #[must_use]
-    pub fn full_queue_count(&self) -> u64 {
-        self.full_queue_count
-    }
-
     fn io_error(&self, error: &std::io::Error) -> PortError {
         match error.raw_os_error() {
             Some(19) => PortError::Gone(format!("{}: no such CAN interface", self.name)),
@@ -195,6 +189,10 @@ impl CanInterface {
 }
 
 impl FramePort for CanInterface {
+    fn full_queue_count(&self) -> u64 {
+        self.full_queue_count
+    }
+
     fn send(&mut self, frame: &CanFrame, deadline: Instant) -> Result<(), PortError> {
         const NO_BUFFERS: i32 = 105;
         const INVALID: i32 = 22;

@@ -124,6 +124,7 @@ pub struct VirtualCanLine {
     world: SharedWorld,
     line: usize,
     connection: Option<u32>,
+    full_queue_count: u64,
 }
 
 /// Pause before a full send queue is tried again: about one frame of eight bytes at 1 Mbit/s.
@@ -134,7 +135,7 @@ impl VirtualCanLine {
     #[must_use]
     pub fn new(world: SharedWorld, line: usize) -> Self {
         let connection = world.lock().connection(line);
-        Self { world, line, connection }
+        Self { world, line, connection, full_queue_count: 0 }
     }
 
     fn connected(&self) -> Result<MutexGuard<'_, World>, PortError> {
@@ -143,6 +144,10 @@ impl VirtualCanLine {
 }
 
 impl FramePort for VirtualCanLine {
+    fn full_queue_count(&self) -> u64 {
+        self.full_queue_count
+    }
+
     fn send(&mut self, frame: &CanFrame, deadline: Instant) -> Result<(), PortError> {
         let frame = to_sim(frame);
         loop {
@@ -151,10 +156,14 @@ impl FramePort for VirtualCanLine {
                 return Ok(());
             }
             let again = Instant::from_nanos(world.now_ns()) + QUEUE_PAUSE;
+            if again <= deadline {
+                world.run_until(again.as_nanos());
+            }
+            drop(world);
+            self.full_queue_count += 1;
             if again > deadline {
                 return Err(PortError::TimedOut);
             }
-            world.run_until(again.as_nanos());
         }
     }
 

@@ -3,6 +3,8 @@
 
 #[path = "dialects.rs"]
 mod dialects;
+#[path = "robot.rs"]
+mod robot;
 #[path = "simulator.rs"]
 mod simulator;
 #[path = "slcan.rs"]

@@ -27,6 +27,10 @@ struct Written {
 }
 
 impl FramePort for Written {
+    fn full_queue_count(&self) -> u64 {
+        0
+    }
+
     fn send(&mut self, _frame: &CanFrame, _deadline: Instant) -> Result<(), PortError> {
         self.sent += 1;
         Ok(())

@@ -154,7 +154,7 @@ impl CanLine {
         &mut self.bus
     }
 
-    pub const fn stats(&self) -> CanStats {
+    pub fn stats(&self) -> CanStats {
         self.bus.stats()
     }
 
