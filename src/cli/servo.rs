@@ -1,11 +1,13 @@
 //! `servo`: one servo on a bus, its registers by the maker's names.
 
 use super::address::Address;
+use super::connect::is_can;
 use super::identify::ProtocolName;
 use super::{Output, Remarks};
 use crate::error::Error;
 use clap::{Args, Subcommand};
 
+mod actuator;
 mod device;
 mod identity;
 mod registers;
@@ -26,19 +28,23 @@ pub struct ServoArgs {
 #[derive(Debug, Subcommand)]
 enum Action {
     /// Who the servo is, how it is set up and how it is
-    #[command(after_help = "Example: gaitway servo info serial:/dev/ttyUSB0 1")]
+    #[command(after_help = "Examples:\n  gaitway servo info serial:/dev/ttyUSB0 1\n  \
+        gaitway servo info can:can0 1")]
     Info(Target),
     /// Read one register, or all of them
     #[command(after_help = "Examples:\n  \
         gaitway servo get serial:/dev/ttyUSB0 1 'Present Temperature'\n  \
         gaitway servo get serial:/dev/ttyUSB0?baud=57600 1 present_position\n  \
-        gaitway servo get sim 19 --robot op3")]
+        gaitway servo get sim 19 --robot op3\n  \
+        gaitway servo get can:can0 1 PMAX\n  \
+        gaitway servo get can:can0 1 0x7019 --protocol robstride")]
     Get(registers::GetArgs),
     /// Write one register and read it back
     #[command(after_help = "Examples:\n  \
         gaitway servo set serial:/dev/ttyUSB0 1 'Position P Gain' 640\n  \
         gaitway servo set serial:/dev/ttyUSB0 1 'Temperature Limit' 70 --permit-eeprom\n  \
-        gaitway servo set serial:/dev/ttyUSB0 1 homing_offset 5.5deg --permit-eeprom")]
+        gaitway servo set serial:/dev/ttyUSB0 1 homing_offset 5.5deg --permit-eeprom\n  \
+        gaitway servo set can:can0 1 TIMEOUT 0.02 --permit-eeprom")]
     Set(registers::SetArgs),
     /// Give the servo another ID
     #[command(
@@ -61,23 +67,23 @@ enum Action {
     /// Turn the servo to an angle: one slow, guarded movement
     #[command(after_help = "Examples:\n  \
         gaitway servo move serial:/dev/ttyUSB0 1 30 --dry-run\n  \
-        gaitway servo move serial:/dev/ttyUSB0 1 -12.5")]
+        gaitway servo move serial:/dev/ttyUSB0 1 -12.5\n  \
+        gaitway servo move can:can0 1 20 --model dm4310 --kp 20 --kd 1")]
     Move(travel::MoveArgs),
 }
 
 /// Which servo is meant, and how it is spoken to.
 #[derive(Clone, Debug, Args)]
 pub struct Target {
-    /// Where the line is: serial:PATH[?baud=N], tcp:HOST:PORT, sim or sim:pty
+    /// Where the line is: serial:PATH[?baud=N], tcp:HOST:PORT, can:INTERFACE, sim or sim:pty
     bus: Address,
     /// The servo's ID
-    #[arg(value_parser = clap::value_parser!(u8).range(0..=253))]
     id: u8,
     /// Robot whose line this is: says the line speed, and which robot a virtual one is
     #[arg(long, value_name = "ROBOT")]
     robot: Option<String>,
     /// Treat the servo as this model, whatever it says [default: by its model number]
-    #[arg(long, value_name = "PROFILE")]
+    #[arg(long, visible_alias = "model", value_name = "PROFILE")]
     servo: Option<String>,
     /// Ask in this protocol only [default: all]
     #[arg(long, value_enum)]
@@ -91,7 +97,15 @@ impl Target {
     fn again(&self) -> String {
         self.robot.as_ref().map(|robot| format!(" --robot {robot}")).unwrap_or_default()
     }
+
+    /// True if the line is a CAN line.
+    fn is_can(&self) -> Result<bool, Error> {
+        is_can(&self.bus, self.robot.as_deref())
+    }
 }
+
+/// Where nothing moves, a lost answer costs nothing but time.
+const RETRIES: u32 = 5;
 
 /// Runs `servo`.
 ///

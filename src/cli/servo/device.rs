@@ -39,6 +39,14 @@ impl Device {
     /// # Errors
     /// Nobody answers, or a model without profile and none named by `--servo`.
     pub fn open(target: &Target) -> Result<Self, Error> {
+        // 254 is everybody, and 255 begins a packet.
+        const LAST_ID: u8 = 253;
+        if target.id > LAST_ID {
+            return Err(Error::new("not an ID of a serial line")
+                .at(target.bus.to_string())
+                .got(target.id.to_string())
+                .allowed(format!("0 to {LAST_ID}")));
+        }
         let wanted = serial_protocol(target.protocol, &target.bus)?;
         let mut line = open_bus(&target.bus, target.robot.as_deref(), 0)?;
         let place = format!("ID {} on {} at {} bit/s", target.id, target.bus, line.baud_bps);

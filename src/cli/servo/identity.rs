@@ -1,8 +1,8 @@
 //! `servo set-id` and `servo set-baud`: after either the servo is found under other terms, and is
 //! looked for there before anything is said.
 
-use super::Target;
 use super::device::Device;
+use super::{Target, actuator};
 use crate::bus::{AskError, Miss};
 use crate::cli::Remarks;
 use crate::cli::identify::identify;
@@ -16,13 +16,12 @@ use serde_json::json;
 #[derive(Debug, Args)]
 pub struct SetIdArgs {
     #[command(flatten)]
-    target: Target,
+    pub(super) target: Target,
     /// The ID it gets
-    #[arg(value_parser = clap::value_parser!(u8).range(0..=253))]
-    new_id: u8,
+    pub(super) new_id: u8,
     /// Allow writing what the servo keeps at power-off
     #[arg(long)]
-    permit_eeprom: bool,
+    pub(super) permit_eeprom: bool,
 }
 
 /// Arguments of `servo set-baud`.
@@ -47,6 +46,9 @@ const CHANGING: Duration = Duration::from_millis(50);
 /// found under its new ID.
 pub fn set_id(args: &SetIdArgs, remarks: Remarks) -> Result<i32, Error> {
     args.target.output.check_files(&[])?;
+    if args.target.is_can()? {
+        return actuator::set_id(args, remarks);
+    }
     let mut device = Device::open(&args.target)?;
     let (old, new) = (device.id, args.new_id);
     let item = needed(&device, Role::Id)?;
@@ -116,6 +118,11 @@ fn refuse_taken(device: &mut Device, id: u8) -> Result<(), Error> {
 /// speed.
 pub fn set_baud(args: &SetBaudArgs, remarks: Remarks) -> Result<i32, Error> {
     args.target.output.check_files(&[])?;
+    if args.target.is_can()? {
+        let remedy = "set it with the maker's tool on every actuator of the line, then: \
+                      ip link set can0 down; ip link set can0 up type can bitrate ...";
+        return actuator::refuse("giving an actuator another speed", &args.target.bus, remedy);
+    }
     let mut device = Device::open(&args.target)?;
     let item = needed(&device, Role::BaudRate)?;
     let known = &device.model.profile().baud;

@@ -1,7 +1,7 @@
 //! `servo info`, `servo get`, `servo set`.
 
 use super::device::Device;
-use super::{Target, value};
+use super::{Target, actuator, value};
 use crate::cli::Remarks;
 use crate::cli::identify::protocol_name;
 use crate::error::Error;
@@ -14,30 +14,31 @@ use std::fmt::Write;
 #[derive(Debug, Args)]
 pub struct GetArgs {
     #[command(flatten)]
-    target: Target,
+    pub(super) target: Target,
     /// Register by the maker's name; case, spaces and underscores do not matter [default: all]
-    register: Option<String>,
+    pub(super) register: Option<String>,
 }
 
 /// Arguments of `servo set`.
 #[derive(Debug, Args)]
 pub struct SetArgs {
     #[command(flatten)]
-    target: Target,
+    pub(super) target: Target,
     /// Register by the maker's name; case, spaces and underscores do not matter
-    register: String,
+    pub(super) register: String,
     /// SI value (angles in rad, or in degrees with deg behind), or a whole number
     #[arg(allow_hyphen_values = true)]
-    value: String,
+    pub(super) value: String,
     /// VALUE is the number that goes into the register
     #[arg(long)]
-    raw: bool,
-    /// Allow writing what the servo keeps at power-off
+    pub(super) raw: bool,
+    /// Allow writing what the servo keeps at power-off; on CAN lines: make the actuator keep what is
+    /// set
     #[arg(long)]
-    permit_eeprom: bool,
+    pub(super) permit_eeprom: bool,
     /// Check and say what would be written, and write nothing
     #[arg(long)]
-    dry_run: bool,
+    pub(super) dry_run: bool,
 }
 
 /// The facts of `servo info`, in this order.
@@ -72,6 +73,9 @@ const INFO: [Role; 22] = [
 /// A servo that does not answer.
 pub fn info(target: &Target) -> Result<i32, Error> {
     target.output.check_files(&[])?;
+    if target.is_can()? {
+        return actuator::info(target);
+    }
     let mut device = Device::open(target)?;
     let items: Vec<_> = INFO.iter().filter_map(|&role| device.item(role)).collect();
     let read = read_all(&mut device, &items)?;
@@ -138,6 +142,9 @@ fn registers_json(device: &Device, read: &Read) -> Vec<Map<String, Value>> {
 /// A servo that does not answer, a register it does not have.
 pub fn get(args: &GetArgs) -> Result<i32, Error> {
     args.target.output.check_files(&[])?;
+    if args.target.is_can()? {
+        return actuator::get(args);
+    }
     let mut device = Device::open(&args.target)?;
     let profile = device.model.profile();
     let Some(name) = &args.register else {
@@ -160,6 +167,9 @@ pub fn get(args: &GetArgs) -> Result<i32, Error> {
 /// What [`Device::set`] refuses or finds.
 pub fn set(args: &SetArgs, remarks: Remarks) -> Result<i32, Error> {
     args.target.output.check_files(&[])?;
+    if args.target.is_can()? {
+        return actuator::set(args, remarks);
+    }
     let mut device = Device::open(&args.target)?;
     let item = find(device.model.profile(), &args.register)?;
     let raw = value::parse(&device.model, &item, &args.value, args.raw)?;
@@ -239,7 +249,7 @@ pub fn find(servo: &'static Servo, name: &str) -> Result<RegisterItem<'static>, 
 }
 
 /// A name without case, spaces, underscores and hyphens.
-fn plain(name: &str) -> String {
+pub(super) fn plain(name: &str) -> String {
     let kept = name.chars().filter(|c| !matches!(c, ' ' | '_' | '-'));
     kept.flat_map(char::to_lowercase).collect()
 }

@@ -1,7 +1,7 @@
 //! `servo reboot` and `servo factory-reset`: the servo goes limp and comes back.
 
-use super::Target;
 use super::device::Device;
+use super::{Target, actuator};
 use crate::bus::{AskError, FactoryReset, Miss, Protocol};
 use crate::cli::Remarks;
 use crate::cli::identify::{Identity, identify};
@@ -15,10 +15,10 @@ use serde_json::json;
 #[derive(Debug, Args)]
 pub struct RebootArgs {
     #[command(flatten)]
-    target: Target,
+    pub(super) target: Target,
     /// Torque may go off: whatever the servo carries is supported
     #[arg(long)]
-    yes: bool,
+    pub(super) yes: bool,
 }
 
 /// Arguments of `servo factory-reset`.
@@ -45,6 +45,9 @@ const AGAIN: Duration = Duration::from_millis(100);
 /// A servo that cannot, that holds something, or that does not come back.
 pub fn reboot(args: &RebootArgs, remarks: Remarks) -> Result<i32, Error> {
     args.target.output.check_files(&[])?;
+    if args.target.is_can()? {
+        return actuator::reboot(args, remarks);
+    }
     let mut device = Device::open(&args.target)?;
     let protocol = device.model.protocol();
     if protocol != Protocol::Dynamixel2 {
@@ -92,6 +95,10 @@ pub fn reboot(args: &RebootArgs, remarks: Remarks) -> Result<i32, Error> {
 /// back.
 pub fn factory_reset(args: &FactoryResetArgs, remarks: Remarks) -> Result<i32, Error> {
     args.target.output.check_files(&[])?;
+    if args.target.is_can()? {
+        let remedy = "the maker's tool does it";
+        return actuator::refuse("setting an actuator back", &args.target.bus, remedy);
+    }
     let mut device = Device::open(&args.target)?;
     let protocol = device.model.protocol();
     let (old_id, old_bps) = (device.id, device.line.baud_bps);
