@@ -48,10 +48,9 @@ fn read<T: DeserializeOwned>(path: &Path) -> T {
     toml::from_str(&text).unwrap_or_else(|e| panic!("{}: {e}\n{text}", path.display()))
 }
 
-/// Waving, twice as fast as usual, at 100 poses per second.
 fn waving() -> Act {
     let wave = vocabulary::find("wave-r").and_then(|action| action.perform()).expect("shipped");
-    Act::Angles(Arc::new(wave.sampled(50.0).expect("sampled")))
+    Act::Action(Arc::new(wave))
 }
 
 fn raises_an_arm() -> Act {

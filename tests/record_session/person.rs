@@ -1,6 +1,7 @@
 //! A virtual person who wears sensors and does what the test says, in real time: what is said next is
 //! not known beforehand, so the motion cannot be either.
 
+use gaitway::action::Motion;
 use gaitway::body::proportions::proximal_joint;
 use gaitway::body::{Dof, JointAngles, Proportions, Segment, SegmentPose};
 use gaitway_sim::imu::{GRAVITY_M_S2, ImuWire, Measured};
@@ -31,8 +32,9 @@ pub enum Act {
     Swing(Vec<Dof>, f64, f64),
     /// Bows with a straight back, 0.9 rad, once in so many seconds.
     Bow(f64),
-    /// Angles at the rate of the sensors, once.
-    Angles(Arc<Vec<JointAngles>>),
+    /// An action, once, twice as fast as usual. Sensors feel every kink, so it is asked as it is and
+    /// not as samples of it.
+    Action(Arc<Motion>),
 }
 
 /// Angles and how far the pelvis leans forward, rad.
@@ -53,12 +55,9 @@ impl Act {
                 (angles, 0.0)
             }
             Self::Bow(period_s) => (JointAngles::default(), 0.9 * swing(*period_s)),
-            Self::Angles(series) => {
-                let at = (time_s.max(0.0) * RATE_HZ).min((series.len() - 1) as f64);
-                let (before, part) = (at.floor() as usize, at.fract());
-                let after = (before + 1).min(series.len() - 1);
-                let mix = |n: usize| series[before].0[n] * (1.0 - part) + series[after].0[n] * part;
-                (JointAngles(std::array::from_fn(mix)), 0.0)
+            Self::Action(motion) => {
+                let at_s = (2.0 * time_s).clamp(0.0, motion.duration_s());
+                (motion.angles_at(at_s), 0.0)
             }
         }
     }

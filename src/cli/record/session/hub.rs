@@ -32,7 +32,27 @@ struct Inner {
 struct Part {
     subject: usize,
     recorder: Arc<Recorder>,
-    sources: BTreeMap<String, SourceId>,
+    /// Each with the number of its first sample here: a recording counts from zero.
+    sources: BTreeMap<String, (SourceId, u64)>,
+}
+
+impl Part {
+    fn record(&mut self, sensor: &str, mut captured: Captured) {
+        let (id, first) = match self.sources.get(sensor) {
+            Some(known) => *known,
+            None => {
+                let (name, metadata) = (sensor.to_owned(), BTreeMap::new());
+                let source = RecordedSource { name, metadata, kind: SourceKind::Imu };
+                let added = (self.recorder.add_source(source), captured.stamp.number);
+                self.sources.insert(sensor.to_owned(), added);
+                // What was lost before is no loss of this recording.
+                captured.stamp.missed = 0;
+                added
+            }
+        };
+        captured.stamp.number = captured.stamp.number.saturating_sub(first);
+        self.recorder.take_record(id, SourceRecord::Sample(Box::new(captured)));
+    }
 }
 
 impl Hub {
@@ -70,21 +90,7 @@ impl Hub {
         }
         let by = wearer(sensor).map_or(0, |(by, _)| by);
         if let Some(part) = inner.parts.iter_mut().find(|part| part.subject == by) {
-            let name: &str = sensor;
-            let id = match part.sources.get(name) {
-                Some(id) => *id,
-                None => {
-                    let source = RecordedSource {
-                        name: name.to_owned(),
-                        metadata: BTreeMap::new(),
-                        kind: SourceKind::Imu,
-                    };
-                    let id = part.recorder.add_source(source);
-                    part.sources.insert(name.to_owned(), id);
-                    id
-                }
-            };
-            part.recorder.take_record(id, SourceRecord::Sample(Box::new(*captured)));
+            part.record(sensor, *captured);
         }
     }
 
@@ -142,7 +148,7 @@ mod tests {
     use super::*;
     use crate::capture::{Order, Stamp};
     use crate::device::sensor::SensorSample;
-    use crate::recording::{RunEnd, RunStart, sensor_series};
+    use crate::recording::{RunEnd, RunStart, sensor_series, summary};
     use crate::time::Instant;
 
     fn same<'a>(names: &'a [&str]) -> impl Iterator<Item = (String, String)> + 'a {
@@ -184,7 +190,7 @@ mod tests {
             hub.hear("torso", &captured(n, 0));
             hub.hear("a neighbour's", &captured(n, 0));
             if n % 3 == 0 {
-                hub.hear("2-torso", &captured(n, 0));
+                hub.hear("2-torso", &captured(100 + n / 3, if n == 3 { 7 } else { 0 }));
             }
         }
         hub.end_parts();
@@ -204,6 +210,9 @@ mod tests {
             let counts: Vec<_> =
                 series.sensors.iter().map(|(n, m)| (n.as_str(), m.len())).collect();
             assert_eq!(counts, [(name, count)]);
+            // Numbers begin with the recording, so that nothing seems to be missing before.
+            let told = summary(&path).expect("read");
+            assert_eq!((told.missed_samples, told.damaged_samples), (0, 0), "{name}");
         }
         let _ = std::fs::remove_dir_all(folder);
     }
