@@ -48,6 +48,8 @@ struct Axis {
     goal: Option<(Goal, Instant)>,
     /// It was switched on by this host.
     driven: bool,
+    /// It may be watching its host already, although it does not drive yet.
+    watching: bool,
     /// How long a goal holds, where goals say so.
     holds_s: Option<f64>,
     /// The host's watch as it was found, to be restored.
@@ -137,6 +139,7 @@ impl CanLine {
                 open: None,
                 goal: None,
                 driven: false,
+                watching: false,
                 holds_s: None,
                 found_watch: None,
             })
@@ -332,7 +335,8 @@ impl CanLine {
     }
 
     /// Tells the goal once more to every driven actuator that heard nothing for `longest`, or for
-    /// a quarter of the silence it is known to allow: it must hear that its host is there.
+    /// a quarter of the silence it is known to allow: it must hear that its host is there. Who is
+    /// about to be switched on is asked how it is; no maker says whether it watches meanwhile.
     pub fn break_silence(&mut self, longest: Duration) -> Result<(), AskError> {
         let now = self.clock.now();
         for index in 0..self.axes.len() {
@@ -341,6 +345,14 @@ impl CanLine {
                 HostWatch::Said(said_s) => Duration::from_secs_f64((said_s / 4.0).min(60.0)),
                 _ => longest,
             };
+            let question = axis.actuator.ask_state().filter(|_| axis.watching && !axis.driven);
+            if let Some(question) = question
+                && now.since(axis.asked_at) >= allowed.min(longest)
+            {
+                self.bus.send(&question.frame, now + longest)?;
+                self.axes[index].asked_at = now;
+                continue;
+            }
             if axis.driven && now.since(axis.fed_at) >= allowed.min(longest) {
                 // The speed of a goal is that of the moment it was for.
                 if let Some((goal, _)) = &mut self.axes[index].goal {
@@ -464,6 +476,7 @@ impl CanLine {
     /// how goals are heeded. Nothing moves by it.
     pub fn prepare(&mut self, joint: usize, budget: Instant) -> Result<(), AskError> {
         let index = self.index(joint)?;
+        self.axes[index].watching = true;
         let silence = |faults: Faults| faults.any(Faults::SILENCE);
         if self.axes[index].told.faults.is_some_and(silence) {
             self.order(index, Order::ForgetSilence, budget)?;
@@ -492,6 +505,7 @@ impl CanLine {
     fn let_go(&mut self, index: usize, budget: Instant) -> Result<(), AskError> {
         let axis = &mut self.axes[index];
         (axis.driven, axis.told.enabled, axis.fresh) = (false, None, false);
+        axis.watching = false;
         self.order(index, Order::LetGo, budget)
     }
 
@@ -561,6 +575,7 @@ impl CanLine {
         budget: Instant,
     ) -> Result<(), AskError> {
         let index = self.index(joint)?;
+        self.axes[index].watching = silence.is_some();
         match self.axes[index].actuator.watch() {
             HostWatch::InGoals => {
                 let axis = &mut self.axes[index];
