@@ -374,6 +374,73 @@ fn cybergear_driver_never_sees_a_fault_or_that_the_motor_runs() {
     }
 }
 
+/// Theirs against our profiles', and where they differ, as their sources do; see the files.
+#[test]
+fn ranges_of_others_are_ours_but_where_the_sources_disagree() {
+    let requests = ["damiao", "robstride", "lerobot"].map(|name| json!([name, "ranges"]));
+    let Some(answers) = asked(&requests) else { return };
+    let (mut differ, mut compared) = (Vec::new(), 0);
+    let mut compare = |name: String, theirs: &Value| {
+        let Ok(profile) = actuator(&name) else { return };
+        compared += 1;
+        let ours = profile.ranges.expect("coded");
+        let ours = [
+            ours.position_rad,
+            ours.velocity_rad_s,
+            ours.torque_nm,
+            ours.kp_nm_rad,
+            ours.kd_nm_s_rad,
+        ];
+        let theirs: Vec<_> = theirs.as_array().expect("numbers").iter().map(number).collect();
+        if theirs.iter().zip(ours).any(|(theirs, ours)| (theirs - ours).abs() > 1e-3) {
+            differ.push(name);
+        }
+    };
+    for (model, theirs) in answers[0].as_object().expect("models") {
+        let name = match model.as_str() {
+            "4310P" | "4340P" => format!("dm{}-48v", model[..4].to_lowercase()),
+            letters if letters.starts_with(['G', 'H']) => format!("dm{}", letters.to_lowercase()),
+            digits => format!("dm{}", digits.to_lowercase()),
+        };
+        compare(name, theirs);
+    }
+    for (model, theirs) in answers[1].as_object().expect("models") {
+        compare(model.replace('-', ""), theirs);
+    }
+    for (model, theirs) in answers[2].as_object().expect("models") {
+        compare(model.to_lowercase().replace('_', "-"), theirs);
+    }
+    // Registers of the DM-J4340 and DM-J3507 tell; RobStride's manuals, its own sample code and
+    // this package have three kinds of numbers.
+    assert_eq!(differ, ["dm4340", "rs00", "rs03", "rs05", "rs06", "dm3507"]);
+    assert!(compared >= 11 + 7 + 13, "{compared}");
+}
+
+#[test]
+fn registers_of_damiao_have_lerobots_numbers() {
+    use damiao::register;
+    let Some(answers) = asked(&[json!(["lerobot", "MotorVariable"])]) else { return };
+    for (name, number) in [
+        ("UV_VALUE", register::UNDER_VOLTAGE),
+        ("OT_VALUE", register::OVER_TEMPERATURE),
+        ("ACC", register::ACCELERATION),
+        ("DEC", register::DECELERATION),
+        ("MAX_SPD", register::SPEED_LIMIT),
+        ("MST_ID", register::MST_ID),
+        ("ESC_ID", register::ESC_ID),
+        ("TIMEOUT", register::TIMEOUT),
+        ("CTRL_MODE", register::CTRL_MODE),
+        ("SW_VER", register::SOFTWARE),
+        ("GR", register::GEAR_RATIO),
+        ("PMAX", register::PMAX),
+        ("VMAX", register::VMAX),
+        ("TMAX", register::TMAX),
+        ("CAN_BR", register::BIT_RATE),
+    ] {
+        assert_eq!(answers[0][name], number, "{name}");
+    }
+}
+
 // TMotorCANControl.
 
 fn cube(number: u8) -> cubemars::Id {

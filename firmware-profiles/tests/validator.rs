@@ -406,7 +406,10 @@ fn an_unknown_name_lists_what_there_is_and_no_name_is_a_path() {
     for name in ["op4", "../robots/op3", "/etc/passwd", "op3\0", "", "OP3"] {
         let error = robot(name).unwrap_err();
         let allowed = error.allowed.as_deref().unwrap_or_default();
-        assert!(allowed.starts_with("op2, op3, open-duck-mini-v2"), "{error}");
+        assert!(
+            allowed.starts_with("berkeley-humanoid-lite, op2, op3, open-duck-mini-v2"),
+            "{error}"
+        );
         assert!(servo(name).unwrap_err().allowed.unwrap().contains("xm430-w350"));
     }
 }

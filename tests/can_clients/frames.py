@@ -45,6 +45,10 @@ class Damiao:
         self.motor = DaMiaoMotor(1, 0x11, self.line, motor_type="4310")
 
     def send(self, what, *arguments):
+        if what == "ranges":
+            from damiao_motor.core.motor import MOTOR_TYPE_PRESETS
+
+            return {k: [v["p_max"], v["v_max"], v["t_max"]] for k, v in MOTOR_TYPE_PRESETS.items()}
         getattr(self.motor, what)(*arguments)
 
     def hear(self, identifier, data):
@@ -83,7 +87,13 @@ class Robstride:
 
     def send(self, what, *arguments):
         answer = message(0x02807FFD, "7fff7fff7fff00fa")
-        if what == "write":
+        if what == "ranges":
+            from robstride_dynamics import table
+
+            names = [f"MODEL_MIT_{x}_TABLE" for x in ("POSITION", "VELOCITY", "TORQUE", "KP", "KD")]
+            tables = [getattr(table, name) for name in names]
+            return {model: [t[model] for t in tables] for model in tables[0]}
+        elif what == "write":
             self.line.heard = [answer]
             self.bus.write("a", getattr(self.types, arguments[0]), arguments[1])
         elif what == "read":
@@ -172,6 +182,26 @@ class ODrive:
         return {e.name: int(e.value) for e in getattr(enums, what)}
 
 
+class LeRobot:
+    def __init__(self):
+        import importlib.metadata
+        import importlib.util
+
+        self.line = Line()
+        # The file by itself: its package wants those for learning.
+        path = importlib.metadata.distribution("lerobot").locate_file(
+            "lerobot/motors/damiao/tables.py"
+        )
+        spec = importlib.util.spec_from_file_location("tables", path)
+        self.tables = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(self.tables)
+
+    def send(self, what):
+        if what == "ranges":
+            return {k.name: list(v) for k, v in self.tables.MOTOR_LIMIT_PARAMS.items()}
+        return {e.name: int(e.value) for e in getattr(self.tables, what)}
+
+
 CLIENTS = {
     "damiao": Damiao,
     "cybergear": CyberGear,
@@ -179,6 +209,7 @@ CLIENTS = {
     "tmotor": TMotor,
     "moteus": Moteus,
     "odrive": ODrive,
+    "lerobot": LeRobot,
 }
 
 

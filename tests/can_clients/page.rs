@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 /// Package, dialect, what its frames were, what it reads, what it moves.
-const COMPARED: [[&str; 5]; 6] = [
+const COMPARED: [[&str; 5]; 7] = [
     [
         "damiao-motor",
         "Damiao",
@@ -41,6 +41,7 @@ const COMPARED: [[&str; 5]; 6] = [
         "our commands, a device's reply",
         "-",
     ],
+    ["lerobot", "Damiao", "registers' numbers, ranges of 12 of 13 models", "-", "-"],
     ["odrive", "ODrive, firmware 0.6", "-", "every error has a word, states", "-"],
 ];
 
