@@ -1,11 +1,14 @@
-//! Virtual servos at register level on virtual half-duplex lines, for tests without hardware.
+//! Virtual servos at register level on virtual half-duplex lines, and virtual CAN actuators, for tests
+//! without hardware.
 //!
 //! - [`World`]: a robot's servos and the time they share. Virtual time passes only when asked, so a
 //!   minute of motion takes milliseconds, and the same seed and host bytes give the same bytes.
 //! - [`Fault`]: what goes wrong, on purpose; [`Script`] reads faults from a file.
 //! - [`Verdict`]: what the referee saw; it judges at register level and knows only the robot file.
 //! - [`imu`]: virtual inertial sensors on a moving body.
-//! - [`Door`]: the same world behind a pseudo-terminal, in real time, for other programs.
+//! - [`can`]: CAN lines, of a world or alone, and what hangs on them.
+//! - [`Door`]: the same world behind a pseudo-terminal, in real time, for other programs; a CAN line
+//!   as a USB-CAN adapter. [`LiveCan`]: a CAN line in real time, to be carried elsewhere.
 //!
 //! The device side of the protocols is written here from the makers' manuals alone. This crate
 //! never uses the driver's codec: a mistake made twice would be seen, one that is shared would not.

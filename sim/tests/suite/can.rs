@@ -103,6 +103,15 @@ fn serial_and_can_lines_share_the_clock() {
 }
 
 #[test]
+fn without_line_timing_only_the_actuator_takes_its_time() {
+    let options = Options { line_timing: false, ..Options::default() };
+    let world = World::new(&can_robot(&[("dm4310", 1)]), options).expect("a world");
+    let mut host = Host { world };
+    host.ask(1, &ENABLE);
+    assert_eq!(host.world.now_ns(), 100_000);
+}
+
+#[test]
 fn goals_beyond_limits_or_too_fast_are_seen() {
     let mut host = Host::new(&[("dm4310", 1)]);
     host.ask(1, &ENABLE);

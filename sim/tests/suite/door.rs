@@ -316,3 +316,16 @@ fn an_adapter_tells_of_bus_off() {
     port.write_all(b"t0010\rF\r").unwrap();
     assert_eq!(line_that_begins(&mut port, "F"), "FA4");
 }
+
+#[test]
+fn the_adapter_of_a_can_line_can_be_reached_over_tcp() {
+    let world = World::new(&can_robot(&[("ak80-9", 3)]), Options::default()).unwrap();
+    let door = Door::open_tcp(Arc::new(Mutex::new(world)), 0, ([127, 0, 0, 1], 0).into()).unwrap();
+    let path = door.path().display().to_string();
+    let mut port = TcpStream::connect(&path["tcp:".len()..]).unwrap();
+    port.write_all(b"S8\rO\rt0038FFFFFFFFFFFFFFFC\r").unwrap();
+    // Two acknowledgements, the frame is taken, and the answer is that of actuator 3.
+    let mut answer = [0; 4 + 9];
+    port.read_exact(&mut answer).unwrap();
+    assert_eq!(&answer[..11], b"\r\rz\rt000803");
+}
