@@ -60,6 +60,7 @@ fn switch_on(link: &mut Link, preflight: &Preflight, command: &Command) -> Resul
     }
     for joint in 0..link.robot().joints.len() {
         limit_speed(link, joint)?;
+        link.break_silence(watchdog::SILENCE / 4);
         let limit = budget(link);
         link.prepare(joint, limit).map_err(|e| exchange_error(link, Some(joint), &e))?;
     }

@@ -1,5 +1,6 @@
 //! A robot with its lines open: state in, command out, for all joints at once.
 
+mod axis;
 mod can;
 mod orders;
 mod serial;

@@ -4,10 +4,11 @@
 //! the state of the next: it goes out at the end of a cycle, and its answer has come long before
 //! the next begins. Who did not answer is told its goal once more, or asked if it can be.
 
+use super::axis::Axis;
 use crate::bus::can::{CanBus, CanStats, Shape};
 use crate::bus::{AskError, Miss};
 use crate::device::actuator::{Goal, HostWatch, Order, Question, Told};
-use crate::device::{Actuator, Health, JointState};
+use crate::device::{Health, JointState};
 use crate::port::{Clock, FramePort};
 use crate::robot::Robot;
 use crate::robot::reading::LinePlan;
@@ -26,66 +27,6 @@ const LISTEN: Duration = Duration::from_millis(200);
 const TELLS_ITSELF: Duration = Duration::from_millis(300);
 /// Pause between two questions while something is waited for.
 const ASK_AGAIN: Duration = Duration::from_millis(20);
-
-/// One actuator of the line.
-struct Axis {
-    /// Index in [`Robot::joints`].
-    joint: usize,
-    actuator: Actuator,
-    /// All it told, the newest of each.
-    told: Told,
-    /// It told its position since states were last taken.
-    fresh: bool,
-    /// When it told its position.
-    heard_at: Instant,
-    /// When it was last told or asked something that it answers with its state.
-    asked_at: Instant,
-    /// When it was last told a goal, which is what every dialect's watch over the host heeds.
-    fed_at: Instant,
-    /// The question whose answer is waited for.
-    open: Option<Question>,
-    /// The last goal the guard let through, and when it was written.
-    goal: Option<(Goal, Instant)>,
-    /// It was switched on by this host.
-    driven: bool,
-    /// How long a goal holds, where goals say so.
-    holds_s: Option<f64>,
-    /// The host's watch as it was found, to be restored.
-    found_watch: Option<u32>,
-}
-
-impl Axis {
-    /// Takes what `frame`, which was heard by `now`, tells of it; true if it does.
-    fn hear(&mut self, frame: &CanFrame, now: Instant) -> bool {
-        let answer = self.open.and_then(|asked| self.actuator.answer(&asked, frame));
-        let Some(told) = answer.or_else(|| self.actuator.told(frame)) else { return false };
-        if told.position_rad.is_some() {
-            (self.fresh, self.heard_at) = (true, now);
-        }
-        self.told = self.told.then(told);
-        true
-    }
-
-    /// True if it only answers commands, and has let go of itself if nobody spoke to it for a while:
-    /// then the command that changes nothing is to let go.
-    fn is_asked_by_letting_go(&self) -> bool {
-        let Self { actuator, driven, .. } = self;
-        let only_answers = actuator.answers_goals() && actuator.ask_state().is_none();
-        only_answers && !driven && matches!(actuator.watch(), HostWatch::Said(_))
-    }
-
-    fn state(&self) -> Option<JointState> {
-        let position_rad = self.told.position_rad.filter(|rad| rad.is_finite())?;
-        Some(JointState {
-            position_rad,
-            velocity_rad_s: self.told.velocity_rad_s,
-            current_a: self.told.current_a,
-            load_ratio: self.told.torque_share,
-            voltage_v: self.told.voltage_v,
-            temperature_c: self.told.temperature_c,
-        })
-    }
-}
 
 /// A CAN line with its actuators.
 pub(super) struct CanLine {
@@ -125,23 +66,9 @@ impl CanLine {
         timing: crate::bus::can::CanTiming,
     ) -> Self {
         let on_line = robot.joints.iter().enumerate().filter(|(_, joint)| joint.line == line);
-        let axes = on_line.filter_map(|(joint, of)| {
-            Some(Axis {
-                joint,
-                actuator: of.actuator()?.clone(),
-                told: Told::default(),
-                fresh: false,
-                heard_at: Instant::ZERO,
-                asked_at: Instant::ZERO,
-                fed_at: Instant::ZERO,
-                open: None,
-                goal: None,
-                driven: false,
-                holds_s: None,
-                found_watch: None,
-            })
-        });
-        let axes = axes.collect();
+        let axes = on_line
+            .filter_map(|(joint, of)| Some(Axis::new(joint, of.actuator()?.clone())))
+            .collect();
         let bus = CanBus::new(port, Arc::clone(&clock), timing);
         Self { bus, clock, axes, drained_at: Instant::ZERO, alone: false }
     }
@@ -332,7 +259,8 @@ impl CanLine {
     }
 
     /// Tells the goal once more to every driven actuator that heard nothing for `longest`, or for
-    /// a quarter of the silence it is known to allow: it must hear that its host is there.
+    /// a quarter of the silence it is known to allow: it must hear that its host is there. Who is
+    /// about to be switched on is asked how it is; no maker says whether it watches meanwhile.
     pub fn break_silence(&mut self, longest: Duration) -> Result<(), AskError> {
         let now = self.clock.now();
         for index in 0..self.axes.len() {
@@ -341,6 +269,16 @@ impl CanLine {
                 HostWatch::Said(said_s) => Duration::from_secs_f64((said_s / 4.0).min(60.0)),
                 _ => longest,
             };
+            let by_setting = matches!(axis.actuator.watch(), HostWatch::Setting { .. });
+            let meanwhile = axis.watching && !axis.driven && by_setting;
+            let question = axis.actuator.ask_state().filter(|_| meanwhile);
+            if let Some(question) = question
+                && now.since(axis.asked_at) >= allowed.min(longest)
+            {
+                self.bus.send(&question.frame, now + longest)?;
+                self.axes[index].asked_at = now;
+                continue;
+            }
             if axis.driven && now.since(axis.fed_at) >= allowed.min(longest) {
                 // The speed of a goal is that of the moment it was for.
                 if let Some((goal, _)) = &mut self.axes[index].goal {
@@ -464,6 +402,7 @@ impl CanLine {
     /// how goals are heeded. Nothing moves by it.
     pub fn prepare(&mut self, joint: usize, budget: Instant) -> Result<(), AskError> {
         let index = self.index(joint)?;
+        self.axes[index].watching = true;
         let silence = |faults: Faults| faults.any(Faults::SILENCE);
         if self.axes[index].told.faults.is_some_and(silence) {
             self.order(index, Order::ForgetSilence, budget)?;
@@ -492,6 +431,7 @@ impl CanLine {
     fn let_go(&mut self, index: usize, budget: Instant) -> Result<(), AskError> {
         let axis = &mut self.axes[index];
         (axis.driven, axis.told.enabled, axis.fresh) = (false, None, false);
+        axis.watching = false;
         self.order(index, Order::LetGo, budget)
     }
 
@@ -561,6 +501,7 @@ impl CanLine {
         budget: Instant,
     ) -> Result<(), AskError> {
         let index = self.index(joint)?;
+        self.axes[index].watching = silence.is_some();
         match self.axes[index].actuator.watch() {
             HostWatch::InGoals => {
                 let axis = &mut self.axes[index];

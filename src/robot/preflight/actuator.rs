@@ -27,9 +27,14 @@ pub(super) fn check(link: &mut Link, found: &mut Preflight) -> Result<(), Error>
         check_watch(link, joint, found)?;
     }
     note_gains(link, &joints, found);
+    let mut told: BTreeMap<String, Vec<String>> = BTreeMap::new();
     for &joint in &joints {
-        check_settings(link, joint, found)?;
+        if let Some(words) = check_settings(link, joint, found)? {
+            told.entry(words).or_default().push(link.robot().joints[joint].name.clone());
+        }
     }
+    let notes = told.into_iter().map(|(words, names)| format!("{words}: {}", names.join(", ")));
+    found.notes.extend(notes);
     // What actuators tell with their positions, or unasked, comes before anybody looks at it.
     positions(link)?;
     let clock = std::sync::Arc::clone(link.clock());
@@ -96,8 +101,13 @@ fn note_gains(link: &Link, joints: &[usize], found: &mut Preflight) {
     }
 }
 
-fn check_settings(link: &mut Link, joint: usize, found: &mut Preflight) -> Result<(), Error> {
-    let Some(actuator) = link.robot().joints[joint].actuator() else { return Ok(()) };
+/// Compares the settings that goals depend on; what it says of who it is.
+fn check_settings(
+    link: &mut Link,
+    joint: usize,
+    found: &mut Preflight,
+) -> Result<Option<String>, Error> {
+    let Some(actuator) = link.robot().joints[joint].actuator() else { return Ok(None) };
     let model = actuator.profile().model.clone();
     let mut told = Vec::new();
     for Setting { number, name, wanted } in actuator.settings() {
@@ -105,7 +115,7 @@ fn check_settings(link: &mut Link, joint: usize, found: &mut Preflight) -> Resul
         let bits = read.map_err(|e| exchange_error(link, Some(joint), &e))?;
         let at = || format!("{}, {name}", place(link, joint));
         match wanted {
-            Wanted::Told => told.push(format!("{name} {bits}")),
+            Wanted::Told => told.push(format!("{name} 0x{bits:X}")),
             _ if wanted.holds(bits) => {}
             Wanted::Written(wanted) => {
                 found.notes.push(format!("{} is {bits}, set to {wanted} until power-off", at()));
@@ -129,10 +139,7 @@ fn check_settings(link: &mut Link, joint: usize, found: &mut Preflight) -> Resul
             }
         }
     }
-    if !told.is_empty() {
-        found.notes.push(format!("{}: {}", place(link, joint), told.join(", ")));
-    }
-    Ok(())
+    Ok((!told.is_empty()).then(|| format!("{model}, {}", told.join(", "))))
 }
 
 /// A fault that is not an earlier host's silence; that one is forgotten when the robot is armed.
