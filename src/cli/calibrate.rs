@@ -6,6 +6,7 @@ use super::connect::connect;
 use super::{Output, Remarks, limp};
 use crate::calibration::{Calibration, JointCalibration, usual_path};
 use crate::control::arm;
+use crate::device::actuator::Wanted;
 use crate::error::Error;
 use crate::robot::preflight::{PATIENT_RETRIES, budget, exchange_error};
 use crate::robot::{Link, Robot};
@@ -83,6 +84,13 @@ pub fn run(args: &CalibrateArgs, remarks: Remarks) -> Result<i32, Error> {
     args.output.check_files(&[])?;
     let robot = Robot::load(&args.robot)?;
     let joints = selected(&robot, &args.only)?;
+    let actuator = joints.iter().find(|&&joint| robot.joints[joint].actuator().is_some());
+    if let Some(&joint) = actuator.filter(|_| args.permit_eeprom) {
+        return Err(Error::new("a CAN actuator's own zero is not set here")
+            .at(format!("joint {}", robot.joints[joint].name))
+            .got("--permit-eeprom")
+            .remedy("leave it out: the offset goes into the calibration file"));
+    }
     let usual = || usual_path(&robot.name);
     not_in_the_real_ones_place(args, &robot)?;
     let file = args.calibration.clone().or_else(usual).ok_or_else(|| {
@@ -240,6 +248,10 @@ fn measured_before(files: &Files) -> Result<Vec<String>, Error> {
 fn check_models(link: &mut Link, joints: &[usize]) -> Result<(), Error> {
     for &joint in joints {
         let limit = budget(link);
+        if link.robot().joints[joint].actuator().is_some() {
+            check_actuator(link, joint)?;
+            continue;
+        }
         let identity = link.identity(joint, limit);
         let (model, _) = identity.map_err(|e| exchange_error(link, Some(joint), &e))?;
         let of = &link.robot().joints[joint];
@@ -254,13 +266,47 @@ fn check_models(link: &mut Link, joints: &[usize]) -> Result<(), Error> {
     Ok(())
 }
 
+/// An actuator whose numbers mean something else tells angles that it does not stand at.
+fn check_actuator(link: &mut Link, joint: usize) -> Result<(), Error> {
+    let Some(actuator) = link.robot().joints[joint].actuator() else { return Ok(()) };
+    for setting in actuator.settings() {
+        let Wanted::Near(_) = setting.wanted else { continue };
+        let limit = budget(link);
+        let bits = link.read_setting(joint, setting.number, limit);
+        let bits = bits.map_err(|e| exchange_error(link, Some(joint), &e))?;
+        if !setting.wanted.holds(bits) {
+            let of = &link.robot().joints[joint];
+            return Err(Error::new("an actuator means something else by its numbers")
+                .at(format!("joint {}, ID {}, {}", of.name, of.id, setting.name))
+                .got(setting.wanted.words(bits))
+                .remedy("correct the robot file's servo"));
+        }
+    }
+    Ok(())
+}
+
+/// True if a joint drives, or does not say whether it does.
+fn may_drive(link: &mut Link, joint: usize) -> Result<bool, Error> {
+    let limit = budget(link);
+    if link.robot().joints[joint].actuator().is_none() {
+        let torque = link.read_raw(joint, Role::TorqueEnable, limit);
+        return Ok(torque.map_err(|e| exchange_error(link, Some(joint), &e))? != 0);
+    }
+    let mut torque_on = None;
+    for part in 0..link.health_reads(joint) {
+        let limit = budget(link);
+        let health = link.health(joint, part, limit);
+        let health = health.map_err(|e| exchange_error(link, Some(joint), &e))?;
+        torque_on = health.torque_on.or(torque_on);
+    }
+    Ok(torque_on != Some(false))
+}
+
 /// Joints are moved by hand: torque must be off.
 fn make_limp(link: &mut Link, joints: &[usize], args: &CalibrateArgs) -> Result<(), Error> {
     let mut held = false;
     for &joint in joints {
-        let limit = budget(link);
-        let torque = link.read_raw(joint, Role::TorqueEnable, limit);
-        held |= torque.map_err(|e| exchange_error(link, Some(joint), &e))? != 0;
+        held |= may_drive(link, joint)?;
     }
     if !held {
         return Ok(());

@@ -10,7 +10,7 @@ use crate::error::Error;
 use crate::port::can::{self, CanInterface, Controller};
 use crate::port::inventory::Machine;
 use crate::port::serial::SerialLine;
-use crate::port::sim::{SharedWorld, VirtualCanLine, VirtualClock, VirtualLine};
+use crate::port::sim::{LiveCanLine, SharedWorld, VirtualCanLine, VirtualClock, VirtualLine};
 use crate::port::tcp::TcpLine;
 use crate::port::{BytePort, Clock, FramePort, MonotonicClock, PortError};
 use crate::robot::{Line, LinePort, Link, Robot};
@@ -136,23 +136,30 @@ fn virtual_port(world: &SharedWorld, line: usize, kind: LineKind) -> LinePort {
 fn behind_terminals(robot: Robot, seed: u64) -> Result<Connection, Error> {
     let world = world(&robot, seed)?;
     let mut doors = Vec::new();
-    let mut ports: Vec<(Box<dyn BytePort>, Duration)> = Vec::new();
+    let mut ports: Vec<(LinePort, Duration)> = Vec::new();
     for (line, facts) in robot.lines.iter().enumerate() {
         if let LineKind::Can(_) = facts.kind {
-            return Err(Error::new("a CAN line has no terminal")
-                .at(format!("--bus sim:pty, line {}", facts.name))
-                .allowed("--bus sim: a robot with CAN lines is virtual in virtual time"));
+            // Frames have no terminal; they keep real time all the same.
+            let port: Box<dyn FramePort> = Box::new(live_line(&world, line)?);
+            ports.push((port.into(), UNKNOWN_LATENCY));
+            continue;
         }
         let door = Door::open(world.inner(), line, None)
             .map_err(|e| Error::new("cannot open a pseudo-terminal").got(e.to_string()))?;
         let path = door.path().display().to_string();
         let port =
             SerialLine::open(&path, facts.bits_per_s()).map_err(|e| port_error(&path, &e))?;
-        ports.push((Box::new(port), UNKNOWN_LATENCY));
+        let port: Box<dyn BytePort> = Box::new(port);
+        ports.push((port.into(), UNKNOWN_LATENCY));
         doors.push(door);
     }
     let link = Link::new(robot, ports, Arc::new(MonotonicClock));
     Ok(Connection { link, world: Some(world), real_time: true, _doors: doors })
+}
+
+fn live_line(world: &SharedWorld, line: usize) -> Result<LiveCanLine, Error> {
+    LiveCanLine::new(world, line)
+        .map_err(|e| Error::new("the virtual line cannot be opened").got(spoken(&e)))
 }
 
 fn over_wires(mut robot: Robot, by_line: &[BusKind]) -> Result<Connection, Error> {

@@ -88,6 +88,8 @@ struct Reading<'a> {
     joints: &'a [Row],
 }
 
+/// Budget of the first look: other programs are listened for before anything is told.
+const FIRST: Duration = Duration::from_secs(2);
 /// Budget of one question.
 const QUESTION: Duration = Duration::from_millis(50);
 
@@ -106,6 +108,8 @@ pub fn run(args: &MonitorArgs, remarks: Remarks) -> Result<i32, Error> {
     let link = &mut connection.link;
     link.set_retries(1);
     let clock = std::sync::Arc::clone(link.clock());
+    // CAN actuators that answer commands only are listened for first; that is not done again.
+    let _ = answered(link.states(clock.now() + FIRST))?;
     let began = clock.now();
     let once = if real_time { None } else { Some(Duration::ZERO) };
     let until = args.for_time.or(once).map(|time| began + time);

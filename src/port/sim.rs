@@ -1,12 +1,13 @@
 //! The virtual robot behind the port traits: waiting *is* running the virtual world, so the code
 //! above runs unmodified, in one thread and in virtual time. All lines of a world share its clock.
 
-use super::{BytePort, Clock, FramePort, Heard, PortError};
+use super::{BytePort, Clock, FramePort, Heard, MonotonicClock, PortError};
 use crate::time::{Duration, Instant};
 use crate::wire::can::error_frame::ErrorFrame;
 use crate::wire::can::{CanFrame, CanId, Format};
-use gaitway_sim::World;
 use gaitway_sim::can::{self as sim, CanHeard, Kind};
+use gaitway_sim::{LiveCan, World};
+use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// A virtual world shared by its clock and its lines.
@@ -170,19 +171,74 @@ impl FramePort for VirtualCanLine {
     fn receive(&mut self, deadline: Instant) -> Result<Heard, PortError> {
         loop {
             let heard = self.connected()?.can_receive(self.line, deadline.as_nanos());
-            // Defined in `linux/can/error.h`: bus-off, and that the controller was restarted.
-            let report = |classes| Ok(Heard::Report(ErrorFrame::decode(classes, &[])));
             match heard {
-                Some(CanHeard::Frame(frame)) => {
-                    if let Some(frame) = from_sim(&frame) {
-                        return Ok(Heard::Frame(frame));
+                Some(heard) => {
+                    if let Some(heard) = of_sim(&heard) {
+                        return Ok(heard);
                     }
                 }
-                Some(CanHeard::BusOff) => return report(1 << 6),
-                Some(CanHeard::Restarted) => return report(1 << 8),
                 None => return self.connected().and(Err(PortError::TimedOut)),
             }
         }
+    }
+}
+
+/// The host's end of a virtual CAN line whose world runs with real time.
+pub struct LiveCanLine {
+    live: LiveCan,
+    heard: VecDeque<CanHeard>,
+}
+
+impl LiveCanLine {
+    /// The host's end of line number `line` of `world`, which keeps pace from now on.
+    ///
+    /// # Errors
+    /// [`PortError::Gone`] if it is no CAN line.
+    pub fn new(world: &SharedWorld, line: usize) -> Result<Self, PortError> {
+        let live = LiveCan::new(world.inner(), line).map_err(|e| PortError::Gone(e.to_string()))?;
+        Ok(Self { live, heard: VecDeque::new() })
+    }
+}
+
+impl FramePort for LiveCanLine {
+    fn send(&mut self, frame: &CanFrame, deadline: Instant) -> Result<(), PortError> {
+        while self.live.send(to_sim(frame)).is_err() {
+            let again = MonotonicClock.now() + QUEUE_PAUSE;
+            if again > deadline {
+                return Err(PortError::TimedOut);
+            }
+            MonotonicClock.sleep_until(again);
+            self.heard.extend(self.live.heard().0);
+        }
+        Ok(())
+    }
+
+    fn receive(&mut self, deadline: Instant) -> Result<Heard, PortError> {
+        loop {
+            let (heard, quiet) = self.live.heard();
+            self.heard.extend(heard);
+            while let Some(heard) = self.heard.pop_front() {
+                if let Some(heard) = of_sim(&heard) {
+                    return Ok(heard);
+                }
+            }
+            let now = MonotonicClock.now();
+            if now >= deadline {
+                return Err(PortError::TimedOut);
+            }
+            MonotonicClock.sleep_until(deadline.min(now + quiet.max(QUEUE_PAUSE)));
+        }
+    }
+}
+
+/// None for a frame that no CAN line carries.
+fn of_sim(heard: &CanHeard) -> Option<Heard> {
+    // Defined in `linux/can/error.h`: bus-off, and that the controller was restarted.
+    let report = |classes| Some(Heard::Report(ErrorFrame::decode(classes, &[])));
+    match heard {
+        CanHeard::Frame(frame) => from_sim(frame).map(Heard::Frame),
+        CanHeard::BusOff => report(1 << 6),
+        CanHeard::Restarted => report(1 << 8),
     }
 }
 

@@ -7,7 +7,7 @@ use crate::device::Model;
 use crate::error::Error;
 use crate::robot::preflight::{budget, exchange_error};
 use crate::robot::{Joint, Link, LinkError};
-use gaitway_profiles::Role;
+use gaitway_profiles::{Register, Role};
 
 /// A position is asked for this often again before the servo counts as silent.
 const ATTEMPTS: u32 = 5;
@@ -41,7 +41,7 @@ struct Hand<'a> {
     link: &'a mut Link,
     joint: usize,
     of: Joint,
-    model: Model,
+    scale: Scale,
     answers: &'a mut Answers,
     at: Unwrapped,
 }
@@ -56,13 +56,12 @@ pub fn measure(
     answers: &mut Answers,
 ) -> Result<Answer<Measured>, Error> {
     let of = link.robot().joints[joint].clone();
-    let model = of.model()?;
+    let scale = Scale::of(&of)?;
     let gear = link.robot().file.joint(&of.name).map_or(1.0, |joint| joint.gear);
-    let register = model.register(Role::PresentPosition).map_err(|e| Error::new(e.to_string()))?;
-    let at = Unwrapped::from(reading(link, joint)?, turn_counts(model));
-    let mut hand = Hand { link, joint, of, model, answers, at };
+    let at = Unwrapped::from(reading(link, joint)?, scale.turn_counts());
+    let mut hand = Hand { link, joint, of, scale, answers, at };
     hand.zero()?.then(|zero| {
-        let zero_servo_rad = model.si_from_raw(register, zero);
+        let zero_servo_rad = scale.angle_rad(zero);
         eprintln!("  zero where the servo stands at {:.1} deg", zero_servo_rad.to_degrees());
         hand.direction(zero)?.then(|direction| {
             let turns = if direction > 0 { "with" } else { "against" };
@@ -94,7 +93,7 @@ impl Hand<'_> {
 
     /// The reading where the person says that zero is.
     fn zero(&mut self) -> Result<Answer<i64>, Error> {
-        let turn = turn_counts(self.model);
+        let turn = self.scale.turn_counts();
         let question = format!(
             "{} (ID {}): hold it at its zero, then Enter (s skips it, q stops)",
             self.of.name, self.of.id
@@ -112,7 +111,7 @@ impl Hand<'_> {
                 Answer::Skip => return Ok(Answer::Skip),
                 Answer::Stop => return Ok(Answer::Stop),
             }
-            let turned_rad = (self.at.now() - zero) as f64 * self.model.rad_per_count();
+            let turned_rad = (self.at.now() - zero) as f64 * self.scale.rad_per_count();
             if turned_rad.abs() >= LEAST_RAD {
                 return Ok(Answer::Go(if turned_rad > 0.0 { 1 } else { -1 }));
             }
@@ -123,7 +122,7 @@ impl Hand<'_> {
     /// The joint angles that are reached, drawn in; none if it was hardly moved. `sign` is the
     /// joint's turn for one of its servo.
     fn range(&mut self, zero: i64, sign: f64) -> Result<Answer<Option<(f64, f64)>>, Error> {
-        let rad_per_count = self.model.rad_per_count();
+        let rad_per_count = self.scale.rad_per_count();
         let angles = |(low, high): (i64, i64)| {
             let ends = [low, high].map(|at| sign * (at - zero) as f64 * rad_per_count);
             (ends[0].min(ends[1]), ends[0].max(ends[1]))
@@ -151,15 +150,82 @@ impl Hand<'_> {
     }
 }
 
-/// Counts after which the encoder's reading begins anew.
-fn turn_counts(model: Model) -> i64 {
-    let position = &model.profile().position;
-    // A servo with less than a turn has nothing to begin anew; its scale still says a full one.
-    i64::from(position.counts) * 360 / i64::from(position.degrees).max(1)
+/// What the counts of a joint's drive mean.
+#[derive(Clone, Copy)]
+enum Scale {
+    /// A servo's, by its table.
+    Servo(Model, &'static Register),
+    /// A CAN actuator tells angles; counts are steps of [`ACTUATOR_STEP_RAD`] from its zero, up to
+    /// this many.
+    Actuator(i64),
 }
 
-/// The present position of a joint, raw. A host that stalls is no silent servo.
+/// Finer than any actuator tells, rad.
+const ACTUATOR_STEP_RAD: f64 = 1e-5;
+/// Where its dialect sets no end, an actuator counts on for so many turns.
+const ACTUATOR_RANGE_RAD: f64 = 100.0 * std::f64::consts::TAU;
+
+impl Scale {
+    fn of(of: &Joint) -> Result<Self, Error> {
+        if let Some(actuator) = of.actuator() {
+            let ranges = actuator.profile().ranges.as_ref();
+            let end_rad = ranges.map_or(ACTUATOR_RANGE_RAD, |ranges| ranges.position_rad);
+            return Ok(Self::Actuator(steps(end_rad)));
+        }
+        let model = of.model()?;
+        let position = model.register(Role::PresentPosition);
+        Ok(Self::Servo(model, position.map_err(|e| Error::new(e.to_string()))?))
+    }
+
+    fn angle_rad(self, counts: i64) -> f64 {
+        match self {
+            Self::Servo(model, register) => model.si_from_raw(register, counts),
+            Self::Actuator(_) => counts as f64 * ACTUATOR_STEP_RAD,
+        }
+    }
+
+    fn rad_per_count(self) -> f64 {
+        match self {
+            Self::Servo(model, _) => model.rad_per_count(),
+            Self::Actuator(_) => ACTUATOR_STEP_RAD,
+        }
+    }
+
+    /// Counts after which the reading begins anew.
+    fn turn_counts(self) -> i64 {
+        match self {
+            Self::Servo(model, _) => {
+                let position = &model.profile().position;
+                // A servo with less than a turn has nothing to begin anew; its scale still says a
+                // full one.
+                i64::from(position.counts) * 360 / i64::from(position.degrees).max(1)
+            }
+            Self::Actuator(end) => 2 * end,
+        }
+    }
+
+    /// The first and the last count before that.
+    fn ends(self) -> (i64, i64) {
+        match self {
+            Self::Servo(..) => (0, self.turn_counts() - 1),
+            Self::Actuator(end) => (-end, end - 1),
+        }
+    }
+}
+
+fn steps(angle_rad: f64) -> i64 {
+    (angle_rad / ACTUATOR_STEP_RAD).round() as i64
+}
+
+/// The present position of a joint, in the counts of its [`Scale`]. A host that stalls is no silent
+/// servo.
+///
+/// # Errors
+/// A joint that does not answer.
 pub fn reading(link: &mut Link, joint: usize) -> Result<i64, Error> {
+    if link.robot().joints[joint].actuator().is_some() {
+        return actuator_reading(link, joint);
+    }
     let mut attempts_left = ATTEMPTS;
     loop {
         let limit = budget(link);
@@ -173,6 +239,19 @@ pub fn reading(link: &mut Link, joint: usize) -> Result<i64, Error> {
     }
 }
 
+/// What an actuator tells with its state.
+fn actuator_reading(link: &mut Link, joint: usize) -> Result<i64, Error> {
+    for _ in 0..=ATTEMPTS {
+        let limit = budget(link);
+        let states = link.whole_states(limit).map_err(|e| exchange_error(link, None, &e))?;
+        if let Some(Ok((state, _))) = states.into_iter().nth(joint) {
+            return Ok(steps(link.robot().joints[joint].servo_rad(state.position_rad)));
+        }
+    }
+    let of = &link.robot().joints[joint];
+    Err(Error::new("the joint does not answer").at(format!("joint {}, ID {}", of.name, of.id)))
+}
+
 impl Measured {
     /// Refuses a range that goals cannot lead through, because the servo's counts begin anew in
     /// it, after the servo's reading was shifted by `shift`.
@@ -182,14 +261,14 @@ impl Measured {
     pub fn refuse_crossing(&self, link: &Link, joint: usize, shift: i64) -> Result<(), Error> {
         let of = &link.robot().joints[joint];
         let (low, high) = (self.counts.0 + shift, self.counts.1 + shift);
-        let turn = turn_counts(of.model()?);
-        if low >= 0 && high < turn {
+        let (first, last) = Scale::of(of)?.ends();
+        if low >= first && high <= last {
             return Ok(());
         }
         Err(Error::new("the servo's counts begin anew inside the joint's range")
             .at(format!("joint {}, ID {}", of.name, of.id))
             .got(format!("counts {low} to {high}"))
-            .allowed(format!("inside 0 to {}", turn - 1))
+            .allowed(format!("inside {first} to {last}"))
             .remedy(
                 "add --permit-eeprom so that the servo's own offset is set, or mount the horn so \
                  that the middle of the range is the middle of the servo's",

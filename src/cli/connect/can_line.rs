@@ -1,6 +1,9 @@
 //! One CAN line, opened for questions to single devices: no robot file is needed.
 
-use super::{CAN_LATENCY, Connection, PATIENCE, RETRIES, interface_at, line_of, world};
+use super::{
+    CAN_LATENCY, Connection, PATIENCE, RETRIES, UNKNOWN_LATENCY, interface_at, line_of, live_line,
+    world,
+};
 use crate::bus::can::{CanBus, CanTiming};
 use crate::cli::address::{Address, BusKind};
 use crate::error::Error;
@@ -33,6 +36,7 @@ pub struct OpenCanLine {
     pub robot: Option<(Robot, usize)>,
     /// The virtual robot of this process, if it is one.
     pub world: Option<SharedWorld>,
+    real_time: bool,
     interface: Option<String>,
 }
 
@@ -78,7 +82,17 @@ pub fn open_can(address: &Address, robot: Option<&str>, seed: u64) -> Result<Ope
             let port = Box::new(VirtualCanLine::new(world.clone(), *line));
             let bus = bus_of(port, &clock, speed, Duration::ZERO);
             let (fd, world) = (speed.data_bitrate_bps.is_some(), Some(world));
-            Ok(OpenCanLine { bus, clock, speed, fd, robot, world, interface: None })
+            let real_time = false;
+            Ok(OpenCanLine { bus, clock, speed, fd, robot, world, real_time, interface: None })
+        }
+        (BusKind::SimPty, Some((of, line)), Some(speed)) => {
+            let world = world(of, seed)?;
+            let clock: Arc<dyn Clock> = Arc::new(MonotonicClock);
+            let port = Box::new(live_line(&world, *line)?);
+            let bus = bus_of(port, &clock, speed, UNKNOWN_LATENCY);
+            let (fd, world) = (speed.data_bitrate_bps.is_some(), Some(world));
+            let real_time = true;
+            Ok(OpenCanLine { bus, clock, speed, fd, robot, world, real_time, interface: None })
         }
         (BusKind::Can { interface }, _, said) => {
             let found = can::state(interface).ok();
@@ -93,11 +107,12 @@ pub fn open_can(address: &Address, robot: Option<&str>, seed: u64) -> Result<Ope
             let clock: Arc<dyn Clock> = Arc::new(MonotonicClock);
             let bus = bus_of(interface_at(interface, speed)?, &clock, speed, CAN_LATENCY);
             let interface = Some(interface.clone());
-            Ok(OpenCanLine { bus, clock, speed, fd, robot, world: None, interface })
+            let (world, real_time) = (None, true);
+            Ok(OpenCanLine { bus, clock, speed, fd, robot, world, real_time, interface })
         }
-        _ => Err(Error::new("a virtual CAN line has no terminal")
+        _ => Err(Error::new("this is no CAN line")
             .at(address.to_string())
-            .allowed("sim, with --robot")),
+            .allowed("can:can0, or sim and sim:pty with --robot")),
     }
 }
 
@@ -144,16 +159,18 @@ impl OpenCanLine {
     /// # Errors
     /// An interface that cannot be opened again.
     pub fn into_link(self, robot: Robot) -> Result<Connection, Error> {
-        let Self { bus, clock, speed, robot: whole, world, interface, .. } = self;
+        let Self { bus, clock, speed, robot: whole, world, real_time, interface, .. } = self;
         drop(bus);
         let (port, latency): (Box<dyn FramePort>, Duration) = match (interface, &world, whole) {
             (Some(interface), _, _) => (interface_at(&interface, speed)?, CAN_LATENCY),
+            (None, Some(world), Some((_, line))) if real_time => {
+                (Box::new(live_line(world, line)?), UNKNOWN_LATENCY)
+            }
             (None, Some(world), Some((_, line))) => {
                 (Box::new(VirtualCanLine::new(world.clone(), line)), Duration::ZERO)
             }
             _ => return Err(Error::new("the line cannot be opened again")),
         };
-        let real_time = world.is_none();
         let link = Link::new(robot, vec![(port, latency)], clock);
         Ok(Connection { link, world, real_time, _doors: Vec::new() })
     }

@@ -9,13 +9,30 @@ use crate::control;
 use crate::error::Error;
 use crate::port::{Clock, MonotonicClock};
 use crate::recording::{CycleRecord, JointRecord, RecordedJoint};
-use crate::robot::Robot;
+use crate::robot::{Joint, Robot};
 use crate::time::{Duration, Instant};
 
 /// A robot whose lines are open.
 pub struct Servos {
     connection: Connection,
     period: Duration,
+}
+
+/// Actuators that answer nothing but commands cannot be looked at without one.
+fn refuse_who_only_obeys(connection: &Connection) -> Result<(), Error> {
+    let robot = connection.link.robot();
+    let obeys = |joint: &&Joint| {
+        joint.actuator().is_some_and(|of| of.ask_state().is_none() && of.answers_goals())
+    };
+    let names: Vec<&str> =
+        robot.joints.iter().filter(obeys).map(|joint| joint.name.as_str()).collect();
+    if names.is_empty() {
+        return Ok(());
+    }
+    Err(Error::new("actuators that answer nothing but commands cannot be recorded untouched")
+        .at(format!("robot {}", robot.name))
+        .got(names.join(", "))
+        .remedy("support the robot, then add --limp: they are told to let go, and answer that"))
 }
 
 impl Servos {
@@ -36,6 +53,9 @@ impl Servos {
             return Err(Error::new("a virtual robot in virtual time cannot be recorded")
                 .at("--bus sim")
                 .remedy("sim:pty, or gaitway simulate in another terminal"));
+        }
+        if !limp {
+            refuse_who_only_obeys(&connection)?;
         }
         if limp {
             control::arm::disarm(&mut connection.link)?;

@@ -1,6 +1,8 @@
 //! `servo move`: one servo, one angle, one actionlet, through everything a whole robot goes
 //! through: preflight, arming, guard, watch.
 
+mod can;
+
 use super::Target;
 use super::device::Device;
 use crate::cli::Remarks;
@@ -27,6 +29,17 @@ pub struct MoveArgs {
     /// Highest speed on the way, degrees per second
     #[arg(long, value_name = "DEG_S", default_value_t = 30.0, value_parser = speed_deg_s)]
     speed: f64,
+    /// Gain on the error of position, N m/rad: required for actuators that are told their gains with
+    /// every goal (damiao, robstride, cubemars-mit)
+    #[arg(long, value_name = "NM_RAD", value_parser = gain)]
+    kp: Option<f64>,
+    /// Gain on the error of velocity, N m s/rad, likewise
+    #[arg(long, value_name = "NM_S_RAD", value_parser = gain)]
+    kd: Option<f64>,
+    /// Silence after which a CAN actuator lets go, seconds, as set with the maker's tool; only for
+    /// those whose timeout is no setting on the line
+    #[arg(long, value_name = "S", value_parser = gain)]
+    timeout: Option<f64>,
     /// Switch torque off afterwards
     #[arg(long)]
     limp: bool,
@@ -55,6 +68,11 @@ fn speed_deg_s(text: &str) -> Result<f64, String> {
     }
 }
 
+fn gain(text: &str) -> Result<f64, String> {
+    let gain: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
+    if gain.is_finite() && gain >= 0.0 { Ok(gain) } else { Err("0 or more".to_owned()) }
+}
+
 fn angle_deg(text: &str) -> Result<f64, String> {
     let angle: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
     if angle.is_finite() { Ok(angle) } else { Err("a finite number of degrees".to_owned()) }
@@ -67,10 +85,15 @@ fn angle_deg(text: &str) -> Result<f64, String> {
 pub fn run(args: &MoveArgs, remarks: Remarks) -> Result<i32, Error> {
     args.target.output.check_files(&[])?;
     let signals = Signals::listen().map_err(|e| Error::new(format!("no signals: {e}")))?;
-    let mut device = Device::open(&args.target)?;
-    let place = device.place();
-    let robot = alone(&mut device, args)?;
-    let mut connection = device.line.into_link(robot)?;
+    let (place, mut connection) = match args.target.is_can()? {
+        true => can::alone(args)?,
+        false => {
+            only_on_can(args)?;
+            let mut device = Device::open(&args.target)?;
+            let robot = alone(&mut device, args)?;
+            (device.place(), device.line.into_link(robot)?)
+        }
+    };
     let link = &mut connection.link;
     let settings = Settings::at_rate(RATE_HZ);
     let found =
@@ -79,6 +102,7 @@ pub fn run(args: &MoveArgs, remarks: Remarks) -> Result<i32, Error> {
         remarks.say(note);
     }
     let goal_rad = args.angle_deg.to_radians();
+    can::refuse_far(link, &place, found.start_rad[0], goal_rad)?;
     let path = Path::new(link.robot().joint_names(), RATE_HZ, vec![vec![goal_rad; 2]])?;
     let planned = plan(&found.start_rad, &path, &link.robot().limits(), PlanOptions::default())
         .map_err(|e| e.at(place.clone()))?;
@@ -130,6 +154,16 @@ pub fn run(args: &MoveArgs, remarks: Remarks) -> Result<i32, Error> {
     })
 }
 
+/// What is for CAN actuators says nothing on a serial line.
+fn only_on_can(args: &MoveArgs) -> Result<(), Error> {
+    if args.kp.is_none() && args.kd.is_none() && args.timeout.is_none() {
+        return Ok(());
+    }
+    Err(Error::new("gains and timeouts are told to CAN actuators only")
+        .at("--kp, --kd, --timeout")
+        .remedy("gaitway servo set BUS ID 'Position P Gain' N sets those of a serial servo"))
+}
+
 /// Remembers where the servo was seen last.
 struct LastSeen(f64);
 
@@ -165,54 +199,75 @@ fn alone(device: &mut Device, args: &MoveArgs) -> Result<Robot, Error> {
     }
     let velocity_rad_s = args.speed.to_radians() / SHARE;
     let text = |words: &str| words.to_owned();
-    let file = profiles::Robot {
+    let setup = profiles::Setup {
+        servo: servo.name.clone(),
+        joints: None,
+        firmware: device.firmware,
+        registers,
+        source: text("asked of the servo"),
+    };
+    let joint = profiles::Joint {
+        velocity_rad_s: velocity_rad_s.min(servo.motor.no_load_speed_rad_s),
+        acceleration_rad_s2: velocity_rad_s / RAMP_S,
+        initial_rad: 0.0_f64.clamp(lower_rad, upper_rad),
+        lower_rad,
+        upper_rad,
+        ..bare_joint(device.id, &servo.name)
+    };
+    let kind = profiles::LineKind::Serial { baud_bps: device.line.baud_bps };
+    robot_of(joint, kind, vec![setup]).map_err(|e| e.at(place))
+}
+
+/// A joint that is its servo, with nothing said of it yet.
+fn bare_joint(id: u8, servo: &str) -> profiles::Joint {
+    profiles::Joint {
+        name: "servo".to_owned(),
+        line: "bus".to_owned(),
+        id,
+        servo: servo.to_owned(),
+        answer_id: None,
+        kp_nm_rad: None,
+        kd_nm_s_rad: None,
+        timeout_configured_s: None,
+        direction: 1,
+        gear: 1.0,
+        offset_rad: 0.0,
+        shares_case_with: None,
+        lower_rad: 0.0,
+        upper_rad: 0.0,
+        velocity_rad_s: 0.0,
+        acceleration_rad_s2: 0.0,
+        initial_rad: 0.0,
+        parent: None,
+        origin_m: [0.0; 3],
+        axis: [0.0, 0.0, 1.0],
+    }
+}
+
+/// A robot of one joint on one line.
+fn robot_of(
+    joint: profiles::Joint,
+    kind: profiles::LineKind,
+    setups: Vec<profiles::Setup>,
+) -> Result<Robot, Error> {
+    let text = |words: &str| words.to_owned();
+    Robot::new(profiles::Robot {
         schema: 1,
-        name: format!("{}-{}", servo.name, device.id),
+        name: format!("{}-{}", joint.servo, joint.id),
         description: text("one servo"),
         source: text("asked of the servo"),
         rate_hz: RATE_HZ,
         acceleration_source: text("chosen"),
-        lines: vec![profiles::Line {
-            name: text("bus"),
-            kind: profiles::LineKind::Serial { baud_bps: device.line.baud_bps },
-        }],
-        setups: vec![profiles::Setup {
-            servo: servo.name.clone(),
-            joints: None,
-            firmware: device.firmware,
-            registers,
-            source: text("asked of the servo"),
-        }],
-        joints: vec![profiles::Joint {
-            name: text("servo"),
-            line: text("bus"),
-            id: device.id,
-            servo: servo.name.clone(),
-            answer_id: None,
-            kp_nm_rad: None,
-            kd_nm_s_rad: None,
-            timeout_configured_s: None,
-            direction: 1,
-            gear: 1.0,
-            offset_rad: 0.0,
-            shares_case_with: None,
-            lower_rad,
-            upper_rad,
-            velocity_rad_s: velocity_rad_s.min(servo.motor.no_load_speed_rad_s),
-            acceleration_rad_s2: velocity_rad_s / RAMP_S,
-            initial_rad: 0.0_f64.clamp(lower_rad, upper_rad),
-            parent: None,
-            origin_m: [0.0; 3],
-            axis: [0.0, 0.0, 1.0],
-        }],
+        lines: vec![profiles::Line { name: text("bus"), kind }],
+        setups,
+        joints: vec![joint],
         anatomy: profiles::Anatomy {
             base: Vec::new(),
             n_pose_rad: BTreeMap::new(),
             segments: Vec::new(),
             source: text("none"),
         },
-    };
-    Robot::new(file).map_err(|e| e.at(place))
+    })
 }
 
 /// A goal is an angle only in position mode.
