@@ -24,7 +24,6 @@ pub mod plan;
 pub mod steps;
 pub mod still;
 pub mod tap;
-pub mod toml_text;
 pub mod utc;
 pub mod wearers;
 

@@ -149,6 +149,7 @@ fn a_can_interface_that_is_down_is_listed_with_the_command_that_wakes_it() {
     let machine = FakeMachine::new("can");
     machine.write("sys/class/net/can0/type", "280\n");
     machine.write("sys/class/net/can0/operstate", "down\n");
+    machine.write("sys/class/net/can0/device/uevent", "DRIVER=mcp251x\n");
     machine.write("sys/class/net/eth0/type", "1\n");
     machine.write("sys/class/net/eth0/operstate", "up\n");
     let report = machine.json("ports");

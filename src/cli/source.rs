@@ -220,7 +220,8 @@ pub fn robot_model(file: &profiles::Robot, robot: &Robot) -> RobotModel {
         name: joint.name.clone(),
         parent: joint.parent.as_deref().and_then(index),
         origin_m: DVec3::from_array(joint.origin_m),
-        axis: DVec3::from_array(joint.axis),
+        // Files round their numbers; a turn needs a length of exactly one.
+        axis: DVec3::from_array(joint.axis).normalize_or_zero(),
         lower_rad: resolved.limits.lower_rad(),
         upper_rad: resolved.limits.upper_rad(),
     });

@@ -187,6 +187,7 @@ impl FramePort for VirtualCanLine {
 pub struct LiveCanLine {
     live: LiveCan,
     heard: VecDeque<CanHeard>,
+    full_queue_count: u64,
 }
 
 impl LiveCanLine {
@@ -196,13 +197,18 @@ impl LiveCanLine {
     /// [`PortError::Gone`] if it is no CAN line.
     pub fn new(world: &SharedWorld, line: usize) -> Result<Self, PortError> {
         let live = LiveCan::new(world.inner(), line).map_err(|e| PortError::Gone(e.to_string()))?;
-        Ok(Self { live, heard: VecDeque::new() })
+        Ok(Self { live, heard: VecDeque::new(), full_queue_count: 0 })
     }
 }
 
 impl FramePort for LiveCanLine {
+    fn full_queue_count(&self) -> u64 {
+        self.full_queue_count
+    }
+
     fn send(&mut self, frame: &CanFrame, deadline: Instant) -> Result<(), PortError> {
         while self.live.send(to_sim(frame)).is_err() {
+            self.full_queue_count += 1;
             let again = MonotonicClock.now() + QUEUE_PAUSE;
             if again > deadline {
                 return Err(PortError::TimedOut);
