@@ -1,8 +1,6 @@
 //! What runs in the guest: the CAN port on virtual interfaces. vcan0 is up and carries FD, vcan1 is
 //! up and classic, vcan2 is down.
 
-#[path = "commands.rs"]
-mod commands;
 #[path = "dialects.rs"]
 mod dialects;
 #[path = "simulator.rs"]
