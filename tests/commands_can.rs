@@ -2,6 +2,7 @@
 //! lines whose actuators are virtual.
 
 #[path = "can_robot/robots.rs"]
+#[allow(dead_code)]
 mod robots;
 
 use robots::{CUBEMARS, CUBEMARS_SERVO, DAMIAO, Kind, MOTEUS, ODRIVE, RECOIL, ROBSTRIDE};

@@ -285,13 +285,16 @@ fn check_actuator(link: &mut Link, joint: usize) -> Result<(), Error> {
     Ok(())
 }
 
-/// True if a joint drives, or does not say whether it does.
-fn may_drive(link: &mut Link, joint: usize) -> Result<bool, Error> {
+/// Whether a joint drives, if it says so.
+fn drives(link: &mut Link, joint: usize) -> Result<Option<bool>, Error> {
     let limit = budget(link);
     if link.robot().joints[joint].actuator().is_none() {
         let torque = link.read_raw(joint, Role::TorqueEnable, limit);
-        return Ok(torque.map_err(|e| exchange_error(link, Some(joint), &e))? != 0);
+        return Ok(Some(torque.map_err(|e| exchange_error(link, Some(joint), &e))? != 0));
     }
+    // Most tell it with their state.
+    let limit = budget(link);
+    link.whole_states(limit).map_err(|e| exchange_error(link, None, &e))?;
     let mut torque_on = None;
     for part in 0..link.health_reads(joint) {
         let limit = budget(link);
@@ -299,14 +302,15 @@ fn may_drive(link: &mut Link, joint: usize) -> Result<bool, Error> {
         let health = health.map_err(|e| exchange_error(link, Some(joint), &e))?;
         torque_on = health.torque_on.or(torque_on);
     }
-    Ok(torque_on != Some(false))
+    Ok(torque_on)
 }
 
 /// Joints are moved by hand: torque must be off.
 fn make_limp(link: &mut Link, joints: &[usize], args: &CalibrateArgs) -> Result<(), Error> {
     let mut held = false;
     for &joint in joints {
-        held |= may_drive(link, joint)?;
+        // Who does not say so is told to let go, unless nothing is to be written.
+        held |= drives(link, joint)?.unwrap_or(!args.dry_run);
     }
     if !held {
         return Ok(());

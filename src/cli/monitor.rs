@@ -90,6 +90,8 @@ struct Reading<'a> {
 
 /// Budget of the first look: other programs are listened for before anything is told.
 const FIRST: Duration = Duration::from_secs(2);
+/// Meanwhile those speak who tell of themselves unasked.
+const UNASKED: Duration = Duration::from_millis(150);
 /// Budget of one question.
 const QUESTION: Duration = Duration::from_millis(50);
 
@@ -110,6 +112,7 @@ pub fn run(args: &MonitorArgs, remarks: Remarks) -> Result<i32, Error> {
     let clock = std::sync::Arc::clone(link.clock());
     // CAN actuators that answer commands only are listened for first; that is not done again.
     let _ = answered(link.states(clock.now() + FIRST))?;
+    clock.sleep_until(clock.now() + UNASKED);
     let began = clock.now();
     let once = if real_time { None } else { Some(Duration::ZERO) };
     let until = args.for_time.or(once).map(|time| began + time);

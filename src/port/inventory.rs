@@ -279,14 +279,14 @@ impl Machine {
             None => self.line(&format!("{class}/operstate")),
         };
         let bitrate_bps = asked.and_then(|asked| asked.bitrate_bps);
-        let kind = match (&device, name.starts_with("slcan")) {
-            (_, true) => CanKind::Slcan,
-            (Some(_), false) => CanKind::Controller,
-            // slcand gives any name; its interfaces have a speed or a health, virtual ones neither.
-            (None, false) if asked.is_some_and(|asked| asked.controller.is_some()) => {
-                CanKind::Slcan
-            }
-            (None, false) => CanKind::Virtual,
+        // slcand gives any name; its interfaces have a health, virtual ones have none.
+        let healthy = asked.is_some_and(|asked| asked.controller.is_some());
+        let kind = if name.starts_with("slcan") || device.is_none() && healthy {
+            CanKind::Slcan
+        } else if name.starts_with("vcan") || device.is_none() && asked.is_some() {
+            CanKind::Virtual
+        } else {
+            CanKind::Controller
         };
         CanPort {
             kind,

@@ -3,7 +3,7 @@
 use crate::bus::scan::scan;
 use crate::bus::{AskError, Protocol};
 use crate::cli::address::Address;
-use crate::cli::connect::{OpenLine, open_bus};
+use crate::cli::connect::{OpenLine, is_can, open_bus};
 use crate::cli::finding::Finding;
 use crate::error::Error;
 use crate::time::Duration;
@@ -19,6 +19,10 @@ const LONGEST: Duration = Duration::from_secs(60);
 #[must_use]
 pub fn measured(address: &Address, robot: Option<&str>) -> Finding {
     let about = format!("round trip on {address}");
+    if is_can(address, robot).unwrap_or(false) {
+        let remedy = "gaitway scan BUS says who answers; gaitway play --dry-run plans the line";
+        return Finding::advice(about, "is measured on serial lines only", remedy);
+    }
     let opened = open_bus(address, robot, 0);
     let taken = opened.and_then(|mut line| {
         let (protocol, id) = first_servo(&mut line)?;

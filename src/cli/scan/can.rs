@@ -369,7 +369,8 @@ impl Report {
         });
         if self.devices.is_empty() && self.collisions.is_empty() {
             out.push_str(
-                "nobody is heard: check power, cable, the resistors at both ends, and the bit rate\n",
+                "nobody is heard: check power, cable, the resistors at both ends, and the \
+                 bit rate\n",
             );
         }
         out

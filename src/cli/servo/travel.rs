@@ -98,9 +98,7 @@ pub fn run(args: &MoveArgs, remarks: Remarks) -> Result<i32, Error> {
     let settings = Settings::at_rate(RATE_HZ);
     let found =
         preflight(link, settings.period, Accept { firmware: args.accept_firmware, eeprom: false })?;
-    for note in &found.notes {
-        remarks.say(note);
-    }
+    found.notes.iter().for_each(|note| remarks.say(note));
     let goal_rad = args.angle_deg.to_radians();
     can::refuse_far(link, &place, found.start_rad[0], goal_rad)?;
     let path = Path::new(link.robot().joint_names(), RATE_HZ, vec![vec![goal_rad; 2]])?;

@@ -10,6 +10,7 @@ use crate::cli::servo::value::rounded;
 use crate::device::parameter::{Access, Parameter, parameters};
 use crate::error::Error;
 use crate::time::Duration;
+use crate::wire::can::CanFrame;
 use gaitway_profiles::Dialect;
 use serde_json::{Map, Value, json};
 use std::fmt::Write;
@@ -106,22 +107,13 @@ pub fn set(args: &SetArgs, remarks: Remarks) -> Result<i32, Error> {
     let old = read(&mut actuator, &parameter)?;
     let changed = old != bits && !args.dry_run;
     if changed {
-        let budget = actuator.line.budget();
-        actuator.line.bus.send(&frame, budget).map_err(|e| actuator.failed(&e))?;
-        let new = read(&mut actuator, &parameter)?;
-        if new != bits {
-            return Err(Error::new("the actuator did not keep what was written")
-                .at(format!("{}, {}", actuator.place(), parameter.name))
-                .got(words(&parameter, new))
-                .allowed(words(&parameter, bits)));
-        }
+        write(&mut actuator, &parameter, bits, &frame)?;
     }
     if let Some(save) = save.filter(|_| !args.dry_run) {
         let budget = actuator.line.budget();
         actuator.line.bus.send(&save, budget).map_err(|e| actuator.failed(&e))?;
         actuator.line.clock.sleep_until(actuator.line.clock.now() + SAVING);
-        remarks
-            .say("kept at power-off, and so is everything else that was set since the last time");
+        remarks.say("kept at power-off, and so is all else that was set since the last time");
     }
     let verb = match (args.dry_run, old == bits) {
         (_, true) => "is already",
@@ -148,6 +140,25 @@ pub fn set(args: &SetArgs, remarks: Remarks) -> Result<i32, Error> {
     Ok(0)
 }
 
+/// Writes a setting and reads it back.
+fn write(
+    actuator: &mut Actuator,
+    parameter: &Parameter,
+    bits: u32,
+    frame: &CanFrame,
+) -> Result<(), Error> {
+    let budget = actuator.line.budget();
+    actuator.line.bus.send(frame, budget).map_err(|e| actuator.failed(&e))?;
+    let new = read(actuator, parameter)?;
+    if new == bits {
+        return Ok(());
+    }
+    Err(Error::new("the actuator did not keep what was written")
+        .at(format!("{}, {}", actuator.place(), parameter.name))
+        .got(words(parameter, new))
+        .allowed(words(parameter, bits)))
+}
+
 /// The command that restores what was before.
 fn undo(actuator: &Actuator, parameter: &Parameter, old: u32, args: &SetArgs) -> String {
     let permit = if args.permit_eeprom { " --permit-eeprom" } else { "" };
@@ -163,7 +174,7 @@ fn undo(actuator: &Actuator, parameter: &Parameter, old: u32, args: &SetArgs) ->
 }
 
 /// The frame that makes the actuator keep what was set.
-fn saving(actuator: &Actuator) -> Result<crate::wire::can::CanFrame, Error> {
+fn saving(actuator: &Actuator) -> Result<CanFrame, Error> {
     actuator.peer().save().ok_or_else(|| {
         Error::new("this dialect cannot be told over the line to keep settings")
             .at(actuator.place())
