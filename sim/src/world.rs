@@ -412,6 +412,7 @@ impl World {
     /// Real time and world time run together from the first call on.
     pub(crate) fn epoch(&mut self) -> (Instant, u64) {
         self.shared.real_time = true;
+        self.shared.referee.judge_in_real_time();
         *self.epoch.get_or_insert((Instant::now(), self.now_ns))
     }
 
