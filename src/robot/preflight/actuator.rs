@@ -27,9 +27,13 @@ pub(super) fn check(link: &mut Link, found: &mut Preflight) -> Result<(), Error>
         check_watch(link, joint, found)?;
     }
     note_gains(link, &joints, found);
+    let mut told = BTreeMap::new();
     for &joint in &joints {
-        check_settings(link, joint, found)?;
+        check_settings(link, joint, found, &mut told)?;
     }
+    found
+        .notes
+        .extend(told.into_iter().map(|(told, names)| format!("{told}: {}", names.join(", "))));
     // What actuators tell with their positions, or unasked, comes before anybody looks at it.
     positions(link)?;
     let clock = std::sync::Arc::clone(link.clock());
@@ -96,16 +100,23 @@ fn note_gains(link: &Link, joints: &[usize], found: &mut Preflight) {
     }
 }
 
-fn check_settings(link: &mut Link, joint: usize, found: &mut Preflight) -> Result<(), Error> {
+/// `told`: what devices say of themselves, with the joints that say the same.
+fn check_settings(
+    link: &mut Link,
+    joint: usize,
+    found: &mut Preflight,
+    told: &mut BTreeMap<String, Vec<String>>,
+) -> Result<(), Error> {
     let Some(actuator) = link.robot().joints[joint].actuator() else { return Ok(()) };
-    let model = actuator.profile().model.clone();
-    let mut told = Vec::new();
+    let (model, of) = (actuator.profile().model.clone(), link.robot().joints[joint].name.clone());
     for Setting { number, name, wanted } in actuator.settings() {
         let read = link.read_setting(joint, number, budget(link));
         let bits = read.map_err(|e| exchange_error(link, Some(joint), &e))?;
         let at = || format!("{}, {name}", place(link, joint));
         match wanted {
-            Wanted::Told => told.push(format!("{name} {bits}")),
+            Wanted::Told => {
+                told.entry(format!("{name} {}", wanted.words(bits))).or_default().push(of.clone());
+            }
             _ if wanted.holds(bits) => {}
             Wanted::Written(wanted) => {
                 found.notes.push(format!("{} is {bits}, set to {wanted} until power-off", at()));
@@ -128,9 +139,6 @@ fn check_settings(link: &mut Link, joint: usize, found: &mut Preflight) -> Resul
                     .remedy("set it with the maker's tool, or correct the robot file"));
             }
         }
-    }
-    if !told.is_empty() {
-        found.notes.push(format!("{}: {}", place(link, joint), told.join(", ")));
     }
     Ok(())
 }
