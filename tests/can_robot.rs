@@ -121,6 +121,15 @@ fn the_gains_of_the_robot_file_are_told_before_anything_moves() {
     assert!(found.notes.iter().any(|note| note.ends_with(policy)), "{:?}", found.notes);
 }
 
+#[test]
+fn what_actuators_say_of_themselves_is_told_once_for_all_that_say_the_same() {
+    let found = few(RECOIL, 3, 100.0).preflight().expect("a robot that is ready");
+    let told: Vec<_> = found.notes.iter().filter(|note| note.starts_with("firmware")).collect();
+    assert_eq!(told.len(), 1, "{told:?}");
+    // The version of Recoil that the virtual one has: its digits are a date.
+    assert_eq!(*told[0], "firmware 0x20250226: joint_1, joint_2, joint_3");
+}
+
 /// Everything the host says in a world, with the line and the time.
 type Said = Arc<Mutex<Vec<(usize, u64)>>>;
 
@@ -446,6 +455,22 @@ fn a_robot_is_held_and_let_go() {
         control::arm::disarm(&mut scene.link).expect("limp");
         assert_eq!(driven(&scene), [false; 3], "{}", kind.servo);
     }
+}
+
+#[test]
+fn nobody_goes_on_driving_while_another_does_not_confirm_that_he_let_go() {
+    let (mut scene, said) = tapped(robot(&robots::few(DAMIAO, 3, 100.0), "few"));
+    let found = scene.preflight().expect("a robot that is ready");
+    control::arm::arm(&mut scene.link, &found).expect("torque");
+    // What it says comes under an identifier that nobody listens to.
+    scene.world.lock().actuator_mut("joint_1").expect("an actuator").set_answer_id(0x7F);
+    said.lock().expect("not poisoned").clear();
+    let unsure = control::arm::disarm(&mut scene.link).expect_err("no confirmation").to_string();
+    assert!(unsure.contains("joint_1") && !unsure.contains("joint_2"), "{unsure}");
+    // It is asked for 300 ms. By then the others have long been told.
+    let said = said.lock().expect("not poisoned");
+    let third_ns = said[2].1 - said[0].1;
+    assert!(third_ns < 5_000_000, "the third frame went out {third_ns} ns after the first");
 }
 
 #[test]

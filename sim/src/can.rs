@@ -11,7 +11,11 @@
 //! A world's lines ([`crate::World::can_send`]) run with everything else in it; a [`CanLine`] of
 //! its own is for a test of one device.
 //!
-//! Not modelled: errors on the line, and two nodes that send the same identifier at once.
+//! - Collision: frames that differ only behind what arbitration compares and begin at once destroy each
+//!   other. They are lost and counted ([`CanLine::collisions`]); real controllers would try again, in
+//!   step with each other, until chance parts them.
+//!
+//! Not modelled: other errors on the line.
 
 mod actuator;
 mod bits;
@@ -177,6 +181,7 @@ pub struct CanLine {
     now_ns: u64,
     free_ns: u64,
     busy_ns: u64,
+    collisions: u64,
     passing: Option<Passing>,
     sending: Queue,
     answering: Vec<Queue>,
@@ -201,6 +206,7 @@ impl CanLine {
             now_ns: 0,
             free_ns: 0,
             busy_ns: 0,
+            collisions: 0,
             passing: None,
             sending: Queue::new(),
             answering,
@@ -223,6 +229,12 @@ impl CanLine {
     #[must_use]
     pub fn busy_ns(&self) -> u64 {
         self.busy_ns
+    }
+
+    /// How often frames destroyed each other.
+    #[must_use]
+    pub fn collisions(&self) -> u64 {
+        self.collisions
     }
 
     /// How fast it is, and what the host may queue.
@@ -396,7 +408,7 @@ impl CanLine {
     }
 
     /// The first frame of each node, and when it may go.
-    fn heads(&self) -> impl Iterator<Item = (usize, u64, &CanFrame)> {
+    fn heads(&self) -> impl Iterator<Item = (usize, u64, &CanFrame)> + Clone {
         let devices = self.answering.iter().chain([&self.babbling]);
         let queues = std::iter::once(&self.sending).chain(devices).enumerate();
         queues.filter_map(|(node, queue)| {
@@ -413,12 +425,31 @@ impl CanLine {
     /// Of all frames that wait, the most urgent one begins.
     fn begin(&mut self) {
         let start_ns = self.now_ns;
-        let waiting = self.heads().filter(|(_, ready_ns, _)| *ready_ns <= start_ns);
-        let winner = waiting.min_by_key(|(_, _, frame)| frame.urgency());
-        self.passing = winner.map(|(node, _, frame)| {
-            let end_ns = start_ns + bits::length_ns(frame, self.options);
-            Passing { node, start_ns, end_ns }
-        });
+        let waiting = || self.heads().filter(|(_, ready_ns, _)| *ready_ns <= start_ns);
+        let Some((node, _, frame)) = waiting().min_by_key(|(_, _, frame)| frame.urgency()) else {
+            return;
+        };
+        let end_ns = start_ns + bits::length_ns(frame, self.options);
+        let as_urgent = waiting().filter(|(_, _, other)| other.urgency() == frame.urgency());
+        let alike = as_urgent.clone().all(|(_, _, other)| other == frame);
+        let lost: Vec<usize> = as_urgent.map(|(node, ..)| node).collect();
+        if alike {
+            self.passing = Some(Passing { node, start_ns, end_ns });
+            return;
+        }
+        for node in lost {
+            self.queue_of(node).pop_front();
+        }
+        self.collisions += 1;
+        self.busy_ns += end_ns - start_ns;
+        self.free_ns = end_ns;
+    }
+
+    fn queue_of(&mut self, node: usize) -> &mut Queue {
+        match node {
+            HOST => &mut self.sending,
+            node => self.answering.get_mut(node - 1).unwrap_or(&mut self.babbling),
+        }
     }
 
     pub(crate) fn pass(&mut self, time_ns: u64) {
@@ -431,11 +462,7 @@ impl CanLine {
     /// A frame has passed whole.
     fn deliver(&mut self, passing: Passing, happened: &mut Happened) {
         let Passing { node, start_ns, end_ns } = passing;
-        let queue = match node {
-            HOST => &mut self.sending,
-            node => self.answering.get_mut(node - 1).unwrap_or(&mut self.babbling),
-        };
-        let Some((asked_ns, frame)) = queue.pop_front() else { return };
+        let Some((asked_ns, frame)) = self.queue_of(node).pop_front() else { return };
         self.free_ns = end_ns;
         self.busy_ns += end_ns - start_ns;
         happened.busy_ns = Some(start_ns..end_ns);
@@ -488,5 +515,21 @@ mod tests {
         line.run_until(200_000);
         assert_eq!(line.send(frame), Ok(()), "one frame has left within 200 us");
         assert!(line.busy_ns() > 0);
+    }
+    #[test]
+    fn frames_under_one_identifier_that_begin_at_once_destroy_each_other() {
+        let heard = |second_ready_ns| {
+            let mut line = line();
+            for (actuator, ready_ns) in [(0, 1_000), (1, second_ready_ns)] {
+                line.answering.push(Queue::new());
+                let frame = CanFrame::classic(0, false, &[actuator as u8; 8]);
+                line.queue(Said { actuator, ready_ns, frame });
+            }
+            line.run_until(1_000_000);
+            (std::iter::from_fn(|| line.receive()).count(), line.collisions())
+        };
+        assert_eq!(heard(1_000), (0, 1));
+        // One that begins while the other passes waits for its end.
+        assert_eq!(heard(1_001), (2, 0));
     }
 }

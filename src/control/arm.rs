@@ -166,7 +166,7 @@ pub(super) fn expect_raw(
 /// Switches torque on on every joint at once, and reads it back.
 fn set_torque_on(link: &mut Link) -> Result<(), Error> {
     let limit = budget(link);
-    link.write_torque(true, limit).map_err(|e| exchange_error(link, None, &e))?;
+    link.switch_on(limit).map_err(|e| exchange_error(link, None, &e))?;
     for joint in 0..link.robot().joints.len() {
         link.break_silence(watchdog::SILENCE / 4);
         match torque_register(link, joint) {
@@ -223,6 +223,8 @@ fn torque_register(link: &Link, joint: usize) -> Option<&'static gaitway_profile
 /// The joints that did not confirm.
 pub fn disarm(link: &mut Link) -> Result<(), Error> {
     link.set_retries(PATIENT_RETRIES);
+    // Whoever does not confirm must not keep the others driving while he is asked again.
+    link.let_go();
     let mut unsure = Vec::new();
     for joint in 0..link.robot().joints.len() {
         let confirmed = match torque_register(link, joint) {

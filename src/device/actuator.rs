@@ -145,6 +145,8 @@ impl Wanted {
     pub fn words(self, bits: u32) -> String {
         match self {
             Self::Near(_) => f32::from_bits(bits).to_string(),
+            // Makers write what tells who a device is digit by digit.
+            Self::Told => format!("0x{bits:X}"),
             _ => bits.to_string(),
         }
     }

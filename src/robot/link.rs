@@ -510,11 +510,16 @@ impl Link {
         written.into_iter().collect()
     }
 
-    /// Switches torque on or off on every joint; nobody answers.
-    pub(crate) fn write_torque(&mut self, on: bool, budget: Instant) -> Result<(), LinkError> {
-        let value = f64::from(u8::from(on));
-        self.write_all(Role::TorqueEnable, budget, |_, _| value)?;
-        self.each_can(|can| can.write_torque(on, budget)).into_iter().collect()
+    /// Switches torque on on every joint; nobody answers.
+    pub(crate) fn switch_on(&mut self, budget: Instant) -> Result<(), LinkError> {
+        self.write_all(Role::TorqueEnable, budget, |_, _| 1.0)?;
+        self.each_can(|can| can.switch_on(budget)).into_iter().collect()
+    }
+
+    /// Tells every CAN actuator to let go before anybody is waited for. Whether they did is asked
+    /// afterwards ([`Link::limp`]), so what fails here is of no matter.
+    pub(crate) fn let_go(&mut self) {
+        let _ = self.each_can(CanLine::let_go_all);
     }
 }
 

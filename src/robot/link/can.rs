@@ -16,6 +16,9 @@ use crate::time::{Duration, Instant};
 use crate::wire::can::{CanFrame, Faults};
 use std::sync::Arc;
 
+#[cfg(test)]
+mod tests;
+
 /// A state that was asked for longer ago is no state any more.
 const OLDEST: Duration = Duration::from_millis(50);
 /// Speeds on the way are taken between goals at most this far apart.
@@ -165,10 +168,10 @@ impl CanLine {
             let axis = &mut self.axes[index];
             let since = now.since(axis.asked_at);
             let answers = axis.driven && axis.actuator.answers_goals();
-            axis.fresh &= !anew && (!answers || since <= OLDEST);
             // Who can only be listened to tells in a time of his own.
             let listened_to = axis.actuator.ask_state().is_none() && !axis.actuator.answers_goals();
-            axis.fresh |= listened_to && !anew && now.since(axis.heard_at) <= OLDEST;
+            let recent = now.since(axis.heard_at) <= OLDEST && (!answers || since <= OLDEST);
+            axis.fresh = !anew && recent && (axis.fresh || listened_to);
             axis.open = None;
             // An answer that is still on its way is waited for.
             if axis.fresh || answers && !anew && since < window {
@@ -412,20 +415,23 @@ impl CanLine {
         self.order(index, Order::HeedGoals, budget)
     }
 
-    /// Switches all actuators on, each at its last goal, or off. Nothing is waited for.
-    pub fn write_torque(&mut self, on: bool, budget: Instant) -> Result<(), AskError> {
+    /// Switches all actuators on, each at its last goal. Nothing is waited for.
+    pub fn switch_on(&mut self, budget: Instant) -> Result<(), AskError> {
         self.settle()?;
         for index in 0..self.axes.len() {
-            if on {
-                self.order(index, Order::Enable, budget)?;
-                let axis = &mut self.axes[index];
-                (axis.driven, axis.told.enabled, axis.fresh) = (true, None, false);
-                self.send_goal(index, budget)?;
-            } else {
-                self.let_go(index, budget)?;
-            }
+            self.order(index, Order::Enable, budget)?;
+            let axis = &mut self.axes[index];
+            (axis.driven, axis.told.enabled, axis.fresh) = (true, None, false);
+            self.send_goal(index, budget)?;
         }
         Ok(())
+    }
+
+    /// Tells all actuators to let go, one whatever became of the others. Nothing is waited for.
+    pub fn let_go_all(&mut self) -> Result<(), AskError> {
+        let budget = self.clock.now() + ASK_AGAIN;
+        let told = (0..self.axes.len()).map(|index| self.let_go(index, budget));
+        told.fold(Ok(()), Result::and)
     }
 
     fn let_go(&mut self, index: usize, budget: Instant) -> Result<(), AskError> {

@@ -27,14 +27,13 @@ pub(super) fn check(link: &mut Link, found: &mut Preflight) -> Result<(), Error>
         check_watch(link, joint, found)?;
     }
     note_gains(link, &joints, found);
-    let mut told: BTreeMap<String, Vec<String>> = BTreeMap::new();
+    let mut told = BTreeMap::new();
     for &joint in &joints {
-        if let Some(words) = check_settings(link, joint, found)? {
-            told.entry(words).or_default().push(link.robot().joints[joint].name.clone());
-        }
+        check_settings(link, joint, found, &mut told)?;
     }
-    let notes = told.into_iter().map(|(words, names)| format!("{words}: {}", names.join(", ")));
-    found.notes.extend(notes);
+    found
+        .notes
+        .extend(told.into_iter().map(|(told, names)| format!("{told}: {}", names.join(", "))));
     // What actuators tell with their positions, or unasked, comes before anybody looks at it.
     positions(link)?;
     let clock = std::sync::Arc::clone(link.clock());
@@ -101,21 +100,23 @@ fn note_gains(link: &Link, joints: &[usize], found: &mut Preflight) {
     }
 }
 
-/// Compares the settings that goals depend on; what it says of who it is.
+/// `told`: what devices say of themselves, with the joints that say the same.
 fn check_settings(
     link: &mut Link,
     joint: usize,
     found: &mut Preflight,
-) -> Result<Option<String>, Error> {
-    let Some(actuator) = link.robot().joints[joint].actuator() else { return Ok(None) };
-    let model = actuator.profile().model.clone();
-    let mut told = Vec::new();
+    told: &mut BTreeMap<String, Vec<String>>,
+) -> Result<(), Error> {
+    let Some(actuator) = link.robot().joints[joint].actuator() else { return Ok(()) };
+    let (model, of) = (actuator.profile().model.clone(), link.robot().joints[joint].name.clone());
     for Setting { number, name, wanted } in actuator.settings() {
         let read = link.read_setting(joint, number, budget(link));
         let bits = read.map_err(|e| exchange_error(link, Some(joint), &e))?;
         let at = || format!("{}, {name}", place(link, joint));
         match wanted {
-            Wanted::Told => told.push(format!("{name} 0x{bits:X}")),
+            Wanted::Told => {
+                told.entry(format!("{name} {}", wanted.words(bits))).or_default().push(of.clone());
+            }
             _ if wanted.holds(bits) => {}
             Wanted::Written(wanted) => {
                 found.notes.push(format!("{} is {bits}, set to {wanted} until power-off", at()));
@@ -139,7 +140,7 @@ fn check_settings(
             }
         }
     }
-    Ok((!told.is_empty()).then(|| format!("{model}, {}", told.join(", "))))
+    Ok(())
 }
 
 /// A fault that is not an earlier host's silence; that one is forgotten when the robot is armed.
