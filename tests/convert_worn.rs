@@ -339,6 +339,33 @@ fn what_is_not_worn_is_at_rest_and_what_falls_silent_is_marked() {
 }
 
 #[test]
+fn what_is_read_is_never_written_over_whatever_it_is_called() {
+    let folder = folder("convert-apart");
+    let path = folder.join("take.mcap");
+    record(&path, &Person::doing("wave-r"), &[Segment::Torso], true, None);
+    std::os::unix::fs::symlink("take.mcap", folder.join("link.mcap")).expect("a link");
+    std::fs::hard_link(&path, folder.join("twin.mcap")).expect("a second name");
+    let before = std::fs::read(&path).expect("a recording");
+    for arguments in [
+        ["convert", "take.mcap", "take.mcap"].as_slice(),
+        &["convert", "take.mcap", "./link.mcap"],
+        &["convert", "take.mcap", "twin.mcap"],
+        &["info", "take.mcap", "--report", "take.mcap"],
+        &["recover", "take.mcap", "--report", "take.mcap"],
+        &["live", "--from", "replay:take.mcap", "--dry-run", "--report", "take.mcap"],
+    ] {
+        let output = gaitway(&folder, &[arguments, &["--force"]].concat());
+        assert_eq!(output.status.code(), Some(1), "{arguments:?}");
+        let told = [output.stdout, output.stderr].concat();
+        let told = String::from_utf8_lossy(&told).into_owned();
+        assert!(told.contains("the file that is read would be written over"), "{told}");
+        assert!(std::fs::read(&path).expect("still there") == before, "{arguments:?}");
+    }
+    let files = std::fs::read_dir(&folder).expect("the folder").count();
+    assert_eq!(files, 3, "nothing else was written");
+}
+
+#[test]
 fn a_recording_that_does_not_know_how_it_was_worn_is_a_table_of_samples_or_needs_to_be_told() {
     let folder = folder("convert-unknown");
     let person = Person::doing("bow");

@@ -283,4 +283,11 @@ fn what_cannot_be_recorded_is_refused_before_a_file_is_made() {
         assert!(!output.status.success() && text.contains(said), "{source}: {text}");
         assert!(!folder.join("take.mcap").exists(), "{source}");
     }
+    // What only a session heeds is not ignored without one.
+    for option in ["--plan=plan.toml", "--wear=head=tracker-000001-0"] {
+        let output = record(&folder, &["lines@/dev/null".to_owned(), option.to_owned()]);
+        let text = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.code() == Some(2) && text.contains("cannot be used with"), "{text}");
+        assert!(!folder.join("take.mcap").exists(), "{option}");
+    }
 }

@@ -248,11 +248,24 @@ fn a_session_can_be_interrupted_or_told_by_a_script_and_keeps_what_was_done() {
     assert!(code == Some(1) && said.contains("begun with other sensors"), "{said}");
     let (code, said) = go_on("imu:arduino-csv@/dev/null");
     assert!(code == Some(1) && said.contains("which segment wears this sensor"), "{said}");
-    // So is a folder that is somebody else's.
+    // What would be ignored is refused: the session keeps what it was begun with.
+    std::fs::write(folder.join("other.toml"), "[[action]]\nname = \"walk\"\n").expect("a plan");
+    for other in ["--plan=other.toml", "--magnetometer", "--wear=head=tracker-000001-0"] {
+        let (code, said) = go_on(other);
+        assert!(code == Some(1) && said.contains("the session was begun otherwise"), "{said}");
+        assert!(said.contains(other.split('=').next().unwrap_or(other)), "{said}");
+    }
+    // The same plan is no other one.
+    let same = "[[action]]\nname = \"bow\"\n[[action]]\nname = \"walk\"\n";
+    std::fs::write(folder.join("same.toml"), same).expect("a plan");
+    let (code, said) = go_on("--plan=same.toml");
+    assert!(code == Some(4) && said.contains("going on where it was"), "{said}");
+    // Refused is a folder that is somebody else's.
     let (code, said) = told(&["--session".into(), ".".into(), begin[2].clone()], "");
     assert!(code == Some(1) && said.contains("holds other things"), "{said}");
     let (code, said) = told(&["--session".into(), "new".into()], "");
     assert!(code == Some(1) && said.contains("a session needs sensors"), "{said}");
+    assert!(!folder.join("new").exists(), "a name mistyped makes no folder");
     person.is_left();
 }
 

@@ -61,7 +61,9 @@ pub fn run(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
             .at(args.out.display().to_string())
             .allowed("a file that ends in .csv, .bvh or .mcap; with --samples .csv"));
     }
-    Output::forced(args.force).check_files(&[&Some(args.out.clone())])?;
+    let output = Output::forced(args.force);
+    output.check_files(&[&Some(args.out.clone())])?;
+    output.check_apart(&args.file, &[&args.out])?;
     if args.samples {
         return samples(args, remarks);
     }

@@ -18,7 +18,7 @@ use crate::motion::Trend;
 use crate::robot::preflight::{Accept, Preflight, preflight};
 use crate::time::{Duration, Instant};
 use clap::{Args, ValueEnum};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 mod performer;
 mod report;
@@ -53,7 +53,7 @@ pub struct LiveArgs {
     #[arg(long, value_name = "SOURCE", num_args = 1.., required_unless_present = "wear")]
     from: Vec<String>,
     /// Which segment wears which sensor: SEGMENT=SENSOR, or a file of those
-    #[arg(long, value_name = "FILE.toml", num_args = 1..)]
+    #[arg(long, value_name = "SEGMENT=SENSOR|FILE.toml", num_args = 1..)]
     wear: Vec<String>,
     /// Robot by name, or path of its file (see `gaitway profile list`)
     #[arg(long, required_unless_present = "dry_run")]
@@ -75,7 +75,7 @@ pub struct LiveArgs {
     #[arg(long, requires = "calibration_body")]
     recalibrate: bool,
     /// Who wears the sensors; kept with the calibration of the body
-    #[arg(long, value_name = "NAME", default_value = "")]
+    #[arg(long, value_name = "NAME", default_value = "", hide_default_value = true)]
     subject: String,
     /// Begin N pose after this time, instead of with Enter [without a terminal: 3s]
     #[arg(long, value_name = "TIME", value_parser = duration)]
@@ -145,6 +145,16 @@ impl LiveArgs {
         let typed = self.from.iter().chain(&self.wear).map(String::as_str);
         typed.collect::<Vec<_>>().join(" ")
     }
+
+    /// Fails if what is followed would be written over, also by a report of a refusal.
+    fn check_read_files(&self) -> Result<(), Error> {
+        let recording: Vec<&Path> = self.record.as_deref().into_iter().collect();
+        let read = self
+            .from
+            .iter()
+            .filter_map(|from| from.strip_prefix("replay:").or_else(|| from.strip_prefix("file:")));
+        read.map(Path::new).try_for_each(|file| self.output.check_apart(file, &recording))
+    }
 }
 
 /// What the whole command shares.
@@ -159,8 +169,9 @@ struct Job<'a> {
 /// Runs `live`; the exit code.
 ///
 /// # Errors
-/// A report file that cannot be written. A refusal is a report, not an error.
+/// A report file that cannot be written, or an output that is what is followed. A refusal is a report, not an error.
 pub fn run(args: &LiveArgs, remarks: Remarks) -> Result<i32, Error> {
+    args.check_read_files()?;
     let signals = Signals::listen().map_err(|e| Error::new(format!("no signals: {e}")))?;
     let mut report = LiveReport::new(PlayReport::new(
         &args.motion(),

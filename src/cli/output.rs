@@ -3,6 +3,7 @@
 use crate::error::Error;
 use std::fs::OpenOptions;
 use std::io::Write;
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
 /// Prints a result.
@@ -115,6 +116,23 @@ impl Output {
             check_place(path)?;
         }
         Ok(())
+    }
+
+    /// Fails if an output is the very file that is read, whatever its name: `--force` permits to
+    /// replace results, not to lose what they are made of.
+    ///
+    /// # Errors
+    /// An output, or the report, that is `input`.
+    pub fn check_apart(&self, input: &Path, wanted: &[&Path]) -> Result<(), Error> {
+        let id = |path: &Path| std::fs::metadata(path).ok().map(|file| (file.dev(), file.ino()));
+        let Some(read) = id(input) else { return Ok(()) };
+        let mut written = wanted.iter().copied().chain(self.report.as_deref());
+        match written.find(|path| id(path) == Some(read)) {
+            None => Ok(()),
+            Some(path) => Err(Error::new("the file that is read would be written over")
+                .at(path.display().to_string())
+                .remedy("choose another name; --force is not for this")),
+        }
     }
 
     /// Fails if `path` exists and may not be overwritten.

@@ -57,16 +57,16 @@ pub struct RecordArgs {
     #[arg(long, value_name = "DIR", conflicts_with_all = ["out", "time", "name", "limp", "force"])]
     session: Option<PathBuf>,
     /// Which segment wears which SlimeVR tracker, in a session: left_thigh=tracker-00aa01-0
-    #[arg(long, value_name = "SEGMENT=TRACKER", requires = "session")]
+    #[arg(long, value_name = "SEGMENT=TRACKER", conflicts_with = "out")]
     wear: Vec<String>,
     /// What the session is to record (see docs/capture.md); without it actions are asked for
-    #[arg(long, value_name = "FILE.toml", requires = "session")]
+    #[arg(long, value_name = "FILE.toml", conflicts_with = "out")]
     plan: Option<PathBuf>,
     /// How long, e.g. 10s or 2.5s; without it until Ctrl-C
     #[arg(long = "for", value_name = "TIME", value_parser = source::duration)]
     time: Option<Duration>,
     /// Name of the trial, kept in the recording
-    #[arg(long, value_name = "TRIAL", default_value = "")]
+    #[arg(long, value_name = "TRIAL", default_value = "", hide_default_value = true)]
     name: String,
     /// Tell headings from the magnetic field where there is one (indoors rather not)
     #[arg(long)]

@@ -25,6 +25,8 @@ pub struct InfoArgs {
 /// # Errors
 /// A file that cannot be read as a recording.
 pub fn info(args: &InfoArgs) -> Result<i32, Error> {
+    args.output.check_files(&[])?;
+    args.output.check_apart(&args.file, &[])?;
     let overview = recording::summary(&args.file)?;
     let mut text = description(&overview);
     let mut told = Told { overview, markers: Vec::new(), taps: Vec::new() };
@@ -158,6 +160,7 @@ pub struct RecoverArgs {
 /// A file in which no recording is found; a recovered file that exists already.
 pub fn recover(args: &RecoverArgs, remarks: Remarks) -> Result<i32, Error> {
     args.output.check_files(&[])?;
+    args.output.check_apart(&args.file, &[])?;
     let recovered = recording::recover(&args.file, args.output.force())?;
     args.output.report(&recovered, &format!("{}\n", recovered.path.display()))?;
     remarks.say(&loss(&recovered));

@@ -44,7 +44,11 @@ impl Tap {
     pub fn words(&self) -> String {
         let ms = |s: f64| s * 1e3;
         let offsets = self.offset_s.iter().map(|(name, s)| format!("{name} {:+.1} ms", ms(*s)));
-        let verdict = if self.agrees() { "one time base" } else { "their times differ" };
+        let verdict = if self.agrees() {
+            "one time base"
+        } else {
+            "their times differ, unless it was a step"
+        };
         format!(
             "at {:.3} s, felt by {} sensors, {:.1} ms apart: {verdict} ({}; each within {:.1} ms)",
             self.at_s,

@@ -133,7 +133,8 @@ impl BodyReport {
     }
 
     fn text(&self, out: &mut String) {
-        let _ = writeln!(out, "body      calibrated {} {}", self.calibrated, self.subject);
+        let line = format!("body      calibrated {} {}", self.calibrated, self.subject);
+        let _ = writeln!(out, "{}", line.trim_end());
         for mount in &self.sensors {
             let degrees = |rad: Option<f64>| {
                 rad.map_or_else(|| "-".to_owned(), |rad| format!("{:.1}", rad.to_degrees()))

@@ -116,11 +116,18 @@ pub fn run(
 ) -> Result<i32, Error> {
     args.output.check_files(&[])?;
     let plan = args.plan.as_deref().map(read_plan).transpose()?;
+    if args.sources.is_empty() && !root.join("session.toml").exists() {
+        // A name mistyped makes no folder.
+        return Err(no_sensors().at(root.display().to_string()));
+    }
     let folder = Folder::open(root)?;
     let progress = Progress::read(&folder)?;
     if progress.finished {
         remarks.say("the session is finished already");
         return report(args, &folder, &progress).map(|()| 0);
+    }
+    if let Some(begun) = &progress.session {
+        check_as_begun(args, plan.as_ref(), begun)?;
     }
     let (texts, wear) = given(args, &progress)?;
     let worn = sensors(&texts, &wear)?;
@@ -211,11 +218,7 @@ fn given(
     progress: &Progress,
 ) -> Result<(Vec<String>, BTreeMap<String, String>), Error> {
     if args.sources.is_empty() {
-        let session = progress.session.as_ref().ok_or_else(|| {
-            Error::new("a session needs sensors")
-                .allowed("SEGMENT=imu:PROFILE@BUS for each sensor that is worn")
-                .remedy("e.g. gaitway record --session lab torso=imu:bno08x-rvc@/dev/ttyUSB0")
-        })?;
+        let session = progress.session.as_ref().ok_or_else(no_sensors)?;
         return Ok((session.sources.clone(), session.wear.clone()));
     }
     let mut wear = BTreeMap::new();
@@ -225,6 +228,34 @@ fn given(
         wear.insert(tracker.to_owned(), segment.to_owned());
     }
     Ok((args.sources.iter().map(|source| source.text.clone()).collect(), wear))
+}
+
+fn no_sensors() -> Error {
+    Error::new("a session needs sensors")
+        .allowed("SEGMENT=imu:PROFILE@BUS for each sensor that is worn")
+        .remedy("e.g. gaitway record --session lab torso=imu:bno08x-rvc@/dev/ttyUSB0")
+}
+
+/// What a session is to be is said once, when it begins: what is typed later and differs would be
+/// ignored, so it is refused.
+fn check_as_begun(
+    args: &RecordArgs,
+    plan: Option<&Plan>,
+    begun: &SessionFile,
+) -> Result<(), Error> {
+    let differs = if plan.is_some_and(|plan| *plan != begun.plan) {
+        "--plan"
+    } else if args.magnetometer && !begun.magnetometer {
+        "--magnetometer"
+    } else if args.sources.is_empty() && !args.wear.is_empty() {
+        "--wear without sources"
+    } else {
+        return Ok(());
+    };
+    Err(Error::new("the session was begun otherwise")
+        .at(differs)
+        .allowed("what stands in session.toml")
+        .remedy("leave it out to go on, or begin another session"))
 }
 
 /// The sensors that these sources bring.

@@ -70,25 +70,35 @@ pub struct ImusArgs {
     #[arg(long, value_name = "DEG_MIN", default_value_t = 1.0, allow_negative_numbers = true)]
     drift: f64,
     /// How far straps are turned about the limbs, root mean square, deg
-    #[arg(long, value_name = "DEG", default_value_t = 8.0, value_parser = factor)]
+    #[arg(long, value_name = "DEG", default_value_t = 8.0, value_parser = degrees)]
     strapping: f64,
     /// An adapter holds bytes back to multiples of this time, e.g. 16ms
     #[arg(long, value_name = "TIME", value_parser = duration)]
     batch: Option<Duration>,
-    /// Probability that a sample is lost
-    #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = factor)]
+    /// Probability that a sample is lost, 0 to 1
+    #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = share)]
     loss: f64,
     /// Seed of everything random
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
 }
 
-/// Reads a number that is not below zero.
+/// Reads a number from zero to `most`.
+fn up_to(most: f64, text: &str) -> Result<f64, String> {
+    let value = text.parse::<f64>().ok().filter(|value| (0.0..=most).contains(value));
+    value.ok_or_else(|| format!("allowed are 0 to {most}"))
+}
+
 fn factor(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if (0.0..=1e3).contains(&value) => Ok(value),
-        _ => Err("0 to 1000".to_owned()),
-    }
+    up_to(1e3, text)
+}
+
+fn degrees(text: &str) -> Result<f64, String> {
+    up_to(180.0, text)
+}
+
+fn share(text: &str) -> Result<f64, String> {
+    up_to(1.0, text)
 }
 
 /// Runs `simulate imus` until a signal comes.
@@ -197,7 +207,7 @@ fn imu(
         acceleration_noise_m_s2: args.noise * 0.03,
         clock_skew: 20e-6,
         heading_drift_rad_s: args.drift.to_radians() / 60.0 * normal(random),
-        loss: args.loss.min(1.0),
+        loss: args.loss,
         latency_s: 0.002,
         jitter_s: 0.001,
         batch_s: args.batch.map_or(0.0, |batch| batch.as_secs_f64()),
@@ -262,7 +272,10 @@ impl<'a> Place<'a> {
         let name = segment_name(segment);
         let failed = |place: String| {
             move |e: gaitway_sim::DoorError| {
-                Error::new("a sensor cannot be opened").at(place).got(e.to_string())
+                Error::new("a virtual sensor cannot be set up")
+                    .at(place)
+                    .got(e.to_string())
+                    .remedy("choose another folder, or another address")
             }
         };
         if let Some(server) = self.server {

@@ -523,7 +523,8 @@ impl<'a> Guide<'a> {
             if let Some((sensor, why)) = self.sensors.ended() {
                 return Err(Error::new("a sensor that is worn is gone")
                     .at(format!("sensor {sensor}"))
-                    .got(why.clone()));
+                    .got(why.clone())
+                    .remedy("plug it in or switch it on, and give the same command again"));
             }
             if self.sensors.is_over() {
                 return Err(Error::new("the recording ended during the calibration")
