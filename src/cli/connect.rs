@@ -235,8 +235,14 @@ fn interface_at(interface: &str, speed: CanSpeed) -> Result<Box<dyn FramePort>, 
             return refuse("the CAN interface has another data speed", got, fast.to_string());
         }
     }
-    let port = CanInterface::open(interface).map_err(|e| {
+    let mut port = CanInterface::open(interface).map_err(|e| {
         Error::new("the CAN interface cannot be opened").at(place()).got(spoken(&e))
+    })?;
+    port.claim().map_err(|e| match e {
+        PortError::Busy(_) => Error::new("the CAN interface is in use by another gaitway")
+            .at(place())
+            .remedy("end the other command first: two hosts would fight over the actuators"),
+        e => Error::new("the CAN interface cannot be claimed").at(place()).got(spoken(&e)),
     })?;
     Ok(Box::new(port))
 }

@@ -19,6 +19,8 @@ use socketcan::{
 use std::fs;
 use std::io::ErrorKind;
 use std::os::fd::AsFd;
+use std::os::linux::net::SocketAddrExt;
+use std::os::unix::net::{SocketAddr, UnixListener};
 
 /// Pause before a full send queue is tried again: about one frame of eight bytes at 1 Mbit/s.
 const QUEUE_PAUSE: Duration = Duration::from_micros(150);
@@ -30,6 +32,8 @@ pub struct CanInterface {
     socket: CanFdSocket,
     name: String,
     full_queue_count: u64,
+    /// While it lives no other command of ours speaks here.
+    claim: Option<UnixListener>,
 }
 
 /// Which frames are let through: those of the same kind whose identifier has the bits of `id` where
@@ -139,10 +143,20 @@ impl CanInterface {
             _ if e.kind() == ErrorKind::PermissionDenied => PortError::Denied(name.to_owned()),
             _ => PortError::Io(format!("{name}: {e}")),
         })?;
-        let port = Self { socket, name: name.to_owned(), full_queue_count: 0 };
+        let port = Self { socket, name: name.to_owned(), full_queue_count: 0, claim: None };
         let ready = port.socket.set_error_filter_accept_all();
         ready.and_then(|()| port.socket.set_nonblocking(true)).map_err(|e| port.io_error(&e))?;
         Ok(port)
+    }
+
+    /// Claims the interface, which the kernel itself gives to everybody: two hosts that tell the
+    /// same actuators their goals would fight. Ends with this value, or with the process.
+    ///
+    /// # Errors
+    /// [`PortError::Busy`] if another command holds it.
+    pub fn claim(&mut self) -> Result<(), PortError> {
+        self.claim = Some(claim(&self.name)?);
+        Ok(())
     }
 
     /// From now on lets through only frames that pass one of the filters, and reports of the line.
@@ -186,6 +200,16 @@ impl CanInterface {
             }
         }
     }
+}
+
+/// A name in the kernel that one process holds at a time, in the network namespace of the interface.
+fn claim(interface: &str) -> Result<UnixListener, PortError> {
+    let unclaimable = |e: std::io::Error| match e.kind() {
+        ErrorKind::AddrInUse => PortError::Busy(interface.to_owned()),
+        _ => PortError::Io(format!("{interface}: it cannot be claimed: {e}")),
+    };
+    let name = SocketAddr::from_abstract_name(format!("gaitway-can-{interface}"));
+    name.and_then(|name| UnixListener::bind_addr(&name)).map_err(unclaimable)
 }
 
 impl FramePort for CanInterface {
@@ -276,6 +300,15 @@ fn from_socket(frame: &CanAnyFrame) -> Option<Heard> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_interface_is_claimed_by_one_at_a_time() {
+        let first = claim("nocan8").expect("nobody holds it");
+        assert_eq!(claim("nocan8").err(), Some(PortError::Busy("nocan8".to_owned())));
+        claim("nocan9").expect("another");
+        drop(first);
+        claim("nocan8").expect("free again");
+    }
 
     #[test]
     fn a_missing_interface_is_named_in_the_error() {
