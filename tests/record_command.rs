@@ -200,6 +200,10 @@ fn a_recording_that_was_killed_is_read_and_converted() {
     let _ = child.wait();
     let rows = table(&folder);
     assert!(rows["cobs-imu"].len() > 100, "{}", rows["cobs-imu"].len());
+    let again = ["convert", "take.mcap", "again.csv"];
+    let converted = gaitway().current_dir(&folder).args(again).output().expect("convert");
+    let said = String::from_utf8_lossy(&converted.stderr).into_owned();
+    assert!(said.contains("cut off") && !said.contains("0 samples"), "{said}");
     let recovered = gaitway().current_dir(&folder).args(["recover", "take.mcap"]).output();
     assert_eq!(recovered.expect("recover").status.code(), Some(3));
 }
