@@ -287,6 +287,14 @@ fn what_cannot_be_recorded_is_refused_before_a_file_is_made() {
         assert!(!output.status.success() && text.contains(said), "{source}: {text}");
         assert!(!folder.join("take.mcap").exists(), "{source}");
     }
+    let twice = ["a=lines@/dev/null", "b=lines@/dev/null", "a=lines@/dev/zero"].map(str::to_owned);
+    let output = record(&folder, &twice);
+    let text = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(
+        output.status.code() == Some(1) && text.contains("two sources have one name"),
+        "{text}"
+    );
+    assert!(!folder.join("take.mcap").exists());
     // What only a session heeds is not ignored without one.
     for option in ["--plan=plan.toml", "--wear=head=tracker-000001-0"] {
         let output = record(&folder, &["lines@/dev/null".to_owned(), option.to_owned()]);
