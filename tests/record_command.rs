@@ -200,6 +200,10 @@ fn a_recording_that_was_killed_is_read_and_converted() {
     let _ = child.wait();
     let rows = table(&folder);
     assert!(rows["cobs-imu"].len() > 100, "{}", rows["cobs-imu"].len());
+    let again = ["convert", "take.mcap", "again.csv"];
+    let converted = gaitway().current_dir(&folder).args(again).output().expect("convert");
+    let said = String::from_utf8_lossy(&converted.stderr).into_owned();
+    assert!(said.contains("cut off") && !said.contains("0 samples"), "{said}");
     let recovered = gaitway().current_dir(&folder).args(["recover", "take.mcap"]).output();
     assert_eq!(recovered.expect("recover").status.code(), Some(3));
 }
@@ -283,6 +287,14 @@ fn what_cannot_be_recorded_is_refused_before_a_file_is_made() {
         assert!(!output.status.success() && text.contains(said), "{source}: {text}");
         assert!(!folder.join("take.mcap").exists(), "{source}");
     }
+    let twice = ["a=lines@/dev/null", "b=lines@/dev/null", "a=lines@/dev/zero"].map(str::to_owned);
+    let output = record(&folder, &twice);
+    let text = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(
+        output.status.code() == Some(1) && text.contains("two sources have one name"),
+        "{text}"
+    );
+    assert!(!folder.join("take.mcap").exists());
     // What only a session heeds is not ignored without one.
     for option in ["--plan=plan.toml", "--wear=head=tracker-000001-0"] {
         let output = record(&folder, &["lines@/dev/null".to_owned(), option.to_owned()]);

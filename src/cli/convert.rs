@@ -138,8 +138,11 @@ fn samples(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
     Output::forced(args.force).write_file(&args.out, &bytes)?;
     remarks.say(&format!("{} rows to {}", rows.rows, args.out.display()));
     let whole = rows.whole && rows.missing == 0;
-    if !whole {
+    if rows.missing > 0 {
         remarks.say(&format!("{} samples or readings are missing in the recording", rows.missing));
+    }
+    if !rows.whole {
+        remarks.say("the recording was cut off or is damaged: its last second may be missing");
     }
     let outcome = if whole { Outcome::Done } else { Outcome::DoneWithLoss };
     Ok(outcome.exit_code())

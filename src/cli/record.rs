@@ -103,6 +103,20 @@ const PATIENCE: Duration = Duration::from_secs(3);
 /// Bytes of a line that come after its start belong to a packet cut in two; so many are no loss.
 const PARTIAL_PACKET: u64 = 600;
 
+/// Fails if two sources were given one name: nobody could tell afterwards which was which.
+fn check_names(sources: &[Source]) -> Result<(), Error> {
+    for (at, source) in sources.iter().enumerate() {
+        let is_same = |other: &&Source| source.name.is_some() && other.name == source.name;
+        if let Some(other) = sources[..at].iter().find(is_same) {
+            return Err(Error::new("two sources have one name")
+                .at(source.text.clone())
+                .got(other.text.clone())
+                .remedy("give each its own name before the ="));
+        }
+    }
+    Ok(())
+}
+
 /// Runs `record`; exit code 3 if something is missing in the recording.
 ///
 /// # Errors
@@ -114,6 +128,7 @@ pub fn run(args: &RecordArgs, remarks: Remarks) -> Result<i32, Error> {
     }
     let out = args.out.as_deref().ok_or_else(|| Error::new("no file to record to"))?;
     args.output.check_files(&[&args.out])?;
+    check_names(&args.sources)?;
     let mut opened = Vec::new();
     let mut joints = None;
     for source in &args.sources {
