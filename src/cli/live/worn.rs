@@ -9,7 +9,7 @@ use crate::body::worn::{Wearing, WornPose};
 use crate::capture::{Counts, Mode};
 use crate::cli::output::Output;
 use crate::cli::play::RunRecorder;
-use crate::cli::record::intake::{Intake, SourceReport};
+use crate::cli::record::intake::{Intake, SourceReport, StopAtEnd};
 use crate::cli::record::source::Source;
 use crate::cli::report::Outcome;
 use crate::cli::source::robot_model;
@@ -27,7 +27,7 @@ use glam::{DQuat, DVec3};
 use std::io::IsTerminal;
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 use std::sync::mpsc::{Sender, channel};
 
 /// Tables per second.
@@ -35,13 +35,16 @@ const SHOWN_HZ: f64 = 4.0;
 /// Poses per second where no robot asks for them.
 const POSES_HZ: f64 = 50.0;
 
-/// Ends the readers however this ends.
-struct StopAtEnd<'a>(&'a AtomicBool);
-
-impl Drop for StopAtEnd<'_> {
-    fn drop(&mut self) {
-        self.0.store(true, Ordering::Release);
+/// Keeps a calibration: the old one stays whole until the new one is.
+fn keep(path: &Path, kept: &Kept, in_place_of_old: bool) -> Result<(), Error> {
+    if !in_place_of_old {
+        return Output::forced(false).write_file(path, kept.text().as_bytes());
     }
+    let beside = path.with_extension("toml.new");
+    Output::forced(true).write_file(&beside, kept.text().as_bytes())?;
+    std::fs::rename(&beside, path).map_err(|e| {
+        Error::new("cannot write the file").at(path.display().to_string()).got(e.to_string())
+    })
 }
 
 impl Job<'_> {
@@ -216,7 +219,7 @@ impl Job<'_> {
         }
         let Some(guided) = guide.calibrate(&plan)? else { return Ok(None) };
         if let Some(path) = file {
-            Output::forced(args.recalibrate).write_file(path, guided.kept.text().as_bytes())?;
+            keep(path, &guided.kept, args.recalibrate)?;
             self.remarks.say(&format!("calibration of the body kept in {}", path.display()));
         }
         Ok(Some(guided))

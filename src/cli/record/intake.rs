@@ -132,6 +132,15 @@ pub struct Named {
     id: Option<SourceId>,
 }
 
+/// Ends the readers however their owner ends.
+pub struct StopAtEnd<'a>(pub &'a AtomicBool);
+
+impl Drop for StopAtEnd<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Release);
+    }
+}
+
 /// What every source's thread shares.
 pub struct Intake<'a> {
     recorder: Option<&'a Recorder>,

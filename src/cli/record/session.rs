@@ -13,7 +13,7 @@ mod subject;
 mod trial;
 
 use super::RecordArgs;
-use super::intake::Intake;
+use super::intake::{Intake, StopAtEnd};
 use super::source::{Source, What};
 use crate::body::Segment;
 use crate::capture::Mode;
@@ -30,7 +30,7 @@ use hub::Hub;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 use std::time::SystemTime;
 
 /// A sensor of a session.
@@ -93,15 +93,6 @@ struct Report {
     kept: usize,
     good_repetitions: u32,
     manifest: Option<PathBuf>,
-}
-
-/// Ends the readers however this ends.
-struct StopAtEnd<'a>(&'a AtomicBool);
-
-impl Drop for StopAtEnd<'_> {
-    fn drop(&mut self) {
-        self.0.store(true, Ordering::Release);
-    }
 }
 
 /// Leads a session, from its beginning or from where it was left.
