@@ -1,6 +1,8 @@
 //! What runs in the guest: the CAN port on virtual interfaces. vcan0 is up and carries FD, vcan1 is
 //! up and classic, vcan2 is down.
 
+#[path = "commands.rs"]
+mod commands;
 #[path = "dialects.rs"]
 mod dialects;
 #[path = "robot.rs"]
