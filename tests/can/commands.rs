@@ -1,11 +1,7 @@
 //! The command as a user types it, against virtual actuators behind an interface of this kernel:
 //! `simulate` in one program, every other command in another.
 
-#[path = "../can_robot/robots.rs"]
-#[allow(dead_code)]
-mod robots;
-
-use robots::{DAMIAO, MOTEUS, few};
+use super::robots::{self, DAMIAO, MOTEUS, few};
 use serde_json::{Value, json};
 use std::io::{BufRead as _, BufReader};
 use std::path::PathBuf;

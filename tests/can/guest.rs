@@ -7,6 +7,9 @@ mod commands;
 mod dialects;
 #[path = "robot.rs"]
 mod robot;
+#[allow(dead_code)]
+#[path = "../can_robot/robots.rs"]
+mod robots;
 #[path = "simulator.rs"]
 mod simulator;
 #[path = "slcan.rs"]
