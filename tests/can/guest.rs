@@ -1,10 +1,15 @@
 //! What runs in the guest: the CAN port on virtual interfaces. vcan0 is up and carries FD, vcan1 is
 //! up and classic, vcan2 is down.
 
+#[path = "commands.rs"]
+mod commands;
 #[path = "dialects.rs"]
 mod dialects;
 #[path = "robot.rs"]
 mod robot;
+#[allow(dead_code)]
+#[path = "../can_robot/robots.rs"]
+mod robots;
 #[path = "simulator.rs"]
 mod simulator;
 #[path = "slcan.rs"]

@@ -1,11 +1,11 @@
 //! The driver as it is in production on real interfaces, with virtual actuators behind them.
 
-#[allow(dead_code)]
-#[path = "../can_robot/robots.rs"]
-mod robots;
 #[path = "../scene/mod.rs"]
 mod scene;
 
+use super::robots::{
+    self, CUBEMARS, CUBEMARS_SERVO, DAMIAO, Kind, MOTEUS, ODRIVE, RECOIL, ROBSTRIDE,
+};
 use gaitway::cli::address::Address;
 use gaitway::cli::connect::connect;
 use gaitway::control::Settings;
@@ -13,7 +13,6 @@ use gaitway::port::can_bridge::CanBridge;
 use gaitway::port::sim::SharedWorld;
 use gaitway::robot::Robot;
 use gaitway_sim::{Options, World};
-use robots::{CUBEMARS, CUBEMARS_SERVO, DAMIAO, Kind, MOTEUS, ODRIVE, RECOIL, ROBSTRIDE};
 use scene::Scene;
 
 fn robot(kind: Kind) -> Robot {
