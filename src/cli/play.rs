@@ -181,7 +181,7 @@ fn plan_from(
     let path = loaded.path_from(robot, &found.start_rad)?;
     let options = PlanOptions {
         speed: args.motion.speed(),
-        retime: args.motion.retimes(),
+        retime: loaded.retime,
         approach: !args.no_approach,
         rounds: args.repeat,
     };

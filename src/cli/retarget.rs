@@ -50,11 +50,8 @@ pub fn run(args: &RetargetArgs, remarks: Remarks) -> Result<i32, Error> {
     let robot = Robot::load(args.motion.robot())?;
     let loaded = source::load(&args.motion, &robot)?;
     let start_rad: Vec<f64> = robot.joints.iter().map(|joint| joint.initial_rad).collect();
-    let options = PlanOptions {
-        speed: args.motion.speed(),
-        retime: args.motion.retimes(),
-        ..PlanOptions::default()
-    };
+    let options =
+        PlanOptions { speed: args.motion.speed(), retime: loaded.retime, ..PlanOptions::default() };
     let path = loaded.path_from(&robot, &start_rad)?;
     let planned = plan(&start_rad, &path, &robot.limits(), options)?;
     let rate_hz = args.rate.unwrap_or(robot.file.rate_hz);

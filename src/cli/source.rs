@@ -1,5 +1,7 @@
 //! From a motion as typed to a path over the robot's joints.
 
+mod joints;
+
 use super::report::Source;
 use crate::action::{Join, phrase, vocabulary};
 use crate::body::{Proportions, Segment};
@@ -20,8 +22,9 @@ use std::path::PathBuf;
 /// Which motion, for which robot, and how much of it.
 #[derive(Clone, Debug, Args)]
 pub struct MotionArgs {
-    /// A capture (.bvh), an action that ships with gaitway (walk), an action file (.toml), or
-    /// several actions: walk:6s,wave-r,bow
+    /// A capture (.bvh), an action that ships with gaitway (walk), an action file (.toml), several
+    /// actions (walk:6s,wave-r,bow), or a motion of the robot's own joints: a recording (.mcap),
+    /// such as one guided by hand, or a table (.csv: time_s, JOINT_rad)
     motion: String,
     /// Robot by name, or path of its file (see `gaitway profile list`)
     #[arg(long)]
@@ -45,7 +48,7 @@ pub struct MotionArgs {
     /// Swap left and right
     #[arg(long)]
     mirror: bool,
-    /// Slow the motion down until the robot can follow (the default for captures)
+    /// Slow the motion down until the robot can follow (the default for what a person did)
     #[arg(long, conflicts_with = "no_retime")]
     retime: bool,
     /// Refuse a motion the robot cannot follow at the speed asked for
@@ -81,13 +84,6 @@ impl MotionArgs {
     pub const fn speed(&self) -> f64 {
         self.speed
     }
-
-    /// True if the motion may be slowed down.
-    #[must_use]
-    pub const fn retimes(&self) -> bool {
-        // A person's motion is slowed by default; `--retime` says so explicitly.
-        self.retime || !self.no_retime
-    }
 }
 
 /// Poses per second of a performed action.
@@ -104,6 +100,8 @@ pub struct Loaded {
     pub notes: Vec<String>,
     only: Vec<String>,
     retargeted: Retargeted,
+    /// True if it may be slowed down.
+    pub retime: bool,
 }
 
 /// Reads the motion and transfers it to the robot's joints.
@@ -119,6 +117,9 @@ pub fn load(args: &MotionArgs, robot: &Robot) -> Result<Loaded, Error> {
             .got(unknown.clone())
             .allowed(known.join(", ")));
     }
+    if let Some(motion) = joints::read(std::path::Path::new(&args.motion))? {
+        return in_joints(args, robot, &motion);
+    }
     let (mut capture, source) = body_motion(&args.motion, args.mapping.as_deref())?;
     if args.mirror {
         capture.mirror();
@@ -129,7 +130,27 @@ pub fn load(args: &MotionArgs, robot: &Robot) -> Result<Loaded, Error> {
     let settings = retarget::Settings::default();
     let retargeted = retarget::retarget(&capture, &model, &initial_rad, &settings)?;
     let notes = retargeted.notes.clone();
-    Ok(Loaded { source, notes, only: args.only.clone(), retargeted })
+    // A person's motion is slowed by default; `--retime` says so explicitly.
+    let retime = !args.no_retime;
+    Ok(Loaded { source, notes, only: args.only.clone(), retargeted, retime })
+}
+
+/// A motion that is in the robot's joints already.
+fn in_joints(
+    args: &MotionArgs,
+    robot: &Robot,
+    motion: &joints::JointMotion,
+) -> Result<Loaded, Error> {
+    if args.mirror || args.mapping.is_some() {
+        return Err(Error::new("this motion is in the robot's joints already")
+            .at(args.motion.clone())
+            .got(if args.mirror { "--mirror" } else { "--mapping" })
+            .allowed("a capture or an action"));
+    }
+    let (retargeted, source) = motion.on(robot, args.from, args.to)?;
+    // What a hand did is a person's motion; a trajectory was meant to be played as it is.
+    let retime = if motion.taught { !args.no_retime } else { args.retime };
+    Ok(Loaded { source, notes: Vec::new(), only: args.only.clone(), retargeted, retime })
 }
 
 /// Reads a capture, or performs actions, as a motion of body segments.

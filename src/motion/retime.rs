@@ -76,7 +76,7 @@ pub fn retime(path: &Path, limits: &[JointLimits]) -> Result<Retimed, Error> {
 pub fn refuse_beyond(path: &Path, limits: &[JointLimits]) -> Result<(), Error> {
     for ((joint, spline), limits) in path.joints().iter().zip(path.splines()).zip(limits) {
         limits.admit_rates(joint, &spline.extremes()).map_err(|error| {
-            error.remedy("leave out --no-retime: then the whole motion is slowed down, and it is said by how much")
+            error.remedy("let the whole motion be slowed down, by how much is said: --retime, or without --no-retime")
         })?;
     }
     Ok(())

@@ -2,7 +2,7 @@
 //! nightly compiler with the components `miri` and `rust-src` is at hand. In this folder:
 //!
 //! ```sh
-//! PROPTEST_CASES=2 MIRIFLAGS=-Zmiri-disable-isolation cargo +nightly miri test --lib
+//! MIRIFLAGS=-Zmiri-disable-isolation cargo +nightly miri test --lib -- --skip properties
 //! ```
 
 #[path = "../../../src"]

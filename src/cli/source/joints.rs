@@ -1,0 +1,243 @@
+//! Motions that are in a robot's own joints already: recordings, taught by hand or of goals, and
+//! tables as `retarget` writes them.
+
+use crate::cli::report::Source;
+use crate::error::Error;
+use crate::mocap::retarget::{Retargeted, Settings};
+use crate::motion::{low_pass, saturate};
+use crate::recording;
+use crate::robot::{Joint, Robot};
+use gaitway_profiles as profiles;
+use std::path::Path;
+
+/// Longest time without a position of a joint that is bridged by a straight line, s.
+const GAP_S: f64 = 0.5;
+/// Angles this far beyond a limit are rounding, rad.
+const ROUNDING_RAD: f64 = 1e-6;
+/// A sample counts as clipped if a limit moved it by more than this, rad.
+const CLIPPED_RAD: f64 = 0.01;
+
+/// Positions of one joint: times in s, rising, and angles in rad.
+struct Series {
+    joint: String,
+    points: Vec<(f64, f64)>,
+}
+
+/// A motion as it was read.
+pub struct JointMotion {
+    format: &'static str,
+    series: Vec<Series>,
+    /// Guided by hand: a person's motion, with the noise of measuring.
+    pub taught: bool,
+}
+
+/// Reads a recording (.mcap) or a table (.csv); none if `path` ends otherwise.
+///
+/// # Errors
+/// A file that cannot be read or holds no positions of joints.
+pub fn read(path: &Path) -> Result<Option<JointMotion>, Error> {
+    let ending = path.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase();
+    match ending.as_str() {
+        "mcap" => of_recording(path).map(Some),
+        "csv" => {
+            let motion = of_table(&profiles::read_text(path)?);
+            motion.map(Some).map_err(|e| e.at(path.display().to_string()))
+        }
+        _ => Ok(None),
+    }
+}
+
+/// Goals if there are any, else what was measured.
+fn of_recording(path: &Path) -> Result<JointMotion, Error> {
+    let recording = recording::read(path)?;
+    let taught = recording.cycles.iter().flat_map(|c| &c.joints).all(|j| j.goal_rad.is_none());
+    let first = recording.cycles.first().map(|cycle| cycle.at);
+    let series = recording.joint_names.iter().enumerate().map(|(index, joint)| {
+        let point = |cycle: &recording::CycleRecord| {
+            let joint = cycle.joints.get(index)?;
+            let angle_rad = if taught { joint.present_position_rad } else { joint.goal_rad };
+            Some((cycle.at.seconds_since(first?), angle_rad?))
+        };
+        let mut points: Vec<(f64, f64)> = recording.cycles.iter().filter_map(point).collect();
+        points.dedup_by(|later, before| later.0 <= before.0);
+        Series { joint: joint.clone(), points }
+    });
+    let series: Vec<Series> = series.filter(|series| series.points.len() > 1).collect();
+    if series.is_empty() {
+        return Err(Error::new("the recording holds no positions of a robot's joints")
+            .at(path.display().to_string())
+            .remedy("record some with `gaitway record servos:ROBOT@BUS --limp -o FILE.mcap`"));
+    }
+    Ok(JointMotion { format: if taught { "taught" } else { "recording" }, series, taught })
+}
+
+/// `time_s`, then a column per joint, rad.
+fn of_table(text: &str) -> Result<JointMotion, Error> {
+    let shape = "time_s, then a column JOINT_rad for each joint, as `gaitway retarget` writes it";
+    let mut lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
+    let titles = lines.next().map_or("", |(_, line)| line);
+    let mut titles = titles.split(',').map(str::trim);
+    if titles.next() != Some("time_s") {
+        return Err(Error::new("this is no table of joint angles").allowed(shape));
+    }
+    let mut series = Vec::new();
+    for title in titles {
+        let unlabelled = || {
+            Error::new("a column does not say that it is an angle in rad").got(title).allowed(shape)
+        };
+        let joint = title.strip_suffix("_rad").ok_or_else(unlabelled)?.to_owned();
+        series.push(Series { joint, points: Vec::new() });
+    }
+    let mut before_s = f64::NEG_INFINITY;
+    for (number, line) in lines {
+        let wrong = |what: &str, got: &str| {
+            Error::new(what.to_owned()).got(format!("line {}: {got}", number + 1)).allowed(shape)
+        };
+        let cells: Vec<&str> = line.split(',').map(str::trim).collect();
+        if cells.len() != series.len() + 1 {
+            return Err(wrong("a row has not one number per column", line));
+        }
+        let mut values = Vec::with_capacity(cells.len());
+        for cell in cells {
+            let value = cell.parse().ok().filter(|value: &f64| value.is_finite());
+            values.push(value.ok_or_else(|| wrong("a cell is no number", cell))?);
+        }
+        if !(values[0] > before_s) {
+            return Err(wrong("time does not go on", &values[0].to_string()));
+        }
+        before_s = values[0];
+        for (series, &angle_rad) in series.iter_mut().zip(&values[1..]) {
+            series.points.push((before_s, angle_rad));
+        }
+    }
+    if series.first().is_none_or(|series| series.points.len() < 2) {
+        return Err(Error::new("a table of joint angles needs two rows at least").allowed(shape));
+    }
+    Ok(JointMotion { format: "table", series, taught: false })
+}
+
+impl JointMotion {
+    /// On `robot`, at even times, from `from_s` to `to_s` of it if they are given.
+    ///
+    /// # Errors
+    /// A joint the robot has not, a gap, a section that is empty; an angle beyond the robot's limits,
+    /// unless it was taught: then it is bent and counted as in a capture.
+    pub fn on(
+        &self,
+        robot: &Robot,
+        from_s: Option<f64>,
+        to_s: Option<f64>,
+    ) -> Result<(Retargeted, Source), Error> {
+        let ends = |of: fn(&Series) -> Option<&(f64, f64)>| {
+            self.series.iter().filter_map(of).map(|point| point.0)
+        };
+        let begin_s = ends(|series| series.points.first()).fold(f64::NEG_INFINITY, f64::max);
+        let end_s = ends(|series| series.points.last()).fold(f64::INFINITY, f64::min);
+        let (from_s, to_s) = (from_s.unwrap_or(0.0), to_s.unwrap_or(end_s - begin_s));
+        if !(from_s >= 0.0 && from_s < to_s && begin_s + to_s <= end_s + 1e-9) {
+            return Err(Error::new("no such section in the motion")
+                .at("--from, --to")
+                .got(format!("{from_s} to {to_s} s"))
+                .allowed(format!("0 to {:.3} s, the end after the beginning", end_s - begin_s)));
+        }
+        let rate_hz = self.rate_hz();
+        let last = ((to_s - from_s) * rate_hz).round().max(1.0) as usize;
+        let step_s = (to_s - from_s) / last as f64;
+        let even_hz = 1.0 / step_s;
+        let count = self.series.len();
+        let mut motion = Retargeted {
+            joints: Vec::with_capacity(count),
+            rate_hz: even_hz,
+            wanted_rad: Vec::with_capacity(count),
+            positions_rad: Vec::with_capacity(count),
+            clipped_samples: Vec::with_capacity(count),
+            clipped_share: Vec::with_capacity(count),
+            at_limit_share: vec![0.0; count],
+            fit_error_deg: Vec::new(),
+            notes: Vec::new(),
+        };
+        for series in &self.series {
+            let joint = known(robot, &series.joint)?;
+            series.check_gaps()?;
+            let at = |index: usize| series.at(begin_s + from_s + index as f64 * step_s);
+            let mut wanted: Vec<f64> = (0..=last).map(at).collect();
+            let held = if self.taught {
+                let settings = Settings::default();
+                wanted = low_pass(&wanted, even_hz, settings.cutoff_hz.min(0.4 * even_hz))?;
+                let (lower, upper) = (joint.limits.lower_rad(), joint.limits.upper_rad());
+                wanted.iter().map(|&x| saturate(x, lower, upper, settings.margin_rad)).collect()
+            } else {
+                inside(joint, &wanted, step_s)?
+            };
+            let clipped = wanted.iter().zip(&held).filter(|(w, h)| (**w - **h).abs() > CLIPPED_RAD);
+            let clipped = clipped.count();
+            motion.joints.push(series.joint.clone());
+            motion.clipped_samples.push(clipped);
+            motion.clipped_share.push(clipped as f64 / (last + 1) as f64);
+            motion.wanted_rad.push(wanted);
+            motion.positions_rad.push(held);
+        }
+        let source = Source {
+            format: self.format.to_owned(),
+            frames: last + 1,
+            rate_hz: even_hz,
+            duration_s: to_s - from_s,
+        };
+        Ok((motion, source))
+    }
+
+    /// The usual rate of the joint that was told or read most often.
+    fn rate_hz(&self) -> f64 {
+        let most = self.series.iter().max_by_key(|series| series.points.len());
+        let mut steps: Vec<f64> =
+            most.iter().flat_map(|s| s.points.windows(2)).map(|two| two[1].0 - two[0].0).collect();
+        steps.sort_by(f64::total_cmp);
+        1.0 / steps.get(steps.len() / 2).copied().unwrap_or(1.0).max(1e-3)
+    }
+}
+
+impl Series {
+    fn check_gaps(&self) -> Result<(), Error> {
+        let gap = self.points.windows(2).find(|two| !(two[1].0 - two[0].0 <= GAP_S));
+        match gap {
+            None => Ok(()),
+            Some(two) => Err(Error::new("the motion has a gap")
+                .at(format!("joint {}, {:.2} s", self.joint, two[0].0))
+                .got(format!("{:.2} s without a position", two[1].0 - two[0].0))
+                .allowed(format!("{GAP_S} s"))
+                .remedy("play a section without it, with --from and --to")),
+        }
+    }
+
+    /// The angle at `time_s`, on the straight line between the points around it.
+    fn at(&self, time_s: f64) -> f64 {
+        let after = self.points.partition_point(|point| point.0 < time_s);
+        let (before, after) = (after.saturating_sub(1), after.min(self.points.len() - 1));
+        let ((t0, a), (t1, b)) = (self.points[before], self.points[after]);
+        if t1 > t0 { a + (b - a) * ((time_s - t0) / (t1 - t0)).clamp(0.0, 1.0) } else { b }
+    }
+}
+
+fn known<'a>(robot: &'a Robot, name: &str) -> Result<&'a Joint, Error> {
+    robot.joints.iter().find(|joint| joint.name == name).ok_or_else(|| {
+        Error::new("the motion is of a joint the robot does not have")
+            .at(format!("robot {}", robot.name))
+            .got(name.to_owned())
+            .allowed(robot.joint_names().join(", "))
+    })
+}
+
+/// The angles, which nobody may bend, at most rounded into the joint's limits.
+fn inside(joint: &Joint, angles_rad: &[f64], step_s: f64) -> Result<Vec<f64>, Error> {
+    let (lower, upper) = (joint.limits.lower_rad(), joint.limits.upper_rad());
+    let held: Vec<f64> = angles_rad.iter().map(|angle| angle.clamp(lower, upper)).collect();
+    let beyond = |(a, b): (&f64, &f64)| !((a - b).abs() <= ROUNDING_RAD);
+    match angles_rad.iter().zip(&held).position(beyond) {
+        None => Ok(held),
+        Some(index) => Err(Error::new("the motion leaves a joint's limits")
+            .at(format!("joint {}, {:.2} s", joint.name, index as f64 * step_s))
+            .got(format!("{:.1} deg", angles_rad[index].to_degrees()))
+            .allowed(format!("{:.1} to {:.1} deg", lower.to_degrees(), upper.to_degrees()))
+            .remedy("slowing down does not mend this: change the motion")),
+    }
+}

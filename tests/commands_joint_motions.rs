@@ -1,0 +1,173 @@
+//! `gaitway play` of motions that are in the robot's own joints already.
+
+use gaitway::recording::{CycleRecord, JointRecord, RecordedJoint, Recorder, RunEnd, RunStart};
+use gaitway::time::Instant;
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::process::{Command, Output};
+use std::time::{Duration, SystemTime};
+
+fn file(name: &str) -> PathBuf {
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("joint-motions");
+    std::fs::create_dir_all(&folder).expect("a folder");
+    folder.join(name)
+}
+
+fn gaitway(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_gaitway")).args(arguments).output().expect("the command")
+}
+
+fn played(motion: &str, more: &[&str]) -> Value {
+    let mut arguments = vec!["play", motion, "--robot", "op3", "--bus", "sim", "--json"];
+    arguments.extend(more);
+    let output = gaitway(&arguments);
+    serde_json::from_slice(&output.stdout)
+        .unwrap_or_else(|_| panic!("{}", String::from_utf8_lossy(&output.stderr)))
+}
+
+fn refusal(motion: &str, more: &[&str]) -> String {
+    let mut arguments = vec!["play", motion, "--robot", "op3", "--bus", "sim"];
+    arguments.extend(more);
+    let output = gaitway(&arguments);
+    assert_eq!(output.status.code(), Some(1));
+    let said = [output.stdout, output.stderr].concat();
+    String::from_utf8_lossy(&said).into_owned()
+}
+
+fn joint<'a>(report: &'a Value, name: &str) -> &'a Value {
+    let joints = report["joints"].as_array().expect("joints");
+    joints.iter().find(|joint| joint["name"] == name).expect("a joint of the robot")
+}
+
+/// A head that is turned by hand from 0.3 rad: 0.3 cos(2 t), read with the noise of an encoder of
+/// 4,096 counts, every seventh reading missing.
+fn taught(name: &str) -> String {
+    let path = file(name);
+    let began = Instant::from_nanos(1_000_000_000);
+    let start = RunStart {
+        robot: "op3".into(),
+        motion: "taught".into(),
+        joints: vec![RecordedJoint {
+            name: "head_pan".into(),
+            lower_rad: None,
+            upper_rad: None,
+            velocity_limit_rad_s: None,
+            acceleration_limit_rad_s2: None,
+        }],
+        wall_clock_start: SystemTime::UNIX_EPOCH,
+        monotonic_start: began,
+        gaitway_version: "0".into(),
+        metadata: BTreeMap::new(),
+    };
+    let recorder = Recorder::create(&path, true, start).expect("a recording");
+    let count = std::f64::consts::TAU / 4096.0;
+    for n in 0..=250_u32 {
+        let time_s = f64::from(n) / 50.0;
+        let angle_rad = (0.3 * (2.0 * time_s).cos() / count).round() * count;
+        let missed = n % 7 == 3;
+        recorder.take_patiently(CycleRecord {
+            cycle: n.into(),
+            at: began + Duration::from_secs_f64(time_s),
+            joints: vec![JointRecord {
+                present_position_rad: (!missed).then_some(angle_rad),
+                missed: missed.then(|| "no answer".into()),
+                ..JointRecord::default()
+            }],
+        });
+    }
+    let summary = recorder.finish(RunEnd {
+        outcome: "done".into(),
+        stop_reason: None,
+        at: began + Duration::from_secs(6),
+        metadata: BTreeMap::new(),
+    });
+    assert!(summary.is_complete());
+    path.display().to_string()
+}
+
+#[test]
+fn a_motion_taught_by_hand_is_played_back_from_rest_to_rest() {
+    let report = played(&taught("taught.mcap"), &[]);
+    assert_eq!(report["outcome"], "done", "{report}");
+    assert_eq!(report["source"]["format"], "taught");
+    assert_eq!(report["retime_factor"], 1.0, "slow enough for the robot as it is");
+    let head = joint(&report, "head_pan");
+    let range = head["range_rad"].as_array().expect("a range");
+    let (low, high) = (range[0].as_f64().expect("rad"), range[1].as_f64().expect("rad"));
+    assert!((low + 0.3).abs() < 0.02 && (high - 0.3).abs() < 0.02, "{low} to {high}");
+    for joint in report["joints"].as_array().expect("joints") {
+        assert_eq!(joint["end_velocity_rad_s"], 0.0);
+        assert_eq!(joint["start_velocity_rad_s"], 0.0);
+    }
+    assert_eq!(report["referee"]["violations"], serde_json::json!([]));
+}
+
+#[test]
+fn a_table_and_a_recording_of_goals_play_as_the_action_they_are_made_from() {
+    let (table, recording) = (file("bow.csv"), file("bow.mcap"));
+    let action = played("bow", &[]);
+    for out in [&table, &recording] {
+        let out = out.display().to_string();
+        let made = gaitway(&["retarget", "bow", "--robot", "op3", "-o", &out, "--force"]);
+        assert!(made.status.success(), "{made:?}");
+        let report = played(&out, &[]);
+        assert_eq!(report["outcome"], "done", "{report}");
+        assert_eq!(report["retime_factor"], 1.0);
+        for name in ["r_hip_pitch", "head_tilt"] {
+            let range = |report: &Value, end: usize| {
+                joint(report, name)["range_rad"][end].as_f64().expect("rad")
+            };
+            for end in [0, 1] {
+                let (found, expected) = (range(&report, end), range(&action, end));
+                assert!((found - expected).abs() < 0.01, "{name}: {found} {expected}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_trajectory_faster_than_the_robot_is_slowed_only_when_asked() {
+    let path = file("fast.csv");
+    let rows = (0..=200).map(|n| {
+        let time_s = f64::from(n) / 100.0;
+        // A half turn of 0.8 rad and back, at rest at both ends, at up to 60 rad/s2.
+        format!("{time_s},{}\n", 0.4 * (1.0 - (12.566_370_614 * time_s).cos()))
+    });
+    std::fs::write(&path, format!("time_s,head_pan_rad\n{}", rows.collect::<String>()))
+        .expect("a table");
+    let path = path.display().to_string();
+    let said = refusal(&path, &[]);
+    assert!(said.contains("head_pan") && said.contains("--retime"), "{said}");
+    let report = played(&path, &["--retime"]);
+    assert_eq!(report["outcome"], "done");
+    // OP3's head may be accelerated by 24 rad/s2; 0.4 rad at 4 pi rad/s asks for 63.2.
+    let factor = report["retime_factor"].as_f64().expect("a factor");
+    assert!((factor - (63.2_f64 / 24.0).sqrt()).abs() < 0.1, "{factor}");
+}
+
+#[test]
+fn what_cannot_be_played_is_refused_in_words() {
+    let table = |name: &str, text: &str| {
+        let path = file(name);
+        std::fs::write(&path, text).expect("a table");
+        path.display().to_string()
+    };
+    for (text, more, words) in [
+        ("time_s,head_pan_rad\n0,0\n0.4,9\n", &[][..], "leaves a joint's limits"),
+        ("time_s,tail_rad\n0,0\n0.4,0\n", &[], "a joint the robot does not have"),
+        ("time_s,head_pan_rad\n0,0\n2,0\n", &[], "the motion has a gap"),
+        ("time_s,head_pan_rad\n0,0\n0,0\n", &[], "time does not go on"),
+        ("time_s,head_pan_rad\n0,NaN\n0.1,0\n", &[], "a cell is no number"),
+        ("time_s,head_pan_rad\n0,0,1\n", &[], "not one number per column"),
+        ("time_s,head_pan\n0,0\n1,0\n", &[], "in rad"),
+        ("time,head_pan\n", &[], "no table of joint angles"),
+        ("time_s,head_pan_rad\n0,0\n", &[], "two rows"),
+        ("time_s,head_pan_rad\n0,0\n0.4,0\n", &["--mirror"], "already"),
+        ("time_s,head_pan_rad\n0,0\n0.4,0\n", &["--from", "3"], "no such section"),
+    ] {
+        let said = refusal(&table("wrong.csv", text), more);
+        assert!(said.contains(words), "{words:?} expected in:\n{said}");
+        assert!(said.contains("allowed") || said.contains("to do"), "{said}");
+    }
+}
