@@ -2,15 +2,25 @@
 
 pub mod arm;
 pub mod cycle;
+pub mod flight;
 pub mod health;
+mod inject;
+pub mod leash;
+pub mod left;
 pub mod mirror;
 pub mod plausible;
+pub mod silence;
+pub mod supervise;
 pub mod tally;
 pub mod watchdog;
 
-pub use cycle::{Motion, Run, Settings, run, stream};
-pub use health::StopReason;
+pub use arm::{Armed, Arming};
+pub use cycle::{Exception, Motion, Planned, Run, Settings, run, stream};
+pub use flight::FlightCycle;
+pub use health::{Stop, StopCode, StopReason};
+pub use left::Left;
 pub use mirror::{Input, Mirror};
+pub use supervise::{Performance, perform};
 pub use tally::{JointTally, Tally};
 
 use crate::bus::Miss;
@@ -26,6 +36,9 @@ pub struct Sample<'a> {
     pub at: Instant,
     /// Goal in effect while the states were read, joint angles, rad.
     pub goal_rad: &'a [f64],
+    /// Where the motion wanted the joints then, rad: elsewhere only while a goal is held back near a
+    /// joint that does not follow.
+    pub wanted_rad: &'a [f64],
     /// Speed of those goals along the motion, rad/s.
     pub goal_velocity_rad_s: &'a [f64],
     /// Measured states, or why there is none.

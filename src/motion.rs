@@ -22,7 +22,7 @@ pub mod stop;
 pub mod trajectory;
 pub mod trend;
 
-pub use follow::{FollowTally, Follower, Target};
+pub use follow::{Chase, FollowTally, Follower, Target};
 pub use limits::JointLimits;
 pub use path::Path;
 pub use plan::{Plan, PlanOptions, plan};

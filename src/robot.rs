@@ -308,6 +308,13 @@ impl Robot {
         self.joints.iter().map(|joint| joint.limits).collect()
     }
 
+    /// Name of the line of the joint of this name.
+    #[must_use]
+    pub fn line_of(&self, joint: &str) -> Option<String> {
+        let joint = self.joints.iter().find(|of| of.name == joint)?;
+        self.lines.get(joint.line).map(|line| line.name.clone())
+    }
+
     /// Names of all joints.
     #[must_use]
     pub fn joint_names(&self) -> Vec<String> {

@@ -240,7 +240,7 @@ fn a_mixed_robot_is_told_its_goals_on_all_lines_within_one_cycle() {
 fn killed_in_motion(scene: &mut Scene) {
     let found = scene.preflight().expect("a robot that is ready");
     let trajectory = scene.swing(&found.start_rad, 0.5, 2);
-    let armed = control::arm::arm(&mut scene.link, &found).expect("torque");
+    let armed = scene::arm(&mut scene.link, &found).expect("torque");
     let (link, settings) = (&mut scene.link, scene.settings);
     let mut sink = KilledIn(40);
     let killed = catch_unwind(AssertUnwindSafe(|| {
@@ -371,10 +371,10 @@ fn a_line_that_goes_bus_off_is_lost_and_the_others_come_to_rest() {
     let options = Options { faults: vec![off], ..Options::default() };
     let mut scene = Scene::with_robot(robot(&robots::mixed(100.0), "mixed"), options);
     let played = scene.play_until(0.5, 8, &|| false);
-    let Some(StopReason::LineLost { text, joints }) = &played.run.stop else {
+    let Some(StopReason::LineLost { line, text, joints }) = &played.run.stop else {
         panic!("{:?}", played.run.stop)
     };
-    assert!(text.contains("line left_leg") && text.contains("bus off"), "{text}");
+    assert!(line == "left_leg" && text.contains("bus off"), "{line}: {text}");
     assert_eq!(joints.len(), 6);
     assert!(scene.link.is_lost(0) && !scene.link.is_lost(1) && !scene.link.is_lost(2));
     let world = scene.world.lock();
@@ -444,7 +444,7 @@ fn a_robot_is_held_and_let_go() {
     for kind in [DAMIAO, CUBEMARS, ROBSTRIDE, ODRIVE, MOTEUS, RECOIL] {
         let mut scene = few(kind, 3, 100.0);
         let found = scene.preflight().expect("a robot that is ready");
-        control::arm::arm(&mut scene.link, &found).expect("torque");
+        scene::arm(&mut scene.link, &found).expect("torque");
         let driven = |scene: &Scene| {
             let world = scene.world.lock();
             ["joint_1", "joint_2", "joint_3"]
@@ -461,7 +461,7 @@ fn a_robot_is_held_and_let_go() {
 fn nobody_goes_on_driving_while_another_does_not_confirm_that_he_let_go() {
     let (mut scene, said) = tapped(robot(&robots::few(DAMIAO, 3, 100.0), "few"));
     let found = scene.preflight().expect("a robot that is ready");
-    control::arm::arm(&mut scene.link, &found).expect("torque");
+    scene::arm(&mut scene.link, &found).expect("torque");
     // What it says comes under an identifier that nobody listens to.
     scene.world.lock().actuator_mut("joint_1").expect("an actuator").set_answer_id(0x7F);
     said.lock().expect("not poisoned").clear();

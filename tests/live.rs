@@ -159,7 +159,7 @@ fn walks_live(batch_s: f64) {
     let mut wearing = Wearing::new(&calibrated(&mut sensors));
     let mut scene = Scene::of("op3", Options::default());
     let found = scene.preflight().expect("ready");
-    let armed = control::arm::arm(&mut scene.link, &found).expect("torque");
+    let armed = scene::arm(&mut scene.link, &found).expect("torque");
     let robot = scene.link.robot().clone();
     let model = robot_model(&robot.file, &robot);
     let settings = Settings::default();
@@ -282,7 +282,7 @@ fn adapters_that_hold_bytes_back_for_16_ms_make_it_later_and_not_wilder() {
 fn without_input_the_robot_stands_and_a_stop_ends_at_rest_within_the_joints_limits() {
     let mut scene = Scene::of("op3", Options::default());
     let found = scene.preflight().expect("ready");
-    let armed = control::arm::arm(&mut scene.link, &found).expect("torque");
+    let armed = scene::arm(&mut scene.link, &found).expect("torque");
     let limits = scene.link.robot().limits();
     let start = found.start_rad.clone();
     let swing = |t: f64| (0.3 * (1.0 - (4.0 * t).cos()), 1.2 * (4.0 * t).sin());

@@ -131,7 +131,7 @@ fn a_gain_in_ram_is_put_right_and_said() {
     assert!(scene.world.lock().set_register("r_knee", "Position P Gain", 100));
     let found = scene.preflight().expect("a gain is no reason to refuse");
     assert!(found.notes.iter().any(|n| n.contains("Position P Gain is 100")), "{:?}", found.notes);
-    gaitway::control::arm::arm(&mut scene.link, &found).expect("torque");
+    scene::arm(&mut scene.link, &found).expect("torque");
     assert_eq!(scene.world.lock().register("r_knee", "Position P Gain"), Some(800));
 }
 

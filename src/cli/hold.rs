@@ -3,8 +3,11 @@
 use super::address::Address;
 use super::calibrated::CalibrationArg;
 use super::connect::connect;
-use super::{Output, Remarks};
-use crate::control::{arm, watchdog};
+use super::signals::Signals;
+use super::{Outcome, Output, Remarks};
+use crate::control::arm::{self, Arming};
+use crate::control::left::leave;
+use crate::control::{Stop, StopCode, StopReason};
 use crate::error::Error;
 use crate::robot::preflight::{Accept, budget, exchange_error, preflight};
 use crate::time::Duration;
@@ -41,6 +44,7 @@ pub struct HoldArgs {
 /// Anything preflight or arming has against it; torque is off then, or the joints are named.
 pub fn run(args: &HoldArgs, remarks: Remarks) -> Result<i32, Error> {
     args.output.check_files(&[])?;
+    let signals = Signals::listen().map_err(|e| Error::new(format!("no signals: {e}")))?;
     let (robot, calibration) = args.calibration.load(&args.robot, &args.bus)?;
     let period = Duration::from_secs_f64(1.0 / robot.file.rate_hz);
     let mut connection = connect(robot, &args.bus, 0)?;
@@ -48,13 +52,20 @@ pub fn run(args: &HoldArgs, remarks: Remarks) -> Result<i32, Error> {
     let accept = Accept { firmware: args.accept_firmware, eeprom: false };
     let found = preflight(link, period, accept)?;
     let mut notes = found.notes.clone();
+    let mut left = None;
     if !args.dry_run {
-        let (_, command) = arm::arm(link, &found)?;
+        let armed = match arm::arm(link, &found, &|| signals.first().is_some())? {
+            Arming::Done(armed) => armed,
+            Arming::Stopped => return stopped(args, signals.first(), found.held),
+        };
         // Whatever ends at rest ends with two equal goals, so that a lost one changes nothing.
         let limit = budget(link);
-        link.write_goals(&command, limit).map_err(|e| exchange_error(link, None, &e))?;
+        let written = link.write_goals(armed.command(), limit);
+        written.map_err(|e| exchange_error(link, None, &e))?;
         // Nobody speaks to the servos from here on, and they shall hold all the same.
-        notes.extend(watchdog::release(link));
+        let (how, words) = leave(link);
+        notes.extend(words);
+        left = Some(how);
     }
     let robot = link.robot();
     let what = if args.dry_run { "would be held" } else { "is held, torque on" };
@@ -70,8 +81,21 @@ pub fn run(args: &HoldArgs, remarks: Remarks) -> Result<i32, Error> {
     }
     let report = json!({
         "outcome": "done", "robot": robot.name, "dry_run": args.dry_run,
-        "calibration": calibration, "joints": joints.collect::<Vec<_>>(), "notes": notes,
+        "calibration": calibration, "joints": joints.collect::<Vec<_>>(), "left": left,
+        "notes": notes,
     });
     args.output.report(&report, &text)?;
     Ok(0)
+}
+
+/// Says that a wish to stop came before torque.
+fn stopped(args: &HoldArgs, signal: Option<i32>, held: bool) -> Result<i32, Error> {
+    let outcome = Outcome::Stopped;
+    let how = if held { "it was held before, and still is" } else { "torque stayed off" };
+    let report = json!({
+        "outcome": outcome, "stop_reason": StopReason::Asked.to_string(),
+        "stop": Stop::of(StopCode::Asked), "robot": args.robot, "notes": [how],
+    });
+    args.output.report(&report, &format!("stopped before anything changed: {how}\n"))?;
+    Ok(signal.map_or(outcome.exit_code(), |number| 128 + number))
 }

@@ -11,7 +11,7 @@ use super::source::{self, robot_model};
 use super::wear::Operator;
 use super::{Output, Remarks};
 use crate::body::worn::Movement;
-use crate::control::{self, Input, Mirror, Settings, StopReason};
+use crate::control::{self, Input, Mirror, Settings};
 use crate::error::Error;
 use crate::mocap::retarget::{self, Online};
 use crate::motion::Trend;
@@ -162,7 +162,6 @@ struct Job<'a> {
     args: &'a LiveArgs,
     remarks: Remarks,
     operator: &'a Operator,
-    signals: &'a Signals,
     report: LiveReport,
 }
 
@@ -180,18 +179,14 @@ pub fn run(args: &LiveArgs, remarks: Remarks) -> Result<i32, Error> {
     ));
     report.run.dry_run = args.dry_run;
     let operator = Operator::listen(signals.clone());
-    let mut job = Job { args, remarks, operator: &operator, signals: &signals, report };
+    let mut job = Job { args, remarks, operator: &operator, report };
     if let Err(error) = job.live() {
         job.report.run.outcome = Outcome::Refused;
         job.report.run.stop_reason = Some(error.to_string());
     }
     let report = &job.report;
     args.output.report(report, &report.text(remarks.quiet))?;
-    let asked = report.run.stop_reason.as_deref() == Some(StopReason::Asked.to_string().as_str());
-    Ok(match signals.first() {
-        Some(number) if asked => 128 + number,
-        _ => report.run.outcome.exit_code(),
-    })
+    Ok(report.run.exit_code(signals.first()))
 }
 
 /// A robot that was looked at and not touched.
@@ -295,30 +290,32 @@ impl Job<'_> {
         mut recorder: RunRecorder,
     ) -> Result<Option<RunRecorder>, Error> {
         let Ready { connection, found, settings } = ready;
-        if play::stopped_before_torque(self.signals, &mut self.report.run) {
-            recorder.discard();
-            return Ok(None);
-        }
-        let armed = match control::arm::arm(&mut connection.link, found) {
-            Ok(armed) => armed,
+        let limits = connection.link.robot().limits();
+        let mut mirror = Mirror::new(newest, &found.start_rad, limits);
+        let remarks = self.remarks;
+        let performed = control::perform(
+            &mut connection.link,
+            found,
+            &mut mirror,
+            *settings,
+            &mut recorder.metered(super::progress::Meter::default()),
+            &|| self.operator.wants_to_stop(),
+            &mut |_| remarks.say("following; Ctrl-C, or q and Enter, brings the robot to rest"),
+        );
+        let performed = match performed {
+            Ok(performed) => performed,
             Err(error) => {
                 recorder.discard();
                 return Err(error);
             }
         };
-        self.remarks.say("following; Ctrl-C, or q and Enter, brings the robot to rest");
-        let limits = connection.link.robot().limits();
-        let mut mirror = Mirror::new(newest, &found.start_rad, limits);
-        let asked = || self.operator.wants_to_stop();
-        let meter = super::progress::Meter::default();
-        let sink = &mut recorder.metered(meter);
-        let run =
-            control::stream(&mut connection.link, armed, &mut mirror, *settings, sink, &asked);
         describe_joints(&mut self.report, connection, &mirror);
         self.report.describe(&mirror, *settings);
-        play::describe_run(&mut self.report.run, &run);
-        let holds = "torque stays on: the joints hold where they are";
-        self.report.run.notes.push(holds.to_owned());
+        if !self.report.run.describe_performance(&performed) {
+            self.report.run.joints.clear();
+            recorder.discard();
+            return Ok(None);
+        }
         if let Some(world) = &connection.world {
             let verdict = world.lock().verdict();
             let violations = verdict.violations.iter().map(ToString::to_string).collect();

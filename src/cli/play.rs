@@ -3,11 +3,12 @@
 use super::address::Address;
 use super::calibrated::CalibrationArg;
 use super::connect::{Connection, connect};
+use super::progress::Progress;
 use super::report::{JointReport, Outcome, PlayReport, RefereeReport};
 use super::signals::Signals;
 use super::source::{self, Loaded, MotionArgs};
 use super::{Output, Remarks, plots};
-use crate::control::{self, Run, Settings, StopReason};
+use crate::control::{self, Left, Performance, Planned, Settings};
 use crate::error::Error;
 use crate::motion::{Plan, PlanOptions, plan};
 use crate::robot::Robot;
@@ -85,11 +86,7 @@ pub fn run(args: &PlayArgs, remarks: Remarks) -> Result<i32, Error> {
     let signals = Signals::listen().map_err(|e| Error::new(format!("no signals: {e}")))?;
     let report = play(args, remarks, &signals);
     args.output.report(&report, &report.text(remarks.quiet))?;
-    let asked = report.stop_reason.as_deref() == Some(StopReason::Asked.to_string().as_str());
-    Ok(match signals.first() {
-        Some(number) if asked => 128 + number,
-        _ => report.outcome.exit_code(),
-    })
+    Ok(report.exit_code(signals.first()))
 }
 
 /// Plays and reports; whatever goes wrong is in the report.
@@ -151,13 +148,11 @@ fn play_into(
 
 /// A wish to stop that comes before torque is on is fulfilled by never switching it on.
 pub(super) fn stopped_before_torque(signals: &Signals, report: &mut PlayReport) -> bool {
-    if signals.first().is_none() {
-        return false;
+    let asked = signals.first().is_some();
+    if asked {
+        report.describe_stopped();
     }
-    report.outcome = Outcome::Stopped;
-    report.stop_reason = Some(StopReason::Asked.to_string());
-    report.notes.push("stopped before torque came on; nothing moved".to_owned());
-    true
+    asked
 }
 
 /// Reads `--rate`: below 20 Hz goals would be too far apart to be watched.
@@ -264,51 +259,49 @@ fn perform(
         connection,
         args.motion.motion(),
     )?;
-    let armed = if stopped_before_torque(signals, report) {
-        Ok(None)
-    } else {
-        control::arm::arm(&mut connection.link, found).map(Some)
-    };
-    let Ok(Some(armed)) = armed else {
-        recorder.discard();
-        return armed.map(|_| ());
-    };
-    let progress = super::progress::Progress::over(planned.trajectory.duration_s(), remarks);
-    let asked = || signals.first().is_some();
-    let run = std::thread::scope(|scope| {
-        let link = &mut connection.link;
-        let recorder = &mut recorder;
-        let (trajectory, meter) = (&planned.trajectory, progress.meter());
-        let loop_thread = scope.spawn(move || {
-            control::run(link, armed, trajectory, settings, &mut recorder.metered(meter), &asked)
-        });
-        progress.show_until(|| loop_thread.is_finished());
-        loop_thread.join()
-    });
-    match &run {
-        Ok(run) => describe_run(report, run),
-        Err(panic) => {
-            let words = panic.downcast_ref::<String>().map(String::as_str);
-            let words = words.or_else(|| panic.downcast_ref::<&str>().copied());
-            report.outcome = Outcome::Failed;
-            report.stop_reason = Some(format!(
-                "the control loop broke: {}; the servos hold their last goal",
-                words.unwrap_or("no words left")
-            ));
-            report.notes.extend(control::watchdog::release(&mut connection.link));
+    let progress = Progress::over(planned.trajectory.duration_s(), remarks);
+    let limits = connection.link.robot().limits();
+    let performed = control::perform(
+        &mut connection.link,
+        found,
+        &mut Planned::new(&planned.trajectory, &limits),
+        settings,
+        &mut recorder.metered(progress.meter()),
+        &|| signals.first().is_some(),
+        &mut |is_over| progress.show_until(is_over),
+    );
+    let performed = match performed {
+        Ok(performed) if report.describe_performance(&performed) => performed,
+        other => {
+            recorder.discard();
+            return other.map(|_| ());
         }
-    }
-    if args.end == EndState::Limp && report.outcome == Outcome::Done {
-        if let Err(error) = control::arm::disarm(&mut connection.link) {
-            report.outcome = Outcome::Failed;
-            report.stop_reason = Some(error.to_string());
-        }
-    } else {
-        report.notes.push("torque stays on: the joints hold where they are".to_owned());
+    };
+    if args.end == EndState::Limp
+        && matches!(performed, Performance::Ran(run) if run.stop.is_none())
+    {
+        go_limp(report, connection);
     }
     recorder.finish(report, connection);
     conclude(args, report, connection, &recorder);
     Ok(())
+}
+
+/// Switches torque off after a motion that came to its end.
+fn go_limp(report: &mut PlayReport, connection: &mut Connection) {
+    match control::arm::disarm(&mut connection.link) {
+        Ok(()) => {
+            report.left =
+                Some(Left { limp: connection.link.robot().joint_names(), ..Left::default() });
+            let holds = Left::default().words();
+            report.notes.retain(|note| *note != holds);
+            report.notes.push("torque is off on every joint".to_owned());
+        }
+        Err(error) => {
+            report.outcome = Outcome::Failed;
+            report.stop_reason = Some(error.to_string());
+        }
+    }
 }
 
 /// What the referee saw, and the page with plots.
@@ -333,29 +326,5 @@ fn conclude(
                 report.outcome = Outcome::DoneWithLoss;
             }
         }
-    }
-}
-
-pub(super) fn describe_run(report: &mut PlayReport, run: &Run) {
-    report.outcome = match &run.stop {
-        None => Outcome::Done,
-        Some(StopReason::Refused { .. }) => Outcome::Failed,
-        Some(_) => Outcome::Stopped,
-    };
-    report.stop_reason = run.stop.as_ref().map(ToString::to_string);
-    report.cycles = run.tally.cycles;
-    report.missed_cycles = run.tally.missed_cycles;
-    report.late_cycles = run.tally.late_cycles;
-    report.duration_s = run.duration_s;
-    report.bus_load = run.bus_load;
-    report.notes.extend(run.notes.iter().cloned());
-    report.max_temperature_c = run.tally.max_temperature_c;
-    report.min_voltage_v = run.tally.min_voltage_v;
-    report.max_current_a = run.tally.max_current_a;
-    for (joint, tally) in report.joints.iter_mut().zip(&run.tally.joints) {
-        let measured = tally.samples > 0;
-        joint.range_rad = measured.then_some([tally.lowest_rad, tally.highest_rad]);
-        joint.tracking_rms_rad = tally.tracking_rms_rad();
-        joint.missed_reads = tally.missed;
     }
 }

@@ -1,5 +1,6 @@
 //! What `play` tells: one set of figures, as text for a person and as JSON for a program.
 
+use crate::control::{Exception, FlightCycle, Left, Performance, Run, Stop, StopCode, StopReason};
 use crate::motion::{Because, Retimed};
 use crate::robot::preflight::LINE_SHARE;
 use serde::Serialize;
@@ -22,6 +23,17 @@ pub enum Outcome {
 }
 
 impl Outcome {
+    /// How a motion ended that was streamed.
+    #[must_use]
+    pub const fn of(stop: Option<&StopReason>) -> Self {
+        match stop {
+            None => Self::Done,
+            // The program's own mistakes.
+            Some(StopReason::Refused { .. } | StopReason::Broke { .. }) => Self::Failed,
+            Some(_) => Self::Stopped,
+        }
+    }
+
     /// Exit code of the process.
     #[must_use]
     pub const fn exit_code(self) -> i32 {
@@ -105,6 +117,14 @@ pub struct PlayReport {
     pub outcome: Outcome,
     /// Why, unless done.
     pub stop_reason: Option<String>,
+    /// The same as data; null for a motion that was refused, or done.
+    pub stop: Option<Stop>,
+    /// Where goals could not be led to rest along the checked path.
+    pub exceptions: Vec<Exception>,
+    /// How the robot was left, as far as it said; null if nothing was commanded.
+    pub left: Option<Left>,
+    /// The last cycles before a stop, at most fifty.
+    pub flight: Vec<FlightCycle>,
     /// Motion as asked for.
     pub motion: String,
     /// Robot name.
@@ -174,6 +194,10 @@ impl PlayReport {
         Self {
             outcome: Outcome::Refused,
             stop_reason: None,
+            stop: None,
+            exceptions: Vec::new(),
+            left: None,
+            flight: Vec::new(),
             motion: motion.to_owned(),
             robot: robot.to_owned(),
             bus,
@@ -204,6 +228,71 @@ impl PlayReport {
             source: Source::default(),
             referee: None,
             notes: Vec::new(),
+        }
+    }
+
+    /// Says that the operator stopped it before torque came on.
+    pub fn describe_stopped(&mut self) {
+        self.outcome = Outcome::Stopped;
+        self.stop_reason = Some(StopReason::Asked.to_string());
+        self.stop = Some(Stop::of(StopCode::Asked));
+        self.notes.push("stopped before torque came on; nothing moved".to_owned());
+    }
+
+    /// Says what came of a performance; true if anything was streamed.
+    pub fn describe_performance(&mut self, performance: &Performance) -> bool {
+        match performance {
+            Performance::Stopped => {
+                self.describe_stopped();
+                false
+            }
+            Performance::Ran(run) => {
+                self.describe_run(run);
+                true
+            }
+            Performance::Broke { words, notes } => {
+                self.outcome = Outcome::Failed;
+                let broke = StopReason::Broke { words: words.clone() };
+                self.stop_reason = Some(format!("{broke}; the servos hold their last goal"));
+                self.stop = Some(Stop::of(StopCode::Broke));
+                self.notes.extend(notes.iter().cloned());
+                true
+            }
+        }
+    }
+
+    fn describe_run(&mut self, run: &Run) {
+        self.outcome = Outcome::of(run.stop.as_ref());
+        self.stop_reason = run.stop.as_ref().map(ToString::to_string);
+        self.stop.clone_from(&run.stop_data);
+        self.exceptions.clone_from(&run.exceptions);
+        self.left = Some(run.left.clone());
+        if run.stop.is_some() {
+            self.flight.clone_from(&run.flight);
+        }
+        self.cycles = run.tally.cycles;
+        self.missed_cycles = run.tally.missed_cycles;
+        self.late_cycles = run.tally.late_cycles;
+        self.duration_s = run.duration_s;
+        self.bus_load = run.bus_load;
+        self.notes.extend(run.notes.iter().cloned());
+        self.max_temperature_c = run.tally.max_temperature_c;
+        self.min_voltage_v = run.tally.min_voltage_v;
+        self.max_current_a = run.tally.max_current_a;
+        for (joint, tally) in self.joints.iter_mut().zip(&run.tally.joints) {
+            let measured = tally.samples > 0;
+            joint.range_rad = measured.then_some([tally.lowest_rad, tally.highest_rad]);
+            joint.tracking_rms_rad = tally.tracking_rms_rad();
+            joint.missed_reads = tally.missed;
+        }
+    }
+
+    /// The exit code, given the first signal that came.
+    #[must_use]
+    pub fn exit_code(&self, signal: Option<i32>) -> i32 {
+        match (signal, &self.stop) {
+            (Some(number), Some(Stop { code: StopCode::Asked, .. })) => 128 + number,
+            _ => self.outcome.exit_code(),
         }
     }
 
@@ -262,6 +351,7 @@ impl PlayReport {
         if let Some(reason) = &self.stop_reason {
             let _ = writeln!(out, "reason    {}", reason.replace('\n', "\n          "));
         }
+        self.write_stop(out);
         let source = &self.source;
         if source.frames == 0 {
             return; // refused before anything was read
@@ -283,6 +373,27 @@ impl PlayReport {
             out,
             "plan      approach {:.2} s, ease in {:.2} s, ease out {:.2} s",
             self.approach_s, self.ease_in_s, self.ease_out_s
+        );
+    }
+
+    /// The reason as data, and where to read on.
+    fn write_stop(&self, out: &mut String) {
+        let Some(stop) = self.stop.as_ref().filter(|stop| stop.code != StopCode::Asked) else {
+            return;
+        };
+        let mut parts = vec![format!("code {}", stop.code)];
+        parts.extend(stop.line.as_ref().map(|line| format!("line {line}")));
+        parts.extend(stop.cycle.map(|cycle| format!("cycle {cycle}")));
+        if let (Some(got), Some(allowed), Some(unit)) = (stop.got, stop.allowed, stop.unit) {
+            let bound = if got > allowed { "at most" } else { "at least" };
+            parts.push(format!("{got:.3} {unit}, {bound} {allowed:.3} allowed"));
+        }
+        let _ = writeln!(out, "stop      {}", parts.join("; "));
+        let _ = writeln!(
+            out,
+            "          see docs/troubleshooting/{}.md; --json has the last {} cycles",
+            stop.code,
+            self.flight.len()
         );
     }
 
@@ -327,8 +438,13 @@ impl PlayReport {
 
     /// True if the robot could not be led to rest.
     fn lost(&self) -> bool {
-        let lost = |reason: &String| reason.starts_with("the line was lost");
-        self.outcome == Outcome::Failed || self.stop_reason.as_ref().is_some_and(lost)
+        let unrested = |exception: &Exception| {
+            matches!(
+                exception,
+                Exception::LineLost { .. } | Exception::BlindRamp { rested: false, .. }
+            )
+        };
+        self.outcome == Outcome::Failed || self.exceptions.iter().any(unrested)
     }
 
     fn write_joints(&self, out: &mut String) {

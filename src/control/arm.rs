@@ -1,15 +1,75 @@
 //! From limp to holding: goal = present before torque, read back at every step.
 
-use super::watchdog;
+use super::{inject, watchdog};
 use crate::error::Error;
 use crate::guard::{Command, Guard};
 use crate::robot::Link;
 use crate::robot::preflight::{PATIENT_RETRIES, Preflight, budget, exchange_error, positions};
-use crate::time::Duration;
+use crate::time::{Duration, Instant};
 use gaitway_profiles::Role;
 
 /// Largest distance between goal and present when torque comes on, rad.
 const HOLD_RAD: f64 = 0.02;
+/// How old a look at the joints may be when something is written on the strength of it.
+const FRESH: Duration = Duration::from_millis(50);
+/// Looks after which a host that stalls again and again is refused.
+const MOST_LOOKS: u32 = 8;
+
+/// A robot that holds, torque on, and the guard that knows where.
+#[derive(Debug)]
+pub struct Armed {
+    guard: Guard,
+    command: Command,
+}
+
+impl Armed {
+    /// The guard, and the command in force.
+    pub(super) fn into_parts(self) -> (Guard, Command) {
+        (self.guard, self.command)
+    }
+
+    /// The command in force: where the joints stand.
+    #[must_use]
+    pub const fn command(&self) -> &Command {
+        &self.command
+    }
+}
+
+/// Why arming ended before it was done.
+enum Halt {
+    /// The operator asked.
+    Asked,
+    /// Something is wrong.
+    Failed(Error),
+}
+
+impl From<Error> for Halt {
+    fn from(error: Error) -> Self {
+        Self::Failed(error)
+    }
+}
+
+/// What arming came to.
+#[derive(Debug)]
+pub enum Arming {
+    /// The robot holds.
+    Done(Armed),
+    /// A wish to stop came first: torque is as it was found.
+    Stopped,
+}
+
+impl Arming {
+    /// The armed robot.
+    ///
+    /// # Errors
+    /// Somebody asked to stop.
+    pub fn done(self) -> Result<Armed, Error> {
+        match self {
+            Self::Done(armed) => Ok(armed),
+            Self::Stopped => Err(Error::new("stopped before torque came on; nothing moved")),
+        }
+    }
+}
 
 /// Switches torque on with every joint told to stay where it is.
 ///
@@ -17,12 +77,20 @@ const HOLD_RAD: f64 = 0.02;
 /// host dies never moves faster than its joint may, and their watchdog, where they have one: from
 /// here on no line may be silent for longer than [`watchdog::SILENCE`].
 ///
+/// `asked_to_stop` is looked at before everything that is written. A wish to stop leaves a limp robot
+/// limp and a held one held.
+///
 /// # Errors
-/// A servo that does not take or keep what is written. Torque is switched off again then, and joints
-/// that do not confirm it are named; a robot that was held before is left as it is, since it may be
-/// standing.
-pub fn arm(link: &mut Link, preflight: &Preflight) -> Result<(Guard, Command), Error> {
+/// A servo that does not take or keep what is written; a host that stalled after the last look at
+/// the joints. Torque is switched off again then, and joints that do not confirm it are named; a
+/// robot that was held before is left as it is, since it may be standing.
+pub fn arm(
+    link: &mut Link,
+    preflight: &Preflight,
+    asked_to_stop: &dyn Fn() -> bool,
+) -> Result<Arming, Error> {
     let limits = link.robot().limits();
+    link.forget_doubts();
     let now = link.clock().now();
     let (guard, command) =
         Guard::standing_at(&preflight.start_rad, limits, now).map_err(|refusal| {
@@ -30,65 +98,93 @@ pub fn arm(link: &mut Link, preflight: &Preflight) -> Result<(Guard, Command), E
                 .at(format!("joint {}", link.robot().joints[refusal.joint].name))
                 .got(refusal.reason.to_string())
         })?;
-    match switch_on(link, preflight, &command) {
-        Ok(()) => Ok((guard, command)),
-        Err(error) if preflight.held => {
-            watchdog::release(link);
-            Err(error)
-        }
+    let halt = match switch_on(link, preflight, &command, asked_to_stop) {
+        Ok(()) => return Ok(Arming::Done(Armed { guard, command })),
+        Err(halt) => halt,
+    };
+    let undone = if preflight.held {
+        watchdog::release(link);
+        Ok(())
+    } else {
         // Nothing has moved yet, so limp is where the robot already was.
-        Err(error) => Err(match disarm(link) {
-            Ok(()) => error,
-            Err(still_on) => {
-                let remedy = format!("{}; {}", still_on.what, still_on.got.unwrap_or_default());
-                error.remedy(remedy)
-            }
-        }),
+        disarm(link)
+    };
+    match (halt, undone) {
+        (Halt::Asked, Ok(())) => Ok(Arming::Stopped),
+        (Halt::Asked, Err(still_on)) => Err(still_on),
+        (Halt::Failed(error), Ok(())) => Err(error),
+        (Halt::Failed(error), Err(still_on)) => {
+            let remedy = format!("{}; {}", still_on.what, still_on.got.unwrap_or_default());
+            Err(error.remedy(remedy))
+        }
     }
 }
 
-fn switch_on(link: &mut Link, preflight: &Preflight, command: &Command) -> Result<(), Error> {
+fn switch_on(
+    link: &mut Link,
+    preflight: &Preflight,
+    command: &Command,
+    asked_to_stop: &dyn Fn() -> bool,
+) -> Result<(), Halt> {
+    let wanted = || if asked_to_stop() { Err(Halt::Asked) } else { Ok(()) };
+    wanted()?;
     write_eeprom(link, preflight)?;
     for &(joint, register, raw) in &preflight.to_write {
+        wanted()?;
         let limit = budget(link);
         let written = link.write_raw(joint, register, raw, limit);
         written.map_err(|e| exchange_error(link, Some(joint), &e))?;
         expect_raw(link, joint, register, raw)?;
     }
     for &(joint, number, bits) in &preflight.settings {
+        wanted()?;
         write_setting(link, joint, number, bits)?;
     }
     for joint in 0..link.robot().joints.len() {
+        wanted()?;
         limit_speed(link, joint)?;
         link.break_silence(watchdog::SILENCE / 4);
         let limit = budget(link);
         link.prepare(joint, limit).map_err(|e| exchange_error(link, Some(joint), &e))?;
     }
-    // Where torque is on already, a goal moves the joint.
-    check_where_it_was(link, command)?;
+    // Where torque is on already, or comes with a goal, a goal moves the joint.
+    look(link, command)?;
+    wanted()?;
+    inject::point("arm-goals", 0);
     let limit = budget(link);
     link.write_goals(command, limit).map_err(|e| exchange_error(link, None, &e))?;
     for joint in 0..link.robot().joints.len() {
-        // An actuator tells no goal: that it still stands where it was is seen below.
-        let Some(register) = link.robot().joints[joint].register(Role::GoalPosition) else {
-            continue;
-        };
-        let limit = budget(link);
-        let raw = link.read_register(joint, register, limit);
-        let raw = raw.map_err(|e| exchange_error(link, Some(joint), &e))?;
-        let of = &link.robot().joints[joint];
-        let goal_rad = of.model()?.si_from_raw(register, raw);
-        let wanted_rad = of.servo_rad(command.goal_rad()[joint]);
-        if !((goal_rad - wanted_rad).abs() <= HOLD_RAD) {
-            return Err(Error::new("a servo did not keep its goal; torque stays off")
-                .at(format!("joint {}", of.name))
-                .got(format!("{:.2} deg", goal_rad.to_degrees()))
-                .allowed(format!("{:.2} deg", wanted_rad.to_degrees())));
-        }
+        wanted()?;
+        expect_goal(link, joint, command)?;
     }
     watchdog::arm(link)?;
-    check_where_it_was(link, command)?;
-    set_torque_on(link)
+    let looked_at = look(link, command)?;
+    wanted()?;
+    inject::point("arm-torque", 0);
+    set_torque_on(link, looked_at, preflight.held, &wanted)?;
+    // The last word before the first cycle.
+    wanted()
+}
+
+/// The goal of a servo is where it was told to stay.
+fn expect_goal(link: &mut Link, joint: usize, command: &Command) -> Result<(), Error> {
+    // An actuator tells no goal: that it still stands where it was is seen by a look.
+    let Some(register) = link.robot().joints[joint].register(Role::GoalPosition) else {
+        return Ok(());
+    };
+    let limit = budget(link);
+    let raw = link.read_register(joint, register, limit);
+    let raw = raw.map_err(|e| exchange_error(link, Some(joint), &e))?;
+    let of = &link.robot().joints[joint];
+    let goal_rad = of.model()?.si_from_raw(register, raw);
+    let wanted_rad = of.servo_rad(command.goal_rad()[joint]);
+    if (goal_rad - wanted_rad).abs() <= HOLD_RAD {
+        return Ok(());
+    }
+    Err(Error::new("a servo did not keep its goal; torque stays off")
+        .at(format!("joint {}", of.name))
+        .got(format!("{:.2} deg", goal_rad.to_degrees()))
+        .allowed(format!("{:.2} deg", wanted_rad.to_degrees())))
 }
 
 /// Lowers return delays as permitted, and reads as fast as the line then is.
@@ -110,7 +206,29 @@ fn write_eeprom(link: &mut Link, preflight: &Preflight) -> Result<(), Error> {
     Ok(())
 }
 
-/// Torque moves a joint to its goal: it must still be there.
+/// Torque moves a joint to its goal: it must still be there, as seen by a look that is not older
+/// than [`FRESH`], or than the line takes. When the look was asked for.
+///
+/// A host that stalls while it waits for the answers sees where the joints were before the stall; it
+/// looks again.
+fn look(link: &mut Link, command: &Command) -> Result<Instant, Error> {
+    let mut quickest = Duration::MAX;
+    for _ in 0..MOST_LOOKS {
+        let asked_at = link.clock().now();
+        check_where_it_was(link, command)?;
+        let took = link.clock().now().since(asked_at);
+        // Where every look takes long it is the line that does.
+        if took <= FRESH || took <= quickest.saturating_mul(3) / 2 && quickest != Duration::MAX {
+            return Ok(asked_at + took.saturating_sub(FRESH));
+        }
+        quickest = quickest.min(took);
+    }
+    Err(Error::new("the host stalls; torque stays off")
+        .got(format!("{MOST_LOOKS} looks at the joints, the quickest in {quickest:.0?}"))
+        .allowed(format!("{FRESH:.0?}, or the same time twice"))
+        .remedy("end what else keeps this machine busy, and start again"))
+}
+
 fn check_where_it_was(link: &mut Link, command: &Command) -> Result<(), Error> {
     let present_rad = positions(link)?;
     for (index, (present, goal)) in present_rad.iter().zip(command.goal_rad()).enumerate() {
@@ -141,7 +259,9 @@ fn limit_speed(link: &mut Link, joint: usize) -> Result<(), Error> {
     let limit = budget(link);
     let written = link.write_raw(joint, register, raw, limit);
     written.map_err(|e| exchange_error(link, Some(joint), &e))?;
-    expect_raw(link, joint, register, raw)
+    expect_raw(link, joint, register, raw)?;
+    link.remember_speed(joint, raw);
+    Ok(())
 }
 
 pub(super) fn expect_raw(
@@ -163,11 +283,30 @@ pub(super) fn expect_raw(
         .allowed(wanted.to_string()))
 }
 
-/// Switches torque on on every joint at once, and reads it back.
-fn set_torque_on(link: &mut Link) -> Result<(), Error> {
+/// Switches torque on on every joint at once, and reads it back. `looked_at`: when the joints were
+/// last seen where they shall stay.
+///
+/// Nobody can keep a host from stalling between its last look and the word that switches torque on.
+/// That it did is seen by the clock as soon as the word has left, and torque goes off again.
+fn set_torque_on(
+    link: &mut Link,
+    looked_at: Instant,
+    held: bool,
+    wanted: &dyn Fn() -> Result<(), Halt>,
+) -> Result<(), Halt> {
     let limit = budget(link);
     link.switch_on(limit).map_err(|e| exchange_error(link, None, &e))?;
+    let since = link.clock().now().since(looked_at);
+    // A robot that was held stood under torque all the while.
+    if since > 2 * FRESH && !held {
+        return Err(Error::new("the host stalled as torque came on; torque is off again")
+            .got(format!("{since:.0?} after the last look at the joints"))
+            .allowed(format!("{:.0?}", 2 * FRESH))
+            .remedy("look where the robot stands, and start again")
+            .into());
+    }
     for joint in 0..link.robot().joints.len() {
+        wanted()?;
         link.break_silence(watchdog::SILENCE / 4);
         match torque_register(link, joint) {
             Some(register) => expect_raw(link, joint, register, 1)?,

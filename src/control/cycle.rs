@@ -1,8 +1,15 @@
-//! The cycle: read states, judge, sample the motion at this very moment, let the guard look, write.
+//! The cycle: read states, judge, sample the motion at this very moment, keep goals near their
+//! joints, let the guard look, write.
 
-use super::health::{Bounds, JointFacts, StopReason, Watch};
+use super::arm::Armed;
+use super::flight::{Flight, FlightCycle};
+use super::health::{Bounds, JointFacts, Stop, StopReason, Watch};
+use super::inject;
+use super::leash::Leash;
+use super::left::{self, Left};
 use super::plausible::Believed;
-use super::{Sample, Sink, Tally, watchdog};
+use super::silence::Silence;
+use super::{Sample, Sink, Tally};
 use crate::bus::{AskError, Miss};
 use crate::device::Health;
 use crate::guard::{Command, Guard};
@@ -12,6 +19,8 @@ use crate::robot::preflight::LINE_SHARE;
 use crate::robot::{Link, LinkError};
 use crate::time::{Duration, Instant};
 use gaitway_profiles::Role;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
 
 /// How a motion is streamed.
 #[derive(Clone, Copy, Debug)]
@@ -36,17 +45,63 @@ impl Settings {
     }
 }
 
+/// Where a run could not keep the rule that every goal lies on a path that comes to rest. Each kind
+/// is one of the exceptions that ARCHITECTURE.md names.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+#[serde(rename_all = "kebab-case", tag = "kind")]
+pub enum Exception {
+    /// No word reaches the joints of a line that is lost.
+    LineLost {
+        /// Line name.
+        line: String,
+    },
+    /// The guard refused a goal: the joints were left at the one before.
+    GuardRefused,
+    /// The host stalled: the joints stood at their last goal already and were left there.
+    Stalled {
+        /// For how long, s.
+        gap_s: f64,
+    },
+    /// Nobody answered while the motion was run down.
+    BlindRamp {
+        /// For how long, s.
+        blind_s: f64,
+        /// The longest that is allowed, s.
+        most_s: f64,
+        /// True if the ramp came to its end in that time.
+        rested: bool,
+    },
+    /// A joint was stopped dead at a speed from which its goal could not brake in time.
+    GoalHeld {
+        /// Joint name.
+        joint: String,
+    },
+    /// A servo had let go and was told nothing more.
+    Limp {
+        /// Joint name.
+        joint: String,
+    },
+}
+
 /// What came of a motion.
 #[derive(Clone, Debug)]
 pub struct Run {
     /// Absent if the motion reached its end.
     pub stop: Option<StopReason>,
+    /// The same as data.
+    pub stop_data: Option<Stop>,
     /// Figures over all cycles.
     pub tally: Tally,
     /// Time from the first to the last cycle, s.
     pub duration_s: f64,
     /// Share of the time the busiest line was busy.
     pub bus_load: f64,
+    /// Where goals could not be led to rest along the checked path.
+    pub exceptions: Vec<Exception>,
+    /// The last cycles, at most fifty.
+    pub flight: Vec<FlightCycle>,
+    /// How the robot was left, as far as it said.
+    pub left: Left,
     /// Things a person should know of how the robot was left.
     pub notes: Vec<String>,
 }
@@ -59,6 +114,11 @@ const RETRIES: u32 = 1;
 const REST_RAD_S: f64 = 0.05;
 /// Goals written after the motion ended, so that the last two are equal on every joint.
 const LAST_GOALS: u32 = 2;
+
+/// Cycles without any answer after which nobody is waited for any more.
+const QUIET_CYCLES: u32 = 5;
+/// Cycles in which the control loop may break before its goals are frozen.
+const MOST_PANICS: u32 = 3;
 
 /// Far below a count of any encoder, far above what arithmetic loses.
 const ROUNDING_RAD: f64 = 1e-9;
@@ -74,9 +134,18 @@ pub trait Motion {
 }
 
 /// A motion that is known to its end.
-struct Planned<'a> {
+#[derive(Debug)]
+pub struct Planned<'a> {
     trajectory: &'a Trajectory,
     clock: MotionClock,
+}
+
+impl<'a> Planned<'a> {
+    /// `trajectory` from its start, to be stopped within what `limits` allow.
+    #[must_use]
+    pub fn new(trajectory: &'a Trajectory, limits: &[JointLimits]) -> Self {
+        Self { trajectory, clock: MotionClock::new(limits) }
+    }
 }
 
 impl Motion for Planned<'_> {
@@ -92,6 +161,13 @@ impl Motion for Planned<'_> {
     }
 }
 
+/// The longest a stop takes, s: the ramp, and two cycles.
+#[must_use]
+pub fn longest_stop_s(limits: &[JointLimits], period: Duration) -> f64 {
+    let ratio = |limits: &JointLimits| limits.velocity_rad_s() / limits.acceleration_rad_s2();
+    1.6 * limits.iter().map(ratio).fold(0.0, f64::max) + 2.0 * period.as_secs_f64()
+}
+
 /// The loop's memory between two cycles.
 struct Player<'a> {
     link: &'a mut Link,
@@ -100,39 +176,60 @@ struct Player<'a> {
     motion: &'a mut dyn Motion,
     setpoints: Vec<Setpoint>,
     goal_velocity_rad_s: Vec<f64>,
+    /// Where the motion wanted each joint when the goal in effect was written.
+    wanted_rad: Vec<f64>,
+    leash: Leash,
     /// When a goal was last written; none yet: the motion's clock starts with the first.
     written_at: Option<Instant>,
+    /// True if this cycle got as far as its goals.
+    wrote: bool,
     stop: Option<StopReason>,
+    /// When the stop began, and in which cycle.
+    stopped: Option<(Instant, u64)>,
     frozen: bool,
     goals_at_rest: u32,
     rest_since: Option<Instant>,
     believed: Believed,
     /// Joints that were slow when their speed was last read.
     resting: Vec<bool>,
-    /// True once nobody on any line answers.
+    silence: Silence,
+    /// Since when nobody answers.
+    quiet_since: Option<Instant>,
+    /// The longest the motion may be run down unanswered, s.
+    longest_stop_s: f64,
+    exceptions: Vec<Exception>,
+    flight: Flight,
+    panics: u32,
+    /// True while the sink looks at a cycle; still true if it broke.
+    in_sink: bool,
+    /// True once no line is left to speak on.
     deserted: bool,
 }
 
 /// Streams `trajectory` until it is at rest, handing each cycle to `sink`.
 ///
-/// `asked_to_stop` is looked at once per cycle. The guard must be the one that armed the robot:
-/// the motion starts where it stands.
+/// `asked_to_stop` is looked at once per cycle. The robot must have been armed just now: the motion
+/// starts where it stands.
 pub fn run(
     link: &mut Link,
-    armed: (Guard, Command),
+    armed: Armed,
     trajectory: &Trajectory,
     settings: Settings,
     sink: &mut dyn Sink,
     asked_to_stop: &dyn Fn() -> bool,
 ) -> Run {
-    let clock = MotionClock::new(&link.robot().limits());
-    stream(link, armed, &mut Planned { trajectory, clock }, settings, sink, asked_to_stop)
+    let limits = link.robot().limits();
+    let mut motion = Planned::new(trajectory, &limits);
+    stream(link, armed, &mut motion, settings, sink, asked_to_stop)
 }
 
 /// Streams whatever motion there is until it is at rest; the rest as [`run`].
+///
+/// A panic, of the sink, the motion or the loop itself, is a reason to stop like any other: what is
+/// left of the motion is run down along its path.
 pub fn stream(
     link: &mut Link,
-    (guard, command): (Guard, Command),
+    armed: Armed,
     motion: &mut dyn Motion,
     settings: Settings,
     sink: &mut dyn Sink,
@@ -140,13 +237,13 @@ pub fn stream(
 ) -> Run {
     let mut watch = Watch::new(settings.bounds, joint_facts(link));
     let mut tally = Tally::new(link.robot().joints.len());
-    let clock = std::sync::Arc::clone(link.clock());
+    let clock = Arc::clone(link.clock());
     let began = clock.now();
     link.set_retries(RETRIES);
     let busy_before_s = link.busy_s();
     // A pause between arming and the first cycle counts as well: servos watch for their host.
     let mut last_cycle = link.spoken_at();
-    let mut player = Player::new(link, (guard, command), motion, began);
+    let mut player = Player::new(link, armed, motion, began, settings);
     let period_ns = whole_nanos(settings.period).max(1);
     let mut tick: u64 = 0;
     let mut overrun = false;
@@ -159,16 +256,20 @@ pub fn stream(
         // tick: those in between were lost.
         let late = overrun || behind.as_secs_f64() > LATE_SHARE * settings.period.as_secs_f64();
         tally.late_cycles += u64::from(late);
-        if let Some(reason) = watch.pace(now.since(last_cycle), late) {
-            // After a stall the servos stand at the last goal: going on from there would be a jump.
-            player.frozen |= matches!(reason, StopReason::Stalled { .. });
-            player.request_stop(reason);
-        }
+        let cycle = tally.cycles;
+        let gap = now.since(last_cycle);
         last_cycle = now;
-        if asked_to_stop() && player.goals_at_rest < LAST_GOALS {
-            player.request_stop(StopReason::Asked);
-        }
-        let more = player.cycle(now, settings, &mut watch, &mut tally, sink);
+        player.wrote = false;
+        let turn = catch_unwind(AssertUnwindSafe(|| {
+            if let Some(reason) = watch.pace(gap, late) {
+                player.late(reason, cycle);
+            }
+            if asked_to_stop() && player.goals_at_rest < LAST_GOALS {
+                player.request_stop(StopReason::Asked, cycle);
+            }
+            player.cycle(now, settings, &mut watch, &mut tally, sink)
+        }));
+        let more = turn.unwrap_or_else(|panic| player.broke(&*panic, cycle, settings));
         if !more {
             break;
         }
@@ -180,50 +281,85 @@ pub fn stream(
         tick = next;
     }
     let duration_s = clock.now().since(began).as_secs_f64();
-    let bus_load = bus_load(player.link, &busy_before_s, duration_s);
-    // Servos that came back from nowhere are limp and must not be written to.
-    let mut notes = if player.deserted { Vec::new() } else { watchdog::release(player.link) };
-    notes.extend(player.link.troubles());
-    Run { stop: player.stop, tally, duration_s, bus_load, notes }
+    player.finish(tally, duration_s, &busy_before_s, &settings.bounds)
 }
 
 fn whole_nanos(duration: Duration) -> u64 {
     u64::try_from(duration.as_nanos()).unwrap_or(u64::MAX)
 }
 
+/// What a panic said.
+pub(super) fn panic_words(panic: &(dyn std::any::Any + Send)) -> String {
+    let words = panic.downcast_ref::<String>().map(String::as_str);
+    words.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("no words left").to_owned()
+}
+
 impl<'a> Player<'a> {
     /// A motion about to begin at `began`, from the command that armed the robot.
     fn new(
         link: &'a mut Link,
-        (guard, command): (Guard, Command),
+        armed: Armed,
         motion: &'a mut dyn Motion,
         began: Instant,
+        settings: Settings,
     ) -> Self {
+        let (guard, command) = armed.into_parts();
         let limits = link.robot().limits();
+        let lines = link.robot().joints.iter().map(|joint| joint.line).collect();
+        let start_rad = command.goal_rad().to_vec();
+        let bound_rad = settings.bounds.tracking_rad;
         Self {
             link,
             guard,
             motion,
             setpoints: vec![Setpoint::default(); limits.len()],
             goal_velocity_rad_s: vec![0.0; limits.len()],
+            leash: Leash::new(&start_rad, limits.clone(), bound_rad, began),
             written_at: None,
+            wrote: false,
             stop: None,
+            stopped: None,
             frozen: false,
             goals_at_rest: 0,
             rest_since: None,
             resting: vec![false; limits.len()],
-            believed: Believed::new(command.goal_rad(), limits, began),
+            silence: Silence::new(lines),
+            quiet_since: None,
+            longest_stop_s: longest_stop_s(&limits, settings.period),
+            believed: Believed::new(&start_rad, limits, began),
+            wanted_rad: start_rad,
             command,
+            exceptions: Vec::new(),
+            flight: Flight::default(),
+            panics: 0,
+            in_sink: false,
             deserted: false,
         }
     }
 
     /// Starts the deceleration. The first reason counts; a second request changes nothing.
-    fn request_stop(&mut self, reason: StopReason) {
+    fn request_stop(&mut self, reason: StopReason, cycle: u64) {
         if self.stop.is_none() {
             self.stop = Some(reason);
+            self.stopped = Some((self.link.clock().now(), cycle));
             self.motion.stop();
         }
+    }
+
+    /// The cycle began late.
+    fn late(&mut self, reason: StopReason, cycle: u64) {
+        if let StopReason::Stalled { gap_s } = reason {
+            self.freeze(Exception::Stalled { gap_s });
+        }
+        self.request_stop(reason, cycle);
+    }
+
+    /// Leaves the joints where their last goal is: going on from there would be a jump.
+    fn freeze(&mut self, exception: Exception) {
+        if !self.frozen && self.goals_at_rest < LAST_GOALS {
+            self.exceptions.push(exception);
+        }
+        self.frozen = true;
     }
 
     /// One cycle; false when the motion is over.
@@ -236,14 +372,18 @@ impl<'a> Player<'a> {
         sink: &mut dyn Sink,
     ) -> bool {
         let budget = now + settings.period.mul_f64(LINE_SHARE);
-        let (states, health) = match self.read(tally.cycles, now, budget) {
+        let cycle = tally.cycles;
+        inject::point("read", cycle);
+        let (states, health) = match self.read(cycle, now, budget) {
             Ok(read) => read,
-            Err(error) => return self.lose(&error),
+            Err(error) => return self.lose(&error, cycle),
         };
+        self.ask_who_was_silent(&states, now, budget, cycle);
         let sample = Sample {
-            cycle: tally.cycles,
+            cycle,
             at: now,
             goal_rad: self.command.goal_rad(),
+            wanted_rad: &self.wanted_rad,
             goal_velocity_rad_s: &self.goal_velocity_rad_s,
             states: &states,
             health,
@@ -257,38 +397,111 @@ impl<'a> Player<'a> {
                 Err(_) => *slow = false,
             }
         }
+        inject::point("judge", cycle);
         let link = &*self.link;
         let reason = watch.judge(&sample, |joint, bits| link.error_words(joint, bits));
         tally.add(&sample);
-        sink.take(&sample);
-        if let Some(reason) = reason {
-            self.deserted =
-                matches!(reason, StopReason::Silent { .. }) && self.link.nobody_answers();
-            self.request_stop(reason);
-            if self.deserted {
-                // Nobody is there. Servos that come back are limp and must not be sent a goal.
-                return false;
-            }
+        self.flight.take(&sample);
+        if !self.in_sink {
+            self.in_sink = true;
+            inject::point("sink", cycle);
+            sink.take(&sample);
+            self.in_sink = false;
         }
-        if self.over(now, settings) {
+        if let Some((joint, Health { torque_on: Some(false), .. })) = sample.health {
+            self.leave_limp(joint);
+        }
+        if let Some(reason) = reason {
+            self.request_stop(reason, cycle);
+        }
+        if self.deserted || self.over(now, settings) || self.blind_for_too_long(now) {
             return false;
         }
-        match self.write(budget) {
+        match self.write(budget, settings, cycle) {
             Ok(()) => true,
-            Err(error) => self.lose(&error),
+            Err(error) => self.lose(&error, cycle),
         }
     }
 
     /// A line failed: its joints are left at their last goal and the others led to rest. False if
     /// there are no others.
-    fn lose(&mut self, error: &LinkError) -> bool {
-        let joints = self.link.write_off(error);
-        let name = self.link.robot().lines.get(error.line).map_or("", |line| &line.name);
-        let text = format!("line {name}: {}", error.error);
-        self.request_stop(StopReason::LineLost { text, joints });
-        let lines = 0..self.link.robot().lines.len();
-        self.deserted = lines.into_iter().all(|line| self.link.is_lost(line));
+    fn lose(&mut self, error: &LinkError, cycle: u64) -> bool {
+        let joints = self.link.give_up(error.line);
+        let line = self.line_name(error.line);
+        self.exceptions.push(Exception::LineLost { line: line.clone() });
+        let text = error.error.to_string();
+        self.request_stop(StopReason::LineLost { line, text, joints }, cycle);
+        self.deserted = self.all_lines_lost();
         !self.deserted
+    }
+
+    fn line_name(&self, line: usize) -> String {
+        self.link.robot().lines.get(line).map_or_else(String::new, |line| line.name.clone())
+    }
+
+    fn all_lines_lost(&self) -> bool {
+        (0..self.link.robot().lines.len()).all(|line| self.link.is_lost(line))
+    }
+
+    /// A servo let go: it is told nothing more, since a goal might wake it.
+    fn leave_limp(&mut self, joint: usize) {
+        let of = &self.link.robot().joints[joint];
+        if of.servo().is_some() && !self.link.is_muted(joint) {
+            self.exceptions.push(Exception::Limp { joint: of.name.clone() });
+            self.link.mute(joint);
+        }
+    }
+
+    /// Servos that were silent and answer again are asked for their torque before any further goal.
+    /// A line whose servos came back limp is given up; one that does not say is told no goal in this
+    /// cycle.
+    fn ask_who_was_silent(&mut self, states: &States, now: Instant, budget: Instant, cycle: u64) {
+        let mut doubted = self.silence.take(states);
+        self.quiet_since = match self.silence.quiet_cycles() {
+            0 => None,
+            _ => self.quiet_since.or(Some(now)),
+        };
+        for line in 0..self.link.robot().lines.len() {
+            self.link.hold_back(line, false);
+        }
+        doubted.retain(|&joint| {
+            // An actuator on a CAN line that let go obeys no goal, and says so by itself.
+            let servo = self.link.robot().joints[joint].servo().is_some();
+            if !servo {
+                self.silence.trust(joint);
+            }
+            servo
+        });
+        if doubted.is_empty() {
+            return;
+        }
+        let told = self.link.as_armed(&doubted, budget);
+        for (joint, as_armed) in doubted.into_iter().zip(told) {
+            let line = self.link.robot().joints[joint].line;
+            match as_armed {
+                Some(true) => self.silence.trust(joint),
+                None => self.link.hold_back(line, true),
+                Some(false) if self.link.is_lost(line) => {}
+                Some(false) if self.silence.is_shared(joint) => self.came_back_limp(line, cycle),
+                Some(false) => self.one_came_back_limp(joint, cycle),
+            }
+        }
+    }
+
+    fn one_came_back_limp(&mut self, joint: usize, cycle: u64) {
+        self.leave_limp(joint);
+        self.silence.trust(joint);
+        let joint = self.link.robot().joints[joint].name.clone();
+        let fault = "the servo came back without torque (did it restart?)".to_owned();
+        self.request_stop(StopReason::ServoFault { joint, fault }, cycle);
+    }
+
+    fn came_back_limp(&mut self, line: usize, cycle: u64) {
+        let joints = self.link.give_up(line);
+        let line = self.line_name(line);
+        self.exceptions.push(Exception::LineLost { line: line.clone() });
+        self.request_stop(StopReason::CameBackLimp { line, joints }, cycle);
+        self.deserted = self.all_lines_lost();
     }
 
     /// States of all joints, as far as they can be believed, and the slow facts of one, in turn.
@@ -300,6 +513,11 @@ impl<'a> Player<'a> {
     ) -> Result<(States, Option<(usize, Health)>), LinkError> {
         let mut states = self.link.states(budget)?;
         self.believed.sift(&mut states, now, self.link.clock().now());
+        for (joint, state) in states.iter().enumerate() {
+            if let Ok((state, _)) = state {
+                self.leash.heard(joint, state.position_rad, now);
+            }
+        }
         let joints = states.len();
         let turn = usize::try_from(cycle).unwrap_or(0);
         // Parts change faster than joints: the supply, which all share, is seen every few cycles.
@@ -327,41 +545,187 @@ impl<'a> Player<'a> {
             return false;
         }
         let since = *self.rest_since.get_or_insert(now);
-        let still = self.link.robot().joints.iter().zip(&self.resting);
-        let still = still.into_iter().all(|(joint, &slow)| slow || self.link.is_lost(joint.line));
-        still || now.since(since) >= settings.settle
+        let still = self.link.robot().joints.iter().zip(&self.resting).enumerate();
+        let still = still.into_iter().all(|(index, (joint, &slow))| {
+            slow || self.link.is_lost(joint.line) || self.link.is_muted(index)
+        });
+        // Who does not answer cannot be waited for.
+        let nobody = self.silence.quiet_cycles() >= QUIET_CYCLES;
+        still || nobody || now.since(since) >= settings.settle
+    }
+
+    /// Since when the motion is run down without an answer of anybody.
+    fn blind_since(&self) -> Option<Instant> {
+        Some(self.quiet_since?.max(self.stopped?.0))
+    }
+
+    /// True if the motion was run down unanswered for as long as that may take.
+    fn blind_for_too_long(&self, now: Instant) -> bool {
+        let blind = self.blind_since().map(|since| now.since(since).as_secs_f64());
+        blind.is_some_and(|blind_s| blind_s > self.longest_stop_s)
     }
 
     /// Samples the motion at the moment of writing and writes what the guard admits.
-    fn write(&mut self, budget: Instant) -> Result<(), LinkError> {
+    fn write(&mut self, budget: Instant, settings: Settings, cycle: u64) -> Result<(), LinkError> {
         // Goals are for the moment they leave, which after a lost answer is a little later.
-        let clock = std::sync::Arc::clone(self.link.clock());
+        let clock = Arc::clone(self.link.clock());
         clock.sleep_until(self.link.ready_at());
         let now = clock.now();
         let since = self.written_at.map_or(Duration::ZERO, |before| now.since(before));
-        let over = self.motion.advance(since.as_secs_f64(), now, &mut self.setpoints);
+        inject::point("advance", cycle);
+        let path_over = self.motion.advance(since.as_secs_f64(), now, &mut self.setpoints);
+        self.wanted_rad.clear();
+        self.wanted_rad.extend(self.setpoints.iter().map(|setpoint| setpoint.position_rad));
+        let stopping = self.stop.is_some();
+        self.leash.advance(since.as_secs_f64(), now, stopping, &mut self.setpoints);
         self.written_at = Some(now);
+        self.look_for_a_stall(since, settings, cycle);
+        inject::point("admit", cycle);
         if !self.frozen {
-            let joints = self.setpoints.iter().zip(&self.link.robot().joints);
-            let goal_rad: Vec<f64> =
-                joints.map(|(s, joint)| unrounded(s.position_rad, &joint.limits)).collect();
-            match self.guard.admit(&goal_rad, now) {
-                Ok(command) => {
-                    self.command = command;
-                    let speeds = self.setpoints.iter().map(|s| s.velocity_rad_s);
-                    self.goal_velocity_rad_s = speeds.collect();
-                }
-                Err(refusal) => {
-                    // The goal before was good: the joints are left there.
-                    self.frozen = true;
-                    let joint = self.link.robot().joints[refusal.joint].name.clone();
-                    let reason = refusal.reason.to_string();
-                    self.request_stop(StopReason::Refused { joint, reason });
-                }
+            self.admit(now, cycle);
+        }
+        // Goals that a line does not hear now are no last goals.
+        let all_told = !self.link.holds_back();
+        let over = path_over && !self.leash.holds();
+        self.goals_at_rest += u32::from(all_told && (over || self.frozen));
+        inject::point("write", cycle);
+        self.link.write_goals(&self.command, budget)?;
+        self.wrote = true;
+        Ok(())
+    }
+
+    /// Looks, as the last thing before goals are admitted, whether the host stood still since the
+    /// last ones: longer than is allowed, or so long that a goal would be a jump.
+    fn look_for_a_stall(&mut self, since: Duration, settings: Settings, cycle: u64) {
+        let forced = self.leash.forced();
+        let stalled = since > settings.bounds.gap;
+        if stalled || forced.is_some() && since > 2 * settings.period {
+            let gap_s = since.as_secs_f64();
+            self.freeze(Exception::Stalled { gap_s });
+            self.request_stop(StopReason::Stalled { gap_s }, cycle);
+        } else if let Some(joint) = forced {
+            let joint = self.link.robot().joints[joint].name.clone();
+            let exception = Exception::GoalHeld { joint };
+            if !self.exceptions.contains(&exception) {
+                self.exceptions.push(exception);
             }
         }
-        self.goals_at_rest += u32::from(over || self.frozen);
-        self.link.write_goals(&self.command, budget)
+    }
+
+    fn admit(&mut self, now: Instant, cycle: u64) {
+        let joints = self.setpoints.iter().zip(&self.link.robot().joints);
+        let goal_rad: Vec<f64> =
+            joints.map(|(s, joint)| unrounded(s.position_rad, &joint.limits)).collect();
+        match self.guard.admit(&goal_rad, now) {
+            Ok(command) => {
+                self.command = command;
+                let speeds = self.setpoints.iter().map(|s| s.velocity_rad_s);
+                self.goal_velocity_rad_s = speeds.collect();
+            }
+            Err(refusal) => {
+                // The goal before was good: the joints are left there.
+                self.freeze(Exception::GuardRefused);
+                let joint = self.link.robot().joints[refusal.joint].name.clone();
+                let reason = refusal.reason.to_string();
+                self.request_stop(StopReason::Refused { joint, reason }, cycle);
+            }
+        }
+    }
+
+    /// The loop broke in this cycle. What is left of the motion is run down without whatever broke;
+    /// false when that has come to its end.
+    fn broke(
+        &mut self,
+        panic: &(dyn std::any::Any + Send),
+        cycle: u64,
+        settings: Settings,
+    ) -> bool {
+        self.panics += 1;
+        let words = panic_words(panic);
+        let stopped = catch_unwind(AssertUnwindSafe(|| {
+            self.request_stop(StopReason::Broke { words }, cycle);
+        }));
+        if stopped.is_err() || self.panics > MOST_PANICS && !self.wrote {
+            self.frozen = true;
+        }
+        if self.goals_at_rest >= LAST_GOALS || self.deserted {
+            return false;
+        }
+        if self.wrote {
+            return true;
+        }
+        let now = self.link.clock().now();
+        let budget = now + settings.period.mul_f64(LINE_SHARE);
+        let written = catch_unwind(AssertUnwindSafe(|| self.write(budget, settings, cycle)));
+        match written {
+            Ok(Ok(())) => true,
+            Ok(Err(error)) => self.lose(&error, cycle),
+            Err(_) => {
+                // Not even the goals can be told: the servos stand at their last one.
+                self.frozen = true;
+                self.panics <= 2 * MOST_PANICS
+            }
+        }
+    }
+
+    /// Switches watchdogs off and looks how the robot is left.
+    fn finish(
+        mut self,
+        tally: Tally,
+        duration_s: f64,
+        busy_before_s: &[f64],
+        bounds: &Bounds,
+    ) -> Run {
+        if let Some(since) = self.blind_since().filter(|_| !self.deserted) {
+            let blind_s = self.link.clock().now().since(since).as_secs_f64();
+            let rested = self.goals_at_rest >= LAST_GOALS;
+            let most_s = self.longest_stop_s;
+            self.exceptions.push(Exception::BlindRamp { blind_s, most_s, rested });
+        }
+        let bus_load = bus_load(self.link, busy_before_s, duration_s);
+        let (left, mut notes) = left::leave(self.link);
+        notes.extend(self.exceptions.iter().filter_map(Exception::words));
+        notes.extend(self.link.troubles());
+        let stop_data = self.stop.as_ref().map(|stop| {
+            let mut data = stop.as_data(bounds, self.stopped.map(|(_, cycle)| cycle));
+            if let Some(joint) = &data.joint {
+                data.line = self.link.robot().line_of(joint);
+            }
+            data
+        });
+        Run {
+            stop: self.stop,
+            stop_data,
+            tally,
+            duration_s,
+            bus_load,
+            exceptions: self.exceptions,
+            flight: self.flight.into_cycles(),
+            left,
+            notes,
+        }
+    }
+}
+
+impl Exception {
+    /// What a person should know of it, unless the reason of the stop says it already.
+    fn words(&self) -> Option<String> {
+        match self {
+            Self::BlindRamp { blind_s, most_s, rested } => {
+                let end = if *rested { "and ended at rest" } else { "and did not end at rest" };
+                Some(format!(
+                    "nobody answered for the last {blind_s:.2} s: the motion was run down blindly \
+                     (at most {most_s:.2} s), {end}"
+                ))
+            }
+            Self::GoalHeld { joint } => Some(format!(
+                "the goal of joint {joint} was held at once, since the joint stood still"
+            )),
+            Self::Limp { joint } => {
+                Some(format!("joint {joint} had let go and was told nothing more"))
+            }
+            Self::LineLost { .. } | Self::GuardRefused | Self::Stalled { .. } => None,
+        }
     }
 }
 

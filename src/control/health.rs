@@ -79,6 +79,8 @@ pub enum StopReason {
         joint: String,
         /// Degrees Celsius.
         temperature_c: f64,
+        /// At which it is stopped, degrees Celsius.
+        limit_c: f64,
     },
     /// The supply is too low.
     LowVoltage {
@@ -86,6 +88,8 @@ pub enum StopReason {
         joint: String,
         /// V.
         voltage_v: f64,
+        /// Below which it is stopped, V.
+        minimum_v: f64,
     },
     /// The guard refused a goal.
     Refused {
@@ -94,9 +98,23 @@ pub enum StopReason {
         /// In words.
         reason: String,
     },
+    /// The servos of a line came back from a silence without torque.
+    CameBackLimp {
+        /// Line name.
+        line: String,
+        /// The joints on it, which are told nothing any more.
+        joints: Vec<String>,
+    },
+    /// The program itself broke in the middle of a motion.
+    Broke {
+        /// What the panic said.
+        words: String,
+    },
     /// A line failed; nothing can be commanded on it any more.
     LineLost {
-        /// Line and what happened.
+        /// Line name.
+        line: String,
+        /// What happened.
         text: String,
         /// The joints on it, left at their last goal.
         joints: Vec<String>,
@@ -122,18 +140,189 @@ impl fmt::Display for StopReason {
                 error_rad.to_degrees()
             ),
             Self::ServoFault { joint, fault } => write!(f, "joint {joint}: {fault}"),
-            Self::Hot { joint, temperature_c } => {
+            Self::Hot { joint, temperature_c, .. } => {
                 write!(f, "joint {joint} is too hot: {temperature_c:.0} deg C")
             }
-            Self::LowVoltage { joint, voltage_v } => {
+            Self::LowVoltage { joint, voltage_v, .. } => {
                 write!(f, "the supply is too low at joint {joint}: {voltage_v:.1} V")
             }
             Self::Refused { joint, reason } => {
                 write!(f, "the guard refused a goal for joint {joint}: {reason}")
             }
-            Self::LineLost { text, joints } => {
-                write!(f, "the line was lost: {text}; no word reaches {}", joints.join(", "))
+            Self::CameBackLimp { line, joints } => write!(
+                f,
+                "line {line} came back without torque; nothing more is sent to {}",
+                joints.join(", ")
+            ),
+            Self::Broke { words } => write!(f, "the control loop broke: {words}"),
+            Self::LineLost { line, text, joints } => write!(
+                f,
+                "the line was lost: line {line}: {text}; no word reaches {}",
+                joints.join(", ")
+            ),
+        }
+    }
+}
+
+/// The kinds of reasons to stop; each has its page in `docs/troubleshooting/`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum StopCode {
+    /// The operator asked.
+    Asked,
+    /// A joint, or all of them, gave no feedback.
+    Silent,
+    /// The host cannot keep the rate.
+    Late,
+    /// The host stalled once.
+    Stalled,
+    /// A joint does not follow.
+    NotFollowing,
+    /// A servo reports an error or let go.
+    ServoFault,
+    /// A servo is too hot.
+    Hot,
+    /// The supply is too low.
+    LowVoltage,
+    /// The guard refused a goal.
+    RefusedByGuard,
+    /// Servos came back without torque.
+    CameBackLimp,
+    /// The program broke.
+    Broke,
+    /// A line failed.
+    LineLost,
+    /// A sensor that was followed is gone.
+    SensorLost,
+}
+
+impl StopCode {
+    /// All kinds.
+    pub const ALL: [Self; 13] = [
+        Self::Asked,
+        Self::Silent,
+        Self::Late,
+        Self::Stalled,
+        Self::NotFollowing,
+        Self::ServoFault,
+        Self::Hot,
+        Self::LowVoltage,
+        Self::RefusedByGuard,
+        Self::CameBackLimp,
+        Self::Broke,
+        Self::LineLost,
+        Self::SensorLost,
+    ];
+}
+
+impl fmt::Display for StopCode {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Asked => "asked",
+            Self::Silent => "silent",
+            Self::Late => "late",
+            Self::Stalled => "stalled",
+            Self::NotFollowing => "not-following",
+            Self::ServoFault => "servo-fault",
+            Self::Hot => "hot",
+            Self::LowVoltage => "low-voltage",
+            Self::RefusedByGuard => "refused-by-guard",
+            Self::CameBackLimp => "came-back-limp",
+            Self::Broke => "broke",
+            Self::LineLost => "line-lost",
+            Self::SensorLost => "sensor-lost",
+        })
+    }
+}
+
+/// A reason to stop as data: what a program compares and a table holds.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Stop {
+    /// Its kind.
+    pub code: StopCode,
+    /// Joint, where it is about one.
+    pub joint: Option<String>,
+    /// Line, where it is about one; else the joint's.
+    pub line: Option<String>,
+    /// What was found.
+    pub got: Option<f64>,
+    /// What would have been allowed.
+    pub allowed: Option<f64>,
+    /// Unit of both.
+    pub unit: Option<&'static str>,
+    /// Cycle in which it was found; null before the first.
+    pub cycle: Option<u64>,
+}
+
+impl Stop {
+    /// A stop of which no more is known than its kind.
+    #[must_use]
+    pub const fn of(code: StopCode) -> Self {
+        let (joint, line, got, allowed, unit, cycle) = (None, None, None, None, None, None);
+        Self { code, joint, line, got, allowed, unit, cycle }
+    }
+}
+
+impl StopReason {
+    /// Its kind.
+    #[must_use]
+    pub const fn code(&self) -> StopCode {
+        match self {
+            Self::Asked => StopCode::Asked,
+            Self::Silent { .. } => StopCode::Silent,
+            Self::Late { .. } => StopCode::Late,
+            Self::Stalled { .. } => StopCode::Stalled,
+            Self::NotFollowing { .. } => StopCode::NotFollowing,
+            Self::ServoFault { .. } => StopCode::ServoFault,
+            Self::Hot { .. } => StopCode::Hot,
+            Self::LowVoltage { .. } => StopCode::LowVoltage,
+            Self::Refused { .. } => StopCode::RefusedByGuard,
+            Self::CameBackLimp { .. } => StopCode::CameBackLimp,
+            Self::Broke { .. } => StopCode::Broke,
+            Self::LineLost { .. } => StopCode::LineLost,
+        }
+    }
+
+    /// The reason as data; `bounds` are those that were in force.
+    #[must_use]
+    pub fn as_data(&self, bounds: &Bounds, cycle: Option<u64>) -> Stop {
+        let (joint, line) = match self {
+            Self::Silent { joint, .. }
+            | Self::NotFollowing { joint, .. }
+            | Self::ServoFault { joint, .. }
+            | Self::Hot { joint, .. }
+            | Self::LowVoltage { joint, .. }
+            | Self::Refused { joint, .. } => (Some(joint.clone()), None),
+            Self::CameBackLimp { line, .. } | Self::LineLost { line, .. } => {
+                (None, Some(line.clone()))
             }
+            Self::Asked | Self::Late { .. } | Self::Stalled { .. } | Self::Broke { .. } => {
+                (None, None)
+            }
+        };
+        let figures = match *self {
+            Self::Silent { cycles, .. } => {
+                Some((f64::from(cycles), f64::from(bounds.misses_in_a_row) - 1.0, "cycles"))
+            }
+            Self::Late { cycles } => {
+                Some((f64::from(cycles), f64::from(bounds.late_of_hundred) - 1.0, "of 100 cycles"))
+            }
+            Self::Stalled { gap_s } => Some((gap_s, bounds.gap.as_secs_f64(), "s")),
+            Self::NotFollowing { error_rad, .. } => {
+                Some((error_rad.abs(), bounds.tracking_rad, "rad"))
+            }
+            Self::Hot { temperature_c, limit_c, .. } => Some((temperature_c, limit_c, "deg C")),
+            Self::LowVoltage { voltage_v, minimum_v, .. } => Some((voltage_v, minimum_v, "V")),
+            _ => None,
+        };
+        Stop {
+            code: self.code(),
+            joint,
+            line,
+            got: figures.map(|(got, ..)| got),
+            allowed: figures.map(|(_, allowed, _)| allowed),
+            unit: figures.map(|(.., unit)| unit),
+            cycle,
         }
     }
 }
@@ -163,6 +352,8 @@ pub struct Watch {
     joints: Vec<JointHealth>,
     /// All joints hang on one supply: any of them may say that it is low, or not.
     low_since: Option<Instant>,
+    /// Cycles in a row in which nobody who was asked gave feedback.
+    quiet_cycles: u32,
     late: std::collections::VecDeque<bool>,
 }
 
@@ -176,6 +367,7 @@ impl Watch {
             facts,
             joints,
             low_since: None,
+            quiet_cycles: 0,
             late: std::collections::VecDeque::with_capacity(100),
         }
     }
@@ -222,7 +414,8 @@ impl Watch {
                 let fault = "the servo raised its alert flag".to_owned();
                 reason.get_or_insert(StopReason::ServoFault { joint: name(), fault });
             }
-            let error_rad = sample.goal_rad[index] - state.position_rad;
+            // The goal itself is never further away than the bound: see [`super::leash`].
+            let error_rad = sample.wanted_rad[index] - state.position_rad;
             if error_rad.abs() <= self.bounds.tracking_rad {
                 joint.off_goal_since = None;
             } else {
@@ -243,7 +436,25 @@ impl Watch {
             let slow = self.judge_slow(*joint, health, sample.at, &fault_words);
             reason = reason.or(slow);
         }
-        reason
+        reason.or(self.judge_quiet(sample))
+    }
+
+    /// Judges a silence of all. Where joints are read in turn it lasts as many cycles as a silence
+    /// of one does where all are read.
+    fn judge_quiet(&mut self, sample: &Sample<'_>) -> Option<StopReason> {
+        let asked = |state: &&Result<_, Miss>| !matches!(state, Err(Miss::NotAsked));
+        let mut asked = sample.states.iter().enumerate().filter(|(_, state)| asked(state));
+        let (first, state) = asked.next()?;
+        let (Err(miss), true) = (state, asked.all(|(_, state)| state.is_err())) else {
+            self.quiet_cycles = 0;
+            return None;
+        };
+        self.quiet_cycles += 1;
+        (self.quiet_cycles >= self.bounds.misses_in_a_row).then(|| StopReason::Silent {
+            joint: self.facts[first].name.clone(),
+            cycles: self.quiet_cycles,
+            miss: miss.to_string(),
+        })
     }
 
     fn judge_slow(
@@ -266,7 +477,7 @@ impl Watch {
             (health.temperature_c, facts.temperature_limit_c)
             && !(temperature_c < limit_c)
         {
-            return Some(StopReason::Hot { joint, temperature_c });
+            return Some(StopReason::Hot { joint, temperature_c, limit_c });
         }
         let (Some(voltage_v), Some(minimum_v)) = (health.voltage_v, facts.min_voltage_v) else {
             return None;
@@ -277,6 +488,6 @@ impl Watch {
         }
         let since = *self.low_since.get_or_insert(at);
         let low = at.since(since) > self.bounds.low_voltage_for;
-        low.then_some(StopReason::LowVoltage { joint, voltage_v })
+        low.then_some(StopReason::LowVoltage { joint, voltage_v, minimum_v })
     }
 }

@@ -80,7 +80,12 @@ impl<'a> Mirror<'a> {
 
 impl Motion for Mirror<'_> {
     fn advance(&mut self, dt_s: f64, now: Instant, setpoints: &mut [Setpoint]) -> bool {
-        let target = match (self.source)(now, self.follower.is_approaching()) {
+        // Once it brakes, nobody is asked any more: the source may be what broke.
+        let input = match self.follower.is_stopping() {
+            true => Input::Nothing,
+            false => (self.source)(now, self.follower.is_approaching()),
+        };
+        let target = match input {
             Input::Pose(target) => Some(target),
             Input::Nothing => None,
             Input::End => {

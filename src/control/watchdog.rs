@@ -75,54 +75,108 @@ fn lets_go(link: &Link) -> Vec<(&str, f64)> {
     said.collect()
 }
 
-/// Switches every watchdog off, so that a robot that is left holding goes on holding. What a
-/// person should know of it, in words.
-pub fn release(link: &mut Link) -> Vec<String> {
+/// What became of the watchdogs.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Released {
+    /// Joints whose watchdog is off again.
+    pub off: Vec<String>,
+    /// Joints that did not confirm it: their servos may stop where they are.
+    pub unsure: Vec<String>,
+    /// Joints whose watchdog has stopped the servo already. It is left so: what such a servo does
+    /// with its old goal when it is cleared is not known.
+    pub bitten: Vec<String>,
+}
+
+/// Questions in a row that a line may leave unanswered before the rest of it is not asked any more.
+const SILENT_JOINTS: usize = 3;
+
+/// Switches every watchdog off, so that a robot that is left holding goes on holding.
+pub fn release(link: &mut Link) -> Released {
     link.set_retries(PATIENT_RETRIES);
-    let watched = watched(link);
-    let mut unsure = Vec::new();
-    for &(joint, register) in &watched {
-        if set(link, joint, register, 0).is_err() {
-            unsure.push(link.robot().joints[joint].name.clone());
+    let mut released = Released::default();
+    let mut silent = vec![0; link.robot().lines.len()];
+    for (joint, register) in watched(link) {
+        let of = &link.robot().joints[joint];
+        let (name, line) = (of.name.clone(), of.line);
+        if silent[line] >= SILENT_JOINTS {
+            released.unsure.push(name);
+            continue;
         }
+        link.break_silence(SILENCE / 4);
+        let limit = budget(link);
+        let found = link.read_register(joint, register, limit);
+        let latched = |raw: i64| register.max.is_some_and(|max| raw > max);
+        match found {
+            Ok(raw) if latched(raw) => released.bitten.push(name),
+            Ok(0) => released.off.push(name),
+            Ok(_) if set(link, joint, register, 0).is_ok() => released.off.push(name),
+            Ok(_) => released.unsure.push(name),
+            Err(_) => {
+                silent[line] += 1;
+                released.unsure.push(name);
+                continue;
+            }
+        }
+        silent[line] = 0;
     }
-    let mut watching = watched.len();
     for joint in actuators(link) {
         let of = link.robot().joints[joint].actuator().map(Actuator::watch);
         if matches!(of, Some(HostWatch::Setting { .. } | HostWatch::InGoals)) {
-            watching += 1;
-            if watch(link, joint, None).is_err() {
-                unsure.push(link.robot().joints[joint].name.clone());
+            let name = link.robot().joints[joint].name.clone();
+            match watch(link, joint, None) {
+                Ok(()) => released.off.push(name),
+                Err(_) => released.unsure.push(name),
             }
         }
     }
-    let mut notes = Vec::new();
-    let by_themselves = lets_go(link);
-    if let Some((_, shortest_s)) =
-        by_themselves.iter().min_by(|(_, a), (_, b)| a.total_cmp(b)).copied()
-    {
-        let names: Vec<&str> = by_themselves.iter().map(|(name, _)| *name).collect();
-        notes.push(format!(
-            "let go {shortest_s} s after the host's last word, as set with the maker's tool, and \
-             are not held from then on: {}",
-            names.join(", ")
-        ));
-    }
-    if watching == 0 {
-        return notes;
-    }
-    if unsure.is_empty() {
+    released.unsure.extend(on_lost_lines(link));
+    released
+}
+
+/// Joints with a watchdog on lines that are lost.
+fn on_lost_lines(link: &Link) -> Vec<String> {
+    let joints = link.robot().joints.iter().filter(|joint| link.is_lost(joint.line));
+    let watched = joints.filter(|joint| joint.register(Role::BusWatchdog).is_some());
+    watched.map(|joint| joint.name.clone()).collect()
+}
+
+impl Released {
+    /// What a person should know of it.
+    #[must_use]
+    pub fn words(&self, link: &Link) -> Vec<String> {
         let millis = SILENCE.as_millis();
-        notes.push(format!(
-            "{watching} servos would have stopped by themselves {millis} ms after the host's last \
-             word; now that nothing moves, that watch is off again"
-        ));
-        return notes;
+        let mut notes = Vec::new();
+        let by_themselves = lets_go(link);
+        if let Some((_, shortest_s)) =
+            by_themselves.iter().min_by(|(_, a), (_, b)| a.total_cmp(b)).copied()
+        {
+            let names: Vec<&str> = by_themselves.iter().map(|(name, _)| *name).collect();
+            notes.push(format!(
+                "let go {shortest_s} s after the host's last word, as set with the maker's tool, \
+                 and are not held from then on: {}",
+                names.join(", ")
+            ));
+        }
+        if !self.off.is_empty() {
+            let count = self.off.len();
+            notes.push(format!(
+                "{count} servos would have stopped by themselves {millis} ms after the host's last \
+                 word; now that nothing moves, that watch is off again"
+            ));
+        }
+        if !self.unsure.is_empty() {
+            notes.push(format!(
+                "the bus watchdog may still be on in {}: such a servo stops {millis} ms after the \
+                 host's last word and obeys no goal; the next start switches it off",
+                self.unsure.join(", ")
+            ));
+        }
+        if !self.bitten.is_empty() {
+            notes.push(format!(
+                "the bus watchdog has stopped {}: the next start clears it",
+                self.bitten.join(", ")
+            ));
+        }
+        notes
     }
-    notes.push(format!(
-        "the bus watchdog may still be on in {}: such a servo stands still and obeys no goal; the \
-         next start switches it off",
-        unsure.join(", ")
-    ));
-    notes
 }

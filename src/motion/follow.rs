@@ -84,6 +84,56 @@ struct State {
     v: f64,
 }
 
+/// One goal that chases another by the law of this module.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Chase {
+    /// Where the goal is, rad.
+    pub position_rad: f64,
+    /// How fast it moves, rad/s.
+    pub velocity_rad_s: f64,
+}
+
+impl Chase {
+    /// Where the goal is `dt_s` later, on the shortest way inside `limits` to `target`, which is
+    /// where and how fast the other goal is then. It could come to rest inside the limits from there.
+    #[must_use]
+    pub fn toward(self, target: Self, dt_s: f64, limits: &JointLimits) -> Self {
+        let bounds = Bounds {
+            lower: limits.lower_rad(),
+            upper: limits.upper_rad(),
+            v: limits.velocity_rad_s(),
+            a: limits.acceleration_rad_s2(),
+        };
+        let before = State {
+            q: target.position_rad - target.velocity_rad_s * dt_s,
+            v: target.velocity_rad_s,
+        };
+        let mut state = State::from(self);
+        state.intercept(before, dt_s, bounds);
+        state.into()
+    }
+
+    /// Where the goal is `dt_s` later if it brakes at `rate_rad_s2`.
+    #[must_use]
+    pub fn braked(self, dt_s: f64, rate_rad_s2: f64) -> Self {
+        let mut state = State::from(self);
+        state.brake(dt_s, rate_rad_s2);
+        state.into()
+    }
+}
+
+impl From<Chase> for State {
+    fn from(chase: Chase) -> Self {
+        Self { q: chase.position_rad, v: chase.velocity_rad_s }
+    }
+}
+
+impl From<State> for Chase {
+    fn from(state: State) -> Self {
+        Self { position_rad: state.q, velocity_rad_s: state.v }
+    }
+}
+
 /// What a joint may do at the moment.
 #[derive(Clone, Copy, Debug)]
 struct Bounds {
@@ -165,7 +215,7 @@ impl Follower {
             let before = *state;
             match wanted {
                 Some(wanted) => state.intercept(wanted, dt_s, bounds),
-                None => state.brake(dt_s, bounds),
+                None => state.brake(dt_s, bounds.a),
             }
             state.q = state.q.clamp(bounds.lower, bounds.upper);
             if let Some(wanted) = wanted {
@@ -244,7 +294,7 @@ impl State {
         for (a, lasts_s) in pieces {
             let lasts_s = lasts_s.clamp(0.0, left_s);
             if !self.go(a, lasts_s, bounds) {
-                return self.brake(left_s, bounds);
+                return self.brake(left_s, bounds.a);
             }
             left_s -= lasts_s;
         }
@@ -252,7 +302,7 @@ impl State {
             // Met: from here on the joint is where the target is.
             self.v = target.v;
             if !self.go(0.0, left_s, bounds) {
-                self.brake(left_s, bounds);
+                self.brake(left_s, bounds.a);
             }
         }
     }
@@ -270,14 +320,14 @@ impl State {
         inside
     }
 
-    /// Lets time pass at full deceleration, to rest.
-    fn brake(&mut self, dt_s: f64, bounds: Bounds) {
-        let rest_s = self.v.abs() / bounds.a;
+    /// Lets time pass at deceleration `a`, to rest.
+    fn brake(&mut self, dt_s: f64, a: f64) {
+        let rest_s = self.v.abs() / a;
         if rest_s <= dt_s {
             self.q += self.v * rest_s / 2.0;
             self.v = 0.0;
         } else {
-            let v = self.v - self.v.signum() * bounds.a * dt_s;
+            let v = self.v - self.v.signum() * a * dt_s;
             self.q += (self.v + v) / 2.0 * dt_s;
             self.v = v;
         }

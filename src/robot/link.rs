@@ -2,6 +2,7 @@
 
 mod axis;
 mod can;
+mod doubt;
 mod orders;
 mod serial;
 
@@ -91,6 +92,12 @@ pub struct Link {
     missed_in_a_row: Vec<u32>,
     /// Lines that failed in the middle of a motion; nothing is said on them any more.
     lost: Vec<bool>,
+    /// Joints that are told no goal any more.
+    muted: Vec<bool>,
+    /// Lines whose joints are told no goal for now.
+    held_back: Vec<bool>,
+    /// What each joint's speed register was set to when it was armed.
+    armed_speed: Vec<Option<i64>>,
     payload: Vec<u8>,
 }
 
@@ -127,7 +134,7 @@ impl Link {
             goal.map(|goal| (goal.address, u16::from(goal.bytes)))
         });
         let missed_in_a_row = vec![0; robot.joints.len()];
-        let lost = vec![false; robot.lines.len()];
+        let (lines_count, joints_count) = (robot.lines.len(), robot.joints.len());
         let mut link = Self {
             robot,
             lines,
@@ -136,7 +143,10 @@ impl Link {
             turn: 0,
             writes,
             missed_in_a_row,
-            lost,
+            lost: vec![false; lines_count],
+            muted: vec![false; joints_count],
+            held_back: vec![false; lines_count],
+            armed_speed: vec![None; joints_count],
             payload: Vec::new(),
         };
         link.plan_reads(&[], Duration::from_secs(1));
@@ -238,15 +248,6 @@ impl Link {
     #[must_use]
     pub fn is_lost(&self, line: usize) -> bool {
         self.lost.get(line).copied().unwrap_or(true)
-    }
-
-    /// Gives up the line that failed, so that the others go on. Names of the joints on it.
-    pub fn write_off(&mut self, failed: &LinkError) -> Vec<String> {
-        if let Some(lost) = self.lost.get_mut(failed.line) {
-            *lost = true;
-        }
-        let on_line = self.robot.joints.iter().filter(|joint| joint.line == failed.line);
-        on_line.map(|joint| joint.name.clone()).collect()
     }
 
     /// The moment up to which something was said on every line.
@@ -398,13 +399,6 @@ impl Link {
         states[joint] = drive.map(|(state, alert)| (of.joint_state(state), alert));
     }
 
-    /// True if no joint answered when it was last asked for its state.
-    #[must_use]
-    pub fn nobody_answers(&self) -> bool {
-        let joints = self.robot.joints.iter().zip(&self.missed_in_a_row);
-        joints.into_iter().all(|(joint, &missed)| missed > 0 || self.is_lost(joint.line))
-    }
-
     /// When every line may be spoken to again. A CAN line always may: its frames name their device.
     #[must_use]
     pub fn ready_at(&self) -> Instant {
@@ -488,7 +482,8 @@ impl Link {
         if words.is_empty() { format!("error bits 0x{bits:02X}") } else { words.join(", ") }
     }
 
-    /// Writes the goal of every joint, on all lines before any answer is waited for.
+    /// Writes the goal of every joint that is told any, on all lines before any answer is waited
+    /// for.
     ///
     /// # Errors
     /// A line that failed, or a goal that does not fit its register.

@@ -82,7 +82,7 @@ fn the_speed_limit_of_a_protocol_1_servo_is_never_zero_which_would_be_none() {
     robot = gaitway::robot::Robot::new(robot.file).expect("a robot");
     let mut scene = Scene::with_robot(robot, Options::default());
     let found = scene.preflight().expect("a robot that is ready");
-    gaitway::control::arm::arm(&mut scene.link, &found).expect("torque");
+    super::scene::arm(&mut scene.link, &found).expect("torque");
     let world = scene.world.lock();
     assert_eq!(world.register("head_pan", "Moving Speed"), Some(1));
     // 4.796165 rad/s are 45.8 rev/min: 402 counts of 0.114 rev/min.

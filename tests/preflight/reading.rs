@@ -206,7 +206,7 @@ fn with_a_permit_the_return_delay_is_lowered_and_how_to_undo_it_said() {
     };
     assert_eq!(delays(&scene), [250; 20], "preflight wrote");
     let trajectory = scene.swing(&found.start_rad, 0.2, 1);
-    let armed = control::arm::arm(&mut scene.link, &found).expect("torque");
+    let armed = scene::arm(&mut scene.link, &found).expect("torque");
     assert_eq!(delays(&scene), [0; 20]);
     let mut samples = scene::Samples::default();
     let settings = scene.settings;

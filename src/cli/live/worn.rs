@@ -14,7 +14,7 @@ use crate::cli::record::source::Source;
 use crate::cli::report::Outcome;
 use crate::cli::source::robot_model;
 use crate::cli::wear::{Feed, Guide, Guided, Operator, Place, Plan, Sensors, Wear};
-use crate::control::{Input, StopReason};
+use crate::control::{Input, Stop, StopCode};
 use crate::error::Error;
 use crate::mocap::mapping::{segment_name, segment_named};
 use crate::mocap::retarget::{self, Online};
@@ -166,10 +166,7 @@ impl Job<'_> {
                 // Nothing was played: an empty recording would only be in the way.
                 let _ = recorder.map(RunRecorder::discard);
                 if other?.is_none() {
-                    self.report.run.outcome = Outcome::Stopped;
-                    self.report.run.stop_reason = Some(StopReason::Asked.to_string());
-                    let note = "stopped before torque came on; nothing moved";
-                    self.report.run.notes.push(note.to_owned());
+                    self.report.run.describe_stopped();
                 }
                 return Ok(None);
             }
@@ -434,6 +431,7 @@ impl<'a> Body<'a> {
                 report.run.outcome = Outcome::Stopped;
             }
             report.run.stop_reason = Some(format!("sensor {sensor} is gone: {why}"));
+            report.run.stop = Some(Stop::of(StopCode::SensorLost));
         }
         let Some(body) = &mut report.body else { return };
         body.heading_resets = self.resets;

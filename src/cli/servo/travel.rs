@@ -6,9 +6,9 @@ mod can;
 use super::Target;
 use super::device::Device;
 use crate::cli::Remarks;
-use crate::cli::report::Outcome;
+use crate::cli::report::{Outcome, PlayReport};
 use crate::cli::signals::Signals;
-use crate::control::{self, Sample, Settings, Sink, StopReason};
+use crate::control::{self, Planned, Sample, Settings, Sink};
 use crate::error::Error;
 use crate::motion::{Path, PlanOptions, Setpoint, plan};
 use crate::robot::Robot;
@@ -127,29 +127,41 @@ pub fn run(args: &MoveArgs, remarks: Remarks) -> Result<i32, Error> {
         return Ok(signals.first().map_or(0, |number| 128 + number));
     }
     remarks.say(&plan_words);
-    let armed = control::arm::arm(link, &found)?;
     let mut seen = LastSeen(start_rad);
-    let asked = || signals.first().is_some();
-    let run = control::run(link, armed, trajectory, settings, &mut seen, &asked);
-    if args.limp {
+    let limits = link.robot().limits();
+    let performed = control::perform(
+        link,
+        &found,
+        &mut Planned::new(trajectory, &limits),
+        settings,
+        &mut seen,
+        &|| signals.first().is_some(),
+        &mut |_| {},
+    )?;
+    let mut tell = PlayReport::new("servo move", &place, Vec::new());
+    let moved = tell.describe_performance(&performed);
+    // As after `play`: only a motion that came to its end is followed by limp.
+    let limp = args.limp && moved && tell.outcome == Outcome::Done;
+    if limp {
         control::arm::disarm(link)?;
     }
-    let outcome = match &run.stop {
-        None => Outcome::Done,
-        Some(StopReason::Refused { .. }) => Outcome::Failed,
-        Some(_) => Outcome::Stopped,
+    tell.notes.iter().filter(|_| !limp).for_each(|note| remarks.say(note));
+    report["outcome"] = json!(tell.outcome);
+    report["stop_reason"] = json!(tell.stop_reason);
+    report["stop"] = json!(tell.stop);
+    report["left"] = json!(tell.left.as_ref().filter(|_| !limp));
+    report["flight"] = json!(tell.flight);
+    report["notes"] = json!(tell.notes);
+    report["reached_rad"] = json!(moved.then_some(seen.0));
+    let torque = match (&tell.left, limp) {
+        (_, true) => "torque is off".to_owned(),
+        (Some(left), _) => left.words(),
+        (None, _) => "nothing was switched on".to_owned(),
     };
-    report["outcome"] = json!(outcome);
-    report["stop_reason"] = json!(run.stop.as_ref().map(ToString::to_string));
-    report["reached_rad"] = json!(seen.0);
-    let torque = if args.limp { "torque is off" } else { "it holds, torque on" };
-    let why = run.stop.as_ref().map_or_else(String::new, |stop| format!(" ({stop})"));
+    let why = tell.stop_reason.as_ref().map_or_else(String::new, |stop| format!(" ({stop})"));
     let text = format!("{place} stands at {:.1} deg; {torque}{why}\n", seen.0.to_degrees());
     args.target.output.report(&report, &text)?;
-    Ok(match signals.first() {
-        Some(number) if run.stop == Some(StopReason::Asked) => 128 + number,
-        _ => outcome.exit_code(),
-    })
+    Ok(tell.exit_code(signals.first()))
 }
 
 /// What is for CAN actuators says nothing on a serial line.

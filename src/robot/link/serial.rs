@@ -111,21 +111,30 @@ impl Link {
             })
         };
         for group in &groups {
-            if self.lost[group.line] {
+            let goals = role == Role::GoalPosition;
+            if self.lost[group.line] || goals && self.held_back[group.line] {
                 continue;
             }
             let mut payload = std::mem::take(&mut self.payload);
             payload.clear();
+            let mut ids = Vec::with_capacity(group.joints.len());
             for &index in &group.joints {
                 let joint = &self.robot.joints[index];
                 let Some(servo) = joint.servo() else { continue };
+                if goals && self.muted[index] {
+                    continue;
+                }
+                ids.push(joint.id);
                 let written = servo.model.register(role).and_then(|register| {
                     servo.model.append_si(register, value(joint, index), &mut payload)
                 });
                 written.map_err(|e| self.joint_error(index, AskError::Unsayable(e.to_string())))?;
             }
+            if ids.is_empty() {
+                self.payload = payload;
+                continue;
+            }
             let size = usize::from(group.length);
-            let ids: Vec<u8> = group.joints.iter().map(|&j| self.robot.joints[j].id).collect();
             let items: Vec<(u8, &[u8])> =
                 ids.into_iter().zip(payload.chunks_exact(size.max(1))).collect();
             let bus = self.serial(group.line);
