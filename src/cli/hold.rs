@@ -3,7 +3,7 @@
 use super::address::Address;
 use super::calibrated::CalibrationArg;
 use super::connect::connect;
-use super::{Output, Remarks};
+use super::{Deed, Output, Remarks};
 use crate::control::{arm, watchdog};
 use crate::error::Error;
 use crate::robot::preflight::{Accept, budget, exchange_error, preflight};
@@ -72,6 +72,6 @@ pub fn run(args: &HoldArgs, remarks: Remarks) -> Result<i32, Error> {
         "outcome": "done", "robot": robot.name, "dry_run": args.dry_run,
         "calibration": calibration, "joints": joints.collect::<Vec<_>>(), "notes": notes,
     });
-    args.output.report(&report, &text)?;
-    Ok(0)
+    let deed = if args.dry_run { Deed::Look } else { Deed::Motion };
+    Ok(args.output.conclude(&report, &text, deed, 0))
 }

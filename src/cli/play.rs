@@ -6,7 +6,7 @@ use super::connect::{Connection, connect};
 use super::report::{JointReport, Outcome, PlayReport, RefereeReport};
 use super::signals::Signals;
 use super::source::{self, Loaded, MotionArgs};
-use super::{Output, Remarks, plots};
+use super::{Deed, Output, Remarks, plots};
 use crate::control::{self, Run, Settings, StopReason};
 use crate::error::Error;
 use crate::motion::{Plan, PlanOptions, plan};
@@ -84,12 +84,13 @@ enum EndState {
 pub fn run(args: &PlayArgs, remarks: Remarks) -> Result<i32, Error> {
     let signals = Signals::listen().map_err(|e| Error::new(format!("no signals: {e}")))?;
     let report = play(args, remarks, &signals);
-    args.output.report(&report, &report.text(remarks.quiet))?;
     let asked = report.stop_reason.as_deref() == Some(StopReason::Asked.to_string().as_str());
-    Ok(match signals.first() {
+    let code = match signals.first() {
         Some(number) if asked => 128 + number,
         _ => report.outcome.exit_code(),
-    })
+    };
+    let deed = if args.dry_run { Deed::Look } else { Deed::Motion };
+    Ok(args.output.conclude(&report, &report.text(remarks.quiet), deed, code))
 }
 
 /// Plays and reports; whatever goes wrong is in the report.

@@ -5,9 +5,9 @@ mod can;
 
 use super::Target;
 use super::device::Device;
-use crate::cli::Remarks;
 use crate::cli::report::Outcome;
 use crate::cli::signals::Signals;
+use crate::cli::{Deed, Remarks};
 use crate::control::{self, Sample, Settings, Sink, StopReason};
 use crate::error::Error;
 use crate::motion::{Path, PlanOptions, Setpoint, plan};
@@ -123,8 +123,8 @@ pub fn run(args: &MoveArgs, remarks: Remarks) -> Result<i32, Error> {
     );
     if args.dry_run || signals.first().is_some() {
         let text = format!("{plan_words}; nothing was written\n");
-        args.target.output.report(&report, &text)?;
-        return Ok(signals.first().map_or(0, |number| 128 + number));
+        let code = signals.first().map_or(0, |number| 128 + number);
+        return Ok(args.target.output.conclude(&report, &text, Deed::Look, code));
     }
     remarks.say(&plan_words);
     let armed = control::arm::arm(link, &found)?;
@@ -145,11 +145,11 @@ pub fn run(args: &MoveArgs, remarks: Remarks) -> Result<i32, Error> {
     let torque = if args.limp { "torque is off" } else { "it holds, torque on" };
     let why = run.stop.as_ref().map_or_else(String::new, |stop| format!(" ({stop})"));
     let text = format!("{place} stands at {:.1} deg; {torque}{why}\n", seen.0.to_degrees());
-    args.target.output.report(&report, &text)?;
-    Ok(match signals.first() {
+    let code = match signals.first() {
         Some(number) if run.stop == Some(StopReason::Asked) => 128 + number,
         _ => outcome.exit_code(),
-    })
+    };
+    Ok(args.target.output.conclude(&report, &text, Deed::Motion, code))
 }
 
 /// What is for CAN actuators says nothing on a serial line.
