@@ -7,6 +7,7 @@ pub mod can;
 mod codec;
 mod group;
 mod instruct;
+mod patience;
 pub mod scan;
 
 use crate::port::{BytePort, Clock, PortError};
@@ -17,6 +18,7 @@ pub use codec::Protocol;
 use group::Pending;
 pub use group::{GroupItem, GroupQuestion, GroupRead};
 pub use instruct::{FactoryReset, RollCall};
+use patience::{HOST_LATE, Patience};
 use std::fmt;
 use std::sync::Arc;
 
@@ -38,7 +40,13 @@ const SLACK: Duration = Duration::from_micros(300);
 const MOST_HEARD: usize = 16 * 1024;
 
 /// How long after a lost answer its late bytes are reckoned with.
-const WARY_FOR: Duration = Duration::from_millis(20);
+const WARY_FOR: Duration = Duration::from_millis(300);
+
+/// Where nothing moves, the longest that an answer is waited for beyond the time it takes.
+const MOST_PATIENCE: Duration = Duration::from_millis(10);
+
+/// Where nothing moves, the line has this long at least to take a question.
+const PATIENT_SEND: Duration = Duration::from_millis(100);
 
 /// An answer.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -69,6 +77,11 @@ pub enum Miss {
     NotAsked,
     /// A sound answer, but with a position the joint cannot have reached since the last.
     Implausible,
+    /// Nothing was heard, but each time this host was late: it says nothing of the device.
+    HostLate {
+        /// How late it was in all, ms.
+        by_ms: u64,
+    },
 }
 
 impl fmt::Display for Miss {
@@ -80,6 +93,9 @@ impl fmt::Display for Miss {
             Self::Refused(text) => write!(f, "the device refused: {text}"),
             Self::NotAsked => f.write_str("not asked in this cycle"),
             Self::Implausible => f.write_str("a position the joint cannot have reached"),
+            Self::HostLate { by_ms } => {
+                write!(f, "this host was {by_ms} ms late in hearing the answers")
+            }
         }
     }
 }
@@ -147,10 +163,14 @@ pub struct Bus {
     scratch: Vec<u8>,
     heard: usize,
     retries: u32,
+    /// How much later than they should have waits ended so far, in all.
+    late: Duration,
     sending_until: Instant,
     quiet_until: Instant,
     wary_until: Instant,
     pending: Option<Pending>,
+    /// Who answered the group read under way without being asked.
+    strangers: Vec<u8>,
     echo: bool,
     /// Our own bytes will be heard before the answer.
     echo_due: bool,
@@ -170,10 +190,12 @@ impl Bus {
             scratch: Vec::with_capacity(1024),
             heard: 0,
             retries: 1,
+            late: Duration::ZERO,
             sending_until: Instant::ZERO,
             quiet_until: Instant::ZERO,
             wary_until: Instant::ZERO,
             pending: None,
+            strangers: Vec::with_capacity(8),
             echo: false,
             echo_due: false,
         }
@@ -189,6 +211,21 @@ impl Bus {
     #[must_use]
     pub const fn stats(&self) -> Stats {
         self.stats
+    }
+
+    /// How late this host was so far, in all: what its waits took beyond their ends, and its
+    /// sending beyond what that takes.
+    #[must_use]
+    pub const fn host_late(&self) -> Duration {
+        self.late
+    }
+
+    /// Notes if it is later than it should be.
+    fn note_late(&mut self, due: Instant) {
+        let late = self.clock.now().since(due);
+        if late > HOST_LATE {
+            self.late += late;
+        }
     }
 
     /// The line's timing.
@@ -260,12 +297,14 @@ impl Bus {
     /// Sends what is in `self.sent`, after the silence a lost answer left behind.
     fn say(&mut self, budget: Instant) -> Result<Instant, AskError> {
         // Late bytes of an answer given up on must not be taken for the next one.
+        let due = self.clock.now().max(self.quiet_until);
         self.clock.sleep_until(self.quiet_until);
         self.port.discard_input()?;
         self.received.clear();
         self.heard = 0;
         self.echo_due = self.echo;
         self.port.send(&self.sent, budget)?;
+        self.note_late(due);
         self.stats.asked += 1;
         self.stats.bytes += self.sent.len() as u64;
         // Bytes queue behind those still leaving; nothing needs to be waited for.
@@ -280,7 +319,10 @@ impl Bus {
             return Ok(false);
         }
         let mut chunk = [0_u8; 1024];
-        match self.port.receive(&mut chunk, deadline) {
+        let due = self.clock.now().max(deadline);
+        let received = self.port.receive(&mut chunk, deadline);
+        self.note_late(due);
+        match received {
             Ok(n) => {
                 self.heard += n;
                 self.stats.bytes += n as u64;
@@ -342,12 +384,18 @@ impl Bus {
         window_end: Instant,
         budget: Instant,
     ) -> Result<Reply, AskError> {
-        let deadline = window_end.min(budget);
+        let mut deadline = window_end.min(budget);
         let mut miss = Miss::Silent;
         loop {
             match self.front(protocol, length) {
                 Heard::Need => {
-                    if !self.listen(deadline)? && !self.drop_cut_packet(protocol, &mut miss) {
+                    if self.listen(deadline)? {
+                        if self.is_patient() {
+                            // Bytes that come late move the end: the rest may be on its way.
+                            let rest = self.answer_time(protocol, protocol.status_bytes(length), 1);
+                            deadline = deadline.max(self.clock.now() + rest);
+                        }
+                    } else if !self.drop_cut_packet(protocol, &mut miss) {
                         self.gave_up(window_end);
                         return Err(miss.into());
                     }
@@ -373,10 +421,16 @@ impl Bus {
         }
     }
 
-    /// How often a lost answer of one device is asked for again: once in a cycle, more patiently
-    /// when nothing is moving.
+    /// How often a lost answer of one device is asked for again. Once is for a cycle: it happens
+    /// inside the budget or not at all. More are for when nothing moves: each question then has its
+    /// share of the budget, time in which this host was late is given back, and a question is not
+    /// counted as unanswered that it was too late to hear the answer of.
     pub const fn set_retries(&mut self, retries: u32) {
         self.retries = retries;
+    }
+
+    const fn is_patient(&self) -> bool {
+        self.retries > 1
     }
 
     /// Puts a question into `self.sent`.
@@ -399,21 +453,35 @@ impl Bus {
     ) -> Result<Reply, AskError> {
         self.encode(question)?;
         let window = self.answer_time(protocol, protocol.status_bytes(length), 1);
+        let is_patient = self.is_patient();
+        let mut patience = Patience::new(budget);
         let mut retries_left = self.retries;
         loop {
-            let heard_at = self.say(budget)?;
-            match self.one_answer(protocol, id, length, heard_at, heard_at + window, budget) {
-                Err(AskError::Miss(miss))
-                    if retries_left > 0 && !matches!(miss, Miss::Refused(_)) =>
-                {
-                    if self.clock.now() + window > budget {
-                        return Err(miss.into());
-                    }
-                    retries_left -= 1;
-                    self.stats.retried += 1;
-                }
-                other => return other,
+            let late_before = self.late;
+            let (mut wait, mut send_by) = (window, budget);
+            if is_patient {
+                let now = self.clock.now();
+                let share = patience.end.since(now) / (retries_left + 1);
+                wait = window.max(share.min(MOST_PATIENCE));
+                send_by = patience.end.max(now + PATIENT_SEND);
             }
+            let heard_at = self.say(send_by)?;
+            let window_end = heard_at + wait;
+            let limit = if is_patient { window_end } else { budget };
+            let answer = self.one_answer(protocol, id, length, heard_at, window_end, limit);
+            let miss = match answer {
+                Err(AskError::Miss(miss)) if !matches!(miss, Miss::Refused(_)) => miss,
+                answer => return answer,
+            };
+            let excused = is_patient && patience.excuses(self.late - late_before);
+            if !excused {
+                let has_time = self.clock.now() + window <= patience.end;
+                if retries_left == 0 || !has_time && !(is_patient && patience.is_due()) {
+                    return Err(patience.verdict(miss).into());
+                }
+                retries_left -= 1;
+            }
+            self.stats.retried += 1;
         }
     }
 

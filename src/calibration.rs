@@ -85,8 +85,14 @@ impl Calibration {
         }
         for (index, joint) in calibration.joints.iter().enumerate() {
             joint.check()?;
-            if calibration.joints[..index].iter().any(|other| other.name == joint.name) {
-                return Err(Error::new("a joint stands there twice").got(joint.name.clone()));
+            let mut before = calibration.joints[..index].iter();
+            if let Some(first) = before.position(|other| other.name == joint.name) {
+                return Err(Error::new("a joint is named twice").got(format!(
+                    "{}: [[joint]] number {} and number {}",
+                    joint.name,
+                    first + 1,
+                    index + 1
+                )));
             }
         }
         Ok(calibration)

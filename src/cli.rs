@@ -31,9 +31,10 @@ pub mod source;
 pub mod synth;
 pub mod wear;
 
-pub use output::{Output, Remarks, print};
+pub use output::{Deed, Output, Remarks, print, say};
 pub use report::Outcome;
 
+use crate::error::Error;
 use clap::{Parser, Subcommand};
 
 /// The command line.
@@ -60,8 +61,8 @@ Start here:
   gaitway doctor                           is this machine ready for a real one?
   gaitway scan serial:/dev/ttyUSB0 --baud all
 
-Exit codes: 0 done, 1 refused or failed, 2 usage, 3 done but something was not recorded, \
-4 stopped, 128 + n after signal n.";
+Exit codes: 0 done, 1 refused or failed, 2 usage, 3 done but something was not recorded or the result \
+could not be told, 4 stopped, 128 + n after signal n.";
 
 #[derive(Debug, Subcommand)]
 enum Command {
@@ -108,12 +109,13 @@ enum Command {
 /// Runs the command line; the exit code.
 #[must_use]
 pub fn main() -> i32 {
+    if let Err(cause) = signals::outlive_size_limits() {
+        output::complain(&Error::new(format!("no signals: {cause}")));
+        return Outcome::Failed.exit_code();
+    }
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
-        Err(error) => {
-            let _ = error.print();
-            return error.exit_code();
-        }
+        Err(error) => return output::tell_usage(&error),
     };
     let remarks = Remarks { quiet: cli.quiet };
     let done = match &cli.command {
@@ -138,7 +140,7 @@ pub fn main() -> i32 {
         Command::Servo(args) => servo::run(args, remarks),
     };
     done.unwrap_or_else(|error| {
-        eprintln!("gaitway: {error}");
+        output::complain(&error);
         Outcome::Refused.exit_code()
     })
 }

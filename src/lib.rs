@@ -16,6 +16,7 @@ pub mod capture;
 pub mod cli;
 pub mod control;
 pub mod device;
+pub mod draft;
 pub mod error;
 pub mod guard;
 pub mod mocap;

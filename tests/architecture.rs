@@ -152,6 +152,29 @@ fn the_simulator_never_sees_the_driver() {
     }
 }
 
+/// What writes to the terminal, or may panic when it cannot.
+const TERMINAL: &[&str] = &["print!(", "println!(", "dbg!(", "io::stdout()", "io::stderr()"];
+
+#[test]
+fn one_place_alone_writes_to_the_terminal() {
+    let src = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let (mut files, mut asked) = (Vec::new(), 0);
+    rust_files(&src, &mut files);
+    let is_test = |path: &Path| path.ends_with("tests.rs");
+    for file in files.iter().filter(|path| !path.ends_with("cli/output.rs") && !is_test(path)) {
+        for line in code(file).lines() {
+            // Whether it is a terminal may be asked anywhere.
+            let is_question = line.contains("is_terminal()");
+            asked += usize::from(is_question);
+            let writes = TERMINAL.iter().find(|name| line.contains(*name) && !is_question);
+            assert_eq!(writes, None, "{}: {}", file.display(), line.trim());
+        }
+    }
+    assert!(asked > 0, "the rule looks at nothing");
+    let output = code(&src.join("cli/output.rs"));
+    assert!(!output.contains("println!("), "this one panics when nobody reads it");
+}
+
 #[test]
 fn only_the_guard_can_make_a_command() {
     let src = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");

@@ -3,7 +3,7 @@
 
 use gaitway::body::Segment;
 use gaitway::mocap::bvh::{Axis, Bvh, Channel, Joint};
-use gaitway::mocap::mapping::{LEGS, Mapping};
+use gaitway::mocap::mapping::{LEGS, Mapping, MappingFile};
 use glam::DVec3;
 
 /// A skeleton from indented names; offsets of one unit, so that no joint is a stub.
@@ -307,4 +307,29 @@ fn motion_builder_and_unity_and_vrm_names() {
     let names = found(&unity);
     assert_eq!(names[3..5], ["LeftUpperArm", "LeftLowerArm"]);
     assert_eq!(names[7..10], ["LeftUpperLeg", "LeftLowerLeg", "LeftFoot"]);
+}
+
+#[test]
+fn a_mapping_file_means_one_joint_by_a_name_and_gives_it_to_one_segment() {
+    let person = skeleton(
+        "Base
+          LeftThigh
+            LeftShin
+              LeftFoot
+          RightThigh
+            RightShin
+              RightFoot
+          Spine
+            Spine",
+    );
+    let with = |lines: &str| {
+        let file = MappingFile::parse(&format!("[segments]\n{lines}")).expect("a mapping file");
+        Mapping::find(&person, Some(&file)).map(|_| ()).map_err(|error| error.to_string())
+    };
+    assert_eq!(with("left_thigh = \"LeftThigh\""), Ok(()));
+    assert_eq!(with("pelvis = \"Base\"\ntorso = \"Base\""), Ok(()), "no spine of its own");
+    let said = with("left_foot = \"LeftFoot\"\nright_foot = \"LeftFoot\"").expect_err("twice");
+    assert!(said.contains("LeftFoot: left_foot and right_foot"), "{said}");
+    let said = with("torso = \"Spine\"").expect_err("two of that name");
+    assert!(said.contains("Spine: joint 8 and joint 9"), "{said}");
 }

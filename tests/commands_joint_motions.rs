@@ -40,21 +40,25 @@ fn joint<'a>(report: &'a Value, name: &str) -> &'a Value {
     joints.iter().find(|joint| joint["name"] == name).expect("a joint of the robot")
 }
 
+fn named(name: &str) -> RecordedJoint {
+    RecordedJoint {
+        name: name.into(),
+        lower_rad: None,
+        upper_rad: None,
+        velocity_limit_rad_s: None,
+        acceleration_limit_rad_s2: None,
+    }
+}
+
 /// A head that is turned by hand from 0.3 rad: 0.3 cos(2 t), read with the noise of an encoder of
-/// 4,096 counts, every seventh reading missing.
-fn taught(name: &str) -> String {
+/// 4,096 counts, every seventh reading missing. Any more joints do the same.
+fn taught(name: &str, joints: &[&str]) -> String {
     let path = file(name);
     let began = Instant::from_nanos(1_000_000_000);
     let start = RunStart {
         robot: "op3".into(),
         motion: "taught".into(),
-        joints: vec![RecordedJoint {
-            name: "head_pan".into(),
-            lower_rad: None,
-            upper_rad: None,
-            velocity_limit_rad_s: None,
-            acceleration_limit_rad_s2: None,
-        }],
+        joints: joints.iter().map(|&name| named(name)).collect(),
         wall_clock_start: SystemTime::UNIX_EPOCH,
         monotonic_start: began,
         gaitway_version: "0".into(),
@@ -66,14 +70,15 @@ fn taught(name: &str) -> String {
         let time_s = f64::from(n) / 50.0;
         let angle_rad = (0.3 * (2.0 * time_s).cos() / count).round() * count;
         let missed = n % 7 == 3;
+        let record = JointRecord {
+            present_position_rad: (!missed).then_some(angle_rad),
+            missed: missed.then(|| "no answer".into()),
+            ..JointRecord::default()
+        };
         recorder.take_patiently(CycleRecord {
             cycle: n.into(),
             at: began + Duration::from_secs_f64(time_s),
-            joints: vec![JointRecord {
-                present_position_rad: (!missed).then_some(angle_rad),
-                missed: missed.then(|| "no answer".into()),
-                ..JointRecord::default()
-            }],
+            joints: vec![record; joints.len()],
         });
     }
     let summary = recorder.finish(RunEnd {
@@ -87,8 +92,21 @@ fn taught(name: &str) -> String {
 }
 
 #[test]
+fn a_joint_that_a_motion_names_twice_is_refused_and_both_places_are_named() {
+    let path = file("twice.csv");
+    let rows = "0,0,0,0.1\n0.4,0,0,0.1\n";
+    std::fs::write(&path, format!("time_s,r_knee_rad,head_pan_rad,r_knee_rad\n{rows}"))
+        .expect("a table");
+    let said = refusal(&path.display().to_string(), &[]);
+    assert!(said.contains("r_knee: column 2 and column 4"), "{said}");
+
+    let said = refusal(&taught("twice.mcap", &["head_pan", "head_tilt", "head_pan"]), &[]);
+    assert!(said.contains("head_pan: joint 1 and joint 3"), "{said}");
+}
+
+#[test]
 fn a_motion_taught_by_hand_is_played_back_from_rest_to_rest() {
-    let report = played(&taught("taught.mcap"), &[]);
+    let report = played(&taught("taught.mcap", &["head_pan"]), &[]);
     assert_eq!(report["outcome"], "done", "{report}");
     assert_eq!(report["source"]["format"], "taught");
     assert_eq!(report["retime_factor"], 1.0, "slow enough for the robot as it is");
@@ -165,6 +183,12 @@ fn what_cannot_be_played_is_refused_in_words() {
         ("time_s,head_pan_rad\n0,0\n", &[], "two rows"),
         ("time_s,head_pan_rad\n0,0\n0.4,0\n", &["--mirror"], "already"),
         ("time_s,head_pan_rad\n0,0\n0.4,0\n", &["--from", "3"], "no such section"),
+        ("time_s,r_knee_rad,head_pan_rad,r_knee_rad\n0,0,0,0\n0.4,0,0,0\n", &[], "named twice"),
+        (
+            "time_s,head_pan_rad\n0,0\n0.4,0\n",
+            &["--only", "head_pan,r_knee,head_pan"],
+            "head_pan: name 1 and name 3",
+        ),
     ] {
         let said = refusal(&table("wrong.csv", text), more);
         assert!(said.contains(words), "{words:?} expected in:\n{said}");

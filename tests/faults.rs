@@ -1,6 +1,8 @@
 //! Faults on the line and in the servos, in virtual time, with the referee watching. Each scene has
 //! a twin without the fault that ends done.
 
+#[path = "faults/attacks.rs"]
+mod attacks;
 #[path = "faults/host.rs"]
 mod host;
 mod scene;

@@ -2,6 +2,8 @@
 
 #[path = "preflight/families.rs"]
 mod families;
+#[path = "preflight/late_host.rs"]
+mod late_host;
 #[path = "preflight/reading.rs"]
 mod reading;
 mod scene;

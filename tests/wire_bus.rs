@@ -251,6 +251,80 @@ fn a_lost_answer_of_a_bulk_read_is_asked_for_once_more() {
 }
 
 #[test]
+fn who_answers_for_the_one_device_that_is_missing_is_named() {
+    // The third servo of the line says that it is number 77, always.
+    let wrong = |joint: &str| -> Vec<Fault> {
+        let damage = Damage::WrongId { id: 77 };
+        let status = |nth| Fault::Status { joint: joint.to_owned(), nth, damage };
+        (0..40).map(status).collect()
+    };
+    // Present Position of each.
+    for (robot, protocol, kind, address, length) in [
+        (sts_robot(), FeetechSts, GroupRead::Sync, 56, 2),
+        (op3(), Dynamixel2, GroupRead::Sync, 132, 4),
+        (op3(), Dynamixel2, GroupRead::Bulk, 132, 4),
+    ] {
+        let item = |id| GroupItem { id, address, length };
+        // Dynamixels behind one that they did not hear stay silent until they are asked again.
+        let once = (protocol == FeetechSts).then_some(false);
+        for retries in [true].into_iter().chain(once) {
+            let joint = &robot.joints[2];
+            let options = Options { faults: wrong(&joint.name), ..Options::default() };
+            let (world, mut bus) = virtual_bus(&robot, options);
+            let items: Vec<GroupItem> = robot.joints.iter().map(|j| item(j.id)).collect();
+            let question = GroupQuestion { protocol, kind, items };
+            let only = Duration::from_secs_f64(bus.read_time_s(&question)) + 2 * SOON;
+            bus.begin_group_read(&question, in_s(&world, 0.1)).expect("sayable");
+            let budget = if retries { in_s(&world, 0.1) } else { in_s(&world, only.as_secs_f64()) };
+            let answers = bus.finish_group_read(budget).expect("a line");
+            let named = Err(Miss::WrongId { asked: joint.id, got: 77 });
+            for (of, answer) in robot.joints.iter().zip(answers) {
+                match of.id == joint.id {
+                    true => assert_eq!(answer, named, "{protocol} {kind:?}, retries: {retries}"),
+                    false => {
+                        assert!(answer.is_ok(), "{protocol} {kind:?}, {}: {answer:?}", of.name)
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn nobody_is_named_for_a_missing_device_where_it_could_be_another() {
+    let question = |ids: &[u8]| GroupQuestion {
+        protocol: FeetechSts,
+        kind: GroupRead::Sync,
+        items: ids.iter().map(|&id| GroupItem { id, address: 56, length: 2 }).collect(),
+    };
+    let ask = |answers: &[(Duration, &str)]| {
+        let line = ScriptedLine::default();
+        line.on("FF FF FE 07 82 38 02 01 02 03 38", answers);
+        let mut bus = line.bus();
+        bus.begin_group_read(&question(&[1, 2, 3]), at_s(1.0)).expect("sayable");
+        // No time to ask again.
+        let answers = bus.finish_group_read(at_s(0.002)).expect("a line");
+        answers.into_iter().map(|answer| answer.map(|reply| reply.bytes)).collect::<Vec<_>>()
+    };
+    // Statuses as those above: ID, two bytes of a position, sum.
+    let one = (SOON, "FF FF 01 04 00 18 05 DD");
+    let nine = (2 * SOON, "FF FF 09 04 00 18 05 D5");
+    let ten = (3 * SOON, "FF FF 0A 04 00 18 05 D4");
+    let three = (3 * SOON, "FF FF 03 04 00 18 05 DB");
+    let position = Ok(vec![0x18, 0x05]);
+    let silent = Err(Miss::Silent);
+    let named = Err(Miss::WrongId { asked: 2, got: 9 });
+    assert_eq!(ask(&[one, nine, three]), [position.clone(), named, position.clone()]);
+    // Two are missing, one stranger: it answered for either.
+    assert_eq!(ask(&[one, nine]), [position.clone(), silent.clone(), silent.clone()]);
+    // One is missing, two strangers.
+    let two = [(Duration::from_micros(400), "FF FF 01 04 00 18 05 DD"), nine, ten, three];
+    assert_eq!(ask(&two), [position.clone(), silent.clone(), position.clone()]);
+    // One is missing, and nobody else speaks.
+    assert_eq!(ask(&[one, three]), [position.clone(), silent, position]);
+}
+
+#[test]
 fn many_registers_are_written_in_bulk() {
     let robot = op3();
     let [first, second] = [robot.joints[0].id, robot.joints[1].id];

@@ -482,10 +482,17 @@ impl Reader<'_> {
         };
         let dofs: Vec<Dof> = group.tracks.iter().map(|track| track.dof).collect();
         raw.kind.admit(&dofs).map_err(|e| e.at(place.clone()))?;
-        if let Some(twice) = action.tracks().find(|track| dofs.contains(&track.dof)) {
-            return Err(Error::new("a degree of freedom is driven twice")
-                .at(place)
-                .got(twice.dof.name()));
+        for other in &action.groups {
+            if let Some(twice) = other.tracks.iter().find(|track| dofs.contains(&track.dof)) {
+                return Err(Error::new("a degree of freedom is driven twice").at(place).got(
+                    format!(
+                        "{}: in group {} and in group {}",
+                        twice.dof.name(),
+                        other.name,
+                        raw.name
+                    ),
+                ));
+            }
         }
         action.groups.push(group);
         Ok(())

@@ -13,6 +13,7 @@ mod tests;
 pub use bits::Shape;
 pub use peer::{Form, NoSuchSetting, Peer};
 
+use super::patience::{HOST_LATE, Patience};
 use super::{AskError, Miss};
 use crate::port::{Clock, FramePort, Heard, PortError};
 use crate::time::{Duration, Instant};
@@ -70,6 +71,8 @@ pub struct CanBus {
     timing: CanTiming,
     stats: CanStats,
     retries: u32,
+    /// How much later than they should have waits ended so far, in all.
+    late: Duration,
     last_report: Option<ErrorFrame>,
 }
 
@@ -78,7 +81,14 @@ impl CanBus {
     #[must_use]
     pub fn new(port: Box<dyn FramePort>, clock: Arc<dyn Clock>, timing: CanTiming) -> Self {
         let stats = CanStats::default();
-        Self { port, clock, timing, stats, retries: 1, last_report: None }
+        let late = Duration::ZERO;
+        Self { port, clock, timing, stats, retries: 1, late, last_report: None }
+    }
+
+    /// How late this host was so far, in all: what its waits took beyond their ends.
+    #[must_use]
+    pub const fn host_late(&self) -> Duration {
+        self.late
     }
 
     /// What happened so far.
@@ -134,7 +144,13 @@ impl CanBus {
     /// [`AskError::Port`]: the port failed, or the line reports that its controller left it.
     fn next(&mut self, until: Instant) -> Result<Option<CanFrame>, AskError> {
         loop {
-            match self.port.receive(until) {
+            let due = self.clock.now().max(until);
+            let received = self.port.receive(until);
+            let late = self.clock.now().since(due);
+            if late > HOST_LATE {
+                self.late += late;
+            }
+            match received {
                 Ok(Heard::Frame(frame)) => {
                     self.stats.busy_s += self.frame_time_s(Shape::of(&frame));
                     return Ok(Some(frame));
@@ -198,11 +214,13 @@ impl CanBus {
     }
 
     /// Sends `frame` and waits for the frame that `answer` makes something of; asks again after a
-    /// while without it. Other frames are handed to `other`, which says whether it knew them.
+    /// while without it. Other frames are handed to `other`, which says whether it knew them. With
+    /// more retries than one, time in which this host was late is given back, and a question is not
+    /// counted as unanswered that it was too late to hear the answer of.
     ///
     /// # Errors
-    /// [`AskError::Miss`] with [`Miss::Silent`] if no answer came by `budget` or for all retries;
-    /// [`AskError::Port`].
+    /// [`AskError::Miss`] with [`Miss::Silent`] if no answer came by `budget` or for all retries,
+    /// or [`Miss::HostLate`] if that may be this host's fault; [`AskError::Port`].
     pub fn ask<T>(
         &mut self,
         frame: &CanFrame,
@@ -210,14 +228,16 @@ impl CanBus {
         mut other: impl FnMut(&CanFrame) -> bool,
         budget: Instant,
     ) -> Result<T, AskError> {
-        let mut found = None;
-        for attempt in 0..=self.retries {
-            if attempt > 0 && self.clock.now() >= budget {
-                break;
-            }
-            self.stats.retried += u64::from(attempt > 0);
-            self.send(frame, budget)?;
-            let until = budget.min(self.clock.now() + PATIENCE + self.timing.latency);
+        let is_patient = self.retries > 1;
+        let patience = PATIENCE + self.timing.latency;
+        let mut patient = Patience::new(budget);
+        let mut retries_left = self.retries;
+        loop {
+            let (late_before, now) = (self.late, self.clock.now());
+            self.send(frame, if is_patient { patient.end.max(now + patience) } else { budget })?;
+            let until = self.clock.now() + patience;
+            let until = if is_patient { until } else { until.min(budget) };
+            let mut found = None;
             self.listen(until, &mut |heard| {
                 found = answer(heard);
                 (found.is_some() || other(heard), found.is_none())
@@ -225,8 +245,16 @@ impl CanBus {
             if let Some(found) = found {
                 return Ok(found);
             }
+            let excused = is_patient && patient.excuses(self.late - late_before);
+            if !excused {
+                let has_time = self.clock.now() < patient.end || is_patient && patient.is_due();
+                if retries_left == 0 || !has_time {
+                    return Err(patient.verdict(Miss::Silent).into());
+                }
+                retries_left -= 1;
+            }
+            self.stats.retried += 1;
         }
-        Err(Miss::Silent.into())
     }
 
     /// Sends `frames` one after the other and hands everything that is heard until `window` is

@@ -54,6 +54,11 @@ pub(super) struct Said<'a> {
 }
 
 impl Said<'_> {
+    /// True if it can be the answer to a question for `length` bytes.
+    pub(super) const fn answers(&self, length: usize) -> bool {
+        self.no.is_some() || self.params.len() == length
+    }
+
     /// As the answer to a question for `length` bytes.
     pub(super) fn reply(self, length: usize) -> Result<Reply, Miss> {
         match self.no {

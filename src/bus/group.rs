@@ -109,13 +109,37 @@ impl Bus {
     /// The answers to the group read under way, in the order of its items, those lost asked for
     /// once more if `budget` allows. None at all if no group read is under way.
     ///
-    /// A silent device silences those listed after it, so the second question leaves out the
-    /// first one missing unless it is the only one.
+    /// If one device alone is missing and one alone answered that nobody asked, that is who
+    /// answered in its place ([`Miss::WrongId`]).
     ///
     /// # Errors
     /// [`AskError::Port`]; a device that does not answer is a [`Miss`] of its own.
     pub fn finish_group_read(&mut self, budget: Instant) -> Result<Answers, AskError> {
         let Some(pending) = self.pending.take() else { return Ok(Vec::new()) };
+        self.strangers.clear();
+        let items = pending.question.items.clone();
+        let mut answers = self.answers_asked_twice(pending, budget)?;
+        let is_lost =
+            |answer: &Result<Reply, Miss>| matches!(answer, Err(Miss::Silent | Miss::Garbled));
+        let mut lost = (0..answers.len()).filter(|&i| is_lost(&answers[i]));
+        let mut others =
+            self.strangers.iter().filter(|&&id| items.iter().all(|asked| asked.id != id));
+        if let (Some(slot), None, Some(&got), None) =
+            (lost.next(), lost.next(), others.next(), others.next())
+            && answers[slot] == Err(Miss::Silent)
+        {
+            answers[slot] = Err(Miss::WrongId { asked: items[slot].id, got });
+        }
+        Ok(answers)
+    }
+
+    /// A silent device silences those listed after it, so the second question leaves out the
+    /// first one missing unless it is the only one.
+    fn answers_asked_twice(
+        &mut self,
+        pending: Pending,
+        budget: Instant,
+    ) -> Result<Answers, AskError> {
         let mut answers = self.group_answers(&pending, budget)?;
         let mut lost: Vec<usize> = (0..answers.len())
             .filter(|&i| matches!(answers[i], Err(Miss::Silent | Miss::Garbled)))
@@ -184,14 +208,20 @@ impl Bus {
                     self.stats.garbled += 1;
                 }
                 Heard::Status(said, n) => {
-                    let place = items.iter().position(|asked| asked.id == said.id);
-                    let slot = place.filter(|&i| answers[i].is_none());
+                    let id = said.id;
+                    let place = items.iter().position(|asked| asked.id == id);
+                    // An answer of another length is a late one, to an earlier question.
+                    let fits = |i: &usize| said.answers(usize::from(items[*i].length));
+                    let slot = place.filter(|&i| answers[i].is_none()).filter(fits);
                     if let Some(slot) = slot {
                         answers[slot] = Some(said.reply(usize::from(items[slot].length)));
                         left -= 1;
                         self.stats.answered += 1;
                     } else {
                         self.stats.unasked += 1;
+                        if place.is_none() && !self.strangers.contains(&id) {
+                            self.strangers.push(id);
+                        }
                     }
                     self.received.drain(..n);
                 }

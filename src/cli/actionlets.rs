@@ -1,6 +1,6 @@
 //! `actionlets`: a captured motion as the actionlets it is made of.
 
-use super::{Output, Remarks, source};
+use super::{Deed, Output, Remarks, source};
 use crate::action::decompose::{self, DecomposedMotion, Figure};
 use crate::action::{Action, file};
 use crate::error::Error;
@@ -93,8 +93,7 @@ pub fn run(args: &ActionletsArgs, remarks: Remarks) -> Result<i32, Error> {
     file::parse(&text, &args.output_file.display().to_string(), &|_| None)?;
     args.output.write_file(&args.output_file, text.as_bytes())?;
     let report = report(args, capture.rate_hz, &found);
-    args.output.report(&report, &words(&report, remarks))?;
-    Ok(0)
+    Ok(args.output.conclude(&report, &words(&report, remarks), Deed::Work, 0))
 }
 
 /// A file name as an action's name.

@@ -3,7 +3,7 @@
 
 use super::address::Address;
 use super::connect::connect;
-use super::{Output, Remarks, limp};
+use super::{Deed, Output, Remarks, limp, source};
 use crate::calibration::{Calibration, JointCalibration, usual_path};
 use crate::control::arm;
 use crate::device::actuator::Wanted;
@@ -137,8 +137,8 @@ pub fn run(args: &CalibrateArgs, remarks: Remarks) -> Result<i32, Error> {
         "calibration": if stopped { &files.partial } else { &files.file },
         "joints": reports, "undo": undo,
     });
-    args.output.report(&report, &text(&report))?;
-    Ok(if stopped { 4 } else { 0 })
+    let code = if stopped { 4 } else { 0 };
+    Ok(args.output.conclude(&report, &text(&report), Deed::Work, code))
 }
 
 /// What is measured on a virtual robot must not be laid over the one on the desk.
@@ -172,7 +172,7 @@ fn by_hand(
     let mut answers = Answers::listen()?;
     let mut done = ByHand::default();
     for (turn, &joint) in joints.iter().enumerate() {
-        eprintln!("[{}/{}]", turn + 1, joints.len());
+        super::say(&format!("[{}/{}]", turn + 1, joints.len()));
         match measure(link, joint, &mut answers)? {
             Answer::Go(measured) => {
                 let (calibrated, undone) = settle(link, joint, &measured, args)?;
@@ -197,15 +197,7 @@ fn selected(robot: &Robot, only: &[String]) -> Result<Vec<usize>, Error> {
     if only.is_empty() {
         return Ok((0..robot.joints.len()).collect());
     }
-    let index = |name: &String| {
-        robot.joints.iter().position(|joint| joint.name == *name).ok_or_else(|| {
-            Error::new("the robot has no such joint")
-                .at("--only")
-                .got(name.clone())
-                .allowed(robot.joint_names().join(", "))
-        })
-    };
-    only.iter().map(index).collect()
+    source::only(robot, only)
 }
 
 /// What is known before the first joint is measured.

@@ -3,7 +3,8 @@
 
 use super::address::Address;
 use super::finding::Level;
-use super::{Output, Remarks, ports};
+use super::output::Untold;
+use super::{Deed, Output, Remarks, ports};
 use crate::error::Error;
 use crate::port::inventory::Machine;
 use clap::Args;
@@ -46,8 +47,10 @@ pub struct DoctorArgs {
 /// A report file that exists or cannot be written.
 pub fn run(args: &DoctorArgs, _remarks: Remarks) -> Result<i32, Error> {
     if args.rules {
-        super::print(ports::RULES);
-        return Ok(0);
+        return match super::print(ports::RULES) {
+            Ok(()) | Err(Untold::Unwanted) => Ok(0),
+            Err(failed) => Err(failed.into()),
+        };
     }
     args.output.check_files(&[])?;
     let machine = Machine::at(&args.root);
@@ -56,7 +59,7 @@ pub fn run(args: &DoctorArgs, _remarks: Remarks) -> Result<i32, Error> {
     if let Some(address) = &args.bus {
         found.findings.push(round_trip::measured(address, args.robot.as_deref()));
     }
-    args.output.report(&found, &found.text())?;
     let unwell = found.findings.iter().any(|finding| finding.level > Level::Ok);
-    Ok(i32::from(args.strict && unwell))
+    let code = i32::from(args.strict && unwell);
+    Ok(args.output.conclude(&found, &found.text(), Deed::Look, code))
 }

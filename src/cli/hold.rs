@@ -4,7 +4,7 @@ use super::address::Address;
 use super::calibrated::CalibrationArg;
 use super::connect::connect;
 use super::signals::Signals;
-use super::{Outcome, Output, Remarks};
+use super::{Deed, Outcome, Output, Remarks};
 use crate::control::arm::{self, Arming};
 use crate::control::left::leave;
 use crate::control::{Stop, StopCode, StopReason};
@@ -56,7 +56,7 @@ pub fn run(args: &HoldArgs, remarks: Remarks) -> Result<i32, Error> {
     if !args.dry_run {
         let armed = match arm::arm(link, &found, &|| signals.first().is_some())? {
             Arming::Done(armed) => armed,
-            Arming::Stopped => return stopped(args, signals.first(), found.held),
+            Arming::Stopped => return Ok(stopped(args, signals.first(), found.held)),
         };
         // Whatever ends at rest ends with two equal goals, so that a lost one changes nothing.
         let limit = budget(link);
@@ -84,18 +84,19 @@ pub fn run(args: &HoldArgs, remarks: Remarks) -> Result<i32, Error> {
         "calibration": calibration, "joints": joints.collect::<Vec<_>>(), "left": left,
         "notes": notes,
     });
-    args.output.report(&report, &text)?;
-    Ok(0)
+    let deed = if args.dry_run { Deed::Look } else { Deed::Motion };
+    Ok(args.output.conclude(&report, &text, deed, 0))
 }
 
 /// Says that a wish to stop came before torque.
-fn stopped(args: &HoldArgs, signal: Option<i32>, held: bool) -> Result<i32, Error> {
+fn stopped(args: &HoldArgs, signal: Option<i32>, held: bool) -> i32 {
     let outcome = Outcome::Stopped;
     let how = if held { "it was held before, and still is" } else { "torque stayed off" };
     let report = json!({
         "outcome": outcome, "stop_reason": StopReason::Asked.to_string(),
         "stop": Stop::of(StopCode::Asked), "robot": args.robot, "notes": [how],
     });
-    args.output.report(&report, &format!("stopped before anything changed: {how}\n"))?;
-    Ok(signal.map_or(outcome.exit_code(), |number| 128 + number))
+    let text = format!("stopped before anything changed: {how}\n");
+    let code = signal.map_or(outcome.exit_code(), |number| 128 + number);
+    args.output.conclude(&report, &text, Deed::Motion, code)
 }

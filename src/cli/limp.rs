@@ -1,8 +1,9 @@
 //! `limp`: torque off. The robot falls if nothing holds it, so the command asks.
 
-use super::Output;
 use super::address::Address;
 use super::connect::connect;
+use super::output::prompt;
+use super::{Deed, Output};
 use crate::control;
 use crate::error::Error;
 use crate::robot::Robot;
@@ -42,8 +43,8 @@ pub fn run(args: &LimpArgs) -> Result<i32, Error> {
     control::arm::disarm(&mut connection.link)?;
     let robot = connection.link.robot();
     let report = json!({ "outcome": "done", "robot": robot.name, "limp": robot.joint_names() });
-    args.output.report(&report, "torque is off on every joint\n")?;
-    Ok(0)
+    let text = "torque is off on every joint\n";
+    Ok(args.output.conclude(&report, text, Deed::Motion, 0))
 }
 
 /// Asks whether `robot` may go limp.
@@ -52,7 +53,7 @@ pub(super) fn consents(robot: &str) -> bool {
     if !stdin.is_terminal() {
         return false;
     }
-    eprint!("{robot} will go limp and fall unless something holds it. Type yes: ");
+    prompt(&format!("{robot} will go limp and fall unless something holds it. Type yes: "));
     let mut answer = String::new();
     stdin.lock().read_line(&mut answer).is_ok() && answer.trim() == "yes"
 }

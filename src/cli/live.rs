@@ -9,7 +9,7 @@ use super::report::{JointReport, Outcome, PlayReport, RefereeReport};
 use super::signals::Signals;
 use super::source::{self, robot_model};
 use super::wear::Operator;
-use super::{Output, Remarks};
+use super::{Deed, Output, Remarks};
 use crate::body::worn::Movement;
 use crate::control::{self, Input, Mirror, Settings};
 use crate::error::Error;
@@ -185,8 +185,9 @@ pub fn run(args: &LiveArgs, remarks: Remarks) -> Result<i32, Error> {
         job.report.run.stop_reason = Some(error.to_string());
     }
     let report = &job.report;
-    args.output.report(report, &report.text(remarks.quiet))?;
-    Ok(report.run.exit_code(signals.first()))
+    let code = report.run.exit_code(signals.first());
+    let deed = if args.dry_run { Deed::Look } else { Deed::Motion };
+    Ok(args.output.conclude(report, &report.text(remarks.quiet), deed, code))
 }
 
 /// A robot that was looked at and not touched.

@@ -4,6 +4,7 @@ use super::Remarks;
 use super::address::Address;
 use super::calibrated::CalibrationArg;
 use super::connect::connect;
+use super::output::{Untold, print_json, print_over};
 use super::signals::Signals;
 use crate::bus::AskError;
 use crate::device::{Health, JointState};
@@ -122,21 +123,21 @@ pub fn run(args: &MonitorArgs, remarks: Remarks) -> Result<i32, Error> {
         let at = clock.now();
         let rows = read(link)?;
         let time_s = at.since(began).as_secs_f64();
-        if args.json {
+        let told = if args.json {
             let reading = Reading { time_s, joints: &rows };
             let line = serde_json::to_string(&reading)
                 .map_err(|e| Error::new(format!("a reading cannot be written as JSON: {e}")))?;
-            super::print(&format!("{line}\n"));
+            print_json(&format!("{line}\n"))
         } else {
             let table = table(time_s, &rows);
-            // Over the table before: up as many lines as it had, each cleared as it is written.
-            let up = if live && shown_lines > 0 {
-                format!("\x1b[{shown_lines}A\x1b[J")
-            } else {
-                String::new()
-            };
-            super::print(&format!("{up}{table}"));
+            let over = if live { shown_lines } else { 0 };
             shown_lines = table.lines().count();
+            print_over(over, &table)
+        };
+        match told {
+            Ok(()) => {}
+            Err(Untold::Unwanted) => return Ok(0),
+            Err(failed) => return Err(failed.into()),
         }
         let next = at + Duration::from_secs_f64(1.0 / args.rate);
         if until.is_some_and(|until| next > until) || signals.first().is_some() {

@@ -1,16 +1,143 @@
-//! Results on stdout, remarks on stderr, files that are never overwritten unasked.
+//! Results on stdout, remarks on stderr, files that are never overwritten unasked. Nothing else in
+//! the program writes to either stream: here no failure to write ends a motion, no text from outside
+//! reaches a terminal as a command, and what could not be told shows in the exit code.
 
+use super::report::Outcome;
+use crate::draft::Draft;
 use crate::error::Error;
-use std::fs::OpenOptions;
-use std::io::Write;
+use std::borrow::Cow;
+use std::io::{ErrorKind, Write};
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
+/// Why a text did not reach standard output.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Untold {
+    /// Whoever read it has had enough (`| head`).
+    Unwanted,
+    /// It could not be written: a full disk, a terminal that is gone.
+    Failed(String),
+}
+
+impl From<Untold> for Error {
+    fn from(untold: Untold) -> Self {
+        let got = match untold {
+            Untold::Unwanted => "nobody reads it any more".to_owned(),
+            Untold::Failed(cause) => cause,
+        };
+        Self::new("the result could not be written").at("standard output").got(got)
+    }
+}
+
+/// What a command has done by the time it tells its result.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Deed {
+    /// It looked: its result is all there is of it.
+    Look,
+    /// It wrote a file, or a register.
+    Work,
+    /// A robot was moved, held or let go.
+    Motion,
+}
+
 /// Prints a result.
-pub fn print(text: &str) {
+///
+/// # Errors
+/// Nobody reads it, or it cannot be written.
+pub fn print(text: &str) -> Result<(), Untold> {
+    put(&visible(text))
+}
+
+/// Prints a table over the last `lines` lines of standard output, a terminal.
+///
+/// # Errors
+/// As [`print()`].
+pub fn print_over(lines: usize, text: &str) -> Result<(), Untold> {
+    put(&(up(lines) + &visible(text)))
+}
+
+/// Prints lines of JSON.
+///
+/// # Errors
+/// As [`print()`].
+pub fn print_json(text: &str) -> Result<(), Untold> {
+    put(&visible_json(text))
+}
+
+fn put(text: &str) -> Result<(), Untold> {
     let mut out = std::io::stdout().lock();
-    // A reader that has had enough (`| head`) is no error.
-    let _ = out.write_all(text.as_bytes()).and_then(|()| out.flush());
+    out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(|cause| match cause.kind() {
+        ErrorKind::BrokenPipe => Untold::Unwanted,
+        _ => Untold::Failed(cause.to_string()),
+    })
+}
+
+/// Says a line to the person at the terminal. If nobody can be told, nothing depends on it.
+pub fn say(text: &str) {
+    let _ = std::io::stderr().lock().write_all(format!("{}\n", visible(text)).as_bytes());
+}
+
+/// Asks, the answer to stand on the same line.
+pub fn prompt(question: &str) {
+    let _ = std::io::stderr().lock().write_all(visible(question).as_bytes());
+}
+
+/// Says a table over the last `lines` lines of standard error, a terminal.
+pub fn say_over(lines: usize, text: &str) {
+    let _ = std::io::stderr().lock().write_all((up(lines) + &visible(text)).as_bytes());
+}
+
+/// Says that a command failed.
+pub fn complain(error: &Error) {
+    say(&format!("gaitway: {error}"));
+}
+
+/// Prints help, or says what is wrong with the arguments; the exit code.
+#[must_use]
+pub fn tell_usage(error: &clap::Error) -> i32 {
+    if error.use_stderr() {
+        // It repeats what was typed, names of files among it.
+        say(error.render().to_string().trim_end());
+        return error.exit_code();
+    }
+    let mut out = std::io::stdout().lock();
+    match error.print().and_then(|()| out.flush()) {
+        Err(cause) if cause.kind() != ErrorKind::BrokenPipe => {
+            complain(&Untold::Failed(cause.to_string()).into());
+            1
+        }
+        _ => error.exit_code(),
+    }
+}
+
+/// To the beginning of the line so many lines above, everything from there on cleared.
+fn up(lines: usize) -> String {
+    if lines == 0 { String::new() } else { format!("\x1b[{lines}A\x1b[J") }
+}
+
+/// True for what a terminal obeys instead of showing it, or shows in another order than it stands.
+fn is_command(c: char) -> bool {
+    c.is_control() || matches!(c, '\u{202A}'..='\u{202E}' | '\u{2066}'..='\u{2069}')
+}
+
+/// The text as a terminal may have it. Names come out of files, devices and the network, and a
+/// terminal obeys what is written to it: only line ends stay what they are.
+fn visible(text: &str) -> Cow<'_, str> {
+    escaped(text, |c| c.escape_unicode().to_string())
+}
+
+/// The same for JSON, whose strings have another escape.
+fn visible_json(text: &str) -> Cow<'_, str> {
+    escaped(text, |c| format!("\\u{:04x}", u32::from(c)))
+}
+
+fn escaped(text: &str, escape: impl Fn(char) -> String) -> Cow<'_, str> {
+    let is_hidden = |c: char| c != '\n' && is_command(c);
+    if !text.contains(is_hidden) {
+        return Cow::Borrowed(text);
+    }
+    let shown = |c: char| if is_hidden(c) { escape(c) } else { c.to_string() };
+    Cow::Owned(text.chars().map(shown).collect())
 }
 
 /// Fails if no file can be written at `path`, as far as that can be known before.
@@ -22,13 +149,18 @@ fn check_place(path: &Path) -> Result<(), Error> {
             .at(folder.display().to_string())
             .remedy("make it first, or choose another place"));
     }
-    let written = if path.exists() { path } else { folder };
-    rustix::fs::access(written, rustix::fs::Access::WRITE_OK).map_err(|e| {
-        Error::new("you may not write here")
-            .at(written.display().to_string())
-            .got(e.to_string())
-            .remedy("choose another place")
-    })
+    // A file is replaced by one that is written beside it.
+    let is_replaced = path.is_file() && !path.is_symlink();
+    let places = [(path.exists(), path), (is_replaced || !path.exists(), folder)];
+    for place in places.into_iter().filter_map(|(counts, place)| counts.then_some(place)) {
+        rustix::fs::access(place, rustix::fs::Access::WRITE_OK).map_err(|e| {
+            Error::new("you may not write here")
+                .at(place.display().to_string())
+                .got(e.to_string())
+                .remedy("choose another place")
+        })?;
+    }
+    Ok(())
 }
 
 /// What is said beside the result, unless the user wants quiet.
@@ -42,7 +174,7 @@ impl Remarks {
     /// Says something to the person at the terminal.
     pub fn say(self, text: &str) {
         if !self.quiet {
-            eprintln!("{text}");
+            say(text);
         }
     }
 
@@ -80,22 +212,45 @@ impl Output {
         Self { force, ..Self::default() }
     }
 
-    /// Prints a report as text or JSON and writes it to `--report`.
+    /// Tells the result of a command that ends with `code`, as text or JSON and in the file of
+    /// `--report`; the exit code.
     ///
-    /// # Errors
-    /// A report file that exists or cannot be written.
-    pub fn report(&self, report: &impl serde::Serialize, text: &str) -> Result<(), Error> {
-        let json = serde_json::to_string_pretty(report)
-            .map_err(|e| Error::new(format!("the report cannot be written as JSON: {e}")))?;
-        if self.json {
-            print(&format!("{json}\n"));
-        } else {
-            print(text);
+    /// What cannot be told is said on standard error. A command that would have ended well then
+    /// ends with 1 if its result was all there is of it, else as done with loss; whatever else it
+    /// ended with, a stop above all, counts for more. That nobody reads standard output any more
+    /// (`| head`) is a loss only if something was moved.
+    #[must_use]
+    pub fn conclude(
+        &self,
+        report: &impl serde::Serialize,
+        text: &str,
+        deed: Deed,
+        code: i32,
+    ) -> i32 {
+        let lost = self.tell(report, text, deed);
+        lost.iter().for_each(complain);
+        match (lost.is_empty(), code, deed) {
+            (false, 0, Deed::Look) => Outcome::Failed.exit_code(),
+            (false, 0, Deed::Work | Deed::Motion) => Outcome::DoneWithLoss.exit_code(),
+            _ => code,
         }
-        if let Some(path) = &self.report {
-            self.write_file(path, format!("{json}\n").as_bytes())?;
-        }
-        Ok(())
+    }
+
+    /// Tells the result; what of it was lost.
+    fn tell(&self, report: &impl serde::Serialize, text: &str, deed: Deed) -> Vec<Error> {
+        let json = match serde_json::to_string_pretty(report) {
+            Ok(json) => json + "\n",
+            Err(e) => {
+                return vec![Error::new(format!("the report cannot be written as JSON: {e}"))];
+            }
+        };
+        let printed = if self.json { print_json(&json) } else { print(text) };
+        let printed = printed.err().filter(|untold| match untold {
+            Untold::Unwanted => deed == Deed::Motion,
+            Untold::Failed(_) => true,
+        });
+        let filed = self.report.as_ref().map(|path| self.write_file(path, json.as_bytes()));
+        printed.map(Error::from).into_iter().chain(filed.and_then(Result::err)).collect()
     }
 
     /// Fails early if one of the files to be written exists, cannot be made, or is named twice:
@@ -151,21 +306,14 @@ impl Output {
             .remedy("choose another name, or add --force to overwrite it"))
     }
 
-    /// Writes a whole file, never over an existing one without `--force`.
+    /// Writes a whole file, never over an existing one without `--force`, and with it only once the
+    /// new one is whole.
     ///
     /// # Errors
     /// The file exists, or cannot be written.
     pub fn write_file(&self, path: &Path, bytes: &[u8]) -> Result<(), Error> {
         self.check_free(path)?;
-        let mut options = OpenOptions::new();
-        options.write(true);
-        if self.force {
-            options.create(true).truncate(true);
-        } else {
-            options.create_new(true);
-        }
-        let written = options.open(path).and_then(|mut file| file.write_all(bytes));
-        written.map_err(|e| {
+        Draft::write_whole(path, self.force, bytes).map_err(|e| {
             Error::new("cannot write the file").at(path.display().to_string()).got(e.to_string())
         })
     }

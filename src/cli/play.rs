@@ -7,7 +7,7 @@ use super::progress::Progress;
 use super::report::{JointReport, Outcome, PlayReport, RefereeReport};
 use super::signals::Signals;
 use super::source::{self, Loaded, MotionArgs};
-use super::{Output, Remarks, plots};
+use super::{Deed, Output, Remarks, plots};
 use crate::control::{self, Left, Performance, Planned, Settings};
 use crate::error::Error;
 use crate::motion::{Plan, PlanOptions, plan};
@@ -85,8 +85,9 @@ enum EndState {
 pub fn run(args: &PlayArgs, remarks: Remarks) -> Result<i32, Error> {
     let signals = Signals::listen().map_err(|e| Error::new(format!("no signals: {e}")))?;
     let report = play(args, remarks, &signals);
-    args.output.report(&report, &report.text(remarks.quiet))?;
-    Ok(report.exit_code(signals.first()))
+    let code = report.exit_code(signals.first());
+    let deed = if args.dry_run { Deed::Look } else { Deed::Motion };
+    Ok(args.output.conclude(&report, &report.text(remarks.quiet), deed, code))
 }
 
 /// Plays and reports; whatever goes wrong is in the report.

@@ -1,7 +1,7 @@
 //! `ports`: where a robot could be plugged in, and what keeps it from working.
 
 use super::finding::{self, Finding};
-use super::{Output, Remarks};
+use super::{Deed, Output, Remarks};
 use crate::error::Error;
 use crate::port::can::Controller;
 use crate::port::inventory::{Access, CanKind, CanPort, Machine, SerialPort, UsbFacts};
@@ -63,8 +63,7 @@ pub struct Survey {
 pub fn run(args: &PortsArgs, _remarks: Remarks) -> Result<i32, Error> {
     args.output.check_files(&[])?;
     let found = survey(&Machine::at(&args.root));
-    args.output.report(&found, &found.text())?;
-    Ok(0)
+    Ok(args.output.conclude(&found, &found.text(), Deed::Look, 0))
 }
 
 /// Looks at every port of `machine`.

@@ -3,7 +3,7 @@
 
 mod sensor;
 
-use super::{Outcome, Output};
+use super::{Deed, Outcome, Output};
 use crate::error::Error;
 use clap::{Args, Subcommand};
 use gaitway_profiles as profiles;
@@ -55,7 +55,7 @@ pub fn run(args: &ProfileArgs) -> Result<i32, Error> {
     match &args.action {
         Action::List { output } => {
             let list = List::of_all()?;
-            output.report(&list, &list.text())?;
+            Ok(output.conclude(&list, &list.text(), Deed::Look, 0))
         }
         Action::Show { name, output } => {
             let text = match load(name)? {
@@ -66,15 +66,14 @@ pub fn run(args: &ProfileArgs) -> Result<i32, Error> {
                 Profile::Sensor(sensor) => sensor::show(&sensor),
             };
             // A program gets the file itself, in its own units, with every source.
-            output.report(&profiles::whole_table(name)?, &text)?;
+            Ok(output.conclude(&profiles::whole_table(name)?, &text, Deed::Look, 0))
         }
         Action::Check { file, output } => {
             let profile = load(file)?;
             let checked = check(&profile)?;
-            output.report(&checked, &checked.text())?;
+            Ok(output.conclude(&checked, &checked.text(), Deed::Look, 0))
         }
     }
-    Ok(0)
 }
 
 fn load(name_or_path: &str) -> Result<Profile, Error> {

@@ -11,7 +11,7 @@ pub(in crate::cli) mod source;
 
 use super::report::Outcome;
 use super::signals::Signals;
-use super::{Output, Remarks};
+use super::{Deed, Output, Remarks};
 use crate::capture::Mode;
 use crate::error::Error;
 use crate::port::{Clock, MonotonicClock};
@@ -83,7 +83,8 @@ pub struct RecordArgs {
 
 #[derive(Debug, Serialize)]
 struct Report {
-    file: PathBuf,
+    /// None if nothing came, and what was to be replaced is as it was.
+    file: Option<PathBuf>,
     outcome: &'static str,
     duration_s: f64,
     sources: Vec<SourceReport>,
@@ -220,7 +221,7 @@ fn finish(
     let outcome = if summary.is_complete() { outcome } else { Outcome::DoneWithLoss };
     let whole = matches!(outcome, Outcome::Done);
     let report = Report {
-        file: out.to_owned(),
+        file: (!summary.kept_old).then(|| out.to_owned()),
         outcome: if whole { "done" } else { "done_with_loss" },
         duration_s: ended.seconds_since(began),
         sources,
@@ -229,12 +230,14 @@ fn finish(
         dropped_by_topic,
         poisoned: summary.poisoned,
     };
-    args.output.report(&report, &text(&report))?;
-    Ok(outcome.exit_code())
+    Ok(args.output.conclude(&report, &text(&report, out), Deed::Work, outcome.exit_code()))
 }
 
-fn text(report: &Report) -> String {
-    let mut out = format!("recorded {:.2} s to {}\n", report.duration_s, report.file.display());
+fn text(report: &Report, file: &Path) -> String {
+    let mut out = match report.file {
+        Some(_) => format!("recorded {:.2} s to {}\n", report.duration_s, file.display()),
+        None => format!("nothing was recorded; {} is as it was\n", file.display()),
+    };
     for source in &report.sources {
         source.text(&mut out);
     }

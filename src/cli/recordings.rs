@@ -1,7 +1,7 @@
 //! `info` and `recover`: what a recording holds, and what of a broken one can be saved.
 
 use super::report::Outcome;
-use super::{Output, Remarks};
+use super::{Deed, Output, Remarks};
 use crate::error::Error;
 use crate::recording::{self, Overview, Recovered, SensorSeries, SourceOverview, sensor_series};
 use crate::session::tap::{Tap, taps};
@@ -36,8 +36,7 @@ pub fn info(args: &InfoArgs) -> Result<i32, Error> {
     {
         told.add(&series, &mut text);
     }
-    args.output.report(&told, &text)?;
-    Ok(0)
+    Ok(args.output.conclude(&told, &text, Deed::Look, 0))
 }
 
 /// What `info` tells.
@@ -162,11 +161,12 @@ pub fn recover(args: &RecoverArgs, remarks: Remarks) -> Result<i32, Error> {
     args.output.check_files(&[])?;
     args.output.check_apart(&args.file, &[])?;
     let recovered = recording::recover(&args.file, args.output.force())?;
-    args.output.report(&recovered, &format!("{}\n", recovered.path.display()))?;
-    remarks.say(&loss(&recovered));
     let whole = recovered.was_finished && recovered.lost_bytes == 0;
     let outcome = if whole { Outcome::Done } else { Outcome::DoneWithLoss };
-    Ok(outcome.exit_code())
+    let text = format!("{}\n", recovered.path.display());
+    let code = args.output.conclude(&recovered, &text, Deed::Work, outcome.exit_code());
+    remarks.say(&loss(&recovered));
+    Ok(code)
 }
 
 /// What was saved and what was not, as far as the file can tell.

@@ -5,7 +5,7 @@ mod bvh;
 use super::play::describe_plan;
 use super::report::{Outcome, PlayReport};
 use super::source::{self, MotionArgs};
-use super::{Output, Remarks};
+use super::{Deed, Output, Remarks};
 use crate::error::Error;
 use crate::mocap;
 use crate::motion::{Plan, PlanOptions, Setpoint, plan};
@@ -76,8 +76,8 @@ pub fn run(args: &RetargetArgs, remarks: Remarks) -> Result<i32, Error> {
         report.approach_s
     ));
     let written = format!("written   {}\n", args.output_file.display());
-    output.report(&report, &(report.text(remarks.quiet) + &written))?;
-    Ok(0)
+    let text = report.text(remarks.quiet) + &written;
+    Ok(output.conclude(&report, &text, Deed::Work, 0))
 }
 
 /// What is written.
@@ -149,7 +149,7 @@ fn record(args: &RetargetArgs, robot: &Robot, planned: &Plan, rate_hz: f64) -> R
         gaitway_version: env!("CARGO_PKG_VERSION").to_owned(),
         metadata: [("planned".to_owned(), "goals only; nothing was played".to_owned())].into(),
     };
-    let recorder = Recorder::create(&args.output_file, args.output.force(), run)?;
+    let recorder = Recorder::create_whole(&args.output_file, args.output.force(), run)?;
     let mut end = start;
     for (cycle, (time_s, pose)) in (0..).zip(rows(planned, rate_hz)) {
         end = start + Duration::from_secs_f64(time_s);

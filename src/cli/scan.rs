@@ -9,7 +9,7 @@ use super::identify::{
     serial_protocol,
 };
 use super::servo::firmware_words;
-use super::{Output, Remarks};
+use super::{Deed, Output, Remarks};
 use crate::bus::Protocol;
 use crate::bus::scan::{Found, scan};
 use crate::device::Model;
@@ -159,11 +159,12 @@ pub fn run(args: &ScanArgs, remarks: Remarks) -> Result<i32, Error> {
         bar.finish_and_clear();
     }
     report.devices.sort_by_key(|d| (d.id, d.baud_bps));
-    args.output.report(&report, &report.text())?;
+    let code = i32::from(report.devices.is_empty() && report.collisions.is_empty());
+    let code = args.output.conclude(&report, &report.text(), Deed::Look, code);
     if !report.devices.is_empty() {
         remarks.say(TWINS);
     }
-    Ok(i32::from(report.devices.is_empty() && report.collisions.is_empty()))
+    Ok(code)
 }
 
 /// Speeds of the known servos that speak one of `protocols`, the usual one first.

@@ -4,6 +4,20 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicI32, Ordering};
 use tokio::signal::unix::{SignalKind, signal};
 
+/// From now on, and for good, a file that may not grow any more is an error of whoever writes it and
+/// no signal (SIGXFSZ) that would end the process in the middle of a motion. A reader that is gone
+/// (SIGPIPE) is one already: Rust sees to that.
+///
+/// # Errors
+/// If the system does not let the process listen.
+pub fn outlive_size_limits() -> std::io::Result<()> {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_io().build()?;
+    let _guard = runtime.enter();
+    // A signal that is listened for once does nothing by itself for as long as the process lives,
+    // whether or not anybody still asks for it (documentation of `tokio::signal::unix::Signal`).
+    signal(SignalKind::from_raw(rustix::process::Signal::XFSZ.as_raw())).map(drop)
+}
+
 /// The first signal that came, if any.
 #[derive(Clone, Debug, Default)]
 pub struct Signals(Arc<AtomicI32>);

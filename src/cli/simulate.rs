@@ -3,6 +3,7 @@
 pub mod imus;
 
 use super::Remarks;
+use super::output::Untold;
 use super::signals::Signals;
 use crate::error::Error;
 use crate::port::can_bridge::CanBridge;
@@ -218,13 +219,21 @@ fn open_doors(
         };
         let place = entrance.place();
         let path = place.as_deref().unwrap_or_default();
-        super::print(&match several {
+        tell(&match several {
             false => format!("{path}\n"),
             true => format!("{path} {}\n", facts.name),
-        });
+        })?;
         doors.push((facts.name.clone(), entrance, place));
     }
     Ok(doors)
+}
+
+/// Tells where something is to be reached: all that this command has to tell.
+fn tell(place: &str) -> Result<(), Error> {
+    match super::print(place) {
+        Ok(()) | Err(Untold::Unwanted) => Ok(()),
+        Err(failed) => Err(failed.into()),
+    }
 }
 
 /// Which interface each CAN line goes to, by its number.

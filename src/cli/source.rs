@@ -110,13 +110,7 @@ pub struct Loaded {
 /// An unreadable or malformed file, a skeleton that is no person, unknown joints in `--only`, a
 /// section that is empty.
 pub fn load(args: &MotionArgs, robot: &Robot) -> Result<Loaded, Error> {
-    let known = robot.joint_names();
-    if let Some(unknown) = args.only.iter().find(|name| !known.contains(name)) {
-        return Err(Error::new("the robot has no such joint")
-            .at("--only")
-            .got(unknown.clone())
-            .allowed(known.join(", ")));
-    }
+    only(robot, &args.only)?;
     if let Some(motion) = joints::read(std::path::Path::new(&args.motion))? {
         return in_joints(args, robot, &motion);
     }
@@ -133,6 +127,30 @@ pub fn load(args: &MotionArgs, robot: &Robot) -> Result<Loaded, Error> {
     // A person's motion is slowed by default; `--retime` says so explicitly.
     let retime = !args.no_retime;
     Ok(Loaded { source, notes, only: args.only.clone(), retargeted, retime })
+}
+
+/// Which joints `--only` names.
+///
+/// # Errors
+/// A joint the robot does not have, or one that is named twice.
+pub(super) fn only(robot: &Robot, names: &[String]) -> Result<Vec<usize>, Error> {
+    let mut joints = Vec::with_capacity(names.len());
+    for (at, name) in names.iter().enumerate() {
+        let joint = robot.joints.iter().position(|joint| joint.name == *name).ok_or_else(|| {
+            Error::new("the robot has no such joint")
+                .at("--only")
+                .got(name.clone())
+                .allowed(robot.joint_names().join(", "))
+        })?;
+        if let Some(first) = joints.iter().position(|&other| other == joint) {
+            return Err(Error::new("a joint is named twice")
+                .at("--only")
+                .got(format!("{name}: name {} and name {}", first + 1, at + 1))
+                .allowed("each joint once"));
+        }
+        joints.push(joint);
+    }
+    Ok(joints)
 }
 
 /// A motion that is in the robot's joints already.

@@ -2,7 +2,7 @@
 
 mod bulk;
 
-use super::{Output, Remarks};
+use super::{Deed, Output, Remarks};
 use crate::action::{Action, Join, Motion, Spread, phrase, table};
 use crate::body::Proportions;
 use crate::error::Error;
@@ -176,8 +176,7 @@ pub fn run(args: &SynthArgs, remarks: Remarks) -> Result<i32, Error> {
                 made.variations, args.action, made.found, made.poses, made.written
             )
         };
-        args.output.report(&made, &text)?;
-        return Ok(0);
+        return Ok(args.output.conclude(&made, &text, Deed::Work, 0));
     }
     args.output.check_files(&[&Some(args.output_file.clone())])?;
     let corpus = bulk::corpus(args, &figures)?;
@@ -209,8 +208,7 @@ pub fn run(args: &SynthArgs, remarks: Remarks) -> Result<i32, Error> {
             report.rate_hz
         )
     };
-    args.output.report(&report, &text)?;
-    Ok(0)
+    Ok(args.output.conclude(&report, &text, Deed::Work, 0))
 }
 
 /// The motion as the kind of file the output's name asks for.

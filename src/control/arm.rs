@@ -207,7 +207,7 @@ fn write_eeprom(link: &mut Link, preflight: &Preflight) -> Result<(), Error> {
 }
 
 /// Torque moves a joint to its goal: it must still be there, as seen by a look that is not older
-/// than [`FRESH`], or than the line takes. When the look was asked for.
+/// than [`FRESH`], or than the line takes. When its answers were there.
 ///
 /// A host that stalls while it waits for the answers sees where the joints were before the stall; it
 /// looks again.
@@ -219,7 +219,7 @@ fn look(link: &mut Link, command: &Command) -> Result<Instant, Error> {
         let took = link.clock().now().since(asked_at);
         // Where every look takes long it is the line that does.
         if took <= FRESH || took <= quickest.saturating_mul(3) / 2 && quickest != Duration::MAX {
-            return Ok(asked_at + took.saturating_sub(FRESH));
+            return Ok(asked_at + took);
         }
         quickest = quickest.min(took);
     }
@@ -298,10 +298,10 @@ fn set_torque_on(
     link.switch_on(limit).map_err(|e| exchange_error(link, None, &e))?;
     let since = link.clock().now().since(looked_at);
     // A robot that was held stood under torque all the while.
-    if since > 2 * FRESH && !held {
+    if since > FRESH && !held {
         return Err(Error::new("the host stalled as torque came on; torque is off again")
             .got(format!("{since:.0?} after the last look at the joints"))
-            .allowed(format!("{:.0?}", 2 * FRESH))
+            .allowed(format!("{FRESH:.0?}"))
             .remedy("look where the robot stands, and start again")
             .into());
     }

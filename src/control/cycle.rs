@@ -62,6 +62,11 @@ pub enum Exception {
         /// For how long, s.
         gap_s: f64,
     },
+    /// The host stalled while goals left: they arrived so much later than they were for.
+    SentLate {
+        /// By how much, s.
+        late_s: f64,
+    },
     /// Nobody answered while the motion was run down.
     BlindRamp {
         /// For how long, s.
@@ -193,6 +198,10 @@ struct Player<'a> {
     /// Joints that were slow when their speed was last read.
     resting: Vec<bool>,
     silence: Silence,
+    /// Joints that answered after a silence and have not said yet that they are as they were armed.
+    owing: Vec<usize>,
+    /// For how many cycles in a row there were any.
+    owing_cycles: u32,
     /// Since when nobody answers.
     quiet_since: Option<Instant>,
     /// The longest the motion may be run down unanswered, s.
@@ -324,6 +333,8 @@ impl<'a> Player<'a> {
             rest_since: None,
             resting: vec![false; limits.len()],
             silence: Silence::new(lines),
+            owing: Vec::new(),
+            owing_cycles: 0,
             quiet_since: None,
             longest_stop_s: longest_stop_s(&limits, settings.period),
             believed: Believed::new(&start_rad, limits, began),
@@ -373,12 +384,18 @@ impl<'a> Player<'a> {
     ) -> bool {
         let budget = now + settings.period.mul_f64(LINE_SHARE);
         let cycle = tally.cycles;
+        // Who still owes an answer is asked while there is time for it.
+        let owing = std::mem::take(&mut self.owing);
+        self.ask_who_was_silent(owing, budget, cycle);
         inject::point("read", cycle);
         let (states, health) = match self.read(cycle, now, budget) {
             Ok(read) => read,
             Err(error) => return self.lose(&error, cycle),
         };
-        self.ask_who_was_silent(&states, now, budget, cycle);
+        let mut doubted = self.who_was_silent(&states, now);
+        doubted.retain(|joint| !self.owing.contains(joint));
+        self.ask_who_was_silent(doubted, budget, cycle);
+        self.keep_goals_from_who_owes_an_answer(cycle);
         let sample = Sample {
             cycle,
             at: now,
@@ -414,7 +431,8 @@ impl<'a> Player<'a> {
         if let Some(reason) = reason {
             self.request_stop(reason, cycle);
         }
-        if self.deserted || self.over(now, settings) || self.blind_for_too_long(now) {
+        let overdue = self.blind_for_too_long(now) || self.is_overdue(now, settings);
+        if self.deserted || self.over(now, settings) || overdue {
             return false;
         }
         match self.write(budget, settings, cycle) {
@@ -452,18 +470,13 @@ impl<'a> Player<'a> {
         }
     }
 
-    /// Servos that were silent and answer again are asked for their torque before any further goal.
-    /// A line whose servos came back limp is given up; one that does not say is told no goal in this
-    /// cycle.
-    fn ask_who_was_silent(&mut self, states: &States, now: Instant, budget: Instant, cycle: u64) {
+    /// Servos that were silent and answer again.
+    fn who_was_silent(&mut self, states: &States, now: Instant) -> Vec<usize> {
         let mut doubted = self.silence.take(states);
         self.quiet_since = match self.silence.quiet_cycles() {
             0 => None,
             _ => self.quiet_since.or(Some(now)),
         };
-        for line in 0..self.link.robot().lines.len() {
-            self.link.hold_back(line, false);
-        }
         doubted.retain(|&joint| {
             // An actuator on a CAN line that let go obeys no goal, and says so by itself.
             let servo = self.link.robot().joints[joint].servo().is_some();
@@ -472,6 +485,12 @@ impl<'a> Player<'a> {
             }
             servo
         });
+        doubted
+    }
+
+    /// Asks servos for their torque, before any further goal. A line whose servos came back limp is
+    /// given up; who does not answer now owes the answer.
+    fn ask_who_was_silent(&mut self, doubted: Vec<usize>, budget: Instant, cycle: u64) {
         if doubted.is_empty() {
             return;
         }
@@ -479,12 +498,29 @@ impl<'a> Player<'a> {
         for (joint, as_armed) in doubted.into_iter().zip(told) {
             let line = self.link.robot().joints[joint].line;
             match as_armed {
+                _ if self.link.is_lost(line) || self.link.is_muted(joint) => {}
                 Some(true) => self.silence.trust(joint),
-                None => self.link.hold_back(line, true),
-                Some(false) if self.link.is_lost(line) => {}
+                None => self.owing.push(joint),
                 Some(false) if self.silence.is_shared(joint) => self.came_back_limp(line, cycle),
                 Some(false) => self.one_came_back_limp(joint, cycle),
             }
+        }
+    }
+
+    /// No goal goes to a line on which somebody owes an answer; who owes it for too long is silent.
+    fn keep_goals_from_who_owes_an_answer(&mut self, cycle: u64) {
+        self.owing.retain(|&joint| !self.link.is_lost(self.link.robot().joints[joint].line));
+        for line in 0..self.link.robot().lines.len() {
+            let joints = &self.link.robot().joints;
+            let owes = self.owing.iter().any(|&joint| joints[joint].line == line);
+            self.link.hold_back(line, owes);
+        }
+        self.owing_cycles = if self.owing.is_empty() { 0 } else { self.owing_cycles + 1 };
+        if let (Some(&joint), QUIET_CYCLES..) = (self.owing.first(), self.owing_cycles) {
+            let joint = self.link.robot().joints[joint].name.clone();
+            let miss = "it does not say whether its torque is on".to_owned();
+            let cycles = self.owing_cycles;
+            self.request_stop(StopReason::Silent { joint, cycles, miss }, cycle);
         }
     }
 
@@ -565,6 +601,13 @@ impl<'a> Player<'a> {
         blind.is_some_and(|blind_s| blind_s > self.longest_stop_s)
     }
 
+    /// True if a stop takes longer than it can: somebody never lets a last goal be told.
+    fn is_overdue(&self, now: Instant, settings: Settings) -> bool {
+        let Some((began, _)) = self.stopped else { return false };
+        let most_s = 2.0 * self.longest_stop_s + settings.settle.as_secs_f64();
+        now.since(began).as_secs_f64() > most_s
+    }
+
     /// Samples the motion at the moment of writing and writes what the guard admits.
     fn write(&mut self, budget: Instant, settings: Settings, cycle: u64) -> Result<(), LinkError> {
         // Goals are for the moment they leave, which after a lost answer is a little later.
@@ -591,7 +634,19 @@ impl<'a> Player<'a> {
         inject::point("write", cycle);
         self.link.write_goals(&self.command, budget)?;
         self.wrote = true;
+        self.look_whether_goals_left_late(now, settings);
         Ok(())
+    }
+
+    /// A host that stalled while its goals left: they were for an earlier moment than that in which
+    /// they arrived. The motion goes on from there, so that the next ones are no jump.
+    fn look_whether_goals_left_late(&mut self, sampled_at: Instant, settings: Settings) {
+        let left_at = self.link.clock().now();
+        let late = left_at.since(sampled_at);
+        if late.as_secs_f64() > LATE_SHARE * settings.period.as_secs_f64() {
+            self.written_at = Some(left_at);
+            self.exceptions.push(Exception::SentLate { late_s: late.as_secs_f64() });
+        }
     }
 
     /// Looks, as the last thing before goals are admitted, whether the host stood still since the
@@ -676,9 +731,10 @@ impl<'a> Player<'a> {
         busy_before_s: &[f64],
         bounds: &Bounds,
     ) -> Run {
-        if let Some(since) = self.blind_since().filter(|_| !self.deserted) {
+        let rested = self.goals_at_rest >= LAST_GOALS;
+        let unrested = self.stopped.filter(|_| !rested).map(|(began, _)| began);
+        if let Some(since) = self.blind_since().or(unrested).filter(|_| !self.deserted) {
             let blind_s = self.link.clock().now().since(since).as_secs_f64();
-            let rested = self.goals_at_rest >= LAST_GOALS;
             let most_s = self.longest_stop_s;
             self.exceptions.push(Exception::BlindRamp { blind_s, most_s, rested });
         }
@@ -724,6 +780,10 @@ impl Exception {
             Self::Limp { joint } => {
                 Some(format!("joint {joint} had let go and was told nothing more"))
             }
+            Self::SentLate { late_s } => Some(format!(
+                "goals left {:.0} ms late: the host stalled as they were sent",
+                late_s * 1e3
+            )),
             Self::LineLost { .. } | Self::GuardRefused | Self::Stalled { .. } => None,
         }
     }

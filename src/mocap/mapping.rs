@@ -11,7 +11,7 @@
 
 use crate::body::Segment;
 use crate::error::Error;
-use crate::mocap::bvh::Bvh;
+use crate::mocap::bvh::{Bvh, Joint};
 use crate::mocap::skeleton::Point;
 use glam::DVec3;
 use serde::Deserialize;
@@ -115,8 +115,8 @@ impl Mapping {
     /// Finds the segments of a skeleton.
     ///
     /// # Errors
-    /// If the mapping file names a segment or joint that is not there, or if neither legs nor arms
-    /// are found.
+    /// If the mapping file names a segment or joint that is not there, or a joint twice, or if
+    /// neither legs nor arms are found.
     pub fn find(bvh: &Bvh, file: Option<&MappingFile>) -> Result<Self, Error> {
         let given = file.map_or(Ok([None; 13]), |file| given_joints(bvh, file))?;
         let all: Vec<&str> = bvh.joints.iter().map(|joint| joint.name.as_str()).collect();
@@ -177,9 +177,30 @@ fn given_joints(bvh: &Bvh, file: &MappingFile) -> Result<[Option<usize>; 13], Er
             .got(joint.as_str())
             .allowed(names.join(", ")));
         };
+        let same = |(_, other): &(usize, &Joint)| other.name == *joint;
+        if let Some((second, _)) = bvh.joints.iter().enumerate().skip(at + 1).find(same) {
+            return Err(Error::new(format!(
+                "the mapping file gives {key} a joint whose name stands twice in the skeleton"
+            ))
+            .at(format!("[segments], {key}"))
+            .got(format!("{joint}: joint {} and joint {}", at + 1, second + 1))
+            .allowed("a joint whose name stands there once"));
+        }
+        let other = Segment::ALL.into_iter().find(|other| given[other.index()] == Some(at));
+        if let Some(other) = other.filter(|other| !is_trunk(*other) || !is_trunk(segment)) {
+            return Err(Error::new("the mapping file names a joint twice")
+                .at("[segments]")
+                .got(format!("{joint}: {} and {key}", segment_name(other)))
+                .allowed("a joint of its own for each segment"));
+        }
         given[segment.index()] = Some(at);
     }
     Ok(given)
+}
+
+/// True for those that one joint may carry together, in a skeleton without a spine.
+const fn is_trunk(segment: Segment) -> bool {
+    matches!(segment, Segment::Pelvis | Segment::Torso)
 }
 
 /// Everything the search looks at.

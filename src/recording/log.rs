@@ -3,6 +3,7 @@
 
 use std::collections::BTreeMap;
 use std::io::{self, Write};
+use std::sync::atomic::Ordering;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant as Clock};
@@ -13,7 +14,7 @@ use mcap::write::NoSeek;
 use super::message::{self, Run, Stamp, Topic};
 use super::sample::{CycleRecord, RunEnd, RunStart};
 use super::sensor::{self, SourceId, SourceKind, SourceRecord};
-use super::writer::{Disk, Item, Pace, Shared, Summary, locked};
+use super::writer::{Disk, Item, Keep, Pace, Shared, Summary, locked};
 use crate::time::Instant;
 
 /// A chunk is also closed at this size, which bounds the memory it takes.
@@ -63,6 +64,10 @@ pub(super) struct Log<D> {
     shared: Arc<Shared>,
     start: RunStart,
     pace: Pace,
+    keep: Keep,
+    is_kept: bool,
+    /// True if a source said something.
+    holds_records: bool,
     /// Size and count of the open chunk, and when its first message came.
     chunk_bytes: usize,
     in_chunk: u64,
@@ -76,7 +81,7 @@ pub(super) struct Log<D> {
 
 impl<D: Disk> Log<D> {
     /// Writes the start of the run and waits until it is on the disk.
-    pub(super) fn create(disk: D, start: RunStart, pace: Pace) -> Result<Self, String> {
+    pub(super) fn create(disk: D, start: RunStart, pace: Pace, keep: Keep) -> Result<Self, String> {
         let bytes = Bytes::default();
         let mut mcap = mcap_writer(&bytes).map_err(|error| error.to_string())?;
         let mut channels = [0; Topic::ALL.len()];
@@ -95,6 +100,9 @@ impl<D: Disk> Log<D> {
             last_at: start.monotonic_start,
             start,
             pace,
+            keep,
+            is_kept: false,
+            holds_records: false,
             chunk_bytes: 0,
             in_chunk: 0,
             chunk_opened: now,
@@ -114,13 +122,25 @@ impl<D: Disk> Log<D> {
 
     /// Takes records until the recorder lets go, whatever the disk does meanwhile.
     pub(super) fn run(mut self, taken: &Receiver<Item>) -> Summary {
+        let mut is_finished = false;
         loop {
             let item = taken.recv_timeout(self.patience());
             self.attempt(0, Self::add_sources);
             match item {
-                Ok(Item::Cycle(record, gap)) => self.take(&record, gap),
-                Ok(Item::Record(source, record, gap)) => self.take_record(source, &record, gap),
+                Ok(Item::Cycle(record, gap)) => {
+                    if self.keep != Keep::Whole {
+                        self.keep_file();
+                    }
+                    self.take(&record, gap);
+                }
+                Ok(Item::Record(source, record, gap)) => {
+                    if self.keep == Keep::First {
+                        self.keep_file();
+                    }
+                    self.take_record(source, &record, gap);
+                }
                 Ok(Item::End(end, gap, of_sources)) => {
+                    is_finished = true;
                     self.attempt(1, |log| {
                         log.write_end(&end, gap, of_sources).and_then(|()| log.close_file())
                     });
@@ -134,7 +154,37 @@ impl<D: Disk> Log<D> {
             }
             self.attempt(0, Self::close_what_is_due);
         }
+        self.settle_name(is_finished);
         self.summary
+    }
+
+    /// Gives the file its name.
+    fn keep_file(&mut self) {
+        if !self.is_kept {
+            self.is_kept = true;
+            self.attempt(0, |log| {
+                log.disk.keep().map_err(|cause| format!("the old file cannot be replaced: {cause}"))
+            });
+        }
+    }
+
+    /// Decides about the name of a file that was not worth it while it was written. One that replaces
+    /// none is left under its own unless nobody wants it.
+    fn settle_name(&mut self, is_finished: bool) {
+        if self.shared.discarded.load(Ordering::Acquire) {
+            return;
+        }
+        let is_whole = self.summary.poisoned.is_none();
+        let is_worth_it = match self.keep {
+            Keep::Whole => is_finished && is_whole,
+            Keep::First | Keep::FirstCycle => {
+                is_finished && self.holds_records || !self.disk.replaces()
+            }
+        };
+        if is_worth_it {
+            self.keep_file();
+        }
+        self.summary.kept_old = self.disk.replaces();
     }
 
     /// How long nothing needs to be done.
@@ -211,6 +261,7 @@ impl<D: Disk> Log<D> {
             SourceRecord::Sample(captured) => captured.stamp.number as u32,
             SourceRecord::Line(..) | SourceRecord::Mark(_) => 0, // no number, by the format
         };
+        self.holds_records = true;
         self.attempt(sensor::message_count(record) as u64, |log| {
             let (name, channels) =
                 log.sources.get(source.0).ok_or("a source that was not added")?;

@@ -1,7 +1,7 @@
 //! The reading side: every recording, finished or not, and what can be saved of a broken one.
 
 use std::borrow::Cow;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
@@ -17,6 +17,7 @@ use super::overview::{Overview, SourceOverview};
 use super::sample::{CycleRecord, JointRecord, RunEnd, RunStart};
 use super::scan::{Channel, Found, Tally, scan};
 use super::writer::{Disk, create_file};
+use crate::draft::Draft;
 use crate::error::Error;
 use crate::time::Instant;
 
@@ -165,6 +166,12 @@ impl Recording {
     ) -> Option<()> {
         let states: JointStates = parse(body)?;
         self.learn_names(states.joints.iter().map(|joint| &joint.name));
+        let is_usual = states.joints.iter().map(|joint| &*joint.name).eq(&self.joint_names);
+        let mut names = BTreeSet::new();
+        // A message that says two things of one joint says nothing.
+        if !is_usual && !states.joints.iter().all(|joint| names.insert(&*joint.name)) {
+            return None;
+        }
         for (index, joint) in states.joints.iter().enumerate() {
             set(self.joint(&states.moment, index, &joint.name)?, joint);
         }
@@ -229,11 +236,11 @@ impl Recording {
 pub fn recover(path: &Path, force: bool) -> Result<Recovered, Error> {
     let source = open(path)?;
     let target = path.with_extension("recovered.mcap");
-    let file = create_file(&target, force).map_err(|error| match error.remedy {
+    let draft = create_file(&target, force).map_err(|error| match error.remedy {
         Some(_) => error.remedy("move it away, or add --force to replace it"),
         None => error,
     })?;
-    let mut copy = Copy::new(file).map_err(|cause| unwritable(&target, &cause))?;
+    let mut copy = Copy::new(draft).map_err(|cause| unwritable(&target, &cause))?;
     let mut overview = Overview::default();
     let copied = scan(BufReader::new(source), |found| {
         if let Found::Message { channel, header, body } = &found {
@@ -254,9 +261,8 @@ pub fn recover(path: &Path, force: bool) -> Result<Recovered, Error> {
             damaged: overview.damaged(),
             sources: overview.sources,
         }),
+        // Half a rescue would stand in the way of the next one: it is gone with its draft.
         Err(error) => {
-            // Half a rescue would stand in the way of the next one.
-            let _ = std::fs::remove_file(&target);
             let place = error.place.clone().unwrap_or_else(|| path.display().to_string());
             Err(error.at(place))
         }
@@ -269,7 +275,7 @@ fn unwritable(path: &Path, cause: &str) -> Error {
 
 /// Copies what a scan finds into a new file.
 struct Copy {
-    file: File,
+    draft: Draft,
     bytes: Bytes,
     mcap: mcap::Writer<NoSeek<Bytes>>,
     /// Channels by their id in the old file, with the id in the new one.
@@ -279,10 +285,10 @@ struct Copy {
 }
 
 impl Copy {
-    fn new(file: File) -> Result<Self, String> {
+    fn new(draft: Draft) -> Result<Self, String> {
         let bytes = Bytes::default();
         let mcap = mcap_writer(&bytes).map_err(|error| error.to_string())?;
-        Ok(Self { file, bytes, mcap, channels: BTreeMap::new(), messages: 0, chunk_bytes: 0 })
+        Ok(Self { draft, bytes, mcap, channels: BTreeMap::new(), messages: 0, chunk_bytes: 0 })
     }
 
     fn add(&mut self, found: Found) -> Result<(), String> {
@@ -326,7 +332,7 @@ impl Copy {
     fn append(&mut self) -> Result<(), String> {
         self.mcap.flush().map_err(|error| error.to_string())?;
         self.chunk_bytes = 0;
-        self.file.append(&self.bytes.take()).map_err(|error| error.to_string())
+        self.draft.append(&self.bytes.take()).map_err(|error| error.to_string())
     }
 
     fn finish(&mut self, from: &Path, tally: Tally) -> Result<(), String> {
@@ -340,8 +346,8 @@ impl Copy {
             .write_metadata(&Metadata { name: "gaitway.recovered".into(), metadata })
             .and_then(|()| self.mcap.finish())
             .map_err(|error| error.to_string())?;
-        self.file.append(&self.bytes.take()).map_err(|error| error.to_string())?;
-        self.file.sync().map_err(|error| error.to_string())
+        let written = self.draft.append(&self.bytes.take()).and_then(|()| self.draft.sync());
+        written.and_then(|()| self.draft.keep()).map_err(|error| error.to_string())
     }
 }
 

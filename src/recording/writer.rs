@@ -1,10 +1,9 @@
 //! The writing side: a bounded queue in front of the thread of [`super::log`].
 
 use std::collections::BTreeMap;
-use std::fs::{File, OpenOptions};
 use std::io::{self, Write};
-use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::thread::JoinHandle;
@@ -14,6 +13,7 @@ use super::log::Log;
 use super::message::{self, Topic};
 use super::sample::{CycleRecord, RunEnd, RunStart};
 use super::sensor::{self, RecordedSource, SourceId, SourceRecord};
+use crate::draft::Draft;
 use crate::error::Error;
 
 /// Cycles that may wait for the disk: 2.5 s at 100 Hz, about 1 MiB with 20 joints.
@@ -34,15 +34,55 @@ pub trait Disk: Send + 'static {
     /// # Errors
     /// As the file system says; what was appended since the last success may be lost.
     fn sync(&mut self) -> io::Result<()>;
+
+    /// There is something worth keeping: the file may take the place of one it replaces. One that is
+    /// dropped before leaves what was there.
+    ///
+    /// # Errors
+    /// As the file system says; what was there stays then.
+    fn keep(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+
+    /// True if another file is still in its place.
+    fn replaces(&self) -> bool {
+        false
+    }
 }
 
-impl Disk for File {
+/// When a recording takes the place of the file it replaces.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Keep {
+    /// With its first cycle: what sensors say before the robot moves is worth no other recording.
+    FirstCycle,
+    /// With whatever comes first.
+    First,
+    /// When it is finished and nothing is missing.
+    Whole,
+}
+
+impl Keep {
+    /// As usual for a recording of a robot, or of none.
+    fn usual(start: &RunStart) -> Self {
+        if start.joints.is_empty() { Self::First } else { Self::FirstCycle }
+    }
+}
+
+impl Disk for Draft {
     fn append(&mut self, bytes: &[u8]) -> io::Result<()> {
         self.write_all(bytes)
     }
 
     fn sync(&mut self) -> io::Result<()> {
-        self.sync_data()
+        Self::sync(self)
+    }
+
+    fn keep(&mut self) -> io::Result<()> {
+        Self::keep(self)
+    }
+
+    fn replaces(&self) -> bool {
+        Self::replaces(self)
     }
 }
 
@@ -74,6 +114,9 @@ pub struct Summary {
     pub bytes: u64,
     /// Why writing ended early, if it did.
     pub poisoned: Option<String>,
+    /// True if nothing came that is worth another recording: the one that was to be replaced is as it
+    /// was.
+    pub kept_old: bool,
 }
 
 impl Summary {
@@ -100,6 +143,8 @@ pub(super) struct Shared {
     pub(super) sources: Mutex<Vec<RecordedSource>>,
     /// Why writing ended early.
     pub(super) failure: OnceLock<String>,
+    /// Nothing of it is wanted.
+    pub(super) discarded: AtomicBool,
 }
 
 /// What the full queue refused of one source.
@@ -130,13 +175,37 @@ pub struct Recorder {
 
 impl Recorder {
     /// Creates the file at `path` and starts writing. The run's start is on the disk when this
-    /// returns.
+    /// returns. A file that is there is replaced, with `force`, when there is something to keep: with
+    /// the first cycle, or the first record if no robot is recorded. Until then the new one is
+    /// `path.part`.
     ///
     /// # Errors
-    /// If the file exists and `force` is not set, or cannot be created or written.
+    /// If the file exists and `force` is not set, if another program writes it, or if it cannot be
+    /// created or written.
     pub fn create(path: &Path, force: bool, start: RunStart) -> Result<Self, Error> {
+        let keep = Keep::usual(&start);
+        Self::create_at(path, force, start, keep, QUEUE_CYCLES)
+    }
+
+    /// As [`Recorder::create`], for what is no run but made of something that is there already: it
+    /// has its name, and replaces a file, only once it is whole.
+    ///
+    /// # Errors
+    /// As [`Recorder::create`].
+    pub fn create_whole(path: &Path, force: bool, start: RunStart) -> Result<Self, Error> {
+        Self::create_at(path, force, start, Keep::Whole, QUEUE_CYCLES)
+    }
+
+    fn create_at(
+        path: &Path,
+        force: bool,
+        start: RunStart,
+        keep: Keep,
+        length: usize,
+    ) -> Result<Self, Error> {
         let file = create_file(path, force)?;
-        Self::create_on(file, start, Pace::default()).map_err(|error| error.at(shown(path)))
+        let recorder = Self::with_queue(file, start, Pace::default(), keep, length);
+        recorder.map_err(|error| error.at(shown(path)))
     }
 
     /// Records onto any [`Disk`].
@@ -144,7 +213,8 @@ impl Recorder {
     /// # Errors
     /// If the start of the run cannot be written, or the system gives no thread.
     pub fn create_on(disk: impl Disk, start: RunStart, pace: Pace) -> Result<Self, Error> {
-        Self::with_queue(disk, start, pace, QUEUE_CYCLES)
+        let keep = Keep::usual(&start);
+        Self::with_queue(disk, start, pace, keep, QUEUE_CYCLES)
     }
 
     /// As [`Recorder::create`], with a queue long enough for many sensors.
@@ -152,9 +222,8 @@ impl Recorder {
     /// # Errors
     /// As [`Recorder::create`].
     pub fn create_for_sources(path: &Path, force: bool, start: RunStart) -> Result<Self, Error> {
-        let file = create_file(path, force)?;
-        Self::create_for_sources_on(file, start, Pace::default())
-            .map_err(|error| error.at(shown(path)))
+        let keep = Keep::usual(&start);
+        Self::create_at(path, force, start, keep, QUEUE_SAMPLES)
     }
 
     /// As [`Recorder::create_on`], with a queue long enough for many sensors.
@@ -166,17 +235,19 @@ impl Recorder {
         start: RunStart,
         pace: Pace,
     ) -> Result<Self, Error> {
-        Self::with_queue(disk, start, pace, QUEUE_SAMPLES)
+        let keep = Keep::usual(&start);
+        Self::with_queue(disk, start, pace, keep, QUEUE_SAMPLES)
     }
 
     fn with_queue(
         disk: impl Disk,
         start: RunStart,
         pace: Pace,
+        keep: Keep,
         length: usize,
     ) -> Result<Self, Error> {
         let joints = start.joints.len();
-        let log = Log::create(disk, start, pace)
+        let log = Log::create(disk, start, pace, keep)
             .map_err(|cause| Error::new("the recording cannot be started").got(cause))?;
         let (queue, taken) = sync_channel(length);
         let shared = log.shared();
@@ -186,6 +257,12 @@ impl Recorder {
             .map_err(|cause| Error::new("no thread for the recording").got(cause.to_string()))?;
         let (gap, dropped, refused) = Default::default();
         Ok(Self { queue: Some(queue), thread: Some(thread), joints, gap, dropped, refused, shared })
+    }
+
+    /// Nothing was recorded that anybody wants: when the recorder is dropped its file is gone, and one
+    /// it was to replace is as it was.
+    pub fn discard(&self) {
+        self.shared.discarded.store(true, Ordering::Release);
     }
 
     /// Why nothing is stored any more, as soon as that is so.
@@ -319,27 +396,16 @@ fn shown(path: &Path) -> String {
     path.display().to_string()
 }
 
-/// Creates a file to append to, and makes its name survive a power cut.
-pub(super) fn create_file(path: &Path, force: bool) -> Result<File, Error> {
-    let mut options = OpenOptions::new();
-    options.write(true);
-    if force {
-        options.create(true).truncate(true);
-    } else {
-        options.create_new(true);
-    }
-    let file = options.open(path).map_err(|cause| {
-        let exists = cause.kind() == io::ErrorKind::AlreadyExists;
+/// Begins the file at `path`.
+pub(super) fn create_file(path: &Path, force: bool) -> Result<Draft, Error> {
+    Draft::create(path, force).map_err(|cause| {
         let error = Error::new("the file cannot be created").at(shown(path)).got(cause.to_string());
-        if exists {
-            error.remedy("choose another name, or add --force to replace it")
-        } else {
-            error
+        match cause.kind() {
+            io::ErrorKind::AlreadyExists => {
+                error.remedy("choose another name, or add --force to replace it")
+            }
+            io::ErrorKind::ResourceBusy => error.remedy("choose another name"),
+            _ => error,
         }
-    })?;
-    let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty());
-    let folder: PathBuf = parent.unwrap_or(Path::new(".")).into();
-    // Some file systems cannot synchronise a folder; the recording is worth having even so.
-    let _ = File::open(folder).and_then(|folder| folder.sync_all());
-    Ok(file)
+    })
 }

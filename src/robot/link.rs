@@ -304,7 +304,18 @@ impl Link {
         }
     }
 
-    /// How often a lost answer is asked for again.
+    /// How late this host was so far in hearing its lines, in all (see [`Bus::host_late`]).
+    #[must_use]
+    pub fn host_late(&self) -> Duration {
+        let late = |line: &OpenLine| match line {
+            OpenLine::Serial(bus) => bus.host_late(),
+            OpenLine::Can(can) => can.bus().host_late(),
+        };
+        self.lines.iter().map(late).sum()
+    }
+
+    /// How often a lost answer is asked for again: once in a cycle, more often when nothing moves
+    /// (see [`Bus::set_retries`]).
     pub fn set_retries(&mut self, retries: u32) {
         for line in &mut self.lines {
             match line {

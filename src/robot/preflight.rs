@@ -65,7 +65,8 @@ const TEMPERATURE_MARGIN_C: f64 = 5.0;
 const LATE_ANSWERS: Duration = Duration::from_millis(200);
 /// Budget of one question outside the cycle.
 pub(crate) const QUESTION: Duration = Duration::from_millis(100);
-/// Outside the cycle a lost answer costs nothing but time; a host that stalls is no silent servo.
+/// Outside the cycle a lost answer costs nothing but time. They share the budget of a question, and
+/// get back what a late host took of it ([`crate::bus::Bus::set_retries`]).
 pub(crate) const PATIENT_RETRIES: u32 = 10;
 
 /// Runs all checks for a motion at `period`.
@@ -102,6 +103,15 @@ pub(super) fn place(link: &Link, joint: usize) -> String {
     format!("joint {name}, ID {id}, line {}", link.robot().lines[*line].name)
 }
 
+/// Words for a host that was too late to hear an answer: nothing is known of the device.
+fn host_late(place: String, late: Duration) -> Error {
+    Error::new("this host is too late to hear the answers")
+        .at(place)
+        .got(format!("{} ms late while it waited", late.as_millis()))
+        .allowed("a host that runs when an answer comes")
+        .remedy("end other programs, or take a faster machine, and start again")
+}
+
 /// Words for a failed exchange with `joint`.
 pub(crate) fn exchange_error(link: &Link, joint: Option<usize>, failed: &LinkError) -> Error {
     let actuator = joint.is_some_and(|joint| link.robot().joints[joint].actuator().is_some());
@@ -112,6 +122,7 @@ pub(crate) fn exchange_error(link: &Link, joint: Option<usize>, failed: &LinkErr
             .got(port.clone())
             .remedy("check the cable and the adapter, then start again"),
         AskError::Port(error) => Error::new("the line failed").at(place).got(error.to_string()),
+        AskError::Miss(Miss::HostLate { by_ms }) => host_late(place, Duration::from_millis(*by_ms)),
         AskError::Miss(Miss::Silent) if actuator => {
             Error::new("an actuator does not answer").at(place).got("nothing").remedy(
                 "check its power, its cable, its ids (its own and that of its answers), the bit \
@@ -143,9 +154,7 @@ fn check_identity(link: &mut Link, accept: Accept, found: &mut Preflight) -> Res
             continue;
         };
         let profile = servo.model.profile();
-        let budget = budget(link);
-        let identity = link.identity(joint, budget);
-        let (model, firmware) = identity.map_err(|e| mode::unanswered(link, joint, &e))?;
+        let (model, firmware) = mode::identity(link, joint)?;
         if model != profile.model_number {
             return Err(Error::new("another servo model than the robot file says")
                 .at(place(link, joint))
@@ -347,6 +356,7 @@ fn check_still(link: &mut Link) -> Result<Vec<f64>, Error> {
 
 /// Present position of every joint; a joint that cannot be read is an error, never a default.
 pub(crate) fn positions(link: &mut Link) -> Result<Vec<f64>, Error> {
+    let late_before = link.host_late();
     let mut attempts = 0;
     let states = loop {
         let budget = budget(link) + QUESTION;
@@ -367,22 +377,29 @@ pub(crate) fn positions(link: &mut Link) -> Result<Vec<f64>, Error> {
                     .remedy("find the cause, then switch the servo off and on again"));
             }
             Ok((state, _)) => positions.push(state.position_rad),
-            Err(miss) => {
-                // Asked alone it may say more: silence in a group can be a collision.
-                let of = &link.robot().joints[joint];
-                let (line, on_can) = (of.line, of.actuator().is_some());
-                let in_group = LinkError { line, place: String::new(), error: miss.into() };
-                let failed = if on_can {
-                    in_group
-                } else {
-                    let alone = link.read_raw(joint, Role::PresentPosition, budget(link));
-                    alone.err().unwrap_or(in_group)
-                };
-                return Err(exchange_error(link, Some(joint), &failed));
-            }
+            Err(miss) => return Err(not_read(link, joint, miss, late_before)),
         }
     }
     Ok(positions)
+}
+
+/// Words for a joint without a position. Asked alone it may say more: silence in a group can be a
+/// collision, or a host that was late.
+fn not_read(link: &mut Link, joint: usize, miss: Miss, late_before: Duration) -> Error {
+    let of = &link.robot().joints[joint];
+    let (line, on_can) = (of.line, of.actuator().is_some());
+    if !on_can {
+        let limit = budget(link);
+        if let Err(alone) = link.read_raw(joint, Role::PresentPosition, limit) {
+            return exchange_error(link, Some(joint), &alone);
+        }
+    }
+    let late = link.host_late() - late_before;
+    if late > Duration::ZERO {
+        return host_late(place(link, joint), late);
+    }
+    let in_group = LinkError { line, place: String::new(), error: miss.into() };
+    exchange_error(link, Some(joint), &in_group)
 }
 
 fn check_start(link: &Link, start_rad: &[f64]) -> Result<(), Error> {

@@ -162,7 +162,7 @@ impl WornMotion {
         let named =
             |dof: &Dof| RecordedJoint { name: dof.name().to_owned(), ..RecordedJoint::default() };
         let start = Instant::from_nanos(self.start_ns);
-        let recorder = Recorder::create(
+        let recorder = Recorder::create_whole(
             path,
             force,
             RunStart {

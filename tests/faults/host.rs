@@ -1,23 +1,23 @@
 //! The host dies, or loses a line.
 
-use super::scene::{Played, Samples, Scene, assert_clean, op3_on_two_lines};
+use super::scene::{Host, Played, Samples, Scene, assert_clean, op3_on_two_lines};
 use super::{MID_NS, SWING_RAD};
 use gaitway::control::{self, Sample, Sink, StopReason};
 use gaitway_sim::{Options, Rule};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
 
 const WATCHDOG: &str = "Bus Watchdog";
 /// What the register reads once it has bitten.
 const BITTEN: i64 = 255;
 
 /// The host is killed in this cycle: not a word of it is heard any more.
-struct KilledIn(u64, Arc<AtomicBool>);
+struct KilledIn(u64, Arc<Host>);
 
 impl Sink for KilledIn {
     fn take(&mut self, sample: &Sample<'_>) {
         if sample.cycle == self.0 {
-            self.1.store(true, Ordering::Relaxed);
+            self.1.cut.store(true, Ordering::Relaxed);
         }
     }
 }
@@ -28,7 +28,7 @@ fn kill_in(scene: &mut Scene, cycle: u64) {
     let trajectory = scene.swing(&found.start_rad, 0.5, 2);
     let armed = super::scene::arm(&mut scene.link, &found).expect("torque");
     let (link, settings) = (&mut scene.link, scene.settings);
-    let mut sink = KilledIn(cycle, Arc::clone(&scene.pulled));
+    let mut sink = KilledIn(cycle, Arc::clone(&scene.host));
     let run = control::run(link, armed, &trajectory, settings, &mut sink, &|| false);
     assert_eq!(run.tally.cycles, cycle + 1, "it outlived cycle {cycle}");
     // The next host opens the line anew.

@@ -11,20 +11,100 @@ use gaitway::robot::{LinePort, Link, Robot};
 use gaitway::time::{Duration, Instant};
 use gaitway_profiles::LineKind;
 use gaitway_sim::{Options, Rule, Verdict, Violation, World};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex};
 
-/// A line whose adapter is unplugged at some moment, or when somebody says so.
+/// The machine the driver runs on: it may stand still at any step, and not a word of it be heard any
+/// more. A step is whatever it does with a port or its clock.
+pub struct Host {
+    world: SharedWorld,
+    steps: AtomicU64,
+    /// Set, it cuts every line.
+    pub cut: AtomicBool,
+    /// Before which steps it stands still, for how long, and which joint somebody turns meanwhile.
+    stalls: Mutex<Vec<Stall>>,
+    stalled: AtomicU64,
+}
+
+/// One time in which the host stands still.
+#[derive(Clone, Debug)]
+pub struct Stall {
+    pub step: u64,
+    pub lasts_ns: u64,
+    pub turned: Option<(String, f64)>,
+}
+
+impl Host {
+    pub fn new(world: &SharedWorld) -> Arc<Self> {
+        Arc::new(Self {
+            world: world.clone(),
+            steps: AtomicU64::new(0),
+            cut: AtomicBool::new(false),
+            stalls: Mutex::default(),
+            stalled: AtomicU64::new(0),
+        })
+    }
+
+    /// Steps done so far.
+    pub fn steps(&self) -> u64 {
+        self.steps.load(Ordering::Relaxed)
+    }
+
+    /// How often it has stood still.
+    pub fn stalled(&self) -> u64 {
+        self.stalled.load(Ordering::Relaxed)
+    }
+
+    /// It will stand still then.
+    pub fn stall(&self, stall: Stall) {
+        self.stalls.lock().expect("stalls").push(stall);
+    }
+
+    fn step(&self) {
+        let step = self.steps.fetch_add(1, Ordering::Relaxed);
+        let stalls = self.stalls.lock().expect("stalls");
+        for Stall { lasts_ns, turned, .. } in stalls.iter().filter(|stall| stall.step == step) {
+            self.stalled.fetch_add(1, Ordering::Relaxed);
+            let mut world = self.world.lock();
+            let until_ns = world.now_ns() + lasts_ns;
+            world.run_until(until_ns - lasts_ns / 2);
+            if let Some((joint, by_rad)) = turned {
+                let at_rad = world.joint_position_rad(joint).expect("a joint");
+                assert!(world.place_joint(joint, at_rad + by_rad));
+            }
+            world.run_until(until_ns);
+        }
+    }
+}
+
+/// The host's clock.
+struct HostClock {
+    world: VirtualClock,
+    host: Arc<Host>,
+}
+
+impl Clock for HostClock {
+    fn now(&self) -> Instant {
+        self.world.now()
+    }
+
+    fn sleep_until(&self, at: Instant) {
+        self.host.step();
+        self.world.sleep_until(at);
+    }
+}
+
+/// A line whose adapter is unplugged at some moment, or with the host's others.
 struct CutLine {
     line: VirtualLine,
     clock: Arc<dyn Clock>,
     cut_at: Instant,
-    pulled: Arc<AtomicBool>,
+    host: Arc<Host>,
 }
 
 impl CutLine {
     fn there(&self) -> Result<(), PortError> {
-        if self.clock.now() < self.cut_at && !self.pulled.load(Ordering::Relaxed) {
+        if self.clock.now() < self.cut_at && !self.host.cut.load(Ordering::Relaxed) {
             return Ok(());
         }
         Err(PortError::Gone("unplugged".into()))
@@ -33,11 +113,13 @@ impl CutLine {
 
 impl BytePort for CutLine {
     fn send(&mut self, bytes: &[u8], deadline: Instant) -> Result<(), PortError> {
+        self.host.step();
         self.there()?;
         self.line.send(bytes, deadline)
     }
 
     fn receive(&mut self, buffer: &mut [u8], deadline: Instant) -> Result<usize, PortError> {
+        self.host.step();
         self.there()?;
         let received = self.line.receive(buffer, deadline.min(self.cut_at));
         self.there()?;
@@ -45,6 +127,7 @@ impl BytePort for CutLine {
     }
 
     fn discard_input(&mut self) -> Result<(), PortError> {
+        self.host.step();
         self.there()?;
         self.line.discard_input()
     }
@@ -56,8 +139,7 @@ pub struct Scene {
     pub world: SharedWorld,
     pub link: Link,
     pub settings: Settings,
-    /// Set, it cuts every line: not a word of this host is heard any more.
-    pub pulled: Arc<AtomicBool>,
+    pub host: Arc<Host>,
 }
 
 /// What came of a played scene.
@@ -107,8 +189,9 @@ impl Scene {
         let latency = Duration::from_nanos(options.adapter_latency_ns);
         let world = World::new(&robot.file, options).expect("a virtual robot");
         let world = SharedWorld::new(world);
-        let clock: Arc<dyn Clock> = Arc::new(VirtualClock(world.clone()));
-        let pulled = Arc::new(AtomicBool::new(false));
+        let host = Host::new(&world);
+        let clock = HostClock { world: VirtualClock(world.clone()), host: Arc::clone(&host) };
+        let clock: Arc<dyn Clock> = Arc::new(clock);
         let ports = robot.lines.iter().enumerate().map(|(line, facts)| {
             let LineKind::Serial { baud_bps } = facts.kind else {
                 let port = VirtualCanLine::new(world.clone(), line);
@@ -117,30 +200,26 @@ impl Scene {
             let port = VirtualLine::new(world.clone(), line, baud_bps);
             let at_ns = cut.filter(|&(number, _)| number == line).map_or(u64::MAX, |(_, at)| at);
             let cut_at = Instant::from_nanos(at_ns);
-            let (clock, pulled) = (Arc::clone(&clock), Arc::clone(&pulled));
-            let port = CutLine { line: port, clock, cut_at, pulled };
+            let (clock, host) = (Arc::clone(&clock), Arc::clone(&host));
+            let port = CutLine { line: port, clock, cut_at, host };
             (LinePort::Bytes(Box::new(port)), latency)
         });
         let ports = ports.collect();
         let settings = Settings::at_rate(robot.file.rate_hz);
-        Self { world, link: Link::new(robot, ports, clock), settings, pulled }
+        Self { world, link: Link::new(robot, ports, clock), settings, host }
     }
 
     /// The same robot, whose lines another host opens.
     pub fn reopen(&mut self) {
         let robot = self.link.robot().clone();
-        let pulled = Arc::new(AtomicBool::new(false));
         let clock: Arc<dyn Clock> = Arc::new(VirtualClock(self.world.clone()));
         let ports = robot.lines.iter().enumerate().map(|(line, facts)| {
             let port = VirtualLine::new(self.world.clone(), line, facts.bits_per_s());
-            let cut_at = Instant::from_nanos(u64::MAX);
-            let (clock, pulled) = (Arc::clone(&clock), Arc::clone(&pulled));
-            let port: Box<dyn BytePort> = Box::new(CutLine { line: port, clock, cut_at, pulled });
+            let port: Box<dyn BytePort> = Box::new(port);
             (LinePort::Bytes(port), Duration::ZERO)
         });
         let ports = ports.collect();
         self.link = Link::new(robot, ports, clock);
-        self.pulled = pulled;
     }
 
     pub fn last_joint(&self) -> String {
@@ -310,6 +389,7 @@ pub fn is_excused(violation: &Violation, run: &Run, link: &Link) -> bool {
             Exception::BlindRamp { .. } | Exception::GuardRefused | Exception::Stalled { .. } => {
                 true
             }
+            Exception::SentLate { .. } => false,
         })
 }
 

@@ -1,5 +1,6 @@
 //! What the person answers, one line each, read beside the joints.
 
+use crate::cli::say;
 use crate::error::Error;
 use std::io::BufRead;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
@@ -68,7 +69,7 @@ impl Answers {
         question: &str,
         mut look: impl FnMut() -> Result<(), Error>,
     ) -> Result<Answer<()>, Error> {
-        eprintln!("{question}");
+        say(question);
         loop {
             look()?;
             let line = match self.0.recv_timeout(LOOK) {
@@ -82,7 +83,7 @@ impl Answers {
                 "" => return Ok(Answer::Go(())),
                 "s" => return Ok(Answer::Skip),
                 "q" => return Ok(Answer::Stop),
-                other => eprintln!("  {other:?}? Enter goes on, s skips this joint, q stops"),
+                other => say(&format!("  {other:?}? Enter goes on, s skips this joint, q stops")),
             }
         }
     }

@@ -3,6 +3,7 @@
 use super::answers::{Answer, Answers};
 use crate::bus::AskError;
 use crate::calibration::Unwrapped;
+use crate::cli::say;
 use crate::device::Model;
 use crate::error::Error;
 use crate::robot::preflight::{budget, exchange_error};
@@ -62,10 +63,10 @@ pub fn measure(
     let mut hand = Hand { link, joint, of, scale, answers, at };
     hand.zero()?.then(|zero| {
         let zero_servo_rad = scale.angle_rad(zero);
-        eprintln!("  zero where the servo stands at {:.1} deg", zero_servo_rad.to_degrees());
+        say(&format!("  zero where the servo stands at {:.1} deg", zero_servo_rad.to_degrees()));
         hand.direction(zero)?.then(|direction| {
             let turns = if direction > 0 { "with" } else { "against" };
-            eprintln!("  it turns {turns} its servo");
+            say(&format!("  it turns {turns} its servo"));
             let sign = f64::from(direction) * gear;
             hand.range(zero, sign)?.then(|range_rad| {
                 let (offset_rad, counts) = (sign * zero_servo_rad, hand.at.range());
@@ -115,7 +116,7 @@ impl Hand<'_> {
             if turned_rad.abs() >= LEAST_RAD {
                 return Ok(Answer::Go(if turned_rad > 0.0 { 1 } else { -1 }));
             }
-            eprintln!("  that was only {:.1} deg: further, please", turned_rad.to_degrees());
+            say(&format!("  that was only {:.1} deg: further, please", turned_rad.to_degrees()));
         }
     }
 
@@ -134,7 +135,7 @@ impl Hand<'_> {
             let (lower, upper) = angles(at.range());
             if upper - lower >= said_rad + SAID_RAD {
                 said_rad = upper - lower;
-                eprintln!("  {:.1} to {:.1} deg", lower.to_degrees(), upper.to_degrees());
+                say(&format!("  {:.1} to {:.1} deg", lower.to_degrees(), upper.to_degrees()));
             }
         })?;
         answer.then(|()| {

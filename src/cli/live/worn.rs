@@ -7,7 +7,7 @@ use crate::body::worn::calibrate::words;
 use crate::body::worn::kept::Kept;
 use crate::body::worn::{Wearing, WornPose};
 use crate::capture::{Counts, Mode};
-use crate::cli::output::Output;
+use crate::cli::output::{Output, say_over};
 use crate::cli::play::RunRecorder;
 use crate::cli::record::intake::{Intake, SourceReport, StopAtEnd};
 use crate::cli::record::source::Source;
@@ -279,12 +279,9 @@ impl Job<'_> {
                     show_at = now + Duration::from_secs_f64(1.0 / shown_hz);
                     let angles = &moment.measured.angles;
                     if live {
-                        // Over the table before: up as many lines as it had.
                         let text = table::text(angles, &body.wearing.worn());
-                        let up =
-                            if lines > 0 { format!("\x1b[{lines}A\x1b[J") } else { String::new() };
+                        say_over(lines, &text);
                         lines = text.lines().count();
-                        eprint!("{up}{text}");
                     } else {
                         self.remarks.say(&table::line(angles));
                     }

@@ -32,7 +32,8 @@ pub struct RunRecorder {
 }
 
 impl RunRecorder {
-    /// Starts a recording at `path`, if one is wanted, and series, if plots are.
+    /// Starts a recording at `path`, if one is wanted, and series, if plots are. With `force` it
+    /// replaces the file that is there with its first cycle.
     ///
     /// # Errors
     /// The file exists and `force` is not set, or it cannot be written.
@@ -96,12 +97,10 @@ impl RunRecorder {
         self.series.as_ref()
     }
 
-    /// Removes a recording that holds no cycle, because nothing was played.
+    /// Nothing was played: no recording is left, and one that was to be replaced is as it was.
     pub fn discard(self) {
-        if let Some((recorder, path)) = self.recorder {
-            drop(recorder);
-            // One that cannot be removed is an empty recording: no reason to say anything else.
-            let _ = std::fs::remove_file(path);
+        if let Some((recorder, _)) = self.recorder {
+            recorder.discard();
         }
     }
 
@@ -121,6 +120,10 @@ impl RunRecorder {
             return;
         };
         let summary = recorder.finish(end);
+        if summary.kept_old {
+            report.recording = None;
+            report.notes.push(format!("nothing was recorded; {} is as it was", path.display()));
+        }
         if summary.is_complete() {
             return;
         }

@@ -17,9 +17,9 @@ use super::intake::{Intake, StopAtEnd};
 use super::source::{Source, What};
 use crate::body::Segment;
 use crate::capture::Mode;
-use crate::cli::Remarks;
 use crate::cli::report::Outcome;
 use crate::cli::signals::Signals;
+use crate::cli::{Deed, Remarks};
 use crate::error::Error;
 use crate::mocap::mapping::segment_name;
 use crate::session::utc::Utc;
@@ -115,7 +115,7 @@ pub fn run(
     let progress = Progress::read(&folder)?;
     if progress.finished {
         remarks.say("the session is finished already");
-        return report(args, &folder, &progress).map(|()| 0);
+        return Ok(report(args, &folder, &progress));
     }
     if let Some(begun) = &progress.session {
         check_as_begun(args, plan.as_ref(), begun)?;
@@ -150,10 +150,7 @@ pub fn run(
     });
     let on = format!("to go on: gaitway record --session {}", root.display());
     match ended {
-        Ok(()) => {
-            report(args, &folder, &Progress::read(&folder)?)?;
-            Ok(0)
-        }
+        Ok(()) => Ok(report(args, &folder, &Progress::read(&folder)?)),
         Err(Ended::Stopped) => {
             console.say(&format!("\nstopped; {on}"));
             Ok(Outcome::Stopped.exit_code())
@@ -316,7 +313,7 @@ fn check_names(worn: &[Worn], session: Option<&SessionFile>) -> Result<(), Error
         .remedy("give the same names (lines may have changed), or begin another session"))
 }
 
-fn report(args: &RecordArgs, folder: &Folder, progress: &Progress) -> Result<(), Error> {
+fn report(args: &RecordArgs, folder: &Folder, progress: &Progress) -> i32 {
     let kept = progress.trials.iter().filter(|trial| trial.verdict == Verdict::Keep);
     let report = Report {
         outcome: "done",
@@ -334,5 +331,5 @@ fn report(args: &RecordArgs, folder: &Folder, progress: &Progress) -> Result<(),
         report.good_repetitions,
         folder.path("manifest.toml").display()
     );
-    args.output.report(&report, &text)
+    args.output.conclude(&report, &text, Deed::Work, 0)
 }

@@ -3,11 +3,11 @@
 use super::ScanArgs;
 use crate::bus::can::scan::{Call, Found, overhear, scan};
 use crate::bus::can::{Form, Peer};
-use crate::cli::Remarks;
 use crate::cli::connect::{OpenCanLine, open_can};
 use crate::cli::identify::{
     CanIdentity, can_ask_error, can_dialect, describe, dialect_name, dialect_of,
 };
+use crate::cli::{Deed, Remarks};
 use crate::error::Error;
 use crate::time::Duration;
 use crate::wire::can::{moteus, robstride};
@@ -126,11 +126,12 @@ pub fn run(args: &ScanArgs, remarks: Remarks) -> Result<i32, Error> {
     }
     report.notes.extend(confusions(&found));
     report.notes.extend(line.bus.troubles().map(|words| format!("the line reports: {words}")));
-    args.output.report(&report, &report.text())?;
+    let code = i32::from(report.devices.is_empty() && report.collisions.is_empty());
+    let code = args.output.conclude(&report, &report.text(), Deed::Look, code);
     if report.devices.iter().any(|device| !device.unasked) {
         remarks.say(TWINS);
     }
-    Ok(i32::from(report.devices.is_empty() && report.collisions.is_empty()))
+    Ok(code)
 }
 
 /// Two devices that answer the same bits at the same time are one to everybody on the line.

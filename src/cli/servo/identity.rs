@@ -4,8 +4,8 @@
 use super::device::Device;
 use super::{Target, actuator};
 use crate::bus::{AskError, Miss};
-use crate::cli::Remarks;
 use crate::cli::identify::identify;
+use crate::cli::{Deed, Remarks};
 use crate::error::Error;
 use crate::time::Duration;
 use clap::Args;
@@ -89,8 +89,7 @@ pub fn set_id(args: &SetIdArgs, remarks: Remarks) -> Result<i32, Error> {
         remarks.say(&format!("to undo: {undo}"));
     }
     let report = json!({ "id_before": old, "id": new, "bus": bus, "undo": undo });
-    args.target.output.report(&report, &text)?;
-    Ok(0)
+    Ok(args.target.output.conclude(&report, &text, Deed::Work, 0))
 }
 
 /// Two devices with one ID cannot be told apart any more by anyone.
@@ -170,8 +169,7 @@ pub fn set_baud(args: &SetBaudArgs, remarks: Remarks) -> Result<i32, Error> {
     let report = json!({
         "id": device.id, "baud_bps_before": old_bps, "baud_bps": new_bps, "bus": plain, "undo": undo
     });
-    args.target.output.report(&report, &text)?;
-    Ok(0)
+    Ok(args.target.output.conclude(&report, &text, Deed::Work, 0))
 }
 
 fn needed(device: &Device, role: Role) -> Result<RegisterItem<'static>, Error> {

@@ -2,8 +2,8 @@
 
 use super::device::Device;
 use super::{Target, actuator, value};
-use crate::cli::Remarks;
 use crate::cli::identify::protocol_name;
+use crate::cli::{Deed, Remarks};
 use crate::error::Error;
 use clap::Args;
 use gaitway_profiles::{Region, RegisterItem, Role, Servo};
@@ -103,8 +103,7 @@ pub fn info(target: &Target) -> Result<i32, Error> {
         "firmware": device.firmware,
         "registers": registers_json(&device, &read),
     });
-    target.output.report(&report, &text)?;
-    Ok(0)
+    Ok(target.output.conclude(&report, &text, Deed::Look, 0))
 }
 
 /// A firmware in the maker's form: Feetech's is two numbers.
@@ -151,14 +150,14 @@ pub fn get(args: &GetArgs) -> Result<i32, Error> {
         let items: Vec<_> = profile.items().filter(|item| !is_indirect(item)).collect();
         let read = read_all(&mut device, &items)?;
         let text = format!("{}\n{}", device.place(), table(&device, &read));
-        args.target.output.report(&registers_json(&device, &read), &text)?;
-        return Ok(0);
+        let report = registers_json(&device, &read);
+        return Ok(args.target.output.conclude(&report, &text, Deed::Look, 0));
     };
     let item = find(profile, name)?;
     let raw = device.read(&item)?;
     let text = format!("{}: {}\n", item.name(), value::words(&device.model, &item, raw));
-    args.target.output.report(&value::json(&device.model, &item, raw), &text)?;
-    Ok(0)
+    let report = value::json(&device.model, &item, raw);
+    Ok(args.target.output.conclude(&report, &text, Deed::Look, 0))
 }
 
 /// Runs `servo set`.
@@ -202,8 +201,8 @@ pub fn set(args: &SetArgs, remarks: Remarks) -> Result<i32, Error> {
     report.insert("raw_before".into(), change.old.into());
     report.insert("dry_run".into(), args.dry_run.into());
     report.insert("undo".into(), if changed { undo.into() } else { Value::Null });
-    args.target.output.report(&report, &text)?;
-    Ok(0)
+    let deed = if changed { Deed::Work } else { Deed::Look };
+    Ok(args.target.output.conclude(&report, &text, deed, 0))
 }
 
 fn undo(device: &Device, item: &RegisterItem<'_>, old: i64, args: &SetArgs) -> String {

@@ -3,8 +3,8 @@
 use super::device::Device;
 use super::{Target, actuator};
 use crate::bus::{AskError, FactoryReset, Miss, Protocol};
-use crate::cli::Remarks;
 use crate::cli::identify::{Identity, identify};
+use crate::cli::{Deed, Remarks};
 use crate::error::Error;
 use crate::time::Duration;
 use clap::Args;
@@ -79,13 +79,13 @@ pub fn reboot(args: &RebootArgs, remarks: Remarks) -> Result<i32, Error> {
         "id": id, "firmware": back.firmware, "torque_on": torque_on,
         "error_bits_before": errors_before, "error_bits": errors,
     });
-    args.target.output.report(&report, &text)?;
+    let code = args.target.output.conclude(&report, &text, Deed::Work, 0);
     if errors.is_some_and(|bits| bits != 0) {
         return Err(Error::new("the error came back at once")
             .at(device.place())
             .remedy("`gaitway servo info` says which; find its cause"));
     }
-    Ok(0)
+    Ok(code)
 }
 
 /// Runs `servo factory-reset`.
@@ -148,8 +148,7 @@ pub fn factory_reset(args: &FactoryResetArgs, remarks: Remarks) -> Result<i32, E
         "id_before": old_id, "id": id, "baud_bps_before": old_bps, "baud_bps": bps,
         "firmware": back.firmware,
     });
-    args.target.output.report(&report, &text)?;
-    Ok(0)
+    Ok(args.target.output.conclude(&report, &text, Deed::Work, 0))
 }
 
 /// ID and line speed of the model when it leaves the factory.

@@ -5,9 +5,9 @@ mod can;
 
 use super::Target;
 use super::device::Device;
-use crate::cli::Remarks;
 use crate::cli::report::{Outcome, PlayReport};
 use crate::cli::signals::Signals;
+use crate::cli::{Deed, Remarks};
 use crate::control::{self, Planned, Sample, Settings, Sink};
 use crate::error::Error;
 use crate::motion::{Path, PlanOptions, Setpoint, plan};
@@ -123,8 +123,8 @@ pub fn run(args: &MoveArgs, remarks: Remarks) -> Result<i32, Error> {
     );
     if args.dry_run || signals.first().is_some() {
         let text = format!("{plan_words}; nothing was written\n");
-        args.target.output.report(&report, &text)?;
-        return Ok(signals.first().map_or(0, |number| 128 + number));
+        let code = signals.first().map_or(0, |number| 128 + number);
+        return Ok(args.target.output.conclude(&report, &text, Deed::Look, code));
     }
     remarks.say(&plan_words);
     let mut seen = LastSeen(start_rad);
@@ -160,8 +160,8 @@ pub fn run(args: &MoveArgs, remarks: Remarks) -> Result<i32, Error> {
     };
     let why = tell.stop_reason.as_ref().map_or_else(String::new, |stop| format!(" ({stop})"));
     let text = format!("{place} stands at {:.1} deg; {torque}{why}\n", seen.0.to_degrees());
-    args.target.output.report(&report, &text)?;
-    Ok(tell.exit_code(signals.first()))
+    let code = tell.exit_code(signals.first());
+    Ok(args.target.output.conclude(&report, &text, Deed::Motion, code))
 }
 
 /// What is for CAN actuators says nothing on a serial line.

@@ -286,7 +286,7 @@ impl<'a> Place<'a> {
                 .map_err(failed(server.to_string()))?;
             let tracker = format!("tracker-0000{number:02x}-0");
             let _ = writeln!(self.wear, "{name} = \"{tracker}\"");
-            crate::cli::print(&format!("{tracker} {name}\n"));
+            super::tell(&format!("{tracker} {name}\n"))?;
             return Ok(door);
         }
         let link = self.args.pty.as_deref().unwrap_or(Path::new(".")).join(name);
@@ -295,7 +295,7 @@ impl<'a> Place<'a> {
         let path = std::path::absolute(&link).unwrap_or(link);
         let source = format!("imu:{}@serial:{}", self.args.profile, path.display());
         let _ = writeln!(self.wear, "{name} = {source:?}");
-        crate::cli::print(&format!("{} {name}\n", path.display()));
+        super::tell(&format!("{} {name}\n", path.display()))?;
         Ok(door)
     }
 

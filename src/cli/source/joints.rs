@@ -8,6 +8,7 @@ use crate::motion::{low_pass, saturate};
 use crate::recording;
 use crate::robot::{Joint, Robot};
 use gaitway_profiles as profiles;
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// Longest time without a position of a joint that is bridged by a straight line, s.
@@ -62,7 +63,9 @@ fn of_recording(path: &Path) -> Result<JointMotion, Error> {
         points.dedup_by(|later, before| later.0 <= before.0);
         Series { joint: joint.clone(), points }
     });
-    let series: Vec<Series> = series.filter(|series| series.points.len() > 1).collect();
+    let series: Vec<Series> = series.collect();
+    once_each(&series, "joint").map_err(|e| e.at(path.display().to_string()))?;
+    let series: Vec<Series> = series.into_iter().filter(|series| series.points.len() > 1).collect();
     if series.is_empty() {
         return Err(Error::new("the recording holds no positions of a robot's joints")
             .at(path.display().to_string())
@@ -88,6 +91,7 @@ fn of_table(text: &str) -> Result<JointMotion, Error> {
         let joint = title.strip_suffix("_rad").ok_or_else(unlabelled)?.to_owned();
         series.push(Series { joint, points: Vec::new() });
     }
+    once_each(&series, "column")?;
     let mut before_s = f64::NEG_INFINITY;
     for (number, line) in lines {
         let wrong = |what: &str, got: &str| {
@@ -114,6 +118,26 @@ fn of_table(text: &str) -> Result<JointMotion, Error> {
         return Err(Error::new("a table of joint angles needs two rows at least").allowed(shape));
     }
     Ok(JointMotion { format: "table", series, taught: false })
+}
+
+/// Nobody could say which of two motions of one joint is meant.
+fn once_each(series: &[Series], place: &str) -> Result<(), Error> {
+    // The first column of a table is time.
+    let number = |index: usize| index + if place == "column" { 2 } else { 1 };
+    let mut known = BTreeMap::new();
+    for (index, series) in series.iter().enumerate() {
+        if let Some(first) = known.insert(&series.joint, index) {
+            return Err(Error::new("a joint is named twice")
+                .got(format!(
+                    "{}: {place} {} and {place} {}",
+                    series.joint,
+                    number(first),
+                    number(index)
+                ))
+                .allowed("each joint once"));
+        }
+    }
+    Ok(())
 }
 
 impl JointMotion {

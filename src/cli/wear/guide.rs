@@ -539,7 +539,7 @@ impl<'a> Guide<'a> {
 
     /// Says something to whoever is led: they must know, however quiet the rest is.
     fn say(&self, text: &str) {
-        eprintln!("{text}");
+        crate::cli::say(text);
     }
 }
 

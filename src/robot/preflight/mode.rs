@@ -1,9 +1,10 @@
 //! Settings under which a servo would not do what arming and goals mean by it.
 
-use super::{budget, exchange_error, place};
+use super::{LATE_ANSWERS, budget, exchange_error, host_late, place};
 use crate::bus::{AskError, Miss, Protocol};
 use crate::error::Error;
-use crate::robot::{Joint, Link, LinkError};
+use crate::robot::{Joint, Link};
+use crate::time::Duration;
 use gaitway_profiles::{Register, Role};
 
 /// Drive Mode(10), bit 2: Profile Velocity is the duration of a move in ms and limits no speed
@@ -11,6 +12,9 @@ use gaitway_profiles::{Register, Role};
 const TIME_BASED: i64 = 0x04;
 /// Drive Mode(10), bit 3: a goal switches torque on.
 const TORQUE_BY_GOAL: i64 = 0x08;
+
+/// A servo that answers pings only is asked so often before that is believed.
+const MUTE_TURNS: usize = 3;
 
 /// Runs the checks of this page on every joint.
 pub(super) fn check_modes(link: &mut Link) -> Result<(), Error> {
@@ -24,18 +28,37 @@ pub(super) fn check_modes(link: &mut Link) -> Result<(), Error> {
     Ok(())
 }
 
-/// Words for a servo whose identity could not be read: one that only answers pings says so by that.
-pub(super) fn unanswered(link: &mut Link, joint: usize, failed: &LinkError) -> Error {
-    let limit = budget(link);
-    let silent = failed.error == AskError::Miss(Miss::Silent);
-    if !silent || link.ping(joint, limit).is_err() {
-        return exchange_error(link, Some(joint), failed);
+/// Model number and firmware of a servo.
+///
+/// One that answers pings and no reads is asked again and again, with time for what is still on its
+/// way: only then is its status return level doubted, and never while this host is late.
+pub(super) fn identity(link: &mut Link, joint: usize) -> Result<(u16, u16), Error> {
+    let late_before = link.host_late();
+    for turn in 0..MUTE_TURNS {
+        if turn > 0 {
+            let clock = std::sync::Arc::clone(link.clock());
+            clock.sleep_until(clock.now() + LATE_ANSWERS);
+        }
+        let limit = budget(link);
+        let failed = match link.identity(joint, limit) {
+            Ok(identity) => return Ok(identity),
+            Err(failed) => failed,
+        };
+        let limit = budget(link);
+        let silent = failed.error == AskError::Miss(Miss::Silent);
+        if !silent || link.ping(joint, limit).is_err() {
+            return Err(exchange_error(link, Some(joint), &failed));
+        }
     }
-    Error::new("a servo answers pings and nothing else")
+    let late = link.host_late() - late_before;
+    if late > Duration::ZERO {
+        return Err(host_late(place(link, joint), late));
+    }
+    Err(Error::new("a servo answers pings and nothing else")
         .at(place(link, joint))
         .got("no answer to a read; its status return level may be 0")
         .allowed("a servo that answers every instruction")
-        .remedy("set its status return level to \"all\" with the maker's tool")
+        .remedy("set its status return level to \"all\" with the maker's tool"))
 }
 
 fn read(link: &mut Link, joint: usize, register: &Register) -> Result<i64, Error> {

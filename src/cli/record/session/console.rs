@@ -67,9 +67,10 @@ impl Console {
         Operator::sharing(self.signals.clone(), Arc::clone(&self.lines))
     }
 
-    /// Says something.
+    /// Says something. What cannot be said here, the report at the end cannot say either, and that
+    /// counts.
     pub fn say(&self, text: &str) {
-        print(&format!("{text}\n"));
+        let _ = print(&format!("{text}\n"));
     }
 
     /// Fails once somebody wants it to end.
@@ -103,7 +104,7 @@ impl Console {
     /// # Errors
     /// A signal, the end of the input, or `q`.
     pub fn ask(&self, question: &str) -> Result<String, Ended> {
-        print(&format!("{question}\n> "));
+        let _ = print(&format!("{question}\n> "));
         loop {
             if let Some(line) = self.line_within(LOOK)? {
                 return if line == "q" { Err(Ended::Stopped) } else { Ok(line) };

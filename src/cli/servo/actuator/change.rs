@@ -3,10 +3,10 @@
 use super::{Actuator, calls};
 use crate::bus::can::Peer;
 use crate::bus::can::scan::{find, overhear};
-use crate::cli::Remarks;
 use crate::cli::identify::dialect_name;
 use crate::cli::servo::identity::SetIdArgs;
 use crate::cli::servo::reset::RebootArgs;
+use crate::cli::{Deed, Remarks};
 use crate::device::parameter::{Access, Parameter, parameters};
 use crate::error::Error;
 use crate::time::Duration;
@@ -87,8 +87,7 @@ pub fn set_id(args: &SetIdArgs, remarks: Remarks) -> Result<i32, Error> {
     let report = json!({
         "id_before": old, "id": new, "bus": actuator.bus(), "protocol": protocol, "undo": undo
     });
-    args.target.output.report(&report, &text)?;
-    Ok(0)
+    Ok(args.target.output.conclude(&report, &text, Deed::Work, 0))
 }
 
 /// What gives the actuator its new id.
@@ -189,9 +188,9 @@ pub fn reboot(args: &RebootArgs, remarks: Remarks) -> Result<i32, Error> {
     let faulty = told.is_some_and(|(_, faults)| !faults.is_none());
     let text = format!("{} is back\n", actuator.place());
     let report = json!({ "id": id.get(), "torque_on": torque_on, "faulty": faulty });
-    args.target.output.report(&report, &text)?;
+    let code = args.target.output.conclude(&report, &text, Deed::Work, 0);
     if faulty {
         return Err(Error::new("an error came back at once").at(actuator.place()));
     }
-    Ok(0)
+    Ok(code)
 }

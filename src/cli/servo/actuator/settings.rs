@@ -2,11 +2,11 @@
 
 use super::Actuator;
 use crate::bus::AskError;
-use crate::cli::Remarks;
 use crate::cli::identify::dialect_name;
 use crate::cli::servo::Target;
 use crate::cli::servo::registers::{GetArgs, SetArgs, plain};
 use crate::cli::servo::value::rounded;
+use crate::cli::{Deed, Remarks};
 use crate::device::parameter::{Access, Parameter, parameters};
 use crate::error::Error;
 use crate::time::Duration;
@@ -63,8 +63,7 @@ pub fn info(target: &Target) -> Result<i32, Error> {
         "faults": identity.faults.map(|faults| faults.to_string()),
         "registers": read.iter().map(|(of, bits)| setting_json(of, *bits)).collect::<Vec<_>>(),
     });
-    target.output.report(&report, &text)?;
-    Ok(0)
+    Ok(target.output.conclude(&report, &text, Deed::Look, 0))
 }
 
 /// Runs `servo get`.
@@ -78,14 +77,12 @@ pub fn get(args: &GetArgs) -> Result<i32, Error> {
         let read = read_all(&mut actuator)?;
         let text = format!("{}\n{}", actuator.place(), table(&read));
         let list: Vec<_> = read.iter().map(|(of, bits)| setting_json(of, *bits)).collect();
-        output.report(&list, &text)?;
-        return Ok(0);
+        return Ok(output.conclude(&list, &text, Deed::Look, 0));
     };
     let parameter = find(&actuator, name)?;
     let bits = read(&mut actuator, &parameter)?;
     let text = format!("{}: {}\n", parameter.name, words(&parameter, bits));
-    output.report(&setting_json(&parameter, bits), &text)?;
-    Ok(0)
+    Ok(output.conclude(&setting_json(&parameter, bits), &text, Deed::Look, 0))
 }
 
 /// Runs `servo set`.
@@ -136,8 +133,8 @@ pub fn set(args: &SetArgs, remarks: Remarks) -> Result<i32, Error> {
     report.insert("dry_run".into(), args.dry_run.into());
     report.insert("kept".into(), (args.permit_eeprom && !args.dry_run).into());
     report.insert("undo".into(), if changed { undo.into() } else { Value::Null });
-    args.target.output.report(&report, &text)?;
-    Ok(0)
+    let deed = if changed { Deed::Work } else { Deed::Look };
+    Ok(args.target.output.conclude(&report, &text, deed, 0))
 }
 
 /// Writes a setting and reads it back.

@@ -1,0 +1,299 @@
+//! A file that has its name only once it is worth it. What it replaces stays whole until then,
+//! whatever happens in between: a refusal, a full disk, a killed process.
+//!
+//! Where a file is replaced, the new one grows beside it as `NAME.part` (`NAME.PID.part` if it is
+//! written in one go), in the same folder, and is renamed over it. A file that was not there before is made under its own name. Both are locked for
+//! as long as they are written, so that two programs never write one file. What is no regular file
+//! (`/dev/null`, a pipe) is written to as it is.
+
+use std::fs::{File, OpenOptions, TryLockError};
+use std::io::{self, ErrorKind, Write};
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
+use std::path::{Path, PathBuf};
+
+/// What the name of a file ends in that is to replace another and has not done so yet.
+const ENDING: &str = ".part";
+
+/// A file that is being written.
+#[derive(Debug)]
+pub struct Draft {
+    file: File,
+    place: Place,
+}
+
+#[derive(Debug)]
+enum Place {
+    /// Beside the file it is to replace.
+    Beside { part: PathBuf, target: PathBuf },
+    /// New, under its own name, and not yet worth keeping.
+    New(PathBuf),
+    /// Under its own name, for good.
+    Kept,
+}
+
+impl Draft {
+    /// Begins a file that is to be `path`; one that is there is replaced only if `force` is set.
+    ///
+    /// # Errors
+    /// [`ErrorKind::AlreadyExists`] without `force`, [`ErrorKind::ResourceBusy`] if another program
+    /// writes it, and what the file system says.
+    pub fn create(path: &Path, force: bool) -> io::Result<Self> {
+        Self::create_with(path, force, ENDING)
+    }
+
+    fn create_with(path: &Path, force: bool, ending: &str) -> io::Result<Self> {
+        let made = OpenOptions::new().write(true).create_new(true).open(path);
+        let file = match made {
+            Err(cause) if force && cause.kind() == ErrorKind::AlreadyExists => {
+                return Self::replace(path, ending);
+            }
+            made => made?,
+        };
+        free(file.try_lock())?;
+        Ok(Self { file, place: Place::New(path.to_owned()) })
+    }
+
+    fn replace(path: &Path, ending: &str) -> io::Result<Self> {
+        let Some(target) = replaceable(path) else {
+            let file = OpenOptions::new().write(true).create(true).truncate(true).open(path)?;
+            return Ok(Self { file, place: Place::Kept });
+        };
+        let old = File::open(&target)?;
+        // Whoever records to it holds it; nobody is waited for.
+        free(old.try_lock_shared())?;
+        let part = beside(&target, ending);
+        loop {
+            let no_follow = rustix::fs::OFlags::NOFOLLOW.bits().cast_signed();
+            let mut options = OpenOptions::new();
+            options.write(true).create(true).truncate(false).custom_flags(no_follow);
+            let file = options.open(&part)?;
+            free(file.try_lock())?;
+            // Another may have renamed or removed it before it was locked here.
+            let is_named = part.symlink_metadata().is_ok_and(|named| same(&named, &file));
+            if is_named {
+                // One that was left behind by a killed process begins anew.
+                file.set_len(0)?;
+                file.set_permissions(old.metadata()?.permissions())?;
+                return Ok(Self { file, place: Place::Beside { part, target } });
+            }
+        }
+    }
+
+    /// True if another file is still under the name this one is to have.
+    #[must_use]
+    pub const fn replaces(&self) -> bool {
+        matches!(self.place, Place::Beside { .. })
+    }
+
+    /// Gives it its name, for good. It may be written on.
+    ///
+    /// # Errors
+    /// As the file system says; it has not its name then.
+    pub fn keep(&mut self) -> io::Result<()> {
+        let named = match &self.place {
+            Place::Beside { part, target } => {
+                std::fs::rename(part, target)?;
+                target
+            }
+            Place::New(path) => path,
+            Place::Kept => return Ok(()),
+        };
+        // Some file systems cannot synchronise a folder; the file is worth having even so.
+        let _ = File::open(folder_of(named)).and_then(|folder| folder.sync_all());
+        self.place = Place::Kept;
+        Ok(())
+    }
+
+    /// Returns once everything written would survive a power cut.
+    ///
+    /// # Errors
+    /// As the file system says.
+    pub fn sync(&self) -> io::Result<()> {
+        match self.file.sync_data() {
+            // Pipes and devices have nothing to be synchronised.
+            Err(cause) if cause.kind() == ErrorKind::InvalidInput => Ok(()),
+            synced => synced,
+        }
+    }
+
+    /// Writes a whole file, or leaves what was there.
+    ///
+    /// # Errors
+    /// As [`Draft::create`]; what could not be written is gone again.
+    pub fn write_whole(path: &Path, force: bool, bytes: &[u8]) -> io::Result<()> {
+        // Of two that write one at the same time the last wins, whole.
+        let ending = format!(".{}{ENDING}", std::process::id());
+        let mut draft = Self::create_with(path, force, &ending)?;
+        draft.write_all(bytes)?;
+        draft.sync()?;
+        draft.keep()
+    }
+}
+
+impl Write for Draft {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.file.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.file.flush()
+    }
+}
+
+impl Drop for Draft {
+    /// One that was not kept leaves nothing behind.
+    fn drop(&mut self) {
+        if let Place::Beside { part: path, .. } | Place::New(path) = &self.place {
+            // One that cannot be removed is in nobody's way: there is nobody left to tell.
+            let _ = std::fs::remove_file(path);
+        }
+    }
+}
+
+/// The file that a regular file at `path` is, links followed. None for what is replaced by writing
+/// to it: devices, pipes, what the system shows of itself, links that lead nowhere.
+fn replaceable(path: &Path) -> Option<PathBuf> {
+    let target = std::fs::canonicalize(path).ok()?;
+    let is_own = [path, &target].into_iter().all(|path| {
+        let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+        !absolute.starts_with("/dev/fd")
+            && !absolute.starts_with("/proc")
+            && !absolute.starts_with("/dev/std")
+    });
+    (is_own && target.is_file()).then_some(target)
+}
+
+fn beside(target: &Path, ending: &str) -> PathBuf {
+    let mut name = target.as_os_str().to_owned();
+    name.push(ending);
+    PathBuf::from(name)
+}
+
+fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+fn same(named: &std::fs::Metadata, file: &File) -> bool {
+    file.metadata().is_ok_and(|open| (open.dev(), open.ino()) == (named.dev(), named.ino()))
+}
+
+/// Fails if another program holds the file.
+fn free(locked: Result<(), TryLockError>) -> io::Result<()> {
+    match locked {
+        Err(TryLockError::WouldBlock) => {
+            Err(io::Error::new(ErrorKind::ResourceBusy, "another program is writing it"))
+        }
+        // Not every file system has locks.
+        Ok(()) | Err(TryLockError::Error(_)) => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs;
+
+    fn folder(name: &str) -> PathBuf {
+        let folder = std::env::temp_dir().join(format!("draft-{name}-{}", std::process::id()));
+        let _ = fs::remove_dir_all(&folder);
+        fs::create_dir_all(&folder).expect("a folder");
+        folder
+    }
+
+    fn names(folder: &Path) -> Vec<String> {
+        let entries = fs::read_dir(folder).expect("a folder").map(|entry| entry.expect("an entry"));
+        let mut names: Vec<String> =
+            entries.map(|entry| entry.file_name().to_string_lossy().into_owned()).collect();
+        names.sort();
+        names
+    }
+
+    #[test]
+    fn what_is_replaced_stays_whole_until_the_new_one_is_kept() {
+        let folder = folder("keep");
+        let path = folder.join("a");
+        fs::write(&path, "old").expect("a file");
+        assert_eq!(
+            Draft::create(&path, false).expect_err("there").kind(),
+            ErrorKind::AlreadyExists
+        );
+        let mut draft = Draft::create(&path, true).expect("a draft");
+        draft.write_all(b"new").expect("written");
+        assert_eq!(fs::read(&path).expect("a file"), b"old");
+        assert_eq!(names(&folder), ["a", "a.part"]);
+        draft.keep().expect("renamed");
+        draft.write_all(b"er").expect("written on");
+        drop(draft);
+        assert_eq!(fs::read(&path).expect("a file"), b"newer");
+        assert_eq!(names(&folder), ["a"]);
+    }
+
+    #[test]
+    fn a_draft_that_is_not_kept_leaves_nothing_behind() {
+        let folder = folder("drop");
+        let (old, new) = (folder.join("old"), folder.join("new"));
+        fs::write(&old, "old").expect("a file");
+        drop((Draft::create(&old, true).expect("a draft"), Draft::create(&new, true)));
+        assert_eq!(names(&folder), ["old"]);
+        assert_eq!(fs::read(&old).expect("a file"), b"old");
+    }
+
+    #[test]
+    fn what_a_killed_process_left_is_written_anew() {
+        let folder = folder("left");
+        let path = folder.join("a");
+        fs::write(&path, "old").expect("a file");
+        fs::write(folder.join("a.part"), "left behind, and longer").expect("a file");
+        let mut draft = Draft::create(&path, true).expect("a draft");
+        draft.write_all(b"new").and_then(|()| draft.keep()).expect("written");
+        assert_eq!(fs::read(&path).expect("a file"), b"new");
+        assert_eq!(names(&folder), ["a"]);
+    }
+
+    #[test]
+    fn two_never_write_one_file() {
+        let folder = folder("two");
+        let path = folder.join("a");
+        let mut first = Draft::create(&path, true).expect("a draft");
+        let second = |when: &str| {
+            let refused = Draft::create(&path, true).expect_err(when);
+            assert_eq!(refused.kind(), ErrorKind::ResourceBusy, "{when}");
+        };
+        second("while the first is new");
+        first.keep().expect("kept");
+        second("while the first is written on");
+        drop(first);
+        let mut third = Draft::create(&path, true).expect("nobody writes it");
+        second("while the third is beside it");
+        third.keep().expect("kept");
+        second("while the third is written on");
+        drop(third);
+        Draft::write_whole(&path, true, b"whole").expect("nobody writes it");
+        assert_eq!(names(&folder), ["a"]);
+    }
+
+    #[test]
+    fn a_link_stays_a_link_and_its_file_is_replaced_with_its_rights() {
+        use std::os::unix::fs::{PermissionsExt, symlink};
+        let folder = folder("link");
+        let (path, link) = (folder.join("a"), folder.join("link"));
+        fs::write(&path, "old").expect("a file");
+        fs::set_permissions(&path, fs::Permissions::from_mode(0o600)).expect("rights");
+        symlink(&path, &link).expect("a link");
+        Draft::write_whole(&link, true, b"new").expect("written");
+        assert!(link.is_symlink());
+        assert_eq!(fs::read(&path).expect("a file"), b"new");
+        assert_eq!(path.metadata().expect("a file").permissions().mode() & 0o777, 0o600);
+        assert_eq!(names(&folder), ["a", "link"]);
+    }
+
+    #[test]
+    fn a_device_is_written_to_and_stays() {
+        Draft::write_whole(Path::new("/dev/null"), true, b"new").expect("written");
+        let full = Draft::write_whole(Path::new("/dev/full"), true, b"new");
+        assert_eq!(full.expect_err("full").kind(), ErrorKind::StorageFull);
+        for device in ["/dev/null", "/dev/full"] {
+            assert!(!Path::new(device).metadata().expect("there").is_file());
+        }
+    }
+}
