@@ -202,7 +202,8 @@ fn tapped(robot: Robot) -> (Scene, Said) {
     });
     let ports = ports.collect();
     let settings = Settings::at_rate(robot.file.rate_hz);
-    (Scene { world, link: Link::new(robot, ports, clock), settings }, said)
+    let host = scene::Host::new(&world);
+    (Scene { world, link: Link::new(robot, ports, clock), settings, host }, said)
 }
 
 #[test]
@@ -344,7 +345,8 @@ fn ranges_other_than_the_profiles_are_refused() {
     let clock: Arc<dyn Clock> = Arc::new(VirtualClock(world.clone()));
     let port: Box<dyn FramePort> = Box::new(VirtualCanLine::new(world.clone(), 0));
     let link = Link::new(robot(&text, "few"), vec![(port, Duration::ZERO)], clock);
-    let mut scene = Scene { world, link, settings: Settings::at_rate(100.0) };
+    let host = scene::Host::new(&world);
+    let mut scene = Scene { world, link, settings: Settings::at_rate(100.0), host };
     let error = scene.preflight().expect_err("a refusal").to_string();
     // DM_CAN.py, Limit_Param: 8 rad/s of a DM4340, 30 of a DM4310.
     assert!(error.contains("VMAX") && error.contains('8') && error.contains("30"), "{error}");

@@ -34,7 +34,7 @@ fn played(kind: Kind, interface: &str) -> Option<String> {
     let connection = connect(robot, &[address(interface)], 0).expect("an interface that is up");
     assert!(connection.real_time && connection.world.is_none());
     let settings = Settings::at_rate(100.0);
-    let host = crate::scene::Host::new(&world);
+    let host = scene::Host::new(&world);
     let mut scene = Scene { world, link: connection.link, settings, host };
     let played = scene.play_until(0.3, 1, &|| false);
     if played.run.stop.is_none() {
