@@ -159,7 +159,7 @@ fn a_start_that_is_refused_while_arming_leaves_the_recording_that_was_there() {
     let recorder = RunRecorder::begin(Some(&path), true, false, &connection, "bow");
     let recorder = recorder.expect("a recording");
     assert!(connection.world.as_ref().expect("a virtual one").lock().remove("head_tilt"));
-    assert!(arm(&mut connection.link, &found).is_err(), "a servo is gone");
+    assert!(arm(&mut connection.link, &found, &|| false).is_err(), "a servo is gone");
     recorder.discard();
     assert_eq!(names(&folder), ["take.mcap"]);
     assert!(is_as_it_was(&path));
