@@ -81,6 +81,11 @@ pub enum Exception {
         /// Joint name.
         joint: String,
     },
+    /// A joint gave no answer to the end: whether it heard its last goals is not known.
+    NoAnswer {
+        /// Joint name.
+        joint: String,
+    },
     /// A servo had let go and was told nothing more.
     Limp {
         /// Joint name.
@@ -738,6 +743,11 @@ impl<'a> Player<'a> {
             let most_s = self.longest_stop_s;
             self.exceptions.push(Exception::BlindRamp { blind_s, most_s, rested });
         }
+        for (joint, of) in self.link.robot().joints.iter().enumerate() {
+            if self.silence.is_silent(joint) && !self.link.is_lost(of.line) {
+                self.exceptions.push(Exception::NoAnswer { joint: of.name.clone() });
+            }
+        }
         let bus_load = bus_load(self.link, busy_before_s, duration_s);
         let (left, mut notes) = left::leave(self.link);
         notes.extend(self.exceptions.iter().filter_map(Exception::words));
@@ -780,6 +790,9 @@ impl Exception {
             Self::Limp { joint } => {
                 Some(format!("joint {joint} had let go and was told nothing more"))
             }
+            Self::NoAnswer { joint } => Some(format!(
+                "joint {joint} gave no answer to the end: whether it heard its last goals is not known"
+            )),
             Self::SentLate { late_s } => Some(format!(
                 "goals left {:.0} ms late: the host stalled as they were sent",
                 late_s * 1e3

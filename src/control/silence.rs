@@ -79,6 +79,12 @@ impl Silence {
         self.with_line.get(joint).copied().unwrap_or(false)
     }
 
+    /// True if the joint missed its last reading.
+    #[must_use]
+    pub fn is_silent(&self, joint: usize) -> bool {
+        self.missed.get(joint).is_some_and(|&missed| missed > 0)
+    }
+
     /// Cycles in a row in which nobody answered who was asked.
     #[must_use]
     pub const fn quiet_cycles(&self) -> u32 {
