@@ -408,11 +408,12 @@ pub fn is_excused(violation: &Violation, run: &Run, link: &Link) -> bool {
             }
             Exception::Limp { joint }
             | Exception::GoalHeld { joint }
-            | Exception::NoAnswer { joint } => named(joint),
+            | Exception::NoAnswer { joint }
+            | Exception::StoppedByWatchdog { joint } => named(joint),
             Exception::BlindRamp { .. } | Exception::GuardRefused | Exception::Stalled { .. } => {
                 true
             }
-            Exception::SentLate { .. } => false,
+            Exception::SentLate { .. } | Exception::HeldBack { .. } => false,
         })
 }
 
