@@ -98,6 +98,7 @@ const LONGEST_STEP: Duration = Duration::from_millis(100);
 #[derive(Debug)]
 pub struct Guard {
     limits: Vec<JointLimits>,
+    /// As many as limits: the first command, which stands here, passed the same check.
     last_rad: Vec<f64>,
     last_at: Instant,
 }
@@ -125,12 +126,13 @@ impl Guard {
     /// before. A refused command changes nothing in the guard.
     pub fn admit(&mut self, goal_rad: &[f64], now: Instant) -> Result<Command, Refusal> {
         let wanted = self.limits.len();
-        if goal_rad.len() != wanted || self.last_rad.len() != wanted {
+        if goal_rad.len() != wanted {
             let reason = RefusalReason::Count { got: goal_rad.len(), wanted };
             return Err(Refusal { joint: 0, reason });
         }
         let dt_s = now.since(self.last_at).min(LONGEST_STEP).as_secs_f64();
-        for (joint, (&goal, limits)) in goal_rad.iter().zip(&self.limits).enumerate() {
+        let joints = goal_rad.iter().zip(&self.last_rad).zip(&self.limits);
+        for (joint, ((&goal, &last), limits)) in joints.enumerate() {
             let refuse = |reason| Err(Refusal { joint, reason });
             if !goal.is_finite() {
                 return refuse(RefusalReason::NotFinite { goal_rad: goal });
@@ -142,7 +144,7 @@ impl Guard {
                     upper_rad: limits.upper_rad(),
                 });
             }
-            let step_rad = (goal - self.last_rad[joint]).abs();
+            let step_rad = (goal - last).abs();
             let allowed_rad =
                 limits.velocity_rad_s() * dt_s * (1.0 + STEP_ROUNDING) + STEP_ROUNDING;
             if !(step_rad <= allowed_rad) {
@@ -182,6 +184,14 @@ mod tests {
     fn a_robot_outside_its_limits_gets_no_guard() {
         for rad in [2.0001, -1.0001, f64::NAN, f64::INFINITY] {
             assert!(Guard::standing_at(&[rad, 0.0], limits(), Instant::ZERO).is_err(), "{rad}");
+        }
+    }
+
+    #[test]
+    fn a_pose_of_another_number_of_joints_gets_no_guard() {
+        for pose in [&[][..], &[0.0], &[0.0; 3]] {
+            let refusal = Guard::standing_at(pose, limits(), Instant::ZERO).unwrap_err();
+            assert!(matches!(refusal.reason, RefusalReason::Count { .. }), "{pose:?}");
         }
     }
 
