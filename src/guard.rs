@@ -223,6 +223,26 @@ mod tests {
     }
 
     #[test]
+    fn a_step_may_be_longer_by_rounding_and_by_no_more() {
+        // A billionth of 4 rad/s x 100 ms, and a billionth of a radian.
+        let (now, rounding) = (Instant::ZERO + LONGEST_STEP, 0.4e-9 + 1e-9);
+        assert!(standing(0.0).admit(&[0.4 + 0.99 * rounding, 0.0], now).is_ok());
+        assert!(standing(0.0).admit(&[0.4 + 1.01 * rounding, 0.0], now).is_err());
+    }
+
+    #[test]
+    fn a_refusal_says_its_figures() {
+        let said = |goals: &[f64]| {
+            let refusal = standing(0.0).admit(goals, Instant::ZERO + T).unwrap_err();
+            refusal.reason.to_string()
+        };
+        assert_eq!(said(&[f64::NAN, 0.0]), "goal NaN is not a finite number");
+        assert_eq!(said(&[2.5, 0.0]), "goal 143.24 deg is outside -57.30 to 114.59 deg");
+        assert_eq!(said(&[0.5, 0.0]), "step of 28.648 deg, at most 2.292 deg allowed");
+        assert_eq!(said(&[0.5]), "1 goals for 2 joints");
+    }
+
+    #[test]
     fn no_time_allows_no_step_and_the_past_none_either() {
         let mut guard = standing(0.0);
         let now = Instant::ZERO + T;
