@@ -53,16 +53,23 @@ impl Refusal {
 /// What happened inside a servo that the referee judges.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Event {
-    /// A goal position was written, or refused.
+    /// A goal position was written, or refused. The shaft is that far from it by its encoder, and
+    /// turns that fast.
     Goal {
         raw: i64,
         accepted: bool,
+        off_rad: f64,
+        speed_rad_s: f64,
     },
-    /// Torque came on with this much between goal and present position.
+    /// Torque came on with this much between goal and present position, counts both.
     TorqueOn {
+        goal: i64,
+        present: i64,
         error_rad: f64,
     },
     TorqueOff,
+    /// The host has been silent for so long that the device gives up its goal.
+    HostSilent,
     /// A write to this EEPROM address was tried.
     Eeprom {
         address: u16,
@@ -87,6 +94,8 @@ pub(crate) struct Servo {
     pub hears: bool,
     /// Statuses it has given so far.
     pub statuses: u64,
+    /// The position it has told in the answer it is giving, counts.
+    pub told: Option<i64>,
     pub events: Vec<Event>,
     /// Index on the line of the other axis in the same case.
     pub mate: Option<usize>,
@@ -132,6 +141,7 @@ impl Servo {
             frozen: None,
             hears: false,
             statuses: 0,
+            told: None,
             events: Vec::new(),
             mate: None,
             mate_torque: false,
@@ -435,6 +445,11 @@ impl Servo {
     /// The encoder's reading jumps.
     pub fn jump(&mut self, counts: i64) {
         self.reading_offset += counts;
+    }
+
+    /// By how many counts its reading has jumped so far, less whole turns cleared.
+    pub fn reading_offset(&self) -> i64 {
+        self.reading_offset
     }
 
     /// Clear (multi-turn): the reading becomes that within one turn.
