@@ -16,7 +16,7 @@ mod protection;
 
 use crate::motor::{Advance, Motor};
 use crate::table::{Item, Model};
-use crate::world::ZeroSpeed;
+use crate::world::{TorqueSwitch, ZeroSpeed};
 use gaitway_profiles::{Encoding, Protocol, Region, Role};
 use std::ops::Range;
 use std::sync::Arc;
@@ -106,6 +106,9 @@ pub(crate) struct Servo {
     /// The instruction carried out is for its group.
     grouped: bool,
     pub zero_speed: ZeroSpeed,
+    torque_switch: TorqueSwitch,
+    /// When torque comes on by itself: the servo has started by then.
+    torque_due_ns: Option<u64>,
     table: Vec<u8>,
     /// EEPROM as it will be after the next power-up.
     persistent: Vec<u8>,
@@ -148,6 +151,8 @@ impl Servo {
             case_changed: false,
             grouped: false,
             zero_speed: ZeroSpeed::NoLimit,
+            torque_switch: TorqueSwitch::WaitsForRegister,
+            torque_due_ns: None,
             table: vec![0; model.length],
             persistent: vec![0; model.length],
             registered: None,
@@ -205,7 +210,8 @@ impl Servo {
                 Region::Ram => item.encode(item.initial, &mut self.table[range]),
             }
         }
-        // A factory value of 1 would be a fault of the profile; torque never comes on by itself.
+        // A factory value of 1 would be a fault of the profile; what brings torque on by itself
+        // does so once the servo has started.
         self.put(Role::TorqueEnable, 0);
         self.errors = 0;
         self.watchdog_latched = false;
@@ -218,6 +224,27 @@ impl Servo {
         self.booted_ns = self.asleep_until_ns.saturating_sub(BOOT_NS);
         self.boot();
         self.start_up();
+        self.set_torque_switch(self.torque_switch);
+    }
+
+    /// What switches its torque on from now on, if it is a FEETECH; it has just been powered up.
+    pub fn set_torque_switch(&mut self, torque_switch: TorqueSwitch) {
+        self.torque_switch = torque_switch;
+        let feetech = matches!(self.model.protocol, Protocol::FeetechSts | Protocol::FeetechScs);
+        let by_itself = feetech && torque_switch == TorqueSwitch::OnAtPowerUp;
+        self.torque_due_ns = by_itself.then_some(self.asleep_until_ns);
+        self.advance(self.motor.now_ns());
+    }
+
+    /// Torque comes on by itself, where the shaft stands.
+    fn wake_with_torque(&mut self, due_ns: u64) {
+        self.turn_until(due_ns);
+        self.torque_due_ns = None;
+        self.put_held(Role::GoalPosition, self.present_position());
+        if !self.is_shut_down() {
+            self.put(Role::TorqueEnable, 1);
+            self.follow_torque();
+        }
     }
 
     /// EEPROM as it left the factory, but for what `keep` names, then a restart. As one of a group
@@ -260,6 +287,9 @@ impl Servo {
     }
 
     pub fn advance(&mut self, now_ns: u64) {
+        if let Some(due_ns) = self.torque_due_ns.filter(|&due_ns| due_ns <= now_ns) {
+            self.wake_with_torque(due_ns);
+        }
         if let Some(span_ns) = self.watchdog_ns() {
             let deadline_ns = self.heard_ns + span_ns;
             if self.torque_on() && now_ns > deadline_ns {

@@ -3,7 +3,7 @@
 mod can;
 mod options;
 
-pub use options::{BadChecksum, MissingInChain, Options, ZeroSpeed};
+pub use options::{BadChecksum, MissingInChain, Options, TorqueSwitch, ZeroSpeed};
 
 use crate::SimError;
 use crate::can::CanLine;
@@ -113,6 +113,7 @@ impl World {
         }
         for servo in world.lines.iter_mut().flat_map(|line| &mut line.servos) {
             servo.zero_speed = options.zero_speed;
+            servo.set_torque_switch(options.torque_switch);
         }
         world.join_cases(robot);
         world.plan(robot, &options.faults)?;

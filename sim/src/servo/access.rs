@@ -19,6 +19,7 @@
 use super::control::Fresh;
 use super::{Event, Refusal, Servo};
 use crate::table::Item;
+use crate::world::TorqueSwitch;
 use gaitway_profiles::{Access, Mode, Protocol, Region, Role};
 use std::sync::Arc;
 
@@ -427,12 +428,14 @@ impl Servo {
         self.note_turn();
     }
 
-    /// Drive Mode(10), bit 3; AX by its goal position.
+    /// Drive Mode(10), bit 3; AX by its goal position; FEETECH if told so.
     fn goal_brings_torque(&self) -> bool {
         match self.model.protocol {
             Protocol::Dynamixel2 => self.drive_mode() & TORQUE_ON_BY_GOAL != 0,
             Protocol::Dynamixel1 => self.has_compliance() && self.follows_positions(),
-            Protocol::FeetechSts | Protocol::FeetechScs => false,
+            Protocol::FeetechSts | Protocol::FeetechScs => {
+                self.torque_switch == TorqueSwitch::ComesWithGoal
+            }
         }
     }
 }

@@ -27,6 +27,8 @@
 //!   hosts that never write a speed expect to move, or what bit 3 of Phase(18) says: [`ZeroSpeed`].
 //!   Step mode counts from where the last step ends. SCS's running time, if it is not 0, goes
 //!   before the speed.
+//! - FEETECH torque is off at power-up and waits for its register, or what
+//!   [`crate::TorqueSwitch`] says.
 //!
 //! - Goals may be written while the torque is off, and stand when it comes on.
 //!
