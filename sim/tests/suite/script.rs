@@ -5,7 +5,9 @@ use crate::scene::{
     write,
 };
 use gaitway_sim::can::{CanFrame, CanHeard};
-use gaitway_sim::{BadChecksum, MissingInChain, Options, Rule, Script, Usb, World, ZeroSpeed};
+use gaitway_sim::{
+    BadChecksum, MissingInChain, Options, Rule, Script, TorqueSwitch, Usb, World, ZeroSpeed,
+};
 
 const MS: u64 = 1_000_000;
 
@@ -277,15 +279,17 @@ fn a_script_without_faults_changes_nothing() {
 #[test]
 fn a_script_chooses_what_the_manuals_leave_open() {
     let text = "[behaviour]\nmissing_in_chain_gap_s = 0.0003\nbad_checksum = 'answer'\n\
-        zero_speed = 'as-phase-says'\n";
+        zero_speed = 'as-phase-says'\ntorque_switch = 'comes-with-goal'\n";
     let options = Script::parse(text).unwrap().apply(Options::default());
     assert_eq!(options.missing_in_chain, MissingInChain::AnswerAfter { gap_ns: 300_000 });
     assert_eq!(options.bad_checksum, BadChecksum::Answer);
     assert_eq!(options.zero_speed, ZeroSpeed::AsPhaseSays);
+    assert_eq!(options.torque_switch, TorqueSwitch::ComesWithGoal);
     // What it does not say stays as it was.
     let kept = Script::parse("[behaviour]\nbad_checksum = 'ignore'\n").unwrap().apply(options);
     assert_eq!(kept.bad_checksum, BadChecksum::Ignore);
     assert_eq!(kept.zero_speed, ZeroSpeed::AsPhaseSays);
+    assert_eq!(kept.torque_switch, TorqueSwitch::ComesWithGoal);
     let said = refusal("seed = 1\n[behaviour]\nbad_checksum = 'shout'\n");
     assert!(said.contains("behaviour (line 2), key bad_checksum: got \"shout\""), "{said}");
     assert!(said.contains("ignore, answer"), "{said}");
