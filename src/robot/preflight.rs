@@ -104,7 +104,7 @@ pub(super) fn place(link: &Link, joint: usize) -> String {
 }
 
 /// Words for a host that was too late to hear an answer: nothing is known of the device.
-fn host_late(place: String, late: Duration) -> Error {
+pub(crate) fn host_late(place: String, late: Duration) -> Error {
     Error::new("this host is too late to hear the answers")
         .at(place)
         .got(format!("{} ms late while it waited", late.as_millis()))
