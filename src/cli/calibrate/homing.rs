@@ -180,7 +180,7 @@ mod tests {
         let (done, lock, whole_ns) = come_of(Vec::new());
         assert_eq!((done, lock), (Ok(17), 1));
         let (mut failed, mut open) = (0, 0);
-        for from_ns in (0..whole_ns).step_by(300_000) {
+        for from_ns in (0..whole_ns).step_by(60_000) {
             for for_ns in [2_000_000, 40_000_000, u64::MAX - from_ns] {
                 let until_ns = from_ns + for_ns;
                 let mute = Fault::Statuses {
