@@ -89,7 +89,7 @@ impl Script {
                 allowed: format!("at most {LONGEST} bytes"),
             });
         }
-        let file: File = toml::from_str(text).map_err(|e| ScriptError {
+        let file: File = gaitway_profiles::from_toml(text).map_err(|e| ScriptError {
             at: e.span().map_or("script".to_string(), |span| line_of(text, span.start)),
             got: e.message().to_string(),
             allowed: "TOML with [[fault]] tables, and perhaps a seed and [behaviour]".to_string(),
@@ -172,7 +172,7 @@ fn read_damage(kind: &str, keys: &mut Keys) -> Result<Vec<Fault>, ScriptError> {
     }
     let of = match keys.servo()? {
         Some(joint) => Some(joint),
-        None => keys.text("line")?.map(|line| format!("{line}/*")),
+        None => keys.name("line")?.map(|line| format!("{line}/*")),
     };
     let (from_ns, until_ns) = keys.span()?;
     Ok(vec![Fault::Statuses { of, from_ns, until_ns, probability: 1.0, damage }])
@@ -247,7 +247,7 @@ fn read_line_fault(kind: &str, keys: &mut Keys) -> Result<Fault, ScriptError> {
         let (from_ns, until_ns) = keys.span()?;
         return Ok(Fault::Brownout { from_ns, until_ns });
     }
-    let line = keys.text("line")?;
+    let line = keys.name("line")?;
     Ok(match kind {
         "slow-line" => {
             let (from_ns, until_ns) = keys.span()?;

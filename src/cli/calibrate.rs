@@ -7,6 +7,7 @@ use super::{Deed, Output, Remarks, limp, source};
 use crate::calibration::{Calibration, JointCalibration, usual_path};
 use crate::control::arm;
 use crate::device::actuator::Wanted;
+use crate::draft::Draft;
 use crate::error::Error;
 use crate::robot::preflight::{PATIENT_RETRIES, budget, exchange_error};
 use crate::robot::{Link, Robot};
@@ -377,10 +378,7 @@ fn save(path: &Path, calibration: &Calibration) -> Result<(), Error> {
         std::fs::create_dir_all(folder).map_err(failed)?;
     }
     // Whole or not at all, whatever happens in between.
-    let mut beside = path.as_os_str().to_owned();
-    beside.push(".new");
-    std::fs::write(&beside, calibration.text()).map_err(failed)?;
-    std::fs::rename(&beside, path).map_err(failed)
+    Draft::write_whole(path, true, calibration.text().as_bytes()).map_err(failed)
 }
 
 /// Puts the finished calibration in its place; how to undo that.

@@ -14,6 +14,8 @@ pub struct Left {
     pub limp: Vec<String>,
     /// They did not say.
     pub unknown: Vec<String>,
+    /// Their bus watchdog has stopped them: they obeyed no goal since.
+    pub stopped_by_watchdog: Vec<String>,
 }
 
 impl Left {
@@ -39,7 +41,8 @@ impl Left {
 /// Switches the watchdogs off, asks every drive for its torque, and says so.
 pub fn leave(link: &mut Link) -> (Left, Vec<String>) {
     let released = watchdog::release(link);
-    let left = look(link, &released);
+    let mut left = look(link, &released);
+    left.stopped_by_watchdog.clone_from(&released.bitten);
     let mut notes = released.words(link);
     notes.push(left.words());
     (left, notes)

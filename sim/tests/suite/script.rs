@@ -254,6 +254,18 @@ fn what_is_wrong_is_named_with_its_place_and_what_is_allowed() {
 }
 
 #[test]
+fn names_and_lists_have_a_length_because_each_number_becomes_a_fault() {
+    let of = |name: usize, numbers: usize| {
+        let (name, numbers) = ("j".repeat(name), vec!["1"; numbers].join(","));
+        let script = format!("[[fault]]\nkind = 'mute'\njoint = '{name}'\nnth = [{numbers}]");
+        Script::parse(&script).map(|script| script.faults.len())
+    };
+    assert_eq!(of(100, 1000), Ok(1000));
+    assert!(of(101, 1).unwrap_err().to_string().contains("key joint: got 101 bytes"));
+    assert!(of(1, 1001).unwrap_err().to_string().contains("a list of at most 1000"));
+}
+
+#[test]
 fn a_script_without_faults_changes_nothing() {
     let script = Script::parse("seed = 7").unwrap();
     assert_eq!(script, Script { seed: Some(7), ..Script::default() });

@@ -24,6 +24,8 @@ pub struct Change {
 
 /// Offsets beyond this are ignored in position mode (DYNAMIXEL e-Manual, Homing Offset(20)).
 const DYNAMIXEL_EFFECTIVE: i64 = 1024;
+/// So often it is tried to close a lock.
+const LOCK_ROUNDS: usize = 3;
 /// The reading may change by a little between two looks, counts.
 const STILL_COUNTS: i64 = 12;
 
@@ -85,31 +87,15 @@ pub fn plan(link: &mut Link, joint: usize, measured: &Measured) -> Result<Change
 /// Writes the offset through the servo's lock, reads it back, and sees that the reading follows.
 ///
 /// # Errors
-/// A servo that does not take it.
+/// A servo that does not take it. Its lock is closed again then too, or said to be open.
 pub fn write(link: &mut Link, joint: usize, change: &Change) -> Result<(), Error> {
     let of = link.robot().joints[joint].clone();
     let before = reading(link, joint)?;
     let model = of.model()?;
-    let lock = model.eeprom_lock();
-    let mut put = |register: &Register, raw: i64| -> Result<i64, Error> {
-        let limit = budget(link);
-        let written = link.write_raw(joint, register, raw, limit);
-        written.map_err(|e| exchange_error(link, Some(joint), &e))?;
-        let limit = budget(link);
-        let kept = link.read_register(joint, register, limit);
-        kept.map_err(|e| exchange_error(link, Some(joint), &e))
+    let kept = match model.eeprom_lock() {
+        None => put(link, joint, change.register, change.new)?,
+        Some(lock) => through(link, joint, lock, change)?,
     };
-    if let Some(lock) = lock
-        && put(lock, 0)? != 0
-    {
-        return Err(Error::new("the servo did not open its lock; nothing was written")
-            .at(format!("joint {}, register {}", of.name, lock.name)));
-    }
-    let kept = put(change.register, change.new);
-    if let Some(lock) = lock {
-        put(lock, 1)?;
-    }
-    let kept = kept?;
     let after = reading(link, joint)?;
     let turn = i64::from(model.profile().position.counts);
     let off = (after - before - change.shift + turn / 2).rem_euclid(turn) - turn / 2;
@@ -121,4 +107,37 @@ pub fn write(link: &mut Link, joint: usize, change: &Change) -> Result<(), Error
         .got(format!("{kept} (raw), its reading went from {before} to {after}"))
         .allowed(format!("{} (raw), a change of {}", change.new, change.shift))
         .remedy(format!("before, it was {}", change.old)))
+}
+
+/// Writes a register; what it holds then.
+fn put(link: &mut Link, joint: usize, register: &Register, raw: i64) -> Result<i64, Error> {
+    let limit = budget(link);
+    let written = link.write_raw(joint, register, raw, limit);
+    written.map_err(|e| exchange_error(link, Some(joint), &e))?;
+    let limit = budget(link);
+    let kept = link.read_register(joint, register, limit);
+    kept.map_err(|e| exchange_error(link, Some(joint), &e))
+}
+
+/// Opens the lock, writes, and closes it again whatever comes of that.
+fn through(link: &mut Link, joint: usize, lock: &Register, change: &Change) -> Result<i64, Error> {
+    let place = {
+        let of = &link.robot().joints[joint];
+        format!("joint {}, ID {}, register {}", of.name, of.id, lock.name)
+    };
+    let done = match put(link, joint, lock, 0) {
+        Ok(0) => put(link, joint, change.register, change.new),
+        Ok(_) => Err(Error::new("the servo did not open its lock; nothing was written").at(&place)),
+        Err(error) => Err(error),
+    };
+    if (0..LOCK_ROUNDS).any(|_| put(link, joint, lock, 1).is_ok_and(|kept| kept == 1)) {
+        return done;
+    }
+    let open = "its EEPROM lock may be open, and it keeps what is written to it: close it with \
+                `gaitway servo set BUS ID Lock 1`, or switch its power off and on";
+    let error = done.err().unwrap_or_else(|| {
+        Error::new("the servo does not confirm that its EEPROM lock is closed again").at(place)
+    });
+    let remedy = error.remedy.clone().map_or(open.to_owned(), |first| format!("{first}; {open}"));
+    Err(error.remedy(remedy))
 }
