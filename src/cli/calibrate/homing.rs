@@ -3,6 +3,7 @@
 use super::measure::{Measured, reading};
 use crate::bus::Protocol;
 use crate::calibration::{HomingSign, homing_offset};
+use crate::control::{inject, net};
 use crate::error::Error;
 use crate::robot::Link;
 use crate::robot::preflight::{budget, exchange_error};
@@ -99,19 +100,51 @@ pub fn write(link: &mut Link, joint: usize, change: &Change) -> Result<(), Error
         let kept = link.read_register(joint, register, limit);
         kept.map_err(|e| exchange_error(link, Some(joint), &e))
     };
-    if let Some(lock) = lock
-        && put(lock, 0)? != 0
-    {
-        return Err(Error::new("the servo did not open its lock; nothing was written")
-            .at(format!("joint {}, register {}", of.name, lock.name)));
+    let Some(lock) = lock else {
+        let kept = put(change.register, change.new)?;
+        return check(link, joint, change, before, kept);
+    };
+    let kept = net::catch(|| {
+        if put(lock, 0)? != 0 {
+            return Err(Error::new("the servo did not open its lock; nothing was written")
+                .at(format!("joint {}, register {}", of.name, lock.name)));
+        }
+        inject::point("offset", 0);
+        put(change.register, change.new)
+    });
+    // It is closed again whatever happened, even if its opening was not confirmed.
+    let closed = put(lock, 1);
+    let kept = kept.unwrap_or_else(|words| {
+        Err(Error::new("the program broke as the offset was written")
+            .at(format!("joint {}, register {}", of.name, change.register.name))
+            .got(words)
+            .remedy(format!("please report this; before, it was {}", change.old)))
+    });
+    match (kept, closed) {
+        (Ok(kept), Ok(1)) => check(link, joint, change, before, kept),
+        (Err(error), Ok(1)) => Err(error),
+        (kept, closed) => {
+            let error = Error::new("the servo's EEPROM may still be open")
+                .at(format!("joint {}, register {}", of.name, lock.name))
+                .got(closed.map_or_else(|error| error.to_string(), |raw| raw.to_string()))
+                .allowed("1")
+                .remedy("switch its power off and on: that closes it");
+            Err(kept.err().map_or(error.clone(), |first| first.remedy(error.to_string())))
+        }
     }
-    let kept = put(change.register, change.new);
-    if let Some(lock) = lock {
-        put(lock, 1)?;
-    }
-    let kept = kept?;
+}
+
+/// Sees that the servo kept its offset and that its reading follows.
+fn check(
+    link: &mut Link,
+    joint: usize,
+    change: &Change,
+    before: i64,
+    kept: i64,
+) -> Result<(), Error> {
+    let of = link.robot().joints[joint].clone();
     let after = reading(link, joint)?;
-    let turn = i64::from(model.profile().position.counts);
+    let turn = i64::from(of.model()?.profile().position.counts);
     let off = (after - before - change.shift + turn / 2).rem_euclid(turn) - turn / 2;
     if kept == change.new && off.abs() <= STILL_COUNTS {
         return Ok(());
