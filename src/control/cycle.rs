@@ -781,9 +781,9 @@ impl Exception {
                 "goals left {:.0} ms late: the host stalled as they were sent",
                 late_s * 1e3
             )),
-            Self::GoalsBroke => Some(
-                "no goals could be made any more: the joints stand at the last one".to_owned(),
-            ),
+            Self::GoalsBroke => {
+                Some("no goals could be made any more: the joints stand at the last one".to_owned())
+            }
             Self::LineLost { .. } | Self::GuardRefused | Self::Stalled { .. } => None,
         }
     }

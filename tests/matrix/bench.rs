@@ -21,6 +21,8 @@ pub struct Robot {
     pub rate_hz: u32,
     /// The joint of `servo move` and `calibrate`, and its ID.
     pub joint: (&'static str, u8),
+    /// One that is still to come when `calibrate` is disturbed at the first.
+    pub next_joint: &'static str,
 }
 
 pub const DUCK: Robot = Robot {
@@ -28,9 +30,15 @@ pub const DUCK: Robot = Robot {
     dialect: Dialect::Feetech,
     rate_hz: 50,
     joint: ("left_knee", 23),
+    next_joint: "left_ankle",
 };
-pub const OP3: Robot =
-    Robot { name: "op3", dialect: Dialect::Dynamixel, rate_hz: 50, joint: ("head_pan", 19) };
+pub const OP3: Robot = Robot {
+    name: "op3",
+    dialect: Dialect::Dynamixel,
+    rate_hz: 50,
+    joint: ("head_pan", 19),
+    next_joint: "head_tilt",
+};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Job {
@@ -122,8 +130,9 @@ fn arguments(job: Job, robot: Robot, port: &str, folder: &Path) -> Vec<String> {
         }
         Job::Hold => format!("hold {name} --bus serial:{port}"),
         Job::Calibrate => format!(
-            "calibrate {name} --bus serial:{port} --only {} --yes --permit-eeprom --calibration {}",
+            "calibrate {name} --bus serial:{port} --only {},{} --yes --permit-eeprom --calibration {}",
             joint.0,
+            robot.next_joint,
             file("calibrated.toml")
         ),
     };
@@ -174,8 +183,13 @@ fn moment(job: Job, phase: Phase) -> Option<Moment> {
 }
 
 /// What is to be done when; nothing if there is no such cell.
-fn deeds(job: Job, fault: Fault, phase: Phase, victim: &Victim, folder: &Path)
--> Vec<(Moment, Deed)> {
+fn deeds(
+    job: Job,
+    fault: Fault,
+    phase: Phase,
+    victim: &Victim,
+    folder: &Path,
+) -> Vec<(Moment, Deed)> {
     let interrupt = |victim: &Victim| -> Deed {
         let victim = victim.clone();
         Box::new(move || victim.signal(2))
@@ -211,19 +225,26 @@ fn deeds(job: Job, fault: Fault, phase: Phase, victim: &Victim, folder: &Path)
 }
 
 /// The cycle in which a panic is put in.
-fn panics_at(phase: Phase, step: &str) -> String {
+fn panics_at(job: Job, phase: Phase, step: &str) -> String {
     let cycle = match phase {
+        _ if job == Job::Calibrate => 0,
         Phase::Approach => APPROACH_CYCLE,
         Phase::Motion => MOTION_CYCLE,
-        Phase::Ramp => MOTION_CYCLE + 6,
+        Phase::Ramp => MOTION_CYCLE + 3,
         _ => 0,
     };
     // A step that ends in + breaks whenever the program comes to it.
     format!("{}:{cycle}{}", step.trim_end_matches('+'), if step.ends_with('+') { "+" } else { "" })
 }
 
-fn command(job: Job, fault: Fault, phase: Phase, robot: Robot, port: &str, folder: &Path)
--> Command {
+fn command(
+    job: Job,
+    fault: Fault,
+    phase: Phase,
+    robot: Robot,
+    port: &str,
+    folder: &Path,
+) -> Command {
     let closed = match fault {
         Fault::OutClosed => ">&-",
         Fault::ErrClosed => "2>&-",
@@ -240,15 +261,16 @@ fn command(job: Job, fault: Fault, phase: Phase, robot: Robot, port: &str, folde
         command.stdout(File::create(folder.join("out.json")).expect("a file"));
     }
     if let Fault::Panic(step) = fault {
-        command.env("GAITWAY_PANIC", panics_at(phase, step));
+        command.env("GAITWAY_PANIC", panics_at(job, phase, step));
     }
     command
 }
 
 /// Runs one cell.
 pub fn run(job: Job, fault: Fault, phase: Phase, robot: Robot) -> Ran {
-    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR"))
-        .join(format!("matrix-{job:?}-{fault:?}-{phase:?}-{}", robot.name).replace(['(', ')', '"'], ""));
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(
+        format!("matrix-{job:?}-{fault:?}-{phase:?}-{}", robot.name).replace(['(', ')', '"'], ""),
+    );
     let _ = std::fs::remove_dir_all(&folder);
     std::fs::create_dir_all(&folder).expect("a temporary folder");
     let victim = Victim::default();
@@ -307,9 +329,7 @@ pub fn run(job: Job, fault: Fault, phase: Phase, robot: Robot) -> Ran {
 }
 
 /// Reads a stream to its end on a thread of its own.
-fn read_aside(
-    stream: Option<impl Read + Send + 'static>,
-) -> std::thread::JoinHandle<String> {
+fn read_aside(stream: Option<impl Read + Send + 'static>) -> std::thread::JoinHandle<String> {
     std::thread::spawn(move || {
         let mut bytes = Vec::new();
         if let Some(mut stream) = stream {
@@ -368,4 +388,6 @@ fn guide(child: &mut Child, tap: &Tap, robot: Robot) {
             return;
         }
     }
+    // The other one stays as it is.
+    let _ = writeln!(stdin, "s");
 }

@@ -42,7 +42,7 @@ pub fn faults_of(ran: &Ran, job: Job, fault: Fault, phase: Phase, robot: Robot) 
     wrong.extend(torque_faults(ran, job, fault, phase));
     wrong.extend(match fault {
         Fault::Kill => far_goals(ran, robot),
-        _ => motion_faults(ran, job, robot),
+        _ => motion_faults(ran, job, fault, robot),
     });
     if let Some(fault) = recording_fault(ran, fault) {
         wrong.push(fault);
@@ -61,11 +61,14 @@ fn says(ran: &Ran, words: &str) -> bool {
 fn codes(job: Job, fault: Fault, phase: Phase, ran: &Ran) -> Vec<i32> {
     let moves = matches!(job, Job::Play | Job::Live | Job::Move);
     // What was held before a signal came is held.
-    let held = (job == Job::Hold && phase == Phase::Torque && !ran.seen.goals.is_empty()).then_some(0);
+    let held =
+        (job == Job::Hold && phase == Phase::Torque && !ran.seen.goals.is_empty()).then_some(0);
     let stopped = |number: i32| std::iter::once(128 + number).chain(held).collect();
     match (fault, phase) {
+        // The first reason counts; which of two in the same few cycles came first is not known.
+        (Fault::Panic(_), Phase::Ramp) => vec![130, 1],
         // The first signal counts, and a stop for more than a loss.
-        (Fault::Signal(_) | Fault::FileSize | Fault::Pipe | Fault::Panic(_), Phase::Ramp) => vec![130],
+        (Fault::Signal(_) | Fault::FileSize | Fault::Pipe, Phase::Ramp) => vec![130],
         (Fault::Signal(number), _) => stopped(number),
         (Fault::Panic(_), _) => vec![1],
         (Fault::FileSize, Phase::Before) if moves => vec![1, 3],
@@ -142,7 +145,7 @@ fn far_goals(ran: &Ran, robot: Robot) -> Vec<String> {
 
 /// Goals end at rest, and on the way there no speed changes by more than a stop may: twice the
 /// joint's acceleration, as seen by somebody who sees each goal a little late.
-fn motion_faults(ran: &Ran, job: Job, robot: Robot) -> Vec<String> {
+fn motion_faults(ran: &Ran, job: Job, fault: Fault, robot: Robot) -> Vec<String> {
     let goals = &ran.seen.goals;
     if let [.., (_, before), (_, last)] = goals.as_slice()
         && before != last
@@ -150,9 +153,16 @@ fn motion_faults(ran: &Ran, job: Job, robot: Robot) -> Vec<String> {
         return vec!["the last two goals differ".into()];
     }
     let mut wrong = Vec::new();
-    let excepted = ran.report.as_ref().and_then(|r| r["exceptions"].as_array());
-    if excepted.is_some_and(|list| !list.is_empty()) {
+    let excepted = ran.report.as_ref().and_then(|report| report["exceptions"].as_array());
+    let kinds: Vec<&Value> = excepted.into_iter().flatten().map(|one| &one["kind"]).collect();
+    // Goals that the host's own stall kept back are counted by themselves.
+    let makes_no_goals = matches!(fault, Fault::Panic("advance+" | "admit+" | "write+"));
+    let is_broken = |kind: &Value| makes_no_goals && kind == "goals-broke";
+    if kinds.iter().any(|kind| *kind != "sent-late" && !is_broken(kind)) {
         wrong.push(format!("exceptions: {excepted:?}"));
+    }
+    if !kinds.is_empty() {
+        return wrong;
     }
     let ids: Vec<u8> = goals.first().map(|(_, g)| g.keys().copied().collect()).unwrap_or_default();
     for id in ids {
@@ -169,8 +179,7 @@ fn motion_faults(ran: &Ran, job: Job, robot: Robot) -> Vec<String> {
                     (counts + rounding) * robot.rad_per_count() / (longest + late_s).max(0.004)
                 })
             });
-            let (low, high) =
-                speeds.fold((f64::MAX, f64::MIN), |(l, h), v| (v.min(l), v.max(h)));
+            let (low, high) = speeds.fold((f64::MAX, f64::MIN), |(l, h), v| (v.min(l), v.max(h)));
             if let Some((low_before, high_before, seconds_before)) = before {
                 let gained = (low - high_before).max(low_before - high).max(0.0);
                 let time_s = (seconds + seconds_before) / 2.0 + SEEN_LATE_S;
@@ -204,6 +213,26 @@ fn recording_fault(ran: &Ran, fault: Fault) -> Option<String> {
     (!is_right).then(|| {
         format!("`gaitway info` on the recording: {}", String::from_utf8_lossy(&output.stderr))
     })
+}
+
+/// The highest speed of a goal when the last fault was put in, rad/s, and how far the last goals led
+/// before they stood, counts.
+pub fn on_the_wire(ran: &Ran, robot: Robot) -> String {
+    let goals = &ran.seen.goals;
+    let step = |at: usize| -> Option<(f64, i64)> {
+        let (from, to) = (goals.get(at.checked_sub(1)?)?, goals.get(at)?);
+        let steps = to.1.iter().map(|(id, goal)| (goal - from.1.get(id).unwrap_or(goal)).abs());
+        Some(((to.0 - from.0).as_secs_f64(), steps.max().unwrap_or(0)))
+    };
+    let at = ran.seen.put_in.last().map_or(goals.len(), |&count| count.saturating_sub(1));
+    let speed = step(at).map_or(0.0, |(s, counts)| counts as f64 * robot.rad_per_count() / s);
+    let steps: Vec<i64> = (1..goals.len()).filter_map(|at| Some(step(at)?.1)).collect();
+    let last = steps.len().saturating_sub(10);
+    format!(
+        "{} goal writes; {speed:.2} rad/s at the fault; last steps {:?}",
+        steps.len(),
+        &steps[last..]
+    )
 }
 
 impl Robot {

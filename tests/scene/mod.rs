@@ -386,9 +386,10 @@ pub fn is_excused(violation: &Violation, run: &Run, link: &Link) -> bool {
                 violation.joint.as_ref().and_then(line_of).as_ref() == Some(line)
             }
             Exception::Limp { joint } | Exception::GoalHeld { joint } => named(joint),
-            Exception::BlindRamp { .. } | Exception::GuardRefused | Exception::Stalled { .. } => {
-                true
-            }
+            Exception::BlindRamp { .. }
+            | Exception::GuardRefused
+            | Exception::Stalled { .. }
+            | Exception::GoalsBroke => true,
             Exception::SentLate { .. } => false,
         })
 }
