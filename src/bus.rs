@@ -10,7 +10,7 @@ mod instruct;
 mod patience;
 pub mod scan;
 
-use crate::port::{BytePort, Clock, PortError};
+use crate::port::{BytePort, Clock, Closed, PortError};
 use crate::time::{Duration, Instant};
 use crate::units::line_time_s;
 use codec::Heard;
@@ -199,6 +199,22 @@ impl Bus {
             echo: false,
             echo_due: false,
         }
+    }
+
+    /// Speaks at another speed from now on, through a port that is opened anew: the one before is
+    /// closed first, since a port is held by one. If that fails the line stays closed.
+    ///
+    /// # Errors
+    /// What `open` fails with.
+    pub fn reopen<E>(
+        &mut self,
+        baud_bps: u32,
+        open: impl FnOnce() -> Result<Box<dyn BytePort>, E>,
+    ) -> Result<(), E> {
+        self.port = Box::new(Closed);
+        self.port = open()?;
+        self.timing.baud_bps = baud_bps;
+        Ok(())
     }
 
     /// Says whether the adapter lets the host hear its own bytes. In Protocol 1.0 and its kin an
@@ -475,8 +491,9 @@ impl Bus {
             };
             let excused = is_patient && patience.excuses(self.late - late_before);
             if !excused {
-                let has_time = self.clock.now() + window <= patience.end;
-                if retries_left == 0 || !has_time && !(is_patient && patience.is_due()) {
+                let has_time =
+                    self.clock.now() + window <= patience.end || is_patient && patience.is_due();
+                if retries_left == 0 || !has_time {
                     return Err(patience.verdict(miss).into());
                 }
                 retries_left -= 1;

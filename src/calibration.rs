@@ -75,7 +75,7 @@ impl Calibration {
     }
 
     fn parse(text: &str) -> Result<Self, Error> {
-        let calibration: Self = toml::from_str(text).map_err(|e| {
+        let calibration: Self = profiles::from_toml(text).map_err(|e| {
             Error::new("this is no calibration file").got(e.message().replace('\n', "; "))
         })?;
         if calibration.schema != SCHEMA {

@@ -98,6 +98,7 @@ const LONGEST_STEP: Duration = Duration::from_millis(100);
 #[derive(Debug)]
 pub struct Guard {
     limits: Vec<JointLimits>,
+    /// As many as limits: the first command, which stands here, passed the same check.
     last_rad: Vec<f64>,
     last_at: Instant,
 }
@@ -125,12 +126,13 @@ impl Guard {
     /// before. A refused command changes nothing in the guard.
     pub fn admit(&mut self, goal_rad: &[f64], now: Instant) -> Result<Command, Refusal> {
         let wanted = self.limits.len();
-        if goal_rad.len() != wanted || self.last_rad.len() != wanted {
+        if goal_rad.len() != wanted {
             let reason = RefusalReason::Count { got: goal_rad.len(), wanted };
             return Err(Refusal { joint: 0, reason });
         }
         let dt_s = now.since(self.last_at).min(LONGEST_STEP).as_secs_f64();
-        for (joint, (&goal, limits)) in goal_rad.iter().zip(&self.limits).enumerate() {
+        let joints = goal_rad.iter().zip(&self.last_rad).zip(&self.limits);
+        for (joint, ((&goal, &last), limits)) in joints.enumerate() {
             let refuse = |reason| Err(Refusal { joint, reason });
             if !goal.is_finite() {
                 return refuse(RefusalReason::NotFinite { goal_rad: goal });
@@ -142,7 +144,7 @@ impl Guard {
                     upper_rad: limits.upper_rad(),
                 });
             }
-            let step_rad = (goal - self.last_rad[joint]).abs();
+            let step_rad = (goal - last).abs();
             let allowed_rad =
                 limits.velocity_rad_s() * dt_s * (1.0 + STEP_ROUNDING) + STEP_ROUNDING;
             if !(step_rad <= allowed_rad) {
@@ -186,6 +188,14 @@ mod tests {
     }
 
     #[test]
+    fn a_pose_of_another_number_of_joints_gets_no_guard() {
+        for pose in [&[][..], &[0.0], &[0.0; 3]] {
+            let refusal = Guard::standing_at(pose, limits(), Instant::ZERO).unwrap_err();
+            assert!(matches!(refusal.reason, RefusalReason::Count { .. }), "{pose:?}");
+        }
+    }
+
+    #[test]
     fn position_limits_hold_to_the_last_bit_over_a_sweep_around_them() {
         // Close enough to either limit that the step rule never decides.
         for k in -1500..=1500 {
@@ -210,6 +220,26 @@ mod tests {
         }
         let refusal = standing(0.0).admit(&[0.0, 0.021], Instant::ZERO + T).unwrap_err();
         assert_eq!(refusal.joint, 1);
+    }
+
+    #[test]
+    fn a_step_may_be_longer_by_rounding_and_by_no_more() {
+        // A billionth of 4 rad/s x 100 ms, and a billionth of a radian.
+        let (now, rounding) = (Instant::ZERO + LONGEST_STEP, 0.4e-9 + 1e-9);
+        assert!(standing(0.0).admit(&[0.4 + 0.99 * rounding, 0.0], now).is_ok());
+        assert!(standing(0.0).admit(&[0.4 + 1.01 * rounding, 0.0], now).is_err());
+    }
+
+    #[test]
+    fn a_refusal_says_its_figures() {
+        let said = |goals: &[f64]| {
+            let refusal = standing(0.0).admit(goals, Instant::ZERO + T).unwrap_err();
+            refusal.reason.to_string()
+        };
+        assert_eq!(said(&[f64::NAN, 0.0]), "goal NaN is not a finite number");
+        assert_eq!(said(&[2.5, 0.0]), "goal 143.24 deg is outside -57.30 to 114.59 deg");
+        assert_eq!(said(&[0.5, 0.0]), "step of 28.648 deg, at most 2.292 deg allowed");
+        assert_eq!(said(&[0.5]), "1 goals for 2 joints");
     }
 
     #[test]

@@ -27,5 +27,6 @@ pub mod recording;
 pub mod robot;
 pub mod session;
 pub mod time;
+pub mod toml_text;
 pub mod units;
 pub mod wire;

@@ -48,6 +48,29 @@ pub trait BytePort: Send {
     fn discard_input(&mut self) -> Result<(), PortError>;
 }
 
+/// A port that was closed, and not opened again.
+pub struct Closed;
+
+impl Closed {
+    fn gone<T>() -> Result<T, PortError> {
+        Err(PortError::Gone("it was closed".to_owned()))
+    }
+}
+
+impl BytePort for Closed {
+    fn send(&mut self, _bytes: &[u8], _deadline: Instant) -> Result<(), PortError> {
+        Self::gone()
+    }
+
+    fn receive(&mut self, _buffer: &mut [u8], _deadline: Instant) -> Result<usize, PortError> {
+        Self::gone()
+    }
+
+    fn discard_input(&mut self) -> Result<(), PortError> {
+        Self::gone()
+    }
+}
+
 /// One end of a CAN line. Frames are values; the line arbitrates.
 pub trait FramePort: Send {
     /// Hands a frame to the line's send queue, waiting for room in it until `deadline`. That it was

@@ -42,12 +42,14 @@
 //! sample `log_time` is when it was read and `publish_time` when it was taken, as well as that can be
 //! told; `sequence` is its number, missing samples counted.
 
+mod bounded;
 mod crc;
 mod log;
 mod marker;
 mod message;
 mod overview;
 mod reader;
+mod record;
 mod replay;
 mod sample;
 mod scan;

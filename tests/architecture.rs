@@ -175,6 +175,27 @@ fn one_place_alone_writes_to_the_terminal() {
     assert!(!output.contains("println!("), "this one panics when nobody reads it");
 }
 
+/// Where a reader of TOML may be that does not look at the size of what it will build: the one
+/// that looks, and what reads a file of this project.
+const TOML_READERS: [&str; 2] =
+    ["firmware-profiles/src/from_toml.rs", "firmware-profiles/src/extends.rs"];
+
+#[test]
+fn files_of_strangers_are_read_as_toml_in_one_way() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut files = Vec::new();
+    for folder in ["src", "sim/src", "firmware-profiles/src"] {
+        rust_files(&root.join(folder), &mut files);
+    }
+    for file in files.iter().filter(|file| !TOML_READERS.iter().any(|known| file.ends_with(known)))
+    {
+        let code = code(file);
+        for reader in ["toml::from_str", "toml::from_slice", ".parse::<toml", ".parse::<Table"] {
+            assert!(!code.contains(reader), "{} uses {reader}", file.display());
+        }
+    }
+}
+
 #[test]
 fn only_the_guard_can_make_a_command() {
     let src = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");

@@ -1,6 +1,7 @@
 //! Fuzzing and Miri, briefly: every decoder on bytes made up by libFuzzer, and the codecs under the
 //! interpreter that sees undefined behaviour. Both build much and take minutes, so they run where
-//! `CI` is set; by hand they are `fuzz/run.sh` and the command in `fuzz/miri`.
+//! `CI` is set; by hand they are `fuzz/run.sh` and the command in `fuzz/miri`. `FUZZ_SECONDS` says for
+//! how long each target runs.
 
 mod aloud;
 
@@ -8,7 +9,7 @@ use aloud::aloud;
 use std::path::Path;
 use std::process::Command;
 
-/// Seconds for each fuzz target.
+/// Seconds for each fuzz target, unless the environment says otherwise.
 const SECONDS: &str = "5";
 
 fn in_ci() -> bool {
@@ -35,7 +36,8 @@ fn no_decoder_breaks_on_bytes_made_up_by_a_fuzzer() {
         aloud!("SKIPPED: fuzzing runs where CI is set; by hand: fuzz/run.sh {SECONDS}");
         return;
     }
-    let output = command("sh", "fuzz").args(["run.sh", SECONDS]).output().expect("a shell");
+    let seconds = std::env::var("FUZZ_SECONDS").unwrap_or_else(|_| SECONDS.to_owned());
+    let output = command("sh", "fuzz").args(["run.sh", &seconds]).output().expect("a shell");
     let (said, complained) =
         (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
     assert!(output.status.success(), "{said}{complained}");

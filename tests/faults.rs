@@ -5,6 +5,8 @@
 mod attacks;
 #[path = "faults/host.rs"]
 mod host;
+#[path = "faults/mixed.rs"]
+mod mixed;
 mod scene;
 #[path = "faults/servos.rs"]
 mod servos;
@@ -12,7 +14,7 @@ mod servos;
 use gaitway::control::StopReason;
 use gaitway::time::Duration;
 use gaitway_sim::{Damage, Fault, Options};
-use scene::{Scene, assert_clean};
+use scene::{Scene, assert_clean, excuse_unreached};
 
 /// Half a second into the motion: preflight and arming are over by then.
 const MID_NS: u64 = 2_500_000_000;
@@ -140,9 +142,8 @@ fn b10_a_servo_silent_for_four_cycles_is_bridged_and_five_stop_the_motion() {
         };
         assert_eq!(named, &joint);
         // A deaf servo cannot hear its last goals; every other rule and joint counts.
-        played.verdict.violations.retain(|v| {
-            v.rule != gaitway_sim::Rule::RestAtEnds || v.joint.as_deref() != Some(joint.as_str())
-        });
+        let excused = excuse_unreached(&mut played.verdict, std::slice::from_ref(&joint));
+        assert!(excused.iter().all(|&count| count <= 1), "{robot}: {excused:?}");
         assert_clean(&played.verdict);
     }
 }
@@ -229,45 +230,6 @@ fn the_same_seed_gives_the_same_bytes() {
     assert!(one.samples.0 != other.samples.0, "the seed changes nothing");
 }
 
-#[test]
-fn a_thousand_seeds_with_random_damage_never_break_a_rule() {
-    let seeds: u64 = std::env::var("SIM_SEEDS").ok().and_then(|s| s.parse().ok()).unwrap_or(1_000);
-    let mut missed = 0;
-    for seed in 0..seeds {
-        let damage = match seed % 6 {
-            0 => Damage::FlipBit { bit: None },
-            1 => Damage::DropByte { at: None },
-            2 => Damage::Duplicate,
-            3 => Damage::StaleReply { by_ns: 50_000 * (1 + seed % 97) },
-            4 => Damage::Garbage { length: (1 + seed % 30) as usize },
-            _ => Damage::Mute,
-        };
-        let fault = Fault::AnyStatus { probability: 0.003, damage };
-        let options = Options { seed, faults: vec![fault], ..Options::default() };
-        let robot = ROBOTS[(seed / 6) as usize % ROBOTS.len()];
-        let mut scene = Scene::of(robot, options);
-        // Preflight asks once more where an answer is lost; twice in a row may refuse, rightly.
-        let Ok(found) = scene.preflight() else { continue };
-        let trajectory = scene.swing(&found.start_rad, SWING_RAD, 1);
-        let Ok(armed) = scene::arm(&mut scene.link, &found) else { continue };
-        let mut samples = scene::Samples::default();
-        let settings = scene.settings;
-        let run = gaitway::control::run(
-            &mut scene.link,
-            armed,
-            &trajectory,
-            settings,
-            &mut samples,
-            &|| false,
-        );
-        missed += run.tally.missed_cycles;
-        let verdict = scene.world.lock().verdict();
-        let seen: Vec<String> = verdict.violations.iter().map(ToString::to_string).collect();
-        assert!(seen.is_empty(), "SIM_SEED={seed}, {damage:?}, {robot}:\n{}", seen.join("\n"));
-    }
-    assert!(missed > 0, "no fault ever struck");
-}
-
 /// Plays a swing with a host that stalls after its cycles.
 fn with_slow_host(
     rounds: usize,
@@ -292,13 +254,14 @@ fn c22_c24_a_short_stall_is_bridged_and_a_long_one_stops_without_a_jump() {
     let (run, verdict, _) = with_slow_host(3, once(50));
     assert_eq!(run.stop, None);
     assert_clean(&verdict);
+    let joints = Scene::op3().link.robot().joint_names();
     // The last is a machine that slept (C24): its clock goes on meanwhile.
     for millis in [150, 300, 2_000, 10_000] {
         let (run, mut verdict, goals_rad) = with_slow_host(3, once(millis));
         assert!(matches!(run.stop, Some(StopReason::Stalled { .. })), "{:?}", run.stop);
         if millis > 200 {
             // The servos' watchdogs have bitten by then, and no further goal is obeyed.
-            verdict.violations.retain(|v| v.rule != gaitway_sim::Rule::RestAtEnds);
+            assert_eq!(excuse_unreached(&mut verdict, &joints), [20, 20], "{millis} ms");
         }
         assert_clean(&verdict);
         // The goal written right after cycle 60 is the last that moves anything.

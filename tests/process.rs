@@ -128,6 +128,15 @@ fn undisturbed(mut attempt: impl FnMut() -> Value) -> Value {
     panic!("this machine stalls too often to play in real time");
 }
 
+/// The referee of `simulate` saw no goal out of place. (A stall of the machine may have cut short a
+/// motion that was begun again.)
+fn assert_careful(said: &str) {
+    for rule in ["R1", "R2", "R3", "R11"] {
+        assert!(!said.contains(&format!(" {rule} at ")), "{said}");
+    }
+    assert!(said.contains(" goals written"), "{said}");
+}
+
 /// What the referee saw.
 fn violations(report: &Value) -> Vec<String> {
     let seen = report["referee"]["violations"].as_array().expect("a referee").iter();
@@ -152,9 +161,7 @@ fn a_robot_in_another_process_is_played_over_a_real_port() {
     let worst =
         worst.map(|j| j["tracking_rms_rad"].as_f64().expect("measured")).fold(0.0, f64::max);
     assert!(worst > 0.0 && worst < 0.1, "tracking {worst} rad");
-    let said = simulator.end();
-    assert!(!said.contains("referee: R1"), "{said}");
-    assert!(!said.contains("referee: R3"), "{said}");
+    assert_careful(&simulator.end());
 }
 
 #[test]
@@ -346,8 +353,7 @@ fn h19_a_port_that_comes_back_is_not_used_by_itself() {
     let next =
         undisturbed(|| report(&play(&back.bus(), &["--to", "0.5"]).output().expect("a run")));
     assert_eq!(next["outcome"], "done", "{next:#}");
-    let said = back.end();
-    assert!(!said.contains("referee: R1") && !said.contains("referee: R3"), "{said}");
+    assert_careful(&back.end());
 }
 
 /// A pseudo-terminal whose other end is held here, and the path of the end to open.

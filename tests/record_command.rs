@@ -158,6 +158,33 @@ fn a_slimevr_tracker_finds_the_recorder_and_is_recorded() {
 }
 
 #[test]
+fn trackers_of_the_network_are_heard_only_where_the_socket_is_open_to_it() {
+    let free = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).and_then(|s| s.local_addr());
+    let port = free.expect("a port").port();
+    // The second address of the loopback interface stands for one of the network.
+    let server = SocketAddr::from(([127, 0, 0, 2], port));
+    let imu = sensor(ImuWire::SlimeVr, 100.0, 60.0, ImuErrors::default());
+    let mac = [2, 0, 0, 0, 0, 1];
+    let _tracker = ImuDoor::open_slimevr(&Stage::default(), imu, server, mac).expect("a tracker");
+    let heard = |address: &str, time: &str| {
+        let folder = folder("record-slimevr-network");
+        let source = format!("imu:slimevr@udp:{address}");
+        let output = record(&folder, &[source, "--for".to_owned(), time.to_owned()]);
+        let samples = json(&output)["sources"][0]["counts"]["samples"].as_u64();
+        (samples.unwrap_or(0), String::from_utf8_lossy(&output.stderr).into_owned())
+    };
+    let (samples, said) = heard(&port.to_string(), "4s");
+    assert_eq!(samples, 0);
+    // Whoever waits for trackers is told how they can be heard.
+    assert!(said.contains("this machine alone") && said.contains("udp:0.0.0.0:"), "{said}");
+    let (samples, said) = heard(&format!("127.0.0.2:{port}"), "3s");
+    assert!(samples > 50, "{samples}: {said}");
+    assert!(!said.contains("open to the network"), "{said}");
+    let (_, said) = heard(&format!("0.0.0.0:{port}"), "200ms");
+    assert!(said.contains(&format!("udp:0.0.0.0:{port} is open to the network")), "{said}");
+}
+
+#[test]
 fn a_sensor_that_vanishes_ends_its_source_and_not_the_recording() {
     let folder = folder("record-vanish");
     let door = ImuDoor::open(sensor(ImuWire::Nmea, 50.0, 60.0, ImuErrors::default()), 9600, None)

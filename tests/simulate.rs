@@ -114,6 +114,36 @@ fn faults_of_a_script_strike_and_are_told() {
     assert!(said.contains("faults: 1 struck"), "{said}");
 }
 
+/// Goal position of ID 1 in DYNAMIXEL 2.0, two of them: 4000 and 100 counts (6 rad apart).
+const GOALS: [[u8; 16]; 2] = [
+    [0xFF, 0xFF, 0xFD, 0, 1, 9, 0, 3, 116, 0, 0xA0, 0x0F, 0, 0, 0x1E, 0x09],
+    [0xFF, 0xFF, 0xFD, 0, 1, 9, 0, 3, 116, 0, 0x64, 0, 0, 0, 0xF3, 0xD9],
+];
+/// Torque Enable 1.
+const TORQUE: [u8; 13] = [0xFF, 0xFF, 0xFD, 0, 1, 6, 0, 3, 64, 0, 1, 0xDB, 0x66];
+
+#[test]
+fn a_client_that_jumps_is_told_so_unless_nobody_wants_to_know() {
+    for (options, told) in [(&[][..], true), (&["--no-referee"], false)] {
+        let mut simulator = Simulator::start(&[&["op3", "--tcp", "0"], options].concat());
+        let line = simulator.line();
+        let mut port = TcpStream::connect(&line["tcp:".len()..]).expect("a connection");
+        for instruction in [&TORQUE[..], &GOALS[0], &GOALS[1], &GOALS[0]] {
+            port.write_all(instruction).expect("a write");
+            let mut status = [0; 11];
+            port.read_exact(&mut status).expect("a status");
+            assert_eq!(status[8], 0, "refused: {status:02X?}");
+        }
+        let said = simulator.end();
+        assert!(!said.contains("no rule broken"), "{said}");
+        let words =
+            "a careful host lets no goal step further than its joint can turn meanwhile: R2 at";
+        assert_eq!(said.matches(words).count(), if told { 3 } else { 0 }, "{said}");
+        assert_eq!(said.contains("not as a careful host does it; 3 goals written"), told, "{said}");
+        assert_eq!(said.contains("referee"), told, "{said}");
+    }
+}
+
 #[test]
 fn a_wrong_script_is_refused_with_its_place() {
     let script = folder("simulate-wrong").join("faults.toml");

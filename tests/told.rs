@@ -341,8 +341,12 @@ fn no_text_from_a_file_is_a_command_to_the_terminal() {
     )
     .expect("a capture");
     let robot = folder.join("a.toml");
-    let file = format!("schema = 1\nname = \"{}\"\n", COMMANDS.escape_unicode());
-    std::fs::write(&robot, file.replace("\\u{", "\\u{")).expect("a robot");
+    let named: String = COMMANDS.chars().map(|c| format!("\\u{:04X}", u32::from(c))).collect();
+    let op3 = gaitway_profiles::whole_table("op3").expect("a shipped robot");
+    let op3 = toml::to_string(&op3).expect("TOML");
+    let renamed = op3.replace("name = \"op3\"", &format!("name = \"{named}\""));
+    assert_ne!(renamed, op3);
+    std::fs::write(&robot, renamed).expect("a robot");
     let (capture, robot) = (capture.display().to_string(), robot.display().to_string());
     for arguments in [
         &["play", &capture, "--robot", "op3", "--bus", "sim"][..],
@@ -351,6 +355,7 @@ fn no_text_from_a_file_is_a_command_to_the_terminal() {
     ] {
         let output = run(arguments);
         assert_eq!(output.status.code(), Some(1), "{arguments:?}");
-        assert_harmless(&output, &arguments.join(" "));
+        let said = assert_harmless(&output, &arguments.join(" "));
+        assert!(said.contains("evil"), "{arguments:?} says:\n{said}");
     }
 }

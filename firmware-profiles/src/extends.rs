@@ -15,9 +15,12 @@ use toml::{Table, Value};
 /// Longest chain of bases. Files of this crate use one step.
 const MAX_STEPS: usize = 4;
 
+/// Names the base.
+pub(crate) const KEY: &str = "extends";
+
 /// True if the file names a base.
 pub(crate) fn has_base(table: &Table) -> bool {
-    table.contains_key("extends")
+    table.contains_key(KEY)
 }
 
 /// The whole table of a servo file. `base_text` finds the text of a shipped servo by name.
@@ -27,7 +30,7 @@ pub(crate) fn resolve(
     base_text: impl Fn(&str) -> Option<&'static str>,
 ) -> Result<Table, ProfileError> {
     let mut chain = vec![table];
-    while let Some(base) = chain.last().and_then(|table| table.get("extends")) {
+    while let Some(base) = chain.last().and_then(|table| table.get(KEY)) {
         let refuse = |what: &str| ProfileError::new(file, what).at("extends").got(shown(base));
         if chain.len() > MAX_STEPS {
             return Err(refuse("the chain of bases is too long, or a circle")

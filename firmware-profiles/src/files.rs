@@ -2,6 +2,7 @@
 
 use crate::error::ProfileError;
 use crate::extends;
+use crate::from_toml::from_toml;
 use crate::schema::{Actuator, Adapter, Robot, Sensor, Servo};
 use crate::unconfirmed::Profile;
 use crate::validate;
@@ -118,14 +119,15 @@ pub fn sensor(name_or_path: &str) -> Result<Sensor, ProfileError> {
 /// As [`servo`] and [`robot`].
 pub fn profile(name_or_path: &str) -> Result<Profile, ProfileError> {
     let parse_any = |file: &str, text: &str| {
-        let table: toml::Table = parse(file, text)?;
-        if table.contains_key("usb_ids") {
+        let keys: Vec<String> = parse::<toml::Table>(file, text)?.into_iter().map(key).collect();
+        let has = |key: &str| keys.iter().any(|known| known == key);
+        if has("usb_ids") {
             parse_adapter(file, text).map(|adapter| Profile::Adapter(Box::new(adapter)))
-        } else if table.contains_key("channel") {
+        } else if has("channel") {
             parse_sensor(file, text).map(|sensor| Profile::Sensor(Box::new(sensor)))
-        } else if table.contains_key("dialect") {
+        } else if has("dialect") {
             parse_actuator(file, text).map(|actuator| Profile::Actuator(Box::new(actuator)))
-        } else if table.contains_key("register") || extends::has_base(&table) {
+        } else if has("register") || has(extends::KEY) {
             parse_servo(file, text).map(|servo| Profile::Servo(Box::new(servo)))
         } else {
             parse_robot(file, text).map(|robot| Profile::Robot(Box::new(robot)))
@@ -196,15 +198,16 @@ pub fn adapter_for_usb(
 /// # Errors
 /// What the validator has against it.
 pub fn parse_servo(file: &str, text: &str) -> Result<Servo, ProfileError> {
-    let servo: Servo = match text.parse::<toml::Table>() {
-        Ok(table) if extends::has_base(&table) => {
+    let extending = from_toml::<toml::Table>(text).ok().filter(extends::has_base);
+    let servo: Servo = match extending {
+        Some(table) => {
             let shipped =
                 |name: &str| SERVOS.iter().find(|base| base.name == name).map(|base| base.text);
             let whole = extends::resolve(file, table, shipped)?;
             // Of two files joined no line can be named; the message names the key.
             whole.try_into().map_err(|error| malformed(file, &error))?
         }
-        _ => parse(file, text)?,
+        None => parse(file, text)?,
     };
     validate::servo(file, &servo)?;
     Ok(servo)
@@ -282,7 +285,7 @@ pub fn read_text(path: &Path) -> Result<String, ProfileError> {
 }
 
 fn parse<T: DeserializeOwned>(file: &str, text: &str) -> Result<T, ProfileError> {
-    toml::from_str(text).map_err(|error| {
+    from_toml(text).map_err(|error| {
         let refusal = malformed(file, &error);
         match error.span() {
             None => refusal,
@@ -292,6 +295,10 @@ fn parse<T: DeserializeOwned>(file: &str, text: &str) -> Result<T, ProfileError>
             }
         }
     })
+}
+
+fn key((key, _): (String, toml::Value)) -> String {
+    key
 }
 
 fn malformed(file: &str, error: &toml::de::Error) -> ProfileError {

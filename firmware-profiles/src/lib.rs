@@ -58,6 +58,7 @@ mod access;
 mod error;
 mod extends;
 mod files;
+mod from_toml;
 pub mod schema;
 mod unconfirmed;
 mod validate;
@@ -68,5 +69,6 @@ pub use files::{
     parse_actuator, parse_adapter, parse_robot, parse_sensor, parse_servo, profile, read_text,
     robot, robot_names, sensor, sensor_names, servo, servo_names, whole_table,
 };
+pub use from_toml::{from_toml, toml_bytes};
 pub use schema::*;
 pub use unconfirmed::{Profile, Unconfirmed};

@@ -132,8 +132,17 @@ pub struct QueueFull;
 /// What the host does not fetch is lost beyond this many, as in a socket's buffer.
 const INBOX_FRAMES: usize = 4096;
 
-/// Frames that wait for the line, each not before its time.
-type Queue = VecDeque<(u64, CanFrame)>;
+/// A frame that waits for the line.
+#[derive(Clone, Debug)]
+struct Waiting {
+    /// It goes not before; of the host's, when it was queued.
+    ready_ns: u64,
+    frame: CanFrame,
+    /// When the position in it was measured, if there is one and it is true.
+    told_ns: Option<u64>,
+}
+
+type Queue = VecDeque<Waiting>;
 
 /// The frame that is on the line.
 #[derive(Clone, Copy, Debug)]
@@ -158,6 +167,10 @@ pub(crate) struct Said {
     pub actuator: usize,
     pub ready_ns: u64,
     pub frame: CanFrame,
+    /// The position it tells, microradians.
+    pub told: Option<i64>,
+    /// When that was measured.
+    pub told_ns: Option<u64>,
 }
 
 /// What one event on a line has brought.
@@ -169,8 +182,10 @@ pub(crate) struct Happened {
     pub events: Vec<(usize, u64, Event)>,
     /// A frame was on the line.
     pub busy_ns: Option<Range<u64>>,
-    /// It was the host's.
-    pub from_host: bool,
+    /// It was the host's, who queued it then.
+    pub asked_ns: Option<u64>,
+    /// The host has a position now: of which actuator, when it was measured.
+    pub had: Option<(usize, u64)>,
 }
 
 /// The line, and all that hangs on it.
@@ -193,6 +208,8 @@ pub struct CanLine {
     inbox: VecDeque<CanHeard>,
     /// What the host said last, for those who throw it back at it.
     last_of_host: Option<CanFrame>,
+    /// Frames queued at the one moment may have been there since the other, ns.
+    noticed: VecDeque<(u64, u64)>,
 }
 
 impl CanLine {
@@ -216,6 +233,7 @@ impl CanLine {
             held_until_ns: 0,
             inbox: VecDeque::new(),
             last_of_host: None,
+            noticed: VecDeque::new(),
         }
     }
 
@@ -275,8 +293,28 @@ impl CanLine {
         if self.sending.len() >= self.options.queue_frames {
             return Err(QueueFull);
         }
-        self.sending.push_back((self.now_ns, frame));
+        self.sending.push_back(Waiting { ready_ns: self.now_ns, frame, told_ns: None });
         Ok(())
+    }
+
+    /// As [`CanLine::send`], of a frame that may have been there since `earliest_ns`.
+    pub(crate) fn send_noticed(
+        &mut self,
+        frame: CanFrame,
+        earliest_ns: u64,
+    ) -> Result<(), QueueFull> {
+        self.send(frame)?;
+        let noticed = (self.now_ns, earliest_ns.min(self.now_ns));
+        if noticed.0 != noticed.1 && self.noticed.back() != Some(&noticed) {
+            self.noticed.push_back(noticed);
+        }
+        Ok(())
+    }
+
+    /// When a frame of the host that was queued at `asked_ns` may have been there at the earliest.
+    pub(crate) fn earliest_ns(&self, asked_ns: u64) -> u64 {
+        let noticed = self.noticed.iter().find(|&&(queued_ns, _)| queued_ns == asked_ns);
+        noticed.map_or(asked_ns, |&(_, earliest_ns)| earliest_ns)
     }
 
     /// What the host has heard next by now.
@@ -378,7 +416,8 @@ impl CanLine {
     /// An actuator sends what it said.
     pub(crate) fn queue(&mut self, said: Said) {
         if let Some(queue) = self.answering.get_mut(said.actuator) {
-            queue.push_back((said.ready_ns, said.frame));
+            let Said { ready_ns, frame, told_ns, .. } = said;
+            queue.push_back(Waiting { ready_ns, frame, told_ns });
         }
     }
 
@@ -391,15 +430,15 @@ impl CanLine {
         let ready_ns = self.now_ns;
         for (k, actuator) in self.actuators.iter_mut().enumerate() {
             while actuator.due_ns().is_some_and(|due_ns| due_ns <= ready_ns) {
-                let frames = actuator.speak().into_iter();
-                said.extend(frames.map(|frame| Said { actuator: k, ready_ns, frame }));
+                said.extend(sayings(actuator.speak(), k, ready_ns, actuator.take_told()));
             }
         }
         for babbler in &mut self.babblers {
             while babbler.next_ns <= ready_ns {
                 // A node that cannot keep up sends the same again.
                 if self.babbling.len() < 2 {
-                    self.babbling.push_back((babbler.next_ns, babbler.frame.clone()));
+                    let (ready_ns, frame) = (babbler.next_ns, babbler.frame.clone());
+                    self.babbling.push_back(Waiting { ready_ns, frame, told_ns: None });
                 }
                 babbler.next_ns += babbler.period_ns;
             }
@@ -412,7 +451,7 @@ impl CanLine {
         let devices = self.answering.iter().chain([&self.babbling]);
         let queues = std::iter::once(&self.sending).chain(devices).enumerate();
         queues.filter_map(|(node, queue)| {
-            let (ready_ns, frame) = queue.front()?;
+            let Waiting { ready_ns, frame, .. } = queue.front()?;
             let held_ns = if node == HOST { self.held_until_ns } else { 0 };
             Some((node, held_ns.max(*ready_ns), frame))
         })
@@ -462,24 +501,44 @@ impl CanLine {
     /// A frame has passed whole.
     fn deliver(&mut self, passing: Passing, happened: &mut Happened) {
         let Passing { node, start_ns, end_ns } = passing;
-        let Some((asked_ns, frame)) = self.queue_of(node).pop_front() else { return };
+        let Some(Waiting { ready_ns: asked_ns, frame, told_ns }) = self.queue_of(node).pop_front()
+        else {
+            return;
+        };
         self.free_ns = end_ns;
         self.busy_ns += end_ns - start_ns;
         happened.busy_ns = Some(start_ns..end_ns);
-        happened.from_host = node == HOST;
         if node != HOST {
             if !self.bus_off && self.inbox.len() < INBOX_FRAMES {
                 self.inbox.push_back(CanHeard::Frame(frame));
+                happened.had = told_ns.map(|told_ns| (node - 1, told_ns));
             }
             return;
         }
+        happened.asked_ns = Some(asked_ns);
+        while self.noticed.front().is_some_and(|&(queued_ns, _)| queued_ns < asked_ns) {
+            self.noticed.pop_front();
+        }
         for (k, actuator) in self.actuators.iter_mut().enumerate() {
             let ready_ns = end_ns + actuator.answer_delay_ns();
-            let frames = actuator.hear(&frame, asked_ns).into_iter();
-            happened.said.extend(frames.map(|frame| Said { actuator: k, ready_ns, frame }));
+            let frames = actuator.hear(&frame, asked_ns);
+            happened.said.extend(sayings(frames, k, ready_ns, actuator.take_told()));
         }
         self.last_of_host = Some(frame);
     }
+}
+
+/// What an actuator says at once: a position in it is in the first frame.
+fn sayings(
+    frames: Vec<CanFrame>,
+    actuator: usize,
+    ready_ns: u64,
+    told: Option<i64>,
+) -> impl Iterator<Item = Said> {
+    frames.into_iter().enumerate().map(move |(k, frame)| {
+        let told = told.filter(|_| k == 0);
+        Said { actuator, ready_ns, frame, told, told_ns: None }
+    })
 }
 
 /// The host's place among the nodes; the actuators follow, and whoever babbles.
@@ -523,7 +582,7 @@ mod tests {
             for (actuator, ready_ns) in [(0, 1_000), (1, second_ready_ns)] {
                 line.answering.push(Queue::new());
                 let frame = CanFrame::classic(0, false, &[actuator as u8; 8]);
-                line.queue(Said { actuator, ready_ns, frame });
+                line.queue(Said { actuator, ready_ns, frame, told: None, told_ns: None });
             }
             line.run_until(1_000_000);
             (std::iter::from_fn(|| line.receive()).count(), line.collisions())

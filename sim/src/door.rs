@@ -6,6 +6,11 @@
 //! TCP nobody tells a speed, and the bytes go out at that of the robot file. One thread serves the
 //! door and sleeps until bytes come or a status is due.
 //!
+//! The thread may wake late; when bytes were written is therefore known within bounds: after the door
+//! had last looked and found nothing, and before it read them. (A read that finds nothing waits for
+//! the kernel's worker that carries a terminal's bytes, so nothing is on its way then.) The referee
+//! judges by these bounds.
+//!
 //! A CAN line is behind a USB-CAN adapter that speaks slcan, whatever the speed of the terminal. For
 //! other ways to carry its frames there is [`LiveCan`].
 
@@ -35,6 +40,9 @@ pub(crate) use terminal::Terminal;
 
 /// The world is moved on at least this often, so that nothing piles up in a long silence.
 const KEEP_UP_NS: u64 = 250_000_000;
+
+/// Bytes taken of a program at once; a program that writes without end must not hold the door.
+const MOST_TAKEN: usize = 1 << 16;
 
 /// Frames an adapter holds for its line; CANable's firmware has as many.
 const ADAPTER_FRAMES: usize = 64;
@@ -158,6 +166,8 @@ impl Door {
             end,
             adapter,
             pending: Vec::new(),
+            pending_since_ns: epoch.1,
+            looked_ns: epoch.1,
             kept_up_ns: epoch.1,
             plugged,
             place: Arc::clone(&place),
@@ -263,6 +273,14 @@ impl End {
         }
     }
 
+    /// Takes what the same program has written besides, before it is served.
+    fn read_more(&mut self, bytes: &mut [u8]) -> Result<usize, Errno> {
+        match self {
+            End::Terminal(terminal) => terminal.read(true, bytes),
+            End::Tcp(tcp) => Ok(tcp.read_more(bytes)),
+        }
+    }
+
     /// What does not fit into the program's buffer is lost, as in an overrun, and so is what comes
     /// while nobody is there.
     fn write(&mut self, bytes: &[u8]) -> Result<(), Errno> {
@@ -287,6 +305,10 @@ struct Server {
     adapter: Option<Adapter>,
     /// Bytes of the program that the line did not take yet.
     pending: Vec<u8>,
+    /// When the program may have written them at the earliest.
+    pending_since_ns: u64,
+    /// When nothing more of the program was there.
+    looked_ns: u64,
     /// When the whole world was moved on last.
     kept_up_ns: u64,
     plugged: Plugged,
@@ -297,16 +319,36 @@ struct Server {
 impl Server {
     fn run(&mut self) -> Result<(), Errno> {
         let mut wake_ns = self.now_ns();
-        let mut bytes = [0_u8; 4096];
         loop {
             self.wait(wake_ns)?;
             if self.bell.stop.load(Ordering::Acquire) {
                 return Ok(());
             }
-            let count = self.end.read(self.pending.is_empty(), &mut bytes)?;
-            self.pending.extend_from_slice(&bytes[..count]);
+            self.read()?;
             wake_ns = self.turn()?;
         }
+    }
+
+    /// Takes all that the program has written.
+    fn read(&mut self) -> Result<(), Errno> {
+        let mut bytes = [0_u8; 4096];
+        let hungry = self.pending.is_empty();
+        let mut asked_ns = self.now_ns();
+        let mut count = self.end.read(hungry, &mut bytes)?;
+        if !hungry {
+            return Ok(());
+        }
+        self.pending_since_ns = self.looked_ns;
+        while count > 0 {
+            self.pending.extend_from_slice(&bytes[..count]);
+            if self.pending.len() >= MOST_TAKEN {
+                return Ok(());
+            }
+            asked_ns = self.now_ns();
+            count = self.end.read_more(&mut bytes)?;
+        }
+        self.looked_ns = asked_ns;
+        Ok(())
     }
 
     /// World time that real time has reached.
@@ -352,7 +394,9 @@ impl Server {
         if let Some(adapter) = &mut self.adapter {
             let pending = std::mem::take(&mut self.pending);
             let line = self.line;
-            let said = adapter.hear(&pending, |frame| world.can_send(line, frame).is_ok());
+            let since_ns = self.pending_since_ns;
+            let said = adapter
+                .hear(&pending, |frame| world.can_send_noticed(line, frame, since_ns).is_ok());
             if !said.is_empty() {
                 self.end.write(&said)?;
             }
@@ -360,7 +404,8 @@ impl Server {
                 self.end.write(&adapter.tell(&heard, now_ns))?;
             }
         } else if !self.pending.is_empty() {
-            let taken = world.transmit(self.line, &self.pending, baud_bps);
+            let since_ns = self.pending_since_ns;
+            let taken = world.transmit_noticed(self.line, &self.pending, baud_bps, since_ns);
             self.pending.drain(..taken);
         }
         if let End::Terminal(terminal) = &mut self.end {

@@ -44,7 +44,7 @@ pub use door::{Door, DoorError, LiveCan};
 pub use fault::{Damage, Fault, Struck};
 pub use referee::{Rule, Verdict, Violation};
 pub use script::{Script, ScriptError};
-pub use world::{BadChecksum, MissingInChain, Options, World, ZeroSpeed};
+pub use world::{BadChecksum, MissingInChain, Options, TorqueSwitch, World, ZeroSpeed};
 
 /// Why a world cannot be built.
 #[derive(Debug, thiserror::Error)]

@@ -13,11 +13,11 @@ use crate::exchange::{Answer, Exchange, Order, Scan};
 use crate::family::Family;
 use crate::fault::plan::{Place, Plan};
 use crate::fault::{Arrival, Damage, damage_at_host, damage_at_sender};
-use crate::referee::Referee;
+use crate::referee::{Referee, When};
 use crate::servo::Servo;
 use crate::world::{BadChecksum, MissingInChain};
 use gaitway_profiles::Role;
-use inbox::{Inbox, Reception};
+use inbox::{Inbox, Reception, Told};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use std::collections::VecDeque;
@@ -74,6 +74,17 @@ struct Chunk {
     span: Span,
     bytes: Vec<u8>,
     baud_bps: u32,
+    /// When the host may have begun to send them at the earliest.
+    earliest_ns: u64,
+}
+
+impl Chunk {
+    /// When something of it that ended at `end_ns` did. (What an earlier chunk at another speed
+    /// left unfinished may seem to end before this one began.)
+    fn when(&self, end_ns: u64) -> When {
+        let earliest_ns = self.earliest_ns + end_ns.saturating_sub(self.span.start_ns);
+        When { earliest_ns: earliest_ns.min(end_ns), latest_ns: end_ns }
+    }
 }
 
 /// Whether and where a line's adapter is plugged in.
@@ -149,11 +160,11 @@ impl Line {
         }
     }
 
-    /// The host starts to send, after what it is sending already. Returns how many bytes the line
-    /// takes; fewer than there are if it is blocked.
+    /// The host starts to send, after what it is sending already; it may have done so since
+    /// `earliest_ns`. Returns how many bytes the line takes; fewer than there are if it is blocked.
     pub fn transmit(
         &mut self,
-        now_ns: u64,
+        (earliest_ns, now_ns): (u64, u64),
         bytes: &[u8],
         baud_bps: u32,
         shared: &mut Shared,
@@ -172,13 +183,21 @@ impl Line {
             }
         };
         if count > 0 {
-            self.send_from_host(now_ns, &bytes[..count], baud_bps, shared);
+            self.send_from_host((earliest_ns, now_ns), &bytes[..count], baud_bps, shared);
         }
         count
     }
 
-    fn send_from_host(&mut self, now_ns: u64, bytes: &[u8], baud_bps: u32, shared: &mut Shared) {
+    fn send_from_host(
+        &mut self,
+        (earliest_ns, now_ns): (u64, u64),
+        bytes: &[u8],
+        baud_bps: u32,
+        shared: &mut Shared,
+    ) {
         let start_ns = now_ns.max(self.host_free_ns);
+        // A line that is not free makes the bytes wait, whenever they came.
+        let earliest_ns = if earliest_ns < now_ns { earliest_ns } else { start_ns };
         let end_ns = start_ns + shared.wire_ns(bytes.len(), baud_bps);
         let span = Span { start_ns, end_ns };
         self.host_free_ns = end_ns;
@@ -194,10 +213,10 @@ impl Line {
         if shared.echo {
             let ready_ns = end_ns + self.latency_ns;
             let bytes = bytes.clone();
-            let from_servo = false;
-            self.inbox.receive(Reception { span, ready_ns, bytes, baud_bps, from_servo });
+            let (from_servo, told) = (false, None);
+            self.inbox.receive(Reception { span, ready_ns, bytes, baud_bps, from_servo, told });
         }
-        self.sending.push_back(Chunk { span, bytes, baud_bps });
+        self.sending.push_back(Chunk { span, bytes, baud_bps, earliest_ns });
     }
 
     /// The adapter hands over later from now on, or as the world's options say again.
@@ -261,9 +280,9 @@ impl Line {
             // What two families understand was said once.
             if heard.end > last_end {
                 last_end = heard.end;
-                shared.referee.instruction();
+                shared.referee.instruction(self.index, chunk.when(end_ns));
             }
-            self.carry_out(&heard, &packet, end_ns, chunk.baud_bps, shared);
+            self.carry_out(&heard, &packet, chunk.when(end_ns), chunk.baud_bps, shared);
             if rest > 0 {
                 self.judge_turn(end_ns, shared);
             }
@@ -316,10 +335,11 @@ impl Line {
         &mut self,
         heard: &Heard,
         packet: &[u8],
-        end_ns: u64,
+        when: When,
         baud_bps: u32,
         shared: &mut Shared,
     ) {
+        let end_ns = when.latest_ns;
         for index in 0..self.servos.len() {
             if let Some(mate) = self.servos[index].mate {
                 self.servos[index].mate_torque = self.servos[mate].torque_on();
@@ -339,7 +359,7 @@ impl Line {
         self.share_cases();
         self.instruction.clear();
         self.instruction.extend_from_slice(packet);
-        self.report(end_ns, &mut shared.referee);
+        self.report(when, &mut shared.referee);
         self.say(exchange, end_ns, baud_bps, shared);
     }
 
@@ -357,11 +377,11 @@ impl Line {
     }
 
     /// Hands what happened in the servos to the referee.
-    pub fn report(&mut self, at_ns: u64, referee: &mut Referee) {
+    pub fn report(&mut self, when: When, referee: &mut Referee) {
         for servo in &mut self.servos {
             for event in servo.events.drain(..) {
                 if let Some(joint) = servo.joint {
-                    referee.event(joint, at_ns, event);
+                    referee.event(joint, when, event);
                 }
             }
         }
@@ -370,6 +390,8 @@ impl Line {
     /// Gives the answers their times and sends them to the host.
     fn say(&mut self, mut exchange: Exchange, at_ns: u64, baud_bps: u32, shared: &mut Shared) {
         let damages = self.draw_damages(&mut exchange, at_ns, shared);
+        // Who finds one status damaged may not make out those behind it.
+        let sound = damages.iter().all(Vec::is_empty);
         let order = exchange.order;
         let mut clock = ReplyClock::new(order, at_ns);
         let mut expected = ReplyClock::new(order, at_ns);
@@ -396,9 +418,19 @@ impl Line {
             self.servos[servo].statuses += 1;
             shared.referee.status(self.index, span.start_ns, span.end_ns);
             let damages = damages.get(k).map_or(&[][..], Vec::as_slice);
-            self.send(answer.bytes.clone(), span, baud_bps, damages, shared);
+            let told = self.told_by(servo, at_ns, &mut shared.referee).filter(|_| sound);
+            self.send(answer.bytes.clone(), (span, told), baud_bps, damages, shared);
         }
+        self.servos.iter_mut().for_each(|servo| servo.told = None);
         self.window_end_ns = self.window_end_ns.max(expected.end_ns);
+    }
+
+    /// The position that a servo tells in the answer it gives now.
+    fn told_by(&mut self, servo: usize, at_ns: u64, referee: &mut Referee) -> Option<Told> {
+        let servo = &mut self.servos[servo];
+        let (raw, joint) = (servo.told.take()?, servo.joint?);
+        referee.measured(joint, at_ns, raw);
+        Some(Told { joint, measured_ns: at_ns })
     }
 
     /// What befalls each answer; what the servos do wrong themselves is done here.
@@ -437,7 +469,7 @@ impl Line {
     fn send(
         &mut self,
         bytes: Vec<u8>,
-        span: Span,
+        (span, told): (Span, Option<Told>),
         baud_bps: u32,
         damages: &[Damage],
         shared: &mut Shared,
@@ -448,13 +480,14 @@ impl Line {
         }
         let ready_ns = span.end_ns + self.latency_ns + arrival.late_ns;
         let mut reception =
-            Reception { span, ready_ns, bytes: arrival.bytes, baud_bps, from_servo: true };
+            Reception { span, ready_ns, bytes: arrival.bytes, baud_bps, from_servo: true, told };
         for chunk in &mut self.sending {
             collide(chunk.span, &mut chunk.bytes, &mut reception, &mut shared.rng);
         }
         for other in self.inbox.coming.iter_mut().filter(|other| other.from_servo) {
             if other.span.start_ns == span.start_ns && other.span.overlaps(span) {
                 join_equal_starts(&mut other.bytes, &mut reception.bytes);
+                (other.told, reception.told) = (None, None);
             } else {
                 collide(other.span, &mut other.bytes, &mut reception, &mut shared.rng);
             }
@@ -475,8 +508,8 @@ impl Line {
     }
 
     /// Takes readable bytes.
-    pub fn take(&mut self, buf: &mut [u8]) -> usize {
-        self.inbox.take(buf)
+    pub fn take(&mut self, buf: &mut [u8], now_ns: u64, referee: &mut Referee) -> usize {
+        self.inbox.take(buf, |told| referee.had(told.joint, told.measured_ns, now_ns))
     }
 
     pub fn discard_ready(&mut self) {
@@ -522,6 +555,7 @@ fn spoil(span: Span, bytes: &mut [u8], coming: &mut VecDeque<Reception>, rng: &m
 
 fn collide(span: Span, bytes: &mut [u8], reception: &mut Reception, rng: &mut ChaCha8Rng) {
     if span.overlaps(reception.span) {
+        reception.told = None;
         garble(span, bytes, reception.span, rng);
         garble(reception.span, &mut reception.bytes, span, rng);
     }

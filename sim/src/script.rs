@@ -6,7 +6,7 @@ mod keys;
 use crate::adapter::Usb;
 use crate::can::{CanFrame, Trouble};
 use crate::fault::{Damage, Fault};
-use crate::world::{BadChecksum, MissingInChain, Options, ZeroSpeed};
+use crate::world::{BadChecksum, MissingInChain, Options, TorqueSwitch, ZeroSpeed};
 use keys::{Keys, line_of};
 use serde::Deserialize;
 use std::path::PathBuf;
@@ -53,6 +53,8 @@ pub struct Script {
     pub bad_checksum: Option<BadChecksum>,
     /// What it says of [`Options::zero_speed`].
     pub zero_speed: Option<ZeroSpeed>,
+    /// What it says of [`Options::torque_switch`].
+    pub torque_switch: Option<TorqueSwitch>,
 }
 
 /// What is wrong with a script.
@@ -89,7 +91,7 @@ impl Script {
                 allowed: format!("at most {LONGEST} bytes"),
             });
         }
-        let file: File = toml::from_str(text).map_err(|e| ScriptError {
+        let file: File = gaitway_profiles::from_toml(text).map_err(|e| ScriptError {
             at: e.span().map_or("script".to_string(), |span| line_of(text, span.start)),
             got: e.message().to_string(),
             allowed: "TOML with [[fault]] tables, and perhaps a seed and [behaviour]".to_string(),
@@ -114,6 +116,7 @@ impl Script {
             missing_in_chain: self.missing_in_chain.unwrap_or(options.missing_in_chain),
             bad_checksum: self.bad_checksum.unwrap_or(options.bad_checksum),
             zero_speed: self.zero_speed.unwrap_or(options.zero_speed),
+            torque_switch: self.torque_switch.unwrap_or(options.torque_switch),
             ..options
         }
     }
@@ -125,6 +128,12 @@ impl Script {
         self.bad_checksum = keys.choice("bad_checksum", checksum)?;
         let zero = [("no-limit", ZeroSpeed::NoLimit), ("as-phase-says", ZeroSpeed::AsPhaseSays)];
         self.zero_speed = keys.choice("zero_speed", zero)?;
+        let torque = [
+            ("waits-for-register", TorqueSwitch::WaitsForRegister),
+            ("comes-with-goal", TorqueSwitch::ComesWithGoal),
+            ("on-at-power-up", TorqueSwitch::OnAtPowerUp),
+        ];
+        self.torque_switch = keys.choice("torque_switch", torque)?;
         keys.finish()
     }
 }
@@ -172,7 +181,7 @@ fn read_damage(kind: &str, keys: &mut Keys) -> Result<Vec<Fault>, ScriptError> {
     }
     let of = match keys.servo()? {
         Some(joint) => Some(joint),
-        None => keys.text("line")?.map(|line| format!("{line}/*")),
+        None => keys.name("line")?.map(|line| format!("{line}/*")),
     };
     let (from_ns, until_ns) = keys.span()?;
     Ok(vec![Fault::Statuses { of, from_ns, until_ns, probability: 1.0, damage }])
@@ -247,7 +256,7 @@ fn read_line_fault(kind: &str, keys: &mut Keys) -> Result<Fault, ScriptError> {
         let (from_ns, until_ns) = keys.span()?;
         return Ok(Fault::Brownout { from_ns, until_ns });
     }
-    let line = keys.text("line")?;
+    let line = keys.name("line")?;
     Ok(match kind {
         "slow-line" => {
             let (from_ns, until_ns) = keys.span()?;

@@ -16,7 +16,7 @@ mod protection;
 
 use crate::motor::{Advance, Motor};
 use crate::table::{Item, Model};
-use crate::world::ZeroSpeed;
+use crate::world::{TorqueSwitch, ZeroSpeed};
 use gaitway_profiles::{Encoding, Protocol, Region, Role};
 use std::ops::Range;
 use std::sync::Arc;
@@ -53,16 +53,23 @@ impl Refusal {
 /// What happened inside a servo that the referee judges.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Event {
-    /// A goal position was written, or refused.
+    /// A goal position was written, or refused. The shaft is that far from it by its encoder, and
+    /// turns that fast.
     Goal {
         raw: i64,
         accepted: bool,
+        off_rad: f64,
+        speed_rad_s: f64,
     },
-    /// Torque came on with this much between goal and present position.
+    /// Torque came on with this much between goal and present position, counts both.
     TorqueOn {
+        goal: i64,
+        present: i64,
         error_rad: f64,
     },
     TorqueOff,
+    /// The host has been silent for so long that the device gives up its goal.
+    HostSilent,
     /// A write to this EEPROM address was tried.
     Eeprom {
         address: u16,
@@ -87,6 +94,8 @@ pub(crate) struct Servo {
     pub hears: bool,
     /// Statuses it has given so far.
     pub statuses: u64,
+    /// The position it has told in the answer it is giving, counts.
+    pub told: Option<i64>,
     pub events: Vec<Event>,
     /// Index on the line of the other axis in the same case.
     pub mate: Option<usize>,
@@ -97,6 +106,9 @@ pub(crate) struct Servo {
     /// The instruction carried out is for its group.
     grouped: bool,
     pub zero_speed: ZeroSpeed,
+    torque_switch: TorqueSwitch,
+    /// When torque comes on by itself: the servo has started by then.
+    torque_due_ns: Option<u64>,
     table: Vec<u8>,
     /// EEPROM as it will be after the next power-up.
     persistent: Vec<u8>,
@@ -132,12 +144,15 @@ impl Servo {
             frozen: None,
             hears: false,
             statuses: 0,
+            told: None,
             events: Vec::new(),
             mate: None,
             mate_torque: false,
             case_changed: false,
             grouped: false,
             zero_speed: ZeroSpeed::NoLimit,
+            torque_switch: TorqueSwitch::WaitsForRegister,
+            torque_due_ns: None,
             table: vec![0; model.length],
             persistent: vec![0; model.length],
             registered: None,
@@ -195,7 +210,8 @@ impl Servo {
                 Region::Ram => item.encode(item.initial, &mut self.table[range]),
             }
         }
-        // A factory value of 1 would be a fault of the profile; torque never comes on by itself.
+        // A factory value of 1 would be a fault of the profile; what brings torque on by itself
+        // does so once the servo has started.
         self.put(Role::TorqueEnable, 0);
         self.errors = 0;
         self.watchdog_latched = false;
@@ -208,6 +224,27 @@ impl Servo {
         self.booted_ns = self.asleep_until_ns.saturating_sub(BOOT_NS);
         self.boot();
         self.start_up();
+        self.set_torque_switch(self.torque_switch);
+    }
+
+    /// What switches its torque on from now on, if it is a FEETECH; it has just been powered up.
+    pub fn set_torque_switch(&mut self, torque_switch: TorqueSwitch) {
+        self.torque_switch = torque_switch;
+        let feetech = matches!(self.model.protocol, Protocol::FeetechSts | Protocol::FeetechScs);
+        let by_itself = feetech && torque_switch == TorqueSwitch::OnAtPowerUp;
+        self.torque_due_ns = by_itself.then_some(self.asleep_until_ns);
+        self.advance(self.motor.now_ns());
+    }
+
+    /// Torque comes on by itself, where the shaft stands.
+    fn wake_with_torque(&mut self, due_ns: u64) {
+        self.turn_until(due_ns);
+        self.torque_due_ns = None;
+        self.put_held(Role::GoalPosition, self.present_position());
+        if !self.is_shut_down() {
+            self.put(Role::TorqueEnable, 1);
+            self.follow_torque();
+        }
     }
 
     /// EEPROM as it left the factory, but for what `keep` names, then a restart. As one of a group
@@ -250,6 +287,9 @@ impl Servo {
     }
 
     pub fn advance(&mut self, now_ns: u64) {
+        if let Some(due_ns) = self.torque_due_ns.filter(|&due_ns| due_ns <= now_ns) {
+            self.wake_with_torque(due_ns);
+        }
         if let Some(span_ns) = self.watchdog_ns() {
             let deadline_ns = self.heard_ns + span_ns;
             if self.torque_on() && now_ns > deadline_ns {
@@ -435,6 +475,11 @@ impl Servo {
     /// The encoder's reading jumps.
     pub fn jump(&mut self, counts: i64) {
         self.reading_offset += counts;
+    }
+
+    /// By how many counts its reading has jumped so far, less whole turns cleared.
+    pub fn reading_offset(&self) -> i64 {
+        self.reading_offset
     }
 
     /// Clear (multi-turn): the reading becomes that within one turn.

@@ -3,14 +3,14 @@
 mod can;
 mod options;
 
-pub use options::{BadChecksum, MissingInChain, Options, ZeroSpeed};
+pub use options::{BadChecksum, MissingInChain, Options, TorqueSwitch, ZeroSpeed};
 
 use crate::SimError;
 use crate::can::CanLine;
 use crate::fault::plan::{Names, Place, Plan, Strike};
 use crate::fault::{Fault, Struck};
 use crate::line::{Line, Plugged, Shared};
-use crate::referee::{Referee, Verdict};
+use crate::referee::{Referee, Verdict, When};
 use crate::servo::Servo;
 use crate::table::Model;
 use gaitway_profiles::{Joint, Robot, Role, Servo as Profile};
@@ -113,6 +113,7 @@ impl World {
         }
         for servo in world.lines.iter_mut().flat_map(|line| &mut line.servos) {
             servo.zero_speed = options.zero_speed;
+            servo.set_torque_switch(options.torque_switch);
         }
         world.join_cases(robot);
         world.plan(robot, &options.faults)?;
@@ -207,7 +208,7 @@ impl World {
         let ratio = f64::from(joint.direction) * joint.gear;
         servo.place((joint.initial_rad + joint.offset_rad) / ratio);
         servo.mark_start();
-        self.shared.referee.add(joint, profile);
+        self.shared.referee.add(joint, line, profile);
         self.joints.push(Placed {
             place: Place { line, servo: self.lines[line].servos.len() },
             initial_rad: joint.initial_rad,
@@ -296,11 +297,11 @@ impl World {
                 let servo = self.at(servo);
                 servo.frozen = frozen.then(|| servo.present_position());
             }
-            Strike::Jump { servo, counts } => self.at(servo).jump(counts),
-            Strike::Register { servo, register, raw } => {
-                // That there is one was seen before the start.
-                let _ = self.at(servo).force(&register, raw);
-            }
+            Strike::Jump { servo, counts } => self.displace(servo, |servo| servo.jump(counts)),
+            // That there is such a register was seen before the start.
+            Strike::Register { servo, register, raw } => self.displace(servo, |servo| {
+                let _ = servo.force(&register, raw);
+            }),
             Strike::Twin { servo, turn_rad } => self.duplicate_at(servo, turn_rad),
             Strike::Slow { line, latency_ns, usb } => self.lines[line].slow_down(latency_ns, usb),
             Strike::AtSpeed { line } => {
@@ -313,8 +314,23 @@ impl World {
             Strike::Trouble { .. } | Strike::BusOff { .. } | Strike::Babble { .. } => {}
         }
         for line in &mut self.lines {
-            line.report(now_ns, &mut self.shared.referee);
+            line.report(When::at(now_ns), &mut self.shared.referee);
         }
+    }
+
+    /// Does something to a servo that may move its shaft, or what its encoder makes of it. (An
+    /// encoder that jumps by a whole turn may read the same, and the servo goes after it.)
+    fn displace<T>(&mut self, place: Place, change: impl FnOnce(&mut Servo) -> T) -> T {
+        let servo = self.at(place);
+        let place_of = |servo: &Servo| (servo.present_position(), servo.reading_offset());
+        let before = place_of(servo);
+        let done = change(servo);
+        let moved = place_of(servo) != before;
+        let (before, _) = before;
+        if let Some(joint) = servo.joint.filter(|_| moved) {
+            self.shared.referee.displaced(joint, before);
+        }
+        done
     }
 
     /// A servo, moved on to now.
@@ -328,9 +344,20 @@ impl World {
     /// many bytes the line takes. That is all of them, unless it is blocked; bytes for a line that
     /// does not exist or has hung up are lost.
     pub fn transmit(&mut self, line: usize, bytes: &[u8], baud_bps: u32) -> usize {
-        let now_ns = self.now_ns;
+        self.transmit_noticed(line, bytes, baud_bps, self.now_ns)
+    }
+
+    /// As [`World::transmit`], of bytes that may have been there since `earliest_ns`.
+    pub(crate) fn transmit_noticed(
+        &mut self,
+        line: usize,
+        bytes: &[u8],
+        baud_bps: u32,
+        earliest_ns: u64,
+    ) -> usize {
+        let times_ns = (earliest_ns.min(self.now_ns), self.now_ns);
         match self.lines.get_mut(line) {
-            Some(line) => line.transmit(now_ns, bytes, baud_bps, &mut self.shared),
+            Some(line) => line.transmit(times_ns, bytes, baud_bps, &mut self.shared),
             None => bytes.len(),
         }
     }
@@ -360,7 +387,7 @@ impl World {
         }
         loop {
             if self.lines[line].collect(self.now_ns, &mut self.shared.rng) > 0 {
-                return self.lines[line].take(buf);
+                return self.lines[line].take(buf, self.now_ns, &mut self.shared.referee);
             }
             if !self.lines[line].plugged.now {
                 return 0;
@@ -405,14 +432,13 @@ impl World {
         let now_ns = self.now_ns;
         for line in &mut self.lines {
             line.servos.iter_mut().for_each(|servo| servo.advance(now_ns));
-            line.report(now_ns, &mut self.shared.referee);
+            line.report(When::at(now_ns), &mut self.shared.referee);
         }
     }
 
     /// Real time and world time run together from the first call on.
     pub(crate) fn epoch(&mut self) -> (Instant, u64) {
         self.shared.real_time = true;
-        self.shared.referee.judge_in_real_time();
         *self.epoch.get_or_insert((Instant::now(), self.now_ns))
     }
 
@@ -464,14 +490,16 @@ impl World {
     /// Turns a joint's shaft by hand, rad. Returns false if there is no such joint.
     pub fn place_joint(&mut self, joint: &str, position_rad: f64) -> bool {
         let Some(&index) = self.by_name.get(joint) else { return false };
-        let Placed { initial_rad, offset_rad, ratio, .. } = self.joints[index];
+        let Placed { place, initial_rad, offset_rad, ratio } = self.joints[index];
         if let Some(actuator) = self.actuator_mut(joint) {
+            let before = (actuator.position_rad() * 1e6).round() as i64;
             actuator.place((position_rad + offset_rad) / ratio);
+            self.shared.referee.displaced(index, before);
             return true;
         }
-        let Some(servo) = self.current(joint) else { return false };
-        let turn = (position_rad - initial_rad) / ratio - servo.turned_rad();
-        servo.turn_by(turn);
+        self.displace(place, |servo| {
+            servo.turn_by((position_rad - initial_rad) / ratio - servo.turned_rad());
+        });
         true
     }
 
@@ -493,7 +521,9 @@ impl World {
     /// temperature set what they measure. Returns false if there is no such joint or register, or
     /// the value does not fit.
     pub fn set_register(&mut self, joint: &str, register: &str, raw: i64) -> bool {
-        self.current(joint).is_some_and(|servo| servo.force(register, raw))
+        let Some(&index) = self.by_name.get(joint) else { return false };
+        self.servo(index).is_some()
+            && self.displace(self.joints[index].place, |servo| servo.force(register, raw))
     }
 
     /// Unplugs a joint's servo or actuator. Returns false if there is no such joint.

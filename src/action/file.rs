@@ -5,6 +5,7 @@ use crate::action::{Action, Ends, Group, Kind, Phase, Track, Turn, vocabulary};
 use crate::actionlet::{Sampled, Shape};
 use crate::body::{Dof, JointAngles};
 use crate::error::Error;
+use crate::toml_text::from_toml;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::io::Read;
@@ -15,7 +16,7 @@ use toml::Spanned;
 /// Version of the format.
 pub const SCHEMA: u32 = 1;
 /// Most bytes of an action file.
-pub const MAX_BYTES: usize = 16 << 20;
+pub const MAX_BYTES: usize = 1 << 20;
 /// Longest action or period, s.
 pub const MAX_DURATION_S: f64 = 86_400.0;
 /// Captured angles may leave anatomical ranges, by skin, markers and odd skeletons, and turn round
@@ -130,7 +131,7 @@ pub fn parse(text: &str, place: &str, library: Library<'_>) -> Result<Action, Er
             .got(format!("{} bytes", text.len()))
             .allowed(format!("{MAX_BYTES}")));
     }
-    let raw: RawAction = toml::from_str(text).map_err(|error| {
+    let raw: RawAction = from_toml(text).map_err(|error| {
         let line = error.span().map_or(0, |span| line_of(text, span.start));
         Error::new("not an action file")
             .at(format!("{place} line {line}"))

@@ -8,6 +8,7 @@ use super::{Deed, Outcome, Output, Remarks, limp, source};
 use crate::calibration::{Calibration, JointCalibration, usual_path};
 use crate::control::{Stop, StopCode, StopReason, arm, inject};
 use crate::device::actuator::Wanted;
+use crate::draft::Draft;
 use crate::error::Error;
 use crate::robot::preflight::{PATIENT_RETRIES, budget, exchange_error};
 use crate::robot::{Link, Robot};
@@ -423,13 +424,7 @@ fn save(path: &Path, calibration: &Calibration) -> Result<(), Error> {
         std::fs::create_dir_all(folder).map_err(failed)?;
     }
     // Whole or not at all, whatever happens in between.
-    let mut beside = path.as_os_str().to_owned();
-    beside.push(".new");
-    let written = std::fs::write(&beside, calibration.text());
-    written.and_then(|()| std::fs::rename(&beside, path)).map_err(|cause| {
-        let _ = std::fs::remove_file(&beside);
-        failed(cause)
-    })
+    Draft::write_whole(path, true, calibration.text().as_bytes()).map_err(failed)
 }
 
 /// Puts the finished calibration in its place; how to undo that.

@@ -395,27 +395,27 @@ fn port_at(place: &Place, baud_bps: u32) -> Result<(Box<dyn BytePort>, Duration)
 }
 
 impl OpenLine {
-    /// The same line at another speed.
+    /// Speaks at another speed from now on.
     ///
     /// # Errors
-    /// A port that does not know the speed or cannot be opened again; a line behind TCP, whose
-    /// speed the other end decides.
-    pub fn at_speed(self, baud_bps: u32) -> Result<Self, Error> {
-        let Self { bus, place, .. } = self;
-        // A port is held by one: it must be closed before it is opened again.
-        drop(bus);
-        if let Place::Wire(BusKind::Tcp { place, .. }, _) = &place {
+    /// A line behind TCP, whose speed the other end decides. A port that does not know the speed or
+    /// cannot be opened again: the line is closed then, until it is given another speed.
+    pub fn set_speed(&mut self, baud_bps: u32) -> Result<(), Error> {
+        if let Place::Wire(BusKind::Tcp { place, .. }, _) = &self.place {
             return Err(Error::new("the other end of a TCP connection decides the line speed")
                 .at(format!("tcp:{place}"))
                 .remedy("do this at the machine that has the serial port"));
         }
-        open_at(place, baud_bps)
+        let Self { bus, place, .. } = self;
+        bus.reopen(baud_bps, || port_at(place, baud_bps).map(|(port, _)| port))?;
+        self.baud_bps = baud_bps;
+        Ok(())
     }
 
     /// The same line as the only one of `robot`, to be moved.
     ///
     /// # Errors
-    /// As [`OpenLine::at_speed`].
+    /// A port that cannot be opened again.
     pub fn into_link(self, robot: Robot) -> Result<Connection, Error> {
         let Self { bus, clock, baud_bps, world, place } = self;
         drop(bus);

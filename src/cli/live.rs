@@ -33,7 +33,8 @@ pub use report::{BodyReport, LiveJoint, LiveReport, MountReport};
 #[command(after_help = "\
 SOURCE is one of:
   SEGMENT=imu:PROFILE@serial:/dev/ttyUSB0   a sensor on a segment of the body; as many as are worn
-  imu:slimevr@udp:6969                      SlimeVR trackers; --wear says which is where
+  imu:slimevr@udp:0.0.0.0:6969              SlimeVR trackers of the network; --wear says which is
+                                            where, and only those are heard
   replay:FILE.mcap                          sensors that were recorded, as if they spoke now
   file:MOTION                               a capture (.bvh) or actions, as if somebody did them now
 SEGMENT: pelvis, torso, head, left_upper_arm, left_forearm, left_thigh, left_shank, left_foot, and

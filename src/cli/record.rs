@@ -33,7 +33,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 SOURCE is [NAME=]KIND@BUS:
   imu:PROFILE@serial:/dev/ttyUSB0    an inertial sensor; `gaitway profile list` names profiles
   imu:my-sensor.toml@/dev/ttyACM0    the same with a profile of your own
-  imu:slimevr@udp:6969               every SlimeVR tracker that looks for a server
+  imu:slimevr@udp:0.0.0.0:6969       every SlimeVR tracker that looks for a server (without an
+                                     address: of this machine alone)
   lines@/dev/ttyACM0?baud=115200     lines of text, kept as they are
   servos:ROBOT@serial:/dev/ttyUSB1   joint angles of a robot, read only
 
@@ -140,7 +141,7 @@ pub fn run(args: &RecordArgs, remarks: Remarks) -> Result<i32, Error> {
                     return Err(Error::new("one robot at a time").at(source.text.clone()));
                 }
             }
-            _ => opened.push(source.open()?),
+            _ => opened.push(source.open(&[])?),
         }
     }
     let start = RunStart {

@@ -138,16 +138,15 @@ pub fn run(args: &ScanArgs, remarks: Remarks) -> Result<i32, Error> {
             bar.set_message(format!("{bps} bit/s"));
         }
         if bps != line.baud_bps {
-            line = match line.at_speed(bps) {
-                Ok(line) => line,
+            match line.set_speed(bps) {
+                Ok(()) => {}
                 // Adapters differ in the speeds they know; the others are still scanned.
                 Err(_) if speeds.len() > 1 && !matches!(args.bus.bus, BusKind::Tcp { .. }) => {
                     report.unusable_baud_bps.push(bps);
-                    line = open_bus(&args.bus, args.robot.as_deref(), 0)?;
                     continue;
                 }
                 Err(error) => return Err(error),
-            };
+            }
         }
         at_speed(&mut line, &protocols, &mut report)?;
         report.scanned_baud_bps.push(bps);

@@ -10,6 +10,8 @@ use clap::{Args, Subcommand};
 mod actuator;
 mod device;
 mod identity;
+#[cfg(test)]
+mod lock_tests;
 mod registers;
 mod reset;
 mod travel;

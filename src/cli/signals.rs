@@ -1,5 +1,6 @@
 //! Ctrl-C and termination as a flag that the loop looks at. A second signal changes nothing.
 
+use crate::error::Error;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicI32, Ordering};
 use tokio::signal::unix::{SignalKind, signal};
@@ -49,6 +50,15 @@ impl Signals {
             });
         })?;
         Ok(signals)
+    }
+
+    /// As [`Signals::listen`], for a command that is over soon and must not be cut off in the middle:
+    /// a wish to stop changes nothing.
+    ///
+    /// # Errors
+    /// If the system does not let the process listen.
+    pub fn defer() -> Result<(), Error> {
+        Self::listen().map(drop).map_err(|e| Error::new(format!("no signals: {e}")))
     }
 
     /// The number of the first signal that came.

@@ -9,7 +9,7 @@ use crate::error::Error;
 use crate::port::can_bridge::CanBridge;
 use clap::Args;
 use gaitway_profiles::Robot;
-use gaitway_sim::{Door, Options, Script, ScriptError, SimError, World};
+use gaitway_sim::{Door, Options, Rule, Script, ScriptError, SimError, Verdict, World};
 use std::collections::BTreeMap;
 use std::net::{Ipv4Addr, SocketAddr};
 use std::path::{Path, PathBuf};
@@ -65,6 +65,9 @@ pub struct SimulateArgs {
     /// Let clients write EEPROM registers without being reported
     #[arg(long)]
     permit_eeprom: bool,
+    /// Do not say at the end what the referee saw
+    #[arg(long)]
+    no_referee: bool,
 }
 
 /// What else than a robot can be simulated.
@@ -112,19 +115,34 @@ pub fn run(args: &SimulateArgs, remarks: Remarks) -> Result<i32, Error> {
     drop(doors);
     tell_struck(&world, remarks);
     let world = world.lock().unwrap_or_else(PoisonError::into_inner);
-    let verdict = world.verdict();
-    // A foreign client owes the referee nothing: what it saw is said, and is no failure.
-    for violation in verdict.violations.iter().take(MOST_SHOWN) {
-        remarks.say(&format!("referee: {violation}"));
-    }
     if world.struck_count() > 0 {
         remarks.say(&format!("faults: {} struck", world.struck_count()));
     }
-    remarks.say(&match verdict.violation_count {
-        0 => format!("referee: no rule broken; {} goals written", verdict.goals),
-        n => format!("referee: {n} rules broken in all; {} goals written", verdict.goals),
-    });
+    if !args.no_referee {
+        tell_verdict(&world.verdict(), remarks);
+    }
     Ok(0)
+}
+
+/// What the referee saw. A foreign client owes it nothing: this is said, and is no failure.
+fn tell_verdict(verdict: &Verdict, remarks: Remarks) {
+    for violation in verdict.violations.iter().take(MOST_SHOWN) {
+        remarks.say(&match violation.rule.of_a_careful_host() {
+            Some(habit) => format!("a careful host {habit}: {violation}"),
+            None => format!("referee: {violation}"),
+        });
+    }
+    let careless = Rule::ALL.iter().filter(|rule| rule.of_a_careful_host().is_some());
+    let careless: u64 = careless.map(|&rule| verdict.count(rule)).sum();
+    let rules = match (verdict.violation_count - careless, careless) {
+        (0, 0) => "no rule broken".to_owned(),
+        (0, careless) => format!("{careless} times not as a careful host does it"),
+        (broken, 0) => format!("{broken} rules broken"),
+        (broken, careless) => {
+            format!("{broken} rules broken, {careless} times not as a careful host does it")
+        }
+    };
+    remarks.say(&format!("referee: {rules}; {} goals written", verdict.goals));
 }
 
 /// Why a robot file and a fault script make no world.

@@ -1,6 +1,6 @@
 //! From a motion as typed to a path over the robot's joints.
 
-mod joints;
+pub mod joints;
 
 use super::report::Source;
 use crate::action::{Join, phrase, vocabulary};

@@ -17,6 +17,7 @@ use crate::body::Segment;
 use crate::body::worn::WornSensor;
 use crate::error::Error;
 use crate::mocap::mapping::{segment_name, segment_named};
+use crate::toml_text::from_toml;
 use glam::DVec3;
 use serde::Deserialize;
 use std::collections::BTreeMap;
@@ -92,7 +93,7 @@ impl Wear {
 
     fn read(&mut self, path: &Path) -> Result<(), Error> {
         let text = gaitway_profiles::read_text(path)?;
-        let file: WearFile = toml::from_str(&text).map_err(|cause| {
+        let file: WearFile = from_toml(&text).map_err(|cause| {
             Error::new("the file does not say what is worn")
                 .got(cause.to_string().trim_end().to_owned())
                 .allowed(

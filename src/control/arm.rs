@@ -12,6 +12,8 @@ use gaitway_profiles::Role;
 const HOLD_RAD: f64 = 0.02;
 /// How old a look at the joints may be when something is written on the strength of it.
 const FRESH: Duration = Duration::from_millis(50);
+/// Raw value of the lowest speed a servo's register holds.
+const SLOWEST: i64 = 1;
 /// Looks after which a host that stalls again and again is refused.
 const MOST_LOOKS: u32 = 8;
 
@@ -143,7 +145,7 @@ fn switch_on(
     }
     for joint in 0..link.robot().joints.len() {
         wanted()?;
-        limit_speed(link, joint)?;
+        set_speed(link, joint, None)?;
         link.break_silence(watchdog::SILENCE / 4);
         let limit = budget(link);
         link.prepare(joint, limit).map_err(|e| exchange_error(link, Some(joint), &e))?;
@@ -151,6 +153,7 @@ fn switch_on(
     // Where torque is on already, or comes with a goal, a goal moves the joint.
     look(link, command)?;
     wanted()?;
+    clear_watchdogs(link, preflight, command)?;
     inject::point("arm-goals", 0);
     let limit = budget(link);
     link.write_goals(command, limit).map_err(|e| exchange_error(link, None, &e))?;
@@ -165,6 +168,27 @@ fn switch_on(
     set_torque_on(link, looked_at, preflight.held, &wanted)?;
     // The last word before the first cycle.
     wanted()
+}
+
+/// Clears the watchdogs that have stopped a servo.
+///
+/// While a servo is stopped its goals cannot be written, and the maker does not say what it does with
+/// the old one when it is cleared (unconfirmed). So it is made as slow as it can be first, and the
+/// goal to stay where it is is the very next word.
+fn clear_watchdogs(link: &mut Link, preflight: &Preflight, command: &Command) -> Result<(), Error> {
+    for &(joint, register) in &preflight.latched {
+        set_speed(link, joint, Some(SLOWEST))?;
+        let limit = budget(link);
+        let cleared = link.write_raw(joint, register, 0, limit);
+        let limit = budget(link);
+        let told = link.write_goals(command, limit);
+        cleared.map_err(|e| exchange_error(link, Some(joint), &e))?;
+        told.map_err(|e| exchange_error(link, None, &e))?;
+        expect_raw(link, joint, register, 0)?;
+        expect_goal(link, joint, command)?;
+        set_speed(link, joint, None)?;
+    }
+    Ok(())
 }
 
 /// The goal of a servo is where it was told to stay.
@@ -245,18 +269,19 @@ fn check_where_it_was(link: &mut Link, command: &Command) -> Result<(), Error> {
     Ok(())
 }
 
-/// Tells a servo that has a speed register for position moves not to exceed the joint's limit.
-fn limit_speed(link: &mut Link, joint: usize) -> Result<(), Error> {
+/// Tells a servo that has a speed register for position moves not to exceed `raw`, or its joint's
+/// limit.
+fn set_speed(link: &mut Link, joint: usize, raw: Option<i64>) -> Result<(), Error> {
     let of = &link.robot().joints[joint];
     // A Dynamixel's Goal Velocity acts in velocity mode only; its moves obey Profile Velocity.
     let register = of.register(Role::ProfileVelocity).or_else(|| of.register(Role::GoalVelocity));
     let Some(register) = register else { return Ok(()) };
-    let raw = of
+    let highest = of
         .model()?
         .raw_from_si(register, of.servo_speed_rad_s(of.limits.velocity_rad_s()))
         .map_err(|e| Error::new(e.to_string()).at(format!("joint {}", of.name)))?;
     // Zero is no limit at all in these registers; a servo that cannot be as fast is limited enough.
-    let raw = raw.clamp(1, register.max.unwrap_or(i64::MAX).max(1));
+    let raw = raw.unwrap_or(highest).clamp(1, register.max.unwrap_or(i64::MAX).max(1));
     let limit = budget(link);
     let written = link.write_raw(joint, register, raw, limit);
     written.map_err(|e| exchange_error(link, Some(joint), &e))?;

@@ -65,6 +65,11 @@ pub enum Exception {
         /// By how much, s.
         late_s: f64,
     },
+    /// No goal was sent on a line for a while, since its servos had been silent and might be limp.
+    HeldBack {
+        /// Line name.
+        line: String,
+    },
     /// Nobody answered while the motion was run down.
     BlindRamp {
         /// For how long, s.
@@ -76,6 +81,16 @@ pub enum Exception {
     },
     /// A joint was stopped dead at a speed from which its goal could not brake in time.
     GoalHeld {
+        /// Joint name.
+        joint: String,
+    },
+    /// A joint gave no answer to the end: whether it heard its last goals is not known.
+    NoAnswer {
+        /// Joint name.
+        joint: String,
+    },
+    /// A servo heard nothing for so long that its bus watchdog stopped it: it obeyed no goal since.
+    StoppedByWatchdog {
         /// Joint name.
         joint: String,
     },
@@ -471,6 +486,9 @@ impl<'a> Player<'a> {
     /// Servos that were silent and answer again.
     fn who_was_silent(&mut self, states: &States, now: Instant) -> Vec<usize> {
         let mut doubted = self.silence.take(states);
+        if self.silence.has_recovered() {
+            self.goals_at_rest = 0;
+        }
         self.quiet_since = match self.silence.quiet_cycles() {
             0 => None,
             _ => self.quiet_since.or(Some(now)),
@@ -510,8 +528,18 @@ impl<'a> Player<'a> {
         self.owing.retain(|&joint| !self.link.is_lost(self.link.robot().joints[joint].line));
         for line in 0..self.link.robot().lines.len() {
             let joints = &self.link.robot().joints;
+            let of_line = |joint: &&crate::robot::Joint| joint.line == line;
+            // A servo that lost its power and hears again before it is asked would be woken.
+            let wakes = joints
+                .iter()
+                .filter(of_line)
+                .any(|joint| joint.model().is_ok_and(|model| model.goal_switches_torque_on()));
             let owes = self.owing.iter().any(|&joint| joints[joint].line == line);
-            self.link.hold_back(line, owes);
+            let back = owes || wakes && self.silence.is_line_quiet(line);
+            self.link.hold_back(line, back);
+            if back && !self.link.is_lost(line) {
+                self.except(Exception::HeldBack { line: self.line_name(line) });
+            }
         }
         self.owing_cycles = if self.owing.is_empty() { 0 } else { self.owing_cycles + 1 };
         if let (Some(&joint), QUIET_CYCLES..) = (self.owing.first(), self.owing_cycles) {
@@ -658,10 +686,14 @@ impl<'a> Player<'a> {
             self.request_stop(StopReason::Stalled { gap_s }, cycle);
         } else if let Some(joint) = forced {
             let joint = self.link.robot().joints[joint].name.clone();
-            let exception = Exception::GoalHeld { joint };
-            if !self.exceptions.contains(&exception) {
-                self.exceptions.push(exception);
-            }
+            self.except(Exception::GoalHeld { joint });
+        }
+    }
+
+    /// Notes an exception, once.
+    fn except(&mut self, exception: Exception) {
+        if !self.exceptions.contains(&exception) {
+            self.exceptions.push(exception);
         }
     }
 
@@ -729,8 +761,16 @@ impl<'a> Player<'a> {
             let most_s = self.longest_stop_s;
             self.exceptions.push(Exception::BlindRamp { blind_s, most_s, rested });
         }
+        for (joint, of) in self.link.robot().joints.iter().enumerate() {
+            if self.silence.is_silent(joint) && !self.link.is_lost(of.line) {
+                self.exceptions.push(Exception::NoAnswer { joint: of.name.clone() });
+            }
+        }
         let bus_load = bus_load(self.link, busy_before_s, duration_s);
         let (left, mut notes) = left::leave(self.link);
+        for joint in &left.stopped_by_watchdog {
+            self.exceptions.push(Exception::StoppedByWatchdog { joint: joint.clone() });
+        }
         notes.extend(self.exceptions.iter().filter_map(Exception::words));
         // It broke after something else had stopped it already.
         if let (Some(words), false) =
@@ -777,6 +817,13 @@ impl Exception {
             Self::Limp { joint } => {
                 Some(format!("joint {joint} had let go and was told nothing more"))
             }
+            Self::HeldBack { line } => Some(format!(
+                "no goal was sent on line {line} for a while: its servos had been silent, and a \
+                 goal might have woken one that was limp"
+            )),
+            Self::NoAnswer { joint } => Some(format!(
+                "joint {joint} gave no answer to the end: whether it heard its last goals is not known"
+            )),
             Self::SentLate { late_s } => Some(format!(
                 "goals left {:.0} ms late: the host stalled as they were sent",
                 late_s * 1e3
@@ -784,7 +831,10 @@ impl Exception {
             Self::GoalsBroke => {
                 Some("no goals could be made any more: the joints stand at the last one".to_owned())
             }
-            Self::LineLost { .. } | Self::GuardRefused | Self::Stalled { .. } => None,
+            Self::LineLost { .. }
+            | Self::GuardRefused
+            | Self::Stalled { .. }
+            | Self::StoppedByWatchdog { .. } => None,
         }
     }
 }

@@ -15,6 +15,8 @@ pub struct Left {
     pub limp: Vec<String>,
     /// They did not say.
     pub unknown: Vec<String>,
+    /// Their bus watchdog has stopped them: they obeyed no goal since.
+    pub stopped_by_watchdog: Vec<String>,
 }
 
 impl Left {
@@ -41,7 +43,8 @@ impl Left {
 pub fn leave(link: &mut Link) -> (Left, Vec<String>) {
     inject::point("leave", 0);
     let released = watchdog::release(link);
-    let left = look(link, &released);
+    let mut left = look(link, &released);
+    left.stopped_by_watchdog.clone_from(&released.bitten);
     let mut notes = released.words(link);
     notes.push(left.words());
     (left, notes)

@@ -18,6 +18,10 @@ pub struct Silence {
     doubted: Vec<bool>,
     /// Joints that are doubted because all of their line were silent.
     with_line: Vec<bool>,
+    /// Lines of which nobody answered who was asked in the last cycle.
+    quiet_lines: Vec<bool>,
+    /// Somebody answered in the last cycle who had missed the one before.
+    recovered: bool,
     /// Cycles in a row in which nobody answered who was asked.
     quiet_cycles: u32,
 }
@@ -27,7 +31,10 @@ impl Silence {
     #[must_use]
     pub fn new(line_of: Vec<usize>) -> Self {
         let joints = line_of.len();
+        let lines = line_of.iter().max().map_or(0, |&last| last + 1);
         Self {
+            quiet_lines: vec![false; lines],
+            recovered: false,
             line_of,
             missed: vec![0; joints],
             doubted: vec![false; joints],
@@ -40,9 +47,11 @@ impl Silence {
     pub fn take(&mut self, states: &States) -> Vec<usize> {
         let asked = |state: &Result<_, Miss>| !matches!(state, Err(Miss::NotAsked));
         let (mut anybody_asked, mut anybody) = (false, false);
+        self.recovered = false;
         for (joint, state) in states.iter().enumerate().filter(|(_, state)| asked(state)) {
             anybody_asked = true;
             anybody |= state.is_ok();
+            self.recovered |= state.is_ok() && self.missed[joint] > 0;
             self.missed[joint] = if state.is_ok() { 0 } else { self.missed[joint] + 1 };
             self.doubted[joint] |= self.missed[joint] > MISSES;
         }
@@ -51,11 +60,13 @@ impl Silence {
             (true, false) => self.quiet_cycles += 1,
             (false, false) => {}
         }
-        for line in 0..=self.line_of.iter().copied().max().unwrap_or(0) {
+        for line in 0..self.quiet_lines.len() {
             let on_line = |joint: &usize| self.line_of[*joint] == line;
             let mut of_line = (0..states.len()).filter(on_line).filter(|&j| asked(&states[j]));
             let first = of_line.next();
-            if first.is_some_and(|j| states[j].is_err()) && of_line.all(|j| states[j].is_err()) {
+            let Some(first) = first else { continue };
+            self.quiet_lines[line] = states[first].is_err() && of_line.all(|j| states[j].is_err());
+            if self.quiet_lines[line] {
                 for joint in (0..states.len()).filter(|&joint| self.line_of[joint] == line) {
                     (self.doubted[joint], self.with_line[joint]) = (true, true);
                 }
@@ -77,6 +88,25 @@ impl Silence {
     #[must_use]
     pub fn is_shared(&self, joint: usize) -> bool {
         self.with_line.get(joint).copied().unwrap_or(false)
+    }
+
+    /// True if nobody on this line answered who was asked last.
+    #[must_use]
+    pub fn is_line_quiet(&self, line: usize) -> bool {
+        self.quiet_lines.get(line).copied().unwrap_or(false)
+    }
+
+    /// True if somebody answered in the last cycle who had missed the one before: it may not have
+    /// heard the last goals either.
+    #[must_use]
+    pub const fn has_recovered(&self) -> bool {
+        self.recovered
+    }
+
+    /// True if the joint missed its last reading.
+    #[must_use]
+    pub fn is_silent(&self, joint: usize) -> bool {
+        self.missed.get(joint).is_some_and(|&missed| missed > 0)
     }
 
     /// Cycles in a row in which nobody answered who was asked.

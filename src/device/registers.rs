@@ -72,6 +72,14 @@ impl Model {
         self.servo
     }
 
+    /// True if a goal switches the torque of a servo on that has none. (Dynamixel 1.0: told by users
+    /// of AX and MX servos; Dynamixel 2.0 only in a drive mode that preflight refuses; FEETECH: not
+    /// confirmed by the maker, whose tables have a register for it.)
+    #[must_use]
+    pub fn goal_switches_torque_on(&self) -> bool {
+        self.protocol() == bus::Protocol::Dynamixel1
+    }
+
     /// What the bus has to speak to a servo of this model.
     #[must_use]
     pub const fn protocol(&self) -> bus::Protocol {

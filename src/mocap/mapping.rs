@@ -13,6 +13,7 @@ use crate::body::Segment;
 use crate::error::Error;
 use crate::mocap::bvh::{Bvh, Joint};
 use crate::mocap::skeleton::Point;
+use crate::toml_text::from_toml;
 use glam::DVec3;
 use serde::Deserialize;
 use std::collections::BTreeMap;
@@ -57,7 +58,7 @@ impl MappingFile {
     /// # Errors
     /// If it is not TOML, or has other keys than `[segments]`.
     pub fn parse(text: &str) -> Result<Self, Error> {
-        toml::from_str(text).map_err(|cause| {
+        from_toml(text).map_err(|cause| {
             Error::new("the mapping file cannot be read")
                 .got(cause.to_string().trim_end().to_owned())
                 .allowed("[segments] with lines such as left_upper_arm = \"LeftArm\"")

@@ -10,6 +10,7 @@ use gaitway_sim::{LiveCan, World};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
+use std::time::Instant;
 
 /// How long the bridge may not notice that it is to end.
 const LOOK: Duration = Duration::from_millis(20);
@@ -70,6 +71,8 @@ impl Drop for CanBridge {
 }
 
 fn carry(mut port: CanInterface, live: &LiveCan, stop: &AtomicBool) -> Result<(), PortError> {
+    // When no frame was there last: the next was sent after that.
+    let mut looked = Instant::now();
     while !stop.load(Ordering::Acquire) {
         let (heard, quiet) = live.heard();
         for heard in heard {
@@ -83,9 +86,15 @@ fn carry(mut port: CanInterface, live: &LiveCan, stop: &AtomicBool) -> Result<()
                 Err(error) => return Err(error),
             }
         }
-        match port.receive(MonotonicClock.now() + LOOK.min(quiet)) {
+        let asked = Instant::now();
+        let mut received = port.receive(MonotonicClock.now());
+        if received == Err(PortError::TimedOut) {
+            looked = asked;
+            received = port.receive(MonotonicClock.now() + LOOK.min(quiet));
+        }
+        match received {
             // Of more than the line can take some are lost.
-            Ok(Heard::Frame(frame)) => drop(live.send(to_sim(&frame))),
+            Ok(Heard::Frame(frame)) => drop(live.send_since(to_sim(&frame), looked)),
             Ok(Heard::Report(_)) | Err(PortError::TimedOut) => {}
             Err(error) => return Err(error),
         }

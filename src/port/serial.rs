@@ -131,3 +131,30 @@ impl BytePort for SerialLine {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::time::Duration;
+    use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+
+    #[test]
+    fn a_host_that_wakes_too_late_still_hears_what_came_meanwhile() {
+        let flags = OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC;
+        let device = openpt(flags).expect("a terminal");
+        grantpt(&device).and_then(|()| unlockpt(&device)).expect("its other end");
+        let path = ptsname(&device, Vec::new()).expect("a name").into_string().expect("UTF-8");
+        let mut line = SerialLine::open(&path, 1_000_000).expect("a line");
+        let mut buffer = [0; 16];
+        let past = Instant::ZERO;
+        assert_eq!(line.receive(&mut buffer, past), Err(PortError::TimedOut), "nothing is there");
+        rustix::io::write(&device, &[1, 2, 3]).expect("said");
+        // The kernel hands bytes over when it likes: now they are here, and stay until they are read.
+        let soon = MonotonicClock.now() + Duration::from_secs(60);
+        while line.waiting().expect("a line") < 3 && MonotonicClock.now() < soon {
+            std::thread::yield_now();
+        }
+        assert_eq!(line.receive(&mut buffer, past), Ok(3), "a deadline in the past");
+        assert_eq!(buffer[..3], [1, 2, 3]);
+    }
+}

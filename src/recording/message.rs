@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+use super::bounded;
 use super::sample::{CycleRecord, JointRecord, RecordedJoint, RunEnd, RunStart};
 
 /// The channels, in the order in which they are registered.
@@ -80,7 +81,7 @@ pub(super) struct Moment {
 pub(super) struct JointStates<'a> {
     #[serde(flatten)]
     pub(super) moment: Moment,
-    #[serde(borrow)]
+    #[serde(borrow, deserialize_with = "bounded::joints")]
     pub(super) joints: Vec<JointState<'a>>,
 }
 
@@ -107,7 +108,7 @@ pub(super) struct JointState<'a> {
 pub(super) struct Health<'a> {
     #[serde(flatten)]
     pub(super) moment: Moment,
-    #[serde(borrow)]
+    #[serde(borrow, deserialize_with = "bounded::joints")]
     pub(super) joints: Vec<JointHealth<'a>>,
 }
 
@@ -131,7 +132,7 @@ pub(super) struct Cycle<'a> {
     /// Cycles the full queue dropped just before this one.
     #[serde(default)]
     pub(super) dropped_before: u64,
-    #[serde(borrow)]
+    #[serde(borrow, deserialize_with = "bounded::joints")]
     pub(super) missed: Vec<Missed<'a>>,
 }
 
@@ -152,7 +153,11 @@ pub(super) struct Run {
     #[serde(default)]
     pub(super) dropped_before: u64,
     /// Samples and lines of sources it dropped since the last ones that were stored.
-    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    #[serde(
+        default,
+        skip_serializing_if = "BTreeMap::is_empty",
+        deserialize_with = "bounded::entries"
+    )]
     pub(super) dropped_by_source: BTreeMap<String, u64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) start: Option<RunStart>,

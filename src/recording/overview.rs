@@ -12,6 +12,9 @@ use super::reader::{open, parse};
 use super::scan::{Found, scan};
 use crate::error::Error;
 
+/// Most sources that are listed; a recording's channels are fewer.
+const SOURCES: usize = 4096;
+
 /// What a file holds, without its values.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Overview {
@@ -166,6 +169,9 @@ impl Overview {
         let Some(run) = parse::<Run>(body) else { return };
         self.dropped_cycles = self.dropped_cycles.saturating_add(run.dropped_before);
         for (name, dropped) in run.dropped_by_source {
+            if self.sources.len() >= SOURCES && !self.sources.contains_key(&name) {
+                continue;
+            }
             let source = self.sources.entry(name).or_default();
             source.dropped = source.dropped.saturating_add(dropped);
             source.gaps += 1;

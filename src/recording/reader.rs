@@ -11,6 +11,7 @@ use mcap::records::{MessageHeader, Metadata};
 use mcap::write::NoSeek;
 use serde::{Deserialize, Serialize};
 
+use super::bounded::JOINTS;
 use super::log::{Bytes, mcap_writer};
 use super::message::{Cycle, Health, JointState, JointStates, Moment, Run, Topic};
 use super::overview::{Overview, SourceOverview};
@@ -23,10 +24,12 @@ use crate::time::Instant;
 
 /// The largest file [`read`] takes into memory; [`summary`] and [`recover`] take any size.
 const FILE_BYTES: u64 = 256 << 20;
-/// Joints are refused beyond this number.
-const JOINTS: usize = 512;
 /// No message of ours is larger: 512 joints of 300 bytes each, and room to spare.
 const MESSAGE_BYTES: usize = 256 << 10;
+/// Opcode, length and header of a message record, and its entry in the chunk's index.
+const MESSAGE_OVERHEAD: usize = 9 + 22 + 16;
+/// What a recording in memory may take beside three times its messages, bytes.
+const MEMORY_BYTES: usize = 12 << 20;
 
 /// A recording in memory.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -119,7 +122,7 @@ impl Recording {
     fn check_size(&self, bytes: usize) -> Result<(), Error> {
         let joints = self.joint_names.len();
         let memory = self.cycles.len() * (joints * size_of::<JointRecord>() + 64);
-        let allowed = 3 * bytes + (16 << 20);
+        let allowed = 3 * bytes + MEMORY_BYTES;
         if joints > JOINTS || memory > allowed {
             return Err(Error::new("the recording claims more joints than it has values for")
                 .got(format!("{joints} joints, {} cycles", self.cycles.len()))
@@ -280,6 +283,8 @@ struct Copy {
     mcap: mcap::Writer<NoSeek<Bytes>>,
     /// Channels by their id in the old file, with the id in the new one.
     channels: BTreeMap<u16, (Arc<Channel>, u16)>,
+    /// Written at the end: each would close a chunk, and chunks are remembered until then.
+    metadata: Vec<Metadata>,
     messages: u64,
     chunk_bytes: usize,
 }
@@ -288,13 +293,15 @@ impl Copy {
     fn new(draft: Draft) -> Result<Self, String> {
         let bytes = Bytes::default();
         let mcap = mcap_writer(&bytes).map_err(|error| error.to_string())?;
-        Ok(Self { draft, bytes, mcap, channels: BTreeMap::new(), messages: 0, chunk_bytes: 0 })
+        let (channels, metadata) = Default::default();
+        Ok(Self { draft, bytes, mcap, channels, metadata, messages: 0, chunk_bytes: 0 })
     }
 
     fn add(&mut self, found: Found) -> Result<(), String> {
         match found {
             Found::Metadata(metadata) => {
-                self.mcap.write_metadata(&metadata).map_err(|error| error.to_string())
+                self.metadata.push(metadata);
+                Ok(())
             }
             Found::Message { channel, header, body } => {
                 let channel_id = self.channel(header.channel_id, channel)?;
@@ -303,7 +310,7 @@ impl Copy {
                     .write_to_known_channel(&header, body)
                     .map_err(|error| error.to_string())?;
                 self.messages += 1;
-                self.chunk_bytes += body.len();
+                self.chunk_bytes += MESSAGE_OVERHEAD + body.len();
                 if self.chunk_bytes >= 1 << 20 { self.append() } else { Ok(()) }
             }
         }
@@ -342,10 +349,13 @@ impl Copy {
             ("was_finished", tally.finished.to_string()),
         ];
         let metadata = note.map(|(key, value)| (key.to_owned(), value)).into();
-        self.mcap
-            .write_metadata(&Metadata { name: "gaitway.recovered".into(), metadata })
-            .and_then(|()| self.mcap.finish())
-            .map_err(|error| error.to_string())?;
+        self.metadata.push(Metadata { name: "gaitway.recovered".into(), metadata });
+        // What was in the last chunk goes first and alone: then the memory for it is free.
+        self.append()?;
+        for metadata in std::mem::take(&mut self.metadata) {
+            self.mcap.write_metadata(&metadata).map_err(|error| error.to_string())?;
+        }
+        self.mcap.finish().map_err(|error| error.to_string())?;
         let written = self.draft.append(&self.bytes.take()).and_then(|()| self.draft.sync());
         written.and_then(|()| self.draft.keep()).map_err(|error| error.to_string())
     }

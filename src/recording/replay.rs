@@ -1,12 +1,12 @@
 //! Orientations of sensors out of a recording, to be played as if they came now.
 
+use super::reader::{open, parse};
 use super::scan::{Found, scan};
 use super::sensor::{Imu, Transform};
 use crate::error::Error;
 use crate::time::Duration;
 use glam::DQuat;
 use std::collections::{BTreeMap, VecDeque};
-use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 use std::sync::Arc;
@@ -35,9 +35,7 @@ pub struct ReplayedSample {
 /// A file that cannot be read, one without orientations, one that is too long.
 pub fn read_orientations(path: &Path) -> Result<VecDeque<ReplayedSample>, Error> {
     let place = || path.display().to_string();
-    let file = File::open(path).map_err(|cause| {
-        Error::new("the file cannot be read").at(place()).got(cause.to_string())
-    })?;
+    let file = open(path)?;
     let mut found = Vec::new();
     // What the sample said before its orientation: whether the device began anew.
     let mut names: BTreeMap<String, (Arc<str>, bool)> = BTreeMap::new();
@@ -53,10 +51,10 @@ pub fn read_orientations(path: &Path) -> Result<VecDeque<ReplayedSample>, Error>
         }
         let Some((sensor, reset)) = names.get_mut(name) else { return Ok(()) };
         if part == "sample" {
-            *reset |= serde_json::from_slice::<Imu>(body).is_ok_and(|imu| imu.order == "reset");
+            *reset |= parse::<Imu>(body).is_some_and(|imu| imu.order == "reset");
             return Ok(());
         }
-        let Ok(transform) = serde_json::from_slice::<Transform>(body) else { return Ok(()) };
+        let Some(transform) = parse::<Transform>(body) else { return Ok(()) };
         let q = transform.rotation;
         let orientation = DQuat::from_xyzw(q.x, q.y, q.z, q.w);
         found.push((

@@ -6,6 +6,7 @@ use std::time::SystemTime;
 
 use serde::{Deserialize, Serialize};
 
+use super::bounded;
 use crate::time::Instant;
 
 /// One control cycle: every joint's goal and what was read back.
@@ -50,6 +51,7 @@ pub struct RunStart {
     /// The motion's name or path.
     pub motion: String,
     /// The joints and their limits; their order is the order of every record.
+    #[serde(deserialize_with = "bounded::joints")]
     pub joints: Vec<RecordedJoint>,
     /// The wall clock at `monotonic_start`; read once, never again during the run.
     #[serde(with = "wall_nanos", rename = "wall_clock_start_ns")]
@@ -60,6 +62,7 @@ pub struct RunStart {
     /// Version of the program that wrote the recording.
     pub gaitway_version: String,
     /// Anything else worth keeping: calibration file, command line, notes.
+    #[serde(deserialize_with = "bounded::entries")]
     pub metadata: BTreeMap<String, String>,
 }
 
@@ -89,6 +92,7 @@ pub struct RunEnd {
     #[serde(with = "monotonic_nanos", rename = "monotonic_end_ns")]
     pub at: Instant,
     /// Anything else worth keeping: counts, extremes.
+    #[serde(deserialize_with = "bounded::entries")]
     pub metadata: BTreeMap<String, String>,
 }
 

@@ -1,22 +1,35 @@
 //! Walks any MCAP file from front to back, damaged or cut off anywhere, in bounded memory.
 //!
-//! The format is read here record by record (<https://mcap.dev/spec>); the bodies are parsed by
-//! the `mcap` crate. A chunk counts only if it is whole and its CRC is right, so nothing a torn
+//! The format is read here record by record (<https://mcap.dev/spec>), the bodies in
+//! [`super::record`]. A chunk counts only if it is whole and its CRC is right, so nothing a torn
 //! write left behind is taken for a message.
+//!
+//! Memory stays in proportion to what is read: a buffer grows with the bytes that are there, and
+//! what a file says about its messages (schemas, channels, metadata) counts up to stated bounds.
+//! What goes beyond them is counted as lost.
 
 use std::collections::BTreeMap;
 use std::io::{self, Read};
 use std::sync::Arc;
 
-use mcap::records::{self, MessageHeader, Metadata, Record, op};
+use mcap::records::{MessageHeader, Metadata, op};
 
 use super::crc::crc32;
+use super::record::{ChannelRecord, ChunkRecord, Record, SchemaRecord};
 use crate::error::Error;
 
 /// No record of a recording is larger: chunks are closed at 1 MiB.
 const RECORD_BYTES: u64 = 64 << 20;
 /// Opcode and length.
 const RECORD_START: usize = 9;
+/// A buffer for a record grows in steps of at most this.
+const STEP_BYTES: u64 = 1 << 20;
+/// Most schemas, channels and metadata records of a file; one that is said again does not count.
+const DESCRIPTIONS: usize = 4096;
+/// Most bytes of them, all together.
+const DESCRIPTION_BYTES: usize = 2 << 20;
+/// Most entries of the maps of channels and metadata records, all together.
+const DESCRIPTION_ENTRIES: usize = 8192;
 
 /// A channel and its schema.
 #[derive(Debug)]
@@ -27,11 +40,52 @@ pub(super) struct Channel {
     pub(super) schema: Option<Arc<Schema>>,
 }
 
+impl Channel {
+    fn is(&self, record: &ChannelRecord, schema: Option<&Arc<Schema>>) -> bool {
+        let same_schema = match (&self.schema, schema) {
+            (Some(known), Some(schema)) => Arc::ptr_eq(known, schema),
+            (known, schema) => known.is_none() && schema.is_none(),
+        };
+        same_schema
+            && self.topic == record.topic
+            && self.encoding == record.encoding
+            && self.metadata == record.metadata
+    }
+}
+
 #[derive(Debug)]
 pub(super) struct Schema {
     pub(super) name: String,
     pub(super) encoding: String,
     pub(super) text: Vec<u8>,
+}
+
+impl Schema {
+    fn is(&self, record: &SchemaRecord) -> bool {
+        self.name == record.name && self.encoding == record.encoding && self.text == record.text
+    }
+}
+
+/// What a file may still say about its messages.
+struct Allowance {
+    records: usize,
+    bytes: usize,
+    entries: usize,
+}
+
+impl Allowance {
+    /// Takes a record of so many bytes and map entries off; false, and nothing taken, if that is
+    /// too much.
+    fn take(&mut self, bytes: usize, entries: usize) -> bool {
+        let left = (
+            self.records.checked_sub(1),
+            self.bytes.checked_sub(bytes),
+            self.entries.checked_sub(entries),
+        );
+        let (Some(records), Some(bytes), Some(entries)) = left else { return false };
+        *self = Self { records, bytes, entries };
+        true
+    }
 }
 
 /// What a scan finds.
@@ -62,6 +116,11 @@ pub(super) fn scan(
         visit,
         schemas: BTreeMap::new(),
         channels: BTreeMap::new(),
+        allowance: Allowance {
+            records: DESCRIPTIONS,
+            bytes: DESCRIPTION_BYTES,
+            entries: DESCRIPTION_ENTRIES,
+        },
         tally: Tally::default(),
     };
     let mut magic = Vec::new();
@@ -83,6 +142,7 @@ struct Scan<R, F> {
     visit: F,
     schemas: BTreeMap<u16, Arc<Schema>>,
     channels: BTreeMap<u16, Arc<Channel>>,
+    allowance: Allowance,
     tally: Tally,
 }
 
@@ -135,52 +195,74 @@ impl<R: Read, F: FnMut(Found) -> Result<(), Error>> Scan<R, F> {
 
     /// The outer result stops the scan, the inner one says that this record is of no use.
     fn read_record(&mut self, opcode: u8, body: &[u8]) -> Result<Result<(), Broken>, Error> {
-        // The parser is never given an attachment: it does not check the length of one.
-        let Ok(record) = mcap::parse_record(opcode, body) else { return Ok(Err(Broken)) };
-        match record {
-            Record::Chunk { header, data: records } => return self.read_chunk(&header, &records),
-            Record::Schema { header, data: text } => {
-                let text = text.into_owned();
-                let schema = Schema { name: header.name, encoding: header.encoding, text };
-                self.schemas.insert(header.id, Arc::new(schema));
+        let useful = match Record::decode(opcode, body) {
+            None => false,
+            Some(Record::Chunk(chunk)) => return self.read_chunk(&chunk),
+            Some(Record::Schema(schema)) => self.add_schema(&schema, body.len()),
+            Some(Record::Channel(channel)) => self.add_channel(channel, body.len()),
+            Some(Record::Message(header, body)) => match self.channels.get(&header.channel_id) {
+                None => false,
+                Some(channel) => {
+                    (self.visit)(Found::Message { channel, header, body })?;
+                    true
+                }
+            },
+            Some(Record::Metadata(metadata)) => {
+                let allowed = self.allowance.take(body.len(), metadata.metadata.len());
+                if allowed {
+                    (self.visit)(Found::Metadata(metadata))?;
+                }
+                allowed
             }
-            Record::Channel(channel) => self.add_channel(channel),
-            Record::Message { header, data: body } => {
-                let Some(channel) = self.channels.get(&header.channel_id) else {
-                    return Ok(Err(Broken));
-                };
-                (self.visit)(Found::Message { channel, header, body: &body })?;
-            }
-            Record::Metadata(metadata) => (self.visit)(Found::Metadata(metadata))?,
-            _ => {}
-        }
-        Ok(Ok(()))
-    }
-
-    fn add_channel(&mut self, channel: records::Channel) {
-        let known = Channel {
-            topic: channel.topic,
-            encoding: channel.message_encoding,
-            metadata: channel.metadata,
-            schema: self.schemas.get(&channel.schema_id).cloned(),
         };
-        self.channels.insert(channel.id, Arc::new(known));
+        Ok(if useful { Ok(()) } else { Err(Broken) })
     }
 
-    fn read_chunk(
-        &mut self,
-        header: &records::ChunkHeader,
-        mut records: &[u8],
-    ) -> Result<Result<(), Broken>, Error> {
-        if !header.compression.is_empty() {
+    fn add_schema(&mut self, record: &SchemaRecord, bytes: usize) -> bool {
+        if self.schemas.get(&record.id).is_some_and(|known| known.is(record)) {
+            return true;
+        }
+        let allowed = self.allowance.take(bytes, 0);
+        if allowed {
+            let (name, encoding) = (record.name.to_owned(), record.encoding.to_owned());
+            let schema = Schema { name, encoding, text: record.text.to_owned() };
+            self.schemas.insert(record.id, Arc::new(schema));
+        }
+        allowed
+    }
+
+    fn add_channel(&mut self, record: ChannelRecord, bytes: usize) -> bool {
+        let schema = self.schemas.get(&record.schema_id);
+        if self.channels.get(&record.id).is_some_and(|known| known.is(&record, schema)) {
+            return true;
+        }
+        let allowed = self.allowance.take(bytes, record.metadata.len());
+        if allowed {
+            let channel = Channel {
+                topic: record.topic.to_owned(),
+                encoding: record.encoding.to_owned(),
+                metadata: record.metadata,
+                schema: schema.cloned(),
+            };
+            self.channels.insert(record.id, Arc::new(channel));
+        } else {
+            // Its messages must not be taken for those of the channel that had the number before.
+            self.channels.remove(&record.id);
+        }
+        allowed
+    }
+
+    fn read_chunk(&mut self, chunk: &ChunkRecord) -> Result<Result<(), Broken>, Error> {
+        if !chunk.compression.is_empty() {
+            let shown: String = chunk.compression.chars().take(40).collect();
             return Err(Error::new("the recording is compressed")
-                .got(&header.compression)
+                .got(shown)
                 .allowed("MCAP chunks without compression")
                 .remedy("mcap decompress FILE -o PLAIN.mcap"));
         }
-        let whole = records.len() as u64 == header.compressed_size;
-        let unchecked = header.uncompressed_crc == 0; // zero says "no CRC", by the format
-        if !whole || !(unchecked || crc32(records) == header.uncompressed_crc) {
+        let mut records = chunk.records;
+        let unchecked = chunk.crc == 0; // zero says "no CRC", by the format
+        if !(unchecked || crc32(records) == chunk.crc) {
             return Ok(Err(Broken));
         }
         while let Some((opcode, bytes)) = record_start(records) {
@@ -200,7 +282,17 @@ impl<R: Read, F: FnMut(Found) -> Result<(), Error>> Scan<R, F> {
     /// Reads up to `bytes` into `buffer`; it grows with what is there, not with what is claimed.
     fn fill(&mut self, buffer: &mut Vec<u8>, bytes: u64) -> Result<(), Error> {
         buffer.clear();
-        self.source.by_ref().take(bytes).read_to_end(buffer).map_err(unreadable)?;
+        let mut left = bytes;
+        while left > 0 {
+            let step = left.min(STEP_BYTES);
+            // Exactly: what doubles takes twice the record.
+            buffer.reserve_exact(step as usize);
+            let read = self.source.by_ref().take(step).read_to_end(buffer).map_err(unreadable)?;
+            if (read as u64) < step {
+                break;
+            }
+            left -= step;
+        }
         Ok(())
     }
 

@@ -134,7 +134,8 @@ impl SensorSeries {
         match part {
             "sample" => {
                 let Some(imu) = parse::<Imu>(body) else { return };
-                self.missed = self.missed.saturating_add(imu.missed_before + imu.dropped_before);
+                let missed = imu.missed_before.saturating_add(imu.dropped_before);
+                self.missed = self.missed.saturating_add(missed);
                 let moment = SensorMoment {
                     taken_ns,
                     rate_rad_s: imu.angular_velocity.map(DVec3::from),

@@ -4,13 +4,12 @@
 //! read. Joints of a robot, if the recording has no sensors: one row per cycle. What was not measured
 //! is an empty cell. Times are seconds since the start of the recording.
 
-use super::reader::read;
+use super::reader::{open, parse, read};
 use super::scan::{Found, scan};
 use super::sensor::{Imu, Rotation, Transform, Vector};
 use crate::error::Error;
 use mcap::records::MessageHeader;
 use std::collections::BTreeMap;
-use std::fs::File;
 use std::io::{BufReader, Write};
 use std::path::Path;
 
@@ -36,9 +35,7 @@ pub struct Rows {
 /// A recording that cannot be read or holds neither samples nor cycles; a table that cannot be
 /// written.
 pub fn write_csv(path: &Path, out: &mut impl Write) -> Result<Rows, Error> {
-    let file = File::open(path).map_err(|cause| {
-        Error::new("the file cannot be read").at(path.display().to_string()).got(cause.to_string())
-    })?;
+    let file = open(path)?;
     let mut table = Table { out, pending: BTreeMap::new(), start_ns: None, rows: Rows::default() };
     let tally = scan(BufReader::new(file), |found| match found {
         Found::Message { channel, header, body } => table.add(&channel.topic, &header, body),
@@ -71,17 +68,16 @@ impl<W: Write> Table<'_, W> {
         };
         match part {
             "sample" => {
-                let Ok(sample) = serde_json::from_slice::<Imu>(body) else { return Ok(()) };
-                self.rows.missing += sample.missed_before + sample.dropped_before;
+                let Some(sample) = parse::<Imu>(body) else { return Ok(()) };
+                let missing = sample.missed_before.saturating_add(sample.dropped_before);
+                self.rows.missing = self.rows.missing.saturating_add(missing);
                 let before = self.pending.insert(name.to_owned(), (sample, *header));
                 if let Some((sample, header)) = before {
                     self.row(name, &sample, &header, None)?;
                 }
             }
             "orientation" => {
-                let Ok(transform) = serde_json::from_slice::<Transform>(body) else {
-                    return Ok(());
-                };
+                let Some(transform) = parse::<Transform>(body) else { return Ok(()) };
                 if let Some((sample, header)) = self.pending.remove(name) {
                     self.row(name, &sample, &header, Some(&transform))?;
                 }
@@ -170,7 +166,7 @@ fn joints(path: &Path, out: &mut impl Write) -> Result<Rows, Error> {
         let mut row = format!("{},{:.9}", cycle.cycle, cycle.at.seconds_since(first));
         for joint in &cycle.joints {
             row += &format!(",{},{}", cell(joint.goal_rad), cell(joint.present_position_rad));
-            rows.missing += u64::from(joint.missed.is_some());
+            rows.missing = rows.missing.saturating_add(u64::from(joint.missed.is_some()));
         }
         line(out, &row)?;
         rows.rows += 1;

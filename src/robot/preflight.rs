@@ -37,6 +37,9 @@ pub struct Preflight {
     pub held: bool,
     /// Registers in RAM that differ from the robot file and will be written: joint, register, raw.
     pub to_write: Vec<(usize, &'static Register, i64)>,
+    /// Joints whose bus watchdog has stopped the servo, and its register. Such a servo takes no goal
+    /// until it is cleared, and what it does then with its old goal is not known.
+    pub latched: Vec<(usize, &'static Register)>,
     /// Registers in EEPROM that will be written, with the user's permit.
     pub eeprom: Vec<EepromWrite>,
     /// Settings of CAN actuators that differ from what goals need and will be written, until
@@ -283,7 +286,11 @@ fn check_watchdogs(link: &mut Link, found: &mut Preflight) -> Result<(), Error> 
             "the bus watchdog was left on; it is switched off first"
         };
         found.notes.push(format!("{}: {words}", place(link, joint)));
-        found.to_write.push((joint, register, 0));
+        if latched {
+            found.latched.push((joint, register));
+        } else {
+            found.to_write.push((joint, register, 0));
+        }
     }
     Ok(())
 }

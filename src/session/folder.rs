@@ -1,6 +1,7 @@
 //! The folder of a session: files appear whole or not at all, and are never written over.
 
 use crate::error::Error;
+use crate::toml_text::from_toml;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::fs::{self, File};
@@ -70,7 +71,7 @@ impl Folder {
     /// A file that cannot be read or says something else than it should.
     pub fn read<T: DeserializeOwned>(&self, name: &str) -> Result<Option<T>, Error> {
         let Some(text) = self.text(name)? else { return Ok(None) };
-        let value = toml::from_str(&text).map_err(|e| {
+        let value = from_toml(&text).map_err(|e| {
             Error::new("the file of a session was changed into something else")
                 .at(shown(&self.path(name)))
                 .got(e.message().replace('\n', "; "))

@@ -2,6 +2,7 @@
 
 use crate::action::vocabulary;
 use crate::error::Error;
+use crate::toml_text::from_toml;
 use serde::{Deserialize, Serialize};
 
 /// Good repetitions of an action that make a set.
@@ -67,7 +68,7 @@ impl Plan {
     /// # Errors
     /// What is not a plan, and says where.
     pub fn parse(text: &str, file: &str) -> Result<Self, Error> {
-        let plan: Self = toml::from_str(text).map_err(|e| {
+        let plan: Self = from_toml(text).map_err(|e| {
             let line = e.span().map_or(1, |span| 1 + text[..span.start].matches('\n').count());
             Error::new("this is no session plan")
                 .at(format!("{file}, line {line}"))

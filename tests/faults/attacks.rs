@@ -286,15 +286,26 @@ fn answers_lost_while_goals_still_arrive_end_in_a_ramp_that_is_said_to_be_blind(
         let mut scene = Scene::with_faults(robot, vec![window(None, 0, u64::MAX, Damage::Mute)]);
         let played = scene.play_until(0.5, 4, &|| false);
         assert!(matches!(played.run.stop, Some(StopReason::Silent { .. })), "{robot}");
-        // The servos heard every word: no rule is broken, and they stand.
-        assert_clean(&played.verdict);
+        let wakes = scene
+            .link
+            .robot()
+            .joints
+            .iter()
+            .any(|joint| joint.model().is_ok_and(|model| model.goal_switches_torque_on()));
+        // The servos heard every word: no rule is broken, and they stand. Where a goal might wake
+        // who is limp none is sent blindly.
+        assert_excused(&played, &scene.link);
+        assert!(wakes || played.verdict.is_clean(), "{robot}");
         let blind = played.run.exceptions.iter().find_map(|exception| match exception {
             Exception::BlindRamp { blind_s, most_s, rested } => Some((*blind_s, *most_s, *rested)),
             _ => None,
         });
         let (blind_s, most_s, rested) = blind.unwrap_or_else(|| panic!("{robot}: not said"));
         let period_s = scene.settings.period.as_secs_f64();
-        assert!(rested && blind_s <= most_s + period_s, "{robot}: {blind_s} s of {most_s} s");
+        assert!(
+            rested != wakes && blind_s <= most_s + 2.0 * period_s,
+            "{robot}: {blind_s} s of {most_s} s"
+        );
         let said = played.run.notes.join("\n");
         assert!(said.contains("run down blindly"), "{robot}:\n{said}");
         assert!(!said.contains("torque stays on"), "{robot}: said, but not read back:\n{said}");

@@ -148,7 +148,8 @@ fn a_host_that_stalls_again_and_again_passes_or_is_named_itself() {
                 // In every call, or in one of so many, so that the kinds take turns.
                 for every in [1, 2, 3, 5, 7, 397] {
                     let time = Duration::from_millis(millis);
-                    let stall = Box::new(move |n: u64| (n % every == 0).then_some((side, time)));
+                    let stall =
+                        Box::new(move |n: u64| n.is_multiple_of(every).then_some((side, time)));
                     let (mut scene, _) = scene(robot, Vec::new(), stall);
                     match look(&mut scene) {
                         Ok(()) => passed += 1,

@@ -208,6 +208,7 @@ impl Actuator {
             return Vec::new();
         }
         let drive = &mut self.drive;
+        let _ = drive.take_told();
         drive.asked(asked_ns);
         let classic = frame.kind == Kind::Classic;
         match &mut self.family {
@@ -235,6 +236,7 @@ impl Actuator {
 
     /// What it says without being asked, now that it is due.
     pub(super) fn speak(&mut self) -> Vec<CanFrame> {
+        let _ = self.drive.take_told();
         let said = match &mut self.family {
             Family::ServoMode(family) => family.speak(&self.drive),
             Family::Odrive(family) => family.speak(&self.drive, self.now_ns),
@@ -248,6 +250,11 @@ impl Actuator {
     pub(super) fn run_until(&mut self, time_ns: u64) {
         self.drive.run_until(time_ns);
         self.now_ns = self.now_ns.max(time_ns);
+    }
+
+    /// The position, microradians, that is in what it has just said, if it is.
+    pub(super) fn take_told(&self) -> Option<i64> {
+        self.drive.take_told()
     }
 
     /// What the referee judges, with the time of each.

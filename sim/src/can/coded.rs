@@ -60,7 +60,7 @@ pub(super) fn impedance(ranges: &Ranges, bytes: [u8; 8]) -> Goal {
 
 /// Position, velocity and torque in five bytes: 16, 12 and 12 bits.
 pub(super) fn state(ranges: &Ranges, drive: &Drive) -> [u8; 5] {
-    let whole = encode(drive.position_rad(), 16, ranges.position_rad) << 24
+    let whole = encode(drive.tell_rad(), 16, ranges.position_rad) << 24
         | encode(drive.velocity_rad_s, 12, ranges.velocity_rad_s) << 12
         | encode(drive.torque_nm, 12, ranges.torque_nm);
     let [_, _, _, bytes @ ..] = whole.to_be_bytes();

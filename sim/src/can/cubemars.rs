@@ -117,7 +117,7 @@ impl ServoMode {
     pub fn speak(&mut self, drive: &Drive) -> Vec<CanFrame> {
         self.due_ns += self.period_ns.unwrap_or(0);
         let whole = |value: f64| value.clamp(-32_000.0, 32_000.0) as i16;
-        let [p1, p0] = whole(drive.position_rad().to_degrees() * 10.0).to_be_bytes();
+        let [p1, p0] = whole(drive.tell_rad().to_degrees() * 10.0).to_be_bytes();
         let [v1, v0] = whole(self.electrical_rpm(drive.velocity_rad_s) / 10.0).to_be_bytes();
         let [c1, c0] = whole(drive.torque_nm / TORQUE_CONSTANT_NM_A * 100.0).to_be_bytes();
         let error = error_code(drive.latched);

@@ -127,7 +127,7 @@ impl Damiao {
 
     fn read(&self, drive: &Drive, number: usize) -> Option<u32> {
         if POSITIONS.contains(&number) {
-            return Some((drive.position_rad() as f32).to_bits());
+            return Some((drive.tell_rad() as f32).to_bits());
         }
         if number == SUPPLY {
             return Some((drive.supply_v() as f32).to_bits());

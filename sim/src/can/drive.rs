@@ -3,6 +3,7 @@
 
 use crate::servo::Event;
 use gaitway_profiles::{Actuator as Profile, Dialect};
+use std::cell::Cell;
 
 /// The drive's own control runs at 10 kHz; nothing changes in between, so that how often somebody
 /// looks changes nothing.
@@ -119,6 +120,11 @@ impl Goal {
     }
 }
 
+/// What positions are told the referee in.
+pub(super) fn microradians(position_rad: f64) -> i64 {
+    (position_rad * 1e6).round() as i64
+}
+
 /// What a drive does when the host has been silent for too long.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum OnSilence {
@@ -159,6 +165,8 @@ pub(super) struct Drive {
     /// What it reports instead of where it is.
     pub frozen_rad: Option<f64>,
     pub events: Vec<(u64, Event)>,
+    /// Its position has been told in what it says now.
+    told: Cell<bool>,
 }
 
 impl Drive {
@@ -189,6 +197,7 @@ impl Drive {
             stuck: false,
             frozen_rad: None,
             events: Vec::new(),
+            told: Cell::new(false),
         }
     }
 
@@ -200,6 +209,17 @@ impl Drive {
     /// Where its encoder says the shaft is, rad.
     pub fn position_rad(&self) -> f64 {
         self.frozen_rad.unwrap_or(self.position_rad)
+    }
+
+    /// The same, to be told the host.
+    pub fn tell_rad(&self) -> f64 {
+        self.told.set(true);
+        self.position_rad()
+    }
+
+    /// The position, microradians, if it was told since this was asked last.
+    pub fn take_told(&self) -> Option<i64> {
+        self.told.take().then(|| microradians(self.position_rad()))
     }
 
     pub fn now_ns(&self) -> u64 {
@@ -277,8 +297,9 @@ impl Drive {
             return;
         }
         if let Some(position) = goal.pulls_to() {
-            let raw = (position * 1e6).round() as i64;
-            self.note(Event::Goal { raw, accepted: true });
+            let raw = microradians(position);
+            let (off_rad, speed_rad_s) = (position - self.position_rad(), self.velocity_rad_s);
+            self.note(Event::Goal { raw, accepted: true, off_rad, speed_rad_s });
         }
         self.goal = Some(goal);
         self.pull();
@@ -302,7 +323,8 @@ impl Drive {
             Some(end) if !self.pulling => {
                 self.pulling = true;
                 let error_rad = end - self.position_rad;
-                self.note(Event::TorqueOn { error_rad });
+                let (goal, present) = (microradians(end), microradians(self.position_rad()));
+                self.note(Event::TorqueOn { goal, present, error_rad });
             }
             Some(_) => {}
             None => self.release(),
@@ -356,6 +378,7 @@ impl Drive {
     }
 
     fn fall_silent(&mut self) {
+        self.events.push((self.now_ns, Event::HostSilent));
         match self.on_silence {
             OnSilence::LetGo => self.disable(),
             OnSilence::Fault => self.trip(Trouble::Silence),

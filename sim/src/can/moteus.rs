@@ -306,7 +306,7 @@ impl Moteus {
         let mut command = self.command;
         Some(match register {
             0x000 => self.present_mode(drive),
-            0x001 | 0x006 => drive.position_rad() / TAU + self.offset,
+            0x001 | 0x006 => drive.tell_rad() / TAU + self.offset,
             0x002 => drive.velocity_rad_s / TAU,
             0x003 => drive.torque_nm,
             0x004 => drive.torque_nm / TORQUE_CONSTANT_NM_A,

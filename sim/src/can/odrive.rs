@@ -131,7 +131,7 @@ impl Odrive {
     }
 
     fn estimates(&self, drive: &Drive) -> CanFrame {
-        self.floats(0x09, self.turns(drive), drive.velocity_rad_s / TAU)
+        self.floats(0x09, drive.tell_rad() / TAU + self.offset, drive.velocity_rad_s / TAU)
     }
 
     /// `ODrive.Axis.Error` of firmware 0.5, `ODrive.Error` of 0.6.

@@ -104,7 +104,7 @@ impl Recoil {
     pub fn speak(&mut self, drive: &Drive, now_ns: u64) -> Vec<CanFrame> {
         let period_ns = 1_000_000_000 / u64::from(self.parameters[&RATE_AT].max(1));
         self.due_ns = now_ns + period_ns.max(100_000);
-        vec![self.floats(0x9, drive.position_rad(), drive.velocity_rad_s)]
+        vec![self.floats(0x9, drive.tell_rad(), drive.velocity_rad_s)]
     }
 
     fn id(&self) -> u32 {
@@ -154,7 +154,7 @@ impl Recoil {
                 (self.position_target, self.velocity_target) = (position, velocity);
                 self.pursue(drive);
                 drive.feed();
-                vec![self.floats(0x5, drive.position_rad(), drive.velocity_rad_s)]
+                vec![self.floats(0x5, drive.tell_rad(), drive.velocity_rad_s)]
             }
             0x8 => {
                 let (Some(position), Some(torque)) = (float(0), float(4)) else {
@@ -163,7 +163,7 @@ impl Recoil {
                 (self.position_target, self.torque_target) = (position, torque);
                 self.pursue(drive);
                 drive.feed();
-                vec![self.floats(0x7, drive.position_rad(), drive.torque_nm)]
+                vec![self.floats(0x7, drive.tell_rad(), drive.torque_nm)]
             }
             0xC => self.parameter(drive, bytes),
             0xD => {
@@ -294,7 +294,7 @@ impl Recoil {
             ERROR_AT => self.error | fault_bit(drive.latched),
             TORQUE_AT => float(drive.torque_nm),
             VELOCITY_AT => float(drive.velocity_rad_s),
-            POSITION_AT => float(drive.position_rad()),
+            POSITION_AT => float(drive.tell_rad()),
             SUPPLY_AT => float(drive.supply_v()),
             _ => self.parameters.get(&at).copied().unwrap_or(0),
         }

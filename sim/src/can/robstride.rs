@@ -234,7 +234,7 @@ impl Robstride {
         let index = u16::from_le_bytes([i0, i1]);
         let float = |value: f64| Some((value as f32).to_bits());
         let value = match index {
-            POSITION => float(drive.position_rad()),
+            POSITION => float(drive.tell_rad()),
             CURRENT => float(drive.torque_nm / TORQUE_CONSTANT_NM_A),
             VELOCITY => float(drive.velocity_rad_s),
             SUPPLY => float(drive.supply_v()),
@@ -260,7 +260,7 @@ impl Robstride {
         };
         let who = u32::from(self.id) << 8 | u32::from(self.host);
         let ranges = &self.ranges;
-        let whole = encode(drive.position_rad(), 16, ranges.position_rad) << 48
+        let whole = encode(drive.tell_rad(), 16, ranges.position_rad) << 48
             | encode(drive.velocity_rad_s, 16, ranges.velocity_rad_s) << 32
             | encode(drive.torque_nm, 16, ranges.torque_nm) << 16
             | (drive.celsius() * 10.0) as u64;

@@ -41,9 +41,20 @@ impl LiveCan {
     /// # Errors
     /// The queue is full; come back after a while.
     pub fn send(&self, frame: CanFrame) -> Result<(), QueueFull> {
+        self.send_since(frame, Instant::now())
+    }
+
+    /// As [`LiveCan::send`], of a frame that may have been sent to us since `earliest`: when it was
+    /// last looked for and not there. The referee judges by that, too.
+    ///
+    /// # Errors
+    /// As [`LiveCan::send`].
+    pub fn send_since(&self, frame: CanFrame, earliest: Instant) -> Result<(), QueueFull> {
+        let (moment, then_ns) = self.epoch;
+        let earliest_ns = then_ns + earliest.duration_since(moment).as_nanos() as u64;
         let mut world = lock(&self.world);
         world.run_until(self.now_ns());
-        world.can_send(self.line, frame)
+        world.can_send_noticed(self.line, frame, earliest_ns)
     }
 
     /// All that was heard by now, and how long nothing more will be heard unless somebody sends.

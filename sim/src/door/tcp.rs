@@ -56,6 +56,12 @@ impl TcpEnd {
         0
     }
 
+    /// What the program that is there has written besides. That it left is noticed once it has
+    /// been served.
+    pub fn read_more(&mut self, bytes: &mut [u8]) -> usize {
+        self.client.as_mut().and_then(|client| client.read(bytes).ok()).unwrap_or(0)
+    }
+
     pub fn write(&mut self, bytes: &[u8]) {
         if let Some(client) = &mut self.client {
             // A full buffer loses the rest; a broken connection is noticed by the next read.

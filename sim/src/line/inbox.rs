@@ -9,6 +9,13 @@ use std::collections::VecDeque;
 /// What waits for a host that never reads; more is lost, as in an overrun.
 const WAITING_BYTES_MAX: usize = 1 << 16;
 
+/// A position that a status tells the host.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Told {
+    pub joint: usize,
+    pub measured_ns: u64,
+}
+
 /// Bytes on their way to the host.
 #[derive(Clone, Debug)]
 pub(super) struct Reception {
@@ -18,6 +25,8 @@ pub(super) struct Reception {
     pub bytes: Vec<u8>,
     pub baud_bps: u32,
     pub from_servo: bool,
+    /// The position in it, if it is undamaged.
+    pub told: Option<Told>,
 }
 
 impl Reception {
@@ -37,6 +46,10 @@ pub(super) struct Inbox {
     /// Bytes of the first of them that the host has already.
     taken: usize,
     ready: VecDeque<u8>,
+    /// Bytes that were ready and are not there any more.
+    gone: u64,
+    /// What the host is told by the ready bytes up to each of these, counted from the first ever.
+    telling: VecDeque<(u64, Told)>,
     /// Without one the bytes of a status become readable together, when the last is there.
     pub usb: Option<Usb>,
     /// When the adapter's timer started.
@@ -45,7 +58,15 @@ pub(super) struct Inbox {
 
 impl Inbox {
     pub fn new(usb: Option<Usb>) -> Inbox {
-        Inbox { coming: VecDeque::new(), taken: 0, ready: VecDeque::new(), usb, timer_from_ns: 0 }
+        Inbox {
+            coming: VecDeque::new(),
+            taken: 0,
+            ready: VecDeque::new(),
+            gone: 0,
+            telling: VecDeque::new(),
+            usb,
+            timer_from_ns: 0,
+        }
     }
 
     pub fn receive(&mut self, reception: Reception) {
@@ -94,7 +115,7 @@ impl Inbox {
             self.deliver(count, host_baud_bps, rng);
         }
         let excess = self.ready.len().saturating_sub(WAITING_BYTES_MAX);
-        self.ready.drain(..excess);
+        self.lose(excess);
         self.ready.len()
     }
 
@@ -110,6 +131,9 @@ impl Inbox {
             if self.taken < front.bytes.len() {
                 return;
             }
+            if let Some(told) = front.told.filter(|_| !garbled) {
+                self.telling.push_back((self.gone + self.ready.len() as u64, told));
+            }
             self.taken = 0;
             self.coming.pop_front();
             if count == 0 {
@@ -118,23 +142,34 @@ impl Inbox {
         }
     }
 
-    /// Takes readable bytes.
-    pub fn take(&mut self, buf: &mut [u8]) -> usize {
+    /// Takes readable bytes; `had` hears of each position that is whole with them.
+    pub fn take(&mut self, buf: &mut [u8], mut had: impl FnMut(Told)) -> usize {
         let count = buf.len().min(self.ready.len());
         for (slot, byte) in buf.iter_mut().zip(self.ready.drain(..count)) {
             *slot = byte;
         }
+        self.gone += count as u64;
+        while self.telling.front().is_some_and(|&(end, _)| end <= self.gone) {
+            self.telling.pop_front().into_iter().for_each(|(_, told)| had(told));
+        }
         count
     }
 
+    /// The oldest readable bytes are lost.
+    fn lose(&mut self, count: usize) {
+        self.ready.drain(..count);
+        self.gone += count as u64;
+        self.telling.retain(|&(end, _)| end > self.gone);
+    }
+
     pub fn discard_ready(&mut self) {
-        self.ready.clear();
+        self.lose(self.ready.len());
     }
 
     /// Loses everything: the adapter was pulled out.
     pub fn clear(&mut self) {
         self.coming.clear();
-        self.ready.clear();
+        self.lose(self.ready.len());
         self.taken = 0;
     }
 }

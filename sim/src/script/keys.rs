@@ -6,6 +6,10 @@ use toml::{Table, Value};
 /// Latest time in a script, s: a thousand days.
 const LATEST_S: f64 = 86_400_000.0;
 const TIMES: &str = "seconds from 0 to 86400000";
+/// Longest name of a joint or a line, and most numbers in a list: each number becomes a fault that
+/// holds the name.
+const NAME_BYTES: usize = 100;
+const MOST_NUMBERS: usize = 1000;
 
 /// `line 7`, of the byte at `offset`.
 pub(super) fn line_of(text: &str, offset: usize) -> String {
@@ -59,6 +63,21 @@ impl Keys {
         }
     }
 
+    /// The name of a joint or a line.
+    pub fn name(&mut self, key: &'static str) -> Result<Option<String>, ScriptError> {
+        match self.text(key)? {
+            Some(name) if name.len() > NAME_BYTES => {
+                let got = format!("{} bytes", name.len());
+                Err(self.wrong(key, &got, &format!("a name of at most {NAME_BYTES} bytes")))
+            }
+            name => Ok(name),
+        }
+    }
+
+    fn need_name(&mut self, key: &'static str) -> Result<String, ScriptError> {
+        self.name(key)?.ok_or_else(|| self.missing(key, "a text in quotes"))
+    }
+
     pub fn need_text(&mut self, key: &'static str) -> Result<String, ScriptError> {
         self.text(key)?.ok_or_else(|| self.missing(key, "a text in quotes"))
     }
@@ -105,10 +124,10 @@ impl Keys {
 
     /// One number, or a list of them.
     pub fn numbers(&mut self, key: &'static str) -> Result<Option<Vec<u64>>, ScriptError> {
-        const ALLOWED: &str = "a whole number from 0 on, or a list of them";
+        const ALLOWED: &str = "a whole number from 0 on, or a list of at most 1000";
         let values = match self.take(key) {
             None => return Ok(None),
-            Some(Value::Array(values)) => values,
+            Some(Value::Array(values)) if values.len() <= MOST_NUMBERS => values,
             Some(value) => vec![value],
         };
         let number = |value: Value| {
@@ -169,14 +188,14 @@ impl Keys {
 
     /// A servo as [`crate::Fault`] names it: by `joint`, or by `line` and `id`.
     pub fn servo(&mut self) -> Result<Option<String>, ScriptError> {
-        let joint = self.text("joint")?;
+        let joint = self.name("joint")?;
         let id = self.integer("id", 0, 253)?;
         match (joint, id) {
             (Some(_), Some(id)) => {
                 Err(self.wrong("id", &id.to_string(), "either joint, or line and id"))
             }
             (Some(joint), None) => Ok(Some(joint)),
-            (None, Some(id)) => Ok(Some(format!("{}/{id}", self.need_text("line")?))),
+            (None, Some(id)) => Ok(Some(format!("{}/{id}", self.need_name("line")?))),
             (None, None) => {
                 if !self.known.contains(&"line") {
                     self.known.push("line");

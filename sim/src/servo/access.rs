@@ -19,6 +19,7 @@
 use super::control::Fresh;
 use super::{Event, Refusal, Servo};
 use crate::table::Item;
+use crate::world::TorqueSwitch;
 use gaitway_profiles::{Access, Mode, Protocol, Region, Role};
 use std::sync::Arc;
 
@@ -31,6 +32,26 @@ impl Servo {
     /// Appends the bytes of the range to `out`.
     pub fn read(&mut self, address: u16, length: usize, out: &mut Vec<u8>) -> Result<(), Refusal> {
         self.refresh();
+        self.read_range(address, length, out)?;
+        if let Some(item) = self.model.role(Role::PresentPosition)
+            && item.range().all(|at| self.shows(at, address, length))
+        {
+            self.told = self.value(Role::PresentPosition);
+        }
+        Ok(())
+    }
+
+    /// Whether a read from `address` on holds the byte at `at`, directly or indirectly.
+    fn shows(&self, at: usize, address: u16, length: usize) -> bool {
+        let range = usize::from(address)..usize::from(address) + length;
+        if !self.model.touches_indirect(address, length) {
+            return range.contains(&at);
+        }
+        let mut read = range.filter_map(|read| u16::try_from(read).ok());
+        read.any(|read| self.behind(read) == at)
+    }
+
+    fn read_range(&self, address: u16, length: usize, out: &mut Vec<u8>) -> Result<(), Refusal> {
         let range = usize::from(address)..usize::from(address) + length;
         match self.model.protocol {
             Protocol::FeetechSts | Protocol::FeetechScs => {
@@ -154,7 +175,7 @@ impl Servo {
             let raw = item.decode(rest);
             if let Err(refusal) = self.check_item(item, raw) {
                 if item.role == Some(Role::GoalPosition) {
-                    self.events.push(Event::Goal { raw, accepted: false });
+                    self.note_goal(raw, false);
                 }
                 return Err(refusal);
             }
@@ -253,7 +274,7 @@ impl Servo {
                 return Err(Refusal::Range);
             }
             if item.role == Some(Role::GoalPosition) && !self.within_position_limits(raw) {
-                self.events.push(Event::Goal { raw, accepted: false });
+                self.note_goal(raw, false);
                 return Err(Refusal::Limit);
             }
         }
@@ -288,7 +309,7 @@ impl Servo {
             };
         if !allowed {
             if item.role == Some(Role::GoalPosition) {
-                self.events.push(Event::Goal { raw, accepted: false });
+                self.note_goal(raw, false);
             }
         } else if item.role == Some(Role::TorqueEnable) && raw == 128 {
             self.make_this_the_middle(touched);
@@ -324,7 +345,7 @@ impl Servo {
             Some(Role::GoalPosition) => {
                 touched.fresh.position = true;
                 if self.follows_positions() && self.mode() != Mode::Step {
-                    self.events.push(Event::Goal { raw, accepted: true });
+                    self.note_goal(raw, true);
                 }
             }
             Some(Role::GoalVelocity) => {
@@ -407,12 +428,14 @@ impl Servo {
         self.note_turn();
     }
 
-    /// Drive Mode(10), bit 3; AX by its goal position.
+    /// Drive Mode(10), bit 3; AX by its goal position; FEETECH if told so.
     fn goal_brings_torque(&self) -> bool {
         match self.model.protocol {
             Protocol::Dynamixel2 => self.drive_mode() & TORQUE_ON_BY_GOAL != 0,
             Protocol::Dynamixel1 => self.has_compliance() && self.follows_positions(),
-            Protocol::FeetechSts | Protocol::FeetechScs => false,
+            Protocol::FeetechSts | Protocol::FeetechScs => {
+                self.torque_switch == TorqueSwitch::ComesWithGoal
+            }
         }
     }
 }

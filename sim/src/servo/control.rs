@@ -27,6 +27,8 @@
 //!   hosts that never write a speed expect to move, or what bit 3 of Phase(18) says: [`ZeroSpeed`].
 //!   Step mode counts from where the last step ends. SCS's running time, if it is not 0, goes
 //!   before the speed.
+//! - FEETECH torque is off at power-up and waits for its register, or what
+//!   [`crate::TorqueSwitch`] says.
 //!
 //! - Goals may be written while the torque is off, and stand when it comes on.
 //!
@@ -222,14 +224,23 @@ impl Servo {
             self.forget_turns();
         }
         self.note_turn();
+        let present = self.present_position();
         let mut error_rad = 0.0;
         if self.follows_positions() && self.mode() != Mode::Step {
-            error_rad = self.goal_rad() - self.shaft_rad(self.present_position());
+            error_rad = self.goal_rad() - self.shaft_rad(present);
         }
-        self.events.push(Event::TorqueOn { error_rad });
+        let goal = self.value(Role::GoalPosition).unwrap_or(present);
+        self.events.push(Event::TorqueOn { goal, present, error_rad });
         self.stand_still();
         let step = self.mode() == Mode::Step;
         self.pursue(Fresh { position: !step, other: true, pace: false });
+    }
+
+    /// Tells the referee of a goal that was written, or refused.
+    pub(super) fn note_goal(&mut self, raw: i64, accepted: bool) {
+        let off_rad = self.goal_rad() - self.shaft_rad(self.present_position());
+        let speed_rad_s = self.motor.velocity_rad_s();
+        self.events.push(Event::Goal { raw, accepted, off_rad, speed_rad_s });
     }
 
     /// The motor stops where it is, in the way of the mode.

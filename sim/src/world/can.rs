@@ -5,6 +5,7 @@ use crate::SimError;
 use crate::can::{Actuator, BOOT_NS, CanFrame, CanHeard, CanLine, CanOptions, QueueFull, Said};
 use crate::fault::plan::{Names, Place, Strike};
 use crate::fault::{Fault, damage_frame};
+use crate::referee::When;
 use gaitway_profiles::{Joint, Robot};
 use std::collections::BTreeMap;
 
@@ -49,7 +50,7 @@ impl World {
             actuator.set_timeout(Some((seconds * 1e9) as u64));
         }
         let resolution = profile.ranges.map_or(0.0, |ranges| ranges.position_rad / 32_767.5);
-        self.shared.referee.add_actuator(joint, resolution);
+        self.shared.referee.add_actuator(joint, line, resolution);
         let Some(can) = self.can.get_mut(&line) else { return Ok(()) };
         self.joints.push(Placed {
             place: Place { line, servo: can.actuators().len() },
@@ -117,9 +118,19 @@ impl World {
     /// # Errors
     /// The queue is full; time must pass first.
     pub fn can_send(&mut self, line: usize, frame: CanFrame) -> Result<(), QueueFull> {
+        self.can_send_noticed(line, frame, self.now_ns)
+    }
+
+    /// As [`World::can_send`], of a frame that may have been there since `earliest_ns`.
+    pub(crate) fn can_send_noticed(
+        &mut self,
+        line: usize,
+        frame: CanFrame,
+        earliest_ns: u64,
+    ) -> Result<(), QueueFull> {
         let plugged = self.lines.get(line).is_some_and(|line| line.plugged.now);
         match self.can.get_mut(&line).filter(|_| plugged) {
-            Some(can) => can.send(frame),
+            Some(can) => can.send_noticed(frame, earliest_ns),
             None => Ok(()),
         }
     }
@@ -152,21 +163,38 @@ impl World {
         let Some((&line, can)) = lines.min_by_key(|(_, can)| can.next_event_ns()) else { return };
         let happened = can.happen();
         let referee = &mut self.shared.referee;
+        let joint_of = |actuator| {
+            let place = Place { line, servo: actuator };
+            self.joints.iter().position(|placed| placed.place == place)
+        };
+        let when = |at_ns| When { earliest_ns: can.earliest_ns(at_ns), latest_ns: at_ns };
+        if let Some(asked_ns) = happened.asked_ns {
+            referee.instruction(line, when(asked_ns));
+        }
         if let Some(busy_ns) = happened.busy_ns {
-            if happened.from_host {
-                referee.instruction();
-                referee.busy(line, busy_ns.start, busy_ns.end);
-            } else {
-                referee.status(line, busy_ns.start, busy_ns.end);
+            match happened.asked_ns {
+                Some(_) => referee.busy(line, busy_ns.start, busy_ns.end),
+                None => referee.status(line, busy_ns.start, busy_ns.end),
             }
         }
         for (actuator, at_ns, event) in happened.events {
-            let place = Place { line, servo: actuator };
-            if let Some(joint) = self.joints.iter().position(|placed| placed.place == place) {
-                referee.event(joint, at_ns, event);
+            if let Some(joint) = joint_of(actuator) {
+                referee.event(joint, when(at_ns), event);
             }
         }
-        for said in happened.said {
+        if let Some((actuator, told_ns)) = happened.had
+            && let Some(joint) = joint_of(actuator)
+        {
+            referee.had(joint, told_ns, self.now_ns);
+        }
+        let mut said = happened.said;
+        for said in &mut said {
+            if let (Some(raw), Some(joint)) = (said.told, joint_of(said.actuator)) {
+                referee.measured(joint, self.now_ns, raw);
+                said.told_ns = Some(self.now_ns);
+            }
+        }
+        for said in said {
             self.say(line, said);
         }
     }
@@ -174,7 +202,7 @@ impl World {
     /// An actuator's frame goes out, with what befalls it.
     fn say(&mut self, line: usize, said: Said) {
         let Some(can) = self.can.get_mut(&line) else { return };
-        let Said { actuator, ready_ns, frame } = said;
+        let Said { actuator, ready_ns, frame, told, mut told_ns } = said;
         let Some(speaker) = can.actuators_mut().get_mut(actuator) else { return };
         let nth = speaker.said;
         speaker.said += 1;
@@ -183,12 +211,16 @@ impl World {
             let place = Place { line, servo: actuator };
             let (faults, rng) = (&mut self.shared.faults, &mut self.shared.rng);
             let damages = faults.strike_status(place, nth, self.now_ns, rng);
-            if let Some(frame) = frames.pop() {
+            if !damages.is_empty()
+                && let Some(frame) = frames.pop()
+            {
                 (frames, late_ns) = damage_frame(frame, &damages, can.last_of_host(), rng);
+                told_ns = None;
             }
         }
         for frame in frames {
-            can.queue(Said { actuator, ready_ns: ready_ns + late_ns, frame });
+            let ready_ns = ready_ns + late_ns;
+            can.queue(Said { actuator, ready_ns, frame, told, told_ns });
         }
     }
 

@@ -24,6 +24,8 @@ pub struct Options {
     pub bad_checksum: BadChecksum,
     /// What goal speed 0 means to FEETECH servos that move to positions.
     pub zero_speed: ZeroSpeed,
+    /// What switches the torque of FEETECH servos on.
+    pub torque_switch: TorqueSwitch,
     /// What goes wrong.
     pub faults: Vec<Fault>,
 }
@@ -40,6 +42,7 @@ impl Default for Options {
             missing_in_chain: MissingInChain::Silent,
             bad_checksum: BadChecksum::Ignore,
             zero_speed: ZeroSpeed::NoLimit,
+            torque_switch: TorqueSwitch::WaitsForRegister,
             faults: Vec::new(),
         }
     }
@@ -67,6 +70,19 @@ pub enum ZeroSpeed {
     NoLimit,
     /// Bit 3 set: as fast as it can; clear: stop.
     AsPhaseSays,
+}
+
+/// What switches the torque of FEETECH servos (STS, SMS and SCS) on. The public tables name Torque
+/// Enable(40) and give no value for power-up; the maker's own examples of goals never write it, and
+/// users tell of servos whose torque is on from the start. Which it is nobody has confirmed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TorqueSwitch {
+    /// The register alone: it is 0 at power-up.
+    WaitsForRegister,
+    /// The register, which is 0 at power-up, and any goal written while it is 0: that makes it 1.
+    ComesWithGoal,
+    /// It is 1 from power-up on; the servo holds where it stands.
+    OnAtPowerUp,
 }
 
 /// What DYNAMIXEL servos do with a packet for them whose checksum is wrong. The manuals define an

@@ -121,8 +121,39 @@ fn goals_beyond_limits_or_too_fast_are_seen() {
     host.wait_ms(5);
     host.ask(1, &mit(2.5));
     let rules: Vec<Rule> = host.world.verdict().violations.iter().map(|v| v.rule).collect();
-    assert_eq!(rules, [Rule::GoalInsideLimits, Rule::GoalStep, Rule::RestAtEnds]);
+    let abrupt = Rule::SpeedChange;
+    assert_eq!(
+        rules,
+        [Rule::GoalInsideLimits, Rule::GoalStep, abrupt, Rule::RestAtEnds, abrupt],
+        "too fast, and no rest at the end"
+    );
     assert_eq!(host.world.verdict().goals, 3);
+}
+
+#[test]
+fn a_host_that_drives_on_a_blocked_actuator_is_seen() {
+    // 20 mrad in 10 ms: the 18th goal is 0.36 rad away, and one is allowed for its own step. Who
+    // is not answered has not seen that nothing moves.
+    for (mute, seen) in [(false, true), (true, false)] {
+        let damage = Damage::Mute;
+        let (from_ns, until_ns, probability) = (100 * MS, u64::MAX, 1.0);
+        let fault = Fault::Statuses { of: None, from_ns, until_ns, probability, damage };
+        let faults = if mute { vec![fault] } else { Vec::new() };
+        let mut host = Host::with(&can_robot(&[("dm4310", 1)]), faults);
+        host.ask(1, &ENABLE);
+        host.ask(1, &mit(0.0));
+        host.world.actuator_mut("j1").expect("one").set_stuck(true);
+        host.wait_ms(100);
+        let far = |host: &Host| host.world.verdict().count(Rule::GoalDistance) > 0;
+        let first = (1..=40).find(|&k| {
+            let frame = CanFrame::classic(1, false, &mit(0.02 * f64::from(k)));
+            host.world.can_send(0, frame).expect("room");
+            host.wait_ms(10);
+            far(&host)
+        });
+        assert_eq!(first.is_some(), seen, "{first:?}");
+        assert!(first.is_none_or(|k| k == 18 || k == 19), "{first:?}");
+    }
 }
 
 #[test]

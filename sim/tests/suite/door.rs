@@ -1,7 +1,7 @@
 //! A real program's view: a terminal, bytes in, bytes out.
 
-use crate::scene::{can_robot, crc16, dynamixels, hex, statuses};
-use gaitway_sim::{Door, DoorError, Fault, Options, World};
+use crate::scene::{can_robot, crc16, dynamixels, hex, statuses, sync_write_goals, write};
+use gaitway_sim::{Door, DoorError, Fault, Options, Rule, World};
 use std::fs::{self, File, OpenOptions};
 use std::io::{Read, Write};
 use std::net::TcpStream;
@@ -107,6 +107,55 @@ fn a_dangling_link_is_replaced_and_anything_else_is_not() {
         Some(DoorError::LinkTaken(_))
     ));
     fs::remove_file(&link).unwrap();
+}
+
+/// A program behind the door that has put torque on at 2048, and waits for nothing else.
+fn under_torque(world: &Arc<Mutex<World>>) -> (Door, File) {
+    let door = Door::open(Arc::clone(world), 0, None).unwrap();
+    let mut port = open(door.path());
+    for _ in 0..2 {
+        port.write_all(&sync_write_goals(&[(1, 2048)])).unwrap();
+    }
+    ask(&mut port, &write(1, 64, &[1]), 11);
+    (door, port)
+}
+
+fn goals_arrive(world: &Mutex<World>, count: u64) {
+    wait_until("the goals are there", || world.lock().unwrap().verdict().goals == count);
+}
+
+#[test]
+fn a_goal_that_jumps_is_seen_through_the_door() {
+    let world = world(true);
+    let (_door, mut port) = under_torque(&world);
+    // There and back, nearly a turn each: 1.2 s for the joint. That the door was awake in between
+    // is known by the pings it answered.
+    let goals = [4000, 100, 4000];
+    for goal in goals {
+        port.write_all(&sync_write_goals(&[(1, goal)])).unwrap();
+        ask(&mut port, &hex(PING_1), 14);
+    }
+    let verdict = world.lock().unwrap().verdict();
+    assert_eq!(verdict.goals, 2 + 3);
+    assert_eq!((verdict.count(Rule::GoalStep), verdict.count(Rule::SpeedChange)), (3, 4));
+}
+
+#[test]
+fn a_door_that_wakes_late_sees_no_step_that_was_none() {
+    for late in [false, true] {
+        let world = world(true);
+        let (_door, mut port) = under_torque(&world);
+        // Whoever holds the world keeps the door from its work, as a busy machine does.
+        let held = late.then(|| world.lock().unwrap());
+        // Half of the joint's speed: 16 counts are 24.5 mrad, and want 5.1 ms.
+        for k in 1..=20 {
+            std::thread::sleep(std::time::Duration::from_millis(10));
+            port.write_all(&sync_write_goals(&[(1, 2048 + 16 * k)])).unwrap();
+        }
+        drop(held);
+        goals_arrive(&world, 22);
+        assert_eq!(world.lock().unwrap().verdict().count(Rule::GoalStep), 0, "late: {late}");
+    }
 }
 
 #[test]

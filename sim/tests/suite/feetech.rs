@@ -1,7 +1,8 @@
 //! Bytes from public tests and tables of the FEETECH STS protocol (SCServo_Linux, LeRobot); those
 //! marked "computed" follow from the frame's rules.
 
-use crate::scene::{Scene, feetech, feetechs, hex};
+use crate::scene::{Scene, feetech, feetechs, hex, mixed};
+use gaitway_sim::{Fault, Options, Rule, TorqueSwitch};
 
 fn scene(ids: &[u8]) -> Scene {
     Scene::new(&feetechs(ids))
@@ -178,4 +179,135 @@ fn an_answer_takes_at_least_50_us_to_begin() {
     let mut buf = [0; 64];
     assert_eq!(scene.world.receive(0, &mut buf, 1_000_000_000), 6);
     assert_eq!(scene.world.now_ns(), 60_000 + 50_000 + 60_000);
+}
+
+/// A servo of this kind whose torque is switched so, and what its host writes to it.
+struct Switched {
+    scene: Scene,
+    big_endian: bool,
+}
+
+impl Switched {
+    fn new(servo: &str, torque_switch: TorqueSwitch, faults: Vec<Fault>) -> Switched {
+        let options = Options { torque_switch, faults, ..Options::default() };
+        let scene = Scene::with(&mixed(&[(servo, 1)]), options);
+        Switched { scene, big_endian: servo.starts_with("scs") }
+    }
+
+    fn goal(&mut self, raw: u16) {
+        let [a, b] = if self.big_endian { raw.to_be_bytes() } else { raw.to_le_bytes() };
+        self.scene.ask(&feetech(1, 3, &[42, a, b]));
+    }
+
+    fn set_torque(&mut self, value: u8) {
+        self.scene.ask(&feetech(1, 3, &[40, value]));
+    }
+
+    fn torque(&self) -> i64 {
+        self.scene.get("j1", "Torque Enable")
+    }
+
+    fn position(&mut self) -> i64 {
+        self.scene.wait_ms(1_000);
+        self.scene.get("j1", "Present Position")
+    }
+
+    fn torque_far_from_goal(&self) -> u64 {
+        self.scene.world.verdict().count(Rule::TorqueOn)
+    }
+}
+
+/// Servos with a middle position and one that is 0.15 rad and more away.
+const SERVOS: [(&str, u16, u16); 2] = [("sts3215", 2048, 2248), ("scs0009", 511, 611)];
+
+fn near(position: i64, raw: u16) -> bool {
+    (position - i64::from(raw)).abs() <= 8
+}
+
+#[test]
+fn torque_that_waits_for_its_register_moves_nothing_before() {
+    for (servo, middle, away) in SERVOS {
+        let mut host = Switched::new(servo, TorqueSwitch::WaitsForRegister, Vec::new());
+        assert_eq!(host.torque(), 0);
+        host.goal(away);
+        assert_eq!(host.torque(), 0, "{servo}");
+        assert!(near(host.position(), middle), "{servo}");
+        host.goal(middle);
+        host.set_torque(1);
+        assert_eq!(host.torque_far_from_goal(), 0);
+        host.goal(away);
+        assert!(near(host.position(), away), "{servo}");
+    }
+}
+
+#[test]
+fn torque_that_comes_with_a_goal_comes_with_any_while_it_is_off() {
+    for (servo, middle, away) in SERVOS {
+        let mut host = Switched::new(servo, TorqueSwitch::ComesWithGoal, Vec::new());
+        assert_eq!(host.torque(), 0, "{servo}: not at power-up");
+        // Where the joint stands: that is how a careful host begins.
+        host.goal(middle);
+        assert_eq!((host.torque(), host.torque_far_from_goal()), (1, 0), "{servo}");
+        host.goal(away);
+        assert!(near(host.position(), away), "{servo}");
+        // Switched off it stays off, until the next goal.
+        host.set_torque(0);
+        assert_eq!(host.torque(), 0);
+        host.goal(middle);
+        assert_eq!((host.torque(), host.torque_far_from_goal()), (1, 1), "{servo}");
+        assert!(near(host.position(), middle), "{servo}");
+        // Damping is a torque of its own.
+        host.set_torque(2);
+        host.goal(away);
+        assert_eq!(host.torque(), 2, "{servo}");
+    }
+}
+
+#[test]
+fn the_referee_sees_how_far_the_goal_is_that_brings_torque() {
+    // 0.02 rad are 13.04 counts of an STS, 3.9 of an SCS.
+    for (servo, middle, last) in [("sts3215", 2048, 13), ("scs0009", 511, 3)] {
+        for (off, count) in [(last, 0), (last + 1, 1)] {
+            let mut host = Switched::new(servo, TorqueSwitch::ComesWithGoal, Vec::new());
+            host.goal(middle + off);
+            assert_eq!(host.torque_far_from_goal(), count, "{servo} {off}");
+        }
+    }
+}
+
+#[test]
+fn torque_that_is_on_at_power_up_holds_where_the_shaft_stands() {
+    for (servo, middle, away) in SERVOS {
+        // Power is gone from 3 to 4 s; half-way through a hand turns the shaft.
+        let gone = Fault::Brownout { from_ns: 3_000_000_000, until_ns: 4_000_000_000 };
+        let mut host = Switched::new(servo, TorqueSwitch::OnAtPowerUp, vec![gone]);
+        assert_eq!(host.torque(), 1, "{servo}");
+        assert!(near(host.position(), middle), "{servo}");
+        host.goal(away);
+        assert!(near(host.position(), away), "{servo}");
+        host.scene.world.run_until(3_500_000_000);
+        assert_eq!(host.torque(), 0, "{servo}: without power");
+        assert!(host.scene.world.place_joint("j1", 0.7));
+        let turned = host.scene.get("j1", "Present Position");
+        host.scene.world.run_until(4_500_000_000);
+        assert_eq!(host.torque(), 1, "{servo}");
+        let position = host.position();
+        assert!(near(position, turned as u16), "{servo}: {position} after {turned}");
+        assert_eq!(host.torque_far_from_goal(), 0, "{servo}");
+        host.set_torque(0);
+        assert_eq!(host.torque(), 0, "{servo}: the register switches it off");
+        // A goal far away, then torque: as far as any.
+        host.goal(middle);
+        host.set_torque(1);
+        assert_eq!(host.torque_far_from_goal(), 1, "{servo}");
+    }
+}
+
+#[test]
+fn the_torque_of_a_dynamixel_is_its_registers_whatever_a_feetech_does() {
+    for torque_switch in [TorqueSwitch::ComesWithGoal, TorqueSwitch::OnAtPowerUp] {
+        let mut host = Switched::new("mx-28", torque_switch, Vec::new());
+        host.scene.ask(&feetech(1, 3, &[30, 0, 8]));
+        assert_eq!(host.torque(), 0);
+    }
 }

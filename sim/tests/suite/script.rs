@@ -5,7 +5,9 @@ use crate::scene::{
     write,
 };
 use gaitway_sim::can::{CanFrame, CanHeard};
-use gaitway_sim::{BadChecksum, MissingInChain, Options, Rule, Script, Usb, World, ZeroSpeed};
+use gaitway_sim::{
+    BadChecksum, MissingInChain, Options, Rule, Script, TorqueSwitch, Usb, World, ZeroSpeed,
+};
 
 const MS: u64 = 1_000_000;
 
@@ -254,6 +256,18 @@ fn what_is_wrong_is_named_with_its_place_and_what_is_allowed() {
 }
 
 #[test]
+fn names_and_lists_have_a_length_because_each_number_becomes_a_fault() {
+    let of = |name: usize, numbers: usize| {
+        let (name, numbers) = ("j".repeat(name), vec!["1"; numbers].join(","));
+        let script = format!("[[fault]]\nkind = 'mute'\njoint = '{name}'\nnth = [{numbers}]");
+        Script::parse(&script).map(|script| script.faults.len())
+    };
+    assert_eq!(of(100, 1000), Ok(1000));
+    assert!(of(101, 1).unwrap_err().to_string().contains("key joint: got 101 bytes"));
+    assert!(of(1, 1001).unwrap_err().to_string().contains("a list of at most 1000"));
+}
+
+#[test]
 fn a_script_without_faults_changes_nothing() {
     let script = Script::parse("seed = 7").unwrap();
     assert_eq!(script, Script { seed: Some(7), ..Script::default() });
@@ -265,15 +279,17 @@ fn a_script_without_faults_changes_nothing() {
 #[test]
 fn a_script_chooses_what_the_manuals_leave_open() {
     let text = "[behaviour]\nmissing_in_chain_gap_s = 0.0003\nbad_checksum = 'answer'\n\
-        zero_speed = 'as-phase-says'\n";
+        zero_speed = 'as-phase-says'\ntorque_switch = 'comes-with-goal'\n";
     let options = Script::parse(text).unwrap().apply(Options::default());
     assert_eq!(options.missing_in_chain, MissingInChain::AnswerAfter { gap_ns: 300_000 });
     assert_eq!(options.bad_checksum, BadChecksum::Answer);
     assert_eq!(options.zero_speed, ZeroSpeed::AsPhaseSays);
+    assert_eq!(options.torque_switch, TorqueSwitch::ComesWithGoal);
     // What it does not say stays as it was.
     let kept = Script::parse("[behaviour]\nbad_checksum = 'ignore'\n").unwrap().apply(options);
     assert_eq!(kept.bad_checksum, BadChecksum::Ignore);
     assert_eq!(kept.zero_speed, ZeroSpeed::AsPhaseSays);
+    assert_eq!(kept.torque_switch, TorqueSwitch::ComesWithGoal);
     let said = refusal("seed = 1\n[behaviour]\nbad_checksum = 'shout'\n");
     assert!(said.contains("behaviour (line 2), key bad_checksum: got \"shout\""), "{said}");
     assert!(said.contains("ignore, answer"), "{said}");

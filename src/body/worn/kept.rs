@@ -3,6 +3,7 @@
 use super::calibrate::{Calibration, HeadingBy, Mount};
 use crate::error::Error;
 use crate::mocap::mapping::{segment_name, segment_named};
+use crate::toml_text::from_toml;
 use glam::DQuat;
 use serde::Deserialize;
 use std::fmt::Write;
@@ -99,7 +100,7 @@ impl Kept {
                 .remedy("calibrate anew, or name another file")
         };
         let file: File =
-            toml::from_str(text).map_err(|cause| wrong(cause.to_string().trim().to_owned()))?;
+            from_toml(text).map_err(|cause| wrong(cause.to_string().trim().to_owned()))?;
         if file.schema != SCHEMA {
             return Err(wrong(format!("schema {}", file.schema)));
         }

@@ -25,6 +25,8 @@ pub struct Change {
 
 /// Offsets beyond this are ignored in position mode (DYNAMIXEL e-Manual, Homing Offset(20)).
 const DYNAMIXEL_EFFECTIVE: i64 = 1024;
+/// So often it is tried to close a lock.
+const LOCK_ROUNDS: usize = 3;
 /// The reading may change by a little between two looks, counts.
 const STILL_COUNTS: i64 = 12;
 
@@ -86,65 +88,17 @@ pub fn plan(link: &mut Link, joint: usize, measured: &Measured) -> Result<Change
 /// Writes the offset through the servo's lock, reads it back, and sees that the reading follows.
 ///
 /// # Errors
-/// A servo that does not take it.
+/// A servo that does not take it. Its lock is closed again then too, or said to be open.
 pub fn write(link: &mut Link, joint: usize, change: &Change) -> Result<(), Error> {
     let of = link.robot().joints[joint].clone();
     let before = reading(link, joint)?;
     let model = of.model()?;
-    let lock = model.eeprom_lock();
-    let mut put = |register: &Register, raw: i64| -> Result<i64, Error> {
-        let limit = budget(link);
-        let written = link.write_raw(joint, register, raw, limit);
-        written.map_err(|e| exchange_error(link, Some(joint), &e))?;
-        let limit = budget(link);
-        let kept = link.read_register(joint, register, limit);
-        kept.map_err(|e| exchange_error(link, Some(joint), &e))
+    let kept = match model.eeprom_lock() {
+        None => put(link, joint, change.register, change.new)?,
+        Some(lock) => through(link, joint, lock, change)?,
     };
-    let Some(lock) = lock else {
-        let kept = put(change.register, change.new)?;
-        return check(link, joint, change, before, kept);
-    };
-    let kept = net::catch(|| {
-        if put(lock, 0)? != 0 {
-            return Err(Error::new("the servo did not open its lock; nothing was written")
-                .at(format!("joint {}, register {}", of.name, lock.name)));
-        }
-        inject::point("offset", 0);
-        put(change.register, change.new)
-    });
-    // It is closed again whatever happened, even if its opening was not confirmed.
-    let closed = put(lock, 1);
-    let kept = kept.unwrap_or_else(|words| {
-        Err(Error::new("the program broke as the offset was written")
-            .at(format!("joint {}, register {}", of.name, change.register.name))
-            .got(words)
-            .remedy(format!("please report this; before, it was {}", change.old)))
-    });
-    match (kept, closed) {
-        (Ok(kept), Ok(1)) => check(link, joint, change, before, kept),
-        (Err(error), Ok(1)) => Err(error),
-        (kept, closed) => {
-            let error = Error::new("the servo's EEPROM may still be open")
-                .at(format!("joint {}, register {}", of.name, lock.name))
-                .got(closed.map_or_else(|error| error.to_string(), |raw| raw.to_string()))
-                .allowed("1")
-                .remedy("switch its power off and on: that closes it");
-            Err(kept.err().map_or(error.clone(), |first| first.remedy(error.to_string())))
-        }
-    }
-}
-
-/// Sees that the servo kept its offset and that its reading follows.
-fn check(
-    link: &mut Link,
-    joint: usize,
-    change: &Change,
-    before: i64,
-    kept: i64,
-) -> Result<(), Error> {
-    let of = link.robot().joints[joint].clone();
     let after = reading(link, joint)?;
-    let turn = i64::from(of.model()?.profile().position.counts);
+    let turn = i64::from(model.profile().position.counts);
     let off = (after - before - change.shift + turn / 2).rem_euclid(turn) - turn / 2;
     if kept == change.new && off.abs() <= STILL_COUNTS {
         return Ok(());
@@ -154,4 +108,46 @@ fn check(
         .got(format!("{kept} (raw), its reading went from {before} to {after}"))
         .allowed(format!("{} (raw), a change of {}", change.new, change.shift))
         .remedy(format!("before, it was {}", change.old)))
+}
+
+/// Writes a register; what it holds then.
+fn put(link: &mut Link, joint: usize, register: &Register, raw: i64) -> Result<i64, Error> {
+    let limit = budget(link);
+    let written = link.write_raw(joint, register, raw, limit);
+    written.map_err(|e| exchange_error(link, Some(joint), &e))?;
+    let limit = budget(link);
+    let kept = link.read_register(joint, register, limit);
+    kept.map_err(|e| exchange_error(link, Some(joint), &e))
+}
+
+/// Opens the lock, writes, and closes it again whatever comes of that.
+fn through(link: &mut Link, joint: usize, lock: &Register, change: &Change) -> Result<i64, Error> {
+    let place = {
+        let of = &link.robot().joints[joint];
+        format!("joint {}, ID {}, register {}", of.name, of.id, lock.name)
+    };
+    let done = match put(link, joint, lock, 0) {
+        Ok(0) => net::catch(|| {
+            inject::point("offset", 0);
+            put(link, joint, change.register, change.new)
+        })
+        .unwrap_or_else(|words| {
+            Err(Error::new("the program broke as the offset was written")
+                .at(&place)
+                .got(words)
+                .remedy(format!("please report this; before, it was {}", change.old)))
+        }),
+        Ok(_) => Err(Error::new("the servo did not open its lock; nothing was written").at(&place)),
+        Err(error) => Err(error),
+    };
+    if (0..LOCK_ROUNDS).any(|_| put(link, joint, lock, 1).is_ok_and(|kept| kept == 1)) {
+        return done;
+    }
+    let open = "its EEPROM lock may be open, and it keeps what is written to it: close it with \
+                `gaitway servo set BUS ID Lock 1`, or switch its power off and on";
+    let error = done.err().unwrap_or_else(|| {
+        Error::new("the servo does not confirm that its EEPROM lock is closed again").at(place)
+    });
+    let remedy = error.remedy.clone().map_or(open.to_owned(), |first| format!("{first}; {open}"));
+    Err(error.remedy(remedy))
 }

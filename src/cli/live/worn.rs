@@ -35,16 +35,9 @@ const SHOWN_HZ: f64 = 4.0;
 /// Poses per second where no robot asks for them.
 const POSES_HZ: f64 = 50.0;
 
-/// Keeps a calibration: the old one stays whole until the new one is.
+/// Keeps a calibration: the old one stays whole until the new one is, and nothing else is touched.
 fn keep(path: &Path, kept: &Kept, in_place_of_old: bool) -> Result<(), Error> {
-    if !in_place_of_old {
-        return Output::forced(false).write_file(path, kept.text().as_bytes());
-    }
-    let beside = path.with_extension("toml.new");
-    Output::forced(true).write_file(&beside, kept.text().as_bytes())?;
-    std::fs::rename(&beside, path).map_err(|e| {
-        Error::new("cannot write the file").at(path.display().to_string()).got(e.to_string())
-    })
+    Output::forced(in_place_of_old).write_file(path, kept.text().as_bytes())
 }
 
 impl Job<'_> {
@@ -62,9 +55,10 @@ impl Job<'_> {
             .got("sim")
             .remedy("take --bus sim:pty: the virtual robot in real time"));
         }
+        let worn: Vec<String> = wear.places.iter().map(|place| place.sensor.clone()).collect();
         let mut opened = Vec::new();
         for source in &wear.sources {
-            opened.push(source.open()?);
+            opened.push(source.open(&worn)?);
         }
         let recorder = match &ready {
             Some(ready) if !args.dry_run => Some(self.recorder_for_sensors(&ready.connection)?),
@@ -111,7 +105,7 @@ impl Job<'_> {
             let unknown = |error: Error| {
                 Error {
                 allowed: Some(
-                    "SEGMENT=imu:PROFILE@BUS, imu:slimevr@udp:6969, or, alone, replay:FILE.mcap or \
+                    "SEGMENT=imu:PROFILE@BUS, imu:slimevr@udp:0.0.0.0:6969, or, alone, replay:FILE.mcap or \
                      file:MOTION"
                         .to_owned(),
                 ),
@@ -444,5 +438,35 @@ impl<'a> Body<'a> {
             mount.stale_s = self.stale_s[at];
             mount.heading_lost = self.heading_lost[at];
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::body::worn::Calibration;
+
+    #[test]
+    fn a_calibration_that_is_made_anew_touches_no_other_file() {
+        let folder = std::env::temp_dir().join(format!("kept-{}", std::process::id()));
+        let _ = std::fs::remove_dir_all(&folder);
+        std::fs::create_dir_all(&folder).expect("a folder");
+        let (path, beside) = (folder.join("body.toml"), folder.join("body.toml.new"));
+        for path in [&path, &beside] {
+            std::fs::write(path, "precious").expect("a file");
+        }
+        let kept = Kept {
+            subject: "p1".to_owned(),
+            made_unix_s: 0,
+            sensors: Vec::new(),
+            calibration: Calibration { mounts: Vec::new(), notes: Vec::new() },
+        };
+        let read = |path: &Path| std::fs::read_to_string(path).expect("a file");
+        assert!(keep(&path, &kept, false).is_err(), "it was not to be replaced");
+        assert_eq!(read(&path), "precious");
+        keep(&path, &kept, true).expect("replaced");
+        assert_eq!(read(&path), kept.text());
+        assert_eq!(read(&beside), "precious");
+        assert_eq!(std::fs::read_dir(&folder).expect("a folder").count(), 2, "no litter");
     }
 }

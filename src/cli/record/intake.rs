@@ -73,6 +73,8 @@ pub struct SourceReport {
     pub skew_ppm: f64,
     /// 99 % of the samples were read within this time after they were taken, less the constant part.
     pub late_p99_s: f64,
+    /// Trackers that called and were not heard, told once for all of a socket.
+    pub refused: u64,
     /// Why it ended early.
     pub ended: Option<String>,
 }
@@ -102,6 +104,7 @@ impl SourceReport {
             (counts.resets, "resets"),
             (self.incomplete, "incomplete"),
             (self.bad_packets, "bad packets"),
+            (self.refused, "calls of others refused"),
         ];
         for (count, word) in told {
             if count > 0 {

@@ -123,7 +123,8 @@ pub fn run(
     let (texts, wear) = given(args, &progress)?;
     let worn = sensors(&texts, &wear)?;
     check_names(&worn, progress.session.as_ref())?;
-    let open = |text: &String| text.parse::<Source>()?.open();
+    let heard: Vec<String> = worn.iter().map(|worn| worn.heard.clone()).collect();
+    let open = |text: &String| text.parse::<Source>()?.open(&heard);
     let opened = texts.iter().map(open).collect::<Result<Vec<_>, Error>>()?;
     let given = setup::Given {
         sources: texts,
@@ -275,7 +276,9 @@ fn sensors(texts: &[String], wear: &BTreeMap<String, String>) -> Result<Vec<Worn
             What::Lines { .. } | What::Servos { .. } => {
                 return Err(Error::new("a session records sensors that are worn")
                     .got(text)
-                    .allowed("SEGMENT=imu:PROFILE@BUS, or imu:slimevr@udp:6969 with --wear"));
+                    .allowed(
+                        "SEGMENT=imu:PROFILE@BUS, or imu:slimevr@udp:0.0.0.0:6969 with --wear",
+                    ));
             }
         }
     }

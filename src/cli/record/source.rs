@@ -29,7 +29,7 @@ pub enum What {
     Servos { robot: String, addresses: Vec<Address> },
 }
 
-const ALLOWED: &str = "imu:PROFILE@serial:/dev/ttyUSB0, imu:slimevr@udp:6969, \
+const ALLOWED: &str = "imu:PROFILE@serial:/dev/ttyUSB0, imu:slimevr@udp:0.0.0.0:6969, \
                        lines@/dev/ttyACM0?baud=115200 or servos:ROBOT@BUS, each with NAME= before it";
 
 impl FromStr for Source {
@@ -67,10 +67,11 @@ fn is_name(name: &str) -> bool {
     !name.is_empty() && name.bytes().all(fits)
 }
 
-/// A port on every interface, or an address.
+/// A port of this machine alone, or an address: `0.0.0.0:PORT` is open to the network.
 fn socket(text: &str) -> Option<SocketAddr> {
-    let port = text.parse::<u16>().map(|port| SocketAddr::from((Ipv4Addr::UNSPECIFIED, port)));
-    port.or_else(|_| text.parse()).ok()
+    let port = text.strip_prefix("localhost:").unwrap_or(text).parse::<u16>();
+    let own = port.map(|port| SocketAddr::from((Ipv4Addr::LOCALHOST, port)));
+    own.or_else(|_| text.parse()).ok()
 }
 
 /// `10s`, `2.5s`, `500ms`, `2min`.
@@ -112,11 +113,12 @@ impl Opened {
 const TEXT_BAUD_BPS: u32 = 115_200;
 
 impl Source {
-    /// Opens a source that is no robot.
+    /// Opens a source that is no robot. `worn` are the names of all sensors that are worn, as far as
+    /// that was said.
     ///
     /// # Errors
     /// An unknown profile, one that does not fit the bus, a port that cannot be opened.
-    pub fn open(&self) -> Result<Opened, Error> {
+    pub fn open(&self, worn: &[String]) -> Result<Opened, Error> {
         let mismatch = |remedy: &str| {
             Error::new("the profile and the bus do not fit").at(self.text.clone()).remedy(remedy)
         };
@@ -124,7 +126,9 @@ impl Source {
             What::Imu { profile, address } => {
                 let sensor = load(profile)?;
                 let Some(baud_bps) = sensor.baud_bps else {
-                    return Err(mismatch("SlimeVR trackers send UDP: imu:slimevr@udp:6969"));
+                    return Err(mismatch(
+                        "SlimeVR trackers send UDP: imu:slimevr@udp:0.0.0.0:6969",
+                    ));
                 };
                 let port = open_stream(address, baud_bps)?;
                 let name = self.name.clone().unwrap_or_else(|| sensor.name.clone());
@@ -136,7 +140,7 @@ impl Source {
                     return Err(mismatch("only SlimeVR trackers send UDP"));
                 }
                 let name = self.name.clone().unwrap_or_else(|| "tracker".to_owned());
-                Trackers::open(name, sensor, *listen).map(|t| Opened::Trackers(Box::new(t)))
+                Trackers::open(name, sensor, *listen, worn).map(|t| Opened::Trackers(Box::new(t)))
             }
             What::Lines { address } => {
                 let port = open_stream(address, TEXT_BAUD_BPS)?;
@@ -167,6 +171,16 @@ mod tests {
             if profile == "./mine.toml" && address.bus.baud_bps() == Some(9600)));
         let trackers = source("imu:slimevr@udp:6969");
         assert!(matches!(trackers.what, What::Trackers { listen, .. } if listen.port() == 6969));
+        for (text, listens) in [
+            ("6969", "127.0.0.1:6969"),
+            ("localhost:6969", "127.0.0.1:6969"),
+            ("0.0.0.0:6969", "0.0.0.0:6969"),
+            ("192.168.1.5:7000", "192.168.1.5:7000"),
+            ("[::1]:6969", "[::1]:6969"),
+        ] {
+            let listens: SocketAddr = listens.parse().expect("an address");
+            assert_eq!(socket(text), Some(listens), "{text}");
+        }
         assert!(matches!(source("lines@/dev/ttyACM0").what, What::Lines { .. }));
         assert!(matches!(source("servos:op3@sim:pty").what, What::Servos { .. }));
         for text in ["", "imu@/dev/x", "imu:a", "lines:x@/dev/x", "servos@sim", "imu:a@udp:x"] {

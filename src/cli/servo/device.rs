@@ -6,7 +6,10 @@ use crate::cli::connect::{OpenLine, open_bus};
 use crate::cli::identify::{ask_error, identify, serial_protocol};
 use crate::device::Model;
 use crate::error::Error;
-use gaitway_profiles::{self as profiles, Access, Region, Register, RegisterItem, Role};
+use gaitway_profiles::{self as profiles, Access, Region, RegisterItem, Role};
+
+/// So often it is tried to close a lock.
+const LOCK_ROUNDS: usize = 3;
 
 /// A servo that answers.
 pub struct Device {
@@ -22,6 +25,10 @@ pub struct Device {
     pub firmware: u16,
     /// The line's address, for words.
     bus: String,
+    /// What else has to be typed to reach the line, for words.
+    again: String,
+    /// Under which ID and at which line speed else it may answer, bits per second.
+    elsewhere: Vec<(u8, u32)>,
 }
 
 /// A register that was changed, raw.
@@ -76,6 +83,8 @@ impl Device {
             model_number: found.model_number,
             firmware: found.firmware,
             bus: target.bus.to_string(),
+            again: target.again(),
+            elsewhere: Vec::new(),
         })
     }
 
@@ -175,13 +184,10 @@ impl Device {
         }
         if item.register.region == Region::Eeprom {
             self.must_be_limp()?;
-            self.unlock()?;
+            self.unlocked(|device| device.tell(item, raw))?;
+        } else {
+            self.tell(item, raw)?;
         }
-        let written = self.tell(item, raw);
-        if item.register.region == Region::Eeprom {
-            self.lock()?;
-        }
-        written?;
         let new = self.read(item)?;
         if new == raw {
             return Ok(Change { old, new });
@@ -207,7 +213,11 @@ impl Device {
         if register.access == Access::R {
             return Err(Error::new("this register can only be read").at(place()));
         }
-        if let Some(command) = other_command(item) {
+        // Closing a lock that was left open is no more than was promised.
+        let closes = item.register.role == Some(Role::EepromLock)
+            && self.model.eeprom_lock().is_some()
+            && raw == 1;
+        if let Some(command) = other_command(item).filter(|_| !closes) {
             return Err(Error::new("this register is not written here")
                 .at(place())
                 .remedy(command));
@@ -241,20 +251,52 @@ impl Device {
     /// that it answers reads only does so in silence.
     fn tell(&mut self, item: &RegisterItem<'_>, raw: i64) -> Result<(), Error> {
         match self.write(item, raw) {
-            Ok(()) | Err(AskError::Miss(Miss::Silent)) => Ok(()),
-            Err(error) => Err(self.failed(&error)),
+            Err(error) if !is_lost(&error) => Err(self.failed(&error)),
+            _ => Ok(()),
         }
+    }
+
+    /// From now on it may answer under another ID or at another line speed.
+    pub(super) fn may_be_found_at(&mut self, id: u8, baud_bps: u32) {
+        self.elsewhere.extend([(self.id, self.line.baud_bps), (id, baud_bps)]);
+    }
+
+    /// Does `work` while the servo keeps what is written to it. Its lock is closed again whatever
+    /// comes of that, wherever the servo may be found by then, or said to be open. Commands that come
+    /// here let an interrupt wait ([`Signals::defer`](crate::cli::signals::Signals::defer)).
+    ///
+    /// # Errors
+    /// What `work` fails with, a servo that does not open or close its lock.
+    pub(super) fn unlocked<T>(
+        &mut self,
+        work: impl FnOnce(&mut Self) -> Result<T, Error>,
+    ) -> Result<T, Error> {
+        let done = self.unlock().and_then(|()| work(self));
+        let Err(open) = self.lock() else { return done };
+        let Err(error) = done else {
+            return Err(open.got("what was asked for is done; that it closed was not confirmed"));
+        };
+        let also = format!("{}: {}", open.what, open.remedy.unwrap_or_default());
+        let remedy = error.remedy.clone().map_or(also.clone(), |first| format!("{first}; {also}"));
+        Err(error.remedy(remedy))
     }
 
     /// Lets the servo keep what is written from now on. A Dynamixel always does, unless somebody
     /// locked it.
-    ///
-    /// # Errors
-    /// A servo that is locked for good, or does not take its lock.
-    pub(super) fn unlock(&mut self) -> Result<(), Error> {
-        if let Some(lock) = self.model.eeprom_lock() {
-            return self.write_lock(lock, 0);
+    fn unlock(&mut self) -> Result<(), Error> {
+        let Some(lock) = self.model.eeprom_lock() else { return self.must_be_open() };
+        let Some(item) = lock.item(0) else { return Ok(()) };
+        self.tell(&item, 0)?;
+        match self.read(&item)? {
+            0 => Ok(()),
+            kept => Err(Error::new("the servo did not open its lock")
+                .at(self.place())
+                .got(kept.to_string())
+                .allowed("0")),
         }
+    }
+
+    fn must_be_open(&mut self) -> Result<(), Error> {
         if self.read_role(Role::EepromLock)?.unwrap_or(0) == 0 {
             return Ok(());
         }
@@ -265,23 +307,52 @@ impl Device {
         .remedy("switch its power off and on"))
     }
 
-    /// The opposite of [`Device::unlock`], for servos that can be opened again.
-    pub(super) fn lock(&mut self) -> Result<(), Error> {
-        self.model.eeprom_lock().map_or(Ok(()), |lock| self.write_lock(lock, 1))
-    }
-
-    fn write_lock(&mut self, lock: &'static Register, raw: i64) -> Result<(), Error> {
-        let Some(item) = lock.item(0) else { return Ok(()) };
-        self.tell(&item, raw)?;
-        let kept = self.read(&item)?;
-        if kept == raw {
+    /// Closes the lock again, of servos whose lock can be opened again.
+    fn lock(&mut self) -> Result<(), Error> {
+        let Some(item) = self.model.eeprom_lock().and_then(|lock| lock.item(0)) else {
+            return Ok(());
+        };
+        let here = (self.id, self.line.baud_bps);
+        let mut places = vec![here];
+        places.extend(self.elsewhere.iter().filter(|&&place| place != here));
+        // An answer may be lost, and a servo that changed its terms has just restarted.
+        let closed = (0..LOCK_ROUNDS).any(|_| places.iter().any(|&at| self.closes(&item, at)));
+        self.id = here.0;
+        if self.line.baud_bps != here.1 {
+            self.line.set_speed(here.1)?;
+        }
+        if closed {
             return Ok(());
         }
-        Err(Error::new("the servo did not take its lock")
-            .at(self.place())
-            .got(kept.to_string())
-            .allowed(raw.to_string()))
+        let (bus, again, lock) = (&self.bus, &self.again, item.name());
+        let ids: Vec<String> = places.iter().map(|(id, _)| id.to_string()).collect();
+        let id = ids.join(" or ");
+        Err(Error::new(
+            "the servo's EEPROM lock may be open: it would keep whatever is written to it",
+        )
+        .at(self.place())
+        .got("no answer when it was closed")
+        .remedy(format!(
+            "close it with `gaitway servo set {bus} {id} '{lock}' 1{again}`, or switch the \
+                 servo's power off and on"
+        )))
     }
+
+    /// Tells the servo that may be at `at` to close its lock; true if it says that it is closed.
+    fn closes(&mut self, lock: &RegisterItem<'_>, (id, baud_bps): (u8, u32)) -> bool {
+        if self.line.baud_bps != baud_bps && self.line.set_speed(baud_bps).is_err() {
+            return false;
+        }
+        self.id = id;
+        // Whether it heard that is seen by asking.
+        let _ = self.write(lock, 1);
+        self.read(lock).is_ok_and(|kept| kept == 1)
+    }
+}
+
+/// True if the instruction may have been carried out all the same.
+pub(super) fn is_lost(error: &AskError) -> bool {
+    matches!(error, AskError::Miss(miss) if !matches!(miss, Miss::Refused(_)))
 }
 
 /// The command that does what writing this register would do, where that needs more care.

@@ -1,15 +1,16 @@
 //! `servo set-id` and `servo set-baud`: after either the servo is found under other terms, and is
 //! looked for there before anything is said.
 
-use super::device::Device;
+use super::device::{Device, is_lost};
 use super::{Target, actuator};
-use crate::bus::{AskError, Miss};
+use crate::bus::AskError;
 use crate::cli::identify::identify;
+use crate::cli::signals::Signals;
 use crate::cli::{Deed, Remarks};
 use crate::error::Error;
 use crate::time::Duration;
 use clap::Args;
-use gaitway_profiles::{RegisterItem, Role};
+use gaitway_profiles::{Baud, RegisterItem, Role};
 use serde_json::json;
 
 /// Arguments of `servo set-id`.
@@ -49,6 +50,7 @@ pub fn set_id(args: &SetIdArgs, remarks: Remarks) -> Result<i32, Error> {
     if args.target.is_can()? {
         return actuator::set_id(args, remarks);
     }
+    Signals::defer()?;
     let mut device = Device::open(&args.target)?;
     let (old, new) = (device.id, args.new_id);
     let item = needed(&device, Role::Id)?;
@@ -63,22 +65,7 @@ pub fn set_id(args: &SetIdArgs, remarks: Remarks) -> Result<i32, Error> {
         permitted(&device, args.permit_eeprom, &format!("ID {old} would become {new}"))?;
         refuse_taken(&mut device, new)?;
         device.must_be_limp()?;
-        device.unlock()?;
-        // It may answer under either ID: whether it worked is seen by looking for it.
-        match device.write(&item, i64::from(new)) {
-            Ok(()) | Err(AskError::Miss(Miss::Silent | Miss::WrongId { .. })) => {}
-            Err(error) => {
-                device.lock()?;
-                return Err(device.failed(&error));
-            }
-        }
-        device.line.clock.sleep_until(device.line.clock.now() + CHANGING);
-        device.id = new;
-        let kept = device.read(&item).map_err(|e| e.remedy(look_everywhere(&device)))?;
-        device.lock()?;
-        if kept != i64::from(new) {
-            return Err(not_kept(&device, kept, i64::from(new)));
-        }
+        change_id(&mut device, &item, new)?;
     }
     let bus = device.bus();
     let robot = args.target.again();
@@ -90,6 +77,36 @@ pub fn set_id(args: &SetIdArgs, remarks: Remarks) -> Result<i32, Error> {
     }
     let report = json!({ "id_before": old, "id": new, "bus": bus, "undo": undo });
     Ok(args.target.output.conclude(&report, &text, Deed::Work, 0))
+}
+
+/// Writes the ID through the lock and finds the servo again.
+pub(super) fn change_id(
+    device: &mut Device,
+    item: &RegisterItem<'_>,
+    new: u8,
+) -> Result<(), Error> {
+    let old = device.id;
+    device.may_be_found_at(new, device.line.baud_bps);
+    device.unlocked(|device| {
+        // It may answer under either ID: whether it worked is seen by looking for it.
+        match device.write(item, i64::from(new)) {
+            Err(error) if !is_lost(&error) => return Err(device.failed(&error)),
+            _ => {}
+        }
+        device.line.clock.sleep_until(device.line.clock.now() + CHANGING);
+        device.id = new;
+        let lost = match device.read(item) {
+            Ok(kept) if kept == i64::from(new) => return Ok(()),
+            Ok(kept) => return Err(not_kept(device, kept, i64::from(new))),
+            Err(error) => error.remedy(look_everywhere(device)),
+        };
+        // If it did not hear of its new ID it still has the old one.
+        device.id = old;
+        match device.read(item) {
+            Ok(kept) => Err(not_kept(device, kept, i64::from(new))),
+            Err(_) => Err(lost),
+        }
+    })
 }
 
 /// Two devices with one ID cannot be told apart any more by anyone.
@@ -122,6 +139,7 @@ pub fn set_baud(args: &SetBaudArgs, remarks: Remarks) -> Result<i32, Error> {
                       ip link set can0 down; ip link set can0 up type can bitrate ...";
         return actuator::refuse("giving an actuator another speed", &args.target.bus, remedy);
     }
+    Signals::defer()?;
     let mut device = Device::open(&args.target)?;
     let item = needed(&device, Role::BaudRate)?;
     let known = &device.model.profile().baud;
@@ -137,21 +155,7 @@ pub fn set_baud(args: &SetBaudArgs, remarks: Remarks) -> Result<i32, Error> {
         let what = format!("{old_bps} bit/s would become {} bit/s", args.baud_bps);
         permitted(&device, args.permit_eeprom, &what)?;
         device.must_be_limp()?;
-        device.unlock()?;
-        match device.write(&item, i64::from(speed.index)) {
-            Ok(()) | Err(AskError::Miss(Miss::Silent | Miss::Garbled)) => {}
-            Err(error) => {
-                device.lock()?;
-                return Err(device.failed(&error));
-            }
-        }
-        device.line.clock.sleep_until(device.line.clock.now() + CHANGING);
-        device.line = device.line.at_speed(args.baud_bps)?;
-        let kept = device.read(&item).map_err(|e| e.remedy(look_everywhere(&device)))?;
-        device.lock()?;
-        if kept != i64::from(speed.index) {
-            return Err(not_kept(&device, kept, i64::from(speed.index)));
-        }
+        change_baud(&mut device, &item, speed)?;
     }
     let plain = device.bus().split('?').next().unwrap_or_default().to_owned();
     let new_bps = args.baud_bps;
@@ -170,6 +174,35 @@ pub fn set_baud(args: &SetBaudArgs, remarks: Remarks) -> Result<i32, Error> {
         "id": device.id, "baud_bps_before": old_bps, "baud_bps": new_bps, "bus": plain, "undo": undo
     });
     Ok(args.target.output.conclude(&report, &text, Deed::Work, 0))
+}
+
+/// Writes the speed through the lock and finds the servo again.
+pub(super) fn change_baud(
+    device: &mut Device,
+    item: &RegisterItem<'_>,
+    speed: &Baud,
+) -> Result<(), Error> {
+    let (old_bps, wanted) = (device.line.baud_bps, i64::from(speed.index));
+    device.may_be_found_at(device.id, speed.bps);
+    device.unlocked(|device| {
+        match device.write(item, wanted) {
+            Err(error) if !is_lost(&error) => return Err(device.failed(&error)),
+            _ => {}
+        }
+        device.line.clock.sleep_until(device.line.clock.now() + CHANGING);
+        device.line.set_speed(speed.bps)?;
+        let lost = match device.read(item) {
+            Ok(kept) if kept == wanted => return Ok(()),
+            Ok(kept) => return Err(not_kept(device, kept, wanted)),
+            Err(error) => error.remedy(look_everywhere(device)),
+        };
+        // If it did not hear of its new speed it still has the old one.
+        device.line.set_speed(old_bps)?;
+        match device.read(item) {
+            Ok(kept) => Err(not_kept(device, kept, wanted)),
+            Err(_) => Err(lost),
+        }
+    })
 }
 
 fn needed(device: &Device, role: Role) -> Result<RegisterItem<'static>, Error> {

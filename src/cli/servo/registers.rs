@@ -3,6 +3,7 @@
 use super::device::Device;
 use super::{Target, actuator, value};
 use crate::cli::identify::protocol_name;
+use crate::cli::signals::Signals;
 use crate::cli::{Deed, Remarks};
 use crate::error::Error;
 use clap::Args;
@@ -169,6 +170,7 @@ pub fn set(args: &SetArgs, remarks: Remarks) -> Result<i32, Error> {
     if args.target.is_can()? {
         return actuator::set(args, remarks);
     }
+    Signals::defer()?;
     let mut device = Device::open(&args.target)?;
     let item = find(device.model.profile(), &args.register)?;
     let raw = value::parse(&device.model, &item, &args.value, args.raw)?;

@@ -1,9 +1,10 @@
 //! `servo reboot` and `servo factory-reset`: the servo goes limp and comes back.
 
-use super::device::Device;
+use super::device::{Device, is_lost};
 use super::{Target, actuator};
-use crate::bus::{AskError, FactoryReset, Miss, Protocol};
+use crate::bus::{AskError, FactoryReset, Protocol};
 use crate::cli::identify::{Identity, identify};
+use crate::cli::signals::Signals;
 use crate::cli::{Deed, Remarks};
 use crate::error::Error;
 use crate::time::Duration;
@@ -99,6 +100,7 @@ pub fn factory_reset(args: &FactoryResetArgs, remarks: Remarks) -> Result<i32, E
         let remedy = "the maker's tool does it";
         return actuator::refuse("setting an actuator back", &args.target.bus, remedy);
     }
+    Signals::defer()?;
     let mut device = Device::open(&args.target)?;
     let protocol = device.model.protocol();
     let (old_id, old_bps) = (device.id, device.line.baud_bps);
@@ -128,17 +130,8 @@ pub fn factory_reset(args: &FactoryResetArgs, remarks: Remarks) -> Result<i32, E
     if id != old_id {
         refuse_taken(&mut device, id)?;
     }
-    device.unlock()?;
     let keep = if args.everything { FactoryReset::Everything } else { FactoryReset::KeepIdAndBaud };
-    let budget = device.line.budget();
-    let told = device.line.bus.factory_reset(protocol, old_id, keep, budget);
-    obeyed(told).map_err(|e| device.failed(&e))?;
-    device.line.clock.sleep_until(device.line.clock.now() + AGAIN);
-    if bps != old_bps {
-        device.line = device.line.at_speed(bps)?;
-    }
-    let back = wait_for(&mut device, id)?;
-    device.lock()?;
+    let back = set_back(&mut device, keep, id, bps)?;
     let text = format!(
         "{} is as it left the factory, firmware {}, at {bps} bit/s\n",
         device.place(),
@@ -149,6 +142,26 @@ pub fn factory_reset(args: &FactoryResetArgs, remarks: Remarks) -> Result<i32, E
         "firmware": back.firmware,
     });
     Ok(args.target.output.conclude(&report, &text, Deed::Work, 0))
+}
+
+/// Sets a servo back through its lock and finds it again as `id` at `bps` bits per second.
+pub(super) fn set_back(
+    device: &mut Device,
+    keep: FactoryReset,
+    id: u8,
+    bps: u32,
+) -> Result<Identity, Error> {
+    device.may_be_found_at(id, bps);
+    device.unlocked(|device| {
+        let (protocol, budget) = (device.model.protocol(), device.line.budget());
+        let told = device.line.bus.factory_reset(protocol, device.id, keep, budget);
+        obeyed(told).map_err(|e| device.failed(&e))?;
+        device.line.clock.sleep_until(device.line.clock.now() + AGAIN);
+        if bps != device.line.baud_bps {
+            device.line.set_speed(bps)?;
+        }
+        wait_for(device, id)
+    })
 }
 
 /// ID and line speed of the model when it leaves the factory.
@@ -178,8 +191,8 @@ fn refuse_taken(device: &mut Device, id: u8) -> Result<(), Error> {
 /// A lost answer is no refusal: whether it obeyed is seen when it is back.
 fn obeyed(told: Result<crate::bus::Reply, AskError>) -> Result<(), AskError> {
     match told {
-        Ok(_) | Err(AskError::Miss(Miss::Silent | Miss::Garbled)) => Ok(()),
-        Err(error) => Err(error),
+        Err(error) if !is_lost(&error) => Err(error),
+        _ => Ok(()),
     }
 }
 

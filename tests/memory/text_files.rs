@@ -1,0 +1,248 @@
+//! Small valid files of every text format, and hostile ones made from them.
+
+use crate::mcap_files::cuts;
+use crate::readers::Files;
+
+/// Most bytes of a profile, a table, a plan and what else is read as they are.
+const TEXT_BYTES: usize = 1 << 20;
+/// Files that differ from a valid one in one place, at most.
+const MOST: usize = 300;
+/// What is no number a joint, a register or a time can have.
+const BAD_NUMBERS: [&str; 10] = [
+    "nan",
+    "-nan",
+    "inf",
+    "-inf",
+    "1e999",
+    "-1e308",
+    "4e-324",
+    "-0.0",
+    "18446744073709551616",
+    "-9223372036854775808",
+];
+
+pub const TABLE: &str = "time_s,r_knee_rad\n0,0.1\n0.5,0.2\n1,0.1\n";
+pub const BVH: &str = "HIERARCHY\nROOT hips\n{\n OFFSET 0 0 0\n CHANNELS 6 Xposition Yposition \
+Zposition Zrotation Xrotation Yrotation\n JOINT knee\n {\n  OFFSET 0 -40 0\n  CHANNELS 3 Zrotation \
+Xrotation Yrotation\n  End Site\n  {\n   OFFSET 0 -40 0\n  }\n }\n}\nMOTION\nFrames: 2\nFrame Time: \
+0.01\n0 90 0 0 0 0 1 2 3\n0 90 1 0 0 0 1 2 3\n";
+pub const MAPPING: &str = "[segments]\nleft_upper_arm = \"LeftArm\"\nleft_thigh = \"LeftUpLeg\"\n";
+pub const CALIBRATION: &str = "schema = 1\nrobot = \"op3\"\n[[joint]]\nname = \"r_knee\"\n\
+direction = -1\noffset_rad = 0.125\nlower_rad = -0.5\nupper_rad = 0.75\nhoming_offset_raw = -12\n";
+pub const BODY_CALIBRATION: &str = "schema = 1\nsubject = \"a\"\nmade_unix_s = 1\n[[mount]]\n\
+segment = \"left_thigh\"\nsensor = \"s\"\nsensor_from_segment = [1.0, 0.0, 0.0, 0.0]\n\
+heading_rad = 0.5\nheading_by = \"t_pose\"\nconsistency = 0.9\n";
+pub const PLAN: &str = "repetitions = 5\nstill_s = 5.0\n[[action]]\nname = \"bow\"\n[[action]]\n\
+name = \"lift-box\"\nexplain = \"Lift it.\"\nrepetitions = 3\nprops = \"a box\"\n";
+pub const SESSION: &str = "schema = 1\nname = \"s\"\nbegun = \"2026-11-21T09:40:39Z\"\n\
+sources = [\"a=imu:bno08x-rvc@/dev/ttyUSB0\"]\nsubjects = [\"p1\", \"p2\"]\nskipped = [\"bow\"]\n\
+gaitway_version = \"0\"\n[wear]\n\"tracker-1\" = \"left_thigh\"\n[plan]\nrepetitions = 2\n\
+[[plan.action]]\nname = \"bow\"\n";
+pub const TRIAL: &str = "schema = 1\naction = \"bow\"\nnumber = 1\njudged = \
+\"2026-11-21T09:40:39Z\"\nverdict = \"keep\"\ngood_repetitions = 3\nclosed = true\n\
+missed_samples = 0\nduration_s = 1.5\n[[recording]]\nsubject = \"p1\"\nfile = \"trials/a.mcap\"\n";
+pub const DEVICE_CHECK: &str = "schema = 1\nmade = \"2026-11-21T09:40:39Z\"\nexpires = \
+\"2026-11-22T09:40:39Z\"\npassed = true\n[[sensor]]\nname = \"s\"\npassed = false\nwhy = [\"it \
+moved\"]\nsamples = 500\nmissed = 0\nduration_s = 5.0\nrate_hz = 100.0\nnominal_rate_hz = 100.0\n";
+pub const BODY_CHECK: &str = "schema = 1\nsubject = \"p1\"\nmade = \"2026-11-21T09:40:39Z\"\n\
+expires = \"2026-11-22T09:40:39Z\"\npassed = true\nsensors = 2\nnotes = [\"a\", \"b\"]\n\
+[off_t_pose_rad]\nleft_thigh = 0.1\n";
+pub const SUBJECT: &str = "id = \"p1\"\n[measures]\nstature_m = 1.8\nmass_kg = 80.0\n";
+pub const FAULTS: &str = "seed = 1\n[behaviour]\nbad_checksum = \"ignore\"\n[[fault]]\nkind = \
+\"mute\"\njoint = \"r_knee\"\nnth = [1, 2]\n[[fault]]\nkind = \"silent\"\njoint = \"r_knee\"\n\
+from_s = 2\nuntil_s = 2.5\n";
+
+/// One file with this text over and over, as long as a text may be.
+fn full_of(head: &str, part: &str, tail: &str) -> Vec<u8> {
+    let times = (TEXT_BYTES - head.len() - tail.len()) / part.len();
+    [head, &part.repeat(times), tail].concat().into_bytes()
+}
+
+/// As [`full_of`], each time with another number in place of `#`.
+fn numbered(head: &str, part: &str) -> Vec<u8> {
+    let mut text = head.to_owned();
+    for number in 0.. {
+        let next = part.replace('#', &number.to_string());
+        if text.len() + next.len() > TEXT_BYTES {
+            break;
+        }
+        text += &next;
+    }
+    text.into_bytes()
+}
+
+fn one(file: Vec<u8>) -> Files {
+    Box::new(move || vec![file.clone()])
+}
+
+/// Every number of a text in turn made one of [`BAD_NUMBERS`].
+fn bad_numbers(text: &[u8]) -> Vec<Vec<u8>> {
+    let begins = |at: usize| {
+        let before = if at == 0 { b' ' } else { text[at - 1] };
+        text[at].is_ascii_digit() && matches!(before, b' ' | b'\n' | b',' | b'[' | b'-' | b'=')
+    };
+    let places: Vec<usize> = (0..text.len()).filter(|&at| begins(at)).collect();
+    let step = places.len().div_ceil(MOST / BAD_NUMBERS.len()).max(1);
+    let mut files = Vec::new();
+    for &at in places.iter().step_by(step) {
+        let number = text[at..].iter().take_while(|b| b.is_ascii_alphanumeric() || **b == b'.');
+        let end = at + number.count();
+        for bad in BAD_NUMBERS {
+            files.push([&text[..at], bad.as_bytes(), &text[end..]].concat());
+        }
+    }
+    files
+}
+
+fn common(minimal: &[u8]) -> Vec<(&'static str, Files)> {
+    let (cut, bent, broken) = (minimal.to_vec(), minimal.to_vec(), minimal.to_vec());
+    let not_text = move || {
+        let mut files: Vec<Vec<u8>> = Vec::new();
+        for at in (0..broken.len()).step_by(broken.len().div_ceil(MOST)) {
+            let mut file = broken.clone();
+            file[at] = [0, 0xFF, 0xC3, b'"', b'\r'][at % 5];
+            files.push(file);
+        }
+        files
+    };
+    let numbers: Files = Box::new(move || bad_numbers(&bent));
+    let has_numbers = minimal.iter().any(u8::is_ascii_digit);
+    let numbers = has_numbers.then_some(("numbers-that-are-none", numbers));
+    let cases: Vec<(&'static str, Files)> = vec![
+        ("cut-off-anywhere", Box::new(move || cuts(&cut, MOST))),
+        ("a-byte-that-is-no-text", Box::new(not_text)),
+        ("a-word-of-1-MiB", one(full_of("", "x", ""))),
+        ("empty-lines", one(full_of("", "\n", ""))),
+        ("zeros", one(vec![0; TEXT_BYTES])),
+        ("larger-than-any-file-may-be", one(vec![b' '; 20 << 20])),
+    ];
+    cases.into_iter().chain(numbers).collect()
+}
+
+pub fn hostile_tables(minimal: &[u8]) -> Vec<(&'static str, Files)> {
+    let mut cases = common(minimal);
+    cases.extend([
+        ("titles-without-end", one(numbered("time_s", ",#_rad"))),
+        ("the-same-title-without-end", one(full_of("time_s", ",_rad", ""))),
+        ("a-row-without-end", one(full_of("time_s,a_rad\n0,0\n", ",0", ""))),
+        ("rows-without-end", one(numbered("time_s,a_rad\n", "#,0\n"))),
+        ("columns-and-rows", one(columns_and_rows())),
+    ]);
+    cases
+}
+
+/// As many numbers of two bytes as a table can have.
+fn columns_and_rows() -> Vec<u8> {
+    let columns = 1000;
+    let titles: Vec<String> = (0..columns).map(|n| format!("{n}_rad")).collect();
+    numbered(&format!("time_s,{}\n", titles.join(",")), &format!("#{}\n", ",0".repeat(columns)))
+}
+
+pub fn hostile_bvh(minimal: &[u8]) -> Vec<(&'static str, Files)> {
+    let mut cases = common(minimal);
+    let claims = |frames: &str| {
+        let file = BVH.replace("Frames: 2", &format!("Frames: {frames}"));
+        file.into_bytes()
+    };
+    let counts = ["2000000", "2e6", "1e19", "18446744073709551615", "-1", "nan", "0"];
+    let claimed: Files = Box::new(move || counts.map(claims).to_vec());
+    let channels = BVH.replace("CHANNELS 3", "CHANNELS 99999999999");
+    let joint = "JOINT j\n{\nOFFSET 0 0 0\n";
+    let name = format!("HIERARCHY\nROOT {}\n{{\n", "x".repeat(60_000));
+    let root = "HIERARCHY\nROOT r\n{\nOFFSET 0 0 0\nCHANNELS 1 Xrotation\n";
+    let motion = format!("{root}}}\nMOTION\nFrames: 2000000\nFrame Time: 0.01\n");
+    cases.extend([
+        ("counts-of-poses", claimed),
+        ("a-count-of-channels", one(channels.into_bytes())),
+        ("nesting-without-end", one(full_of(root, joint, ""))),
+        ("joints-without-end", one(full_of(root, &format!("{joint}}}\n"), ""))),
+        ("end-sites-without-end", one(full_of(root, "End Site{OFFSET 0 0 0}\n", ""))),
+        ("a-long-name", one(name.into_bytes())),
+        ("poses-of-two-bytes", one([motion.as_bytes(), &b"0\n".repeat(1_900_000)].concat())),
+    ]);
+    cases
+}
+
+/// What each kind of TOML file has of its own.
+pub fn hostile_toml(minimal: &[u8]) -> Vec<(&'static str, Files)> {
+    let mut cases = common(minimal);
+    let (listed, repeated) = (minimal.to_vec(), minimal.to_vec());
+    cases.extend([
+        ("lists-in-place-of-every-value", Box::new(move || long_lists(&listed)) as Files),
+        ("every-table-over-and-over", Box::new(move || repeated_tables(&repeated)) as Files),
+    ]);
+    cases
+}
+
+/// What any TOML can be, whatever it should be.
+pub fn hostile_structure() -> Vec<(&'static str, Files)> {
+    vec![
+        ("brackets", one(full_of("", "[", ""))),
+        ("a-list-of-brackets", one(full_of("a=", "[", ""))),
+        ("a-list-of-lists", one(full_of("a=[", "[],", "]"))),
+        ("a-list-of-tables", one(full_of("a=[", "{},", "]"))),
+        ("a-list-of-zeros", one(full_of("a=[", "0,", "]"))),
+        ("tables-in-tables", one(full_of("", "a={", ""))),
+        ("dotted-keys", one(full_of("a", ".a", "=0"))),
+        ("dotted-tables", one(full_of("[a", ".a", "]"))),
+        ("keys", one(numbered("", "a#=0\n"))),
+        ("keys-of-keys", one(numbered("", "a#.b=0\n"))),
+        ("tables", one(numbered("", "[a#]\n"))),
+        ("tables-of-tables", one(numbered("", "[a#.b.c.d]\n"))),
+        ("lists-of-tables", one(full_of("", "[[a]]\n", ""))),
+        ("a-list-that-never-ends", one(numbered("a=[\n", "b#.c.d=0\n"))),
+        ("a-list-that-never-ends-of-numbers", one(numbered("a=[\n", "1.#=0\n"))),
+        ("a-table-that-never-ends", one(numbered("a={\n", "b#.c.d=0\n"))),
+        ("lists-that-never-end", one(numbered("", "b#.c.d=[\n"))),
+        ("values-that-are-keys", one(numbered("", "a#=b.c.d=0\n"))),
+        ("headings-that-never-end", one(numbered("", "[a#.b.c.d\n"))),
+        ("headings-of-headings", one(numbered("", "[[a#]]\n[a#.b.c]\nd={e={f=[{}]}}\n"))),
+        ("tables-in-a-line", one(numbered("a=[", "{b.c.d=#,e.f=0},"))),
+        ("comments", one(full_of("", "#\n", ""))),
+        ("escapes", one(full_of("a=\"", "\\u00e9", "\""))),
+        ("a-text-without-end", one(full_of("a=\"\"\"", "x\n", ""))),
+    ]
+}
+
+/// Each value of a file in turn made a list of a great many of itself, as long as a file may be.
+fn long_lists(minimal: &[u8]) -> Vec<Vec<u8>> {
+    let text = String::from_utf8_lossy(minimal);
+    let mut files = Vec::new();
+    for (number, line) in text.lines().enumerate() {
+        let Some((key, value)) = line.split_once(" = ") else { continue };
+        let inside = value.trim().trim_matches(|c| c == '[' || c == ']');
+        let inside = if value.starts_with('[') { inside } else { value.trim() };
+        if inside.is_empty() || files.len() >= 12 {
+            continue;
+        }
+        let others = |lines: &mut dyn Iterator<Item = &str>| {
+            lines.map(|line| format!("{line}\n")).collect::<String>()
+        };
+        let before = others(&mut text.lines().take(number));
+        let after = others(&mut text.lines().skip(number + 1));
+        let head = format!("{before}{key} = [");
+        for inside in [inside, "0", "[]", "\"\""] {
+            files.push(full_of(&head, &format!("{inside},"), &format!("]\n{after}")));
+        }
+    }
+    // A file without values is one without lists.
+    files.truncate(48);
+    files
+}
+
+/// Each part of a file that a `[[heading]]` begins in turn repeated until the file is full.
+fn repeated_tables(minimal: &[u8]) -> Vec<Vec<u8>> {
+    let text = String::from_utf8_lossy(minimal);
+    let mut files = vec![full_of(&text, &text, "")];
+    let starts: Vec<usize> = text.match_indices("\n[[").map(|(at, _)| at + 1).collect();
+    for (index, &start) in starts.iter().enumerate() {
+        let end = starts.get(index + 1).copied().unwrap_or(text.len());
+        let heading = text[start..end].lines().next().unwrap_or_default();
+        let seen = starts[..index].iter().any(|&other| text[other..].starts_with(heading));
+        if !seen {
+            files.push(full_of(&text[..end], &text[start..end], &text[end..]));
+            files.push(full_of(&text[..start], &format!("{heading}\n"), &text[start..]));
+        }
+    }
+    files
+}
