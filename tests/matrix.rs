@@ -16,7 +16,7 @@ mod wire;
 
 use aloud::aloud;
 use bench::{DUCK, Fault, Job, OP3, Phase, Ran, Robot};
-use judge::faults_of;
+use judge::{faults_of, left_late};
 use std::sync::{Mutex, PoisonError};
 
 /// One cell at a time: time is real here, and two robots on a small machine are late.
@@ -105,12 +105,6 @@ fn host_was_late(ran: &Ran) -> Option<String> {
     (is_late || reason.starts_with("the host stall")).then(|| reason.to_owned())
 }
 
-/// Goals that left late, said by the command itself; the jump to be seen on the wire is theirs.
-fn left_late(ran: &Ran) -> bool {
-    let excepted = ran.report.as_ref().and_then(|report| report["exceptions"].as_array());
-    excepted.is_some_and(|all| all.iter().any(|one| one["kind"] == "sent-late"))
-}
-
 #[derive(Default)]
 struct Count {
     runs: u32,
@@ -137,7 +131,8 @@ impl Count {
         }
         let wrong = faults_of(&ran, job, fault, phase, robot);
         for words in &wrong {
-            aloud!("WRONG {place}: {words}\n{}", ran.said);
+            let reason = ran.report.as_ref().map(|report| report["stop_reason"].to_string());
+            aloud!("WRONG {place}: {words}; {}\n{}", reason.unwrap_or_default(), ran.said);
             self.wrong.push(format!("{place}: {words}"));
         }
         wrong.is_empty()

@@ -656,10 +656,10 @@ impl<'a> Player<'a> {
         // Goals that a line does not hear now are no last goals.
         let all_told = !self.link.holds_back();
         let over = path_over && !self.leash.holds();
-        self.goals_at_rest += u32::from(all_told && (over || self.frozen));
         inject::point("write", cycle);
         self.link.write_goals(&self.command, budget)?;
         self.wrote = true;
+        self.goals_at_rest += u32::from(all_told && (over || self.frozen));
         self.look_whether_goals_left_late(now, settings);
         Ok(())
     }

@@ -2,6 +2,7 @@
 
 use crate::bench::{Fault, Job, Phase, Ran, Robot};
 use gaitway::calibration::Calibration;
+use gaitway_sim::Rule;
 use serde_json::Value;
 use std::process::Command;
 use std::time::Duration;
@@ -44,6 +45,7 @@ pub fn faults_of(ran: &Ran, job: Job, fault: Fault, phase: Phase, robot: Robot) 
         Fault::Kill => far_goals(ran, robot),
         _ => motion_faults(ran, job, fault, robot),
     });
+    wrong.extend(refereed(ran, fault));
     if let Some(fault) = recording_fault(ran, fault) {
         wrong.push(fault);
     }
@@ -52,6 +54,30 @@ pub fn faults_of(ran: &Ran, job: Job, fault: Fault, phase: Phase, robot: Robot) 
     }
     wrong
 }
+
+/// What the referee in the simulator saw, but for what a dead host cannot help.
+fn refereed(ran: &Ran, fault: Fault) -> Vec<String> {
+    let helpless = fault == Fault::Kill || makes_no_goals(fault) || left_late(ran);
+    let seen = ran.violations.iter().filter(|seen| {
+        !(helpless && matches!(seen.rule, Rule::RestAtEnds | Rule::SpeedChange | Rule::GoalStep))
+    });
+    seen.map(|seen| format!("referee: {seen}")).collect()
+}
+
+/// A panic that keeps coming where goals are made.
+fn makes_no_goals(fault: Fault) -> bool {
+    matches!(fault, Fault::Panic("advance+" | "admit+" | "write+"))
+}
+
+/// Goals that left late, or were held back since answers came late: this machine's doing, and said
+/// by the command itself.
+pub fn left_late(ran: &Ran) -> bool {
+    let excepted = ran.report.as_ref().and_then(|report| report["exceptions"].as_array());
+    excepted.is_some_and(|all| all.iter().any(|one| LATE.iter().any(|late| one["kind"] == *late)))
+}
+
+/// How a report names that.
+const LATE: [&str; 2] = ["sent-late", "held-back"];
 
 fn says(ran: &Ran, words: &str) -> bool {
     ran.said.contains(words) || ran.report.as_ref().is_some_and(|r| r.to_string().contains(words))
@@ -156,9 +182,8 @@ fn motion_faults(ran: &Ran, job: Job, fault: Fault, robot: Robot) -> Vec<String>
     let excepted = ran.report.as_ref().and_then(|report| report["exceptions"].as_array());
     let kinds: Vec<&Value> = excepted.into_iter().flatten().map(|one| &one["kind"]).collect();
     // Goals that the host's own stall kept back are counted by themselves.
-    let makes_no_goals = matches!(fault, Fault::Panic("advance+" | "admit+" | "write+"));
-    let is_broken = |kind: &Value| makes_no_goals && kind == "goals-broke";
-    if kinds.iter().any(|kind| *kind != "sent-late" && !is_broken(kind)) {
+    let is_broken = |kind: &Value| makes_no_goals(fault) && kind == "goals-broke";
+    if kinds.iter().any(|kind| !LATE.iter().any(|late| *kind == *late) && !is_broken(kind)) {
         wrong.push(format!("exceptions: {excepted:?}"));
     }
     if !kinds.is_empty() {
