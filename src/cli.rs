@@ -34,6 +34,7 @@ pub mod wear;
 pub use output::{Deed, Output, Remarks, print, say};
 pub use report::Outcome;
 
+use crate::control::net;
 use crate::error::Error;
 use clap::{Parser, Subcommand};
 
@@ -109,6 +110,7 @@ enum Command {
 /// Runs the command line; the exit code.
 #[must_use]
 pub fn main() -> i32 {
+    net::print_no_caught_panics();
     if let Err(cause) = signals::outlive_size_limits() {
         output::complain(&Error::new(format!("no signals: {cause}")));
         return Outcome::Failed.exit_code();
@@ -117,6 +119,14 @@ pub fn main() -> i32 {
         Ok(cli) => cli,
         Err(error) => return output::tell_usage(&error),
     };
+    net::catch(|| run(&cli)).unwrap_or_else(|words| {
+        output::complain(&Error::new("the program broke").got(words).remedy("please report this"));
+        Outcome::Failed.exit_code()
+    })
+}
+
+/// Runs a command; its exit code.
+fn run(cli: &Cli) -> i32 {
     let remarks = Remarks { quiet: cli.quiet };
     let done = match &cli.command {
         Command::Play(args) => play::run(args, remarks),

@@ -3,15 +3,16 @@
 
 use super::address::Address;
 use super::connect::connect;
-use super::{Deed, Output, Remarks, limp, source};
+use super::signals::Signals;
+use super::{Deed, Outcome, Output, Remarks, limp, source};
 use crate::calibration::{Calibration, JointCalibration, usual_path};
-use crate::control::arm;
+use crate::control::{Stop, StopCode, StopReason, arm, inject};
 use crate::device::actuator::Wanted;
 use crate::draft::Draft;
 use crate::error::Error;
 use crate::robot::preflight::{PATIENT_RETRIES, budget, exchange_error};
 use crate::robot::{Link, Robot};
-use answers::{Answer, Answers};
+use answers::{Answer, Answered, Answers};
 use clap::Args;
 use gaitway_profiles::Role;
 use measure::{Measured, measure};
@@ -83,6 +84,7 @@ impl Files {
 /// A calibration that is already there, a robot that is not limp, a joint that does not answer.
 pub fn run(args: &CalibrateArgs, remarks: Remarks) -> Result<i32, Error> {
     args.output.check_files(&[])?;
+    let signals = Signals::listen().map_err(|e| Error::new(format!("no signals: {e}")))?;
     let robot = Robot::load(&args.robot)?;
     let joints = selected(&robot, &args.only)?;
     let actuator = joints.iter().find(|&&joint| robot.joints[joint].actuator().is_some());
@@ -113,8 +115,12 @@ pub fn run(args: &CalibrateArgs, remarks: Remarks) -> Result<i32, Error> {
     let mut connection = connect(robot, &args.bus, 0)?;
     let link = &mut connection.link;
     link.set_retries(PATIENT_RETRIES);
+    inject::point("preflight", 0);
     check_models(link, &joints)?;
-    make_limp(link, &joints, args)?;
+    let mut answers = Answers::listen(signals.clone())?;
+    if make_limp(link, &joints, args, &mut answers)? == Answered::Stop {
+        return Ok(stopped_before(args, &name, signals.first()));
+    }
     if !args.dry_run {
         save(&files.partial, &known)?;
     }
@@ -122,13 +128,20 @@ pub fn run(args: &CalibrateArgs, remarks: Remarks) -> Result<i32, Error> {
         .into_iter()
         .filter(|&joint| !done.contains(&link.robot().joints[joint].name))
         .collect();
-    let ByHand { reports, mut undo, stopped } = by_hand(link, &left, args, &files, &mut known)?;
-    if !stopped && !args.dry_run {
-        undo.push(finish(&files, &known)?);
-    }
+    let mut done = ByHand::default();
+    let measured = by_hand(link, &left, args, &files, &mut known, &mut answers, &mut done);
+    let ByHand { reports, mut undo, stopped } = done;
+    let finished = measured.and_then(|()| {
+        if !stopped && !args.dry_run {
+            undo.push(finish(&files, &known)?);
+        }
+        Ok(())
+    });
+    // What was written into servos is said, whatever came after it.
     for line in &undo {
         remarks.say(&format!("to undo: {line}"));
     }
+    finished?;
     if stopped && !args.dry_run {
         remarks.say("to go on: the same command with --resume");
     }
@@ -138,8 +151,23 @@ pub fn run(args: &CalibrateArgs, remarks: Remarks) -> Result<i32, Error> {
         "calibration": if stopped { &files.partial } else { &files.file },
         "joints": reports, "undo": undo,
     });
-    let code = if stopped { 4 } else { 0 };
+    let code = match (stopped, signals.first()) {
+        (true, Some(number)) => 128 + number,
+        (true, None) => Outcome::Stopped.exit_code(),
+        (false, _) => 0,
+    };
     Ok(args.output.conclude(&report, &text(&report), Deed::Work, code))
+}
+
+/// Says that a wish to stop came before torque went off.
+fn stopped_before(args: &CalibrateArgs, robot: &str, signal: Option<i32>) -> i32 {
+    let report = json!({
+        "outcome": Outcome::Stopped, "stop_reason": StopReason::Asked.to_string(),
+        "stop": Stop::of(StopCode::Asked), "robot": robot, "dry_run": args.dry_run,
+    });
+    let text = "stopped before anything changed: torque is as it was\n";
+    let code = signal.map_or(Outcome::Stopped.exit_code(), |number| 128 + number);
+    args.output.conclude(&report, text, Deed::Look, code)
 }
 
 /// What is measured on a virtual robot must not be laid over the one on the desk.
@@ -169,12 +197,12 @@ fn by_hand(
     args: &CalibrateArgs,
     files: &Files,
     known: &mut Calibration,
-) -> Result<ByHand, Error> {
-    let mut answers = Answers::listen()?;
-    let mut done = ByHand::default();
+    answers: &mut Answers,
+    done: &mut ByHand,
+) -> Result<(), Error> {
     for (turn, &joint) in joints.iter().enumerate() {
         super::say(&format!("[{}/{}]", turn + 1, joints.len()));
-        match measure(link, joint, &mut answers)? {
+        match measure(link, joint, answers)? {
             Answer::Go(measured) => {
                 let (calibrated, undone) = settle(link, joint, &measured, args)?;
                 done.undo.extend(undone);
@@ -191,7 +219,7 @@ fn by_hand(
             }
         }
     }
-    Ok(done)
+    Ok(())
 }
 
 fn selected(robot: &Robot, only: &[String]) -> Result<Vec<usize>, Error> {
@@ -299,23 +327,41 @@ fn drives(link: &mut Link, joint: usize) -> Result<Option<bool>, Error> {
 }
 
 /// Joints are moved by hand: torque must be off.
-fn make_limp(link: &mut Link, joints: &[usize], args: &CalibrateArgs) -> Result<(), Error> {
+///
+/// A wish to stop leaves torque as it is.
+fn make_limp(
+    link: &mut Link,
+    joints: &[usize],
+    args: &CalibrateArgs,
+    answers: &mut Answers,
+) -> Result<Answered, Error> {
     let mut held = false;
     for &joint in joints {
         // Who does not say so is told to let go, unless nothing is to be written.
         held |= drives(link, joint)?.unwrap_or(!args.dry_run);
     }
+    if answers.are_to_end() {
+        return Ok(Answered::Stop);
+    }
     if !held {
-        return Ok(());
+        return Ok(Answered::Yes);
     }
     let refused = || Error::new("the robot is held; it is calibrated by hand, limp");
     if args.dry_run {
         return Err(refused().remedy("support it, then gaitway limp ROBOT --bus BUS"));
     }
-    if !args.yes && !limp::consents(&link.robot().name) {
-        return Err(refused().remedy("support the robot, then answer yes or add --yes"));
+    if !args.yes {
+        let question = limp::question(&link.robot().name);
+        match answers.consent(&question) {
+            Answered::Yes => {}
+            Answered::Stop => return Ok(Answered::Stop),
+            Answered::No => {
+                return Err(refused().remedy("support the robot, then answer yes or add --yes"));
+            }
+        }
     }
-    arm::disarm(link)
+    // It goes on to the last joint, whatever is asked meanwhile: half a limp robot is worse.
+    arm::disarm(link).map(|()| Answered::Yes)
 }
 
 /// What becomes of a measured joint: entries of the file, and the servo's offset if permitted.
@@ -383,6 +429,7 @@ fn save(path: &Path, calibration: &Calibration) -> Result<(), Error> {
 
 /// Puts the finished calibration in its place; how to undo that.
 fn finish(files: &Files, calibration: &Calibration) -> Result<String, Error> {
+    inject::point("save", 0);
     let (file, before) = (files.file.display(), files.before.display());
     let had_one = files.file.exists();
     if had_one {

@@ -5,9 +5,8 @@ use super::calibrated::CalibrationArg;
 use super::connect::connect;
 use super::signals::Signals;
 use super::{Deed, Outcome, Output, Remarks};
-use crate::control::arm::{self, Arming};
 use crate::control::left::leave;
-use crate::control::{Stop, StopCode, StopReason};
+use crate::control::{Arming, Stop, StopCode, StopReason, arm_safely, inject, net};
 use crate::error::Error;
 use crate::robot::preflight::{Accept, budget, exchange_error, preflight};
 use crate::time::Duration;
@@ -49,21 +48,36 @@ pub fn run(args: &HoldArgs, remarks: Remarks) -> Result<i32, Error> {
     let period = Duration::from_secs_f64(1.0 / robot.file.rate_hz);
     let mut connection = connect(robot, &args.bus, 0)?;
     let link = &mut connection.link;
+    inject::point("preflight", 0);
     let accept = Accept { firmware: args.accept_firmware, eeprom: false };
     let found = preflight(link, period, accept)?;
     let mut notes = found.notes.clone();
     let mut left = None;
     if !args.dry_run {
-        let armed = match arm::arm(link, &found, &|| signals.first().is_some())? {
+        let armed = match arm_safely(link, &found, &|| signals.first().is_some())? {
             Arming::Done(armed) => armed,
             Arming::Stopped => return Ok(stopped(args, signals.first(), found.held)),
         };
         // Whatever ends at rest ends with two equal goals, so that a lost one changes nothing.
         let limit = budget(link);
-        let written = link.write_goals(armed.command(), limit);
-        written.map_err(|e| exchange_error(link, None, &e))?;
+        let written = net::catch(|| link.write_goals(armed.command(), limit));
         // Nobody speaks to the servos from here on, and they shall hold all the same.
-        let (how, words) = leave(link);
+        let (how, words) = match net::catch(|| leave(link)) {
+            Ok(told) => told,
+            Err(words) => {
+                // Once more without whatever broke.
+                let (_, notes) = leave(link);
+                notes.iter().for_each(|note| remarks.say(note));
+                return Err(broke(words));
+            }
+        };
+        if let Some(error) = match written {
+            Ok(written) => written.err().map(|e| exchange_error(link, None, &e)),
+            Err(words) => Some(broke(words)),
+        } {
+            words.iter().for_each(|note| remarks.say(note));
+            return Err(error);
+        }
         notes.extend(words);
         left = Some(how);
     }
@@ -86,6 +100,10 @@ pub fn run(args: &HoldArgs, remarks: Remarks) -> Result<i32, Error> {
     });
     let deed = if args.dry_run { Deed::Look } else { Deed::Motion };
     Ok(args.output.conclude(&report, &text, deed, 0))
+}
+
+fn broke(words: String) -> Error {
+    Error::new("the program broke once the robot held").got(words).remedy("please report this")
 }
 
 /// Says that a wish to stop came before torque.

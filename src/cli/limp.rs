@@ -47,13 +47,18 @@ pub fn run(args: &LimpArgs) -> Result<i32, Error> {
     Ok(args.output.conclude(&report, text, Deed::Motion, 0))
 }
 
-/// Asks whether `robot` may go limp.
-pub(super) fn consents(robot: &str) -> bool {
+/// The question whether `robot` may go limp.
+pub(super) fn question(robot: &str) -> String {
+    format!("{robot} will go limp and fall unless something holds it. Type yes: ")
+}
+
+/// Asks it.
+fn consents(robot: &str) -> bool {
     let stdin = std::io::stdin();
     if !stdin.is_terminal() {
         return false;
     }
-    prompt(&format!("{robot} will go limp and fall unless something holds it. Type yes: "));
+    prompt(&question(robot));
     let mut answer = String::new();
     stdin.lock().read_line(&mut answer).is_ok() && answer.trim() == "yes"
 }

@@ -11,7 +11,7 @@ use super::source::{self, robot_model};
 use super::wear::Operator;
 use super::{Deed, Output, Remarks};
 use crate::body::worn::Movement;
-use crate::control::{self, Input, Mirror, Settings};
+use crate::control::{self, Input, Mirror, Settings, inject, net};
 use crate::error::Error;
 use crate::mocap::retarget::{self, Online};
 use crate::motion::Trend;
@@ -181,9 +181,13 @@ pub fn run(args: &LiveArgs, remarks: Remarks) -> Result<i32, Error> {
     report.run.dry_run = args.dry_run;
     let operator = Operator::listen(signals.clone());
     let mut job = Job { args, remarks, operator: &operator, report };
-    if let Err(error) = job.live() {
-        job.report.run.outcome = Outcome::Refused;
-        job.report.run.stop_reason = Some(error.to_string());
+    match net::catch(|| job.live()) {
+        Ok(Ok(())) => {}
+        Ok(Err(error)) => {
+            job.report.run.outcome = Outcome::Refused;
+            job.report.run.stop_reason = Some(error.to_string());
+        }
+        Err(words) => job.report.run.describe_broken(&words),
     }
     let report = &job.report;
     let code = report.run.exit_code(signals.first());
@@ -333,6 +337,7 @@ fn look(
     connection: &mut Connection,
     settings: Settings,
 ) -> Result<Preflight, Error> {
+    inject::point("preflight", 0);
     let accept = Accept { firmware: args.accept_firmware, eeprom: false };
     preflight(&mut connection.link, settings.period, accept)
 }

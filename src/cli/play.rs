@@ -8,7 +8,7 @@ use super::report::{JointReport, Outcome, PlayReport, RefereeReport};
 use super::signals::Signals;
 use super::source::{self, Loaded, MotionArgs};
 use super::{Deed, Output, Remarks, plots};
-use crate::control::{self, Left, Performance, Planned, Settings};
+use crate::control::{self, Left, Performance, Planned, Settings, inject, net};
 use crate::error::Error;
 use crate::motion::{Plan, PlanOptions, plan};
 use crate::robot::Robot;
@@ -99,9 +99,13 @@ pub fn play(args: &PlayArgs, remarks: Remarks, signals: &Signals) -> PlayReport 
         args.bus.iter().map(ToString::to_string).collect(),
     );
     report.dry_run = args.dry_run;
-    if let Err(error) = play_into(args, remarks, signals, &mut report) {
-        report.outcome = Outcome::Refused;
-        report.stop_reason = Some(error.to_string());
+    match net::catch(|| play_into(args, remarks, signals, &mut report)) {
+        Ok(Ok(())) => {}
+        Ok(Err(error)) => {
+            report.outcome = Outcome::Refused;
+            report.stop_reason = Some(error.to_string());
+        }
+        Err(words) => report.describe_broken(&words),
     }
     report
 }
@@ -129,6 +133,7 @@ fn play_into(
         return Ok(());
     }
     let mut connection = connect(robot, &args.bus, args.seed)?;
+    inject::point("preflight", 0);
     let accept = Accept { firmware: args.accept_firmware, eeprom: args.permit_eeprom };
     let found = preflight(&mut connection.link, settings.period, accept)?;
     report.wire_limit_hz = Some(found.wire_limit_hz);

@@ -287,6 +287,13 @@ impl PlayReport {
         }
     }
 
+    /// Says that the program broke before the loop, or after it.
+    pub fn describe_broken(&mut self, words: &str) {
+        self.outcome = Outcome::Failed;
+        self.stop_reason = Some(format!("the program broke: {words}"));
+        self.stop = Some(Stop::of(StopCode::Broke));
+    }
+
     /// The exit code, given the first signal that came.
     #[must_use]
     pub fn exit_code(&self, signal: Option<i32>) -> i32 {

@@ -130,6 +130,7 @@ fn switch_on(
 ) -> Result<(), Halt> {
     let wanted = || if asked_to_stop() { Err(Halt::Asked) } else { Ok(()) };
     wanted()?;
+    inject::point("arm-registers", 0);
     write_eeprom(link, preflight)?;
     for &(joint, register, raw) in &preflight.to_write {
         wanted()?;
@@ -321,6 +322,7 @@ fn set_torque_on(
 ) -> Result<(), Halt> {
     let limit = budget(link);
     link.switch_on(limit).map_err(|e| exchange_error(link, None, &e))?;
+    inject::point("arm-read-back", 0);
     let since = link.clock().now().since(looked_at);
     // A robot that was held stood under torque all the while.
     if since > FRESH && !held {
@@ -389,6 +391,7 @@ pub fn disarm(link: &mut Link) -> Result<(), Error> {
     link.set_retries(PATIENT_RETRIES);
     // Whoever does not confirm must not keep the others driving while he is asked again.
     link.let_go();
+    inject::point("limp", 0);
     let mut unsure = Vec::new();
     for joint in 0..link.robot().joints.len() {
         let confirmed = match torque_register(link, joint) {

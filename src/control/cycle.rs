@@ -4,12 +4,11 @@
 use super::arm::Armed;
 use super::flight::{Flight, FlightCycle};
 use super::health::{Bounds, JointFacts, Stop, StopReason, Watch};
-use super::inject;
 use super::leash::{Heard, Leash};
 use super::left::{self, Left};
 use super::plausible::Believed;
 use super::silence::Silence;
-use super::{Sample, Sink, Tally};
+use super::{Sample, Sink, Tally, inject, net};
 use crate::bus::{AskError, Miss};
 use crate::device::Health;
 use crate::guard::{Command, Guard};
@@ -19,7 +18,6 @@ use crate::robot::preflight::LINE_SHARE;
 use crate::robot::{Link, LinkError};
 use crate::time::{Duration, Instant};
 use gaitway_profiles::Role;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
 /// How a motion is streamed.
@@ -101,6 +99,8 @@ pub enum Exception {
         /// Joint name.
         joint: String,
     },
+    /// The program broke wherever goals are made: the joints were left at the last one.
+    GoalsBroke,
 }
 
 /// What came of a motion.
@@ -137,8 +137,8 @@ const LAST_GOALS: u32 = 2;
 
 /// Cycles without any answer after which nobody is waited for any more.
 const QUIET_CYCLES: u32 = 5;
-/// Cycles in which the control loop may break before its goals are frozen.
-const MOST_PANICS: u32 = 3;
+/// Times that making goals may break before no more are made.
+const MOST_BROKEN_GOALS: u32 = 3;
 
 /// Far below a count of any encoder, far above what arithmetic loses.
 const ROUNDING_RAD: f64 = 1e-9;
@@ -223,7 +223,10 @@ struct Player<'a> {
     longest_stop_s: f64,
     exceptions: Vec<Exception>,
     flight: Flight,
-    panics: u32,
+    /// What the loop said when it broke first.
+    broke: Option<String>,
+    /// How often it broke where goals are made.
+    broken_goals: u32,
     /// True while the sink looks at a cycle; still true if it broke.
     in_sink: bool,
     /// True once no line is left to speak on.
@@ -284,7 +287,7 @@ pub fn stream(
         let gap = now.since(last_cycle);
         last_cycle = now;
         player.wrote = false;
-        let turn = catch_unwind(AssertUnwindSafe(|| {
+        let turn = net::catch(|| {
             if let Some(reason) = watch.pace(gap, late) {
                 player.late(reason, cycle);
             }
@@ -292,8 +295,8 @@ pub fn stream(
                 player.request_stop(StopReason::Asked, cycle);
             }
             player.cycle(now, settings, &mut watch, &mut tally, sink)
-        }));
-        let more = turn.unwrap_or_else(|panic| player.broke(&*panic, cycle, settings));
+        });
+        let more = turn.unwrap_or_else(|words| player.broke(words, cycle, settings));
         if !more {
             break;
         }
@@ -310,12 +313,6 @@ pub fn stream(
 
 fn whole_nanos(duration: Duration) -> u64 {
     u64::try_from(duration.as_nanos()).unwrap_or(u64::MAX)
-}
-
-/// What a panic said.
-pub(super) fn panic_words(panic: &(dyn std::any::Any + Send)) -> String {
-    let words = panic.downcast_ref::<String>().map(String::as_str);
-    words.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("no words left").to_owned()
 }
 
 impl<'a> Player<'a> {
@@ -357,7 +354,8 @@ impl<'a> Player<'a> {
             command,
             exceptions: Vec::new(),
             flight: Flight::default(),
-            panics: 0,
+            broke: None,
+            broken_goals: 0,
             in_sink: false,
             deserted: false,
         }
@@ -669,10 +667,10 @@ impl<'a> Player<'a> {
         // Goals that a line does not hear now are no last goals.
         let all_told = !self.link.holds_back();
         let over = path_over && !self.leash.holds();
-        self.goals_at_rest += u32::from(all_told && (over || self.frozen));
         inject::point("write", cycle);
         self.link.write_goals(&self.command, budget)?;
         self.wrote = true;
+        self.goals_at_rest += u32::from(all_told && (over || self.frozen));
         self.look_whether_goals_left_late(now, settings);
         Ok(())
     }
@@ -732,19 +730,10 @@ impl<'a> Player<'a> {
 
     /// The loop broke in this cycle. What is left of the motion is run down without whatever broke;
     /// false when that has come to its end.
-    fn broke(
-        &mut self,
-        panic: &(dyn std::any::Any + Send),
-        cycle: u64,
-        settings: Settings,
-    ) -> bool {
-        self.panics += 1;
-        let words = panic_words(panic);
-        let stopped = catch_unwind(AssertUnwindSafe(|| {
-            self.request_stop(StopReason::Broke { words }, cycle);
-        }));
-        if stopped.is_err() || self.panics > MOST_PANICS && !self.wrote {
-            self.frozen = true;
+    fn broke(&mut self, words: String, cycle: u64, settings: Settings) -> bool {
+        self.broke.get_or_insert_with(|| words.clone());
+        if net::catch(|| self.request_stop(StopReason::Broke { words }, cycle)).is_err() {
+            self.freeze(Exception::GoalsBroke);
         }
         if self.goals_at_rest >= LAST_GOALS || self.deserted {
             return false;
@@ -754,14 +743,16 @@ impl<'a> Player<'a> {
         }
         let now = self.link.clock().now();
         let budget = now + settings.period.mul_f64(LINE_SHARE);
-        let written = catch_unwind(AssertUnwindSafe(|| self.write(budget, settings, cycle)));
-        match written {
-            Ok(Ok(())) => true,
+        match net::catch(|| self.write(budget, settings, cycle)) {
+            Ok(Ok(())) => !self.is_overdue(now, settings),
             Ok(Err(error)) => self.lose(&error, cycle),
             Err(_) => {
-                // Not even the goals can be told: the servos stand at their last one.
-                self.frozen = true;
-                self.panics <= 2 * MOST_PANICS
+                // No goals can be made: the servos are left at their last one, told twice.
+                self.freeze(Exception::GoalsBroke);
+                let told = net::catch(|| self.link.write_goals(&self.command, budget));
+                self.goals_at_rest += u32::from(matches!(told, Ok(Ok(()))));
+                self.broken_goals += 1;
+                self.broken_goals <= MOST_BROKEN_GOALS
             }
         }
     }
@@ -792,6 +783,12 @@ impl<'a> Player<'a> {
             self.exceptions.push(Exception::StoppedByWatchdog { joint: joint.clone() });
         }
         notes.extend(self.exceptions.iter().filter_map(Exception::words));
+        // It broke after something else had stopped it already.
+        if let (Some(words), false) =
+            (&self.broke, matches!(self.stop, Some(StopReason::Broke { .. })))
+        {
+            notes.push(StopReason::Broke { words: words.clone() }.to_string());
+        }
         notes.extend(self.link.troubles());
         let stop_data = self.stop.as_ref().map(|stop| {
             let mut data = stop.as_data(bounds, self.stopped.map(|(_, cycle)| cycle));
@@ -842,6 +839,9 @@ impl Exception {
                 "goals left {:.0} ms late: the host stalled as they were sent",
                 late_s * 1e3
             )),
+            Self::GoalsBroke => {
+                Some("no goals could be made any more: the joints stand at the last one".to_owned())
+            }
             Self::LineLost { .. }
             | Self::GuardRefused
             | Self::Stalled { .. }

@@ -1,7 +1,8 @@
 //! A panic put in on purpose, for the tests that see what becomes of one.
 //!
 //! Only with the feature `inject-panic`, which no release has: the environment variable
-//! `GAITWAY_PANIC=STEP:N` then breaks the program at step STEP of cycle N.
+//! `GAITWAY_PANIC=STEP:N` then breaks the program once, at step STEP of cycle N, and
+//! `GAITWAY_PANIC=STEP:N+` whenever it comes to that step from there on.
 
 /// Does nothing.
 #[cfg(not(feature = "inject-panic"))]
@@ -11,13 +12,24 @@ pub(crate) const fn point(_step: &str, _cycle: u64) {}
 #[cfg(feature = "inject-panic")]
 pub(crate) fn point(step: &str, cycle: u64) {
     use std::sync::OnceLock;
-    static ASKED: OnceLock<Option<(String, u64)>> = OnceLock::new();
+    use std::sync::atomic::{AtomicBool, Ordering};
+    struct Asked {
+        step: String,
+        cycle: u64,
+        again: bool,
+    }
+    static ASKED: OnceLock<Option<Asked>> = OnceLock::new();
+    static DONE: AtomicBool = AtomicBool::new(false);
     let asked = ASKED.get_or_init(|| {
         let asked = std::env::var("GAITWAY_PANIC").ok()?;
-        let (step, cycle) = asked.split_once(':')?;
-        Some((step.to_owned(), cycle.parse().ok()?))
+        let (step, when) = asked.split_once(':')?;
+        let again = when.ends_with('+');
+        let cycle = when.trim_end_matches('+').parse().ok()?;
+        Some(Asked { step: step.to_owned(), cycle, again })
     });
-    if asked.as_ref().is_some_and(|(at, when)| at == step && *when == cycle) {
+    let Some(asked) = asked else { return };
+    let is_time = cycle == asked.cycle || asked.again && cycle > asked.cycle;
+    if asked.step == step && is_time && (asked.again || !DONE.swap(true, Ordering::SeqCst)) {
         std::panic::panic_any(format!("put in on purpose at {step}, cycle {cycle}"));
     }
 }

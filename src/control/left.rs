@@ -1,5 +1,6 @@
 //! How a robot is left when nobody commands it any more: said only where it was read back.
 
+use super::inject;
 use super::watchdog::{self, Released};
 use crate::robot::Link;
 use crate::robot::preflight::{QUESTION, budget};
@@ -40,6 +41,7 @@ impl Left {
 
 /// Switches the watchdogs off, asks every drive for its torque, and says so.
 pub fn leave(link: &mut Link) -> (Left, Vec<String>) {
+    inject::point("leave", 0);
     let released = watchdog::release(link);
     let mut left = look(link, &released);
     left.stopped_by_watchdog.clone_from(&released.bitten);

@@ -2,12 +2,11 @@
 //! panics, and left in a way that was looked at.
 
 use super::arm::{Arming, arm, disarm};
-use super::cycle::{Motion, Run, Settings, panic_words, stream};
-use super::{Sink, left};
+use super::cycle::{Motion, Run, Settings, stream};
+use super::{Sink, left, net};
 use crate::error::Error;
 use crate::robot::Link;
 use crate::robot::preflight::Preflight;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 
 /// What came of a performance.
 #[derive(Debug)]
@@ -45,34 +44,37 @@ pub fn perform(
     let done = std::thread::scope(|scope| {
         let link = &mut *link;
         let performer = scope.spawn(move || {
-            let armed = match arm_safely(link, found, asked_to_stop)? {
-                Arming::Done(armed) => armed,
-                Arming::Stopped => return Ok(Performance::Stopped),
-            };
-            let run = stream(link, armed, motion, settings, sink, &|| asked_to_stop());
-            Ok(Performance::Ran(Box::new(run)))
+            net::catch(|| {
+                let armed = match arm_safely(link, found, asked_to_stop)? {
+                    Arming::Done(armed) => armed,
+                    Arming::Stopped => return Ok(Performance::Stopped),
+                };
+                let run = stream(link, armed, motion, settings, sink, &|| asked_to_stop());
+                Ok(Performance::Ran(Box::new(run)))
+            })
         });
         meanwhile(&|| performer.is_finished());
-        performer.join()
+        performer.join().unwrap_or_else(|panic| Err(net::words(&*panic).to_owned()))
     });
-    done.unwrap_or_else(|panic| {
-        let words = panic_words(&*panic);
-        let notes = catch_unwind(AssertUnwindSafe(|| left::leave(link).1));
+    done.unwrap_or_else(|words| {
+        let notes = net::catch(|| left::leave(link).1);
         let notes = notes.unwrap_or_else(|_| vec!["how the robot was left is not known".into()]);
         Ok(Performance::Broke { words, notes })
     })
 }
 
 /// Arms; a panic on the way switches torque off again, as any failure does.
-fn arm_safely(
+///
+/// # Errors
+/// As [`arm`], and what a panic said.
+pub fn arm_safely(
     link: &mut Link,
     found: &Preflight,
     asked_to_stop: &dyn Fn() -> bool,
 ) -> Result<Arming, Error> {
-    let armed = catch_unwind(AssertUnwindSafe(|| arm(link, found, asked_to_stop)));
-    armed.unwrap_or_else(|panic| {
+    net::catch(|| arm(link, found, asked_to_stop)).unwrap_or_else(|words| {
         let error = Error::new("the program broke while the robot was armed")
-            .got(panic_words(&*panic))
+            .got(words)
             .remedy("please report this; torque was switched off again");
         if found.held {
             super::watchdog::release(link);

@@ -468,9 +468,10 @@ pub fn is_excused(violation: &Violation, run: &Run, link: &Link) -> bool {
             | Exception::GoalHeld { joint }
             | Exception::NoAnswer { joint }
             | Exception::StoppedByWatchdog { joint } => named(joint),
-            Exception::BlindRamp { .. } | Exception::GuardRefused | Exception::Stalled { .. } => {
-                true
-            }
+            Exception::BlindRamp { .. }
+            | Exception::GuardRefused
+            | Exception::Stalled { .. }
+            | Exception::GoalsBroke => true,
             Exception::SentLate { .. } => violation.rule == Rule::SpeedChange,
             Exception::HeldBack { line } => {
                 violation.rule == Rule::SpeedChange

@@ -1,8 +1,10 @@
 //! What the person answers, one line each, read beside the joints.
 
+use crate::cli::output::prompt;
 use crate::cli::say;
+use crate::cli::signals::Signals;
 use crate::error::Error;
-use std::io::BufRead;
+use std::io::{BufRead, IsTerminal};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::Duration;
 
@@ -33,8 +35,22 @@ impl<T> Answer<T> {
     }
 }
 
-/// Lines of standard input.
-pub struct Answers(Receiver<String>);
+/// What was said to a question of yes or no.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Answered {
+    /// Yes.
+    Yes,
+    /// Anything else, or nobody is there.
+    No,
+    /// A signal came instead.
+    Stop,
+}
+
+/// Lines of standard input, and signals, which count as the wish to stop.
+pub struct Answers {
+    lines: Receiver<String>,
+    signals: Signals,
+}
 
 /// Time between two looks at a joint while nothing is answered.
 const LOOK: Duration = Duration::from_millis(5);
@@ -44,7 +60,7 @@ impl Answers {
     ///
     /// # Errors
     /// No thread to be had.
-    pub fn listen() -> Result<Self, Error> {
+    pub fn listen(signals: Signals) -> Result<Self, Error> {
         let (sender, receiver) = channel();
         let read = move || {
             for line in std::io::stdin().lock().lines().map_while(Result::ok) {
@@ -57,10 +73,34 @@ impl Answers {
             .name("answers".to_owned())
             .spawn(read)
             .map_err(|e| Error::new(format!("no thread: {e}")))?;
-        Ok(Self(receiver))
+        Ok(Self { lines: receiver, signals })
     }
 
-    /// Asks, and calls `look` again and again until there is an answer. No more input is a stop.
+    /// True if a signal came.
+    pub fn are_to_end(&self) -> bool {
+        self.signals.first().is_some()
+    }
+
+    /// Asks for a plain yes, at a terminal only.
+    pub fn consent(&mut self, question: &str) -> Answered {
+        if !std::io::stdin().is_terminal() {
+            return Answered::No;
+        }
+        prompt(question);
+        loop {
+            if self.are_to_end() {
+                return Answered::Stop;
+            }
+            match self.lines.recv_timeout(LOOK) {
+                Ok(line) if line.trim() == "yes" => return Answered::Yes,
+                Ok(_) | Err(RecvTimeoutError::Disconnected) => return Answered::No,
+                Err(RecvTimeoutError::Timeout) => {}
+            }
+        }
+    }
+
+    /// Asks, and calls `look` again and again until there is an answer. No more input is a stop, and
+    /// so is a signal.
     ///
     /// # Errors
     /// What `look` fails with.
@@ -71,8 +111,11 @@ impl Answers {
     ) -> Result<Answer<()>, Error> {
         say(question);
         loop {
+            if self.are_to_end() {
+                return Ok(Answer::Stop);
+            }
             look()?;
-            let line = match self.0.recv_timeout(LOOK) {
+            let line = match self.lines.recv_timeout(LOOK) {
                 Ok(line) => line,
                 Err(RecvTimeoutError::Timeout) => continue,
                 Err(RecvTimeoutError::Disconnected) => return Ok(Answer::Stop),

@@ -3,6 +3,7 @@
 use super::measure::{Measured, reading};
 use crate::bus::Protocol;
 use crate::calibration::{HomingSign, homing_offset};
+use crate::control::{inject, net};
 use crate::error::Error;
 use crate::robot::Link;
 use crate::robot::preflight::{budget, exchange_error};
@@ -126,7 +127,16 @@ fn through(link: &mut Link, joint: usize, lock: &Register, change: &Change) -> R
         format!("joint {}, ID {}, register {}", of.name, of.id, lock.name)
     };
     let done = match put(link, joint, lock, 0) {
-        Ok(0) => put(link, joint, change.register, change.new),
+        Ok(0) => net::catch(|| {
+            inject::point("offset", 0);
+            put(link, joint, change.register, change.new)
+        })
+        .unwrap_or_else(|words| {
+            Err(Error::new("the program broke as the offset was written")
+                .at(&place)
+                .got(words)
+                .remedy(format!("please report this; before, it was {}", change.old)))
+        }),
         Ok(_) => Err(Error::new("the servo did not open its lock; nothing was written").at(&place)),
         Err(error) => Err(error),
     };

@@ -4,6 +4,7 @@ use super::answers::{Answer, Answers};
 use crate::bus::AskError;
 use crate::calibration::Unwrapped;
 use crate::cli::say;
+use crate::control::inject;
 use crate::device::Model;
 use crate::error::Error;
 use crate::robot::preflight::{budget, exchange_error};
@@ -56,6 +57,7 @@ pub fn measure(
     joint: usize,
     answers: &mut Answers,
 ) -> Result<Answer<Measured>, Error> {
+    inject::point("hand", 0);
     let of = link.robot().joints[joint].clone();
     let scale = Scale::of(&of)?;
     let gear = link.robot().file.joint(&of.name).map_or(1.0, |joint| joint.gear);

@@ -8,7 +8,7 @@ use super::device::Device;
 use crate::cli::report::{Outcome, PlayReport};
 use crate::cli::signals::Signals;
 use crate::cli::{Deed, Remarks};
-use crate::control::{self, Planned, Sample, Settings, Sink};
+use crate::control::{self, Planned, Sample, Settings, Sink, Stop, StopCode, StopReason, inject};
 use crate::error::Error;
 use crate::motion::{Path, PlanOptions, Setpoint, plan};
 use crate::robot::Robot;
@@ -96,6 +96,7 @@ pub fn run(args: &MoveArgs, remarks: Remarks) -> Result<i32, Error> {
     };
     let link = &mut connection.link;
     let settings = Settings::at_rate(RATE_HZ);
+    inject::point("preflight", 0);
     let found =
         preflight(link, settings.period, Accept { firmware: args.accept_firmware, eeprom: false })?;
     found.notes.iter().for_each(|note| remarks.say(note));
@@ -122,6 +123,11 @@ pub fn run(args: &MoveArgs, remarks: Remarks) -> Result<i32, Error> {
         peak_rad_s.to_degrees()
     );
     if args.dry_run || signals.first().is_some() {
+        if signals.first().is_some() {
+            report["outcome"] = json!(Outcome::Stopped);
+            report["stop_reason"] = json!(StopReason::Asked.to_string());
+            report["stop"] = json!(Stop::of(StopCode::Asked));
+        }
         let text = format!("{plan_words}; nothing was written\n");
         let code = signals.first().map_or(0, |number| 128 + number);
         return Ok(args.target.output.conclude(&report, &text, Deed::Look, code));
