@@ -122,8 +122,8 @@ const LAST_GOALS: u32 = 2;
 
 /// Cycles without any answer after which nobody is waited for any more.
 const QUIET_CYCLES: u32 = 5;
-/// Cycles in which the control loop may break before its goals are frozen.
-const MOST_PANICS: u32 = 3;
+/// Cycles in which the control loop may break so that not even goals can be told.
+const MOST_PANICS: u32 = 6;
 
 /// Far below a count of any encoder, far above what arithmetic loses.
 const ROUNDING_RAD: f64 = 1e-9;
@@ -700,16 +700,14 @@ impl<'a> Player<'a> {
         let stopped = catch_unwind(AssertUnwindSafe(|| {
             self.request_stop(StopReason::Broke { words }, cycle);
         }));
-        if stopped.is_err() || self.panics > MOST_PANICS && !self.wrote {
-            self.frozen = true;
-        }
-        if self.goals_at_rest >= LAST_GOALS || self.deserted {
+        self.frozen |= stopped.is_err();
+        let now = self.link.clock().now();
+        if self.goals_at_rest >= LAST_GOALS || self.deserted || self.is_overdue(now, settings) {
             return false;
         }
         if self.wrote {
             return true;
         }
-        let now = self.link.clock().now();
         let budget = now + settings.period.mul_f64(LINE_SHARE);
         let written = catch_unwind(AssertUnwindSafe(|| self.write(budget, settings, cycle)));
         match written {
@@ -718,7 +716,7 @@ impl<'a> Player<'a> {
             Err(_) => {
                 // Not even the goals can be told: the servos stand at their last one.
                 self.frozen = true;
-                self.panics <= 2 * MOST_PANICS
+                self.panics <= MOST_PANICS
             }
         }
     }
