@@ -808,3 +808,6 @@ fn bus_load(link: &Link, before: &[f64], duration_s: f64) -> f64 {
     let busy = link.busy_s().into_iter().zip(before);
     busy.map(|(now_s, before_s)| (now_s - before_s) / duration_s).fold(0.0, f64::max)
 }
+
+#[cfg(test)]
+mod tests;
