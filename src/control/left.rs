@@ -86,3 +86,6 @@ fn look(link: &mut Link, released: &Released) -> Left {
     }
     left
 }
+
+#[cfg(test)]
+mod tests;

@@ -87,3 +87,6 @@ fn arm_safely(
         }
     })
 }
+
+#[cfg(test)]
+mod tests;

@@ -2,10 +2,12 @@
 //! the cycle see, as bytes in registers. Time moves only by sleeping and by waiting for bytes.
 
 use crate::bus::Protocol;
+use crate::device::Model;
 use crate::port::{BytePort, Clock, PortError};
 use crate::robot::preflight::{Accept, Preflight, preflight};
-use crate::robot::{LinePort, Link, Robot};
+use crate::robot::{Drive, LinePort, Link, Robot};
 use crate::time::{Duration, Instant};
+use gaitway_profiles::{Role, Unit};
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -14,6 +16,9 @@ pub(super) const GOAL: u8 = 42;
 pub(super) const SPEED: u8 = 46;
 pub(super) const PRESENT: u8 = 56;
 pub(super) const STATUS: u8 = 65;
+/// A register that no STS servo has: a watch over the host, which counts in 20 ms, as a Dynamixel X
+/// has it.
+pub(super) const WATCHDOG: u8 = 98;
 
 pub(super) const PING: u8 = 1;
 pub(super) const READ: u8 = 2;
@@ -328,7 +333,8 @@ pub(super) struct Bench {
     pub world: Shared,
 }
 
-/// A robot of as many joints as there are entries in `line_of`, each on that line, in its first pose.
+/// A robot of as many joints as there are entries in `line_of`, each on that line:
+/// `joint0` with ID 20 and so on.
 pub(super) fn robot(line_of: &[usize]) -> Robot {
     let mut file = Robot::load("open-duck-mini-v2").expect("shipped").file;
     let line = file.lines[0].clone();
@@ -338,11 +344,33 @@ pub(super) fn robot(line_of: &[usize]) -> Robot {
         line.name = format!("line{k}");
     }
     file.joints.truncate(line_of.len());
-    for (joint, &line) in file.joints.iter_mut().zip(line_of) {
+    for (k, (joint, &line)) in file.joints.iter_mut().zip(line_of).enumerate() {
         joint.line = format!("line{line}");
-        (joint.name, joint.parent) = (format!("joint{}", joint.id - 20), None);
+        joint.id = 20 + u8::try_from(k).expect("a few");
+        (joint.name, joint.parent) = (format!("joint{k}"), None);
     }
     Robot::new(file).expect("a robot")
+}
+
+/// The same robot with a watchdog in the servos of these joints: steps of 20 ms, 127 at most, and 255
+/// once it has bitten.
+pub(super) fn watched(mut robot: Robot, joints: &[usize]) -> Robot {
+    for &joint in joints {
+        let Drive::Servo(drive) = &mut robot.joints[joint].drive else { panic!("a servo") };
+        let mut profile = drive.model.profile().clone();
+        let torque = profile.registers.iter().find(|r| r.role == Some(Role::TorqueEnable));
+        let mut watchdog = torque.expect("there").clone();
+        watchdog.name = "Bus Watchdog".to_owned();
+        watchdog.role = Some(Role::BusWatchdog);
+        watchdog.address = u16::from(WATCHDOG);
+        watchdog.unit = Unit::Second;
+        watchdog.scale = Some(0.02);
+        (watchdog.min, watchdog.max, watchdog.initial) = (Some(0), Some(127), Some(0));
+        profile.registers.push(watchdog);
+        // Profiles live as long as the program, here as everywhere.
+        drive.model = Model::new(Box::leak(Box::new(profile)));
+    }
+    robot
 }
 
 impl Bench {
