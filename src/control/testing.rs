@@ -1,11 +1,13 @@
 //! A few servos on lines, for the tests of this room: as little of a Feetech STS servo as arming and
 //! the cycle see, as bytes in registers. Time moves only by sleeping and by waiting for bytes.
 
+mod preflight;
+
 use crate::bus::Protocol;
 use crate::device::Model;
 use crate::port::{BytePort, Clock, PortError};
 use crate::robot::preflight::{Accept, Preflight, preflight};
-use crate::robot::{Drive, LinePort, Link, Robot};
+use crate::robot::{Drive, LinePort, Link, Robot, ServoDrive};
 use crate::time::{Duration, Instant};
 use gaitway_profiles::{Role, Unit};
 use std::collections::VecDeque;
@@ -352,23 +354,42 @@ pub(super) fn robot(line_of: &[usize]) -> Robot {
     Robot::new(file).expect("a robot")
 }
 
+/// Changes the profile of a joint's servo.
+pub(super) fn with_profile(
+    robot: &mut Robot,
+    joint: usize,
+    change: impl FnOnce(&mut gaitway_profiles::Servo),
+) {
+    let drive = drive(robot, joint);
+    let mut profile = drive.model.profile().clone();
+    change(&mut profile);
+    // Profiles live as long as the program, here as everywhere.
+    drive.model = Model::new(Box::leak(Box::new(profile)));
+}
+
+/// The servo of a joint, to be changed.
+pub(super) fn drive(robot: &mut Robot, joint: usize) -> &mut ServoDrive {
+    match &mut robot.joints[joint].drive {
+        Drive::Servo(drive) => drive,
+        Drive::Actuator(_) => panic!("a servo"),
+    }
+}
+
 /// The same robot with a watchdog in the servos of these joints: steps of 20 ms, 127 at most, and 255
 /// once it has bitten.
 pub(super) fn watched(mut robot: Robot, joints: &[usize]) -> Robot {
     for &joint in joints {
-        let Drive::Servo(drive) = &mut robot.joints[joint].drive else { panic!("a servo") };
-        let mut profile = drive.model.profile().clone();
-        let torque = profile.registers.iter().find(|r| r.role == Some(Role::TorqueEnable));
-        let mut watchdog = torque.expect("there").clone();
-        watchdog.name = "Bus Watchdog".to_owned();
-        watchdog.role = Some(Role::BusWatchdog);
-        watchdog.address = u16::from(WATCHDOG);
-        watchdog.unit = Unit::Second;
-        watchdog.scale = Some(0.02);
-        (watchdog.min, watchdog.max, watchdog.initial) = (Some(0), Some(127), Some(0));
-        profile.registers.push(watchdog);
-        // Profiles live as long as the program, here as everywhere.
-        drive.model = Model::new(Box::leak(Box::new(profile)));
+        with_profile(&mut robot, joint, |profile| {
+            let torque = profile.registers.iter().find(|r| r.role == Some(Role::TorqueEnable));
+            let mut watchdog = torque.expect("there").clone();
+            watchdog.name = "Bus Watchdog".to_owned();
+            watchdog.role = Some(Role::BusWatchdog);
+            watchdog.address = u16::from(WATCHDOG);
+            watchdog.unit = Unit::Second;
+            watchdog.scale = Some(0.02);
+            (watchdog.min, watchdog.max, watchdog.initial) = (Some(0), Some(127), Some(0));
+            profile.registers.push(watchdog);
+        });
     }
     robot
 }

@@ -86,6 +86,8 @@ fn a_goal_is_free_if_it_can_still_brake_to_rest_within_the_bound() {
         // One that comes nearer needs no way to brake.
         assert!(first_is_free(sign, 0.35, -5.0));
     }
+    // From 4 rad/s it brakes in 16/36 rad, wherever it is.
+    assert!(!first_is_free(1.0, 0.0, 4.0));
 }
 
 /// A joint that was read at 0 rad at 0 s and at 0.01 rad at 10 ms, so that it moves along at 1 rad/s,
@@ -308,6 +310,50 @@ fn a_goal_that_was_held_has_taken_the_motion_up_again_once_it_is_there_at_its_sp
         }
     }
     assert!(freed.is_some_and(|k| k < 60), "0.3 rad at 10 rad/s² take 0.35 s: {freed:?}");
+}
+
+#[test]
+fn a_motion_is_taken_up_while_it_moves() {
+    for sign in [1.0, -1.0] {
+        let mut one = One::new(sign);
+        // Held by a joint that stood still for a moment; the motion goes on at 1 rad/s.
+        assert!(!one.step(0.01, 0.01, 0.35, 1.0).1);
+        let (mut last_rad, mut freed) = (0.0, None);
+        for k in 2..=150 {
+            let now_s = 0.01 * f64::from(k);
+            one.heard(last_rad, now_s - 0.005);
+            let (goal, free) = one.step(0.01, now_s, 0.34 + now_s, 1.0);
+            last_rad = goal.position_rad;
+            freed = freed.or(free.then_some(k));
+            assert_eq!(free, freed.is_some(), "{k}");
+        }
+        assert!(freed.is_some_and(|k| k < 100), "{freed:?}");
+    }
+}
+
+#[test]
+fn a_goal_that_rests_on_the_bound_short_of_a_motion_that_rests_has_not_taken_it_up() {
+    let mut one = One::new(1.0);
+    for k in 1..=200 {
+        let now_s = 0.01 * f64::from(k);
+        one.heard(0.0, now_s - 0.005);
+        let (goal, free) = one.step(0.01, now_s, 0.5, 0.0);
+        assert!(!free && one.leash.is_held(1));
+        assert!(goal.position_rad <= 0.35 + TINY, "{goal:?}");
+        assert!(k < 150 || goal.velocity_rad_s == 0.0, "{goal:?}");
+    }
+}
+
+#[test]
+fn a_goal_that_meets_the_motion_at_another_speed_has_not_taken_it_up() {
+    let mut one = One::new(1.0);
+    // At 10 rad/s² for 10 ms: 0.1 rad/s and 0.0005 rad.
+    let (goal, _) = one.step(0.01, 0.01, 0.5, 0.0);
+    assert!((goal.position_rad - 0.0005).abs() < TINY && (goal.velocity_rad_s - 0.1).abs() < TINY);
+    // The motion rushes by, just where the goal comes to rest.
+    let (goal, _) = one.step(0.01, 0.02, 0.001, -3.0);
+    assert!((goal.position_rad - 0.001).abs() < TINY && goal.velocity_rad_s.abs() < TINY);
+    assert!(one.leash.is_held(1));
 }
 
 #[test]
