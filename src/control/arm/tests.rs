@@ -2,8 +2,9 @@
 
 use super::*;
 use crate::control::testing::{
-    Bench, GOAL, PRESENT, READ, SPEED, SYNC_READ, SYNC_WRITE, Said, TORQUE, WRITE, World,
+    Bench, GOAL, READ, SPEED, SYNC_READ, SYNC_WRITE, Said, TORQUE, WRITE, World,
 };
+use crate::robot::preflight::EepromWrite;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 const MS: Duration = Duration::from_millis(1);
@@ -12,9 +13,19 @@ fn never() -> bool {
     false
 }
 
+/// Where each servo stands, counts.
+const STANDS: [i64; 3] = [2000, 2148, 2048];
+
 /// A bench after all checks, with what was found, and nothing said yet.
 fn checked(joints: usize) -> (Bench, Preflight) {
-    let mut bench = Bench::new(&vec![0; joints]);
+    checked_on(&vec![0; joints])
+}
+
+fn checked_on(line_of: &[usize]) -> (Bench, Preflight) {
+    let mut bench = Bench::new(line_of);
+    for (joint, &stands) in STANDS[..line_of.len()].iter().enumerate() {
+        bench.change(joint, |servo| servo.put_at(stands));
+    }
     let found = bench.checked();
     bench.forget_log();
     (bench, found)
@@ -51,7 +62,7 @@ fn a_robot_is_armed_in_order_and_everything_is_read_back() {
     assert_eq!(log.iter().filter(|said| said.is_torque(true)).count(), 1);
     let goals: Vec<&Said> = log.iter().filter(|said| said.is_goals()).collect();
     assert_eq!(goals.len(), 1);
-    assert_eq!(goals[0].goals(), [(20, 2048), (21, 2048)]);
+    assert_eq!(goals[0].goals(), [(20, 2000), (21, 2148)]);
     assert_eq!(bench.torque(), [1, 1]);
     // 5.4454 rad/s are 3549.8 counts per second.
     assert_eq!(bench.world.lock().servos[1].word(SPEED), 3550);
@@ -108,6 +119,79 @@ fn what_preflight_found_is_written_to_ram_and_read_back() {
     assert!(place(&log, |said| said.is(READ, 48)) < place(&log, Said::is_goals));
 }
 
+/// How many registers of how many joints the link asks in a cycle after arming at this period, with
+/// the return delay of joint 1 lowered or not.
+fn asked_after(period: Duration, lowers: bool) -> (Bench, Vec<(u8, usize)>) {
+    let (mut bench, mut found) = checked(3);
+    found.period = period;
+    if lowers {
+        let model = bench.link.robot().joints[1].model().expect("a servo");
+        let register = model.register(Role::ReturnDelay).expect("there");
+        found.eeprom.push(EepromWrite { joint: 1, register, from: 0, to: 10 });
+    }
+    arm(&mut bench.link, &found, &never).expect("armed");
+    let log = bench.log().len();
+    let limit = budget(&bench.link);
+    bench.link.states(limit).expect("a line");
+    let said = bench.log().into_iter().skip(log);
+    let asked = said.map(|said| (said.params[1], said.params.len() - 2)).collect();
+    (bench, asked)
+}
+
+#[test]
+fn return_delays_are_lowered_first_and_the_reads_planned_anew() {
+    let (bench, asked) = asked_after(Duration::from_micros(1500), true);
+    let log = bench.log();
+    let written = place(&log, |said| said.id == 21 && said.is(WRITE, 7));
+    assert!(written < place(&log, |said| said.id == 21 && said.is(READ, 7)));
+    assert!(written < place(&log, |said| said.is(WRITE, SPEED)));
+    assert_eq!(bench.world.lock().servos[1].get(7), 10);
+    assert_eq!(bench.link.return_delays(), [Duration::from_micros(20)]);
+    // Three joints do not fit into so short a cycle as a whole.
+    assert_ne!(asked, asked_after(20 * MS, true).1, "planned for the period");
+    // Nothing is lowered: the plan of the checks holds.
+    let (bench, asked) = asked_after(Duration::from_micros(1500), false);
+    assert_eq!(asked, asked_after(20 * MS, false).1);
+    assert_eq!(bench.link.return_delays(), [Duration::ZERO]);
+}
+
+#[test]
+fn a_return_delay_that_is_not_kept_ends_arming() {
+    let (bench, said) = armed_after(|bench, found| {
+        let model = bench.link.robot().joints[1].model().expect("a servo");
+        let register = model.register(Role::ReturnDelay).expect("there");
+        found.eeprom.push(EepromWrite { joint: 1, register, from: 0, to: 10 });
+        bench.change(1, |servo| servo.forgets.push(7));
+    });
+    let error = refused(said);
+    assert_eq!(error.place.as_deref(), Some("joint joint1, register Return Delay Time"));
+    never_on(&bench);
+}
+
+#[test]
+fn no_line_is_silent_for_long_while_the_servos_of_another_are_prepared() {
+    let longest = |registers: usize| {
+        let (mut bench, mut found) = checked_on(&[0, 0, 1]);
+        let model = bench.link.robot().joints[0].model().expect("a servo");
+        let register = model.register(Role::TorqueLimit).expect("there");
+        found.to_write = vec![(0, register, 500); registers];
+        bench.world.at_each(|world: &mut World, said: &Said| {
+            if said.line == 0 && said.instruction != SYNC_READ && !said.is_torque(true) {
+                world.stall(30 * MS);
+            }
+        });
+        // The third joint is on the other line: it is spoken to last.
+        let mut heard = vec![bench.link.clock().now()];
+        arm(&mut bench.link, &found, &never).expect("armed");
+        heard.extend(bench.log().iter().filter(|said| said.line == 1).map(|said| said.at));
+        heard.windows(2).map(|two| two[1].since(two[0])).max()
+    };
+    // Looked at after each word of 30 ms: the second finds it silent for more than 50 ms.
+    assert!(longest(0) < Some(80 * MS), "{:?}", longest(0));
+    // Looked at between writing and reading back: every 60 ms.
+    assert!(longest(5) < Some(110 * MS), "{:?}", longest(5));
+}
+
 #[test]
 fn a_goal_that_is_not_kept_ends_arming_before_torque() {
     let (bench, said) = armed_after(|bench, _| bench.change(1, |servo| servo.forgets.push(GOAL)));
@@ -124,7 +208,7 @@ fn a_goal_within_0_02_rad_of_where_it_was_told_is_kept() {
         let (_, said) = armed_after(|bench, _| {
             bench.change(1, |servo| {
                 servo.forgets.push(GOAL);
-                servo.set_word(GOAL, 2048 + counts);
+                servo.set_word(GOAL, STANDS[1] + counts);
             });
         });
         assert_eq!(said.is_ok(), kept, "{counts}");
@@ -135,7 +219,7 @@ fn a_goal_within_0_02_rad_of_where_it_was_told_is_kept() {
 fn a_joint_that_moved_by_more_than_0_02_rad_since_it_was_checked_is_not_armed() {
     for (counts, armed) in [(13, true), (-13, true), (14, false), (-14, false)] {
         let (bench, said) = armed_after(|bench, _| {
-            bench.change(0, |servo| servo.set_word(PRESENT, 2048 + counts));
+            bench.change(0, |servo| servo.put_at(STANDS[0] + counts));
         });
         assert_eq!(said.is_ok(), armed, "{counts}");
         if let Err(error) = said {
@@ -152,7 +236,7 @@ fn a_joint_that_moves_after_its_goal_was_told_gets_no_torque() {
     let (bench, said) = armed_after(|bench, _| {
         bench.world.at_each(|world: &mut World, said: &Said| {
             if said.is_goals() {
-                world.servos[1].set_word(PRESENT, 2100);
+                world.servos[1].put_at(2200);
             }
         });
     });
@@ -223,7 +307,7 @@ fn stalled_at_torque(stall_ms: u32, held: bool) -> (Bench, Result<Arming, Error>
 
 #[test]
 fn a_host_that_stalls_between_its_last_look_and_torque_has_torque_off_again() {
-    assert!(stalled_at_torque(45, false).1.is_ok());
+    assert!(stalled_at_torque(50, false).1.is_ok());
     let (bench, said) = stalled_at_torque(51, false);
     let error = refused(said);
     assert_eq!(error.what, "the host stalled as torque came on; torque is off again");
