@@ -13,6 +13,8 @@ pub mod plausible;
 pub mod silence;
 pub mod supervise;
 pub mod tally;
+#[cfg(test)]
+mod testing;
 pub mod watchdog;
 
 pub use arm::{Armed, Arming};

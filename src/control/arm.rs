@@ -414,3 +414,6 @@ pub fn disarm(link: &mut Link) -> Result<(), Error> {
         .got(format!("no confirmation from {}", unsure.join(", ")))
         .remedy("switch the robot's power off before you touch it"))
 }
+
+#[cfg(test)]
+mod tests;

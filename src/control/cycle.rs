@@ -735,13 +735,13 @@ impl<'a> Player<'a> {
         if net::catch(|| self.request_stop(StopReason::Broke { words }, cycle)).is_err() {
             self.freeze(Exception::GoalsBroke);
         }
-        if self.goals_at_rest >= LAST_GOALS || self.deserted {
+        let now = self.link.clock().now();
+        if self.goals_at_rest >= LAST_GOALS || self.deserted || self.is_overdue(now, settings) {
             return false;
         }
         if self.wrote {
             return true;
         }
-        let now = self.link.clock().now();
         let budget = now + settings.period.mul_f64(LINE_SHARE);
         match net::catch(|| self.write(budget, settings, cycle)) {
             Ok(Ok(())) => !self.is_overdue(now, settings),
@@ -871,3 +871,6 @@ fn bus_load(link: &Link, before: &[f64], duration_s: f64) -> f64 {
     let busy = link.busy_s().into_iter().zip(before);
     busy.map(|(now_s, before_s)| (now_s - before_s) / duration_s).fold(0.0, f64::max)
 }
+
+#[cfg(test)]
+mod tests;

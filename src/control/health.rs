@@ -491,3 +491,6 @@ impl Watch {
         low.then_some(StopReason::LowVoltage { joint, voltage_v, minimum_v })
     }
 }
+
+#[cfg(test)]
+mod tests;

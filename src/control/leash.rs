@@ -265,3 +265,6 @@ impl Held {
         Chase { position_rad: reach_rad, velocity_rad_s }
     }
 }
+
+#[cfg(test)]
+mod tests;

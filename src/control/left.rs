@@ -91,3 +91,6 @@ fn look(link: &mut Link, released: &Released) -> Left {
     }
     left
 }
+
+#[cfg(test)]
+mod tests;

@@ -170,6 +170,19 @@ mod tests {
     }
 
     #[test]
+    fn who_was_silent_alone_is_told_apart_from_who_was_silent_with_all_of_a_line() {
+        let mut silence = Silence::new(vec![0, 0, 1, 1]);
+        silence.take(&states(".xxx"));
+        silence.take(&states(".x.."));
+        let shared = |silence: &Silence| [0, 1, 2, 3, 4].map(|joint| silence.is_shared(joint));
+        assert_eq!(shared(&silence), [false, false, true, true, false]);
+        silence.trust(2);
+        silence.trust(4);
+        assert_eq!(shared(&silence), [false, false, false, true, false]);
+        assert_eq!(silence.take(&states("....")), [1, 3]);
+    }
+
+    #[test]
     fn cycles_without_any_answer_are_counted_in_a_row() {
         let mut silence = Silence::new(vec![0, 1]);
         let mut counts = Vec::new();

@@ -89,3 +89,6 @@ pub fn arm_safely(
         }
     })
 }
+
+#[cfg(test)]
+mod tests;

@@ -180,3 +180,6 @@ impl Released {
         notes
     }
 }
+
+#[cfg(test)]
+mod tests;
