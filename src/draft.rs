@@ -150,6 +150,16 @@ impl Drop for Draft {
     }
 }
 
+/// The folder in which the file grows that is to be `path`: it must be one that may be written to.
+/// None for what is written to as it is.
+#[must_use]
+pub fn grows_in(path: &Path) -> Option<PathBuf> {
+    match path.symlink_metadata() {
+        Err(_) => Some(folder_of(path).to_owned()),
+        Ok(_) => replaceable(path).map(|target| folder_of(&target).to_owned()),
+    }
+}
+
 /// The file that a regular file at `path` is, links followed. None for what is replaced by writing
 /// to it: devices, pipes, what the system shows of itself, links that lead nowhere.
 fn replaceable(path: &Path) -> Option<PathBuf> {

@@ -94,6 +94,9 @@ const STEP_ROUNDING: f64 = 1e-9;
 /// jump.
 const LONGEST_STEP: Duration = Duration::from_millis(100);
 
+/// A joint stands at a goal that is this near, rad.
+const STANDS_RAD: f64 = 0.02;
+
 /// Lets goals through one at a time.
 #[derive(Debug)]
 pub struct Guard {
@@ -101,6 +104,8 @@ pub struct Guard {
     /// As many as limits: the first command, which stands here, passed the same check.
     last_rad: Vec<f64>,
     last_at: Instant,
+    /// Where joints stand that missed their last goals; for the next goal only.
+    stands_rad: Vec<Option<f64>>,
 }
 
 impl Guard {
@@ -114,9 +119,18 @@ impl Guard {
         limits: Vec<JointLimits>,
         now: Instant,
     ) -> Result<(Self, Command), Refusal> {
-        let mut guard = Self { limits, last_rad: present_rad.to_vec(), last_at: now };
+        let stands_rad = vec![None; limits.len()];
+        let mut guard = Self { limits, last_rad: present_rad.to_vec(), last_at: now, stands_rad };
         let command = guard.admit(present_rad, now)?;
         Ok((guard, command))
+    }
+
+    /// `joint` missed its last goals and stands at `present_rad`: its next goal may be there, however
+    /// far that is from the last. A goal at which a joint stands moves nothing.
+    pub fn stands(&mut self, joint: usize, present_rad: f64) {
+        if let Some(stands) = self.stands_rad.get_mut(joint) {
+            *stands = Some(present_rad);
+        }
     }
 
     /// Checks goals to be written at `now`.
@@ -131,8 +145,8 @@ impl Guard {
             return Err(Refusal { joint: 0, reason });
         }
         let dt_s = now.since(self.last_at).min(LONGEST_STEP).as_secs_f64();
-        let joints = goal_rad.iter().zip(&self.last_rad).zip(&self.limits);
-        for (joint, ((&goal, &last), limits)) in joints.enumerate() {
+        let joints = goal_rad.iter().zip(&self.last_rad).zip(&self.stands_rad).zip(&self.limits);
+        for (joint, (((&goal, &last), stands), limits)) in joints.enumerate() {
             let refuse = |reason| Err(Refusal { joint, reason });
             if !goal.is_finite() {
                 return refuse(RefusalReason::NotFinite { goal_rad: goal });
@@ -144,7 +158,8 @@ impl Guard {
                     upper_rad: limits.upper_rad(),
                 });
             }
-            let step_rad = (goal - last).abs();
+            let stands_there = stands.is_some_and(|rad| (goal - rad).abs() <= STANDS_RAD);
+            let step_rad = if stands_there { 0.0 } else { (goal - last).abs() };
             let allowed_rad =
                 limits.velocity_rad_s() * dt_s * (1.0 + STEP_ROUNDING) + STEP_ROUNDING;
             if !(step_rad <= allowed_rad) {
@@ -153,6 +168,7 @@ impl Guard {
         }
         self.last_rad.copy_from_slice(goal_rad);
         self.last_at = now;
+        self.stands_rad.fill(None);
         Ok(Command { goal_rad: goal_rad.to_vec() })
     }
 }
@@ -270,6 +286,26 @@ mod tests {
                 assert!(matches!(refusal.reason, RefusalReason::NotFinite { .. }));
             }
         }
+    }
+
+    #[test]
+    fn a_goal_at_which_a_joint_stands_may_be_far_from_the_last_but_once_and_there_only() {
+        let now = Instant::ZERO + T;
+        for (goal, admitted) in [(1.0, true), (1.019, true), (0.981, true), (1.021, false)] {
+            let mut guard = standing(0.0);
+            guard.stands(0, 1.0);
+            assert_eq!(guard.admit(&[goal, 0.0], now).is_ok(), admitted, "{goal}");
+        }
+        let mut guard = standing(0.0);
+        guard.stands(0, 0.5);
+        assert!(guard.admit(&[0.0, 0.0], now).is_ok());
+        assert!(guard.admit(&[0.5, 0.0], now + T).is_err(), "it was for one goal");
+        let mut guard = standing(0.0);
+        guard.stands(1, 0.4);
+        assert!(guard.admit(&[0.4, 0.0], now).is_err(), "it was for the other joint");
+        let mut guard = standing(0.0);
+        guard.stands(0, 9.0);
+        assert!(guard.admit(&[9.0, 0.0], now).is_err(), "limits hold wherever a joint stands");
     }
 
     #[test]

@@ -398,6 +398,32 @@ fn a_send_queue_that_stays_full_is_a_lost_line() {
 }
 
 #[test]
+fn a_send_queue_that_is_full_for_a_moment_costs_no_more_than_that() {
+    // Six actuators: goals and answers take half the line and no more.
+    for held_ms in [1, 5, 20] {
+        let from_ns = 3 * SECOND_NS;
+        let until_ns = from_ns + held_ms * 1_000_000;
+        let held = Fault::Blocked { line: None, from_ns, until_ns, bytes: 0 };
+        let play = |faults| {
+            let options = Options { faults, ..Options::default() };
+            let mut scene =
+                Scene::with_robot(robot(&robots::few(DAMIAO, 6, 100.0), "few"), options);
+            let played = scene.play_until(0.5, 4, &|| false);
+            let steps = scene.host.steps();
+            (played, steps)
+        };
+        let (twin, _) = play(Vec::new());
+        assert_eq!(twin.run.stop, None);
+        assert!(twin.run.bus_load < 0.5, "{} of the line is busy", twin.run.bus_load);
+        let (played, _) = play(vec![held]);
+        assert_eq!(played.run.stop, None, "held for {held_ms} ms");
+        // Whoever waits for the queue does so by the deadline of its cycle: a few cycles are lost.
+        let most = 1 + held_ms / 10 + 1;
+        assert!(played.run.tally.missed_cycles <= most, "{}", played.run.tally.missed_cycles);
+    }
+}
+
+#[test]
 fn frames_that_are_short_or_foreign_are_passed_over_and_counted() {
     let short = Fault::Statuses {
         of: None,

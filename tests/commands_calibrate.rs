@@ -1,6 +1,7 @@
 //! `calibrate` with the test as the person: it answers on standard input and turns the joints of a
 //! virtual robot by hand. What comes out is compared with where the joints really are.
 
+mod aloud;
 mod desk;
 
 use desk::{Desk, json, run, text};

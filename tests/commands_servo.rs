@@ -1,6 +1,7 @@
 //! `scan`, `servo`, `hold`, `monitor` as a user types them, on virtual servos: what is set one way
 //! is read back another way, past the command, in the servo's own registers.
 
+mod aloud;
 mod desk;
 
 use desk::{Desk, json, refusal, run, text};

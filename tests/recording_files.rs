@@ -432,3 +432,37 @@ proptest! {
         prop_assert_eq!(recording.lost_bytes, json.len() as u64);
     }
 }
+
+#[test]
+fn a_message_that_says_two_things_of_one_joint_is_malformed_and_no_value_of_either() {
+    let mut file =
+        mcap::WriteOptions::new().compression(None).create(io::Cursor::new(Vec::new())).unwrap();
+    let goal = file.add_channel(0, "/joints/goal", "json", &BTreeMap::new()).unwrap();
+    let said = [
+        (0, r#"[{"name":"a","position":0.1},{"name":"b","position":0.2}]"#),
+        (1, r#"[{"name":"a","position":0.3},{"name":"a","position":0.4}]"#),
+        (2, r#"[{"name":"b","position":0.5}]"#),
+    ];
+    for (n, joints) in said {
+        let json = format!(
+            r#"{{"timestamp":{{"sec":0,"nsec":0}},"cycle":{n},"host_monotonic_ns":{n},"joints":{joints}}}"#
+        );
+        let header = mcap::records::MessageHeader {
+            channel_id: goal,
+            sequence: 0,
+            log_time: 0,
+            publish_time: 0,
+        };
+        file.write_to_known_channel(&header, json.as_bytes()).unwrap();
+    }
+    file.finish().unwrap();
+    let bytes = file.into_inner().into_inner();
+    let recording = Recording::from_source(bytes.as_slice()).unwrap();
+    let goals: Vec<Vec<Option<f64>>> = recording
+        .cycles
+        .iter()
+        .map(|cycle| cycle.joints.iter().map(|joint| joint.goal_rad).collect())
+        .collect();
+    assert_eq!(goals, [vec![Some(0.1), Some(0.2)], vec![None, Some(0.5)]]);
+    assert!(recording.lost_bytes > 0, "it is counted");
+}

@@ -8,6 +8,8 @@ use super::connect::OpenLine;
 use crate::bus::{AskError, Miss, Protocol};
 use crate::device::Model;
 use crate::error::Error;
+use crate::robot::preflight::host_late;
+use crate::time::Duration;
 use clap::ValueEnum;
 use gaitway_profiles::{self as profiles, Dialect, Servo};
 
@@ -253,6 +255,7 @@ pub fn ask_error(place: String, error: &AskError) -> Error {
         AskError::Miss(Miss::Refused(why)) => {
             Error::new("the device refused").at(place).got(why.clone())
         }
+        AskError::Miss(Miss::HostLate { by_ms }) => host_late(place, Duration::from_millis(*by_ms)),
         AskError::Miss(miss) => Error::new("a wrong answer").at(place).got(miss.to_string()),
         AskError::Port(error) => Error::new("the line failed").at(place).got(error.to_string()),
         AskError::Unsayable(text) => Error::new(text.clone()).at(place),
@@ -276,6 +279,14 @@ mod tests {
         // SCS0009 sends words big-endian: bytes 5 and 4 are model 1284.
         let scs = from_table(1, &[5, 4, 1, 5, 4, 1]).expect("a servo");
         assert_eq!((scs.protocol, scs.model_number), (Protocol::FeetechScs, 1284));
+    }
+
+    #[test]
+    fn a_host_that_was_late_is_named_and_no_device() {
+        let late = AskError::Miss(Miss::HostLate { by_ms: 2100 });
+        let said = ask_error("ID 3 on sim".to_owned(), &late).to_string();
+        assert!(said.contains("this host is too late") && said.contains("2100 ms"), "{said}");
+        assert!(!said.contains("device") && !said.contains("cable"), "{said}");
     }
 
     #[test]

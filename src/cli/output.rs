@@ -3,7 +3,7 @@
 //! reaches a terminal as a command, and what could not be told shows in the exit code.
 
 use super::report::Outcome;
-use crate::draft::Draft;
+use crate::draft::{self, Draft};
 use crate::error::Error;
 use std::borrow::Cow;
 use std::io::{ErrorKind, Write};
@@ -149,11 +149,10 @@ fn check_place(path: &Path) -> Result<(), Error> {
             .at(folder.display().to_string())
             .remedy("make it first, or choose another place"));
     }
-    // A file is replaced by one that is written beside it.
-    let is_replaced = path.is_file() && !path.is_symlink();
-    let places = [(path.exists(), path), (is_replaced || !path.exists(), folder)];
-    for place in places.into_iter().filter_map(|(counts, place)| counts.then_some(place)) {
-        rustix::fs::access(place, rustix::fs::Access::WRITE_OK).map_err(|e| {
+    // A file is replaced by one that is written beside it, but not one that is protected.
+    let itself = path.exists().then(|| path.to_owned());
+    for place in itself.into_iter().chain(draft::grows_in(path)) {
+        rustix::fs::access(&place, rustix::fs::Access::WRITE_OK).map_err(|e| {
             Error::new("you may not write here")
                 .at(place.display().to_string())
                 .got(e.to_string())

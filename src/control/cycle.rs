@@ -4,7 +4,7 @@
 use super::arm::Armed;
 use super::flight::{Flight, FlightCycle};
 use super::health::{Bounds, JointFacts, Stop, StopReason, Watch};
-use super::leash::Leash;
+use super::leash::{Heard, Leash};
 use super::left::{self, Left};
 use super::plausible::Believed;
 use super::silence::Silence;
@@ -576,8 +576,17 @@ impl<'a> Player<'a> {
         let mut states = self.link.states(budget)?;
         self.believed.sift(&mut states, now, self.link.clock().now());
         for (joint, state) in states.iter().enumerate() {
-            if let Ok((state, _)) = state {
-                self.leash.heard(joint, state.position_rad, now);
+            match state {
+                Ok((state, _)) => {
+                    let heard = self.leash.heard(joint, state.position_rad, now);
+                    self.link.let_wait(joint, heard == Heard::Waits);
+                    if heard == Heard::BeginsAgain {
+                        self.guard.stands(joint, state.position_rad);
+                    }
+                }
+                Err(Miss::NotAsked) => {}
+                Err(Miss::Implausible) => self.leash.doubt(joint),
+                Err(_) => self.leash.missed(joint),
             }
         }
         let joints = states.len();
@@ -646,7 +655,9 @@ impl<'a> Player<'a> {
         self.wanted_rad.clear();
         self.wanted_rad.extend(self.setpoints.iter().map(|setpoint| setpoint.position_rad));
         let stopping = self.stop.is_some();
-        self.leash.advance(since.as_secs_f64(), now, stopping, &mut self.setpoints);
+        let link = &*self.link;
+        let is_told = |joint| link.is_told(joint);
+        self.leash.advance(since.as_secs_f64(), now, stopping, is_told, &mut self.setpoints);
         self.written_at = Some(now);
         self.look_for_a_stall(since, settings, cycle);
         inject::point("admit", cycle);

@@ -16,6 +16,8 @@ use crate::time::Instant;
 
 /// Goals brake at this multiple of the acceleration limit; a stop may use up to twice the limit.
 const BRAKE_SHARE: f64 = 1.8;
+/// Two readings this near, rad, are of a joint that stands.
+const STANDS_RAD: f64 = 0.02;
 /// A goal this near to the motion, rad, at a speed this near, rad/s, has taken it up again.
 const MET_RAD: f64 = 1e-6;
 
@@ -40,6 +42,23 @@ struct Held {
     present_rad_s: f64,
     held: bool,
     forced: bool,
+    /// The last question for its position was not answered.
+    missed: bool,
+    /// The answer was one that cannot be.
+    doubted: bool,
+    /// Where it was read after a silence, far from its goal.
+    waiting_at_rad: Option<f64>,
+}
+
+/// What a reading says of a joint's goal.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Heard {
+    /// Nothing that is not provided for.
+    Fine,
+    /// The joint may have missed goals: it is told none until it was read once more.
+    Waits,
+    /// It did, and stands: its goal begins again there.
+    BeginsAgain,
 }
 
 impl Leash {
@@ -55,19 +74,62 @@ impl Leash {
             present_rad_s: 0.0,
             held: false,
             forced: false,
+            missed: false,
+            doubted: false,
+            waiting_at_rad: None,
         };
         Self { limits, joints: start_rad.iter().map(standing).collect(), bound_rad }
     }
 
     /// `joint` was read at `present_rad`, by a question asked at `at`.
-    pub fn heard(&mut self, joint: usize, present_rad: f64, at: Instant) {
-        let Some(held) = self.joints.get_mut(joint) else { return };
+    ///
+    /// A joint that missed readings may have missed goals too: one that is then further from its goal
+    /// than the bound is waited for, and if the next reading finds it standing there, its goal begins
+    /// again where it stands. (Late answers tell of places where a joint was, not of one where it
+    /// stands.)
+    pub fn heard(&mut self, joint: usize, present_rad: f64, at: Instant) -> Heard {
+        let (Some(held), Some(limits)) = (self.joints.get_mut(joint), self.limits.get(joint))
+        else {
+            return Heard::Fine;
+        };
+        let off_rad = (held.goal.position_rad - present_rad).abs();
+        let in_question = std::mem::take(&mut held.missed) || held.waiting_at_rad.is_some();
+        let stands = |rad: f64| (rad - present_rad).abs() <= STANDS_RAD;
+        let heard = match held.waiting_at_rad.take() {
+            _ if !(in_question && off_rad > self.bound_rad) => Heard::Fine,
+            Some(rad) if stands(rad) => {
+                let position_rad = present_rad.clamp(limits.lower_rad(), limits.upper_rad());
+                held.goal = Chase { position_rad, velocity_rad_s: 0.0 };
+                held.held = true;
+                Heard::BeginsAgain
+            }
+            _ => {
+                held.waiting_at_rad = Some(present_rad);
+                Heard::Waits
+            }
+        };
         let since_s = at.seconds_since(held.read_at);
         if since_s > 0.0 {
             held.present_rad_s = (present_rad - held.present_rad) / since_s;
         }
         (held.present_rad, held.read_at) = (present_rad, at);
         held.goal_then_rad = held.goal.position_rad;
+        held.doubted = false;
+        heard
+    }
+
+    /// `joint` was asked and could not be read.
+    pub fn missed(&mut self, joint: usize) {
+        if let Some(held) = self.joints.get_mut(joint) {
+            held.missed = true;
+        }
+    }
+
+    /// `joint` was read where it cannot be: until it is read again its goal goes nowhere.
+    pub fn doubt(&mut self, joint: usize) {
+        if let Some(held) = self.joints.get_mut(joint) {
+            held.doubted = true;
+        }
     }
 
     /// True if any goal lies short of where the motion wants its joint, or still moves to it.
@@ -90,11 +152,24 @@ impl Leash {
 
     /// The goals for where the motion wants its joints at `now`, `dt_s` after the last; exactly
     /// there for every joint that follows. `stopping`: a goal that was held back takes the motion up
-    /// no more, it brakes to rest.
-    pub fn advance(&mut self, dt_s: f64, now: Instant, stopping: bool, wanted: &mut [Setpoint]) {
+    /// no more, it brakes to rest. `is_told` says of a joint whether it is told its goal now; the goal
+    /// of one that is not stays where it is.
+    pub fn advance(
+        &mut self,
+        dt_s: f64,
+        now: Instant,
+        stopping: bool,
+        is_told: impl Fn(usize) -> bool,
+        wanted: &mut [Setpoint],
+    ) {
         let step = Step { dt_s, now, stopping, bound_rad: self.bound_rad };
-        for ((joint, limits), wanted) in self.joints.iter_mut().zip(&self.limits).zip(wanted) {
-            joint.advance(step, limits, wanted);
+        let joints = self.joints.iter_mut().zip(&self.limits).zip(wanted).enumerate();
+        for (index, ((joint, limits), wanted)) in joints {
+            if is_told(index) {
+                joint.advance(step, limits, wanted);
+            } else {
+                joint.stay(wanted);
+            }
         }
     }
 }
@@ -114,18 +189,25 @@ impl Held {
         self.present_rad + (self.goal.position_rad - self.goal_then_rad)
     }
 
+    /// The goal stays where it is.
+    fn stay(&mut self, wanted: &mut Setpoint) {
+        (self.held, self.forced) = (true, false);
+        self.goal.velocity_rad_s = 0.0;
+        *wanted = Setpoint { position_rad: self.goal.position_rad, ..Setpoint::default() };
+    }
+
     fn advance(&mut self, step: Step, limits: &JointLimits, wanted: &mut Setpoint) {
         self.forced = false;
         let target =
             Chase { position_rad: wanted.position_rad, velocity_rad_s: wanted.velocity_rad_s };
         let brake = BRAKE_SHARE * limits.acceleration_rad_s2();
-        if !self.held && self.is_free(target, brake, step) {
+        if !self.held && !self.doubted && self.is_free(target, brake, step) {
             self.goal = target;
             return;
         }
         self.held = true;
         let braked = self.goal.braked(step.dt_s, brake);
-        let next = match step.stopping {
+        let next = match step.stopping || self.doubted {
             true => braked,
             false => self.goal.toward(target, step.dt_s, limits),
         };

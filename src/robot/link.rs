@@ -96,6 +96,8 @@ pub struct Link {
     muted: Vec<bool>,
     /// Lines whose joints are told no goal for now.
     held_back: Vec<bool>,
+    /// Joints that are told no goal for now.
+    waiting: Vec<bool>,
     /// What each joint's speed register was set to when it was armed.
     armed_speed: Vec<Option<i64>>,
     payload: Vec<u8>,
@@ -146,6 +148,7 @@ impl Link {
             lost: vec![false; lines_count],
             muted: vec![false; joints_count],
             held_back: vec![false; lines_count],
+            waiting: vec![false; joints_count],
             armed_speed: vec![None; joints_count],
             payload: Vec::new(),
         };

@@ -66,6 +66,8 @@ const STILL_FOR: Duration = Duration::from_millis(200);
 const TEMPERATURE_MARGIN_C: f64 = 5.0;
 /// Silence after which no answer to an earlier question is reckoned with.
 const LATE_ANSWERS: Duration = Duration::from_millis(200);
+/// A joint that gives no answer is asked in so many turns, with a silence after each.
+const TURNS: usize = 3;
 /// Budget of one question outside the cycle.
 pub(crate) const QUESTION: Duration = Duration::from_millis(100);
 /// Outside the cycle a lost answer costs nothing but time. They share the budget of a question, and
@@ -107,7 +109,7 @@ pub(super) fn place(link: &Link, joint: usize) -> String {
 }
 
 /// Words for a host that was too late to hear an answer: nothing is known of the device.
-fn host_late(place: String, late: Duration) -> Error {
+pub(crate) fn host_late(place: String, late: Duration) -> Error {
     Error::new("this host is too late to hear the answers")
         .at(place)
         .got(format!("{} ms late while it waited", late.as_millis()))
@@ -190,7 +192,7 @@ fn check_setup(link: &mut Link, found: &mut Preflight) -> Result<(), Error> {
     for joint in 0..link.robot().joints.len() {
         for (register, wanted) in expected_registers(&link.robot().joints[joint]) {
             let name = &register.name;
-            let raw = read_surely(link, joint, register, wanted)?;
+            let raw = read_surely(link, joint, register, |raw| raw == wanted)?;
             if raw == wanted {
                 continue;
             }
@@ -212,26 +214,47 @@ fn check_setup(link: &mut Link, found: &mut Preflight) -> Result<(), Error> {
     Ok(())
 }
 
-/// The value of `register`, asked again in silence if it is not `wanted`: answers carry no number,
-/// and on a host that stood still for long one to an earlier question may come last.
+/// Asks a joint for something, and again after a silence if it gives no answer: what a busy machine
+/// holds back comes late, and nothing moves meanwhile.
+fn ask<T>(
+    link: &mut Link,
+    joint: usize,
+    mut question: impl FnMut(&mut Link, Instant) -> Result<T, LinkError>,
+) -> Result<T, Error> {
+    for _ in 1..TURNS {
+        let limit = budget(link);
+        match question(link, limit) {
+            Err(LinkError {
+                error: AskError::Miss(Miss::Silent | Miss::HostLate { .. }), ..
+            }) => {
+                wait_for_late_answers(link);
+            }
+            answer => return answer.map_err(|e| exchange_error(link, Some(joint), &e)),
+        }
+    }
+    let limit = budget(link);
+    question(link, limit).map_err(|e| exchange_error(link, Some(joint), &e))
+}
+
+fn wait_for_late_answers(link: &Link) {
+    let clock = std::sync::Arc::clone(link.clock());
+    clock.sleep_until(clock.now() + LATE_ANSWERS);
+}
+
+/// The value of `register`, asked again in silence unless it is `fine`: answers carry no number, and
+/// on a host that stood still for long one to an earlier question may come last.
 fn read_surely(
     link: &mut Link,
     joint: usize,
     register: &Register,
-    wanted: i64,
+    fine: impl Fn(i64) -> bool,
 ) -> Result<i64, Error> {
-    let read = |link: &mut Link| {
-        let limit = budget(link);
-        let read = link.read_register(joint, register, limit);
-        read.map_err(|e| exchange_error(link, Some(joint), &e))
-    };
-    let raw = read(link)?;
-    if raw == wanted {
+    let raw = ask(link, joint, |link, limit| link.read_register(joint, register, limit))?;
+    if fine(raw) {
         return Ok(raw);
     }
-    let clock = std::sync::Arc::clone(link.clock());
-    clock.sleep_until(clock.now() + LATE_ANSWERS);
-    read(link)
+    wait_for_late_answers(link);
+    ask(link, joint, |link, limit| link.read_register(joint, register, limit))
 }
 
 /// Registers that decide where a goal leads: compared even if the robot file leaves them at what
@@ -272,9 +295,7 @@ fn check_watchdogs(link: &mut Link, found: &mut Preflight) -> Result<(), Error> 
         let Some(register) = link.robot().joints[joint].register(Role::BusWatchdog) else {
             continue;
         };
-        let budget = budget(link);
-        let read = link.read_register(joint, register, budget);
-        let raw = read.map_err(|e| exchange_error(link, Some(joint), &e))?;
+        let raw = read_surely(link, joint, register, |raw| raw == 0)?;
         if raw == 0 {
             continue;
         }
@@ -298,9 +319,7 @@ fn check_watchdogs(link: &mut Link, found: &mut Preflight) -> Result<(), Error> 
 fn check_health(link: &mut Link, found: &mut Preflight) -> Result<(), Error> {
     for joint in 0..link.robot().joints.len() {
         for part in 0..link.health_reads(joint) {
-            let budget = budget(link);
-            let read = link.health(joint, part, budget);
-            let health = read.map_err(|e| exchange_error(link, Some(joint), &e))?;
+            let health = ask(link, joint, |link, limit| link.health(joint, part, limit))?;
             if let Some(bits) = health.error_bits.filter(|&bits| bits != 0)
                 && actuator::serious(link, joint, bits, found)
             {

@@ -3,6 +3,7 @@
 
 #![allow(dead_code)]
 
+use crate::aloud::aloud;
 use gaitway_sim::{Door, Fault, Options, World};
 use serde_json::Value;
 use std::process::{Command, Output};
@@ -107,18 +108,31 @@ pub fn json(output: &Output) -> Value {
     serde_json::from_slice(&output.stdout).unwrap_or_else(|e| panic!("{e}: {said}"))
 }
 
-/// Runs until `done` likes what came out, a few times at most: a machine that stalls stops motions
-/// that run in real time, and is right to.
+/// How often a command is run again that the machine disturbed, at most.
+const ATTEMPTS: u32 = 20;
+
+/// True if a command ended otherwise than it should because this machine was late: by the reason to
+/// stop in its report, or in its words.
+fn machine_was_late(output: &Output) -> bool {
+    let report: Value = serde_json::from_slice(&output.stdout).unwrap_or_default();
+    let code = report["stop"]["code"].as_str().unwrap_or_default();
+    let said = String::from_utf8_lossy(&output.stderr);
+    let words = ["this host is too late", "this host was", "the host stalled"];
+    let is_said = |text: &str| words.iter().any(|word| text.contains(word));
+    matches!(code, "late" | "stalled") || is_said(&said) || is_said(&text(output))
+}
+
+/// Runs until `done` likes what came out, again only where the machine itself was late: one that
+/// stalls stops motions that run in real time, and is right to.
 pub fn run_until_done(arguments: &[&str], done: impl Fn(&Output) -> bool) -> Output {
-    let mut output = run(arguments);
-    for _ in 0..20 {
-        if done(&output) {
-            break;
+    for attempt in 1..=ATTEMPTS {
+        let output = run(arguments);
+        if done(&output) || !machine_was_late(&output) {
+            return output;
         }
-        eprintln!("{}{}", text(&output), String::from_utf8_lossy(&output.stderr));
-        output = run(arguments);
+        aloud!("DISTURBED by the machine {attempt} times: {}", arguments.join(" "));
     }
-    output
+    panic!("this machine stalls too often: {}", arguments.join(" "));
 }
 
 /// The words of a refusal.

@@ -178,3 +178,107 @@ fn h18_the_only_line_lost_ends_the_motion_at_once() {
     let now_ns = scene.world.lock().now_ns();
     assert!(now_ns < MID_NS + 10_000_000, "it went on for {} ns", now_ns - MID_NS);
 }
+
+#[test]
+fn h18_nobody_spins_on_a_line_that_is_gone() {
+    // Words with ports and sleeps per second of the world's time, with two lines and with one lost.
+    let steps_per_s = |cut: Option<(usize, u64)>| {
+        let mut scene = Scene::with_cut(op3_on_two_lines(), Options::default(), cut);
+        let played = scene.play_until(0.5, 3, &|| false);
+        assert_eq!(played.run.stop.is_some(), cut.is_some());
+        let cycles = played.run.tally.cycles;
+        (scene.host.steps() as f64, cycles as f64)
+    };
+    let (whole_steps, whole_cycles) = steps_per_s(None);
+    for line in [0, 1] {
+        let (steps, cycles) = steps_per_s(Some((line, MID_NS)));
+        // Preflight and arming are the same in both; a cycle on one line has no more steps than one
+        // on two, but for the question how the robot was left.
+        let saved = (whole_cycles - cycles) * whole_steps / (2.0 * whole_cycles);
+        assert!(cycles < whole_cycles && steps < whole_steps - saved, "{steps} of {whole_steps}");
+    }
+    // The only line: it ends at once, with a handful of tries.
+    let robot = || gaitway::robot::Robot::load("op3").expect("a shipped robot");
+    let before = {
+        let mut scene = Scene::with_cut(robot(), Options::default(), Some((0, MID_NS)));
+        let found = scene.preflight().expect("a robot that is ready");
+        let trajectory = scene.swing(&found.start_rad, 0.5, 3);
+        let armed = super::scene::arm(&mut scene.link, &found).expect("torque");
+        let host = Arc::clone(&scene.host);
+        let mut seen = StepsAt { host, last: 0 };
+        let settings = scene.settings;
+        control::run(&mut scene.link, armed, &trajectory, settings, &mut seen, &|| false);
+        scene.host.steps() - seen.last
+    };
+    assert!(before < 60, "{before} steps after the last cycle on a line that is gone");
+}
+
+/// Steps of the host when the last cycle was taken down.
+struct StepsAt {
+    host: Arc<Host>,
+    last: u64,
+}
+
+impl Sink for StepsAt {
+    fn take(&mut self, _sample: &Sample<'_>) {
+        self.last = self.host.steps();
+    }
+}
+
+#[test]
+fn x27_the_goal_of_a_killed_host_is_within_the_bound_on_every_robot() {
+    let mut cases = 0;
+    for robot in super::ROBOTS {
+        for cycle in (0..50).map(|k| 2 * k) {
+            let mut scene = Scene::of(robot, Options::default());
+            let found = scene.preflight().expect("a robot that is ready");
+            // As fast as the joints may: where goals lead their joints the most.
+            let trajectory = scene.swing(&found.start_rad, 1.5, 2);
+            let armed = super::scene::arm(&mut scene.link, &found).expect("torque");
+            let (link, settings) = (&mut scene.link, scene.settings);
+            let mut sink = KilledIn(cycle, Arc::clone(&scene.host));
+            control::run(link, armed, &trajectory, settings, &mut sink, &|| false);
+            let at_kill: Vec<f64> = positions(&scene);
+            wait_ms(&scene, 3_000);
+            assert!(fastest_rad_s(&scene) < 0.05, "{robot}, killed in cycle {cycle}: not at rest");
+            for (joint, (from, to)) in at_kill.iter().zip(positions(&scene)).enumerate() {
+                // 0.35 rad, and what an encoder and the weight of the rest may add.
+                let moved_rad = (to - from).abs();
+                let what = format!("{robot}, cycle {cycle}, joint {joint}");
+                assert!(moved_rad <= 0.35 + 0.01, "{what}: it went on for {moved_rad} rad");
+            }
+            cases += 1;
+        }
+    }
+    super::forty::ran("x27_the_goal_of_a_killed_host_is_within_the_bound_on_every_robot", cases);
+}
+
+fn positions(scene: &Scene) -> Vec<f64> {
+    let world = scene.world.lock();
+    let at = |joint: &String| world.joint_position_rad(joint).expect("a joint");
+    world.joint_names().iter().map(at).collect()
+}
+
+#[test]
+fn c24_nothing_that_moves_a_joint_can_read_the_wall_clock() {
+    // What a wall clock that jumps cannot reach: every room between a motion and the line. Their only
+    // clock is the port's, which counts from when the machine was started.
+    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let rooms = ["control", "guard", "motion", "robot", "bus", "wire", "device", "time", "port"];
+    let mut files = Vec::new();
+    for room in rooms {
+        files.push(root.join(format!("{room}.rs")));
+        let Ok(folder) = std::fs::read_dir(root.join(room)) else { continue };
+        files.extend(folder.map(|entry| entry.expect("an entry").path()));
+    }
+    let mut read = 0;
+    for file in files.iter().filter(|file| file.extension().is_some_and(|end| end == "rs")) {
+        let text = std::fs::read_to_string(file).expect("a source");
+        let text = text.split("#[cfg(test)]").next().unwrap_or_default();
+        for word in ["SystemTime", "ClockId::Realtime", "UNIX_EPOCH", "std::time::Instant"] {
+            assert!(!text.contains(word), "{} reads another clock: {word}", file.display());
+        }
+        read += 1;
+    }
+    assert!(read > 60, "only {read} files");
+}

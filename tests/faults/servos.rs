@@ -5,6 +5,7 @@ use super::{MID_NS, ROBOTS, SWING_RAD, first_joint};
 use gaitway::control::{self, Sample, Sink, StopReason};
 use gaitway::port::sim::SharedWorld;
 use gaitway::robot::preflight::{Accept, preflight};
+use gaitway::time::Instant;
 use gaitway_sim::{Damage, Fault, Options};
 use std::cell::Cell;
 
@@ -104,6 +105,17 @@ fn b09_false_lengths_and_bodies_without_end_cost_a_cycle_at_most() {
                 assert!(played.run.tally.missed_cycles <= 2, "{robot}, byte {at}, bit {bit}");
                 assert_clean(&played.verdict);
             }
+        }
+        // A status whose checksum is right for a length that no answer has.
+        for length in [0, 1, 2, 3, 0xFF, 0xFFFF] {
+            let damage = Damage::Length { length };
+            let fault = Fault::Status { joint: joint.clone(), nth: 160, damage };
+            let mut scene = Scene::with_faults(robot, vec![fault]);
+            let played = scene.play_until(SWING_RAD, 3, &|| false);
+            assert_eq!(played.run.stop, None, "{robot}, length {length}");
+            assert_eq!(scene.world.lock().struck_count(), 1, "{robot}, length {length}");
+            assert!(played.run.tally.missed_cycles <= 2, "{robot}, length {length}");
+            assert_clean(&played.verdict);
         }
         // A line that babbles: 4 KiB of noise before a status.
         let damage = Damage::Garbage { length: 4_096 };
@@ -244,6 +256,60 @@ fn b13_servos_that_come_back_from_a_brown_out_get_no_goal_and_no_torque() {
         }
     }
     assert!(came_back >= 2 * ROBOTS.len(), "servos came back in {came_back} scenes");
+}
+
+/// When a joint was first further than the bound from where the motion wanted it, and the last cycle.
+struct FirstFar {
+    joint: usize,
+    first: Option<Instant>,
+    last: Instant,
+}
+
+impl Sink for FirstFar {
+    fn take(&mut self, sample: &Sample<'_>) {
+        self.last = sample.at;
+        if let Ok((state, _)) = sample.states[self.joint]
+            && (sample.wanted_rad[self.joint] - state.position_rad).abs() > 0.35
+        {
+            self.first.get_or_insert(sample.at);
+        }
+    }
+}
+
+#[test]
+fn b14_a_blocked_joint_on_any_robot_stops_the_motion_in_time() {
+    for robot in ROBOTS {
+        let joint = first_joint(robot);
+        let fault =
+            Fault::StuckPosition { joint: joint.clone(), from_ns: MID_NS, until_ns: u64::MAX };
+        let mut scene = Scene::with_faults(robot, vec![fault]);
+        let names = scene.link.robot().joint_names();
+        let index = names.iter().position(|name| *name == joint).expect("a joint");
+        let found = scene.preflight().expect("a robot that is ready");
+        let trajectory = scene.swing(&found.start_rad, 0.9, 8);
+        let armed = super::scene::arm(&mut scene.link, &found).expect("torque");
+        let mut seen = FirstFar { joint: index, first: None, last: Instant::ZERO };
+        let settings = scene.settings;
+        let run = control::run(&mut scene.link, armed, &trajectory, settings, &mut seen, &|| false);
+        let stop = run.stop_data.expect("a stop");
+        assert_eq!(stop.joint.as_ref(), Some(&joint), "{robot}");
+        // A servo that trips over its own overload protection may speak first.
+        let first = seen.first.unwrap_or(seen.last);
+        let limits = scene.link.robot().limits();
+        let period_s = settings.period.as_secs_f64();
+        // 0.3 s of doubt, the ramp, half a second for the joints to settle, and three cycles.
+        let most_s = 0.3
+            + control::cycle::longest_stop_s(&limits, settings.period)
+            + settings.settle.as_secs_f64()
+            + 3.0 * period_s;
+        let took_s = seen.last.since(first).as_secs_f64();
+        assert!(took_s <= most_s, "{robot}: it went on for {took_s} s of {most_s} s");
+        assert_clean(&scene.world.lock().verdict());
+    }
+    super::forty::ran(
+        "b14_a_blocked_joint_on_any_robot_stops_the_motion_in_time",
+        ROBOTS.len() as u64,
+    );
 }
 
 #[test]

@@ -2,101 +2,17 @@
 //! against a servo.
 
 use super::mentions;
-use crate::scene::{STRICT, Scene};
+use crate::scene::{STRICT, Scene, Side, StallPlan};
 use gaitway::error::Error;
-use gaitway::port::sim::{SharedWorld, VirtualClock, VirtualLine};
-use gaitway::port::{BytePort, Clock, PortError};
 use gaitway::robot::preflight::preflight;
-use gaitway::robot::{Link, Robot};
-use gaitway::time::{Duration, Instant};
-use gaitway_profiles::LineKind;
-use gaitway_sim::{Fault, Options, World};
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex};
+use gaitway::time::Duration;
+use gaitway_sim::Fault;
 
-/// Where in a call the host stands still.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Side {
-    Before,
-    After,
-}
-
-/// Says for each call of a port or a sleep, by number, how long the host stands still in it.
-type Stalls = Box<dyn Fn(u64) -> Option<(Side, Duration)> + Send>;
-
-/// Counts calls, and lets the host stall in some.
-#[derive(Clone)]
-struct Host {
-    world: SharedWorld,
-    calls: Arc<AtomicU64>,
-    stalls: Arc<Mutex<Stalls>>,
-}
-
-impl Host {
-    fn during<T>(&self, call: impl FnOnce() -> T) -> T {
-        let number = self.calls.fetch_add(1, Ordering::Relaxed);
-        let stall = (self.stalls.lock().expect("one thread"))(number);
-        let stand_still = |side| {
-            if let Some((_, time)) = stall.filter(|(when, _)| *when == side) {
-                let mut world = self.world.lock();
-                let until_ns = world.now_ns() + time.as_nanos() as u64;
-                world.run_until(until_ns);
-            }
-        };
-        stand_still(Side::Before);
-        let result = call();
-        stand_still(Side::After);
-        result
-    }
-}
-
-struct StallingLine(Host, VirtualLine);
-
-impl BytePort for StallingLine {
-    fn send(&mut self, bytes: &[u8], deadline: Instant) -> Result<(), PortError> {
-        self.0.during(|| self.1.send(bytes, deadline))
-    }
-
-    fn receive(&mut self, buffer: &mut [u8], deadline: Instant) -> Result<usize, PortError> {
-        self.0.during(|| self.1.receive(buffer, deadline))
-    }
-
-    fn discard_input(&mut self) -> Result<(), PortError> {
-        self.0.during(|| self.1.discard_input())
-    }
-}
-
-struct StallingClock(Host, VirtualClock);
-
-impl Clock for StallingClock {
-    fn now(&self) -> Instant {
-        self.1.now()
-    }
-
-    fn sleep_until(&self, at: Instant) {
-        self.0.during(|| self.1.sleep_until(at));
-    }
-}
-
-/// A robot on a host that stalls, and the number of calls so far.
-fn scene(robot: &str, faults: Vec<Fault>, stalls: Stalls) -> (Scene, Arc<AtomicU64>) {
-    let robot: Robot = Scene::of(robot, Options::default()).link.robot().clone();
-    let world = World::new(&robot.file, Options { faults, ..Options::default() });
-    let world = SharedWorld::new(world.expect("a virtual robot"));
-    let calls = Arc::new(AtomicU64::new(0));
-    let stalls = Arc::new(Mutex::new(stalls));
-    let host = Host { world: world.clone(), calls: Arc::clone(&calls), stalls };
-    let ports = robot.lines.iter().enumerate().map(|(line, facts)| {
-        let LineKind::Serial { baud_bps } = facts.kind else { panic!("a serial line") };
-        let line = VirtualLine::new(world.clone(), line, baud_bps);
-        let port: Box<dyn BytePort> = Box::new(StallingLine(host.clone(), line));
-        (port, Duration::ZERO)
-    });
-    let ports: Vec<_> = ports.collect();
-    let clock = Arc::new(StallingClock(host.clone(), VirtualClock(world.clone())));
-    let settings = gaitway::control::Settings::at_rate(robot.file.rate_hz);
-    let host = crate::scene::Host::new(&world);
-    (Scene { world, link: Link::new(robot, ports, clock), settings, host }, calls)
+/// A robot on a host that stalls.
+fn scene(robot: &str, faults: Vec<Fault>, stalls: StallPlan) -> Scene {
+    let scene = Scene::with_faults(robot, faults);
+    scene.host.stall_by(stalls);
+    scene
 }
 
 fn look(scene: &mut Scene) -> Result<(), Error> {
@@ -108,9 +24,9 @@ const MILLIS: [u64; 6] = [20, 50, 101, 150, 250, 500];
 
 /// Calls of an undisturbed preflight.
 fn calls_of(robot: &str) -> u64 {
-    let (mut scene, calls) = scene(robot, Vec::new(), Box::new(|_| None));
+    let mut scene = scene(robot, Vec::new(), Box::new(|_| None));
     look(&mut scene).expect("a healthy robot");
-    calls.load(Ordering::Relaxed)
+    scene.host.steps()
 }
 
 #[test]
@@ -123,7 +39,7 @@ fn one_stall_wherever_it_comes_keeps_no_healthy_robot_from_passing() {
             let time = Duration::from_millis(MILLIS[turn % MILLIS.len()]);
             for side in [Side::Before, Side::After] {
                 let stall = Box::new(move |number| (number == at).then_some((side, time)));
-                let (mut scene, _) = scene(robot, Vec::new(), stall);
+                let mut scene = scene(robot, Vec::new(), stall);
                 if let Err(error) = look(&mut scene) {
                     panic!("{robot}, {time:?} {side:?} call {at} of {calls}:\n{error}");
                 }
@@ -150,7 +66,7 @@ fn a_host_that_stalls_again_and_again_passes_or_is_named_itself() {
                     let time = Duration::from_millis(millis);
                     let stall =
                         Box::new(move |n: u64| n.is_multiple_of(every).then_some((side, time)));
-                    let (mut scene, _) = scene(robot, Vec::new(), stall);
+                    let mut scene = scene(robot, Vec::new(), stall);
                     match look(&mut scene) {
                         Ok(()) => passed += 1,
                         Err(error) => {
@@ -172,7 +88,7 @@ fn a_servo_that_is_not_there_is_still_named_on_a_host_that_stalled() {
     for at in (0..calls).step_by(97) {
         let stall =
             Box::new(move |n| (n == at).then_some((Side::After, Duration::from_millis(250))));
-        let (mut scene, _) = scene("op3", Vec::new(), stall);
+        let mut scene = scene("op3", Vec::new(), stall);
         assert!(scene.world.lock().remove("l_knee"));
         let error = look(&mut scene).expect_err("a servo is missing");
         mentions(&error, &["a servo does not answer", "l_knee", "ID 14"]);
@@ -190,12 +106,12 @@ fn nobody_is_told_to_write_eeprom_while_the_host_was_late() {
         }]
     };
     // On time, what such a servo needs is said.
-    let (mut on_time, _) = scene("op3", mute(), Box::new(|_| None));
+    let mut on_time = scene("op3", mute(), Box::new(|_| None));
     let error = look(&mut on_time).expect_err("it answers pings only");
     mentions(&error, &["answers pings and nothing else", "l_knee", "status return level"]);
     // Its questions come after those of some others; one stall in the middle of its own.
     let stall = |n: u64| (n % 40 == 39).then_some((Side::After, Duration::from_millis(30)));
-    let (mut late, _) = scene("op3", mute(), Box::new(stall));
+    let mut late = scene("op3", mute(), Box::new(stall));
     let error = look(&mut late).expect_err("it answers pings only");
     mentions(&error, &["this host is too late", "l_knee", "ms late", "end other programs"]);
     assert!(!error.to_string().contains("status return level"), "{error}");

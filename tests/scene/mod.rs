@@ -2,6 +2,7 @@
 #![allow(dead_code, missing_docs)]
 
 use gaitway::control::{self, Armed, Exception, Run, Sample, Settings, Sink};
+use gaitway::device::JointState;
 use gaitway::error::Error;
 use gaitway::motion::{Path, PlanOptions, Trajectory, plan};
 use gaitway::port::sim::{SharedWorld, VirtualCanLine, VirtualClock, VirtualLine};
@@ -23,6 +24,8 @@ pub struct Host {
     pub cut: AtomicBool,
     /// Before which steps it stands still, for how long, and which joint somebody turns meanwhile.
     stalls: Mutex<Vec<Stall>>,
+    /// Further times in which it stands still, by the number of the step.
+    plan: Mutex<Option<StallPlan>>,
     stalled: AtomicU64,
     /// Of all bytes that went through its ports, and when.
     trace: AtomicU64,
@@ -36,6 +39,16 @@ pub struct Stall {
     pub turned: Option<(String, f64)>,
 }
 
+/// Where in a step the host stands still.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Side {
+    Before,
+    After,
+}
+
+/// Says for each step, by number, how long the host stands still in it.
+pub type StallPlan = Box<dyn Fn(u64) -> Option<(Side, Duration)> + Send>;
+
 impl Host {
     pub fn new(world: &SharedWorld) -> Arc<Self> {
         Arc::new(Self {
@@ -43,6 +56,7 @@ impl Host {
             steps: AtomicU64::new(0),
             cut: AtomicBool::new(false),
             stalls: Mutex::default(),
+            plan: Mutex::default(),
             stalled: AtomicU64::new(0),
             trace: AtomicU64::new(0xCBF2_9CE4_8422_2325),
         })
@@ -77,20 +91,42 @@ impl Host {
         self.stalls.lock().expect("stalls").push(stall);
     }
 
-    fn step(&self) {
+    /// It will stand still whenever the plan says so.
+    pub fn stall_by(&self, plan: StallPlan) {
+        *self.plan.lock().expect("a plan") = Some(plan);
+    }
+
+    /// One step: `call`, and the times in which the host stands still before and after it.
+    fn during<T>(&self, call: impl FnOnce() -> T) -> T {
         let step = self.steps.fetch_add(1, Ordering::Relaxed);
+        let planned = self.plan.lock().expect("a plan").as_ref().and_then(|plan| plan(step));
+        let planned = |side| planned.filter(|(when, _)| *when == side).map(|(_, time)| time);
         let stalls = self.stalls.lock().expect("stalls");
-        for Stall { lasts_ns, turned, .. } in stalls.iter().filter(|stall| stall.step == step) {
-            self.stalled.fetch_add(1, Ordering::Relaxed);
-            let mut world = self.world.lock();
-            let until_ns = world.now_ns() + lasts_ns;
-            world.run_until(until_ns - lasts_ns / 2);
-            if let Some((joint, by_rad)) = turned {
-                let at_rad = world.joint_position_rad(joint).expect("a joint");
-                assert!(world.place_joint(joint, at_rad + by_rad));
-            }
-            world.run_until(until_ns);
+        let now: Vec<_> = stalls.iter().filter(|stall| stall.step == step).cloned().collect();
+        drop(stalls);
+        for Stall { lasts_ns, turned, .. } in now {
+            self.stand_still(lasts_ns, turned);
         }
+        if let Some(time) = planned(Side::Before) {
+            self.stand_still(time.as_nanos() as u64, None);
+        }
+        let result = call();
+        if let Some(time) = planned(Side::After) {
+            self.stand_still(time.as_nanos() as u64, None);
+        }
+        result
+    }
+
+    fn stand_still(&self, lasts_ns: u64, turned: Option<(String, f64)>) {
+        self.stalled.fetch_add(1, Ordering::Relaxed);
+        let mut world = self.world.lock();
+        let until_ns = world.now_ns() + lasts_ns;
+        world.run_until(until_ns - lasts_ns / 2);
+        if let Some((joint, by_rad)) = turned {
+            let at_rad = world.joint_position_rad(&joint).expect("a joint");
+            assert!(world.place_joint(&joint, at_rad + by_rad));
+        }
+        world.run_until(until_ns);
     }
 }
 
@@ -106,8 +142,7 @@ impl Clock for HostClock {
     }
 
     fn sleep_until(&self, at: Instant) {
-        self.host.step();
-        self.world.sleep_until(at);
+        self.host.during(|| self.world.sleep_until(at));
     }
 }
 
@@ -130,27 +165,33 @@ impl CutLine {
 
 impl BytePort for CutLine {
     fn send(&mut self, bytes: &[u8], deadline: Instant) -> Result<(), PortError> {
-        self.host.step();
-        self.there()?;
-        self.host.went_by(0, bytes);
-        self.line.send(bytes, deadline)
+        let host = Arc::clone(&self.host);
+        host.during(|| {
+            self.there()?;
+            self.host.went_by(0, bytes);
+            self.line.send(bytes, deadline)
+        })
     }
 
     fn receive(&mut self, buffer: &mut [u8], deadline: Instant) -> Result<usize, PortError> {
-        self.host.step();
-        self.there()?;
-        let received = self.line.receive(buffer, deadline.min(self.cut_at));
-        self.there()?;
-        if let Ok(count) = received {
-            self.host.went_by(1, &buffer[..count]);
-        }
-        received
+        let host = Arc::clone(&self.host);
+        host.during(|| {
+            self.there()?;
+            let received = self.line.receive(buffer, deadline.min(self.cut_at));
+            self.there()?;
+            if let Ok(count) = received {
+                self.host.went_by(1, &buffer[..count]);
+            }
+            received
+        })
     }
 
     fn discard_input(&mut self) -> Result<(), PortError> {
-        self.host.step();
-        self.there()?;
-        self.line.discard_input()
+        let host = Arc::clone(&self.host);
+        host.during(|| {
+            self.there()?;
+            self.line.discard_input()
+        })
     }
 }
 
@@ -182,6 +223,23 @@ impl Sink for Samples {
             Err(_) => None,
         });
         self.0.push(positions.collect());
+    }
+}
+
+/// What every joint told of itself in every cycle, and the goals in effect then.
+#[derive(Default)]
+pub struct Readings {
+    pub states: Vec<Vec<Option<JointState>>>,
+    pub goals_rad: Vec<Vec<f64>>,
+    pub at: Vec<Instant>,
+}
+
+impl Sink for Readings {
+    fn take(&mut self, sample: &Sample<'_>) {
+        let state = |state: &Result<(JointState, bool), _>| state.as_ref().ok().map(|read| read.0);
+        self.states.push(sample.states.iter().map(state).collect());
+        self.goals_rad.push(sample.goal_rad.to_vec());
+        self.at.push(sample.at);
     }
 }
 

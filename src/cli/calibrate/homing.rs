@@ -151,3 +151,67 @@ fn through(link: &mut Link, joint: usize, lock: &Register, change: &Change) -> R
     let remedy = error.remedy.clone().map_or(open.to_owned(), |first| format!("{first}; {open}"));
     Err(error.remedy(remedy))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::port::BytePort;
+    use crate::port::sim::{SharedWorld, VirtualClock, VirtualLine};
+    use crate::robot::Robot;
+    use crate::robot::preflight::PATIENT_RETRIES;
+    use crate::time::Duration;
+    use gaitway_sim::{Damage, Fault, Options, World};
+    use std::sync::Arc;
+
+    const JOINT: &str = "gripper";
+
+    /// Writes an offset while `faults` strike: what came of it, the lock afterwards, and when, ns.
+    fn come_of(faults: Vec<Fault>) -> (Result<i64, String>, i64, u64) {
+        let robot = Robot::load("so101").expect("a shipped robot");
+        let joint = robot.joints.iter().position(|joint| joint.name == JOINT).expect("a joint");
+        let baud_bps = robot.file.lines[0].baud_bps().expect("a serial line");
+        let options = Options { faults, permit_eeprom: true, ..Options::default() };
+        let world = SharedWorld::new(World::new(&robot.file, options).expect("a world"));
+        let line: Box<dyn BytePort> = Box::new(VirtualLine::new(world.clone(), 0, baud_bps));
+        let clock = Arc::new(VirtualClock(world.clone()));
+        let mut link = Link::new(robot, vec![(line, Duration::ZERO)], clock);
+        link.set_retries(PATIENT_RETRIES);
+        let model = link.robot().joints[joint].model().expect("a servo");
+        let register = model.register(Role::HomingOffset).expect("a register");
+        let lock = model.eeprom_lock().expect("a lock");
+        let change = Change { register, old: 0, new: 17, shift: -17, offset_rad: 0.0 };
+        let done = through(&mut link, joint, lock, &change).map_err(|error| error.to_string());
+        let world = world.lock();
+        (done, world.register(JOINT, "Lock").expect("a register"), world.now_ns())
+    }
+
+    #[test]
+    fn whatever_is_lost_while_an_offset_is_written_the_lock_is_closed_or_said_to_be_open() {
+        let (done, lock, whole_ns) = come_of(Vec::new());
+        assert_eq!((done, lock), (Ok(17), 1));
+        let (mut failed, mut open) = (0, 0);
+        for from_ns in (0..whole_ns).step_by(60_000) {
+            for for_ns in [2_000_000, 40_000_000, u64::MAX - from_ns] {
+                let until_ns = from_ns + for_ns;
+                let mute = Fault::Statuses {
+                    of: Some(JOINT.to_owned()),
+                    from_ns,
+                    until_ns,
+                    probability: 1.0,
+                    damage: Damage::Mute,
+                };
+                let (done, lock, _) = come_of(vec![mute]);
+                assert_eq!(lock, 1, "all was heard, from {from_ns} ns for {for_ns} ns: {done:?}");
+                failed += u32::from(done.is_err());
+                let deaf = Fault::Silent { joint: JOINT.to_owned(), from_ns, until_ns };
+                let (done, lock, _) = come_of(vec![deaf]);
+                if lock != 1 {
+                    let said = done.expect_err("it may be open");
+                    assert!(said.contains("EEPROM lock may be open"), "{said}");
+                    open += 1;
+                }
+            }
+        }
+        assert!(failed > 5 && open > 5, "{failed} failed, {open} were left open");
+    }
+}

@@ -209,6 +209,7 @@ pub fn can_ask_error(line: &OpenCanLine, place: String, error: &AskError) -> Err
             .at(place)
             .got(line.bus.troubles().unwrap_or_else(|| "nothing".to_owned()))
             .remedy("check power, cable and ID; `gaitway scan BUS` asks everybody"),
+        AskError::Miss(Miss::HostLate { .. }) => super::ask_error(place, error),
         AskError::Miss(miss) => Error::new("a wrong answer").at(place).got(miss.to_string()),
         AskError::Unsayable(text) => Error::new(text.clone()).at(place),
     }

@@ -3,7 +3,7 @@
 
 use super::device::{Device, is_lost};
 use super::{Target, actuator};
-use crate::bus::AskError;
+use crate::bus::{AskError, Miss};
 use crate::cli::identify::identify;
 use crate::cli::signals::Signals;
 use crate::cli::{Deed, Remarks};
@@ -122,7 +122,9 @@ fn refuse_taken(device: &mut Device, id: u8) -> Result<(), Error> {
     match identify(&mut device.line, id, None) {
         Ok(None) => Ok(()),
         Ok(Some(other)) => refused(format!("model number {} answers there", other.model_number)),
-        Err(AskError::Miss(miss)) => refused(miss.to_string()),
+        Err(AskError::Miss(miss)) if !matches!(miss, Miss::HostLate { .. }) => {
+            refused(miss.to_string())
+        }
         Err(error) => Err(device.failed(&error)),
     }
 }

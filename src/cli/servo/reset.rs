@@ -2,7 +2,7 @@
 
 use super::device::{Device, is_lost};
 use super::{Target, actuator};
-use crate::bus::{AskError, FactoryReset, Protocol};
+use crate::bus::{AskError, FactoryReset, Miss, Protocol};
 use crate::cli::identify::{Identity, identify};
 use crate::cli::signals::Signals;
 use crate::cli::{Deed, Remarks};
@@ -180,7 +180,9 @@ fn factory_terms(device: &Device) -> Result<(u8, u32), Error> {
 fn refuse_taken(device: &mut Device, id: u8) -> Result<(), Error> {
     match identify(&mut device.line, id, None) {
         Ok(None) => Ok(()),
-        Err(AskError::Port(error)) => Err(device.failed(&AskError::Port(error))),
+        Err(error @ (AskError::Port(_) | AskError::Miss(Miss::HostLate { .. }))) => {
+            Err(device.failed(&error))
+        }
         _ => Err(Error::new("another servo has the ID that this one would get")
             .at(device.place())
             .got(format!("ID {id} answers"))

@@ -19,12 +19,21 @@ impl Link {
     pub(crate) fn forget_doubts(&mut self) {
         self.muted.fill(false);
         self.held_back.fill(false);
+        self.waiting.fill(false);
     }
 
     /// True if no goal is written to `joint` any more.
     #[must_use]
     pub fn is_muted(&self, joint: usize) -> bool {
         self.muted.get(joint).copied().unwrap_or(true)
+    }
+
+    /// True if the next goal of `joint` is sent.
+    #[must_use]
+    pub fn is_told(&self, joint: usize) -> bool {
+        let Some(of) = self.robot.joints.get(joint) else { return false };
+        let waits = self.muted[joint] || self.waiting[joint];
+        !(waits || self.lost[of.line] || self.held_back[of.line])
     }
 
     /// Writes no goals to the joints of line number `line` until it is called again without.
@@ -34,10 +43,21 @@ impl Link {
         }
     }
 
-    /// True if goals are kept from any line that is still there.
+    /// Writes no goals to `joint` while it `waits`.
+    pub fn let_wait(&mut self, joint: usize, waits: bool) {
+        if let Some(waiting) = self.waiting.get_mut(joint) {
+            *waiting = waits;
+        }
+    }
+
+    /// True if goals are kept for now from anybody on a line that is still there.
     #[must_use]
     pub fn holds_back(&self) -> bool {
-        self.held_back.iter().zip(&self.lost).any(|(back, lost)| *back && !lost)
+        let joints = self.robot.joints.iter().zip(&self.waiting).zip(&self.muted);
+        let waits = joints
+            .into_iter()
+            .any(|((joint, waits), muted)| *waits && !muted && !self.lost[joint.line]);
+        waits || self.held_back.iter().zip(&self.lost).any(|(back, lost)| *back && !lost)
     }
 
     /// Gives up line number `line`, so that the others go on. Names of the joints on it.

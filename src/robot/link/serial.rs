@@ -121,7 +121,7 @@ impl Link {
             for &index in &group.joints {
                 let joint = &self.robot.joints[index];
                 let Some(servo) = joint.servo() else { continue };
-                if goals && self.muted[index] {
+                if goals && !self.is_told(index) {
                     continue;
                 }
                 ids.push(joint.id);

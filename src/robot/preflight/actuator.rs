@@ -1,7 +1,7 @@
 //! What is checked of CAN actuators: that they answer, mean the same by their numbers as the profile
 //! does, and let go when their host dies.
 
-use super::{Preflight, budget, exchange_error, place, positions};
+use super::{Preflight, ask, place, positions};
 use crate::device::actuator::{HostWatch, Setting, Wanted};
 use crate::error::Error;
 use crate::robot::Link;
@@ -110,8 +110,7 @@ fn check_settings(
     let Some(actuator) = link.robot().joints[joint].actuator() else { return Ok(()) };
     let (model, of) = (actuator.profile().model.clone(), link.robot().joints[joint].name.clone());
     for Setting { number, name, wanted } in actuator.settings() {
-        let read = link.read_setting(joint, number, budget(link));
-        let bits = read.map_err(|e| exchange_error(link, Some(joint), &e))?;
+        let bits = ask(link, joint, |link, limit| link.read_setting(joint, number, limit))?;
         let at = || format!("{}, {name}", place(link, joint));
         match wanted {
             Wanted::Told => {

@@ -1,6 +1,6 @@
 //! Whether the lines carry the rate asked for: by computation, and by trying.
 
-use super::{Accept, Preflight, QUESTION, budget, exchange_error, host_late, place};
+use super::{Accept, Preflight, QUESTION, ask, exchange_error, host_late, place};
 use crate::bus::Protocol;
 use crate::error::Error;
 use crate::robot::Link;
@@ -39,9 +39,7 @@ pub(super) fn check_return_delays(link: &mut Link, found: &mut Preflight) -> Res
     let mut longest_s = vec![0.0_f64; link.robot().lines.len()];
     for joint in 0..link.robot().joints.len() {
         let Some(register) = return_delay(link, joint) else { continue };
-        let budget = budget(link);
-        let read = link.read_register(joint, register, budget);
-        let raw = read.map_err(|e| exchange_error(link, Some(joint), &e))?;
+        let raw = ask(link, joint, |link, limit| link.read_register(joint, register, limit))?;
         let of = &link.robot().joints[joint];
         let Some(servo) = of.servo() else { continue };
         if let Some(&stated) = servo.setup.get(&register.name).filter(|&&stated| stated != raw) {

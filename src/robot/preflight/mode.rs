@@ -1,9 +1,9 @@
 //! Settings under which a servo would not do what arming and goals mean by it.
 
-use super::{LATE_ANSWERS, budget, exchange_error, host_late, place};
+use super::{ask, budget, exchange_error, host_late, place, read_surely, wait_for_late_answers};
 use crate::bus::{AskError, Miss, Protocol};
 use crate::error::Error;
-use crate::robot::{Joint, Link};
+use crate::robot::Link;
 use crate::time::Duration;
 use gaitway_profiles::{Register, Role};
 
@@ -12,9 +12,6 @@ use gaitway_profiles::{Register, Role};
 const TIME_BASED: i64 = 0x04;
 /// Drive Mode(10), bit 3: a goal switches torque on.
 const TORQUE_BY_GOAL: i64 = 0x08;
-
-/// A servo that answers pings only is asked so often before that is believed.
-const MUTE_TURNS: usize = 3;
 
 /// Runs the checks of this page on every joint.
 pub(super) fn check_modes(link: &mut Link) -> Result<(), Error> {
@@ -30,25 +27,25 @@ pub(super) fn check_modes(link: &mut Link) -> Result<(), Error> {
 
 /// Model number and firmware of a servo.
 ///
-/// One that answers pings and no reads is asked again and again, with time for what is still on its
-/// way: only then is its status return level doubted, and never while this host is late.
+/// If it answers pings and no reads, its status return level is doubted; never while this host is late.
 pub(super) fn identity(link: &mut Link, joint: usize) -> Result<(u16, u16), Error> {
     let late_before = link.host_late();
-    for turn in 0..MUTE_TURNS {
-        if turn > 0 {
-            let clock = std::sync::Arc::clone(link.clock());
-            clock.sleep_until(clock.now() + LATE_ANSWERS);
-        }
-        let limit = budget(link);
-        let failed = match link.identity(joint, limit) {
-            Ok(identity) => return Ok(identity),
-            Err(failed) => failed,
-        };
-        let limit = budget(link);
-        let silent = failed.error == AskError::Miss(Miss::Silent);
-        if !silent || link.ping(joint, limit).is_err() {
+    let refused = match ask(link, joint, |link, limit| link.identity(joint, limit)) {
+        Ok(identity) => return Ok(identity),
+        Err(refused) => refused,
+    };
+    let limit = budget(link);
+    if link.ping(joint, limit).is_err() {
+        return Err(refused);
+    }
+    // It is there, so its reads alone were not answered: the last of them tells why.
+    let limit = budget(link);
+    match link.identity(joint, limit) {
+        Ok(identity) => return Ok(identity),
+        Err(failed) if failed.error != AskError::Miss(Miss::Silent) => {
             return Err(exchange_error(link, Some(joint), &failed));
         }
+        Err(_) => {}
     }
     let late = link.host_late() - late_before;
     if late > Duration::ZERO {
@@ -61,12 +58,6 @@ pub(super) fn identity(link: &mut Link, joint: usize) -> Result<(u16, u16), Erro
         .remedy("set its status return level to \"all\" with the maker's tool"))
 }
 
-fn read(link: &mut Link, joint: usize, register: &Register) -> Result<i64, Error> {
-    let limit = budget(link);
-    let read = link.read_register(joint, register, limit);
-    read.map_err(|e| exchange_error(link, Some(joint), &e))
-}
-
 /// The register of `joint` for `role`, if it has one.
 fn known(link: &Link, joint: usize, role: Role) -> Option<&'static Register> {
     link.robot().joints[joint].register(role)
@@ -76,7 +67,7 @@ fn known(link: &Link, joint: usize, role: Role) -> Option<&'static Register> {
 fn check_answers(link: &mut Link, joint: usize) -> Result<(), Error> {
     let Some(register) = known(link, joint, Role::StatusReturnLevel) else { return Ok(()) };
     let Some(all) = register.max else { return Ok(()) };
-    let raw = read(link, joint, register)?;
+    let raw = read_surely(link, joint, register, |raw| raw == all)?;
     if raw == all {
         return Ok(());
     }
@@ -92,17 +83,19 @@ fn check_answers(link: &mut Link, joint: usize) -> Result<(), Error> {
 /// must not be that of another joint, whose goals it would take for its own.
 fn check_second_id(link: &mut Link, joint: usize) -> Result<(), Error> {
     let Some(register) = known(link, joint, Role::SecondaryId) else { return Ok(()) };
-    let raw = read(link, joint, register)?;
+    let line = link.robot().joints[joint].line;
+    let others = link.robot().joints.iter().enumerate();
+    let others = others.filter(|&(index, other)| index != joint && other.line == line);
+    let others: Vec<(i64, String)> =
+        others.map(|(_, other)| (other.id.into(), other.name.clone())).collect();
+    let other = |raw| others.iter().find(|(id, _)| *id == raw).map(|(_, name)| name);
+    let raw = read_surely(link, joint, register, |raw| other(raw).is_none())?;
+    let Some(other) = other(raw) else { return Ok(()) };
     let joints = &link.robot().joints;
-    let same = |other: &Joint| other.line == joints[joint].line && i64::from(other.id) == raw;
-    let others = joints.iter().enumerate().filter(|&(index, _)| index != joint);
-    let Some((_, other)) = others.into_iter().find(|(_, other)| same(other)) else {
-        return Ok(());
-    };
     let (name, id, off) = (&register.name, joints[joint].id, register.initial.unwrap_or(255));
     Err(Error::new("a servo obeys another joint's goals as well")
         .at(format!("{}, register {name} ({})", place(link, joint), register.address))
-        .got(format!("{raw}, the ID of joint {}", other.name))
+        .got(format!("{raw}, the ID of joint {other}"))
         .allowed(format!("{off}: no second ID"))
         .remedy(format!("gaitway servo set BUS {id} '{name}' --raw {off} --permit-eeprom")))
 }
@@ -114,7 +107,8 @@ fn check_drive_mode(link: &mut Link, joint: usize) -> Result<(), Error> {
     if protocol != Some(Protocol::Dynamixel2) {
         return Ok(());
     }
-    let raw = read(link, joint, register)?;
+    let fine = |raw| raw & (TIME_BASED | TORQUE_BY_GOAL) == 0;
+    let raw = read_surely(link, joint, register, fine)?;
     let refused = |what: &str, bit: i64| {
         Err(Error::new(what)
             .at(format!(
@@ -147,10 +141,20 @@ fn check_joint_mode(link: &mut Link, joint: usize) -> Result<(), Error> {
     let [Some(low), Some(high)] = limits.map(|role| known(link, joint, role)) else {
         return Ok(());
     };
-    if known(link, joint, Role::OperatingMode).is_some()
-        || read(link, joint, low)? != 0
-        || read(link, joint, high)? != 0
-    {
+    // One of them is often 0. That both are is believed when they are read once more.
+    let turns = |link: &mut Link| -> Result<bool, Error> {
+        for limit in [low, high] {
+            if ask(link, joint, |link, by| link.read_register(joint, limit, by))? != 0 {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    };
+    if known(link, joint, Role::OperatingMode).is_some() || !turns(link)? {
+        return Ok(());
+    }
+    wait_for_late_answers(link);
+    if !turns(link)? {
         return Ok(());
     }
     let (low, high) = (&low.name, &high.name);
@@ -165,7 +169,7 @@ fn check_joint_mode(link: &mut Link, joint: usize) -> Result<(), Error> {
 /// (e-Manual, Torque Limit(34)), whatever Torque Enable says.
 fn check_torque_limit(link: &mut Link, joint: usize) -> Result<(), Error> {
     let Some(register) = known(link, joint, Role::TorqueLimit) else { return Ok(()) };
-    if read(link, joint, register)? != 0 {
+    if read_surely(link, joint, register, |raw| raw != 0)? != 0 {
         return Ok(());
     }
     Err(Error::new("a servo gives no torque: it shut itself down, or is told to")
