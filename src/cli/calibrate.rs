@@ -6,7 +6,7 @@ use super::connect::connect;
 use super::signals::Signals;
 use super::{Deed, Outcome, Output, Remarks, limp, source};
 use crate::calibration::{Calibration, JointCalibration, usual_path};
-use crate::control::{Stop, StopCode, StopReason, arm, inject};
+use crate::control::{Stop, StopCode, StopReason, arm, inject, net};
 use crate::device::actuator::Wanted;
 use crate::draft::Draft;
 use crate::error::Error;
@@ -100,13 +100,7 @@ pub fn run(args: &CalibrateArgs, remarks: Remarks) -> Result<i32, Error> {
         Error::new("no place for the calibration").remedy("name one with --calibration FILE.toml")
     })?;
     let files = Files::of(file);
-    let mut known = begin(args, &robot, &files)?;
-    if !args.resume {
-        let again = |joint: &JointCalibration| {
-            joints.iter().any(|&index| robot.joints[index].name == joint.name)
-        };
-        known.joints.retain(|joint| !again(joint));
-    }
+    let mut known = begin(args, &robot, &joints, &files)?;
     let done: Vec<String> = match args.resume {
         true => measured_before(&files)?,
         false => Vec::new(),
@@ -129,19 +123,21 @@ pub fn run(args: &CalibrateArgs, remarks: Remarks) -> Result<i32, Error> {
         .filter(|&joint| !done.contains(&link.robot().joints[joint].name))
         .collect();
     let mut done = ByHand::default();
-    let measured = by_hand(link, &left, args, &files, &mut known, &mut answers, &mut done);
-    let ByHand { reports, mut undo, stopped } = done;
-    let finished = measured.and_then(|()| {
-        if !stopped && !args.dry_run {
-            undo.push(finish(&files, &known)?);
+    let finished = net::catch(|| {
+        by_hand(link, &left, args, &files, &mut known, &mut answers, &mut done)?;
+        if !done.stopped && !args.dry_run {
+            done.undo.push(finish(&files, &known)?);
         }
         Ok(())
     });
+    let ByHand { reports, undo, stopped } = done;
     // What was written into servos is said, whatever came after it.
-    for line in &undo {
-        remarks.say(&format!("to undo: {line}"));
-    }
-    finished?;
+    undo.iter().for_each(|line| remarks.say(&format!("to undo: {line}")));
+    finished.unwrap_or_else(|words| {
+        Err(Error::new("the program broke")
+            .got(words)
+            .remedy("please report this; --resume goes on"))
+    })?;
     if stopped && !args.dry_run {
         remarks.say("to go on: the same command with --resume");
     }
@@ -229,8 +225,25 @@ fn selected(robot: &Robot, only: &[String]) -> Result<Vec<usize>, Error> {
     source::only(robot, only)
 }
 
-/// What is known before the first joint is measured.
-fn begin(args: &CalibrateArgs, robot: &Robot, files: &Files) -> Result<Calibration, Error> {
+/// What is known before the first joint is measured, and is not measured again.
+fn begin(
+    args: &CalibrateArgs,
+    robot: &Robot,
+    joints: &[usize],
+    files: &Files,
+) -> Result<Calibration, Error> {
+    let mut known = found(args, robot, files)?;
+    if !args.resume {
+        let again = |joint: &JointCalibration| {
+            joints.iter().any(|&index| robot.joints[index].name == joint.name)
+        };
+        known.joints.retain(|joint| !again(joint));
+    }
+    Ok(known)
+}
+
+/// What was measured before.
+fn found(args: &CalibrateArgs, robot: &Robot, files: &Files) -> Result<Calibration, Error> {
     let own = |path: &Path| -> Result<Calibration, Error> {
         let calibration = Calibration::read(path)?;
         // Laying it over the robot proves that it is this robot's.

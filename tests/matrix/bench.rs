@@ -3,6 +3,7 @@
 use crate::tap::{Deed, Moment, Seen, Tap};
 use crate::wire::Dialect;
 use gaitway_sim::Violation;
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::process::{Pid, Resource, Rlimit, Signal, kill_process, prlimit};
 use serde_json::Value;
 use std::fs::File;
@@ -10,7 +11,9 @@ use std::io::{Read, Write};
 use std::os::unix::process::ExitStatusExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdout, Command, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 /// The robots, and what is played on them.
@@ -149,7 +152,8 @@ fn arguments(job: Job, robot: Robot, port: &str, folder: &Path) -> Vec<String> {
 #[derive(Clone, Default)]
 struct Victim {
     pid: Arc<Mutex<Option<Pid>>>,
-    out: Arc<Mutex<Option<ChildStdout>>>,
+    /// True once nobody reads its standard output any more.
+    is_unread: Arc<AtomicBool>,
 }
 
 impl Victim {
@@ -207,7 +211,7 @@ fn deeds(
     let deed: Option<Deed> = match fault {
         Fault::Signal(number) => Some(Box::new(move || own.signal(number))),
         Fault::Kill => Some(Box::new(move || own.signal(9))),
-        Fault::Pipe => Some(Box::new(move || drop(own.out.lock().expect("its output").take()))),
+        Fault::Pipe => Some(Box::new(move || own.is_unread.store(true, Ordering::Release))),
         Fault::FileSize => Some(Box::new(move || {
             // What is there may stay; not a byte more.
             let size = std::fs::metadata(&recording).map_or(0, |file| file.len());
@@ -295,21 +299,15 @@ pub fn run(job: Job, fault: Fault, phase: Phase, robot: Robot) -> Ran {
         }
     }
     let mut child = command(job, fault, phase, robot, tap.port(), &folder).spawn().expect("a run");
-    let out = child.stdout.take();
-    *victim.out.lock().expect("its output") = out;
     *victim.pid.lock().expect("its number") = Some(Pid::from_child(&child));
     let said = read_aside(child.stderr.take());
-    // A pipe is closed unread; anything else is read while it comes.
-    let told = match fault {
-        Fault::Pipe => None,
-        _ => Some(read_aside(victim.out.lock().expect("its output").take())),
-    };
+    let told = read_until(child.stdout.take(), Arc::clone(&victim.is_unread));
     if job == Job::Calibrate {
         guide(&mut child, &tap, robot);
     }
     let status = wait(&mut child);
     tap.close();
-    let told = told.map(|told| told.join().expect("text")).unwrap_or_default();
+    let told = told.join().expect("text");
     let report = serde_json::from_str(&told).ok();
     let filed = |name: &str| std::fs::read(folder.join(name)).ok();
     let report = report.or_else(|| serde_json::from_slice(&filed("report.json")?).ok());
@@ -337,11 +335,31 @@ pub fn run(job: Job, fault: Fault, phase: Phase, robot: Robot) -> Ran {
 }
 
 /// Reads a stream to its end on a thread of its own.
-fn read_aside(stream: Option<impl Read + Send + 'static>) -> std::thread::JoinHandle<String> {
+fn read_aside(stream: Option<impl Read + Send + 'static>) -> JoinHandle<String> {
     std::thread::spawn(move || {
         let mut bytes = Vec::new();
         if let Some(mut stream) = stream {
             let _ = stream.read_to_end(&mut bytes);
+        }
+        String::from_utf8_lossy(&bytes).into_owned()
+    })
+}
+
+/// Reads a pipe until it ends, or nobody wants to read it any more: then it is closed.
+fn read_until(pipe: Option<ChildStdout>, is_unread: Arc<AtomicBool>) -> JoinHandle<String> {
+    std::thread::spawn(move || {
+        let mut bytes = Vec::new();
+        let mut chunk = [0; 4096];
+        let Some(mut pipe) = pipe else { return String::new() };
+        while !is_unread.load(Ordering::Acquire) {
+            let patience = Timespec { tv_sec: 0, tv_nsec: 10_000_000 };
+            if poll(&mut [PollFd::new(&pipe, PollFlags::IN)], Some(&patience)) == Ok(0) {
+                continue;
+            }
+            match pipe.read(&mut chunk) {
+                Ok(0) | Err(_) => break,
+                Ok(count) => bytes.extend_from_slice(&chunk[..count]),
+            }
         }
         String::from_utf8_lossy(&bytes).into_owned()
     })

@@ -39,7 +39,6 @@ pub fn faults_of(ran: &Ran, job: Job, fault: Fault, phase: Phase, robot: Robot) 
         let on = ran.seen.torque.iter().filter(|(_, on)| *on).count();
         expect(on == 0, format!("torque was switched on {on} times"));
     }
-    drop(expect);
     wrong.extend(torque_faults(ran, job, fault, phase));
     wrong.extend(match fault {
         Fault::Kill => far_goals(ran, robot),
