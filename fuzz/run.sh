@@ -6,7 +6,9 @@
 # and leaves the input under fuzz/artifacts/.
 #
 # To add a target: fuzz_targets/NAME.rs, a [[bin]] in Cargo.toml, and what it should start from
-# under seeds/: NAME.hex (one seed per line, # begins a comment) or files in NAME/.
+# under seeds/: NAME.hex (one seed per line, # begins a comment), files in NAME/, or NAME.files, which
+# names files of the project, one pattern per line. Longest input: 2048 bytes, or what NAME.files begins
+# with as `max_len N`.
 set -eu
 cd "$(dirname "$0")"
 seconds=${1:-30}
@@ -37,8 +39,17 @@ for name; do
             done
         }
     fi
+    longest=2048
+    if [ -f "seeds/$name.files" ]; then
+        while read -r pattern rest; do
+            case $pattern in
+            max_len) longest=$rest ;;
+            *) cp ../$pattern "$corpus/" ;;
+            esac
+        done < "seeds/$name.files"
+    fi
     echo "== $name, $seconds s"
-    "target/$target/release/$name" "$corpus" -max_total_time="$seconds" -max_len=2048 \
+    "target/$target/release/$name" "$corpus" -max_total_time="$seconds" -max_len="$longest" \
         -timeout=5 -rss_limit_mb=1024 -print_final_stats=1 -artifact_prefix="artifacts/$name-" \
         2> "artifacts/$name.log" || { tail -40 "artifacts/$name.log"; exit 1; }
     grep -E "DONE|number_of_executed_units|average_exec_per_sec" "artifacts/$name.log"

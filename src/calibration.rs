@@ -74,7 +74,11 @@ impl Calibration {
         Self::parse(&text).map_err(|e| e.at(path.display().to_string()))
     }
 
-    fn parse(text: &str) -> Result<Self, Error> {
+    /// Reads the text of a calibration.
+    ///
+    /// # Errors
+    /// As [`Calibration::read`], but for the file.
+    pub fn parse(text: &str) -> Result<Self, Error> {
         let calibration: Self = profiles::from_toml(text).map_err(|e| {
             Error::new("this is no calibration file").got(e.message().replace('\n', "; "))
         })?;

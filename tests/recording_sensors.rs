@@ -10,7 +10,7 @@ use gaitway::capture::{Captured, Order, Stamp};
 use gaitway::device::sensor::SensorSample;
 use gaitway::recording::{
     Overview, Pace, RecordedSource, Recorder, RunEnd, RunStart, SourceId, SourceKind, SourceRecord,
-    recover, summary,
+    recover, sensor_series, summary, write_csv,
 };
 use gaitway::time::Instant;
 use glam::{DQuat, DVec3};
@@ -116,6 +116,22 @@ fn what_each_source_sent_is_told_by_source() {
     assert!((left.duration_s - 0.51).abs() < 1e-9 && (right.duration_s - 0.495).abs() < 1e-9);
     assert_eq!((found.missed_samples, found.damaged_samples, found.dropped_samples), (2, 0, 0));
     assert!(found.finished);
+}
+
+#[test]
+fn counts_that_a_file_makes_too_large_are_as_large_as_can_be() {
+    let disk = MemoryDisk::default();
+    let recorder = recorder(disk.clone(), EACH_RECORD);
+    let source = recorder.add_source(source("thigh", SourceKind::Imu));
+    for number in 0..3 {
+        recorder.take_record(source, sample(number, u64::MAX));
+    }
+    assert!(recorder.finish(end(3)).is_complete());
+    let path = file("counts", &disk.bytes());
+    let rows = write_csv(&path, &mut std::io::sink()).expect("a table");
+    assert_eq!((rows.rows, rows.missing), (3, u64::MAX));
+    assert_eq!(sensor_series(&path).expect("sensors").missed, u64::MAX);
+    assert_eq!(summary(&path).expect("an overview").missed_samples, u64::MAX);
 }
 
 #[test]

@@ -70,6 +70,10 @@ impl Structure {
                 TokenKind::Equals => {
                     found.entries += 1;
                     in_value = true;
+                    // No key stands in a list: it was never closed, and the parser goes on without.
+                    if open.last() == Some(&true) {
+                        open.clear();
+                    }
                 }
                 TokenKind::LeftSquareBracket if in_value => {
                     found.lists += 1;
@@ -178,6 +182,7 @@ mod tests {
             ("1.2 = 1\na = 1.2.3\n", (2, 4, 0, 0)),
             // What never ends must not hide what follows.
             ("a = {\nb.c = 1\nd.e = 1\n", (3, 5, 0, 0)),
+            ("a = [1,\nb = 1\n[[c]]\nd.e = 1\n", (3, 6, 3, 1)),
         ] {
             assert_eq!(counts(text), expected, "{text}");
         }

@@ -1,11 +1,31 @@
 //! Any sensor stream in every format: no panic, progress at every step, and the same readings
-//! whether the bytes arrive at once or a few at a time. SlimeVR datagrams besides.
+//! whether the bytes arrive at once or a few at a time; samples of them are numbered in order and have
+//! orientations that are some. SlimeVR datagrams besides.
 
 #![no_main]
 
+use gaitway::capture::{Chain, Mode};
+use gaitway::time::{Duration, Instant};
 use gaitway::wire::Decoded;
 use gaitway::wire::sensor::{Column, Format, Lines, Stream, decode, slimevr};
+use gaitway_profiles::{Sensor, sensor};
 use libfuzzer_sys::fuzz_target;
+use std::sync::LazyLock;
+
+/// Shipped sensors, by number of format.
+const SENSORS: [&str; 11] = [
+    "witmotion-wt901",
+    "witmotion-wt901ble",
+    "bno08x-rvc",
+    "xsens-mti",
+    "vectornav-vn100",
+    "vectornav-vn100-ascii",
+    "x-imu3",
+    "mpu6050-teapot",
+    "cobs-imu",
+    "slip-imu",
+    "arduino-csv",
+];
 
 fn format(number: u8) -> Format {
     let columns = |text: &str| -> Vec<Column> {
@@ -30,6 +50,9 @@ fn format(number: u8) -> Format {
     }
 }
 
+static PROFILES: LazyLock<Vec<Sensor>> =
+    LazyLock::new(|| SENSORS.iter().map(|name| sensor(name).expect("a shipped sensor")).collect());
+
 /// The readings as text: a reading may hold not-a-number, which equals nothing.
 fn readings(format: &Format, line: &[u8], portion: usize) -> String {
     let mut stream = Stream::new(format.clone());
@@ -40,10 +63,32 @@ fn readings(format: &Format, line: &[u8], portion: usize) -> String {
     seen
 }
 
+/// What becomes of the readings, and of those in a datagram.
+fn samples(number: u8, line: &[u8]) {
+    let profile = &PROFILES[usize::from(number) % SENSORS.len()];
+    let mut chain = Chain::new(profile, Mode::NineAxes);
+    let (mut now, mut last) = (Instant::ZERO, None);
+    Stream::new(format(number)).push(line, |reading| {
+        now = now + Duration::from_millis(u64::from(number));
+        let Some(captured) = chain.take(&reading, now) else { return };
+        if let Some(fused) = captured.fused {
+            let length = fused.orientation.length();
+            assert!((length - 1.0).abs() < 1e-6, "{captured:?}");
+        }
+        if captured.fused.is_some() {
+            assert!(last.is_none_or(|last| captured.stamp.number > last), "{captured:?}");
+            last = Some(captured.stamp.number);
+        }
+    });
+    let mut messages = 0;
+    let _ = slimevr::decode(line, |_| messages += 1);
+    assert!(messages <= line.len());
+}
+
 // The first two bytes are the format and the portion in which the line arrives.
 fuzz_target!(|input: &[u8]| {
     let [number, portion, line @ ..] = input else { return };
-    let _ = slimevr::decode(line, |_| {});
+    samples(*number, line);
     let format = format(*number);
     let mut rest = line;
     loop {

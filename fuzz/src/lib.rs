@@ -1,10 +1,12 @@
-//! What the targets share: reading a line to its end, and making check sums fit.
+//! What the targets share: reading a line to its end, making check sums fit, virtual robots and files.
 //!
 //! A random packet almost never has the right check sum, so each decoder is also tried on the
 //! input with its sums put right; otherwise nothing behind the check would ever be reached.
 
 use gaitway::wire::Decoded;
 use gaitway::wire::checksum::{crc16, sum8};
+use gaitway_profiles::{LineKind, Robot, Setup};
+use std::path::{Path, PathBuf};
 
 /// A status that owns its bytes: id, and whatever else identifies what was read.
 pub type Seen = (u8, Vec<u8>);
@@ -73,5 +75,77 @@ pub fn mend_feetech(line: &mut [u8]) {
         } else {
             at += 1;
         }
+    }
+}
+
+/// An instruction of Protocol 2.0, stuffed and sealed.
+pub fn dynamixel2_packet(id: u8, code: u8, params: &[u8]) -> Vec<u8> {
+    let mut packet = vec![0xFF, 0xFF, 0xFD, 0x00, id, 0, 0, code];
+    for &byte in params {
+        packet.push(byte);
+        if packet.len() >= 10 && packet.ends_with(&[0xFF, 0xFF, 0xFD]) {
+            packet.push(0xFD);
+        }
+    }
+    let length = (packet.len() - 5) as u16;
+    packet[5..7].copy_from_slice(&length.to_le_bytes());
+    let crc = crc16(&packet);
+    packet.extend(crc.to_le_bytes());
+    packet
+}
+
+/// An instruction of Protocol 1.0 or of Feetech, sealed.
+pub fn dynamixel1_packet(id: u8, code: u8, params: &[u8]) -> Vec<u8> {
+    let mut packet = vec![0xFF, 0xFF, id, params.len() as u8 + 2, code];
+    packet.extend(params);
+    packet.push(sum8(&packet[2..]));
+    packet
+}
+
+/// Servos of every family on one line at 1 Mbit/s: 1 speaks Protocol 2.0, 2 and 5 Protocol 1.0,
+/// 3 STS, 4 SCS.
+pub fn mixed_robot() -> Robot {
+    let servos = ["xl430-w250", "ax-12a", "sts3215", "scs0009", "mx-28"].into_iter().zip(1..);
+    let mut robot = gaitway_profiles::robot("op3").expect("a shipped robot");
+    robot.lines[0].kind = LineKind::Serial { baud_bps: 1_000_000 };
+    let common = robot.setups.swap_remove(0);
+    robot.setups.clear();
+    robot.joints.truncate(5);
+    for (joint, (servo, id)) in robot.joints.iter_mut().zip(servos) {
+        (joint.id, joint.servo, joint.parent) = (id, servo.to_owned(), None);
+        joint.name = format!("j{id}");
+        (joint.lower_rad, joint.upper_rad, joint.initial_rad) = (-1.5, 1.5, 0.0);
+        let firmware = if id == 1 { 46 } else { 0x030A };
+        let registers = [("Return Delay Time".to_owned(), 0)].into();
+        let servo = servo.to_owned();
+        robot.setups.push(Setup { servo, firmware, registers, ..common.clone() });
+    }
+    robot
+}
+
+/// A folder for what is read from a file only; in memory where the system has such.
+pub struct Scratch(PathBuf);
+
+impl Scratch {
+    /// The folder of a target in this process; made if it is not there.
+    pub fn new(target: &str) -> Self {
+        let memory = Path::new("/dev/shm");
+        let root = if memory.is_dir() { memory.to_owned() } else { std::env::temp_dir() };
+        let folder = root.join(format!("gaitway-fuzz-{target}-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).expect("a folder for a file");
+        Self(folder)
+    }
+
+    /// Writes a file in place of the one of this name.
+    pub fn write(&self, name: &str, bytes: &[u8]) -> PathBuf {
+        let path = self.0.join(name);
+        std::fs::write(&path, bytes).expect("a file");
+        path
+    }
+}
+
+impl Drop for Scratch {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0);
     }
 }

@@ -27,7 +27,7 @@ mod moteus;
 mod odrive;
 mod recoil;
 mod robstride;
-pub(crate) mod slcan;
+pub mod slcan;
 
 pub(crate) use actuator::BOOT_NS;
 pub use actuator::{Actuator, ActuatorError};

@@ -21,36 +21,18 @@ const BAD_NUMBERS: [&str; 10] = [
     "-9223372036854775808",
 ];
 
-pub const TABLE: &str = "time_s,r_knee_rad\n0,0.1\n0.5,0.2\n1,0.1\n";
-pub const BVH: &str = "HIERARCHY\nROOT hips\n{\n OFFSET 0 0 0\n CHANNELS 6 Xposition Yposition \
-Zposition Zrotation Xrotation Yrotation\n JOINT knee\n {\n  OFFSET 0 -40 0\n  CHANNELS 3 Zrotation \
-Xrotation Yrotation\n  End Site\n  {\n   OFFSET 0 -40 0\n  }\n }\n}\nMOTION\nFrames: 2\nFrame Time: \
-0.01\n0 90 0 0 0 0 1 2 3\n0 90 1 0 0 0 1 2 3\n";
-pub const MAPPING: &str = "[segments]\nleft_upper_arm = \"LeftArm\"\nleft_thigh = \"LeftUpLeg\"\n";
-pub const CALIBRATION: &str = "schema = 1\nrobot = \"op3\"\n[[joint]]\nname = \"r_knee\"\n\
-direction = -1\noffset_rad = 0.125\nlower_rad = -0.5\nupper_rad = 0.75\nhoming_offset_raw = -12\n";
-pub const BODY_CALIBRATION: &str = "schema = 1\nsubject = \"a\"\nmade_unix_s = 1\n[[mount]]\n\
-segment = \"left_thigh\"\nsensor = \"s\"\nsensor_from_segment = [1.0, 0.0, 0.0, 0.0]\n\
-heading_rad = 0.5\nheading_by = \"t_pose\"\nconsistency = 0.9\n";
-pub const PLAN: &str = "repetitions = 5\nstill_s = 5.0\n[[action]]\nname = \"bow\"\n[[action]]\n\
-name = \"lift-box\"\nexplain = \"Lift it.\"\nrepetitions = 3\nprops = \"a box\"\n";
-pub const SESSION: &str = "schema = 1\nname = \"s\"\nbegun = \"2026-11-21T09:40:39Z\"\n\
-sources = [\"a=imu:bno08x-rvc@/dev/ttyUSB0\"]\nsubjects = [\"p1\", \"p2\"]\nskipped = [\"bow\"]\n\
-gaitway_version = \"0\"\n[wear]\n\"tracker-1\" = \"left_thigh\"\n[plan]\nrepetitions = 2\n\
-[[plan.action]]\nname = \"bow\"\n";
-pub const TRIAL: &str = "schema = 1\naction = \"bow\"\nnumber = 1\njudged = \
-\"2026-11-21T09:40:39Z\"\nverdict = \"keep\"\ngood_repetitions = 3\nclosed = true\n\
-missed_samples = 0\nduration_s = 1.5\n[[recording]]\nsubject = \"p1\"\nfile = \"trials/a.mcap\"\n";
-pub const DEVICE_CHECK: &str = "schema = 1\nmade = \"2026-11-21T09:40:39Z\"\nexpires = \
-\"2026-11-22T09:40:39Z\"\npassed = true\n[[sensor]]\nname = \"s\"\npassed = false\nwhy = [\"it \
-moved\"]\nsamples = 500\nmissed = 0\nduration_s = 5.0\nrate_hz = 100.0\nnominal_rate_hz = 100.0\n";
-pub const BODY_CHECK: &str = "schema = 1\nsubject = \"p1\"\nmade = \"2026-11-21T09:40:39Z\"\n\
-expires = \"2026-11-22T09:40:39Z\"\npassed = true\nsensors = 2\nnotes = [\"a\", \"b\"]\n\
-[off_t_pose_rad]\nleft_thigh = 0.1\n";
-pub const SUBJECT: &str = "id = \"p1\"\n[measures]\nstature_m = 1.8\nmass_kg = 80.0\n";
-pub const FAULTS: &str = "seed = 1\n[behaviour]\nbad_checksum = \"ignore\"\n[[fault]]\nkind = \
-\"mute\"\njoint = \"r_knee\"\nnth = [1, 2]\n[[fault]]\nkind = \"silent\"\njoint = \"r_knee\"\n\
-from_s = 2\nuntil_s = 2.5\n";
+pub const TABLE: &str = include_str!("../../fuzz/seeds/motions/table.csv");
+pub const BVH: &str = include_str!("../../fuzz/seeds/motions/capture.bvh");
+pub const MAPPING: &str = include_str!("../../fuzz/seeds/texts/mapping.toml");
+pub const CALIBRATION: &str = include_str!("../../fuzz/seeds/texts/calibration.toml");
+pub const BODY_CALIBRATION: &str = include_str!("../../fuzz/seeds/texts/body-calibration.toml");
+pub const PLAN: &str = include_str!("../../fuzz/seeds/texts/plan.toml");
+pub const SESSION: &str = include_str!("../../fuzz/seeds/texts/session.toml");
+pub const TRIAL: &str = include_str!("../../fuzz/seeds/texts/trial.toml");
+pub const DEVICE_CHECK: &str = include_str!("../../fuzz/seeds/texts/device-check.toml");
+pub const BODY_CHECK: &str = include_str!("../../fuzz/seeds/texts/body-check.toml");
+pub const SUBJECT: &str = include_str!("../../fuzz/seeds/texts/subject.toml");
+pub const FAULTS: &str = include_str!("../../fuzz/seeds/fault_scripts/two.toml");
 
 /// One file with this text over and over, as long as a text may be.
 fn full_of(head: &str, part: &str, tail: &str) -> Vec<u8> {

@@ -33,9 +33,9 @@ enum Channel {
     Listening,
 }
 
-/// The adapter's own state.
+/// An adapter on a line, without the terminal it is usually behind.
 #[derive(Clone, Debug)]
-pub(crate) struct Adapter {
+pub struct Adapter {
     /// Of the line it is on.
     line: CanOptions,
     channel: Channel,
@@ -48,6 +48,8 @@ pub(crate) struct Adapter {
 }
 
 impl Adapter {
+    /// An adapter that was just plugged in, on such a line: its channel is closed.
+    #[must_use]
     pub fn new(line: CanOptions) -> Adapter {
         Adapter {
             line,
