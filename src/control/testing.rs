@@ -34,6 +34,8 @@ pub(super) const T: Duration = Duration::from_millis(20);
 const ANSWERS_NS: u64 = 50_000;
 /// Ten bits at 1 Mbps.
 const BYTE_NS: u64 = 10_000;
+/// No test takes so long in the world of its servos: something never ends.
+const LONGEST_NS: u64 = 60_000_000_000;
 /// A servo stands at its goal so long after it was told.
 const FOLLOWS_NS: u64 = 10_000_000;
 
@@ -278,6 +280,7 @@ impl Clock for Shared {
     fn sleep_until(&self, at: Instant) {
         let mut world = self.lock();
         world.now_ns = world.now_ns.max(at.as_nanos());
+        assert!(world.now_ns < LONGEST_NS, "it never ends");
     }
 }
 

@@ -855,7 +855,7 @@ fn broken(cycle: usize, who: &'static str, for_good: bool) -> Played {
     let mut scene = Scene::default();
     match who {
         "sink" => scene.sink = Box::new(move |sample| breaks(sample.cycle as usize)),
-        "motion" => scene.step = Box::new(move |step| breaks(step)),
+        "motion" => scene.step = Box::new(breaks),
         _ => {
             scene.asked = Box::new(move || {
                 *count.borrow_mut() += 1;
