@@ -397,6 +397,21 @@ pub(super) fn watched(mut robot: Robot, joints: &[usize]) -> Robot {
     robot
 }
 
+/// A robot of two actuators of this kind, which hang on a CAN line that nobody opened: whatever they are
+/// asked fails. `timeouts_s`: after what silence they let go, as the robot file says.
+pub(super) fn out_of_reach(actuator: &str, timeouts_s: [Option<f64>; 2]) -> Link {
+    let mut file = Robot::load("berkeley-humanoid-lite").expect("shipped").file;
+    file.joints.truncate(2);
+    for (k, (joint, timeout_s)) in file.joints.iter_mut().zip(timeouts_s).enumerate() {
+        (joint.name, joint.servo) = (format!("joint{k}"), actuator.to_owned());
+        (joint.parent, joint.timeout_configured_s) = (None, timeout_s);
+        joint.answer_id = joint.answer_id.or(Some(0x70 + u16::try_from(k).expect("a few")));
+        (joint.kp_nm_rad, joint.kd_nm_s_rad) = (Some(40.0), Some(1.5));
+    }
+    let robot = Robot::new(file).expect("a robot");
+    Link::new(robot, Vec::<(LinePort, Duration)>::new(), Arc::new(Shared::default()))
+}
+
 impl Bench {
     /// Servos as their robot file wants them, torque off, at 0 rad.
     pub fn new(line_of: &[usize]) -> Self {

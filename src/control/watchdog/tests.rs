@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::control::testing::{
-    Bench, PING, READ, Said, Servo, WATCHDOG, WRITE, World, robot, watched,
+    Bench, PING, READ, Said, Servo, WATCHDOG, WRITE, World, out_of_reach, robot, watched,
 };
 
 /// A servo with a watchdog at each of these joints of a robot on these lines.
@@ -179,4 +179,31 @@ fn no_line_is_silent_for_long_while_watchdogs_are_set_or_switched_off() {
     for raw in [0, 10] {
         assert!(longest_silence(raw, |link| drop(release(link))) < longest, "{raw}");
     }
+}
+
+#[test]
+fn actuators_whose_watch_is_set_over_the_line_are_told_so_and_named_if_they_do_not_confirm() {
+    let mut link = out_of_reach("dm4310", [None, None]);
+    let error = arm(&mut link).expect_err("nobody hears it");
+    assert_eq!(error.what, "the joint hangs on no CAN line");
+    let released = release(&mut link);
+    assert_eq!(released.unsure, names(&["joint0", "joint1"]));
+    assert_eq!((released.off.len(), released.bitten.len()), (0, 0));
+    // On a line that is lost nobody is told anything.
+    let lost = link.robot().joints[0].line;
+    link.give_up(lost);
+    (0..link.robot().lines.len()).for_each(|line| drop(link.give_up(line)));
+    arm(&mut link).expect("nobody to be told");
+    assert_eq!(release(&mut link), Released::default());
+}
+
+#[test]
+fn actuators_that_let_go_by_themselves_are_said_to_with_the_shortest_silence() {
+    let link = out_of_reach("recoil-5010", [Some(1.0), Some(0.5)]);
+    let words = Released::default().words(&link);
+    let said = "let go 0.5 s after the host's last word, as set with the maker's tool, and are not \
+                held from then on: joint0, joint1";
+    assert_eq!(words, [said]);
+    let link = out_of_reach("dm4310", [None, None]);
+    assert_eq!(Released::default().words(&link), [""; 0]);
 }
