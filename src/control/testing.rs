@@ -166,6 +166,8 @@ pub(super) struct World {
     /// In the robot's order.
     pub servos: Vec<Servo>,
     pub log: Vec<Said>,
+    /// The host that sleeps until this moment wakes up so late.
+    pub oversleeps: Option<(Instant, Duration)>,
     lines: Vec<FakeLine>,
     hook: Option<Hook>,
 }
@@ -280,6 +282,9 @@ impl Clock for Shared {
     fn sleep_until(&self, at: Instant) {
         let mut world = self.lock();
         world.now_ns = world.now_ns.max(at.as_nanos());
+        if let Some((_, late)) = world.oversleeps.take_if(|(until, _)| *until == at) {
+            world.stall(late);
+        }
         assert!(world.now_ns < LONGEST_NS, "it never ends");
     }
 }
