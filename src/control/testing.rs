@@ -34,6 +34,8 @@ pub(super) const T: Duration = Duration::from_millis(20);
 const ANSWERS_NS: u64 = 50_000;
 /// Ten bits at 1 Mbps.
 const BYTE_NS: u64 = 10_000;
+/// No test takes so long in the world of its servos: something never ends.
+const LONGEST_NS: u64 = 60_000_000_000;
 /// A servo stands at its goal so long after it was told.
 const FOLLOWS_NS: u64 = 10_000_000;
 
@@ -164,6 +166,8 @@ pub(super) struct World {
     /// In the robot's order.
     pub servos: Vec<Servo>,
     pub log: Vec<Said>,
+    /// The host that sleeps until this moment wakes up so late.
+    pub oversleeps: Option<(Instant, Duration)>,
     lines: Vec<FakeLine>,
     hook: Option<Hook>,
 }
@@ -278,6 +282,10 @@ impl Clock for Shared {
     fn sleep_until(&self, at: Instant) {
         let mut world = self.lock();
         world.now_ns = world.now_ns.max(at.as_nanos());
+        if let Some((_, late)) = world.oversleeps.take_if(|(until, _)| *until == at) {
+            world.stall(late);
+        }
+        assert!(world.now_ns < LONGEST_NS, "it never ends");
     }
 }
 
@@ -392,6 +400,21 @@ pub(super) fn watched(mut robot: Robot, joints: &[usize]) -> Robot {
         });
     }
     robot
+}
+
+/// A robot of two actuators of this kind, which hang on a CAN line that nobody opened: whatever they are
+/// asked fails. `timeouts_s`: after what silence they let go, as the robot file says.
+pub(super) fn out_of_reach(actuator: &str, timeouts_s: [Option<f64>; 2]) -> Link {
+    let mut file = Robot::load("berkeley-humanoid-lite").expect("shipped").file;
+    file.joints.truncate(2);
+    for (k, (joint, timeout_s)) in file.joints.iter_mut().zip(timeouts_s).enumerate() {
+        (joint.name, joint.servo) = (format!("joint{k}"), actuator.to_owned());
+        (joint.parent, joint.timeout_configured_s) = (None, timeout_s);
+        joint.answer_id = joint.answer_id.or(Some(0x70 + u16::try_from(k).expect("a few")));
+        (joint.kp_nm_rad, joint.kd_nm_s_rad) = (Some(40.0), Some(1.5));
+    }
+    let robot = Robot::new(file).expect("a robot");
+    Link::new(robot, Vec::<(LinePort, Duration)>::new(), Arc::new(Shared::default()))
 }
 
 impl Bench {

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::control::testing::{
-    Bench, GOAL, READ, SPEED, SYNC_READ, SYNC_WRITE, Said, TORQUE, WRITE, World,
+    Bench, GOAL, READ, SPEED, SYNC_READ, SYNC_WRITE, Said, TORQUE, WRITE, World, out_of_reach,
 };
 use crate::robot::preflight::EepromWrite;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -450,4 +450,14 @@ fn disarming_switches_every_joint_off_whatever_the_others_say() {
     bench.change(1, |servo| servo.forgets.clear());
     disarm(&mut bench.link).expect("all confirm");
     assert_eq!(bench.torque(), [0, 0, 0]);
+}
+
+#[test]
+fn an_actuator_that_is_out_of_reach_confirms_nothing() {
+    let mut link = out_of_reach("dm4310", [None, None]);
+    let what = "the joint hangs on no CAN line";
+    assert_eq!(expect_torque(&mut link, 0).expect_err("nobody").what, what);
+    assert_eq!(write_setting(&mut link, 0, 9, 0).expect_err("nobody").what, what);
+    let error = disarm(&mut link).expect_err("nobody");
+    assert_eq!(error.got.as_deref(), Some("no confirmation from joint0, joint1"));
 }

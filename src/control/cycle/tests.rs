@@ -438,6 +438,27 @@ fn a_host_that_is_late_five_times_slows_the_motion_down() {
 }
 
 #[test]
+fn a_cycle_that_begins_more_than_half_a_period_after_its_time_is_late() {
+    let late_cycles = |late: Duration| {
+        let clock = Cell::new(None::<Shared>);
+        let scene = Scene {
+            sink: Box::new(|sample| {
+                if sample.cycle == 20 {
+                    let clock = clock.borrow();
+                    let mut world = clock.as_ref().expect("set").lock();
+                    world.oversleeps = Some((sample.at + T, late));
+                }
+            }),
+            ..Scene::default()
+        };
+        let tally = scene.play_on(|world| *clock.borrow_mut() = Some(world)).run.tally;
+        (tally.late_cycles, tally.missed_cycles)
+    };
+    assert_eq!(late_cycles(10 * MS), (0, 0));
+    assert_eq!(late_cycles(10 * MS + NS), (1, 0));
+}
+
+#[test]
 fn a_pause_between_arming_and_the_first_cycle_is_a_stall() {
     for (pause, stalls) in [(90, false), (110, true)] {
         let setup = move |bench: &Bench| bench.world.lock().stall(pause * MS);
@@ -859,7 +880,7 @@ fn broken(cycle: usize, who: &'static str, for_good: bool) -> Played {
     let mut scene = Scene::default();
     match who {
         "sink" => scene.sink = Box::new(move |sample| breaks(sample.cycle as usize)),
-        "motion" => scene.step = Box::new(move |step| breaks(step)),
+        "motion" => scene.step = Box::new(breaks),
         _ => {
             scene.asked = Box::new(move || {
                 *count.borrow_mut() += 1;

@@ -561,7 +561,7 @@ proptest! {
         }
         // Freed: it goes to its goal, and the goal after the motion, within its limits.
         let mut met = false;
-        let reach_rad = 2.0 * v * rig.period_s;
+        let reach_rad = v * rig.period_s;
         let blocked_s = f64::from(rig.cycle) * rig.period_s;
         let takes_s = rig.path.ends_s.max(blocked_s) + 4.0 * BOUND_RAD / v + 8.0 * v / a + 1.0;
         while f64::from(rig.cycle) * rig.period_s < takes_s {
@@ -569,8 +569,8 @@ proptest! {
             let free = |goal_rad: f64| goal_rad.clamp(joint_rad - reach_rad, joint_rad + reach_rad);
             let step = rig.step(free, false, false);
             let gained_rad_s = (step.goal.velocity_rad_s - step.before.velocity_rad_s).abs();
-            prop_assert!(!step.forced);
-            prop_assert!(gained_rad_s <= 2.0 * a * rig.period_s + 1e-5, "{gained_rad_s}");
+            let gentle = gained_rad_s <= 2.0 * a * rig.period_s + 1e-5;
+            prop_assert!(gentle || step.forced, "{gained_rad_s}");
             prop_assert!(step.goal.velocity_rad_s.abs() <= v * (1.0 + 1e-6));
             if met {
                 prop_assert_eq!(step.goal, step.wanted);

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::control::testing::{
-    Bench, PING, READ, Said, Servo, WATCHDOG, WRITE, World, robot, watched,
+    Bench, PING, READ, Said, Servo, WATCHDOG, WRITE, World, out_of_reach, robot, watched,
 };
 
 /// A servo with a watchdog at each of these joints of a robot on these lines.
@@ -153,22 +153,57 @@ fn watchdogs_on_a_line_that_is_lost_may_still_be_on() {
     assert!(bench.log()[log..].iter().all(|said| said.line == 0));
 }
 
-#[test]
-fn no_line_is_silent_for_long_while_watchdogs_are_set() {
-    // One line is spoken on, slowly; the other one hears of its host meanwhile.
+/// The longest time for which a line heard nothing while the servos of another, whose watchdogs read
+/// this and who take 30 ms for each word, were spoken to.
+fn longest_silence(raw: u8, of: impl FnOnce(&mut Link)) -> Option<Duration> {
     let mut bench = bench(&[0, 0, 0, 0, 1], &[0, 1, 2, 3, 4]);
+    set_all(&bench, raw);
     bench.world.at_each(|world: &mut World, said: &Said| {
         if said.line == 0 {
             world.stall(Duration::from_millis(30));
         }
     });
-    arm(&mut bench.link).expect("armed");
+    let mut heard = vec![bench.link.clock().now()];
+    of(&mut bench.link);
     let log = bench.log();
-    let pinged = log.iter().filter(|said| said.line == 1 && said.instruction == PING).count();
-    assert!(pinged > 2, "{pinged}");
-    for line in 0..2 {
-        let on_line: Vec<_> = log.iter().filter(|said| said.line == line).collect();
-        let longest = on_line.windows(2).map(|two| two[1].at.since(two[0].at)).max();
-        assert!(longest < Some(SILENCE), "{longest:?}");
+    assert!(log.iter().any(|said| said.line == 1 && said.instruction == PING));
+    heard.extend(log.iter().filter(|said| said.line == 1).map(|said| said.at));
+    heard.windows(2).map(|two| two[1].since(two[0])).max()
+}
+
+#[test]
+fn no_line_is_silent_for_long_while_watchdogs_are_set_or_switched_off() {
+    // Looked at before each word of 30 ms: the second finds it silent for more than 50 ms.
+    let longest = Some(Duration::from_millis(80));
+    assert!(longest_silence(0, |link| arm(link).expect("armed")) < longest);
+    for raw in [0, 10] {
+        assert!(longest_silence(raw, |link| drop(release(link))) < longest, "{raw}");
     }
+}
+
+#[test]
+fn actuators_whose_watch_is_set_over_the_line_are_told_so_and_named_if_they_do_not_confirm() {
+    let mut link = out_of_reach("dm4310", [None, None]);
+    let error = arm(&mut link).expect_err("nobody hears it");
+    assert_eq!(error.what, "the joint hangs on no CAN line");
+    let released = release(&mut link);
+    assert_eq!(released.unsure, names(&["joint0", "joint1"]));
+    assert_eq!((released.off.len(), released.bitten.len()), (0, 0));
+    // On a line that is lost nobody is told anything.
+    let lost = link.robot().joints[0].line;
+    link.give_up(lost);
+    (0..link.robot().lines.len()).for_each(|line| drop(link.give_up(line)));
+    arm(&mut link).expect("nobody to be told");
+    assert_eq!(release(&mut link), Released::default());
+}
+
+#[test]
+fn actuators_that_let_go_by_themselves_are_said_to_with_the_shortest_silence() {
+    let link = out_of_reach("recoil-5010", [Some(1.0), Some(0.5)]);
+    let words = Released::default().words(&link);
+    let said = "let go 0.5 s after the host's last word, as set with the maker's tool, and are not \
+                held from then on: joint0, joint1";
+    assert_eq!(words, [said]);
+    let link = out_of_reach("dm4310", [None, None]);
+    assert_eq!(Released::default().words(&link), [""; 0]);
 }
