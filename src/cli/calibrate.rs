@@ -101,10 +101,7 @@ pub fn run(args: &CalibrateArgs, remarks: Remarks) -> Result<i32, Error> {
     })?;
     let files = Files::of(file);
     let mut known = begin(args, &robot, &joints, &files)?;
-    let done: Vec<String> = match args.resume {
-        true => measured_before(&files)?,
-        false => Vec::new(),
-    };
+    let done = measured_before(args, &files)?;
     let name = robot.name.clone();
     let mut connection = connect(robot, &args.bus, 0)?;
     let link = &mut connection.link;
@@ -273,7 +270,10 @@ fn found(args: &CalibrateArgs, robot: &Robot, files: &Files) -> Result<Calibrati
     if args.only.is_empty() { Ok(Calibration::of(&robot.name)) } else { own(&files.file) }
 }
 
-fn measured_before(files: &Files) -> Result<Vec<String>, Error> {
+fn measured_before(args: &CalibrateArgs, files: &Files) -> Result<Vec<String>, Error> {
+    if !args.resume {
+        return Ok(Vec::new());
+    }
     let partial = Calibration::read(&files.partial)?;
     Ok(partial.joints.into_iter().map(|joint| joint.name).collect())
 }
