@@ -64,15 +64,12 @@ fn look(link: &mut Link, released: &Released) -> Left {
     for (&joint, raw) in servos.iter().zip(raw) {
         told[joint] = raw.map(|raw| raw != 0);
     }
-    for joint in 0..joints {
-        let known = told[joint].is_some();
-        if known
-            || !there(link, joint)
-            || released.unsure.contains(&link.robot().joints[joint].name)
-        {
+    for (joint, told) in told.iter_mut().enumerate() {
+        let unsure = released.unsure.contains(&link.robot().joints[joint].name);
+        if told.is_some() || unsure || !there(link, joint) {
             continue;
         }
-        told[joint] = match link.robot().joints[joint].servo() {
+        *told = match link.robot().joints[joint].servo() {
             Some(_) => {
                 let limit = budget(link);
                 link.read_raw(joint, Role::TorqueEnable, limit).ok().map(|raw| raw != 0)
