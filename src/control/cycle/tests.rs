@@ -992,3 +992,23 @@ fn a_trajectory_is_run_from_where_the_robot_was_armed() {
     assert!((102..=103).contains(&goals));
     assert_eq!(bench.world.lock().servos[0].word(GOAL), 2048);
 }
+
+#[test]
+fn a_stall_is_one_exception_and_none_once_the_last_goals_are_told() {
+    // Seen inside its cycle, and by the next one as a gap.
+    let played = stalled_in_the_sink(250 * MS);
+    assert_eq!(played.run.exceptions.len(), 1, "{:?}", played.run.exceptions);
+    let clock = Cell::new(None::<Shared>);
+    let scene = Scene {
+        motion: Some(Box::new(Standing)),
+        setup: Box::new(|bench| bench.change(1, |servo| servo.set_word(58, 200))),
+        sink: Box::new(|sample| {
+            if sample.cycle == 6 {
+                clock.borrow().as_ref().expect("set").sleep_until(sample.at + 250 * MS);
+            }
+        }),
+        ..Scene::default()
+    };
+    let played = scene.play_on(|world| *clock.borrow_mut() = Some(world));
+    assert_eq!(played.run.exceptions, []);
+}
