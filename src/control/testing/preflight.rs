@@ -359,6 +359,24 @@ fn a_host_that_was_late_blames_no_servo() {
 }
 
 #[test]
+fn a_servo_that_answers_alone_and_not_in_the_group_of_a_host_that_is_in_time_is_silent() {
+    // This host was late before, and is not now.
+    let mut bench = Bench::new(&[0, 0]);
+    let mut asked = 0;
+    bench.world.at_each(move |world: &mut World, said: &Said| {
+        asked += 1;
+        if asked == 1 {
+            world.stall(30 * MS);
+        }
+        world.servos[1].silent = asked > 1 && said.instruction == SYNC_READ;
+    });
+    positions(&mut bench.link).expect("late, and heard");
+    assert!(bench.link.host_late() > Duration::ZERO);
+    let error = positions(&mut bench.link).expect_err("silent in the group");
+    assert_eq!(error.what, "a servo does not answer");
+}
+
+#[test]
 fn a_servo_that_is_not_there_is_named() {
     let error = refused(with(|servo| servo.silent = true), "a servo does not answer");
     assert_eq!(error.got.as_deref(), Some("nothing"));
