@@ -520,6 +520,9 @@ fn a_line_that_vanishes_is_left_and_the_other_comes_to_rest_along_its_path() {
     played.came_to_rest(20);
     assert!(played.goals_of(20).len() > 40);
     assert!(played.goals_of(21).len() < 27);
+    // Nobody waits for joints that say nothing to come to rest.
+    let cycles = played.run.tally.cycles as usize;
+    assert!(cycles <= played.goals_of(20).len() + 1, "{cycles}");
     assert_eq!(played.run.left.holding, ["joint0"]);
     assert_eq!(played.run.left.unknown, ["joint1"]);
 }
@@ -533,6 +536,22 @@ fn a_robot_whose_only_line_vanishes_is_left_at_once() {
     assert_eq!(played.run.tally.cycles, 26, "in the cycle after");
     assert_eq!(played.run.left.unknown, ["joint0", "joint1"]);
     assert_eq!(played.run.exceptions, [Exception::LineLost { line: "line0".to_owned() }]);
+}
+
+#[test]
+fn a_line_that_vanishes_as_slow_facts_are_read_is_left_in_that_cycle() {
+    let setup = |bench: &Bench| {
+        let mut reads = 0;
+        bench.world.at_each(move |world: &mut World, said: &Said| {
+            reads += u32::from(said.instruction == READ);
+            if reads == 26 {
+                world.unplug(0);
+            }
+        });
+    };
+    let played = Scene { setup: Box::new(setup), ..Scene::default() }.play();
+    assert_eq!(played.code(), Some(StopCode::LineLost));
+    assert_eq!((played.goals().len(), played.run.tally.cycles), (25, 25));
 }
 
 #[test]
