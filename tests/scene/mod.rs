@@ -6,10 +6,11 @@ use gaitway::device::JointState;
 use gaitway::error::Error;
 use gaitway::motion::{Path, PlanOptions, Trajectory, plan};
 use gaitway::port::sim::{SharedWorld, VirtualCanLine, VirtualClock, VirtualLine};
-use gaitway::port::{BytePort, Clock, PortError};
+use gaitway::port::{BytePort, Clock, FramePort, Heard, PortError};
 use gaitway::robot::preflight::{Accept, Preflight, preflight};
 use gaitway::robot::{LinePort, Link, Robot};
 use gaitway::time::{Duration, Instant};
+use gaitway::wire::can::CanFrame;
 use gaitway_profiles::LineKind;
 use gaitway_sim::{Options, Rule, Verdict, Violation, World};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -163,6 +164,37 @@ impl CutLine {
     }
 }
 
+/// A CAN line that is cut with the host's others.
+struct CutCanLine {
+    line: VirtualCanLine,
+    host: Arc<Host>,
+}
+
+impl CutCanLine {
+    fn there(&self) -> Result<(), PortError> {
+        match self.host.cut.load(Ordering::Relaxed) {
+            false => Ok(()),
+            true => Err(PortError::Gone("unplugged".into())),
+        }
+    }
+}
+
+impl FramePort for CutCanLine {
+    fn send(&mut self, frame: &CanFrame, deadline: Instant) -> Result<(), PortError> {
+        self.there()?;
+        self.line.send(frame, deadline)
+    }
+
+    fn receive(&mut self, deadline: Instant) -> Result<Heard, PortError> {
+        self.there()?;
+        self.line.receive(deadline)
+    }
+
+    fn full_queue_count(&self) -> u64 {
+        self.line.full_queue_count()
+    }
+}
+
 impl BytePort for CutLine {
     fn send(&mut self, bytes: &[u8], deadline: Instant) -> Result<(), PortError> {
         let host = Arc::clone(&self.host);
@@ -273,7 +305,8 @@ impl Scene {
         let clock: Arc<dyn Clock> = Arc::new(clock);
         let ports = robot.lines.iter().enumerate().map(|(line, facts)| {
             let LineKind::Serial { baud_bps } = facts.kind else {
-                let port = VirtualCanLine::new(world.clone(), line);
+                let line = VirtualCanLine::new(world.clone(), line);
+                let port = CutCanLine { line, host: Arc::clone(&host) };
                 return (LinePort::Frames(Box::new(port)), latency);
             };
             let port = VirtualLine::new(world.clone(), line, baud_bps);
@@ -293,9 +326,16 @@ impl Scene {
         let robot = self.link.robot().clone();
         let clock: Arc<dyn Clock> = Arc::new(VirtualClock(self.world.clone()));
         let ports = robot.lines.iter().enumerate().map(|(line, facts)| {
-            let port = VirtualLine::new(self.world.clone(), line, facts.bits_per_s());
-            let port: Box<dyn BytePort> = Box::new(port);
-            (LinePort::Bytes(port), Duration::ZERO)
+            let port = match facts.kind {
+                LineKind::Serial { baud_bps } => {
+                    let port = VirtualLine::new(self.world.clone(), line, baud_bps);
+                    LinePort::Bytes(Box::new(port))
+                }
+                LineKind::Can(_) => {
+                    LinePort::Frames(Box::new(VirtualCanLine::new(self.world.clone(), line)))
+                }
+            };
+            (port, Duration::ZERO)
         });
         let ports = ports.collect();
         self.link = Link::new(robot, ports, clock);

@@ -140,7 +140,7 @@ impl Link {
         let items = group.joints.iter().map(item).collect();
         let question = GroupQuestion { protocol, kind: GroupRead::Sync, items };
         let Some(OpenLine::Serial(bus)) = self.lines.get_mut(line) else { return Vec::new() };
-        let takes = Duration::from_secs_f64(bus.read_time_s(&question)) + bus.timing().latency;
+        let takes = Duration::from_secs_f64(bus.read_time_s(&question));
         if self.clock.now().max(bus.ready_at()) + takes > budget {
             return Vec::new();
         }
@@ -164,8 +164,11 @@ impl Link {
         let mut found = Vec::new();
         for &joint in &group.joints {
             let Some(OpenLine::Serial(bus)) = self.lines.get(group.line) else { break };
-            // A question that is cut off would cost the rest their time.
-            if !bus.fits(group.protocol, usize::from(group.length), budget) {
+            // A question that is cut off would cost the rest their time. Adapters are seldom as slow as
+            // they may be, so their latency is no reason not to ask.
+            let takes_s = bus.one_read_time_s(group.protocol, usize::from(group.length));
+            let takes = Duration::from_secs_f64(takes_s);
+            if self.clock.now().max(bus.ready_at()) + takes > budget {
                 break;
             }
             if let Ok(raw) = self.read_raw(joint, role, budget) {
