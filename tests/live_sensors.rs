@@ -504,7 +504,7 @@ fn a_map_that_cannot_be_is_refused_before_anything_is_opened() {
         ("--wear nose.toml".to_owned(), "no such segment"),
         ("--from lines@/dev/null".to_owned(), "nobody can wear"),
         (format!("--from replay:x.mcap head={imu}"), "followed alone"),
-        ("--from replay:no-such.mcap".to_owned(), "cannot be read"),
+        ("--from replay:no-such.mcap".to_owned(), "cannot be opened"),
         (format!("--from head={imu} --bus sim --robot op3"), "real time"),
         (format!("--from head={imu}"), "no such port"),
     ] {
