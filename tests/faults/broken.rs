@@ -97,9 +97,8 @@ fn play_broken(robot: &str, part: Part, when: When) {
     let mut seen = verdict.violations;
     if when.for_good && part == Part::Motion {
         // A motion that never works again leaves no way to run it down: the joints are left at their
-        // last goal, and the run says that it did not end at rest. All else ends at rest.
-        let said = |of: &Exception| matches!(of, Exception::BlindRamp { rested: false, .. });
-        assert!(run.exceptions.iter().any(said), "{what}");
+        // last goal, and the run says so. All else ends at rest.
+        assert_eq!(run.exceptions, [Exception::GoalsBroke], "{what}");
         seen.retain(|violation| !is_excused(violation, &run, &scene.link));
     } else {
         assert_eq!(run.exceptions, [], "{what}");

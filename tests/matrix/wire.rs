@@ -159,7 +159,7 @@ mod tests {
         let mut bytes = vec![0xFF, 0xFF, 0xFF, 0xFE];
         bytes.splice(..2, []);
         bytes.extend([0x0A, 0x83, 0x2A, 0x02, 0x01, 0x00, 0x08, 0x02, 0x00, 0x08]);
-        let sum = bytes[2..].iter().fold(0_u8, |sum, &byte| sum.wrapping_add(byte));
+        let sum = bytes[1..].iter().fold(0_u8, |sum, &byte| sum.wrapping_add(byte));
         bytes.splice(..0, [0x00, 0xFF]);
         bytes.extend([!sum]);
         let words = Dialect::Feetech.take_words(&mut bytes, true);
