@@ -4,7 +4,9 @@
 mod preflight;
 
 use crate::bus::Protocol;
+use crate::control::Motion;
 use crate::device::Model;
+use crate::motion::Setpoint;
 use crate::port::{BytePort, Clock, PortError};
 use crate::robot::preflight::{Accept, Preflight, preflight};
 use crate::robot::{Drive, LinePort, Link, Robot, ServoDrive};
@@ -486,4 +488,16 @@ impl Bench {
     pub fn change(&self, joint: usize, change: impl FnOnce(&mut Servo)) {
         change(&mut self.world.lock().servos[joint]);
     }
+}
+
+/// A motion that stands at 0 and is over at once.
+pub(super) struct Standing;
+
+impl Motion for Standing {
+    fn advance(&mut self, _dt_s: f64, _now: Instant, setpoints: &mut [Setpoint]) -> bool {
+        setpoints.fill(Setpoint::default());
+        true
+    }
+
+    fn stop(&mut self) {}
 }

@@ -4,7 +4,7 @@
 use super::*;
 use crate::control::arm::{Arming, arm};
 use crate::control::testing::{
-    Bench, GOAL, PRESENT, READ, SYNC_READ, Said, Servo, Shared, T, TORQUE, World,
+    Bench, GOAL, PRESENT, READ, SYNC_READ, Said, Servo, Shared, Standing, T, TORQUE, World,
 };
 use crate::port::Clock as _;
 use std::f64::consts::PI;
@@ -58,18 +58,6 @@ impl Motion for Restless {
         };
         setpoints.fill(Setpoint { position_rad, velocity_rad_s, acceleration_rad_s2: 0.0 });
         false
-    }
-
-    fn stop(&mut self) {}
-}
-
-/// A motion that stands at 0 and is over at once.
-struct Standing;
-
-impl Motion for Standing {
-    fn advance(&mut self, _dt_s: f64, _now: Instant, setpoints: &mut [Setpoint]) -> bool {
-        setpoints.fill(Setpoint::default());
-        true
     }
 
     fn stop(&mut self) {}

@@ -2,22 +2,8 @@
 //! breaks on it.
 
 use super::*;
-use crate::control::testing::{Bench, Said, TORQUE, World};
+use crate::control::testing::{Bench, Said, Standing, TORQUE, World};
 use crate::control::{Sample, StopCode};
-use crate::motion::Setpoint;
-use crate::time::Instant;
-
-/// A motion that stands, and is over at once.
-struct Standing;
-
-impl Motion for Standing {
-    fn advance(&mut self, _dt_s: f64, _now: Instant, setpoints: &mut [Setpoint]) -> bool {
-        setpoints.fill(Setpoint::default());
-        true
-    }
-
-    fn stop(&mut self) {}
-}
 
 struct Count(u32);
 
