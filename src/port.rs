@@ -7,6 +7,7 @@
 pub mod can;
 pub mod can_bridge;
 pub mod inventory;
+pub mod patient;
 pub mod serial;
 pub mod sim;
 pub mod tcp;
@@ -23,6 +24,12 @@ pub trait Clock: Send + Sync {
 
     /// Returns at `at` or as soon after it as the system allows; at once if it is past.
     fn sleep_until(&self, at: Instant);
+
+    /// A moment of the system's clock on this one, for what happened just now; a clock that never
+    /// stands has the same moments.
+    fn of_system(&self, at: Instant) -> Instant {
+        at
+    }
 }
 
 /// One end of a serial line.

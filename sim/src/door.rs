@@ -15,6 +15,8 @@
 //! other ways to carry its frames there is [`LiveCan`].
 
 mod live_can;
+mod pace;
+mod patience;
 mod tcp;
 mod terminal;
 
@@ -22,6 +24,8 @@ use crate::World;
 use crate::can::slcan::Adapter;
 use crate::line::Plugged;
 pub use live_can::LiveCan;
+pub(crate) use pace::Pace;
+pub use patience::PatientTime;
 use rustix::event::{EventfdFlags, PollFd, PollFlags, Timespec, eventfd, poll};
 use rustix::fd::{AsFd, BorrowedFd, OwnedFd};
 use rustix::io::Errno;
@@ -34,7 +38,6 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
-use std::time::Instant;
 use tcp::TcpEnd;
 pub(crate) use terminal::Terminal;
 
@@ -124,6 +127,20 @@ impl Door {
         Door::serve(world, line, baud_bps, End::Terminal(terminal), path, link)
     }
 
+    /// As [`Door::open`], for a host in this process: the world's time goes with `time`, which waits
+    /// for the host and this door. The host tells `time` when it sleeps, reads and writes.
+    ///
+    /// # Errors
+    /// As [`Door::open`].
+    pub fn open_patient(
+        world: Arc<Mutex<World>>,
+        line: usize,
+        time: &Arc<PatientTime>,
+    ) -> Result<Door, DoorError> {
+        lock(&world).patient_pace(time);
+        Door::open(world, line, None)
+    }
+
     /// Listens at a TCP port for one program at a time, who sends and receives the line's bytes as
     /// they are; port 0 lets the system choose. Any program that reaches the address can move the
     /// virtual robot: give a loopback address unless that is wanted.
@@ -149,7 +166,7 @@ impl Door {
         path: PathBuf,
         link: Option<PathBuf>,
     ) -> Result<Door, DoorError> {
-        let epoch = lock(&world).epoch();
+        let pace = lock(&world).pace();
         let plugged = lock(&world).plugged(line).ok_or(DoorError::NoLine(line))?.clone();
         let adapter = lock(&world).can_line_mut(line).map(|can| {
             can.set_queue(ADAPTER_FRAMES);
@@ -158,17 +175,18 @@ impl Door {
         let event = eventfd(0, EventfdFlags::CLOEXEC | EventfdFlags::NONBLOCK)?;
         let bell = Arc::new(Bell { stop: AtomicBool::new(false), event });
         let place = Arc::new(Mutex::new(Placement { path: Some(path.clone()), link }));
+        let began_ns = pace.began_ns();
         let mut server = Server {
             world,
             line,
             baud_bps,
-            epoch,
+            pace,
             end,
             adapter,
             pending: Vec::new(),
-            pending_since_ns: epoch.1,
-            looked_ns: epoch.1,
-            kept_up_ns: epoch.1,
+            pending_since_ns: began_ns,
+            looked_ns: began_ns,
+            kept_up_ns: began_ns,
             plugged,
             place: Arc::clone(&place),
             bell: Arc::clone(&bell),
@@ -179,6 +197,7 @@ impl Door {
             let _ = rustix::thread::set_current_timer_slack(NonZeroU64::new(1));
             // The terminal is gone if this fails; the program at its other end sees a hang-up.
             let _ = server.run();
+            server.pace.door_closes(server.line);
         });
         door.thread = Some(spawned.map_err(DoorError::Thread)?);
         Ok(door)
@@ -282,14 +301,11 @@ impl End {
     }
 
     /// What does not fit into the program's buffer is lost, as in an overrun, and so is what comes
-    /// while nobody is there.
-    fn write(&mut self, bytes: &[u8]) -> Result<(), Errno> {
+    /// while nobody is there. How many bytes are there to be read.
+    fn write(&mut self, bytes: &[u8]) -> Result<usize, Errno> {
         match self {
             End::Terminal(terminal) => terminal.write(bytes),
-            End::Tcp(tcp) => {
-                tcp.write(bytes);
-                Ok(())
-            }
+            End::Tcp(tcp) => Ok(tcp.write(bytes)),
         }
     }
 }
@@ -299,7 +315,7 @@ struct Server {
     line: usize,
     /// Of the robot file.
     baud_bps: u32,
-    epoch: (Instant, u64),
+    pace: Pace,
     end: End,
     /// Between the program and a CAN line.
     adapter: Option<Adapter>,
@@ -318,7 +334,7 @@ struct Server {
 
 impl Server {
     fn run(&mut self) -> Result<(), Errno> {
-        let mut wake_ns = self.now_ns();
+        let mut wake_ns = self.pace.now_ns();
         loop {
             self.wait(wake_ns)?;
             if self.bell.stop.load(Ordering::Acquire) {
@@ -333,7 +349,7 @@ impl Server {
     fn read(&mut self) -> Result<(), Errno> {
         let mut bytes = [0_u8; 4096];
         let hungry = self.pending.is_empty();
-        let mut asked_ns = self.now_ns();
+        let mut asked_ns = self.pace.now_ns();
         let mut count = self.end.read(hungry, &mut bytes)?;
         if !hungry {
             return Ok(());
@@ -341,25 +357,20 @@ impl Server {
         self.pending_since_ns = self.looked_ns;
         while count > 0 {
             self.pending.extend_from_slice(&bytes[..count]);
+            self.pace.door_has_read(self.line, count);
             if self.pending.len() >= MOST_TAKEN {
                 return Ok(());
             }
-            asked_ns = self.now_ns();
+            asked_ns = self.pace.now_ns();
             count = self.end.read_more(&mut bytes)?;
         }
         self.looked_ns = asked_ns;
         Ok(())
     }
 
-    /// World time that real time has reached.
-    fn now_ns(&self) -> u64 {
-        let (moment, then_ns) = self.epoch;
-        then_ns + moment.elapsed().as_nanos() as u64
-    }
-
     /// Sleeps until bytes come, the bell rings or it is `wake_ns`.
     fn wait(&self, wake_ns: u64) -> Result<(), Errno> {
-        let left_ns = wake_ns.saturating_sub(self.now_ns());
+        let left_ns = self.pace.door_sleeps(self.line, wake_ns, self.pending.is_empty());
         let timeout = Timespec {
             tv_sec: (left_ns / 1_000_000_000) as i64,
             tv_nsec: (left_ns % 1_000_000_000) as i64,
@@ -382,9 +393,14 @@ impl Server {
             _ => self.baud_bps,
         };
         let mut out = [0_u8; 4096];
+        let (pace, line) = (self.pace.clone(), self.line);
+        let tell = |end: &mut End, bytes: &[u8]| -> Result<(), Errno> {
+            pace.door_has_written(line, end.write(bytes)?);
+            Ok(())
+        };
         let shared = Arc::clone(&self.world);
         let mut world = lock(&shared);
-        let now_ns = self.now_ns();
+        let now_ns = self.pace.now_ns();
         world.run_until(now_ns);
         if let Some(plugged) = world.plugged(self.line).filter(|plugged| **plugged != self.plugged)
         {
@@ -393,15 +409,14 @@ impl Server {
         }
         if let Some(adapter) = &mut self.adapter {
             let pending = std::mem::take(&mut self.pending);
-            let line = self.line;
             let since_ns = self.pending_since_ns;
             let said = adapter
                 .hear(&pending, |frame| world.can_send_noticed(line, frame, since_ns).is_ok());
             if !said.is_empty() {
-                self.end.write(&said)?;
+                tell(&mut self.end, &said)?;
             }
             while let Some(heard) = world.can_receive(line, now_ns) {
-                self.end.write(&adapter.tell(&heard, now_ns))?;
+                tell(&mut self.end, &adapter.tell(&heard, now_ns))?;
             }
         } else if !self.pending.is_empty() {
             let since_ns = self.pending_since_ns;
@@ -416,7 +431,7 @@ impl Server {
             if count == 0 {
                 break;
             }
-            self.end.write(&out[..count])?;
+            tell(&mut self.end, &out[..count])?;
         }
         if now_ns >= self.kept_up_ns + KEEP_UP_NS {
             self.kept_up_ns = now_ns;
@@ -432,6 +447,7 @@ impl Server {
         place.remove_link();
         place.path = None;
         self.pending.clear();
+        self.pace.door_closes(self.line);
         if let Some(adapter) = &mut self.adapter {
             adapter.restart();
         }

@@ -40,7 +40,7 @@ mod world;
 pub use gaitway_profiles as profiles;
 
 pub use adapter::Usb;
-pub use door::{Door, DoorError, LiveCan};
+pub use door::{Door, DoorError, LiveCan, PatientTime};
 pub use fault::{Damage, Fault, Struck};
 pub use referee::{Rule, Verdict, Violation};
 pub use script::{Script, ScriptError};

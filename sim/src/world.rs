@@ -7,6 +7,7 @@ pub use options::{BadChecksum, MissingInChain, Options, TorqueSwitch, ZeroSpeed}
 
 use crate::SimError;
 use crate::can::CanLine;
+use crate::door::{Pace, PatientTime};
 use crate::fault::plan::{Names, Place, Plan, Strike};
 use crate::fault::{Fault, Struck};
 use crate::line::{Line, Plugged, Shared};
@@ -18,7 +19,6 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use std::time::Instant;
 
 /// A virtual robot in virtual time. The same seed and the same host bytes at the same times give
 /// the same bytes back.
@@ -32,7 +32,7 @@ pub struct World {
     joints: Vec<Placed>,
     by_name: BTreeMap<String, usize>,
     /// A moment of real time and the world time it was then, once a door is open.
-    epoch: Option<(Instant, u64)>,
+    pace: Option<Pace>,
 }
 
 /// Where a joint's servo or actuator is.
@@ -96,7 +96,7 @@ impl World {
             shared,
             joints: Vec::new(),
             by_name,
-            epoch: None,
+            pace: None,
         };
         let mut models: BTreeMap<&str, Arc<Model>> = BTreeMap::new();
         for joint in &robot.joints {
@@ -437,9 +437,15 @@ impl World {
     }
 
     /// Real time and world time run together from the first call on.
-    pub(crate) fn epoch(&mut self) -> (Instant, u64) {
+    pub(crate) fn pace(&mut self) -> Pace {
         self.shared.real_time = true;
-        *self.epoch.get_or_insert((Instant::now(), self.now_ns))
+        self.pace.get_or_insert_with(|| Pace::real(self.now_ns)).clone()
+    }
+
+    /// World time goes with this one from the first call on, unless it goes with real time already.
+    pub(crate) fn patient_pace(&mut self, time: &Arc<PatientTime>) -> Pace {
+        self.shared.real_time = true;
+        self.pace.get_or_insert_with(|| Pace::patient(self.now_ns, Arc::clone(time))).clone()
     }
 
     /// The servo of a joint, which is not on a CAN line.

@@ -9,6 +9,7 @@ use crate::bus::{Bus, Timing};
 use crate::error::Error;
 use crate::port::can::{self, CanInterface, Controller};
 use crate::port::inventory::Machine;
+use crate::port::patient::{PatientClock, PatientLine};
 use crate::port::serial::SerialLine;
 use crate::port::sim::{LiveCanLine, SharedWorld, VirtualCanLine, VirtualClock, VirtualLine};
 use crate::port::tcp::TcpLine;
@@ -25,9 +26,21 @@ pub struct Connection {
     pub link: Link,
     /// The virtual robot of this process, if it is one.
     pub world: Option<SharedWorld>,
-    /// True if the clock is the system's.
+    /// True if time passes by itself.
     pub real_time: bool,
+    /// Its clock, if that waits for this machine.
+    pub patience: Option<PatientClock>,
     _doors: Vec<Door>,
+}
+
+/// That the time of a virtual robot waits for this machine, and how long it has.
+#[must_use]
+pub fn patience_words(patience: Option<&PatientClock>) -> Option<String> {
+    let waited_s = patience?.waited().as_secs_f64();
+    Some(format!(
+        "the time of the virtual robot waits for this machine, so far {waited_s:.3} s; a real robot \
+         does not wait"
+    ))
 }
 
 /// Held back by a USB adapter that says nothing of itself, or by a pseudo-terminal's scheduling.
@@ -116,7 +129,13 @@ fn in_virtual_time(robot: Robot, seed: u64) -> Result<Connection, Error> {
         .map(|(line, facts)| (virtual_port(&world, line, facts.kind), Duration::ZERO))
         .collect();
     let link = Link::new(robot, ports, clock);
-    Ok(Connection { link, world: Some(world), real_time: false, _doors: Vec::new() })
+    Ok(Connection {
+        link,
+        world: Some(world),
+        real_time: false,
+        patience: None,
+        _doors: Vec::new(),
+    })
 }
 
 /// The host's end of a virtual line.
@@ -135,30 +154,48 @@ fn virtual_port(world: &SharedWorld, line: usize, kind: LineKind) -> LinePort {
 
 fn behind_terminals(robot: Robot, seed: u64) -> Result<Connection, Error> {
     let world = world(&robot, seed)?;
+    let clock = PatientClock::start();
     let mut doors = Vec::new();
     let mut ports: Vec<(LinePort, Duration)> = Vec::new();
     for (line, facts) in robot.lines.iter().enumerate() {
         if let LineKind::Can(_) = facts.kind {
-            // Frames have no terminal; they keep real time all the same.
-            let port: Box<dyn FramePort> = Box::new(live_line(&world, line)?);
+            // Frames have no terminal; they keep time all the same.
+            let port: Box<dyn FramePort> = Box::new(live_line(&world, line, &clock)?);
             ports.push((port.into(), UNKNOWN_LATENCY));
             continue;
         }
-        let door = Door::open(world.inner(), line, None)
-            .map_err(|e| Error::new("cannot open a pseudo-terminal").got(e.to_string()))?;
-        let path = door.path().display().to_string();
-        let port =
-            SerialLine::open(&path, facts.bits_per_s()).map_err(|e| port_error(&path, &e))?;
-        let port: Box<dyn BytePort> = Box::new(port);
-        ports.push((port.into(), UNKNOWN_LATENCY));
-        doors.push(door);
+        let terminal = VirtualTerminal::open(&world, line, &clock)?;
+        ports.push((terminal.port(facts.bits_per_s())?.into(), UNKNOWN_LATENCY));
+        doors.push(terminal.door);
     }
-    let link = Link::new(robot, ports, Arc::new(MonotonicClock));
-    Ok(Connection { link, world: Some(world), real_time: true, _doors: doors })
+    let link = Link::new(robot, ports, Arc::new(clock.clone()));
+    let patience = Some(clock);
+    Ok(Connection { link, world: Some(world), real_time: true, patience, _doors: doors })
 }
 
-fn live_line(world: &SharedWorld, line: usize) -> Result<LiveCanLine, Error> {
-    LiveCanLine::new(world, line)
+/// A line of a virtual robot of this process behind a pseudo-terminal.
+struct VirtualTerminal {
+    door: Door,
+    line: usize,
+    clock: PatientClock,
+}
+
+impl VirtualTerminal {
+    fn open(world: &SharedWorld, line: usize, clock: &PatientClock) -> Result<Self, Error> {
+        let door = Door::open_patient(world.inner(), line, clock.time())
+            .map_err(|e| Error::new("cannot open a pseudo-terminal").got(e.to_string()))?;
+        Ok(Self { door, line, clock: clock.clone() })
+    }
+
+    fn port(&self, baud_bps: u32) -> Result<Box<dyn BytePort>, Error> {
+        let path = self.door.path().display().to_string();
+        let port = PatientLine::open(&path, baud_bps, self.line, self.clock.clone());
+        Ok(Box::new(port.map_err(|e| port_error(&path, &e))?))
+    }
+}
+
+fn live_line(world: &SharedWorld, line: usize, clock: &PatientClock) -> Result<LiveCanLine, Error> {
+    LiveCanLine::new(world, line, clock)
         .map_err(|e| Error::new("the virtual line cannot be opened").got(spoken(&e)))
 }
 
@@ -181,7 +218,7 @@ fn over_wires(mut robot: Robot, by_line: &[BusKind]) -> Result<Connection, Error
     for (line, bus) in by_line.iter().enumerate() {
         link.set_echo(line, echoes(bus)?);
     }
-    Ok(Connection { link, world: None, real_time: true, _doors: Vec::new() })
+    Ok(Connection { link, world: None, real_time: true, patience: None, _doors: Vec::new() })
 }
 
 fn wrong_kind(line: &str, kind: LineKind, bus: &BusKind) -> Error {
@@ -312,7 +349,8 @@ pub struct OpenLine {
 /// Where a line can be opened again.
 enum Place {
     Virtual { world: SharedWorld, line: usize },
-    Wire(BusKind, Option<Door>),
+    Terminal(VirtualTerminal),
+    Wire(BusKind),
 }
 
 /// Line speed if neither the address nor a robot says one, bits per second.
@@ -337,17 +375,15 @@ pub fn open_bus(address: &Address, robot: Option<&str>, seed: u64) -> Result<Ope
     let place = match (&address.bus, robot.as_ref().zip(line)) {
         (BusKind::Sim, Some((robot, line))) => Place::Virtual { world: world(robot, seed)?, line },
         (BusKind::SimPty, Some((robot, line))) => {
-            let door = Door::open(world(robot, seed)?.inner(), line, None)
-                .map_err(|e| Error::new("cannot open a pseudo-terminal").got(e.to_string()))?;
-            let path = door.path().display().to_string();
-            Place::Wire(BusKind::Serial { path, baud_bps: None }, Some(door))
+            let world = world(robot, seed)?;
+            Place::Terminal(VirtualTerminal::open(&world, line, &PatientClock::start())?)
         }
         (BusKind::Sim | BusKind::SimPty, None) => {
             return Err(Error::new("which robot is the virtual one?")
                 .at(address.to_string())
                 .remedy("add --robot NAME, e.g. --robot op3"));
         }
-        (wire, _) => Place::Wire(wire.clone(), None),
+        (wire, _) => Place::Wire(wire.clone()),
     };
     open_at(place, baud_bps)
 }
@@ -369,17 +405,18 @@ fn line_of(robot: &Robot, address: &Address) -> Result<usize, Error> {
 fn open_at(place: Place, baud_bps: u32) -> Result<OpenLine, Error> {
     let clock: Arc<dyn Clock> = match &place {
         Place::Virtual { world, .. } => Arc::new(VirtualClock(world.clone())),
-        Place::Wire(..) => Arc::new(MonotonicClock),
+        Place::Terminal(terminal) => Arc::new(terminal.clock.clone()),
+        Place::Wire(_) => Arc::new(MonotonicClock),
     };
     let (port, latency) = port_at(&place, baud_bps)?;
     let world = match &place {
         Place::Virtual { world, .. } => Some(world.clone()),
-        Place::Wire(..) => None,
+        Place::Terminal(_) | Place::Wire(_) => None,
     };
     let timing = Timing { baud_bps, return_delay: LONGEST_RETURN_DELAY, latency };
     let mut bus = Bus::new(port, Arc::clone(&clock), timing);
     bus.set_retries(RETRIES);
-    if let Place::Wire(kind, _) = &place {
+    if let Place::Wire(kind) = &place {
         bus.set_echo(echoes(kind)?);
     }
     Ok(OpenLine { bus, clock, baud_bps, world, place })
@@ -390,7 +427,8 @@ fn port_at(place: &Place, baud_bps: u32) -> Result<(Box<dyn BytePort>, Duration)
         Place::Virtual { world, line } => {
             Ok((Box::new(VirtualLine::new(world.clone(), *line, baud_bps)), Duration::ZERO))
         }
-        Place::Wire(kind, _) => wire(kind, baud_bps),
+        Place::Terminal(terminal) => Ok((terminal.port(baud_bps)?, UNKNOWN_LATENCY)),
+        Place::Wire(kind) => wire(kind, baud_bps),
     }
 }
 
@@ -401,7 +439,7 @@ impl OpenLine {
     /// A line behind TCP, whose speed the other end decides. A port that does not know the speed or
     /// cannot be opened again: the line is closed then, until it is given another speed.
     pub fn set_speed(&mut self, baud_bps: u32) -> Result<(), Error> {
-        if let Place::Wire(BusKind::Tcp { place, .. }, _) = &self.place {
+        if let Place::Wire(BusKind::Tcp { place, .. }) = &self.place {
             return Err(Error::new("the other end of a TCP connection decides the line speed")
                 .at(format!("tcp:{place}"))
                 .remedy("do this at the machine that has the serial port"));
@@ -420,12 +458,15 @@ impl OpenLine {
         let Self { bus, clock, baud_bps, world, place } = self;
         drop(bus);
         let port = port_at(&place, baud_bps)?;
-        let (real_time, door) = match place {
+        let (real_time, terminal) = match place {
             Place::Virtual { .. } => (false, None),
-            Place::Wire(_, door) => (true, door),
+            Place::Terminal(terminal) => (true, Some(terminal)),
+            Place::Wire(_) => (true, None),
         };
         let link = Link::new(robot, vec![port], clock);
-        Ok(Connection { link, world, real_time, _doors: door.into_iter().collect() })
+        let patience = terminal.as_ref().map(|terminal| terminal.clock.clone());
+        let doors = terminal.into_iter().map(|terminal| terminal.door).collect();
+        Ok(Connection { link, world, real_time, patience, _doors: doors })
     }
 
     /// By when a question asked now must be answered, retries included.

@@ -2,7 +2,7 @@
 
 use super::address::Address;
 use super::calibrated::CalibrationArg;
-use super::connect::{Connection, connect};
+use super::connect::{Connection, connect, patience_words};
 use super::play::{self, RunRecorder};
 use super::record::source::duration;
 use super::report::{JointReport, Outcome, PlayReport, RefereeReport};
@@ -322,6 +322,7 @@ impl Job<'_> {
             recorder.discard();
             return Ok(None);
         }
+        self.report.run.notes.extend(patience_words(connection.patience.as_ref()));
         if let Some(world) = &connection.world {
             let verdict = world.lock().verdict();
             let violations = verdict.violations.iter().map(ToString::to_string).collect();

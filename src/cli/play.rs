@@ -2,7 +2,7 @@
 
 use super::address::Address;
 use super::calibrated::CalibrationArg;
-use super::connect::{Connection, connect};
+use super::connect::{Connection, connect, patience_words};
 use super::progress::Progress;
 use super::report::{JointReport, Outcome, PlayReport, RefereeReport};
 use super::signals::Signals;
@@ -317,6 +317,7 @@ fn conclude(
     connection: &Connection,
     recorder: &RunRecorder,
 ) {
+    report.notes.extend(patience_words(connection.patience.as_ref()));
     if let Some(world) = &connection.world {
         let verdict = world.lock().verdict();
         let violations = verdict.violations.iter().map(ToString::to_string).collect();

@@ -31,7 +31,9 @@ const MOST_TOLD: usize = 100;
     there are several. A CAN line is behind a USB-CAN adapter that speaks slcan (Lawicel), unless \
     --can puts it on an interface of the system.\n\n\
     Example: gaitway simulate op3 --pty /tmp/op3\n\
-    then, in another terminal: gaitway play walk --robot op3 --bus serial:/tmp/op3")]
+    then, in another terminal: gaitway play walk --robot op3 --bus serial:/tmp/op3\n\n\
+    Time is real. A motion is stopped if this machine is too busy for it, as on a real line; the time of\n\
+    play --bus sim:pty waits for this machine instead.")]
 pub struct SimulateArgs {
     #[command(subcommand)]
     other: Option<Other>,

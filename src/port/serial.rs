@@ -53,6 +53,23 @@ impl SerialLine {
         self.tty.set_timeout(left).map_err(|e| PortError::Io(e.to_string()))
     }
 
+    /// Hands at least one byte to the line, or fails by `deadline`; how many there were.
+    pub(super) fn send_some(
+        &mut self,
+        bytes: &[u8],
+        deadline: Instant,
+    ) -> Result<usize, PortError> {
+        loop {
+            self.set_time_out(deadline)?;
+            match self.tty.write(bytes) {
+                Ok(0) => return Err(PortError::Gone(self.path.clone())),
+                Ok(count) => return Ok(count),
+                Err(e) if e.kind() == ErrorKind::Interrupted => {}
+                Err(e) => return Err(self.io_error(&e)),
+            }
+        }
+    }
+
     fn waiting(&self) -> Result<u32, PortError> {
         self.tty.bytes_to_read().map_err(|e| match e.kind() {
             serialport::ErrorKind::NoDevice => PortError::Gone(self.path.clone()),
@@ -89,13 +106,8 @@ impl BytePort for SerialLine {
     fn send(&mut self, bytes: &[u8], deadline: Instant) -> Result<(), PortError> {
         let mut rest = bytes;
         while !rest.is_empty() {
-            self.set_time_out(deadline)?;
-            match self.tty.write(rest) {
-                Ok(0) => return Err(PortError::Gone(self.path.clone())),
-                Ok(n) => rest = &rest[n..],
-                Err(e) if e.kind() == ErrorKind::Interrupted => {}
-                Err(e) => return Err(self.io_error(&e)),
-            }
+            let count = self.send_some(rest, deadline)?;
+            rest = &rest[count..];
         }
         Ok(())
     }

@@ -1,7 +1,8 @@
 //! The virtual robot behind the port traits: waiting *is* running the virtual world, so the code
 //! above runs unmodified, in one thread and in virtual time. All lines of a world share its clock.
 
-use super::{BytePort, Clock, FramePort, Heard, MonotonicClock, PortError};
+use super::patient::PatientClock;
+use super::{BytePort, Clock, FramePort, Heard, PortError};
 use crate::time::{Duration, Instant};
 use crate::wire::can::error_frame::ErrorFrame;
 use crate::wire::can::{CanFrame, CanId, Format};
@@ -183,21 +184,25 @@ impl FramePort for VirtualCanLine {
     }
 }
 
-/// The host's end of a virtual CAN line whose world runs with real time.
+/// The host's end of a virtual CAN line whose world runs with real time, or stands while this host is
+/// late.
 pub struct LiveCanLine {
     live: LiveCan,
+    clock: PatientClock,
     heard: VecDeque<CanHeard>,
     full_queue_count: u64,
 }
 
 impl LiveCanLine {
-    /// The host's end of line number `line` of `world`, which keeps pace from now on.
+    /// The host's end of line number `line` of `world`, whose time goes with `clock` from now on.
     ///
     /// # Errors
     /// [`PortError::Gone`] if it is no CAN line.
-    pub fn new(world: &SharedWorld, line: usize) -> Result<Self, PortError> {
-        let live = LiveCan::new(world.inner(), line).map_err(|e| PortError::Gone(e.to_string()))?;
-        Ok(Self { live, heard: VecDeque::new(), full_queue_count: 0 })
+    pub fn new(world: &SharedWorld, line: usize, clock: &PatientClock) -> Result<Self, PortError> {
+        let live = LiveCan::patient(world.inner(), line, clock.time())
+            .map_err(|e| PortError::Gone(e.to_string()))?;
+        let (clock, heard) = (clock.clone(), VecDeque::new());
+        Ok(Self { live, clock, heard, full_queue_count: 0 })
     }
 }
 
@@ -209,11 +214,11 @@ impl FramePort for LiveCanLine {
     fn send(&mut self, frame: &CanFrame, deadline: Instant) -> Result<(), PortError> {
         while self.live.send(to_sim(frame)).is_err() {
             self.full_queue_count += 1;
-            let again = MonotonicClock.now() + QUEUE_PAUSE;
+            let again = self.clock.now() + QUEUE_PAUSE;
             if again > deadline {
                 return Err(PortError::TimedOut);
             }
-            MonotonicClock.sleep_until(again);
+            self.clock.sleep_until(again);
             self.heard.extend(self.live.heard().0);
         }
         Ok(())
@@ -228,11 +233,11 @@ impl FramePort for LiveCanLine {
                     return Ok(heard);
                 }
             }
-            let now = MonotonicClock.now();
+            let now = self.clock.now();
             if now >= deadline {
                 return Err(PortError::TimedOut);
             }
-            MonotonicClock.sleep_until(deadline.min(now + quiet.max(QUEUE_PAUSE)));
+            self.clock.sleep_until(deadline.min(now + quiet.max(QUEUE_PAUSE)));
         }
     }
 }

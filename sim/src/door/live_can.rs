@@ -1,7 +1,7 @@
 //! One CAN line of a world in real time, for whoever carries its frames to and from somewhere else:
 //! an interface of the operating system, say.
 
-use super::{DoorError, KEEP_UP_NS, lock};
+use super::{DoorError, KEEP_UP_NS, Pace, PatientTime, lock};
 use crate::World;
 use crate::can::{CanFrame, CanHeard, QueueFull};
 use std::sync::{Arc, Mutex};
@@ -14,7 +14,7 @@ const FRAMES: usize = 1024;
 pub struct LiveCan {
     world: Arc<Mutex<World>>,
     line: usize,
-    epoch: (Instant, u64),
+    pace: Pace,
 }
 
 impl LiveCan {
@@ -23,17 +23,34 @@ impl LiveCan {
     /// # Errors
     /// No such line, or no CAN line.
     pub fn new(world: Arc<Mutex<World>>, line: usize) -> Result<LiveCan, DoorError> {
+        LiveCan::of(world, line)
+    }
+
+    /// The same, for a host in this process: the world's time goes with `time`, which waits for the
+    /// host.
+    ///
+    /// # Errors
+    /// As [`LiveCan::new`].
+    pub fn patient(
+        world: Arc<Mutex<World>>,
+        line: usize,
+        time: &Arc<PatientTime>,
+    ) -> Result<LiveCan, DoorError> {
+        lock(&world).patient_pace(time);
+        LiveCan::of(world, line)
+    }
+
+    fn of(world: Arc<Mutex<World>>, line: usize) -> Result<LiveCan, DoorError> {
         let mut locked = lock(&world);
         let can = locked.can_line_mut(line).ok_or(DoorError::NoLine(line))?;
         can.set_queue(FRAMES);
-        let epoch = locked.epoch();
+        let pace = locked.pace();
         drop(locked);
-        Ok(LiveCan { world, line, epoch })
+        Ok(LiveCan { world, line, pace })
     }
 
     fn now_ns(&self) -> u64 {
-        let (moment, then_ns) = self.epoch;
-        then_ns + moment.elapsed().as_nanos() as u64
+        self.pace.now_ns()
     }
 
     /// Hands a frame of somebody else's to the line, now.
@@ -50,8 +67,7 @@ impl LiveCan {
     /// # Errors
     /// As [`LiveCan::send`].
     pub fn send_since(&self, frame: CanFrame, earliest: Instant) -> Result<(), QueueFull> {
-        let (moment, then_ns) = self.epoch;
-        let earliest_ns = then_ns + earliest.duration_since(moment).as_nanos() as u64;
+        let earliest_ns = self.now_ns().saturating_sub(earliest.elapsed().as_nanos() as u64);
         let mut world = lock(&self.world);
         world.run_until(self.now_ns());
         world.can_send_noticed(self.line, frame, earliest_ns)

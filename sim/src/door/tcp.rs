@@ -62,11 +62,9 @@ impl TcpEnd {
         self.client.as_mut().and_then(|client| client.read(bytes).ok()).unwrap_or(0)
     }
 
-    pub fn write(&mut self, bytes: &[u8]) {
-        if let Some(client) = &mut self.client {
-            // A full buffer loses the rest; a broken connection is noticed by the next read.
-            let _ = client.write(bytes);
-        }
+    pub fn write(&mut self, bytes: &[u8]) -> usize {
+        // A full buffer loses the rest; a broken connection is noticed by the next read.
+        self.client.as_mut().and_then(|client| client.write(bytes).ok()).unwrap_or(0)
     }
 
     pub fn hang_up(&mut self) {

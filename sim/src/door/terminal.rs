@@ -114,12 +114,13 @@ impl Terminal {
         }
     }
 
-    pub fn write(&self, bytes: &[u8]) -> Result<(), Errno> {
+    pub fn write(&self, bytes: &[u8]) -> Result<usize, Errno> {
         let Some(master) = self.master.as_ref().filter(|_| self.programs > 0) else {
-            return Ok(());
+            return Ok(0);
         };
         match rustix::io::write(master, bytes) {
-            Ok(_) | Err(Errno::AGAIN | Errno::INTR) => Ok(()),
+            Ok(count) => Ok(count),
+            Err(Errno::AGAIN | Errno::INTR) => Ok(0),
             Err(gone) => Err(gone),
         }
     }

@@ -8,6 +8,7 @@ use crate::bus::can::{CanBus, CanTiming};
 use crate::cli::address::{Address, BusKind};
 use crate::error::Error;
 use crate::port::can;
+use crate::port::patient::PatientClock;
 use crate::port::sim::{SharedWorld, VirtualCanLine, VirtualClock};
 use crate::port::{Clock, FramePort, MonotonicClock};
 use crate::robot::{Link, Robot};
@@ -37,6 +38,7 @@ pub struct OpenCanLine {
     /// The virtual robot of this process, if it is one.
     pub world: Option<SharedWorld>,
     real_time: bool,
+    patience: Option<PatientClock>,
     interface: Option<String>,
 }
 
@@ -82,17 +84,36 @@ pub fn open_can(address: &Address, robot: Option<&str>, seed: u64) -> Result<Ope
             let port = Box::new(VirtualCanLine::new(world.clone(), *line));
             let bus = bus_of(port, &clock, speed, Duration::ZERO);
             let (fd, world) = (speed.data_bitrate_bps.is_some(), Some(world));
-            let real_time = false;
-            Ok(OpenCanLine { bus, clock, speed, fd, robot, world, real_time, interface: None })
+            Ok(OpenCanLine {
+                bus,
+                clock,
+                speed,
+                fd,
+                robot,
+                world,
+                real_time: false,
+                patience: None,
+                interface: None,
+            })
         }
         (BusKind::SimPty, Some((of, line)), Some(speed)) => {
             let world = world(of, seed)?;
-            let clock: Arc<dyn Clock> = Arc::new(MonotonicClock);
-            let port = Box::new(live_line(&world, *line)?);
+            let patient = PatientClock::start();
+            let clock: Arc<dyn Clock> = Arc::new(patient.clone());
+            let port = Box::new(live_line(&world, *line, &patient)?);
             let bus = bus_of(port, &clock, speed, UNKNOWN_LATENCY);
             let (fd, world) = (speed.data_bitrate_bps.is_some(), Some(world));
-            let real_time = true;
-            Ok(OpenCanLine { bus, clock, speed, fd, robot, world, real_time, interface: None })
+            Ok(OpenCanLine {
+                bus,
+                clock,
+                speed,
+                fd,
+                robot,
+                world,
+                real_time: true,
+                patience: Some(patient),
+                interface: None,
+            })
         }
         (BusKind::Can { interface }, _, said) => {
             let found = can::state(interface).ok();
@@ -106,9 +127,17 @@ pub fn open_can(address: &Address, robot: Option<&str>, seed: u64) -> Result<Ope
             });
             let clock: Arc<dyn Clock> = Arc::new(MonotonicClock);
             let bus = bus_of(interface_at(interface, speed)?, &clock, speed, CAN_LATENCY);
-            let interface = Some(interface.clone());
-            let (world, real_time) = (None, true);
-            Ok(OpenCanLine { bus, clock, speed, fd, robot, world, real_time, interface })
+            Ok(OpenCanLine {
+                bus,
+                clock,
+                speed,
+                fd,
+                robot,
+                world: None,
+                real_time: true,
+                patience: None,
+                interface: Some(interface.clone()),
+            })
         }
         _ => Err(Error::new("this is no CAN line")
             .at(address.to_string())
@@ -159,19 +188,19 @@ impl OpenCanLine {
     /// # Errors
     /// An interface that cannot be opened again.
     pub fn into_link(self, robot: Robot) -> Result<Connection, Error> {
-        let Self { bus, clock, speed, robot: whole, world, real_time, interface, .. } = self;
+        let Self { bus, clock, speed, robot: whole, world, real_time, patience, interface, .. } =
+            self;
         drop(bus);
-        let (port, latency): (Box<dyn FramePort>, Duration) = match (interface, &world, whole) {
+        let line = whole.map(|(_, line)| line);
+        let (port, latency): (Box<dyn FramePort>, Duration) = match (interface, &world, line) {
             (Some(interface), _, _) => (interface_at(&interface, speed)?, CAN_LATENCY),
-            (None, Some(world), Some((_, line))) if real_time => {
-                (Box::new(live_line(world, line)?), UNKNOWN_LATENCY)
-            }
-            (None, Some(world), Some((_, line))) => {
-                (Box::new(VirtualCanLine::new(world.clone(), line)), Duration::ZERO)
-            }
+            (None, Some(world), Some(line)) => match &patience {
+                Some(clock) => (Box::new(live_line(world, line, clock)?), UNKNOWN_LATENCY),
+                None => (Box::new(VirtualCanLine::new(world.clone(), line)), Duration::ZERO),
+            },
             _ => return Err(Error::new("the line cannot be opened again")),
         };
         let link = Link::new(robot, vec![(port, latency)], clock);
-        Ok(Connection { link, world, real_time, _doors: Vec::new() })
+        Ok(Connection { link, world, real_time, patience, _doors: Vec::new() })
     }
 }

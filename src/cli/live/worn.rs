@@ -69,7 +69,10 @@ impl Job<'_> {
         let mode = if args.magnetometer { Mode::NineAxes } else { Mode::SixAxes };
         let intake = Intake::new(kept.as_deref(), &stop, mode, self.remarks);
         let (sender, receiver) = channel();
-        let intake = intake.heard_by(sender);
+        let monotonic: Arc<dyn Clock> = Arc::new(MonotonicClock);
+        let clock =
+            ready.as_ref().map_or(monotonic, |ready| Arc::clone(ready.connection.link.clock()));
+        let intake = intake.heard_by(sender, Arc::clone(&clock));
         let is_replay = replayed.is_some();
         let feed = replayed.unwrap_or(Feed::Live(receiver));
         let mut sensors = Sensors::new(wear.places, feed);
@@ -83,7 +86,7 @@ impl Job<'_> {
             // The loop may not wait for a terminal: what it has to say is said elsewhere.
             let (tell, told) = channel::<String>();
             scope.spawn(move || told.into_iter().for_each(|text| remarks.say(&text)));
-            self.led(&mut sensors, ready, recorder, tell)
+            self.led(&mut sensors, ready, recorder, tell, &*clock)
         });
         self.report.sensors = match is_replay {
             false => intake.into_reports(),
@@ -150,11 +153,9 @@ impl Job<'_> {
         ready: Option<Ready>,
         recorder: Option<RunRecorder>,
         tell: Sender<String>,
+        clock: &dyn Clock,
     ) -> Result<Option<(RunRecorder, Ready)>, Error> {
-        let monotonic: Arc<dyn Clock> = Arc::new(MonotonicClock);
-        let clock =
-            ready.as_ref().map_or(monotonic, |ready| Arc::clone(ready.connection.link.clock()));
-        let guided = match self.calibrated(sensors, &*clock) {
+        let guided = match self.calibrated(sensors, clock) {
             Ok(Some(guided)) => guided,
             other => {
                 // Nothing was played: an empty recording would only be in the way.
@@ -172,7 +173,7 @@ impl Job<'_> {
         let done = match (ready, recorder) {
             (Some(ready), Some(recorder)) => self.mirrored(&mut body, ready, recorder),
             _ => {
-                self.show(&mut body, &*clock);
+                self.show(&mut body, clock);
                 Ok(None)
             }
         };

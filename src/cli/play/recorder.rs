@@ -5,6 +5,7 @@ use crate::cli::progress::Meter;
 use crate::cli::report::{Outcome, PlayReport};
 use crate::control::{Sample, Sink};
 use crate::error::Error;
+use crate::port::patient::PatientClock;
 use crate::recording::{CycleRecord, JointRecord, RecordedJoint, Recorder, RunEnd, RunStart};
 use crate::time::Instant;
 use std::path::{Path, PathBuf};
@@ -27,6 +28,8 @@ pub struct Series {
 pub struct RunRecorder {
     recorder: Option<(Arc<Recorder>, PathBuf)>,
     patient: bool,
+    /// The robot's clock, if what is recorded has the system's moments instead.
+    of_system: Option<PatientClock>,
     series: Option<Series>,
     began: Option<Instant>,
 }
@@ -58,10 +61,12 @@ impl RunRecorder {
             goal_velocity_rad_s: vec![Vec::new(); joints],
             present_rad: vec![Vec::new(); joints],
         });
-        Ok(Self { recorder, patient: !connection.real_time, series, began: None })
+        let patient = !connection.real_time;
+        Ok(Self { recorder, patient, of_system: None, series, began: None })
     }
 
-    /// Starts a recording that sensors are written to beside the loop, if one is wanted.
+    /// Starts a recording that sensors are written to beside the loop, if one is wanted. All of it has
+    /// the system's moments: the person goes on while the time of a virtual robot waits.
     ///
     /// # Errors
     /// As [`RunRecorder::begin`].
@@ -73,10 +78,18 @@ impl RunRecorder {
     ) -> Result<Self, Error> {
         let mut all = Self::begin(None, force, false, connection, motion)?;
         if let Some(path) = path {
-            let recorder = Recorder::create_for_sources(path, force, start(connection, motion))?;
+            all.of_system.clone_from(&connection.patience);
+            let mut start = start(connection, motion);
+            start.monotonic_start = all.moment(start.monotonic_start);
+            let recorder = Recorder::create_for_sources(path, force, start)?;
             all.recorder = Some((Arc::new(recorder), path.to_owned()));
         }
         Ok(all)
+    }
+
+    /// The moment at which something is recorded that was at `at` of the robot's clock just now.
+    fn moment(&self, at: Instant) -> Instant {
+        self.of_system.as_ref().map_or(at, |clock| clock.to_system(at))
     }
 
     /// This recorder as the loop's sink, telling `meter` how far the motion is.
@@ -111,7 +124,7 @@ impl RunRecorder {
         let end = RunEnd {
             outcome: word.and_then(|w| w.as_str().map(str::to_owned)).unwrap_or_default(),
             stop_reason: report.stop_reason.clone(),
-            at: connection.link.clock().now(),
+            at: self.moment(connection.link.clock().now()),
             metadata: Default::default(),
         };
         report.recording = Some(path.display().to_string());
@@ -159,9 +172,9 @@ impl Sink for Metered<'_> {
                 series.present_rad[index].push(present);
             }
         }
+        let at = self.recorder.moment(sample.at);
         let Some((recorder, _)) = &self.recorder.recorder else { return };
-        let record =
-            CycleRecord { cycle: sample.cycle, at: sample.at, joints: joint_records(sample) };
+        let record = CycleRecord { cycle: sample.cycle, at, joints: joint_records(sample) };
         // A virtual clock waits for the disk; a real one never does.
         if self.recorder.patient {
             recorder.take_patiently(record);

@@ -3,6 +3,7 @@
 use super::session::hub::Hub;
 use crate::capture::{Captured, Chain, Counts, Mode, Order, Quality};
 use crate::cli::Remarks;
+use crate::port::Clock;
 use crate::recording::{CycleRecord, RecordedSource, Recorder, SourceId, SourceKind, SourceRecord};
 use crate::time::Instant;
 use glam::DQuat;
@@ -42,16 +43,17 @@ pub enum Said {
 
 impl Said {
     /// What a captured sample says: the fused orientation once that is settled or, of a sensor that
-    /// sends no angular rate, its own.
+    /// sends no angular rate, its own. Its moments are those of `clock`.
     #[must_use]
-    pub fn of(sensor: &Arc<str>, captured: &Captured) -> Self {
+    pub fn of(sensor: &Arc<str>, captured: &Captured, clock: &dyn Clock) -> Self {
         let orientation = match captured.fused {
             Some(fused) => Some(fused.orientation).filter(|_| fused.settled),
             None => captured.sample.orientation,
         };
         let unsettled = captured.fused.is_some_and(|fused| !fused.settled);
         let anew = unsettled || captured.stamp.order == Order::Reset;
-        let (arrival, taken) = (captured.stamp.arrival, captured.stamp.taken);
+        let of_clock = |at| clock.of_system(at);
+        let (arrival, taken) = (of_clock(captured.stamp.arrival), of_clock(captured.stamp.taken));
         Self::Sample { sensor: Arc::clone(sensor), orientation, anew, arrival, taken }
     }
 }
@@ -147,7 +149,7 @@ impl Drop for StopAtEnd<'_> {
 /// What every source's thread shares.
 pub struct Intake<'a> {
     recorder: Option<&'a Recorder>,
-    listener: Option<Sender<Said>>,
+    listener: Option<(Sender<Said>, Arc<dyn Clock>)>,
     hub: Option<&'a Hub>,
     stop: &'a AtomicBool,
     pub mode: Mode,
@@ -168,10 +170,10 @@ impl<'a> Intake<'a> {
         Self { recorder, listener: None, hub: None, stop, mode, remarks, names, reports }
     }
 
-    /// Lets somebody listen as well.
+    /// Lets somebody listen as well, whose clock this is: what it hears has moments of that.
     #[must_use]
-    pub fn heard_by(mut self, listener: Sender<Said>) -> Self {
-        self.listener = Some(listener);
+    pub fn heard_by(mut self, listener: Sender<Said>, clock: Arc<dyn Clock>) -> Self {
+        self.listener = Some((listener, clock));
         self
     }
 
@@ -207,9 +209,9 @@ impl<'a> Intake<'a> {
         if let Some(hub) = self.hub {
             hub.hear(&source.name, &captured);
         }
-        if let Some(listener) = &self.listener {
+        if let Some((listener, clock)) = &self.listener {
             // Nobody listens any more: the end is near, and `stopped` says so.
-            let _ = listener.send(Said::of(&source.name, &captured));
+            let _ = listener.send(Said::of(&source.name, &captured, &**clock));
         }
         if let (Some(recorder), Some(id)) = (self.recorder, source.id) {
             recorder.take_record(id, SourceRecord::Sample(Box::new(captured)));
@@ -235,7 +237,7 @@ impl<'a> Intake<'a> {
         if let Some(hub) = self.hub {
             hub.ended(&source.name, why);
         }
-        if let Some(listener) = &self.listener {
+        if let Some((listener, _)) = &self.listener {
             let (sensor, why) = (Arc::clone(&source.name), why.to_owned());
             let _ = listener.send(Said::Ended { sensor, why });
         }

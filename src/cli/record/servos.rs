@@ -11,6 +11,7 @@ use crate::port::{Clock, MonotonicClock};
 use crate::recording::{CycleRecord, JointRecord, RecordedJoint};
 use crate::robot::{Joint, Robot};
 use crate::time::{Duration, Instant};
+use std::sync::Arc;
 
 /// A robot whose lines are open.
 pub struct Servos {
@@ -87,9 +88,11 @@ impl Servos {
         let name = self.robot_name().to_owned();
         let mut counts = Counts::default();
         let mut ended = None;
-        let mut at = MonotonicClock.now();
+        // A virtual robot's time may wait for this machine; what is recorded has the system's.
+        let clock = Arc::clone(self.connection.link.clock());
+        let mut at = clock.now();
         for cycle in 0.. {
-            MonotonicClock.sleep_until(at);
+            clock.sleep_until(at);
             if intake.stopped() {
                 break;
             }
@@ -105,7 +108,7 @@ impl Servos {
                     break;
                 }
             }
-            at = (at + self.period).max(MonotonicClock.now());
+            at = (at + self.period).max(clock.now());
         }
         intake.report(SourceReport { name, counts, ended, ..SourceReport::default() });
     }
@@ -113,6 +116,7 @@ impl Servos {
     fn read(&mut self, cycle: u64, at: Instant) -> Result<CycleRecord, String> {
         // A servo that is silent must not hold up the others for longer than a few cycles.
         let budget = at + self.period.max(Duration::from_millis(50));
+        let asked = MonotonicClock.now();
         let states = self.connection.link.whole_states(budget).map_err(|e| e.to_string())?;
         let joints = states.into_iter().map(|state| match state {
             Ok((state, _alert)) => JointRecord {
@@ -128,6 +132,6 @@ impl Servos {
                 JointRecord { missed: Some(miss.to_string().into()), ..JointRecord::default() }
             }
         });
-        Ok(CycleRecord { cycle, at, joints: joints.collect() })
+        Ok(CycleRecord { cycle, at: asked, joints: joints.collect() })
     }
 }

@@ -5,6 +5,7 @@ mod can;
 
 use super::Target;
 use super::device::Device;
+use crate::cli::connect::patience_words;
 use crate::cli::report::{Outcome, PlayReport};
 use crate::cli::signals::Signals;
 use crate::cli::{Deed, Remarks};
@@ -94,6 +95,7 @@ pub fn run(args: &MoveArgs, remarks: Remarks) -> Result<i32, Error> {
             (device.place(), device.line.into_link(robot)?)
         }
     };
+    let patience = connection.patience.clone();
     let link = &mut connection.link;
     let settings = Settings::at_rate(RATE_HZ);
     inject::point("preflight", 0);
@@ -146,6 +148,7 @@ pub fn run(args: &MoveArgs, remarks: Remarks) -> Result<i32, Error> {
     )?;
     let mut tell = PlayReport::new("servo move", &place, Vec::new());
     let moved = tell.describe_performance(&performed);
+    tell.notes.extend(patience_words(patience.as_ref()));
     // As after `play`: only a motion that came to its end is followed by limp.
     let limp = args.limp && moved && tell.outcome == Outcome::Done;
     if limp {

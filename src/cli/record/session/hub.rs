@@ -3,6 +3,7 @@
 
 use crate::capture::Captured;
 use crate::cli::record::intake::Said;
+use crate::port::MonotonicClock;
 use crate::recording::{RecordedSource, Recorder, SourceId, SourceKind, SourceRecord};
 use crate::session::still::StillSample;
 use crate::session::wearers::wearer;
@@ -72,7 +73,7 @@ impl Hub {
         let mut inner = self.inner();
         if let Some(listener) = &inner.listener {
             // Whoever listened may have heard enough.
-            let _ = listener.send(Said::of(sensor, captured));
+            let _ = listener.send(Said::of(sensor, captured, &MonotonicClock));
         }
         if let Some(still) = &mut inner.still {
             let (samples, missed) = still.entry(sensor.to_string()).or_default();
