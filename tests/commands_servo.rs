@@ -5,7 +5,10 @@ mod aloud;
 mod desk;
 
 use desk::{Desk, json, refusal, run, text};
+use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
+use std::process::{Child, Command, Output, Stdio};
+use std::time::Duration;
 
 #[test]
 fn a_scan_finds_every_servo_of_the_robot_and_writes_nothing() {
@@ -280,6 +283,66 @@ fn one_servo_is_moved_through_the_guard_and_the_referee_agrees() {
         let peak = report["peak_velocity_rad_s"].as_f64().expect("a speed");
         assert!(peak <= 30_f64.to_radians() + 1e-9, "{report:#}");
     }
+}
+
+/// OP3's head is turned by `servo move --limp`, and something done to it under way; what came of it.
+fn disturbed_under_way(desk: &Desk, disturb: impl Fn(&Child)) -> Output {
+    const ATTEMPTS: u32 = 20;
+    let bus = desk.bus();
+    let is_moving = || {
+        let world = desk.world();
+        let turned_rad = world.joint_position_rad("head_pan").expect("a joint").abs();
+        world.register("head_pan", "Torque Enable") == Some(1) && turned_rad > 0.1
+    };
+    for attempt in 1..=ATTEMPTS {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_gaitway"));
+        command.args(["servo", "move", &bus, "19", "60", "--robot", "op3", "--limp", "--json"]);
+        command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let mut child = command.spawn().expect("a run");
+        while child.try_wait().expect("a process").is_none() {
+            if is_moving() {
+                disturb(&child);
+                return child.wait_with_output().expect("an end");
+            }
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        // A machine that stalls may not have let it begin.
+        let output = child.wait_with_output().expect("an end");
+        let said = String::from_utf8_lossy(&output.stderr);
+        aloud::aloud!("DISTURBED by the machine {attempt} times before it moved: {said}");
+    }
+    panic!("it never moved");
+}
+
+#[test]
+fn a_move_that_was_stopped_is_not_followed_by_limp() {
+    let desk = Desk::with("op3");
+    let torque = || desk.world().register("head_pan", "Torque Enable");
+    let bus = desk.bus();
+    let go = ["servo", "move", &bus, "19", "3", "--robot", "op3", "--limp", "--json", "-q"];
+    let done = json(&desk::run_until_done(&go, |output| output.status.success()));
+    assert_eq!((&done["outcome"], torque()), (&"done".into(), Some(0)), "{done:#}");
+    let output = disturbed_under_way(&desk, |child| {
+        kill_process(Pid::from_child(child), Signal::INT).expect("a signal");
+    });
+    let report = json(&output);
+    // A machine that stalls may have stopped it before; nobody goes limp after that either.
+    assert_eq!(report["outcome"], "stopped", "{report:#}");
+    assert_eq!(report["left"]["holding"].as_array().map(Vec::len), Some(1), "{report:#}");
+    assert_eq!(torque(), Some(1));
+    let turned_rad = desk.world().joint_position_rad("head_pan").expect("a joint");
+    assert!((0.05..1.0).contains(&turned_rad), "it was under way: {turned_rad} rad");
+}
+
+#[test]
+fn a_servo_that_falls_silent_in_a_move_is_told_with_its_watchdog() {
+    let desk = Desk::with("op3");
+    let output = disturbed_under_way(&desk, |_| assert!(desk.world().remove("head_pan")));
+    let (report, said) = (json(&output), String::from_utf8_lossy(&output.stderr));
+    assert_eq!(report["outcome"], "stopped", "{report:#}");
+    let words = "bus watchdog may still be on";
+    assert!(report["notes"].to_string().contains(words), "{report:#}");
+    assert!(said.contains(words), "{said}");
 }
 
 #[test]

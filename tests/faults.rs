@@ -2,6 +2,8 @@
 //! a twin without the fault that ends done.
 
 mod aloud;
+#[path = "faults/attack_table.rs"]
+mod attack_table;
 #[path = "faults/attacks.rs"]
 mod attacks;
 #[path = "faults/broken.rs"]
@@ -20,8 +22,15 @@ mod mixed;
 #[path = "faults/motions.rs"]
 mod motions;
 mod scene;
+#[path = "faults/sent.rs"]
+mod sent;
 #[path = "faults/servos.rs"]
 mod servos;
+#[path = "faults/table.rs"]
+mod table;
+#[allow(dead_code)]
+#[path = "matrix/wire.rs"]
+mod wire;
 
 use aloud::aloud;
 use gaitway::control::{self, StopReason};

@@ -3,9 +3,7 @@
 //! `docs/faults.md` has the same table. A fault is held if every case that can exist today is, with the
 //! referee watching, and the same scene without the fault ends done.
 
-/// A test that holds a fault: its file, its name, and how many cases it must have run; 0 where that is
-/// not counted.
-type Held = (&'static str, &'static str, u64);
+use super::table::{self, Held};
 
 /// One of the forty.
 struct Row {
@@ -317,20 +315,13 @@ impl Row {
 
     /// As a line of a table.
     fn line(&self) -> String {
-        let mut file = "";
-        let mut tests = Vec::new();
-        for (of, name, _) in self.held_by {
-            let place = if *of == file { String::new() } else { format!("{of} ") };
-            file = of;
-            tests.push(format!("{place}`{name}`"));
-        }
         let owed =
             if self.owed.is_empty() { String::new() } else { format!("; owed: {}", self.owed) };
         format!(
             "| {} | {} | {} | {} | {} | `{}` | {}{owed} |",
             self.id,
             self.fault,
-            tests.join(", "),
+            table::named(self.held_by),
             self.cases(),
             self.rules,
             self.twin,
@@ -350,67 +341,22 @@ fn summary() -> String {
     )
 }
 
-fn root() -> &'static std::path::Path {
-    std::path::Path::new(env!("CARGO_MANIFEST_DIR"))
-}
-
-/// True if `text` has a test of this name.
-fn has_test(text: &str, name: &str) -> bool {
-    let Some(at) = text.find(&format!("fn {name}(")) else { return false };
-    let before: Vec<&str> = text[..at].lines().rev().take(4).collect();
-    before.iter().any(|line| line.trim() == "#[test]")
-}
-
 #[test]
 fn the_forty_are_those_of_the_document_and_every_test_that_is_named_exists() {
     let lines: Vec<String> = FORTY.iter().map(Row::line).collect();
     super::aloud!("{}\n{}", lines.join("\n"), summary());
-    let mut missing = Vec::new();
-    for (file, name, _) in FORTY.iter().flat_map(|row| row.held_by) {
-        let text = std::fs::read_to_string(root().join(file)).unwrap_or_default();
-        if !has_test(&text, name) {
-            missing.push(format!("{file} has no test {name}"));
-        }
-    }
-    let sources = every_source();
+    let mut missing = table::missing(FORTY.iter().flat_map(|row| row.held_by));
+    let sources = table::every_source();
     for row in FORTY.iter().filter(|row| row.twin != SAME) {
-        if !sources.iter().any(|text| has_test(text, row.twin)) {
+        if !sources.iter().any(|text| table::has_test(text, row.twin)) {
             missing.push(format!("{}: there is no twin {}", row.id, row.twin));
         }
     }
     assert_eq!(missing, [""; 0]);
-    let document = std::fs::read_to_string(root().join("docs/faults.md")).expect("a document");
-    let is_row = |line: &&str| {
-        let id = line.strip_prefix("| ").and_then(|rest| rest.split(' ').next());
-        id.is_some_and(|id| id.len() == 3 && id[1..].parse::<u8>().is_ok())
-    };
-    let written: Vec<&str> = document.lines().filter(is_row).collect();
-    for (line, wanted) in written.iter().zip(&lines) {
-        assert_eq!(line, wanted, "docs/faults.md differs from the suite");
-    }
-    assert_eq!(written.len(), FORTY.len(), "docs/faults.md has other faults");
+    let is_id = |id: &str| id.len() == 3 && id[1..].parse::<u8>().is_ok();
+    table::assert_repeated("docs/faults.md", is_id, &lines);
+    let document = table::read("docs/faults.md");
     assert!(document.contains(&summary()), "docs/faults.md does not say: {}", summary());
-}
-
-fn every_source() -> Vec<String> {
-    let mut folders = vec![
-        root().join("tests"),
-        root().join("src"),
-        root().join("sim/tests"),
-        root().join("firmware-profiles/tests"),
-    ];
-    let mut texts = Vec::new();
-    while let Some(folder) = folders.pop() {
-        for entry in std::fs::read_dir(folder).expect("a folder") {
-            let path = entry.expect("an entry").path();
-            if path.is_dir() {
-                folders.push(path);
-            } else if path.extension().is_some_and(|end| end == "rs") {
-                texts.push(std::fs::read_to_string(path).expect("a source"));
-            }
-        }
-    }
-    texts
 }
 
 #[test]

@@ -30,7 +30,12 @@ pub struct Host {
     stalled: AtomicU64,
     /// Of all bytes that went through its ports, and when.
     trace: AtomicU64,
+    /// What left it and when, once somebody wants to know.
+    sent: Mutex<Option<Vec<Sent>>>,
 }
+
+/// World time, ns, and the bytes that left a host then.
+pub type Sent = (u64, Vec<u8>);
 
 /// One time in which the host stands still.
 #[derive(Clone, Debug)]
@@ -60,6 +65,7 @@ impl Host {
             plan: Mutex::default(),
             stalled: AtomicU64::new(0),
             trace: AtomicU64::new(0xCBF2_9CE4_8422_2325),
+            sent: Mutex::default(),
         })
     }
 
@@ -78,9 +84,22 @@ impl Host {
         self.trace.load(Ordering::Relaxed)
     }
 
+    /// From now on what leaves it is kept.
+    pub fn keep_sent(&self) {
+        *self.sent.lock().expect("what was sent") = Some(Vec::new());
+    }
+
+    /// What left it since then, on whatever line.
+    pub fn sent(&self) -> Vec<Sent> {
+        self.sent.lock().expect("what was sent").clone().unwrap_or_default()
+    }
+
     fn went_by(&self, way: u8, bytes: &[u8]) {
-        let now_ns = self.world.lock().now_ns().to_le_bytes();
-        let all = [way].into_iter().chain(now_ns).chain(bytes.iter().copied());
+        let now_ns = self.world.lock().now_ns();
+        if let (0, Some(sent)) = (way, &mut *self.sent.lock().expect("what was sent")) {
+            sent.push((now_ns, bytes.to_vec()));
+        }
+        let all = [way].into_iter().chain(now_ns.to_le_bytes()).chain(bytes.iter().copied());
         let before = self.trace();
         let after =
             all.fold(before, |sum, byte| (sum ^ u64::from(byte)).wrapping_mul(0x0100_0000_01B3));
@@ -227,6 +246,32 @@ impl BytePort for CutLine {
     }
 }
 
+/// The lines of a robot as a host has them, one of which, by number, is unplugged at some time.
+fn lines(
+    robot: &Robot,
+    world: &SharedWorld,
+    host: &Arc<Host>,
+    cut: Option<(usize, u64)>,
+    latency: Duration,
+) -> (Vec<(LinePort, Duration)>, Arc<dyn Clock>) {
+    let clock = HostClock { world: VirtualClock(world.clone()), host: Arc::clone(host) };
+    let clock: Arc<dyn Clock> = Arc::new(clock);
+    let ports = robot.lines.iter().enumerate().map(|(line, facts)| {
+        let LineKind::Serial { baud_bps } = facts.kind else {
+            let line = VirtualCanLine::new(world.clone(), line);
+            let port = CutCanLine { line, host: Arc::clone(host) };
+            return (LinePort::Frames(Box::new(port)), latency);
+        };
+        let port = VirtualLine::new(world.clone(), line, baud_bps);
+        let at_ns = cut.filter(|&(number, _)| number == line).map_or(u64::MAX, |(_, at)| at);
+        let cut_at = Instant::from_nanos(at_ns);
+        let (clock, host) = (Arc::clone(&clock), Arc::clone(host));
+        let port = CutLine { line: port, clock, cut_at, host };
+        (LinePort::Bytes(Box::new(port)), latency)
+    });
+    (ports.collect(), clock)
+}
+
 pub const STRICT: Accept = Accept { firmware: false, eeprom: false };
 
 pub struct Scene {
@@ -301,22 +346,7 @@ impl Scene {
         let world = World::new(&robot.file, options).expect("a virtual robot");
         let world = SharedWorld::new(world);
         let host = Host::new(&world);
-        let clock = HostClock { world: VirtualClock(world.clone()), host: Arc::clone(&host) };
-        let clock: Arc<dyn Clock> = Arc::new(clock);
-        let ports = robot.lines.iter().enumerate().map(|(line, facts)| {
-            let LineKind::Serial { baud_bps } = facts.kind else {
-                let line = VirtualCanLine::new(world.clone(), line);
-                let port = CutCanLine { line, host: Arc::clone(&host) };
-                return (LinePort::Frames(Box::new(port)), latency);
-            };
-            let port = VirtualLine::new(world.clone(), line, baud_bps);
-            let at_ns = cut.filter(|&(number, _)| number == line).map_or(u64::MAX, |(_, at)| at);
-            let cut_at = Instant::from_nanos(at_ns);
-            let (clock, host) = (Arc::clone(&clock), Arc::clone(&host));
-            let port = CutLine { line: port, clock, cut_at, host };
-            (LinePort::Bytes(Box::new(port)), latency)
-        });
-        let ports = ports.collect();
+        let (ports, clock) = lines(&robot, &world, &host, cut, latency);
         let settings = Settings::at_rate(robot.file.rate_hz);
         Self { world, link: Link::new(robot, ports, clock), settings, host }
     }
@@ -324,20 +354,8 @@ impl Scene {
     /// The same robot, whose lines another host opens.
     pub fn reopen(&mut self) {
         let robot = self.link.robot().clone();
-        let clock: Arc<dyn Clock> = Arc::new(VirtualClock(self.world.clone()));
-        let ports = robot.lines.iter().enumerate().map(|(line, facts)| {
-            let port = match facts.kind {
-                LineKind::Serial { baud_bps } => {
-                    let port = VirtualLine::new(self.world.clone(), line, baud_bps);
-                    LinePort::Bytes(Box::new(port))
-                }
-                LineKind::Can(_) => {
-                    LinePort::Frames(Box::new(VirtualCanLine::new(self.world.clone(), line)))
-                }
-            };
-            (port, Duration::ZERO)
-        });
-        let ports = ports.collect();
+        self.host = Host::new(&self.world);
+        let (ports, clock) = lines(&robot, &self.world, &self.host, None, Duration::ZERO);
         self.link = Link::new(robot, ports, clock);
     }
 
