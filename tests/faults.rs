@@ -41,7 +41,7 @@ use gaitway_sim::{Damage, Fault, Options};
 use scene::{Scene, assert_clean, assert_excused, excuse_unreached};
 use std::collections::BTreeSet;
 
-/// Half a second into the motion: preflight and arming are over by then.
+/// Two seconds into the motion: preflight and arming are over by then.
 const MID_NS: u64 = 2_500_000_000;
 const SWING_RAD: f64 = 0.2;
 /// One robot of each kind: Dynamixel 2.0, Feetech STS, Dynamixel 1.0 (bulk and single reads), and

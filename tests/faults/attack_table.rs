@@ -1,8 +1,8 @@
-//! What broke version 0.1.0 from outside, as a table: what it did, what happens now, what is seen of it
-//! on the wire, and which test holds it. `docs/attacks.md` has the same table.
+//! What broke version 0.1.0 from outside, as a table: what it did, what happens now, what is seen of
+//! it on the wire, and which test holds it. `docs/attacks.md` has the same table.
 //!
-//! The figures come from the scenes themselves, which are run here in virtual time, and from the bytes
-//! that left the host. `GAITWAY_WRITE_ATTACKS=1` writes the document's rows anew.
+//! The figures come from the scenes themselves, which are run here in virtual time, and from the
+//! bytes that left the host. `GAITWAY_WRITE_ATTACKS=1` writes the document's rows anew.
 
 use super::attacks::{
     Freed, armed_until, armed_with_a_stall, blocked_and_freed, killed_and_started_again, kills,
@@ -52,9 +52,9 @@ const ROWS: [Row; 19] = [
     Row {
         attack: "A joint is blocked in a fast motion and let go later; or the host is killed \
                  while it is blocked.",
-        before: "Stopped, and left the goal 0.75 to 1.21 rad from the joint with torque on; let go, \
-                 a Feetech knee went there by itself, 0.83 rad at 5.4 rad/s. Killed: 0.51 to 0.74 \
-                 rad.",
+        before: "Stopped, and left the goal 0.75 to 1.21 rad from the joint with torque on; let \
+                 go, a Feetech knee went there by itself, 0.83 rad at 5.4 rad/s. Killed: 0.51 to \
+                 0.74 rad.",
         now: "No goal goes further than 0.35 rad from where its joint was last read: not in the \
               motion, not in the stop, not after it.",
         seen: blocked,
@@ -70,8 +70,8 @@ const ROWS: [Row; 19] = [
         before: "Took the answer from before: torque came on 0.31 rad from the goal (0.92 rad when \
                  the joint was turned further), and the run ended `done`, exit code 0.",
         now: "Torque comes on only after a look that is at most 50 ms old. A host that stalls \
-              after its last look cannot keep the word back: it sees by its clock once the word has \
-              left, switches torque off again and says so.",
+              after its last look cannot keep the word back: it sees by its clock once the word \
+              has left, switches torque off again and says so.",
         seen: turned_while_arming,
         held_by: &[
             (ATTACKS, "a_stall_at_any_step_of_arming_never_lets_torque_move_a_joint_that_was_\
@@ -82,8 +82,8 @@ const ROWS: [Row; 19] = [
     Row {
         attack: "One servo falls silent for good, and for 20 ms of the stop all others do.",
         before: "Gave the line up after one lost cycle: goals ended at 1.54 rad/s, the last two of \
-                 7 joints differed, the watchdogs of the others stayed on, and the report said only \
-                 that the joints hold.",
+                 7 joints differed, the watchdogs of the others stayed on, and the report said \
+                 only that the joints hold.",
         now: "A line is given up after five cycles without any answer, and even then its motion is \
               run down: the stop goes on to rest, and watchdogs are switched off.",
         seen: silent_and_a_lost_cycle,
@@ -166,7 +166,8 @@ const ROWS: [Row; 19] = [
         held_by: &[
             ("tests/replaced.rs", "a_start_that_is_refused_while_arming_leaves_the_recording_that_\
                                    was_there", 0),
-            ("tests/replaced.rs", "a_recording_takes_the_place_of_another_with_its_first_cycle", 0)],
+            ("tests/replaced.rs",
+             "a_recording_takes_the_place_of_another_with_its_first_cycle", 0)],
     },
     Row {
         attack: "The machine is so busy that the host is late for answers before the start.",
@@ -223,8 +224,8 @@ const ROWS: [Row; 19] = [
     },
     Row {
         attack: "A stranger of the network says that it is a SlimeVR tracker.",
-        before: "The socket was always open to the network; who first said a known address was that \
-                 tracker, and 64 forged greetings would have kept all others out for good.",
+        before: "The socket was always open to the network; who first said a known address was \
+                 that tracker, and 64 forged greetings would have kept all others out for good.",
         now: "The socket is open to this machine alone unless another address is given, which is \
               said; only trackers that are named as worn are heard; one that speaks is not \
               displaced, and forged ones make room.",
@@ -262,10 +263,10 @@ const ROWS: [Row; 19] = [
             ("sim/tests/suite/door.rs", "a_door_that_wakes_late_sees_no_step_that_was_none", 0)],
     },
     Row {
-        attack: "A start after the watchdogs of Dynamixel servos have stopped them, their old goals \
-                 ahead.",
-        before: "Cleared the watchdog 18 ms before it told the goal to stay, with the old goal 0.60 \
-                 rad away. What a real servo does then the maker does not say.",
+        attack: "A start after the watchdogs of Dynamixel servos have stopped them, their old \
+                 goals ahead.",
+        before: "Cleared the watchdog 18 ms before it told the goal to stay, with the old goal \
+                 0.60 rad away. What a real servo does then the maker does not say.",
         now: "Each servo is made as slow as it can be first, and the goal to stay where it is is \
               the very next word.",
         seen: bitten_watchdogs,
@@ -279,8 +280,8 @@ const ROWS: [Row; 19] = [
         attack: "A reader looks for what the documents promise.",
         before: "The table of faults called the sensors rooms that do not exist yet, though they \
                  did; there was no SECURITY.md and nothing about the dependencies.",
-        now: "Tables of faults are compared with the suite; SECURITY.md, deny.toml and a reason for \
-              each dependency are there.",
+        now: "Tables of faults are compared with the suite; SECURITY.md, deny.toml and a reason \
+              for each dependency are there.",
         seen: nothing,
         held_by: &[
             ("tests/faults/forty.rs",
@@ -308,8 +309,8 @@ fn blocked() -> String {
         let (killed, stopped): (Vec<_>, Vec<_>) = freed.iter().partition(|freed| freed.killed);
         let stopped = stopped.first().expect("one that stopped by itself");
         format!(
-            "{robot}: goal at most {:.3} rad from the joint, {:.3} rad when left; let go, it turned \
-             {:.3} rad; killed at {} moments: {:.3} rad at most",
+            "{robot}: goal at most {:.3} rad from the joint, {:.3} rad when left; let go, it \
+             turned {:.3} rad; killed at {} moments: {:.3} rad at most",
             stopped.farthest_rad,
             stopped.left_rad,
             stopped.turned_rad,
@@ -349,9 +350,9 @@ fn turned_while_arming() -> String {
         }
     }
     format!(
-        "{DUCK}, a stall before each of {} steps: {refused} refused, torque left on in {on} joints, \
-         {later} came when torque was on already; torque came on away from the joint in {far}, was \
-         off again within {:.1} ms, and turned the joint by {:.3} rad at most",
+        "{DUCK}, a stall before each of {} steps: {refused} refused, torque left on in {on} \
+         joints, {later} came when torque was on already; torque came on away from the joint in {far}, \
+         was off again within {:.1} ms, and turned the joint by {:.3} rad at most",
         refused + later,
         most(lasted_ms),
         most(turned_rad)
@@ -545,8 +546,8 @@ fn late_starts() -> String {
         }
     }
     format!(
-        "{OP3}, 24 starts, a stall of 150 ms in every 10th, 20th, .. 240th call of the port: {passed} \
-         pass, {host} name the host, {servo} blame a servo"
+        "{OP3}, 24 starts, a stall of 150 ms in every 10th, 20th, .. 240th call of the port: \
+         {passed} pass, {host} name the host, {servo} blame a servo"
     )
 }
 
@@ -606,8 +607,8 @@ fn bitten_watchdogs() -> String {
     let started = killed_and_started_again();
     format!(
         "{OP3}: {} servos stopped, their goals up to {:.2} rad away; goals are the next word after \
-         {} of {} clearings, {:.1} ms later at most; the speed limit is {} then, the lowest there is; \
-         no joint turned by more than {:.3} rad",
+         {} of {} clearings, {:.1} ms later at most; the speed limit is {} then, the lowest there \
+         is; no joint turned by more than {:.3} rad",
         started.stopped,
         started.goal_off_rad,
         started.goals_next,
