@@ -228,7 +228,8 @@ const ROWS: [Row; 19] = [
                  that tracker, and 64 forged greetings would have kept all others out for good.",
         now: "The socket is open to this machine alone unless another address is given, which is \
               said; only trackers that are named as worn are heard; one that speaks is not \
-              displaced, and forged ones make room.",
+              displaced, and forged ones make room. A tracker proves nothing: who says the address \
+              of a worn one before it speaks is still taken for it.",
         seen: nothing,
         held_by: &[
             ("tests/record_command.rs", "trackers_of_the_network_are_heard_only_where_the_socket_\
