@@ -281,6 +281,7 @@ impl Line {
             if heard.end > last_end {
                 last_end = heard.end;
                 shared.referee.instruction(self.index, chunk.when(end_ns));
+                self.inbox.asked_again();
             }
             self.carry_out(&heard, &packet, chunk.when(end_ns), chunk.baud_bps, shared);
             if rest > 0 {

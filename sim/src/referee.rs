@@ -56,7 +56,8 @@ pub enum Rule {
     ///
     /// The joint is where its host last read it: the newest position that a servo told, by its own
     /// encoder, in a status which the host has taken from the line undamaged. (Where one status of
-    /// an answer was damaged none of it counts as read.) Where it was when torque came on counts as
+    /// an answer was damaged none of it counts as read, nor what is taken after the host has said
+    /// something else: that answer was late.) Where it was when torque came on counts as
     /// read. What moves the joint after that, a hand, a load or a spring, cannot be known yet and
     /// does not count. After a fault or a hand of the simulator has turned the shaft, or made the
     /// encoder jump, the joint counts as standing anywhere between where it reads and where it was

@@ -288,8 +288,10 @@ impl World {
                 self.at(servo).restart(now_ns, now_ns + crate::servo::BOOT_NS);
             }
             Strike::Brownout { until_ns } => {
+                // However short it is, a servo that lost its power has to boot.
+                let awake_ns = until_ns.max(now_ns + crate::servo::BOOT_NS);
                 for servo in self.lines.iter_mut().flat_map(|line| &mut line.servos) {
-                    servo.restart(now_ns, until_ns);
+                    servo.restart(now_ns, awake_ns);
                 }
             }
             Strike::Stick { servo, stuck } => self.at(servo).motor.set_blocked(stuck),

@@ -14,6 +14,8 @@ const HOLD_RAD: f64 = 0.02;
 const FRESH: Duration = Duration::from_millis(50);
 /// Raw value of the lowest speed a servo's register holds.
 const SLOWEST: i64 = 1;
+/// What a joint did that is not where it was.
+const MOVED: &str = "a joint moved before torque came on; torque stays off";
 /// Looks after which a host that stalls again and again is refused.
 const MOST_LOOKS: u32 = 8;
 
@@ -166,6 +168,7 @@ fn switch_on(
     wanted()?;
     inject::point("arm-torque", 0);
     set_torque_on(link, looked_at, preflight.held, &wanted)?;
+    look_again(link, command)?;
     // The last word before the first cycle.
     wanted()
 }
@@ -259,7 +262,7 @@ fn check_where_it_was(link: &mut Link, command: &Command) -> Result<(), Error> {
     for (index, (present, goal)) in present_rad.iter().zip(command.goal_rad()).enumerate() {
         let off_rad = (present - goal).abs();
         if !(off_rad <= HOLD_RAD) {
-            return Err(Error::new("a joint moved before torque came on; torque stays off")
+            return Err(Error::new(MOVED)
                 .at(format!("joint {}", link.robot().joints[index].name))
                 .got(format!("{:.1} deg from where it was", off_rad.to_degrees()))
                 .allowed(format!("{:.1} deg", HOLD_RAD.to_degrees()))
@@ -267,6 +270,17 @@ fn check_where_it_was(link: &mut Link, command: &Command) -> Result<(), Error> {
         }
     }
     Ok(())
+}
+
+/// Nobody can keep a hand from turning a joint, or an encoder from jumping, between the last look and
+/// torque; that it did is seen now, and torque goes off again.
+fn look_again(link: &mut Link, command: &Command) -> Result<(), Error> {
+    check_where_it_was(link, command).map_err(|error| {
+        if error.what != MOVED {
+            return error;
+        }
+        Error { what: "a joint moved as torque came on; torque is off again".to_owned(), ..error }
+    })
 }
 
 /// Tells a servo that has a speed register for position moves not to exceed `raw`, or its joint's

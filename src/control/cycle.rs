@@ -70,6 +70,11 @@ pub enum Exception {
         /// Line name.
         line: String,
     },
+    /// No goal was sent to a joint while it was silent, since one might have woken it limp.
+    JointHeldBack {
+        /// Joint name.
+        joint: String,
+    },
     /// Nobody answered while the motion was run down.
     BlindRamp {
         /// For how long, s.
@@ -523,7 +528,8 @@ impl<'a> Player<'a> {
         }
     }
 
-    /// No goal goes to a line on which somebody owes an answer; who owes it for too long is silent.
+    /// No goal goes to a line on which somebody owes an answer; who owes it for too long is silent. Nor
+    /// to a joint that is silent for so long that it may have restarted, if a goal would wake it.
     fn keep_goals_from_who_owes_an_answer(&mut self, cycle: u64) {
         self.owing.retain(|&joint| !self.link.is_lost(self.link.robot().joints[joint].line));
         for line in 0..self.link.robot().lines.len() {
@@ -540,6 +546,16 @@ impl<'a> Player<'a> {
             if back && !self.link.is_lost(line) {
                 self.except(Exception::HeldBack { line: self.line_name(line) });
             }
+        }
+        for joint in 0..self.link.robot().joints.len() {
+            let of = &self.link.robot().joints[joint];
+            let wakes = of.model().is_ok_and(|model| model.goal_switches_torque_on());
+            let silent = wakes && self.silence.is_doubted(joint);
+            if silent && self.link.is_told(joint) {
+                let joint = of.name.clone();
+                self.except(Exception::JointHeldBack { joint });
+            }
+            self.link.keep_goals_from(joint, silent);
         }
         self.owing_cycles = if self.owing.is_empty() { 0 } else { self.owing_cycles + 1 };
         if let (Some(&joint), QUIET_CYCLES..) = (self.owing.first(), self.owing_cycles) {
@@ -645,6 +661,8 @@ impl<'a> Player<'a> {
 
     /// Samples the motion at the moment of writing and writes what the guard admits.
     fn write(&mut self, budget: Instant, settings: Settings, cycle: u64) -> Result<(), LinkError> {
+        // A motion of which nothing can be told yet has not begun.
+        let waits = self.written_at.is_none() && self.link.holds_back();
         // Goals are for the moment they leave, which after a lost answer is a little later.
         let clock = Arc::clone(self.link.clock());
         clock.sleep_until(self.link.ready_at());
@@ -658,7 +676,9 @@ impl<'a> Player<'a> {
         let link = &*self.link;
         let is_told = |joint| link.is_told(joint);
         self.leash.advance(since.as_secs_f64(), now, stopping, is_told, &mut self.setpoints);
-        self.written_at = Some(now);
+        if !waits {
+            self.written_at = Some(now);
+        }
         self.look_for_a_stall(since, settings, cycle);
         inject::point("admit", cycle);
         if !self.frozen {
@@ -689,13 +709,15 @@ impl<'a> Player<'a> {
     /// Looks, as the last thing before goals are admitted, whether the host stood still since the
     /// last ones: longer than is allowed, or so long that a goal would be a jump.
     fn look_for_a_stall(&mut self, since: Duration, settings: Settings, cycle: u64) {
-        let forced = self.leash.forced();
+        let forced: Vec<usize> = self.leash.forced().collect();
         let stalled = since > settings.bounds.gap;
-        if stalled || forced.is_some() && since > 2 * settings.period {
+        if stalled || !forced.is_empty() && since > 2 * settings.period {
             let gap_s = since.as_secs_f64();
             self.freeze(Exception::Stalled { gap_s });
             self.request_stop(StopReason::Stalled { gap_s }, cycle);
-        } else if let Some(joint) = forced {
+            return;
+        }
+        for joint in forced {
             let joint = self.link.robot().joints[joint].name.clone();
             self.except(Exception::GoalHeld { joint });
         }
@@ -831,6 +853,9 @@ impl Exception {
             Self::HeldBack { line } => Some(format!(
                 "no goal was sent on line {line} for a while: its servos had been silent, and a \
                  goal might have woken one that was limp"
+            )),
+            Self::JointHeldBack { joint } => Some(format!(
+                "no goal was sent to joint {joint} while it was silent: a goal might have woken it limp"
             )),
             Self::NoAnswer { joint } => Some(format!(
                 "joint {joint} gave no answer to the end: whether it heard its last goals is not known"

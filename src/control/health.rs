@@ -341,6 +341,10 @@ pub struct JointFacts {
 #[derive(Clone, Debug, Default)]
 struct JointHealth {
     missed_in_a_row: u32,
+    /// Readings since the last one that was believed which the joint cannot have reached.
+    wrong_in_a_row: u32,
+    /// Cycle of the last reading that was believed.
+    believed_in: u64,
     off_goal_since: Option<Instant>,
 }
 
@@ -401,15 +405,24 @@ impl Watch {
                 Err(Miss::NotAsked) => continue,
                 Err(miss) => {
                     joint.missed_in_a_row += 1;
-                    if joint.missed_in_a_row >= self.bounds.misses_in_a_row {
-                        let cycles = joint.missed_in_a_row;
+                    joint.wrong_in_a_row += u32::from(*miss == Miss::Implausible);
+                    let unread = sample.cycle.saturating_sub(joint.believed_in);
+                    let unread = u32::try_from(unread).unwrap_or(u32::MAX);
+                    // An encoder that jumped is back by itself before a joint that is read in turn was
+                    // read five times: the servo has turned it there.
+                    let cycles = match joint.wrong_in_a_row {
+                        0 | 1 => joint.missed_in_a_row,
+                        _ => joint.missed_in_a_row.max(unread),
+                    };
+                    if cycles >= self.bounds.misses_in_a_row {
                         let miss = miss.to_string();
                         reason.get_or_insert(StopReason::Silent { joint: name(), cycles, miss });
                     }
                     continue;
                 }
             };
-            joint.missed_in_a_row = 0;
+            (joint.missed_in_a_row, joint.wrong_in_a_row) = (0, 0);
+            joint.believed_in = sample.cycle;
             if *alert {
                 let fault = "the servo raised its alert flag".to_owned();
                 reason.get_or_insert(StopReason::ServoFault { joint: name(), fault });

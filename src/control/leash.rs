@@ -138,10 +138,9 @@ impl Leash {
         self.joints.iter().any(|joint| joint.held && joint.goal.velocity_rad_s != 0.0)
     }
 
-    /// True if a goal was stopped on the bound faster than it may brake, in the last step.
-    #[must_use]
-    pub fn forced(&self) -> Option<usize> {
-        self.joints.iter().position(|joint| joint.forced)
+    /// Joints whose goals were stopped on the bound faster than they may brake, in the last step.
+    pub fn forced(&self) -> impl Iterator<Item = usize> {
+        self.joints.iter().enumerate().filter(|(_, joint)| joint.forced).map(|(joint, _)| joint)
     }
 
     /// True if the goal of `joint` lies short of where the motion wants the joint.

@@ -76,6 +76,13 @@ impl Silence {
         (0..states.len()).filter(answered).collect()
     }
 
+    /// True if the joint was silent for so long that it may have restarted, and has not said yet that
+    /// it is as it was armed.
+    #[must_use]
+    pub fn is_doubted(&self, joint: usize) -> bool {
+        self.doubted.get(joint).copied().unwrap_or(false)
+    }
+
     /// The joint said that it is as it was armed.
     pub fn trust(&mut self, joint: usize) {
         if joint < self.doubted.len() {

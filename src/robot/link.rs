@@ -98,6 +98,8 @@ pub struct Link {
     held_back: Vec<bool>,
     /// Joints that are told no goal for now.
     waiting: Vec<bool>,
+    /// Joints that are told no goal while they are silent.
+    silent: Vec<bool>,
     /// What each joint's speed register was set to when it was armed.
     armed_speed: Vec<Option<i64>>,
     payload: Vec<u8>,
@@ -149,6 +151,7 @@ impl Link {
             muted: vec![false; joints_count],
             held_back: vec![false; lines_count],
             waiting: vec![false; joints_count],
+            silent: vec![false; joints_count],
             armed_speed: vec![None; joints_count],
             payload: Vec::new(),
         };

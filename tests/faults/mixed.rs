@@ -193,8 +193,11 @@ fn judge(outcome: &mut Outcome, played: &Played, scene: &Scene) {
 fn judge_refused(outcome: &mut Outcome, scene: &Scene) {
     let world = scene.world.lock();
     for violation in world.verdict().violations {
-        // After its last look a host that stalls cannot prevent it; it says so and undoes it.
-        let undone = outcome.words.contains("the host stalled as torque came on");
+        // After its last look a host can prevent neither a stall of its own nor that a joint is
+        // turned; it says so and undoes it.
+        let undone = ["the host stalled", "a joint moved"]
+            .iter()
+            .any(|what| outcome.words.contains(&format!("{what} as torque came on")));
         if violation.rule == gaitway_sim::Rule::TorqueOn && undone {
             *outcome.excused.entry(violation.rule.code()).or_default() += 1;
         } else {

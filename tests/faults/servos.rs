@@ -140,6 +140,25 @@ fn b11_a_restart_on_any_robot_is_seen_and_torque_never_comes_back_by_itself() {
     }
 }
 
+#[test]
+fn b11_a_servo_that_a_goal_would_wake_is_told_none_while_it_may_have_restarted() {
+    for robot in ["protocol-1", "poppy-humanoid"] {
+        let joints = Scene::with_faults(robot, Vec::new()).link.robot().joint_names();
+        for (joint, name) in joints.iter().enumerate() {
+            // Now before its turn to be read, now after it; it boots for 0.3 s.
+            for late_ms in [0, 7, 19, 41, 88, 133] {
+                let at_ns = MID_NS + (late_ms + 3 * joint as u64) * 1_000_000;
+                let fault = Fault::Reboot { joint: name.clone(), at_ns };
+                let mut scene = Scene::with_faults(robot, vec![fault]);
+                let played = scene.play_until(SWING_RAD, 8, &|| false);
+                assert_excused(&played, &scene.link);
+                let on = scene.world.lock().register(name, "Torque Enable");
+                assert_eq!(on, Some(0), "{robot}, {name}, {late_ms} ms: it was woken");
+            }
+        }
+    }
+}
+
 /// When the cycle began in which the alert of `joint` was read, ns.
 struct FirstAlert {
     joint: usize,
@@ -223,7 +242,7 @@ fn b13_servos_that_come_back_from_a_brown_out_get_no_goal_and_no_torque() {
     // While the motion is run down blindly, as it ends, and long after.
     let mut came_back = 0;
     for (robot, length_ms) in
-        ROBOTS.iter().flat_map(|robot| [60, 150, 300, 380, 900].map(|ms| (robot, ms)))
+        ROBOTS.iter().flat_map(|robot| [1, 320, 350, 380, 900].map(|ms| (robot, ms)))
     {
         let until_ns = MID_NS + length_ms * 1_000_000;
         let fault = Fault::Brownout { from_ns: MID_NS, until_ns };
@@ -323,7 +342,11 @@ fn b14_an_encoder_that_jumps_a_turn_moves_no_goal_and_stops_the_motion() {
             let wraps = counts == 4096 && played.run.stop.is_none();
             // A turn that the register does not show changes nothing; any other is a stop.
             if !wraps {
-                let stop = played.run.stop.expect("the jump went unnoticed").to_string();
+                let stop = played
+                    .run
+                    .stop
+                    .unwrap_or_else(|| panic!("{robot}, {counts}: the jump went unnoticed"))
+                    .to_string();
                 assert!(stop.contains(&joint), "{robot}, {counts} counts: {stop}");
             }
             assert_clean(&played.verdict);

@@ -76,7 +76,7 @@ pub fn left_late(ran: &Ran) -> bool {
 }
 
 /// How a report names that.
-const LATE: [&str; 2] = ["sent-late", "held-back"];
+const LATE: [&str; 3] = ["sent-late", "held-back", "joint-held-back"];
 
 fn says(ran: &Ran, words: &str) -> bool {
     ran.said.contains(words) || ran.report.as_ref().is_some_and(|r| r.to_string().contains(words))

@@ -524,6 +524,7 @@ pub fn is_excused(violation: &Violation, run: &Run, link: &Link) -> bool {
             }
             Exception::Limp { joint }
             | Exception::GoalHeld { joint }
+            | Exception::JointHeldBack { joint }
             | Exception::NoAnswer { joint }
             | Exception::StoppedByWatchdog { joint } => named(joint),
             Exception::BlindRamp { .. }

@@ -142,6 +142,13 @@ impl Inbox {
         }
     }
 
+    /// The host asks something else: what it has not taken by now is late, and tells it nothing that
+    /// it could rely on.
+    pub fn asked_again(&mut self) {
+        self.coming.iter_mut().for_each(|late| late.told = None);
+        self.telling.clear();
+    }
+
     /// Takes readable bytes; `had` hears of each position that is whole with them.
     pub fn take(&mut self, buf: &mut [u8], mut had: impl FnMut(Told)) -> usize {
         let count = buf.len().min(self.ready.len());

@@ -2,7 +2,8 @@
 
 use super::*;
 use crate::control::testing::{
-    Bench, GOAL, READ, SPEED, SYNC_READ, SYNC_WRITE, Said, TORQUE, WRITE, World, out_of_reach,
+    Bench, GOAL, PRESENT, READ, SPEED, SYNC_READ, SYNC_WRITE, Said, TORQUE, WRITE, World,
+    out_of_reach,
 };
 use crate::robot::preflight::EepromWrite;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -51,12 +52,12 @@ fn a_robot_is_armed_in_order_and_everything_is_read_back() {
         assert!(of(READ, GOAL) < place(&log, |said| said.is_torque(true)));
         assert!(place(&log, |said| said.is_torque(true)) < of(READ, TORQUE));
     }
-    // Looked at before the goals, and again as the last thing before torque.
+    // Looked at before the goals, again as the last thing before torque, and once torque is on.
     let looks: Vec<usize> = (0..log.len()).filter(|&k| log[k].instruction == SYNC_READ).collect();
     let torque = place(&log, |said| said.is_torque(true));
     assert!(looks[0] < place(&log, Said::is_goals), "{looks:?}");
-    assert_eq!(looks.last(), Some(&(torque - 1)));
-    assert_eq!(looks.len(), 2);
+    assert_eq!(looks[1], torque - 1);
+    assert_eq!(looks[2..], [log.len() - 1]);
     // One word to all, and one goal: where each stands. Torque comes on once.
     assert_eq!(log[torque].instruction, SYNC_WRITE);
     assert_eq!(log.iter().filter(|said| said.is_torque(true)).count(), 1);
@@ -264,17 +265,17 @@ fn looks(bench: &Bench) -> usize {
 #[test]
 fn a_look_during_which_the_host_stalled_is_repeated() {
     for (stalls_ms, wanted) in [
-        (&[0][..], 2),
-        (&[45], 2),
-        (&[60], 3),
-        (&[110, 190, 60], 4),
-        (&[0, 60], 3),
-        (&[60, 0, 70], 4),
+        (&[0][..], 3),
+        (&[45], 3),
+        (&[60], 4),
+        (&[110, 190, 60], 5),
+        (&[0, 60], 4),
+        (&[60, 0, 70], 5),
         // Where every look takes long it is the line that does: about the same time twice is believed.
-        (&[80, 80, 80, 80], 4),
-        (&[80, 118, 80, 118], 4),
-        (&[80, 126, 118], 4),
-        (&[118, 80, 126, 0], 4),
+        (&[80, 80, 80, 80], 5),
+        (&[80, 118, 80, 118], 5),
+        (&[80, 126, 118], 5),
+        (&[118, 80, 126, 0], 5),
     ] {
         let (bench, said) = armed_after(|bench, _| stalling_looks(bench, stalls_ms));
         assert!(said.is_ok(), "{stalls_ms:?}: {said:?}");
@@ -316,6 +317,27 @@ fn a_host_that_stalls_between_its_last_look_and_torque_has_torque_off_again() {
     assert!(place(&log, |said| said.is_torque(true)) < place(&log, |said| said.is_torque(false)));
     // Held all the while, it cannot have sunk.
     assert!(stalled_at_torque(500, true).1.is_ok());
+}
+
+#[test]
+fn a_joint_that_is_turned_as_torque_comes_on_has_torque_off_again() {
+    // A count is 1.5 mrad.
+    for (counts, off) in [(12, false), (-12, false), (15, true), (-15, true)] {
+        let (bench, said) = armed_after(|bench, _| {
+            bench.world.at_each(move |world: &mut World, said: &Said| {
+                if said.is_torque(true) {
+                    let stands = world.servos[1].word(PRESENT);
+                    world.servos[1].put_at(stands + counts);
+                }
+            });
+        });
+        assert_eq!(bench.torque(), if off { [0, 0] } else { [1, 1] }, "{counts}");
+        if off {
+            let error = refused(said);
+            assert_eq!(error.what, "a joint moved as torque came on; torque is off again");
+            assert_eq!(error.place.as_deref(), Some("joint joint1"));
+        }
+    }
 }
 
 #[test]

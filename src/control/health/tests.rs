@@ -13,6 +13,7 @@ type State = Result<(JointState, bool), Miss>;
 /// Three joints that are stopped at 70 degrees and below 6 V, cycle by cycle.
 struct Cycles {
     watch: Watch,
+    cycle: u64,
     at: Instant,
     wanted_rad: [f64; 3],
     health: Option<(usize, Health)>,
@@ -27,6 +28,7 @@ impl Cycles {
         });
         Self {
             watch: Watch::new(Bounds::default(), facts.to_vec()),
+            cycle: 0,
             at: Instant::ZERO,
             wanted_rad: [0.0; 3],
             health: None,
@@ -36,8 +38,9 @@ impl Cycles {
     /// What is said of these states, `after` the cycle before.
     fn after(&mut self, after: Duration, states: [State; 3]) -> Option<StopReason> {
         self.at = self.at + after;
+        self.cycle += 1;
         let sample = Sample {
-            cycle: 0,
+            cycle: self.cycle,
             at: self.at,
             // The goal stays near a joint that does not follow, so it must not be what is judged.
             goal_rad: &[0.0; 3],
@@ -127,6 +130,29 @@ fn a_cycle_in_which_a_joint_is_not_asked_is_neither_a_miss_nor_an_answer() {
         assert_eq!(cycles.heard(letters), None);
     }
     assert_eq!(cycles.heard(".x."), silent("knee", 5));
+}
+
+#[test]
+fn a_joint_read_in_turn_that_is_twice_where_it_cannot_be_is_not_waited_for_longer_than_others() {
+    let wrong = || Err(Miss::Implausible);
+    let not_asked = || Err(Miss::NotAsked);
+    // Every third cycle; the second wrong reading is in the sixth after the last that was believed.
+    let mut cycles = Cycles::new();
+    let turns = [well(), not_asked(), not_asked(), wrong(), not_asked(), not_asked()];
+    for turn in turns {
+        assert_eq!(cycles.see([well(), turn, well()]), None);
+    }
+    let miss = "a position the joint cannot have reached".to_owned();
+    let silent = StopReason::Silent { joint: "knee".to_owned(), cycles: 6, miss };
+    assert_eq!(cycles.see([well(), wrong(), well()]), Some(silent));
+    // One such reading is a lie, and a lost one is no reading.
+    let mut cycles = Cycles::new();
+    for turn in [well(), not_asked(), not_asked(), wrong(), not_asked(), not_asked()] {
+        assert_eq!(cycles.see([well(), turn, well()]), None);
+    }
+    for turn in [Err(Miss::Garbled), not_asked(), not_asked(), well(), wrong(), wrong()] {
+        assert_eq!(cycles.see([well(), turn, well()]), None);
+    }
 }
 
 #[test]

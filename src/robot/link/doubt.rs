@@ -20,6 +20,7 @@ impl Link {
         self.muted.fill(false);
         self.held_back.fill(false);
         self.waiting.fill(false);
+        self.silent.fill(false);
     }
 
     /// True if no goal is written to `joint` any more.
@@ -32,7 +33,7 @@ impl Link {
     #[must_use]
     pub fn is_told(&self, joint: usize) -> bool {
         let Some(of) = self.robot.joints.get(joint) else { return false };
-        let waits = self.muted[joint] || self.waiting[joint];
+        let waits = self.muted[joint] || self.waiting[joint] || self.silent[joint];
         !(waits || self.lost[of.line] || self.held_back[of.line])
     }
 
@@ -47,6 +48,14 @@ impl Link {
     pub fn let_wait(&mut self, joint: usize, waits: bool) {
         if let Some(waiting) = self.waiting.get_mut(joint) {
             *waiting = waits;
+        }
+    }
+
+    /// Writes no goals to `joint` while it is `silent`. It hears none, so nobody waits until it has
+    /// heard its last one.
+    pub fn keep_goals_from(&mut self, joint: usize, silent: bool) {
+        if let Some(of) = self.silent.get_mut(joint) {
+            *of = silent;
         }
     }
 
