@@ -89,6 +89,12 @@ pub enum Exception {
         /// Joint name.
         joint: String,
     },
+    /// A joint was silent for some cycles, or for one of the first two: it may have heard none of
+    /// their goals.
+    MissedGoals {
+        /// Joint name.
+        joint: String,
+    },
     /// A joint gave no answer to the end: whether it heard its last goals is not known.
     NoAnswer {
         /// Joint name.
@@ -139,6 +145,9 @@ const RETRIES: u32 = 1;
 const REST_RAD_S: f64 = 0.05;
 /// Goals written after the motion ended, so that the last two are equal on every joint.
 const LAST_GOALS: u32 = 2;
+
+/// Goals that begin a motion: the first two are equal.
+const FIRST_GOALS: u32 = 2;
 
 /// Cycles without any answer after which nobody is waited for any more.
 const QUIET_CYCLES: u32 = 5;
@@ -520,7 +529,7 @@ impl<'a> Player<'a> {
             let line = self.link.robot().joints[joint].line;
             match as_armed {
                 _ if self.link.is_lost(line) || self.link.is_muted(joint) => {}
-                Some(true) => self.silence.trust(joint),
+                Some(true) => self.goes_on_after_silence(joint),
                 None => self.owing.push(joint),
                 Some(false) if self.silence.is_shared(joint) => self.came_back_limp(line, cycle),
                 Some(false) => self.one_came_back_limp(joint, cycle),
@@ -566,6 +575,18 @@ impl<'a> Player<'a> {
         }
     }
 
+    fn goes_on_after_silence(&mut self, joint: usize) {
+        if !self.silence.is_shared(joint) {
+            self.missed_goals(joint);
+        }
+        self.silence.trust(joint);
+    }
+
+    fn missed_goals(&mut self, joint: usize) {
+        let joint = self.link.robot().joints[joint].name.clone();
+        self.except(Exception::MissedGoals { joint });
+    }
+
     fn one_came_back_limp(&mut self, joint: usize, cycle: u64) {
         self.leave_limp(joint);
         self.silence.trust(joint);
@@ -591,6 +612,7 @@ impl<'a> Player<'a> {
     ) -> Result<(States, Option<(usize, Health)>), LinkError> {
         let mut states = self.link.states(budget)?;
         self.believed.sift(&mut states, now, self.link.clock().now());
+        let mut missed_first = Vec::new();
         for (joint, state) in states.iter().enumerate() {
             match state {
                 Ok((state, _)) => {
@@ -602,8 +624,16 @@ impl<'a> Player<'a> {
                 }
                 Err(Miss::NotAsked) => {}
                 Err(Miss::Implausible) => self.leash.doubt(joint),
-                Err(_) => self.leash.missed(joint),
+                Err(_) => {
+                    self.leash.missed(joint);
+                    if cycle < u64::from(FIRST_GOALS) {
+                        missed_first.push(joint);
+                    }
+                }
             }
+        }
+        for joint in missed_first {
+            self.missed_goals(joint);
         }
         let joints = states.len();
         let turn = usize::try_from(cycle).unwrap_or(0);
@@ -690,7 +720,9 @@ impl<'a> Player<'a> {
         inject::point("write", cycle);
         self.link.write_goals(&self.command, budget)?;
         self.wrote = true;
-        self.goals_at_rest += u32::from(all_told && (over || self.frozen));
+        // A goal that was held may go on when its joint is let go: then the last two are to come.
+        let at_rest = all_told && (over || self.frozen);
+        self.goals_at_rest = if at_rest { self.goals_at_rest + 1 } else { 0 };
         self.look_whether_goals_left_late(now, settings);
         Ok(())
     }
@@ -856,6 +888,10 @@ impl Exception {
             )),
             Self::JointHeldBack { joint } => Some(format!(
                 "no goal was sent to joint {joint} while it was silent: a goal might have woken it limp"
+            )),
+            Self::MissedGoals { joint } => Some(format!(
+                "joint {joint} was silent for a while: it may have missed goals, and went on to the next \
+                 that it heard"
             )),
             Self::NoAnswer { joint } => Some(format!(
                 "joint {joint} gave no answer to the end: whether it heard its last goals is not known"
