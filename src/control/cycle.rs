@@ -221,6 +221,8 @@ struct Player<'a> {
     /// When the stop began, and in which cycle.
     stopped: Option<(Instant, u64)>,
     frozen: bool,
+    /// A goal to stay where the joints stand was told in a cycle.
+    stood: bool,
     goals_at_rest: u32,
     rest_since: Option<Instant>,
     believed: Believed,
@@ -355,6 +357,7 @@ impl<'a> Player<'a> {
             stop: None,
             stopped: None,
             frozen: false,
+            stood: false,
             goals_at_rest: 0,
             rest_since: None,
             resting: vec![false; limits.len()],
@@ -691,8 +694,9 @@ impl<'a> Player<'a> {
 
     /// Samples the motion at the moment of writing and writes what the guard admits.
     fn write(&mut self, budget: Instant, settings: Settings, cycle: u64) -> Result<(), LinkError> {
-        // A motion of which nothing can be told yet has not begun.
-        let waits = self.written_at.is_none() && self.link.holds_back();
+        // A motion begins with two equal goals, and has not begun while none can be told: of a servo
+        // that does not hear one of them the next is no step.
+        let waits = self.written_at.is_none() && (!self.stood || self.link.holds_back());
         // Goals are for the moment they leave, which after a lost answer is a little later.
         let clock = Arc::clone(self.link.clock());
         clock.sleep_until(self.link.ready_at());
@@ -720,6 +724,7 @@ impl<'a> Player<'a> {
         inject::point("write", cycle);
         self.link.write_goals(&self.command, budget)?;
         self.wrote = true;
+        self.stood |= all_told;
         // A goal that was held may go on when its joint is let go: then the last two are to come.
         let at_rest = all_told && (over || self.frozen);
         self.goals_at_rest = if at_rest { self.goals_at_rest + 1 } else { 0 };

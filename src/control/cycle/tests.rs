@@ -200,11 +200,12 @@ fn goals_are_those_of_the_motion_at_the_moment_they_are_written() {
     assert_eq!(played.stops, 0);
     let goals = played.goals();
     assert_eq!(goals.len(), played.steps.len());
-    let began = played.steps[0].1;
+    // The first two are to stay: the motion begins with the second.
+    let began = played.steps[1].1;
     let mut last = began;
     for (said, &(dt_s, now)) in goals.iter().zip(&played.steps) {
         assert_eq!(dt_s, now.since(last).as_secs_f64());
-        last = now;
+        last = now.max(began);
         // 13 bytes and 2 goals, sent at once.
         assert!(said.at >= now && said.at.since(now) < MS, "{said:?}");
         let mut wanted = [Setpoint::default(); 2];
@@ -268,7 +269,7 @@ fn the_sink_sees_each_cycle_with_the_goal_in_effect_and_what_was_read() {
         if k > 0 {
             let mut wanted = [Setpoint::default(); 2];
             let written = played.steps.get(k - 1).map(|step| step.1);
-            let motion_s = written.map_or(2.0, |at| at.since(played.steps[0].1).as_secs_f64());
+            let motion_s = written.map_or(2.0, |at| at.since(played.steps[1].1).as_secs_f64());
             played.trajectory.sample(motion_s, &mut wanted);
             assert!((wanted[1].velocity_rad_s - speed).abs() < 1e-9, "{k}");
         }
