@@ -1,6 +1,7 @@
 //! A few servos on lines, for the tests of this room: as little of a Feetech STS servo as arming and
 //! the cycle see, as bytes in registers. Time moves only by sleeping and by waiting for bytes.
 
+pub(super) mod damiao;
 mod preflight;
 
 use crate::bus::Protocol;
@@ -11,7 +12,9 @@ use crate::port::{BytePort, Clock, PortError};
 use crate::robot::preflight::{Accept, Preflight, preflight};
 use crate::robot::{Drive, LinePort, Link, Robot, ServoDrive};
 use crate::time::{Duration, Instant};
-use gaitway_profiles::{Role, Unit};
+use crate::wire::can::CanFrame;
+use damiao::{CanPort, Damiao};
+use gaitway_profiles::{LineKind, Role, Unit};
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -172,6 +175,13 @@ pub(super) struct World {
     pub oversleeps: Option<(Instant, Duration)>,
     lines: Vec<FakeLine>,
     hook: Option<Hook>,
+    /// In the robot's order, after the servos.
+    pub actuators: Vec<Damiao>,
+    /// What was said on the CAN line, and when.
+    pub frames: Vec<(Instant, CanFrame)>,
+    answers: VecDeque<(u64, CanFrame)>,
+    /// How long the host stands still before each question of this kind to an actuator leaves.
+    pub slow: Option<(u8, Duration)>,
 }
 
 impl World {
@@ -428,7 +438,10 @@ impl Bench {
     pub fn of(robot: Robot) -> Self {
         let world = Shared::default();
         for joint in &robot.joints {
-            let drive = joint.servo().expect("a servo");
+            let Some(drive) = joint.servo() else {
+                world.lock().actuators.push(Damiao::new(joint.id));
+                continue;
+            };
             assert_eq!(drive.model.protocol(), Protocol::FeetechSts);
             let mut servo = Servo {
                 line: joint.line,
@@ -458,9 +471,13 @@ impl Bench {
             world.lock().servos.push(servo);
         }
         world.lock().lines = robot.lines.iter().map(|_| FakeLine::default()).collect();
-        let port = |line| {
-            let port: Box<dyn BytePort> = Box::new(Port { world: world.clone(), line });
-            (LinePort::from(port), Duration::from_millis(1))
+        let port = |line: usize| {
+            let world = world.clone();
+            let port = match robot.lines[line].kind {
+                LineKind::Can(_) => LinePort::Frames(Box::new(CanPort(world))),
+                LineKind::Serial { .. } => LinePort::Bytes(Box::new(Port { world, line })),
+            };
+            (port, Duration::from_millis(1))
         };
         let ports = (0..robot.lines.len()).map(port).collect();
         Self { link: Link::new(robot, ports, Arc::new(world.clone())), world }
