@@ -2,6 +2,7 @@
 //! the cycle see, as bytes in registers. Time moves only by sleeping and by waiting for bytes.
 
 pub(super) mod damiao;
+mod modes;
 mod preflight;
 
 use crate::bus::Protocol;

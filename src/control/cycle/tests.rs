@@ -1021,16 +1021,22 @@ fn a_stall_is_one_exception_and_none_once_the_last_goals_are_told() {
 }
 
 /// Lets a player that is about to begin, over two servos, be looked at from inside.
-fn with_player<T>(look: impl FnOnce(&mut Player<'_>) -> T) -> (T, Bench) {
+fn with_player<T>(look: impl FnOnce(&mut Player<'_>, &Shared) -> T) -> (T, Bench) {
+    with_player_of(&mut Standing, look)
+}
+
+fn with_player_of<T>(
+    motion: &mut dyn Motion,
+    look: impl FnOnce(&mut Player<'_>, &Shared) -> T,
+) -> (T, Bench) {
     let mut bench = Bench::new(&[0, 0]);
     let found = bench.checked();
     let armed = arm(&mut bench.link, &found, &|| false).and_then(Arming::done).expect("armed");
     bench.forget_log();
     let began = bench.link.clock().now();
-    let mut motion = Standing;
-    let mut player =
-        Player::new(&mut bench.link, armed, &mut motion, began, Settings::at_rate(50.0));
-    let seen = look(&mut player);
+    let world = bench.world.clone();
+    let mut player = Player::new(&mut bench.link, armed, motion, began, Settings::at_rate(50.0));
+    let seen = look(&mut player, &world);
     drop(player);
     (seen, bench)
 }
@@ -1053,7 +1059,7 @@ fn stop_dead(player: &mut Player<'_>) {
 
 #[test]
 fn a_goal_that_was_held_at_once_is_told_as_such_and_that_once() {
-    let ((exceptions, stop, frozen), _) = with_player(|player| {
+    let ((exceptions, stop, frozen), _) = with_player(|player, _| {
         stop_dead(player);
         let settings = Settings::at_rate(50.0);
         for since in [T, 2 * T] {
@@ -1068,7 +1074,7 @@ fn a_goal_that_was_held_at_once_is_told_as_such_and_that_once() {
 #[test]
 fn a_goal_that_would_have_to_be_held_at_once_after_more_than_two_periods_is_a_stall() {
     for since in [2 * T + NS, 3 * T] {
-        let ((exceptions, stop, frozen), _) = with_player(|player| {
+        let ((exceptions, stop, frozen), _) = with_player(|player, _| {
             stop_dead(player);
             player.look_for_a_stall(since, Settings::at_rate(50.0), 7);
             (player.exceptions.clone(), player.stop.clone(), player.frozen)
@@ -1082,7 +1088,7 @@ fn a_goal_that_would_have_to_be_held_at_once_after_more_than_two_periods_is_a_st
 #[test]
 fn a_pause_of_which_no_goal_would_be_a_jump_is_a_stall_after_100_ms_only() {
     let stalled = |since: Duration| {
-        let look = |player: &mut Player<'_>| {
+        let look = |player: &mut Player<'_>, _: &Shared| {
             player.look_for_a_stall(since, Settings::at_rate(50.0), 7);
             (player.exceptions.len(), player.frozen)
         };
@@ -1095,7 +1101,7 @@ fn a_pause_of_which_no_goal_would_be_a_jump_is_a_stall_after_100_ms_only() {
 #[test]
 fn a_program_that_breaks_when_the_motion_is_over_or_nobody_is_left_makes_no_more_goals() {
     let broken = |goals_at_rest: u32, deserted: bool| {
-        let (more, bench) = with_player(|player| {
+        let (more, bench) = with_player(|player, _| {
             (player.goals_at_rest, player.deserted) = (goals_at_rest, deserted);
             player.broke("on purpose".to_owned(), 7, Settings::at_rate(50.0))
         });
@@ -1104,4 +1110,21 @@ fn a_program_that_breaks_when_the_motion_is_over_or_nobody_is_left_makes_no_more
     assert_eq!(broken(LAST_GOALS - 1, false), (true, 1));
     assert_eq!(broken(LAST_GOALS, false), (false, 0));
     assert_eq!(broken(0, true), (false, 0));
+}
+
+#[test]
+fn a_motion_that_breaks_for_good_and_whose_last_goal_cannot_be_told_is_left_after_four_times() {
+    struct Broken;
+    impl Motion for Broken {
+        fn advance(&mut self, _dt_s: f64, _now: Instant, _setpoints: &mut [Setpoint]) -> bool {
+            panic!("on purpose");
+        }
+        fn stop(&mut self) {}
+    }
+    let settings = Settings::at_rate(50.0);
+    let (more, _) = with_player_of(&mut Broken, |player, world| {
+        world.lock().unplug(0);
+        [(); 4].map(|()| player.broke("on purpose".to_owned(), 7, settings))
+    });
+    assert_eq!(more, [true, true, true, false]);
 }

@@ -226,3 +226,6 @@ pub(super) fn check_measured(link: &mut Link, found: &Preflight) -> Result<(), E
         .allowed(allowed(period_s))
         .remedy(remedy))
 }
+
+#[cfg(test)]
+mod tests;
