@@ -2,6 +2,7 @@
 //! the cycle see, as bytes in registers. Time moves only by sleeping and by waiting for bytes.
 
 pub(super) mod damiao;
+mod lines;
 mod modes;
 mod preflight;
 
@@ -172,6 +173,8 @@ pub(super) struct World {
     /// In the robot's order.
     pub servos: Vec<Servo>,
     pub log: Vec<Said>,
+    /// Questions to several servos are answered so much later than others.
+    pub answers_later: Duration,
     /// The host that sleeps until this moment wakes up so late.
     pub oversleeps: Option<(Instant, Duration)>,
     lines: Vec<FakeLine>,
@@ -230,6 +233,7 @@ impl World {
                 self.answer(line, *id, None, &mut end_ns);
             }
             SYNC_READ => {
+                end_ns += u64::try_from(self.answers_later.as_nanos()).expect("short");
                 for &id in &params[2..] {
                     self.answer(line, id, Some((params[0], params[1])), &mut end_ns);
                 }
@@ -437,6 +441,11 @@ impl Bench {
     }
 
     pub fn of(robot: Robot) -> Self {
+        Self::behind(robot, Duration::from_millis(1))
+    }
+
+    /// The same behind adapters that hold bytes back for so long at most.
+    pub fn behind(robot: Robot, latency: Duration) -> Self {
         let world = Shared::default();
         for joint in &robot.joints {
             let Some(drive) = joint.servo() else {
@@ -478,7 +487,7 @@ impl Bench {
                 LineKind::Can(_) => LinePort::Frames(Box::new(CanPort(world))),
                 LineKind::Serial { .. } => LinePort::Bytes(Box::new(Port { world, line })),
             };
-            (port, Duration::from_millis(1))
+            (port, latency)
         };
         let ports = (0..robot.lines.len()).map(port).collect();
         Self { link: Link::new(robot, ports, Arc::new(world.clone())), world }
