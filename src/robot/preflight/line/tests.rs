@@ -112,6 +112,10 @@ fn joints_that_are_read_in_turns_since_servos_wait_are_a_note() {
         assert_eq!(found.lines, plans(WAITS, IN_TURNS));
         assert_eq!(link.return_delays(), [WAITS; 2], "as it was");
     }
+    // The same on the only line of a robot.
+    let (mut link, mut found) = waiting(Robot::load("op3").expect("shipped"), FACTORY, WAITS);
+    check_line_speed(&mut link, hz(IN_TURNS), STRICT, &mut found).expect("it fits");
+    assert_eq!(found.notes, [OFTEN]);
 }
 
 #[test]
