@@ -216,6 +216,24 @@ fn a_watchdog_that_was_left_on_or_has_bitten_is_cleared_and_said() {
 }
 
 #[test]
+fn a_watchdog_is_believed_to_be_on_when_it_was_read_so_twice() {
+    // What it reads, time and again; how often it is asked, and whether it is to be switched off.
+    for (reads, times, written) in [(&[0][..], 1, 0), (&[10, 0], 2, 0), (&[10, 10], 2, 1)] {
+        let mut bench = Bench::of(watched(robot(&[0, 0]), &[1]));
+        let mut asked = 0;
+        bench.world.at_each(move |world: &mut World, said: &Said| {
+            if said.is(READ, WATCHDOG) {
+                world.servos[1].set(WATCHDOG, reads[asked]);
+                asked += 1;
+            }
+        });
+        assert_eq!(checked(&mut bench).expect("passes").to_write.len(), written, "{reads:?}");
+        let asked = bench.log().iter().filter(|said| said.is(READ, WATCHDOG)).count();
+        assert_eq!(asked, times, "{reads:?}");
+    }
+}
+
+#[test]
 fn a_servo_that_reports_an_error_is_refused_with_its_words() {
     let error = refused(with(|servo| servo.set(STATUS, 0x24)), "a servo reports a hardware error");
     assert_eq!(error.got.as_deref(), Some("overheating, overload"));
