@@ -194,6 +194,12 @@ impl World {
         self.now_ns += u64::try_from(lasts.as_nanos()).expect("short");
     }
 
+    /// Nothing happens until then.
+    fn wait_until(&mut self, at: Instant) {
+        self.now_ns = self.now_ns.max(at.as_nanos());
+        assert!(self.now_ns < LONGEST_NS, "it never ends");
+    }
+
     /// The adapter of a line is pulled out.
     pub fn unplug(&mut self, line: usize) {
         self.lines[line].gone = true;
@@ -298,11 +304,10 @@ impl Clock for Shared {
 
     fn sleep_until(&self, at: Instant) {
         let mut world = self.lock();
-        world.now_ns = world.now_ns.max(at.as_nanos());
+        world.wait_until(at);
         if let Some((_, late)) = world.oversleeps.take_if(|(until, _)| *until == at) {
             world.stall(late);
         }
-        assert!(world.now_ns < LONGEST_NS, "it never ends");
     }
 }
 
@@ -330,7 +335,7 @@ impl BytePort for Port {
         }
         let comes_ns = line.inbox.front().map(|&(at_ns, _)| at_ns.max(now_ns));
         let Some(comes_ns) = comes_ns.filter(|&at_ns| at_ns <= deadline.as_nanos()) else {
-            world.now_ns = now_ns.max(deadline.as_nanos());
+            world.wait_until(deadline);
             return Err(PortError::TimedOut);
         };
         let mut count = 0;

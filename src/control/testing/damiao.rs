@@ -134,7 +134,7 @@ impl FramePort for CanPort {
         let world = &mut *self.0.lock();
         let first = world.answers.front().map(|&(at_ns, frame)| (at_ns.max(world.now_ns), frame));
         let Some((at_ns, frame)) = first.filter(|&(at_ns, _)| at_ns <= deadline.as_nanos()) else {
-            world.now_ns = world.now_ns.max(deadline.as_nanos());
+            world.wait_until(deadline);
             return Err(PortError::TimedOut);
         };
         world.answers.pop_front();
@@ -149,6 +149,17 @@ impl FramePort for CanPort {
 
 /// The same robot with so many actuators more, on a CAN line of their own: the first has ID 1.
 pub(crate) fn with_actuators(robot: Robot, count: u8) -> Robot {
+    with_others(robot, count, "dm4310", None)
+}
+
+/// The same with others, which let go after this silence; there is nobody behind them who speaks
+/// their language.
+pub(crate) fn with_others(
+    robot: Robot,
+    count: u8,
+    actuator: &str,
+    timeout_s: Option<f64>,
+) -> Robot {
     let mut file = robot.file;
     let on_can = Robot::load("berkeley-humanoid-lite").expect("shipped").file;
     let mut line = on_can.lines[0].clone();
@@ -157,8 +168,8 @@ pub(crate) fn with_actuators(robot: Robot, count: u8) -> Robot {
     for id in 1..=count {
         let mut joint = on_can.joints[0].clone();
         (joint.name, joint.line) = (format!("joint{}", file.joints.len()), "can".to_owned());
-        (joint.servo, joint.id) = ("dm4310".to_owned(), id);
-        (joint.parent, joint.timeout_configured_s) = (None, None);
+        (joint.servo, joint.id) = (actuator.to_owned(), id);
+        (joint.parent, joint.timeout_configured_s) = (None, timeout_s);
         joint.answer_id = Some(0x10 + u16::from(id));
         (joint.kp_nm_rad, joint.kd_nm_s_rad) = (Some(40.0), Some(1.5));
         file.joints.push(joint);

@@ -1,9 +1,11 @@
 //! Every check before torque, over servos that are as their robot file says but for one thing.
 
-use super::damiao::{self, CTRL_MODE, Damiao, HOW_IT_IS, PMAX, REGISTERS, with_actuators};
+use super::damiao::{
+    self, CTRL_MODE, Damiao, HOW_IT_IS, PMAX, REGISTERS, with_actuators, with_others,
+};
 use super::{
     Bench, PRESENT, READ, STATUS, SYNC_READ, Said, Servo, Shared, T, TORQUE, WATCHDOG, World,
-    drive, out_of_reach, robot, watched, with_profile,
+    drive, robot, watched, with_profile,
 };
 use crate::bus::{AskError, Miss};
 use crate::error::Error;
@@ -519,12 +521,13 @@ fn an_actuator_that_drives_makes_it_a_robot_that_is_held() {
     assert!(with_actuator(|of| of.state = 1).0.expect("passes").held);
 }
 
-/// Why two such actuators, which let go after this silence, are refused in cycles of 20 ms. They are out
-/// of reach: who is not refused for that is asked next, in vain.
+/// Why two such actuators, which let go after this silence, are refused in cycles of 20 ms. They are
+/// silent: who is not refused for that is asked next, in vain.
 fn refused_for_its_watch(actuator: &str, timeout_s: Option<f64>) -> Option<Error> {
-    let mut link = out_of_reach(actuator, [timeout_s; 2]);
-    let error = preflight(&mut link, T, STRICT).expect_err("nobody answers");
-    error.what.starts_with("an actuator").then_some(error)
+    let mut bench = Bench::of(with_others(robot(&[0]), 2, actuator, timeout_s));
+    bench.world.lock().actuators.iter_mut().for_each(|actuator| actuator.silent = true);
+    let error = checked(&mut bench).expect_err("nobody answers");
+    (error.what != "an actuator does not answer").then_some(error)
 }
 
 #[test]
