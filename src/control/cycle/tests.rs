@@ -1041,8 +1041,8 @@ fn with_player_of<T>(
     (seen, bench)
 }
 
-/// Joint 1 moved at 2.5 rad/s, its goal ahead of it by almost as much as may be, and stopped dead: the
-/// goal is on the bound at once.
+/// Joint 1 moved at 2.5 rad/s, its goal ahead of it by almost as much as may be, and stopped dead:
+/// the goal is on the bound at once.
 fn stop_dead(player: &mut Player<'_>) {
     let began = player.link.clock().now();
     let mut advance = |at: u32, present_rad: f64, wanted_rad: f64| {

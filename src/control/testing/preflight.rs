@@ -521,8 +521,8 @@ fn an_actuator_that_drives_makes_it_a_robot_that_is_held() {
     assert!(with_actuator(|of| of.state = 1).0.expect("passes").held);
 }
 
-/// Why two such actuators, which let go after this silence, are refused in cycles of 20 ms. They are
-/// silent: who is not refused for that is asked next, in vain.
+/// Why two such actuators, which let go after this silence, are refused in cycles of 20 ms. They
+/// are silent: who is not refused for that is asked next, in vain.
 fn refused_for_its_watch(actuator: &str, timeout_s: Option<f64>) -> Option<Error> {
     let mut bench = Bench::of(with_others(robot(&[0]), 2, actuator, timeout_s));
     bench.world.lock().actuators.iter_mut().for_each(|actuator| actuator.silent = true);

@@ -248,7 +248,7 @@ fn a_line_of_servos_is_not_silent_for_long_while_actuators_are_told_their_watch(
     heard.extend(bench.log().iter().map(|said| said.at));
     heard.push(bench.link.clock().now());
     let longest = heard.windows(2).map(|two| two[1].since(two[0])).max();
-    // Looked at before each watch, which is read twice as it is set and once as it is ended: the next
-    // but one at the latest finds the line silent for more than 50 ms.
+    // Looked at before each watch, which is read twice as it is set and once as it is ended: the
+    // next but one at the latest finds the line silent for more than 50 ms.
     assert!(longest < Some(Duration::from_millis(80)), "{longest:?}");
 }

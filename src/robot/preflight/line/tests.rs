@@ -49,8 +49,8 @@ fn carries(delay: Duration, rate_hz: f64) -> Vec<(bool, usize)> {
     plans(delay, rate_hz).iter().map(|plan| (plan.fits, plan.turns)).collect()
 }
 
-/// At these rates the first line reads all joints in each cycle, some, and is too slow, as the servos
-/// leave the factory; too slow also for servos that do not wait.
+/// At these rates the first line reads all joints in each cycle, some, and is too slow, as the
+/// servos leave the factory; too slow also for servos that do not wait.
 const EASY: f64 = 40.0;
 const IN_TURNS: f64 = 120.0;
 const TOO_FAST: f64 = 300.0;

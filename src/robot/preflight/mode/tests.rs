@@ -8,8 +8,8 @@ use crate::wire::checksum::crc16;
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex};
 
-/// What its register holds when it is asked next, the last one for good; what it says; and how often
-/// it was asked.
+/// What its register holds when it is asked next, the last one for good; what it says; and how
+/// often it was asked.
 #[derive(Default)]
 struct Servo {
     now: Instant,
