@@ -1,6 +1,9 @@
 //! A few servos on lines, for the tests of this room: as little of a Feetech STS servo as arming and
 //! the cycle see, as bytes in registers. Time moves only by sleeping and by waiting for bytes.
 
+pub(super) mod damiao;
+mod lines;
+mod modes;
 mod preflight;
 
 use crate::bus::Protocol;
@@ -11,7 +14,9 @@ use crate::port::{BytePort, Clock, PortError};
 use crate::robot::preflight::{Accept, Preflight, preflight};
 use crate::robot::{Drive, LinePort, Link, Robot, ServoDrive};
 use crate::time::{Duration, Instant};
-use gaitway_profiles::{Role, Unit};
+use crate::wire::can::CanFrame;
+use damiao::{CanPort, Damiao};
+use gaitway_profiles::{LineKind, Role, Unit};
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -168,16 +173,31 @@ pub(super) struct World {
     /// In the robot's order.
     pub servos: Vec<Servo>,
     pub log: Vec<Said>,
+    /// Questions to several servos are answered so much later than others.
+    pub answers_later: Duration,
     /// The host that sleeps until this moment wakes up so late.
     pub oversleeps: Option<(Instant, Duration)>,
     lines: Vec<FakeLine>,
     hook: Option<Hook>,
+    /// In the robot's order, after the servos.
+    pub actuators: Vec<Damiao>,
+    /// What was said on the CAN line, and when.
+    pub frames: Vec<(Instant, CanFrame)>,
+    answers: VecDeque<(u64, CanFrame)>,
+    /// How long the host stands still before each question of this kind to an actuator leaves.
+    pub slow: Option<(u8, Duration)>,
 }
 
 impl World {
     /// The host does not run for a while.
     pub fn stall(&mut self, lasts: Duration) {
         self.now_ns += u64::try_from(lasts.as_nanos()).expect("short");
+    }
+
+    /// Nothing happens until then.
+    fn wait_until(&mut self, at: Instant) {
+        self.now_ns = self.now_ns.max(at.as_nanos());
+        assert!(self.now_ns < LONGEST_NS, "it never ends");
     }
 
     /// The adapter of a line is pulled out.
@@ -219,6 +239,7 @@ impl World {
                 self.answer(line, *id, None, &mut end_ns);
             }
             SYNC_READ => {
+                end_ns += u64::try_from(self.answers_later.as_nanos()).expect("short");
                 for &id in &params[2..] {
                     self.answer(line, id, Some((params[0], params[1])), &mut end_ns);
                 }
@@ -283,11 +304,10 @@ impl Clock for Shared {
 
     fn sleep_until(&self, at: Instant) {
         let mut world = self.lock();
-        world.now_ns = world.now_ns.max(at.as_nanos());
+        world.wait_until(at);
         if let Some((_, late)) = world.oversleeps.take_if(|(until, _)| *until == at) {
             world.stall(late);
         }
-        assert!(world.now_ns < LONGEST_NS, "it never ends");
     }
 }
 
@@ -315,7 +335,7 @@ impl BytePort for Port {
         }
         let comes_ns = line.inbox.front().map(|&(at_ns, _)| at_ns.max(now_ns));
         let Some(comes_ns) = comes_ns.filter(|&at_ns| at_ns <= deadline.as_nanos()) else {
-            world.now_ns = now_ns.max(deadline.as_nanos());
+            world.wait_until(deadline);
             return Err(PortError::TimedOut);
         };
         let mut count = 0;
@@ -426,9 +446,17 @@ impl Bench {
     }
 
     pub fn of(robot: Robot) -> Self {
+        Self::behind(robot, Duration::from_millis(1))
+    }
+
+    /// The same behind adapters that hold bytes back for so long at most.
+    pub fn behind(robot: Robot, latency: Duration) -> Self {
         let world = Shared::default();
         for joint in &robot.joints {
-            let drive = joint.servo().expect("a servo");
+            let Some(drive) = joint.servo() else {
+                world.lock().actuators.push(Damiao::new(joint.id));
+                continue;
+            };
             assert_eq!(drive.model.protocol(), Protocol::FeetechSts);
             let mut servo = Servo {
                 line: joint.line,
@@ -458,9 +486,13 @@ impl Bench {
             world.lock().servos.push(servo);
         }
         world.lock().lines = robot.lines.iter().map(|_| FakeLine::default()).collect();
-        let port = |line| {
-            let port: Box<dyn BytePort> = Box::new(Port { world: world.clone(), line });
-            (LinePort::from(port), Duration::from_millis(1))
+        let port = |line: usize| {
+            let world = world.clone();
+            let port = match robot.lines[line].kind {
+                LineKind::Can(_) => LinePort::Frames(Box::new(CanPort(world))),
+                LineKind::Serial { .. } => LinePort::Bytes(Box::new(Port { world, line })),
+            };
+            (port, latency)
         };
         let ports = (0..robot.lines.len()).map(port).collect();
         Self { link: Link::new(robot, ports, Arc::new(world.clone())), world }

@@ -1,11 +1,15 @@
 //! Arming, over servos that do what they are told, or do not.
 
 use super::*;
+use crate::control::testing::damiao::{
+    CTRL_MODE, Damiao, ENABLE, HOW_IT_IS, REGISTERS, with_actuators,
+};
 use crate::control::testing::{
     Bench, GOAL, PRESENT, READ, SPEED, SYNC_READ, SYNC_WRITE, Said, TORQUE, WRITE, World,
-    out_of_reach,
+    out_of_reach, robot,
 };
 use crate::robot::preflight::EepromWrite;
+use crate::wire::can::CanFrame;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 const MS: Duration = Duration::from_millis(1);
@@ -482,4 +486,107 @@ fn an_actuator_that_is_out_of_reach_confirms_nothing() {
     assert_eq!(write_setting(&mut link, 0, 9, 0).expect_err("nobody").what, what);
     let error = disarm(&mut link).expect_err("nobody");
     assert_eq!(error.got.as_deref(), Some("no confirmation from joint0, joint1"));
+}
+
+/// One servo, and so many actuators on a CAN line, after all checks and with nothing said yet.
+fn with_can(actuators: u8) -> (Bench, Preflight) {
+    let mut bench = Bench::of(with_actuators(robot(&[0]), actuators));
+    let found = bench.checked();
+    bench.forget_log();
+    (bench, found)
+}
+
+fn of(bench: &Bench, actuator: usize) -> Damiao {
+    bench.world.lock().actuators[actuator].clone()
+}
+
+fn is_order(frame: &CanFrame, id: u8, order: u8) -> bool {
+    let to_it = frame.id().number() == u32::from(id);
+    to_it && frame.payload() == [0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, order]
+}
+
+#[test]
+fn an_actuator_is_told_where_it_stands_and_then_to_drive() {
+    let (mut bench, mut found) = with_can(2);
+    bench.world.lock().actuators[1].position = 0x8100;
+    // Of 12.5 rad to either side in 65535 steps.
+    found.start_rad[2] = 25.0 * f64::from(0x8100) / 65535.0 - 12.5;
+    arm(&mut bench.link, &found, &never).and_then(Arming::done).expect("armed");
+    for (actuator, id, position) in [(0, 1, 0x7FFF_u16), (1, 2, 0x8100)] {
+        let Damiao { state, position: stands, .. } = of(&bench, actuator);
+        assert_eq!((state, stands.abs_diff(position) <= 1), (1, true), "{stands:#X}");
+        let frames = bench.world.lock().frames.clone();
+        let orders = frames.iter().filter(|(_, frame)| is_order(frame, id, ENABLE)).count();
+        assert_eq!(orders, 1);
+        let last = frames.iter().rfind(|(_, frame)| frame.id().number() == u32::from(id));
+        let told = last.expect("told").1.payload()[..2].to_vec();
+        assert!(u16::from_be_bytes([told[0], told[1]]).abs_diff(position) <= 1, "{told:02X?}");
+    }
+}
+
+#[test]
+fn an_actuator_that_does_not_keep_a_setting_ends_arming_before_torque() {
+    let written = |forgets: &[u8]| {
+        let (mut bench, mut found) = with_can(2);
+        {
+            let actuator = &mut bench.world.lock().actuators[1];
+            actuator.registers[usize::from(CTRL_MODE)] = 2;
+            actuator.forgets = forgets.to_vec();
+        }
+        found.settings.push((2, CTRL_MODE.into(), 1));
+        let said = arm(&mut bench.link, &found, &never).and_then(Arming::done);
+        (bench, said)
+    };
+    let (bench, said) = written(&[]);
+    said.expect("armed");
+    assert_eq!((of(&bench, 1).register(CTRL_MODE), of(&bench, 1).state), (1, 1));
+    let (bench, said) = written(&[CTRL_MODE]);
+    let error = said.expect_err("not kept");
+    assert_eq!(error.what, "an actuator did not keep what was written");
+    assert_eq!(error.place.as_deref(), Some("joint joint2, setting 10"));
+    assert_eq!((error.got.as_deref(), error.allowed.as_deref()), (Some("2"), Some("1")));
+    never_on(&bench);
+    let frames = bench.world.lock().frames.clone();
+    assert!(!frames.iter().any(|(_, frame)| is_order(frame, 2, ENABLE)));
+}
+
+#[test]
+fn an_actuator_that_does_not_switch_on_says_why_and_the_others_let_go_again() {
+    // What it says: that it is off, or that its power stage is too hot.
+    for (state, words) in [(0, "it says that it is off"), (0xB, "it says: too hot")] {
+        let (mut bench, found) = with_can(2);
+        {
+            let actuator = &mut bench.world.lock().actuators[1];
+            (actuator.state, actuator.stays_off) = (state, true);
+        }
+        let error = refused(arm(&mut bench.link, &found, &never));
+        assert_eq!(error.what, "an actuator does not switch on");
+        assert_eq!(error.place.as_deref(), Some("joint joint2, ID 2"));
+        assert_eq!(error.got.as_deref(), Some(words));
+        assert_eq!((bench.torque(), of(&bench, 0).state), (vec![0], 0));
+        let frames = bench.world.lock().frames.clone();
+        assert!(frames.iter().any(|(_, frame)| is_order(frame, 1, ENABLE)), "it was on");
+    }
+}
+
+#[test]
+fn a_line_of_servos_is_not_silent_for_long_while_actuators_are_asked_whether_they_drive() {
+    let (mut bench, found) = with_can(6);
+    bench.world.at_each(|world: &mut World, said: &Said| {
+        if said.is_torque(true) {
+            let only_asked = |actuator: &mut Damiao| actuator.unheard_until_asked = true;
+            world.actuators.iter_mut().for_each(only_asked);
+            world.slow = Some((HOW_IT_IS, 30 * MS));
+        }
+    });
+    arm(&mut bench.link, &found, &never).expect("armed");
+    let on = bench.log().iter().find(|said| said.is_torque(true)).expect("on").at;
+    let frames = bench.world.lock().frames.clone();
+    let asked = frames.iter().filter(|(at, of)| *at > on && of.id().number() == REGISTERS);
+    assert_eq!(asked.count(), 6);
+    let spoken = bench.log().into_iter().map(|said| said.at).filter(|&at| at >= on);
+    let spoken: Vec<Instant> = spoken.chain([bench.link.clock().now()]).collect();
+    let longest = spoken.windows(2).map(|two| two[1].since(two[0])).max();
+    // Found silent for more than 50 ms after the second question.
+    assert!(longest < Some(90 * MS), "{longest:?}");
 }

@@ -1020,3 +1020,112 @@ fn a_stall_is_one_exception_and_none_once_the_last_goals_are_told() {
     let played = scene.play_on(|world| *clock.borrow_mut() = Some(world));
     assert_eq!(played.run.exceptions, []);
 }
+
+/// Lets a player that is about to begin, over two servos, be looked at from inside.
+fn with_player<T>(look: impl FnOnce(&mut Player<'_>, &Shared) -> T) -> (T, Bench) {
+    with_player_of(&mut Standing, look)
+}
+
+fn with_player_of<T>(
+    motion: &mut dyn Motion,
+    look: impl FnOnce(&mut Player<'_>, &Shared) -> T,
+) -> (T, Bench) {
+    let mut bench = Bench::new(&[0, 0]);
+    let found = bench.checked();
+    let armed = arm(&mut bench.link, &found, &|| false).and_then(Arming::done).expect("armed");
+    bench.forget_log();
+    let began = bench.link.clock().now();
+    let world = bench.world.clone();
+    let mut player = Player::new(&mut bench.link, armed, motion, began, Settings::at_rate(50.0));
+    let seen = look(&mut player, &world);
+    drop(player);
+    (seen, bench)
+}
+
+/// Joint 1 moved at 2.5 rad/s, its goal ahead of it by almost as much as may be, and stopped dead:
+/// the goal is on the bound at once.
+fn stop_dead(player: &mut Player<'_>) {
+    let began = player.link.clock().now();
+    let mut advance = |at: u32, present_rad: f64, wanted_rad: f64| {
+        let now = began + at * T;
+        player.leash.heard(1, present_rad, now);
+        let moving =
+            Setpoint { position_rad: wanted_rad, velocity_rad_s: 5.0, ..Setpoint::default() };
+        player.leash.advance(0.02, now, false, |_| true, &mut [Setpoint::default(), moving]);
+        player.leash.forced().next()
+    };
+    assert_eq!(advance(1, 0.05, 0.33), None);
+    assert_eq!(advance(2, 0.05, 0.43), Some(1));
+}
+
+#[test]
+fn a_goal_that_was_held_at_once_is_told_as_such_and_that_once() {
+    let ((exceptions, stop, frozen), _) = with_player(|player, _| {
+        stop_dead(player);
+        let settings = Settings::at_rate(50.0);
+        for since in [T, 2 * T] {
+            player.look_for_a_stall(since, settings, 7);
+        }
+        (player.exceptions.clone(), player.stop.clone(), player.frozen)
+    });
+    assert_eq!(exceptions, [Exception::GoalHeld { joint: "joint1".to_owned() }]);
+    assert_eq!((stop, frozen), (None, false), "the motion goes on");
+}
+
+#[test]
+fn a_goal_that_would_have_to_be_held_at_once_after_more_than_two_periods_is_a_stall() {
+    for since in [2 * T + NS, 3 * T] {
+        let ((exceptions, stop, frozen), _) = with_player(|player, _| {
+            stop_dead(player);
+            player.look_for_a_stall(since, Settings::at_rate(50.0), 7);
+            (player.exceptions.clone(), player.stop.clone(), player.frozen)
+        });
+        let gap_s = since.as_secs_f64();
+        assert_eq!(exceptions, [Exception::Stalled { gap_s }]);
+        assert_eq!((stop, frozen), (Some(StopReason::Stalled { gap_s }), true));
+    }
+}
+
+#[test]
+fn a_pause_of_which_no_goal_would_be_a_jump_is_a_stall_after_100_ms_only() {
+    let stalled = |since: Duration| {
+        let look = |player: &mut Player<'_>, _: &Shared| {
+            player.look_for_a_stall(since, Settings::at_rate(50.0), 7);
+            (player.exceptions.len(), player.frozen)
+        };
+        with_player(look).0
+    };
+    assert_eq!([T, 3 * T, 100 * MS].map(stalled), [(0, false); 3]);
+    assert_eq!([100 * MS + NS, 200 * MS].map(stalled), [(1, true); 2]);
+}
+
+#[test]
+fn a_program_that_breaks_when_the_motion_is_over_or_nobody_is_left_makes_no_more_goals() {
+    let broken = |goals_at_rest: u32, deserted: bool| {
+        let (more, bench) = with_player(|player, _| {
+            (player.goals_at_rest, player.deserted) = (goals_at_rest, deserted);
+            player.broke("on purpose".to_owned(), 7, Settings::at_rate(50.0))
+        });
+        (more, bench.log().iter().filter(|said| said.is_goals()).count())
+    };
+    assert_eq!(broken(LAST_GOALS - 1, false), (true, 1));
+    assert_eq!(broken(LAST_GOALS, false), (false, 0));
+    assert_eq!(broken(0, true), (false, 0));
+}
+
+#[test]
+fn a_motion_that_breaks_for_good_and_whose_last_goal_cannot_be_told_is_left_after_four_times() {
+    struct Broken;
+    impl Motion for Broken {
+        fn advance(&mut self, _dt_s: f64, _now: Instant, _setpoints: &mut [Setpoint]) -> bool {
+            panic!("on purpose");
+        }
+        fn stop(&mut self) {}
+    }
+    let settings = Settings::at_rate(50.0);
+    let (more, _) = with_player_of(&mut Broken, |player, world| {
+        world.lock().unplug(0);
+        [(); 4].map(|()| player.broke("on purpose".to_owned(), 7, settings))
+    });
+    assert_eq!(more, [true, true, true, false]);
+}

@@ -1,5 +1,8 @@
 //! Every check before torque, over servos that are as their robot file says but for one thing.
 
+use super::damiao::{
+    self, CTRL_MODE, Damiao, HOW_IT_IS, PMAX, REGISTERS, with_actuators, with_others,
+};
 use super::{
     Bench, PRESENT, READ, STATUS, SYNC_READ, Said, Servo, Shared, T, TORQUE, WATCHDOG, World,
     drive, robot, watched, with_profile,
@@ -215,6 +218,24 @@ fn a_watchdog_that_was_left_on_or_has_bitten_is_cleared_and_said() {
 }
 
 #[test]
+fn a_watchdog_is_believed_to_be_on_when_it_was_read_so_twice() {
+    // What it reads, time and again; how often it is asked, and whether it is to be switched off.
+    for (reads, times, written) in [(&[0][..], 1, 0), (&[10, 0], 2, 0), (&[10, 10], 2, 1)] {
+        let mut bench = Bench::of(watched(robot(&[0, 0]), &[1]));
+        let mut asked = 0;
+        bench.world.at_each(move |world: &mut World, said: &Said| {
+            if said.is(READ, WATCHDOG) {
+                world.servos[1].set(WATCHDOG, reads[asked]);
+                asked += 1;
+            }
+        });
+        assert_eq!(checked(&mut bench).expect("passes").to_write.len(), written, "{reads:?}");
+        let asked = bench.log().iter().filter(|said| said.is(READ, WATCHDOG)).count();
+        assert_eq!(asked, times, "{reads:?}");
+    }
+}
+
+#[test]
 fn a_servo_that_reports_an_error_is_refused_with_its_words() {
     let error = refused(with(|servo| servo.set(STATUS, 0x24)), "a servo reports a hardware error");
     assert_eq!(error.got.as_deref(), Some("overheating, overload"));
@@ -423,4 +444,109 @@ fn a_silent_actuator_is_no_silent_servo() {
     let error = exchange_error(&link, Some(joint), &failed);
     assert_eq!(error.what, "an actuator does not answer");
     assert_eq!(exchange_error(&link, None, &failed).what, "a servo does not answer");
+}
+
+/// What preflight says if the second of two actuators, beside a servo, is like that.
+fn with_actuator(change: impl FnOnce(&mut Damiao)) -> (Result<Preflight, Error>, Bench) {
+    let mut bench = Bench::of(with_actuators(robot(&[0]), 2));
+    change(&mut bench.world.lock().actuators[1]);
+    (checked(&mut bench), bench)
+}
+
+const GAINS: &str =
+    "gains as the robot file states: kp 40 N m/rad, kd 1.5 N m s/rad: joint1, joint2";
+const JOINT2: &str = "joint joint2, ID 2, line can";
+
+#[test]
+fn actuators_as_the_robot_file_says_pass_and_are_only_asked() {
+    let (found, bench) = with_actuator(|_| {});
+    let found = found.expect("passes");
+    assert_eq!(found.notes, [GAINS]);
+    assert!(found.settings.is_empty() && !found.held);
+    assert_eq!(found.start_rad.len(), 3);
+    let frames = bench.world.lock().frames.clone();
+    assert!(!frames.is_empty());
+    for (_, frame) in frames {
+        assert_eq!(frame.id().number(), REGISTERS, "{frame:?}");
+        assert!([HOW_IT_IS, damiao::READ].contains(&frame.payload()[2]), "{frame:?}");
+    }
+}
+
+#[test]
+fn what_actuators_tell_unasked_is_waited_for_before_anybody_looks_at_it() {
+    let (found, bench) = with_actuator(|_| {});
+    found.expect("passes");
+    let frames = bench.world.lock().frames.clone();
+    let asked = frames.iter().filter(|(_, frame)| frame.payload()[..3] == [1, 0, HOW_IT_IS]);
+    let asked: Vec<Instant> = asked.map(|(at, _)| *at).collect();
+    let apart = asked[1].since(asked[0]);
+    assert!((150 * MS..155 * MS).contains(&apart), "{apart:?}");
+}
+
+#[test]
+fn an_actuator_in_another_mode_is_to_be_told_the_right_one_when_it_is_armed() {
+    let (found, bench) = with_actuator(|of| of.registers[usize::from(CTRL_MODE)] = 2);
+    let found = found.expect("passes");
+    assert_eq!(found.settings, [(2, u16::from(CTRL_MODE), 1)]);
+    let said = format!("{JOINT2}, CTRL_MODE is 2, set to 1 until power-off");
+    assert_eq!(found.notes, [GAINS.to_owned(), said]);
+    assert_eq!(bench.world.lock().actuators[1].register(CTRL_MODE), 2, "not before");
+}
+
+#[test]
+fn an_actuator_whose_numbers_mean_something_else_is_refused() {
+    let of_end = |end: f32| with_actuator(|of| of.registers[usize::from(PMAX)] = end.to_bits()).0;
+    // They travel as f32: one part in 10,000 may be off.
+    assert!(of_end(12.501).is_ok());
+    for end in [12.502, 12.498, 3.0, f32::NAN] {
+        let error = of_end(end).expect_err("refused");
+        assert_eq!(error.what, "an actuator means something else by its numbers");
+        assert_eq!(error.place, Some(format!("{JOINT2}, PMAX")));
+        assert_eq!(error.got, Some(end.to_string()));
+    }
+}
+
+#[test]
+fn an_actuator_that_let_go_when_its_host_fell_silent_may_be_armed_and_one_with_a_fault_may_not() {
+    let found = with_actuator(|of| of.state = 0xD).0.expect("passes");
+    let said = format!("{JOINT2}: it had let go when its host fell silent; that is forgotten");
+    assert_eq!(found.notes, [GAINS.to_owned(), said]);
+    let error = with_actuator(|of| of.state = 0xB).0.expect_err("refused");
+    assert_eq!(error.what, "a servo reports a hardware error");
+    assert_eq!((error.place.as_deref(), error.got.as_deref()), (Some(JOINT2), Some("too hot")));
+}
+
+#[test]
+fn an_actuator_that_drives_makes_it_a_robot_that_is_held() {
+    assert!(with_actuator(|of| of.state = 1).0.expect("passes").held);
+}
+
+/// Why two such actuators, which let go after this silence, are refused in cycles of 20 ms. They
+/// are silent: who is not refused for that is asked next, in vain.
+fn refused_for_its_watch(actuator: &str, timeout_s: Option<f64>) -> Option<Error> {
+    let mut bench = Bench::of(with_others(robot(&[0]), 2, actuator, timeout_s));
+    bench.world.lock().actuators.iter_mut().for_each(|actuator| actuator.silent = true);
+    let error = checked(&mut bench).expect_err("nobody answers");
+    (error.what != "an actuator does not answer").then_some(error)
+}
+
+#[test]
+fn an_actuator_that_might_go_on_pulling_without_a_host_is_refused() {
+    let error = refused_for_its_watch("ak80-9", None).expect("refused");
+    assert_eq!(error.what, "an actuator may go on pulling when the host dies");
+    let remedy = error.remedy.expect("what to do");
+    assert!(remedy.starts_with("set its timeout with the maker's tool"), "{remedy}");
+    assert_eq!(refused_for_its_watch("ak80-9", Some(0.2)), None);
+    // Its watch is set when it is armed.
+    assert_eq!(refused_for_its_watch("dm4310", None), None);
+    // It keeps its own gains, and would stay at its last goal.
+    assert_eq!(refused_for_its_watch("odrive-s1", None), None);
+}
+
+#[test]
+fn an_actuator_that_would_let_go_within_three_cycles_is_refused() {
+    let error = refused_for_its_watch("ak80-9", Some(0.0599)).expect("refused");
+    assert_eq!(error.what, "an actuator would let go between two goals");
+    assert_eq!(error.allowed.as_deref(), Some("at least 0.060 s, 3 cycles"));
+    assert_eq!(refused_for_its_watch("ak80-9", Some(0.06)), None);
 }

@@ -1,6 +1,7 @@
 //! The servos' watch over their host, over servos that have one.
 
 use super::*;
+use crate::control::testing::damiao::{self, TIMEOUT, with_actuators};
 use crate::control::testing::{
     Bench, PING, READ, Said, Servo, WATCHDOG, WRITE, World, out_of_reach, robot, watched,
 };
@@ -206,4 +207,48 @@ fn actuators_that_let_go_by_themselves_are_said_to_with_the_shortest_silence() {
     assert_eq!(words, [said]);
     let link = out_of_reach("dm4310", [None, None]);
     assert_eq!(Released::default().words(&link), [""; 0]);
+}
+
+fn timeouts(bench: &Bench) -> Vec<u32> {
+    bench.world.lock().actuators.iter().map(|actuator| actuator.register(TIMEOUT)).collect()
+}
+
+#[test]
+fn the_watch_of_actuators_is_set_to_200_ms_and_then_to_what_it_was() {
+    let mut bench = Bench::of(with_actuators(robot(&[0]), 2));
+    bench.world.lock().actuators[1].registers[usize::from(TIMEOUT)] = 9000;
+    arm(&mut bench.link).expect("armed");
+    // In steps of 50 us.
+    assert_eq!(timeouts(&bench), [4000, 4000]);
+    let released = release(&mut bench.link);
+    assert_eq!(released.off, names(&["joint1", "joint2"]));
+    assert_eq!(timeouts(&bench), [0, 9000]);
+}
+
+#[test]
+fn an_actuator_that_does_not_keep_its_watch_is_refused_and_one_that_does_not_end_it_named() {
+    let mut bench = Bench::of(with_actuators(robot(&[0]), 2));
+    bench.world.lock().actuators[1].forgets.push(TIMEOUT);
+    let error = arm(&mut bench.link).expect_err("refused");
+    assert_eq!(error.what, "its timeout (setting 9) is 0, not 4000 as written");
+    bench.world.lock().actuators[1].forgets.clear();
+    arm(&mut bench.link).expect("armed");
+    bench.world.lock().actuators[0].forgets.push(TIMEOUT);
+    let released = release(&mut bench.link);
+    assert_eq!((released.unsure, released.off), (names(&["joint1"]), names(&["joint2"])));
+}
+
+#[test]
+fn a_line_of_servos_is_not_silent_for_long_while_actuators_are_told_their_watch() {
+    let mut bench = Bench::of(with_actuators(robot(&[0]), 4));
+    bench.world.lock().slow = Some((damiao::READ, Duration::from_millis(30)));
+    let mut heard = vec![bench.link.clock().now()];
+    arm(&mut bench.link).expect("armed");
+    release(&mut bench.link);
+    heard.extend(bench.log().iter().map(|said| said.at));
+    heard.push(bench.link.clock().now());
+    let longest = heard.windows(2).map(|two| two[1].since(two[0])).max();
+    // Looked at before each watch, which is read twice as it is set and once as it is ended: the
+    // next but one at the latest finds the line silent for more than 50 ms.
+    assert!(longest < Some(Duration::from_millis(80)), "{longest:?}");
 }

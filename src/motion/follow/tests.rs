@@ -363,3 +363,17 @@ proptest! {
             "{once:?} {twice:?}");
     }
 }
+
+#[test]
+fn a_goal_that_brakes_rests_half_as_far_as_its_speed_would_have_taken_it() {
+    // From 1 rad/s at 2 rad/s2: at rest after 0.5 s and 0.25 rad, and then no more.
+    for sign in [1.0, -1.0] {
+        let goal = Chase { position_rad: 0.5, velocity_rad_s: sign };
+        let after = |dt_s: f64| {
+            let Chase { position_rad, velocity_rad_s } = goal.braked(dt_s, 2.0);
+            (position_rad - 0.5, velocity_rad_s)
+        };
+        assert_eq!(after(0.25), (sign * 0.1875, sign * 0.5));
+        assert_eq!([0.5, 1.0, 60.0].map(after), [(sign * 0.25, 0.0); 3]);
+    }
+}

@@ -142,7 +142,7 @@ fn too_slow(plan: &LinePlan, lowered: &LinePlan, delay: Duration, held: bool) ->
     let rate = |plan: &LinePlan| (LINE_SHARE * plan.limit_hz).floor();
     let mut remedy = format!("ask for at most --rate {:.0}, or raise the line speed", rate(plan));
     let gain_s = plan.cycle_time_s - lowered.cycle_time_s;
-    if delay > Duration::ZERO && rate(lowered) > rate(plan) {
+    if rate(lowered) > rate(plan) {
         remedy.push_str(&format!(
             "; the servos wait {:.0} us before each answer (Return Delay Time): without that wait \
              a cycle takes {:.2} ms less and up to {:.0} Hz fit",
@@ -226,3 +226,6 @@ pub(super) fn check_measured(link: &mut Link, found: &Preflight) -> Result<(), E
         .allowed(allowed(period_s))
         .remedy(remedy))
 }
+
+#[cfg(test)]
+mod tests;

@@ -178,3 +178,6 @@ fn check_torque_limit(link: &mut Link, joint: usize) -> Result<(), Error> {
         .allowed("more than 0")
         .remedy("find the cause, then switch its power off and on"))
 }
+
+#[cfg(test)]
+mod tests;
