@@ -199,7 +199,8 @@ fn b12_an_overload_on_any_robot_stops_the_motion_and_the_others_hold() {
             panic!("{robot}: {:?}", played.run.stop);
         };
         assert_eq!(named, &joint);
-        assert_clean(&played.verdict);
+        // It let go in the middle of its ramp, and is told nothing more.
+        assert_excused(&played, &scene.link);
         let seen_at_ns = first_alert_ns(robot, &joint, overload_at(&joint, MID_NS));
         // The cycle may have begun before the fault.
         let late_ns = seen_at_ns.saturating_sub(MID_NS);
