@@ -14,8 +14,6 @@ const HOLD_RAD: f64 = 0.02;
 const FRESH: Duration = Duration::from_millis(50);
 /// Raw value of the lowest speed a servo's register holds.
 const SLOWEST: i64 = 1;
-/// What a joint did that is not where it was.
-const MOVED: &str = "a joint moved before torque came on; torque stays off";
 /// Looks after which a host that stalls again and again is refused.
 const MOST_LOOKS: u32 = 8;
 
@@ -262,25 +260,50 @@ fn check_where_it_was(link: &mut Link, command: &Command) -> Result<(), Error> {
     for (index, (present, goal)) in present_rad.iter().zip(command.goal_rad()).enumerate() {
         let off_rad = (present - goal).abs();
         if !(off_rad <= HOLD_RAD) {
-            return Err(Error::new(MOVED)
-                .at(format!("joint {}", link.robot().joints[index].name))
-                .got(format!("{:.1} deg from where it was", off_rad.to_degrees()))
-                .allowed(format!("{:.1} deg", HOLD_RAD.to_degrees()))
-                .remedy("hold the robot still, or support it, and start again"));
+            let what = "a joint moved before torque came on; torque stays off";
+            return Err(moved(what, &link.robot().joints[index].name, off_rad));
         }
     }
     Ok(())
 }
 
 /// Nobody can keep a hand from turning a joint, or an encoder from jumping, between the last look and
-/// torque; that it did is seen now, and torque goes off again.
+/// torque; that it did is seen now, and torque goes off again. (An actuator on a CAN line is looked at
+/// by the answer to its first goal.)
 fn look_again(link: &mut Link, command: &Command) -> Result<(), Error> {
-    check_where_it_was(link, command).map_err(|error| {
-        if error.what != MOVED {
-            return error;
+    let has = |joint: &usize| link.robot().joints[*joint].register(Role::PresentPosition).is_some();
+    let servos: Vec<usize> = (0..link.robot().joints.len()).filter(has).collect();
+    let limit = budget(link);
+    let told = link.registers(Role::PresentPosition, &servos, limit);
+    for (joint, raw) in servos.into_iter().zip(told) {
+        let Some(register) = link.robot().joints[joint].register(Role::PresentPosition) else {
+            continue;
+        };
+        let raw = match raw {
+            Some(raw) => raw,
+            None => {
+                let limit = budget(link);
+                let asked = link.read_register(joint, register, limit);
+                asked.map_err(|e| exchange_error(link, Some(joint), &e))?
+            }
+        };
+        let of = &link.robot().joints[joint];
+        let present_rad = of.model()?.si_from_raw(register, raw);
+        let off_rad = (present_rad - of.servo_rad(command.goal_rad()[joint])).abs();
+        if !(off_rad <= HOLD_RAD) {
+            let what = "a joint moved as torque came on; torque is off again";
+            return Err(moved(what, &of.name, off_rad));
         }
-        Error { what: "a joint moved as torque came on; torque is off again".to_owned(), ..error }
-    })
+    }
+    Ok(())
+}
+
+fn moved(what: &str, joint: &str, off_rad: f64) -> Error {
+    Error::new(what)
+        .at(format!("joint {joint}"))
+        .got(format!("{:.1} deg from where it was", off_rad.to_degrees()))
+        .allowed(format!("{:.1} deg", HOLD_RAD.to_degrees()))
+        .remedy("hold the robot still, or support it, and start again")
 }
 
 /// Tells a servo that has a speed register for position moves not to exceed `raw`, or its joint's
