@@ -24,6 +24,7 @@ pub mod motion;
 pub mod plot;
 pub mod port;
 pub mod recording;
+pub mod rig;
 pub mod robot;
 pub mod session;
 pub mod time;

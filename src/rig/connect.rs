@@ -1,9 +1,5 @@
 //! From `--bus` values to a robot whose lines are open.
 
-mod can_line;
-
-pub use can_line::{OpenCanLine, is_can, open_can};
-
 use super::address::{Address, BusKind};
 use crate::bus::{Bus, Timing};
 use crate::error::Error;
@@ -30,7 +26,7 @@ pub struct Connection {
     pub real_time: bool,
     /// Its clock, if that waits for this machine.
     pub patience: Option<PatientClock>,
-    _doors: Vec<Door>,
+    pub(super) _doors: Vec<Door>,
 }
 
 /// That the time of a virtual robot waits for this machine, and how long it has.
@@ -44,9 +40,9 @@ pub fn patience_words(patience: Option<&PatientClock>) -> Option<String> {
 }
 
 /// Held back by a USB adapter that says nothing of itself, or by a pseudo-terminal's scheduling.
-const UNKNOWN_LATENCY: Duration = Duration::from_millis(5);
+pub(super) const UNKNOWN_LATENCY: Duration = Duration::from_millis(5);
 /// Held back by a USB-CAN adapter: two frames of USB.
-const CAN_LATENCY: Duration = Duration::from_millis(2);
+pub(super) const CAN_LATENCY: Duration = Duration::from_millis(2);
 /// There and back on a local network that is not idle.
 const NETWORK_LATENCY: Duration = Duration::from_millis(20);
 
@@ -112,7 +108,7 @@ fn assign(robot: &Robot, addresses: &[Address]) -> Result<Vec<BusKind>, Error> {
         .collect()
 }
 
-fn world(robot: &Robot, seed: u64) -> Result<SharedWorld, Error> {
+pub(super) fn world(robot: &Robot, seed: u64) -> Result<SharedWorld, Error> {
     let options = Options { seed, ..Options::default() };
     let world = World::new(&robot.file, options)
         .map_err(|e| Error::new(e.to_string()).at(format!("virtual robot {}", robot.name)))?;
@@ -194,7 +190,11 @@ impl VirtualTerminal {
     }
 }
 
-fn live_line(world: &SharedWorld, line: usize, clock: &PatientClock) -> Result<LiveCanLine, Error> {
+pub(super) fn live_line(
+    world: &SharedWorld,
+    line: usize,
+    clock: &PatientClock,
+) -> Result<LiveCanLine, Error> {
     LiveCanLine::new(world, line, clock)
         .map_err(|e| Error::new("the virtual line cannot be opened").got(spoken(&e)))
 }
@@ -221,7 +221,7 @@ fn over_wires(mut robot: Robot, by_line: &[BusKind]) -> Result<Connection, Error
     Ok(Connection { link, world: None, real_time: true, patience: None, _doors: Vec::new() })
 }
 
-fn wrong_kind(line: &str, kind: LineKind, bus: &BusKind) -> Error {
+pub(super) fn wrong_kind(line: &str, kind: LineKind, bus: &BusKind) -> Error {
     let allowed = match kind {
         LineKind::Can(_) => "a CAN interface, e.g. can:can0",
         LineKind::Serial { .. } => "a serial line, e.g. serial:/dev/ttyUSB0 or tcp:host:port",
@@ -233,7 +233,7 @@ fn wrong_kind(line: &str, kind: LineKind, bus: &BusKind) -> Error {
 }
 
 /// A CAN interface that is up and runs at the line's speeds, as far as the kernel tells.
-fn interface_at(interface: &str, speed: CanSpeed) -> Result<Box<dyn FramePort>, Error> {
+pub(super) fn interface_at(interface: &str, speed: CanSpeed) -> Result<Box<dyn FramePort>, Error> {
     let place = || format!("can:{interface}");
     let setup = match speed.data_bitrate_bps {
         Some(fast) => {
@@ -356,9 +356,9 @@ enum Place {
 /// Line speed if neither the address nor a robot says one, bits per second.
 const USUAL_BAUD_BPS: u32 = 1_000_000;
 /// Where nothing moves, a lost answer costs nothing but time.
-const RETRIES: u32 = 5;
+pub(super) const RETRIES: u32 = 5;
 /// Time for a question and its retries: more than a host stalls.
-const PATIENCE: Duration = Duration::from_millis(500);
+pub(super) const PATIENCE: Duration = Duration::from_millis(500);
 /// The longest return delay a servo's register holds: 254 of 2 us.
 const LONGEST_RETURN_DELAY: Duration = Duration::from_micros(508);
 
@@ -388,7 +388,7 @@ pub fn open_bus(address: &Address, robot: Option<&str>, seed: u64) -> Result<Ope
     open_at(place, baud_bps)
 }
 
-fn line_of(robot: &Robot, address: &Address) -> Result<usize, Error> {
+pub(super) fn line_of(robot: &Robot, address: &Address) -> Result<usize, Error> {
     let names: Vec<&str> = robot.lines.iter().map(|line| line.name.as_str()).collect();
     match &address.line {
         None if names.len() == 1 => Ok(0),

@@ -1,0 +1,15 @@
+//! A robot, or a line, opened wherever it is: real, in virtual time, or behind a terminal of this
+//! process; and who answers there. Knows no motion.
+
+mod address;
+mod can_line;
+mod connect;
+mod identify;
+
+pub use address::{Address, BusKind};
+pub use can_line::{OpenCanLine, is_can, open_can};
+pub use connect::{Connection, OpenLine, connect, open_bus, open_stream, patience_words};
+pub use identify::{
+    CanIdentity, Identity, all_servos, ask_error, can_ask_error, describe, dialect_name,
+    dialect_of, identify, is_likely, profile_of, protocol_name,
+};
