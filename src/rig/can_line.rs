@@ -1,10 +1,10 @@
 //! One CAN line, opened for questions to single devices: no robot file is needed.
 
 use super::address::{Address, BusKind};
-use super::connect::{
-    CAN_LATENCY, Connection, PATIENCE, RETRIES, UNKNOWN_LATENCY, interface_at, line_of, live_line,
-    world, wrong_kind,
-};
+use super::connect::Connection;
+use super::serial_line::{PATIENCE, RETRIES, line_of};
+use super::virtual_robot::{live_line, world};
+use super::wire::{CAN_LATENCY, UNKNOWN_LATENCY, interface_at, wrong_kind};
 use crate::bus::can::{CanBus, CanTiming};
 use crate::error::Error;
 use crate::port::can;

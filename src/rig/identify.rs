@@ -4,7 +4,7 @@ mod can;
 
 pub use can::{CanIdentity, can_ask_error, describe, dialect_of, is_likely};
 
-use super::connect::OpenLine;
+use super::serial_line::OpenLine;
 use crate::bus::{AskError, Miss, Protocol};
 use crate::device::Model;
 use crate::error::Error;
