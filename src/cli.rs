@@ -1,15 +1,12 @@
 //! What a person types: one file per subcommand, results on stdout, everything else on stderr.
 
 pub mod actionlets;
-pub mod address;
 pub mod calibrate;
 pub mod calibrated;
-pub mod connect;
 pub mod convert;
 pub mod doctor;
 pub mod finding;
 pub mod hold;
-pub mod identify;
 pub mod limp;
 pub mod live;
 pub mod monitor;
@@ -19,6 +16,7 @@ pub mod plots;
 pub mod ports;
 pub mod profile;
 pub mod progress;
+pub mod protocol;
 pub mod record;
 pub mod recordings;
 pub mod report;

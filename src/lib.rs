@@ -2,10 +2,11 @@
 //!
 //! The map: [`wire`] turns bytes into packets and knows no clock; [`port`] moves bytes and is the
 //! only place that waits; [`bus`] asks one question at a time on a shared line; [`device`] speaks
-//! SI units to one device; [`robot`] names joints on devices. [`motion`], [`actionlet`], [`body`],
-//! [`action`]
-//! and [`mocap`] are mathematics and know no hardware. [`control`] is the loop and its last gate,
-//! [`recording`] the files it leaves, [`cli`] what a person types.
+//! SI units to one device; [`robot`] names joints on devices; [`rig`] opens robots and lines wherever
+//! they are. [`motion`], [`actionlet`], [`body`], [`action`] and [`mocap`] are mathematics and know no
+//! hardware; [`guard`] and [`control`] are the last gate and the loop. [`capture`] and [`session`] make
+//! samples and trials of what sensors say, [`calibration`] is what was measured on one robot,
+//! [`recording`] and [`plot`] are the files a run leaves. [`cli`] is what a person types.
 
 pub mod action;
 pub mod actionlet;
@@ -24,6 +25,7 @@ pub mod motion;
 pub mod plot;
 pub mod port;
 pub mod recording;
+pub mod rig;
 pub mod robot;
 pub mod session;
 pub mod time;

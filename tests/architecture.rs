@@ -76,6 +76,23 @@ const RULES: &[(&str, &[&str])] = &[
             "std::thread",
         ],
     ),
+    (
+        "rig",
+        &[
+            "crate::control",
+            "crate::motion",
+            "crate::mocap",
+            "crate::action",
+            "crate::body",
+            "crate::recording",
+            "crate::session",
+            "crate::cli",
+            "clap",
+            "std::fs",
+            "std::io",
+            "std::time",
+        ],
+    ),
     ("recording", &["crate::control", "crate::bus", "crate::port", "crate::robot", "crate::cli"]),
     ("plot", &["crate::control", "crate::bus", "crate::port", "crate::robot", "crate::cli"]),
 ];
@@ -148,6 +165,25 @@ fn no_module_knows_what_it_must_not() {
         }
     }
     assert!(broken.is_empty(), "import rules broken:\n{}", broken.join("\n"));
+}
+
+#[test]
+fn nobody_knows_the_command_line() {
+    let src = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let mut files = Vec::new();
+    rust_files(&src, &mut files);
+    let is_of_it = |path: &Path| {
+        let within = path.strip_prefix(&src).expect("inside");
+        within.starts_with("cli") || within == Path::new("cli.rs") || within == Path::new("main.rs")
+    };
+    let others: Vec<_> = files.iter().filter(|path| !is_of_it(path)).collect();
+    assert!(others.len() > 100, "the rule looks at {} files", others.len());
+    for file in others {
+        let code = code(file);
+        for name in ["cli::", "{cli", ", cli", "clap"] {
+            assert!(!code.contains(name), "{} mentions {name}", file.display());
+        }
+    }
 }
 
 #[test]

@@ -1,14 +1,14 @@
 //! `--force` replaces a file once the new one is worth it: a recording with its first cycle or sample,
 //! everything else when it is whole. Until then what was there stays, whatever happens.
 
-use gaitway::cli::address::Address;
-use gaitway::cli::connect::connect;
 use gaitway::cli::play::RunRecorder;
 use gaitway::control::arm::arm;
 use gaitway::recording::{
     CycleRecord, JointRecord, RecordedJoint, RecordedSource, Recorder, RunEnd, RunStart,
     SourceKind, SourceRecord, read,
 };
+use gaitway::rig::Address;
+use gaitway::rig::connect;
 use gaitway::robot::Robot;
 use gaitway::robot::preflight::{Accept, preflight};
 use gaitway::time::Instant;

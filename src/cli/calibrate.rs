@@ -1,8 +1,6 @@
 //! `calibrate`: torque off, by hand, joint by joint: where zero is, which way is positive, how far
 //! it goes. What is measured goes into a file; into the servos only with a permit.
 
-use super::address::Address;
-use super::connect::connect;
 use super::signals::Signals;
 use super::{Deed, Outcome, Output, Remarks, limp, source};
 use crate::calibration::{Calibration, JointCalibration, usual_path};
@@ -10,6 +8,8 @@ use crate::control::{Stop, StopCode, StopReason, arm, inject, net};
 use crate::device::actuator::Wanted;
 use crate::draft::Draft;
 use crate::error::Error;
+use crate::rig::Address;
+use crate::rig::connect;
 use crate::robot::preflight::{PATIENT_RETRIES, budget, exchange_error};
 use crate::robot::{Link, Robot};
 use answers::{Answer, Answered, Answers};

@@ -1,8 +1,8 @@
 //! The robot as it was calibrated: its file, and what was measured on this one.
 
-use super::address::Address;
 use crate::calibration::{Calibration, usual_path};
 use crate::error::Error;
+use crate::rig::Address;
 use crate::robot::Robot;
 use clap::Args;
 use std::path::PathBuf;

@@ -1,12 +1,12 @@
 //! `doctor`: what on this machine stands between a robot and a smooth cycle. Looks, says, and
 //! changes nothing.
 
-use super::address::Address;
 use super::finding::Level;
 use super::output::Untold;
 use super::{Deed, Output, Remarks, ports};
 use crate::error::Error;
 use crate::port::inventory::Machine;
+use crate::rig::Address;
 use clap::Args;
 use std::path::PathBuf;
 

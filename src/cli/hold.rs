@@ -1,13 +1,13 @@
 //! `hold`: torque on where the robot stands. Nothing moves.
 
-use super::address::Address;
 use super::calibrated::CalibrationArg;
-use super::connect::connect;
 use super::signals::Signals;
 use super::{Deed, Outcome, Output, Remarks};
 use crate::control::left::leave;
 use crate::control::{Arming, Stop, StopCode, StopReason, arm_safely, inject, net};
 use crate::error::Error;
+use crate::rig::Address;
+use crate::rig::connect;
 use crate::robot::preflight::{Accept, budget, exchange_error, preflight};
 use crate::time::Duration;
 use clap::Args;

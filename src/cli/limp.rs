@@ -1,11 +1,11 @@
 //! `limp`: torque off. The robot falls if nothing holds it, so the command asks.
 
-use super::address::Address;
-use super::connect::connect;
 use super::output::prompt;
 use super::{Deed, Output};
 use crate::control;
 use crate::error::Error;
+use crate::rig::Address;
+use crate::rig::connect;
 use crate::robot::Robot;
 use clap::Args;
 use serde_json::json;

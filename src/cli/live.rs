@@ -1,8 +1,6 @@
 //! `live`: a robot does now what a body does. The whole job, in order.
 
-use super::address::Address;
 use super::calibrated::CalibrationArg;
-use super::connect::{Connection, connect, patience_words};
 use super::play::{self, RunRecorder};
 use super::record::source::duration;
 use super::report::{JointReport, Outcome, PlayReport, RefereeReport};
@@ -15,6 +13,8 @@ use crate::control::{self, Input, Mirror, Settings, inject, net};
 use crate::error::Error;
 use crate::mocap::retarget::{self, Online};
 use crate::motion::Trend;
+use crate::rig::Address;
+use crate::rig::{Connection, connect, patience_words};
 use crate::robot::preflight::{Accept, Preflight, preflight};
 use crate::time::{Duration, Instant};
 use clap::{Args, ValueEnum};

@@ -1,14 +1,14 @@
 //! `monitor`: how every joint is, again and again. Reads only.
 
 use super::Remarks;
-use super::address::Address;
 use super::calibrated::CalibrationArg;
-use super::connect::connect;
 use super::output::{Untold, print_json, print_over};
 use super::signals::Signals;
 use crate::bus::AskError;
 use crate::device::{Health, JointState};
 use crate::error::Error;
+use crate::rig::Address;
+use crate::rig::connect;
 use crate::robot::{Link, LinkError};
 use crate::time::Duration;
 use clap::Args;

@@ -1,8 +1,6 @@
 //! `play`: from a motion file to a moving robot, and what came of it. The whole job, in order.
 
-use super::address::Address;
 use super::calibrated::CalibrationArg;
-use super::connect::{Connection, connect, patience_words};
 use super::progress::Progress;
 use super::report::{JointReport, Outcome, PlayReport, RefereeReport};
 use super::signals::Signals;
@@ -11,6 +9,8 @@ use super::{Deed, Output, Remarks, plots};
 use crate::control::{self, Left, Performance, Planned, Settings, inject, net};
 use crate::error::Error;
 use crate::motion::{Plan, PlanOptions, plan};
+use crate::rig::Address;
+use crate::rig::{Connection, connect, patience_words};
 use crate::robot::Robot;
 use crate::robot::preflight::{Accept, Preflight, preflight};
 use clap::{Args, ValueEnum};

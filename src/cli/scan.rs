@@ -2,18 +2,16 @@
 
 mod can;
 
-use super::address::{Address, BusKind};
-use super::connect::{OpenLine, is_can, open_bus};
-use super::identify::{
-    Identity, ProtocolName, all_servos, ask_error, identify, profile_of, protocol_name,
-    serial_protocol,
-};
 use super::servo::firmware_words;
 use super::{Deed, Output, Remarks};
 use crate::bus::Protocol;
 use crate::bus::scan::{Found, scan};
+use crate::cli::protocol::{ProtocolName, serial_protocol};
 use crate::device::Model;
 use crate::error::Error;
+use crate::rig::{Address, BusKind};
+use crate::rig::{Identity, all_servos, ask_error, identify, profile_of, protocol_name};
+use crate::rig::{OpenLine, is_can, open_bus};
 use crate::time::Duration;
 use clap::Args;
 use gaitway_profiles::Role;

@@ -1,10 +1,10 @@
 //! `servo`: one servo on a bus, its registers by the maker's names.
 
-use super::address::Address;
-use super::connect::is_can;
-use super::identify::ProtocolName;
 use super::{Output, Remarks};
+use crate::cli::protocol::ProtocolName;
 use crate::error::Error;
+use crate::rig::Address;
+use crate::rig::is_can;
 use clap::{Args, Subcommand};
 
 mod actuator;

@@ -196,6 +196,13 @@ impl Machine {
         })
     }
 
+    /// The serial port behind `path`, which may be a link to it.
+    #[must_use]
+    pub fn serial_port_at(&self, path: &str) -> Option<SerialPort> {
+        let node = fs::canonicalize(path).unwrap_or_else(|_| path.into());
+        self.serial_ports().into_iter().find(|port| node == Path::new(&port.path))
+    }
+
     /// The name of a group, or its number.
     #[must_use]
     pub fn group_name(&self, gid: u32) -> String {

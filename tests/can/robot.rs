@@ -6,11 +6,11 @@ mod scene;
 use super::robots::{
     self, CUBEMARS, CUBEMARS_SERVO, DAMIAO, Kind, MOTEUS, ODRIVE, RECOIL, ROBSTRIDE,
 };
-use gaitway::cli::address::Address;
-use gaitway::cli::connect::connect;
 use gaitway::control::Settings;
 use gaitway::port::can_bridge::CanBridge;
 use gaitway::port::sim::SharedWorld;
+use gaitway::rig::Address;
+use gaitway::rig::connect;
 use gaitway::robot::Robot;
 use gaitway_sim::{Options, World};
 use scene::Scene;

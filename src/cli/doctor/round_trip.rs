@@ -2,10 +2,10 @@
 
 use crate::bus::scan::scan;
 use crate::bus::{AskError, Protocol};
-use crate::cli::address::Address;
-use crate::cli::connect::{OpenLine, is_can, open_bus};
 use crate::cli::finding::Finding;
 use crate::error::Error;
+use crate::rig::Address;
+use crate::rig::{OpenLine, is_can, open_bus};
 use crate::time::Duration;
 
 /// Questions asked.

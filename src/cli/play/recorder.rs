@@ -1,12 +1,12 @@
 //! What a run leaves behind: the recording, and the series for the plots.
 
-use crate::cli::connect::Connection;
 use crate::cli::progress::Meter;
 use crate::cli::report::{Outcome, PlayReport};
 use crate::control::{Sample, Sink};
 use crate::error::Error;
 use crate::port::patient::PatientClock;
 use crate::recording::{CycleRecord, JointRecord, RecordedJoint, Recorder, RunEnd, RunStart};
+use crate::rig::Connection;
 use crate::time::Instant;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

@@ -3,12 +3,12 @@
 
 use super::intake::{Intake, SourceReport};
 use crate::capture::Counts;
-use crate::cli::address::Address;
-use crate::cli::connect::{Connection, connect};
 use crate::control;
 use crate::error::Error;
 use crate::port::{Clock, MonotonicClock};
 use crate::recording::{CycleRecord, JointRecord, RecordedJoint};
+use crate::rig::Address;
+use crate::rig::{Connection, connect};
 use crate::robot::{Joint, Robot};
 use crate::time::{Duration, Instant};
 use std::sync::Arc;

@@ -3,12 +3,11 @@
 use super::ScanArgs;
 use crate::bus::can::scan::{Call, Found, overhear, scan};
 use crate::bus::can::{Form, Peer};
-use crate::cli::connect::{OpenCanLine, open_can};
-use crate::cli::identify::{
-    CanIdentity, can_ask_error, can_dialect, describe, dialect_name, dialect_of,
-};
+use crate::cli::protocol::can_dialect;
 use crate::cli::{Deed, Remarks};
 use crate::error::Error;
+use crate::rig::{CanIdentity, can_ask_error, describe, dialect_name, dialect_of};
+use crate::rig::{OpenCanLine, open_can};
 use crate::time::Duration;
 use crate::wire::can::{moteus, robstride};
 use gaitway_profiles::Dialect;

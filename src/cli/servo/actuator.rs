@@ -10,11 +10,10 @@ use super::Target;
 use crate::bus::can::Peer;
 use crate::bus::can::scan::{Call, Found, find, overhear};
 use crate::bus::{AskError, Miss};
-use crate::cli::connect::{OpenCanLine, open_can};
-use crate::cli::identify::{
-    CanIdentity, can_ask_error, can_dialect, describe, dialect_name, dialect_of,
-};
+use crate::cli::protocol::can_dialect;
 use crate::error::Error;
+use crate::rig::{CanIdentity, can_ask_error, describe, dialect_name, dialect_of};
+use crate::rig::{OpenCanLine, open_can};
 use crate::time::Duration;
 use crate::wire::can::{cubemars, moteus, robstride};
 use gaitway_profiles::{self as profiles, Dialect};

@@ -2,10 +2,11 @@
 
 use super::{Target, value};
 use crate::bus::{AskError, Miss};
-use crate::cli::connect::{OpenLine, open_bus};
-use crate::cli::identify::{ask_error, identify, serial_protocol};
+use crate::cli::protocol::serial_protocol;
 use crate::device::Model;
 use crate::error::Error;
+use crate::rig::{OpenLine, open_bus};
+use crate::rig::{ask_error, identify};
 use gaitway_profiles::{self as profiles, Access, Region, RegisterItem, Role};
 
 /// So often it is tried to close a lock.

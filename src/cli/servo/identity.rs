@@ -4,10 +4,10 @@
 use super::device::{Device, is_lost};
 use super::{Target, actuator};
 use crate::bus::{AskError, Miss};
-use crate::cli::identify::identify;
 use crate::cli::signals::Signals;
 use crate::cli::{Deed, Remarks};
 use crate::error::Error;
+use crate::rig::identify;
 use crate::time::Duration;
 use clap::Args;
 use gaitway_profiles::{Baud, RegisterItem, Role};

@@ -2,10 +2,10 @@
 
 use super::device::Device;
 use super::{Target, actuator, value};
-use crate::cli::identify::protocol_name;
 use crate::cli::signals::Signals;
 use crate::cli::{Deed, Remarks};
 use crate::error::Error;
+use crate::rig::protocol_name;
 use clap::Args;
 use gaitway_profiles::{Region, RegisterItem, Role, Servo};
 use serde_json::{Map, Value, json};

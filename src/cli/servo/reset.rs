@@ -3,10 +3,10 @@
 use super::device::{Device, is_lost};
 use super::{Target, actuator};
 use crate::bus::{AskError, FactoryReset, Miss, Protocol};
-use crate::cli::identify::{Identity, identify};
 use crate::cli::signals::Signals;
 use crate::cli::{Deed, Remarks};
 use crate::error::Error;
+use crate::rig::{Identity, identify};
 use crate::time::Duration;
 use clap::Args;
 use gaitway_profiles::Role;

@@ -3,12 +3,12 @@
 use super::{Actuator, calls};
 use crate::bus::can::Peer;
 use crate::bus::can::scan::{find, overhear};
-use crate::cli::identify::dialect_name;
 use crate::cli::servo::identity::SetIdArgs;
 use crate::cli::servo::reset::RebootArgs;
 use crate::cli::{Deed, Remarks};
 use crate::device::parameter::{Access, Parameter, parameters};
 use crate::error::Error;
+use crate::rig::dialect_name;
 use crate::time::Duration;
 use crate::wire::can::{CanFrame, odrive, robstride};
 use gaitway_profiles::Dialect;

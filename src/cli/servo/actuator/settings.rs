@@ -2,13 +2,13 @@
 
 use super::Actuator;
 use crate::bus::AskError;
-use crate::cli::identify::dialect_name;
 use crate::cli::servo::Target;
 use crate::cli::servo::registers::{GetArgs, SetArgs, plain};
 use crate::cli::servo::value::rounded;
 use crate::cli::{Deed, Remarks};
 use crate::device::parameter::{Access, Parameter, parameters};
 use crate::error::Error;
+use crate::rig::dialect_name;
 use crate::time::Duration;
 use crate::wire::can::CanFrame;
 use gaitway_profiles::Dialect;

@@ -3,9 +3,9 @@
 
 use super::{MoveArgs, RAMP_S, SHARE, bare_joint, robot_of};
 use crate::bus::can::Peer;
-use crate::cli::connect::Connection;
 use crate::cli::servo::actuator::Actuator;
 use crate::error::Error;
+use crate::rig::Connection;
 use crate::robot::Link;
 use gaitway_profiles::{self as profiles, LineKind};
 use std::f64::consts::TAU;

@@ -3,9 +3,9 @@
 use crate::bus::can::scan::Found;
 use crate::bus::can::{Form, Peer};
 use crate::bus::{AskError, Miss};
-use crate::cli::connect::OpenCanLine;
 use crate::error::Error;
 use crate::port::PortError;
+use crate::rig::OpenCanLine;
 use crate::time::Duration;
 use crate::wire::can::Faults;
 use gaitway_profiles::{self as profiles, Actuator, Dialect};

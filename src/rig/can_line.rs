@@ -1,11 +1,11 @@
 //! One CAN line, opened for questions to single devices: no robot file is needed.
 
-use super::{
-    CAN_LATENCY, Connection, PATIENCE, RETRIES, UNKNOWN_LATENCY, interface_at, line_of, live_line,
-    world,
-};
+use super::address::{Address, BusKind};
+use super::connect::Connection;
+use super::serial_line::{PATIENCE, RETRIES, line_of};
+use super::virtual_robot::{live_line, world};
+use super::wire::{CAN_LATENCY, UNKNOWN_LATENCY, interface_at, wrong_kind};
 use crate::bus::can::{CanBus, CanTiming};
-use crate::cli::address::{Address, BusKind};
 use crate::error::Error;
 use crate::port::can;
 use crate::port::patient::PatientClock;
@@ -72,7 +72,7 @@ pub fn open_can(address: &Address, robot: Option<&str>, seed: u64) -> Result<Ope
         Some((robot, line)) => match robot.lines[*line].kind {
             LineKind::Can(speed) => Some(speed),
             kind @ LineKind::Serial { .. } => {
-                return Err(super::wrong_kind(&robot.lines[*line].name, kind, &address.bus));
+                return Err(wrong_kind(&robot.lines[*line].name, kind, &address.bus));
             }
         },
         None => None,

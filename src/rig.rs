@@ -1,0 +1,20 @@
+//! A robot, or a line, opened wherever it is: real, in virtual time, or behind a terminal of this
+//! process; and who answers there. Knows no motion.
+
+mod address;
+mod can_line;
+mod connect;
+mod identify;
+mod serial_line;
+mod virtual_robot;
+mod wire;
+
+pub use address::{Address, BusKind};
+pub use can_line::{OpenCanLine, is_can, open_can};
+pub use connect::{Connection, connect, patience_words};
+pub use identify::{
+    CanIdentity, Identity, all_servos, ask_error, can_ask_error, describe, dialect_name,
+    dialect_of, identify, is_likely, profile_of, protocol_name,
+};
+pub use serial_line::{OpenLine, open_bus};
+pub use wire::open_stream;
