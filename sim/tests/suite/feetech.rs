@@ -113,7 +113,8 @@ fn an_id_change_under_lock_lasts_until_power_off_only() {
         },
     );
     kept.ask(&hex("FF FF 01 04 03 05 02 F0"));
-    kept.world.run_until(350_000_000);
+    // Booted again, 0.3 s after its power had gone.
+    kept.world.run_until(550_000_000);
     assert_eq!(kept.get("j1", "ID"), 1);
     kept.ask(&hex("FF FF 01 04 03 37 00 C0"));
     kept.ask(&hex("FF FF 01 04 03 05 02 F0"));
