@@ -37,7 +37,6 @@ pub struct OpenCanLine {
     pub robot: Option<(Robot, usize)>,
     /// The virtual robot of this process, if it is one.
     pub world: Option<SharedWorld>,
-    real_time: bool,
     patience: Option<PatientClock>,
     interface: Option<String>,
 }
@@ -78,40 +77,22 @@ pub fn open_can(address: &Address, robot: Option<&str>, seed: u64) -> Result<Ope
         None => None,
     };
     match (&address.bus, &robot, said) {
-        (BusKind::Sim, Some((of, line)), Some(speed)) => {
+        (BusKind::Sim | BusKind::SimPty, Some((of, line)), Some(speed)) => {
             let world = world(of, seed)?;
-            let clock: Arc<dyn Clock> = Arc::new(VirtualClock(world.clone()));
-            let port = Box::new(VirtualCanLine::new(world.clone(), *line));
-            let bus = bus_of(port, &clock, speed, Duration::ZERO);
-            let (fd, world) = (speed.data_bitrate_bps.is_some(), Some(world));
+            let patience = (address.bus == BusKind::SimPty).then(PatientClock::start);
+            let clock: Arc<dyn Clock> = match &patience {
+                Some(patient) => Arc::new(patient.clone()),
+                None => Arc::new(VirtualClock(world.clone())),
+            };
+            let (port, latency) = virtual_port(&world, *line, patience.as_ref())?;
             Ok(OpenCanLine {
-                bus,
+                bus: bus_of(port, &clock, speed, latency),
                 clock,
                 speed,
-                fd,
+                fd: speed.data_bitrate_bps.is_some(),
                 robot,
-                world,
-                real_time: false,
-                patience: None,
-                interface: None,
-            })
-        }
-        (BusKind::SimPty, Some((of, line)), Some(speed)) => {
-            let world = world(of, seed)?;
-            let patient = PatientClock::start();
-            let clock: Arc<dyn Clock> = Arc::new(patient.clone());
-            let port = Box::new(live_line(&world, *line, &patient)?);
-            let bus = bus_of(port, &clock, speed, UNKNOWN_LATENCY);
-            let (fd, world) = (speed.data_bitrate_bps.is_some(), Some(world));
-            Ok(OpenCanLine {
-                bus,
-                clock,
-                speed,
-                fd,
-                robot,
-                world,
-                real_time: true,
-                patience: Some(patient),
+                world: Some(world),
+                patience,
                 interface: None,
             })
         }
@@ -134,7 +115,6 @@ pub fn open_can(address: &Address, robot: Option<&str>, seed: u64) -> Result<Ope
                 fd,
                 robot,
                 world: None,
-                real_time: true,
                 patience: None,
                 interface: Some(interface.clone()),
             })
@@ -143,6 +123,19 @@ pub fn open_can(address: &Address, robot: Option<&str>, seed: u64) -> Result<Ope
             .at(address.to_string())
             .allowed("can:can0, or sim and sim:pty with --robot")),
     }
+}
+
+/// The host's end of a virtual CAN line, whose time passes by itself if there is a clock for that; and
+/// the time frames may be held back.
+fn virtual_port(
+    world: &SharedWorld,
+    line: usize,
+    patience: Option<&PatientClock>,
+) -> Result<(Box<dyn FramePort>, Duration), Error> {
+    Ok(match patience {
+        Some(clock) => (Box::new(live_line(world, line, clock)?), UNKNOWN_LATENCY),
+        None => (Box::new(VirtualCanLine::new(world.clone(), line)), Duration::ZERO),
+    })
 }
 
 fn bus_of(
@@ -188,18 +181,15 @@ impl OpenCanLine {
     /// # Errors
     /// An interface that cannot be opened again.
     pub fn into_link(self, robot: Robot) -> Result<Connection, Error> {
-        let Self { bus, clock, speed, robot: whole, world, real_time, patience, interface, .. } =
-            self;
+        let Self { bus, clock, speed, robot: whole, world, patience, interface, .. } = self;
         drop(bus);
         let line = whole.map(|(_, line)| line);
-        let (port, latency): (Box<dyn FramePort>, Duration) = match (interface, &world, line) {
+        let (port, latency) = match (interface, &world, line) {
             (Some(interface), _, _) => (interface_at(&interface, speed)?, CAN_LATENCY),
-            (None, Some(world), Some(line)) => match &patience {
-                Some(clock) => (Box::new(live_line(world, line, clock)?), UNKNOWN_LATENCY),
-                None => (Box::new(VirtualCanLine::new(world.clone(), line)), Duration::ZERO),
-            },
+            (None, Some(world), Some(line)) => virtual_port(world, line, patience.as_ref())?,
             _ => return Err(Error::new("the line cannot be opened again")),
         };
+        let real_time = world.is_none() || patience.is_some();
         let link = Link::new(robot, vec![(port, latency)], clock);
         Ok(Connection { link, world, real_time, patience, _doors: Vec::new() })
     }
