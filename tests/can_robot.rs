@@ -586,7 +586,7 @@ fn a_mixed_robot_is_held_monitored_and_let_go_by_command() {
 
 #[test]
 fn a_bus_of_the_wrong_kind_is_refused() {
-    let robot = written("mixed", &robots::mixed(100.0));
+    let robot = written("mixed-refused", &robots::mixed(100.0));
     let buses = [
         ["--bus", "left_leg=serial:/dev/x"],
         ["--bus", "right_leg=can:can0"],

@@ -19,9 +19,9 @@ fn retarget(out: &Path, more: &[&str]) -> Output {
         .expect("the command")
 }
 
-/// The table: times, and one row of angles per time, rad.
-fn table() -> (Vec<f64>, Vec<Vec<f64>>, Vec<String>) {
-    let path = folder().join("wave.csv");
+/// The table, in a file of the test's own: times, and one row of angles per time, rad.
+fn table(file: &str) -> (Vec<f64>, Vec<Vec<f64>>, Vec<String>) {
+    let path = folder().join(file);
     assert!(retarget(&path, &["--force"]).status.success());
     let text = std::fs::read_to_string(path).expect("a table");
     let mut lines = text.lines();
@@ -34,7 +34,7 @@ fn table() -> (Vec<f64>, Vec<Vec<f64>>, Vec<String>) {
 
 #[test]
 fn a_recording_holds_the_goals_of_the_table_and_nothing_that_was_not_measured() {
-    let (times, poses, names) = table();
+    let (times, poses, names) = table("beside-mcap.csv");
     let path = folder().join("wave.mcap");
     let _ = std::fs::remove_file(&path);
     let output = retarget(&path, &[]);
@@ -58,7 +58,7 @@ fn a_recording_holds_the_goals_of_the_table_and_nothing_that_was_not_measured() 
 
 #[test]
 fn a_bvh_file_has_the_robots_joints_and_as_many_poses_as_the_table_has_rows() {
-    let (times, poses, names) = table();
+    let (times, poses, names) = table("beside-bvh.csv");
     let path = folder().join("wave.bvh");
     let output = retarget(&path, &["--force"]);
     assert!(output.status.success(), "{output:?}");

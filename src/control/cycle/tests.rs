@@ -81,6 +81,21 @@ impl Motion for Jump {
     fn stop(&mut self) {}
 }
 
+/// A motion that stands for one step, goes on for two, and stands for good: as a goal does that was
+/// held at a blocked joint when the joint is let go.
+struct GoesOn(usize);
+
+impl Motion for GoesOn {
+    fn advance(&mut self, _dt_s: f64, _now: Instant, setpoints: &mut [Setpoint]) -> bool {
+        self.0 += 1;
+        let position_rad = 0.005 * (self.0.clamp(4, 6) - 4) as f64;
+        setpoints.fill(Setpoint { position_rad, ..Setpoint::default() });
+        self.0 != 5 && self.0 > 3
+    }
+
+    fn stop(&mut self) {}
+}
+
 /// A sink that does something at each cycle.
 struct Each<'a>(Box<dyn FnMut(&Sample<'_>) + 'a>);
 
@@ -771,6 +786,15 @@ fn a_goal_the_guard_refuses_leaves_the_joints_where_they_were_told_to_be() {
     assert_eq!(played.run.stop_data.and_then(|stop| stop.cycle), Some(5));
     let motion = Some(Box::new(Jump { at: 5, to_rad: 0.1, step: 0 }) as Box<dyn Motion>);
     assert_eq!(Scene { motion, ..Scene::default() }.play().run.stop, None);
+}
+
+#[test]
+fn a_goal_that_goes_on_after_it_stood_is_followed_by_two_equal_ones() {
+    let motion = Some(Box::new(GoesOn(0)) as Box<dyn Motion>);
+    let played = Scene { motion, ..Scene::default() }.play();
+    assert_eq!(played.run.stop, None);
+    // A count is 1.5 mrad.
+    assert_eq!(played.goals_of(20), [0, 0, 0, 0, 3, 7, 7]);
 }
 
 #[test]
