@@ -15,7 +15,6 @@ pub mod play;
 pub mod plots;
 pub mod ports;
 pub mod profile;
-pub mod progress;
 pub mod protocol;
 pub mod record;
 pub mod recordings;
@@ -27,6 +26,7 @@ pub mod signals;
 pub mod simulate;
 pub mod source;
 pub mod synth;
+pub mod terminal;
 pub mod wear;
 
 pub use output::{Deed, Output, Remarks, print, say};

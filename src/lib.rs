@@ -6,7 +6,8 @@
 //! they are. [`motion`], [`actionlet`], [`body`], [`action`] and [`mocap`] are mathematics and know no
 //! hardware; [`guard`] and [`control`] are the last gate and the loop. [`capture`] and [`session`] make
 //! samples and trials of what sensors say, [`calibration`] is what was measured on one robot,
-//! [`recording`] and [`plot`] are the files a run leaves. [`cli`] is what a person types.
+//! [`recording`] and [`plot`] are the files a run leaves. [`job`] is what is done with all of it, from an
+//! order to a typed report; [`cli`] is what a person types.
 
 pub mod action;
 pub mod actionlet;
@@ -20,6 +21,7 @@ pub mod device;
 pub mod draft;
 pub mod error;
 pub mod guard;
+pub mod job;
 pub mod mocap;
 pub mod motion;
 pub mod plot;

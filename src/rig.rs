@@ -2,6 +2,7 @@
 //! process; and who answers there. Knows no motion.
 
 mod address;
+mod calibrated;
 mod can_line;
 mod connect;
 mod identify;
@@ -10,6 +11,7 @@ mod virtual_robot;
 mod wire;
 
 pub use address::{Address, BusKind};
+pub use calibrated::calibrated;
 pub use can_line::{OpenCanLine, is_can, open_can};
 pub use connect::{Connection, connect, patience_words};
 pub use identify::{

@@ -93,6 +93,7 @@ const RULES: &[(&str, &[&str])] = &[
             "std::time",
         ],
     ),
+    ("job", &["crate::cli", "clap", "std::io::std", "println!", "ExitCode", "process::exit"]),
     ("recording", &["crate::control", "crate::bus", "crate::port", "crate::robot", "crate::cli"]),
     ("plot", &["crate::control", "crate::bus", "crate::port", "crate::robot", "crate::cli"]),
 ];

@@ -5,17 +5,11 @@
 mod aloud;
 
 use aloud::aloud;
-use clap::Parser;
-use gaitway::cli::play::{PlayArgs, play};
-use gaitway::cli::report::{JointReport, Outcome, PlayReport};
-use gaitway::cli::{Remarks, signals::Signals};
+use gaitway::job::Nobody;
+use gaitway::job::play::{Options, PlayOrder, play};
+use gaitway::job::report::{JointReport, Outcome, PlayReport};
+use gaitway::job::source::MotionOrder;
 use std::path::{Path, PathBuf};
-
-#[derive(Parser)]
-struct Arguments {
-    #[command(flatten)]
-    play: PlayArgs,
-}
 
 fn captures() -> Option<PathBuf> {
     let folder = std::env::var_os("GAITWAY_CAPTURES").map(PathBuf::from);
@@ -38,9 +32,15 @@ fn bvh_files(folder: &Path, found: &mut Vec<PathBuf>) {
 
 fn play_on_op3(file: &Path) -> PlayReport {
     let file = file.to_str().expect("a UTF-8 path");
-    let arguments = ["play", file, "--robot", "op3", "--bus", "sim"];
-    let arguments = Arguments::try_parse_from(arguments).expect("arguments");
-    play(&arguments.play, Remarks { quiet: true }, &Signals::default())
+    let order = PlayOrder {
+        motion: MotionOrder::of(file),
+        robot: "op3".to_owned(),
+        buses: vec!["sim".parse().expect("an address")],
+        calibration: None,
+        seed: 0,
+        options: Options::default(),
+    };
+    play(&order, &Nobody).report
 }
 
 fn most_clipped(report: &PlayReport) -> Option<&JointReport> {

@@ -279,7 +279,7 @@ fn a_walk_that_was_recorded_comes_out_as_the_angles_that_were_walked() {
 
     // The skeleton file is a person of this stature who does the same.
     let (capture, source) =
-        gaitway::cli::source::body_motion(folder.join("walk.bvh").to_str().expect("a path"), None)
+        gaitway::job::source::body_motion(folder.join("walk.bvh").to_str().expect("a path"), None)
             .expect("our own reader reads it");
     assert_eq!(source.frames, table.angles.len());
     assert!(capture.tracked.iter().all(|tracked| *tracked));

@@ -59,7 +59,13 @@ fn recorded(name: &str, late_s: f64) -> (Value, String) {
     }
     let mut operator = child.stdin.take().expect("its input");
     operator.write_all(b"\n").expect("typed");
-    std::thread::sleep(Duration::from_millis(500));
+    // A line has the moment at which it was read, and a busy machine may read the first one late.
+    while rustix::io::ioctl_fionread(&operator).expect("a pipe") > 0
+        && began.elapsed() < Duration::from_secs(20)
+    {
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    std::thread::sleep(Duration::from_millis(600));
     operator.write_all(b"  the door opened \n").expect("typed");
     assert!(child.wait().expect("its end").code().is_some_and(|code| code == 0 || code == 3));
     let info = |arguments: &[&str]| {

@@ -1,8 +1,8 @@
 //! `--force` replaces a file once the new one is worth it: a recording with its first cycle or sample,
 //! everything else when it is whole. Until then what was there stays, whatever happens.
 
-use gaitway::cli::play::RunRecorder;
 use gaitway::control::arm::arm;
+use gaitway::job::recorder::RunRecorder;
 use gaitway::recording::{
     CycleRecord, JointRecord, RecordedJoint, RecordedSource, Recorder, RunEnd, RunStart,
     SourceKind, SourceRecord, read,

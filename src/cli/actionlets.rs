@@ -1,9 +1,10 @@
 //! `actionlets`: a captured motion as the actionlets it is made of.
 
-use super::{Deed, Output, Remarks, source};
+use super::{Deed, Output, Remarks};
 use crate::action::decompose::{self, DecomposedMotion, Figure};
 use crate::action::{Action, file};
 use crate::error::Error;
+use crate::job::source;
 use clap::Args;
 use serde::Serialize;
 use std::fmt::Write;

@@ -2,12 +2,13 @@
 //! it goes. What is measured goes into a file; into the servos only with a permit.
 
 use super::signals::Signals;
-use super::{Deed, Outcome, Output, Remarks, limp, source};
+use super::{Deed, Outcome, Output, Remarks, limp};
 use crate::calibration::{Calibration, JointCalibration, usual_path};
 use crate::control::{Stop, StopCode, StopReason, arm, inject, net};
 use crate::device::actuator::Wanted;
 use crate::draft::Draft;
 use crate::error::Error;
+use crate::job::source;
 use crate::rig::Address;
 use crate::rig::connect;
 use crate::robot::preflight::{PATIENT_RETRIES, budget, exchange_error};

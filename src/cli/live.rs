@@ -1,20 +1,24 @@
 //! `live`: a robot does now what a body does. The whole job, in order.
 
 use super::calibrated::CalibrationArg;
-use super::play::{self, RunRecorder};
+use super::play;
 use super::record::source::duration;
-use super::report::{JointReport, Outcome, PlayReport, RefereeReport};
 use super::signals::Signals;
-use super::source::{self, robot_model};
 use super::wear::Operator;
 use super::{Deed, Output, Remarks};
 use crate::body::worn::Movement;
 use crate::control::{self, Input, Mirror, Settings, inject, net};
 use crate::error::Error;
+use crate::job::model::robot_model;
+use crate::job::observer::Meter;
+use crate::job::play::describe_virtual;
+use crate::job::recorder::RunRecorder;
+use crate::job::report::{JointReport, Outcome, PlayReport};
+use crate::job::source;
 use crate::mocap::retarget::{self, Online};
 use crate::motion::Trend;
 use crate::rig::Address;
-use crate::rig::{Connection, connect, patience_words};
+use crate::rig::{Connection, connect};
 use crate::robot::preflight::{Accept, Preflight, preflight};
 use crate::time::{Duration, Instant};
 use clap::{Args, ValueEnum};
@@ -304,7 +308,7 @@ impl Job<'_> {
             found,
             &mut mirror,
             *settings,
-            &mut recorder.metered(super::progress::Meter::default()),
+            &mut recorder.metered(Meter::default()),
             &|| self.operator.wants_to_stop(),
             &mut |_| remarks.say("following; Ctrl-C, or q and Enter, brings the robot to rest"),
         );
@@ -322,12 +326,7 @@ impl Job<'_> {
             recorder.discard();
             return Ok(None);
         }
-        self.report.run.notes.extend(patience_words(connection.patience.as_ref()));
-        if let Some(world) = &connection.world {
-            let verdict = world.lock().verdict();
-            let violations = verdict.violations.iter().map(ToString::to_string).collect();
-            self.report.run.referee = Some(RefereeReport { violations });
-        }
+        describe_virtual(&mut self.report.run, connection);
         Ok(Some(recorder))
     }
 }
@@ -347,20 +346,9 @@ fn describe_joints(report: &mut LiveReport, connection: &Connection, mirror: &Mi
     let (velocity, acceleration) = mirror.peaks();
     for (index, joint) in connection.link.robot().joints.iter().enumerate() {
         report.run.joints.push(JointReport {
-            name: joint.name.clone(),
-            range_rad: None,
             peak_velocity_rad_s: velocity[index],
             peak_acceleration_rad_s2: acceleration[index],
-            peak_jerk_rad_s3: 0.0,
-            limit_velocity_rad_s: joint.limits.velocity_rad_s(),
-            limit_acceleration_rad_s2: joint.limits.acceleration_rad_s2(),
-            tracking_rms_rad: None,
-            start_velocity_rad_s: 0.0,
-            end_velocity_rad_s: 0.0,
-            clipped_samples: 0,
-            clipped_share: 0.0,
-            at_limit_share: 0.0,
-            missed_reads: 0,
+            ..JointReport::of(joint)
         });
         let limited_samples = mirror.tally().limited_samples[index];
         report.limited.push(LiveJoint { name: joint.name.clone(), limited_samples });

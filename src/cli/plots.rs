@@ -1,13 +1,13 @@
 //! The HTML page of a played motion, from the report and the recorded series.
 
-use super::play::RunRecorder;
-use super::report::PlayReport;
+use crate::job::recorder::Series;
+use crate::job::report::PlayReport;
 use crate::plot::{self, JointSeries, PlotPage};
 use crate::robot::Robot;
 
 /// The page as HTML.
 #[must_use]
-pub fn page(report: &PlayReport, recorder: &RunRecorder, robot: &Robot) -> String {
+pub fn page(report: &PlayReport, series: &Series, robot: &Robot) -> String {
     let rows = vec![
         ("outcome", report.text(true).lines().next().unwrap_or_default().to_owned()),
         ("retimed", retiming(report)),
@@ -32,7 +32,7 @@ pub fn page(report: &PlayReport, recorder: &RunRecorder, robot: &Robot) -> Strin
         summary_rows: rows.into_iter().map(|(label, text)| (label.to_owned(), text)).collect(),
         warnings,
         notes: report.notes.clone(),
-        joints: joints(recorder, robot),
+        joints: joints(series, robot),
     })
 }
 
@@ -56,8 +56,7 @@ fn retiming(report: &PlayReport) -> String {
 }
 
 /// Goals, measured angles and goal speeds as they were.
-fn joints(recorder: &RunRecorder, robot: &Robot) -> Vec<JointSeries> {
-    let Some(series) = recorder.series() else { return Vec::new() };
+fn joints(series: &Series, robot: &Robot) -> Vec<JointSeries> {
     let joints = robot.joints.iter().enumerate();
     joints
         .map(|(index, joint)| JointSeries {

@@ -1,42 +1,15 @@
-//! What `play` tells: one set of figures, as text for a person and as JSON for a program.
+//! How motions ended, as a person and a shell read it.
 
-use crate::control::{Exception, FlightCycle, Left, Performance, Run, Stop, StopCode, StopReason};
-use crate::motion::{Because, Retimed};
+use crate::control::{Exception, Stop, StopCode};
+use crate::job::report::PlayReport;
 use crate::robot::preflight::LINE_SHARE;
-use serde::Serialize;
 use std::fmt::Write;
 
-/// How a command ended; its exit code.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Outcome {
-    /// All of it.
-    Done,
-    /// All of it, but something received was not stored.
-    DoneWithLoss,
-    /// Nothing moved: the answer was no.
-    Refused,
-    /// Stopped before its end.
-    Stopped,
-    /// Something broke.
-    Failed,
-}
+pub use crate::job::report::Outcome;
 
 impl Outcome {
-    /// How a motion ended that was streamed.
-    #[must_use]
-    pub const fn of(stop: Option<&StopReason>) -> Self {
-        match stop {
-            None => Self::Done,
-            // The program's own mistakes.
-            Some(StopReason::Refused { .. } | StopReason::Broke { .. }) => Self::Failed,
-            Some(_) => Self::Stopped,
-        }
-    }
-
     /// Exit code of the process.
-    #[must_use]
-    pub const fn exit_code(self) -> i32 {
+    pub(in crate::cli) const fn exit_code(self) -> i32 {
         match self {
             Self::Done => 0,
             Self::Refused | Self::Failed => 1,
@@ -44,280 +17,20 @@ impl Outcome {
             Self::Stopped => 4,
         }
     }
-
-    const fn word(self) -> &'static str {
-        match self {
-            Self::Done => "done",
-            Self::DoneWithLoss => "done, with loss",
-            Self::Refused => "refused",
-            Self::Stopped => "stopped",
-            Self::Failed => "failed",
-        }
-    }
-}
-
-/// The motion as it came in.
-#[derive(Clone, Debug, Default, Serialize)]
-pub struct Source {
-    /// `bvh` or `action`.
-    pub format: String,
-    /// Poses read.
-    pub frames: usize,
-    /// Poses per second.
-    pub rate_hz: f64,
-    /// Length, s.
-    pub duration_s: f64,
-}
-
-/// One joint of a played motion.
-#[derive(Clone, Debug, Serialize)]
-pub struct JointReport {
-    /// Joint name.
-    pub name: String,
-    /// Lowest and highest measured angle, rad.
-    pub range_rad: Option<[f64; 2]>,
-    /// Commanded, rad/s.
-    pub peak_velocity_rad_s: f64,
-    /// Commanded, rad/s².
-    pub peak_acceleration_rad_s2: f64,
-    /// Commanded, rad/s³; reported, not limited.
-    pub peak_jerk_rad_s3: f64,
-    /// The robot's limit, rad/s.
-    pub limit_velocity_rad_s: f64,
-    /// The robot's limit, rad/s².
-    pub limit_acceleration_rad_s2: f64,
-    /// Root mean square of goal minus present at the same read, rad.
-    pub tracking_rms_rad: Option<f64>,
-    /// Commanded speed at the first moment, rad/s.
-    pub start_velocity_rad_s: f64,
-    /// Commanded speed at the last moment, rad/s.
-    pub end_velocity_rad_s: f64,
-    /// Poses that saturation moved by more than 0.01 rad.
-    pub clipped_samples: usize,
-    /// The same as a share of all poses.
-    pub clipped_share: f64,
-    /// Share of poses in which the fit holds the joint at its limit: what the person does lies
-    /// beyond it, and other joints make up for it as well as they can.
-    pub at_limit_share: f64,
-    /// Cycles without feedback.
-    pub missed_reads: u64,
-}
-
-/// What the virtual robot's referee saw.
-#[derive(Clone, Debug, Serialize)]
-pub struct RefereeReport {
-    /// Broken rules, in words; empty is right.
-    pub violations: Vec<String>,
-}
-
-/// Everything `play` reports.
-#[derive(Clone, Debug, Serialize)]
-pub struct PlayReport {
-    /// How it ended.
-    pub outcome: Outcome,
-    /// Why, unless done.
-    pub stop_reason: Option<String>,
-    /// The same as data; null for a motion that was refused, or done.
-    pub stop: Option<Stop>,
-    /// Where goals could not be led to rest along the checked path.
-    pub exceptions: Vec<Exception>,
-    /// How the robot was left, as far as it said; null if nothing was commanded.
-    pub left: Option<Left>,
-    /// The last cycles before a stop, at most fifty.
-    pub flight: Vec<FlightCycle>,
-    /// Motion as asked for.
-    pub motion: String,
-    /// Robot name.
-    pub robot: String,
-    /// Buses as asked for.
-    pub bus: Vec<String>,
-    /// True if nothing was written.
-    pub dry_run: bool,
-    /// Cycles run.
-    pub cycles: u64,
-    /// Cycles skipped or with feedback of a joint missing.
-    pub missed_cycles: u64,
-    /// Cycles that began late.
-    pub late_cycles: u64,
-    /// Rate asked for, Hz.
-    pub cycle_hz: f64,
-    /// Highest rate the line carries, by computation, Hz.
-    pub wire_limit_hz: Option<f64>,
-    /// Share of the time the busiest line was busy.
-    pub bus_load: f64,
-    /// From the first to the last cycle, s.
-    pub duration_s: f64,
-    /// The motion was stretched in time by this factor.
-    pub retime_factor: f64,
-    /// Joint that asked for it.
-    pub retime_joint: Option<String>,
-    /// Which limit of that joint: `velocity` or `acceleration`.
-    pub retime_limit: Option<String>,
-    /// The clip's clock ran from 0 to 1 in this time, s.
-    pub ease_in_s: f64,
-    /// The clip's clock ran from 1 to 0 in this time, s.
-    pub ease_out_s: f64,
-    /// Transition from where the robot stood, s.
-    pub approach_s: f64,
-    /// Per joint, in the robot's order.
-    pub joints: Vec<JointReport>,
-    /// Highest over all joints, rad/s.
-    pub max_start_velocity_rad_s: f64,
-    /// Highest over all joints, rad/s.
-    pub max_end_velocity_rad_s: f64,
-    /// Degrees Celsius.
-    pub max_temperature_c: Option<f64>,
-    /// V.
-    pub min_voltage_v: Option<f64>,
-    /// A.
-    pub max_current_a: Option<f64>,
-    /// Recording written.
-    pub recording: Option<String>,
-    /// Samples that did not reach the recording.
-    pub recording_lost: u64,
-    /// Page written.
-    pub html: Option<String>,
-    /// Calibration used; null: the robot file's own zeros.
-    pub calibration: Option<String>,
-    /// The motion as it came in.
-    pub source: Source,
-    /// Only with a virtual robot of this process.
-    pub referee: Option<RefereeReport>,
-    /// Choices made on the way that a person should know.
-    pub notes: Vec<String>,
 }
 
 impl PlayReport {
-    /// A report of nothing yet.
-    #[must_use]
-    pub fn new(motion: &str, robot: &str, bus: Vec<String>) -> Self {
-        Self {
-            outcome: Outcome::Refused,
-            stop_reason: None,
-            stop: None,
-            exceptions: Vec::new(),
-            left: None,
-            flight: Vec::new(),
-            motion: motion.to_owned(),
-            robot: robot.to_owned(),
-            bus,
-            dry_run: false,
-            cycles: 0,
-            missed_cycles: 0,
-            late_cycles: 0,
-            cycle_hz: 0.0,
-            wire_limit_hz: None,
-            bus_load: 0.0,
-            duration_s: 0.0,
-            retime_factor: 1.0,
-            retime_joint: None,
-            retime_limit: None,
-            ease_in_s: 0.0,
-            ease_out_s: 0.0,
-            approach_s: 0.0,
-            joints: Vec::new(),
-            max_start_velocity_rad_s: 0.0,
-            max_end_velocity_rad_s: 0.0,
-            max_temperature_c: None,
-            min_voltage_v: None,
-            max_current_a: None,
-            recording: None,
-            recording_lost: 0,
-            html: None,
-            calibration: None,
-            source: Source::default(),
-            referee: None,
-            notes: Vec::new(),
-        }
-    }
-
-    /// Says that the operator stopped it before torque came on.
-    pub fn describe_stopped(&mut self) {
-        self.outcome = Outcome::Stopped;
-        self.stop_reason = Some(StopReason::Asked.to_string());
-        self.stop = Some(Stop::of(StopCode::Asked));
-        self.notes.push("stopped before torque came on; nothing moved".to_owned());
-    }
-
-    /// Says what came of a performance; true if anything was streamed.
-    pub fn describe_performance(&mut self, performance: &Performance) -> bool {
-        match performance {
-            Performance::Stopped => {
-                self.describe_stopped();
-                false
-            }
-            Performance::Ran(run) => {
-                self.describe_run(run);
-                true
-            }
-            Performance::Broke { words, notes } => {
-                self.outcome = Outcome::Failed;
-                let broke = StopReason::Broke { words: words.clone() };
-                self.stop_reason = Some(format!("{broke}; the servos hold their last goal"));
-                self.stop = Some(Stop::of(StopCode::Broke));
-                self.notes.extend(notes.iter().cloned());
-                true
-            }
-        }
-    }
-
-    fn describe_run(&mut self, run: &Run) {
-        self.outcome = Outcome::of(run.stop.as_ref());
-        self.stop_reason = run.stop.as_ref().map(ToString::to_string);
-        self.stop.clone_from(&run.stop_data);
-        self.exceptions.clone_from(&run.exceptions);
-        self.left = Some(run.left.clone());
-        if run.stop.is_some() {
-            self.flight.clone_from(&run.flight);
-        }
-        self.cycles = run.tally.cycles;
-        self.missed_cycles = run.tally.missed_cycles;
-        self.late_cycles = run.tally.late_cycles;
-        self.duration_s = run.duration_s;
-        self.bus_load = run.bus_load;
-        self.notes.extend(run.notes.iter().cloned());
-        self.max_temperature_c = run.tally.max_temperature_c;
-        self.min_voltage_v = run.tally.min_voltage_v;
-        self.max_current_a = run.tally.max_current_a;
-        for (joint, tally) in self.joints.iter_mut().zip(&run.tally.joints) {
-            let measured = tally.samples > 0;
-            joint.range_rad = measured.then_some([tally.lowest_rad, tally.highest_rad]);
-            joint.tracking_rms_rad = tally.tracking_rms_rad();
-            joint.missed_reads = tally.missed;
-        }
-    }
-
-    /// Says that the program broke before the loop, or after it.
-    pub fn describe_broken(&mut self, words: &str) {
-        self.outcome = Outcome::Failed;
-        self.stop_reason = Some(format!("the program broke: {words}"));
-        self.stop = Some(Stop::of(StopCode::Broke));
-    }
-
     /// The exit code, given the first signal that came.
-    #[must_use]
-    pub fn exit_code(&self, signal: Option<i32>) -> i32 {
+    pub(in crate::cli) fn exit_code(&self, signal: Option<i32>) -> i32 {
         match (signal, &self.stop) {
             (Some(number), Some(Stop { code: StopCode::Asked, .. })) => 128 + number,
             _ => self.outcome.exit_code(),
         }
     }
 
-    /// Says what was done to the motion's time.
-    pub fn describe_retiming(&mut self, retimed: &Retimed) {
-        self.retime_factor = retimed.factor;
-        let limit = match retimed.because {
-            Because::Nothing => return,
-            Because::Velocity => "velocity",
-            Because::Acceleration => "acceleration",
-        };
-        self.retime_joint = Some(retimed.joint.1.clone());
-        self.retime_limit = Some(limit.to_owned());
-    }
-
     /// The report as lines for a person; `brief` leaves the notes out.
     #[must_use]
-    pub fn text(&self, brief: bool) -> String {
+    pub(in crate::cli) fn text(&self, brief: bool) -> String {
         let mut out = String::new();
         self.write_head(&mut out);
         if !self.dry_run && self.cycles > 0 {

@@ -2,11 +2,13 @@
 
 mod bvh;
 
-use super::play::describe_plan;
-use super::report::{Outcome, PlayReport};
-use super::source::{self, MotionArgs};
+use super::source::MotionArgs;
 use super::{Deed, Output, Remarks};
 use crate::error::Error;
+use crate::job::model::robot_model;
+use crate::job::play::describe_plan;
+use crate::job::report::{Outcome, PlayReport};
+use crate::job::source;
 use crate::mocap;
 use crate::motion::{Plan, PlanOptions, Setpoint, plan};
 use crate::port::{Clock, MonotonicClock};
@@ -48,24 +50,27 @@ pub fn run(args: &RetargetArgs, remarks: Remarks) -> Result<i32, Error> {
     let kind = Kind::of(&args.output_file)?;
     output.check_files(&[&Some(args.output_file.clone())])?;
     let robot = Robot::load(args.motion.robot())?;
-    let loaded = source::load(&args.motion, &robot)?;
+    let loaded = source::load(&args.motion.order(), &robot)?;
     let start_rad: Vec<f64> = robot.joints.iter().map(|joint| joint.initial_rad).collect();
-    let options =
-        PlanOptions { speed: args.motion.speed(), retime: loaded.retime, ..PlanOptions::default() };
+    let options = PlanOptions {
+        speed: args.motion.speed(),
+        retime: args.motion.retime().unwrap_or(loaded.of_person),
+        ..PlanOptions::default()
+    };
     let path = loaded.path_from(&robot, &start_rad)?;
     let planned = plan(&start_rad, &path, &robot.limits(), options)?;
     let rate_hz = args.rate.unwrap_or(robot.file.rate_hz);
     match kind {
         Kind::Csv => output.write_file(&args.output_file, csv(&planned, rate_hz).as_bytes())?,
         Kind::Bvh => {
-            let model = source::robot_model(&robot.file, &robot);
+            let model = robot_model(&robot.file, &robot);
             let poses: Vec<Vec<f64>> = rows(&planned, rate_hz).map(|(_, pose)| pose).collect();
             let text = mocap::bvh::write(&bvh::of_robot(&model, &poses, rate_hz));
             output.write_file(&args.output_file, text.as_bytes())?;
         }
         Kind::Mcap => record(args, &robot, &planned, rate_hz)?,
     }
-    let mut report = PlayReport::new(args.motion.motion(), &robot.name, Vec::new());
+    let mut report = PlayReport::new(&loaded.name, &robot.name, Vec::new());
     report.outcome = Outcome::Done;
     report.source = loaded.source.clone();
     report.notes.extend(loaded.notes.iter().cloned());
@@ -142,7 +147,7 @@ fn record(args: &RetargetArgs, robot: &Robot, planned: &Plan, rate_hz: f64) -> R
     let start = MonotonicClock.now();
     let run = RunStart {
         robot: robot.name.clone(),
-        motion: args.motion.motion().to_owned(),
+        motion: args.motion.order().motion,
         joints: robot.joints.iter().map(joint).collect(),
         wall_clock_start: std::time::SystemTime::now(),
         monotonic_start: start,

@@ -50,7 +50,7 @@ pub struct Preflight {
 }
 
 /// What preflight may pass over.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Accept {
     /// Firmware outside the profile's range.
     pub firmware: bool,

@@ -175,9 +175,17 @@ fn a_squat_is_played_over_an_interface_and_the_robot_let_go() {
 fn limp_actuators_are_recorded_over_an_interface() {
     let robot = Simulated::on("vcan1", "few", &few(DAMIAO, 3, 50.0));
     let (source, file) = (format!("servos:{}@can:vcan1", robot.robot), in_folder("limp.mcap"));
-    let recorded = report(&["record", &source, "-o", &file, "--for", "500ms", "--force"]);
-    assert_eq!(recorded["outcome"], "done", "{recorded:#}");
-    let samples = &recorded["sources"][0]["counts"]["samples"];
+    let arguments = ["record", &source, "-o", &file, "--for", "500ms", "--force"];
+    let (output, recorded) = reported(&arguments);
+    let recorded = recorded.unwrap_or_else(|| panic!("no report: {}", words(&output)));
+    let counts = &recorded["sources"][0]["counts"];
+    // Another process answers, in real time: what a busy machine makes it miss is said.
+    let (outcome, code) = match counts["missed"].as_u64() {
+        Some(0) => ("done", 0),
+        _ => ("done_with_loss", 3),
+    };
+    assert_eq!((&recorded["outcome"], output.status.code()), (&json!(outcome), Some(code)));
+    let samples = &counts["samples"];
     assert!(samples.as_u64().is_some_and(|count| count > 0), "{recorded:#}");
     let info = report(&["info", &file]);
     assert_eq!((&info["robot"], &info["finished"]), (&json!("few"), &json!(true)), "{info:#}");

@@ -8,7 +8,7 @@ use gaitway::action::file as action;
 use gaitway::body::anthropometry::Subject;
 use gaitway::body::worn::kept::Kept;
 use gaitway::calibration::Calibration;
-use gaitway::cli::source::joints;
+use gaitway::job::source::joints;
 use gaitway::mocap::bvh;
 use gaitway::mocap::mapping::MappingFile;
 use gaitway::recording;

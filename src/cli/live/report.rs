@@ -3,9 +3,9 @@
 use crate::body::worn::kept::utc;
 use crate::body::{Dof, JointAngles, Segment};
 use crate::cli::record::intake::SourceReport;
-use crate::cli::report::PlayReport;
 use crate::cli::wear::Guided;
 use crate::control::{Mirror, Settings};
+use crate::job::report::PlayReport;
 use crate::mocap::mapping::segment_name;
 use serde::Serialize;
 use std::collections::BTreeMap;

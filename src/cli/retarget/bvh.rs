@@ -74,7 +74,7 @@ fn order(model: &RobotModel) -> Vec<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cli::source::robot_model;
+    use crate::job::model::robot_model;
     use crate::mocap::bvh;
     use crate::mocap::skeleton::{Placed, Skeleton};
     use crate::robot::Robot;

@@ -5,11 +5,11 @@ mod can;
 
 use super::Target;
 use super::device::Device;
-use crate::cli::report::{Outcome, PlayReport};
 use crate::cli::signals::Signals;
 use crate::cli::{Deed, Remarks};
 use crate::control::{self, Planned, Sample, Settings, Sink, Stop, StopCode, StopReason, inject};
 use crate::error::Error;
+use crate::job::report::{Outcome, PlayReport};
 use crate::motion::{Path, PlanOptions, Setpoint, plan};
 use crate::rig::patience_words;
 use crate::robot::Robot;

@@ -1,8 +1,8 @@
 //! Motions that are in a robot's own joints already: recordings, taught by hand or of goals, and
 //! tables as `retarget` writes them.
 
-use crate::cli::report::Source;
 use crate::error::Error;
+use crate::job::report::Source;
 use crate::mocap::retarget::{Retargeted, Settings};
 use crate::motion::{low_pass, saturate};
 use crate::recording;

@@ -1,7 +1,7 @@
 //! What a run leaves behind: the recording, and the series for the plots.
 
-use crate::cli::progress::Meter;
-use crate::cli::report::{Outcome, PlayReport};
+use super::observer::Meter;
+use super::report::{Outcome, PlayReport};
 use crate::control::{Sample, Sink};
 use crate::error::Error;
 use crate::port::patient::PatientClock;
@@ -93,7 +93,7 @@ impl RunRecorder {
     }
 
     /// This recorder as the loop's sink, telling `meter` how far the motion is.
-    pub fn metered(&mut self, meter: Meter) -> Metered<'_> {
+    pub(crate) fn metered(&mut self, meter: Meter) -> Metered<'_> {
         Metered { recorder: self, meter }
     }
 
@@ -106,8 +106,8 @@ impl RunRecorder {
 
     /// The series kept for plots.
     #[must_use]
-    pub const fn series(&self) -> Option<&Series> {
-        self.series.as_ref()
+    pub fn into_series(self) -> Option<Series> {
+        self.series
     }
 
     /// Nothing was played: no recording is left, and one that was to be replaced is as it was.
@@ -153,7 +153,7 @@ impl RunRecorder {
 }
 
 /// The sink of one run.
-pub struct Metered<'a> {
+pub(crate) struct Metered<'a> {
     recorder: &'a mut RunRecorder,
     meter: Meter,
 }

@@ -1,0 +1,55 @@
+//! A robot's file as retargeting sees it.
+
+use crate::body::Segment;
+use crate::mocap::retarget::{ModelJoint, RobotModel, SegmentLink};
+use crate::robot::Robot;
+use gaitway_profiles as profiles;
+use glam::DVec3;
+
+/// The robot as retargeting sees it.
+#[must_use]
+pub fn robot_model(file: &profiles::Robot, robot: &Robot) -> RobotModel {
+    let index = |name: &str| file.joints.iter().position(|joint| joint.name == name);
+    let joints = file.joints.iter().zip(&robot.joints).map(|(joint, resolved)| ModelJoint {
+        name: joint.name.clone(),
+        parent: joint.parent.as_deref().and_then(index),
+        origin_m: DVec3::from_array(joint.origin_m),
+        // Files round their numbers; a turn needs a length of exactly one.
+        axis: DVec3::from_array(joint.axis).normalize_or_zero(),
+        lower_rad: resolved.limits.lower_rad(),
+        upper_rad: resolved.limits.upper_rad(),
+    });
+    let n_pose = |joint: &profiles::Joint| file.anatomy.n_pose_rad.get(&joint.name).copied();
+    let links = file.anatomy.segments.iter().filter_map(|link| {
+        Some(SegmentLink {
+            segment: segment(link.segment),
+            joint: index(&link.joint)?,
+            direction_weight: link.direction_weight,
+            twist_weight: link.twist_weight,
+        })
+    });
+    RobotModel {
+        joints: joints.collect(),
+        base: file.anatomy.base.iter().copied().map(segment).collect(),
+        n_pose_rad: file.joints.iter().map(|joint| n_pose(joint).unwrap_or(0.0)).collect(),
+        links: links.collect(),
+    }
+}
+
+const fn segment(segment: profiles::Segment) -> Segment {
+    match segment {
+        profiles::Segment::Pelvis => Segment::Pelvis,
+        profiles::Segment::Torso => Segment::Torso,
+        profiles::Segment::Head => Segment::Head,
+        profiles::Segment::LeftUpperArm => Segment::LeftUpperArm,
+        profiles::Segment::LeftForearm => Segment::LeftForearm,
+        profiles::Segment::RightUpperArm => Segment::RightUpperArm,
+        profiles::Segment::RightForearm => Segment::RightForearm,
+        profiles::Segment::LeftThigh => Segment::LeftThigh,
+        profiles::Segment::LeftShank => Segment::LeftShank,
+        profiles::Segment::LeftFoot => Segment::LeftFoot,
+        profiles::Segment::RightThigh => Segment::RightThigh,
+        profiles::Segment::RightShank => Segment::RightShank,
+        profiles::Segment::RightFoot => Segment::RightFoot,
+    }
+}

@@ -1,0 +1,85 @@
+//! Whoever a job is done for: hears what happens, and may want it to end.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// What happens during a job, for whoever wants to know at once. The report at its end has all of
+/// it once more.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Event<'a> {
+    /// A choice that was made on the way.
+    Note(&'a str),
+    /// A way of that many seconds was planned and checked; torque comes next.
+    Planned {
+        /// From the first goal to the last, s.
+        duration_s: f64,
+    },
+    /// The robot follows from now on, until it is told to stop or there is nothing more to follow.
+    Following,
+}
+
+/// Hears what happens during a job. Nothing of it is called by the loop that moves joints.
+pub trait Observer: Sync {
+    /// Something happened.
+    fn hear(&self, event: Event<'_>) {
+        let _ = event;
+    }
+
+    /// True once the job is to end. What moves is led to rest, and torque stays on. Looked at in
+    /// every cycle, so it must not wait.
+    fn wants_to_stop(&self) -> bool {
+        false
+    }
+
+    /// Called on the thread that asked for the job while joints move; returns once
+    /// [`Progress::is_over`].
+    fn watch(&self, progress: &Progress<'_>) {
+        let _ = progress;
+    }
+}
+
+/// Nobody looks on: the job runs to its end.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Nobody;
+
+impl Observer for Nobody {}
+
+/// How far a motion is.
+pub struct Progress<'a> {
+    pub(super) meter: &'a Meter,
+    pub(super) duration_s: f64,
+    pub(super) is_over: &'a dyn Fn() -> bool,
+}
+
+impl Progress<'_> {
+    /// Time since the first cycle, s.
+    #[must_use]
+    pub fn time_s(&self) -> f64 {
+        self.meter.0.load(Ordering::Relaxed) as f64 / 1e3
+    }
+
+    /// From the first goal to the last, s.
+    #[must_use]
+    pub const fn duration_s(&self) -> f64 {
+        self.duration_s
+    }
+
+    /// True once nothing moves any more.
+    #[must_use]
+    pub fn is_over(&self) -> bool {
+        (self.is_over)()
+    }
+}
+
+/// Time played so far, in milliseconds: written by the loop, read by another thread.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Meter(Arc<AtomicU64>);
+
+impl Meter {
+    /// Says how far the motion is, s.
+    pub(super) fn set(&self, seconds: f64) {
+        // Non-negative and far below the range of u64.
+        self.0.store((seconds * 1e3) as u64, Ordering::Relaxed);
+    }
+}

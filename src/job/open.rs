@@ -1,0 +1,82 @@
+//! A robot that is open, and what can be done with it: the face of this crate.
+
+use super::observer::{Nobody, Observer};
+use super::play::{Options, Played, play_on, under_net};
+use super::report::PlayReport;
+use super::source::{self, MotionOrder, RobotMotion};
+use crate::error::Error;
+use crate::rig::{Address, Connection, calibrated, connect};
+use crate::robot::Robot;
+use std::path::PathBuf;
+
+/// A robot, real or virtual, whose lines are open. Nothing was written to it yet.
+pub struct Rig {
+    connection: Connection,
+    buses: Vec<String>,
+    calibration: Option<PathBuf>,
+}
+
+/// Opens the robot called `robot` (or described by that file) at `bus`: `sim` for a virtual one in
+/// virtual time, `serial:/dev/ttyUSB0`, `can:can0`, ..., as `--bus` of the command takes it; several
+/// lines with a comma between them (`left_leg=can:can0,right_leg=can:can1`).
+///
+/// # Errors
+/// An unknown robot, an address that is none, a port that cannot be opened.
+pub fn open(robot: &str, bus: &str) -> Result<Rig, Error> {
+    let buses = bus.split(',').map(str::parse).collect::<Result<Vec<Address>, Error>>()?;
+    let (robot, calibration) = calibrated(robot, &buses, None)?;
+    let connection = connect(robot, &buses, 0)?;
+    Ok(Rig { connection, buses: buses.iter().map(ToString::to_string).collect(), calibration })
+}
+
+impl Rig {
+    /// What is known of the robot: its joints, limits and lines.
+    #[must_use]
+    pub const fn robot(&self) -> &Robot {
+        self.connection.link.robot()
+    }
+
+    /// Reads a motion and transfers it to the robot's joints: a capture (`dance.bvh`), actions
+    /// (`walk:6s,bow`), a recording or a table.
+    ///
+    /// # Errors
+    /// As [`source::load`].
+    pub fn motion(&self, motion: &str) -> Result<RobotMotion, Error> {
+        source::load(&MotionOrder::of(motion), self.robot())
+    }
+
+    /// Plays a motion to its end: every servo is looked at, the way is planned from where the robot
+    /// stands, slowed to what its joints can do, and performed under watch.
+    ///
+    /// # Errors
+    /// What was refused before anything moved. What happened since torque came on is in the report.
+    pub fn play(&mut self, motion: &RobotMotion, options: Options) -> Result<PlayReport, Error> {
+        Ok(self.play_watched(motion, options, &Nobody)?.report)
+    }
+
+    /// The same with somebody who looks on, and may want it to end.
+    ///
+    /// # Errors
+    /// As [`Rig::play`].
+    pub fn play_watched(
+        &mut self,
+        motion: &RobotMotion,
+        options: Options,
+        observer: &dyn Observer,
+    ) -> Result<Played, Error> {
+        let mut report = self.report(&motion.name);
+        report.dry_run = options.dry_run;
+        report.describe_motion(motion);
+        let series = under_net(&mut report, |report| {
+            play_on(&mut self.connection, motion, &options, observer, report)
+        })?;
+        Ok(Played { report, series })
+    }
+
+    /// A report of nothing yet.
+    fn report(&self, motion: &str) -> PlayReport {
+        let mut report = PlayReport::new(motion, &self.robot().name, self.buses.clone());
+        report.calibration = self.calibration.as_ref().map(|path| path.display().to_string());
+        report
+    }
+}

@@ -1,0 +1,314 @@
+//! `play`: from a motion to a moving robot, and what came of it. The whole job, in order.
+
+use super::observer::{Event, Meter, Observer, Progress};
+use super::recorder::{RunRecorder, Series};
+use super::report::{JointReport, Outcome, PlayReport, RefereeReport};
+use super::source::{self, MotionOrder, RobotMotion};
+use crate::control::{self, Left, Performance, Planned, Settings, inject, net};
+use crate::error::Error;
+use crate::motion::{Plan, PlanOptions, Setpoint, plan};
+use crate::rig::{Address, Connection, calibrated, connect, patience_words};
+use crate::robot::Robot;
+use crate::robot::preflight::{Accept, Preflight, preflight};
+use std::path::PathBuf;
+
+/// What the joints do when the motion is over.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum EndState {
+    /// Stay where they are, torque on.
+    #[default]
+    Hold,
+    /// Torque off: a standing robot falls.
+    Limp,
+}
+
+/// How a motion is played.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Options {
+    /// Playing speed: 0.5 is half as fast as recorded.
+    pub speed: f64,
+    /// Slow the motion until the robot can follow, or refuse it; `None`: slow what a person did.
+    pub retime: Option<bool>,
+    /// Move to where the motion begins; otherwise refuse one that begins elsewhere.
+    pub approach: bool,
+    /// Play it so often, with a transition in between.
+    pub rounds: u32,
+    /// Cycles per second; `None`: as the robot's file says.
+    pub rate_hz: Option<f64>,
+    /// What the joints do afterwards.
+    pub end: EndState,
+    /// Record goals and measured states to this file.
+    pub record: Option<PathBuf>,
+    /// The recording may replace a file that is there.
+    pub replace: bool,
+    /// Keep the goals and angles of every cycle for whoever asked.
+    pub keep_series: bool,
+    /// What may be different from what the profiles say.
+    pub accept: Accept,
+    /// Check everything, write nothing.
+    pub dry_run: bool,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            speed: 1.0,
+            retime: None,
+            approach: true,
+            rounds: 1,
+            rate_hz: None,
+            end: EndState::Hold,
+            record: None,
+            replace: false,
+            keep_series: false,
+            accept: Accept::default(),
+            dry_run: false,
+        }
+    }
+}
+
+/// Which motion on which robot, and how.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlayOrder {
+    /// The motion.
+    pub motion: MotionOrder,
+    /// The robot, by name or path of its file.
+    pub robot: String,
+    /// Where its lines are.
+    pub buses: Vec<Address>,
+    /// Its calibration; `None`: the usual one, if there is one and the robot is real.
+    pub calibration: Option<PathBuf>,
+    /// Seed of a virtual robot.
+    pub seed: u64,
+    /// How.
+    pub options: Options,
+}
+
+/// What a played motion leaves behind.
+#[derive(Debug)]
+pub struct Played {
+    /// What came of it.
+    pub report: PlayReport,
+    /// The robot, and every cycle, if that was asked for and something was played.
+    pub series: Option<(Robot, Series)>,
+}
+
+/// Opens the robot, plays and reports; whatever goes wrong is in the report.
+#[must_use]
+pub fn play(order: &PlayOrder, observer: &dyn Observer) -> Played {
+    let buses = order.buses.iter().map(ToString::to_string).collect();
+    let mut report = PlayReport::new(&order.motion.motion, &order.robot, buses);
+    report.dry_run = order.options.dry_run;
+    let mut played = Played { report, series: None };
+    let done = under_net(&mut played.report, |report| {
+        let (robot, calibration) =
+            calibrated(&order.robot, &order.buses, order.calibration.as_deref())?;
+        report.calibration = calibration.map(|path| path.display().to_string());
+        report.robot.clone_from(&robot.name);
+        let motion = source::load(&order.motion, &robot)?;
+        report.describe_motion(&motion);
+        report.cycle_hz = order.options.rate_hz.unwrap_or(robot.file.rate_hz);
+        if stopped_before_torque(observer, report) {
+            return Ok(None);
+        }
+        let mut connection = connect(robot, &order.buses, order.seed)?;
+        play_on(&mut connection, &motion, &order.options, observer, report)
+    });
+    match done {
+        Ok(series) => played.series = series,
+        Err(error) => played.report.describe_refused(&error),
+    }
+    played
+}
+
+/// Runs a part of a job under a net for panics, which are told in the report.
+///
+/// # Errors
+/// The part's own.
+pub(crate) fn under_net<T>(
+    report: &mut PlayReport,
+    part: impl FnOnce(&mut PlayReport) -> Result<Option<T>, Error>,
+) -> Result<Option<T>, Error> {
+    net::catch(|| part(report)).unwrap_or_else(|words| {
+        report.describe_broken(&words);
+        Ok(None)
+    })
+}
+
+/// Plays on a robot that is open: looks at every servo, plans from where the robot stands, performs.
+pub(super) fn play_on(
+    connection: &mut Connection,
+    motion: &RobotMotion,
+    options: &Options,
+    observer: &dyn Observer,
+    report: &mut PlayReport,
+) -> Result<Option<(Robot, Series)>, Error> {
+    let file = &connection.link.robot().file;
+    let rate_hz = options.rate_hz.unwrap_or(file.rate_hz);
+    report.cycle_hz = rate_hz;
+    if file.acceleration_source.starts_with("assumed") {
+        report.notes.push(format!("acceleration limits {}", file.acceleration_source));
+    }
+    let settings = Settings::at_rate(rate_hz);
+    inject::point("preflight", 0);
+    let found = preflight(&mut connection.link, settings.period, options.accept)?;
+    report.describe_preflight(&found);
+    let planned = plan_from(connection.link.robot(), &found, motion, options)?;
+    describe_plan(report, connection.link.robot(), &planned, motion);
+    if options.dry_run {
+        report.outcome = Outcome::Done;
+        return Ok(None);
+    }
+    if stopped_before_torque(observer, report) {
+        return Ok(None);
+    }
+    perform(connection, &found, &planned, settings, options, observer, report)
+}
+
+/// A wish to stop that comes before torque is on is fulfilled by never switching it on.
+pub(super) fn stopped_before_torque(observer: &dyn Observer, report: &mut PlayReport) -> bool {
+    let asked = observer.wants_to_stop();
+    if asked {
+        report.describe_stopped();
+    }
+    asked
+}
+
+/// Lays the motion from where the robot stands. Joints it does not drive stay there.
+fn plan_from(
+    robot: &Robot,
+    found: &Preflight,
+    motion: &RobotMotion,
+    options: &Options,
+) -> Result<Plan, Error> {
+    let path = motion.path_from(robot, &found.start_rad)?;
+    let options = PlanOptions {
+        speed: options.speed,
+        retime: options.retime.unwrap_or(motion.of_person),
+        approach: options.approach,
+        rounds: options.rounds,
+    };
+    plan(&found.start_rad, &path, &robot.limits(), options)
+}
+
+/// Says in the report what was planned, joint by joint.
+pub fn describe_plan(report: &mut PlayReport, robot: &Robot, planned: &Plan, motion: &RobotMotion) {
+    report.describe_retiming(&planned.retimed);
+    report.ease_in_s = planned.ease_in_s;
+    report.ease_out_s = planned.ease_out_s;
+    report.approach_s = planned.approach_s;
+    if planned.ease_in_s > 0.0 || planned.ease_out_s > 0.0 {
+        report.notes.push(format!(
+            "the clip does not {} at rest; its clock is eased along its own path",
+            match (planned.ease_in_s > 0.0, planned.ease_out_s > 0.0) {
+                (true, true) => "start and end",
+                (true, false) => "start",
+                _ => "end",
+            }
+        ));
+    }
+    let trajectory = &planned.trajectory;
+    let at = |time_s: f64| {
+        let mut setpoints = vec![Setpoint::default(); robot.joints.len()];
+        trajectory.sample(time_s, &mut setpoints);
+        setpoints
+    };
+    let (first, last) = (at(0.0), at(trajectory.duration_s()));
+    let velocity = trajectory.peak_velocity_rad_s();
+    let acceleration = trajectory.peak_acceleration_rad_s2();
+    let jerk = trajectory.peak_jerk_rad_s3();
+    for (index, joint) in robot.joints.iter().enumerate() {
+        let clipped_samples = motion.clipped_samples(&joint.name);
+        report.joints.push(JointReport {
+            peak_velocity_rad_s: velocity[index],
+            peak_acceleration_rad_s2: acceleration[index],
+            peak_jerk_rad_s3: jerk[index],
+            start_velocity_rad_s: first[index].velocity_rad_s,
+            end_velocity_rad_s: last[index].velocity_rad_s,
+            clipped_samples,
+            clipped_share: clipped_samples as f64 / motion.samples().max(1) as f64,
+            at_limit_share: motion.at_limit_share(&joint.name),
+            ..JointReport::of(joint)
+        });
+    }
+    let fastest = |setpoints: &[Setpoint]| {
+        setpoints.iter().map(|s| s.velocity_rad_s.abs()).fold(0.0, f64::max)
+    };
+    report.max_start_velocity_rad_s = fastest(&first);
+    report.max_end_velocity_rad_s = fastest(&last);
+}
+
+fn perform(
+    connection: &mut Connection,
+    found: &Preflight,
+    planned: &Plan,
+    settings: Settings,
+    options: &Options,
+    observer: &dyn Observer,
+    report: &mut PlayReport,
+) -> Result<Option<(Robot, Series)>, Error> {
+    // Once torque is on, nothing may keep the loop from its first cycle: the file comes before.
+    let mut recorder = RunRecorder::begin(
+        options.record.as_deref(),
+        options.replace,
+        options.keep_series,
+        connection,
+        &report.motion,
+    )?;
+    let duration_s = planned.trajectory.duration_s();
+    observer.hear(Event::Planned { duration_s });
+    let meter = Meter::default();
+    let limits = connection.link.robot().limits();
+    let performed = control::perform(
+        &mut connection.link,
+        found,
+        &mut Planned::new(&planned.trajectory, &limits),
+        settings,
+        &mut recorder.metered(meter.clone()),
+        &|| observer.wants_to_stop(),
+        &mut |is_over| observer.watch(&Progress { meter: &meter, duration_s, is_over }),
+    );
+    let performed = match performed {
+        Ok(performed) if report.describe_performance(&performed) => performed,
+        other => {
+            recorder.discard();
+            return other.map(|_| None);
+        }
+    };
+    if options.end == EndState::Limp
+        && matches!(performed, Performance::Ran(run) if run.stop.is_none())
+    {
+        go_limp(report, connection);
+    }
+    recorder.finish(report, connection);
+    describe_virtual(report, connection);
+    let robot = connection.link.robot().clone();
+    Ok(recorder.into_series().map(|series| (robot, series)))
+}
+
+/// Switches torque off after a motion that came to its end.
+fn go_limp(report: &mut PlayReport, connection: &mut Connection) {
+    match control::arm::disarm(&mut connection.link) {
+        Ok(()) => {
+            report.left =
+                Some(Left { limp: connection.link.robot().joint_names(), ..Left::default() });
+            let holds = Left::default().words();
+            report.notes.retain(|note| *note != holds);
+            report.notes.push("torque is off on every joint".to_owned());
+        }
+        Err(error) => {
+            report.outcome = Outcome::Failed;
+            report.stop_reason = Some(error.to_string());
+        }
+    }
+}
+
+/// Says what only a virtual robot can tell: how long it waited, and what its referee saw.
+pub(crate) fn describe_virtual(report: &mut PlayReport, connection: &Connection) {
+    report.notes.extend(patience_words(connection.patience.as_ref()));
+    if let Some(world) = &connection.world {
+        let verdict = world.lock().verdict();
+        let violations = verdict.violations.iter().map(ToString::to_string).collect();
+        report.referee = Some(RefereeReport { violations });
+    }
+}

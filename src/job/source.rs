@@ -1,0 +1,257 @@
+//! From a motion as somebody names it to a path over the robot's joints.
+
+pub mod joints;
+
+use super::model::robot_model;
+use super::report::Source;
+use crate::action::{Join, phrase, vocabulary};
+use crate::body::Proportions;
+use crate::error::Error;
+use crate::mocap::anatomy::{self, Capture};
+use crate::mocap::bvh;
+use crate::mocap::clip::Clip;
+use crate::mocap::mapping::MappingFile;
+use crate::mocap::retarget::{self, Retargeted};
+use crate::motion::Path as JointPath;
+use crate::robot::Robot;
+use gaitway_profiles as profiles;
+use std::path::{Path, PathBuf};
+
+/// Poses per second of a performed action.
+const ACTION_HZ: f64 = 120.0;
+/// Stature of the body that performs actions, m.
+const ACTION_STATURE_M: f64 = 1.75;
+
+/// Which motion, and how much of it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct MotionOrder {
+    /// A capture (.bvh), a shipped action, an action file (.toml), several actions
+    /// (`walk:6s,wave-r,bow`), a recording (.mcap) or a table (.csv: `time_s`, `JOINT_rad`).
+    pub motion: String,
+    /// File that says which joint of the capture is which body segment.
+    pub mapping: Option<PathBuf>,
+    /// From this time of the motion, s.
+    pub from_s: Option<f64>,
+    /// To this time of the motion, s.
+    pub to_s: Option<f64>,
+    /// Only these joints move; empty: all.
+    pub only: Vec<String>,
+    /// Left and right are swapped.
+    pub mirror: bool,
+}
+
+impl MotionOrder {
+    /// All of a motion, as it is.
+    #[must_use]
+    pub fn of(motion: &str) -> Self {
+        Self { motion: motion.to_owned(), ..Self::default() }
+    }
+}
+
+/// A motion on a robot's joints, before it is timed.
+#[derive(Clone, Debug)]
+pub struct RobotMotion {
+    /// What was asked for.
+    pub name: String,
+    /// The motion as it came in.
+    pub source: Source,
+    /// Choices made on the way.
+    pub notes: Vec<String>,
+    only: Vec<String>,
+    retargeted: Retargeted,
+    /// True if a person did it: it is slowed to what the robot can do, unless that is refused. A
+    /// trajectory that was made for the robot is slowed only if that is asked for.
+    pub of_person: bool,
+}
+
+/// Reads the motion and transfers it to the robot's joints.
+///
+/// # Errors
+/// An unreadable or malformed file, a skeleton that is no person, unknown joints in `--only`, a
+/// section that is empty.
+pub fn load(order: &MotionOrder, robot: &Robot) -> Result<RobotMotion, Error> {
+    only(robot, &order.only)?;
+    if let Some(motion) = joints::read(Path::new(&order.motion))? {
+        return in_joints(order, robot, &motion);
+    }
+    let (mut capture, source) = body_motion(&order.motion, order.mapping.as_deref())?;
+    if order.mirror {
+        capture.mirror();
+    }
+    cut(&mut capture, order.from_s, order.to_s)?;
+    let model = robot_model(&robot.file, robot);
+    let initial_rad: Vec<f64> = robot.joints.iter().map(|joint| joint.initial_rad).collect();
+    let settings = retarget::Settings::default();
+    let retargeted = retarget::retarget(&capture, &model, &initial_rad, &settings)?;
+    let notes = retargeted.notes.clone();
+    let (name, only) = (order.motion.clone(), order.only.clone());
+    Ok(RobotMotion { name, source, notes, only, retargeted, of_person: true })
+}
+
+/// Which joints `--only` names.
+///
+/// # Errors
+/// A joint the robot does not have, or one that is named twice.
+pub fn only(robot: &Robot, names: &[String]) -> Result<Vec<usize>, Error> {
+    let mut joints = Vec::with_capacity(names.len());
+    for (at, name) in names.iter().enumerate() {
+        let joint = robot.joints.iter().position(|joint| joint.name == *name).ok_or_else(|| {
+            Error::new("the robot has no such joint")
+                .at("--only")
+                .got(name.clone())
+                .allowed(robot.joint_names().join(", "))
+        })?;
+        if let Some(first) = joints.iter().position(|&other| other == joint) {
+            return Err(Error::new("a joint is named twice")
+                .at("--only")
+                .got(format!("{name}: name {} and name {}", first + 1, at + 1))
+                .allowed("each joint once"));
+        }
+        joints.push(joint);
+    }
+    Ok(joints)
+}
+
+/// A motion that is in the robot's joints already.
+fn in_joints(
+    order: &MotionOrder,
+    robot: &Robot,
+    motion: &joints::JointMotion,
+) -> Result<RobotMotion, Error> {
+    if order.mirror || order.mapping.is_some() {
+        return Err(Error::new("this motion is in the robot's joints already")
+            .at(order.motion.clone())
+            .got(if order.mirror { "--mirror" } else { "--mapping" })
+            .allowed("a capture or an action"));
+    }
+    let (retargeted, source) = motion.on(robot, order.from_s, order.to_s)?;
+    let (name, only, notes) = (order.motion.clone(), order.only.clone(), Vec::new());
+    // What a hand did is a person's motion too.
+    Ok(RobotMotion { name, source, notes, only, retargeted, of_person: motion.taught })
+}
+
+/// Reads a capture, or performs actions, as a motion of body segments.
+///
+/// # Errors
+/// An unreadable or malformed file, a skeleton that is no person, an unknown action.
+pub fn body_motion(motion: &str, mapping: Option<&Path>) -> Result<(Capture, Source), Error> {
+    if phrase::is_phrase(motion) {
+        return performed(motion);
+    }
+    let path = Path::new(motion);
+    if !path.extension().is_some_and(|e| e.eq_ignore_ascii_case("bvh")) {
+        let shipped: Vec<&str> = vocabulary::names().collect();
+        return Err(Error::new("not a motion I can read").at("MOTION").got(motion).allowed(
+            format!(
+                "a file that ends in .bvh, an action file (.toml), or a shipped action: {}",
+                shipped.join(", ")
+            ),
+        ));
+    }
+    let mapping = mapping.map(read_mapping).transpose()?;
+    let bvh = bvh::read(path)?;
+    let source = Source {
+        format: "bvh".to_owned(),
+        frames: bvh.pose_count(),
+        rate_hz: 1.0 / bvh.time_step_s,
+        duration_s: bvh.pose_count().saturating_sub(1) as f64 * bvh.time_step_s,
+    };
+    let in_file = |e: Error| if e.place.is_none() { e.at(motion) } else { e };
+    let clip = Clip::new(bvh, mapping.as_ref()).map_err(in_file)?;
+    Ok((anatomy::capture(&clip).map_err(in_file)?, source))
+}
+
+/// Actions, performed by a body of usual stature.
+fn performed(text: &str) -> Result<(Capture, Source), Error> {
+    let motion = phrase::perform(&phrase::load(text)?, Join::Transition)?;
+    let poses = motion.poses(&Proportions::of_stature(ACTION_STATURE_M)?, ACTION_HZ)?;
+    let source = Source {
+        format: "action".to_owned(),
+        frames: poses.len(),
+        rate_hz: ACTION_HZ,
+        duration_s: motion.duration_s(),
+    };
+    let capture = Capture {
+        rate_hz: ACTION_HZ,
+        poses,
+        tracked: [true; 13],
+        stature_m: ACTION_STATURE_M,
+        notes: Vec::new(),
+    };
+    Ok((capture, source))
+}
+
+fn read_mapping(path: &Path) -> Result<MappingFile, Error> {
+    let text = profiles::read_text(path)?;
+    MappingFile::parse(&text).map_err(|e| e.at(path.display().to_string()))
+}
+
+/// Keeps the poses from `from` to `to`, s.
+fn cut(capture: &mut Capture, from: Option<f64>, to: Option<f64>) -> Result<(), Error> {
+    if from.is_none() && to.is_none() {
+        return Ok(());
+    }
+    let last = capture.poses.len().saturating_sub(1);
+    let end_s = last as f64 / capture.rate_hz;
+    let (from_s, to_s) = (from.unwrap_or(0.0), to.unwrap_or(end_s));
+    if !(from_s >= 0.0 && from_s < to_s && to_s <= end_s + 0.5 / capture.rate_hz) {
+        return Err(Error::new("no such section in the capture")
+            .at("--from, --to")
+            .got(format!("{from_s} to {to_s} s"))
+            .allowed(format!("0 to {end_s:.3} s, the end after the beginning")));
+    }
+    let index = |time_s: f64| ((time_s * capture.rate_hz).round() as usize).min(last);
+    let (first, end) = (index(from_s), index(to_s));
+    capture.poses.truncate(end + 1);
+    capture.poses.drain(..first);
+    Ok(())
+}
+
+impl RobotMotion {
+    /// The path over all joints; those the motion does not drive stay at `start_rad`.
+    ///
+    /// # Errors
+    /// As [`JointPath::new`].
+    pub fn path_from(&self, robot: &Robot, start_rad: &[f64]) -> Result<JointPath, Error> {
+        let samples = self.samples();
+        let rows = robot.joints.iter().zip(start_rad).map(|(joint, &start)| {
+            match self.series(&joint.name) {
+                Some(series) => series.clone(),
+                None => vec![start; samples],
+            }
+        });
+        JointPath::new(robot.joint_names(), self.retargeted.rate_hz, rows.collect())
+    }
+
+    /// Angles of a joint the motion drives.
+    fn series(&self, joint: &str) -> Option<&Vec<f64>> {
+        if !self.only.is_empty() && !self.only.iter().any(|name| name == joint) {
+            return None;
+        }
+        let index = self.retargeted.joints.iter().position(|name| name == joint)?;
+        self.retargeted.positions_rad.get(index)
+    }
+
+    /// Poses of the motion.
+    #[must_use]
+    pub fn samples(&self) -> usize {
+        self.retargeted.positions_rad.first().map_or(0, Vec::len)
+    }
+
+    fn of_joint<T: Copy + Default>(&self, joint: &str, values: &[T]) -> T {
+        let index = self.retargeted.joints.iter().position(|name| name == joint);
+        index.and_then(|index| values.get(index).copied()).unwrap_or_default()
+    }
+
+    /// Poses in which saturation moved a joint.
+    #[must_use]
+    pub fn clipped_samples(&self, joint: &str) -> usize {
+        self.of_joint(joint, &self.retargeted.clipped_samples)
+    }
+
+    /// Share of poses in which the fit holds a joint at its limit.
+    #[must_use]
+    pub fn at_limit_share(&self, joint: &str) -> f64 {
+        self.of_joint(joint, &self.retargeted.at_limit_share)
+    }
+}
