@@ -29,6 +29,7 @@ pub mod port;
 pub mod recording;
 pub mod rig;
 pub mod robot;
+pub mod sensing;
 pub mod session;
 pub mod time;
 pub mod toml_text;

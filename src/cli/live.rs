@@ -1,10 +1,10 @@
 //! `live`: a robot does now what a body does. The whole job, in order.
 
 use super::calibrated::CalibrationArg;
+use super::duration::duration;
+use super::operator::Operator;
 use super::play;
-use super::record::source::duration;
 use super::signals::Signals;
-use super::wear::Operator;
 use super::{Deed, Output, Remarks};
 use crate::body::worn::Movement;
 use crate::control::{self, Input, Mirror, Settings, inject, net};

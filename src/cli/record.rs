@@ -1,14 +1,11 @@
 //! `record`: sensors, lines of text and hand-guided servos into one recording.
 
-mod imu;
-pub(in crate::cli) mod intake;
-mod lines;
 mod marks;
 mod servos;
 mod session;
-mod slimevr;
-pub(in crate::cli) mod source;
 
+use super::cues;
+use super::duration::duration;
 use super::report::Outcome;
 use super::signals::Signals;
 use super::{Deed, Output, Remarks};
@@ -16,12 +13,11 @@ use crate::capture::Mode;
 use crate::error::Error;
 use crate::port::{Clock, MonotonicClock};
 use crate::recording::{Recorder, RunEnd, RunStart};
+use crate::sensing::{Intake, LOOK, SensingEvent, Source, SourceReport, What};
 use crate::time::{Duration, Instant};
 use clap::Args;
-use intake::{Intake, SourceReport};
 use marks::Marks;
 use serde::Serialize;
-use source::{Source, What};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -64,7 +60,7 @@ pub struct RecordArgs {
     #[arg(long, value_name = "FILE.toml", conflicts_with = "out")]
     plan: Option<PathBuf>,
     /// How long, e.g. 10s or 2.5s; without it until Ctrl-C
-    #[arg(long = "for", value_name = "TIME", value_parser = source::duration)]
+    #[arg(long = "for", value_name = "TIME", value_parser = duration)]
     time: Option<Duration>,
     /// Name of the trial, kept in the recording
     #[arg(long, value_name = "TRIAL", default_value = "", hide_default_value = true)]
@@ -97,13 +93,6 @@ struct Report {
     /// Why writing ended early, if it did.
     poisoned: Option<String>,
 }
-
-/// How often a silent source looks whether it is to stop.
-const LOOK: Duration = Duration::from_millis(50);
-/// A source that has said nothing for so long is remarked upon.
-const PATIENCE: Duration = Duration::from_secs(3);
-/// Bytes of a line that come after its start belong to a packet cut in two; so many are no loss.
-const PARTIAL_PACKET: u64 = 600;
 
 /// Fails if two sources were given one name: nobody could tell afterwards which was which.
 fn check_names(sources: &[Source]) -> Result<(), Error> {
@@ -156,8 +145,9 @@ pub fn run(args: &RecordArgs, remarks: Remarks) -> Result<i32, Error> {
     let recorder = Recorder::create_for_sources(out, args.output.force(), start)?;
     let began = MonotonicClock.now();
     let stop = AtomicBool::new(false);
+    let tell = |event: SensingEvent<'_>| remarks.say(&cues::of_event(event));
     let mode = if args.magnetometer { Mode::NineAxes } else { Mode::SixAxes };
-    let intake = Intake::new(Some(&recorder), &stop, mode, remarks);
+    let intake = Intake::new(Some(&recorder), &stop, mode, &tell);
     std::thread::scope(|scope| {
         for source in opened {
             let intake = &intake;
@@ -240,7 +230,7 @@ fn text(report: &Report, file: &Path) -> String {
         None => format!("nothing was recorded; {} is as it was\n", file.display()),
     };
     for source in &report.sources {
-        source.text(&mut out);
+        cues::of_source(source, &mut out);
     }
     let refused: u64 = report.dropped_by_topic.values().sum();
     if refused > 0 {

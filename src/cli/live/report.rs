@@ -2,11 +2,11 @@
 
 use crate::body::worn::kept::utc;
 use crate::body::{Dof, JointAngles, Segment};
-use crate::cli::record::intake::SourceReport;
-use crate::cli::wear::Guided;
+use crate::cli::cues;
 use crate::control::{Mirror, Settings};
 use crate::job::report::PlayReport;
 use crate::mocap::mapping::segment_name;
+use crate::sensing::{Guided, SourceReport};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -208,7 +208,7 @@ impl LiveReport {
             body.text(&mut out);
         }
         for sensor in &self.sensors {
-            sensor.text(&mut out);
+            cues::of_source(sensor, &mut out);
         }
         if self.run.cycles == 0 {
             return out;

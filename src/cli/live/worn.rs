@@ -7,11 +7,10 @@ use crate::body::worn::calibrate::words;
 use crate::body::worn::kept::Kept;
 use crate::body::worn::{Wearing, WornPose};
 use crate::capture::{Counts, Mode};
+use crate::cli::cues;
+use crate::cli::operator::Operator;
 use crate::cli::output::{Output, say_over};
-use crate::cli::record::intake::{Intake, SourceReport, StopAtEnd};
-use crate::cli::record::source::Source;
 use crate::cli::report::Outcome;
-use crate::cli::wear::{Feed, Guide, Guided, Operator, Place, Plan, Sensors, Wear};
 use crate::control::{Input, Stop, StopCode};
 use crate::error::Error;
 use crate::job::model::robot_model;
@@ -22,6 +21,10 @@ use crate::motion::Trend;
 use crate::motion::follow::STALE_S;
 use crate::port::{Clock, MonotonicClock};
 use crate::recording::read_orientations;
+use crate::sensing::{
+    Ended, Feed, Guide, Guided, Intake, Place, Plan, SensingEvent, Sensors, Source, SourceReport,
+    StopAtEnd, Wear,
+};
 use crate::time::{Duration, Instant};
 use glam::{DQuat, DVec3};
 use std::io::IsTerminal;
@@ -66,8 +69,10 @@ impl Job<'_> {
         };
         let kept = recorder.as_ref().and_then(RunRecorder::shared);
         let stop = AtomicBool::new(false);
+        let remarks = self.remarks;
+        let tell_event = |event: SensingEvent<'_>| remarks.say(&cues::of_event(event));
         let mode = if args.magnetometer { Mode::NineAxes } else { Mode::SixAxes };
-        let intake = Intake::new(kept.as_deref(), &stop, mode, self.remarks);
+        let intake = Intake::new(kept.as_deref(), &stop, mode, &tell_event);
         let (sender, receiver) = channel();
         let monotonic: Arc<dyn Clock> = Arc::new(MonotonicClock);
         let clock =
@@ -76,7 +81,6 @@ impl Job<'_> {
         let is_replay = replayed.is_some();
         let feed = replayed.unwrap_or(Feed::Live(receiver));
         let mut sensors = Sensors::new(wear.places, feed);
-        let remarks = self.remarks;
         let done = std::thread::scope(|scope| {
             let _stop = StopAtEnd(&stop);
             for source in opened {
@@ -156,14 +160,17 @@ impl Job<'_> {
         clock: &dyn Clock,
     ) -> Result<Option<(RunRecorder, Ready)>, Error> {
         let guided = match self.calibrated(sensors, clock) {
-            Ok(Some(guided)) => guided,
-            other => {
+            Ok(guided) => guided,
+            Err(ended) => {
                 // Nothing was played: an empty recording would only be in the way.
                 let _ = recorder.map(RunRecorder::discard);
-                if other?.is_none() {
-                    self.report.run.describe_stopped();
-                }
-                return Ok(None);
+                return match ended {
+                    Ended::Failed(error) => Err(error),
+                    Ended::Stopped => {
+                        self.report.run.describe_stopped();
+                        Ok(None)
+                    }
+                };
             }
         };
         self.report.body = Some(BodyReport::of(&guided));
@@ -182,11 +189,7 @@ impl Job<'_> {
     }
 
     /// Takes up the calibration of the body, or makes one and keeps it.
-    fn calibrated(
-        &mut self,
-        sensors: &mut Sensors,
-        clock: &dyn Clock,
-    ) -> Result<Option<Guided>, Error> {
+    fn calibrated(&mut self, sensors: &mut Sensors, clock: &dyn Clock) -> Result<Guided, Ended> {
         let args = self.args;
         let plan = Plan {
             n_pose_after: args.n_pose_after,
@@ -198,23 +201,21 @@ impl Job<'_> {
         let known = match file.filter(|path| path.exists() && !args.recalibrate) {
             None => None,
             Some(path) => {
-                let text = gaitway_profiles::read_text(path)?;
+                let text = gaitway_profiles::read_text(path).map_err(Error::from)?;
                 Some(Kept::parse(&text).map_err(|e| e.at(path.display().to_string()))?)
             }
         };
         let mut guide = Guide::new(sensors, clock, self.operator);
-        if guide.wait_for_sensors()?.is_none() {
-            return Ok(None);
-        }
+        guide.wait_for_sensors()?;
         if let Some(kept) = known {
             return guide.take_up(kept, &plan);
         }
-        let Some(guided) = guide.calibrate(&plan)? else { return Ok(None) };
+        let guided = guide.calibrate(&plan)?;
         if let Some(path) = file {
             keep(path, &guided.kept, args.recalibrate)?;
             self.remarks.say(&format!("calibration of the body kept in {}", path.display()));
         }
-        Ok(Some(guided))
+        Ok(guided)
     }
 
     /// The robot follows the body.

@@ -1,7 +1,6 @@
 //! A robot's joints as a source: hand-guided teaching. Nothing is written to the servos but, if
 //! asked for, torque off.
 
-use super::intake::{Intake, SourceReport};
 use crate::capture::Counts;
 use crate::control;
 use crate::error::Error;
@@ -10,6 +9,7 @@ use crate::recording::{CycleRecord, JointRecord, RecordedJoint};
 use crate::rig::Address;
 use crate::rig::{Connection, connect};
 use crate::robot::{Joint, Robot};
+use crate::sensing::{Intake, SourceReport};
 use crate::time::{Duration, Instant};
 use std::sync::Arc;
 

@@ -7,26 +7,24 @@
 mod console;
 mod device;
 mod finish;
-pub(super) mod hub;
 mod setup;
 mod subject;
 mod trial;
 
 use super::RecordArgs;
-use super::intake::{Intake, StopAtEnd};
-use super::source::{Source, What};
 use crate::body::Segment;
 use crate::capture::Mode;
+use crate::cli::cues;
 use crate::cli::report::Outcome;
 use crate::cli::signals::Signals;
 use crate::cli::{Deed, Remarks};
 use crate::error::Error;
 use crate::mocap::mapping::segment_name;
+use crate::sensing::{Hub, Intake, SensingEvent, Source, StopAtEnd, What};
 use crate::session::utc::Utc;
 use crate::session::wearers::wearer;
 use crate::session::{Folder, Plan, Progress, SessionFile, Step, Verdict};
 use console::{Console, Ended};
-use hub::Hub;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -137,7 +135,8 @@ pub fn run(
     let mode = if nine { Mode::NineAxes } else { Mode::SixAxes };
     let hub = Hub::of(worn.iter().map(|worn| (worn.heard.clone(), worn.name.clone())));
     let stop = AtomicBool::new(false);
-    let intake = Intake::new(None, &stop, mode, remarks).heard_by_hub(&hub);
+    let tell = |event: SensingEvent<'_>| remarks.say(&cues::of_event(event));
+    let intake = Intake::new(None, &stop, mode, &tell).heard_by_hub(&hub);
     let console = Console::listen(signals)?;
     let ended = std::thread::scope(|scope| {
         let _stop = StopAtEnd(&stop);

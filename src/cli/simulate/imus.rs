@@ -5,7 +5,7 @@ pub mod person;
 use crate::body::Segment;
 use crate::body::proportions::proximal_joint;
 use crate::cli::Remarks;
-use crate::cli::record::source::duration;
+use crate::cli::duration::duration;
 use crate::cli::signals::Signals;
 use crate::error::Error;
 use crate::job::source::body_motion;

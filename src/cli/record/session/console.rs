@@ -1,9 +1,9 @@
 //! The dialogue with the operator: questions on standard output, answers on standard input, a line
 //! each.
 
+use crate::cli::operator::Operator;
 use crate::cli::print;
 use crate::cli::signals::Signals;
-use crate::cli::wear::Operator;
 use crate::error::Error;
 use std::io::BufRead;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};

@@ -2,8 +2,8 @@
 
 use super::Job;
 use super::console::Ended;
-use super::hub::Still;
 use crate::port::{Clock, MonotonicClock};
+use crate::sensing::Still;
 use crate::session::files::{DeviceCheck, SCHEMA, SensorCheck};
 use crate::session::still::judge;
 use crate::time::Duration;

@@ -5,10 +5,10 @@ use super::console::Ended;
 use crate::body::worn::Movement;
 use crate::body::worn::check::T_POSE_FAIL_RAD;
 use crate::body::worn::kept::Kept;
-use crate::cli::wear::{Feed, Guide, Guided, Place, Plan, Sensors};
 use crate::error::Error;
 use crate::mocap::mapping::segment_name;
 use crate::port::MonotonicClock;
+use crate::sensing::{self, Feed, Guide, Guided, Place, Plan, Sensors};
 use crate::session::files::{BodyCheck, SCHEMA};
 use crate::session::wearers::worn_by;
 use glam::DVec3;
@@ -112,21 +112,18 @@ pub fn face_forward(job: &Job, id: &str) -> Result<Kept, Ended> {
 fn lead(
     job: &Job,
     places: Vec<Place>,
-    what: impl FnOnce(&mut Guide) -> Result<Option<Guided>, Error>,
+    what: impl FnOnce(&mut Guide) -> Result<Guided, sensing::Ended>,
 ) -> Result<Guided, Ended> {
     let mut sensors = Sensors::new(places, Feed::Live(job.hub.listen()));
     let operator = job.console.operator();
     let mut guide = Guide::new(&mut sensors, &MonotonicClock, &operator);
-    let waited = guide.wait_for_sensors();
-    let led = waited.and_then(|waited| if waited.is_some() { what(&mut guide) } else { Ok(None) });
+    let led = guide.wait_for_sensors().and_then(|()| what(&mut guide));
     job.hub.forget();
-    match led? {
-        Some(guided) => Ok(guided),
-        None => {
-            job.console.check()?;
-            Err(Ended::Stopped)
-        }
-    }
+    led.map_err(|ended| match ended {
+        sensing::Ended::Failed(error) => Ended::Failed(error),
+        // A signal tells more than that there was one.
+        sensing::Ended::Stopped => job.console.check().err().unwrap_or(Ended::Stopped),
+    })
 }
 
 impl Job<'_> {

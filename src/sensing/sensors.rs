@@ -1,8 +1,7 @@
 //! What the sensors that somebody wears say.
 
-use super::Place;
+use super::{Place, Said};
 use crate::body::Segment;
-use crate::cli::record::intake::Said;
 use crate::recording::ReplayedSample;
 use crate::time::{Duration, Instant};
 use glam::DQuat;

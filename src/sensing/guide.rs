@@ -1,14 +1,12 @@
-//! Leads somebody through a calibration: in words at a terminal, or by time without one.
+//! Leads somebody through a calibration, by their answers or, where nobody can answer, by time.
 
-use super::operator::Operator;
+use super::person::{Answer, Cue, Person, Question, Unseen, Until};
 use super::progress::Progress;
 use super::sensors::Sensors;
 use super::{Place, Wear};
 use crate::body::Segment;
 use crate::body::worn::calibrate::{calibrate, words};
-use crate::body::worn::check::{
-    PAIRS, T_POSE_FAIL_RAD, T_POSE_WARN_RAD, doubts, off_t_pose, restless, turned_rad,
-};
+use crate::body::worn::check::{PAIRS, T_POSE_FAIL_RAD, doubts, off_t_pose, restless, turned_rad};
 use crate::body::worn::kept::{Kept, VALID_S};
 use crate::body::worn::{Calibration, Moved, Movement, WornSensor};
 use crate::error::Error;
@@ -66,68 +64,72 @@ pub struct Guided {
     pub doubts: Vec<String>,
 }
 
-/// What somebody answered.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Answer {
-    GoOn,
-    Skip,
-    Stop,
+/// Why it is over before its end.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Ended {
+    /// Whoever is led wants it to end.
+    Stopped,
+    /// Something that asking again does not mend.
+    Failed(Error),
+}
+
+impl From<Error> for Ended {
+    fn from(error: Error) -> Self {
+        Self::Failed(error)
+    }
 }
 
 /// What every sensor said, `[place][sample]`.
 type Series = Vec<Vec<DQuat>>;
 
-/// Whoever leads. Functions return `None` if it is to end.
+/// Whoever leads.
 pub struct Guide<'a> {
     sensors: &'a mut Sensors,
     clock: &'a dyn Clock,
-    operator: &'a Operator,
+    person: &'a dyn Person,
     worn: Vec<WornSensor>,
 }
 
 impl<'a> Guide<'a> {
     /// Leads somebody who wears these sensors. `clock` is the one that samples are stamped with.
-    pub fn new(sensors: &'a mut Sensors, clock: &'a dyn Clock, operator: &'a Operator) -> Self {
+    pub fn new(sensors: &'a mut Sensors, clock: &'a dyn Clock, person: &'a dyn Person) -> Self {
         let worn = Wear { places: sensors.places().to_vec(), sources: Vec::new() }.worn();
-        Self { sensors, clock, operator, worn }
+        Self { sensors, clock, person, worn }
     }
 
     /// Waits until every sensor says something that can be used.
     ///
     /// # Errors
     /// Sensors that stay silent, a map that no sensor is on.
-    pub fn wait_for_sensors(&mut self) -> Result<Option<()>, Error> {
+    pub fn wait_for_sensors(&mut self) -> Result<(), Ended> {
         let until = self.clock.now() + PATIENCE;
         if self.sensors.places().is_empty() {
             return self.wait_for_strangers();
         }
         while self.sensors.silent().next().is_some() {
-            if self.pause(LOOK)?.is_none() {
-                return Ok(None);
-            }
+            self.pause(LOOK)?;
             if self.clock.now() >= until {
-                return Err(self.silence());
+                return Err(self.silence().into());
             }
         }
         let others: Vec<&str> = self.sensors.others().collect();
         if !others.is_empty() {
-            self.say(&format!("nobody wears {}: not used", others.join(", ")));
+            self.person.tell(Cue::Unused(&others));
         }
-        Ok(Some(()))
+        Ok(())
     }
 
     /// Nothing is known to be worn: what is heard at least can be named.
-    fn wait_for_strangers(&mut self) -> Result<Option<()>, Error> {
-        if self.pause(PATIENCE / 3)?.is_none() {
-            return Ok(None);
-        }
+    fn wait_for_strangers(&mut self) -> Result<(), Ended> {
+        self.pause(PATIENCE / 3)?;
         let heard: Vec<&str> = self.sensors.others().collect();
         Err(Error::new("which segment wears which sensor?")
             .got(match heard.is_empty() {
                 true => "no sensor heard".to_owned(),
                 false => format!("heard {}", heard.join(", ")),
             })
-            .remedy("say it for each, e.g. --wear left_thigh=tracker-00aa01-0, or in a file"))
+            .remedy("say it for each, e.g. --wear left_thigh=tracker-00aa01-0, or in a file")
+            .into())
     }
 
     fn silence(&self) -> Error {
@@ -152,29 +154,27 @@ impl<'a> Guide<'a> {
     /// # Errors
     /// Somebody who does not stand still or sensors whose headings nothing tells, without a
     /// terminal to try again at; a sensor that ends.
-    pub fn calibrate(&mut self, plan: &Plan) -> Result<Option<Guided>, Error> {
-        let Some(n_pose) = self.n_pose(plan.n_pose_after)? else { return Ok(None) };
+    pub fn calibrate(&mut self, plan: &Plan) -> Result<Guided, Ended> {
+        let n_pose = self.n_pose(plan.n_pose_after)?;
         let mut t_pose = None;
         let mut off_t_pose_rad = Vec::new();
         if plan.t_pose && self.arms().next().is_some() {
-            let Some(seen) = self.checked_t_pose(&n_pose)? else { return Ok(None) };
-            (t_pose, off_t_pose_rad) = seen;
+            (t_pose, off_t_pose_rad) = self.checked_t_pose(&n_pose)?;
         }
         let mut moves = Vec::new();
         for &movement in &plan.moves {
             if self.turned_by(movement).next().is_none() {
                 continue;
             }
-            let Some(seen) = self.movement(movement, &n_pose)? else { return Ok(None) };
-            moves.extend(seen);
+            moves.extend(self.movement(movement, &n_pose)?);
         }
         let calibration = calibrate(&self.worn, &n_pose, t_pose.as_deref(), &moves)?;
         for note in &calibration.notes {
-            self.say(note);
+            self.person.tell(Cue::Note(note));
         }
         let doubts = doubts(&self.worn, &n_pose, t_pose.as_deref(), &moves);
         for doubt in &doubts {
-            self.say(&format!("look: {doubt}"));
+            self.person.tell(Cue::Doubt(doubt));
         }
         if let Some(t_pose) = &t_pose {
             off_t_pose_rad = off_t_pose(&calibration, t_pose)?;
@@ -183,14 +183,14 @@ impl<'a> Guide<'a> {
         let sensors = self.sensors.places().iter().map(|place| place.sensor.clone()).collect();
         let (subject, made_unix_s) = (plan.subject.clone(), now_unix_s());
         let kept = Kept { subject, made_unix_s, sensors, calibration };
-        Ok(Some(Guided { kept, off_t_pose_rad, doubts }))
+        Ok(Guided { kept, off_t_pose_rad, doubts })
     }
 
     /// Headings of a calibration that was kept, found anew in N pose.
     ///
     /// # Errors
     /// A calibration of other sensors; a sensor that has slipped.
-    pub fn take_up(&mut self, kept: Kept, plan: &Plan) -> Result<Option<Guided>, Error> {
+    pub fn take_up(&mut self, kept: Kept, plan: &Plan) -> Result<Guided, Ended> {
         let order = self.sensors.places().iter().map(|place| {
             let fits = |at: &usize| {
                 kept.sensors.get(*at) == Some(&place.sensor)
@@ -205,27 +205,23 @@ impl<'a> Guide<'a> {
         let order = order.collect::<Result<Vec<usize>, Error>>()?;
         let age_s = kept.age_s(now_unix_s());
         if age_s > VALID_S {
-            self.say(&format!(
-                "the calibration of the body is {} hours old, and held for {}: straps \
-                 move; --recalibrate makes a new one",
-                age_s / 3600,
-                VALID_S / 3600
-            ));
+            let (hours, held_hours) = (age_s / 3600, VALID_S / 3600);
+            self.person.tell(Cue::Old { hours, held_hours });
         }
         let mounts = order.iter().map(|at| kept.calibration.mounts[*at]).collect();
         let sensors = order.iter().map(|at| kept.sensors[*at].clone()).collect();
         let known = Calibration { mounts, notes: Vec::new() };
         loop {
-            let Some(n_pose) = self.n_pose(plan.n_pose_after)? else { return Ok(None) };
+            let n_pose = self.n_pose(plan.n_pose_after)?;
             match known.reheaded(&n_pose) {
                 Ok(calibration) => {
                     self.sensors.forget();
                     let kept = Kept { sensors, calibration, ..kept };
                     let (off_t_pose_rad, doubts) = (Vec::new(), Vec::new());
-                    return Ok(Some(Guided { kept, off_t_pose_rad, doubts }));
+                    return Ok(Guided { kept, off_t_pose_rad, doubts });
                 }
-                Err(error) if !self.operator.is_at_terminal() => return Err(error),
-                Err(error) => self.say(&format!("{error}\nonce more")),
+                Err(error) if !self.person.can_answer() => return Err(error.into()),
+                Err(error) => self.person.tell(Cue::Again(&error)),
             }
         }
     }
@@ -234,45 +230,40 @@ impl<'a> Guide<'a> {
     ///
     /// # Errors
     /// Somebody who does not, without a terminal; sensors that are too slow.
-    pub fn n_pose(&mut self, after: Option<Duration>) -> Result<Option<Series>, Error> {
-        let asks = self.operator.is_at_terminal() && after.is_none();
+    pub fn n_pose(&mut self, after: Option<Duration>) -> Result<Series, Ended> {
+        let asks = self.person.can_answer() && after.is_none();
         let usual = Duration::from_secs(3);
         let mut tries = 0;
         loop {
             tries += 1;
-            self.say("N pose: upright, arms down, palms in, facing forward");
-            let answer = match asks {
-                true => self.ask("  Enter when you stand so; q ends")?,
-                false => self.count_down(after.filter(|_| tries == 1).unwrap_or(usual))?,
-            };
-            if answer == Answer::Stop {
-                return Ok(None);
+            self.person.tell(Cue::NPose);
+            if asks {
+                self.ask(Question::Stands)?;
+            } else {
+                let time = after.filter(|_| tries == 1).unwrap_or(usual);
+                self.person.tell(Cue::In(time));
+                self.pause(time)?;
             }
-            self.say("  hold still for 3 s");
-            let (from, to, said) = match self.held(HOLD)? {
-                Some(held) => held,
-                None => return Ok(None),
-            };
-            let Some((moved, rad)) = restless(&said) else {
+            self.person.tell(Cue::HoldStill(HOLD));
+            let (from, to, said) = self.held(HOLD)?;
+            let Some((place, rad)) = restless(&said) else {
                 self.check_rates(from, to)?;
-                self.say("  good");
-                return Ok(Some(said));
+                self.person.tell(Cue::Good);
+                return Ok(said);
             };
-            let what = self.moved(moved, rad);
+            let segment = self.worn[place].segment;
             if !asks && tries >= TRIES {
+                let name = segment_name(segment);
+                let what = match rad.is_finite() {
+                    true => format!("{name} moved ({:.1} deg)", rad.to_degrees()),
+                    false => format!("{name} said nothing"),
+                };
                 return Err(Error::new("nobody stood still in N pose")
                     .got(what)
-                    .remedy("stand still for three seconds and try again"));
+                    .remedy("stand still for three seconds and try again")
+                    .into());
             }
-            self.say(&format!("  {what}: once more"));
-        }
-    }
-
-    fn moved(&self, place: usize, rad: f64) -> String {
-        let segment = self.sensors.places().get(place).map_or("", |p| segment_name(p.segment));
-        match rad.is_finite() {
-            true => format!("{segment} moved ({:.1} deg)", rad.to_degrees()),
-            false => format!("{segment} said nothing"),
+            self.person.tell(Cue::Moved { segment, rad });
         }
     }
 
@@ -300,12 +291,11 @@ impl<'a> Guide<'a> {
         (0..self.worn.len()).filter(move |at| turns(self.worn[*at].segment))
     }
 
-    /// T pose and how far segments are off in it; shown, and repeated while somebody wants to.
-    #[allow(clippy::type_complexity)]
+    /// T pose, if it was seen, and how far segments are off in it; repeated while somebody wants to.
     fn checked_t_pose(
         &mut self,
         n_pose: &[Vec<DQuat>],
-    ) -> Result<Option<(Option<Series>, Vec<(Segment, f64)>)>, Error> {
+    ) -> Result<(Option<Series>, Vec<(Segment, f64)>), Ended> {
         // Movements come later: what only they tell makes no difference here, because segments other
         // than arms are turned alike in both poses.
         let known =
@@ -314,61 +304,46 @@ impl<'a> Guide<'a> {
         let mut tries = 0;
         loop {
             tries += 1;
-            let Some(seen) = self.t_pose(n_pose)? else { return Ok(None) };
-            let Some(said) = seen else { return Ok(Some((None, Vec::new()))) };
+            let Some(said) = self.t_pose(n_pose)? else { return Ok((None, Vec::new())) };
             let found = calibrate(&worn, n_pose, Some(&said), &[])?;
             let off = off_t_pose(&found, &said)?;
-            let mut failed = false;
-            for (segment, rad) in &off {
-                let word = match *rad {
-                    rad if rad <= T_POSE_WARN_RAD => "good",
-                    rad if rad <= T_POSE_FAIL_RAD => "look",
-                    _ => "too far",
-                };
-                failed |= !(*rad <= T_POSE_FAIL_RAD);
-                let name = segment_name(*segment);
-                self.say(&format!("  {name:<16} {:5.1} deg off  {word}", rad.to_degrees()));
+            for &(segment, rad) in &off {
+                self.person.tell(Cue::OffTPose { segment, rad });
             }
-            if !failed {
-                return Ok(Some((Some(said), off)));
+            if off.iter().all(|(_, rad)| *rad <= T_POSE_FAIL_RAD) {
+                return Ok((Some(said), off));
             }
-            let again = match self.operator.is_at_terminal() {
-                true => self.ask("  Enter: once more; s: go on with it; q ends")?,
-                false if tries < 3 => Answer::GoOn,
-                false => {
-                    let worst = off.iter().max_by(|a, b| a.1.total_cmp(&b.1));
-                    let (segment, rad) = worst.copied().unwrap_or((Segment::Pelvis, 0.0));
-                    return Err(Error::new("a segment is not where it belongs in T pose")
-                        .at(words(segment))
-                        .got(format!("{:.0} deg off", rad.to_degrees()))
-                        .allowed(format!("{:.0} deg", T_POSE_FAIL_RAD.to_degrees()))
-                        .remedy(
-                            "is the sensor on the segment that was said? add --no-t-pose \
-                                 to go without this check",
-                        ));
+            if self.person.can_answer() {
+                if self.ask(Question::TPoseAgain)? == Answer::Skip {
+                    return Ok((Some(said), off));
                 }
-            };
-            match again {
-                Answer::GoOn => {}
-                Answer::Skip => return Ok(Some((Some(said), off))),
-                Answer::Stop => return Ok(None),
+            } else if tries >= 3 {
+                let worst = off.iter().max_by(|a, b| a.1.total_cmp(&b.1));
+                let (segment, rad) = worst.copied().unwrap_or((Segment::Pelvis, 0.0));
+                return Err(Error::new("a segment is not where it belongs in T pose")
+                    .at(words(segment))
+                    .got(format!("{:.0} deg off", rad.to_degrees()))
+                    .allowed(format!("{:.0} deg", T_POSE_FAIL_RAD.to_degrees()))
+                    .remedy(
+                        "is the sensor on the segment that was said? add --no-t-pose to go \
+                         without this check",
+                    )
+                    .into());
             }
         }
     }
 
-    /// Waits for arms in the air that hold still. `Some(None)`: nobody raised them.
-    fn t_pose(&mut self, n_pose: &[Vec<DQuat>]) -> Result<Option<Option<Series>>, Error> {
-        self.say("T pose: arms straight out to the sides, palms down; hold");
+    /// Waits for arms in the air that hold still; `None` if nobody raised them.
+    fn t_pose(&mut self, n_pose: &[Vec<DQuat>]) -> Result<Option<Series>, Ended> {
+        self.person.tell(Cue::TPose);
         let arms: Vec<usize> = self.arms().collect();
         let until = self.clock.now() + WITHIN;
         self.sensors.listen();
         let mut up_since: Option<Instant> = None;
         let mut hint_at = self.clock.now() + HINT;
         loop {
-            match self.look()? {
-                Answer::GoOn => {}
-                Answer::Skip => return Ok(Some(None)),
-                Answer::Stop => return Ok(None),
+            if self.look()? == Some(Answer::Skip) {
+                return Ok(None);
             }
             let now = self.clock.now();
             let said = self.sensors.now();
@@ -378,7 +353,7 @@ impl<'a> Guide<'a> {
             };
             if !arms.iter().all(|at| is_up(at) == Some(true)) {
                 up_since = None;
-                self.hint(&mut hint_at, "not up yet", &arms, n_pose, |rad| rad < SPREAD_RAD);
+                self.hint(&mut hint_at, Until::Up, &arms, n_pose, |rad| rad < SPREAD_RAD);
             } else {
                 let since = *up_since.get_or_insert(now);
                 if now.since(since) >= HOLD_SPREAD {
@@ -387,35 +362,33 @@ impl<'a> Guide<'a> {
                     );
                     let held = self.sensors.listened(from, now);
                     if restless(&held).is_none() {
-                        return Ok(Some(Some(held)));
+                        return Ok(Some(held));
                     }
                 }
             }
-            if !self.operator.is_at_terminal() && now >= until {
-                self.say("  no T pose was seen: the arms' headings are not checked");
-                return Ok(Some(None));
+            if !self.person.can_answer() && now >= until {
+                self.person.tell(Cue::Unseen(Unseen::TPose));
+                return Ok(None);
             }
         }
     }
 
-    /// One movement there and back. `Some(None)`: it was left out.
+    /// One movement there and back; `None` if it was left out.
     fn movement(
         &mut self,
         movement: Movement,
         n_pose: &[Vec<DQuat>],
-    ) -> Result<Option<Option<Moved>>, Error> {
+    ) -> Result<Option<Moved>, Ended> {
         let turned: Vec<usize> = self.turned_by(movement).collect();
-        self.say(&format!("then: {}", asked(movement)));
+        self.person.tell(Cue::Move(movement));
         let until = self.clock.now() + WITHIN;
         self.sensors.listen();
         let mut progress = Progress::default();
         let mut hint_at = self.clock.now() + HINT;
         let all: Vec<usize> = (0..self.worn.len()).collect();
         loop {
-            match self.look()? {
-                Answer::GoOn => {}
-                Answer::Skip => return Ok(Some(None)),
-                Answer::Stop => return Ok(None),
+            if self.look()? == Some(Answer::Skip) {
+                return Ok(None);
             }
             let now = self.clock.now();
             let said = self.sensors.now();
@@ -423,17 +396,16 @@ impl<'a> Guide<'a> {
             let is_back = (0..said.len()).all(|at| off(at).is_some_and(|rad| rad < BACK_RAD));
             let is_away = turned.iter().any(|at| off(*at).is_some_and(|rad| rad > BEGUN_RAD));
             if !is_back {
-                let words = "not back yet";
-                self.hint(&mut hint_at, words, &all, n_pose, |rad| !(rad < BACK_RAD));
+                self.hint(&mut hint_at, Until::Back, &all, n_pose, |rad| !(rad < BACK_RAD));
             }
             if let Some(stood) = progress.take(now, is_back, is_away) {
-                self.say("  good");
+                self.person.tell(Cue::Good);
                 let orientation = self.sensors.listened(stood, now);
-                return Ok(Some(Some(Moved { movement, orientation })));
+                return Ok(Some(Moved { movement, orientation }));
             }
-            if !self.operator.is_at_terminal() && now >= until {
-                self.say("  it was not seen: left out");
-                return Ok(Some(None));
+            if !self.person.can_answer() && now >= until {
+                self.person.tell(Cue::Unseen(Unseen::Movement));
+                return Ok(None);
             }
         }
     }
@@ -442,7 +414,7 @@ impl<'a> Guide<'a> {
     fn hint(
         &self,
         at: &mut Instant,
-        words: &str,
+        until: Until,
         places: &[usize],
         n_pose: &[Vec<DQuat>],
         is_wrong: impl Fn(f64) -> bool,
@@ -455,107 +427,73 @@ impl<'a> Guide<'a> {
         let said = self.sensors.now();
         let wrong = places.iter().filter_map(|place| {
             let turned = turned_rad(&n_pose[*place], said[*place]?).filter(|rad| is_wrong(*rad))?;
-            let name = segment_name(self.worn[*place].segment);
-            Some(format!("{name} ({:.0} deg from N pose)", turned.to_degrees()))
+            Some((self.worn[*place].segment, turned))
         });
-        let wrong: Vec<String> = wrong.collect();
-        if !wrong.is_empty() {
-            self.say(&format!("  {words}: {}", wrong.join(", ")));
+        let segments: Vec<(Segment, f64)> = wrong.collect();
+        if !segments.is_empty() {
+            self.person.tell(Cue::Waiting { until, segments: &segments });
         }
     }
 
     /// What all sensors say for so long from now on.
-    fn held(&mut self, time: Duration) -> Result<Option<(Instant, Instant, Series)>, Error> {
+    fn held(&mut self, time: Duration) -> Result<(Instant, Instant, Series), Ended> {
         self.sensors.listen();
         let from = self.clock.now();
-        if self.pause(time)?.is_none() {
-            return Ok(None);
-        }
+        self.pause(time)?;
         let to = self.clock.now();
         // What was taken last is still on its way.
-        if self.pause(Duration::from_millis(150))?.is_none() {
-            return Ok(None);
-        }
-        Ok(Some((from, to, self.sensors.listened(from, to))))
+        self.pause(Duration::from_millis(150))?;
+        Ok((from, to, self.sensors.listened(from, to)))
     }
 
-    fn count_down(&mut self, time: Duration) -> Result<Answer, Error> {
-        let until = self.clock.now() + time;
-        self.say(&format!("  in {:.0} s", time.as_secs_f64()));
-        let left = until.since(self.clock.now());
-        Ok(if self.pause(left)?.is_none() { Answer::Stop } else { Answer::GoOn })
-    }
-
-    /// Waits for Enter, s or q.
-    fn ask(&mut self, question: &str) -> Result<Answer, Error> {
-        self.say(question);
+    /// Waits for an answer.
+    fn ask(&mut self, question: Question) -> Result<Answer, Ended> {
+        self.person.tell(Cue::Ask(question));
         loop {
-            if self.pause(LOOK)?.is_none() {
-                return Ok(Answer::Stop);
-            }
-            match self.operator.line().as_deref() {
-                Some("") => return Ok(Answer::GoOn),
-                Some("s") => return Ok(Answer::Skip),
-                Some(other) => self.say(&format!("  {other:?}? Enter goes on, s skips, q ends")),
+            match self.look()? {
+                Some(Answer::Other(words)) => self.person.tell(Cue::Unknown(&words)),
+                Some(answer) => return Ok(answer),
                 None => {}
             }
         }
     }
 
-    /// Lets a moment pass; s skips what is waited for.
-    fn look(&mut self) -> Result<Answer, Error> {
-        if self.pause(LOOK)?.is_none() {
-            return Ok(Answer::Stop);
-        }
-        let skips = self.operator.line().as_deref() == Some("s");
-        Ok(if skips { Answer::Skip } else { Answer::GoOn })
+    /// Lets a moment pass; what was answered in it.
+    fn look(&mut self) -> Result<Option<Answer>, Ended> {
+        self.pause(LOOK)?;
+        Ok(self.person.answer())
     }
 
     /// Lets time pass while sensors are heard.
-    fn pause(&mut self, time: Duration) -> Result<Option<()>, Error> {
+    fn pause(&mut self, time: Duration) -> Result<(), Ended> {
         let until = self.clock.now() + time;
         loop {
             let now = self.clock.now();
             self.sensors.hear(now);
-            if self.operator.wants_to_stop() {
-                return Ok(None);
+            if self.person.wants_to_stop() {
+                return Err(Ended::Stopped);
             }
             if let Some((sensor, why)) = self.sensors.ended() {
                 return Err(Error::new("a sensor that is worn is gone")
                     .at(format!("sensor {sensor}"))
                     .got(why.clone())
-                    .remedy("plug it in or switch it on, and give the same command again"));
+                    .remedy("plug it in or switch it on, and give the same command again")
+                    .into());
             }
             if self.sensors.is_over() {
                 return Err(Error::new("the recording ended during the calibration")
-                    .remedy("record N pose first, or take up a calibration that was kept"));
+                    .remedy("record N pose first, or take up a calibration that was kept")
+                    .into());
             }
             if now >= until {
-                return Ok(Some(()));
+                return Ok(());
             }
             self.clock.sleep_until((now + LOOK).min(until));
         }
-    }
-
-    /// Says something to whoever is led: they must know, however quiet the rest is.
-    fn say(&self, text: &str) {
-        crate::cli::say(text);
     }
 }
 
 /// The wall clock, s since 1970.
 fn now_unix_s() -> u64 {
     SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_secs()
-}
-
-/// A movement as a person is asked for it.
-fn asked(movement: Movement) -> &'static str {
-    match movement {
-        Movement::Bow => "bow with a straight back, and come up again",
-        Movement::SitToStand => "sit down and stand up again",
-        Movement::Bend => {
-            "march on the spot, feet pulled along, elbows bending, arms at the sides; then stand"
-        }
-        Movement::RaiseArms => "raise both straight arms forward and lower them",
-    }
 }

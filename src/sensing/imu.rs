@@ -1,5 +1,6 @@
 //! An inertial sensor on a serial line or behind a TCP port.
 
+use super::event::SensingEvent;
 use super::intake::{Intake, SourceReport};
 use super::{LOOK, PARTIAL_PACKET, PATIENCE};
 use crate::capture::Chain;
@@ -62,7 +63,7 @@ impl SerialImu {
             let silent = chain.timeline().counts().samples == 0;
             if silent && !remarked && MonotonicClock.now().since(began) > PATIENCE {
                 remarked = true;
-                intake.remarks.say(&self.silence(&source.name));
+                (intake.tell)(self.silence(&source.name));
             }
         }
         if let Some(error) = &ended {
@@ -81,16 +82,15 @@ impl SerialImu {
     }
 
     /// Why a sensor may be silent, as far as it can be told from what came.
-    fn silence(&self, name: &str) -> String {
+    fn silence<'a>(&'a self, sensor: &'a str) -> SensingEvent<'a> {
         let counts = self.stream.counts();
         match counts.bad + counts.stray_bytes {
-            0 => format!("{name}: nothing comes; is it switched on, and are RX and TX crossed?"),
-            _ => format!(
-                "{name}: bytes come, but no packets of {}; check the line speed ({} bit/s) and the \
-                 profile",
-                self.sensor.name,
-                self.sensor.baud_bps.unwrap_or(0)
-            ),
+            0 => SensingEvent::NothingComes { sensor },
+            _ => SensingEvent::NoPackets {
+                sensor,
+                profile: &self.sensor.name,
+                baud_bps: self.sensor.baud_bps.unwrap_or(0),
+            },
         }
     }
 

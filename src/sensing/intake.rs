@@ -1,15 +1,14 @@
 //! Where the samples of all sources go, and what came of each source.
 
-use super::session::hub::Hub;
+use super::event::Tell;
+use super::hub::Hub;
 use crate::capture::{Captured, Chain, Counts, Mode, Order, Quality};
-use crate::cli::Remarks;
 use crate::port::Clock;
 use crate::recording::{CycleRecord, RecordedSource, Recorder, SourceId, SourceKind, SourceRecord};
 use crate::time::Instant;
 use glam::DQuat;
 use serde::Serialize;
 use std::collections::BTreeMap;
-use std::fmt::Write;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::Sender;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -95,33 +94,6 @@ impl SourceReport {
         }
     }
 
-    /// One line for a person.
-    pub fn text(&self, out: &mut String) {
-        let counts = self.counts;
-        let _ = write!(out, "  {:<16} {} samples", self.name, counts.samples);
-        let told = [
-            (counts.missed, "missing"),
-            (counts.duplicates, "twice"),
-            (counts.late, "out of order"),
-            (counts.resets, "resets"),
-            (self.incomplete, "incomplete"),
-            (self.bad_packets, "bad packets"),
-            (self.refused, "calls of others refused"),
-        ];
-        for (count, word) in told {
-            if count > 0 {
-                let _ = write!(out, ", {count} {word}");
-            }
-        }
-        if self.skew_ppm != 0.0 {
-            let _ = write!(out, ", clock {:+.1} ppm", self.skew_ppm);
-        }
-        if let Some(ended) = &self.ended {
-            let _ = write!(out, "; ended early: {ended}");
-        }
-        out.push('\n');
-    }
-
     /// True if nothing is known to be missing.
     pub fn lossless(&self) -> bool {
         let counts = self.counts;
@@ -152,22 +124,22 @@ pub struct Intake<'a> {
     listener: Option<(Sender<Said>, Arc<dyn Clock>)>,
     hub: Option<&'a Hub>,
     stop: &'a AtomicBool,
-    pub mode: Mode,
-    pub remarks: Remarks,
+    pub(super) mode: Mode,
+    pub(super) tell: Tell<'a>,
     names: Mutex<BTreeMap<String, u32>>,
     reports: Mutex<Vec<SourceReport>>,
 }
 
 impl<'a> Intake<'a> {
-    /// Samples go to a recorder, if there is one, until `stop`.
+    /// Samples go to a recorder, if there is one, until `stop`; `tell` hears what happens.
     pub fn new(
         recorder: Option<&'a Recorder>,
         stop: &'a AtomicBool,
         mode: Mode,
-        remarks: Remarks,
+        tell: Tell<'a>,
     ) -> Self {
         let (names, reports) = Default::default();
-        Self { recorder, listener: None, hub: None, stop, mode, remarks, names, reports }
+        Self { recorder, listener: None, hub: None, stop, mode, tell, names, reports }
     }
 
     /// Lets somebody listen as well, whose clock this is: what it hears has moments of that.

@@ -7,7 +7,6 @@ use super::slimevr::Trackers;
 use crate::error::Error;
 use crate::rig::Address;
 use crate::rig::open_stream;
-use crate::time::Duration;
 use gaitway_profiles::{Sensor, SensorProtocol};
 use std::net::{Ipv4Addr, SocketAddr};
 use std::str::FromStr;
@@ -15,18 +14,43 @@ use std::str::FromStr;
 /// A source as it was typed.
 #[derive(Clone, Debug)]
 pub struct Source {
+    /// All of it.
     pub text: String,
+    /// Its name, if it was given one.
     pub name: Option<String>,
+    /// What it is, and where.
     pub what: What,
 }
 
 /// Kinds of sources.
 #[derive(Clone, Debug)]
 pub enum What {
-    Imu { profile: String, address: Address },
-    Trackers { profile: String, listen: SocketAddr },
-    Lines { address: Address },
-    Servos { robot: String, addresses: Vec<Address> },
+    /// An inertial sensor on a stream of bytes.
+    Imu {
+        /// Its profile, by name or path.
+        profile: String,
+        /// Where it is.
+        address: Address,
+    },
+    /// Trackers that send datagrams.
+    Trackers {
+        /// Their profile.
+        profile: String,
+        /// Where they are listened for.
+        listen: SocketAddr,
+    },
+    /// Lines of text.
+    Lines {
+        /// Where they come from.
+        address: Address,
+    },
+    /// A robot's joints.
+    Servos {
+        /// The robot, by name or path of its file.
+        robot: String,
+        /// Where its lines are.
+        addresses: Vec<Address>,
+    },
 }
 
 const ALLOWED: &str = "imu:PROFILE@serial:/dev/ttyUSB0, imu:slimevr@udp:0.0.0.0:6969, \
@@ -74,27 +98,13 @@ fn socket(text: &str) -> Option<SocketAddr> {
     own.or_else(|_| text.parse()).ok()
 }
 
-/// `10s`, `2.5s`, `500ms`, `2min`.
-pub fn duration(text: &str) -> Result<Duration, String> {
-    let (number, unit_s) = if let Some(number) = text.strip_suffix("ms") {
-        (number, 1e-3)
-    } else if let Some(number) = text.strip_suffix("min") {
-        (number, 60.0)
-    } else {
-        (text.strip_suffix('s').unwrap_or(text), 1.0)
-    };
-    let seconds = number.trim().parse::<f64>().map_err(|e| e.to_string())? * unit_s;
-    if seconds > 0.0 && seconds <= 1e6 {
-        Ok(Duration::from_secs_f64(seconds))
-    } else {
-        Err("allowed are times above zero, e.g. 10s, 500ms, 2min".to_owned())
-    }
-}
-
 /// A source that is open.
 pub enum Opened {
+    /// An inertial sensor.
     Imu(Box<SerialImu>),
+    /// Trackers.
     Trackers(Box<Trackers>),
+    /// Lines of text.
     Lines(Box<TextLines>),
 }
 
@@ -185,17 +195,6 @@ mod tests {
         assert!(matches!(source("servos:op3@sim:pty").what, What::Servos { .. }));
         for text in ["", "imu@/dev/x", "imu:a", "lines:x@/dev/x", "servos@sim", "imu:a@udp:x"] {
             assert!(text.parse::<Source>().is_err(), "{text}");
-        }
-    }
-
-    #[test]
-    fn durations_have_units() {
-        assert_eq!(duration("10s"), Ok(Duration::from_secs(10)));
-        assert_eq!(duration("2.5"), Ok(Duration::from_millis(2500)));
-        assert_eq!(duration("500ms"), Ok(Duration::from_millis(500)));
-        assert_eq!(duration("2min"), Ok(Duration::from_secs(120)));
-        for text in ["", "0s", "-1s", "nan", "1h"] {
-            assert!(duration(text).is_err(), "{text}");
         }
     }
 }

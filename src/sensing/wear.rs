@@ -1,18 +1,6 @@
-//! Sensors that a person wears: which is where, what they say, and a guided calibration.
-//!
-//! [`Wear`] is who wears what as it was typed, [`Sensors`] what is heard of it, [`Guide`] leads
-//! through the poses and movements that `body::worn` makes a calibration of.
+//! Who wears which sensor, as it was typed or stands in a file.
 
-mod guide;
-mod operator;
-mod progress;
-mod sensors;
-
-pub use guide::{Guide, Guided, Plan};
-pub use operator::Operator;
-pub use sensors::{Feed, Sensors};
-
-use super::record::source::{Source, What};
+use super::source::{Source, What};
 use crate::body::Segment;
 use crate::body::worn::WornSensor;
 use crate::error::Error;
@@ -40,7 +28,7 @@ pub struct Wear {
     /// What is worn.
     pub places: Vec<Place>,
     /// Where sensors are heard.
-    pub(in crate::cli) sources: Vec<Source>,
+    pub sources: Vec<Source>,
 }
 
 /// A file of `--wear`.
@@ -68,7 +56,7 @@ impl Wear {
     /// # Errors
     /// An unknown segment, one that wears two sensors, a sensor on two segments, a source that
     /// cannot be worn, one that nobody wears.
-    pub(in crate::cli) fn of(sources: Vec<Source>, wear: &[String]) -> Result<Self, Error> {
+    pub fn of(sources: Vec<Source>, wear: &[String]) -> Result<Self, Error> {
         let mut all = Self { places: Vec::new(), sources };
         for text in wear {
             match text.split_once('=') {
@@ -117,7 +105,10 @@ impl Wear {
     }
 
     /// Puts a sensor, or what is heard at a source, on a segment.
-    pub(in crate::cli) fn put(
+    ///
+    /// # Errors
+    /// An unknown segment or source, one that is taken.
+    pub fn put(
         &mut self,
         segment: &str,
         sensor: &str,

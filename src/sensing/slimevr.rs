@@ -4,6 +4,7 @@
 //! alone unless its address says otherwise, only trackers that are worn are heard where that was said,
 //! and a tracker that speaks cannot be displaced by another of its name.
 
+use super::event::SensingEvent;
 use super::intake::{Intake, Named, SourceReport};
 use super::{LOOK, PATIENCE};
 use crate::capture::Chain;
@@ -88,7 +89,9 @@ impl Trackers {
         let mut beaten = began;
         let mut remarked = false;
         if !self.listen.ip().is_loopback() {
-            intake.remarks.say(&self.openness());
+            let worn: Vec<&str> = self.worn.iter().map(String::as_str).collect();
+            let (listen, worn, most) = (self.listen, &worn[..], MOST_TRACKERS);
+            (intake.tell)(SensingEvent::OpenToNetwork { listen, worn, most });
         }
         while !intake.stopped() {
             let received = self.socket.recv_from(&mut buffer);
@@ -105,35 +108,10 @@ impl Trackers {
             }
             if self.trackers.is_empty() && !remarked && now.since(began) > PATIENCE {
                 remarked = true;
-                intake.remarks.say(&self.loneliness());
+                (intake.tell)(SensingEvent::NoTracker { listen: self.listen });
             }
         }
         self.report(intake);
-    }
-
-    /// Who can be heard where the socket is open to a network.
-    fn openness(&self) -> String {
-        let whom = match self.worn.len() {
-            0 => format!("the first {MOST_TRACKERS} trackers that call are heard"),
-            _ => {
-                let names: Vec<&str> = self.worn.iter().map(String::as_str).collect();
-                format!("whoever says that it is one of these is heard: {}", names.join(", "))
-            }
-        };
-        format!("udp:{} is open to the network: {whom}", self.listen)
-    }
-
-    fn loneliness(&self) -> String {
-        let port = self.listen.port();
-        if self.listen.ip().is_loopback() {
-            return format!(
-                "no tracker has called yet: udp:{port} listens to this machine alone; for trackers \
-                 of the network it is udp:0.0.0.0:{port}, in a network you trust"
-            );
-        }
-        "no tracker has called yet; is this machine in their network, and does its firewall let \
-         UDP in?"
-            .to_owned()
     }
 
     fn take(&mut self, datagram: &[u8], from: SocketAddr, now: Instant, intake: &Intake) {
@@ -214,7 +192,7 @@ impl Trackers {
     fn refuse(&mut self, why: &str, intake: &Intake) {
         self.refused += 1;
         if self.refused <= MOST_SAID {
-            intake.remarks.say(&format!("a tracker is refused: {why}"));
+            (intake.tell)(SensingEvent::TrackerRefused { why });
         }
     }
 
@@ -291,7 +269,6 @@ fn reading(message: &Message) -> Option<(u8, Reading)> {
 mod tests {
     use super::*;
     use crate::capture::Mode;
-    use crate::cli::Remarks;
     use std::net::Ipv4Addr;
     use std::sync::atomic::AtomicBool;
 
@@ -336,7 +313,7 @@ mod tests {
         play: impl FnOnce(&mut dyn FnMut(&[u8], SocketAddr, f64)),
     ) -> Vec<(String, u64, u64)> {
         let stop = AtomicBool::new(false);
-        let intake = Intake::new(None, &stop, Mode::SixAxes, Remarks { quiet: true });
+        let intake = Intake::new(None, &stop, Mode::SixAxes, &|_| ());
         play(&mut |datagram, from, time_s| trackers.take(datagram, from, at_s(time_s), &intake));
         trackers.report(&intake);
         let reports = intake.into_reports().into_iter();

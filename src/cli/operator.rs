@@ -1,6 +1,8 @@
 //! The person at the terminal: what they type, and whether they want to stop.
 
-use crate::cli::signals::Signals;
+use super::signals::Signals;
+use super::{cues, say};
+use crate::sensing::{Answer, Cue, Person};
 use std::io::{BufRead, IsTerminal};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
@@ -57,12 +59,6 @@ impl Operator {
         Self { signals, typed: Arc::default(), lines, is_shared: true, is_at_terminal: true }
     }
 
-    /// True if there is somebody who can answer.
-    #[must_use]
-    pub const fn is_at_terminal(&self) -> bool {
-        self.is_at_terminal
-    }
-
     /// True once it is to end: a signal, or q and Enter.
     #[must_use]
     pub fn wants_to_stop(&self) -> bool {
@@ -76,8 +72,7 @@ impl Operator {
     }
 
     /// The next line that was typed, without spaces around it and in small letters.
-    #[must_use]
-    pub fn line(&self) -> Option<String> {
+    fn line(&self) -> Option<String> {
         let line = self.lines.lock().unwrap_or_else(PoisonError::into_inner).try_recv();
         if !self.is_shared {
             return line.ok();
@@ -88,5 +83,28 @@ impl Operator {
             return None;
         }
         word.ok()
+    }
+}
+
+impl Person for Operator {
+    /// They must know, however quiet the rest is.
+    fn tell(&self, cue: Cue<'_>) {
+        say(&cues::of(&cue));
+    }
+
+    fn answer(&self) -> Option<Answer> {
+        Some(match self.line()?.as_str() {
+            "" => Answer::GoOn,
+            "s" => Answer::Skip,
+            other => Answer::Other(other.to_owned()),
+        })
+    }
+
+    fn can_answer(&self) -> bool {
+        self.is_at_terminal
+    }
+
+    fn wants_to_stop(&self) -> bool {
+        Self::wants_to_stop(self)
     }
 }

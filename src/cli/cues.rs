@@ -1,0 +1,131 @@
+//! What is said to people whose sensors are heard and calibrated, in words.
+
+use crate::body::worn::Movement;
+use crate::body::worn::check::{T_POSE_FAIL_RAD, T_POSE_WARN_RAD};
+use crate::mocap::mapping::segment_name;
+use crate::sensing::{Cue, Question, SensingEvent, SourceReport, Unseen, Until};
+use std::fmt::Write;
+
+/// What a guide says.
+pub fn of(cue: &Cue<'_>) -> String {
+    match cue {
+        Cue::Unused(names) => format!("nobody wears {}: not used", names.join(", ")),
+        Cue::Note(text) => (*text).to_owned(),
+        Cue::Doubt(text) => format!("look: {text}"),
+        Cue::Old { hours, held_hours } => format!(
+            "the calibration of the body is {hours} hours old, and held for {held_hours}: straps \
+             move; --recalibrate makes a new one"
+        ),
+        Cue::Again(error) => format!("{error}\nonce more"),
+        Cue::NPose => "N pose: upright, arms down, palms in, facing forward".to_owned(),
+        Cue::In(time) => format!("  in {:.0} s", time.as_secs_f64()),
+        Cue::HoldStill(time) => format!("  hold still for {:.0} s", time.as_secs_f64()),
+        Cue::Good => "  good".to_owned(),
+        Cue::Moved { segment, rad } if rad.is_finite() => {
+            format!("  {} moved ({:.1} deg): once more", segment_name(*segment), rad.to_degrees())
+        }
+        Cue::Moved { segment, .. } => {
+            format!("  {} said nothing: once more", segment_name(*segment))
+        }
+        Cue::TPose => "T pose: arms straight out to the sides, palms down; hold".to_owned(),
+        Cue::OffTPose { segment, rad } => {
+            let word = match *rad {
+                rad if rad <= T_POSE_WARN_RAD => "good",
+                rad if rad <= T_POSE_FAIL_RAD => "look",
+                _ => "too far",
+            };
+            let name = segment_name(*segment);
+            format!("  {name:<16} {:5.1} deg off  {word}", rad.to_degrees())
+        }
+        Cue::Move(movement) => format!("then: {}", asked(*movement)),
+        Cue::Waiting { until, segments } => {
+            let words = match until {
+                Until::Up => "not up yet",
+                Until::Back => "not back yet",
+            };
+            let far = segments.iter().map(|(segment, rad)| {
+                format!("{} ({:.0} deg from N pose)", segment_name(*segment), rad.to_degrees())
+            });
+            format!("  {words}: {}", far.collect::<Vec<_>>().join(", "))
+        }
+        Cue::Unseen(Unseen::TPose) => {
+            "  no T pose was seen: the arms' headings are not checked".to_owned()
+        }
+        Cue::Unseen(Unseen::Movement) => "  it was not seen: left out".to_owned(),
+        Cue::Ask(Question::Stands) => "  Enter when you stand so; q ends".to_owned(),
+        Cue::Ask(Question::TPoseAgain) => "  Enter: once more; s: go on with it; q ends".to_owned(),
+        Cue::Unknown(words) => format!("  {words:?}? Enter goes on, s skips, q ends"),
+    }
+}
+
+/// A movement as a person is asked for it.
+const fn asked(movement: Movement) -> &'static str {
+    match movement {
+        Movement::Bow => "bow with a straight back, and come up again",
+        Movement::SitToStand => "sit down and stand up again",
+        Movement::Bend => {
+            "march on the spot, feet pulled along, elbows bending, arms at the sides; then stand"
+        }
+        Movement::RaiseArms => "raise both straight arms forward and lower them",
+    }
+}
+
+/// What happens to a source.
+pub fn of_event(event: SensingEvent<'_>) -> String {
+    match event {
+        SensingEvent::NothingComes { sensor } => {
+            format!("{sensor}: nothing comes; is it switched on, and are RX and TX crossed?")
+        }
+        SensingEvent::NoPackets { sensor, profile, baud_bps } => format!(
+            "{sensor}: bytes come, but no packets of {profile}; check the line speed ({baud_bps} \
+             bit/s) and the profile"
+        ),
+        SensingEvent::OpenToNetwork { listen, worn, most } => {
+            let whom = match worn.len() {
+                0 => format!("the first {most} trackers that call are heard"),
+                _ => format!("whoever says that it is one of these is heard: {}", worn.join(", ")),
+            };
+            format!("udp:{listen} is open to the network: {whom}")
+        }
+        SensingEvent::NoTracker { listen } if listen.ip().is_loopback() => {
+            let port = listen.port();
+            format!(
+                "no tracker has called yet: udp:{port} listens to this machine alone; for trackers \
+                 of the network it is udp:0.0.0.0:{port}, in a network you trust"
+            )
+        }
+        SensingEvent::NoTracker { .. } => {
+            "no tracker has called yet; is this machine in their network, and does its firewall \
+             let UDP in?"
+                .to_owned()
+        }
+        SensingEvent::TrackerRefused { why } => format!("a tracker is refused: {why}"),
+    }
+}
+
+/// What became of a source, as one line.
+pub fn of_source(report: &SourceReport, out: &mut String) {
+    let counts = report.counts;
+    let _ = write!(out, "  {:<16} {} samples", report.name, counts.samples);
+    let told = [
+        (counts.missed, "missing"),
+        (counts.duplicates, "twice"),
+        (counts.late, "out of order"),
+        (counts.resets, "resets"),
+        (report.incomplete, "incomplete"),
+        (report.bad_packets, "bad packets"),
+        (report.refused, "calls of others refused"),
+    ];
+    for (count, word) in told {
+        if count > 0 {
+            let _ = write!(out, ", {count} {word}");
+        }
+    }
+    if report.skew_ppm != 0.0 {
+        let _ = write!(out, ", clock {:+.1} ppm", report.skew_ppm);
+    }
+    if let Some(ended) = &report.ended {
+        let _ = write!(out, "; ended early: {ended}");
+    }
+    out.push('\n');
+}
