@@ -6,6 +6,7 @@
 //! as long as they are written, so that two programs never write one file. What is no regular file
 //! (`/dev/null`, a pipe) is written to as it is.
 
+use crate::error::Error;
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{self, ErrorKind, Write};
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
@@ -148,6 +149,37 @@ impl Drop for Draft {
             let _ = std::fs::remove_file(path);
         }
     }
+}
+
+/// Writes a whole file; one that is there is replaced only if `force` is set, and only once the new one
+/// is whole.
+///
+/// # Errors
+/// The file exists and is to stay, or cannot be written.
+pub fn write_file(path: &Path, force: bool, bytes: &[u8]) -> Result<(), Error> {
+    check_free(path, force)?;
+    Draft::write_whole(path, force, bytes).map_err(|e| {
+        Error::new("cannot write the file").at(path.display().to_string()).got(e.to_string())
+    })
+}
+
+/// Fails if `path` exists and is to stay, or is no file.
+///
+/// # Errors
+/// As said.
+pub fn check_free(path: &Path, force: bool) -> Result<(), Error> {
+    if path.is_dir() {
+        return Err(Error::new("this is a folder, not a file")
+            .at(path.display().to_string())
+            .remedy("give the name of a file in it"));
+    }
+    // A dangling link counts as taken: writing through it would write elsewhere.
+    if force || path.symlink_metadata().is_err() {
+        return Ok(());
+    }
+    Err(Error::new("the file exists already")
+        .at(path.display().to_string())
+        .remedy("choose another name, or add --force to overwrite it"))
 }
 
 /// The folder in which the file grows that is to be `path`: it must be one that may be written to.

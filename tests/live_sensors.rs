@@ -420,7 +420,8 @@ fn a_sensor_that_falls_silent_is_said_and_the_robot_stands_until_it_is_stopped()
     let doors = standing(&[("left_upper_arm", 600.0), ("left_forearm", 12.0)]);
     let mut live = Following::start(gaitway(&folder("live-silent")), &doors, ROBOT);
     live.until("silent: left_forearm");
-    std::thread::sleep(Duration::from_millis(500));
+    // What is asked for below is time of the virtual robot, which may wait for this machine.
+    std::thread::sleep(Duration::from_secs(2));
     signal(&live.child, "INT");
     let (report, code) = live.end();
     assert_eq!((&report["outcome"], code), (&"stopped".into(), Some(130)), "{report}");

@@ -1,36 +1,24 @@
-//! `live`: a robot does now what a body does. The whole job, in order.
+//! `live`, as it is typed.
 
 use super::calibrated::CalibrationArg;
 use super::duration::duration;
 use super::operator::Operator;
-use super::play;
 use super::signals::Signals;
-use super::{Deed, Output, Remarks};
+use super::{Deed, Output, Remarks, play};
 use crate::body::worn::Movement;
-use crate::control::{self, Input, Mirror, Settings, inject, net};
+use crate::capture::Mode;
 use crate::error::Error;
-use crate::job::model::robot_model;
-use crate::job::observer::Meter;
-use crate::job::play::describe_virtual;
-use crate::job::recorder::RunRecorder;
-use crate::job::report::{JointReport, Outcome, PlayReport};
-use crate::job::source;
-use crate::mocap::retarget::{self, Online};
-use crate::motion::Trend;
+use crate::job::live::{LiveOrder, live};
 use crate::rig::Address;
-use crate::rig::{Connection, connect};
-use crate::robot::preflight::{Accept, Preflight, preflight};
-use crate::time::{Duration, Instant};
+use crate::sensing::Plan;
+use crate::time::Duration;
 use clap::{Args, ValueEnum};
 use std::path::{Path, PathBuf};
 
-mod performer;
 mod report;
 mod table;
-mod worn;
 
-use performer::Performer;
-pub use report::{BodyReport, LiveJoint, LiveReport, MountReport};
+pub(super) use table::Shown;
 
 /// Arguments of `live`.
 #[derive(Clone, Debug, Args)]
@@ -145,10 +133,30 @@ fn follow_time(text: &str) -> Result<Duration, String> {
 }
 
 impl LiveArgs {
-    /// Whom to follow, as it was typed.
-    fn motion(&self) -> String {
-        let typed = self.from.iter().chain(&self.wear).map(String::as_str);
-        typed.collect::<Vec<_>>().join(" ")
+    fn order(&self) -> LiveOrder {
+        LiveOrder {
+            from: self.from.clone(),
+            wear: self.wear.clone(),
+            robot: self.robot.clone(),
+            buses: self.bus.clone(),
+            calibration: self.calibration.path().map(Path::to_owned),
+            seed: self.seed,
+            rate_hz: self.rate,
+            time: self.time,
+            plan: Plan {
+                n_pose_after: self.n_pose_after,
+                t_pose: !self.no_t_pose,
+                moves: self.moves.iter().map(|&typed| typed.into()).collect(),
+                subject: self.subject.clone(),
+            },
+            body_calibration: self.calibration_body.clone(),
+            recalibrate: self.recalibrate,
+            mode: if self.magnetometer { Mode::NineAxes } else { Mode::SixAxes },
+            record: self.record.clone(),
+            replace: self.output.force(),
+            accept_firmware: self.accept_firmware,
+            dry_run: self.dry_run,
+        }
     }
 
     /// Fails if what is followed would be written over, also by a report of a refusal.
@@ -162,195 +170,26 @@ impl LiveArgs {
     }
 }
 
-/// What the whole command shares.
-struct Job<'a> {
-    args: &'a LiveArgs,
-    remarks: Remarks,
-    operator: &'a Operator,
-    report: LiveReport,
-}
-
 /// Runs `live`; the exit code.
 ///
 /// # Errors
-/// A report file that cannot be written, or an output that is what is followed. A refusal is a report, not an error.
+/// No signals can be heard, or an output is what is followed. A refusal is a report, not an error.
 pub fn run(args: &LiveArgs, remarks: Remarks) -> Result<i32, Error> {
     args.check_read_files()?;
     let signals = Signals::listen().map_err(|e| Error::new(format!("no signals: {e}")))?;
-    let mut report = LiveReport::new(PlayReport::new(
-        &args.motion(),
-        args.robot.as_deref().unwrap_or("no robot"),
-        args.bus.iter().map(ToString::to_string).collect(),
-    ));
-    report.run.dry_run = args.dry_run;
-    let operator = Operator::listen(signals.clone());
-    let mut job = Job { args, remarks, operator: &operator, report };
-    match net::catch(|| job.live()) {
-        Ok(Ok(())) => {}
-        Ok(Err(error)) => {
-            job.report.run.outcome = Outcome::Refused;
-            job.report.run.stop_reason = Some(error.to_string());
+    let order = args.order();
+    let report = match args.output.check_files(&[&args.record]) {
+        Ok(()) => {
+            let operator = Operator::listen(signals.clone(), remarks);
+            live(&order, &operator, &operator)
         }
-        Err(words) => job.report.run.describe_broken(&words),
-    }
-    let report = &job.report;
+        Err(error) => {
+            let mut report = order.report();
+            report.run.describe_refused(&error);
+            report
+        }
+    };
     let code = report.run.exit_code(signals.first());
     let deed = if args.dry_run { Deed::Look } else { Deed::Motion };
-    Ok(args.output.conclude(report, &report.text(remarks.quiet), deed, code))
-}
-
-/// A robot that was looked at and not touched.
-struct Ready {
-    connection: Connection,
-    found: Preflight,
-    settings: Settings,
-}
-
-impl Job<'_> {
-    fn live(&mut self) -> Result<(), Error> {
-        let args = self.args;
-        args.output.check_files(&[&args.record])?;
-        match args.from.as_slice() {
-            [one] if one.starts_with("file:") => self.perform(one.trim_start_matches("file:")),
-            _ => self.follow_sensors(),
-        }
-    }
-
-    /// Connects to the robot and looks at it; `None` if none was named.
-    fn robot(&mut self) -> Result<Option<Ready>, Error> {
-        let args = self.args;
-        let run = &mut self.report.run;
-        let Some(name) = &args.robot else { return Ok(None) };
-        let (robot, calibration) = args.calibration.load(name, &args.bus)?;
-        run.calibration = calibration.map(|path| path.display().to_string());
-        run.robot.clone_from(&robot.name);
-        if args.bus.is_empty() {
-            return Ok(None);
-        }
-        let rate_hz = args.rate.unwrap_or(robot.file.rate_hz);
-        run.cycle_hz = rate_hz;
-        let settings = Settings::at_rate(rate_hz);
-        let mut connection = connect(robot, &args.bus, args.seed)?;
-        let found = look(args, &mut connection, settings)?;
-        run.wire_limit_hz = Some(found.wire_limit_hz);
-        run.bus_load = found.bus_load;
-        run.notes.extend(found.lines.iter().map(ToString::to_string));
-        run.notes.extend(found.notes.iter().cloned());
-        Ok(Some(Ready { connection, found, settings }))
-    }
-
-    /// Follows a capture or actions that somebody performs now.
-    fn perform(&mut self, motion: &str) -> Result<(), Error> {
-        let (capture, origin) = source::body_motion(motion, None)?;
-        self.report.run.source = origin;
-        self.report.run.notes.extend(capture.notes.iter().cloned());
-        self.report.worn = capture.tracked;
-        let Some(mut ready) = self.robot()? else {
-            return Err(Error::new("which robot, and where?")
-                .remedy("add --robot and --bus; only sensors are shown without"));
-        };
-        let robot = ready.connection.link.robot().clone();
-        let model = robot_model(&robot.file, &robot);
-        let settings = retarget::Settings::default();
-        let mut online = Online::new(&model, &capture.tracked, &ready.found.start_rad, &settings)?;
-        self.report.run.notes.extend(online.notes().iter().cloned());
-        if self.args.dry_run {
-            self.report.run.outcome = Outcome::Done;
-            return Ok(());
-        }
-        let longest_s = self.args.time.map(|time| time.as_secs_f64());
-        let mut performer = Performer::new(capture, longest_s);
-        let mut trend = Trend::default();
-        let mut began: Option<Instant> = None;
-        let mut before_s: Option<f64> = None;
-        let mut newest = move |now: Instant, approaching: bool| {
-            let now_s = now.seconds_since(*began.get_or_insert(now));
-            let Some(pose) = performer.pose(now_s, approaching) else { return Input::End };
-            let dt_s = before_s.map_or(0.0, |before_s| now_s - before_s);
-            before_s = Some(now_s);
-            trend.push(now_s, online.pose(&pose, dt_s));
-            trend.target(now_s).map_or(Input::Nothing, Input::Pose)
-        };
-        let recorder = self.recorder(&ready.connection)?;
-        let recorder = self.mirror(&mut ready, &mut newest, recorder)?;
-        if let Some(mut recorder) = recorder {
-            recorder.finish(&mut self.report.run, &ready.connection);
-        }
-        Ok(())
-    }
-
-    /// Once torque is on, nothing may keep the loop from its first cycle: the file comes before.
-    fn recorder(&self, connection: &Connection) -> Result<RunRecorder, Error> {
-        let (path, force) = (self.args.record.as_deref(), self.args.output.force());
-        RunRecorder::begin(path, force, false, connection, &self.args.motion())
-    }
-
-    /// The same, with room for the samples of many sensors.
-    fn recorder_for_sensors(&self, connection: &Connection) -> Result<RunRecorder, Error> {
-        let (path, force) = (self.args.record.as_deref(), self.args.output.force());
-        RunRecorder::begin_with_sensors(path, force, connection, &self.args.motion())
-    }
-
-    /// Lets the robot follow until the source ends or somebody stops it. The recorder is given back
-    /// unless nothing was played.
-    fn mirror(
-        &mut self,
-        ready: &mut Ready,
-        newest: &mut control::mirror::Source<'_>,
-        mut recorder: RunRecorder,
-    ) -> Result<Option<RunRecorder>, Error> {
-        let Ready { connection, found, settings } = ready;
-        let limits = connection.link.robot().limits();
-        let mut mirror = Mirror::new(newest, &found.start_rad, limits);
-        let remarks = self.remarks;
-        let performed = control::perform(
-            &mut connection.link,
-            found,
-            &mut mirror,
-            *settings,
-            &mut recorder.metered(Meter::default()),
-            &|| self.operator.wants_to_stop(),
-            &mut |_| remarks.say("following; Ctrl-C, or q and Enter, brings the robot to rest"),
-        );
-        let performed = match performed {
-            Ok(performed) => performed,
-            Err(error) => {
-                recorder.discard();
-                return Err(error);
-            }
-        };
-        describe_joints(&mut self.report, connection, &mirror);
-        self.report.describe(&mirror, *settings);
-        if !self.report.run.describe_performance(&performed) {
-            self.report.run.joints.clear();
-            recorder.discard();
-            return Ok(None);
-        }
-        describe_virtual(&mut self.report.run, connection);
-        Ok(Some(recorder))
-    }
-}
-
-/// Looks at every servo, writes nothing.
-fn look(
-    args: &LiveArgs,
-    connection: &mut Connection,
-    settings: Settings,
-) -> Result<Preflight, Error> {
-    inject::point("preflight", 0);
-    let accept = Accept { firmware: args.accept_firmware, eeprom: false };
-    preflight(&mut connection.link, settings.period, accept)
-}
-
-fn describe_joints(report: &mut LiveReport, connection: &Connection, mirror: &Mirror<'_>) {
-    let (velocity, acceleration) = mirror.peaks();
-    for (index, joint) in connection.link.robot().joints.iter().enumerate() {
-        report.run.joints.push(JointReport {
-            peak_velocity_rad_s: velocity[index],
-            peak_acceleration_rad_s2: acceleration[index],
-            ..JointReport::of(joint)
-        });
-        let limited_samples = mirror.tally().limited_samples[index];
-        report.limited.push(LiveJoint { name: joint.name.clone(), limited_samples });
-    }
+    Ok(args.output.conclude(&report, &report.text(remarks.quiet), deed, code))
 }

@@ -1,7 +1,9 @@
 //! The person at the terminal: what they type, and whether they want to stop.
 
+use super::live::Shown;
 use super::signals::Signals;
-use super::{cues, say};
+use super::{Remarks, cues, say};
+use crate::job::{Event, Observer};
 use crate::sensing::{Answer, Cue, Person};
 use std::io::{BufRead, IsTerminal};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -11,6 +13,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// Whoever started the program. Lines are read by a thread of their own.
 pub struct Operator {
     signals: Signals,
+    remarks: Remarks,
+    shown: Mutex<Shown>,
     typed: Arc<Typed>,
     lines: Arc<Mutex<Receiver<String>>>,
     /// True if lines are read elsewhere: their end is a stop.
@@ -28,7 +32,7 @@ struct Typed {
 impl Operator {
     /// Listens to standard input, if that is a terminal.
     #[must_use]
-    pub fn listen(signals: Signals) -> Self {
+    pub fn listen(signals: Signals, remarks: Remarks) -> Self {
         let (sender, lines) = channel();
         let typed = Arc::new(Typed::default());
         let is_at_terminal = std::io::stdin().is_terminal();
@@ -50,25 +54,33 @@ impl Operator {
             });
         }
         let lines = Arc::new(Mutex::new(lines));
-        Self { signals, typed, lines, is_shared: false, is_at_terminal }
+        Self {
+            signals,
+            remarks,
+            shown: Mutex::default(),
+            typed,
+            lines,
+            is_shared: false,
+            is_at_terminal,
+        }
     }
 
     /// Somebody whose lines are read elsewhere, and are this one's to answer for now.
     #[must_use]
     pub fn sharing(signals: Signals, lines: Arc<Mutex<Receiver<String>>>) -> Self {
-        Self { signals, typed: Arc::default(), lines, is_shared: true, is_at_terminal: true }
+        Self {
+            signals,
+            remarks: Remarks::default(),
+            shown: Mutex::default(),
+            typed: Arc::default(),
+            lines,
+            is_shared: true,
+            is_at_terminal: true,
+        }
     }
 
-    /// True once it is to end: a signal, or q and Enter.
-    #[must_use]
-    pub fn wants_to_stop(&self) -> bool {
+    fn is_to_end(&self) -> bool {
         self.signals.first().is_some() || self.typed.quit.load(Ordering::Acquire)
-    }
-
-    /// True once after r and Enter.
-    #[must_use]
-    pub fn wants_a_reset(&self) -> bool {
-        self.typed.reset.swap(false, Ordering::AcqRel)
     }
 
     /// The next line that was typed, without spaces around it and in small letters.
@@ -105,6 +117,32 @@ impl Person for Operator {
     }
 
     fn wants_to_stop(&self) -> bool {
-        Self::wants_to_stop(self)
+        self.is_to_end()
+    }
+
+    fn wants_a_reset(&self) -> bool {
+        self.typed.reset.swap(false, Ordering::AcqRel)
+    }
+}
+
+impl Observer for Operator {
+    fn hear(&self, event: Event<'_>) {
+        match event {
+            Event::Note(text) => self.remarks.say(text),
+            Event::Following => {
+                self.remarks.say("following; Ctrl-C, or q and Enter, brings the robot to rest");
+            }
+            Event::Angles { angles, worn } => {
+                let mut shown = self.shown.lock().unwrap_or_else(PoisonError::into_inner);
+                shown.show(angles, worn, self.remarks);
+            }
+            Event::Sensing(event) => self.remarks.say(&cues::of_event(event)),
+            Event::Planned { .. } => {}
+        }
+    }
+
+    /// A signal, or q and Enter.
+    fn wants_to_stop(&self) -> bool {
+        self.is_to_end()
     }
 }

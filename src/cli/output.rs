@@ -3,7 +3,7 @@
 //! reaches a terminal as a command, and what could not be told shows in the exit code.
 
 use super::report::Outcome;
-use crate::draft::{self, Draft};
+use crate::draft;
 use crate::error::Error;
 use std::borrow::Cow;
 use std::io::{ErrorKind, Write};
@@ -266,7 +266,7 @@ impl Output {
                     .at(path.display().to_string())
                     .remedy("give each its own"));
             }
-            self.check_free(path)?;
+            draft::check_free(path, self.force)?;
             check_place(path)?;
         }
         Ok(())
@@ -289,31 +289,12 @@ impl Output {
         }
     }
 
-    /// Fails if `path` exists and may not be overwritten.
-    fn check_free(&self, path: &Path) -> Result<(), Error> {
-        if path.is_dir() {
-            return Err(Error::new("this is a folder, not a file")
-                .at(path.display().to_string())
-                .remedy("give the name of a file in it"));
-        }
-        // A dangling link counts as taken: writing through it would write elsewhere.
-        if self.force || path.symlink_metadata().is_err() {
-            return Ok(());
-        }
-        Err(Error::new("the file exists already")
-            .at(path.display().to_string())
-            .remedy("choose another name, or add --force to overwrite it"))
-    }
-
     /// Writes a whole file, never over an existing one without `--force`, and with it only once the
     /// new one is whole.
     ///
     /// # Errors
     /// The file exists, or cannot be written.
     pub fn write_file(&self, path: &Path, bytes: &[u8]) -> Result<(), Error> {
-        self.check_free(path)?;
-        Draft::write_whole(path, self.force, bytes).map_err(|e| {
-            Error::new("cannot write the file").at(path.display().to_string()).got(e.to_string())
-        })
+        draft::write_file(path, self.force, bytes)
     }
 }

@@ -1,7 +1,7 @@
 //! The terminal as the observer of a job: a signal ends it, a bar shows how far a motion is.
 
-use super::Remarks;
 use super::signals::Signals;
+use super::{Remarks, cues};
 use crate::job::{Event, Observer, Progress};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::time::Duration;
@@ -18,8 +18,8 @@ impl Observer for Terminal<'_> {
     fn hear(&self, event: Event<'_>) {
         match event {
             Event::Note(text) => self.remarks.say(text),
-            Event::Following => self.remarks.say("following; Ctrl-C brings the robot to rest"),
-            _ => {}
+            Event::Sensing(event) => self.remarks.say(&cues::of_event(event)),
+            Event::Planned { .. } | Event::Following | Event::Angles { .. } => {}
         }
     }
 

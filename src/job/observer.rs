@@ -1,5 +1,7 @@
 //! Whoever a job is done for: hears what happens, and may want it to end.
 
+use crate::body::JointAngles;
+use crate::sensing::SensingEvent;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -17,6 +19,15 @@ pub enum Event<'a> {
     },
     /// The robot follows from now on, until it is told to stop or there is nothing more to follow.
     Following,
+    /// The angles of a body, where no robot follows it.
+    Angles {
+        /// By degree of freedom, rad.
+        angles: &'a JointAngles,
+        /// By segment: true if a sensor tells.
+        worn: &'a [bool; 13],
+    },
+    /// Something that happened to a sensor.
+    Sensing(SensingEvent<'a>),
 }
 
 /// Hears what happens during a job. Nothing of it is called by the loop that moves joints.
@@ -74,7 +85,7 @@ impl Progress<'_> {
 
 /// Time played so far, in milliseconds: written by the loop, read by another thread.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Meter(Arc<AtomicU64>);
+pub(super) struct Meter(Arc<AtomicU64>);
 
 impl Meter {
     /// Says how far the motion is, s.

@@ -125,7 +125,7 @@ pub fn play(order: &PlayOrder, observer: &dyn Observer) -> Played {
 ///
 /// # Errors
 /// The part's own.
-pub(crate) fn under_net<T>(
+pub(super) fn under_net<T>(
     report: &mut PlayReport,
     part: impl FnOnce(&mut PlayReport) -> Result<Option<T>, Error>,
 ) -> Result<Option<T>, Error> {
@@ -304,7 +304,7 @@ fn go_limp(report: &mut PlayReport, connection: &mut Connection) {
 }
 
 /// Says what only a virtual robot can tell: how long it waited, and what its referee saw.
-pub(crate) fn describe_virtual(report: &mut PlayReport, connection: &Connection) {
+pub(super) fn describe_virtual(report: &mut PlayReport, connection: &Connection) {
     report.notes.extend(patience_words(connection.patience.as_ref()));
     if let Some(world) = &connection.world {
         let verdict = world.lock().verdict();

@@ -93,7 +93,7 @@ impl RunRecorder {
     }
 
     /// This recorder as the loop's sink, telling `meter` how far the motion is.
-    pub(crate) fn metered(&mut self, meter: Meter) -> Metered<'_> {
+    pub(super) fn metered(&mut self, meter: Meter) -> Metered<'_> {
         Metered { recorder: self, meter }
     }
 
@@ -153,7 +153,7 @@ impl RunRecorder {
 }
 
 /// The sink of one run.
-pub(crate) struct Metered<'a> {
+pub(super) struct Metered<'a> {
     recorder: &'a mut RunRecorder,
     meter: Meter,
 }

@@ -104,7 +104,7 @@ pub enum Answer {
 }
 
 /// Whoever is led. Nothing of it may wait.
-pub trait Person {
+pub trait Person: Sync {
     /// Hears something.
     fn tell(&self, cue: Cue<'_>);
 
@@ -116,4 +116,9 @@ pub trait Person {
 
     /// True once it is to end.
     fn wants_to_stop(&self) -> bool;
+
+    /// True once after they asked that headings be found anew; they stand in N pose.
+    fn wants_a_reset(&self) -> bool {
+        false
+    }
 }

@@ -72,19 +72,11 @@ fn makes_no_goals(fault: Fault) -> bool {
 /// by the command itself.
 pub fn left_late(ran: &Ran) -> bool {
     let excepted = ran.report.as_ref().and_then(|report| report["exceptions"].as_array());
-    excepted.is_some_and(|all| all.iter().any(|one| is_lateness(ran, &one["kind"])))
+    excepted.is_some_and(|all| all.iter().any(|one| LATE.iter().any(|late| one["kind"] == *late)))
 }
 
-/// How a report names that. A goal that goes on after some late cycles may be further from where its
-/// joint was last read than it may; so it is held, and only a host that counts late cycles may do so.
-fn is_lateness(ran: &Ran, kind: &Value) -> bool {
-    let late_cycles = ran.report.as_ref().and_then(|report| report["late_cycles"].as_u64());
-    match kind.as_str() {
-        Some("sent-late" | "held-back" | "joint-held-back") => true,
-        Some("goal-held") => late_cycles > Some(0),
-        _ => false,
-    }
-}
+/// How a report names that.
+const LATE: [&str; 3] = ["sent-late", "held-back", "joint-held-back"];
 
 fn says(ran: &Ran, words: &str) -> bool {
     ran.said.contains(words) || ran.report.as_ref().is_some_and(|r| r.to_string().contains(words))
@@ -190,7 +182,7 @@ fn motion_faults(ran: &Ran, job: Job, fault: Fault, robot: Robot) -> Vec<String>
     let kinds: Vec<&Value> = excepted.into_iter().flatten().map(|one| &one["kind"]).collect();
     // Goals that the host's own stall kept back are counted by themselves.
     let is_broken = |kind: &Value| makes_no_goals(fault) && kind == "goals-broke";
-    if kinds.iter().any(|kind| !is_lateness(ran, kind) && !is_broken(kind)) {
+    if kinds.iter().any(|kind| !LATE.iter().any(|late| *kind == *late) && !is_broken(kind)) {
         wrong.push(format!("exceptions: {excepted:?}"));
     }
     if !kinds.is_empty() {

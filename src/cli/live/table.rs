@@ -1,7 +1,10 @@
 //! Joint angles of a body as a person reads them.
 
 use crate::body::{Dof, JointAngles, Segment};
+use crate::cli::Remarks;
+use crate::cli::output::say_over;
 use std::fmt::Write;
+use std::io::IsTerminal;
 
 /// The angles that place each segment on the one that carries it.
 const ROWS: [(Segment, &[Dof]); 12] = [
@@ -25,8 +28,32 @@ const ROWS: [(Segment, &[Dof]); 12] = [
     (Segment::RightFoot, &[Dof::RightAnkleDorsiflexion]),
 ];
 
+/// Without a terminal a line is said once in so many tables.
+const LINE_EVERY: usize = 4;
+
+/// The table on standard error, each over the one before, or a line now and then without a terminal.
+#[derive(Debug, Default)]
+pub struct Shown {
+    tables: usize,
+    lines: usize,
+}
+
+impl Shown {
+    /// Shows the angles of a moment.
+    pub fn show(&mut self, angles: &JointAngles, worn: &[bool; 13], remarks: Remarks) {
+        if std::io::stderr().is_terminal() {
+            let text = text(angles, worn);
+            say_over(self.lines, &text);
+            self.lines = text.lines().count();
+        } else if self.tables.is_multiple_of(LINE_EVERY) {
+            remarks.say(&line(angles));
+        }
+        self.tables += 1;
+    }
+}
+
 /// One line per segment: its angles in degrees, and whether a sensor says so.
-pub fn text(angles: &JointAngles, worn: &[bool; 13]) -> String {
+fn text(angles: &JointAngles, worn: &[bool; 13]) -> String {
     let mut out = String::new();
     for (segment, dofs) in ROWS {
         for dof in dofs {
@@ -38,7 +65,7 @@ pub fn text(angles: &JointAngles, worn: &[bool; 13]) -> String {
 }
 
 /// The largest angles in one line, for where there is no terminal.
-pub fn line(angles: &JointAngles) -> String {
+fn line(angles: &JointAngles) -> String {
     let mut dofs = Dof::ALL;
     dofs.sort_by(|a, b| angles[*b].abs().total_cmp(&angles[*a].abs()));
     let largest = dofs[..5].iter().map(|dof| {

@@ -1,20 +1,19 @@
 //! A robot that does what a person who wears sensors does.
 
 use super::report::{self, BodyReport, LiveReport};
-use super::{Job, Ready, look, table};
+use super::{Job, Ready, look};
 use crate::body::Segment;
 use crate::body::worn::calibrate::words;
 use crate::body::worn::kept::Kept;
 use crate::body::worn::{Wearing, WornPose};
-use crate::capture::{Counts, Mode};
-use crate::cli::cues;
-use crate::cli::operator::Operator;
-use crate::cli::output::{Output, say_over};
-use crate::cli::report::Outcome;
+use crate::capture::Counts;
 use crate::control::{Input, Stop, StopCode};
+use crate::draft;
 use crate::error::Error;
 use crate::job::model::robot_model;
+use crate::job::observer::Event;
 use crate::job::recorder::RunRecorder;
+use crate::job::report::Outcome;
 use crate::mocap::mapping::{segment_name, segment_named};
 use crate::mocap::retarget::{self, Online};
 use crate::motion::Trend;
@@ -22,12 +21,11 @@ use crate::motion::follow::STALE_S;
 use crate::port::{Clock, MonotonicClock};
 use crate::recording::read_orientations;
 use crate::sensing::{
-    Ended, Feed, Guide, Guided, Intake, Place, Plan, SensingEvent, Sensors, Source, SourceReport,
+    Ended, Feed, Guide, Guided, Intake, Person, Place, SensingEvent, Sensors, Source, SourceReport,
     StopAtEnd, Wear,
 };
 use crate::time::{Duration, Instant};
 use glam::{DQuat, DVec3};
-use std::io::IsTerminal;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -38,15 +36,10 @@ const SHOWN_HZ: f64 = 4.0;
 /// Poses per second where no robot asks for them.
 const POSES_HZ: f64 = 50.0;
 
-/// Keeps a calibration: the old one stays whole until the new one is, and nothing else is touched.
-fn keep(path: &Path, kept: &Kept, in_place_of_old: bool) -> Result<(), Error> {
-    Output::forced(in_place_of_old).write_file(path, kept.text().as_bytes())
-}
-
 impl Job<'_> {
     /// Calibrates who wears the sensors, then lets the robot follow, or shows angles.
     pub(super) fn follow_sensors(&mut self) -> Result<(), Error> {
-        let args = self.args;
+        let order = self.order;
         let (wear, replayed) = self.wear()?;
         let ready = self.robot()?;
         let real_time = ready.as_ref().is_none_or(|ready| ready.connection.real_time);
@@ -64,14 +57,14 @@ impl Job<'_> {
             opened.push(source.open(&worn)?);
         }
         let recorder = match &ready {
-            Some(ready) if !args.dry_run => Some(self.recorder_for_sensors(&ready.connection)?),
+            Some(ready) if !order.dry_run => Some(self.recorder_for_sensors(&ready.connection)?),
             _ => None,
         };
         let kept = recorder.as_ref().and_then(RunRecorder::shared);
         let stop = AtomicBool::new(false);
-        let remarks = self.remarks;
-        let tell_event = |event: SensingEvent<'_>| remarks.say(&cues::of_event(event));
-        let mode = if args.magnetometer { Mode::NineAxes } else { Mode::SixAxes };
+        let observer = self.observer;
+        let tell_event = |event: SensingEvent<'_>| observer.hear(Event::Sensing(event));
+        let mode = order.mode;
         let intake = Intake::new(kept.as_deref(), &stop, mode, &tell_event);
         let (sender, receiver) = channel();
         let monotonic: Arc<dyn Clock> = Arc::new(MonotonicClock);
@@ -89,7 +82,8 @@ impl Job<'_> {
             }
             // The loop may not wait for a terminal: what it has to say is said elsewhere.
             let (tell, told) = channel::<String>();
-            scope.spawn(move || told.into_iter().for_each(|text| remarks.say(&text)));
+            scope
+                .spawn(move || told.into_iter().for_each(|text| observer.hear(Event::Note(&text))));
             self.led(&mut sensors, ready, recorder, tell, &*clock)
         });
         self.report.sensors = match is_replay {
@@ -107,7 +101,7 @@ impl Job<'_> {
     /// Who wears what, and the recording that speaks for them if it is one.
     fn wear(&self) -> Result<(Wear, Option<Feed>), Error> {
         let replays: Vec<&str> =
-            self.args.from.iter().filter_map(|from| from.strip_prefix("replay:")).collect();
+            self.order.from.iter().filter_map(|from| from.strip_prefix("replay:")).collect();
         let [replay] = replays.as_slice() else {
             let unknown = |error: Error| {
                 Error {
@@ -119,15 +113,16 @@ impl Job<'_> {
                 ..error
             }
             };
-            let sources = self.args.from.iter().map(|text| text.parse::<Source>().map_err(unknown));
+            let sources =
+                self.order.from.iter().map(|text| text.parse::<Source>().map_err(unknown));
             let sources = sources.collect::<Result<Vec<_>, Error>>()?;
-            return Ok((Wear::of(sources, &self.args.wear)?, None));
+            return Ok((Wear::of(sources, &self.order.wear)?, None));
         };
-        if self.args.from.len() > 1 {
+        if self.order.from.len() > 1 {
             return Err(Error::new("a recording is followed alone").at("--from"));
         }
         let samples = read_orientations(Path::new(replay))?;
-        let mut wear = Wear::of(Vec::new(), &self.args.wear)?;
+        let mut wear = Wear::of(Vec::new(), &self.order.wear)?;
         if !wear.sources.is_empty() {
             return Err(Error::new("a recording is followed alone").at("--wear"));
         }
@@ -176,7 +171,7 @@ impl Job<'_> {
         self.report.body = Some(BodyReport::of(&guided));
         let wearing = Wearing::new(&guided.kept.calibration);
         self.report.worn = wearing.worn();
-        let mut body = Body::new(sensors, wearing, self.operator, tell, self.args.time);
+        let mut body = Body::new(sensors, wearing, self.person, tell, self.order.time);
         let done = match (ready, recorder) {
             (Some(ready), Some(recorder)) => self.mirrored(&mut body, ready, recorder),
             _ => {
@@ -190,30 +185,26 @@ impl Job<'_> {
 
     /// Takes up the calibration of the body, or makes one and keeps it.
     fn calibrated(&mut self, sensors: &mut Sensors, clock: &dyn Clock) -> Result<Guided, Ended> {
-        let args = self.args;
-        let plan = Plan {
-            n_pose_after: args.n_pose_after,
-            t_pose: !args.no_t_pose,
-            moves: args.moves.iter().map(|&typed| typed.into()).collect(),
-            subject: args.subject.clone(),
-        };
-        let file = args.calibration_body.as_deref();
-        let known = match file.filter(|path| path.exists() && !args.recalibrate) {
+        let order = self.order;
+        let plan = &order.plan;
+        let file = order.body_calibration.as_deref();
+        let known = match file.filter(|path| path.exists() && !order.recalibrate) {
             None => None,
             Some(path) => {
                 let text = gaitway_profiles::read_text(path).map_err(Error::from)?;
                 Some(Kept::parse(&text).map_err(|e| e.at(path.display().to_string()))?)
             }
         };
-        let mut guide = Guide::new(sensors, clock, self.operator);
+        let mut guide = Guide::new(sensors, clock, self.person);
         guide.wait_for_sensors()?;
         if let Some(kept) = known {
-            return guide.take_up(kept, &plan);
+            return guide.take_up(kept, plan);
         }
-        let guided = guide.calibrate(&plan)?;
+        let guided = guide.calibrate(plan)?;
         if let Some(path) = file {
-            keep(path, &guided.kept, args.recalibrate)?;
-            self.remarks.say(&format!("calibration of the body kept in {}", path.display()));
+            draft::write_file(path, order.recalibrate, guided.kept.text().as_bytes())?;
+            let kept = format!("calibration of the body kept in {}", path.display());
+            self.observer.hear(Event::Note(&kept));
         }
         Ok(guided)
     }
@@ -226,7 +217,7 @@ impl Job<'_> {
         recorder: RunRecorder,
     ) -> Result<Option<(RunRecorder, Ready)>, Error> {
         // Somebody may have moved the robot while the person was calibrated.
-        ready.found = match look(self.args, &mut ready.connection, ready.settings) {
+        ready.found = match look(self.order, &mut ready.connection, ready.settings) {
             Ok(found) => found,
             Err(error) => {
                 recorder.discard();
@@ -260,29 +251,21 @@ impl Job<'_> {
 
     /// Shows the angles of the body until it is to end.
     fn show(&mut self, body: &mut Body<'_>, clock: &dyn Clock) {
-        let live = std::io::stderr().is_terminal();
-        let shown_hz = if live { SHOWN_HZ } else { 1.0 };
-        let mut lines = 0;
         let mut show_at = clock.now();
         let mut last = None;
-        while !self.operator.wants_to_stop() {
+        while !self.observer.wants_to_stop() {
             let now = clock.now();
             if body.is_over(now, false) {
                 break;
             }
             if let Some((moment, ..)) = body.moment(now) {
+                let angles = moment.measured.angles;
                 if now >= show_at {
-                    show_at = now + Duration::from_secs_f64(1.0 / shown_hz);
-                    let angles = &moment.measured.angles;
-                    if live {
-                        let text = table::text(angles, &body.wearing.worn());
-                        say_over(lines, &text);
-                        lines = text.lines().count();
-                    } else {
-                        self.remarks.say(&table::line(angles));
-                    }
+                    show_at = now + Duration::from_secs_f64(1.0 / SHOWN_HZ);
+                    let worn = body.wearing.worn();
+                    self.observer.hear(Event::Angles { angles: &angles, worn: &worn });
                 }
-                last = Some(moment.measured.angles);
+                last = Some(angles);
             }
             clock.sleep_until(now + Duration::from_secs_f64(1.0 / POSES_HZ));
         }
@@ -305,7 +288,7 @@ fn replay_reports(sensors: &Sensors) -> Vec<SourceReport> {
 struct Body<'a> {
     sensors: &'a mut Sensors,
     wearing: Wearing,
-    operator: &'a Operator,
+    person: &'a dyn Person,
     tell: Sender<String>,
     longest: Option<Duration>,
     /// When it was first looked at: times of poses count from here.
@@ -322,14 +305,14 @@ impl<'a> Body<'a> {
     fn new(
         sensors: &'a mut Sensors,
         wearing: Wearing,
-        operator: &'a Operator,
+        person: &'a dyn Person,
         tell: Sender<String>,
         longest: Option<Duration>,
     ) -> Self {
         Self {
             sensors,
             wearing,
-            operator,
+            person,
             tell,
             longest,
             began: None,
@@ -371,7 +354,7 @@ impl<'a> Body<'a> {
                 words(segment)
             ));
         }
-        if self.operator.wants_a_reset() {
+        if self.person.wants_a_reset() {
             self.wearing.reset_heading();
             self.resets += 1;
             self.tell("headings are mended, slowly".to_owned());
@@ -440,35 +423,5 @@ impl<'a> Body<'a> {
             mount.stale_s = self.stale_s[at];
             mount.heading_lost = self.heading_lost[at];
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::body::worn::Calibration;
-
-    #[test]
-    fn a_calibration_that_is_made_anew_touches_no_other_file() {
-        let folder = std::env::temp_dir().join(format!("kept-{}", std::process::id()));
-        let _ = std::fs::remove_dir_all(&folder);
-        std::fs::create_dir_all(&folder).expect("a folder");
-        let (path, beside) = (folder.join("body.toml"), folder.join("body.toml.new"));
-        for path in [&path, &beside] {
-            std::fs::write(path, "precious").expect("a file");
-        }
-        let kept = Kept {
-            subject: "p1".to_owned(),
-            made_unix_s: 0,
-            sensors: Vec::new(),
-            calibration: Calibration { mounts: Vec::new(), notes: Vec::new() },
-        };
-        let read = |path: &Path| std::fs::read_to_string(path).expect("a file");
-        assert!(keep(&path, &kept, false).is_err(), "it was not to be replaced");
-        assert_eq!(read(&path), "precious");
-        keep(&path, &kept, true).expect("replaced");
-        assert_eq!(read(&path), kept.text());
-        assert_eq!(read(&beside), "precious");
-        assert_eq!(std::fs::read_dir(&folder).expect("a folder").count(), 2, "no litter");
     }
 }

@@ -1,0 +1,252 @@
+//! `live`: a robot does now what a body does. The whole job, in order.
+
+use super::model::robot_model;
+use super::observer::{Event, Meter, Observer};
+use super::play::describe_virtual;
+use super::recorder::RunRecorder;
+use super::report::{JointReport, Outcome, PlayReport};
+use super::source;
+use crate::capture;
+use crate::control::{self, Input, Mirror, Settings, inject, net};
+use crate::error::Error;
+use crate::mocap::retarget::{self, Online};
+use crate::motion::Trend;
+use crate::rig::{Address, Connection, calibrated, connect};
+use crate::robot::preflight::{Accept, Preflight, preflight};
+use crate::sensing::{Person, Plan};
+use crate::time::{Duration, Instant};
+use std::path::PathBuf;
+
+mod performer;
+mod report;
+mod worn;
+
+use performer::Performer;
+pub use report::{BodyReport, LatencyReport, LiveJoint, LiveReport, MountReport};
+
+/// Whom a robot follows, and how.
+#[derive(Clone, Debug)]
+pub struct LiveOrder {
+    /// Sensors (`SEGMENT=imu:PROFILE@BUS`, trackers), or alone `replay:FILE.mcap`, `file:MOTION`.
+    pub from: Vec<String>,
+    /// Which segment wears which sensor: `SEGMENT=SENSOR`, or files of those.
+    pub wear: Vec<String>,
+    /// The robot, by name or path of its file; `None`: only the body is shown.
+    pub robot: Option<String>,
+    /// Where its lines are.
+    pub buses: Vec<Address>,
+    /// Its calibration; `None`: the usual one, if there is one and the robot is real.
+    pub calibration: Option<PathBuf>,
+    /// Seed of a virtual robot.
+    pub seed: u64,
+    /// Cycles per second; `None`: as the robot's file says.
+    pub rate_hz: Option<f64>,
+    /// Follow for this time, then come to rest.
+    pub time: Option<Duration>,
+    /// How the body is calibrated.
+    pub plan: Plan,
+    /// Calibration of the body: taken up if the file is there, else made and kept there.
+    pub body_calibration: Option<PathBuf>,
+    /// Make it anew, and replace the file.
+    pub recalibrate: bool,
+    /// Which sensors headings are told from.
+    pub mode: capture::Mode,
+    /// Record goals, measured states and the samples of all sensors to this file.
+    pub record: Option<PathBuf>,
+    /// The recording may replace a file that is there.
+    pub replace: bool,
+    /// Move servos whose firmware the profile was not checked against.
+    pub accept_firmware: bool,
+    /// Write nothing to the robot; show the body's angles.
+    pub dry_run: bool,
+}
+
+impl LiveOrder {
+    /// Whom to follow, in one line.
+    #[must_use]
+    pub fn motion(&self) -> String {
+        let named = self.from.iter().chain(&self.wear).map(String::as_str);
+        named.collect::<Vec<_>>().join(" ")
+    }
+
+    /// A report of nothing yet.
+    #[must_use]
+    pub fn report(&self) -> LiveReport {
+        let robot = self.robot.as_deref().unwrap_or("no robot");
+        let buses = self.buses.iter().map(ToString::to_string).collect();
+        let mut run = PlayReport::new(&self.motion(), robot, buses);
+        run.dry_run = self.dry_run;
+        LiveReport::new(run)
+    }
+}
+
+/// What the whole job shares.
+struct Job<'a> {
+    order: &'a LiveOrder,
+    observer: &'a dyn Observer,
+    person: &'a dyn Person,
+    report: LiveReport,
+}
+
+/// Follows and reports; whatever goes wrong is in the report. `person` wears the sensors, or speaks for
+/// whoever does.
+#[must_use]
+pub fn live(order: &LiveOrder, observer: &dyn Observer, person: &dyn Person) -> LiveReport {
+    let mut job = Job { order, observer, person, report: order.report() };
+    match net::catch(|| job.live()) {
+        Ok(Ok(())) => {}
+        Ok(Err(error)) => job.report.run.describe_refused(&error),
+        Err(words) => job.report.run.describe_broken(&words),
+    }
+    job.report
+}
+
+/// A robot that was looked at and not touched.
+struct Ready {
+    connection: Connection,
+    found: Preflight,
+    settings: Settings,
+}
+
+impl Job<'_> {
+    fn live(&mut self) -> Result<(), Error> {
+        match self.order.from.as_slice() {
+            [one] if one.starts_with("file:") => self.perform(one.trim_start_matches("file:")),
+            _ => self.follow_sensors(),
+        }
+    }
+
+    /// Connects to the robot and looks at it; `None` if none was named.
+    fn robot(&mut self) -> Result<Option<Ready>, Error> {
+        let order = self.order;
+        let run = &mut self.report.run;
+        let Some(name) = &order.robot else { return Ok(None) };
+        let (robot, calibration) = calibrated(name, &order.buses, order.calibration.as_deref())?;
+        run.calibration = calibration.map(|path| path.display().to_string());
+        run.robot.clone_from(&robot.name);
+        if order.buses.is_empty() {
+            return Ok(None);
+        }
+        let rate_hz = order.rate_hz.unwrap_or(robot.file.rate_hz);
+        run.cycle_hz = rate_hz;
+        let settings = Settings::at_rate(rate_hz);
+        let mut connection = connect(robot, &order.buses, order.seed)?;
+        let found = look(order, &mut connection, settings)?;
+        run.describe_preflight(&found);
+        Ok(Some(Ready { connection, found, settings }))
+    }
+
+    /// Follows a capture or actions that somebody performs now.
+    fn perform(&mut self, motion: &str) -> Result<(), Error> {
+        let (capture, origin) = source::body_motion(motion, None)?;
+        self.report.run.source = origin;
+        self.report.run.notes.extend(capture.notes.iter().cloned());
+        self.report.worn = capture.tracked;
+        let Some(mut ready) = self.robot()? else {
+            return Err(Error::new("which robot, and where?")
+                .remedy("add --robot and --bus; only sensors are shown without"));
+        };
+        let robot = ready.connection.link.robot().clone();
+        let model = robot_model(&robot.file, &robot);
+        let settings = retarget::Settings::default();
+        let mut online = Online::new(&model, &capture.tracked, &ready.found.start_rad, &settings)?;
+        self.report.run.notes.extend(online.notes().iter().cloned());
+        if self.order.dry_run {
+            self.report.run.outcome = Outcome::Done;
+            return Ok(());
+        }
+        let longest_s = self.order.time.map(|time| time.as_secs_f64());
+        let mut performer = Performer::new(capture, longest_s);
+        let mut trend = Trend::default();
+        let mut began: Option<Instant> = None;
+        let mut before_s: Option<f64> = None;
+        let mut newest = move |now: Instant, approaching: bool| {
+            let now_s = now.seconds_since(*began.get_or_insert(now));
+            let Some(pose) = performer.pose(now_s, approaching) else { return Input::End };
+            let dt_s = before_s.map_or(0.0, |before_s| now_s - before_s);
+            before_s = Some(now_s);
+            trend.push(now_s, online.pose(&pose, dt_s));
+            trend.target(now_s).map_or(Input::Nothing, Input::Pose)
+        };
+        let recorder = self.recorder(&ready.connection)?;
+        let recorder = self.mirror(&mut ready, &mut newest, recorder)?;
+        if let Some(mut recorder) = recorder {
+            recorder.finish(&mut self.report.run, &ready.connection);
+        }
+        Ok(())
+    }
+
+    /// Once torque is on, nothing may keep the loop from its first cycle: the file comes before.
+    fn recorder(&self, connection: &Connection) -> Result<RunRecorder, Error> {
+        let (path, force) = (self.order.record.as_deref(), self.order.replace);
+        RunRecorder::begin(path, force, false, connection, &self.order.motion())
+    }
+
+    /// The same, with room for the samples of many sensors.
+    fn recorder_for_sensors(&self, connection: &Connection) -> Result<RunRecorder, Error> {
+        let (path, force) = (self.order.record.as_deref(), self.order.replace);
+        RunRecorder::begin_with_sensors(path, force, connection, &self.order.motion())
+    }
+
+    /// Lets the robot follow until the source ends or somebody stops it. The recorder is given back
+    /// unless nothing was played.
+    fn mirror(
+        &mut self,
+        ready: &mut Ready,
+        newest: &mut control::mirror::Source<'_>,
+        mut recorder: RunRecorder,
+    ) -> Result<Option<RunRecorder>, Error> {
+        let Ready { connection, found, settings } = ready;
+        let limits = connection.link.robot().limits();
+        let mut mirror = Mirror::new(newest, &found.start_rad, limits);
+        let performed = control::perform(
+            &mut connection.link,
+            found,
+            &mut mirror,
+            *settings,
+            &mut recorder.metered(Meter::default()),
+            &|| self.observer.wants_to_stop(),
+            &mut |_| self.observer.hear(Event::Following),
+        );
+        let performed = match performed {
+            Ok(performed) => performed,
+            Err(error) => {
+                recorder.discard();
+                return Err(error);
+            }
+        };
+        describe_joints(&mut self.report, connection, &mirror);
+        self.report.describe(&mirror, *settings);
+        if !self.report.run.describe_performance(&performed) {
+            self.report.run.joints.clear();
+            recorder.discard();
+            return Ok(None);
+        }
+        describe_virtual(&mut self.report.run, connection);
+        Ok(Some(recorder))
+    }
+}
+
+/// Looks at every servo, writes nothing.
+fn look(
+    order: &LiveOrder,
+    connection: &mut Connection,
+    settings: Settings,
+) -> Result<Preflight, Error> {
+    inject::point("preflight", 0);
+    let accept = Accept { firmware: order.accept_firmware, eeprom: false };
+    preflight(&mut connection.link, settings.period, accept)
+}
+
+fn describe_joints(report: &mut LiveReport, connection: &Connection, mirror: &Mirror<'_>) {
+    let (velocity, acceleration) = mirror.peaks();
+    for (index, joint) in connection.link.robot().joints.iter().enumerate() {
+        report.run.joints.push(JointReport {
+            peak_velocity_rad_s: velocity[index],
+            peak_acceleration_rad_s2: acceleration[index],
+            ..JointReport::of(joint)
+        });
+        let limited_samples = mirror.tally().limited_samples[index];
+        report.limited.push(LiveJoint { name: joint.name.clone(), limited_samples });
+    }
+}

@@ -1,0 +1,179 @@
+//! What `live` tells beyond what every run tells.
+
+use crate::body::worn::kept::utc;
+use crate::body::{Dof, JointAngles, Segment};
+use crate::control::{Mirror, Settings};
+use crate::job::report::PlayReport;
+use crate::mocap::mapping::segment_name;
+use crate::sensing::{Guided, SourceReport};
+use serde::Serialize;
+use std::collections::BTreeMap;
+
+/// One joint that followed.
+#[derive(Clone, Debug, Serialize)]
+pub struct LiveJoint {
+    /// Joint name.
+    pub name: String,
+    /// Cycles in which its limits kept it more than 0.01 rad from what the body did.
+    pub limited_samples: u64,
+}
+
+/// Time from a motion to the goal it led to: the age of the newest pose when a goal was written.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct LatencyReport {
+    /// Half of all goals are faster, s.
+    pub median_s: f64,
+    /// One of a hundred is slower, s.
+    pub p99_s: f64,
+}
+
+/// Everything `live` reports: the fields of `play`, and these.
+#[derive(Clone, Debug, Serialize)]
+pub struct LiveReport {
+    /// As for `play`.
+    #[serde(flatten)]
+    pub run: PlayReport,
+    /// By segment of the body: false if nothing is known of it, and it was taken to be at rest.
+    #[serde(serialize_with = "by_name")]
+    pub worn: [bool; 13],
+    /// Sum over all joints.
+    pub limited_samples: u64,
+    /// Joint by joint.
+    pub limited: Vec<LiveJoint>,
+    /// How far goals ran behind the body because of the joints' limits, s; null if nothing moved.
+    pub lag_s: Option<f64>,
+    /// Null if no pose was followed.
+    pub latency: Option<LatencyReport>,
+    /// Time on the way to the body's pose, at a share of the limits, s.
+    pub approaching_s: f64,
+    /// Time following, s.
+    pub following_s: f64,
+    /// Time without a fresh pose: braking, or at rest, s.
+    pub stale_s: f64,
+    /// How sensors sit on the body; null if none are worn.
+    pub body: Option<BodyReport>,
+    /// What came from each sensor.
+    pub sensors: Vec<SourceReport>,
+    /// The last angles of the body, by degree of freedom, rad, where they were only shown.
+    pub angles_rad: Option<BTreeMap<&'static str, f64>>,
+}
+
+/// A body that wears sensors.
+#[derive(Clone, Debug, Serialize)]
+pub struct BodyReport {
+    /// Who.
+    pub subject: String,
+    /// When it was calibrated, UTC.
+    pub calibrated: String,
+    /// Sensors that seem to be on another segment than was said.
+    pub doubts: Vec<String>,
+    /// Heading resets that were asked for.
+    pub heading_resets: u64,
+    /// Sensor by sensor.
+    pub sensors: Vec<MountReport>,
+}
+
+/// One sensor on a body.
+#[derive(Clone, Debug, Serialize)]
+pub struct MountReport {
+    /// The segment that wears it.
+    pub segment: &'static str,
+    /// Its name.
+    pub sensor: String,
+    /// How its heading was found: `movement`, `t_pose` or `strapping`.
+    pub heading_by: &'static str,
+    /// Second over first principal component of the movement's angular rate.
+    pub consistency: Option<f64>,
+    /// Heading by strapping minus the heading found, rad.
+    pub strapped_off_rad: Option<f64>,
+    /// How far the segment was from where it belongs in T pose, rad; null if that was not seen.
+    pub off_t_pose_rad: Option<f64>,
+    /// Heading that the joints mended, rad; null where no joint tells.
+    pub drift_corrected_rad: Option<f64>,
+    /// The same per time, rad/s; null in the first ten seconds.
+    pub drift_rad_s: Option<f64>,
+    /// Heading taken by resets, rad.
+    pub heading_reset_rad: f64,
+    /// Time in which its newest sample was too old to be followed, s.
+    pub stale_s: f64,
+    /// How often it began anew, and its heading elsewhere.
+    pub heading_lost: u64,
+}
+
+impl BodyReport {
+    /// What a calibration tells.
+    pub fn of(guided: &Guided) -> Self {
+        let kept = &guided.kept;
+        let off = |segment| {
+            guided.off_t_pose_rad.iter().find(|(at, _)| *at == segment).map(|(_, rad)| *rad)
+        };
+        let mounts = kept.calibration.mounts.iter().zip(&kept.sensors);
+        let mounts = mounts.map(|(mount, sensor)| MountReport {
+            segment: segment_name(mount.segment),
+            sensor: sensor.clone(),
+            heading_by: mount.heading_by.word(),
+            consistency: mount.consistency,
+            strapped_off_rad: mount.strapped_off_rad,
+            off_t_pose_rad: off(mount.segment),
+            drift_corrected_rad: None,
+            drift_rad_s: None,
+            heading_reset_rad: 0.0,
+            stale_s: 0.0,
+            heading_lost: 0,
+        });
+        Self {
+            subject: kept.subject.clone(),
+            calibrated: utc(kept.made_unix_s),
+            doubts: guided.doubts.clone(),
+            heading_resets: 0,
+            sensors: mounts.collect(),
+        }
+    }
+}
+
+/// Angles by the names of the degrees of freedom, rad.
+pub fn angles_by_name(angles: JointAngles) -> BTreeMap<&'static str, f64> {
+    Dof::ALL.into_iter().map(|dof| (dof.name(), angles[dof])).collect()
+}
+
+fn by_name<S: serde::Serializer>(worn: &[bool; 13], serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_map(
+        Segment::ALL
+            .map(|segment| (crate::mocap::mapping::segment_name(segment), worn[segment.index()])),
+    )
+}
+
+impl LiveReport {
+    /// A report of nothing yet.
+    pub fn new(run: PlayReport) -> Self {
+        Self {
+            run,
+            worn: [false; 13],
+            limited_samples: 0,
+            limited: Vec::new(),
+            lag_s: None,
+            latency: None,
+            approaching_s: 0.0,
+            following_s: 0.0,
+            stale_s: 0.0,
+            body: None,
+            sensors: Vec::new(),
+            angles_rad: None,
+        }
+    }
+
+    /// Takes the follower's figures.
+    pub fn describe(&mut self, mirror: &Mirror<'_>, settings: Settings) {
+        let tally = mirror.tally();
+        let period_s = settings.period.as_secs_f64();
+        self.limited_samples = tally.limited_samples.iter().sum();
+        self.lag_s = tally.lag_s();
+        self.latency = mirror
+            .latency()
+            .map(|latency| LatencyReport { median_s: latency.median_s, p99_s: latency.p99_s });
+        self.approaching_s = tally.approach_samples as f64 * period_s;
+        self.following_s = tally.followed_samples as f64 * period_s;
+        self.stale_s = tally.stale_samples as f64 * period_s;
+        self.run.approach_s = self.approaching_s;
+    }
+}
