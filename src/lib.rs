@@ -8,6 +8,21 @@
 //! samples and trials of what sensors say, [`calibration`] is what was measured on one robot,
 //! [`recording`] and [`plot`] are the files a run leaves. [`job`] is what is done with all of it, from an
 //! order to a typed report; [`cli`] is what a person types.
+//!
+//! Most programs need only what stands at the top of this page:
+//!
+//! ```
+//! use gaitway::{Options, Outcome};
+//!
+//! let mut rig = gaitway::open("op3", "sim")?; // or "serial:/dev/ttyUSB0"
+//! let motion = rig.motion("walk:3s,bow")?; // or a capture: "dance.bvh"
+//! let report = rig.play(&motion, Options::default())?;
+//! assert_eq!(report.outcome, Outcome::Done);
+//! # Ok::<(), gaitway::Error>(())
+//! ```
+//!
+//! More of that is in `examples/`: goals of one's own making, stops, recordings, a virtual robot for
+//! tests.
 
 pub mod action;
 pub mod actionlet;
@@ -35,3 +50,12 @@ pub mod time;
 pub mod toml_text;
 pub mod units;
 pub mod wire;
+
+pub use error::Error;
+pub use job::follow::{FollowOptions, Moment};
+pub use job::live::LiveReport;
+pub use job::open::{Rig, open};
+pub use job::play::{EndState, Options, Played};
+pub use job::report::{Outcome, PlayReport};
+pub use job::source::RobotMotion;
+pub use job::{Event, Nobody, Observer, Progress};

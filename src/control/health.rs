@@ -194,11 +194,13 @@ pub enum StopCode {
     LineLost,
     /// A sensor that was followed is gone.
     SensorLost,
+    /// What makes the goals broke: a function of the user's own.
+    SourceBroke,
 }
 
 impl StopCode {
     /// All kinds.
-    pub const ALL: [Self; 13] = [
+    pub const ALL: [Self; 14] = [
         Self::Asked,
         Self::Silent,
         Self::Late,
@@ -212,6 +214,7 @@ impl StopCode {
         Self::Broke,
         Self::LineLost,
         Self::SensorLost,
+        Self::SourceBroke,
     ];
 }
 
@@ -231,6 +234,7 @@ impl fmt::Display for StopCode {
             Self::Broke => "broke",
             Self::LineLost => "line-lost",
             Self::SensorLost => "sensor-lost",
+            Self::SourceBroke => "source-broke",
         })
     }
 }

@@ -1,13 +1,13 @@
 //! `live`: a robot does now what a body does. The whole job, in order.
 
+use super::follow;
 use super::model::robot_model;
-use super::observer::{Event, Meter, Observer};
-use super::play::describe_virtual;
+use super::observer::Observer;
 use super::recorder::RunRecorder;
-use super::report::{JointReport, Outcome, PlayReport};
+use super::report::{Outcome, PlayReport};
 use super::source;
 use crate::capture;
-use crate::control::{self, Input, Mirror, Settings, inject, net};
+use crate::control::{self, Input, Settings, inject, net};
 use crate::error::Error;
 use crate::mocap::retarget::{self, Online};
 use crate::motion::Trend;
@@ -108,6 +108,20 @@ struct Ready {
     settings: Settings,
 }
 
+impl Ready {
+    fn follow(
+        &mut self,
+        newest: &mut control::mirror::Source<'_>,
+        recorder: RunRecorder,
+        observer: &dyn Observer,
+        report: &mut LiveReport,
+    ) -> Result<Option<RunRecorder>, Error> {
+        let Self { connection, found, settings } = self;
+        let ready = follow::Ready { connection, found, settings: *settings };
+        ready.follow(newest, recorder, None, observer, report)
+    }
+}
+
 impl Job<'_> {
     fn live(&mut self) -> Result<(), Error> {
         match self.order.from.as_slice() {
@@ -169,7 +183,7 @@ impl Job<'_> {
             trend.target(now_s).map_or(Input::Nothing, Input::Pose)
         };
         let recorder = self.recorder(&ready.connection)?;
-        let recorder = self.mirror(&mut ready, &mut newest, recorder)?;
+        let recorder = ready.follow(&mut newest, recorder, self.observer, &mut self.report)?;
         if let Some(mut recorder) = recorder {
             recorder.finish(&mut self.report.run, &ready.connection);
         }
@@ -187,44 +201,6 @@ impl Job<'_> {
         let (path, force) = (self.order.record.as_deref(), self.order.replace);
         RunRecorder::begin_with_sensors(path, force, connection, &self.order.motion())
     }
-
-    /// Lets the robot follow until the source ends or somebody stops it. The recorder is given back
-    /// unless nothing was played.
-    fn mirror(
-        &mut self,
-        ready: &mut Ready,
-        newest: &mut control::mirror::Source<'_>,
-        mut recorder: RunRecorder,
-    ) -> Result<Option<RunRecorder>, Error> {
-        let Ready { connection, found, settings } = ready;
-        let limits = connection.link.robot().limits();
-        let mut mirror = Mirror::new(newest, &found.start_rad, limits);
-        let performed = control::perform(
-            &mut connection.link,
-            found,
-            &mut mirror,
-            *settings,
-            &mut recorder.metered(Meter::default()),
-            &|| self.observer.wants_to_stop(),
-            &mut |_| self.observer.hear(Event::Following),
-        );
-        let performed = match performed {
-            Ok(performed) => performed,
-            Err(error) => {
-                recorder.discard();
-                return Err(error);
-            }
-        };
-        describe_joints(&mut self.report, connection, &mirror);
-        self.report.describe(&mirror, *settings);
-        if !self.report.run.describe_performance(&performed) {
-            self.report.run.joints.clear();
-            recorder.discard();
-            return Ok(None);
-        }
-        describe_virtual(&mut self.report.run, connection);
-        Ok(Some(recorder))
-    }
 }
 
 /// Looks at every servo, writes nothing.
@@ -236,17 +212,4 @@ fn look(
     inject::point("preflight", 0);
     let accept = Accept { firmware: order.accept_firmware, eeprom: false };
     preflight(&mut connection.link, settings.period, accept)
-}
-
-fn describe_joints(report: &mut LiveReport, connection: &Connection, mirror: &Mirror<'_>) {
-    let (velocity, acceleration) = mirror.peaks();
-    for (index, joint) in connection.link.robot().joints.iter().enumerate() {
-        report.run.joints.push(JointReport {
-            peak_velocity_rad_s: velocity[index],
-            peak_acceleration_rad_s2: acceleration[index],
-            ..JointReport::of(joint)
-        });
-        let limited_samples = mirror.tally().limited_samples[index];
-        report.limited.push(LiveJoint { name: joint.name.clone(), limited_samples });
-    }
 }

@@ -1,12 +1,17 @@
 //! A robot that is open, and what can be done with it: the face of this crate.
 
+use super::follow::{self, FollowOptions, Moment};
+use super::live::LiveReport;
 use super::observer::{Nobody, Observer};
 use super::play::{Options, Played, play_on, under_net};
+use super::recorder::RunRecorder;
 use super::report::PlayReport;
 use super::source::{self, MotionOrder, RobotMotion};
+use crate::control::Settings;
 use crate::error::Error;
 use crate::rig::{Address, Connection, calibrated, connect};
 use crate::robot::Robot;
+use crate::robot::preflight::{Accept, preflight};
 use std::path::PathBuf;
 
 /// A robot, real or virtual, whose lines are open. Nothing was written to it yet.
@@ -71,6 +76,61 @@ impl Rig {
             play_on(&mut self.connection, motion, &options, observer, report)
         })?;
         Ok(Played { report, series })
+    }
+
+    /// Lets the robot follow goals that `source` makes: asked again and again with what was measured, on
+    /// a thread of its own, it gives an angle for each joint in rad, in the order of
+    /// [`Robot::joint_names`], or `None` at its end. The robot goes to the first goal at 30 % of its
+    /// speed; then the newest one is followed inside the joints' limits. A goal that has become old is
+    /// eased to rest, and so is the last one when `source` ends or panics.
+    ///
+    /// In virtual time (`sim`) each cycle waits for `source`, so that a run can be repeated.
+    ///
+    /// # Errors
+    /// What was refused before anything moved. What happened since torque came on is in the report.
+    pub fn follow(
+        &mut self,
+        source: impl FnMut(&Moment) -> Option<Vec<f64>> + Send + 'static,
+        options: FollowOptions,
+    ) -> Result<LiveReport, Error> {
+        self.follow_watched(source, options, &Nobody)
+    }
+
+    /// The same with somebody who looks on, and may want it to end.
+    ///
+    /// # Errors
+    /// As [`Rig::follow`].
+    pub fn follow_watched(
+        &mut self,
+        source: impl FnMut(&Moment) -> Option<Vec<f64>> + Send + 'static,
+        options: FollowOptions,
+        observer: &dyn Observer,
+    ) -> Result<LiveReport, Error> {
+        let mut report = LiveReport::new(self.report("a function"));
+        let rate_hz = options.rate_hz.unwrap_or(self.robot().file.rate_hz);
+        report.run.cycle_hz = rate_hz;
+        let settings = Settings::at_rate(rate_hz);
+        let accept = Accept { firmware: options.accept_firmware, eeprom: false };
+        let found = preflight(&mut self.connection.link, settings.period, accept)?;
+        report.run.describe_preflight(&found);
+        let connection = &mut self.connection;
+        let (joints, waits) = (connection.link.robot().joints.len(), !connection.real_time);
+        let recorder = RunRecorder::begin(
+            options.record.as_deref(),
+            options.replace,
+            false,
+            connection,
+            &report.run.motion,
+        )?;
+        let (moments, mut goals) = follow::begin(joints, options.time, waits, source)?;
+        let ready = follow::Ready { connection, found: &found, settings };
+        let mut newest = |now, approaching| goals.newest(now, approaching);
+        let recorder = ready.follow(&mut newest, recorder, Some(moments), observer, &mut report)?;
+        goals.describe(&mut report);
+        if let Some(mut recorder) = recorder {
+            recorder.finish(&mut report.run, &self.connection);
+        }
+        Ok(report)
     }
 
     /// A report of nothing yet.

@@ -371,7 +371,7 @@ mod tests {
         }
         let later_ns = LONGEST_WAIT_NS + 10 * MS;
         both.now_ns(later_ns);
-        assert_eq!(both.now_ns(later_ns + 100 * MS) / MS, 110);
+        assert_eq!(both.now_ns(later_ns + 100 * MS) / MS, 111);
         assert_eq!(both.line(0).to_host.owed, 0);
     }
 }

@@ -245,7 +245,7 @@ impl Job<'_> {
             trend.push(oldest_s, online.pose(&moment.pose, dt_s));
             trend.target(body.seconds(now)).map_or(Input::Nothing, Input::Pose)
         };
-        let recorder = self.mirror(&mut ready, &mut newest, recorder)?;
+        let recorder = ready.follow(&mut newest, recorder, self.observer, &mut self.report)?;
         Ok(recorder.map(|recorder| (recorder, ready)))
     }
 
