@@ -9,6 +9,7 @@ pub mod open;
 pub mod play;
 pub mod recorder;
 pub mod report;
+pub mod servo;
 pub mod source;
 
 pub use observer::{Event, Nobody, Observer, Progress};

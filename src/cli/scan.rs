@@ -2,13 +2,13 @@
 
 mod can;
 
-use super::servo::firmware_words;
 use super::{Deed, Output, Remarks};
 use crate::bus::Protocol;
 use crate::bus::scan::{Found, scan};
 use crate::cli::protocol::{ProtocolName, serial_protocol};
 use crate::device::Model;
 use crate::error::Error;
+use crate::job::servo::register::firmware_words;
 use crate::rig::{Address, BusKind};
 use crate::rig::{Identity, all_servos, ask_error, identify, profile_of, protocol_name};
 use crate::rig::{OpenLine, is_can, open_bus};

@@ -1,23 +1,17 @@
 //! `servo`: one servo on a bus, its registers by the maker's names.
 
 use super::{Output, Remarks};
-use crate::cli::protocol::ProtocolName;
+use crate::cli::protocol::{ProtocolName, can_dialect, serial_protocol};
 use crate::error::Error;
-use crate::rig::Address;
-use crate::rig::is_can;
+use crate::job::servo::Which;
+use crate::rig::{Address, is_can};
 use clap::{Args, Subcommand};
 
 mod actuator;
-mod device;
 mod identity;
-#[cfg(test)]
-mod lock_tests;
 mod registers;
 mod reset;
 mod travel;
-mod value;
-
-pub use registers::firmware_words;
 
 /// Arguments of `servo`.
 #[derive(Debug, Args)]
@@ -95,6 +89,22 @@ pub struct Target {
 }
 
 impl Target {
+    /// Which servo that is.
+    fn which(&self) -> Result<Which, Error> {
+        let (protocol, dialect) = match self.is_can()? {
+            true => (None, can_dialect(self.protocol, &self.bus)?),
+            false => (serial_protocol(self.protocol, &self.bus)?, None),
+        };
+        Ok(Which {
+            bus: self.bus.clone(),
+            id: self.id,
+            robot: self.robot.clone(),
+            model: self.servo.clone(),
+            protocol,
+            dialect,
+        })
+    }
+
     /// What else has to be typed to reach the same line again.
     fn again(&self) -> String {
         self.robot.as_ref().map(|robot| format!(" --robot {robot}")).unwrap_or_default()
@@ -105,9 +115,6 @@ impl Target {
         is_can(&self.bus, self.robot.as_deref())
     }
 }
-
-/// Where nothing moves, a lost answer costs nothing but time.
-const RETRIES: u32 = 5;
 
 /// Runs `servo`.
 ///

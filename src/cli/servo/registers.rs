@@ -1,13 +1,15 @@
 //! `servo info`, `servo get`, `servo set`.
 
-use super::device::Device;
-use super::{Target, actuator, value};
+use super::{Target, actuator};
 use crate::cli::signals::Signals;
 use crate::cli::{Deed, Remarks};
 use crate::error::Error;
+use crate::job::servo::device::{Change, Device};
+use crate::job::servo::register::{find, firmware_words, is_indirect};
+use crate::job::servo::value;
 use crate::rig::protocol_name;
 use clap::Args;
-use gaitway_profiles::{Region, RegisterItem, Role, Servo};
+use gaitway_profiles::{Region, RegisterItem, Role};
 use serde_json::{Map, Value, json};
 use std::fmt::Write;
 
@@ -77,7 +79,7 @@ pub fn info(target: &Target) -> Result<i32, Error> {
     if target.is_can()? {
         return actuator::info(target);
     }
-    let mut device = Device::open(target)?;
+    let mut device = Device::open(&target.which()?)?;
     let items: Vec<_> = INFO.iter().filter_map(|&role| device.item(role)).collect();
     let read = read_all(&mut device, &items)?;
     let profile = device.model.profile();
@@ -105,16 +107,6 @@ pub fn info(target: &Target) -> Result<i32, Error> {
         "registers": registers_json(&device, &read),
     });
     Ok(target.output.conclude(&report, &text, Deed::Look, 0))
-}
-
-/// A firmware in the maker's form: Feetech's is two numbers.
-#[must_use]
-pub fn firmware_words(profile: &Servo, firmware: u16) -> String {
-    if profile.register(Role::FirmwareVersionMinor).is_some() {
-        format!("{}.{}", firmware >> 8, firmware & 0xFF)
-    } else {
-        firmware.to_string()
-    }
 }
 
 type Read = Vec<(RegisterItem<'static>, i64)>;
@@ -145,7 +137,7 @@ pub fn get(args: &GetArgs) -> Result<i32, Error> {
     if args.target.is_can()? {
         return actuator::get(args);
     }
-    let mut device = Device::open(&args.target)?;
+    let mut device = Device::open(&args.target.which()?)?;
     let profile = device.model.profile();
     let Some(name) = &args.register else {
         let items: Vec<_> = profile.items().filter(|item| !is_indirect(item)).collect();
@@ -171,13 +163,13 @@ pub fn set(args: &SetArgs, remarks: Remarks) -> Result<i32, Error> {
         return actuator::set(args, remarks);
     }
     Signals::defer()?;
-    let mut device = Device::open(&args.target)?;
+    let mut device = Device::open(&args.target.which()?)?;
     let item = find(device.model.profile(), &args.register)?;
     let raw = value::parse(&device.model, &item, &args.value, args.raw)?;
     device.may_set(&item, raw, args.permit_eeprom || args.dry_run)?;
     let change = if args.dry_run {
         let old = device.read(&item)?;
-        super::device::Change { old, new: raw }
+        Change { old, new: raw }
     } else {
         device.set(&item, raw, args.permit_eeprom)?
     };
@@ -213,73 +205,4 @@ fn undo(device: &Device, item: &RegisterItem<'_>, old: i64, args: &SetArgs) -> S
     let robot = args.target.again();
     let bus = device.bus();
     format!("gaitway servo set {bus} {} '{name}' --raw{permit}{robot} -- {old}", device.id)
-}
-
-/// True for the many registers that only stand for others.
-fn is_indirect(item: &RegisterItem<'_>) -> bool {
-    matches!(item.register.role, Some(Role::IndirectAddress | Role::IndirectData))
-}
-
-/// The register that `name` means.
-///
-/// # Errors
-/// None, with those that are like it.
-pub fn find(servo: &'static Servo, name: &str) -> Result<RegisterItem<'static>, Error> {
-    let wanted = plain(name);
-    if let Some(item) = servo.items().find(|item| plain(&item.name()) == wanted) {
-        return Ok(item);
-    }
-    // Short words (of, at, id) are in too many names to tell anything.
-    let words = name.split([' ', '_', '-']).map(plain).filter(|word| word.len() > 2);
-    let words: Vec<String> = words.collect();
-    let alike = |item: &RegisterItem<'_>| {
-        let known = plain(&item.name());
-        let shares_a_word = || words.iter().any(|word| known.contains(word));
-        !wanted.is_empty() && (known.contains(&wanted) || shares_a_word())
-    };
-    let direct = || servo.items().filter(|item| !is_indirect(item));
-    let mut near: Vec<String> = direct().filter(alike).map(|item| item.name()).collect();
-    if near.is_empty() {
-        near = direct().map(|item| item.name()).collect();
-    }
-    Err(Error::new("the servo has no such register")
-        .at(servo.model.clone())
-        .got(name)
-        .allowed(near.join(", "))
-        .remedy(format!("gaitway profile show {} lists them", servo.name)))
-}
-
-/// A name without case, spaces, underscores and hyphens.
-pub(super) fn plain(name: &str) -> String {
-    let kept = name.chars().filter(|c| !matches!(c, ' ' | '_' | '-'));
-    kept.flat_map(char::to_lowercase).collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_register_is_found_however_its_name_is_typed() {
-        let servo = gaitway_profiles::servo("xm430-w350").expect("a shipped servo");
-        for name in ["Present Position", "present_position", "PRESENTPOSITION", "present-position"]
-        {
-            assert_eq!(find(servo, name).expect(name).address, 132);
-        }
-        assert_eq!(find(servo, "indirect address 3").expect("a repeated one").address, 172);
-    }
-
-    #[test]
-    fn an_unknown_register_is_answered_with_those_like_it() {
-        let servo = gaitway_profiles::servo("xm430-w350").expect("a shipped servo");
-        let error = find(servo, "temperature").expect_err("two have that word");
-        let said = error.to_string();
-        assert!(
-            said.contains("Present Temperature") && said.contains("Temperature Limit"),
-            "{said}"
-        );
-        assert!(find(servo, "").is_err());
-        let error = find(servo, "Present Temprature").expect_err("a slip of the finger");
-        assert!(error.to_string().contains("Present Temperature"), "{error}");
-    }
 }

@@ -1,13 +1,12 @@
 //! `servo reboot` and `servo factory-reset`: the servo goes limp and comes back.
 
-use super::device::{Device, is_lost};
 use super::{Target, actuator};
-use crate::bus::{AskError, FactoryReset, Miss, Protocol};
+use crate::bus::{FactoryReset, Protocol};
 use crate::cli::signals::Signals;
 use crate::cli::{Deed, Remarks};
 use crate::error::Error;
-use crate::rig::{Identity, identify};
-use crate::time::Duration;
+use crate::job::servo::change::{factory_terms, obeyed, refuse_taken_by_reset, set_back, wait_for};
+use crate::job::servo::device::Device;
 use clap::Args;
 use gaitway_profiles::Role;
 use serde_json::json;
@@ -35,11 +34,6 @@ pub struct FactoryResetArgs {
     permit_eeprom: bool,
 }
 
-/// A restart takes a fraction of this.
-const RESTART: Duration = Duration::from_secs(5);
-/// Time between two questions whether the servo is back.
-const AGAIN: Duration = Duration::from_millis(100);
-
 /// Runs `servo reboot`.
 ///
 /// # Errors
@@ -49,7 +43,7 @@ pub fn reboot(args: &RebootArgs, remarks: Remarks) -> Result<i32, Error> {
     if args.target.is_can()? {
         return actuator::reboot(args, remarks);
     }
-    let mut device = Device::open(&args.target)?;
+    let mut device = Device::open(&args.target.which()?)?;
     let protocol = device.model.protocol();
     if protocol != Protocol::Dynamixel2 {
         return Err(Error::new("this protocol has no instruction to restart a servo")
@@ -101,7 +95,7 @@ pub fn factory_reset(args: &FactoryResetArgs, remarks: Remarks) -> Result<i32, E
         return actuator::refuse("setting an actuator back", &args.target.bus, remedy);
     }
     Signals::defer()?;
-    let mut device = Device::open(&args.target)?;
+    let mut device = Device::open(&args.target.which()?)?;
     let protocol = device.model.protocol();
     let (old_id, old_bps) = (device.id, device.line.baud_bps);
     if protocol != Protocol::Dynamixel2 && !args.everything {
@@ -128,7 +122,7 @@ pub fn factory_reset(args: &FactoryResetArgs, remarks: Remarks) -> Result<i32, E
     remarks.say(&what);
     device.must_be_limp()?;
     if id != old_id {
-        refuse_taken(&mut device, id)?;
+        refuse_taken_by_reset(&mut device, id)?;
     }
     let keep = if args.everything { FactoryReset::Everything } else { FactoryReset::KeepIdAndBaud };
     let back = set_back(&mut device, keep, id, bps)?;
@@ -142,79 +136,4 @@ pub fn factory_reset(args: &FactoryResetArgs, remarks: Remarks) -> Result<i32, E
         "firmware": back.firmware,
     });
     Ok(args.target.output.conclude(&report, &text, Deed::Work, 0))
-}
-
-/// Sets a servo back through its lock and finds it again as `id` at `bps` bits per second.
-pub(super) fn set_back(
-    device: &mut Device,
-    keep: FactoryReset,
-    id: u8,
-    bps: u32,
-) -> Result<Identity, Error> {
-    device.may_be_found_at(id, bps);
-    device.unlocked(|device| {
-        let (protocol, budget) = (device.model.protocol(), device.line.budget());
-        let told = device.line.bus.factory_reset(protocol, device.id, keep, budget);
-        obeyed(told).map_err(|e| device.failed(&e))?;
-        device.line.clock.sleep_until(device.line.clock.now() + AGAIN);
-        if bps != device.line.baud_bps {
-            device.line.set_speed(bps)?;
-        }
-        wait_for(device, id)
-    })
-}
-
-/// ID and line speed of the model when it leaves the factory.
-fn factory_terms(device: &Device) -> Result<(u8, u32), Error> {
-    let initial = |role| device.item(role).and_then(|item| item.initial());
-    let id = initial(Role::Id).and_then(|id| u8::try_from(id).ok());
-    let index = initial(Role::BaudRate);
-    let speeds = &device.model.profile().baud;
-    let bps = speeds.iter().find(|b| index == Some(b.index.into())).map(|b| b.bps);
-    id.zip(bps).ok_or_else(|| {
-        Error::new("the servo's profile does not say its ID and speed from the factory")
-            .at(device.place())
-    })
-}
-
-fn refuse_taken(device: &mut Device, id: u8) -> Result<(), Error> {
-    match identify(&mut device.line, id, None) {
-        Ok(None) => Ok(()),
-        Err(error @ (AskError::Port(_) | AskError::Miss(Miss::HostLate { .. }))) => {
-            Err(device.failed(&error))
-        }
-        _ => Err(Error::new("another servo has the ID that this one would get")
-            .at(device.place())
-            .got(format!("ID {id} answers"))
-            .remedy("unplug the other one first")),
-    }
-}
-
-/// A lost answer is no refusal: whether it obeyed is seen when it is back.
-fn obeyed(told: Result<crate::bus::Reply, AskError>) -> Result<(), AskError> {
-    match told {
-        Err(error) if !is_lost(&error) => Err(error),
-        _ => Ok(()),
-    }
-}
-
-/// Asks until the servo answers as `id`.
-fn wait_for(device: &mut Device, id: u8) -> Result<Identity, Error> {
-    device.id = id;
-    let clock = std::sync::Arc::clone(&device.line.clock);
-    let until = clock.now() + RESTART;
-    let protocol = Some(device.model.protocol());
-    loop {
-        clock.sleep_until(clock.now() + AGAIN);
-        match identify(&mut device.line, id, protocol) {
-            Ok(Some(identity)) => return Ok(identity),
-            Err(AskError::Port(error)) => return Err(device.failed(&AskError::Port(error))),
-            _ if clock.now() < until => {}
-            _ => {
-                return Err(Error::new("the servo has not come back")
-                    .at(device.place())
-                    .remedy("gaitway scan BUS --baud all"));
-            }
-        }
-    }
 }

@@ -1,6 +1,5 @@
 //! `servo set-id` and `servo reboot` for an actuator of a CAN line, and what cannot be done there.
 
-use super::{Actuator, calls};
 use crate::bus::can::Peer;
 use crate::bus::can::scan::{find, overhear};
 use crate::cli::servo::identity::SetIdArgs;
@@ -8,6 +7,7 @@ use crate::cli::servo::reset::RebootArgs;
 use crate::cli::{Deed, Remarks};
 use crate::device::parameter::{Access, Parameter, parameters};
 use crate::error::Error;
+use crate::job::servo::actuator::{Actuator, calls};
 use crate::rig::dialect_name;
 use crate::time::Duration;
 use crate::wire::can::{CanFrame, odrive, robstride};
@@ -35,7 +35,7 @@ pub fn refuse(what: &str, bus: &dyn std::fmt::Display, remedy: &str) -> Result<i
 /// A dialect without it, an id that is taken or none of the dialect's, no permit, torque on; or the
 /// actuator is not found under its new id.
 pub fn set_id(args: &SetIdArgs, remarks: Remarks) -> Result<i32, Error> {
-    let mut actuator = Actuator::open(&args.target)?;
+    let mut actuator = Actuator::open(&args.target.which()?)?;
     let (old, new) = (actuator.peer().id(), args.new_id);
     let last = actuator.dialect().last_id();
     if new > last || (new == 0 && actuator.dialect() != Dialect::Robstride) {
@@ -153,7 +153,7 @@ fn refuse_taken(actuator: &mut Actuator, id: u8) -> Result<(), Error> {
 /// # Errors
 /// A dialect without it, torque that is on, an actuator that does not come back.
 pub fn reboot(args: &RebootArgs, remarks: Remarks) -> Result<i32, Error> {
-    let mut actuator = Actuator::open(&args.target)?;
+    let mut actuator = Actuator::open(&args.target.which()?)?;
     let Peer::Odrive { id } = actuator.peer() else {
         return Err(Error::new("this dialect has no command to restart an actuator")
             .at(actuator.place())

@@ -1,13 +1,14 @@
 //! `servo info`, `servo get` and `servo set` for an actuator of a CAN line.
 
-use super::Actuator;
 use crate::bus::AskError;
 use crate::cli::servo::Target;
-use crate::cli::servo::registers::{GetArgs, SetArgs, plain};
-use crate::cli::servo::value::rounded;
+use crate::cli::servo::registers::{GetArgs, SetArgs};
 use crate::cli::{Deed, Remarks};
 use crate::device::parameter::{Access, Parameter, parameters};
 use crate::error::Error;
+use crate::job::servo::actuator::Actuator;
+use crate::job::servo::register::plain;
+use crate::job::servo::value::rounded;
 use crate::rig::dialect_name;
 use crate::time::Duration;
 use crate::wire::can::CanFrame;
@@ -26,7 +27,7 @@ const SAVING: Duration = Duration::from_millis(100);
 /// # Errors
 /// An actuator that does not answer.
 pub fn info(target: &Target) -> Result<i32, Error> {
-    let mut actuator = Actuator::open(target)?;
+    let mut actuator = Actuator::open(&target.which()?)?;
     let read = read_all(&mut actuator)?;
     let identity = &actuator.identity;
     let known = |fact: &Option<String>| fact.clone().unwrap_or_else(|| "not told".to_owned());
@@ -71,7 +72,7 @@ pub fn info(target: &Target) -> Result<i32, Error> {
 /// # Errors
 /// An actuator that does not answer, a setting it does not have.
 pub fn get(args: &GetArgs) -> Result<i32, Error> {
-    let mut actuator = Actuator::open(&args.target)?;
+    let mut actuator = Actuator::open(&args.target.which()?)?;
     let output = &args.target.output;
     let Some(name) = &args.register else {
         let read = read_all(&mut actuator)?;
@@ -91,7 +92,7 @@ pub fn get(args: &GetArgs) -> Result<i32, Error> {
 /// What is refused here (what only tells, goals, torque, ids), torque that is on, what does not fit,
 /// and a value the actuator did not keep.
 pub fn set(args: &SetArgs, remarks: Remarks) -> Result<i32, Error> {
-    let mut actuator = Actuator::open(&args.target)?;
+    let mut actuator = Actuator::open(&args.target.which()?)?;
     let parameter = find(&actuator, &args.register)?;
     may_set(&actuator, &parameter)?;
     let bits = parse(&parameter, &args.value, args.raw)?;

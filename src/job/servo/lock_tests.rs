@@ -1,12 +1,10 @@
 //! Whatever is lost while a Feetech servo's lock is open, and whenever: afterwards it is closed, or it
 //! is said that it may be open. In virtual time, on the servo's own registers.
 
-use super::Target;
+use super::Which;
+use super::change::{change_baud, change_id, set_back};
 use super::device::Device;
-use super::identity::{change_baud, change_id};
-use super::reset::set_back;
 use crate::bus::FactoryReset;
-use crate::cli::Output;
 use crate::error::Error;
 use gaitway_profiles::Role;
 use gaitway_sim::{Damage, Fault, Options, World};
@@ -43,15 +41,15 @@ const CHANGES: [(&str, Change); 4] = [
 
 /// The servo, on a line of its own, in a world where `faults` strike from now on.
 fn device(faults: Vec<Fault>) -> Device {
-    let target = Target {
+    let which = Which {
         bus: "sim".parse().expect("an address"),
         id: ID,
         robot: Some("so101".to_owned()),
-        servo: None,
+        model: None,
         protocol: None,
-        output: Output::default(),
+        dialect: None,
     };
-    let device = Device::open(&target).expect("a servo");
+    let device = Device::open(&which).expect("a servo");
     let mut robot = gaitway_profiles::robot("so101").expect("a shipped robot");
     robot.joints.retain(|joint| joint.name == JOINT);
     robot.joints[0].parent = None;
@@ -174,7 +172,7 @@ fn a_lock_that_was_left_open_is_closed_with_the_command_that_was_named() {
         let mut world = device.line.world.as_ref().expect("a virtual one").lock();
         assert!(world.set_register(JOINT, "Lock", 0));
     }
-    let lock = super::registers::find(device.model.profile(), "Lock").expect("a register");
+    let lock = super::register::find(device.model.profile(), "Lock").expect("a register");
     assert!(device.set(&lock, 0, true).is_err(), "it is opened where that is needed alone");
     let closed = device.set(&lock, 1, false).expect("closed");
     assert_eq!((closed.old, closed.new), (0, 1));

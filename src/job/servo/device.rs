@@ -1,8 +1,7 @@
 //! One servo whose model is known: registers in, registers out, never a goal and never torque.
 
-use super::{Target, value};
+use super::{Which, value};
 use crate::bus::{AskError, Miss};
-use crate::cli::protocol::serial_protocol;
 use crate::device::Model;
 use crate::error::Error;
 use crate::rig::{OpenLine, open_bus};
@@ -46,23 +45,22 @@ impl Device {
     ///
     /// # Errors
     /// Nobody answers, or a model without profile and none named by `--servo`.
-    pub fn open(target: &Target) -> Result<Self, Error> {
+    pub fn open(which: &Which) -> Result<Self, Error> {
         // 254 is everybody, and 255 begins a packet.
         const LAST_ID: u8 = 253;
-        if target.id > LAST_ID {
+        if which.id > LAST_ID {
             return Err(Error::new("not an ID of a serial line")
-                .at(target.bus.to_string())
-                .got(target.id.to_string())
+                .at(which.bus.to_string())
+                .got(which.id.to_string())
                 .allowed(format!("0 to {LAST_ID}")));
         }
-        let wanted = serial_protocol(target.protocol, &target.bus)?;
-        let mut line = open_bus(&target.bus, target.robot.as_deref(), 0)?;
-        let place = format!("ID {} on {} at {} bit/s", target.id, target.bus, line.baud_bps);
-        let found = identify(&mut line, target.id, wanted);
+        let mut line = open_bus(&which.bus, which.robot.as_deref(), 0)?;
+        let place = format!("ID {} on {} at {} bit/s", which.id, which.bus, line.baud_bps);
+        let found = identify(&mut line, which.id, which.protocol);
         let found = found.map_err(|e| ask_error(place.clone(), &e))?;
         let silent = || ask_error(place.clone(), &AskError::Miss(Miss::Silent));
         let found = found.ok_or_else(silent)?;
-        let named = target.servo.as_deref().map(profiles::servo).transpose()?;
+        let named = which.model.as_deref().map(profiles::servo).transpose()?;
         let profile = named.or(found.profile).ok_or_else(|| {
             Error::new("a servo model without profile")
                 .at(place.clone())
@@ -79,12 +77,12 @@ impl Device {
         }
         Ok(Self {
             line,
-            id: target.id,
+            id: which.id,
             model,
             model_number: found.model_number,
             firmware: found.firmware,
-            bus: target.bus.to_string(),
-            again: target.again(),
+            bus: which.bus.to_string(),
+            again: which.again(),
             elsewhere: Vec::new(),
         })
     }
@@ -239,7 +237,7 @@ impl Device {
     }
 
     /// Writes a register without reading it back and without any rule.
-    pub(super) fn write(&mut self, item: &RegisterItem<'_>, raw: i64) -> Result<(), AskError> {
+    pub fn write(&mut self, item: &RegisterItem<'_>, raw: i64) -> Result<(), AskError> {
         let mut bytes = Vec::with_capacity(4);
         let fits = self.model.append_raw(item.register, raw, &mut bytes);
         fits.map_err(|e| AskError::Unsayable(e.to_string()))?;
@@ -258,17 +256,17 @@ impl Device {
     }
 
     /// From now on it may answer under another ID or at another line speed.
-    pub(super) fn may_be_found_at(&mut self, id: u8, baud_bps: u32) {
+    pub fn may_be_found_at(&mut self, id: u8, baud_bps: u32) {
         self.elsewhere.extend([(self.id, self.line.baud_bps), (id, baud_bps)]);
     }
 
     /// Does `work` while the servo keeps what is written to it. Its lock is closed again whatever
     /// comes of that, wherever the servo may be found by then, or said to be open. Commands that come
-    /// here let an interrupt wait ([`Signals::defer`](crate::cli::signals::Signals::defer)).
+    /// here let an interrupt wait (they defer signals).
     ///
     /// # Errors
     /// What `work` fails with, a servo that does not open or close its lock.
-    pub(super) fn unlocked<T>(
+    pub fn unlocked<T>(
         &mut self,
         work: impl FnOnce(&mut Self) -> Result<T, Error>,
     ) -> Result<T, Error> {
@@ -352,7 +350,7 @@ impl Device {
 }
 
 /// True if the instruction may have been carried out all the same.
-pub(super) fn is_lost(error: &AskError) -> bool {
+pub fn is_lost(error: &AskError) -> bool {
     matches!(error, AskError::Miss(miss) if !matches!(miss, Miss::Refused(_)))
 }
 

@@ -41,7 +41,7 @@ pub fn words(model: &Model, item: &RegisterItem<'_>, raw: i64) -> String {
 }
 
 /// As many digits as mean something: six at most, no zeros at the end.
-pub(super) fn rounded(si: f64) -> String {
+pub fn rounded(si: f64) -> String {
     let text = format!("{si:.6}");
     text.trim_end_matches('0').trim_end_matches('.').to_owned()
 }

@@ -1,10 +1,10 @@
-//! `servo move` for an actuator of a CAN line: which model it is, with what gains, and how it learns
+//! A movement of an actuator of a CAN line: which model it is, with what gains, and how it learns
 //! that its host is gone.
 
-use super::{MoveArgs, RAMP_S, SHARE, bare_joint, robot_of};
+use super::{MoveOrder, RAMP_S, SHARE, bare_joint, robot_of};
 use crate::bus::can::Peer;
-use crate::cli::servo::actuator::Actuator;
 use crate::error::Error;
+use crate::job::servo::actuator::Actuator;
 use crate::rig::Connection;
 use crate::robot::Link;
 use gaitway_profiles::{self as profiles, LineKind};
@@ -19,8 +19,8 @@ const INSIDE: f64 = 0.999;
 ///
 /// # Errors
 /// Nobody answers; a model that is not known; gains that are missing, or that nobody is told.
-pub fn alone(args: &MoveArgs) -> Result<(String, Connection), Error> {
-    let actuator = Actuator::open(&args.target)?;
+pub fn alone(order: &MoveOrder) -> Result<(String, Connection), Error> {
+    let actuator = Actuator::open(&order.which)?;
     let place = actuator.place();
     let profile = actuator.profile().cloned().ok_or_else(|| {
         let known: Vec<&str> = profiles::actuator_names().collect();
@@ -30,8 +30,8 @@ pub fn alone(args: &MoveArgs) -> Result<(String, Connection), Error> {
             .allowed(known.join(", "))
             .remedy("read its label, then add --model NAME")
     })?;
-    check_gains(args, &profile).map_err(|e| e.at(place.clone()))?;
-    let velocity_rad_s = args.speed.to_radians() / SHARE;
+    check_gains(order, &profile).map_err(|e| e.at(place.clone()))?;
+    let velocity_rad_s = order.speed_rad_s / SHARE;
     let (most_rad, most_rad_s) = match &profile.ranges {
         Some(ranges) => (ranges.position_rad * INSIDE, ranges.velocity_rad_s),
         None => (TWO_TURNS_RAD, f64::INFINITY),
@@ -42,9 +42,9 @@ pub fn alone(args: &MoveArgs) -> Result<(String, Connection), Error> {
     };
     let joint = profiles::Joint {
         answer_id,
-        kp_nm_rad: args.kp,
-        kd_nm_s_rad: args.kd,
-        timeout_configured_s: args.timeout,
+        kp_nm_rad: order.kp_nm_rad,
+        kd_nm_s_rad: order.kd_nm_s_rad,
+        timeout_configured_s: order.timeout_s,
         lower_rad: -most_rad,
         upper_rad: most_rad,
         velocity_rad_s: velocity_rad_s.min(most_rad_s),
@@ -56,9 +56,9 @@ pub fn alone(args: &MoveArgs) -> Result<(String, Connection), Error> {
     Ok((place, actuator.line.into_link(robot)?))
 }
 
-fn check_gains(args: &MoveArgs, profile: &profiles::Actuator) -> Result<(), Error> {
+fn check_gains(order: &MoveOrder, profile: &profiles::Actuator) -> Result<(), Error> {
     let told = profile.dialect.codes_numbers();
-    match (told, args.kp, args.kd) {
+    match (told, order.kp_nm_rad, order.kd_nm_s_rad) {
         (true, Some(_), Some(_)) | (false, None, None) => Ok(()),
         (true, ..) => Err(Error::new("the actuator is told its gains with every goal: which?")
             .got("no --kp, or no --kd")
