@@ -9,6 +9,7 @@ pub mod open;
 pub mod play;
 pub mod recorder;
 pub mod report;
+pub mod scan;
 pub mod servo;
 pub mod source;
 

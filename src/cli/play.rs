@@ -79,7 +79,7 @@ pub fn run(args: &PlayArgs, remarks: Remarks) -> Result<i32, Error> {
     let signals = Signals::listen().map_err(|e| Error::new(format!("no signals: {e}")))?;
     let order = args.order();
     let played = match args.output.check_files(&[&args.record, &args.html]) {
-        Ok(()) => play::play(&order, &Terminal { remarks, signals: &signals }),
+        Ok(()) => play::play(&order, &Terminal::new(remarks, &signals)),
         Err(error) => {
             let buses = order.buses.iter().map(ToString::to_string).collect();
             let mut report = PlayReport::new(&order.motion.motion, &order.robot, buses);

@@ -4,27 +4,55 @@ use super::signals::Signals;
 use super::{Remarks, cues};
 use crate::job::{Event, Observer, Progress};
 use indicatif::{ProgressBar, ProgressStyle};
+use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
 /// Whoever started the program.
 pub struct Terminal<'a> {
-    /// What is said beside the result.
-    pub remarks: Remarks,
-    /// What was heard of wishes to stop.
-    pub signals: &'a Signals,
+    remarks: Remarks,
+    signals: Option<&'a Signals>,
+    bar: Mutex<Option<ProgressBar>>,
+}
+
+impl<'a> Terminal<'a> {
+    /// A signal is a wish to stop.
+    pub fn new(remarks: Remarks, signals: &'a Signals) -> Self {
+        Self { remarks, signals: Some(signals), bar: Mutex::default() }
+    }
+
+    /// A signal ends the process: nothing is touched that could not be left at any time.
+    pub fn unheard(remarks: Remarks) -> Self {
+        Self { remarks, signals: None, bar: Mutex::default() }
+    }
+
+    /// Shows a bar until all steps are done.
+    fn step(&self, done: u64, total: u64, what: &str) {
+        if !self.remarks.shows_progress() {
+            return;
+        }
+        let mut bar = self.bar.lock().unwrap_or_else(PoisonError::into_inner);
+        if done >= total {
+            bar.take().iter().for_each(ProgressBar::finish_and_clear);
+            return;
+        }
+        let bar = bar.get_or_insert_with(|| ProgressBar::new(total));
+        bar.set_position(done);
+        bar.set_message(what.to_owned());
+    }
 }
 
 impl Observer for Terminal<'_> {
     fn hear(&self, event: Event<'_>) {
         match event {
             Event::Note(text) => self.remarks.say(text),
+            Event::Step { done, total, what } => self.step(done, total, what),
             Event::Sensing(event) => self.remarks.say(&cues::of_event(event)),
             Event::Planned { .. } | Event::Following | Event::Angles { .. } => {}
         }
     }
 
     fn wants_to_stop(&self) -> bool {
-        self.signals.first().is_some()
+        self.signals.is_some_and(|signals| signals.first().is_some())
     }
 
     fn watch(&self, progress: &Progress<'_>) {

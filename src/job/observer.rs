@@ -26,6 +26,15 @@ pub enum Event<'a> {
         /// By segment: true if a sensor tells.
         worn: &'a [bool; 13],
     },
+    /// So many of so many steps are done.
+    Step {
+        /// Done.
+        done: u64,
+        /// All.
+        total: u64,
+        /// What comes next, in a word or two.
+        what: &'a str,
+    },
     /// Something that happened to a sensor.
     Sensing(SensingEvent<'a>),
 }

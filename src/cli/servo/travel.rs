@@ -79,7 +79,7 @@ pub fn run(args: &MoveArgs, remarks: Remarks) -> Result<i32, Error> {
         dry_run: args.dry_run,
         accept_firmware: args.accept_firmware,
     };
-    let report = move_one(&order, &Terminal { remarks, signals: &signals })?;
+    let report = move_one(&order, &Terminal::new(remarks, &signals))?;
     let code = match (signals.first(), &report.stop) {
         (Some(number), Some(Stop { code: StopCode::Asked, .. })) => 128 + number,
         _ => report.outcome.exit_code(),
