@@ -1,16 +1,22 @@
 //! What is done with a robot, one file a job. A job takes an order, tells an [`Observer`] what happens,
 //! and ends in a typed report. It prints nothing, reads no keys and knows no command line.
 
+pub mod doctor;
+pub mod finding;
 pub mod follow;
 pub mod live;
 pub mod model;
 pub mod observer;
 pub mod open;
 pub mod play;
+pub mod ports;
 pub mod recorder;
 pub mod report;
+pub mod retarget;
 pub mod scan;
 pub mod servo;
+pub mod simulate;
 pub mod source;
+pub mod taught;
 
 pub use observer::{Event, Nobody, Observer, Progress};

@@ -5,8 +5,8 @@
 use gaitway::body::worn::Wearing;
 use gaitway::body::worn::kept::Kept;
 use gaitway::body::{Dof, JointAngles, Segment, SegmentPose};
-use gaitway::cli::simulate::imus::person::{Person, RATE_HZ};
 use gaitway::job::model::robot_model;
+use gaitway::job::simulate::person::{Person, RATE_HZ};
 use gaitway::job::source::body_motion;
 use gaitway::mocap::retarget::{Online, Settings};
 use gaitway::recording::{self, read_orientations};

@@ -1,19 +1,16 @@
 //! `doctor`: what on this machine stands between a robot and a smooth cycle. Looks, says, and
 //! changes nothing.
 
-use super::finding::Level;
 use super::output::Untold;
-use super::{Deed, Output, Remarks, ports};
+use super::{Deed, Output, Remarks};
 use crate::error::Error;
+use crate::job::doctor::{Person, findings, measured};
+use crate::job::finding::Level;
+use crate::job::ports;
 use crate::port::inventory::Machine;
 use crate::rig::Address;
 use clap::Args;
 use std::path::PathBuf;
-
-mod host;
-mod round_trip;
-
-pub use host::{Person, findings};
 
 /// Arguments of `doctor`.
 #[derive(Debug, Args)]
@@ -57,7 +54,7 @@ pub fn run(args: &DoctorArgs, _remarks: Remarks) -> Result<i32, Error> {
     let mut found = ports::survey(&machine);
     found.findings.extend(findings(&machine, &Person::current(&machine)));
     if let Some(address) = &args.bus {
-        found.findings.push(round_trip::measured(address, args.robot.as_deref()));
+        found.findings.push(measured(address, args.robot.as_deref()));
     }
     let unwell = found.findings.iter().any(|finding| finding.level > Level::Ok);
     let code = i32::from(args.strict && unwell);

@@ -1,7 +1,6 @@
 //! `record`: sensors, lines of text and hand-guided servos into one recording.
 
 mod marks;
-mod servos;
 mod session;
 
 use super::cues;
@@ -11,6 +10,7 @@ use super::signals::Signals;
 use super::{Deed, Output, Remarks};
 use crate::capture::Mode;
 use crate::error::Error;
+use crate::job::taught::Servos;
 use crate::port::{Clock, MonotonicClock};
 use crate::recording::{Recorder, RunEnd, RunStart};
 use crate::sensing::{Intake, LOOK, SensingEvent, Source, SourceReport, What};
@@ -125,7 +125,7 @@ pub fn run(args: &RecordArgs, remarks: Remarks) -> Result<i32, Error> {
     for source in &args.sources {
         match &source.what {
             What::Servos { robot, addresses } => {
-                let one = servos::Servos::open(robot, addresses, args.rate, args.limp)?;
+                let one = Servos::open(robot, addresses, args.rate, args.limp)?;
                 if joints.replace(one).is_some() {
                     return Err(Error::new("one robot at a time").at(source.text.clone()));
                 }
@@ -136,7 +136,7 @@ pub fn run(args: &RecordArgs, remarks: Remarks) -> Result<i32, Error> {
     let start = RunStart {
         robot: joints.as_ref().map_or_else(String::new, |s| s.robot_name().to_owned()),
         motion: args.name.clone(),
-        joints: joints.as_ref().map(servos::Servos::recorded_joints).unwrap_or_default(),
+        joints: joints.as_ref().map(Servos::recorded_joints).unwrap_or_default(),
         wall_clock_start: std::time::SystemTime::now(),
         monotonic_start: MonotonicClock.now(),
         gaitway_version: env!("CARGO_PKG_VERSION").to_owned(),

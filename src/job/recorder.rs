@@ -3,10 +3,12 @@
 use super::observer::Meter;
 use super::report::{Outcome, PlayReport};
 use crate::control::{Sample, Sink};
+use crate::device::JointState;
 use crate::error::Error;
 use crate::port::patient::PatientClock;
 use crate::recording::{CycleRecord, JointRecord, RecordedJoint, Recorder, RunEnd, RunStart};
 use crate::rig::Connection;
+use crate::robot::Joint;
 use crate::time::Instant;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -192,16 +194,7 @@ fn joint_records(sample: &Sample<'_>) -> Vec<JointRecord> {
         .map(|(state, &goal_rad)| {
             let goal_rad = Some(goal_rad);
             match state {
-                Ok((state, _)) => JointRecord {
-                    goal_rad,
-                    present_position_rad: Some(state.position_rad),
-                    present_velocity_rad_s: state.velocity_rad_s,
-                    present_current_a: state.current_a,
-                    present_load_ratio: state.load_ratio,
-                    temperature_c: state.temperature_c,
-                    voltage_v: state.voltage_v,
-                    ..JointRecord::default()
-                },
+                Ok((state, _)) => JointRecord { goal_rad, ..measured(state) },
                 Err(miss) => JointRecord {
                     goal_rad,
                     missed: Some(miss.to_string().into()),
@@ -219,20 +212,37 @@ fn joint_records(sample: &Sample<'_>) -> Vec<JointRecord> {
     records
 }
 
-/// What is known before the first cycle.
-fn start(connection: &Connection, motion: &str) -> RunStart {
-    let robot = connection.link.robot();
-    let joint = |joint: &crate::robot::Joint| RecordedJoint {
+/// A joint and its limits, as a recording keeps them.
+pub(super) fn recorded_joint(joint: &Joint) -> RecordedJoint {
+    RecordedJoint {
         name: joint.name.clone(),
         lower_rad: Some(joint.limits.lower_rad()),
         upper_rad: Some(joint.limits.upper_rad()),
         velocity_limit_rad_s: Some(joint.limits.velocity_rad_s()),
         acceleration_limit_rad_s2: Some(joint.limits.acceleration_rad_s2()),
-    };
+    }
+}
+
+/// What a joint measured, as a recording keeps it.
+pub(super) fn measured(state: &JointState) -> JointRecord {
+    JointRecord {
+        present_position_rad: Some(state.position_rad),
+        present_velocity_rad_s: state.velocity_rad_s,
+        present_current_a: state.current_a,
+        present_load_ratio: state.load_ratio,
+        temperature_c: state.temperature_c,
+        voltage_v: state.voltage_v,
+        ..JointRecord::default()
+    }
+}
+
+/// What is known before the first cycle.
+fn start(connection: &Connection, motion: &str) -> RunStart {
+    let robot = connection.link.robot();
     RunStart {
         robot: robot.name.clone(),
         motion: motion.to_owned(),
-        joints: robot.joints.iter().map(joint).collect(),
+        joints: robot.joints.iter().map(recorded_joint).collect(),
         wall_clock_start: std::time::SystemTime::now(),
         monotonic_start: connection.link.clock().now(),
         gaitway_version: env!("CARGO_PKG_VERSION").to_owned(),

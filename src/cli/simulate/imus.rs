@@ -1,32 +1,24 @@
 //! `simulate imus`: a virtual person who wears virtual sensors, each of which other programs open.
 
-pub mod person;
-
 use crate::body::Segment;
-use crate::body::proportions::proximal_joint;
 use crate::cli::Remarks;
 use crate::cli::duration::duration;
 use crate::cli::signals::Signals;
 use crate::error::Error;
+use crate::job::simulate::person::Person;
+use crate::job::simulate::worn::{Strapping, Worn, wire};
 use crate::job::source::body_motion;
 use crate::mocap::mapping::{segment_name, segment_named};
 use crate::time::Duration;
 use clap::Args;
-use gaitway_profiles::{Sensor, SensorProtocol};
-use gaitway_sim::imu::{BodyMotion, ImuDoor, ImuErrors, ImuWire, Mount, Stage, VirtualImu};
-use glam::DQuat;
-use person::Person;
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
+use gaitway_profiles::Sensor;
+use gaitway_sim::imu::{ImuDoor, ImuWire, Stage, VirtualImu};
 use std::fmt::Write;
 use std::net::{SocketAddr, ToSocketAddrs};
 use std::path::{Path, PathBuf};
 
 /// How often it is looked what the person does.
 const LOOK: std::time::Duration = std::time::Duration::from_millis(50);
-/// From the joint above to the sensor, along the segment, m.
-const ALONG_M: f64 = 0.12;
-
 /// First line of a file of what is worn; one that begins so is ours to write over.
 const HEAD: &str = "# Which segment wears which virtual sensor, written by gaitway simulate imus";
 
@@ -114,10 +106,17 @@ pub fn run(args: &ImusArgs, remarks: Remarks) -> Result<i32, Error> {
     let person = Person::new(&capture, args.stand.as_secs_f64())?;
     let stage = Stage::default();
     let mut place = Place::of(args, &sensor, wire)?;
-    let mut random = ChaCha8Rng::seed_from_u64(args.seed);
+    let strapping = Strapping {
+        noise: args.noise,
+        drift_rad_s: args.drift.to_radians() / 60.0,
+        twist_rad: args.strapping.to_radians(),
+        batch_s: args.batch.map_or(0.0, |batch| batch.as_secs_f64()),
+        loss: args.loss,
+    };
+    let mut worn = Worn::new(&person, &sensor, strapping, args.seed)?;
     let mut doors = Vec::new();
     for segment in segments {
-        let imu = imu(args, &person, segment, &sensor, wire, &mut random)?;
+        let imu = worn.on(segment).map_err(|e| e.at("--motion"))?;
         doors.push(place.open(&stage, segment, imu)?);
     }
     place.finish(remarks)?;
@@ -146,81 +145,6 @@ fn segments(typed: &[String]) -> Result<Vec<Segment>, Error> {
         }
     }
     Ok(segments)
-}
-
-/// What a virtual sensor of this profile speaks.
-fn wire(sensor: &Sensor) -> Result<ImuWire, Error> {
-    Ok(match (sensor.protocol, sensor.name.as_str()) {
-        (SensorProtocol::Witmotion, _) => ImuWire::WitMotion,
-        (SensorProtocol::WitmotionBle, _) => ImuWire::WitMotionBle,
-        (SensorProtocol::Bno08xRvc, _) => ImuWire::Bno08xRvc,
-        (SensorProtocol::Xsens, _) => ImuWire::Xsens,
-        (SensorProtocol::VectornavBinary, _) => ImuWire::VectorNavBinary,
-        (SensorProtocol::VectornavAscii, _) => ImuWire::VectorNavAscii,
-        (SensorProtocol::XImu3, _) => ImuWire::XImu3,
-        (SensorProtocol::MpuTeapot, _) => ImuWire::Teapot,
-        (SensorProtocol::Slimevr, _) => ImuWire::SlimeVr,
-        (SensorProtocol::Lines, "arduino-csv") => ImuWire::Csv,
-        (SensorProtocol::Lines, "nmea-imu") => ImuWire::Nmea,
-        (SensorProtocol::Cobs, "cobs-imu") => ImuWire::Cobs,
-        (SensorProtocol::Slip, "slip-imu") => ImuWire::Slip,
-        _ => {
-            return Err(Error::new("no virtual sensor speaks columns of one's own")
-                .at("--profile")
-                .got(sensor.name.clone())
-                .allowed("profiles that ship with gaitway"));
-        }
-    })
-}
-
-/// A number with mean 0 and standard deviation 1 (the sum of twelve even ones).
-fn normal(random: &mut ChaCha8Rng) -> f64 {
-    (0..12).map(|_| random.random::<f64>()).sum::<f64>() - 6.0
-}
-
-/// A sensor that is strapped on as people do, with a heading that starts anywhere.
-fn imu(
-    args: &ImusArgs,
-    person: &Person,
-    segment: Segment,
-    sensor: &Sensor,
-    wire: ImuWire,
-    random: &mut ChaCha8Rng,
-) -> Result<VirtualImu, Error> {
-    // The world of a sensor without a compass begins where it was switched on.
-    let world = DQuat::from_rotation_z(std::f64::consts::TAU * random.random::<f64>());
-    let joint = proximal_joint(segment);
-    let positions: Vec<[f64; 3]> =
-        person.positions(joint).map(|at| (world * at).to_array()).collect();
-    let turns = person.poses().iter().map(|pose| world * pose.orientation[segment.index()]);
-    let turns: Vec<[f64; 4]> = turns.map(wxyz).collect();
-    let unfit = |e: gaitway_sim::imu::ImuError| Error::new(e.to_string()).at("--motion");
-    let motion = BodyMotion::new(person::RATE_HZ, &positions, &turns).map_err(unfit)?;
-    let twist = args.strapping.to_radians() * normal(random);
-    let strapped = DQuat::from_rotation_z(twist) * DQuat::from_rotation_y(0.15 * normal(random));
-    let mount =
-        Mount { offset_m: (segment.long_axis() * ALONG_M).to_array(), orientation: wxyz(strapped) };
-    let mut bias = || args.noise * 0.004 * normal(random);
-    let errors = ImuErrors {
-        rate_bias_rad_s: [bias(), bias(), bias()],
-        rate_noise_rad_s: args.noise * 0.002,
-        acceleration_noise_m_s2: args.noise * 0.03,
-        clock_skew: 20e-6,
-        heading_drift_rad_s: args.drift.to_radians() / 60.0 * normal(random),
-        loss: args.loss,
-        latency_s: 0.002,
-        jitter_s: 0.001,
-        batch_s: args.batch.map_or(0.0, |batch| batch.as_secs_f64()),
-        seed: random.random(),
-        ..ImuErrors::default()
-    };
-    VirtualImu::new(motion, mount, errors, wire, sensor.rate_hz)
-        .map(VirtualImu::then_still)
-        .map_err(unfit)
-}
-
-fn wxyz(q: DQuat) -> [f64; 4] {
-    [q.w, q.x, q.y, q.z]
 }
 
 /// Where sensors are opened, and what is told of it.

@@ -2,8 +2,8 @@
 
 use crate::bus::scan::scan;
 use crate::bus::{AskError, Protocol};
-use crate::cli::finding::Finding;
 use crate::error::Error;
+use crate::job::finding::Finding;
 use crate::rig::Address;
 use crate::rig::{OpenLine, is_can, open_bus};
 use crate::time::Duration;

@@ -1,6 +1,7 @@
 //! A robot's joints as a source: hand-guided teaching. Nothing is written to the servos but, if
 //! asked for, torque off.
 
+use super::recorder::{measured, recorded_joint};
 use crate::capture::Counts;
 use crate::control;
 use crate::error::Error;
@@ -73,14 +74,7 @@ impl Servos {
     /// Its joints and their limits, as a recording keeps them.
     pub fn recorded_joints(&self) -> Vec<RecordedJoint> {
         let joints = self.connection.link.robot().joints.iter();
-        let recorded = joints.map(|joint| RecordedJoint {
-            name: joint.name.clone(),
-            lower_rad: Some(joint.limits.lower_rad()),
-            upper_rad: Some(joint.limits.upper_rad()),
-            velocity_limit_rad_s: Some(joint.limits.velocity_rad_s()),
-            acceleration_limit_rad_s2: Some(joint.limits.acceleration_rad_s2()),
-        });
-        recorded.collect()
+        joints.map(recorded_joint).collect()
     }
 
     /// Records until it is to stop or a line fails.
@@ -119,15 +113,7 @@ impl Servos {
         let asked = MonotonicClock.now();
         let states = self.connection.link.whole_states(budget).map_err(|e| e.to_string())?;
         let joints = states.into_iter().map(|state| match state {
-            Ok((state, _alert)) => JointRecord {
-                present_position_rad: Some(state.position_rad),
-                present_velocity_rad_s: state.velocity_rad_s,
-                present_current_a: state.current_a,
-                present_load_ratio: state.load_ratio,
-                temperature_c: state.temperature_c,
-                voltage_v: state.voltage_v,
-                ..JointRecord::default()
-            },
+            Ok((state, _alert)) => measured(&state),
             Err(miss) => {
                 JointRecord { missed: Some(miss.to_string().into()), ..JointRecord::default() }
             }

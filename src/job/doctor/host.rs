@@ -1,7 +1,7 @@
 //! The checks of `doctor` that need no robot.
 
-use crate::cli::finding::Finding;
-use crate::cli::ports::{INSTALL_RULES, RULES, RULES_FILE};
+use crate::job::finding::Finding;
+use crate::job::ports::{INSTALL_RULES, RULES, RULES_FILE};
 use crate::port::inventory::Machine;
 use rustix::process::{Resource, getrlimit};
 use std::fs;

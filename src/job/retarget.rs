@@ -1,0 +1,165 @@
+//! The trajectory a robot would play, as a file, and its figures.
+
+mod bvh;
+
+use super::model::robot_model;
+use super::play::describe_plan;
+use super::recorder::recorded_joint;
+use super::report::{Outcome, PlayReport};
+use super::source::{self, MotionOrder};
+use crate::draft;
+use crate::error::Error;
+use crate::mocap;
+use crate::motion::{Plan, PlanOptions, Setpoint, plan};
+use crate::port::{Clock, MonotonicClock};
+use crate::recording::{CycleRecord, JointRecord, Recorder, RunEnd, RunStart};
+use crate::robot::Robot;
+use crate::time::Duration;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+/// Which motion becomes which file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RetargetOrder {
+    /// The motion.
+    pub motion: MotionOrder,
+    /// The robot, by name or path of its file.
+    pub robot: String,
+    /// Playing speed.
+    pub speed: f64,
+    /// Slow it until the robot can follow, or refuse it; `None`: slow what a person did.
+    pub retime: Option<bool>,
+    /// Rows per second; `None`: the robot's rate.
+    pub rate_hz: Option<f64>,
+    /// The file, whose ending says what is written.
+    pub file: PathBuf,
+    /// It may replace one that is there.
+    pub replace: bool,
+}
+
+/// From the robot's initial pose through the motion, as it would be played.
+///
+/// # Errors
+/// As for a motion that is played, before a bus is looked for; a file that cannot be written.
+pub fn retarget(order: &RetargetOrder) -> Result<PlayReport, Error> {
+    let kind = Kind::of(&order.file)?;
+    let robot = Robot::load(&order.robot)?;
+    let loaded = source::load(&order.motion, &robot)?;
+    let start_rad: Vec<f64> = robot.joints.iter().map(|joint| joint.initial_rad).collect();
+    let options = PlanOptions {
+        speed: order.speed,
+        retime: order.retime.unwrap_or(loaded.of_person),
+        ..PlanOptions::default()
+    };
+    let path = loaded.path_from(&robot, &start_rad)?;
+    let planned = plan(&start_rad, &path, &robot.limits(), options)?;
+    let rate_hz = order.rate_hz.unwrap_or(robot.file.rate_hz);
+    let write = |text: &str| draft::write_file(&order.file, order.replace, text.as_bytes());
+    match kind {
+        Kind::Csv => write(&csv(&planned, rate_hz))?,
+        Kind::Bvh => {
+            let model = robot_model(&robot.file, &robot);
+            let poses: Vec<Vec<f64>> = rows(&planned, rate_hz).map(|(_, pose)| pose).collect();
+            write(&mocap::bvh::write(&bvh::of_robot(&model, &poses, rate_hz)))?;
+        }
+        Kind::Mcap => record(order, &robot, &planned, rate_hz)?,
+    }
+    let mut report = PlayReport::new(&loaded.name, &robot.name, Vec::new());
+    report.outcome = Outcome::Done;
+    report.describe_motion(&loaded);
+    report.duration_s = planned.trajectory.duration_s();
+    describe_plan(&mut report, &robot, &planned, &loaded);
+    report.notes.push(format!(
+        "the file begins with {:.2} s of transition from the robot's initial pose",
+        report.approach_s
+    ));
+    Ok(report)
+}
+
+/// What is written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// A table.
+    Csv,
+    /// The robot's own joint tree in motion.
+    Bvh,
+    /// A recording of goals.
+    Mcap,
+}
+
+impl Kind {
+    /// What a name asks for.
+    ///
+    /// # Errors
+    /// Another ending.
+    pub fn of(path: &Path) -> Result<Self, Error> {
+        match path.extension().and_then(|ending| ending.to_str()) {
+            Some("csv") => Ok(Self::Csv),
+            Some("bvh") => Ok(Self::Bvh),
+            Some("mcap") => Ok(Self::Mcap),
+            _ => Err(Error::new("not a kind of file I can write")
+                .at("-o")
+                .got(path.display().to_string())
+                .allowed("a name that ends in .csv, .mcap or .bvh")),
+        }
+    }
+}
+
+/// Times in s and angles in rad, in the order of the trajectory's joints. The last row is the end
+/// itself, wherever it falls on the grid.
+fn rows(planned: &Plan, rate_hz: f64) -> impl Iterator<Item = (f64, Vec<f64>)> {
+    let trajectory = &planned.trajectory;
+    let last = (trajectory.duration_s() * rate_hz).ceil() as usize;
+    let mut setpoints = vec![Setpoint::default(); trajectory.joints().len()];
+    (0..=last).map(move |row| {
+        let time_s = (row as f64 / rate_hz).min(trajectory.duration_s());
+        trajectory.sample(time_s, &mut setpoints);
+        (time_s, setpoints.iter().map(|setpoint| setpoint.position_rad).collect())
+    })
+}
+
+fn csv(planned: &Plan, rate_hz: f64) -> String {
+    let mut out = String::from("time_s");
+    for joint in planned.trajectory.joints() {
+        let _ = write!(out, ",{joint}_rad");
+    }
+    out.push('\n');
+    for (time_s, pose) in rows(planned, rate_hz) {
+        let _ = write!(out, "{time_s:.6}");
+        for angle_rad in pose {
+            let _ = write!(out, ",{angle_rad:.9}");
+        }
+        out.push('\n');
+    }
+    out
+}
+
+/// A recording of goals that nobody was given yet.
+fn record(order: &RetargetOrder, robot: &Robot, planned: &Plan, rate_hz: f64) -> Result<(), Error> {
+    let start = MonotonicClock.now();
+    let run = RunStart {
+        robot: robot.name.clone(),
+        motion: order.motion.motion.clone(),
+        joints: robot.joints.iter().map(recorded_joint).collect(),
+        wall_clock_start: std::time::SystemTime::now(),
+        monotonic_start: start,
+        gaitway_version: env!("CARGO_PKG_VERSION").to_owned(),
+        metadata: [("planned".to_owned(), "goals only; nothing was played".to_owned())].into(),
+    };
+    let recorder = Recorder::create_whole(&order.file, order.replace, run)?;
+    let mut end = start;
+    for (cycle, (time_s, pose)) in (0..).zip(rows(planned, rate_hz)) {
+        end = start + Duration::from_secs_f64(time_s);
+        let goal = |goal_rad: f64| JointRecord { goal_rad: Some(goal_rad), ..Default::default() };
+        let joints = pose.into_iter().map(goal).collect();
+        recorder.take_patiently(CycleRecord { cycle, at: end, joints });
+    }
+    let (outcome, metadata) = ("done".to_owned(), Default::default());
+    let stored = recorder.finish(RunEnd { outcome, stop_reason: None, at: end, metadata });
+    match stored.poisoned {
+        None => Ok(()),
+        Some(cause) => {
+            Err(Error::new("cannot write the file").at(order.file.display().to_string()).got(cause))
+        }
+    }
+}

@@ -1,0 +1,132 @@
+//! Virtual sensors on a virtual person.
+
+use super::person::{self, Person};
+use crate::body::Segment;
+use crate::body::proportions::proximal_joint;
+use crate::error::Error;
+use gaitway_profiles::{Sensor, SensorProtocol};
+use gaitway_sim::imu::{BodyMotion, ImuErrors, ImuWire, Mount, VirtualImu};
+use glam::DQuat;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+/// From the joint above to the sensor, along the segment, m.
+const ALONG_M: f64 = 0.12;
+
+/// How sensors are worn, and how good they are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Strapping {
+    /// Noise and bias as a multiple of a usual sensor's; 0: none.
+    pub noise: f64,
+    /// Drift of headings that sensors compute themselves, standard deviation, rad/s.
+    pub drift_rad_s: f64,
+    /// How far straps are turned about the limbs, root mean square, rad.
+    pub twist_rad: f64,
+    /// An adapter holds bytes back to multiples of this time, s.
+    pub batch_s: f64,
+    /// Probability that a sample is lost.
+    pub loss: f64,
+}
+
+/// Somebody who is given one sensor after the other.
+pub struct Worn<'a> {
+    person: &'a Person,
+    rate_hz: f64,
+    wire: ImuWire,
+    strapping: Strapping,
+    random: ChaCha8Rng,
+}
+
+/// What a virtual sensor of this profile speaks.
+///
+/// # Errors
+/// None does.
+pub fn wire(sensor: &Sensor) -> Result<ImuWire, Error> {
+    Ok(match (sensor.protocol, sensor.name.as_str()) {
+        (SensorProtocol::Witmotion, _) => ImuWire::WitMotion,
+        (SensorProtocol::WitmotionBle, _) => ImuWire::WitMotionBle,
+        (SensorProtocol::Bno08xRvc, _) => ImuWire::Bno08xRvc,
+        (SensorProtocol::Xsens, _) => ImuWire::Xsens,
+        (SensorProtocol::VectornavBinary, _) => ImuWire::VectorNavBinary,
+        (SensorProtocol::VectornavAscii, _) => ImuWire::VectorNavAscii,
+        (SensorProtocol::XImu3, _) => ImuWire::XImu3,
+        (SensorProtocol::MpuTeapot, _) => ImuWire::Teapot,
+        (SensorProtocol::Slimevr, _) => ImuWire::SlimeVr,
+        (SensorProtocol::Lines, "arduino-csv") => ImuWire::Csv,
+        (SensorProtocol::Lines, "nmea-imu") => ImuWire::Nmea,
+        (SensorProtocol::Cobs, "cobs-imu") => ImuWire::Cobs,
+        (SensorProtocol::Slip, "slip-imu") => ImuWire::Slip,
+        _ => {
+            return Err(Error::new("no virtual sensor speaks columns of one's own")
+                .at("--profile")
+                .got(sensor.name.clone())
+                .allowed("profiles that ship with gaitway"));
+        }
+    })
+}
+
+/// A number with mean 0 and standard deviation 1 (the sum of twelve even ones).
+fn normal(random: &mut ChaCha8Rng) -> f64 {
+    (0..12).map(|_| random.random::<f64>()).sum::<f64>() - 6.0
+}
+
+impl<'a> Worn<'a> {
+    /// Sensors of one profile; `seed` decides everything random.
+    ///
+    /// # Errors
+    /// A profile that no virtual sensor speaks.
+    pub fn new(
+        person: &'a Person,
+        sensor: &Sensor,
+        strapping: Strapping,
+        seed: u64,
+    ) -> Result<Self, Error> {
+        let (wire, random) = (wire(sensor)?, ChaCha8Rng::seed_from_u64(seed));
+        Ok(Self { person, rate_hz: sensor.rate_hz, wire, strapping, random })
+    }
+
+    /// A sensor that is strapped on as people do, with a heading that starts anywhere.
+    ///
+    /// # Errors
+    /// A motion that no sensor could follow.
+    pub fn on(&mut self, segment: Segment) -> Result<VirtualImu, Error> {
+        let Self { person, rate_hz, wire, strapping, random } = self;
+        // The world of a sensor without a compass begins where it was switched on.
+        let world = DQuat::from_rotation_z(std::f64::consts::TAU * random.random::<f64>());
+        let joint = proximal_joint(segment);
+        let positions: Vec<[f64; 3]> =
+            person.positions(joint).map(|at| (world * at).to_array()).collect();
+        let turns = person.poses().iter().map(|pose| world * pose.orientation[segment.index()]);
+        let turns: Vec<[f64; 4]> = turns.map(wxyz).collect();
+        let unfit = |e: gaitway_sim::imu::ImuError| Error::new(e.to_string());
+        let motion = BodyMotion::new(person::RATE_HZ, &positions, &turns).map_err(unfit)?;
+        let twist = strapping.twist_rad * normal(random);
+        let strapped =
+            DQuat::from_rotation_z(twist) * DQuat::from_rotation_y(0.15 * normal(random));
+        let mount = Mount {
+            offset_m: (segment.long_axis() * ALONG_M).to_array(),
+            orientation: wxyz(strapped),
+        };
+        let mut bias = || strapping.noise * 0.004 * normal(random);
+        let errors = ImuErrors {
+            rate_bias_rad_s: [bias(), bias(), bias()],
+            rate_noise_rad_s: strapping.noise * 0.002,
+            acceleration_noise_m_s2: strapping.noise * 0.03,
+            clock_skew: 20e-6,
+            heading_drift_rad_s: strapping.drift_rad_s * normal(random),
+            loss: strapping.loss,
+            latency_s: 0.002,
+            jitter_s: 0.001,
+            batch_s: strapping.batch_s,
+            seed: random.random(),
+            ..ImuErrors::default()
+        };
+        VirtualImu::new(motion, mount, errors, *wire, *rate_hz)
+            .map(VirtualImu::then_still)
+            .map_err(unfit)
+    }
+}
+
+fn wxyz(q: DQuat) -> [f64; 4] {
+    [q.w, q.x, q.y, q.z]
+}
