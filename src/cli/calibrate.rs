@@ -5,24 +5,23 @@ use super::signals::Signals;
 use super::{Deed, Outcome, Output, Remarks, limp};
 use crate::calibration::{Calibration, JointCalibration, usual_path};
 use crate::control::{Stop, StopCode, StopReason, arm, inject, net};
-use crate::device::actuator::Wanted;
-use crate::draft::Draft;
 use crate::error::Error;
+use crate::job::calibrate::homing::Change;
+use crate::job::calibrate::reading::Measured;
+use crate::job::calibrate::{Files, check_models, drives, finish, save, settle};
 use crate::job::source;
 use crate::rig::Address;
 use crate::rig::connect;
-use crate::robot::preflight::{PATIENT_RETRIES, budget, exchange_error};
+use crate::robot::preflight::PATIENT_RETRIES;
 use crate::robot::{Link, Robot};
 use answers::{Answer, Answered, Answers};
 use clap::Args;
-use gaitway_profiles::Role;
-use measure::{Measured, measure};
+use measure::measure;
 use serde_json::{Value, json};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 mod answers;
-mod homing;
 mod measure;
 
 /// Arguments of `calibrate`.
@@ -59,24 +58,6 @@ pub struct CalibrateArgs {
     dry_run: bool,
     #[command(flatten)]
     output: Output,
-}
-
-/// Where a calibration is written while it is under way, and in the end.
-struct Files {
-    file: PathBuf,
-    partial: PathBuf,
-    before: PathBuf,
-}
-
-impl Files {
-    fn of(file: PathBuf) -> Self {
-        let beside = |end: &str| {
-            let mut name = file.clone().into_os_string();
-            name.push(end);
-            PathBuf::from(name)
-        };
-        Self { partial: beside(".partial"), before: beside(".before"), file }
-    }
 }
 
 /// Runs `calibrate`; exit code 4 if it was stopped.
@@ -198,8 +179,9 @@ fn by_hand(
         super::say(&format!("[{}/{}]", turn + 1, joints.len()));
         match measure(link, joint, answers)? {
             Answer::Go(measured) => {
-                let (calibrated, undone) = settle(link, joint, &measured, args)?;
-                done.undo.extend(undone);
+                let (calibrated, change) =
+                    settle(link, joint, &measured, args.permit_eeprom, args.dry_run)?;
+                done.undo.extend(change.map(|change| undo(link, joint, &change, args)));
                 done.reports.push(described(&calibrated, &measured));
                 known.put(calibrated);
                 if !args.dry_run {
@@ -279,67 +261,6 @@ fn measured_before(args: &CalibrateArgs, files: &Files) -> Result<Vec<String>, E
     Ok(partial.joints.into_iter().map(|joint| joint.name).collect())
 }
 
-/// Another servo's counts would be taken for angles they are not.
-fn check_models(link: &mut Link, joints: &[usize]) -> Result<(), Error> {
-    for &joint in joints {
-        let limit = budget(link);
-        if link.robot().joints[joint].actuator().is_some() {
-            check_actuator(link, joint)?;
-            continue;
-        }
-        let identity = link.identity(joint, limit);
-        let (model, _) = identity.map_err(|e| exchange_error(link, Some(joint), &e))?;
-        let of = &link.robot().joints[joint];
-        let profile = of.model()?.profile();
-        if model != profile.model_number {
-            return Err(Error::new("another servo model than the robot file says")
-                .at(format!("joint {}, ID {}", of.name, of.id))
-                .got(format!("model number {model}"))
-                .allowed(profile.model_number.to_string()));
-        }
-    }
-    Ok(())
-}
-
-/// An actuator whose numbers mean something else tells angles that it does not stand at.
-fn check_actuator(link: &mut Link, joint: usize) -> Result<(), Error> {
-    let Some(actuator) = link.robot().joints[joint].actuator() else { return Ok(()) };
-    for setting in actuator.settings() {
-        let Wanted::Near(_) = setting.wanted else { continue };
-        let limit = budget(link);
-        let bits = link.read_setting(joint, setting.number, limit);
-        let bits = bits.map_err(|e| exchange_error(link, Some(joint), &e))?;
-        if !setting.wanted.holds(bits) {
-            let of = &link.robot().joints[joint];
-            return Err(Error::new("an actuator means something else by its numbers")
-                .at(format!("joint {}, ID {}, {}", of.name, of.id, setting.name))
-                .got(setting.wanted.words(bits))
-                .remedy("correct the robot file's servo"));
-        }
-    }
-    Ok(())
-}
-
-/// Whether a joint drives, if it says so.
-fn drives(link: &mut Link, joint: usize) -> Result<Option<bool>, Error> {
-    let limit = budget(link);
-    if link.robot().joints[joint].actuator().is_none() {
-        let torque = link.read_raw(joint, Role::TorqueEnable, limit);
-        return Ok(Some(torque.map_err(|e| exchange_error(link, Some(joint), &e))? != 0));
-    }
-    // Most tell it with their state.
-    let limit = budget(link);
-    link.whole_states(limit).map_err(|e| exchange_error(link, None, &e))?;
-    let mut torque_on = None;
-    for part in 0..link.health_reads(joint) {
-        let limit = budget(link);
-        let health = link.health(joint, part, limit);
-        let health = health.map_err(|e| exchange_error(link, Some(joint), &e))?;
-        torque_on = health.torque_on.or(torque_on);
-    }
-    Ok(torque_on)
-}
-
 /// Joints are moved by hand: torque must be off.
 ///
 /// A wish to stop leaves torque as it is.
@@ -378,45 +299,16 @@ fn make_limp(
     arm::disarm(link).map(|()| Answered::Yes)
 }
 
-/// What becomes of a measured joint: entries of the file, and the servo's offset if permitted.
-fn settle(
-    link: &mut Link,
-    joint: usize,
-    measured: &Measured,
-    args: &CalibrateArgs,
-) -> Result<(JointCalibration, Option<String>), Error> {
-    let name = link.robot().joints[joint].name.clone();
-    let range = measured.range_rad;
-    let mut calibrated = JointCalibration {
-        name,
-        direction: measured.direction,
-        offset_rad: measured.offset_rad,
-        lower_rad: range.map(|(lower, _)| lower),
-        upper_rad: range.map(|(_, upper)| upper),
-        homing_offset_raw: None,
-    };
-    if !args.permit_eeprom {
-        measured.refuse_crossing(link, joint, 0)?;
-        calibrated.homing_offset_raw = homing::in_force(link, joint)?;
-        return Ok((calibrated, None));
-    }
-    let change = homing::plan(link, joint, measured)?;
-    measured.refuse_crossing(link, joint, change.shift)?;
-    if !args.dry_run {
-        homing::write(link, joint, &change)?;
-    }
-    calibrated.offset_rad = change.offset_rad;
-    calibrated.homing_offset_raw = Some(change.new);
+/// The command that writes the offset again that a servo had before.
+fn undo(link: &Link, joint: usize, change: &Change, args: &CalibrateArgs) -> String {
     let of = &link.robot().joints[joint];
     let line = &link.robot().lines[of.line].name;
     let own = args.bus.iter().find(|bus| bus.line.as_ref() == Some(line));
     let bus = own.or(args.bus.first()).map(ToString::to_string).unwrap_or_default();
-    let id = of.id;
-    let undo = format!(
-        "gaitway servo set {bus} {id} '{}' --raw --permit-eeprom --robot {} -- {}",
-        change.register.name, args.robot, change.old
-    );
-    Ok((calibrated, (!args.dry_run).then_some(undo)))
+    format!(
+        "gaitway servo set {bus} {} '{}' --raw --permit-eeprom --robot {} -- {}",
+        of.id, change.register.name, args.robot, change.old
+    )
 }
 
 fn described(calibrated: &JointCalibration, measured: &Measured) -> Value {
@@ -426,34 +318,6 @@ fn described(calibrated: &JointCalibration, measured: &Measured) -> Value {
         "lower_rad": calibrated.lower_rad, "upper_rad": calibrated.upper_rad,
         "homing_offset_raw": calibrated.homing_offset_raw,
     })
-}
-
-fn save(path: &Path, calibration: &Calibration) -> Result<(), Error> {
-    let failed = |e: std::io::Error| {
-        Error::new("the calibration cannot be written")
-            .at(path.display().to_string())
-            .got(e.to_string())
-    };
-    if let Some(folder) = path.parent() {
-        std::fs::create_dir_all(folder).map_err(failed)?;
-    }
-    // Whole or not at all, whatever happens in between.
-    Draft::write_whole(path, true, calibration.text().as_bytes()).map_err(failed)
-}
-
-/// Puts the finished calibration in its place; how to undo that.
-fn finish(files: &Files, calibration: &Calibration) -> Result<String, Error> {
-    inject::point("save", 0);
-    let (file, before) = (files.file.display(), files.before.display());
-    let had_one = files.file.exists();
-    if had_one {
-        std::fs::rename(&files.file, &files.before).map_err(|e| {
-            Error::new("what was there cannot be kept").at(before.to_string()).got(e.to_string())
-        })?;
-    }
-    save(&files.file, calibration)?;
-    let _ = std::fs::remove_file(&files.partial);
-    Ok(if had_one { format!("mv {before} {file}") } else { format!("rm {file}") })
 }
 
 fn text(report: &Value) -> String {

@@ -1,6 +1,6 @@
 //! A joint's zero in its servo's own offset register, so that the robot file's zero is the true one.
 
-use super::measure::{Measured, reading};
+use super::reading::{Measured, reading};
 use crate::bus::Protocol;
 use crate::calibration::{HomingSign, homing_offset};
 use crate::control::{inject, net};
