@@ -17,12 +17,14 @@ pub mod proportions;
 pub mod worn;
 
 mod mirror;
+mod segment_names;
 
 use glam::{DQuat, DVec3};
 
 pub use angles::{JointAngles, Measured};
 pub use dof::{Dof, Joint};
 pub use proportions::{End, JointPositions, Proportions};
+pub use segment_names::{segment_name, segment_named};
 
 /// A rigid segment of the body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]

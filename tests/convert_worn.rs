@@ -2,6 +2,7 @@
 
 use gaitway::action::vocabulary;
 use gaitway::body::proportions::proximal_joint;
+use gaitway::body::segment_name;
 use gaitway::body::worn::WornSensor;
 use gaitway::body::worn::calibrate::calibrate;
 use gaitway::body::worn::kept::Kept;
@@ -9,7 +10,6 @@ use gaitway::body::{Dof, JointAngles, Proportions, Segment, SegmentPose};
 use gaitway::capture::{Chain, Mode};
 use gaitway::device::sensor::stream_format;
 use gaitway::mocap::anatomy::Capture;
-use gaitway::mocap::mapping::segment_name;
 use gaitway::recording::{
     Marker, RecordedSource, Recorder, RunEnd, RunStart, SourceKind, SourceRecord, read,
     sensor_series,

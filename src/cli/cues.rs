@@ -1,8 +1,8 @@
 //! What is said to people whose sensors are heard and calibrated, in words.
 
+use crate::body::segment_name;
 use crate::body::worn::Movement;
 use crate::body::worn::check::{T_POSE_FAIL_RAD, T_POSE_WARN_RAD};
-use crate::mocap::mapping::segment_name;
 use crate::sensing::{Cue, Question, SensingEvent, SourceReport, Unseen, Until};
 use std::fmt::Write;
 

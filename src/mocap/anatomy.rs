@@ -20,11 +20,12 @@
 //! * Foot: Z up while the foot stands still on the floor, X towards the toes. Never on the floor,
 //!   it is flat in the rest pose; without one, the toes are as far below the ankle as usual.
 
+use crate::body::segment_name;
 use crate::body::{Segment, SegmentPose};
 use crate::error::Error;
 use crate::mocap::clip::Clip;
 use crate::mocap::landmarks::Landmarks;
-use crate::mocap::mapping::{ARMS, LEGS, segment_name};
+use crate::mocap::mapping::{ARMS, LEGS};
 use crate::mocap::skeleton::Placed;
 use glam::{DMat3, DQuat, DVec3};
 

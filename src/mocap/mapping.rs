@@ -9,7 +9,7 @@
 //! left_upper_arm = "LeftArm"
 //! ```
 
-use crate::body::Segment;
+use crate::body::{Segment, segment_name};
 use crate::error::Error;
 use crate::mocap::bvh::{Bvh, Joint};
 use crate::mocap::skeleton::Point;
@@ -64,40 +64,6 @@ impl MappingFile {
                 .allowed("[segments] with lines such as left_upper_arm = \"LeftArm\"")
         })
     }
-}
-
-/// Name of a segment in mapping files and messages.
-#[must_use]
-pub const fn segment_name(segment: Segment) -> &'static str {
-    match segment {
-        Segment::Pelvis => "pelvis",
-        Segment::Torso => "torso",
-        Segment::Head => "head",
-        Segment::LeftUpperArm => "left_upper_arm",
-        Segment::LeftForearm => "left_forearm",
-        Segment::RightUpperArm => "right_upper_arm",
-        Segment::RightForearm => "right_forearm",
-        Segment::LeftThigh => "left_thigh",
-        Segment::LeftShank => "left_shank",
-        Segment::LeftFoot => "left_foot",
-        Segment::RightThigh => "right_thigh",
-        Segment::RightShank => "right_shank",
-        Segment::RightFoot => "right_foot",
-    }
-}
-
-/// The segment of this name; hyphens count as underscores.
-///
-/// # Errors
-/// No such segment.
-pub fn segment_named(name: &str) -> Result<Segment, Error> {
-    let wanted = name.replace('-', "_");
-    let found = Segment::ALL.into_iter().find(|segment| segment_name(*segment) == wanted);
-    found.ok_or_else(|| {
-        Error::new("no such segment of the body")
-            .got(name)
-            .allowed(Segment::ALL.map(segment_name).join(", "))
-    })
 }
 
 /// Segments of a leg from the hip down, by side.

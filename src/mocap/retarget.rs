@@ -17,10 +17,10 @@
 //!
 //! The result is filtered without delay and bent smoothly into the limits.
 
+use crate::body::segment_name;
 use crate::body::{Segment, SegmentPose};
 use crate::error::Error;
 use crate::mocap::anatomy::Capture;
-use crate::mocap::mapping::segment_name;
 use crate::motion::path::end_velocity;
 use crate::motion::saturate;
 use crate::motion::smooth::{Rests, low_pass_between};

@@ -3,8 +3,8 @@
 use super::source::{Source, What};
 use crate::body::Segment;
 use crate::body::worn::WornSensor;
+use crate::body::{segment_name, segment_named};
 use crate::error::Error;
-use crate::mocap::mapping::{segment_name, segment_named};
 use crate::toml_text::from_toml;
 use glam::DVec3;
 use serde::Deserialize;

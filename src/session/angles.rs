@@ -8,11 +8,11 @@
 use super::files::{LEGS_KEY, STATURE_KEY};
 use crate::action::table;
 use crate::body::contact::root_on_ground;
+use crate::body::segment_name;
 use crate::body::worn::Wearing;
 use crate::body::worn::kept::Kept;
 use crate::body::{Dof, JointAngles, Proportions, Segment, SegmentPose};
 use crate::error::Error;
-use crate::mocap::mapping::segment_name;
 use crate::mocap::{bvh, export};
 use crate::recording::{
     CycleRecord, JointRecord, RecordedJoint, Recorder, RunEnd, RunStart, SensorMoment, SensorSeries,

@@ -1,7 +1,7 @@
 //! Which source is worn by whom and where: its name says so.
 
 use crate::body::Segment;
-use crate::mocap::mapping::segment_named;
+use crate::body::segment_named;
 
 /// Who wears a source of this name, counted from zero, and where: `torso`, or `2-torso` for the
 /// second subject. `None` if it is not worn.
@@ -35,7 +35,7 @@ mod tests {
     #[test]
     fn a_source_is_named_like_the_segment_and_if_need_be_the_subject() {
         for segment in Segment::ALL {
-            let name = crate::mocap::mapping::segment_name(segment);
+            let name = crate::body::segment_name(segment);
             assert_eq!(wearer(name), Some((0, segment)));
             assert_eq!(wearer(&name.replace('_', "-")), Some((0, segment)));
             assert_eq!(wearer(&format!("1-{name}")), Some((0, segment)));

@@ -218,7 +218,7 @@ impl Person {
     /// Sources as they are typed.
     pub fn sources(&self) -> Vec<String> {
         let source = |line: &Line| {
-            let name = gaitway::mocap::mapping::segment_name(line.segment);
+            let name = gaitway::body::segment_name(line.segment);
             format!("{name}=imu:arduino-csv@{}", line.path)
         };
         self.lines.iter().map(source).collect()

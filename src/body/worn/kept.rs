@@ -1,8 +1,8 @@
 //! A calibration of a body as a file: how sensors sit, who wore them, and when that was found.
 
 use super::calibrate::{Calibration, HeadingBy, Mount};
+use crate::body::{segment_name, segment_named};
 use crate::error::Error;
-use crate::mocap::mapping::{segment_name, segment_named};
 use crate::toml_text::from_toml;
 use glam::DQuat;
 use serde::Deserialize;

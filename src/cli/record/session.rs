@@ -13,13 +13,13 @@ mod trial;
 
 use super::RecordArgs;
 use crate::body::Segment;
+use crate::body::segment_name;
 use crate::capture::Mode;
 use crate::cli::cues;
 use crate::cli::report::Outcome;
 use crate::cli::signals::Signals;
 use crate::cli::{Deed, Remarks};
 use crate::error::Error;
-use crate::mocap::mapping::segment_name;
 use crate::sensing::{Hub, Intake, SensingEvent, Source, StopAtEnd, What};
 use crate::session::utc::Utc;
 use crate::session::wearers::wearer;

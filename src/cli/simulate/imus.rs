@@ -1,6 +1,7 @@
 //! `simulate imus`: a virtual person who wears virtual sensors, each of which other programs open.
 
 use crate::body::Segment;
+use crate::body::{segment_name, segment_named};
 use crate::cli::Remarks;
 use crate::cli::duration::duration;
 use crate::cli::signals::Signals;
@@ -8,7 +9,6 @@ use crate::error::Error;
 use crate::job::simulate::person::Person;
 use crate::job::simulate::worn::{Strapping, Worn, wire};
 use crate::job::source::body_motion;
-use crate::mocap::mapping::{segment_name, segment_named};
 use crate::time::Duration;
 use clap::Args;
 use gaitway_profiles::Sensor;

@@ -1,10 +1,10 @@
 //! What `live` tells beyond what every run tells.
 
+use crate::body::segment_name;
 use crate::body::worn::kept::utc;
 use crate::body::{Dof, JointAngles, Segment};
 use crate::control::{Mirror, Settings};
 use crate::job::report::PlayReport;
-use crate::mocap::mapping::segment_name;
 use crate::sensing::{Guided, SourceReport};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -138,8 +138,7 @@ pub fn angles_by_name(angles: JointAngles) -> BTreeMap<&'static str, f64> {
 
 fn by_name<S: serde::Serializer>(worn: &[bool; 13], serializer: S) -> Result<S::Ok, S::Error> {
     serializer.collect_map(
-        Segment::ALL
-            .map(|segment| (crate::mocap::mapping::segment_name(segment), worn[segment.index()])),
+        Segment::ALL.map(|segment| (crate::body::segment_name(segment), worn[segment.index()])),
     )
 }
 

@@ -10,8 +10,8 @@ use super::solve::{CHANGE_RAD_S, COLD_STEPS, GOOD_COST, SAME_RAD, WARM_STEPS};
 use super::solve::{descend, fixed_starts};
 use super::{RobotModel, SegmentLink, Settings};
 use crate::body::SegmentPose;
+use crate::body::segment_name;
 use crate::error::Error;
-use crate::mocap::mapping::segment_name;
 use crate::motion::saturate;
 use nalgebra::DVector;
 

@@ -2,11 +2,11 @@
 
 use super::Job;
 use super::console::Ended;
+use crate::body::segment_name;
 use crate::body::worn::Movement;
 use crate::body::worn::check::T_POSE_FAIL_RAD;
 use crate::body::worn::kept::Kept;
 use crate::error::Error;
-use crate::mocap::mapping::segment_name;
 use crate::port::MonotonicClock;
 use crate::sensing::{self, Feed, Guide, Guided, Place, Plan, Sensors};
 use crate::session::files::{BodyCheck, SCHEMA};
