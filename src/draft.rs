@@ -2,9 +2,9 @@
 //! whatever happens in between: a refusal, a full disk, a killed process.
 //!
 //! Where a file is replaced, the new one grows beside it as `NAME.part` (`NAME.PID.part` if it is
-//! written in one go), in the same folder, and is renamed over it. A file that was not there before is made under its own name. Both are locked for
-//! as long as they are written, so that two programs never write one file. What is no regular file
-//! (`/dev/null`, a pipe) is written to as it is.
+//! written in one go), in the same folder, and is renamed over it. A file that was not there before is
+//! made under its own name. Both are locked for as long as they are written, so that two programs never
+//! write one file. What is no regular file (`/dev/null`, a pipe) is written to as it is.
 
 use crate::error::Error;
 use std::fs::{File, OpenOptions, TryLockError};
@@ -248,6 +248,23 @@ mod tests {
             entries.map(|entry| entry.file_name().to_string_lossy().into_owned()).collect();
         names.sort();
         names
+    }
+
+    #[test]
+    fn a_file_that_is_to_stay_stays_and_one_that_is_replaced_touches_no_other() {
+        let folder = folder("written");
+        let (path, beside) = (folder.join("body.toml"), folder.join("body.toml.new"));
+        for path in [&path, &beside] {
+            fs::write(path, "precious").expect("a file");
+        }
+        let refused = write_file(&path, false, b"new").expect_err("it was not to be replaced");
+        assert!(refused.to_string().contains("--force"), "{refused}");
+        assert_eq!(fs::read(&path).expect("a file"), b"precious");
+        write_file(&path, true, b"new").expect("replaced");
+        assert_eq!(fs::read(&path).expect("a file"), b"new");
+        assert_eq!(fs::read(&beside).expect("a file"), b"precious");
+        assert_eq!(names(&folder), ["body.toml", "body.toml.new"], "no litter");
+        assert!(write_file(&folder, true, b"new").is_err(), "a folder is no file");
     }
 
     #[test]
