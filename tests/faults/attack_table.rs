@@ -37,8 +37,8 @@ const CYCLE: &str = "src/control/cycle/tests.rs";
 const MATRIX: &str = "tests/matrix.rs";
 const TOLD: &str = "tests/told.rs";
 const LATE_HOST: &str = "tests/preflight/late_host.rs";
-const LOCK: &str = "src/cli/servo/lock_tests.rs";
-const SLIMEVR: &str = "src/cli/record/slimevr.rs";
+const LOCK: &str = "src/job/servo/lock_tests.rs";
+const SLIMEVR: &str = "src/sensing/slimevr.rs";
 
 const OP3: &str = "op3";
 const DUCK: &str = "open-duck-mini-v2";
@@ -251,7 +251,7 @@ const ROWS: [Row; 19] = [
             ("tests/commands_servo.rs", "a_move_that_was_stopped_is_not_followed_by_limp", 0),
             ("tests/commands_servo.rs", "a_servo_that_falls_silent_in_a_move_is_told_with_its_\
                                          watchdog", 0),
-            ("src/cli/live/worn.rs", "a_calibration_that_is_made_anew_touches_no_other_file", 0)],
+            ("src/draft.rs", "a_file_that_is_to_stay_stays_and_one_that_is_replaced_touches_no_other", 0)],
     },
     Row {
         attack: "A program writes a goal 2.3 rad from the last to the virtual robot behind a port.",
