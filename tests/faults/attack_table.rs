@@ -251,7 +251,8 @@ const ROWS: [Row; 19] = [
             ("tests/commands_servo.rs", "a_move_that_was_stopped_is_not_followed_by_limp", 0),
             ("tests/commands_servo.rs", "a_servo_that_falls_silent_in_a_move_is_told_with_its_\
                                          watchdog", 0),
-            ("src/draft.rs", "a_file_that_is_to_stay_stays_and_one_that_is_replaced_touches_no_other", 0)],
+            ("src/draft.rs", "a_file_that_is_to_stay_stays_and_one_that_is_replaced_touches_no_\
+                              other", 0)],
     },
     Row {
         attack: "A program writes a goal 2.3 rad from the last to the virtual robot behind a port.",
