@@ -68,15 +68,15 @@ fn makes_no_goals(fault: Fault) -> bool {
     matches!(fault, Fault::Panic("advance+" | "admit+" | "write+"))
 }
 
-/// Goals that left late, or were held back since answers came late: this machine's doing, and said
-/// by the command itself.
+/// Goals that left late, or that were held back or may not have been heard since answers came late: this
+/// machine's doing where no line is disturbed, and said by the command itself.
 pub fn left_late(ran: &Ran) -> bool {
     let excepted = ran.report.as_ref().and_then(|report| report["exceptions"].as_array());
     excepted.is_some_and(|all| all.iter().any(|one| LATE.iter().any(|late| one["kind"] == *late)))
 }
 
 /// How a report names that.
-const LATE: [&str; 3] = ["sent-late", "held-back", "joint-held-back"];
+const LATE: [&str; 4] = ["sent-late", "held-back", "joint-held-back", "missed-goals"];
 
 fn says(ran: &Ran, words: &str) -> bool {
     ran.said.contains(words) || ran.report.as_ref().is_some_and(|r| r.to_string().contains(words))
