@@ -9,7 +9,11 @@ use crate::motion::JointLimits;
 use crate::time::{Duration, Instant};
 use std::fmt;
 
-/// Goal positions of all joints of a robot that passed the guard.
+/// Goal positions of all joints of a robot that passed the guard. Nobody else can make one:
+///
+/// ```compile_fail,E0451
+/// let unchecked = gaitway::guard::Command { goal_rad: vec![9.0; 20] };
+/// ```
 #[derive(Clone, Debug)]
 pub struct Command {
     goal_rad: Vec<f64>,

@@ -343,5 +343,5 @@ fn only_a_command_of_the_guard_becomes_a_goal_on_a_can_line() {
     assert_eq!(places("axis.goal = Some("), [(line.to_owned(), 1)]);
     assert_eq!(places("can.write_goals("), [("robot/link.rs".to_owned(), 1)]);
     let link = code(&src.join("robot/link.rs"));
-    assert!(link.contains("pub fn write_goals(&mut self, command: &Command,"));
+    assert!(link.contains("pub(crate) fn write_goals("), "nobody outside writes goals");
 }

@@ -244,7 +244,8 @@ fn killed_in_motion(scene: &mut Scene) {
     let armed = scene::arm(&mut scene.link, &found).expect("torque");
     let (link, settings) = (&mut scene.link, scene.settings);
     let mut sink = KilledIn(40, Arc::clone(&scene.host));
-    let run = control::run(link, armed, &trajectory, settings, &mut sink, &|| false);
+    let run = control::run(link, armed, &trajectory, settings, &mut sink, &|| false)
+        .expect("its own joints");
     assert_eq!(run.tally.cycles, 41, "it outlived its cycle");
     // The next host opens the line anew.
     scene.reopen();

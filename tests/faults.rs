@@ -100,7 +100,8 @@ fn beside_a_still_joint(robot: &str, faults: Vec<Fault>) -> (scene::Readings, us
     let armed = scene::arm(&mut scene.link, &found).expect("torque");
     let mut readings = scene::Readings::default();
     let settings = scene.settings;
-    let run = control::run(&mut scene.link, armed, &trajectory, settings, &mut readings, &|| false);
+    let run = control::run(&mut scene.link, armed, &trajectory, settings, &mut readings, &|| false)
+        .expect("its own joints");
     assert_eq!(run.stop, None, "{robot}");
     let world = scene.world.lock();
     assert_clean(&world.verdict());
@@ -352,7 +353,8 @@ fn with_slow_host(
     let mut sink = scene::SlowHost { world, stall, goals_rad: Vec::new() };
     let settings = scene.settings;
     let run =
-        gaitway::control::run(&mut scene.link, armed, &trajectory, settings, &mut sink, &|| false);
+        gaitway::control::run(&mut scene.link, armed, &trajectory, settings, &mut sink, &|| false)
+            .expect("its own joints");
     let verdict = scene.world.lock().verdict();
     (run, verdict, sink.goals_rad)
 }
@@ -414,7 +416,8 @@ fn a_joint_that_rests_exactly_on_its_limit_may_stay_there() {
                     settings,
                     &mut samples,
                     &|| false,
-                );
+                )
+                .expect("its own joints");
                 assert_eq!(run.stop, None, "{robot} {name}, upper {upper}");
             }
         }

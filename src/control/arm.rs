@@ -91,6 +91,11 @@ pub fn arm(
     preflight: &Preflight,
     asked_to_stop: &dyn Fn() -> bool,
 ) -> Result<Arming, Error> {
+    if preflight.robot != link.robot().name {
+        return Err(Error::new("another robot was looked at than the one to be armed")
+            .at(format!("robot {}", link.robot().name))
+            .got(preflight.robot.clone()));
+    }
     let limits = link.robot().limits();
     link.forget_doubts();
     let now = link.clock().now();

@@ -11,11 +11,12 @@ use super::silence::Silence;
 use super::{Sample, Sink, Tally, inject, net};
 use crate::bus::{AskError, Miss};
 use crate::device::Health;
+use crate::error::Error;
 use crate::guard::{Command, Guard};
 use crate::motion::{Clock as MotionClock, JointLimits, Setpoint, Trajectory};
 use crate::robot::link::States;
 use crate::robot::preflight::LINE_SHARE;
-use crate::robot::{Link, LinkError};
+use crate::robot::{Link, LinkError, Robot};
 use crate::time::{Duration, Instant};
 use gaitway_profiles::Role;
 use std::sync::Arc;
@@ -175,10 +176,19 @@ pub struct Planned<'a> {
 }
 
 impl<'a> Planned<'a> {
-    /// `trajectory` from its start, to be stopped within what `limits` allow.
-    #[must_use]
-    pub fn new(trajectory: &'a Trajectory, limits: &[JointLimits]) -> Self {
-        Self { trajectory, clock: MotionClock::new(limits) }
+    /// `trajectory` from its start, to be stopped within what the robot's joints can do.
+    ///
+    /// # Errors
+    /// A trajectory of other joints than the robot's, or of the same in another order.
+    pub fn new(trajectory: &'a Trajectory, robot: &Robot) -> Result<Self, Error> {
+        let joints = robot.joint_names();
+        if trajectory.joints() != joints {
+            return Err(Error::new("the trajectory is not of this robot's joints")
+                .at(format!("robot {}", robot.name))
+                .got(trajectory.joints().join(", "))
+                .allowed(format!("in this order: {}", joints.join(", "))));
+        }
+        Ok(Self { trajectory, clock: MotionClock::new(&robot.limits()) })
     }
 }
 
@@ -253,6 +263,9 @@ struct Player<'a> {
 ///
 /// `asked_to_stop` is looked at once per cycle. The robot must have been armed just now: the motion
 /// starts where it stands.
+///
+/// # Errors
+/// As [`Planned::new`].
 pub fn run(
     link: &mut Link,
     armed: Armed,
@@ -260,10 +273,9 @@ pub fn run(
     settings: Settings,
     sink: &mut dyn Sink,
     asked_to_stop: &dyn Fn() -> bool,
-) -> Run {
-    let limits = link.robot().limits();
-    let mut motion = Planned::new(trajectory, &limits);
-    stream(link, armed, &mut motion, settings, sink, asked_to_stop)
+) -> Result<Run, Error> {
+    let mut motion = Planned::new(trajectory, link.robot())?;
+    Ok(stream(link, armed, &mut motion, settings, sink, asked_to_stop))
 }
 
 /// Streams whatever motion there is until it is at rest; the rest as [`run`].

@@ -258,11 +258,11 @@ fn perform(
     let duration_s = planned.trajectory.duration_s();
     observer.hear(Event::Planned { duration_s });
     let meter = Meter::default();
-    let limits = connection.link.robot().limits();
+    let mut motion = Planned::new(&planned.trajectory, connection.link.robot())?;
     let performed = control::perform(
         &mut connection.link,
         found,
-        &mut Planned::new(&planned.trajectory, &limits),
+        &mut motion,
         settings,
         &mut recorder.metered(meter.clone()),
         &|| observer.wants_to_stop(),

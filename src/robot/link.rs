@@ -500,11 +500,22 @@ impl Link {
     }
 
     /// Writes the goal of every joint that is told any, on all lines before any answer is waited
-    /// for.
+    /// for. The way from outside leads through preflight and arming alone:
+    ///
+    /// ```compile_fail,E0624
+    /// # use gaitway::{guard::Command, robot::Link, time::Instant};
+    /// fn drive(link: &mut Link, command: &Command, until: Instant) {
+    ///     let _ = link.write_goals(command, until);
+    /// }
+    /// ```
     ///
     /// # Errors
     /// A line that failed, or a goal that does not fit its register.
-    pub fn write_goals(&mut self, command: &Command, budget: Instant) -> Result<(), LinkError> {
+    pub(crate) fn write_goals(
+        &mut self,
+        command: &Command,
+        budget: Instant,
+    ) -> Result<(), LinkError> {
         self.write_all(Role::GoalPosition, budget, |joint, index| {
             joint.servo_rad(command.goal_rad()[index])
         })?;

@@ -16,9 +16,16 @@ use crate::port::PortError;
 use crate::time::{Duration, Instant};
 use gaitway_profiles::{Region, Register, Role};
 
-/// What preflight found.
-#[derive(Clone, Debug, Default)]
+/// What preflight found. Nobody but [`preflight`] can make one, so nothing moves without:
+///
+/// ```compile_fail,E0639
+/// let invented = gaitway::robot::preflight::Preflight { start_rad: vec![0.0; 20] };
+/// ```
+#[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Preflight {
+    /// The robot, by name.
+    pub robot: String,
     /// Where each joint stands, rad.
     pub start_rad: Vec<f64>,
     /// Firmware of each joint's servo.
@@ -47,6 +54,28 @@ pub struct Preflight {
     pub settings: Vec<(usize, u16, u32)>,
     /// Raw return delay of each joint's servo; 0 where it has no such register.
     return_delay_raw: Vec<i64>,
+}
+
+impl Preflight {
+    /// Nothing found yet.
+    pub(crate) fn of(robot: &str, period: Duration) -> Self {
+        Self {
+            robot: robot.to_owned(),
+            start_rad: Vec::new(),
+            firmware: Vec::new(),
+            wire_limit_hz: 0.0,
+            bus_load: 0.0,
+            lines: Vec::new(),
+            period,
+            notes: Vec::new(),
+            held: false,
+            to_write: Vec::new(),
+            latched: Vec::new(),
+            eeprom: Vec::new(),
+            settings: Vec::new(),
+            return_delay_raw: Vec::new(),
+        }
+    }
 }
 
 /// What preflight may pass over.
@@ -79,7 +108,7 @@ pub(crate) const PATIENT_RETRIES: u32 = 10;
 /// # Errors
 /// The first check that fails, with joint, found and expected values.
 pub fn preflight(link: &mut Link, period: Duration, accept: Accept) -> Result<Preflight, Error> {
-    let mut found = Preflight { period, ..Preflight::default() };
+    let mut found = Preflight::of(&link.robot().name, period);
     link.set_retries(PATIENT_RETRIES);
     check_identity(link, accept, &mut found)?;
     actuator::check(link, &mut found)?;

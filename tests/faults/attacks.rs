@@ -85,7 +85,8 @@ fn the_goal_of_a_blocked_joint_stays_within_the_bound_in_the_motion_the_ramp_and
             let mut seen = Farthest::of(&scene, &joint);
             let settings = scene.settings;
             let run =
-                control::run(&mut scene.link, armed, &trajectory, settings, &mut seen, &|| false);
+                control::run(&mut scene.link, armed, &trajectory, settings, &mut seen, &|| false)
+                    .expect("its own joints");
             seen.look();
             let what = format!("{robot}, swing of {swing_rad} rad: {:?}", run.stop);
             assert!(seen.farthest_rad <= BOUND_RAD + COUNTS_RAD, "{what}: {}", seen.farthest_rad);
@@ -124,7 +125,8 @@ pub(super) fn blocked_and_freed(robot: &str, killed_after_ms: Option<u64>) -> Fr
     let mut seen = Farthest::of(&scene, &joint);
     seen.cut_at = killed_after_ms.map(|ms| (MID_NS + ms * 1_000_000, Arc::clone(&scene.host)));
     let settings = scene.settings;
-    control::run(&mut scene.link, armed, &trajectory, settings, &mut seen, &|| false);
+    control::run(&mut scene.link, armed, &trajectory, settings, &mut seen, &|| false)
+        .expect("its own joints");
     let at_rad = |scene: &Scene| scene.world.lock().joint_position_rad(&joint).expect("one");
     let blocked_at_rad = at_rad(&scene);
     seen.look();
@@ -371,7 +373,8 @@ pub(super) fn stalled_motion(robot: &str, at: Option<(u64, u64)>) -> (Scene, con
     }
     let mut samples = super::scene::Samples::default();
     let settings = scene.settings;
-    let run = control::run(&mut scene.link, armed, &trajectory, settings, &mut samples, &|| false);
+    let run = control::run(&mut scene.link, armed, &trajectory, settings, &mut samples, &|| false)
+        .expect("its own joints");
     let steps = scene.host.steps() - begun;
     (scene, run, steps)
 }
@@ -430,7 +433,8 @@ pub(super) fn killed_and_started_again() -> Started {
     let mut seen = Farthest::of(&scene, &joint);
     seen.cut_at = Some((MID_NS + 250_000_000, Arc::clone(&scene.host)));
     let settings = scene.settings;
-    control::run(&mut scene.link, armed, &trajectory, settings, &mut seen, &|| false);
+    control::run(&mut scene.link, armed, &trajectory, settings, &mut seen, &|| false)
+        .expect("its own joints");
     run_for(&scene, 2_000);
     scene.reopen();
     let found = scene.preflight().expect("a robot that is ready");

@@ -77,8 +77,7 @@ fn play_broken(robot: &str, part: Part, when: When) {
     let armed = super::scene::arm(&mut scene.link, &found).expect("torque");
     let never = When { first: u64::MAX, for_good: false };
     let of = |this: Part| if this == part { when } else { never };
-    let limits = scene.link.robot().limits();
-    let inner = Planned::new(&trajectory, &limits);
+    let inner = Planned::new(&trajectory, scene.link.robot()).expect("its own joints");
     let mut motion = BrokenMotion { inner, calls: 0, when: of(Part::Motion) };
     let mut sink = BrokenSink(of(Part::Sink));
     let looks = AtomicU64::new(0);
@@ -138,8 +137,7 @@ fn x28_a_panic_at_any_look_of_arming_leaves_a_limp_robot_limp() {
             let mut scene = Scene::of(robot, Default::default());
             let found = scene.preflight().expect("a robot that is ready");
             let trajectory = scene.swing(&found.start_rad, SWING_RAD, 1);
-            let limits = scene.link.robot().limits();
-            let mut motion = Planned::new(&trajectory, &limits);
+            let mut motion = Planned::new(&trajectory, scene.link.robot()).expect("its own joints");
             let looks = AtomicU64::new(0);
             let asked = || {
                 let look = looks.fetch_add(1, Ordering::Relaxed);

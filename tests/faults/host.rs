@@ -31,7 +31,8 @@ fn kill_in(scene: &mut Scene, cycle: u64) {
     let armed = super::scene::arm(&mut scene.link, &found).expect("torque");
     let (link, settings) = (&mut scene.link, scene.settings);
     let mut sink = KilledIn(cycle, Arc::clone(&scene.host));
-    let run = control::run(link, armed, &trajectory, settings, &mut sink, &|| false);
+    let run = control::run(link, armed, &trajectory, settings, &mut sink, &|| false)
+        .expect("its own joints");
     assert_eq!(run.tally.cycles, cycle + 1, "it outlived cycle {cycle}");
     // The next host opens the line anew.
     scene.reopen();
@@ -128,7 +129,8 @@ fn a_pause_between_torque_and_the_first_cycle_is_a_stall() {
         let mut samples = Samples::default();
         let settings = scene.settings;
         let run =
-            control::run(&mut scene.link, armed, &trajectory, settings, &mut samples, &|| false);
+            control::run(&mut scene.link, armed, &trajectory, settings, &mut samples, &|| false)
+                .expect("its own joints");
         assert_eq!(matches!(run.stop, Some(StopReason::Stalled { .. })), stalled, "{:?}", run.stop);
         assert_clean(&scene.world.lock().verdict());
     }
@@ -189,7 +191,8 @@ fn steps_of(robot: gaitway::robot::Robot, cut: Option<(usize, u64)>) -> (u64, u6
     let begun = scene.host.steps();
     let mut seen = StepsBefore { host: Arc::clone(&scene.host), steps: 0 };
     let settings = scene.settings;
-    let run = control::run(&mut scene.link, armed, &trajectory, settings, &mut seen, &|| false);
+    let run = control::run(&mut scene.link, armed, &trajectory, settings, &mut seen, &|| false)
+        .expect("its own joints");
     assert_eq!(run.stop.is_some(), cut.is_some());
     let steps = scene.host.steps();
     (steps - begun, steps - seen.steps, run.tally.cycles)
@@ -238,7 +241,8 @@ fn x27_the_goal_of_a_killed_host_is_within_the_bound_on_every_robot() {
             let armed = super::scene::arm(&mut scene.link, &found).expect("torque");
             let (link, settings) = (&mut scene.link, scene.settings);
             let mut sink = KilledIn(cycle, Arc::clone(&scene.host));
-            control::run(link, armed, &trajectory, settings, &mut sink, &|| false);
+            control::run(link, armed, &trajectory, settings, &mut sink, &|| false)
+                .expect("its own joints");
             let at_kill: Vec<f64> = positions(&scene);
             wait_ms(&scene, 3_000);
             assert!(fastest_rad_s(&scene) < 0.05, "{robot}, killed in cycle {cycle}: not at rest");

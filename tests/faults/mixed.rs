@@ -160,7 +160,8 @@ fn play(seed: u64) -> Outcome {
                         settings,
                         &mut samples,
                         &|| false,
-                    );
+                    )
+                    .expect("its own joints");
                     outcome.ending =
                         if run.stop.is_some() { Ending::Stopped } else { Ending::Done };
                     outcome.words = format!("{:?}", run.stop);

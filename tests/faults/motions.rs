@@ -144,7 +144,8 @@ fn recorded_on(failing: u64) -> Option<(Readings, u64, bool)> {
     let recorder = Recorder::create_on(disk.clone(), start, each_cycle).ok()?;
     let mut sink = Recording { recorder: &recorder, seen: Readings::default() };
     let settings = scene.settings;
-    let run = control::run(&mut scene.link, armed, &trajectory, settings, &mut sink, &|| false);
+    let run = control::run(&mut scene.link, armed, &trajectory, settings, &mut sink, &|| false)
+        .expect("its own joints");
     assert_eq!(run.stop, None, "call {failing} failed");
     assert_clean(&scene.world.lock().verdict());
     let seen = sink.seen;

@@ -181,7 +181,8 @@ fn first_alert_ns(robot: &str, joint: &str, fault: Fault) -> u64 {
     let armed = super::scene::arm(&mut scene.link, &found).expect("torque");
     let mut seen = FirstAlert { joint: index, at_ns: None };
     let settings = scene.settings;
-    control::run(&mut scene.link, armed, &trajectory, settings, &mut seen, &|| false);
+    control::run(&mut scene.link, armed, &trajectory, settings, &mut seen, &|| false)
+        .expect("its own joints");
     seen.at_ns.unwrap_or_else(|| panic!("{robot}: no alert was read"))
 }
 
@@ -255,7 +256,8 @@ fn b13_servos_that_come_back_from_a_brown_out_get_no_goal_and_no_torque() {
         let mut goals = GoalsTaken { world, last_ns: 0, silent: false, at_first_answer: None };
         let settings = scene.settings;
         let run =
-            control::run(&mut scene.link, armed, &trajectory, settings, &mut goals, &|| false);
+            control::run(&mut scene.link, armed, &trajectory, settings, &mut goals, &|| false)
+                .expect("its own joints");
         let what = format!("{robot}, {length_ms} ms: {:?}", run.stop);
         assert!(
             matches!(run.stop, Some(StopReason::Silent { .. } | StopReason::CameBackLimp { .. })),
@@ -310,7 +312,8 @@ fn b14_a_blocked_joint_on_any_robot_stops_the_motion_in_time() {
         let armed = super::scene::arm(&mut scene.link, &found).expect("torque");
         let mut seen = FirstFar { joint: index, first: None, last: Instant::ZERO };
         let settings = scene.settings;
-        let run = control::run(&mut scene.link, armed, &trajectory, settings, &mut seen, &|| false);
+        let run = control::run(&mut scene.link, armed, &trajectory, settings, &mut seen, &|| false)
+            .expect("its own joints");
         let stop = run.stop_data.expect("a stop");
         assert_eq!(stop.joint.as_ref(), Some(&joint), "{robot}");
         // A servo that trips over its own overload protection may speak first.
@@ -478,7 +481,8 @@ fn b04_and_random_damage_still_leave_a_family_playable() {
         let mut samples = Samples::default();
         let settings = scene.settings;
         let run =
-            control::run(&mut scene.link, armed, &trajectory, settings, &mut samples, &|| false);
+            control::run(&mut scene.link, armed, &trajectory, settings, &mut samples, &|| false)
+                .expect("its own joints");
         assert_eq!(run.stop, None, "{robot}");
         assert!(scene.world.lock().struck_count() > 5, "{robot}: nothing struck");
         assert_clean(&scene.world.lock().verdict());

@@ -210,7 +210,8 @@ fn with_a_permit_the_return_delay_is_lowered_and_how_to_undo_it_said() {
     assert_eq!(delays(&scene), [0; 20]);
     let mut samples = scene::Samples::default();
     let settings = scene.settings;
-    let run = control::run(&mut scene.link, armed, &trajectory, settings, &mut samples, &|| false);
+    let run = control::run(&mut scene.link, armed, &trajectory, settings, &mut samples, &|| false)
+        .expect("its own joints");
     assert_eq!((run.stop, run.tally.missed_cycles), (None, 0));
     assert_clean(&scene.world.lock().verdict());
     // The next start needs no permit any more, although the robot file still says 250.

@@ -420,7 +420,8 @@ impl Scene {
         let mut samples = Samples::default();
         let settings = self.settings;
         let run =
-            control::run(&mut self.link, armed, &trajectory, settings, &mut samples, asked_to_stop);
+            control::run(&mut self.link, armed, &trajectory, settings, &mut samples, asked_to_stop)
+                .expect("its own joints");
         let verdict = self.world.lock().verdict();
         Played { run, trajectory, samples, verdict }
     }

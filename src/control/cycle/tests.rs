@@ -154,7 +154,10 @@ impl Scene<'_> {
         (self.setup)(&bench);
         let limits = bench.link.robot().limits();
         let trajectory = there_and_back(&limits);
-        let planned = || Box::new(Planned::new(&trajectory, &limits)) as Box<dyn Motion>;
+        let own = bench.link.robot().clone();
+        let planned = || {
+            Box::new(Planned::new(&trajectory, &own).expect("its own joints")) as Box<dyn Motion>
+        };
         let of = match self.motion {
             Some(motion) => motion,
             None => planned(),
@@ -1018,7 +1021,8 @@ fn a_trajectory_is_run_from_where_the_robot_was_armed() {
     let trajectory = there_and_back(&bench.link.robot().limits());
     let mut sink = Each(Box::new(|_| {}));
     let settings = Settings::at_rate(50.0);
-    let run = run(&mut bench.link, armed, &trajectory, settings, &mut sink, &|| false);
+    let run = run(&mut bench.link, armed, &trajectory, settings, &mut sink, &|| false)
+        .expect("its own joints");
     assert_eq!((run.stop, run.stop_data), (None, None));
     let goals = bench.log().iter().filter(|said| said.is_goals()).count();
     assert!((102..=103).contains(&goals));

@@ -141,11 +141,11 @@ pub fn move_one(order: &MoveOrder, observer: &dyn Observer) -> Result<MoveReport
     }
     observer.hear(Event::Note(&report.plan_words()));
     let mut seen = LastSeen(report.start_rad);
-    let limits = link.robot().limits();
+    let mut motion = Planned::new(trajectory, link.robot())?;
     let performed = control::perform(
         link,
         &found,
-        &mut Planned::new(trajectory, &limits),
+        &mut motion,
         settings,
         &mut seen,
         &|| observer.wants_to_stop(),

@@ -31,7 +31,10 @@ fn waiting(robot: Robot, raw: i64, delay: Duration) -> (Link, Preflight) {
     (0..lines).for_each(|line| link.set_return_delay(line, delay));
     // None that knows the fast instructions, to which all answer without a pause in between.
     let firmware = vec![1; joints];
-    (link, Preflight { return_delay_raw: vec![raw; joints], firmware, ..Preflight::default() })
+    (
+        link,
+        Preflight { return_delay_raw: vec![raw; joints], firmware, ..Preflight::of("", hz(100.0)) },
+    )
 }
 
 fn hz(rate: f64) -> Duration {
@@ -222,7 +225,7 @@ fn a_can_line_that_does_not_carry_the_rate_is_refused() {
     let ports = (0..lines).map(|line| (port(line), Duration::ZERO)).collect();
     let mut link = Link::new(robot, ports, Arc::new(MonotonicClock));
     let said = |link: &mut Link, rate_hz| {
-        check_line_speed(link, hz(rate_hz), STRICT, &mut Preflight::default())
+        check_line_speed(link, hz(rate_hz), STRICT, &mut Preflight::of("", hz(rate_hz)))
     };
     assert_eq!(said(&mut link, 200.0), Ok(()));
     let error = said(&mut link, 5000.0).expect_err("refused");
