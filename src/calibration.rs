@@ -1,7 +1,7 @@
 //! What was measured on one robot of flesh and bolts: where each joint's zero is, which way it
 //! turns, how far it goes. Laid over the robot file, which says what all of its kind share.
 
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use gaitway_profiles as profiles;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -80,7 +80,8 @@ impl Calibration {
     /// As [`Calibration::read`], but for the file.
     pub fn parse(text: &str) -> Result<Self, Error> {
         let calibration: Self = profiles::from_toml(text).map_err(|e| {
-            Error::new("this is no calibration file").got(e.message().replace('\n', "; "))
+            Error::of(ErrorKind::Malformed, "this is no calibration file")
+                .got(e.message().replace('\n', "; "))
         })?;
         if calibration.schema != SCHEMA {
             return Err(Error::new("a calibration of another version")
@@ -91,12 +92,14 @@ impl Calibration {
             joint.check()?;
             let mut before = calibration.joints[..index].iter();
             if let Some(first) = before.position(|other| other.name == joint.name) {
-                return Err(Error::new("a joint is named twice").got(format!(
-                    "{}: [[joint]] number {} and number {}",
-                    joint.name,
-                    first + 1,
-                    index + 1
-                )));
+                return Err(Error::of(ErrorKind::Malformed, "a joint is named twice").got(
+                    format!(
+                        "{}: [[joint]] number {} and number {}",
+                        joint.name,
+                        first + 1,
+                        index + 1
+                    ),
+                ));
             }
         }
         Ok(calibration)
@@ -140,9 +143,12 @@ impl Calibration {
         for measured in &self.joints {
             let known = file.joints.iter_mut().find(|joint| joint.name == measured.name);
             let Some(joint) = known else {
-                return Err(Error::new("the calibration names a joint the robot does not have")
-                    .at(format!("robot {}", file.name))
-                    .got(measured.name.clone()));
+                return Err(Error::of(
+                    ErrorKind::Unknown,
+                    "the calibration names a joint the robot does not have",
+                )
+                .at(format!("robot {}", file.name))
+                .got(measured.name.clone()));
             };
             joint.direction = measured.direction;
             joint.offset_rad = measured.offset_rad;

@@ -35,7 +35,7 @@ pub use output::{Deed, Output, Remarks, print, say};
 pub use report::Outcome;
 
 use crate::control::net;
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use clap::{Parser, Subcommand};
 
 /// The command line.
@@ -120,7 +120,11 @@ pub fn main() -> i32 {
         Err(error) => return output::tell_usage(&error),
     };
     net::catch(|| run(&cli)).unwrap_or_else(|words| {
-        output::complain(&Error::new("the program broke").got(words).remedy("please report this"));
+        output::complain(
+            &Error::of(ErrorKind::Broke, "the program broke")
+                .got(words)
+                .remedy("please report this"),
+        );
         Outcome::Failed.exit_code()
     })
 }

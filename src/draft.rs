@@ -6,9 +6,9 @@
 //! made under its own name. Both are locked for as long as they are written, so that two programs never
 //! write one file. What is no regular file (`/dev/null`, a pipe) is written to as it is.
 
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use std::fs::{File, OpenOptions, TryLockError};
-use std::io::{self, ErrorKind, Write};
+use std::io::{self, Write};
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
@@ -36,7 +36,7 @@ impl Draft {
     /// Begins a file that is to be `path`; one that is there is replaced only if `force` is set.
     ///
     /// # Errors
-    /// [`ErrorKind::AlreadyExists`] without `force`, [`ErrorKind::ResourceBusy`] if another program
+    /// [`io::ErrorKind::AlreadyExists`] without `force`, [`io::ErrorKind::ResourceBusy`] if another program
     /// writes it, and what the file system says.
     pub fn create(path: &Path, force: bool) -> io::Result<Self> {
         Self::create_with(path, force, ENDING)
@@ -45,7 +45,7 @@ impl Draft {
     fn create_with(path: &Path, force: bool, ending: &str) -> io::Result<Self> {
         let made = OpenOptions::new().write(true).create_new(true).open(path);
         let file = match made {
-            Err(cause) if force && cause.kind() == ErrorKind::AlreadyExists => {
+            Err(cause) if force && cause.kind() == io::ErrorKind::AlreadyExists => {
                 return Self::replace(path, ending);
             }
             made => made?,
@@ -112,7 +112,7 @@ impl Draft {
     pub fn sync(&self) -> io::Result<()> {
         match self.file.sync_data() {
             // Pipes and devices have nothing to be synchronised.
-            Err(cause) if cause.kind() == ErrorKind::InvalidInput => Ok(()),
+            Err(cause) if cause.kind() == io::ErrorKind::InvalidInput => Ok(()),
             synced => synced,
         }
     }
@@ -159,7 +159,9 @@ impl Drop for Draft {
 pub fn write_file(path: &Path, force: bool, bytes: &[u8]) -> Result<(), Error> {
     check_free(path, force)?;
     Draft::write_whole(path, force, bytes).map_err(|e| {
-        Error::new("cannot write the file").at(path.display().to_string()).got(e.to_string())
+        Error::of(ErrorKind::Io, "cannot write the file")
+            .at(path.display().to_string())
+            .got(e.to_string())
     })
 }
 
@@ -177,7 +179,7 @@ pub fn check_free(path: &Path, force: bool) -> Result<(), Error> {
     if force || path.symlink_metadata().is_err() {
         return Ok(());
     }
-    Err(Error::new("the file exists already")
+    Err(Error::of(ErrorKind::Exists, "the file exists already")
         .at(path.display().to_string())
         .remedy("choose another name, or add --force to overwrite it"))
 }
@@ -223,7 +225,7 @@ fn same(named: &std::fs::Metadata, file: &File) -> bool {
 fn free(locked: Result<(), TryLockError>) -> io::Result<()> {
     match locked {
         Err(TryLockError::WouldBlock) => {
-            Err(io::Error::new(ErrorKind::ResourceBusy, "another program is writing it"))
+            Err(io::Error::new(io::ErrorKind::ResourceBusy, "another program is writing it"))
         }
         // Not every file system has locks.
         Ok(()) | Err(TryLockError::Error(_)) => Ok(()),
@@ -274,7 +276,7 @@ mod tests {
         fs::write(&path, "old").expect("a file");
         assert_eq!(
             Draft::create(&path, false).expect_err("there").kind(),
-            ErrorKind::AlreadyExists
+            io::ErrorKind::AlreadyExists
         );
         let mut draft = Draft::create(&path, true).expect("a draft");
         draft.write_all(b"new").expect("written");
@@ -316,7 +318,7 @@ mod tests {
         let mut first = Draft::create(&path, true).expect("a draft");
         let second = |when: &str| {
             let refused = Draft::create(&path, true).expect_err(when);
-            assert_eq!(refused.kind(), ErrorKind::ResourceBusy, "{when}");
+            assert_eq!(refused.kind(), io::ErrorKind::ResourceBusy, "{when}");
         };
         second("while the first is new");
         first.keep().expect("kept");
@@ -350,7 +352,7 @@ mod tests {
     fn a_device_is_written_to_and_stays() {
         Draft::write_whole(Path::new("/dev/null"), true, b"new").expect("written");
         let full = Draft::write_whole(Path::new("/dev/full"), true, b"new");
-        assert_eq!(full.expect_err("full").kind(), ErrorKind::StorageFull);
+        assert_eq!(full.expect_err("full").kind(), io::ErrorKind::StorageFull);
         for device in ["/dev/null", "/dev/full"] {
             assert!(!Path::new(device).metadata().expect("there").is_file());
         }

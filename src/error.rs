@@ -1,11 +1,56 @@
 //! The one shape of every message a person reads when something is wrong:
 //! what, where, got, allowed, what to do.
 
+use serde::Serialize;
 use std::fmt;
+
+/// What kind of no an [`Error`] is: what a program compares, where a person reads the rows.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+#[non_exhaustive]
+pub enum ErrorKind {
+    /// What was asked for cannot be done, or not so: none of the others.
+    #[default]
+    Refused,
+    /// A name that nothing here has: a robot, a joint, an action, a register.
+    Unknown,
+    /// A port, an interface, a folder or a file that is not there, or not any more.
+    Absent,
+    /// A device that does not answer.
+    Silent,
+    /// Answers that are damaged, or none to what was asked; a line that failed.
+    Damaged,
+    /// Somebody else has it: a port, an ID, a folder.
+    Busy,
+    /// The system does not let this user.
+    NoAccess,
+    /// A file that is there and is to stay.
+    Exists,
+    /// A file or a text that is not what it should be.
+    Malformed,
+    /// A goal, an angle or a number beyond what is allowed.
+    OutsideLimits,
+    /// The robot is not as it must be: hot, without supply, in another mode, another model.
+    NotReady,
+    /// The line cannot carry what the rate asks for.
+    TooSlow,
+    /// This computer did not keep its own time.
+    HostLate,
+    /// What is kept at power-off, or lets something fall, was not permitted.
+    NotPermitted,
+    /// Somebody asked to stop.
+    Stopped,
+    /// A file that the system does not read or write.
+    Io,
+    /// The program itself broke.
+    Broke,
+}
 
 /// A refusal or a failure, in words for the person who has to mend it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Error {
+    /// What kind of no it is.
+    pub kind: ErrorKind,
     /// What is wrong, one sentence without a full stop.
     pub what: String,
     /// Where: file and line, joint, register, port.
@@ -19,10 +64,16 @@ pub struct Error {
 }
 
 impl Error {
-    /// Starts an error from what is wrong.
+    /// Starts an error from what is wrong: a refusal of no kind in particular.
     #[must_use]
     pub fn new(what: impl Into<String>) -> Self {
-        Self { what: what.into(), place: None, got: None, allowed: None, remedy: None }
+        Self::of(ErrorKind::Refused, what)
+    }
+
+    /// Starts an error of this kind from what is wrong.
+    #[must_use]
+    pub fn of(kind: ErrorKind, what: impl Into<String>) -> Self {
+        Self { kind, what: what.into(), place: None, got: None, allowed: None, remedy: None }
     }
 
     /// Says where.
@@ -62,7 +113,14 @@ impl From<gaitway_profiles::ProfileError> for Error {
             Some(place) => format!("{}, {place}", error.file),
             None => error.file.into(),
         };
+        // A name that no file has, a file that cannot be had, or one with something wrong in it.
+        let kind = match &*error.what {
+            what if what.starts_with("there is no") => ErrorKind::Unknown,
+            "the file cannot be read" => ErrorKind::Io,
+            _ => ErrorKind::Malformed,
+        };
         Self {
+            kind,
             what: error.what.into(),
             place: Some(place),
             got: text(error.got),

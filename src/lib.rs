@@ -51,11 +51,11 @@ pub mod toml_text;
 pub mod units;
 pub mod wire;
 
-pub use error::Error;
+pub use error::{Error, ErrorKind};
 pub use job::follow::{FollowOptions, Moment};
 pub use job::live::LiveReport;
 pub use job::open::{Rig, open};
 pub use job::play::{EndState, Options, Played};
 pub use job::report::{Outcome, PlayReport};
-pub use job::source::RobotMotion;
+pub use job::source::{MotionOrder, RobotMotion};
 pub use job::{Event, Nobody, Observer, Progress};

@@ -4,7 +4,7 @@
 use crate::action::{Action, Ends, Group, Kind, Phase, Track, Turn, vocabulary};
 use crate::actionlet::{Sampled, Shape};
 use crate::body::{Dof, JointAngles};
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use crate::toml_text::from_toml;
 use serde::Deserialize;
 use std::collections::BTreeMap;
@@ -105,11 +105,11 @@ enum Cell {
 pub fn read(path: &Path) -> Result<Action, Error> {
     let place = path.display().to_string();
     let unreadable = |e: std::io::Error| {
-        Error::new("cannot read the action file").at(place.clone()).got(e.to_string())
+        Error::of(ErrorKind::Io, "cannot read the action file").at(place.clone()).got(e.to_string())
     };
     // Asked before opening: opening a FIFO would wait for a writer.
     if !std::fs::metadata(path).map_err(unreadable)?.is_file() {
-        return Err(Error::new("this is not a regular file").at(place));
+        return Err(Error::of(ErrorKind::Malformed, "this is not a regular file").at(place));
     }
     let mut text = String::new();
     let file = std::fs::File::open(path).map_err(unreadable)?;
@@ -126,14 +126,14 @@ pub type Library<'a> = &'a dyn Fn(&str) -> Option<Action>;
 /// If the text is not an action file: with line, degree of freedom and rule.
 pub fn parse(text: &str, place: &str, library: Library<'_>) -> Result<Action, Error> {
     if text.len() > MAX_BYTES {
-        return Err(Error::new("an action file is too long")
+        return Err(Error::of(ErrorKind::Malformed, "an action file is too long")
             .at(place)
             .got(format!("{} bytes", text.len()))
             .allowed(format!("{MAX_BYTES}")));
     }
     let raw: RawAction = from_toml(text).map_err(|error| {
         let line = error.span().map_or(0, |span| line_of(text, span.start));
-        Error::new("not an action file")
+        Error::of(ErrorKind::Malformed, "not an action file")
             .at(format!("{place} line {line}"))
             .got(error.message().to_owned())
             .allowed("the keys of docs/actions.md")
@@ -161,7 +161,7 @@ impl Reader<'_> {
 
     fn read(&mut self, raw: &RawAction) -> Result<Action, Error> {
         if *raw.schema.get_ref() != SCHEMA {
-            return Err(Error::new("an action file of another version")
+            return Err(Error::of(ErrorKind::Malformed, "an action file of another version")
                 .at(self.at(&raw.schema))
                 .got(format!("schema = {}", raw.schema.get_ref()))
                 .allowed(format!("schema = {SCHEMA}")));
@@ -195,7 +195,9 @@ impl Reader<'_> {
                 .remedy("leave out everything but schema, name, note, source and mirror_of"));
         }
         let found = (self.library)(other.get_ref()).ok_or_else(|| {
-            Error::new("no such action to mirror").at(self.at(other)).got(other.get_ref().clone())
+            Error::of(ErrorKind::Unknown, "no such action to mirror")
+                .at(self.at(other))
+                .got(other.get_ref().clone())
         })?;
         let mut action = found.mirrored();
         action.name.clone_from(raw.name.get_ref());
@@ -272,7 +274,7 @@ impl Reader<'_> {
     fn dof(&self, name: &Spanned<String>) -> Result<Dof, Error> {
         Dof::named(name.get_ref()).ok_or_else(|| {
             let known = Dof::ALL.map(Dof::name).join(", ");
-            Error::new("no such degree of freedom")
+            Error::of(ErrorKind::Unknown, "no such degree of freedom")
                 .at(self.at(name))
                 .got(name.get_ref().clone())
                 .allowed(known)
@@ -287,10 +289,17 @@ impl Reader<'_> {
         let (lower, upper) =
             if self.captured { (-CAPTURED_RAD, CAPTURED_RAD) } else { (lower, upper) };
         if !(lower - slack..=upper + slack).contains(&angle_rad) {
-            return Err(Error::new("an angle is outside the anatomical range")
-                .at(place)
-                .got(format!("{angle_deg} deg"))
-                .allowed(format!("{:.0} to {:.0} deg", lower.to_degrees(), upper.to_degrees())));
+            return Err(Error::of(
+                ErrorKind::OutsideLimits,
+                "an angle is outside the anatomical range",
+            )
+            .at(place)
+            .got(format!("{angle_deg} deg"))
+            .allowed(format!(
+                "{:.0} to {:.0} deg",
+                lower.to_degrees(),
+                upper.to_degrees()
+            )));
         }
         Ok(angle_rad)
     }
@@ -426,7 +435,7 @@ impl Reader<'_> {
             return Ok(Shape::MinimumJerk);
         }
         self.shapes.get(word).cloned().ok_or_else(|| {
-            Error::new("no such velocity function")
+            Error::of(ErrorKind::Unknown, "no such velocity function")
                 .got(word)
                 .allowed("T from 0.1 to 0.9, \"minimum-jerk\", or a name under [shapes]")
         })
@@ -529,8 +538,11 @@ impl Reader<'_> {
 
     /// The tracks of a group of another action: `ACTION/GROUP`.
     fn borrowed(&self, action: &mut Action, other: &str) -> Result<Vec<Track>, Error> {
-        let missing =
-            || Error::new("no such group to take from").got(other).allowed("\"ACTION/GROUP\"");
+        let missing = || {
+            Error::of(ErrorKind::Unknown, "no such group to take from")
+                .got(other)
+                .allowed("\"ACTION/GROUP\"")
+        };
         let (name, group) = other.split_once('/').ok_or_else(missing)?;
         let lender = (self.library)(name).ok_or_else(missing)?;
         let group = lender.groups.iter().find(|g| g.name == group).ok_or_else(missing)?;

@@ -3,7 +3,7 @@
 
 use crate::action::corpus::{Batch, Pieces};
 use crate::body::Dof;
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use parquet::basic::Compression;
 use parquet::data_type::{DataType, DoubleType, FloatType, Int32Type};
 use parquet::errors::ParquetError;
@@ -69,7 +69,7 @@ impl<W: Write + Send> CorpusWriter<W> {
 }
 
 fn unwritable(e: ParquetError) -> Error {
-    Error::new("cannot write the corpus").got(e.to_string())
+    Error::of(ErrorKind::Io, "cannot write the corpus").got(e.to_string())
 }
 
 fn begun<W: Write + Send>(

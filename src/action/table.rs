@@ -3,7 +3,7 @@
 
 use crate::action::Motion;
 use crate::body::{Dof, Proportions};
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use std::fmt::Write;
 use std::io;
 
@@ -27,7 +27,8 @@ pub fn write_csv(
     rate_hz: f64,
     out: &mut impl io::Write,
 ) -> Result<(), Error> {
-    let unwritable = |e: io::Error| Error::new("cannot write the table").got(e.to_string());
+    let unwritable =
+        |e: io::Error| Error::of(ErrorKind::Io, "cannot write the table").got(e.to_string());
     writeln!(out, "{}", head()).map_err(unwritable)?;
     let mut row = String::new();
     for (index, (angles, root_m)) in motion.placed(body, rate_hz)?.iter().enumerate() {

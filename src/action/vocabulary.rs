@@ -1,7 +1,7 @@
 //! The actions that ship with gaitway.
 
 use crate::action::{Action, file};
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 
 macro_rules! shipped {
     ($($name:literal)*) => {
@@ -34,7 +34,7 @@ pub fn text(name: &str) -> Option<&'static str> {
 /// If there is none of that name.
 pub fn find(name: &str) -> Result<Action, Error> {
     let Some(text) = text(name) else {
-        return Err(Error::new("no such action ships with gaitway")
+        return Err(Error::of(ErrorKind::Unknown, "no such action ships with gaitway")
             .got(name)
             .allowed(names().collect::<Vec<_>>().join(", ")));
     };

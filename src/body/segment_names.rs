@@ -1,7 +1,7 @@
 //! Segments of the body by name, as files and people write them.
 
 use super::Segment;
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 
 /// Name of a segment in mapping files and messages.
 #[must_use]
@@ -31,7 +31,7 @@ pub fn segment_named(name: &str) -> Result<Segment, Error> {
     let wanted = name.replace('-', "_");
     let found = Segment::ALL.into_iter().find(|segment| segment_name(*segment) == wanted);
     found.ok_or_else(|| {
-        Error::new("no such segment of the body")
+        Error::of(ErrorKind::Unknown, "no such segment of the body")
             .got(name)
             .allowed(Segment::ALL.map(segment_name).join(", "))
     })

@@ -3,7 +3,7 @@
 use super::{Deed, Output, Remarks};
 use crate::action::decompose::{self, DecomposedMotion, Figure};
 use crate::action::{Action, file};
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use crate::job::source;
 use clap::Args;
 use serde::Serialize;
@@ -70,7 +70,7 @@ struct Report {
 /// If the motion cannot be read, or the file cannot be written.
 pub fn run(args: &ActionletsArgs, remarks: Remarks) -> Result<i32, Error> {
     if args.output_file.extension().is_none_or(|e| e != "toml") {
-        return Err(Error::new("not a kind of file I can write")
+        return Err(Error::of(ErrorKind::Unknown, "not a kind of file I can write")
             .at("-o")
             .got(args.output_file.display().to_string())
             .allowed("a name that ends in .toml"));

@@ -5,7 +5,7 @@ use super::signals::Signals;
 use super::{Deed, Outcome, Output, Remarks, limp};
 use crate::calibration::{Calibration, JointCalibration, usual_path};
 use crate::control::{Stop, StopCode, StopReason, arm, inject, net};
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use crate::job::calibrate::homing::Change;
 use crate::job::calibrate::reading::Measured;
 use crate::job::calibrate::{Files, check_models, drives, finish, save, settle};
@@ -113,7 +113,7 @@ pub fn run(args: &CalibrateArgs, remarks: Remarks) -> Result<i32, Error> {
     // What was written into servos is said, whatever came after it.
     undo.iter().for_each(|line| remarks.say(&format!("to undo: {line}")));
     finished.unwrap_or_else(|words| {
-        Err(Error::new("the program broke")
+        Err(Error::of(ErrorKind::Broke, "the program broke")
             .got(words)
             .remedy("please report this; --resume goes on"))
     })?;
@@ -245,7 +245,7 @@ fn found(args: &CalibrateArgs, robot: &Robot, files: &Files) -> Result<Calibrati
         return Ok(Calibration::of(&robot.name));
     }
     if !args.output.force() {
-        return Err(Error::new("the robot is calibrated already")
+        return Err(Error::of(ErrorKind::Exists, "the robot is calibrated already")
             .at(files.file.display().to_string())
             .remedy("add --force to do it again; what is there is kept beside it"));
     }

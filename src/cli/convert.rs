@@ -4,7 +4,7 @@ use super::report::Outcome;
 use super::{Output, Remarks};
 use crate::body::Proportions;
 use crate::body::worn::kept::Kept;
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use crate::recording;
 use crate::session::angles::{WornMotion, body_of};
 use crate::session::files::BODY_KEY;
@@ -57,7 +57,7 @@ pub struct ConvertArgs {
 pub fn run(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
     let kind = args.out.extension().and_then(|e| e.to_str()).unwrap_or_default();
     if !["csv", "bvh", "mcap"].contains(&kind) || (args.samples && kind != "csv") {
-        return Err(Error::new("not a kind of file I can write")
+        return Err(Error::of(ErrorKind::Unknown, "not a kind of file I can write")
             .at(args.out.display().to_string())
             .allowed("a file that ends in .csv, .bvh or .mcap; with --samples .csv"));
     }

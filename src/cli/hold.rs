@@ -5,7 +5,7 @@ use super::signals::Signals;
 use super::{Deed, Outcome, Output, Remarks};
 use crate::control::left::leave;
 use crate::control::{Arming, Stop, StopCode, StopReason, arm_safely, inject, net};
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use crate::rig::Address;
 use crate::rig::connect;
 use crate::robot::preflight::{Accept, budget, exchange_error, preflight};
@@ -103,7 +103,9 @@ pub fn run(args: &HoldArgs, remarks: Remarks) -> Result<i32, Error> {
 }
 
 fn broke(words: String) -> Error {
-    Error::new("the program broke once the robot held").got(words).remedy("please report this")
+    Error::of(ErrorKind::Broke, "the program broke once the robot held")
+        .got(words)
+        .remedy("please report this")
 }
 
 /// Says that a wish to stop came before torque.

@@ -3,7 +3,7 @@
 use super::output::prompt;
 use super::{Deed, Output};
 use crate::control;
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use crate::rig::Address;
 use crate::rig::connect;
 use crate::robot::Robot;
@@ -36,7 +36,7 @@ pub fn run(args: &LimpArgs) -> Result<i32, Error> {
     args.output.check_files(&[])?;
     let robot = Robot::load(&args.robot)?;
     if !args.yes && !consents(&robot.name) {
-        return Err(Error::new("nobody said that the robot may go limp")
+        return Err(Error::of(ErrorKind::NotPermitted, "nobody said that the robot may go limp")
             .remedy("support the robot, then answer yes or add --yes"));
     }
     let mut connection = connect(robot, &args.bus, 0)?;

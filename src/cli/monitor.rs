@@ -6,7 +6,7 @@ use super::output::{Untold, print_json, print_over};
 use super::signals::Signals;
 use crate::bus::AskError;
 use crate::device::{Health, JointState};
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use crate::rig::Address;
 use crate::rig::connect;
 use crate::robot::{Link, LinkError};
@@ -152,7 +152,7 @@ fn answered<T>(read: Result<T, LinkError>) -> Result<Result<T, String>, Error> {
     match read {
         Ok(value) => Ok(Ok(value)),
         Err(LinkError { error: AskError::Port(error), place, .. }) => {
-            Err(Error::new("the line failed").at(place).got(error.to_string()))
+            Err(Error::of(ErrorKind::Damaged, "the line failed").at(place).got(error.to_string()))
         }
         Err(error) => Ok(Err(error.error.to_string())),
     }

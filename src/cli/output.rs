@@ -4,9 +4,9 @@
 
 use super::report::Outcome;
 use crate::draft;
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use std::borrow::Cow;
-use std::io::{ErrorKind, Write};
+use std::io::{self, Write};
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
@@ -67,7 +67,7 @@ pub fn print_json(text: &str) -> Result<(), Untold> {
 fn put(text: &str) -> Result<(), Untold> {
     let mut out = std::io::stdout().lock();
     out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(|cause| match cause.kind() {
-        ErrorKind::BrokenPipe => Untold::Unwanted,
+        io::ErrorKind::BrokenPipe => Untold::Unwanted,
         _ => Untold::Failed(cause.to_string()),
     })
 }
@@ -102,7 +102,7 @@ pub fn tell_usage(error: &clap::Error) -> i32 {
     }
     let mut out = std::io::stdout().lock();
     match error.print().and_then(|()| out.flush()) {
-        Err(cause) if cause.kind() != ErrorKind::BrokenPipe => {
+        Err(cause) if cause.kind() != io::ErrorKind::BrokenPipe => {
             complain(&Untold::Failed(cause.to_string()).into());
             1
         }
@@ -145,7 +145,7 @@ fn check_place(path: &Path) -> Result<(), Error> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
     let folder = folder.unwrap_or(Path::new("."));
     if !folder.is_dir() {
-        return Err(Error::new("there is no such folder")
+        return Err(Error::of(ErrorKind::Absent, "there is no such folder")
             .at(folder.display().to_string())
             .remedy("make it first, or choose another place"));
     }
@@ -153,7 +153,7 @@ fn check_place(path: &Path) -> Result<(), Error> {
     let itself = path.exists().then(|| path.to_owned());
     for place in itself.into_iter().chain(draft::grows_in(path)) {
         rustix::fs::access(&place, rustix::fs::Access::WRITE_OK).map_err(|e| {
-            Error::new("you may not write here")
+            Error::of(ErrorKind::NoAccess, "you may not write here")
                 .at(place.display().to_string())
                 .got(e.to_string())
                 .remedy("choose another place")
@@ -283,9 +283,11 @@ impl Output {
         let mut written = wanted.iter().copied().chain(self.report.as_deref());
         match written.find(|path| id(path) == Some(read)) {
             None => Ok(()),
-            Some(path) => Err(Error::new("the file that is read would be written over")
-                .at(path.display().to_string())
-                .remedy("choose another name; --force is not for this")),
+            Some(path) => {
+                Err(Error::of(ErrorKind::Exists, "the file that is read would be written over")
+                    .at(path.display().to_string())
+                    .remedy("choose another name; --force is not for this"))
+            }
         }
     }
 

@@ -5,7 +5,7 @@ pub mod imus;
 use super::Remarks;
 use super::output::Untold;
 use super::signals::Signals;
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use crate::port::can_bridge::CanBridge;
 use clap::Args;
 use gaitway_profiles::Robot;
@@ -316,7 +316,7 @@ fn open_tcp(first: u16, line: usize, world: &Arc<Mutex<World>>) -> Result<Door, 
     })?;
     let address = SocketAddr::from((Ipv4Addr::LOCALHOST, port));
     Door::open_tcp(Arc::clone(world), line, address).map_err(|e| {
-        Error::new("cannot listen")
+        Error::of(ErrorKind::Io, "cannot listen")
             .at("--tcp")
             .got(e.to_string())
             .remedy("take another port, or 0: then the system chooses a free one")

@@ -5,7 +5,7 @@ mod bulk;
 use super::{Deed, Output, Remarks};
 use crate::action::{Action, Join, Motion, Spread, phrase, table};
 use crate::body::Proportions;
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use crate::mocap::{bvh, export, humanoid, page};
 use clap::Args;
 use serde::Serialize;
@@ -225,7 +225,7 @@ fn bytes_of(args: &SynthArgs, figures: &Figures, motion: &Motion) -> Result<Vec<
         "bvh" => Ok(bvh::write(&export::bvh_of(&poses()?, &body, args.rate)).into_bytes()),
         "x3d" => Ok(humanoid::x3d_of(title, &poses()?, &body, args.rate).into_bytes()),
         "html" => Ok(page::page_of(title, &poses()?, &body, args.rate).into_bytes()),
-        _ => Err(Error::new("not a kind of file I can write")
+        _ => Err(Error::of(ErrorKind::Unknown, "not a kind of file I can write")
             .at("-o")
             .got(args.output_file.display().to_string())
             .allowed("a name that ends in .csv, .bvh, .x3d or .html; with --variations .parquet")),

@@ -1,7 +1,7 @@
 //! From limp to holding: goal = present before torque, read back at every step.
 
 use super::{inject, watchdog};
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use crate::guard::{Command, Guard};
 use crate::robot::Link;
 use crate::robot::preflight::{PATIENT_RETRIES, Preflight, budget, exchange_error, positions};
@@ -68,7 +68,9 @@ impl Arming {
     pub fn done(self) -> Result<Armed, Error> {
         match self {
             Self::Done(armed) => Ok(armed),
-            Self::Stopped => Err(Error::new("stopped before torque came on; nothing moved")),
+            Self::Stopped => {
+                Err(Error::of(ErrorKind::Stopped, "stopped before torque came on; nothing moved"))
+            }
         }
     }
 }
@@ -101,7 +103,7 @@ pub fn arm(
     let now = link.clock().now();
     let (guard, command) =
         Guard::standing_at(&preflight.start_rad, limits, now).map_err(|refusal| {
-            Error::new("the guard refuses the start pose")
+            Error::of(ErrorKind::OutsideLimits, "the guard refuses the start pose")
                 .at(format!("joint {}", link.robot().joints[refusal.joint].name))
                 .got(refusal.reason.to_string())
         })?;
@@ -254,7 +256,7 @@ fn look(link: &mut Link, command: &Command) -> Result<Instant, Error> {
         }
         quickest = quickest.min(took);
     }
-    Err(Error::new("the host stalls; torque stays off")
+    Err(Error::of(ErrorKind::HostLate, "the host stalls; torque stays off")
         .got(format!("{MOST_LOOKS} looks at the joints, the quickest in {quickest:.0?}"))
         .allowed(format!("{FRESH:.0?}, or the same time twice"))
         .remedy("end what else keeps this machine busy, and start again"))
@@ -368,11 +370,14 @@ fn set_torque_on(
     let since = link.clock().now().since(looked_at);
     // A robot that was held stood under torque all the while.
     if since > FRESH && !held {
-        return Err(Error::new("the host stalled as torque came on; torque is off again")
-            .got(format!("{since:.0?} after the last look at the joints"))
-            .allowed(format!("{FRESH:.0?}"))
-            .remedy("look where the robot stands, and start again")
-            .into());
+        return Err(Error::of(
+            ErrorKind::HostLate,
+            "the host stalled as torque came on; torque is off again",
+        )
+        .got(format!("{since:.0?} after the last look at the joints"))
+        .allowed(format!("{FRESH:.0?}"))
+        .remedy("look where the robot stands, and start again")
+        .into());
     }
     for joint in 0..link.robot().joints.len() {
         wanted()?;

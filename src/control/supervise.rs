@@ -4,7 +4,7 @@
 use super::arm::{Arming, arm, disarm};
 use super::cycle::{Motion, Run, Settings, stream};
 use super::{Sink, left, net};
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use crate::robot::Link;
 use crate::robot::preflight::Preflight;
 
@@ -73,7 +73,7 @@ pub fn arm_safely(
     asked_to_stop: &dyn Fn() -> bool,
 ) -> Result<Arming, Error> {
     net::catch(|| arm(link, found, asked_to_stop)).unwrap_or_else(|words| {
-        let error = Error::new("the program broke while the robot was armed")
+        let error = Error::of(ErrorKind::Broke, "the program broke while the robot was armed")
             .got(words)
             .remedy("please report this; torque was switched off again");
         if found.held {

@@ -7,7 +7,7 @@ use crate::calibration::{Calibration, JointCalibration};
 use crate::control::inject;
 use crate::device::actuator::Wanted;
 use crate::draft::Draft;
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use crate::robot::Link;
 use crate::robot::preflight::{budget, exchange_error};
 use gaitway_profiles::Role;
@@ -53,10 +53,13 @@ pub fn check_models(link: &mut Link, joints: &[usize]) -> Result<(), Error> {
         let of = &link.robot().joints[joint];
         let profile = of.model()?.profile();
         if model != profile.model_number {
-            return Err(Error::new("another servo model than the robot file says")
-                .at(format!("joint {}, ID {}", of.name, of.id))
-                .got(format!("model number {model}"))
-                .allowed(profile.model_number.to_string()));
+            return Err(Error::of(
+                ErrorKind::NotReady,
+                "another servo model than the robot file says",
+            )
+            .at(format!("joint {}, ID {}", of.name, of.id))
+            .got(format!("model number {model}"))
+            .allowed(profile.model_number.to_string()));
         }
     }
     Ok(())
@@ -72,10 +75,13 @@ fn check_actuator(link: &mut Link, joint: usize) -> Result<(), Error> {
         let bits = bits.map_err(|e| exchange_error(link, Some(joint), &e))?;
         if !setting.wanted.holds(bits) {
             let of = &link.robot().joints[joint];
-            return Err(Error::new("an actuator means something else by its numbers")
-                .at(format!("joint {}, ID {}, {}", of.name, of.id, setting.name))
-                .got(setting.wanted.words(bits))
-                .remedy("correct the robot file's servo"));
+            return Err(Error::of(
+                ErrorKind::NotReady,
+                "an actuator means something else by its numbers",
+            )
+            .at(format!("joint {}, ID {}, {}", of.name, of.id, setting.name))
+            .got(setting.wanted.words(bits))
+            .remedy("correct the robot file's servo"));
         }
     }
     Ok(())
@@ -147,7 +153,7 @@ pub fn settle(
 /// As the file system says.
 pub fn save(path: &Path, calibration: &Calibration) -> Result<(), Error> {
     let failed = |e: std::io::Error| {
-        Error::new("the calibration cannot be written")
+        Error::of(ErrorKind::Io, "the calibration cannot be written")
             .at(path.display().to_string())
             .got(e.to_string())
     };

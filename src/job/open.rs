@@ -50,6 +50,14 @@ impl Rig {
         source::load(&MotionOrder::of(motion), self.robot())
     }
 
+    /// The same with choices: a section of it, some joints only, left and right swapped.
+    ///
+    /// # Errors
+    /// As [`source::load`].
+    pub fn motion_of(&self, order: &MotionOrder) -> Result<RobotMotion, Error> {
+        source::load(order, self.robot())
+    }
+
     /// Plays a motion to its end: every servo is looked at, the way is planned from where the robot
     /// stands, slowed to what its joints can do, and performed under watch.
     ///

@@ -2,7 +2,7 @@
 
 use super::source::RobotMotion;
 use crate::control::{Exception, FlightCycle, Left, Performance, Run, Stop, StopCode, StopReason};
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use crate::motion::{Because, Retimed};
 use crate::robot::Joint;
 use crate::robot::preflight::Preflight;
@@ -133,6 +133,8 @@ pub struct PlayReport {
     pub outcome: Outcome,
     /// Why, unless done.
     pub stop_reason: Option<String>,
+    /// What kind of refusal it was; null unless nothing was moved because of one.
+    pub refusal: Option<ErrorKind>,
     /// The same as data; null for a motion that was refused, or done.
     pub stop: Option<Stop>,
     /// Where goals could not be led to rest along the checked path.
@@ -210,6 +212,7 @@ impl PlayReport {
         Self {
             outcome: Outcome::Refused,
             stop_reason: None,
+            refusal: None,
             stop: None,
             exceptions: Vec::new(),
             left: None,
@@ -264,6 +267,7 @@ impl PlayReport {
     /// Says why nothing was moved.
     pub fn describe_refused(&mut self, error: &Error) {
         self.outcome = Outcome::Refused;
+        self.refusal = Some(error.kind);
         self.stop_reason = Some(error.to_string());
     }
 

@@ -8,7 +8,7 @@ use super::recorder::recorded_joint;
 use super::report::{Outcome, PlayReport};
 use super::source::{self, MotionOrder};
 use crate::draft;
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use crate::mocap;
 use crate::motion::{Plan, PlanOptions, Setpoint, plan};
 use crate::port::{Clock, MonotonicClock};
@@ -97,7 +97,7 @@ impl Kind {
             Some("csv") => Ok(Self::Csv),
             Some("bvh") => Ok(Self::Bvh),
             Some("mcap") => Ok(Self::Mcap),
-            _ => Err(Error::new("not a kind of file I can write")
+            _ => Err(Error::of(ErrorKind::Unknown, "not a kind of file I can write")
                 .at("-o")
                 .got(path.display().to_string())
                 .allowed("a name that ends in .csv, .mcap or .bvh")),
@@ -158,8 +158,8 @@ fn record(order: &RetargetOrder, robot: &Robot, planned: &Plan, rate_hz: f64) ->
     let stored = recorder.finish(RunEnd { outcome, stop_reason: None, at: end, metadata });
     match stored.poisoned {
         None => Ok(()),
-        Some(cause) => {
-            Err(Error::new("cannot write the file").at(order.file.display().to_string()).got(cause))
-        }
+        Some(cause) => Err(Error::of(ErrorKind::Io, "cannot write the file")
+            .at(order.file.display().to_string())
+            .got(cause)),
     }
 }

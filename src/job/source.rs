@@ -6,7 +6,7 @@ use super::model::robot_model;
 use super::report::Source;
 use crate::action::{Join, phrase, vocabulary};
 use crate::body::Proportions;
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use crate::mocap::anatomy::{self, Capture};
 use crate::mocap::bvh;
 use crate::mocap::clip::Clip;
@@ -96,13 +96,13 @@ pub fn only(robot: &Robot, names: &[String]) -> Result<Vec<usize>, Error> {
     let mut joints = Vec::with_capacity(names.len());
     for (at, name) in names.iter().enumerate() {
         let joint = robot.joints.iter().position(|joint| joint.name == *name).ok_or_else(|| {
-            Error::new("the robot has no such joint")
+            Error::of(ErrorKind::Unknown, "the robot has no such joint")
                 .at("--only")
                 .got(name.clone())
                 .allowed(robot.joint_names().join(", "))
         })?;
         if let Some(first) = joints.iter().position(|&other| other == joint) {
-            return Err(Error::new("a joint is named twice")
+            return Err(Error::of(ErrorKind::Malformed, "a joint is named twice")
                 .at("--only")
                 .got(format!("{name}: name {} and name {}", first + 1, at + 1))
                 .allowed("each joint once"));
@@ -141,12 +141,13 @@ pub fn body_motion(motion: &str, mapping: Option<&Path>) -> Result<(Capture, Sou
     let path = Path::new(motion);
     if !path.extension().is_some_and(|e| e.eq_ignore_ascii_case("bvh")) {
         let shipped: Vec<&str> = vocabulary::names().collect();
-        return Err(Error::new("not a motion I can read").at("MOTION").got(motion).allowed(
-            format!(
+        return Err(Error::of(ErrorKind::Unknown, "not a motion I can read")
+            .at("MOTION")
+            .got(motion)
+            .allowed(format!(
                 "a file that ends in .bvh, an action file (.toml), or a shipped action: {}",
                 shipped.join(", ")
-            ),
-        ));
+            )));
     }
     let mapping = mapping.map(read_mapping).transpose()?;
     let bvh = bvh::read(path)?;

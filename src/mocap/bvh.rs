@@ -8,7 +8,7 @@
 //! count per joint, rotations before positions, CRLF or tabs, numbers such as `.5` and `1e-5`,
 //! joint names with blanks, leaves without `End Site`, keywords in any case, several roots.
 
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use glam::DVec3;
 use std::fmt::Write as _;
 use std::fs::File;
@@ -143,7 +143,7 @@ pub fn read(path: &Path) -> Result<Bvh, Error> {
     };
     let unreadable = |cause: std::io::Error| {
         in_file(
-            Error::new("the file cannot be read")
+            Error::of(ErrorKind::Io, "the file cannot be read")
                 .got(cause.to_string())
                 .remedy("check the path and the permissions"),
         )
@@ -163,7 +163,7 @@ pub fn parse(text: &[u8]) -> Result<Bvh, Error> {
 
 fn parse_stream(stream: impl Read, bytes: u64) -> Result<Bvh, Error> {
     if bytes > MAX_FILE_BYTES {
-        return Err(Error::new("the file is too large")
+        return Err(Error::of(ErrorKind::Malformed, "the file is too large")
             .got(format!("{bytes} bytes"))
             .allowed(format!("at most {MAX_FILE_BYTES} bytes"))
             .remedy("cut the recording into shorter files"));

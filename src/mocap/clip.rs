@@ -10,7 +10,7 @@
 //! * Leading rest poses, which some converters put before the motion, are dropped.
 
 use crate::body::Segment;
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use crate::mocap::bvh::Bvh;
 use crate::mocap::landmarks::Landmarks;
 use crate::mocap::mapping::{ARMS, LEGS, Mapping, MappingFile};
@@ -66,7 +66,7 @@ impl Clip {
     pub fn new(bvh: Bvh, file: Option<&MappingFile>) -> Result<Self, Error> {
         let mapping = Mapping::find(&bvh, file)?;
         if bvh.pose_count() < 2 {
-            return Err(Error::new("there is no motion in the file")
+            return Err(Error::of(ErrorKind::Malformed, "there is no motion in the file")
                 .got(format!("{} pose", bvh.pose_count()))
                 .allowed("at least 2 poses"));
         }

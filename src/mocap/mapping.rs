@@ -10,7 +10,7 @@
 //! ```
 
 use crate::body::{Segment, segment_name};
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use crate::mocap::bvh::{Bvh, Joint};
 use crate::mocap::skeleton::Point;
 use crate::toml_text::from_toml;
@@ -59,7 +59,7 @@ impl MappingFile {
     /// If it is not TOML, or has other keys than `[segments]`.
     pub fn parse(text: &str) -> Result<Self, Error> {
         from_toml(text).map_err(|cause| {
-            Error::new("the mapping file cannot be read")
+            Error::of(ErrorKind::Malformed, "the mapping file cannot be read")
                 .got(cause.to_string().trim_end().to_owned())
                 .allowed("[segments] with lines such as left_upper_arm = \"LeftArm\"")
         })
@@ -129,10 +129,13 @@ fn given_joints(bvh: &Bvh, file: &MappingFile) -> Result<[Option<usize>; 13], Er
         let Some(segment) = segment else {
             let names: Vec<&str> =
                 Segment::ALL.iter().map(|segment| segment_name(*segment)).collect();
-            return Err(Error::new("the mapping file names a segment that does not exist")
-                .at("[segments]")
-                .got(key.as_str())
-                .allowed(names.join(", ")));
+            return Err(Error::of(
+                ErrorKind::Malformed,
+                "the mapping file names a segment that does not exist",
+            )
+            .at("[segments]")
+            .got(key.as_str())
+            .allowed(names.join(", ")));
         };
         let at = bvh.joints.iter().position(|candidate| candidate.name == *joint);
         let Some(at) = at else {
@@ -155,7 +158,7 @@ fn given_joints(bvh: &Bvh, file: &MappingFile) -> Result<[Option<usize>; 13], Er
         }
         let other = Segment::ALL.into_iter().find(|other| given[other.index()] == Some(at));
         if let Some(other) = other.filter(|other| !is_trunk(*other) || !is_trunk(segment)) {
-            return Err(Error::new("the mapping file names a joint twice")
+            return Err(Error::of(ErrorKind::Malformed, "the mapping file names a joint twice")
                 .at("[segments]")
                 .got(format!("{joint}: {} and {key}", segment_name(other)))
                 .allowed("a joint of its own for each segment"));
@@ -211,10 +214,13 @@ impl Search<'_> {
         if !LEGS.iter().any(|leg| whole(&leg[..2])) && !ARMS.iter().any(|arm| whole(arm)) {
             let names: Vec<&str> =
                 self.bvh.joints.iter().take(40).map(|joint| joint.name.as_str()).collect();
-            return Err(Error::new("no legs and no arms are found in the skeleton")
-                .got(format!("joints {}", names.join(", ")))
-                .allowed("a person: thigh, shank, upper arm, forearm on both sides")
-                .remedy("if it is a person, name the joints in a mapping file"));
+            return Err(Error::of(
+                ErrorKind::Malformed,
+                "no legs and no arms are found in the skeleton",
+            )
+            .got(format!("joints {}", names.join(", ")))
+            .allowed("a person: thigh, shank, upper arm, forearm on both sides")
+            .remedy("if it is a person, name the joints in a mapping file"));
         }
         let neck = names::find(&self.names, Side::Middle, names::NECK, |_| true);
         Ok(Mapping { parts, neck, sides_are_named })

@@ -3,7 +3,7 @@
 
 use std::collections::HashSet;
 
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use crate::motion::spline::{End, Spline};
 
 /// Most joints of a path.
@@ -203,7 +203,10 @@ pub(crate) fn check_names(joints: &[String], rows: usize) -> Result<(), Error> {
     }
     let mut seen = HashSet::new();
     match joints.iter().find(|joint| !seen.insert(joint.as_str())) {
-        Some(joint) => Err(Error::new("a joint is named twice").at(format!("joint {joint}"))),
+        Some(joint) => {
+            Err(Error::of(ErrorKind::Malformed, "a joint is named twice")
+                .at(format!("joint {joint}")))
+        }
         None => Ok(()),
     }
 }

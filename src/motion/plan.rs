@@ -5,7 +5,7 @@
 //! where it ends moving; rest at its last pose. Everything is laid on one even grid of knots that
 //! contains the path's own, so that away from its eased ends the path is kept exactly.
 
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use crate::motion::ease::{
     eased_rate, eased_rate_derivative, eased_time_s, knotted_step, shortest_step_s,
 };
@@ -124,12 +124,13 @@ pub fn plan(
             Err(error) => refusal = Some(error),
         }
     }
-    Err(refusal.unwrap_or_else(|| Error::new("the motion could not be planned")))
+    Err(refusal
+        .unwrap_or_else(|| Error::of(ErrorKind::OutsideLimits, "the motion could not be planned")))
 }
 
 fn check_options(options: PlanOptions) -> Result<(), Error> {
     if !SPEEDS.contains(&options.speed) {
-        return Err(Error::new("the playing speed is out of range")
+        return Err(Error::of(ErrorKind::OutsideLimits, "the playing speed is out of range")
             .got(options.speed.to_string())
             .allowed(format!("{} to {}", SPEEDS.start(), SPEEDS.end())));
     }

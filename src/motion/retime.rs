@@ -3,7 +3,7 @@
 //! Slowing a motion by the factor k divides velocities by k and accelerations by k^2 and leaves
 //! the path alone, so positions are never mended here.
 
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use crate::motion::limits::JointLimits;
 use crate::motion::path::Path;
 
@@ -60,11 +60,14 @@ pub fn retime(path: &Path, limits: &[JointLimits]) -> Result<Retimed, Error> {
         return Ok(Retimed { factor: 1.0, joint, because: Because::Nothing });
     }
     if !(factor <= MAX_FACTOR) {
-        return Err(Error::new("the motion would have to be slowed down absurdly")
-            .at(format!("joint {}", joint.1))
-            .got(format!("a factor of {factor:.1}"))
-            .allowed(format!("at most {MAX_FACTOR}"))
-            .remedy("check the units of the motion and of the limits"));
+        return Err(Error::of(
+            ErrorKind::OutsideLimits,
+            "the motion would have to be slowed down absurdly",
+        )
+        .at(format!("joint {}", joint.1))
+        .got(format!("a factor of {factor:.1}"))
+        .allowed(format!("at most {MAX_FACTOR}"))
+        .remedy("check the units of the motion and of the limits"));
     }
     Ok(Retimed { factor: factor * (1.0 + HEADROOM), joint, because })
 }

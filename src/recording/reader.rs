@@ -19,7 +19,7 @@ use super::sample::{CycleRecord, JointRecord, RunEnd, RunStart};
 use super::scan::{Channel, Found, Tally, scan};
 use super::writer::{Disk, create_file};
 use crate::draft::Draft;
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use crate::time::Instant;
 
 /// The largest file [`read`] takes into memory; [`summary`] and [`recover`] take any size.
@@ -89,7 +89,7 @@ pub fn read(path: &Path) -> Result<Recording, Error> {
     let bytes = file.metadata().map(|metadata| metadata.len()).unwrap_or(0);
     if bytes > FILE_BYTES {
         return Err(at_path(
-            Error::new("the recording is too large to be read at once")
+            Error::of(ErrorKind::Malformed, "the recording is too large to be read at once")
                 .got(format!("{} MiB", bytes >> 20))
                 .allowed(format!("{} MiB", FILE_BYTES >> 20)),
         ));
@@ -388,7 +388,9 @@ pub fn joint_series(recording: &Recording) -> GoalSeries {
 
 pub(super) fn open(path: &Path) -> Result<File, Error> {
     let unreadable = |cause: String| {
-        Error::new("the recording cannot be opened").at(path.display().to_string()).got(cause)
+        Error::of(ErrorKind::Io, "the recording cannot be opened")
+            .at(path.display().to_string())
+            .got(cause)
     };
     // Asked before opening: a named pipe would make the open itself wait for ever.
     let kind = std::fs::metadata(path).map_err(|cause| unreadable(cause.to_string()))?;

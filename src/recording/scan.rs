@@ -16,7 +16,7 @@ use mcap::records::{MessageHeader, Metadata, op};
 
 use super::crc::crc32;
 use super::record::{ChannelRecord, ChunkRecord, Record, SchemaRecord};
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 
 /// No record of a recording is larger: chunks are closed at 1 MiB.
 const RECORD_BYTES: u64 = 64 << 20;
@@ -126,7 +126,7 @@ pub(super) fn scan(
     let mut magic = Vec::new();
     scan.fill(&mut magic, mcap::MAGIC.len() as u64)?;
     if magic != mcap::MAGIC {
-        return Err(Error::new("this is no MCAP recording")
+        return Err(Error::of(ErrorKind::Malformed, "this is no MCAP recording")
             .got(format!("{magic:02x?}"))
             .allowed("a file that begins with the MCAP magic 89 4d 43 41 50 30 0d 0a"));
     }
@@ -255,7 +255,7 @@ impl<R: Read, F: FnMut(Found) -> Result<(), Error>> Scan<R, F> {
     fn read_chunk(&mut self, chunk: &ChunkRecord) -> Result<Result<(), Broken>, Error> {
         if !chunk.compression.is_empty() {
             let shown: String = chunk.compression.chars().take(40).collect();
-            return Err(Error::new("the recording is compressed")
+            return Err(Error::of(ErrorKind::Malformed, "the recording is compressed")
                 .got(shown)
                 .allowed("MCAP chunks without compression")
                 .remedy("mcap decompress FILE -o PLAIN.mcap"));
@@ -302,7 +302,7 @@ impl<R: Read, F: FnMut(Found) -> Result<(), Error>> Scan<R, F> {
 }
 
 fn unreadable(cause: io::Error) -> Error {
-    Error::new("the recording cannot be read").got(cause.to_string())
+    Error::of(ErrorKind::Malformed, "the recording cannot be read").got(cause.to_string())
 }
 
 /// Opcode and length, if `bytes` holds them.

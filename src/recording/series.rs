@@ -6,7 +6,7 @@ use super::reader::{open, parse};
 use super::sample::RunStart;
 use super::scan::{Found, scan};
 use super::sensor::{Imu, Transform};
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use glam::{DQuat, DVec3};
 use std::collections::BTreeMap;
 use std::io::{BufReader, Read};
@@ -57,7 +57,7 @@ pub fn sensor_series(path: &Path) -> Result<SensorSeries, Error> {
     let bytes = file.metadata().map_or(0, |metadata| metadata.len());
     if bytes > FILE_BYTES {
         return Err(at_path(
-            Error::new("the recording is too large to be read at once")
+            Error::of(ErrorKind::Malformed, "the recording is too large to be read at once")
                 .got(format!("{} MiB", bytes >> 20))
                 .allowed(format!("{} MiB", FILE_BYTES >> 20)),
         ));

@@ -7,7 +7,7 @@
 use super::reader::{open, parse, read};
 use super::scan::{Found, scan};
 use super::sensor::{Imu, Rotation, Transform, Vector};
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use mcap::records::MessageHeader;
 use std::collections::BTreeMap;
 use std::io::{BufReader, Write};
@@ -143,8 +143,9 @@ fn rotation(value: Option<Rotation>) -> String {
 }
 
 fn line(out: &mut impl Write, text: &str) -> Result<(), Error> {
-    writeln!(out, "{text}")
-        .map_err(|cause| Error::new("the table cannot be written").got(cause.to_string()))
+    writeln!(out, "{text}").map_err(|cause| {
+        Error::of(ErrorKind::Io, "the table cannot be written").got(cause.to_string())
+    })
 }
 
 /// One row per cycle.

@@ -14,7 +14,7 @@ use super::message::{self, Topic};
 use super::sample::{CycleRecord, RunEnd, RunStart};
 use super::sensor::{self, RecordedSource, SourceId, SourceRecord};
 use crate::draft::Draft;
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 
 /// Cycles that may wait for the disk: 2.5 s at 100 Hz, about 1 MiB with 20 joints.
 const QUEUE_CYCLES: usize = 256;
@@ -247,8 +247,9 @@ impl Recorder {
         length: usize,
     ) -> Result<Self, Error> {
         let joints = start.joints.len();
-        let log = Log::create(disk, start, pace, keep)
-            .map_err(|cause| Error::new("the recording cannot be started").got(cause))?;
+        let log = Log::create(disk, start, pace, keep).map_err(|cause| {
+            Error::of(ErrorKind::Io, "the recording cannot be started").got(cause)
+        })?;
         let (queue, taken) = sync_channel(length);
         let shared = log.shared();
         let thread = std::thread::Builder::new()
@@ -399,7 +400,9 @@ fn shown(path: &Path) -> String {
 /// Begins the file at `path`.
 pub(super) fn create_file(path: &Path, force: bool) -> Result<Draft, Error> {
     Draft::create(path, force).map_err(|cause| {
-        let error = Error::new("the file cannot be created").at(shown(path)).got(cause.to_string());
+        let error = Error::of(ErrorKind::Io, "the file cannot be created")
+            .at(shown(path))
+            .got(cause.to_string());
         match cause.kind() {
             io::ErrorKind::AlreadyExists => {
                 error.remedy("choose another name, or add --force to replace it")

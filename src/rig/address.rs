@@ -1,6 +1,6 @@
 //! Where a robot is reached: the value of `--bus`.
 
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use std::fmt;
 use std::str::FromStr;
 
@@ -71,7 +71,12 @@ impl FromStr for Address {
     type Err = Error;
 
     fn from_str(text: &str) -> Result<Self, Error> {
-        let unknown = || Error::new("not a bus I know").at("the bus").got(text).allowed(ALLOWED);
+        let unknown = || {
+            Error::of(ErrorKind::Unknown, "not a bus I know")
+                .at("the bus")
+                .got(text)
+                .allowed(ALLOWED)
+        };
         let (line, bus) = match text.split_once('=') {
             // An `=` after `?` belongs to the bus, not to a line name.
             Some((name, bus)) if !name.contains(['?', '/', ':']) => (Some(name.to_owned()), bus),

@@ -3,7 +3,7 @@
 use super::address::{Address, BusKind};
 use super::virtual_robot::{VirtualTerminal, live_line, virtual_port, world};
 use super::wire::{CAN_LATENCY, UNKNOWN_LATENCY, echoes, interface_at, wire, wrong_kind};
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use crate::port::patient::PatientClock;
 use crate::port::sim::{SharedWorld, VirtualClock};
 use crate::port::{Clock, FramePort, MonotonicClock};
@@ -66,7 +66,7 @@ fn assign(robot: &Robot, addresses: &[Address]) -> Result<Vec<BusKind>, Error> {
     for address in addresses {
         let known = address.line.as_deref().is_none_or(|name| names.contains(&name));
         if !known {
-            return Err(Error::new("the robot has no such line")
+            return Err(Error::of(ErrorKind::Unknown, "the robot has no such line")
                 .at("--bus")
                 .got(address.line.clone().unwrap_or_default())
                 .allowed(names.join(", ")));

@@ -7,7 +7,7 @@ pub use can::{CanIdentity, can_ask_error, describe, dialect_of, is_likely};
 use super::serial_line::OpenLine;
 use crate::bus::{AskError, Miss, Protocol};
 use crate::device::Model;
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use crate::robot::preflight::host_late;
 use crate::time::Duration;
 use gaitway_profiles::{self as profiles, Dialect, Servo};
@@ -141,20 +141,24 @@ fn from_table(id: u8, table: &[u8]) -> Option<Identity> {
 #[must_use]
 pub fn ask_error(place: String, error: &AskError) -> Error {
     match error {
-        AskError::Miss(Miss::Silent) => Error::new("no device answers")
+        AskError::Miss(Miss::Silent) => Error::of(ErrorKind::Silent, "no device answers")
             .at(place)
             .got("nothing")
             .remedy("check power, cable and ID; `gaitway scan BUS --baud all` looks everywhere"),
-        AskError::Miss(Miss::Garbled) => Error::new("the answers are damaged")
+        AskError::Miss(Miss::Garbled) => Error::of(ErrorKind::Damaged, "the answers are damaged")
             .at(place)
             .got("packets that fail their checksum")
             .remedy("two devices may have this ID, or the line speed is wrong: unplug all but one"),
         AskError::Miss(Miss::Refused(why)) => {
-            Error::new("the device refused").at(place).got(why.clone())
+            Error::of(ErrorKind::Damaged, "the device refused").at(place).got(why.clone())
         }
         AskError::Miss(Miss::HostLate { by_ms }) => host_late(place, Duration::from_millis(*by_ms)),
-        AskError::Miss(miss) => Error::new("a wrong answer").at(place).got(miss.to_string()),
-        AskError::Port(error) => Error::new("the line failed").at(place).got(error.to_string()),
+        AskError::Miss(miss) => {
+            Error::of(ErrorKind::Damaged, "a wrong answer").at(place).got(miss.to_string())
+        }
+        AskError::Port(error) => {
+            Error::of(ErrorKind::Damaged, "the line failed").at(place).got(error.to_string())
+        }
         AskError::Unsayable(text) => Error::new(text.clone()).at(place),
     }
 }

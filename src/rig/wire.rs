@@ -1,7 +1,7 @@
 //! Real lines: serial ports, TCP connections, CAN interfaces, and what is known of the adapter.
 
 use super::address::{Address, BusKind};
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use crate::port::can::{self, CanInterface, Controller};
 use crate::port::inventory::Machine;
 use crate::port::serial::SerialLine;
@@ -40,7 +40,7 @@ pub(super) fn interface_at(interface: &str, speed: CanSpeed) -> Result<Box<dyn F
     let remedy =
         || format!("ip link set {interface} down; ip link set {interface} up {setup} (as root)");
     let found = can::state(interface).map_err(|e| {
-        Error::new("there is no such CAN interface")
+        Error::of(ErrorKind::Absent, "there is no such CAN interface")
             .at(place())
             .got(spoken(&e))
             .remedy("plug the adapter in; `ip link` and `gaitway ports` list what is there")
@@ -69,13 +69,17 @@ pub(super) fn interface_at(interface: &str, speed: CanSpeed) -> Result<Box<dyn F
         }
     }
     let mut port = CanInterface::open(interface).map_err(|e| {
-        Error::new("the CAN interface cannot be opened").at(place()).got(spoken(&e))
+        Error::of(ErrorKind::Io, "the CAN interface cannot be opened").at(place()).got(spoken(&e))
     })?;
     port.claim().map_err(|e| match e {
-        PortError::Busy(_) => Error::new("the CAN interface is in use by another gaitway")
+        PortError::Busy(_) => {
+            Error::of(ErrorKind::Busy, "the CAN interface is in use by another gaitway")
+                .at(place())
+                .remedy("end the other command first: two hosts would fight over the actuators")
+        }
+        e => Error::of(ErrorKind::Io, "the CAN interface cannot be claimed")
             .at(place())
-            .remedy("end the other command first: two hosts would fight over the actuators"),
-        e => Error::new("the CAN interface cannot be claimed").at(place()).got(spoken(&e)),
+            .got(spoken(&e)),
     })?;
     Ok(Box::new(port))
 }
@@ -95,7 +99,7 @@ pub(super) fn wire(bus: &BusKind, baud_bps: u32) -> Result<(Box<dyn BytePort>, D
     match bus {
         BusKind::Tcp { place, .. } => {
             let port = TcpLine::open(place).map_err(|e| {
-                Error::new("nobody takes the connection")
+                Error::of(ErrorKind::Absent,"nobody takes the connection")
                     .at(format!("tcp:{place}"))
                     .got(spoken(&e))
                     .remedy("check host and port; the other end must run already, e.g. gaitway simulate")
@@ -130,18 +134,20 @@ pub fn open_stream(address: &Address, baud_bps: u32) -> Result<Box<dyn BytePort>
 pub(super) fn port_error(path: &str, error: &PortError) -> Error {
     let place = format!("port {path}");
     match error {
-        PortError::Gone(text) => Error::new("there is no such port")
+        PortError::Gone(text) => Error::of(ErrorKind::Absent, "there is no such port")
             .at(place)
             .got(text.clone())
             .remedy("plug the adapter in; `gaitway ports` lists what is there"),
-        PortError::Denied(_) => Error::new("no permission to open the port")
+        PortError::Denied(_) => Error::of(ErrorKind::NoAccess, "no permission to open the port")
             .at(place)
             .remedy("install the udev rules: `gaitway doctor` says how, and what else is missing"),
-        PortError::Busy(text) => Error::new("the port is in use by another program")
-            .at(place)
-            .got(text.clone())
-            .remedy("end the other program; `fuser -v PORT` names it"),
-        other => Error::new("the port cannot be opened as a serial line")
+        PortError::Busy(text) => {
+            Error::of(ErrorKind::Busy, "the port is in use by another program")
+                .at(place)
+                .got(text.clone())
+                .remedy("end the other program; `fuser -v PORT` names it")
+        }
+        other => Error::of(ErrorKind::Io, "the port cannot be opened as a serial line")
             .at(place)
             .got(spoken(other))
             .allowed("a serial port, e.g. /dev/ttyUSB0, or the terminal of gaitway simulate")

@@ -11,7 +11,7 @@ pub use line::EepromWrite;
 use super::reading::LinePlan;
 use super::{Joint, Link, LinkError, ServoDrive};
 use crate::bus::{AskError, Miss};
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use crate::port::PortError;
 use crate::time::{Duration, Instant};
 use gaitway_profiles::{Region, Register, Role};
@@ -139,7 +139,7 @@ pub(super) fn place(link: &Link, joint: usize) -> String {
 
 /// Words for a host that was too late to hear an answer: nothing is known of the device.
 pub(crate) fn host_late(place: String, late: Duration) -> Error {
-    Error::new("this host is too late to hear the answers")
+    Error::of(ErrorKind::HostLate, "this host is too late to hear the answers")
         .at(place)
         .got(format!("{} ms late while it waited", late.as_millis()))
         .allowed("a host that runs when an answer comes")
@@ -151,31 +151,40 @@ pub(crate) fn exchange_error(link: &Link, joint: Option<usize>, failed: &LinkErr
     let actuator = joint.is_some_and(|joint| link.robot().joints[joint].actuator().is_some());
     let place = joint.map_or_else(|| failed.place.clone(), |joint| place(link, joint));
     match &failed.error {
-        AskError::Port(PortError::Gone(port)) => Error::new("the port vanished")
+        AskError::Port(PortError::Gone(port)) => Error::of(ErrorKind::Absent, "the port vanished")
             .at(place)
             .got(port.clone())
             .remedy("check the cable and the adapter, then start again"),
-        AskError::Port(error) => Error::new("the line failed").at(place).got(error.to_string()),
-        AskError::Miss(Miss::HostLate { by_ms }) => host_late(place, Duration::from_millis(*by_ms)),
-        AskError::Miss(Miss::Silent) if actuator => {
-            Error::new("an actuator does not answer").at(place).got("nothing").remedy(
-                "check its power, its cable, its ids (its own and that of its answers), the bit \
-                 rate, and a terminator at each end of the line",
-            )
+        AskError::Port(error) => {
+            Error::of(ErrorKind::Damaged, "the line failed").at(place).got(error.to_string())
         }
-        AskError::Miss(Miss::Silent) => Error::new("a servo does not answer")
+        AskError::Miss(Miss::HostLate { by_ms }) => host_late(place, Duration::from_millis(*by_ms)),
+        AskError::Miss(Miss::Silent) if actuator => Error::of(
+            ErrorKind::Silent,
+            "an actuator does not answer",
+        )
+        .at(place)
+        .got("nothing")
+        .remedy(
+            "check its power, its cable, its ids (its own and that of its answers), the bit \
+                 rate, and a terminator at each end of the line",
+        ),
+        AskError::Miss(Miss::Silent) => Error::of(ErrorKind::Silent, "a servo does not answer")
             .at(place)
             .got("nothing")
             .remedy("check its power, its cable, its ID and its line speed"),
-        AskError::Miss(Miss::Garbled) => Error::new("a servo's answers are damaged")
-            .at(place)
-            .got("packets that fail their checksum")
-            .remedy(
-                "look for two servos with this ID, a loose connector, a missing terminator or a \
+        AskError::Miss(Miss::Garbled) => Error::of(
+            ErrorKind::Damaged,
+            "a servo's answers are damaged",
+        )
+        .at(place)
+        .got("packets that fail their checksum")
+        .remedy(
+            "look for two servos with this ID, a loose connector, a missing terminator or a \
                  wrong line speed",
-            ),
+        ),
         AskError::Miss(miss) => {
-            Error::new("a servo answers wrongly").at(place).got(miss.to_string())
+            Error::of(ErrorKind::Damaged, "a servo answers wrongly").at(place).got(miss.to_string())
         }
         AskError::Unsayable(text) => Error::new(text.clone()).at(place),
     }
@@ -190,11 +199,14 @@ fn check_identity(link: &mut Link, accept: Accept, found: &mut Preflight) -> Res
         let profile = servo.model.profile();
         let (model, firmware) = mode::identity(link, joint)?;
         if model != profile.model_number {
-            return Err(Error::new("another servo model than the robot file says")
-                .at(place(link, joint))
-                .got(format!("model number {model}"))
-                .allowed(format!("{} ({})", profile.model_number, profile.model))
-                .remedy("correct the robot file, or the servo's ID"));
+            return Err(Error::of(
+                ErrorKind::NotReady,
+                "another servo model than the robot file says",
+            )
+            .at(place(link, joint))
+            .got(format!("model number {model}"))
+            .allowed(format!("{} ({})", profile.model_number, profile.model))
+            .remedy("correct the robot file, or the servo's ID"));
         }
         let range = profile.firmware;
         let inside = firmware >= range.min && range.max.is_none_or(|max| firmware <= max);
@@ -233,11 +245,14 @@ fn check_setup(link: &mut Link, found: &mut Preflight) -> Result<(), Error> {
                 found.to_write.push((joint, register, wanted));
                 continue;
             }
-            return Err(Error::new("a servo is not configured as the robot file says")
-                .at(format!("{}, register {name} ({})", place(link, joint), register.address))
-                .got(format!("{raw} (raw)"))
-                .allowed(format!("{wanted} (raw)"))
-                .remedy("set the register with the maker's tool, or correct the robot file"));
+            return Err(Error::of(
+                ErrorKind::NotReady,
+                "a servo is not configured as the robot file says",
+            )
+            .at(format!("{}, register {name} ({})", place(link, joint), register.address))
+            .got(format!("{raw} (raw)"))
+            .allowed(format!("{wanted} (raw)"))
+            .remedy("set the register with the maker's tool, or correct the robot file"));
         }
     }
     Ok(())
@@ -352,7 +367,7 @@ fn check_health(link: &mut Link, found: &mut Preflight) -> Result<(), Error> {
             if let Some(bits) = health.error_bits.filter(|&bits| bits != 0)
                 && actuator::serious(link, joint, bits, found)
             {
-                return Err(Error::new("a servo reports a hardware error")
+                return Err(Error::of(ErrorKind::NotReady, "a servo reports a hardware error")
                     .at(place(link, joint))
                     .got(link.error_words(joint, bits))
                     .allowed("no error")
@@ -371,7 +386,7 @@ fn check_supply(link: &Link, joint: usize, health: &crate::device::Health) -> Re
         (health.voltage_v, link.robot().joints[joint].configured(Role::MinVoltageLimit))
         && !(voltage >= minimum)
     {
-        return Err(Error::new("the supply voltage is too low")
+        return Err(Error::of(ErrorKind::NotReady, "the supply voltage is too low")
             .at(place(link, joint))
             .got(format!("{voltage:.1} V"))
             .allowed(format!("at least {minimum:.1} V"))
@@ -381,7 +396,7 @@ fn check_supply(link: &Link, joint: usize, health: &crate::device::Health) -> Re
         (health.temperature_c, link.robot().joints[joint].configured(Role::TemperatureLimit))
         && !(temperature <= limit - TEMPERATURE_MARGIN_C)
     {
-        return Err(Error::new("a servo is too hot to start")
+        return Err(Error::of(ErrorKind::NotReady, "a servo is too hot to start")
             .at(place(link, joint))
             .got(format!("{temperature:.0} deg C"))
             .allowed(format!("at most {:.0} deg C", limit - TEMPERATURE_MARGIN_C))
@@ -425,7 +440,7 @@ pub(crate) fn positions(link: &mut Link) -> Result<Vec<f64>, Error> {
     for (joint, state) in states.into_iter().enumerate() {
         match state {
             Ok((_, true)) => {
-                return Err(Error::new("a servo raises its alert flag")
+                return Err(Error::of(ErrorKind::NotReady, "a servo raises its alert flag")
                     .at(place(link, joint))
                     .got("an error of its own: supply, temperature or load")
                     .allowed("no error")

@@ -8,7 +8,7 @@ use super::event::SensingEvent;
 use super::intake::{Intake, Named, SourceReport};
 use super::{LOOK, PATIENCE};
 use crate::capture::Chain;
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use crate::port::{Clock, MonotonicClock};
 use crate::recording::SourceKind;
 use crate::time::{Duration, Instant};
@@ -68,7 +68,7 @@ impl Trackers {
         worn: &[String],
     ) -> Result<Self, Error> {
         let refused = |cause: std::io::Error| {
-            Error::new("nobody can listen at the port")
+            Error::of(ErrorKind::Busy, "nobody can listen at the port")
                 .at(format!("udp:{listen}"))
                 .got(cause.to_string())
                 .remedy("end the other server (SlimeVR?), or choose another port")

@@ -4,7 +4,7 @@ use super::imu::SerialImu;
 use super::intake::Intake;
 use super::lines::TextLines;
 use super::slimevr::Trackers;
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use crate::rig::Address;
 use crate::rig::open_stream;
 use gaitway_profiles::{Sensor, SensorProtocol};
@@ -60,7 +60,8 @@ impl FromStr for Source {
     type Err = Error;
 
     fn from_str(text: &str) -> Result<Self, Error> {
-        let unknown = || Error::new("not a source I know").got(text).allowed(ALLOWED);
+        let unknown =
+            || Error::of(ErrorKind::Unknown, "not a source I know").got(text).allowed(ALLOWED);
         let (name, rest) = match text.split_once('=') {
             Some((name, rest)) if is_name(name) => (Some(name.to_owned()), rest),
             _ => (None, text),

@@ -4,7 +4,7 @@ use super::source::{Source, What};
 use crate::body::Segment;
 use crate::body::worn::WornSensor;
 use crate::body::{segment_name, segment_named};
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use crate::toml_text::from_toml;
 use glam::DVec3;
 use serde::Deserialize;
@@ -82,7 +82,7 @@ impl Wear {
     fn read(&mut self, path: &Path) -> Result<(), Error> {
         let text = gaitway_profiles::read_text(path)?;
         let file: WearFile = from_toml(&text).map_err(|cause| {
-            Error::new("the file does not say what is worn")
+            Error::of(ErrorKind::Malformed, "the file does not say what is worn")
                 .got(cause.to_string().trim_end().to_owned())
                 .allowed(
                     "[segments] with lines such as left_thigh = \"imu:bno08x-rvc@/dev/ttyUSB0\"",

@@ -1,6 +1,6 @@
 //! The folder of a session: files appear whole or not at all, and are never written over.
 
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use crate::toml_text::from_toml;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -28,9 +28,12 @@ impl Folder {
     pub fn open(root: &Path) -> Result<Self, Error> {
         let begun = root.join("session.toml").exists();
         if !begun && fs::read_dir(root).is_ok_and(has_strangers) {
-            return Err(Error::new("the folder holds other things and no session")
-                .at(shown(root))
-                .remedy("choose a folder that is empty or does not exist yet"));
+            return Err(Error::of(
+                ErrorKind::Exists,
+                "the folder holds other things and no session",
+            )
+            .at(shown(root))
+            .remedy("choose a folder that is empty or does not exist yet"));
         }
         for room in ROOMS {
             let room = root.join(room);
@@ -40,7 +43,7 @@ impl Folder {
         let lock = File::create(&path).map_err(|cause| unwritable(&path, &cause))?;
         // Where the file system knows no locks, there is none; two operators would see each other.
         if matches!(lock.try_lock(), Err(fs::TryLockError::WouldBlock)) {
-            return Err(Error::new("a session runs in this folder now")
+            return Err(Error::of(ErrorKind::Busy, "a session runs in this folder now")
                 .at(shown(root))
                 .remedy("end it there, or choose another folder"));
         }
@@ -95,7 +98,9 @@ impl Folder {
                 .got(format!("{size} bytes")));
         }
         let text = fs::read_to_string(&path).map_err(|cause| {
-            Error::new("the file cannot be read").at(shown(&path)).got(cause.to_string())
+            Error::of(ErrorKind::Io, "the file cannot be read")
+                .at(shown(&path))
+                .got(cause.to_string())
         })?;
         Ok(Some(text))
     }
@@ -114,7 +119,9 @@ impl Folder {
     /// A file that is there already or cannot be written.
     pub fn write_new_bytes(&self, name: &str, bytes: &[u8]) -> Result<(), Error> {
         if self.has(name) {
-            return Err(Error::new("the file exists already").at(shown(&self.path(name))));
+            return Err(
+                Error::of(ErrorKind::Exists, "the file exists already").at(shown(&self.path(name)))
+            );
         }
         self.replace_bytes(name, bytes)
     }
@@ -171,7 +178,7 @@ fn shown(path: &Path) -> String {
 }
 
 fn unwritable(path: &Path, cause: &io::Error) -> Error {
-    Error::new("the session cannot be written").at(shown(path)).got(cause.to_string())
+    Error::of(ErrorKind::Io, "the session cannot be written").at(shown(path)).got(cause.to_string())
 }
 
 fn toml_text(value: &impl Serialize) -> Result<String, Error> {

@@ -1,7 +1,7 @@
 //! What a session is to record.
 
 use crate::action::vocabulary;
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use crate::toml_text::from_toml;
 use serde::{Deserialize, Serialize};
 
@@ -70,7 +70,7 @@ impl Plan {
     pub fn parse(text: &str, file: &str) -> Result<Self, Error> {
         let plan: Self = from_toml(text).map_err(|e| {
             let line = e.span().map_or(1, |span| 1 + text[..span.start].matches('\n').count());
-            Error::new("this is no session plan")
+            Error::of(ErrorKind::Malformed, "this is no session plan")
                 .at(format!("{file}, line {line}"))
                 .got(e.message().replace('\n', "; "))
         })?;
@@ -147,7 +147,7 @@ impl PlannedAction {
         }
         self.explain = vocabulary::find(name)
             .map_err(|_| {
-                Error::new("the vocabulary has no such action")
+                Error::of(ErrorKind::Unknown, "the vocabulary has no such action")
                     .got(name)
                     .allowed(vocabulary::names().collect::<Vec<_>>().join(", "))
                     .remedy(

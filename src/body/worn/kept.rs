@@ -2,7 +2,7 @@
 
 use super::calibrate::{Calibration, HeadingBy, Mount};
 use crate::body::{segment_name, segment_named};
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use crate::toml_text::from_toml;
 use glam::DQuat;
 use serde::Deserialize;
@@ -95,7 +95,7 @@ impl Kept {
     /// Another format, an unknown segment or one named twice, a quaternion that is none.
     pub fn parse(text: &str) -> Result<Self, Error> {
         let wrong = |got: String| {
-            Error::new("this is no calibration of a body")
+            Error::of(ErrorKind::Malformed, "this is no calibration of a body")
                 .got(got)
                 .remedy("calibrate anew, or name another file")
         };

@@ -19,7 +19,7 @@ use crate::cli::cues;
 use crate::cli::report::Outcome;
 use crate::cli::signals::Signals;
 use crate::cli::{Deed, Remarks};
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use crate::sensing::{Hub, Intake, SensingEvent, Source, StopAtEnd, What};
 use crate::session::utc::Utc;
 use crate::session::wearers::wearer;
@@ -179,7 +179,9 @@ fn lead(job: &mut Job, given: setup::Given) -> Result<(), Ended> {
         job.reload()?;
         match job.progress.next(job.now()) {
             Step::SetUp => {
-                let given = given.take().ok_or_else(|| Error::new("there is no session.toml"))?;
+                let given = given
+                    .take()
+                    .ok_or_else(|| Error::of(ErrorKind::Absent, "there is no session.toml"))?;
                 setup::session(job.console, job.folder, given, job.now())?;
             }
             Step::Subject(id) => setup::subject(job.console, job.folder, &id)?,

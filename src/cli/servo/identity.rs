@@ -4,7 +4,7 @@
 use super::{Target, actuator};
 use crate::cli::signals::Signals;
 use crate::cli::{Deed, Remarks};
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use crate::job::servo::change::{change_baud, change_id, needed, permitted, refuse_taken};
 use crate::job::servo::device::Device;
 use clap::Args;
@@ -92,7 +92,7 @@ pub fn set_baud(args: &SetBaudArgs, remarks: Remarks) -> Result<i32, Error> {
     let known = &device.model.profile().baud;
     let Some(speed) = known.iter().find(|baud| baud.bps == args.baud_bps) else {
         let speeds: Vec<String> = known.iter().map(|baud| baud.bps.to_string()).collect();
-        return Err(Error::new("the servo does not know this line speed")
+        return Err(Error::of(ErrorKind::Unknown, "the servo does not know this line speed")
             .at(device.place())
             .got(format!("{} bit/s", args.baud_bps))
             .allowed(format!("{} bit/s", speeds.join(", "))));

@@ -4,7 +4,7 @@ use super::{Target, actuator};
 use crate::bus::{FactoryReset, Protocol};
 use crate::cli::signals::Signals;
 use crate::cli::{Deed, Remarks};
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use crate::job::servo::change::{factory_terms, obeyed, refuse_taken_by_reset, set_back, wait_for};
 use crate::job::servo::device::Device;
 use clap::Args;
@@ -52,9 +52,12 @@ pub fn reboot(args: &RebootArgs, remarks: Remarks) -> Result<i32, Error> {
             .remedy("switch its power off and on"));
     }
     if device.torque_on()? && !args.yes {
-        return Err(Error::new("the servo holds something: restarting lets it go")
-            .at(device.place())
-            .remedy("support what it carries, then add --yes"));
+        return Err(Error::of(
+            ErrorKind::NotPermitted,
+            "the servo holds something: restarting lets it go",
+        )
+        .at(device.place())
+        .remedy("support what it carries, then add --yes"));
     }
     let errors_before = device.read_role(Role::HardwareError)?;
     let (id, budget) = (device.id, device.line.budget());
@@ -111,13 +114,16 @@ pub fn factory_reset(args: &FactoryResetArgs, remarks: Remarks) -> Result<i32, E
         device.place()
     );
     if !args.permit_eeprom {
-        return Err(Error::new("nothing was written: this is kept at power-off")
-            .at(device.place())
-            .got(what)
-            .remedy(
-                "save what you need (`gaitway servo get BUS ID --json`), then add \
+        return Err(Error::of(
+            ErrorKind::NotPermitted,
+            "nothing was written: this is kept at power-off",
+        )
+        .at(device.place())
+        .got(what)
+        .remedy(
+            "save what you need (`gaitway servo get BUS ID --json`), then add \
                      --permit-eeprom",
-            ));
+        ));
     }
     remarks.say(&what);
     device.must_be_limp()?;

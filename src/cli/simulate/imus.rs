@@ -5,7 +5,7 @@ use crate::body::{segment_name, segment_named};
 use crate::cli::Remarks;
 use crate::cli::duration::duration;
 use crate::cli::signals::Signals;
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use crate::job::simulate::person::Person;
 use crate::job::simulate::worn::{Strapping, Worn, wire};
 use crate::job::source::body_motion;
@@ -178,7 +178,7 @@ impl<'a> Place<'a> {
         };
         if let Some(folder) = &args.pty {
             std::fs::create_dir_all(folder).map_err(|e| {
-                Error::new("the folder cannot be made")
+                Error::of(ErrorKind::Io, "the folder cannot be made")
                     .at(folder.display().to_string())
                     .got(e.to_string())
             })?;
@@ -229,12 +229,14 @@ impl<'a> Place<'a> {
         let Some(path) = self.args.wear_file.clone().or_else(usual) else { return Ok(()) };
         let is_ours = std::fs::read_to_string(&path).is_ok_and(|text| text.starts_with(HEAD));
         if path.exists() && !is_ours {
-            return Err(Error::new("the file exists already")
+            return Err(Error::of(ErrorKind::Exists, "the file exists already")
                 .at(path.display().to_string())
                 .remedy("choose another folder, or another --wear-file"));
         }
         std::fs::write(&path, &self.wear).map_err(|e| {
-            Error::new("cannot write the file").at(path.display().to_string()).got(e.to_string())
+            Error::of(ErrorKind::Io, "cannot write the file")
+                .at(path.display().to_string())
+                .got(e.to_string())
         })?;
         remarks.say(&format!(
             "then: gaitway live --wear {} --robot op3 --bus sim:pty --n-pose-after 1s --moves bow\n\

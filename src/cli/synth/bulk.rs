@@ -5,7 +5,7 @@ use crate::action::corpus::{Batch, Corpus};
 use crate::action::parquet::CorpusWriter;
 use crate::action::{Database, phrase};
 use crate::cli::Remarks;
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 use std::fmt::{self, Write as _};
@@ -196,7 +196,7 @@ fn open_folder(folder: &Path, about: &str, force: bool) -> Result<(), Error> {
         if found == about {
             return Ok(());
         }
-        return Err(Error::new("the folder holds another corpus")
+        return Err(Error::of(ErrorKind::Exists, "the folder holds another corpus")
             .at(note.display().to_string())
             .got(found.trim().to_owned())
             .allowed(about.trim().to_owned())
@@ -205,7 +205,7 @@ fn open_folder(folder: &Path, about: &str, force: bool) -> Result<(), Error> {
     fs::create_dir_all(folder).map_err(|e| failed("cannot make the folder", e))?;
     let mut entries = fs::read_dir(folder).map_err(|e| failed("cannot read the folder", e))?;
     if !force && entries.next().is_some() {
-        return Err(Error::new("the folder is not empty and holds no corpus")
+        return Err(Error::of(ErrorKind::Exists, "the folder is not empty and holds no corpus")
             .at(folder.display().to_string())
             .remedy("choose another folder, or add --force"));
     }
@@ -240,7 +240,9 @@ fn write_pair(
     let pieces = pieces_beside(poses);
     let part = |path: &Path| path.with_extension("parquet.part");
     let failed = |path: &Path, e: std::io::Error| {
-        Error::new("cannot write the corpus").at(path.display().to_string()).got(e.to_string())
+        Error::of(ErrorKind::Io, "cannot write the corpus")
+            .at(path.display().to_string())
+            .got(e.to_string())
     };
     let create = |path: &Path| {
         let file = File::create(part(path)).map_err(|e| failed(path, e))?;

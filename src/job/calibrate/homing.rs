@@ -4,7 +4,7 @@ use super::reading::{Measured, reading};
 use crate::bus::Protocol;
 use crate::calibration::{HomingSign, homing_offset};
 use crate::control::{inject, net};
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use crate::robot::Link;
 use crate::robot::preflight::{budget, exchange_error};
 use gaitway_profiles::{Register, Role};
@@ -132,7 +132,7 @@ fn through(link: &mut Link, joint: usize, lock: &Register, change: &Change) -> R
             put(link, joint, change.register, change.new)
         })
         .unwrap_or_else(|words| {
-            Err(Error::new("the program broke as the offset was written")
+            Err(Error::of(ErrorKind::Broke, "the program broke as the offset was written")
                 .at(&place)
                 .got(words)
                 .remedy(format!("please report this; before, it was {}", change.old)))

@@ -2,7 +2,7 @@
 
 use crate::bus::AskError;
 use crate::device::Model;
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use crate::robot::preflight::{budget, exchange_error};
 use crate::robot::{Joint, Link, LinkError};
 use gaitway_profiles::{Register, Role};
@@ -135,7 +135,8 @@ fn actuator_reading(link: &mut Link, joint: usize) -> Result<i64, Error> {
         }
     }
     let of = &link.robot().joints[joint];
-    Err(Error::new("the joint does not answer").at(format!("joint {}, ID {}", of.name, of.id)))
+    Err(Error::of(ErrorKind::Silent, "the joint does not answer")
+        .at(format!("joint {}, ID {}", of.name, of.id)))
 }
 
 impl Measured {

@@ -2,7 +2,7 @@
 
 use crate::bus::scan::scan;
 use crate::bus::{AskError, Protocol};
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use crate::job::finding::Finding;
 use crate::rig::Address;
 use crate::rig::{OpenLine, is_can, open_bus};
@@ -62,9 +62,9 @@ pub fn measured(address: &Address, robot: Option<&str>) -> Finding {
 }
 
 fn first_servo(line: &mut OpenLine) -> Result<(Protocol, u8), Error> {
-    let failed = |e: AskError| Error::new("the line failed").got(e.to_string());
+    let failed = |e: AskError| Error::of(ErrorKind::Damaged, "the line failed").got(e.to_string());
     let nobody = || {
-        Error::new("nobody answers")
+        Error::of(ErrorKind::Silent, "nobody answers")
             .got(format!("at {} bit/s", line.baud_bps))
             .remedy("check power and cable; gaitway scan BUS --baud all")
     };
@@ -99,7 +99,9 @@ fn round_trips_s(
         match line.bus.ping(protocol, id, budget) {
             Ok(_) => taken_s.push(line.clock.now().since(began).as_secs_f64()),
             Err(AskError::Miss(_)) => missed += 1,
-            Err(error) => return Err(Error::new("the line failed").got(error.to_string())),
+            Err(error) => {
+                return Err(Error::of(ErrorKind::Damaged, "the line failed").got(error.to_string()));
+            }
         }
     }
     Ok((taken_s, missed))

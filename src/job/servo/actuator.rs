@@ -4,7 +4,7 @@ use super::{RETRIES, Which};
 use crate::bus::can::Peer;
 use crate::bus::can::scan::{Call, Found, find, overhear};
 use crate::bus::{AskError, Miss};
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use crate::rig::{CanIdentity, can_ask_error, describe, dialect_name, dialect_of};
 use crate::rig::{OpenCanLine, open_can};
 use crate::time::Duration;
@@ -132,9 +132,12 @@ impl Actuator {
         if self.identity.torque_on != Some(true) {
             return Ok(());
         }
-        Err(Error::new("torque is on; how an actuator is set up is only changed while it is limp")
-            .at(self.place())
-            .remedy("support the robot, then: gaitway limp ROBOT --bus BUS"))
+        Err(Error::of(
+            ErrorKind::NotReady,
+            "torque is on; how an actuator is set up is only changed while it is limp",
+        )
+        .at(self.place())
+        .remedy("support the robot, then: gaitway limp ROBOT --bus BUS"))
     }
 }
 

@@ -3,7 +3,7 @@
 
 use super::device::{Device, is_lost};
 use crate::bus::{AskError, FactoryReset, Miss};
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use crate::rig::{Identity, identify};
 use crate::time::Duration;
 use gaitway_profiles::{Baud, RegisterItem, Role};
@@ -46,7 +46,7 @@ pub fn change_id(device: &mut Device, item: &RegisterItem<'_>, new: u8) -> Resul
 pub fn refuse_taken(device: &mut Device, id: u8) -> Result<(), Error> {
     let place = format!("ID {id} on {}", device.bus());
     let refused = |got: String| {
-        Err(Error::new("the new ID is taken")
+        Err(Error::of(ErrorKind::Busy, "the new ID is taken")
             .at(place.clone())
             .got(got)
             .allowed("an ID where nobody answers")
@@ -109,7 +109,7 @@ pub fn permitted(device: &Device, permit_eeprom: bool, what: &str) -> Result<(),
     if permit_eeprom {
         return Ok(());
     }
-    Err(Error::new("this is kept at power-off; nothing was written")
+    Err(Error::of(ErrorKind::NotPermitted, "this is kept at power-off; nothing was written")
         .at(device.place())
         .got(what)
         .remedy("add --permit-eeprom if that is meant"))
@@ -172,7 +172,7 @@ pub fn refuse_taken_by_reset(device: &mut Device, id: u8) -> Result<(), Error> {
         Err(error @ (AskError::Port(_) | AskError::Miss(Miss::HostLate { .. }))) => {
             Err(device.failed(&error))
         }
-        _ => Err(Error::new("another servo has the ID that this one would get")
+        _ => Err(Error::of(ErrorKind::Busy, "another servo has the ID that this one would get")
             .at(device.place())
             .got(format!("ID {id} answers"))
             .remedy("unplug the other one first")),
@@ -200,7 +200,7 @@ pub fn wait_for(device: &mut Device, id: u8) -> Result<Identity, Error> {
             Err(AskError::Port(error)) => return Err(device.failed(&AskError::Port(error))),
             _ if clock.now() < until => {}
             _ => {
-                return Err(Error::new("the servo has not come back")
+                return Err(Error::of(ErrorKind::Silent, "the servo has not come back")
                     .at(device.place())
                     .remedy("gaitway scan BUS --baud all"));
             }

@@ -3,7 +3,7 @@
 use super::{Which, value};
 use crate::bus::{AskError, Miss};
 use crate::device::Model;
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use crate::rig::{OpenLine, open_bus};
 use crate::rig::{ask_error, identify};
 use gaitway_profiles::{self as profiles, Access, Region, RegisterItem, Role};
@@ -62,7 +62,7 @@ impl Device {
         let found = found.ok_or_else(silent)?;
         let named = which.model.as_deref().map(profiles::servo).transpose()?;
         let profile = named.or(found.profile).ok_or_else(|| {
-            Error::new("a servo model without profile")
+            Error::of(ErrorKind::Unknown, "a servo model without profile")
                 .at(place.clone())
                 .got(format!("model number {}, {}", found.model_number, found.protocol))
                 .allowed(profiles::servo_names().collect::<Vec<_>>().join(", "))
@@ -159,9 +159,12 @@ impl Device {
         if !self.torque_on()? {
             return Ok(());
         }
-        Err(Error::new("torque is on; what a servo keeps is only changed while it is limp")
-            .at(self.place())
-            .remedy("support the robot, then: gaitway limp ROBOT --bus BUS"))
+        Err(Error::of(
+            ErrorKind::NotReady,
+            "torque is on; what a servo keeps is only changed while it is limp",
+        )
+        .at(self.place())
+        .remedy("support the robot, then: gaitway limp ROBOT --bus BUS"))
     }
 
     /// Writes a register and reads it back. Kept registers only with `permit_eeprom`, only while
@@ -223,15 +226,18 @@ impl Device {
         }
         let (lowest, highest) = register.range();
         if !(lowest..=highest).contains(&raw) {
-            return Err(Error::new("outside what the register takes")
+            return Err(Error::of(ErrorKind::OutsideLimits, "outside what the register takes")
                 .at(place())
                 .got(format!("{raw} (raw)"))
                 .allowed(value::range_words(&self.model, item)));
         }
         if register.region == Region::Eeprom && !permit_eeprom {
-            return Err(Error::new("this register is kept at power-off; nothing was written")
-                .at(place())
-                .remedy("add --permit-eeprom if that is meant"));
+            return Err(Error::of(
+                ErrorKind::NotPermitted,
+                "this register is kept at power-off; nothing was written",
+            )
+            .at(place())
+            .remedy("add --permit-eeprom if that is meant"));
         }
         Ok(())
     }

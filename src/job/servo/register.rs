@@ -1,6 +1,6 @@
 //! A servo's registers by the names their maker gave them.
 
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use gaitway_profiles::{RegisterItem, Role, Servo};
 
 /// A firmware in the maker's form: Feetech's is two numbers.
@@ -40,7 +40,7 @@ pub fn find(servo: &'static Servo, name: &str) -> Result<RegisterItem<'static>, 
     if near.is_empty() {
         near = direct().map(|item| item.name()).collect();
     }
-    Err(Error::new("the servo has no such register")
+    Err(Error::of(ErrorKind::Unknown, "the servo has no such register")
         .at(servo.model.clone())
         .got(name)
         .allowed(near.join(", "))

@@ -8,7 +8,7 @@ use super::device::Device;
 use crate::control::{
     self, FlightCycle, Left, Planned, Sample, Settings, Sink, Stop, StopCode, StopReason, inject,
 };
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use crate::job::observer::{Event, Observer};
 use crate::job::report::{Outcome, PlayReport};
 use crate::motion::{Path, PlanOptions, Setpoint, plan};
@@ -311,7 +311,7 @@ fn in_position_mode(device: &mut Device) -> Result<(), Error> {
     if mode == Some(Mode::Position) || (modes.is_empty() && usual == Some(raw)) {
         return Ok(());
     }
-    Err(Error::new("the servo is not in position mode")
+    Err(Error::of(ErrorKind::NotReady, "the servo is not in position mode")
         .at(device.place())
         .got(mode.map_or_else(|| raw.to_string(), |mode| format!("{mode:?}")))
         .allowed("Position")

@@ -1,7 +1,7 @@
 //! Register values as a person reads and types them: SI, with degrees beside radians.
 
 use crate::device::Model;
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use gaitway_profiles::{RegisterItem, Role, Unit};
 use serde_json::{Map, Value};
 
@@ -112,7 +112,8 @@ pub fn parse(
     let number: f64 = number.trim().parse().map_err(|_| wrong())?;
     let si = if in_degrees.is_some() { number.to_radians() } else { number };
     model.raw_from_si(item.register, si).map_err(|_| {
-        let outside = Error::new("outside what the register takes").at(place());
+        let outside =
+            Error::of(ErrorKind::OutsideLimits, "outside what the register takes").at(place());
         outside.got(text).allowed(range_words(model, item))
     })
 }

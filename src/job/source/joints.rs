@@ -1,7 +1,7 @@
 //! Motions that are in a robot's own joints already: recordings, taught by hand or of goals, and
 //! tables as `retarget` writes them.
 
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use crate::job::report::Source;
 use crate::mocap::retarget::{Retargeted, Settings};
 use crate::motion::{low_pass, saturate};
@@ -81,7 +81,9 @@ fn of_table(text: &str) -> Result<JointMotion, Error> {
     let titles = lines.next().map_or("", |(_, line)| line);
     let mut titles = titles.split(',').map(str::trim);
     if titles.next() != Some("time_s") {
-        return Err(Error::new("this is no table of joint angles").allowed(shape));
+        return Err(
+            Error::of(ErrorKind::Malformed, "this is no table of joint angles").allowed(shape)
+        );
     }
     let mut series = Vec::new();
     for title in titles {
@@ -127,7 +129,7 @@ fn once_each(series: &[Series], place: &str) -> Result<(), Error> {
     let mut known = BTreeMap::new();
     for (index, series) in series.iter().enumerate() {
         if let Some(first) = known.insert(&series.joint, index) {
-            return Err(Error::new("a joint is named twice")
+            return Err(Error::of(ErrorKind::Malformed, "a joint is named twice")
                 .got(format!(
                     "{}: {place} {} and {place} {}",
                     series.joint,
@@ -244,7 +246,7 @@ impl Series {
 
 fn known<'a>(robot: &'a Robot, name: &str) -> Result<&'a Joint, Error> {
     robot.joints.iter().find(|joint| joint.name == name).ok_or_else(|| {
-        Error::new("the motion is of a joint the robot does not have")
+        Error::of(ErrorKind::Unknown, "the motion is of a joint the robot does not have")
             .at(format!("robot {}", robot.name))
             .got(name.to_owned())
             .allowed(robot.joint_names().join(", "))
@@ -258,10 +260,12 @@ fn inside(joint: &Joint, angles_rad: &[f64], step_s: f64) -> Result<Vec<f64>, Er
     let beyond = |(a, b): (&f64, &f64)| !((a - b).abs() <= ROUNDING_RAD);
     match angles_rad.iter().zip(&held).position(beyond) {
         None => Ok(held),
-        Some(index) => Err(Error::new("the motion leaves a joint's limits")
-            .at(format!("joint {}, {:.2} s", joint.name, index as f64 * step_s))
-            .got(format!("{:.1} deg", angles_rad[index].to_degrees()))
-            .allowed(format!("{:.1} to {:.1} deg", lower.to_degrees(), upper.to_degrees()))
-            .remedy("slowing down does not mend this: change the motion")),
+        Some(index) => {
+            Err(Error::of(ErrorKind::OutsideLimits, "the motion leaves a joint's limits")
+                .at(format!("joint {}, {:.2} s", joint.name, index as f64 * step_s))
+                .got(format!("{:.1} deg", angles_rad[index].to_degrees()))
+                .allowed(format!("{:.1} to {:.1} deg", lower.to_degrees(), upper.to_degrees()))
+                .remedy("slowing down does not mend this: change the motion"))
+        }
     }
 }

@@ -3,7 +3,7 @@
 use crate::bus::can::scan::Found;
 use crate::bus::can::{Form, Peer};
 use crate::bus::{AskError, Miss};
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use crate::port::PortError;
 use crate::rig::OpenCanLine;
 use crate::time::Duration;
@@ -194,23 +194,29 @@ fn odrive(line: &mut OpenCanLine, identity: &mut CanIdentity) -> Result<(), AskE
 #[must_use]
 pub fn can_ask_error(line: &OpenCanLine, place: String, error: &AskError) -> Error {
     match error {
-        AskError::Port(PortError::TimedOut) => Error::new("nobody takes what is sent on the line")
-            .at(place)
-            .got(line.bus.troubles().unwrap_or_else(|| "a send queue that stays full".to_owned()))
-            .remedy(
-                "switch the actuators on; check CAN_H, CAN_L and ground, a resistor of 120 ohm at \
+        AskError::Port(PortError::TimedOut) => Error::of(
+            ErrorKind::Absent,
+            "nobody takes what is sent on the line",
+        )
+        .at(place)
+        .got(line.bus.troubles().unwrap_or_else(|| "a send queue that stays full".to_owned()))
+        .remedy(
+            "switch the actuators on; check CAN_H, CAN_L and ground, a resistor of 120 ohm at \
                  each end, and that all have the bit rate of the interface",
-            ),
+        ),
         AskError::Port(error) => {
-            let said = Error::new("the line failed").at(place).got(error.to_string());
+            let said =
+                Error::of(ErrorKind::Damaged, "the line failed").at(place).got(error.to_string());
             said.remedy("`gaitway ports` says how the interface stands")
         }
-        AskError::Miss(Miss::Silent) => Error::new("no device answers")
+        AskError::Miss(Miss::Silent) => Error::of(ErrorKind::Silent, "no device answers")
             .at(place)
             .got(line.bus.troubles().unwrap_or_else(|| "nothing".to_owned()))
             .remedy("check power, cable and ID; `gaitway scan BUS` asks everybody"),
         AskError::Miss(Miss::HostLate { .. }) => super::ask_error(place, error),
-        AskError::Miss(miss) => Error::new("a wrong answer").at(place).got(miss.to_string()),
+        AskError::Miss(miss) => {
+            Error::of(ErrorKind::Damaged, "a wrong answer").at(place).got(miss.to_string())
+        }
         AskError::Unsayable(text) => Error::new(text.clone()).at(place),
     }
 }

@@ -3,7 +3,7 @@
 
 use super::{Preflight, ask, place, positions};
 use crate::device::actuator::{HostWatch, Setting, Wanted};
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use crate::robot::Link;
 use crate::time::Duration;
 use crate::wire::can::Faults;
@@ -49,10 +49,11 @@ fn check_watch(link: &Link, joint: usize, found: &mut Preflight) -> Result<(), E
     match actuator.watch() {
         HostWatch::Never | HostWatch::Unsaid if pulls => {
             let never = actuator.watch() == HostWatch::Never;
-            let refusal = Error::new("an actuator may go on pulling when the host dies")
-                .at(place(link, joint))
-                .got(format!("{}: {}", actuator.profile().model, timeout.action))
-                .allowed("a drive told its gains only if it lets go of itself after a silence");
+            let refusal =
+                Error::of(ErrorKind::NotReady, "an actuator may go on pulling when the host dies")
+                    .at(place(link, joint))
+                    .got(format!("{}: {}", actuator.profile().model, timeout.action))
+                    .allowed("a drive told its gains only if it lets go of itself after a silence");
             Err(if never {
                 refusal.remedy("take an actuator with a timeout")
             } else {
@@ -75,7 +76,7 @@ fn check_watch(link: &Link, joint: usize, found: &mut Preflight) -> Result<(), E
             if said_s >= needed_s {
                 return Ok(());
             }
-            Err(Error::new("an actuator would let go between two goals")
+            Err(Error::of(ErrorKind::NotReady, "an actuator would let go between two goals")
                 .at(place(link, joint))
                 .got(format!("timeout_configured_s {said_s}"))
                 .allowed(format!("at least {needed_s:.3} s, {CYCLES_OF_SILENCE} cycles"))
@@ -122,20 +123,24 @@ fn check_settings(
                 found.settings.push((joint, number, wanted));
             }
             Wanted::Near(expected) => {
-                return Err(Error::new("an actuator means something else by its numbers")
-                    .at(at())
-                    .got(wanted.words(bits))
-                    .allowed(format!("{expected}, the range in the profile of {model}"))
-                    .remedy(
-                        "correct the robot file's servo, or set the range with the maker's tool",
-                    ));
+                return Err(Error::of(
+                    ErrorKind::NotReady,
+                    "an actuator means something else by its numbers",
+                )
+                .at(at())
+                .got(wanted.words(bits))
+                .allowed(format!("{expected}, the range in the profile of {model}"))
+                .remedy("correct the robot file's servo, or set the range with the maker's tool"));
             }
             Wanted::Exactly(expected) => {
-                return Err(Error::new("an actuator is not set up as the robot file says")
-                    .at(at())
-                    .got(bits.to_string())
-                    .allowed(expected.to_string())
-                    .remedy("set it with the maker's tool, or correct the robot file"));
+                return Err(Error::of(
+                    ErrorKind::NotReady,
+                    "an actuator is not set up as the robot file says",
+                )
+                .at(at())
+                .got(bits.to_string())
+                .allowed(expected.to_string())
+                .remedy("set it with the maker's tool, or correct the robot file"));
             }
         }
     }

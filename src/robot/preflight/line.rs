@@ -2,7 +2,7 @@
 
 use super::{Accept, Preflight, QUESTION, ask, exchange_error, host_late, place};
 use crate::bus::Protocol;
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use crate::robot::Link;
 use crate::robot::reading::{LINE_SHARE, LinePlan};
 use crate::time::Duration;
@@ -157,7 +157,7 @@ fn too_slow(plan: &LinePlan, lowered: &LinePlan, delay: Duration, held: bool) ->
             remedy.push_str(", which needs torque off: `gaitway limp` first");
         }
     }
-    Error::new("the line is too slow for this rate")
+    Error::of(ErrorKind::TooSlow, "the line is too slow for this rate")
         .at(format!("line {}, {}", plan.line, plan.method))
         .got(format!("{:.2} ms of line time per cycle", plan.cycle_time_s * 1e3))
         .allowed(allowed(plan.period_s))
@@ -216,7 +216,7 @@ pub(super) fn check_measured(link: &mut Link, found: &Preflight) -> Result<(), E
              SUBSYSTEM==\"usb-serial\", DRIVER==\"ftdi_sio\", ATTR{latency_timer}=\"1\"",
         );
     }
-    Err(Error::new("the robot answers too slowly for this rate")
+    Err(Error::of(ErrorKind::TooSlow, "the robot answers too slowly for this rate")
         .at(link.robot().name.clone())
         .got(format!(
             "{:.1} ms to read all joints (best of {TRIES}); {:.1} ms by computation",

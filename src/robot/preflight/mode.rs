@@ -2,7 +2,7 @@
 
 use super::{ask, budget, exchange_error, host_late, place, read_surely, wait_for_late_answers};
 use crate::bus::{AskError, Miss, Protocol};
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use crate::robot::Link;
 use crate::time::Duration;
 use gaitway_profiles::{Register, Role};
@@ -51,7 +51,7 @@ pub(super) fn identity(link: &mut Link, joint: usize) -> Result<(u16, u16), Erro
     if late > Duration::ZERO {
         return Err(host_late(place(link, joint), late));
     }
-    Err(Error::new("a servo answers pings and nothing else")
+    Err(Error::of(ErrorKind::NotReady, "a servo answers pings and nothing else")
         .at(place(link, joint))
         .got("no answer to a read; its status return level may be 0")
         .allowed("a servo that answers every instruction")
@@ -72,7 +72,7 @@ fn check_answers(link: &mut Link, joint: usize) -> Result<(), Error> {
         return Ok(());
     }
     let (name, id) = (&register.name, link.robot().joints[joint].id);
-    Err(Error::new("a servo does not answer when it is written to")
+    Err(Error::of(ErrorKind::Silent, "a servo does not answer when it is written to")
         .at(format!("{}, register {name} ({})", place(link, joint), register.address))
         .got(format!("{raw} (raw)"))
         .allowed(format!("{all} (raw): it answers every instruction"))
@@ -93,7 +93,7 @@ fn check_second_id(link: &mut Link, joint: usize) -> Result<(), Error> {
     let Some(other) = other(raw) else { return Ok(()) };
     let joints = &link.robot().joints;
     let (name, id, off) = (&register.name, joints[joint].id, register.initial.unwrap_or(255));
-    Err(Error::new("a servo obeys another joint's goals as well")
+    Err(Error::of(ErrorKind::NotReady, "a servo obeys another joint's goals as well")
         .at(format!("{}, register {name} ({})", place(link, joint), register.address))
         .got(format!("{raw}, the ID of joint {other}"))
         .allowed(format!("{off}: no second ID"))
@@ -158,7 +158,7 @@ fn check_joint_mode(link: &mut Link, joint: usize) -> Result<(), Error> {
         return Ok(());
     }
     let (low, high) = (&low.name, &high.name);
-    Err(Error::new("a servo is in wheel mode: it would turn without end")
+    Err(Error::of(ErrorKind::NotReady, "a servo is in wheel mode: it would turn without end")
         .at(place(link, joint))
         .got(format!("{low} and {high} both 0"))
         .allowed("joint mode: limits that are not both 0")
@@ -172,11 +172,14 @@ fn check_torque_limit(link: &mut Link, joint: usize) -> Result<(), Error> {
     if read_surely(link, joint, register, |raw| raw != 0)? != 0 {
         return Ok(());
     }
-    Err(Error::new("a servo gives no torque: it shut itself down, or is told to")
-        .at(format!("{}, register {} ({})", place(link, joint), register.name, register.address))
-        .got("0 (raw)")
-        .allowed("more than 0")
-        .remedy("find the cause, then switch its power off and on"))
+    Err(Error::of(
+        ErrorKind::NotReady,
+        "a servo gives no torque: it shut itself down, or is told to",
+    )
+    .at(format!("{}, register {} ({})", place(link, joint), register.name, register.address))
+    .got("0 (raw)")
+    .allowed("more than 0")
+    .remedy("find the cause, then switch its power off and on"))
 }
 
 #[cfg(test)]

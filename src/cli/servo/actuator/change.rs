@@ -6,7 +6,7 @@ use crate::cli::servo::identity::SetIdArgs;
 use crate::cli::servo::reset::RebootArgs;
 use crate::cli::{Deed, Remarks};
 use crate::device::parameter::{Access, Parameter, parameters};
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use crate::job::servo::actuator::{Actuator, calls};
 use crate::rig::dialect_name;
 use crate::time::Duration;
@@ -48,10 +48,13 @@ pub fn set_id(args: &SetIdArgs, remarks: Remarks) -> Result<i32, Error> {
     let frames = id_frames(&actuator, new)?;
     if new != old {
         if !args.permit_eeprom {
-            return Err(Error::new("this is kept at power-off; nothing was written")
-                .at(actuator.place())
-                .got(format!("ID {old} would become {new}"))
-                .remedy("add --permit-eeprom if that is meant"));
+            return Err(Error::of(
+                ErrorKind::NotPermitted,
+                "this is kept at power-off; nothing was written",
+            )
+            .at(actuator.place())
+            .got(format!("ID {old} would become {new}"))
+            .remedy("add --permit-eeprom if that is meant"));
         }
         refuse_taken(&mut actuator, new)?;
         actuator.must_be_limp()?;
@@ -61,10 +64,13 @@ pub fn set_id(args: &SetIdArgs, remarks: Remarks) -> Result<i32, Error> {
             actuator.line.clock.sleep_until(actuator.line.clock.now() + CHANGING);
         }
         if !answers(&mut actuator, new)? {
-            return Err(Error::new("the actuator does not answer under its new ID")
-                .at(actuator.place())
-                .got("nothing")
-                .remedy(format!("gaitway scan {} says where it is", actuator.bus())));
+            return Err(Error::of(
+                ErrorKind::Silent,
+                "the actuator does not answer under its new ID",
+            )
+            .at(actuator.place())
+            .got("nothing")
+            .remedy(format!("gaitway scan {} says where it is", actuator.bus())));
         }
         // The new id is in force; now it is kept as well.
         if let Some(save) = renamed(actuator.peer(), new).and_then(|peer| peer.save()) {
@@ -141,7 +147,7 @@ fn refuse_taken(actuator: &mut Actuator, id: u8) -> Result<(), Error> {
     if !answers(actuator, id)? {
         return Ok(());
     }
-    Err(Error::new("the new ID is taken")
+    Err(Error::of(ErrorKind::Busy, "the new ID is taken")
         .at(format!("ID {id} on {}", actuator.bus()))
         .got("somebody answers there")
         .allowed("an ID where nobody answers")
@@ -161,9 +167,12 @@ pub fn reboot(args: &RebootArgs, remarks: Remarks) -> Result<i32, Error> {
             .remedy("switch its power off and on"));
     };
     if actuator.identity.torque_on != Some(false) && !args.yes {
-        return Err(Error::new("the actuator may hold something: restarting lets it go")
-            .at(actuator.place())
-            .remedy("support what it carries, then add --yes"));
+        return Err(Error::of(
+            ErrorKind::NotPermitted,
+            "the actuator may hold something: restarting lets it go",
+        )
+        .at(actuator.place())
+        .remedy("support what it carries, then add --yes"));
     }
     let budget = actuator.line.budget();
     let restart = odrive::command(id, odrive::Command::Reboot);
@@ -177,7 +186,7 @@ pub fn reboot(args: &RebootArgs, remarks: Remarks) -> Result<i32, Error> {
             break;
         }
         if actuator.line.clock.now() >= give_up {
-            return Err(Error::new("the actuator has not come back")
+            return Err(Error::of(ErrorKind::Silent, "the actuator has not come back")
                 .at(actuator.place())
                 .remedy("gaitway scan BUS"));
         }

@@ -5,7 +5,7 @@ use crate::cli::servo::Target;
 use crate::cli::servo::registers::{GetArgs, SetArgs};
 use crate::cli::{Deed, Remarks};
 use crate::device::parameter::{Access, Parameter, parameters};
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use crate::job::servo::actuator::Actuator;
 use crate::job::servo::register::plain;
 use crate::job::servo::value::rounded;
@@ -235,7 +235,7 @@ fn find(actuator: &Actuator, name: &str) -> Result<Parameter, Error> {
         if near.is_empty() {
             near = all.iter().map(|of| of.name).collect();
         }
-        let error = Error::new("the actuator has no such setting")
+        let error = Error::of(ErrorKind::Unknown, "the actuator has no such setting")
             .at(actuator.place())
             .got(name)
             .allowed(near.join(", "));

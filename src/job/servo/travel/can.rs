@@ -3,7 +3,7 @@
 
 use super::{MoveOrder, RAMP_S, SHARE, bare_joint, robot_of};
 use crate::bus::can::Peer;
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use crate::job::servo::actuator::Actuator;
 use crate::rig::Connection;
 use crate::robot::Link;
@@ -81,7 +81,7 @@ pub fn refuse_far(link: &Link, place: &str, from_rad: f64, to_rad: f64) -> Resul
     if !is_actuator || (to_rad - from_rad).abs() <= TAU {
         return Ok(());
     }
-    Err(Error::new("the angle is more than a turn away")
+    Err(Error::of(ErrorKind::OutsideLimits, "the angle is more than a turn away")
         .at(place)
         .got(format!(
             "{:.1} deg; it stands at {:.1} deg",
