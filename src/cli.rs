@@ -36,6 +36,7 @@ pub use report::Outcome;
 
 use crate::control::net;
 use crate::error::{Error, ErrorKind};
+use crate::rig::own_profiles;
 use clap::{Parser, Subcommand};
 
 /// The command line.
@@ -45,6 +46,11 @@ pub struct Cli {
     /// No progress and no remarks, only results and errors
     #[arg(short, long, global = true)]
     quiet: bool,
+    /// Folder with profiles of your own (servos, actuators, sensors, robots), found by name; as often
+    /// as there are folders [known without: ~/.config/gaitway/profiles, and what lies beside a robot
+    /// file]
+    #[arg(long, global = true, value_name = "DIR")]
+    profiles: Vec<std::path::PathBuf>,
     #[command(subcommand)]
     command: Command,
 }
@@ -132,6 +138,10 @@ pub fn main() -> i32 {
 /// Runs a command; its exit code.
 fn run(cli: &Cli) -> i32 {
     let remarks = Remarks { quiet: cli.quiet };
+    if let Err(error) = own_profiles(&cli.profiles) {
+        output::complain(&error);
+        return Outcome::Refused.exit_code();
+    }
     let done = match &cli.command {
         Command::Play(args) => play::run(args, remarks),
         Command::Live(args) => live::run(args, remarks),

@@ -43,7 +43,6 @@
 //! told; `sequence` is its number, missing samples counted.
 
 mod bounded;
-mod crc;
 mod log;
 mod marker;
 mod message;

@@ -6,6 +6,7 @@ mod calibrated;
 mod can_line;
 mod connect;
 mod identify;
+mod own_profiles;
 mod serial_line;
 mod virtual_robot;
 mod wire;
@@ -18,5 +19,6 @@ pub use identify::{
     CanIdentity, Identity, all_servos, ask_error, can_ask_error, describe, dialect_name,
     dialect_of, identify, is_likely, profile_of, protocol_name,
 };
+pub use own_profiles::own_profiles;
 pub use serial_line::{OpenLine, open_bus};
 pub use wire::open_stream;

@@ -3,6 +3,7 @@
 use crate::error::ProfileError;
 use crate::extends;
 use crate::from_toml::from_toml;
+use crate::own::{self, OwnFile, own_file, own_files};
 use crate::schema::{Actuator, Adapter, Robot, Sensor, Servo};
 use crate::unconfirmed::Profile;
 use crate::validate;
@@ -26,14 +27,26 @@ pub(crate) struct EmbeddedFile {
 
 include!(concat!(env!("OUT_DIR"), "/embedded.rs"));
 
-/// Names of the shipped servo profiles, in alphabetical order.
-pub fn servo_names() -> impl Iterator<Item = &'static str> {
-    SERVOS.iter().map(|embedded| embedded.name)
+fn shipped() -> impl Iterator<Item = &'static EmbeddedFile> + Clone {
+    SERVOS.iter().chain(ACTUATORS).chain(ROBOTS).chain(ADAPTERS).chain(SENSORS)
 }
 
-/// Names of the shipped CAN actuators, in alphabetical order.
+/// True if a profile of this name, of whatever kind, ships with this crate.
+pub(crate) fn is_shipped(name: &str) -> bool {
+    shipped().any(|embedded| embedded.name == name)
+}
+
+/// Names of the servo profiles: those that ship in alphabetical order, then the user's own.
+pub fn servo_names() -> impl Iterator<Item = &'static str> {
+    let is_servo = |own: &&'static OwnFile| own.has_key("register") || own.has_key(extends::KEY);
+    let own = own_files().into_iter().filter(is_servo).map(OwnFile::name);
+    SERVOS.iter().map(|embedded| embedded.name).chain(own)
+}
+
+/// Names of the CAN actuators, as [`servo_names`].
 pub fn actuator_names() -> impl Iterator<Item = &'static str> {
-    ACTUATORS.iter().map(|embedded| embedded.name)
+    let own = own_files().into_iter().filter(|own| own.has_key("dialect")).map(OwnFile::name);
+    ACTUATORS.iter().map(|embedded| embedded.name).chain(own)
 }
 
 /// Names of the shipped robots, in alphabetical order.
@@ -51,7 +64,8 @@ pub fn sensor_names() -> impl Iterator<Item = &'static str> {
     SENSORS.iter().map(|embedded| embedded.name)
 }
 
-/// A shipped servo by name. Read and validated at the first call, then kept.
+/// A servo by name: a shipped one, or one of the user's own ([`crate::add_folder`]). Read and
+/// validated at the first call, then kept.
 ///
 /// # Errors
 /// An unknown name (the message lists those there are), or an invalid shipped file.
@@ -60,25 +74,31 @@ pub fn servo(name: &str) -> Result<&'static Servo, ProfileError> {
         [const { OnceLock::new() }; SERVOS.len()];
     let entry = SERVOS.iter().zip(&CACHE).find(|(embedded, _)| embedded.name == name);
     let Some((embedded, cell)) = entry else {
-        return Err(unknown("servo", name, servo_names()));
+        let unknown = || unknown("servo", name, servo_names());
+        return own_file(name).ok_or_else(unknown)?.servo();
     };
     cell.get_or_init(|| parse_servo(embedded.file, embedded.text))
         .as_ref()
         .map_err(ProfileError::clone)
 }
 
-/// A shipped CAN actuator by name.
+/// A CAN actuator by name: a shipped one, or one of the user's own.
 ///
 /// # Errors
 /// As [`servo`].
 pub fn actuator(name: &str) -> Result<Actuator, ProfileError> {
     match ACTUATORS.iter().find(|embedded| embedded.name == name) {
         Some(embedded) => parse_actuator(embedded.file, embedded.text),
-        None => Err(unknown("actuator", name, actuator_names())),
+        None => {
+            let unknown = || unknown("actuator", name, actuator_names());
+            let own = own_file(name).ok_or_else(unknown)?;
+            parse_actuator(&own.path().display().to_string(), own.text()?)
+        }
     }
 }
 
-/// A robot: a shipped one by name (`[a-z0-9-]+`), or a file by a path that ends in `.toml`.
+/// A robot: a shipped one, or one of the user's own, by name (`[a-z0-9-]+`), or a file by a path that
+/// ends in `.toml`. Servos and actuators that it names may lie beside it.
 ///
 /// # Errors
 /// An unknown name (the message lists those there are), a file that cannot be read or is longer
@@ -86,7 +106,13 @@ pub fn actuator(name: &str) -> Result<Actuator, ProfileError> {
 pub fn robot(name_or_path: &str) -> Result<Robot, ProfileError> {
     if name_or_path.ends_with(".toml") {
         let text = read_text(Path::new(name_or_path))?;
+        if let Ok(table) = from_toml::<toml::Table>(&text) {
+            own::add_beside(Path::new(name_or_path), &table)?;
+        }
         return parse_robot(name_or_path, &text);
+    }
+    if let Some(own) = own_file(name_or_path) {
+        return robot(&own.path().display().to_string());
     }
     match ROBOTS.iter().find(|embedded| embedded.name == name_or_path) {
         Some(embedded) => parse_robot(embedded.file, embedded.text),
@@ -104,6 +130,9 @@ pub fn sensor(name_or_path: &str) -> Result<Sensor, ProfileError> {
         let text = read_text(Path::new(name_or_path))?;
         return parse_sensor(name_or_path, &text);
     }
+    if let Some(own) = own_file(name_or_path) {
+        return parse_sensor(&own.path().display().to_string(), own.text()?);
+    }
     match SENSORS.iter().find(|embedded| embedded.name == name_or_path) {
         Some(embedded) => parse_sensor(embedded.file, embedded.text),
         None => Err(unknown("sensor", name_or_path, sensor_names())
@@ -119,8 +148,8 @@ pub fn sensor(name_or_path: &str) -> Result<Sensor, ProfileError> {
 /// As [`servo`] and [`robot`].
 pub fn profile(name_or_path: &str) -> Result<Profile, ProfileError> {
     let parse_any = |file: &str, text: &str| {
-        let keys: Vec<String> = parse::<toml::Table>(file, text)?.into_iter().map(key).collect();
-        let has = |key: &str| keys.iter().any(|known| known == key);
+        let table: toml::Table = parse(file, text)?;
+        let has = |key: &str| table.contains_key(key);
         if has("usb_ids") {
             parse_adapter(file, text).map(|adapter| Profile::Adapter(Box::new(adapter)))
         } else if has("channel") {
@@ -130,14 +159,17 @@ pub fn profile(name_or_path: &str) -> Result<Profile, ProfileError> {
         } else if has("register") || has(extends::KEY) {
             parse_servo(file, text).map(|servo| Profile::Servo(Box::new(servo)))
         } else {
+            own::add_beside(Path::new(file), &table)?;
             parse_robot(file, text).map(|robot| Profile::Robot(Box::new(robot)))
         }
     };
     if name_or_path.ends_with(".toml") {
         return parse_any(name_or_path, &read_text(Path::new(name_or_path))?);
     }
-    let mut shipped = SERVOS.iter().chain(ACTUATORS).chain(ROBOTS).chain(ADAPTERS).chain(SENSORS);
-    match shipped.find(|embedded| embedded.name == name_or_path) {
+    if let Some(own) = own_file(name_or_path) {
+        return parse_any(&own.path().display().to_string(), own.text()?);
+    }
+    match shipped().find(|embedded| embedded.name == name_or_path) {
         Some(embedded) => parse_any(embedded.file, embedded.text),
         None => {
             let names = servo_names().chain(actuator_names()).chain(robot_names());
@@ -155,9 +187,10 @@ pub fn profile(name_or_path: &str) -> Result<Profile, ProfileError> {
 /// As [`profile`].
 pub fn whole_table(name_or_path: &str) -> Result<toml::Table, ProfileError> {
     profile(name_or_path)?;
-    let shipped = SERVOS.iter().chain(ACTUATORS).chain(ROBOTS).chain(ADAPTERS).chain(SENSORS);
-    let text = match shipped.clone().find(|embedded| embedded.name == name_or_path) {
+    let own = own_file(name_or_path);
+    let text = match shipped().find(|embedded| embedded.name == name_or_path) {
         Some(embedded) => embedded.text.to_owned(),
+        None if own.is_some() => own.map_or(Ok(""), OwnFile::text)?.to_owned(),
         None => read_text(Path::new(name_or_path))?,
     };
     let table = parse(name_or_path, &text)?;
@@ -295,10 +328,6 @@ fn parse<T: DeserializeOwned>(file: &str, text: &str) -> Result<T, ProfileError>
             }
         }
     })
-}
-
-fn key((key, _): (String, toml::Value)) -> String {
-    key
 }
 
 fn malformed(file: &str, error: &toml::de::Error) -> ProfileError {

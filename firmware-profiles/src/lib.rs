@@ -59,6 +59,7 @@ mod error;
 mod extends;
 mod files;
 mod from_toml;
+mod own;
 pub mod schema;
 mod unconfirmed;
 mod validate;
@@ -70,5 +71,6 @@ pub use files::{
     robot, robot_names, sensor, sensor_names, servo, servo_names, whole_table,
 };
 pub use from_toml::{from_toml, toml_bytes};
+pub use own::{OwnFile, add_folder, own_file, own_files};
 pub use schema::*;
 pub use unconfirmed::{Profile, Unconfirmed};

@@ -49,6 +49,9 @@ impl PlayReport {
                 let _ = writeln!(out, "          {violation}");
             }
         }
+        for own in &self.profiles {
+            let _ = writeln!(out, "profile   {}: {} (CRC-32 {})", own.name, own.file, own.crc32);
+        }
         for (label, path) in [("recording", &self.recording), ("plots", &self.html)] {
             if let Some(path) = path {
                 let _ = writeln!(out, "{label:<9} {path}");

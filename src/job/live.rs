@@ -4,7 +4,7 @@ use super::follow;
 use super::model::robot_model;
 use super::observer::Observer;
 use super::recorder::RunRecorder;
-use super::report::{Outcome, PlayReport};
+use super::report::{Outcome, OwnProfile, PlayReport};
 use super::source;
 use crate::capture;
 use crate::control::{self, Input, Settings, inject, net};
@@ -138,6 +138,7 @@ impl Job<'_> {
         let (robot, calibration) = calibrated(name, &order.buses, order.calibration.as_deref())?;
         run.calibration = calibration.map(|path| path.display().to_string());
         run.robot.clone_from(&robot.name);
+        run.profiles = OwnProfile::of(&robot);
         if order.buses.is_empty() {
             return Ok(None);
         }

@@ -5,7 +5,7 @@ use super::live::LiveReport;
 use super::observer::{Nobody, Observer};
 use super::play::{Options, Played, play_on, under_net};
 use super::recorder::RunRecorder;
-use super::report::PlayReport;
+use super::report::{OwnProfile, PlayReport};
 use super::source::{self, MotionOrder, RobotMotion};
 use crate::control::Settings;
 use crate::error::Error;
@@ -144,6 +144,7 @@ impl Rig {
     /// A report of nothing yet.
     fn report(&self, motion: &str) -> PlayReport {
         let mut report = PlayReport::new(motion, &self.robot().name, self.buses.clone());
+        report.profiles = OwnProfile::of(self.robot());
         report.calibration = self.calibration.as_ref().map(|path| path.display().to_string());
         report
     }

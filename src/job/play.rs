@@ -2,7 +2,7 @@
 
 use super::observer::{Event, Meter, Observer, Progress};
 use super::recorder::{RunRecorder, Series};
-use super::report::{JointReport, Outcome, PlayReport, RefereeReport};
+use super::report::{JointReport, Outcome, OwnProfile, PlayReport, RefereeReport};
 use super::source::{self, MotionOrder, RobotMotion};
 use crate::control::{self, Left, Performance, Planned, Settings, inject, net};
 use crate::error::Error;
@@ -105,6 +105,7 @@ pub fn play(order: &PlayOrder, observer: &dyn Observer) -> Played {
             calibrated(&order.robot, &order.buses, order.calibration.as_deref())?;
         report.calibration = calibration.map(|path| path.display().to_string());
         report.robot.clone_from(&robot.name);
+        report.profiles = OwnProfile::of(&robot);
         let motion = source::load(&order.motion, &robot)?;
         report.describe_motion(&motion);
         report.cycle_hz = order.options.rate_hz.unwrap_or(robot.file.rate_hz);

@@ -4,8 +4,8 @@ use super::source::RobotMotion;
 use crate::control::{Exception, FlightCycle, Left, Performance, Run, Stop, StopCode, StopReason};
 use crate::error::{Error, ErrorKind};
 use crate::motion::{Because, Retimed};
-use crate::robot::Joint;
 use crate::robot::preflight::Preflight;
+use crate::robot::{Joint, Robot};
 use serde::Serialize;
 
 /// How a command ended; its exit code.
@@ -126,6 +126,35 @@ pub struct RefereeReport {
     pub violations: Vec<String>,
 }
 
+/// A profile of the user's own that a robot is made of.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct OwnProfile {
+    /// Its name.
+    pub name: String,
+    /// Its file.
+    pub file: String,
+    /// CRC-32 of the file, in hexadecimal digits: whether two runs used the same.
+    pub crc32: String,
+}
+
+impl OwnProfile {
+    /// Those that a robot names, each once.
+    #[must_use]
+    pub fn of(robot: &Robot) -> Vec<Self> {
+        let mut names: Vec<&str> = robot.file.joints.iter().map(|j| j.servo.as_str()).collect();
+        names.push(&robot.name);
+        names.sort_unstable();
+        names.dedup();
+        let own = names.into_iter().filter_map(gaitway_profiles::own_file);
+        let of = |own: &'static gaitway_profiles::OwnFile| Self {
+            name: own.name().to_owned(),
+            file: own.path().display().to_string(),
+            crc32: format!("{:08x}", crc32fast::hash(own.text().unwrap_or_default().as_bytes())),
+        };
+        own.map(of).collect()
+    }
+}
+
 /// Everything `play` reports.
 #[derive(Clone, Debug, Serialize)]
 pub struct PlayReport {
@@ -197,6 +226,8 @@ pub struct PlayReport {
     pub html: Option<String>,
     /// Calibration used; null: the robot file's own zeros.
     pub calibration: Option<String>,
+    /// Profiles of the user's own that the robot is made of.
+    pub profiles: Vec<OwnProfile>,
     /// The motion as it came in.
     pub source: Source,
     /// Only with a virtual robot of this process.
@@ -244,6 +275,7 @@ impl PlayReport {
             recording_lost: 0,
             html: None,
             calibration: None,
+            profiles: Vec::new(),
             source: Source::default(),
             referee: None,
             notes: Vec::new(),

@@ -5,7 +5,7 @@ mod bvh;
 use super::model::robot_model;
 use super::play::describe_plan;
 use super::recorder::recorded_joint;
-use super::report::{Outcome, PlayReport};
+use super::report::{Outcome, OwnProfile, PlayReport};
 use super::source::{self, MotionOrder};
 use crate::draft;
 use crate::error::{Error, ErrorKind};
@@ -66,6 +66,7 @@ pub fn retarget(order: &RetargetOrder) -> Result<PlayReport, Error> {
     }
     let mut report = PlayReport::new(&loaded.name, &robot.name, Vec::new());
     report.outcome = Outcome::Done;
+    report.profiles = OwnProfile::of(&robot);
     report.describe_motion(&loaded);
     report.duration_s = planned.trajectory.duration_s();
     describe_plan(&mut report, &robot, &planned, &loaded);

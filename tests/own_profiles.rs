@@ -1,0 +1,116 @@
+//! Servo, robot and sensor files of a user's own, without a rebuild: found by name beside the robot
+//! file or in a folder of profiles, by driver and virtual robot alike, never under a shipped name.
+
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+/// A folder of the test's own with a robot whose servos ship with nobody.
+fn folder(name: &str) -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("own-profiles").join(name);
+    let _ = std::fs::remove_dir_all(&folder);
+    std::fs::create_dir_all(&folder).expect("a folder");
+    let so101 = Path::new(env!("CARGO_MANIFEST_DIR")).join("firmware-profiles/robots/so101.toml");
+    let so101 = std::fs::read_to_string(so101).expect("a shipped robot");
+    let arm = so101.replace("name = \"so101\"", "name = \"my-arm\"");
+    write(&folder, "my-arm.toml", &arm.replace("sts3215-c001", "my-servo"));
+    write(&folder, "table.csv", "time_s,shoulder_pan_rad\n0,0\n1,0.3\n2,0\n");
+    folder
+}
+
+fn write(folder: &Path, name: &str, text: &str) {
+    std::fs::write(folder.join(name), text).expect("written");
+}
+
+/// As a shipped one, but twice as strong.
+const SERVO: &str = "extends = \"sts3215-c001\"\nname = \"my-servo\"\nmodel = \"Mine\"\n";
+
+fn gaitway(folder: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_gaitway"))
+        .current_dir(folder)
+        .env("XDG_CONFIG_HOME", folder.join("config"))
+        .args(arguments)
+        .output()
+        .expect("the command")
+}
+
+fn json(output: &Output) -> Value {
+    let said = String::from_utf8_lossy(&output.stderr);
+    serde_json::from_slice(&output.stdout).unwrap_or_else(|e| panic!("{e}: {said}"))
+}
+
+fn complaint(output: &Output) -> String {
+    assert_eq!(output.status.code(), Some(1), "{output:?}");
+    String::from_utf8_lossy(&[&output.stdout[..], &output.stderr].concat()).into_owned()
+}
+
+const PLAY: [&str; 5] = ["play", "table.csv", "--bus", "sim", "--json"];
+
+/// The report of a played table, which names the servo's file.
+fn plays(folder: &Path, more: &[&str], file: &Path) {
+    let output = gaitway(folder, &[&PLAY[..], more].concat());
+    let report = json(&output);
+    assert_eq!(report["outcome"], "done", "{report:#}");
+    assert_eq!(report["referee"]["violations"], Value::Array(Vec::new()));
+    let own = report["profiles"].as_array().expect("profiles");
+    let servo = own.iter().find(|own| own["name"] == "my-servo").expect("the servo");
+    assert_eq!(servo["file"], file.canonicalize().expect("it is there").display().to_string());
+    let crc = format!("{:08x}", crc32fast::hash(&std::fs::read(file).expect("the file")));
+    assert_eq!(servo["crc32"], crc);
+}
+
+#[test]
+fn a_servo_beside_the_robot_file_is_found_and_played() {
+    let folder = folder("beside");
+    write(&folder, "my-servo.toml", SERVO);
+    plays(&folder, &["--robot", "my-arm.toml"], &folder.join("my-servo.toml"));
+}
+
+#[test]
+fn a_folder_of_profiles_is_found_by_option_and_at_its_usual_place() {
+    let folder = folder("folders");
+    for (place, option) in
+        [("mine", vec!["--profiles", "mine"]), ("config/gaitway/profiles", vec![])]
+    {
+        let place = folder.join(place);
+        std::fs::create_dir_all(&place).expect("a folder");
+        std::fs::rename(folder.join("my-arm.toml"), place.join("my-arm.toml")).expect("moved");
+        write(&place, "my-servo.toml", SERVO);
+        // The robot goes by its name, too.
+        let more = [&["--robot", "my-arm"][..], &option].concat();
+        plays(&folder, &more, &place.join("my-servo.toml"));
+        let list = json(&gaitway(&folder, &[&["profile", "list", "--json"][..], &option].concat()));
+        let servos = list["servos"].as_array().expect("servos");
+        assert!(servos.iter().any(|servo| servo["name"] == "my-servo"), "{list:#}");
+        let shown = gaitway(&folder, &[&["profile", "show", "my-servo"][..], &option].concat());
+        assert!(shown.status.success(), "{}", String::from_utf8_lossy(&shown.stderr));
+        let held = gaitway(&folder, &[&["servo", "info", "sim", "1"][..], &more].concat());
+        assert!(String::from_utf8_lossy(&held.stdout).contains("STS3215"), "{held:?}");
+        std::fs::rename(place.join("my-arm.toml"), folder.join("my-arm.toml")).expect("back");
+        std::fs::remove_file(place.join("my-servo.toml")).expect("gone");
+    }
+}
+
+#[test]
+fn a_file_under_a_shipped_name_two_of_one_name_and_a_broken_one_are_refused_by_name() {
+    let folder = folder("refused");
+    let robot = ["--robot", "my-arm.toml"];
+    let play = |more: &[&str]| complaint(&gaitway(&folder, &[&PLAY[..], more].concat()));
+    let said = play(&robot);
+    assert!(said.contains("my-servo"), "{said}");
+    write(&folder, "my-servo.toml", "extends = \"sts3215-c001\"\nname = \"my-servo\"\nid = 5\n");
+    let said = play(&robot);
+    assert!(said.contains("my-servo.toml") && said.contains("id"), "{said}");
+    let (mine, other) = (folder.join("mine"), folder.join("other"));
+    for place in [&mine, &other] {
+        std::fs::create_dir_all(place).expect("a folder");
+        write(place, "my-servo.toml", SERVO);
+    }
+    let said = play(&[&robot[..], &["--profiles", "mine", "--profiles", "other"]].concat());
+    assert!(said.contains("two profiles have one name") && said.contains("mine"), "{said}");
+    write(&mine, "op3.toml", SERVO);
+    let said = play(&[&robot[..], &["--profiles", "mine"]].concat());
+    assert!(said.contains("the name of a shipped one") && said.contains("op3"), "{said}");
+    let said = play(&[&robot[..], &["--profiles", "nowhere"]].concat());
+    assert!(said.contains("nowhere"), "{said}");
+}
