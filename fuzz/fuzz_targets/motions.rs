@@ -3,7 +3,7 @@
 
 #![no_main]
 
-use gaitway::cli::source::joints;
+use gaitway::job::source::joints;
 use gaitway::mocap::bvh::{self, Bvh, MAX_DEPTH, MAX_JOINTS, MAX_POSES};
 use gaitway::mocap::clip::Clip;
 use gaitway::mocap::mapping::Mapping;

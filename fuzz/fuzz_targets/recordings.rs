@@ -3,7 +3,7 @@
 
 #![no_main]
 
-use gaitway::cli::source::joints;
+use gaitway::job::source::joints;
 use gaitway::recording::{
     Recording, read_orientations, recover, run_start, sensor_series, summary, write_csv,
 };
