@@ -15,7 +15,6 @@ pub mod monitor;
 pub mod operator;
 pub mod output;
 pub mod play;
-pub mod plots;
 pub mod ports;
 pub mod profile;
 pub mod protocol;

@@ -9,6 +9,7 @@ pub mod live;
 pub mod model;
 pub mod observer;
 pub mod open;
+pub mod page;
 pub mod play;
 pub mod ports;
 pub mod recorder;

@@ -28,8 +28,8 @@ const ROOMS: &[Room] = &[
     room("capture", "device time wire", "profiles"),
     room(
         "cli",
-        "action body bus calibration capture control device draft error job mocap motion plot port \
-         recording rig robot sensing session time wire",
+        "action body bus calibration capture control device draft error job mocap motion port recording \
+         rig robot sensing session time wire",
         "arguments bars clock files keys network profiles signals simulator sleep threads wall-clock",
     ),
     room("control", "bus device error guard motion robot time", "clock profiles threads"),
@@ -39,8 +39,8 @@ const ROOMS: &[Room] = &[
     room("guard", "motion time", ""),
     room(
         "job",
-        "action body bus calibration capture control device draft error mocap motion port recording \
-         rig robot sensing time wire",
+        "action body bus calibration capture control device draft error mocap motion plot port \
+         recording rig robot sensing time wire",
         "clock files profiles simulator threads wall-clock",
     ),
     room("mocap", "body error motion toml_text units", "files"),

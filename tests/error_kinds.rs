@@ -36,9 +36,9 @@ fn each_refusal_has_the_kind_that_a_program_would_look_for() {
     assert_eq!(motion("moonwalk"), ErrorKind::Unknown);
     assert_eq!(motion(&file("dance.bvh", "HIERARCHY")), ErrorKind::Malformed);
     assert_eq!(motion(&file("table.csv", "1,2,3\n")), ErrorKind::Malformed);
-    let strange = file("strange.csv", "time_s,tail_rad\n0,0\n1,0\n");
+    let strange = file("strange.csv", "time_s,tail_rad\n0,0\n0.4,0\n");
     assert_eq!(motion(&strange), ErrorKind::Unknown);
-    let far = file("far.csv", "time_s,head_pan_rad\n0,0\n1,9\n");
+    let far = file("far.csv", "time_s,head_pan_rad\n0,0\n0.4,9\n");
     assert_eq!(motion(&far), ErrorKind::OutsideLimits);
     let tail = MotionOrder { only: vec!["tail".to_owned()], ..of("bow") };
     assert_eq!(order(tail), ErrorKind::Unknown);

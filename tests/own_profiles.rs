@@ -14,7 +14,7 @@ fn folder(name: &str) -> PathBuf {
     let so101 = std::fs::read_to_string(so101).expect("a shipped robot");
     let arm = so101.replace("name = \"so101\"", "name = \"my-arm\"");
     write(&folder, "my-arm.toml", &arm.replace("sts3215-c001", "my-servo"));
-    write(&folder, "table.csv", "time_s,shoulder_pan_rad\n0,0\n1,0.3\n2,0\n");
+    write(&folder, "table.csv", "time_s,shoulder_pan_rad\n0,0\n0.4,0.1\n0.8,0.1\n1.2,0\n");
     folder
 }
 
@@ -22,7 +22,7 @@ fn write(folder: &Path, name: &str, text: &str) {
     std::fs::write(folder.join(name), text).expect("written");
 }
 
-/// As a shipped one, but twice as strong.
+/// As a shipped one, under a name of its own.
 const SERVO: &str = "extends = \"sts3215-c001\"\nname = \"my-servo\"\nmodel = \"Mine\"\n";
 
 fn gaitway(folder: &Path, arguments: &[&str]) -> Output {

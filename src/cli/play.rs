@@ -4,8 +4,9 @@ use super::calibrated::CalibrationArg;
 use super::signals::Signals;
 use super::source::MotionArgs;
 use super::terminal::Terminal;
-use super::{Deed, Output, Remarks, plots};
+use super::{Deed, Output, Remarks};
 use crate::error::Error;
+use crate::job::page;
 use crate::job::play::{self, Options, PlayOrder, Played};
 use crate::job::report::{Outcome, PlayReport};
 use crate::rig::Address;
@@ -136,7 +137,7 @@ impl PlayArgs {
         let Played { mut report, series } = played;
         let (Some(path), Some((robot, series))) = (&self.html, series) else { return report };
         report.html = Some(path.display().to_string());
-        let page = plots::page(&report, &series, &robot);
+        let page = page::page(&report, &series, &robot);
         if let Err(error) = self.output.write_file(path, page.as_bytes()) {
             report.html = None;
             report.notes.push(error.to_string());

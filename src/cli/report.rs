@@ -61,16 +61,7 @@ impl PlayReport {
     }
 
     fn write_head(&self, out: &mut String) {
-        let dry = if self.dry_run { " (dry run: nothing was written)" } else { "" };
-        let over = if self.bus.is_empty() { "" } else { " over " };
-        let _ = writeln!(
-            out,
-            "{}{dry}: {} on {}{over}{}",
-            self.outcome.word(),
-            self.motion,
-            self.robot,
-            self.bus.join(", ")
-        );
+        let _ = writeln!(out, "{}", self.headline());
         if let Some(reason) = &self.stop_reason {
             let _ = writeln!(out, "reason    {}", reason.replace('\n', "\n          "));
         }

@@ -282,6 +282,15 @@ impl PlayReport {
         }
     }
 
+    /// What came of it, in one line.
+    #[must_use]
+    pub fn headline(&self) -> String {
+        let dry = if self.dry_run { " (dry run: nothing was written)" } else { "" };
+        let over = if self.bus.is_empty() { "" } else { " over " };
+        let (outcome, buses) = (self.outcome.word(), self.bus.join(", "));
+        format!("{outcome}{dry}: {} on {}{over}{buses}", self.motion, self.robot)
+    }
+
     /// Says which motion came in.
     pub(super) fn describe_motion(&mut self, motion: &RobotMotion) {
         self.source = motion.source.clone();

@@ -1,6 +1,6 @@
 //! Words of a text file, streamed through a buffer of fixed size, with line numbers.
 
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use std::io::Read;
 use std::ops::Range;
 
@@ -190,7 +190,7 @@ impl<R: Read> Source<R> {
 
     /// An error at the current line.
     pub fn error(&self, what: impl Into<String>) -> Error {
-        Error::new(what).at(format!("line {}", self.token_line))
+        Error::of(ErrorKind::Malformed, what).at(format!("line {}", self.token_line))
     }
 
     /// An error that the current word is not what it should be.

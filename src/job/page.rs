@@ -1,7 +1,7 @@
 //! The HTML page of a played motion, from the report and the recorded series.
 
-use crate::job::recorder::Series;
-use crate::job::report::PlayReport;
+use super::recorder::Series;
+use super::report::PlayReport;
 use crate::plot::{self, JointSeries, PlotPage};
 use crate::robot::Robot;
 
@@ -9,7 +9,7 @@ use crate::robot::Robot;
 #[must_use]
 pub fn page(report: &PlayReport, series: &Series, robot: &Robot) -> String {
     let rows = vec![
-        ("outcome", report.text(true).lines().next().unwrap_or_default().to_owned()),
+        ("outcome", report.headline()),
         ("retimed", retiming(report)),
         (
             "cycles",
