@@ -159,7 +159,7 @@ impl Drop for Draft {
 pub fn write_file(path: &Path, force: bool, bytes: &[u8]) -> Result<(), Error> {
     check_free(path, force)?;
     Draft::write_whole(path, force, bytes).map_err(|e| {
-        Error::of(ErrorKind::Io, "cannot write the file")
+        Error::of((&e).into(), "cannot write the file")
             .at(path.display().to_string())
             .got(e.to_string())
     })

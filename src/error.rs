@@ -46,6 +46,19 @@ pub enum ErrorKind {
     Broke,
 }
 
+impl From<&std::io::Error> for ErrorKind {
+    fn from(cause: &std::io::Error) -> Self {
+        use std::io::ErrorKind as Io;
+        match cause.kind() {
+            Io::NotFound => Self::Absent,
+            Io::PermissionDenied => Self::NoAccess,
+            Io::AlreadyExists => Self::Exists,
+            Io::ResourceBusy => Self::Busy,
+            _ => Self::Io,
+        }
+    }
+}
+
 /// A refusal or a failure, in words for the person who has to mend it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Error {

@@ -34,6 +34,7 @@ fn each_refusal_has_the_kind_that_a_program_would_look_for() {
     assert_eq!(kind(gaitway::open("op3", "serial:/dev/ttyNOPE0")), ErrorKind::Absent);
     // Motions.
     assert_eq!(motion("moonwalk"), ErrorKind::Unknown);
+    assert_eq!(motion("nowhere.bvh"), ErrorKind::Absent);
     assert_eq!(motion(&file("dance.bvh", "HIERARCHY")), ErrorKind::Malformed);
     assert_eq!(motion(&file("table.csv", "1,2,3\n")), ErrorKind::Malformed);
     let strange = file("strange.csv", "time_s,tail_rad\n0,0\n0.4,0\n");

@@ -105,7 +105,7 @@ enum Cell {
 pub fn read(path: &Path) -> Result<Action, Error> {
     let place = path.display().to_string();
     let unreadable = |e: std::io::Error| {
-        Error::of(ErrorKind::Io, "cannot read the action file").at(place.clone()).got(e.to_string())
+        Error::of((&e).into(), "cannot read the action file").at(place.clone()).got(e.to_string())
     };
     // Asked before opening: opening a FIFO would wait for a writer.
     if !std::fs::metadata(path).map_err(unreadable)?.is_file() {

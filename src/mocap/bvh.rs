@@ -143,7 +143,7 @@ pub fn read(path: &Path) -> Result<Bvh, Error> {
     };
     let unreadable = |cause: std::io::Error| {
         in_file(
-            Error::of(ErrorKind::Io, "the file cannot be read")
+            Error::of((&cause).into(), "the file cannot be read")
                 .got(cause.to_string())
                 .remedy("check the path and the permissions"),
         )

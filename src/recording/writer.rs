@@ -400,7 +400,7 @@ fn shown(path: &Path) -> String {
 /// Begins the file at `path`.
 pub(super) fn create_file(path: &Path, force: bool) -> Result<Draft, Error> {
     Draft::create(path, force).map_err(|cause| {
-        let error = Error::of(ErrorKind::Io, "the file cannot be created")
+        let error = Error::of((&cause).into(), "the file cannot be created")
             .at(shown(path))
             .got(cause.to_string());
         match cause.kind() {

@@ -98,7 +98,7 @@ impl Folder {
                 .got(format!("{size} bytes")));
         }
         let text = fs::read_to_string(&path).map_err(|cause| {
-            Error::of(ErrorKind::Io, "the file cannot be read")
+            Error::of((&cause).into(), "the file cannot be read")
                 .at(shown(&path))
                 .got(cause.to_string())
         })?;
