@@ -43,6 +43,7 @@
 //! told; `sequence` is its number, missing samples counted.
 
 mod bounded;
+mod crc;
 mod log;
 mod marker;
 mod message;
@@ -57,6 +58,7 @@ mod series;
 mod table;
 mod writer;
 
+pub use crc::crc32;
 pub use marker::Marker;
 pub use overview::{Overview, SourceOverview, summary};
 pub use reader::{GoalSeries, Recording, Recovered, joint_series, read, recover};

@@ -4,6 +4,7 @@ use super::source::RobotMotion;
 use crate::control::{Exception, FlightCycle, Left, Performance, Run, Stop, StopCode, StopReason};
 use crate::error::{Error, ErrorKind};
 use crate::motion::{Because, Retimed};
+use crate::recording::crc32;
 use crate::robot::preflight::Preflight;
 use crate::robot::{Joint, Robot};
 use serde::Serialize;
@@ -149,7 +150,7 @@ impl OwnProfile {
         let of = |own: &'static gaitway_profiles::OwnFile| Self {
             name: own.name().to_owned(),
             file: own.path().display().to_string(),
-            crc32: format!("{:08x}", crc32fast::hash(own.text().unwrap_or_default().as_bytes())),
+            crc32: format!("{:08x}", crc32(own.text().unwrap_or_default().as_bytes())),
         };
         own.map(of).collect()
     }

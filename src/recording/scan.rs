@@ -14,6 +14,7 @@ use std::sync::Arc;
 
 use mcap::records::{MessageHeader, Metadata, op};
 
+use super::crc::crc32;
 use super::record::{ChannelRecord, ChunkRecord, Record, SchemaRecord};
 use crate::error::{Error, ErrorKind};
 
@@ -261,7 +262,7 @@ impl<R: Read, F: FnMut(Found) -> Result<(), Error>> Scan<R, F> {
         }
         let mut records = chunk.records;
         let unchecked = chunk.crc == 0; // zero says "no CRC", by the format
-        if !(unchecked || crc32fast::hash(records) == chunk.crc) {
+        if !(unchecked || crc32(records) == chunk.crc) {
             return Ok(Err(Broken));
         }
         while let Some((opcode, bytes)) = record_start(records) {
