@@ -608,6 +608,27 @@ fn one_lost_reading_of_one_servo_is_no_reason_to_ask() {
 }
 
 #[test]
+fn a_servo_that_was_silent_alone_and_goes_on_may_have_missed_goals_and_is_named() {
+    let setup = silent_between(&[1], 20..22, |_| {});
+    let played = Scene { setup, ..Scene::default() }.play();
+    assert_eq!(played.run.stop, None);
+    assert_eq!(played.run.exceptions, [Exception::MissedGoals { joint: "joint1".to_owned() }]);
+    played.came_to_rest(21);
+}
+
+#[test]
+fn a_joint_missed_before_the_second_goal_may_not_have_heard_the_first_and_is_named() {
+    for (cycle, is_named) in [(0, true), (1, true), (2, false)] {
+        let setup = silent_between(&[1], cycle..cycle + 1, |_| {});
+        let played = Scene { setup, ..Scene::default() }.play();
+        assert_eq!(played.run.stop, None);
+        let missed = Exception::MissedGoals { joint: "joint1".to_owned() };
+        let named: Vec<_> = Some(missed).filter(|_| is_named).into_iter().collect();
+        assert_eq!(played.run.exceptions, named, "cycle {cycle}");
+    }
+}
+
+#[test]
 fn a_line_whose_servos_come_back_limp_is_told_nothing_more() {
     let setup = silent_between(&[0, 1], 20..22, Servo::restart);
     let played = Scene { line_of: &[0, 0, 1], setup, ..Scene::default() }.play();
