@@ -16,6 +16,9 @@ fn without_a_fault(report: &LiveReport) {
     assert!(report.run.left.as_ref().is_some_and(|left| left.holding.len() == 20));
 }
 
+/// Makes goals wrong.
+type Spoil = fn(&mut Vec<f64>);
+
 /// All joints stay where they were found, but one that swings, from rest.
 fn swing(joint: usize, until_s: f64) -> impl FnMut(&Moment) -> Option<Vec<f64>> + Send + 'static {
     let mut start_rad = None;
@@ -66,7 +69,7 @@ fn a_panic_of_the_function_is_a_ramp_to_rest_and_a_reason() {
 
 #[test]
 fn goals_that_are_none_stop_the_robot_and_are_named() {
-    let wrong: [(fn(&mut Vec<f64>), &str); 2] = [
+    let wrong: [(Spoil, &str); 2] = [
         (|goals| goals.truncate(3), "3 goals for 20 joints"),
         (|goals| goals[7] = f64::NAN, "no number"),
     ];

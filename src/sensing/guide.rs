@@ -82,6 +82,9 @@ impl From<Error> for Ended {
 /// What every sensor said, `[place][sample]`.
 type Series = Vec<Vec<DQuat>>;
 
+/// What was said in T pose, if that was seen, and how far each segment was off in it, rad.
+type SeenTPose = (Option<Series>, Vec<(Segment, f64)>);
+
 /// Whoever leads.
 pub struct Guide<'a> {
     sensors: &'a mut Sensors,
@@ -292,10 +295,7 @@ impl<'a> Guide<'a> {
     }
 
     /// T pose, if it was seen, and how far segments are off in it; repeated while somebody wants to.
-    fn checked_t_pose(
-        &mut self,
-        n_pose: &[Vec<DQuat>],
-    ) -> Result<(Option<Series>, Vec<(Segment, f64)>), Ended> {
+    fn checked_t_pose(&mut self, n_pose: &[Vec<DQuat>]) -> Result<SeenTPose, Ended> {
         // Movements come later: what only they tell makes no difference here, because segments other
         // than arms are turned alike in both poses.
         let known =
