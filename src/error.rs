@@ -67,7 +67,7 @@ pub struct Error {
     /// What is wrong, one sentence without a full stop.
     pub what: String,
     /// Where: file and line, joint, register, port.
-    pub place: Option<String>,
+    pub place: Option<Box<str>>,
     /// What was found there.
     pub got: Option<String>,
     /// What would have been accepted.
@@ -92,7 +92,7 @@ impl Error {
     /// Says where.
     #[must_use]
     pub fn at(mut self, place: impl Into<String>) -> Self {
-        self.place = Some(place.into());
+        self.place = Some(place.into().into_boxed_str());
         self
     }
 
@@ -135,7 +135,7 @@ impl From<gaitway_profiles::ProfileError> for Error {
         Self {
             kind,
             what: error.what.into(),
-            place: Some(place),
+            place: Some(place.into_boxed_str()),
             got: text(error.got),
             allowed: text(error.allowed),
             remedy: text(error.remedy),
@@ -147,10 +147,10 @@ impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}", self.what)?;
         let rows = [
-            ("where", &self.place),
-            ("got", &self.got),
-            ("allowed", &self.allowed),
-            ("to do", &self.remedy),
+            ("where", self.place.as_deref()),
+            ("got", self.got.as_deref()),
+            ("allowed", self.allowed.as_deref()),
+            ("to do", self.remedy.as_deref()),
         ];
         for (label, text) in rows {
             if let Some(text) = text {

@@ -265,7 +265,7 @@ impl Reader<'_> {
         action.kind.admit(&dofs).map_err(|e| e.at(self.place))?;
         // What the pieces cannot show alone: seams out of order on the way in and out.
         action.perform().map_err(|mut e| {
-            e.place = Some(format!("{}: {}", self.place, e.place.unwrap_or_default()));
+            e.place = Some(format!("{}: {}", self.place, e.place.unwrap_or_default()).into());
             e
         })?;
         Ok(action)

@@ -246,7 +246,7 @@ mod tests {
     }
 
     fn place(result: Result<Path, Error>) -> String {
-        result.unwrap_err().place.unwrap()
+        result.unwrap_err().place.unwrap().into()
     }
 
     #[test]

@@ -266,7 +266,8 @@ pub fn recover(path: &Path, force: bool) -> Result<Recovered, Error> {
         }),
         // Half a rescue would stand in the way of the next one: it is gone with its draft.
         Err(error) => {
-            let place = error.place.clone().unwrap_or_else(|| path.display().to_string());
+            let place =
+                error.place.clone().map_or_else(|| path.display().to_string(), String::from);
             Err(error.at(place))
         }
     }

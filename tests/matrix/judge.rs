@@ -58,7 +58,11 @@ pub fn faults_of(ran: &Ran, job: Job, fault: Fault, phase: Phase, robot: Robot) 
 fn refereed(ran: &Ran, fault: Fault) -> Vec<String> {
     let helpless = fault == Fault::Kill || makes_no_goals(fault) || left_late(ran);
     let seen = ran.violations.iter().filter(|seen| {
-        !(helpless && matches!(seen.rule, Rule::RestAtEnds | Rule::SpeedChange | Rule::GoalStep))
+        let unheard = seen.rule == Rule::RestAtEnds
+            && missed_goals(ran).any(|joint| seen.joint.as_deref() == Some(joint));
+        let beyond_help =
+            helpless && matches!(seen.rule, Rule::RestAtEnds | Rule::SpeedChange | Rule::GoalStep);
+        !unheard && !beyond_help
     });
     seen.map(|seen| format!("referee: {seen}")).collect()
 }
@@ -68,15 +72,28 @@ fn makes_no_goals(fault: Fault) -> bool {
     matches!(fault, Fault::Panic("advance+" | "admit+" | "write+"))
 }
 
-/// Goals that left late, or that were held back or may not have been heard since answers came late: this
-/// machine's doing where no line is disturbed, and said by the command itself.
+/// Goals that left late, or were held back since answers came late: this machine's doing, and said
+/// by the command itself.
 pub fn left_late(ran: &Ran) -> bool {
     let excepted = ran.report.as_ref().and_then(|report| report["exceptions"].as_array());
     excepted.is_some_and(|all| all.iter().any(|one| LATE.iter().any(|late| one["kind"] == *late)))
 }
 
+/// True if a joint may not have heard goals.
+pub fn misses_goals(ran: &Ran) -> bool {
+    missed_goals(ran).next().is_some()
+}
+
 /// How a report names that.
-const LATE: [&str; 4] = ["sent-late", "held-back", "joint-held-back", "missed-goals"];
+const LATE: [&str; 3] = ["sent-late", "held-back", "joint-held-back"];
+
+/// Joints that may not have heard goals since their answers came late: where no line is disturbed that is
+/// this machine's doing too. It excuses no more than that their first or last two goals differ (R2b).
+fn missed_goals(ran: &Ran) -> impl Iterator<Item = &str> {
+    let excepted = ran.report.as_ref().and_then(|report| report["exceptions"].as_array());
+    let missed = excepted.into_iter().flatten().filter(|one| one["kind"] == "missed-goals");
+    missed.filter_map(|one| one["joint"].as_str())
+}
 
 fn says(ran: &Ran, words: &str) -> bool {
     ran.said.contains(words) || ran.report.as_ref().is_some_and(|r| r.to_string().contains(words))
@@ -179,7 +196,8 @@ fn motion_faults(ran: &Ran, job: Job, fault: Fault, robot: Robot) -> Vec<String>
     }
     let mut wrong = Vec::new();
     let excepted = ran.report.as_ref().and_then(|report| report["exceptions"].as_array());
-    let kinds: Vec<&Value> = excepted.into_iter().flatten().map(|one| &one["kind"]).collect();
+    let kinds = excepted.into_iter().flatten().map(|one| &one["kind"]);
+    let kinds: Vec<&Value> = kinds.filter(|kind| *kind != "missed-goals").collect();
     // Goals that the host's own stall kept back are counted by themselves.
     let is_broken = |kind: &Value| makes_no_goals(fault) && kind == "goals-broke";
     if kinds.iter().any(|kind| !LATE.iter().any(|late| *kind == *late) && !is_broken(kind)) {

@@ -501,7 +501,7 @@ fn an_actuator_whose_numbers_mean_something_else_is_refused() {
     for end in [12.502, 12.498, 3.0, f32::NAN] {
         let error = of_end(end).expect_err("refused");
         assert_eq!(error.what, "an actuator means something else by its numbers");
-        assert_eq!(error.place, Some(format!("{JOINT2}, PMAX")));
+        assert_eq!(error.place.as_deref(), Some(&*format!("{JOINT2}, PMAX")));
         assert_eq!(error.got, Some(end.to_string()));
     }
 }
