@@ -163,7 +163,8 @@ impl Calibration {
                 )
                 .at(format!("robot {}, joint {}", file.name, joint.name)));
             }
-            joint.initial_rad = joint.initial_rad.clamp(joint.lower_rad, joint.upper_rad);
+            let initial_rad = joint.initial_rad().clamp(joint.lower_rad, joint.upper_rad);
+            joint.initial = Some(initial_rad);
             if let Some(raw) = measured.homing_offset_raw {
                 let (firmware, servo) = (setup_firmware(file, &measured.name), &measured.name);
                 let profile = file.joint(servo).map(|j| j.servo.clone()).unwrap_or_default();

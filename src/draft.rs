@@ -11,6 +11,7 @@ use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{self, Write};
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// What the name of a file ends in that is to replace another and has not done so yet.
 const ENDING: &str = ".part";
@@ -20,6 +21,8 @@ const ENDING: &str = ".part";
 pub struct Draft {
     file: File,
     place: Place,
+    /// The folder in which it has just got its name, not yet synchronised.
+    named_in: Arc<Mutex<Option<PathBuf>>>,
 }
 
 #[derive(Debug)]
@@ -42,6 +45,10 @@ impl Draft {
         Self::create_with(path, force, ENDING)
     }
 
+    fn of(file: File, place: Place) -> Self {
+        Self { file, place, named_in: Arc::default() }
+    }
+
     fn create_with(path: &Path, force: bool, ending: &str) -> io::Result<Self> {
         let made = OpenOptions::new().write(true).create_new(true).open(path);
         let file = match made {
@@ -51,13 +58,13 @@ impl Draft {
             made => made?,
         };
         free(file.try_lock())?;
-        Ok(Self { file, place: Place::New(path.to_owned()) })
+        Ok(Self::of(file, Place::New(path.to_owned())))
     }
 
     fn replace(path: &Path, ending: &str) -> io::Result<Self> {
         let Some(target) = replaceable(path) else {
             let file = OpenOptions::new().write(true).create(true).truncate(true).open(path)?;
-            return Ok(Self { file, place: Place::Kept });
+            return Ok(Self::of(file, Place::Kept));
         };
         let old = File::open(&target)?;
         // Whoever records to it holds it; nobody is waited for.
@@ -75,7 +82,7 @@ impl Draft {
                 // One that was left behind by a killed process begins anew.
                 file.set_len(0)?;
                 file.set_permissions(old.metadata()?.permissions())?;
-                return Ok(Self { file, place: Place::Beside { part, target } });
+                return Ok(Self::of(file, Place::Beside { part, target }));
             }
         }
     }
@@ -86,7 +93,8 @@ impl Draft {
         matches!(self.place, Place::Beside { .. })
     }
 
-    /// Gives it its name, for good. It may be written on.
+    /// Gives it its name, for good. It may be written on. The name survives a power cut once it is
+    /// synchronised ([`Draft::sync`]).
     ///
     /// # Errors
     /// As the file system says; it has not its name then.
@@ -99,8 +107,9 @@ impl Draft {
             Place::New(path) => path,
             Place::Kept => return Ok(()),
         };
-        // Some file systems cannot synchronise a folder; the file is worth having even so.
-        let _ = File::open(folder_of(named)).and_then(|folder| folder.sync_all());
+        let mut named_in = self.named_in.lock().unwrap_or_else(PoisonError::into_inner);
+        *named_in = Some(folder_of(named).to_owned());
+        drop(named_in);
         self.place = Place::Kept;
         Ok(())
     }
@@ -110,11 +119,17 @@ impl Draft {
     /// # Errors
     /// As the file system says.
     pub fn sync(&self) -> io::Result<()> {
-        match self.file.sync_data() {
-            // Pipes and devices have nothing to be synchronised.
-            Err(cause) if cause.kind() == io::ErrorKind::InvalidInput => Ok(()),
-            synced => synced,
-        }
+        synced(&self.file, &self.named_in)
+    }
+
+    /// The same, to be called on another thread: it may take as long as it likes while the file is
+    /// written on.
+    ///
+    /// # Errors
+    /// A file that cannot be had twice.
+    pub fn syncer(&self) -> io::Result<impl FnMut() -> io::Result<()> + Send + 'static> {
+        let (file, named_in) = (self.file.try_clone()?, Arc::clone(&self.named_in));
+        Ok(move || synced(&file, &named_in))
     }
 
     /// Writes a whole file, or leaves what was there.
@@ -127,8 +142,23 @@ impl Draft {
         let mut draft = Self::create_with(path, force, &ending)?;
         draft.write_all(bytes)?;
         draft.sync()?;
-        draft.keep()
+        draft.keep()?;
+        draft.sync()
     }
+}
+
+fn synced(file: &File, named_in: &Mutex<Option<PathBuf>>) -> io::Result<()> {
+    let synced = match file.sync_data() {
+        // Pipes and devices have nothing to be synchronised.
+        Err(cause) if cause.kind() == io::ErrorKind::InvalidInput => Ok(()),
+        synced => synced,
+    };
+    let folder = named_in.lock().unwrap_or_else(PoisonError::into_inner).take();
+    if let Some(folder) = folder {
+        // Some file systems cannot synchronise a folder; the file is worth having even so.
+        let _ = File::open(folder).and_then(|folder| folder.sync_all());
+    }
+    synced
 }
 
 impl Write for Draft {

@@ -69,11 +69,13 @@ pub struct Error {
     /// Where: file and line, joint, register, port.
     pub place: Option<Box<str>>,
     /// What was found there.
-    pub got: Option<String>,
+    pub got: Option<Box<str>>,
     /// What would have been accepted.
-    pub allowed: Option<String>,
+    pub allowed: Option<Box<str>>,
     /// What to do about it.
-    pub remedy: Option<String>,
+    pub remedy: Option<Box<str>>,
+    /// What else is wrong in the same place: a file's other faults.
+    pub also: Box<[Error]>,
 }
 
 impl Error {
@@ -86,7 +88,8 @@ impl Error {
     /// Starts an error of this kind from what is wrong.
     #[must_use]
     pub fn of(kind: ErrorKind, what: impl Into<String>) -> Self {
-        Self { kind, what: what.into(), place: None, got: None, allowed: None, remedy: None }
+        let (place, got, allowed, remedy) = (None, None, None, None);
+        Self { kind, what: what.into(), place, got, allowed, remedy, also: Box::default() }
     }
 
     /// Says where.
@@ -99,21 +102,21 @@ impl Error {
     /// Says what was found.
     #[must_use]
     pub fn got(mut self, got: impl Into<String>) -> Self {
-        self.got = Some(got.into());
+        self.got = Some(got.into().into_boxed_str());
         self
     }
 
     /// Says what would have been accepted.
     #[must_use]
     pub fn allowed(mut self, allowed: impl Into<String>) -> Self {
-        self.allowed = Some(allowed.into());
+        self.allowed = Some(allowed.into().into_boxed_str());
         self
     }
 
     /// Says what to do.
     #[must_use]
     pub fn remedy(mut self, remedy: impl Into<String>) -> Self {
-        self.remedy = Some(remedy.into());
+        self.remedy = Some(remedy.into().into_boxed_str());
         self
     }
 }
@@ -121,7 +124,6 @@ impl Error {
 /// A profile's error in the same rows.
 impl From<gaitway_profiles::ProfileError> for Error {
     fn from(error: gaitway_profiles::ProfileError) -> Self {
-        let text = |words: Option<Box<str>>| words.map(String::from);
         let place = match error.place {
             Some(place) => format!("{}, {place}", error.file),
             None => error.file.into(),
@@ -136,9 +138,10 @@ impl From<gaitway_profiles::ProfileError> for Error {
             kind,
             what: error.what.into(),
             place: Some(place.into_boxed_str()),
-            got: text(error.got),
-            allowed: text(error.allowed),
-            remedy: text(error.remedy),
+            got: error.got,
+            allowed: error.allowed,
+            remedy: error.remedy,
+            also: error.also.into_iter().map(Self::from).collect(),
         }
     }
 }
@@ -157,7 +160,7 @@ impl fmt::Display for Error {
                 write!(f, "\n  {label:<8} {text}")?;
             }
         }
-        Ok(())
+        self.also.iter().try_for_each(|other| write!(f, "\n{other}"))
     }
 }
 

@@ -67,4 +67,4 @@ pub use sample::{CycleRecord, JointRecord, RecordedJoint, RunEnd, RunStart};
 pub use sensor::{RecordedSource, SourceId, SourceKind, SourceRecord};
 pub use series::{SensorMoment, SensorSeries, run_start, sensor_series};
 pub use table::{Rows, write_csv};
-pub use writer::{Disk, Pace, Recorder, Summary};
+pub use writer::{Disk, Pace, Recorder, Summary, Syncer};

@@ -140,7 +140,7 @@ impl Joint {
             id: joint.id,
             drive,
             limits,
-            initial_rad: joint.initial_rad,
+            initial_rad: joint.initial_rad(),
             ratio,
             offset_rad: joint.offset_rad,
         })

@@ -6,6 +6,7 @@
 //! `guest_kernel.rs` makes they run with `cargo test --test can -- --ignored`.
 
 mod aloud;
+mod priority;
 
 #[path = "can/guest.rs"]
 mod guest;
@@ -17,6 +18,7 @@ use guest_kernel::Outcome;
 
 #[test]
 fn the_can_suite_passes_on_a_kernel_with_socketcan() {
+    priority::run_before_others();
     match guest_kernel::run_suite() {
         Outcome::Passed(said) => {
             let summary = said.lines().find(|line| line.contains("test result:")).unwrap_or("");

@@ -162,7 +162,7 @@ fn walks_live(batch_s: f64) {
     let found = scene.preflight().expect("ready");
     let armed = scene::arm(&mut scene.link, &found).expect("torque");
     let robot = scene.link.robot().clone();
-    let model = robot_model(&robot.file, &robot);
+    let model = robot_model(&robot).expect("an anatomy");
     let settings = Settings::default();
     let online_again =
         || Online::new(&model, &[true; 13], &found.start_rad, &settings).expect("fits");
@@ -325,7 +325,7 @@ fn without_input_the_robot_stands_and_a_stop_ends_at_rest_within_the_joints_limi
 #[test]
 fn pose_by_pose_the_robot_is_asked_for_what_the_whole_clip_asks_for() {
     let robot = Robot::load("op3").expect("shipped");
-    let model = robot_model(&robot.file, &robot);
+    let model = robot_model(&robot).expect("an anatomy");
     let start: Vec<f64> = robot.joints.iter().map(|joint| joint.initial_rad).collect();
     for action in ["walk", "wave-r", "squat", "kick-l"] {
         let (capture, _) = body_motion(action, None).expect("shipped");

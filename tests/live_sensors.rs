@@ -148,7 +148,7 @@ fn body_error_deg(recording: &Path, calibration: &Path, truth: &Truth) -> f64 {
 /// What the robot did during the motion against what it was to do, at the delay that fits best, deg.
 fn robot_error_deg(recording: &Path, truth: &Truth) -> f64 {
     let robot = Robot::load("op3").expect("shipped");
-    let model = robot_model(&robot.file, &robot);
+    let model = robot_model(&robot).expect("an anatomy");
     let start: Vec<f64> = robot.joints.iter().map(|joint| joint.initial_rad).collect();
     let mut online = Online::new(&model, &[true; 13], &start, &Settings::default()).expect("fits");
     let wanted: Vec<Vec<f64>> =

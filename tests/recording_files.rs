@@ -20,7 +20,7 @@ mod disk;
 #[path = "recording/scene.rs"]
 mod scene;
 
-use disk::{GatedDisk, MemoryDisk};
+use disk::{GatedDisk, MemoryDisk, Stands};
 use scene::{cycle, end, messages, start};
 
 /// Each cycle is a chunk of its own, each chunk is synchronised.
@@ -278,6 +278,54 @@ fn a_disk_that_fails_at_any_call_keeps_what_was_stored_and_every_message_is_coun
 }
 
 #[test]
+fn every_message_is_counted_whenever_a_disk_fails_that_is_not_waited_for() {
+    let cycles = 10;
+    let total = (0..cycles).map(messages).sum::<u64>() + 2;
+    let soon = Pace { chunk: Duration::ZERO, sync: Duration::from_nanos(1) };
+    let mut failed = 0;
+    // As many calls as there are at most: how many synchronisations fall together is not known.
+    for call in 3..=2 * (1 + cycles) + 4 {
+        let disk = MemoryDisk::failing_at(call);
+        let recorder = Recorder::create_on(disk.clone(), start(), soon).unwrap();
+        (0..cycles).for_each(|n| recorder.take_patiently(cycle(n)));
+        let summary = recorder.finish(end(cycles));
+        assert_eq!(summary.messages + summary.lost, total, "call {call}");
+        assert_eq!(summary.poisoned.is_some(), disk.calls() >= call, "call {call}");
+        let recording = Recording::from_source(disk.bytes().as_slice()).unwrap();
+        let read = (0..recording.cycles.len() as u64).map(messages).sum::<u64>();
+        assert!(read + 2 >= summary.messages, "call {call}: less in the file than was promised");
+        failed += u64::from(summary.poisoned.is_some());
+    }
+    assert!(failed > cycles, "{failed} failures");
+}
+
+/// Waits for what another thread does.
+fn until(what: &str, mut is_so: impl FnMut() -> bool) {
+    let patience = std::time::Instant::now() + Duration::from_secs(60);
+    while !is_so() {
+        assert!(std::time::Instant::now() < patience, "never: {what}");
+        std::thread::sleep(Duration::from_millis(1));
+    }
+}
+
+#[test]
+fn a_disk_that_takes_its_time_to_synchronise_holds_up_nothing_that_is_appended() {
+    let (gate, closed) = channel();
+    let disk = MemoryDisk::default();
+    // The start is synchronised; the next time takes as long as the gate stands.
+    let gated = GatedDisk::new(disk.clone(), closed, 1, Stands::Syncs);
+    let soon = Pace { chunk: Duration::ZERO, sync: Duration::from_nanos(1) };
+    let recorder = Recorder::create_on(gated, start(), soon).unwrap();
+    // More than the queue holds.
+    (0..500).for_each(|n| recorder.take_patiently(cycle(n)));
+    let kept = || Recording::from_source(disk.bytes().as_slice()).unwrap().cycles.len();
+    until("every cycle is in the file", || kept() == 500);
+    drop(gate);
+    let summary = recorder.finish(end(500));
+    assert!(summary.is_complete(), "{summary:?}");
+}
+
+#[test]
 fn after_a_failure_nothing_more_is_written() {
     let disk = MemoryDisk::failing_at(7);
     let summary = record(&disk, 50, EACH_CYCLE);
@@ -289,7 +337,7 @@ fn after_a_failure_nothing_more_is_written() {
 fn a_disk_that_stands_still_never_holds_up_the_cycle_and_the_gap_is_marked() {
     let (gate, closed) = channel();
     let disk = MemoryDisk::default();
-    let gated = GatedDisk { disk: disk.clone(), gate: closed, open_calls: 2 };
+    let gated = GatedDisk::new(disk.clone(), closed, 2, Stands::Both);
     let recorder = Recorder::create_on(gated, start(), EACH_CYCLE).unwrap();
     // If `take` waited for the disk, this loop would never end.
     (0..2_000).for_each(|n| recorder.take(cycle(n)));

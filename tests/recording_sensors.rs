@@ -18,7 +18,7 @@ use glam::{DQuat, DVec3};
 #[path = "recording/disk.rs"]
 mod disk;
 
-use disk::{GatedDisk, MemoryDisk};
+use disk::{GatedDisk, MemoryDisk, Stands};
 
 const MONOTONIC_START: Instant = Instant::from_nanos(5_000_000_000);
 
@@ -232,7 +232,7 @@ fn a_synchronisation_that_takes_two_seconds_loses_nothing_of_fifteen_sensors() {
     let (gate, closed) = channel();
     let disk = MemoryDisk::default();
     // The start is appended and synchronised, the first chunk appended; then the disk stands still.
-    let gated = GatedDisk { disk: disk.clone(), gate: closed, open_calls: 3 };
+    let gated = GatedDisk::new(disk.clone(), closed, 3, Stands::Both);
     let recorder = recorder(gated, EACH_RECORD);
     let ids: Vec<_> = (0..15)
         .map(|n| recorder.add_source(source(&format!("imu-{n}"), SourceKind::Imu)))
@@ -249,10 +249,30 @@ fn a_synchronisation_that_takes_two_seconds_loses_nothing_of_fifteen_sensors() {
 }
 
 #[test]
+fn samples_are_in_the_file_though_the_disk_takes_its_time_to_synchronise() {
+    let (gate, closed) = channel();
+    let disk = MemoryDisk::default();
+    // The start is synchronised; the next time takes as long as the gate stands.
+    let gated = GatedDisk::new(disk.clone(), closed, 1, Stands::Syncs);
+    let soon = Pace { chunk: Duration::ZERO, sync: Duration::from_nanos(1) };
+    let recorder = recorder(gated, soon);
+    let left = recorder.add_source(source("left", SourceKind::Imu));
+    (0..300).for_each(|number| recorder.take_record(left, sample(number, 0)));
+    let patience = std::time::Instant::now() + Duration::from_secs(60);
+    let kept = || overview("slow-sync", &disk.bytes()).sources.get("left").map_or(0, |s| s.records);
+    while kept() < 300 {
+        assert!(std::time::Instant::now() < patience, "{} of 300 samples", kept());
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    drop(gate);
+    assert!(recorder.finish(end(300)).is_complete());
+}
+
+#[test]
 fn a_disk_that_stands_still_holds_up_no_sensor_and_what_is_dropped_is_counted_by_topic() {
     let (gate, closed) = channel();
     let disk = MemoryDisk::default();
-    let gated = GatedDisk { disk: disk.clone(), gate: closed, open_calls: 2 };
+    let gated = GatedDisk::new(disk.clone(), closed, 2, Stands::Both);
     let recorder = recorder(gated, EACH_RECORD);
     // If `take_record` or `add_source` waited for the disk, this would never end.
     let left = recorder.add_source(source("left", SourceKind::Imu));
@@ -285,7 +305,7 @@ fn a_disk_that_stands_still_holds_up_no_sensor_and_what_is_dropped_is_counted_by
 fn the_first_sample_after_a_gap_says_how_many_were_dropped() {
     let (gate, closed) = channel();
     let disk = MemoryDisk::default();
-    let gated = GatedDisk { disk: disk.clone(), gate: closed, open_calls: 2 };
+    let gated = GatedDisk::new(disk.clone(), closed, 2, Stands::Both);
     let recorder = recorder(gated, EACH_RECORD);
     let left = recorder.add_source(source("left", SourceKind::Imu));
     (0..QUEUE + 100).for_each(|number| recorder.take_record(left, sample(number, 0)));

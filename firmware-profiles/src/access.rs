@@ -1,6 +1,9 @@
 //! Questions a driver or a virtual servo asks of a profile.
 
-use crate::schema::{Encoding, Joint, Protocol, Register, RegisterItem, Robot, Role, Servo, Setup};
+use crate::files;
+use crate::schema::{
+    Encoding, Joint, Line, Protocol, Register, RegisterItem, Robot, Role, Servo, Setup,
+};
 use std::collections::BTreeMap;
 
 impl Servo {
@@ -176,17 +179,40 @@ impl Robot {
     }
 
     /// How the servo of a joint is configured: its firmware version and raw values by register
-    /// name, later entries laid over earlier ones. Every joint of a validated robot has an entry;
-    /// without one this is `(0, {})`.
+    /// name, later entries laid over earlier ones. What no entry says is as it leaves the factory:
+    /// of a servo without any, the newest firmware its profile is known to hold for. It runs at the
+    /// speed of its line.
     #[must_use]
     pub fn setup_for(&self, joint: &Joint) -> (u16, BTreeMap<String, i64>) {
         let mut firmware = 0;
         let mut registers = BTreeMap::new();
+        if let Ok(servo) = files::servo(&joint.servo) {
+            firmware = servo.firmware.max.unwrap_or(servo.firmware.min);
+            let line = self.lines.iter().find(|line| line.name == joint.line);
+            let index = line.and_then(Line::baud_bps).and_then(|bps| servo.baud_index(bps));
+            if let Some((index, register)) = index.zip(servo.register(Role::BaudRate)) {
+                registers.insert(register.name.clone(), i64::from(index));
+            }
+        }
         for setup in self.setups.iter().filter(|setup| setup.applies_to(joint)) {
             firmware = setup.firmware;
             registers.extend(setup.registers.iter().map(|(name, raw)| (name.clone(), *raw)));
         }
         (firmware, registers)
+    }
+}
+
+impl Joint {
+    /// Pose the robot starts in, rad: what the file says, else the allowed angle nearest to zero.
+    #[must_use]
+    pub fn initial_rad(&self) -> f64 {
+        self.initial.unwrap_or_else(|| 0.0_f64.max(self.lower_rad).min(self.upper_rad))
+    }
+
+    /// Where the joint sits in its parent's frame and what it turns about, if the file says.
+    #[must_use]
+    pub fn mounting(&self) -> Option<([f64; 3], [f64; 3])> {
+        self.origin_m.zip(self.axis)
     }
 }
 

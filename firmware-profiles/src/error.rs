@@ -2,6 +2,11 @@
 
 use std::fmt;
 
+/// A file with more faults than these is not the file that was meant.
+const MOST: usize = 50;
+/// Nor is one whose faults take more words, bytes.
+const MOST_BYTES: usize = 64 * 1024;
+
 /// A profile that was refused, or not found.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ProfileError {
@@ -17,6 +22,40 @@ pub struct ProfileError {
     pub allowed: Option<Box<str>>,
     /// What to do about it.
     pub remedy: Option<Box<str>>,
+    /// What else is wrong with the same file.
+    pub also: Box<[ProfileError]>,
+}
+
+/// Everything that is wrong with a file, as it is found.
+#[derive(Debug, Default)]
+pub(crate) struct Faults {
+    kept: Vec<ProfileError>,
+    bytes: usize,
+}
+
+impl Faults {
+    /// Keeps what a check has against the file; true if that is nothing.
+    pub(crate) fn note(&mut self, verdict: Result<(), ProfileError>) -> bool {
+        let Err(fault) = verdict else { return true };
+        self.bytes += fault.bytes();
+        // The first is kept in any case: without it the file would be right.
+        if self.kept.is_empty() || (self.kept.len() < MOST && self.bytes <= MOST_BYTES) {
+            self.kept.push(fault);
+        }
+        false
+    }
+
+    /// What was kept.
+    pub(crate) fn found(&self) -> &[ProfileError] {
+        &self.kept
+    }
+
+    /// The first fault, with all others beside it.
+    pub(crate) fn verdict(self) -> Result<(), ProfileError> {
+        let mut faults = self.kept.into_iter();
+        let Some(first) = faults.next() else { return Ok(()) };
+        Err(ProfileError { also: faults.collect(), ..first })
+    }
 }
 
 impl ProfileError {
@@ -28,7 +67,15 @@ impl ProfileError {
             got: None,
             allowed: None,
             remedy: None,
+            also: Box::default(),
         }
+    }
+
+    /// Length of its words.
+    fn bytes(&self) -> usize {
+        let rows = [&self.place, &self.got, &self.allowed, &self.remedy];
+        let rows = rows.into_iter().flatten().chain([&self.file, &self.what]);
+        rows.map(|words| words.len()).sum()
     }
 
     pub(crate) fn at(mut self, place: impl fmt::Display) -> Self {
@@ -66,7 +113,7 @@ impl fmt::Display for ProfileError {
                 write!(f, "\n  {label:<8} {text}")?;
             }
         }
-        Ok(())
+        self.also.iter().try_for_each(|other| write!(f, "\n{other}"))
     }
 }
 

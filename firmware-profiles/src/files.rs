@@ -2,6 +2,7 @@
 
 use crate::error::ProfileError;
 use crate::extends;
+use crate::form;
 use crate::from_toml::from_toml;
 use crate::own::{self, OwnFile, own_file, own_files};
 use crate::schema::{Actuator, Adapter, Robot, Sensor, Servo};
@@ -319,6 +320,9 @@ pub fn read_text(path: &Path) -> Result<String, ProfileError> {
 
 fn parse<T: DeserializeOwned>(file: &str, text: &str) -> Result<T, ProfileError> {
     from_toml(text).map_err(|error| {
+        if let Err(all) = form::faults::<T>(file, text) {
+            return all;
+        }
         let refusal = malformed(file, &error);
         match error.span() {
             None => refusal,
@@ -331,8 +335,7 @@ fn parse<T: DeserializeOwned>(file: &str, text: &str) -> Result<T, ProfileError>
 }
 
 fn malformed(file: &str, error: &toml::de::Error) -> ProfileError {
-    ProfileError::new(file, "the file does not have the form of a profile")
-        .got(error.message().replace('\n', "; "))
+    form::malformed(file, error.message())
 }
 
 fn unknown(kind: &str, name: &str, available: impl Iterator<Item = &'static str>) -> ProfileError {

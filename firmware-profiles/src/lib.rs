@@ -26,11 +26,13 @@
 //!
 //! # How to add a robot
 //!
-//! 1. Copy `robots/op3.toml`; the name rule is the same.
-//! 2. One `[[line]]` for each line (a CAN line has `kind = "can"` and `bitrate_bps`), one `[[setup]]` for each servo model (registers that
-//!    differ from what the servo leaves the factory with, or that must not change), one
-//!    `[[joint]]` for each joint, parents first.
-//! 3. Put the robot in the pose where all joints read zero. Every link frame is then parallel to
+//! 1. Copy `robots/op3.toml`, or let `gaitway robot new --from BUS` write a draft of what answers
+//!    on a line. The file's name need not be its `name`.
+//! 2. One `[[line]]` for each line (a CAN line has `kind = "can"` and `bitrate_bps`), one `[[joint]]`
+//!    for each joint, parents first, and one `[[setup]]` for each servo model whose registers differ
+//!    from what it leaves the factory with, or must not change. That is enough for tables, recordings
+//!    and motions taught by hand.
+//! 3. To follow a body: put the robot in the pose where all joints read zero. Every link frame is then parallel to
 //!    the base (X forward, Y left, Z up); write each joint's origin and axis in that frame.
 //! 4. `[anatomy]`: which joint angles make the robot stand as a person stands with the arms at
 //!    the sides (`n_pose_rad`), and which link plays which segment of a human.
@@ -58,6 +60,7 @@ mod access;
 mod error;
 mod extends;
 mod files;
+mod form;
 mod from_toml;
 mod own;
 pub mod schema;

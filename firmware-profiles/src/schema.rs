@@ -450,32 +450,58 @@ pub struct Adapter {
 }
 
 /// A robot: named joints on servos or CAN actuators on lines, and how its links stand for a human's segments.
+///
+/// Lines and joints are always needed. Where joints sit ([`Joint::origin_m`]) and what they are in a
+/// person ([`Anatomy`]) is needed to follow a body: by a table of angles, a recording or a hand a robot
+/// is moved without.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Robot {
     /// Version of this file format; 1.
     pub schema: u32,
-    /// The file's own name.
+    /// What it is called, `[a-z0-9-]+`; the file may be named otherwise.
     pub name: String,
     /// One line for `profile list`.
+    #[serde(default = "undescribed")]
     pub description: String,
     /// Where the figures come from.
+    #[serde(default = "unsourced")]
     pub source: String,
-    /// Rate the robot is driven at unless asked otherwise, Hz.
+    /// Rate the robot is driven at unless asked otherwise, Hz; absent = 50.
+    #[serde(default = "usual_rate_hz")]
     pub rate_hz: f64,
     /// Where acceleration limits come from; `assumed: ...` is said in every report.
+    #[serde(default = "assumed")]
     pub acceleration_source: String,
     /// Serial and CAN lines.
     #[serde(rename = "line")]
     pub lines: Vec<Line>,
-    /// State the servos are configured to, by servo profile; a CAN actuator has none.
+    /// State the servos are configured to, by servo profile; a CAN actuator has none. A servo that no
+    /// entry speaks of is as it leaves the factory, at the speed of its line.
     #[serde(default, rename = "setup")]
     pub setups: Vec<Setup>,
     /// Joints, in the order reports list them.
     #[serde(rename = "joint")]
     pub joints: Vec<Joint>,
-    /// What stands for what in a human.
-    pub anatomy: Anatomy,
+    /// What stands for what in a human; absent: the robot follows no body.
+    #[serde(default)]
+    pub anatomy: Option<Anatomy>,
+}
+
+fn undescribed() -> String {
+    "a robot of one's own".to_owned()
+}
+
+fn unsourced() -> String {
+    "unconfirmed: the file does not say where its figures come from".to_owned()
+}
+
+fn assumed() -> String {
+    "assumed: the file does not say where its limits come from".to_owned()
+}
+
+fn usual_rate_hz() -> f64 {
+    50.0
 }
 
 /// How servos of one model are configured in this robot: what preflight expects, and what the
@@ -522,12 +548,15 @@ pub struct Joint {
     /// tool; only where the line cannot set it ([`TimeoutKind::Configured`]).
     #[serde(default)]
     pub timeout_configured_s: Option<f64>,
-    /// +1 or -1: joint angle = direction x gear x servo angle - offset.
+    /// +1 or -1: joint angle = direction x gear x servo angle - offset; absent = 1.
+    #[serde(default = "forward")]
     pub direction: i8,
     /// Turns of the joint for one turn of the servo; absent = 1.
     #[serde(default = "one")]
     pub gear: f64,
-    /// Joint angle reads zero where the servo angle (after direction and gear) equals this, rad.
+    /// Joint angle reads zero where the servo angle (after direction and gear) equals this, rad;
+    /// absent = 0.
+    #[serde(default)]
     pub offset_rad: f64,
     /// The other joint of a servo with two axes in one case: they share line speed and power.
     #[serde(default)]
@@ -540,20 +569,27 @@ pub struct Joint {
     pub velocity_rad_s: f64,
     /// Highest allowed acceleration, rad/s².
     pub acceleration_rad_s2: f64,
-    /// Pose the robot starts in, rad.
-    pub initial_rad: f64,
+    /// Pose the robot starts in, rad; absent: see [`Joint::initial_rad`].
+    #[serde(default, rename = "initial_rad")]
+    pub initial: Option<f64>,
     /// Joint whose link carries this one; absent: the base.
     #[serde(default)]
     pub parent: Option<String>,
     /// Origin of the joint in the parent link's frame, m, at all joints zero (X forward, Y left,
-    /// Z up, every link frame parallel to the base at zero).
-    pub origin_m: [f64; 3],
+    /// Z up, every link frame parallel to the base at zero). Present with [`Joint::axis`].
+    #[serde(default)]
+    pub origin_m: Option<[f64; 3]>,
     /// Axis of rotation in that frame, unit length; positive angle by the right-hand rule.
-    pub axis: [f64; 3],
+    #[serde(default)]
+    pub axis: Option<[f64; 3]>,
 }
 
 fn one() -> f64 {
     1.0
+}
+
+fn forward() -> i8 {
+    1
 }
 
 /// How the robot's links stand for a human's segments.

@@ -82,9 +82,9 @@ impl Robot {
         let facts = [
             ("source".to_owned(), &self.source),
             ("acceleration".to_owned(), &self.acceleration_source),
-            ("anatomy".to_owned(), &self.anatomy.source),
         ];
-        marked(facts.into_iter().chain(setups))
+        let anatomy = self.anatomy.iter().map(|anatomy| ("anatomy".to_owned(), &anatomy.source));
+        marked(facts.into_iter().chain(anatomy).chain(setups))
     }
 }
 

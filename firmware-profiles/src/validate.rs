@@ -1,4 +1,5 @@
-//! What the numbers of a profile must be to one another. The first rule broken is reported.
+//! What the numbers of a profile must be to one another. Of a robot and of a servo every rule that is
+//! broken is reported, of the others the first.
 //!
 //! Every comparison is written so that NaN, which TOML can spell, fails it.
 
@@ -56,8 +57,21 @@ fn is_usb_id(id: &str) -> bool {
     id.split_once(':').is_some_and(|(vendor, product)| is_hex(vendor) && is_hex(product))
 }
 
-/// The format version, and the name that must be the file's own.
+/// The format version, and the name that must be the file's own: by it other files name the profile.
 fn header(file: &str, schema: u32, name: &str) -> Verdict {
+    version_and_name(file, schema, name)?;
+    let stem = Path::new(file).file_stem().unwrap_or_default().to_string_lossy();
+    if stem != name {
+        return Err(ProfileError::new(file, "the profile must have the name of its file")
+            .at("name")
+            .got(format!("{name:?}"))
+            .allowed(format!("{stem:?}"))
+            .remedy("rename one of the two"));
+    }
+    Ok(())
+}
+
+fn version_and_name(file: &str, schema: u32, name: &str) -> Verdict {
     if schema != SCHEMA {
         return Err(ProfileError::new(file, "unknown version of the profile format")
             .at("schema")
@@ -69,14 +83,6 @@ fn header(file: &str, schema: u32, name: &str) -> Verdict {
             .at("name")
             .got(format!("{name:?}"))
             .allowed("[a-z0-9-]+"));
-    }
-    let stem = Path::new(file).file_stem().unwrap_or_default().to_string_lossy();
-    if stem != name {
-        return Err(ProfileError::new(file, "the profile must have the name of its file")
-            .at("name")
-            .got(format!("{name:?}"))
-            .allowed(format!("{stem:?}"))
-            .remedy("rename one of the two"));
     }
     Ok(())
 }

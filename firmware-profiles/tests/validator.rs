@@ -59,7 +59,7 @@ fn an_unknown_key_is_refused_and_named_with_its_line() {
     let error = parse_robot("pair.toml", &text).unwrap_err();
     assert!(error.got.as_deref().unwrap_or_default().contains("uper_rad"), "{error}");
     let line = text.lines().position(|line| line.starts_with("uper_rad")).unwrap() + 1;
-    assert_eq!(error.place.as_deref(), Some(format!("line {line}").as_str()));
+    assert_eq!(error.place.as_deref(), Some(format!("line {line}, joint \"hip\"").as_str()));
     let servo = changed(SERVO, "address = 0\n", "address = 0\nlength = 2\n");
     assert!(parse_servo("tiny.toml", &servo).unwrap_err().to_string().contains("length"));
 }
@@ -92,7 +92,11 @@ fn another_format_version_is_refused() {
 #[test]
 fn the_name_must_be_the_files_own_and_never_a_path() {
     refused(parse_servo("other.toml", SERVO), "name of its file", "name");
-    refused(parse_robot("other.toml", ROBOT), "name of its file", "name");
+    refused(
+        parse_robot("pair.toml", &changed(ROBOT, "\"pair\"", "\"Pair\"")),
+        "name of a profile",
+        "name",
+    );
     refused(parse_adapter("other.toml", ADAPTER), "name of its file", "name");
     for bad in ["Tiny", "../tiny", "ti ny", "", "tiny_1", "tiný"] {
         servo_refused("name = \"tiny\"", &format!("name = {bad:?}"), "name of a profile", "name");
@@ -321,7 +325,6 @@ fn a_setup_names_registers_of_its_servo_and_values_they_accept() {
     robot_refused("joints = [\"knee\"]", "joints = [\"ankle\"]", "no joint of this name", "setup");
     robot_refused("firmware = 45", "firmware = 44", "firmware", "setup");
     robot_refused("[[setup]]\nservo = \"xl430-w250\"", "[[setup]]\nservo = \"x\"", "no valid", "x");
-    robot_refused("# for both", "joints = [\"knee\"]", "no [[setup]]", "hip");
 }
 
 #[test]
@@ -367,6 +370,139 @@ fn texts_that_a_reader_needs_are_not_empty() {
     );
     robot_refused("description = \"two joints\"", "description = \" \"", "empty", "description");
     servo_refused("maker = \"Nobody\"", "maker = \"\"", "empty", "maker");
+}
+
+// What a robot file need not say.
+
+const ARM: &str = r#"
+schema = 1
+name = "my-arm"
+
+[[line]]
+name = "arm"
+baud_bps = 1000000
+
+[[joint]]
+name = "shoulder"
+line = "arm"
+id = 1
+servo = "xm430-w350"
+lower_rad = 0.25
+upper_rad = 1.5
+velocity_rad_s = 2.0
+acceleration_rad_s2 = 10.0
+"#;
+
+#[test]
+fn an_arm_needs_lines_and_joints_and_a_name_that_is_not_its_files() {
+    let arm = parse_robot("whatever.toml", ARM).expect("an arm");
+    let joint = &arm.joints[0];
+    assert_eq!((arm.name.as_str(), arm.rate_hz), ("my-arm", 50.0));
+    assert_eq!((joint.direction, joint.offset_rad, joint.gear), (1, 0.0, 1.0));
+    assert_eq!(joint.initial_rad(), 0.25, "the allowed angle nearest to zero");
+    assert!(arm.anatomy.is_none() && joint.mounting().is_none());
+    // What the file does not tell is told to be not known.
+    let unsaid: Vec<_> = arm.unconfirmed().into_iter().map(|fact| fact.place).collect();
+    assert_eq!(unsaid, ["source"]);
+    assert!(arm.acceleration_source.starts_with("assumed: "));
+}
+
+#[test]
+fn a_servo_without_a_setup_is_as_it_left_the_factory_at_the_speed_of_its_line() {
+    let arm = parse_robot("my-arm.toml", ARM).expect("an arm");
+    let (firmware, registers) = arm.setup_for(&arm.joints[0]);
+    let servo = servo("xm430-w350").expect("shipped");
+    assert_eq!(firmware, servo.firmware.max.unwrap_or(servo.firmware.min));
+    // XM430-W350, baud rate (8): 3 is 1 Mbit/s.
+    assert_eq!(registers.into_iter().collect::<Vec<_>>(), [("Baud Rate".to_owned(), 3)]);
+    // The second setup of the fixture is for the knee alone.
+    let text = changed(ROBOT, "# for both", "joints = [\"knee\"]");
+    let pair = parse_robot("pair.toml", &text).expect("a robot");
+    let (_, hip) = pair.setup_for(&pair.joints[0]);
+    assert_eq!(hip.into_iter().collect::<Vec<_>>(), [("Baud Rate".to_owned(), 3)]);
+}
+
+#[test]
+fn who_follows_a_body_says_where_every_joint_sits_and_nobody_says_half_of_it() {
+    let bare = changed(ROBOT, "origin_m = [0.0, 0.0, -0.1]\naxis = [0.0, 1.0, 0.0]\n", "");
+    refused(parse_robot("pair.toml", &bare), "follows a body", "knee");
+    let origin = changed(ARM, "id = 1\n", "id = 1\norigin_m = [0.0, 0.0, 0.0]\n");
+    let refusal = parse_robot("my-arm.toml", &origin).expect_err("half");
+    assert_eq!(refusal.got.as_deref(), Some("origin_m without axis"));
+    let axis = changed(ARM, "id = 1\n", "id = 1\naxis = [0.0, 0.0, 1.0]\n");
+    refused(parse_robot("my-arm.toml", &axis), "go together", "shoulder");
+}
+
+// All at once.
+
+fn places(error: &ProfileError) -> Vec<String> {
+    let all = std::iter::once(error).chain(&error.also);
+    all.map(|one| one.place.as_deref().unwrap_or_default().to_owned()).collect()
+}
+
+#[test]
+fn everything_that_is_wrong_with_a_robot_is_told_at_once() {
+    let text = changed(ROBOT, "rate_hz = 100.0", "rate_hz = 5.0");
+    let text = changed(&text, "upper_rad = 1.0", "upper_rad = -1.5");
+    let text = changed(&text, "direction = -1", "direction = 3");
+    let text = changed(&text, "\"Operating Mode\" = 3", "\"Operating Mode\" = 17");
+    let text = changed(&text, "joint = \"knee\"", "joint = \"ankle\"");
+    let error = parse_robot("pair.toml", &text).expect_err("five faults");
+    let expected = [
+        "rate_hz",
+        "setup of \"xl430-w250\", Operating Mode",
+        "joint \"hip\"",
+        "joint \"knee\"",
+        "anatomy.segment LeftShank",
+    ];
+    assert_eq!(places(&error), expected, "{error}");
+    assert_eq!(error.to_string().matches("file     pair.toml").count(), 5);
+}
+
+#[test]
+fn keys_that_are_missing_unknown_or_of_another_kind_are_told_at_once_with_their_lines() {
+    let text = changed(ROBOT, "baud_bps = 1000000", "baud_bps = \"fast\"");
+    let text = changed(&text, "upper_rad = 1.0", "uper_rad = 1.0");
+    let text = changed(&text, "id = 2", "id = 2.5");
+    let text = changed(&text, "base = [\"pelvis\"]\n", "");
+    let error = parse_robot("pair.toml", &text).expect_err("five faults");
+    let line = |of: &str| 1 + text.lines().position(|line| line.starts_with(of)).expect("a line");
+    let header = |name: &str| line(&format!("name = {name:?}")) - 1;
+    let expected = [
+        format!("line {}, line \"leg\"", line("baud_bps = \"fast\"")),
+        format!("line {}, joint \"hip\"", header("hip")),
+        format!("line {}, joint \"hip\"", line("uper_rad")),
+        format!("line {}, joint \"knee\"", line("id = 2.5")),
+        format!("line {}", line("[anatomy]")),
+    ];
+    assert_eq!(places(&error), expected, "{error}");
+    for words in ["unknown field `uper_rad`", "missing field `upper_rad`", "missing field `base`"] {
+        assert!(error.to_string().contains(words), "{error}");
+    }
+}
+
+#[test]
+fn a_servo_too_is_told_all_its_registers_faults_at_once() {
+    let text = changed(SERVO, "model = ", "model = \"\" # ");
+    let text = changed(&text, "[motor]", "[motor]\nsomething = 1");
+    let error = parse_servo("tiny.toml", &text).expect_err("a fault of form");
+    assert!(error.to_string().contains("unknown field `something`"), "{error}");
+    let text = changed(SERVO, "encoding = \"u16\"", "encoding = \"u8\"");
+    let text = changed(&text, "maker = \"Nobody\"", "maker = \"\"");
+    let error = parse_servo("tiny.toml", &text).expect_err("two faults");
+    assert_eq!(error.also.len(), 1, "{error}");
+}
+
+#[test]
+fn a_file_of_nothing_but_faults_is_told_of_some_and_ends() {
+    let joint = "[[joint]]\nname = 1\nbad = 2\n";
+    let text = format!("schema = 1\nname = \"many\"\n{}", joint.repeat(300));
+    let error = parse_robot("many.toml", &text).expect_err("faults");
+    assert!((10..=50).contains(&error.also.len()), "{} more", error.also.len());
+    let long = "x".repeat(500_000);
+    let text = changed(ARM, "\"shoulder\"", &format!("\"{long}!\""));
+    let error = parse_robot("my-arm.toml", &text).expect_err("a name");
+    assert!(error.to_string().len() < 1_600_000, "{}", error.to_string().len());
 }
 
 // Adapters.

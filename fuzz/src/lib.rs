@@ -114,7 +114,7 @@ pub fn mixed_robot() -> Robot {
     for (joint, (servo, id)) in robot.joints.iter_mut().zip(servos) {
         (joint.id, joint.servo, joint.parent) = (id, servo.to_owned(), None);
         joint.name = format!("j{id}");
-        (joint.lower_rad, joint.upper_rad, joint.initial_rad) = (-1.5, 1.5, 0.0);
+        (joint.lower_rad, joint.upper_rad, joint.initial) = (-1.5, 1.5, Some(0.0));
         let firmware = if id == 1 { 46 } else { 0x030A };
         let registers = [("Return Delay Time".to_owned(), 0)].into();
         let servo = servo.to_owned();

@@ -206,12 +206,12 @@ impl World {
             }
         }
         let ratio = f64::from(joint.direction) * joint.gear;
-        servo.place((joint.initial_rad + joint.offset_rad) / ratio);
+        servo.place((joint.initial_rad() + joint.offset_rad) / ratio);
         servo.mark_start();
         self.shared.referee.add(joint, line, profile);
         self.joints.push(Placed {
             place: Place { line, servo: self.lines[line].servos.len() },
-            initial_rad: joint.initial_rad,
+            initial_rad: joint.initial_rad(),
             offset_rad: joint.offset_rad,
             ratio,
         });

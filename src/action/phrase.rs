@@ -109,7 +109,7 @@ impl Item {
         vocabulary::find(&self.name).map_err(|mut e| {
             e.what = "not an action".to_owned();
             let shipped = e.allowed.unwrap_or_default();
-            e.allowed = Some(format!("a .toml file, or a shipped action: {shipped}"));
+            e.allowed = Some(format!("a .toml file, or a shipped action: {shipped}").into());
             e
         })
     }

@@ -142,6 +142,8 @@ impl Job<'_> {
         if order.buses.is_empty() {
             return Ok(None);
         }
+        // One that can follow nobody is not woken for it.
+        robot_model(&robot)?;
         let rate_hz = order.rate_hz.unwrap_or(robot.file.rate_hz);
         run.cycle_hz = rate_hz;
         let settings = Settings::at_rate(rate_hz);
@@ -162,7 +164,7 @@ impl Job<'_> {
                 .remedy("add --robot and --bus; only sensors are shown without"));
         };
         let robot = ready.connection.link.robot().clone();
-        let model = robot_model(&robot.file, &robot);
+        let model = robot_model(&robot)?;
         let settings = retarget::Settings::default();
         let mut online = Online::new(&model, &capture.tracked, &ready.found.start_rad, &settings)?;
         self.report.run.notes.extend(online.notes().iter().cloned());

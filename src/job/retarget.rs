@@ -58,7 +58,7 @@ pub fn retarget(order: &RetargetOrder) -> Result<PlayReport, Error> {
     match kind {
         Kind::Csv => write(&csv(&planned, rate_hz))?,
         Kind::Bvh => {
-            let model = robot_model(&robot.file, &robot);
+            let model = robot_model(&robot)?;
             let poses: Vec<Vec<f64>> = rows(&planned, rate_hz).map(|(_, pose)| pose).collect();
             write(&mocap::bvh::write(&bvh::of_robot(&model, &poses, rate_hz)))?;
         }

@@ -79,7 +79,7 @@ pub fn load(order: &MotionOrder, robot: &Robot) -> Result<RobotMotion, Error> {
         capture.mirror();
     }
     cut(&mut capture, order.from_s, order.to_s)?;
-    let model = robot_model(&robot.file, robot);
+    let model = robot_model(robot)?;
     let initial_rad: Vec<f64> = robot.joints.iter().map(|joint| joint.initial_rad).collect();
     let settings = retarget::Settings::default();
     let retargeted = retarget::retarget(&capture, &model, &initial_rad, &settings)?;

@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 use std::io::{self, Write};
 use std::sync::atomic::Ordering;
-use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, TryRecvError, channel};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant as Clock};
 
@@ -14,11 +14,13 @@ use mcap::write::NoSeek;
 use super::message::{self, Run, Stamp, Topic};
 use super::sample::{CycleRecord, RunEnd, RunStart};
 use super::sensor::{self, SourceId, SourceKind, SourceRecord};
-use super::writer::{Disk, Item, Keep, Pace, Shared, Summary, locked};
+use super::writer::{Disk, Item, Keep, Pace, Shared, Summary, Syncer, locked};
 use crate::time::Instant;
 
 /// A chunk is also closed at this size, which bounds the memory it takes.
 const CHUNK_BYTES: usize = 1 << 20;
+/// How often it is looked whether a synchronisation has come to its end, where nothing else comes.
+const SYNC_LOOK: Duration = Duration::from_millis(100);
 
 /// Collects the bytes of an MCAP writer, so that a chunk reaches the disk in one append and the
 /// MCAP writer itself never meets an I/O error.
@@ -75,6 +77,7 @@ pub(super) struct Log<D> {
     /// Messages appended but not yet synchronised, and when the last synchronisation was.
     since_sync: u64,
     last_sync: Clock,
+    syncs: Syncs,
     last_at: Instant,
     summary: Summary,
 }
@@ -89,8 +92,10 @@ impl<D: Disk> Log<D> {
             *channel = add_topic(&mut mcap, topic).map_err(|error| error.to_string())?;
         }
         let now = Clock::now();
+        let syncs = disk.syncer().and_then(Syncs::begin).map_err(|error| error.to_string())?;
         let mut log = Self {
             disk,
+            syncs,
             bytes,
             mcap,
             channels,
@@ -189,26 +194,35 @@ impl<D: Disk> Log<D> {
 
     /// How long nothing needs to be done.
     fn patience(&self) -> Duration {
-        let chunk = (self.in_chunk > 0).then_some(self.chunk_opened + self.pace.chunk);
-        let sync = (self.since_sync > 0).then_some(self.last_sync + self.pace.sync);
         let idle = Duration::from_secs(1);
+        if self.summary.poisoned.is_some() {
+            return idle;
+        }
+        let chunk = (self.in_chunk > 0).then_some(self.chunk_opened + self.pace.chunk);
+        let sync = match self.syncs.asked {
+            Some(_) => Some(Clock::now() + SYNC_LOOK),
+            None => (self.since_sync > 0).then_some(self.last_sync + self.pace.sync),
+        };
         let due = chunk.into_iter().chain(sync).min();
         due.map_or(idle, |due| due.saturating_duration_since(Clock::now()))
     }
 
     fn close_what_is_due(&mut self) -> Result<(), String> {
+        self.settle_sync(Wait::No)?;
         let chunk_is_old = self.chunk_opened.elapsed() >= self.pace.chunk;
         if self.in_chunk > 0 && (chunk_is_old || self.chunk_bytes >= CHUNK_BYTES) {
             self.close_chunk()?;
         }
-        if self.since_sync > 0 && self.last_sync.elapsed() >= self.pace.sync {
-            self.sync()?;
+        let is_due = self.since_sync > 0 && self.last_sync.elapsed() >= self.pace.sync;
+        if is_due && self.syncs.asked.is_none() {
+            self.syncs.ask(self.since_sync);
+            if self.pace.sync.is_zero() {
+                self.settle_sync(Wait::Yes)?;
+            }
         }
         Ok(())
     }
 
-    /// Does a step that stores this many messages, unless poisoned. If it fails, poisons the log.
-    /// Either way, what is not stored is counted as lost.
     fn attempt(&mut self, messages: u64, step: impl FnOnce(&mut Self) -> Result<(), String>) {
         if self.summary.poisoned.is_some() {
             self.summary.lost += messages;
@@ -369,15 +383,79 @@ impl<D: Disk> Log<D> {
         Ok(())
     }
 
+    /// Waits until all that was appended is safe.
     fn sync(&mut self) -> Result<(), String> {
-        if let Err(cause) = self.disk.sync() {
+        self.settle_sync(Wait::Yes)?;
+        self.syncs.ask(self.since_sync);
+        self.settle_sync(Wait::Yes)
+    }
+
+    /// Takes what came of a synchronisation that was asked for.
+    fn settle_sync(&mut self, wait: Wait) -> Result<(), String> {
+        let Some((messages, told)) = self.syncs.told(wait) else { return Ok(()) };
+        if let Err(cause) = told {
             // The system may have thrown these away; a second try would not bring them back.
             self.summary.messages -= self.since_sync;
             self.summary.lost += self.since_sync;
             return Err(format!("synchronising failed: {cause}"));
         }
-        (self.since_sync, self.last_sync) = (0, Clock::now());
+        self.since_sync -= messages;
+        self.last_sync = Clock::now();
         Ok(())
+    }
+}
+
+/// Whether to wait for the disk.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Wait {
+    Yes,
+    No,
+}
+
+/// The thread that synchronises. A disk that takes seconds for it, because somebody else writes much,
+/// holds up nothing that is appended: a process that is killed meanwhile has lost no more than its last
+/// chunk.
+struct Syncs {
+    ask: Sender<()>,
+    told: Receiver<io::Result<()>>,
+    /// Messages that were not yet safe when a synchronisation was asked for that is under way.
+    asked: Option<u64>,
+}
+
+impl Syncs {
+    fn begin(mut syncer: Syncer) -> io::Result<Self> {
+        let (ask, asked) = channel();
+        let (tell, told) = channel();
+        std::thread::Builder::new().name("recording-sync".into()).spawn(move || {
+            while let Ok(()) = asked.recv() {
+                if tell.send(syncer()).is_err() {
+                    break;
+                }
+            }
+        })?;
+        Ok(Self { ask, told, asked: None })
+    }
+
+    fn ask(&mut self, messages: u64) {
+        self.asked = Some(messages);
+        // A thread that is gone shows when it is to tell.
+        let _ = self.ask.send(());
+    }
+
+    /// What came of what was asked for, and how many messages that makes safe.
+    fn told(&mut self, wait: Wait) -> Option<(u64, io::Result<()>)> {
+        let messages = self.asked?;
+        let gone = || Err(io::Error::other("the thread that synchronises is gone"));
+        let told = match wait {
+            Wait::Yes => self.told.recv().unwrap_or_else(|_| gone()),
+            Wait::No => match self.told.try_recv() {
+                Ok(told) => told,
+                Err(TryRecvError::Empty) => return None,
+                Err(TryRecvError::Disconnected) => gone(),
+            },
+        };
+        self.asked = None;
+        Some((messages, told))
     }
 }
 

@@ -358,7 +358,8 @@ impl Copy {
         }
         self.mcap.finish().map_err(|error| error.to_string())?;
         let written = self.draft.append(&self.bytes.take()).and_then(|()| self.draft.sync());
-        written.and_then(|()| self.draft.keep()).map_err(|error| error.to_string())
+        let named = written.and_then(|()| self.draft.keep()).and_then(|()| self.draft.sync());
+        named.map_err(|error| error.to_string())
     }
 }
 

@@ -21,6 +21,10 @@ const QUEUE_CYCLES: usize = 256;
 /// Samples that may wait for the disk: 2.7 s of 15 sensors at 200 Hz.
 const QUEUE_SAMPLES: usize = 8192;
 
+/// Returns once everything that was appended when it was called would survive a power cut. After an
+/// error what was appended since the last success may be lost.
+pub type Syncer = Box<dyn FnMut() -> io::Result<()> + Send>;
+
 /// What a recording needs of a disk.
 pub trait Disk: Send + 'static {
     /// Puts all of `bytes` at the end of the file.
@@ -29,11 +33,12 @@ pub trait Disk: Send + 'static {
     /// As the file system says; some of the bytes may have been written.
     fn append(&mut self, bytes: &[u8]) -> io::Result<()>;
 
-    /// Returns once everything appended would survive a power cut.
+    /// What synchronises the file, on a thread of its own: a disk may take seconds for it, in which
+    /// what comes is appended.
     ///
     /// # Errors
-    /// As the file system says; what was appended since the last success may be lost.
-    fn sync(&mut self) -> io::Result<()>;
+    /// A file that cannot be had twice.
+    fn syncer(&self) -> io::Result<Syncer>;
 
     /// There is something worth keeping: the file may take the place of one it replaces. One that is
     /// dropped before leaves what was there.
@@ -73,8 +78,8 @@ impl Disk for Draft {
         self.write_all(bytes)
     }
 
-    fn sync(&mut self) -> io::Result<()> {
-        Self::sync(self)
+    fn syncer(&self) -> io::Result<Syncer> {
+        Ok(Box::new(Self::syncer(self)?))
     }
 
     fn keep(&mut self) -> io::Result<()> {
@@ -91,7 +96,8 @@ impl Disk for Draft {
 pub struct Pace {
     /// The longest a message stays in memory before its chunk is appended.
     pub chunk: Duration,
-    /// The longest an appended chunk stays unsynchronised.
+    /// The longest an appended chunk stays unsynchronised on a disk that keeps up. Zero waits for the
+    /// disk every time.
     pub sync: Duration,
 }
 

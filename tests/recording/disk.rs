@@ -4,7 +4,7 @@ use std::io;
 use std::sync::mpsc::Receiver;
 use std::sync::{Arc, Mutex, MutexGuard};
 
-use gaitway::recording::Disk;
+use gaitway::recording::{Disk, Syncer};
 
 /// A disk in memory. Clones share it.
 #[derive(Clone, Default)]
@@ -67,38 +67,63 @@ impl Disk for MemoryDisk {
         called
     }
 
-    fn sync(&mut self) -> io::Result<()> {
-        self.memory().call()
+    fn syncer(&self) -> io::Result<Syncer> {
+        let disk = self.clone();
+        Ok(Box::new(move || disk.memory().call()))
     }
 }
 
 /// A disk that stands still from a call on until its gate is dropped.
 pub struct GatedDisk {
-    pub disk: MemoryDisk,
-    pub gate: Receiver<()>,
-    /// Appends and synchronisations that are let through before.
-    pub open_calls: u32,
+    disk: MemoryDisk,
+    gate: Arc<Mutex<Gate>>,
+    stands: Stands,
+}
+
+/// What of a disk stands still.
+#[derive(Clone, Copy, PartialEq)]
+pub enum Stands {
+    /// Appending and synchronising.
+    Both,
+    /// Only synchronising.
+    Syncs,
+}
+
+struct Gate {
+    gate: Receiver<()>,
+    open_calls: u32,
 }
 
 impl GatedDisk {
-    fn pass(&mut self) {
-        if self.open_calls == 0 {
-            // Waits until the other end is gone, then never again.
-            let _ = self.gate.recv();
-        } else {
-            self.open_calls -= 1;
-        }
+    /// Lets so many calls through before it stands still.
+    pub fn new(disk: MemoryDisk, gate: Receiver<()>, open_calls: u32, stands: Stands) -> Self {
+        Self { disk, gate: Arc::new(Mutex::new(Gate { gate, open_calls })), stands }
+    }
+}
+
+fn pass(gate: &Mutex<Gate>) {
+    let mut gate = gate.lock().unwrap();
+    if gate.open_calls == 0 {
+        // Waits until the other end is gone, then never again.
+        let _ = gate.gate.recv();
+    } else {
+        gate.open_calls -= 1;
     }
 }
 
 impl Disk for GatedDisk {
     fn append(&mut self, bytes: &[u8]) -> io::Result<()> {
-        self.pass();
+        if self.stands == Stands::Both {
+            pass(&self.gate);
+        }
         self.disk.append(bytes)
     }
 
-    fn sync(&mut self) -> io::Result<()> {
-        self.pass();
-        self.disk.sync()
+    fn syncer(&self) -> io::Result<Syncer> {
+        let (gate, mut sync) = (Arc::clone(&self.gate), self.disk.syncer()?);
+        Ok(Box::new(move || {
+            pass(&gate);
+            sync()
+        }))
     }
 }

@@ -2,10 +2,10 @@
 
 mod can;
 
-use super::{Verdict, finite, header, is_name, not_empty, positive, unique};
-use crate::error::ProfileError;
+use super::{Verdict, finite, is_name, not_empty, positive, unique, version_and_name};
+use crate::error::{Faults, ProfileError};
 use crate::files;
-use crate::schema::{Joint, LineKind, Protocol, Robot, Role, Segment, Servo, Setup};
+use crate::schema::{Anatomy, Joint, LineKind, Protocol, Robot, Role, Segment, Servo, Setup};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// How far the length of an axis may be from 1.
@@ -23,54 +23,77 @@ const NOT_SET_UP: [Role; 6] = [
 ];
 
 pub(crate) fn robot(file: &str, robot: &Robot) -> Verdict {
-    header(file, robot.schema, &robot.name)?;
-    not_empty(file, "description", &robot.description)?;
-    not_empty(file, "source", &robot.source)?;
-    not_empty(file, "acceleration_source", &robot.acceleration_source)?;
-    if !RATES_HZ.contains(&robot.rate_hz) {
-        return Err(ProfileError::new(file, "the robot cannot be driven at this rate")
-            .at("rate_hz")
-            .got(robot.rate_hz)
-            .allowed(format!("{}..{}", RATES_HZ.start(), RATES_HZ.end())));
+    let mut faults = Faults::default();
+    faults.note(version_and_name(file, robot.schema, &robot.name));
+    for (key, text) in [
+        ("description", &robot.description),
+        ("source", &robot.source),
+        ("acceleration_source", &robot.acceleration_source),
+    ] {
+        faults.note(not_empty(file, key, text));
     }
+    faults.note(rate(file, robot.rate_hz));
     for line in &robot.lines {
-        if !is_name(&line.name, b'_') {
-            return Err(ProfileError::new(file, "this cannot be the name of a line")
-                .at("line")
-                .got(format!("{:?}", line.name))
-                .allowed("[a-z0-9_]+"));
-        }
+        faults.note(line_name(file, &line.name));
     }
-    unique(file, "line name", "line", robot.lines.iter().map(|line| &line.name))?;
-    unique(file, "joint name", "joint", robot.joints.iter().map(|joint| &joint.name))?;
+    faults.note(unique(file, "line name", "line", robot.lines.iter().map(|line| &line.name)));
+    faults.note(unique(file, "joint name", "joint", robot.joints.iter().map(|joint| &joint.name)));
     if robot.joints.is_empty() {
-        return Err(ProfileError::new(file, "the robot has no joint").at("joint"));
+        faults.note(Err(ProfileError::new(file, "the robot has no joint").at("joint")));
     }
     let joints: BTreeMap<&str, &Joint> =
         robot.joints.iter().map(|joint| (joint.name.as_str(), joint)).collect();
     for setup in &robot.setups {
-        one_setup(file, setup, &joints)?;
+        faults.note(one_setup(file, setup, &joints));
     }
     let mut ids = BTreeSet::new();
     let mut earlier = BTreeSet::new();
+    let mut on_can_are_sound = true;
     for joint in &robot.joints {
-        numbers(file, joint)?;
-        parent(file, joint, &earlier, &joints)?;
+        let is_sound = numbers(file, joint, &mut faults);
+        faults.note(parent(file, joint, &earlier, &joints));
         earlier.insert(joint.name.as_str());
         let on_can = robot.lines.iter().any(|l| l.name == joint.line && l.can().is_some());
         if !on_can && !ids.insert((joint.line.as_str(), joint.id)) {
-            return Err(ProfileError::new(file, "two joints on a line have the same ID")
+            faults.note(Err(ProfileError::new(file, "two joints on a line have the same ID")
                 .at(place(joint))
                 .got(format!("ID {} on line {:?}", joint.id, joint.line))
-                .allowed("each ID once on a line"));
+                .allowed("each ID once on a line")));
         }
-        on_the_bus(file, robot, joint)?;
-        shared_case(file, joint, &joints)?;
+        // Numbers that are wrong by themselves cannot be reached either: once is enough.
+        let hangs_well = !is_sound || faults.note(on_the_bus(file, robot, joint));
+        on_can_are_sound &= hangs_well || !on_can;
+        faults.note(shared_case(file, joint, &joints));
     }
-    for line in robot.lines.iter().filter(|line| line.can().is_some()) {
-        can::line(file, robot, line)?;
+    if on_can_are_sound {
+        for line in robot.lines.iter().filter(|line| line.can().is_some()) {
+            faults.note(can::line(file, robot, line));
+        }
     }
-    anatomy(file, robot, &joints)
+    if let Some(of) = &robot.anatomy {
+        anatomy(file, of, robot, &joints, &mut faults);
+    }
+    faults.verdict()
+}
+
+fn rate(file: &str, rate_hz: f64) -> Verdict {
+    if RATES_HZ.contains(&rate_hz) {
+        return Ok(());
+    }
+    Err(ProfileError::new(file, "the robot cannot be driven at this rate")
+        .at("rate_hz")
+        .got(rate_hz)
+        .allowed(format!("{}..{}", RATES_HZ.start(), RATES_HZ.end())))
+}
+
+fn line_name(file: &str, name: &str) -> Verdict {
+    if is_name(name, b'_') {
+        return Ok(());
+    }
+    Err(ProfileError::new(file, "this cannot be the name of a line")
+        .at("line")
+        .got(format!("{name:?}"))
+        .allowed("[a-z0-9_]+"))
 }
 
 fn one_setup(file: &str, setup: &Setup, joints: &BTreeMap<&str, &Joint>) -> Verdict {
@@ -116,48 +139,79 @@ fn one_setup(file: &str, setup: &Setup, joints: &BTreeMap<&str, &Joint>) -> Verd
     Ok(())
 }
 
-/// What can be said of a joint's numbers without looking elsewhere.
-fn numbers(file: &str, joint: &Joint) -> Verdict {
+/// What can be said of a joint's numbers without looking elsewhere; false if something is.
+fn numbers(file: &str, joint: &Joint, faults: &mut Faults) -> bool {
+    let before = faults.found().len();
     let refuse = |what: &str| ProfileError::new(file, what).at(place(joint));
     if !is_name(&joint.name, b'_') {
-        return Err(refuse("this cannot be the name of a joint").allowed("[a-z0-9_]+"));
+        faults.note(Err(refuse("this cannot be the name of a joint").allowed("[a-z0-9_]+")));
     }
-    positive(file, || format!("{}, gear", place(joint)), joint.gear)?;
+    faults.note(positive(file, || format!("{}, gear", place(joint)), joint.gear));
     if joint.direction != 1 && joint.direction != -1 {
-        return Err(refuse("the direction is a sign").got(joint.direction).allowed("1 or -1"));
+        let refusal = refuse("the direction is a sign").got(joint.direction).allowed("1 or -1");
+        faults.note(Err(refusal));
     }
     for (key, value) in [
         ("offset_rad", joint.offset_rad),
         ("lower_rad", joint.lower_rad),
         ("upper_rad", joint.upper_rad),
-        ("initial_rad", joint.initial_rad),
+        ("initial_rad", joint.initial.unwrap_or(0.0)),
     ] {
-        finite(file, || format!("{}, {key}", place(joint)), value)?;
+        faults.note(finite(file, || format!("{}, {key}", place(joint)), value));
     }
     for (key, value) in [
         ("velocity_rad_s", joint.velocity_rad_s),
         ("acceleration_rad_s2", joint.acceleration_rad_s2),
     ] {
-        positive(file, || format!("{}, {key}", place(joint)), value)?;
+        faults.note(positive(file, || format!("{}, {key}", place(joint)), value));
     }
-    let in_order = joint.lower_rad < joint.upper_rad;
-    if !in_order {
+    faults.note(range(file, joint));
+    faults.note(mounting(file, joint));
+    faults.found().len() == before
+}
+
+/// Limits in order, with the pose the robot starts in between them.
+fn range(file: &str, joint: &Joint) -> Verdict {
+    let refuse = |what: &str| ProfileError::new(file, what).at(place(joint));
+    let (lower_rad, upper_rad) = (joint.lower_rad, joint.upper_rad);
+    if !(lower_rad.is_finite() && upper_rad.is_finite()) {
+        return Ok(());
+    }
+    if lower_rad >= upper_rad {
         return Err(refuse("the limits are upside down")
-            .got(format!("lower_rad {}, upper_rad {}", joint.lower_rad, joint.upper_rad)));
+            .got(format!("lower_rad {lower_rad}, upper_rad {upper_rad}")));
     }
-    if !(joint.lower_rad..=joint.upper_rad).contains(&joint.initial_rad) {
+    let initial_rad = joint.initial_rad();
+    if initial_rad.is_finite() && !(lower_rad..=upper_rad).contains(&initial_rad) {
         return Err(refuse("the joint would start outside its limits")
-            .got(format!("initial_rad {}", joint.initial_rad))
-            .allowed(format!("{}..{}", joint.lower_rad, joint.upper_rad)));
+            .got(format!("initial_rad {initial_rad}"))
+            .allowed(format!("{lower_rad}..{upper_rad}")));
     }
-    for value in joint.origin_m {
+    Ok(())
+}
+
+/// Where the joint sits and what it turns about: both or neither.
+fn mounting(file: &str, joint: &Joint) -> Verdict {
+    let refuse = |what: &str| ProfileError::new(file, what).at(place(joint));
+    let (origin_m, axis) = match (joint.origin_m, joint.axis) {
+        (Some(origin_m), Some(axis)) => (origin_m, axis),
+        (None, None) => return Ok(()),
+        (origin_m, _) => {
+            let (given, missing) =
+                if origin_m.is_some() { ("origin_m", "axis") } else { ("axis", "origin_m") };
+            return Err(refuse("where a joint sits and what it turns about go together")
+                .got(format!("{given} without {missing}"))
+                .allowed("origin_m and axis, or neither"));
+        }
+    };
+    for value in origin_m {
         finite(file, || format!("{}, origin_m", place(joint)), value)?;
     }
-    let length = joint.axis.iter().map(|value| value * value).sum::<f64>().sqrt();
+    let length = axis.iter().map(|value| value * value).sum::<f64>().sqrt();
     let is_unit = (length - 1.0).abs() <= AXIS_TOLERANCE;
     if !is_unit {
         return Err(refuse("the axis is not of unit length")
-            .got(format!("{:?}, length {length}", joint.axis))
+            .got(format!("{axis:?}, length {length}"))
             .allowed(format!("length 1 within {AXIS_TOLERANCE}")));
     }
     Ok(())
@@ -222,10 +276,6 @@ fn on_the_bus(file: &str, robot: &Robot, joint: &Joint) -> Verdict {
         return Err(refuse("the protocol has no such ID")
             .got(joint.id)
             .allowed(format!("0..{}", servo.protocol.highest_id())));
-    }
-    if !robot.setups.iter().any(|setup| setup.applies_to(joint)) {
-        return Err(refuse("no [[setup]] says how the servo of this joint is configured")
-            .got(format!("servo {:?}", joint.servo)));
     }
     let fastest = servo.motor.no_load_speed_rad_s;
     if joint.velocity_rad_s > fastest * joint.gear {
@@ -314,46 +364,61 @@ fn configured(servo: &Servo, role: Role, registers: &BTreeMap<String, i64>) -> O
     registers.get(&register.name).copied().or(register.initial)
 }
 
-fn anatomy(file: &str, robot: &Robot, joints: &BTreeMap<&str, &Joint>) -> Verdict {
-    let anatomy = &robot.anatomy;
-    not_empty(file, "anatomy.source", &anatomy.source)?;
+/// A body is followed with every joint: each has its place.
+fn anatomy(
+    file: &str,
+    anatomy: &Anatomy,
+    robot: &Robot,
+    joints: &BTreeMap<&str, &Joint>,
+    faults: &mut Faults,
+) {
+    faults.note(not_empty(file, "anatomy.source", &anatomy.source));
     let unknown_joint = |place: &str, name: &str| {
-        ProfileError::new(file, "there is no such joint").at(place).got(format!("{name:?}"))
+        Err(ProfileError::new(file, "there is no such joint").at(place).got(format!("{name:?}")))
     };
     for (name, &angle) in &anatomy.n_pose_rad {
-        finite(file, || format!("anatomy.n_pose_rad, {name}"), angle)?;
+        faults.note(finite(file, || format!("anatomy.n_pose_rad, {name}"), angle));
         if !joints.contains_key(name.as_str()) {
-            return Err(unknown_joint("anatomy.n_pose_rad", name));
+            faults.note(unknown_joint("anatomy.n_pose_rad", name));
         }
     }
     let mut played = BTreeSet::new();
     for &segment in &anatomy.base {
-        if !matches!(segment, Segment::Pelvis | Segment::Torso) {
-            return Err(ProfileError::new(file, "the base cannot play this segment")
+        if matches!(segment, Segment::Pelvis | Segment::Torso) {
+            faults.note(once(file, "anatomy.base", segment, &mut played));
+        } else {
+            faults.note(Err(ProfileError::new(file, "the base cannot play this segment")
                 .at("anatomy.base")
                 .got(format!("{segment:?}"))
-                .allowed("pelvis, torso or both"));
+                .allowed("pelvis, torso or both")));
         }
-        once(file, "anatomy.base", segment, &mut played)?;
     }
     for link in &anatomy.segments {
         let place = format!("anatomy.segment {:?}", link.segment);
-        once(file, &place, link.segment, &mut played)?;
+        faults.note(once(file, &place, link.segment, &mut played));
         if !joints.contains_key(link.joint.as_str()) {
-            return Err(unknown_joint(&place, &link.joint));
+            faults.note(unknown_joint(&place, &link.joint));
         }
         for (key, weight) in
             [("direction_weight", link.direction_weight), ("twist_weight", link.twist_weight)]
         {
             if !(weight.is_finite() && weight >= 0.0) {
-                return Err(ProfileError::new(file, "a weight cannot be this")
+                faults.note(Err(ProfileError::new(file, "a weight cannot be this")
                     .at(format!("{place}, {key}"))
                     .got(weight)
-                    .allowed("a finite number, 0 or more"));
+                    .allowed("a finite number, 0 or more")));
             }
         }
     }
-    Ok(())
+    for joint in robot.joints.iter().filter(|j| j.origin_m.is_none() && j.axis.is_none()) {
+        faults.note(Err(ProfileError::new(
+            file,
+            "a robot that follows a body says where its joints sit",
+        )
+        .at(place(joint))
+        .got("neither origin_m nor axis")
+        .remedy("give both, or leave [anatomy] out: tables, recordings and a hand need neither")));
+    }
 }
 
 fn once(file: &str, place: &str, segment: Segment, played: &mut BTreeSet<Segment>) -> Verdict {

@@ -1,7 +1,7 @@
 //! Rules for servos: the control table must be one a device could have.
 
 use super::{Verdict, header, not_empty, positive, unique};
-use crate::error::ProfileError;
+use crate::error::{Faults, ProfileError};
 use crate::schema::{Access, Mode, Protocol, Register, Role, Servo};
 use std::collections::BTreeSet;
 
@@ -52,27 +52,34 @@ const REQUIRED_OF_SCS: &[Role] = &[Role::FirmwareVersionMinor, Role::EepromLock]
 const WRITABLE: [Role; 3] = [Role::Id, Role::TorqueEnable, Role::GoalPosition];
 
 pub(crate) fn servo(file: &str, servo: &Servo) -> Verdict {
-    header(file, servo.schema, &servo.name)?;
-    not_empty(file, "model", &servo.model)?;
-    not_empty(file, "maker", &servo.maker)?;
-    not_empty(file, "manual", &servo.manual)?;
-    facts(file, servo)?;
-    instructions(file, servo)?;
+    let mut faults = Faults::default();
+    faults.note(header(file, servo.schema, &servo.name));
+    for (key, text) in [("model", &servo.model), ("maker", &servo.maker), ("manual", &servo.manual)]
+    {
+        faults.note(not_empty(file, key, text));
+    }
+    faults.note(facts(file, servo));
+    faults.note(instructions(file, servo));
     let mut table_end = 0;
     for register in &servo.registers {
-        one_register(file, servo.protocol, register)?;
+        faults.note(one_register(file, servo.protocol, register));
         if u32::from(register.address) < table_end {
-            return Err(ProfileError::new(file, "registers overlap or are out of order")
+            faults.note(Err(ProfileError::new(file, "registers overlap or are out of order")
                 .at(place(register))
                 .got(format!("address {}", register.address))
-                .allowed(format!("{table_end} or higher: the register before ends there")));
+                .allowed(format!("{table_end} or higher: the register before ends there"))));
         }
         table_end = end(register);
     }
-    unique(file, "register name", "register", servo.items().map(|item| item.name()))?;
-    roles(file, servo)?;
-    modes(file, servo)?;
-    baud(file, servo)
+    // What follows looks at the table as a whole.
+    if faults.found().is_empty() {
+        let names = servo.items().map(|item| item.name());
+        faults.note(unique(file, "register name", "register", names));
+        faults.note(roles(file, servo));
+        faults.note(modes(file, servo));
+        faults.note(baud(file, servo));
+    }
+    faults.verdict()
 }
 
 fn facts(file: &str, servo: &Servo) -> Verdict {

@@ -43,7 +43,7 @@ impl World {
         let mut actuator =
             Actuator::with(&profile, joint.id).map_err(|error| wrong(error.to_string()))?;
         let ratio = f64::from(joint.direction) * joint.gear;
-        actuator.place((joint.initial_rad + joint.offset_rad) / ratio);
+        actuator.place((joint.initial_rad() + joint.offset_rad) / ratio);
         actuator.set_feedback_rate(robot.rate_hz.ceil() as u32);
         actuator.set_answer_id(joint.answer_id.unwrap_or(0));
         if let Some(seconds) = joint.timeout_configured_s {
@@ -54,7 +54,7 @@ impl World {
         let Some(can) = self.can.get_mut(&line) else { return Ok(()) };
         self.joints.push(Placed {
             place: Place { line, servo: can.actuators().len() },
-            initial_rad: joint.initial_rad,
+            initial_rad: joint.initial_rad(),
             offset_rad: joint.offset_rad,
             ratio,
         });

@@ -70,7 +70,7 @@ fn a_worlds_can_line_answers_and_moves_its_joint() {
 fn joints_stand_in_their_initial_pose_with_direction_gear_and_offset() {
     let mut robot = can_robot(&[("dm4310", 1)]);
     let joint = &mut robot.joints[0];
-    (joint.initial_rad, joint.offset_rad, joint.direction, joint.gear) = (0.4, 0.1, -1, 0.5);
+    (joint.initial, joint.offset_rad, joint.direction, joint.gear) = (Some(0.4), 0.1, -1, 0.5);
     let mut host = Host::with(&robot, Vec::new());
     assert!((host.world.joint_position_rad("j1").expect("a joint") - 0.4).abs() < 1e-12);
     // joint = direction x gear x actuator - offset: the actuator is at -1.

@@ -154,7 +154,7 @@ fn joint_angles_follow_direction_and_offset() {
     let mut robot = dynamixels(&[1]);
     robot.joints[0].direction = -1;
     robot.joints[0].offset_rad = 0.25;
-    robot.joints[0].initial_rad = 0.5;
+    robot.joints[0].initial = Some(0.5);
     let mut scene = Scene::new(&robot);
     assert_eq!(scene.world.joint_position_rad("j1"), Some(0.5));
     // servo angle = direction * (joint angle + offset).
@@ -175,7 +175,7 @@ fn the_shipped_robots_stand_in_their_initial_pose() {
         scene.wait_ms(1_000);
         for joint in &robot.joints {
             let angle = scene.world.joint_position_rad(&joint.name).unwrap();
-            assert!((angle - joint.initial_rad).abs() < 1e-9, "{name} {}", joint.name);
+            assert!((angle - joint.initial_rad()).abs() < 1e-9, "{name} {}", joint.name);
             assert_eq!(scene.world.joint_velocity_rad_s(&joint.name), Some(0.0));
         }
         assert!(scene.world.verdict().is_clean());

@@ -108,7 +108,7 @@ pub fn dynamixels(ids: &[u8]) -> Robot {
         joint.id = id;
         joint.name = format!("j{id}");
         joint.parent = None;
-        (joint.lower_rad, joint.upper_rad, joint.initial_rad) = (-1.5, 1.5, 0.0);
+        (joint.lower_rad, joint.upper_rad, joint.initial) = (-1.5, 1.5, Some(0.0));
     }
     robot
 }
@@ -121,7 +121,7 @@ pub fn feetechs(ids: &[u8]) -> Robot {
         joint.id = id;
         joint.name = format!("j{id}");
         joint.parent = None;
-        (joint.lower_rad, joint.upper_rad, joint.initial_rad) = (-3.0, 3.0, 0.0);
+        (joint.lower_rad, joint.upper_rad, joint.initial) = (-3.0, 3.0, Some(0.0));
     }
     robot
 }
@@ -215,7 +215,7 @@ pub fn can_robot(actuators: &[(&str, u8)]) -> Robot {
         joint.answer_id = model.starts_with("dm").then_some(0x10 + u16::from(id));
         (joint.direction, joint.gear, joint.offset_rad) = (1, 1.0, 0.0);
         (joint.lower_rad, joint.upper_rad, joint.velocity_rad_s) = (-2.0, 2.0, 5.0);
-        (joint.initial_rad, joint.parent, joint.shares_case_with) = (0.0, None, None);
+        (joint.initial, joint.parent, joint.shares_case_with) = (Some(0.0), None, None);
     }
     robot
 }

@@ -369,7 +369,7 @@ fn a_joint_that_does_not_confirm_that_it_let_go_is_named() {
     let error = refused(said);
     assert_eq!(error.what, "a servo does not answer");
     let remedy = error.remedy.expect("what to do");
-    assert_eq!(remedy, "torque may still be on; no confirmation from joint0");
+    assert_eq!(&*remedy, "torque may still be on; no confirmation from joint0");
     assert_eq!(bench.torque(), [1, 0]);
 }
 

@@ -31,7 +31,7 @@ pub fn measured(address: &Address, robot: Option<&str>) -> Finding {
     let (id, (mut taken_s, missed)) = match taken {
         Ok(taken) => taken,
         Err(error) => {
-            let remedy = error.remedy.clone().unwrap_or_else(|| "see above".to_owned());
+            let remedy = error.remedy.clone().unwrap_or_else(|| "see above".into());
             let got = error.got.map(|got| format!(": {got}")).unwrap_or_default();
             return Finding::problem(about, format!("{}{got}", error.what), remedy);
         }

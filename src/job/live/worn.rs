@@ -108,7 +108,7 @@ impl Job<'_> {
                 allowed: Some(
                     "SEGMENT=imu:PROFILE@BUS, imu:slimevr@udp:0.0.0.0:6969, or, alone, replay:FILE.mcap or \
                      file:MOTION"
-                        .to_owned(),
+                        .into(),
                 ),
                 ..error
             }
@@ -225,10 +225,13 @@ impl Job<'_> {
             }
         };
         let robot = ready.connection.link.robot().clone();
-        let model = robot_model(&robot.file, &robot);
         let start_rad = ready.found.start_rad.clone();
         let settings = retarget::Settings::default();
-        let mut online = match Online::new(&model, &body.wearing.worn(), &start_rad, &settings) {
+        let worn = body.wearing.worn();
+        let model = robot_model(&robot);
+        let online = model.as_ref().map_err(Clone::clone);
+        let online = online.and_then(|model| Online::new(model, &worn, &start_rad, &settings));
+        let mut online = match online {
             Ok(online) => online,
             Err(error) => {
                 recorder.discard();

@@ -93,7 +93,7 @@ mod tests {
     fn every_joint_of_every_robot_stands_where_its_own_tree_puts_it() {
         for name in gaitway_profiles::robot_names() {
             let robot = Robot::load(name).expect("shipped");
-            let model = robot_model(&robot.file, &robot);
+            let model = robot_model(&robot).expect("an anatomy");
             let pose: Vec<f64> =
                 (0..model.joints.len()).map(|n| 0.9 * (1.3 * n as f64).sin()).collect();
             let text = bvh::write(&of_robot(&model, std::slice::from_ref(&pose), 100.0));

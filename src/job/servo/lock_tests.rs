@@ -53,8 +53,7 @@ fn device(faults: Vec<Fault>) -> Device {
     let mut robot = gaitway_profiles::robot("so101").expect("a shipped robot");
     robot.joints.retain(|joint| joint.name == JOINT);
     robot.joints[0].parent = None;
-    robot.anatomy.n_pose_rad.retain(|joint, _| joint == JOINT);
-    robot.anatomy.segments.retain(|segment| segment.joint == JOINT);
+    robot.anatomy = None;
     let options = Options { faults, permit_eeprom: true, ..Options::default() };
     let world = World::new(&robot, options).expect("a world");
     *device.line.world.as_ref().expect("a virtual one").lock() = world;

@@ -241,7 +241,6 @@ fn alone(device: &mut Device, order: &MoveOrder) -> Result<Robot, Error> {
     let joint = profiles::Joint {
         velocity_rad_s: velocity_rad_s.min(servo.motor.no_load_speed_rad_s),
         acceleration_rad_s2: velocity_rad_s / RAMP_S,
-        initial_rad: 0.0_f64.clamp(lower_rad, upper_rad),
         lower_rad,
         upper_rad,
         ..bare_joint(device.id, &servo.name)
@@ -269,10 +268,10 @@ fn bare_joint(id: u8, servo: &str) -> profiles::Joint {
         upper_rad: 0.0,
         velocity_rad_s: 0.0,
         acceleration_rad_s2: 0.0,
-        initial_rad: 0.0,
+        initial: None,
         parent: None,
-        origin_m: [0.0; 3],
-        axis: [0.0, 0.0, 1.0],
+        origin_m: None,
+        axis: None,
     }
 }
 
@@ -293,12 +292,7 @@ fn robot_of(
         lines: vec![profiles::Line { name: text("bus"), kind }],
         setups,
         joints: vec![joint],
-        anatomy: profiles::Anatomy {
-            base: Vec::new(),
-            n_pose_rad: BTreeMap::new(),
-            segments: Vec::new(),
-            source: text("none"),
-        },
+        anatomy: None,
     })
 }
 

@@ -188,12 +188,12 @@ fn a_rate_that_a_line_does_not_carry_is_refused_with_what_would_help() {
         room(then)
     );
     let error = refused(TOO_FAST, WAITS, STRICT, false);
-    assert_eq!(error.remedy.as_ref(), Some(&lower));
+    assert_eq!(error.remedy.as_deref(), Some(&*lower));
     // 0.8 / 300 s.
     assert_eq!(error.allowed.as_deref(), Some("2.67 ms (80 % of a cycle at 300 Hz)"));
     let limp = format!("{lower}, which needs torque off: `gaitway limp` first");
     for accept in [STRICT, PERMIT] {
-        assert_eq!(refused(TOO_FAST, WAITS, accept, true).remedy.as_ref(), Some(&limp));
+        assert_eq!(refused(TOO_FAST, WAITS, accept, true).remedy.as_deref(), Some(&*limp));
     }
 }
 
@@ -208,7 +208,7 @@ fn a_rate_that_lines_would_not_carry_either_if_nobody_waited_writes_nothing() {
         let (now, then) = (&plans(delay, HOPELESS)[0], &plans(Duration::ZERO, HOPELESS)[0]);
         assert_eq!(room(now), room(then));
         let said = format!("ask for at most --rate {:.0}, or raise the line speed", room(now));
-        assert_eq!(refused(HOPELESS, delay, STRICT, false).remedy, Some(said));
+        assert_eq!(refused(HOPELESS, delay, STRICT, false).remedy.as_deref(), Some(&*said));
     }
 }
 

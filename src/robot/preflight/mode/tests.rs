@@ -98,8 +98,11 @@ fn a_servo_that_times_its_moves_or_switches_its_torque_on_by_itself_is_refused()
         let (said, asked) = said(&[raw]);
         let error = said.expect_err("refused");
         assert_eq!((error.what.as_str(), asked), (what, 2), "{raw}");
-        assert_eq!(error.got, Some(format!("{raw} (raw)")));
-        assert_eq!(error.allowed, Some(format!("bit 0x{bit:02X} clear, as it leaves the factory")));
+        assert_eq!(error.got.as_deref(), Some(&*format!("{raw} (raw)")));
+        assert_eq!(
+            error.allowed.as_deref(),
+            Some(&*format!("bit 0x{bit:02X} clear, as it leaves the factory"))
+        );
         let remedy = error.remedy.expect("what to do");
         assert!(remedy.contains(&format!("'Drive Mode' --raw {then} ")), "{remedy}");
     }
