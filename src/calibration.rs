@@ -2,6 +2,7 @@
 //! turns, how far it goes. Laid over the robot file, which says what all of its kind share.
 
 use crate::error::{Error, ErrorKind};
+use crate::toml_text::to_toml;
 use gaitway_profiles as profiles;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -106,28 +107,15 @@ impl Calibration {
     }
 
     /// The file's text.
-    #[must_use]
-    pub fn text(&self) -> String {
-        let mut out = format!(
-            "# Written by `gaitway calibrate {}`. Joint angle = direction x gear x servo angle - \
-             offset.\nschema = {SCHEMA}\nrobot = {:?}\n",
-            self.robot, self.robot
+    ///
+    /// # Errors
+    /// None that a calibration can have.
+    pub fn text(&self) -> Result<String, Error> {
+        let remark = format!(
+            "Written by `gaitway calibrate {}`. Joint angle = direction x gear x servo angle - offset.",
+            self.robot
         );
-        for joint in &self.joints {
-            let JointCalibration { name, direction, offset_rad, .. } = joint;
-            out.push_str(&format!(
-                "\n[[joint]]\nname = {name:?}\ndirection = {direction}\noffset_rad = {offset_rad:?}\n"
-            ));
-            for (key, angle) in [("lower_rad", joint.lower_rad), ("upper_rad", joint.upper_rad)] {
-                if let Some(angle) = angle {
-                    out.push_str(&format!("{key} = {angle:?}\n"));
-                }
-            }
-            if let Some(raw) = joint.homing_offset_raw {
-                out.push_str(&format!("homing_offset_raw = {raw}\n"));
-            }
-        }
-        out
+        to_toml(&remark, self)
     }
 
     /// Lays the calibration over a robot file.
@@ -346,7 +334,10 @@ mod tests {
         let mut calibration = Calibration::of("op3");
         calibration.put(joint("r_knee"));
         calibration.put(JointCalibration { lower_rad: None, upper_rad: None, ..joint("l_knee") });
-        assert_eq!(Calibration::parse(&calibration.text()).expect("its own text"), calibration);
+        assert_eq!(
+            Calibration::parse(&calibration.text().expect("a text")).expect("its own text"),
+            calibration
+        );
     }
 
     #[test]

@@ -22,6 +22,7 @@ pub mod record;
 pub mod recordings;
 pub mod report;
 pub mod retarget;
+pub mod robot;
 pub mod scan;
 pub mod servo;
 pub mod signals;
@@ -98,6 +99,8 @@ enum Command {
     Recover(recordings::RecoverArgs),
     /// Look at servo and robot profiles
     Profile(profile::ProfileArgs),
+    /// A file for a robot of your own
+    Robot(robot::RobotArgs),
     /// Where a robot could be plugged in: serial ports and CAN interfaces
     Ports(ports::PortsArgs),
     /// What on this machine stands in a robot's way, and what to do about it
@@ -155,6 +158,7 @@ fn run(cli: &Cli) -> i32 {
         Command::Info(args) => recordings::info(args),
         Command::Recover(args) => recordings::recover(args, remarks),
         Command::Profile(args) => profile::run(args),
+        Command::Robot(args) => robot::run(args, remarks),
         Command::Ports(args) => ports::run(args, remarks),
         Command::Doctor(args) => doctor::run(args, remarks),
         Command::Calibrate(args) => calibrate::run(args, remarks),

@@ -46,6 +46,7 @@ pub mod rig;
 pub mod robot;
 pub mod sensing;
 pub mod session;
+pub mod table;
 pub mod time;
 pub mod toml_text;
 pub mod units;

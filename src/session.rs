@@ -24,7 +24,6 @@ pub mod plan;
 pub mod steps;
 pub mod still;
 pub mod tap;
-pub mod utc;
 pub mod wearers;
 
 pub use files::{BodyCheck, DeviceCheck, SensorCheck, SessionFile, TrialFile, Verdict};

@@ -1,6 +1,9 @@
-//! Instants as values. Nothing here reads a clock; only [`crate::port`] does.
+//! Instants and moments of the calendar as values. Nothing here reads a clock; only [`crate::port`] does.
+
+mod utc;
 
 pub use core::time::Duration;
+pub use utc::Utc;
 
 /// A moment on a monotonic clock: nanoseconds since that clock's own start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]

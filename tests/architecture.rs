@@ -20,11 +20,11 @@ const fn room(name: &'static str, uses: &'static str, touches: &'static str) -> 
 /// Every room, with all that it uses and touches: what is not here is not allowed, and what is here
 /// and not used is not true any more.
 const ROOMS: &[Room] = &[
-    room("action", "actionlet body error motion toml_text", "files"),
+    room("action", "actionlet body error motion table toml_text", "files"),
     room("actionlet", "error motion", ""),
-    room("body", "error toml_text units", ""),
+    room("body", "error time toml_text units", ""),
     room("bus", "port time units wire", "clock"),
-    room("calibration", "error", "profiles"),
+    room("calibration", "error toml_text", "profiles"),
     room("capture", "device time wire", "profiles"),
     room(
         "cli",
@@ -40,14 +40,14 @@ const ROOMS: &[Room] = &[
     room(
         "job",
         "action body bus calibration capture control device draft error mocap motion plot port \
-         recording rig robot sensing time wire",
+         recording rig robot sensing table time wire",
         "clock files profiles simulator threads wall-clock",
     ),
     room("mocap", "body error motion toml_text units", "files"),
     room("motion", "error", ""),
     room("plot", "", ""),
     room("port", "time wire", "clock files network ports simulator threads wall-clock"),
-    room("recording", "capture draft error time", "clock files threads wall-clock"),
+    room("recording", "capture draft error table time", "clock files threads wall-clock"),
     room("rig", "bus calibration device error port robot time wire", "clock profiles simulator"),
     room(
         "robot",
@@ -59,9 +59,14 @@ const ROOMS: &[Room] = &[
         "body capture device error port recording rig session time toml_text wire",
         "clock network profiles wall-clock",
     ),
-    room("session", "action body error mocap recording time toml_text units", "files wall-clock"),
-    room("time", "", ""),
-    room("toml_text", "", "profiles"),
+    room(
+        "session",
+        "action body error mocap recording table time toml_text units",
+        "files wall-clock",
+    ),
+    room("table", "error", ""),
+    room("time", "", "wall-clock"),
+    room("toml_text", "error", "profiles"),
     room("units", "", ""),
     room("wire", "", ""),
 ];

@@ -142,10 +142,10 @@ fn record(path: &Path, person: &Person, worn: &[Segment], is_known: bool, silent
     };
     let mut metadata = BTreeMap::from([("trial".to_owned(), "walk-01".to_owned())]);
     if is_known {
-        metadata.insert("body_calibration".to_owned(), kept.text());
+        metadata.insert("body_calibration".to_owned(), kept.text().expect("a text"));
         metadata.insert("stature_m".to_owned(), STATURE_M.to_string());
     } else {
-        std::fs::write(path.with_extension("toml"), kept.text()).expect("written");
+        std::fs::write(path.with_extension("toml"), kept.text().expect("a text")).expect("written");
     }
     let start = RunStart {
         robot: String::new(),

@@ -114,3 +114,57 @@ fn a_file_under_a_shipped_name_two_of_one_name_and_a_broken_one_are_refused_by_n
     let said = play(&[&robot[..], &["--profiles", "nowhere"]].concat());
     assert!(said.contains("nowhere"), "{said}");
 }
+
+#[test]
+fn reports_of_all_kinds_name_the_robots_own_file_and_those_of_its_servos() {
+    let folder = folder("named");
+    write(&folder, "my-servo.toml", SERVO);
+    let arm = folder.join("my-arm.toml").canonicalize().expect("it is there");
+    let servo = folder.join("my-servo.toml").canonicalize().expect("it is there");
+    let files = |report: &Value| -> Vec<String> {
+        let own = report["profiles"].as_array().unwrap_or_else(|| panic!("{report:#}"));
+        own.iter().map(|own| own["file"].as_str().expect("a file").to_owned()).collect()
+    };
+    let both = [servo.display().to_string(), arm.display().to_string()];
+    let sim = ["--bus", "sim", "--json"];
+    for words in [&["play", "table.csv", "--robot", "my-arm.toml"][..], &["hold", "my-arm.toml"]] {
+        assert_eq!(files(&json(&gaitway(&folder, &[words, &sim].concat()))), both, "{words:?}");
+    }
+    let beside = ["--profiles", "mine", "--json"];
+    std::fs::create_dir_all(folder.join("mine")).expect("a folder");
+    std::fs::rename(&servo, folder.join("mine/my-servo.toml")).expect("moved");
+    let moved = folder.join("mine/my-servo.toml").canonicalize().expect("it is there");
+    for words in [
+        &["scan", "sim", "--robot", "my-arm.toml"][..],
+        &["servo", "info", "sim", "1", "--robot", "my-arm.toml", "--servo", "my-servo"],
+    ] {
+        let report = json(&gaitway(&folder, &[words, &beside].concat()));
+        let own = files(&report);
+        // A model number alone finds the shipped servo, which has the same.
+        let expected = if words[0] == "scan" { vec![] } else { vec![moved.display().to_string()] };
+        assert_eq!(own, expected, "{words:?}: {report:#}");
+    }
+    let looked = gaitway(
+        &folder,
+        &["monitor", "my-arm.toml", "--bus", "sim", "--for", "0s", "--profiles", "mine"],
+    );
+    let said = String::from_utf8_lossy(&looked.stderr).into_owned();
+    assert!(said.contains(&arm.display().to_string()) && said.contains("CRC-32"), "{said}");
+}
+
+#[test]
+fn an_adapter_of_ones_own_is_known_to_the_simulator_and_listed() {
+    let folder = folder("adapter");
+    write(&folder, "my-servo.toml", SERVO);
+    let adapter = "schema = 1\nname = \"my-cable\"\nmodel = \"A cable of mine\"\n\
+                   usb_ids = [\"1209:abcd\"]\necho = true\nlatency_s = 0.002\nsource = \"its label\"\n";
+    std::fs::create_dir_all(folder.join("mine")).expect("a folder");
+    write(&folder.join("mine"), "my-cable.toml", adapter);
+    let list = json(&gaitway(&folder, &["profile", "list", "--json", "--profiles", "mine"]));
+    let adapters = list["adapters"].as_array().expect("adapters");
+    let mine = adapters.iter().find(|one| one["name"] == "my-cable").expect("mine");
+    assert_eq!(mine["usb_ids"], serde_json::json!(["1209:abcd"]));
+    let arguments = ["simulate", "my-arm.toml", "--adapter", "no-cable", "--profiles", "mine"];
+    let said = complaint(&gaitway(&folder, &[&arguments[..], &["--pty", "line"]].concat()));
+    assert!(said.contains("my-cable"), "known are: {said}");
+}

@@ -5,10 +5,10 @@ use gaitway::body::anthropometry::{Measure, Subject};
 use gaitway::body::worn::kept::Kept;
 use gaitway::body::worn::{Calibration, HeadingBy, Mount};
 use gaitway::session::files::{TrialRecording, trial_name, trial_of};
-use gaitway::session::utc::Utc;
 use gaitway::session::{
     BodyCheck, DeviceCheck, Folder, Plan, Progress, SessionFile, Step, TrialFile, Verdict,
 };
+use gaitway::time::Utc;
 use glam::DQuat;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -80,7 +80,7 @@ fn kept(id: &str) -> String {
     };
     let calibration = Calibration { mounts: vec![mount], notes: Vec::new() };
     let (subject, sensors) = (id.to_owned(), vec!["torso".to_owned()]);
-    Kept { subject, made_unix_s: NOW.0, sensors, calibration }.text()
+    Kept { subject, made_unix_s: NOW.0, sensors, calibration }.text().expect("a text")
 }
 
 fn trial(action: &str, number: u32, subjects: &[&str], verdict: Verdict, good: u32) -> TrialFile {

@@ -5,7 +5,7 @@ use crate::extends;
 use crate::form;
 use crate::from_toml::from_toml;
 use crate::own::{self, OwnFile, own_file, own_files};
-use crate::schema::{Actuator, Adapter, Robot, Sensor, Servo};
+use crate::schema::{Actuator, Adapter, Origin, Robot, Sensor, Servo};
 use crate::unconfirmed::Profile;
 use crate::validate;
 use serde::de::DeserializeOwned;
@@ -55,9 +55,13 @@ pub fn robot_names() -> impl Iterator<Item = &'static str> {
     ROBOTS.iter().map(|embedded| embedded.name)
 }
 
-/// Names of the shipped adapters, in alphabetical order.
+/// Names of the adapters, as [`servo_names`].
 pub fn adapter_names() -> impl Iterator<Item = &'static str> {
-    ADAPTERS.iter().map(|embedded| embedded.name)
+    ADAPTERS.iter().map(|embedded| embedded.name).chain(own_adapters().map(OwnFile::name))
+}
+
+fn own_adapters() -> impl Iterator<Item = &'static OwnFile> {
+    own_files().into_iter().filter(|own| own.has_key("usb_ids"))
 }
 
 /// Names of the shipped sensors, in alphabetical order.
@@ -110,7 +114,10 @@ pub fn robot(name_or_path: &str) -> Result<Robot, ProfileError> {
         if let Ok(table) = from_toml::<toml::Table>(&text) {
             own::add_beside(Path::new(name_or_path), &table)?;
         }
-        return parse_robot(name_or_path, &text);
+        let mut robot = parse_robot(name_or_path, &text)?;
+        let path = fs::canonicalize(name_or_path).unwrap_or_else(|_| name_or_path.into());
+        robot.origin = Some(Origin { path, text });
+        return Ok(robot);
     }
     if let Some(own) = own_file(name_or_path) {
         return robot(&own.path().display().to_string());
@@ -200,30 +207,30 @@ pub fn whole_table(name_or_path: &str) -> Result<toml::Table, ProfileError> {
     })
 }
 
-/// The shipped adapters, validated once.
+/// Every adapter, in the order of [`adapter_names`].
 ///
 /// # Errors
-/// An invalid shipped file.
-pub fn adapters() -> Result<&'static [Adapter], ProfileError> {
+/// An invalid file.
+pub fn adapters() -> Result<Vec<&'static Adapter>, ProfileError> {
     static CACHE: OnceLock<Result<Vec<Adapter>, ProfileError>> = OnceLock::new();
-    CACHE
-        .get_or_init(|| {
-            ADAPTERS.iter().map(|embedded| parse_adapter(embedded.file, embedded.text)).collect()
-        })
-        .as_deref()
-        .map_err(ProfileError::clone)
+    let shipped = CACHE.get_or_init(|| {
+        ADAPTERS.iter().map(|embedded| parse_adapter(embedded.file, embedded.text)).collect()
+    });
+    let shipped = shipped.as_ref().map_err(ProfileError::clone)?;
+    let own = own_adapters().map(OwnFile::adapter).collect::<Result<Vec<_>, _>>()?;
+    Ok(shipped.iter().chain(own).collect())
 }
 
-/// The shipped adapter with these USB ids, if there is one.
+/// The adapter with these USB ids, if there is one; one of the user's own before a shipped one.
 ///
 /// # Errors
-/// An invalid shipped file.
+/// An invalid file.
 pub fn adapter_for_usb(
     vendor: u16,
     product: u16,
 ) -> Result<Option<&'static Adapter>, ProfileError> {
     let id = format!("{vendor:04x}:{product:04x}");
-    Ok(adapters()?.iter().find(|adapter| adapter.usb_ids.contains(&id)))
+    Ok(adapters()?.into_iter().rev().find(|adapter| adapter.usb_ids.contains(&id)))
 }
 
 /// Reads and validates the text of a servo profile; `file` is its path, used for messages and for

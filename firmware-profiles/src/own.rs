@@ -6,7 +6,7 @@
 
 use crate::error::ProfileError;
 use crate::files::{self, parse_servo, read_text};
-use crate::schema::Servo;
+use crate::schema::{Adapter, Servo};
 use std::path::{Path, PathBuf};
 use std::sync::{OnceLock, PoisonError, RwLock};
 
@@ -17,6 +17,7 @@ pub struct OwnFile {
     path: PathBuf,
     text: OnceLock<Result<String, ProfileError>>,
     servo: OnceLock<Result<Servo, ProfileError>>,
+    adapter: OnceLock<Result<Adapter, ProfileError>>,
 }
 
 static KNOWN: RwLock<Vec<&'static OwnFile>> = RwLock::new(Vec::new());
@@ -46,6 +47,13 @@ impl OwnFile {
     pub(crate) fn servo(&'static self) -> Result<&'static Servo, ProfileError> {
         let parsed =
             self.servo.get_or_init(|| parse_servo(&self.path.display().to_string(), self.text()?));
+        parsed.as_ref().map_err(ProfileError::clone)
+    }
+
+    pub(crate) fn adapter(&'static self) -> Result<&'static Adapter, ProfileError> {
+        let parsed = self
+            .adapter
+            .get_or_init(|| files::parse_adapter(&self.path.display().to_string(), self.text()?));
         parsed.as_ref().map_err(ProfileError::clone)
     }
 
@@ -110,9 +118,9 @@ pub(crate) fn add_file(path: &Path) -> Result<(), ProfileError> {
             .got(own.path.display())
             .remedy("give one of them another name")),
         None => {
-            let (text, servo) = (OnceLock::new(), OnceLock::new());
+            let (text, servo, adapter) = (OnceLock::new(), OnceLock::new(), OnceLock::new());
             // As many as a user has files, once each: what is read of them is handed out for good.
-            known.push(Box::leak(Box::new(OwnFile { name, path, text, servo })));
+            known.push(Box::leak(Box::new(OwnFile { name, path, text, servo, adapter })));
             Ok(())
         }
     }

@@ -486,6 +486,18 @@ pub struct Robot {
     /// What stands for what in a human; absent: the robot follows no body.
     #[serde(default)]
     pub anatomy: Option<Anatomy>,
+    /// The file it was read from, if it is one of the user's own.
+    #[serde(skip)]
+    pub origin: Option<Origin>,
+}
+
+/// A file as it was when it was read.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Origin {
+    /// Where it lies.
+    pub path: std::path::PathBuf,
+    /// What stood in it.
+    pub text: String,
 }
 
 fn undescribed() -> String {

@@ -63,7 +63,8 @@ fn every_byte_has_an_owner_or_none(servo: &Servo) -> Result<(), Failed> {
 }
 
 fn usb_ids_are_distinct() -> Result<(), Failed> {
-    let ids = || adapters().map(|list| list.iter().flat_map(|adapter: &Adapter| &adapter.usb_ids));
+    let of = |adapter: &'static Adapter| &adapter.usb_ids;
+    let ids = || adapters().map(|list| list.into_iter().flat_map(of));
     let distinct: BTreeSet<&String> = ids()?.collect();
     if distinct.len() == ids()?.count() { Ok(()) } else { Err(Failed::from("an id stands twice")) }
 }

@@ -36,7 +36,7 @@ impl Options {
     pub fn behind(mut self, adapter: &str) -> Result<Options, SimError> {
         let profile = gaitway_profiles::adapters()
             .unwrap_or_default()
-            .iter()
+            .into_iter()
             .find(|profile| profile.name == adapter)
             .ok_or_else(|| SimError::UnknownAdapter(adapter.to_string()))?;
         // FTDI's chips (USB vendor 0403) put two bytes of their own into each packet.

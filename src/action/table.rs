@@ -2,19 +2,29 @@
 //! the world, m: X forward, Y left, Z up, from [`Motion::placed`].
 
 use crate::action::Motion;
-use crate::body::{Dof, Proportions};
-use crate::error::{Error, ErrorKind};
-use std::fmt::Write;
+use crate::body::{Dof, JointAngles, Proportions};
+use crate::error::Error;
+use crate::table::TableWriter;
+use glam::DVec3;
 use std::io;
 
-/// The head of the table.
-#[must_use]
-pub fn head() -> String {
-    let mut head = String::from("time_s");
-    for dof in Dof::ALL {
-        let _ = write!(head, ",{}_rad", dof.name());
-    }
-    head + ",root_x_m,root_y_m,root_z_m"
+/// The titles of the table.
+pub fn titles() -> impl Iterator<Item = String> {
+    let root = ["root_x_m", "root_y_m", "root_z_m"].map(str::to_owned);
+    let angles = Dof::ALL.iter().map(|dof| format!("{}_rad", dof.name()));
+    std::iter::once("time_s".to_owned()).chain(angles).chain(root)
+}
+
+/// The cells of pose number `index` of a motion at `rate_hz`.
+pub fn cells(
+    index: usize,
+    rate_hz: f64,
+    angles: &JointAngles,
+    root_m: DVec3,
+) -> impl Iterator<Item = String> {
+    let values = angles.0.into_iter().chain(root_m.to_array());
+    let values = values.map(|value| format!("{value:.9}"));
+    std::iter::once(format!("{:.6}", index as f64 / rate_hz)).chain(values)
 }
 
 /// Writes a motion of a body with these proportions, a row per sample.
@@ -27,18 +37,10 @@ pub fn write_csv(
     rate_hz: f64,
     out: &mut impl io::Write,
 ) -> Result<(), Error> {
-    let unwritable =
-        |e: io::Error| Error::of(ErrorKind::Io, "cannot write the table").got(e.to_string());
-    writeln!(out, "{}", head()).map_err(unwritable)?;
-    let mut row = String::new();
+    let mut table = TableWriter::new(out);
+    table.row(titles())?;
     for (index, (angles, root_m)) in motion.placed(body, rate_hz)?.iter().enumerate() {
-        row.clear();
-        let _ = write!(row, "{:.6}", index as f64 / rate_hz);
-        for value in angles.0.into_iter().chain(root_m.to_array()) {
-            let _ = write!(row, ",{value:.9}");
-        }
-        row.push('\n');
-        out.write_all(row.as_bytes()).map_err(unwritable)?;
+        table.row(cells(index, rate_hz, angles, *root_m))?;
     }
-    Ok(())
+    table.finish().map(drop)
 }

@@ -110,7 +110,7 @@ fn angles(
     metadata.insert("subject".to_owned(), kept.subject.clone());
     let output = Output::forced(args.force);
     match kind {
-        "csv" => output.write_file(&args.out, motion.csv().as_bytes())?,
+        "csv" => output.write_file(&args.out, &motion.csv()?)?,
         "bvh" => output.write_file(&args.out, motion.bvh().as_bytes())?,
         _ => motion.write_mcap(&args.out, args.force, metadata)?,
     }

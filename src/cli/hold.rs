@@ -2,17 +2,14 @@
 
 use super::calibrated::CalibrationArg;
 use super::signals::Signals;
+use super::terminal::Terminal;
 use super::{Deed, Outcome, Output, Remarks};
-use crate::control::left::leave;
-use crate::control::{Arming, Stop, StopCode, StopReason, arm_safely, inject, net};
-use crate::error::{Error, ErrorKind};
+use crate::error::Error;
+use crate::job::hold::{HoldOrder, hold};
 use crate::rig::Address;
-use crate::rig::connect;
-use crate::robot::preflight::{Accept, budget, exchange_error, preflight};
-use crate::time::Duration;
 use clap::Args;
-use serde_json::json;
 use std::fmt::Write;
+use std::path::Path;
 
 /// Arguments of `hold`.
 #[derive(Debug, Args)]
@@ -44,79 +41,28 @@ pub struct HoldArgs {
 pub fn run(args: &HoldArgs, remarks: Remarks) -> Result<i32, Error> {
     args.output.check_files(&[])?;
     let signals = Signals::listen().map_err(|e| Error::new(format!("no signals: {e}")))?;
-    let (robot, calibration) = args.calibration.load(&args.robot, &args.bus)?;
-    let period = Duration::from_secs_f64(1.0 / robot.file.rate_hz);
-    let mut connection = connect(robot, &args.bus, 0)?;
-    let link = &mut connection.link;
-    inject::point("preflight", 0);
-    let accept = Accept { firmware: args.accept_firmware, eeprom: false };
-    let found = preflight(link, period, accept)?;
-    let mut notes = found.notes.clone();
-    let mut left = None;
-    if !args.dry_run {
-        let armed = match arm_safely(link, &found, &|| signals.first().is_some())? {
-            Arming::Done(armed) => armed,
-            Arming::Stopped => return Ok(stopped(args, signals.first(), found.held)),
-        };
-        // Whatever ends at rest ends with two equal goals, so that a lost one changes nothing.
-        let limit = budget(link);
-        let written = net::catch(|| link.write_goals(armed.command(), limit));
-        // Nobody speaks to the servos from here on, and they shall hold all the same.
-        let (how, words) = match net::catch(|| leave(link)) {
-            Ok(told) => told,
-            Err(words) => {
-                // Once more without whatever broke.
-                let (_, notes) = leave(link);
-                notes.iter().for_each(|note| remarks.say(note));
-                return Err(broke(words));
-            }
-        };
-        if let Some(error) = match written {
-            Ok(written) => written.err().map(|e| exchange_error(link, None, &e)),
-            Err(words) => Some(broke(words)),
-        } {
-            words.iter().for_each(|note| remarks.say(note));
-            return Err(error);
-        }
-        notes.extend(words);
-        left = Some(how);
+    let order = HoldOrder {
+        robot: args.robot.clone(),
+        buses: args.bus.clone(),
+        calibration: args.calibration.path().map(Path::to_owned),
+        accept_firmware: args.accept_firmware,
+        dry_run: args.dry_run,
+    };
+    let mut report = hold(&order, &Terminal::new(remarks, &signals))?;
+    if report.outcome == Outcome::Stopped {
+        let text = format!("stopped before anything changed: {}\n", report.notes.join("; "));
+        let code = signals.first().map_or(report.outcome.exit_code(), |number| 128 + number);
+        return Ok(args.output.conclude(&report, &text, Deed::Motion, code));
     }
-    let robot = link.robot();
     let what = if args.dry_run { "would be held" } else { "is held, torque on" };
-    let mut text = format!("{} {what}\n", robot.name);
-    let joints: Vec<_> = robot.joints.iter().zip(&found.start_rad).collect();
-    for (joint, at_rad) in &joints {
-        let _ = writeln!(text, "  {:<18} {:>7.1} deg", joint.name, at_rad.to_degrees());
+    let mut text = format!("{} {what}\n", report.robot);
+    for joint in &report.joints {
+        let _ = writeln!(text, "  {:<18} {:>7.1} deg", joint.name, joint.held_rad.to_degrees());
     }
-    let joints = joints.iter().map(|(joint, at)| json!({ "name": joint.name, "held_rad": at }));
-    notes.iter().for_each(|note| remarks.say(note));
+    report.notes.iter().for_each(|note| remarks.say(note));
     if !args.dry_run {
-        notes.push(format!("gaitway limp {} --bus ... lets go", robot.name));
+        report.notes.push(format!("gaitway limp {} --bus ... lets go", report.robot));
     }
-    let report = json!({
-        "outcome": "done", "robot": robot.name, "dry_run": args.dry_run,
-        "calibration": calibration, "joints": joints.collect::<Vec<_>>(), "left": left,
-        "notes": notes,
-    });
     let deed = if args.dry_run { Deed::Look } else { Deed::Motion };
     Ok(args.output.conclude(&report, &text, deed, 0))
-}
-
-fn broke(words: String) -> Error {
-    Error::of(ErrorKind::Broke, "the program broke once the robot held")
-        .got(words)
-        .remedy("please report this")
-}
-
-/// Says that a wish to stop came before torque.
-fn stopped(args: &HoldArgs, signal: Option<i32>, held: bool) -> i32 {
-    let outcome = Outcome::Stopped;
-    let how = if held { "it was held before, and still is" } else { "torque stayed off" };
-    let report = json!({
-        "outcome": outcome, "stop_reason": StopReason::Asked.to_string(),
-        "stop": Stop::of(StopCode::Asked), "robot": args.robot, "notes": [how],
-    });
-    let text = format!("stopped before anything changed: {how}\n");
-    let code = signal.map_or(outcome.exit_code(), |number| 128 + number);
-    args.output.conclude(&report, &text, Deed::Motion, code)
 }

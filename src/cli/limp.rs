@@ -2,13 +2,11 @@
 
 use super::output::prompt;
 use super::{Deed, Output};
-use crate::control;
 use crate::error::{Error, ErrorKind};
+use crate::job::limp::limp;
 use crate::rig::Address;
-use crate::rig::connect;
 use crate::robot::Robot;
 use clap::Args;
-use serde_json::json;
 use std::io::{BufRead, IsTerminal};
 
 /// Arguments of `limp`.
@@ -39,10 +37,7 @@ pub fn run(args: &LimpArgs) -> Result<i32, Error> {
         return Err(Error::of(ErrorKind::NotPermitted, "nobody said that the robot may go limp")
             .remedy("support the robot, then answer yes or add --yes"));
     }
-    let mut connection = connect(robot, &args.bus, 0)?;
-    control::arm::disarm(&mut connection.link)?;
-    let robot = connection.link.robot();
-    let report = json!({ "outcome": "done", "robot": robot.name, "limp": robot.joint_names() });
+    let report = limp(robot, &args.bus)?;
     let text = "torque is off on every joint\n";
     Ok(args.output.conclude(&report, text, Deed::Motion, 0))
 }

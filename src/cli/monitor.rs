@@ -4,18 +4,18 @@ use super::Remarks;
 use super::calibrated::CalibrationArg;
 use super::output::{Untold, print_json, print_over};
 use super::signals::Signals;
-use crate::bus::AskError;
-use crate::device::{Health, JointState};
-use crate::error::{Error, ErrorKind};
+use crate::error::Error;
+use crate::job::monitor::{JointReading, MonitorOrder, monitor};
+use crate::job::{Event, Observer};
 use crate::rig::Address;
-use crate::rig::connect;
-use crate::robot::{Link, LinkError};
 use crate::time::Duration;
 use clap::Args;
-use gaitway_profiles::Role;
 use serde::Serialize;
 use std::fmt::Write;
 use std::io::IsTerminal;
+use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
 
 /// Arguments of `monitor`.
 #[derive(Debug, Args)]
@@ -66,164 +66,82 @@ fn rate(text: &str) -> Result<f64, String> {
     }
 }
 
-/// One joint at one time; absent: not read.
-#[derive(Clone, Debug, Default, Serialize)]
-struct Row {
-    name: String,
-    id: u8,
-    goal_rad: Option<f64>,
-    present_rad: Option<f64>,
-    velocity_rad_s: Option<f64>,
-    load_ratio: Option<f64>,
-    current_a: Option<f64>,
-    temperature_c: Option<f64>,
-    voltage_v: Option<f64>,
-    torque_on: Option<bool>,
-    /// What the servo reports, or why it says nothing.
-    error: Option<String>,
-}
-
 #[derive(Serialize)]
-struct Reading<'a> {
+struct Look<'a> {
     time_s: f64,
-    joints: &'a [Row],
+    joints: &'a [JointReading],
 }
 
-/// Budget of the first look: other programs are listened for before anything is told.
-const FIRST: Duration = Duration::from_secs(2);
-/// Meanwhile those speak who tell of themselves unasked.
-const UNASKED: Duration = Duration::from_millis(150);
-/// Budget of one question.
-const QUESTION: Duration = Duration::from_millis(50);
+/// Shows each look as it comes.
+struct Screen<'a> {
+    json: bool,
+    /// A terminal: each table stands over the one before.
+    live: bool,
+    remarks: Remarks,
+    signals: &'a Signals,
+    shown_lines: AtomicUsize,
+    untold: Mutex<Option<Untold>>,
+}
+
+impl Screen<'_> {
+    fn tell(&self, time_s: f64, joints: &[JointReading]) -> Result<(), Untold> {
+        if self.json {
+            let line = serde_json::to_string(&Look { time_s, joints });
+            return print_json(&(line.map_err(|e| Untold::Failed(e.to_string()))? + "\n"));
+        }
+        let table = table(time_s, joints);
+        let shown = self.shown_lines.swap(table.lines().count(), Ordering::Relaxed);
+        print_over(if self.live { shown } else { 0 }, &table)
+    }
+}
+
+impl Observer for Screen<'_> {
+    fn hear(&self, event: Event<'_>) {
+        match event {
+            Event::Note(text) => self.remarks.say(text),
+            Event::Joints { time_s, joints } => {
+                let told = self.tell(time_s, joints).err();
+                *self.untold.lock().unwrap_or_else(PoisonError::into_inner) = told;
+            }
+            _ => {}
+        }
+    }
+
+    fn wants_to_stop(&self) -> bool {
+        let untold = self.untold.lock().unwrap_or_else(PoisonError::into_inner).is_some();
+        untold || self.signals.first().is_some()
+    }
+}
 
 /// Runs `monitor` until the time is over or a signal comes.
 ///
 /// # Errors
-/// A bus that cannot be opened, a line that is lost. A silent joint is a row that says so.
+/// A bus that cannot be opened, a line that is lost, a table that cannot be shown.
 pub fn run(args: &MonitorArgs, remarks: Remarks) -> Result<i32, Error> {
     let signals = Signals::listen().map_err(|e| Error::new(format!("no signals: {e}")))?;
-    let (robot, calibration) = args.calibration.load(&args.robot, &args.bus)?;
-    if let Some(path) = calibration {
-        remarks.say(&format!("calibration {}", path.display()));
-    }
-    let mut connection = connect(robot, &args.bus, 0)?;
-    let real_time = connection.real_time;
-    let link = &mut connection.link;
-    link.set_retries(1);
-    let clock = std::sync::Arc::clone(link.clock());
-    // CAN actuators that answer commands only are listened for first; that is not done again.
-    let _ = answered(link.states(clock.now() + FIRST))?;
-    clock.sleep_until(clock.now() + UNASKED);
-    let began = clock.now();
-    let once = if real_time { None } else { Some(Duration::ZERO) };
-    let until = args.for_time.or(once).map(|time| began + time);
-    let mut shown_lines = 0;
-    let live = !args.json && std::io::stdout().is_terminal();
-    loop {
-        let at = clock.now();
-        let rows = read(link)?;
-        let time_s = at.since(began).as_secs_f64();
-        let told = if args.json {
-            let reading = Reading { time_s, joints: &rows };
-            let line = serde_json::to_string(&reading)
-                .map_err(|e| Error::new(format!("a reading cannot be written as JSON: {e}")))?;
-            print_json(&format!("{line}\n"))
-        } else {
-            let table = table(time_s, &rows);
-            let over = if live { shown_lines } else { 0 };
-            shown_lines = table.lines().count();
-            print_over(over, &table)
-        };
-        match told {
-            Ok(()) => {}
-            Err(Untold::Unwanted) => return Ok(0),
-            Err(failed) => return Err(failed.into()),
-        }
-        let next = at + Duration::from_secs_f64(1.0 / args.rate);
-        if until.is_some_and(|until| next > until) || signals.first().is_some() {
-            return Ok(0);
-        }
-        clock.sleep_until(next);
+    let screen = Screen {
+        json: args.json,
+        live: !args.json && std::io::stdout().is_terminal(),
+        remarks,
+        signals: &signals,
+        shown_lines: AtomicUsize::new(0),
+        untold: Mutex::new(None),
+    };
+    let order = MonitorOrder {
+        robot: args.robot.clone(),
+        buses: args.bus.clone(),
+        calibration: args.calibration.path().map(Path::to_owned),
+        time: args.for_time,
+        rate_hz: args.rate,
+    };
+    monitor(&order, &screen)?;
+    match screen.untold.into_inner().unwrap_or_else(PoisonError::into_inner) {
+        Some(failed @ Untold::Failed(_)) => Err(failed.into()),
+        Some(Untold::Unwanted) | None => Ok(0),
     }
 }
 
-/// A question that one joint did not answer is that joint's matter; a line that is gone is not.
-fn answered<T>(read: Result<T, LinkError>) -> Result<Result<T, String>, Error> {
-    match read {
-        Ok(value) => Ok(Ok(value)),
-        Err(LinkError { error: AskError::Port(error), place, .. }) => {
-            Err(Error::of(ErrorKind::Damaged, "the line failed").at(place).got(error.to_string()))
-        }
-        Err(error) => Ok(Err(error.error.to_string())),
-    }
-}
-
-fn read(link: &mut Link) -> Result<Vec<Row>, Error> {
-    let states = answered(link.states(link.clock().now() + 2 * QUESTION))?;
-    let states = states.map_err(|e| Error::new("the robot cannot be asked").got(e))?;
-    let mut rows = Vec::with_capacity(states.len());
-    for (index, state) in states.into_iter().enumerate() {
-        let joint = &link.robot().joints[index];
-        let mut row = Row { name: joint.name.clone(), id: joint.id, ..Row::default() };
-        match state {
-            Ok((state, _)) => {
-                row.take(&state);
-                fill(link, index, &mut row)?;
-            }
-            Err(miss) => row.error = Some(miss.to_string()),
-        }
-        rows.push(row);
-    }
-    Ok(rows)
-}
-
-/// Goal and slow facts of one joint.
-fn fill(link: &mut Link, index: usize, row: &mut Row) -> Result<(), Error> {
-    let budget = link.clock().now() + QUESTION;
-    if let Some(register) = link.robot().joints[index].register(Role::GoalPosition) {
-        match answered(link.read_register(index, register, budget))? {
-            Ok(raw) => {
-                let joint = &link.robot().joints[index];
-                let position_rad = joint.model()?.si_from_raw(register, raw);
-                let goal = JointState { position_rad, ..JointState::default() };
-                row.goal_rad = Some(joint.joint_state(goal).position_rad);
-            }
-            Err(miss) => row.error = Some(miss),
-        }
-    }
-    for part in 0..link.health_reads(index) {
-        let budget = link.clock().now() + QUESTION;
-        match answered(link.health(index, part, budget))? {
-            Ok(health) => {
-                row.take_health(&health);
-                if let Some(bits) = health.error_bits.filter(|&bits| bits != 0) {
-                    row.error = Some(link.error_words(index, bits));
-                }
-            }
-            Err(miss) => row.error = Some(miss),
-        }
-    }
-    Ok(())
-}
-
-impl Row {
-    fn take(&mut self, state: &JointState) {
-        self.present_rad = Some(state.position_rad);
-        self.velocity_rad_s = state.velocity_rad_s;
-        self.load_ratio = state.load_ratio;
-        self.current_a = state.current_a;
-        self.temperature_c = state.temperature_c;
-        self.voltage_v = state.voltage_v;
-    }
-
-    fn take_health(&mut self, health: &Health) {
-        self.torque_on = self.torque_on.or(health.torque_on);
-        self.temperature_c = health.temperature_c.or(self.temperature_c);
-        self.voltage_v = health.voltage_v.or(self.voltage_v);
-    }
-}
-
-fn table(time_s: f64, rows: &[Row]) -> String {
+fn table(time_s: f64, joints: &[JointReading]) -> String {
     let mut out = format!(
         "{time_s:.1} s\n{:<18} {:>3} {:>9} {:>9} {:>8} {:>9} {:>6} {:>5} {:<7} {}\n",
         "joint", "ID", "goal deg", "is deg", "deg/s", "load", "deg C", "V", "torque", "error"
@@ -231,23 +149,23 @@ fn table(time_s: f64, rows: &[Row]) -> String {
     let number = |value: Option<f64>, digits: usize| {
         value.map_or_else(|| "-".to_owned(), |value| format!("{value:.digits$}"))
     };
-    for row in rows {
-        let load = match (row.load_ratio, row.current_a) {
+    for joint in joints {
+        let load = match (joint.load_ratio, joint.current_a) {
             (_, Some(current_a)) => format!("{:.0} mA", current_a * 1e3),
             (Some(load), None) => format!("{:.0} %", load * 100.0),
             (None, None) => "-".to_owned(),
         };
-        let torque = row.torque_on.map_or("-", |on| if on { "on" } else { "off" });
+        let torque = joint.torque_on.map_or("-", |on| if on { "on" } else { "off" });
         let line = format!(
             "{:<18} {:>3} {:>9} {:>9} {:>8} {load:>9} {:>6} {:>5} {torque:<7} {}",
-            row.name,
-            row.id,
-            number(row.goal_rad.map(f64::to_degrees), 1),
-            number(row.present_rad.map(f64::to_degrees), 1),
-            number(row.velocity_rad_s.map(f64::to_degrees), 0),
-            number(row.temperature_c, 0),
-            number(row.voltage_v, 1),
-            row.error.as_deref().unwrap_or_default(),
+            joint.name,
+            joint.id,
+            number(joint.goal_rad.map(f64::to_degrees), 1),
+            number(joint.present_rad.map(f64::to_degrees), 1),
+            number(joint.velocity_rad_s.map(f64::to_degrees), 0),
+            number(joint.temperature_c, 0),
+            number(joint.voltage_v, 1),
+            joint.error.as_deref().unwrap_or_default(),
         );
         let _ = writeln!(out, "{}", line.trim_end());
     }

@@ -137,7 +137,7 @@ impl Observer for Operator {
                 shown.show(angles, worn, self.remarks);
             }
             Event::Sensing(event) => self.remarks.say(&cues::of_event(event)),
-            Event::Planned { .. } | Event::Step { .. } => {}
+            Event::Planned { .. } | Event::Step { .. } | Event::Joints { .. } => {}
         }
     }
 

@@ -123,7 +123,9 @@ fn check(profile: &Profile) -> Result<Checked, Error> {
             // What playing needs of its servos is asked for too, not only what a file must be.
             crate::robot::Robot::new(robot.as_ref().clone())?;
             let (joints, lines) = (robot.joints.len(), robot.lines.len());
-            (&robot.name, "robot", format!("{joints} joints on {lines} line(s)"))
+            let bodiless = "; follows no body: tables, recordings and a hand move it";
+            let bodiless = if robot.anatomy.is_none() { bodiless } else { "" };
+            (&robot.name, "robot", format!("{joints} joints on {lines} line(s){bodiless}"))
         }
         Profile::Adapter(adapter) => {
             (&adapter.name, "adapter", format!("USB {}", adapter.usb_ids.join(", ")))

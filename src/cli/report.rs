@@ -50,7 +50,7 @@ impl PlayReport {
             }
         }
         for own in &self.profiles {
-            let _ = writeln!(out, "profile   {}: {} (CRC-32 {})", own.name, own.file, own.crc32);
+            let _ = writeln!(out, "profile   {own}");
         }
         for (label, path) in [("recording", &self.recording), ("plots", &self.html)] {
             if let Some(path) = path {

@@ -42,7 +42,7 @@ pub struct ScanArgs {
     output: Output,
 }
 
-fn baud(text: &str) -> Result<Speeds, String> {
+pub(super) fn baud(text: &str) -> Result<Speeds, String> {
     match text.parse() {
         Ok(bps) if bps > 0 => Ok(Speeds::One(bps)),
         _ if text == "all" => Ok(Speeds::All),
@@ -104,6 +104,9 @@ fn text(report: &ScanReport) -> String {
             "{id:>3}  TWO DEVICES WITH THIS ID? ({protocol}, {baud_bps} bit/s): {reason}\n     \
              unplug all but one and give it another: gaitway servo set-id BUS {id} NEW"
         );
+    }
+    for own in &report.profiles {
+        let _ = writeln!(out, "profile {own}");
     }
     let speeds = match report.scanned_baud_bps[..] {
         [one] => format!("{one} bit/s"),

@@ -47,7 +47,10 @@ impl Observer for Terminal<'_> {
             Event::Note(text) => self.remarks.say(text),
             Event::Step { done, total, what } => self.step(done, total, what),
             Event::Sensing(event) => self.remarks.say(&cues::of_event(event)),
-            Event::Planned { .. } | Event::Following | Event::Angles { .. } => {}
+            Event::Planned { .. }
+            | Event::Following
+            | Event::Angles { .. }
+            | Event::Joints { .. } => {}
         }
     }
 

@@ -157,11 +157,12 @@ pub fn save(path: &Path, calibration: &Calibration) -> Result<(), Error> {
             .at(path.display().to_string())
             .got(e.to_string())
     };
+    let text = calibration.text()?;
     if let Some(folder) = path.parent() {
         std::fs::create_dir_all(folder).map_err(failed)?;
     }
     // Whole or not at all, whatever happens in between.
-    Draft::write_whole(path, true, calibration.text().as_bytes()).map_err(failed)
+    Draft::write_whole(path, true, text.as_bytes()).map_err(failed)
 }
 
 /// Puts the finished calibration in its place; how to undo that.

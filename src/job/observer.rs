@@ -1,5 +1,6 @@
 //! Whoever a job is done for: hears what happens, and may want it to end.
 
+use super::monitor::JointReading;
 use crate::body::JointAngles;
 use crate::sensing::SensingEvent;
 use std::sync::Arc;
@@ -25,6 +26,13 @@ pub enum Event<'a> {
         angles: &'a JointAngles,
         /// By segment: true if a sensor tells.
         worn: &'a [bool; 13],
+    },
+    /// How every joint of a robot is that is looked at again and again.
+    Joints {
+        /// Since the first look, s.
+        time_s: f64,
+        /// In the order of the robot file.
+        joints: &'a [JointReading],
     },
     /// So many of so many steps are done.
     Step {

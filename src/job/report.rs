@@ -8,6 +8,9 @@ use crate::recording::crc32;
 use crate::robot::preflight::Preflight;
 use crate::robot::{Joint, Robot};
 use serde::Serialize;
+use std::collections::BTreeSet;
+use std::fmt;
+use std::path::Path;
 
 /// How a command ended; its exit code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -139,20 +142,39 @@ pub struct OwnProfile {
 }
 
 impl OwnProfile {
-    /// Those that a robot names, each once.
+    /// Those that a robot is made of, its own file among them.
     #[must_use]
     pub fn of(robot: &Robot) -> Vec<Self> {
-        let mut names: Vec<&str> = robot.file.joints.iter().map(|j| j.servo.as_str()).collect();
-        names.push(&robot.name);
-        names.sort_unstable();
-        names.dedup();
+        let file = robot
+            .file
+            .origin
+            .as_ref()
+            .map(|origin| Self::new(&robot.name, &origin.path, &origin.text));
+        let mut own = Self::named(robot.file.joints.iter().map(|joint| joint.servo.as_str()));
+        own.extend(file);
+        own
+    }
+
+    /// Those of these names, each once; shipped ones are left out.
+    #[must_use]
+    pub fn named<'a>(names: impl IntoIterator<Item = &'a str>) -> Vec<Self> {
+        let names: BTreeSet<&str> = names.into_iter().collect();
         let own = names.into_iter().filter_map(gaitway_profiles::own_file);
-        let of = |own: &'static gaitway_profiles::OwnFile| Self {
-            name: own.name().to_owned(),
-            file: own.path().display().to_string(),
-            crc32: format!("{:08x}", crc32(own.text().unwrap_or_default().as_bytes())),
-        };
-        own.map(of).collect()
+        own.map(|own| Self::new(own.name(), own.path(), own.text().unwrap_or_default())).collect()
+    }
+
+    fn new(name: &str, path: &Path, text: &str) -> Self {
+        Self {
+            name: name.to_owned(),
+            file: path.display().to_string(),
+            crc32: format!("{:08x}", crc32(text.as_bytes())),
+        }
+    }
+}
+
+impl fmt::Display for OwnProfile {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {} (CRC-32 {})", self.name, self.file, self.crc32)
     }
 }
 

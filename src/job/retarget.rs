@@ -14,8 +14,8 @@ use crate::motion::{Plan, PlanOptions, Setpoint, plan};
 use crate::port::{Clock, MonotonicClock};
 use crate::recording::{CycleRecord, JointRecord, Recorder, RunEnd, RunStart};
 use crate::robot::Robot;
+use crate::table::TableWriter;
 use crate::time::Duration;
-use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 /// Which motion becomes which file.
@@ -54,13 +54,13 @@ pub fn retarget(order: &RetargetOrder) -> Result<PlayReport, Error> {
     let path = loaded.path_from(&robot, &start_rad)?;
     let planned = plan(&start_rad, &path, &robot.limits(), options)?;
     let rate_hz = order.rate_hz.unwrap_or(robot.file.rate_hz);
-    let write = |text: &str| draft::write_file(&order.file, order.replace, text.as_bytes());
+    let write = |bytes: &[u8]| draft::write_file(&order.file, order.replace, bytes);
     match kind {
-        Kind::Csv => write(&csv(&planned, rate_hz))?,
+        Kind::Csv => write(&csv(&planned, rate_hz)?)?,
         Kind::Bvh => {
             let model = robot_model(&robot)?;
             let poses: Vec<Vec<f64>> = rows(&planned, rate_hz).map(|(_, pose)| pose).collect();
-            write(&mocap::bvh::write(&bvh::of_robot(&model, &poses, rate_hz)))?;
+            write(mocap::bvh::write(&bvh::of_robot(&model, &poses, rate_hz)).as_bytes())?;
         }
         Kind::Mcap => record(order, &robot, &planned, rate_hz)?,
     }
@@ -119,20 +119,15 @@ fn rows(planned: &Plan, rate_hz: f64) -> impl Iterator<Item = (f64, Vec<f64>)> {
     })
 }
 
-fn csv(planned: &Plan, rate_hz: f64) -> String {
-    let mut out = String::from("time_s");
-    for joint in planned.trajectory.joints() {
-        let _ = write!(out, ",{joint}_rad");
-    }
-    out.push('\n');
+fn csv(planned: &Plan, rate_hz: f64) -> Result<Vec<u8>, Error> {
+    let mut out = TableWriter::new(Vec::new());
+    let titles = planned.trajectory.joints().iter().map(|joint| format!("{joint}_rad"));
+    out.row(std::iter::once("time_s".to_owned()).chain(titles))?;
     for (time_s, pose) in rows(planned, rate_hz) {
-        let _ = write!(out, "{time_s:.6}");
-        for angle_rad in pose {
-            let _ = write!(out, ",{angle_rad:.9}");
-        }
-        out.push('\n');
+        let angles = pose.into_iter().map(|angle_rad| format!("{angle_rad:.9}"));
+        out.row(std::iter::once(format!("{time_s:.6}")).chain(angles))?;
     }
-    out
+    out.finish()
 }
 
 /// A recording of goals that nobody was given yet.

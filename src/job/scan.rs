@@ -3,6 +3,7 @@
 pub mod can;
 
 use super::observer::{Event, Observer};
+use super::report::OwnProfile;
 use crate::bus::Protocol;
 use crate::bus::scan::{Found, scan};
 use crate::device::Model;
@@ -62,6 +63,8 @@ pub struct ScanReport {
     pub devices: Vec<Device>,
     /// IDs of more than one.
     pub collisions: Vec<Collision>,
+    /// The user's own profiles by which devices were named.
+    pub profiles: Vec<OwnProfile>,
 }
 
 /// Line speeds to scan at.
@@ -120,6 +123,7 @@ pub fn scan_line(
     }
     observer.hear(Event::Step { done: total, total, what: "" });
     report.devices.sort_by_key(|d| (d.id, d.baud_bps));
+    report.profiles = OwnProfile::named(report.devices.iter().filter_map(|d| d.profile.as_deref()));
     Ok(report)
 }
 

@@ -13,10 +13,22 @@ pub mod value;
 use crate::bus::Protocol;
 use crate::error::Error;
 use crate::rig::{Address, is_can};
-use gaitway_profiles::Dialect;
+use gaitway_profiles::{Dialect, Role};
 
 /// Where nothing moves, a lost answer costs nothing but time.
 pub const RETRIES: u32 = 5;
+
+/// What decides where a goal leads, and what preflight is asked to look at, as it is now in a servo.
+pub const DECIDING: [Role; 8] = [
+    Role::DriveMode,
+    Role::HomingOffset,
+    Role::OperatingMode,
+    Role::MinPositionLimit,
+    Role::MaxPositionLimit,
+    Role::ReturnDelay,
+    Role::TemperatureLimit,
+    Role::MinVoltageLimit,
+];
 
 /// Which servo is meant, and how it is spoken to.
 #[derive(Clone, Debug, PartialEq)]

@@ -7,7 +7,8 @@
 use super::reader::{open, parse, read};
 use super::scan::{Found, scan};
 use super::sensor::{Imu, Rotation, Transform, Vector};
-use crate::error::{Error, ErrorKind};
+use crate::error::Error;
+use crate::table::TableWriter;
 use mcap::records::MessageHeader;
 use std::collections::BTreeMap;
 use std::io::{BufReader, Write};
@@ -36,14 +37,18 @@ pub struct Rows {
 /// written.
 pub fn write_csv(path: &Path, out: &mut impl Write) -> Result<Rows, Error> {
     let file = open(path)?;
-    let mut table = Table { out, pending: BTreeMap::new(), start_ns: None, rows: Rows::default() };
+    let mut table = Samples {
+        out: TableWriter::new(&mut *out),
+        pending: BTreeMap::new(),
+        start_ns: None,
+        rows: Rows::default(),
+    };
     let tally = scan(BufReader::new(file), |found| match found {
         Found::Message { channel, header, body } => table.add(&channel.topic, &header, body),
         Found::Metadata(_) => Ok(()),
     })
     .map_err(|error| error.at(path.display().to_string()))?;
-    table.finish()?;
-    let mut rows = table.rows;
+    let mut rows = table.finish()?;
     if rows.rows == 0 {
         return joints(path, out);
     }
@@ -51,15 +56,15 @@ pub fn write_csv(path: &Path, out: &mut impl Write) -> Result<Rows, Error> {
     Ok(rows)
 }
 
-struct Table<'a, W> {
-    out: &'a mut W,
+struct Samples<W: Write> {
+    out: TableWriter<W>,
     /// Samples whose orientation may still follow, by sensor.
     pending: BTreeMap<String, (Imu, MessageHeader)>,
     start_ns: Option<u64>,
     rows: Rows,
 }
 
-impl<W: Write> Table<'_, W> {
+impl<W: Write> Samples<W> {
     fn add(&mut self, topic: &str, header: &MessageHeader, body: &[u8]) -> Result<(), Error> {
         self.start_ns.get_or_insert(header.log_time);
         let Some((name, part)) = topic.strip_prefix("/imu/").and_then(|t| t.rsplit_once('/'))
@@ -87,11 +92,12 @@ impl<W: Write> Table<'_, W> {
         Ok(())
     }
 
-    fn finish(&mut self) -> Result<(), Error> {
+    fn finish(mut self) -> Result<Rows, Error> {
         for (name, (sample, header)) in std::mem::take(&mut self.pending) {
             self.row(&name, &sample, &header, None)?;
         }
-        Ok(())
+        self.out.finish()?;
+        Ok(self.rows)
     }
 
     fn row(
@@ -102,31 +108,31 @@ impl<W: Write> Table<'_, W> {
         transform: Option<&Transform>,
     ) -> Result<(), Error> {
         if self.rows.rows == 0 {
-            line(self.out, TITLES)?;
+            self.out.row(TITLES.split(','))?;
         }
         self.rows.rows += 1;
         let start_ns = self.start_ns.unwrap_or(0);
         let since_s =
             |ns: u64| format!("{:.9}", (i128::from(ns) - i128::from(start_ns)) as f64 / 1e9);
         let fused = transform.filter(|transform| transform.source == "vqf");
-        let cells = [
+        let mut cells = vec![
             name.to_owned(),
             sample.number.to_string(),
             since_s(header.publish_time),
             since_s(header.log_time),
             sample.order.to_string(),
             sample.missed_before.to_string(),
-            vector(sample.linear_acceleration),
-            vector(sample.angular_velocity),
-            vector(sample.magnetic_field),
-            rotation(sample.orientation),
-            rotation(fused.map(|fused| fused.rotation)),
-            fused.map_or_else(String::new, |fused| u8::from(fused.settled).to_string()),
-            cell(sample.temperature_c),
-            cell(sample.device_counter),
-            cell(sample.device_ticks),
         ];
-        line(self.out, &cells.join(","))
+        for of in [sample.linear_acceleration, sample.angular_velocity, sample.magnetic_field] {
+            cells.extend(vector(of));
+        }
+        cells.extend(rotation(sample.orientation));
+        cells.extend(rotation(fused.map(|fused| fused.rotation)));
+        cells.push(fused.map_or_else(String::new, |fused| u8::from(fused.settled).to_string()));
+        cells.push(cell(sample.temperature_c));
+        cells.push(cell(sample.device_counter));
+        cells.push(cell(sample.device_ticks));
+        self.out.row(cells)
     }
 }
 
@@ -134,18 +140,12 @@ fn cell(value: Option<impl ToString>) -> String {
     value.map_or_else(String::new, |value| value.to_string())
 }
 
-fn vector(value: Option<Vector>) -> String {
-    value.map_or_else(|| ",,".to_owned(), |v| format!("{},{},{}", v.x, v.y, v.z))
+fn vector(value: Option<Vector>) -> [String; 3] {
+    value.map_or_else(Default::default, |v| [v.x, v.y, v.z].map(|part| part.to_string()))
 }
 
-fn rotation(value: Option<Rotation>) -> String {
-    value.map_or_else(|| ",,,".to_owned(), |q| format!("{},{},{},{}", q.w, q.x, q.y, q.z))
-}
-
-fn line(out: &mut impl Write, text: &str) -> Result<(), Error> {
-    writeln!(out, "{text}").map_err(|cause| {
-        Error::of(ErrorKind::Io, "the table cannot be written").got(cause.to_string())
-    })
+fn rotation(value: Option<Rotation>) -> [String; 4] {
+    value.map_or_else(Default::default, |q| [q.w, q.x, q.y, q.z].map(|part| part.to_string()))
 }
 
 /// One row per cycle.
@@ -155,8 +155,10 @@ fn joints(path: &Path, out: &mut impl Write) -> Result<Rows, Error> {
         return Err(Error::new("the recording holds neither samples nor cycles")
             .at(path.display().to_string()));
     }
-    let titles = recording.joint_names.iter().map(|name| format!(",{name}_goal_rad,{name}_rad"));
-    line(out, &format!("cycle,time_s{}", titles.collect::<String>()))?;
+    let mut out = TableWriter::new(out);
+    let named = |name: &String| [format!("{name}_goal_rad"), format!("{name}_rad")];
+    let titles = ["cycle", "time_s"].map(str::to_owned).into_iter();
+    out.row(titles.chain(recording.joint_names.iter().flat_map(named)))?;
     let first = recording.cycles[0].at;
     let mut rows = Rows {
         missing: recording.dropped_cycles,
@@ -164,13 +166,15 @@ fn joints(path: &Path, out: &mut impl Write) -> Result<Rows, Error> {
         rows: 0,
     };
     for cycle in &recording.cycles {
-        let mut row = format!("{},{:.9}", cycle.cycle, cycle.at.seconds_since(first));
+        let time_s = format!("{:.9}", cycle.at.seconds_since(first));
+        let mut row = vec![cycle.cycle.to_string(), time_s];
         for joint in &cycle.joints {
-            row += &format!(",{},{}", cell(joint.goal_rad), cell(joint.present_position_rad));
+            row.extend([cell(joint.goal_rad), cell(joint.present_position_rad)]);
             rows.missing = rows.missing.saturating_add(u64::from(joint.missed.is_some()));
         }
-        line(out, &row)?;
+        out.row(row)?;
         rows.rows += 1;
     }
+    out.finish()?;
     Ok(rows)
 }

@@ -3,22 +3,23 @@
 mod axis;
 mod can;
 mod doubt;
+mod open_line;
 mod orders;
 mod serial;
 
-use super::reading::{LinePlan, LineReads, Reading, plan};
+use super::reading::{LinePlan, LineReads, Reading};
 use super::{Joint, Robot};
-use crate::bus::can::{CanStats, CanTiming};
-use crate::bus::{AskError, Bus, Miss, Protocol, Timing};
+use crate::bus::can::CanStats;
+use crate::bus::{AskError, Bus, Miss, Protocol};
 use crate::device::{Health, JointState};
 use crate::guard::Command;
 use crate::port::{BytePort, Clock, FramePort};
 use crate::time::{Duration, Instant};
-use crate::units::line_time_s;
 use crate::wire::can::Faults;
 use can::CanLine;
-use gaitway_profiles::{LineKind, Role};
-use serial::{groups, return_delay};
+use gaitway_profiles::Role;
+use open_line::OpenLine;
+use serial::groups;
 use std::fmt;
 use std::sync::Arc;
 
@@ -74,12 +75,6 @@ impl From<Box<dyn FramePort>> for LinePort {
     }
 }
 
-/// An open line.
-enum OpenLine {
-    Serial(Box<Bus>),
-    Can(Box<CanLine>),
-}
-
 /// A robot whose lines are open.
 pub struct Link {
     robot: Robot,
@@ -116,20 +111,7 @@ impl Link {
         clock: Arc<dyn Clock>,
     ) -> Self {
         let open = |(line, (port, latency)): (usize, (P, Duration))| {
-            let kind = robot.lines[line].kind;
-            match port.into() {
-                LinePort::Bytes(port) => {
-                    let baud_bps = robot.lines[line].bits_per_s();
-                    let return_delay = return_delay(&robot, line);
-                    let timing = Timing { baud_bps, return_delay, latency };
-                    OpenLine::Serial(Box::new(Bus::new(port, Arc::clone(&clock), timing)))
-                }
-                LinePort::Frames(port) => {
-                    let timing = can_timing(kind, latency);
-                    let clock = Arc::clone(&clock);
-                    OpenLine::Can(Box::new(CanLine::new(&robot, line, port, clock, timing)))
-                }
-            }
+            OpenLine::new(&robot, line, port.into(), &clock, latency)
         };
         let count = robot.lines.len();
         let lines = ports.into_iter().take(count).enumerate().map(open).collect();
@@ -162,13 +144,8 @@ impl Link {
     /// Chooses how every line is read in cycles of `period`, knowing the `firmware` of each joint's
     /// servo; what came of it, line by line.
     pub fn plan_reads(&mut self, firmware: &[u16], period: Duration) -> Vec<LinePlan> {
-        let plans = self.lines.iter().enumerate().map(|(line, open)| match open {
-            OpenLine::Serial(bus) => plan(&self.robot, line, bus, firmware, period),
-            OpenLine::Can(can) => {
-                let plan = can.plan(&self.robot.lines[line].name, period);
-                (LineReads::none(), plan)
-            }
-        });
+        let plans = self.lines.iter().enumerate();
+        let plans = plans.map(|(line, open)| open.plan(&self.robot, line, firmware, period));
         let plans: (Vec<LineReads>, Vec<LinePlan>) = plans.unzip();
         self.reads = plans.0;
         self.turn = 0;
@@ -177,27 +154,16 @@ impl Link {
 
     /// The serial line number `line`.
     fn serial(&mut self, line: usize) -> Result<&mut Bus, AskError> {
-        match self.lines.get_mut(line) {
-            Some(OpenLine::Serial(bus)) => Ok(bus),
-            _ => Err(AskError::Unsayable("this is no serial line".to_owned())),
-        }
+        let open = self.lines.get_mut(line).and_then(OpenLine::serial_mut);
+        open.ok_or_else(|| AskError::Unsayable("this is no serial line".to_owned()))
     }
 
     /// The CAN line of `joint`.
     fn can(&mut self, joint: usize) -> Result<&mut CanLine, LinkError> {
         let line = self.robot.joints[joint].line;
-        if let Some(OpenLine::Can(can)) = self.lines.get_mut(line) {
-            return Ok(can);
-        }
-        let text = "the joint hangs on no CAN line".to_owned();
-        Err(joint_error(&self.robot, joint, AskError::Unsayable(text)))
-    }
-
-    fn serial_lines(&self) -> impl Iterator<Item = &Bus> {
-        self.lines.iter().filter_map(|line| match line {
-            OpenLine::Serial(bus) => Some(&**bus),
-            OpenLine::Can(_) => None,
-        })
+        let unsayable = || AskError::Unsayable("the joint hangs on no CAN line".to_owned());
+        let open = self.lines.get_mut(line).and_then(OpenLine::can_mut);
+        open.ok_or_else(|| joint_error(&self.robot, joint, unsayable()))
     }
 
     /// The longest that servos on line number `line` wait before they answer.
@@ -210,43 +176,27 @@ impl Link {
     /// The longest that servos wait before they answer, line by line; zero on a CAN line.
     #[must_use]
     pub fn return_delays(&self) -> Vec<Duration> {
-        let delay = |line: &OpenLine| match line {
-            OpenLine::Serial(bus) => bus.timing().return_delay,
-            OpenLine::Can(_) => Duration::ZERO,
-        };
-        self.lines.iter().map(delay).collect()
+        self.lines.iter().map(OpenLine::return_delay).collect()
     }
 
     /// Time each line was occupied so far, s; of a CAN line with the most stuff bits there can be.
     #[must_use]
     pub fn busy_s(&self) -> Vec<f64> {
-        let busy = |line: &OpenLine| match line {
-            OpenLine::Serial(bus) => {
-                let bytes = usize::try_from(bus.stats().bytes).unwrap_or(usize::MAX);
-                line_time_s(bytes, bus.timing().baud_bps)
-            }
-            OpenLine::Can(can) => can.stats().busy_s,
-        };
-        self.lines.iter().map(busy).collect()
+        self.lines.iter().map(OpenLine::busy_s).collect()
     }
 
     /// What happened on line number `line`, if it is a CAN line.
     #[must_use]
     pub fn can_stats(&self, line: usize) -> Option<CanStats> {
-        match self.lines.get(line)? {
-            OpenLine::Serial(_) => None,
-            OpenLine::Can(can) => Some(can.stats()),
-        }
+        self.lines.get(line)?.can_stats()
     }
 
     /// What lines reported of themselves, in words for a person.
     #[must_use]
     pub fn troubles(&self) -> Vec<String> {
         let named = self.lines.iter().zip(&self.robot.lines);
-        let said = named.filter_map(|(open, line)| match open {
-            OpenLine::Serial(_) => None,
-            OpenLine::Can(can) => Some(format!("line {}: {}", line.name, can.bus().troubles()?)),
-        });
+        let said = named
+            .filter_map(|(open, line)| Some(format!("line {}: {}", line.name, open.troubles()?)));
         said.collect()
     }
 
@@ -259,34 +209,16 @@ impl Link {
     /// The moment up to which something was said on every line.
     #[must_use]
     pub fn spoken_at(&self) -> Instant {
-        let spoken = |line: &OpenLine| match line {
-            OpenLine::Serial(bus) => bus.spoken_at(),
-            OpenLine::Can(can) => can.spoken_at(),
-        };
-        self.lines.iter().map(spoken).min().unwrap_or(Instant::ZERO)
+        self.lines.iter().map(OpenLine::spoken_at).min().unwrap_or(Instant::ZERO)
     }
 
     /// Speaks to whoever heard nothing for `longest`: asks a servo of a serial line whether it is
     /// there, and tells actuators of a CAN line their goal once more. The answer does not matter:
     /// drives with a watchdog must hear that their host is.
     pub(crate) fn break_silence(&mut self, longest: Duration) {
-        for line in 0..self.lines.len() {
-            if self.lost[line] {
-                continue;
-            }
-            let now = self.clock.now();
-            match &mut self.lines[line] {
-                OpenLine::Serial(bus) => {
-                    let quiet = now.since(bus.spoken_at()) >= longest;
-                    let mut joints = self.robot.joints.iter().filter(|joint| joint.line == line);
-                    let first = joints.find_map(|joint| Some((joint.id, joint.servo()?)));
-                    if let Some((id, servo)) = first.filter(|_| quiet) {
-                        let _ = bus.ping(servo.model.protocol(), id, now + longest);
-                    }
-                }
-                OpenLine::Can(can) => {
-                    let _ = can.break_silence(longest);
-                }
+        for (line, open) in self.lines.iter_mut().enumerate() {
+            if !self.lost[line] {
+                open.break_silence(&self.robot, line, self.clock.now(), longest);
             }
         }
     }
@@ -313,22 +245,13 @@ impl Link {
     /// How late this host was so far in hearing its lines, in all (see [`Bus::host_late`]).
     #[must_use]
     pub fn host_late(&self) -> Duration {
-        let late = |line: &OpenLine| match line {
-            OpenLine::Serial(bus) => bus.host_late(),
-            OpenLine::Can(can) => can.bus().host_late(),
-        };
-        self.lines.iter().map(late).sum()
+        self.lines.iter().map(OpenLine::host_late).sum()
     }
 
     /// How often a lost answer is asked for again: once in a cycle, more often when nothing moves
     /// (see [`Bus::set_retries`]).
     pub fn set_retries(&mut self, retries: u32) {
-        for line in &mut self.lines {
-            match line {
-                OpenLine::Serial(bus) => bus.set_retries(retries),
-                OpenLine::Can(can) => can.bus_mut().set_retries(retries),
-            }
-        }
+        self.lines.iter_mut().for_each(|line| line.set_retries(retries));
     }
 
     fn line_error(&self, line: usize, error: AskError) -> LinkError {
@@ -398,9 +321,7 @@ impl Link {
     ) -> Vec<Result<T, LinkError>> {
         let mut done = Vec::new();
         for line in 0..self.lines.len() {
-            if let OpenLine::Can(can) = &mut self.lines[line]
-                && !self.lost[line]
-            {
+            if let Some(can) = self.lines[line].can_mut().filter(|_| !self.lost[line]) {
                 let result = each(can);
                 done.push(result.map_err(|error| self.line_error(line, error)));
             }
@@ -419,17 +340,17 @@ impl Link {
     /// When every line may be spoken to again. A CAN line always may: its frames name their device.
     #[must_use]
     pub fn ready_at(&self) -> Instant {
-        self.serial_lines().map(Bus::ready_at).max().unwrap_or(Instant::ZERO)
+        self.lines.iter().map(OpenLine::ready_at).max().unwrap_or(Instant::ZERO)
     }
 
     /// Number of reads that make up the slow facts of `joint`.
     #[must_use]
     pub fn health_reads(&self, joint: usize) -> usize {
         let of = &self.robot.joints[joint];
-        match (of.servo(), self.lines.get(of.line)) {
+        match (of.servo(), self.lines.get(of.line).and_then(OpenLine::can)) {
             (Some(servo), _) => servo.health.reads().len(),
-            (None, Some(OpenLine::Can(can))) => can.slow_parts(joint),
-            (None, _) => 1,
+            (None, Some(can)) => can.slow_parts(joint),
+            (None, None) => 1,
         }
     }
 
@@ -437,14 +358,7 @@ impl Link {
     #[must_use]
     pub fn health_fits(&self, joint: usize, part: usize, budget: Instant) -> bool {
         let of = &self.robot.joints[joint];
-        match (of.servo(), self.lines.get(of.line)) {
-            (Some(servo), Some(OpenLine::Serial(bus))) => {
-                let length = servo.health.reads().get(part).map_or(0, |&(_, length)| length);
-                bus.fits(servo.model.protocol(), usize::from(length), budget)
-            }
-            (None, Some(OpenLine::Can(can))) => can.fits(budget),
-            _ => false,
-        }
+        self.lines.get(of.line).is_some_and(|line| line.health_fits(of, part, budget))
     }
 
     /// Part `part` of the slow facts of `joint`.
@@ -481,10 +395,7 @@ impl Link {
     #[must_use]
     pub fn suspect(&self) -> Option<usize> {
         let lines = self.lines.iter().zip(&self.lost).filter(|(_, lost)| !**lost);
-        lines.into_iter().find_map(|(line, _)| match line {
-            OpenLine::Serial(_) => None,
-            OpenLine::Can(can) => can.suspect(),
-        })
+        lines.into_iter().find_map(|(line, _)| line.suspect())
     }
 
     /// The names of the error bits a joint's drive reports.
@@ -549,17 +460,4 @@ impl Link {
 fn joint_error(robot: &Robot, joint: usize, error: AskError) -> LinkError {
     let Joint { line, id, name, .. } = &robot.joints[joint];
     LinkError { line: *line, place: format!("joint {name} (ID {id})"), error }
-}
-
-fn can_timing(kind: LineKind, latency: Duration) -> CanTiming {
-    match kind {
-        LineKind::Can(speed) => CanTiming {
-            bitrate_bps: speed.bitrate_bps,
-            data_bitrate_bps: speed.data_bitrate_bps.unwrap_or(speed.bitrate_bps),
-            latency,
-        },
-        LineKind::Serial { baud_bps } => {
-            CanTiming { bitrate_bps: baud_bps, data_bitrate_bps: baud_bps, latency }
-        }
-    }
 }

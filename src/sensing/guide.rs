@@ -12,10 +12,10 @@ use crate::body::worn::kept::{Kept, VALID_S};
 use crate::body::worn::{Calibration, Moved, Movement, WornSensor};
 use crate::error::Error;
 use crate::port::Clock;
-use crate::time::{Duration, Instant};
+use crate::time::{Duration, Instant, Utc};
 use core::f64::consts::FRAC_PI_2;
 use glam::{DQuat, DVec3};
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::time::SystemTime;
 
 /// How often it is looked what sensors say.
 const LOOK: Duration = Duration::from_millis(20);
@@ -495,5 +495,5 @@ impl<'a> Guide<'a> {
 
 /// The wall clock, s since 1970.
 fn now_unix_s() -> u64 {
-    SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_secs()
+    Utc::from(SystemTime::now()).0
 }

@@ -17,10 +17,10 @@ use crate::mocap::{bvh, export};
 use crate::recording::{
     CycleRecord, JointRecord, RecordedJoint, Recorder, RunEnd, RunStart, SensorMoment, SensorSeries,
 };
+use crate::table::TableWriter;
 use crate::time::{Duration, Instant};
 use glam::DQuat;
 use std::collections::BTreeMap;
-use std::fmt::Write;
 use std::path::Path;
 
 /// Between two samples further apart than this nobody knows what a sensor did, s.
@@ -124,19 +124,19 @@ impl WornMotion {
         self.measured.iter().map(silent).sum::<usize>() as u64
     }
 
-    /// As a table: the columns of [`table::head`], and last the segments that are not measured in
+    /// As a table: the columns of [`table::titles`], and last the segments that are not measured in
     /// this row, with `;` between them.
-    #[must_use]
-    pub fn csv(&self) -> String {
-        let mut out = table::head() + ",not_measured\n";
+    ///
+    /// # Errors
+    /// None that a motion can have.
+    pub fn csv(&self) -> Result<Vec<u8>, Error> {
+        let mut out = TableWriter::new(Vec::new());
+        out.row(table::titles().chain(["not_measured".to_owned()]))?;
         for (n, (angles, pose)) in self.angles.iter().zip(&self.poses).enumerate() {
-            let _ = write!(out, "{:.6}", n as f64 / self.rate_hz);
-            for value in angles.0.into_iter().chain(pose.root_m.to_array()) {
-                let _ = write!(out, ",{value:.9}");
-            }
-            let _ = writeln!(out, ",{}", names(&self.measured[n]).join(";"));
+            let not_measured = names(&self.measured[n]).join(";");
+            out.row(table::cells(n, self.rate_hz, angles, pose.root_m).chain([not_measured]))?;
         }
-        out
+        out.finish()
     }
 
     /// As a BVH file.

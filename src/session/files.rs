@@ -2,7 +2,7 @@
 
 use super::plan::Plan;
 use super::tap::Tap;
-use super::utc::Utc;
+use crate::time::Utc;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 

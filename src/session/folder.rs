@@ -1,7 +1,7 @@
 //! The folder of a session: files appear whole or not at all, and are never written over.
 
 use crate::error::{Error, ErrorKind};
-use crate::toml_text::from_toml;
+use crate::toml_text::{from_toml, to_toml};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::fs::{self, File};
@@ -110,7 +110,7 @@ impl Folder {
     /// # Errors
     /// A file that is there already or cannot be written.
     pub fn write_new(&self, name: &str, value: &impl Serialize) -> Result<(), Error> {
-        self.write_new_bytes(name, toml_text(value)?.as_bytes())
+        self.write_new_bytes(name, to_toml("", value)?.as_bytes())
     }
 
     /// Writes a new file of any kind.
@@ -131,7 +131,7 @@ impl Folder {
     /// # Errors
     /// A file that cannot be written.
     pub fn replace(&self, name: &str, value: &impl Serialize) -> Result<(), Error> {
-        self.replace_bytes(name, toml_text(value)?.as_bytes())
+        self.replace_bytes(name, to_toml("", value)?.as_bytes())
     }
 
     fn replace_bytes(&self, name: &str, bytes: &[u8]) -> Result<(), Error> {
@@ -179,11 +179,4 @@ fn shown(path: &Path) -> String {
 
 fn unwritable(path: &Path, cause: &io::Error) -> Error {
     Error::of(ErrorKind::Io, "the session cannot be written").at(shown(path)).got(cause.to_string())
-}
-
-fn toml_text(value: &impl Serialize) -> Result<String, Error> {
-    let unwritable = |cause: toml::ser::Error| {
-        Error::new("this cannot be written as TOML").got(cause.to_string())
-    };
-    toml::to_string(value).map_err(unwritable)
 }

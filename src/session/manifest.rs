@@ -5,8 +5,8 @@ use super::angles::WornMotion;
 use super::files::{SCHEMA, SessionFile, TrialFile, Verdict};
 use super::plan::{Plan, PlannedAction};
 use super::steps::Progress;
-use super::utc::Utc;
 use crate::body::anthropometry::{Measure, Subject};
+use crate::time::Utc;
 use serde::{Deserialize, Serialize};
 
 /// `manifest.toml`.

@@ -2,10 +2,10 @@
 
 use super::files::{BodyCheck, DeviceCheck, SessionFile, TrialFile, trial_of};
 use super::folder::Folder;
-use super::utc::Utc;
 use crate::body::anthropometry::Subject;
 use crate::body::worn::kept::Kept;
 use crate::error::Error;
+use crate::time::Utc;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// All that is known of a session.

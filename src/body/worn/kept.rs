@@ -3,10 +3,10 @@
 use super::calibrate::{Calibration, HeadingBy, Mount};
 use crate::body::{segment_name, segment_named};
 use crate::error::{Error, ErrorKind};
-use crate::toml_text::from_toml;
+use crate::time::Utc;
+use crate::toml_text::{from_toml, to_toml};
 use glam::DQuat;
-use serde::Deserialize;
-use std::fmt::Write;
+use serde::{Deserialize, Serialize};
 
 /// Version of the file format.
 const SCHEMA: u32 = 1;
@@ -26,20 +26,20 @@ pub struct Kept {
     pub calibration: Calibration,
 }
 
-#[derive(Deserialize)]
+#[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct File {
     schema: u32,
     #[serde(default)]
     subject: String,
-    made_unix_s: u64,
     /// For people; [`File::made_unix_s`] counts.
-    #[serde(rename = "made", default)]
-    _made: String,
+    #[serde(default)]
+    made: String,
+    made_unix_s: u64,
     mount: Vec<Entry>,
 }
 
-#[derive(Deserialize)]
+#[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Entry {
     segment: String,
@@ -47,46 +47,42 @@ struct Entry {
     sensor_from_segment: [f64; 4],
     heading_rad: f64,
     heading_by: String,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     consistency: Option<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     strapped_off_rad: Option<f64>,
 }
 
+const REMARKS: &str = "\
+How sensors sit on a body. Quaternions w, x, y, z turn vectors of the segment into those of the
+sensor. Headings hold until the sensors are switched off; they are found anew in N pose.";
+
 impl Kept {
     /// The text of a file.
-    #[must_use]
-    pub fn text(&self) -> String {
-        let made_s = self.made_unix_s;
-        let mut out = format!(
-            "# How sensors sit on a body. Quaternions w, x, y, z turn vectors of the segment into \
-             those of the\n# sensor. Headings hold until the sensors are switched off; they are \
-             found anew in N pose.\nschema = {SCHEMA}\nsubject = {:?}\nmade = {:?}\nmade_unix_s = \
-             {made_s}\n",
-            self.subject,
-            utc(made_s)
-        );
-        for (mount, sensor) in self.calibration.mounts.iter().zip(&self.sensors) {
+    ///
+    /// # Errors
+    /// None that a calibration can have.
+    pub fn text(&self) -> Result<String, Error> {
+        let entry = |(mount, sensor): (&Mount, &String)| {
             let q = mount.sensor_from_segment;
-            let _ = write!(
-                out,
-                "\n[[mount]]\nsegment = {:?}\nsensor = {sensor:?}\nsensor_from_segment = [{:?}, \
-                 {:?}, {:?}, {:?}]\nheading_rad = {:?}\nheading_by = {:?}\n",
-                segment_name(mount.segment),
-                q.w,
-                q.x,
-                q.y,
-                q.z,
-                mount.heading_rad,
-                mount.heading_by.word()
-            );
-            for (key, value) in
-                [("consistency", mount.consistency), ("strapped_off_rad", mount.strapped_off_rad)]
-            {
-                if let Some(value) = value {
-                    let _ = writeln!(out, "{key} = {value:?}");
-                }
+            Entry {
+                segment: segment_name(mount.segment).to_owned(),
+                sensor: sensor.clone(),
+                sensor_from_segment: [q.w, q.x, q.y, q.z],
+                heading_rad: mount.heading_rad,
+                heading_by: mount.heading_by.word().to_owned(),
+                consistency: mount.consistency,
+                strapped_off_rad: mount.strapped_off_rad,
             }
-        }
-        out
+        };
+        let file = File {
+            schema: SCHEMA,
+            subject: self.subject.clone(),
+            made: Utc(self.made_unix_s).to_string(),
+            made_unix_s: self.made_unix_s,
+            mount: self.calibration.mounts.iter().zip(&self.sensors).map(entry).collect(),
+        };
+        to_toml(REMARKS, &file)
     }
 
     /// Reads the text of a file.
@@ -143,24 +139,6 @@ impl Kept {
     }
 }
 
-/// A moment as people write it, UTC (the civil calendar from days: H. Hinnant, "chrono-Compatible
-/// Low-Level Date Algorithms", `civil_from_days`).
-#[must_use]
-pub fn utc(unix_s: u64) -> String {
-    let (days, second) = (unix_s / 86_400, unix_s % 86_400);
-    let days = days + 719_468;
-    let (era, day_of_era) = (days / 146_097, days % 146_097);
-    let year_of_era =
-        (day_of_era - day_of_era / 1460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
-    let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
-    let shifted_month = (5 * day_of_year + 2) / 153;
-    let day = day_of_year - (153 * shifted_month + 2) / 5 + 1;
-    let month = if shifted_month < 10 { shifted_month + 3 } else { shifted_month - 9 };
-    let year = year_of_era + era * 400 + u64::from(month <= 2);
-    let (hour, minute, second) = (second / 3600, second / 60 % 60, second % 60);
-    format!("{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}Z")
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -186,7 +164,7 @@ mod tests {
 
     #[test]
     fn what_is_written_is_read_back() {
-        let text = kept().text();
+        let text = kept().text().expect("a text");
         let read = Kept::parse(&text).expect("reads");
         let (a, b) = (&read.calibration.mounts[0], &kept().calibration.mounts[0]);
         assert!(a.sensor_from_segment.angle_between(b.sensor_from_segment) < 1e-12);
@@ -200,19 +178,9 @@ mod tests {
         );
     }
 
-    /// `date -u -d @951782400` and others; the first is a leap day of a year that 400 divides.
-    #[test]
-    fn moments_are_written_as_people_do() {
-        assert_eq!(utc(0), "1970-01-01T00:00:00Z");
-        assert_eq!(utc(951_782_400), "2000-02-29T00:00:00Z");
-        assert_eq!(utc(951_868_799), "2000-02-29T23:59:59Z");
-        assert_eq!(utc(1_767_225_599), "2025-12-31T23:59:59Z");
-        assert_eq!(utc(4_107_542_400), "2100-03-01T00:00:00Z");
-    }
-
     #[test]
     fn files_that_say_nonsense_are_refused() {
-        let good = kept().text();
+        let good = kept().text().expect("a text");
         for (from, to) in [
             ("schema = 1", "schema = 2"),
             ("left_thigh", "left_nose"),

@@ -4,6 +4,7 @@ use super::{Target, actuator};
 use crate::cli::signals::Signals;
 use crate::cli::{Deed, Remarks};
 use crate::error::Error;
+use crate::job::report::OwnProfile;
 use crate::job::servo::device::{Change, Device};
 use crate::job::servo::register::{find, firmware_words, is_indirect};
 use crate::job::servo::value;
@@ -95,9 +96,12 @@ pub fn info(target: &Target) -> Result<i32, Error> {
         protocol_name(device.model.protocol()),
     );
     text.push_str(&table(&device, &read));
+    let own = OwnProfile::named([profile.name.as_str()]);
+    own.iter().for_each(|own| text.push_str(&format!("profile {own}\n")));
     let report = json!({
         "id": device.id,
         "bus": device.bus(),
+        "profiles": own,
         "baud_bps": device.line.baud_bps,
         "protocol": protocol_name(device.model.protocol()),
         "model": profile.model,

@@ -1,11 +1,11 @@
 //! What `live` tells beyond what every run tells.
 
 use crate::body::segment_name;
-use crate::body::worn::kept::utc;
 use crate::body::{Dof, JointAngles, Segment};
 use crate::control::{Mirror, Settings};
 use crate::job::report::PlayReport;
 use crate::sensing::{Guided, SourceReport};
+use crate::time::Utc;
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -123,7 +123,7 @@ impl BodyReport {
         });
         Self {
             subject: kept.subject.clone(),
-            calibrated: utc(kept.made_unix_s),
+            calibrated: Utc(kept.made_unix_s).to_string(),
             doubts: guided.doubts.clone(),
             heading_resets: 0,
             sensors: mounts.collect(),

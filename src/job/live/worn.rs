@@ -202,7 +202,8 @@ impl Job<'_> {
         }
         let guided = guide.calibrate(plan)?;
         if let Some(path) = file {
-            draft::write_file(path, order.recalibrate, guided.kept.text().as_bytes())?;
+            let text = guided.kept.text()?;
+            draft::write_file(path, order.recalibrate, text.as_bytes())?;
             let kept = format!("calibration of the body kept in {}", path.display());
             self.observer.hear(Event::Note(&kept));
         }

@@ -3,8 +3,8 @@
 
 mod can;
 
-use super::Which;
 use super::device::Device;
+use super::{DECIDING, Which};
 use crate::control::{
     self, FlightCycle, Left, Planned, Sample, Settings, Sink, Stop, StopCode, StopReason, inject,
 };
@@ -214,18 +214,8 @@ fn alone(device: &mut Device, order: &MoveOrder) -> Result<Robot, Error> {
     let place = device.place();
     let (lower_rad, upper_rad) = travel(device)?;
     let mut registers = BTreeMap::new();
-    let kept = [
-        Role::DriveMode,
-        Role::HomingOffset,
-        Role::OperatingMode,
-        Role::MinPositionLimit,
-        Role::MaxPositionLimit,
-        Role::ReturnDelay,
-        Role::TemperatureLimit,
-        Role::MinVoltageLimit,
-    ];
     let servo = device.model.profile();
-    let items = kept.into_iter().filter_map(|role| servo.register(role)?.item(0));
+    let items = DECIDING.into_iter().filter_map(|role| servo.register(role)?.item(0));
     for item in items {
         registers.insert(item.name(), device.read(&item)?);
     }
@@ -293,6 +283,7 @@ fn robot_of(
         setups,
         joints: vec![joint],
         anatomy: None,
+        origin: None,
     })
 }
 

@@ -7,6 +7,7 @@ use crate::mocap::retarget::{Retargeted, Settings};
 use crate::motion::{low_pass, saturate};
 use crate::recording;
 use crate::robot::{Joint, Robot};
+use crate::table::{self, Row};
 use gaitway_profiles as profiles;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -64,7 +65,8 @@ fn of_recording(path: &Path) -> Result<JointMotion, Error> {
         Series { joint: joint.clone(), points }
     });
     let series: Vec<Series> = series.collect();
-    once_each(&series, "joint").map_err(|e| e.at(path.display().to_string()))?;
+    once_each(series.iter().map(|series| series.joint.as_str()), "joint")
+        .map_err(|e| e.at(path.display().to_string()))?;
     let series: Vec<Series> = series.into_iter().filter(|series| series.points.len() > 1).collect();
     if series.is_empty() {
         return Err(Error::new("the recording holds no positions of a robot's joints")
@@ -77,14 +79,17 @@ fn of_recording(path: &Path) -> Result<JointMotion, Error> {
 /// `time_s`, then a column per joint, rad.
 fn of_table(text: &str) -> Result<JointMotion, Error> {
     let shape = "time_s, then a column JOINT_rad for each joint, as `gaitway retarget` writes it";
-    let mut lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
-    let titles = lines.next().map_or("", |(_, line)| line);
-    let mut titles = titles.split(',').map(str::trim);
+    let mut rows = table::rows(text);
+    let titles = rows.next().transpose()?;
+    let mut titles = titles.iter().flat_map(Row::cells);
     if titles.next() != Some("time_s") {
         return Err(
             Error::of(ErrorKind::Malformed, "this is no table of joint angles").allowed(shape)
         );
     }
+    // Before anything is built of them.
+    let joints = titles.clone().map(|title| title.strip_suffix("_rad").unwrap_or(title));
+    once_each(joints, "column")?;
     let mut series = Vec::new();
     for title in titles {
         let unlabelled = || {
@@ -93,18 +98,19 @@ fn of_table(text: &str) -> Result<JointMotion, Error> {
         let joint = title.strip_suffix("_rad").ok_or_else(unlabelled)?.to_owned();
         series.push(Series { joint, points: Vec::new() });
     }
-    once_each(&series, "column")?;
     let mut before_s = f64::NEG_INFINITY;
-    for (number, line) in lines {
+    for row in rows {
+        let row = row?;
         let wrong = |what: &str, got: &str| {
-            Error::new(what.to_owned()).got(format!("line {}: {got}", number + 1)).allowed(shape)
+            Error::new(what.to_owned()).got(format!("line {}: {got}", row.line)).allowed(shape)
         };
-        let cells: Vec<&str> = line.split(',').map(str::trim).collect();
-        if cells.len() != series.len() + 1 {
-            return Err(wrong("a row has not one number per column", line));
+        let (count, columns) = (row.width(), series.len() + 1);
+        if count != columns {
+            let got = format!("{count} cells, {columns} columns");
+            return Err(wrong("a row has not one number per column", &got));
         }
-        let mut values = Vec::with_capacity(cells.len());
-        for cell in cells {
+        let mut values = Vec::with_capacity(count);
+        for cell in row.cells() {
             let value = cell.parse().ok().filter(|value: &f64| value.is_finite());
             values.push(value.ok_or_else(|| wrong("a cell is no number", cell))?);
         }
@@ -123,19 +129,14 @@ fn of_table(text: &str) -> Result<JointMotion, Error> {
 }
 
 /// Nobody could say which of two motions of one joint is meant.
-fn once_each(series: &[Series], place: &str) -> Result<(), Error> {
+fn once_each<'a>(joints: impl IntoIterator<Item = &'a str>, place: &str) -> Result<(), Error> {
     // The first column of a table is time.
     let number = |index: usize| index + if place == "column" { 2 } else { 1 };
     let mut known = BTreeMap::new();
-    for (index, series) in series.iter().enumerate() {
-        if let Some(first) = known.insert(&series.joint, index) {
+    for (index, joint) in joints.into_iter().enumerate() {
+        if let Some(first) = known.insert(joint, index) {
             return Err(Error::of(ErrorKind::Malformed, "a joint is named twice")
-                .got(format!(
-                    "{}: {place} {} and {place} {}",
-                    series.joint,
-                    number(first),
-                    number(index)
-                ))
+                .got(format!("{joint}: {place} {} and {place} {}", number(first), number(index)))
                 .allowed("each joint once"));
         }
     }
@@ -263,8 +264,8 @@ fn inside(joint: &Joint, angles_rad: &[f64], step_s: f64) -> Result<Vec<f64>, Er
         Some(index) => {
             Err(Error::of(ErrorKind::OutsideLimits, "the motion leaves a joint's limits")
                 .at(format!("joint {}, {:.2} s", joint.name, index as f64 * step_s))
-                .got(format!("{:.1} deg", angles_rad[index].to_degrees()))
-                .allowed(format!("{:.1} to {:.1} deg", lower.to_degrees(), upper.to_degrees()))
+                .got(format!("{:.2} deg", angles_rad[index].to_degrees()))
+                .allowed(format!("{:.2} to {:.2} deg", lower.to_degrees(), upper.to_degrees()))
                 .remedy("slowing down does not mend this: change the motion"))
         }
     }

@@ -1,7 +1,8 @@
 //! Joints about which there is doubt: what they are asked before they are told anything, and who is
 //! told nothing any more.
 
-use super::{Group, Link, OpenLine};
+use super::open_line::OpenLine;
+use super::{Group, Link};
 use crate::bus::{GroupItem, GroupQuestion, GroupRead, Protocol};
 use crate::robot::link::serial::groups;
 use crate::time::{Duration, Instant};
@@ -148,7 +149,9 @@ impl Link {
         let item = |&joint: &usize| GroupItem { id: self.robot.joints[joint].id, address, length };
         let items = group.joints.iter().map(item).collect();
         let question = GroupQuestion { protocol, kind: GroupRead::Sync, items };
-        let Some(OpenLine::Serial(bus)) = self.lines.get_mut(line) else { return Vec::new() };
+        let Some(bus) = self.lines.get_mut(line).and_then(OpenLine::serial_mut) else {
+            return Vec::new();
+        };
         let takes = Duration::from_secs_f64(bus.read_time_s(&question));
         if self.clock.now().max(bus.ready_at()) + takes > budget {
             return Vec::new();
@@ -172,7 +175,7 @@ impl Link {
     ) -> Vec<(usize, i64)> {
         let mut found = Vec::new();
         for &joint in &group.joints {
-            let Some(OpenLine::Serial(bus)) = self.lines.get(group.line) else { break };
+            let Some(bus) = self.lines.get(group.line).and_then(OpenLine::serial) else { break };
             // A question that is cut off would cost the rest their time. Adapters are seldom as slow as
             // they may be, so their latency is no reason not to ask.
             let takes_s = bus.one_read_time_s(group.protocol, usize::from(group.length));

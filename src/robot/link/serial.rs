@@ -1,6 +1,7 @@
 //! The serial lines of a link: servos by their registers.
 
-use super::{Group, Link, LinkError, OpenLine, States, joint_error};
+use super::open_line::OpenLine;
+use super::{Group, Link, LinkError, States, joint_error};
 use crate::bus::{AskError, Bus, GroupItem, Miss, Reply};
 use crate::device::{JointState, Model};
 use crate::robot::reading::{Method, Reading};
@@ -152,7 +153,7 @@ impl Link {
             let text = "an actuator on a CAN line has no registers".to_owned();
             return Err(self.joint_error(joint, AskError::Unsayable(text)));
         };
-        if let Some(OpenLine::Serial(bus)) = self.lines.get_mut(line) {
+        if let Some(bus) = self.lines.get_mut(line).and_then(OpenLine::serial_mut) {
             return Ok((bus, id, model));
         }
         let text = "this is no serial line".to_owned();

@@ -58,11 +58,11 @@ fn angles(
     let motion = WornMotion::of(&series, &Kept::parse(text)?, body, rate_hz)?;
     let stem = recording.file.trim_start_matches("trials/").trim_end_matches(".mcap");
     let mut files = Vec::new();
-    for (ending, text) in [("csv", motion.csv()), ("bvh", motion.bvh())] {
+    for (ending, bytes) in [("csv", motion.csv()?), ("bvh", motion.bvh().into_bytes())] {
         let file = format!("angles/{stem}.{ending}");
         // Files appear whole: one that is there was written by a run that did not get further.
         if !job.folder.has(&file) {
-            job.folder.write_new_bytes(&file, text.as_bytes())?;
+            job.folder.write_new_bytes(&file, &bytes)?;
         }
         files.push(file);
     }

@@ -5,9 +5,9 @@ use crate::action::vocabulary;
 use crate::body::anthropometry::{Measure, Subject, check_id};
 use crate::error::Error;
 use crate::session::files::SCHEMA;
-use crate::session::utc::Utc;
 use crate::session::wearers::wearer;
 use crate::session::{Folder, Plan, SessionFile};
+use crate::time::Utc;
 use std::collections::BTreeMap;
 
 /// What is known from the command line.

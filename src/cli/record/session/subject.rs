@@ -88,7 +88,7 @@ fn settle(job: &mut Job, id: &str, guided: &Guided) -> Result<bool, Ended> {
     // The check comes last: without it the other counts for nothing.
     let (kept, judged) =
         (format!("calibration/{name}.toml"), format!("calibration/{name}-check.toml"));
-    job.folder.write_new_bytes(&kept, guided.kept.text().as_bytes())?;
+    job.folder.write_new_bytes(&kept, guided.kept.text()?.as_bytes())?;
     job.folder.write_new(&judged, &check)?;
     job.reload()?;
     if passed {

@@ -134,7 +134,7 @@ fn record(
     for (id, kept) in subjects.iter().zip(worn) {
         let stem = if subjects.len() > 1 { format!("{name}.{id}") } else { name.clone() };
         let path = job.folder.path(&format!("trials/{stem}.mcap"));
-        let start = start(job, planned, &name, id, kept);
+        let start = start(job, planned, &name, id, kept)?;
         let recorder = Arc::new(Recorder::create_for_sources(&path, false, start)?);
         let marks = recorder.add_source(RecordedSource {
             name: "marks".to_owned(),
@@ -171,7 +171,13 @@ fn record(
     ended
 }
 
-fn start(job: &Job, planned: &PlannedAction, name: &str, id: &str, kept: &Kept) -> RunStart {
+fn start(
+    job: &Job,
+    planned: &PlannedAction,
+    name: &str,
+    id: &str,
+    kept: &Kept,
+) -> Result<RunStart, Error> {
     let subject = job.progress.subjects.get(id);
     let measures = [
         (STATURE_KEY, subject.and_then(|subject| subject.measure(Measure::Stature))),
@@ -182,12 +188,12 @@ fn start(job: &Job, planned: &PlannedAction, name: &str, id: &str, kept: &Kept) 
         ("action".to_owned(), planned.name.clone()),
         ("subject".to_owned(), id.to_owned()),
         ("props".to_owned(), planned.props.clone()),
-        (BODY_KEY.to_owned(), kept.text()),
+        (BODY_KEY.to_owned(), kept.text()?),
     ]);
     let known =
         measures.iter().filter_map(|(key, m)| Some(((*key).to_owned(), m.as_ref()?.to_string())));
     metadata.extend(known);
-    RunStart {
+    Ok(RunStart {
         robot: String::new(),
         motion: name.to_owned(),
         joints: Vec::new(),
@@ -195,7 +201,7 @@ fn start(job: &Job, planned: &PlannedAction, name: &str, id: &str, kept: &Kept) 
         monotonic_start: MonotonicClock.now(),
         gaitway_version: env!("CARGO_PKG_VERSION").to_owned(),
         metadata,
-    }
+    })
 }
 
 /// Takes marks until the end.

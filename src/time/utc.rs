@@ -1,11 +1,10 @@
 //! Moments of the calendar, in whole seconds, as text that everybody reads the same way.
 
-use crate::body::worn::kept::utc;
+use jiff::Timestamp;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::fmt;
 use std::str::FromStr;
-
-const DAY_S: u64 = 86_400;
+use std::time::{SystemTime, UNIX_EPOCH};
 
 /// Seconds since the beginning of 1970, written as `2026-11-21T09:40:39Z`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
@@ -20,15 +19,17 @@ impl Utc {
     }
 }
 
-impl From<std::time::SystemTime> for Utc {
-    fn from(time: std::time::SystemTime) -> Self {
-        Self(time.duration_since(std::time::UNIX_EPOCH).map_or(0, |since| since.as_secs()))
+impl From<SystemTime> for Utc {
+    fn from(time: SystemTime) -> Self {
+        Self(time.duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs()))
     }
 }
 
 impl fmt::Display for Utc {
+    /// A moment beyond the year 9999 is written as the last of it.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&utc(self.0))
+        let seconds = i64::try_from(self.0).unwrap_or(i64::MAX).min(Timestamp::MAX.as_second());
+        Timestamp::from_second(seconds).map_err(|_| fmt::Error)?.fmt(f)
     }
 }
 
@@ -36,31 +37,11 @@ impl FromStr for Utc {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let wrong = || format!("{text:?} is no moment like 2026-11-21T09:40:39Z");
-        let number =
-            |from: usize, to: usize| text.get(from..to).and_then(|t| t.parse::<u64>().ok());
-        let parts = [(0, 4), (5, 7), (8, 10), (11, 13), (14, 16), (17, 19)];
-        let parts = parts.map(|(from, to)| number(from, to));
-        let [Some(year), Some(month), Some(date), Some(hour), Some(minute), Some(second)] = parts
-        else {
-            return Err(wrong());
-        };
-        if !(1970..=9999).contains(&year) || !(1..=12).contains(&month) {
-            return Err(wrong());
-        }
-        let moment = Self(day(year, month, date) * DAY_S + hour * 3600 + minute * 60 + second);
-        // Written again it is the same: no thirtieth of February, no signs, nothing behind it.
-        if moment.to_string() == text { Ok(moment) } else { Err(wrong()) }
+        let read = text.parse::<Timestamp>().ok().and_then(|at| u64::try_from(at.as_second()).ok());
+        // Written again it is the same: no other zone, no parts of a second.
+        let moment = read.map(Self).filter(|moment| moment.to_string() == text);
+        moment.ok_or_else(|| format!("{text:?} is no moment like 2026-11-21T09:40:39Z"))
     }
-}
-
-/// Days from 1970 to a date: the inverse of what [`utc`] does; years begin in March, so that the leap
-/// day is their last.
-fn day(year: u64, month: u64, date: u64) -> u64 {
-    let (year, march_month) = if month > 2 { (year, month - 3) } else { (year - 1, month + 9) };
-    let (era, of_era) = (year / 400, year % 400);
-    let of_year = (153 * march_month + 2) / 5 + date.saturating_sub(1);
-    (era * 146_097 + of_era * 365 + of_era / 4 - of_era / 100 + of_year).saturating_sub(719_468)
 }
 
 impl Serialize for Utc {
@@ -80,6 +61,10 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
+    /// The calendar's last second: some hours before the year 10,000, so that it has a name in every zone
+    /// (documentation of `jiff::Timestamp::MAX`).
+    const LAST: u64 = 253_402_207_200;
+
     /// Values of `date -u -d @SECONDS`.
     #[test]
     fn known_moments_are_written_as_the_calendar_has_them() {
@@ -96,11 +81,16 @@ mod tests {
         for text in ["", "2026-02-30T00:00:00Z", "2026-11-21 09:40:39", "2026-13-01T00:00:00Z"] {
             assert!(text.parse::<Utc>().is_err(), "{text}");
         }
+        for text in ["2026-11-21T09:40:39+01:00", "2026-11-21T09:40:39.5Z", "1969-12-31T23:59:59Z"]
+        {
+            assert!(text.parse::<Utc>().is_err(), "{text}");
+        }
+        assert_eq!(Utc(u64::MAX).to_string(), Utc(LAST).to_string());
     }
 
     proptest! {
         #[test]
-        fn every_moment_is_read_as_it_was_written(seconds in 0_u64..253_402_300_800) {
+        fn every_moment_is_read_as_it_was_written(seconds in 0..=LAST) {
             prop_assert_eq!(Utc(seconds).to_string().parse(), Ok(Utc(seconds)));
         }
 
