@@ -203,10 +203,13 @@ impl Robot {
 }
 
 impl Joint {
-    /// Pose the robot starts in, rad: what the file says, else the allowed angle nearest to zero.
+    /// Pose the robot starts in, rad: what the file says, else the angle nearest to zero that is a
+    /// hundredth of its range inside its limits, where no step of an encoder leads beyond them.
     #[must_use]
     pub fn initial_rad(&self) -> f64 {
-        self.initial.unwrap_or_else(|| 0.0_f64.max(self.lower_rad).min(self.upper_rad))
+        let inset_rad = 0.01 * (self.upper_rad - self.lower_rad);
+        let nearest = || 0.0_f64.max(self.lower_rad + inset_rad).min(self.upper_rad - inset_rad);
+        self.initial.unwrap_or_else(nearest)
     }
 
     /// Where the joint sits in its parent's frame and what it turns about, if the file says.
