@@ -24,6 +24,8 @@
 //! More of that is in `examples/`: goals of one's own making, stops, recordings, a virtual robot for
 //! tests.
 
+#![deny(missing_docs)]
+
 pub mod action;
 pub mod actionlet;
 pub mod body;

@@ -3,12 +3,13 @@
 //! bytes, and memory does not grow with what is made.
 
 mod aloud;
+mod program;
 mod python;
 
 use aloud::aloud;
 use serde_json::Value;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
@@ -19,17 +20,9 @@ fn rounding(value: f64) -> f64 {
 }
 
 fn gaitway(arguments: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_gaitway"));
+    let mut command = crate::program::gaitway();
     command.args(arguments);
     command
-}
-
-/// An empty folder of this test.
-fn folder(name: &str) -> PathBuf {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("action_bulk").join(name);
-    let _ = fs::remove_dir_all(&folder);
-    fs::create_dir_all(&folder).unwrap();
-    folder
 }
 
 fn made(mut command: Command) -> Value {
@@ -130,7 +123,7 @@ fn another_reader_finds_the_samples_of_the_single_path() {
             return;
         }
     };
-    let folder = folder("read");
+    let folder = crate::program::folder("read");
     let out = folder.join("run.parquet");
     let given = ["run:x2", "--seed", "9", "--rate", "120"];
     let synth = |more: &[&str]| made(gaitway(&[&["synth"][..], &given, more].concat()));
@@ -175,7 +168,7 @@ fn sampled_velocity_functions_are_in_the_corpus() {
             return;
         }
     };
-    let folder = folder("sampled");
+    let folder = crate::program::folder("sampled");
     let (nod, out) = (folder.join("nod.toml"), folder.join("nod.parquet"));
     let text = "schema = 1\nname = \"nod\"\nduration_s = 1.0\n\
                 [shapes]\nlate = [0, 1, 2, 6, 9, 4, 0]\n[[group]]\nname = \"neck\"\n\
@@ -208,7 +201,7 @@ fn watch(child: &mut Child, mut done: impl FnMut(&Child) -> bool) {
 
 #[test]
 fn a_run_that_is_killed_is_taken_up_to_the_same_bytes_on_any_number_of_processors() {
-    let folder = folder("kill");
+    let folder = crate::program::folder("kill");
     let (whole, killed) = (folder.join("whole"), folder.join("killed"));
     let arguments = |out: &Path| {
         let given = ["synth", "bow:0.5s", "--rate", "10", "--variations", "60001", "-o"];
@@ -232,7 +225,7 @@ fn a_run_that_is_killed_is_taken_up_to_the_same_bytes_on_any_number_of_processor
     assert!((10_000..60_000).contains(&found), "{found}");
     // On one processor, where a machine can be told so.
     let mut alone = Command::new("taskset");
-    alone.args(["-c", "0", env!("CARGO_BIN_EXE_gaitway")]).args(arguments(&whole)).arg("--json");
+    alone.args(["-c", "0", crate::program::PATH]).args(arguments(&whole)).arg("--json");
     if !alone.output().is_ok_and(|output| output.status.success()) {
         aloud!("SKIPPED: no taskset, compared with a run on as many processors");
         let mut command = gaitway(&[]);
@@ -256,7 +249,7 @@ fn peak_bytes(child: &Child) -> Option<u64> {
 
 #[test]
 fn memory_does_not_grow_with_what_is_made() {
-    let folder = folder("memory");
+    let folder = crate::program::folder("memory");
     let out = folder.join("walk.parquet");
     let mut child = gaitway(&["synth", "walk:x10", "--rate", "3000", "--variations", "60", "-o"])
         .arg(&out)
@@ -277,7 +270,7 @@ fn memory_does_not_grow_with_what_is_made() {
 
 #[test]
 fn a_corpus_whose_action_was_edited_is_not_taken_up() {
-    let folder = folder("edited");
+    let folder = crate::program::folder("edited");
     let (nod, out) = (folder.join("nod.toml"), folder.join("corpus"));
     let text = |angle_deg: i32| {
         format!(

@@ -1,20 +1,14 @@
 //! `synth` and `actionlets` as typed.
 
+mod program;
+
 use serde_json::Value;
 use std::fs;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::path::Path;
+use std::process::Output;
 
 fn run(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_gaitway")).args(arguments).output().unwrap()
-}
-
-/// An empty folder of this test.
-fn folder(name: &str) -> PathBuf {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("action_commands").join(name);
-    let _ = fs::remove_dir_all(&folder);
-    fs::create_dir_all(&folder).unwrap();
-    folder
+    crate::program::gaitway().args(arguments).output().unwrap()
 }
 
 fn made(arguments: &[&str]) -> Value {
@@ -37,7 +31,7 @@ fn refused(arguments: &[&str], words: &[&str]) {
 
 #[test]
 fn a_table_has_time_22_angles_and_the_root_at_the_rate_asked_for() {
-    let out = folder("csv").join("walk.csv");
+    let out = crate::program::folder("csv").join("walk.csv");
     let path = out.to_str().unwrap();
     let report = made(&["synth", "walk", "--rate", "50", "-o", path]);
     assert!((report["duration_s"].as_f64().unwrap() - 4.8).abs() < 1e-9);
@@ -63,7 +57,7 @@ fn a_table_has_time_22_angles_and_the_root_at_the_rate_asked_for() {
 
 #[test]
 fn figures_are_set_or_refused_by_name() {
-    let folder = folder("set");
+    let folder = crate::program::folder("set");
     let out = |name: &str| folder.join(name).to_str().unwrap().to_owned();
     let duration = |set: &[&str], name: &str| {
         let out = out(name);
@@ -92,7 +86,7 @@ fn figures_are_set_or_refused_by_name() {
 
 #[test]
 fn a_bvh_file_reads_back_as_a_person_who_walks() {
-    let out = folder("bvh").join("walk.bvh");
+    let out = crate::program::folder("bvh").join("walk.bvh");
     made(&["synth", "walk:x6", "--rate", "60", "-o", out.to_str().unwrap()]);
     let capture = gaitway::mocap::read_bvh(&out, None).unwrap();
     assert!((capture.stature_m - 1.75).abs() < 0.1);
@@ -102,7 +96,7 @@ fn a_bvh_file_reads_back_as_a_person_who_walks() {
 
 #[test]
 fn an_x3d_file_is_one_humanoid_with_a_route_for_every_joint() {
-    let out = folder("x3d").join("bow.x3d");
+    let out = crate::program::folder("x3d").join("bow.x3d");
     made(&["synth", "bow", "--rate", "30", "-o", out.to_str().unwrap()]);
     let text = fs::read_to_string(&out).unwrap();
     assert_eq!(text.matches("<HAnimHumanoid ").count(), 1);
@@ -134,7 +128,7 @@ fn an_x3d_file_is_one_humanoid_with_a_route_for_every_joint() {
 
 #[test]
 fn a_page_needs_nothing_from_outside() {
-    let out = folder("page").join("run.html");
+    let out = crate::program::folder("page").join("run.html");
     made(&["synth", "run", "-o", out.to_str().unwrap()]);
     let page = fs::read_to_string(&out).unwrap();
     assert!(page.contains("<canvas") && !page.contains("{{"));
@@ -145,7 +139,7 @@ fn a_page_needs_nothing_from_outside() {
 
 #[test]
 fn a_capture_becomes_an_action_file_that_plays() {
-    let out = folder("actionlets").join("My Walk.toml");
+    let out = crate::program::folder("actionlets").join("My Walk.toml");
     let path = out.to_str().unwrap();
     let report = made(&["actionlets", "motions/walk.bvh", "-o", path]);
     assert!(report["median_rms_deg"].as_f64().unwrap() <= 1.0, "{report:#}");
@@ -161,7 +155,7 @@ fn a_capture_becomes_an_action_file_that_plays() {
 
 #[test]
 fn a_corpus_is_the_same_whole_in_pieces_and_taken_up_again() {
-    let folder = folder("corpus");
+    let folder = crate::program::folder("corpus");
     let at = |name: &str| folder.join(name);
     let synth = |out: &Path, seed: &str| {
         let out = out.to_str().unwrap().to_owned();

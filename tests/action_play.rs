@@ -1,6 +1,7 @@
 //! Every shipped action on the virtual OP3: done, at rest at its end, hardly slower than people.
 
 mod aloud;
+mod program;
 
 use aloud::aloud;
 use gaitway::action::join::Join;
@@ -9,7 +10,6 @@ use gaitway::actionlet::Actionlet;
 use gaitway::body::Dof;
 use gaitway::motion::smooth::{Rests, low_pass_between};
 use serde_json::Value;
-use std::process::Command;
 
 /// Slowing that needs no reason.
 const FAIR: f64 = 1.5;
@@ -27,7 +27,7 @@ fn play(action: &str) -> Value {
 }
 
 fn play_with(action: &str, options: &[&str]) -> Value {
-    let output = Command::new(env!("CARGO_BIN_EXE_gaitway"))
+    let output = crate::program::gaitway()
         .args(["play", action, "--robot", "op3", "--bus", "sim", "--json", "-q"])
         .args(options)
         .output()

@@ -4,12 +4,13 @@
 //! Beside each test run processes that never rest: two for each core, or with `GAITWAY_LONG` ten.
 
 mod aloud;
+mod program;
 mod python;
 
 use aloud::aloud;
 use serde_json::Value;
 use std::io::{BufRead, BufReader};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -63,20 +64,13 @@ impl Drop for Served {
 }
 
 fn gaitway(folder: &Path, line: &str) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_gaitway"));
+    let mut command = crate::program::gaitway();
     command.args(line.split(' ')).current_dir(folder);
     command
 }
 
 fn signal(child: &Child, name: &str) {
     let _ = Command::new("kill").args(["-s", name, &child.id().to_string()]).status();
-}
-
-fn folder(name: &str) -> PathBuf {
-    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("busy").join(name);
-    let _ = std::fs::remove_dir_all(&folder);
-    std::fs::create_dir_all(&folder).expect("a temporary folder");
-    folder
 }
 
 fn report(output: &Output) -> Value {
@@ -114,13 +108,13 @@ fn played_with_stalls(folder: &Path, bus: &str) -> Value {
 #[test]
 fn a_host_that_stands_is_waited_for_by_its_own_virtual_robot_and_by_no_other() {
     let _alone = alone();
-    let report = played_with_stalls(&folder("own"), "sim:pty");
+    let report = played_with_stalls(&crate::program::folder("own"), "sim:pty");
     assert_eq!(report["outcome"], "done", "{report:#}");
     assert_eq!(report["referee"]["violations"], serde_json::json!([]));
     assert_eq!((&report["late_cycles"], &report["missed_cycles"]), (&0.into(), &0.into()));
     assert!(waited_s(&report) > 0.9, "{} s of 1 s", waited_s(&report));
 
-    let folder = folder("other");
+    let folder = crate::program::folder("other");
     let _robot = Served::start(&folder, "simulate op3 --quiet --pty op3");
     let report = played_with_stalls(&folder, "serial:./op3");
     assert_eq!(report["outcome"], "stopped", "{report:#}");
@@ -131,7 +125,7 @@ fn a_host_that_stands_is_waited_for_by_its_own_virtual_robot_and_by_no_other() {
 fn motions_and_moves_end_beside_busy_processes() {
     let _alone = alone();
     let _busy = Busy::machine();
-    let folder = folder("moves");
+    let folder = crate::program::folder("moves");
     for line in [
         "play walk --robot op3 --bus sim:pty --json",
         "play bow --robot poppy-humanoid --bus sim:pty --json",
@@ -154,7 +148,7 @@ fn the_live_demonstration_of_the_readme_ends_beside_busy_processes() {
         line.replace("/tmp/body", "body")
     };
     let _busy = Busy::machine();
-    let folder = folder("live");
+    let folder = crate::program::folder("live");
     let _body = Served::start(&folder, &demo("simulate imus").replace("walk:30s", "walk:6s"));
     // Written when all sensors are there.
     while !folder.join("body/wear.toml").exists() {
@@ -187,13 +181,13 @@ fn the_pytest_fixture_of_the_readme_passes_beside_busy_processes() {
     let _alone = alone();
     let Some(python) = environment() else { return };
     let [fixture, tests] = shown("import pytest").try_into().expect("a fixture and tests");
-    let folder = folder("pytest");
+    let folder = crate::program::folder("pytest");
     std::fs::write(folder.join("conftest.py"), fixture).expect("a file");
     std::fs::write(folder.join("test_op3.py"), tests).expect("a file");
     let _busy = Busy::machine();
     let output = Command::new(python.program)
         .args(["-m", "pytest", "-q", "-p", "no:cacheprovider"])
-        .env("GAITWAY", env!("CARGO_BIN_EXE_gaitway"))
+        .env("GAITWAY", crate::program::PATH)
         .current_dir(&folder)
         .output()
         .expect("Python starts");
@@ -209,7 +203,7 @@ fn the_lerobot_and_pypot_examples_of_the_readme_read_every_joint_beside_busy_pro
     let (absent, _) =
         include_str!("clients/lerobot_client.py").split_once("from lerobot").expect("imports");
     let _busy = Busy::machine();
-    let folder = folder("clients");
+    let folder = crate::program::folder("clients");
     for (word, robot, path, prelude, values) in [
         ("from lerobot", "so101 --permit-eeprom", "/tmp/so101", absent, 6),
         ("from pypot", "op2", "/tmp/op2", "", 2),

@@ -7,6 +7,7 @@
 
 mod aloud;
 mod priority;
+mod program;
 
 #[path = "can/guest.rs"]
 mod guest;

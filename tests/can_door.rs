@@ -2,6 +2,7 @@
 //! virtual actuators through a pseudo-terminal, and where they are is looked up past the line.
 
 mod aloud;
+mod program;
 mod python;
 
 use aloud::aloud;
@@ -93,7 +94,7 @@ fn the_example_of_the_readme_does_what_it_says() {
 }
 
 fn simulate(arguments: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_gaitway"));
+    let mut command = crate::program::gaitway();
     let robot = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/can_door/four-families.toml");
     command.arg("simulate").arg(robot).args(arguments);
     command

@@ -1,5 +1,6 @@
 //! Robots on CAN lines, and on CAN and serial lines together, played in virtual time.
 
+mod program;
 #[path = "can_robot/robots.rs"]
 mod robots;
 #[path = "scene/mod.rs"]
@@ -18,7 +19,6 @@ use robots::{CUBEMARS, CUBEMARS_SERVO, DAMIAO, Kind, MOTEUS, ODRIVE, RECOIL, ROB
 use scene::{Played, Scene, assert_clean};
 use serde_json::Value;
 use std::path::PathBuf;
-use std::process::Command;
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex};
 
@@ -521,7 +521,7 @@ fn a_robot_left_holding_holds_unless_its_timeout_was_set_by_hand() {
 
 /// Runs the command; its report.
 fn reported(arguments: &[&str]) -> (Option<i32>, Value) {
-    let command = Command::new(env!("CARGO_BIN_EXE_gaitway")).args(arguments).output();
+    let command = crate::program::gaitway().args(arguments).output();
     let output = command.expect("the command");
     let report = serde_json::from_slice(&output.stdout);
     let words = String::from_utf8_lossy(&output.stderr).into_owned();
@@ -596,7 +596,7 @@ fn a_bus_of_the_wrong_kind_is_refused() {
         ["--bus", "right_leg=can:can0"],
         ["--bus", "arms=can:can1"],
     ];
-    let command = Command::new(env!("CARGO_BIN_EXE_gaitway"))
+    let command = crate::program::gaitway()
         .args(["hold", &robot])
         .args(buses.concat())
         .output()

@@ -3,32 +3,15 @@
 //! Reads every .bvh below the folder named by `GAITWAY_CAPTURES`; says loudly if there is none.
 
 mod aloud;
+mod captured;
 
 use aloud::aloud;
+use captured::{bvh_files, captures};
 use gaitway::job::Nobody;
 use gaitway::job::play::{Options, PlayOrder, play};
 use gaitway::job::report::{JointReport, Outcome, PlayReport};
 use gaitway::job::source::MotionOrder;
-use std::path::{Path, PathBuf};
-
-fn captures() -> Option<PathBuf> {
-    let folder = std::env::var_os("GAITWAY_CAPTURES").map(PathBuf::from);
-    if folder.is_none() {
-        aloud!("SKIPPED: no captures are tested; set GAITWAY_CAPTURES to a folder of .bvh files");
-    }
-    folder
-}
-
-fn bvh_files(folder: &Path, found: &mut Vec<PathBuf>) {
-    for entry in std::fs::read_dir(folder).expect("a readable folder") {
-        let path = entry.expect("a readable entry").path();
-        if path.is_dir() {
-            bvh_files(&path, found);
-        } else if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("bvh")) {
-            found.push(path);
-        }
-    }
-}
+use std::path::Path;
 
 fn play_on_op3(file: &Path) -> PlayReport {
     let file = file.to_str().expect("a UTF-8 path");
@@ -50,9 +33,7 @@ fn most_clipped(report: &PlayReport) -> Option<&JointReport> {
 #[test]
 fn every_capture_is_played_safely_or_refused_with_its_cause() {
     let Some(folder) = captures() else { return };
-    let mut files = Vec::new();
-    bvh_files(&folder, &mut files);
-    files.sort();
+    let files = bvh_files(&folder);
     assert!(!files.is_empty(), "no .bvh file below {}", folder.display());
     let mut good = 0;
     let mut broken = Vec::new();

@@ -5,6 +5,7 @@
 //! world, past the line; what they read was put there past the line.
 
 mod aloud;
+mod program;
 mod python;
 
 #[path = "clients/bench.rs"]

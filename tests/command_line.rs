@@ -1,24 +1,18 @@
 //! What a person types and what they read: help, refusals, files that exist.
 
+mod program;
+
 use serde_json::Value;
 use std::fs::Permissions;
 use std::os::unix::fs::PermissionsExt;
-use std::path::PathBuf;
-use std::process::{Command, Output};
+use std::process::Output;
 
 fn run(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_gaitway")).args(arguments).output().expect("the command")
+    crate::program::gaitway().args(arguments).output().expect("the command")
 }
 
 fn stdout(output: &Output) -> String {
     String::from_utf8_lossy(&output.stdout).into_owned()
-}
-
-fn folder(name: &str) -> PathBuf {
-    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
-    let _ = std::fs::remove_dir_all(&folder);
-    std::fs::create_dir_all(&folder).expect("a temporary folder");
-    folder
 }
 
 /// Plays `motion` and returns the exit code and the reason it was refused for.
@@ -96,7 +90,7 @@ fn the_shipped_walk_is_played_on_both_robots() {
 
 #[test]
 fn a_report_is_written_as_text_json_and_page() {
-    let folder = folder("report");
+    let folder = crate::program::folder("report");
     let page = folder.join("walk.html");
     let json = folder.join("walk.json");
     let mut arguments = vec!["play", "walk", "--robot", "op3", "--bus", "sim", "-q", "--html"];
@@ -127,7 +121,7 @@ fn a_dry_run_checks_everything_and_writes_nothing() {
 
 #[test]
 fn unusable_files_are_refused_with_line_and_remedy() {
-    let folder = folder("unusable");
+    let folder = crate::program::folder("unusable");
     let file = |name: &str, text: &str| {
         let path = folder.join(name);
         std::fs::write(&path, text).expect("a file");
@@ -175,7 +169,7 @@ fn numbers_out_of_range_are_usage_errors_that_name_the_range() {
 
 #[test]
 fn outputs_that_cannot_be_written_are_refused_before_anything_moves() {
-    let folder = folder("outputs");
+    let folder = crate::program::folder("outputs");
     let file = folder.join("one.html");
     let file = file.to_str().expect("UTF-8");
     for (more, words) in [
@@ -205,7 +199,7 @@ fn a_bus_too_many_is_refused() {
 
 #[test]
 fn a_recording_is_described_and_a_cut_one_recovered() {
-    let folder = folder("recordings");
+    let folder = crate::program::folder("recordings");
     let whole = folder.join("walk.mcap");
     let path = whole.to_str().expect("UTF-8");
     run(&["play", "walk", "--robot", "op3", "--bus", "sim", "-q", "--record", path]);
@@ -269,7 +263,7 @@ fn only_and_mirror_do_what_they_say() {
 
 #[test]
 fn retarget_writes_a_table_that_starts_and_ends_at_rest() {
-    let folder = folder("retarget");
+    let folder = crate::program::folder("retarget");
     let csv = folder.join("walk.csv");
     let output = run(&["retarget", "walk", "--robot", "op3", "-o", csv.to_str().expect("UTF-8")]);
     assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
@@ -333,7 +327,7 @@ fn a_check_of_any_kind_of_profile_says_what_is_unconfirmed() {
     assert_words(&servo, &["OK", "servo", "unconfirmed", "register Acceleration(41)"]);
     let adapter = stdout(&run(&["profile", "check", "openrb-150"]));
     assert_words(&adapter, &["OK", "2f5d:2202", "unconfirmed: 1"]);
-    let folder = folder("profile_servo");
+    let folder = crate::program::folder("profile_servo");
     let file = folder.join("my-servo.toml");
     let path = file.to_str().expect("UTF-8");
     let extended = "extends = \"xl430-w250\"\nname = \"my-servo\"\nmodel = \"Mine\"\n";
@@ -343,7 +337,7 @@ fn a_check_of_any_kind_of_profile_says_what_is_unconfirmed() {
 
 #[test]
 fn a_wrong_file_is_refused_with_what_where_got_and_allowed() {
-    let folder = folder("profile");
+    let folder = crate::program::folder("profile");
     let file = folder.join("my-robot.toml");
     let path = file.to_str().expect("UTF-8");
     let refusal = |text: &str| {

@@ -3,12 +3,13 @@
 
 mod aloud;
 mod desk;
+mod program;
 
 use desk::{Desk, json, run, text};
 use serde_json::Value;
 use std::io::{BufRead, BufReader, Write};
-use std::path::{Path, PathBuf};
-use std::process::{Child, ChildStderr, Command, Output, Stdio};
+use std::path::Path;
+use std::process::{Child, ChildStderr, Output, Stdio};
 use std::time::{Duration, Instant};
 
 /// `gaitway calibrate` under way.
@@ -19,16 +20,9 @@ struct Session<'a> {
     heard: String,
 }
 
-fn folder(name: &str) -> PathBuf {
-    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(format!("calibrate-{name}"));
-    let _ = std::fs::remove_dir_all(&folder);
-    std::fs::create_dir_all(&folder).expect("a folder");
-    folder
-}
-
 impl<'a> Session<'a> {
     fn start(desk: &'a Desk, config: &Path, robot: &str, more: &[&str]) -> Self {
-        let mut child = Command::new(env!("CARGO_BIN_EXE_gaitway"))
+        let mut child = crate::program::gaitway()
             .args(["calibrate", robot, "--bus", &desk.bus(), "--json"])
             .args(more)
             .env("XDG_CONFIG_HOME", config)
@@ -126,7 +120,7 @@ fn close(value: &Value, wanted: f64) {
 #[test]
 fn zero_direction_and_range_are_found_and_used_by_every_command() {
     let desk = Desk::with("so101");
-    let config = folder("all");
+    let config = crate::program::folder("all");
     let mut session = Session::start(&desk, &config, "so101", &["--only", "elbow_flex"]);
     session.joint("elbow_flex", 0.2, -0.4, (-0.8, 1.0));
     let output = session.end();
@@ -140,7 +134,7 @@ fn zero_direction_and_range_are_found_and_used_by_every_command() {
     close(&elbow["upper_rad"], 0.2 + 0.8 - 0.02);
     // Read back another way: monitor, which loads the file by itself.
     desk.world().place_joint("elbow_flex", 0.2 - 0.5);
-    let watch = Command::new(env!("CARGO_BIN_EXE_gaitway"))
+    let watch = crate::program::gaitway()
         .args(["monitor", "so101", "--bus", &desk.bus(), "--for", "0s", "--json"])
         .env("XDG_CONFIG_HOME", &config)
         .output()
@@ -157,14 +151,14 @@ fn zero_direction_and_range_are_found_and_used_by_every_command() {
 #[test]
 fn an_offset_that_was_in_the_servo_before_belongs_to_the_calibration() {
     let desk = Desk::with("so101");
-    let config = folder("offset");
+    let config = crate::program::folder("offset");
     desk.world().set_register("elbow_flex", "Homing Offset", 100);
     let mut session = Session::start(&desk, &config, "so101", &["--only", "elbow_flex"]);
     session.joint("elbow_flex", 0.2, 0.6, (-0.8, 1.0));
     let report = json(&session.end());
     assert_eq!(joint(&report, "elbow_flex")["homing_offset_raw"], 100);
     let hold = || {
-        Command::new(env!("CARGO_BIN_EXE_gaitway"))
+        crate::program::gaitway()
             .args(["hold", "so101", "--bus", &desk.bus(), "--dry-run"])
             .env("XDG_CONFIG_HOME", &config)
             .output()
@@ -181,7 +175,7 @@ fn an_offset_that_was_in_the_servo_before_belongs_to_the_calibration() {
 #[test]
 fn a_dry_run_measures_and_writes_nothing() {
     let desk = Desk::with("so101");
-    let config = folder("dry");
+    let config = crate::program::folder("dry");
     let mut session = Session::start(&desk, &config, "so101", &["--only", "gripper", "--dry-run"]);
     session.joint("gripper", 0.1, 0.4, (0.0, 0.9));
     let report = json(&session.end());
@@ -196,7 +190,7 @@ fn a_dry_run_measures_and_writes_nothing() {
 #[test]
 fn a_stopped_calibration_goes_on_where_it_was() {
     let desk = Desk::with("so101");
-    let config = folder("resume");
+    let config = crate::program::folder("resume");
     let only = ["--only", "wrist_roll,gripper"];
     let mut session = Session::start(&desk, &config, "so101", &only);
     session.joint("wrist_roll", 0.0, 0.3, (-0.5, 0.5));
@@ -231,7 +225,7 @@ fn a_joint_whose_encoder_begins_anew_is_followed_and_mended_in_the_servo_only_wi
         let file = gaitway_profiles::robot(robot).expect("a shipped robot");
         let direction = f64::from(file.joint(name).expect("a joint").direction);
         let desk = Desk::permitting(robot);
-        let config = folder(&format!("wrap-{robot}"));
+        let config = crate::program::folder(&format!("wrap-{robot}"));
         // The horn was mounted so that the joint's middle is near the end of the servo's turn. An
         // op3's servo can shift its reading by a quarter turn only, so there the end is nearer.
         let (zero, reach) = if robot == "op3" { (1.4, 2.2) } else { (2.6, 0.9) };
@@ -273,7 +267,7 @@ fn a_joint_whose_encoder_begins_anew_is_followed_and_mended_in_the_servo_only_wi
 fn a_held_robot_is_not_let_go_without_a_yes() {
     let desk = Desk::with("so101");
     desk.world().set_register("gripper", "Torque Enable", 1);
-    let config = folder("held");
+    let config = crate::program::folder("held");
     let output = Session::start(&desk, &config, "so101", &["--only", "gripper"]).end();
     assert_eq!(output.status.code(), Some(1));
     let said = String::from_utf8_lossy(&output.stderr);
@@ -283,7 +277,7 @@ fn a_held_robot_is_not_let_go_without_a_yes() {
 
 #[test]
 fn play_names_the_calibration_it_used_and_refuses_another_robots() {
-    let folder = folder("play");
+    let folder = crate::program::folder("play");
     let file = folder.join("mine.toml");
     let path = file.to_str().expect("UTF-8");
     let write = |robot: &str, joint: &str| {
@@ -310,9 +304,9 @@ fn play_names_the_calibration_it_used_and_refuses_another_robots() {
 
 #[test]
 fn what_is_measured_on_a_virtual_robot_is_never_kept_as_the_real_ones() {
-    let config = folder("virtual");
+    let config = crate::program::folder("virtual");
     let calibrate = |more: &[&str]| {
-        Command::new(env!("CARGO_BIN_EXE_gaitway"))
+        crate::program::gaitway()
             .args(["calibrate", "so101", "--bus", "sim"])
             .args(more)
             .env("XDG_CONFIG_HOME", &config)

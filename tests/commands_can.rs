@@ -1,6 +1,7 @@
 //! `scan`, `servo`, `monitor`, `record` and `calibrate` as a user types them, on robots with CAN
 //! lines whose actuators are virtual.
 
+mod program;
 #[path = "can_robot/robots.rs"]
 #[allow(dead_code)]
 mod robots;
@@ -9,7 +10,7 @@ use robots::{CUBEMARS, CUBEMARS_SERVO, DAMIAO, Kind, MOTEUS, ODRIVE, RECOIL, ROB
 use serde_json::Value;
 use std::io::Write as _;
 use std::path::PathBuf;
-use std::process::{Command, Output, Stdio};
+use std::process::{Output, Stdio};
 
 /// The path of a robot file with three actuators of this kind on one line.
 fn few(kind: Kind) -> String {
@@ -24,7 +25,7 @@ fn few(kind: Kind) -> String {
 }
 
 fn run(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_gaitway")).args(arguments).output().expect("the command")
+    crate::program::gaitway().args(arguments).output().expect("the command")
 }
 
 /// Runs with `--robot` of this kind behind the arguments.
@@ -274,7 +275,7 @@ fn actuators_are_recorded_without_a_word_that_changes_anything() {
 #[test]
 fn a_limp_actuator_is_calibrated_by_hand() {
     let robot = few(DAMIAO);
-    let mut command = Command::new(env!("CARGO_BIN_EXE_gaitway"))
+    let mut command = crate::program::gaitway()
         .args(["calibrate", &robot, "--bus", "sim", "--dry-run", "--json"])
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())

@@ -1,11 +1,13 @@
 //! `gaitway play` of motions that are in the robot's own joints already.
 
+mod program;
+
 use gaitway::recording::{CycleRecord, JointRecord, RecordedJoint, Recorder, RunEnd, RunStart};
 use gaitway::time::Instant;
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use std::process::{Command, Output};
+use std::process::Output;
 use std::time::{Duration, SystemTime};
 
 fn file(name: &str) -> PathBuf {
@@ -15,7 +17,7 @@ fn file(name: &str) -> PathBuf {
 }
 
 fn gaitway(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_gaitway")).args(arguments).output().expect("the command")
+    crate::program::gaitway().args(arguments).output().expect("the command")
 }
 
 fn played(motion: &str, more: &[&str]) -> Value {

@@ -1,10 +1,12 @@
 //! `ports` and `doctor` on machines made of files: what a user reads there.
 
+mod program;
+
 use serde_json::Value;
 use std::fs;
 use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::Output;
 
 /// A machine in a folder: the same files that Linux shows, with the same links.
 struct FakeMachine(PathBuf);
@@ -62,7 +64,7 @@ impl FakeMachine {
     }
 
     fn run(&self, command: &str, more: &[&str]) -> Output {
-        Command::new(env!("CARGO_BIN_EXE_gaitway"))
+        crate::program::gaitway()
             .args([command, "--root"])
             .arg(&self.0)
             .args(more)

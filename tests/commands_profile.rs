@@ -1,14 +1,12 @@
 //! `gaitway profile` for programs: one JSON document on standard output, or in a file.
 
+mod program;
+
 use serde_json::Value;
-use std::process::{Command, Output};
+use std::process::Output;
 
 fn run(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_gaitway"))
-        .arg("profile")
-        .args(arguments)
-        .output()
-        .expect("the command")
+    crate::program::gaitway().arg("profile").args(arguments).output().expect("the command")
 }
 
 fn json(arguments: &[&str]) -> Value {

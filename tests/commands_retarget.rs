@@ -1,8 +1,10 @@
 //! `gaitway retarget`: the same trajectory in each kind of file.
 
+mod program;
+
 use gaitway::mocap::bvh;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::Output;
 
 fn folder() -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("commands-retarget");
@@ -11,7 +13,7 @@ fn folder() -> PathBuf {
 }
 
 fn retarget(out: &Path, more: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_gaitway"))
+    crate::program::gaitway()
         .args(["retarget", "wave-r", "--robot", "op3", "--rate", "50", "-o"])
         .arg(out)
         .args(more)

@@ -3,11 +3,12 @@
 
 mod aloud;
 mod desk;
+mod program;
 
 use desk::{Desk, json, refusal, run, text};
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Child, Output, Stdio};
 use std::time::Duration;
 
 #[test]
@@ -295,7 +296,7 @@ fn disturbed_under_way(desk: &Desk, disturb: impl Fn(&Child)) -> Output {
         world.register("head_pan", "Torque Enable") == Some(1) && turned_rad > 0.1
     };
     for attempt in 1..=ATTEMPTS {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_gaitway"));
+        let mut command = crate::program::gaitway();
         command.args(["servo", "move", &bus, "19", "60", "--robot", "op3", "--limp", "--json"]);
         command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
         let mut child = command.spawn().expect("a run");

@@ -1,5 +1,7 @@
 //! Joint angles out of a recording of worn sensors: `gaitway convert`.
 
+mod program;
+
 use gaitway::action::vocabulary;
 use gaitway::body::proportions::proximal_joint;
 use gaitway::body::segment_name;
@@ -19,8 +21,8 @@ use gaitway::wire::sensor::Stream;
 use gaitway_sim::imu::{BodyMotion, ImuErrors, ImuWire, Mount, VirtualImu};
 use glam::{DQuat, DVec3};
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::path::Path;
+use std::process::Output;
 use std::time::UNIX_EPOCH;
 
 const RATE_HZ: f64 = 120.0;
@@ -31,18 +33,7 @@ const STAND_S: f64 = 5.0;
 const WALL_S: u64 = 1_700_000_000;
 
 fn gaitway(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_gaitway"))
-        .current_dir(folder)
-        .args(arguments)
-        .output()
-        .expect("the command")
-}
-
-fn folder(name: &str) -> PathBuf {
-    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
-    let _ = std::fs::remove_dir_all(&folder);
-    std::fs::create_dir_all(&folder).expect("a temporary folder");
-    folder
+    crate::program::gaitway().current_dir(folder).args(arguments).output().expect("the command")
 }
 
 /// Somebody who stands, then does an action.
@@ -245,7 +236,7 @@ fn error_deg(table: &Table, person: &Person, first_s: f64, dof: Dof) -> f64 {
 
 #[test]
 fn a_walk_that_was_recorded_comes_out_as_the_angles_that_were_walked() {
-    let folder = folder("convert-worn");
+    let folder = crate::program::folder("convert-worn");
     let person = Person::doing("walk");
     record(&folder.join("walk.mcap"), &person, &Segment::ALL, true, None);
     let series = sensor_series(&folder.join("walk.mcap")).expect("read");
@@ -313,7 +304,7 @@ fn bvh_error_deg(capture: &Capture, table: &Table) -> f64 {
 
 #[test]
 fn what_is_not_worn_is_at_rest_and_what_falls_silent_is_marked() {
-    let folder = folder("convert-part");
+    let folder = crate::program::folder("convert-part");
     let person = Person::doing("wave-r");
     let worn = [Segment::Torso, Segment::RightUpperArm, Segment::RightForearm];
     record(&folder.join("wave.mcap"), &person, &worn, true, Some(Segment::RightForearm));
@@ -340,7 +331,7 @@ fn what_is_not_worn_is_at_rest_and_what_falls_silent_is_marked() {
 
 #[test]
 fn what_is_read_is_never_written_over_whatever_it_is_called() {
-    let folder = folder("convert-apart");
+    let folder = crate::program::folder("convert-apart");
     let path = folder.join("take.mcap");
     record(&path, &Person::doing("wave-r"), &[Segment::Torso], true, None);
     std::os::unix::fs::symlink("take.mcap", folder.join("link.mcap")).expect("a link");
@@ -367,7 +358,7 @@ fn what_is_read_is_never_written_over_whatever_it_is_called() {
 
 #[test]
 fn a_recording_that_does_not_know_how_it_was_worn_is_a_table_of_samples_or_needs_to_be_told() {
-    let folder = folder("convert-unknown");
+    let folder = crate::program::folder("convert-unknown");
     let person = Person::doing("bow");
     record(&folder.join("bow.mcap"), &person, &[Segment::Torso], false, None);
     let refused = gaitway(&folder, &["convert", "bow.mcap", "bow.bvh"]);

@@ -1,5 +1,7 @@
 //! Refusals that a program can match: each has its kind, whatever its words.
 
+mod program;
+
 use gaitway::{Error, ErrorKind, MotionOrder, Options, Outcome};
 
 fn folder() -> std::path::PathBuf {
@@ -55,7 +57,7 @@ fn each_refusal_has_the_kind_that_a_program_would_look_for() {
 
 #[test]
 fn a_report_of_a_refusal_has_its_kind_beside_the_words() {
-    let output = std::process::Command::new(env!("CARGO_BIN_EXE_gaitway"))
+    let output = crate::program::gaitway()
         .args(["play", "moonwalk", "--robot", "op3", "--bus", "sim", "--json"])
         .output()
         .expect("the command");

@@ -21,6 +21,7 @@ mod host;
 mod mixed;
 #[path = "faults/motions.rs"]
 mod motions;
+mod program;
 mod scene;
 #[path = "faults/sent.rs"]
 mod sent;

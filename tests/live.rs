@@ -1,6 +1,7 @@
 //! Live, from end to end: virtual sensors on a walking body, their bytes, fusion, joints, the
 //! robot's joints, follower, guard, and a virtual OP3, against what was truly done.
 
+mod program;
 mod scene;
 
 use gaitway::action::vocabulary;
@@ -349,7 +350,7 @@ fn pose_by_pose_the_robot_is_asked_for_what_the_whole_clip_asks_for() {
 /// The command, on an action somebody performs now.
 #[test]
 fn the_live_command_follows_an_action_and_reports_how() {
-    let output = std::process::Command::new(env!("CARGO_BIN_EXE_gaitway"))
+    let output = crate::program::gaitway()
         .args(["live", "--from", "file:wave-r", "--robot", "op3", "--bus", "sim", "--json"])
         .args(["--for", "2"])
         .output()
@@ -371,7 +372,7 @@ fn the_live_command_follows_an_action_and_reports_how() {
 
 #[test]
 fn a_source_that_cannot_be_followed_is_refused_before_anything_moves() {
-    let output = std::process::Command::new(env!("CARGO_BIN_EXE_gaitway"))
+    let output = crate::program::gaitway()
         .args(["live", "--from", "walk", "--robot", "op3", "--bus", "sim", "--json"])
         .output()
         .expect("runs");

@@ -2,6 +2,8 @@
 //! UDP, `gaitway live` as a process of its own, a virtual OP3. Time is real here unless a recording
 //! is played: what a busy machine does to it is printed, not judged.
 
+mod program;
+
 use gaitway::body::worn::Wearing;
 use gaitway::body::worn::kept::Kept;
 use gaitway::body::{Dof, JointAngles, Segment, SegmentPose};
@@ -15,7 +17,7 @@ use gaitway_sim::imu::{BodyMotion, ImuDoor, ImuErrors, ImuWire, Mount, Stage, Vi
 use serde_json::Value;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{Ipv4Addr, UdpSocket};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -31,17 +33,9 @@ fn alone() -> MutexGuard<'static, ()> {
 const PATIENCE: Duration = Duration::from_secs(120);
 
 fn gaitway(folder: &Path) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_gaitway"));
+    let mut command = crate::program::gaitway();
     command.current_dir(folder).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
     command
-}
-
-/// A folder of this test's own.
-fn folder(name: &str) -> PathBuf {
-    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
-    let _ = std::fs::remove_dir_all(&folder);
-    std::fs::create_dir_all(&folder).expect("a temporary folder");
-    folder
 }
 
 fn json(output: &Output) -> Value {
@@ -183,7 +177,7 @@ fn robot_error_deg(recording: &Path, truth: &Truth) -> f64 {
 #[test]
 fn a_person_with_13_sensors_walks_and_a_virtual_op3_walks_along_now_and_from_the_recording() {
     let _alone = alone();
-    let folder = folder("live-walk");
+    let folder = crate::program::folder("live-walk");
     let stand_s = 7.0;
     let wearer = Wearer::start(&folder, "--motion walk:6s --stand 7s --pty body --seed 3");
     let output = gaitway(&folder)
@@ -287,7 +281,7 @@ fn free_port() -> u16 {
 #[test]
 fn slimevr_trackers_are_worn_by_name_and_the_angles_shown_without_a_robot() {
     let _alone = alone();
-    let folder = folder("live-slimevr");
+    let folder = crate::program::folder("live-slimevr");
     let port = free_port();
     let _wearer = Wearer::start(
         &folder,
@@ -402,7 +396,7 @@ const ROBOT: &str = "--robot op3 --bus sim:pty --rate 20 --no-t-pose --n-pose-af
 fn a_sensor_that_is_pulled_out_brings_the_robot_to_rest_and_is_named() {
     let _alone = alone();
     let mut doors = standing(&[("left_upper_arm", 600.0), ("left_forearm", 600.0)]);
-    let mut live = Following::start(gaitway(&folder("live-pulled")), &doors, ROBOT);
+    let mut live = Following::start(gaitway(&crate::program::folder("live-pulled")), &doors, ROBOT);
     live.until("following");
     doors.pop();
     let (report, code) = live.end();
@@ -418,7 +412,7 @@ fn a_sensor_that_is_pulled_out_brings_the_robot_to_rest_and_is_named() {
 fn a_sensor_that_falls_silent_is_said_and_the_robot_stands_until_it_is_stopped() {
     let _alone = alone();
     let doors = standing(&[("left_upper_arm", 600.0), ("left_forearm", 12.0)]);
-    let mut live = Following::start(gaitway(&folder("live-silent")), &doors, ROBOT);
+    let mut live = Following::start(gaitway(&crate::program::folder("live-silent")), &doors, ROBOT);
     live.until("silent: left_forearm");
     // What is asked for below is time of the virtual robot, which may wait for this machine.
     std::thread::sleep(Duration::from_secs(2));
@@ -434,7 +428,7 @@ fn a_sensor_that_falls_silent_is_said_and_the_robot_stands_until_it_is_stopped()
 #[test]
 fn whoever_stops_during_the_calibration_has_moved_nothing_and_left_no_recording() {
     let _alone = alone();
-    let folder = folder("live-stopped");
+    let folder = crate::program::folder("live-stopped");
     let doors = standing(&[("left_upper_arm", 600.0)]);
     let arguments = format!("{ROBOT} --record no.mcap");
     let mut live = Following::start(gaitway(&folder), &doors, &arguments);
@@ -461,7 +455,7 @@ fn at_a_terminal_enter_goes_on_s_skips_r_mends_headings_and_q_ends() {
     let _alone = alone();
     let doors = standing(&[("right_upper_arm", 600.0), ("right_forearm", 600.0)]);
     let (mut keys, stdin) = terminal();
-    let mut command = gaitway(&folder("live-terminal"));
+    let mut command = gaitway(&crate::program::folder("live-terminal"));
     command.stdin(stdin);
     let mut live = Following::start(command, &doors, "--dry-run --moves raise");
     live.until("Enter when you stand so");
@@ -483,7 +477,7 @@ fn at_a_terminal_enter_goes_on_s_skips_r_mends_headings_and_q_ends() {
 
 #[test]
 fn a_map_that_cannot_be_is_refused_before_anything_is_opened() {
-    let folder = folder("live-refused");
+    let folder = crate::program::folder("live-refused");
     std::fs::write(folder.join("nose.toml"), "[segments]\nnose = \"t\"\n").expect("written");
     let imu = "imu:bno08x-rvc@/dev/no-such-port";
     for (arguments, said) in [

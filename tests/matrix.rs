@@ -10,6 +10,7 @@ mod bench;
 #[path = "matrix/judge.rs"]
 mod judge;
 mod priority;
+mod program;
 #[path = "matrix/tap.rs"]
 mod tap;
 #[path = "matrix/wire.rs"]

@@ -9,9 +9,11 @@
 //! The reference figures beside the measured ones are those of the C++ package on the same files.
 
 mod aloud;
+mod captured;
 mod orientation;
 
 use aloud::aloud;
+use captured::captured;
 use gaitway::capture::{Mode, Orientation};
 use orientation::{
     BROAD_PERIOD_S, JOINT_PERIOD_S, broad_rmse_deg, floats, joint_rmse_deg, quaternion, table,
@@ -20,12 +22,7 @@ use orientation::{
 use std::path::PathBuf;
 
 fn folder(name: &str) -> Option<PathBuf> {
-    let captures = std::env::var_os("GAITWAY_CAPTURES").map(PathBuf::from);
-    let folder = captures.map(|folder| folder.join("imu").join(name)).filter(|f| f.is_dir());
-    if folder.is_none() {
-        aloud!("SKIPPED: no imu/{name} under GAITWAY_CAPTURES");
-    }
-    folder
+    captured(&format!("imu/{name}"))
 }
 
 #[test]

@@ -1,9 +1,12 @@
 //! Servo, robot and sensor files of a user's own, without a rebuild: found by name beside the robot
 //! file or in a folder of profiles, by driver and virtual robot alike, never under a shipped name.
 
+mod program;
+
+use program::json;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::Output;
 
 /// A folder of the test's own with a robot whose servos ship with nobody.
 fn folder(name: &str) -> PathBuf {
@@ -26,17 +29,12 @@ fn write(folder: &Path, name: &str, text: &str) {
 const SERVO: &str = "extends = \"sts3215-c001\"\nname = \"my-servo\"\nmodel = \"Mine\"\n";
 
 fn gaitway(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_gaitway"))
+    crate::program::gaitway()
         .current_dir(folder)
         .env("XDG_CONFIG_HOME", folder.join("config"))
         .args(arguments)
         .output()
         .expect("the command")
-}
-
-fn json(output: &Output) -> Value {
-    let said = String::from_utf8_lossy(&output.stderr);
-    serde_json::from_slice(&output.stdout).unwrap_or_else(|e| panic!("{e}: {said}"))
 }
 
 fn complaint(output: &Output) -> String {

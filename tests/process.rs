@@ -2,6 +2,7 @@
 //! ports that are busy or vanish. Time is real here because that is the point.
 
 mod aloud;
+mod program;
 
 use aloud::aloud;
 use serde_json::Value;
@@ -10,18 +11,6 @@ use std::path::PathBuf;
 use std::process::{Child, Command, Output, Stdio};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
-
-fn gaitway() -> Command {
-    Command::new(env!("CARGO_BIN_EXE_gaitway"))
-}
-
-/// A folder of this test's own.
-fn folder(name: &str) -> PathBuf {
-    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
-    let _ = std::fs::remove_dir_all(&folder);
-    std::fs::create_dir_all(&folder).expect("a temporary folder");
-    folder
-}
 
 /// One test at a time: these play in real time, and two robots on a small machine are late.
 static ALONE: Mutex<()> = Mutex::new(());
@@ -39,7 +28,7 @@ struct Simulator {
 impl Simulator {
     fn start(folder: &std::path::Path) -> Self {
         let link = folder.join("op3");
-        let mut child = gaitway()
+        let mut child = crate::program::gaitway()
             .args(["simulate", "op3", "--pty"])
             .arg(&link)
             .stdout(Stdio::piped())
@@ -102,7 +91,7 @@ fn output_within(child: Child, limit: Duration) -> Option<Output> {
 }
 
 fn play(bus: &str, more: &[&str]) -> Command {
-    let mut command = gaitway();
+    let mut command = crate::program::gaitway();
     command.args(["play", "walk", "--robot", "op3", "--json", "--quiet", "--bus", bus]);
     // Half the usual rate: whether a busy machine keeps 100 Hz is not what is tested here.
     command.args(["--rate", "50"]).args(more);
@@ -167,7 +156,7 @@ fn recorded_s(path: &std::path::Path) -> f64 {
 #[test]
 fn a_robot_in_another_process_is_played_over_a_real_port() {
     let _alone = alone();
-    let folder = folder("another_process");
+    let folder = crate::program::folder("another_process");
     let simulator = Simulator::start(&folder);
     let report =
         undisturbed(|| report(&play(&simulator.bus(), &["--to", "1.5"]).output().expect("a run")));
@@ -186,7 +175,7 @@ fn an_interrupt_slows_the_motion_down_and_holds() {
     for (name, number, recorded) in
         [("INT", 130, 20_000), ("TERM", 143, 60_000), ("INT", 130, 100_000), ("TERM", 143, 30_000)]
     {
-        let folder = folder(&format!("signal_{name}_{recorded}"));
+        let folder = crate::program::folder(&format!("signal_{name}_{recorded}"));
         let (child, recording) = under_way("sim:pty", &folder, recorded);
         signal(&child, name);
         // A second signal changes nothing.
@@ -251,7 +240,7 @@ fn killed_in_motion(bus: &str, folder: &std::path::Path) {
 #[test]
 fn a_killed_player_leaves_the_joints_at_rest_and_a_readable_recording() {
     let _alone = alone();
-    let folder = folder("killed");
+    let folder = crate::program::folder("killed");
     let simulator = Simulator::start(&folder);
     killed_in_motion(&simulator.bus(), &folder);
     // Longer than the servos wait for a word of their host: they have stopped by themselves.
@@ -268,7 +257,11 @@ fn a_killed_player_leaves_the_joints_at_rest_and_a_readable_recording() {
     // And `limp` lets go of it, when told that this is meant.
     let limp = |more: &[&str]| {
         let bus = simulator.bus();
-        gaitway().args(["limp", "op3", "--bus", &bus]).args(more).output().expect("a run")
+        crate::program::gaitway()
+            .args(["limp", "op3", "--bus", &bus])
+            .args(more)
+            .output()
+            .expect("a run")
     };
     let refused = limp(&[]);
     assert_eq!(refused.status.code(), Some(1));
@@ -294,7 +287,7 @@ fn wait_until_open(child: &Child, link: &std::path::Path) {
 #[test]
 fn a_wish_to_stop_before_torque_is_on_leaves_the_robot_limp() {
     let _alone = alone();
-    let folder = folder("early_stop");
+    let folder = crate::program::folder("early_stop");
     let simulator = Simulator::start(&folder);
     let mut child = play(&simulator.bus(), &[]).spawn().expect("a run");
     // Once the port is open, preflight still watches the robot stand still for 0.2 s.
@@ -314,7 +307,7 @@ fn a_wish_to_stop_before_torque_is_on_leaves_the_robot_limp() {
 #[test]
 fn a_port_in_use_is_refused_by_name() {
     let _alone = alone();
-    let folder = folder("busy");
+    let folder = crate::program::folder("busy");
     let simulator = Simulator::start(&folder);
     let second = (1..=ATTEMPTS).find_map(|number| {
         let (mut first, _) = under_way(&simulator.bus(), &folder, 10_000);
@@ -337,7 +330,7 @@ fn a_port_in_use_is_refused_by_name() {
 #[test]
 fn h18_a_port_that_vanishes_ends_the_motion_within_a_second() {
     let _alone = alone();
-    let folder = folder("vanish");
+    let folder = crate::program::folder("vanish");
     let mut simulator = Simulator::start(&folder);
     let (child, recording) = under_way(&simulator.bus(), &folder, 10_000);
     simulator.child.kill().expect("the simulator dies");
@@ -357,7 +350,7 @@ fn h18_a_port_that_vanishes_ends_the_motion_within_a_second() {
 #[test]
 fn h19_a_port_that_comes_back_is_not_used_by_itself() {
     let _alone = alone();
-    let folder = folder("comes_back");
+    let folder = crate::program::folder("comes_back");
     let mut simulator = Simulator::start(&folder);
     let (child, _) = under_way(&simulator.bus(), &folder, 10_000);
     simulator.child.kill().expect("unplugged");
@@ -420,7 +413,7 @@ fn h20_a_write_that_nobody_takes_ends_by_its_deadline_and_a_hang_up_is_gone() {
 
 #[test]
 fn h20_opening_what_would_block_returns() {
-    let folder = folder("fifo");
+    let folder = crate::program::folder("fifo");
     let fifo = folder.join("fifo");
     let made = Command::new("mkfifo").arg(&fifo).status();
     assert!(made.is_ok_and(|status| status.success()), "no FIFO");
@@ -433,7 +426,7 @@ fn h20_opening_what_would_block_returns() {
 #[test]
 fn ports_that_are_none_are_refused_with_what_to_do() {
     let _alone = alone();
-    let folder = folder("no_port");
+    let folder = crate::program::folder("no_port");
     let file = folder.join("file.txt");
     std::fs::write(&file, "not a port").expect("a file");
     for (path, words) in [
@@ -460,7 +453,7 @@ fn h21_a_port_without_permission_is_refused_with_what_to_do() {
         let folder = std::env::temp_dir().join(format!("gaitway-h21-{}", std::process::id()));
         std::fs::create_dir_all(&folder).expect("a folder");
         let program = folder.join("gaitway");
-        std::fs::copy(env!("CARGO_BIN_EXE_gaitway"), &program).expect("a copy");
+        std::fs::copy(crate::program::PATH, &program).expect("a copy");
         command = Command::new("setpriv");
         command.args(["--reuid", "65534", "--regid", "65534", "--clear-groups"]).arg(&program);
         command.args(["play", "walk", "--robot", "op3", "--json", "--quiet", "--dry-run"]);
@@ -485,10 +478,14 @@ fn assert_denied(output: &Output, path: &str) {
 #[test]
 fn the_simulator_does_not_take_a_name_that_is_taken() {
     let _alone = alone();
-    let folder = folder("taken");
+    let folder = crate::program::folder("taken");
     let link = folder.join("op3");
     std::fs::write(&link, "precious").expect("a file");
-    let output = gaitway().args(["simulate", "op3", "--pty"]).arg(&link).output().expect("a run");
+    let output = crate::program::gaitway()
+        .args(["simulate", "op3", "--pty"])
+        .arg(&link)
+        .output()
+        .expect("a run");
     assert_eq!(output.status.code(), Some(1));
     assert_eq!(std::fs::read_to_string(&link).expect("still there"), "precious");
 }

@@ -1,24 +1,14 @@
 //! `gaitway record` on virtual sensors behind pseudo-terminals and UDP. Time is real here.
 
+mod program;
+
 use gaitway_sim::imu::{BodyMotion, ImuDoor, ImuErrors, ImuWire, Mount, Stage, VirtualImu};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
-
-fn gaitway() -> Command {
-    Command::new(env!("CARGO_BIN_EXE_gaitway"))
-}
-
-/// A folder of this test's own.
-fn folder(name: &str) -> PathBuf {
-    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
-    let _ = std::fs::remove_dir_all(&folder);
-    std::fs::create_dir_all(&folder).expect("a temporary folder");
-    folder
-}
 
 /// A sensor that turns about the vertical at 1 rad/s for so long.
 fn sensor(wire: ImuWire, rate_hz: f64, seconds: f64, errors: ImuErrors) -> VirtualImu {
@@ -30,7 +20,7 @@ fn sensor(wire: ImuWire, rate_hz: f64, seconds: f64, errors: ImuErrors) -> Virtu
 }
 
 fn record(folder: &Path, arguments: &[String]) -> Output {
-    gaitway()
+    crate::program::gaitway()
         .current_dir(folder)
         .args(["record", "-o", "take.mcap", "--json"])
         .args(arguments)
@@ -45,7 +35,7 @@ fn json(output: &Output) -> Value {
 
 /// Rows of the table by sensor, as maps from title to cell.
 fn table(folder: &Path) -> BTreeMap<String, Vec<BTreeMap<String, String>>> {
-    let output = gaitway()
+    let output = crate::program::gaitway()
         .current_dir(folder)
         .args(["convert", "take.mcap", "take.csv"])
         .output()
@@ -69,7 +59,7 @@ fn number(row: &BTreeMap<String, String>, title: &str) -> f64 {
 
 #[test]
 fn two_sensors_of_different_make_are_recorded_side_by_side() {
-    let folder = folder("record-two");
+    let folder = crate::program::folder("record-two");
     let errors = ImuErrors { latency_s: 0.001, jitter_s: 0.001, ..ImuErrors::default() };
     let left = sensor(ImuWire::Xsens, 100.0, 60.0, errors.clone());
     let right = sensor(ImuWire::Csv, 100.0, 60.0, errors);
@@ -93,7 +83,11 @@ fn two_sensors_of_different_make_are_recorded_side_by_side() {
         (&"done".into(), Some(2))
     );
 
-    let info = gaitway().current_dir(&folder).args(["info", "take.mcap"]).output().expect("info");
+    let info = crate::program::gaitway()
+        .current_dir(&folder)
+        .args(["info", "take.mcap"])
+        .output()
+        .expect("info");
     let said = String::from_utf8_lossy(&info.stdout).into_owned();
     for word in ["motion    turn", "/imu/left/sample", "/imu/right/orientation", "complete"] {
         assert!(said.contains(word), "no {word} in:\n{said}");
@@ -122,7 +116,7 @@ fn two_sensors_of_different_make_are_recorded_side_by_side() {
 
 #[test]
 fn samples_that_are_lost_are_counted_and_told_by_the_exit_code() {
-    let folder = folder("record-loss");
+    let folder = crate::program::folder("record-loss");
     let errors = ImuErrors { loss: 0.1, seed: 5, ..ImuErrors::default() };
     let door = ImuDoor::open(sensor(ImuWire::Bno08xRvc, 100.0, 60.0, errors), 115_200, None)
         .expect("a terminal");
@@ -140,7 +134,7 @@ fn samples_that_are_lost_are_counted_and_told_by_the_exit_code() {
 
 #[test]
 fn a_slimevr_tracker_finds_the_recorder_and_is_recorded() {
-    let folder = folder("record-slimevr");
+    let folder = crate::program::folder("record-slimevr");
     // A port that was free a moment ago.
     let free = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).and_then(|s| s.local_addr());
     let port = free.expect("a port").port();
@@ -167,7 +161,7 @@ fn trackers_of_the_network_are_heard_only_where_the_socket_is_open_to_it() {
     let mac = [2, 0, 0, 0, 0, 1];
     let _tracker = ImuDoor::open_slimevr(&Stage::default(), imu, server, mac).expect("a tracker");
     let heard = |address: &str, time: &str| {
-        let folder = folder("record-slimevr-network");
+        let folder = crate::program::folder("record-slimevr-network");
         let source = format!("imu:slimevr@udp:{address}");
         let output = record(&folder, &[source, "--for".to_owned(), time.to_owned()]);
         let samples = json(&output)["sources"][0]["counts"]["samples"].as_u64();
@@ -186,11 +180,11 @@ fn trackers_of_the_network_are_heard_only_where_the_socket_is_open_to_it() {
 
 #[test]
 fn a_sensor_that_vanishes_ends_its_source_and_not_the_recording() {
-    let folder = folder("record-vanish");
+    let folder = crate::program::folder("record-vanish");
     let door = ImuDoor::open(sensor(ImuWire::Nmea, 50.0, 60.0, ImuErrors::default()), 9600, None)
         .expect("a terminal");
     let source = format!("imu:nmea-imu@{}", door.path().display());
-    let child = gaitway()
+    let child = crate::program::gaitway()
         .current_dir(&folder)
         .args(["record", &source, "-o", "take.mcap", "--json", "--for", "2s"])
         .stdout(Stdio::piped())
@@ -208,11 +202,11 @@ fn a_sensor_that_vanishes_ends_its_source_and_not_the_recording() {
 
 #[test]
 fn a_recording_that_was_killed_is_read_and_converted() {
-    let folder = folder("record-killed");
+    let folder = crate::program::folder("record-killed");
     let door = ImuDoor::open(sensor(ImuWire::Cobs, 100.0, 60.0, ImuErrors::default()), 9600, None)
         .expect("a terminal");
     let source = format!("imu:cobs-imu@{}", door.path().display());
-    let mut child = gaitway()
+    let mut child = crate::program::gaitway()
         .current_dir(&folder)
         .args(["record", &source, "-o", "take.mcap", "--quiet"])
         .spawn()
@@ -228,17 +222,19 @@ fn a_recording_that_was_killed_is_read_and_converted() {
     let rows = table(&folder);
     assert!(rows["cobs-imu"].len() > 100, "{}", rows["cobs-imu"].len());
     let again = ["convert", "take.mcap", "again.csv"];
-    let converted = gaitway().current_dir(&folder).args(again).output().expect("convert");
+    let converted =
+        crate::program::gaitway().current_dir(&folder).args(again).output().expect("convert");
     let said = String::from_utf8_lossy(&converted.stderr).into_owned();
     assert!(said.contains("cut off") && !said.contains("0 samples"), "{said}");
-    let recovered = gaitway().current_dir(&folder).args(["recover", "take.mcap"]).output();
+    let recovered =
+        crate::program::gaitway().current_dir(&folder).args(["recover", "take.mcap"]).output();
     assert_eq!(recovered.expect("recover").status.code(), Some(3));
 }
 
 /// The kernel ends the file at a size, in the middle of a write if need be, as a full disk does.
 #[test]
 fn a_disk_that_fills_up_is_said_at_once_ends_the_recording_and_costs_nothing_before() {
-    let folder = folder("record-full");
+    let folder = crate::program::folder("record-full");
     let doors = [ImuWire::Cobs, ImuWire::Csv].map(|wire| {
         ImuDoor::open(sensor(wire, 100.0, 60.0, ImuErrors::default()), 115_200, None)
             .expect("a terminal")
@@ -248,7 +244,7 @@ fn a_disk_that_fills_up_is_said_at_once_ends_the_recording_and_costs_nothing_bef
         .current_dir(&folder)
         // Blocks of 512 bytes; a write beyond them is an error instead of a signal.
         .args(["-c", "ulimit -f 500; trap '' XFSZ; exec \"$@\"", "sh"])
-        .arg(env!("CARGO_BIN_EXE_gaitway"))
+        .arg(crate::program::PATH)
         .args(["record", "-o", "take.mcap", "--json", "--for", "60s"])
         .args([format!("cobs=imu:cobs-imu@{cobs}"), format!("csv=imu:arduino-csv@{csv}")])
         .output()
@@ -262,7 +258,10 @@ fn a_disk_that_fills_up_is_said_at_once_ends_the_recording_and_costs_nothing_bef
     assert!(report["duration_s"].as_f64() < Some(59.0), "it does not go on for nothing: {report}");
     assert!(report["dropped"].as_u64() > Some(0), "{report}");
 
-    let info = gaitway().current_dir(&folder).args(["info", "take.mcap", "--json"]).output();
+    let info = crate::program::gaitway()
+        .current_dir(&folder)
+        .args(["info", "take.mcap", "--json"])
+        .output();
     let info = json(&info.expect("info"));
     assert_eq!((&info["finished"], &info["damaged_samples"]), (&false.into(), &0.into()), "{info}");
     for name in ["cobs", "csv"] {
@@ -273,8 +272,10 @@ fn a_disk_that_fills_up_is_said_at_once_ends_the_recording_and_costs_nothing_bef
     let in_file: u64 =
         info["channels"].as_object().expect("channels").values().filter_map(Value::as_u64).sum();
     assert_eq!(Some(in_file), report["messages"].as_u64(), "no more and no less than was promised");
-    let recovered =
-        gaitway().current_dir(&folder).args(["recover", "take.mcap", "--json"]).output();
+    let recovered = crate::program::gaitway()
+        .current_dir(&folder)
+        .args(["recover", "take.mcap", "--json"])
+        .output();
     let recovered = recovered.expect("recover");
     assert_eq!(recovered.status.code(), Some(3));
     assert_eq!(json(&recovered)["messages"], in_file);
@@ -282,13 +283,13 @@ fn a_disk_that_fills_up_is_said_at_once_ends_the_recording_and_costs_nothing_bef
 
 #[test]
 fn a_robot_that_is_guided_by_hand_is_recorded() {
-    let folder = folder("record-servos");
+    let folder = crate::program::folder("record-servos");
     let arguments =
         ["servos:so101@sim:pty", "--for", "1s", "--rate", "20"].map(str::to_owned).to_vec();
     let output = record(&folder, &arguments);
     let report = json(&output);
     assert!(report["sources"][0]["counts"]["samples"].as_u64() > Some(5), "{report}");
-    let converted = gaitway()
+    let converted = crate::program::gaitway()
         .current_dir(&folder)
         .args(["convert", "take.mcap", "take.csv"])
         .output()
@@ -300,7 +301,7 @@ fn a_robot_that_is_guided_by_hand_is_recorded() {
 
 #[test]
 fn what_cannot_be_recorded_is_refused_before_a_file_is_made() {
-    let folder = folder("record-refused");
+    let folder = crate::program::folder("record-refused");
     for (source, said) in [
         ("imu:no-such@/dev/null", "no sensor of this name"),
         ("imu:slimevr@/dev/null", "do not fit"),

@@ -1,10 +1,11 @@
 //! Marks that are set while a recording runs, and a tap that all sensors feel.
 
+mod program;
+
 use gaitway_sim::imu::{BodyMotion, ImuDoor, ImuErrors, ImuWire, Mount, Stage, VirtualImu};
 use serde_json::Value;
 use std::io::Write;
-use std::path::PathBuf;
-use std::process::{Command, Stdio};
+use std::process::Stdio;
 use std::time::{Duration, Instant};
 
 const TAP_S: f64 = 1.5;
@@ -30,21 +31,14 @@ fn sensor(wire: ImuWire, rate_hz: f64, late_s: f64) -> VirtualImu {
     VirtualImu::new(motion, Mount::default(), errors, wire, rate_hz).expect("a sensor")
 }
 
-fn folder(name: &str) -> PathBuf {
-    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
-    let _ = std::fs::remove_dir_all(&folder);
-    std::fs::create_dir_all(&folder).expect("a temporary folder");
-    folder
-}
-
 /// Records two sensors, the second of which is tapped so much later, and what `info` says of it.
 fn recorded(name: &str, late_s: f64) -> (Value, String) {
-    let folder = folder(name);
+    let folder = crate::program::folder(name);
     let stage = Stage::default();
     let open = |imu| ImuDoor::open_on(&stage, imu, 115_200, None).expect("a terminal");
     let left = open(sensor(ImuWire::Xsens, 100.0, 0.0));
     let right = open(sensor(ImuWire::Csv, 100.0, late_s));
-    let mut child = Command::new(env!("CARGO_BIN_EXE_gaitway"))
+    let mut child = crate::program::gaitway()
         .current_dir(&folder)
         .args(["record", "-o", "take.mcap", "--quiet", "--for", "3s"])
         .arg(format!("left=imu:xsens-mti@{}", left.path().display()))
@@ -69,11 +63,8 @@ fn recorded(name: &str, late_s: f64) -> (Value, String) {
     operator.write_all(b"  the door opened \n").expect("typed");
     assert!(child.wait().expect("its end").code().is_some_and(|code| code == 0 || code == 3));
     let info = |arguments: &[&str]| {
-        let output = Command::new(env!("CARGO_BIN_EXE_gaitway"))
-            .current_dir(&folder)
-            .args(arguments)
-            .output()
-            .expect("info");
+        let output =
+            crate::program::gaitway().current_dir(&folder).args(arguments).output().expect("info");
         String::from_utf8_lossy(&output.stdout).into_owned()
     };
     let json = info(&["info", "take.mcap", "--json"]);

@@ -5,6 +5,7 @@
 mod dialogue;
 #[path = "record_session/person.rs"]
 mod person;
+mod program;
 
 use dialogue::Dialogue;
 use gaitway::action::vocabulary;
@@ -17,8 +18,7 @@ use gaitway_sim::imu::{BodyMotion, ImuDoor, ImuErrors, ImuWire, Mount, Stage, Vi
 use person::{Act, Person, STATURE_M};
 use serde::de::DeserializeOwned;
 use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
-use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -35,13 +35,6 @@ explain = "Reach up with the right hand, straight, and lower it."
 repetitions = 1
 props = "a lamp"
 "#;
-
-fn folder(name: &str) -> PathBuf {
-    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
-    let _ = std::fs::remove_dir_all(&folder);
-    std::fs::create_dir_all(&folder).expect("a temporary folder");
-    folder
-}
 
 fn read<T: DeserializeOwned>(path: &Path) -> T {
     let text = std::fs::read_to_string(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
@@ -141,7 +134,7 @@ fn stand_until(operator: &mut Dialogue, next: &str) {
 
 #[test]
 fn a_session_ends_as_a_finished_database_folder_whatever_happens_in_between() {
-    let folder = folder("record-session");
+    let folder = crate::program::folder("record-session");
     std::fs::write(folder.join("plan.toml"), PLAN).expect("a plan");
     let worn = [Segment::Torso, Segment::RightUpperArm, Segment::RightForearm];
     let person = Person::wearing(&worn);
@@ -163,7 +156,7 @@ fn a_session_ends_as_a_finished_database_folder_whatever_happens_in_between() {
     let mut operator = Dialogue::start(&folder, &["--session".into(), "lab".into()], &person);
     operator.expect("going on where it was");
     devices(&mut operator, &person);
-    let second = Command::new(env!("CARGO_BIN_EXE_gaitway"))
+    let second = crate::program::gaitway()
         .current_dir(&folder)
         .args(["record", "--session", "lab"])
         .output()
@@ -206,7 +199,7 @@ fn a_session_ends_as_a_finished_database_folder_whatever_happens_in_between() {
 
 #[test]
 fn a_session_can_be_interrupted_or_told_by_a_script_and_keeps_what_was_done() {
-    let folder = folder("record-session-script");
+    let folder = crate::program::folder("record-session-script");
     let person = Person::wearing(&[Segment::Torso]);
     let mut begin: Vec<String> = ["--session", "lab"].map(str::to_owned).to_vec();
     begin.extend(person.sources());
@@ -224,7 +217,7 @@ fn a_session_can_be_interrupted_or_told_by_a_script_and_keeps_what_was_done() {
     let script = "first\n\n\n\nbow nonsense\nbow walk\ns01\n\n\n1.8\n.\n\n";
     let told = |arguments: &[String], script: &str| {
         std::fs::write(folder.join("script"), script).expect("a script");
-        let output = Command::new(env!("CARGO_BIN_EXE_gaitway"))
+        let output = crate::program::gaitway()
             .current_dir(&folder)
             .arg("record")
             .args(arguments)
@@ -272,7 +265,7 @@ fn a_session_can_be_interrupted_or_told_by_a_script_and_keeps_what_was_done() {
 /// Trackers name themselves; who wears which is said.
 #[test]
 fn slimevr_trackers_are_worn_as_was_said() {
-    let folder = folder("record-session-trackers");
+    let folder = crate::program::folder("record-session-trackers");
     let free = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).and_then(|socket| socket.local_addr());
     let port = free.expect("a port").port();
     let motion = BodyMotion::still(60.0).expect("a motion");
@@ -283,7 +276,7 @@ fn slimevr_trackers_are_worn_as_was_said() {
     let _tracker = ImuDoor::open_slimevr(&Stage::default(), imu, server, mac).expect("a tracker");
     let source = format!("imu:slimevr@udp:127.0.0.1:{port}");
     let nobody = Person::wearing(&[]);
-    let refused = Command::new(env!("CARGO_BIN_EXE_gaitway"))
+    let refused = crate::program::gaitway()
         .current_dir(&folder)
         .args(["record", "--session", "lab", &source])
         .output()

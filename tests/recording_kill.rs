@@ -1,8 +1,10 @@
 //! Recordings on a real disk: a process killed in the middle, names in the way, a full disk.
 
+mod program;
+
 use std::fs;
 use std::io::{BufRead, BufReader, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant as Clock};
 
@@ -15,14 +17,6 @@ mod scene;
 use scene::{MONOTONIC_START, cycle, end, messages, start};
 
 const CHILD_FILE: &str = "GAITWAY_TEST_RECORDING";
-
-/// An empty folder of the test's own.
-fn folder(name: &str) -> PathBuf {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("recording").join(name);
-    let _ = fs::remove_dir_all(&folder);
-    fs::create_dir_all(&folder).unwrap();
-    folder
-}
 
 #[test]
 #[ignore = "only the child of a_process_killed_at_any_moment_loses_at_most_one_second"]
@@ -63,7 +57,7 @@ fn last_taken_by_a_child_killed_after(cycles: usize, path: &Path) -> Instant {
 
 #[test]
 fn a_process_killed_at_any_moment_loses_at_most_one_second() {
-    let folder = folder("kill");
+    let folder = crate::program::folder("kill");
     let kill_after = [1, 3, 29, 50, 51, 77, 111, 160, 205, 256, 301, 350];
     std::thread::scope(|scope| {
         for cycles in kill_after {
@@ -91,7 +85,7 @@ fn a_process_killed_at_any_moment_loses_at_most_one_second() {
 
 #[test]
 fn a_recording_is_never_replaced_unless_forced() {
-    let path = folder("exists").join("trial.mcap");
+    let path = crate::program::folder("exists").join("trial.mcap");
     fs::write(&path, "precious").unwrap();
     let error = Recorder::create(&path, false, start()).unwrap_err();
     assert!(error.remedy.unwrap().contains("--force"));
@@ -112,7 +106,7 @@ fn a_full_disk_is_said_before_the_run_begins() {
 
 #[test]
 fn the_summary_counts_messages_gaps_and_seconds() {
-    let path = folder("summary").join("trial.mcap");
+    let path = crate::program::folder("summary").join("trial.mcap");
     let recorder = Recorder::create(&path, false, start()).unwrap();
     (0..101).for_each(|n| recorder.take_patiently(cycle(n)));
     let stored = recorder.finish(end(100));
@@ -135,7 +129,7 @@ fn the_summary_counts_messages_gaps_and_seconds() {
 
 #[test]
 fn recovering_counts_what_it_keeps_and_never_replaces_a_file() {
-    let folder = folder("recover");
+    let folder = crate::program::folder("recover");
     let path = folder.join("trial.mcap");
     let recorder = Recorder::create(&path, false, start()).unwrap();
     (0..50).for_each(|n| recorder.take_patiently(cycle(n)));
@@ -158,7 +152,7 @@ fn recovering_counts_what_it_keeps_and_never_replaces_a_file() {
 
 #[test]
 fn a_rescue_that_fails_leaves_no_file_behind() {
-    let folder = folder("no_rescue");
+    let folder = crate::program::folder("no_rescue");
     let path = folder.join("walk.bvh");
     fs::write(&path, "HIERARCHY").unwrap();
     let error = recover(&path, false).unwrap_err();
@@ -168,6 +162,6 @@ fn a_rescue_that_fails_leaves_no_file_behind() {
 
 #[test]
 fn a_folder_is_no_recording() {
-    let error = read(&folder("folder")).unwrap_err();
+    let error = read(&crate::program::folder("folder")).unwrap_err();
     assert_eq!(error.got.as_deref(), Some("not a regular file"));
 }

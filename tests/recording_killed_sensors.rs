@@ -6,6 +6,7 @@
 //! that stands still while it plays makes nothing fail.
 
 mod aloud;
+mod program;
 
 use aloud::aloud;
 use gaitway::port::{Clock, MonotonicClock};
@@ -22,7 +23,7 @@ use std::ffi::OsStr;
 use std::os::fd::OwnedFd;
 use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::Stdio;
 
 const KILLS: usize = 100;
 /// So many recordings run side by side.
@@ -91,7 +92,7 @@ fn record_and_kill(path: &Path, time: Duration) -> (Vec<Vec<Out>>, Instant) {
         .iter()
         .zip(&lines)
         .map(|((name, profile, ..), line)| format!("{name}=imu:{profile}@{}", line.path.display()));
-    let mut child = Command::new(env!("CARGO_BIN_EXE_gaitway"))
+    let mut child = crate::program::gaitway()
         .args(["record", "--quiet", "-o"])
         .arg(path)
         .args(sources)
@@ -199,7 +200,7 @@ fn trial(path: &Path, time: Duration) -> Duration {
 
 /// `recover` keeps every message, says what it kept of each sensor and that the file was cut off.
 fn recovered(path: &Path, found: &BTreeMap<String, Vec<Value>>) {
-    let output = Command::new(env!("CARGO_BIN_EXE_gaitway"))
+    let output = crate::program::gaitway()
         .args(["recover", "--json"])
         .arg(path)
         .output()

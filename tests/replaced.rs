@@ -1,6 +1,8 @@
 //! `--force` replaces a file once the new one is worth it: a recording with its first cycle or sample,
 //! everything else when it is whole. Until then what was there stays, whatever happens.
 
+mod program;
+
 use gaitway::control::arm::arm;
 use gaitway::job::recorder::RunRecorder;
 use gaitway::recording::{
@@ -20,16 +22,9 @@ use std::time::{Duration, SystemTime};
 
 const OLD: &[u8] = b"precious";
 
-fn folder(name: &str) -> PathBuf {
-    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("replaced").join(name);
-    let _ = std::fs::remove_dir_all(&folder);
-    std::fs::create_dir_all(&folder).expect("a temporary folder");
-    folder
-}
-
 /// A folder with an old file in it.
 fn with_old(name: &str) -> (PathBuf, PathBuf) {
-    let folder = folder(name);
+    let folder = crate::program::folder(name);
     let path = folder.join("take.mcap");
     std::fs::write(&path, OLD).expect("an old file");
     (folder, path)
@@ -176,7 +171,7 @@ fn line() -> (std::fs::File, String) {
 }
 
 fn record(source: &str, path: &Path) -> Child {
-    Command::new(env!("CARGO_BIN_EXE_gaitway"))
+    crate::program::gaitway()
         .args(["record", source, "--json", "--force", "-o"])
         .arg(path)
         .stdin(Stdio::null())
@@ -241,7 +236,7 @@ fn a_recording_in_which_nothing_was_said_is_told_and_replaces_nothing() {
 fn limited(arguments: &[&str]) -> Output {
     let mut command = Command::new("sh");
     let script = "ulimit -f 1; exec \"$0\" \"$@\"";
-    command.args(["-c", script, env!("CARGO_BIN_EXE_gaitway")]).args(arguments);
+    command.args(["-c", script, crate::program::PATH]).args(arguments);
     command.stdin(Stdio::null()).output().expect("the command")
 }
 

@@ -1,37 +1,20 @@
 //! Robots of a user's own: files that ask only for what a job needs, and drafts made of what answers on
 //! a line.
 
+mod program;
+
 use gaitway_profiles::{Robot, parse_robot, robot};
 use gaitway_sim::{Door, Options, World};
+use program::{folder, json, words};
 use serde_json::Value;
 use std::collections::BTreeSet;
 use std::net::SocketAddr;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::path::Path;
+use std::process::Output;
 use std::sync::{Arc, Mutex};
 
-fn folder(name: &str) -> PathBuf {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("robot-new").join(name);
-    let _ = std::fs::remove_dir_all(&folder);
-    std::fs::create_dir_all(&folder).expect("a folder");
-    folder
-}
-
 fn gaitway(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_gaitway"))
-        .current_dir(folder)
-        .env("XDG_CONFIG_HOME", folder.join("config"))
-        .args(arguments)
-        .output()
-        .expect("the command")
-}
-
-fn words(output: &Output) -> String {
-    String::from_utf8_lossy(&[&output.stdout[..], &output.stderr].concat()).into_owned()
-}
-
-fn json(output: &Output) -> Value {
-    serde_json::from_slice(&output.stdout).unwrap_or_else(|e| panic!("{e}: {}", words(output)))
+    program::gaitway().current_dir(folder).args(arguments).output().expect("the command")
 }
 
 /// A shipped robot behind a TCP port, as a bridge of a serial line is.

@@ -1,5 +1,7 @@
 //! `simulate` as a process: what it says first, its doors, its faults, and how it ends.
 
+mod program;
+
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
 use std::path::{Path, PathBuf};
@@ -15,7 +17,7 @@ struct Simulator {
 
 impl Simulator {
     fn start(arguments: &[&str]) -> Self {
-        let mut child = Command::new(env!("CARGO_BIN_EXE_gaitway"))
+        let mut child = crate::program::gaitway()
             .arg("simulate")
             .args(arguments)
             .stdout(Stdio::piped())
@@ -51,13 +53,6 @@ impl Drop for Simulator {
     }
 }
 
-fn folder(name: &str) -> PathBuf {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
-    let _ = std::fs::remove_dir_all(&folder);
-    std::fs::create_dir_all(&folder).expect("a temporary folder");
-    folder
-}
-
 fn ping(port: &mut TcpStream) -> Vec<u8> {
     port.write_all(&PING_1).expect("a write");
     let mut answer = vec![0; 14];
@@ -80,7 +75,7 @@ fn over_tcp_it_says_the_address_first_and_answers_there() {
 
 #[test]
 fn each_line_of_a_robot_is_a_terminal_with_its_own_link() {
-    let folder = folder("simulate-lines");
+    let folder = crate::program::folder("simulate-lines");
     let link = folder.join("poppy").display().to_string();
     let mut simulator = Simulator::start(&["poppy-humanoid", "--pty", &link]);
     let mut links = Vec::new();
@@ -100,7 +95,7 @@ fn each_line_of_a_robot_is_a_terminal_with_its_own_link() {
 
 #[test]
 fn faults_of_a_script_strike_and_are_told() {
-    let script = folder("simulate-faults").join("faults.toml");
+    let script = crate::program::folder("simulate-faults").join("faults.toml");
     let text = "[[fault]]\nkind = 'lie'\nline = 'body'\nid = 1\nat = 0\nxor = 255\nnth = 1\n";
     std::fs::write(&script, text).expect("a script");
     let script = script.display().to_string();
@@ -146,10 +141,10 @@ fn a_client_that_jumps_is_told_so_unless_nobody_wants_to_know() {
 
 #[test]
 fn a_wrong_script_is_refused_with_its_place() {
-    let script = folder("simulate-wrong").join("faults.toml");
+    let script = crate::program::folder("simulate-wrong").join("faults.toml");
     std::fs::write(&script, "\n[[fault]]\nkind = 'mute'\njoint = 'r_knee'\nnht = 3\n")
         .expect("a script");
-    let output = Command::new(env!("CARGO_BIN_EXE_gaitway"))
+    let output = crate::program::gaitway()
         .args(["simulate", "op3", "--faults"])
         .arg(&script)
         .output()

@@ -2,22 +2,17 @@
 //! or read by nobody, or its files not allowed to grow. It never ends by a panic or a signal, what it
 //! did is done, and the exit code says that the result was lost.
 
+mod program;
+
 use gaitway::recording::{RecordedSource, Recorder, RunEnd, RunStart, SourceKind, SourceRecord};
 use gaitway::time::Instant;
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::Read;
 use std::os::unix::process::ExitStatusExt;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, SystemTime};
-
-fn folder(name: &str) -> PathBuf {
-    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("told").join(name);
-    let _ = std::fs::remove_dir_all(&folder);
-    std::fs::create_dir_all(&folder).expect("a temporary folder");
-    folder
-}
 
 /// A recording of one line of text, under this name.
 fn recording(path: &Path, source: &str) {
@@ -92,7 +87,7 @@ fn unread() -> Stdio {
 impl Streams {
     /// Runs the command with these streams.
     fn run(self, arguments: &[String]) -> Output {
-        let binary = env!("CARGO_BIN_EXE_gaitway");
+        let binary = crate::program::PATH;
         let closed = match self {
             Self::OutClosed => ">&-",
             Self::ErrClosed => "2>&-",
@@ -132,7 +127,7 @@ impl Streams {
 
 #[test]
 fn the_exit_code_says_what_was_done_and_whether_it_could_be_told() {
-    let folder = folder("table");
+    let folder = crate::program::folder("table");
     let recorded = folder.join("lines.mcap");
     recording(&recorded, "lines");
     let (recorded, made) = (recorded.display().to_string(), folder.join("made"));
@@ -196,13 +191,13 @@ fn a_report_file_that_cannot_be_written_counts_like_a_result_that_cannot_be_told
 fn limited(blocks: u32, arguments: &str, out: &str) -> Output {
     let script = format!("ulimit -f {blocks}; exec \"$0\" {arguments} {out}");
     let mut command = Command::new("sh");
-    command.args(["-c", &script, env!("CARGO_BIN_EXE_gaitway")]);
+    command.args(["-c", &script, crate::program::PATH]);
     command.stdin(Stdio::null()).output().expect("the command")
 }
 
 #[test]
 fn a_recording_that_may_not_grow_any_more_is_a_loss_and_ends_no_motion() {
-    let folder = folder("limit");
+    let folder = crate::program::folder("limit");
     for bus in ["sim", "sim:pty"] {
         let file = folder.join(format!("{}.mcap", bus.len()));
         let arguments = format!(
@@ -235,7 +230,7 @@ fn a_recording_that_may_not_grow_any_more_is_a_loss_and_ends_no_motion() {
 
 #[test]
 fn a_result_that_goes_into_a_file_that_may_not_grow_is_said_to_be_lost() {
-    let file = folder("limit-out").join("list.txt");
+    let file = crate::program::folder("limit-out").join("list.txt");
     let output = limited(1, "profile list", &format!("> {}", file.display()));
     assert_eq!(output.status.signal(), None);
     assert_eq!(output.status.code(), Some(1));
@@ -245,7 +240,7 @@ fn a_result_that_goes_into_a_file_that_may_not_grow_is_said_to_be_lost() {
 
 #[test]
 fn an_endless_table_ends_when_nobody_reads_it_any_more() {
-    let mut child = Command::new(env!("CARGO_BIN_EXE_gaitway"))
+    let mut child = crate::program::gaitway()
         .args(words("monitor op3 --bus sim:pty --rate 20"))
         .stdin(Stdio::null())
         .stdout(Stdio::piped())
@@ -270,7 +265,7 @@ fn a_terminal_that_goes_away_under_a_progress_bar_ends_nothing() {
     let name = ptsname(&terminal, Vec::new()).expect("its name");
     let flags = OFlags::RDWR | OFlags::NOCTTY;
     let other = rustix::fs::open(name, flags, Mode::empty()).expect("its other end");
-    let mut child = Command::new(env!("CARGO_BIN_EXE_gaitway"))
+    let mut child = crate::program::gaitway()
         .args(words("play bow --robot op3 --bus sim:pty --rate 50 --json"))
         .stdin(Stdio::null())
         .stdout(Stdio::piped())
@@ -310,7 +305,7 @@ fn assert_harmless(output: &Output, place: &str) -> String {
 
 #[test]
 fn no_text_from_a_file_is_a_command_to_the_terminal() {
-    let folder = folder("commands");
+    let folder = crate::program::folder("commands");
     let run = |arguments: &[&str]| {
         let arguments: Vec<String> = arguments.iter().map(|&word| word.to_owned()).collect();
         Streams::Whole.run(&arguments)

@@ -4,7 +4,7 @@
 use super::output::Untold;
 use super::{Deed, Output, Remarks};
 use crate::error::Error;
-use crate::job::doctor::{Person, findings, measured};
+use crate::job::doctor::{User, findings, measured};
 use crate::job::finding::Level;
 use crate::job::ports;
 use crate::port::inventory::Machine;
@@ -52,7 +52,7 @@ pub fn run(args: &DoctorArgs, _remarks: Remarks) -> Result<i32, Error> {
     args.output.check_files(&[])?;
     let machine = Machine::at(&args.root);
     let mut found = ports::survey(&machine);
-    found.findings.extend(findings(&machine, &Person::current(&machine)));
+    found.findings.extend(findings(&machine, &User::current(&machine)));
     if let Some(address) = &args.bus {
         found.findings.push(measured(address, args.robot.as_deref()));
     }

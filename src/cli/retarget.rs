@@ -3,7 +3,7 @@
 use super::source::MotionArgs;
 use super::{Deed, Output, Remarks};
 use crate::error::Error;
-use crate::job::retarget::{Kind, RetargetOrder, retarget};
+use crate::job::retarget::{RetargetOrder, TrajectoryFile, retarget};
 use clap::Args;
 use std::path::PathBuf;
 
@@ -34,7 +34,7 @@ pub struct RetargetArgs {
 /// # Errors
 /// As `play`, before it looks for a bus.
 pub fn run(args: &RetargetArgs, remarks: Remarks) -> Result<i32, Error> {
-    Kind::of(&args.output_file)?;
+    TrajectoryFile::of(&args.output_file)?;
     args.output.check_files(&[&Some(args.output_file.clone())])?;
     let report = retarget(&RetargetOrder {
         motion: args.motion.order(),

@@ -3,5 +3,5 @@
 mod host;
 mod round_trip;
 
-pub use host::{Person, findings};
+pub use host::{User, findings};
 pub use round_trip::measured;

@@ -42,7 +42,7 @@ pub struct RetargetOrder {
 /// # Errors
 /// As for a motion that is played, before a bus is looked for; a file that cannot be written.
 pub fn retarget(order: &RetargetOrder) -> Result<PlayReport, Error> {
-    let kind = Kind::of(&order.file)?;
+    let kind = TrajectoryFile::of(&order.file)?;
     let robot = Robot::load(&order.robot)?;
     let loaded = source::load(&order.motion, &robot)?;
     let start_rad: Vec<f64> = robot.joints.iter().map(|joint| joint.initial_rad).collect();
@@ -56,13 +56,13 @@ pub fn retarget(order: &RetargetOrder) -> Result<PlayReport, Error> {
     let rate_hz = order.rate_hz.unwrap_or(robot.file.rate_hz);
     let write = |bytes: &[u8]| draft::write_file(&order.file, order.replace, bytes);
     match kind {
-        Kind::Csv => write(&csv(&planned, rate_hz)?)?,
-        Kind::Bvh => {
+        TrajectoryFile::Csv => write(&csv(&planned, rate_hz)?)?,
+        TrajectoryFile::Bvh => {
             let model = robot_model(&robot)?;
             let poses: Vec<Vec<f64>> = rows(&planned, rate_hz).map(|(_, pose)| pose).collect();
             write(mocap::bvh::write(&bvh::of_robot(&model, &poses, rate_hz)).as_bytes())?;
         }
-        Kind::Mcap => record(order, &robot, &planned, rate_hz)?,
+        TrajectoryFile::Mcap => record(order, &robot, &planned, rate_hz)?,
     }
     let mut report = PlayReport::new(&loaded.name, &robot.name, Vec::new());
     report.outcome = Outcome::Done;
@@ -79,7 +79,7 @@ pub fn retarget(order: &RetargetOrder) -> Result<PlayReport, Error> {
 
 /// What is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum TrajectoryFile {
     /// A table.
     Csv,
     /// The robot's own joint tree in motion.
@@ -88,7 +88,7 @@ pub enum Kind {
     Mcap,
 }
 
-impl Kind {
+impl TrajectoryFile {
     /// What a name asks for.
     ///
     /// # Errors

@@ -48,7 +48,7 @@ fn in_folder(name: &str) -> String {
 }
 
 fn gaitway(arguments: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_gaitway"));
+    let mut command = crate::program::gaitway();
     command.args(arguments);
     command
 }

@@ -7,7 +7,7 @@ use crate::rustypot_wheel as wheel;
 use crate::scenario::{About, Record, Run, Scenario};
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader};
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Stdio};
 
 pub static BETWEEN_TWO: Scenario = Scenario::new(
     crate::dynamixel_sdk::NAME,
@@ -29,7 +29,7 @@ impl Drop for Simulator {
 fn between_two(python: &Python, _: &mut Record) -> Result<(), Lost> {
     let link = format!("{}/clients-op3", env!("CARGO_TARGET_TMPDIR"));
     let _ = std::fs::remove_file(&link);
-    let mut command = Command::new(env!("CARGO_BIN_EXE_gaitway"));
+    let mut command = crate::program::gaitway();
     command.args(["simulate", "op3", "--pty", &link]);
     let child = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn();
     let mut simulator = Simulator(child.expect("the simulator"));

@@ -2,18 +2,18 @@
 
 #![allow(dead_code, reason = "each test file uses a part")]
 
-#[path = "../aloud/mod.rs"]
-mod aloud;
-
-use aloud::aloud;
+#[path = "../captured/mod.rs"]
+mod captured;
 
 pub mod puppet;
+
+#[allow(unused_imports, reason = "each test file uses a part")]
+pub use captured::{bvh_files, capture_file, captures};
 
 use gaitway::body::Segment;
 use gaitway::mocap::retarget::{ModelJoint, RobotModel, SegmentLink};
 use glam::DVec3;
 use std::f64::consts::PI;
-use std::path::{Path, PathBuf};
 
 /// Servo speed and acceleration of ROBOTIS OP3 as used for the stretch factor.
 pub const OP3_VELOCITY_RAD_S: f64 = 4.796;
@@ -94,42 +94,6 @@ pub fn op3_initial_rad() -> Vec<f64> {
         -70.0, 70.0, 0.0, 0.0, 0.0, -10.0,
     ];
     degrees.iter().map(|angle: &f64| angle.to_radians()).collect()
-}
-
-/// The folder of captures, or a loud word that a test did nothing.
-pub fn captures() -> Option<PathBuf> {
-    let folder = std::env::var_os("GAITWAY_CAPTURES").map(PathBuf::from);
-    if folder.is_none() {
-        aloud!("SKIPPED: set GAITWAY_CAPTURES to a folder of BVH files to run this test");
-    }
-    folder
-}
-
-/// All BVH files under a folder, sorted.
-pub fn bvh_files(folder: &Path) -> Vec<PathBuf> {
-    let mut files = Vec::new();
-    let mut folders = vec![folder.to_owned()];
-    while let Some(folder) = folders.pop() {
-        for entry in std::fs::read_dir(&folder).into_iter().flatten().flatten() {
-            let path = entry.path();
-            if path.is_dir() {
-                folders.push(path);
-            } else if path.extension().is_some_and(|extension| extension == "bvh") {
-                files.push(path);
-            }
-        }
-    }
-    files.sort();
-    files
-}
-
-/// The one file of that name under the capture folder.
-pub fn capture_file(folder: &Path, name: &str) -> Option<PathBuf> {
-    let found = bvh_files(folder).into_iter().find(|path| path.ends_with(name));
-    if found.is_none() {
-        aloud!("SKIPPED: {name} is not under {}", folder.display());
-    }
-    found
 }
 
 /// How much slower a motion must be played: the larger of peak speed over the servo's and the root

@@ -82,12 +82,12 @@ impl Desk {
 
 /// Runs `gaitway` with arguments.
 pub fn run(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_gaitway")).args(arguments).output().expect("the command")
+    crate::program::gaitway().args(arguments).output().expect("the command")
 }
 
 /// Runs a line as it was printed for the user, quotes and all.
 pub fn run_line(line: &str) {
-    let folder = std::path::Path::new(env!("CARGO_BIN_EXE_gaitway")).parent().expect("a folder");
+    let folder = std::path::Path::new(crate::program::PATH).parent().expect("a folder");
     let path = std::env::var("PATH").unwrap_or_default();
     let done = Command::new("sh")
         .args(["-c", line])

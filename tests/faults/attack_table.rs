@@ -505,7 +505,7 @@ fn asked_while_arming() -> String {
 }
 
 fn gaitway(arguments: &str, errors: Stdio) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_gaitway"))
+    crate::program::gaitway()
         .args(arguments.split(' '))
         .stdin(Stdio::null())
         .stderr(errors)
@@ -572,7 +572,7 @@ fn huge_claim() -> String {
     let path = folder().join("claims.mcap");
     std::fs::write(&path, file).expect("a file");
     let output = Command::new("sh")
-        .args(["-c", "ulimit -v 1000000; exec \"$0\" info \"$1\"", env!("CARGO_BIN_EXE_gaitway")])
+        .args(["-c", "ulimit -v 1000000; exec \"$0\" info \"$1\"", crate::program::PATH])
         .arg(&path)
         .output()
         .expect("a shell");

@@ -9,7 +9,6 @@ use gaitway::motion::Setpoint;
 use gaitway::time::Instant;
 use serde_json::Value;
 use std::panic::resume_unwind;
-use std::process::Command;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 const WORDS: &str = "put in on purpose";
@@ -188,7 +187,7 @@ fn x28_a_panic_at_any_look_of_arming_leaves_a_limp_robot_limp() {
 
 /// The command itself, in virtual time, broken at one of the steps that are made for it.
 fn broken_command(step: &str, cycle: u64) -> Value {
-    let output = Command::new(env!("CARGO_BIN_EXE_gaitway"))
+    let output = crate::program::gaitway()
         .args(["play", "walk", "--robot", "op3", "--bus", "sim", "--json", "-q", "--to", "1.0"])
         .env("GAITWAY_PANIC", format!("{step}:{cycle}"))
         .env("RUST_BACKTRACE", "0")

@@ -82,7 +82,7 @@ fn w40_a_tcp_door_serves_one_and_sends_a_thousand_others_away() {
 
 #[test]
 fn w40_the_tcp_door_of_simulate_listens_to_this_machine_alone() {
-    let mut child = Command::new(env!("CARGO_BIN_EXE_gaitway"))
+    let mut child = crate::program::gaitway()
         .args(["simulate", "so101", "--tcp", "0"])
         .stdout(Stdio::piped())
         .stderr(Stdio::null())
@@ -115,7 +115,7 @@ fn w40_a_udp_port_takes_garbage_and_a_crowd_and_goes_on() {
     let _ = std::fs::remove_dir_all(&folder);
     std::fs::create_dir_all(&folder).expect("a folder");
     let file = folder.join("take.mcap");
-    let mut child = Command::new(env!("CARGO_BIN_EXE_gaitway"))
+    let mut child = crate::program::gaitway()
         .args(["record", &format!("imu:slimevr@udp:{}", server.port()), "--json", "-o"])
         .arg(&file)
         .stdout(Stdio::piped())

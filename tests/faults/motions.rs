@@ -193,7 +193,7 @@ fn f38_an_output_never_goes_through_a_link_without_being_forced() {
                 std::fs::write(&target, "precious").expect("a file");
             }
             symlink(&target, &link).expect("a link");
-            let output = std::process::Command::new(env!("CARGO_BIN_EXE_gaitway"))
+            let output = crate::program::gaitway()
                 .args(["retarget", "walk", "--robot", "op3", "-q", "-o"])
                 .arg(&link)
                 .output()

@@ -264,7 +264,7 @@ fn command(
     };
     let mut command = Command::new("sh");
     let script = format!("exec \"$0\" \"$@\" {closed}");
-    command.args(["-c", &script, env!("CARGO_BIN_EXE_gaitway")]);
+    command.args(["-c", &script, crate::program::PATH]);
     command.args(arguments(job, robot, port, folder));
     command.stdin(if job == Job::Calibrate { Stdio::piped() } else { Stdio::null() });
     command.stdout(Stdio::piped()).stderr(Stdio::piped());

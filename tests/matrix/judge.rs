@@ -4,7 +4,6 @@ use crate::bench::{Fault, Job, Phase, Ran, Robot};
 use gaitway::calibration::Calibration;
 use gaitway_sim::Rule;
 use serde_json::Value;
-use std::process::Command;
 use std::time::Duration;
 
 /// How far a joint may run when its host is dead, rad: the bound on tracking.
@@ -247,7 +246,7 @@ fn recording_fault(ran: &Ran, fault: Fault) -> Option<String> {
     if !file.exists() {
         return None;
     }
-    let output = Command::new(env!("CARGO_BIN_EXE_gaitway")).arg("info").arg(&file).output();
+    let output = crate::program::gaitway().arg("info").arg(&file).output();
     let output = output.expect("the command");
     // Of a file that was not allowed to begin there is nothing to be read.
     let is_empty = std::fs::metadata(&file).map_or(0, |file| file.len()) == 0;

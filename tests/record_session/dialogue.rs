@@ -5,7 +5,7 @@ use rustix::fd::OwnedFd;
 use rustix::fs::{Mode, OFlags};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Stdio};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
@@ -32,7 +32,7 @@ impl<'a> Dialogue<'a> {
             rustix::fs::open(path.as_c_str(), flags, Mode::empty()).expect("its end").into()
         };
         person.is_listened_to();
-        let child = Command::new(env!("CARGO_BIN_EXE_gaitway"))
+        let child = crate::program::gaitway()
             .current_dir(folder)
             .arg("record")
             .args(arguments)

@@ -15,7 +15,7 @@ const LOCKED_BYTES: u64 = 64 * 1024 * 1024;
 
 /// Whoever runs this process, as far as `doctor` cares.
 #[derive(Clone, Debug)]
-pub struct Person {
+pub struct User {
     /// Name in `/etc/passwd`.
     pub name: String,
     /// User number.
@@ -28,7 +28,7 @@ pub struct Person {
     pub memlock_bytes: Option<u64>,
 }
 
-impl Person {
+impl User {
     /// Who runs this process on `machine`.
     #[must_use]
     pub fn current(machine: &Machine) -> Self {
@@ -53,13 +53,13 @@ impl Person {
 
 /// Everything that can be said without a robot.
 #[must_use]
-pub fn findings(machine: &Machine, person: &Person) -> Vec<Finding> {
+pub fn findings(machine: &Machine, user: &User) -> Vec<Finding> {
     let rules = rules(machine);
     let installed = rules.remedy.is_none();
-    let mut findings = vec![rules, group(machine, person)];
+    let mut findings = vec![rules, group(machine, user)];
     findings.extend(modem_manager(machine, installed));
     findings.extend(brltty(machine));
-    findings.extend([real_time(person), locked_memory(person)]);
+    findings.extend([real_time(user), locked_memory(user)]);
     findings.extend(governor(machine));
     findings.push(can(machine));
     findings
@@ -94,9 +94,9 @@ fn rules(machine: &Machine) -> Finding {
 }
 
 /// Membership of the group that serial ports belong to.
-fn group(machine: &Machine, person: &Person) -> Finding {
+fn group(machine: &Machine, user: &User) -> Finding {
     let about = "group dialout";
-    if person.uid == 0 {
+    if user.uid == 0 {
         return Finding::advice(
             about,
             "you are root, who may do everything",
@@ -106,23 +106,23 @@ fn group(machine: &Machine, person: &Person) -> Finding {
     let Some(group) = machine.groups().into_iter().find(|group| group.name == "dialout") else {
         return Finding::ok(about, "this system has no such group; the udev rules give access");
     };
-    if person.gids.contains(&group.gid) {
-        return Finding::ok(about, format!("{} is a member", person.name));
+    if user.gids.contains(&group.gid) {
+        return Finding::ok(about, format!("{} is a member", user.name));
     }
-    if group.members.contains(&person.name) {
+    if group.members.contains(&user.name) {
         return Finding::advice(
             about,
-            format!("{} was added, but this session does not know it yet", person.name),
+            format!("{} was added, but this session does not know it yet", user.name),
             "log out and in again",
         );
     }
     Finding::advice(
         about,
-        format!("{} is not a member", person.name),
+        format!("{} is not a member", user.name),
         format!(
             "only needed over SSH or without the udev rules: \
                  sudo usermod -aG dialout {}, then log in again",
-            person.name
+            user.name
         ),
     )
 }
@@ -159,10 +159,10 @@ fn brltty(machine: &Machine) -> Option<Finding> {
     ))
 }
 
-fn real_time(person: &Person) -> Finding {
+fn real_time(user: &User) -> Finding {
     let about = "real-time rights";
-    match person.rtprio {
-        _ if person.uid == 0 => Finding::ok(about, "yes, as root"),
+    match user.rtprio {
+        _ if user.uid == 0 => Finding::ok(about, "yes, as root"),
         None => Finding::ok(about, "yes, any priority"),
         Some(priority) if priority > 0 => Finding::ok(about, format!("up to priority {priority}")),
         Some(_) => Finding::advice(
@@ -171,16 +171,16 @@ fn real_time(person: &Person) -> Finding {
             format!(
                 "echo '{} - rtprio 60' | sudo tee /etc/security/limits.d/60-gaitway.conf\n\
                      log in again, then: chrt -f 50 gaitway play ...",
-                person.name
+                user.name
             ),
         ),
     }
 }
 
-fn locked_memory(person: &Person) -> Finding {
+fn locked_memory(user: &User) -> Finding {
     let about = "locked memory";
-    match person.memlock_bytes {
-        _ if person.uid == 0 => Finding::ok(about, "no limit, as root"),
+    match user.memlock_bytes {
+        _ if user.uid == 0 => Finding::ok(about, "no limit, as root"),
         None => Finding::ok(about, "no limit"),
         Some(bytes) if bytes >= LOCKED_BYTES => {
             Finding::ok(about, format!("up to {} MiB", bytes >> 20))
@@ -190,7 +190,7 @@ fn locked_memory(person: &Person) -> Finding {
             format!("up to {} KiB; only matters on a machine that swaps", bytes >> 10),
             format!(
                 "echo '{} - memlock {}' | sudo tee -a /etc/security/limits.d/60-gaitway.conf",
-                person.name,
+                user.name,
                 LOCKED_BYTES >> 10
             ),
         ),
