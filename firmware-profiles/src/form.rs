@@ -102,7 +102,7 @@ fn mend<T: DeserializeOwned>(table: &mut Table, fault: &Fault) -> Option<Option<
     let (last, above) = fault.path.split_last()?;
     if fault.kind == FaultKind::Unknown {
         let Step::Key(key) = last else { return None };
-        return inside(table, above)?.as_table_mut()?.remove(key).map(|_| None);
+        return inside(table, above)?.table()?.remove(key).map(|_| None);
     }
     for value in made_up_values(&fault.message) {
         let mut mended = table.clone();
@@ -116,7 +116,7 @@ fn mend<T: DeserializeOwned>(table: &mut Table, fault: &Fault) -> Option<Option<
     // A whole entry of a list that cannot be mended is left out.
     let at = fault.path.iter().rposition(|step| matches!(step, Step::Index(_)))?;
     let Step::Index(index) = fault.path[at] else { return None };
-    let list = inside(table, &fault.path[..at])?.as_array_mut()?;
+    let list = inside(table, &fault.path[..at])?.array()?;
     (index < list.len()).then(|| drop(list.remove(index)))?;
     Some(None)
 }
@@ -161,14 +161,14 @@ enum Entry<'a> {
 }
 
 impl<'a> Entry<'a> {
-    fn as_table_mut(self) -> Option<&'a mut Table> {
+    fn table(self) -> Option<&'a mut Table> {
         match self {
             Self::Top(table) => Some(table),
             Self::In(value) => value.as_table_mut(),
         }
     }
 
-    fn as_array_mut(self) -> Option<&'a mut Vec<Value>> {
+    fn array(self) -> Option<&'a mut Vec<Value>> {
         match self {
             Self::Top(_) => None,
             Self::In(value) => value.as_array_mut(),
@@ -178,8 +178,8 @@ impl<'a> Entry<'a> {
 
 fn put(table: &mut Table, above: &[Step], last: &Step, value: Value) -> Option<()> {
     match (inside(table, above)?, last) {
-        (of, Step::Key(key)) => drop(of.as_table_mut()?.insert(key.clone(), value)),
-        (of, Step::Index(index)) => *of.as_array_mut()?.get_mut(*index)? = value,
+        (of, Step::Key(key)) => drop(of.table()?.insert(key.clone(), value)),
+        (of, Step::Index(index)) => *of.array()?.get_mut(*index)? = value,
     }
     Some(())
 }

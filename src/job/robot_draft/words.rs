@@ -7,19 +7,22 @@ use std::fmt::Write;
 /// Steps of the angles in a draft, rad: finer than any encoder.
 const STEP_RAD: f64 = 1e-4;
 
+/// What a person is to do with it.
+const HEAD: &str = "\
+# A draft, made of what answered on the line. Before it is moved:
+# 1. Give each joint its name, and find with `gaitway servo move` which way it turns:
+#    direction = -1 turns it round.
+# 2. Narrow lower_rad and upper_rad to what the body can do without hitting itself;
+#    `gaitway calibrate` finds zero and range by hand.
+# 3. Say how fast it may be: velocity_rad_s and acceleration_rad_s2 are chosen here.
+# 4. `gaitway profile check` this file, and `gaitway play ... --bus sim` with it first.
+# To follow a body (captures, actions, live mirroring) each joint needs origin_m and axis,
+# and the robot [anatomy]: see a shipped one with `gaitway profile show op3 --json`.
+";
+
 /// The whole file.
 pub(super) fn text(draft: &RobotDraft, lines: &[(String, DraftLine)]) -> String {
-    let mut out = format!(
-        "# A draft, made of what answered on the line. Before it is moved:\n\
-         # 1. Give each joint its name, and find with `gaitway servo move` which way it turns:\n\
-         #    direction = -1 turns it round.\n\
-         # 2. Narrow lower_rad and upper_rad to what the body can do without hitting itself;\n\
-         #    `gaitway calibrate` finds zero and range by hand.\n\
-         # 3. Say how fast it may be: velocity_rad_s and acceleration_rad_s2 are chosen here.\n\
-         # 4. `gaitway profile check` this file, and `gaitway play ... --bus sim` with it first.\n\
-         # To follow a body (captures, actions, live mirroring) each joint needs origin_m and axis,\n\
-         # and the robot [anatomy]: see a shipped one with `gaitway profile show op3 --json`.\n"
-    );
+    let mut out = HEAD.to_owned();
     for note in &draft.notes {
         // Nothing a device says may begin a line of its own.
         let _ = writeln!(out, "# NOTE {}", note.replace(['\n', '\r'], " "));
@@ -50,9 +53,12 @@ pub(super) fn text(draft: &RobotDraft, lines: &[(String, DraftLine)]) -> String 
     out
 }
 
+/// A servo profile, firmware, and registers with their raw values.
+type Setup<'a> = (&'a str, u16, Vec<(&'a String, &'a i64)>);
+
 /// Servos that are set up alike stand together.
 fn setups(out: &mut String, joints: &[DraftJoint]) {
-    let mut alike: BTreeMap<(&str, u16, Vec<(&String, &i64)>), Vec<&str>> = BTreeMap::new();
+    let mut alike: BTreeMap<Setup<'_>, Vec<&str>> = BTreeMap::new();
     for joint in joints {
         if let Some((firmware, registers)) = &joint.setup {
             let key = (joint.servo.as_str(), *firmware, registers.iter().collect());
