@@ -30,6 +30,19 @@ fn the_sources_are_formatted() {
     );
 }
 
+#[test]
+fn the_documentation_is_made_without_a_warning() {
+    // In a folder of its own: whoever runs the tests holds the usual one.
+    let made = Command::new("cargo")
+        .args(["doc", "--workspace", "--no-deps", "--quiet", "--target-dir"])
+        .arg(Path::new(env!("CARGO_TARGET_TMPDIR")).join("doc"))
+        .env("RUSTDOCFLAGS", "-D warnings")
+        .current_dir(root())
+        .output()
+        .expect("cargo");
+    assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+}
+
 fn text_files(folder: &Path, found: &mut Vec<std::path::PathBuf>) {
     for entry in std::fs::read_dir(folder).expect("a readable folder") {
         let path = entry.expect("a readable entry").path();

@@ -4,7 +4,7 @@
 //! on without it: whoever frees the joint would set it loose over the whole way, at full speed, with
 //! no host. So every goal stays within the tracking bound of where its joint was last read.
 //!
-//! A goal that comes close to the bound brakes at [`BRAKE_SHARE`] of the joint's acceleration limit,
+//! A goal that comes close to the bound brakes at `BRAKE_SHARE` of the joint's acceleration limit,
 //! early enough to come to rest on the bound, and takes up the motion again at the limit itself when
 //! the joint follows. Whether the joint moves along is told by its readings: a joint that follows,
 //! however late, is not slowed by this. One that is stopped dead at a speed from which its goal

@@ -211,7 +211,7 @@ impl Sensors {
         self.listens = false;
     }
 
-    /// What was said from one moment to another, by place: [`LISTENED_HZ`] samples per second, all
+    /// What was said from one moment to another, by place: `LISTENED_HZ` samples per second, all
     /// sensors at the same moments. Empty for one that said nothing.
     #[must_use]
     pub fn listened(&self, from: Instant, to: Instant) -> Vec<Vec<DQuat>> {

@@ -32,7 +32,7 @@ pub struct Measured {
 pub enum Scale {
     /// A servo's, by its table.
     Servo(Model, &'static Register),
-    /// A CAN actuator tells angles; counts are steps of [`ACTUATOR_STEP_RAD`] from its zero, up to
+    /// A CAN actuator tells angles; counts are steps of `ACTUATOR_STEP_RAD` from its zero, up to
     /// this many.
     Actuator(i64),
 }

@@ -42,7 +42,7 @@ impl Link {
     /// Bits of a setting of the actuator of `joint`.
     ///
     /// # Errors
-    /// [`LinkError`]; [`AskError::Unsayable`] for a servo, and if the dialect has no such setting.
+    /// [`LinkError`]; [`crate::bus::AskError::Unsayable`] for a servo, and if the dialect has no such setting.
     pub fn read_setting(
         &mut self,
         joint: usize,
