@@ -46,9 +46,9 @@ pub struct Cli {
     /// No progress and no remarks, only results and errors
     #[arg(short, long, global = true)]
     quiet: bool,
-    /// Folder with profiles of your own (servos, actuators, sensors, robots), found by name; as often
-    /// as there are folders [known without: ~/.config/gaitway/profiles, and what lies beside a robot
-    /// file]
+    /// Folder with profiles of your own (servos, actuators, sensors, adapters, robots), found by name;
+    /// may be given several times [always searched: ~/.config/gaitway/profiles, and the folder of the
+    /// robot file]
     #[arg(long, global = true, value_name = "DIR")]
     profiles: Vec<std::path::PathBuf>,
     #[command(subcommand)]
@@ -60,7 +60,7 @@ Plays human motion on small humanoid robots, safely, and on a virtual robot when
 
 A motion capture (BVH) or an action is read, transferred to the robot's joints, slowed until the robot can do \
 it, checked, and streamed to the servos with feedback. Nothing moves before every servo's \
-identity, configuration and start pose are proven; every motion starts and ends at rest.
+identity, configuration and start pose are checked; every motion starts and ends at rest.
 
 Start here:
   gaitway play walk --robot op3 --bus sim  no robot needed
@@ -68,20 +68,19 @@ Start here:
   gaitway doctor                           is this machine ready for a real one?
   gaitway scan serial:/dev/ttyUSB0 --baud all
 
-Exit codes: 0 done, 1 refused or failed, 2 usage, 3 done but something was not recorded or the result \
-could not be told, 4 stopped, 128 + n after signal n.";
+Exit codes: 0 done, 1 refused or failed, 2 wrong usage, 3 done but something could not be recorded or reported, 4 stopped, 128 + n after signal n.";
 
 #[derive(Debug, Subcommand)]
 enum Command {
     /// Play a motion on a robot, real or virtual
     Play(Box<play::PlayArgs>),
-    /// Let a robot do now what a body does
+    /// Mirror a person on a robot, in real time
     Live(Box<live::LiveArgs>),
     /// Transfer a motion to a robot's joints and write the trajectory
     Retarget(Box<retarget::RetargetArgs>),
     /// Make a motion of actionlets and write it to a file
     Synth(Box<synth::SynthArgs>),
-    /// Take a captured motion apart into actionlets
+    /// Break a captured motion down into actionlets
     Actionlets(Box<actionlets::ActionletsArgs>),
     /// Switch torque on where the robot stands: it holds
     Hold(hold::HoldArgs),
@@ -95,21 +94,21 @@ enum Command {
     Convert(convert::ConvertArgs),
     /// Look into a recording, finished or not
     Info(recordings::InfoArgs),
-    /// Save what can be saved of a recording that was never closed
+    /// Rescue a recording that was never closed
     Recover(recordings::RecoverArgs),
     /// Look at servo and robot profiles
     Profile(profile::ProfileArgs),
-    /// A file for a robot of your own
+    /// Write a file for a robot of your own
     Robot(robot::RobotArgs),
-    /// Where a robot could be plugged in: serial ports and CAN interfaces
+    /// List serial ports and CAN interfaces
     Ports(ports::PortsArgs),
-    /// What on this machine stands in a robot's way, and what to do about it
+    /// Check this machine for a real robot: what is wrong, and how to fix it
     Doctor(doctor::DoctorArgs),
     /// Find each joint's zero, direction and range by hand
     Calibrate(calibrate::CalibrateArgs),
-    /// How every joint is, again and again: goal, position, load, heat, supply, errors
+    /// Watch every joint: goal, position, load, temperature, supply, errors
     Monitor(monitor::MonitorArgs),
-    /// Every device that answers on a line
+    /// Find every device that answers on a line
     Scan(scan::ScanArgs),
     /// One servo: its registers, its ID, its line speed, one movement
     Servo(Box<servo::ServoArgs>),

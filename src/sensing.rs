@@ -16,7 +16,7 @@ mod source;
 mod wear;
 
 pub use event::{SensingEvent, Tell};
-pub use guide::{Ended, Guide, Guided, Plan};
+pub use guide::{Ended, Guide, Guided, Plan, wall_clock};
 pub use hub::{Hub, Still};
 pub use intake::{Intake, Said, SourceReport, StopAtEnd};
 pub use person::{Answer, Cue, Person, Question, Unseen, Until};

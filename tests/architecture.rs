@@ -65,7 +65,7 @@ const ROOMS: &[Room] = &[
         "files wall-clock",
     ),
     room("table", "error", ""),
-    room("time", "", "wall-clock"),
+    room("time", "", ""),
     room("toml_text", "error", "profiles"),
     room("units", "", ""),
     room("wire", "", ""),

@@ -134,7 +134,7 @@ fn reports_of_all_kinds_name_the_robots_own_file_and_those_of_its_servos() {
     let moved = folder.join("mine/my-servo.toml").canonicalize().expect("it is there");
     for words in [
         &["scan", "sim", "--robot", "my-arm.toml"][..],
-        &["servo", "info", "sim", "1", "--robot", "my-arm.toml", "--servo", "my-servo"],
+        &["servo", "info", "sim", "1", "--robot", "my-arm.toml"],
     ] {
         let report = json(&gaitway(&folder, &[words, &beside].concat()));
         let own = files(&report);

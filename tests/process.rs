@@ -185,7 +185,7 @@ fn an_interrupt_slows_the_motion_down_and_holds() {
         assert_eq!(output.status.code(), Some(number), "{name}");
         assert!(recorded_s(&recording) > 0.2);
         assert_eq!(report["outcome"], "stopped", "{report:#}");
-        assert_eq!(report["stop_reason"], "stopped by the operator");
+        assert_eq!(report["stop_reason"], "stopped as asked");
         assert_eq!(violations(&report), [""; 0], "{name}");
     }
 }

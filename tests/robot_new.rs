@@ -247,3 +247,16 @@ fn a_line_on_which_nobody_answers_makes_no_file() {
         assert!(words(&made).contains("cannot be the file of a robot"), "{}", words(&made));
     }
 }
+
+#[test]
+fn the_least_robot_of_the_examples_swings_and_its_servo_is_the_one_it_names() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/two-joints");
+    let play = ["play", "swing.csv", "--robot", "two-joints.toml", "--bus", "sim", "--json"];
+    let played = json(&gaitway(&folder, &play));
+    assert_eq!(played["outcome"], "done", "{played:#}");
+    assert_eq!(played["referee"]["violations"], Value::Array(Vec::new()));
+    // It has the model number of the servo it extends; the robot file says which of the two it is.
+    let info = ["servo", "info", "sim", "2", "--robot", "two-joints.toml"];
+    let said = words(&gaitway(&folder, &info));
+    assert!(said.contains("MY-430") && said.contains("my-servo.toml"), "{said}");
+}

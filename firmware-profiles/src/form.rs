@@ -33,8 +33,10 @@ pub(crate) fn faults<T: DeserializeOwned>(file: &str, text: &str) -> Result<(), 
     }
     found.sort_by_key(|(line, _)| *line);
     let mut faults = Faults::default();
-    for (_, fault) in found {
-        faults.note(Err(fault));
+    let last = found.len().saturating_sub(1);
+    for (index, (_, fault)) in found.into_iter().enumerate() {
+        let then = "correct this and check again: values are looked at once the form is right";
+        faults.note(Err(if index == last { fault.remedy(then) } else { fault }));
     }
     faults.verdict()
 }

@@ -38,11 +38,11 @@ fuzz_target!(|input: &[u8]| {
     let _ = phrase::parse(text);
     let _ = MappingFile::parse(text);
     if let Ok(calibration) = Calibration::parse(text) {
-        let again = Calibration::parse(&calibration.text()).expect("its own text");
+        let again = Calibration::parse(&calibration.text().expect("a text")).expect("its own text");
         assert_eq!(again, calibration);
     }
     if let Ok(kept) = Kept::parse(text) {
-        let again = Kept::parse(&kept.text()).expect("its own text");
+        let again = Kept::parse(&kept.text().expect("a text")).expect("its own text");
         assert_eq!(again.sensors, kept.sensors);
         assert_eq!(again.calibration.mounts.len(), kept.calibration.mounts.len());
     }

@@ -14,7 +14,7 @@ use std::path::Path;
 /// Arguments of `hold`.
 #[derive(Debug, Args)]
 #[command(after_help = "Example: gaitway hold op3 --bus serial:/dev/ttyUSB0\n\
-    gaitway limp lets go again.")]
+    `gaitway limp` lets go again.")]
 pub struct HoldArgs {
     /// Robot by name or path of its file
     robot: String,

@@ -42,10 +42,10 @@ Examples:
     right_forearm=imu:bno08x-rvc@/dev/ttyUSB1 --robot op3 --bus serial:/dev/ttyUSB2
   gaitway live --wear /tmp/body/wear.toml --dry-run     # joint angles, no robot")]
 pub struct LiveArgs {
-    /// Whom to follow
+    /// What to follow: sensors, a recording or a motion (see below)
     #[arg(long, value_name = "SOURCE", num_args = 1.., required_unless_present = "wear")]
     from: Vec<String>,
-    /// Which segment wears which sensor: SEGMENT=SENSOR, or a file of those
+    /// Which segment wears which sensor: SEGMENT=SENSOR, or a file that lists them
     #[arg(long, value_name = "SEGMENT=SENSOR|FILE.toml", num_args = 1..)]
     wear: Vec<String>,
     /// Robot by name, or path of its file (see `gaitway profile list`)
@@ -60,8 +60,8 @@ pub struct LiveArgs {
     /// Follow for this time, then come to rest
     #[arg(long = "for", value_name = "TIME", value_parser = follow_time, allow_negative_numbers = true)]
     time: Option<Duration>,
-    /// Calibration of the body: taken up if the file is there (N pose finds the headings), else
-    /// made and kept there
+    /// Calibration of the body: used if the file exists (N pose then finds the headings), otherwise
+    /// made and saved there
     #[arg(long, value_name = "FILE.toml")]
     calibration_body: Option<PathBuf>,
     /// Make the calibration of the body anew, and replace the file
@@ -76,10 +76,10 @@ pub struct LiveArgs {
     /// Do not ask for T pose
     #[arg(long)]
     no_t_pose: bool,
-    /// Movements that tell headings better than straps do
+    /// Movements that find headings more precisely than poses alone
     #[arg(long, value_name = "MOVES", value_delimiter = ',')]
     moves: Vec<MoveArg>,
-    /// Tell headings from the magnetic field where there is one (indoors rather not)
+    /// Take headings from the magnetic field (not recommended indoors)
     #[arg(long)]
     magnetometer: bool,
     /// Record goals, measured states and the samples of all sensors to this file

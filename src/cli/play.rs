@@ -45,7 +45,7 @@ pub struct PlayArgs {
     /// Play on servos whose firmware the profile was not checked against
     #[arg(long)]
     accept_firmware: bool,
-    /// Lower the servos' return delay (EEPROM) if the rate needs it; how to undo it is said
+    /// Lower the servos' return delay (EEPROM) if the rate needs it; you are told how to undo it
     #[arg(long)]
     permit_eeprom: bool,
     /// Check everything, write nothing

@@ -34,10 +34,10 @@ SOURCE is [NAME=]KIND@BUS:
   lines@/dev/ttyACM0?baud=115200     lines of text, kept as they are
   servos:ROBOT@serial:/dev/ttyUSB1   joint angles of a robot, read only
 
-While it records, Enter marks the moment, and words and Enter note something there.
+While it records, Enter sets a mark; text and Enter set a mark with a note.
 
 --session leads through a whole session: metadata, calibration of sensors and subjects, trials. Each
-sensor is then named like the segment that wears it. The same command goes on where it was left.
+sensor is then named like the segment that wears it. The same command resumes an interrupted session.
 
 Examples:
   gaitway record left=imu:bno08x-rvc@/dev/ttyUSB0 -o wave.mcap --for 10s --name wave
@@ -50,13 +50,13 @@ pub struct RecordArgs {
     /// The recording
     #[arg(short, long, value_name = "FILE.mcap", required_unless_present = "session")]
     out: Option<PathBuf>,
-    /// Lead through a recording session in this folder, or go on with one
+    /// Lead through a recording session in this folder, or resume one
     #[arg(long, value_name = "DIR", conflicts_with_all = ["out", "time", "name", "limp", "force"])]
     session: Option<PathBuf>,
     /// Which segment wears which SlimeVR tracker, in a session: left_thigh=tracker-00aa01-0
     #[arg(long, value_name = "SEGMENT=TRACKER", conflicts_with = "out")]
     wear: Vec<String>,
-    /// What the session is to record (see docs/capture.md); without it actions are asked for
+    /// What the session should record (see docs/capture.md); without it, you are asked
     #[arg(long, value_name = "FILE.toml", conflicts_with = "out")]
     plan: Option<PathBuf>,
     /// How long, e.g. 10s or 2.5s; without it until Ctrl-C
@@ -65,7 +65,7 @@ pub struct RecordArgs {
     /// Name of the trial, kept in the recording
     #[arg(long, value_name = "TRIAL", default_value = "", hide_default_value = true)]
     name: String,
-    /// Tell headings from the magnetic field where there is one (indoors rather not)
+    /// Take headings from the magnetic field (not recommended indoors)
     #[arg(long)]
     magnetometer: bool,
     /// Readings of servos per second

@@ -38,8 +38,8 @@ Examples:
   gaitway robot new --from left=serial:/dev/ttyUSB0 --from right=serial:/dev/ttyUSB1 -o twins.toml
   gaitway robot new --from can:can0 -o legs.toml")]
 pub struct NewArgs {
-    /// Where a line is: serial:PATH[?baud=N], tcp:HOST:PORT, can:INTERFACE; NAME=BUS gives it a name; as
-    /// often as there are lines
+    /// Where a line is: serial:PATH[?baud=N], tcp:HOST:PORT, can:INTERFACE; NAME=BUS gives it a name;
+    /// once for each line
     #[arg(long, value_name = "BUS", required = true)]
     from: Vec<Address>,
     /// File to write; its name without .toml is the robot's
@@ -131,7 +131,7 @@ fn text(draft: &RobotDraft, file: &Path) -> String {
     }
     let _ = writeln!(
         out,
-        "written   {0}\nnext      read its first lines, give the joints names, then: gaitway profile check {0}",
+        "written   {0}\nnext      read its first lines and name the joints, then: gaitway profile check {0}",
         file.display()
     );
     out

@@ -43,7 +43,7 @@ pub struct SimulateArgs {
     /// Make this link to the pseudo-terminal (for several lines: LINK-NAME)
     #[arg(long, value_name = "LINK")]
     pty: Option<PathBuf>,
-    /// Listen at this TCP port of the loopback interface instead (for several lines: PORT, PORT+1,
+    /// Listen on this TCP port of the loopback interface instead (for several lines: PORT, PORT+1,
     /// ...; 0: the system chooses)
     #[arg(long, value_name = "PORT", conflicts_with = "pty")]
     tcp: Option<u16>,
@@ -54,20 +54,20 @@ pub struct SimulateArgs {
     /// Seed of everything random [default: that of the script, or 0]
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
-    /// Let the faults of this script happen, and the servos behave as it says where the manuals
-    /// leave that open; its keys are in sim/README.md
+    /// Inject the faults of this script, which also sets behaviour that the manuals leave open; its keys
+    /// are in sim/README.md
     #[arg(long, value_name = "FILE.toml")]
     faults: Option<PathBuf>,
     /// Put the lines behind this USB adapter (see `gaitway profile list`)
     #[arg(long, value_name = "NAME")]
     adapter: Option<String>,
-    /// Let bytes take no time on the line
+    /// Bytes take no time on the line
     #[arg(long)]
     no_line_timing: bool,
-    /// Let clients write EEPROM registers without being reported
+    /// Do not report clients that write EEPROM registers
     #[arg(long)]
     permit_eeprom: bool,
-    /// Do not say at the end what the referee saw
+    /// Do not report at the end what the referee saw
     #[arg(long)]
     no_referee: bool,
 }

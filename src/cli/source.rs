@@ -10,7 +10,8 @@ use std::path::PathBuf;
 pub struct MotionArgs {
     /// A capture (.bvh), an action that ships with gaitway (walk), an action file (.toml), several
     /// actions (walk:6s,wave-r,bow), or a motion of the robot's own joints: a recording (.mcap),
-    /// such as one guided by hand, or a table (.csv: time_s, JOINT_rad)
+    /// such as one guided by hand, or a table (.csv: time_s, then JOINT_rad for each joint that
+    /// moves; rows at most 0.5 s apart)
     motion: String,
     /// Robot by name, or path of its file (see `gaitway profile list`)
     #[arg(long)]

@@ -24,8 +24,8 @@ pub struct SynthArgs {
     /// Poses per second
     #[arg(long, value_name = "HZ", default_value_t = 120.0, allow_negative_numbers = true)]
     rate: f64,
-    /// Make so many variations; OUT is then a .parquet file, or a folder, which is taken up again
-    /// where it was left
+    /// Make this many variations; OUT is then a .parquet file, or a folder; an interrupted run is
+    /// resumed
     #[arg(long, value_name = "N", group = "varied", value_parser = clap::value_parser!(u32)
           .range(1..=i64::from(bulk::MAX_VARIATIONS)))]
     variations: Option<u32>,
@@ -36,11 +36,11 @@ pub struct SynthArgs {
     /// Seed of the variations
     #[arg(long, default_value_t = 0, requires = "varied")]
     seed: u64,
-    /// Folder of action files whose velocity functions variations may take as well
+    /// Folder of action files whose velocity functions variations may use as well
     #[arg(long, value_name = "FOLDER", requires = "varied")]
     database: Vec<PathBuf>,
-    /// Change a figure: duration_s, rounds, pace, peak, stature_m, blend_s; of variations
-    /// vary_angle, vary_time, vary_peak, vary_duration, vary_exchange
+    /// Change a value: duration_s, rounds, pace, peak, stature_m, blend_s; for variations vary_angle,
+    /// vary_time, vary_peak, vary_duration, vary_exchange
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
     /// File to write: .csv (time_s, the 22 angles, rad, and the root, m), .bvh, .x3d (an H-Anim

@@ -124,7 +124,7 @@ pub enum StopReason {
 impl fmt::Display for StopReason {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Asked => f.write_str("stopped by the operator"),
+            Self::Asked => f.write_str("stopped as asked"),
             Self::Silent { joint, cycles, miss } => {
                 write!(f, "joint {joint} gave no feedback for {cycles} cycles: {miss}")
             }

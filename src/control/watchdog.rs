@@ -160,7 +160,7 @@ impl Released {
         if !self.off.is_empty() {
             let count = self.off.len();
             notes.push(format!(
-                "{count} servos would have stopped by themselves {millis} ms after the host's last \
+                "{count} servo(s) would have stopped by themselves {millis} ms after the host's last \
                  word; now that nothing moves, that watch is off again"
             ));
         }

@@ -15,8 +15,12 @@ pub enum Event<'a> {
     Note(&'a str),
     /// A way of that many seconds was planned and checked; torque comes next.
     Planned {
-        /// From the first goal to the last, s.
+        /// From the first goal to the last, approach and motion, s.
         duration_s: f64,
+        /// Of these the way to the motion's first pose, s.
+        approach_s: f64,
+        /// How much slower the motion is than it was asked for; 1 = as asked.
+        retime_factor: f64,
     },
     /// The robot follows from now on, until it is told to stop or there is nothing more to follow.
     Following,
@@ -47,21 +51,22 @@ pub enum Event<'a> {
     Sensing(SensingEvent<'a>),
 }
 
-/// Hears what happens during a job. Nothing of it is called by the loop that moves joints.
+/// Hears what happens during a job. Of it the loop that moves joints calls only
+/// [`Observer::wants_to_stop`].
 pub trait Observer: Sync {
     /// Something happened.
     fn hear(&self, event: Event<'_>) {
         let _ = event;
     }
 
-    /// True once the job is to end. What moves is led to rest, and torque stays on. Looked at in
-    /// every cycle, so it must not wait.
+    /// True once the job is to end. What moves is led to rest, and torque stays on. Asked in every
+    /// cycle, and before the first one at each step of checking and arming, so it must not wait.
     fn wants_to_stop(&self) -> bool {
         false
     }
 
-    /// Called on the thread that asked for the job while joints move; returns once
-    /// [`Progress::is_over`].
+    /// Called once on the thread that asked for the job while joints move. It must return when
+    /// [`Progress::is_over`] says so, and sleep between its looks. Virtual time does not wait for it.
     fn watch(&self, progress: &Progress<'_>) {
         let _ = progress;
     }
@@ -81,13 +86,13 @@ pub struct Progress<'a> {
 }
 
 impl Progress<'_> {
-    /// Time since the first cycle, s.
+    /// Time since the first cycle, the approach included, s: see [`Event::Planned`] for how much that is.
     #[must_use]
     pub fn time_s(&self) -> f64 {
         self.meter.0.load(Ordering::Relaxed) as f64 / 1e3
     }
 
-    /// From the first goal to the last, s.
+    /// From the first goal to the last, the approach included, s.
     #[must_use]
     pub const fn duration_s(&self) -> f64 {
         self.duration_s

@@ -257,7 +257,8 @@ fn perform(
         &report.motion,
     )?;
     let duration_s = planned.trajectory.duration_s();
-    observer.hear(Event::Planned { duration_s });
+    let (approach_s, retime_factor) = (report.approach_s, report.retime_factor);
+    observer.hear(Event::Planned { duration_s, approach_s, retime_factor });
     let meter = Meter::default();
     let mut motion = Planned::new(&planned.trajectory, connection.link.robot())?;
     let performed = control::perform(

@@ -15,7 +15,7 @@ use crate::port::Clock;
 use crate::time::{Duration, Instant, Utc};
 use core::f64::consts::FRAC_PI_2;
 use glam::{DQuat, DVec3};
-use std::time::SystemTime;
+use std::time::{SystemTime, UNIX_EPOCH};
 
 /// How often it is looked what sensors say.
 const LOOK: Duration = Duration::from_millis(20);
@@ -184,7 +184,7 @@ impl<'a> Guide<'a> {
         }
         self.sensors.forget();
         let sensors = self.sensors.places().iter().map(|place| place.sensor.clone()).collect();
-        let (subject, made_unix_s) = (plan.subject.clone(), now_unix_s());
+        let (subject, made_unix_s) = (plan.subject.clone(), wall_clock().0);
         let kept = Kept { subject, made_unix_s, sensors, calibration };
         Ok(Guided { kept, off_t_pose_rad, doubts })
     }
@@ -206,7 +206,7 @@ impl<'a> Guide<'a> {
             })
         });
         let order = order.collect::<Result<Vec<usize>, Error>>()?;
-        let age_s = kept.age_s(now_unix_s());
+        let age_s = kept.age_s(wall_clock().0);
         if age_s > VALID_S {
             let (hours, held_hours) = (age_s / 3600, VALID_S / 3600);
             self.person.tell(Cue::Old { hours, held_hours });
@@ -493,7 +493,8 @@ impl<'a> Guide<'a> {
     }
 }
 
-/// The wall clock, s since 1970.
-fn now_unix_s() -> u64 {
-    Utc::from(SystemTime::now()).0
+/// The wall clock of this machine.
+#[must_use]
+pub fn wall_clock() -> Utc {
+    Utc(SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_secs())
 }

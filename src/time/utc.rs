@@ -4,7 +4,6 @@ use jiff::Timestamp;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::fmt;
 use std::str::FromStr;
-use std::time::{SystemTime, UNIX_EPOCH};
 
 /// Seconds since the beginning of 1970, written as `2026-11-21T09:40:39Z`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
@@ -16,12 +15,6 @@ impl Utc {
     pub fn plus_hours(self, hours: f64) -> Self {
         let seconds = (hours * 3600.0).clamp(0.0, 1e9) as u64;
         Self(self.0.saturating_add(seconds))
-    }
-}
-
-impl From<SystemTime> for Utc {
-    fn from(time: SystemTime) -> Self {
-        Self(time.duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs()))
     }
 }
 

@@ -60,9 +60,8 @@ pub(crate) fn robot(file: &str, robot: &Robot) -> Verdict {
                 .got(format!("ID {} on line {:?}", joint.id, joint.line))
                 .allowed("each ID once on a line")));
         }
-        // Numbers that are wrong by themselves cannot be reached either: once is enough.
-        let hangs_well = !is_sound || faults.note(on_the_bus(file, robot, joint));
-        on_can_are_sound &= hangs_well || !on_can;
+        let hangs_well = on_the_bus(file, robot, joint, is_sound, &mut faults);
+        on_can_are_sound &= hangs_well && is_sound || !on_can;
         faults.note(shared_case(file, joint, &joints));
     }
     if on_can_are_sound {
@@ -252,40 +251,56 @@ fn parent(
     Err(refuse("there is no such parent"))
 }
 
-/// What joint, line, servo and setup must be to one another.
-fn on_the_bus(file: &str, robot: &Robot, joint: &Joint) -> Verdict {
+/// What joint, line, servo and setup must be to one another; false if something is not. Numbers that are
+/// wrong by themselves (`is_sound` is false) are not held against the servo as well.
+fn on_the_bus(
+    file: &str,
+    robot: &Robot,
+    joint: &Joint,
+    is_sound: bool,
+    faults: &mut Faults,
+) -> bool {
     let refuse = |what: &str| ProfileError::new(file, what).at(place(joint));
     let Some(line) = robot.lines.iter().find(|line| line.name == joint.line) else {
         let names: Vec<_> = robot.lines.iter().map(|line| line.name.as_str()).collect();
-        return Err(refuse("there is no such line")
+        return faults.note(Err(refuse("there is no such line")
             .got(format!("{:?}", joint.line))
-            .allowed(names.join(", ")));
+            .allowed(names.join(", "))));
     };
     let baud_bps = match line.kind {
         LineKind::Serial { baud_bps } => baud_bps,
-        LineKind::Can(speed) => return can::joint(file, joint, line, speed),
+        LineKind::Can(speed) => {
+            return !is_sound || faults.note(can::joint(file, joint, line, speed));
+        }
     };
     if files::actuator(&joint.servo).is_ok() {
-        return Err(refuse("a CAN actuator cannot hang on a serial line")
+        return faults.note(Err(refuse("a CAN actuator cannot hang on a serial line")
             .got(format!("{:?} on line {:?}", joint.servo, line.name))
-            .allowed("a servo, or a line of kind = \"can\""));
+            .allowed("a servo, or a line of kind = \"can\"")));
     }
-    can::not_on_serial(file, joint)?;
-    let servo = known_servo(file, &place(joint), &joint.servo)?;
+    let before = faults.found().len();
+    faults.note(can::not_on_serial(file, joint));
+    let servo = match known_servo(file, &place(joint), &joint.servo) {
+        Ok(servo) => servo,
+        Err(unknown) => return faults.note(Err(unknown)),
+    };
     if joint.id > servo.protocol.highest_id() {
-        return Err(refuse("the protocol has no such ID")
+        faults.note(Err(refuse("the protocol has no such ID")
             .got(joint.id)
-            .allowed(format!("0..{}", servo.protocol.highest_id())));
+            .allowed(format!("0..{}", servo.protocol.highest_id()))));
     }
-    let fastest = servo.motor.no_load_speed_rad_s;
-    if joint.velocity_rad_s > fastest * joint.gear {
-        return Err(refuse("the joint may turn faster than its servo can")
+    let fastest = servo.motor.no_load_speed_rad_s * joint.gear;
+    if joint.velocity_rad_s > fastest {
+        faults.note(Err(refuse("the joint may turn faster than its servo can")
             .got(format!("velocity_rad_s {}", joint.velocity_rad_s))
-            .allowed(format!("at most {}, {} without load", fastest * joint.gear, servo.model)));
+            .allowed(format!("at most {fastest}, {} without load", servo.model))));
     }
     let (_, registers) = robot.setup_for(joint);
-    line_speed(file, joint, baud_bps, servo, &registers)?;
-    reach(file, joint, servo, &registers)
+    faults.note(line_speed(file, joint, baud_bps, servo, &registers));
+    if is_sound {
+        faults.note(reach(file, joint, servo, &registers));
+    }
+    faults.found().len() == before
 }
 
 fn line_speed(

@@ -20,7 +20,7 @@ use crate::cli::report::Outcome;
 use crate::cli::signals::Signals;
 use crate::cli::{Deed, Remarks};
 use crate::error::{Error, ErrorKind};
-use crate::sensing::{Hub, Intake, SensingEvent, Source, StopAtEnd, What};
+use crate::sensing::{Hub, Intake, SensingEvent, Source, StopAtEnd, What, wall_clock};
 use crate::session::wearers::wearer;
 use crate::session::{Folder, Plan, Progress, SessionFile, Step, Verdict};
 use crate::time::Utc;
@@ -29,7 +29,6 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
-use std::time::SystemTime;
 
 /// A sensor of a session.
 struct Worn {
@@ -51,7 +50,7 @@ struct Job<'a> {
 
 impl Job<'_> {
     fn now(&self) -> Utc {
-        SystemTime::now().into()
+        wall_clock()
     }
 
     /// What the session is.

@@ -26,7 +26,7 @@ const HEAD: &str = "# Which segment wears which virtual sensor, written by gaitw
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Somebody stands in N pose, raises the arms to T pose, bows, stands, does the motion and stands again.
-It begins when the first sensor is opened, and from the start once all were closed. Standard output
+It begins when the first sensor is opened, and starts again once all have been closed. Standard output
 has one line for each sensor: what to open, and its segment; DIR/wear.toml says the same to
 `gaitway live`.
 

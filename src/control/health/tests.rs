@@ -468,7 +468,7 @@ fn reasons() -> Vec<(StopReason, &'static str, Stop)> {
     let line = || "left".to_owned();
     let joints = || vec!["hip".to_owned(), "knee".to_owned()];
     vec![
-        (StopReason::Asked, "stopped by the operator", of(StopCode::Asked, None, None, None)),
+        (StopReason::Asked, "stopped as asked", of(StopCode::Asked, None, None, None)),
         (
             StopReason::Silent { joint: joint(), cycles: 6, miss: "no answer".to_owned() },
             "joint knee gave no feedback for 6 cycles: no answer",

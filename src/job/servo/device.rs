@@ -1,12 +1,12 @@
 //! One servo whose model is known: registers in, registers out, never a goal and never torque.
 
 use super::{Which, value};
-use crate::bus::{AskError, Miss};
+use crate::bus::{AskError, Miss, Protocol};
 use crate::device::Model;
 use crate::error::{Error, ErrorKind};
 use crate::rig::{OpenLine, open_bus};
 use crate::rig::{ask_error, identify};
-use gaitway_profiles::{self as profiles, Access, Region, RegisterItem, Role};
+use gaitway_profiles::{self as profiles, Access, Region, RegisterItem, Role, Servo};
 
 /// So often it is tried to close a lock.
 const LOCK_ROUNDS: usize = 3;
@@ -40,6 +40,19 @@ pub struct Change {
     pub new: i64,
 }
 
+/// The servo that the robot file has at this place, if it can be the one that answered: several of one
+/// maker's have one model number.
+fn in_robot(which: &Which, protocol: Protocol, model_number: u16) -> Option<&'static Servo> {
+    let robot = profiles::robot(which.robot.as_deref()?).ok()?;
+    let is_here = |joint: &&profiles::Joint| {
+        joint.id == which.id && which.bus.line.as_ref().is_none_or(|line| *line == joint.line)
+    };
+    let mut here = robot.joints.iter().filter(is_here);
+    let servo = profiles::servo(&here.next()?.servo).ok()?;
+    let fits = servo.model_number == model_number && Model::new(servo).protocol() == protocol;
+    (here.next().is_none() && fits).then_some(servo)
+}
+
 impl Device {
     /// Opens the line and asks who is there.
     ///
@@ -61,7 +74,8 @@ impl Device {
         let silent = || ask_error(place.clone(), &AskError::Miss(Miss::Silent));
         let found = found.ok_or_else(silent)?;
         let named = which.model.as_deref().map(profiles::servo).transpose()?;
-        let profile = named.or(found.profile).ok_or_else(|| {
+        let of_robot = || in_robot(which, found.protocol, found.model_number);
+        let profile = named.or_else(of_robot).or(found.profile).ok_or_else(|| {
             Error::of(ErrorKind::Unknown, "a servo model without profile")
                 .at(place.clone())
                 .got(format!("model number {}, {}", found.model_number, found.protocol))

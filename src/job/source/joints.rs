@@ -232,7 +232,10 @@ impl Series {
                 .at(format!("joint {}, {:.2} s", self.joint, two[0].0))
                 .got(format!("{:.2} s without a position", two[1].0 - two[0].0))
                 .allowed(format!("{GAP_S} s"))
-                .remedy("play a section without it, with --from and --to")),
+                .remedy(
+                    "give a position at least that often; or play a section without the gap, with \
+                     --from and --to",
+                )),
         }
     }
 
