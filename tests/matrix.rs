@@ -97,16 +97,14 @@ fn steps(job: Job, phase: Phase) -> &'static [&'static str] {
     }
 }
 
-/// What ended a run that the machine was too slow for: it says so itself. No line is disturbed here and
-/// every servo answers: one that was not heard had its answers held up by this machine, whose kernel
-/// hands on what passes a pseudo-terminal when it gets to it.
+/// What ended a run that the machine was too slow for: it says so itself.
 fn host_was_late(ran: &Ran) -> Option<String> {
     let report = ran.report.as_ref()?;
     let code = report["stop"]["code"].as_str().unwrap_or_default();
     let reason = report["stop_reason"].as_str().unwrap_or_default();
     let excepted = report["exceptions"].as_array();
     let is_stalled = excepted.is_some_and(|all| all.iter().any(|one| one["kind"] == "stalled"));
-    let is_late = matches!(code, "late" | "stalled" | "silent") || is_stalled;
+    let is_late = matches!(code, "late" | "stalled") || is_stalled;
     (is_late || reason.starts_with("the host stall")).then(|| reason.to_owned())
 }
 
