@@ -136,6 +136,7 @@ impl Count {
         for words in &wrong {
             let reason = ran.report.as_ref().map(|report| report["stop_reason"].to_string());
             aloud!("WRONG {place}: {words}; {}\n{}", reason.unwrap_or_default(), ran.said);
+            aloud!("{}", judge::last_questions(&ran));
             self.wrong.push(format!("{place}: {words}"));
         }
         wrong.is_empty()

@@ -228,11 +228,15 @@ proptest! {
     fn a_dynamixel_status_is_never_lost_to_what_came_before_it(
         (mut line, _) in damaged_line(252, dxl_status), params in params(16),
     ) {
-        // A lost last byte that was FF is made good by the next header's first: nobody could tell.
+        // A packet that lost its end may find one in the status behind it: last bytes that were
+        // those of a header, or a CRC that fits by chance. Nobody could tell.
+        let status = dxl_status(77, 0, &params);
         let alone = read_line(&mut Dynamixel::default(), [&line[..]]).len();
-        let with_header = read_line(&mut Dynamixel::default(), [&line[..], &[0xFF]]).len();
-        prop_assume!(with_header == alone);
-        line.extend(dxl_status(77, 0, &params));
+        for borrowed in 1..status.len() {
+            let with_part = [&line[..], &status[..borrowed]];
+            prop_assume!(read_line(&mut Dynamixel::default(), with_part).len() == alone);
+        }
+        line.extend(status);
         let seen = read_line(&mut Dynamixel::default(), [&line[..]]);
         prop_assert_eq!(seen.last(), Some(&(77, 0, params)));
     }

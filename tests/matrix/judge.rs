@@ -1,6 +1,7 @@
 //! What must be true of a cell, from the wire and the process.
 
 use crate::bench::{Fault, Job, Phase, Ran, Robot};
+use crate::tap::Question;
 use gaitway::calibration::Calibration;
 use gaitway_sim::Rule;
 use serde_json::Value;
@@ -51,6 +52,20 @@ pub fn faults_of(ran: &Ran, job: Job, fault: Fault, phase: Phase, robot: Robot) 
         wrong.push(format!("{} watchdogs are left on and nothing is said", ran.watchdogs));
     }
     wrong
+}
+
+/// The last questions of the host and how the robot answered them, as the tap saw it: who was late.
+pub fn last_questions(ran: &Ran) -> String {
+    let Some(end) = ran.seen.questions.last() else { return "nothing was asked".into() };
+    let recent = ran.seen.questions.len().saturating_sub(24);
+    let lines = ran.seen.questions[recent..].iter().map(|question| {
+        let before_ms = (end.asked - question.asked).as_secs_f64() * 1000.0;
+        let took = question.answered.map(|at| (at - question.asked).as_secs_f64() * 1000.0);
+        let took = took.map_or("no answer".into(), |took_ms| format!("last after {took_ms:.2} ms"));
+        let Question { address, statuses, .. } = question;
+        format!("{before_ms:9.2} ms before the last: {address:3}, {statuses:2} answers, {took}")
+    });
+    lines.collect::<Vec<_>>().join("\n")
 }
 
 /// What the referee in the simulator saw, but for what a dead host cannot help.

@@ -41,9 +41,21 @@ pub enum Moment {
 /// What is done at a moment.
 pub type Deed = Box<dyn FnMut() + Send>;
 
+/// A question of the host, and when its answers went on to the host's end of the line.
+#[derive(Clone, Copy, Debug)]
+pub struct Question {
+    pub address: u16,
+    pub asked: Instant,
+    pub statuses: usize,
+    /// When the last of them did.
+    pub answered: Option<Instant>,
+}
+
 /// What passed on the line.
 #[derive(Debug, Default)]
 pub struct Seen {
+    /// Every question, in order.
+    pub questions: Vec<Question>,
     /// Goals, each with its time, by ID, counts; one entry for each write.
     pub goals: Vec<(Instant, BTreeMap<u8, i64>)>,
     /// Values written to torque registers, in order.
@@ -190,6 +202,10 @@ impl Relay {
         let Word::Status { id, data } = word else { return };
         let mut seen = lock(&self.seen);
         let asked = seen.asked;
+        if let Some(question) = seen.questions.last_mut() {
+            question.statuses += 1;
+            question.answered = Some(Instant::now());
+        }
         if let Some(counts) = self.dialect.counts_at(self.dialect.present(), asked, data) {
             seen.present.insert(*id, counts);
         }
@@ -233,6 +249,9 @@ impl Seen {
         let (address, items) = match word {
             Word::Read { address } => {
                 self.asked = *address;
+                let asked = Instant::now();
+                let (statuses, answered) = (0, None);
+                self.questions.push(Question { address: *address, asked, statuses, answered });
                 self.looks += usize::from(*address == dialect.present());
                 return (false, false, false, false);
             }
