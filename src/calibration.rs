@@ -81,7 +81,7 @@ impl Calibration {
     /// As [`Calibration::read`], but for the file.
     pub fn parse(text: &str) -> Result<Self, Error> {
         let calibration: Self = profiles::from_toml(text).map_err(|e| {
-            Error::of(ErrorKind::Malformed, "this is no calibration file")
+            Error::of(ErrorKind::Malformed, "not a calibration file")
                 .got(e.message().replace('\n', "; "))
         })?;
         if calibration.schema != SCHEMA {

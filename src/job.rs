@@ -2,6 +2,7 @@
 //! and ends in a typed report. It prints nothing, reads no keys and knows no command line.
 
 pub mod calibrate;
+pub mod decompose;
 pub mod doctor;
 pub mod finding;
 pub mod follow;
@@ -23,6 +24,7 @@ pub mod scan;
 pub mod servo;
 pub mod simulate;
 pub mod source;
+pub mod synth;
 pub mod taught;
 
 pub use observer::{Event, Nobody, Observer, Progress};

@@ -44,6 +44,7 @@
 
 mod bounded;
 mod crc;
+mod disk;
 mod log;
 mod marker;
 mod message;
@@ -59,6 +60,8 @@ mod table;
 mod writer;
 
 pub use crc::crc32;
+pub use disk::{Disk, Syncer};
+pub use log::{Pace, Summary};
 pub use marker::Marker;
 pub use overview::{Overview, SourceOverview, summary};
 pub use reader::{GoalSeries, Recording, Recovered, joint_series, read, recover};
@@ -67,4 +70,4 @@ pub use sample::{CycleRecord, JointRecord, RecordedJoint, RunEnd, RunStart};
 pub use sensor::{RecordedSource, SourceId, SourceKind, SourceRecord};
 pub use series::{SensorMoment, SensorSeries, run_start, sensor_series};
 pub use table::{Rows, write_csv};
-pub use writer::{Disk, Pace, Recorder, Summary, Syncer};
+pub use writer::Recorder;

@@ -161,7 +161,7 @@ impl Joint {
     /// A CAN actuator, which has none.
     pub fn model(&self) -> Result<Model, Error> {
         self.servo().map(|servo| servo.model).ok_or_else(|| {
-            Error::new("this is done with the registers of a servo, and the joint has none")
+            Error::new("this needs a servo's registers, and the joint has none")
                 .at(format!("joint {}, ID {}", self.name, self.id))
                 .got("an actuator on a CAN line")
         })

@@ -15,10 +15,10 @@ mod slimevr;
 mod source;
 mod wear;
 
-pub use event::{SensingEvent, Tell};
+pub use event::{Said, SensingEvent, Tell};
 pub use guide::{Ended, Guide, Guided, Plan, wall_clock};
 pub use hub::{Hub, Still};
-pub use intake::{Intake, Said, SourceReport, StopAtEnd};
+pub use intake::{Intake, SourceReport, StopAtEnd};
 pub use person::{Answer, Cue, Person, Question, Unseen, Until};
 pub use sensors::{Feed, Sensors};
 pub use source::{Opened, Source, What};

@@ -70,7 +70,7 @@ pub fn rows(text: &str) -> impl Iterator<Item = Result<Row, Error>> + '_ {
     let (mut line, mut counted) = (1, 0);
     let rows = reader.into_records().map(move |record| {
         let record = record.map_err(|cause| {
-            Error::of(ErrorKind::Malformed, "this is no table").got(cause.to_string())
+            Error::of(ErrorKind::Malformed, "not a table").got(cause.to_string())
         })?;
         // The reader says where it was before it passed over empty lines.
         let start = record.position().map_or(0, |at| usize::try_from(at.byte()).unwrap_or(0));

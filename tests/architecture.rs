@@ -1,5 +1,8 @@
 //! The import rules of ARCHITECTURE.md: who may know whom. The table is the document.
 
+#[path = "architecture/knows.rs"]
+mod knows;
+
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -28,7 +31,7 @@ const ROOMS: &[Room] = &[
     room("capture", "device time wire", "profiles"),
     room(
         "cli",
-        "action body bus calibration capture control device draft error job mocap motion port recording \
+        "action body bus calibration capture control device draft error job motion port recording \
          rig robot sensing session time wire",
         "arguments bars clock files keys network profiles signals simulator sleep threads wall-clock",
     ),
@@ -194,6 +197,29 @@ fn no_room_is_above_itself() {
         left.retain(|room| !tops.contains(&room.name));
         assert!(left.len() < before, "rooms that use one another in a circle: {names:?}");
     }
+}
+
+/// A room may name its parts and a part what its room has; no other files need one another in a
+/// circle, so that each can be read, and tried, after those it names.
+#[test]
+fn no_files_need_one_another_in_a_circle() {
+    let src = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let files: Vec<PathBuf> = files_by_room().into_values().flatten().collect();
+    assert!(files.len() > 200, "the rule looks at {} files", files.len());
+    let module = |file: &PathBuf| -> knows::Module {
+        let within = file.strip_prefix(&src).expect("inside").with_extension("");
+        within.iter().map(|part| part.to_string_lossy().into_owned()).collect()
+    };
+    let code = files.iter().map(|file| (module(file), product(file))).collect();
+    let circles = knows::circles(knows::who_knows_whom(&code));
+    let shown: Vec<String> = circles
+        .iter()
+        .map(|(file, of)| {
+            let of: Vec<String> = of.iter().map(|file| file.join("/")).collect();
+            format!("{} names {}", file.join("/"), of.join(", "))
+        })
+        .collect();
+    assert!(shown.is_empty(), "{shown:#?}");
 }
 
 #[test]

@@ -3,6 +3,7 @@
 
 mod aloud;
 mod desk;
+mod priority;
 mod program;
 
 use desk::{Desk, json, run, text};

@@ -3,6 +3,7 @@
 
 mod aloud;
 mod desk;
+mod priority;
 mod program;
 
 use desk::{Desk, json, refusal, run, text};
@@ -50,7 +51,7 @@ fn a_robot_behind_a_tcp_port_is_scanned_held_and_moved_like_one_on_a_cable() {
     assert!(said.contains("the other end"), "{said}");
     drop(door);
     let said = refusal(&run(&["scan", &bus, "--robot", "so101"]));
-    assert!(said.contains("nobody takes the connection"), "{said}");
+    assert!(said.contains("the connection is not accepted"), "{said}");
 }
 
 #[test]

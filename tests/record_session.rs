@@ -69,7 +69,7 @@ fn set_up(operator: &mut Dialogue) {
     operator.expect("not a number");
     operator.answer("age", "31");
     operator.answer("stature", "170");
-    operator.expect("no person's measure");
+    operator.expect("not a plausible measure");
     operator.answer("stature", "");
     operator.answer("stature", "170 cm");
     operator.answer("mass", "60");
@@ -161,7 +161,10 @@ fn a_session_ends_as_a_finished_database_folder_whatever_happens_in_between() {
         .args(["record", "--session", "lab"])
         .output()
         .expect("the command");
-    assert!(String::from_utf8_lossy(&second.stderr).contains("a session runs in this folder now"));
+    assert!(
+        String::from_utf8_lossy(&second.stderr)
+            .contains("a session is already running in this folder")
+    );
     subject(&mut operator, &person);
     kept_trial(&mut operator, &person);
     retaken_trial(&mut operator, &person);
@@ -245,7 +248,10 @@ fn a_session_can_be_interrupted_or_told_by_a_script_and_keeps_what_was_done() {
     std::fs::write(folder.join("other.toml"), "[[action]]\nname = \"walk\"\n").expect("a plan");
     for other in ["--plan=other.toml", "--magnetometer", "--wear=head=tracker-000001-0"] {
         let (code, said) = go_on(other);
-        assert!(code == Some(1) && said.contains("the session was begun otherwise"), "{said}");
+        assert!(
+            code == Some(1) && said.contains("the session was begun with other settings"),
+            "{said}"
+        );
         assert!(said.contains(other.split('=').next().unwrap_or(other)), "{said}");
     }
     // The same plan is no other one.

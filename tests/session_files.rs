@@ -180,7 +180,7 @@ fn calibrations_expire_and_unjudged_trials_come_first() {
 
     // One session at a time.
     let busy = Folder::open(folder.root()).unwrap_err().to_string();
-    assert!(busy.contains("a session runs in this folder now"), "{busy}");
+    assert!(busy.contains("a session is already running in this folder"), "{busy}");
 
     // Skipped is done, and a file that somebody spoiled is named.
     let mut skipping = session(&["a"], PLAN);

@@ -1,7 +1,7 @@
 //! Actionlets of many actions, by type. The actions themselves are files: shipped ones and those of
 //! folders, synthesised and captured alike.
 
-use crate::action::{Action, file, vocabulary};
+use crate::action::{Action, vocabulary};
 use crate::actionlet::Shape;
 use crate::body::Dof;
 use crate::error::Error;
@@ -108,7 +108,7 @@ impl Database {
         }
         paths.sort();
         for path in paths {
-            self.insert(file::read(&path)?)?;
+            self.insert(vocabulary::read(&path)?)?;
         }
         Ok(())
     }

@@ -1,15 +1,13 @@
 //! Action files: TOML that a person can write. The format is described in `docs/actions.md`, for
 //! editors in `actions/schema.json`.
 
-use crate::action::{Action, Ends, Group, Kind, Phase, Track, Turn, vocabulary};
+use crate::action::{Action, Ends, Group, Kind, Phase, Track, Turn};
 use crate::actionlet::{Sampled, Shape};
 use crate::body::{Dof, JointAngles};
 use crate::error::{Error, ErrorKind};
 use crate::toml_text::from_toml;
 use serde::Deserialize;
 use std::collections::BTreeMap;
-use std::io::Read;
-use std::path::Path;
 use std::sync::Arc;
 use toml::Spanned;
 
@@ -96,25 +94,6 @@ struct RawGroup {
 enum Cell {
     Number(f64),
     Word(String),
-}
-
-/// Reads an action file; what it leans on is looked up among the shipped actions.
-///
-/// # Errors
-/// If the file cannot be read, is too long, or is not an action file.
-pub fn read(path: &Path) -> Result<Action, Error> {
-    let place = path.display().to_string();
-    let unreadable = |e: std::io::Error| {
-        Error::of((&e).into(), "cannot read the action file").at(place.clone()).got(e.to_string())
-    };
-    // Asked before opening: opening a FIFO would wait for a writer.
-    if !std::fs::metadata(path).map_err(unreadable)?.is_file() {
-        return Err(Error::of(ErrorKind::Malformed, "this is not a regular file").at(place));
-    }
-    let mut text = String::new();
-    let file = std::fs::File::open(path).map_err(unreadable)?;
-    file.take(MAX_BYTES as u64 + 1).read_to_string(&mut text).map_err(unreadable)?;
-    parse(&text, &place, &vocabulary::lender)
 }
 
 /// Where other actions are looked up by name, for `mirror_of` and `from`.

@@ -35,7 +35,7 @@ impl Motion {
         }
         let duration_s = tracks.iter().map(Sequence::end_s).fold(0.0, f64::max);
         if !(duration_s > 0.0) {
-            return Err(Error::new("a motion lasts no time"));
+            return Err(Error::new("a motion has no duration"));
         }
         let rested = tracks.into_iter().map(|track| resting_until(track, duration_s));
         Ok(Self { tracks: rested.collect::<Result<_, _>>()?, duration_s, flights_s: Vec::new() })

@@ -104,7 +104,7 @@ impl Item {
     /// If there is no such action or its file is wrong.
     pub fn action(&self) -> Result<Action, Error> {
         if is_file(&self.name) {
-            return file::read(Path::new(&self.name));
+            return vocabulary::read(Path::new(&self.name));
         }
         vocabulary::find(&self.name).map_err(|mut e| {
             e.what = "not an action".to_owned();

@@ -1,7 +1,9 @@
-//! The actions that ship with gaitway.
+//! The actions that ship with gaitway, and those that lean on them.
 
 use crate::action::{Action, file};
 use crate::error::{Error, ErrorKind};
+use std::io::Read;
+use std::path::Path;
 
 macro_rules! shipped {
     ($($name:literal)*) => {
@@ -39,6 +41,25 @@ pub fn find(name: &str) -> Result<Action, Error> {
             .allowed(names().collect::<Vec<_>>().join(", ")));
     };
     file::parse(text, &format!("actions/{name}.toml"), &lender)
+}
+
+/// Reads an action file; what it leans on is looked up among the shipped actions.
+///
+/// # Errors
+/// If the file cannot be read, is too long, or is not an action file.
+pub fn read(path: &Path) -> Result<Action, Error> {
+    let place = path.display().to_string();
+    let unreadable = |e: std::io::Error| {
+        Error::of((&e).into(), "cannot read the action file").at(place.clone()).got(e.to_string())
+    };
+    // Asked before opening: opening a FIFO would wait for a writer.
+    if !std::fs::metadata(path).map_err(unreadable)?.is_file() {
+        return Err(Error::of(ErrorKind::Malformed, "this is not a regular file").at(place));
+    }
+    let mut text = String::new();
+    let opened = std::fs::File::open(path).map_err(unreadable)?;
+    opened.take(file::MAX_BYTES as u64 + 1).read_to_string(&mut text).map_err(unreadable)?;
+    file::parse(&text, &place, &lender)
 }
 
 /// A shipped action that leans on no other: what others may lean on.

@@ -194,7 +194,7 @@ impl Measure {
         let value: f64 = digits.trim().parse().map_err(|_| refused("not a number"))?;
         let value = value * in_si;
         if !self.range().contains(&value) {
-            return Err(refused("no person's measure"));
+            return Err(refused("not a plausible measure"));
         }
         Ok(value)
     }

@@ -111,7 +111,7 @@ impl Proportions {
         let below_m = behind_m * beta.sin() + inwards_m * theta.cos() * beta.cos();
         let legs = (length_m - below_m) / ((THIGH + SHANK) * self.stature_m);
         if !(0.4..=1.6).contains(&legs) {
-            return Err(Error::new("a person's legs do not go with the stature")
+            return Err(Error::new("leg length and stature do not fit one person")
                 .got(format!("{length_m} m of {} m", self.stature_m)));
         }
         Ok(Self { legs, ..self })

@@ -1,6 +1,6 @@
 //! The protocols of a line behind one face: the same questions, each protocol's own bytes.
 
-use super::{GroupItem, GroupRead, Miss, Reply};
+use super::{Miss, Reply};
 use crate::time::Duration;
 use crate::wire::{Decoded, dynamixel1 as dxl1, dynamixel2 as dxl, feetech as sts};
 
@@ -28,6 +28,41 @@ impl std::fmt::Display for Protocol {
             FeetechScs => "Feetech SCS",
         })
     }
+}
+
+/// Which instruction reads from many devices at once.
+///
+/// Dynamixel 2.0 knows all four (the fast ones from some firmware on), Dynamixel 1.0 bulk reads
+/// only (MX models), Feetech STS sync reads only, Feetech SCS none.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum GroupRead {
+    /// The same registers of all, one status per device.
+    Sync,
+    /// The same registers of all, one status for all.
+    Fast,
+    /// Each device's own registers, one status per device.
+    Bulk,
+    /// Each device's own registers, one status for all.
+    FastBulk,
+}
+
+impl GroupRead {
+    /// True if all devices answer in one status.
+    #[must_use]
+    pub const fn merged(self) -> bool {
+        matches!(self, Self::Fast | Self::FastBulk)
+    }
+}
+
+/// What one device is asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct GroupItem {
+    /// Who.
+    pub id: u8,
+    /// First address.
+    pub address: u16,
+    /// Number of bytes.
+    pub length: u16,
 }
 
 /// What lies at the front of the received bytes.

@@ -1,44 +1,9 @@
 //! Reading from many devices with one question.
 
-use super::codec::{self, Heard, Protocol};
+use super::codec::{self, GroupItem, GroupRead, Heard, Protocol};
 use super::{AskError, Bus, Miss, Reply, SLACK};
 use crate::time::{Duration, Instant};
 use crate::units::line_time_s;
-
-/// Which instruction reads from many devices at once.
-///
-/// Dynamixel 2.0 knows all four (the fast ones from some firmware on), Dynamixel 1.0 bulk reads
-/// only (MX models), Feetech STS sync reads only, Feetech SCS none.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum GroupRead {
-    /// The same registers of all, one status per device.
-    Sync,
-    /// The same registers of all, one status for all.
-    Fast,
-    /// Each device's own registers, one status per device.
-    Bulk,
-    /// Each device's own registers, one status for all.
-    FastBulk,
-}
-
-impl GroupRead {
-    /// True if all devices answer in one status.
-    #[must_use]
-    pub const fn merged(self) -> bool {
-        matches!(self, Self::Fast | Self::FastBulk)
-    }
-}
-
-/// What one device is asked for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct GroupItem {
-    /// Who.
-    pub id: u8,
-    /// First address.
-    pub address: u16,
-    /// Number of bytes.
-    pub length: u16,
-}
 
 /// A question to many devices.
 #[derive(Clone, Debug, PartialEq, Eq)]

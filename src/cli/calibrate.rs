@@ -152,7 +152,7 @@ fn not_in_the_real_ones_place(args: &CalibrateArgs, robot: &Robot) -> Result<(),
         return Ok(());
     }
     let place = usual_path(&robot.name).map_or_else(String::new, |path| path.display().to_string());
-    Err(Error::new("the calibration of a virtual robot would be taken for the real one's")
+    Err(Error::new("the calibration of a virtual robot would later be taken for the real robot's")
         .at(place)
         .remedy("add --dry-run, or name another file with --calibration FILE.toml"))
 }
@@ -281,7 +281,7 @@ fn make_limp(
     if !held {
         return Ok(Answered::Yes);
     }
-    let refused = || Error::new("the robot is held; it is calibrated by hand, limp");
+    let refused = || Error::new("the robot is held; to be calibrated it must be limp");
     if args.dry_run {
         return Err(refused().remedy("support it, then gaitway limp ROBOT --bus BUS"));
     }

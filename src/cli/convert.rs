@@ -57,7 +57,7 @@ pub struct ConvertArgs {
 pub fn run(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
     let kind = args.out.extension().and_then(|e| e.to_str()).unwrap_or_default();
     if !["csv", "bvh", "mcap"].contains(&kind) || (args.samples && kind != "csv") {
-        return Err(Error::of(ErrorKind::Unknown, "not a kind of file I can write")
+        return Err(Error::of(ErrorKind::Unknown, "this kind of file cannot be written")
             .at(args.out.display().to_string())
             .allowed("a file that ends in .csv, .bvh or .mcap; with --samples .csv"));
     }

@@ -34,8 +34,11 @@ pub fn run(args: &LimpArgs) -> Result<i32, Error> {
     args.output.check_files(&[])?;
     let robot = Robot::load(&args.robot)?;
     if !args.yes && !consents(&robot.name) {
-        return Err(Error::of(ErrorKind::NotPermitted, "nobody said that the robot may go limp")
-            .remedy("support the robot, then answer yes or add --yes"));
+        return Err(Error::of(
+            ErrorKind::NotPermitted,
+            "nobody confirmed that the robot may go limp",
+        )
+        .remedy("support the robot, then answer yes or add --yes"));
     }
     let report = limp(robot, &args.bus)?;
     let text = "torque is off on every joint\n";

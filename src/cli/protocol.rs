@@ -82,7 +82,7 @@ pub fn serial_protocol(
 ) -> Result<Option<Protocol>, Error> {
     let Some(name) = name else { return Ok(None) };
     name.serial().map(Some).ok_or_else(|| {
-        Error::new("this is spoken on CAN lines only")
+        Error::new("this protocol is for CAN lines only")
             .at(place.to_string())
             .got(name.to_possible_value().map_or_else(String::new, |v| v.get_name().to_owned()))
             .allowed("dynamixel-1.0, dynamixel-2.0, feetech-sts, feetech-scs")
@@ -100,7 +100,7 @@ pub fn can_dialect(
 ) -> Result<Option<Dialect>, Error> {
     let Some(name) = name else { return Ok(None) };
     name.dialect().map(Some).ok_or_else(|| {
-        Error::new("this is spoken on serial lines only")
+        Error::new("this protocol is for serial lines only")
             .at(place.to_string())
             .got(name.to_possible_value().map_or_else(String::new, |v| v.get_name().to_owned()))
             .allowed("damiao, robstride, odrive, moteus, cubemars-mit, cubemars-servo, recoil")

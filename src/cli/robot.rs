@@ -98,7 +98,7 @@ fn robot_name(file: &Path) -> Result<String, Error> {
     if is_toml && !name.is_empty() && name.chars().all(is_name) {
         return Ok(name);
     }
-    Err(Error::of(ErrorKind::Malformed, "this cannot be the file of a robot")
+    Err(Error::of(ErrorKind::Malformed, "not a usable name for a robot file")
         .at("--output-file")
         .got(file.display().to_string())
         .allowed("letters a-z, digits and -, and the ending .toml: my-arm.toml"))

@@ -188,7 +188,7 @@ fn read_script(path: &Path) -> Result<Script, Error> {
     let file = path.display().to_string();
     let text = gaitway_profiles::read_text(path)?;
     Script::parse(&text).map_err(|ScriptError { at, got, allowed }| {
-        Error::new("the fault script says something wrong")
+        Error::new("the fault script has errors")
             .at(format!("{file}, {at}"))
             .got(got)
             .allowed(allowed)

@@ -35,7 +35,11 @@ impl<'a> Terminal<'a> {
             bar.take().iter().for_each(ProgressBar::finish_and_clear);
             return;
         }
-        let bar = bar.get_or_insert_with(|| ProgressBar::new(total));
+        let bar = bar.get_or_insert_with(|| {
+            let style = ProgressStyle::with_template("{bar:40} {pos} of {len} {msg}, {eta} left");
+            let style = style.unwrap_or_else(|_| ProgressStyle::default_bar());
+            ProgressBar::new(total).with_style(style)
+        });
         bar.set_position(done);
         bar.set_message(what.to_owned());
     }

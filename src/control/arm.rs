@@ -94,7 +94,7 @@ pub fn arm(
     asked_to_stop: &dyn Fn() -> bool,
 ) -> Result<Arming, Error> {
     if preflight.robot != link.robot().name {
-        return Err(Error::new("another robot was looked at than the one to be armed")
+        return Err(Error::new("the robot to be armed is not the one that was checked")
             .at(format!("robot {}", link.robot().name))
             .got(preflight.robot.clone()));
     }
@@ -144,7 +144,7 @@ fn switch_on(
         let limit = budget(link);
         let written = link.write_raw(joint, register, raw, limit);
         written.map_err(|e| exchange_error(link, Some(joint), &e))?;
-        expect_raw(link, joint, register, raw)?;
+        watchdog::expect_raw(link, joint, register, raw)?;
     }
     for &(joint, number, bits) in &preflight.settings {
         wanted()?;
@@ -192,7 +192,7 @@ fn clear_watchdogs(link: &mut Link, preflight: &Preflight, command: &Command) ->
         let told = link.write_goals(command, limit);
         cleared.map_err(|e| exchange_error(link, Some(joint), &e))?;
         told.map_err(|e| exchange_error(link, None, &e))?;
-        expect_raw(link, joint, register, 0)?;
+        watchdog::expect_raw(link, joint, register, 0)?;
         expect_goal(link, joint, command)?;
         set_speed(link, joint, None)?;
     }
@@ -226,7 +226,7 @@ fn write_eeprom(link: &mut Link, preflight: &Preflight) -> Result<(), Error> {
         let limit = budget(link);
         let written = link.write_raw(write.joint, write.register, write.to, limit);
         written.map_err(|e| exchange_error(link, Some(write.joint), &e))?;
-        expect_raw(link, write.joint, write.register, write.to)?;
+        watchdog::expect_raw(link, write.joint, write.register, write.to)?;
     }
     for write in &preflight.eeprom {
         let joint = &link.robot().joints[write.joint];
@@ -259,7 +259,7 @@ fn look(link: &mut Link, command: &Command) -> Result<Instant, Error> {
     Err(Error::of(ErrorKind::HostLate, "the host stalls; torque stays off")
         .got(format!("{MOST_LOOKS} looks at the joints, the quickest in {quickest:.0?}"))
         .allowed(format!("{FRESH:.0?}, or the same time twice"))
-        .remedy("end what else keeps this machine busy, and start again"))
+        .remedy("stop what else keeps this machine busy, then start again"))
 }
 
 fn check_where_it_was(link: &mut Link, command: &Command) -> Result<(), Error> {
@@ -329,28 +329,9 @@ fn set_speed(link: &mut Link, joint: usize, raw: Option<i64>) -> Result<(), Erro
     let limit = budget(link);
     let written = link.write_raw(joint, register, raw, limit);
     written.map_err(|e| exchange_error(link, Some(joint), &e))?;
-    expect_raw(link, joint, register, raw)?;
+    watchdog::expect_raw(link, joint, register, raw)?;
     link.remember_speed(joint, raw);
     Ok(())
-}
-
-pub(super) fn expect_raw(
-    link: &mut Link,
-    joint: usize,
-    register: &gaitway_profiles::Register,
-    wanted: i64,
-) -> Result<(), Error> {
-    link.break_silence(watchdog::SILENCE / 4);
-    let limit = budget(link);
-    let raw = link.read_register(joint, register, limit);
-    let raw = raw.map_err(|e| exchange_error(link, Some(joint), &e))?;
-    if raw == wanted {
-        return Ok(());
-    }
-    Err(Error::new("a servo did not keep what was written")
-        .at(format!("joint {}, register {}", link.robot().joints[joint].name, register.name))
-        .got(raw.to_string())
-        .allowed(wanted.to_string()))
 }
 
 /// Switches torque on on every joint at once, and reads it back. `looked_at`: when the joints were
@@ -383,7 +364,7 @@ fn set_torque_on(
         wanted()?;
         link.break_silence(watchdog::SILENCE / 4);
         match torque_register(link, joint) {
-            Some(register) => expect_raw(link, joint, register, 1)?,
+            Some(register) => watchdog::expect_raw(link, joint, register, 1)?,
             None => expect_torque(link, joint)?,
         }
     }
@@ -445,7 +426,7 @@ pub fn disarm(link: &mut Link) -> Result<(), Error> {
             Some(register) => {
                 let limit = budget(link);
                 link.write_raw(joint, register, 0, limit).is_ok()
-                    && expect_raw(link, joint, register, 0).is_ok()
+                    && watchdog::expect_raw(link, joint, register, 0).is_ok()
             }
             None => link.limp(joint).is_ok(),
         };

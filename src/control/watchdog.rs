@@ -4,7 +4,6 @@
 //! (DYNAMIXEL e-Manual, Bus Watchdog: it counts while torque is on, and any instruction on the line
 //! feeds it, whomever it is for. So every line must be spoken on while watchdogs are set.)
 
-use super::arm::expect_raw;
 use crate::device::Actuator;
 use crate::device::actuator::HostWatch;
 use crate::error::Error;
@@ -31,6 +30,26 @@ fn set(link: &mut Link, joint: usize, register: &'static Register, raw: i64) -> 
     let written = link.write_raw(joint, register, raw, limit);
     written.map_err(|e| exchange_error(link, Some(joint), &e))?;
     expect_raw(link, joint, register, raw)
+}
+
+/// Reads back what was written; the other lines are spoken on meanwhile.
+pub(super) fn expect_raw(
+    link: &mut Link,
+    joint: usize,
+    register: &Register,
+    wanted: i64,
+) -> Result<(), Error> {
+    link.break_silence(SILENCE / 4);
+    let limit = budget(link);
+    let raw = link.read_register(joint, register, limit);
+    let raw = raw.map_err(|e| exchange_error(link, Some(joint), &e))?;
+    if raw == wanted {
+        return Ok(());
+    }
+    Err(Error::new("a servo did not keep what was written")
+        .at(format!("joint {}, register {}", link.robot().joints[joint].name, register.name))
+        .got(raw.to_string())
+        .allowed(wanted.to_string()))
 }
 
 /// Sets the watchdog of every servo that has one, and reads it back.

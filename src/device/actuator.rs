@@ -198,6 +198,20 @@ pub struct Placing {
     pub timeout_configured_s: Option<f64>,
 }
 
+impl coded::Impedance {
+    /// A goal with the gains the robot file states, and no torque added.
+    #[must_use]
+    pub const fn of(goal: Goal, placing: Placing) -> Self {
+        Self {
+            position_rad: goal.position_rad,
+            velocity_rad_s: goal.velocity_rad_s,
+            kp_nm_rad: placing.kp_nm_rad,
+            kd_nm_s_rad: placing.kd_nm_s_rad,
+            torque_nm: 0.0,
+        }
+    }
+}
+
 /// One dialect's side of an actuator. Frames it returns go out in order.
 trait Language: fmt::Debug + Send + Sync {
     /// What `frame` tells, if it is this actuator's own and not the answer to a question for a

@@ -1,6 +1,5 @@
 //! Coded numbers of CAN actuators: steps on a range of the model, to SI units and back.
 
-use super::actuator::{Goal, Placing};
 use crate::wire::can::{Number, mit, robstride};
 use gaitway_profiles::Ranges;
 
@@ -17,20 +16,6 @@ pub struct Impedance {
     pub kd_nm_s_rad: f64,
     /// N m
     pub torque_nm: f64,
-}
-
-impl Impedance {
-    /// A goal with the gains the robot file states, and no torque added.
-    #[must_use]
-    pub const fn of(goal: Goal, placing: Placing) -> Self {
-        Self {
-            position_rad: goal.position_rad,
-            velocity_rad_s: goal.velocity_rad_s,
-            kp_nm_rad: placing.kp_nm_rad,
-            kd_nm_s_rad: placing.kd_nm_s_rad,
-            torque_nm: 0.0,
-        }
-    }
 }
 
 /// The step of 2^`bits` on `low` to `high` that is nearest to `value`. What lies outside is the

@@ -55,7 +55,7 @@ pub fn check_models(link: &mut Link, joints: &[usize]) -> Result<(), Error> {
         if model != profile.model_number {
             return Err(Error::of(
                 ErrorKind::NotReady,
-                "another servo model than the robot file says",
+                "the servo is not the model that the robot file says",
             )
             .at(format!("joint {}, ID {}", of.name, of.id))
             .got(format!("model number {model}"))

@@ -1,6 +1,6 @@
 //! How every joint is, again and again. Reads only.
 
-use super::observer::{Event, Observer};
+use super::observer::{Event, JointReading, Observer};
 use super::report::OwnProfile;
 use crate::bus::AskError;
 use crate::device::{Health, JointState};
@@ -9,7 +9,6 @@ use crate::rig::{Address, calibrated, connect};
 use crate::robot::{Link, LinkError};
 use crate::time::Duration;
 use gaitway_profiles::Role;
-use serde::Serialize;
 use std::path::PathBuf;
 
 /// Whom to look at, and for how long.
@@ -27,33 +26,8 @@ pub struct MonitorOrder {
     pub rate_hz: f64,
 }
 
-/// One joint at one time; absent: not read.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct JointReading {
-    /// Its name.
-    pub name: String,
-    /// Its ID.
-    pub id: u8,
-    /// The goal that stands in its servo, rad.
-    pub goal_rad: Option<f64>,
-    /// Where it is, rad.
-    pub present_rad: Option<f64>,
-    /// How fast it turns, rad/s.
-    pub velocity_rad_s: Option<f64>,
-    /// Load by the servo's own word, 1 = full.
-    pub load_ratio: Option<f64>,
-    /// Current, A.
-    pub current_a: Option<f64>,
-    /// Temperature, degrees Celsius.
-    pub temperature_c: Option<f64>,
-    /// Supply, V.
-    pub voltage_v: Option<f64>,
-    /// True if it drives its motor.
-    pub torque_on: Option<bool>,
-    /// What the servo reports, or why it says nothing.
-    pub error: Option<String>,
-}
-
+/// A joint is asked three times before it is called silent: nothing moves, and this machine may be busy.
+const RETRIES: u32 = 2;
 /// Budget of the first look: other programs are listened for before anything is told.
 const FIRST: Duration = Duration::from_secs(2);
 /// Meanwhile those speak who tell of themselves unasked.
@@ -77,7 +51,7 @@ pub fn monitor(order: &MonitorOrder, observer: &dyn Observer) -> Result<(), Erro
     let mut connection = connect(robot, &order.buses, 0)?;
     let real_time = connection.real_time;
     let link = &mut connection.link;
-    link.set_retries(1);
+    link.set_retries(RETRIES);
     let clock = std::sync::Arc::clone(link.clock());
     // CAN actuators that answer commands only are listened for first; that is not done again.
     let _ = answered(link.states(clock.now() + FIRST))?;

@@ -1,10 +1,37 @@
 //! Whoever a job is done for: hears what happens, and may want it to end.
 
-use super::monitor::JointReading;
 use crate::body::JointAngles;
 use crate::sensing::SensingEvent;
+use serde::Serialize;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
+
+/// One joint at one time; absent: not read.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct JointReading {
+    /// Its name.
+    pub name: String,
+    /// Its ID.
+    pub id: u8,
+    /// The goal that stands in its servo, rad.
+    pub goal_rad: Option<f64>,
+    /// Where it is, rad.
+    pub present_rad: Option<f64>,
+    /// How fast it turns, rad/s.
+    pub velocity_rad_s: Option<f64>,
+    /// Load by the servo's own word, 1 = full.
+    pub load_ratio: Option<f64>,
+    /// Current, A.
+    pub current_a: Option<f64>,
+    /// Temperature, degrees Celsius.
+    pub temperature_c: Option<f64>,
+    /// Supply, V.
+    pub voltage_v: Option<f64>,
+    /// True if it drives its motor.
+    pub torque_on: Option<bool>,
+    /// What the servo reports, or why it says nothing.
+    pub error: Option<String>,
+}
 
 /// What happens during a job, for whoever wants to know at once. The report at its end has all of
 /// it once more.

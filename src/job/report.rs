@@ -1,6 +1,6 @@
 //! What a job that moved joints tells: one set of figures, for text, JSON and pages alike.
 
-use super::source::RobotMotion;
+use super::source::{RobotMotion, Source};
 use crate::control::{Exception, FlightCycle, Left, Performance, Run, Stop, StopCode, StopReason};
 use crate::error::{Error, ErrorKind};
 use crate::motion::{Because, Retimed};
@@ -51,19 +51,6 @@ impl Outcome {
             Self::Failed => "failed",
         }
     }
-}
-
-/// The motion as it came in.
-#[derive(Clone, Debug, Default, Serialize)]
-pub struct Source {
-    /// `bvh` or `action`.
-    pub format: String,
-    /// Poses read.
-    pub frames: usize,
-    /// Poses per second.
-    pub rate_hz: f64,
-    /// Length, s.
-    pub duration_s: f64,
 }
 
 /// One joint of a played motion.

@@ -98,7 +98,7 @@ impl TrajectoryFile {
             Some("csv") => Ok(Self::Csv),
             Some("bvh") => Ok(Self::Bvh),
             Some("mcap") => Ok(Self::Mcap),
-            _ => Err(Error::of(ErrorKind::Unknown, "not a kind of file I can write")
+            _ => Err(Error::of(ErrorKind::Unknown, "this kind of file cannot be written")
                 .at("-o")
                 .got(path.display().to_string())
                 .allowed("a name that ends in .csv, .mcap or .bvh")),

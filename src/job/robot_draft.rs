@@ -127,7 +127,7 @@ pub fn robot_draft(order: &DraftOrder, observer: &dyn Observer) -> Result<RobotD
         lines.push((name, line));
     }
     if draft.joints.is_empty() {
-        let silent = Error::of(ErrorKind::Silent, "nobody answers of whom a draft could be made")
+        let silent = Error::of(ErrorKind::Silent, "no servo answers, so there is nothing to draft")
             .at(order.buses.iter().map(ToString::to_string).collect::<Vec<_>>().join(", "))
             .remedy("check power, cables and line speed: gaitway scan BUS --baud all");
         return Err(match draft.notes.as_slice() {

@@ -3,7 +3,6 @@
 pub mod joints;
 
 use super::model::robot_model;
-use super::report::Source;
 use crate::action::{Join, phrase, vocabulary};
 use crate::body::Proportions;
 use crate::error::{Error, ErrorKind};
@@ -15,6 +14,7 @@ use crate::mocap::retarget::{self, Retargeted};
 use crate::motion::Path as JointPath;
 use crate::robot::Robot;
 use gaitway_profiles as profiles;
+use serde::Serialize;
 use std::path::{Path, PathBuf};
 
 /// Poses per second of a performed action.
@@ -46,6 +46,19 @@ impl MotionOrder {
     pub fn of(motion: &str) -> Self {
         Self { motion: motion.to_owned(), ..Self::default() }
     }
+}
+
+/// The motion as it came in.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Source {
+    /// `bvh` or `action`.
+    pub format: String,
+    /// Poses read.
+    pub frames: usize,
+    /// Poses per second.
+    pub rate_hz: f64,
+    /// Length, s.
+    pub duration_s: f64,
 }
 
 /// A motion on a robot's joints, before it is timed.
@@ -141,7 +154,7 @@ pub fn body_motion(motion: &str, mapping: Option<&Path>) -> Result<(Capture, Sou
     let path = Path::new(motion);
     if !path.extension().is_some_and(|e| e.eq_ignore_ascii_case("bvh")) {
         let shipped: Vec<&str> = vocabulary::names().collect();
-        return Err(Error::of(ErrorKind::Unknown, "not a motion I can read")
+        return Err(Error::of(ErrorKind::Unknown, "not a motion that can be read")
             .at("MOTION")
             .got(motion)
             .allowed(format!(

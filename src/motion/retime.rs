@@ -62,7 +62,7 @@ pub fn retime(path: &Path, limits: &[JointLimits]) -> Result<Retimed, Error> {
     if !(factor <= MAX_FACTOR) {
         return Err(Error::of(
             ErrorKind::OutsideLimits,
-            "the motion would have to be slowed down absurdly",
+            "the motion would have to be slowed down too far",
         )
         .at(format!("joint {}", joint.1))
         .got(format!("a factor of {factor:.1}"))

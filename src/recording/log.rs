@@ -2,19 +2,19 @@
 //! is safe.
 
 use std::collections::BTreeMap;
-use std::io::{self, Write};
-use std::sync::atomic::Ordering;
+use std::io;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, TryRecvError, channel};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::{Duration, Instant as Clock};
 
 use mcap::records::{MessageHeader, Metadata};
 use mcap::write::NoSeek;
 
+use super::disk::{Bytes, Disk, Syncer, mcap_writer};
 use super::message::{self, Run, Stamp, Topic};
 use super::sample::{CycleRecord, RunEnd, RunStart};
-use super::sensor::{self, SourceId, SourceKind, SourceRecord};
-use super::writer::{Disk, Item, Keep, Pace, Shared, Summary, Syncer, locked};
+use super::sensor::{self, RecordedSource, SourceId, SourceKind, SourceRecord};
 use crate::time::Instant;
 
 /// A chunk is also closed at this size, which bounds the memory it takes.
@@ -22,36 +22,84 @@ const CHUNK_BYTES: usize = 1 << 20;
 /// How often it is looked whether a synchronisation has come to its end, where nothing else comes.
 const SYNC_LOOK: Duration = Duration::from_millis(100);
 
-/// Collects the bytes of an MCAP writer, so that a chunk reaches the disk in one append and the
-/// MCAP writer itself never meets an I/O error.
-#[derive(Clone, Default)]
-pub(super) struct Bytes(Arc<Mutex<Vec<u8>>>);
+/// When a recording takes the place of the file it replaces.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Keep {
+    /// With its first cycle: what sensors say before the robot moves is worth no other recording.
+    FirstCycle,
+    /// With whatever comes first.
+    First,
+    /// When it is finished and nothing is missing.
+    Whole,
+}
 
-impl Bytes {
-    pub(super) fn take(&self) -> Vec<u8> {
-        std::mem::take(&mut *locked(&self.0))
+impl Keep {
+    /// As usual for a recording of a robot, or of none.
+    pub(super) fn usual(start: &RunStart) -> Self {
+        if start.joints.is_empty() { Self::First } else { Self::FirstCycle }
     }
 }
 
-impl Write for Bytes {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        locked(&self.0).extend_from_slice(bytes);
-        Ok(bytes.len())
-    }
+/// How often the thread lets go of what it holds. Zero is "after every cycle".
+#[derive(Clone, Copy, Debug)]
+pub struct Pace {
+    /// The longest a message stays in memory before its chunk is appended.
+    pub chunk: Duration,
+    /// The longest an appended chunk stays unsynchronised on a disk that keeps up. Zero waits for the
+    /// disk every time.
+    pub sync: Duration,
+}
 
-    fn flush(&mut self) -> io::Result<()> {
-        Ok(())
+impl Default for Pace {
+    fn default() -> Self {
+        Self { chunk: Duration::from_millis(250), sync: Duration::from_secs(1) }
     }
 }
 
-/// An MCAP writer for a file that only grows: no seeking, no compression, chunks closed by us.
-pub(super) fn mcap_writer(bytes: &Bytes) -> mcap::McapResult<mcap::Writer<NoSeek<Bytes>>> {
-    mcap::WriteOptions::new()
-        .compression(None)
-        .chunk_size(None)
-        .disable_seeking(true)
-        .library(concat!("gaitway ", env!("CARGO_PKG_VERSION")))
-        .create(NoSeek::new(bytes.clone()))
+/// What became of everything a [`Recorder`] was given.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Summary {
+    /// Messages stored.
+    pub messages: u64,
+    /// Messages refused by the full queue, by topic.
+    pub dropped: BTreeMap<String, u64>,
+    /// Messages taken from the queue but not stored, because the disk failed.
+    pub lost: u64,
+    /// Bytes appended to the file.
+    pub bytes: u64,
+    /// Why writing ended early, if it did.
+    pub poisoned: Option<String>,
+    /// True if nothing came that is worth another recording: the one that was to be replaced is as it
+    /// was.
+    pub kept_old: bool,
+}
+
+impl Summary {
+    /// Whether everything the recorder was given is in the file, and the file is complete.
+    #[must_use]
+    pub fn is_complete(&self) -> bool {
+        self.dropped.is_empty() && self.lost == 0 && self.poisoned.is_none()
+    }
+}
+
+pub(super) enum Item {
+    /// A cycle, and how many were dropped just before it.
+    Cycle(CycleRecord, u64),
+    /// A record of a source, and how many were dropped just before it.
+    Record(SourceId, SourceRecord, u64),
+    /// The end, and what was dropped just before it: cycles, and records by source.
+    End(RunEnd, u64, BTreeMap<String, u64>),
+}
+
+/// What the recorder and its thread both look at. Nobody waits while holding it.
+#[derive(Debug, Default)]
+pub(super) struct Shared {
+    /// Added sources, in the order of their numbers.
+    pub(super) sources: Mutex<Vec<RecordedSource>>,
+    /// Why writing ended early.
+    pub(super) failure: OnceLock<String>,
+    /// Nothing of it is wanted.
+    pub(super) discarded: AtomicBool,
 }
 
 /// The thread's side: turns records into chunks and counts what is safe.
@@ -457,6 +505,11 @@ impl Syncs {
         self.asked = None;
         Some((messages, told))
     }
+}
+
+/// What is in it, also after a thread that held it has panicked: counts stay counts.
+pub(super) fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 fn add_topic(mcap: &mut mcap::Writer<NoSeek<Bytes>>, topic: Topic) -> mcap::McapResult<u16> {

@@ -1,6 +1,6 @@
 //! Marks that a person sets while a recording runs.
 
-use super::message::Stamp;
+use super::message::{Stamp, parse};
 use crate::time::Instant;
 use serde::{Deserialize, Serialize};
 
@@ -46,7 +46,7 @@ impl Marker {
 
     /// What a message says.
     pub(super) fn read(body: &[u8]) -> Option<Self> {
-        let log: Log = super::reader::parse(body)?;
+        let log: Log = parse(body)?;
         Some(Self { at: Instant::from_nanos(log.host_monotonic_ns), text: log.message })
     }
 }

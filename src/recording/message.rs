@@ -55,6 +55,17 @@ impl Topic {
     }
 }
 
+/// No message of ours is larger: 512 joints of 300 bytes each, and room to spare.
+const MESSAGE_BYTES: usize = 256 << 10;
+
+/// A message of ours; `None` if it is none.
+pub(super) fn parse<'a, T: Deserialize<'a>>(body: &'a [u8]) -> Option<T> {
+    if body.len() > MESSAGE_BYTES {
+        return None;
+    }
+    serde_json::from_slice(body).ok()
+}
+
 /// Wall clock, as every tool that knows Foxglove's schemas reads it.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Stamp {

@@ -7,8 +7,8 @@ use std::path::Path;
 use mcap::records::MessageHeader;
 use serde::{Deserialize, Serialize};
 
-use super::message::{Cycle, Run, Topic};
-use super::reader::{open, parse};
+use super::disk::open;
+use super::message::{Cycle, Run, Topic, parse};
 use super::scan::{Found, scan};
 use crate::error::Error;
 

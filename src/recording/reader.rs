@@ -2,30 +2,26 @@
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use mcap::records::{MessageHeader, Metadata};
 use mcap::write::NoSeek;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 use super::bounded::JOINTS;
-use super::log::{Bytes, mcap_writer};
-use super::message::{Cycle, Health, JointState, JointStates, Moment, Run, Topic};
+use super::disk::{Bytes, Disk, create_file, mcap_writer, open};
+use super::message::{Cycle, Health, JointState, JointStates, Moment, Run, Topic, parse};
 use super::overview::{Overview, SourceOverview};
 use super::sample::{CycleRecord, JointRecord, RunEnd, RunStart};
 use super::scan::{Channel, Found, Tally, scan};
-use super::writer::{Disk, create_file};
 use crate::draft::Draft;
 use crate::error::{Error, ErrorKind};
 use crate::time::Instant;
 
 /// The largest file [`read`] takes into memory; [`summary`] and [`recover`] take any size.
 const FILE_BYTES: u64 = 256 << 20;
-/// No message of ours is larger: 512 joints of 300 bytes each, and room to spare.
-const MESSAGE_BYTES: usize = 256 << 10;
 /// Opcode, length and header of a message record, and its entry in the chunk's index.
 const MESSAGE_OVERHEAD: usize = 9 + 22 + 16;
 /// What a recording in memory may take beside three times its messages, bytes.
@@ -386,25 +382,4 @@ pub fn joint_series(recording: &Recording) -> GoalSeries {
         series.positions_rad.push(row);
     }
     series
-}
-
-pub(super) fn open(path: &Path) -> Result<File, Error> {
-    let unreadable = |cause: String| {
-        Error::of(ErrorKind::Io, "the recording cannot be opened")
-            .at(path.display().to_string())
-            .got(cause)
-    };
-    // Asked before opening: a named pipe would make the open itself wait for ever.
-    let kind = std::fs::metadata(path).map_err(|cause| unreadable(cause.to_string()))?;
-    if !kind.is_file() {
-        return Err(unreadable("not a regular file".into()));
-    }
-    File::open(path).map_err(|cause| unreadable(cause.to_string()))
-}
-
-pub(super) fn parse<'a, T: Deserialize<'a>>(body: &'a [u8]) -> Option<T> {
-    if body.len() > MESSAGE_BYTES {
-        return None;
-    }
-    serde_json::from_slice(body).ok()
 }

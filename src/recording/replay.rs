@@ -1,6 +1,7 @@
 //! Orientations of sensors out of a recording, to be played as if they came now.
 
-use super::reader::{open, parse};
+use super::disk::open;
+use super::message::parse;
 use super::scan::{Found, scan};
 use super::sensor::{Imu, Transform};
 use crate::error::Error;
@@ -68,7 +69,7 @@ pub fn read_orientations(path: &Path) -> Result<VecDeque<ReplayedSample>, Error>
             },
         ));
         if found.len() > MOST_SAMPLES {
-            return Err(Error::new("the recording is too long to be played as if now")
+            return Err(Error::new("the recording is too long to be replayed live")
                 .allowed(format!("{MOST_SAMPLES} samples")));
         }
         Ok(())

@@ -126,7 +126,7 @@ pub(super) fn scan(
     let mut magic = Vec::new();
     scan.fill(&mut magic, mcap::MAGIC.len() as u64)?;
     if magic != mcap::MAGIC {
-        return Err(Error::of(ErrorKind::Malformed, "this is no MCAP recording")
+        return Err(Error::of(ErrorKind::Malformed, "not an MCAP recording")
             .got(format!("{magic:02x?}"))
             .allowed("a file that begins with the MCAP magic 89 4d 43 41 50 30 0d 0a"));
     }

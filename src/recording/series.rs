@@ -1,8 +1,8 @@
 //! What the sensors of a recording said, sensor by sensor, for whoever works on it afterwards.
 
+use super::disk::open;
 use super::marker::Marker;
-use super::message::{Run, Topic};
-use super::reader::{open, parse};
+use super::message::{Run, Topic, parse};
 use super::sample::RunStart;
 use super::scan::{Found, scan};
 use super::sensor::{Imu, Transform};

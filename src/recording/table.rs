@@ -4,7 +4,9 @@
 //! read. Joints of a robot, if the recording has no sensors: one row per cycle. What was not measured
 //! is an empty cell. Times are seconds since the start of the recording.
 
-use super::reader::{open, parse, read};
+use super::disk::open;
+use super::message::parse;
+use super::reader::read;
 use super::scan::{Found, scan};
 use super::sensor::{Imu, Rotation, Transform, Vector};
 use crate::error::Error;

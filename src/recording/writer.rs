@@ -1,157 +1,23 @@
 //! The writing side: a bounded queue in front of the thread of [`super::log`].
 
 use std::collections::BTreeMap;
-use std::io::{self, Write};
 use std::path::Path;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{SyncSender, TrySendError, sync_channel};
-use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
-use std::time::Duration;
 
-use super::log::Log;
+use super::disk::{Disk, create_file, shown};
+use super::log::{Item, Keep, Log, Pace, Shared, Summary, locked};
 use super::message::{self, Topic};
 use super::sample::{CycleRecord, RunEnd, RunStart};
 use super::sensor::{self, RecordedSource, SourceId, SourceRecord};
-use crate::draft::Draft;
 use crate::error::{Error, ErrorKind};
 
 /// Cycles that may wait for the disk: 2.5 s at 100 Hz, about 1 MiB with 20 joints.
 const QUEUE_CYCLES: usize = 256;
 /// Samples that may wait for the disk: 2.7 s of 15 sensors at 200 Hz.
 const QUEUE_SAMPLES: usize = 8192;
-
-/// Returns once everything that was appended when it was called would survive a power cut. After an
-/// error what was appended since the last success may be lost.
-pub type Syncer = Box<dyn FnMut() -> io::Result<()> + Send>;
-
-/// What a recording needs of a disk.
-pub trait Disk: Send + 'static {
-    /// Puts all of `bytes` at the end of the file.
-    ///
-    /// # Errors
-    /// As the file system says; some of the bytes may have been written.
-    fn append(&mut self, bytes: &[u8]) -> io::Result<()>;
-
-    /// What synchronises the file, on a thread of its own: a disk may take seconds for it, in which
-    /// what comes is appended.
-    ///
-    /// # Errors
-    /// A file that cannot be had twice.
-    fn syncer(&self) -> io::Result<Syncer>;
-
-    /// There is something worth keeping: the file may take the place of one it replaces. One that is
-    /// dropped before leaves what was there.
-    ///
-    /// # Errors
-    /// As the file system says; what was there stays then.
-    fn keep(&mut self) -> io::Result<()> {
-        Ok(())
-    }
-
-    /// True if another file is still in its place.
-    fn replaces(&self) -> bool {
-        false
-    }
-}
-
-/// When a recording takes the place of the file it replaces.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Keep {
-    /// With its first cycle: what sensors say before the robot moves is worth no other recording.
-    FirstCycle,
-    /// With whatever comes first.
-    First,
-    /// When it is finished and nothing is missing.
-    Whole,
-}
-
-impl Keep {
-    /// As usual for a recording of a robot, or of none.
-    fn usual(start: &RunStart) -> Self {
-        if start.joints.is_empty() { Self::First } else { Self::FirstCycle }
-    }
-}
-
-impl Disk for Draft {
-    fn append(&mut self, bytes: &[u8]) -> io::Result<()> {
-        self.write_all(bytes)
-    }
-
-    fn syncer(&self) -> io::Result<Syncer> {
-        Ok(Box::new(Self::syncer(self)?))
-    }
-
-    fn keep(&mut self) -> io::Result<()> {
-        Self::keep(self)
-    }
-
-    fn replaces(&self) -> bool {
-        Self::replaces(self)
-    }
-}
-
-/// How often the thread lets go of what it holds. Zero is "after every cycle".
-#[derive(Clone, Copy, Debug)]
-pub struct Pace {
-    /// The longest a message stays in memory before its chunk is appended.
-    pub chunk: Duration,
-    /// The longest an appended chunk stays unsynchronised on a disk that keeps up. Zero waits for the
-    /// disk every time.
-    pub sync: Duration,
-}
-
-impl Default for Pace {
-    fn default() -> Self {
-        Self { chunk: Duration::from_millis(250), sync: Duration::from_secs(1) }
-    }
-}
-
-/// What became of everything a [`Recorder`] was given.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Summary {
-    /// Messages stored.
-    pub messages: u64,
-    /// Messages refused by the full queue, by topic.
-    pub dropped: BTreeMap<String, u64>,
-    /// Messages taken from the queue but not stored, because the disk failed.
-    pub lost: u64,
-    /// Bytes appended to the file.
-    pub bytes: u64,
-    /// Why writing ended early, if it did.
-    pub poisoned: Option<String>,
-    /// True if nothing came that is worth another recording: the one that was to be replaced is as it
-    /// was.
-    pub kept_old: bool,
-}
-
-impl Summary {
-    /// Whether everything the recorder was given is in the file, and the file is complete.
-    #[must_use]
-    pub fn is_complete(&self) -> bool {
-        self.dropped.is_empty() && self.lost == 0 && self.poisoned.is_none()
-    }
-}
-
-pub(super) enum Item {
-    /// A cycle, and how many were dropped just before it.
-    Cycle(CycleRecord, u64),
-    /// A record of a source, and how many were dropped just before it.
-    Record(SourceId, SourceRecord, u64),
-    /// The end, and what was dropped just before it: cycles, and records by source.
-    End(RunEnd, u64, BTreeMap<String, u64>),
-}
-
-/// What the recorder and its thread both look at. Nobody waits while holding it.
-#[derive(Debug, Default)]
-pub(super) struct Shared {
-    /// Added sources, in the order of their numbers.
-    pub(super) sources: Mutex<Vec<RecordedSource>>,
-    /// Why writing ended early.
-    pub(super) failure: OnceLock<String>,
-    /// Nothing of it is wanted.
-    pub(super) discarded: AtomicBool,
-}
 
 /// What the full queue refused of one source.
 #[derive(Debug)]
@@ -392,29 +258,4 @@ impl Drop for Recorder {
             self.close();
         }
     }
-}
-
-/// What is in it, also after a thread that held it has panicked: counts stay counts.
-pub(super) fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-fn shown(path: &Path) -> String {
-    path.display().to_string()
-}
-
-/// Begins the file at `path`.
-pub(super) fn create_file(path: &Path, force: bool) -> Result<Draft, Error> {
-    Draft::create(path, force).map_err(|cause| {
-        let error = Error::of((&cause).into(), "the file cannot be created")
-            .at(shown(path))
-            .got(cause.to_string());
-        match cause.kind() {
-            io::ErrorKind::AlreadyExists => {
-                error.remedy("choose another name, or add --force to replace it")
-            }
-            io::ErrorKind::ResourceBusy => error.remedy("choose another name"),
-            _ => error,
-        }
-    })
 }

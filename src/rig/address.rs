@@ -72,7 +72,7 @@ impl FromStr for Address {
 
     fn from_str(text: &str) -> Result<Self, Error> {
         let unknown = || {
-            Error::of(ErrorKind::Unknown, "not a bus I know")
+            Error::of(ErrorKind::Unknown, "not the address of a bus")
                 .at("the bus")
                 .got(text)
                 .allowed(ALLOWED)

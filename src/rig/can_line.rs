@@ -119,7 +119,7 @@ pub fn open_can(address: &Address, robot: Option<&str>, seed: u64) -> Result<Ope
                 interface: Some(interface.clone()),
             })
         }
-        _ => Err(Error::new("this is no CAN line")
+        _ => Err(Error::new("not a CAN line")
             .at(address.to_string())
             .allowed("can:can0, or sim and sim:pty with --robot")),
     }

@@ -99,7 +99,7 @@ pub(super) fn wire(bus: &BusKind, baud_bps: u32) -> Result<(Box<dyn BytePort>, D
     match bus {
         BusKind::Tcp { place, .. } => {
             let port = TcpLine::open(place).map_err(|e| {
-                Error::of(ErrorKind::Absent,"nobody takes the connection")
+                Error::of(ErrorKind::Absent,"the connection is not accepted")
                     .at(format!("tcp:{place}"))
                     .got(spoken(&e))
                     .remedy("check host and port; the other end must run already, e.g. gaitway simulate")
@@ -111,10 +111,10 @@ pub(super) fn wire(bus: &BusKind, baud_bps: u32) -> Result<(Box<dyn BytePort>, D
             let latency = SerialLine::latency_timer_s(path).filter(|s| (0.0..1.0).contains(s));
             Ok((Box::new(port), latency.map_or(UNKNOWN_LATENCY, Duration::from_secs_f64)))
         }
-        BusKind::Can { interface } => Err(Error::new("a CAN interface is no serial line")
+        BusKind::Can { interface } => Err(Error::new("a CAN interface is not a serial line")
             .at(format!("can:{interface}"))
             .allowed("serial:/dev/ttyUSB0 or tcp:host:port")),
-        BusKind::Sim | BusKind::SimPty => Err(Error::new("a virtual robot is no wire")),
+        BusKind::Sim | BusKind::SimPty => Err(Error::new("a virtual robot has no real line")),
     }
 }
 

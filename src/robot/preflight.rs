@@ -201,7 +201,7 @@ fn check_identity(link: &mut Link, accept: Accept, found: &mut Preflight) -> Res
         if model != profile.model_number {
             return Err(Error::of(
                 ErrorKind::NotReady,
-                "another servo model than the robot file says",
+                "the servo is not the model that the robot file says",
             )
             .at(place(link, joint))
             .got(format!("model number {model}"))
@@ -212,7 +212,7 @@ fn check_identity(link: &mut Link, accept: Accept, found: &mut Preflight) -> Res
         let inside = firmware >= range.min && range.max.is_none_or(|max| firmware <= max);
         if !inside && !accept.firmware {
             let max = range.max.map_or_else(|| "newer".to_owned(), |max| max.to_string());
-            return Err(Error::new("a firmware this servo profile was not checked against")
+            return Err(Error::new("the servo's profile was not checked against this firmware")
                 .at(place(link, joint))
                 .got(format!("firmware {firmware}"))
                 .allowed(format!("{} to {max}", range.min))

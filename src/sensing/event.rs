@@ -1,6 +1,11 @@
 //! What happens while sensors are heard.
 
+use crate::capture::{Captured, Order};
+use crate::port::Clock;
+use crate::time::Instant;
+use glam::DQuat;
 use std::net::SocketAddr;
+use std::sync::Arc;
 
 /// Something that whoever set the sensors up may want to know at once.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -43,3 +48,47 @@ pub enum SensingEvent<'a> {
 
 /// Whoever is told of events, on the thread of the source that they happen to.
 pub type Tell<'a> = &'a (dyn Fn(SensingEvent<'_>) + Sync);
+
+/// What somebody who listens to the sensors hears.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Said {
+    /// A sample of a sensor.
+    Sample {
+        /// Name of the sensor.
+        sensor: Arc<str>,
+        /// Turns vectors of the sensor into those of its own world, Z up; `None` while nobody
+        /// knows.
+        orientation: Option<DQuat>,
+        /// True if the device or the filter began anew: its heading has nothing to do with the one
+        /// before.
+        anew: bool,
+        /// When it was read.
+        arrival: Instant,
+        /// When it was taken.
+        taken: Instant,
+    },
+    /// There will be no more of a sensor.
+    Ended {
+        /// Name of the sensor.
+        sensor: Arc<str>,
+        /// Why, in words.
+        why: String,
+    },
+}
+
+impl Said {
+    /// What a captured sample says: the fused orientation once that is settled or, of a sensor that
+    /// sends no angular rate, its own. Its moments are those of `clock`.
+    #[must_use]
+    pub fn of(sensor: &Arc<str>, captured: &Captured, clock: &dyn Clock) -> Self {
+        let orientation = match captured.fused {
+            Some(fused) => Some(fused.orientation).filter(|_| fused.settled),
+            None => captured.sample.orientation,
+        };
+        let unsettled = captured.fused.is_some_and(|fused| !fused.settled);
+        let anew = unsettled || captured.stamp.order == Order::Reset;
+        let of_clock = |at| clock.of_system(at);
+        let (arrival, taken) = (of_clock(captured.stamp.arrival), of_clock(captured.stamp.taken));
+        Self::Sample { sensor: Arc::clone(sensor), orientation, anew, arrival, taken }
+    }
+}

@@ -142,8 +142,7 @@ impl<'a> Guide<'a> {
         };
         let silent: Vec<String> = self.sensors.silent().map(name).collect();
         let others: Vec<&str> = self.sensors.others().collect();
-        let error =
-            Error::new("a sensor that is worn says nothing that can be used").at(silent.join(", "));
+        let error = Error::new("a worn sensor sends nothing usable").at(silent.join(", "));
         match others.is_empty() {
             true => error.remedy("is it switched on, and does its profile fit?"),
             false => error
@@ -202,7 +201,7 @@ impl<'a> Guide<'a> {
             (0..kept.calibration.mounts.len()).find(fits).ok_or_else(|| {
                 Error::new("this sensor is not in the calibration of the body")
                     .at(format!("{} on the {}", place.sensor, words(place.segment)))
-                    .remedy("calibrate anew: add --recalibrate")
+                    .remedy("calibrate again: add --recalibrate")
             })
         });
         let order = order.collect::<Result<Vec<usize>, Error>>()?;
@@ -261,7 +260,7 @@ impl<'a> Guide<'a> {
                     true => format!("{name} moved ({:.1} deg)", rad.to_degrees()),
                     false => format!("{name} said nothing"),
                 };
-                return Err(Error::new("nobody stood still in N pose")
+                return Err(Error::new("the subject did not stand still in N pose")
                     .got(what)
                     .remedy("stand still for three seconds and try again")
                     .into());
@@ -325,7 +324,7 @@ impl<'a> Guide<'a> {
                     .got(format!("{:.0} deg off", rad.to_degrees()))
                     .allowed(format!("{:.0} deg", T_POSE_FAIL_RAD.to_degrees()))
                     .remedy(
-                        "is the sensor on the segment that was said? add --no-t-pose to go \
+                        "check that the sensor is on the segment you named, or add --no-t-pose to go \
                          without this check",
                     )
                     .into());
@@ -474,7 +473,7 @@ impl<'a> Guide<'a> {
                 return Err(Ended::Stopped);
             }
             if let Some((sensor, why)) = self.sensors.ended() {
-                return Err(Error::new("a sensor that is worn is gone")
+                return Err(Error::new("a worn sensor is gone")
                     .at(format!("sensor {sensor}"))
                     .got(why.clone())
                     .remedy("plug it in or switch it on, and give the same command again")

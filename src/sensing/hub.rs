@@ -1,7 +1,7 @@
 //! Where all sensors of a session are heard, from its beginning to its end: what runs now, a look at
 //! sensors that lie still, somebody who is led through poses, or trials, takes of it what it needs.
 
-use super::Said;
+use super::event::Said;
 use crate::capture::Captured;
 use crate::port::MonotonicClock;
 use crate::recording::{RecordedSource, Recorder, SourceId, SourceKind, SourceRecord};

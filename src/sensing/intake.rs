@@ -1,61 +1,16 @@
 //! Where the samples of all sources go, and what came of each source.
 
-use super::event::Tell;
+use super::event::{Said, Tell};
 use super::hub::Hub;
-use crate::capture::{Captured, Chain, Counts, Mode, Order, Quality};
+use crate::capture::{Captured, Chain, Counts, Mode, Quality};
 use crate::port::Clock;
 use crate::recording::{CycleRecord, RecordedSource, Recorder, SourceId, SourceKind, SourceRecord};
 use crate::time::Instant;
-use glam::DQuat;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::Sender;
 use std::sync::{Arc, Mutex, PoisonError};
-
-/// What somebody who listens to the sensors hears.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Said {
-    /// A sample of a sensor.
-    Sample {
-        /// Name of the sensor.
-        sensor: Arc<str>,
-        /// Turns vectors of the sensor into those of its own world, Z up; `None` while nobody
-        /// knows.
-        orientation: Option<DQuat>,
-        /// True if the device or the filter began anew: its heading has nothing to do with the one
-        /// before.
-        anew: bool,
-        /// When it was read.
-        arrival: Instant,
-        /// When it was taken.
-        taken: Instant,
-    },
-    /// There will be no more of a sensor.
-    Ended {
-        /// Name of the sensor.
-        sensor: Arc<str>,
-        /// Why, in words.
-        why: String,
-    },
-}
-
-impl Said {
-    /// What a captured sample says: the fused orientation once that is settled or, of a sensor that
-    /// sends no angular rate, its own. Its moments are those of `clock`.
-    #[must_use]
-    pub fn of(sensor: &Arc<str>, captured: &Captured, clock: &dyn Clock) -> Self {
-        let orientation = match captured.fused {
-            Some(fused) => Some(fused.orientation).filter(|_| fused.settled),
-            None => captured.sample.orientation,
-        };
-        let unsettled = captured.fused.is_some_and(|fused| !fused.settled);
-        let anew = unsettled || captured.stamp.order == Order::Reset;
-        let of_clock = |at| clock.of_system(at);
-        let (arrival, taken) = (of_clock(captured.stamp.arrival), of_clock(captured.stamp.taken));
-        Self::Sample { sensor: Arc::clone(sensor), orientation, anew, arrival, taken }
-    }
-}
 
 /// What became of one source.
 #[derive(Clone, Debug, Default, Serialize)]

@@ -68,7 +68,7 @@ impl Trackers {
         worn: &[String],
     ) -> Result<Self, Error> {
         let refused = |cause: std::io::Error| {
-            Error::of(ErrorKind::Busy, "nobody can listen at the port")
+            Error::of(ErrorKind::Busy, "the port cannot be opened for listening")
                 .at(format!("udp:{listen}"))
                 .got(cause.to_string())
                 .remedy("end the other server (SlimeVR?), or choose another port")

@@ -61,7 +61,7 @@ impl FromStr for Source {
 
     fn from_str(text: &str) -> Result<Self, Error> {
         let unknown =
-            || Error::of(ErrorKind::Unknown, "not a source I know").got(text).allowed(ALLOWED);
+            || Error::of(ErrorKind::Unknown, "not a source of samples").got(text).allowed(ALLOWED);
         let (name, rest) = match text.split_once('=') {
             Some((name, rest)) if is_name(name) => (Some(name.to_owned()), rest),
             _ => (None, text),
@@ -131,7 +131,9 @@ impl Source {
     /// An unknown profile, one that does not fit the bus, a port that cannot be opened.
     pub fn open(&self, worn: &[String]) -> Result<Opened, Error> {
         let mismatch = |remedy: &str| {
-            Error::new("the profile and the bus do not fit").at(self.text.clone()).remedy(remedy)
+            Error::new("the profile and the bus do not fit together")
+                .at(self.text.clone())
+                .remedy(remedy)
         };
         match &self.what {
             What::Imu { profile, address } => {
@@ -158,7 +160,9 @@ impl Source {
                 let name = self.name.clone().unwrap_or_else(|| "lines".to_owned());
                 Ok(Opened::Lines(Box::new(TextLines::new(name, &self.text, port))))
             }
-            What::Servos { .. } => Err(Error::new("a robot is no stream").at(self.text.clone())),
+            What::Servos { .. } => {
+                Err(Error::new("a robot is not a stream of samples").at(self.text.clone()))
+            }
         }
     }
 }

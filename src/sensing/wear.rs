@@ -164,7 +164,7 @@ impl Wear {
 }
 
 fn not_worn(source: &str) -> Error {
-    Error::new("nobody can wear this source")
+    Error::new("this source cannot be worn")
         .got(source)
         .allowed("imu:PROFILE@BUS, e.g. left_thigh=imu:bno08x-rvc@/dev/ttyUSB0")
 }

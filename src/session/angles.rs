@@ -196,7 +196,7 @@ impl WornMotion {
         if summary.is_complete() {
             return Ok(());
         }
-        Err(Error::new("the recording of joint angles is not whole")
+        Err(Error::new("the recording of joint angles is incomplete")
             .at(path.display().to_string())
             .got(summary.poisoned.unwrap_or_default()))
     }
@@ -248,7 +248,7 @@ fn worn_sensors(series: &SensorSeries, kept: &Kept) -> Result<Vec<(Segment, Orie
 /// When all of them speak: from the last that began to the last sample of any.
 fn common_span(sensors: &[(Segment, Orientations)]) -> Result<(u64, u64), Error> {
     let silent = || {
-        Error::new("the sensors told no orientation at the same time")
+        Error::new("at no time did all sensors give an orientation")
             .remedy("look with `gaitway info` whether all of them were recorded")
     };
     let spoke = || sensors.iter().filter(|(_, said)| !said.is_empty());

@@ -30,7 +30,7 @@ impl Folder {
         if !begun && fs::read_dir(root).is_ok_and(has_strangers) {
             return Err(Error::of(
                 ErrorKind::Exists,
-                "the folder holds other things and no session",
+                "the folder holds something else, not a session",
             )
             .at(shown(root))
             .remedy("choose a folder that is empty or does not exist yet"));
@@ -43,7 +43,7 @@ impl Folder {
         let lock = File::create(&path).map_err(|cause| unwritable(&path, &cause))?;
         // Where the file system knows no locks, there is none; two operators would see each other.
         if matches!(lock.try_lock(), Err(fs::TryLockError::WouldBlock)) {
-            return Err(Error::of(ErrorKind::Busy, "a session runs in this folder now")
+            return Err(Error::of(ErrorKind::Busy, "a session is already running in this folder")
                 .at(shown(root))
                 .remedy("end it there, or choose another folder"));
         }

@@ -70,7 +70,7 @@ impl Plan {
     pub fn parse(text: &str, file: &str) -> Result<Self, Error> {
         let plan: Self = from_toml(text).map_err(|e| {
             let line = e.span().map_or(1, |span| 1 + text[..span.start].matches('\n').count());
-            Error::of(ErrorKind::Malformed, "this is no session plan")
+            Error::of(ErrorKind::Malformed, "not a session plan")
                 .at(format!("{file}, line {line}"))
                 .got(e.message().replace('\n', "; "))
         })?;
@@ -107,7 +107,7 @@ impl Plan {
         number("body_hours", self.body_hours, 0.1..=100.0)?;
         number("rate_hz", self.rate_hz, 10.0..=1000.0)?;
         if self.actions.is_empty() || self.actions.len() > MOST_ACTIONS {
-            return Err(Error::new("a plan names the actions that are to be recorded")
+            return Err(Error::new("a plan must name the actions to record")
                 .got(self.actions.len().to_string())
                 .allowed(format!("1 to {MOST_ACTIONS} [[action]]")));
         }
@@ -118,9 +118,7 @@ impl Plan {
             action.complete()?;
             number("repetitions", f64::from(action.repetitions.unwrap_or(1)), 1.0..=1000.0)?;
             if before.iter().any(|other| other.name == action.name) {
-                return Err(
-                    Error::new("an action stands in the plan twice").got(action.name.clone())
-                );
+                return Err(Error::new("an action is in the plan twice").got(action.name.clone()));
             }
         }
         Ok(self)

@@ -4,6 +4,7 @@
 #![allow(dead_code)]
 
 use crate::aloud::aloud;
+use crate::priority::run_before_others;
 use gaitway_sim::{Door, Fault, Options, World};
 use serde_json::Value;
 use std::process::{Command, Output};
@@ -35,6 +36,7 @@ impl Desk {
 
     fn new(robot: &str, permit_eeprom: bool) -> Self {
         let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
+        run_before_others();
         let file = gaitway_profiles::robot(robot).expect("a shipped robot");
         let faults =
             vec![Fault::Brownout { from_ns: POWER_OFF_NS, until_ns: POWER_OFF_NS + 1_000_000_000 }];

@@ -4,7 +4,7 @@ use std::fs;
 use std::io;
 use std::path::Path;
 
-use gaitway::action::file as action;
+use gaitway::action::vocabulary as action;
 use gaitway::body::anthropometry::Subject;
 use gaitway::body::worn::kept::Kept;
 use gaitway::calibration::Calibration;

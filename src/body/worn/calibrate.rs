@@ -234,7 +234,7 @@ impl Calibration {
                     .at(name)
                     .got(format!("turned by {:.0} deg", lean_rad.to_degrees()))
                     .allowed(format!("{:.0} deg", SLIPPED_RAD.to_degrees()))
-                    .remedy("stand in N pose; if the strap has slipped, calibrate anew"));
+                    .remedy("stand in N pose; if the strap has slipped, calibrate again"));
             }
             let upright = DQuat::from_rotation_z(-heading_rad);
             let sensor_from_segment = (standing.inverse() * upright).normalize();

@@ -91,9 +91,9 @@ impl Kept {
     /// Another format, an unknown segment or one named twice, a quaternion that is none.
     pub fn parse(text: &str) -> Result<Self, Error> {
         let wrong = |got: String| {
-            Error::of(ErrorKind::Malformed, "this is no calibration of a body")
+            Error::of(ErrorKind::Malformed, "not a calibration of a body")
                 .got(got)
-                .remedy("calibrate anew, or name another file")
+                .remedy("calibrate again, or name another file")
         };
         let file: File =
             from_toml(text).map_err(|cause| wrong(cause.to_string().trim().to_owned()))?;

@@ -241,7 +241,7 @@ fn check_as_begun(
     } else {
         return Ok(());
     };
-    Err(Error::new("the session was begun otherwise")
+    Err(Error::new("the session was begun with other settings")
         .at(differs)
         .allowed("what stands in session.toml")
         .remedy("leave it out to go on, or begin another session"))

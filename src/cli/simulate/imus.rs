@@ -158,7 +158,7 @@ struct Place<'a> {
 impl<'a> Place<'a> {
     fn of(args: &'a ImusArgs, sensor: &Sensor, wire: ImuWire) -> Result<Self, Error> {
         let misfit = |remedy: &str| {
-            Error::new("the profile and the way do not fit")
+            Error::new("the profile and the way it is sent do not fit together")
                 .at("--profile")
                 .got(args.profile.clone())
                 .remedy(remedy.to_owned())

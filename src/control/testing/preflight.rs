@@ -64,7 +64,7 @@ fn a_robot_as_its_file_says_passes_and_nothing_is_written() {
 fn another_model_is_refused() {
     let error = refused(
         with(|servo| servo.set_word(3, 778)),
-        "another servo model than the robot file says",
+        "the servo is not the model that the robot file says",
     );
     assert_eq!(error.got.as_deref(), Some("model number 778"));
 }
@@ -89,7 +89,7 @@ fn a_firmware_outside_the_profiles_range_is_refused_unless_it_is_accepted() {
         assert_eq!(of_firmware(major, minor, true).expect("inside").notes, [""; 0]);
     }
     for (major, minor) in [(2, 255), (3, 21)] {
-        let what = "a firmware this servo profile was not checked against";
+        let what = "the servo's profile was not checked against this firmware";
         let error = refused(of_firmware(major, minor, false), what);
         assert_eq!(error.allowed.as_deref(), Some("768 to 788"));
         let found = of_firmware(major, minor, true).expect("accepted");

@@ -76,7 +76,7 @@ pub fn plan(link: &mut Link, joint: usize, measured: &Measured) -> Result<Change
         new -= turn * new.signum();
     }
     if !(lowest..=highest).contains(&new) {
-        return Err(Error::new("the servo's offset does not reach so far")
+        return Err(Error::new("the servo's offset register does not reach that far")
             .at(place())
             .got(new.to_string())
             .allowed(format!("{lowest} to {highest} (raw)"))

@@ -152,7 +152,7 @@ impl Measured {
         if low >= first && high <= last {
             return Ok(());
         }
-        Err(Error::new("the servo's counts begin anew inside the joint's range")
+        Err(Error::new("the servo's counts wrap around inside the joint's range")
             .at(format!("joint {}, ID {}", of.name, of.id))
             .got(format!("counts {low} to {high}"))
             .allowed(format!("inside {first} to {last}"))

@@ -45,7 +45,7 @@ impl Job<'_> {
         let real_time = ready.as_ref().is_none_or(|ready| ready.connection.real_time);
         if !real_time && replayed.is_none() {
             return Err(Error::new(
-                "sensors speak in real time, and this robot is in virtual time",
+                "sensors run in real time, but this robot runs in virtual time",
             )
             .at("--bus")
             .got("sim")
@@ -119,12 +119,14 @@ impl Job<'_> {
             return Ok((Wear::of(sources, &self.order.wear)?, None));
         };
         if self.order.from.len() > 1 {
-            return Err(Error::new("a recording is followed alone").at("--from"));
+            return Err(Error::new("a recording cannot be followed together with other sources")
+                .at("--from"));
         }
         let samples = read_orientations(Path::new(replay))?;
         let mut wear = Wear::of(Vec::new(), &self.order.wear)?;
         if !wear.sources.is_empty() {
-            return Err(Error::new("a recording is followed alone").at("--wear"));
+            return Err(Error::new("a recording cannot be followed together with other sources")
+                .at("--wear"));
         }
         let mut names: Vec<Arc<str>> = samples.iter().map(|s| Arc::clone(&s.sensor)).collect();
         names.sort();

@@ -49,7 +49,7 @@ pub fn refuse_taken(device: &mut Device, id: u8) -> Result<(), Error> {
         Err(Error::of(ErrorKind::Busy, "the new ID is taken")
             .at(place.clone())
             .got(got)
-            .allowed("an ID where nobody answers")
+            .allowed("an ID that no device has")
             .remedy("`gaitway scan BUS` lists those in use"))
     };
     match identify(&mut device.line, id, None) {

@@ -76,7 +76,7 @@ impl Device {
         let named = which.model.as_deref().map(profiles::servo).transpose()?;
         let of_robot = || in_robot(which, found.protocol, found.model_number);
         let profile = named.or_else(of_robot).or(found.profile).ok_or_else(|| {
-            Error::of(ErrorKind::Unknown, "a servo model without profile")
+            Error::of(ErrorKind::Unknown, "there is no profile for this servo model")
                 .at(place.clone())
                 .got(format!("model number {}, {}", found.model_number, found.protocol))
                 .allowed(profiles::servo_names().collect::<Vec<_>>().join(", "))
@@ -240,7 +240,7 @@ impl Device {
         }
         let (lowest, highest) = register.range();
         if !(lowest..=highest).contains(&raw) {
-            return Err(Error::of(ErrorKind::OutsideLimits, "outside what the register takes")
+            return Err(Error::of(ErrorKind::OutsideLimits, "outside the register's range")
                 .at(place())
                 .got(format!("{raw} (raw)"))
                 .allowed(value::range_words(&self.model, item)));

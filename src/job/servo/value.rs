@@ -113,7 +113,7 @@ pub fn parse(
     let si = if in_degrees.is_some() { number.to_radians() } else { number };
     model.raw_from_si(item.register, si).map_err(|_| {
         let outside =
-            Error::of(ErrorKind::OutsideLimits, "outside what the register takes").at(place());
+            Error::of(ErrorKind::OutsideLimits, "outside the register's range").at(place());
         outside.got(text).allowed(range_words(model, item))
     })
 }

@@ -57,7 +57,7 @@ pub fn wire(sensor: &Sensor) -> Result<ImuWire, Error> {
         (SensorProtocol::Cobs, "cobs-imu") => ImuWire::Cobs,
         (SensorProtocol::Slip, "slip-imu") => ImuWire::Slip,
         _ => {
-            return Err(Error::new("no virtual sensor speaks columns of one's own")
+            return Err(Error::new("virtual sensors cannot send columns of your own")
                 .at("--profile")
                 .got(sensor.name.clone())
                 .allowed("profiles that ship with gaitway"));

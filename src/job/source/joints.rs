@@ -1,8 +1,8 @@
 //! Motions that are in a robot's own joints already: recordings, taught by hand or of goals, and
 //! tables as `retarget` writes them.
 
+use super::Source;
 use crate::error::{Error, ErrorKind};
-use crate::job::report::Source;
 use crate::mocap::retarget::{Retargeted, Settings};
 use crate::motion::{low_pass, saturate};
 use crate::recording;
@@ -83,9 +83,7 @@ fn of_table(text: &str) -> Result<JointMotion, Error> {
     let titles = rows.next().transpose()?;
     let mut titles = titles.iter().flat_map(Row::cells);
     if titles.next() != Some("time_s") {
-        return Err(
-            Error::of(ErrorKind::Malformed, "this is no table of joint angles").allowed(shape)
-        );
+        return Err(Error::of(ErrorKind::Malformed, "not a table of joint angles").allowed(shape));
     }
     // Before anything is built of them.
     let joints = titles.clone().map(|title| title.strip_suffix("_rad").unwrap_or(title));
@@ -250,7 +248,7 @@ impl Series {
 
 fn known<'a>(robot: &'a Robot, name: &str) -> Result<&'a Joint, Error> {
     robot.joints.iter().find(|joint| joint.name == name).ok_or_else(|| {
-        Error::of(ErrorKind::Unknown, "the motion is of a joint the robot does not have")
+        Error::of(ErrorKind::Unknown, "the motion names a joint that the robot does not have")
             .at(format!("robot {}", robot.name))
             .got(name.to_owned())
             .allowed(robot.joint_names().join(", "))

@@ -196,7 +196,7 @@ pub fn can_ask_error(line: &OpenCanLine, place: String, error: &AskError) -> Err
     match error {
         AskError::Port(PortError::TimedOut) => Error::of(
             ErrorKind::Absent,
-            "nobody takes what is sent on the line",
+            "no device acknowledges what is sent on the line",
         )
         .at(place)
         .got(line.bus.troubles().unwrap_or_else(|| "a send queue that stays full".to_owned()))
@@ -212,7 +212,7 @@ pub fn can_ask_error(line: &OpenCanLine, place: String, error: &AskError) -> Err
         AskError::Miss(Miss::Silent) => Error::of(ErrorKind::Silent, "no device answers")
             .at(place)
             .got(line.bus.troubles().unwrap_or_else(|| "nothing".to_owned()))
-            .remedy("check power, cable and ID; `gaitway scan BUS` asks everybody"),
+            .remedy("check power, cable and ID; `gaitway scan BUS` asks every ID"),
         AskError::Miss(Miss::HostLate { .. }) => super::ask_error(place, error),
         AskError::Miss(miss) => {
             Error::of(ErrorKind::Damaged, "a wrong answer").at(place).got(miss.to_string())

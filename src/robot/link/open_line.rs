@@ -2,7 +2,6 @@
 
 use super::LinePort;
 use super::can::CanLine;
-use super::serial::return_delay;
 use crate::bus::can::{CanStats, CanTiming};
 use crate::bus::{Bus, Timing};
 use crate::port::Clock;
@@ -10,7 +9,7 @@ use crate::robot::reading::{LinePlan, LineReads, plan};
 use crate::robot::{Joint, Robot};
 use crate::time::{Duration, Instant};
 use crate::units::line_time_s;
-use gaitway_profiles::LineKind;
+use gaitway_profiles::{LineKind, Role};
 use std::sync::Arc;
 
 /// An open line.
@@ -193,4 +192,15 @@ fn can_timing(kind: LineKind, latency: Duration) -> CanTiming {
             CanTiming { bitrate_bps: baud_bps, data_bitrate_bps: baud_bps, latency }
         }
     }
+}
+
+/// Longest return delay among the servos of line number `line`, as the robot file sets it.
+fn return_delay(robot: &Robot, line: usize) -> Duration {
+    let on_line = robot.joints.iter().filter(|joint| joint.line == line);
+    Duration::from_secs_f64(
+        on_line
+            .filter_map(|joint| joint.configured(Role::ReturnDelay))
+            .fold(0.0, f64::max)
+            .clamp(0.0, 1.0),
+    )
 }

@@ -6,7 +6,7 @@ use crate::bus::{AskError, Bus, GroupItem, Miss, Reply};
 use crate::device::{JointState, Model};
 use crate::robot::reading::{Method, Reading};
 use crate::robot::{Joint, Robot};
-use crate::time::{Duration, Instant};
+use crate::time::Instant;
 use gaitway_profiles::{Register, Role};
 
 impl Link {
@@ -267,15 +267,4 @@ pub(super) fn groups(robot: &Robot, block: impl Fn(&Joint) -> Option<(u16, u16)>
         }
     }
     groups
-}
-
-/// Longest return delay among the servos of line number `line`, as the robot file sets it.
-pub(super) fn return_delay(robot: &Robot, line: usize) -> Duration {
-    let on_line = robot.joints.iter().filter(|joint| joint.line == line);
-    Duration::from_secs_f64(
-        on_line
-            .filter_map(|joint| joint.configured(Role::ReturnDelay))
-            .fold(0.0, f64::max)
-            .clamp(0.0, 1.0),
-    )
 }

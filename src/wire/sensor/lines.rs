@@ -5,7 +5,6 @@
 //! `$...*HH`, where HH is the exclusive or of the characters between.
 
 use super::columns::{Column, reading};
-use super::vectornav::checked;
 use super::{MAX_LINE, Reading};
 use crate::wire::{Decoded, Reason};
 
@@ -69,6 +68,31 @@ pub(super) fn line(
         Ok(None) => Decoded::Skip(taken),
         Err(reason) => Decoded::Bad(reason, taken),
     }
+}
+
+/// What stands between `$` and `*`, if the check after it fits: two hexadecimal digits are the
+/// exclusive or of those characters, four the CRC.
+pub(super) fn checked(text: &str) -> Result<&str, Reason> {
+    let (body, digits) =
+        text.strip_prefix('$').and_then(|text| text.rsplit_once('*')).ok_or(Reason::Malformed)?;
+    let plain = digits.bytes().all(|digit| digit.is_ascii_hexdigit());
+    let actual = u16::from_str_radix(digits, 16).map_err(|_| Reason::Malformed)?;
+    let expected = match digits.len() {
+        2 if plain => u16::from(body.bytes().fold(0, |check, byte| check ^ byte)),
+        4 if plain => crc(body.as_bytes()),
+        _ => return Err(Reason::Malformed),
+    };
+    super::same(expected, actual)?;
+    Ok(body)
+}
+
+/// CRC-16/XMODEM: polynomial 0x1021, initial value 0, not reflected.
+pub(super) fn crc(bytes: &[u8]) -> u16 {
+    bytes.iter().fold(0, |crc, &byte| {
+        (0..8).fold(crc ^ u16::from(byte) << 8, |crc, _| {
+            if crc & 0x8000 == 0 { crc << 1 } else { crc << 1 ^ 0x1021 }
+        })
+    })
 }
 
 fn separator(letter: char) -> bool {

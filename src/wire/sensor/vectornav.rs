@@ -5,7 +5,7 @@
 //! printed there; a message with another group is refused, since its length is not known here.
 //! Quaternions come scalar last.
 
-use super::lines::{cells, line, number};
+use super::lines::{cells, checked, crc, line, number};
 use super::{Reading, to_next};
 use crate::wire::{Decoded, Reason};
 
@@ -109,15 +109,6 @@ fn floats<const N: usize>(body: &[u8]) -> [f64; N] {
     out
 }
 
-/// CRC-16/XMODEM: polynomial 0x1021, initial value 0, not reflected.
-fn crc(bytes: &[u8]) -> u16 {
-    bytes.iter().fold(0, |crc, &byte| {
-        (0..8).fold(crc ^ u16::from(byte) << 8, |crc, _| {
-            if crc & 0x8000 == 0 { crc << 1 } else { crc << 1 ^ 0x1021 }
-        })
-    })
-}
-
 pub(super) fn decode_ascii(bytes: &[u8]) -> Decoded<Reading> {
     line(bytes, |text| {
         let Some(begin) = text.find("$VN") else { return Ok(None) };
@@ -125,22 +116,6 @@ pub(super) fn decode_ascii(bytes: &[u8]) -> Decoded<Reading> {
         let (name, values) = body.split_once(',').unwrap_or((body, ""));
         read_ascii(name, values).map(Some)
     })
-}
-
-/// What stands between `$` and `*`, if the check after it fits: two hexadecimal digits are the
-/// exclusive or of those characters, four the CRC.
-pub(super) fn checked(text: &str) -> Result<&str, Reason> {
-    let (body, digits) =
-        text.strip_prefix('$').and_then(|text| text.rsplit_once('*')).ok_or(Reason::Malformed)?;
-    let plain = digits.bytes().all(|digit| digit.is_ascii_hexdigit());
-    let actual = u16::from_str_radix(digits, 16).map_err(|_| Reason::Malformed)?;
-    let expected = match digits.len() {
-        2 if plain => u16::from(body.bytes().fold(0, |check, byte| check ^ byte)),
-        4 if plain => crc(body.as_bytes()),
-        _ => return Err(Reason::Malformed),
-    };
-    super::same(expected, actual)?;
-    Ok(body)
 }
 
 fn read_ascii(name: &str, values: &str) -> Result<Reading, Reason> {

@@ -26,7 +26,9 @@ const BEATS: Duration = Duration::from_millis(350);
 /// # Errors
 /// Always.
 pub fn refuse(what: &str, bus: &dyn std::fmt::Display, remedy: &str) -> Result<i32, Error> {
-    Err(Error::new(format!("{what} is not done on CAN lines")).at(bus.to_string()).remedy(remedy))
+    Err(Error::new(format!("{what} is not available on CAN lines"))
+        .at(bus.to_string())
+        .remedy(remedy))
 }
 
 /// Runs `servo set-id`.
@@ -150,7 +152,7 @@ fn refuse_taken(actuator: &mut Actuator, id: u8) -> Result<(), Error> {
     Err(Error::of(ErrorKind::Busy, "the new ID is taken")
         .at(format!("ID {id} on {}", actuator.bus()))
         .got("somebody answers there")
-        .allowed("an ID where nobody answers")
+        .allowed("an ID that no device has")
         .remedy("`gaitway scan BUS` lists those in use"))
 }
 

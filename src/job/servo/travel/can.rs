@@ -60,10 +60,10 @@ fn check_gains(order: &MoveOrder, profile: &profiles::Actuator) -> Result<(), Er
     let told = profile.dialect.codes_numbers();
     match (told, order.kp_nm_rad, order.kd_nm_s_rad) {
         (true, Some(_), Some(_)) | (false, None, None) => Ok(()),
-        (true, ..) => Err(Error::new("the actuator is told its gains with every goal: which?")
+        (true, ..) => Err(Error::new("this actuator needs its gains with every goal")
             .got("no --kp, or no --kd")
             .remedy(
-                "begin low, e.g. --kp 10 --kd 0.5 (N m/rad and N m s/rad at the output), with \
+                "start low, e.g. --kp 10 --kd 0.5 (N m/rad and N m s/rad at the output), with \
                  nobody's hand in the way",
             )),
         (false, ..) => Err(Error::new("the actuator keeps its own gains, and is told none")

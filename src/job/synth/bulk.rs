@@ -1,12 +1,11 @@
 //! Variations by the thousand, streamed to disk.
 
-use super::{Figures, SynthArgs};
+use super::SynthOrder;
 use crate::action::corpus::{Batch, Corpus};
 use crate::action::parquet::CorpusWriter;
-use crate::action::{Database, phrase};
-use crate::cli::Remarks;
+use crate::action::phrase;
 use crate::error::{Error, ErrorKind};
-use indicatif::{ProgressBar, ProgressStyle};
+use crate::job::{Event, Observer};
 use serde::Serialize;
 use std::fmt::{self, Write as _};
 use std::fs::{self, File};
@@ -39,8 +38,8 @@ struct About {
 }
 
 /// What came of it.
-#[derive(Debug, Serialize)]
-pub struct Made {
+#[derive(Clone, Debug, Serialize)]
+pub struct VariedReport {
     /// `done`.
     pub outcome: &'static str,
     /// Variations in all.
@@ -53,48 +52,66 @@ pub struct Made {
     pub written: String,
 }
 
-/// Makes `args.variations` variations: into one pair of files, or a folder of them that is taken up
-/// again where it was left.
+/// Makes variations: into one pair of files, or a folder of them that is taken up again where it was
+/// left.
 ///
 /// # Errors
 /// If a figure is out of range, files cannot be written, or the folder holds another corpus.
-pub fn make(args: &SynthArgs, figures: &Figures, remarks: Remarks) -> Result<Made, Error> {
-    let variations = args.variations.unwrap_or(1);
-    let corpus = corpus(args, figures)?;
-    let about = about(args, variations, &corpus)?;
-    let out = &args.output_file;
-    let mut made = Made {
+pub fn vary(
+    order: &SynthOrder,
+    variations: u32,
+    observer: &dyn Observer,
+) -> Result<VariedReport, Error> {
+    let corpus = order.corpus()?;
+    let about = about(order, variations, &corpus)?;
+    let out = &order.file;
+    let mut made = VariedReport {
         outcome: "done",
         variations,
         found: 0,
         poses: 0,
         written: out.display().to_string(),
     };
-    let bar = bar(variations, remarks);
+    let mut steps = Steps { done: 0, total: variations, observer };
     let in_batch = in_batch(&corpus)?;
     if out.extension().is_some_and(|e| e == "parquet") {
-        args.output.check_files(&[&Some(out.clone()), &Some(pieces_beside(out))])?;
-        made.poses = write_pair(&corpus, out, &batches(0..variations, in_batch), &about, &bar)?;
+        let batches = batches(0..variations, in_batch);
+        made.poses = write_pair(&corpus, out, &batches, &about, &mut steps)?;
         return Ok(made);
     }
     refuse_file_names(out)?;
-    open_folder(out, &about, args.output.force())?;
+    open_folder(out, &about, order.replace)?;
     let in_file = in_batch * BATCHES_IN_FILE;
     let mut from = 0;
     while from < variations {
         let to = from.saturating_add(in_file).min(variations);
         let poses = out.join(format!("poses-{:06}.parquet", from / in_file));
         // The second of the pair is renamed last: where it is, both are whole.
-        if pieces_beside(&poses).exists() {
+        if actionlets_beside(&poses).exists() {
             made.found += to - from;
-            bar.inc(u64::from(to - from));
+            steps.take(to - from);
         } else {
-            made.poses += write_pair(&corpus, &poses, &batches(from..to, in_batch), &about, &bar)?;
+            let batches = batches(from..to, in_batch);
+            made.poses += write_pair(&corpus, &poses, &batches, &about, &mut steps)?;
         }
         from = to;
     }
-    bar.finish_and_clear();
     Ok(made)
+}
+
+/// Says how many variations are made.
+struct Steps<'a> {
+    done: u32,
+    total: u32,
+    observer: &'a dyn Observer,
+}
+
+impl Steps<'_> {
+    fn take(&mut self, variations: u32) {
+        self.done += variations;
+        let (done, total) = (u64::from(self.done), u64::from(self.total));
+        self.observer.hear(Event::Step { done, total, what: "variations" });
+    }
 }
 
 /// Variations in a row group, from how many poses the action has as it is.
@@ -114,31 +131,6 @@ fn refuse_file_names(folder: &Path) -> Result<(), Error> {
             .remedy("for one of them in a file of its own say --variation NUMBER"));
     }
     Ok(())
-}
-
-/// What variations are made of.
-///
-/// # Errors
-/// If an action or a folder of the database cannot be read, or a figure is out of range.
-pub fn corpus(args: &SynthArgs, figures: &Figures) -> Result<Corpus, Error> {
-    let mut database = Database::shipped()?;
-    for folder in &args.database {
-        database.add_folder(folder)?;
-    }
-    let mut parts = phrase::load(&args.action)?;
-    for part in &mut parts {
-        part.action = figures.applied(part.action.clone())?;
-    }
-    figures.spread.check()?;
-    Ok(Corpus {
-        parts,
-        join: figures.join(),
-        spread: figures.spread,
-        database,
-        seed: args.seed,
-        rate_hz: args.rate,
-        body: figures.body()?,
-    })
 }
 
 /// FNV-1a, 64 bits (Fowler, Noll and Vo), of what is written to it.
@@ -161,29 +153,20 @@ impl Fingerprint {
     }
 }
 
-fn about(args: &SynthArgs, variations: u32, corpus: &Corpus) -> Result<String, Error> {
+fn about(order: &SynthOrder, variations: u32, corpus: &Corpus) -> Result<String, Error> {
     let about = About {
         generator: format!("gaitway {}", env!("CARGO_PKG_VERSION")),
-        action: args.action.clone(),
+        action: order.phrase.clone(),
         variations,
-        seed: args.seed,
-        rate_hz: args.rate,
-        set: args.set.clone(),
-        database: args.database.iter().map(|folder| folder.display().to_string()).collect(),
+        seed: order.seed,
+        rate_hz: order.rate_hz,
+        set: order.figures.pairs.clone(),
+        database: order.database.iter().map(|folder| folder.display().to_string()).collect(),
         fingerprint: Fingerprint::of(corpus),
     };
     serde_json::to_string_pretty(&about)
         .map(|text| text + "\n")
         .map_err(|e| Error::new("the corpus cannot be described").got(e.to_string()))
-}
-
-fn bar(variations: u32, remarks: Remarks) -> ProgressBar {
-    if !remarks.shows_progress() {
-        return ProgressBar::hidden();
-    }
-    let style = ProgressStyle::with_template("{bar:40} {pos} of {len} variations, {eta} left")
-        .unwrap_or_else(|_| ProgressStyle::default_bar());
-    ProgressBar::new(u64::from(variations)).with_style(style)
 }
 
 /// A folder that is new, or holds the beginning of the same corpus.
@@ -214,7 +197,8 @@ fn open_folder(folder: &Path, about: &str, force: bool) -> Result<(), Error> {
 
 /// `poses-000001.parquet` has `actionlets-000001.parquet` beside it, `run.parquet`
 /// `run.actionlets.parquet`.
-fn pieces_beside(poses: &Path) -> PathBuf {
+#[must_use]
+pub fn actionlets_beside(poses: &Path) -> PathBuf {
     let stem = poses.file_stem().and_then(|stem| stem.to_str()).unwrap_or("corpus");
     let name = match stem.strip_prefix("poses-") {
         Some(number) => format!("actionlets-{number}.parquet"),
@@ -235,9 +219,9 @@ fn write_pair(
     poses: &Path,
     batches: &[Range<u32>],
     about: &str,
-    bar: &ProgressBar,
+    steps: &mut Steps<'_>,
 ) -> Result<u64, Error> {
-    let pieces = pieces_beside(poses);
+    let pieces = actionlets_beside(poses);
     let part = |path: &Path| path.with_extension("parquet.part");
     let failed = |path: &Path, e: std::io::Error| {
         Error::of(ErrorKind::Io, "cannot write the corpus")
@@ -255,7 +239,7 @@ fn write_pair(
     let mut rows = 0;
     in_order(corpus, batches, |range, batch| {
         rows += batch.variation.len() as u64;
-        bar.inc(u64::from(range.end - range.start));
+        steps.take(range.end - range.start);
         writer.write(&batch)
     })?;
     writer.finish()?;
@@ -284,7 +268,7 @@ fn in_order(
             let written = before.drain(..).try_for_each(|(range, batch)| take(range, batch));
             let made = begun.into_iter().map(|(range, worker)| {
                 let batch = worker.join();
-                let broke = |_| Err(Error::new("a worker of the corpus broke"));
+                let broke = |_| Err(Error::new("a worker thread of the corpus failed"));
                 Ok((range, batch.unwrap_or_else(broke)?))
             });
             let made = made.collect::<Result<Vec<_>, Error>>();

@@ -1,0 +1,211 @@
+//! Actions made of actionlets, as files: one motion, or variations by the thousand.
+
+mod bulk;
+
+pub use bulk::{MAX_VARIATIONS, VariedReport, actionlets_beside, vary};
+
+use crate::action::corpus::Corpus;
+use crate::action::{Action, Database, Join, Motion, Spread, phrase, table};
+use crate::body::Proportions;
+use crate::draft;
+use crate::error::{Error, ErrorKind};
+use crate::mocap::{bvh, export, humanoid, page};
+use serde::Serialize;
+use std::path::PathBuf;
+
+/// What is made, and where it is written.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SynthOrder {
+    /// A shipped action, an action file (.toml), or several: `walk:6s,wave-r,bow`.
+    pub phrase: String,
+    /// How it is changed.
+    pub figures: Figures,
+    /// Poses per second.
+    pub rate_hz: f64,
+    /// Seed of the variations.
+    pub seed: u64,
+    /// Folders of action files whose velocity functions variations may use as well.
+    pub database: Vec<PathBuf>,
+    /// The file, whose ending says what is written; of variations perhaps a folder.
+    pub file: PathBuf,
+    /// It may replace one that is there.
+    pub replace: bool,
+}
+
+/// How an action is changed before it is performed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Figures {
+    duration_s: Option<f64>,
+    rounds: Option<u32>,
+    pace: f64,
+    peak: Option<f64>,
+    stature_m: f64,
+    blend_s: Option<f64>,
+    spread: Spread,
+    /// As it was said.
+    pairs: Vec<String>,
+}
+
+impl Figures {
+    /// Reads `KEY=VALUE` pairs.
+    ///
+    /// # Errors
+    /// If a key is unknown or a value is not its kind of number.
+    pub fn read(pairs: &[String]) -> Result<Self, Error> {
+        let mut figures = Self {
+            duration_s: None,
+            rounds: None,
+            pace: 1.0,
+            peak: None,
+            stature_m: 1.75,
+            blend_s: None,
+            spread: Spread::default(),
+            pairs: pairs.to_vec(),
+        };
+        for pair in pairs {
+            let wrong = |allowed: &str| {
+                Error::new("cannot set this").at("--set").got(pair.clone()).allowed(allowed)
+            };
+            let keys = "KEY=VALUE with duration_s, rounds, pace, peak, stature_m, blend_s or \
+                        vary_angle, vary_time, vary_peak, vary_duration, vary_exchange";
+            let (key, text) = pair.split_once('=').ok_or_else(|| wrong(keys))?;
+            let value: f64 = text.parse().map_err(|_| wrong("a number"))?;
+            match key {
+                "duration_s" => figures.duration_s = Some(value),
+                "rounds" if value.fract() == 0.0 && (1.0..=1e5).contains(&value) => {
+                    figures.rounds = Some(value as u32);
+                }
+                "rounds" => return Err(wrong("a whole number from 1 to 100000")),
+                "pace" if phrase::PACES.contains(&value) => figures.pace = value,
+                "pace" => return Err(wrong("0.1 to 10")),
+                "peak" => figures.peak = Some(value),
+                "stature_m" => figures.stature_m = value,
+                "blend_s" => figures.blend_s = Some(value),
+                "vary_angle" => figures.spread.angle = value,
+                "vary_time" => figures.spread.time = value,
+                "vary_peak" => figures.spread.peak = value,
+                "vary_duration" => figures.spread.duration = value,
+                "vary_exchange" => figures.spread.exchange = value,
+                _ => return Err(wrong(keys)),
+            }
+        }
+        Ok(figures)
+    }
+
+    /// An action with these figures.
+    fn applied(&self, mut action: Action) -> Result<Action, Error> {
+        if let Some(duration_s) = self.duration_s {
+            let range = crate::action::file::MIN_DURATION_S..=crate::action::file::MAX_DURATION_S;
+            if !range.contains(&duration_s) {
+                return Err(Error::new("a duration is out of range")
+                    .at("--set duration_s")
+                    .got(duration_s.to_string())
+                    .allowed(format!("{} to {} s", range.start(), range.end())));
+            }
+            action.duration_s = duration_s;
+        }
+        action.duration_s /= self.pace;
+        if let Some(rounds) = self.rounds {
+            action.rounds = rounds;
+        }
+        if let Some(peak) = self.peak {
+            action = action.with_peak(peak).map_err(|e| e.at("--set peak"))?;
+        }
+        Ok(action)
+    }
+
+    /// How actions that follow one another are joined.
+    fn join(&self) -> Join {
+        self.blend_s.map_or(Join::Transition, Join::Blend)
+    }
+
+    /// The body that moves.
+    fn body(&self) -> Result<Proportions, Error> {
+        Proportions::of_stature(self.stature_m)
+    }
+}
+
+/// What came of it.
+#[derive(Clone, Debug, Serialize)]
+pub struct SynthReport {
+    /// `done`.
+    pub outcome: &'static str,
+    /// What was asked for.
+    pub action: String,
+    /// Length, s.
+    pub duration_s: f64,
+    /// Poses per second.
+    pub rate_hz: f64,
+    /// Poses written.
+    pub poses: usize,
+    /// Actionlets that move something.
+    pub actionlets: usize,
+    /// Where.
+    pub written: String,
+}
+
+/// Writes one motion: the action as it is, or one of its variations.
+///
+/// # Errors
+/// No such action, a figure out of range, a file that cannot be written.
+pub fn synth(order: &SynthOrder, variation: Option<u32>) -> Result<SynthReport, Error> {
+    let corpus = order.corpus()?;
+    let motion = match variation {
+        Some(number) => corpus.variation(number)?,
+        None => phrase::perform(&corpus.parts, corpus.join)?,
+    };
+    draft::write_file(&order.file, order.replace, &bytes_of(order, &corpus.body, &motion)?)?;
+    Ok(SynthReport {
+        outcome: "done",
+        action: order.phrase.clone(),
+        duration_s: motion.duration_s(),
+        rate_hz: order.rate_hz,
+        poses: motion.pose_count(order.rate_hz)?,
+        actionlets: motion.moving().count(),
+        written: order.file.display().to_string(),
+    })
+}
+
+impl SynthOrder {
+    /// What variations are made of.
+    fn corpus(&self) -> Result<Corpus, Error> {
+        let mut database = Database::shipped()?;
+        for folder in &self.database {
+            database.add_folder(folder)?;
+        }
+        let mut parts = phrase::load(&self.phrase)?;
+        for part in &mut parts {
+            part.action = self.figures.applied(part.action.clone())?;
+        }
+        self.figures.spread.check()?;
+        Ok(Corpus {
+            parts,
+            join: self.figures.join(),
+            spread: self.figures.spread,
+            database,
+            seed: self.seed,
+            rate_hz: self.rate_hz,
+            body: self.figures.body()?,
+        })
+    }
+}
+
+/// The motion as the kind of file the output's name asks for.
+fn bytes_of(order: &SynthOrder, body: &Proportions, motion: &Motion) -> Result<Vec<u8>, Error> {
+    let poses = || motion.poses(body, order.rate_hz);
+    let title = order.phrase.as_str();
+    match order.file.extension().and_then(|e| e.to_str()).unwrap_or_default() {
+        "csv" => {
+            let mut bytes = Vec::new();
+            table::write_csv(motion, body, order.rate_hz, &mut bytes)?;
+            Ok(bytes)
+        }
+        "bvh" => Ok(bvh::write(&export::bvh_of(&poses()?, body, order.rate_hz)).into_bytes()),
+        "x3d" => Ok(humanoid::x3d_of(title, &poses()?, body, order.rate_hz).into_bytes()),
+        "html" => Ok(page::page_of(title, &poses()?, body, order.rate_hz).into_bytes()),
+        _ => Err(Error::of(ErrorKind::Unknown, "this kind of file cannot be written")
+            .at("-o")
+            .got(order.file.display().to_string())
+            .allowed("a name that ends in .csv, .bvh, .x3d or .html; with --variations .parquet")),
+    }
+}

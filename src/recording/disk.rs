@@ -1,0 +1,130 @@
+//! What a recording needs of a disk, and the bytes on their way there.
+
+use std::fs::File;
+use std::io::{self, Write};
+use std::path::Path;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use mcap::write::NoSeek;
+
+use crate::draft::Draft;
+use crate::error::{Error, ErrorKind};
+
+/// Returns once everything that was appended when it was called would survive a power cut. After an
+/// error what was appended since the last success may be lost.
+pub type Syncer = Box<dyn FnMut() -> io::Result<()> + Send>;
+
+/// What a recording needs of a disk.
+pub trait Disk: Send + 'static {
+    /// Puts all of `bytes` at the end of the file.
+    ///
+    /// # Errors
+    /// As the file system says; some of the bytes may have been written.
+    fn append(&mut self, bytes: &[u8]) -> io::Result<()>;
+
+    /// What synchronises the file, on a thread of its own: a disk may take seconds for it, in which
+    /// what comes is appended.
+    ///
+    /// # Errors
+    /// A file that cannot be had twice.
+    fn syncer(&self) -> io::Result<Syncer>;
+
+    /// There is something worth keeping: the file may take the place of one it replaces. One that is
+    /// dropped before leaves what was there.
+    ///
+    /// # Errors
+    /// As the file system says; what was there stays then.
+    fn keep(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+
+    /// True if another file is still in its place.
+    fn replaces(&self) -> bool {
+        false
+    }
+}
+
+impl Disk for Draft {
+    fn append(&mut self, bytes: &[u8]) -> io::Result<()> {
+        self.write_all(bytes)
+    }
+
+    fn syncer(&self) -> io::Result<Syncer> {
+        Ok(Box::new(Self::syncer(self)?))
+    }
+
+    fn keep(&mut self) -> io::Result<()> {
+        Self::keep(self)
+    }
+
+    fn replaces(&self) -> bool {
+        Self::replaces(self)
+    }
+}
+
+/// Collects the bytes of an MCAP writer, so that a chunk reaches the disk in one append and the
+/// MCAP writer itself never meets an I/O error.
+#[derive(Clone, Default)]
+pub(super) struct Bytes(Arc<Mutex<Vec<u8>>>);
+
+impl Bytes {
+    pub(super) fn take(&self) -> Vec<u8> {
+        std::mem::take(&mut *self.0.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+}
+
+impl Write for Bytes {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).extend_from_slice(bytes);
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+/// An MCAP writer for a file that only grows: no seeking, no compression, chunks closed by us.
+pub(super) fn mcap_writer(bytes: &Bytes) -> mcap::McapResult<mcap::Writer<NoSeek<Bytes>>> {
+    mcap::WriteOptions::new()
+        .compression(None)
+        .chunk_size(None)
+        .disable_seeking(true)
+        .library(concat!("gaitway ", env!("CARGO_PKG_VERSION")))
+        .create(NoSeek::new(bytes.clone()))
+}
+
+pub(super) fn shown(path: &Path) -> String {
+    path.display().to_string()
+}
+
+/// Begins the file at `path`.
+pub(super) fn create_file(path: &Path, force: bool) -> Result<Draft, Error> {
+    Draft::create(path, force).map_err(|cause| {
+        let error = Error::of((&cause).into(), "the file cannot be created")
+            .at(shown(path))
+            .got(cause.to_string());
+        match cause.kind() {
+            io::ErrorKind::AlreadyExists => {
+                error.remedy("choose another name, or add --force to replace it")
+            }
+            io::ErrorKind::ResourceBusy => error.remedy("choose another name"),
+            _ => error,
+        }
+    })
+}
+
+/// Opens a recording.
+pub(super) fn open(path: &Path) -> Result<File, Error> {
+    let unreadable = |cause: String| {
+        Error::of(ErrorKind::Io, "the recording cannot be opened")
+            .at(path.display().to_string())
+            .got(cause)
+    };
+    // Asked before opening: a named pipe would make the open itself wait for ever.
+    let kind = std::fs::metadata(path).map_err(|cause| unreadable(cause.to_string()))?;
+    if !kind.is_file() {
+        return Err(unreadable("not a regular file".into()));
+    }
+    File::open(path).map_err(|cause| unreadable(cause.to_string()))
+}
