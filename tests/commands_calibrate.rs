@@ -236,7 +236,7 @@ fn a_joint_whose_encoder_begins_anew_is_followed_and_mended_in_the_servo_only_wi
         session.joint(name, zero, zero + 0.3, ends);
         let refused = session.end();
         let said = String::from_utf8_lossy(&refused.stderr);
-        assert!(said.contains("begin anew") && said.contains("--permit-eeprom"), "{said}");
+        assert!(said.contains("wrap around") && said.contains("--permit-eeprom"), "{said}");
         assert_eq!(desk.world().register(name, "Homing Offset"), Some(0), "{robot}");
 
         desk.world().place_joint(name, zero);

@@ -110,7 +110,7 @@ fn serial_protocols_and_speeds_have_no_place_on_a_can_line() {
     let refused = refusal(&run(&["scan", "sim", "--robot", "op3", "--protocol", "damiao"]));
     said(&refused, &["CAN lines only", "dynamixel-2.0"]);
     let baud = ["servo", "set-baud", "sim", "1", "500000", "--permit-eeprom"];
-    said(&refusal(&on(DAMIAO, &baud)), &["not done on CAN lines", "ip link"]);
+    said(&refusal(&on(DAMIAO, &baud)), &["not available on CAN lines", "ip link"]);
     said(&refusal(&on(DAMIAO, &["servo", "factory-reset", "sim", "1"])), &["maker's tool"]);
 }
 

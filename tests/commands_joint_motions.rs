@@ -175,13 +175,13 @@ fn what_cannot_be_played_is_refused_in_words() {
     };
     for (text, more, words) in [
         ("time_s,head_pan_rad\n0,0\n0.4,9\n", &[][..], "leaves a joint's limits"),
-        ("time_s,tail_rad\n0,0\n0.4,0\n", &[], "a joint the robot does not have"),
+        ("time_s,tail_rad\n0,0\n0.4,0\n", &[], "a joint that the robot does not have"),
         ("time_s,head_pan_rad\n0,0\n2,0\n", &[], "the motion has a gap"),
         ("time_s,head_pan_rad\n0,0\n0,0\n", &[], "time does not go on"),
         ("time_s,head_pan_rad\n0,NaN\n0.1,0\n", &[], "a cell is no number"),
         ("time_s,head_pan_rad\n0,0,1\n", &[], "not one number per column"),
         ("time_s,head_pan\n0,0\n1,0\n", &[], "in rad"),
-        ("time,head_pan\n", &[], "no table of joint angles"),
+        ("time,head_pan\n", &[], "not a table of joint angles"),
         ("time_s,head_pan_rad\n0,0\n", &[], "two rows"),
         ("time_s,head_pan_rad\n0,0\n0.4,0\n", &["--mirror"], "already"),
         ("time_s,head_pan_rad\n0,0\n0.4,0\n", &["--from", "3"], "no such section"),

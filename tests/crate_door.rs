@@ -40,7 +40,7 @@ fn a_robot_is_not_armed_on_what_was_found_of_another() {
     let mut other = scene("op3");
     let refused = control::arm::arm(&mut other.link, &found, &|| false);
     let said = refused.expect_err("another robot").to_string();
-    assert!(said.contains("another robot was looked at") && said.contains("op3"), "{said}");
+    assert!(said.contains("not the one that was checked") && said.contains("op3"), "{said}");
     assert!(!holds(&other), "nothing was switched on");
     let own = other.preflight().expect("a robot that is ready");
     let armed = control::arm::arm(&mut other.link, &own, &|| false);

@@ -261,7 +261,7 @@ fn a_session_can_be_interrupted_or_told_by_a_script_and_keeps_what_was_done() {
     assert!(code == Some(4) && said.contains("going on where it was"), "{said}");
     // Refused is a folder that is somebody else's.
     let (code, said) = told(&["--session".into(), ".".into(), begin[2].clone()], "");
-    assert!(code == Some(1) && said.contains("holds other things"), "{said}");
+    assert!(code == Some(1) && said.contains("holds something else"), "{said}");
     let (code, said) = told(&["--session".into(), "new".into()], "");
     assert!(code == Some(1) && said.contains("a session needs sensors"), "{said}");
     assert!(!folder.join("new").exists(), "a name mistyped makes no folder");

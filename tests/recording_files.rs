@@ -434,7 +434,7 @@ fn a_file_that_claims_more_joints_than_it_has_values_for_is_refused() {
 fn what_is_no_recording_is_refused_with_a_word() {
     for bytes in [&b""[..], b"HIERARCHY\nROOT Hips\n", &mcap::MAGIC[..7]] {
         let error = Recording::from_source(bytes).unwrap_err();
-        assert!(error.what.contains("no MCAP recording"), "{error}");
+        assert!(error.what.contains("not an MCAP recording"), "{error}");
     }
 }
 

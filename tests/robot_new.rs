@@ -244,7 +244,7 @@ fn a_line_on_which_nobody_answers_makes_no_file() {
     assert!(!folder.join("nobody.toml").exists());
     for name in ["nobody.txt", "no body!.toml"] {
         let made = gaitway(&folder, &["robot", "new", "--from", &address, "-o", name]);
-        assert!(words(&made).contains("cannot be the file of a robot"), "{}", words(&made));
+        assert!(words(&made).contains("not a usable name for a robot file"), "{}", words(&made));
     }
 }
 

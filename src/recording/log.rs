@@ -56,7 +56,7 @@ impl Default for Pace {
     }
 }
 
-/// What became of everything a [`Recorder`] was given.
+/// What became of everything a [`Recorder`](super::Recorder) was given.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Summary {
     /// Messages stored.

@@ -231,8 +231,8 @@ mod tests {
             (vec![thigh.clone(), thigh.clone()], vec![], "two sensors are worn on one segment"),
             (vec![thigh], vec!["left_thigh=t"], "two sensors are worn on one segment"),
             (vec![], vec!["head=t", "torso=t"], "one sensor is worn on two segments"),
-            (vec!["lines@/dev/a".to_owned()], vec![], "nobody can wear"),
-            (vec!["servos:op3@sim".to_owned()], vec![], "nobody can wear"),
+            (vec!["lines@/dev/a".to_owned()], vec![], "cannot be worn"),
+            (vec!["servos:op3@sim".to_owned()], vec![], "cannot be worn"),
             (vec![], vec!["/no/such/file.toml"], "no such file"),
         ] {
             let sources: Vec<&str> = sources.iter().map(String::as_str).collect();

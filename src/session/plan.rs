@@ -175,7 +175,7 @@ mod tests {
     #[test]
     fn what_is_no_plan_is_refused_and_says_where() {
         for (text, said) in [
-            ("", "names the actions"),
+            ("", "must name the actions"),
             ("repetitions = 10\n\nwhat = 1", "line 3"),
             ("still_s = nan\n[[action]]\nname = \"bow\"", "still_s"),
             ("[[action]]\nname = \"bow\"\n[[action]]\nname = \"bow\"", "twice"),
