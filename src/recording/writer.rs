@@ -46,8 +46,8 @@ pub struct Recorder {
 }
 
 impl Recorder {
-    /// Creates the file at `path` and starts writing. The run's start is on the disk when this
-    /// returns. A file that is there is replaced, with `force`, when there is something to keep: with
+    /// Creates the file at `path` and starts writing. The start of a run of a robot is on the
+    /// disk when this returns; what only sensors say is taken at once. A file that is there is replaced, with `force`, when there is something to keep: with
     /// the first cycle, or the first record if no robot is recorded. Until then the new one is
     /// `path.part`.
     ///
