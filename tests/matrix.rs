@@ -1,6 +1,6 @@
 //! The matrix of real processes: each command that touches torque, each way to disturb it, each phase.
-//! The command is the real binary, the robot a virtual one behind a real pseudo-terminal, and what was
-//! commanded is read off the wire by the test itself.
+//! The command is the real binary, the robot a virtual one behind a TCP port, and what was commanded is
+//! read off the wire by the test itself.
 //!
 //! A sample runs always; with `GAITWAY_LONG=1` all cells do. The table is printed either way.
 

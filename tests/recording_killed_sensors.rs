@@ -14,14 +14,10 @@ use gaitway::time::{Duration, Instant};
 use gaitway_sim::imu::{BodyMotion, ImuErrors, ImuWire, Mount, Sent, VirtualImu};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use rustix::fs::{Mode, OFlags};
-use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
-use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
 use serde_json::Value;
 use std::collections::BTreeMap;
-use std::ffi::OsStr;
-use std::os::fd::OwnedFd;
-use std::os::unix::ffi::OsStrExt;
+use std::io::Write;
+use std::net::{Ipv4Addr, TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
 
@@ -47,26 +43,28 @@ fn folder() -> PathBuf {
     folder
 }
 
-/// The host's end of a line, and the other end, which is held so that the line outlives programs.
+/// A sensor's end of a line, once the program has come to the other.
+///
+/// Over TCP: a kernel that is busy hands what is written to a pseudo-terminal on when it comes to it, on
+/// some machines after more than a second, and what had not reached the program when it was killed is no
+/// loss of the recording.
 struct Line {
-    host: OwnedFd,
-    _device: OwnedFd,
-    path: PathBuf,
+    listener: TcpListener,
+    address: String,
 }
 
 fn line() -> Line {
-    let host = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC);
-    let host = host.expect("a pseudo-terminal");
-    grantpt(&host).expect("granted");
-    unlockpt(&host).expect("unlocked");
-    let name = ptsname(&host, Vec::new()).expect("its name");
-    let path = PathBuf::from(OsStr::from_bytes(name.as_bytes()));
-    let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC;
-    let device = rustix::fs::open(&path, flags, Mode::empty()).expect("the other end");
-    let mut settings = tcgetattr(&device).expect("settings");
-    settings.make_raw();
-    tcsetattr(&device, OptionalActions::Now, &settings).expect("raw");
-    Line { host, _device: device, path }
+    let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).expect("a port");
+    let address = format!("tcp:{}", listener.local_addr().expect("its address"));
+    Line { listener, address }
+}
+
+impl Line {
+    fn accept(&self) -> TcpStream {
+        let (stream, _) = self.listener.accept().expect("the program");
+        stream.set_nodelay(true).expect("an option");
+        stream
+    }
 }
 
 /// What a sensor sends: a swing about two axes, another for each sensor.
@@ -91,7 +89,7 @@ fn record_and_kill(path: &Path, time: Duration) -> (Vec<Vec<Out>>, Instant) {
     let sources = SENSORS
         .iter()
         .zip(&lines)
-        .map(|((name, profile, ..), line)| format!("{name}=imu:{profile}@{}", line.path.display()));
+        .map(|((name, profile, ..), line)| format!("{name}=imu:{profile}@{}", line.address));
     let mut child = crate::program::gaitway()
         .args(["record", "--quiet", "-o"])
         .arg(path)
@@ -99,6 +97,7 @@ fn record_and_kill(path: &Path, time: Duration) -> (Vec<Vec<Out>>, Instant) {
         .stdout(Stdio::null())
         .spawn()
         .expect("the command");
+    let mut lines: Vec<TcpStream> = lines.iter().map(Line::accept).collect();
     // All lines are open before the file is made.
     let patience = MonotonicClock.now() + Duration::from_secs(30);
     while !path.exists() {
@@ -110,12 +109,11 @@ fn record_and_kill(path: &Path, time: Duration) -> (Vec<Vec<Out>>, Instant) {
     let mut sensors: Vec<_> = (0..SENSORS.len()).map(|index| sensor(index).peekable()).collect();
     let mut sent = vec![Vec::new(); SENSORS.len()];
     while MonotonicClock.now() < began + time {
-        for ((sensor, line), sent) in sensors.iter_mut().zip(&lines).zip(&mut sent) {
+        for ((sensor, line), sent) in sensors.iter_mut().zip(&mut lines).zip(&mut sent) {
             let due = |sample: &Sent| began + Duration::from_secs_f64(sample.due_s);
             while let Some(sample) = sensor.next_if(|s| due(s) <= MonotonicClock.now()) {
                 let at = MonotonicClock.now();
-                let written = rustix::io::write(&line.host, &sample.bytes).expect("a line");
-                assert_eq!(written, sample.bytes.len());
+                line.write_all(&sample.bytes).expect("a line");
                 sent.push((sample, at));
             }
         }

@@ -126,20 +126,20 @@ fn arguments(job: Job, robot: Robot, port: &str, folder: &Path) -> Vec<String> {
     let file = |file: &str| folder.join(file).display().to_string();
     let line = match job {
         Job::Play => format!(
-            "play walk --to 2.8 --robot {name} --bus serial:{port} --rate {rate_hz} --record {}",
+            "play walk --to 2.8 --robot {name} --bus {port} --rate {rate_hz} --record {}",
             file("run.mcap")
         ),
         Job::Live => format!(
-            "live --from file:walk --for 4 --robot {name} --bus serial:{port} --rate {rate_hz} \
+            "live --from file:walk --for 4 --robot {name} --bus {port} --rate {rate_hz} \
              --record {}",
             file("run.mcap")
         ),
         Job::Move => {
-            format!("servo move serial:{port} {} -60 --speed 30 --robot {name}", joint.1)
+            format!("servo move {port} {} -60 --speed 30 --robot {name}", joint.1)
         }
-        Job::Hold => format!("hold {name} --bus serial:{port}"),
+        Job::Hold => format!("hold {name} --bus {port}"),
         Job::Calibrate => format!(
-            "calibrate {name} --bus serial:{port} --only {},{} --yes --permit-eeprom --calibration {}",
+            "calibrate {name} --bus {port} --only {},{} --yes --permit-eeprom --calibration {}",
             joint.0,
             robot.next_joint,
             file("calibrated.toml")

@@ -1,17 +1,15 @@
-//! A line with the test in its middle: a pseudo-terminal for the command, a virtual robot at the other
-//! end, and between them a relay that reads along and puts faults in where the wire shows the phase.
+//! A line with the test in its middle: a TCP port for the command, a virtual robot at the other end, and
+//! between them a relay that reads along and puts faults in where the wire shows the phase.
+//!
+//! TCP and no pseudo-terminal: a kernel that is busy hands what is written to one on when it comes to it,
+//! on some machines after more than a second, and a robot that falls silent is no subject here.
 
 use crate::wire::{Dialect, Word};
 use gaitway_sim::{Door, Options, World};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
-use rustix::fs::{Mode, OFlags};
-use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
-use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
 use std::collections::BTreeMap;
-use std::fs::File;
 use std::io::{Read, Write};
-use std::net::TcpStream;
-use std::os::fd::OwnedFd;
+use std::net::{TcpListener, TcpStream};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
@@ -80,8 +78,6 @@ pub struct Tap {
     over: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
     _door: Door,
-    /// Keeps the terminal alive while nobody has it open.
-    _client_end: OwnedFd,
 }
 
 fn lock<T>(shared: &Mutex<T>) -> MutexGuard<'_, T> {
@@ -89,7 +85,7 @@ fn lock<T>(shared: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 impl Tap {
-    /// `robot` behind a pseudo-terminal; each deed is done once, in order, at its moment.
+    /// `robot` behind a port; each deed is done once, in order, at its moment.
     pub fn open(robot: &str, dialect: Dialect, deeds: Vec<(Moment, Deed)>) -> Tap {
         let file = gaitway_profiles::robot(robot).expect("a shipped robot");
         let options = Options { permit_eeprom: true, ..Options::default() };
@@ -99,18 +95,13 @@ impl Tap {
         let address = door.path().display().to_string();
         let robot_end = TcpStream::connect(address.trim_start_matches("tcp:")).expect("the robot");
         robot_end.set_nodelay(true).expect("an option");
-        let line = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).expect("a pseudo-terminal");
-        grantpt(&line).and_then(|()| unlockpt(&line)).expect("a pseudo-terminal");
-        let path = ptsname(&line, Vec::new()).expect("its name").into_string().expect("UTF-8");
-        let flags = OFlags::RDWR | OFlags::NOCTTY;
-        let client_end = rustix::fs::open(path.as_str(), flags, Mode::empty()).expect("its end");
-        let mut settings = tcgetattr(&client_end).expect("settings");
-        settings.make_raw();
-        tcsetattr(&client_end, OptionalActions::Now, &settings).expect("settings");
+        let listener = TcpListener::bind(local).expect("a TCP port");
+        let path = format!("tcp:{}", listener.local_addr().expect("its address"));
         let seen = Arc::new(Mutex::new(Seen::default()));
         let over = Arc::new(AtomicBool::new(false));
         let mut relay = Relay {
-            line: line.into(),
+            listener,
+            host: None,
             robot: robot_end,
             dialect,
             seen: Arc::clone(&seen),
@@ -120,7 +111,7 @@ impl Tap {
             from_robot: Vec::new(),
         };
         let thread = std::thread::spawn(move || relay.run());
-        Tap { path, seen, world, over, thread: Some(thread), _door: door, _client_end: client_end }
+        Tap { path, seen, world, over, thread: Some(thread), _door: door }
     }
 
     /// What the command opens.
@@ -154,7 +145,9 @@ impl Drop for Tap {
 }
 
 struct Relay {
-    line: File,
+    listener: TcpListener,
+    /// The command, while it has the line open.
+    host: Option<TcpStream>,
     robot: TcpStream,
     dialect: Dialect,
     seen: Arc<Mutex<Seen>>,
@@ -169,20 +162,18 @@ impl Relay {
         let mut chunk = [0; 4096];
         loop {
             let patience = Timespec { tv_sec: 0, tv_nsec: 20_000_000 };
-            let mut waiting =
-                [PollFd::new(&self.line, PollFlags::IN), PollFd::new(&self.robot, PollFlags::IN)];
+            let caller = match &self.host {
+                Some(host) => PollFd::new(host, PollFlags::IN),
+                None => PollFd::new(&self.listener, PollFlags::IN),
+            };
+            let mut waiting = [caller, PollFd::new(&self.robot, PollFlags::IN)];
             let ready = poll(&mut waiting, Some(&patience)).unwrap_or(0);
-            let [host, robot] = waiting.map(|fd| fd.revents().contains(PollFlags::IN));
+            let [caller, robot] = waiting.map(|fd| fd.revents().contains(PollFlags::IN));
             if ready == 0 && self.over.load(Ordering::Acquire) {
                 return;
             }
-            if host {
-                let Ok(count) = self.line.read(&mut chunk) else { return };
-                self.from_host.extend_from_slice(&chunk[..count]);
-                for word in self.dialect.take_words(&mut self.from_host, true) {
-                    self.heard_host(&word);
-                }
-                let _ = self.robot.write_all(&chunk[..count]);
+            if caller {
+                self.take_from_host(&mut chunk);
             }
             if robot {
                 let count = self.robot.read(&mut chunk).unwrap_or(0);
@@ -193,9 +184,32 @@ impl Relay {
                 for word in self.dialect.take_words(&mut self.from_robot, false) {
                     self.heard_robot(&word);
                 }
-                let _ = self.line.write_all(&chunk[..count]);
+                if let Some(host) = &mut self.host {
+                    let _ = host.write_all(&chunk[..count]);
+                }
             }
         }
+    }
+
+    /// Takes the call of a command that opens the line, or what it says.
+    fn take_from_host(&mut self, chunk: &mut [u8]) {
+        let Some(host) = &mut self.host else {
+            let (host, _) = self.listener.accept().expect("a command");
+            host.set_nodelay(true).expect("an option");
+            self.host = Some(host);
+            return;
+        };
+        let count = host.read(chunk).unwrap_or(0);
+        if count == 0 {
+            // It has closed the line, or is dead.
+            self.host = None;
+            return;
+        }
+        self.from_host.extend_from_slice(&chunk[..count]);
+        for word in self.dialect.take_words(&mut self.from_host, true) {
+            self.heard_host(&word);
+        }
+        let _ = self.robot.write_all(&chunk[..count]);
     }
 
     fn heard_robot(&mut self, word: &Word) {

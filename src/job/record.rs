@@ -1,0 +1,209 @@
+//! Sensors, lines of text and hand-guided servos into one recording.
+
+use super::taught::Servos;
+use super::{Event, Observer};
+use crate::capture::Mode;
+use crate::error::Error;
+use crate::port::{Clock, MonotonicClock};
+use crate::recording::{
+    Marker, RecordedSource, Recorder, RunEnd, RunStart, SourceId, SourceKind, SourceRecord,
+};
+use crate::sensing::{Intake, LOOK, SensingEvent, Source, SourceReport, What};
+use crate::time::{Duration, Instant};
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::Receiver;
+
+/// What is recorded, and where.
+#[derive(Clone, Debug)]
+pub struct RecordOrder {
+    /// What to record.
+    pub sources: Vec<Source>,
+    /// The recording.
+    pub file: PathBuf,
+    /// It may replace one that is there.
+    pub replace: bool,
+    /// End after this time; `None`: when the observer wants to.
+    pub time: Option<Duration>,
+    /// Name of the trial.
+    pub name: String,
+    /// Whether headings are taken from the magnetic field.
+    pub mode: Mode,
+    /// Readings of servos per second, Hz.
+    pub rate_hz: f64,
+    /// Switch the servos' torque off first.
+    pub limp: bool,
+}
+
+/// What came of it.
+#[derive(Clone, Debug, Serialize)]
+pub struct RecordReport {
+    /// None if nothing came, and what was to be replaced is as it was.
+    pub file: Option<PathBuf>,
+    /// `done` or `done_with_loss`.
+    pub outcome: &'static str,
+    /// Length, s.
+    pub duration_s: f64,
+    /// What came of each source.
+    pub sources: Vec<SourceReport>,
+    /// Messages stored.
+    pub messages: u64,
+    /// Messages that are not stored: refused by the full queue, or lost by a disk that failed.
+    pub dropped: u64,
+    /// Those refused by the full queue, by topic.
+    pub dropped_by_topic: BTreeMap<String, u64>,
+    /// Why writing ended early, if it did.
+    pub poisoned: Option<String>,
+}
+
+impl RecordReport {
+    /// True if nothing is missing in the recording.
+    #[must_use]
+    pub fn is_whole(&self) -> bool {
+        self.outcome == DONE
+    }
+}
+
+const DONE: &str = "done";
+const WITH_LOSS: &str = "done_with_loss";
+
+/// Fails if two sources were given one name: nobody could tell afterwards which was which.
+fn check_names(sources: &[Source]) -> Result<(), Error> {
+    for (at, source) in sources.iter().enumerate() {
+        let is_same = |other: &&Source| source.name.is_some() && other.name == source.name;
+        if let Some(other) = sources[..at].iter().find(is_same) {
+            return Err(Error::new("two sources have one name")
+                .at(source.text.clone())
+                .got(other.text.clone())
+                .remedy("give each its own name before the ="));
+        }
+    }
+    Ok(())
+}
+
+/// Records until the time is over, the observer wants to stop or the disk fails. `marks` that come
+/// meanwhile are recorded with their own times.
+///
+/// # Errors
+/// A source that cannot be opened, a file that cannot be written.
+pub fn record(
+    order: &RecordOrder,
+    marks: &Receiver<Marker>,
+    observer: &dyn Observer,
+) -> Result<RecordReport, Error> {
+    check_names(&order.sources)?;
+    let mut opened = Vec::new();
+    let mut joints = None;
+    for source in &order.sources {
+        match &source.what {
+            What::Servos { robot, addresses } => {
+                let one = Servos::open(robot, addresses, order.rate_hz, order.limp)?;
+                if joints.replace(one).is_some() {
+                    return Err(Error::new("one robot at a time").at(source.text.clone()));
+                }
+            }
+            _ => opened.push(source.open(&[])?),
+        }
+    }
+    let recorder =
+        Recorder::create_for_sources(&order.file, order.replace, start(order, joints.as_ref()))?;
+    let began = MonotonicClock.now();
+    let stop = AtomicBool::new(false);
+    let tell = |event: SensingEvent<'_>| observer.hear(Event::Sensing(event));
+    let intake = Intake::new(Some(&recorder), &stop, order.mode, &tell);
+    std::thread::scope(|scope| {
+        for source in opened {
+            let intake = &intake;
+            scope.spawn(move || source.record(intake));
+        }
+        if let Some(joints) = joints {
+            let intake = &intake;
+            scope.spawn(move || joints.record(intake));
+        }
+        wait(order, marks, &recorder, observer, began);
+        stop.store(true, Ordering::Release);
+    });
+    let sources = intake.into_reports();
+    Ok(finish(order, recorder, sources, began))
+}
+
+fn start(order: &RecordOrder, joints: Option<&Servos>) -> RunStart {
+    RunStart {
+        robot: joints.map_or_else(String::new, |servos| servos.robot_name().to_owned()),
+        motion: order.name.clone(),
+        joints: joints.map(Servos::recorded_joints).unwrap_or_default(),
+        wall_clock_start: std::time::SystemTime::now(),
+        monotonic_start: MonotonicClock.now(),
+        gaitway_version: env!("CARGO_PKG_VERSION").to_owned(),
+        metadata: BTreeMap::from([("trial".to_owned(), order.name.clone())]),
+    }
+}
+
+fn wait(
+    order: &RecordOrder,
+    marks: &Receiver<Marker>,
+    recorder: &Recorder,
+    observer: &dyn Observer,
+    began: Instant,
+) {
+    let until = order.time.map(|time| began + time);
+    let mut marked = None;
+    loop {
+        let now = MonotonicClock.now();
+        while let Ok(mark) = marks.try_recv() {
+            // A recording without marks has no channel for them.
+            let source: SourceId = *marked.get_or_insert_with(|| {
+                recorder.add_source(RecordedSource {
+                    name: "marks".to_owned(),
+                    metadata: BTreeMap::new(),
+                    kind: SourceKind::Marks,
+                })
+            });
+            recorder.take_record(source, SourceRecord::Mark(mark));
+        }
+        if let Some(cause) = recorder.failure() {
+            // Nothing more can be stored, so whoever performs is told at once and not at the end.
+            let words = format!("the recording ends here, the disk fails: {cause}");
+            return observer.hear(Event::Note(&words));
+        }
+        if observer.wants_to_stop() || until.is_some_and(|until| now >= until) {
+            return;
+        }
+        let next = now + LOOK;
+        MonotonicClock.sleep_until(until.map_or(next, |until| until.min(next)));
+    }
+}
+
+fn finish(
+    order: &RecordOrder,
+    recorder: Recorder,
+    sources: Vec<SourceReport>,
+    began: Instant,
+) -> RecordReport {
+    let ended = MonotonicClock.now();
+    let dropped_by_topic = recorder.dropped();
+    let lossless = sources.iter().all(SourceReport::lossless) && !sources.is_empty();
+    let lossless = lossless && dropped_by_topic.is_empty();
+    let metadata = sources.iter().filter_map(|source| {
+        Some((format!("source {}", source.name), serde_json::to_string(source).ok()?))
+    });
+    let summary = recorder.finish(RunEnd {
+        outcome: if lossless { DONE } else { WITH_LOSS }.to_owned(),
+        stop_reason: None,
+        at: ended,
+        metadata: metadata.collect(),
+    });
+    let is_whole = lossless && summary.is_complete();
+    RecordReport {
+        file: (!summary.kept_old).then(|| order.file.clone()),
+        outcome: if is_whole { DONE } else { WITH_LOSS },
+        duration_s: ended.seconds_since(began),
+        sources,
+        messages: summary.messages,
+        dropped: summary.dropped.values().sum::<u64>() + summary.lost,
+        dropped_by_topic,
+        poisoned: summary.poisoned,
+    }
+}

@@ -1,0 +1,278 @@
+//! A virtual robot that other programs open: each of its lines behind a terminal, a port or a CAN
+//! interface of its own, in real time.
+
+use crate::error::{Error, ErrorKind};
+use crate::port::can_bridge::CanBridge;
+use gaitway_profiles::Robot;
+use gaitway_sim::{Door, Options, Script, ScriptError, SimError, Verdict, World};
+use std::collections::BTreeMap;
+use std::net::{Ipv4Addr, SocketAddr};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// Which robot, and where it is reached.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SimulateOrder {
+    /// Robot by name, or path of its file.
+    pub robot: String,
+    /// Make this link to the pseudo-terminal; for several lines `LINK-NAME`.
+    pub link: Option<PathBuf>,
+    /// Listen on this TCP port of the loopback interface instead of a pseudo-terminal; for several
+    /// lines on those behind it. 0: the system chooses.
+    pub tcp_port: Option<u16>,
+    /// Interfaces of the system for CAN lines: `INTERFACE`, or `NAME=INTERFACE` of several.
+    pub can: Vec<String>,
+    /// Seed of everything random; `None`: that of the script, or 0.
+    pub seed: Option<u64>,
+    /// A script of faults, which also sets behaviour that the manuals leave open.
+    pub faults: Option<PathBuf>,
+    /// The USB adapter that the lines are behind.
+    pub adapter: Option<String>,
+    /// Bytes take no time on the line.
+    pub no_line_timing: bool,
+    /// Clients may write EEPROM registers: the referee says nothing.
+    pub permit_eeprom: bool,
+}
+
+/// A virtual robot whose lines are open.
+pub struct VirtualRobot {
+    robot: Robot,
+    world: Arc<Mutex<World>>,
+    doors: Vec<Way>,
+}
+
+/// The way in to a line.
+struct Way {
+    line: String,
+    entrance: Entrance,
+    /// Where it was seen last.
+    place: Option<String>,
+}
+
+enum Entrance {
+    Door(Door),
+    Can(CanBridge),
+}
+
+impl Entrance {
+    /// What programs can open now; nothing while the adapter is pulled out.
+    fn place(&self) -> Option<String> {
+        match self {
+            Entrance::Door(door) => door.current_path().map(|path| path.display().to_string()),
+            Entrance::Can(bridge) => {
+                bridge.lost().is_none().then(|| format!("can:{}", bridge.name()))
+            }
+        }
+    }
+}
+
+impl VirtualRobot {
+    /// Opens every line.
+    ///
+    /// # Errors
+    /// An unknown robot or adapter, a fault script with errors, or a terminal, port or interface that
+    /// cannot be had.
+    pub fn open(order: &SimulateOrder) -> Result<Self, Error> {
+        // Any robot file: the virtual servos speak more protocols than the driver needs to.
+        let robot = gaitway_profiles::robot(&order.robot)?;
+        let world = World::new(&robot, options(order)?).map_err(|e| unfit(&robot, &e))?;
+        let world = Arc::new(Mutex::new(world));
+        let doors = open_doors(order, &robot, &world)?;
+        Ok(Self { robot, world, doors })
+    }
+
+    /// What it is.
+    #[must_use]
+    pub const fn robot(&self) -> &Robot {
+        &self.robot
+    }
+
+    /// Each line's name, and where it was reached when it was last looked at: a path, `tcp:ADDRESS`
+    /// or `can:INTERFACE`; nothing while its adapter is pulled out.
+    pub fn lines(&self) -> impl Iterator<Item = (&str, Option<&str>)> {
+        self.doors.iter().map(|way| (way.line.as_str(), way.place.as_deref()))
+    }
+
+    /// Lines that are elsewhere since it was last looked: as [`Self::lines`].
+    pub fn moved(&mut self) -> Vec<(String, Option<String>)> {
+        let mut moved = Vec::new();
+        for way in &mut self.doors {
+            let now = way.entrance.place();
+            if now != way.place {
+                moved.push((way.line.clone(), now.clone()));
+                way.place = now;
+            }
+        }
+        moved
+    }
+
+    /// Faults that struck since the last look, in words.
+    #[must_use]
+    pub fn struck(&self) -> Vec<String> {
+        self.world().take_struck().iter().map(ToString::to_string).collect()
+    }
+
+    /// How many faults struck so far.
+    #[must_use]
+    pub fn struck_count(&self) -> u64 {
+        self.world().struck_count()
+    }
+
+    /// What the referee saw so far.
+    #[must_use]
+    pub fn verdict(&self) -> Verdict {
+        self.world().verdict()
+    }
+
+    /// Closes every line; the robot can still be asked what happened.
+    pub fn close(&mut self) {
+        self.doors.clear();
+    }
+
+    fn world(&self) -> MutexGuard<'_, World> {
+        self.world.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Why a robot file and a fault script make no world.
+fn unfit(robot: &Robot, error: &SimError) -> Error {
+    let said = Error::new(error.to_string()).at(format!("robot {}", robot.name));
+    let names = |names: Vec<&str>| names.join(", ");
+    match error {
+        SimError::UnknownJoint(_) => {
+            said.allowed(names(robot.joints.iter().map(|joint| joint.name.as_str()).collect()))
+        }
+        SimError::UnknownLine(_) => {
+            said.allowed(names(robot.lines.iter().map(|line| line.name.as_str()).collect()))
+        }
+        _ => said,
+    }
+}
+
+fn options(order: &SimulateOrder) -> Result<Options, Error> {
+    let script = match &order.faults {
+        Some(path) => read_script(path)?,
+        None => Script::default(),
+    };
+    let mut options = script.apply(Options {
+        line_timing: !order.no_line_timing,
+        permit_eeprom: order.permit_eeprom,
+        ..Options::default()
+    });
+    options.seed = order.seed.unwrap_or(options.seed);
+    match &order.adapter {
+        Some(name) => {
+            let known: Vec<&str> = gaitway_profiles::adapter_names().collect();
+            let known = known.join(", ");
+            let unknown = |e: SimError| Error::new(e.to_string()).at("--adapter").allowed(known);
+            options.behind(name).map_err(unknown)
+        }
+        None => Ok(options),
+    }
+}
+
+fn read_script(path: &Path) -> Result<Script, Error> {
+    let file = path.display().to_string();
+    let text = gaitway_profiles::read_text(path)?;
+    Script::parse(&text).map_err(|ScriptError { at, got, allowed }| {
+        Error::new("the fault script has errors")
+            .at(format!("{file}, {at}"))
+            .got(got)
+            .allowed(allowed)
+    })
+}
+
+fn open_doors(
+    order: &SimulateOrder,
+    robot: &Robot,
+    world: &Arc<Mutex<World>>,
+) -> Result<Vec<Way>, Error> {
+    let interfaces = interfaces(&order.can, robot)?;
+    let several = robot.lines.len() > 1;
+    let mut doors = Vec::new();
+    for (line, facts) in robot.lines.iter().enumerate() {
+        let entrance = match (interfaces.get(&line), order.tcp_port) {
+            (Some(interface), _) => {
+                Entrance::Can(CanBridge::open(Arc::clone(world), line, interface).map_err(|e| {
+                    Error::new("cannot put the line on this interface")
+                        .at(format!("--can, line {}", facts.name))
+                        .got(e.to_string())
+                        .remedy("ip link add vcan0 type vcan && ip link set vcan0 mtu 72 up")
+                })?)
+            }
+            (None, Some(port)) => Entrance::Door(open_tcp(port, line, world)?),
+            (None, None) => {
+                let link = order.link.as_ref().map(|link| match several {
+                    false => link.clone(),
+                    true => PathBuf::from(format!("{}-{}", link.display(), facts.name)),
+                });
+                Entrance::Door(open_pty(link.as_deref(), line, &facts.name, world)?)
+            }
+        };
+        let place = entrance.place();
+        doors.push(Way { line: facts.name.clone(), entrance, place });
+    }
+    Ok(doors)
+}
+
+/// Which interface each CAN line goes to, by its number.
+fn interfaces(given: &[String], robot: &Robot) -> Result<BTreeMap<usize, String>, Error> {
+    let lines = robot.lines.iter().enumerate().filter(|(_, line)| line.can().is_some());
+    let lines: Vec<_> = lines.map(|(k, line)| (k, line.name.as_str())).collect();
+    let refuse = |what: &str, got: &str| {
+        let names: Vec<_> = lines.iter().map(|(_, name)| *name).collect();
+        Error::new(what).at("--can").got(got.to_string()).allowed(match names.as_slice() {
+            [] => "a robot with a CAN line".to_string(),
+            names => format!("NAME=INTERFACE with one of {}", names.join(", ")),
+        })
+    };
+    let mut interfaces = BTreeMap::new();
+    for text in given {
+        let (line, interface) = match (text.split_once('='), lines.as_slice()) {
+            (None, &[(line, _)]) => (line, text.as_str()),
+            (None, _) => return Err(refuse("which CAN line is meant?", text)),
+            (Some((name, interface)), _) => {
+                let known = lines.iter().find(|(_, known)| *known == name);
+                let (line, _) = known.ok_or_else(|| refuse("there is no such CAN line", name))?;
+                (*line, interface)
+            }
+        };
+        if interfaces.insert(line, interface.to_string()).is_some() {
+            return Err(refuse("a CAN line goes to one interface", text));
+        }
+    }
+    Ok(interfaces)
+}
+
+fn open_pty(
+    link: Option<&Path>,
+    line: usize,
+    name: &str,
+    world: &Arc<Mutex<World>>,
+) -> Result<Door, Error> {
+    Door::open(Arc::clone(world), line, link).map_err(|e| {
+        Error::new("cannot open the pseudo-terminal")
+            .at(link.map_or(name.to_string(), |link| link.display().to_string()))
+            .got(e.to_string())
+            .remedy("choose another name for the link, in a folder you may write to")
+    })
+}
+
+fn open_tcp(first: u16, line: usize, world: &Arc<Mutex<World>>) -> Result<Door, Error> {
+    let port = match first {
+        0 => Some(0),
+        first => u16::try_from(line).ok().and_then(|line| first.checked_add(line)),
+    };
+    let port = port.ok_or_else(|| {
+        Error::new("there are not as many ports as the robot has lines")
+            .at("--tcp")
+            .got(first.to_string())
+    })?;
+    let address = SocketAddr::from((Ipv4Addr::LOCALHOST, port));
+    Door::open_tcp(Arc::clone(world), line, address).map_err(|e| {
+        Error::of(ErrorKind::Io, "cannot listen")
+            .at("--tcp")
+            .got(e.to_string())
+            .remedy("take another port, or 0: then the system chooses a free one")
+    })
+}
