@@ -82,7 +82,7 @@ impl Calibration {
     pub fn parse(text: &str) -> Result<Self, Error> {
         let calibration: Self = profiles::from_toml(text).map_err(|e| {
             Error::of(ErrorKind::Malformed, "not a calibration file")
-                .got(e.message().replace('\n', "; "))
+                .got(profiles::plain_words(e.message()).replace('\n', "; "))
         })?;
         if calibration.schema != SCHEMA {
             return Err(Error::new("a calibration of another version")

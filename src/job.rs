@@ -16,6 +16,7 @@ pub mod open;
 pub mod page;
 pub mod play;
 pub mod ports;
+pub mod record;
 pub mod recorder;
 pub mod report;
 pub mod retarget;

@@ -4,7 +4,7 @@
 use crate::error::Error;
 use serde::Serialize;
 
-pub use gaitway_profiles::{from_toml, toml_bytes};
+pub use gaitway_profiles::{advice, from_toml, plain_words, toml_bytes};
 
 /// The text of a file: what a person should know of it, as comments, and the value.
 ///

@@ -44,7 +44,7 @@ const ROOMS: &[Room] = &[
         "job",
         "action body bus calibration capture control device draft error mocap motion plot port \
          recording rig robot sensing table time wire",
-        "clock files profiles simulator threads wall-clock",
+        "clock files network profiles simulator threads wall-clock",
     ),
     room("mocap", "body error motion toml_text units", "files"),
     room("motion", "error", ""),

@@ -252,8 +252,8 @@ fn a_synchronisation_that_takes_two_seconds_loses_nothing_of_fifteen_sensors() {
 fn samples_are_in_the_file_though_the_disk_takes_its_time_to_synchronise() {
     let (gate, closed) = channel();
     let disk = MemoryDisk::default();
-    // The start is synchronised; the next time takes as long as the gate stands.
-    let gated = GatedDisk::new(disk.clone(), closed, 1, Stands::Syncs);
+    // Already the start is synchronised for as long as the gate stands.
+    let gated = GatedDisk::new(disk.clone(), closed, 0, Stands::Syncs);
     let soon = Pace { chunk: Duration::ZERO, sync: Duration::from_nanos(1) };
     let recorder = recorder(gated, soon);
     let left = recorder.add_source(source("left", SourceKind::Imu));

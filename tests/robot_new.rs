@@ -111,11 +111,11 @@ fn all_that_is_wrong_with_a_robot_file_is_told_at_once() {
     assert_eq!(refused.status.code(), Some(1));
     let said = words(&refused);
     for part in [
-        "unknown field `up`",
-        "missing field `upper_rad`",
-        "missing field `velocity_rad_s`",
-        "missing field `acceleration_rad_s2`",
-        "invalid type: string \"two\"",
+        "there is no key `up`",
+        "the key `upper_rad` is missing",
+        "the key `velocity_rad_s` is missing",
+        "the key `acceleration_rad_s2` is missing",
+        "the text \"two\", where a whole number from 0 to 255 belongs",
         "joint \"shoulder\"",
         "joint \"elbow\"",
     ] {

@@ -5,6 +5,7 @@ use crate::extends;
 use crate::form;
 use crate::from_toml::from_toml;
 use crate::own::{self, OwnFile, own_file, own_files};
+use crate::plain::advice;
 use crate::schema::{Actuator, Adapter, Origin, Robot, Sensor, Servo};
 use crate::unconfirmed::Profile;
 use crate::validate;
@@ -79,7 +80,7 @@ pub fn servo(name: &str) -> Result<&'static Servo, ProfileError> {
         [const { OnceLock::new() }; SERVOS.len()];
     let entry = SERVOS.iter().zip(&CACHE).find(|(embedded, _)| embedded.name == name);
     let Some((embedded, cell)) = entry else {
-        let unknown = || unknown("servo", name, servo_names());
+        let unknown = || unknown("servo", name, servo_names(), ONE_OF_THESE);
         return own_file(name).ok_or_else(unknown)?.servo();
     };
     cell.get_or_init(|| parse_servo(embedded.file, embedded.text))
@@ -95,7 +96,7 @@ pub fn actuator(name: &str) -> Result<Actuator, ProfileError> {
     match ACTUATORS.iter().find(|embedded| embedded.name == name) {
         Some(embedded) => parse_actuator(embedded.file, embedded.text),
         None => {
-            let unknown = || unknown("actuator", name, actuator_names());
+            let unknown = || unknown("actuator", name, actuator_names(), ONE_OF_THESE);
             let own = own_file(name).ok_or_else(unknown)?;
             parse_actuator(&own.path().display().to_string(), own.text()?)
         }
@@ -124,8 +125,7 @@ pub fn robot(name_or_path: &str) -> Result<Robot, ProfileError> {
     }
     match ROBOTS.iter().find(|embedded| embedded.name == name_or_path) {
         Some(embedded) => parse_robot(embedded.file, embedded.text),
-        None => Err(unknown("robot", name_or_path, robot_names())
-            .remedy("take one of these names, or give the path of a .toml file")),
+        None => Err(unknown("robot", name_or_path, robot_names(), OR_A_FILE)),
     }
 }
 
@@ -143,8 +143,7 @@ pub fn sensor(name_or_path: &str) -> Result<Sensor, ProfileError> {
     }
     match SENSORS.iter().find(|embedded| embedded.name == name_or_path) {
         Some(embedded) => parse_sensor(embedded.file, embedded.text),
-        None => Err(unknown("sensor", name_or_path, sensor_names())
-            .remedy("take one of these names, or give the path of a .toml file")),
+        None => Err(unknown("sensor", name_or_path, sensor_names(), OR_A_FILE)),
     }
 }
 
@@ -182,8 +181,7 @@ pub fn profile(name_or_path: &str) -> Result<Profile, ProfileError> {
         None => {
             let names = servo_names().chain(actuator_names()).chain(robot_names());
             let names = names.chain(adapter_names()).chain(sensor_names());
-            Err(unknown("profile", name_or_path, names)
-                .remedy("take one of these names, or give the path of a .toml file"))
+            Err(unknown("profile", name_or_path, names, OR_A_FILE))
         }
     }
 }
@@ -345,10 +343,20 @@ fn malformed(file: &str, error: &toml::de::Error) -> ProfileError {
     form::malformed(file, error.message())
 }
 
-fn unknown(kind: &str, name: &str, available: impl Iterator<Item = &'static str>) -> ProfileError {
+/// What to do where a name is none of those that there are.
+const ONE_OF_THESE: &str = "take one of these names";
+const OR_A_FILE: &str = "take one of these names, or give the path of a .toml file";
+
+fn unknown(
+    kind: &str,
+    name: &str,
+    available: impl Iterator<Item = &'static str>,
+    otherwise: &str,
+) -> ProfileError {
     let available: Vec<_> = available.collect();
+    let remedy = advice(name, &available, otherwise);
     ProfileError::new(name, format!("there is no {kind} of this name"))
         .got(format!("{name:?}"))
         .allowed(available.join(", "))
-        .remedy("take one of these names")
+        .remedy(remedy)
 }

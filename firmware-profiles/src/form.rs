@@ -5,6 +5,7 @@
 
 use crate::error::{Faults, ProfileError};
 use crate::from_toml::{from_toml, toml_bytes};
+use crate::plain::plain_words;
 use serde::de::DeserializeOwned;
 use serde_path_to_error::{Path, Segment};
 use toml::de::{DeTable, DeValue};
@@ -44,7 +45,7 @@ pub(crate) fn faults<T: DeserializeOwned>(file: &str, text: &str) -> Result<(), 
 /// A file without the form of a profile.
 pub(crate) fn malformed(file: &str, message: &str) -> ProfileError {
     ProfileError::new(file, "the file does not have the form of a profile")
-        .got(message.replace('\n', "; "))
+        .got(plain_words(message).replace('\n', "; "))
 }
 
 fn small(text: &str) -> Option<Table> {

@@ -63,6 +63,7 @@ mod files;
 mod form;
 mod from_toml;
 mod own;
+mod plain;
 pub mod schema;
 mod unconfirmed;
 mod validate;
@@ -75,5 +76,6 @@ pub use files::{
 };
 pub use from_toml::{from_toml, toml_bytes};
 pub use own::{OwnFile, add_folder, own_file, own_files};
+pub use plain::{advice, plain_words};
 pub use schema::*;
 pub use unconfirmed::{Profile, Unconfirmed};

@@ -19,7 +19,7 @@ fn a_file_with_a_mistake_is_refused_by_name() {
     refused("rate_hz = 100.0", "rate_hz = 100.0\naxes = [\"y\", \"x\", \"z\"]", "right-handed");
     refused("rate_hz = 100.0", "rate_hz = 100.0\naxes = [\"x\", \"x\", \"z\"]", "right-handed");
     refused("rate_hz = 100.0", "rate_hz = 100.0\nstart = [\"F\"]", "not a command");
-    refused("rate_hz = 100.0", "rate_hz = 100.0\nspeed = 3", "unknown field");
+    refused("rate_hz = 100.0", "rate_hz = 100.0\nspeed = 3", "there is no key");
     refused("bits = 32", "bits = 99", "no counter has this width");
     refused("tick_s = 1e-6", "tick_s = 0.0", "above zero");
     refused("\"ax\"", "\"bx\"", "no column");

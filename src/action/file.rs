@@ -5,7 +5,7 @@ use crate::action::{Action, Ends, Group, Kind, Phase, Track, Turn};
 use crate::actionlet::{Sampled, Shape};
 use crate::body::{Dof, JointAngles};
 use crate::error::{Error, ErrorKind};
-use crate::toml_text::from_toml;
+use crate::toml_text::{from_toml, plain_words};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -114,7 +114,7 @@ pub fn parse(text: &str, place: &str, library: Library<'_>) -> Result<Action, Er
         let line = error.span().map_or(0, |span| line_of(text, span.start));
         Error::of(ErrorKind::Malformed, "not an action file")
             .at(format!("{place} line {line}"))
-            .got(error.message().to_owned())
+            .got(plain_words(error.message()))
             .allowed("the keys of docs/actions.md")
     })?;
     let captured = raw.captured;

@@ -2,6 +2,7 @@
 
 use crate::action::{Action, file};
 use crate::error::{Error, ErrorKind};
+use crate::toml_text::advice;
 use std::io::Read;
 use std::path::Path;
 
@@ -36,9 +37,11 @@ pub fn text(name: &str) -> Option<&'static str> {
 /// If there is none of that name.
 pub fn find(name: &str) -> Result<Action, Error> {
     let Some(text) = text(name) else {
+        let known: Vec<&str> = names().collect();
         return Err(Error::of(ErrorKind::Unknown, "no such action ships with gaitway")
             .got(name)
-            .allowed(names().collect::<Vec<_>>().join(", ")));
+            .allowed(known.join(", "))
+            .remedy(advice(name, &known, "take one of these names, or an action file")));
     };
     file::parse(text, &format!("actions/{name}.toml"), &lender)
 }

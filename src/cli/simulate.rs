@@ -5,15 +5,11 @@ pub mod imus;
 use super::Remarks;
 use super::output::Untold;
 use super::signals::Signals;
-use crate::error::{Error, ErrorKind};
-use crate::port::can_bridge::CanBridge;
+use crate::error::Error;
+use crate::job::simulate::robot::{SimulateOrder, VirtualRobot};
 use clap::Args;
-use gaitway_profiles::Robot;
-use gaitway_sim::{Door, Options, Rule, Script, ScriptError, SimError, Verdict, World};
-use std::collections::BTreeMap;
-use std::net::{Ipv4Addr, SocketAddr};
-use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
+use gaitway_sim::{Rule, Verdict};
+use std::path::PathBuf;
 use std::time::Duration;
 
 /// Violations listed at the end.
@@ -82,46 +78,51 @@ enum Other {
 /// Runs `simulate` until a signal comes.
 ///
 /// # Errors
-/// An unknown robot or adapter, a fault script that says something wrong, or a terminal or port
-/// that cannot be had.
+/// As [`VirtualRobot::open`].
 pub fn run(args: &SimulateArgs, remarks: Remarks) -> Result<i32, Error> {
     if let Some(Other::Imus(args)) = &args.other {
         return imus::run(args, remarks);
     }
     let signals = Signals::listen().map_err(|e| Error::new(format!("no signals: {e}")))?;
-    // Any robot file: the virtual servos speak more protocols than the driver needs to.
-    let robot = gaitway_profiles::robot(args.robot.as_deref().unwrap_or_default())?;
-    let world = World::new(&robot, options(args)?).map_err(|e| unfit(&robot, &e))?;
-    let world = Arc::new(Mutex::new(world));
-    let mut doors = open_doors(args, &robot, &world)?;
+    let mut robot = VirtualRobot::open(&SimulateOrder {
+        robot: args.robot.clone().unwrap_or_default(),
+        link: args.pty.clone(),
+        tcp_port: args.tcp,
+        can: args.can.clone(),
+        seed: args.seed,
+        faults: args.faults.clone(),
+        adapter: args.adapter.clone(),
+        no_line_timing: args.no_line_timing,
+        permit_eeprom: args.permit_eeprom,
+    })?;
+    let is_one = robot.lines().count() == 1;
+    for (name, place) in robot.lines() {
+        let place = place.unwrap_or_default();
+        tell(&if is_one { format!("{place}\n") } else { format!("{place} {name}\n") })?;
+    }
     let reached = args.pty.as_ref().map_or_else(String::new, |l| format!(" at {}", l.display()));
     remarks.say(&format!(
         "virtual {} with {} servos{reached}; Ctrl-C ends it",
-        robot.name,
-        robot.joints.len()
+        robot.robot().name,
+        robot.robot().joints.len()
     ));
     while signals.first().is_none() {
         std::thread::sleep(LOOK);
-        tell_struck(&world, remarks);
-        for (name, entrance, place) in &mut doors {
-            let now = entrance.place();
-            if now != *place {
-                remarks.say(&match &now {
-                    Some(place) => format!("line {name} is at {place} now"),
-                    None => format!("line {name} is gone"),
-                });
-                *place = now;
-            }
+        tell_struck(&robot, remarks);
+        for (name, place) in robot.moved() {
+            remarks.say(&match place {
+                Some(place) => format!("line {name} is at {place} now"),
+                None => format!("line {name} is gone"),
+            });
         }
     }
-    drop(doors);
-    tell_struck(&world, remarks);
-    let world = world.lock().unwrap_or_else(PoisonError::into_inner);
-    if world.struck_count() > 0 {
-        remarks.say(&format!("faults: {} struck", world.struck_count()));
+    robot.close();
+    tell_struck(&robot, remarks);
+    if robot.struck_count() > 0 {
+        remarks.say(&format!("faults: {} struck", robot.struck_count()));
     }
     if !args.no_referee {
-        tell_verdict(&world.verdict(), remarks);
+        tell_verdict(&robot.verdict(), remarks);
     }
     Ok(0)
 }
@@ -147,107 +148,6 @@ fn tell_verdict(verdict: &Verdict, remarks: Remarks) {
     remarks.say(&format!("referee: {rules}; {} goals written", verdict.goals));
 }
 
-/// Why a robot file and a fault script make no world.
-fn unfit(robot: &Robot, error: &SimError) -> Error {
-    let said = Error::new(error.to_string()).at(format!("robot {}", robot.name));
-    let names = |names: Vec<&str>| names.join(", ");
-    match error {
-        SimError::UnknownJoint(_) => {
-            said.allowed(names(robot.joints.iter().map(|joint| joint.name.as_str()).collect()))
-        }
-        SimError::UnknownLine(_) => {
-            said.allowed(names(robot.lines.iter().map(|line| line.name.as_str()).collect()))
-        }
-        _ => said,
-    }
-}
-
-fn options(args: &SimulateArgs) -> Result<Options, Error> {
-    let script = match &args.faults {
-        Some(path) => read_script(path)?,
-        None => Script::default(),
-    };
-    let mut options = script.apply(Options {
-        line_timing: !args.no_line_timing,
-        permit_eeprom: args.permit_eeprom,
-        ..Options::default()
-    });
-    options.seed = args.seed.unwrap_or(options.seed);
-    match &args.adapter {
-        Some(name) => {
-            let known: Vec<&str> = gaitway_profiles::adapter_names().collect();
-            let known = known.join(", ");
-            let unknown = |e: SimError| Error::new(e.to_string()).at("--adapter").allowed(known);
-            options.behind(name).map_err(unknown)
-        }
-        None => Ok(options),
-    }
-}
-
-fn read_script(path: &Path) -> Result<Script, Error> {
-    let file = path.display().to_string();
-    let text = gaitway_profiles::read_text(path)?;
-    Script::parse(&text).map_err(|ScriptError { at, got, allowed }| {
-        Error::new("the fault script has errors")
-            .at(format!("{file}, {at}"))
-            .got(got)
-            .allowed(allowed)
-    })
-}
-
-/// A way in to a line.
-enum Entrance {
-    Door(Door),
-    Can(CanBridge),
-}
-
-impl Entrance {
-    /// What programs can open now; nothing while the adapter is pulled out.
-    fn place(&self) -> Option<String> {
-        match self {
-            Entrance::Door(door) => door.current_path().map(|path| path.display().to_string()),
-            Entrance::Can(bridge) => {
-                bridge.lost().is_none().then(|| format!("can:{}", bridge.name()))
-            }
-        }
-    }
-}
-
-/// Each line's name, the way in, and where that was seen last.
-type Doors = Vec<(String, Entrance, Option<String>)>;
-
-fn open_doors(
-    args: &SimulateArgs,
-    robot: &Robot,
-    world: &Arc<Mutex<World>>,
-) -> Result<Doors, Error> {
-    let interfaces = interfaces(&args.can, robot)?;
-    let several = robot.lines.len() > 1;
-    let mut doors = Vec::new();
-    for (line, facts) in robot.lines.iter().enumerate() {
-        let entrance = match (interfaces.get(&line), args.tcp) {
-            (Some(interface), _) => {
-                Entrance::Can(CanBridge::open(Arc::clone(world), line, interface).map_err(|e| {
-                    Error::new("cannot put the line on this interface")
-                        .at(format!("--can, line {}", facts.name))
-                        .got(e.to_string())
-                        .remedy("ip link add vcan0 type vcan && ip link set vcan0 mtu 72 up")
-                })?)
-            }
-            (None, Some(port)) => Entrance::Door(open_tcp(port, line, world)?),
-            (None, None) => Entrance::Door(open_pty(args, several, line, &facts.name, world)?),
-        };
-        let place = entrance.place();
-        let path = place.as_deref().unwrap_or_default();
-        tell(&match several {
-            false => format!("{path}\n"),
-            true => format!("{path} {}\n", facts.name),
-        })?;
-        doors.push((facts.name.clone(), entrance, place));
-    }
-    Ok(doors)
-}
-
 /// Tells where something is to be reached: all that this command has to tell.
 fn tell(place: &str) -> Result<(), Error> {
     match super::print(place) {
@@ -256,75 +156,8 @@ fn tell(place: &str) -> Result<(), Error> {
     }
 }
 
-/// Which interface each CAN line goes to, by its number.
-fn interfaces(given: &[String], robot: &Robot) -> Result<BTreeMap<usize, String>, Error> {
-    let lines = robot.lines.iter().enumerate().filter(|(_, line)| line.can().is_some());
-    let lines: Vec<_> = lines.map(|(k, line)| (k, line.name.as_str())).collect();
-    let refuse = |what: &str, got: &str| {
-        let names: Vec<_> = lines.iter().map(|(_, name)| *name).collect();
-        Error::new(what).at("--can").got(got.to_string()).allowed(match names.as_slice() {
-            [] => "a robot with a CAN line".to_string(),
-            names => format!("NAME=INTERFACE with one of {}", names.join(", ")),
-        })
-    };
-    let mut interfaces = BTreeMap::new();
-    for text in given {
-        let (line, interface) = match (text.split_once('='), lines.as_slice()) {
-            (None, &[(line, _)]) => (line, text.as_str()),
-            (None, _) => return Err(refuse("which CAN line is meant?", text)),
-            (Some((name, interface)), _) => {
-                let known = lines.iter().find(|(_, known)| *known == name);
-                let (line, _) = known.ok_or_else(|| refuse("there is no such CAN line", name))?;
-                (*line, interface)
-            }
-        };
-        if interfaces.insert(line, interface.to_string()).is_some() {
-            return Err(refuse("a CAN line goes to one interface", text));
-        }
-    }
-    Ok(interfaces)
-}
-
-fn open_pty(
-    args: &SimulateArgs,
-    several: bool,
-    line: usize,
-    name: &str,
-    world: &Arc<Mutex<World>>,
-) -> Result<Door, Error> {
-    let link = args.pty.as_ref().map(|link| match several {
-        false => link.clone(),
-        true => PathBuf::from(format!("{}-{name}", link.display())),
-    });
-    Door::open(Arc::clone(world), line, link.as_deref()).map_err(|e| {
-        Error::new("cannot open the pseudo-terminal")
-            .at(link.map_or(name.to_string(), |link| link.display().to_string()))
-            .got(e.to_string())
-            .remedy("choose another name for the link, in a folder you may write to")
-    })
-}
-
-fn open_tcp(first: u16, line: usize, world: &Arc<Mutex<World>>) -> Result<Door, Error> {
-    let port = match first {
-        0 => Some(0),
-        first => u16::try_from(line).ok().and_then(|line| first.checked_add(line)),
-    };
-    let port = port.ok_or_else(|| {
-        Error::new("there are not as many ports as the robot has lines")
-            .at("--tcp")
-            .got(first.to_string())
-    })?;
-    let address = SocketAddr::from((Ipv4Addr::LOCALHOST, port));
-    Door::open_tcp(Arc::clone(world), line, address).map_err(|e| {
-        Error::of(ErrorKind::Io, "cannot listen")
-            .at("--tcp")
-            .got(e.to_string())
-            .remedy("take another port, or 0: then the system chooses a free one")
-    })
-}
-
-fn tell_struck(world: &Mutex<World>, remarks: Remarks) {
-    let struck = world.lock().unwrap_or_else(PoisonError::into_inner).take_struck();
+fn tell_struck(robot: &VirtualRobot, remarks: Remarks) {
+    let struck = robot.struck();
     for fault in struck.iter().take(MOST_TOLD) {
         remarks.say(&format!("fault at {fault}"));
     }

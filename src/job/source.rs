@@ -160,7 +160,8 @@ pub fn body_motion(motion: &str, mapping: Option<&Path>) -> Result<(Capture, Sou
             .allowed(format!(
                 "a file that ends in .bvh, an action file (.toml), or a shipped action: {}",
                 shipped.join(", ")
-            )));
+            ))
+            .remedy(profiles::advice(motion, &shipped, "take one of these, or check the path")));
     }
     let mapping = mapping.map(read_mapping).transpose()?;
     let bvh = bvh::read(path)?;

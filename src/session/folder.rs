@@ -1,7 +1,7 @@
 //! The folder of a session: files appear whole or not at all, and are never written over.
 
 use crate::error::{Error, ErrorKind};
-use crate::toml_text::{from_toml, to_toml};
+use crate::toml_text::{from_toml, plain_words, to_toml};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::fs::{self, File};
@@ -77,7 +77,7 @@ impl Folder {
         let value = from_toml(&text).map_err(|e| {
             Error::new("the file of a session was changed into something else")
                 .at(shown(&self.path(name)))
-                .got(e.message().replace('\n', "; "))
+                .got(plain_words(e.message()).replace('\n', "; "))
         })?;
         Ok(Some(value))
     }

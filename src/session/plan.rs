@@ -2,7 +2,7 @@
 
 use crate::action::vocabulary;
 use crate::error::{Error, ErrorKind};
-use crate::toml_text::from_toml;
+use crate::toml_text::{from_toml, plain_words};
 use serde::{Deserialize, Serialize};
 
 /// Good repetitions of an action that make a set.
@@ -72,7 +72,7 @@ impl Plan {
             let line = e.span().map_or(1, |span| 1 + text[..span.start].matches('\n').count());
             Error::of(ErrorKind::Malformed, "not a session plan")
                 .at(format!("{file}, line {line}"))
-                .got(e.message().replace('\n', "; "))
+                .got(plain_words(e.message()).replace('\n', "; "))
         })?;
         plan.checked().map_err(|e| {
             let place = e.place.as_ref().map_or_else(String::new, |place| format!(", {place}"));

@@ -102,7 +102,7 @@ impl Job<'_> {
             if now >= until {
                 return Ok(());
             }
-            MonotonicClock.sleep_until((now + super::super::LOOK).min(until));
+            MonotonicClock.sleep_until((now + crate::sensing::LOOK).min(until));
         }
     }
 }
