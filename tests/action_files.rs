@@ -166,9 +166,8 @@ fn the_schema_for_editors_has_the_keys_of_the_reader() {
     // The reader lists what it takes when it meets a key it does not know.
     let listed = |text: &str| {
         let error = parse(text).unwrap_err().to_string();
-        let list = error.split("expected one of").nth(1).unwrap_or_else(|| panic!("{error}"));
-        let list = list.lines().next().unwrap();
-        let names = list.split('`').skip(1).step_by(2).map(str::to_owned);
+        let list = error.split("the keys here are ").nth(1).unwrap_or_else(|| panic!("{error}"));
+        let names = list.lines().next().unwrap().split(", ").map(str::to_owned);
         names.collect::<Vec<String>>()
     };
     let same = |mut a: Vec<String>, mut b: Vec<String>| {
