@@ -34,8 +34,8 @@ pub mod terminal;
 pub use output::{Deed, Output, Remarks, print, say};
 pub use report::Outcome;
 
-use crate::control::net;
 use crate::error::{Error, ErrorKind};
+use crate::job::net;
 use crate::rig::own_profiles;
 use clap::{Parser, Subcommand};
 

@@ -16,6 +16,7 @@ pub mod open;
 pub mod page;
 pub mod play;
 pub mod ports;
+pub mod profile;
 pub mod record;
 pub mod recorder;
 pub mod report;
@@ -28,4 +29,5 @@ pub mod source;
 pub mod synth;
 pub mod taught;
 
+pub use crate::control::net;
 pub use observer::{Event, Nobody, Observer, Progress};

@@ -15,6 +15,7 @@ mod slimevr;
 mod source;
 mod wear;
 
+pub use crate::port::{Clock, MonotonicClock};
 pub use event::{Said, SensingEvent, Tell};
 pub use guide::{Ended, Guide, Guided, Plan, wall_clock};
 pub use hub::{Hub, Still};

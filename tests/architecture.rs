@@ -31,8 +31,7 @@ const ROOMS: &[Room] = &[
     room("capture", "device time wire", "profiles"),
     room(
         "cli",
-        "action body bus calibration capture control device draft error job motion port recording \
-         rig robot sensing session time wire",
+        "action body draft error job recording rig sensing session time",
         "arguments bars clock files keys network profiles signals simulator sleep threads wall-clock",
     ),
     room("control", "bus device error guard motion robot time", "clock profiles threads"),

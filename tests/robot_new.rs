@@ -1,10 +1,13 @@
 //! Robots of a user's own: files that ask only for what a job needs, and drafts made of what answers on
 //! a line.
 
+mod aloud;
+mod priority;
 mod program;
 
 use gaitway_profiles::{Robot, parse_robot, robot};
 use gaitway_sim::{Door, Options, World};
+use priority::run_before_others;
 use program::{folder, json, words};
 use serde_json::Value;
 use std::collections::BTreeSet;
@@ -19,6 +22,7 @@ fn gaitway(folder: &Path, arguments: &[&str]) -> Output {
 
 /// A shipped robot behind a TCP port, as a bridge of a serial line is.
 fn door(robot: &Robot) -> (Door, String) {
+    run_before_others();
     let world = World::new(robot, Options::default()).expect("a virtual robot");
     let local = SocketAddr::from(([127, 0, 0, 1], 0));
     let door = Door::open_tcp(Arc::new(Mutex::new(world)), 0, local).expect("a TCP port");

@@ -1,8 +1,5 @@
 //! Which calibration a command uses.
 
-use crate::error::Error;
-use crate::rig::{Address, calibrated};
-use crate::robot::Robot;
 use clap::Args;
 use std::path::{Path, PathBuf};
 
@@ -16,14 +13,6 @@ pub struct CalibrationArg {
 }
 
 impl CalibrationArg {
-    /// As [`calibrated()`].
-    ///
-    /// # Errors
-    /// As [`calibrated()`].
-    pub fn load(&self, name: &str, buses: &[Address]) -> Result<(Robot, Option<PathBuf>), Error> {
-        calibrated(name, buses, self.path())
-    }
-
     /// The file that was named.
     #[must_use]
     pub fn path(&self) -> Option<&Path> {

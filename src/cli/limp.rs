@@ -2,10 +2,9 @@
 
 use super::output::prompt;
 use super::{Deed, Output};
-use crate::error::{Error, ErrorKind};
+use crate::error::Error;
 use crate::job::limp::limp;
 use crate::rig::Address;
-use crate::robot::Robot;
 use clap::Args;
 use std::io::{BufRead, IsTerminal};
 
@@ -32,15 +31,7 @@ pub struct LimpArgs {
 /// No consent, a bus that cannot be opened, joints that do not confirm.
 pub fn run(args: &LimpArgs) -> Result<i32, Error> {
     args.output.check_files(&[])?;
-    let robot = Robot::load(&args.robot)?;
-    if !args.yes && !consents(&robot.name) {
-        return Err(Error::of(
-            ErrorKind::NotPermitted,
-            "nobody confirmed that the robot may go limp",
-        )
-        .remedy("support the robot, then answer yes or add --yes"));
-    }
-    let report = limp(robot, &args.bus)?;
+    let report = limp(&args.robot, &args.bus, |robot| args.yes || consents(robot))?;
     let text = "torque is off on every joint\n";
     Ok(args.output.conclude(&report, text, Deed::Motion, 0))
 }

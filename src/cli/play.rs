@@ -7,10 +7,9 @@ use super::terminal::Terminal;
 use super::{Deed, Output, Remarks};
 use crate::error::Error;
 use crate::job::page;
-use crate::job::play::{self, Options, PlayOrder, Played};
+use crate::job::play::{self, Accept, Options, PlayOrder, Played};
 use crate::job::report::{Outcome, PlayReport};
 use crate::rig::Address;
-use crate::robot::preflight::Accept;
 use clap::{Args, ValueEnum};
 use std::path::{Path, PathBuf};
 

@@ -2,9 +2,7 @@
 
 use super::{Deed, Output, Remarks, finding};
 use crate::error::Error;
-use crate::job::ports::{Port, Survey, survey};
-use crate::port::can::Controller;
-use crate::port::inventory::{Access, CanKind, CanPort, Machine};
+use crate::job::ports::{Access, CanKind, CanPort, Controller, Machine, Port, Survey, survey};
 use clap::Args;
 use std::fmt::Write;
 use std::path::PathBuf;

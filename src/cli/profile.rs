@@ -5,6 +5,7 @@ mod sensor;
 
 use super::{Deed, Outcome, Output};
 use crate::error::Error;
+use crate::job::profile::check_use;
 use clap::{Args, Subcommand};
 use gaitway_profiles as profiles;
 use profiles::{Actuator, Dialect, Profile, Protocol, Register, Servo, Unit};
@@ -112,6 +113,7 @@ impl Checked {
 }
 
 fn check(profile: &Profile) -> Result<Checked, Error> {
+    check_use(profile)?;
     let (name, kind, holds) = match profile {
         Profile::Servo(servo) => {
             (&servo.name, "servo", format!("{} registers", servo.items().count()))
@@ -120,8 +122,6 @@ fn check(profile: &Profile) -> Result<Checked, Error> {
             (&actuator.name, "CAN actuator", dialect(actuator.dialect).to_owned())
         }
         Profile::Robot(robot) => {
-            // What playing needs of its servos is asked for too, not only what a file must be.
-            crate::robot::Robot::new(robot.as_ref().clone())?;
             let (joints, lines) = (robot.joints.len(), robot.lines.len());
             let bodiless = "; follows no body: tables, recordings and a hand move it";
             let bodiless = if robot.anatomy.is_none() { bodiless } else { "" };
@@ -131,8 +131,6 @@ fn check(profile: &Profile) -> Result<Checked, Error> {
             (&adapter.name, "adapter", format!("USB {}", adapter.usb_ids.join(", ")))
         }
         Profile::Sensor(sensor) => {
-            // What recording needs is asked for too.
-            crate::device::sensor::stream_format(sensor)?;
             (&sensor.name, "sensor", format!("{} channels", sensor.channels.len()))
         }
     };

@@ -1,7 +1,7 @@
 //! Protocols of serial lines and dialects of CAN lines, as a person types them.
 
-use crate::bus::Protocol;
 use crate::error::Error;
+use crate::job::servo::Protocol;
 use clap::ValueEnum;
 use gaitway_profiles::Dialect;
 

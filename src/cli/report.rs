@@ -1,8 +1,6 @@
 //! How motions ended, as a person and a shell read it.
 
-use crate::control::{Exception, Stop, StopCode};
-use crate::job::report::PlayReport;
-use crate::robot::preflight::LINE_SHARE;
+use crate::job::report::{Exception, LINE_SHARE, PlayReport, Stop, StopCode};
 use std::fmt::Write;
 
 pub use crate::job::report::Outcome;

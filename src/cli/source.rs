@@ -1,7 +1,7 @@
 //! Which motion, as it is typed.
 
+use crate::job::play::SPEEDS;
 use crate::job::source::MotionOrder;
-use crate::motion::plan::SPEEDS;
 use clap::Args;
 use std::path::PathBuf;
 

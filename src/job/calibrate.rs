@@ -1,7 +1,13 @@
 //! A robot measured by hand: what its joints read, what is written into servos, and where the file is.
 
+mod by_hand;
 pub mod homing;
+mod measure;
+mod person;
 pub mod reading;
+
+pub use by_hand::{CalibrateOrder, CalibrateReport, JointMeasured, calibrate};
+pub use person::{Answer, Consent, JointTask, Person, Seen};
 
 use crate::calibration::{Calibration, JointCalibration};
 use crate::control::inject;

@@ -1,8 +1,8 @@
-//! Torque off. The robot falls if nothing holds it: whoever orders this has asked.
+//! Torque off. The robot falls if nothing holds it, so somebody is asked.
 
 use super::report::Outcome;
 use crate::control;
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use crate::rig::{Address, connect};
 use crate::robot::Robot;
 use serde::Serialize;
@@ -18,11 +18,24 @@ pub struct LimpReport {
     pub limp: Vec<String>,
 }
 
-/// Lets a robot go.
+/// Lets a robot go if somebody who is asked says that it is supported; `robot` is its name, or the path of
+/// its file.
 ///
 /// # Errors
-/// A bus that cannot be opened, joints that do not confirm.
-pub fn limp(robot: Robot, buses: &[Address]) -> Result<LimpReport, Error> {
+/// No consent, a bus that cannot be opened, joints that do not confirm.
+pub fn limp(
+    robot: &str,
+    buses: &[Address],
+    is_supported: impl FnOnce(&str) -> bool,
+) -> Result<LimpReport, Error> {
+    let robot = Robot::load(robot)?;
+    if !is_supported(&robot.name) {
+        return Err(Error::of(
+            ErrorKind::NotPermitted,
+            "nobody confirmed that the robot may go limp",
+        )
+        .remedy("support the robot, then answer yes or add --yes"));
+    }
     let mut connection = connect(robot, buses, 0)?;
     control::arm::disarm(&mut connection.link)?;
     let robot = connection.link.robot();

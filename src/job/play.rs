@@ -9,8 +9,11 @@ use crate::error::Error;
 use crate::motion::{Plan, PlanOptions, Setpoint, plan};
 use crate::rig::{Address, Connection, calibrated, connect, patience_words};
 use crate::robot::Robot;
-use crate::robot::preflight::{Accept, Preflight, preflight};
+use crate::robot::preflight::{Preflight, preflight};
 use std::path::PathBuf;
+
+pub use crate::motion::plan::SPEEDS;
+pub use crate::robot::preflight::Accept;
 
 /// What the joints do when the motion is over.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

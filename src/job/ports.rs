@@ -1,10 +1,12 @@
 //! Where a robot could be plugged in, and what keeps it from working.
 
 use super::finding::Finding;
-use crate::port::can::Controller;
-use crate::port::inventory::{CanKind, CanPort, Machine, SerialPort, UsbFacts};
+use crate::port::inventory::{SerialPort, UsbFacts};
 use gaitway_profiles as profiles;
 use serde::Serialize;
+
+pub use crate::port::can::Controller;
+pub use crate::port::inventory::{Access, CanKind, CanPort, Machine};
 
 /// The rules that come with gaitway.
 pub const RULES: &str = include_str!("../../udev/60-gaitway.rules");

@@ -2,7 +2,6 @@
 
 use super::taught::Servos;
 use super::{Event, Observer};
-use crate::capture::Mode;
 use crate::error::Error;
 use crate::port::{Clock, MonotonicClock};
 use crate::recording::{
@@ -15,6 +14,8 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::Receiver;
+
+pub use crate::capture::Mode;
 
 /// What is recorded, and where.
 #[derive(Clone, Debug)]

@@ -1,7 +1,7 @@
 //! What a job that moved joints tells: one set of figures, for text, JSON and pages alike.
 
 use super::source::{RobotMotion, Source};
-use crate::control::{Exception, FlightCycle, Left, Performance, Run, Stop, StopCode, StopReason};
+use crate::control::{FlightCycle, Left, Performance, Run, StopReason};
 use crate::error::{Error, ErrorKind};
 use crate::motion::{Because, Retimed};
 use crate::recording::crc32;
@@ -11,6 +11,9 @@ use serde::Serialize;
 use std::collections::BTreeSet;
 use std::fmt;
 use std::path::Path;
+
+pub use crate::control::{Exception, Stop, StopCode};
+pub use crate::robot::preflight::LINE_SHARE;
 
 /// How a command ended; its exit code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]

@@ -10,10 +10,11 @@ pub mod register;
 pub mod travel;
 pub mod value;
 
-use crate::bus::Protocol;
 use crate::error::Error;
 use crate::rig::{Address, is_can};
 use gaitway_profiles::{Dialect, Role};
+
+pub use crate::bus::Protocol;
 
 /// Where nothing moves, a lost answer costs nothing but time.
 pub const RETRIES: u32 = 5;

@@ -1,50 +1,13 @@
-//! What the person answers, one line each, read beside the joints.
+//! The person at the terminal: answers, one line each, read beside the joints.
 
 use crate::cli::output::prompt;
-use crate::cli::say;
 use crate::cli::signals::Signals;
+use crate::cli::{limp, say};
 use crate::error::Error;
+use crate::job::calibrate::{Answer, Consent, JointTask, Person, Seen};
 use std::io::{BufRead, IsTerminal};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::Duration;
-
-/// What to do with a joint.
-pub enum Answer<T> {
-    /// It was measured.
-    Go(T),
-    /// Leave it as it is.
-    Skip,
-    /// End here; what was measured so far is kept.
-    Stop,
-}
-
-impl<T> Answer<T> {
-    /// Goes on with what was measured; a joint that is skipped, or a stop, stays that.
-    ///
-    /// # Errors
-    /// What `next` fails with.
-    pub fn then<U>(
-        self,
-        next: impl FnOnce(T) -> Result<Answer<U>, Error>,
-    ) -> Result<Answer<U>, Error> {
-        match self {
-            Self::Go(value) => next(value),
-            Self::Skip => Ok(Answer::Skip),
-            Self::Stop => Ok(Answer::Stop),
-        }
-    }
-}
-
-/// What was said to a question of yes or no.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Answered {
-    /// Yes.
-    Yes,
-    /// Anything else, or nobody is there.
-    No,
-    /// A signal came instead.
-    Stop,
-}
 
 /// Lines of standard input, and signals, which count as the wish to stop.
 pub struct Answers {
@@ -75,59 +38,87 @@ impl Answers {
             .map_err(|e| Error::new(format!("no thread: {e}")))?;
         Ok(Self { lines: receiver, signals })
     }
+}
 
-    /// True if a signal came.
-    pub fn are_to_end(&self) -> bool {
+impl Person for Answers {
+    fn wants_to_stop(&self) -> bool {
         self.signals.first().is_some()
     }
 
-    /// Asks for a plain yes, at a terminal only.
-    pub fn consent(&mut self, question: &str) -> Answered {
+    /// A plain yes, at a terminal only.
+    fn consent(&mut self, robot: &str) -> Consent {
         if !std::io::stdin().is_terminal() {
-            return Answered::No;
+            return Consent::No;
         }
-        prompt(question);
+        prompt(&limp::question(robot));
         loop {
-            if self.are_to_end() {
-                return Answered::Stop;
+            if self.wants_to_stop() {
+                return Consent::Stop;
             }
             match self.lines.recv_timeout(LOOK) {
-                Ok(line) if line.trim() == "yes" => return Answered::Yes,
-                Ok(_) | Err(RecvTimeoutError::Disconnected) => return Answered::No,
+                Ok(line) if line.trim() == "yes" => return Consent::Yes,
+                Ok(_) | Err(RecvTimeoutError::Disconnected) => return Consent::No,
                 Err(RecvTimeoutError::Timeout) => {}
             }
         }
     }
 
-    /// Asks, and calls `look` again and again until there is an answer. No more input is a stop, and
-    /// so is a signal.
-    ///
-    /// # Errors
-    /// What `look` fails with.
-    pub fn ask(
+    /// No more input is a stop, and so is a signal.
+    fn ask(
         &mut self,
-        question: &str,
-        mut look: impl FnMut() -> Result<(), Error>,
+        task: JointTask<'_>,
+        look: &mut dyn FnMut() -> Result<Option<Seen>, Error>,
     ) -> Result<Answer<()>, Error> {
-        say(question);
+        say(&question(task));
         loop {
-            if self.are_to_end() {
+            if self.wants_to_stop() {
                 return Ok(Answer::Stop);
             }
-            look()?;
+            look()?.into_iter().for_each(|seen| self.tell(seen));
             let line = match self.lines.recv_timeout(LOOK) {
                 Ok(line) => line,
                 Err(RecvTimeoutError::Timeout) => continue,
                 Err(RecvTimeoutError::Disconnected) => return Ok(Answer::Stop),
             };
             // What happened up to the answer belongs to it.
-            look()?;
+            look()?.into_iter().for_each(|seen| self.tell(seen));
             match line.trim() {
                 "" => return Ok(Answer::Go(())),
                 "s" => return Ok(Answer::Skip),
                 "q" => return Ok(Answer::Stop),
                 other => say(&format!("  {other:?}? Enter goes on, s skips this joint, q stops")),
             }
+        }
+    }
+
+    fn tell(&mut self, seen: Seen) {
+        say(&match seen {
+            Seen::Joint { number, total } => format!("[{number}/{total}]"),
+            Seen::ZeroAt(servo_rad) => {
+                format!("  zero where the servo stands at {:.1} deg", servo_rad.to_degrees())
+            }
+            Seen::TurnsWithServo(true) => "  it turns with its servo".to_owned(),
+            Seen::TurnsWithServo(false) => "  it turns against its servo".to_owned(),
+            Seen::TooLittle(turned_rad) => {
+                format!("  that was only {:.1} deg: further, please", turned_rad.to_degrees())
+            }
+            Seen::Range { lower_rad, upper_rad } => {
+                format!("  {:.1} to {:.1} deg", lower_rad.to_degrees(), upper_rad.to_degrees())
+            }
+        });
+    }
+}
+
+fn question(task: JointTask<'_>) -> String {
+    match task {
+        JointTask::Zero { joint, id } => {
+            format!("{joint} (ID {id}): hold it at its zero, then Enter (s skips it, q stops)")
+        }
+        JointTask::Positive => {
+            "  turn it in its positive direction and hold it there, then Enter".to_owned()
+        }
+        JointTask::Range => {
+            "  move it slowly through its whole range, both ends, then Enter".to_owned()
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Marks that whoever records sets at the terminal: Enter, or words and Enter.
 
-use crate::port::{Clock, MonotonicClock};
 use crate::recording::Marker;
+use crate::sensing::{Clock, MonotonicClock};
 use rustix::process::getpgrp;
 use rustix::stdio::stdin;
 use rustix::termios::{isatty, tcgetpgrp};

@@ -4,8 +4,8 @@ use super::Target;
 use crate::cli::signals::Signals;
 use crate::cli::terminal::Terminal;
 use crate::cli::{Deed, Remarks};
-use crate::control::{Stop, StopCode};
 use crate::error::Error;
+use crate::job::report::{Stop, StopCode};
 use crate::job::servo::travel::{MoveOrder, MoveReport, move_one};
 use clap::Args;
 

@@ -1,5 +1,11 @@
 //! One actuator of a CAN line: who it is, and its numbered settings, never a goal and never torque.
 
+mod change;
+mod setting;
+
+pub use change::Restarted;
+pub use setting::{SettingChange, SettingOrder, SettingValue};
+
 use super::{RETRIES, Which};
 use crate::bus::can::Peer;
 use crate::bus::can::scan::{Call, Found, find, overhear};
@@ -184,7 +190,7 @@ fn look_for(
 }
 
 /// Questions for one dialect, or for all that nobody takes for a command.
-pub fn calls(line: &OpenCanLine, dialect: Option<Dialect>) -> Vec<Call> {
+fn calls(line: &OpenCanLine, dialect: Option<Dialect>) -> Vec<Call> {
     let robstride = robstride::Id::new(line.host_id()).map(Call::Robstride);
     let moteus = moteus::Id::new(MOTEUS_HOST).filter(|_| line.fd).map(Call::Moteus);
     match dialect {

@@ -2,8 +2,9 @@
 //! back: afterwards it is looked for before anything is said.
 
 use super::device::{Device, is_lost};
-use crate::bus::{AskError, FactoryReset, Miss};
+use crate::bus::{AskError, FactoryReset, Miss, Protocol};
 use crate::error::{Error, ErrorKind};
+use crate::job::{Event, Observer};
 use crate::rig::{Identity, identify};
 use crate::time::Duration;
 use gaitway_profiles::{Baud, RegisterItem, Role};
@@ -129,8 +130,118 @@ fn look_everywhere(device: &Device) -> String {
     )
 }
 
+/// How a servo came back from a restart.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Rebooted {
+    /// Its firmware.
+    pub firmware: u16,
+    /// True if it drives its motor.
+    pub torque_on: bool,
+    /// The errors that it reported before, raw, where it has a register for them.
+    pub errors_before: Option<i64>,
+    /// Those that it reports now.
+    pub errors: Option<i64>,
+}
+
+/// Restarts a servo; `supported`: it may let go of what it carries.
+///
+/// # Errors
+/// A servo that cannot, that holds something, or that does not come back.
+pub fn reboot(
+    device: &mut Device,
+    supported: bool,
+    observer: &dyn Observer,
+) -> Result<Rebooted, Error> {
+    let protocol = device.model.protocol();
+    if protocol != Protocol::Dynamixel2 {
+        return Err(Error::new("this protocol has no instruction to restart a servo")
+            .at(device.place())
+            .got(protocol.to_string())
+            .remedy("switch its power off and on"));
+    }
+    if device.torque_on()? && !supported {
+        return Err(Error::of(
+            ErrorKind::NotPermitted,
+            "the servo holds something: restarting lets it go",
+        )
+        .at(device.place())
+        .remedy("support what it carries, then add --yes"));
+    }
+    let errors_before = device.read_role(Role::HardwareError)?;
+    let (id, budget) = (device.id, device.line.budget());
+    let told = device.line.bus.reboot(protocol, id, budget);
+    obeyed(told).map_err(|e| device.failed(&e))?;
+    observer.hear(Event::Note("restarting ..."));
+    let firmware = wait_for(device, id)?.firmware;
+    let errors = device.read_role(Role::HardwareError)?;
+    let torque_on = device.torque_on()?;
+    Ok(Rebooted { firmware, torque_on, errors_before, errors })
+}
+
+/// What a servo that was set back was found by before, and is now.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FactoryState {
+    /// Its ID before.
+    pub id_before: u8,
+    /// Its ID.
+    pub id: u8,
+    /// Its line's speed before, bit/s.
+    pub baud_bps_before: u32,
+    /// Its line's speed, bit/s.
+    pub baud_bps: u32,
+    /// Its firmware.
+    pub firmware: u16,
+}
+
+/// Sets every register to what the servo left the factory with; with `everything` its ID and line speed
+/// too.
+///
+/// # Errors
+/// No permit, torque on, a servo that cannot keep its ID while asked to, or that does not come back.
+pub fn factory_reset(
+    device: &mut Device,
+    everything: bool,
+    permit_eeprom: bool,
+    observer: &dyn Observer,
+) -> Result<FactoryState, Error> {
+    let protocol = device.model.protocol();
+    let (id_before, baud_bps_before) = (device.id, device.line.baud_bps);
+    if protocol != Protocol::Dynamixel2 && !everything {
+        return Err(Error::new("this servo can only be reset with its ID and line speed")
+            .at(device.place())
+            .got(protocol.to_string())
+            .remedy("unplug every other servo first, then add --everything"));
+    }
+    let (id, baud_bps) =
+        if everything { factory_terms(device)? } else { (id_before, baud_bps_before) };
+    let what = format!(
+        "every register of {} becomes what it left the factory with; afterwards it has ID {id} at \
+         {baud_bps} bit/s",
+        device.place()
+    );
+    if !permit_eeprom {
+        return Err(Error::of(
+            ErrorKind::NotPermitted,
+            "nothing was written: this is kept at power-off",
+        )
+        .at(device.place())
+        .got(what)
+        .remedy(
+            "save what you need (`gaitway servo get BUS ID --json`), then add --permit-eeprom",
+        ));
+    }
+    observer.hear(Event::Note(&what));
+    device.must_be_limp()?;
+    if id != id_before {
+        refuse_taken_by_reset(device, id)?;
+    }
+    let keep = if everything { FactoryReset::Everything } else { FactoryReset::KeepIdAndBaud };
+    let firmware = set_back(device, keep, id, baud_bps)?.firmware;
+    Ok(FactoryState { id_before, id, baud_bps_before, baud_bps, firmware })
+}
+
 /// Sets a servo back through its lock and finds it again as `id` at `bps` bits per second.
-pub fn set_back(
+pub(super) fn set_back(
     device: &mut Device,
     keep: FactoryReset,
     id: u8,
@@ -150,7 +261,7 @@ pub fn set_back(
 }
 
 /// ID and line speed of the model when it leaves the factory.
-pub fn factory_terms(device: &Device) -> Result<(u8, u32), Error> {
+fn factory_terms(device: &Device) -> Result<(u8, u32), Error> {
     let initial = |role| device.item(role).and_then(|item| item.initial());
     let id = initial(Role::Id).and_then(|id| u8::try_from(id).ok());
     let index = initial(Role::BaudRate);
@@ -166,7 +277,7 @@ pub fn factory_terms(device: &Device) -> Result<(u8, u32), Error> {
 ///
 /// # Errors
 /// Somebody else answers under it.
-pub fn refuse_taken_by_reset(device: &mut Device, id: u8) -> Result<(), Error> {
+fn refuse_taken_by_reset(device: &mut Device, id: u8) -> Result<(), Error> {
     match identify(&mut device.line, id, None) {
         Ok(None) => Ok(()),
         Err(error @ (AskError::Port(_) | AskError::Miss(Miss::HostLate { .. }))) => {
@@ -180,7 +291,7 @@ pub fn refuse_taken_by_reset(device: &mut Device, id: u8) -> Result<(), Error> {
 }
 
 /// A lost answer is no refusal: whether it obeyed is seen when it is back.
-pub fn obeyed(told: Result<crate::bus::Reply, AskError>) -> Result<(), AskError> {
+fn obeyed(told: Result<crate::bus::Reply, AskError>) -> Result<(), AskError> {
     match told {
         Err(error) if !is_lost(&error) => Err(error),
         _ => Ok(()),
@@ -188,7 +299,7 @@ pub fn obeyed(told: Result<crate::bus::Reply, AskError>) -> Result<(), AskError>
 }
 
 /// Asks until the servo answers as `id`.
-pub fn wait_for(device: &mut Device, id: u8) -> Result<Identity, Error> {
+fn wait_for(device: &mut Device, id: u8) -> Result<Identity, Error> {
     device.id = id;
     let clock = std::sync::Arc::clone(&device.line.clock);
     let until = clock.now() + RESTART;

@@ -2,8 +2,8 @@
 
 use super::Job;
 use super::console::Ended;
-use crate::port::{Clock, MonotonicClock};
 use crate::sensing::Still;
+use crate::sensing::{Clock, MonotonicClock};
 use crate::session::files::{DeviceCheck, SCHEMA, SensorCheck};
 use crate::session::still::judge;
 use crate::time::Duration;

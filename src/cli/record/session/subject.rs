@@ -7,7 +7,7 @@ use crate::body::worn::Movement;
 use crate::body::worn::check::T_POSE_FAIL_RAD;
 use crate::body::worn::kept::Kept;
 use crate::error::Error;
-use crate::port::MonotonicClock;
+use crate::sensing::MonotonicClock;
 use crate::sensing::{self, Feed, Guide, Guided, Place, Plan, Sensors};
 use crate::session::files::{BodyCheck, SCHEMA};
 use crate::session::wearers::worn_by;

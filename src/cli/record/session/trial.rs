@@ -5,11 +5,11 @@ use super::{Job, subject};
 use crate::body::anthropometry::{Measure, Subject};
 use crate::body::worn::kept::Kept;
 use crate::error::Error;
-use crate::port::{Clock, MonotonicClock};
 use crate::recording::{
     Marker, RecordedSource, Recorder, RunEnd, RunStart, SensorSeries, SourceId, SourceKind,
     SourceRecord, sensor_series,
 };
+use crate::sensing::{Clock, MonotonicClock};
 use crate::session::files::{
     BODY_KEY, LEGS_KEY, SCHEMA, STATURE_KEY, TrialFile, TrialRecording, Verdict, trial_name,
     trial_of,

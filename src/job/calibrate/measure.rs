@@ -1,11 +1,10 @@
 //! One joint by hand: zero, direction, range.
 
-use super::answers::{Answer, Answers};
+use super::person::{Answer, JointTask, Person, Seen};
+use super::reading::{Measured, Scale, reading};
 use crate::calibration::Unwrapped;
-use crate::cli::say;
 use crate::control::inject;
 use crate::error::Error;
-use crate::job::calibrate::reading::{Measured, Scale, reading};
 use crate::robot::{Joint, Link};
 
 /// Motions stay this far from where the hand found an end.
@@ -21,7 +20,7 @@ struct Hand<'a> {
     joint: usize,
     of: Joint,
     scale: Scale,
-    answers: &'a mut Answers,
+    person: &'a mut dyn Person,
     at: Unwrapped,
 }
 
@@ -32,20 +31,19 @@ struct Hand<'a> {
 pub fn measure(
     link: &mut Link,
     joint: usize,
-    answers: &mut Answers,
+    person: &mut dyn Person,
 ) -> Result<Answer<Measured>, Error> {
     inject::point("hand", 0);
     let of = link.robot().joints[joint].clone();
     let scale = Scale::of(&of)?;
     let gear = link.robot().file.joint(&of.name).map_or(1.0, |joint| joint.gear);
     let at = Unwrapped::from(reading(link, joint)?, scale.turn_counts());
-    let mut hand = Hand { link, joint, of, scale, answers, at };
+    let mut hand = Hand { link, joint, of, scale, person, at };
     hand.zero()?.then(|zero| {
         let zero_servo_rad = scale.angle_rad(zero);
-        say(&format!("  zero where the servo stands at {:.1} deg", zero_servo_rad.to_degrees()));
+        hand.person.tell(Seen::ZeroAt(zero_servo_rad));
         hand.direction(zero)?.then(|direction| {
-            let turns = if direction > 0 { "with" } else { "against" };
-            say(&format!("  it turns {turns} its servo"));
+            hand.person.tell(Seen::TurnsWithServo(direction > 0));
             let sign = f64::from(direction) * gear;
             hand.range(zero, sign)?.then(|range_rad| {
                 let (offset_rad, counts) = (sign * zero_servo_rad, hand.at.range());
@@ -61,32 +59,33 @@ impl Hand<'_> {
     /// Asks, and follows the joint meanwhile.
     fn follow(
         &mut self,
-        question: &str,
-        mut seen: impl FnMut(&mut Unwrapped, i64),
+        task: JointTask<'_>,
+        mut seen: impl FnMut(&mut Unwrapped, i64) -> Option<Seen>,
     ) -> Result<Answer<()>, Error> {
-        let Self { link, joint, answers, at, .. } = self;
-        answers.ask(question, || {
-            seen(at, reading(link, *joint)?);
-            Ok(())
-        })
+        let Self { link, joint, person, at, .. } = self;
+        person.ask(task, &mut || Ok(seen(at, reading(link, *joint)?)))
     }
 
     /// The reading where the person says that zero is.
     fn zero(&mut self) -> Result<Answer<i64>, Error> {
-        let turn = self.scale.turn_counts();
-        let question = format!(
-            "{} (ID {}): hold it at its zero, then Enter (s skips it, q stops)",
-            self.of.name, self.of.id
-        );
-        let answer = self.follow(&question, |at, raw| *at = Unwrapped::from(raw, turn))?;
+        let counts = self.scale.turn_counts();
+        let name = self.of.name.clone();
+        let task = JointTask::Zero { joint: &name, id: self.of.id };
+        let answer = self.follow(task, |at, raw| {
+            *at = Unwrapped::from(raw, counts);
+            None
+        })?;
         answer.then(|()| Ok(Answer::Go(self.at.now())))
     }
 
     /// +1 if the servo counts up where the person says that positive is.
     fn direction(&mut self, zero: i64) -> Result<Answer<i8>, Error> {
         loop {
-            let question = "  turn it in its positive direction and hold it there, then Enter";
-            match self.follow(question, Unwrapped::follow)? {
+            let answer = self.follow(JointTask::Positive, |at, raw| {
+                at.follow(raw);
+                None
+            })?;
+            match answer {
                 Answer::Go(()) => {}
                 Answer::Skip => return Ok(Answer::Skip),
                 Answer::Stop => return Ok(Answer::Stop),
@@ -95,7 +94,7 @@ impl Hand<'_> {
             if turned_rad.abs() >= LEAST_RAD {
                 return Ok(Answer::Go(if turned_rad > 0.0 { 1 } else { -1 }));
             }
-            say(&format!("  that was only {:.1} deg: further, please", turned_rad.to_degrees()));
+            self.person.tell(Seen::TooLittle(turned_rad));
         }
     }
 
@@ -108,14 +107,14 @@ impl Hand<'_> {
             (ends[0].min(ends[1]), ends[0].max(ends[1]))
         };
         let mut said_rad = 0.0;
-        let question = "  move it slowly through its whole range, both ends, then Enter";
-        let answer = self.follow(question, |at, raw| {
+        let answer = self.follow(JointTask::Range, |at, raw| {
             at.follow(raw);
-            let (lower, upper) = angles(at.range());
-            if upper - lower >= said_rad + SAID_RAD {
-                said_rad = upper - lower;
-                say(&format!("  {:.1} to {:.1} deg", lower.to_degrees(), upper.to_degrees()));
-            }
+            let (lower_rad, upper_rad) = angles(at.range());
+            let has_grown = upper_rad - lower_rad >= said_rad + SAID_RAD;
+            has_grown.then(|| {
+                said_rad = upper_rad - lower_rad;
+                Seen::Range { lower_rad, upper_rad }
+            })
         })?;
         answer.then(|()| {
             if self.at.doubtful() {
