@@ -158,6 +158,14 @@ fn carries(protocol: SensorProtocol, quantity: Quantity) -> bool {
         P::Slimevr => {
             matches!(quantity, Q::LinearAcceleration | Q::Orientation | Q::Temperature)
         }
-        _ => quantity != Q::LinearAcceleration,
+        P::Witmotion
+        | P::WitmotionBle
+        | P::Xsens
+        | P::VectornavBinary
+        | P::VectornavAscii
+        | P::XImu3
+        | P::Lines
+        | P::Cobs
+        | P::Slip => quantity != Q::LinearAcceleration,
     }
 }

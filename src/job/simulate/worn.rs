@@ -56,7 +56,7 @@ pub fn wire(sensor: &Sensor) -> Result<ImuWire, Error> {
         (SensorProtocol::Lines, "nmea-imu") => ImuWire::Nmea,
         (SensorProtocol::Cobs, "cobs-imu") => ImuWire::Cobs,
         (SensorProtocol::Slip, "slip-imu") => ImuWire::Slip,
-        _ => {
+        (SensorProtocol::Lines | SensorProtocol::Cobs | SensorProtocol::Slip, _) => {
             return Err(Error::new("virtual sensors cannot send columns of your own")
                 .at("--profile")
                 .got(sensor.name.clone())
