@@ -24,7 +24,12 @@ struct Machine<'a> {
     most_tasks: usize,
 }
 
-impl Machine<'_> {
+impl<'a> Machine<'a> {
+    fn at(desk: &'a Desk, joint: &'a str, most_tasks: usize) -> Self {
+        let at_rad = desk.world().joint_position_rad(joint).expect("a joint");
+        Self { desk, joint, at_rad, told: Vec::new(), tasks: 0, most_tasks }
+    }
+
     fn go(&mut self, to_rad: f64, look: Look<'_>) -> Result<(), Error> {
         while (to_rad - self.at_rad).abs() > 1e-9 {
             self.at_rad += (to_rad - self.at_rad).clamp(-0.05, 0.05);
@@ -90,9 +95,7 @@ fn a_program_that_turns_the_joint_gets_its_zero_direction_and_range() {
     let desk = Desk::with("so101");
     let folder = program::folder("calibrate-job");
     let joint = "elbow_flex";
-    let at_rad = desk.world().joint_position_rad(joint).expect("a joint");
-    let (told, tasks, most_tasks) = (Vec::new(), 0, 9);
-    let mut machine = Machine { desk: &desk, joint, at_rad, told, tasks, most_tasks };
+    let mut machine = Machine::at(&desk, joint, 9);
     let order = order(&desk, joint, &folder);
     let report = calibrate(&order, &mut machine, &Nobody).expect("a calibration");
     assert_eq!(report.outcome, Outcome::Done);
@@ -114,9 +117,7 @@ fn a_program_that_stops_keeps_what_was_measured_for_the_next_time() {
     let desk = Desk::with("so101");
     let folder = program::folder("calibrate-job-stopped");
     let joint = "elbow_flex";
-    let at_rad = desk.world().joint_position_rad(joint).expect("a joint");
-    let (told, tasks, most_tasks) = (Vec::new(), 0, 2);
-    let mut machine = Machine { desk: &desk, joint, at_rad, told, tasks, most_tasks };
+    let mut machine = Machine::at(&desk, joint, 2);
     let report = calibrate(&order(&desk, joint, &folder), &mut machine, &Nobody).expect("a stop");
     assert_eq!(report.outcome, Outcome::Stopped);
     assert!(!report.changed_nothing(), "torque is off");

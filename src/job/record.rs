@@ -85,7 +85,7 @@ fn check_names(sources: &[Source]) -> Result<(), Error> {
 }
 
 /// Records until the time is over, the observer wants to stop or the disk fails. `marks` that come
-/// meanwhile are recorded with their own times.
+/// meanwhile are recorded with their own times, those that came before with that of the beginning.
 ///
 /// # Errors
 /// A source that cannot be opened, a file that cannot be written.
@@ -154,6 +154,8 @@ fn wait(
     loop {
         let now = MonotonicClock.now();
         while let Ok(mark) = marks.try_recv() {
+            // One that was set while sources were opened is one of the beginning.
+            let mark = Marker { at: mark.at.max(began), ..mark };
             // A recording without marks has no channel for them.
             let source: SourceId = *marked.get_or_insert_with(|| {
                 recorder.add_source(RecordedSource {
