@@ -24,6 +24,7 @@ pub mod retarget;
 pub mod robot_draft;
 pub mod scan;
 pub mod servo;
+pub mod session;
 pub mod simulate;
 pub mod source;
 pub mod synth;

@@ -91,8 +91,8 @@ impl Plan {
         Self { actions: actions.collect(), ..Self::default() }.checked()
     }
 
-    /// Fills in what shipped actions say of themselves.
-    fn checked(mut self) -> Result<Self, Error> {
+    /// Fills in what shipped actions say of themselves, and refuses what is no plan.
+    pub(crate) fn checked(mut self) -> Result<Self, Error> {
         let number = |what: &str, value: f64, range: std::ops::RangeInclusive<f64>| {
             if range.contains(&value) {
                 return Ok(());

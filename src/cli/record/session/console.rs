@@ -1,10 +1,10 @@
-//! The dialogue with the operator: questions on standard output, answers on standard input, a line
-//! each.
+//! The terminal of a session: questions on standard output, answers on standard input, a line each.
 
 use crate::cli::operator::Operator;
-use crate::cli::print;
 use crate::cli::signals::Signals;
+use crate::cli::{Remarks, print};
 use crate::error::Error;
+use crate::job::session::{Answered, Stopped};
 use std::io::BufRead;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -13,39 +13,26 @@ use std::time::Duration;
 /// Time between two looks at signals while nothing is answered.
 const LOOK: Duration = Duration::from_millis(20);
 
-/// Why a dialogue is over before its end.
-#[derive(Debug)]
-pub enum Ended {
-    /// The operator stops here, to go on later; or there is nobody to answer any more.
-    Stopped,
-    /// A signal, by number.
-    Signal(i32),
-    /// Something that asking again does not mend.
-    Failed(Error),
-}
-
-impl From<Error> for Ended {
-    fn from(error: Error) -> Self {
-        Self::Failed(error)
-    }
-}
-
 /// Whoever answers.
 pub struct Console {
     /// Shared with the guide through calibrations, one after the other.
     lines: Arc<Mutex<Receiver<String>>>,
     signals: Signals,
+    /// The same person, for the guide.
+    pub(super) person: Operator,
+    /// Where it is said what happens to sensors.
+    pub(super) remarks: Remarks,
 }
 
-/// A choice: what is typed, and what it means.
-pub type Choice = (&'static str, &'static str);
+/// A choice: what is typed, what is said of it, and what it means.
+pub type Choice<T> = (&'static str, &'static str, T);
 
 impl Console {
     /// Reads standard input on a thread of its own.
     ///
     /// # Errors
     /// No thread to be had.
-    pub fn listen(signals: Signals) -> Result<Self, Error> {
+    pub fn listen(signals: Signals, remarks: Remarks) -> Result<Self, Error> {
         let (sender, lines) = channel();
         // The thread waits for a line until the process ends; nothing depends on it.
         let read = move || {
@@ -59,12 +46,9 @@ impl Console {
             .name("answers".to_owned())
             .spawn(read)
             .map_err(|e| Error::new(format!("no thread: {e}")))?;
-        Ok(Self { lines: Arc::new(Mutex::new(lines)), signals })
-    }
-
-    /// The same person, for the guide through calibrations.
-    pub fn operator(&self) -> Operator {
-        Operator::sharing(self.signals.clone(), Arc::clone(&self.lines))
+        let lines = Arc::new(Mutex::new(lines));
+        let person = Operator::sharing(signals.clone(), Arc::clone(&lines));
+        Ok(Self { lines, signals, person, remarks })
     }
 
     /// Says something. What cannot be said here, the report at the end cannot say either, and that
@@ -73,29 +57,19 @@ impl Console {
         let _ = print(&format!("{text}\n"));
     }
 
-    /// Fails once somebody wants it to end.
-    ///
-    /// # Errors
-    /// A signal that came.
-    pub fn check(&self) -> Result<(), Ended> {
-        self.signals.first().map_or(Ok(()), |number| Err(Ended::Signal(number)))
-    }
-
     /// The line that was typed within this time, if one was.
     ///
     /// # Errors
     /// A signal, or the end of the input.
-    pub fn line_within(&self, time: Duration) -> Result<Option<String>, Ended> {
-        self.check()?;
+    pub fn line_within(&self, time: Duration) -> Answered<Option<String>> {
+        if self.signals.first().is_some() {
+            return Err(Stopped);
+        }
         let lines = self.lines.lock().unwrap_or_else(PoisonError::into_inner);
         match lines.recv_timeout(time) {
             Ok(line) => Ok(Some(line.trim().to_owned())),
             Err(RecvTimeoutError::Timeout) => Ok(None),
-            Err(RecvTimeoutError::Disconnected) => {
-                // Input that ends with the terminal comes with a signal; that tells more.
-                self.check()?;
-                Err(Ended::Stopped)
-            }
+            Err(RecvTimeoutError::Disconnected) => Err(Stopped),
         }
     }
 
@@ -103,11 +77,11 @@ impl Console {
     ///
     /// # Errors
     /// A signal, the end of the input, or `q`.
-    pub fn ask(&self, question: &str) -> Result<String, Ended> {
+    pub fn ask(&self, question: &str) -> Answered<String> {
         let _ = print(&format!("{question}\n> "));
         loop {
             if let Some(line) = self.line_within(LOOK)? {
-                return if line == "q" { Err(Ended::Stopped) } else { Ok(line) };
+                return if line == "q" { Err(Stopped) } else { Ok(line) };
             }
         }
     }
@@ -120,7 +94,7 @@ impl Console {
         &self,
         question: &str,
         mut read: impl FnMut(&str) -> Result<T, Error>,
-    ) -> Result<T, Ended> {
+    ) -> Answered<T> {
         loop {
             match read(&self.ask(question)?) {
                 Ok(answer) => return Ok(answer),
@@ -133,23 +107,23 @@ impl Console {
     ///
     /// # Errors
     /// As [`Self::ask`].
-    pub fn choose(&self, question: &str, choices: &[Choice]) -> Result<&'static str, Ended> {
+    pub fn choose<T: Copy>(&self, question: &str, choices: &[Choice<T>]) -> Answered<T> {
         let named: Vec<String> = choices
             .iter()
             .enumerate()
-            .map(|(at, (key, words))| match at {
+            .map(|(at, (key, words, _))| match at {
                 0 => format!("Enter or {key}: {words}"),
                 _ => format!("{key}: {words}"),
             })
             .collect();
         let asked = format!("{question}\n  [{}; q: stop, to go on later]", named.join("; "));
         self.ask_until(&asked, |answer| {
-            let known = choices.iter().find(|(key, _)| key.eq_ignore_ascii_case(answer));
+            let known = choices.iter().find(|(key, ..)| key.eq_ignore_ascii_case(answer));
             match known.or(choices.first().filter(|_| answer.is_empty())) {
-                Some((key, _)) => Ok(*key),
+                Some((_, _, meant)) => Ok(*meant),
                 None => Err(Error::new("not one of the answers")
                     .got(answer)
-                    .allowed(choices.iter().map(|(key, _)| *key).collect::<Vec<_>>().join(", "))),
+                    .allowed(choices.iter().map(|(key, ..)| *key).collect::<Vec<_>>().join(", "))),
             }
         })
     }

@@ -1,29 +1,30 @@
 //! The end of a session: joint angles of every trial that is kept, and the manifest.
 
 use super::Job;
-use super::console::Ended;
+use super::happening::Happening;
 use crate::body::worn::kept::Kept;
 use crate::error::Error;
 use crate::recording::sensor_series;
+use crate::sensing::{Ended, wall_clock};
 use crate::session::angles::{WornMotion, body_of};
 use crate::session::files::{BODY_KEY, TrialFile, TrialRecording, Verdict};
 use crate::session::manifest::{Manifest, TrialRow};
 use std::collections::BTreeMap;
 
 /// Exports what is missing and writes the manifest: the folder is finished then.
-pub fn finish(job: &mut Job) -> Result<(), Ended> {
-    job.console.say("\nAll actions are recorded. Joint angles:");
+pub(super) fn finish(job: &Job) -> Result<(), Ended> {
+    job.operator.hear(Happening::Finishing);
     let rate_hz = job.session()?.plan.rate_hz;
     let mut rows = Vec::new();
     for trial in &job.progress.trials {
-        job.console.check()?;
+        job.check()?;
         let mut row = TrialRow::of(trial);
         if trial.verdict == Verdict::Keep {
             export(job, trial, rate_hz, &mut row);
         }
         rows.push(row);
     }
-    let manifest = Manifest::of(job.session()?, &job.progress, rows, job.now());
+    let manifest = Manifest::of(job.session()?, &job.progress, rows, wall_clock());
     job.folder.write_new("manifest.toml", &manifest)?;
     Ok(())
 }
@@ -33,11 +34,12 @@ fn export(job: &Job, trial: &TrialFile, rate_hz: f64, row: &mut TrialRow) {
     for recording in &trial.recordings {
         match angles(job, recording, rate_hz) {
             Ok((motion, files)) => {
-                job.console.say(&format!("  {}", files.join(", ")));
+                job.operator.hear(Happening::Angles { files: &files });
                 row.add_angles(&motion, files);
             }
             Err(error) => {
-                job.console.say(&format!("  ! {}: {error}", recording.file));
+                let recording = recording.file.as_str();
+                job.operator.hear(Happening::NoAngles { recording, error: &error });
                 row.no_angles = Some(error.what);
             }
         }

@@ -1,0 +1,164 @@
+//! What happens during a session.
+
+use crate::error::Error;
+use crate::sensing::SensingEvent;
+use crate::session::tap::Tap;
+use crate::session::{PlannedAction, SensorCheck, SessionFile};
+use crate::time::Utc;
+use std::collections::BTreeMap;
+
+/// Something that whoever leads a session is told. What is in the session's files afterwards stands
+/// there once more.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Happening<'a> {
+    /// A session that was begun before goes on where it was.
+    GoingOn(&'a SessionFile),
+    /// A new session: what it is to be is asked next.
+    NewSession,
+    /// The answer before cannot be used, and is asked for once more.
+    Refused(&'a Error),
+    /// The measures of a subject are asked next.
+    Measures {
+        /// Id of the subject.
+        subject: &'a str,
+    },
+    /// Sensors that lie still are listened to.
+    MeasuringStill {
+        /// For so long, s.
+        seconds: f64,
+    },
+    /// What was measured of a sensor that lay still.
+    SensorChecked(&'a SensorCheck),
+    /// A calibration that may be used was written.
+    Written {
+        /// The file, in the session's folder.
+        file: &'a str,
+        /// Until when it is trusted.
+        holds_until: Utc,
+    },
+    /// How far segments are from where they belong in T pose.
+    InTPose {
+        /// The largest of them, rad.
+        worst_rad: f64,
+    },
+    /// A subject is led into N pose before a trial, to find headings anew.
+    FacingForward {
+        /// Id of the subject.
+        subject: &'a str,
+    },
+    /// The next trial is of this action.
+    NextTrial {
+        /// Number of the action in the plan, from 1.
+        number: usize,
+        /// Actions in the plan.
+        total: usize,
+        /// What is to be done.
+        action: &'a PlannedAction,
+        /// Ids of those who do it.
+        subjects: &'a [String],
+        /// Good repetitions so far.
+        good: u32,
+        /// Good repetitions wanted.
+        wanted: u32,
+    },
+    /// A trial is recorded from now on.
+    Recording {
+        /// Name of the trial.
+        trial: &'a str,
+    },
+    /// A mark was taken.
+    Marked {
+        /// Good repetitions that were marked so far.
+        good: u32,
+        /// Bad ones.
+        bad: u32,
+    },
+    /// The trial ends before anybody said so.
+    CutShort(CutShort<'a>),
+    /// Some of the trial is not in its recording: the disk could not keep up, or failed.
+    NotAllRecorded,
+    /// A trial was recorded before and is judged only now.
+    Unjudged {
+        /// Name of the trial.
+        trial: &'a str,
+    },
+    /// A recording of the trial cannot be read: it was cut off before its first byte, or is damaged.
+    Unreadable(&'a Error),
+    /// What is in a trial that was recorded; it is judged next.
+    Recorded(&'a RecordedTrial),
+    /// All actions are recorded: joint angles are made.
+    Finishing,
+    /// Joint angles of a recording were written into these files.
+    Angles {
+        /// The files, in the session's folder.
+        files: &'a [String],
+    },
+    /// There are no joint angles of a recording.
+    NoAngles {
+        /// The recording, in the session's folder.
+        recording: &'a str,
+        /// Why.
+        error: &'a Error,
+    },
+    /// Something that happened to a sensor; told on that sensor's thread.
+    Sensing(SensingEvent<'a>),
+}
+
+/// Why a trial ends before anybody said so.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CutShort<'a> {
+    /// Nothing more can be written.
+    Disk {
+        /// Why, in words.
+        cause: &'a str,
+    },
+    /// There will be no more of a sensor.
+    Sensor {
+        /// Its name.
+        name: &'a str,
+        /// Why, in words.
+        why: &'a str,
+    },
+}
+
+/// What is in a trial.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RecordedTrial {
+    /// Name of the trial.
+    pub trial: String,
+    /// Its recordings, one for each subject.
+    pub parts: Vec<TrialPart>,
+    /// What is wrong with it; empty is right.
+    pub faults: Vec<TrialFault>,
+    /// Taps that several sensors felt.
+    pub taps: Vec<Tap>,
+}
+
+/// One subject's recording of a trial.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TrialPart {
+    /// From the first to the last message, s.
+    pub duration_s: f64,
+    /// Samples by sensor.
+    pub samples: BTreeMap<String, usize>,
+}
+
+/// What may be wrong with a trial.
+#[derive(Clone, Debug, PartialEq)]
+pub enum TrialFault {
+    /// Its recording was not closed: its last second may be missing.
+    CutOff,
+    /// Samples are missing in it.
+    Missing {
+        /// How many are known to be.
+        samples: u64,
+    },
+    /// A sensor says nothing at its end.
+    Silent {
+        /// Name of the sensor.
+        sensor: String,
+        /// For so long, s.
+        seconds: f64,
+    },
+}

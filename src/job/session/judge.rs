@@ -1,0 +1,126 @@
+//! What is in a trial that was recorded, and what is thought of it.
+
+use super::Job;
+use super::happening::{Happening, RecordedTrial, TrialFault, TrialPart};
+use super::operator::{Judged, Ready, Words};
+use crate::body::worn::kept::Kept;
+use crate::error::Error;
+use crate::recording::{SensorMoment, SensorSeries, sensor_series};
+use crate::sensing::{Ended, wall_clock};
+use crate::session::files::{BODY_KEY, SCHEMA, TrialFile, TrialRecording, Verdict, trial_of};
+use crate::session::tap::taps;
+use std::collections::BTreeMap;
+
+/// What marks of repetitions say.
+pub(super) const GOOD: &str = "repetition";
+pub(super) const BAD: &str = "repetition, bad";
+/// A sensor that says nothing for so long at the end of a trial has fallen silent.
+const SILENT_S: f64 = 0.5;
+
+/// Asks what is thought of a trial, and writes it down.
+pub(super) fn judge(job: &Job, name: &str) -> Result<(), Ended> {
+    let operator = job.operator;
+    let files = job.progress.unjudged.get(name).cloned().unwrap_or_default();
+    let (action, number) = trial_of(name).unwrap_or((name, 0));
+    let mut recordings = Vec::new();
+    let mut series = Vec::new();
+    for file in files {
+        // One that was cut off before its first byte cannot be read, and must not be in the way.
+        let read = sensor_series(&job.folder.path(&file)).unwrap_or_else(|error| {
+            operator.hear(Happening::Unreadable(&error));
+            SensorSeries::default()
+        });
+        let said = read.start.as_ref().and_then(|start| start.metadata.get("subject").cloned());
+        recordings.push(TrialRecording { subject: said.unwrap_or_default(), file });
+        series.push(read);
+    }
+    let Some(first) = series.first() else {
+        return Err(Error::new("a trial has no recording").at(name).into());
+    };
+    let recorded = recorded(name, &series, first.start_ns());
+    operator.hear(Happening::Recorded(&recorded));
+    let marked = first.markers.iter().filter(|marker| marker.text == GOOD).count();
+    let usual = if recorded.faults.is_empty() { Verdict::Keep } else { Verdict::Retake };
+    let verdict = match recordings.iter().all(|recording| !recording.subject.is_empty()) {
+        true => operator.judge(Judged::Trial { trial: name }, usual)?,
+        false => {
+            operator.ready(Ready::Retake { trial: name })?;
+            Verdict::Retake
+        }
+    };
+    let good_repetitions = match verdict {
+        Verdict::Keep => operator.repetitions(marked)?.count(),
+        Verdict::Retake => 0,
+    };
+    let notes = operator.words(match verdict {
+        Verdict::Keep => Words::Notes,
+        Verdict::Retake => Words::WhatWasWrong,
+    })?;
+    let planned = job.session()?.plan.actions.iter().find(|planned| planned.name == action);
+    let usual = planned.map_or("", |planned| planned.props.as_str());
+    let props = match verdict {
+        Verdict::Keep => operator.words(Words::Props { usual })?,
+        Verdict::Retake => String::new(),
+    };
+    let trial = TrialFile {
+        schema: SCHEMA,
+        action: action.to_owned(),
+        number,
+        judged: wall_clock(),
+        verdict,
+        good_repetitions,
+        notes,
+        props: if props.is_empty() { usual.to_owned() } else { props },
+        closed: series.iter().all(|series| series.whole),
+        missed_samples: series.iter().map(|series| series.missed).sum(),
+        duration_s: first.duration_s(),
+        recordings,
+        taps: recorded.taps,
+    };
+    job.folder.write_new(&format!("trials/{name}.toml"), &trial)?;
+    Ok(())
+}
+
+/// What is in a trial, and what is wrong with it.
+fn recorded(name: &str, series: &[SensorSeries], start_ns: u64) -> RecordedTrial {
+    let mut faults = Vec::new();
+    for part in series {
+        if !part.whole {
+            faults.push(TrialFault::CutOff);
+        }
+        if part.missed > 0 {
+            faults.push(TrialFault::Missing { samples: part.missed });
+        }
+        faults.extend(silent(part));
+    }
+    let part = |part: &SensorSeries| TrialPart {
+        duration_s: part.duration_s(),
+        samples: part.sensors.iter().map(|(name, said)| (name.clone(), said.len())).collect(),
+    };
+    // The sensors of all subjects: names differ, and the clock is one.
+    let all: BTreeMap<String, Vec<SensorMoment>> =
+        series.iter().flat_map(|series| series.sensors.clone()).collect();
+    RecordedTrial {
+        trial: name.to_owned(),
+        parts: series.iter().map(part).collect(),
+        faults,
+        taps: taps(&all, start_ns),
+    }
+}
+
+/// Sensors that were worn and say nothing at the end of a recording.
+fn silent(part: &SensorSeries) -> Vec<TrialFault> {
+    let worn = part.start.as_ref().and_then(|start| start.metadata.get(BODY_KEY));
+    let worn = worn.and_then(|text| Kept::parse(text).ok());
+    let mut found = Vec::new();
+    for sensor in worn.iter().flat_map(|kept| &kept.sensors) {
+        let last = part.sensors.get(sensor).and_then(|moments| moments.last());
+        let seconds = last.map_or(part.duration_s(), |last| {
+            part.last_ns.saturating_sub(last.taken_ns) as f64 / 1e9
+        });
+        if last.is_none() || !(seconds <= SILENT_S) {
+            found.push(TrialFault::Silent { sensor: sensor.clone(), seconds });
+        }
+    }
+    found
+}
