@@ -68,6 +68,8 @@ pub struct Seen {
     moved_at: Option<Instant>,
     looks: usize,
     asked: u16,
+    /// Bytes of each in the one answer of several, where that was asked for.
+    fast: Option<usize>,
 }
 
 /// The other end of the command's line.
@@ -220,8 +222,10 @@ impl Relay {
             question.statuses += 1;
             question.answered = Some(Instant::now());
         }
-        if let Some(counts) = self.dialect.counts_at(self.dialect.present(), asked, data) {
-            seen.present.insert(*id, counts);
+        for (id, data) in Dialect::answers(*id, data, seen.fast) {
+            if let Some(counts) = self.dialect.counts_at(self.dialect.present(), asked, &data) {
+                seen.present.insert(id, counts);
+            }
         }
     }
 
@@ -261,8 +265,12 @@ impl Seen {
     /// Takes one word of the host: whether it writes outside EEPROM, torque, goals, opens EEPROM.
     fn note(&mut self, word: &Word, dialect: Dialect) -> (bool, bool, bool, bool) {
         let (address, items) = match word {
-            Word::Read { address } => {
+            Word::Read { address } | Word::FastRead { address, .. } => {
                 self.asked = *address;
+                self.fast = match word {
+                    Word::FastRead { length, .. } => Some(*length),
+                    _ => None,
+                };
                 let asked = Instant::now();
                 let (statuses, answered) = (0, None);
                 self.questions.push(Question { address: *address, asked, statuses, answered });

@@ -10,6 +10,8 @@ pub enum Word {
     SyncWrite { address: u16, items: Vec<(u8, Vec<u8>)> },
     /// A block of registers is asked for.
     Read { address: u16 },
+    /// A block of so many bytes is asked of several, who answer in one packet.
+    FastRead { address: u16, length: usize },
     /// A servo answers.
     Status { id: u8, data: Vec<u8> },
     /// Anything else that is whole.
@@ -53,6 +55,19 @@ impl Dialect {
         match self {
             Self::Feetech => 56,
             Self::Dynamixel => 132,
+        }
+    }
+
+    /// What each servo says in a status. To a fast read of so many bytes all of them answer in one, with
+    /// the broadcast ID: each its ID and data, and between two of them a CRC and the next one's error.
+    pub fn answers(id: u8, data: &[u8], fast: Option<usize>) -> Vec<(u8, Vec<u8>)> {
+        const BROADCAST: u8 = 0xFE;
+        match fast {
+            Some(length) if id == BROADCAST => data
+                .chunks(length + 4)
+                .filter_map(|one| Some((*one.first()?, one.get(1..=length)?.to_vec())))
+                .collect(),
+            _ => vec![(id, data.to_vec())],
         }
     }
 
@@ -135,6 +150,10 @@ fn dynamixel(bytes: &[u8]) -> Option<(Option<Word>, usize)> {
     let word = match code {
         0x55 if !body.is_empty() => Word::Status { id, data: body[1..].to_vec() },
         0x02 | 0x82 if body.len() >= 4 => Word::Read { address: register(&body) },
+        0x8A if body.len() >= 4 => {
+            let length = usize::from(register(&body[2..]));
+            Word::FastRead { address: register(&body), length }
+        }
         0x03 if body.len() > 2 => {
             Word::Write { id, address: register(&body), data: body[2..].to_vec() }
         }
@@ -180,5 +199,29 @@ mod tests {
         let items = vec![(1, vec![0x96, 0, 0, 0]), (2, vec![0xAA, 0, 0, 0])];
         assert_eq!(words, [Word::SyncWrite { address: 116, items }]);
         assert!(bytes.is_empty());
+    }
+
+    #[test]
+    fn the_answer_of_several_dynamixels_to_one_fast_read_is_read() {
+        // The e-Manual's example of Fast Sync Read (0x8A): positions of servos 3, 7 and 4.
+        let mut asked = vec![
+            0xFF, 0xFF, 0xFD, 0x00, 0xFE, 0x0A, 0x00, 0x8A, 0x84, 0x00, 0x04, 0x00, 0x03, 0x07,
+            0x04, 0x20, 0xF2,
+        ];
+        let words = Dialect::Dynamixel.take_words(&mut asked, true);
+        assert_eq!(words, [Word::FastRead { address: 132, length: 4 }]);
+        let mut answered = vec![
+            0xFF, 0xFF, 0xFD, 0x00, 0xFE, 0x19, 0x00, 0x55, 0x00, 0x03, 0xA6, 0x00, 0x00, 0x00,
+            0x84, 0x08, 0x00, 0x07, 0x1F, 0x08, 0x00, 0x00, 0x16, 0xCA, 0x00, 0x04, 0xFF, 0x03,
+            0x00, 0x00, 0xD1, 0x9E,
+        ];
+        let words = Dialect::Dynamixel.take_words(&mut answered, false);
+        let [Word::Status { id, data }] = words.as_slice() else { panic!("{words:?}") };
+        let each = Dialect::answers(*id, data, Some(4));
+        let counts: Vec<(u8, i64)> = each
+            .iter()
+            .filter_map(|(id, data)| Some((*id, Dialect::Dynamixel.counts_at(132, 132, data)?)))
+            .collect();
+        assert_eq!(counts, [(3, 166), (7, 2079), (4, 1023)]);
     }
 }
