@@ -2,7 +2,7 @@
 //! is, measures, calibrations, trials, and in the end joint angles and the manifest.
 //!
 //! What is to be done next follows from what is in the folder
-//! ([`Progress`](crate::session::Progress)), so the session can be ended anywhere, by any means, and
+//! ([`Progress`]), so the session can be ended anywhere, by any means, and
 //! gone on with. Whoever leads it is an [`Operator`]: answers questions and hears what happens.
 
 mod device;
