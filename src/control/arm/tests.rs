@@ -5,8 +5,8 @@ use crate::control::testing::damiao::{
     CTRL_MODE, Damiao, ENABLE, HOW_IT_IS, REGISTERS, with_actuators,
 };
 use crate::control::testing::{
-    Bench, GOAL, PRESENT, READ, SPEED, SYNC_READ, SYNC_WRITE, Said, TORQUE, WRITE, World,
-    out_of_reach, robot,
+    Bench, GOAL, PRESENT, READ, SPEED, SYNC_READ, SYNC_WRITE, Said, TORQUE, WATCHDOG, WRITE, World,
+    out_of_reach, robot, watched,
 };
 use crate::robot::preflight::EepromWrite;
 use crate::wire::can::CanFrame;
@@ -126,6 +126,27 @@ fn what_preflight_found_is_written_to_ram_and_read_back() {
 
 /// How many registers of how many joints the link asks in a cycle after arming at this period, with
 /// the return delay of joint 1 lowered or not.
+/// While a watchdog has stopped a servo no goal can be written, and nobody knows what the servo does with
+/// its old one when it is cleared.
+#[test]
+fn a_servo_that_its_watchdog_has_stopped_is_slow_when_cleared_and_told_to_stay_in_the_next_word() {
+    let mut bench = Bench::of(watched(robot(&[0, 0]), &[1]));
+    bench.change(1, |servo| servo.set(WATCHDOG, 255));
+    let found = bench.checked();
+    bench.forget_log();
+    arm(&mut bench.link, &found, &never).and_then(Arming::done).expect("armed");
+    let log = bench.log();
+    let to = |said: &Said, register| said.id == 21 && said.is(WRITE, register);
+    let cleared = place(&log, |said| to(said, WATCHDOG));
+    assert_eq!(log[cleared].params[1], 0, "cleared before it is set");
+    let speed = log[..cleared].iter().rfind(|said| to(said, SPEED)).expect("a speed");
+    let speed = u16::from_le_bytes([speed.params[1], speed.params[2]]);
+    assert!((1..100).contains(&speed), "{speed} counts per second, of 3,550");
+    assert!(log[cleared + 1].is_goals(), "{:?}", log[cleared + 1]);
+    assert!(cleared < place(&log, |said| said.is_torque(true)));
+    assert_eq!(bench.world.lock().servos[1].word(SPEED), 3550, "as fast as it may again");
+}
+
 fn asked_after(period: Duration, lowers: bool) -> (Bench, Vec<(u8, usize)>) {
     let (mut bench, mut found) = checked(3);
     found.period = period;
