@@ -1,9 +1,9 @@
 //! An operator, or a program in the operator's place, is led through a whole recording session: what it
 //! is, measures, calibrations, trials, and in the end joint angles and the manifest.
 //!
-//! What is to be done next follows from what is in the folder
-//! ([`Progress`]), so the session can be ended anywhere, by any means, and
-//! gone on with. Whoever leads it is an [`Operator`]: answers questions and hears what happens.
+//! What is to be done next follows from what is in the folder ([`Progress`]), so the session can be
+//! ended anywhere, by any means, and gone on with. Whoever leads it is an [`Operator`]: answers
+//! questions and hears what happens.
 
 mod device;
 mod finish;
