@@ -32,7 +32,7 @@ const ROOMS: &[Room] = &[
     room(
         "cli",
         "action body draft error job recording rig sensing session time",
-        "arguments bars clock files keys network profiles signals simulator sleep threads wall-clock",
+        "arguments bars clock files keys profiles signals sleep threads wall-clock",
     ),
     room("control", "bus device error guard motion robot time", "clock profiles threads"),
     room("device", "bus error wire", "profiles"),

@@ -6,9 +6,8 @@ use super::Remarks;
 use super::output::Untold;
 use super::signals::Signals;
 use crate::error::Error;
-use crate::job::simulate::robot::{SimulateOrder, VirtualRobot};
+use crate::job::simulate::robot::{Rule, SimulateOrder, Verdict, VirtualRobot};
 use clap::Args;
-use gaitway_sim::{Rule, Verdict};
 use std::path::PathBuf;
 use std::time::Duration;
 

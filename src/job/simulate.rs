@@ -1,5 +1,6 @@
-//! Virtual robots behind doors, what virtual people do, and the virtual sensors that they wear.
+//! Virtual robots behind doors, and virtual people who wear virtual sensors.
 
+pub mod imus;
 pub mod person;
 pub mod robot;
 pub mod worn;

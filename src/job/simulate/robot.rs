@@ -4,7 +4,8 @@
 use crate::error::{Error, ErrorKind};
 use crate::port::can_bridge::CanBridge;
 use gaitway_profiles::Robot;
-use gaitway_sim::{Door, Options, Script, ScriptError, SimError, Verdict, World};
+use gaitway_sim::{Door, Options, Script, ScriptError, SimError, World};
+pub use gaitway_sim::{Rule, Verdict};
 use std::collections::BTreeMap;
 use std::net::{Ipv4Addr, SocketAddr};
 use std::path::{Path, PathBuf};
