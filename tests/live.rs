@@ -313,8 +313,8 @@ fn without_input_the_robot_stands_and_a_stop_ends_at_rest_within_the_joints_limi
     assert_eq!(run.stop, Some(control::StopReason::Asked));
     let verdict = scene.world.lock().verdict();
     assert!(verdict.violations.is_empty(), "{:?}", verdict.violations);
-    // From at most 1.2 rad/s; the settling time comes after it.
-    let ramp_s = 1.2 / limits[0].acceleration_rad_s2();
+    // The half form from at most 1.2 rad/s; the settling time comes after it.
+    let ramp_s = std::f64::consts::FRAC_PI_2 * 1.2 / limits[0].acceleration_rad_s2();
     assert!(run.duration_s < 5.0 + ramp_s + settings.settle.as_secs_f64() + 0.1);
     let at = |t: f64| samples.0[(t * 100.0) as usize][0].expect("read");
     assert!((at(2.3) - at(2.95)).abs() < 0.002, "it stands while nobody says anything");

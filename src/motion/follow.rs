@@ -13,7 +13,15 @@
 //! so a piece of motion after which it lies inside had it inside throughout. A piece that would
 //! carry it past a limit is not begun; the joint brakes instead, which leaves the stop point where
 //! it is. A joint can therefore always come to rest inside its limits, whatever targets come next.
+//!
+//! A stop that is asked for ends without a step of acceleration: each joint comes to rest as by the
+//! second half of a half-sine actionlet ([`crate::motion::ease`]). Its deceleration peaks at the
+//! limit. That takes pi/2 times the way of a brake at the limit; where the range ends before, the
+//! form is shortened to end there, which its peak pays for with at most pi/2 times the limit.
 
+use core::f64::consts::FRAC_PI_2;
+
+use crate::motion::ease::{eased_rate, eased_time_s};
 use crate::motion::limits::JointLimits;
 use crate::motion::trajectory::Setpoint;
 
@@ -49,7 +57,7 @@ pub struct Follower {
     limits: Vec<JointLimits>,
     states: Vec<State>,
     approaching: bool,
-    stopping: bool,
+    stopping: Option<Stopping>,
     tally: FollowTally,
 }
 
@@ -95,15 +103,11 @@ pub struct Chase {
 
 impl Chase {
     /// Where the goal is `dt_s` later, on the shortest way inside `limits` to `target`, which is
-    /// where and how fast the other goal is then. It could come to rest inside the limits from there.
+    /// where and how fast the other goal is then. It could come to rest inside the limits from
+    /// there.
     #[must_use]
     pub fn toward(self, target: Self, dt_s: f64, limits: &JointLimits) -> Self {
-        let bounds = Bounds {
-            lower: limits.lower_rad(),
-            upper: limits.upper_rad(),
-            v: limits.velocity_rad_s(),
-            a: limits.acceleration_rad_s2(),
-        };
+        let bounds = Bounds::of(limits, 1.0);
         let before = State {
             q: target.position_rad - target.velocity_rad_s * dt_s,
             v: target.velocity_rad_s,
@@ -143,6 +147,49 @@ struct Bounds {
     a: f64,
 }
 
+/// A stop that was asked for.
+#[derive(Clone, Debug)]
+struct Stopping {
+    elapsed_s: f64,
+    /// By joint.
+    ramps: Vec<Ramp>,
+}
+
+/// A joint's way to rest: speed `v (1 + cos(pi t / D)) / 2`, which goes `v D / 2` and whose
+/// deceleration is `pi v / (2 D)` at most, and none at either end.
+#[derive(Clone, Copy, Debug)]
+struct Ramp {
+    from: State,
+    lasts_s: f64,
+}
+
+impl Ramp {
+    /// The ramp of a joint that could brake at `bounds.a` inside its range.
+    fn of(from: State, bounds: Bounds) -> Self {
+        let speed = from.v.abs();
+        if speed == 0.0 {
+            return Self { from, lasts_s: 0.0 };
+        }
+        let room = if from.v > 0.0 { bounds.upper - from.q } else { from.q - bounds.lower };
+        let braking_s = speed / bounds.a;
+        // As far as a brake at the limit there is room, but for rounding.
+        Self { from, lasts_s: (FRAC_PI_2 * braking_s).min(2.0 * room / speed).max(braking_s) }
+    }
+
+    fn at(&self, elapsed_s: f64) -> State {
+        let left_s = self.lasts_s - elapsed_s;
+        if !(left_s > 0.0) {
+            return State { q: self.from.q + self.from.v * self.lasts_s / 2.0, v: 0.0 };
+        }
+        // As an easing clock backwards.
+        let gone_s = self.lasts_s / 2.0 - eased_time_s(left_s, self.lasts_s);
+        State {
+            q: self.from.q + self.from.v * gone_s,
+            v: self.from.v * eased_rate(left_s, self.lasts_s),
+        }
+    }
+}
+
 impl Follower {
     /// A follower for joints at rest at `present_rad`, which must be inside `limits`. Its first
     /// motion is an approach at [`APPROACH_SHARE`] of the limits.
@@ -154,18 +201,23 @@ impl Follower {
         });
         let states: Vec<State> = states.collect();
         let tally = FollowTally { limited_samples: vec![0; states.len()], ..Default::default() };
-        Self { limits, states, approaching: true, stopping: false, tally }
+        Self { limits, states, approaching: true, stopping: None, tally }
     }
 
-    /// Begins to brake for good.
+    /// Begins to come to rest for good. Another stop changes nothing.
     pub fn stop(&mut self) {
-        self.stopping = true;
+        if self.stopping.is_none() {
+            let share = self.share();
+            let joints = self.states.iter().zip(&self.limits);
+            let ramps = joints.map(|(state, limits)| Ramp::of(*state, Bounds::of(limits, share)));
+            self.stopping = Some(Stopping { elapsed_s: 0.0, ramps: ramps.collect() });
+        }
     }
 
-    /// True once it was told to brake for good.
+    /// True once it was told to come to rest for good.
     #[must_use]
     pub const fn is_stopping(&self) -> bool {
-        self.stopping
+        self.stopping.is_some()
     }
 
     /// True if no joint moves.
@@ -196,26 +248,25 @@ impl Follower {
                 && target.position_rad.len() == self.states.len()
                 && target.velocity_rad_s.len() == self.states.len()
         });
-        let target = target.filter(|_| !self.stopping);
+        let target = target.filter(|_| !self.is_stopping());
         if target.is_none() {
-            self.tally.stale_samples += u64::from(!self.stopping);
+            self.tally.stale_samples += u64::from(!self.is_stopping());
+        }
+        if let Some(stopping) = &mut self.stopping {
+            stopping.elapsed_s += dt_s;
         }
         // Only a robot at rest is slowed down: a moving one might not be able to stop any more.
         self.approaching |= self.is_at_rest() && target.is_none();
-        let share = if self.approaching { APPROACH_SHARE } else { 1.0 };
+        let share = self.share();
         let (mut furthest, mut reached) = (0.0_f64, vec![None; self.states.len()]);
         for (joint, (state, limits)) in self.states.iter_mut().zip(&self.limits).enumerate() {
-            let bounds = Bounds {
-                lower: limits.lower_rad(),
-                upper: limits.upper_rad(),
-                v: share * limits.velocity_rad_s(),
-                a: share * limits.acceleration_rad_s2(),
-            };
+            let bounds = Bounds::of(limits, share);
             let wanted = target.and_then(|target| bounds.wanted(target, joint, dt_s));
             let before = *state;
-            match wanted {
-                Some(wanted) => state.intercept(wanted, dt_s, bounds),
-                None => state.brake(dt_s, bounds.a),
+            match (&self.stopping, wanted) {
+                (Some(stopping), _) => *state = stopping.ramps[joint].at(stopping.elapsed_s),
+                (None, Some(wanted)) => state.intercept(wanted, dt_s, bounds),
+                (None, None) => state.brake(dt_s, bounds.a),
             }
             state.q = state.q.clamp(bounds.lower, bounds.upper);
             if let Some(wanted) = wanted {
@@ -237,6 +288,11 @@ impl Follower {
         }
     }
 
+    /// Share of the velocity and acceleration limits in use.
+    const fn share(&self) -> f64 {
+        if self.approaching { APPROACH_SHARE } else { 1.0 }
+    }
+
     fn count(&mut self, wanted: &[Option<State>]) {
         if self.approaching {
             self.tally.approach_samples += 1;
@@ -254,6 +310,16 @@ impl Follower {
 }
 
 impl Bounds {
+    /// A share of a joint's limits, and its whole range.
+    const fn of(limits: &JointLimits, share: f64) -> Self {
+        Self {
+            lower: limits.lower_rad(),
+            upper: limits.upper_rad(),
+            v: share * limits.velocity_rad_s(),
+            a: share * limits.acceleration_rad_s2(),
+        }
+    }
+
     /// Where one joint is to be at the start of a step and how it is to move; none if that is no
     /// number.
     fn wanted(&self, target: &Target, joint: usize, dt_s: f64) -> Option<State> {

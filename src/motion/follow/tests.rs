@@ -147,7 +147,7 @@ fn what_is_no_number_or_of_another_robot_is_not_followed() {
 }
 
 #[test]
-fn a_stop_brakes_to_rest_whatever_is_asked() {
+fn a_stop_comes_to_rest_whatever_is_asked() {
     let mut follower = following(0.0);
     for _ in 0..12 {
         step(&mut follower, DT, Some(&at(0.9, 0.0)));
@@ -161,9 +161,69 @@ fn a_stop_brakes_to_rest_whatever_is_asked() {
         before = after;
         cycles += 1;
     }
-    // 2.4 rad/s at 20 rad/s^2.
-    assert!((11..=13).contains(&cycles), "{cycles}");
+    // pi/2 times 2.4 rad/s at 20 rad/s^2: 0.1885 s.
+    assert_eq!(cycles, 19);
     assert_eq!(step(&mut follower, DT, Some(&at(0.9, 0.0))), before.at_rest());
+}
+
+/// The printed half form: speed `v (1 + cos(pi t / D)) / 2`, its integral and its derivative.
+fn half_form(q: f64, v: f64, lasts_s: f64, t_s: f64) -> [f64; 3] {
+    let turn = core::f64::consts::PI / lasts_s;
+    let t_s = t_s.min(lasts_s);
+    let angle = turn * t_s;
+    [
+        q + v * (t_s / 2.0 + angle.sin() / (2.0 * turn)),
+        v * (1.0 + angle.cos()) / 2.0,
+        -v * turn * angle.sin() / 2.0,
+    ]
+}
+
+#[test]
+fn a_stop_is_the_second_half_of_an_actionlet_that_peaks_at_the_limit() {
+    for (sign, cycles) in [(1.0, 12), (-1.0, 12), (1.0, 3)] {
+        let mut follower = following(0.25);
+        let mut before = Setpoint::default();
+        for _ in 0..cycles {
+            before = step(&mut follower, DT, Some(&at(0.25 + sign * 0.7, 0.0)));
+        }
+        let (q, v) = (before.position_rad, before.velocity_rad_s);
+        assert!((v - sign * A * DT * f64::from(cycles)).abs() < 1e-9);
+        let lasts_s = core::f64::consts::FRAC_PI_2 * v.abs() / A;
+        follower.stop();
+        let mut t_s = 0.0;
+        for dt_s in [0.0, 0.01, 0.004, 0.017, 0.01, 0.03, 0.01, 0.05, 0.02, 0.01, 0.09] {
+            t_s += dt_s;
+            let got = step(&mut follower, dt_s, None);
+            let [position, velocity, _] = half_form(q, v, lasts_s, t_s);
+            assert!((got.position_rad - position).abs() < 1e-12, "{t_s}: {got:?} {position}");
+            assert!((got.velocity_rad_s - velocity).abs() < 1e-12, "{t_s}: {got:?} {velocity}");
+        }
+        assert!(follower.is_at_rest());
+        let at = |part: i32| half_form(q, v, lasts_s, lasts_s * f64::from(part) / 100.0)[2].abs();
+        assert!(((0..=100).map(at).fold(0.0, f64::max) - A).abs() < 1e-9);
+    }
+}
+
+#[test]
+fn near_the_end_of_the_range_a_stop_is_shortened_to_end_there() {
+    // At full speed, a step before the place from which a brake at the limit just holds it.
+    let mut follower = following(LOWER);
+    let mut last = Setpoint::default();
+    while last.position_rad + V * DT < UPPER - V * V / (2.0 * A) {
+        last = step(&mut follower, DT, Some(&at(UPPER, 0.0)));
+    }
+    let (q, v) = (last.position_rad, last.velocity_rad_s);
+    let lasts_s = 2.0 * (UPPER - q) / v;
+    assert!((v - V).abs() < 1e-9 && lasts_s < 1.5 * V / A, "{last:?}: room for the whole form");
+    follower.stop();
+    for quarter in 1..=8 {
+        last = step(&mut follower, lasts_s / 4.0, None);
+        let t_s = lasts_s / 4.0 * f64::from(quarter);
+        let [position, velocity, _] = half_form(q, v, lasts_s, t_s);
+        assert!((last.position_rad - position).abs() < 1e-9, "{quarter}: {last:?} {position}");
+        assert!((last.velocity_rad_s - velocity).abs() < 1e-9, "{quarter}: {last:?} {velocity}");
+    }
+    assert!(follower.is_at_rest() && (last.position_rad - UPPER).abs() < 1e-9, "{last:?}");
 }
 
 impl Setpoint {
@@ -202,9 +262,15 @@ proptest! {
             prop_assert!((got.position_rad - middle).abs() <= A * t * t / 2.0 + 1e-9);
             let mut stopped = follower.clone();
             stopped.stop();
-            for _ in 0..300 {
+            let most = core::f64::consts::FRAC_PI_2 * A * 0.007 * (1.0 + 1e-9);
+            let mut before = got.velocity_rad_s;
+            // 45 of these are longer than pi/2 V / A.
+            for _ in 0..45 {
                 let rest = step(&mut stopped, 0.007, None);
                 prop_assert!((LOWER..=UPPER).contains(&rest.position_rad));
+                let lost = (before - rest.velocity_rad_s) * before.signum();
+                prop_assert!((0.0..=most).contains(&lost), "{lost}");
+                before = rest.velocity_rad_s;
             }
             prop_assert!(stopped.is_at_rest());
             (q, v) = (got.position_rad, got.velocity_rad_s);
