@@ -203,7 +203,8 @@ pub fn describe_plan(report: &mut PlayReport, robot: &Robot, planned: &Plan, mot
     report.approach_s = planned.approach_s;
     if planned.ease_in_s > 0.0 || planned.ease_out_s > 0.0 {
         report.notes.push(format!(
-            "the clip does not {} at rest; its clock is eased along its own path",
+            "the clip does not {} at rest and without acceleration; its clock is eased along its own \
+             path",
             match (planned.ease_in_s > 0.0, planned.ease_out_s > 0.0) {
                 (true, true) => "start and end",
                 (true, false) => "start",

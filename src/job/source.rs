@@ -3,7 +3,7 @@
 pub mod joints;
 
 use super::model::robot_model;
-use crate::action::{Join, phrase, vocabulary};
+use crate::action::{Join, Motion, phrase, vocabulary};
 use crate::body::Proportions;
 use crate::error::{Error, ErrorKind};
 use crate::mocap::anatomy::{self, Capture};
@@ -15,10 +15,20 @@ use crate::motion::Path as JointPath;
 use crate::robot::Robot;
 use gaitway_profiles as profiles;
 use serde::Serialize;
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
-/// Poses per second of a performed action.
+/// Poses per second of an action that somebody performs.
 const ACTION_HZ: f64 = 120.0;
+/// Fewest and most poses per second of an action that a robot does itself.
+const EXACT_HZ: RangeInclusive<f64> = 240.0..=2000.0;
+/// How far the spline through these poses may be from the action in between, rad: 0.01 degrees.
+const EXACT_RAD: f64 = 1.75e-4;
+/// A cubic spline through samples `h` apart of a curve whose jerk is at most `J` and may step is
+/// nowhere further from it than this part of `J h^3`. Ours; of a smooth curve it is `5 h^4 / 384`
+/// times the fourth derivative (Hall and Meyer, "Optimal error bounds for cubic spline
+/// interpolation", 1976).
+const SPLINE_ERROR: f64 = 1.0 / 30.0;
 /// Stature of the body that performs actions, m.
 const ACTION_STATURE_M: f64 = 1.75;
 
@@ -87,14 +97,19 @@ pub fn load(order: &MotionOrder, robot: &Robot) -> Result<RobotMotion, Error> {
     if let Some(motion) = joints::read(Path::new(&order.motion))? {
         return in_joints(order, robot, &motion);
     }
-    let (mut capture, source) = body_motion(&order.motion, order.mapping.as_deref())?;
+    let exact = phrase::is_phrase(&order.motion);
+    let (mut capture, source) = if exact {
+        performed(&order.motion, exact_rate_hz)?
+    } else {
+        body_motion(&order.motion, order.mapping.as_deref())?
+    };
     if order.mirror {
         capture.mirror();
     }
     cut(&mut capture, order.from_s, order.to_s)?;
     let model = robot_model(robot)?;
     let initial_rad: Vec<f64> = robot.joints.iter().map(|joint| joint.initial_rad).collect();
-    let settings = retarget::Settings::default();
+    let settings = retarget::Settings { exact, ..retarget::Settings::default() };
     let retargeted = retarget::retarget(&capture, &model, &initial_rad, &settings)?;
     let notes = retargeted.notes.clone();
     let (name, only) = (order.motion.clone(), order.only.clone());
@@ -149,7 +164,7 @@ fn in_joints(
 /// An unreadable or malformed file, a skeleton that is no person, an unknown action.
 pub fn body_motion(motion: &str, mapping: Option<&Path>) -> Result<(Capture, Source), Error> {
     if phrase::is_phrase(motion) {
-        return performed(motion);
+        return performed(motion, |_| ACTION_HZ);
     }
     let path = Path::new(motion);
     if !path.extension().is_some_and(|e| e.eq_ignore_ascii_case("bvh")) {
@@ -176,24 +191,36 @@ pub fn body_motion(motion: &str, mapping: Option<&Path>) -> Result<(Capture, Sou
     Ok((anatomy::capture(&clip).map_err(in_file)?, source))
 }
 
-/// Actions, performed by a body of usual stature.
-fn performed(text: &str) -> Result<(Capture, Source), Error> {
+/// Actions, performed by a body of usual stature, in so many poses per second.
+fn performed(text: &str, rate_hz: impl FnOnce(&Motion) -> f64) -> Result<(Capture, Source), Error> {
     let motion = phrase::perform(&phrase::load(text)?, Join::Transition)?;
-    let poses = motion.poses(&Proportions::of_stature(ACTION_STATURE_M)?, ACTION_HZ)?;
+    let rate_hz = rate_hz(&motion);
+    let poses = motion.poses(&Proportions::of_stature(ACTION_STATURE_M)?, rate_hz)?;
     let source = Source {
         format: "action".to_owned(),
         frames: poses.len(),
-        rate_hz: ACTION_HZ,
+        rate_hz,
         duration_s: motion.duration_s(),
     };
     let capture = Capture {
-        rate_hz: ACTION_HZ,
+        rate_hz,
         poses,
         tracked: [true; 13],
         stature_m: ACTION_STATURE_M,
         notes: Vec::new(),
     };
     Ok((capture, source))
+}
+
+/// Poses per second with which a spline through an action is the action itself to within
+/// [`EXACT_RAD`], in every degree of freedom; and the last pose is the end. Slowing the whole
+/// stretches the spline and changes nothing of that.
+fn exact_rate_hz(motion: &Motion) -> f64 {
+    let jerk = motion.moving().map(|(_, piece)| piece.peaks().jerk_rad_s3).fold(0.0, f64::max);
+    let enough_hz = (jerk * SPLINE_ERROR / EXACT_RAD).cbrt();
+    let enough_hz = enough_hz.clamp(*EXACT_HZ.start(), *EXACT_HZ.end());
+    let steps = (motion.duration_s() * enough_hz).ceil().max(1.0);
+    steps / motion.duration_s()
 }
 
 fn read_mapping(path: &Path) -> Result<MappingFile, Error> {
@@ -268,5 +295,33 @@ impl RobotMotion {
     #[must_use]
     pub fn at_limit_share(&self, joint: &str) -> f64 {
         self.of_joint(joint, &self.retargeted.at_limit_share)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::body::Dof;
+    use crate::motion::{End, Spline};
+
+    #[test]
+    fn a_spline_through_the_poses_of_an_action_is_the_action() {
+        for text in ["run", "walk:x1", "hop-l", "kick-r,bow", "box-l@10", "run:x2@10", "bow@0.1"] {
+            let motion = phrase::perform(&phrase::load(text).unwrap(), Join::Transition).unwrap();
+            let rate_hz = exact_rate_hz(&motion);
+            let poses = motion.sampled(rate_hz).unwrap();
+            let last_s = (poses.len() - 1) as f64 / rate_hz;
+            assert!((last_s - motion.duration_s()).abs() < 1e-9, "{text} ends at {last_s} s");
+            for dof in Dof::ALL {
+                let row: Vec<f64> = poses.iter().map(|pose| pose[dof]).collect();
+                let rest = End::Velocity(0.0);
+                let spline = Spline::through(row, 1.0 / rate_hz, rest, rest).unwrap();
+                for part in 0..5 * poses.len() {
+                    let time_s = part as f64 / rate_hz / 5.0;
+                    let off = spline.sample(time_s)[0] - motion.at(dof, time_s).position_rad;
+                    assert!(off.abs() <= EXACT_RAD, "{text} {} {time_s}: {off}", dof.name());
+                }
+            }
+        }
     }
 }

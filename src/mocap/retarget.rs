@@ -15,7 +15,8 @@
 //! * acceleration: a penalty where the robot cannot follow, so that it does not chase what it will
 //!   not reach.
 //!
-//! The result is filtered without delay and bent smoothly into the limits.
+//! The result is filtered without delay and bent smoothly into the limits. A motion without noise is
+//! not filtered where the robot can do it: its joints do exactly what the body does (`exact`).
 
 use crate::body::segment_name;
 use crate::body::{Segment, SegmentPose};
@@ -27,6 +28,7 @@ use crate::motion::smooth::{Rests, low_pass_between};
 use crate::units::wrap_rad;
 use glam::{DQuat, DVec3};
 
+mod exact;
 mod group;
 mod online;
 mod refine;
@@ -86,11 +88,15 @@ pub struct Settings {
     pub cutoff_hz: f64,
     /// Distance from a limit, rad, from which on angles are bent.
     pub margin_rad: f64,
+    /// The motion has no noise, since it was made and not measured: limbs that can do what the body
+    /// does are neither filtered nor calmed. The filter then only rounds the corners where a robot
+    /// comes to the edge of what it can do.
+    pub exact: bool,
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { cutoff_hz: 6.0, margin_rad: 0.05 }
+        Self { cutoff_hz: 6.0, margin_rad: 0.05, exact: false }
     }
 }
 
@@ -101,7 +107,8 @@ pub struct Retargeted {
     pub joints: Vec<String>,
     /// Samples per second.
     pub rate_hz: f64,
-    /// Filtered angles as the fit wants them, rad, `[joint][sample]`; may exceed limits.
+    /// Angles as the fit wants them, filtered if they have noise, rad, `[joint][sample]`; may exceed
+    /// limits.
     pub wanted_rad: Vec<Vec<f64>>,
     /// Angles inside the limits, rad, `[joint][sample]`.
     pub positions_rad: Vec<Vec<f64>>,
@@ -146,6 +153,11 @@ pub fn retarget(
     let rests = rests(capture);
     for series in &mut wanted_rad {
         *series = low_pass_between(series, capture.rate_hz, cutoff_hz, rests)?;
+    }
+    if settings.exact {
+        for group in Group::all(model, &usable_links(capture, model, &mut Vec::new())?) {
+            exact::lay_over(&group, capture, rests, &mut wanted_rad);
+        }
     }
     let positions_rad: Vec<Vec<f64>> = wanted_rad
         .iter()

@@ -1,9 +1,12 @@
 //! From where the robot stands through a path to rest, as one trajectory.
 //!
 //! A plan is: a transition actionlet from the measured pose to the path's first pose, all joints
-//! together; the path, its clock eased from rate 0 to 1 where it starts moving and from 1 to 0
-//! where it ends moving; rest at its last pose. Everything is laid on one even grid of knots that
-//! contains the path's own, so that away from its eased ends the path is kept exactly.
+//! together; the path; rest at its last pose. A path that starts at rest and without acceleration,
+//! as an actionlet does, begins by its own clock. Where it starts in motion, or accelerated, that
+//! clock is run up from rate 0 to 1 as half an actionlet, and where it ends so it is run down; so
+//! velocity and acceleration are zero at both ends, and no part of the path is lost. Everything is
+//! laid on one even grid of knots that contains the path's own: away from eased ends the path is
+//! kept exactly.
 
 use crate::error::{Error, ErrorKind};
 use crate::motion::ease::{
@@ -26,6 +29,8 @@ pub const APPROACH_MIN_S: f64 = 0.5;
 pub const TRANSITION_SHARE: f64 = 0.3;
 /// Least duration of easing in or out, and of closing a gap below [`THERE_RAD`].
 pub const EASE_MIN_S: f64 = 0.05;
+/// An end of a path counts as free of acceleration up to this share of each joint's limit.
+pub const UNACCELERATED_SHARE: f64 = 0.01;
 /// Slowest and fastest playing speed.
 pub const SPEEDS: core::ops::RangeInclusive<f64> = 0.01..=100.0;
 
@@ -68,9 +73,11 @@ pub struct Plan {
     pub clip_start_s: f64,
     /// How long the path takes, easing included (each time).
     pub clip_s: f64,
-    /// Time in which the path's clock gains its speed; 0 for a path that starts at rest.
+    /// Time in which the path's clock gains its speed; 0 for a path that starts at rest and without
+    /// acceleration.
     pub ease_in_s: f64,
-    /// Time in which the path's clock loses its speed; 0 for a path that ends at rest.
+    /// Time in which the path's clock loses its speed; 0 for a path that ends at rest and without
+    /// acceleration.
     pub ease_out_s: f64,
 }
 
@@ -271,17 +278,34 @@ impl Layout<'_> {
         self.knots_in(duration_s.max(least_s) / self.pace)
     }
 
-    /// Knots of the shortest easing at one end that holds the acceleration limits; 0 where the path
-    /// is at rest. Even, so that the path time it covers, half its duration, ends on a knot.
-    fn ease_knots(&self, end: PathEnd) -> Result<usize, Error> {
-        let (moving, other) = match end {
-            PathEnd::First => (self.path.starts_moving(), self.path.ends_moving()),
-            PathEnd::Last => (self.path.ends_moving(), self.path.starts_moving()),
+    /// True if the path itself is at an end as an actionlet is: no joint moves, none is
+    /// accelerated.
+    fn is_at_rest(&self, end: PathEnd) -> bool {
+        let (moving, time_s) = match end {
+            PathEnd::First => (self.path.starts_moving(), 0.0),
+            PathEnd::Last => (self.path.ends_moving(), self.path.duration_s()),
         };
-        if !moving {
+        !moving
+            && self.path.splines().iter().zip(self.limits).all(|(spline, limits)| {
+                let [_, _, acceleration] = spline.sample(time_s);
+                acceleration.abs() <= UNACCELERATED_SHARE * limits.acceleration_rad_s2()
+            })
+    }
+
+    /// Knots of the shortest easing at one end that holds the acceleration limits; 0 where the path
+    /// needs none. Even, so that the path time it covers, half its duration, ends on a knot.
+    fn ease_knots(&self, end: PathEnd) -> Result<usize, Error> {
+        if self.is_at_rest(end) {
             return Ok(0);
         }
-        let most = if other { self.clip_knots() } else { self.clip_knots().saturating_mul(2) };
+        let other = match end {
+            PathEnd::First => PathEnd::Last,
+            PathEnd::Last => PathEnd::First,
+        };
+        let most = match self.is_at_rest(other) {
+            true => self.clip_knots().saturating_mul(2),
+            false => self.clip_knots(),
+        };
         let mut knots = self.knots_in(EASE_MIN_S).next_multiple_of(2);
         while knots <= most {
             if self.eases_within_limits(end, knots) {
@@ -291,7 +315,7 @@ impl Layout<'_> {
         }
         let word = if end == PathEnd::First { "in at its start" } else { "out at its end" };
         Err(Error::new(format!("the motion cannot be eased {word} within its limits"))
-            .got(format!("a path of {:.3} s that is moving there", self.path.duration_s()))
+            .got(format!("a path of {:.3} s that moves or bends there", self.path.duration_s()))
             .allowed("acceleration limits hold while the path's clock gains or loses its speed")
             .remedy("allow retiming, play slower, or cut the motion where it rests"))
     }

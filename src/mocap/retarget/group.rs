@@ -20,6 +20,14 @@ struct Member {
     upper_rad: f64,
 }
 
+impl Member {
+    /// How far an angle is from the middle of the range, and half the range, rad.
+    fn from_middle(&self, angle_rad: f64) -> (f64, f64) {
+        let half_range = (self.upper_rad - self.lower_rad) / 2.0;
+        (angle_rad - (self.lower_rad + half_range), half_range)
+    }
+}
+
 /// A link of a group.
 struct Player {
     link: SegmentLink,
@@ -175,12 +183,28 @@ impl<'a> Group<'a> {
         self.players.iter().zip(&targets).map(error).collect()
     }
 
-    /// The cost of angles against targets, with its derivatives.
+    /// The cost of angles against targets, with its derivatives: segments, limits, and the faint
+    /// pull to the middle of the ranges.
+    pub fn normal(
+        &self,
+        angles: &DVector<f64>,
+        targets: &[Target],
+        normal: &mut Normal,
+        room: &mut Room,
+    ) {
+        self.normal_without_middle(angles, targets, normal, room);
+        for (row, (member, angle)) in self.members.iter().zip(angles.iter()).enumerate() {
+            let (from_middle, half_range) = member.from_middle(*angle);
+            normal.add_single(row, from_middle, (MIDDLE_WEIGHT / half_range).powi(2));
+        }
+    }
+
+    /// The same of segments and limits alone: zero where the robot does what the body does.
     ///
     /// Direction: the chord between the two unit vectors. Twist: the chord between the link's
     /// across axis and the segment's, after the latter has been swung the shortest way onto the
     /// link's long axis; to first order only the turn about the long axis changes it.
-    pub fn normal(
+    pub fn normal_without_middle(
         &self,
         angles: &DVector<f64>,
         targets: &[Target],
@@ -211,9 +235,7 @@ impl<'a> Group<'a> {
             }
         }
         for (row, (member, angle)) in self.members.iter().zip(angles.iter()).enumerate() {
-            let half_range = (member.upper_rad - member.lower_rad) / 2.0;
-            let from_middle = angle - (member.lower_rad + half_range);
-            normal.add_single(row, from_middle, (MIDDLE_WEIGHT / half_range).powi(2));
+            let (from_middle, half_range) = member.from_middle(*angle);
             let beyond =
                 (from_middle.abs() - half_range + LIMIT_MARGIN_RAD).max(0.0) * from_middle.signum();
             if beyond != 0.0 {

@@ -127,6 +127,35 @@ fn eased_ends_stay_on_the_path() {
 }
 
 #[test]
+fn an_end_at_rest_that_is_accelerated_is_eased_to_neither_speed_nor_acceleration() {
+    // 0.3 (1 - cos 5 t) for a whole turn: at rest at both ends, and accelerated most just there.
+    let samples = (RATE_HZ * TAU / 5.0).round();
+    let row: Vec<f64> =
+        (0..=samples as usize).map(|i| 0.3 * (1.0 - (TAU * i as f64 / samples).cos())).collect();
+    let path = Path::new(names(1), RATE_HZ, vec![row]).unwrap();
+    assert!(!path.starts_moving() && !path.ends_moving());
+    let bends = path.splines()[0].sample(0.0)[2];
+    assert!((bends - 7.5).abs() < 0.1, "{bends}");
+    let got = plan(&[0.0], &path, &limits(1), options()).unwrap();
+    let ease_s = got.ease_in_s;
+    assert!(ease_s == got.ease_out_s && (0.99 * EASE_MIN_S..1.3 * EASE_MIN_S).contains(&ease_s));
+    let [first, last] = [0.0, got.trajectory.duration_s()].map(|time_s| at(&got, time_s)[0]);
+    for end in [first, last] {
+        assert_eq!(end.velocity_rad_s, 0.0);
+        assert!(end.acceleration_rad_s2.abs() < 0.01 * bends, "{end:?}");
+    }
+    assert!(last.position_rad.abs() < 1e-9, "no part of the path is lost");
+    // Half an actionlet of the clock: v = (1 - cos(pi t / D)) / 2, so far along the path.
+    for i in 0..=10 {
+        let t = ease_s * f64::from(i) / 10.0;
+        let turn = core::f64::consts::PI / ease_s;
+        let along_s = t / 2.0 - (turn * t).sin() / (2.0 * turn);
+        let [position, ..] = path.splines()[0].sample(along_s);
+        assert!((at(&got, t)[0].position_rad - position).abs() < 1e-5, "{t}");
+    }
+}
+
+#[test]
 fn a_path_backwards_is_eased_like_the_path() {
     // It starts gently and stops while slowing down, so its two ends need different easing.
     let turn = |i: usize| 0.8 * (TAU * 0.7 * i as f64 / RATE_HZ + 0.9).sin();
