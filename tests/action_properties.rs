@@ -1,5 +1,6 @@
 //! What holds for every action, whatever its numbers: continuity, Eq. 7, mutation, joining.
 
+use gaitway::action::database::{Type, Types};
 use gaitway::action::{Action, Database, Join, Motion, Spread, mutate, phrase, vocabulary};
 use gaitway::actionlet::{Actionlet, Shape};
 use gaitway::body::Dof;
@@ -285,7 +286,7 @@ fn phrases_take_seconds_rounds_and_pace() {
 fn the_database_finds_actionlets_by_type_with_where_they_come_from() {
     let mut database = Database::default();
     database.insert(vocabulary::find("run").unwrap()).unwrap();
-    let kind = gaitway::action::database::Type::of(Dof::RightKneeFlexion, 1.2).unwrap();
+    let kind = Type::of(Dof::RightKneeFlexion, 1.2).unwrap();
     let found = database.of_type(kind);
     assert!(!found.is_empty());
     assert!(found.iter().all(|entry| entry.action == "run" && entry.change_rad > 0.78));
@@ -295,4 +296,29 @@ fn the_database_finds_actionlets_by_type_with_where_they_come_from() {
     let again: usize = database.types().map(|(_, entries)| entries.len()).sum();
     assert_eq!(count, again, "an action that comes twice counts once");
     assert!(database.action("run").is_some() && database.action("walk").is_none());
+}
+
+/// Fig. 5a of the paper: the running knee has the period AB, BC, CD, DE and two types, AB = CD and
+/// BC = DE. By range AB (22 deg) and CD (79 deg) are two.
+#[test]
+fn the_running_knee_has_the_two_types_of_the_paper_or_one_for_each_range() {
+    let run = vocabulary::find("run").unwrap();
+    let knee = run.tracks().find(|track| track.dof == Dof::LeftKneeFlexion).unwrap();
+    let turns: Vec<f64> = run.waveforms[knee.waveform].iter().map(|turn| turn.angle_rad).collect();
+    assert_eq!(turns.len(), 4);
+    let counted = |types: Types| {
+        let database = Database::shipped_by(types).unwrap();
+        let mut found: Vec<Type> = (0..4)
+            .map(|at| database.type_of(knee.dof, turns[(at + 1) % 4] - turns[at]).unwrap())
+            .collect();
+        assert!(found.iter().all(|kind| !database.of_type(*kind).is_empty()));
+        let (alternate, count) = (found[0] == found[2] && found[1] == found[3], found.len());
+        found.sort();
+        found.dedup();
+        (alternate, count, found.len())
+    };
+    assert_eq!(counted(Types::ByDirection), (true, 4, 2));
+    let (alternate, _, types) = counted(Types::ByRange);
+    assert!(!alternate && types > 2, "{types}");
+    assert_eq!(counted(Types::default()), counted(Types::ByRange));
 }

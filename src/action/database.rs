@@ -24,21 +24,31 @@ pub enum RangeClass {
     Large,
 }
 
+/// What makes actionlets one type, beside the degree of freedom and the direction.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Types {
+    /// How far they go, too (ours).
+    #[default]
+    ByRange,
+    /// Nothing else, as in Zheng et al. 2007, Fig. 5a: of the four actionlets of a running knee the
+    /// two that bend it are one type, and the two that stretch it another.
+    ByDirection,
+}
+
 /// Actionlets of one type can stand for one another: they move the same degree of freedom in the
-/// same direction about as far. Left and right count as the same. (Ours: the paper does not say
-/// what a type is.)
+/// same direction and, with [`Types::ByRange`], about as far. Left and right count as the same.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Type {
     /// What moves; for a pair of limbs the left one.
     pub dof: Dof,
     /// Whether the angle grows.
     pub grows: bool,
-    /// How far.
-    pub range: RangeClass,
+    /// How far; none if that does not matter.
+    pub range: Option<RangeClass>,
 }
 
 impl Type {
-    /// The type of an actionlet; none for a rest.
+    /// The type of an actionlet by its range; none for a rest.
     #[must_use]
     pub fn of(dof: Dof, change_rad: f64) -> Option<Self> {
         let range = match change_rad.abs().to_degrees() {
@@ -48,7 +58,11 @@ impl Type {
         };
         let (other, sign) = dof.mirrored();
         let dof = if sign > 0.0 { dof.min(other) } else { dof };
-        (change_rad.abs() > REST_RAD).then_some(Self { dof, grows: change_rad > 0.0, range })
+        (change_rad.abs() > REST_RAD).then_some(Self {
+            dof,
+            grows: change_rad > 0.0,
+            range: Some(range),
+        })
     }
 }
 
@@ -72,17 +86,26 @@ pub struct Entry {
 /// Actions and their actionlets.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Database {
+    types: Types,
     actions: BTreeMap<String, Action>,
     entries: BTreeMap<Type, Vec<Entry>>,
 }
 
 impl Database {
-    /// The actions that ship with gaitway.
+    /// The actions that ship with gaitway, their actionlets by range.
     ///
     /// # Errors
     /// As [`vocabulary::find`].
     pub fn shipped() -> Result<Self, Error> {
-        let mut database = Self::default();
+        Self::shipped_by(Types::default())
+    }
+
+    /// The actions that ship with gaitway, their actionlets by these types.
+    ///
+    /// # Errors
+    /// As [`vocabulary::find`].
+    pub fn shipped_by(types: Types) -> Result<Self, Error> {
+        let mut database = Self { types, ..Self::default() };
         for name in vocabulary::names() {
             database.insert(vocabulary::find(name)?)?;
         }
@@ -125,7 +148,7 @@ impl Database {
             }
         }
         for (dof, piece) in motion.moving() {
-            let Some(kind) = Type::of(dof, piece.change_rad()) else { continue };
+            let Some(kind) = self.type_of(dof, piece.change_rad()) else { continue };
             let entry = Entry {
                 shape: piece.shape().clone(),
                 change_rad: piece.change_rad(),
@@ -142,6 +165,16 @@ impl Database {
         }
         self.actions.insert(action.name.clone(), action);
         Ok(())
+    }
+
+    /// The type of an actionlet here; none for a rest.
+    #[must_use]
+    pub fn type_of(&self, dof: Dof, change_rad: f64) -> Option<Type> {
+        let by_range = Type::of(dof, change_rad)?;
+        Some(match self.types {
+            Types::ByRange => by_range,
+            Types::ByDirection => Type { range: None, ..by_range },
+        })
     }
 
     /// Actionlets of a type, in the order in which they came in.

@@ -7,7 +7,7 @@
 //! action change against one another but not their sum; the whole is stretched for all groups
 //! alike.
 
-use crate::action::database::{Database, Type};
+use crate::action::database::Database;
 use crate::action::{Action, Group, Turn};
 use crate::actionlet::Shape;
 use crate::actionlet::shape::PEAK_AT;
@@ -133,7 +133,8 @@ fn exchange(
     }
     for index in 0..turns.len() {
         let change_rad = turns[index].angle_rad - from_rad(action, dof, turns, index);
-        let alike = Type::of(dof, change_rad).map_or(&[][..], |kind| database.of_type(kind));
+        let alike =
+            database.type_of(dof, change_rad).map_or(&[][..], |kind| database.of_type(kind));
         if alike.is_empty() || !random.random_bool(spread.exchange) {
             continue;
         }

@@ -36,7 +36,7 @@ pub struct SynthArgs {
     #[arg(long, value_name = "FOLDER", requires = "varied")]
     database: Vec<PathBuf>,
     /// Change a value: duration_s, rounds, pace, peak, stature_m, blend_s; for variations vary_angle,
-    /// vary_time, vary_peak, vary_duration, vary_exchange
+    /// vary_time, vary_peak, vary_duration, vary_exchange, and vary_types (range or paper)
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
     /// File to write: .csv (time_s, the 22 angles, rad, and the root, m), .bvh, .x3d (an H-Anim

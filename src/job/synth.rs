@@ -5,6 +5,7 @@ mod bulk;
 pub use bulk::{MAX_VARIATIONS, VariedReport, actionlets_beside, vary};
 
 use crate::action::corpus::Corpus;
+use crate::action::database::Types;
 use crate::action::{Action, Database, Join, Motion, Spread, phrase, table};
 use crate::body::Proportions;
 use crate::draft;
@@ -42,6 +43,7 @@ pub struct Figures {
     stature_m: f64,
     blend_s: Option<f64>,
     spread: Spread,
+    types: Types,
     /// As it was said.
     pairs: Vec<String>,
 }
@@ -60,6 +62,7 @@ impl Figures {
             stature_m: 1.75,
             blend_s: None,
             spread: Spread::default(),
+            types: Types::default(),
             pairs: pairs.to_vec(),
         };
         for pair in pairs {
@@ -67,8 +70,16 @@ impl Figures {
                 Error::new("cannot set this").at("--set").got(pair.clone()).allowed(allowed)
             };
             let keys = "KEY=VALUE with duration_s, rounds, pace, peak, stature_m, blend_s or \
-                        vary_angle, vary_time, vary_peak, vary_duration, vary_exchange";
+                        vary_angle, vary_time, vary_peak, vary_duration, vary_exchange, vary_types";
             let (key, text) = pair.split_once('=').ok_or_else(|| wrong(keys))?;
+            if key == "vary_types" {
+                figures.types = match text {
+                    "range" => Types::ByRange,
+                    "paper" => Types::ByDirection,
+                    _ => return Err(wrong("range or paper")),
+                };
+                continue;
+            }
             let value: f64 = text.parse().map_err(|_| wrong("a number"))?;
             match key {
                 "duration_s" => figures.duration_s = Some(value),
@@ -169,7 +180,7 @@ pub fn synth(order: &SynthOrder, variation: Option<u32>) -> Result<SynthReport, 
 impl SynthOrder {
     /// What variations are made of.
     fn corpus(&self) -> Result<Corpus, Error> {
-        let mut database = Database::shipped()?;
+        let mut database = Database::shipped_by(self.figures.types)?;
         for folder in &self.database {
             database.add_folder(folder)?;
         }
