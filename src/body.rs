@@ -21,7 +21,7 @@ mod segment_names;
 
 use glam::{DQuat, DVec3};
 
-pub use angles::{JointAngles, Measured};
+pub use angles::{AngleSeries, JointAngles, Measured, NearSingular};
 pub use dof::{Dof, Joint};
 pub use proportions::{End, JointPositions, Proportions};
 pub use segment_names::{segment_name, segment_named};

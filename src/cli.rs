@@ -68,7 +68,7 @@ Start here:
   gaitway doctor                           is this machine ready for a real one?
   gaitway scan serial:/dev/ttyUSB0 --baud all
 
-Exit codes: 0 done, 1 refused or failed, 2 wrong usage, 3 done but something could not be recorded or reported, 4 stopped, 128 + n after signal n.";
+Exit codes: 0 done, 1 refused or failed, 2 wrong usage, 3 done but something could not be recorded, reported or kept within its tolerance, 4 stopped, 128 + n after signal n.";
 
 #[derive(Debug, Subcommand)]
 enum Command {

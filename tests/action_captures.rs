@@ -3,9 +3,9 @@
 mod common;
 
 use common::{bvh_files, captures};
-use gaitway::action::decompose::{REFERENCE_HZ, angles_of, motion_of};
+use gaitway::action::decompose::{REFERENCE_HZ, motion_of};
 use gaitway::action::{Action, file};
-use gaitway::body::Dof;
+use gaitway::body::{Dof, JointAngles};
 use gaitway::mocap::read_bvh;
 use std::io::Write;
 
@@ -21,7 +21,7 @@ fn judged(tolerance_deg: f64, every: usize) -> Option<(usize, Vec<(f64, f64)>)> 
     for path in bvh_files(&folder).into_iter().step_by(every) {
         let Ok(capture) = read_bvh(&path, None) else { continue };
         files += 1;
-        let angles = angles_of(&capture.poses);
+        let angles = JointAngles::of_clip(&capture.poses, capture.rate_hz).angles;
         let found = motion_of(&angles, capture.rate_hz, tolerance_deg.to_radians()).unwrap();
         if found.motion.moving().next().is_none() {
             continue;

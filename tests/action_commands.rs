@@ -12,11 +12,15 @@ fn run(arguments: &[&str]) -> Output {
 }
 
 fn made(arguments: &[&str]) -> Value {
+    ended(arguments, 0, "done")
+}
+
+fn ended(arguments: &[&str], code: i32, outcome: &str) -> Value {
     let output = run(&[arguments, &["--json"]].concat());
     let said = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(0), "{arguments:?}: {said}");
+    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {said}");
     let report: Value = serde_json::from_slice(&output.stdout).expect("a JSON report");
-    assert_eq!(report["outcome"], "done");
+    assert_eq!(report["outcome"], outcome);
     report
 }
 
@@ -76,6 +80,7 @@ fn figures_are_set_or_refused_by_name() {
         ("duration_s=nan", &["duration_s", "NaN"]),
         ("stature_m=9", &["stature", "0.3 to 3 m"]),
         ("pace", &["KEY=VALUE"]),
+        ("vary_types=joint", &["vary_types=joint", "range or paper"]),
     ] {
         refused(&["synth", "walk", "-o", &out("x.bvh"), "--set", set], words);
     }
@@ -151,6 +156,82 @@ fn a_capture_becomes_an_action_file_that_plays() {
     assert_eq!(played["outcome"], "done", "{played:#}");
     refused(&["actionlets", "motions/walk.bvh", "-o", "walk.json"], &["walk.json", ".toml"]);
     refused(&["actionlets", "no-such.bvh", "-o", path, "--force"], &["no-such.bvh"]);
+}
+
+/// The shipped walk with noise of 2 degrees on every rotation, evenly distributed.
+fn noisy_walk() -> String {
+    let text = fs::read_to_string("motions/walk.bvh").unwrap();
+    let (head, motion) = text.split_once("Frame Time").unwrap();
+    let (time, rows) = motion.split_once('\n').unwrap();
+    let mut state = 1u64;
+    let mut noise = || {
+        // Knuth's MMIX generator; the standard deviation of -1 to 1 is the root of a third.
+        state =
+            state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        let part = (state >> 11) as f64 / (1u64 << 53) as f64;
+        2.0 * 3f64.sqrt() * (2.0 * part - 1.0)
+    };
+    let mut noisy = format!("{head}Frame Time{time}\n");
+    for row in rows.lines() {
+        let values = row.split_whitespace().enumerate().map(|(index, value)| {
+            let value: f64 = value.parse().unwrap();
+            format!("{}", if index < 3 { value } else { value + noise() })
+        });
+        noisy.push_str(&values.collect::<Vec<_>>().join(" "));
+        noisy.push('\n');
+    }
+    noisy
+}
+
+#[test]
+fn a_tolerance_that_is_missed_is_a_loss_that_is_told_and_the_file_is_written() {
+    let folder = crate::program::folder("noisy");
+    let (noisy, out) = (folder.join("noisy.bvh"), folder.join("noisy.toml"));
+    fs::write(&noisy, noisy_walk()).unwrap();
+    let arguments = ["actionlets", noisy.to_str().unwrap(), "-o", out.to_str().unwrap()];
+    let report = ended(&arguments, 3, "done_with_loss");
+    let dofs = report["dofs"].as_array().unwrap();
+    assert_eq!(dofs.len(), 22);
+    for dof in dofs {
+        let misses = dof["rms_deg"].as_f64().unwrap() > 1.0;
+        assert_eq!(dof["misses_tolerance"], misses, "{dof:#}");
+    }
+    let knee = dofs.iter().find(|dof| dof["name"] == "left_knee_flexion").unwrap();
+    assert_eq!(knee["misses_tolerance"], true);
+    assert!((1.6..2.4).contains(&knee["noise_deg"].as_f64().unwrap()), "{knee:#}");
+    assert!(fs::read_to_string(&out).unwrap().contains("captured = true"));
+    let output = run(&[&arguments[..], &["--force"]].concat());
+    assert_eq!(output.status.code(), Some(3));
+    let said = String::from_utf8_lossy(&output.stdout);
+    for words in ["done, with loss", "the tolerance of 1 deg is missed by", "noise"] {
+        assert!(said.contains(words), "{words:?} is not in:\n{said}");
+    }
+    // Without the noise it is kept, and nothing is said of it.
+    let clean = folder.join("clean.toml");
+    let output = run(&["actionlets", "motions/walk.bvh", "-o", clean.to_str().unwrap()]);
+    assert_eq!(output.status.code(), Some(0));
+    assert!(!String::from_utf8_lossy(&output.stdout).contains("missed"));
+}
+
+#[test]
+fn the_time_near_a_singular_pose_is_told() {
+    let folder = crate::program::folder("singular");
+    let (jacks, out) = (folder.join("jacks.bvh"), folder.join("jacks.toml"));
+    made(&["synth", "jumping-jacks", "-o", jacks.to_str().unwrap()]);
+    let arguments = ["actionlets", jacks.to_str().unwrap(), "-o", out.to_str().unwrap()];
+    let report = made(&arguments);
+    let near = report["near_singular"].as_array().unwrap();
+    let joints: Vec<&str> = near.iter().map(|joint| joint["joint"].as_str().unwrap()).collect();
+    assert_eq!(joints, ["left_shoulder", "right_shoulder"], "{report:#}");
+    for joint in near {
+        // The arms pass through the singular pose twice in a jump, at some 400 deg/s.
+        let share = joint["share"].as_f64().unwrap();
+        assert!((0.005..0.2).contains(&share), "{joint:#}");
+        assert!(joint["off_deg"].as_f64().unwrap() < 0.1, "{joint:#}");
+    }
+    let output = run(&[&arguments[..], &["--force"]].concat());
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert!(said.contains("left_shoulder is near its singularity for"), "{said}");
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use crate::action::Motion;
 use crate::actionlet::{Sequence, decompose};
-use crate::body::{Dof, JointAngles, SegmentPose};
+use crate::body::{Dof, JointAngles};
 use crate::error::Error;
 
 /// Rate to which compression refers, samples per second.
@@ -17,6 +17,9 @@ pub struct Figure {
     pub range_rad: f64,
     /// Root mean square of the error, rad.
     pub rms_rad: f64,
+    /// Noise of the series that was not to be fitted, rad: see
+    /// [`crate::actionlet::Decomposed::noise_rad`].
+    pub noise_rad: f64,
     /// Actionlets, rests included.
     pub actionlets: usize,
     /// Numbers that say the chain.
@@ -32,20 +35,6 @@ pub struct DecomposedMotion {
     pub motion: Motion,
     /// In the order of [`Dof::ALL`].
     pub figures: Vec<Figure>,
-}
-
-/// Angles of a series of poses, each nearest to the one before, so that they do not jump.
-#[must_use]
-pub fn angles_of(poses: &[SegmentPose]) -> Vec<JointAngles> {
-    let mut series: Vec<JointAngles> = Vec::with_capacity(poses.len());
-    for pose in poses {
-        let measured = match series.last() {
-            None => JointAngles::of_pose(pose),
-            Some(before) => JointAngles::of_pose_after(pose, before),
-        };
-        series.push(measured.angles);
-    }
-    series
 }
 
 /// Decomposes angles sampled at `rate_hz` with a root mean square error of `tolerance_rad` in every
@@ -70,6 +59,7 @@ pub fn motion_of(
             dof,
             range_rad: high - low,
             rms_rad: found.rms_rad,
+            noise_rad: found.noise_rad,
             actionlets: found.chain.actionlets().len(),
             numbers: found.numbers(),
             compression: samples / found.numbers() as f64,

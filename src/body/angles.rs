@@ -15,6 +15,10 @@ use crate::body::dof::{Dof, Joint};
 use crate::body::{Segment, SegmentPose};
 use crate::units::wrap_rad;
 
+mod series;
+
+pub use series::{AngleSeries, NearSingular};
+
 /// Nearer than this to the singular abduction, flexion and rotation are poorly determined: an error
 /// of the orientation is amplified more than eleven times.
 pub const SINGULAR_WITHIN_RAD: f64 = 5.0 * PI / 180.0;
@@ -159,13 +163,9 @@ fn measure(pose: &SegmentPose, before: Option<&JointAngles>) -> Measured {
         near_singular: Vec::new(),
         unmodelled_rad: [0.0; 13],
     };
-    let relative = |segment: Segment| {
-        let parent = segment.parent().map_or(0, Segment::index);
-        (pose.orientation[parent].inverse() * pose.orientation[segment.index()]).normalize()
-    };
     for ball in &BALLS {
         let before = before.map(|before| ball.dofs.map(|dof| before[dof]));
-        let (angles, singular) = ball.angles(relative(ball.segment), before);
+        let (angles, singular) = ball.angles(relative(pose, ball.segment), before);
         for (dof, angle) in ball.dofs.into_iter().zip(angles) {
             found.angles[dof] = angle;
         }
@@ -174,12 +174,8 @@ fn measure(pose: &SegmentPose, before: Option<&JointAngles>) -> Measured {
         }
     }
     for hinge in &HINGES {
-        let turned = relative(hinge.segment);
-        // The rotation about Y nearest to `turned` (swing-twist), and what it leaves.
-        let about_y = 2.0 * turned.y.atan2(turned.w);
-        let left = DQuat::from_rotation_y(-about_y) * turned;
-        found.unmodelled_rad[hinge.segment.index()] = 2.0 * left.xyz().length().atan2(left.w.abs());
-        let angle = hinge.sign * wrap_rad(about_y);
+        let (angle, left_rad) = hinge.angle(relative(pose, hinge.segment));
+        found.unmodelled_rad[hinge.segment.index()] = left_rad;
         found.angles[hinge.dof] = near(angle, before.map(|before| before[hinge.dof]));
     }
     found
@@ -188,19 +184,8 @@ fn measure(pose: &SegmentPose, before: Option<&JointAngles>) -> Measured {
 impl Ball {
     /// The three angles, and whether the joint is near its singularity.
     fn angles(&self, turned: DQuat, before: Option<[f64; 3]>) -> ([f64; 3], bool) {
-        let matrix = DMat3::from_quat(turned);
-        // R = Ry(y) Rx(x) Rz(z); `at(row, column)`.
-        let at = |row: usize, column: usize| matrix.col(column)[row];
-        let cosine = at(1, 0).hypot(at(1, 1));
-        let x = (-at(1, 2)).atan2(cosine);
-        let (y, z) = if cosine > DEGENERATE {
-            (at(0, 2).atan2(at(2, 2)), at(1, 0).atan2(at(1, 1)))
-        } else {
-            // Only y - z (x = +90 deg) or y + z (x = -90 deg) is in the matrix.
-            let y = before.map_or(0.0, |before| self.signs[0] * before[0]);
-            let sum = at(0, 1).atan2(at(0, 0));
-            (y, if x > 0.0 { y - sum } else { -y - sum })
-        };
+        let if_unknown = before.map_or(0.0, |before| self.signs[0] * before[0]);
+        let ([y, x, z], cosine) = turns(turned, if_unknown);
         let say = |turn: [f64; 3]| {
             [0, 1, 2].map(|axis| {
                 let angle = self.signs[axis] * wrap_rad(turn[axis]);
@@ -211,6 +196,11 @@ impl Ball {
         let near_singular = !(cosine > SINGULAR_WITHIN_RAD.sin());
         let better = self.oddness(one, before) <= self.oddness(other, before);
         (if better { one } else { other }, near_singular)
+    }
+
+    /// The angles of turns about Y, X and Z.
+    fn named(&self, turns: [f64; 3]) -> [f64; 3] {
+        [0, 1, 2].map(|axis| self.signs[axis] * turns[axis])
     }
 
     /// How far three angles are from those before or, without any, from their anatomical range;
@@ -225,6 +215,40 @@ impl Ball {
         };
         angles.iter().zip(self.dofs).map(|(a, dof)| 1e3 * outside(*a, dof) + a.abs()).sum()
     }
+}
+
+impl Hinge {
+    /// The angle, within half a turn of zero, and the rotation that the joint does not have, rad.
+    fn angle(&self, turned: DQuat) -> (f64, f64) {
+        // The rotation about Y nearest to `turned` (swing-twist), and what it leaves.
+        let about_y = 2.0 * turned.y.atan2(turned.w);
+        let left = DQuat::from_rotation_y(-about_y) * turned;
+        let left_rad = 2.0 * left.xyz().length().atan2(left.w.abs());
+        (self.sign * wrap_rad(about_y), left_rad)
+    }
+}
+
+/// How a segment is turned against the one that carries it.
+fn relative(pose: &SegmentPose, segment: Segment) -> DQuat {
+    let parent = segment.parent().map_or(0, Segment::index);
+    (pose.orientation[parent].inverse() * pose.orientation[segment.index()]).normalize()
+}
+
+/// Turns about Y, the new X and the new Z that make an orientation, that about X within a quarter
+/// turn, rad, and the cosine of that. Where Y and Z cannot be told apart, Y is what is given.
+fn turns(turned: DQuat, y_if_unknown: f64) -> ([f64; 3], f64) {
+    let matrix = DMat3::from_quat(turned);
+    // R = Ry(y) Rx(x) Rz(z); `at(row, column)`.
+    let at = |row: usize, column: usize| matrix.col(column)[row];
+    let cosine = at(1, 0).hypot(at(1, 1));
+    let x = (-at(1, 2)).atan2(cosine);
+    if cosine > DEGENERATE {
+        return ([at(0, 2).atan2(at(2, 2)), x, at(1, 0).atan2(at(1, 1))], cosine);
+    }
+    // Only y - z (x = +90 deg) or y + z (x = -90 deg) is in the matrix.
+    let sum = at(0, 1).atan2(at(0, 0));
+    let y = y_if_unknown;
+    ([y, x, if x > 0.0 { y - sum } else { -y - sum }], cosine)
 }
 
 /// The angle equivalent to `angle` that is nearest to the one before.

@@ -47,6 +47,28 @@ impl Joint {
         }
     }
 
+    /// Name in reports: what the names of its degrees of freedom begin with.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Pelvis => "pelvis",
+            Self::Torso => "torso",
+            Self::Neck => "neck",
+            Self::LeftShoulder => "left_shoulder",
+            Self::RightShoulder => "right_shoulder",
+            Self::LeftElbow => "left_elbow",
+            Self::RightElbow => "right_elbow",
+            Self::LeftWrist => "left_wrist",
+            Self::RightWrist => "right_wrist",
+            Self::LeftHip => "left_hip",
+            Self::RightHip => "right_hip",
+            Self::LeftKnee => "left_knee",
+            Self::RightKnee => "right_knee",
+            Self::LeftAnkle => "left_ankle",
+            Self::RightAnkle => "right_ankle",
+        }
+    }
+
     /// All joints; the order is the index order of joint positions.
     pub const ALL: [Self; 15] = [
         Self::Pelvis,
@@ -261,6 +283,7 @@ mod tests {
         for (n, dof) in Dof::ALL.into_iter().enumerate() {
             assert_eq!(dof.index(), n);
             assert_eq!(Dof::named(dof.name()), Some(dof));
+            assert!(dof.name().starts_with(dof.joint().name()), "{}", dof.name());
         }
         assert_eq!(Dof::named("left_knee"), None);
     }

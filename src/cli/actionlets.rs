@@ -3,7 +3,9 @@
 use super::{Deed, Output, Remarks};
 use crate::action::decompose::REFERENCE_HZ;
 use crate::error::Error;
-use crate::job::decompose::{DecomposeOrder, DecomposedReport, MOVING_DEG, check_name, decompose};
+use crate::job::decompose::{
+    DecomposeOrder, DecomposedReport, DofFigures, MOVING_DEG, check_name, decompose,
+};
 use clap::Args;
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -34,7 +36,7 @@ fn tolerance(text: &str) -> Result<f64, String> {
     if (0.001..=45.0).contains(&value) { Ok(value) } else { Err("0.001 to 45 deg".to_owned()) }
 }
 
-/// Runs `actionlets`.
+/// Runs `actionlets`; exit code 3 if a degree of freedom misses the tolerance.
 ///
 /// # Errors
 /// If the motion cannot be read, or the file cannot be written.
@@ -49,7 +51,12 @@ pub fn run(args: &ActionletsArgs, remarks: Remarks) -> Result<i32, Error> {
     check_name(&order)?;
     args.output.check_files(&[&Some(order.file.clone())])?;
     let report = decompose(&order)?;
-    Ok(args.output.conclude(&report, &words(&report, remarks), Deed::Work, 0))
+    Ok(args.output.conclude(
+        &report,
+        &words(&report, remarks),
+        Deed::Work,
+        report.outcome.exit_code(),
+    ))
 }
 
 fn words(report: &DecomposedReport, remarks: Remarks) -> String {
@@ -57,12 +64,14 @@ fn words(report: &DecomposedReport, remarks: Remarks) -> String {
         return format!("{}\n", report.written);
     }
     let mut text = format!(
-        "done: {} in actionlets, {:.2} s\n{:24} {:>9} {:>8} {:>10} {:>7} {:>11}\n",
+        "{}: {} in actionlets, {:.2} s\n{:24} {:>9} {:>8} {:>9} {:>10} {:>7} {:>11}\n",
+        report.outcome.word(),
         report.motion,
         report.duration_s,
         "degree of freedom",
         "range deg",
         "rms deg",
+        "noise deg",
         "actionlets",
         "numbers",
         "compression"
@@ -70,10 +79,28 @@ fn words(report: &DecomposedReport, remarks: Remarks) -> String {
     for dof in &report.dofs {
         let _ = writeln!(
             text,
-            "{:24} {:>9.1} {:>8.3} {:>10} {:>7} {:>10.1}x",
-            dof.name, dof.range_deg, dof.rms_deg, dof.actionlets, dof.numbers, dof.compression
+            "{:24} {:>9.1} {:>8.3} {:>9.2} {:>10} {:>7} {:>10.1}x{}",
+            dof.name,
+            dof.range_deg,
+            dof.rms_deg,
+            dof.noise_deg,
+            dof.actionlets,
+            dof.numbers,
+            dof.compression,
+            if dof.misses_tolerance { "  misses the tolerance" } else { "" }
         );
     }
+    for near in &report.near_singular {
+        let _ = writeln!(
+            text,
+            "{} is near its singularity for {:.1} % of the time: flexion and rotation are drawn \
+             smoothly, up to {:.1} deg beside the pose",
+            near.joint,
+            near.share * 100.0,
+            near.off_deg
+        );
+    }
+    text.push_str(&missed(report));
     let _ = writeln!(
         text,
         "of {} that move more than {MOVING_DEG} deg: median rms {:.3} deg, {} numbers, {:.1} times \
@@ -86,4 +113,26 @@ fn words(report: &DecomposedReport, remarks: Remarks) -> String {
         report.written
     );
     text
+}
+
+/// What is to be said of degrees of freedom that miss the tolerance.
+fn missed(report: &DecomposedReport) -> String {
+    let missing: Vec<&DofFigures> = report.dofs.iter().filter(|dof| dof.misses_tolerance).collect();
+    let Some(worst) = missing.iter().max_by(|a, b| a.rms_deg.total_cmp(&b.rms_deg)) else {
+        return String::new();
+    };
+    let noisy = missing.iter().filter(|dof| dof.noise_deg > 0.0).count();
+    let because = match noisy {
+        0 => String::new(),
+        _ => format!("; noise, which is not fitted, is a part of it for {noisy} of them"),
+    };
+    format!(
+        "the tolerance of {} deg is missed by {} of {} degrees of freedom, most by {}: {:.2} deg\
+         {because}\n",
+        report.tolerance_deg,
+        missing.len(),
+        report.dofs.len(),
+        worst.name,
+        worst.rms_deg
+    )
 }

@@ -1,8 +1,10 @@
 //! A captured motion as the actionlets it is made of: an action file, and how good it is.
 
+use super::report::Outcome;
 use super::source;
 use crate::action::decompose::{self, DecomposedMotion, Figure};
 use crate::action::{Action, file};
+use crate::body::{JointAngles, NearSingular};
 use crate::draft;
 use crate::error::{Error, ErrorKind};
 use serde::Serialize;
@@ -33,8 +35,12 @@ pub struct DofFigures {
     pub name: &'static str,
     /// From its lowest to its highest angle, deg.
     pub range_deg: f64,
-    /// Root mean square error, deg.
+    /// Root mean square error against the samples, deg.
     pub rms_deg: f64,
+    /// True if that is more than was allowed.
+    pub misses_tolerance: bool,
+    /// Noise of the samples that was not to be fitted, deg; 0 where it does not matter.
+    pub noise_deg: f64,
     /// Actionlets that it is made of.
     pub actionlets: usize,
     /// Numbers that say them.
@@ -43,11 +49,22 @@ pub struct DofFigures {
     pub compression: f64,
 }
 
+/// A joint whose flexion and rotation are poorly determined some of the time.
+#[derive(Clone, Debug, Serialize)]
+pub struct SingularFigures {
+    /// Its name.
+    pub joint: &'static str,
+    /// Share of the poses within 5 deg of its singularity, 0 to 1.
+    pub share: f64,
+    /// How far its angles are from a pose at most, there or where it would wind otherwise, deg.
+    pub off_deg: f64,
+}
+
 /// A motion as actionlets, in figures.
 #[derive(Clone, Debug, Serialize)]
 pub struct DecomposedReport {
-    /// `done`.
-    pub outcome: &'static str,
+    /// Done with loss if a degree of freedom misses the tolerance.
+    pub outcome: Outcome,
     /// What was decomposed.
     pub motion: String,
     /// Length, s.
@@ -64,8 +81,10 @@ pub struct DecomposedReport {
     pub numbers: usize,
     /// Times fewer numbers than samples at the reference rate.
     pub compression: f64,
-    /// All that move.
+    /// All degrees of freedom.
     pub dofs: Vec<DofFigures>,
+    /// Those joints whose angles are drawn some of the time.
+    pub near_singular: Vec<SingularFigures>,
     /// The action file.
     pub written: String,
 }
@@ -84,16 +103,16 @@ pub fn check_name(order: &DecomposeOrder) -> Result<(), Error> {
         .allowed("a name that ends in .toml"))
 }
 
-/// Decomposes a motion and writes the action file.
+/// Decomposes a motion and writes the action file, also if it misses the tolerance.
 ///
 /// # Errors
 /// If the motion cannot be read, does not move, or the file cannot be written.
 pub fn decompose(order: &DecomposeOrder) -> Result<DecomposedReport, Error> {
     check_name(order)?;
     let (capture, _) = source::body_motion(&order.motion, order.mapping.as_deref())?;
-    let angles = decompose::angles_of(&capture.poses);
+    let series = JointAngles::of_clip(&capture.poses, capture.rate_hz);
     let tolerance_rad = order.tolerance_deg.to_radians();
-    let found = decompose::motion_of(&angles, capture.rate_hz, tolerance_rad)?;
+    let found = decompose::motion_of(&series.angles, capture.rate_hz, tolerance_rad)?;
     if found.motion.moving().next().is_none() {
         return Err(Error::new("nothing in this motion moves more than the tolerance")
             .at(order.motion.clone())
@@ -102,13 +121,13 @@ pub fn decompose(order: &DecomposeOrder) -> Result<DecomposedReport, Error> {
     }
     let stem = order.file.file_stem().and_then(|stem| stem.to_str()).unwrap_or("motion");
     let source = format!("gaitway actionlets {}, {} deg", order.motion, order.tolerance_deg);
-    let note = format!("{} poses at {} Hz as actionlets", angles.len(), capture.rate_hz);
+    let note = format!("{} poses at {} Hz as actionlets", series.angles.len(), capture.rate_hz);
     let action = Action::of_motion(&action_name(stem), &note, &source, &found.motion);
     let text = action.to_toml()?;
     // What was written must be what was found.
     file::parse(&text, &order.file.display().to_string(), &|_| None)?;
     draft::write_file(&order.file, order.replace, text.as_bytes())?;
-    Ok(report(order, capture.rate_hz, &found))
+    Ok(report(order, capture.rate_hz, &found, &series.near_singular))
 }
 
 /// A file name as an action's name.
@@ -118,7 +137,13 @@ fn action_name(stem: &str) -> String {
     if name.is_empty() { "motion".to_owned() } else { name }
 }
 
-fn report(order: &DecomposeOrder, rate_hz: f64, found: &DecomposedMotion) -> DecomposedReport {
+fn report(
+    order: &DecomposeOrder,
+    rate_hz: f64,
+    found: &DecomposedMotion,
+    near_singular: &[NearSingular],
+) -> DecomposedReport {
+    let misses = |figure: &Figure| figure.rms_rad.to_degrees() > order.tolerance_deg;
     let moves = |figure: &&Figure| figure.range_rad.to_degrees() > MOVING_DEG;
     let moving: Vec<&Figure> = found.figures.iter().filter(moves).collect();
     let numbers: usize = moving.iter().map(|figure| figure.numbers).sum();
@@ -127,7 +152,11 @@ fn report(order: &DecomposeOrder, rate_hz: f64, found: &DecomposedMotion) -> Dec
     let duration_s = found.motion.duration_s();
     let samples = duration_s * decompose::REFERENCE_HZ * moving.len() as f64;
     DecomposedReport {
-        outcome: "done",
+        outcome: if found.figures.iter().any(misses) {
+            Outcome::DoneWithLoss
+        } else {
+            Outcome::Done
+        },
         motion: order.motion.clone(),
         duration_s,
         rate_hz,
@@ -143,9 +172,20 @@ fn report(order: &DecomposeOrder, rate_hz: f64, found: &DecomposedMotion) -> Dec
                 name: figure.dof.name(),
                 range_deg: figure.range_rad.to_degrees(),
                 rms_deg: figure.rms_rad.to_degrees(),
+                misses_tolerance: misses(figure),
+                noise_deg: figure.noise_rad.to_degrees(),
                 actionlets: figure.actionlets,
                 numbers: figure.numbers,
                 compression: figure.compression,
+            })
+            .collect(),
+        near_singular: near_singular
+            .iter()
+            .filter(|near| near.share > 0.0 || near.off_rad > 0.0)
+            .map(|near| SingularFigures {
+                joint: near.joint.name(),
+                share: near.share,
+                off_deg: near.off_rad.to_degrees(),
             })
             .collect(),
         written: order.file.display().to_string(),

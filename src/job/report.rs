@@ -21,7 +21,7 @@ pub use crate::robot::preflight::LINE_SHARE;
 pub enum Outcome {
     /// All of it.
     Done,
-    /// All of it, but something received was not stored.
+    /// All of it, but something received was not stored, or a tolerance is missed.
     DoneWithLoss,
     /// Nothing moved: the answer was no.
     Refused,

@@ -22,6 +22,8 @@ pub struct Knots {
     pub angles_rad: Vec<f64>,
     /// Peak places between the seams.
     pub peaks: Vec<f64>,
+    /// Between these the last seam may move, s.
+    pub end_s: (f64, f64),
 }
 
 impl Knots {
@@ -47,10 +49,22 @@ impl Knots {
             times_s: times_s.to_vec(),
             angles_rad: times_s.iter().map(|time_s| angle(*time_s)).collect(),
             peaks: times_s.windows(2).map(peak).collect(),
+            end_s: (last as f64 / rate_hz, last as f64 / rate_hz),
         }
     }
 
-    /// Improves the fit in at most `rounds` steps; the ends stay where they are in time.
+    /// The last seam may lie up to a sample's time before or after the last sample.
+    pub fn with_free_end(mut self, rate_hz: f64) -> Self {
+        self.end_s = (self.end_s.0 - 1.0 / rate_hz, self.end_s.1 + 1.0 / rate_hz);
+        self
+    }
+
+    fn has_free_end(&self) -> bool {
+        self.end_s.0 < self.end_s.1
+    }
+
+    /// Improves the fit in at most `rounds` steps; the ends stay where they are in time, but for a last
+    /// one that is free.
     pub fn refine(&mut self, samples_rad: &[f64], rate_hz: f64, rounds: usize) {
         let mut damping = 1e-3;
         let mut normal = Normal::of(self, samples_rad, rate_hz);
@@ -84,6 +98,9 @@ impl Knots {
             moved.angles_rad[seam] += angle;
             if seam > 0 && seam + 1 < seams {
                 moved.times_s[seam] += time;
+            } else if seam > 0 && self.has_free_end() {
+                moved.times_s[seam] =
+                    (moved.times_s[seam] + time).clamp(self.end_s.0, self.end_s.1);
             }
             if let Some(place) = moved.peaks.get_mut(seam) {
                 *place = (*place + peak).clamp(PEAKS.0, PEAKS.1);
@@ -125,7 +142,7 @@ impl Normal {
             let miss = a + change * progress - given_rad;
             normal.squares += miss * miss;
             let by_begin = if seam > 0 { change * slope * (u - 1.0) / duration_s } else { 0.0 };
-            let inner = seam + 2 < seams;
+            let inner = seam + 2 < seams || knots.has_free_end();
             let by_end = if inner { -change * slope * u / duration_s } else { 0.0 };
             let first = seam * PER_SEAM;
             let by = [by_begin, 1.0 - progress, change * by_peak, by_end, progress];
@@ -218,6 +235,7 @@ mod tests {
             times_s: vec![0.0, 0.52, 1.13, 2.0],
             angles_rad: vec![0.1, 0.9, 0.2, 0.6],
             peaks: vec![0.3, 0.6, 0.45],
+            end_s: (2.0, 2.0),
         };
         let rate_hz = 100.0;
         let value = |time_s: f64| {

@@ -11,6 +11,8 @@ const AT_REST: f64 = 1e-7;
 /// What moves faster than this is noise to candidates, Hz: gross human motion ends near 6 Hz
 /// (Winter), sharp turns in time need a little more.
 const CANDIDATES_BELOW_HZ: f64 = 10.0;
+/// Of a series with noise that matters, what is faster than this is left out, Hz.
+const ROUGH_BELOW_HZ: f64 = 6.0;
 /// Candidates between two others that are far apart: at most this many, this far apart, s.
 const BETWEEN: usize = 3;
 const BETWEEN_S: f64 = 0.08;
@@ -67,6 +69,15 @@ fn is_touch(step: &[f64], index: usize) -> bool {
     let after = (index + 1..step.len()).take_while(|i| speed(*i) >= speed(*i - 1));
     let peak_after = after.map(speed).fold(0.0, f64::max);
     here < TOUCH * peak_before.min(peak_after)
+}
+
+/// The motion below the noise of a series, as far as cuts are looked for in it.
+pub fn smoothed(samples_rad: &[f64], rate_hz: f64) -> Result<Vec<f64>, Error> {
+    if rate_hz > 3.0 * ROUGH_BELOW_HZ {
+        low_pass(samples_rad, rate_hz, ROUGH_BELOW_HZ)
+    } else {
+        Ok(samples_rad.to_vec())
+    }
 }
 
 /// Sample indices at which it may pay to cut: extremes and slow places of the smoothed series, some

@@ -1,5 +1,7 @@
 use super::*;
 use proptest::prelude::*;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 
 fn sampled(chain: &Sequence, rate_hz: f64) -> Vec<f64> {
     let count = (chain.end_s() * rate_hz).round() as usize + 1;
@@ -90,6 +92,85 @@ fn unusable_series_are_refused() {
     assert!(decompose(&fine, 0.0, 0.01).is_err());
     assert!(decompose(&fine, 100.0, 0.0).is_err());
     assert!(decompose(&fine, f64::NAN, 0.01).is_err());
+}
+
+/// The same samples with normally distributed noise (Box and Muller).
+fn with_noise(samples: &[f64], size: f64, random: &mut ChaCha8Rng) -> Vec<f64> {
+    let mut normal = || {
+        let (one, other): (f64, f64) = (random.random(), random.random());
+        (-2.0 * (1.0 - one).ln()).sqrt() * (core::f64::consts::TAU * other).cos()
+    };
+    samples.iter().map(|value| value + size * normal()).collect()
+}
+
+/// A chain of turns there and back, of a size that people make.
+fn any_chain(random: &mut ChaCha8Rng) -> Sequence {
+    let steps: Vec<_> = (0..12)
+        .map(|i| {
+            let change = random.random_range(0.15..1.0);
+            let signed = if i % 2 == 0 { change } else { -change };
+            (random.random_range(0.3..0.9), signed, random.random_range(0.25..0.75))
+        })
+        .collect();
+    built(&steps)
+}
+
+fn moving(chain: &Sequence) -> usize {
+    chain.actionlets().iter().filter(|piece| !piece.is_rest()).count()
+}
+
+#[test]
+fn a_chain_that_ends_between_two_samples_returns_its_own() {
+    for rate_hz in [60.0, 120.0] {
+        for part in [-0.9, -0.5, -0.1, 0.1, 0.4, 0.8] {
+            let last_s = 0.5 + part / rate_hz;
+            let chain = built(&[(0.5, 0.6, 0.35), (0.7, -0.9, 0.55), (last_s, 0.5, 0.45)]);
+            // The last sample is the one at 1.7 s: the chain ends before it, or after.
+            let mut samples = vec![0.0; (1.7 * rate_hz).round() as usize + 1];
+            chain.sample_into(rate_hz, &mut samples);
+            let got = decompose(&samples, rate_hz, 1f64.to_radians()).unwrap();
+            same_actionlets(&got.chain, &chain);
+            assert!(got.rms_rad < 1e-6, "{part} at {rate_hz} Hz: {}", got.rms_rad);
+        }
+    }
+}
+
+#[test]
+fn noise_is_told_from_motion_and_not_fitted() {
+    let mut random = ChaCha8Rng::seed_from_u64(7);
+    for (rate_hz, size_deg) in [(60.0, 1.0), (60.0, 2.0), (120.0, 0.5), (120.0, 2.0), (240.0, 2.0)]
+    {
+        let size = f64::to_radians(size_deg);
+        let (mut found, mut given) = (0, 0);
+        for _ in 0..12 {
+            let chain = any_chain(&mut random);
+            let clean = sampled(&chain, rate_hz);
+            let noisy = with_noise(&clean, size, &mut random);
+            let got = decompose(&noisy, rate_hz, 1f64.to_radians()).unwrap();
+            found += moving(&got.chain);
+            given += moving(&chain);
+            assert!((got.noise_rad / size - 1.0).abs() < 0.25, "{size_deg}: {}", got.noise_rad);
+            let mut again = vec![0.0; clean.len()];
+            got.chain.sample_into(rate_hz, &mut again);
+            let squares = again.iter().zip(&clean).map(|(got, given)| (got - given).powi(2));
+            let error_deg = (squares.sum::<f64>() / clean.len() as f64).sqrt().to_degrees();
+            assert!(error_deg <= 1.5, "{rate_hz} Hz, {size_deg} deg of noise: {error_deg} deg off");
+        }
+        let times = found as f64 / given as f64;
+        assert!(
+            times <= 1.3,
+            "{rate_hz} Hz, {size_deg} deg of noise: {times} times the actionlets"
+        );
+    }
+}
+
+#[test]
+fn still_noise_is_one_number() {
+    let mut random = ChaCha8Rng::seed_from_u64(3);
+    let noisy = with_noise(&[0.3; 600], 2f64.to_radians(), &mut random);
+    let got = decompose(&noisy, 120.0, 1f64.to_radians()).unwrap();
+    assert_eq!(got.numbers(), 1);
+    assert!((got.chain.from_rad() - 0.3).abs() < 0.01);
 }
 
 proptest! {
