@@ -18,6 +18,8 @@ use std::path::Path;
 mod source;
 use source::Source;
 
+/// Largest header of a file whose joints alone are read, bytes.
+const MAX_HEADER_BYTES: u64 = 1 << 20;
 /// Largest file read, bytes.
 pub const MAX_FILE_BYTES: u64 = 256 << 20;
 /// Most joints in a hierarchy.
@@ -134,23 +136,37 @@ impl Bvh {
 /// # Errors
 /// If the file cannot be read, breaks the format or exceeds a bound; the message names the line.
 pub fn read(path: &Path) -> Result<Bvh, Error> {
-    let in_file = |error: Error| match &error.place {
+    let in_file = in_file(path);
+    let file = File::open(path).map_err(|cause| in_file(unreadable(&cause)))?;
+    let bytes = file.metadata().map_err(|cause| in_file(unreadable(&cause)))?.len();
+    parse_stream(file, bytes).map_err(in_file)
+}
+
+/// Reads the joints of a file and leaves its poses.
+///
+/// # Errors
+/// If the file cannot be read, or its header breaks the format or exceeds a bound.
+pub fn read_joints(path: &Path) -> Result<Vec<Joint>, Error> {
+    let in_file = in_file(path);
+    let file = File::open(path).map_err(|cause| in_file(unreadable(&cause)))?;
+    hierarchy(&mut Source::new(file.take(MAX_HEADER_BYTES))).map_err(in_file)
+}
+
+fn unreadable(cause: &std::io::Error) -> Error {
+    Error::of(cause.into(), "the file cannot be read")
+        .got(cause.to_string())
+        .remedy("check the path and the permissions")
+}
+
+/// Puts the file before the place of an error.
+fn in_file(path: &Path) -> impl Fn(Error) -> Error {
+    move |error| match &error.place {
         Some(place) => {
             let place = format!("{}, {place}", path.display());
             error.at(place)
         }
         None => error.at(path.display().to_string()),
-    };
-    let unreadable = |cause: std::io::Error| {
-        in_file(
-            Error::of((&cause).into(), "the file cannot be read")
-                .got(cause.to_string())
-                .remedy("check the path and the permissions"),
-        )
-    };
-    let file = File::open(path).map_err(unreadable)?;
-    let bytes = file.metadata().map_err(unreadable)?.len();
-    parse_stream(file, bytes).map_err(in_file)
+    }
 }
 
 /// Reads from memory.

@@ -11,6 +11,7 @@
 
 use crate::body::Segment;
 use crate::error::{Error, ErrorKind};
+use crate::mocap::bones::Bones;
 use crate::mocap::bvh::Bvh;
 use crate::mocap::landmarks::Landmarks;
 use crate::mocap::mapping::{ARMS, LEGS, Mapping, MappingFile};
@@ -95,6 +96,12 @@ impl Clip {
     #[must_use]
     pub fn notes(&self) -> &[String] {
         &self.notes
+    }
+
+    /// The bones of the skeleton.
+    #[must_use]
+    pub fn bones(&self) -> Bones {
+        Bones::of(&self.bvh.joints)
     }
 
     /// Which joint is which segment.

@@ -97,6 +97,13 @@ impl Mapping {
         self.parts[segment.index()].as_ref()
     }
 
+    /// True if each segment is of the same joints as in another mapping.
+    #[must_use]
+    pub fn is_alike(&self, other: &Self) -> bool {
+        let joints = |part: &Option<Part>| part.as_ref().map(|part| (part.joint, part.carrier));
+        self.parts.iter().map(joints).eq(other.parts.iter().map(joints))
+    }
+
     /// Takes left legs for right.
     pub fn swap_legs(&mut self) {
         for (left, right) in LEGS[0].into_iter().zip(LEGS[1]) {
