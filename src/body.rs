@@ -13,6 +13,7 @@ pub mod angles;
 pub mod anthropometry;
 pub mod contact;
 pub mod dof;
+pub mod pelvis;
 pub mod proportions;
 pub mod worn;
 
@@ -23,6 +24,7 @@ use glam::{DQuat, DVec3};
 
 pub use angles::{AngleSeries, JointAngles, Measured, NearSingular};
 pub use dof::{Dof, Joint};
+pub use pelvis::PelvisAngles;
 pub use proportions::{End, JointPositions, Proportions};
 pub use segment_names::{segment_name, segment_named};
 
@@ -106,6 +108,23 @@ pub struct SegmentPose {
 }
 
 impl SegmentPose {
+    /// How far the torso leans against the pelvis: the angle between their long axes, rad.
+    #[must_use]
+    pub fn torso_lean_rad(&self) -> f64 {
+        self.long_axis(Segment::Torso).angle_between(self.long_axis(Segment::Pelvis))
+    }
+
+    /// How far the pelvis leans against the vertical, rad.
+    #[must_use]
+    pub fn pelvis_lean_rad(&self) -> f64 {
+        self.long_axis(Segment::Pelvis).angle_between(DVec3::Z)
+    }
+
+    /// Direction of a segment's long axis in the world.
+    fn long_axis(&self, segment: Segment) -> DVec3 {
+        self.orientation[segment.index()] * segment.long_axis()
+    }
+
     /// The pose on the way to another: `share` 0 is this one, 1 the other.
     #[must_use]
     pub fn towards(&self, other: &Self, share: f64) -> Self {

@@ -90,7 +90,7 @@ enum Command {
     Simulate(simulate::SimulateArgs),
     /// Record sensors, lines of text and hand-guided servos
     Record(Box<record::RecordArgs>),
-    /// Turn a recording into a table
+    /// Turn a recording or a capture into a table
     Convert(convert::ConvertArgs),
     /// Look into a recording, finished or not
     Info(recordings::InfoArgs),

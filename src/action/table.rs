@@ -2,10 +2,10 @@
 //! the world, m: X forward, Y left, Z up, from [`Motion::placed`].
 
 use crate::action::Motion;
-use crate::body::{Dof, JointAngles, Proportions};
+use crate::body::{Dof, JointAngles, PelvisAngles, Proportions};
 use crate::error::Error;
 use crate::table::TableWriter;
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 use std::io;
 
 /// The titles of the table.
@@ -25,6 +25,17 @@ pub fn cells(
     let values = angles.0.into_iter().chain(root_m.to_array());
     let values = values.map(|value| format!("{value:.9}"));
     std::iter::once(format!("{:.6}", index as f64 / rate_hz)).chain(values)
+}
+
+/// The titles of the columns that say how the pelvis of a captured motion is turned; in an action it
+/// is upright.
+pub fn pelvis_titles() -> impl Iterator<Item = String> {
+    PelvisAngles::NAMES.iter().map(|name| format!("{name}_rad"))
+}
+
+/// The cells of these columns.
+pub fn pelvis_cells(orientation: DQuat) -> impl Iterator<Item = String> {
+    PelvisAngles::of(orientation).to_array().into_iter().map(|value| format!("{value:.9}"))
 }
 
 /// Writes a motion of a body with these proportions, a row per sample.

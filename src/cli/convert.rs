@@ -1,16 +1,21 @@
-//! `convert`: a recording as a table, or as joint angles of the person who wore its sensors.
+//! `convert`: a recording as a table, or as joint angles of the person who wore its sensors; a capture
+//! as joint angles of the body model.
 
 use super::report::Outcome;
 use super::{Output, Remarks};
 use crate::body::Proportions;
 use crate::body::worn::kept::Kept;
 use crate::error::{Error, ErrorKind};
+use crate::job::convert::{ConvertOrder, convert};
 use crate::recording;
 use crate::session::angles::{WornMotion, body_of};
 use crate::session::files::BODY_KEY;
 use clap::Args;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+
+/// Poses per second of joint angles, unless another rate is asked for.
+const USUAL_HZ: f64 = 100.0;
 
 /// Arguments of `convert`.
 #[derive(Debug, Args)]
@@ -19,26 +24,32 @@ OUT.csv   joint angles if the recording knows how its sensors were worn, else on
           a sensor, or per cycle of a robot
 OUT.bvh   joint angles on a skeleton of the person's stature
 OUT.mcap  joint angles as joint states
+OUT.x3d   a scene with the skeleton in motion; of captures alone
 
-Segments that are not worn stay at rest and are named.
+Segments that are not worn stay at rest and are named. Tables of joint angles hold where the pelvis is and
+how it is turned as well. A capture keeps its own rate.
 
 Examples:
   gaitway convert wave.mcap wave.csv
   gaitway convert trials/wave-r-01.mcap wave.bvh
   gaitway convert dance.mcap dance.bvh \\
-          --calibration-body lab/calibration/body-s01-01.toml")]
+          --calibration-body lab/calibration/body-s01-01.toml
+  gaitway convert dance.bvh dance.csv")]
 pub struct ConvertArgs {
-    /// Recording, finished or not
+    /// Recording, finished or not, or a capture (.bvh)
     file: PathBuf,
     /// The table, skeleton file or recording to write
     out: PathBuf,
     /// How the sensors were worn, in place of what the recording says
     #[arg(long, value_name = "FILE.toml")]
     calibration_body: Option<PathBuf>,
-    /// Poses per second of joint angles
-    #[arg(long, value_name = "HZ", default_value_t = 100.0, allow_negative_numbers = true)]
-    rate: f64,
-    /// Stature of whoever wore the sensors, m [default: what the recording says, or 1.75]
+    /// Poses per second of joint angles of a recording [default: 100]
+    #[arg(long, value_name = "HZ", allow_negative_numbers = true)]
+    rate: Option<f64>,
+    /// File that says which joint of the capture is which body segment (TOML)
+    #[arg(long, value_name = "FILE.toml")]
+    mapping: Option<PathBuf>,
+    /// Stature of the person, m [default: what the recording says, or 1.75; as a capture shows it]
     #[arg(long, value_name = "M", allow_negative_numbers = true)]
     stature: Option<f64>,
     /// A table of samples, also of worn sensors
@@ -55,6 +66,12 @@ pub struct ConvertArgs {
 /// A recording that cannot be read or does not know how its sensors were worn, a file that exists
 /// or cannot be written.
 pub fn run(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
+    if args.file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("bvh")) {
+        return captured(args, remarks);
+    }
+    if args.mapping.is_some() {
+        return Err(misplaced("--mapping", "a capture (.bvh)"));
+    }
     let kind = args.out.extension().and_then(|e| e.to_str()).unwrap_or_default();
     if !["csv", "bvh", "mcap"].contains(&kind) || (args.samples && kind != "csv") {
         return Err(Error::of(ErrorKind::Unknown, "this kind of file cannot be written")
@@ -81,6 +98,43 @@ pub fn run(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
     }
 }
 
+fn misplaced(option: &str, allowed: &str) -> Error {
+    Error::new("this option does not go with this file").at(option).allowed(allowed)
+}
+
+/// A capture on the body model.
+fn captured(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
+    let of_recordings = [
+        ("--samples", args.samples),
+        ("--calibration-body", args.calibration_body.is_some()),
+        ("--rate", args.rate.is_some()),
+    ];
+    if let Some((option, _)) = of_recordings.iter().find(|(_, given)| *given) {
+        return Err(misplaced(option, "a recording (.mcap)"));
+    }
+    let output = Output::forced(args.force);
+    output.check_files(&[&Some(args.out.clone())])?;
+    output.check_apart(&args.file, &[&args.out])?;
+    let report = convert(&ConvertOrder {
+        capture: args.file.clone(),
+        mapping: args.mapping.clone(),
+        stature_m: args.stature,
+        file: args.out.clone(),
+        replace: args.force,
+    })?;
+    for note in &report.notes {
+        remarks.say(note);
+    }
+    remarks.say(&format!(
+        "the torso leans by up to {:.0} deg against the pelvis, the pelvis by up to {:.0} deg against the \
+         vertical",
+        report.most_torso_lean_deg, report.most_pelvis_lean_deg
+    ));
+    let (poses, rate_hz) = (report.poses, report.rate_hz);
+    remarks.say(&format!("{poses} poses at {rate_hz} Hz to {}", report.written));
+    Ok(Outcome::Done.exit_code())
+}
+
 /// How the sensors were worn, if that is known.
 fn worn(args: &ConvertArgs, metadata: &BTreeMap<String, String>) -> Result<Option<Kept>, Error> {
     let (text, place) = match (&args.calibration_body, metadata.get(BODY_KEY)) {
@@ -103,7 +157,7 @@ fn angles(
         Some(stature_m) => Proportions::of_stature(stature_m)?,
         None => body_of(&metadata)?,
     };
-    let motion = WornMotion::of(&series, kept, body, args.rate)
+    let motion = WornMotion::of(&series, kept, body, args.rate.unwrap_or(USUAL_HZ))
         .map_err(|e| if e.place.is_none() { e.at(args.file.display().to_string()) } else { e })?;
     metadata.remove(BODY_KEY);
     metadata.insert("from".to_owned(), args.file.display().to_string());

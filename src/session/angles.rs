@@ -124,17 +124,21 @@ impl WornMotion {
         self.measured.iter().map(silent).sum::<usize>() as u64
     }
 
-    /// As a table: the columns of [`table::titles`], and last the segments that are not measured in
-    /// this row, with `;` between them.
+    /// As a table: the columns of [`table::titles`], how the pelvis is turned
+    /// ([`table::pelvis_titles`]), and last the segments that are not measured in this row, with `;`
+    /// between them.
     ///
     /// # Errors
     /// None that a motion can have.
     pub fn csv(&self) -> Result<Vec<u8>, Error> {
         let mut out = TableWriter::new(Vec::new());
-        out.row(table::titles().chain(["not_measured".to_owned()]))?;
+        let titles = table::titles().chain(table::pelvis_titles());
+        out.row(titles.chain(["not_measured".to_owned()]))?;
         for (n, (angles, pose)) in self.angles.iter().zip(&self.poses).enumerate() {
             let not_measured = names(&self.measured[n]).join(";");
-            out.row(table::cells(n, self.rate_hz, angles, pose.root_m).chain([not_measured]))?;
+            let cells = table::cells(n, self.rate_hz, angles, pose.root_m);
+            let pelvis = table::pelvis_cells(pose.orientation[Segment::Pelvis.index()]);
+            out.row(cells.chain(pelvis).chain([not_measured]))?;
         }
         out.finish()
     }
