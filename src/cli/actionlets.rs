@@ -10,6 +10,9 @@ use clap::Args;
 use std::fmt::Write;
 use std::path::PathBuf;
 
+/// A lean of the pelvis that is lost is said from here on, deg.
+const NOTED_LEAN_DEG: f64 = 5.0;
+
 /// Arguments of `actionlets`.
 #[derive(Clone, Debug, Args)]
 #[command(after_help = "Example: gaitway actionlets dance.bvh -o dance.toml\n\
@@ -112,6 +115,14 @@ fn words(report: &DecomposedReport, remarks: Remarks) -> String {
         REFERENCE_HZ,
         report.written
     );
+    if report.pelvis_lean_lost_deg >= NOTED_LEAN_DEG {
+        let _ = writeln!(
+            text,
+            "note      the pelvis leans by up to {:.0} deg in the capture; an action does not hold that: its \
+             pelvis is upright",
+            report.pelvis_lean_lost_deg
+        );
+    }
     text
 }
 

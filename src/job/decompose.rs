@@ -4,9 +4,11 @@ use super::report::Outcome;
 use super::source;
 use crate::action::decompose::{self, DecomposedMotion, Figure};
 use crate::action::{Action, file};
-use crate::body::{JointAngles, NearSingular};
+use crate::body::{JointAngles, NearSingular, SegmentPose};
 use crate::draft;
 use crate::error::{Error, ErrorKind};
+use crate::mocap::anatomy::Capture;
+use crate::mocap::siblings::SegmentFrames;
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -81,6 +83,11 @@ pub struct DecomposedReport {
     pub numbers: usize,
     /// Times fewer numbers than samples at the reference rate.
     pub compression: f64,
+    /// Farthest that the pelvis leans against the vertical, deg. An action does not hold it: its pelvis
+    /// is upright.
+    pub pelvis_lean_lost_deg: f64,
+    /// What the segment frames of a capture were found from; null for an action.
+    pub segment_frames: Option<SegmentFrames>,
     /// All degrees of freedom.
     pub dofs: Vec<DofFigures>,
     /// Those joints whose angles are drawn some of the time.
@@ -109,7 +116,7 @@ pub fn check_name(order: &DecomposeOrder) -> Result<(), Error> {
 /// If the motion cannot be read, does not move, or the file cannot be written.
 pub fn decompose(order: &DecomposeOrder) -> Result<DecomposedReport, Error> {
     check_name(order)?;
-    let (capture, _) = source::body_motion(&order.motion, order.mapping.as_deref())?;
+    let (capture, origin) = source::body_motion(&order.motion, order.mapping.as_deref())?;
     let series = JointAngles::of_clip(&capture.poses, capture.rate_hz);
     let tolerance_rad = order.tolerance_deg.to_radians();
     let found = decompose::motion_of(&series.angles, capture.rate_hz, tolerance_rad)?;
@@ -127,7 +134,7 @@ pub fn decompose(order: &DecomposeOrder) -> Result<DecomposedReport, Error> {
     // What was written must be what was found.
     file::parse(&text, &order.file.display().to_string(), &|_| None)?;
     draft::write_file(&order.file, order.replace, text.as_bytes())?;
-    Ok(report(order, capture.rate_hz, &found, &series.near_singular))
+    Ok(report(order, &capture, origin.segment_frames, &found, &series.near_singular))
 }
 
 /// A file name as an action's name.
@@ -139,11 +146,13 @@ fn action_name(stem: &str) -> String {
 
 fn report(
     order: &DecomposeOrder,
-    rate_hz: f64,
+    capture: &Capture,
+    segment_frames: Option<SegmentFrames>,
     found: &DecomposedMotion,
     near_singular: &[NearSingular],
 ) -> DecomposedReport {
     let misses = |figure: &Figure| figure.rms_rad.to_degrees() > order.tolerance_deg;
+    let leans_rad = capture.poses.iter().map(SegmentPose::pelvis_lean_rad);
     let moves = |figure: &&Figure| figure.range_rad.to_degrees() > MOVING_DEG;
     let moving: Vec<&Figure> = found.figures.iter().filter(moves).collect();
     let numbers: usize = moving.iter().map(|figure| figure.numbers).sum();
@@ -159,12 +168,14 @@ fn report(
         },
         motion: order.motion.clone(),
         duration_s,
-        rate_hz,
+        rate_hz: capture.rate_hz,
         tolerance_deg: order.tolerance_deg,
         moving: moving.len(),
         median_rms_deg: rms.get(rms.len() / 2).copied().unwrap_or(0.0),
         numbers,
         compression: samples / numbers.max(1) as f64,
+        pelvis_lean_lost_deg: leans_rad.fold(0.0, f64::max).to_degrees(),
+        segment_frames,
         dofs: found
             .figures
             .iter()

@@ -167,6 +167,9 @@ impl Job<'_> {
         let model = robot_model(&robot)?;
         let settings = retarget::Settings::default();
         let mut online = Online::new(&model, &capture.tracked, &ready.found.start_rad, &settings)?;
+        self.report.run.trunk_lean_lost = retarget::trunk_lean_lost(&capture, &model);
+        let lean = self.report.run.trunk_lean_lost;
+        self.report.run.notes.extend(lean.and_then(retarget::TrunkLean::note));
         self.report.run.notes.extend(online.notes().iter().cloned());
         if self.order.dry_run {
             self.report.run.outcome = Outcome::Done;

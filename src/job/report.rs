@@ -3,6 +3,7 @@
 use super::source::{RobotMotion, Source};
 use crate::control::{FlightCycle, Left, Performance, Run, StopReason};
 use crate::error::{Error, ErrorKind};
+use crate::mocap::retarget::TrunkLean;
 use crate::motion::{Because, Retimed};
 use crate::recording::crc32;
 use crate::robot::preflight::Preflight;
@@ -243,6 +244,9 @@ pub struct PlayReport {
     pub profiles: Vec<OwnProfile>,
     /// The motion as it came in.
     pub source: Source,
+    /// How the motion's trunk leans against its pelvis, which the robot cannot show; null if it has a
+    /// waist, or the motion is in its joints already.
+    pub trunk_lean_lost: Option<TrunkLean>,
     /// Only with a virtual robot of this process.
     pub referee: Option<RefereeReport>,
     /// Choices made on the way that a person should know.
@@ -290,6 +294,7 @@ impl PlayReport {
             calibration: None,
             profiles: Vec::new(),
             source: Source::default(),
+            trunk_lean_lost: None,
             referee: None,
             notes: Vec::new(),
         }
@@ -307,6 +312,7 @@ impl PlayReport {
     /// Says which motion came in.
     pub(super) fn describe_motion(&mut self, motion: &RobotMotion) {
         self.source = motion.source.clone();
+        self.trunk_lean_lost = motion.trunk_lean_lost();
         self.notes.extend(motion.notes.iter().cloned());
     }
 

@@ -6,11 +6,10 @@ use super::model::robot_model;
 use crate::action::{Join, Motion, phrase, vocabulary};
 use crate::body::Proportions;
 use crate::error::{Error, ErrorKind};
-use crate::mocap::anatomy::{self, Capture};
-use crate::mocap::bvh;
-use crate::mocap::clip::Clip;
+use crate::mocap::anatomy::Capture;
 use crate::mocap::mapping::MappingFile;
-use crate::mocap::retarget::{self, Retargeted};
+use crate::mocap::retarget::{self, Retargeted, TrunkLean};
+use crate::mocap::siblings::{self, SegmentFrames};
 use crate::motion::Path as JointPath;
 use crate::robot::Robot;
 use gaitway_profiles as profiles;
@@ -69,6 +68,8 @@ pub struct Source {
     pub rate_hz: f64,
     /// Length, s.
     pub duration_s: f64,
+    /// What the frames of the body's segments were found from; null unless it is a capture.
+    pub segment_frames: Option<SegmentFrames>,
 }
 
 /// A motion on a robot's joints, before it is timed.
@@ -179,16 +180,16 @@ pub fn body_motion(motion: &str, mapping: Option<&Path>) -> Result<(Capture, Sou
             .remedy(profiles::advice(motion, &shipped, "take one of these, or check the path")));
     }
     let mapping = mapping.map(read_mapping).transpose()?;
-    let bvh = bvh::read(path)?;
+    let file = siblings::read(path, mapping.as_ref())?;
+    let (rate_hz, frames) = (file.clip.rate_hz(), file.clip.dropped() + file.clip.pose_count());
     let source = Source {
         format: "bvh".to_owned(),
-        frames: bvh.pose_count(),
-        rate_hz: 1.0 / bvh.time_step_s,
-        duration_s: bvh.pose_count().saturating_sub(1) as f64 * bvh.time_step_s,
+        frames,
+        rate_hz,
+        duration_s: frames.saturating_sub(1) as f64 / rate_hz,
+        segment_frames: Some(file.frames.clone()),
     };
-    let in_file = |e: Error| if e.place.is_none() { e.at(motion) } else { e };
-    let clip = Clip::new(bvh, mapping.as_ref()).map_err(in_file)?;
-    Ok((anatomy::capture(&clip).map_err(in_file)?, source))
+    Ok((file.capture(), source))
 }
 
 /// Actions, performed by a body of usual stature, in so many poses per second.
@@ -201,6 +202,7 @@ fn performed(text: &str, rate_hz: impl FnOnce(&Motion) -> f64) -> Result<(Captur
         frames: poses.len(),
         rate_hz,
         duration_s: motion.duration_s(),
+        segment_frames: None,
     };
     let capture = Capture {
         rate_hz,
@@ -289,6 +291,12 @@ impl RobotMotion {
     #[must_use]
     pub fn clipped_samples(&self, joint: &str) -> usize {
         self.of_joint(joint, &self.retargeted.clipped_samples)
+    }
+
+    /// What the robot cannot show of how the trunk leans, for lack of a waist; `None` if it has one.
+    #[must_use]
+    pub const fn trunk_lean_lost(&self) -> Option<TrunkLean> {
+        self.retargeted.trunk_lean_lost
     }
 
     /// Share of poses in which the fit holds a joint at its limit.

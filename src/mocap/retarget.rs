@@ -27,6 +27,7 @@ use crate::motion::saturate;
 use crate::motion::smooth::{Rests, low_pass_between};
 use crate::units::wrap_rad;
 use glam::{DQuat, DVec3};
+use serde::Serialize;
 
 mod exact;
 mod group;
@@ -123,12 +124,27 @@ pub struct Retargeted {
     pub at_limit_share: Vec<f64>,
     /// Mean angle between the long axes of segment and link at `positions_rad`, degrees.
     pub fit_error_deg: Vec<(Segment, f64)>,
+    /// What the robot cannot show of how the trunk leans, as [`trunk_lean_lost`].
+    pub trunk_lean_lost: Option<TrunkLean>,
     /// What was found out, a line each.
     pub notes: Vec<String>,
 }
 
+/// How far a trunk leans against its pelvis: the angle between the long axes of torso and pelvis.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct TrunkLean {
+    /// Farthest, deg.
+    pub most_deg: f64,
+    /// When, s from the first pose.
+    pub at_s: f64,
+    /// Mean over the poses, deg.
+    pub mean_deg: f64,
+}
+
 /// A sample counts as clipped if the limits moved it by more than this, rad.
 const CLIPPED_RAD: f64 = 0.01;
+/// A lean that is lost is said in the notes from here on, deg.
+const NOTED_LEAN_DEG: f64 = 5.0;
 /// Joints at a limit for more than this share of the poses are said in the notes.
 const NOTED_SHARE: f64 = 0.2;
 
@@ -189,6 +205,8 @@ pub fn retarget(
             notes.push(format!("{} is at its limit in {percent:.0} % of the poses", joint.name));
         }
     }
+    let trunk_lean_lost = trunk_lean_lost(capture, model);
+    notes.extend(trunk_lean_lost.and_then(TrunkLean::note));
     Ok(Retargeted {
         joints: model.joints.iter().map(|joint| joint.name.clone()).collect(),
         rate_hz: capture.rate_hz,
@@ -196,6 +214,7 @@ pub fn retarget(
         clipped_samples,
         at_limit_share,
         fit_error_deg: fit_error_deg(capture, model, &positions_rad)?,
+        trunk_lean_lost,
         wanted_rad,
         positions_rad,
         notes,
@@ -228,6 +247,37 @@ pub fn wanted(
         }
     }
     Ok(angles)
+}
+
+/// What a robot that lacks a waist cannot show of a capture: how the trunk leans against the pelvis.
+/// Its base follows the pelvis, its arms and head are as on the trunk. `None` for other robots.
+#[must_use]
+pub fn trunk_lean_lost(capture: &Capture, model: &RobotModel) -> Option<TrunkLean> {
+    if !model.lacks_waist() {
+        return None;
+    }
+    let lean = |pose: &SegmentPose| pose.torso_lean_rad().to_degrees();
+    let leans: Vec<f64> = capture.poses.iter().map(lean).collect();
+    let farthest = (0..leans.len()).max_by(|a, b| leans[*a].total_cmp(&leans[*b]))?;
+    Some(TrunkLean {
+        most_deg: leans[farthest],
+        at_s: farthest as f64 / capture.rate_hz,
+        mean_deg: leans.iter().sum::<f64>() / leans.len() as f64,
+    })
+}
+
+impl TrunkLean {
+    /// A sentence for who watches a robot that lacks a waist, unless it is little.
+    #[must_use]
+    pub fn note(self) -> Option<String> {
+        let Self { most_deg, at_s, mean_deg } = self;
+        (most_deg >= NOTED_LEAN_DEG).then(|| {
+            format!(
+                "the robot has no waist joint: it does not show how the trunk leans against the \
+                 pelvis, up to {most_deg:.0} deg (at {at_s:.2} s; {mean_deg:.0} deg on average)"
+            )
+        })
+    }
 }
 
 /// The links whose segments the capture has.
@@ -311,6 +361,13 @@ fn fit_error_deg(
 }
 
 impl RobotModel {
+    /// True if the base follows a pelvis and no joint turns a torso against it.
+    #[must_use]
+    pub fn lacks_waist(&self) -> bool {
+        let is_torso = |link: &SegmentLink| link.segment == Segment::Torso;
+        self.base.contains(&Segment::Pelvis) && !self.links.iter().any(is_torso)
+    }
+
     /// The segment whose frame `segment` is taken against: of those the base plays, the nearest
     /// that carries it.
     fn reference(&self, segment: Segment) -> Segment {

@@ -15,7 +15,7 @@ use crate::job::model::robot_model;
 use crate::job::observer::Event;
 use crate::job::recorder::RunRecorder;
 use crate::job::report::Outcome;
-use crate::mocap::retarget::{self, Online};
+use crate::mocap::retarget::{self, Online, RobotModel};
 use crate::motion::Trend;
 use crate::motion::follow::STALE_S;
 use crate::port::{Clock, MonotonicClock};
@@ -241,6 +241,12 @@ impl Job<'_> {
                 return Err(error);
             }
         };
+        let both = [Segment::Pelvis, Segment::Torso].iter().all(|segment| worn[segment.index()]);
+        if both && model.as_ref().is_ok_and(RobotModel::lacks_waist) {
+            let note = "the robot has no waist joint: it does not show how the trunk leans against the \
+                        pelvis";
+            self.report.run.notes.push(note.to_owned());
+        }
         self.report.run.notes.extend(online.notes().iter().cloned());
         let mut trend = Trend::default();
         let mut newest = |now: Instant, approaching: bool| {

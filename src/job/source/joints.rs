@@ -179,6 +179,7 @@ impl JointMotion {
             clipped_share: Vec::with_capacity(count),
             at_limit_share: vec![0.0; count],
             fit_error_deg: Vec::new(),
+            trunk_lean_lost: None,
             notes: Vec::new(),
         };
         for series in &self.series {
@@ -207,6 +208,7 @@ impl JointMotion {
             frames: last + 1,
             rate_hz: even_hz,
             duration_s: to_s - from_s,
+            ..Source::default()
         };
         Ok((motion, source))
     }
