@@ -19,7 +19,7 @@ pub mod transition;
 use crate::error::Error;
 
 pub use decompose::{Decomposed, decompose};
-pub use insert::{Cut, insert};
+pub use insert::{Cut, Pasted, delayed, insert, paste, seam_in};
 pub use sampled::Sampled;
 pub use sequence::Sequence;
 pub use shape::Shape;

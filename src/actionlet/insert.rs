@@ -2,10 +2,20 @@
 //!
 //! The tables fix times and velocity functions. A velocity function keeps its shape and its peak,
 //! so the angle an actionlet covers grows and shrinks with its duration; what follows the insert
-//! moves on in time and in angle. That is ours: the paper does not say.
+//! moves on in time and in angle. That is ours: the paper does not say. [`insert()`] is the letter of
+//! the tables, [`paste`] adds what they leave open: cuts that begin or end at an instant of rest, and
+//! targets that rest.
 
 use crate::actionlet::{Actionlet, Sequence};
 use crate::error::Error;
+
+/// Instants nearer than this are one, s: times are told to people to so many decimals, and come back
+/// as they were told.
+pub const AS_TOLD_S: f64 = 1e-6;
+/// An actionlet pasted into a time no further from its own duration than this, s, is pasted as it is.
+const AS_IT_IS_S: f64 = 2.5 * AS_TOLD_S;
+/// Angles nearer than this are one, rad.
+const SAME_ANGLE_RAD: f64 = 1e-9;
 
 /// A piece of time of the source and the moment of the target it is pasted at, s.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,14 +31,42 @@ pub struct Cut {
     pub keep_end: bool,
 }
 
+impl Cut {
+    /// How long the piece is, s: by so much the target becomes longer.
+    #[must_use]
+    pub fn length_s(&self) -> f64 {
+        self.end_s - self.begin_s
+    }
+}
+
+/// A chain with a piece of another one in it, and what went where.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Pasted {
+    /// The chain.
+    pub chain: Sequence,
+    /// The first seam of the source in the cut, s of the source (`t_sa2`): the actionlets that begin
+    /// there and later are pasted.
+    pub seam_s: f64,
+    /// Up to here, s of the source, they are pasted as they are; the last one may last longer or
+    /// shorter.
+    pub as_is_to_s: f64,
+    /// Where the first of them begins, s of the chain (`t'_ta2`).
+    pub from_s: f64,
+    /// Where the last one ends, s of the chain (`t'_ta3`).
+    pub to_s: f64,
+    /// What is added to every angle after it, rad.
+    pub moved_rad: f64,
+}
+
 /// Pastes a piece of `source` into `target`: `ta1' = [t_ta1, t_target + (t_sa2 - t_begin)]` with
 /// the velocity function of ta1, `ta2' = [that, t_ta2 + (t_end - t_begin)]` with that of sa2.
 /// Actionlets wholly inside the piece come between, shifted by `t_target - t_begin`, unchanged in
 /// duration and in angle covered. The actionlet of the target is retimed from its own start: an
 /// insert has to be decided before that begins to play.
 ///
-/// It works on one degree of freedom; those of a body reach rest at different times, so that there
-/// is no one cut for all of them. A nod in the middle of a bow:
+/// It works on one degree of freedom;
+/// [`Motion::with_inserted`](crate::action::Motion::with_inserted) on all that a piece moves. A nod in
+/// the middle of a bow:
 ///
 /// ```
 /// use gaitway::action::{Motion, vocabulary};
@@ -63,37 +101,205 @@ pub fn insert(source: &Sequence, target: &Sequence, cut: Cut) -> Result<Sequence
             .got(format!("{} to {} s", cut.begin_s, cut.end_s))
             .allowed("begin and end on two sides of an instant of rest"));
     }
-    let (pieces, targets) = (source.actionlets(), target.actionlets());
-    let (opened, closing) = (&targets[into], &pieces[last]);
-    let shift_s = cut.target_s - cut.begin_s;
-    let mut out = Sequence::starting_at(target.begin_s(), target.from_rad())?;
-    for before in &targets[..into] {
-        out = out.then(before.duration_s(), before.to_rad(), before.shape().clone())?;
+    let pieces = source.actionlets();
+    let piece = Piece {
+        seam_s: pieces[first].end_s(),
+        inner: &pieces[first + 1..last],
+        closing: &pieces[last],
+    };
+    Ok(into_moving(target, into, &piece, cut)?.chain)
+}
+
+/// Pastes a piece of `source` into `target` as [`insert()`], and where somebody rests at one of the
+/// three times, which the tables leave open:
+///
+/// - A cut that begins at a seam takes the actionlet that begins there, one that ends at a seam the
+///   actionlet that ends there, both whole.
+/// - A target that rests at `target_s`, for some time or for an instant, has no actionlet to retime:
+///   it rests on until the first seam of the cut, the piece comes, ends after `t_end - t_begin`, and
+///   the target goes on from where it was.
+///
+/// # Errors
+/// If the cut holds no seam after which something could be pasted, a time is not finite or not inside
+/// its chain, or keeping the end would turn the direction of the last actionlet.
+pub fn paste(source: &Sequence, target: &Sequence, cut: Cut) -> Result<Pasted, Error> {
+    let inside = |chain: &Sequence, time_s: f64| {
+        (chain.begin_s() - AS_TOLD_S..=chain.end_s() + AS_TOLD_S).contains(&time_s)
+    };
+    let in_source = inside(source, cut.begin_s) && inside(source, cut.end_s);
+    if !(in_source && inside(target, cut.target_s)) {
+        let span = |chain: &Sequence| format!("{} to {} s", chain.begin_s(), chain.end_s());
+        return Err(Error::new("a cut, or the place to insert at, is outside its sequence")
+            .got(format!("{} to {} s at {} s", cut.begin_s, cut.end_s, cut.target_s))
+            .allowed(format!("{}, at {}", span(source), span(target))));
     }
-    out = stretched_until(out, opened, pieces[first].end_s() + shift_s)?;
-    for inner in &pieces[first + 1..last] {
+    let Some(piece) = Piece::of(source, &cut) else {
+        return Err(Error::new("a cut holds no instant of rest")
+            .got(format!("{} to {} s", cut.begin_s, cut.end_s))
+            .allowed("an instant of rest inside it, or where it begins"));
+    };
+    let at = going_on(target, cut.target_s);
+    match target.actionlets().get(at) {
+        Some(opened) if moves_at(opened, cut.target_s) => into_moving(target, at, &piece, cut),
+        _ => into_rest(target, at, &piece, cut),
+    }
+}
+
+/// The first seam of the source inside a cut, or where it begins, after which there is something to
+/// paste; s.
+#[must_use]
+pub fn seam_in(source: &Sequence, cut: &Cut) -> Option<f64> {
+    Piece::of(source, cut).map(|piece| piece.seam_s)
+}
+
+/// The target as it is, `length_s` later from `target_s` on: the actionlet that is going on then
+/// lasts so much longer; what rests then rests so much longer.
+///
+/// # Errors
+/// If a number is not finite, or the length is not above zero.
+pub fn delayed(target: &Sequence, target_s: f64, length_s: f64) -> Result<Sequence, Error> {
+    let (targets, at) = (target.actionlets(), going_on(target, target_s));
+    let mut out = copied(target, at)?;
+    let held = targets.get(at).filter(|piece| piece.begin_s() < target_s - AS_TOLD_S);
+    out = match held {
+        Some(held) => {
+            out.then(held.duration_s() + length_s, held.to_rad(), held.shape().clone())?
+        }
+        None => out.rest(length_s)?,
+    };
+    followed(out, &targets[at + usize::from(held.is_some())..], 0.0)
+}
+
+/// True if the target's actionlet is in motion at an instant that is not after its end.
+fn moves_at(actionlet: &Actionlet, time_s: f64) -> bool {
+    !actionlet.is_rest() && actionlet.begin_s() < time_s - AS_TOLD_S
+}
+
+/// Index of the actionlet that ends after `time_s`; of none, one past the last.
+fn going_on(chain: &Sequence, time_s: f64) -> usize {
+    let before = |piece: &&Actionlet| piece.end_s() - AS_TOLD_S <= time_s;
+    chain.actionlets().iter().take_while(before).count()
+}
+
+/// The actionlets of a source that begin in a cut.
+struct Piece<'a> {
+    /// Where the first begins, s.
+    seam_s: f64,
+    /// Those that end before the cut does.
+    inner: &'a [Actionlet],
+    /// The one in which the cut ends.
+    closing: &'a Actionlet,
+}
+
+impl<'a> Piece<'a> {
+    fn of(source: &'a Sequence, cut: &Cut) -> Option<Self> {
+        let pieces = source.actionlets();
+        let first = pieces.iter().position(|piece| cut.begin_s - AS_TOLD_S <= piece.begin_s())?;
+        let last = pieces.iter().position(|piece| cut.end_s <= piece.end_s() + AS_TOLD_S)?;
+        (first <= last).then(|| Self {
+            seam_s: pieces[first].begin_s(),
+            inner: &pieces[first..last],
+            closing: &pieces[last],
+        })
+    }
+}
+
+/// Tables 1, 2: actionlet number `into` of the target becomes ta1', the closing one of the piece ta2'.
+fn into_moving(
+    target: &Sequence,
+    into: usize,
+    piece: &Piece<'_>,
+    cut: Cut,
+) -> Result<Pasted, Error> {
+    let targets = target.actionlets();
+    let opened = &targets[into];
+    let until_s = cut.target_s + (piece.seam_s - cut.begin_s);
+    let out = stretched_until(copied(target, into)?, opened, until_s)?;
+    let from_s = out.end_s();
+    let end_s = opened.end_s() + cut.length_s();
+    let (out, as_is_to_s) = closed(out, piece, &cut, end_s, opened.to_rad())?;
+    let (to_s, moved_rad) = (out.end_s(), out.to_rad() - opened.to_rad());
+    let chain = followed(out, &targets[into + 1..], moved_rad)?;
+    Ok(Pasted { chain, seam_s: piece.seam_s, as_is_to_s, from_s, to_s, moved_rad })
+}
+
+/// The target rests: the piece comes between the actionlets before and those from `at` on.
+fn into_rest(target: &Sequence, at: usize, piece: &Piece<'_>, cut: Cut) -> Result<Pasted, Error> {
+    let targets = target.actionlets();
+    let mut out = copied(target, at)?;
+    let split = targets.get(at).filter(|rest| rest.begin_s() < cut.target_s - AS_TOLD_S);
+    if split.is_some() {
+        let before_s = cut.target_s - out.end_s();
+        out = out.rest(before_s)?;
+    }
+    let (since_s, rests_rad) = (out.end_s(), out.to_rad());
+    let until_seam_s = piece.seam_s - cut.begin_s;
+    if until_seam_s > AS_TOLD_S {
+        out = out.rest(until_seam_s)?;
+    }
+    let from_s = out.end_s();
+    let (mut out, as_is_to_s) = closed(out, piece, &cut, since_s + cut.length_s(), rests_rad)?;
+    let (to_s, moved_rad) = (out.end_s(), out.to_rad() - rests_rad);
+    if let Some(rest) = split {
+        out = out.rest(rest.end_s() - cut.target_s)?;
+    }
+    let chain = followed(out, &targets[at + usize::from(split.is_some())..], moved_rad)?;
+    Ok(Pasted { chain, seam_s: piece.seam_s, as_is_to_s, from_s, to_s, moved_rad })
+}
+
+/// The first `count` actionlets.
+fn copied(chain: &Sequence, count: usize) -> Result<Sequence, Error> {
+    let start = Sequence::starting_at(chain.begin_s(), chain.from_rad())?;
+    chain.actionlets()[..count].iter().try_fold(start, |out, before| {
+        out.then(before.duration_s(), before.to_rad(), before.shape().clone())
+    })
+}
+
+/// Appends a piece whose last actionlet ends at `end_s`, with `keep_end` at `kept_rad`; also up to
+/// where, s of the source, it is as it was.
+fn closed(
+    mut out: Sequence,
+    piece: &Piece<'_>,
+    cut: &Cut,
+    end_s: f64,
+    kept_rad: f64,
+) -> Result<(Sequence, f64), Error> {
+    for inner in piece.inner {
         let to_rad = out.to_rad() + inner.change_rad();
         out = out.then(inner.duration_s(), to_rad, inner.shape().clone())?;
     }
-    let end_s = opened.end_s() + (cut.end_s - cut.begin_s);
-    if cut.keep_end {
-        let change_rad = opened.to_rad() - out.to_rad();
-        if !(change_rad * closing.change_rad() > 0.0) {
+    let closing = piece.closing;
+    let duration_s = end_s - out.end_s();
+    let is_as_is = (duration_s - closing.duration_s()).abs() <= AS_IT_IS_S;
+    let left_rad = kept_rad - out.to_rad();
+    let rests = closing.is_rest() && left_rad.abs() <= SAME_ANGLE_RAD;
+    if cut.keep_end && !rests {
+        if !(left_rad * closing.change_rad() > 0.0) {
             return Err(Error::new("keeping the end angle would turn the last actionlet around")
-                .got(format!("{change_rad} rad left to cover"))
+                .got(format!("{left_rad} rad left to cover"))
                 .allowed(format!("the direction of {} rad", closing.change_rad()))
                 .remedy("insert without keeping the end"));
         }
-        let duration_s = end_s - out.end_s();
-        out = out.then(duration_s, opened.to_rad(), closing.shape().clone())?;
+        let is_whole = is_as_is && (left_rad - closing.change_rad()).abs() <= SAME_ANGLE_RAD;
+        out = out.then(duration_s, kept_rad, closing.shape().clone())?;
+        return Ok((out, if is_whole { closing.end_s() } else { closing.begin_s() }));
+    }
+    out = if is_as_is {
+        let to_rad = out.to_rad() + closing.change_rad();
+        out.then(duration_s, to_rad, closing.shape().clone())?
     } else {
-        out = stretched_until(out, closing, end_s)?;
-    }
-    let moved_rad = out.to_rad() - opened.to_rad();
-    for after in &targets[into + 1..] {
-        out = out.then(after.duration_s(), after.to_rad() + moved_rad, after.shape().clone())?;
-    }
-    Ok(out)
+        stretched_until(out, closing, end_s)?
+    };
+    Ok((out, if is_as_is { closing.end_s() } else { closing.begin_s() }))
+}
+
+/// Appends what follows, every angle `moved_rad` further on.
+fn followed(out: Sequence, after: &[Actionlet], moved_rad: f64) -> Result<Sequence, Error> {
+    after.iter().try_fold(out, |out, next| {
+        // A sum may be rounded: a rest stays one.
+        let to_rad = if next.is_rest() { out.to_rad() } else { next.to_rad() + moved_rad };
+        out.then(next.duration_s(), to_rad, next.shape().clone())
+    })
 }
 
 /// Appends an actionlet that ends at `end_s`, with its velocity function and peak kept.
@@ -205,6 +411,124 @@ mod tests {
             Cut { target_s: f64::NAN, ..CUT },
         ] {
             assert!(insert(&source(), &target(), cut).is_err(), "{cut:?}");
+        }
+    }
+
+    fn hold_and_back() -> Sequence {
+        // At rest at 0, 1, 1.5 and 2.5 s.
+        let start = Sequence::starting_at(0.0, 0.1).unwrap();
+        let there = start.then(1.0, 0.7, half_sine(0.4)).unwrap();
+        there.rest(0.5).unwrap().then(1.0, 0.1, half_sine(0.6)).unwrap()
+    }
+
+    /// What the tables say of a moving target, `paste` says too, and where it went.
+    #[test]
+    fn a_moving_target_is_pasted_into_as_the_tables_say() {
+        let got = paste(&source(), &target(), CUT).unwrap();
+        assert_eq!(got.chain, insert(&source(), &target(), CUT).unwrap());
+        same(got.seam_s, 0.8);
+        same(got.from_s, 3.9);
+        same(got.to_s, 4.9);
+        same(got.moved_rad, 0.17 - 1.0);
+        same(got.as_is_to_s, 0.8);
+    }
+
+    #[test]
+    fn a_whole_sequence_goes_into_a_rest_as_it_is() {
+        let still = Sequence::starting_at(0.0, -0.2).unwrap().rest(6.0).unwrap();
+        for keep_end in [false, true] {
+            let cut = Cut { begin_s: 0.0, end_s: 2.5, target_s: 2.0, keep_end };
+            let got = paste(&hold_and_back(), &still, cut).unwrap();
+            same(got.chain.end_s(), 8.5);
+            same(got.moved_rad, 0.0);
+            assert_eq!((got.seam_s, got.as_is_to_s), (0.0, 2.5));
+            for step in 0..=25 {
+                let time_s = f64::from(step) / 10.0;
+                let (now, then) = (got.chain.at(2.0 + time_s), hold_and_back().at(time_s));
+                same(now.position_rad, then.position_rad - 0.3);
+                same(now.velocity_rad_s, then.velocity_rad_s);
+            }
+            same(got.chain.at(1.9).position_rad, -0.2);
+            same(got.chain.at(8.0).position_rad, -0.2);
+        }
+    }
+
+    #[test]
+    fn a_cut_takes_whole_what_begins_and_ends_at_its_ends() {
+        let still = Sequence::starting_at(0.0, 0.0).unwrap().rest(2.0).unwrap();
+        // From the first seam to the third: up and hold.
+        let cut = Cut { begin_s: 0.0, end_s: 1.5, target_s: 2.0, keep_end: false };
+        let got = paste(&hold_and_back(), &still, cut).unwrap();
+        let durations: Vec<f64> =
+            got.chain.actionlets().iter().map(Actionlet::duration_s).collect();
+        assert_eq!(durations.len(), 3);
+        same(durations[1], 1.0);
+        same(durations[2], 0.5);
+        same(got.moved_rad, 0.6);
+        // Half a second before the first seam is half a second of rest; of the last actionlet a part
+        // is pasted, at its own speed.
+        let cut = Cut { begin_s: 0.5, end_s: 1.9, target_s: 0.7, keep_end: false };
+        let got = paste(&hold_and_back(), &still, cut).unwrap();
+        same(got.from_s, 0.7 + 0.5);
+        same(got.to_s, 0.7 + 1.4);
+        same(got.moved_rad, -0.6 * 0.4);
+        same(got.chain.end_s(), 3.4);
+    }
+
+    /// An instant of rest in the middle of a movement is a place to paste at, and nothing of the
+    /// target is retimed there.
+    #[test]
+    fn a_target_that_turns_is_pasted_into_between_its_actionlets() {
+        let target = target().then(0.5, 0.4, half_sine(0.6)).unwrap();
+        let cut = Cut { begin_s: 1.0, end_s: 2.5, target_s: 4.0, keep_end: false };
+        let got = paste(&hold_and_back(), &target, cut).unwrap();
+        let all = got.chain.actionlets();
+        assert_eq!(all.len(), 4);
+        assert_eq!(all[0], target.actionlets()[0]);
+        assert!(all[1].is_rest());
+        same(all[2].change_rad(), -0.6);
+        same(all[3].begin_s(), 5.5);
+        same(all[3].change_rad(), -0.6);
+        assert_eq!(all[3].shape(), target.actionlets()[1].shape());
+    }
+
+    #[test]
+    fn what_holds_no_seam_or_lies_outside_is_refused() {
+        let go = |begin_s, end_s, target_s| {
+            let cut = Cut { begin_s, end_s, target_s, keep_end: false };
+            paste(&hold_and_back(), &target(), cut).map_err(|error| error.to_string())
+        };
+        assert!(go(0.2, 1.2, 3.5).is_ok());
+        for (begin_s, end_s) in [(0.2, 0.8), (0.2, 1.0), (1.2, 0.2), (1.1, 1.4)] {
+            assert!(go(begin_s, end_s, 3.5).unwrap_err().contains("no instant of rest"));
+        }
+        let nan = f64::NAN;
+        for (begin_s, end_s, target_s) in [
+            (nan, 1.2, 3.5),
+            (0.2, nan, 3.5),
+            (0.2, 1.2, nan),
+            (-0.1, 1.2, 3.5),
+            (0.2, 2.6, 3.5),
+            (0.2, 1.2, 2.9),
+            (0.2, 1.2, 4.1),
+            (0.2, f64::INFINITY, 3.5),
+        ] {
+            assert!(go(begin_s, end_s, target_s).unwrap_err().contains("outside its sequence"));
+        }
+    }
+
+    #[test]
+    fn a_delay_lengthens_what_goes_on_and_nothing_else() {
+        let chain = hold_and_back();
+        for (target_s, lengthened) in [(0.4, 0), (1.2, 1), (1.5, 3), (2.0, 2), (2.5, 3)] {
+            let got = delayed(&chain, target_s, 0.9).unwrap();
+            same(got.end_s(), 3.4);
+            same(got.to_rad(), 0.1);
+            let longer = got.actionlets().iter().map(Actionlet::duration_s).collect::<Vec<_>>();
+            match lengthened {
+                3 => assert!(longer.len() == 4 && longer.contains(&0.9), "{longer:?}"),
+                one => same(longer[one] - chain.actionlets()[one].duration_s(), 0.9),
+            }
         }
     }
 
