@@ -9,9 +9,11 @@
 //!
 //! ```text
 //! file / vocabulary / database -> Action -> (mutate) -> Motion -> (join) -> poses, CSV, BVH, ...
+//!                               cyclic ones -> (change) -'
 //! capture -> decompose -> Motion -> Action file
 //! ```
 
+pub mod change;
 pub mod corpus;
 pub mod database;
 pub mod decompose;
@@ -30,6 +32,7 @@ pub mod write;
 use crate::actionlet::Shape;
 use crate::body::{Dof, JointAngles};
 
+pub use change::{Crossing, GaitChange};
 pub use database::Database;
 pub use join::Join;
 pub use motion::Motion;

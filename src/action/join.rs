@@ -9,10 +9,12 @@ use crate::motion::ease;
 
 /// Angles nearer than this need no transition, rad.
 pub const SAME_ANGLE_RAD: f64 = 1e-6;
-/// A person's unhurried transition: at most so fast, so sharply, and not shorter than this.
-const TRANSITION_RAD_S: f64 = 3.0;
-const TRANSITION_RAD_S2: f64 = 15.0;
-const TRANSITION_MIN_S: f64 = 0.3;
+/// A person's unhurried transition: at most so fast ...
+pub const TRANSITION_RAD_S: f64 = 3.0;
+/// ... so sharply ...
+pub const TRANSITION_RAD_S2: f64 = 15.0;
+/// ... and not shorter than this, s.
+pub const TRANSITION_MIN_S: f64 = 0.3;
 /// What a blend may be off when it is cut into actionlets again, deg, root mean square.
 const BLEND_TOLERANCE_DEG: f64 = 0.1;
 /// Samples per second of a blend.

@@ -5,9 +5,27 @@ use crate::action::{Action, Ends, Group, Motion, Turn};
 use crate::actionlet::{Sequence, Shape};
 use crate::body::Dof;
 use crate::error::Error;
+use std::ops::RangeInclusive;
 
 /// Most rounds of a cyclic action.
 pub const MAX_ROUNDS: u32 = 100_000;
+/// Rounding of an instant, in periods.
+const ROUNDED: f64 = 1e-9;
+
+/// A cyclic action on its way: from which phase, how far, and what comes before and after.
+#[derive(Clone, Debug)]
+pub(super) struct Way<'a> {
+    /// How it is led in and out, where that is asked for.
+    pub(super) ends: &'a Ends,
+    /// Phase at its begin.
+    pub(super) phase: f64,
+    /// How far it goes, in periods.
+    pub(super) periods: f64,
+    /// It comes out of rest, from its pose; else out of another cycle.
+    pub(super) from_rest: bool,
+    /// It comes to rest, at its pose; else goes over into another cycle.
+    pub(super) to_rest: bool,
+}
 
 impl Action {
     /// The motion with its default number of rounds.
@@ -35,28 +53,33 @@ impl Action {
                 .got(rounds.to_string())
                 .allowed(format!("1 to {MAX_ROUNDS}")));
         }
-        let rounds = if self.cyclic.is_some() { f64::from(rounds) } else { 1.0 };
-        let mut chains: Vec<Option<Sequence>> = vec![None; Dof::ALL.len()];
-        for group in &self.groups {
-            for track in &group.tracks {
-                let turns = &self.waveforms[track.waveform];
-                let all = match &self.cyclic {
-                    None => turns.clone(),
-                    Some(ends) => self.turns_of_rounds(group, track.dof, turns, ends, rounds),
-                };
-                let chain = self.chain(track.dof, &all);
-                chains[track.dof.index()] =
-                    Some(chain.map_err(|e| {
-                        e.at(format!("action {}, {}", self.name, track.dof.name()))
-                    })?);
-            }
-        }
-        let end_s = rounds * self.duration_s;
-        let tracks = Dof::ALL.into_iter().zip(chains).map(|(dof, chain)| match chain {
-            Some(chain) => resting_until(chain, end_s),
-            None => Sequence::starting_at(0.0, self.pose[dof])?.rest(end_s),
+        let way = self.cyclic.as_ref().map(|ends| Way {
+            ends,
+            phase: ends.phase,
+            periods: f64::from(rounds),
+            from_rest: true,
+            to_rest: true,
         });
-        Motion::new(tracks.collect::<Result<_, _>>()?)?.in_flight(self.flights_of(rounds))
+        let end_s = way.as_ref().map_or(1.0, |way| way.periods) * self.duration_s;
+        let mut tracks = Vec::with_capacity(Dof::ALL.len());
+        for dof in Dof::ALL {
+            let turns = match &way {
+                None => self.turns_once(dof),
+                Some(way) => self.turns_on(way, dof),
+            };
+            let chain = self.chain(dof, &turns.unwrap_or_default());
+            let chain = chain.map_err(|e| e.at(format!("action {}, {}", self.name, dof.name())))?;
+            tracks.push(resting_until(chain, end_s)?);
+        }
+        let flights = way.map_or_else(|| self.flights.clone(), |way| self.flights_on(&way));
+        let in_s = |(from, to): (f64, f64)| (from * self.duration_s, to * self.duration_s);
+        Motion::new(tracks)?.in_flight(flights.into_iter().map(in_s).collect())
+    }
+
+    /// Turning points of a degree of freedom of an action that is done once.
+    fn turns_once(&self, dof: Dof) -> Option<Vec<Turn>> {
+        let track = self.tracks().find(|track| track.dof == dof)?;
+        Some(self.waveforms[track.waveform].clone())
     }
 
     fn chain(&self, dof: Dof, turns: &[Turn]) -> Result<Sequence, Error> {
@@ -66,62 +89,70 @@ impl Action {
         })
     }
 
-    /// Turning points of a degree of freedom from the pose through the rounds and back, `at` in
-    /// periods from the start.
-    fn turns_of_rounds(
-        &self,
-        group: &Group,
-        dof: Dof,
-        waveform: &[Turn],
-        ends: &Ends,
-        rounds: f64,
-    ) -> Vec<Turn> {
+    /// Turning points of a degree of freedom on the way, `at` in periods from its begin; none if the
+    /// action does not drive it. Out of rest it comes from the pose, into rest it goes back there; in
+    /// motion the cycle goes on, a period beyond either end.
+    pub(super) fn turns_on(&self, way: &Way<'_>, dof: Dof) -> Option<Vec<Turn>> {
+        let (group, track) = self.groups.iter().find_map(|group| {
+            group.tracks.iter().find(|track| track.dof == dof).map(|track| (group, track))
+        })?;
+        let Way { ends, periods, .. } = way;
         let lead = |turns: &[(Dof, Turn)], from: f64| -> Vec<Turn> {
             let own = turns.iter().filter(|(of, _)| *of == dof);
             own.map(|(_, turn)| Turn { at: turn.at + from, ..turn.clone() }).collect()
         };
-        let mut turns = lead(&ends.lead_in, 0.0);
+        let mut turns = if way.from_rest { lead(&ends.lead_in, 0.0) } else { Vec::new() };
         let joins = turns.len();
-        let (numerator, denominator) = (f64::from(group.rate.0), f64::from(group.rate.1));
-        let rate = numerator / denominator;
-        // Own rounds that reach from before the start to after the end.
-        let last = (rate * (rounds + ends.phase) + group.phase).ceil() as i64;
-        for round in -1..=last {
-            for turn in waveform {
-                // Eq. 7 solved for time: rate (t + start phase) + phase = round + at.
-                let at = (round as f64 + turn.at - group.phase) / rate - ends.phase;
-                if (ends.after..=rounds - ends.before).contains(&at) {
-                    turns.push(Turn { at, ..turn.clone() });
-                }
-            }
-        }
+        let from = if way.from_rest { ends.after } else { -1.0 };
+        let to = if way.to_rest { periods - ends.before } else { periods + 1.0 };
+        turns.extend(cycle(group, &self.waveforms[track.waveform], way.phase, &(from..=to)));
         // The cycle is joined by a transition, not by the actionlet that arrives there in a round.
         if let Some(joined) = turns.get_mut(joins) {
             joined.shape = Shape::default();
         }
-        turns.extend(lead(&ends.lead_out, rounds));
-        if turns.last().is_none_or(|turn| turn.at < rounds) {
-            turns.push(Turn { at: rounds, angle_rad: self.pose[dof], shape: Shape::default() });
+        if way.to_rest {
+            turns.extend(lead(&ends.lead_out, *periods));
+            if turns.last().is_none_or(|turn| turn.at < *periods) {
+                let angle_rad = self.pose[dof];
+                turns.push(Turn { at: *periods, angle_rad, shape: Shape::default() });
+            }
         }
-        turns
+        Some(turns)
     }
 
-    /// Flights in s from the start.
-    fn flights_of(&self, rounds: f64) -> Vec<(f64, f64)> {
-        let in_s = |(from, to): (f64, f64)| (from * self.duration_s, to * self.duration_s);
-        let Some(ends) = &self.cyclic else {
-            return self.flights.iter().copied().map(in_s).collect();
-        };
+    /// Flights on the way, in periods from its begin, in order.
+    pub(super) fn flights_on(&self, way: &Way<'_>) -> Vec<(f64, f64)> {
+        let from = if way.from_rest { way.ends.after } else { -ROUNDED };
+        let to = if way.to_rest { way.periods - way.ends.before } else { way.periods + ROUNDED };
         let mut flights: Vec<(f64, f64)> = Vec::new();
-        for round in -1..=(rounds + ends.phase).ceil() as i64 {
-            for (from, to) in &self.flights {
-                let at = |phase: f64| round as f64 + phase - ends.phase;
-                if at(*from) >= ends.after && at(*to) <= rounds - ends.before {
-                    flights.push((at(*from), at(*to)));
+        for round in -1..=(way.periods + way.phase).ceil() as i64 {
+            for flight in &self.flights {
+                let at = |phase: f64| round as f64 + phase - way.phase;
+                if at(flight.0) >= from && at(flight.1) <= to {
+                    flights.push((at(flight.0), at(flight.1)));
                 }
             }
         }
         flights.sort_by(|a, b| a.0.total_cmp(&b.0));
-        flights.into_iter().map(in_s).collect()
+        flights
     }
+}
+
+/// Turning points of a waveform, `at` in periods of the action from an instant at which it is at
+/// `phase`, those that lie `within`.
+fn cycle(group: &Group, waveform: &[Turn], phase: f64, within: &RangeInclusive<f64>) -> Vec<Turn> {
+    let rate = f64::from(group.rate.0) / f64::from(group.rate.1);
+    let own = |at: f64| rate * (at + phase) + group.phase;
+    let rounds = own(*within.start()).floor() as i64 - 1..=own(*within.end()).ceil() as i64;
+    let mut turns = Vec::new();
+    for round in rounds {
+        for turn in waveform {
+            // Eq. 7 solved for time: rate (t + start phase) + phase = round + at.
+            let at = (round as f64 + turn.at - group.phase) / rate - phase;
+            if within.contains(&at) {
+                turns.push(Turn { at, ..turn.clone() });
+            }
+        }
+    }
+    turns
 }

@@ -1,5 +1,6 @@
-//! Several actions in a row, as typed: `walk:6s,wave-r,bow`.
+//! Several actions in a row, as typed: `walk:6s,wave-r,bow`, and without a stop `walk:6s+run:5s`.
 
+use crate::action::change::{GaitChange, without_a_stop};
 use crate::action::{Action, Join, Motion, file, vocabulary};
 use crate::error::Error;
 use std::path::Path;
@@ -20,6 +21,16 @@ pub enum Length {
     Rounds(u32),
 }
 
+/// How an action follows the one before.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Follows {
+    /// After everything has come to rest: a comma.
+    #[default]
+    AtRest,
+    /// Out of the motion, without a stop: a plus sign.
+    InMotion,
+}
+
 /// An action of a phrase.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Item {
@@ -29,6 +40,8 @@ pub struct Item {
     pub length: Length,
     /// How fast; 2 is twice as fast as its file says.
     pub pace: f64,
+    /// How it follows the one before; of the first it says nothing.
+    pub follows: Follows,
 }
 
 /// Whether a motion as typed means actions: a shipped name, an action file, or several in a row.
@@ -38,14 +51,17 @@ pub fn is_phrase(text: &str) -> bool {
         let name = item.split([':', '@']).next().unwrap_or(item);
         vocabulary::text(name).is_some() || is_file(name) || is_file(item)
     };
-    is_file(text) || text.split(',').any(means_action)
+    // A capture may be called walk+run.bvh.
+    let marks: &[char] = if Path::new(text).exists() { &[','] } else { &[',', '+'] };
+    is_file(text) || text.split(marks).any(means_action)
 }
 
 fn is_file(name: &str) -> bool {
     Path::new(name).extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"))
 }
 
-/// Reads `NAME[:6s|:x3][@PACE]`, with commas between several.
+/// Reads `NAME[:6s|:x3][@PACE]`, with commas between several, or plus signs where one gait goes over
+/// into another without a stop.
 ///
 /// # Errors
 /// If an item is not written so.
@@ -53,16 +69,30 @@ pub fn parse(text: &str) -> Result<Vec<Item>, Error> {
     // A path may contain any of the marks.
     if is_file(text) && Path::new(text).exists() {
         let name = text.to_owned();
-        return Ok(vec![Item { name, length: Length::Given, pace: 1.0 }]);
+        let follows = Follows::AtRest;
+        return Ok(vec![Item { name, length: Length::Given, pace: 1.0, follows }]);
     }
-    let items: Vec<&str> = text.split(',').map(str::trim).collect();
-    if items.len() > MAX_ITEMS {
+    if text.split([',', '+']).count() > MAX_ITEMS {
         return Err(Error::new("too many actions in a row").allowed(MAX_ITEMS.to_string()));
     }
-    items.into_iter().map(item).collect()
+    let mut items = Vec::new();
+    for row in text.split(',').map(str::trim) {
+        if let Ok(whole) = item(row, Follows::AtRest)
+            && is_file(&whole.name)
+            && Path::new(&whole.name).exists()
+        {
+            items.push(whole);
+            continue;
+        }
+        for (index, gait) in row.split('+').enumerate() {
+            let follows = if index == 0 { Follows::AtRest } else { Follows::InMotion };
+            items.push(item(gait.trim(), follows)?);
+        }
+    }
+    Ok(items)
 }
 
-fn item(text: &str) -> Result<Item, Error> {
+fn item(text: &str, follows: Follows) -> Result<Item, Error> {
     let wrong = |what: &str, got: &str| {
         Error::new(what)
             .at(text)
@@ -86,7 +116,7 @@ fn item(text: &str) -> Result<Item, Error> {
     if name.is_empty() {
         return Err(wrong("an action is missing", rest));
     }
-    Ok(Item { name: name.to_owned(), length, pace })
+    Ok(Item { name: name.to_owned(), length, pace, follows })
 }
 
 fn length(text: &str) -> Option<Length> {
@@ -114,11 +144,9 @@ impl Item {
         })
     }
 
-    /// The action as long and as fast as asked for.
-    ///
-    /// # Errors
-    /// If it cannot be performed.
-    pub fn perform(&self, action: &Action) -> Result<Motion, Error> {
+    /// The action at its pace, and how many rounds of it.
+    #[must_use]
+    pub fn timed(&self, action: &Action) -> (Action, u32) {
         let mut action = action.clone();
         action.duration_s /= self.pace;
         let rounds = match self.length {
@@ -130,6 +158,15 @@ impl Item {
                 1
             }
         };
+        (action, rounds)
+    }
+
+    /// The action as long and as fast as asked for.
+    ///
+    /// # Errors
+    /// If it cannot be performed.
+    pub fn perform(&self, action: &Action) -> Result<Motion, Error> {
+        let (action, rounds) = self.timed(action);
         action.perform_rounds(rounds)
     }
 }
@@ -152,18 +189,46 @@ pub fn load(text: &str) -> Result<Vec<Part>, Error> {
     items.map(|item| Ok(Part { action: item.action()?, item })).collect()
 }
 
-/// The whole phrase as one motion: everything that moves comes to rest between its actions.
+/// A phrase as one motion, and how it went over from one gait into another.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Performed {
+    /// The motion.
+    pub motion: Motion,
+    /// Changes of gait without a stop, in order of time.
+    pub changes: Vec<GaitChange>,
+}
+
+/// The whole phrase as one motion: everything that moves comes to rest between its actions, but for
+/// gaits that go over into one another.
 ///
 /// # Errors
 /// If an action cannot be performed or joined with the one before, or there is none.
 pub fn perform(parts: &[Part], join: Join) -> Result<Motion, Error> {
-    let mut whole: Option<Motion> = None;
-    for part in parts {
-        let next = part.item.perform(&part.action)?;
-        whole = Some(match whole {
-            None => next,
-            Some(before) => before.followed_by(next, join)?,
-        });
+    Ok(performed(parts, join)?.motion)
+}
+
+/// As [`perform`], with how it went over from one gait into another.
+///
+/// # Errors
+/// As [`perform`].
+pub fn performed(parts: &[Part], join: Join) -> Result<Performed, Error> {
+    let mut whole: Option<Performed> = None;
+    for row in parts.chunk_by(|_, next| next.item.follows == Follows::InMotion) {
+        let (next, crossed) = match row {
+            [part] => (part.item.perform(&part.action)?, Vec::new()),
+            gaits => {
+                let timed = gaits.iter().map(|part| part.item.timed(&part.action));
+                without_a_stop(&timed.collect::<Vec<_>>())?
+            }
+        };
+        let length_s = next.duration_s();
+        let (motion, mut changes) = match whole {
+            None => (next, Vec::new()),
+            Some(before) => (before.motion.followed_by(next, join)?, before.changes),
+        };
+        let begin_s = motion.duration_s() - length_s;
+        changes.extend(crossed.into_iter().map(|change| change.later(begin_s)));
+        whole = Some(Performed { motion, changes });
     }
     whole.ok_or_else(|| Error::new("no action was named"))
 }
