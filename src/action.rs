@@ -8,7 +8,7 @@
 //! joined with others, changed ([`mutate()`]) and drawn.
 //!
 //! ```text
-//! file / vocabulary / database -> Action -> (mutate) -> Motion -> (join) -> poses, CSV, BVH, ...
+//! file / vocabulary / database -> Action -> (mutate) -> Motion -> (join, insert) -> poses, CSV, ...
 //!                               cyclic ones -> (change) -'
 //! capture -> decompose -> Motion -> Action file
 //! ```
@@ -18,6 +18,7 @@ pub mod corpus;
 pub mod database;
 pub mod decompose;
 pub mod file;
+pub mod insert;
 pub mod join;
 pub mod motion;
 pub mod mutate;
@@ -34,6 +35,7 @@ use crate::body::{Dof, JointAngles};
 
 pub use change::{Crossing, GaitChange};
 pub use database::Database;
+pub use insert::{Insert, Inserted, Inserts, Meanwhile, NoSeam, PastedTrack};
 pub use join::Join;
 pub use motion::Motion;
 pub use mutate::{Spread, mutate};

@@ -9,6 +9,7 @@ pub mod doctor;
 pub mod duration;
 pub mod finding;
 pub mod hold;
+pub mod inserts;
 pub mod limp;
 pub mod live;
 pub mod monitor;

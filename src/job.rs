@@ -2,6 +2,7 @@
 //! and ends in a typed report. It prints nothing, reads no keys and knows no command line.
 
 pub mod calibrate;
+pub mod composition;
 pub mod convert;
 pub mod decompose;
 pub mod doctor;

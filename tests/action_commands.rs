@@ -278,3 +278,169 @@ fn a_corpus_is_the_same_whole_in_pieces_and_taken_up_again() {
     assert!(at("one.actionlets.parquet").exists());
     refused(&["synth", "bow", "--variations", "10", "-o", one], &["exists already"]);
 }
+
+/// The words of a run that ends with a code.
+fn says(arguments: &[&str], code: i32, words: &[&str]) {
+    let output = run(arguments);
+    let said = crate::program::words(&output);
+    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {said}");
+    for word in words {
+        assert!(said.contains(word), "{word:?} is not in:\n{said}");
+    }
+}
+
+#[test]
+fn an_insert_says_what_became_of_each_degree_of_freedom() {
+    let folder = crate::program::folder("insert");
+    let out = |name: &str| folder.join(name).to_str().unwrap().to_owned();
+    let (a, b) = (out("a.csv"), out("b.csv"));
+    let report =
+        made(&["synth", "bow", "--insert", "wave-r@1.3s", "--insert-wait", "-o", a.as_str()]);
+    assert!((report["duration_s"].as_f64().unwrap() - 2.8 - 5.0).abs() < 1e-9);
+    let insert = &report["inserts"][0];
+    assert_eq!(report["inserts"].as_array().unwrap().len(), 1);
+    assert_eq!(insert["source"], "wave-r");
+    assert_eq!(insert["meanwhile"], "wait");
+    assert!((insert["longer_by_s"].as_f64().unwrap() - 5.0).abs() < 1e-9);
+    let names = |list: &Value, key: &str| -> Vec<String> {
+        let name = |row: &Value| row.get(key).unwrap_or(row).as_str().unwrap().to_owned();
+        list.as_array().unwrap().iter().map(name).collect()
+    };
+    let pasted = ["flexion", "abduction", "rotation"].map(|of| format!("right_shoulder_{of}"));
+    let pasted = [&pasted[..], &["right_elbow_flexion".to_owned()]].concat();
+    assert_eq!(names(&insert["dofs"], "dof"), pasted);
+    let kept = ["torso_flexion", "left_shoulder_flexion", "neck_flexion"];
+    assert_eq!(names(&insert["kept"], ""), kept);
+    for dof in insert["dofs"].as_array().unwrap() {
+        let number = |key: &str| dof[key].as_f64().unwrap_or_else(|| panic!("{key}: {dof}"));
+        assert_eq!(
+            (number("cut_from_s"), number("cut_moved_s"), number("seam_s")),
+            (0.0, 0.0, 0.0)
+        );
+        assert!((number("pasted_from_s") - 1.3).abs() < 1e-9, "{dof}");
+        assert!((number("pasted_to_s") - 6.3).abs() < 1e-9, "{dof}");
+        assert!(number("angles_after_moved_rad").abs() < 1e-9, "{dof}");
+    }
+    // The back is bent all the while, and straight at the end.
+    let table = fs::read_to_string(&a).unwrap();
+    let torso_rad = |row: usize| -> f64 {
+        table.lines().nth(row + 1).unwrap().split(',').nth(1).unwrap().parse().unwrap()
+    };
+    let bent_rad = 52f64.to_radians();
+    assert!((torso_rad(140) - bent_rad).abs() < 1e-8 && (torso_rad(780) - bent_rad).abs() < 1e-8);
+    assert!(torso_rad(936).abs() < 1e-8);
+    says(
+        &["synth", "bow", "--insert", "wave-r:0s..4s@1.3s", "--insert-nearest", "-o", b.as_str()],
+        0,
+        &[
+            "inserted  wave-r from 0.000 to 4.000 s at 1.300 s, 4.000 s longer",
+            "right_elbow_flexion      from its rest at 0.000 s: pasted at 1.300",
+            "meanwhile go on: torso_flexion",
+        ],
+    );
+}
+
+#[test]
+fn inserts_that_cannot_be_are_refused_before_anything_is_written() {
+    let folder = crate::program::folder("no-insert");
+    let out = folder.join("x.csv").to_str().unwrap().to_owned();
+    let synth = |action: &str, more: &[&str], code: i32, words: &[&str]| {
+        says(&[&["synth", action, "-o", out.as_str()][..], more].concat(), code, words);
+        assert!(!Path::new(&out).exists());
+    };
+    for (insert, words) in [
+        ("bow:1.4s..0.5s@3s", &["bow:1.4s..0.5s@3s", "ends before it begins"][..]),
+        ("bow:NaNs..0.5s@3s", &["NaN s", "0 to 86400 s"]),
+        ("bow:0s..1e308s@3s", &["0 to 86400 s"]),
+        ("bow:0.5..1.4@3", &["SOURCE:FROM..TO@TIME"]),
+        ("bow", &["SOURCE:FROM..TO@TIME"]),
+    ] {
+        synth("walk", &["--insert", insert], 2, words);
+    }
+    for (insert, words) in [
+        (
+            "bow:0.5s..9s@3s",
+            &["bow:0.5s..9s@3s", "not inside what it is cut out of", "0 to 2.8 s"][..],
+        ),
+        ("bow@9s", &["not inside the motion", "0 to 4.8 s"]),
+        ("moonwalk@3s", &["moonwalk@3s", "not an action"]),
+        ("no-such.toml@3s", &["no-such.toml"]),
+        (
+            "bow:0.5s..1s@3s",
+            &["torso_flexion rests at 0 and 1.12 s", "left_shoulder_flexion", "--insert-nearest"],
+        ),
+        ("bow:1.2s..1.5s@3s", &["nothing moves in the cut"]),
+        ("drink-r@2.3s", &["anatomical range", "right_elbow_flexion", "--insert-keep-end"]),
+    ] {
+        synth("walk", &["--insert", insert], 1, words);
+    }
+    synth("walk", &["--insert-nearest"], 2, &["--insert"]);
+    let varied = ["--insert", "bow@3s", "--variation", "3"];
+    synth("walk", &varied, 2, &["--variation", "cannot be used with"]);
+    synth("bow+walk:6s", &[], 1, &["done once", "join it with a comma"]);
+}
+
+#[test]
+fn a_change_of_gait_says_where_each_degree_of_freedom_goes_over() {
+    let folder = crate::program::folder("change");
+    let out = |name: &str| folder.join(name).to_str().unwrap().to_owned();
+    let report = made(&["synth", "walk:6s+run:5s", "-o", &out("a.csv")]);
+    assert!((report["duration_s"].as_f64().unwrap() - 10.9).abs() < 1e-9);
+    let change = &report["changes"][0];
+    assert_eq!(change["from"], "walk");
+    assert_eq!(change["to"], "run");
+    assert!((change["time_s"].as_f64().unwrap() - 6.0).abs() < 1e-9);
+    let dofs = change["dofs"].as_array().unwrap();
+    assert!(dofs.iter().any(|dof| dof["dof"] == "torso_flexion"), "{change:#}");
+    for dof in dofs {
+        let number = |key: &str| dof[key].as_f64().unwrap_or_else(|| panic!("{key}: {dof}"));
+        assert!(number("left_s") < number("joined_s"), "{dof}");
+        assert!(number("left_rad").abs() < 3.0 && number("joined_rad").abs() < 3.0, "{dof}");
+    }
+    says(
+        &["synth", "walk:6s+run:5s", "-o", &out("b.csv")],
+        0,
+        &["changed   walk to run at 6.000 s, phase 0.500", "left_hip_flexion         leaves"],
+    );
+}
+
+#[test]
+fn what_is_played_may_have_inserts_and_changes_too() {
+    let play = |more: &[&str]| {
+        let arguments = ["--robot", "op3", "--bus", "sim", "--dry-run", "--json"];
+        let output = run(&[&["play"][..], more, &arguments].concat());
+        let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+        (output.status.code(), report)
+    };
+    let (code, report) = play(&["walk:x2+run:x3", "--insert", "wave-r@1s"]);
+    assert_eq!(code, Some(0), "{report:#}");
+    let source = &report["source"];
+    assert_eq!(source["changes"][0]["to"], "run");
+    assert_eq!(source["inserts"][0]["source"], "wave-r");
+    let notes = report["notes"].to_string();
+    assert!(notes.contains("walk goes over into run at 2.400 s without a stop"), "{notes}");
+    assert!(notes.contains("wave-r from 0.000 to 5.000 s inserted at 1.000 s"), "{notes}");
+    let (_, plain) = play(&["bow"]);
+    assert!(plain["source"].get("inserts").is_none(), "{plain:#}");
+    let (code, report) = play(&["motions/walk.bvh", "--insert", "bow@1s"]);
+    assert_eq!(code, Some(1));
+    let said = report.to_string();
+    assert!(said.contains("inserted into actions only") && said.contains("actionlets"), "{said}");
+}
+
+#[test]
+fn the_examples_of_inserts_and_changes_in_the_documents_run() {
+    let folder = crate::program::folder("documents");
+    let text = fs::read_to_string("docs/actions.md").unwrap();
+    let examples = text.lines().filter(|line| line.starts_with("gaitway synth "));
+    let examples: Vec<&str> =
+        examples.filter(|line| line.contains("--insert ") || line.contains('+')).collect();
+    assert!(examples.len() >= 4, "{examples:?}");
+    for example in examples {
+        let arguments: Vec<&str> = example.split_whitespace().skip(1).collect();
+        let mut command = crate::program::gaitway();
+        let output = command.args(&arguments).current_dir(&folder).output().unwrap();
+        assert_eq!(output.status.code(), Some(0), "{example}: {}", crate::program::words(&output));
+        assert!(folder.join(arguments[arguments.len() - 1]).exists(), "{example}");
+    }
+}

@@ -8,7 +8,7 @@ use program::{folder, words};
 use std::path::{Path, PathBuf};
 
 /// Name of the file, and the arguments; run one after another in one folder, in virtual time.
-const RUNS: [(&str, &str); 27] = [
+const RUNS: [(&str, &str); 30] = [
     ("help", "--help"),
     ("help-play", "play --help"),
     ("help-robot-new", "robot new --help"),
@@ -24,6 +24,9 @@ const RUNS: [(&str, &str); 27] = [
     ("retarget", "retarget wave-r --robot op3 -o wave.csv"),
     ("play-table", "play wave.csv --robot op3 --bus sim"),
     ("synth", "synth walk -o synth.csv"),
+    ("synth-change", "synth walk:6s+run:5s -o into-a-run.csv"),
+    ("synth-insert", "synth bow --insert wave-r@1.3s --insert-wait -o polite.csv"),
+    ("synth-insert-no-seam", "synth walk --insert bow:0.5s..1s@3s -o none.csv"),
     ("info", "info walk.mcap"),
     ("convert", "convert walk.mcap joints.csv"),
     ("scan", "scan sim --robot so101"),

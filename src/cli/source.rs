@@ -1,5 +1,6 @@
 //! Which motion, as it is typed.
 
+use super::inserts::InsertArgs;
 use crate::job::play::SPEEDS;
 use crate::job::source::MotionOrder;
 use clap::Args;
@@ -9,9 +10,9 @@ use std::path::PathBuf;
 #[derive(Clone, Debug, Args)]
 pub struct MotionArgs {
     /// A capture (.bvh), an action that ships with gaitway (walk), an action file (.toml), several
-    /// actions (walk:6s,wave-r,bow), or a motion of the robot's own joints: a recording (.mcap),
-    /// such as one guided by hand, or a table (.csv: time_s, then JOINT_rad for each joint that
-    /// moves; rows at most 0.5 s apart)
+    /// actions (walk:6s,wave-r,bow; two gaits without a stop: walk:6s+run:5s), or a motion of the
+    /// robot's own joints: a recording (.mcap), such as one guided by hand, or a table (.csv: time_s,
+    /// then JOINT_rad for each joint that moves; rows at most 0.5 s apart)
     motion: String,
     /// Robot by name, or path of its file (see `gaitway profile list`)
     #[arg(long)]
@@ -19,6 +20,8 @@ pub struct MotionArgs {
     /// File that says which joint of the capture is which body segment (TOML)
     #[arg(long, value_name = "FILE.toml")]
     mapping: Option<PathBuf>,
+    #[command(flatten)]
+    inserts: InsertArgs,
     /// Playing speed: 0.5 is half as fast as recorded
     #[arg(long, value_name = "X", default_value_t = 1.0, value_parser = speed,
           allow_negative_numbers = true)]
@@ -59,6 +62,7 @@ impl MotionArgs {
     pub fn order(&self) -> MotionOrder {
         MotionOrder {
             motion: self.motion.clone(),
+            inserts: self.inserts.order(),
             mapping: self.mapping.clone(),
             from_s: self.from,
             to_s: self.to,

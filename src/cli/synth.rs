@@ -1,5 +1,6 @@
 //! `synth`, as it is typed.
 
+use super::inserts::{InsertArgs, told};
 use super::terminal::Terminal;
 use super::{Deed, Output, Remarks};
 use crate::error::Error;
@@ -12,21 +13,28 @@ use std::path::PathBuf;
 #[command(after_help = "Examples:\n  \
     gaitway synth walk -o walk.csv\n  \
     gaitway synth walk:6s,wave-r,bow --rate 60 -o greeting.bvh\n  \
+    gaitway synth walk:6s+run:5s -o start-to-run.html\n  \
+    gaitway synth bow --insert wave-r@1.3s --insert-wait -o greeting.html\n  \
     gaitway synth run --variations 1000000 --seed 1 --set vary_angle=0.2 -o corpus/\n  \
     gaitway synth run --variation 17 --seed 1 -o one.bvh")]
 pub struct SynthArgs {
-    /// A shipped action, an action file (.toml), or several: walk:6s,wave-r,bow
+    /// A shipped action, an action file (.toml), or several: walk:6s,wave-r,bow; with + between two
+    /// gaits, one goes over into the other without a stop: walk:6s+run:5s
     action: String,
+    #[command(flatten)]
+    inserts: InsertArgs,
     /// Poses per second
     #[arg(long, value_name = "HZ", default_value_t = 120.0, allow_negative_numbers = true)]
     rate: f64,
     /// Make this many variations; OUT is then a .parquet file, or a folder; an interrupted run is
     /// resumed
-    #[arg(long, value_name = "N", group = "varied", value_parser = clap::value_parser!(u32)
+    #[arg(long, value_name = "N", group = "varied", conflicts_with = "insert",
+          value_parser = clap::value_parser!(u32)
           .range(1..=i64::from(MAX_VARIATIONS)))]
     variations: Option<u32>,
     /// Make only this one of the variations, counted from 0
-    #[arg(long, value_name = "NUMBER", group = "varied", value_parser = clap::value_parser!(u32)
+    #[arg(long, value_name = "NUMBER", group = "varied", conflicts_with = "insert",
+          value_parser = clap::value_parser!(u32)
           .range(0..i64::from(MAX_VARIATIONS)))]
     variation: Option<u32>,
     /// Seed of the variations
@@ -54,6 +62,7 @@ pub struct SynthArgs {
 pub fn run(args: &SynthArgs, remarks: Remarks) -> Result<i32, Error> {
     let order = SynthOrder {
         phrase: args.action.clone(),
+        inserts: args.inserts.order(),
         figures: Figures::read(&args.set)?,
         rate_hz: args.rate,
         seed: args.seed,
@@ -96,10 +105,11 @@ fn run_one(args: &SynthArgs, order: &SynthOrder, remarks: Remarks) -> Result<i32
         format!("{}\n", report.written)
     } else {
         format!(
-            "done: {} takes {:.3} s, {} actionlets\nwritten   {}, {} poses at {} Hz\n",
+            "done: {} takes {:.3} s, {} actionlets\n{}written   {}, {} poses at {} Hz\n",
             report.action,
             report.duration_s,
             report.actionlets,
+            told(&report.changes, &report.inserts),
             report.written,
             report.poses,
             report.rate_hz

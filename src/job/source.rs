@@ -2,8 +2,9 @@
 
 pub mod joints;
 
+use super::composition::{GaitChangeReport, InsertReport, compose};
 use super::model::robot_model;
-use crate::action::{Join, Motion, phrase, vocabulary};
+use crate::action::{Inserts, Join, Motion, phrase, vocabulary};
 use crate::body::Proportions;
 use crate::error::{Error, ErrorKind};
 use crate::mocap::anatomy::Capture;
@@ -37,6 +38,8 @@ pub struct MotionOrder {
     /// A capture (.bvh), a shipped action, an action file (.toml), several actions
     /// (`walk:6s,wave-r,bow`), a recording (.mcap) or a table (.csv: `time_s`, `JOINT_rad`).
     pub motion: String,
+    /// Pieces of other actions that are pasted into actions.
+    pub inserts: Inserts,
     /// File that says which joint of the capture is which body segment.
     pub mapping: Option<PathBuf>,
     /// From this time of the motion, s.
@@ -70,6 +73,12 @@ pub struct Source {
     pub duration_s: f64,
     /// What the frames of the body's segments were found from; null unless it is a capture.
     pub segment_frames: Option<SegmentFrames>,
+    /// Of actions: changes of gait without a stop.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub changes: Vec<GaitChangeReport>,
+    /// Of actions: what was inserted.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub inserts: Vec<InsertReport>,
 }
 
 /// A motion on a robot's joints, before it is timed.
@@ -95,12 +104,13 @@ pub struct RobotMotion {
 /// section that is empty.
 pub fn load(order: &MotionOrder, robot: &Robot) -> Result<RobotMotion, Error> {
     only(robot, &order.only)?;
+    check_inserts(order)?;
     if let Some(motion) = joints::read(Path::new(&order.motion))? {
         return in_joints(order, robot, &motion);
     }
     let exact = phrase::is_phrase(&order.motion);
     let (mut capture, source) = if exact {
-        performed(&order.motion, exact_rate_hz)?
+        performed(&order.motion, &order.inserts, exact_rate_hz)?
     } else {
         body_motion(&order.motion, order.mapping.as_deref())?
     };
@@ -165,7 +175,7 @@ fn in_joints(
 /// An unreadable or malformed file, a skeleton that is no person, an unknown action.
 pub fn body_motion(motion: &str, mapping: Option<&Path>) -> Result<(Capture, Source), Error> {
     if phrase::is_phrase(motion) {
-        return performed(motion, |_| ACTION_HZ);
+        return performed(motion, &Inserts::default(), |_| ACTION_HZ);
     }
     let path = Path::new(motion);
     if !path.extension().is_some_and(|e| e.eq_ignore_ascii_case("bvh")) {
@@ -188,13 +198,31 @@ pub fn body_motion(motion: &str, mapping: Option<&Path>) -> Result<(Capture, Sou
         rate_hz,
         duration_s: frames.saturating_sub(1) as f64 / rate_hz,
         segment_frames: Some(file.frames.clone()),
+        ..Source::default()
     };
     Ok((file.capture(), source))
 }
 
+/// Fails if there is nothing that could be inserted into.
+fn check_inserts(order: &MotionOrder) -> Result<(), Error> {
+    let insert = order.inserts.list.first().filter(|_| !phrase::is_phrase(&order.motion));
+    insert.map_or(Ok(()), |insert| {
+        Err(Error::new("actions are inserted into actions only")
+            .at("--insert")
+            .got(format!("{insert} into {}", order.motion))
+            .allowed("a motion that is a shipped action, an action file (.toml), or several")
+            .remedy("`gaitway actionlets` makes an action file of a capture"))
+    })
+}
+
 /// Actions, performed by a body of usual stature, in so many poses per second.
-fn performed(text: &str, rate_hz: impl FnOnce(&Motion) -> f64) -> Result<(Capture, Source), Error> {
-    let motion = phrase::perform(&phrase::load(text)?, Join::Transition)?;
+fn performed(
+    text: &str,
+    inserts: &Inserts,
+    rate_hz: impl FnOnce(&Motion) -> f64,
+) -> Result<(Capture, Source), Error> {
+    let composed = compose(&phrase::load(text)?, Join::Transition, inserts)?;
+    let (notes, motion) = (composed.notes(), composed.motion);
     let rate_hz = rate_hz(&motion);
     let poses = motion.poses(&Proportions::of_stature(ACTION_STATURE_M)?, rate_hz)?;
     let source = Source {
@@ -203,13 +231,15 @@ fn performed(text: &str, rate_hz: impl FnOnce(&Motion) -> f64) -> Result<(Captur
         rate_hz,
         duration_s: motion.duration_s(),
         segment_frames: None,
+        changes: composed.changes,
+        inserts: composed.inserts,
     };
     let capture = Capture {
         rate_hz,
         poses,
         tracked: [true; 13],
         stature_m: ACTION_STATURE_M,
-        notes: Vec::new(),
+        notes,
     };
     Ok((capture, source))
 }

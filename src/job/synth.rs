@@ -4,9 +4,10 @@ mod bulk;
 
 pub use bulk::{MAX_VARIATIONS, VariedReport, actionlets_beside, vary};
 
+use super::composition::{Composed, GaitChangeReport, InsertReport, compose};
 use crate::action::corpus::Corpus;
 use crate::action::database::Types;
-use crate::action::{Action, Database, Join, Motion, Spread, phrase, table};
+use crate::action::{Action, Database, Inserts, Join, Motion, Spread, phrase, table};
 use crate::body::Proportions;
 use crate::draft;
 use crate::error::{Error, ErrorKind};
@@ -17,8 +18,11 @@ use std::path::PathBuf;
 /// What is made, and where it is written.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SynthOrder {
-    /// A shipped action, an action file (.toml), or several: `walk:6s,wave-r,bow`.
+    /// A shipped action, an action file (.toml), or several: `walk:6s,wave-r,bow`, and without a stop
+    /// between two gaits `walk:6s+run:5s`.
     pub phrase: String,
+    /// Pieces of other actions that are pasted in; none where variations are made.
+    pub inserts: Inserts,
     /// How it is changed.
     pub figures: Figures,
     /// Poses per second.
@@ -151,6 +155,10 @@ pub struct SynthReport {
     pub poses: usize,
     /// Actionlets that move something.
     pub actionlets: usize,
+    /// Changes of gait without a stop, in order of time, before anything was inserted.
+    pub changes: Vec<GaitChangeReport>,
+    /// What was inserted, in the order in which it was.
+    pub inserts: Vec<InsertReport>,
     /// Where.
     pub written: String,
 }
@@ -161,11 +169,16 @@ pub struct SynthReport {
 /// No such action, a figure out of range, a file that cannot be written.
 pub fn synth(order: &SynthOrder, variation: Option<u32>) -> Result<SynthReport, Error> {
     let corpus = order.corpus()?;
-    let motion = match variation {
-        Some(number) => corpus.variation(number)?,
-        None => phrase::perform(&corpus.parts, corpus.join)?,
+    let made = match variation {
+        Some(number) => {
+            order.check_varied()?;
+            let motion = corpus.variation(number)?;
+            Composed { motion, changes: Vec::new(), inserts: Vec::new() }
+        }
+        None => compose(&corpus.parts, corpus.join, &order.inserts)?,
     };
-    draft::write_file(&order.file, order.replace, &bytes_of(order, &corpus.body, &motion)?)?;
+    let motion = &made.motion;
+    draft::write_file(&order.file, order.replace, &bytes_of(order, &corpus.body, motion)?)?;
     Ok(SynthReport {
         outcome: "done",
         action: order.phrase.clone(),
@@ -173,11 +186,21 @@ pub fn synth(order: &SynthOrder, variation: Option<u32>) -> Result<SynthReport, 
         rate_hz: order.rate_hz,
         poses: motion.pose_count(order.rate_hz)?,
         actionlets: motion.moving().count(),
+        changes: made.changes,
+        inserts: made.inserts,
         written: order.file.display().to_string(),
     })
 }
 
 impl SynthOrder {
+    /// Fails if variations are to have inserts: their seams are elsewhere, where a cut may hold none.
+    fn check_varied(&self) -> Result<(), Error> {
+        let Some(insert) = self.inserts.list.first() else { return Ok(()) };
+        Err(Error::new("nothing can be inserted into variations")
+            .got(insert.to_string())
+            .remedy("insert into the action itself, or leave the variations out"))
+    }
+
     /// What variations are made of.
     fn corpus(&self) -> Result<Corpus, Error> {
         let mut database = Database::shipped_by(self.figures.types)?;

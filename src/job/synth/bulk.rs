@@ -62,6 +62,7 @@ pub fn vary(
     variations: u32,
     observer: &dyn Observer,
 ) -> Result<VariedReport, Error> {
+    order.check_varied()?;
     let corpus = order.corpus()?;
     let about = about(order, variations, &corpus)?;
     let out = &order.file;
