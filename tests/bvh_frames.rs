@@ -8,7 +8,6 @@ mod program;
 use aloud::aloud;
 use common::puppet::{self, Convention};
 use common::{bvh_files, capture_file, captures, op3, op3_initial_rad};
-use gaitway::action::decompose::angles_of;
 use gaitway::body::{Dof, JointAngles, Proportions, Segment, SegmentPose, segment_name};
 use gaitway::job::model::robot_model;
 use gaitway::mocap::anatomy::{self, Anatomy, Capture, Poses, Posture};
@@ -520,7 +519,7 @@ fn bows_are_as_deep_in_the_joint_angles_as_between_the_joints_of_the_file() {
             })
             .collect();
         let body = Proportions::of_stature(capture.stature_m).expect("a body");
-        let angles = angles_of(&capture.poses);
+        let angles = JointAngles::of_clip(&capture.poses, capture.rate_hz).angles;
         let ours: Vec<[f64; 3]> = angles
             .iter()
             .zip(&capture.poses)

@@ -2,7 +2,7 @@
 //! a table, a skeleton or a scene.
 
 use super::source::{self, Source};
-use crate::action::{decompose::angles_of, table};
+use crate::action::table;
 use crate::body::{JointAngles, Proportions, Segment, SegmentPose};
 use crate::draft;
 use crate::error::{Error, ErrorKind};
@@ -85,7 +85,7 @@ pub fn convert(order: &ConvertOrder) -> Result<ConvertReport, Error> {
     let (capture, source) = source::body_motion(&motion, order.mapping.as_deref())?;
     let stature_m = order.stature_m.unwrap_or(capture.stature_m);
     let body = Proportions::of_stature(stature_m)?;
-    let angles = angles_of(&capture.poses);
+    let angles = JointAngles::of_clip(&capture.poses, capture.rate_hz).angles;
     let modelled = |(angles, pose): (&JointAngles, &SegmentPose)| {
         angles.to_pose(pose.root_m, pose.orientation[Segment::Pelvis.index()])
     };
