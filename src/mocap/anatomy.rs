@@ -708,7 +708,7 @@ mod tests {
         fn a_frame_near_the_axes_of_its_bone_is_along_them_and_another_stays(
             (a, b, c) in (0u8..4, 0u8..4, 0u8..4),
             axis in prop::array::uniform3(-1.0..1.0),
-            off_deg in 0.0..20.0,
+            off_deg in 0.0_f64..20.0,
         ) {
             let quarter = |turns: u8| f64::from(turns) * core::f64::consts::FRAC_PI_2;
             let built = DQuat::from_rotation_x(quarter(a))
