@@ -234,13 +234,8 @@ fn performed(
         changes: composed.changes,
         inserts: composed.inserts,
     };
-    let capture = Capture {
-        rate_hz,
-        poses,
-        tracked: [true; 13],
-        stature_m: ACTION_STATURE_M,
-        notes,
-    };
+    let capture =
+        Capture { rate_hz, poses, tracked: [true; 13], stature_m: ACTION_STATURE_M, notes };
     Ok((capture, source))
 }
 
