@@ -212,7 +212,7 @@ fn against_eq_1(laid: &Laid<'_>, name: &str, action: &Action, speed: f64) -> (Ve
                 if !limb.is_free(action_s(cycle as f64 * laid.cycle_s)) {
                     continue;
                 }
-                let share = laid.differs(&goals, played.joint, cycle, &form);
+                let share = laid.differs(&goals, played.joint, cycle, form);
                 if !(share <= SHARE) {
                     let (of, percent) = (&laid.robot.name, 100.0 * share);
                     wrong.push(format!(

@@ -176,9 +176,9 @@ impl Anatomy {
         let mut search =
             Search { poses, straight, upright, frames: [None; 13], tilted: Vec::new() };
         search.trunk()?;
-        for side in 0..2 {
+        for (side, arm) in ARMS.into_iter().enumerate() {
             search.leg(side);
-            search.arm(ARMS[side]);
+            search.arm(arm);
         }
         search.head();
         Ok(Self {

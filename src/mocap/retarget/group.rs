@@ -22,7 +22,7 @@ struct Member {
 
 impl Member {
     /// How far an angle is from the middle of the range, and half the range, rad.
-    fn from_middle(&self, angle_rad: f64) -> (f64, f64) {
+    fn off_middle(&self, angle_rad: f64) -> (f64, f64) {
         let half_range = (self.upper_rad - self.lower_rad) / 2.0;
         (angle_rad - (self.lower_rad + half_range), half_range)
     }
@@ -194,8 +194,8 @@ impl<'a> Group<'a> {
     ) {
         self.normal_without_middle(angles, targets, normal, room);
         for (row, (member, angle)) in self.members.iter().zip(angles.iter()).enumerate() {
-            let (from_middle, half_range) = member.from_middle(*angle);
-            normal.add_single(row, from_middle, (MIDDLE_WEIGHT / half_range).powi(2));
+            let (off_middle, half_range) = member.off_middle(*angle);
+            normal.add_single(row, off_middle, (MIDDLE_WEIGHT / half_range).powi(2));
         }
     }
 
@@ -235,9 +235,9 @@ impl<'a> Group<'a> {
             }
         }
         for (row, (member, angle)) in self.members.iter().zip(angles.iter()).enumerate() {
-            let (from_middle, half_range) = member.from_middle(*angle);
+            let (off_middle, half_range) = member.off_middle(*angle);
             let beyond =
-                (from_middle.abs() - half_range + LIMIT_MARGIN_RAD).max(0.0) * from_middle.signum();
+                (off_middle.abs() - half_range + LIMIT_MARGIN_RAD).max(0.0) * off_middle.signum();
             if beyond != 0.0 {
                 normal.add_single(row, beyond, LIMIT_WEIGHT.powi(2));
             }
