@@ -5,6 +5,8 @@
 //! [`anatomy`] turns bones into segments whose orientation means the same in every capture,
 //! [`siblings`] does so with the other captures of a skeleton at hand ([`bones`]), and [`retarget`]
 //! puts segments on a robot's joints.
+//!
+//! [`markers`] are what optical systems record before there is a skeleton: [`c3d`].
 
 use crate::error::Error;
 use anatomy::Capture;
@@ -14,12 +16,15 @@ use std::path::Path;
 pub mod anatomy;
 pub mod bones;
 pub mod bvh;
+pub mod c3d;
 pub mod clip;
 pub mod export;
 pub mod humanoid;
 pub mod landmarks;
 pub mod mapping;
+pub mod markers;
 pub mod page;
+pub mod parameters;
 pub mod retarget;
 pub mod siblings;
 pub mod skeleton;
