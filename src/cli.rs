@@ -15,6 +15,7 @@ pub mod live;
 pub mod monitor;
 pub mod operator;
 pub mod output;
+pub mod overview;
 pub mod play;
 pub mod ports;
 pub mod profile;
@@ -59,7 +60,7 @@ pub struct Cli {
 const LONG_ABOUT: &str = "\
 Plays human motion on small humanoid robots, safely, and on a virtual robot when there is none.
 
-A motion capture (BVH) or an action is read, transferred to the robot's joints, slowed until the robot can do \
+A motion capture (BVH, AMC) or an action is read, transferred to the robot's joints, slowed until the robot can do \
 it, checked, and streamed to the servos with feedback. Nothing moves before every servo's \
 identity, configuration and start pose are checked; every motion starts and ends at rest.
 
@@ -91,9 +92,9 @@ enum Command {
     Simulate(simulate::SimulateArgs),
     /// Record sensors, lines of text and hand-guided servos
     Record(Box<record::RecordArgs>),
-    /// Turn a recording or a capture into a table
+    /// Turn a recording, a capture or markers into another kind of file
     Convert(convert::ConvertArgs),
-    /// Look into a recording, finished or not
+    /// Look into a recording, a capture or markers
     Info(recordings::InfoArgs),
     /// Rescue a recording that was never closed
     Recover(recordings::RecoverArgs),

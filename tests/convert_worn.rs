@@ -269,9 +269,12 @@ fn a_walk_that_was_recorded_comes_out_as_the_angles_that_were_walked() {
     assert!(worst < 2.0, "{worst}");
 
     // The skeleton file is a person of this stature who does the same.
-    let (capture, source) =
-        gaitway::job::source::body_motion(folder.join("walk.bvh").to_str().expect("a path"), None)
-            .expect("our own reader reads it");
+    let (capture, source) = gaitway::job::source::body_motion(
+        folder.join("walk.bvh").to_str().expect("a path"),
+        None,
+        &Default::default(),
+    )
+    .expect("our own reader reads it");
     assert_eq!(source.frames, table.angles.len());
     assert!(capture.tracked.iter().all(|tracked| *tracked));
     assert!(bvh_error_deg(&capture, &table) < 1.0);

@@ -329,7 +329,7 @@ fn pose_by_pose_the_robot_is_asked_for_what_the_whole_clip_asks_for() {
     let model = robot_model(&robot).expect("an anatomy");
     let start: Vec<f64> = robot.joints.iter().map(|joint| joint.initial_rad).collect();
     for action in ["walk", "wave-r", "squat", "kick-l"] {
-        let (capture, _) = body_motion(action, None).expect("shipped");
+        let (capture, _) = body_motion(action, None, &Default::default()).expect("shipped");
         let settings = Settings::default();
         let whole = retarget(&capture, &model, &start, &settings).expect("fits");
         let mut online = Online::new(&model, &capture.tracked, &start, &settings).expect("fits");

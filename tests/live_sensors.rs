@@ -86,7 +86,7 @@ struct Truth {
 
 impl Truth {
     fn of(motion: &str, stand_s: f64) -> Self {
-        let (capture, _) = body_motion(motion, None).expect("shipped");
+        let (capture, _) = body_motion(motion, None, &Default::default()).expect("shipped");
         let person = Person::new(&capture, stand_s).expect("performed");
         Self { poses: person.poses().to_vec(), motion_at_s: person.motion_at_s() }
     }

@@ -468,6 +468,7 @@ fn check_angles(lab: &Path) {
     assert!(off.abs() < 5.0, "{off}");
     let bvh = lab.join("angles/reach-up-01.bvh");
     let (capture, _) =
-        gaitway::job::source::body_motion(bvh.to_str().expect("a path"), None).expect("a person");
+        gaitway::job::source::body_motion(bvh.to_str().expect("a path"), None, &Default::default())
+            .expect("a person");
     assert!((capture.stature_m - STATURE_M).abs() < 0.05, "{}", capture.stature_m);
 }

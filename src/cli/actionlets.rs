@@ -6,6 +6,7 @@ use crate::error::Error;
 use crate::job::decompose::{
     DecomposeOrder, DecomposedReport, DofFigures, MOVING_DEG, check_name, decompose,
 };
+use crate::job::source::CaptureOptions;
 use clap::Args;
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -18,7 +19,7 @@ const NOTED_LEAN_DEG: f64 = 5.0;
 #[command(after_help = "Example: gaitway actionlets dance.bvh -o dance.toml\n\
     then: gaitway play dance.toml --robot op3 --bus sim")]
 pub struct ActionletsArgs {
-    /// A capture (.bvh), or an action
+    /// A capture (.bvh, .amc), or an action
     motion: String,
     /// Action file to write
     #[arg(short, long, value_name = "OUT.toml")]
@@ -30,6 +31,12 @@ pub struct ActionletsArgs {
     /// File that says which joint of the capture is which body segment (TOML)
     #[arg(long, value_name = "FILE.toml")]
     mapping: Option<PathBuf>,
+    /// Skeleton of an AMC file [default: the .asf file beside it that it is named after]
+    #[arg(long, value_name = "FILE.asf")]
+    skeleton: Option<PathBuf>,
+    /// Frames per second of an AMC file [default: what the file says, or 120]
+    #[arg(long, value_name = "HZ", allow_negative_numbers = true)]
+    rate: Option<f64>,
     #[command(flatten)]
     output: Output,
 }
@@ -47,6 +54,7 @@ pub fn run(args: &ActionletsArgs, remarks: Remarks) -> Result<i32, Error> {
     let order = DecomposeOrder {
         motion: args.motion.clone(),
         mapping: args.mapping.clone(),
+        reading: CaptureOptions { skeleton: args.skeleton.clone(), rate_hz: args.rate },
         tolerance_deg: args.tolerance,
         file: args.output_file.clone(),
         replace: args.output.force(),

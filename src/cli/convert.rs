@@ -1,12 +1,15 @@
 //! `convert`: a recording as a table, or as joint angles of the person who wore its sensors; a capture
-//! as joint angles of the body model.
+//! as joint angles of the body model; markers as another kind of file.
 
 use super::report::Outcome;
+use super::terminal::Terminal;
 use super::{Output, Remarks};
 use crate::body::Proportions;
 use crate::body::worn::kept::Kept;
 use crate::error::{Error, ErrorKind};
 use crate::job::convert::{ConvertOrder, convert};
+use crate::job::markers::{self, MarkersOrder};
+use crate::job::source::{CaptureOptions, FileKind, file_kind};
 use crate::recording;
 use crate::session::angles::{WornMotion, body_of};
 use crate::session::files::BODY_KEY;
@@ -29,26 +32,38 @@ OUT.x3d   a scene with the skeleton in motion; of captures alone
 Segments that are not worn stay at rest and are named. Tables of joint angles hold where the pelvis is and
 how it is turned as well. A capture keeps its own rate.
 
+Markers (.c3d, .trc, or a table with columns LABEL_x_m, ...) become one another:
+OUT.c3d   all of it: analog channels, events, force plates, parameters that nobody here knows
+OUT.trc   markers, for OpenSim and others
+OUT.csv   time_s, then LABEL_x_m, LABEL_y_m, LABEL_z_m of each point
+Their axes stay those of the file.
+
 Examples:
   gaitway convert wave.mcap wave.csv
   gaitway convert trials/wave-r-01.mcap wave.bvh
   gaitway convert dance.mcap dance.bvh \\
           --calibration-body lab/calibration/body-s01-01.toml
-  gaitway convert dance.bvh dance.csv")]
+  gaitway convert dance.bvh dance.csv
+  gaitway convert 01_02.amc dance.bvh --skeleton 01.asf
+  gaitway convert trial.c3d trial.trc")]
 pub struct ConvertArgs {
-    /// Recording, finished or not, or a capture (.bvh)
+    /// Recording, finished or not, a capture (.bvh, .amc), or markers (.c3d, .trc, .csv)
     file: PathBuf,
     /// The table, skeleton file or recording to write
     out: PathBuf,
     /// How the sensors were worn, in place of what the recording says
     #[arg(long, value_name = "FILE.toml")]
     calibration_body: Option<PathBuf>,
-    /// Poses per second of joint angles of a recording [default: 100]
+    /// Poses per second of joint angles of a recording [default: 100]; frames per second of an AMC file
+    /// [default: what it says, or 120] or of markers that do not say it
     #[arg(long, value_name = "HZ", allow_negative_numbers = true)]
     rate: Option<f64>,
     /// File that says which joint of the capture is which body segment (TOML)
     #[arg(long, value_name = "FILE.toml")]
     mapping: Option<PathBuf>,
+    /// Skeleton of an AMC file [default: the .asf file beside it that it is named after]
+    #[arg(long, value_name = "FILE.asf")]
+    skeleton: Option<PathBuf>,
     /// Stature of the person, m [default: what the recording says, or 1.75; as a capture shows it]
     #[arg(long, value_name = "M", allow_negative_numbers = true)]
     stature: Option<f64>,
@@ -66,11 +81,15 @@ pub struct ConvertArgs {
 /// A recording that cannot be read or does not know how its sensors were worn, a file that exists
 /// or cannot be written.
 pub fn run(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
-    if args.file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("bvh")) {
-        return captured(args, remarks);
+    match file_kind(&args.file) {
+        FileKind::Markers => return of_markers(args, remarks),
+        FileKind::Bvh | FileKind::Amc => return captured(args, remarks),
+        FileKind::Other => {}
     }
-    if args.mapping.is_some() {
-        return Err(misplaced("--mapping", "a capture (.bvh)"));
+    let of_captures =
+        [("--mapping", args.mapping.is_some()), ("--skeleton", args.skeleton.is_some())];
+    if let Some((option, _)) = of_captures.iter().find(|(_, given)| *given) {
+        return Err(misplaced(option, "a capture (.bvh, .amc)"));
     }
     let kind = args.out.extension().and_then(|e| e.to_str()).unwrap_or_default();
     if !["csv", "bvh", "mcap"].contains(&kind) || (args.samples && kind != "csv") {
@@ -102,13 +121,43 @@ fn misplaced(option: &str, allowed: &str) -> Error {
     Error::new("this option does not go with this file").at(option).allowed(allowed)
 }
 
-/// A capture on the body model.
-fn captured(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
-    let of_recordings = [
+/// Markers as another kind of file.
+fn of_markers(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
+    let of_others = [
         ("--samples", args.samples),
         ("--calibration-body", args.calibration_body.is_some()),
-        ("--rate", args.rate.is_some()),
+        ("--mapping", args.mapping.is_some()),
+        ("--skeleton", args.skeleton.is_some()),
+        ("--stature", args.stature.is_some()),
     ];
+    if let Some((option, _)) = of_others.iter().find(|(_, given)| *given) {
+        return Err(misplaced(option, "a recording (.mcap) or a capture (.bvh, .amc)"));
+    }
+    let output = Output::forced(args.force);
+    output.check_files(&[&Some(args.out.clone())])?;
+    output.check_apart(&args.file, &[&args.out])?;
+    let order = MarkersOrder {
+        markers: args.file.clone(),
+        rate_hz: args.rate,
+        file: args.out.clone(),
+        replace: args.force,
+    };
+    let report = markers::convert(&order, &Terminal::unheard(remarks))?;
+    for note in &report.notes {
+        remarks.say(note);
+    }
+    let (points, frames) = (report.points, report.frames);
+    remarks.say(&format!("{frames} frames of {points} points to {}", report.written));
+    Ok(report.outcome.exit_code())
+}
+
+/// A capture on the body model.
+fn captured(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
+    let of_recordings =
+        [("--samples", args.samples), ("--calibration-body", args.calibration_body.is_some())];
+    if args.rate.is_some() && file_kind(&args.file) == FileKind::Bvh {
+        return Err(misplaced("--rate", "a recording (.mcap), an AMC file, or markers"));
+    }
     if let Some((option, _)) = of_recordings.iter().find(|(_, given)| *given) {
         return Err(misplaced(option, "a recording (.mcap)"));
     }
@@ -117,6 +166,7 @@ fn captured(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
     output.check_apart(&args.file, &[&args.out])?;
     let report = convert(&ConvertOrder {
         capture: args.file.clone(),
+        reading: CaptureOptions { skeleton: args.skeleton.clone(), rate_hz: args.rate },
         mapping: args.mapping.clone(),
         stature_m: args.stature,
         file: args.out.clone(),

@@ -1,8 +1,11 @@
-//! `info` and `recover`: what a recording holds, and what of a broken one can be saved.
+//! `info` and `recover`: what a file holds, and what of a broken recording can be saved.
 
+use super::overview::words;
 use super::report::Outcome;
 use super::{Deed, Output, Remarks};
 use crate::error::Error;
+use crate::job::info::info as file_info;
+use crate::job::source::CaptureOptions;
 use crate::recording::{self, Overview, Recovered, SensorSeries, SourceOverview, sensor_series};
 use crate::session::tap::{Tap, taps};
 use clap::Args;
@@ -12,10 +15,19 @@ use std::path::PathBuf;
 
 /// Arguments of `info`.
 #[derive(Debug, Args)]
-#[command(after_help = "Example: gaitway info dance.mcap")]
+#[command(after_help = "\
+Examples:
+  gaitway info dance.mcap
+  gaitway info trial.c3d")]
 pub struct InfoArgs {
-    /// Recording, finished or not
+    /// Recording, finished or not; a capture (.bvh, .amc); markers (.c3d, .trc, .csv)
     file: PathBuf,
+    /// Skeleton of an AMC file [default: the .asf file beside it that it is named after]
+    #[arg(long, value_name = "FILE.asf")]
+    skeleton: Option<PathBuf>,
+    /// Frames per second of an AMC file [default: what it says, or 120], or of markers that do not say it
+    #[arg(long, value_name = "HZ", allow_negative_numbers = true)]
+    rate: Option<f64>,
     #[command(flatten)]
     output: Output,
 }
@@ -23,10 +35,18 @@ pub struct InfoArgs {
 /// Runs `info`.
 ///
 /// # Errors
-/// A file that cannot be read as a recording.
+/// A file that cannot be read, or is of no kind that this program knows.
 pub fn info(args: &InfoArgs) -> Result<i32, Error> {
     args.output.check_files(&[])?;
     args.output.check_apart(&args.file, &[])?;
+    let options = CaptureOptions { skeleton: args.skeleton.clone(), rate_hz: args.rate };
+    if let Some(overview) = file_info(&args.file, &options)? {
+        return Ok(args.output.conclude(&overview, &words(&overview), Deed::Look, 0));
+    }
+    if options != CaptureOptions::default() {
+        return Err(Error::new("a skeleton and a rate are for captures and markers")
+            .at(args.file.display().to_string()));
+    }
     let overview = recording::summary(&args.file)?;
     let mut text = description(&overview);
     let mut told = Told { overview, markers: Vec::new(), taps: Vec::new() };

@@ -2,14 +2,14 @@
 
 use super::inserts::InsertArgs;
 use crate::job::play::SPEEDS;
-use crate::job::source::MotionOrder;
+use crate::job::source::{CaptureOptions, MotionOrder};
 use clap::Args;
 use std::path::PathBuf;
 
 /// Which motion, for which robot, and how much of it.
 #[derive(Clone, Debug, Args)]
 pub struct MotionArgs {
-    /// A capture (.bvh), an action that ships with gaitway (walk), an action file (.toml), several
+    /// A capture (.bvh, .amc), an action that ships with gaitway (walk), an action file (.toml), several
     /// actions (walk:6s,wave-r,bow; two gaits without a stop: walk:6s+run:5s), or a motion of the
     /// robot's own joints: a recording (.mcap), such as one guided by hand, or a table (.csv: time_s,
     /// then JOINT_rad for each joint that moves; rows at most 0.5 s apart)
@@ -20,6 +20,12 @@ pub struct MotionArgs {
     /// File that says which joint of the capture is which body segment (TOML)
     #[arg(long, value_name = "FILE.toml")]
     mapping: Option<PathBuf>,
+    /// Skeleton of an AMC file [default: the .asf file beside it that it is named after]
+    #[arg(long, value_name = "FILE.asf")]
+    skeleton: Option<PathBuf>,
+    /// Frames per second of an AMC file [default: what the file says, or 120]
+    #[arg(long, value_name = "HZ", allow_negative_numbers = true)]
+    capture_rate: Option<f64>,
     #[command(flatten)]
     inserts: InsertArgs,
     /// Playing speed: 0.5 is half as fast as recorded
@@ -64,6 +70,7 @@ impl MotionArgs {
             motion: self.motion.clone(),
             inserts: self.inserts.order(),
             mapping: self.mapping.clone(),
+            reading: CaptureOptions { skeleton: self.skeleton.clone(), rate_hz: self.capture_rate },
             from_s: self.from,
             to_s: self.to,
             only: self.only.clone(),

@@ -6,6 +6,7 @@ use crate::action::table;
 use crate::body::{JointAngles, Proportions, Segment, SegmentPose};
 use crate::draft;
 use crate::error::{Error, ErrorKind};
+use crate::mocap::files::CaptureOptions;
 use crate::mocap::{bvh, export, humanoid};
 use crate::table::TableWriter;
 use serde::Serialize;
@@ -14,8 +15,10 @@ use std::path::{Path, PathBuf};
 /// Which capture becomes which file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ConvertOrder {
-    /// A capture (.bvh).
+    /// A capture (.bvh, .amc).
     pub capture: PathBuf,
+    /// What it does not say itself.
+    pub reading: CaptureOptions,
     /// File that says which joint of the capture is which body segment.
     pub mapping: Option<PathBuf>,
     /// Stature of the body, m; `None`: as estimated from the capture.
@@ -82,7 +85,7 @@ impl BodyFile {
 pub fn convert(order: &ConvertOrder) -> Result<ConvertReport, Error> {
     let kind = BodyFile::of(&order.file)?;
     let motion = order.capture.display().to_string();
-    let (capture, source) = source::body_motion(&motion, order.mapping.as_deref())?;
+    let (capture, source) = source::body_motion(&motion, order.mapping.as_deref(), &order.reading)?;
     let stature_m = order.stature_m.unwrap_or(capture.stature_m);
     let body = Proportions::of_stature(stature_m)?;
     let angles = JointAngles::of_clip(&capture.poses, capture.rate_hz).angles;

@@ -8,6 +8,7 @@ use crate::body::{JointAngles, NearSingular, SegmentPose};
 use crate::draft;
 use crate::error::{Error, ErrorKind};
 use crate::mocap::anatomy::Capture;
+use crate::mocap::files::CaptureOptions;
 use crate::mocap::siblings::SegmentFrames;
 use serde::Serialize;
 use std::path::PathBuf;
@@ -18,10 +19,12 @@ pub const MOVING_DEG: f64 = 5.0;
 /// Which motion, and how well.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DecomposeOrder {
-    /// A capture (.bvh), or an action.
+    /// A capture (.bvh, .amc), or an action.
     pub motion: String,
     /// File that says which joint of the capture is which body segment.
     pub mapping: Option<PathBuf>,
+    /// What the capture does not say itself.
+    pub reading: CaptureOptions,
     /// Root mean square error allowed in every degree of freedom, deg.
     pub tolerance_deg: f64,
     /// Action file to write.
@@ -116,7 +119,8 @@ pub fn check_name(order: &DecomposeOrder) -> Result<(), Error> {
 /// If the motion cannot be read, does not move, or the file cannot be written.
 pub fn decompose(order: &DecomposeOrder) -> Result<DecomposedReport, Error> {
     check_name(order)?;
-    let (capture, origin) = source::body_motion(&order.motion, order.mapping.as_deref())?;
+    let (capture, origin) =
+        source::body_motion(&order.motion, order.mapping.as_deref(), &order.reading)?;
     let series = JointAngles::of_clip(&capture.poses, capture.rate_hz);
     let tolerance_rad = order.tolerance_deg.to_radians();
     let found = decompose::motion_of(&series.angles, capture.rate_hz, tolerance_rad)?;

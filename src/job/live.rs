@@ -9,6 +9,7 @@ use super::source;
 use crate::capture;
 use crate::control::{self, Input, Settings, inject, net};
 use crate::error::Error;
+use crate::mocap::files::CaptureOptions;
 use crate::mocap::retarget::{self, Online};
 use crate::motion::Trend;
 use crate::rig::{Address, Connection, calibrated, connect};
@@ -155,7 +156,7 @@ impl Job<'_> {
 
     /// Follows a capture or actions that somebody performs now.
     fn perform(&mut self, motion: &str) -> Result<(), Error> {
-        let (capture, origin) = source::body_motion(motion, None)?;
+        let (capture, origin) = source::body_motion(motion, None, &CaptureOptions::default())?;
         self.report.run.source = origin;
         self.report.run.notes.extend(capture.notes.iter().cloned());
         self.report.worn = capture.tracked;

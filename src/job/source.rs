@@ -2,13 +2,17 @@
 
 pub mod joints;
 
+pub use crate::mocap::files::CaptureOptions;
+
 use super::composition::{GaitChangeReport, InsertReport, compose};
 use super::model::robot_model;
 use crate::action::{Inserts, Join, Motion, phrase, vocabulary};
 use crate::body::Proportions;
 use crate::error::{Error, ErrorKind};
 use crate::mocap::anatomy::Capture;
+use crate::mocap::files::{self, CaptureFormat};
 use crate::mocap::mapping::MappingFile;
+use crate::mocap::marker_files;
 use crate::mocap::retarget::{self, Retargeted, TrunkLean};
 use crate::mocap::siblings::{self, SegmentFrames};
 use crate::motion::Path as JointPath;
@@ -32,16 +36,44 @@ const SPLINE_ERROR: f64 = 1.0 / 30.0;
 /// Stature of the body that performs actions, m.
 const ACTION_STATURE_M: f64 = 1.75;
 
+/// What a file is by its ending, and a table by its titles.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FileKind {
+    /// Points without bones.
+    Markers,
+    /// A skeleton in motion that says all of itself.
+    Bvh,
+    /// A skeleton in motion whose skeleton and rate stand elsewhere.
+    Amc,
+    /// Anything else.
+    Other,
+}
+
+/// What kind of file it is.
+#[must_use]
+pub fn file_kind(path: &Path) -> FileKind {
+    if marker_files::format_of(path).is_some() {
+        return FileKind::Markers;
+    }
+    match files::format_of(path) {
+        Some(CaptureFormat::Bvh) => FileKind::Bvh,
+        Some(CaptureFormat::Amc) => FileKind::Amc,
+        None => FileKind::Other,
+    }
+}
+
 /// Which motion, and how much of it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MotionOrder {
-    /// A capture (.bvh), a shipped action, an action file (.toml), several actions
+    /// A capture (.bvh, .amc), a shipped action, an action file (.toml), several actions
     /// (`walk:6s,wave-r,bow`), a recording (.mcap) or a table (.csv: `time_s`, `JOINT_rad`).
     pub motion: String,
     /// Pieces of other actions that are pasted into actions.
     pub inserts: Inserts,
     /// File that says which joint of the capture is which body segment.
     pub mapping: Option<PathBuf>,
+    /// What the capture does not say itself.
+    pub reading: CaptureOptions,
     /// From this time of the motion, s.
     pub from_s: Option<f64>,
     /// To this time of the motion, s.
@@ -63,7 +95,7 @@ impl MotionOrder {
 /// The motion as it came in.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Source {
-    /// `bvh` or `action`.
+    /// `bvh`, `amc`, `action`, ...
     pub format: String,
     /// Poses read.
     pub frames: usize,
@@ -105,14 +137,18 @@ pub struct RobotMotion {
 pub fn load(order: &MotionOrder, robot: &Robot) -> Result<RobotMotion, Error> {
     only(robot, &order.only)?;
     check_inserts(order)?;
-    if let Some(motion) = joints::read(Path::new(&order.motion))? {
+    let path = Path::new(&order.motion);
+    if !phrase::is_phrase(&order.motion) && marker_files::format_of(path).is_some() {
+        return Err(marker_files::needs_skeleton(path));
+    }
+    if let Some(motion) = joints::read(path)? {
         return in_joints(order, robot, &motion);
     }
     let exact = phrase::is_phrase(&order.motion);
     let (mut capture, source) = if exact {
         performed(&order.motion, &order.inserts, exact_rate_hz)?
     } else {
-        body_motion(&order.motion, order.mapping.as_deref())?
+        body_motion(&order.motion, order.mapping.as_deref(), &order.reading)?
     };
     if order.mirror {
         capture.mirror();
@@ -157,10 +193,16 @@ fn in_joints(
     robot: &Robot,
     motion: &joints::JointMotion,
 ) -> Result<RobotMotion, Error> {
-    if order.mirror || order.mapping.is_some() {
+    let options = [
+        ("--mirror", order.mirror),
+        ("--mapping", order.mapping.is_some()),
+        ("--skeleton", order.reading.skeleton.is_some()),
+        ("--capture-rate", order.reading.rate_hz.is_some()),
+    ];
+    if let Some((option, _)) = options.iter().find(|(_, given)| *given) {
         return Err(Error::new("this motion is in the robot's joints already")
             .at(order.motion.clone())
-            .got(if order.mirror { "--mirror" } else { "--mapping" })
+            .got(*option)
             .allowed("a capture or an action"));
     }
     let (retargeted, source) = motion.on(robot, order.from_s, order.to_s)?;
@@ -169,31 +211,44 @@ fn in_joints(
     Ok(RobotMotion { name, source, notes, only, retargeted, of_person: motion.taught })
 }
 
-/// Reads a capture, or performs actions, as a motion of body segments.
+/// Reads a capture, or performs actions, as a motion of body segments. `reading` says what the capture does
+/// not.
 ///
 /// # Errors
 /// An unreadable or malformed file, a skeleton that is no person, an unknown action.
-pub fn body_motion(motion: &str, mapping: Option<&Path>) -> Result<(Capture, Source), Error> {
+pub fn body_motion(
+    motion: &str,
+    mapping: Option<&Path>,
+    reading: &CaptureOptions,
+) -> Result<(Capture, Source), Error> {
     if phrase::is_phrase(motion) {
+        if reading != &CaptureOptions::default() {
+            return Err(Error::new("an action needs no skeleton and no rate")
+                .at(motion)
+                .allowed("--skeleton and a rate for captures in AMC files"));
+        }
         return performed(motion, &Inserts::default(), |_| ACTION_HZ);
     }
     let path = Path::new(motion);
-    if !path.extension().is_some_and(|e| e.eq_ignore_ascii_case("bvh")) {
+    if marker_files::format_of(path).is_some() {
+        return Err(marker_files::needs_skeleton(path));
+    }
+    let Some(format) = files::format_of(path) else {
         let shipped: Vec<&str> = vocabulary::names().collect();
         return Err(Error::of(ErrorKind::Unknown, "not a motion that can be read")
             .at("MOTION")
             .got(motion)
             .allowed(format!(
-                "a file that ends in .bvh, an action file (.toml), or a shipped action: {}",
+                "a file that ends in .bvh or .amc, an action file (.toml), or a shipped action: {}",
                 shipped.join(", ")
             ))
             .remedy(profiles::advice(motion, &shipped, "take one of these, or check the path")));
-    }
+    };
     let mapping = mapping.map(read_mapping).transpose()?;
-    let file = siblings::read(path, mapping.as_ref())?;
+    let file = siblings::read(path, mapping.as_ref(), reading)?;
     let (rate_hz, frames) = (file.clip.rate_hz(), file.clip.dropped() + file.clip.pose_count());
     let source = Source {
-        format: "bvh".to_owned(),
+        format: format.word().to_owned(),
         frames,
         rate_hz,
         duration_s: frames.saturating_sub(1) as f64 / rate_hz,

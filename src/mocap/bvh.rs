@@ -15,7 +15,7 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-mod source;
+pub(in crate::mocap) mod source;
 use source::Source;
 
 /// Largest header of a file whose joints alone are read, bytes.

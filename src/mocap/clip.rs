@@ -45,7 +45,7 @@ const AXES: [(&str, DVec3); 6] = [
     ("-Z", DVec3::NEG_Z),
 ];
 
-/// A BVH file understood.
+/// A skeleton in motion, understood.
 #[derive(Clone, Debug)]
 pub struct Clip {
     bvh: Bvh,
@@ -96,6 +96,11 @@ impl Clip {
     #[must_use]
     pub fn notes(&self) -> &[String] {
         &self.notes
+    }
+
+    /// Puts what was found out about the file before what was found out about the person.
+    pub fn note_first(&mut self, notes: Vec<String>) {
+        self.notes.splice(0..0, notes);
     }
 
     /// The bones of the skeleton.

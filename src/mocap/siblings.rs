@@ -11,8 +11,8 @@ use crate::body::segment_name;
 use crate::error::Error;
 use crate::mocap::anatomy::{Anatomy, Capture, Poses, Posture};
 use crate::mocap::bones::Bones;
-use crate::mocap::bvh;
 use crate::mocap::clip::Clip;
+use crate::mocap::files::{self, CaptureOptions};
 use crate::mocap::mapping::MappingFile;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -56,18 +56,30 @@ pub struct CaptureFile {
     pub frames: SegmentFrames,
 }
 
-/// Reads a BVH file, and those beside it that tell more of its skeleton. `mapping` names joints
+/// Reads a skeleton in motion, and the files beside it that tell more of it. `mapping` names joints
 /// where the search for them needs help.
 ///
 /// # Errors
 /// If the file cannot be read, breaks the format, or shows no person in motion. The others are
 /// left out if they do.
-pub fn read(path: &Path, mapping: Option<&MappingFile>) -> Result<CaptureFile, Error> {
+pub fn read(
+    path: &Path,
+    mapping: Option<&MappingFile>,
+    options: &CaptureOptions,
+) -> Result<CaptureFile, Error> {
     let in_file = |error: Error| match error.place {
         None => error.at(path.display().to_string()),
         Some(_) => error,
     };
-    let clip = Clip::new(bvh::read(path)?, mapping).map_err(in_file)?;
+    let read = |path: &Path, options: &CaptureOptions| {
+        let file = files::read(path, options)?;
+        let mut clip = Clip::new(file.bvh, mapping)?;
+        clip.note_first(file.notes);
+        Ok(clip)
+    };
+    let clip: Clip = read(path, options).map_err(in_file)?;
+    // What was said of this file alone is not said of the others.
+    let usual = CaptureOptions { skeleton: None, rate_hz: options.rate_hz };
     let own = path.file_name().unwrap_or_default();
     let folder = folder_of(path);
     let family = family(path, own, &clip.bones());
@@ -78,7 +90,7 @@ pub fn read(path: &Path, mapping: Option<&MappingFile>) -> Result<CaptureFile, E
         if *name == own {
             poses.add(&clip, chosen.len());
         } else {
-            let other = bvh::read(&folder.join(name)).and_then(|bvh| Clip::new(bvh, mapping));
+            let other: Result<Clip, Error> = read(&folder.join(name), &usual);
             let Ok(other) = other else { continue };
             if !other.mapping().is_alike(clip.mapping()) {
                 continue;
@@ -149,11 +161,10 @@ fn family(path: &Path, own: &OsStr, bones: &Bones) -> Vec<(OsString, u64)> {
     }
     let folder = folder_of(path);
     let Ok(entries) = fs::read_dir(&folder) else { return Vec::new() };
-    let is_bvh = |name: &OsString| {
-        Path::new(name).extension().is_some_and(|ending| ending.eq_ignore_ascii_case("bvh"))
-    };
+    let format = files::format_of(path);
+    let is_alike = |name: &OsString| files::format_of(Path::new(name)) == format;
     let mut names: Vec<OsString> =
-        entries.filter_map(|entry| Some(entry.ok()?.file_name())).filter(is_bvh).collect();
+        entries.filter_map(|entry| Some(entry.ok()?.file_name())).filter(is_alike).collect();
     names.sort_unstable();
     let names: Vec<&OsStr> = names.iter().map(OsString::as_os_str).collect();
     let mut looked_at = spread(&names, MOST_HEADERS);
@@ -169,9 +180,13 @@ fn family(path: &Path, own: &OsStr, bones: &Bones) -> Vec<(OsString, u64)> {
         if !found.is_file() {
             continue;
         }
-        let Ok(joints) = bvh::read_joints(&file) else { continue };
         let member = (name.to_owned(), found.len());
-        let bones = Bones::of(&joints);
+        let bones = if name == own {
+            bones.clone()
+        } else {
+            let Ok(joints) = files::read_joints(&file) else { continue };
+            Bones::of(&joints)
+        };
         match variants.iter_mut().find(|(known, _)| *known == bones) {
             Some((_, members)) => members.push(member),
             None => variants.push((bones, vec![member])),

@@ -79,7 +79,7 @@ impl Wearer {
     pub fn open(order: &ImusOrder) -> Result<Self, Error> {
         let sensor = gaitway_profiles::sensor(&order.profile)?;
         let mut way = Way::of(order, &sensor)?;
-        let (capture, _) = body_motion(&order.motion, None)?;
+        let (capture, _) = body_motion(&order.motion, None, &Default::default())?;
         let person = Person::new(&capture, order.stand_s)?;
         let wear_file = wear_file(order)?;
         let stage = Stage::default();

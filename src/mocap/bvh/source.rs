@@ -59,7 +59,7 @@ impl<R: Read> Source<R> {
             return Err(self
                 .error("a word or line is too long")
                 .allowed(format!("at most {BUFFER_BYTES} bytes"))
-                .remedy("this is not a BVH file, or it is damaged"));
+                .remedy("this is no text of motion, or it is damaged"));
         }
         loop {
             match self.stream.read(&mut self.buffer[self.filled..]) {

@@ -1,0 +1,136 @@
+//! What `info` says of captures and markers.
+
+use crate::job::info::{CaptureOverview, FileOverview, MarkerFigures, MarkerOverview};
+use std::fmt::Write;
+
+/// Most markers with gaps, channels and events that are told one by one; `--json` has all.
+const MOST: usize = 12;
+
+/// What is in a file, for a person.
+pub fn words(overview: &FileOverview) -> String {
+    match overview {
+        FileOverview::Markers(markers) => of_markers(markers),
+        FileOverview::Capture(capture) => of_capture(capture),
+    }
+}
+
+fn of_capture(capture: &CaptureOverview) -> String {
+    let mut text = String::new();
+    let CaptureOverview { format, joints, frames, rate_hz, duration_s, .. } = capture;
+    let _ = writeln!(text, "format    {format}, {joints} joints");
+    let _ = writeln!(text, "frames    {frames} at {rate_hz:.3} Hz");
+    let _ = writeln!(text, "duration  {duration_s:.2} s");
+    let _ = writeln!(text, "stature   {:.2} m", capture.stature_m);
+    for note in &capture.notes {
+        let _ = writeln!(text, "note      {note}");
+    }
+    text
+}
+
+/// A number or that it is not known.
+fn known(number: Option<f64>, unit: &str) -> String {
+    number.map_or_else(|| "not said".to_owned(), |number| format!("{number:.2} {unit}"))
+}
+
+fn of_markers(file: &MarkerOverview) -> String {
+    let mut text = String::new();
+    let encoding = if file.encoding.is_empty() { "" } else { ", " };
+    let _ = writeln!(text, "format    {}{encoding}{}", file.format, file.encoding);
+    if !file.made_by.is_empty() {
+        let _ = writeln!(text, "made by   {}", file.made_by);
+    }
+    if !file.subjects.is_empty() {
+        let _ = writeln!(text, "subject   {}", file.subjects.join(", "));
+    }
+    let from = match file.first_frame {
+        1 => String::new(),
+        first => format!(", from number {first} on"),
+    };
+    let lost = match file.lost_frames {
+        0 => String::new(),
+        lost => format!("; {lost} more are claimed and not there"),
+    };
+    let _ = writeln!(text, "frames    {}{from}{lost}", file.frames);
+    let _ = writeln!(text, "rate      {}", known(file.rate_hz, "Hz"));
+    let _ = writeln!(text, "duration  {}", known(file.duration_s, "s"));
+    let unit = if file.unit.is_empty() { "not said" } else { &file.unit };
+    let _ = writeln!(text, "unit      {unit}");
+    let _ = match &file.screen {
+        Some([right, up]) => writeln!(text, "screen    {right} to the right, {up} up"),
+        None => writeln!(text, "screen    axes not said"),
+    };
+    let kinds: Vec<String> =
+        file.points.iter().map(|(kind, count)| format!("{count} {kind}")).collect();
+    let kinds = if kinds.is_empty() { "none".to_owned() } else { kinds.join(", ") };
+    let _ = writeln!(text, "points    {kinds}");
+    gaps(file, &mut text);
+    if let Some(analog) = &file.analog {
+        let count = analog.channels.len();
+        let _ = writeln!(text, "analog    {count} channels at {}", known(analog.rate_hz, "Hz"));
+        for channel in analog.channels.iter().take(MOST) {
+            let range = match (channel.least, channel.greatest) {
+                (Some(least), Some(greatest)) => format!("{least:.3} to {greatest:.3}"),
+                _ => "no values".to_owned(),
+            };
+            let _ = writeln!(text, "channel   {}: {range} {}", channel.name, channel.unit);
+        }
+        more(count, "channels", &mut text);
+    }
+    for plate in &file.plates {
+        let channels = plate.channels.iter().map(|name| name.as_deref().unwrap_or("?"));
+        let channels = channels.collect::<Vec<_>>().join(", ");
+        let _ = writeln!(text, "plate     type {}: {channels}", plate.kind);
+    }
+    for event in file.events.iter().take(MOST) {
+        let of = [&event.context, &event.subject];
+        let of: Vec<&str> = of.into_iter().map(String::as_str).filter(|w| !w.is_empty()).collect();
+        let _ = writeln!(text, "event     {:.3} s {} {}", event.time_s, event.label, of.join(", "));
+    }
+    more(file.events.len(), "events", &mut text);
+    for note in &file.notes {
+        let _ = writeln!(text, "note      {note}");
+    }
+    for finding in file.findings.iter().take(MOST) {
+        let _ = writeln!(text, "unusual   {finding}");
+    }
+    more(file.findings.len(), "unusual things", &mut text);
+    text
+}
+
+fn more(count: usize, what: &str, text: &mut String) {
+    if count > MOST {
+        let _ = writeln!(text, "          and {} more {what}: --json", count - MOST);
+    }
+}
+
+fn gaps(file: &MarkerOverview, text: &mut String) {
+    let _ = writeln!(
+        text,
+        "gaps      {} in {} markers, {:.1} % of their samples missing",
+        file.gaps,
+        file.markers.len(),
+        100.0 * file.missing_share
+    );
+    let missing = |marker: &&MarkerFigures| marker.frames < file.frames;
+    let mut lacking: Vec<&MarkerFigures> = file.markers.iter().filter(missing).collect();
+    lacking.sort_by_key(|marker| marker.frames);
+    for marker in lacking.iter().take(MOST) {
+        let share = 100.0 * marker.frames as f64 / file.frames.max(1) as f64;
+        let longest = match (marker.longest_gap_begins, file.rate_hz) {
+            (Some(begins), Some(rate_hz)) => format!(
+                ", the longest {:.2} s from frame {begins} on",
+                marker.longest_gap_frames as f64 / rate_hz
+            ),
+            (Some(begins), None) => {
+                format!(", the longest {} frames from {begins} on", marker.longest_gap_frames)
+            }
+            (None, _) => String::new(),
+        };
+        let _ = writeln!(
+            text,
+            "marker    {}: seen in {share:.1} % of the frames, {} gaps{longest}",
+            marker.name, marker.gaps
+        );
+    }
+    more(lacking.len(), "markers with frames missing", text);
+}

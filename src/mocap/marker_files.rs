@@ -1,0 +1,166 @@
+//! Files that hold markers, told apart by their endings.
+
+use crate::error::{Error, ErrorKind};
+use crate::mocap::c3d;
+use crate::mocap::marker_table;
+use crate::mocap::markers::{Frame, Frames, Head, MarkerFormat, Markers};
+use crate::mocap::trc;
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+/// Bytes of a table that are looked at to see what its columns are.
+const TITLES_BYTES: u64 = 1 << 20;
+
+/// The kind of a file: by its ending, and of a table by its titles.
+#[must_use]
+pub fn format_of(path: &Path) -> Option<MarkerFormat> {
+    let ending = path.extension()?.to_str()?.to_ascii_lowercase();
+    match ending.as_str() {
+        "c3d" => Some(MarkerFormat::C3d),
+        "trc" => Some(MarkerFormat::Trc),
+        "csv" => is_marker_table(path).then_some(MarkerFormat::Csv),
+        _ => None,
+    }
+}
+
+/// The kind of file that is written under a name.
+#[must_use]
+pub fn written_as(path: &Path) -> Option<MarkerFormat> {
+    let ending = path.extension()?.to_str()?;
+    [MarkerFormat::C3d, MarkerFormat::Trc, MarkerFormat::Csv]
+        .into_iter()
+        .find(|format| ending.eq_ignore_ascii_case(format.word()))
+}
+
+fn is_marker_table(path: &Path) -> bool {
+    let Ok(file) = File::open(path) else { return false };
+    // A pipe is read once only.
+    if !file.metadata().is_ok_and(|found| found.is_file()) {
+        return false;
+    }
+    let mut start = Vec::new();
+    let read = file.take(TITLES_BYTES).read_to_end(&mut start);
+    read.is_ok() && marker_table::is_of_markers(&String::from_utf8_lossy(&start))
+}
+
+/// What a motion of markers alone is refused with, wherever a skeleton is needed.
+#[must_use]
+pub fn needs_skeleton(path: &Path) -> Error {
+    Error::of(ErrorKind::Refused, "markers must be fitted to a skeleton first")
+        .at(path.display().to_string())
+        .got("points without bones")
+        .allowed("a capture with a skeleton (.bvh, .amc), an action, or a table of joint angles")
+        .remedy("fit them with the program that recorded them, and export a skeleton; `gaitway info` tells what is in this file")
+}
+
+/// A file being read.
+pub enum MarkerReader {
+    /// Frame by frame: a file of any length.
+    Stream(Box<c3d::Reader<Box<dyn Read>>>),
+    /// All in memory.
+    Whole {
+        /// The markers.
+        markers: Box<Markers>,
+        /// Index of the frame that comes next.
+        next: usize,
+    },
+}
+
+/// Opens a file.
+///
+/// # Errors
+/// If it cannot be read, breaks its format, or is of no kind that holds markers.
+pub fn open(path: &Path) -> Result<MarkerReader, Error> {
+    let in_file = |error: Error| match &error.place {
+        Some(place) => {
+            let place = format!("{}, {place}", path.display());
+            error.at(place)
+        }
+        None => error.at(path.display().to_string()),
+    };
+    let whole = |markers: Markers| MarkerReader::Whole { markers: Box::new(markers), next: 0 };
+    match format_of(path) {
+        Some(MarkerFormat::C3d) => Ok(MarkerReader::Stream(Box::new(c3d::open(path)?))),
+        Some(MarkerFormat::Trc) => {
+            let bytes = bytes_of(path, trc::MAX_FILE_BYTES).map_err(in_file)?;
+            trc::parse(&bytes).map(whole).map_err(in_file)
+        }
+        Some(MarkerFormat::Csv) => {
+            let bytes = bytes_of(path, marker_table::MAX_FILE_BYTES).map_err(in_file)?;
+            marker_table::parse(&bytes).map(whole).map_err(in_file)
+        }
+        None => Err(Error::of(ErrorKind::Unknown, "not a file of markers")
+            .at(path.display().to_string())
+            .allowed(
+                "a file that ends in .c3d or .trc, or a table (.csv) with columns LABEL_x_m, ...",
+            )),
+    }
+}
+
+fn bytes_of(path: &Path, most: u64) -> Result<Vec<u8>, Error> {
+    let unreadable = |cause: std::io::Error| {
+        Error::of((&cause).into(), "the file cannot be read")
+            .got(cause.to_string())
+            .remedy("check the path and the permissions")
+    };
+    let file = File::open(path).map_err(unreadable)?;
+    let length = file.metadata().map_err(unreadable)?.len();
+    if length > most {
+        return Err(Error::of(ErrorKind::Malformed, "the file is too large")
+            .got(format!("{length} bytes"))
+            .allowed(format!("at most {most} bytes"))
+            .remedy("cut the recording into shorter files"));
+    }
+    let mut bytes = Vec::with_capacity(length as usize + 1);
+    file.take(most).read_to_end(&mut bytes).map_err(unreadable)?;
+    Ok(bytes)
+}
+
+impl MarkerReader {
+    /// What other programs may stumble over in this file.
+    #[must_use]
+    pub fn findings(&self) -> Vec<String> {
+        match self {
+            Self::Stream(reader) => reader.findings(),
+            Self::Whole { .. } => Vec::new(),
+        }
+    }
+
+    /// What was found in the frames that were read.
+    #[must_use]
+    pub fn closing_notes(&self) -> Vec<String> {
+        match self {
+            Self::Stream(reader) => reader.closing_notes(),
+            Self::Whole { .. } => Vec::new(),
+        }
+    }
+
+    /// Says how many frames there are per second, where the file does not or somebody knows better.
+    pub fn set_rate(&mut self, rate_hz: f64) {
+        match self {
+            Self::Stream(reader) => reader.set_rate(rate_hz),
+            Self::Whole { markers, .. } => markers.set_rate(rate_hz),
+        }
+    }
+}
+
+impl Frames for MarkerReader {
+    fn head(&self) -> &Head {
+        match self {
+            Self::Stream(reader) => reader.head(),
+            Self::Whole { markers, .. } => markers.head(),
+        }
+    }
+
+    fn next_frame(&mut self, frame: &mut Frame) -> Result<bool, Error> {
+        match self {
+            Self::Stream(reader) => reader.next_frame(frame),
+            Self::Whole { markers, next } => {
+                let is_there = markers.frame(*next, frame);
+                *next += usize::from(is_there);
+                Ok(is_there)
+            }
+        }
+    }
+}

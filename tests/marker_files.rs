@@ -1,0 +1,291 @@
+//! Markers as texts (TRC, tables), what `info` tells of a file of markers, and what `convert` makes of it.
+
+mod c3d_made;
+mod captured;
+mod program;
+
+use c3d_made::{Made, Values};
+use gaitway::mocap::markers::{FramesOf, Markers};
+use gaitway::mocap::{c3d, marker_table, trc};
+use program::{folder, gaitway, json, words};
+use std::fs;
+use std::path::Path;
+
+const TRC: &str = "PathFileType\t4\t(X/Y/Z)\ttrial.trc\n\
+DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames\n\
+50\t50\t3\t2\tmm\t50\t1\t3\n\
+Frame#\tTime\tR.Heel\t\t\tL Toe\t\t\n\
+\t\tX1\tY1\tZ1\tX2\tY2\tZ2\n\
+\n\
+1\t0.00\t1.5\t2\t-3e2\t4\t5\t6\n\
+2\t0.02\t\t\t\t4\t5\t7\n\
+3\t0.04\t1.75\t2\tNaN\t\t\t\n";
+
+fn positions(markers: &Markers) -> Vec<Vec<Option<[f32; 3]>>> {
+    let points = markers.head().points.len();
+    let of = |frame| (0..points).map(|p| markers.sample(frame, p).map(|s| s.position)).collect();
+    (0..markers.head().frames).map(of).collect()
+}
+
+#[test]
+fn a_trc_file_is_read_as_written_with_its_gaps() {
+    let markers = trc::parse(TRC.as_bytes()).expect("read");
+    let head = markers.head();
+    let labels: Vec<&str> = head.points.iter().map(|point| point.label.as_str()).collect();
+    assert_eq!(labels, ["R.Heel", "L Toe"]);
+    assert_eq!((head.rate_hz, head.unit.as_str(), head.first_frame), (Some(50.0), "mm", 1));
+    let expected = [
+        vec![Some([1.5, 2.0, -300.0]), Some([4.0, 5.0, 6.0])],
+        vec![None, Some([4.0, 5.0, 7.0])],
+        vec![None, None],
+    ];
+    assert_eq!(positions(&markers), expected);
+    assert!(
+        head.notes.iter().any(|note| note.starts_with("1 samples have one or two")),
+        "{:?}",
+        head.notes
+    );
+    for other in [TRC.replace('\n', "\r\n"), format!("\u{feff}{TRC}"), TRC.replace("\n\n", "\n")] {
+        assert_eq!(positions(&trc::parse(other.as_bytes()).expect("read")), expected);
+    }
+    let lying = trc::parse(TRC.replace("50\t50\t3\t2", "50\t50\t9\t5").as_bytes()).expect("read");
+    let notes = lying.head().notes.join("\n");
+    assert!(
+        notes.contains("NumFrames says 9, 3 rows") && notes.contains("NumMarkers says 5, 2"),
+        "{notes}"
+    );
+    assert_eq!(lying.head().lost_frames, 6);
+    let unsaid = trc::parse(TRC.replace("50\t50\t3", "0\t50\t3").as_bytes()).expect("read");
+    assert!((unsaid.head().rate_hz.expect("by the times") - 50.0).abs() < 1e-9);
+}
+
+#[test]
+fn what_is_wrong_in_a_trc_file_is_said_with_its_line() {
+    for (from, to, said) in [
+        ("PathFileType", "Path", "not a TRC file"),
+        ("1.5\t2", "1,5\t2", "line 7"),
+        ("2\t0.02", "x\t0.02", "line 8"),
+        ("4\t5\t7", "4\t5\t7\t8", "more cells"),
+        ("R.Heel\t\t\tL Toe", "", "no usable number of markers"),
+    ] {
+        let refused =
+            trc::parse(TRC.replacen(from, to, 1).as_bytes()).expect_err("broken").to_string();
+        assert!(refused.contains(said), "{said}: {refused}");
+    }
+    for length in 0..TRC.len() {
+        let _ = trc::parse(&TRC.as_bytes()[..length]);
+    }
+}
+
+const TABLE: &str = "frame,time_s,C7_x_mm,C7_y_mm,C7_z_mm,note,\"a,b_x_m\",\"a,b_y_m\",\"a,b_z_m\"\n\
+11,0.1,1000,-2,3.5,said,1,2,3\n\
+12,0.11,,,,,1,2,3\n";
+
+#[test]
+fn a_table_says_by_its_titles_what_is_in_it() {
+    let markers = marker_table::parse(TABLE.as_bytes()).expect("read");
+    let head = markers.head();
+    let labels: Vec<&str> = head.points.iter().map(|point| point.label.as_str()).collect();
+    assert_eq!(labels, ["C7", "a,b"]);
+    assert_eq!((head.unit.as_str(), head.first_frame, head.rate_hz), ("m", 11, Some(100.0)));
+    let ab = Some([1.0, 2.0, 3.0]);
+    assert_eq!(positions(&markers), [vec![Some([1.0, -0.002, 0.0035]), ab], vec![None, ab]]);
+    assert!(head.notes.iter().any(|note| note.contains("1 columns are no coordinates")));
+    for (from, to, said) in [
+        ("time_s", "time", "no column time_s"),
+        ("C7_z_mm", "C7_w_mm", "not all three"),
+        ("C7_z_mm", "C7_y_mm", "twice"),
+        ("1000", "x", "line 2"),
+        ("0.11", "0.1", "time does not go on"),
+        ("12,0.11,", "12,0.11", "one cell per column"),
+    ] {
+        let refused = marker_table::parse(TABLE.replacen(from, to, 1).as_bytes());
+        let refused = refused.expect_err("broken").to_string();
+        assert!(refused.contains(said), "{said}: {refused}");
+    }
+    assert!(marker_table::is_of_markers(TABLE));
+    // A robot's joints may be called x, y and z, and its base has a place.
+    for joints in
+        ["time_s,l_hip_rad,base_x_m,base_y_m,base_z_m\n", "time_s,hip_x_rad,hip_y_rad,hip_z_rad\n"]
+    {
+        assert!(!marker_table::is_of_markers(joints), "{joints}");
+    }
+}
+
+/// A trial with a gap, analog channels, an event, a plate and a group that nobody knows.
+fn trial() -> Made {
+    let mut made = Made::new(3, 50, 7, 4);
+    made.first = 201;
+    made.set("POINT", "LABELS", &[4, 3], Values::Text(vec!["LASI", "RASI", "LKnA"]));
+    made.set("POINT", "ANGLES", &[4, 1], Values::Text(vec!["LKnA"]));
+    made.set("POINT", "ANGLE_UNITS", &[3], Values::Text(vec!["deg"]));
+    made.set("EVENT", "USED", &[], Values::Ints(vec![1]));
+    made.set("EVENT", "CONTEXTS", &[4, 1], Values::Text(vec!["Left"]));
+    made.set("EVENT", "LABELS", &[11, 1], Values::Text(vec!["Foot Strike"]));
+    made.set("EVENT", "TIMES", &[2, 1], Values::Floats(vec![0.0, 2.25]));
+    made.set("FORCE_PLATFORM", "USED", &[], Values::Ints(vec![1]));
+    made.set("FORCE_PLATFORM", "TYPE", &[1], Values::Ints(vec![2]));
+    made.set("FORCE_PLATFORM", "CHANNEL", &[6, 1], Values::Ints((1..7).collect()));
+    made.set("OURLAB", "MOOD", &[4], Values::Text(vec!["good"]));
+    made
+}
+
+fn written(folder: &Path, name: &str, bytes: &[u8]) -> String {
+    let path = folder.join(name);
+    fs::write(&path, bytes).expect("a file");
+    path.to_str().expect("a path").to_owned()
+}
+
+#[test]
+fn info_tells_what_a_person_wants_to_know_of_markers() {
+    let folder = folder("info");
+    let file = written(&folder, "trial.c3d", &trial().bytes());
+    let report = json(&gaitway().args(["info", &file, "--json"]).output().expect("it runs"));
+    assert_eq!((&report["format"], &report["encoding"]), (&"c3d".into(), &"Intel, real".into()));
+    assert_eq!((&report["frames"], &report["first_frame"]), (&50.into(), &201.into()));
+    assert_eq!((&report["rate_hz"], &report["duration_s"]), (&100.0.into(), &0.49.into()));
+    assert_eq!((&report["unit"], &report["metres_per_unit"]), (&"mm".into(), &0.001.into()));
+    assert_eq!(report["points"], serde_json::json!({ "angle": 1, "marker": 2 }));
+    // Every seventh sample is missing: frames 6, 13, ... 48 of the first marker, 5, 12, ... 47 of the second.
+    assert_eq!(
+        (&report["markers"][0]["gaps"], &report["markers"][0]["frames"]),
+        (&7.into(), &43.into())
+    );
+    assert_eq!(report["markers"][0]["longest_gap_begins"], 207);
+    assert_eq!(report["gaps"], 14);
+    assert!((report["missing_share"].as_f64().expect("a share") - 0.14).abs() < 1e-12);
+    assert_eq!(
+        (&report["analog"]["rate_hz"], &report["analog"]["per_frame"]),
+        (&400.0.into(), &4.into())
+    );
+    // The counts are n mod 4096 - 100, of 50 x 4 samples of 7 channels; (count - 12) / 8.
+    assert_eq!(report["analog"]["channels"][0]["least"], (-100.0 - 12.0) / 8.0);
+    assert_eq!(report["analog"]["channels"][6]["greatest"], (1399.0 - 100.0 - 12.0) / 8.0);
+    let event = serde_json::json!({ "time_s": 2.25, "label": "Foot Strike", "context": "Left", "subject": "" });
+    assert_eq!(report["events"], serde_json::json!([event]));
+    assert_eq!(report["plates"][0]["type"], 2);
+    assert_eq!(report["groups"]["OURLAB"], 1);
+    let findings = report["findings"].to_string();
+    assert!(findings.contains("ANALOG:LABELS is missing"), "{findings}");
+    let text = words(&gaitway().args(["info", &file]).output().expect("it runs"));
+    for said in
+        ["50, from number 201 on", "100.00 Hz", "1 angle, 2 marker", "Foot Strike Left", "type 2"]
+    {
+        assert!(text.contains(said), "{said}: {text}");
+    }
+}
+
+#[test]
+fn markers_go_from_one_kind_of_file_to_another_and_back() {
+    let folder = folder("convert");
+    let file = written(&folder, "trial.c3d", &trial().bytes());
+    let place = |name: &str| folder.join(name).to_str().expect("a path").to_owned();
+    let convert = |from: &str, to: &str| {
+        let done = gaitway().args(["convert", from, to]).output().expect("it runs");
+        assert!(done.status.success(), "{from} to {to}: {}", words(&done));
+        words(&done)
+    };
+    let original = c3d::read(Path::new(&file)).expect("read");
+    let said = convert(&file, &place("a.trc"));
+    assert!(
+        said.contains("1 points are no places") && said.contains("7 analog channels"),
+        "{said}"
+    );
+    let by_trc = trc::parse(&fs::read(place("a.trc")).expect("a file")).expect("read");
+    convert(&file, &place("a.csv"));
+    let by_table = marker_table::parse(&fs::read(place("a.csv")).expect("a file")).expect("read");
+    convert(&file, &place("b.c3d"));
+    let copy = c3d::read(Path::new(&place("b.c3d"))).expect("read");
+    assert_eq!(copy.head().parameters.get("OURLAB", "MOOD").expect("kept").texts(), ["good"]);
+    assert_eq!((copy.head().first_frame, copy.head().events.len()), (201, 1));
+    convert(&place("a.trc"), &place("c.c3d"));
+    let by_both = c3d::read(Path::new(&place("c.c3d"))).expect("read");
+    for frame in 0..50 {
+        for point in 0..3 {
+            let of = |markers: &Markers| markers.sample(frame, point).map(|s| s.position);
+            let expected = of(&original);
+            assert_eq!(of(&copy), expected, "frame {frame}, point {point}");
+            if point < 2 {
+                // The shortest text of a number of 32 bits is read as the same number.
+                assert_eq!(of(&by_trc), expected, "frame {frame}, point {point}");
+                assert_eq!(of(&by_both), expected, "frame {frame}, point {point}");
+                let in_m = expected.map(|p| p.map(|n| (f64::from(n) * 0.001) as f32));
+                assert_eq!(of(&by_table), in_m, "frame {frame}, point {point}");
+            } else {
+                assert_eq!(of(&by_table), expected, "angles stay what they are");
+            }
+        }
+    }
+    for markers in [&by_trc, &by_table, &by_both] {
+        let head = markers.head();
+        assert_eq!((head.rate_hz, head.first_frame, head.frames), (Some(100.0), 201, 50));
+    }
+    let again = gaitway().args(["convert", &file, &place("a.trc")]).output().expect("it runs");
+    assert!(!again.status.success() && words(&again).contains("--force"), "{}", words(&again));
+}
+
+#[test]
+fn a_file_that_is_cut_off_is_converted_as_far_as_it_goes_with_exit_code_3() {
+    let folder = folder("cut");
+    let bytes = trial().bytes();
+    let file = written(&folder, "cut.c3d", &bytes[..bytes.len() - 3000]);
+    let out = folder.join("cut.csv");
+    let done = gaitway().args(["convert", &file]).arg(&out).output().expect("it runs");
+    assert_eq!(done.status.code(), Some(3), "{}", words(&done));
+    assert!(words(&done).contains("50 frames are claimed"), "{}", words(&done));
+    assert!(out.exists());
+}
+
+#[test]
+fn where_a_skeleton_is_needed_markers_are_refused_with_what_to_do() {
+    let folder = folder("needs-skeleton");
+    let c3d = written(&folder, "trial.c3d", &trial().bytes());
+    let trc = written(&folder, "trial.trc", TRC.as_bytes());
+    let table = written(&folder, "trial.csv", TABLE.as_bytes());
+    let out = |name: &str| folder.join(name).to_str().expect("a path").to_owned();
+    for file in [&c3d, &trc, &table] {
+        for arguments in [
+            vec!["retarget", file, "--robot", "op3", "-o", &out("a.csv")],
+            vec!["play", file, "--robot", "op3", "--bus", "sim"],
+            vec!["actionlets", file, "-o", &out("a.toml")],
+            vec!["convert", file, &out("a.bvh")],
+        ] {
+            let refused = gaitway().args(&arguments).output().expect("it runs");
+            let said = words(&refused);
+            assert!(
+                said.contains("markers must be fitted to a skeleton first"),
+                "{arguments:?}: {said}"
+            );
+            assert_eq!(refused.status.code(), Some(1), "{arguments:?}");
+        }
+    }
+    let markers = c3d::read(Path::new(&c3d)).expect("read");
+    let mut no_rate = Vec::new();
+    let mut made = Made { rate_hz: 0.0, ..Made::new(1, 2, 0, 0) };
+    made.without("POINT", "RATE");
+    made.without("ANALOG", "RATE");
+    let unknown = c3d::parse(&made.bytes()).expect("read");
+    let refused =
+        c3d::write::write(&mut no_rate, &mut FramesOf::new(&unknown)).expect_err("no rate");
+    assert!(refused.to_string().contains("--rate"), "{refused}");
+    assert!(markers.head().rate_hz.is_some());
+}
+
+/// Real trials: what `info` says of every file can be said at all, and in a sensible way.
+#[test]
+fn info_reads_every_real_file() {
+    let Some(root) = captured::captured("mocap/c3d") else { return };
+    let mut read = 0;
+    for folder in fs::read_dir(root).expect("a folder") {
+        for entry in fs::read_dir(folder.expect("an entry").path()).expect("a folder") {
+            let path = entry.expect("an entry").path();
+            let told = gaitway().arg("info").arg(&path).arg("--json").output().expect("it runs");
+            assert!(told.status.success(), "{}: {}", path.display(), words(&told));
+            let report = json(&told);
+            assert!(report["frames"].as_u64().expect("frames") > 0, "{}", path.display());
+            assert!(report["rate_hz"].as_f64().expect("a rate") >= 50.0, "{}", path.display());
+            read += 1;
+        }
+    }
+    assert!(read > 10, "{read} files");
+}
