@@ -4,6 +4,10 @@
 //! Each case is read in a process of its own, so that nothing is hidden in memory that was freed
 //! before. An allocator counts what is asked for, touched or not; the system tells what is resident.
 
+#[path = "memory/c3d_files.rs"]
+mod c3d_files;
+#[path = "c3d_made/mod.rs"]
+mod c3d_made;
 #[path = "memory/mcap_files.rs"]
 mod mcap_files;
 #[path = "memory/readers.rs"]

@@ -9,8 +9,8 @@ use gaitway::body::anthropometry::Subject;
 use gaitway::body::worn::kept::Kept;
 use gaitway::calibration::Calibration;
 use gaitway::job::source::joints;
-use gaitway::mocap::bvh;
 use gaitway::mocap::mapping::MappingFile;
+use gaitway::mocap::{acclaim, bvh, c3d, marker_files};
 use gaitway::recording;
 use gaitway::session::files::{BodyCheck, DeviceCheck, SessionFile, TrialFile};
 use gaitway::session::folder::Folder;
@@ -18,7 +18,7 @@ use gaitway::session::plan::Plan;
 use gaitway_profiles::{profile, read_text};
 use gaitway_sim::Script;
 
-use crate::{mcap_files, text_files};
+use crate::{c3d_files, mcap_files, text_files};
 
 /// Files of one case, made when it is run.
 pub type Files = Box<dyn Fn() -> Vec<Vec<u8>> + Send>;
@@ -33,6 +33,10 @@ pub enum Reader {
     PlayRecording,
     PlayTable,
     Bvh,
+    C3d,
+    Trc,
+    MarkerTable,
+    Acclaim,
     Robot,
     Servo,
     Actuator,
@@ -52,7 +56,7 @@ pub enum Reader {
 }
 
 impl Reader {
-    pub const ALL: [Self; 24] = [
+    pub const ALL: [Self; 28] = [
         Self::Info,
         Self::Recover,
         Self::Convert,
@@ -61,6 +65,10 @@ impl Reader {
         Self::PlayRecording,
         Self::PlayTable,
         Self::Bvh,
+        Self::C3d,
+        Self::Trc,
+        Self::MarkerTable,
+        Self::Acclaim,
         Self::Robot,
         Self::Servo,
         Self::Actuator,
@@ -90,6 +98,10 @@ impl Reader {
             _ if self.takes_recordings() => "recording.mcap",
             Self::PlayTable => "table.csv",
             Self::Bvh => "capture.bvh",
+            Self::C3d => "trial.c3d",
+            Self::Trc => "trial.trc",
+            Self::MarkerTable => "trial.csv",
+            Self::Acclaim => "motion.amc",
             Self::Robot => "so101.toml",
             Self::Servo => "xm430-w350.toml",
             Self::Actuator => "dm4310.toml",
@@ -119,6 +131,15 @@ impl Reader {
                 joints::read(path).map(drop).map_err(|e| e.to_string())
             }
             Self::Bvh => bvh::read(path).map(drop).map_err(|e| e.to_string()),
+            Self::C3d => c3d::read(path).map(drop).map_err(|e| e.to_string()),
+            Self::Trc | Self::MarkerTable => {
+                marker_files::open(path).map(drop).map_err(|e| e.to_string())
+            }
+            Self::Acclaim => {
+                let skeleton = acclaim::parse_skeleton(text_files::ASF.as_bytes());
+                let skeleton = skeleton.expect("a skeleton");
+                acclaim::read(path, &skeleton, None).map(drop).map_err(|e| e.to_string())
+            }
             Self::Robot | Self::Servo | Self::Actuator | Self::Sensor | Self::Adapter => {
                 let path = path.to_str().expect("a path of letters");
                 profile(path).map(drop).map_err(|e| e.to_string())
@@ -153,6 +174,10 @@ impl Reader {
         match self {
             Self::PlayTable => text_files::TABLE.into(),
             Self::Bvh => text_files::BVH.into(),
+            Self::C3d => c3d_files::minimal(),
+            Self::Trc => text_files::TRC.into(),
+            Self::MarkerTable => text_files::MARKER_TABLE.into(),
+            Self::Acclaim => text_files::AMC.into(),
             Self::Robot => profiles("robots/so101.toml"),
             Self::Servo => profiles("servos/robotis/xm430-w350.toml"),
             Self::Actuator => profiles("actuators/damiao/dm4310.toml"),
@@ -183,6 +208,10 @@ impl Reader {
         match self {
             Self::PlayTable => text_files::hostile_tables(&minimal),
             Self::Bvh => text_files::hostile_bvh(&minimal),
+            Self::C3d => c3d_files::hostile(&minimal),
+            Self::Trc => text_files::hostile_trc(&minimal),
+            Self::MarkerTable => text_files::hostile_marker_tables(&minimal),
+            Self::Acclaim => text_files::hostile_acclaim(&minimal),
             // All are read by the same parser; these, by how much else is kept beside what it gives.
             Self::Servo | Self::Action | Self::Mapping => {
                 let mut cases = text_files::hostile_toml(&minimal);

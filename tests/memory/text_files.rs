@@ -23,6 +23,10 @@ const BAD_NUMBERS: [&str; 10] = [
 
 pub const TABLE: &str = include_str!("../../fuzz/seeds/motions/table.csv");
 pub const BVH: &str = include_str!("../../fuzz/seeds/motions/capture.bvh");
+pub const TRC: &str = include_str!("../../fuzz/seeds/marker_texts/trial.trc");
+pub const MARKER_TABLE: &str = include_str!("../../fuzz/seeds/marker_texts/trial.csv");
+pub const ASF: &str = include_str!("../../fuzz/seeds/acclaim/skeleton.asf");
+pub const AMC: &str = include_str!("../../fuzz/seeds/acclaim/motion.amc");
 pub const MAPPING: &str = include_str!("../../fuzz/seeds/texts/mapping.toml");
 pub const CALIBRATION: &str = include_str!("../../fuzz/seeds/texts/calibration.toml");
 pub const BODY_CALIBRATION: &str = include_str!("../../fuzz/seeds/texts/body-calibration.toml");
@@ -141,6 +145,47 @@ pub fn hostile_bvh(minimal: &[u8]) -> Vec<(&'static str, Files)> {
         ("end-sites-without-end", one(full_of(root, "End Site{OFFSET 0 0 0}\n", ""))),
         ("a-long-name", one(name.into_bytes())),
         ("poses-of-two-bytes", one([motion.as_bytes(), &b"0\n".repeat(1_900_000)].concat())),
+    ]);
+    cases
+}
+
+pub fn hostile_trc(minimal: &[u8]) -> Vec<(&'static str, Files)> {
+    let mut cases = common(minimal);
+    let head = TRC.split("\n\n").next().expect("a head");
+    let labels: Vec<String> = (0..16_000).map(|n| format!("{n}\t\t")).collect();
+    let many = head.replace("R.Heel\t\t\tL Toe\t\t", &labels.join("\t"));
+    let seen = format!("1\t0\t{}\n", "1\t".repeat(48_000));
+    cases.extend([
+        ("rows-without-end", one(numbered(&format!("{head}\n"), "#\t0\n"))),
+        ("rows-of-nothing", one(full_of(&format!("{head}\n"), "1\t0\t\t\t\t\t\t\n", ""))),
+        ("markers-without-end", one(full_of(&many, "\n1\t0\t1\t1\t1", "\n"))),
+        ("markers-and-rows", one(full_of(&format!("{many}\n"), &seen, ""))),
+        ("labels-without-end", one(numbered("PathFileType\nDataRate\n1\nFrame\tTime", "\t#"))),
+    ]);
+    cases
+}
+
+pub fn hostile_marker_tables(minimal: &[u8]) -> Vec<(&'static str, Files)> {
+    let mut cases = common(minimal);
+    let empty = "0,#,,,\n";
+    cases.extend([
+        ("titles-without-end", one(numbered("time_s", ",#_x_m"))),
+        ("markers-without-end", one(numbered("time_s", ",#_x_m,#_y_m,#_z_m"))),
+        ("rows-without-end", one(numbered("a,time_s,b_x_m,b_y_m,b_z_m\n", empty))),
+        ("rows-of-numbers", one(numbered("time_s,b_x_m,b_y_m,b_z_m\n", "#,1,1,1\n"))),
+    ]);
+    cases
+}
+
+pub fn hostile_acclaim(minimal: &[u8]) -> Vec<(&'static str, Files)> {
+    let mut cases = common(minimal);
+    let frame = "1\nroot 1 1 1 1 1 1\narm 1\nhand 1 1\n";
+    let late = format!("#{}\n{frame}", "x".repeat(60_000));
+    cases.extend([
+        ("frames-without-end", one(full_of("", frame, ""))),
+        ("frames-behind-a-long-line", one(full_of(&late, frame, ""))),
+        ("numbers-of-frames-without-end", one(full_of(frame, "1\n", ""))),
+        ("bones-without-end", one(full_of(frame, "arm 1\n", ""))),
     ]);
     cases
 }
