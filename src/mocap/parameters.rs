@@ -162,7 +162,7 @@ impl Parameter {
     #[must_use]
     pub fn counts(&self) -> Vec<Option<u64>> {
         let of_number = |number: f64| {
-            let is_count = number >= 0.0 && number <= 4e9 && number.fract() == 0.0;
+            let is_count = (0.0..=4e9).contains(&number) && number.fract() == 0.0;
             is_count.then_some(number as u64)
         };
         let numbers = self.numbers().into_iter();

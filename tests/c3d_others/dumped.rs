@@ -49,8 +49,10 @@ pub fn by_us(path: &Path) -> Result<Seen, String> {
 
 pub fn by_c3dio(path: &Path) -> Result<Seen, String> {
     let bytes = fs::read(path).map_err(|cause| cause.to_string())?;
-    let read = std::panic::catch_unwind(|| c3dio::prelude::C3d::from_bytes(&bytes));
-    let read = read.map_err(|_| "it panics".to_owned())?.map_err(|error| format!("{error:?}"))?;
+    let read = std::panic::catch_unwind(|| {
+        c3dio::prelude::C3d::from_bytes(&bytes).map_err(|error| format!("{error:?}"))
+    });
+    let read = read.map_err(|_| "it panics".to_owned())??;
     let points = &read.points;
     let (rows, columns) = points.points.size();
     let samples_of_points = points.points.iter().map(|point| {
@@ -68,7 +70,7 @@ pub fn by_c3dio(path: &Path) -> Result<Seen, String> {
         samples_of_points: samples_of_points.collect(),
         channels,
         samples,
-        analog: analog.analog.iter().copied().map(f64::from).collect(),
+        analog: analog.analog.iter().copied().collect(),
     })
 }
 
