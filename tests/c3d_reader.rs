@@ -286,6 +286,18 @@ fn a_file_that_is_cut_off_keeps_its_whole_frames_and_says_what_is_lost() {
     assert!(no_parameters.contains("600"), "{no_parameters}");
 }
 
+#[test]
+fn a_file_without_frames_is_read_and_written_as_one() {
+    let mut made = Made { header: vec![(5, 0)], ..Made::new(3, 0, 2, 2) };
+    made.first = 1;
+    let markers = read(&made);
+    assert_eq!((markers.head().frames, markers.head().points.len()), (0, 3));
+    let mut bytes = Vec::new();
+    c3d::write::write(&mut bytes, &mut FramesOf::new(&markers)).expect("written");
+    let again = c3d::parse(&bytes).expect("what was written");
+    assert_eq!((again.head().frames, again.head().points.len()), (0, 3));
+}
+
 /// Reads any bytes to the end. What is read never is more than the file can hold.
 fn survives(bytes: &[u8]) -> bool {
     let Ok(mut reader) = Reader::new(bytes, bytes.len() as u64) else { return false };

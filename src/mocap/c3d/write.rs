@@ -128,7 +128,7 @@ fn header(head: &Head, rate_hz: f64, step: f32, data_start: u16) -> Result<Heade
 
 /// First and last frame as 16 bits tell them: where they cannot, from 1 on.
 fn range(head: &Head) -> (u16, u16) {
-    let last = head.first_frame + (head.frames as u64).saturating_sub(1);
+    let last = (head.first_frame + head.frames as u64).saturating_sub(1);
     match (u16::try_from(head.first_frame), u16::try_from(last)) {
         (Ok(first), Ok(last)) => (first, last),
         _ => (1, u16::try_from(head.frames).unwrap_or(u16::MAX)),
@@ -339,7 +339,7 @@ impl Agreeing<'_> {
         if is_told && self.parameters.get("TRIAL", "ACTUAL_START_FIELD").is_none() {
             return;
         }
-        let last = head.first_frame + (head.frames as u64).saturating_sub(1);
+        let last = (head.first_frame + head.frames as u64).saturating_sub(1);
         for (name, frame) in [("ACTUAL_START_FIELD", head.first_frame), ("ACTUAL_END_FIELD", last)]
         {
             let words = [frame & 0xffff, (frame >> 16) & 0xffff].map(|word| word as u16);
