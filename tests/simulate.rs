@@ -156,3 +156,45 @@ fn a_wrong_script_is_refused_with_its_place() {
         assert!(said.contains(part), "{said}");
     }
 }
+
+#[test]
+fn a_bench_is_one_line_and_answers_as_its_servos_do() {
+    let bench = ["--servo", "xm430_w350:1,2", "--servo", "sts3215:3", "--baud", "1000000"];
+    let mut simulator = Simulator::start(&[&bench[..], &["--tcp", "0"]].concat());
+    let line = simulator.line();
+    let mut port = TcpStream::connect(&line["tcp:".len()..]).expect("a connection");
+    // An XM430-W350 has the model number 1020 (e-Manual).
+    assert_eq!(ping(&mut port)[9..11], 1020_u16.to_le_bytes());
+    port.write_all(&[0xFF, 0xFF, 3, 2, 1, 0xF9]).expect("a write");
+    let mut answer = [0; 6];
+    port.read_exact(&mut answer).expect("an answer");
+    assert_eq!(answer, [0xFF, 0xFF, 3, 2, 0, 0xFA]);
+    assert!(simulator.end().contains("virtual bench with 3 servos"));
+}
+
+#[test]
+fn a_bench_that_cannot_be_says_what_could() {
+    for (arguments, words) in [
+        (&["--servo", "xm430_w350:1", "--servo", "sts3215:3"][..], "--baud N"),
+        (&["--servo", "sts3215:1,1"], "two devices on one line have the ID 1"),
+        (&["--servo", "sts3214:1"], "did you mean sts3215?"),
+        (&["--servo", "sts3215"], "xm430-w350:1,2,5-8"),
+        (&["--servo", "sts3215:1", "--baud", "9600"], "38400"),
+        (&["op3", "--servo", "sts3215:1"], "cannot be used with"),
+        (&["op3", "--baud", "9600"], "cannot be used with"),
+        (&["--tcp", "0"], "<ROBOT>"),
+    ] {
+        let output = crate::program::gaitway().arg("simulate").args(arguments).output();
+        let output = output.expect("the program");
+        let said = crate::program::words(&output);
+        assert_ne!(output.status.code(), Some(0), "{arguments:?}");
+        assert!(said.contains(words), "{arguments:?}: {said}");
+    }
+}
+
+#[test]
+fn a_robot_is_found_by_its_name_with_underscores_too() {
+    let mut simulator = Simulator::start(&["Open_Duck_Mini_v2", "--tcp", "0"]);
+    assert!(simulator.line().starts_with("tcp:"));
+    simulator.end();
+}

@@ -3,6 +3,7 @@
 //!
 //! - [`World`]: a robot's servos and the time they share. Virtual time passes only when asked, so a
 //!   minute of motion takes milliseconds, and the same seed and host bytes give the same bytes.
+//! - [`bench()`]: servos without a robot around them.
 //! - [`Fault`]: what goes wrong, on purpose; [`Script`] reads faults from a file.
 //! - [`Verdict`]: what the referee saw; it judges at register level and knows only the robot file.
 //! - [`imu`]: virtual inertial sensors on a moving body.
@@ -19,6 +20,7 @@
 struct Readme;
 
 mod adapter;
+mod bench;
 pub mod can;
 mod door;
 mod dynamixel1;
@@ -40,6 +42,7 @@ mod world;
 pub use gaitway_profiles as profiles;
 
 pub use adapter::Usb;
+pub use bench::{BenchError, BenchServos, bench, profile_name};
 pub use door::{Door, DoorError, LiveCan, PatientTime};
 pub use fault::{Damage, Fault, Struck};
 pub use referee::{Rule, Verdict, Violation};

@@ -26,15 +26,23 @@ const MOST_TOLD: usize = 100;
     there are several. A CAN line is behind a USB-CAN adapter that speaks slcan (Lawicel), unless \
     --can puts it on an interface of the system.\n\n\
     Example: gaitway simulate op3 --pty /tmp/op3\n\
-    then, in another terminal: gaitway play walk --robot op3 --bus serial:/tmp/op3\n\n\
+    then, in another terminal: gaitway play walk --robot op3 --bus serial:/tmp/op3\n\
+    Two servos: gaitway simulate --servo xm430-w350:1,2 --baud 57600 --pty /tmp/bench\n\n\
     Time is real. A motion is stopped if this machine is too busy for it, as on a real line; the time of\n\
     play --bus sim:pty waits for this machine instead.")]
 pub struct SimulateArgs {
     #[command(subcommand)]
     other: Option<Other>,
     /// Robot by name or path of its file
-    #[arg(required = true)]
+    #[arg(required_unless_present = "servo", conflicts_with = "servo")]
     robot: Option<String>,
+    /// Put these servos or CAN actuators on a bench instead of a robot: a profile and IDs (again for
+    /// other models)
+    #[arg(long, value_name = "MODEL:IDS")]
+    servo: Vec<String>,
+    /// Speed of the bench's serial line [default: that of its servos as they leave the factory]
+    #[arg(long, value_name = "N", requires = "servo", conflicts_with = "robot")]
+    baud: Option<u32>,
     /// Make this link to the pseudo-terminal (for several lines: LINK-NAME)
     #[arg(long, value_name = "LINK")]
     pty: Option<PathBuf>,
@@ -84,7 +92,9 @@ pub fn run(args: &SimulateArgs, remarks: Remarks) -> Result<i32, Error> {
     }
     let signals = Signals::listen().map_err(|e| Error::new(format!("no signals: {e}")))?;
     let mut robot = VirtualRobot::open(&SimulateOrder {
-        robot: args.robot.clone().unwrap_or_default(),
+        robot: args.robot.clone(),
+        servos: args.servo.clone(),
+        baud_bps: args.baud,
         link: args.pty.clone(),
         tcp_port: args.tcp,
         can: args.can.clone(),

@@ -1,5 +1,6 @@
 //! The virtual servos against the makers' published bytes, timings and rules.
 
+mod bench;
 mod can;
 mod can_dialects;
 mod can_line;

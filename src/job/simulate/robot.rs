@@ -4,7 +4,7 @@
 use crate::error::{Error, ErrorKind};
 use crate::port::can_bridge::CanBridge;
 use gaitway_profiles::Robot;
-use gaitway_sim::{Door, Options, Script, ScriptError, SimError, World};
+use gaitway_sim::{BenchError, BenchServos, Door, Options, Script, ScriptError, SimError, World};
 pub use gaitway_sim::{Rule, Verdict};
 use std::collections::BTreeMap;
 use std::net::{Ipv4Addr, SocketAddr};
@@ -14,8 +14,13 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 /// Which robot, and where it is reached.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SimulateOrder {
-    /// Robot by name, or path of its file.
-    pub robot: String,
+    /// Robot by name, or path of its file; of a name underscores are taken for hyphens. Without one
+    /// there is a bench of `servos`.
+    pub robot: Option<String>,
+    /// Servos of a bench, each `MODEL:IDS`.
+    pub servos: Vec<String>,
+    /// Speed of a bench's serial line; `None`: that of its servos as they leave the factory.
+    pub baud_bps: Option<u32>,
     /// Make this link to the pseudo-terminal; for several lines `LINK-NAME`.
     pub link: Option<PathBuf>,
     /// Listen on this TCP port of the loopback interface instead of a pseudo-terminal; for several
@@ -71,11 +76,11 @@ impl VirtualRobot {
     /// Opens every line.
     ///
     /// # Errors
-    /// An unknown robot or adapter, a fault script with errors, or a terminal, port or interface that
-    /// cannot be had.
+    /// An unknown robot, servo or adapter, servos that cannot share a line, a fault script with errors,
+    /// or a terminal, port or interface that cannot be had.
     pub fn open(order: &SimulateOrder) -> Result<Self, Error> {
         // Any robot file: the virtual servos speak more protocols than the driver needs to.
-        let robot = gaitway_profiles::robot(&order.robot)?;
+        let robot = robot_of(order)?;
         let world = World::new(&robot, options(order)?).map_err(|e| unfit(&robot, &e))?;
         let world = Arc::new(Mutex::new(world));
         let doors = open_doors(order, &robot, &world)?;
@@ -133,6 +138,58 @@ impl VirtualRobot {
     fn world(&self) -> MutexGuard<'_, World> {
         self.world.lock().unwrap_or_else(PoisonError::into_inner)
     }
+}
+
+/// The robot that is meant, or the bench.
+fn robot_of(order: &SimulateOrder) -> Result<Robot, Error> {
+    let Some(name) = &order.robot else { return bench_of(order) };
+    let own_spelling = gaitway_profiles::robot(name);
+    if own_spelling.is_err() && !name.ends_with(".toml") {
+        let usual = gaitway_sim::profile_name(name);
+        if gaitway_profiles::robot_names().any(|known| known == usual) {
+            return Ok(gaitway_profiles::robot(&usual)?);
+        }
+    }
+    Ok(own_spelling?)
+}
+
+fn bench_of(order: &SimulateOrder) -> Result<Robot, Error> {
+    let refused = |error: BenchError| {
+        let said = Error::new(error.to_string()).at("--servo");
+        match error {
+            BenchError::Empty => Error::new("there is neither a robot nor a servo")
+                .remedy("name a robot, or give --servo MODEL:IDS"),
+            BenchError::UnknownModel { got, advice, allowed } => {
+                Error::of(ErrorKind::Unknown, "there is no servo or CAN actuator of this name")
+                    .at("--servo")
+                    .got(got)
+                    .allowed(allowed)
+                    .remedy(advice)
+            }
+            BenchError::Text { got, allowed } => {
+                Error::of(ErrorKind::Malformed, "this names no servos")
+                    .at("--servo")
+                    .got(got)
+                    .allowed(allowed)
+            }
+            BenchError::Speed { model, got, allowed } => {
+                Error::new(format!("{model} cannot run at this speed"))
+                    .at("--baud")
+                    .got(got.to_string())
+                    .allowed(allowed)
+            }
+            BenchError::WhichSpeed(each) => {
+                Error::new("the servos leave the factory with speeds that differ")
+                    .at("--servo")
+                    .got(each)
+                    .remedy("say which speed the line has: --baud N")
+            }
+            BenchError::Id { .. } | BenchError::SameId(_) | BenchError::Apart(..) => said,
+        }
+    };
+    let servos = order.servos.iter().map(|text| text.parse::<BenchServos>());
+    let servos = servos.collect::<Result<Vec<_>, _>>().map_err(refused)?;
+    gaitway_sim::bench(&servos, order.baud_bps).map_err(refused)
 }
 
 /// Why a robot file and a fault script make no world.
