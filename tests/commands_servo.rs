@@ -339,7 +339,7 @@ fn a_move_that_was_stopped_is_not_followed_by_limp() {
 #[test]
 fn a_servo_that_falls_silent_in_a_move_is_told_with_its_watchdog() {
     let desk = Desk::with("op3");
-    let output = disturbed_under_way(&desk, |_| assert!(desk.world().remove("head_pan")));
+    let output = disturbed_under_way(&desk, |_| desk.world().unplug("head_pan").expect("a joint"));
     let (report, said) = (json(&output), String::from_utf8_lossy(&output.stderr));
     assert_eq!(report["outcome"], "stopped", "{report:#}");
     let words = "bus watchdog may still be on";
@@ -409,7 +409,7 @@ fn hold_switches_torque_on_where_the_robot_stands_and_monitor_sees_it() {
 #[test]
 fn monitor_names_a_silent_joint_and_goes_on_with_the_others() {
     let desk = Desk::with("so101");
-    desk.world().remove("wrist_flex");
+    desk.world().unplug("wrist_flex").expect("a joint");
     let reading = monitored(&desk.bus(), &["wrist_flex"]);
     for joint in reading["joints"].as_array().expect("joints") {
         let silent = joint["name"] == "wrist_flex";

@@ -49,7 +49,7 @@ fn a_healthy_robot_passes_and_stands_where_its_file_says() {
 #[test]
 fn a_missing_servo_is_named() {
     let scene = Scene::op3();
-    assert!(scene.world.lock().remove("l_knee"));
+    scene.world.lock().unplug("l_knee").expect("a joint");
     mentions(&refused(scene), &["does not answer", "l_knee", "ID 14"]);
 }
 

@@ -153,7 +153,7 @@ fn a_start_that_is_refused_while_arming_leaves_the_recording_that_was_there() {
     let found = preflight(&mut connection.link, period, accept).expect("a healthy robot");
     let recorder = RunRecorder::begin(Some(&path), true, false, &connection, "bow");
     let recorder = recorder.expect("a recording");
-    assert!(connection.world.as_ref().expect("a virtual one").lock().remove("head_tilt"));
+    connection.world.as_ref().expect("a virtual one").lock().unplug("head_tilt").expect("a joint");
     assert!(arm(&mut connection.link, &found, &|| false).is_err(), "a servo is gone");
     recorder.discard();
     assert_eq!(names(&folder), ["take.mcap"]);

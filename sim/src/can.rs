@@ -184,6 +184,8 @@ pub(crate) struct Happened {
     pub busy_ns: Option<Range<u64>>,
     /// It was the host's, who queued it then.
     pub asked_ns: Option<u64>,
+    /// The frame that has passed, and whether it was the host's.
+    pub passed: Option<(bool, CanFrame)>,
     /// The host has a position now: of which actuator, when it was measured.
     pub had: Option<(usize, u64)>,
 }
@@ -361,6 +363,11 @@ impl CanLine {
         self.babblers.push(Babbler { frame, period_ns, next_ns, until_ns });
     }
 
+    /// Nobody sends this frame unasked any more.
+    pub(crate) fn hush(&mut self, frame: &CanFrame) {
+        self.babblers.retain(|babbler| babbler.frame != *frame);
+    }
+
     /// Lets time pass, to `time_ns` or to the first thing the host hears, whichever is first.
     pub fn run_until_heard(&mut self, time_ns: u64) {
         while self.inbox.is_empty() {
@@ -508,6 +515,7 @@ impl CanLine {
         self.free_ns = end_ns;
         self.busy_ns += end_ns - start_ns;
         happened.busy_ns = Some(start_ns..end_ns);
+        happened.passed = Some((node == HOST, frame.clone()));
         if node != HOST {
             if !self.bus_off && self.inbox.len() < INBOX_FRAMES {
                 self.inbox.push_back(CanHeard::Frame(frame));

@@ -99,10 +99,20 @@ struct Placement {
     link: Option<PathBuf>,
 }
 
-/// Wakes the serving thread so that it ends.
-struct Bell {
+/// Wakes the serving thread, so that it looks again or ends.
+pub(crate) struct Bell {
     stop: AtomicBool,
     event: OwnedFd,
+}
+
+impl Bell {
+    pub fn ring(&self) {
+        let _ = rustix::io::write(&self.event, &1_u64.to_ne_bytes());
+    }
+
+    fn hush(&self) {
+        let _ = rustix::io::read(&self.event, &mut [0_u8; 8]);
+    }
 }
 
 impl Door {
@@ -174,6 +184,8 @@ impl Door {
         });
         let event = eventfd(0, EventfdFlags::CLOEXEC | EventfdFlags::NONBLOCK)?;
         let bell = Arc::new(Bell { stop: AtomicBool::new(false), event });
+        lock(&world).add_bell(&bell);
+        let resets = lock(&world).resets();
         let place = Arc::new(Mutex::new(Placement { path: Some(path.clone()), link }));
         let began_ns = pace.began_ns();
         let mut server = Server {
@@ -184,9 +196,11 @@ impl Door {
             end,
             adapter,
             pending: Vec::new(),
+            just_read: false,
             pending_since_ns: began_ns,
             looked_ns: began_ns,
             kept_up_ns: began_ns,
+            resets,
             plugged,
             place: Arc::clone(&place),
             bell: Arc::clone(&bell),
@@ -217,7 +231,7 @@ impl Door {
 impl Drop for Door {
     fn drop(&mut self) {
         self.bell.stop.store(true, Ordering::Release);
-        let _ = rustix::io::write(&self.bell.event, &1_u64.to_ne_bytes());
+        self.bell.ring();
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
         }
@@ -321,12 +335,16 @@ struct Server {
     adapter: Option<Adapter>,
     /// Bytes of the program that the line did not take yet.
     pending: Vec<u8>,
+    /// They have come since the world was looked at last.
+    just_read: bool,
     /// When the program may have written them at the earliest.
     pending_since_ns: u64,
     /// When nothing more of the program was there.
     looked_ns: u64,
     /// When the whole world was moved on last.
     kept_up_ns: u64,
+    /// Resets of the world that it has seen.
+    resets: u64,
     plugged: Plugged,
     place: Arc<Mutex<Placement>>,
     bell: Arc<Bell>,
@@ -337,6 +355,7 @@ impl Server {
         let mut wake_ns = self.pace.now_ns();
         loop {
             self.wait(wake_ns)?;
+            self.bell.hush();
             if self.bell.stop.load(Ordering::Acquire) {
                 return Ok(());
             }
@@ -349,6 +368,7 @@ impl Server {
     fn read(&mut self) -> Result<(), Errno> {
         let mut bytes = [0_u8; 4096];
         let hungry = self.pending.is_empty();
+        self.just_read = hungry;
         let mut asked_ns = self.pace.now_ns();
         let mut count = self.end.read(hungry, &mut bytes)?;
         if !hungry {
@@ -401,6 +421,10 @@ impl Server {
         let shared = Arc::clone(&self.world);
         let mut world = lock(&shared);
         let now_ns = self.pace.now_ns();
+        if world.resets() != self.resets {
+            self.resets = world.resets();
+            self.begin_anew(now_ns)?;
+        }
         world.run_until(now_ns);
         if let Some(plugged) = world.plugged(self.line).filter(|plugged| **plugged != self.plugged)
         {
@@ -439,6 +463,19 @@ impl Server {
         }
         let next_ns = world.next_on_line_ns(self.line).unwrap_or(u64::MAX);
         Ok(next_ns.min(now_ns + KEEP_UP_NS))
+    }
+
+    /// The world was reset: what the line has not taken is lost, and what the program has not read. What
+    /// was read just now may have been written since.
+    fn begin_anew(&mut self, now_ns: u64) -> Result<(), Errno> {
+        if !self.just_read {
+            self.pending.clear();
+        }
+        (self.pending_since_ns, self.looked_ns, self.kept_up_ns) = (now_ns, now_ns, now_ns);
+        match &self.end {
+            End::Terminal(terminal) => terminal.forget_unread(),
+            End::Tcp(_) => Ok(()),
+        }
     }
 
     /// The adapter was pulled out or plugged in.

@@ -8,6 +8,7 @@
 //! - [`Verdict`]: what the referee saw; it judges at register level and knows only the robot file.
 //! - [`imu`]: virtual inertial sensors on a moving body.
 //! - [`can`]: CAN lines, of a world or alone, and what hangs on them.
+//! - [`control`]: the same verbs for a program outside, as lines of JSON.
 //! - [`Door`]: the same world behind a pseudo-terminal, in real time, for other programs; a CAN line
 //!   as a USB-CAN adapter. [`LiveCan`]: a CAN line in real time, to be carried elsewhere.
 //!
@@ -22,6 +23,7 @@ struct Readme;
 mod adapter;
 mod bench;
 pub mod can;
+pub mod control;
 mod door;
 mod dynamixel1;
 mod dynamixel2;
@@ -29,7 +31,9 @@ mod exchange;
 mod family;
 mod fault;
 mod feetech;
+mod hand;
 pub mod imu;
+mod journal;
 mod line;
 mod motor;
 mod referee;
@@ -45,9 +49,11 @@ pub use adapter::Usb;
 pub use bench::{BenchError, BenchServos, bench, profile_name};
 pub use door::{Door, DoorError, LiveCan, PatientTime};
 pub use fault::{Damage, Fault, Struck};
+pub use hand::Hand;
+pub use journal::{Asked, Entry, Happening, Journal};
 pub use referee::{Rule, Verdict, Violation};
 pub use script::{Script, ScriptError};
-pub use world::{BadChecksum, MissingInChain, Options, TorqueSwitch, World, ZeroSpeed};
+pub use world::{BadChecksum, JointState, MissingInChain, Options, TorqueSwitch, World, ZeroSpeed};
 
 /// Why a world cannot be built.
 #[derive(Debug, thiserror::Error)]
@@ -64,6 +70,46 @@ pub enum SimError {
     /// A fault is for a CAN line, and this is none.
     #[error("line {0:?} is no CAN line")]
     NotCan(String),
+    /// A CAN actuator is asked for a register by name.
+    #[error("{0} is a CAN actuator, and has no registers with names")]
+    NoRegisters(String),
+    /// A servo has no such register.
+    #[error("{servo} has no register {register:?}")]
+    UnknownRegister {
+        /// The servo's profile.
+        servo: String,
+        /// What was asked for.
+        register: String,
+        /// Those it has.
+        known: String,
+    },
+    /// A register does not hold such a value.
+    #[error("{register} does not hold {raw}: {low}..{high} are allowed")]
+    Value {
+        /// The register.
+        register: String,
+        /// The value.
+        raw: i64,
+        /// The least it holds.
+        low: i64,
+        /// The most.
+        high: i64,
+    },
+    /// A hand's speed or force is not above zero, or a number is none.
+    #[error("a hand needs an angle, and a speed and a force above zero")]
+    NoHand,
+    /// No fault has this number, or nothing is left of it.
+    #[error("there is no fault {0} that could end")]
+    NoSuchFault(u64),
+    /// Time can be stepped only while it is frozen.
+    #[error("time runs by itself: freeze it first")]
+    TimeRuns,
+    /// Time goes with a host in this process.
+    #[error("this world's time waits for its host and belongs to it")]
+    OthersTime,
+    /// So many faults are in force that none can be added.
+    #[error("there are {0} faults already that have not ended")]
+    TooManyFaults(usize),
     /// No adapter profile has this name.
     #[error("no adapter is named {0:?}")]
     UnknownAdapter(String),

@@ -13,8 +13,9 @@ use crate::exchange::{Answer, Exchange, Order, Scan};
 use crate::family::Family;
 use crate::fault::plan::{Place, Plan};
 use crate::fault::{Arrival, Damage, damage_at_host, damage_at_sender};
+use crate::journal::{Asked, Happening, Journal};
 use crate::referee::{Referee, When};
-use crate::servo::Servo;
+use crate::servo::{Event, Servo};
 use crate::world::{BadChecksum, MissingInChain};
 use gaitway_profiles::Role;
 use inbox::{Inbox, Reception, Told};
@@ -43,11 +44,35 @@ pub(crate) struct Shared {
     pub faults: Plan,
     pub rng: ChaCha8Rng,
     pub referee: Referee,
+    pub journal: Journal,
 }
 
 impl Shared {
     fn wire_ns(&self, bytes: usize, baud_bps: u32) -> u64 {
         if self.line_timing { bytes as u64 * 10_000_000_000 / u64::from(baud_bps) } else { 0 }
+    }
+
+    /// Something has happened in a joint's servo or actuator.
+    pub fn tell(&mut self, joint: usize, when: When, event: Event) {
+        let torque = match event {
+            Event::TorqueOn { .. } => Some(true),
+            Event::TorqueOff => Some(false),
+            _ => None,
+        };
+        if let Some(on) = torque {
+            self.journal.note(when.latest_ns, || Happening::Torque { joint, on });
+        }
+        self.referee.event(joint, when, event);
+    }
+
+    /// What befalls the `nth` status of a servo, which answers an instruction of `at_ns`.
+    pub fn befall(&mut self, place: Place, nth: u64, at_ns: u64) -> Vec<Damage> {
+        let Shared { faults, rng, journal, .. } = self;
+        let damages = faults.strike_status(place, nth, at_ns, rng);
+        for struck in faults.latest(damages.len()) {
+            journal.note(at_ns, || Happening::Struck(struck.clone()));
+        }
+        damages
     }
 
     fn pause_ns(&self, pause_ns: u64) -> u64 {
@@ -244,6 +269,11 @@ impl Line {
         self.blocked = Some(Blocked { until_ns, bytes });
     }
 
+    /// The line takes everything again.
+    pub fn unblock(&mut self) {
+        self.blocked = None;
+    }
+
     /// Until when the line takes no more bytes.
     pub fn blocked_until_ns(&self, now_ns: u64) -> Option<u64> {
         let blocked =
@@ -281,6 +311,8 @@ impl Line {
             if heard.end > last_end {
                 last_end = heard.end;
                 shared.referee.instruction(self.index, chunk.when(end_ns));
+                let asked = || Happening::Asked(Asked::of(self.index, heard.family, &packet));
+                shared.journal.note(end_ns, asked);
                 self.inbox.asked_again();
             }
             self.carry_out(&heard, &packet, chunk.when(end_ns), chunk.baud_bps, shared);
@@ -360,7 +392,7 @@ impl Line {
         self.share_cases();
         self.instruction.clear();
         self.instruction.extend_from_slice(packet);
-        self.report(when, &mut shared.referee);
+        self.report(when, shared);
         self.say(exchange, end_ns, baud_bps, shared);
     }
 
@@ -378,11 +410,11 @@ impl Line {
     }
 
     /// Hands what happened in the servos to the referee.
-    pub fn report(&mut self, when: When, referee: &mut Referee) {
+    pub fn report(&mut self, when: When, shared: &mut Shared) {
         for servo in &mut self.servos {
             for event in servo.events.drain(..) {
                 if let Some(joint) = servo.joint {
-                    referee.event(joint, when, event);
+                    shared.tell(joint, when, event);
                 }
             }
         }
@@ -420,7 +452,8 @@ impl Line {
             shared.referee.status(self.index, span.start_ns, span.end_ns);
             let damages = damages.get(k).map_or(&[][..], Vec::as_slice);
             let told = self.told_by(servo, at_ns, &mut shared.referee).filter(|_| sound);
-            self.send(answer.bytes.clone(), (span, told), baud_bps, damages, shared);
+            let (id, bytes) = (answer.id, answer.bytes.clone());
+            self.send(id, bytes, (span, told), baud_bps, damages, shared);
         }
         self.servos.iter_mut().for_each(|servo| servo.told = None);
         self.window_end_ns = self.window_end_ns.max(expected.end_ns);
@@ -453,8 +486,7 @@ impl Line {
             let servo = &self.servos[index];
             let family = Family::of(servo.model.protocol);
             let place = Place { line: self.index, servo: index };
-            let Shared { faults, rng, .. } = shared;
-            let damages = faults.strike_status(place, servo.statuses, at_ns, rng);
+            let damages = shared.befall(place, servo.statuses, at_ns);
             for &damage in &damages {
                 damage_at_sender(family, exchange, k, damage);
             }
@@ -469,6 +501,7 @@ impl Line {
 
     fn send(
         &mut self,
+        id: u8,
         bytes: Vec<u8>,
         (span, told): (Span, Option<Told>),
         baud_bps: u32,
@@ -479,6 +512,10 @@ impl Line {
         for &damage in damages {
             damage_at_host(&mut arrival, damage, &self.instruction, &mut shared.rng);
         }
+        shared.journal.note(span.end_ns, || {
+            let (line, bytes) = (self.index, arrival.bytes.clone());
+            Happening::Answered { line, id, bytes }
+        });
         let ready_ns = span.end_ns + self.latency_ns + arrival.late_ns;
         let mut reception =
             Reception { span, ready_ns, bytes: arrival.bytes, baud_bps, from_servo: true, told };

@@ -14,7 +14,7 @@
 //!
 //! f = 3 %, and a constant load of 2 % pulls to negative angles, a stand-in for gravity; both, and
 //! the figures above, are assumed. A shaft at rest stays while |s u - load| <= f, so one without
-//! power stays where it is. Limits: |u| by the duty limit; |i| by the current limit.
+//! power stays where it is. A hand ([`crate::Hand`]) is taken from the load. Limits: |u| by the duty limit; |i| by the current limit.
 //!
 //! The firmware's side runs once a millisecond: the goal generator ([`ramp`]) gives position, speed
 //! and acceleration asked for (p, v, a), and the law in force the duty:
@@ -34,6 +34,7 @@
 
 pub(crate) mod ramp;
 
+use crate::hand::Grip;
 use ramp::{Pace, Ramp, Shape, Target};
 
 /// Step of the servo's control loop, ns.
@@ -43,6 +44,8 @@ const MECHANICAL_TIME_CONSTANT_S: f64 = 4e-3;
 const FRICTION_RATIO: f64 = 0.03;
 const LOAD_RATIO: f64 = 0.02;
 const SUPPLY_SAG_RATIO: f64 = 0.06;
+/// A hand lets go of a shaft that is slower, rad/s.
+const STILL_RAD_S: f64 = 1e-3;
 const AMBIENT_C: f64 = 25.0;
 const STALL_WARMING_C: f64 = 60.0;
 const THERMAL_TIME_CONSTANT_S: f64 = 120.0;
@@ -149,6 +152,10 @@ pub(crate) struct Motor {
     integral: f64,
     /// A shaft that is blocked does not turn, whatever the torque.
     blocked: bool,
+    /// Somebody has it in hand.
+    grip: Option<Grip>,
+    /// What the hand gives, as a share of the stall torque.
+    by_hand: f64,
     duty: f64,
     current: f64,
     overload_s: f64,
@@ -179,6 +186,8 @@ impl Motor {
             pace: Pace::Step,
             integral: 0.0,
             blocked: false,
+            grip: None,
+            by_hand: 0.0,
             duty: 0.0,
             current: 0.0,
             overload_s: 0.0,
@@ -213,6 +222,7 @@ impl Motor {
     }
 
     fn step(&mut self) {
+        self.feel_the_hand();
         let target = self.trajectory();
         let (open_duty, damping) = self.duty_asked(&target);
         let limit = self.regulator.duty_limit;
@@ -250,6 +260,7 @@ impl Motor {
         );
         (self.overload_s, self.overcurrent_s) = over;
         self.settled = before == (0.0, self.integral)
+            && self.grip.is_none()
             && self.velocity == 0.0
             && over == (0.0, 0.0)
             && !self.under_way()
@@ -303,11 +314,13 @@ impl Motor {
         self.velocity / self.ideal_speed
     }
 
-    /// Load and friction against a push from the motor; none if the shaft stays at rest.
+    /// Load, friction and hand against a push from the motor; none if the shaft stays at rest.
     fn resistance(&self, push: f64) -> Option<f64> {
-        let way = if self.velocity == 0.0 { push - LOAD_RATIO } else { self.velocity };
+        let push = push + self.by_hand - LOAD_RATIO;
+        let way = if self.velocity == 0.0 { push } else { self.velocity };
         let stays = self.velocity == 0.0 && way.abs() <= FRICTION_RATIO;
-        (!stays && !self.blocked).then(|| LOAD_RATIO + FRICTION_RATIO.copysign(way))
+        let held_back = LOAD_RATIO - self.by_hand + FRICTION_RATIO.copysign(way);
+        (!stays && !self.blocked).then_some(held_back)
     }
 
     /// One step under a constant current.
@@ -531,6 +544,32 @@ impl Motor {
         self.position = position_rad;
         self.velocity = 0.0;
         self.begin(self.law, Ramp::rest(position_rad), Pace::Step);
+    }
+
+    /// Somebody takes the shaft and brings it to `to_rad`, with at most `most` of the stall torque.
+    pub fn grip(&mut self, to_rad: f64, speed_rad_s: f64, most: f64, holds_on: bool) {
+        self.grip = Some(Grip::new(self.position, to_rad, speed_rad_s, most, holds_on));
+        self.settled = false;
+    }
+
+    /// Nobody has the shaft in hand any more.
+    pub fn let_go_of(&mut self) {
+        (self.grip, self.by_hand) = (None, 0.0);
+        self.settled = false;
+    }
+
+    pub fn is_in_hand(&self) -> bool {
+        self.grip.is_some()
+    }
+
+    fn feel_the_hand(&mut self) {
+        let Some(grip) = &mut self.grip else { return };
+        // Speed per second for each share of the stall torque.
+        let inertia = MECHANICAL_TIME_CONSTANT_S / self.ideal_speed;
+        self.by_hand = grip.force(STEP_S, (self.position, self.velocity), inertia);
+        if self.velocity.abs() < STILL_RAD_S && grip.is_done(self.position) {
+            self.let_go_of();
+        }
     }
 
     pub fn set_temperature_c(&mut self, temperature_c: f64) {

@@ -1,7 +1,7 @@
 //! Faults as data: a TOML file with one `[[fault]]` table for each, and perhaps a `[behaviour]` table
 //! for what the manuals leave open. The keys are listed in this crate's README.
 
-mod keys;
+pub(crate) mod keys;
 
 use crate::adapter::Usb;
 use crate::can::{CanFrame, Trouble};
@@ -138,7 +138,8 @@ impl Script {
     }
 }
 
-fn read_fault(mut keys: Keys) -> Result<Vec<Fault>, ScriptError> {
+/// The faults that one table stands for.
+pub(crate) fn read_fault(mut keys: Keys) -> Result<Vec<Fault>, ScriptError> {
     let kind = keys.need_text("kind")?;
     let kinds = DAMAGES.iter().chain(&SERVO_FAULTS).chain(&LINE_FAULTS);
     let mut faults = if DAMAGES.contains(&kind.as_str()) {
@@ -216,8 +217,8 @@ fn read_servo_fault(kind: &str, joint: String, keys: &mut Keys) -> Result<Fault,
             let (from_ns, until_ns) = keys.span()?;
             Fault::Silent { joint, from_ns, until_ns }
         }
-        "overload" => Fault::Overload { joint, at_ns: keys.need_time("at_s")? },
-        "reboot" => Fault::Reboot { joint, at_ns: keys.need_time("at_s")? },
+        "overload" => Fault::Overload { joint, at_ns: keys.moment("at_s")? },
+        "reboot" => Fault::Reboot { joint, at_ns: keys.moment("at_s")? },
         "stuck" => {
             let (from_ns, until_ns) = keys.span()?;
             Fault::StuckPosition { joint, from_ns, until_ns }
@@ -228,7 +229,7 @@ fn read_servo_fault(kind: &str, joint: String, keys: &mut Keys) -> Result<Fault,
         }
         "jump" => Fault::PositionJump {
             joint,
-            at_ns: keys.need_time("at_s")?,
+            at_ns: keys.moment("at_s")?,
             counts: keys.need_integer("counts", -1_000_000, 1_000_000)? as i32,
         },
         "register" => Fault::Register {
@@ -267,7 +268,7 @@ fn read_line_fault(kind: &str, keys: &mut Keys) -> Result<Fault, ScriptError> {
             Fault::SlowLine { line, from_ns, until_ns, latency_ns, usb }
         }
         "hang-up" => {
-            let at_ns = keys.need_time("at_s")?;
+            let at_ns = keys.moment("at_s")?;
             let until_ns = keys.time("until_s")?;
             if until_ns.is_some_and(|until_ns| until_ns <= at_ns) {
                 return Err(keys.wrong("until_s", "no later time", "later than at_s"));
@@ -276,7 +277,7 @@ fn read_line_fault(kind: &str, keys: &mut Keys) -> Result<Fault, ScriptError> {
             Fault::HangUp { line, at_ns, until_ns, link }
         }
         "bus-off" => {
-            let at_ns = keys.need_time("at_s")?;
+            let at_ns = keys.moment("at_s")?;
             let until_ns = keys.time("until_s")?;
             if until_ns.is_some_and(|until_ns| until_ns <= at_ns) {
                 return Err(keys.wrong("until_s", "no later time", "later than at_s"));

@@ -450,6 +450,39 @@ impl Servo {
         self.note_turn();
     }
 
+    /// Its plug is drawn: it loses its power, and neither hears nor answers.
+    pub fn unplug(&mut self, now_ns: u64) {
+        self.restart(now_ns, now_ns);
+        self.put(Role::TorqueEnable, 0);
+        self.follow_torque();
+        self.torque_due_ns = None;
+        self.attached = false;
+    }
+
+    /// It is plugged in, and boots.
+    pub fn plug(&mut self, now_ns: u64) {
+        self.attached = true;
+        self.restart(now_ns, now_ns + BOOT_NS);
+    }
+
+    /// Power that was to come back later comes back now.
+    pub fn power_back(&mut self, now_ns: u64) {
+        if self.asleep_until_ns > now_ns + BOOT_NS {
+            self.asleep_until_ns = now_ns + BOOT_NS;
+            self.booted_ns = now_ns;
+            if self.torque_due_ns.is_some() {
+                self.torque_due_ns = Some(self.asleep_until_ns);
+            }
+        }
+    }
+
+    /// Somebody takes the shaft to where it has turned by `turned_rad` since the start, with at most
+    /// this share of its stall torque.
+    pub fn grip(&mut self, turned_rad: f64, speed_rad_s: f64, most: f64, holds_on: bool) {
+        let to_rad = self.start_rad + self.side() * turned_rad;
+        self.motor.grip(to_rad, speed_rad_s, most, holds_on);
+    }
+
     /// Puts a raw value into EEPROM, or RAM, by role.
     pub fn set_up(&mut self, role: Role, raw: i64) {
         self.put(role, raw);

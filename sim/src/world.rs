@@ -2,14 +2,17 @@
 
 mod can;
 mod options;
+mod reach;
 
 pub use options::{BadChecksum, MissingInChain, Options, TorqueSwitch, ZeroSpeed};
+pub use reach::JointState;
 
 use crate::SimError;
 use crate::can::CanLine;
-use crate::door::{Pace, PatientTime};
+use crate::door::{Bell, Pace, PatientTime};
 use crate::fault::plan::{Names, Place, Plan, Strike};
 use crate::fault::{Fault, Struck};
+use crate::journal::{Happening, Journal};
 use crate::line::{Line, Plugged, Shared};
 use crate::referee::{Referee, Verdict, When};
 use crate::servo::Servo;
@@ -18,7 +21,7 @@ use gaitway_profiles::{Joint, Robot, Role, Servo as Profile};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use std::collections::BTreeMap;
-use std::sync::Arc;
+use std::sync::{Arc, Weak};
 
 /// A virtual robot in virtual time. The same seed and the same host bytes at the same times give
 /// the same bytes back.
@@ -33,6 +36,19 @@ pub struct World {
     by_name: BTreeMap<String, usize>,
     /// A moment of real time and the world time it was then, once a door is open.
     pace: Option<Pace>,
+    /// As everything was at first.
+    start: Box<Start>,
+    resets: u64,
+    /// Of doors that are open.
+    bells: Vec<Weak<Bell>>,
+}
+
+/// What a world begins with.
+#[derive(Clone)]
+struct Start {
+    lines: Vec<Line>,
+    can: BTreeMap<usize, CanLine>,
+    shared: Shared,
 }
 
 /// Where a joint's servo or actuator is.
@@ -85,18 +101,23 @@ impl World {
             faults: Plan::default(),
             rng: ChaCha8Rng::seed_from_u64(options.seed),
             referee: Referee::new(robot.lines.len(), options.permit_eeprom),
+            journal: Journal::default(),
         };
         let lines = robot.lines.iter().enumerate();
+        let lines: Vec<Line> =
+            lines.map(|(k, l)| Line::new(k, &l.name, l.baud_bps().unwrap_or(0), &shared)).collect();
+        let start = Start { lines: Vec::new(), can: BTreeMap::new(), shared: shared.clone() };
         let mut world = World {
             now_ns: 0,
-            lines: lines
-                .map(|(k, l)| Line::new(k, &l.name, l.baud_bps().unwrap_or(0), &shared))
-                .collect(),
+            lines,
             can: can::lines(robot, options.line_timing),
             shared,
             joints: Vec::new(),
             by_name,
             pace: None,
+            start: Box::new(start),
+            resets: 0,
+            bells: Vec::new(),
         };
         let mut models: BTreeMap<&str, Arc<Model>> = BTreeMap::new();
         for joint in &robot.joints {
@@ -117,6 +138,8 @@ impl World {
         }
         world.join_cases(robot);
         world.plan(robot, &options.faults)?;
+        let (lines, can) = (world.lines.clone(), world.can.clone());
+        *world.start = Start { lines, can, shared: world.shared.clone() };
         Ok(world)
     }
 
@@ -262,8 +285,16 @@ impl World {
     /// Carries out the next event, a fault before a packet.
     fn happen(&mut self) {
         let now_ns = self.now_ns;
-        if let Some(strike) = self.shared.faults.strike(now_ns) {
-            self.strike(strike);
+        let struck_before = self.shared.faults.struck_count();
+        if let Some(planned) = self.shared.faults.strike(now_ns) {
+            let Shared { faults, journal, .. } = &mut self.shared;
+            let fresh = (faults.struck_count() - struck_before) as usize;
+            for struck in faults.latest(fresh) {
+                journal.note(now_ns, || Happening::Struck(struck.clone()));
+            }
+            if let Some(strike) = self.strike(planned.strike) {
+                self.shared.faults.ends_with(planned.fault, strike);
+            }
         } else if self.next_can_ns().is_some_and(|next_ns| next_ns <= now_ns) {
             self.happen_on_can();
         } else if let Some(line) = self
@@ -276,12 +307,17 @@ impl World {
         }
     }
 
-    fn strike(&mut self, strike: Strike) {
+    /// Something strikes: what undoes it, where that is known only now.
+    fn strike(&mut self, strike: Strike) -> Option<Strike> {
         let now_ns = self.now_ns;
-        let Some(strike) = self.strike_can(strike) else { return };
+        let strike = self.strike_can(strike)?;
+        let mut end = None;
         match strike {
             Strike::Silence { servo, until_ns } => {
                 self.at(servo).silent.push(now_ns..until_ns);
+            }
+            Strike::Speak { servo, until_ns } => {
+                self.at(servo).silent.retain(|span| span.end != until_ns);
             }
             Strike::Overload { servo } => self.at(servo).raise_overload(now_ns),
             Strike::Reboot { servo } => {
@@ -294,6 +330,11 @@ impl World {
                     servo.restart(now_ns, awake_ns);
                 }
             }
+            Strike::PowerBack { .. } => {
+                for servo in self.lines.iter_mut().flat_map(|line| &mut line.servos) {
+                    servo.power_back(now_ns);
+                }
+            }
             Strike::Stick { servo, stuck } => self.at(servo).motor.set_blocked(stuck),
             Strike::Freeze { servo, frozen } => {
                 let servo = self.at(servo);
@@ -301,23 +342,43 @@ impl World {
             }
             Strike::Jump { servo, counts } => self.displace(servo, |servo| servo.jump(counts)),
             // That there is such a register was seen before the start.
-            Strike::Register { servo, register, raw } => self.displace(servo, |servo| {
-                let _ = servo.force(&register, raw);
-            }),
-            Strike::Twin { servo, turn_rad } => self.duplicate_at(servo, turn_rad),
+            Strike::Register { servo, register, raw } => {
+                let before = self.at(servo).named(&register);
+                self.displace(servo, |servo| {
+                    let _ = servo.force(&register, raw);
+                });
+                end = before.map(|raw| Strike::Register { servo, register, raw });
+            }
+            Strike::Twin { servo, turn_rad } => {
+                end = Some(Strike::Unplug { servo: self.duplicate_at(servo, turn_rad) });
+            }
+            Strike::Unplug { servo } => self.at(servo).unplug(now_ns),
             Strike::Slow { line, latency_ns, usb } => self.lines[line].slow_down(latency_ns, usb),
             Strike::AtSpeed { line } => {
                 let Shared { adapter_latency_ns, usb, .. } = self.shared;
                 self.lines[line].slow_down(adapter_latency_ns, usb);
             }
-            Strike::HangUp { line } => self.lines[line].pull_out(),
-            Strike::PlugIn { line, link } => self.lines[line].plug_in(link),
+            Strike::HangUp { line } => {
+                self.lines[line].pull_out();
+                let plugged = false;
+                self.shared.journal.note(now_ns, || Happening::Adapter { line, plugged });
+            }
+            Strike::PlugIn { line, link } => {
+                self.lines[line].plug_in(link);
+                let plugged = true;
+                self.shared.journal.note(now_ns, || Happening::Adapter { line, plugged });
+            }
             Strike::Block { line, until_ns, bytes } => self.lines[line].block(until_ns, bytes),
-            Strike::Trouble { .. } | Strike::BusOff { .. } | Strike::Babble { .. } => {}
+            Strike::Unblock { line } => self.lines[line].unblock(),
+            Strike::Trouble { .. }
+            | Strike::BusOff { .. }
+            | Strike::Babble { .. }
+            | Strike::Hush { .. } => {}
         }
         for line in &mut self.lines {
-            line.report(When::at(now_ns), &mut self.shared.referee);
+            line.report(When::at(now_ns), &mut self.shared);
         }
+        end
     }
 
     /// Does something to a servo that may move its shaft, or what its encoder makes of it. (An
@@ -434,8 +495,13 @@ impl World {
         let now_ns = self.now_ns;
         for line in &mut self.lines {
             line.servos.iter_mut().for_each(|servo| servo.advance(now_ns));
-            line.report(When::at(now_ns), &mut self.shared.referee);
+            line.report(When::at(now_ns), &mut self.shared);
         }
+    }
+
+    /// A door wants to hear when something changes that it does not do itself.
+    pub(crate) fn add_bell(&mut self, bell: &Arc<Bell>) {
+        self.bells.push(Arc::downgrade(bell));
     }
 
     /// Real time and world time run together from the first call on.
@@ -454,13 +520,6 @@ impl World {
     fn servo(&self, joint: usize) -> Option<&Servo> {
         let place = self.joints[joint].place;
         self.lines[place.line].servos.get(place.servo)
-    }
-
-    /// The servo of a joint, moved on to now.
-    fn current(&mut self, joint: &str) -> Option<&mut Servo> {
-        let joint = *self.by_name.get(joint)?;
-        self.servo(joint)?;
-        Some(self.at(self.joints[joint].place))
     }
 
     /// Where the joint really is, whatever its registers say, rad.
@@ -534,19 +593,6 @@ impl World {
             && self.displace(self.joints[index].place, |servo| servo.force(register, raw))
     }
 
-    /// Unplugs a joint's servo or actuator. Returns false if there is no such joint.
-    pub fn remove(&mut self, joint: &str) -> bool {
-        let now_ns = self.now_ns;
-        if let Some(actuator) = self.actuator_mut(joint) {
-            actuator.be_silent(now_ns..u64::MAX);
-            return true;
-        }
-        self.current(joint).is_some_and(|servo| {
-            servo.attached = false;
-            true
-        })
-    }
-
     /// Plugs in another servo like this joint's, with the same ID and registers, its shaft turned
     /// by `turn_rad`. Returns false if there is no such joint, or it is on a CAN line.
     pub fn duplicate(&mut self, joint: &str, turn_rad: f64) -> bool {
@@ -558,11 +604,19 @@ impl World {
         true
     }
 
-    fn duplicate_at(&mut self, place: Place, turn_rad: f64) {
+    /// Where the stray is then. One that is plugged in no more makes room.
+    fn duplicate_at(&mut self, place: Place, turn_rad: f64) -> Place {
         let mut stray = self.at(place).clone();
         stray.joint = None;
         stray.turn_by(turn_rad);
-        self.lines[place.line].servos.push(stray);
+        let servos = &mut self.lines[place.line].servos;
+        let gone = |servo: &Servo| servo.joint.is_none() && !servo.attached;
+        let free = servos.iter().position(gone);
+        match free.and_then(|free| servos.get_mut(free)) {
+            Some(slot) => *slot = stray,
+            None => servos.push(stray),
+        }
+        Place { line: place.line, servo: free.unwrap_or(servos.len() - 1) }
     }
 
     /// Allows or forbids EEPROM writes from now on (rule R4).

@@ -89,7 +89,7 @@ fn a_servo_that_is_not_there_is_still_named_on_a_host_that_stalled() {
         let stall =
             Box::new(move |n| (n == at).then_some((Side::After, Duration::from_millis(250))));
         let mut scene = scene("op3", Vec::new(), stall);
-        assert!(scene.world.lock().remove("l_knee"));
+        scene.world.lock().unplug("l_knee").expect("a joint");
         let error = look(&mut scene).expect_err("a servo is missing");
         mentions(&error, &["a servo does not answer", "l_knee", "ID 14"]);
     }

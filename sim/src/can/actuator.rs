@@ -8,6 +8,7 @@ use super::odrive::Odrive;
 use super::recoil::Recoil;
 use super::robstride::Robstride;
 use super::{CanFrame, Kind};
+use crate::hand::Grip;
 use crate::servo::Event;
 use gaitway_profiles::{Actuator as Profile, Dialect};
 use std::ops::Range;
@@ -50,10 +51,12 @@ enum Family {
 /// One actuator.
 #[derive(Clone, Debug)]
 pub struct Actuator {
+    model: String,
     drive: Drive,
     family: Family,
     /// Spans in which it neither hears nor answers, ns.
     silent: Vec<Range<u64>>,
+    plugged: bool,
     /// Frames it has said so far.
     pub(crate) said: u64,
     now_ns: u64,
@@ -95,7 +98,8 @@ impl Actuator {
         let factory_ns = profile.timeout.factory_s.map(|seconds| (seconds * 1e9) as u64);
         let mut drive = Drive::new(profile);
         drive.set_timeout(factory_ns);
-        Ok(Actuator { drive, family, silent: Vec::new(), said: 0, now_ns: 0 })
+        let model = profile.name.clone();
+        Ok(Actuator { model, drive, family, silent: Vec::new(), plugged: true, said: 0, now_ns: 0 })
     }
 
     /// Where the shaft is, rad.
@@ -179,6 +183,60 @@ impl Actuator {
         self.silent.push(span_ns);
     }
 
+    /// Ends the silence that would last until `until_ns`.
+    pub(crate) fn speak_again(&mut self, until_ns: u64) {
+        self.silent.retain(|span| span.end != until_ns);
+    }
+
+    /// Its plug is drawn: it loses its power, and neither hears nor answers.
+    pub(crate) fn unplug(&mut self) {
+        self.restart(self.now_ns);
+        self.plugged = false;
+    }
+
+    /// It is plugged in, and boots.
+    pub(crate) fn plug(&mut self) {
+        self.plugged = true;
+        self.restart(self.now_ns + BOOT_NS);
+    }
+
+    pub(crate) const fn is_plugged(&self) -> bool {
+        self.plugged
+    }
+
+    /// Power that was to come back later comes back now.
+    pub(crate) fn power_back(&mut self, until_ns: u64) {
+        let was_silent = self.silent.len();
+        self.speak_again(until_ns);
+        if self.silent.len() < was_silent && until_ns > self.now_ns {
+            self.be_silent(self.now_ns..until_ns.min(self.now_ns + BOOT_NS));
+        }
+    }
+
+    /// Somebody takes the shaft to `to_rad`, with at most this torque.
+    pub(crate) fn grip(&mut self, to_rad: f64, speed_rad_s: f64, torque_nm: f64, holds_on: bool) {
+        let at_rad = self.drive.shaft_rad();
+        self.drive.grip = Some(Grip::new(at_rad, to_rad, speed_rad_s, torque_nm, holds_on));
+    }
+
+    /// Nobody has the shaft in hand any more.
+    pub(crate) fn let_go_of(&mut self) {
+        self.drive.grip = None;
+    }
+
+    /// Its profile.
+    pub(crate) fn model(&self) -> &str {
+        &self.model
+    }
+
+    pub(crate) const fn torque_max_nm(&self) -> f64 {
+        self.drive.torque_max_nm
+    }
+
+    pub(crate) fn is_in_hand(&self) -> bool {
+        self.drive.grip.is_some()
+    }
+
     /// Power goes, and it listens again at `until_ns`, with what it has kept.
     pub fn restart(&mut self, until_ns: u64) {
         self.drive.restart();
@@ -194,7 +252,7 @@ impl Actuator {
     }
 
     fn is_silent(&self) -> bool {
-        self.silent.iter().any(|span| span.contains(&self.now_ns))
+        !self.plugged || self.silent.iter().any(|span| span.contains(&self.now_ns))
     }
 
     pub(super) const fn answer_delay_ns(&self) -> u64 {

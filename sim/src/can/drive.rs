@@ -1,6 +1,7 @@
 //! What virtual CAN actuators have in common: a motor with a load of fixed inertia, and a drive
 //! that pursues a goal, has faults and lets go when the host is silent for too long.
 
+use crate::hand::Grip;
 use crate::servo::Event;
 use gaitway_profiles::{Actuator as Profile, Dialect};
 use std::cell::Cell;
@@ -13,6 +14,8 @@ const STEP_NS: u64 = 100_000;
 const INERTIA_KG_M2_PER_NM: f64 = 1e-3;
 /// Viscous friction at the output for each N m the actuator can give, N m s/rad (assumed).
 const FRICTION_S_RAD: f64 = 2e-3;
+/// A hand lets go of a shaft that is slower, rad/s: what is left of its speed is friction's.
+const STILL_RAD_S: f64 = 1e-2;
 /// Supply voltage, V.
 const SUPPLY_V: f64 = 24.0;
 /// Supply voltage with [`Trouble::UnderVoltage`], V.
@@ -162,6 +165,8 @@ pub(super) struct Drive {
     /// Held under torque by a goal of position.
     pulling: bool,
     pub stuck: bool,
+    /// Somebody has the shaft in hand.
+    pub grip: Option<Grip>,
     /// What it reports instead of where it is.
     pub frozen_rad: Option<f64>,
     pub events: Vec<(u64, Event)>,
@@ -195,6 +200,7 @@ impl Drive {
             asked_ns: 0,
             pulling: false,
             stuck: false,
+            grip: None,
             frozen_rad: None,
             events: Vec::new(),
             told: Cell::new(false),
@@ -417,6 +423,10 @@ impl Drive {
             self.velocity_rad_s = 0.0;
         }
         self.position_rad += self.velocity_rad_s * dt;
+        let slow = self.velocity_rad_s.abs() < STILL_RAD_S;
+        if slow && self.grip.is_some_and(|grip| grip.is_done(self.position_rad)) {
+            self.grip = None;
+        }
     }
 
     /// The drive's own loop is taken for perfect.
@@ -428,8 +438,11 @@ impl Drive {
     fn give(&mut self, torque_nm: f64, dt: f64) {
         self.torque_nm = torque_nm;
         let size = self.torque_max_nm;
-        let net = torque_nm - FRICTION_S_RAD * size * self.velocity_rad_s;
-        self.velocity_rad_s += net / (INERTIA_KG_M2_PER_NM * size) * dt;
+        let inertia = INERTIA_KG_M2_PER_NM * size;
+        let shaft = (self.position_rad, self.velocity_rad_s);
+        let by_hand = self.grip.as_mut().map_or(0.0, |grip| grip.force(dt, shaft, inertia));
+        let net = torque_nm + by_hand - FRICTION_S_RAD * size * self.velocity_rad_s;
+        self.velocity_rad_s += net / inertia * dt;
         let most = self.velocity_max_rad_s;
         self.velocity_rad_s = self.velocity_rad_s.clamp(-most, most);
     }

@@ -125,6 +125,11 @@ impl Terminal {
         }
     }
 
+    /// What programs have not read yet is lost.
+    pub fn forget_unread(&self) -> Result<(), Errno> {
+        tcflush(&self.slave, QueueSelector::IFlush)
+    }
+
     /// Lets programs wait when they write, or lets them go on.
     pub fn stop_writes(&mut self, stop: bool) -> Result<(), Errno> {
         if stop != self.stopped && self.master.is_some() {

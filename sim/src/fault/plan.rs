@@ -11,6 +11,8 @@ use std::collections::VecDeque;
 use std::ops::Range;
 use std::path::PathBuf;
 
+/// What there may be of faults that have not ended: each is an entry or two for each place.
+const MOST: usize = 4096;
 /// Struck faults remembered until they are taken; all are counted.
 const KEPT: usize = 4096;
 
@@ -18,22 +20,27 @@ const KEPT: usize = 4096;
 #[derive(Clone, Debug)]
 pub(crate) enum Strike {
     Silence { servo: Place, until_ns: u64 },
+    Speak { servo: Place, until_ns: u64 },
     Overload { servo: Place },
     Reboot { servo: Place },
     Brownout { until_ns: u64 },
+    PowerBack { until_ns: u64 },
     Stick { servo: Place, stuck: bool },
     Freeze { servo: Place, frozen: bool },
     Jump { servo: Place, counts: i64 },
     Register { servo: Place, register: String, raw: i64 },
     Twin { servo: Place, turn_rad: f64 },
+    Unplug { servo: Place },
     Slow { line: usize, latency_ns: u64, usb: Option<Usb> },
     AtSpeed { line: usize },
     HangUp { line: usize },
     PlugIn { line: usize, link: Option<PathBuf> },
     Block { line: usize, until_ns: u64, bytes: usize },
+    Unblock { line: usize },
     Trouble { servo: Place, trouble: Option<Trouble> },
     BusOff { line: usize, bus_off: bool },
     Babble { line: usize, frame: CanFrame, period_ns: u64, until_ns: u64 },
+    Hush { line: usize, frame: CanFrame },
 }
 
 /// A servo by its line and place on it.
@@ -45,15 +52,20 @@ pub(crate) struct Place {
 
 /// A strike with its time, and what is noted of it.
 #[derive(Clone, Debug)]
-struct Planned {
+pub(crate) struct Planned {
     at_ns: u64,
-    strike: Strike,
+    pub strike: Strike,
     note: Option<(&'static str, String)>,
+    /// Number of the fault it belongs to.
+    pub fault: u64,
+    /// It undoes what the fault has done.
+    ends: bool,
 }
 
 /// Which statuses a damage is for.
 #[derive(Clone, Debug)]
 struct Rule {
+    fault: u64,
     line: Option<usize>,
     servo: Option<usize>,
     nth: Option<u64>,
@@ -120,6 +132,8 @@ pub(crate) struct Plan {
     rules: Vec<Rule>,
     /// Latest first.
     planned: Vec<Planned>,
+    /// Number of the fault that is taken apart, or of the next.
+    fault: u64,
     struck: VecDeque<Struck>,
     struck_count: u64,
 }
@@ -129,11 +143,63 @@ impl Plan {
         let mut plan = Plan { names, ..Plan::default() };
         for fault in faults {
             plan.add(fault, rng)?;
+            plan.fault += 1;
         }
         // What was named first strikes first.
         plan.planned.reverse();
         plan.planned.sort_by_key(|planned| std::cmp::Reverse(planned.at_ns));
         Ok(plan)
+    }
+
+    /// Faults that come as one, later than the others: their number. Those that cannot be leave nothing
+    /// behind.
+    pub fn begin(&mut self, faults: &[Fault], rng: &mut ChaCha8Rng) -> Result<u64, SimError> {
+        if self.rules.len() + self.planned.len() + faults.len() > MOST {
+            return Err(SimError::TooManyFaults(MOST));
+        }
+        let before = std::mem::take(&mut self.planned);
+        let rules = self.rules.len();
+        let added = faults.iter().try_for_each(|fault| self.add(fault, rng));
+        let fresh = std::mem::replace(&mut self.planned, before);
+        if let Err(wrong) = added {
+            self.rules.truncate(rules);
+            return Err(wrong);
+        }
+        fresh.into_iter().for_each(|planned| self.insert(planned));
+        self.fault += 1;
+        Ok(self.fault - 1)
+    }
+
+    /// After what is planned for the same moment.
+    fn insert(&mut self, planned: Planned) {
+        let place = self.planned.partition_point(|other| other.at_ns > planned.at_ns);
+        self.planned.insert(place, planned);
+    }
+
+    /// A fault is over: what undoes what it has done; none if there is no such fault, or nothing left
+    /// of it.
+    pub fn end(&mut self, fault: u64) -> Option<Vec<Strike>> {
+        let rules = self.rules.len();
+        self.rules.retain(|rule| rule.fault != fault);
+        let (own, others) = std::mem::take(&mut self.planned)
+            .into_iter()
+            .partition::<Vec<_>, _>(|planned| planned.fault == fault);
+        self.planned = others;
+        if own.is_empty() && self.rules.len() == rules {
+            return None;
+        }
+        let has_begun = own.iter().all(|planned| planned.ends);
+        Some(own.into_iter().filter(|_| has_begun).map(|planned| planned.strike).collect())
+    }
+
+    /// What undoes what this fault has just done: known only now.
+    pub fn ends_with(&mut self, fault: u64, strike: Strike) {
+        self.insert(Planned { at_ns: u64::MAX, strike, note: None, fault, ends: true });
+    }
+
+    /// What all is called.
+    pub fn names(&self) -> &Names {
+        &self.names
     }
 
     fn add(&mut self, fault: &Fault, rng: &mut ChaCha8Rng) -> Result<(), SimError> {
@@ -146,6 +212,7 @@ impl Plan {
             Fault::Status { joint, nth, damage } => {
                 let place = self.names.servo(joint)?;
                 self.rules.push(Rule {
+                    fault: self.fault,
                     line: Some(place.line),
                     servo: Some(place.servo),
                     nth: Some(*nth),
@@ -158,6 +225,7 @@ impl Plan {
                 let span = 0..u64::MAX;
                 let (probability, damage) = (*probability, *damage);
                 self.rules.push(Rule {
+                    fault: self.fault,
                     line: None,
                     servo: None,
                     nth: None,
@@ -169,7 +237,8 @@ impl Plan {
             Fault::Statuses { of, from_ns, until_ns, probability, damage } => {
                 let (line, servo) = self.whose(of.as_deref())?;
                 let (span, probability, damage) = (*from_ns..*until_ns, *probability, *damage);
-                self.rules.push(Rule { line, servo, nth: None, span, probability, damage });
+                let fault = self.fault;
+                self.rules.push(Rule { fault, line, servo, nth: None, span, probability, damage });
             }
             Fault::SlowLine { line, .. }
             | Fault::HangUp { line, .. }
@@ -203,6 +272,7 @@ impl Plan {
                 let servo = self.names.servo(joint)?;
                 let strike = Strike::Silence { servo, until_ns: *until_ns };
                 self.plan(*from_ns, strike, "silent", servo);
+                self.plan_end(*until_ns, Strike::Speak { servo, until_ns: *until_ns });
             }
             Fault::Overload { joint, at_ns } => {
                 let servo = self.names.servo(joint)?;
@@ -212,27 +282,32 @@ impl Plan {
                 let servo = self.names.servo(joint)?;
                 self.plan(*at_ns, Strike::Reboot { servo }, "reboot", servo);
             }
-            Fault::Brownout { from_ns, until_ns } => self.planned.push(Planned {
-                at_ns: *from_ns,
-                strike: Strike::Brownout { until_ns: *until_ns },
-                note: Some(("brownout", String::new())),
-            }),
+            Fault::Brownout { from_ns, until_ns } => {
+                self.planned.push(Planned {
+                    at_ns: *from_ns,
+                    strike: Strike::Brownout { until_ns: *until_ns },
+                    note: Some(("brownout", String::new())),
+                    fault: self.fault,
+                    ends: false,
+                });
+                self.plan_end(*until_ns, Strike::PowerBack { until_ns: *until_ns });
+            }
             Fault::StuckPosition { joint, from_ns, until_ns } => {
                 let servo = self.names.servo(joint)?;
                 self.plan(*from_ns, Strike::Stick { servo, stuck: true }, "stuck", servo);
-                let strike = Strike::Stick { servo, stuck: false };
-                self.planned.push(Planned { at_ns: *until_ns, strike, note: None });
+                self.plan_end(*until_ns, Strike::Stick { servo, stuck: false });
             }
             Fault::FrozenPosition { joint, from_ns, until_ns } => {
                 let servo = self.names.servo(joint)?;
                 self.plan(*from_ns, Strike::Freeze { servo, frozen: true }, "frozen", servo);
-                let strike = Strike::Freeze { servo, frozen: false };
-                self.planned.push(Planned { at_ns: *until_ns, strike, note: None });
+                self.plan_end(*until_ns, Strike::Freeze { servo, frozen: false });
             }
             Fault::PositionJump { joint, at_ns, counts } => {
                 let servo = self.names.servo(joint)?;
                 let strike = Strike::Jump { servo, counts: i64::from(*counts) };
                 self.plan(*at_ns, strike, "jump", servo);
+                let back = -i64::from(*counts);
+                self.plan_end(u64::MAX, Strike::Jump { servo, counts: back });
             }
             Fault::Register { joint, register, raw, at_ns } => {
                 let servo = self.names.servo(joint)?;
@@ -243,8 +318,7 @@ impl Plan {
                 let servo = self.names.servo(joint)?;
                 let strike = Strike::Trouble { servo, trouble: Some(*trouble) };
                 self.plan(*from_ns, strike, "trouble", servo);
-                let strike = Strike::Trouble { servo, trouble: None };
-                self.planned.push(Planned { at_ns: *until_ns, strike, note: None });
+                self.plan_end(*until_ns, Strike::Trouble { servo, trouble: None });
             }
             Fault::Twin { joint, turn_rad } => {
                 let servo = self.names.servo(joint)?;
@@ -257,42 +331,50 @@ impl Plan {
 
     fn add_to_line(&mut self, fault: &Fault, line: usize) {
         let name = self.names.lines[line].clone();
-        let mut plan = |at_ns, strike, note| self.planned.push(Planned { at_ns, strike, note });
-        match fault {
+        let begins =
+            |at_ns, strike, note: &'static str| (at_ns, strike, Some((note, name.clone())));
+        let (begin, end) = match fault {
             Fault::SlowLine { from_ns, until_ns, latency_ns, usb, .. } => {
                 let strike = Strike::Slow { line, latency_ns: *latency_ns, usb: *usb };
-                plan(*from_ns, strike, Some(("slow-line", name)));
-                plan(*until_ns, Strike::AtSpeed { line }, None);
+                let end = (*until_ns, Strike::AtSpeed { line }, None);
+                (begins(*from_ns, strike, "slow-line"), end)
             }
             Fault::HangUp { at_ns, until_ns, link, .. } => {
-                plan(*at_ns, Strike::HangUp { line }, Some(("hang-up", name.clone())));
-                if let Some(until_ns) = until_ns {
-                    let strike = Strike::PlugIn { line, link: link.clone() };
-                    plan(*until_ns, strike, Some(("plug-in", name)));
-                }
+                let strike = Strike::PlugIn { line, link: link.clone() };
+                let end = begins(until_ns.unwrap_or(u64::MAX), strike, "plug-in");
+                (begins(*at_ns, Strike::HangUp { line }, "hang-up"), end)
             }
             Fault::Blocked { from_ns, until_ns, bytes, .. } => {
                 let strike = Strike::Block { line, until_ns: *until_ns, bytes: *bytes };
-                plan(*from_ns, strike, Some(("blocked", name)));
+                let end = (*until_ns, Strike::Unblock { line }, None);
+                (begins(*from_ns, strike, "blocked"), end)
             }
             Fault::BusOff { at_ns, until_ns, .. } => {
-                plan(*at_ns, Strike::BusOff { line, bus_off: true }, Some(("bus-off", name)));
-                if let Some(until_ns) = until_ns {
-                    plan(*until_ns, Strike::BusOff { line, bus_off: false }, None);
-                }
+                let strike = Strike::BusOff { line, bus_off: false };
+                let end = (until_ns.unwrap_or(u64::MAX), strike, None);
+                (begins(*at_ns, Strike::BusOff { line, bus_off: true }, "bus-off"), end)
             }
             Fault::Babble { frame, period_ns, from_ns, until_ns, .. } => {
                 let (frame, period_ns, until_ns) = (frame.clone(), *period_ns, *until_ns);
+                let end = (until_ns, Strike::Hush { line, frame: frame.clone() }, None);
                 let strike = Strike::Babble { line, frame, period_ns, until_ns };
-                plan(*from_ns, strike, Some(("babble", name)));
+                (begins(*from_ns, strike, "babble"), end)
             }
-            _ => {}
+            _ => return,
+        };
+        for ((at_ns, strike, note), ends) in [(begin, false), (end, true)] {
+            self.planned.push(Planned { at_ns, strike, note, fault: self.fault, ends });
         }
     }
 
-    fn plan(&mut self, at_ns: u64, strike: Strike, fault: &'static str, servo: Place) {
-        let note = Some((fault, self.names.joint(servo)));
-        self.planned.push(Planned { at_ns, strike, note });
+    fn plan(&mut self, at_ns: u64, strike: Strike, kind: &'static str, servo: Place) {
+        let note = Some((kind, self.names.joint(servo)));
+        self.planned.push(Planned { at_ns, strike, note, fault: self.fault, ends: false });
+    }
+
+    fn plan_end(&mut self, at_ns: u64, strike: Strike) {
+        let fault = self.fault;
+        self.planned.push(Planned { at_ns, strike, note: None, fault, ends: true });
     }
 
     /// When something strikes next.
@@ -301,12 +383,17 @@ impl Plan {
     }
 
     /// What strikes by `now_ns`, one at a time.
-    pub fn strike(&mut self, now_ns: u64) -> Option<Strike> {
-        let planned = self.planned.pop_if(|planned| planned.at_ns <= now_ns)?;
-        if let Some((fault, place)) = planned.note {
+    pub fn strike(&mut self, now_ns: u64) -> Option<Planned> {
+        let mut planned = self.planned.pop_if(|planned| planned.at_ns <= now_ns)?;
+        if let Some((fault, place)) = planned.note.take() {
             self.note(Struck { at_ns: now_ns, fault, place, nth: None });
         }
-        Some(planned.strike)
+        Some(planned)
+    }
+
+    /// The latest that struck, so many of them.
+    pub fn latest(&self, count: usize) -> impl Iterator<Item = &Struck> {
+        self.struck.iter().skip(self.struck.len().saturating_sub(count))
     }
 
     /// True if no status will ever be damaged.

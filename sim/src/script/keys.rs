@@ -12,7 +12,7 @@ const NAME_BYTES: usize = 100;
 const MOST_NUMBERS: usize = 1000;
 
 /// `line 7`, of the byte at `offset`.
-pub(super) fn line_of(text: &str, offset: usize) -> String {
+pub(crate) fn line_of(text: &str, offset: usize) -> String {
     let before = text.bytes().take(offset);
     format!("line {}", 1 + before.filter(|&byte| byte == b'\n').count())
 }
@@ -28,15 +28,41 @@ fn said(value: &Value) -> String {
     }
 }
 
-pub(super) struct Keys {
+pub(crate) struct Keys {
     place: String,
     table: Table,
     known: Vec<&'static str>,
+    /// What a moment is that is not given, ns; in a script it must be.
+    now_ns: Option<u64>,
 }
 
 impl Keys {
     pub fn new(place: String, table: Table) -> Keys {
-        Keys { place, table, known: Vec::new() }
+        Keys { place, table, known: Vec::new(), now_ns: None }
+    }
+
+    /// The same, where what has no time begins now.
+    pub fn at(self, now_ns: u64) -> Keys {
+        Keys { now_ns: Some(now_ns), ..self }
+    }
+
+    /// A moment.
+    pub fn moment(&mut self, key: &'static str) -> Result<u64, ScriptError> {
+        let time = self.time(key)?;
+        time.or(self.now_ns).ok_or_else(|| self.missing(key, TIMES))
+    }
+
+    pub fn truth(&mut self, key: &'static str) -> Result<Option<bool>, ScriptError> {
+        match self.take(key) {
+            None => Ok(None),
+            Some(Value::Boolean(truth)) => Ok(Some(truth)),
+            Some(other) => Err(self.wrong(key, &said(&other), "true or false")),
+        }
+    }
+
+    /// Whether a key is there, whatever it holds.
+    pub fn has(&self, key: &str) -> bool {
+        self.table.contains_key(key)
     }
 
     fn take(&mut self, key: &'static str) -> Option<Value> {
@@ -74,7 +100,7 @@ impl Keys {
         }
     }
 
-    fn need_name(&mut self, key: &'static str) -> Result<String, ScriptError> {
+    pub fn need_name(&mut self, key: &'static str) -> Result<String, ScriptError> {
         self.name(key)?.ok_or_else(|| self.missing(key, "a text in quotes"))
     }
 
@@ -109,6 +135,19 @@ impl Keys {
             Some(other) => {
                 Err(self.wrong(key, &said(&other), &format!("a whole number {min}..={max}")))
             }
+        }
+    }
+
+    /// As [`Keys::integer`], but what is no whole number is left where it is.
+    pub fn integer_if(
+        &mut self,
+        key: &'static str,
+        min: i64,
+        max: i64,
+    ) -> Result<Option<i64>, ScriptError> {
+        match self.table.get(key) {
+            Some(Value::Integer(_)) => self.integer(key, min, max),
+            _ => Ok(None),
         }
     }
 
@@ -178,7 +217,7 @@ impl Keys {
 
     /// `from_s` and `until_s`: from the start and for good where they are not given.
     pub fn span(&mut self) -> Result<(u64, u64), ScriptError> {
-        let from_ns = self.time("from_s")?.unwrap_or(0);
+        let from_ns = self.time("from_s")?.or(self.now_ns).unwrap_or(0);
         let until_ns = self.time("until_s")?.unwrap_or(u64::MAX);
         if until_ns <= from_ns {
             return Err(self.wrong("until_s", "no later time", "later than from_s"));

@@ -5,6 +5,7 @@ use crate::SimError;
 use crate::can::{Actuator, BOOT_NS, CanFrame, CanHeard, CanLine, CanOptions, QueueFull, Said};
 use crate::fault::plan::{Names, Place, Strike};
 use crate::fault::{Fault, damage_frame};
+use crate::journal::Happening;
 use crate::referee::When;
 use gaitway_profiles::{Joint, Robot};
 use std::collections::BTreeMap;
@@ -162,35 +163,38 @@ impl World {
         let lines = self.can.iter_mut().filter(|(_, can)| can.next_event_ns().is_some());
         let Some((&line, can)) = lines.min_by_key(|(_, can)| can.next_event_ns()) else { return };
         let happened = can.happen();
-        let referee = &mut self.shared.referee;
+        if let Some((from_host, frame)) = happened.passed {
+            let frame = || Happening::Frame { line, from_host, frame };
+            self.shared.journal.note(self.now_ns, frame);
+        }
         let joint_of = |actuator| {
             let place = Place { line, servo: actuator };
             self.joints.iter().position(|placed| placed.place == place)
         };
         let when = |at_ns| When { earliest_ns: can.earliest_ns(at_ns), latest_ns: at_ns };
         if let Some(asked_ns) = happened.asked_ns {
-            referee.instruction(line, when(asked_ns));
+            self.shared.referee.instruction(line, when(asked_ns));
         }
         if let Some(busy_ns) = happened.busy_ns {
             match happened.asked_ns {
-                Some(_) => referee.busy(line, busy_ns.start, busy_ns.end),
-                None => referee.status(line, busy_ns.start, busy_ns.end),
+                Some(_) => self.shared.referee.busy(line, busy_ns.start, busy_ns.end),
+                None => self.shared.referee.status(line, busy_ns.start, busy_ns.end),
             }
         }
         for (actuator, at_ns, event) in happened.events {
             if let Some(joint) = joint_of(actuator) {
-                referee.event(joint, when(at_ns), event);
+                self.shared.tell(joint, when(at_ns), event);
             }
         }
         if let Some((actuator, told_ns)) = happened.had
             && let Some(joint) = joint_of(actuator)
         {
-            referee.had(joint, told_ns, self.now_ns);
+            self.shared.referee.had(joint, told_ns, self.now_ns);
         }
         let mut said = happened.said;
         for said in &mut said {
             if let (Some(raw), Some(joint)) = (said.told, joint_of(said.actuator)) {
-                referee.measured(joint, self.now_ns, raw);
+                self.shared.referee.measured(joint, self.now_ns, raw);
                 said.told_ns = Some(self.now_ns);
             }
         }
@@ -209,8 +213,8 @@ impl World {
         let (mut frames, mut late_ns) = (vec![frame], 0);
         if !self.shared.faults.spares_statuses() {
             let place = Place { line, servo: actuator };
-            let (faults, rng) = (&mut self.shared.faults, &mut self.shared.rng);
-            let damages = faults.strike_status(place, nth, self.now_ns, rng);
+            let damages = self.shared.befall(place, nth, self.now_ns);
+            let rng = &mut self.shared.rng;
             if !damages.is_empty()
                 && let Some(frame) = frames.pop()
             {
@@ -244,10 +248,19 @@ impl World {
                 self.can.get_mut(&line)?.babble(frame, period_ns, until_ns);
                 return None;
             }
+            Strike::Hush { line, frame } => {
+                self.can.get_mut(&line)?.hush(&frame);
+                return None;
+            }
             // Those of other lines go on with the rest.
             Strike::Brownout { until_ns } => {
                 for actuator in self.can.values_mut().flat_map(CanLine::actuators_mut) {
                     actuator.restart(until_ns);
+                }
+            }
+            Strike::PowerBack { until_ns } => {
+                for actuator in self.can.values_mut().flat_map(CanLine::actuators_mut) {
+                    actuator.power_back(until_ns);
                 }
             }
             Strike::HangUp { line } | Strike::PlugIn { line, .. } => {
@@ -261,7 +274,14 @@ impl World {
                     return None;
                 }
             }
+            Strike::Unblock { line } => {
+                if let Some(can) = self.can.get_mut(&line) {
+                    can.hold(now_ns);
+                    return None;
+                }
+            }
             Strike::Silence { servo, .. }
+            | Strike::Speak { servo, .. }
             | Strike::Overload { servo }
             | Strike::Reboot { servo }
             | Strike::Stick { servo, .. }
@@ -282,6 +302,7 @@ impl World {
 fn strike_actuator(actuator: &mut Actuator, strike: &Strike, now_ns: u64) {
     match *strike {
         Strike::Silence { until_ns, .. } => actuator.be_silent(now_ns..until_ns),
+        Strike::Speak { until_ns, .. } => actuator.speak_again(until_ns),
         Strike::Overload { .. } => actuator.overload(),
         Strike::Reboot { .. } => actuator.restart(now_ns + BOOT_NS),
         Strike::Stick { stuck, .. } => actuator.set_stuck(stuck),

@@ -20,8 +20,8 @@ fn status(id: u8, error: u8) -> Vec<u8> {
 fn ping_is_answered_by_the_servo_named_and_by_nobody_if_to_all() {
     let mut scene = ax(1);
     assert_eq!(scene.ask(&hex("FF FF 01 02 01 FB")), hex(OK_1));
-    assert_eq!(scene.ask(&instruction(2, 1, &[])), []);
-    assert_eq!(scene.ask(&instruction(0xFE, 1, &[])), []);
+    assert_eq!(scene.ask(&instruction(2, 1, &[])), [0_u8; 0]);
+    assert_eq!(scene.ask(&instruction(0xFE, 1, &[])), [0_u8; 0]);
 }
 
 #[test]
@@ -46,7 +46,7 @@ fn goal_and_speed_are_written_together() {
 #[test]
 fn everyone_takes_the_id_of_a_broadcast_write_and_nobody_answers() {
     let mut scene = ax(7);
-    assert_eq!(scene.ask(&hex("FF FF FE 04 03 03 01 F6")), []);
+    assert_eq!(scene.ask(&hex("FF FF FE 04 03 03 01 F6")), [0_u8; 0]);
     assert_eq!(scene.get("j7", "ID"), 1);
     assert_eq!(scene.ask(&hex("FF FF 01 02 01 FB")), hex(OK_1));
 }
@@ -58,7 +58,7 @@ fn a_registered_write_waits_for_the_broadcast_action() {
     assert_eq!(scene.ask(&hex("FF FF 01 05 04 1E F4 01 E2")), hex(OK_1));
     assert_eq!(scene.get("j1", "Goal Position"), before);
     assert_eq!(scene.get("j1", "Registered"), 1);
-    assert_eq!(scene.ask(&hex("FF FF FE 02 05 FA")), []);
+    assert_eq!(scene.ask(&hex("FF FF FE 02 05 FA")), [0_u8; 0]);
     assert_eq!(scene.get("j1", "Goal Position"), 500);
     assert_eq!(scene.get("j1", "Registered"), 0);
     // Nothing is registered now.
@@ -80,7 +80,7 @@ fn factory_reset_brings_back_id_and_speed_of_the_factory() {
 fn sync_write_sets_goals_and_speeds_and_is_not_answered() {
     let mut scene = Scene::new(&mixed(&[("ax-12a", 0), ("ax-12a", 1)]));
     let packet = "FF FF FE 0E 83 1E 04 00 10 00 50 01 01 20 02 60 03 67";
-    assert_eq!(scene.ask(&hex(packet)), []);
+    assert_eq!(scene.ask(&hex(packet)), [0_u8; 0]);
     for (joint, goal, speed) in [("j0", 0x10, 0x150), ("j1", 0x220, 0x360)] {
         assert_eq!(scene.get(joint, "Goal Position"), goal);
         assert_eq!(scene.get(joint, "Moving Speed"), speed);
@@ -100,7 +100,7 @@ fn bulk_read_is_answered_in_order_by_mx() {
 #[test]
 fn ax_has_no_bulk_read_and_those_behind_it_wait() {
     let mut scene = Scene::new(&mixed(&[("ax-12a", 1), ("mx-28", 2)]));
-    assert_eq!(scene.ask(&hex("FF FF FE 09 92 00 02 01 1E 02 02 24 1D")), []);
+    assert_eq!(scene.ask(&hex("FF FF FE 09 92 00 02 01 1E 02 02 24 1D")), [0_u8; 0]);
     let turned = instruction(0xFE, 0x92, &[0, 2, 2, 36, 2, 1, 30]);
     assert_eq!(scene.ask(&turned).len(), 8, "the MX alone");
 }
@@ -111,10 +111,10 @@ fn the_return_level_silences_writes_then_reads_but_not_pings() {
     let (ping, read) = (instruction(1, 1, &[]), instruction(1, 2, &[36, 2]));
     let level = |level| instruction(1, 3, &[16, level]);
     assert_eq!(scene.ask(&level(1)), hex(OK_1), "under the old level");
-    assert_eq!(scene.ask(&level(1)), []);
+    assert_eq!(scene.ask(&level(1)), [0_u8; 0]);
     assert_eq!(scene.ask(&read).len(), 8);
-    assert_eq!(scene.ask(&level(0)), []);
-    assert_eq!(scene.ask(&read), []);
+    assert_eq!(scene.ask(&level(0)), [0_u8; 0]);
+    assert_eq!(scene.ask(&read), [0_u8; 0]);
     assert_eq!(scene.ask(&ping), hex(OK_1));
 }
 
@@ -131,7 +131,7 @@ fn errors_are_a_mask_of_bits() {
 #[test]
 fn a_wrong_checksum_is_ignored_or_answered_as_the_options_say() {
     let wrong = hex("FF FF 01 02 01 FA");
-    assert_eq!(ax(1).ask(&wrong), []);
+    assert_eq!(ax(1).ask(&wrong), [0_u8; 0]);
     let options = Options { bad_checksum: BadChecksum::Answer, ..Options::default() };
     let mut scene = Scene::with(&mixed(&[("ax-12a", 1), ("xl430-w250", 2)]), options);
     assert_eq!(scene.ask(&wrong), status(1, CHECKSUM_ERROR));

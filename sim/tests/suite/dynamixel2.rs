@@ -26,7 +26,7 @@ fn ping_is_answered_with_model_and_firmware() {
     let mut scene = manual_scene(&[1]);
     let answer = scene.ask(&hex("FF FF FD 00 01 03 00 01 19 4E"));
     assert_eq!(answer, hex("FF FF FD 00 01 07 00 55 00 06 04 26 65 5D"));
-    assert_eq!(scene.ask(&hex("FF FF FD 00 02 03 00 01 19 72")), []);
+    assert_eq!(scene.ask(&hex("FF FF FD 00 02 03 00 01 19 72")), [0_u8; 0]);
 }
 
 #[test]
@@ -79,7 +79,7 @@ fn factory_reset_keeps_the_id_when_asked_to() {
     // Baud rate and return delay are the factory's again.
     assert_eq!(scene.get("j1", "Baud Rate"), 1);
     scene.wait_ms(500);
-    assert_eq!(scene.ask(&instruction(1, 1, &[])), []);
+    assert_eq!(scene.ask(&instruction(1, 1, &[])), [0_u8; 0]);
     scene.baud_bps = 57_600;
     assert_eq!(scene.tell(&instruction(1, 1, &[])).len(), 1);
 }
@@ -93,7 +93,7 @@ fn reboot_keeps_eeprom_and_resets_ram() {
     assert_eq!(scene.error(&write(2, TORQUE_ENABLE, &[1])), 0);
     let answer = scene.tell(&hex("FF FF FD 00 02 03 00 08 2F 72"));
     assert_eq!(answer, [Status { id: 2, error: 0, params: vec![] }]);
-    assert_eq!(scene.ask(&instruction(2, 1, &[])), [], "it is still booting");
+    assert_eq!(scene.ask(&instruction(2, 1, &[])), [0_u8; 0], "it is still booting");
     scene.wait_ms(500);
     assert_eq!(scene.tell(&instruction(2, 1, &[])).len(), 1);
     assert_eq!(scene.get("j2", "Min Position Limit"), 100);
@@ -137,7 +137,7 @@ fn sync_read_of_current_velocity_and_position_is_understood() {
 fn sync_write_sets_all_goals_and_is_not_answered() {
     let mut scene = scene(&[1, 2]);
     let packet = "FF FF FD 00 FE 11 00 83 74 00 04 00 01 96 00 00 00 02 AA 00 00 00 82 87";
-    assert_eq!(scene.ask(&hex(packet)), []);
+    assert_eq!(scene.ask(&hex(packet)), [0_u8; 0]);
     assert_eq!(scene.get("j1", "Goal Position"), 150);
     assert_eq!(scene.get("j2", "Goal Position"), 170);
 }
@@ -169,7 +169,7 @@ fn fast_sync_read_reaches_the_upper_indirect_addresses() {
 #[test]
 fn a_servo_with_old_firmware_is_silent_to_fast_sync_read() {
     let mut scene = manual_scene(&[1, 2]);
-    assert_eq!(scene.ask(&sync_read(0x8A, 132, 4, &[1, 2])), []);
+    assert_eq!(scene.ask(&sync_read(0x8A, 132, 4, &[1, 2])), [0_u8; 0]);
 }
 
 #[test]
@@ -190,7 +190,7 @@ fn bulk_write_tells_each_something_else() {
     scene.set("j1", "Max Voltage Limit", 150);
     scene.set("j2", "Temperature Limit", 70);
     let request = "FF FF FD 00 FE 10 00 93 01 20 00 02 00 A0 00 02 1F 00 01 00 50 B7 68";
-    assert_eq!(scene.ask(&hex(request)), []);
+    assert_eq!(scene.ask(&hex(request)), [0_u8; 0]);
     assert_eq!(scene.get("j1", "Max Voltage Limit"), 160);
     assert_eq!(scene.get("j2", "Temperature Limit"), 80);
 }
@@ -284,28 +284,28 @@ fn a_hardware_error_shows_as_alert_in_every_status() {
 fn status_return_level_silences_writes_then_reads_but_never_pings() {
     let mut scene = scene(&[1]);
     assert_eq!(scene.error(&write(1, 68, &[1])), 0);
-    assert_eq!(scene.ask(&write(1, 65, &[1])), []);
+    assert_eq!(scene.ask(&write(1, 65, &[1])), [0_u8; 0]);
     assert_eq!(scene.get("j1", "LED"), 1);
     assert_eq!(scene.tell(&read(1, 65, 1)).len(), 1);
-    assert_eq!(scene.ask(&write(1, 68, &[0])), []);
-    assert_eq!(scene.ask(&read(1, 65, 1)), []);
-    assert_eq!(scene.ask(&sync_read(0x82, 65, 1, &[1])), []);
+    assert_eq!(scene.ask(&write(1, 68, &[0])), [0_u8; 0]);
+    assert_eq!(scene.ask(&read(1, 65, 1)), [0_u8; 0]);
+    assert_eq!(scene.ask(&sync_read(0x82, 65, 1, &[1])), [0_u8; 0]);
     assert_eq!(scene.tell(&instruction(1, 1, &[])).len(), 1);
 }
 
 #[test]
 fn broadcast_writes_are_done_in_silence_and_broadcast_reads_not_at_all() {
     let mut scene = scene(&[1, 2]);
-    assert_eq!(scene.ask(&write(0xFE, 65, &[1])), []);
+    assert_eq!(scene.ask(&write(0xFE, 65, &[1])), [0_u8; 0]);
     assert_eq!((scene.get("j1", "LED"), scene.get("j2", "LED")), (1, 1));
-    assert_eq!(scene.ask(&read(0xFE, 65, 1)), []);
+    assert_eq!(scene.ask(&read(0xFE, 65, 1)), [0_u8; 0]);
 }
 
 #[test]
 fn a_new_id_counts_after_the_status() {
     let mut scene = scene(&[1]);
     assert_eq!(scene.tell(&write(1, 7, &[9]))[0].id, 1);
-    assert_eq!(scene.ask(&instruction(1, 1, &[])), []);
+    assert_eq!(scene.ask(&instruction(1, 1, &[])), [0_u8; 0]);
     assert_eq!(scene.tell(&instruction(9, 1, &[]))[0].id, 9);
 }
 
@@ -415,7 +415,7 @@ fn older_firmware_knows_neither_clear_nor_backup_nor_fast_reads() {
     scene.set("j1", "Firmware Version", 41);
     assert_eq!(scene.error(&instruction(1, 0x10, &[1, 0x44, 0x58, 0x4C, 0x22])), 2);
     assert_eq!(scene.error(&instruction(1, 0x20, &[1, 0x43, 0x54, 0x52, 0x4C])), 2);
-    assert_eq!(scene.ask(&sync_read(0x8A, 132, 4, &[1])), []);
+    assert_eq!(scene.ask(&sync_read(0x8A, 132, 4, &[1])), [0_u8; 0]);
     assert_eq!(scene.tell(&sync_read(0x82, 132, 4, &[1])).len(), 1);
 }
 
@@ -424,7 +424,7 @@ fn a_factory_reset_of_everything_for_everyone_is_obeyed_by_old_firmware_only() {
     for (firmware, id) in [(41, 1), (42, 7)] {
         let mut scene = scene(&[7]);
         scene.set("j7", "Firmware Version", firmware);
-        assert_eq!(scene.ask(&instruction(0xFE, 0x06, &[0xFF])), []);
+        assert_eq!(scene.ask(&instruction(0xFE, 0x06, &[0xFF])), [0_u8; 0]);
         assert_eq!(scene.get("j7", "ID"), id, "firmware {firmware}");
     }
 }
@@ -435,10 +435,10 @@ fn a_secondary_id_is_obeyed_and_never_answered() {
     for joint in ["j1", "j2"] {
         scene.set(joint, "Secondary(Shadow) ID", 100);
     }
-    assert_eq!(scene.ask(&write(100, 65, &[1])), []);
+    assert_eq!(scene.ask(&write(100, 65, &[1])), [0_u8; 0]);
     assert_eq!((scene.get("j1", "LED"), scene.get("j2", "LED")), (1, 1));
-    assert_eq!(scene.ask(&read(100, 65, 1)), []);
-    assert_eq!(scene.ask(&sync_read(0x82, 65, 1, &[100])), []);
+    assert_eq!(scene.ask(&read(100, 65, 1)), [0_u8; 0]);
+    assert_eq!(scene.ask(&sync_read(0x82, 65, 1, &[100])), [0_u8; 0]);
     scene.ask(&instruction(0xFE, 0x83, &[65, 0, 1, 0, 100, 0]));
     assert_eq!((scene.get("j1", "LED"), scene.get("j2", "LED")), (0, 0));
     // A servo's own ID comes first: it answers, the other obeys.

@@ -91,7 +91,7 @@ fn a_mute_servo_breaks_the_chain_for_once() {
 fn a_stale_reply_comes_in_the_next_window() {
     let mut scene = damaged(Damage::StaleReply { by_ns: 30 * MS });
     scene.ask(&ASK());
-    assert_eq!(scene.ask(&ASK()), []);
+    assert_eq!(scene.ask(&ASK()), [0_u8; 0]);
     scene.set("j1", "Present Position", 2000);
     scene.wait_ms(9);
     let both = scene.tell(&ASK());
@@ -103,7 +103,7 @@ fn a_stale_reply_comes_in_the_next_window() {
 fn a_silent_servo_neither_hears_nor_answers_for_its_time() {
     let silent = Fault::Silent { joint: "j1".into(), from_ns: 0, until_ns: 50 * MS };
     let mut scene = scene(vec![silent]);
-    assert_eq!(scene.ask(&write(1, 65, &[1])), []);
+    assert_eq!(scene.ask(&write(1, 65, &[1])), [0_u8; 0]);
     assert_eq!(scene.get("j1", "LED"), 0);
     assert_eq!(scene.tell(&instruction(2, 1, &[])).len(), 1);
     scene.wait_ms(50);
@@ -127,7 +127,7 @@ fn a_reboot_in_mid_motion_leaves_the_joint_limp() {
     scene.ask(&write(1, 112, &[10, 0, 0, 0]));
     scene.ask(&write(1, 116, &2500_i32.to_le_bytes()));
     scene.world.run_until(110 * MS);
-    assert_eq!(scene.ask(&instruction(1, 1, &[])), []);
+    assert_eq!(scene.ask(&instruction(1, 1, &[])), [0_u8; 0]);
     scene.world.run_until(450 * MS);
     assert_eq!(scene.get("j1", "Torque Enable"), 0);
     assert_eq!(scene.get("j1", "Profile Velocity"), 0);
@@ -144,7 +144,7 @@ fn after_a_brownout_all_come_back_without_torque() {
         scene.ask(&write(id, 64, &[1]));
     }
     scene.world.run_until(200 * MS);
-    assert_eq!(scene.ask(&instruction(0xFE, 1, &[])), []);
+    assert_eq!(scene.ask(&instruction(0xFE, 1, &[])), [0_u8; 0]);
     scene.world.run_until(400 * MS);
     assert_eq!(scene.tell(&instruction(0xFE, 1, &[])).len(), 2);
     assert_eq!((scene.get("j1", "Torque Enable"), scene.get("j2", "Torque Enable")), (0, 0));

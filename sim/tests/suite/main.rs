@@ -4,6 +4,7 @@ mod bench;
 mod can;
 mod can_dialects;
 mod can_line;
+mod control;
 mod door;
 mod dynamixel1;
 mod dynamixel2;

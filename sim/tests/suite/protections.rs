@@ -231,7 +231,7 @@ fn a_group_obeys_its_secondary_id_in_silence_but_not_in_eeprom() {
     for id in [1, 2, 5] {
         scene.ask(&write(id, 12, &[100]));
     }
-    assert_eq!(scene.ask(&write(100, 65, &[0])), []);
+    assert_eq!(scene.ask(&write(100, 65, &[0])), [0_u8; 0]);
     assert_eq!(scene.get("j2", "LED"), 0);
 }
 
@@ -252,7 +252,7 @@ fn a_backup_brings_eeprom_gains_and_indirect_addresses_back() {
     scene.ask(&write(1, 52, &100_i32.to_le_bytes()));
     scene.ask(&write(1, 84, &900_u16.to_le_bytes()));
     assert_eq!(scene.error(&instruction(1, 0x20, &RESTORE)), 0);
-    assert_eq!(scene.ask(&instruction(1, 1, &[])), [], "it restarts");
+    assert_eq!(scene.ask(&instruction(1, 1, &[])), [0_u8; 0], "it restarts");
     scene.wait_ms(500);
     assert_eq!(scene.get("j1", "Min Position Limit"), 500);
     assert_eq!(scene.get("j1", "Position P Gain"), 700);
