@@ -12,6 +12,7 @@ pub mod hold;
 pub mod inserts;
 pub mod limp;
 pub mod live;
+pub mod manual;
 pub mod monitor;
 pub mod operator;
 pub mod output;
@@ -114,6 +115,10 @@ enum Command {
     Scan(scan::ScanArgs),
     /// One servo: its registers, its ID, its line speed, one movement
     Servo(Box<servo::ServoArgs>),
+    /// Print what completes this command line in a shell
+    Completions(manual::CompletionsArgs),
+    /// Print a page of the manual, as `man` reads it
+    Man(manual::ManArgs),
 }
 
 /// Runs the command line; the exit code.
@@ -166,6 +171,8 @@ fn run(cli: &Cli) -> i32 {
         Command::Monitor(args) => monitor::run(args, remarks),
         Command::Scan(args) => scan::run(args, remarks),
         Command::Servo(args) => servo::run(args, remarks),
+        Command::Completions(args) => manual::completions(args),
+        Command::Man(args) => manual::man(args),
     };
     done.unwrap_or_else(|error| {
         output::complain(&error);

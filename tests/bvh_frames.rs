@@ -133,7 +133,7 @@ fn files_of_one_skeleton_share_their_frames_whichever_of_them_is_read() {
     let pipe = std::process::Command::new("mkfifo").arg(folder.join("f-pipe.bvh")).status();
     assert!(pipe.expect("coreutils").success());
 
-    let read = |path: &Path| siblings::read(path, None).expect("a capture");
+    let read = |path: &Path| siblings::read(path, None, &Default::default()).expect("a capture");
     let (one, two) = (read(&one), read(&two));
     assert_eq!(one.frames, two.frames);
     assert_eq!(one.frames.files, ["a-stooped.bvh", "b-upright.bvh"]);
@@ -164,7 +164,7 @@ fn what_is_read_of_many_files_does_not_depend_on_which_is_asked_for() {
         let part = &poses[number..number + 30];
         save(&folder, &format!("{number:02}.bvh"), &puppet::write(part, rate_hz, &convention));
     }
-    let read = |name: &str| siblings::read(&folder.join(name), None).expect("a capture").frames;
+    let read = |name: &str| siblings::read(&folder.join(name), None, &Default::default()).expect("a capture").frames;
     let one = read("00.bvh");
     assert_eq!((one.files.len(), one.files_of_skeleton), (32, 40));
     let mut names = (0..40).map(|number| format!("{number:02}.bvh"));
@@ -426,7 +426,7 @@ fn captures_of_one_skeleton_have_one_set_of_frames() {
     let families = families(&bvh_files(&folder));
     assert!(!families.is_empty(), "no two captures of one skeleton under {}", folder.display());
     for family in families {
-        let read = |path: &PathBuf| siblings::read(path, None).expect("a capture");
+        let read = |path: &PathBuf| siblings::read(path, None, &Default::default()).expect("a capture");
         let files: Vec<CaptureFile> = family.iter().map(read).collect();
         let by_itself = |file: &CaptureFile| Anatomy::find(&Poses::of(&file.clip)).expect("a body");
         let alone: Vec<Anatomy> = files.iter().map(by_itself).collect();
@@ -459,7 +459,7 @@ fn nobody_stares_at_the_sky_because_the_skeleton_is_drawn_so() {
     let Some(folder) = captures() else { return };
     let name = "cmu_new3_back_handspring1_autolabel.bvh";
     let Some(path) = capture_file(&folder, name) else { return };
-    let file = siblings::read(&path, None).expect("a capture");
+    let file = siblings::read(&path, None, &Default::default()).expect("a capture");
     let capture = file.capture();
     let mut placed = Placed::default();
     let (mut upright, mut on_trunk, mut in_world) = (0.0, 0.0, 0.0);
@@ -507,7 +507,7 @@ fn bows_are_as_deep_in_the_joint_angles_as_between_the_joints_of_the_file() {
         else {
             continue;
         };
-        let file = siblings::read(&path, None).expect("a capture");
+        let file = siblings::read(&path, None, &Default::default()).expect("a capture");
         let (capture, up) = (file.capture(), file.clip.file_up());
         // By pose: chest, pelvis, the line.
         let raw: Vec<[f64; 3]> = (file.clip.dropped()..read.pose_count())

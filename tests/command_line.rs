@@ -352,3 +352,19 @@ fn a_wrong_file_is_refused_with_what_where_got_and_allowed() {
     let output = run(&["profile", "check", "xm431"]);
     assert_words(&String::from_utf8_lossy(&output.stderr), &["no profile", "xm430-w350", "op3"]);
 }
+
+#[test]
+fn a_shell_completes_every_command_and_man_has_a_page_for_each() {
+    let bash = stdout(&run(&["completions", "bash"]));
+    let main = stdout(&run(&["man"]));
+    for command in ["play", "simulate", "servo", "record", "completions"] {
+        assert!(bash.contains(&format!("gaitway__subcmd__{command}")), "{command}");
+        assert!(main.contains(&format!("gaitway\\-{command}(1)")), "{command}: {main}");
+    }
+    assert!(bash.contains("--permit-eeprom"), "with its options");
+    let page = stdout(&run(&["man", "servo", "set-id"]));
+    assert!(page.starts_with(".ie") && page.contains("gaitway\\-servo\\-set\\-id"), "{page}");
+    let refused = run(&["man", "servo", "dance"]);
+    assert_eq!(refused.status.code(), Some(1));
+    assert!(String::from_utf8_lossy(&refused.stderr).contains("set-id"));
+}

@@ -4,6 +4,7 @@ mod program;
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
+use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdout, Command, Stdio};
 
@@ -197,4 +198,55 @@ fn a_robot_is_found_by_its_name_with_underscores_too() {
     let mut simulator = Simulator::start(&["Open_Duck_Mini_v2", "--tcp", "0"]);
     assert!(simulator.line().starts_with("tcp:"));
     simulator.end();
+}
+
+#[test]
+fn over_standard_input_a_program_has_it_in_hand_and_its_end_ends_it() {
+    let mut child = crate::program::gaitway()
+        .args(["simulate", "--servo", "xm430-w350:1", "--tcp", "0", "--control", "stdin"])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the simulator");
+    let mut stdin = child.stdin.take().expect("its input");
+    let mut stdout = BufReader::new(child.stdout.take().expect("its output"));
+    let mut line = || {
+        let mut line = String::new();
+        stdout.read_line(&mut line).expect("a line");
+        line.trim_end().to_string()
+    };
+    let address = line()["tcp:".len()..].to_string();
+    let mut port = TcpStream::connect(address).expect("a connection");
+    ping(&mut port);
+    stdin.write_all(b"{\"do\":\"count\",\"instruction\":\"ping\"}\nnonsense\n").expect("a write");
+    assert_eq!(line(), r#"{"ok":true,"count":1,"next":2,"lost":0}"#);
+    assert!(line().starts_with(r#"{"ok":false,"error":{"at":"request""#));
+    // What is asked for last is done, too.
+    stdin.write_all(b"{\"do\":\"wait\",\"kind\":\"reset\",\"timeout_s\":0.2}\n").expect("a write");
+    drop(stdin);
+    assert!(line().contains("0 within 0.2 s"));
+    assert_eq!(child.wait().expect("an end").code(), Some(0));
+}
+
+#[test]
+fn a_control_socket_is_there_with_the_port_and_gone_with_it() {
+    let path = crate::program::folder("simulate-control").join("c");
+    let place = path.display().to_string();
+    let mut simulator = Simulator::start(&["so101", "--tcp", "0", "--control", &place]);
+    let port = simulator.line();
+    let mut stream = UnixStream::connect(&path).expect("the channel");
+    stream.write_all(b"{\"do\":\"about\"}\n").expect("a write");
+    let mut said = String::new();
+    BufReader::new(&stream).read_line(&mut said).expect("a reply");
+    assert!(said.contains(&format!(r#""place":"{port}""#)), "{said}");
+    assert!(said.contains(r#""robot":"so101""#), "{said}");
+    let second = crate::program::gaitway()
+        .args(["simulate", "so101", "--tcp", "0", "--control", &place])
+        .output()
+        .expect("the program");
+    assert_eq!(second.status.code(), Some(1));
+    assert!(crate::program::words(&second).contains("is there already"));
+    simulator.end();
+    assert!(!path.exists());
 }

@@ -133,9 +133,11 @@ fn the_exit_code_says_what_was_done_and_whether_it_could_be_told() {
     let (recorded, made) = (recorded.display().to_string(), folder.join("made"));
     let made = made.display().to_string();
     let made = |ending: &str| format!("{made}.{ending}");
-    let table: [(Deed, i32, Vec<String>); 16] = [
+    let table: [(Deed, i32, Vec<String>); 18] = [
         (Deed::Look, 0, words("--help")),
         (Deed::Look, 2, words("play --no-such-option")),
+        (Deed::Look, 0, words("completions bash")),
+        (Deed::Look, 0, words("man simulate")),
         (Deed::Look, 0, words("profile list")),
         (Deed::Look, 0, words("profile show op3 --json")),
         (Deed::Look, 0, vec!["info".into(), recorded]),

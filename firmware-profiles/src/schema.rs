@@ -442,6 +442,10 @@ pub struct Adapter {
     pub echo: bool,
     /// Worst time the adapter holds received bytes back, s, as the driver sets it up by default.
     pub latency_s: f64,
+    /// Its latency timer as it is plugged in, s: bytes wait so long unless a driver asks for less.
+    /// Absent: it has none.
+    #[serde(default)]
+    pub latency_timer_s: Option<f64>,
     /// What else has these ids, and how to tell it apart; absent: nothing known.
     #[serde(default)]
     pub ambiguous: Option<String>,

@@ -41,6 +41,14 @@ pub(crate) fn adapter(file: &str, adapter: &Adapter) -> Verdict {
         }
     }
     unique(file, "USB id", "usb_ids", adapter.usb_ids.iter())?;
+    if let Some(timer_s) = adapter.latency_timer_s
+        && !(timer_s.is_finite() && timer_s > 0.0)
+    {
+        return Err(ProfileError::new(file, "no timer is set like this")
+            .at("latency_timer_s")
+            .got(timer_s)
+            .allowed("above 0, or no such key"));
+    }
     if !(adapter.latency_s.is_finite() && adapter.latency_s >= 0.0) {
         return Err(ProfileError::new(file, "the latency is not a time")
             .at("latency_s")

@@ -27,13 +27,21 @@ impl Usb {
     pub const FULL_SPEED: Usb = Usb { packet_bytes: 64, timer_ns: 1_000_000 };
 }
 
+/// What FTDI's latency timer can be set to, s (AN232B-04, 1 to 255 ms).
+const LATENCY_TIMER_S: std::ops::RangeInclusive<f64> = 0.001..=0.255;
+
 impl Options {
-    /// The same with the line behind an adapter of `firmware-profiles/adapters`: its echo and how
-    /// long it holds bytes back.
+    /// The same with the line behind an adapter of `firmware-profiles/adapters`, as it is plugged in: its
+    /// echo, and how long it holds bytes back. `latency_timer_s` sets its latency timer, s, as a driver
+    /// may that has access to it.
     ///
     /// # Errors
-    /// No adapter has this name.
-    pub fn behind(mut self, adapter: &str) -> Result<Options, SimError> {
+    /// No adapter has this name, or its latency timer is to be set and it has none, or not so.
+    pub fn behind(
+        mut self,
+        adapter: &str,
+        latency_timer_s: Option<f64>,
+    ) -> Result<Options, SimError> {
         let profile = gaitway_profiles::adapters()
             .unwrap_or_default()
             .into_iter()
@@ -43,7 +51,15 @@ impl Options {
         let ftdi = profile.usb_ids.iter().any(|id| id.starts_with("0403:"));
         let packet_bytes = if ftdi { Usb::FTDI } else { Usb::FULL_SPEED }.packet_bytes;
         self.echo = profile.echo;
-        self.usb = Some(Usb { packet_bytes, timer_ns: (profile.latency_s * 1e9) as u64 });
+        let timer_s = match (latency_timer_s, profile.latency_timer_s) {
+            (None, own) => own.unwrap_or(profile.latency_s),
+            (Some(timer_s), Some(_)) if LATENCY_TIMER_S.contains(&timer_s) => timer_s,
+            (Some(_), own) => {
+                let (adapter, has_one) = (adapter.to_string(), own.is_some());
+                return Err(SimError::LatencyTimer { adapter, has_one });
+            }
+        };
+        self.usb = Some(Usb { packet_bytes, timer_ns: (timer_s * 1e9) as u64 });
         Ok(self)
     }
 }

@@ -110,6 +110,14 @@ pub enum SimError {
     /// So many faults are in force that none can be added.
     #[error("there are {0} faults already that have not ended")]
     TooManyFaults(usize),
+    /// A latency timer that cannot be set, or not so.
+    #[error("{}", latency_timer_words(adapter, *has_one))]
+    LatencyTimer {
+        /// The adapter.
+        adapter: String,
+        /// It has one.
+        has_one: bool,
+    },
     /// No adapter profile has this name.
     #[error("no adapter is named {0:?}")]
     UnknownAdapter(String),
@@ -123,4 +131,11 @@ pub enum SimError {
         /// What is wrong, as the rest of a sentence.
         reason: String,
     },
+}
+
+fn latency_timer_words(adapter: &str, has_one: bool) -> String {
+    match has_one {
+        true => format!("the latency timer of {adapter} can be 1 to 255 ms"),
+        false => format!("{adapter} has no latency timer"),
+    }
 }

@@ -442,6 +442,13 @@ fn show_adapter(adapter: &profiles::Adapter) -> String {
         adapter.usb_ids.join(", "),
         adapter.latency_s * 1e3
     );
+    if let Some(timer_s) = adapter.latency_timer_s {
+        let _ = writeln!(
+            out,
+            "timer    {} ms as it is plugged in; the driver asks for less",
+            timer_s * 1e3
+        );
+    }
     if let Some(ambiguous) = &adapter.ambiguous {
         let _ = writeln!(out, "not sure {ambiguous}");
     }

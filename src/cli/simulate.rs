@@ -8,13 +8,15 @@ use super::signals::Signals;
 use crate::error::Error;
 use crate::job::simulate::robot::{Rule, SimulateOrder, Verdict, VirtualRobot};
 use clap::Args;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// Violations listed at the end.
 const MOST_SHOWN: usize = 20;
 /// How often struck faults and doors that moved are looked for.
 const LOOK: Duration = Duration::from_millis(50);
+/// The same, where a program that has it in hand may be waiting.
+const SHORT_LOOK: Duration = Duration::from_millis(2);
 /// Struck faults told at one look.
 const MOST_TOLD: usize = 100;
 
@@ -54,6 +56,10 @@ pub struct SimulateArgs {
     /// for each); `ip link add vcan0 type vcan` makes one
     #[arg(long, value_name = "INTERFACE")]
     can: Vec<String>,
+    /// Let programs of this user reach past the lines, with lines of JSON (see sim/README.md): through a
+    /// Unix socket at PATH, or over standard input and output, whose end then ends the simulator
+    #[arg(long, value_name = "PATH|stdin")]
+    control: Option<PathBuf>,
     /// Seed of everything random [default: that of the script, or 0]
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
@@ -64,6 +70,10 @@ pub struct SimulateArgs {
     /// Put the lines behind this USB adapter (see `gaitway profile list`)
     #[arg(long, value_name = "NAME")]
     adapter: Option<String>,
+    /// Set the adapter's latency timer, as root may for a real one [default: as it is plugged in, 16 ms
+    /// of one by FTDI]
+    #[arg(long, value_name = "MS", requires = "adapter")]
+    latency_timer: Option<f64>,
     /// Bytes take no time on the line
     #[arg(long)]
     no_line_timing: bool,
@@ -101,9 +111,15 @@ pub fn run(args: &SimulateArgs, remarks: Remarks) -> Result<i32, Error> {
         seed: args.seed,
         faults: args.faults.clone(),
         adapter: args.adapter.clone(),
+        latency_timer_s: args.latency_timer.map(|ms| ms * 1e-3),
         no_line_timing: args.no_line_timing,
         permit_eeprom: args.permit_eeprom,
     })?;
+    let over_stdin = args.control.as_deref() == Some(Path::new("stdin"));
+    // Where the lines are says that all is there, a socket too; replies come after it.
+    if let Some(path) = args.control.as_deref().filter(|_| !over_stdin) {
+        robot.control_at(path)?;
+    }
     let is_one = robot.lines().count() == 1;
     for (name, place) in robot.lines() {
         let place = place.unwrap_or_default();
@@ -115,8 +131,12 @@ pub fn run(args: &SimulateArgs, remarks: Remarks) -> Result<i32, Error> {
         robot.robot().name,
         robot.robot().joints.len()
     ));
-    while signals.first().is_none() {
-        std::thread::sleep(LOOK);
+    if over_stdin {
+        robot.control_over(std::io::stdin(), |text| super::output::print_json(text).is_ok())?;
+    }
+    let look = if args.control.is_some() { SHORT_LOOK } else { LOOK };
+    while signals.first().is_none() && !robot.control_has_ended() {
+        std::thread::sleep(look);
         tell_struck(&robot, remarks);
         for (name, place) in robot.moved() {
             remarks.say(&match place {

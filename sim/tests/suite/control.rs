@@ -696,3 +696,39 @@ fn the_virtual_robots_of_the_shelf_are_told_about() {
     assert!(said.contains(r#""place":"/dev/pts/4""#) && said.contains(r#""place":null"#), "{said}");
     assert_eq!(said.matches(r#""servo":""#).count(), robot.joints.len());
 }
+
+/// Lines of the example, with its times masked.
+fn example() -> Vec<String> {
+    let text = fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/README.md")).unwrap();
+    let (_, after) = text.split_once("nc -U").unwrap();
+    let (_, block) = after.split_once("```json\n").unwrap();
+    block.split("```").next().unwrap().lines().map(without_times).collect()
+}
+
+fn without_times(line: &str) -> String {
+    match line.split_once(r#""at_s":"#) {
+        None => line.to_string(),
+        Some((before, after)) => {
+            format!("{before}at{}", &after[after.find([',', '}']).unwrap()..])
+        }
+    }
+}
+
+#[test]
+fn the_example_of_the_readme_is_what_is_said() {
+    let robot = profiles::robot("so101").unwrap();
+    let mut world = World::new(&robot, Options::default()).unwrap();
+    world.keep_journal(true);
+    let mut desk =
+        Desk { world, session: Session::new(Surroundings::default()), now: Duration::ZERO };
+    let example = example();
+    assert!(example.len() > 10);
+    for pair in example.chunks(2) {
+        if pair[0].contains("wait") {
+            let baud_bps = desk.world.line_baud_bps(0).unwrap();
+            desk.world.transmit(0, &[0xFF, 0xFF, 6, 2, 1, 0xF6], baud_bps);
+            desk.step(0.01);
+        }
+        assert_eq!(without_times(desk.say(&pair[0]).trim_end()), pair[1]);
+    }
+}

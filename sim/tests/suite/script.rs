@@ -162,11 +162,21 @@ fn a_slow_adapter_hands_over_when_its_timer_says_so() {
 
 #[test]
 fn an_adapter_is_named_as_in_its_profile() {
-    for (adapter, usb) in [("usb2dynamixel", Usb::FTDI_LOW_LATENCY), ("ch343", Usb::FULL_SPEED)] {
-        let options = Options::default().behind(adapter).unwrap();
+    for (adapter, timer_s, usb) in [
+        ("usb2dynamixel", None, Usb::FTDI),
+        ("u2d2", Some(0.001), Usb::FTDI_LOW_LATENCY),
+        ("ch343", None, Usb::FULL_SPEED),
+    ] {
+        let options = Options::default().behind(adapter, timer_s).unwrap();
         assert_eq!((options.usb, options.echo), (Some(usb), false), "{adapter}");
     }
-    let refused = Options::default().behind("u2d3").unwrap_err();
+    for (adapter, timer_s, words) in
+        [("ch343", 0.001, "ch343 has no latency timer"), ("ftdi", 0.3, "1 to 255 ms")]
+    {
+        let refused = Options::default().behind(adapter, Some(timer_s)).unwrap_err();
+        assert!(refused.to_string().contains(words), "{refused}");
+    }
+    let refused = Options::default().behind("u2d3", None).unwrap_err();
     assert!(refused.to_string().contains("u2d3"));
 }
 

@@ -4,9 +4,11 @@
 use crate::error::{Error, ErrorKind};
 use crate::port::can_bridge::CanBridge;
 use gaitway_profiles::Robot;
+use gaitway_sim::control::{ControlPipe, ControlSocket, Places, SocketError, Surroundings};
 use gaitway_sim::{BenchError, BenchServos, Door, Options, Script, ScriptError, SimError, World};
 pub use gaitway_sim::{Rule, Verdict};
 use std::collections::BTreeMap;
+use std::io::Read;
 use std::net::{Ipv4Addr, SocketAddr};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -34,6 +36,8 @@ pub struct SimulateOrder {
     pub faults: Option<PathBuf>,
     /// The USB adapter that the lines are behind.
     pub adapter: Option<String>,
+    /// What its latency timer is set to, s; `None`: as it is plugged in.
+    pub latency_timer_s: Option<f64>,
     /// Bytes take no time on the line.
     pub no_line_timing: bool,
     /// Clients may write EEPROM registers: the referee says nothing.
@@ -45,6 +49,9 @@ pub struct VirtualRobot {
     robot: Robot,
     world: Arc<Mutex<World>>,
     doors: Vec<Way>,
+    places: Places,
+    sockets: Vec<ControlSocket>,
+    pipe: Option<ControlPipe>,
 }
 
 /// The way in to a line.
@@ -84,7 +91,16 @@ impl VirtualRobot {
         let world = World::new(&robot, options(order)?).map_err(|e| unfit(&robot, &e))?;
         let world = Arc::new(Mutex::new(world));
         let doors = open_doors(order, &robot, &world)?;
-        Ok(Self { robot, world, doors })
+        let mut opened = Self {
+            robot,
+            world,
+            doors,
+            places: Places::default(),
+            sockets: Vec::new(),
+            pipe: None,
+        };
+        opened.tell_places();
+        Ok(opened)
     }
 
     /// What it is.
@@ -109,7 +125,64 @@ impl VirtualRobot {
                 way.place = now;
             }
         }
+        if !moved.is_empty() {
+            self.tell_places();
+        }
         moved
+    }
+
+    fn tell_places(&mut self) {
+        self.places.set(self.doors.iter().map(|way| way.place.clone()).collect());
+    }
+
+    fn surroundings(&self) -> Surroundings {
+        Surroundings { robot: self.robot.name.clone(), places: self.places.clone() }
+    }
+
+    /// Opens a control channel: a Unix socket at `path` that is this user's alone. What is said there
+    /// reaches this virtual robot, and nothing else.
+    ///
+    /// # Errors
+    /// Something is there already, or the system gives no socket.
+    pub fn control_at(&mut self, path: &Path) -> Result<(), Error> {
+        let world = Arc::clone(&self.world);
+        let socket = ControlSocket::listen(world, self.surroundings(), path).map_err(|e| {
+            let said = Error::of(ErrorKind::Io, "cannot open the control channel")
+                .at(format!("--control {}", path.display()))
+                .got(e.to_string());
+            match e {
+                SocketError::Taken(_) => {
+                    said.remedy("choose another path, or remove what is there")
+                }
+                SocketError::TooLong(_) => said.remedy("choose a shorter path"),
+                SocketError::System { .. } => said.remedy("choose a folder you may write to"),
+            }
+        })?;
+        self.sockets.push(socket);
+        Ok(())
+    }
+
+    /// Opens a control channel over two streams. `tell` takes whole lines, and says whether anybody
+    /// takes them still.
+    ///
+    /// # Errors
+    /// The system gives no thread.
+    pub fn control_over(
+        &mut self,
+        input: impl Read + Send + 'static,
+        tell: impl FnMut(&str) -> bool + Send + 'static,
+    ) -> Result<(), Error> {
+        let pipe = ControlPipe::open(Arc::clone(&self.world), self.surroundings(), input, tell);
+        self.pipe = Some(pipe.map_err(|e| {
+            Error::of(ErrorKind::Io, "cannot open the control channel").got(e.to_string())
+        })?);
+        Ok(())
+    }
+
+    /// True once the streams of [`Self::control_over`] have ended and all that was asked is done.
+    #[must_use]
+    pub fn control_has_ended(&self) -> bool {
+        self.pipe.as_ref().is_some_and(ControlPipe::has_ended)
     }
 
     /// Faults that struck since the last look, in words.
@@ -132,6 +205,7 @@ impl VirtualRobot {
 
     /// Closes every line; the robot can still be asked what happened.
     pub fn close(&mut self) {
+        self.sockets.clear();
         self.doors.clear();
     }
 
@@ -222,8 +296,11 @@ fn options(order: &SimulateOrder) -> Result<Options, Error> {
         Some(name) => {
             let known: Vec<&str> = gaitway_profiles::adapter_names().collect();
             let known = known.join(", ");
-            let unknown = |e: SimError| Error::new(e.to_string()).at("--adapter").allowed(known);
-            options.behind(name).map_err(unknown)
+            let refused = |e: SimError| match e {
+                SimError::LatencyTimer { .. } => Error::new(e.to_string()).at("--latency-timer"),
+                _ => Error::new(e.to_string()).at("--adapter").allowed(known),
+            };
+            options.behind(name, order.latency_timer_s).map_err(refused)
         }
         None => Ok(options),
     }
