@@ -664,6 +664,7 @@ fn a_crowd_at_the_socket_is_sent_away_and_those_inside_are_served() {
         assert!(ask(stream, r#"{"do":"about"}"#).contains("joint_1"));
     }
     let mut outside = UnixStream::connect(&path).unwrap();
+    outside.set_read_timeout(Some(Duration::from_secs(20))).unwrap();
     let mut said = String::new();
     outside.read_to_string(&mut said).unwrap();
     assert!(said.contains("one program too many"), "{said}");
