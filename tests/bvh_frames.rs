@@ -164,7 +164,9 @@ fn what_is_read_of_many_files_does_not_depend_on_which_is_asked_for() {
         let part = &poses[number..number + 30];
         save(&folder, &format!("{number:02}.bvh"), &puppet::write(part, rate_hz, &convention));
     }
-    let read = |name: &str| siblings::read(&folder.join(name), None, &Default::default()).expect("a capture").frames;
+    let read = |name: &str| {
+        siblings::read(&folder.join(name), None, &Default::default()).expect("a capture").frames
+    };
     let one = read("00.bvh");
     assert_eq!((one.files.len(), one.files_of_skeleton), (32, 40));
     let mut names = (0..40).map(|number| format!("{number:02}.bvh"));
@@ -426,7 +428,8 @@ fn captures_of_one_skeleton_have_one_set_of_frames() {
     let families = families(&bvh_files(&folder));
     assert!(!families.is_empty(), "no two captures of one skeleton under {}", folder.display());
     for family in families {
-        let read = |path: &PathBuf| siblings::read(path, None, &Default::default()).expect("a capture");
+        let read =
+            |path: &PathBuf| siblings::read(path, None, &Default::default()).expect("a capture");
         let files: Vec<CaptureFile> = family.iter().map(read).collect();
         let by_itself = |file: &CaptureFile| Anatomy::find(&Poses::of(&file.clip)).expect("a body");
         let alone: Vec<Anatomy> = files.iter().map(by_itself).collect();
