@@ -3,6 +3,7 @@
 
 use serde::Serialize;
 use std::fmt;
+use std::path::Path;
 
 /// What kind of no an [`Error`] is: what a program compares, where a person reads the rows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
@@ -97,6 +98,16 @@ impl Error {
     pub fn at(mut self, place: impl Into<String>) -> Self {
         self.place = Some(place.into().into_boxed_str());
         self
+    }
+
+    /// Says in which file, before where in it.
+    #[must_use]
+    pub fn in_file(self, path: &Path) -> Self {
+        let place = match &self.place {
+            Some(place) => format!("{}, {place}", path.display()),
+            None => path.display().to_string(),
+        };
+        self.at(place)
     }
 
     /// Says what was found.

@@ -30,6 +30,7 @@ pub mod mapping;
 pub mod marker_files;
 pub mod marker_table;
 pub mod markers;
+mod opened;
 pub mod page;
 pub mod parameters;
 pub mod retarget;

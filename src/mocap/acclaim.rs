@@ -15,9 +15,9 @@ use crate::mocap::bvh::source::Source;
 use crate::mocap::bvh::{
     Axis, Bvh, Channel, Joint, MAX_DEPTH, MAX_FILE_BYTES, MAX_JOINTS, MAX_POSES,
 };
+use crate::mocap::opened::{opened, unreadable};
 use glam::{DQuat, DVec3, EulerRot};
 use std::collections::BTreeMap;
-use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
@@ -76,44 +76,21 @@ pub struct AcclaimSkeleton {
     notes: Vec<String>,
 }
 
-/// Puts a file before the place of an error.
-fn in_file(path: &Path) -> impl Fn(Error) -> Error {
-    move |error| match &error.place {
-        Some(place) => {
-            let place = format!("{}, {place}", path.display());
-            error.at(place)
-        }
-        None => error.at(path.display().to_string()),
-    }
-}
-
-fn opened(path: &Path) -> Result<(File, u64), Error> {
-    let unreadable = |cause: std::io::Error| {
-        in_file(path)(
-            Error::of((&cause).into(), "the file cannot be read")
-                .got(cause.to_string())
-                .remedy("check the path and the permissions"),
-        )
-    };
-    let file = File::open(path).map_err(unreadable)?;
-    let bytes = file.metadata().map_err(unreadable)?.len();
-    Ok((file, bytes))
-}
-
 /// Reads an ASF file.
 ///
 /// # Errors
 /// If it cannot be read, breaks the format or exceeds a bound; the message names the line.
 pub fn read_skeleton(path: &Path) -> Result<AcclaimSkeleton, Error> {
-    let (file, bytes) = opened(path)?;
+    let (file, known) = opened(path)?;
+    let bytes = known.len();
     if bytes > MAX_SKELETON_BYTES {
-        return Err(too_large(bytes, MAX_SKELETON_BYTES)).map_err(in_file(path));
+        return Err(too_large(bytes, MAX_SKELETON_BYTES).in_file(path));
     }
     let mut text = Vec::new();
-    file.take(MAX_SKELETON_BYTES).read_to_end(&mut text).map_err(|cause| {
-        in_file(path)(Error::of((&cause).into(), "the file cannot be read").got(cause.to_string()))
-    })?;
-    parse_skeleton(&text).map_err(in_file(path))
+    file.take(MAX_SKELETON_BYTES)
+        .read_to_end(&mut text)
+        .map_err(|cause| unreadable(&cause).in_file(path))?;
+    parse_skeleton(&text).map_err(|error| error.in_file(path))
 }
 
 /// Reads an AMC file of this skeleton, with what was found out about it. `rate_hz` goes before what the
@@ -126,8 +103,8 @@ pub fn read(
     skeleton: &AcclaimSkeleton,
     rate_hz: Option<f64>,
 ) -> Result<(Bvh, Vec<String>), Error> {
-    let (file, bytes) = opened(path)?;
-    motion(file, bytes, skeleton, rate_hz).map_err(in_file(path))
+    let (file, known) = opened(path)?;
+    motion(file, known.len(), skeleton, rate_hz).map_err(|error| error.in_file(path))
 }
 
 /// Reads a skeleton from memory.

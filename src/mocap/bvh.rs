@@ -9,9 +9,9 @@
 //! joint names with blanks, leaves without `End Site`, keywords in any case, several roots.
 
 use crate::error::{Error, ErrorKind};
+use crate::mocap::opened::opened;
 use glam::DVec3;
 use std::fmt::Write as _;
-use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
@@ -136,10 +136,8 @@ impl Bvh {
 /// # Errors
 /// If the file cannot be read, breaks the format or exceeds a bound; the message names the line.
 pub fn read(path: &Path) -> Result<Bvh, Error> {
-    let in_file = in_file(path);
-    let file = File::open(path).map_err(|cause| in_file(unreadable(&cause)))?;
-    let bytes = file.metadata().map_err(|cause| in_file(unreadable(&cause)))?.len();
-    parse_stream(file, bytes).map_err(in_file)
+    let (file, known) = opened(path)?;
+    parse_stream(file, known.len()).map_err(|error| error.in_file(path))
 }
 
 /// Reads the joints of a file and leaves its poses.
@@ -147,26 +145,8 @@ pub fn read(path: &Path) -> Result<Bvh, Error> {
 /// # Errors
 /// If the file cannot be read, or its header breaks the format or exceeds a bound.
 pub fn read_joints(path: &Path) -> Result<Vec<Joint>, Error> {
-    let in_file = in_file(path);
-    let file = File::open(path).map_err(|cause| in_file(unreadable(&cause)))?;
-    hierarchy(&mut Source::new(file.take(MAX_HEADER_BYTES))).map_err(in_file)
-}
-
-fn unreadable(cause: &std::io::Error) -> Error {
-    Error::of(cause.into(), "the file cannot be read")
-        .got(cause.to_string())
-        .remedy("check the path and the permissions")
-}
-
-/// Puts the file before the place of an error.
-fn in_file(path: &Path) -> impl Fn(Error) -> Error {
-    move |error| match &error.place {
-        Some(place) => {
-            let place = format!("{}, {place}", path.display());
-            error.at(place)
-        }
-        None => error.at(path.display().to_string()),
-    }
+    let (file, _) = opened(path)?;
+    hierarchy(&mut Source::new(file.take(MAX_HEADER_BYTES))).map_err(|error| error.in_file(path))
 }
 
 /// Reads from memory.

@@ -19,10 +19,10 @@ pub mod write;
 
 use crate::error::{Error, ErrorKind};
 use crate::mocap::markers::{Frame, Frames, Head, Markers, PointSample};
+use crate::mocap::opened::{opened, unreadable};
 use header::{BLOCK, Header, KEY};
 use layout::Layout;
 use number::Processor;
-use std::fs::File;
 use std::io::{Cursor, ErrorKind as IoErrorKind, Read};
 use std::path::Path;
 
@@ -55,27 +55,15 @@ pub struct Reader<R> {
 /// # Errors
 /// If the file cannot be read, or breaks the format beyond what can be made of it.
 pub fn open(path: &Path) -> Result<Reader<Box<dyn Read>>, Error> {
-    let in_file = |error: Error| match &error.place {
-        Some(place) => {
-            let place = format!("{}, {place}", path.display());
-            error.at(place)
-        }
-        None => error.at(path.display().to_string()),
-    };
-    let unreadable = |cause: std::io::Error| {
-        in_file(
-            Error::of((&cause).into(), "the file cannot be read")
-                .got(cause.to_string())
-                .remedy("check the path and the permissions"),
-        )
-    };
-    let file = File::open(path).map_err(unreadable)?;
-    let found = file.metadata().map_err(unreadable)?;
+    let in_file = |error: Error| error.in_file(path);
+    let (file, found) = opened(path)?;
     if found.is_file() || found.is_dir() {
         return Reader::new(Box::new(file) as Box<dyn Read>, found.len()).map_err(in_file);
     }
     let mut bytes = Vec::new();
-    file.take(MAX_PIPE_BYTES).read_to_end(&mut bytes).map_err(unreadable)?;
+    file.take(MAX_PIPE_BYTES)
+        .read_to_end(&mut bytes)
+        .map_err(|cause| in_file(unreadable(&cause)))?;
     let length = bytes.len() as u64;
     Reader::new(Box::new(Cursor::new(bytes)) as Box<dyn Read>, length).map_err(in_file)
 }

@@ -4,6 +4,7 @@ use crate::error::{Error, ErrorKind};
 use crate::mocap::c3d;
 use crate::mocap::marker_table;
 use crate::mocap::markers::{Frame, Frames, Head, MarkerFormat, Markers};
+use crate::mocap::opened::{opened, unreadable};
 use crate::mocap::trc;
 use std::fs::File;
 use std::io::Read;
@@ -72,22 +73,16 @@ pub enum MarkerReader {
 /// # Errors
 /// If it cannot be read, breaks its format, or is of no kind that holds markers.
 pub fn open(path: &Path) -> Result<MarkerReader, Error> {
-    let in_file = |error: Error| match &error.place {
-        Some(place) => {
-            let place = format!("{}, {place}", path.display());
-            error.at(place)
-        }
-        None => error.at(path.display().to_string()),
-    };
+    let in_file = |error: Error| error.in_file(path);
     let whole = |markers: Markers| MarkerReader::Whole { markers: Box::new(markers), next: 0 };
     match format_of(path) {
         Some(MarkerFormat::C3d) => Ok(MarkerReader::Stream(Box::new(c3d::open(path)?))),
         Some(MarkerFormat::Trc) => {
-            let bytes = bytes_of(path, trc::MAX_FILE_BYTES).map_err(in_file)?;
+            let bytes = bytes_of(path, trc::MAX_FILE_BYTES)?;
             trc::parse(&bytes).map(whole).map_err(in_file)
         }
         Some(MarkerFormat::Csv) => {
-            let bytes = bytes_of(path, marker_table::MAX_FILE_BYTES).map_err(in_file)?;
+            let bytes = bytes_of(path, marker_table::MAX_FILE_BYTES)?;
             marker_table::parse(&bytes).map(whole).map_err(in_file)
         }
         None => Err(Error::of(ErrorKind::Unknown, "not a file of markers")
@@ -99,21 +94,17 @@ pub fn open(path: &Path) -> Result<MarkerReader, Error> {
 }
 
 fn bytes_of(path: &Path, most: u64) -> Result<Vec<u8>, Error> {
-    let unreadable = |cause: std::io::Error| {
-        Error::of((&cause).into(), "the file cannot be read")
-            .got(cause.to_string())
-            .remedy("check the path and the permissions")
-    };
-    let file = File::open(path).map_err(unreadable)?;
-    let length = file.metadata().map_err(unreadable)?.len();
+    let (file, known) = opened(path)?;
+    let length = known.len();
     if length > most {
         return Err(Error::of(ErrorKind::Malformed, "the file is too large")
+            .in_file(path)
             .got(format!("{length} bytes"))
             .allowed(format!("at most {most} bytes"))
             .remedy("cut the recording into shorter files"));
     }
     let mut bytes = Vec::with_capacity(length as usize + 1);
-    file.take(most).read_to_end(&mut bytes).map_err(unreadable)?;
+    file.take(most).read_to_end(&mut bytes).map_err(|cause| unreadable(&cause).in_file(path))?;
     Ok(bytes)
 }
 
