@@ -51,6 +51,7 @@ const ROOMS: &[Room] = &[
     room("port", "time wire", "clock files network ports simulator threads wall-clock"),
     room("recording", "capture draft error table time", "clock files threads wall-clock"),
     room("rig", "bus calibration device error port robot time wire", "clock profiles simulator"),
+    room("rigid", "error", ""),
     room(
         "robot",
         "bus calibration device error guard motion port time units wire",

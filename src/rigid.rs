@@ -1,0 +1,8 @@
+//! Rigid bodies that hang on one another: where they are, what they weigh, which forces move them,
+//! how far apart they are. Mathematics only: nobody here knows what a robot or a person is.
+
+pub mod shape;
+pub mod tree;
+
+pub use shape::{Capsule, Cuboid, Volume};
+pub use tree::{Coupling, Efforts, JointKind, LinkMass, Placement, Tree, TreeLink, TreeMotion};
