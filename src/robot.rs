@@ -1,10 +1,13 @@
 //! Named joints on devices on lines: signs, zeros and limits resolved once, so that everything
 //! above speaks joint angles in the robot's own sense.
 
+pub mod body;
 pub mod link;
+pub mod model;
 pub mod preflight;
 pub mod reading;
 
+pub use body::{RobotBody, Sole};
 pub use link::{LinePort, Link, LinkError};
 
 use crate::bus::Protocol;

@@ -54,7 +54,7 @@ const ROOMS: &[Room] = &[
     room("rigid", "error", ""),
     room(
         "robot",
-        "bus calibration device error guard motion port time units wire",
+        "bus calibration device error guard motion port rigid time units wire",
         "clock profiles",
     ),
     room(

@@ -129,6 +129,20 @@ pub fn robot(name_or_path: &str) -> Result<Robot, ProfileError> {
     }
 }
 
+/// The text of a robot file, by name or path.
+///
+/// # Errors
+/// As [`robot`].
+pub fn robot_text(name_or_path: &str) -> Result<String, ProfileError> {
+    let found = robot(name_or_path)?;
+    let shipped = ROBOTS.iter().find(|embedded| embedded.name == name_or_path);
+    match (found.origin, shipped) {
+        (Some(origin), _) => Ok(origin.text),
+        (None, Some(embedded)) => Ok(embedded.text.to_owned()),
+        (None, None) => Err(unknown("robot", name_or_path, robot_names(), OR_A_FILE)),
+    }
+}
+
 /// A sensor: a shipped one by name (`[a-z0-9-]+`), or a file by a path that ends in `.toml`.
 ///
 /// # Errors

@@ -72,7 +72,7 @@ pub use error::ProfileError;
 pub use files::{
     MAX_FILE_BYTES, actuator, actuator_names, adapter_for_usb, adapter_names, adapters,
     parse_actuator, parse_adapter, parse_robot, parse_sensor, parse_servo, profile, read_text,
-    robot, robot_names, sensor, sensor_names, servo, servo_names, whole_table,
+    robot, robot_names, robot_text, sensor, sensor_names, servo, servo_names, whole_table,
 };
 pub use from_toml::{from_toml, toml_bytes};
 pub use own::{OwnFile, add_folder, own_file, own_files};

@@ -4,10 +4,12 @@
 //! Unknown keys are refused everywhere: a misspelt limit must never be a limit that is not there.
 
 mod actuator;
+mod body;
 mod line;
 mod sensor;
 
 pub use actuator::{Actuator, CanLine, Dialect, Gear, Ranges, Timeout, TimeoutKind};
+pub use body::{BaseKind, Body, BodyBox, BodyCapsule, BodyLink, CoupledJoint, CoupledTo};
 pub use line::{CanSpeed, Line, LineKind};
 pub use sensor::{
     Channel, Counter, DeviceClock, LineLayout, Quantity, Sensor, SensorProtocol, SensorUnit,
@@ -490,6 +492,9 @@ pub struct Robot {
     /// What stands for what in a human; absent: the robot follows no body.
     #[serde(default)]
     pub anatomy: Option<Anatomy>,
+    /// What it weighs and takes up; absent: nobody said.
+    #[serde(default)]
+    pub body: Option<Body>,
     /// The file it was read from, if it is one of the user's own.
     #[serde(skip)]
     pub origin: Option<Origin>,

@@ -84,7 +84,13 @@ impl Robot {
             ("acceleration".to_owned(), &self.acceleration_source),
         ];
         let anatomy = self.anatomy.iter().map(|anatomy| ("anatomy".to_owned(), &anatomy.source));
-        marked(facts.into_iter().chain(anatomy).chain(setups))
+        let body = self.body.iter().flat_map(|body| {
+            [
+                ("body".to_owned(), &body.source),
+                ("shapes of the body".to_owned(), &body.shape_source),
+            ]
+        });
+        marked(facts.into_iter().chain(anatomy).chain(body).chain(setups))
     }
 }
 

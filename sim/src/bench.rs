@@ -190,6 +190,7 @@ pub fn bench(servos: &[BenchServos], baud_bps: Option<u32>) -> Result<Robot, Ben
         setups: Vec::new(),
         joints,
         anatomy: None,
+        body: None,
         origin: None,
     })
 }

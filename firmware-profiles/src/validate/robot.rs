@@ -1,5 +1,6 @@
 //! Rules for robots: a tree of joints, each on a servo or actuator that can reach its limits.
 
+mod body;
 mod can;
 
 use super::{Verdict, finite, is_name, not_empty, positive, unique, version_and_name};
@@ -71,6 +72,9 @@ pub(crate) fn robot(file: &str, robot: &Robot) -> Verdict {
     }
     if let Some(of) = &robot.anatomy {
         anatomy(file, of, robot, &joints, &mut faults);
+    }
+    if let Some(of) = &robot.body {
+        body::body(file, of, robot, &mut faults);
     }
     faults.verdict()
 }

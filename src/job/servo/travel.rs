@@ -283,6 +283,7 @@ fn robot_of(
         setups,
         joints: vec![joint],
         anatomy: None,
+        body: None,
         origin: None,
     })
 }

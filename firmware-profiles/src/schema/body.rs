@@ -1,0 +1,121 @@
+//! What a robot weighs and takes up.
+
+use serde::Deserialize;
+
+/// Links of a robot: what they weigh, what they take up, what they stand on. A link is called by the
+/// joint it hangs on; its axes are those of its joint's `origin_m`, parallel to the base's with every
+/// joint at zero.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Body {
+    /// Whether it stands free or is held.
+    pub base: BaseKind,
+    /// Where the masses come from.
+    pub source: String,
+    /// Licence of that source, as an SPDX expression; `none` if it has none.
+    pub licence: String,
+    /// Where capsules and boxes come from.
+    pub shape_source: String,
+    /// Links, each once. One without `joint` is the base.
+    #[serde(rename = "link")]
+    pub links: Vec<BodyLink>,
+    /// Joints that no servo turns, but that others move.
+    #[serde(default, rename = "coupled")]
+    pub coupled: Vec<CoupledJoint>,
+}
+
+/// How the base is held.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
+#[serde(rename_all = "snake_case")]
+pub enum BaseKind {
+    /// It stands on its own feet, or falls.
+    Free,
+    /// It is screwed to something.
+    Fixed,
+}
+
+/// What moves with a joint up to the next.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BodyLink {
+    /// The joint it hangs on; absent: the base.
+    #[serde(default)]
+    pub joint: Option<String>,
+    /// Mass, kg.
+    pub mass_kg: f64,
+    /// Centre of mass, m.
+    pub centre_m: [f64; 3],
+    /// Inertia about that centre, kg m²: xx, yy, zz, xy, xz, yz.
+    pub inertia_kg_m2: [f64; 6],
+    /// What it takes up, with [`BodyLink::boxes`].
+    #[serde(default)]
+    pub capsules: Vec<BodyCapsule>,
+    /// Boxes.
+    #[serde(default)]
+    pub boxes: Vec<BodyBox>,
+    /// Corners of what it stands on, m; absent: it does not stand on it.
+    #[serde(default)]
+    pub sole_m: Option<Vec<[f64; 3]>>,
+    /// Where this link's numbers come from, if not from the body's source.
+    #[serde(default)]
+    pub source: Option<String>,
+}
+
+/// All points within a radius of a line.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BodyCapsule {
+    /// One end of the line, m.
+    pub from_m: [f64; 3],
+    /// The other, m.
+    pub to_m: [f64; 3],
+    /// The radius, m.
+    pub radius_m: f64,
+}
+
+/// A box.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BodyBox {
+    /// Its middle, m.
+    pub centre_m: [f64; 3],
+    /// From its middle to its faces, m.
+    pub half_m: [f64; 3],
+    /// How it is turned, quaternion w, x, y, z; absent: not at all.
+    #[serde(default = "unturned")]
+    pub turn: [f64; 4],
+}
+
+const fn unturned() -> [f64; 4] {
+    [1.0, 0.0, 0.0, 0.0]
+}
+
+/// A joint that follows others: its angle is the sum of theirs, each times its ratio, and the offset.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CoupledJoint {
+    /// `[a-z0-9_]+`, and no joint's.
+    pub name: String,
+    /// The joints it follows.
+    pub of: Vec<CoupledTo>,
+    /// Its angle with those at zero, rad; absent = 0.
+    #[serde(default)]
+    pub offset_rad: f64,
+    /// Joint whose link carries it; absent: the base.
+    #[serde(default)]
+    pub parent: Option<String>,
+    /// Where it sits, as [`super::Joint::origin_m`].
+    pub origin_m: [f64; 3],
+    /// What it turns about, as [`super::Joint::axis`].
+    pub axis: [f64; 3],
+}
+
+/// One joint that another follows.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CoupledTo {
+    /// Its name.
+    pub joint: String,
+    /// Turns of the follower for one of it.
+    pub ratio: f64,
+}

@@ -1,0 +1,149 @@
+//! Rules for bodies: links of the robot's own joints, with masses and shapes that something can have.
+
+use super::super::{Verdict, finite, is_name, not_empty, positive};
+use crate::error::{Faults, ProfileError};
+use crate::schema::{Body, BodyLink, CoupledJoint, Robot};
+use std::collections::BTreeSet;
+
+/// How far the length of an axis or a quaternion may be from 1.
+const UNIT_TOLERANCE: f64 = 1e-5;
+/// How far below zero rounding may take a principal minor, as a share of what it is made of.
+const ROUNDING: f64 = 1e-6;
+
+pub(super) fn body(file: &str, body: &Body, robot: &Robot, faults: &mut Faults) {
+    for (key, text) in [
+        ("body, source", &body.source),
+        ("body, licence", &body.licence),
+        ("body, shape_source", &body.shape_source),
+    ] {
+        faults.note(not_empty(file, key, text));
+    }
+    for joint in robot.joints.iter().filter(|joint| joint.origin_m.is_none()) {
+        faults.note(Err(ProfileError::new(file, "a joint of a robot with a body has its place")
+            .at(format!("joint {:?}", joint.name))
+            .allowed("origin_m and axis")));
+    }
+    let driven: BTreeSet<&str> = robot.joints.iter().map(|joint| joint.name.as_str()).collect();
+    let mut joints = driven.clone();
+    for coupled in &body.coupled {
+        faults.note(follower(file, coupled, &driven, &joints));
+        joints.insert(&coupled.name);
+    }
+    let mut seen = BTreeSet::new();
+    for link in &body.links {
+        let place = place(link);
+        if let Some(joint) = &link.joint
+            && !joints.contains(joint.as_str())
+        {
+            faults.note(Err(ProfileError::new(file, "there is no such joint").at(place.clone())));
+        }
+        if !seen.insert(link.joint.as_deref()) {
+            faults.note(Err(ProfileError::new(file, "a link stands once").at(place.clone())));
+        }
+        faults.note(weighs(file, link, &place));
+        faults.note(takes_up(file, link, &place));
+    }
+    if !body.links.iter().any(|link| link.mass_kg > 0.0) {
+        faults.note(Err(ProfileError::new(file, "a body without mass is none").at("body, link")));
+    }
+}
+
+fn place(link: &BodyLink) -> String {
+    match &link.joint {
+        Some(joint) => format!("body, link of joint {joint:?}"),
+        None => "body, link of the base".to_owned(),
+    }
+}
+
+fn all_finite(file: &str, place: &str, key: &str, values: &[f64]) -> Verdict {
+    values.iter().try_for_each(|&value| finite(file, || format!("{place}, {key}"), value))
+}
+
+fn unit(file: &str, place: &str, key: &str, values: &[f64]) -> Verdict {
+    let length = values.iter().map(|value| value * value).sum::<f64>().sqrt();
+    if (length - 1.0).abs() <= UNIT_TOLERANCE {
+        return Ok(());
+    }
+    Err(ProfileError::new(file, "this is not of unit length")
+        .at(format!("{place}, {key}"))
+        .got(length)
+        .allowed(format!("1 within {UNIT_TOLERANCE}")))
+}
+
+fn follower(
+    file: &str,
+    coupled: &CoupledJoint,
+    driven: &BTreeSet<&str>,
+    joints: &BTreeSet<&str>,
+) -> Verdict {
+    let place = format!("body, coupled {:?}", coupled.name);
+    let refuse = |what: &str| ProfileError::new(file, what).at(place.clone());
+    if !is_name(&coupled.name, b'_') || joints.contains(coupled.name.as_str()) {
+        return Err(refuse("this cannot be its name").allowed("[a-z0-9_]+, no other joint's"));
+    }
+    let strangers = coupled.of.iter().find(|of| !driven.contains(of.joint.as_str()));
+    if let Some(of) = strangers {
+        return Err(refuse("it follows no joint of the robot").got(format!("{:?}", of.joint)));
+    }
+    if coupled.of.is_empty() {
+        return Err(refuse("it follows nothing").allowed("one joint or more"));
+    }
+    if let Some(parent) = &coupled.parent
+        && !joints.contains(parent.as_str())
+    {
+        return Err(refuse("there is no such parent above it").got(format!("{parent:?}")));
+    }
+    let ratios: Vec<f64> = coupled.of.iter().map(|of| of.ratio).collect();
+    all_finite(file, &place, "of", &ratios)?;
+    all_finite(file, &place, "offset_rad", &[coupled.offset_rad])?;
+    all_finite(file, &place, "origin_m", &coupled.origin_m)?;
+    unit(file, &place, "axis", &coupled.axis)
+}
+
+/// A mass, and an inertia whose principal minors are not negative (Sylvester's criterion).
+fn weighs(file: &str, link: &BodyLink, place: &str) -> Verdict {
+    let refuse = |what: &str| ProfileError::new(file, what).at(place.to_owned());
+    all_finite(file, place, "centre_m", &link.centre_m)?;
+    all_finite(file, place, "inertia_kg_m2", &link.inertia_kg_m2)?;
+    if !(link.mass_kg.is_finite() && link.mass_kg >= 0.0) {
+        return Err(refuse("this cannot be a mass").got(link.mass_kg).allowed("0 or more"));
+    }
+    let [xx, yy, zz, xy, xz, yz] = link.inertia_kg_m2;
+    let largest = link.inertia_kg_m2.iter().fold(0.0, |a: f64, b| a.max(b.abs()));
+    let pairs = [(xx, yy, xy), (xx, zz, xz), (yy, zz, yz)];
+    let minors =
+        pairs.map(|(a, b, c)| (a * b - c * c) / (largest * largest).max(f64::MIN_POSITIVE));
+    let whole = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz);
+    let whole = whole / largest.powi(3).max(f64::MIN_POSITIVE);
+    let single = [xx, yy, zz].map(|value| value / largest.max(f64::MIN_POSITIVE));
+    let is_body = single.iter().chain(&minors).chain([&whole]).all(|minor| *minor >= -ROUNDING);
+    if !is_body || link.mass_kg == 0.0 && largest > 0.0 {
+        return Err(refuse("no body has this inertia")
+            .got(format!("{:?}", link.inertia_kg_m2))
+            .allowed("no negative moment about any axis; 0 without mass"));
+    }
+    Ok(())
+}
+
+fn takes_up(file: &str, link: &BodyLink, place: &str) -> Verdict {
+    for capsule in &link.capsules {
+        all_finite(file, place, "capsules", &[capsule.from_m, capsule.to_m].concat())?;
+        positive(file, || format!("{place}, capsules, radius_m"), capsule.radius_m)?;
+    }
+    for of in &link.boxes {
+        all_finite(file, place, "boxes", &of.centre_m)?;
+        for half_m in of.half_m {
+            positive(file, || format!("{place}, boxes, half_m"), half_m)?;
+        }
+        unit(file, place, "boxes, turn", &of.turn)?;
+    }
+    let Some(sole) = &link.sole_m else { return Ok(()) };
+    all_finite(file, place, "sole_m", &sole.concat())?;
+    if sole.len() < 3 {
+        return Err(ProfileError::new(file, "a sole has corners")
+            .at(format!("{place}, sole_m"))
+            .got(sole.len())
+            .allowed("3 or more"));
+    }
+    Ok(())
+}

@@ -1,0 +1,152 @@
+//! What a robot weighs and takes up: its file's body as a tree of links.
+
+use crate::error::{Error, ErrorKind};
+use crate::rigid::{
+    Capsule, Coupling, Cuboid, JointKind, LinkMass, Placement, Tree, TreeLink, Volume,
+};
+use gaitway_profiles::{self as profiles, BaseKind};
+use glam::{DMat3, DQuat, DVec3};
+
+/// A robot as a tree of bodies. Link 0 is the base, link n + 1 hangs on the robot's joint n; behind
+/// them are links on coupled joints.
+#[derive(Clone, Debug)]
+pub struct RobotBody {
+    /// Links, joints and what they weigh.
+    pub tree: Tree,
+    /// Whether the base is free.
+    pub base: BaseKind,
+    /// What each link takes up, in its own axes.
+    pub volumes: Vec<Vec<Volume>>,
+    /// What it stands on.
+    pub soles: Vec<Sole>,
+    /// How many joints are the robot's own.
+    joints: usize,
+}
+
+/// What a link stands on.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sole {
+    /// Index of the link.
+    pub link: usize,
+    /// Its corners in the link's axes, m.
+    pub corners_m: Vec<DVec3>,
+}
+
+impl RobotBody {
+    /// The body in a robot's file; nothing if the file has none.
+    ///
+    /// # Errors
+    /// A joint without a place, or numbers that no body has.
+    pub fn of(file: &profiles::Robot) -> Result<Option<Self>, Error> {
+        let Some(body) = &file.body else { return Ok(None) };
+        let missing = |name: &str| {
+            Error::of(ErrorKind::Malformed, "a joint of the body has no place")
+                .at(format!("robot {}, joint {name}", file.name))
+                .allowed("origin_m and axis, and a parent above it")
+        };
+        let names: Vec<&str> = file.joints.iter().map(|joint| joint.name.as_str()).collect();
+        let names: Vec<&str> =
+            names.into_iter().chain(body.coupled.iter().map(|joint| joint.name.as_str())).collect();
+        let index = |name: &str| names.iter().position(|known| *known == name).map(|at| at + 1);
+        let carried = |parent: &Option<String>, name: &str| match parent {
+            Some(parent) => index(parent).ok_or_else(|| missing(name)),
+            None => Ok(0),
+        };
+        let weight =
+            |joint: Option<&str>| body.links.iter().find(|link| link.joint.as_deref() == joint);
+        let hinge = |name: &str, parent: usize, origin_m: [f64; 3], axis: [f64; 3]| TreeLink {
+            name: name.to_owned(),
+            parent: Some(parent),
+            kind: JointKind::Hinge,
+            origin: Placement::at(DVec3::from(origin_m)),
+            // To the last digit: a file may have rounded it.
+            axis: DVec3::from(axis).normalize_or_zero(),
+            anchor_m: DVec3::ZERO,
+            mass: weight(Some(name)).map_or(LinkMass::NONE, mass),
+        };
+        let mut links = vec![TreeLink {
+            name: "base".to_owned(),
+            parent: None,
+            kind: JointKind::Fixed,
+            origin: Placement::IDENTITY,
+            axis: DVec3::ZERO,
+            anchor_m: DVec3::ZERO,
+            mass: weight(None).map_or(LinkMass::NONE, mass),
+        }];
+        for joint in &file.joints {
+            let (Some(origin_m), Some(axis)) = (joint.origin_m, joint.axis) else {
+                return Err(missing(&joint.name));
+            };
+            let parent = carried(&joint.parent, &joint.name)?;
+            links.push(hinge(&joint.name, parent, origin_m, axis));
+        }
+        let mut couplings = Vec::with_capacity(body.coupled.len());
+        for joint in &body.coupled {
+            let parent = carried(&joint.parent, &joint.name)?;
+            let of = joint
+                .of
+                .iter()
+                .map(|to| Ok((index(&to.joint).ok_or_else(|| missing(&to.joint))?, to.ratio)));
+            let of = of.collect::<Result<Vec<_>, Error>>()?;
+            couplings.push(Coupling { link: links.len(), of, offset: joint.offset_rad });
+            links.push(hinge(&joint.name, parent, joint.origin_m, joint.axis));
+        }
+        let in_order = std::iter::once(None).chain(names.iter().copied().map(Some));
+        let of_links: Vec<Option<&profiles::BodyLink>> = in_order.map(weight).collect();
+        let volumes = of_links.iter().map(|link| link.map(volumes).unwrap_or_default()).collect();
+        let soles = of_links.iter().enumerate().filter_map(|(link, of)| {
+            let corners_m = of.as_ref()?.sole_m.as_ref()?.iter().map(|c| DVec3::from(*c)).collect();
+            Some(Sole { link, corners_m })
+        });
+        let soles = soles.collect();
+        let tree = Tree::new(links, couplings).map_err(|e| match e.place.clone() {
+            Some(place) => e.at(format!("robot {}, {place}", file.name)),
+            None => e.at(format!("robot {}", file.name)),
+        })?;
+        Ok(Some(Self { tree, base: body.base, volumes, soles, joints: file.joints.len() }))
+    }
+
+    /// Angles of all joints of the tree, from those of the robot's joints in its file's order.
+    ///
+    /// # Panics
+    /// If there are not as many as joints of the robot.
+    #[must_use]
+    pub fn angles(&self, joints_rad: &[f64]) -> Vec<f64> {
+        assert_eq!(joints_rad.len(), self.joints, "an angle for every joint of the robot");
+        let mut angles = joints_rad.to_vec();
+        angles.resize(self.tree.moving(), 0.0);
+        self.tree.coupled(&angles)
+    }
+}
+
+fn mass(link: &profiles::BodyLink) -> LinkMass {
+    let [xx, yy, zz, xy, xz, yz] = link.inertia_kg_m2;
+    LinkMass {
+        mass_kg: link.mass_kg,
+        centre_m: DVec3::from(link.centre_m),
+        inertia_kg_m2: DMat3::from_cols(
+            DVec3::new(xx, xy, xz),
+            DVec3::new(xy, yy, yz),
+            DVec3::new(xz, yz, zz),
+        ),
+    }
+}
+
+fn volumes(link: &profiles::BodyLink) -> Vec<Volume> {
+    let capsules = link.capsules.iter().map(|of| {
+        Volume::Capsule(Capsule {
+            from_m: DVec3::from(of.from_m),
+            to_m: DVec3::from(of.to_m),
+            radius_m: of.radius_m,
+        })
+    });
+    let boxes = link.boxes.iter().map(|of| {
+        let [w, x, y, z] = of.turn;
+        Volume::Cuboid(Cuboid {
+            centre_m: DVec3::from(of.centre_m),
+            turn: DQuat::from_xyzw(x, y, z, w).normalize(),
+            half_m: DVec3::from(of.half_m),
+        })
+    });
+    capsules.chain(boxes).collect()
+}

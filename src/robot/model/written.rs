@@ -1,0 +1,229 @@
+//! A reduced model as text: the `[body]` of a robot file, and a draft of a whole one.
+
+use super::PublicModel;
+use super::onto::{OwnJoint, Reduced, ReducedLink};
+use crate::rigid::Volume;
+use gaitway_profiles::BaseKind;
+use glam::DVec3;
+use std::fmt::Write;
+
+/// Of a joint whose limits the model does not say, rad.
+const NARROW_RAD: f64 = 0.5;
+/// Of one whose speed it does not say, rad/s.
+const SLOW_RAD_S: f64 = 1.0;
+/// Full speed is reached in this time, s.
+const RAMP_S: f64 = 0.2;
+
+/// What a model does not say of itself.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Provenance {
+    /// Where it is from.
+    pub source: String,
+    /// Its licence.
+    pub licence: String,
+    /// Where capsules and boxes come from.
+    pub shape_source: String,
+}
+
+/// The most of a joint that a draft needs and no model says.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct DraftServo {
+    /// Profile of the servo; none: to be named by a person.
+    pub name: Option<String>,
+    /// Fastest it can turn, rad/s.
+    pub fastest_rad_s: Option<f64>,
+    /// Speed of its line.
+    pub baud_bps: u32,
+}
+
+/// Seven digits: more than any model's numbers are good for.
+fn number(value: f64) -> String {
+    if value.abs() < 1e-12 {
+        return "0.0".to_owned();
+    }
+    let text = format!("{:.6e}", value);
+    let rounded: f64 = text.parse().unwrap_or(value);
+    let plain = format!("{rounded:?}");
+    if plain.contains('e') && !plain.contains('.') {
+        return plain.replacen('e', ".0e", 1);
+    }
+    plain
+}
+
+/// Lengths, to a tenth of a micrometre.
+fn lengths(of: DVec3) -> String {
+    let values = of.to_array().map(|value| number((value * 1e7).round() / 1e7));
+    format!("[{}]", values.join(", "))
+}
+
+/// The `[body]` part of a robot file.
+pub(super) fn body(model: &PublicModel, reduced: &Reduced, words: &Provenance) -> String {
+    let mut out = String::new();
+    let base = match model.base {
+        BaseKind::Free => "free",
+        BaseKind::Fixed => "fixed",
+    };
+    let _ = writeln!(
+        out,
+        "[body]\nbase = {base:?}\nsource = {:?}\nlicence = {:?}\nshape_source = {:?}",
+        words.source, words.licence, words.shape_source
+    );
+    for joint in reduced.joints.iter().filter(|joint| !joint.follows.is_empty()) {
+        let _ = writeln!(out, "\n[[body.coupled]]\nname = {:?}", joint.name);
+        let terms = joint.follows.iter().map(|&(of, ratio)| {
+            let other = &reduced.joints[of].name;
+            format!("{{ joint = {other:?}, ratio = {} }}", number(ratio))
+        });
+        let _ = writeln!(out, "of = [{}]", terms.collect::<Vec<_>>().join(", "));
+        if joint.offset_rad != 0.0 {
+            let _ = writeln!(out, "offset_rad = {}", number(joint.offset_rad));
+        }
+        mounted(&mut out, joint, &reduced.joints);
+    }
+    for of in &reduced.links {
+        link(&mut out, of, &reduced.joints);
+    }
+    out
+}
+
+fn mounted(out: &mut String, joint: &OwnJoint, joints: &[OwnJoint]) {
+    let from = joint.parent.map_or(DVec3::ZERO, |parent| joints[parent].at_m);
+    if let Some(parent) = joint.parent {
+        let _ = writeln!(out, "parent = {:?}", joints[parent].name);
+    }
+    let axis = joint.axis.to_array().map(|value| number((value * 1e9).round() / 1e9));
+    let _ =
+        writeln!(out, "origin_m = {}\naxis = [{}]", lengths(joint.at_m - from), axis.join(", "));
+}
+
+fn link(out: &mut String, link: &ReducedLink, joints: &[OwnJoint]) {
+    let _ = writeln!(out, "\n[[body.link]]");
+    if let Some(joint) = link.joint {
+        let _ = writeln!(out, "joint = {:?}", joints[joint].name);
+    }
+    let inertia = link.mass.inertia_kg_m2;
+    let six = [
+        inertia.x_axis.x,
+        inertia.y_axis.y,
+        inertia.z_axis.z,
+        inertia.x_axis.y,
+        inertia.x_axis.z,
+        inertia.y_axis.z,
+    ];
+    let _ = writeln!(
+        out,
+        "mass_kg = {}\ncentre_m = {}\ninertia_kg_m2 = [{}]",
+        number(link.mass.mass_kg),
+        lengths(link.mass.centre_m),
+        six.map(number).join(", ")
+    );
+    let (mut capsules, mut boxes) = (Vec::new(), Vec::new());
+    for volume in &link.volumes {
+        match volume {
+            Volume::Capsule(of) => capsules.push(format!(
+                "{{ from_m = {}, to_m = {}, radius_m = {} }}",
+                lengths(of.from_m),
+                lengths(of.to_m),
+                number(of.radius_m)
+            )),
+            Volume::Cuboid(of) => {
+                let q = of.turn;
+                let turn = if q.w.abs() > 1.0 - 1e-12 {
+                    String::new()
+                } else {
+                    let parts = [q.w, q.x, q.y, q.z].map(|v| number((v * 1e9).round() / 1e9));
+                    format!(", turn = [{}]", parts.join(", "))
+                };
+                boxes.push(format!(
+                    "{{ centre_m = {}, half_m = {}{turn} }}",
+                    lengths(of.centre_m),
+                    lengths(of.half_m)
+                ));
+            }
+        }
+    }
+    for (key, list) in [("capsules", capsules), ("boxes", boxes)] {
+        if !list.is_empty() {
+            let _ = writeln!(out, "{key} = [\n    {},\n]", list.join(",\n    "));
+        }
+    }
+    if !link.sole_m.is_empty() {
+        let corners: Vec<String> = link.sole_m.iter().map(|corner| lengths(*corner)).collect();
+        let _ = writeln!(out, "sole_m = [\n    {},\n]", corners.join(",\n    "));
+    }
+}
+
+/// A whole robot file, in which everything is marked that the model cannot say.
+pub(super) fn draft(
+    model: &PublicModel,
+    reduced: &Reduced,
+    words: &Provenance,
+    name: &str,
+    servo: &DraftServo,
+) -> String {
+    let mut out = String::new();
+    let driven = reduced.joints.iter().filter(|joint| joint.follows.is_empty());
+    let _ = writeln!(
+        out,
+        "# Read from the {} model {:?} by `gaitway robot import`. A model does not say how a robot is\n\
+         # driven: line, baud_bps, id, servo, direction and offset_rad are placeholders. Look at each\n\
+         # before this file drives anything.\n\
+         schema = 1\nname = {name:?}\ndescription = {:?}\nsource = {:?}\n\
+         acceleration_source = \"assumed: full speed reached in 0.2 s; the model gives no figure\"\n\n\
+         [[line]]\nname = \"body\"\nbaud_bps = {}",
+        model.format,
+        model.name,
+        format!("{}, {} joints, from its public model", model.name, driven.clone().count()),
+        words.source,
+        servo.baud_bps
+    );
+    for (index, joint) in driven.enumerate() {
+        let _ = writeln!(
+            out,
+            "\n[[joint]]\nname = {:?}\nline = \"body\"\nid = {}\nservo = {:?}",
+            joint.name,
+            index + 1,
+            servo.name.as_deref().unwrap_or("name-of-a-profile")
+        );
+        let (lower, upper) = match joint.range {
+            Some(range) => range,
+            None => {
+                let _ = writeln!(out, "# Narrow on purpose: the model has no limits here.");
+                (-NARROW_RAD, NARROW_RAD)
+            }
+        };
+        let told = joint.velocity_rad_s.unwrap_or(SLOW_RAD_S);
+        let speed = servo.fastest_rad_s.map_or(told, |fastest| told.min(fastest));
+        let initial = 0.0_f64.clamp(lower, upper);
+        let _ = writeln!(
+            out,
+            "lower_rad = {}\nupper_rad = {}\nvelocity_rad_s = {}\nacceleration_rad_s2 = {}\n\
+             initial_rad = {}",
+            number(lower),
+            number(upper),
+            number(speed),
+            number(speed / RAMP_S),
+            number(initial)
+        );
+        mounted(&mut out, joint, &reduced.joints);
+    }
+    let _ = write!(out, "\n{}", body(model, reduced, words));
+    out
+}
+
+/// The file of a robot with this body in place of its own; nothing if more stands behind its own.
+pub(super) fn instead(text: &str, body: &str) -> Option<String> {
+    let starts = |line: &str| line.trim_start().starts_with("[body]");
+    let kept: Vec<&str> = text.lines().take_while(|line| !starts(line)).collect();
+    let rest = text.lines().skip(kept.len());
+    let foreign = |line: &str| {
+        let line = line.trim_start();
+        line.starts_with('[') && !line.starts_with("[body]") && !line.starts_with("[[body.")
+    };
+    // Lists of numbers begin lines with a bracket too, but further in.
+    if rest.into_iter().any(|line| !line.starts_with(' ') && line.len() > 2 && foreign(line)) {
+        return None;
+    }
+    let kept = kept.join("\n");
+    Some(format!("{}\n\n{body}", kept.trim_end()))
+}

@@ -1,0 +1,522 @@
+//! Models of robots are read as MuJoCo reads them: places of links, centre of mass and the torques of
+//! a motion, in random postures. MuJoCo is its makers' package for Python, `mujoco`.
+
+mod aloud;
+mod captured;
+mod python;
+
+use aloud::aloud;
+use gaitway::rigid::{Capsule, Placement, TreeMotion, Volume};
+use gaitway::robot::body::RobotBody;
+use gaitway::robot::model::{self, PublicModel};
+use glam::{DQuat, DVec3};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// Places every body, and takes the inverse dynamics without armature, damping and friction
+/// (`mj_rne` knows none of them), for each posture on the standard input.
+const SCRIPT: &str = r#"
+import json, re, sys
+import mujoco, numpy as np
+
+order = json.load(open(sys.argv[1]))
+text = open(order["model"]).read()
+if "</robot>" in text:
+    # Fixed links stay links, and moments of inertia what they are.
+    text = re.sub("<mujoco>.*?</mujoco>", "", text, flags=re.S)
+    text = text.replace("</robot>", '<mujoco><compiler fusestatic="false" boundmass="0" '
+                        'discardvisual="false" autolimits="true"/></mujoco></robot>')
+model = mujoco.MjModel.from_xml_string(text)
+data = mujoco.MjData(model)
+model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+model.opt.gravity[:] = [0, 0, -9.81]
+joints = {model.joint(i).name: model.joint(i) for i in range(model.njnt)}
+free = [j for j in range(model.njnt) if model.jnt_type[j] == mujoco.mjtJoint.mjJNT_FREE]
+answers = []
+for posture in order["postures"]:
+    data.qpos[:] = 0
+    data.qvel[:] = 0
+    qacc = np.zeros(model.nv)
+    for name, (q, v, a) in posture["joints"].items():
+        data.qpos[joints[name].qposadr[0]] = q
+        data.qvel[joints[name].dofadr[0]] = v
+        qacc[joints[name].dofadr[0]] = a
+    turn = np.zeros(9)
+    if free:
+        at, dof = model.jnt_qposadr[free[0]], model.jnt_dofadr[free[0]]
+        data.qpos[at:at + 7] = posture["base"]
+        mujoco.mju_quat2Mat(turn, np.array(posture["base"][3:]))
+        turn = turn.reshape(3, 3)
+        # MuJoCo has a free body's spin, and its torque, in the body's own axes.
+        data.qvel[dof:dof + 3] = posture["velocity"]
+        data.qvel[dof + 3:dof + 6] = turn.T @ posture["spin"]
+        qacc[dof:dof + 3] = posture["acceleration"]
+        qacc[dof + 3:dof + 6] = turn.T @ posture["spin_rate"]
+    data.qacc[:] = qacc
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    mujoco.mj_comVel(model, data)
+    forces = np.zeros(model.nv)
+    mujoco.mj_rne(model, data, 1, forces)
+    answer = {
+        "bodies": {model.body(i).name: data.xpos[i].tolist() for i in range(model.nbody)},
+        "turns": {model.body(i).name: data.xquat[i].tolist() for i in range(model.nbody)},
+        "joints": {name: forces[j.dofadr[0]] for name, j in joints.items()},
+        "centre": {model.body(i).name: data.subtree_com[i].tolist() for i in range(model.nbody)},
+        "mass": {model.body(i).name: float(model.body_subtreemass[i]) for i in range(model.nbody)},
+    }
+    if free:
+        answer["force"] = forces[dof:dof + 3].tolist()
+        answer["torque"] = (turn @ forces[dof + 3:dof + 6]).tolist()
+    answers.append(answer)
+print(json.dumps(answers))
+"#;
+
+/// How far ours may be from MuJoCo's: m, and N m or N.
+const NEAR: f64 = 1e-6;
+
+fn mujoco(model: &Path, postures: &[Value]) -> Result<Vec<Value>, String> {
+    let python = python::python()?;
+    let name = model.file_name().expect("a file").to_string_lossy().into_owned();
+    let order = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("{name}.postures.json"));
+    std::fs::write(&order, json!({"model": model, "postures": postures}).to_string()).unwrap();
+    let run =
+        Command::new(&python.program).args(["-c", SCRIPT]).arg(&order).output().expect("Python");
+    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+    let answers: Vec<Value> = serde_json::from_slice(&run.stdout).expect("JSON");
+    Ok(answers)
+}
+
+fn read(path: &Path) -> PublicModel {
+    let text = std::fs::read_to_string(path).expect("a model");
+    model::read(&text, &mut |_| Err("not asked for here".to_owned()))
+        .unwrap_or_else(|e| panic!("{}: {e}", path.display()))
+}
+
+fn vector(value: &Value) -> DVec3 {
+    let of = |at: usize| value[at].as_f64().expect("a number");
+    DVec3::new(of(0), of(1), of(2))
+}
+
+/// The largest differences between ours and MuJoCo's: places (m), turns, centre of mass (m), forces.
+#[derive(Debug, Default)]
+struct Apart {
+    place: f64,
+    turn: f64,
+    centre: f64,
+    force: f64,
+}
+
+fn compared(path: &Path) -> Result<(PublicModel, Apart), String> {
+    let found = read(path);
+    let mut random = ChaCha8Rng::seed_from_u64(14);
+    let mut number = |reach: f64| random.random_range(-reach..reach);
+    let mut motions = Vec::new();
+    let mut postures = Vec::new();
+    for _ in 0..20 {
+        let turn = DQuat::from_xyzw(number(1.0), number(1.0), number(1.0), 1.0).normalize();
+        let mut point = |reach: f64| DVec3::new(number(reach), number(reach), number(reach));
+        let (at_m, velocity_m_s, spin_rad_s) = (point(1.0), point(2.0), point(3.0));
+        let (acceleration_m_s2, spin_rate_rad_s2) = (point(5.0), point(10.0));
+        let moving = found.tree.moving();
+        let mut list = |reach: f64| (0..moving).map(|_| number(reach)).collect::<Vec<f64>>();
+        let (angles, rates, accelerations) = (list(1.0), list(3.0), list(20.0));
+        let joints: serde_json::Map<String, Value> = found
+            .joints
+            .iter()
+            .enumerate()
+            .map(|(j, joint)| (joint.name.clone(), json!([angles[j], rates[j], accelerations[j]])))
+            .collect();
+        postures.push(json!({
+            "base": [at_m.x, at_m.y, at_m.z, turn.w, turn.x, turn.y, turn.z],
+            "velocity": velocity_m_s.to_array(), "spin": spin_rad_s.to_array(),
+            "acceleration": acceleration_m_s2.to_array(),
+            "spin_rate": spin_rate_rad_s2.to_array(), "joints": joints,
+        }));
+        motions.push(TreeMotion {
+            base: Placement { at_m, turn },
+            velocity_m_s,
+            spin_rad_s,
+            acceleration_m_s2,
+            spin_rate_rad_s2,
+            angles,
+            rates,
+            accelerations,
+        });
+    }
+    let answers = mujoco(path, &postures)?;
+    let mut apart = Apart::default();
+    for (motion, answer) in motions.iter_mut().zip(&answers) {
+        let is_free = answer.get("force").is_some();
+        let root = found.tree.links()[0].name.clone();
+        if !is_free {
+            // Where MuJoCo has put what is screwed down.
+            let turn = &answer["turns"][&root];
+            let q = |at: usize| turn[at].as_f64().unwrap_or(f64::from(u8::from(at == 0)));
+            let at_m = answer["bodies"].get(&root).map_or(DVec3::ZERO, vector);
+            let base = Placement { at_m, turn: DQuat::from_xyzw(q(1), q(2), q(3), q(0)) };
+            *motion = TreeMotion {
+                rates: motion.rates.clone(),
+                accelerations: motion.accelerations.clone(),
+                ..TreeMotion::at_rest(base, motion.angles.clone())
+            };
+        }
+        let placed = found.tree.place(motion.base, &motion.angles);
+        let mut looked_at = 0;
+        for (link, placement) in found.tree.links().iter().zip(&placed) {
+            let Some(body) = answer["bodies"].get(&link.name) else { continue };
+            looked_at += 1;
+            apart.place = apart.place.max(vector(body).distance(placement.at_m));
+            let turn = &answer["turns"][&link.name];
+            let q = |at: usize| turn[at].as_f64().expect("a number");
+            let turn = DQuat::from_xyzw(q(1), q(2), q(3), q(0));
+            apart.turn = apart.turn.max((turn.inverse() * placement.turn).xyz().length());
+        }
+        // MuJoCo has no links between the joints of one body, and takes a weightless root for the world.
+        let between = found.tree.links().iter().filter(|link| link.name.contains(" before "));
+        let expected = placed.len() - between.count() - 1;
+        assert!(looked_at >= expected, "{looked_at} of {} links", placed.len());
+        let top = if answer["mass"].get(&root).is_some() { root.as_str() } else { "world" };
+        let mass_kg = answer["mass"][top].as_f64().expect("a mass");
+        assert!((found.tree.mass_kg() - mass_kg).abs() < 1e-9, "{mass_kg} kg");
+        let centre = found.tree.centre_of_mass_m(&placed);
+        apart.centre = apart.centre.max(centre.distance(vector(&answer["centre"][top])));
+        let efforts = found.tree.inverse_dynamics(motion, DVec3::new(0.0, 0.0, -9.81));
+        for (joint, effort) in found.joints.iter().zip(&efforts.joints) {
+            let theirs = answer["joints"][&joint.name].as_f64().expect("a torque");
+            apart.force = apart.force.max((effort - theirs).abs());
+        }
+        if is_free {
+            let (force, torque) = (vector(&answer["force"]), vector(&answer["torque"]));
+            apart.force = apart.force.max(efforts.base_force_n.distance(force));
+            apart.force = apart.force.max(efforts.base_torque_nm.distance(torque));
+        }
+    }
+    Ok((found, apart))
+}
+
+fn held_to(path: &Path) -> Result<PublicModel, String> {
+    let (found, apart) = compared(path)?;
+    let name = path.file_name().expect("a file").to_string_lossy();
+    aloud!(
+        "{name}: {} links, {} joints, {:.3} kg; apart by {:.1e} m, {:.1e} m, {:.1e} N m",
+        found.tree.links().len(),
+        found.joints.len(),
+        found.tree.mass_kg(),
+        apart.place,
+        apart.centre,
+        apart.force
+    );
+    let worst = apart.place.max(apart.turn).max(apart.centre).max(apart.force);
+    assert!(worst < NEAR, "{name}: {apart:?}");
+    Ok(found)
+}
+
+/// Every way MJCF has to turn and to size things, in one chain.
+const MADE_MJCF: &str = r#"<mujoco model="made">
+  <compiler angle="degree" eulerseq="XYz"/>
+  <default>
+    <geom density="700"/>
+    <default class="arm">
+      <joint axis="0 1 0" range="-90 45"/>
+      <geom type="capsule" size="0.03 0.1"/>
+      <default class="hand"><geom type="box" size="0.02 0.03 0.04"/></default>
+    </default>
+  </default>
+  <worldbody>
+    <geom type="plane" size="1 1 1"/>
+    <body name="trunk" pos="0 0 1">
+      <freejoint name="root"/>
+      <inertial pos="0.01 0 0.02" quat="0.9 0.1 0.2 0.3" mass="3" diaginertia="0.02 0.03 0.04"/>
+      <body name="upper" childclass="arm" pos="0.1 0.2 0.3" euler="30 -40 20">
+        <joint name="shoulder" pos="0.01 0.02 -0.03"/>
+        <geom pos="0 0 -0.1"/>
+        <geom fromto="0 0 0 0.1 0.05 -0.1" mass="0.2"/>
+        <body name="fore" pos="0 0 -0.2" axisangle="1 2 3 50">
+          <joint name="elbow" axis="1 0 0.5"/>
+          <joint name="twist" axis="0 0 2" pos="0.02 0 0"/>
+          <geom type="cylinder" size="0.02 0.08"/>
+          <geom type="ellipsoid" size="0.02 0.03 0.05" pos="0.1 0 0" zaxis="1 1 0"/>
+          <body name="palm" pos="0 0.1 -0.1" xyaxes="0 1 0.2 -1 0 0">
+            <joint name="reach" type="slide" axis="1 1 0" range="0 0.1"/>
+            <geom class="hand" pos="0 0 0.01"/>
+            <geom type="sphere" size="0.03" contype="0" conaffinity="0"/>
+          </body>
+        </body>
+      </body>
+      <body name="leg" pos="0 -0.1 -0.2">
+        <joint name="hip" axis="1 0 0"/>
+        <inertial pos="0 0.01 -0.1" mass="1.5" fullinertia="0.01 0.011 0.004 0.001 -0.0005 0.0002"/>
+      </body>
+    </body>
+  </worldbody>
+  <actuator><motor joint="shoulder"/><motor joint="elbow"/><motor joint="hip"/></actuator>
+  <equality><joint joint1="twist" joint2="elbow" polycoef="0.1 -0.5 0 0 0"/></equality>
+</mujoco>"#;
+
+const MADE_URDF: &str = r#"<robot name="made">
+  <link name="base"/>
+  <link name="one"><inertial><origin xyz="0.1 0 0.02" rpy="0.1 0.2 0.3"/><mass value="1.2"/>
+    <inertia ixx="0.01" iyy="0.02" izz="0.015" ixy="0.001" ixz="-0.002" iyz="0.0005"/></inertial></link>
+  <link name="two"><inertial><mass value="0.4"/>
+    <inertia ixx="0.001" iyy="0.001" izz="0.001" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="three"><inertial><origin xyz="0 0.05 0"/><mass value="0.3"/>
+    <inertia ixx="0.001" iyy="0.002" izz="0.001" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="b" type="prismatic"><parent link="one"/><child link="two"/>
+    <origin xyz="0.3 0 0" rpy="0 -0.7 0.4"/><axis xyz="0 1 1"/>
+    <limit lower="0" upper="0.2" effort="1" velocity="1"/></joint>
+  <joint name="a" type="revolute"><parent link="base"/><child link="one"/>
+    <origin xyz="0 0.1 0.5" rpy="0.3 0.2 -1.1"/><axis xyz="0 0 1"/>
+    <limit lower="-1" upper="2" effort="1" velocity="1"/></joint>
+  <joint name="c" type="continuous"><parent link="two"/><child link="three"/><axis xyz="1 0 0"/>
+    <mimic joint="a" multiplier="-0.5" offset="0.2"/></joint>
+</robot>"#;
+
+#[test]
+fn models_made_here_move_as_in_mujoco() {
+    for (name, text) in [("made.xml", MADE_MJCF), ("made.urdf", MADE_URDF)] {
+        let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+        std::fs::write(&path, text).unwrap();
+        match held_to(&path) {
+            Ok(found) => assert_eq!(found.tree.couplings().len(), 1, "{name}"),
+            Err(cause) => aloud!("SKIPPED: {name} was not compared: {cause}"),
+        }
+    }
+}
+
+/// A shipped robot, and the public model its body is from.
+const SHIPPED: &[(&str, &str)] = &[
+    ("op3", "robotis_op3/robotis_op3_lite.xml"),
+    ("poppy-humanoid", "poppy_humanoid/poppy_humanoid_nomesh.urdf"),
+    ("open-duck-mini-v2", "open_duck_mini_v2/open_duck_mini_v2_lite.xml"),
+    ("toddlerbot", "toddlerbot/toddlerbot_lite.xml"),
+    ("berkeley-humanoid-lite", "berkeley_humanoid_lite/berkeley_humanoid_lite_nomesh.urdf"),
+];
+
+/// Joints of a model that are not at zero where the robot's are, degrees: Poppy's model spreads its arms.
+const ZEROS: &[(&str, &str, f64)] = &[
+    ("poppy-humanoid", "l_shoulder_y", 90.0),
+    ("poppy-humanoid", "l_shoulder_x", 90.0),
+    ("poppy-humanoid", "r_shoulder_y", -90.0),
+    ("poppy-humanoid", "r_shoulder_x", 90.0),
+];
+
+/// Numbers in robot files are rounded, and axes in them slid along themselves: m, N m.
+const ROUNDED: f64 = 1e-4;
+
+#[test]
+fn shipped_bodies_weigh_and_move_as_their_public_models() {
+    let Some(folder) = captured::captured("robots") else { return };
+    let mut random = ChaCha8Rng::seed_from_u64(41);
+    for (name, file) in SHIPPED {
+        let model = read(&folder.join(file));
+        let robot = gaitway_profiles::robot(name).expect("a shipped robot");
+        let body = RobotBody::of(&robot).expect("a body").expect("it has one");
+        let zero: Vec<(String, f64)> = ZEROS
+            .iter()
+            .filter(|(of, ..)| of == name)
+            .map(|(_, joint, degrees)| ((*joint).to_owned(), degrees.to_radians()))
+            .collect();
+        let zeros = model.posture(&zero).expect("joints of the model");
+        let reduced = model.onto(&robot, &zeros).unwrap_or_else(|e| panic!("{name}: {e}"));
+        assert!((body.tree.mass_kg() - model.tree.mass_kg()).abs() < 1e-5, "{name}");
+        let base = Placement { at_m: DVec3::ZERO, turn: reduced.turn };
+        let at_zero = model.tree.place(base, &zeros);
+        let (mut centre, mut torque) = (0.0_f64, 0.0_f64);
+        for _ in 0..20 {
+            let (mut ours, mut theirs) = (Vec::new(), zeros.clone());
+            let mut signs = Vec::new();
+            for own in &reduced.joints {
+                let angle: f64 = random.random_range(-1.0..1.0);
+                let link = &model.tree.links()[own.link];
+                let sign = (at_zero[own.link].turn * link.axis).dot(own.axis).signum();
+                theirs[model.tree.coordinate(own.link).expect("it moves")] += sign * angle;
+                ours.push(angle);
+                signs.push(sign);
+            }
+            let here = TreeMotion::at_rest(Placement::IDENTITY, body.angles(&ours));
+            let there = TreeMotion::at_rest(base, theirs);
+            let of = |tree: &gaitway::rigid::Tree, motion: &TreeMotion| {
+                tree.centre_of_mass_m(&tree.place(motion.base, &motion.angles))
+            };
+            centre = centre.max(of(&body.tree, &here).distance(of(&model.tree, &there)));
+            let down = DVec3::new(0.0, 0.0, -9.81);
+            let (a, b) = (
+                body.tree.inverse_dynamics(&here, down),
+                model.tree.inverse_dynamics(&there, down),
+            );
+            for (at, own) in reduced.joints.iter().enumerate() {
+                let other = b.joints[model.tree.coordinate(own.link).expect("it moves")];
+                torque = torque.max((a.joints[at] - signs[at] * other).abs());
+            }
+        }
+        aloud!("{name}: {:.3} kg, apart by {centre:.1e} m, {torque:.1e} N m", body.tree.mass_kg());
+        assert!(centre < ROUNDED && torque < 2e-3, "{name}: {centre} m, {torque} N m");
+    }
+}
+
+#[test]
+fn every_shipped_humanoid_with_a_public_model_has_a_body_of_known_licence() {
+    for (name, _) in SHIPPED {
+        let robot = gaitway_profiles::robot(name).expect("a shipped robot");
+        let body = robot.body.as_ref().expect("a body");
+        assert!(!body.licence.starts_with("unconfirmed") && body.source.len() > 20, "{name}");
+        let found = RobotBody::of(&robot).expect("sound").expect("a body");
+        assert!(found.soles.len() == 2, "{name} stands on {} soles", found.soles.len());
+        let joints = found.tree.links().iter().filter(|link| link.parent.is_some()).count();
+        assert_eq!(joints, robot.joints.len() + body.coupled.len(), "{name}");
+    }
+}
+
+fn refusal(text: &str) -> String {
+    let read = model::read(text, &mut |_| Err("no meshes".to_owned()));
+    read.err().unwrap_or_else(|| panic!("taken: {}", &text[..text.len().min(300)])).to_string()
+}
+
+#[test]
+fn what_no_robot_can_be_is_refused_in_words() {
+    let link = |inside: &str| format!("<robot name=\"r\"><link name=\"a\">{inside}</link></robot>");
+    let inertia = |mass: &str, ixx: &str| {
+        link(&format!(
+            "<inertial><mass value=\"{mass}\"/><inertia ixx=\"{ixx}\" iyy=\"1\" izz=\"1\"/></inertial>"
+        ))
+    };
+    let body = |inside: &str| {
+        format!("<mujoco><worldbody><body name=\"a\">{inside}</body></worldbody></mujoco>")
+    };
+    let joint = |from: &str, to: &str| {
+        format!(
+            "<joint name=\"{from}{to}\" type=\"fixed\"><parent link=\"{from}\"/><child link=\"{to}\"/></joint>"
+        )
+    };
+    let links = "<link name=\"a\"/><link name=\"b\"/><link name=\"c\"/>";
+    let robot = |joints: &[String]| format!("<robot name=\"r\">{links}{}</robot>", joints.concat());
+    for (text, word) in [
+        (String::new(), "whole XML"),
+        ("<robot><link name=\"a\">".to_owned(), "whole XML"),
+        ("<html/>".to_owned(), "no model of a robot"),
+        ("<!DOCTYPE x [<!ENTITY a \"b\">]><robot/>".to_owned(), "whole XML"),
+        ("<robot/>".to_owned(), "hangs on nothing"),
+        (inertia("-1", "1"), "cannot be a mass"),
+        (inertia("nan", "1"), "cannot be used"),
+        (inertia("1", "-1"), "negative moment"),
+        (inertia("0", "1"), "without mass"),
+        (robot(&[joint("a", "b"), joint("b", "c"), joint("c", "a")]), "hangs on nothing"),
+        (robot(&[joint("a", "b"), joint("c", "b")]), "hangs on two joints"),
+        (robot(&[joint("b", "c"), joint("c", "b")]), "in a circle"),
+        (robot(&[joint("a", "b"), joint("a", "x")]), "not there"),
+        ("<mujoco/>".to_owned(), "no body"),
+        (body("<include file=\"/etc/passwd\"/>"), "not unfolded"),
+        (body("<joint type=\"ball\"/>"), "hinge or slide"),
+        (body("<joint axis=\"0 0 0\"/>"), "a direction"),
+        (body("<joint ref=\"1\"/>"), "draws it"),
+        (body("<geom size=\"inf\"/>"), "cannot be used"),
+        (body("<inertial mass=\"1\" pos=\"0 0 0\" diaginertia=\"1 1 -1\"/>"), "negative moment"),
+        (body("<inertial mass=\"1e400\" pos=\"0 0 0\"/>"), "cannot be used"),
+        (body(&"<joint/>".repeat(100)), "this many joints"),
+        (format!("<robot>{}</robot>", "<a>".repeat(100_000)), "too deep"),
+        (format!("<mujoco>{}</mujoco>", "<a/>".repeat(1_000_000)), "too large"),
+        (format!("<robot>{}</robot>", "<link name=\"a\"/>".repeat(1_000_000)), "too large"),
+        (format!("<robot>{}</robot>", "<link/>".repeat(2000)), "this many links"),
+    ] {
+        let said = refusal(&text);
+        assert!(said.contains(word), "{word:?} is not in {said:?}");
+    }
+}
+
+/// Any beginning of a model, and any byte of it changed, is read or refused, nothing else.
+#[test]
+fn broken_models_are_read_or_refused() {
+    for text in [MADE_MJCF, MADE_URDF] {
+        let mut refused = 0;
+        // Every seventh: 7 shares no factor with lengths of words and lines.
+        let places = (0..text.len()).step_by(7).filter(|at| text.is_char_boundary(*at));
+        let places: Vec<usize> = places.collect();
+        for &at in &places {
+            let read = |text: &str| model::read(text, &mut |_| Err(String::new())).is_err();
+            refused += usize::from(read(&text[..at]));
+            for other in ["", "0", "-", "\"", "<", "nan"] {
+                read(&format!("{}{other}{}", &text[..at], &text[at + 1..]));
+            }
+        }
+        assert!(refused * 10 > places.len() * 9, "{refused} beginnings refused");
+    }
+}
+
+#[test]
+fn limits_that_an_exporter_makes_up_are_not_taken_over() {
+    let model = |limit: &str| {
+        let text = format!(
+            "<robot name=\"r\"><link name=\"a\"/><link name=\"b\"/>\
+             <joint name=\"j\" type=\"revolute\"><parent link=\"a\"/><child link=\"b\"/>{limit}</joint></robot>"
+        );
+        let found = model::read(&text, &mut |_| Err(String::new())).expect("a model");
+        found.joints[0].range
+    };
+    assert_eq!(model("<limit lower=\"-1\" upper=\"2\"/>"), Some((-1.0, 2.0)));
+    for placeholder in [
+        "",
+        "<limit lower=\"0\" upper=\"0\"/>",
+        "<limit lower=\"-3.14\" upper=\"3.14\"/>",
+        "<limit lower=\"-3.14159265\" upper=\"3.14159265\"/>",
+        "<limit effort=\"1\"/>",
+        "<limit lower=\"2\" upper=\"-1\"/>",
+    ] {
+        assert_eq!(model(placeholder), None, "{placeholder}");
+    }
+}
+
+#[test]
+fn a_mesh_gets_the_capsule_or_box_that_holds_all_its_corners() {
+    let text = "v 0 0 -0.1\nv 0.01 0 0.1\nv 0 0.01 0.1\nv -0.01 0 0\n";
+    let corners = model::mesh::corners(text.as_bytes()).expect("an OBJ mesh");
+    let urdf = "<robot name=\"r\"><link name=\"a\"><collision><geometry>\
+                <mesh filename=\"m.obj\" scale=\"2 2 2\"/></geometry></collision></link></robot>";
+    let found = model::read(urdf, &mut |name| {
+        assert_eq!(name, "m.obj");
+        Ok(text.as_bytes().to_vec())
+    });
+    let found = found.expect("a model");
+    let [volume] = found.volumes[0].as_slice() else { panic!("one volume") };
+    assert!(matches!(volume, Volume::Capsule(_)), "it is long and thin");
+    for corner in corners {
+        let point = corner * 2.0;
+        let ball = Volume::Capsule(Capsule { from_m: point, to_m: point, radius_m: 0.0 });
+        assert!(volume.distance_m(&ball) < 1e-9, "{point} is outside");
+    }
+    for broken in [&b"solid"[..], b"", &[0; 84], &[255; 200], b"v 1 2\nv nan 0 0"] {
+        assert!(model::mesh::corners(broken).is_none(), "{broken:?}");
+    }
+}
+
+/// Public models without their meshes: OP3, Open Duck Mini v2, ToddlerBot, Berkeley Humanoid Lite,
+/// Unitree G1, Booster T1, HighTorque Hi as MJCF; Poppy, NAO, Berkeley, ToddlerBot, G1, Hi as URDF.
+#[test]
+fn public_models_move_as_in_mujoco() {
+    let Some(folder) = captured::captured("robots") else {
+        return;
+    };
+    let mut models: Vec<PathBuf> = Vec::new();
+    for robot in std::fs::read_dir(folder).expect("a folder") {
+        let robot = robot.expect("an entry").path();
+        if robot.is_dir() {
+            let files = std::fs::read_dir(robot).expect("a folder");
+            models.extend(files.map(|file| file.expect("an entry").path()));
+        }
+    }
+    models.retain(|path| {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        let without = name.ends_with("_lite.xml") || name.ends_with("_nomesh.urdf");
+        without && !std::fs::read_to_string(path).is_ok_and(|text| text.contains("file=\""))
+    });
+    models.sort();
+    assert!(models.len() >= 10, "{models:?}");
+    for path in &models {
+        if let Err(cause) = held_to(path) {
+            aloud!("SKIPPED: {} was not compared: {cause}", path.display());
+        }
+    }
+}
