@@ -26,6 +26,8 @@ pub mod recorder;
 pub mod report;
 pub mod retarget;
 pub mod robot_draft;
+pub mod robot_info;
+pub mod robot_model;
 pub mod scan;
 pub mod servo;
 pub mod session;

@@ -42,7 +42,7 @@ const ROOMS: &[Room] = &[
     room(
         "job",
         "action body bus calibration capture control device draft error mocap motion plot port \
-         recording rig robot sensing session table time wire",
+         recording rig rigid robot sensing session table time wire",
         "clock files network profiles simulator threads wall-clock",
     ),
     room("mocap", "body error motion table toml_text units", "files"),

@@ -1,4 +1,5 @@
-//! `robot new`: a robot file from what answers on a line.
+//! `robot new`: a robot file from what answers on a line. `robot import`: one from a public model.
+//! `robot info`: what a robot weighs, takes up and stands on.
 
 use super::protocol::{ProtocolName, serial_protocol};
 use super::scan::baud;
@@ -7,6 +8,8 @@ use super::{Deed, Output, Remarks};
 use crate::draft;
 use crate::error::{Error, ErrorKind};
 use crate::job::robot_draft::{DraftOrder, RobotDraft, robot_draft};
+use crate::job::robot_info::{RobotInfo, robot_info};
+use crate::job::robot_model::{ImportOrder, Imported, import};
 use crate::job::scan::Speeds;
 use crate::rig::Address;
 use clap::{Args, Subcommand};
@@ -15,7 +18,7 @@ use std::path::{Path, PathBuf};
 
 /// Arguments of `robot`.
 #[derive(Debug, Args)]
-#[command(after_help = "Example: gaitway robot new --from serial:/dev/ttyUSB0 -o my-arm.toml")]
+#[command(after_help = "Example: gaitway robot info op3")]
 pub struct RobotArgs {
     #[command(subcommand)]
     action: Action,
@@ -25,6 +28,59 @@ pub struct RobotArgs {
 enum Action {
     /// Write a draft of a robot file: a joint for every servo that answers
     New(NewArgs),
+    /// Write a robot file, or the body of one, from a public model (URDF or MJCF)
+    Import(ImportArgs),
+    /// What a robot weighs, takes up and stands on
+    #[command(after_help = "Example: gaitway robot info op3")]
+    Info {
+        /// Name of a robot, or path of its file
+        robot: String,
+        #[command(flatten)]
+        output: Output,
+    },
+}
+
+/// Arguments of `robot import`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+A model says how links hang together, what they weigh and what they take up; not how they are driven. With \
+--robot the body is fitted to a robot that has a file: its joints are found by their axes, whatever their \
+names, signs and zeros. Without, the file is a draft, and what the model cannot say is marked in it. Limits of \
+half a turn and more to both sides, and limits from 0 to 0, are placeholders and not taken over. Meshes (STL, \
+OBJ) are read for the capsule or box around them; links without any get a capsule along their length or a box \
+with their moments of inertia. An MJCF model with <include>, <replicate>, <attach> or <frame> is first \
+written in one piece by MuJoCo.
+
+Examples:
+  gaitway robot import my-robot.urdf --servo sts3215 -o my-robot.toml
+  gaitway robot import op3.xml --robot op3 --source \"mujoco_menagerie\" --licence Apache-2.0 -o my-op3.toml")]
+pub struct ImportArgs {
+    /// The model: URDF, or MJCF in one piece
+    #[arg(value_name = "FILE")]
+    model: PathBuf,
+    /// File to write; its name without .toml is the robot's
+    #[arg(short, long, value_name = "ROBOT.toml")]
+    output_file: PathBuf,
+    /// Robot whose file gets this body in place of its own
+    #[arg(long, value_name = "ROBOT", conflicts_with = "servo")]
+    robot: Option<String>,
+    /// Joints of the model that are not at zero where the robot's are, with their angles there, degrees
+    #[arg(long, value_name = "JOINT=DEG", value_delimiter = ',', value_parser = named_angle)]
+    zero: Vec<(String, f64)>,
+    /// Profile of the servos, as far as it is the same for all joints
+    #[arg(long, value_name = "PROFILE")]
+    servo: Option<String>,
+    /// Where the model is from, for the file [default: its name]
+    #[arg(long, value_name = "TEXT")]
+    source: Option<String>,
+    /// Its licence, for the file
+    #[arg(long, value_name = "SPDX")]
+    licence: Option<String>,
+    /// Leave the model's own shapes aside: capsules and boxes from lengths and masses alone
+    #[arg(long)]
+    plain_shapes: bool,
+    #[command(flatten)]
+    output: Output,
 }
 
 /// Arguments of `robot new`.
@@ -65,6 +121,11 @@ pub struct NewArgs {
 pub fn run(args: &RobotArgs, remarks: Remarks) -> Result<i32, Error> {
     match &args.action {
         Action::New(args) => new(args, remarks),
+        Action::Import(args) => imported(args),
+        Action::Info { robot, output } => {
+            let info = robot_info(robot)?;
+            Ok(output.conclude(&info, &info_text(&info), Deed::Look, 0))
+        }
     }
 }
 
@@ -87,6 +148,108 @@ fn new(args: &NewArgs, remarks: Remarks) -> Result<i32, Error> {
     )?;
     draft::write_file(file, args.output.force(), draft.text.as_bytes())?;
     Ok(args.output.conclude(&draft, &text(&draft, file), Deed::Work, 0))
+}
+
+fn imported(args: &ImportArgs) -> Result<i32, Error> {
+    let file = &args.output_file;
+    args.output.check_files(&[&Some(file.clone())])?;
+    args.output.check_apart(&args.model, &[file.as_path()])?;
+    let found = import(&ImportOrder {
+        model: args.model.clone(),
+        name: robot_name(file)?,
+        robot: args.robot.clone(),
+        zero: args.zero.clone(),
+        servo: args.servo.clone(),
+        source: args.source.clone(),
+        licence: args.licence.clone(),
+        plain_shapes: args.plain_shapes,
+    })?;
+    draft::write_file(file, args.output.force(), found.text.as_bytes())?;
+    Ok(args.output.conclude(&found, &import_text(&found, file), Deed::Work, 0))
+}
+
+/// `JOINT=DEG` as a name and an angle, rad.
+fn named_angle(text: &str) -> Result<(String, f64), String> {
+    let (name, degrees) = text.split_once('=').ok_or("JOINT=DEG is asked for")?;
+    let degrees: f64 = degrees.parse().map_err(|_| "DEG is a number of degrees")?;
+    if !degrees.is_finite() || name.is_empty() {
+        return Err("JOINT=DEG is asked for".to_owned());
+    }
+    Ok((name.to_owned(), degrees.to_radians()))
+}
+
+fn import_text(found: &Imported, file: &Path) -> String {
+    let mut out = format!(
+        "{}: {} model, base {}, {:.3} kg in {} links, {} joints, {} shapes\n",
+        found.name,
+        found.format,
+        found.base,
+        found.mass_kg,
+        found.links,
+        found.joints.len() + found.coupled.len(),
+        found.shapes
+    );
+    for (what, names) in [
+        ("stands on", &found.soles),
+        ("coupled", &found.coupled),
+        ("no limits", &found.without_limits),
+    ] {
+        if !names.is_empty() {
+            let _ = writeln!(out, "{what:<9} {}", names.join(", "));
+        }
+    }
+    for note in &found.notes {
+        let _ = writeln!(out, "note      {note}");
+    }
+    if let Some(faults) = &found.faults {
+        let _ = writeln!(out, "not whole {}", faults.replace('\n', "\n          "));
+    }
+    let _ = writeln!(out, "written   {}", file.display());
+    out
+}
+
+fn info_text(info: &RobotInfo) -> String {
+    let mut out = format!("{}: {}\n", info.name, info.description);
+    let Some(body) = &info.body else {
+        let _ = writeln!(
+            out,
+            "joints    {}\nbody      its file has none: gaitway robot import MODEL --robot {} -o FILE.toml",
+            info.joints.len(),
+            info.name
+        );
+        return out;
+    };
+    let metres = |value: Option<f64>| value.map_or("-".to_owned(), |value| format!("{value:.3} m"));
+    let _ = writeln!(
+        out,
+        "base      {}\nmass      {:.3} kg in {} links\nheight    {}, centre of mass at {} (start pose)",
+        body.base,
+        body.mass_kg,
+        body.links.len(),
+        metres(body.height_m),
+        metres(body.centre_height_m)
+    );
+    for sole in &body.soles {
+        let _ = writeln!(
+            out,
+            "sole      {}: {:.0} x {:.0} mm",
+            sole.link,
+            sole.length_m * 1000.0,
+            sole.width_m * 1000.0
+        );
+    }
+    for (one, two, depth_m) in &body.touching {
+        let _ = writeln!(out, "touching  {one} and {two}, {:.1} mm deep", depth_m * 1000.0);
+    }
+    let _ = writeln!(
+        out,
+        "source    {}\nlicence   {}\nshapes    {}\n\n{:<20} {:>8} {:>6}",
+        body.source, body.licence, body.shape_source, "link", "kg", "shapes"
+    );
+    for link in &body.links {
+        let _ = writeln!(out, "{:<20} {:>8.4} {:>6}", link.name, link.mass_kg, link.shapes);
+    }
+    out
 }
 
 /// What the file is called, which is what the robot is called.

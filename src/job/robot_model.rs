@@ -1,0 +1,206 @@
+//! A robot file, or its body, from a public model.
+
+use crate::error::{Error, ErrorKind};
+use crate::robot::model::{self, DraftServo, Provenance, PublicModel, Reduced};
+use gaitway_profiles::{self as profiles, BaseKind};
+use serde::Serialize;
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+/// Largest model and largest mesh that is read, bytes.
+const FILE_BYTES_MAX: u64 = 8 << 20;
+/// Of a servo's speed without load: what a draft lets a joint have.
+const SPEED_SHARE: f64 = 0.5;
+
+/// What to read, and onto what.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ImportOrder {
+    /// The model, URDF or MJCF.
+    pub model: PathBuf,
+    /// What the new robot is to be called.
+    pub name: String,
+    /// A robot whose file gets the body; `None`: a draft of a robot of its own.
+    pub robot: Option<String>,
+    /// Joints of the model that are not at zero where the robot's are, rad.
+    pub zero: Vec<(String, f64)>,
+    /// Profile of the servos of a draft.
+    pub servo: Option<String>,
+    /// Where the model is from; `None`: its file's name.
+    pub source: Option<String>,
+    /// The model's licence.
+    pub licence: Option<String>,
+    /// The model's own shapes are put aside for capsules and boxes from lengths and masses.
+    pub plain_shapes: bool,
+}
+
+/// What came of it.
+#[derive(Clone, Debug, Serialize)]
+pub struct Imported {
+    /// What the robot is called.
+    pub name: String,
+    /// `URDF` or `MJCF`.
+    pub format: &'static str,
+    /// `free` or `fixed`.
+    pub base: &'static str,
+    /// What it weighs, kg.
+    pub mass_kg: f64,
+    /// Links that are told apart.
+    pub links: usize,
+    /// Joints a servo turns.
+    pub joints: Vec<String>,
+    /// Joints that follow those.
+    pub coupled: Vec<String>,
+    /// Joints of the model that are held at zero.
+    pub held: Vec<String>,
+    /// Joints whose limits are not the model's: it has none, or placeholders.
+    pub without_limits: Vec<String>,
+    /// Capsules and boxes.
+    pub shapes: usize,
+    /// Links that it stands on.
+    pub soles: Vec<String>,
+    /// What a person should know.
+    pub notes: Vec<String>,
+    /// What is still wrong with the file, if anything.
+    pub faults: Option<String>,
+    /// The file.
+    #[serde(skip)]
+    pub text: String,
+}
+
+/// Reads a model and writes down a robot; nothing is written to a disk.
+///
+/// # Errors
+/// A file that cannot be read or is no model, one that does not fit the robot, a servo nobody knows.
+pub fn import(order: &ImportOrder) -> Result<Imported, Error> {
+    let in_file = |error: Error| error.in_file(&order.model);
+    let bytes = bytes_of(&order.model).map_err(|cause| {
+        Error::of(ErrorKind::from(&cause), "the model cannot be read")
+            .at(order.model.display().to_string())
+            .got(cause.to_string())
+    })?;
+    let text = String::from_utf8(bytes)
+        .map_err(|_| in_file(Error::of(ErrorKind::Malformed, "the model is not UTF-8 text")))?;
+    let folder = order.model.parent().unwrap_or(Path::new("."));
+    let mut found = model::read(&text, &mut |name| mesh(folder, name)).map_err(in_file)?;
+    let own = found.volumes.iter().map(Vec::len).sum::<usize>();
+    let filled = found.fill(order.plain_shapes);
+    let words = words(order, filled, if order.plain_shapes { 0 } else { own });
+    let reduced = match &order.robot {
+        Some(robot) => {
+            let zero = found.posture(&order.zero).map_err(in_file)?;
+            found.onto(&profiles::robot(robot)?, &zero)
+        }
+        None => found.on_its_own(),
+    };
+    let reduced = reduced.map_err(in_file)?;
+    let text = match &order.robot {
+        Some(robot) => {
+            let body = found.body_text(&reduced, &words);
+            model::with_body(&profiles::robot_text(robot)?, &body).ok_or_else(|| {
+                Error::new("the robot's file has a body that is not its last part")
+                    .at(format!("robot {robot}"))
+                    .remedy("move [body] and its links to the end of the file")
+            })?
+        }
+        None => found.draft_text(&reduced, &words, &order.name, &servo(order)?),
+    };
+    Ok(report(order, &found, &reduced, text))
+}
+
+fn report(order: &ImportOrder, found: &PublicModel, reduced: &Reduced, text: String) -> Imported {
+    let faults =
+        profiles::parse_robot("the new file", &text).err().map(|e| Error::from(e).to_string());
+    let names = |follow: bool| {
+        let of = reduced.joints.iter().filter(move |joint| joint.follows.is_empty() != follow);
+        of.map(|joint| joint.name.clone()).collect::<Vec<_>>()
+    };
+    let driven = reduced.joints.iter().filter(|joint| joint.follows.is_empty());
+    let without = driven.filter(|joint| joint.range.is_none() && order.robot.is_none());
+    let called = |joint: Option<usize>| {
+        joint.map_or("base".to_owned(), |at| reduced.joints[at].name.clone())
+    };
+    let standing = reduced.links.iter().filter(|link| !link.sole_m.is_empty());
+    Imported {
+        name: order.robot.clone().unwrap_or_else(|| order.name.clone()),
+        format: found.format,
+        base: base_word(found.base),
+        mass_kg: reduced.links.iter().map(|link| link.mass.mass_kg).sum(),
+        links: reduced.links.len(),
+        joints: names(false),
+        coupled: names(true),
+        held: reduced.held.clone(),
+        without_limits: without.map(|joint| joint.name.clone()).collect(),
+        shapes: reduced.links.iter().map(|link| link.volumes.len()).sum(),
+        soles: standing.map(|link| called(link.joint)).collect(),
+        notes: reduced.notes.clone(),
+        faults,
+        text,
+    }
+}
+
+/// `free` or `fixed`.
+#[must_use]
+pub const fn base_word(base: BaseKind) -> &'static str {
+    match base {
+        BaseKind::Free => "free",
+        BaseKind::Fixed => "fixed",
+    }
+}
+
+fn words(order: &ImportOrder, filled: usize, own: usize) -> Provenance {
+    let file = order.model.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let made =
+        format!("{filled} made here: capsules along links, boxes with a link's moments of inertia");
+    let shape_source = match (own, filled) {
+        (_, 0) => format!(
+            "{own} of the model's collision shapes, meshes as capsules or boxes around them"
+        ),
+        (0, _) => made,
+        _ => format!("{own} of the model's collision shapes, {made}"),
+    };
+    Provenance {
+        source: order.source.clone().unwrap_or_else(|| format!("unconfirmed: {file}")),
+        licence: order.licence.clone().unwrap_or_else(|| "unconfirmed".to_owned()),
+        shape_source,
+    }
+}
+
+fn servo(order: &ImportOrder) -> Result<DraftServo, Error> {
+    let Some(name) = &order.servo else {
+        return Ok(DraftServo { name: None, fastest_rad_s: None, baud_bps: 1_000_000 });
+    };
+    let profile = profiles::servo(name)?;
+    let usual = profile.baud.iter().map(|baud| baud.bps).find(|bps| *bps == 1_000_000);
+    let baud_bps = usual.or_else(|| Some(profile.baud.first()?.bps)).unwrap_or(1_000_000);
+    let fastest_rad_s = Some(profile.motor.no_load_speed_rad_s * SPEED_SHARE);
+    Ok(DraftServo { name: Some(name.clone()), fastest_rad_s, baud_bps })
+}
+
+fn bytes_of(path: &Path) -> std::io::Result<Vec<u8>> {
+    // Asked before opening: opening a FIFO would wait for a writer.
+    if !std::fs::metadata(path)?.is_file() {
+        return Err(std::io::Error::other("this is not a regular file"));
+    }
+    let mut bytes = Vec::new();
+    File::open(path)?.take(FILE_BYTES_MAX + 1).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > FILE_BYTES_MAX {
+        return Err(std::io::Error::other(format!("more than {FILE_BYTES_MAX} bytes")));
+    }
+    Ok(bytes)
+}
+
+/// A mesh beside the model. What a package of ROS has is looked for under the model's folder, and a
+/// path that leads out of it is not followed.
+fn mesh(folder: &Path, name: &str) -> Result<Vec<u8>, String> {
+    let name = name.strip_prefix("file://").unwrap_or(name);
+    let inside = name.strip_prefix("package://").and_then(|name| name.split_once('/'));
+    let path = Path::new(inside.map_or(name, |(_, inside)| inside));
+    let plain = |part: std::path::Component<'_>| {
+        matches!(part, std::path::Component::Normal(_) | std::path::Component::CurDir)
+    };
+    if !path.components().all(plain) {
+        return Err("outside the model's folder".to_owned());
+    }
+    bytes_of(&folder.join(path)).map_err(|cause| cause.to_string())
+}
