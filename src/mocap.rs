@@ -8,7 +8,8 @@
 //! puts segments on a robot's joints.
 //!
 //! [`markers`] are what optical systems record before there is a skeleton: [`c3d`], [`trc`] and tables
-//! ([`marker_table`]), told apart by [`marker_files`].
+//! ([`marker_table`]), told apart by [`marker_files`]. [`plates`] make forces of what force plates recorded beside
+//! them, and [`plug_in_gait`] reads the bones that a model of the laboratory's has put among them.
 
 use crate::error::Error;
 use anatomy::Capture;
@@ -33,6 +34,8 @@ pub mod markers;
 mod opened;
 pub mod page;
 pub mod parameters;
+pub mod plates;
+pub mod plug_in_gait;
 pub mod retarget;
 pub mod siblings;
 pub mod skeleton;

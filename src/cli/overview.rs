@@ -79,7 +79,9 @@ fn of_markers(file: &MarkerOverview) -> String {
     for plate in &file.plates {
         let channels = plate.channels.iter().map(|name| name.as_deref().unwrap_or("?"));
         let channels = channels.collect::<Vec<_>>().join(", ");
-        let _ = writeln!(text, "plate     type {}: {channels}", plate.kind);
+        let peak = plate.peak_vertical_n.map(|peak| format!("; up to {peak:.0} N upwards"));
+        let peak = peak.unwrap_or_default();
+        let _ = writeln!(text, "plate     type {}: {channels}{peak}", plate.kind);
     }
     for event in file.events.iter().take(MOST) {
         let of = [&event.context, &event.subject];

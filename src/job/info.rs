@@ -5,6 +5,7 @@ use crate::mocap::clip::Clip;
 use crate::mocap::files::{self, CaptureOptions};
 use crate::mocap::marker_files;
 use crate::mocap::markers::{Frame, Frames, Head, MarkerEvent, PointKind};
+use crate::mocap::plates::Plates;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -169,6 +170,9 @@ pub struct PlateFigures {
     pub corners: [[f32; 3]; 4],
     /// Labels of its channels; null where the file names one it does not have.
     pub channels: Vec<Option<String>>,
+    /// Largest force out of its surface, as somebody who stands on it is carried, N; null if it cannot be worked
+    /// out. Negative if it is only ever pulled at.
+    pub peak_vertical_n: Option<f64>,
 }
 
 /// Looks into a file; `None` if it is neither a capture nor markers.
@@ -227,6 +231,8 @@ fn of_markers(path: &Path, options: &CaptureOptions) -> Result<MarkerOverview, E
         .map(|at| MarkerFigures { name: name(at), ..MarkerFigures::default() })
         .collect();
     let mut ranges = vec![(f64::INFINITY, f64::NEG_INFINITY); head.analog.channels.len()];
+    let plates = Plates::of(&head);
+    let mut peaks: Vec<Option<f64>> = vec![None; head.plates.len()];
     let (mut frame, mut number) = (Frame::default(), head.first_frame);
     while reader.next_frame(&mut frame)? {
         for (figures, at) in markers.iter_mut().zip(&chosen) {
@@ -241,12 +247,19 @@ fn of_markers(path: &Path, options: &CaptureOptions) -> Result<MarkerOverview, E
                     *least = least.min(value);
                     *greatest = greatest.max(value);
                 }
+                for (at, plate) in &plates.list {
+                    let up_n = plate.at(&head.analog, sample).force_n.dot(plate.up());
+                    if let Some(peak) = peaks.get_mut(*at) {
+                        *peak = Some(peak.map_or(up_n, |peak: f64| peak.max(up_n)));
+                    }
+                }
             }
         }
         number += 1;
     }
     let mut notes = head.notes.clone();
     notes.extend(reader.closing_notes());
+    notes.extend(plates.notes);
     let at_origin = markers.iter().filter(|figures| figures.frames_at_origin > 0).count();
     if at_origin > 0 {
         let samples: usize = markers.iter().map(|figures| figures.frames_at_origin).sum();
@@ -255,7 +268,8 @@ fn of_markers(path: &Path, options: &CaptureOptions) -> Result<MarkerOverview, E
              most likely they were not"
         ));
     }
-    Ok(overview(&head, markers, &ranges, notes, reader.findings()))
+    let told = Told { markers, ranges, peaks, notes, findings: reader.findings() };
+    Ok(overview(&head, told))
 }
 
 impl MarkerFigures {
@@ -278,13 +292,19 @@ impl MarkerFigures {
     }
 }
 
-fn overview(
-    head: &Head,
+/// What the frames of a file told.
+struct Told {
     markers: Vec<MarkerFigures>,
-    ranges: &[(f64, f64)],
+    /// Least and greatest value of each analog channel.
+    ranges: Vec<(f64, f64)>,
+    /// Of each force plate.
+    peaks: Vec<Option<f64>>,
     notes: Vec<String>,
     findings: Vec<String>,
-) -> MarkerOverview {
+}
+
+fn overview(head: &Head, told: Told) -> MarkerOverview {
+    let Told { markers, ranges, peaks, notes, findings } = told;
     let mut points = BTreeMap::new();
     for point in &head.points {
         *points.entry(point.kind.word()).or_insert(0) += 1;
@@ -304,15 +324,16 @@ fn overview(
     let analog = (!head.analog.channels.is_empty()).then(|| AnalogFigures {
         rate_hz: head.analog.rate_hz,
         per_frame: head.analog.per_frame,
-        channels: head.analog.channels.iter().zip(ranges).map(channel).collect(),
+        channels: head.analog.channels.iter().zip(&ranges).map(channel).collect(),
     });
     let label = |at: &Option<usize>| {
         at.and_then(|at| head.analog.channels.get(at)).map(|channel| channel.label.clone())
     };
-    let plates = head.plates.iter().map(|plate| PlateFigures {
+    let plates = head.plates.iter().zip(peaks).map(|(plate, peak)| PlateFigures {
         kind: plate.kind.number(),
         corners: plate.corners,
         channels: plate.channels.iter().map(label).collect(),
+        peak_vertical_n: peak.filter(|peak| peak.is_finite()),
     });
     let event = |event: &MarkerEvent| EventFigures {
         time_s: event.time_s,

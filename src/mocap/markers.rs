@@ -157,7 +157,8 @@ pub struct ForcePlate {
     pub kind: PlateKind,
     /// Corners in the axes and the unit of the points, as the file orders them.
     pub corners: [[f32; 3]; 4],
-    /// Where the sensor's origin is, seen from the middle of the surface, in the plate's axes.
+    /// The way from the sensor's origin to the middle of the surface, in the plate's axes; of type 3 the first two
+    /// are how far the posts are to the side. As the file has it: some programs turn it around.
     pub origin: [f32; 3],
     /// Index of each analog channel; `None` where the file names one it does not have.
     pub channels: Vec<Option<usize>>,
