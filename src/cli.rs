@@ -8,6 +8,7 @@ pub mod cues;
 pub mod doctor;
 pub mod duration;
 pub mod finding;
+pub mod fit;
 pub mod hold;
 pub mod inserts;
 pub mod limp;
@@ -83,6 +84,8 @@ enum Command {
     Retarget(Box<retarget::RetargetArgs>),
     /// Make a motion of actionlets and write it to a file
     Synth(Box<synth::SynthArgs>),
+    /// Fit a body to markers: bones, joint angles, residuals
+    Fit(Box<fit::FitArgs>),
     /// Break a captured motion down into actionlets
     Actionlets(Box<actionlets::ActionletsArgs>),
     /// Switch torque on where the robot stands: it holds
@@ -155,6 +158,7 @@ fn run(cli: &Cli) -> i32 {
         Command::Live(args) => live::run(args, remarks),
         Command::Retarget(args) => retarget::run(args, remarks),
         Command::Synth(args) => synth::run(args, remarks),
+        Command::Fit(args) => fit::run(args, remarks),
         Command::Actionlets(args) => actionlets::run(args, remarks),
         Command::Hold(args) => hold::run(args, remarks),
         Command::Limp(args) => limp::run(args),

@@ -7,6 +7,7 @@ pub mod convert;
 pub mod decompose;
 pub mod doctor;
 pub mod finding;
+pub mod fit;
 pub mod follow;
 pub mod hold;
 pub mod info;

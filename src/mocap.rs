@@ -25,6 +25,7 @@ pub mod c3d;
 pub mod clip;
 pub mod export;
 pub mod files;
+pub mod fit;
 pub mod humanoid;
 pub mod landmarks;
 pub mod mapping;

@@ -237,7 +237,7 @@ fn a_file_that_is_cut_off_is_converted_as_far_as_it_goes_with_exit_code_3() {
 }
 
 #[test]
-fn where_a_skeleton_is_needed_markers_are_refused_with_what_to_do() {
+fn where_a_body_is_needed_markers_of_no_known_set_are_refused_with_what_to_do() {
     let folder = folder("needs-skeleton");
     let c3d = written(&folder, "trial.c3d", &trial().bytes());
     let trc = written(&folder, "trial.trc", TRC.as_bytes());
@@ -253,7 +253,7 @@ fn where_a_skeleton_is_needed_markers_are_refused_with_what_to_do() {
             let refused = gaitway().args(&arguments).output().expect("it runs");
             let said = words(&refused);
             assert!(
-                said.contains("markers must be fitted to a skeleton first"),
+                said.contains("no marker set matches this file") && said.contains("--markers"),
                 "{arguments:?}: {said}"
             );
             assert_eq!(refused.status.code(), Some(1), "{arguments:?}");

@@ -19,7 +19,7 @@ const NOTED_LEAN_DEG: f64 = 5.0;
 #[command(after_help = "Example: gaitway actionlets dance.bvh -o dance.toml\n\
     then: gaitway play dance.toml --robot op3 --bus sim")]
 pub struct ActionletsArgs {
-    /// A capture (.bvh, .amc), or an action
+    /// A capture (.bvh, .amc), markers (.c3d, .trc, .csv), or an action
     motion: String,
     /// Action file to write
     #[arg(short, long, value_name = "OUT.toml")]
@@ -34,7 +34,10 @@ pub struct ActionletsArgs {
     /// Skeleton of an AMC file [default: the .asf file beside it that it is named after]
     #[arg(long, value_name = "FILE.asf")]
     skeleton: Option<PathBuf>,
-    /// Frames per second of an AMC file [default: what the file says, or 120]
+    /// Trial in which the person stands still, for markers [default: the quietest half second of the motion]
+    #[arg(long = "static", value_name = "FILE")]
+    static_trial: Option<PathBuf>,
+    /// Frames per second of an AMC file [default: what the file says, or 120] or of markers that do not say it
     #[arg(long, value_name = "HZ", allow_negative_numbers = true)]
     rate: Option<f64>,
     #[command(flatten)]
@@ -54,7 +57,11 @@ pub fn run(args: &ActionletsArgs, remarks: Remarks) -> Result<i32, Error> {
     let order = DecomposeOrder {
         motion: args.motion.clone(),
         mapping: args.mapping.clone(),
-        reading: CaptureOptions { skeleton: args.skeleton.clone(), rate_hz: args.rate },
+        reading: CaptureOptions {
+            skeleton: args.skeleton.clone(),
+            rate_hz: args.rate,
+            static_trial: args.static_trial.clone(),
+        },
         tolerance_deg: args.tolerance,
         file: args.output_file.clone(),
         replace: args.output.force(),

@@ -15,7 +15,7 @@ use crate::session::angles::{WornMotion, body_of};
 use crate::session::files::BODY_KEY;
 use clap::Args;
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Poses per second of joint angles, unless another rate is asked for.
 const USUAL_HZ: f64 = 100.0;
@@ -37,6 +37,7 @@ OUT.c3d   all of it: analog channels, events, force plates, parameters that nobo
 OUT.trc   markers, for OpenSim and others
 OUT.csv   time_s, then LABEL_x_m, LABEL_y_m, LABEL_z_m of each point
 Their axes stay those of the file.
+OUT.bvh, OUT.x3d   the body model, after `gaitway fit` with its usual settings
 
 Examples:
   gaitway convert wave.mcap wave.csv
@@ -64,6 +65,9 @@ pub struct ConvertArgs {
     /// Skeleton of an AMC file [default: the .asf file beside it that it is named after]
     #[arg(long, value_name = "FILE.asf")]
     skeleton: Option<PathBuf>,
+    /// Trial in which the person stands still, for markers [default: the quietest half second of the motion]
+    #[arg(long = "static", value_name = "FILE")]
+    static_trial: Option<PathBuf>,
     /// Stature of the person, m [default: what the recording says, or 1.75; as a capture shows it]
     #[arg(long, value_name = "M", allow_negative_numbers = true)]
     stature: Option<f64>,
@@ -82,12 +86,16 @@ pub struct ConvertArgs {
 /// or cannot be written.
 pub fn run(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
     match file_kind(&args.file) {
-        FileKind::Markers => return of_markers(args, remarks),
+        FileKind::Markers if !is_of_body(&args.out) => return of_markers(args, remarks),
+        FileKind::Markers => return captured(args, remarks),
         FileKind::Bvh | FileKind::Amc => return captured(args, remarks),
         FileKind::Other => {}
     }
-    let of_captures =
-        [("--mapping", args.mapping.is_some()), ("--skeleton", args.skeleton.is_some())];
+    let of_captures = [
+        ("--mapping", args.mapping.is_some()),
+        ("--skeleton", args.skeleton.is_some()),
+        ("--static", args.static_trial.is_some()),
+    ];
     if let Some((option, _)) = of_captures.iter().find(|(_, given)| *given) {
         return Err(misplaced(option, "a capture (.bvh, .amc)"));
     }
@@ -117,6 +125,11 @@ pub fn run(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
     }
 }
 
+/// True of a file that holds a body, to which markers are fitted first.
+fn is_of_body(out: &Path) -> bool {
+    out.extension().is_some_and(|ending| ending == "bvh" || ending == "x3d")
+}
+
 fn misplaced(option: &str, allowed: &str) -> Error {
     Error::new("this option does not go with this file").at(option).allowed(allowed)
 }
@@ -129,6 +142,7 @@ fn of_markers(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
         ("--mapping", args.mapping.is_some()),
         ("--skeleton", args.skeleton.is_some()),
         ("--stature", args.stature.is_some()),
+        ("--static", args.static_trial.is_some()),
     ];
     if let Some((option, _)) = of_others.iter().find(|(_, given)| *given) {
         return Err(misplaced(option, "a recording (.mcap) or a capture (.bvh, .amc)"));
@@ -166,7 +180,11 @@ fn captured(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
     output.check_apart(&args.file, &[&args.out])?;
     let report = convert(&ConvertOrder {
         capture: args.file.clone(),
-        reading: CaptureOptions { skeleton: args.skeleton.clone(), rate_hz: args.rate },
+        reading: CaptureOptions {
+            skeleton: args.skeleton.clone(),
+            rate_hz: args.rate,
+            static_trial: args.static_trial.clone(),
+        },
         mapping: args.mapping.clone(),
         stature_m: args.stature,
         file: args.out.clone(),

@@ -39,7 +39,11 @@ pub struct InfoArgs {
 pub fn info(args: &InfoArgs) -> Result<i32, Error> {
     args.output.check_files(&[])?;
     args.output.check_apart(&args.file, &[])?;
-    let options = CaptureOptions { skeleton: args.skeleton.clone(), rate_hz: args.rate };
+    let options = CaptureOptions {
+        skeleton: args.skeleton.clone(),
+        rate_hz: args.rate,
+        ..CaptureOptions::default()
+    };
     if let Some(overview) = file_info(&args.file, &options)? {
         return Ok(args.output.conclude(&overview, &words(&overview), Deed::Look, 0));
     }

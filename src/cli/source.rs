@@ -9,9 +9,9 @@ use std::path::PathBuf;
 /// Which motion, for which robot, and how much of it.
 #[derive(Clone, Debug, Args)]
 pub struct MotionArgs {
-    /// A capture (.bvh, .amc), an action that ships with gaitway (walk), an action file (.toml), several
-    /// actions (walk:6s,wave-r,bow; two gaits without a stop: walk:6s+run:5s), or a motion of the
-    /// robot's own joints: a recording (.mcap), such as one guided by hand, or a table (.csv: time_s,
+    /// A capture (.bvh, .amc), markers (.c3d, .trc, .csv), an action that ships with gaitway (walk), an
+    /// action file (.toml), several actions (walk:6s,wave-r,bow; two gaits without a stop:
+    /// walk:6s+run:5s), or a motion of the robot's own joints: a recording (.mcap), such as one guided by hand, or a table (.csv: time_s,
     /// then JOINT_rad for each joint that moves; rows at most 0.5 s apart)
     motion: String,
     /// Robot by name, or path of its file (see `gaitway profile list`)
@@ -23,7 +23,12 @@ pub struct MotionArgs {
     /// Skeleton of an AMC file [default: the .asf file beside it that it is named after]
     #[arg(long, value_name = "FILE.asf")]
     skeleton: Option<PathBuf>,
-    /// Frames per second of an AMC file [default: what the file says, or 120]
+    /// Trial in which the person stands still, for markers [default: the quietest half second of the
+    /// motion]
+    #[arg(long = "static", value_name = "FILE")]
+    static_trial: Option<PathBuf>,
+    /// Frames per second of an AMC file [default: what the file says, or 120], or of markers that do not
+    /// say it
     #[arg(long, value_name = "HZ", allow_negative_numbers = true)]
     capture_rate: Option<f64>,
     #[command(flatten)]
@@ -70,7 +75,11 @@ impl MotionArgs {
             motion: self.motion.clone(),
             inserts: self.inserts.order(),
             mapping: self.mapping.clone(),
-            reading: CaptureOptions { skeleton: self.skeleton.clone(), rate_hz: self.capture_rate },
+            reading: CaptureOptions {
+                skeleton: self.skeleton.clone(),
+                rate_hz: self.capture_rate,
+                static_trial: self.static_trial.clone(),
+            },
             from_s: self.from,
             to_s: self.to,
             only: self.only.clone(),

@@ -52,14 +52,9 @@ pub struct MarkersReport {
 /// one that exists or cannot be written, a rate or unit that nobody knows.
 pub fn convert(order: &MarkersOrder, observer: &dyn Observer) -> Result<MarkersReport, Error> {
     let Some(kind) = marker_files::written_as(&order.file) else {
-        let skeletal = ["bvh", "x3d", "mcap", "toml"];
-        let ending = order.file.extension().and_then(|ending| ending.to_str()).unwrap_or_default();
-        if skeletal.contains(&ending) {
-            return Err(marker_files::needs_skeleton(&order.markers));
-        }
         return Err(Error::of(ErrorKind::Unknown, "this kind of file cannot be written")
             .at(order.file.display().to_string())
-            .allowed("of markers, a file that ends in .c3d, .trc or .csv"));
+            .allowed("of markers, a file that ends in .c3d, .trc, .csv, .bvh or .x3d"));
     };
     check_free(&order.file, order.replace)?;
     let mut reader = marker_files::open(&order.markers)?;

@@ -11,6 +11,7 @@ use crate::body::Proportions;
 use crate::error::{Error, ErrorKind};
 use crate::mocap::anatomy::Capture;
 use crate::mocap::files::{self, CaptureFormat};
+use crate::mocap::fit::{self, FitSettings, Fitted};
 use crate::mocap::mapping::MappingFile;
 use crate::mocap::marker_files;
 use crate::mocap::retarget::{self, Retargeted, TrunkLean};
@@ -138,10 +139,8 @@ pub fn load(order: &MotionOrder, robot: &Robot) -> Result<RobotMotion, Error> {
     only(robot, &order.only)?;
     check_inserts(order)?;
     let path = Path::new(&order.motion);
-    if !phrase::is_phrase(&order.motion) && marker_files::format_of(path).is_some() {
-        return Err(marker_files::needs_skeleton(path));
-    }
-    if let Some(motion) = joints::read(path)? {
+    let is_markers = !phrase::is_phrase(&order.motion) && marker_files::format_of(path).is_some();
+    if !is_markers && let Some(motion) = joints::read(path)? {
         return in_joints(order, robot, &motion);
     }
     let exact = phrase::is_phrase(&order.motion);
@@ -230,8 +229,8 @@ pub fn body_motion(
         return performed(motion, &Inserts::default(), |_| ACTION_HZ);
     }
     let path = Path::new(motion);
-    if marker_files::format_of(path).is_some() {
-        return Err(marker_files::needs_skeleton(path));
+    if let Some(format) = marker_files::format_of(path) {
+        return of_markers(path, format.word(), mapping, reading);
     }
     let Some(format) = files::format_of(path) else {
         let shipped: Vec<&str> = vocabulary::names().collect();
@@ -239,7 +238,7 @@ pub fn body_motion(
             .at("MOTION")
             .got(motion)
             .allowed(format!(
-                "a file that ends in .bvh or .amc, an action file (.toml), or a shipped action: {}",
+                "a file that ends in .bvh, .amc, .c3d or .trc, an action file (.toml), or a shipped action: {}",
                 shipped.join(", ")
             ))
             .remedy(profiles::advice(motion, &shipped, "take one of these, or check the path")));
@@ -256,6 +255,47 @@ pub fn body_motion(
         ..Source::default()
     };
     Ok((file.capture(), source))
+}
+
+/// Markers, fitted with the usual settings.
+fn of_markers(
+    path: &Path,
+    format: &str,
+    mapping: Option<&Path>,
+    reading: &CaptureOptions,
+) -> Result<(Capture, Source), Error> {
+    let misplaced = [("--mapping", mapping.is_some()), ("--skeleton", reading.skeleton.is_some())];
+    if let Some((option, _)) = misplaced.iter().find(|(_, given)| *given) {
+        return Err(Error::new("markers have no skeleton")
+            .at(path.display().to_string())
+            .got(*option)
+            .allowed("--static, and a rate where the file says none"));
+    }
+    let settings = FitSettings::default();
+    let fitted = fit_markers(path, reading.static_trial.as_deref(), reading.rate_hz, &settings)?;
+    let source = Source {
+        format: format.to_owned(),
+        frames: fitted.poses.len(),
+        rate_hz: fitted.rate_hz,
+        duration_s: fitted.poses.len().saturating_sub(1) as f64 / fitted.rate_hz,
+        ..Source::default()
+    };
+    Ok((fitted.capture(), source))
+}
+
+/// Reads a trial of markers and its static trial, and fits a body to it.
+///
+/// # Errors
+/// As [`fit::fit`], and of files that cannot be read.
+pub fn fit_markers(
+    trial: &Path,
+    static_trial: Option<&Path>,
+    rate_hz: Option<f64>,
+    settings: &FitSettings,
+) -> Result<Fitted, Error> {
+    let stands = static_trial.map(|path| marker_files::read(path, None)).transpose()?;
+    let markers = marker_files::read(trial, rate_hz)?;
+    fit::fit(stands.as_ref(), &markers, settings).map_err(|error| error.in_file(trial))
 }
 
 /// Fails if there is nothing that could be inserted into.

@@ -129,7 +129,7 @@ pub fn capture(clip: &Clip) -> Result<Capture, Error> {
 }
 
 /// Turns and shifts the world so that the first pose stands at the origin and faces +X.
-fn face_forward(poses: &mut [SegmentPose]) {
+pub(super) fn face_forward(poses: &mut [SegmentPose]) {
     let Some(first) = poses.first() else { return };
     let facing = first.orientation[Segment::Pelvis.index()] * DVec3::X;
     let turn = DQuat::from_rotation_z(-facing.y.atan2(facing.x));

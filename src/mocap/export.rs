@@ -55,9 +55,37 @@ fn in_cm(v_m: DVec3) -> DVec3 {
     DVec3::new(rounded(v.x), rounded(v.y), rounded(v.z))
 }
 
+/// Where segments begin on those that carry them, and where the last ones end; m, N pose.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BodyOffsets {
+    /// By [`Segment::index`].
+    pub begins_m: [DVec3; 13],
+    /// The same; none of those that carry another.
+    pub ends_m: [Option<DVec3>; 13],
+}
+
+impl BodyOffsets {
+    /// Of a body with these proportions.
+    #[must_use]
+    pub fn of(body: &Proportions) -> Self {
+        let begins = |segment| body.joint_offset_m(proximal_joint(segment));
+        let ends = |segment| end_of(segment).map(|end| body.end_offset_m(end).1);
+        Self {
+            begins_m: Segment::ALL.map(|segment| begins(segment).map_or(DVec3::ZERO, |(_, o)| o)),
+            ends_m: Segment::ALL.map(ends),
+        }
+    }
+}
+
 /// Writes `poses` of a body with these proportions, at `rate_hz`.
 #[must_use]
 pub fn bvh_of(poses: &[SegmentPose], body: &Proportions, rate_hz: f64) -> Bvh {
+    bvh_with(poses, &BodyOffsets::of(body), rate_hz)
+}
+
+/// Writes `poses` of a body with these bones, at `rate_hz`.
+#[must_use]
+pub fn bvh_with(poses: &[SegmentPose], body: &BodyOffsets, rate_hz: f64) -> Bvh {
     let joints = joints(body);
     let channels = joints.iter().map(|joint| joint.channels.len()).sum::<usize>();
     let mut values = Vec::with_capacity(channels * poses.len());
@@ -76,7 +104,7 @@ pub fn bvh_of(poses: &[SegmentPose], body: &Proportions, rate_hz: f64) -> Bvh {
     Bvh { joints, time_step_s: 1.0 / rate_hz, values }
 }
 
-fn joints(body: &Proportions) -> Vec<Joint> {
+fn joints(body: &BodyOffsets) -> Vec<Joint> {
     let rotations = [Axis::Z, Axis::X, Axis::Y].map(Channel::Rotation);
     let positions = [Axis::X, Axis::Y, Axis::Z].map(Channel::Position);
     let mut first_channel = 0;
@@ -87,8 +115,8 @@ fn joints(body: &Proportions) -> Vec<Joint> {
             channels.extend(positions);
         }
         channels.extend(rotations);
-        let offset = body.joint_offset_m(proximal_joint(segment)).map_or(DVec3::ZERO, |(_, o)| o);
-        let ends = end_of(segment).map(|end| in_cm(body.end_offset_m(end).1));
+        let offset = body.begins_m[segment.index()];
+        let ends = body.ends_m[segment.index()].map(in_cm);
         joints.push(Joint {
             name: joint_name(segment).to_owned(),
             parent: segment.parent().map(Segment::index),

@@ -36,8 +36,10 @@ impl CaptureFormat {
 pub struct CaptureOptions {
     /// The ASF file of an AMC file.
     pub skeleton: Option<PathBuf>,
-    /// Frames per second of an AMC file.
+    /// Frames per second of an AMC file, or of markers.
     pub rate_hz: Option<f64>,
+    /// The trial in which a person whose markers were recorded stands still.
+    pub static_trial: Option<PathBuf>,
 }
 
 /// A skeleton in motion as it stands in a file: nothing interpreted.
@@ -73,6 +75,12 @@ pub fn read(path: &Path, options: &CaptureOptions) -> Result<SkeletonFile, Error
             .at("frames per second")
             .got(format!("{rate_hz} Hz"))
             .allowed(format!("{} to {} Hz", RATES_HZ.start(), RATES_HZ.end())));
+    }
+    if let Some(stands) = &options.static_trial {
+        return Err(Error::new("a static trial is for markers")
+            .at(path.display().to_string())
+            .got(format!("--static {}", stands.display()))
+            .allowed("markers (.c3d, .trc, .csv)"));
     }
     match format_of(path) {
         Some(format @ CaptureFormat::Bvh) => {

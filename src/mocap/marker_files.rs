@@ -45,16 +45,6 @@ fn is_marker_table(path: &Path) -> bool {
     read.is_ok() && marker_table::is_of_markers(&String::from_utf8_lossy(&start))
 }
 
-/// What a motion of markers alone is refused with, wherever a skeleton is needed.
-#[must_use]
-pub fn needs_skeleton(path: &Path) -> Error {
-    Error::of(ErrorKind::Refused, "markers must be fitted to a skeleton first")
-        .at(path.display().to_string())
-        .got("points without bones")
-        .allowed("a capture with a skeleton (.bvh, .amc), an action, or a table of joint angles")
-        .remedy("fit them with the program that recorded them, and export a skeleton; `gaitway info` tells what is in this file")
-}
-
 /// A file being read.
 pub enum MarkerReader {
     /// Frame by frame: a file of any length.
@@ -91,6 +81,23 @@ pub fn open(path: &Path) -> Result<MarkerReader, Error> {
                 "a file that ends in .c3d or .trc, or a table (.csv) with columns LABEL_x_m, ...",
             )),
     }
+}
+
+/// Reads a whole file. `rate_hz` says its frames per second where it does not, or somebody knows better.
+///
+/// # Errors
+/// As [`open`], and what keeps a frame from being read.
+pub fn read(path: &Path, rate_hz: Option<f64>) -> Result<Markers, Error> {
+    let mut markers = match open(path)? {
+        MarkerReader::Stream(reader) => {
+            reader.into_markers().map_err(|error| error.in_file(path))?
+        }
+        MarkerReader::Whole { markers, .. } => *markers,
+    };
+    if let Some(rate_hz) = rate_hz {
+        markers.set_rate(rate_hz);
+    }
+    Ok(markers)
 }
 
 fn bytes_of(path: &Path, most: u64) -> Result<Vec<u8>, Error> {

@@ -81,7 +81,11 @@ impl Plates {
                     plates.notes.extend(plate.notes.iter().map(told));
                     plates.list.push((at, plate));
                 }
-                Err(error) => plates.notes.push(format!("force plate {}: {error}", at + 1)),
+                Err(error) => {
+                    let words = error.to_string();
+                    let words: Vec<&str> = words.split_whitespace().collect();
+                    plates.notes.push(format!("force plate {}: {}", at + 1, words.join(" ")));
+                }
             }
         }
         plates

@@ -79,7 +79,7 @@ pub fn read(
     };
     let clip: Clip = read(path, options).map_err(in_file)?;
     // What was said of this file alone is not said of the others.
-    let usual = CaptureOptions { skeleton: None, rate_hz: options.rate_hz };
+    let usual = CaptureOptions { rate_hz: options.rate_hz, ..CaptureOptions::default() };
     let own = path.file_name().unwrap_or_default();
     let folder = folder_of(path);
     let family = family(path, own, &clip.bones());

@@ -1,0 +1,557 @@
+//! Bones out of markers: against the bones that Plug-in Gait stored in real trials, and against a body whose motion
+//! is known.
+
+mod aloud;
+mod captured;
+mod program;
+
+use aloud::aloud;
+use gaitway::body::{Joint, Segment};
+use gaitway::mocap::c3d;
+use gaitway::mocap::fit::centres::{HipBy, JointsAt};
+use gaitway::mocap::fit::{FitSettings, Fitted, fit};
+use gaitway::mocap::markers::{
+    Frame, FramesOf, Head, MarkerFormat, MarkerPoint, Markers, PointKind, PointSample,
+};
+use gaitway::mocap::plug_in_gait::GaitBones;
+use glam::{DQuat, DVec3};
+use std::path::Path;
+
+/// Trials with Plug-in Gait's own bones, the static trial of each, and the radius of their markers, m: from the
+/// distance of the stored knee joints to the knee markers, which is half a knee's width and this.
+const TRIALS: [(&str, &str, f64); 3] = [
+    ("PiG_Motion-FlatFoot-Full.c3d", "PiG_Calibration-FlatFoot-Full.c3d", 0.008),
+    ("cgm_Movement_trial.c3d", "cgm_Static_trial.c3d", 0.007),
+    ("cgm_Static_trial.c3d", "cgm_Static_trial.c3d", 0.007),
+];
+
+const JOINTS: [(&str, [Joint; 2]); 6] = [
+    ("hip", [Joint::LeftHip, Joint::RightHip]),
+    ("knee", [Joint::LeftKnee, Joint::RightKnee]),
+    ("ankle", [Joint::LeftAnkle, Joint::RightAnkle]),
+    ("shoulder", [Joint::LeftShoulder, Joint::RightShoulder]),
+    ("elbow", [Joint::LeftElbow, Joint::RightElbow]),
+    ("wrist", [Joint::LeftWrist, Joint::RightWrist]),
+];
+
+/// Segments whose long axis is compared, with the joints at its ends.
+const AXES: [(&str, [(Joint, Joint); 2]); 4] = [
+    ("thigh", [(Joint::LeftHip, Joint::LeftKnee), (Joint::RightHip, Joint::RightKnee)]),
+    ("shank", [(Joint::LeftKnee, Joint::LeftAnkle), (Joint::RightKnee, Joint::RightAnkle)]),
+    (
+        "upper arm",
+        [(Joint::LeftShoulder, Joint::LeftElbow), (Joint::RightShoulder, Joint::RightElbow)],
+    ),
+    ("forearm", [(Joint::LeftElbow, Joint::LeftWrist), (Joint::RightElbow, Joint::RightWrist)]),
+];
+
+/// Root mean squares of distances of joints, mm, and of angles of long axes, deg, against the stored bones.
+struct Off {
+    joints_mm: Vec<f64>,
+    axes_deg: Vec<f64>,
+    frames: usize,
+}
+
+fn off(trial: &Markers, fitted: &Fitted) -> Off {
+    let bones = GaitBones::of(trial.head(), "").expect("stored bones");
+    let mut frame = Frame::default();
+    let (mut joints, mut axes) = (vec![(0.0, 0); JOINTS.len()], vec![(0.0, 0); AXES.len()]);
+    for (n, own) in fitted.joints_m.iter().enumerate() {
+        assert!(trial.frame(n, &mut frame));
+        let truth = |joint: Joint| bones.joint_m(&frame.points, joint).map(|p| fitted.upright * p);
+        let ours = |joint: Joint| own[joint.index()];
+        for (sum, (_, both)) in joints.iter_mut().zip(JOINTS) {
+            for joint in both {
+                let Some((a, b)) = truth(joint).zip(ours(joint)) else { continue };
+                sum.0 += a.distance_squared(b) * 1e6;
+                sum.1 += 1;
+            }
+        }
+        for (sum, (_, both)) in axes.iter_mut().zip(AXES) {
+            for (from, to) in both {
+                let theirs = truth(from).zip(truth(to)).map(|(a, b)| b - a);
+                let own = ours(from).zip(ours(to)).map(|(a, b)| b - a);
+                let Some((a, b)) = theirs.zip(own) else { continue };
+                sum.0 += a.angle_between(b).to_degrees().powi(2);
+                sum.1 += 1;
+            }
+        }
+    }
+    let rms = |sums: Vec<(f64, i32)>| {
+        sums.into_iter().map(|(sum, n)| (sum / f64::from(n.max(1))).sqrt()).collect()
+    };
+    Off { joints_mm: rms(joints), axes_deg: rms(axes), frames: trial.head().frames }
+}
+
+fn table(title: &str, rows: &[(&str, Off)]) {
+    aloud!("{title}: rms against the stored bones, joints mm, long axes deg");
+    for (name, off) in rows {
+        let joints = JOINTS.iter().zip(&off.joints_mm).map(|((of, _), mm)| format!("{of} {mm:.1}"));
+        let axes = AXES.iter().zip(&off.axes_deg).map(|((of, _), deg)| format!("{of} {deg:.2}"));
+        let all: Vec<String> = joints.chain(axes).collect();
+        aloud!("  {name}, {} frames: {}", off.frames, all.join(", "));
+    }
+}
+
+fn compared(folder: &Path, settings: &FitSettings) -> Vec<(&'static str, Off)> {
+    let mut rows = Vec::new();
+    for (trial, stands, marker_radius_m) in TRIALS {
+        let read = |name: &str| c3d::read(&folder.join(name)).expect("read");
+        let (trial_of, stands) = (read(trial), read(stands));
+        let settings = FitSettings { marker_radius_m, ..settings.clone() };
+        let fitted = fit(Some(&stands), &trial_of, &settings).expect("fitted");
+        rows.push((trial, off(&trial_of, &fitted)));
+    }
+    rows
+}
+
+#[test]
+fn joints_moved_inwards_by_the_widths_are_where_plug_in_gait_has_them() {
+    let Some(folder) = captured::captured("mocap/c3d/pig") else { return };
+    let rows = compared(&folder, &FitSettings::default());
+    table("joints moved inwards, hip by leg length", &rows);
+    for (name, off) in &rows {
+        // On the stairs the stored shank is 298 to 390 mm long, and 401 and 387 mm while standing: no bone of one
+        // length reaches both its ends.
+        let ankle = if *name == "cgm_Movement_trial.c3d" { 14.0 } else { 10.0 };
+        let most = [15.0, 10.0, ankle];
+        for ((joint, _), (mm, most)) in JOINTS.iter().zip(off.joints_mm.iter().zip(most)) {
+            assert!(*mm <= most, "{name}: {joint} {mm:.1} mm");
+        }
+        for ((axis, _), deg) in AXES.iter().zip(&off.axes_deg).take(2) {
+            assert!(*deg <= 3.0, "{name}: {axis} {deg:.2} deg");
+        }
+    }
+}
+
+#[test]
+fn other_hips_and_joints_on_markers_are_off_by_what_is_told() {
+    let Some(folder) = captured::captured("mocap/c3d/pig") else { return };
+    for (title, hips) in [("Bell", HipBy::Bell), ("Harrington", HipBy::Harrington)] {
+        let rows = compared(&folder, &FitSettings { hips, ..FitSettings::default() });
+        table(&format!("joints moved inwards, hip by {title}"), &rows);
+    }
+    let joints = JointsAt::Markers;
+    let rows = compared(&folder, &FitSettings { joints, ..FitSettings::default() });
+    table("joints on markers", &rows);
+    for (name, off) in &rows {
+        // A marker is half a width and its own radius away from the joint under it.
+        assert!((40.0..120.0).contains(&off.joints_mm[1]), "{name}: knee {}", off.joints_mm[1]);
+        assert!((25.0..80.0).contains(&off.joints_mm[2]), "{name}: ankle {}", off.joints_mm[2]);
+    }
+}
+
+/// Plug-in Gait's own rule, without our constant lengths: the stored joints of every frame, to the rounding of 32 bits.
+#[test]
+fn the_rules_of_plug_in_gait_give_its_stored_joints_in_every_frame() {
+    use gaitway::mocap::fit::centres::{
+        Measures, Side, ankle, elbow, elbow_out, hip, knee, pelvis, shoulder, thorax, wrist,
+    };
+    use gaitway::mocap::fit::marker_set::{Labelled, MarkerSet};
+    let Some(folder) = captured::captured("mocap/c3d/pig") else { return };
+    for (name, _, radius_m) in TRIALS {
+        let trial = c3d::read(&folder.join(name)).expect("read");
+        let labelled = Labelled::find(trial.head(), &MarkerSet::shipped(), None).expect("a set");
+        let bones = GaitBones::of(trial.head(), "").expect("stored bones");
+        let mut notes = Vec::new();
+        let first = labelled.seen(&trial, trial.head().frames / 2);
+        let measures = Measures::of(&[trial.head()], &first, radius_m, &mut notes);
+        assert_eq!(notes, Vec::<String>::new(), "{name}: all widths are in the file");
+        let mut frame = Frame::default();
+        let (mut worst, mut compared) = (0.0_f64, 0);
+        for n in 0..trial.head().frames {
+            trial.frame(n, &mut frame);
+            let seen = labelled.seen(&trial, n);
+            let truth = |joint: Joint| bones.joint_m(&frame.points, joint);
+            for side in Side::BOTH {
+                let mut check = |left: Joint, right: Joint, found: Option<DVec3>| {
+                    if let Some((a, b)) = truth(side.of(left, right)).zip(found) {
+                        worst = worst.max(a.distance(b));
+                        compared += 1;
+                    }
+                };
+                let Some(basin) = pelvis(&seen) else { continue };
+                let hip_m = hip(&seen, side, &measures, HipBy::PlugInGait).map(|p| basin.world(p));
+                check(Joint::LeftHip, Joint::RightHip, hip_m);
+                let knee_m = knee(&seen, side, hip_m.expect("a hip"), &measures);
+                check(Joint::LeftKnee, Joint::RightKnee, knee_m);
+                let ankle_m = knee_m.and_then(|knee_m| ankle(&seen, side, knee_m, &measures));
+                check(Joint::LeftAnkle, Joint::RightAnkle, ankle_m);
+                let Some(trunk) = thorax(&seen, radius_m) else { continue };
+                let Some(shoulder_m) = shoulder(&seen, side, &trunk, &measures) else { continue };
+                check(Joint::LeftShoulder, Joint::RightShoulder, Some(shoulder_m));
+                let out = elbow_out(&seen, side, shoulder_m);
+                let elbow_m = out.and_then(|out| elbow(&seen, side, shoulder_m, out, &measures));
+                let Some(elbow_m) = elbow_m else { continue };
+                check(Joint::LeftElbow, Joint::RightElbow, Some(elbow_m));
+                let wrist_m = wrist(&seen, side, elbow_m, &measures);
+                check(Joint::LeftWrist, Joint::RightWrist, wrist_m);
+            }
+        }
+        aloud!(
+            "{name}: {compared} joints by Plug-in Gait's rules, at most {:.3} mm off",
+            worst * 1e3
+        );
+        assert!(compared > 900 && worst < 3e-3, "{name}: {compared} joints, {worst} m");
+    }
+}
+
+/// Every marker of a body that stands, m: a person of 1.75 m with the arms bent, who faces +X.
+fn standing() -> Vec<(&'static str, [f64; 3])> {
+    let mut all = vec![("C7", [-0.06, 0.0, 1.48]), ("T10", [-0.10, 0.0, 1.22])];
+    all.extend([("CLAV", [0.06, 0.0, 1.42]), ("STRN", [0.10, 0.0, 1.26])]);
+    all.push(("RBAK", [-0.09, -0.09, 1.34]));
+    let sides = [
+        ("LFHD", "RFHD", [0.10, 0.07, 1.68]),
+        ("LBHD", "RBHD", [-0.08, 0.07, 1.69]),
+        ("LSHO", "RSHO", [0.0, 0.18, 1.47]),
+        ("LELB", "RELB", [-0.02, 0.24, 1.13]),
+        ("LWRA", "RWRA", [0.24, 0.19, 1.16]),
+        ("LWRB", "RWRB", [0.24, 0.25, 1.12]),
+        ("LASI", "RASI", [0.10, 0.12, 1.0]),
+        ("LPSI", "RPSI", [-0.10, 0.05, 1.02]),
+        ("LTHI", "RTHI", [0.0, 0.19, 0.75]),
+        ("LKNE", "RKNE", [0.0, 0.15, 0.50]),
+        ("LTIB", "RTIB", [0.0, 0.17, 0.30]),
+        ("LANK", "RANK", [0.0, 0.13, 0.08]),
+        ("LHEE", "RHEE", [-0.07, 0.09, 0.04]),
+        ("LTOE", "RTOE", [0.14, 0.10, 0.04]),
+    ];
+    for (left, right, [x, y, z]) in sides {
+        all.extend([(left, [x, y, z]), (right, [x, -y, z])]);
+    }
+    all
+}
+
+fn head(labels: &[String], frames: usize) -> Head {
+    let mut head = Head::new(MarkerFormat::C3d);
+    head.unit = "mm".to_owned();
+    head.frames = frames;
+    head.set_rate(100.0);
+    let point = |label: &String| MarkerPoint {
+        label: label.clone(),
+        description: String::new(),
+        kind: PointKind::Marker,
+        unit: "mm".to_owned(),
+    };
+    head.points = labels.iter().map(point).collect();
+    head
+}
+
+/// Markers of a body in motion: `moved` says where a marker of the standing body is in a frame, if it is seen.
+fn markers(
+    rename: impl Fn(&str) -> String,
+    frames: usize,
+    moved: impl Fn(&str, DVec3, usize) -> Option<DVec3>,
+) -> Markers {
+    let standing = standing();
+    let labels: Vec<String> = standing.iter().map(|(label, _)| rename(label)).collect();
+    let mut all = Markers::with_room(head(&labels, frames)).expect("room");
+    for frame in 0..frames {
+        let points = standing.iter().map(|(label, place)| {
+            let place = moved(label, DVec3::from_array(*place), frame)? * 1e3;
+            let position = place.to_array().map(|number| number as f32);
+            Some(PointSample { position, residual: 0.0, cameras: 0 })
+        });
+        all.push(&Frame { points: points.collect(), analog: Vec::new() });
+    }
+    all
+}
+
+fn named(label: &str) -> String {
+    label.to_owned()
+}
+
+/// Where the body is in a frame: it walks a circle and leans forward by up to 20 degrees, as one piece.
+fn carried(frame: usize) -> (DQuat, DVec3) {
+    let time = frame as f64 / 100.0;
+    let lean = DQuat::from_rotation_y(0.35 * (1.0 - (2.0 * time).cos()) / 2.0);
+    (DQuat::from_rotation_z(0.8 * time) * lean, DVec3::new(time, 0.2 * time * time, 0.0))
+}
+
+fn in_one_piece(_: &str, place: DVec3, frame: usize) -> Option<DVec3> {
+    let (turn, shift) = carried(frame);
+    Some(turn * place + shift)
+}
+
+/// The turn of each segment since the first frame, against the truth; the worst, rad.
+fn worst_turn(fitted: &Fitted, truth: impl Fn(Segment, usize) -> DQuat) -> f64 {
+    let mut worst = 0.0_f64;
+    for (frame, pose) in fitted.poses.iter().enumerate() {
+        for segment in Segment::ALL {
+            let at = segment.index();
+            let since = pose.orientation[at] * fitted.poses[0].orientation[at].inverse();
+            let expected = truth(segment, frame) * truth(segment, 0).inverse();
+            worst = worst.max(since.angle_between(expected));
+        }
+    }
+    worst
+}
+
+fn stands() -> Markers {
+    markers(named, 60, |_, place, _| Some(place))
+}
+
+#[test]
+fn a_body_that_moves_as_one_piece_is_fitted_exactly_with_bones_of_constant_length() {
+    let trial = markers(named, 300, in_one_piece);
+    let fitted = fit(Some(&stands()), &trial, &FitSettings::default()).expect("fitted");
+    assert!(worst_turn(&fitted, |_, frame| carried(frame).0) < 1e-5);
+    assert_eq!(fitted.tracked, [true; 13]);
+    assert_eq!(fitted.unseen, []);
+    for marker in &fitted.markers {
+        assert!(marker.worst_m < 1e-5 && marker.missing == 0, "{marker:?}");
+    }
+    for (segment, length_m) in &fitted.lengths_m {
+        let (from, to) = match segment {
+            Segment::LeftThigh => (Joint::LeftHip, Joint::LeftKnee),
+            Segment::RightShank => (Joint::RightKnee, Joint::RightAnkle),
+            Segment::LeftUpperArm => (Joint::LeftShoulder, Joint::LeftElbow),
+            _ => continue,
+        };
+        for joints in &fitted.joints_m {
+            let ends = [from, to].map(|joint| joints[joint.index()].expect("found"));
+            let found_m = ends[0].distance(ends[1]);
+            assert!((found_m - length_m).abs() < 2e-6, "{segment:?}: {found_m} m");
+        }
+    }
+}
+
+fn bend(frame: usize) -> DQuat {
+    DQuat::from_rotation_y(1.2 * (frame as f64 / 40.0).sin().powi(2))
+}
+
+fn kicked(knee: DVec3, label: &str, place: DVec3, frame: usize) -> DVec3 {
+    let is_below = ["LTIB", "LANK", "LHEE", "LTOE"].contains(&label);
+    if is_below { knee + bend(frame) * (place - knee) } else { place }
+}
+
+/// The left leg kicks about its knee: the shank and the foot turn about an axis along Y through the knee joint.
+#[test]
+fn a_knee_that_bends_is_seen_to_bend_by_as_much() {
+    let still = fit(Some(&stands()), &stands(), &FitSettings::default()).expect("fitted");
+    let knee = still.joints_m[0][Joint::LeftKnee.index()].expect("a knee");
+    let trial = markers(named, 200, |label, place, frame| Some(kicked(knee, label, place, frame)));
+    let fitted = fit(Some(&stands()), &trial, &FitSettings::default()).expect("fitted");
+    let truth = |segment: Segment, frame: usize| match segment {
+        Segment::LeftShank | Segment::LeftFoot => bend(frame),
+        _ => DQuat::IDENTITY,
+    };
+    let worst = worst_turn(&fitted, truth);
+    // 70 degrees of bend; the marker of this knee sits a centimetre beside its axis.
+    assert!(worst < 0.06, "{worst} rad");
+    let heights: Vec<f64> =
+        fitted.joints_m.iter().map(|j| j[Joint::LeftKnee.index()].expect("a knee").z).collect();
+    assert!(heights.iter().all(|z| (z - heights[0]).abs() < 1e-4));
+}
+
+/// Noise of 2 mm on each axis, and every fourth marker gone for a while: the turn stays within what such noise makes of a
+/// segment with markers 5 to 15 cm apart.
+#[test]
+fn noise_and_missing_markers_cost_a_little_accuracy_and_nothing_else() {
+    let noise = |label: &str, frame: usize, axis: u64| {
+        let mut hash = 0xcbf2_9ce4_8422_2325_u64 ^ axis;
+        for byte in label.bytes().chain((frame as u32).to_le_bytes()) {
+            hash = (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
+        }
+        hash ^= hash >> 29;
+        ((hash.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 11) as f64 / (1_u64 << 53) as f64 - 0.5)
+            * 0.007
+    };
+    let gone = ["LPSI", "T10", "RFHD", "LTHI", "RANK"];
+    let trial = markers(named, 200, |label, place, frame| {
+        let place = in_one_piece(label, place, frame)?;
+        let off =
+            DVec3::new(noise(label, frame, 1), noise(label, frame, 2), noise(label, frame, 3));
+        let is_gone = gone.contains(&label) && (80..120).contains(&frame);
+        (!is_gone).then_some(place + off)
+    });
+    let fitted = fit(Some(&stands()), &trial, &FitSettings::default()).expect("fitted");
+    assert_eq!(fitted.unseen, [], "other markers bridge them");
+    let (mut sum, mut count) = (0.0, 0.0);
+    for (frame, pose) in fitted.poses.iter().enumerate() {
+        for segment in [Segment::Pelvis, Segment::Torso, Segment::Head, Segment::LeftThigh] {
+            let at = segment.index();
+            let axis = pose.orientation[at] * DVec3::Z;
+            let still = carried(frame).0 * DVec3::Z;
+            let tilt = if segment == Segment::LeftThigh { 0.0 } else { axis.angle_between(still) };
+            sum += tilt.to_degrees().powi(2);
+            count += 1.0;
+        }
+    }
+    let rms: f64 = (sum / count as f64).sqrt();
+    aloud!("2 mm of noise and gaps of 0.4 s: long axes {rms:.2} deg rms off");
+    assert!(rms < 2.0, "{rms} deg");
+    let missing: usize = fitted.markers.iter().map(|marker| marker.missing).sum();
+    assert_eq!(missing, gone.len() * 40);
+}
+
+#[test]
+fn a_segment_without_any_marker_is_filled_in_and_told_of() {
+    let foot = ["LHEE", "LTOE"];
+    let trial = markers(named, 100, |label, place, frame| {
+        let is_gone = foot.contains(&label) && (40..60).contains(&frame);
+        (!is_gone).then(|| in_one_piece(label, place, frame)).flatten()
+    });
+    let fitted = fit(Some(&stands()), &trial, &FitSettings::default()).expect("fitted");
+    let told: Vec<_> = fitted.unseen.iter().map(|gap| (gap.segment, gap.from, gap.to)).collect();
+    assert_eq!(told, [(Segment::LeftFoot, 40, 60)]);
+    assert!(worst_turn(&fitted, |_, frame| carried(frame).0) < 0.01);
+}
+
+#[test]
+fn a_trial_without_a_static_one_calibrates_itself_where_it_is_quietest_and_says_so() {
+    let trial = markers(named, 300, |label, place, frame| {
+        in_one_piece(label, place, frame.saturating_sub(100))
+    });
+    let fitted = fit(None, &trial, &FitSettings::default()).expect("fitted");
+    assert!(fitted.notes.iter().any(|note| note.contains("calibrates itself")));
+    assert!(
+        fitted.notes.iter().any(|note| note.contains("calibrated from 0.0")),
+        "{:?}",
+        fitted.notes
+    );
+    assert!(worst_turn(&fitted, |_, f| carried(f.saturating_sub(100)).0) < 1e-5);
+}
+
+#[test]
+fn other_names_prefixes_and_another_axis_up_make_no_difference() {
+    let cmu = |label: &str| {
+        let known = match label {
+            "LASI" => "LFWT",
+            "RASI" => "RFWT",
+            "LPSI" => "LBWT",
+            "RPSI" => "RBWT",
+            "LTIB" => "LSHN",
+            "RTIB" => "RSHN",
+            // The set is told by its fifth metatarsals; the trunk does without the lower back marker.
+            "RBAK" => "LMT5",
+            "RFHD" => "RMT5",
+            other => other,
+        };
+        format!("Daniel:{known}")
+    };
+    // X to the right, Y up, Z backwards.
+    let y_up = |place: DVec3| DVec3::new(-place.y, place.z, -place.x);
+    let feet = |label: &str, place: DVec3| match label {
+        "RBAK" => DVec3::new(0.10, 0.15, 0.04),
+        "RFHD" => DVec3::new(0.10, -0.15, 0.04),
+        _ => place,
+    };
+    let trial = markers(cmu, 100, |label, place, frame| {
+        in_one_piece(label, feet(label, place), frame).map(y_up)
+    });
+    let stands = markers(cmu, 60, |label, place, _| Some(y_up(feet(label, place))));
+    let fitted = fit(Some(&stands), &trial, &FitSettings::default()).expect("fitted");
+    assert_eq!(
+        (fitted.labelled.set.name.as_str(), fitted.labelled.subject.as_str()),
+        ("cmu-41", "Daniel")
+    );
+    let plain =
+        fit(Some(&self::stands()), &markers(named, 100, in_one_piece), &FitSettings::default());
+    let plain = plain.expect("fitted").capture();
+    for (a, b) in fitted.capture().poses.iter().zip(&plain.poses) {
+        assert!((a.root_m - b.root_m).length() < 1e-4, "{} {}", a.root_m, b.root_m);
+        let thigh = Segment::LeftThigh.index();
+        assert!(a.orientation[thigh].angle_between(b.orientation[thigh]) < 1e-3);
+    }
+}
+
+#[test]
+fn what_matches_no_set_is_refused_with_what_was_found_and_what_is_lacking() {
+    let nothing = markers(|label| format!("x{label}"), 60, |_, place, _| Some(place));
+    let refused = fit(None, &nothing, &FitSettings::default()).expect_err("no set").to_string();
+    assert!(refused.contains("xC7") && refused.contains("plug-in-gait (lacks LASI"), "{refused}");
+    let wanted = FitSettings { subject: Some("Eve".to_owned()), ..FitSettings::default() };
+    let refused = fit(None, &stands(), &wanted).expect_err("no Eve").to_string();
+    assert!(refused.contains("--subject"), "{refused}");
+}
+
+#[test]
+fn two_subjects_are_asked_for_by_name_and_legs_alone_are_fitted_as_legs() {
+    let two = |label: &str| match label.starts_with('L') {
+        true => format!("A:{label}"),
+        false => format!("B:{label}"),
+    };
+    // Neither half is a person.
+    assert!(fit(None, &markers(two, 60, |_, p, _| Some(p)), &FitSettings::default()).is_err());
+    let lower = |label: &str| match label {
+        "LASI" | "RASI" | "LPSI" | "RPSI" | "LTHI" | "RTHI" | "LKNE" | "RKNE" | "LTIB" | "RTIB"
+        | "LANK" | "RANK" | "LHEE" | "RHEE" | "LTOE" | "RTOE" => label.to_owned(),
+        _ => format!("*{label}"),
+    };
+    let fitted = fit(None, &markers(lower, 100, in_one_piece), &FitSettings::default());
+    let fitted = fitted.expect("fitted");
+    assert_eq!(fitted.labelled.set.name, "plug-in-gait-lower");
+    assert!(!fitted.tracked[Segment::Torso.index()] && fitted.tracked[Segment::LeftFoot.index()]);
+    assert!(fitted.notes.iter().any(|note| note.contains("torso has too few markers")));
+}
+
+fn c3d_of(folder: &Path, name: &str, markers: &Markers) -> String {
+    let mut bytes = Vec::new();
+    c3d::write::write(&mut bytes, &mut FramesOf::new(markers)).expect("written");
+    let file = folder.join(name);
+    std::fs::write(&file, bytes).expect("a file");
+    file.to_str().expect("a path").to_owned()
+}
+
+#[test]
+fn the_command_writes_a_skeleton_angles_and_segments_and_markers_go_on_to_a_robot() {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("fit-command");
+    let _ = std::fs::remove_dir_all(&folder);
+    std::fs::create_dir_all(&folder).expect("a folder");
+    let still = fit(Some(&stands()), &stands(), &FitSettings::default()).expect("fitted");
+    let knee = still.joints_m[0][Joint::LeftKnee.index()].expect("a knee");
+    let kicks = markers(named, 200, |label, place, frame| Some(kicked(knee, label, place, frame)));
+    let trial = c3d_of(&folder, "trial.c3d", &kicks);
+    let stands = c3d_of(&folder, "stands.c3d", &stands());
+    let path = |name: &str| folder.join(name).to_str().expect("a path").to_owned();
+    let run = |arguments: &[&str]| {
+        let done = program::gaitway().args(arguments).output().expect("it runs");
+        let said = String::from_utf8_lossy(&done.stderr).into_owned();
+        assert_eq!(done.status.code(), Some(0), "{arguments:?}: {said}");
+        String::from_utf8(done.stdout).expect("text")
+    };
+    let told = run(&["fit", &trial, "--static", &stands, "-o", &path("out"), "--json"]);
+    let report: serde_json::Value = serde_json::from_str(&told).expect("JSON");
+    assert_eq!(report["outcome"], "done");
+    assert_eq!(report["marker_set"], "plug-in-gait");
+    let bones = report["bones"].as_array().expect("bones");
+    assert_eq!(bones.len(), 13);
+    assert!(bones.iter().all(|bone| bone["residual_m"].as_f64().expect("m") < 0.01), "{told}");
+    let thigh = bones.iter().find(|bone| bone["name"] == "left_thigh").expect("a thigh");
+    let length_m = thigh["length_m"].as_f64().expect("m");
+    assert!(report["markers"][0]["residual_m"].as_f64().is_some());
+    // The skeleton that was written has these bones, in cm, and opens as a capture.
+    let text = std::fs::read_to_string(path("out/trial.bvh")).expect("a skeleton");
+    let shank = text.split("JOINT LeftLeg").nth(1).expect("a shank").split("OFFSET").nth(1);
+    let numbers = shank.expect("an offset").split_whitespace().take(3);
+    let squares: f64 = numbers.map(|n| n.parse::<f64>().expect("a number").powi(2)).sum();
+    assert!((squares.sqrt() / 100.0 - length_m).abs() < 1e-5);
+    run(&["info", &path("out/trial.bvh")]);
+    let angles = std::fs::read_to_string(path("out/trial.csv")).expect("angles");
+    assert_eq!(angles.lines().count(), 201);
+    assert!(angles.starts_with("time_s,"));
+    assert_eq!(angles.lines().next().expect("titles").split(',').count(), 1 + 22 + 3 + 3);
+    let segments = std::fs::read_to_string(path("out/trial.segments.csv")).expect("segments");
+    assert_eq!(segments.lines().next().expect("titles").split(',').count(), 4 + 4 * 13);
+    let robot = ["--robot", "op3", "--static", &stands];
+    let out = path("robot.csv");
+    run(&[&["retarget", trial.as_str(), "-o", out.as_str()], &robot[..]].concat());
+    run(&["convert", &trial, &path("model.bvh"), "--static", &stands]);
+    run(&[
+        "actionlets",
+        &trial,
+        "-o",
+        &path("kick.toml"),
+        "--static",
+        &stands,
+        "--tolerance",
+        "10",
+    ]);
+    let play = ["play", trial.as_str(), "--bus", "sim", "--to", "1"];
+    run(&[&play[..], &robot[..]].concat());
+    // What is there is not written over.
+    let again = program::gaitway().args(["fit", &trial, "-o", &path("out")]).output();
+    assert_eq!(again.expect("it runs").status.code(), Some(1));
+}
