@@ -43,7 +43,7 @@ enum MeasuredBy {
     Pressure { metres_per_place: f64 },
     Moments { to_surface_m: DVec3 },
     Posts { beside_m: [f64; 2], to_surface_m: DVec3 },
-    Matrix { matrix: [[f64; 6]; 6], to_surface_m: DVec3 },
+    Matrix { matrix: Box<[[f64; 6]; 6]>, to_surface_m: DVec3 },
 }
 
 /// What the ground does to who stands on a plate, at one time, in the axes of the points.
@@ -141,7 +141,7 @@ impl Plate {
                 to_surface_m: DVec3::new(0.0, 0.0, to_surface_m.z),
             },
             PlateKind::Calibrated => match matrix_of(&stored.calibration) {
-                Some(matrix) => MeasuredBy::Matrix { matrix, to_surface_m },
+                Some(matrix) => MeasuredBy::Matrix { matrix: Box::new(matrix), to_surface_m },
                 None => MeasuredBy::Moments { to_surface_m },
             },
             PlateKind::Other(number) => {
