@@ -14,6 +14,7 @@ pub mod inserts;
 pub mod limp;
 pub mod live;
 pub mod manual;
+pub mod model;
 pub mod monitor;
 pub mod operator;
 pub mod output;
@@ -22,12 +23,14 @@ pub mod play;
 pub mod ports;
 pub mod profile;
 pub mod protocol;
+pub mod recognise;
 pub mod record;
 pub mod recordings;
 pub mod report;
 pub mod retarget;
 pub mod robot;
 pub mod scan;
+pub mod score;
 pub mod servo;
 pub mod signals;
 pub mod simulate;
@@ -88,6 +91,12 @@ enum Command {
     Fit(Box<fit::FitArgs>),
     /// Break a captured motion down into actionlets
     Actionlets(Box<actionlets::ActionletsArgs>),
+    /// Name what a body does in a capture or an action
+    Recognise(Box<recognise::RecogniseArgs>),
+    /// Models by which actions are recognised
+    Model(model::ModelArgs),
+    /// Judge the program on labelled clips
+    Score(score::ScoreArgs),
     /// Switch torque on where the robot stands: it holds
     Hold(hold::HoldArgs),
     /// Switch torque off: the robot goes limp (and falls, so it asks)
@@ -160,6 +169,9 @@ fn run(cli: &Cli) -> i32 {
         Command::Synth(args) => synth::run(args, remarks),
         Command::Fit(args) => fit::run(args, remarks),
         Command::Actionlets(args) => actionlets::run(args, remarks),
+        Command::Recognise(args) => recognise::run(args, remarks),
+        Command::Model(args) => model::run(args),
+        Command::Score(args) => score::run(args, remarks),
         Command::Hold(args) => hold::run(args, remarks),
         Command::Limp(args) => limp::run(args),
         Command::Simulate(args) => simulate::run(args, remarks),

@@ -42,13 +42,14 @@ const ROOMS: &[Room] = &[
     room(
         "job",
         "action body bus calibration capture control device draft error mocap motion plot port \
-         recording rig rigid robot sensing session table time wire",
+         recognise recording rig rigid robot sensing session table time wire",
         "clock files network profiles simulator threads wall-clock",
     ),
     room("mocap", "body error motion table toml_text units", "files"),
     room("motion", "error", ""),
     room("plot", "", ""),
     room("port", "time wire", "clock files network ports simulator threads wall-clock"),
+    room("recognise", "body error toml_text", ""),
     room("recording", "capture draft error table time", "clock files threads wall-clock"),
     room("rig", "bus calibration device error port robot time wire", "clock profiles simulator"),
     room("rigid", "error", ""),

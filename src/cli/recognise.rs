@@ -1,0 +1,122 @@
+//! `recognise`: what a body does, named as it happens.
+
+use super::output::{Untold, print_json};
+use super::{Deed, Output, Remarks};
+use crate::error::Error;
+use crate::job::recognise::{
+    EquationReading, RecogniseOrder, RecogniseReport, RecognitionEvent, counts, recognise,
+};
+use crate::job::source::CaptureOptions;
+use clap::Args;
+use std::fmt::Write;
+use std::path::PathBuf;
+
+/// Arguments of `recognise`.
+#[derive(Clone, Debug, Args)]
+#[command(after_help = "\
+Each action is a model: a file with ordered phases, each of them a part of a pose (docs/recognition.md). A
+model that needs what the source does not show cannot fire, and is named.
+
+Example: gaitway recognise dance.bvh
+         gaitway recognise walk:6s,wave-r,bow --labels found.csv")]
+pub struct RecogniseArgs {
+    /// A capture (.bvh, .amc), or actions
+    motion: String,
+    /// Folder of models, in place of those that ship with gaitway
+    #[arg(long, value_name = "DIR")]
+    models: Option<PathBuf>,
+    /// Write what was recognised as a table: start_s, end_s, class, side, person
+    #[arg(long, value_name = "OUT.csv")]
+    labels: Option<PathBuf>,
+    /// Print what happens as lines of JSON, as it happens: begun, phase, done, broken_off
+    #[arg(long, conflicts_with = "json")]
+    json_lines: bool,
+    /// Read the paper's equations and its state machine as they are printed, for comparison
+    #[arg(long)]
+    strict: bool,
+    /// File that says which joint of the capture is which body segment (TOML)
+    #[arg(long, value_name = "FILE.toml")]
+    mapping: Option<PathBuf>,
+    /// Skeleton of an AMC file [default: the .asf file beside it that it is named after]
+    #[arg(long, value_name = "FILE.asf")]
+    skeleton: Option<PathBuf>,
+    /// Frames per second of an AMC file [default: what the file says, or 120]
+    #[arg(long, value_name = "HZ", allow_negative_numbers = true)]
+    rate: Option<f64>,
+    #[command(flatten)]
+    output: Output,
+}
+
+/// Runs `recognise`.
+///
+/// # Errors
+/// If the motion or a model cannot be read, or a file cannot be written.
+pub fn run(args: &RecogniseArgs, remarks: Remarks) -> Result<i32, Error> {
+    args.output.check_files(&[&args.labels])?;
+    let order = RecogniseOrder {
+        motion: args.motion.clone(),
+        mapping: args.mapping.clone(),
+        reading: CaptureOptions { skeleton: args.skeleton.clone(), rate_hz: args.rate },
+        models: args.models.clone(),
+        equations: if args.strict { EquationReading::Strict } else { EquationReading::Repaired },
+        labels: args.labels.clone(),
+        replace: args.output.force(),
+    };
+    let mut untold = None;
+    let report = recognise(&order, |event| {
+        if args.json_lines && untold.is_none() {
+            untold = told(event).err();
+        }
+    })?;
+    if let Some(error) = untold {
+        return Err(error);
+    }
+    let text = if args.json_lines { String::new() } else { words(&report, remarks) };
+    Ok(args.output.conclude(&report, &text, Deed::Look, 0))
+}
+
+fn told(event: &RecognitionEvent) -> Result<(), Error> {
+    let line = serde_json::to_string(event)
+        .map_err(|cause| Error::new("the event cannot be written").got(cause.to_string()))?;
+    match print_json(&(line + "\n")) {
+        Err(Untold::Failed(cause)) => Err(Untold::Failed(cause).into()),
+        // Whoever reads has had enough.
+        Ok(()) | Err(Untold::Unwanted) => Ok(()),
+    }
+}
+
+fn words(report: &RecogniseReport, remarks: Remarks) -> String {
+    let mut text = String::new();
+    for event in &report.events {
+        let side = event.side.map_or("", |side| side.word());
+        let _ = writeln!(
+            text,
+            "{:8.2} to {:7.2} s  {:22} {side}",
+            event.start_s, event.end_s, event.action
+        );
+    }
+    if remarks.quiet {
+        return text;
+    }
+    let _ = writeln!(
+        text,
+        "{} events in {} frames at {} Hz, by {} models",
+        report.events.len(),
+        report.frames,
+        report.rate_hz,
+        report.models
+    );
+    for ((action, side), count) in counts(&report.events) {
+        let side = side.map_or("", |side| side.word());
+        let _ = writeln!(text, "  {count:4} x {action} {side}");
+    }
+    for blind in &report.blind {
+        let _ = writeln!(
+            text,
+            "blind     {}: the source does not show {}",
+            blind.model,
+            blind.missing.join(", ")
+        );
+    }
+    text
+}

@@ -1,0 +1,160 @@
+//! `score`: the program judged on what is known.
+
+use super::{Deed, Output, Remarks};
+use crate::error::Error;
+use crate::job::recognise::EquationReading;
+use crate::job::score::{
+    ClassFigures, ClassificationOrder, ClassificationReport, Half, classification,
+};
+use clap::{Args, Subcommand};
+use std::fmt::Write;
+use std::path::PathBuf;
+
+/// Arguments of `score`.
+#[derive(Debug, Args)]
+pub struct ScoreArgs {
+    #[command(subcommand)]
+    command: ScoreCommand,
+}
+
+#[derive(Debug, Subcommand)]
+enum ScoreCommand {
+    /// How well actions are recognised in a folder of labelled clips
+    Classification(Box<ClassificationArgs>),
+}
+
+/// Arguments of `score classification`.
+#[derive(Clone, Debug, Args)]
+#[command(after_help = "\
+The table of labels has the columns file and class, and if known side (L, R), style, start_s, end_s. Labels with
+times are judged by overlap of more than half; labels without by what was recognised anywhere in the clip.
+Labels that no model means are distractors: whatever is recognised in them is false.
+
+Example: gaitway score classification clips --half second")]
+pub struct ClassificationArgs {
+    /// Folder of clips
+    folder: PathBuf,
+    /// The table of labels [default: labels.csv in the folder]
+    #[arg(long, value_name = "FILE.csv")]
+    labels: Option<PathBuf>,
+    /// Folder of models, in place of those that ship with gaitway
+    #[arg(long, value_name = "DIR")]
+    models: Option<PathBuf>,
+    /// Every other clip of each class, the first or the second of two
+    #[arg(long, value_name = "first|second", value_parser = half)]
+    half: Option<Half>,
+    /// Read the paper's equations and its state machine as they are printed, for comparison
+    #[arg(long)]
+    strict: bool,
+    #[command(flatten)]
+    output: Output,
+}
+
+fn half(text: &str) -> Result<Half, String> {
+    match text {
+        "first" => Ok(Half::First),
+        "second" => Ok(Half::Second),
+        _ => Err("first or second".to_owned()),
+    }
+}
+
+/// Runs `score`.
+///
+/// # Errors
+/// A table of labels or models that cannot be read.
+pub fn run(args: &ScoreArgs, remarks: Remarks) -> Result<i32, Error> {
+    let ScoreCommand::Classification(args) = &args.command;
+    args.output.check_files(&[])?;
+    let order = ClassificationOrder {
+        folder: args.folder.clone(),
+        labels: args.labels.clone(),
+        models: args.models.clone(),
+        equations: if args.strict { EquationReading::Strict } else { EquationReading::Repaired },
+        half: args.half,
+    };
+    let report = classification(&order, |index, count, file| {
+        if index % 20 == 0 {
+            remarks.say(&format!("{index} of {count}: {file}"));
+        }
+    })?;
+    Ok(args.output.conclude(&report, &words(&report), Deed::Look, 0))
+}
+
+fn percent(value: Option<f64>) -> String {
+    value.map_or_else(|| "-".to_owned(), |value| format!("{:.1}", 100.0 * value))
+}
+
+fn line(text: &mut String, of: &ClassFigures) {
+    let interval = of.recall_interval.map_or_else(String::new, |[low, high]| {
+        format!("  {:.0} to {:.0}", 100.0 * low, 100.0 * high)
+    });
+    let _ = writeln!(
+        text,
+        "{:22} {:>7} {:>10} {:>6} {:>11} {:>8}{interval}",
+        of.class,
+        of.tally.correct,
+        of.tally.recognised,
+        of.tally.truth,
+        percent(of.precision),
+        percent(of.recall)
+    );
+}
+
+fn words(report: &ClassificationReport) -> String {
+    let mut text = format!(
+        "{:22} {:>7} {:>10} {:>6} {:>11} {:>8}  95 % interval\n",
+        "class", "correct", "recognised", "there", "precision %", "recall %"
+    );
+    for class in &report.per_class {
+        line(&mut text, class);
+    }
+    line(&mut text, &report.global);
+    let _ = writeln!(
+        text,
+        "{:22} {:>37} {:>8}",
+        "mean of classes",
+        percent(report.mean_precision),
+        percent(report.mean_recall)
+    );
+    text.push_str("\nby style\n");
+    for style in &report.per_style {
+        line(&mut text, style);
+    }
+    text.push_str("\nwhat was recognised in the clips of each label\n");
+    for label in &report.per_label {
+        let found: Vec<String> =
+            label.recognised.iter().map(|(action, clips)| format!("{action} {clips}")).collect();
+        let meaning = label.class.as_deref().unwrap_or("(distractor)");
+        let _ = writeln!(
+            text,
+            "{:22} {:>4} {meaning:14} {}",
+            label.label,
+            label.clips,
+            found.join(", ")
+        );
+    }
+    let _ = writeln!(
+        text,
+        "\nsides     {} of {} recognitions were on the side that the label says",
+        report.sides.correct, report.sides.truth
+    );
+    match &report.segmentation {
+        Some(cut) => {
+            let _ = writeln!(
+                text,
+                "cuts      {} compared: mean error {:.1} frames ({:.0} ms), greatest {:.1}",
+                cut.cuts, cut.mean_frames, cut.mean_ms, cut.most_frames
+            );
+        }
+        None => text.push_str("cuts      no label has times: clips were judged whole\n"),
+    }
+    for unread in &report.unread {
+        let _ = writeln!(text, "unread    {unread}");
+    }
+    let _ = writeln!(
+        text,
+        "{} clips, {} frames, {:.0} s",
+        report.clips, report.frames, report.duration_s
+    );
+    text
+}

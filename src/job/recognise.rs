@@ -1,0 +1,420 @@
+//! What a body does, named: events as they happen, and a report at the end.
+
+use super::source::{self, Source};
+use crate::body::Proportions;
+use crate::draft;
+use crate::error::{Error, ErrorKind};
+use crate::mocap::anatomy::Capture;
+use crate::mocap::files::CaptureOptions;
+use crate::recognise::features::{Feature, Noise};
+use crate::recognise::machine::{ActionEvent, Span};
+use crate::recognise::model::file::{self, Bands, MAX_BYTES};
+use crate::recognise::model::{ActionModel, BodySide, vocabulary};
+use crate::recognise::points::{Lengths, Points};
+use crate::recognise::stream::Recogniser;
+use crate::table::TableWriter;
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+pub use crate::recognise::posture::EquationReading;
+
+/// Most model files of a folder.
+const MAX_MODELS: usize = 10_000;
+
+/// What is to be recognised, and by what.
+#[derive(Clone, Debug, Default)]
+pub struct RecogniseOrder {
+    /// A capture (.bvh, .amc), or actions.
+    pub motion: String,
+    /// File that says which joint of the capture is which body segment.
+    pub mapping: Option<PathBuf>,
+    /// What the capture does not say itself.
+    pub reading: CaptureOptions,
+    /// Folder of models in place of the shipped ones.
+    pub models: Option<PathBuf>,
+    /// How the paper's equations are read.
+    pub equations: EquationReading,
+    /// A table of what was found.
+    pub labels: Option<PathBuf>,
+    /// It may replace one that is there.
+    pub replace: bool,
+}
+
+/// A phase of an action that was recognised.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PhaseTimes {
+    /// Its name in the model.
+    pub name: String,
+    /// Its first frame, s.
+    pub start_s: f64,
+    /// Its last frame, s.
+    pub end_s: f64,
+}
+
+/// An action that was recognised.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct RecognisedAction {
+    /// Which.
+    pub action: String,
+    /// On which side, where it has one.
+    pub side: Option<BodySide>,
+    /// The model that recognised it.
+    pub model: String,
+    /// Its first frame, s.
+    pub start_s: f64,
+    /// Its last frame, s.
+    pub end_s: f64,
+    /// When that was known, s.
+    pub recognised_at_s: f64,
+    /// Whose.
+    pub person: usize,
+    /// Its phases, in their order.
+    pub phases: Vec<PhaseTimes>,
+}
+
+/// Something that happens while a source runs: a line of JSON.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct RecognitionEvent {
+    /// `begun`, `phase`, `done`, `broken_off`.
+    pub kind: &'static str,
+    /// When it is told, s.
+    pub at_s: f64,
+    /// Which action.
+    pub action: String,
+    /// On which side, where it has one.
+    pub side: Option<BodySide>,
+    /// The model that says so.
+    pub model: String,
+    /// Whose.
+    pub person: usize,
+    /// The phase that is over or was broken off, the first is 1.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub phase: Option<usize>,
+    /// Of so many.
+    pub phases: usize,
+    /// Where it began, s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub start_s: Option<f64>,
+    /// Where it ended, s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub end_s: Option<f64>,
+}
+
+/// A model that could not fire, because the source does not show what it needs.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct BlindModel {
+    /// Which.
+    pub model: String,
+    /// The features that were never there.
+    pub missing: Vec<String>,
+}
+
+/// What was recognised.
+#[derive(Clone, Debug, Serialize)]
+pub struct RecogniseReport {
+    /// `done`.
+    pub outcome: &'static str,
+    /// What was looked at.
+    pub motion: String,
+    /// The motion as it came in.
+    pub source: Source,
+    /// Frames per second.
+    pub rate_hz: f64,
+    /// Frames.
+    pub frames: usize,
+    /// Models that looked on.
+    pub models: usize,
+    /// How far a point moves in a frame in which nothing moves, m: in the quietest half second of the source.
+    /// Null where nobody ever stands still.
+    pub noise_m: Option<f64>,
+    /// What was recognised, in the order in which it was known.
+    pub events: Vec<RecognisedAction>,
+    /// Models that could not fire.
+    pub blind: Vec<BlindModel>,
+    /// Choices made on the way.
+    pub notes: Vec<String>,
+}
+
+/// The models of a folder, or those that ship with gaitway.
+///
+/// # Errors
+/// A folder that cannot be read or has no models, a file that is no model, two models of one name.
+pub fn models(folder: Option<&Path>) -> Result<Vec<ActionModel>, Error> {
+    let Some(folder) = folder else { return vocabulary::all() };
+    let unreadable = |e: std::io::Error| {
+        Error::of((&e).into(), "the folder of models cannot be read")
+            .at(folder.display().to_string())
+            .got(e.to_string())
+    };
+    let mut files = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(unreadable)? {
+        let path = entry.map_err(unreadable)?.path();
+        if path.extension().is_some_and(|ending| ending == "toml") {
+            files.push(path);
+        }
+        if files.len() > MAX_MODELS {
+            return Err(Error::of(ErrorKind::OutsideLimits, "too many models")
+                .at(folder.display().to_string())
+                .allowed(MAX_MODELS.to_string()));
+        }
+    }
+    files.sort_unstable();
+    if files.is_empty() {
+        return Err(Error::of(ErrorKind::Absent, "there are no models in this folder")
+            .at(folder.display().to_string())
+            .allowed("files that end in .toml"));
+    }
+    let mut models: Vec<ActionModel> = Vec::new();
+    for path in &files {
+        let model = read_model(path)?;
+        if let Some(other) = models.iter().position(|other| other.name == model.name) {
+            return Err(Error::new("two models have one name")
+                .at(path.display().to_string())
+                .got(format!("{}, also in {}", model.name, files[other].display())));
+        }
+        models.push(model);
+    }
+    Ok(models)
+}
+
+/// Reads a model file; a model that it mirrors is looked for beside it, then among the shipped ones.
+///
+/// # Errors
+/// A file that cannot be read or is no model.
+pub fn read_model(path: &Path) -> Result<ActionModel, Error> {
+    let beside = |name: &str| {
+        let fits = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
+        let is_name = name.chars().all(fits);
+        let other = path.with_file_name(format!("{name}.toml"));
+        let text = if is_name { model_text(&other).ok() } else { None };
+        match text {
+            Some(text) => file::parse(&text, name, &Bands::default(), &|_| None).ok(),
+            None => vocabulary::find(name).ok(),
+        }
+    };
+    file::parse(&model_text(path)?, &path.display().to_string(), &Bands::default(), &beside)
+}
+
+fn model_text(path: &Path) -> Result<String, Error> {
+    let unreadable = |e: std::io::Error| {
+        Error::of((&e).into(), "cannot read the model file")
+            .at(path.display().to_string())
+            .got(e.to_string())
+    };
+    // Asked before opening: opening a FIFO would wait for a writer.
+    if !std::fs::metadata(path).map_err(unreadable)?.is_file() {
+        return Err(Error::of(ErrorKind::Malformed, "this is not a regular file")
+            .at(path.display().to_string()));
+    }
+    let mut text = String::new();
+    let opened = std::fs::File::open(path).map_err(unreadable)?;
+    opened.take(MAX_BYTES as u64 + 1).read_to_string(&mut text).map_err(unreadable)?;
+    Ok(text)
+}
+
+/// Recognises what is done in a motion. Events are told to `hear` as they happen.
+///
+/// # Errors
+/// A motion or a model that cannot be read, a table that cannot be written.
+pub fn recognise(
+    order: &RecogniseOrder,
+    mut hear: impl FnMut(&RecognitionEvent),
+) -> Result<RecogniseReport, Error> {
+    let models = models(order.models.as_deref())?;
+    let (capture, source) =
+        source::body_motion(&order.motion, order.mapping.as_deref(), &order.reading)?;
+    let found = of_capture(&capture, models, order.equations, &mut hear)?;
+    if let Some(path) = &order.labels {
+        draft::write_file(path, order.replace, &labels(&found.events)?)?;
+    }
+    Ok(RecogniseReport {
+        outcome: "done",
+        motion: order.motion.clone(),
+        rate_hz: capture.rate_hz,
+        frames: capture.poses.len(),
+        models: found.models,
+        noise_m: found.noise_m,
+        events: found.events,
+        blind: found.blind,
+        notes: capture.notes,
+        source,
+    })
+}
+
+/// What was found in a capture.
+pub(super) struct Found {
+    pub(super) models: usize,
+    pub(super) noise_m: Option<f64>,
+    pub(super) events: Vec<RecognisedAction>,
+    pub(super) blind: Vec<BlindModel>,
+}
+
+/// Recognises what is done in a capture.
+pub(super) fn of_capture(
+    capture: &Capture,
+    models: Vec<ActionModel>,
+    equations: EquationReading,
+    hear: &mut impl FnMut(&RecognitionEvent),
+) -> Result<Found, Error> {
+    let body = Proportions::of_stature(capture.stature_m)?;
+    let lengths = Lengths::of(&body);
+    let points = |pose| Points::of(&body, pose, &capture.tracked);
+    let frames: Vec<Points> = capture.poses.iter().map(points).collect();
+    let noise = Noise::of_quietest(&frames, capture.rate_hz);
+    let noise = noise.filter(|noise| noise.is_still(&lengths));
+    let mut recogniser = Recogniser::new(models, lengths, equations, noise);
+    let names: Vec<ActionModel> = recogniser.models().to_vec();
+    let mut events = Vec::new();
+    let mut tell = |index: usize, at_s: f64, what: ActionEvent| {
+        let model = &names[index];
+        hear(&event(model, at_s, &what));
+        if let ActionEvent::Done { span, phases } = what {
+            events.push(recognised(model, at_s, span, &phases));
+        }
+    };
+    for points in &frames {
+        recogniser.next(points, 1.0 / capture.rate_hz, &mut tell);
+    }
+    recogniser.finish(&mut tell);
+    let blind = recogniser.blind().into_iter().map(|(index, missing)| BlindModel {
+        model: names[index].name.clone(),
+        missing: missing.into_iter().map(|feature| feature.name()).collect(),
+    });
+    Ok(Found {
+        models: names.len(),
+        noise_m: noise.map(|noise| noise.norm_m),
+        blind: blind.collect(),
+        events,
+    })
+}
+
+fn event(model: &ActionModel, at_s: f64, what: &ActionEvent) -> RecognitionEvent {
+    let (kind, phase, start_s, end_s) = match what {
+        ActionEvent::Begun { start_s } => ("begun", None, Some(*start_s), None),
+        ActionEvent::Phase { number, span } => {
+            ("phase", Some(*number), Some(span.start_s), Some(span.end_s))
+        }
+        ActionEvent::Done { span, .. } => ("done", None, Some(span.start_s), Some(span.end_s)),
+        ActionEvent::BrokenOff { number } => ("broken_off", Some(*number), None, None),
+    };
+    RecognitionEvent {
+        kind,
+        at_s,
+        action: model.action.clone(),
+        side: model.side,
+        model: model.name.clone(),
+        person: 0,
+        phase,
+        phases: model.phases.len(),
+        start_s,
+        end_s,
+    }
+}
+
+fn recognised(
+    model: &ActionModel,
+    at_s: f64,
+    span: Span,
+    phases: &[(usize, Span)],
+) -> RecognisedAction {
+    let times = |(index, span): &(usize, Span)| PhaseTimes {
+        name: model.phases[*index].name.clone(),
+        start_s: span.start_s,
+        end_s: span.end_s,
+    };
+    RecognisedAction {
+        action: model.action.clone(),
+        side: model.side,
+        model: model.name.clone(),
+        start_s: span.start_s,
+        end_s: span.end_s,
+        recognised_at_s: at_s,
+        person: 0,
+        phases: phases.iter().map(times).collect(),
+    }
+}
+
+/// A table of what was recognised.
+fn labels(events: &[RecognisedAction]) -> Result<Vec<u8>, Error> {
+    let mut out = TableWriter::new(Vec::new());
+    out.row(["start_s", "end_s", "class", "side", "person"])?;
+    for event in events {
+        out.row([
+            format!("{:.4}", event.start_s),
+            format!("{:.4}", event.end_s),
+            event.action.clone(),
+            event.side.map_or("", BodySide::word).to_owned(),
+            event.person.to_string(),
+        ])?;
+    }
+    out.finish()
+}
+
+/// How often each action was recognised, on each side, in the order of their names.
+#[must_use]
+pub fn counts(events: &[RecognisedAction]) -> BTreeMap<(&str, Option<BodySide>), usize> {
+    let mut counts = BTreeMap::new();
+    for event in events {
+        *counts.entry((event.action.as_str(), event.side)).or_default() += 1;
+    }
+    counts
+}
+
+/// A model that is in order.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ModelReport {
+    /// Its name.
+    pub name: String,
+    /// The action it shows.
+    pub action: String,
+    /// How many phases it has.
+    pub phases: usize,
+    /// How many of them are optional.
+    pub leading: usize,
+    /// The features without which it cannot fire.
+    pub needs: Vec<String>,
+}
+
+/// Reads models and says what is in them: those of files, of folders, or the shipped ones if none is named.
+///
+/// # Errors
+/// All that is wrong, the first fault with the others behind it.
+pub fn check_models(paths: &[PathBuf]) -> Result<Vec<ModelReport>, Error> {
+    let mut found = Vec::new();
+    let mut faults = Vec::new();
+    if paths.is_empty() {
+        found = models(None)?;
+    }
+    for path in paths {
+        let read = if path.is_dir() {
+            models(Some(path))
+        } else {
+            read_model(path).map(|model| vec![model])
+        };
+        match read {
+            Ok(more) => found.extend(more),
+            Err(fault) => faults.push(fault),
+        }
+    }
+    if !faults.is_empty() {
+        let mut first = faults.remove(0);
+        first.also = faults.into();
+        return Err(first);
+    }
+    let report = |model: ActionModel| ModelReport {
+        phases: model.phases.len(),
+        leading: model.leading,
+        needs: model.needs().into_iter().map(|feature| feature.name()).collect(),
+        name: model.name,
+        action: model.action,
+    };
+    Ok(found.into_iter().map(report).collect())
+}
+
+/// The names of all features.
+#[must_use]
+pub fn feature_names() -> Vec<String> {
+    Feature::all().map(Feature::name).collect()
+}

@@ -1,0 +1,70 @@
+//! The models that ship with gaitway. Their actions have the names of the shipped actions.
+
+use super::ActionModel;
+use super::file::{self, Bands};
+use crate::error::{Error, ErrorKind};
+
+macro_rules! shipped {
+    ($($name:literal)*) => {
+        &[$(($name, include_str!(concat!("../../../models/", $name, ".toml")))),*]
+    };
+}
+
+/// Names and files; who mirrors another stands after it.
+const SHIPPED: &[(&str, &str)] = shipped! {
+    "bow" "box-l" "box-r" "chop-l" "chop-r" "drink-l" "drink-r" "fight" "hop" "hop-l" "hop-r"
+    "jump" "jumping-jacks" "kick-l" "kick-r" "knee-kick-l" "knee-kick-r" "run-l" "run-r"
+    "side-kick-l" "side-kick-r" "sit-down" "squat" "stand-up" "swing-arms-circular"
+    "swing-arms-sagittal" "swing-arms-transverse" "throw-l" "throw-r" "walk-l" "walk-r" "wave-l"
+    "wave-r"
+};
+
+/// Names of the shipped models.
+pub fn names() -> impl Iterator<Item = &'static str> {
+    SHIPPED.iter().map(|(name, _)| *name)
+}
+
+/// The text of a shipped model's file.
+#[must_use]
+pub fn text(name: &str) -> Option<&'static str> {
+    SHIPPED.iter().find(|(shipped, _)| *shipped == name).map(|(_, text)| *text)
+}
+
+/// A shipped model.
+///
+/// # Errors
+/// If there is none of that name.
+pub fn find(name: &str) -> Result<ActionModel, Error> {
+    let Some(text) = text(name) else {
+        let known: Vec<&str> = names().collect();
+        return Err(Error::of(ErrorKind::Unknown, "no such model ships with gaitway")
+            .got(name)
+            .allowed(known.join(", ")));
+    };
+    file::parse(text, &format!("models/{name}.toml"), &Bands::default(), &|other| {
+        // A model that is mirrored mirrors no other.
+        let text = self::text(other)?;
+        file::parse(text, other, &Bands::default(), &|_| None).ok()
+    })
+}
+
+/// All shipped models.
+///
+/// # Errors
+/// If one of them is wrong.
+pub fn all() -> Result<Vec<ActionModel>, Error> {
+    names().map(find).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_shipped_model_is_read_under_its_own_name_and_says_where_it_comes_from() {
+        for (name, model) in names().zip(all().expect("models")) {
+            assert_eq!(model.name, name);
+            assert!(!model.note.is_empty() && !model.source.is_empty(), "{name}");
+        }
+    }
+}
