@@ -40,6 +40,9 @@ pub struct RecogniseArgs {
     /// Skeleton of an AMC file [default: the .asf file beside it that it is named after]
     #[arg(long, value_name = "FILE.asf")]
     skeleton: Option<PathBuf>,
+    /// Trial in which the person stands still, for markers [default: the quietest half second of the motion]
+    #[arg(long = "static", value_name = "FILE")]
+    static_trial: Option<PathBuf>,
     /// Frames per second of an AMC file [default: what the file says, or 120]
     #[arg(long, value_name = "HZ", allow_negative_numbers = true)]
     rate: Option<f64>,
@@ -56,7 +59,11 @@ pub fn run(args: &RecogniseArgs, remarks: Remarks) -> Result<i32, Error> {
     let order = RecogniseOrder {
         motion: args.motion.clone(),
         mapping: args.mapping.clone(),
-        reading: CaptureOptions { skeleton: args.skeleton.clone(), rate_hz: args.rate },
+        reading: CaptureOptions {
+            skeleton: args.skeleton.clone(),
+            rate_hz: args.rate,
+            static_trial: args.static_trial.clone(),
+        },
         models: args.models.clone(),
         equations: if args.strict { EquationReading::Strict } else { EquationReading::Repaired },
         labels: args.labels.clone(),

@@ -114,7 +114,9 @@ fn a_frame_doubled_between_the_phases_is_missed_as_printed_and_waited_out_as_rep
 
 #[test]
 fn without_a_frame_between_the_phases_only_the_repaired_machine_sees_both() {
-    let removed = changed(|frames| drop(frames.remove(6)));
+    let removed = changed(|frames| {
+        frames.remove(6);
+    });
     assert_eq!(recognised(EquationReading::Strict, &removed), []);
     assert_eq!(recognised(EquationReading::Repaired, &removed), [(11, [3, 10])]);
 }
