@@ -13,20 +13,25 @@ pub mod angles;
 pub mod anthropometry;
 pub mod contact;
 pub mod dof;
+pub mod mass;
 pub mod pelvis;
 pub mod proportions;
+pub mod root;
+pub mod stance;
 pub mod worn;
 
 mod mirror;
 mod segment_names;
+mod sex;
 
 use glam::{DQuat, DVec3};
 
 pub use angles::{AngleSeries, JointAngles, Measured, NearSingular};
 pub use dof::{Dof, Joint};
 pub use pelvis::PelvisAngles;
-pub use proportions::{End, JointPositions, Proportions};
+pub use proportions::{BodyFigure, End, JointPositions, Proportions};
 pub use segment_names::{segment_name, segment_named};
+pub use sex::Sex;
 
 /// A rigid segment of the body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]

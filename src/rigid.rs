@@ -1,6 +1,8 @@
-//! Rigid bodies that hang on one another: where they are, what they weigh, which forces move them,
-//! how far apart they are. Mathematics only: nobody here knows what a robot or a person is.
+//! Rigid bodies: where they are, what they weigh, which forces move them, how far apart they are, and the
+//! floor they stand on. Mathematics only: nobody here knows what a robot or a person is.
 
+pub mod ground;
+pub mod mass;
 pub mod shape;
 pub mod tree;
 

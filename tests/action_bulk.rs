@@ -151,7 +151,8 @@ fn another_reader_finds_the_samples_of_the_single_path() {
         let together: Vec<usize> = (0..columns[0].len()).filter(at).collect();
         assert_eq!(together.len(), alone.len(), "variation {number}");
         for (row, alone) in together.into_iter().zip(&alone) {
-            for (column, value) in alone.iter().enumerate().skip(1) {
+            // How the pelvis is turned stands in the table alone.
+            for (column, value) in alone.iter().enumerate().skip(1).take(25) {
                 let got = columns[column + 1][row];
                 assert!((got - value).abs() <= rounding(*value), "{number}: {got} is not {value}");
             }

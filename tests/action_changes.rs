@@ -121,7 +121,7 @@ fn before_and_after_a_change_each_gait_is_what_it_is_alone() {
         named(Dof::LeftHipFlexion) && named(Dof::TorsoFlexion),
         "both, and what only one moves"
     );
-    assert!(!named(Dof::LeftHipRotation), "what neither moves");
+    assert!(!named(Dof::LeftShoulderAbduction), "what neither moves");
 }
 
 /// Nothing is faster in a change than in the gaits themselves or an unhurried transition.

@@ -42,16 +42,20 @@ fn a_table_has_time_22_angles_and_the_root_at_the_rate_asked_for() {
     let table = fs::read_to_string(&out).unwrap();
     let mut lines = table.lines();
     let head: Vec<&str> = lines.next().unwrap().split(',').collect();
-    assert_eq!((head.len(), head[0], head[1]), (26, "time_s", "torso_flexion_rad"));
-    assert_eq!(head[23..], ["root_x_m", "root_y_m", "root_z_m"]);
+    assert_eq!((head.len(), head[0], head[1]), (29, "time_s", "torso_flexion_rad"));
+    assert_eq!(head[23..26], ["root_x_m", "root_y_m", "root_z_m"]);
+    let pelvis = ["pelvis_rotation_rad", "pelvis_obliquity_rad", "pelvis_tilt_rad"];
+    assert_eq!(head[26..], pelvis);
     let rows: Vec<Vec<f64>> =
         lines.map(|line| line.split(',').map(|v| v.parse().unwrap()).collect()).collect();
     assert_eq!(rows.len(), 241);
-    assert!(rows.iter().all(|row| row.len() == 26));
-    assert_eq!(rows[0][..25], [0.0; 25]);
-    // Thigh, shank and foot of 1.75 m (Winter: 0.530 of it) at both ends, and steps between.
+    assert!(rows.iter().all(|row| row.len() == 29));
+    assert_eq!(rows[0][..23], [0.0; 23]);
+    // Thigh, shank and foot of 1.75 m at both ends (de Leva's women and men: 0.3685 + 0.4386 m of 1.735,
+    // 0.4222 + 0.4403 m of 1.741; ankles at 0.039 of it), and steps between.
+    let leg = f64::midpoint((0.3685 + 0.4386) / 1.735, (0.4222 + 0.4403) / 1.741);
     for row in [0, 240] {
-        assert!((rows[row][25] - 0.530 * 1.75).abs() < 1e-6, "{:?}", rows[row]);
+        assert!((rows[row][25] - (leg + 0.039) * 1.75).abs() < 1e-4, "{:?}", rows[row]);
     }
     assert!(rows[240][23] > 2.0 && rows[240][24].abs() < 0.3, "{:?}", rows[240]);
     assert!((rows[240][0] - 4.8).abs() < 1e-9);

@@ -5,8 +5,8 @@
 mod measured;
 
 use gaitway::action::{Motion, vocabulary};
-use gaitway::body::contact::foot_skate_m_s;
-use gaitway::body::{Dof, End, JointAngles, Proportions, SegmentPose};
+use gaitway::body::contact::Footing;
+use gaitway::body::{Dof, JointAngles, PelvisAngles, Proportions, Segment, SegmentPose};
 use measured::WALKING;
 
 const RATE_HZ: f64 = 120.0;
@@ -35,8 +35,9 @@ fn a_walk_begins_and_ends_at_rest_in_n_pose() {
     let last = angles[angles.len() - 1];
     assert!(Dof::ALL.iter().all(|dof| last[*dof].abs() < 1e-12));
     let (poses, height_m) = (poses(), body().root_height_m());
-    assert!((poses[0].root_m.z - height_m).abs() < 1e-9);
-    assert!((poses[poses.len() - 1].root_m.z - height_m).abs() < 1e-9);
+    // The soles' first and last millimetres are spread over hundredths of a second.
+    assert!((poses[0].root_m.z - height_m).abs() < 1e-4);
+    assert!((poses[poses.len() - 1].root_m.z - height_m).abs() < 1e-4);
 }
 
 /// Extremes of the mean of measured people, within five degrees; but the ankle pushes off less than
@@ -69,7 +70,7 @@ fn the_body_goes_forward_at_a_steady_walking_pace() {
     let steady = steady(&all);
     let pace = |a: &SegmentPose, b: &SegmentPose| (b.root_m.x - a.root_m.x) * RATE_HZ;
     let mean = pace(&steady[0], &steady[steady.len() - 1]) / (steady.len() - 1) as f64;
-    assert!((1.2..1.8).contains(&mean), "{mean} m/s");
+    assert!((1.2..1.4).contains(&mean), "{mean} m/s");
     for pair in steady.windows(2) {
         let now = pace(&pair[0], &pair[1]);
         assert!((now - mean).abs() < 0.15 * mean, "{now} m/s");
@@ -77,24 +78,47 @@ fn the_body_goes_forward_at_a_steady_walking_pace() {
     let heights = steady.iter().map(|pose| pose.root_m.z);
     let (low, high) = heights.fold((f64::MAX, f64::MIN), |(a, b), z| (a.min(z), b.max(z)));
     assert!(high - low < 0.08, "{}", high - low);
-    assert!(all.iter().all(|pose| pose.root_m.y.abs() < 1e-9));
     for pair in all.windows(2) {
         assert!(pace(&pair[0], &pair[1]) > -0.05, "never backwards");
     }
+    let last = &all[all.len() - 1];
+    assert!(last.root_m.y.abs() < 0.05, "straight ahead: {}", last.root_m);
 }
 
+/// People's pelvis lists by 4 to 5 deg and turns by 4 deg to either side, and sways by 2 to 2.5 cm
+/// (Saunders, Inman, Eberhart, "The major determinants in normal and pathological gait", Journal of Bone
+/// and Joint Surgery 35-A, 1953).
 #[test]
-fn feet_on_the_ground_hardly_slide_and_never_sink_into_it() {
-    let all = poses();
-    let skate = foot_skate_m_s(&body(), &steady(&all), RATE_HZ, 0.01);
-    assert!(skate < 0.015, "{skate} m/s");
-    let whole = foot_skate_m_s(&body(), &all, RATE_HZ, 0.01);
-    assert!(whole < 0.015, "{whole} m/s");
-    for pose in &all {
-        let at = body().positions(pose);
-        let lowest = End::ALL.map(|end| at.end_m(end).z).into_iter().fold(f64::MAX, f64::min);
-        assert!(lowest.abs() < 1e-9);
-    }
+fn the_pelvis_lists_turns_and_sways_as_people_s_do() {
+    let steady = steady(&poses());
+    let range = |of: &dyn Fn(&SegmentPose) -> f64| {
+        let values = steady.iter().map(of);
+        let (low, high) = values.fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(x), b.max(x)));
+        high - low
+    };
+    let pelvis = |pose: &SegmentPose| PelvisAngles::of(pose.orientation[Segment::Pelvis.index()]);
+    let list_deg = range(&|pose| pelvis(pose).obliquity_rad.to_degrees());
+    let turn_deg = range(&|pose| pelvis(pose).rotation_rad.to_degrees());
+    let sway_m = range(&|pose| pose.root_m.y);
+    println!("lists by {list_deg:.1}, turns by {turn_deg:.1} deg, sways by {sway_m:.3} m");
+    assert!((5.0..13.0).contains(&list_deg), "{list_deg} deg");
+    assert!((5.0..13.0).contains(&turn_deg), "{turn_deg} deg");
+    assert!((0.02..0.06).contains(&sway_m), "{sway_m} m");
+}
+
+/// Both feet stand for 18 to 26 % of a stride (Perry, "Gait Analysis", 1992: 20 %; 24 % at 1.2 m/s).
+#[test]
+fn both_feet_stand_for_a_fifth_of_a_stride() {
+    let action = vocabulary::find("walk").unwrap();
+    let (rate_hz, motion) = (480.0, action.perform().unwrap());
+    let poses = motion.poses(&body(), rate_hz).unwrap();
+    let footing = Footing::of(&body(), &poses, rate_hz).unwrap();
+    let period = action.duration_s * rate_hz;
+    let strides = (1.5 * period).round() as usize..(2.5 * period).round() as usize;
+    let both = footing.both_feet(strides.clone());
+    println!("both feet {:.1} % of a stride", both * 1e2);
+    assert!((0.18..0.26).contains(&both), "{both}");
+    assert_eq!(footing.flying(strides), 0.0);
 }
 
 #[test]
@@ -127,43 +151,13 @@ fn the_run_bends_its_knee_in_stance_as_published() {
     println!("foot strike {:.1}, peak {peak:.1}", knee(0.0));
     assert!((knee(0.0) - 20.9).abs() < 3.0, "{}", knee(0.0));
     assert!((peak - 36.2).abs() < 3.0, "{peak}");
-    // In flight no foot touches the ground: some height between 2 and 15 cm is gained.
-    let poses = motion.poses(&body(), RATE_HZ).unwrap();
-    let lowest = |pose: &SegmentPose| {
-        let at = body().positions(pose);
-        End::ALL.map(|end| at.end_m(end).z).into_iter().fold(f64::MAX, f64::min)
-    };
-    let highest = poses.iter().map(lowest).fold(f64::MIN, f64::max);
-    assert!((0.01..0.15).contains(&highest), "{highest}");
-}
-
-#[test]
-fn a_running_foot_stands_still_while_it_stands_and_sinks_at_no_time() {
-    let motion = vocabulary::find("run").unwrap().perform().unwrap();
-    let poses = motion.poses(&body(), RATE_HZ).unwrap();
-    let in_flight = |sample: usize| {
-        let time_s = sample as f64 / RATE_HZ;
-        let near = |(from_s, to_s): &(f64, f64)| (from_s - 0.01..to_s + 0.01).contains(&time_s);
-        motion.flights_s().iter().any(near)
-    };
-    let (first, last) = motion
-        .flights_s()
-        .iter()
-        .fold((f64::MAX, 0.0f64), |(first, last), f| (first.min(f.0), last.max(f.1)));
-    let steady = (first * RATE_HZ) as usize..(last * RATE_HZ) as usize;
-    let (mut skate, mut steps) = (0.0f64, 0);
-    for sample in steady {
-        if !in_flight(sample) && !in_flight(sample + 1) {
-            let pair = &poses[sample..=sample + 1];
-            skate = skate.max(foot_skate_m_s(&body(), pair, RATE_HZ, 0.002));
-            steps += 1;
-        }
-    }
-    println!("at most {skate:.3} m/s over {steps} steps");
-    assert!(steps > 100 && skate < 0.05, "{skate} m/s");
-    for pose in &poses {
-        let at = body().positions(pose);
-        let lowest = End::ALL.map(|end| at.end_m(end).z).into_iter().fold(f64::MAX, f64::min);
-        assert!(lowest > -0.003, "{lowest} m");
-    }
+    // In flight no foot touches the ground, for some 15 to 40 % of a stride.
+    let rate_hz = 480.0;
+    let poses = motion.poses(&body(), rate_hz).unwrap();
+    let footing = Footing::of(&body(), &poses, rate_hz).unwrap();
+    let stride = (period_s * rate_hz).round() as usize;
+    let flying = footing.flying(2 * stride..3 * stride);
+    println!("{:.0} % of a stride in the air", flying * 1e2);
+    assert!((0.13..0.4).contains(&flying), "{flying}");
+    assert_eq!(footing.both_feet(2 * stride..3 * stride), 0.0);
 }

@@ -25,7 +25,7 @@ const fn room(name: &'static str, uses: &'static str, touches: &'static str) -> 
 const ROOMS: &[Room] = &[
     room("action", "actionlet body error motion table toml_text", "files"),
     room("actionlet", "error motion", ""),
-    room("body", "error time toml_text units", ""),
+    room("body", "error motion rigid time toml_text units", ""),
     room("bus", "port time units wire", "clock"),
     room("calibration", "error toml_text", "profiles"),
     room("capture", "device time wire", "profiles"),

@@ -99,10 +99,10 @@ impl Corpus {
             batch.variation.resize(batch.variation.len() + poses, number);
             batch.time_s.extend((0..poses).map(|pose| (pose as f64 / self.rate_hz) as f32));
             for (dof, column) in batch.angles_rad.iter_mut().enumerate() {
-                column.extend(placed.iter().map(|(angles, _)| angles.0[dof] as f32));
+                column.extend(placed.iter().map(|(angles, ..)| angles.0[dof] as f32));
             }
             for (axis, column) in batch.root_m.iter_mut().enumerate() {
-                column.extend(placed.iter().map(|(_, root_m)| root_m[axis] as f32));
+                column.extend(placed.iter().map(|(_, _, root_m)| root_m[axis] as f32));
             }
             batch.pieces.push(number, &motion);
         }

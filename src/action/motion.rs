@@ -1,8 +1,9 @@
 //! 22 chains of actionlets over one time scope.
 
 use crate::actionlet::{Actionlet, Sequence, Shape, State};
-use crate::body::contact::root_path;
-use crate::body::{Dof, JointAngles, Proportions, SegmentPose};
+use crate::body::{
+    Dof, JointAngles, PelvisAngles, Proportions, Segment, SegmentPose, root, stance,
+};
 use crate::error::Error;
 use glam::{DQuat, DVec3};
 use std::ops::RangeInclusive;
@@ -13,6 +14,45 @@ pub const RATES_HZ: RangeInclusive<f64> = 1.0..=10_000.0;
 pub const MAX_POSES: usize = 11_000_000;
 /// Instants nearer than this are one, s: sums of durations are rounded.
 pub const SAME_INSTANT_S: f64 = 1e-9;
+
+/// Rate at which feet and floor are looked at: at this one what is spread sinks by less than a millimetre.
+const GRID_HZ: f64 = 250.0;
+
+/// Where a pelvis is and how it is turned, at [`GRID_HZ`].
+struct PelvisPath {
+    turns_rad: Vec<DVec3>,
+    roots_m: Vec<DVec3>,
+}
+
+impl PelvisPath {
+    /// How it is turned and where it is at a time.
+    fn at(&self, time_s: f64) -> (DQuat, DVec3) {
+        let [rotation_rad, obliquity_rad, tilt_rad] =
+            spline_at(&self.turns_rad, time_s * GRID_HZ).to_array();
+        let turned = PelvisAngles { rotation_rad, obliquity_rad, tilt_rad };
+        (turned.to_orientation(), spline_at(&self.roots_m, time_s * GRID_HZ))
+    }
+}
+
+/// Between points that are already smooth: the uniform cubic B-spline they span, whose acceleration has no
+/// jumps; the first and the last point go on.
+fn spline_at(points: &[DVec3], at: f64) -> DVec3 {
+    let last = points.len().saturating_sub(1);
+    let whole = at.floor();
+    let u = at - whole;
+    // Times are not negative; the cast saturates.
+    let whole = whole as usize;
+    let point = |ahead: usize| points[(whole + ahead).saturating_sub(1).min(last)];
+    let weights = [
+        (1.0 - u).powi(3),
+        3.0 * u.powi(3) - 6.0 * u * u + 4.0,
+        -3.0 * u.powi(3) + 3.0 * u * u + 3.0 * u + 1.0,
+        u.powi(3),
+    ];
+    let middle = point(1);
+    let about = weights.into_iter().enumerate().map(|(i, weight)| (point(i) - middle) * weight);
+    middle + about.sum::<DVec3>() / 6.0
+}
 
 /// What a body does from 0 s to an end, every degree of freedom at rest at both (Zheng et al. 2007,
 /// Eqs. 2, 3).
@@ -126,17 +166,19 @@ impl Motion {
     }
 
     /// Poses at an even rate from 0 s on, of a body with these proportions that starts above the
-    /// origin, facing +X, and keeps its pelvis upright: the foot on the ground stays where it is,
-    /// in flight the root falls freely.
+    /// origin, facing +X: on the foot that stands ([`stance`]), or in free fall ([`root`]).
     ///
     /// # Errors
     /// As [`Self::pose_count`].
     pub fn poses(&self, body: &Proportions, rate_hz: f64) -> Result<Vec<SegmentPose>, Error> {
         let placed = self.placed(body, rate_hz)?.into_iter();
-        Ok(placed.map(|(angles, root_m)| angles.to_pose(root_m, DQuat::IDENTITY)).collect())
+        Ok(placed
+            .map(|(angles, pelvis, root_m)| stance::on_flat_soles(&angles, root_m, pelvis))
+            .collect())
     }
 
-    /// The same as angles, and where the root (between the hip joints) is in the world, m.
+    /// The same as angles, how the pelvis is turned in the world, and where the root (between the hip
+    /// joints) is, m.
     ///
     /// # Errors
     /// As [`Self::pose_count`].
@@ -144,12 +186,29 @@ impl Motion {
         &self,
         body: &Proportions,
         rate_hz: f64,
-    ) -> Result<Vec<(JointAngles, DVec3)>, Error> {
+    ) -> Result<Vec<(JointAngles, DQuat, DVec3)>, Error> {
         let angles = self.sampled(rate_hz)?;
-        let upright: Vec<(JointAngles, DQuat)> =
-            angles.into_iter().map(|angles| (angles, DQuat::IDENTITY)).collect();
-        let roots_m = root_path(body, &upright, rate_hz, &self.flights_s);
-        Ok(upright.into_iter().map(|(angles, _)| angles).zip(roots_m).collect())
+        let grid = self.on_grid(body)?;
+        let place = |(index, angles): (usize, JointAngles)| {
+            let (pelvis, root_m) = grid.at(index as f64 / rate_hz);
+            (angles, pelvis, root_m)
+        };
+        Ok(angles.into_iter().enumerate().map(place).collect())
+    }
+
+    /// Where the pelvis is at a fixed rate, whatever the rate asked for: feet and floor meet within
+    /// milliseconds.
+    fn on_grid(&self, body: &Proportions) -> Result<PelvisPath, Error> {
+        let mut angles = self.sampled(GRID_HZ)?;
+        // The last may lie just before the end.
+        angles.push(self.angles_at(self.duration_s));
+        let poses = stance::poses(body, &angles, GRID_HZ);
+        let turns = poses.iter().map(|pose| pose.orientation[Segment::Pelvis.index()]);
+        let turns_rad = turns.map(|turn| DVec3::from(PelvisAngles::of(turn).to_array()));
+        Ok(PelvisPath {
+            turns_rad: turns_rad.collect(),
+            roots_m: root::path_m(body, &poses, GRID_HZ),
+        })
     }
 
     /// Actionlets that move, over all degrees of freedom.

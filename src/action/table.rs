@@ -1,5 +1,5 @@
 //! A motion as a table: `time_s`, the 22 degrees of freedom by name, rad, and where the root is in
-//! the world, m: X forward, Y left, Z up, from [`Motion::placed`].
+//! the world, m: X forward, Y left, Z up, and how the pelvis is turned, rad, from [`Motion::placed`].
 
 use crate::action::Motion;
 use crate::body::{Dof, JointAngles, PelvisAngles, Proportions};
@@ -27,8 +27,7 @@ pub fn cells(
     std::iter::once(format!("{:.6}", index as f64 / rate_hz)).chain(values)
 }
 
-/// The titles of the columns that say how the pelvis of a captured motion is turned; in an action it
-/// is upright.
+/// The titles of the columns that say how the pelvis is turned.
 pub fn pelvis_titles() -> impl Iterator<Item = String> {
     PelvisAngles::NAMES.iter().map(|name| format!("{name}_rad"))
 }
@@ -49,9 +48,9 @@ pub fn write_csv(
     out: &mut impl io::Write,
 ) -> Result<(), Error> {
     let mut table = TableWriter::new(out);
-    table.row(titles())?;
-    for (index, (angles, root_m)) in motion.placed(body, rate_hz)?.iter().enumerate() {
-        table.row(cells(index, rate_hz, angles, *root_m))?;
+    table.row(titles().chain(pelvis_titles()))?;
+    for (index, (angles, pelvis, root_m)) in motion.placed(body, rate_hz)?.iter().enumerate() {
+        table.row(cells(index, rate_hz, angles, *root_m).chain(pelvis_cells(*pelvis)))?;
     }
     table.finish().map(drop)
 }

@@ -269,15 +269,18 @@ impl Subject {
         (!known.is_empty()).then(|| known.iter().sum::<f64>() / known.len() as f64)
     }
 
-    /// The body that angles are put on: its parts follow from the stature, and its legs from their
-    /// length where that was measured (see [`Proportions`]).
+    /// The body that angles are put on: its parts follow from the stature, its mass and its legs from what
+    /// was measured, where it was (see [`Proportions`]).
     ///
     /// # Errors
-    /// A stature that is missing or that no person has, legs that do not go with it.
+    /// A stature that is missing or that no person has, a mass that none has, legs that do not go with it.
     pub fn proportions(&self) -> Result<Proportions, Error> {
         let stature_m = self.measure(Measure::Stature);
         let missing = || Error::new("the stature is missing").at(format!("subject {}", self.id));
-        let body = Proportions::of_stature(stature_m.ok_or_else(missing)?)?;
+        let mut body = Proportions::of_stature(stature_m.ok_or_else(missing)?)?;
+        if let Some(mass_kg) = self.measure(Measure::Mass) {
+            body = body.with_mass_kg(mass_kg)?;
+        }
         self.leg_length_m().map_or(Ok(body), |length_m| body.with_leg_length_m(length_m))
     }
 }

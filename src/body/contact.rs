@@ -1,231 +1,254 @@
-//! Where the pelvis goes, from where the feet touch the ground.
-//!
-//! Joint angles say nothing about travel. While one foot at a time stands, the foot on the ground
-//! stays where it is, so the pelvis moves against it; the ground is the plane z = 0. When no foot
-//! stands, the root falls freely.
+//! What of the feet is on the floor, how still it stands there, and how hard the floor has to push: whether
+//! a motion could be done.
 
-use glam::{DQuat, DVec3};
+use core::ops::Range;
+use glam::{DVec2, DVec3};
 
-use crate::body::proportions::{End, Proportions, proximal_joint};
-use crate::body::{JointAngles, Segment, SegmentPose};
+use crate::body::mass::{self, segment_masses};
+use crate::body::root::SOLES;
+use crate::body::{Proportions, SegmentPose};
+use crate::error::Error;
+use crate::motion::smooth::low_pass;
+use crate::rigid::ground::{self, GRAVITY_M_S2, GroundReaction, SupportPolygon};
+use crate::rigid::mass::Posed;
 
-const SOLES: [End; 4] = [End::LeftHeel, End::LeftToe, End::RightHeel, End::RightToe];
+/// A sole lower than this is on the floor, m.
+pub const ON_FLOOR_M: f64 = 0.005;
+/// Breadth of a sole, part of the stature (Drillis and Contini, as for [`Proportions`]).
+const FOOT_BREADTH: f64 = 0.055;
+/// With less than this part of its weight a body does not stand on anything.
+const HARDLY: f64 = 0.1;
+/// Forces are told below this frequency, Hz: what lies above is noise of differences.
+pub const FORCE_CUTOFF_HZ: f64 = 20.0;
 
-/// Soles no further apart in height than rounding makes them.
-const EQUALLY_LOW_M: f64 = 1e-9;
+/// How a body stands on its feet while it moves.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Footing {
+    rate_hz: f64,
+    roots_m: Vec<DVec3>,
+    /// By pose, in the order of [`SOLES`].
+    soles_m: Vec<[DVec3; 4]>,
+    force_body_weights: Vec<f64>,
+    /// By pose, how far inside the soles on the floor the zero-moment point lies, m; none in the air.
+    margins_m: Vec<Option<f64>>,
+}
 
-/// Root positions for a series of poses that is never in flight: the lowest of heels and toes is on
-/// the ground and does not slide. Each pose is joint angles and the orientation of the pelvis; the
-/// first has its root above the origin.
-#[must_use]
-pub fn root_on_ground(body: &Proportions, poses: &[(JointAngles, DQuat)]) -> Vec<DVec3> {
-    let mut roots_m: Vec<DVec3> = Vec::with_capacity(poses.len());
-    let mut soles_before_m = None;
-    for (angles, orientation) in poses {
-        let soles_m = soles_of_legs(body, angles, *orientation);
-        let lowest_m = soles_m.iter().map(|sole| sole.z).fold(f64::MAX, f64::min);
-        let mut root_m = roots_m.last().copied().unwrap_or(DVec3::ZERO);
-        if let Some(before_m) = soles_before_m.replace(soles_m) {
-            // What the soles moved against the pelvis, the pelvis moves against the ground. Points
-            // equally low, of two feet that move alike, carry equally.
-            let (mut moved_m, mut carry) = (DVec3::ZERO, 0.0);
-            for (before, now) in before_m.into_iter().zip(soles_m) {
-                if now.z <= lowest_m + EQUALLY_LOW_M {
-                    moved_m += before - now;
-                    carry += 1.0;
+impl Footing {
+    /// Of poses that follow at `rate_hz`.
+    ///
+    /// # Errors
+    /// If the rate is too low for a force to be told: twice [`FORCE_CUTOFF_HZ`].
+    pub fn of(body: &Proportions, poses: &[SegmentPose], rate_hz: f64) -> Result<Self, Error> {
+        let masses = segment_masses(body);
+        let bodies: Vec<[Posed; 13]> =
+            poses.iter().map(|pose| mass::posed(body, &masses, pose)).collect();
+        let soles_m: Vec<[DVec3; 4]> = poses
+            .iter()
+            .map(|pose| {
+                let at = body.positions(pose);
+                SOLES.map(|end| at.end_m(end))
+            })
+            .collect();
+        let last = poses.len().saturating_sub(1);
+        let reactions: Vec<GroundReaction> = (0..poses.len())
+            .map(|at| {
+                // Nothing moves before the first pose and after the last.
+                let instants = [at.saturating_sub(1), at, (at + 1).min(last)];
+                ground::reaction(instants.map(|at| &bodies[at][..]), 1.0 / rate_hz)
+            })
+            .collect();
+        // The table's parts of a body's mass add up to 0.9999 of it.
+        let weight_n = masses.iter().map(|mass| mass.mass_kg).sum::<f64>() * GRAVITY_M_S2;
+        let pushed: Vec<f64> =
+            reactions.iter().map(|reaction| reaction.force_n.z / weight_n).collect();
+        // Where it acts is told as smoothly as the force: its moment about the origin is filtered.
+        let moment = |axis: fn(DVec2) -> f64| {
+            let of = |reaction: &GroundReaction| {
+                reaction.zero_moment_point_m.map_or(0.0, axis) * reaction.force_n.z / weight_n
+            };
+            low_pass(&reactions.iter().map(of).collect::<Vec<_>>(), rate_hz, FORCE_CUTOFF_HZ)
+        };
+        let force_body_weights = low_pass(&pushed, rate_hz, FORCE_CUTOFF_HZ)?;
+        let (along, aside) = (moment(|point| point.x)?, moment(|point| point.y)?);
+        let margins_m = (0..poses.len())
+            .map(|at| {
+                let force = force_body_weights[at];
+                if !(force > HARDLY) {
+                    return None;
+                }
+                let half_m = DVec3::Y * (FOOT_BREADTH * body.stature_m() / 2.0);
+                let corners = SOLES.iter().zip(soles_m[at]).flat_map(|(end, sole_m)| {
+                    let aside_m = poses[at].orientation[end.segment().index()] * half_m;
+                    [sole_m - aside_m, sole_m + aside_m]
+                });
+                let carries = |corner_m: &DVec3| corner_m.z < ON_FLOOR_M;
+                let floor: Vec<DVec2> =
+                    corners.filter(carries).map(|corner_m| corner_m.truncate()).collect();
+                SupportPolygon::of(&floor)
+                    .margin_m(DVec2::new(along[at] / force, aside[at] / force))
+            })
+            .collect();
+        Ok(Self {
+            rate_hz,
+            roots_m: poses.iter().map(|pose| pose.root_m).collect(),
+            soles_m,
+            force_body_weights,
+            margins_m,
+        })
+    }
+
+    /// By pose, how far inside the soles on the floor the zero-moment point lies, m: outside if negative,
+    /// none while the floor hardly pushes or no sole is on it. A body that is outside falls, or is held.
+    #[must_use]
+    pub fn margins_m(&self) -> &[Option<f64>] {
+        &self.margins_m
+    }
+
+    /// Vertical force of the floor below [`FORCE_CUTOFF_HZ`], body weights, by pose.
+    #[must_use]
+    pub fn force_body_weights(&self) -> &[f64] {
+        &self.force_body_weights
+    }
+
+    /// Height of the lowest sole of all poses, m: negative where it sinks into the floor.
+    #[must_use]
+    pub fn lowest_m(&self) -> f64 {
+        self.soles_m.iter().flatten().map(|sole_m| sole_m.z).fold(f64::MAX, f64::min)
+    }
+
+    /// Which of [`SOLES`] are on the floor in a pose.
+    #[must_use]
+    pub fn on_floor(&self, pose: usize) -> [bool; 4] {
+        self.soles_m[pose].map(|sole_m| sole_m.z < ON_FLOOR_M)
+    }
+
+    /// How far an end of a sole slides while it is on the floor, m, the worst of all contacts: the
+    /// diagonal of the rectangle that holds its places.
+    #[must_use]
+    pub fn slide_m(&self) -> f64 {
+        let mut worst_m = 0.0f64;
+        for end in 0..SOLES.len() {
+            let mut held: Option<(DVec3, DVec3)> = None;
+            for soles_m in &self.soles_m {
+                let at_m = soles_m[end];
+                held = (at_m.z < ON_FLOOR_M).then(|| {
+                    let (least, most) = held.unwrap_or((at_m, at_m));
+                    (least.min(at_m), most.max(at_m))
+                });
+                if let Some((least, most)) = held {
+                    worst_m = worst_m.max((most - least).truncate().length());
                 }
             }
-            root_m += moved_m / carry;
         }
-        root_m.z = -lowest_m;
-        roots_m.push(root_m);
+        worst_m
     }
-    roots_m
-}
 
-/// Standard acceleration of free fall, m/s^2.
-const GRAVITY_M_S2: f64 = 9.806_65;
-/// Speed at take-off is taken over this time before it, s.
-const TAKE_OFF_S: f64 = 0.03;
+    /// Greatest acceleration of the root, m/s^2.
+    #[must_use]
+    pub fn root_acceleration_m_s2(&self) -> f64 {
+        let bends = self.roots_m.windows(3).map(|three| three[0] - 2.0 * three[1] + three[2]);
+        bends.map(|bend| bend.length() * self.rate_hz * self.rate_hz).fold(0.0, f64::max)
+    }
 
-/// Root positions as [`root_on_ground`], for poses at `rate_hz` with times of flight, s: from, to,
-/// in order. In flight the root goes on with the horizontal speed it had, and rises and falls so
-/// that a foot touches the ground again at the end.
-#[must_use]
-pub fn root_path(
-    body: &Proportions,
-    poses: &[(JointAngles, DQuat)],
-    rate_hz: f64,
-    flights_s: &[(f64, f64)],
-) -> Vec<DVec3> {
-    let mut roots_m = root_on_ground(body, poses);
-    let index = |time_s: f64| ((time_s * rate_hz).round() as usize).min(poses.len());
-    for (from_s, to_s) in flights_s {
-        let (from, to) = (index(*from_s), index(*to_s));
-        if !(from + 1 < to && to < poses.len()) {
-            continue;
-        }
-        let before = from.saturating_sub((TAKE_OFF_S * rate_hz).ceil() as usize);
-        let velocity = match from - before {
-            0 => DVec3::ZERO,
-            steps => (roots_m[from] - roots_m[before]) * rate_hz / steps as f64,
+    /// Part of some poses in which both feet are on the floor.
+    #[must_use]
+    pub fn both_feet(&self, poses: Range<usize>) -> f64 {
+        self.share(poses, |[a, b, c, d]| (a || b) && (c || d))
+    }
+
+    /// Part of some poses in which no foot is on the floor.
+    #[must_use]
+    pub fn flying(&self, poses: Range<usize>) -> f64 {
+        self.share(poses, |down| !down.contains(&true))
+    }
+
+    fn share(&self, poses: Range<usize>, holds: impl Fn([bool; 4]) -> bool) -> f64 {
+        let count = poses.len().max(1) as f64;
+        poses.filter(|pose| holds(self.on_floor(*pose))).count() as f64 / count
+    }
+
+    /// How far the middle of the feet is from where it was at first, over the floor, m: the furthest, and at
+    /// last.
+    #[must_use]
+    pub fn travel_m(&self) -> (f64, f64) {
+        let middle = |soles_m: &[DVec3; 4]| soles_m.iter().sum::<DVec3>().truncate() / 4.0;
+        let (Some(first), Some(last)) = (self.soles_m.first(), self.soles_m.last()) else {
+            return (0.0, 0.0);
         };
-        let (takes_off, lands) = (roots_m[from], roots_m[to]);
-        let flight_s = (to - from) as f64 / rate_hz;
-        let rise = (lands.z - takes_off.z) / flight_s + GRAVITY_M_S2 * flight_s / 2.0;
-        for (step, root_m) in roots_m[from..to].iter_mut().enumerate() {
-            let t = step as f64 / rate_hz;
-            let ahead = velocity.truncate() * t;
-            let z = takes_off.z + rise * t - GRAVITY_M_S2 * t * t / 2.0;
-            *root_m = DVec3::new(takes_off.x + ahead.x, takes_off.y + ahead.y, z);
-        }
-        // What stands after the landing stands where the flight ended.
-        let ahead = velocity.truncate() * flight_s;
-        let moved = takes_off.truncate() + ahead - lands.truncate();
-        for root_m in &mut roots_m[to..] {
-            root_m.x += moved.x;
-            root_m.y += moved.y;
-        }
+        let away_m = |soles_m| middle(soles_m).distance(middle(first));
+        (self.soles_m.iter().map(away_m).fold(0.0, f64::max), away_m(last))
     }
-    roots_m
-}
 
-/// How much feet slide: root mean square horizontal speed, m/s, of heels and toes that are lower
-/// than `height_m` above the ground, over all poses; 0 if none is. Poses follow at `rate_hz`.
-#[must_use]
-pub fn foot_skate_m_s(
-    body: &Proportions,
-    poses: &[SegmentPose],
-    rate_hz: f64,
-    height_m: f64,
-) -> f64 {
-    let (mut squares, mut count) = (0.0, 0usize);
-    for pair in poses.windows(2) {
-        let (before, after) = (soles(body, &pair[0]), soles(body, &pair[1]));
-        for (before, after) in before.into_iter().zip(after) {
-            if before.z < height_m && after.z < height_m {
-                squares += ((after - before) * rate_hz).truncate().length_squared();
-                count += 1;
-            }
-        }
+    /// The vertical force that a part of the time lies below, body weights: `share` 0 to 1.
+    #[must_use]
+    pub fn force_quantile(&self, share: f64) -> f64 {
+        let mut sorted = self.force_body_weights.clone();
+        sorted.sort_by(f64::total_cmp);
+        let at = (share.clamp(0.0, 1.0) * sorted.len().saturating_sub(1) as f64).round() as usize;
+        sorted.get(at).copied().unwrap_or(0.0)
     }
-    if count == 0 { 0.0 } else { (squares / count as f64).sqrt() }
-}
-
-fn soles(body: &Proportions, pose: &SegmentPose) -> [DVec3; 4] {
-    let at = body.positions(pose);
-    SOLES.map(|end| at.end_m(end))
-}
-
-const LEGS: [([Segment; 3], [End; 2]); 2] = [
-    ([Segment::LeftThigh, Segment::LeftShank, Segment::LeftFoot], [End::LeftHeel, End::LeftToe]),
-    (
-        [Segment::RightThigh, Segment::RightShank, Segment::RightFoot],
-        [End::RightHeel, End::RightToe],
-    ),
-];
-
-/// [`soles`] of a body with its root at the origin, without the rest of it: corpora ask for this at
-/// every pose.
-fn soles_of_legs(body: &Proportions, angles: &JointAngles, pelvis: DQuat) -> [DVec3; 4] {
-    let [left_m, right_m] = LEGS.map(|(segments, ends)| {
-        let (mut at_m, mut turned) = (DVec3::ZERO, pelvis);
-        for segment in segments {
-            if let Some((_, offset_m)) = body.joint_offset_m(proximal_joint(segment)) {
-                at_m += turned * offset_m;
-            }
-            turned = (turned * angles.against_parent(segment)).normalize();
-        }
-        ends.map(|end| at_m + turned * body.end_offset_m(end).1)
-    });
-    [left_m[0], left_m[1], right_m[0], right_m[1]]
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::body::Dof;
-    use proptest::prelude::*;
+    use crate::body::JointAngles;
+    use glam::DQuat;
 
-    proptest! {
-        #[test]
-        fn legs_alone_have_their_soles_where_the_whole_body_has(
-            angles in prop::array::uniform22(-1.5..1.5),
-            (x, y) in (-1.0..1.0, -1.0..1.0),
-        ) {
-            let (angles, pelvis) =
-                (JointAngles(angles), DQuat::from_rotation_x(x) * DQuat::from_rotation_y(y));
-            let whole_m = soles(&body(), &angles.to_pose(DVec3::ZERO, pelvis));
-            for (got_m, sole_m) in soles_of_legs(&body(), &angles, pelvis).into_iter().zip(whole_m) {
-                prop_assert!((got_m - sole_m).length() < 1e-12);
-            }
-        }
-    }
+    const RATE_HZ: f64 = 240.0;
 
-    fn body() -> Proportions {
-        Proportions::of_stature(1.75).unwrap()
-    }
-
-    #[test]
-    fn a_standing_body_stays_above_the_origin() {
-        let roots_m = root_on_ground(&body(), &[(JointAngles::default(), DQuat::IDENTITY); 3]);
-        for root_m in roots_m {
-            assert!((root_m - DVec3::new(0.0, 0.0, 1.75 * 0.530)).length() < 1e-12);
-        }
-        assert!(root_on_ground(&body(), &[]).is_empty());
-    }
-
-    #[test]
-    fn swinging_over_a_stiff_standing_leg_carries_the_pelvis_forward() {
-        // The left leg is lifted out of the way; the right swings from front to back.
-        let pose = |degrees: f64| {
-            let mut angles = JointAngles::default();
-            angles[Dof::LeftKneeFlexion] = 1.5;
-            angles[Dof::RightHipFlexion] = degrees.to_radians();
-            angles[Dof::RightAnkleDorsiflexion] = -degrees.to_radians();
-            (angles, DQuat::IDENTITY)
+    fn standing(root_m: impl Fn(f64) -> DVec3) -> Footing {
+        let body = Proportions::of_stature(1.75).unwrap();
+        let height_m = DVec3::Z * body.root_height_m();
+        let pose = |i: u32| {
+            let at_m = height_m + root_m(f64::from(i) / RATE_HZ);
+            JointAngles::default().to_pose(at_m, DQuat::IDENTITY)
         };
-        let poses: Vec<_> = (-20..=20).map(|i| pose(-f64::from(i))).collect();
-        let roots_m = root_on_ground(&body(), &poses);
-        let leg_m = 1.75 * (0.530 - 0.039);
-        let travel_m = roots_m[40].x - roots_m[0].x;
-        assert!((travel_m - 2.0 * leg_m * 20f64.to_radians().sin()).abs() < 1e-9, "{travel_m}");
-        let segments: Vec<_> =
-            poses.iter().zip(&roots_m).map(|((a, q), root)| a.to_pose(*root, *q)).collect();
-        assert!(foot_skate_m_s(&body(), &segments, 100.0, 0.01) < 1e-9);
+        Footing::of(&body, &(0..480).map(pose).collect::<Vec<_>>(), RATE_HZ).unwrap()
     }
 
     #[test]
-    fn in_flight_the_body_rises_and_falls_freely_and_goes_on() {
-        // A stiff leg swings back on the ground, then nothing changes for 0.4 s in the air.
-        let pose = |degrees: f64| {
-            let mut angles = JointAngles::default();
-            angles[Dof::LeftKneeFlexion] = 1.5;
-            angles[Dof::RightHipFlexion] = degrees.to_radians();
-            angles[Dof::RightAnkleDorsiflexion] = -degrees.to_radians();
-            (angles, DQuat::IDENTITY)
-        };
-        let (rate_hz, flight_s) = (100.0, 0.4);
-        let poses: Vec<_> = (0..100).map(|i| pose(10.0 - f64::from(i.min(40)) * 0.5)).collect();
-        let roots_m = root_path(&body(), &poses, rate_hz, &[(0.4, 0.4 + flight_s)]);
-        let rise_m = roots_m[60].z - roots_m[40].z;
-        assert!((rise_m - 9.80665 * flight_s * flight_s / 8.0).abs() < 1e-9, "{rise_m}");
-        assert!((roots_m[80].z - roots_m[40].z).abs() < 1e-12);
-        let speed = (roots_m[40].x - roots_m[37].x) * rate_hz / 3.0;
-        let travel_m = roots_m[80].x - roots_m[40].x;
-        assert!(speed > 0.3 && (travel_m - speed * flight_s).abs() < 1e-9, "{travel_m} {speed}");
-        // The landing foot stands where it landed.
-        assert!((roots_m[99] - roots_m[80]).length() < 1e-12);
-        // A flight that does not fit leaves the path on the ground.
-        let grounded = root_on_ground(&body(), &poses);
-        assert_eq!(root_path(&body(), &poses, rate_hz, &[(0.9, 2.0)]), grounded);
+    fn who_stands_still_presses_with_the_weight_of_the_body_and_does_not_slide() {
+        let still = standing(|_| DVec3::ZERO);
+        assert!(still.force_body_weights().iter().all(|force| (force - 1.0).abs() < 1e-6));
+        assert_eq!(
+            (still.slide_m(), still.both_feet(0..480), still.flying(0..480)),
+            (0.0, 1.0, 0.0)
+        );
+        assert!(still.lowest_m().abs() < 1e-12 && still.root_acceleration_m_s2() < 1e-9);
+    }
+
+    /// Over the ankle, a quarter of the foot's length before its heel; the sole's own half breadth is 48 mm.
+    #[test]
+    fn who_stands_still_stands_over_the_soles_and_who_is_pushed_too_fast_does_not() {
+        let still = standing(|_| DVec3::ZERO);
+        let expected_m = 0.25 * f64::midpoint(0.2283 / 1.735, 0.2581 / 1.741) * 1.75;
+        let got_m = still.margins_m()[240].unwrap();
+        // The centre of mass of the feet lies ahead of the ankles.
+        assert!((got_m - expected_m).abs() < 0.01, "{got_m} {expected_m}");
+        // 2 m/s2 forward, with the centre of mass 1 m high: 20 cm behind it.
+        let pushed = standing(|t| DVec3::X * (t * t));
+        assert!(pushed.margins_m()[240].unwrap() < -0.1);
+        let above = standing(|_| DVec3::Z * 0.1);
+        assert_eq!(above.margins_m()[240], None);
     }
 
     #[test]
-    fn a_foot_dragged_along_the_ground_is_seen_to_skate() {
-        let still = JointAngles::default();
-        let root = |i: i32| DVec3::new(0.01 * f64::from(i), 0.0, body().root_height_m());
-        let poses: Vec<_> = (0..10).map(|i| still.to_pose(root(i), DQuat::IDENTITY)).collect();
-        assert!((foot_skate_m_s(&body(), &poses, 100.0, 0.01) - 1.0).abs() < 1e-9);
+    fn a_foot_dragged_along_the_floor_slides_as_far_as_it_is_dragged() {
+        let dragged = standing(|t| DVec3::new(0.1 * t, 0.0, 0.0));
+        assert!((dragged.slide_m() - 0.1 * 479.0 / RATE_HZ).abs() < 1e-9);
+        let above = standing(|t| DVec3::new(0.1 * t, 0.0, 0.01));
+        assert_eq!((above.slide_m(), above.flying(0..480)), (0.0, 1.0));
+        assert!((above.travel_m().1 - 0.1 * 479.0 / RATE_HZ).abs() < 1e-9);
+    }
+
+    #[test]
+    fn who_falls_is_not_pushed_and_who_is_lifted_is_pushed_harder() {
+        let falling = standing(|t| DVec3::Z * (-GRAVITY_M_S2 * t * t / 2.0));
+        assert!(falling.force_body_weights()[240].abs() < 1e-3);
+        let lifted = standing(|t| DVec3::Z * (GRAVITY_M_S2 * t * t / 4.0));
+        assert!((lifted.force_body_weights()[240] - 1.5).abs() < 1e-3);
+        assert!((lifted.root_acceleration_m_s2() - GRAVITY_M_S2 / 2.0).abs() < 1e-6);
+        assert!(falling.lowest_m() < -1.0);
     }
 }

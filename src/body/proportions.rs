@@ -1,30 +1,87 @@
 //! Segment lengths from stature, and where the joints are in space.
 //!
-//! Fractions of stature: Drillis and Contini, "Body Segment Parameters", New York University, 1966,
-//! as drawn in Winter, "Biomechanics and Motor Control of Human Movement", 4th ed., 2009, Fig. 4.1.
-//! The drawing has no joint between pelvis and torso and no heel; those two places are ours.
+//! Two figures are published ([`BodyFigure`]). The drawing is that of Drillis and Contini, "Body Segment
+//! Parameters", New York University, 1966, in Winter, "Biomechanics and Motor Control of Human
+//! Movement", 4th ed., 2009, Fig. 4.1. Neither has a joint between pelvis and torso or a heel; those
+//! two places are ours.
 
 use glam::DVec3;
 
 use crate::body::dof::Joint;
-use crate::body::{Segment, SegmentPose};
+use crate::body::{Segment, SegmentPose, Sex};
 use crate::error::Error;
 
-const SHANK: f64 = 0.285 - 0.039;
-const THIGH: f64 = 0.530 - 0.285;
-const TRUNK: f64 = 0.818 - 0.530;
-const HEAD: f64 = 1.0 - 0.818;
-const UPPER_ARM: f64 = 0.186;
-const FOREARM: f64 = 0.146;
+/// Which published figure a body is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum BodyFigure {
+    /// Joint centres as de Leva gives them ("Adjustments to Zatsiorsky-Seluyanov's segment inertia
+    /// parameters", Journal of Biomechanics 29, 1996, Table 4: 15 women of 1.735 m, 100 men of 1.741 m).
+    /// It has no breadths and no height of the ankle. A hip joint is 8 mm and 8.6 % of the leg's length
+    /// off the middle (Hara et al., "Predicting the location of the hip joint centres, impact of age
+    /// group and sex", Scientific Reports 6:37707, 2016); shoulders and ankles are the drawing's.
+    #[default]
+    DeLeva,
+    /// Drillis and Contini's drawing, whose breadths are those of the body and not of its joints.
+    DrillisContini,
+}
+
+/// Lengths of a figure, parts of the stature.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Lengths {
+    shank: f64,
+    thigh: f64,
+    /// From between the hip joints up to the shoulders.
+    shoulders: f64,
+    /// From there up to the joint of neck and torso.
+    neck: f64,
+    upper_arm: f64,
+    forearm: f64,
+    half_hips: f64,
+    foot: f64,
+}
+
+/// Length of a leg of the figure from the front of the hip bone to the inner ankle, for its breadth at the
+/// hips: 0.966 m at 1.741 m, from [`Proportions::with_leg_length_m`] turned round.
+const LEG: f64 = 0.966 / 1.741;
 const HAND: f64 = 0.108;
 const HALF_SHOULDERS: f64 = 0.129;
-const HALF_HIPS: f64 = 0.191 / 2.0;
 const ANKLE_HEIGHT: f64 = 0.039;
-const FOOT: f64 = 0.152;
 /// Height of the joint between pelvis and torso (about L5/S1) above the hip joints: ours.
 const PELVIS: f64 = 0.060;
 /// Part of the foot's length behind the ankle: ours.
 const HEEL_PART: f64 = 0.25;
+
+impl Lengths {
+    const DRAWING: Self = Self {
+        shank: 0.285 - 0.039,
+        thigh: 0.530 - 0.285,
+        shoulders: 0.818 - 0.530,
+        neck: 0.0,
+        upper_arm: 0.186,
+        forearm: 0.146,
+        half_hips: 0.191 / 2.0,
+        foot: 0.152,
+    };
+
+    fn of(figure: BodyFigure, sex: Option<Sex>) -> Self {
+        if figure == BodyFigure::DrillisContini {
+            return Self::DRAWING;
+        }
+        // Women first; m, of a stature of 1.735 and 1.741 m.
+        let of = |female_m: f64, male_m: f64| Sex::of(sex, [female_m / 1.735, male_m / 1.741]);
+        let shoulders = of(0.4979, 0.5155);
+        Self {
+            shank: of(0.4386, 0.4403),
+            thigh: of(0.3685, 0.4222),
+            shoulders,
+            neck: of(0.6148, 0.6033) - shoulders,
+            upper_arm: of(0.2751, 0.2817),
+            forearm: of(0.2643, 0.2689),
+            half_hips: 0.008 / 1.741 + 0.086 * LEG,
+            foot: of(0.2283, 0.2581),
+        }
+    }
+}
 
 /// A tip of the body beyond its last joint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -50,12 +107,28 @@ impl End {
         Self::RightHeel,
         Self::RightToe,
     ];
+
+    /// The segment whose tip it is.
+    #[must_use]
+    pub const fn segment(self) -> Segment {
+        match self {
+            Self::HeadTop => Segment::Head,
+            Self::LeftFingertip => Segment::LeftForearm,
+            Self::RightFingertip => Segment::RightForearm,
+            Self::LeftHeel | Self::LeftToe => Segment::LeftFoot,
+            Self::RightHeel | Self::RightToe => Segment::RightFoot,
+        }
+    }
 }
 
 /// A body of a certain stature.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Proportions {
     stature_m: f64,
+    mass_kg: f64,
+    figure: BodyFigure,
+    sex: Option<Sex>,
+    lengths: Lengths,
     /// Thighs and shanks as a multiple of what the stature says.
     legs: f64,
 }
@@ -84,17 +157,56 @@ impl JointPositions {
 }
 
 impl Proportions {
-    /// An adult-proportioned body.
+    /// An adult-proportioned body, as heavy as those who were measured.
     ///
     /// # Errors
     /// If the stature is not between 0.3 and 3 m.
     pub fn of_stature(stature_m: f64) -> Result<Self, Error> {
+        Self::of_figure(BodyFigure::default(), stature_m)
+    }
+
+    /// The same of a figure that is not the usual one.
+    ///
+    /// # Errors
+    /// If the stature is not between 0.3 and 3 m.
+    pub fn of_figure(figure: BodyFigure, stature_m: f64) -> Result<Self, Error> {
         if !(0.3..=3.0).contains(&stature_m) {
             return Err(Error::new("a person's stature is out of range")
                 .got(format!("{stature_m} m"))
                 .allowed("0.3 to 3 m"));
         }
-        Ok(Self { stature_m, legs: 1.0 })
+        Ok(Self {
+            stature_m,
+            mass_kg: Sex::usual_mass_kg(None, stature_m),
+            figure,
+            sex: None,
+            lengths: Lengths::of(figure, None),
+            legs: 1.0,
+        })
+    }
+
+    /// The same stature and figure with the lengths and the mass of women, of men, or of both.
+    #[must_use]
+    pub fn of_sex(self, sex: Option<Sex>) -> Self {
+        Self {
+            mass_kg: Sex::usual_mass_kg(sex, self.stature_m),
+            sex,
+            lengths: Lengths::of(self.figure, sex),
+            ..self
+        }
+    }
+
+    /// The same body with a mass of its own, kg.
+    ///
+    /// # Errors
+    /// If it is not between 2 and 400 kg.
+    pub fn with_mass_kg(self, mass_kg: f64) -> Result<Self, Error> {
+        if !(2.0..=400.0).contains(&mass_kg) {
+            return Err(Error::new("a person's mass is out of range")
+                .got(format!("{mass_kg} kg"))
+                .allowed("2 to 400 kg"));
+        }
+        Ok(Self { mass_kg, ..self })
     }
 
     /// The same body with legs of a measured length, m: from the front of the hip bone to the inner
@@ -109,7 +221,8 @@ impl Proportions {
         let behind_m = 0.1288 * length_m - 0.048_56;
         let inwards_m = 0.115 * length_m - 0.0153;
         let below_m = behind_m * beta.sin() + inwards_m * theta.cos() * beta.cos();
-        let legs = (length_m - below_m) / ((THIGH + SHANK) * self.stature_m);
+        let usual_m = (self.lengths.thigh + self.lengths.shank) * self.stature_m;
+        let legs = (length_m - below_m) / usual_m;
         if !(0.4..=1.6).contains(&legs) {
             return Err(Error::new("leg length and stature do not fit one person")
                 .got(format!("{length_m} m of {} m", self.stature_m)));
@@ -123,32 +236,46 @@ impl Proportions {
         self.stature_m
     }
 
+    /// Body mass, kg.
+    #[must_use]
+    pub const fn mass_kg(&self) -> f64 {
+        self.mass_kg
+    }
+
+    /// Whose figures it has; both, if none.
+    #[must_use]
+    pub const fn sex(&self) -> Option<Sex> {
+        self.sex
+    }
+
     /// Height of the root (between the hip joints) in N pose on the ground, m.
     #[must_use]
     pub fn root_height_m(&self) -> f64 {
-        ((THIGH + SHANK) * self.legs + ANKLE_HEIGHT) * self.stature_m
+        ((self.lengths.thigh + self.lengths.shank) * self.legs + ANKLE_HEIGHT) * self.stature_m
     }
 
     /// Place of a joint in the anatomical frame of the segment that carries it: that segment, and
     /// the vector from the segment's own proximal joint, m. None for the pelvis, the root.
     #[must_use]
     pub fn joint_offset_m(&self, joint: Joint) -> Option<(Segment, DVec3)> {
+        let lengths = &self.lengths;
+        let trunk = lengths.shoulders - PELVIS;
         let (segment, x, y, z) = match joint {
             Joint::Pelvis => return None,
             Joint::Torso => (Segment::Pelvis, 0.0, 0.0, PELVIS),
-            Joint::Neck => (Segment::Torso, 0.0, 0.0, TRUNK - PELVIS),
-            Joint::LeftShoulder => (Segment::Torso, 0.0, HALF_SHOULDERS, TRUNK - PELVIS),
-            Joint::RightShoulder => (Segment::Torso, 0.0, -HALF_SHOULDERS, TRUNK - PELVIS),
-            Joint::LeftElbow => (Segment::LeftUpperArm, 0.0, 0.0, -UPPER_ARM),
-            Joint::RightElbow => (Segment::RightUpperArm, 0.0, 0.0, -UPPER_ARM),
-            Joint::LeftWrist => (Segment::LeftForearm, 0.0, 0.0, -FOREARM),
-            Joint::RightWrist => (Segment::RightForearm, 0.0, 0.0, -FOREARM),
-            Joint::LeftHip => (Segment::Pelvis, 0.0, HALF_HIPS, 0.0),
-            Joint::RightHip => (Segment::Pelvis, 0.0, -HALF_HIPS, 0.0),
-            Joint::LeftKnee => (Segment::LeftThigh, 0.0, 0.0, -THIGH * self.legs),
-            Joint::RightKnee => (Segment::RightThigh, 0.0, 0.0, -THIGH * self.legs),
-            Joint::LeftAnkle => (Segment::LeftShank, 0.0, 0.0, -SHANK * self.legs),
-            Joint::RightAnkle => (Segment::RightShank, 0.0, 0.0, -SHANK * self.legs),
+            Joint::Neck => (Segment::Torso, 0.0, 0.0, trunk + lengths.neck),
+            Joint::LeftShoulder => (Segment::Torso, 0.0, HALF_SHOULDERS, trunk),
+            Joint::RightShoulder => (Segment::Torso, 0.0, -HALF_SHOULDERS, trunk),
+            Joint::LeftElbow => (Segment::LeftUpperArm, 0.0, 0.0, -lengths.upper_arm),
+            Joint::RightElbow => (Segment::RightUpperArm, 0.0, 0.0, -lengths.upper_arm),
+            Joint::LeftWrist => (Segment::LeftForearm, 0.0, 0.0, -lengths.forearm),
+            Joint::RightWrist => (Segment::RightForearm, 0.0, 0.0, -lengths.forearm),
+            Joint::LeftHip => (Segment::Pelvis, 0.0, lengths.half_hips, 0.0),
+            Joint::RightHip => (Segment::Pelvis, 0.0, -lengths.half_hips, 0.0),
+            Joint::LeftKnee => (Segment::LeftThigh, 0.0, 0.0, -lengths.thigh * self.legs),
+            Joint::RightKnee => (Segment::RightThigh, 0.0, 0.0, -lengths.thigh * self.legs),
+            Joint::LeftAnkle => (Segment::LeftShank, 0.0, 0.0, -lengths.shank * self.legs),
+            Joint::RightAnkle => (Segment::RightShank, 0.0, 0.0, -lengths.shank * self.legs),
         };
         Some((segment, DVec3::new(x, y, z) * self.stature_m))
     }
@@ -157,19 +284,20 @@ impl Proportions {
     /// m.
     #[must_use]
     pub fn end_offset_m(&self, end: End) -> (Segment, DVec3) {
-        let fingertip = DVec3::new(0.0, 0.0, -FOREARM - HAND);
-        let heel = DVec3::new(-HEEL_PART * FOOT, 0.0, -ANKLE_HEIGHT);
-        let toe = DVec3::new((1.0 - HEEL_PART) * FOOT, 0.0, -ANKLE_HEIGHT);
-        let (segment, offset) = match end {
-            End::HeadTop => (Segment::Head, DVec3::new(0.0, 0.0, HEAD)),
-            End::LeftFingertip => (Segment::LeftForearm, fingertip),
-            End::RightFingertip => (Segment::RightForearm, fingertip),
-            End::LeftHeel => (Segment::LeftFoot, heel),
-            End::LeftToe => (Segment::LeftFoot, toe),
-            End::RightHeel => (Segment::RightFoot, heel),
-            End::RightToe => (Segment::RightFoot, toe),
+        let lengths = &self.lengths;
+        let fingertip = DVec3::new(0.0, 0.0, -lengths.forearm - HAND);
+        let heel = DVec3::new(-HEEL_PART * lengths.foot, 0.0, -ANKLE_HEIGHT);
+        let toe = DVec3::new((1.0 - HEEL_PART) * lengths.foot, 0.0, -ANKLE_HEIGHT);
+        // What the trunk and the legs of the stature leave.
+        let legs = lengths.thigh + lengths.shank + ANKLE_HEIGHT;
+        let head = 1.0 - legs - lengths.shoulders - lengths.neck;
+        let offset = match end {
+            End::HeadTop => DVec3::new(0.0, 0.0, head),
+            End::LeftFingertip | End::RightFingertip => fingertip,
+            End::LeftHeel | End::RightHeel => heel,
+            End::LeftToe | End::RightToe => toe,
         };
-        (segment, offset * self.stature_m)
+        (end.segment(), offset * self.stature_m)
     }
 
     /// Forward kinematics: where the joints and ends of a posed body are.
@@ -219,7 +347,10 @@ mod tests {
     use proptest::prelude::*;
 
     fn standing(stature_m: f64) -> (Proportions, JointPositions) {
-        let body = Proportions::of_stature(stature_m).unwrap();
+        stands(Proportions::of_stature(stature_m).unwrap())
+    }
+
+    fn stands(body: Proportions) -> (Proportions, JointPositions) {
         let root_m = DVec3::new(0.0, 0.0, body.root_height_m());
         let pose = JointAngles::default().to_pose(root_m, DQuat::IDENTITY);
         (body, body.positions(&pose))
@@ -227,7 +358,7 @@ mod tests {
 
     #[test]
     fn standing_joints_have_the_heights_of_the_published_drawing() {
-        let (_, at) = standing(2.0);
+        let (_, at) = stands(Proportions::of_figure(BodyFigure::DrillisContini, 2.0).unwrap());
         for (joint, fraction) in [
             (Joint::LeftAnkle, 0.039),
             (Joint::RightKnee, 0.285),
@@ -244,6 +375,35 @@ mod tests {
         assert!((foot - DVec3::new(2.0 * 0.152, 0.0, 0.0)).length() < 1e-12);
     }
 
+    #[test]
+    fn a_man_has_the_lengths_that_were_measured_between_joint_centres() {
+        let (_, at) = stands(Proportions::of_stature(1.741).unwrap().of_sex(Some(Sex::Male)));
+        for (from, to, length_m) in [
+            (Joint::LeftHip, Joint::LeftKnee, 0.4222),
+            (Joint::LeftKnee, Joint::LeftAnkle, 0.4403),
+            (Joint::Pelvis, Joint::Neck, 0.6033),
+            (Joint::LeftShoulder, Joint::LeftElbow, 0.2817),
+            (Joint::RightElbow, Joint::RightWrist, 0.2689),
+        ] {
+            let got_m = (at.joint_m(to) - at.joint_m(from)).length();
+            assert!((got_m - length_m).abs() < 1e-9, "{from:?} to {to:?}: {got_m}");
+        }
+        let hips_m = at.joint_m(Joint::LeftHip).y - at.joint_m(Joint::RightHip).y;
+        assert!((0.16..0.19).contains(&hips_m), "{hips_m}");
+        assert!((at.end_m(End::HeadTop).z - 1.741).abs() < 1e-12);
+        let foot_m = (at.end_m(End::LeftToe) - at.end_m(End::LeftHeel)).length();
+        assert!((foot_m - 0.2581).abs() < 1e-9, "{foot_m}");
+    }
+
+    #[test]
+    fn unlikely_masses_are_refused() {
+        let body = Proportions::of_stature(1.75).unwrap();
+        for mass_kg in [0.0, -70.0, 1.9, 401.0, f64::NAN] {
+            assert!(body.with_mass_kg(mass_kg).is_err(), "{mass_kg}");
+        }
+        assert_eq!(body.with_mass_kg(70.0).unwrap().mass_kg(), 70.0);
+    }
+
     /// 0.92 m: the joint lies 0.0699 m behind, and so 0.0216 + 0.0757 m below, the bone.
     #[test]
     fn measured_legs_are_as_long_as_they_were_measured() {
@@ -254,7 +414,9 @@ mod tests {
         assert!((hip_to_ankle - 0.8227).abs() < 1e-4, "{hip_to_ankle}");
         assert!(at.end_m(End::RightToe).z.abs() < 1e-12, "it stands on the ground");
         let trunk = at.joint_m(Joint::Neck).z - root_m.z;
-        assert!((trunk - 1.75 * (0.818 - 0.530)).abs() < 1e-12, "the trunk is the stature's");
+        let usual = standing(1.75).1;
+        let usual = usual.joint_m(Joint::Neck).z - usual.joint_m(Joint::Pelvis).z;
+        assert!((trunk - usual).abs() < 1e-12, "the trunk is the stature's");
         for length_m in [0.0, 0.3, 1.6, f64::NAN] {
             assert!(body.with_leg_length_m(length_m).is_err(), "{length_m}");
         }
@@ -262,7 +424,7 @@ mod tests {
 
     #[test]
     fn a_raised_arm_reaches_forward_by_its_length() {
-        let body = Proportions::of_stature(1.0).unwrap();
+        let body = Proportions::of_figure(BodyFigure::DrillisContini, 1.0).unwrap();
         let mut angles = JointAngles::default();
         angles[Dof::LeftShoulderFlexion] = core::f64::consts::FRAC_PI_2;
         let at = body.positions(&angles.to_pose(DVec3::ZERO, DQuat::IDENTITY));

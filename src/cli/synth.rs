@@ -4,7 +4,9 @@ use super::inserts::{InsertArgs, told};
 use super::terminal::Terminal;
 use super::{Deed, Output, Remarks};
 use crate::error::Error;
-use crate::job::synth::{Figures, MAX_VARIATIONS, SynthOrder, actionlets_beside, synth, vary};
+use crate::job::synth::{
+    Figures, FootingReport, MAX_VARIATIONS, SynthOrder, actionlets_beside, synth, vary,
+};
 use clap::Args;
 use std::path::PathBuf;
 
@@ -43,11 +45,11 @@ pub struct SynthArgs {
     /// Folder of action files whose velocity functions variations may use as well
     #[arg(long, value_name = "FOLDER", requires = "varied")]
     database: Vec<PathBuf>,
-    /// Change a value: duration_s, rounds, pace, peak, stature_m, blend_s; for variations vary_angle,
-    /// vary_time, vary_peak, vary_duration, vary_exchange, and vary_types (range or paper)
+    /// Change a value: duration_s, rounds, pace, peak, blend_s; of the body stature_m, mass_kg, sex
+    /// (female or male) and figure (de-leva or drillis-contini); for variations vary_angle, vary_time, vary_peak, vary_duration, vary_exchange, and vary_types (range or paper)
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
-    /// File to write: .csv (time_s, the 22 angles, rad, and the root, m), .bvh, .x3d (an H-Anim
+    /// File to write: .csv (time_s, the 22 angles, rad, the root, m, and how the pelvis is turned, rad), .bvh, .x3d (an H-Anim
     /// humanoid), or .html (a page that draws it)
     #[arg(short, long, value_name = "OUT")]
     output_file: PathBuf,
@@ -98,6 +100,19 @@ fn run_many(
     Ok(args.output.conclude(&made, &text, Deed::Work, 0))
 }
 
+/// How the body stands on its feet, a line.
+fn feet(footing: &FootingReport) -> String {
+    format!(
+        "feet      both on the floor {:.0} % of the time, none {:.0} %; they slide by at most {:.1} mm; \
+         the floor pushes with {:.2} to {:.2} body weights\n",
+        footing.both_feet * 1e2,
+        footing.flying * 1e2,
+        footing.slides_m * 1e3,
+        footing.least_force_body_weights,
+        footing.most_force_body_weights
+    )
+}
+
 fn run_one(args: &SynthArgs, order: &SynthOrder, remarks: Remarks) -> Result<i32, Error> {
     args.output.check_files(&[&Some(order.file.clone())])?;
     let report = synth(order, args.variation)?;
@@ -105,11 +120,12 @@ fn run_one(args: &SynthArgs, order: &SynthOrder, remarks: Remarks) -> Result<i32
         format!("{}\n", report.written)
     } else {
         format!(
-            "done: {} takes {:.3} s, {} actionlets\n{}written   {}, {} poses at {} Hz\n",
+            "done: {} takes {:.3} s, {} actionlets\n{}{}written   {}, {} poses at {} Hz\n",
             report.action,
             report.duration_s,
             report.actionlets,
             told(&report.changes, &report.inserts),
+            feet(&report.footing),
             report.written,
             report.poses,
             report.rate_hz

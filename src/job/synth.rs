@@ -8,7 +8,8 @@ use super::composition::{Composed, GaitChangeReport, InsertReport, compose};
 use crate::action::corpus::Corpus;
 use crate::action::database::Types;
 use crate::action::{Action, Database, Inserts, Join, Motion, Spread, phrase, table};
-use crate::body::Proportions;
+use crate::body::contact::Footing;
+use crate::body::{BodyFigure, Proportions, Sex};
 use crate::draft;
 use crate::error::{Error, ErrorKind};
 use crate::mocap::{bvh, export, humanoid, page};
@@ -45,6 +46,9 @@ pub struct Figures {
     pace: f64,
     peak: Option<f64>,
     stature_m: f64,
+    mass_kg: Option<f64>,
+    sex: Option<Sex>,
+    figure: BodyFigure,
     blend_s: Option<f64>,
     spread: Spread,
     types: Types,
@@ -64,6 +68,9 @@ impl Figures {
             pace: 1.0,
             peak: None,
             stature_m: 1.75,
+            mass_kg: None,
+            sex: None,
+            figure: BodyFigure::default(),
             blend_s: None,
             spread: Spread::default(),
             types: Types::default(),
@@ -73,38 +80,54 @@ impl Figures {
             let wrong = |allowed: &str| {
                 Error::new("cannot set this").at("--set").got(pair.clone()).allowed(allowed)
             };
-            let keys = "KEY=VALUE with duration_s, rounds, pace, peak, stature_m, blend_s or \
-                        vary_angle, vary_time, vary_peak, vary_duration, vary_exchange, vary_types";
+            let keys = "KEY=VALUE with duration_s, rounds, pace, peak, stature_m, mass_kg, sex, \
+                        figure, blend_s or vary_angle, vary_time, vary_peak, vary_duration, vary_exchange, vary_types";
             let (key, text) = pair.split_once('=').ok_or_else(|| wrong(keys))?;
-            if key == "vary_types" {
-                figures.types = match text {
-                    "range" => Types::ByRange,
-                    "paper" => Types::ByDirection,
-                    _ => return Err(wrong("range or paper")),
-                };
-                continue;
-            }
-            let value: f64 = text.parse().map_err(|_| wrong("a number"))?;
-            match key {
-                "duration_s" => figures.duration_s = Some(value),
-                "rounds" if value.fract() == 0.0 && (1.0..=1e5).contains(&value) => {
-                    figures.rounds = Some(value as u32);
-                }
-                "rounds" => return Err(wrong("a whole number from 1 to 100000")),
-                "pace" if phrase::PACES.contains(&value) => figures.pace = value,
-                "pace" => return Err(wrong("0.1 to 10")),
-                "peak" => figures.peak = Some(value),
-                "stature_m" => figures.stature_m = value,
-                "blend_s" => figures.blend_s = Some(value),
-                "vary_angle" => figures.spread.angle = value,
-                "vary_time" => figures.spread.time = value,
-                "vary_peak" => figures.spread.peak = value,
-                "vary_duration" => figures.spread.duration = value,
-                "vary_exchange" => figures.spread.exchange = value,
-                _ => return Err(wrong(keys)),
+            match (key, text) {
+                ("vary_types", "range") => figures.types = Types::ByRange,
+                ("vary_types", "paper") => figures.types = Types::ByDirection,
+                ("vary_types", _) => return Err(wrong("range or paper")),
+                ("sex", "female") => figures.sex = Some(Sex::Female),
+                ("sex", "male") => figures.sex = Some(Sex::Male),
+                ("sex", _) => return Err(wrong("female or male")),
+                ("figure", "de-leva") => figures.figure = BodyFigure::DeLeva,
+                ("figure", "drillis-contini") => figures.figure = BodyFigure::DrillisContini,
+                ("figure", _) => return Err(wrong("de-leva or drillis-contini")),
+                _ => figures.set(key, text, keys, &wrong)?,
             }
         }
         Ok(figures)
+    }
+
+    /// Sets a value that is a number.
+    fn set(
+        &mut self,
+        key: &str,
+        text: &str,
+        keys: &str,
+        wrong: &dyn Fn(&str) -> Error,
+    ) -> Result<(), Error> {
+        let value: f64 = text.parse().map_err(|_| wrong("a number"))?;
+        match key {
+            "duration_s" => self.duration_s = Some(value),
+            "rounds" if value.fract() == 0.0 && (1.0..=1e5).contains(&value) => {
+                self.rounds = Some(value as u32);
+            }
+            "rounds" => return Err(wrong("a whole number from 1 to 100000")),
+            "pace" if phrase::PACES.contains(&value) => self.pace = value,
+            "pace" => return Err(wrong("0.1 to 10")),
+            "peak" => self.peak = Some(value),
+            "stature_m" => self.stature_m = value,
+            "mass_kg" => self.mass_kg = Some(value),
+            "blend_s" => self.blend_s = Some(value),
+            "vary_angle" => self.spread.angle = value,
+            "vary_time" => self.spread.time = value,
+            "vary_peak" => self.spread.peak = value,
+            "vary_duration" => self.spread.duration = value,
+            "vary_exchange" => self.spread.exchange = value,
+            _ => return Err(wrong(keys)),
+        }
+        Ok(())
     }
 
     /// An action with these figures.
@@ -136,7 +159,8 @@ impl Figures {
 
     /// The body that moves.
     fn body(&self) -> Result<Proportions, Error> {
-        Proportions::of_stature(self.stature_m)
+        let body = Proportions::of_figure(self.figure, self.stature_m)?.of_sex(self.sex);
+        self.mass_kg.map_or(Ok(body), |mass_kg| body.with_mass_kg(mass_kg))
     }
 }
 
@@ -159,8 +183,56 @@ pub struct SynthReport {
     pub changes: Vec<GaitChangeReport>,
     /// What was inserted, in the order in which it was.
     pub inserts: Vec<InsertReport>,
+    /// How the body stands on its feet.
+    pub footing: FootingReport,
     /// Where.
     pub written: String,
+}
+
+/// Rate at which feet are looked at, whatever is written.
+const FOOTING_HZ: f64 = 240.0;
+
+/// How a body stands on its feet while it does something: whether it could be done.
+#[derive(Clone, Debug, Serialize)]
+pub struct FootingReport {
+    /// How far a sole sinks into the floor, m; 0 if none does.
+    pub sinks_m: f64,
+    /// How far a sole slides while it is on the floor, m, the worst of all contacts.
+    pub slides_m: f64,
+    /// Greatest acceleration of the root, m/s^2.
+    pub root_acceleration_m_s2: f64,
+    /// Part of the time with both feet on the floor.
+    pub both_feet: f64,
+    /// Part of the time with none.
+    pub flying: f64,
+    /// What 1 % of the time the floor pushes less than, body weights, below 20 Hz.
+    pub least_force_body_weights: f64,
+    /// What 1 % of the time it pushes more than, body weights.
+    pub most_force_body_weights: f64,
+    /// Part of the time on the floor in which the zero-moment point lies inside the soles.
+    pub balanced: f64,
+    /// How far the middle of the feet has gone in the end, m.
+    pub travel_m: f64,
+}
+
+impl FootingReport {
+    fn of(motion: &Motion, body: &Proportions) -> Result<Self, Error> {
+        let poses = motion.poses(body, FOOTING_HZ)?;
+        let footing = Footing::of(body, &poses, FOOTING_HZ)?;
+        let margins_m: Vec<f64> = footing.margins_m().iter().flatten().copied().collect();
+        let inside = margins_m.iter().filter(|margin_m| **margin_m >= 0.0).count();
+        Ok(Self {
+            sinks_m: (-footing.lowest_m()).max(0.0),
+            slides_m: footing.slide_m(),
+            root_acceleration_m_s2: footing.root_acceleration_m_s2(),
+            both_feet: footing.both_feet(0..poses.len()),
+            flying: footing.flying(0..poses.len()),
+            least_force_body_weights: footing.force_quantile(0.01),
+            most_force_body_weights: footing.force_quantile(0.99),
+            balanced: inside as f64 / margins_m.len().max(1) as f64,
+            travel_m: footing.travel_m().1,
+        })
+    }
 }
 
 /// Writes one motion: the action as it is, or one of its variations.
@@ -188,6 +260,7 @@ pub fn synth(order: &SynthOrder, variation: Option<u32>) -> Result<SynthReport, 
         actionlets: motion.moving().count(),
         changes: made.changes,
         inserts: made.inserts,
+        footing: FootingReport::of(motion, &corpus.body)?,
         written: order.file.display().to_string(),
     })
 }

@@ -7,11 +7,10 @@
 
 use super::files::{LEGS_KEY, STATURE_KEY};
 use crate::action::table;
-use crate::body::contact::root_on_ground;
 use crate::body::segment_name;
 use crate::body::worn::Wearing;
 use crate::body::worn::kept::Kept;
-use crate::body::{Dof, JointAngles, Proportions, Segment, SegmentPose};
+use crate::body::{Dof, JointAngles, Proportions, Segment, SegmentPose, root};
 use crate::error::Error;
 use crate::mocap::{bvh, export};
 use crate::recording::{
@@ -99,12 +98,10 @@ impl WornMotion {
         Ok(motion)
     }
 
-    /// Sensors know no place: the body stands on its lowest sole, which does not slide.
+    /// Sensors know no place: the body stands on its lowest sole, which does not slide, or falls freely.
     fn put_on_ground(&mut self) {
-        let turned = self.angles.iter().zip(&self.poses);
-        let turned: Vec<(JointAngles, DQuat)> =
-            turned.map(|(angles, pose)| (*angles, pose.orientation[0])).collect();
-        for (pose, root_m) in self.poses.iter_mut().zip(root_on_ground(&self.body, &turned)) {
+        let roots_m = root::path_m(&self.body, &self.poses, self.rate_hz);
+        for (pose, root_m) in self.poses.iter_mut().zip(roots_m) {
             pose.root_m = root_m;
         }
     }

@@ -41,13 +41,14 @@ impl Played {
 /// about the axis from right to left.
 pub fn limbs(model: &RobotModel, motion: &Motion) -> Vec<Limb> {
     let still = |dof: Dof| motion.track(dof).actionlets().iter().all(|piece| piece.is_rest());
+    // A hip that turns sideways tips the pelvis, and ankles keep both soles flat.
+    let upright = still(Dof::LeftHipAbduction) && still(Dof::RightHipAbduction);
     let mut found = Vec::new();
-    for (segments, [flexion, abduction, rotation, knee, ankle]) in [
+    for (segments, [flexion, rotation, knee, ankle]) in [
         (
             [Segment::LeftThigh, Segment::LeftShank, Segment::LeftFoot],
             [
                 Dof::LeftHipFlexion,
-                Dof::LeftHipAbduction,
                 Dof::LeftHipRotation,
                 Dof::LeftKneeFlexion,
                 Dof::LeftAnkleDorsiflexion,
@@ -57,14 +58,13 @@ pub fn limbs(model: &RobotModel, motion: &Motion) -> Vec<Limb> {
             [Segment::RightThigh, Segment::RightShank, Segment::RightFoot],
             [
                 Dof::RightHipFlexion,
-                Dof::RightHipAbduction,
                 Dof::RightHipRotation,
                 Dof::RightKneeFlexion,
                 Dof::RightAnkleDorsiflexion,
             ],
         ),
     ] {
-        if still(abduction) && still(rotation) && model.base.contains(&Segment::Pelvis) {
+        if upright && still(rotation) && model.base.contains(&Segment::Pelvis) {
             // About +Y a thigh or a foot turns down and back, a shank back: it flexes.
             let [thigh, shank, foot] = segments;
             let parts = [(thigh, flexion, -1.0), (shank, knee, 1.0), (foot, ankle, -1.0)];
