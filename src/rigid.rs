@@ -6,5 +6,6 @@ pub mod mass;
 pub mod shape;
 pub mod tree;
 
+pub use mass::Mass;
 pub use shape::{Capsule, Cuboid, Volume};
-pub use tree::{Coupling, Efforts, JointKind, LinkMass, Placement, Tree, TreeLink, TreeMotion};
+pub use tree::{Coupling, Efforts, JointKind, Placement, Tree, TreeLink, TreeMotion};

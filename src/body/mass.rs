@@ -82,7 +82,7 @@ pub fn segment_masses(body: &Proportions) -> [Mass; 13] {
     let lumbar_m = joint_m(Joint::Torso).z;
     let above = |height_m: f64| DVec3::Z * (height_m - lumbar_m);
     let pelvis = part(&LOWER_TRUNK, DVec3::Z * lower_m, down, lower_m);
-    let torso = part(&MIDDLE_TRUNK, above(lower_m + middle_m), down, middle_m).with(part(
+    let torso = part(&MIDDLE_TRUNK, above(lower_m + middle_m), down, middle_m).with(&part(
         &UPPER_TRUNK,
         above(lower_m + middle_m + upper_m),
         down,
@@ -92,7 +92,7 @@ pub fn segment_masses(body: &Proportions) -> [Mass; 13] {
     let head = part(&HEAD, head_m, down, head_m.z);
     let limb = |row: &Row, end: Joint| part(row, DVec3::ZERO, down, -joint_m(end).z);
     let upper_arm = limb(&UPPER_ARM, Joint::LeftElbow);
-    let forearm = limb(&FOREARM, Joint::LeftWrist).with(part(
+    let forearm = limb(&FOREARM, Joint::LeftWrist).with(&part(
         &HAND,
         joint_m(Joint::LeftWrist),
         down,

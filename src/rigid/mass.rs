@@ -1,9 +1,10 @@
 //! Mass, where it lies, and how much of it moves.
 
 use glam::{DMat3, DQuat, DVec3};
+use nalgebra::Matrix3;
 
 /// The mass of a rigid body in its own frame.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mass {
     /// kg.
     pub mass_kg: f64,
@@ -14,6 +15,9 @@ pub struct Mass {
 }
 
 impl Mass {
+    /// Nothing.
+    pub const NONE: Self = Self { mass_kg: 0.0, centre_m: DVec3::ZERO, inertia_kg_m2: DMat3::ZERO };
+
     /// A body whose radii of gyration about the axes of its frame, through its centre, are given, m.
     #[must_use]
     pub fn of_radii(mass_kg: f64, centre_m: DVec3, radii_m: DVec3) -> Self {
@@ -21,19 +25,28 @@ impl Mass {
         Self { mass_kg, centre_m, inertia_kg_m2 }
     }
 
-    /// Two bodies of one frame, taken as one (parallel axes).
+    /// Both as one body, in the same axes (parallel axis theorem).
     #[must_use]
-    pub fn with(self, other: Self) -> Self {
+    pub fn with(&self, other: &Self) -> Self {
         let mass_kg = self.mass_kg + other.mass_kg;
         if !(mass_kg > 0.0) {
-            return Self::default();
+            return Self::NONE;
         }
         let centre_m = (self.centre_m * self.mass_kg + other.centre_m * other.mass_kg) / mass_kg;
-        let about = |part: Self| {
-            let away_m = part.centre_m - centre_m;
-            part.inertia_kg_m2 + point_inertia(part.mass_kg, away_m)
+        let about = |part: &Self| {
+            part.inertia_kg_m2 + point_inertia(part.mass_kg, part.centre_m - centre_m)
         };
         Self { mass_kg, centre_m, inertia_kg_m2: about(self) + about(other) }
+    }
+
+    /// Least, middle and largest moment of inertia, kg m².
+    #[must_use]
+    pub fn moments_kg_m2(&self) -> [f64; 3] {
+        let columns = self.inertia_kg_m2.to_cols_array();
+        let mut moments: [f64; 3] =
+            Matrix3::from_column_slice(&columns).symmetric_eigenvalues().into();
+        moments.sort_by(f64::total_cmp);
+        moments
     }
 }
 
@@ -120,7 +133,7 @@ mod tests {
             let radius = 0.5 / 12.0f64.sqrt();
             Mass::of_radii(1.0, DVec3::new(x, 0.0, 0.0), DVec3::new(0.0, radius, radius))
         };
-        let rod = half(0.25).with(half(0.75));
+        let rod = half(0.25).with(&half(0.75));
         assert!((rod.mass_kg - 2.0).abs() < 1e-12);
         assert!((rod.centre_m - DVec3::new(0.5, 0.0, 0.0)).length() < 1e-12);
         let expected = 2.0 / 12.0;
@@ -157,6 +170,6 @@ mod tests {
     #[test]
     fn nothing_has_no_centre() {
         assert_eq!(centre_m(&[]), DVec3::ZERO);
-        assert_eq!(Mass::default().with(Mass::default()), Mass::default());
+        assert_eq!(Mass::NONE.with(&Mass::NONE), Mass::NONE);
     }
 }

@@ -3,8 +3,9 @@
 //! 5, written out in world coordinates).
 
 use crate::error::{Error, ErrorKind};
+use crate::rigid::mass::Mass;
 use glam::{DMat3, DQuat, DVec3};
-use nalgebra::{Matrix3, Matrix6xX};
+use nalgebra::Matrix6xX;
 
 /// Most links of a tree.
 pub const LINKS_MAX: usize = 1000;
@@ -63,21 +64,7 @@ pub enum JointKind {
     Slide,
 }
 
-/// What a link weighs.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LinkMass {
-    /// Mass, kg.
-    pub mass_kg: f64,
-    /// Centre of mass in the link's axes, m.
-    pub centre_m: DVec3,
-    /// Inertia about that centre, in the link's axes, kg m².
-    pub inertia_kg_m2: DMat3,
-}
-
-impl LinkMass {
-    /// Nothing.
-    pub const NONE: Self = Self { mass_kg: 0.0, centre_m: DVec3::ZERO, inertia_kg_m2: DMat3::ZERO };
-
+impl Mass {
     /// The same mass, seen from the axes its link is placed in.
     #[must_use]
     pub fn placed(&self, placement: Placement) -> Self {
@@ -87,33 +74,6 @@ impl LinkMass {
             centre_m: placement.point(self.centre_m),
             inertia_kg_m2: turn * self.inertia_kg_m2 * turn.transpose(),
         }
-    }
-
-    /// Both as one body, in the same axes (parallel axis theorem).
-    #[must_use]
-    pub fn with(&self, other: &Self) -> Self {
-        let mass_kg = self.mass_kg + other.mass_kg;
-        if mass_kg <= 0.0 {
-            return Self::NONE;
-        }
-        let centre_m = (self.centre_m * self.mass_kg + other.centre_m * other.mass_kg) / mass_kg;
-        let about = |part: &Self| {
-            let arm = part.centre_m - centre_m;
-            let outer = DMat3::from_cols(arm * arm.x, arm * arm.y, arm * arm.z);
-            let identity = DMat3::from_diagonal(DVec3::splat(arm.length_squared()));
-            part.inertia_kg_m2 + (identity - outer) * part.mass_kg
-        };
-        Self { mass_kg, centre_m, inertia_kg_m2: about(self) + about(other) }
-    }
-
-    /// Least, middle and largest moment of inertia, kg m².
-    #[must_use]
-    pub fn moments_kg_m2(&self) -> [f64; 3] {
-        let columns = self.inertia_kg_m2.to_cols_array();
-        let mut moments: [f64; 3] =
-            Matrix3::from_column_slice(&columns).symmetric_eigenvalues().into();
-        moments.sort_by(f64::total_cmp);
-        moments
     }
 
     fn check(&self) -> Result<(), Error> {
@@ -165,7 +125,7 @@ pub struct TreeLink {
     /// A point of that axis in its own axes, m.
     pub anchor_m: DVec3,
     /// What it weighs.
-    pub mass: LinkMass,
+    pub mass: Mass,
 }
 
 /// A joint that others move: its angle is the sum of theirs, each times its ratio, and the offset.

@@ -1,9 +1,7 @@
 //! What a robot weighs and takes up: its file's body as a tree of links.
 
 use crate::error::{Error, ErrorKind};
-use crate::rigid::{
-    Capsule, Coupling, Cuboid, JointKind, LinkMass, Placement, Tree, TreeLink, Volume,
-};
+use crate::rigid::{Capsule, Coupling, Cuboid, JointKind, Mass, Placement, Tree, TreeLink, Volume};
 use gaitway_profiles::{self as profiles, BaseKind};
 use glam::{DMat3, DQuat, DVec3};
 
@@ -62,7 +60,7 @@ impl RobotBody {
             // To the last digit: a file may have rounded it.
             axis: DVec3::from(axis).normalize_or_zero(),
             anchor_m: DVec3::ZERO,
-            mass: weight(Some(name)).map_or(LinkMass::NONE, mass),
+            mass: weight(Some(name)).map_or(Mass::NONE, mass),
         };
         let mut links = vec![TreeLink {
             name: "base".to_owned(),
@@ -71,7 +69,7 @@ impl RobotBody {
             origin: Placement::IDENTITY,
             axis: DVec3::ZERO,
             anchor_m: DVec3::ZERO,
-            mass: weight(None).map_or(LinkMass::NONE, mass),
+            mass: weight(None).map_or(Mass::NONE, mass),
         }];
         for joint in &file.joints {
             let (Some(origin_m), Some(axis)) = (joint.origin_m, joint.axis) else {
@@ -119,9 +117,9 @@ impl RobotBody {
     }
 }
 
-fn mass(link: &profiles::BodyLink) -> LinkMass {
+fn mass(link: &profiles::BodyLink) -> Mass {
     let [xx, yy, zz, xy, xz, yz] = link.inertia_kg_m2;
-    LinkMass {
+    Mass {
         mass_kg: link.mass_kg,
         centre_m: DVec3::from(link.centre_m),
         inertia_kg_m2: DMat3::from_cols(

@@ -12,7 +12,7 @@ pub use onto::{OwnJoint, Reduced, ReducedLink};
 pub use written::{DraftServo, Provenance};
 
 use crate::error::{Error, ErrorKind};
-use crate::rigid::{Capsule, Cuboid, JointKind, LinkMass, Placement, Tree, Volume};
+use crate::rigid::{Capsule, Cuboid, JointKind, Mass, Placement, Tree, Volume};
 use gaitway_profiles::BaseKind;
 use glam::{DQuat, DVec3};
 
@@ -133,7 +133,7 @@ const LONG_M: f64 = 0.04;
 
 /// A capsule from a link's joint to the only joint it carries, as thick as its mass lies around that
 /// line; of other links a box. `upright` turns the base's axes, with all joints at zero, into the link's.
-fn of_mass(mass: &LinkMass, upright: DQuat, joint_m: DVec3, ends: &[DVec3]) -> Option<Volume> {
+fn of_mass(mass: &Mass, upright: DQuat, joint_m: DVec3, ends: &[DVec3]) -> Option<Volume> {
     if mass.mass_kg < FRAME_KG {
         return None;
     }
@@ -153,7 +153,7 @@ fn of_mass(mass: &LinkMass, upright: DQuat, joint_m: DVec3, ends: &[DVec3]) -> O
 
 /// Half sides of the box of even density with this mass and these moments of inertia about upright
 /// axes: upright, so that a foot's lies flat.
-fn inertia_box(mass: &LinkMass, upright: DQuat) -> DVec3 {
+fn inertia_box(mass: &Mass, upright: DQuat) -> DVec3 {
     let back = Placement { at_m: DVec3::ZERO, turn: upright.inverse() };
     let inertia = mass.placed(back).inertia_kg_m2;
     let [a, b, c] = [inertia.x_axis.x, inertia.y_axis.y, inertia.z_axis.z];

@@ -11,12 +11,12 @@ fn link(parent: Option<usize>, kind: JointKind, at_m: DVec3, axis: DVec3) -> Tre
         origin: Placement::at(at_m),
         axis,
         anchor_m: DVec3::ZERO,
-        mass: LinkMass::NONE,
+        mass: Mass::NONE,
     }
 }
 
-fn weighing(mass_kg: f64, centre_m: DVec3, moments: DVec3) -> LinkMass {
-    LinkMass { mass_kg, centre_m, inertia_kg_m2: DMat3::from_diagonal(moments) }
+fn weighing(mass_kg: f64, centre_m: DVec3, moments: DVec3) -> Mass {
+    Mass { mass_kg, centre_m, inertia_kg_m2: DMat3::from_diagonal(moments) }
 }
 
 /// Two rods without weight in the XZ plane, a point of mass at the end of each; at zero they lie along

@@ -4,9 +4,7 @@
 use super::xml::{child, children, number, numbers, place, vector, wrong};
 use super::{Meshes, MovingJoint, PublicModel, meant, mesh, shown, some};
 use crate::error::{Error, ErrorKind};
-use crate::rigid::{
-    Capsule, Coupling, Cuboid, JointKind, LinkMass, Placement, Tree, TreeLink, Volume,
-};
+use crate::rigid::{Capsule, Coupling, Cuboid, JointKind, Mass, Placement, Tree, TreeLink, Volume};
 use gaitway_profiles::BaseKind;
 use glam::{DMat3, DQuat, DVec3};
 use roxmltree::{Document, Node};
@@ -269,7 +267,7 @@ impl<'a, 'i> Reader<'a, 'i, '_> {
         let mut parent = None;
         if held {
             // Its own joint moves it against what it is screwed to.
-            self.push("world".to_owned(), None, Placement::IDENTITY, LinkMass::NONE);
+            self.push("world".to_owned(), None, Placement::IDENTITY, Mass::NONE);
             parent = Some(0);
         }
         let mut open = vec![(robot, parent, 0)];
@@ -297,7 +295,7 @@ impl<'a, 'i> Reader<'a, 'i, '_> {
         })
     }
 
-    fn push(&mut self, name: String, parent: Option<usize>, origin: Placement, mass: LinkMass) {
+    fn push(&mut self, name: String, parent: Option<usize>, origin: Placement, mass: Mass) {
         self.tree.push(TreeLink {
             name,
             parent,
@@ -345,7 +343,7 @@ impl<'a, 'i> Reader<'a, 'i, '_> {
             let is_last = index + 1 == joints.len();
             let own = if is_last { name.clone() } else { format!("{name} before {index}") };
             let link = self.tree.len();
-            self.push(own, parent, origin, if is_last { mass } else { LinkMass::NONE });
+            self.push(own, parent, origin, if is_last { mass } else { Mass::NONE });
             self.joint(*joint, surroundings, link)?;
             (parent, origin) = (Some(link), Placement::IDENTITY);
         }
@@ -578,7 +576,7 @@ impl<'a, 'i> Reader<'a, 'i, '_> {
         Some(volume.placed(geom.at))
     }
 
-    fn mass(&mut self, body: Node<'a, 'i>, name: &str, geoms: &[Geom]) -> Result<LinkMass, Error> {
+    fn mass(&mut self, body: Node<'a, 'i>, name: &str, geoms: &[Geom]) -> Result<Mass, Error> {
         if let Some(inertial) = child(body, "inertial")
             && !self.compiler.mass_from_geoms
         {
@@ -603,10 +601,10 @@ impl<'a, 'i> Reader<'a, 'i, '_> {
                 let of = six("diaginertia", 3)?.unwrap_or_else(|| vec![0.0; 3]);
                 DMat3::from_diagonal(DVec3::new(of[0], of[1], of[2]))
             };
-            let own = LinkMass { mass_kg, centre_m: DVec3::ZERO, inertia_kg_m2 };
+            let own = Mass { mass_kg, centre_m: DVec3::ZERO, inertia_kg_m2 };
             return Ok(own.placed(at));
         }
-        let mut whole = LinkMass::NONE;
+        let mut whole = Mass::NONE;
         let mut unknown = false;
         for (geom, node) in geoms.iter().zip(children(body, "geom")) {
             match self.geom_mass(geom, node)? {
@@ -621,7 +619,7 @@ impl<'a, 'i> Reader<'a, 'i, '_> {
     }
 
     /// What a geom weighs; nothing if only its mesh could tell.
-    fn geom_mass(&self, geom: &Geom, node: Node<'a, 'i>) -> Result<Option<LinkMass>, Error> {
+    fn geom_mass(&self, geom: &Geom, node: Node<'a, 'i>) -> Result<Option<Mass>, Error> {
         // Classes set masses of geoms too.
         let value = |key: &str| -> Result<Option<f64>, Error> {
             self.get(node, self.class_around(node), key).map(|t| number(node, key, t)).transpose()
@@ -652,16 +650,16 @@ impl<'a, 'i> Reader<'a, 'i, '_> {
                 (rod + ends, DVec3::new(across, across, along))
             }
             Form::Mesh(_) => {
-                return Ok(given.filter(|mass| *mass == 0.0).map(|_| LinkMass::NONE));
+                return Ok(given.filter(|mass| *mass == 0.0).map(|_| Mass::NONE));
             }
-            Form::Other => return Ok(Some(LinkMass::NONE)),
+            Form::Other => return Ok(Some(Mass::NONE)),
         };
         let mass_kg = given.unwrap_or(volume * density);
         if mass_kg == 0.0 {
-            return Ok(Some(LinkMass::NONE));
+            return Ok(Some(Mass::NONE));
         }
         let inertia_kg_m2 = DMat3::from_diagonal(moments * mass_kg);
-        let own = LinkMass { mass_kg, centre_m: DVec3::ZERO, inertia_kg_m2 };
+        let own = Mass { mass_kg, centre_m: DVec3::ZERO, inertia_kg_m2 };
         Ok(Some(own.placed(geom.at)))
     }
 

@@ -6,7 +6,7 @@
 
 use super::{MovingJoint, PublicModel, shown, some};
 use crate::error::{Error, ErrorKind};
-use crate::rigid::{JointKind, LinkMass, Placement, Volume};
+use crate::rigid::{JointKind, Mass, Placement, Volume};
 use gaitway_profiles::{BaseKind, Robot};
 use glam::{DQuat, DVec3};
 
@@ -48,7 +48,7 @@ pub struct ReducedLink {
     /// The joint, by index; nothing: the base.
     pub joint: Option<usize>,
     /// What it weighs.
-    pub mass: LinkMass,
+    pub mass: Mass,
     /// What it takes up.
     pub volumes: Vec<Volume>,
     /// Corners it stands on; none if it does not.
@@ -328,12 +328,8 @@ impl PublicModel {
 
     fn reduced(&self, joints: Vec<OwnJoint>, placed: &[Placement]) -> Reduced {
         let owner = |link: usize| joints.iter().position(|joint| joint.link == link);
-        let base = ReducedLink {
-            joint: None,
-            mass: LinkMass::NONE,
-            volumes: Vec::new(),
-            sole_m: Vec::new(),
-        };
+        let base =
+            ReducedLink { joint: None, mass: Mass::NONE, volumes: Vec::new(), sole_m: Vec::new() };
         let mut links = vec![base.clone()];
         links.extend((0..joints.len()).map(|at| ReducedLink { joint: Some(at), ..base.clone() }));
         for (index, link) in self.tree.links().iter().enumerate() {

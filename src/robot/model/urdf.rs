@@ -4,9 +4,7 @@
 use super::xml::{child, children, number, place, vector, wrong};
 use super::{Meshes, MovingJoint, PublicModel, meant, mesh, shown};
 use crate::error::{Error, ErrorKind};
-use crate::rigid::{
-    Capsule, Coupling, Cuboid, JointKind, LinkMass, Placement, Tree, TreeLink, Volume,
-};
+use crate::rigid::{Capsule, Coupling, Cuboid, JointKind, Mass, Placement, Tree, TreeLink, Volume};
 use gaitway_profiles::BaseKind;
 use glam::{DMat3, DQuat, DVec3};
 use roxmltree::{Document, Node};
@@ -231,8 +229,8 @@ fn origin(node: Node<'_, '_>) -> Result<Placement, Error> {
     Ok(Placement { at_m: get("xyz")?, turn: turn.normalize() })
 }
 
-fn mass(link: Node<'_, '_>) -> Result<LinkMass, Error> {
-    let Some(inertial) = child(link, "inertial") else { return Ok(LinkMass::NONE) };
+fn mass(link: Node<'_, '_>) -> Result<Mass, Error> {
+    let Some(inertial) = child(link, "inertial") else { return Ok(Mass::NONE) };
     let value = |element: Node<'_, '_>, key: &str| -> Result<f64, Error> {
         element.attribute(key).map_or(Ok(0.0), |text| number(element, key, text))
     };
@@ -247,7 +245,7 @@ fn mass(link: Node<'_, '_>) -> Result<LinkMass, Error> {
         }
         None => DMat3::ZERO,
     };
-    let own = LinkMass { mass_kg, centre_m: DVec3::ZERO, inertia_kg_m2: inertia };
+    let own = Mass { mass_kg, centre_m: DVec3::ZERO, inertia_kg_m2: inertia };
     Ok(own.placed(origin))
 }
 
