@@ -129,6 +129,7 @@ fn numpy(motion: &gaitway::action::Motion, poses: usize) -> Option<(String, f64)
 /// Variations of `run` at 120 Hz as they go into a corpus, without the disk.
 fn variations() {
     let corpus = Corpus {
+        label: "run".to_owned(),
         parts: phrase::load("run").expect("a run"),
         join: Join::Transition,
         spread: Spread::default(),
@@ -136,6 +137,7 @@ fn variations() {
         seed: 1,
         rate_hz: 120.0,
         body: Proportions::of_stature(1.75).expect("a body"),
+        has_points: true,
     };
     let mut poses = 0;
     let seconds = time_s(|| poses = black_box(corpus.batch(0, 250)).expect("a batch").time_s.len());

@@ -18,6 +18,7 @@ pub mod corpus;
 pub mod database;
 pub mod decompose;
 pub mod file;
+pub mod frames;
 pub mod insert;
 pub mod join;
 pub mod motion;

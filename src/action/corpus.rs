@@ -1,16 +1,24 @@
 //! Many variations of an action, reproducible one by one: variation n of a seed is the same
 //! whatever was made before it, and by how many threads.
 
+use crate::action::frames::{self, CorpusPoses, VariationStatus};
 use crate::action::{Database, Join, Motion, Spread, mutate, phrase};
 use crate::actionlet::Shape;
 use crate::body::{Dof, Proportions};
 use crate::error::Error;
+
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-/// What to make.
+/// Points are kept to this, m: a tenth of a millimetre is far below what a body is known to, and
+/// the bytes that say nothing compress.
+const POINT_STEP_M: f64 = 1.0 / 16_384.0;
+
+/// What to make: variations of one class.
 #[derive(Clone, Debug)]
 pub struct Corpus {
+    /// What a learner is to call it.
+    pub label: String,
     /// The actions.
     pub parts: Vec<phrase::Part>,
     /// How they are joined.
@@ -25,6 +33,21 @@ pub struct Corpus {
     pub rate_hz: f64,
     /// The body that moves: its legs decide where the root goes.
     pub body: Proportions,
+    /// Whether joints and ends are written as points in space.
+    pub has_points: bool,
+}
+
+/// A variation as a row.
+#[derive(Clone, Debug, PartialEq)]
+pub struct VariationRow {
+    /// Its number.
+    pub number: i32,
+    /// What became of it.
+    pub status: VariationStatus,
+    /// How long it lasts, s.
+    pub duration_s: f64,
+    /// How many poses it has.
+    pub poses: usize,
 }
 
 /// Some variations as columns.
@@ -38,6 +61,15 @@ pub struct Batch {
     pub angles_rad: [Vec<f32>; 22],
     /// Where the root is in the world, m: X forward, Y left, Z up; by axis and pose.
     pub root_m: [Vec<f32>; 3],
+    /// Orientation of the pelvis in the world, a quaternion: w, x, y, z; by pose.
+    pub pelvis: [Vec<f32>; 4],
+    /// Which parts of the feet carry, in the order of [`crate::body::root::SOLES`]; by pose.
+    pub carries: [Vec<bool>; 4],
+    /// Where joints and ends are, m, in the order of [`frames::point_names`], x, y and z of each; by
+    /// pose. None if they are not asked for.
+    pub points_m: Vec<Vec<f32>>,
+    /// The variations, one row each.
+    pub rows: Vec<VariationRow>,
     /// The actionlets the poses were made from.
     pub pieces: Pieces,
 }
@@ -90,23 +122,74 @@ impl Corpus {
     /// If one cannot be performed or has too many poses.
     pub fn batch(&self, from: u32, to: u32) -> Result<Batch, Error> {
         let mut batch = Batch::default();
+        if self.has_points {
+            batch.points_m.resize(frames::POINTS * 3, Vec::new());
+        }
         for index in from..to {
             let motion = self.variation(index)?;
-            let placed = motion.placed(&self.body, self.rate_hz)?;
-            let poses = placed.len();
-            // A file holds at most a million variations; the cast cannot wrap.
+            let made = frames::frames(&motion, &self.body, self.rate_hz)?;
+            // There are at most a hundred million; the cast cannot wrap.
             let number = index as i32;
-            batch.variation.resize(batch.variation.len() + poses, number);
-            batch.time_s.extend((0..poses).map(|pose| (pose as f64 / self.rate_hz) as f32));
-            for (dof, column) in batch.angles_rad.iter_mut().enumerate() {
-                column.extend(placed.iter().map(|(angles, ..)| angles.0[dof] as f32));
-            }
-            for (axis, column) in batch.root_m.iter_mut().enumerate() {
-                column.extend(placed.iter().map(|(_, _, root_m)| root_m[axis] as f32));
-            }
+            batch.push(number, &made, self.rate_hz);
+            batch.rows.push(VariationRow {
+                number,
+                status: made.status,
+                duration_s: motion.duration_s(),
+                poses: made.frames.len(),
+            });
             batch.pieces.push(number, &motion);
         }
         Ok(batch)
+    }
+
+    /// The actions as they are called, without how long they last: `walk,wave-r`.
+    #[must_use]
+    pub fn class(&self) -> String {
+        let mut class = String::new();
+        for part in &self.parts {
+            if !class.is_empty() {
+                let stops = part.item.follows == phrase::Follows::AtRest;
+                class.push(if stops { ',' } else { '+' });
+            }
+            class += &part.action.name;
+        }
+        class
+    }
+
+    /// Rounds of all its actions.
+    #[must_use]
+    pub fn rounds(&self) -> u32 {
+        let rounds = self.parts.iter().map(|part| part.item.timed(&part.action).1);
+        rounds.fold(0, u32::saturating_add)
+    }
+}
+
+impl Batch {
+    fn push(&mut self, number: i32, made: &CorpusPoses, rate_hz: f64) {
+        let frames = &made.frames;
+        self.variation.resize(self.variation.len() + frames.len(), number);
+        self.time_s.extend((0..frames.len()).map(|pose| (pose as f64 / rate_hz) as f32));
+        for (dof, column) in self.angles_rad.iter_mut().enumerate() {
+            column.extend(frames.iter().map(|frame| frame.angles.0[dof] as f32));
+        }
+        for (axis, column) in self.root_m.iter_mut().enumerate() {
+            column.extend(frames.iter().map(|frame| frame.root_m[axis] as f32));
+        }
+        for (index, column) in self.pelvis.iter_mut().enumerate() {
+            let turned = frames.iter().map(|frame| frame.pelvis);
+            column.extend(turned.map(|q| [q.w, q.x, q.y, q.z][index] as f32));
+        }
+        for (sole, column) in self.carries.iter_mut().enumerate() {
+            column.extend(frames.iter().map(|frame| frame.carries[sole]));
+        }
+        if !self.points_m.is_empty() {
+            for frame in frames {
+                let axes = frame.points_m().into_iter().flat_map(|at| at.to_array());
+                for (column, value_m) in self.points_m.iter_mut().zip(axes) {
+                    column.push(((value_m / POINT_STEP_M).round() * POINT_STEP_M) as f32);
+                }
+            }
+        }
     }
 }
 
@@ -143,6 +226,7 @@ mod tests {
 
     fn corpus(seed: u64) -> Corpus {
         Corpus {
+            label: "run".to_owned(),
             parts: phrase::load("run:x2").unwrap(),
             join: Join::Transition,
             spread: Spread::default(),
@@ -150,6 +234,7 @@ mod tests {
             seed,
             rate_hz: 60.0,
             body: Proportions::of_stature(1.75).unwrap(),
+            has_points: false,
         }
     }
 

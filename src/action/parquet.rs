@@ -1,149 +1,467 @@
-//! Corpora as Parquet files: poses, and the actionlets they were made from. Plain columns, no
-//! compression: angles hardly compress, and files are written at the speed of the disk.
+//! Corpora as Parquet files: poses, the actionlets they were made from, and a row for each variation.
+//!
+//! Numbers are split by place and compressed by zstd; with statistics of every column, so that a query
+//! that asks for a class or a few variations skips the row groups that have none of them.
 
-use crate::action::corpus::{Batch, Pieces};
+mod pages;
+
+use crate::action::corpus::{Batch, Corpus, Pieces, VariationRow};
+use crate::action::frames;
 use crate::body::Dof;
 use crate::error::{Error, ErrorKind};
-use parquet::basic::Compression;
-use parquet::data_type::{DataType, DoubleType, FloatType, Int32Type};
+use bytes::Bytes;
+use pages::ZstdPages;
+use parquet::basic::{Compression, Encoding, ZstdLevel};
+use parquet::column::writer::{
+    ColumnCloseResult, get_column_writer, get_typed_column_writer_mut as typed,
+};
+use parquet::data_type::{
+    BoolType, ByteArray, ByteArrayType, DoubleType, FloatType, Int32Type, Int64Type,
+};
 use parquet::errors::ParquetError;
 use parquet::file::metadata::KeyValue;
-use parquet::file::properties::{EnabledStatistics, WriterProperties};
-use parquet::file::writer::{SerializedFileWriter, SerializedRowGroupWriter};
+use parquet::file::properties::{EnabledStatistics, WriterProperties, WriterPropertiesPtr};
+use parquet::file::reader::{FileReader, SerializedFileReader};
+use parquet::file::writer::{SerializedFileWriter, SerializedPageWriter, TrackedWrite};
 use parquet::schema::parser::parse_message_type;
-use std::fmt::Write as _;
-use std::io::Write;
+use parquet::schema::types::{ColumnPath, SchemaDescriptor, TypePtr};
+use std::borrow::Cow;
+use std::fs::File;
+use std::io::{self, Write};
+use std::path::Path;
 use std::sync::Arc;
 
-type RowGroup<'a, W> = SerializedRowGroupWriter<'a, W>;
-
-/// Two files that grow together, a row group per batch.
-pub struct CorpusWriter<W: Write + Send> {
-    poses: SerializedFileWriter<W>,
-    pieces: SerializedFileWriter<W>,
+/// A column of a row group: its values.
+enum Values<'a> {
+    Whole(Cow<'a, [i32]>),
+    Long(Vec<i64>),
+    Real(Cow<'a, [f32]>),
+    Double(Cow<'a, [f64]>),
+    Flag(&'a [bool]),
+    /// The same in all rows.
+    Word(&'a str, usize),
+    Words(Vec<&'a str>),
+    /// `values` one list after the other.
+    Lists {
+        lengths: &'a [usize],
+        values: &'a [f64],
+    },
 }
 
-impl<W: Write + Send> CorpusWriter<W> {
-    /// Begins both files. `notes` are kept in them: how they were made.
-    ///
-    /// # Errors
-    /// If a file cannot be written.
-    pub fn new(poses: W, pieces: W, notes: &[(String, String)]) -> Result<Self, Error> {
-        let mut schema =
-            String::from("message poses { required int32 variation; required float time_s; ");
-        for dof in Dof::ALL {
-            let _ = write!(schema, "required float {}_rad; ", dof.name());
+/// A column and what it is called.
+struct Column<'a> {
+    name: String,
+    values: Values<'a>,
+}
+
+impl<'a> Column<'a> {
+    fn new(name: impl Into<String>, values: Values<'a>) -> Self {
+        Self { name: name.into(), values }
+    }
+
+    fn schema(&self) -> String {
+        let name = &self.name;
+        match self.values {
+            Values::Whole(_) => format!("required int32 {name}; "),
+            Values::Long(_) => format!("required int64 {name}; "),
+            Values::Real(_) => format!("required float {name}; "),
+            Values::Double(_) => format!("required double {name}; "),
+            Values::Flag(_) => format!("required boolean {name}; "),
+            Values::Word(..) | Values::Words(_) => format!("required binary {name} (STRING); "),
+            Values::Lists { .. } => {
+                format!(
+                    "required group {name} (LIST) {{ repeated group list {{ required double \
+                     element; }} }} "
+                )
+            }
         }
-        for axis in ["x", "y", "z"] {
-            let _ = write!(schema, "required float root_{axis}_m; ");
+    }
+
+    /// Bytes of a number that are split by place; 1 if they are not.
+    fn places(&self) -> usize {
+        match self.values {
+            Values::Real(_) if !self.repeats() => 4,
+            Values::Double(_) => 8,
+            _ => 1,
         }
-        schema.push('}');
-        let pieces_schema = "message actionlets { required int32 variation; required int32 dof; \
-             required int32 shape; required double begin_s; required double duration_s; \
-             required double from_rad; required double to_rad; required double peak; \
-             required group samples (LIST) { repeated group list { required double element; } } }";
-        Ok(Self {
-            poses: begun(poses, &schema, notes).map_err(unwritable)?,
-            pieces: begun(pieces, pieces_schema, notes).map_err(unwritable)?,
-        })
     }
 
-    /// Appends a batch as one row group of each file.
-    ///
-    /// # Errors
-    /// If a file cannot be written.
-    pub fn write(&mut self, batch: &Batch) -> Result<(), Error> {
-        write_poses(&mut self.poses, batch).map_err(unwritable)?;
-        write_pieces(&mut self.pieces, &batch.pieces).map_err(unwritable)
-    }
-
-    /// Completes both files.
-    ///
-    /// # Errors
-    /// If a file cannot be written.
-    pub fn finish(mut self) -> Result<(), Error> {
-        self.poses.finish().map_err(unwritable)?;
-        self.pieces.finish().map_err(unwritable)?;
-        Ok(())
+    /// Whether it has few different values, which are told once.
+    fn repeats(&self) -> bool {
+        match self.values {
+            Values::Whole(_) | Values::Word(..) | Values::Words(_) => true,
+            // The times of all variations are the same.
+            Values::Real(_) => self.name == "time_s",
+            _ => false,
+        }
     }
 }
 
-fn unwritable(e: ParquetError) -> Error {
-    Error::of(ErrorKind::Io, "cannot write the corpus").got(e.to_string())
+/// A row group of one file, packed: its columns, and what the file is to know of each.
+struct Group(Vec<(Bytes, ColumnCloseResult)>);
+
+/// A row group of poses and one of actionlets, packed, and the variations in them.
+pub struct Packed {
+    poses: Group,
+    pieces: Group,
+    rows: Vec<VariationRow>,
 }
 
-fn begun<W: Write + Send>(
-    file: W,
-    schema: &str,
-    notes: &[(String, String)],
-) -> Result<SerializedFileWriter<W>, ParquetError> {
-    let notes = notes.iter().map(|(key, value)| KeyValue::new(key.clone(), value.clone()));
-    let properties = WriterProperties::builder()
-        .set_dictionary_enabled(false)
-        .set_compression(Compression::UNCOMPRESSED)
-        .set_statistics_enabled(EnabledStatistics::None)
-        .set_key_value_metadata(Some(notes.collect()))
-        .set_created_by("gaitway".to_owned())
-        .build();
-    SerializedFileWriter::new(file, Arc::new(parse_message_type(schema)?), Arc::new(properties))
-}
-
-fn column<W: Write + Send, T: DataType>(
-    group: &mut RowGroup<'_, W>,
-    values: &[T::T],
-) -> Result<(), ParquetError> {
-    let next = group.next_column()?;
-    let mut column = next.ok_or_else(|| ParquetError::General("a column too many".to_owned()))?;
-    column.typed::<T>().write_batch(values, None, None)?;
-    column.close()
-}
-
-fn write_poses<W: Write + Send>(
-    file: &mut SerializedFileWriter<W>,
-    batch: &Batch,
-) -> Result<(), ParquetError> {
-    let mut group = file.next_row_group()?;
-    column::<_, Int32Type>(&mut group, &batch.variation)?;
-    column::<_, FloatType>(&mut group, &batch.time_s)?;
-    for values in batch.angles_rad.iter().chain(&batch.root_m) {
-        column::<_, FloatType>(&mut group, values)?;
+impl Packed {
+    /// What it takes on the disk, bytes.
+    #[must_use]
+    pub fn bytes(&self) -> u64 {
+        let columns = self.poses.0.iter().chain(&self.pieces.0);
+        // Of each column the end of a file says where it is and what it holds.
+        columns.map(|(bytes, _)| bytes.len() as u64 + ABOUT_COLUMN).sum()
     }
-    group.close().map(|_| ())
+
+    /// Its poses.
+    #[must_use]
+    pub fn poses(&self) -> u64 {
+        self.rows.iter().map(|row| row.poses as u64).sum()
+    }
 }
 
-fn write_pieces<W: Write + Send>(
-    file: &mut SerializedFileWriter<W>,
-    pieces: &Pieces,
-) -> Result<(), ParquetError> {
-    let mut group = file.next_row_group()?;
-    for whole in [&pieces.variation, &pieces.dof, &pieces.shape] {
-        column::<_, Int32Type>(&mut group, whole)?;
-    }
-    for real in
-        [&pieces.begin_s, &pieces.duration_s, &pieces.from_rad, &pieces.to_rad, &pieces.peak]
-    {
-        column::<_, DoubleType>(&mut group, real)?;
-    }
-    lists(&mut group, &pieces.sample_count, &pieces.samples)?;
-    group.close().map(|_| ())
+/// What the end of a file says of a column of a row group takes, about, bytes.
+const ABOUT_COLUMN: u64 = 130;
+
+/// What all rows of a class have in common.
+struct Common {
+    label: String,
+    class: String,
+    subject: String,
+    stature_m: f32,
+    seed: i64,
+    rounds: i32,
 }
 
-/// Writes a column of lists, `values` one list after the other. By the format's encoding of nested
-/// columns (Parquet, "Nested Encoding"), an empty list is one level without a value; repetition 0
-/// begins a list, 1 goes on with it.
-fn lists<W: Write + Send>(
-    group: &mut RowGroup<'_, W>,
-    lengths: &[usize],
-    values: &[f64],
-) -> Result<(), ParquetError> {
+/// How the three files of a class are laid out.
+pub struct TableLayout {
+    common: Common,
+    poses: Table,
+    pieces: Table,
+    variations: Table,
+}
+
+struct Table {
+    schema: TypePtr,
+    columns: SchemaDescriptor,
+    properties: WriterPropertiesPtr,
+}
+
+impl Table {
+    fn new(
+        name: &str,
+        of: &[Column<'_>],
+        notes: &[(String, String)],
+    ) -> Result<Self, ParquetError> {
+        let columns: String = of.iter().map(Column::schema).collect();
+        let schema = Arc::new(parse_message_type(&format!("message {name} {{ {columns} }}"))?);
+        let notes = notes.iter().map(|(key, value)| KeyValue::new(key.clone(), value.clone()));
+        let mut properties = WriterProperties::builder()
+            .set_compression(Compression::UNCOMPRESSED)
+            .set_dictionary_enabled(false)
+            .set_statistics_enabled(EnabledStatistics::Chunk)
+            .set_offset_index_disabled(true)
+            .set_key_value_metadata(Some(notes.collect()))
+            .set_created_by("gaitway".to_owned());
+        for column in of {
+            let path = ColumnPath::from(column.name.as_str());
+            if column.repeats() {
+                properties = properties.set_column_dictionary_enabled(path, true);
+            } else if column.places() > 1 {
+                properties = properties.set_column_encoding(path, Encoding::BYTE_STREAM_SPLIT);
+            }
+        }
+        let columns = SchemaDescriptor::new(Arc::clone(&schema));
+        Ok(Self { schema, columns, properties: Arc::new(properties.build()) })
+    }
+
+    fn begun<W: Write + Send>(&self, file: W) -> Result<SerializedFileWriter<W>, ParquetError> {
+        SerializedFileWriter::new(file, Arc::clone(&self.schema), Arc::clone(&self.properties))
+    }
+
+    fn packed(&self, columns: &[Column<'_>]) -> Result<Group, ParquetError> {
+        let packed = columns.iter().enumerate().map(|(index, column)| self.column(index, column));
+        packed.collect::<Result<_, _>>().map(Group)
+    }
+
+    fn column(
+        &self,
+        index: usize,
+        column: &Column<'_>,
+    ) -> Result<(Bytes, ColumnCloseResult), ParquetError> {
+        let mut sink = TrackedWrite::new(Vec::new());
+        let pages = ZstdPages::new(SerializedPageWriter::new(&mut sink), column.places());
+        let of = self.columns.column(index);
+        let mut writer = get_column_writer(of, Arc::clone(&self.properties), Box::new(pages));
+        match &column.values {
+            Values::Whole(all) => typed::<Int32Type>(&mut writer).write_batch(all, None, None)?,
+            Values::Long(all) => typed::<Int64Type>(&mut writer).write_batch(all, None, None)?,
+            Values::Real(all) => typed::<FloatType>(&mut writer).write_batch(all, None, None)?,
+            Values::Double(all) => typed::<DoubleType>(&mut writer).write_batch(all, None, None)?,
+            Values::Flag(all) => typed::<BoolType>(&mut writer).write_batch(all, None, None)?,
+            Values::Word(word, count) => {
+                let all = vec![ByteArray::from(*word); *count];
+                typed::<ByteArrayType>(&mut writer).write_batch(&all, None, None)?
+            }
+            Values::Words(words) => {
+                let all: Vec<ByteArray> = words.iter().map(|word| ByteArray::from(*word)).collect();
+                typed::<ByteArrayType>(&mut writer).write_batch(&all, None, None)?
+            }
+            Values::Lists { lengths, values } => {
+                let (defined, repeated) = levels(lengths);
+                let writer = typed::<DoubleType>(&mut writer);
+                writer.write_batch(values, Some(&defined), Some(&repeated))?
+            }
+        };
+        let mut close = writer.close()?;
+        let packed = Compression::ZSTD(ZstdLevel::default());
+        close.metadata = close.metadata.into_builder().set_compression(packed).build()?;
+        Ok((Bytes::from(sink.into_inner()?), close))
+    }
+}
+
+/// Definition and repetition levels of lists: by the format's encoding of nested columns (Parquet,
+/// "Nested Encoding"), an empty list is one level without a value; repetition 0 begins a list, 1 goes
+/// on with it.
+fn levels(lengths: &[usize]) -> (Vec<i16>, Vec<i16>) {
     let (mut defined, mut repeated) = (Vec::new(), Vec::new());
     for length in lengths {
         defined.resize(defined.len() + (*length).max(1), i16::from(*length > 0));
         repeated.push(0);
         repeated.resize(defined.len(), 1);
     }
-    let next = group.next_column()?;
-    let mut column = next.ok_or_else(|| ParquetError::General("a column too many".to_owned()))?;
-    column.typed::<DoubleType>().write_batch(values, Some(&defined), Some(&repeated))?;
-    column.close()
+    (defined, repeated)
+}
+
+/// Where a variation is in the file of poses, and what it is.
+struct Placed {
+    row_group: usize,
+    first_row: u64,
+    row: VariationRow,
+}
+
+impl Common {
+    fn poses<'a>(&'a self, batch: &'a Batch) -> Vec<Column<'a>> {
+        let poses = batch.variation.len();
+        let real = |all: &'a Vec<f32>| Values::Real(Cow::from(all));
+        let mut columns = vec![
+            Column::new("variation", Values::Whole(Cow::from(&batch.variation))),
+            Column::new("time_s", real(&batch.time_s)),
+        ];
+        let angles = Dof::ALL.map(|dof| format!("{}_rad", dof.name()));
+        let root = ["x", "y", "z"].map(|axis| format!("root_{axis}_m"));
+        let turned = ["w", "x", "y", "z"].map(|part| format!("root_q{part}"));
+        let names = angles.into_iter().chain(root).chain(turned);
+        let reals = batch.angles_rad.iter().chain(&batch.root_m).chain(&batch.pelvis);
+        columns.extend(names.zip(reals).map(|(name, all)| Column::new(name, real(all))));
+        for (sole, all) in frames::SOLES.iter().zip(&batch.carries) {
+            columns.push(Column::new(format!("contact_{sole}"), Values::Flag(all)));
+        }
+        columns.extend(self.of_all(poses));
+        let axes = frames::point_names()
+            .flat_map(|point| ["x", "y", "z"].map(|axis| format!("{point}_{axis}_m")));
+        columns.extend(axes.zip(&batch.points_m).map(|(name, all)| Column::new(name, real(all))));
+        columns
+    }
+
+    fn of_all(&self, rows: usize) -> [Column<'_>; 4] {
+        [
+            Column::new("label", Values::Word(&self.label, rows)),
+            Column::new("class", Values::Word(&self.class, rows)),
+            Column::new("subject", Values::Word(&self.subject, rows)),
+            Column::new("stature_m", Values::Real(vec![self.stature_m; rows].into())),
+        ]
+    }
+
+    fn variations<'a>(&'a self, rows: &'a [Placed], file: &'a str) -> Vec<Column<'a>> {
+        let count = rows.len();
+        let numbers: Vec<i32> = rows.iter().map(|placed| placed.row.number).collect();
+        let durations_s: Vec<f64> = rows.iter().map(|placed| placed.row.duration_s).collect();
+        let states = rows.iter().map(|placed| placed.row.status.name()).collect();
+        let long = |of: fn(&Placed) -> u64| {
+            Values::Long(rows.iter().map(|placed| of(placed).cast_signed()).collect())
+        };
+        let mut columns = vec![Column::new("variation", Values::Whole(numbers.into()))];
+        columns.extend(self.of_all(count));
+        columns.extend([
+            Column::new("seed", Values::Long(vec![self.seed; count])),
+            Column::new("duration_s", Values::Double(durations_s.into())),
+            Column::new("rounds", Values::Whole(vec![self.rounds; count].into())),
+            Column::new("status", Values::Words(states)),
+            Column::new("file", Values::Word(file, count)),
+            Column::new("row_group", long(|placed| placed.row_group as u64)),
+            Column::new("first_row", long(|placed| placed.first_row)),
+            Column::new("rows", long(|placed| placed.row.poses as u64)),
+        ]);
+        columns
+    }
+}
+
+fn pieces_columns(pieces: &Pieces) -> Vec<Column<'_>> {
+    let mut columns = Vec::new();
+    for (name, all) in
+        [("variation", &pieces.variation), ("dof", &pieces.dof), ("shape", &pieces.shape)]
+    {
+        columns.push(Column::new(name, Values::Whole(Cow::from(all))));
+    }
+    for (name, all) in [
+        ("begin_s", &pieces.begin_s),
+        ("duration_s", &pieces.duration_s),
+        ("from_rad", &pieces.from_rad),
+        ("to_rad", &pieces.to_rad),
+        ("peak", &pieces.peak),
+    ] {
+        columns.push(Column::new(name, Values::Double(Cow::from(all))));
+    }
+    let lists = Values::Lists { lengths: &pieces.sample_count, values: &pieces.samples };
+    columns.push(Column::new("samples", lists));
+    columns
+}
+
+impl TableLayout {
+    /// The layout of a class whose body is called `subject`. `notes` are kept in its files: how they
+    /// were made.
+    ///
+    /// # Errors
+    /// If the format cannot hold it.
+    pub fn new(corpus: &Corpus, subject: &str, notes: &[(String, String)]) -> Result<Self, Error> {
+        let common = Common {
+            label: corpus.label.clone(),
+            class: corpus.class(),
+            subject: subject.to_owned(),
+            stature_m: corpus.body.stature_m() as f32,
+            // A seed above 2^63 is negative there: the format's whole numbers have a sign.
+            seed: corpus.seed.cast_signed(),
+            rounds: i32::try_from(corpus.rounds()).unwrap_or(i32::MAX),
+        };
+        let mut empty = Batch::default();
+        if corpus.has_points {
+            empty.points_m.resize(frames::POINTS * 3, Vec::new());
+        }
+        let table = |name: &str, of: &[Column<'_>]| Table::new(name, of, notes).map_err(unwritable);
+        Ok(Self {
+            poses: table("poses", &common.poses(&empty))?,
+            pieces: table("actionlets", &pieces_columns(&empty.pieces))?,
+            variations: table("variations", &common.variations(&[], ""))?,
+            common,
+        })
+    }
+
+    /// A batch as one row group of each file, packed.
+    ///
+    /// # Errors
+    /// If the format cannot hold it.
+    pub fn pack(&self, batch: Batch) -> Result<Packed, Error> {
+        Ok(Packed {
+            poses: self.poses.packed(&self.common.poses(&batch)).map_err(unwritable)?,
+            pieces: self.pieces.packed(&pieces_columns(&batch.pieces)).map_err(unwritable)?,
+            rows: batch.rows,
+        })
+    }
+}
+
+/// Three files of a class that grow together.
+pub struct CorpusWriter<'a, W: Write + Send> {
+    layout: &'a TableLayout,
+    /// What the file of poses is called.
+    file: String,
+    poses: SerializedFileWriter<W>,
+    pieces: SerializedFileWriter<W>,
+    variations: SerializedFileWriter<W>,
+    row_groups: usize,
+    rows: Vec<Placed>,
+    first_row: u64,
+}
+
+impl<'a, W: Write + Send> CorpusWriter<'a, W> {
+    /// Begins the files of poses, which will be called `file`, of actionlets and of variations.
+    ///
+    /// # Errors
+    /// If one cannot be written.
+    pub fn new(layout: &'a TableLayout, file: &str, into: [W; 3]) -> Result<Self, Error> {
+        let [poses, pieces, variations] = into;
+        Ok(Self {
+            layout,
+            file: file.to_owned(),
+            poses: layout.poses.begun(poses).map_err(unwritable)?,
+            pieces: layout.pieces.begun(pieces).map_err(unwritable)?,
+            variations: layout.variations.begun(variations).map_err(unwritable)?,
+            row_groups: 0,
+            rows: Vec::new(),
+            first_row: 0,
+        })
+    }
+
+    /// Goes on with another class: the files then hold several.
+    pub const fn turn_to(&mut self, layout: &'a TableLayout) {
+        self.layout = layout;
+    }
+
+    /// Appends a row group of poses and one of actionlets.
+    ///
+    /// # Errors
+    /// If a file cannot be written.
+    pub fn write(&mut self, packed: Packed) -> Result<(), Error> {
+        append(&mut self.poses, packed.poses).map_err(unwritable)?;
+        append(&mut self.pieces, packed.pieces).map_err(unwritable)?;
+        for row in packed.rows {
+            let placed = Placed { row_group: self.row_groups, first_row: self.first_row, row };
+            self.first_row += placed.row.poses as u64;
+            self.rows.push(placed);
+        }
+        self.row_groups += 1;
+        Ok(())
+    }
+
+    /// Writes the variations since the last call as a row group.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn end_class(&mut self) -> Result<(), Error> {
+        let rows = std::mem::take(&mut self.rows);
+        let columns = self.layout.common.variations(&rows, &self.file);
+        let group = self.layout.variations.packed(&columns).map_err(unwritable)?;
+        append(&mut self.variations, group).map_err(unwritable)
+    }
+
+    /// Completes all files.
+    ///
+    /// # Errors
+    /// If one cannot be written.
+    pub fn finish(mut self) -> Result<(), Error> {
+        self.end_class()?;
+        self.poses.finish().map_err(unwritable)?;
+        self.pieces.finish().map_err(unwritable)?;
+        self.variations.finish().map_err(unwritable)?;
+        Ok(())
+    }
+}
+
+fn append<W: Write + Send>(
+    file: &mut SerializedFileWriter<W>,
+    group: Group,
+) -> Result<(), ParquetError> {
+    let mut into = file.next_row_group()?;
+    for (bytes, close) in group.0 {
+        into.append_column(&bytes, close)?;
+    }
+    into.close().map(|_| ())
+}
+
+/// How many rows a file has by its own account; none if it is not there, or is not whole.
+#[must_use]
+pub fn rows_of(path: &Path) -> Option<u64> {
+    let reader = SerializedFileReader::new(File::open(path).ok()?).ok()?;
+    u64::try_from(reader.metadata().file_metadata().num_rows()).ok()
+}
+
+fn unwritable(cause: ParquetError) -> Error {
+    let kind = match &cause {
+        ParquetError::External(inner) => inner.downcast_ref().map(|io: &io::Error| io.into()),
+        _ => None,
+    };
+    Error::of(kind.unwrap_or(ErrorKind::Io), "cannot write the corpus").got(cause.to_string())
 }

@@ -126,21 +126,7 @@ impl Footing {
     /// diagonal of the rectangle that holds its places.
     #[must_use]
     pub fn slide_m(&self) -> f64 {
-        let mut worst_m = 0.0f64;
-        for end in 0..SOLES.len() {
-            let mut held: Option<(DVec3, DVec3)> = None;
-            for soles_m in &self.soles_m {
-                let at_m = soles_m[end];
-                held = (at_m.z < ON_FLOOR_M).then(|| {
-                    let (least, most) = held.unwrap_or((at_m, at_m));
-                    (least.min(at_m), most.max(at_m))
-                });
-                if let Some((least, most)) = held {
-                    worst_m = worst_m.max((most - least).truncate().length());
-                }
-            }
-        }
-        worst_m
+        worst_slide_m(&self.soles_m)
     }
 
     /// Greatest acceleration of the root, m/s^2.
@@ -187,6 +173,27 @@ impl Footing {
         let at = (share.clamp(0.0, 1.0) * sorted.len().saturating_sub(1) as f64).round() as usize;
         sorted.get(at).copied().unwrap_or(0.0)
     }
+}
+
+/// How far one of [`SOLES`] slides while it is on the floor, m, the worst of all contacts: the diagonal of the
+/// rectangle that holds its places. By pose.
+#[must_use]
+pub fn worst_slide_m(soles_m: &[[DVec3; 4]]) -> f64 {
+    let mut worst_m = 0.0f64;
+    for end in 0..SOLES.len() {
+        let mut held: Option<(DVec3, DVec3)> = None;
+        for soles_m in soles_m {
+            let at_m = soles_m[end];
+            held = (at_m.z < ON_FLOOR_M).then(|| {
+                let (least, most) = held.unwrap_or((at_m, at_m));
+                (least.min(at_m), most.max(at_m))
+            });
+            if let Some((least, most)) = held {
+                worst_m = worst_m.max((most - least).truncate().length());
+            }
+        }
+    }
+    worst_m
 }
 
 #[cfg(test)]

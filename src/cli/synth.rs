@@ -5,7 +5,7 @@ use super::terminal::Terminal;
 use super::{Deed, Output, Remarks};
 use crate::error::Error;
 use crate::job::synth::{
-    Figures, FootingReport, MAX_VARIATIONS, SynthOrder, actionlets_beside, synth, vary,
+    ClassOrder, Figures, FootingReport, MAX_VARIATIONS, SynthOrder, synth, tables_beside, vary,
 };
 use clap::Args;
 use std::path::PathBuf;
@@ -18,18 +18,25 @@ use std::path::PathBuf;
     gaitway synth walk:6s+run:5s -o start-to-run.html\n  \
     gaitway synth bow --insert wave-r@1.3s --insert-wait -o greeting.html\n  \
     gaitway synth run --variations 1000000 --seed 1 --set vary_angle=0.2 -o corpus/\n  \
-    gaitway synth run --variation 17 --seed 1 -o one.bvh")]
+    gaitway synth run --variation 17 --seed 1 -o one.bvh\n  \
+    gaitway synth --class walking=walk:x4 --class running:500=run --variations 2000 -o corpus/")]
 pub struct SynthArgs {
     /// A shipped action, an action file (.toml), or several: walk:6s,wave-r,bow; with + between two
     /// gaits, one goes over into the other without a stop: walk:6s+run:5s
-    action: String,
+    #[arg(required_unless_present = "class")]
+    action: Option<String>,
+    /// A class of a corpus, with the label a learner is to see: LABEL=ACTION, or LABEL:COUNT=ACTION where
+    /// it is to have another number of variations; given several times
+    #[arg(long, value_name = "LABEL=ACTION", conflicts_with_all = ["action", "variation", "insert"],
+          requires = "varied", value_parser = class)]
+    class: Vec<(String, Option<u32>, String)>,
     #[command(flatten)]
     inserts: InsertArgs,
     /// Poses per second
     #[arg(long, value_name = "HZ", default_value_t = 120.0, allow_negative_numbers = true)]
     rate: f64,
-    /// Make this many variations; OUT is then a .parquet file, or a folder; an interrupted run is
-    /// resumed
+    /// Make this many variations (of each class); OUT is then a .parquet file, or a folder: there an
+    /// interrupted run is resumed, and more variations and classes are added by naming them
     #[arg(long, value_name = "N", group = "varied", conflicts_with = "insert",
           value_parser = clap::value_parser!(u32)
           .range(1..=i64::from(MAX_VARIATIONS)))]
@@ -45,8 +52,12 @@ pub struct SynthArgs {
     /// Folder of action files whose velocity functions variations may use as well
     #[arg(long, value_name = "FOLDER", requires = "varied")]
     database: Vec<PathBuf>,
+    /// Leave joints and ends out of a corpus, as points in space: two thirds of its bytes
+    #[arg(long, requires = "variations")]
+    no_points: bool,
     /// Change a value: duration_s, rounds, pace, peak, blend_s; of the body stature_m, mass_kg, sex
-    /// (female or male) and figure (de-leva or drillis-contini); for variations vary_angle, vary_time, vary_peak, vary_duration, vary_exchange, and vary_types (range or paper)
+    /// (female or male) and figure (de-leva or drillis-contini); for variations vary_angle, vary_time,
+    /// vary_peak, vary_duration, vary_exchange, and vary_types (range or paper)
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
     /// File to write: .csv (time_s, the 22 angles, rad, the root, m, and how the pelvis is turned, rad), .bvh, .x3d (an H-Anim
@@ -57,24 +68,42 @@ pub struct SynthArgs {
     output: Output,
 }
 
+/// Reads `LABEL=ACTION` and `LABEL:COUNT=ACTION`.
+fn class(text: &str) -> Result<(String, Option<u32>, String), String> {
+    let form = "LABEL=ACTION or LABEL:COUNT=ACTION";
+    let (before, action) = text.split_once('=').ok_or(form)?;
+    let (label, count) = match before.split_once(':') {
+        None => (before, None),
+        Some((label, count)) => match count.parse() {
+            Ok(count) if (1..=MAX_VARIATIONS).contains(&count) => (label, Some(count)),
+            _ => return Err(format!("COUNT is a whole number from 1 to {MAX_VARIATIONS}")),
+        },
+    };
+    if label.is_empty() || action.is_empty() || label.len() > 200 {
+        return Err(format!("{form}, with a label of at most 200 bytes"));
+    }
+    Ok((label.to_owned(), count, action.to_owned()))
+}
+
 /// Runs `synth`.
 ///
 /// # Errors
 /// If there is no such action, a figure is out of range, or the file cannot be written.
 pub fn run(args: &SynthArgs, remarks: Remarks) -> Result<i32, Error> {
     let order = SynthOrder {
-        phrase: args.action.clone(),
         inserts: args.inserts.order(),
         figures: Figures::read(&args.set)?,
         rate_hz: args.rate,
         seed: args.seed,
         database: args.database.clone(),
+        has_points: !args.no_points,
         file: args.output_file.clone(),
         replace: args.output.force(),
     };
-    match args.variations {
-        Some(variations) => run_many(args, &order, variations, remarks),
-        None => run_one(args, &order, remarks),
+    match (args.variations, &args.action) {
+        (Some(variations), _) => run_many(args, &order, variations, remarks),
+        (None, Some(action)) => run_one(args, &order, action, remarks),
+        (None, None) => Err(Error::new("no action was named")),
     }
 }
 
@@ -85,16 +114,29 @@ fn run_many(
     remarks: Remarks,
 ) -> Result<i32, Error> {
     if order.file.extension().is_some_and(|e| e == "parquet") {
-        let beside = actionlets_beside(&order.file);
-        args.output.check_files(&[&Some(order.file.clone()), &Some(beside)])?;
+        let [pieces, rows] = tables_beside(&order.file);
+        args.output.check_files(&[&Some(order.file.clone()), &Some(pieces), &Some(rows)])?;
     }
-    let made = vary(order, variations, &Terminal::unheard(remarks))?;
+    let named = |(label, count, phrase): &(String, Option<u32>, String)| ClassOrder {
+        label: label.clone(),
+        phrase: phrase.clone(),
+        variations: count.unwrap_or(variations),
+    };
+    let mut classes: Vec<ClassOrder> = args.class.iter().map(named).collect();
+    if let Some(action) = &args.action {
+        classes.push(named(&(action.clone(), None, action.clone())));
+    }
+    let made = vary(order, &classes, &Terminal::unheard(remarks))?;
     let text = if remarks.quiet {
         format!("{}\n", made.written)
     } else {
         format!(
             "done: {} variations of {}, {} of them found, {} poses written\nwritten   {}\n",
-            made.variations, args.action, made.found, made.poses, made.written
+            made.variations,
+            classes.iter().map(|class| class.label.as_str()).collect::<Vec<_>>().join(" and "),
+            made.found,
+            made.poses,
+            made.written
         )
     };
     Ok(args.output.conclude(&made, &text, Deed::Work, 0))
@@ -113,9 +155,14 @@ fn feet(footing: &FootingReport) -> String {
     )
 }
 
-fn run_one(args: &SynthArgs, order: &SynthOrder, remarks: Remarks) -> Result<i32, Error> {
+fn run_one(
+    args: &SynthArgs,
+    order: &SynthOrder,
+    action: &str,
+    remarks: Remarks,
+) -> Result<i32, Error> {
     args.output.check_files(&[&Some(order.file.clone())])?;
-    let report = synth(order, args.variation)?;
+    let report = synth(order, action, args.variation)?;
     let text = if remarks.quiet {
         format!("{}\n", report.written)
     } else {

@@ -1,8 +1,10 @@
 //! Actions made of actionlets, as files: one motion, or variations by the thousand.
 
 mod bulk;
+mod catalogue;
+mod room;
 
-pub use bulk::{MAX_VARIATIONS, VariedReport, actionlets_beside, vary};
+pub use bulk::{ClassOrder, ClassReport, MAX_VARIATIONS, VariedReport, tables_beside, vary};
 
 use super::composition::{Composed, GaitChangeReport, InsertReport, compose};
 use crate::action::corpus::Corpus;
@@ -16,12 +18,9 @@ use crate::mocap::{bvh, export, humanoid, page};
 use serde::Serialize;
 use std::path::PathBuf;
 
-/// What is made, and where it is written.
+/// How actions are made, and where they are written.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SynthOrder {
-    /// A shipped action, an action file (.toml), or several: `walk:6s,wave-r,bow`, and without a stop
-    /// between two gaits `walk:6s+run:5s`.
-    pub phrase: String,
     /// Pieces of other actions that are pasted in; none where variations are made.
     pub inserts: Inserts,
     /// How it is changed.
@@ -32,6 +31,8 @@ pub struct SynthOrder {
     pub seed: u64,
     /// Folders of action files whose velocity functions variations may use as well.
     pub database: Vec<PathBuf>,
+    /// Whether a corpus has joints and ends as points in space.
+    pub has_points: bool,
     /// The file, whose ending says what is written; of variations perhaps a folder.
     pub file: PathBuf,
     /// It may replace one that is there.
@@ -235,12 +236,18 @@ impl FootingReport {
     }
 }
 
-/// Writes one motion: the action as it is, or one of its variations.
+/// Writes one motion: the action as it is, or one of its variations. It is a shipped action, an action
+/// file (.toml), or several: `walk:6s,wave-r,bow`, and without a stop between two gaits
+/// `walk:6s+run:5s`.
 ///
 /// # Errors
 /// No such action, a figure out of range, a file that cannot be written.
-pub fn synth(order: &SynthOrder, variation: Option<u32>) -> Result<SynthReport, Error> {
-    let corpus = order.corpus()?;
+pub fn synth(
+    order: &SynthOrder,
+    phrase: &str,
+    variation: Option<u32>,
+) -> Result<SynthReport, Error> {
+    let corpus = order.corpus(phrase)?;
     let made = match variation {
         Some(number) => {
             order.check_varied()?;
@@ -250,10 +257,11 @@ pub fn synth(order: &SynthOrder, variation: Option<u32>) -> Result<SynthReport, 
         None => compose(&corpus.parts, corpus.join, &order.inserts)?,
     };
     let motion = &made.motion;
-    draft::write_file(&order.file, order.replace, &bytes_of(order, &corpus.body, motion)?)?;
+    let bytes = bytes_of(order, phrase, &corpus.body, motion)?;
+    draft::write_file(&order.file, order.replace, &bytes)?;
     Ok(SynthReport {
         outcome: "done",
-        action: order.phrase.clone(),
+        action: phrase.to_owned(),
         duration_s: motion.duration_s(),
         rate_hz: order.rate_hz,
         poses: motion.pose_count(order.rate_hz)?,
@@ -275,17 +283,18 @@ impl SynthOrder {
     }
 
     /// What variations are made of.
-    fn corpus(&self) -> Result<Corpus, Error> {
+    fn corpus(&self, phrase: &str) -> Result<Corpus, Error> {
         let mut database = Database::shipped_by(self.figures.types)?;
         for folder in &self.database {
             database.add_folder(folder)?;
         }
-        let mut parts = phrase::load(&self.phrase)?;
+        let mut parts = phrase::load(phrase)?;
         for part in &mut parts {
             part.action = self.figures.applied(part.action.clone())?;
         }
         self.figures.spread.check()?;
         Ok(Corpus {
+            label: phrase.to_owned(),
             parts,
             join: self.figures.join(),
             spread: self.figures.spread,
@@ -293,14 +302,19 @@ impl SynthOrder {
             seed: self.seed,
             rate_hz: self.rate_hz,
             body: self.figures.body()?,
+            has_points: self.has_points,
         })
     }
 }
 
 /// The motion as the kind of file the output's name asks for.
-fn bytes_of(order: &SynthOrder, body: &Proportions, motion: &Motion) -> Result<Vec<u8>, Error> {
+fn bytes_of(
+    order: &SynthOrder,
+    title: &str,
+    body: &Proportions,
+    motion: &Motion,
+) -> Result<Vec<u8>, Error> {
     let poses = || motion.poses(body, order.rate_hz);
-    let title = order.phrase.as_str();
     match order.file.extension().and_then(|e| e.to_str()).unwrap_or_default() {
         "csv" => {
             let mut bytes = Vec::new();

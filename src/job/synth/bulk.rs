@@ -1,40 +1,44 @@
-//! Variations by the thousand, streamed to disk.
+//! Variations by the thousand, of one class or of many, streamed to disk.
 
 use super::SynthOrder;
-use crate::action::corpus::{Batch, Corpus};
-use crate::action::parquet::CorpusWriter;
+use super::catalogue::{Catalogue, ClassNote, open_folder, stem, subject};
+use super::room::{self, Watched};
+use crate::action::corpus::Corpus;
+use crate::action::parquet::{CorpusWriter, Packed, TableLayout, rows_of};
 use crate::action::phrase;
 use crate::error::{Error, ErrorKind};
 use crate::job::{Event, Observer};
 use serde::Serialize;
-use std::fmt::{self, Write as _};
 use std::fs::{self, File};
 use std::io::BufWriter;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Poses in a row group, about, so that memory and what a kill loses do not grow with length and
-/// rate; and most variations. Neither depends on the machine, so that files are the same everywhere.
-const POSES_IN_BATCH: usize = 125_000;
+/// Poses in a row group, about, so that a query for one variation reads few others and memory does
+/// not grow with length and rate; and most variations. Neither depends on the machine, so that files
+/// are the same everywhere.
+const POSES_IN_BATCH: usize = 20_000;
 const MAX_IN_BATCH: usize = 250;
-/// Row groups in a pair of files of a folder.
-const BATCHES_IN_FILE: u32 = 40;
-/// Most variations of a corpus.
+/// Row groups in the files of a folder. A file is what a kill loses: a few seconds of work.
+const BATCHES_IN_FILE: u32 = 25;
+/// Most variations of a class.
 pub const MAX_VARIATIONS: u32 = 100_000_000;
-const ABOUT: &str = "corpus.json";
+/// Variations from which the room is estimated that all take.
+const SAMPLE: u32 = 16;
+/// What a row of the table of variations takes, about, bytes.
+const ROW_BYTES: u64 = 60;
 
-/// What is made, as it is written beside the files: equal figures make equal files.
-#[derive(Debug, PartialEq, Serialize)]
-struct About {
-    generator: String,
-    action: String,
-    variations: u32,
-    seed: u64,
-    rate_hz: f64,
-    set: Vec<String>,
-    database: Vec<String>,
-    /// Of everything the variations come from: files may have been edited since.
-    fingerprint: String,
+/// A class of a corpus.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ClassOrder {
+    /// What a learner is to call it.
+    pub label: String,
+    /// The action, or several, as in [`phrase`].
+    pub phrase: String,
+    /// How many variations.
+    pub variations: u32,
 }
 
 /// What came of it.
@@ -43,74 +47,158 @@ pub struct VariedReport {
     /// `done`.
     pub outcome: &'static str,
     /// Variations in all.
-    pub variations: u32,
+    pub variations: u64,
     /// Variations that were there already.
-    pub found: u32,
+    pub found: u64,
     /// Poses written now.
     pub poses: u64,
+    /// By class.
+    pub classes: Vec<ClassReport>,
     /// Where.
     pub written: String,
 }
 
-/// Makes variations: into one pair of files, or a folder of them that is taken up again where it was
-/// left.
+/// What came of one class.
+#[derive(Clone, Debug, Serialize)]
+pub struct ClassReport {
+    /// What a learner is to call it.
+    pub label: String,
+    /// The actions' names.
+    pub class: String,
+    /// Its variations.
+    pub variations: u32,
+}
+
+/// A class, and how its files are laid out.
+struct Class {
+    corpus: Corpus,
+    note: ClassNote,
+    variations: u32,
+    /// Variations in a row group.
+    in_batch: u32,
+    layout: TableLayout,
+}
+
+/// Variations of one class that go into one set of files.
+struct Stretch<'a> {
+    class: &'a Class,
+    range: Range<u32>,
+}
+
+/// A set of files: poses, actionlets, variations.
+struct Set<'a> {
+    poses: PathBuf,
+    stretches: Vec<Stretch<'a>>,
+}
+
+/// Makes variations: into one set of files, or a folder of them that is taken up again where it was
+/// left, and grows.
 ///
 /// # Errors
-/// If a figure is out of range, files cannot be written, or the folder holds another corpus.
+/// If a figure is out of range, there is no room, files cannot be written, or the folder holds another
+/// corpus.
 pub fn vary(
     order: &SynthOrder,
-    variations: u32,
+    classes: &[ClassOrder],
     observer: &dyn Observer,
 ) -> Result<VariedReport, Error> {
     order.check_varied()?;
-    let corpus = order.corpus()?;
-    let about = about(order, variations, &corpus)?;
     let out = &order.file;
+    let is_file = out.extension().is_some_and(|e| e == "parquet");
+    if !is_file {
+        refuse_file_names(out)?;
+    }
+    let (asked, classes) = classes_of(order, classes, is_file)?;
+    let total = classes.iter().map(|class| u64::from(class.variations)).sum();
     let mut made = VariedReport {
         outcome: "done",
-        variations,
+        variations: total,
         found: 0,
         poses: 0,
+        classes: classes.iter().map(Class::report).collect(),
         written: out.display().to_string(),
     };
-    let mut steps = Steps { done: 0, total: variations, observer };
-    let in_batch = in_batch(&corpus)?;
-    if out.extension().is_some_and(|e| e == "parquet") {
-        let batches = batches(0..variations, in_batch);
-        made.poses = write_pair(&corpus, out, &batches, &about, &mut steps)?;
+    let mut steps = Steps { done: 0, total, observer };
+    if is_file {
+        let whole = |class| Stretch { class, range: 0..class.variations };
+        let set = Set { poses: out.clone(), stretches: classes.iter().map(whole).collect() };
+        let mut missing = Missing::of(std::slice::from_ref(&set))?;
+        room::check(out, missing.bytes)?;
+        made.poses = set.write(&mut missing, &mut steps)?;
         return Ok(made);
     }
-    refuse_file_names(out)?;
-    open_folder(out, &about, order.replace)?;
-    let in_file = in_batch * BATCHES_IN_FILE;
-    let mut from = 0;
-    while from < variations {
-        let to = from.saturating_add(in_file).min(variations);
-        let poses = out.join(format!("poses-{:06}.parquet", from / in_file));
-        // The second of the pair is renamed last: where it is, both are whole.
-        if actionlets_beside(&poses).exists() {
-            made.found += to - from;
-            steps.take(to - from);
-        } else {
-            let batches = batches(from..to, in_batch);
-            made.poses += write_pair(&corpus, &poses, &batches, &about, &mut steps)?;
-        }
-        from = to;
+    let sets: Vec<Set<'_>> = classes.iter().flat_map(|class| class.sets(out)).collect();
+    let (found, sets): (Vec<_>, Vec<_>) = sets.into_iter().partition(Set::is_whole);
+    let mut missing = Missing::of(&sets)?;
+    room::check(out, missing.bytes)?;
+    let _lock = open_folder(out, &asked, order.replace)?;
+    for set in &found {
+        made.found += set.variations();
+        steps.take(set.variations());
+    }
+    for set in &sets {
+        made.poses += set.write(&mut missing, &mut steps)?;
     }
     Ok(made)
 }
 
+/// The classes in the order of their labels, and what is written of them.
+fn classes_of(
+    order: &SynthOrder,
+    classes: &[ClassOrder],
+    is_file: bool,
+) -> Result<(Catalogue, Vec<Class>), Error> {
+    let mut ordered: Vec<&ClassOrder> = classes.iter().collect();
+    ordered.sort_by(|a, b| a.label.cmp(&b.label));
+    if let Some(pair) = ordered.windows(2).find(|pair| pair[0].label == pair[1].label) {
+        return Err(Error::new("two classes have one label").got(pair[0].label.clone()));
+    }
+    let mut corpora = Vec::new();
+    for class in ordered {
+        let mut corpus = order.corpus(&class.phrase)?;
+        corpus.label.clone_from(&class.label);
+        let note = ClassNote::of(&corpus, &class.phrase, Some(class.variations));
+        corpora.push((corpus, note, class.variations));
+    }
+    let Some((first, ..)) = corpora.first() else {
+        return Err(Error::new("no class was named"));
+    };
+    let catalogue = Catalogue {
+        generator: format!("gaitway {}", env!("CARGO_PKG_VERSION")),
+        seed: order.seed,
+        rate_hz: order.rate_hz,
+        set: order.figures.pairs.clone(),
+        database: order.database.iter().map(|folder| folder.display().to_string()).collect(),
+        points: order.has_points,
+        subject: subject(first),
+        stature_m: first.body.stature_m(),
+        classes: corpora.iter().map(|(_, note, _)| note.clone()).collect(),
+    };
+    let laid_out = corpora.into_iter().map(|(corpus, note, variations)| {
+        let mut notes = catalogue.clone();
+        if !is_file {
+            notes.classes = vec![ClassNote { variations: None, ..note.clone() }];
+        }
+        let notes = [("gaitway".to_owned(), notes.text()?)];
+        let layout = TableLayout::new(&corpus, &catalogue.subject, &notes)?;
+        let in_batch = in_batch(&corpus)?;
+        Ok(Class { corpus, note, variations, in_batch, layout })
+    });
+    let laid_out = laid_out.collect::<Result<_, Error>>()?;
+    Ok((catalogue, laid_out))
+}
+
 /// Says how many variations are made.
 struct Steps<'a> {
-    done: u32,
-    total: u32,
+    done: u64,
+    total: u64,
     observer: &'a dyn Observer,
 }
 
 impl Steps<'_> {
-    fn take(&mut self, variations: u32) {
+    fn take(&mut self, variations: u64) {
         self.done += variations;
-        let (done, total) = (u64::from(self.done), u64::from(self.total));
+        let (done, total) = (self.done, self.total);
         self.observer.hear(Event::Step { done, total, what: "variations" });
     }
 }
@@ -134,148 +222,213 @@ fn refuse_file_names(folder: &Path) -> Result<(), Error> {
     Ok(())
 }
 
-/// FNV-1a, 64 bits (Fowler, Noll and Vo), of what is written to it.
-struct Fingerprint(u64);
+/// The files beside one of poses: actionlets and variations. `poses-run-000001.parquet` has
+/// `actionlets-run-000001.parquet`, `run.parquet` has `run.actionlets.parquet`.
+#[must_use]
+pub fn tables_beside(poses: &Path) -> [PathBuf; 2] {
+    let stem = poses.file_stem().and_then(|stem| stem.to_str()).unwrap_or("corpus");
+    ["actionlets", "variations"].map(|table| {
+        let name = match stem.strip_prefix("poses-") {
+            Some(rest) => format!("{table}-{rest}.parquet"),
+            None => format!("{stem}.{table}.parquet"),
+        };
+        poses.with_file_name(name)
+    })
+}
 
-impl fmt::Write for Fingerprint {
-    fn write_str(&mut self, text: &str) -> fmt::Result {
-        for byte in text.bytes() {
-            self.0 = (self.0 ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
+/// What is still to be written.
+struct Missing {
+    bytes: u64,
+    /// Bytes of a variation, by label.
+    each: Vec<(String, u64)>,
+}
+
+impl Missing {
+    fn of(sets: &[Set<'_>]) -> Result<Self, Error> {
+        let mut missing = Self { bytes: 0, each: Vec::new() };
+        for stretch in sets.iter().flat_map(|set| &set.stretches) {
+            let label = &stretch.class.note.label;
+            if !missing.each.iter().any(|(known, _)| known == label) {
+                missing.each.push((label.clone(), stretch.bytes_of_one()?));
+            }
+            missing.bytes += missing.bytes_of(stretch);
         }
+        Ok(missing)
+    }
+
+    fn bytes_of(&self, stretch: &Stretch<'_>) -> u64 {
+        let label = &stretch.class.note.label;
+        let each = self.each.iter().find(|(known, _)| known == label).map_or(0, |(_, each)| *each);
+        each.saturating_mul(stretch.range.len() as u64)
+    }
+}
+
+impl Class {
+    fn report(&self) -> ClassReport {
+        let (label, class) = (self.note.label.clone(), self.note.class.clone());
+        ClassReport { label, class, variations: self.variations }
+    }
+
+    /// Its files in a folder: all but the last hold equally many variations.
+    fn sets(&self, folder: &Path) -> impl Iterator<Item = Set<'_>> {
+        let in_file = self.in_batch * BATCHES_IN_FILE;
+        let stem = stem(&self.note.label);
+        (0..self.variations).step_by(in_file as usize).map(move |from| {
+            let range = from..from.saturating_add(in_file).min(self.variations);
+            let name = format!("poses-{stem}-{:06}.parquet", from / in_file);
+            Set { poses: folder.join(name), stretches: vec![Stretch { class: self, range }] }
+        })
+    }
+}
+
+impl Stretch<'_> {
+    fn batches(&self) -> Vec<Range<u32>> {
+        let (end, in_batch) = (self.range.end, self.class.in_batch);
+        let starts = self.range.clone().step_by(in_batch as usize);
+        starts.map(|start| start..start.saturating_add(in_batch).min(end)).collect()
+    }
+
+    fn packed(&self, range: &Range<u32>) -> Result<Packed, Error> {
+        self.class.layout.pack(self.class.corpus.batch(range.start, range.end)?)
+    }
+
+    /// What a variation takes, bytes, from a few of them.
+    fn bytes_of_one(&self) -> Result<u64, Error> {
+        let few = SAMPLE.min(self.class.in_batch).min(self.range.len() as u32);
+        let range = self.range.start..self.range.start + few;
+        let bytes = self.packed(&range)?.bytes();
+        Ok(bytes.div_ceil(u64::from(few.max(1))) + ROW_BYTES)
+    }
+
+    /// Makes batches on all processors, one each at a time, and hands them on in order: while some are
+    /// made, those before are written. Memory holds two rounds of batches, however many there are.
+    fn in_order(
+        &self,
+        mut take: impl FnMut(&Range<u32>, Packed) -> Result<(), Error>,
+    ) -> Result<(), Error> {
+        let workers = std::thread::available_parallelism().map_or(1, usize::from);
+        let batches = self.batches();
+        let mut before: Vec<(&Range<u32>, Packed)> = Vec::new();
+        for round in batches.chunks(workers) {
+            let made = std::thread::scope(|scope| {
+                let begun: Vec<_> = round
+                    .iter()
+                    .map(|range| (range, scope.spawn(move || self.packed(range))))
+                    .collect();
+                let written = before.drain(..).try_for_each(|(range, packed)| take(range, packed));
+                let made = begun.into_iter().map(|(range, worker)| {
+                    let packed = worker.join();
+                    let broke = |_| Err(Error::new("a worker thread of the corpus failed"));
+                    Ok((range, packed.unwrap_or_else(broke)?))
+                });
+                let made = made.collect::<Result<Vec<_>, Error>>();
+                written.and(made)
+            });
+            before = made?;
+        }
+        before.into_iter().try_for_each(|(range, packed)| take(range, packed))
+    }
+}
+
+/// A file that has its name only once it is whole; gone again if it never is.
+struct Part {
+    path: PathBuf,
+    is_kept: bool,
+    file: File,
+}
+
+impl Part {
+    fn create(path: PathBuf) -> Result<Self, std::io::Error> {
+        let file = File::create(Self::unfinished(&path))?;
+        Ok(Self { path, is_kept: false, file })
+    }
+
+    fn unfinished(path: &Path) -> PathBuf {
+        path.with_extension("parquet.part")
+    }
+
+    fn keep(&mut self) -> Result<(), std::io::Error> {
+        self.file.sync_all()?;
+        fs::rename(Self::unfinished(&self.path), &self.path)?;
+        self.is_kept = true;
         Ok(())
     }
 }
 
-impl Fingerprint {
-    fn of(corpus: &Corpus) -> String {
-        let mut all = Self(0xcbf2_9ce4_8422_2325);
-        let _ = write!(all, "{corpus:?}");
-        format!("{:016x}", all.0)
-    }
-}
-
-fn about(order: &SynthOrder, variations: u32, corpus: &Corpus) -> Result<String, Error> {
-    let about = About {
-        generator: format!("gaitway {}", env!("CARGO_PKG_VERSION")),
-        action: order.phrase.clone(),
-        variations,
-        seed: order.seed,
-        rate_hz: order.rate_hz,
-        set: order.figures.pairs.clone(),
-        database: order.database.iter().map(|folder| folder.display().to_string()).collect(),
-        fingerprint: Fingerprint::of(corpus),
-    };
-    serde_json::to_string_pretty(&about)
-        .map(|text| text + "\n")
-        .map_err(|e| Error::new("the corpus cannot be described").got(e.to_string()))
-}
-
-/// A folder that is new, or holds the beginning of the same corpus.
-fn open_folder(folder: &Path, about: &str, force: bool) -> Result<(), Error> {
-    let failed = |what: &str, e: std::io::Error| {
-        Error::new(what).at(folder.display().to_string()).got(e.to_string())
-    };
-    let note = folder.join(ABOUT);
-    if let Ok(found) = fs::read_to_string(&note) {
-        if found == about {
-            return Ok(());
+impl Drop for Part {
+    fn drop(&mut self) {
+        if !self.is_kept {
+            // One that cannot be removed shows by its name that it is not whole.
+            let _ = fs::remove_file(Self::unfinished(&self.path));
         }
-        return Err(Error::of(ErrorKind::Exists, "the folder holds another corpus")
-            .at(note.display().to_string())
-            .got(found.trim().to_owned())
-            .allowed(about.trim().to_owned())
-            .remedy("choose another folder, or repeat the command that began this one"));
     }
-    fs::create_dir_all(folder).map_err(|e| failed("cannot make the folder", e))?;
-    let mut entries = fs::read_dir(folder).map_err(|e| failed("cannot read the folder", e))?;
-    if !force && entries.next().is_some() {
-        return Err(Error::of(ErrorKind::Exists, "the folder is not empty and holds no corpus")
-            .at(folder.display().to_string())
-            .remedy("choose another folder, or add --force"));
-    }
-    fs::write(&note, about).map_err(|e| failed("cannot write into the folder", e))
 }
 
-/// `poses-000001.parquet` has `actionlets-000001.parquet` beside it, `run.parquet`
-/// `run.actionlets.parquet`.
-#[must_use]
-pub fn actionlets_beside(poses: &Path) -> PathBuf {
-    let stem = poses.file_stem().and_then(|stem| stem.to_str()).unwrap_or("corpus");
-    let name = match stem.strip_prefix("poses-") {
-        Some(number) => format!("actionlets-{number}.parquet"),
-        None => format!("{stem}.actionlets.parquet"),
-    };
-    poses.with_file_name(name)
-}
-
-fn batches(variations: Range<u32>, in_batch: u32) -> Vec<Range<u32>> {
-    let end = variations.end;
-    let starts = variations.step_by(in_batch as usize);
-    starts.map(|start| start..start.saturating_add(in_batch).min(end)).collect()
-}
-
-/// Writes batches under temporary names, then renames: what has its name is whole, and on the disk.
-fn write_pair(
-    corpus: &Corpus,
-    poses: &Path,
-    batches: &[Range<u32>],
-    about: &str,
-    steps: &mut Steps<'_>,
-) -> Result<u64, Error> {
-    let pieces = actionlets_beside(poses);
-    let part = |path: &Path| path.with_extension("parquet.part");
-    let failed = |path: &Path, e: std::io::Error| {
-        Error::of(ErrorKind::Io, "cannot write the corpus")
-            .at(path.display().to_string())
-            .got(e.to_string())
-    };
-    let create = |path: &Path| {
-        let file = File::create(part(path)).map_err(|e| failed(path, e))?;
-        let stream = file.try_clone().map_err(|e| failed(path, e))?;
-        Ok::<_, Error>((file, BufWriter::with_capacity(1 << 20, stream)))
-    };
-    let ((poses_file, to_poses), (pieces_file, to_pieces)) = (create(poses)?, create(&pieces)?);
-    let notes = [("gaitway".to_owned(), about.to_owned())];
-    let mut writer = CorpusWriter::new(to_poses, to_pieces, &notes)?;
-    let mut rows = 0;
-    in_order(corpus, batches, |range, batch| {
-        rows += batch.variation.len() as u64;
-        steps.take(range.end - range.start);
-        writer.write(&batch)
-    })?;
-    writer.finish()?;
-    for (path, file) in [(poses, poses_file), (pieces.as_path(), pieces_file)] {
-        let named = file.sync_all().and_then(|()| fs::rename(part(path), path));
-        named.map_err(|e| failed(path, e))?;
+impl Set<'_> {
+    fn variations(&self) -> u64 {
+        self.stretches.iter().map(|stretch| stretch.range.len() as u64).sum()
     }
-    Ok(rows)
-}
 
-/// Makes batches on all processors, one each at a time, and hands them on in order: while some are
-/// made, those before are written. Memory holds two rounds of batches, however many there are.
-fn in_order(
-    corpus: &Corpus,
-    batches: &[Range<u32>],
-    mut take: impl FnMut(&Range<u32>, Batch) -> Result<(), Error>,
-) -> Result<(), Error> {
-    let workers = std::thread::available_parallelism().map_or(1, usize::from);
-    let mut before: Vec<(&Range<u32>, Batch)> = Vec::new();
-    for round in batches.chunks(workers) {
-        let made = std::thread::scope(|scope| {
-            let begun: Vec<_> = round
-                .iter()
-                .map(|range| (range, scope.spawn(|| corpus.batch(range.start, range.end))))
-                .collect();
-            let written = before.drain(..).try_for_each(|(range, batch)| take(range, batch));
-            let made = begun.into_iter().map(|(range, worker)| {
-                let batch = worker.join();
-                let broke = |_| Err(Error::new("a worker thread of the corpus failed"));
-                Ok((range, batch.unwrap_or_else(broke)?))
-            });
-            let made = made.collect::<Result<Vec<_>, Error>>();
-            written.and(made)
-        });
-        before = made?;
+    fn paths(&self) -> [PathBuf; 3] {
+        let [pieces, variations] = tables_beside(&self.poses);
+        [self.poses.clone(), pieces, variations]
     }
-    before.into_iter().try_for_each(|(range, batch)| take(range, batch))
+
+    /// Whether it is there with all its variations. Their table has its name last: where that has a
+    /// row for each, the others are whole.
+    fn is_whole(&self) -> bool {
+        let [poses, pieces, variations] = self.paths();
+        poses.exists() && pieces.exists() && rows_of(&variations) == Some(self.variations())
+    }
+
+    /// Writes it under temporary names, then renames: what has its name is whole, and on the disk.
+    fn write(&self, missing: &mut Missing, steps: &mut Steps<'_>) -> Result<u64, Error> {
+        let is_full = Arc::new(AtomicBool::new(false));
+        let written = self.write_parts(&is_full, steps).map_err(|cause| {
+            let is_full = is_full.load(Ordering::Relaxed);
+            if is_full { room::filled(&self.poses, missing.bytes) } else { cause }
+        })?;
+        let bytes = self.stretches.iter().map(|stretch| missing.bytes_of(stretch)).sum();
+        missing.bytes = missing.bytes.saturating_sub(bytes);
+        Ok(written)
+    }
+
+    fn write_parts(&self, is_full: &Arc<AtomicBool>, steps: &mut Steps<'_>) -> Result<u64, Error> {
+        let failed = |path: &Path, e: std::io::Error| {
+            is_full.fetch_or(room::is_full(&e), Ordering::Relaxed);
+            Error::of(ErrorKind::Io, "cannot write the corpus")
+                .at(path.display().to_string())
+                .got(e.to_string())
+        };
+        let Some(first) = self.stretches.first() else { return Ok(0) };
+        let (mut parts, mut streams) = (Vec::new(), Vec::new());
+        for path in self.paths() {
+            let part = Part::create(path.clone()).map_err(|e| failed(&path, e))?;
+            let file = part.file.try_clone().map_err(|e| failed(&path, e))?;
+            let stream = Watched { file, is_full: Arc::clone(is_full) };
+            streams.push(BufWriter::with_capacity(1 << 20, stream));
+            parts.push(part);
+        }
+        let Ok(streams) = <[_; 3]>::try_from(streams) else { return Ok(0) };
+        let name = self.poses.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+        let mut writer = CorpusWriter::new(&first.class.layout, name, streams)?;
+        let mut poses = 0;
+        for (index, stretch) in self.stretches.iter().enumerate() {
+            if index > 0 {
+                writer.end_class()?;
+                writer.turn_to(&stretch.class.layout);
+            }
+            stretch.in_order(|range, packed| {
+                poses += packed.poses();
+                steps.take(range.len() as u64);
+                writer.write(packed)
+            })?;
+        }
+        writer.finish()?;
+        for part in &mut parts {
+            let path = part.path.clone();
+            part.keep().map_err(|e| failed(&path, e))?;
+        }
+        Ok(poses)
+    }
 }

@@ -1,0 +1,208 @@
+//! `corpus.json`: what a folder of variations was made from. It may grow; what does not fit is refused
+//! in words.
+
+use crate::action::corpus::Corpus;
+use crate::draft::Draft;
+use crate::error::{Error, ErrorKind};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::fmt::{self, Write as _};
+use std::fs::{self, File, TryLockError};
+use std::path::Path;
+
+const NAME: &str = "corpus.json";
+/// No catalogue is longer, bytes.
+const MAX_BYTES: u64 = 16 << 20;
+
+/// What is made, as it is written into the files and beside them: equal figures make equal files.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Catalogue {
+    pub generator: String,
+    pub seed: u64,
+    pub rate_hz: f64,
+    pub set: Vec<String>,
+    pub database: Vec<String>,
+    pub points: bool,
+    pub subject: String,
+    pub stature_m: f64,
+    /// In the order of their labels.
+    pub classes: Vec<ClassNote>,
+}
+
+/// One class of it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ClassNote {
+    pub label: String,
+    pub class: String,
+    pub action: String,
+    /// How many there are to be. Files of a folder do not say it: they stay as they are when others
+    /// come.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub variations: Option<u32>,
+    /// Of everything the variations come from: files may have been edited since.
+    pub fingerprint: String,
+}
+
+/// FNV-1a, 64 bits (Fowler, Noll and Vo), of what is written to it.
+struct Fingerprint(u64);
+
+impl fmt::Write for Fingerprint {
+    fn write_str(&mut self, text: &str) -> fmt::Result {
+        for byte in text.bytes() {
+            self.0 = (self.0 ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
+        }
+        Ok(())
+    }
+}
+
+/// The fingerprint of what a value says of itself.
+fn fingerprint(of: &impl fmt::Debug) -> String {
+    let mut all = Fingerprint(0xcbf2_9ce4_8422_2325);
+    let _ = write!(all, "{of:?}");
+    format!("{:016x}", all.0)
+}
+
+/// What the body of a corpus is called: bodies of the same measures have the same name.
+pub fn subject(corpus: &Corpus) -> String {
+    format!("body-{}", &fingerprint(&corpus.body)[..8])
+}
+
+/// A label as a part of a file name: what is no letter or digit becomes a hyphen, and then a
+/// fingerprint keeps it apart from others.
+pub fn stem(label: &str) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
+    if label.len() <= 40 && label.chars().all(plain) {
+        return label.to_owned();
+    }
+    let simple: String = label.chars().take(40).map(|c| if plain(c) { c } else { '-' }).collect();
+    format!("{simple}-{}", &fingerprint(&label)[..8])
+}
+
+impl ClassNote {
+    pub fn of(corpus: &Corpus, action: &str, variations: Option<u32>) -> Self {
+        Self {
+            label: corpus.label.clone(),
+            class: corpus.class(),
+            action: action.to_owned(),
+            variations,
+            fingerprint: fingerprint(corpus),
+        }
+    }
+}
+
+impl Catalogue {
+    /// As text.
+    pub fn text(&self) -> Result<String, Error> {
+        serde_json::to_string_pretty(self)
+            .map(|text| text + "\n")
+            .map_err(|e| Error::new("the corpus cannot be described").got(e.to_string()))
+    }
+
+    /// What of `asked` this corpus cannot hold, in words.
+    fn unlike(&self, asked: &Self) -> Vec<String> {
+        let mut unlike = Vec::new();
+        let mut compare = |what: &str, found: String, asked: String| {
+            if found != asked {
+                unlike.push(format!("{what} {found} (asked for: {asked})"));
+            }
+        };
+        let shown = |list: &[String]| format!("[{}]", list.join(" "));
+        compare("made by", self.generator.clone(), asked.generator.clone());
+        compare("--seed", self.seed.to_string(), asked.seed.to_string());
+        compare("--rate", self.rate_hz.to_string(), asked.rate_hz.to_string());
+        compare("--set", shown(&self.set), shown(&asked.set));
+        compare("--database", shown(&self.database), shown(&asked.database));
+        compare("points", self.points.to_string(), asked.points.to_string());
+        compare("body", self.subject.clone(), asked.subject.clone());
+        for class in &asked.classes {
+            let Some(found) = self.classes.iter().find(|found| found.label == class.label) else {
+                continue;
+            };
+            let of = |what: &str| format!("{what} of {}", class.label);
+            compare(&of("action"), found.action.clone(), class.action.clone());
+            compare(&of("fingerprint"), found.fingerprint.clone(), class.fingerprint.clone());
+            let (there, now) = (found.variations.unwrap_or(0), class.variations.unwrap_or(0));
+            if there > now {
+                compare(&of("variations"), there.to_string(), format!("{now}, fewer"));
+            }
+        }
+        unlike
+    }
+
+    /// The corpus with what is asked for: classes that have grown, and new ones.
+    fn with(&self, asked: &Self) -> Self {
+        let notes = self.classes.iter().chain(&asked.classes);
+        let by_label: BTreeMap<&str, &ClassNote> =
+            notes.map(|note| (note.label.as_str(), note)).collect();
+        Self { classes: by_label.into_values().cloned().collect(), ..asked.clone() }
+    }
+}
+
+/// A folder that is new, or holds a part of the same corpus; nobody else writes into it as long as
+/// this is kept.
+pub fn open_folder(folder: &Path, asked: &Catalogue, force: bool) -> Result<File, Error> {
+    let failed = |what: &str, e: &std::io::Error| {
+        Error::of(e.into(), what).at(folder.display().to_string()).got(e.to_string())
+    };
+    let note = folder.join(NAME);
+    fs::create_dir_all(folder).map_err(|e| failed("cannot make the folder", &e))?;
+    let lock = File::open(folder).map_err(|e| failed("cannot read the folder", &e))?;
+    if let Err(TryLockError::WouldBlock) = lock.try_lock() {
+        return Err(Error::of(ErrorKind::Busy, "another program makes a corpus in this folder")
+            .at(folder.display().to_string())
+            .remedy("wait until it has ended, or choose another folder"));
+    }
+    let grown = match found(&note)? {
+        Some(found) => {
+            let unlike = found.unlike(asked);
+            if !unlike.is_empty() {
+                return Err(Error::of(ErrorKind::Exists, "the folder holds another corpus")
+                    .at(note.display().to_string())
+                    .got(unlike.join("; "))
+                    .allowed("the same figures, the same actions, as many variations or more")
+                    .remedy("choose another folder, or repeat the command that began this one"));
+            }
+            let grown = found.with(asked);
+            if grown == found {
+                return Ok(lock);
+            }
+            grown
+        }
+        None => {
+            let mut entries =
+                fs::read_dir(folder).map_err(|e| failed("cannot read the folder", &e))?;
+            if !force && entries.next().is_some() {
+                return Err(Error::of(
+                    ErrorKind::Exists,
+                    "the folder is not empty and holds no corpus",
+                )
+                .at(folder.display().to_string())
+                .remedy("choose another folder, or add --force"));
+            }
+            asked.clone()
+        }
+    };
+    Draft::write_whole(&note, true, grown.text()?.as_bytes())
+        .map_err(|e| failed("cannot write into the folder", &e))?;
+    Ok(lock)
+}
+
+/// The catalogue that is there; none if there is none.
+fn found(note: &Path) -> Result<Option<Catalogue>, Error> {
+    let wrong = |got: String| {
+        Error::of(ErrorKind::Malformed, "this is not the catalogue of a corpus")
+            .at(note.display().to_string())
+            .got(got)
+            .remedy("choose another folder")
+    };
+    let length = match note.metadata() {
+        Ok(of) => of.len(),
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+        Err(e) => return Err(wrong(e.to_string())),
+    };
+    if length > MAX_BYTES {
+        return Err(wrong(format!("{length} bytes")));
+    }
+    let text = fs::read_to_string(note).map_err(|e| wrong(e.to_string()))?;
+    serde_json::from_str(&text).map(Some).map_err(|e| wrong(e.to_string()))
+}
