@@ -32,6 +32,7 @@ pub mod robot_info;
 pub mod robot_model;
 pub mod scan;
 pub mod score;
+pub mod sensors;
 pub mod servo;
 pub mod session;
 pub mod simulate;

@@ -7,9 +7,10 @@
 //! [`siblings`] does so with the other captures of a skeleton at hand ([`bones`]), and [`retarget`]
 //! puts segments on a robot's joints.
 //!
-//! [`markers`] are what optical systems record before there is a skeleton: [`c3d`], [`trc`] and tables
+//! [`markers`] are what optical systems record before there is a skeleton: [`c3d`], [`trc`], [`csm`] and tables
 //! ([`marker_table`]), told apart by [`marker_files`]. [`plates`] make forces of what force plates recorded beside
 //! them, and [`plug_in_gait`] reads the bones that a model of the laboratory's has put among them.
+//! [`opensim`] reads that program's tables of joint angles.
 
 use crate::error::Error;
 use anatomy::Capture;
@@ -23,6 +24,7 @@ pub mod bones;
 pub mod bvh;
 pub mod c3d;
 pub mod clip;
+pub mod csm;
 pub mod export;
 pub mod files;
 pub mod fit;
@@ -33,6 +35,7 @@ pub mod marker_files;
 pub mod marker_table;
 pub mod markers;
 mod opened;
+pub mod opensim;
 pub mod page;
 pub mod parameters;
 pub mod plates;

@@ -23,6 +23,7 @@ pub mod manifest;
 pub mod plan;
 pub mod steps;
 pub mod still;
+pub mod tables;
 pub mod tap;
 pub mod wearers;
 

@@ -65,7 +65,7 @@ const ROOMS: &[Room] = &[
     ),
     room(
         "session",
-        "action body error mocap recording table time toml_text units",
+        "action body capture error mocap recording table time toml_text units",
         "files wall-clock",
     ),
     room("table", "error", ""),

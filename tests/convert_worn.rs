@@ -268,6 +268,19 @@ fn a_walk_that_was_recorded_comes_out_as_the_angles_that_were_walked() {
     println!("worst joint {worst:.2} deg RMSE");
     assert!(worst < 2.0, "{worst}");
 
+    // Fused again from the raw samples: the same angles.
+    let fuse = ["convert", "walk.mcap", "again.csv", "--rate", "60", "--fuse", "six-axes"];
+    let output = gaitway(&folder, &fuse);
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+    let again = self::table(&folder.join("again.csv"));
+    let last_s = |table: &Table| table.times_s[table.times_s.len() - 1];
+    let first_again_s = first_s + last_s(&table) - last_s(&again);
+    for dof in Dof::ALL {
+        let before = error_deg(&table, &person, first_s, dof);
+        let after = error_deg(&again, &person, first_again_s, dof);
+        assert!((after - before).abs() < 0.2, "{}: {before}, {after} deg", dof.name());
+    }
+
     // The skeleton file is a person of this stature who does the same.
     let (capture, source) = gaitway::job::source::body_motion(
         folder.join("walk.bvh").to_str().expect("a path"),

@@ -6,7 +6,7 @@ mod program;
 
 use c3d_made::{Made, Values};
 use gaitway::mocap::markers::{FramesOf, Markers};
-use gaitway::mocap::{c3d, marker_table, trc};
+use gaitway::mocap::{c3d, csm, marker_table, trc};
 use program::{folder, gaitway, json, words};
 use std::fs;
 use std::path::Path;
@@ -74,6 +74,55 @@ fn what_is_wrong_in_a_trc_file_is_said_with_its_line() {
     }
     for length in 0..TRC.len() {
         let _ = trc::parse(&TRC.as_bytes()[..length]);
+    }
+}
+
+const CSM: &str = include_str!("../fuzz/seeds/marker_texts/trial.csm");
+
+#[test]
+fn a_csm_file_is_read_as_written_with_its_gaps() {
+    let markers = csm::parse(CSM.as_bytes()).expect("read");
+    let head = markers.head();
+    let labels: Vec<&str> = head.points.iter().map(|point| point.label.as_str()).collect();
+    assert_eq!((labels, head.subjects.as_slice()), (vec!["C7", "LTOE"], &["somebody".into()][..]));
+    assert_eq!((head.rate_hz, head.unit.as_str(), head.first_frame), (Some(50.0), "mm", 1));
+    let expected = [
+        vec![Some([1.5, 2.0, -300.0]), Some([4.0, 5.0, 6.0])],
+        vec![None, Some([4.0, 5.0, 7.0])],
+        vec![Some([1.75, 2.0, 3.0]), None],
+    ];
+    assert_eq!(positions(&markers), expected);
+    assert!(head.notes.iter().any(|note| note.contains("millimetres are taken")));
+    let mut text = Vec::new();
+    csm::write(&mut text, "again", &mut FramesOf::new(&markers)).expect("written");
+    let again = csm::parse(&text).expect("read");
+    assert_eq!(positions(&again), expected);
+    assert_eq!((again.head().rate_hz, &again.head().subjects), (head.rate_hz, &head.subjects));
+    let lying = CSM.replace("$LastFrame 3", "$LastFrame 9").replace("Markers 2", "Markers 7");
+    let lying = csm::parse(lying.as_bytes()).expect("read");
+    let notes = lying.head().notes.join("\n");
+    assert!(notes.contains("make 9 frames, 3 rows") && notes.contains("says 7"), "{notes}");
+    assert_eq!(lying.head().lost_frames, 6);
+}
+
+#[test]
+fn what_is_wrong_in_a_csm_file_is_said_with_its_line() {
+    for (from, to, said) in [
+        ("$Filename trial.csm", "trial.csm", "not a CSM file"),
+        ("C7 LTOE", "", "no usable number of markers"),
+        ("$Rate 50", "$Rate fast", "line 6"),
+        ("1.5", "1,5", "line 10"),
+        ("2 DROPOUT", "x DROPOUT", "line 11"),
+        ("4 5 7", "4 5", "ends before its last marker"),
+        ("4 5 7", "4 5 7 8", "more cells"),
+        ("$Points", "$Place", "not a CSM file"),
+    ] {
+        let broken = CSM.replacen(from, to, 1);
+        let refused = csm::parse(broken.as_bytes()).expect_err(said).to_string();
+        assert!(refused.contains(said), "{said}: {refused}");
+    }
+    for length in 0..CSM.len() {
+        let _ = csm::parse(&CSM.as_bytes()[..length]);
     }
 }
 
@@ -194,6 +243,8 @@ fn markers_go_from_one_kind_of_file_to_another_and_back() {
     let by_trc = trc::parse(&fs::read(place("a.trc")).expect("a file")).expect("read");
     convert(&file, &place("a.csv"));
     let by_table = marker_table::parse(&fs::read(place("a.csv")).expect("a file")).expect("read");
+    convert(&file, &place("a.csm"));
+    let by_csm = csm::parse(&fs::read(place("a.csm")).expect("a file")).expect("read");
     convert(&file, &place("b.c3d"));
     let copy = c3d::read(Path::new(&place("b.c3d"))).expect("read");
     assert_eq!(copy.head().parameters.get("OURLAB", "MOOD").expect("kept").texts(), ["good"]);
@@ -208,6 +259,7 @@ fn markers_go_from_one_kind_of_file_to_another_and_back() {
             if point < 2 {
                 // The shortest text of a number of 32 bits is read as the same number.
                 assert_eq!(of(&by_trc), expected, "frame {frame}, point {point}");
+                assert_eq!(of(&by_csm), expected, "frame {frame}, point {point}");
                 assert_eq!(of(&by_both), expected, "frame {frame}, point {point}");
                 let in_m = expected.map(|p| p.map(|n| (f64::from(n) * 0.001) as f32));
                 assert_eq!(of(&by_table), in_m, "frame {frame}, point {point}");
@@ -216,7 +268,7 @@ fn markers_go_from_one_kind_of_file_to_another_and_back() {
             }
         }
     }
-    for markers in [&by_trc, &by_table, &by_both] {
+    for markers in [&by_trc, &by_csm, &by_table, &by_both] {
         let head = markers.head();
         assert_eq!((head.rate_hz, head.first_frame, head.frames), (Some(100.0), 201, 50));
     }

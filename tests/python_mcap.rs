@@ -9,7 +9,7 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-use gaitway::recording::{Recorder, recover};
+use gaitway::recording::{Compression, Recorder, read, recover, recover_packed, summary};
 
 #[path = "recording/scene.rs"]
 mod scene;
@@ -19,16 +19,21 @@ use scene::{WALL_START_S, cycle, end, messages, start};
 const SCRIPT: &str = r#"
 import json, sys
 from mcap.reader import make_reader
+from mcap.records import Chunk
 from mcap.stream_reader import StreamReader
 
 path = sys.argv[1]
 with open(path, "rb") as file:
     records = sum(1 for _ in StreamReader(file, validate_crcs=True).records)
 with open(path, "rb") as file:
+    chunks = StreamReader(file, emit_chunks=True).records
+    packed = sorted({record.compression for record in chunks if isinstance(record, Chunk)})
+with open(path, "rb") as file:
     reader = make_reader(file, validate_crcs=True)
     statistics = reader.get_summary().statistics
     found = {
         "records": records,
+        "packed": packed,
         "message_count": statistics.message_count,
         "counts": {},
         "schemas": {},
@@ -44,6 +49,73 @@ with open(path, "rb") as file:
         found["first_log_time"].setdefault(topic, message.log_time)
 print(json.dumps(found))
 "#;
+
+/// Writes the messages of a recording again, each chunk packed as it is told.
+const REWRITE: &str = r#"
+import sys
+from mcap.reader import make_reader
+from mcap.writer import CompressionType, Writer
+
+source, target, packing = sys.argv[1:]
+with open(source, "rb") as file, open(target, "wb") as out:
+    writer = Writer(out, chunk_size=20000, compression=CompressionType[packing])
+    writer.start()
+    schemas, channels = {}, {}
+    for schema, channel, message in make_reader(file).iter_messages(log_time_order=False):
+        if schema.id not in schemas:
+            schemas[schema.id] = writer.register_schema(schema.name, schema.encoding, schema.data)
+        if channel.id not in channels:
+            channels[channel.id] = writer.register_channel(
+                channel.topic, channel.message_encoding, schemas[schema.id], channel.metadata)
+        writer.add_message(channels[channel.id], message.log_time, message.data,
+                           message.publish_time, message.sequence)
+    writer.finish()
+"#;
+
+#[test]
+fn recordings_are_packed_so_that_the_reference_reader_unpacks_them_and_the_other_way_round() {
+    let python = match python::python() {
+        Ok(python) => python.program,
+        Err(cause) => {
+            aloud!("SKIPPED: no Python with the mcap package, nothing was compared: {cause}");
+            return;
+        }
+    };
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("python-packed-recordings");
+    let _ = fs::remove_dir_all(&folder);
+    fs::create_dir_all(&folder).unwrap();
+    let path = folder.join("trial.mcap");
+    let recorder = Recorder::create(&path, false, start()).unwrap();
+    (0..400).for_each(|n| recorder.take_patiently(cycle(n)));
+    let stored = recorder.finish(end(400));
+    let ours = read(&path).unwrap();
+    let mut sizes = Vec::new();
+    for packing in Compression::ALL {
+        let packed = recover_packed(&path, true, packing).unwrap();
+        assert_eq!(packed.messages, stored.messages);
+        assert_eq!(read(&packed.path).unwrap().cycles, ours.cycles, "{packing}");
+        let seen = seen_by(&python, &packed.path);
+        assert_eq!(seen["message_count"], stored.messages, "{packing}");
+        let name = if packing == Compression::None { "" } else { packing.word() };
+        assert_eq!(seen["packed"], serde_json::json!([name]), "{packing}");
+        sizes.push(fs::metadata(&packed.path).unwrap().len());
+
+        let theirs = folder.join(format!("theirs-{packing}.mcap"));
+        let mut rewrite = Command::new(&python);
+        rewrite.args(["-c", REWRITE]).arg(&packed.path).arg(&theirs);
+        let output = rewrite.arg(packing.word().to_uppercase()).output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let again = read(&theirs).unwrap();
+        assert_eq!(again.cycles, ours.cycles, "{packing}");
+        assert_eq!((again.start, again.end), (ours.start.clone(), ours.end.clone()));
+        let overview = summary(&theirs).unwrap();
+        assert!(overview.finished && overview.lost_bytes == 0);
+        assert_eq!(overview.channels.values().sum::<u64>(), stored.messages);
+    }
+    let [plain, lz4, zstd] = sizes[..] else { unreachable!() };
+    aloud!("{plain} bytes plain, {lz4} in LZ4, {zstd} in Zstandard");
+    assert!(lz4 * 2 < plain && zstd < lz4);
+}
 
 fn seen_by(python: &Path, recording: &Path) -> serde_json::Value {
     let output =

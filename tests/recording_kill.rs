@@ -163,5 +163,20 @@ fn a_rescue_that_fails_leaves_no_file_behind() {
 #[test]
 fn a_folder_is_no_recording() {
     let error = read(&crate::program::folder("folder")).unwrap_err();
-    assert_eq!(error.got.as_deref(), Some("not a regular file"));
+    assert_eq!(error.got.as_deref(), Some("a folder, not a regular file"));
+    assert!(error.remedy.unwrap().contains("a file that is in it"));
+}
+
+#[test]
+fn of_a_pipe_and_a_device_it_is_said_what_can_be_done_with_them() {
+    let pipe = crate::program::folder("pipe").join("line");
+    assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    for (path, got, remedy) in [
+        (pipe.as_path(), "a pipe", "cat PIPE > FILE"),
+        (Path::new("/dev/null"), "a device", "gaitway record"),
+    ] {
+        let error = summary(path).unwrap_err();
+        assert!(error.got.as_deref().unwrap().starts_with(got), "{error}");
+        assert!(error.remedy.as_deref().unwrap().contains(remedy), "{error}");
+    }
 }

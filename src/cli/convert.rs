@@ -9,6 +9,7 @@ use crate::body::worn::kept::Kept;
 use crate::error::{Error, ErrorKind};
 use crate::job::convert::{ConvertOrder, convert};
 use crate::job::markers::{self, MarkersOrder};
+use crate::job::sensors::{Mode, SensorsOrder, convert as convert_sensors, is_table_of_sensors};
 use crate::job::source::{CaptureOptions, FileKind, file_kind};
 use crate::recording;
 use crate::session::angles::{WornMotion, body_of};
@@ -32,9 +33,18 @@ OUT.x3d   a scene with the skeleton in motion; of captures alone
 Segments that are not worn stay at rest and are named. Tables of joint angles hold where the pelvis is and
 how it is turned as well. A capture keeps its own rate.
 
-Markers (.c3d, .trc, or a table with columns LABEL_x_m, ...) become one another:
+Joint angles of OpenSim's models (.mot, .sto) are taken by the names of their columns (hip_flexion_r,
+knee_angle_r, ...); what the body has no joint for is left out, and said.
+
+Inertial sensors are taken out of tables as well: OpenSim's orientations (.sto), texts of Xsens' MT Manager (.txt, or a
+folder of them), and any table (.csv) whose columns --sensors FILE.toml declares. They become joint angles
+if it is known how they were worn, else a table of orientations. --fuse finds orientations anew from
+raw samples, of a recording too.
+
+Markers (.c3d, .trc, .csm, or a table with columns LABEL_x_m, ...) become one another:
 OUT.c3d   all of it: analog channels, events, force plates, parameters that nobody here knows
 OUT.trc   markers, for OpenSim and others
+OUT.csm   markers, for 3D Studio Max
 OUT.csv   time_s, then LABEL_x_m, LABEL_y_m, LABEL_z_m of each point
 Their axes stay those of the file.
 OUT.bvh, OUT.x3d   the body model, after `gaitway fit` with its usual settings
@@ -46,9 +56,12 @@ Examples:
           --calibration-body lab/calibration/body-s01-01.toml
   gaitway convert dance.bvh dance.csv
   gaitway convert 01_02.amc dance.bvh --skeleton 01.asf
+  gaitway convert walk.mot walk.bvh
+  gaitway convert imus.csv walk.bvh --sensors imus.toml
+  gaitway convert wave.mcap wave.csv --fuse nine-axes
   gaitway convert trial.c3d trial.trc")]
 pub struct ConvertArgs {
-    /// Recording, finished or not, a capture (.bvh, .amc), or markers (.c3d, .trc, .csv)
+    /// Recording, finished or not, a capture (.bvh, .amc, .mot, .sto), or markers (.c3d, .trc, .csm, .csv)
     file: PathBuf,
     /// The table, skeleton file or recording to write
     out: PathBuf,
@@ -71,6 +84,13 @@ pub struct ConvertArgs {
     /// Stature of the person, m [default: what the recording says, or 1.75; as a capture shows it]
     #[arg(long, value_name = "M", allow_negative_numbers = true)]
     stature: Option<f64>,
+    /// What the columns of a table of sensors are, how their axes lie and where they are worn; axes, scales
+    /// and segments of a recording's sensors (TOML)
+    #[arg(long, value_name = "FILE.toml")]
+    sensors: Option<PathBuf>,
+    /// Find orientations anew from raw samples: six-axes, or nine-axes with the magnetic field
+    #[arg(long, value_name = "HOW", value_parser = fusing)]
+    fuse: Option<Mode>,
     /// A table of samples, also of worn sensors
     #[arg(long, conflicts_with = "calibration_body")]
     samples: bool,
@@ -85,10 +105,14 @@ pub struct ConvertArgs {
 /// A recording that cannot be read or does not know how its sensors were worn, a file that exists
 /// or cannot be written.
 pub fn run(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
+    let of_sensors = args.sensors.is_some() || args.fuse.is_some();
+    if of_sensors || is_table_of_sensors(&args.file) {
+        return sensors(args, remarks);
+    }
     match file_kind(&args.file) {
         FileKind::Markers if !is_of_body(&args.out) => return of_markers(args, remarks),
         FileKind::Markers => return captured(args, remarks),
-        FileKind::Bvh | FileKind::Amc => return captured(args, remarks),
+        FileKind::Bvh | FileKind::Amc | FileKind::OpenSim => return captured(args, remarks),
         FileKind::Other => {}
     }
     let of_captures = [
@@ -130,6 +154,52 @@ fn is_of_body(out: &Path) -> bool {
     out.extension().is_some_and(|ending| ending == "bvh" || ending == "x3d")
 }
 
+/// How orientations are found anew.
+fn fusing(word: &str) -> Result<Mode, String> {
+    match word {
+        "six-axes" => Ok(Mode::SixAxes),
+        "nine-axes" => Ok(Mode::NineAxes),
+        _ => Err("six-axes and nine-axes are known".to_owned()),
+    }
+}
+
+/// Sensors out of a table, or out of a recording with other settings.
+fn sensors(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
+    let of_others = [
+        ("--samples", args.samples),
+        ("--mapping", args.mapping.is_some()),
+        ("--skeleton", args.skeleton.is_some()),
+    ];
+    if let Some((option, _)) = of_others.iter().find(|(_, given)| *given) {
+        return Err(misplaced(option, "a recording (.mcap) or a capture (.bvh, .amc)"));
+    }
+    let output = Output::forced(args.force);
+    output.check_files(&[&Some(args.out.clone())])?;
+    output.check_apart(&args.file, &[&args.out])?;
+    let report = convert_sensors(&SensorsOrder {
+        sensors: args.file.clone(),
+        declared: args.sensors.clone(),
+        fuse: args.fuse,
+        calibration: args.calibration_body.clone(),
+        rate_hz: args.rate.unwrap_or(USUAL_HZ),
+        stature_m: args.stature,
+        file: args.out.clone(),
+        replace: args.force,
+    })?;
+    for note in &report.notes {
+        remarks.say(note);
+    }
+    if !report.fused.is_empty() {
+        remarks.say(&format!("fused from raw samples: {}", report.fused.join(", ")));
+    }
+    let samples: usize = report.samples.values().sum();
+    remarks.say(&match report.poses {
+        Some(poses) => format!("{poses} poses to {}", report.written),
+        None => format!("{samples} orientations to {}", report.written),
+    });
+    Ok(report.outcome.exit_code())
+}
+
 fn misplaced(option: &str, allowed: &str) -> Error {
     Error::new("this option does not go with this file").at(option).allowed(allowed)
 }
@@ -169,7 +239,7 @@ fn of_markers(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
 fn captured(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
     let of_recordings =
         [("--samples", args.samples), ("--calibration-body", args.calibration_body.is_some())];
-    if args.rate.is_some() && file_kind(&args.file) == FileKind::Bvh {
+    if args.rate.is_some() && file_kind(&args.file) != FileKind::Amc {
         return Err(misplaced("--rate", "a recording (.mcap), an AMC file, or markers"));
     }
     if let Some((option, _)) = of_recordings.iter().find(|(_, given)| *given) {

@@ -1,6 +1,8 @@
 //! What `info` says of captures and markers.
 
-use crate::job::info::{CaptureOverview, FileOverview, MarkerFigures, MarkerOverview};
+use crate::job::info::{
+    CaptureOverview, FileOverview, MarkerFigures, MarkerOverview, TableOverview,
+};
 use std::fmt::Write;
 
 /// Most markers with gaps, channels and events that are told one by one; `--json` has all.
@@ -11,7 +13,40 @@ pub fn words(overview: &FileOverview) -> String {
     match overview {
         FileOverview::Markers(markers) => of_markers(markers),
         FileOverview::Capture(capture) => of_capture(capture),
+        FileOverview::Table(table) => of_table(table),
     }
+}
+
+fn of_table(table: &TableOverview) -> String {
+    let mut text = String::new();
+    let _ = writeln!(text, "format    {}, cells of type {}", table.format, table.cells);
+    if !table.name.is_empty() {
+        let _ = writeln!(text, "name      {}", table.name);
+    }
+    let lost = match table.lost_rows {
+        0 => String::new(),
+        lost => format!("; {lost} more are claimed and not there"),
+    };
+    let _ = writeln!(text, "rows      {}{lost}", table.rows);
+    let _ = writeln!(text, "rate      {}", known(table.rate_hz, "Hz"));
+    let _ = writeln!(text, "duration  {:.2} s", table.duration_s);
+    let angles = match table.in_degrees {
+        Some(true) => "in degrees",
+        Some(false) => "in radians",
+        None => "not said in what",
+    };
+    let _ = writeln!(text, "angles    {angles}");
+    let _ = writeln!(text, "columns   {}", table.columns.len());
+    for column in table.columns.iter().take(MOST) {
+        let _ = writeln!(text, "column    {column}");
+    }
+    more(table.columns.len(), "columns", &mut text);
+    let body = if table.body.is_empty() { "none".to_owned() } else { table.body.join(", ") };
+    let _ = writeln!(text, "body      {body}");
+    for note in &table.notes {
+        let _ = writeln!(text, "note      {note}");
+    }
+    text
 }
 
 fn of_capture(capture: &CaptureOverview) -> String {

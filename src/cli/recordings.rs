@@ -6,7 +6,9 @@ use super::{Deed, Output, Remarks};
 use crate::error::Error;
 use crate::job::info::info as file_info;
 use crate::job::source::CaptureOptions;
-use crate::recording::{self, Overview, Recovered, SensorSeries, SourceOverview, sensor_series};
+use crate::recording::{
+    self, Compression, Overview, Recovered, SensorSeries, SourceOverview, sensor_series,
+};
 use crate::session::tap::{Tap, taps};
 use clap::Args;
 use serde::Serialize;
@@ -20,7 +22,8 @@ Examples:
   gaitway info dance.mcap
   gaitway info trial.c3d")]
 pub struct InfoArgs {
-    /// Recording, finished or not; a capture (.bvh, .amc); markers (.c3d, .trc, .csv)
+    /// Recording, finished or not; a capture (.bvh, .amc); a table of OpenSim's (.mot, .sto); markers (.c3d,
+    /// .trc, .csm, .csv)
     file: PathBuf,
     /// Skeleton of an AMC file [default: the .asf file beside it that it is named after]
     #[arg(long, value_name = "FILE.asf")]
@@ -169,10 +172,16 @@ fn of_source(name: &str, source: &SourceOverview) -> String {
 
 /// Arguments of `recover`.
 #[derive(Debug, Args)]
-#[command(after_help = "Example: gaitway recover dance.mcap    (writes dance.recovered.mcap)")]
+#[command(after_help = "\
+Examples:
+  gaitway recover dance.mcap    (writes dance.recovered.mcap)
+  gaitway recover dance.mcap --compression zstd    (a smaller copy of a file that is whole)")]
 pub struct RecoverArgs {
     /// Recording that was never closed, or is damaged
     file: PathBuf,
+    /// How the new file is packed: lz4, zstd or none
+    #[arg(long, value_name = "HOW", default_value_t)]
+    compression: Compression,
     #[command(flatten)]
     output: Output,
 }
@@ -184,7 +193,7 @@ pub struct RecoverArgs {
 pub fn recover(args: &RecoverArgs, remarks: Remarks) -> Result<i32, Error> {
     args.output.check_files(&[])?;
     args.output.check_apart(&args.file, &[])?;
-    let recovered = recording::recover(&args.file, args.output.force())?;
+    let recovered = recording::recover_packed(&args.file, args.output.force(), args.compression)?;
     let whole = recovered.was_finished && recovered.lost_bytes == 0;
     let outcome = if whole { Outcome::Done } else { Outcome::DoneWithLoss };
     let text = format!("{}\n", recovered.path.display());

@@ -5,6 +5,7 @@ use crate::mocap::clip::Clip;
 use crate::mocap::files::{self, CaptureOptions};
 use crate::mocap::marker_files;
 use crate::mocap::markers::{Frame, Frames, Head, MarkerEvent, PointKind};
+use crate::mocap::opensim;
 use crate::mocap::plates::Plates;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -18,6 +19,35 @@ pub enum FileOverview {
     Markers(Box<MarkerOverview>),
     /// A skeleton in motion.
     Capture(CaptureOverview),
+    /// A table of OpenSim's.
+    Table(TableOverview),
+}
+
+/// A table of OpenSim's.
+#[derive(Clone, Debug, Serialize)]
+pub struct TableOverview {
+    /// `opensim`.
+    pub format: &'static str,
+    /// What the file calls itself.
+    pub name: String,
+    /// What a cell holds: `double`, `Vec3` or `Quaternion`.
+    pub cells: &'static str,
+    /// Whether angles are in degrees; null if the file does not say.
+    pub in_degrees: Option<bool>,
+    /// Rows.
+    pub rows: usize,
+    /// Rows that the file claims and does not hold.
+    pub lost_rows: u64,
+    /// Rows per second on average; null of fewer than two.
+    pub rate_hz: Option<f64>,
+    /// From the first row to the last, s.
+    pub duration_s: f64,
+    /// Titles of the columns behind the time.
+    pub columns: Vec<String>,
+    /// Degrees of freedom of the body that columns say.
+    pub body: Vec<&'static str>,
+    /// What was wrong with the file, and what was made of it.
+    pub notes: Vec<String>,
 }
 
 /// A skeleton in motion.
@@ -46,7 +76,7 @@ pub struct CaptureOverview {
 /// Points, and what was recorded beside them.
 #[derive(Clone, Debug, Serialize)]
 pub struct MarkerOverview {
-    /// `c3d`, `trc` or `csv`.
+    /// `c3d`, `trc`, `csm` or `csv`.
     pub format: &'static str,
     /// How numbers are stored; empty of a text.
     #[serde(skip_serializing_if = "String::is_empty")]
@@ -175,7 +205,7 @@ pub struct PlateFigures {
     pub peak_vertical_n: Option<f64>,
 }
 
-/// Looks into a file; `None` if it is neither a capture nor markers.
+/// Looks into a file; `None` if it is neither a capture nor markers nor a table of OpenSim's.
 ///
 /// # Errors
 /// A file that cannot be read, or breaks its format; options that do not go with it.
@@ -187,7 +217,33 @@ pub fn info(path: &Path, options: &CaptureOptions) -> Result<Option<FileOverview
     if files::format_of(path).is_some() {
         return Ok(Some(FileOverview::Capture(of_capture(path, options)?)));
     }
+    if opensim::is_named(path) {
+        return of_table(path, options).map(|table| Some(FileOverview::Table(table)));
+    }
     Ok(None)
+}
+
+fn of_table(path: &Path, options: &CaptureOptions) -> Result<TableOverview, Error> {
+    if options != &CaptureOptions::default() {
+        return Err(Error::new("a table has its times in it, and no skeleton")
+            .at(path.display().to_string())
+            .got("a skeleton or a rate beside it"));
+    }
+    let table = opensim::read(path)?;
+    let body = table.body_columns().into_iter().map(|(_, dof)| dof.name()).collect();
+    Ok(TableOverview {
+        format: "opensim",
+        cells: table.cell.word(),
+        in_degrees: table.in_degrees,
+        rows: table.rows(),
+        lost_rows: table.lost_rows,
+        rate_hz: table.rate_hz(),
+        duration_s: table.duration_s(),
+        body,
+        name: table.name,
+        columns: table.columns,
+        notes: table.notes,
+    })
 }
 
 fn of_capture(path: &Path, options: &CaptureOptions) -> Result<CaptureOverview, Error> {

@@ -5,7 +5,7 @@ use super::report::Outcome;
 use crate::draft::{Draft, check_free};
 use crate::error::{Error, ErrorKind};
 use crate::mocap::markers::{Frame, Frames, Head, MarkerFormat};
-use crate::mocap::{c3d, marker_files, marker_table, trc};
+use crate::mocap::{c3d, csm, marker_files, marker_table, trc};
 use serde::Serialize;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -54,7 +54,7 @@ pub fn convert(order: &MarkersOrder, observer: &dyn Observer) -> Result<MarkersR
     let Some(kind) = marker_files::written_as(&order.file) else {
         return Err(Error::of(ErrorKind::Unknown, "this kind of file cannot be written")
             .at(order.file.display().to_string())
-            .allowed("of markers, a file that ends in .c3d, .trc, .csv, .bvh or .x3d"));
+            .allowed("of markers, a file that ends in .c3d, .trc, .csm, .csv, .bvh or .x3d"));
     };
     check_free(&order.file, order.replace)?;
     let mut reader = marker_files::open(&order.markers)?;
@@ -77,6 +77,7 @@ pub fn convert(order: &MarkersOrder, observer: &dyn Observer) -> Result<MarkersR
     let left_out = match kind {
         MarkerFormat::C3d => c3d::write::write(&mut out, &mut told),
         MarkerFormat::Trc => trc::write(&mut out, &name_of(&order.file), &mut told),
+        MarkerFormat::Csm => csm::write(&mut out, &name_of(&order.file), &mut told),
         MarkerFormat::Csv => marker_table::write(&mut out, &mut told),
     };
     let left_out = left_out.map_err(in_file)?;

@@ -1,6 +1,7 @@
 //! From a motion as somebody names it to a path over the robot's joints.
 
 pub mod joints;
+mod opensim;
 
 pub use crate::mocap::files::CaptureOptions;
 
@@ -14,6 +15,7 @@ use crate::mocap::files::{self, CaptureFormat};
 use crate::mocap::fit::{self, FitSettings, Fitted};
 use crate::mocap::mapping::MappingFile;
 use crate::mocap::marker_files;
+use crate::mocap::opensim as mocap_opensim;
 use crate::mocap::retarget::{self, Retargeted, TrunkLean};
 use crate::mocap::siblings::{self, SegmentFrames};
 use crate::motion::Path as JointPath;
@@ -46,6 +48,8 @@ pub enum FileKind {
     Bvh,
     /// A skeleton in motion whose skeleton and rate stand elsewhere.
     Amc,
+    /// A table of OpenSim's: joint angles, orientations, forces.
+    OpenSim,
     /// Anything else.
     Other,
 }
@@ -55,6 +59,9 @@ pub enum FileKind {
 pub fn file_kind(path: &Path) -> FileKind {
     if marker_files::format_of(path).is_some() {
         return FileKind::Markers;
+    }
+    if mocap_opensim::is_named(path) {
+        return FileKind::OpenSim;
     }
     match files::format_of(path) {
         Some(CaptureFormat::Bvh) => FileKind::Bvh,
@@ -66,7 +73,7 @@ pub fn file_kind(path: &Path) -> FileKind {
 /// Which motion, and how much of it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MotionOrder {
-    /// A capture (.bvh, .amc), a shipped action, an action file (.toml), several actions
+    /// A capture (.bvh, .amc, .mot, .sto), a shipped action, an action file (.toml), several actions
     /// (`walk:6s,wave-r,bow`), a recording (.mcap) or a table (.csv: `time_s`, `JOINT_rad`).
     pub motion: String,
     /// Pieces of other actions that are pasted into actions.
@@ -232,13 +239,21 @@ pub fn body_motion(
     if let Some(format) = marker_files::format_of(path) {
         return of_markers(path, format.word(), mapping, reading);
     }
+    if mocap_opensim::is_named(path) {
+        if mapping.is_some() || reading != &CaptureOptions::default() {
+            return Err(Error::new("a table of joint angles needs no mapping, skeleton or rate")
+                .at(motion)
+                .allowed("these are for captures with a skeleton"));
+        }
+        return opensim::capture(path);
+    }
     let Some(format) = files::format_of(path) else {
         let shipped: Vec<&str> = vocabulary::names().collect();
         return Err(Error::of(ErrorKind::Unknown, "not a motion that can be read")
             .at("MOTION")
             .got(motion)
             .allowed(format!(
-                "a file that ends in .bvh, .amc, .c3d or .trc, an action file (.toml), or a shipped action: {}",
+                "a file that ends in .bvh, .amc, .c3d, .trc, .csm, .mot or .sto, an action file (.toml), or a shipped action: {}",
                 shipped.join(", ")
             ))
             .remedy(profiles::advice(motion, &shipped, "take one of these, or check the path")));

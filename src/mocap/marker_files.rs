@@ -2,9 +2,10 @@
 
 use crate::error::{Error, ErrorKind};
 use crate::mocap::c3d;
+use crate::mocap::csm;
 use crate::mocap::marker_table;
 use crate::mocap::markers::{Frame, Frames, Head, MarkerFormat, Markers};
-use crate::mocap::opened::{opened, unreadable};
+use crate::mocap::opened::bytes_of;
 use crate::mocap::trc;
 use std::fs::File;
 use std::io::Read;
@@ -20,6 +21,7 @@ pub fn format_of(path: &Path) -> Option<MarkerFormat> {
     match ending.as_str() {
         "c3d" => Some(MarkerFormat::C3d),
         "trc" => Some(MarkerFormat::Trc),
+        "csm" => Some(MarkerFormat::Csm),
         "csv" => is_marker_table(path).then_some(MarkerFormat::Csv),
         _ => None,
     }
@@ -29,7 +31,7 @@ pub fn format_of(path: &Path) -> Option<MarkerFormat> {
 #[must_use]
 pub fn written_as(path: &Path) -> Option<MarkerFormat> {
     let ending = path.extension()?.to_str()?;
-    [MarkerFormat::C3d, MarkerFormat::Trc, MarkerFormat::Csv]
+    [MarkerFormat::C3d, MarkerFormat::Trc, MarkerFormat::Csm, MarkerFormat::Csv]
         .into_iter()
         .find(|format| ending.eq_ignore_ascii_case(format.word()))
 }
@@ -71,6 +73,10 @@ pub fn open(path: &Path) -> Result<MarkerReader, Error> {
             let bytes = bytes_of(path, trc::MAX_FILE_BYTES)?;
             trc::parse(&bytes).map(whole).map_err(in_file)
         }
+        Some(MarkerFormat::Csm) => {
+            let bytes = bytes_of(path, csm::MAX_FILE_BYTES)?;
+            csm::parse(&bytes).map(whole).map_err(in_file)
+        }
         Some(MarkerFormat::Csv) => {
             let bytes = bytes_of(path, marker_table::MAX_FILE_BYTES)?;
             marker_table::parse(&bytes).map(whole).map_err(in_file)
@@ -78,7 +84,7 @@ pub fn open(path: &Path) -> Result<MarkerReader, Error> {
         None => Err(Error::of(ErrorKind::Unknown, "not a file of markers")
             .at(path.display().to_string())
             .allowed(
-                "a file that ends in .c3d or .trc, or a table (.csv) with columns LABEL_x_m, ...",
+                "a file that ends in .c3d, .trc or .csm, or a table (.csv) with columns LABEL_x_m, ...",
             )),
     }
 }
@@ -98,21 +104,6 @@ pub fn read(path: &Path, rate_hz: Option<f64>) -> Result<Markers, Error> {
         markers.set_rate(rate_hz);
     }
     Ok(markers)
-}
-
-fn bytes_of(path: &Path, most: u64) -> Result<Vec<u8>, Error> {
-    let (file, known) = opened(path)?;
-    let length = known.len();
-    if length > most {
-        return Err(Error::of(ErrorKind::Malformed, "the file is too large")
-            .in_file(path)
-            .got(format!("{length} bytes"))
-            .allowed(format!("at most {most} bytes"))
-            .remedy("cut the recording into shorter files"));
-    }
-    let mut bytes = Vec::with_capacity(length as usize + 1);
-    file.take(most).read_to_end(&mut bytes).map_err(|cause| unreadable(&cause).in_file(path))?;
-    Ok(bytes)
 }
 
 impl MarkerReader {

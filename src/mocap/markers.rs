@@ -23,6 +23,8 @@ pub enum MarkerFormat {
     C3d,
     /// Motion Analysis' track row column text.
     Trc,
+    /// Character Studio's text.
+    Csm,
     /// A table of comma-separated values whose columns say what they are.
     Csv,
 }
@@ -34,6 +36,7 @@ impl MarkerFormat {
         match self {
             Self::C3d => "c3d",
             Self::Trc => "trc",
+            Self::Csm => "csm",
             Self::Csv => "csv",
         }
     }

@@ -208,6 +208,19 @@ pub fn text_of(bytes: &[u8]) -> Cow<'_, str> {
     }
 }
 
+/// A name as it is told to a person: what stands where a name should may be any bytes, and many.
+#[must_use]
+pub fn shown_name(bytes: &[u8]) -> String {
+    const MOST: usize = 40;
+    let text = text_of(bytes);
+    let plain = |c: char| if c.is_control() { char::REPLACEMENT_CHARACTER } else { c };
+    let shown: String = text.chars().take(MOST).map(plain).collect();
+    match text.chars().count() {
+        all if all > MOST => format!("{shown}... ({all} letters)"),
+        _ => shown,
+    }
+}
+
 fn trimmed(bytes: &[u8]) -> Cow<'_, str> {
     let is_blank = |byte: &u8| matches!(byte, 0 | b' ' | b'\t' | b'\r' | b'\n');
     let start = bytes.iter().position(|byte| !is_blank(byte)).unwrap_or(bytes.len());
@@ -329,7 +342,6 @@ impl Parameters {
             }
         }
         for group in &mut groups {
-            let of = text_of(&group.name).into_owned();
             let mut known: BTreeMap<String, usize> = BTreeMap::new();
             let mut kept: Vec<Parameter> = Vec::with_capacity(group.parameters.len());
             for mut parameter in std::mem::take(&mut group.parameters) {
@@ -341,7 +353,8 @@ impl Parameters {
                     let free = |number: &usize| !known.contains_key(&format!("{name}_{number}"));
                     let number = (2..).find(free).unwrap_or(2);
                     parameter.name = format!("{name}_{number}").into_bytes();
-                    renamed.push(format!("the second {of}:{name} is written as {name}_{number}"));
+                    let (of, shown) = (shown_name(&group.name), shown_name(name.as_bytes()));
+                    renamed.push(format!("the second {of}:{shown} is written as {shown}_{number}"));
                 }
                 let name = text_of(&parameter.name).trim().to_ascii_uppercase();
                 known.insert(name, kept.len());
@@ -359,5 +372,18 @@ impl Parameters {
         let description = Vec::new();
         self.groups.push(Group { id, name, locked: false, description, parameters: Vec::new() });
         Some(self.groups.len() - 1)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_name_is_told_in_one_short_line_whatever_its_bytes_are() {
+        assert_eq!(shown_name(b"RATE"), "RATE");
+        assert_eq!(shown_name(b"R\x07A\nTE"), "R\u{fffd}A\u{fffd}TE");
+        let long = shown_name(&[0xE9; 127]);
+        assert_eq!(long, format!("{}... (127 letters)", "\u{e9}".repeat(40)));
     }
 }

@@ -22,8 +22,29 @@ const fn table() -> [u32; 256] {
 /// The CRC-32 of `bytes`.
 #[must_use]
 pub fn crc32(bytes: &[u8]) -> u32 {
-    let step = |crc: u32, byte: &u8| (crc >> 8) ^ TABLE[usize::from(crc as u8 ^ byte)];
-    !bytes.iter().fold(!0, step)
+    let mut crc = Crc::default();
+    crc.take(bytes);
+    crc.value()
+}
+
+/// The CRC-32 of bytes that come one after another.
+pub(super) struct Crc(u32);
+
+impl Default for Crc {
+    fn default() -> Self {
+        Self(!0)
+    }
+}
+
+impl Crc {
+    pub(super) fn take(&mut self, bytes: &[u8]) {
+        let step = |crc: u32, byte: &u8| (crc >> 8) ^ TABLE[usize::from(crc as u8 ^ byte)];
+        self.0 = bytes.iter().fold(self.0, step);
+    }
+
+    pub(super) fn value(&self) -> u32 {
+        !self.0
+    }
 }
 
 #[cfg(test)]

@@ -2,10 +2,8 @@
 
 use std::fs::File;
 use std::io::{self, Write};
+use std::os::unix::fs::FileTypeExt;
 use std::path::Path;
-use std::sync::{Arc, Mutex, PoisonError};
-
-use mcap::write::NoSeek;
 
 use crate::draft::Draft;
 use crate::error::{Error, ErrorKind};
@@ -62,38 +60,6 @@ impl Disk for Draft {
     }
 }
 
-/// Collects the bytes of an MCAP writer, so that a chunk reaches the disk in one append and the
-/// MCAP writer itself never meets an I/O error.
-#[derive(Clone, Default)]
-pub(super) struct Bytes(Arc<Mutex<Vec<u8>>>);
-
-impl Bytes {
-    pub(super) fn take(&self) -> Vec<u8> {
-        std::mem::take(&mut *self.0.lock().unwrap_or_else(PoisonError::into_inner))
-    }
-}
-
-impl Write for Bytes {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).extend_from_slice(bytes);
-        Ok(bytes.len())
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        Ok(())
-    }
-}
-
-/// An MCAP writer for a file that only grows: no seeking, no compression, chunks closed by us.
-pub(super) fn mcap_writer(bytes: &Bytes) -> mcap::McapResult<mcap::Writer<NoSeek<Bytes>>> {
-    mcap::WriteOptions::new()
-        .compression(None)
-        .chunk_size(None)
-        .disable_seeking(true)
-        .library(concat!("gaitway ", env!("CARGO_PKG_VERSION")))
-        .create(NoSeek::new(bytes.clone()))
-}
-
 pub(super) fn shown(path: &Path) -> String {
     path.display().to_string()
 }
@@ -124,7 +90,25 @@ pub(super) fn open(path: &Path) -> Result<File, Error> {
     // Asked before opening: a named pipe would make the open itself wait for ever.
     let kind = std::fs::metadata(path).map_err(|cause| unreadable(cause.to_string()))?;
     if !kind.is_file() {
-        return Err(unreadable("not a regular file".into()));
+        let (got, remedy) = told_apart(kind.file_type());
+        let error = unreadable(format!("{got}, not a regular file"));
+        return Err(error.allowed("a file on a disk").remedy(remedy));
     }
     File::open(path).map_err(|cause| unreadable(cause.to_string()))
+}
+
+/// What stands where a file should, and what can be done with it.
+fn told_apart(kind: std::fs::FileType) -> (&'static str, &'static str) {
+    if kind.is_dir() {
+        ("a folder", "name a file that is in it")
+    } else if kind.is_fifo() {
+        ("a pipe", "keep what comes out of it in a file first: cat PIPE > FILE")
+    } else if kind.is_char_device() {
+        (
+            "a device",
+            "`gaitway scan` asks who is on a line, `gaitway record` records what a device says",
+        )
+    } else {
+        ("neither a file nor a device that sends bytes", "name the file that it stands for")
+    }
 }

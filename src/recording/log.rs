@@ -9,10 +9,11 @@ use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::{Duration, Instant as Clock};
 
 use mcap::records::{MessageHeader, Metadata};
-use mcap::write::NoSeek;
 
-use super::disk::{Bytes, Disk, Syncer, mcap_writer};
+use super::disk::{Disk, Syncer};
+use super::mcap_file::McapFile;
 use super::message::{self, Run, Stamp, Topic};
+use super::packing::Compression;
 use super::sample::{CycleRecord, RunEnd, RunStart};
 use super::sensor::{self, RecordedSource, SourceId, SourceKind, SourceRecord};
 use crate::time::Instant;
@@ -105,8 +106,7 @@ pub(super) struct Shared {
 /// The thread's side: turns records into chunks and counts what is safe.
 pub(super) struct Log<D> {
     disk: D,
-    bytes: Bytes,
-    mcap: mcap::Writer<NoSeek<Bytes>>,
+    mcap: McapFile,
     channels: [u16; Topic::ALL.len()],
     sequences: [u32; Topic::ALL.len()],
     /// Sources whose channels are in the file: name and channels.
@@ -133,18 +133,16 @@ pub(super) struct Log<D> {
 impl<D: Disk> Log<D> {
     /// Writes the start of the run and, if a robot is recorded, waits until it is on the disk.
     pub(super) fn create(disk: D, start: RunStart, pace: Pace, keep: Keep) -> Result<Self, String> {
-        let bytes = Bytes::default();
-        let mut mcap = mcap_writer(&bytes).map_err(|error| error.to_string())?;
+        let mut mcap = McapFile::new(Compression::default());
         let mut channels = [0; Topic::ALL.len()];
         for (topic, channel) in Topic::ALL.into_iter().zip(&mut channels) {
-            *channel = add_topic(&mut mcap, topic).map_err(|error| error.to_string())?;
+            *channel = add_topic(&mut mcap, topic)?;
         }
         let now = Clock::now();
         let syncs = disk.syncer().and_then(Syncs::begin).map_err(|error| error.to_string())?;
         let mut log = Self {
             disk,
             syncs,
-            bytes,
             mcap,
             channels,
             sequences: [0; Topic::ALL.len()],
@@ -315,7 +313,7 @@ impl<D: Disk> Log<D> {
         for source in added {
             let channels =
                 add_channels(&mut self.mcap, source.kind, &source.name, &source.metadata);
-            self.sources.push((source.name, channels.map_err(|error| error.to_string())?));
+            self.sources.push((source.name, channels?));
         }
         Ok(())
     }
@@ -339,9 +337,7 @@ impl<D: Disk> Log<D> {
                 let channel_id = channels.get(channel).copied().unwrap_or_default();
                 let header = MessageHeader { channel_id, sequence, log_time, publish_time };
                 log.chunk_bytes += json.len();
-                log.mcap
-                    .write_to_known_channel(&header, &json)
-                    .map_err(|error| error.to_string())?;
+                log.mcap.add_message(&header, &json)?;
             }
             Ok(())
         });
@@ -399,9 +395,7 @@ impl<D: Disk> Log<D> {
         name: &str,
         metadata: BTreeMap<String, String>,
     ) -> Result<(), String> {
-        self.mcap
-            .write_metadata(&Metadata { name: name.into(), metadata })
-            .map_err(|error| error.to_string())
+        self.mcap.add_metadata(&Metadata { name: name.into(), metadata })
     }
 
     fn write(&mut self, topic: Topic, wall_ns: u64, json: &[u8]) -> Result<(), String> {
@@ -411,24 +405,24 @@ impl<D: Disk> Log<D> {
         let channel_id = self.channels[topic as usize];
         let header =
             MessageHeader { channel_id, sequence, log_time: wall_ns, publish_time: wall_ns };
-        self.mcap.write_to_known_channel(&header, json).map_err(|error| error.to_string())
+        self.mcap.add_message(&header, json)
     }
 
     fn close_chunk(&mut self) -> Result<(), String> {
-        self.mcap.flush().map_err(|error| error.to_string())?;
+        self.mcap.close_chunk()?;
         self.append()
     }
 
     fn close_file(&mut self) -> Result<(), String> {
         // The chunk goes first and alone, so that a failure in the summary loses no message.
         self.close_chunk()?;
-        self.mcap.finish().map_err(|error| error.to_string())?;
+        self.mcap.finish()?;
         self.append()?;
         self.sync()
     }
 
     fn append(&mut self) -> Result<(), String> {
-        let bytes = self.bytes.take();
+        let bytes = self.mcap.take();
         self.disk.append(&bytes).map_err(|error| error.to_string())?;
         self.summary.bytes += bytes.len() as u64;
         self.summary.messages += self.in_chunk;
@@ -518,17 +512,17 @@ pub(super) fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-fn add_topic(mcap: &mut mcap::Writer<NoSeek<Bytes>>, topic: Topic) -> mcap::McapResult<u16> {
+fn add_topic(mcap: &mut McapFile, topic: Topic) -> Result<u16, String> {
     let schema = mcap.add_schema(topic.schema_name(), "jsonschema", topic.schema().as_bytes())?;
     mcap.add_channel(schema, topic.name(), "json", &BTreeMap::new())
 }
 
 fn add_channels(
-    mcap: &mut mcap::Writer<NoSeek<Bytes>>,
+    mcap: &mut McapFile,
     kind: SourceKind,
     name: &str,
     metadata: &BTreeMap<String, String>,
-) -> mcap::McapResult<Vec<u16>> {
+) -> Result<Vec<u16>, String> {
     let mut channels = Vec::new();
     for (topic, schema_name, schema) in kind.channels(name) {
         let schema = mcap.add_schema(schema_name, "jsonschema", schema.as_bytes())?;

@@ -202,7 +202,7 @@ impl Overview {
 /// Tells what a file holds, reading it once in little memory.
 ///
 /// # Errors
-/// If the file cannot be opened, is no MCAP recording or is compressed.
+/// If the file cannot be opened, is no MCAP recording or is packed beyond bounds.
 pub fn summary(path: &Path) -> Result<Overview, Error> {
     let mut overview = Overview::default();
     let tally = scan(BufReader::new(open(path)?), |found| {

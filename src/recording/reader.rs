@@ -7,13 +7,14 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use mcap::records::{MessageHeader, Metadata};
-use mcap::write::NoSeek;
 use serde::Serialize;
 
 use super::bounded::JOINTS;
-use super::disk::{Bytes, Disk, create_file, mcap_writer, open};
+use super::disk::{Disk, create_file, open};
+use super::mcap_file::McapFile;
 use super::message::{Cycle, Health, JointState, JointStates, Moment, Run, Topic, parse};
 use super::overview::{Overview, SourceOverview};
+use super::packing::Compression;
 use super::sample::{CycleRecord, JointRecord, RunEnd, RunStart};
 use super::scan::{Channel, Found, Tally, scan};
 use crate::draft::Draft;
@@ -78,7 +79,7 @@ pub struct GoalSeries {
 /// Reads a recording, as much of it as is whole.
 ///
 /// # Errors
-/// If the file cannot be opened, is no MCAP recording, is compressed or over 256 MiB.
+/// If the file cannot be opened, is no MCAP recording, or is over 256 MiB, packed or unpacked.
 pub fn read(path: &Path) -> Result<Recording, Error> {
     let at_path = |error: Error| error.at(path.display().to_string());
     let file = open(path)?;
@@ -91,6 +92,16 @@ pub fn read(path: &Path) -> Result<Recording, Error> {
         ));
     }
     Recording::from_source(file).map_err(at_path)
+}
+
+/// What is read at once may unpack to no more than a file may have.
+pub(super) fn check_unpacked(bytes: u64, most: u64) -> Result<(), Error> {
+    if bytes <= most {
+        return Ok(());
+    }
+    Err(Error::of(ErrorKind::Malformed, "the recording is too large to be read at once")
+        .got(format!("more than {} MiB of messages", most >> 20))
+        .allowed(format!("{} MiB", most >> 20)))
 }
 
 impl Recording {
@@ -116,6 +127,7 @@ impl Recording {
 
     /// Keeps memory in proportion to the file, whatever the file claims.
     fn check_size(&self, bytes: usize) -> Result<(), Error> {
+        check_unpacked(bytes as u64, FILE_BYTES)?;
         let joints = self.joint_names.len();
         let memory = self.cycles.len() * (joints * size_of::<JointRecord>() + 64);
         let allowed = 3 * bytes + MEMORY_BYTES;
@@ -227,19 +239,26 @@ impl Recording {
 }
 
 /// Writes everything that can be trusted in `path` to `FILE.recovered.mcap` beside it, as a
-/// finished file. Takes any uncompressed MCAP file, ours or not. Replaces a file only with `force`.
+/// finished file. Takes any MCAP file, ours or not. Replaces a file only with `force`.
 ///
 /// # Errors
-/// If the file cannot be read, is no MCAP recording or is compressed, or the new file exists or
-/// cannot be written.
+/// If the file cannot be read or is no MCAP recording, or the new file exists or cannot be written.
 pub fn recover(path: &Path, force: bool) -> Result<Recovered, Error> {
+    recover_packed(path, force, Compression::default())
+}
+
+/// As [`recover`], with the new file packed as `packing` says.
+///
+/// # Errors
+/// As [`recover`].
+pub fn recover_packed(path: &Path, force: bool, packing: Compression) -> Result<Recovered, Error> {
     let source = open(path)?;
     let target = path.with_extension("recovered.mcap");
     let draft = create_file(&target, force).map_err(|error| match error.remedy {
         Some(_) => error.remedy("move it away, or add --force to replace it"),
         None => error,
     })?;
-    let mut copy = Copy::new(draft).map_err(|cause| unwritable(&target, &cause))?;
+    let mut copy = Copy::new(draft, packing);
     let mut overview = Overview::default();
     let copied = scan(BufReader::new(source), |found| {
         if let Found::Message { channel, header, body } = &found {
@@ -276,8 +295,7 @@ fn unwritable(path: &Path, cause: &str) -> Error {
 /// Copies what a scan finds into a new file.
 struct Copy {
     draft: Draft,
-    bytes: Bytes,
-    mcap: mcap::Writer<NoSeek<Bytes>>,
+    mcap: McapFile,
     /// Channels by their id in the old file, with the id in the new one.
     channels: BTreeMap<u16, (Arc<Channel>, u16)>,
     /// Written at the end: each would close a chunk, and chunks are remembered until then.
@@ -287,11 +305,10 @@ struct Copy {
 }
 
 impl Copy {
-    fn new(draft: Draft) -> Result<Self, String> {
-        let bytes = Bytes::default();
-        let mcap = mcap_writer(&bytes).map_err(|error| error.to_string())?;
+    fn new(draft: Draft, packing: Compression) -> Self {
+        let mcap = McapFile::new(packing);
         let (channels, metadata) = Default::default();
-        Ok(Self { draft, bytes, mcap, channels, metadata, messages: 0, chunk_bytes: 0 })
+        Self { draft, mcap, channels, metadata, messages: 0, chunk_bytes: 0 }
     }
 
     fn add(&mut self, found: Found) -> Result<(), String> {
@@ -303,9 +320,7 @@ impl Copy {
             Found::Message { channel, header, body } => {
                 let channel_id = self.channel(header.channel_id, channel)?;
                 let header = MessageHeader { channel_id, ..header };
-                self.mcap
-                    .write_to_known_channel(&header, body)
-                    .map_err(|error| error.to_string())?;
+                self.mcap.add_message(&header, body)?;
                 self.messages += 1;
                 self.chunk_bytes += MESSAGE_OVERHEAD + body.len();
                 if self.chunk_bytes >= 1 << 20 { self.append() } else { Ok(()) }
@@ -322,21 +337,17 @@ impl Copy {
         let schema = match &channel.schema {
             Some(schema) => self.mcap.add_schema(&schema.name, &schema.encoding, &schema.text),
             None => Ok(0),
-        };
-        let new = schema
-            .and_then(|schema| {
-                let Channel { topic, encoding, metadata, .. } = channel.as_ref();
-                self.mcap.add_channel(schema, topic, encoding, metadata)
-            })
-            .map_err(|error| error.to_string())?;
+        }?;
+        let Channel { topic, encoding, metadata, .. } = channel.as_ref();
+        let new = self.mcap.add_channel(schema, topic, encoding, metadata)?;
         self.channels.insert(old, (Arc::clone(channel), new));
         Ok(new)
     }
 
     fn append(&mut self) -> Result<(), String> {
-        self.mcap.flush().map_err(|error| error.to_string())?;
+        self.mcap.close_chunk()?;
         self.chunk_bytes = 0;
-        self.draft.append(&self.bytes.take()).map_err(|error| error.to_string())
+        self.draft.append(&self.mcap.take()).map_err(|error| error.to_string())
     }
 
     fn finish(&mut self, from: &Path, tally: Tally) -> Result<(), String> {
@@ -350,10 +361,10 @@ impl Copy {
         // What was in the last chunk goes first and alone: then the memory for it is free.
         self.append()?;
         for metadata in std::mem::take(&mut self.metadata) {
-            self.mcap.write_metadata(&metadata).map_err(|error| error.to_string())?;
+            self.mcap.add_metadata(&metadata)?;
         }
-        self.mcap.finish().map_err(|error| error.to_string())?;
-        let written = self.draft.append(&self.bytes.take()).and_then(|()| self.draft.sync());
+        self.mcap.finish()?;
+        let written = self.draft.append(&self.mcap.take()).and_then(|()| self.draft.sync());
         let named = written.and_then(|()| self.draft.keep()).and_then(|()| self.draft.sync());
         named.map_err(|error| error.to_string())
     }

@@ -42,6 +42,8 @@ pub(super) struct ChunkRecord<'a> {
     /// Of the records; zero says that there is none.
     pub(super) crc: u32,
     pub(super) compression: &'a str,
+    /// Bytes of the records once they are unpacked.
+    pub(super) size: u64,
     pub(super) records: &'a [u8],
 }
 
@@ -74,11 +76,11 @@ impl<'a> Record<'a> {
                 Self::Message(header, fields.0)
             }
             op::CHUNK => {
-                // First and last time of its messages, and their size once decompressed.
-                fields.bytes(24)?;
-                let (crc, compression) = (fields.u32()?, fields.text()?);
+                // First and last time of its messages.
+                fields.bytes(16)?;
+                let (size, crc, compression) = (fields.u64()?, fields.u32()?, fields.text()?);
                 let bytes = usize::try_from(fields.u64()?).ok()?;
-                Self::Chunk(ChunkRecord { crc, compression, records: fields.bytes(bytes)? })
+                Self::Chunk(ChunkRecord { crc, compression, size, records: fields.bytes(bytes)? })
             }
             op::METADATA => {
                 let name = fields.text()?.to_owned();
@@ -173,7 +175,8 @@ mod tests {
             }
             Theirs::Message { header, data } => format!("{header:?} {data:?}"),
             Theirs::Chunk { header, data } => {
-                format!("{} {} {data:?}", header.uncompressed_crc, header.compression)
+                let (crc, size) = (header.uncompressed_crc, header.uncompressed_size);
+                format!("{crc} {size} {} {data:?}", header.compression)
             }
             Theirs::Metadata(metadata) => format!("{metadata:?}"),
             other => format!("{other:?}"),
@@ -188,7 +191,7 @@ mod tests {
                 format!("{id} {schema} {} {} {:?}", c.topic, c.encoding, c.metadata)
             }
             Record::Message(header, data) => format!("{header:?} {data:?}"),
-            Record::Chunk(c) => format!("{} {} {:?}", c.crc, c.compression, c.records),
+            Record::Chunk(c) => format!("{} {} {} {:?}", c.crc, c.size, c.compression, c.records),
             Record::Metadata(metadata) => format!("{metadata:?}"),
         }
     }

@@ -15,6 +15,7 @@ use std::sync::Arc;
 use mcap::records::{MessageHeader, Metadata, op};
 
 use super::crc::crc32;
+use super::packing::{Compression, Packed};
 use super::record::{ChannelRecord, ChunkRecord, Record, SchemaRecord};
 use crate::error::{Error, ErrorKind};
 
@@ -106,7 +107,8 @@ pub(super) struct Tally {
 /// Calls `visit` for every message and metadata record that can be trusted, in file order.
 ///
 /// # Errors
-/// If the source cannot be read, is no MCAP file, is compressed, or `visit` refuses.
+/// If the source cannot be read, is no MCAP file, is compressed in an unknown way or beyond bounds, or
+/// `visit` refuses.
 pub(super) fn scan(
     source: impl Read,
     visit: impl FnMut(Found) -> Result<(), Error>,
@@ -253,14 +255,19 @@ impl<R: Read, F: FnMut(Found) -> Result<(), Error>> Scan<R, F> {
     }
 
     fn read_chunk(&mut self, chunk: &ChunkRecord) -> Result<Result<(), Broken>, Error> {
-        if !chunk.compression.is_empty() {
-            let shown: String = chunk.compression.chars().take(40).collect();
-            return Err(Error::of(ErrorKind::Malformed, "the recording is compressed")
-                .got(shown)
-                .allowed("MCAP chunks without compression")
-                .remedy("mcap decompress FILE -o PLAIN.mcap"));
-        }
-        let mut records = chunk.records;
+        let unpacked;
+        let mut records = match Compression::from_name(chunk.compression) {
+            None => return Err(unknown_compression(chunk.compression)),
+            Some(Compression::None) => chunk.records,
+            Some(packing) => match packing.unpack(chunk.records, chunk.size) {
+                Ok(records) => {
+                    unpacked = records;
+                    &unpacked
+                }
+                Err(Packed::Broken) => return Ok(Err(Broken)),
+                Err(Packed::TooMuch { most }) => return Err(too_large(chunk, most)),
+            },
+        };
         let unchecked = chunk.crc == 0; // zero says "no CRC", by the format
         if !(unchecked || crc32(records) == chunk.crc) {
             return Ok(Err(Broken));
@@ -299,6 +306,24 @@ impl<R: Read, F: FnMut(Found) -> Result<(), Error>> Scan<R, F> {
     fn skip(&mut self, bytes: u64) -> Result<u64, Error> {
         io::copy(&mut self.source.by_ref().take(bytes), &mut io::sink()).map_err(unreadable)
     }
+}
+
+fn unknown_compression(name: &str) -> Error {
+    let shown: String = name.chars().take(40).collect();
+    Error::of(ErrorKind::Malformed, "the recording is compressed in a way that is not known")
+        .got(shown)
+        .allowed("lz4, zstd or none, as the MCAP format has them")
+        .remedy("mcap decompress FILE -o PLAIN.mcap")
+}
+
+fn too_large(chunk: &ChunkRecord, most: usize) -> Error {
+    Error::of(
+        ErrorKind::Malformed,
+        "a chunk of the recording unpacks to more than is taken into memory",
+    )
+    .got(format!("{} bytes out of {}", chunk.size, chunk.records.len()))
+    .allowed(format!("{most} bytes"))
+    .remedy("mcap decompress FILE -o PLAIN.mcap, if the file can be trusted")
 }
 
 fn unreadable(cause: io::Error) -> Error {

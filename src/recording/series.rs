@@ -3,6 +3,7 @@
 use super::disk::open;
 use super::marker::Marker;
 use super::message::{Run, Topic, parse};
+use super::reader::check_unpacked;
 use super::sample::RunStart;
 use super::scan::{Found, scan};
 use super::sensor::{Imu, Transform};
@@ -43,6 +44,8 @@ pub struct SensorMoment {
     pub rate_rad_s: Option<DVec3>,
     /// Acceleration in the sensor's axes, gravity included, m/s^2.
     pub acceleration_m_s2: Option<DVec3>,
+    /// Magnetic field in the sensor's axes, T.
+    pub field_t: Option<DVec3>,
     /// Turns vectors of the sensor into those of its own world, Z up; `None` while nobody knows.
     pub orientation: Option<DQuat>,
 }
@@ -50,7 +53,7 @@ pub struct SensorMoment {
 /// Reads the sensors of a recording, finished or not.
 ///
 /// # Errors
-/// If the file cannot be opened, is no MCAP recording, is compressed or over 1 GiB.
+/// If the file cannot be opened, is no MCAP recording, or is over 1 GiB, packed or unpacked.
 pub fn sensor_series(path: &Path) -> Result<SensorSeries, Error> {
     let at_path = |error: Error| error.at(path.display().to_string());
     let file = open(path)?;
@@ -63,8 +66,11 @@ pub fn sensor_series(path: &Path) -> Result<SensorSeries, Error> {
         ));
     }
     let mut series = SensorSeries { first_ns: u64::MAX, ..SensorSeries::default() };
+    let mut unpacked = 0;
     let tally = scan(BufReader::new(file).take(FILE_BYTES), |found| {
         if let Found::Message { channel, header, body } = found {
+            unpacked += body.len() as u64;
+            check_unpacked(unpacked, FILE_BYTES)?;
             series.first_ns = series.first_ns.min(header.log_time);
             series.last_ns = series.last_ns.max(header.log_time);
             series.add(&channel.topic, header.publish_time, body);
@@ -84,7 +90,7 @@ pub fn sensor_series(path: &Path) -> Result<SensorSeries, Error> {
 /// What a recording says of itself at its start; `None` if the very beginning is damaged.
 ///
 /// # Errors
-/// If the file cannot be opened, is no MCAP recording or is compressed.
+/// If the file cannot be opened or is no MCAP recording.
 pub fn run_start(path: &Path) -> Result<Option<RunStart>, Error> {
     let mut start = None;
     let scanned = scan(BufReader::new(open(path)?), |found| match found {
@@ -140,6 +146,7 @@ impl SensorSeries {
                     taken_ns,
                     rate_rad_s: imu.angular_velocity.map(DVec3::from),
                     acceleration_m_s2: imu.linear_acceleration.map(DVec3::from),
+                    field_t: imu.magnetic_field.map(DVec3::from),
                     orientation: None,
                 };
                 self.sensors.entry(name.to_owned()).or_default().push(moment);

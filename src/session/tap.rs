@@ -188,6 +188,7 @@ mod tests {
                 taken_ns: 1_000_000_000 + ((t + late_s) * 1e9) as u64,
                 rate_rad_s: None,
                 acceleration_m_s2: Some(DVec3::Z * force),
+                field_t: None,
                 orientation: None,
             }
         };

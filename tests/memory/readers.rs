@@ -10,7 +10,7 @@ use gaitway::body::worn::kept::Kept;
 use gaitway::calibration::Calibration;
 use gaitway::job::source::joints;
 use gaitway::mocap::mapping::MappingFile;
-use gaitway::mocap::{acclaim, bvh, c3d, marker_files};
+use gaitway::mocap::{acclaim, bvh, c3d, marker_files, opensim};
 use gaitway::recording;
 use gaitway::session::files::{BodyCheck, DeviceCheck, SessionFile, TrialFile};
 use gaitway::session::folder::Folder;
@@ -35,6 +35,8 @@ pub enum Reader {
     Bvh,
     C3d,
     Trc,
+    Csm,
+    OpenSim,
     MarkerTable,
     Acclaim,
     Robot,
@@ -56,7 +58,7 @@ pub enum Reader {
 }
 
 impl Reader {
-    pub const ALL: [Self; 28] = [
+    pub const ALL: [Self; 30] = [
         Self::Info,
         Self::Recover,
         Self::Convert,
@@ -67,6 +69,8 @@ impl Reader {
         Self::Bvh,
         Self::C3d,
         Self::Trc,
+        Self::Csm,
+        Self::OpenSim,
         Self::MarkerTable,
         Self::Acclaim,
         Self::Robot,
@@ -100,6 +104,8 @@ impl Reader {
             Self::Bvh => "capture.bvh",
             Self::C3d => "trial.c3d",
             Self::Trc => "trial.trc",
+            Self::Csm => "trial.csm",
+            Self::OpenSim => "walk.mot",
             Self::MarkerTable => "trial.csv",
             Self::Acclaim => "motion.amc",
             Self::Robot => "so101.toml",
@@ -132,7 +138,8 @@ impl Reader {
             }
             Self::Bvh => bvh::read(path).map(drop).map_err(|e| e.to_string()),
             Self::C3d => c3d::read(path).map(drop).map_err(|e| e.to_string()),
-            Self::Trc | Self::MarkerTable => {
+            Self::OpenSim => opensim::read(path).map(drop).map_err(|e| e.to_string()),
+            Self::Trc | Self::Csm | Self::MarkerTable => {
                 marker_files::open(path).map(drop).map_err(|e| e.to_string())
             }
             Self::Acclaim => {
@@ -176,6 +183,8 @@ impl Reader {
             Self::Bvh => text_files::BVH.into(),
             Self::C3d => c3d_files::minimal(),
             Self::Trc => text_files::TRC.into(),
+            Self::Csm => text_files::CSM.into(),
+            Self::OpenSim => text_files::MOT.into(),
             Self::MarkerTable => text_files::MARKER_TABLE.into(),
             Self::Acclaim => text_files::AMC.into(),
             Self::Robot => profiles("robots/so101.toml"),
@@ -210,6 +219,8 @@ impl Reader {
             Self::Bvh => text_files::hostile_bvh(&minimal),
             Self::C3d => c3d_files::hostile(&minimal),
             Self::Trc => text_files::hostile_trc(&minimal),
+            Self::Csm => text_files::hostile_csm(&minimal),
+            Self::OpenSim => text_files::hostile_opensim(&minimal),
             Self::MarkerTable => text_files::hostile_marker_tables(&minimal),
             Self::Acclaim => text_files::hostile_acclaim(&minimal),
             // All are read by the same parser; these, by how much else is kept beside what it gives.

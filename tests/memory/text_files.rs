@@ -24,6 +24,8 @@ const BAD_NUMBERS: [&str; 10] = [
 pub const TABLE: &str = include_str!("../../fuzz/seeds/motions/table.csv");
 pub const BVH: &str = include_str!("../../fuzz/seeds/motions/capture.bvh");
 pub const TRC: &str = include_str!("../../fuzz/seeds/marker_texts/trial.trc");
+pub const CSM: &str = include_str!("../../fuzz/seeds/marker_texts/trial.csm");
+pub const MOT: &str = include_str!("../../fuzz/seeds/marker_texts/walk.mot");
 pub const MARKER_TABLE: &str = include_str!("../../fuzz/seeds/marker_texts/trial.csv");
 pub const ASF: &str = include_str!("../../fuzz/seeds/acclaim/skeleton.asf");
 pub const AMC: &str = include_str!("../../fuzz/seeds/acclaim/motion.amc");
@@ -161,6 +163,42 @@ pub fn hostile_trc(minimal: &[u8]) -> Vec<(&'static str, Files)> {
         ("markers-without-end", one(full_of(&many, "\n1\t0\t1\t1\t1", "\n"))),
         ("markers-and-rows", one(full_of(&format!("{many}\n"), &seen, ""))),
         ("labels-without-end", one(numbered("PathFileType\nDataRate\n1\nFrame\tTime", "\t#"))),
+    ]);
+    cases
+}
+
+pub fn hostile_csm(minimal: &[u8]) -> Vec<(&'static str, Files)> {
+    let mut cases = common(minimal);
+    let head = "$Order a\n$Points\n";
+    let labels: Vec<String> = (0..16_000).map(|n| format!("{n}")).collect();
+    let many = format!("$Order {}\n$Points\n", labels.join(" "));
+    let unseen = format!("1{}\n", " 0".repeat(48_000));
+    cases.extend([
+        ("rows-without-end", one(numbered(head, "# 0 0 0\n"))),
+        ("rows-of-nothing", one(full_of(head, "1\n", ""))),
+        ("markers-and-rows", one(full_of(&many, &unseen, ""))),
+        ("labels-without-end", one(numbered("$Order", " #"))),
+        ("lines-of-labels-without-end", one(numbered("$Order\n", "#\n"))),
+        ("a-head-without-end", one(numbered("", "$a #\n"))),
+        ("actors-without-end", one(full_of("", "$Actor a\n", ""))),
+    ]);
+    cases
+}
+
+pub fn hostile_opensim(minimal: &[u8]) -> Vec<(&'static str, Files)> {
+    let mut cases = common(minimal);
+    let titles: Vec<String> = (0..16_000).map(|n| format!("{n}")).collect();
+    let many = format!("endheader\ntime {}\n", titles.join(" "));
+    let row = format!("0{}\n", " 1".repeat(16_000));
+    let turns = "DataType=Quaternion\nendheader\ntime a\n";
+    cases.extend([
+        ("rows-of-times", one(numbered("endheader\ntime\n", "#\n"))),
+        ("rows-of-numbers", one(numbered("endheader\ntime a b\n", "# 1 1\n"))),
+        ("rows-of-turns", one(numbered(turns, "# 1,0,0,0\n"))),
+        ("columns-and-rows", one(full_of(&many, &row, ""))),
+        ("columns-without-end", one(numbered("endheader\ntime", " #"))),
+        ("a-head-without-end", one(numbered("", "a=#\n"))),
+        ("a-long-name", one(full_of("name=", "x", ""))),
     ]);
     cases
 }

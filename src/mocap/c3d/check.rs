@@ -9,7 +9,7 @@
 use super::header::{BLOCK, Header};
 use super::layout::Layout;
 use crate::mocap::markers::Head;
-use crate::mocap::parameters::{Parameter, ParameterKind, Parameters, text_of};
+use crate::mocap::parameters::{Parameter, ParameterKind, Parameters, shown_name, text_of};
 use std::collections::BTreeSet;
 
 /// The rules that are broken, a line each.
@@ -191,6 +191,7 @@ impl Check<'_> {
             for parameter in &group.parameters {
                 let name = upper(&parameter.name);
                 if !names.insert(name.clone()) {
+                    let [of, name] = [&of, &name].map(|name| shown_name(name.as_bytes()));
                     double.push(format!("{of}:{name} stands twice"));
                 }
             }

@@ -3,7 +3,7 @@
 use super::header::{BLOCK, KEY};
 use super::number::Processor;
 use crate::error::{Error, ErrorKind};
-use crate::mocap::parameters::{Group, Parameter, ParameterKind, Parameters, text_of};
+use crate::mocap::parameters::{Group, Parameter, ParameterKind, Parameters, shown_name};
 
 /// Most parameters that are read.
 const MAX_PARAMETERS: usize = 16_384;
@@ -131,7 +131,7 @@ impl Entries<'_> {
                 if is_entry(next) {
                     self.note(format!(
                         "byte {place}: {} is said to end at byte {}, and ends at byte {}",
-                        text_of(name),
+                        shown_name(name),
                         self.origin + pointed,
                         self.origin + end
                     ));
@@ -166,11 +166,11 @@ impl Entries<'_> {
             }
             // Two groups of one number have their parameters in common.
             Some(known) => {
-                let of = text_of(&known.name).into_owned();
+                let of = shown_name(&known.name);
                 let place = self.origin + at;
                 self.note(format!(
                     "byte {place}: group {} has the number {id} of group {of}: taken as one",
-                    text_of(name)
+                    shown_name(name)
                 ));
             }
             None => {
@@ -191,7 +191,7 @@ impl Entries<'_> {
         place: usize,
     ) -> Option<usize> {
         let bytes = self.bytes;
-        let of = text_of(name).into_owned();
+        let of = shown_name(name);
         let [code, axes] = *bytes.get(at..)?.first_chunk::<2>()?;
         let Some(kind) = ParameterKind::of_code(code.cast_signed()) else {
             let code = code.cast_signed();
@@ -247,7 +247,7 @@ impl Entries<'_> {
             .parameters
             .iter()
             .any(|known| known.name.trim_ascii().eq_ignore_ascii_case(name.trim_ascii()));
-        let in_group = text_of(&group.name).into_owned();
+        let in_group = shown_name(&group.name);
         group.parameters.push(parameter);
         if is_double {
             self.note(format!(

@@ -1,0 +1,280 @@
+//! Inertial sensors offline: out of tables and recordings, fused again if somebody wants that, as joint angles of
+//! whoever wore them, or as a table of orientations.
+
+pub use crate::capture::Mode;
+
+use super::report::Outcome;
+use crate::body::Proportions;
+use crate::body::worn::kept::Kept;
+use crate::draft;
+use crate::error::{Error, ErrorKind};
+use crate::mocap::opensim;
+use crate::recording::{self, SensorSeries};
+use crate::session::angles::{WornMotion, body_of};
+use crate::session::files::BODY_KEY;
+use crate::session::tables::{self, DeclaredSensors};
+use crate::table::TableWriter;
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+/// Largest table read, bytes.
+const MAX_FILE_BYTES: u64 = 256 << 20;
+/// Bytes of a file that are looked at to see what it is.
+const HEAD_BYTES: u64 = 1 << 16;
+/// Most files of a folder of Xsens' texts.
+const MAX_FILES: usize = 64;
+
+/// Which sensors become which file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SensorsOrder {
+    /// A recording, a table (.csv), Xsens' text (.txt) or a folder of them, OpenSim's orientations (.sto).
+    pub sensors: PathBuf,
+    /// What the columns are, how axes lie, how sensors were worn (TOML).
+    pub declared: Option<PathBuf>,
+    /// Orientations are found anew from raw samples.
+    pub fuse: Option<Mode>,
+    /// How the sensors were worn, in place of what is declared or recorded.
+    pub calibration: Option<PathBuf>,
+    /// Poses per second of joint angles.
+    pub rate_hz: f64,
+    /// Stature of the person, m; `None`: as the recording says, or 1.75.
+    pub stature_m: Option<f64>,
+    /// The file, whose ending says what is written.
+    pub file: PathBuf,
+    /// It may replace one that is there.
+    pub replace: bool,
+}
+
+/// What came of it.
+#[derive(Clone, Debug, Serialize)]
+pub struct SensorsReport {
+    /// `done`, or `done_with_loss` if something is missing.
+    pub outcome: Outcome,
+    /// Samples of each sensor.
+    pub samples: BTreeMap<String, usize>,
+    /// Sensors whose orientation was found from raw samples.
+    pub fused: Vec<String>,
+    /// Poses of joint angles written; null if orientations were.
+    pub poses: Option<usize>,
+    /// What a person should know.
+    pub notes: Vec<String>,
+    /// Where.
+    pub written: String,
+}
+
+/// True if a file holds sensors and is no recording: Xsens' text or a folder, or OpenSim's orientations.
+#[must_use]
+pub fn is_table_of_sensors(path: &Path) -> bool {
+    let is = |ending: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(ending));
+    if is("sto") {
+        let mut head = Vec::new();
+        let read = std::fs::metadata(path).is_ok_and(|known| known.is_file())
+            && File::open(path)
+                .and_then(|file| file.take(HEAD_BYTES).read_to_end(&mut head))
+                .is_ok();
+        let head = String::from_utf8_lossy(&head).to_ascii_lowercase();
+        return read && head.lines().any(|line| line.trim() == "datatype=quaternion");
+    }
+    is("txt") || path.is_dir()
+}
+
+/// Writes what sensors say.
+///
+/// # Errors
+/// A file that cannot be read or whose columns nobody declared, sensors that cannot be fused, a calibration that
+/// does not fit, another ending of the file, one that exists or cannot be written.
+pub fn convert(order: &SensorsOrder) -> Result<SensorsReport, Error> {
+    let kind = order.file.extension().and_then(|e| e.to_str()).unwrap_or_default();
+    if !["csv", "bvh", "mcap"].contains(&kind) {
+        return Err(Error::of(ErrorKind::Unknown, "this kind of file cannot be written")
+            .at(order.file.display().to_string())
+            .allowed("a file that ends in .csv, .bvh or .mcap"));
+    }
+    let in_file = |error: Error| error.in_file(&order.sensors);
+    let declared = match &order.declared {
+        Some(path) => {
+            let text = gaitway_profiles::read_text(path)?;
+            DeclaredSensors::parse(&text).map_err(|error| error.in_file(path))?
+        }
+        None => DeclaredSensors::default(),
+    };
+    let (mut series, metadata) = read(order, &declared)?;
+    let fused = tables::fuse(&mut series, &declared, order.fuse).map_err(in_file)?;
+    let samples = series.sensors.iter().map(|(name, said)| (name.clone(), said.len())).collect();
+    let kept = kept(order, &series, &declared, &metadata)?;
+    let mut notes = Vec::new();
+    let (bytes, poses, silent) = match (kept, kind) {
+        (Some(kept), _) => {
+            let body = match order.stature_m {
+                Some(stature_m) => Proportions::of_stature(stature_m)?,
+                None => body_of(&metadata)?,
+            };
+            notes.extend(kept.calibration.notes.iter().cloned());
+            let motion = WornMotion::of(&series, &kept, body, order.rate_hz).map_err(in_file)?;
+            let not_worn = motion.not_worn();
+            if !not_worn.is_empty() {
+                notes.push(format!("not worn, and therefore at rest: {}", not_worn.join(", ")));
+            }
+            let bytes = match kind {
+                "csv" => Some(motion.csv()?),
+                "bvh" => Some(motion.bvh().into_bytes()),
+                _ => {
+                    let from = ("from".to_owned(), order.sensors.display().to_string());
+                    motion.write_mcap(&order.file, order.replace, BTreeMap::from([from]))?;
+                    None
+                }
+            };
+            (bytes, Some(motion.angles.len()), motion.silent_samples())
+        }
+        (None, "csv") => (Some(orientations(&series)?), None, 0),
+        (None, _) => {
+            return Err(Error::new("nobody says how the sensors were worn")
+                .in_file(&order.sensors)
+                .remedy("name a calibration (--calibration-body FILE.toml), or declare segments and n_pose_s (--sensors FILE.toml)"));
+        }
+    };
+    if let Some(bytes) = bytes {
+        draft::write_file(&order.file, order.replace, &bytes)?;
+    }
+    if series.missed + silent > 0 {
+        let missed = series.missed;
+        notes
+            .push(format!("{missed} samples are missing; sensors were silent in {silent} moments"));
+    }
+    let is_whole = series.whole && series.missed + silent == 0;
+    Ok(SensorsReport {
+        outcome: if is_whole { Outcome::Done } else { Outcome::DoneWithLoss },
+        samples,
+        fused,
+        poses,
+        notes,
+        written: order.file.display().to_string(),
+    })
+}
+
+/// What the sensors said, and what a recording says beside that.
+fn read(
+    order: &SensorsOrder,
+    declared: &DeclaredSensors,
+) -> Result<(SensorSeries, BTreeMap<String, String>), Error> {
+    let path = &order.sensors;
+    let in_file = |error: Error| error.in_file(path);
+    let ending = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+    let series = match ending.as_str() {
+        "mcap" => {
+            let series = recording::sensor_series(path)?;
+            let metadata = series.start.as_ref().map(|start| start.metadata.clone());
+            return Ok((series, metadata.unwrap_or_default()));
+        }
+        "sto" | "mot" => tables::of_opensim(&opensim::read(path)?).map_err(in_file)?,
+        "csv" if order.declared.is_some() => {
+            tables::of_table(&text_of(path)?, declared).map_err(in_file)?
+        }
+        "csv" => {
+            return Err(Error::new("what the columns of the table are is not declared")
+                .in_file(path)
+                .remedy("declare it in a file: --sensors FILE.toml (docs/capture.md)"));
+        }
+        _ if path.is_dir() => of_folder(path)?,
+        _ => one(path)?,
+    };
+    Ok((series, BTreeMap::new()))
+}
+
+/// The texts of a folder, a sensor each.
+fn of_folder(path: &Path) -> Result<SensorSeries, Error> {
+    let unreadable = |cause: std::io::Error| {
+        Error::of((&cause).into(), "the folder cannot be read").in_file(path).got(cause.to_string())
+    };
+    let mut files = Vec::new();
+    for entry in std::fs::read_dir(path).map_err(unreadable)? {
+        let file = entry.map_err(unreadable)?.path();
+        if file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("txt")) {
+            files.push(file);
+        }
+    }
+    if files.is_empty() || files.len() > MAX_FILES {
+        return Err(Error::of(ErrorKind::Absent, "no folder of Xsens' texts")
+            .in_file(path)
+            .got(format!("{} .txt files", files.len()))
+            .allowed(format!("1 to {MAX_FILES}, one for each sensor")));
+    }
+    files.sort_unstable();
+    let mut all = SensorSeries { whole: true, ..SensorSeries::default() };
+    for file in &files {
+        let found = one(file)?;
+        all.missed = all.missed.saturating_add(found.missed);
+        all.last_ns = all.last_ns.max(found.last_ns);
+        all.sensors.extend(found.sensors);
+    }
+    Ok(all)
+}
+
+/// One text of Xsens', named by its file: what stands behind the last underscore is the device.
+fn one(path: &Path) -> Result<SensorSeries, Error> {
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let name = stem.rsplit('_').next().unwrap_or_default();
+    tables::of_xsens(&text_of(path)?, name).map_err(|error| error.in_file(path))
+}
+
+fn text_of(path: &Path) -> Result<String, Error> {
+    let unreadable = |cause: std::io::Error| {
+        Error::of((&cause).into(), "the table cannot be read").in_file(path).got(cause.to_string())
+    };
+    let file = File::open(path).map_err(unreadable)?;
+    let bytes = file.metadata().map_err(unreadable)?.len();
+    if bytes > MAX_FILE_BYTES {
+        return Err(Error::of(ErrorKind::OutsideLimits, "the table is too large")
+            .in_file(path)
+            .got(format!("{bytes} bytes"))
+            .allowed(format!("at most {MAX_FILE_BYTES} bytes")));
+    }
+    let mut text = String::new();
+    file.take(MAX_FILE_BYTES).read_to_string(&mut text).map_err(unreadable)?;
+    Ok(text)
+}
+
+/// How the sensors were worn: as asked for, as declared, as recorded.
+fn kept(
+    order: &SensorsOrder,
+    series: &SensorSeries,
+    declared: &DeclaredSensors,
+    metadata: &BTreeMap<String, String>,
+) -> Result<Option<Kept>, Error> {
+    if let Some(path) = &order.calibration {
+        let text = gaitway_profiles::read_text(path)?;
+        return Kept::parse(&text).map(Some).map_err(|error| error.in_file(path));
+    }
+    if let Some(kept) = tables::calibrated(series, declared)? {
+        return Ok(Some(kept));
+    }
+    let recorded = metadata.get(BODY_KEY).map(|text| Kept::parse(text));
+    recorded.transpose().map_err(|error| error.in_file(&order.sensors))
+}
+
+/// A row per sample: of which sensor, when, and how it was turned.
+fn orientations(series: &SensorSeries) -> Result<Vec<u8>, Error> {
+    let mut out = TableWriter::new(Vec::new());
+    out.row([
+        "sensor",
+        "taken_s",
+        "orientation_w",
+        "orientation_x",
+        "orientation_y",
+        "orientation_z",
+    ])?;
+    let start_ns = series.start_ns();
+    for (name, moments) in &series.sensors {
+        for moment in moments {
+            let taken_s = moment.taken_ns.saturating_sub(start_ns) as f64 / 1e9;
+            let said = moment.orientation.map(|q| [q.w, q.x, q.y, q.z]);
+            let said = said.map_or([const { String::new() }; 4], |q| q.map(|n| format!("{n:.9}")));
+            let [w, x, y, z] = said;
+            out.row([name.clone(), format!("{taken_s:.6}"), w, x, y, z])?;
+        }
+    }
+    out.finish()
+}
