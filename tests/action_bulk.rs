@@ -260,7 +260,7 @@ fn peak_bytes(child: &Child) -> Option<u64> {
 fn memory_does_not_grow_with_what_is_made() {
     let folder = crate::program::folder("memory");
     let out = folder.join("walk.parquet");
-    let mut child = gaitway(&["synth", "walk:x10", "--rate", "3000", "--variations", "60", "-o"])
+    let mut child = gaitway(&["synth", "walk:x10", "--rate", "300", "--variations", "600", "-o"])
         .arg(&out)
         .stdout(Stdio::null())
         .spawn()
