@@ -17,7 +17,7 @@ use gaitway_profiles::BaseKind;
 use glam::{DQuat, DVec3};
 
 /// Limits as wide as this are what an exporter writes when nobody told it any, rad.
-const WIDE_RAD: f64 = 3.14;
+const WIDE_RAD: f64 = std::f64::consts::PI - 2e-3;
 
 /// What a model says of a robot.
 #[derive(Clone, Debug)]
