@@ -1,8 +1,7 @@
 //! Joint angles out of OpenSim's tables as a motion of the body.
 
 use super::{ACTION_STATURE_M, Source};
-use crate::body::proportions::proximal_joint;
-use crate::body::{Dof, Proportions, Segment, SegmentPose, root};
+use crate::body::{Proportions, SegmentPose, root};
 use crate::error::Error;
 use crate::mocap::anatomy::Capture;
 use crate::mocap::opensim::{self, OpenSimBody};
@@ -22,11 +21,8 @@ pub(super) fn capture(path: &Path) -> Result<(Capture, Source), Error> {
     };
     let mut notes = body.notes.clone();
     notes.push(format!("an OpenSim table does not say the stature: {ACTION_STATURE_M} m is taken"));
-    let says = |segment: &Segment| {
-        let joint = proximal_joint(*segment);
-        Dof::ALL.iter().any(|dof| dof.joint() == joint && !body.at_rest.contains(dof))
-    };
-    let tracked = Segment::ALL.map(|segment| segment.parent().is_none() || says(&segment));
+    // What the file does not say is at rest, which the notes tell.
+    let tracked = [true; 13];
     let poses = placed(&body, &Proportions::of_stature(ACTION_STATURE_M)?);
     let (rate_hz, stature_m) = (body.rate_hz, ACTION_STATURE_M);
     Ok((Capture { rate_hz, poses, tracked, stature_m, notes }, source))
