@@ -176,7 +176,7 @@ fn record(path: &Path, person: &Person, worn: &[Segment], is_known: bool, silent
         }
         recorder.take_record(id, record);
         if count % 3000 == 2999 {
-            wait_for_bytes(path, (count as u64 - 2000) * 200);
+            wait_for_bytes(path, (count as u64 - 2000) * 340);
         }
     }
     let end = RunEnd { outcome: "done".into(), stop_reason: None, at, metadata: BTreeMap::new() };
@@ -185,7 +185,7 @@ fn record(path: &Path, person: &Person, worn: &[Segment], is_known: bool, silent
 }
 
 /// The recorder's queue is as long as sensors need in real time; here they come as fast as they can.
-/// A sample takes more than 200 bytes, packed.
+/// A sample takes more than 340 bytes, packed.
 fn wait_for_bytes(path: &Path, bytes: u64) {
     let began = std::time::Instant::now();
     while std::fs::metadata(path).map_or(0, |m| m.len()) < bytes {
