@@ -379,7 +379,7 @@ fn noise_and_missing_markers_cost_a_little_accuracy_and_nothing_else() {
             count += 1.0;
         }
     }
-    let rms: f64 = (sum / count as f64).sqrt();
+    let rms: f64 = (sum / count).sqrt();
     aloud!("2 mm of noise and gaps of 0.4 s: long axes {rms:.2} deg rms off");
     assert!(rms < 2.0, "{rms} deg");
     let missing: usize = fitted.markers.iter().map(|marker| marker.missing).sum();
