@@ -6,7 +6,7 @@ use gaitway::body::contact::Footing;
 use gaitway::error::Error;
 use std::path::Path;
 
-const RATE_HZ: f64 = 240.0;
+const RATE_HZ: f64 = 250.0;
 
 fn main() -> Result<(), Error> {
     let files: Vec<String> = std::env::args().skip(1).collect();

@@ -89,18 +89,23 @@ fn before_and_after_a_change_each_gait_is_what_it_is_alone() {
     let [change] = changes.as_slice() else { panic!("{changes:?}") };
     assert_eq!((change.from.as_str(), change.to.as_str(), change.phase), ("walk", "run", 0.5));
     assert!((change.time_s - 6.0).abs() < 1e-9);
-    assert!((motion.duration_s() - 6.0 - 4.9).abs() < 1e-9);
-    let (walk, run) = (performed("walk:x7").motion, performed("run:x7").motion);
+    // As many whole rounds as come nearest to 5 s.
+    let period_s = vocabulary::find("run").unwrap().duration_s;
+    let rounds = (5.0 / period_s).round();
+    assert!((motion.duration_s() - 6.0 - rounds * period_s).abs() < 1e-9);
+    let (walk, run) = (performed("walk:x7").motion, performed(&format!("run:x{rounds}")).motion);
     for crossing in &change.crossings {
         let dof = crossing.dof;
         assert!(crossing.left_s < crossing.joined_s, "{crossing:?}");
         for step in 0..1090 {
             let time_s = f64::from(step) / 100.0;
             let now = motion.at(dof, time_s);
-            // A run by itself is joined by 1.5 s.
+            // A run by itself is joined within two rounds.
             let alone = match time_s {
                 _ if time_s <= crossing.left_s => walk.at(dof, time_s),
-                _ if time_s >= crossing.joined_s.max(7.5) => run.at(dof, time_s - 6.0),
+                _ if time_s >= crossing.joined_s.max(6.0 + 2.0 * period_s) => {
+                    run.at(dof, time_s - 6.0)
+                }
                 _ => continue,
             };
             let off_rad = (now.position_rad - alone.position_rad).abs();
@@ -156,18 +161,20 @@ fn a_change_asks_no_more_than_the_gaits_do() {
 #[test]
 fn the_body_goes_on_forward_through_a_change() {
     let body = Proportions::of_stature(1.75).unwrap();
-    for (text, change_s) in [("walk:6s+run:5s", 6.0), ("run:4.2s+walk:4s", 4.2)] {
+    let run_s = 5.0 * vocabulary::find("run").unwrap().duration_s;
+    for (text, change_s) in [("walk:6s+run:5s", 6.0), ("run:x5+walk:4s", run_s)] {
         let motion = performed(text).motion;
         let poses = motion.poses(&body, 120.0).unwrap();
         let speed = |time_s: f64, for_s: f64| {
             let at = |time_s: f64| poses[(time_s * 120.0).round() as usize].root_m.x;
             (at(time_s + for_s) - at(time_s)) / for_s
         };
-        // Mean speed over each fifth of a second; the slower gait walks at 1.5 m/s.
+        // Mean speed over each fifth of a second; the slower gait walks at 1.5 m/s, and a foot that is
+        // put down on the way over holds the body back.
         for step in -10..=8 {
             let time_s = change_s + f64::from(step) / 10.0;
             let speed_m_s = speed(time_s, 0.2);
-            assert!(speed_m_s > 0.7, "{text}: {speed_m_s} m/s at {time_s} s");
+            assert!(speed_m_s > 0.6, "{text}: {speed_m_s} m/s at {time_s} s");
             assert!(speed_m_s < 5.0, "{text}: {speed_m_s} m/s at {time_s} s");
         }
     }
@@ -212,7 +219,8 @@ fn phrases_mix_changes_and_stops() {
     let seam_s = change.crossings[0].left_s;
     assert!(motion.at(change.crossings[0].dof, seam_s).velocity_rad_s.abs() < 1e-6);
     assert!(fastest_rad_s(&motion, 2.8) < 1e-9, "a comma is a stop");
-    assert!((motion.duration_s() - 2.8 - 3.6 - 2.8 - 5.0).abs() < 1e-6);
+    let run_s = 4.0 * vocabulary::find("run").unwrap().duration_s;
+    assert!((motion.duration_s() - 2.8 - 3.6 - run_s - 5.0).abs() < 1e-6);
 }
 
 const STEADY: &str = r#"schema = 1
@@ -243,7 +251,7 @@ fn what_cannot_go_over_is_refused_in_words() {
     refused("walk:6s+bow", &["walk+bow", "done once", "comma"]);
     refused(
         "walk:6s+hop",
-        &["no foot is on the ground", "phase 0.5", "hop flies from 0.45 to 0.86"],
+        &["no foot is on the ground", "phase 0.5", "hop flies from 0.408 to 0.806"],
     );
     refused(
         "swing-arms-sagittal+swing-arms-sagittal",

@@ -35,7 +35,7 @@ fn play_with(action: &str, options: &[&str]) -> Value {
 }
 
 /// Degrees of freedom that a single joint of OP3 stands in for, whatever the others do: with its leg
-/// straight ahead the pitch of hip and ankle, and always knee and head. Its arms lack a joint, so
+/// straight ahead the pitch of the hip, and always knee, ankle (its roll keeps the sole level) and head. Its arms lack a joint, so
 /// that none of theirs is one of a person's.
 fn played_by_one_joint(motion: &Motion) -> Vec<Dof> {
     let still = |dof: &Dof| motion.track(*dof).actionlets().iter().all(Actionlet::is_rest);
@@ -56,9 +56,9 @@ fn played_by_one_joint(motion: &Motion) -> Vec<Dof> {
             Dof::RightAnkleDorsiflexion,
         ],
     ] {
-        dofs.push(knee);
+        dofs.extend([knee, ankle]);
         if still(&abduction) && still(&rotation) {
-            dofs.extend([flexion, ankle]);
+            dofs.push(flexion);
         }
     }
     dofs

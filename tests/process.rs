@@ -173,7 +173,7 @@ fn a_robot_in_another_process_is_played_over_a_real_port() {
 fn an_interrupt_slows_the_motion_down_and_holds() {
     let _alone = alone();
     for (name, number, recorded) in
-        [("INT", 130, 20_000), ("TERM", 143, 60_000), ("INT", 130, 100_000), ("TERM", 143, 30_000)]
+        [("INT", 130, 8_000), ("TERM", 143, 20_000), ("INT", 130, 33_000), ("TERM", 143, 12_000)]
     {
         let folder = crate::program::folder(&format!("signal_{name}_{recorded}"));
         let (child, recording) = under_way("sim:pty", &folder, recorded);
@@ -224,7 +224,7 @@ fn killed_in_motion(bus: &str, folder: &std::path::Path) {
     /// Three cycles of the robot's 20 ms.
     const STALL: Duration = Duration::from_millis(60);
     for number in 1..=ATTEMPTS {
-        let (mut child, recording) = under_way(bus, folder, 60_000);
+        let (mut child, recording) = under_way(bus, folder, 20_000);
         child.kill().expect("kill -9");
         child.wait().expect("its end");
         let read = gaitway::recording::read(&recording).expect("a readable recording");

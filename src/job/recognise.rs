@@ -1,7 +1,7 @@
 //! What a body does, named: events as they happen, and a report at the end.
 
 use super::source::{self, Source};
-use crate::body::Proportions;
+use crate::body::{BodyFigure, Proportions};
 use crate::draft;
 use crate::error::{Error, ErrorKind};
 use crate::mocap::anatomy::Capture;
@@ -258,7 +258,8 @@ pub(super) fn of_capture(
     equations: EquationReading,
     hear: &mut impl FnMut(&RecognitionEvent),
 ) -> Result<Found, Error> {
-    let body = Proportions::of_stature(capture.stature_m)?;
+    // Thresholds of models are in limbs of this figure.
+    let body = Proportions::of_figure(BodyFigure::DrillisContini, capture.stature_m)?;
     let lengths = Lengths::of(&body);
     let points = |pose| Points::of(&body, pose, &capture.tracked);
     let frames: Vec<Points> = capture.poses.iter().map(points).collect();

@@ -140,11 +140,11 @@ impl Floor {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::body::{Dof, JointAngles, Proportions};
+    use crate::body::{BodyFigure, Dof, JointAngles, Proportions};
     use glam::DQuat;
 
     fn body() -> Proportions {
-        Proportions::of_stature(1.75).expect("a body")
+        Proportions::of_figure(BodyFigure::DrillisContini, 1.75).expect("a body")
     }
 
     fn points(change: impl FnOnce(&mut JointAngles), raised_m: f64) -> Points {

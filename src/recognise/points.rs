@@ -169,12 +169,12 @@ impl Axes {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::body::{Dof, JointAngles};
+    use crate::body::{BodyFigure, Dof, JointAngles};
     use glam::DQuat;
 
     #[test]
     fn a_person_who_faces_left_has_forward_there_however_it_leans() {
-        let body = Proportions::of_stature(1.8).expect("a body");
+        let body = Proportions::of_figure(BodyFigure::DrillisContini, 1.8).expect("a body");
         let mut angles = JointAngles::default();
         angles[Dof::TorsoFlexion] = 0.3;
         let pose = angles.to_pose(DVec3::ZERO, DQuat::from_rotation_z(90f64.to_radians()));
@@ -185,7 +185,7 @@ mod tests {
 
     #[test]
     fn what_a_source_does_not_show_is_not_a_number() {
-        let body = Proportions::of_stature(1.8).expect("a body");
+        let body = Proportions::of_figure(BodyFigure::DrillisContini, 1.8).expect("a body");
         let pose = JointAngles::default().to_pose(DVec3::ZERO, DQuat::IDENTITY);
         let mut tracked = [true; 13];
         tracked[Segment::LeftShank.index()] = false;

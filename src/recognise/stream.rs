@@ -80,14 +80,14 @@ impl Recogniser {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::body::{Dof, JointAngles, Proportions, Segment};
+    use crate::body::{BodyFigure, Dof, JointAngles, Proportions, Segment};
     use crate::recognise::model::file::{Bands, parse};
     use glam::{DQuat, DVec3};
 
     const RATE_HZ: f64 = 50.0;
 
     fn body() -> Proportions {
-        Proportions::of_stature(1.7).expect("a body")
+        Proportions::of_figure(BodyFigure::DrillisContini, 1.7).expect("a body")
     }
 
     /// Somebody who raises the left arm to the side within a second and lets it down again.

@@ -139,7 +139,8 @@ pub fn berkeley_legs() -> String {
         } else if block.starts_with("[joint]") || block.starts_with("[anatomy.segment]") {
             of_a_leg(block)
         } else {
-            true
+            // What the whole body weighs its legs do not.
+            !(block.starts_with("body]") || block.starts_with("[body."))
         };
         if keep && block.starts_with("anatomy]") {
             let poses = block.lines().filter(|line| !line.contains("shoulder"));

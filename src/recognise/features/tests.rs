@@ -1,11 +1,11 @@
 use super::*;
-use crate::body::{Dof, JointAngles, Proportions};
+use crate::body::{BodyFigure, Dof, JointAngles, Proportions};
 use glam::DQuat;
 
 const RATE_HZ: f64 = 30.0;
 
 fn body() -> Proportions {
-    Proportions::of_stature(1.75).expect("a body")
+    Proportions::of_figure(BodyFigure::DrillisContini, 1.75).expect("a body")
 }
 
 fn standing(at: DVec3, heading_rad: f64, set: &[(Dof, f64)]) -> Points {

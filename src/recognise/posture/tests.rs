@@ -1,5 +1,5 @@
 use super::*;
-use crate::body::{Dof, JointAngles, Proportions};
+use crate::body::{BodyFigure, Dof, JointAngles, Proportions};
 use crate::recognise::contact::Floor;
 use glam::DQuat;
 
@@ -7,7 +7,7 @@ const STATURE_M: f64 = 1.8;
 const QUARTER: f64 = core::f64::consts::FRAC_PI_2;
 
 fn body() -> Proportions {
-    Proportions::of_stature(STATURE_M).expect("a body")
+    Proportions::of_figure(BodyFigure::DrillisContini, STATURE_M).expect("a body")
 }
 
 fn lengths() -> Lengths {
