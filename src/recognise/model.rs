@@ -1,6 +1,6 @@
 //! A model of an action: ordered phases, each a partial pose state. What a phase does not name may be anything.
 //!
-//! Compiled from a file ([`file`]) to conditions on rows of features, so that a machine does nothing but
+//! Compiled from a file ([`mod@file`]) to conditions on rows of features, so that a machine does nothing but
 //! compare numbers. What is not a number is in no range.
 
 pub mod file;
