@@ -1,7 +1,7 @@
 //! Angles of 22 degrees of freedom at 3,000 frames a second, on one core, written to memory, against
 //! what memory takes and against numpy at the same formula: `cargo bench --bench actionlets`.
 
-use gaitway::action::corpus::Corpus;
+use gaitway::action::corpus::{Corpus, Variations};
 use gaitway::action::{Database, Join, Spread, phrase, vocabulary};
 use gaitway::body::{Dof, Proportions};
 use std::hint::black_box;
@@ -139,6 +139,7 @@ fn variations() {
         body: Proportions::of_stature(1.75).expect("a body"),
         has_points: true,
     };
+    let corpus = Variations::of(corpus).expect("a run");
     let mut poses = 0;
     let seconds = time_s(|| poses = black_box(corpus.batch(0, 250)).expect("a batch").time_s.len());
     println!(

@@ -18,6 +18,7 @@ pub mod corpus;
 pub mod database;
 pub mod decompose;
 pub mod file;
+pub mod foothold;
 pub mod frames;
 pub mod insert;
 pub mod join;
@@ -36,6 +37,7 @@ use crate::body::{Dof, JointAngles};
 
 pub use change::{Crossing, GaitChange};
 pub use database::Database;
+pub use foothold::Foothold;
 pub use insert::{Insert, Inserted, Inserts, Meanwhile, NoSeam, PastedTrack};
 pub use join::Join;
 pub use motion::Motion;
@@ -128,6 +130,10 @@ pub struct Action {
     pub groups: Vec<Group>,
     /// Turning points in order of time. In a cyclic action the last leads on to the first.
     pub waveforms: Vec<Vec<Turn>>,
+    /// Waveforms of rounds that are not quite alike, as a person's steps are not: two to a round, one for
+    /// groups whose phase is less than half a round, one for the others; after the last from the first
+    /// again. None if all rounds are [`Self::waveforms`].
+    pub strides: Vec<Vec<Vec<Turn>>>,
     /// Parts of the duration (or period) in which no foot touches the ground: from, to; `to` may
     /// pass 1 in a cyclic action.
     pub flights: Vec<(f64, f64)>,

@@ -53,14 +53,28 @@ fn never_jumps(motion: &Motion) -> Result<(), TestCaseError> {
     Ok(())
 }
 
+/// All strides are alike.
+const ALIKE: Spread = Spread {
+    angle: 0.0,
+    time: 0.0,
+    peak: 0.0,
+    duration: 0.0,
+    exchange: 0.0,
+    stride: 0.0,
+    stature: 0.0,
+    heading_rad: 0.0,
+};
+
 fn any_spread() -> impl Strategy<Value = Spread> {
-    let parts = (0.0..0.9, 0.0..0.45, 0.0..0.8, 0.0..0.9, 0.0..1.0);
-    parts.prop_map(|(angle, time, peak, duration, exchange)| Spread {
+    let parts = (0.0..0.9, 0.0..0.45, 0.0..0.8, 0.0..0.9, 0.0..1.0, 0.0..3.0);
+    parts.prop_map(|(angle, time, peak, duration, exchange, stride)| Spread {
         angle,
         time,
         peak,
         duration,
         exchange,
+        stride,
+        ..Spread::default()
     })
 }
 
@@ -147,7 +161,7 @@ proptest! {
         action in any_action(),
         seed in any::<u64>(),
     ) {
-        let spread = Spread { angle: 0.0, time: 0.0, peak: 0.0, duration: 0.0, exchange: 1.0 };
+        let spread = Spread { exchange: 1.0, ..ALIKE };
         let varied = mutate(&action, &spread, &SHIPPED, &mut ChaCha8Rng::seed_from_u64(seed));
         for (turns, given) in varied.waveforms.iter().zip(&action.waveforms) {
             for (turn, given) in turns.iter().zip(given) {
@@ -249,13 +263,12 @@ fn what_is_not_to_vary_stays_also_where_a_capture_left_the_anatomical_range() {
     let knee = walk.tracks().find(|track| track.dof == Dof::LeftKneeFlexion).unwrap().waveform;
     walk.captured = true;
     walk.waveforms[knee][0].angle_rad = upper + 0.2;
-    let still = Spread { angle: 0.0, time: 0.0, peak: 0.0, duration: 0.0, exchange: 0.0 };
     let vary = |spread: &Spread, seed| {
         mutate(&walk, spread, &SHIPPED, &mut ChaCha8Rng::seed_from_u64(seed))
     };
-    assert_eq!(vary(&still, 1), walk);
+    assert_eq!(vary(&ALIKE, 1), walk);
     let angles = (0..50)
-        .map(|seed| vary(&Spread { angle: 0.2, ..still }, seed).waveforms[knee][0].angle_rad);
+        .map(|seed| vary(&Spread { angle: 0.2, ..ALIKE }, seed).waveforms[knee][0].angle_rad);
     let angles: Vec<f64> = angles.collect();
     assert!(angles.iter().all(|angle| *angle <= upper + 0.2), "no further out");
     assert!(angles.iter().any(|angle| *angle < upper + 0.2), "but it does vary");

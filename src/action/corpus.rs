@@ -1,14 +1,24 @@
 //! Many variations of an action, reproducible one by one: variation n of a seed is the same
 //! whatever was made before it, and by how many threads.
 
-use crate::action::frames::{self, CorpusPoses, VariationStatus};
-use crate::action::{Database, Join, Motion, Spread, mutate, phrase};
+use crate::action::foothold::{FootingBounds, Footstep};
+use crate::action::frames::{self, CorpusPose};
+use crate::action::mutate::around_zero;
+use crate::action::{Database, Foothold, Join, Motion, Spread, phrase};
 use crate::actionlet::Shape;
 use crate::body::{Dof, Proportions};
 use crate::error::Error;
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
+
+/// Draws of a variation before none is found whose feet hold.
+const DRAWS: u32 = 16;
+/// Repairs of a draw: by what its feet do ...
+const REPAIRS: u32 = 2;
+/// ... and then by going back towards the action itself, to this part of the way from it each time.
+const RETREATS: u32 = 3;
+const RETREATS_TO: f64 = 0.75;
 
 /// Points are kept to this, m: a tenth of a millimetre is far below what a body is known to, and
 /// the bytes that say nothing compress.
@@ -37,6 +47,29 @@ pub struct Corpus {
     pub has_points: bool,
 }
 
+/// Whether a person could do a variation.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum VariationStatus {
+    /// Its feet stand where they stand, on the floor, and its root is not jerked ([`FootingBounds`]).
+    Valid,
+    /// So they do since its seams were moved further.
+    Repaired,
+    /// Somewhere they do not, or it is; nor were those of other draws.
+    Implausible,
+}
+
+impl VariationStatus {
+    /// As it stands in tables.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Valid => "valid",
+            Self::Repaired => "repaired",
+            Self::Implausible => "implausible",
+        }
+    }
+}
+
 /// A variation as a row.
 #[derive(Clone, Debug, PartialEq)]
 pub struct VariationRow {
@@ -44,6 +77,10 @@ pub struct VariationRow {
     pub number: i32,
     /// What became of it.
     pub status: VariationStatus,
+    /// Draws before it whose feet did not hold.
+    pub rejected: u32,
+    /// Stature of the body that does it, m.
+    pub stature_m: f64,
     /// How long it lasts, s.
     pub duration_s: f64,
     /// How many poses it has.
@@ -59,6 +96,8 @@ pub struct Batch {
     pub time_s: Vec<f32>,
     /// Angles, rad, by degree of freedom and pose.
     pub angles_rad: [Vec<f32>; 22],
+    /// Stature of the body, m, by pose.
+    pub stature_m: Vec<f32>,
     /// Where the root is in the world, m: X forward, Y left, Z up; by axis and pose.
     pub root_m: [Vec<f32>; 3],
     /// Orientation of the pelvis in the world, a quaternion: w, x, y, z; by pose.
@@ -100,20 +139,103 @@ pub struct Pieces {
     pub samples: Vec<f64>,
 }
 
-impl Corpus {
-    /// Variation number `index` as a motion.
+/// A corpus whose variations can be made: how feet answer to what varies is known.
+#[derive(Clone, Debug)]
+pub struct Variations {
+    corpus: Corpus,
+    footholds: Vec<Foothold>,
+    bounds: FootingBounds,
+    /// Draws of a variation: one where the actions themselves do not stand on their feet.
+    draws: u32,
+}
+
+/// A variation.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Varied {
+    /// What is done.
+    pub motion: Motion,
+    /// Who does it.
+    pub body: Proportions,
+    /// What became of it.
+    pub status: VariationStatus,
+    /// Draws before it whose feet did not hold.
+    pub rejected: u32,
+}
+
+impl Variations {
+    /// Looks at the actions of a corpus.
+    ///
+    /// # Errors
+    /// If they cannot be performed.
+    pub fn of(corpus: Corpus) -> Result<Self, Error> {
+        let Corpus { parts, spread, body, join, .. } = &corpus;
+        let footholds = parts.iter().map(|part| Foothold::of(part, spread, body));
+        let footholds = footholds.collect::<Result<_, _>>()?;
+        let bounds = FootingBounds::of(&phrase::perform(parts, *join)?, body)?;
+        let draws = if bounds.is_some() { DRAWS } else { 1 };
+        Ok(Self { corpus, footholds, bounds: bounds.unwrap_or_default(), draws })
+    }
+
+    /// What they are variations of.
+    #[must_use]
+    pub const fn corpus(&self) -> &Corpus {
+        &self.corpus
+    }
+
+    /// Variation number `index`: the first draw whose feet hold, as it is drawn or repaired. If none of
+    /// many is, the first of them.
     ///
     /// # Errors
     /// If it cannot be performed.
-    pub fn variation(&self, index: u32) -> Result<Motion, Error> {
-        let mut random = ChaCha8Rng::seed_from_u64(self.seed);
+    pub fn variation(&self, index: u32) -> Result<Varied, Error> {
+        let corpus = &self.corpus;
+        let mut random = ChaCha8Rng::seed_from_u64(corpus.seed);
         random.set_stream(u64::from(index));
-        let vary = |part: &phrase::Part| phrase::Part {
-            item: part.item.clone(),
-            action: mutate(&part.action, &self.spread, &self.database, &mut random),
+        let taller = 1.0 + around_zero(&mut random, corpus.spread.stature);
+        let body = corpus.body.of_other_stature(corpus.body.stature_m() * taller)?;
+        let heading_rad = around_zero(&mut random, corpus.spread.heading_rad);
+        let varied = |motion: Motion, status, rejected| Varied {
+            motion: motion.facing(heading_rad),
+            body: body.clone(),
+            status,
+            rejected,
         };
-        let parts: Vec<phrase::Part> = self.parts.iter().map(vary).collect();
-        phrase::perform(&parts, self.join)
+        let mut first = None;
+        for rejected in 0..self.draws {
+            let drawn = self.footholds.iter().map(|own| own.draw(&corpus.database, &mut random));
+            let mut steps: Vec<Footstep<'_>> = drawn.collect();
+            for repair in 0..=REPAIRS + RETREATS {
+                let motion = self.performed(&steps)?;
+                if self.bounds.hold(&motion, &body)? {
+                    let status = if repair == 0 {
+                        VariationStatus::Valid
+                    } else {
+                        VariationStatus::Repaired
+                    };
+                    return Ok(varied(motion, status, rejected));
+                }
+                first.get_or_insert(motion);
+                let mut moved = false;
+                for step in &mut steps {
+                    moved |=
+                        if repair < REPAIRS { step.repair()? } else { step.retreat(RETREATS_TO) };
+                }
+                if !moved {
+                    break;
+                }
+            }
+        }
+        let motion = first.map_or_else(|| phrase::perform(&corpus.parts, corpus.join), Ok)?;
+        Ok(varied(motion, VariationStatus::Implausible, self.draws))
+    }
+
+    fn performed(&self, steps: &[Footstep<'_>]) -> Result<Motion, Error> {
+        let parts =
+            self.corpus.parts.iter().zip(steps).map(|(part, step)| phrase::Part {
+                item: part.item.clone(),
+                action: step.action(),
+            });
+        phrase::perform(&parts.collect::<Vec<_>>(), self.corpus.join)
     }
 
     /// Variations `from..to` as columns.
@@ -122,26 +244,31 @@ impl Corpus {
     /// If one cannot be performed or has too many poses.
     pub fn batch(&self, from: u32, to: u32) -> Result<Batch, Error> {
         let mut batch = Batch::default();
-        if self.has_points {
+        if self.corpus.has_points {
             batch.points_m.resize(frames::POINTS * 3, Vec::new());
         }
         for index in from..to {
-            let motion = self.variation(index)?;
-            let made = frames::frames(&motion, &self.body, self.rate_hz)?;
+            let Varied { motion, body, status, rejected } = self.variation(index)?;
+            let frames = frames::frames(&motion, &body, self.corpus.rate_hz)?;
             // There are at most a hundred million; the cast cannot wrap.
             let number = index as i32;
-            batch.push(number, &made, self.rate_hz);
+            let stature_m = body.stature_m();
+            batch.push(number, stature_m, &frames, self.corpus.rate_hz);
             batch.rows.push(VariationRow {
                 number,
-                status: made.status,
+                status,
+                rejected,
+                stature_m,
                 duration_s: motion.duration_s(),
-                poses: made.frames.len(),
+                poses: frames.len(),
             });
             batch.pieces.push(number, &motion);
         }
         Ok(batch)
     }
+}
 
+impl Corpus {
     /// The actions as they are called, without how long they last: `walk,wave-r`.
     #[must_use]
     pub fn class(&self) -> String {
@@ -165,8 +292,8 @@ impl Corpus {
 }
 
 impl Batch {
-    fn push(&mut self, number: i32, made: &CorpusPoses, rate_hz: f64) {
-        let frames = &made.frames;
+    fn push(&mut self, number: i32, stature_m: f64, frames: &[CorpusPose], rate_hz: f64) {
+        self.stature_m.resize(self.stature_m.len() + frames.len(), stature_m as f32);
         self.variation.resize(self.variation.len() + frames.len(), number);
         self.time_s.extend((0..frames.len()).map(|pose| (pose as f64 / rate_hz) as f32));
         for (dof, column) in self.angles_rad.iter_mut().enumerate() {
@@ -240,13 +367,14 @@ mod tests {
 
     #[test]
     fn a_variation_does_not_depend_on_what_was_made_before() {
-        let corpus = corpus(7);
+        let corpus = Variations::of(corpus(7)).unwrap();
+        let other = Variations::of(self::corpus(8)).unwrap();
         let (whole, tail) = (corpus.batch(0, 6).unwrap(), corpus.batch(4, 6).unwrap());
         let skip = whole.variation.iter().position(|number| *number == 4).unwrap();
         assert_eq!(whole.angles_rad[20][skip..], tail.angles_rad[20]);
         assert_eq!(whole.time_s[skip..], tail.time_s);
         assert_ne!(corpus.variation(0).unwrap(), corpus.variation(1).unwrap());
-        assert_ne!(corpus.variation(0).unwrap(), self::corpus(8).variation(0).unwrap());
+        assert_ne!(corpus.variation(0).unwrap(), other.variation(0).unwrap());
     }
 
     #[test]
@@ -257,7 +385,7 @@ mod tests {
         for turn in &mut corpus.parts[0].action.waveforms[0] {
             turn.shape = sampled.clone();
         }
-        let batch = corpus.batch(3, 4).unwrap();
+        let batch = Variations::of(corpus).unwrap().batch(3, 4).unwrap();
         let pieces = &batch.pieces;
         assert!(pieces.shape.contains(&3));
         for (pose, time_s) in batch.time_s.iter().enumerate() {

@@ -222,6 +222,7 @@ impl Reader<'_> {
             pose: self.pose(&raw.pose)?,
             groups: Vec::new(),
             waveforms: Vec::new(),
+            strides: Vec::new(),
             flights: self.flights(&raw.flights, raw.cyclic)?,
             phases: Vec::new(),
         };

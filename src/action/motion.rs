@@ -61,6 +61,7 @@ pub struct Motion {
     tracks: Vec<Sequence>,
     duration_s: f64,
     flights_s: Vec<(f64, f64)>,
+    heading_rad: f64,
 }
 
 impl Motion {
@@ -78,7 +79,8 @@ impl Motion {
             return Err(Error::new("a motion has no duration"));
         }
         let rested = tracks.into_iter().map(|track| resting_until(track, duration_s));
-        Ok(Self { tracks: rested.collect::<Result<_, _>>()?, duration_s, flights_s: Vec::new() })
+        let tracks = rested.collect::<Result<_, _>>()?;
+        Ok(Self { tracks, duration_s, flights_s: Vec::new(), heading_rad: 0.0 })
     }
 
     /// The same motion with times, s, in which no foot touches the ground: from, to.
@@ -97,6 +99,13 @@ impl Motion {
         }
         self.flights_s = flights_s;
         Ok(self)
+    }
+
+    /// The same motion of a body that faces so far to the left of +X at first, rad.
+    #[must_use]
+    pub const fn facing(mut self, heading_rad: f64) -> Self {
+        self.heading_rad = heading_rad;
+        self
     }
 
     /// How long it lasts, s.
@@ -204,10 +213,13 @@ impl Motion {
         angles.push(self.angles_at(self.duration_s));
         let poses = stance::poses(body, &angles, GRID_HZ);
         let turns = poses.iter().map(|pose| pose.orientation[Segment::Pelvis.index()]);
-        let turns_rad = turns.map(|turn| DVec3::from(PelvisAngles::of(turn).to_array()));
+        let heading = DVec3::X * self.heading_rad;
+        let turns_rad = turns.map(|turn| DVec3::from(PelvisAngles::of(turn).to_array()) + heading);
+        let faces = DQuat::from_rotation_z(self.heading_rad);
+        let roots_m = root::path_m(body, &poses, GRID_HZ);
         Ok(PelvisPath {
             turns_rad: turns_rad.collect(),
-            roots_m: root::path_m(body, &poses, GRID_HZ),
+            roots_m: roots_m.into_iter().map(|root_m| faces * root_m).collect(),
         })
     }
 
@@ -234,7 +246,7 @@ impl Motion {
             })
         });
         let tracks = tracks.collect::<Result<Vec<_>, Error>>()?;
-        let mut stretched = Self::new(tracks)?;
+        let mut stretched = Self::new(tracks)?.facing(self.heading_rad);
         let flights = self.flights_s.iter();
         stretched.flights_s = flights.map(|(from, to)| (from * factor, to * factor)).collect();
         Ok(stretched)

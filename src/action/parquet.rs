@@ -90,8 +90,8 @@ impl<'a> Column<'a> {
     fn repeats(&self) -> bool {
         match self.values {
             Values::Whole(_) | Values::Word(..) | Values::Words(_) => true,
-            // The times of all variations are the same.
-            Values::Real(_) => self.name == "time_s",
+            // The times of all variations are the same; a stature is one for each.
+            Values::Real(_) => ["time_s", "stature_m"].contains(&self.name.as_str()),
             _ => false,
         }
     }
@@ -116,6 +116,12 @@ impl Packed {
         columns.map(|(bytes, _)| bytes.len() as u64 + ABOUT_COLUMN).sum()
     }
 
+    /// Its variations.
+    #[must_use]
+    pub fn rows(&self) -> &[VariationRow] {
+        &self.rows
+    }
+
     /// Its poses.
     #[must_use]
     pub fn poses(&self) -> u64 {
@@ -131,7 +137,6 @@ struct Common {
     label: String,
     class: String,
     subject: String,
-    stature_m: f32,
     seed: i64,
     rounds: i32,
 }
@@ -260,19 +265,19 @@ impl Common {
         for (sole, all) in frames::SOLES.iter().zip(&batch.carries) {
             columns.push(Column::new(format!("contact_{sole}"), Values::Flag(all)));
         }
-        columns.extend(self.of_all(poses));
+        columns.extend(self.of_all(poses, batch.stature_m.clone()));
         let axes = frames::point_names()
             .flat_map(|point| ["x", "y", "z"].map(|axis| format!("{point}_{axis}_m")));
         columns.extend(axes.zip(&batch.points_m).map(|(name, all)| Column::new(name, real(all))));
         columns
     }
 
-    fn of_all(&self, rows: usize) -> [Column<'_>; 4] {
+    fn of_all(&self, rows: usize, stature_m: Vec<f32>) -> [Column<'_>; 4] {
         [
             Column::new("label", Values::Word(&self.label, rows)),
             Column::new("class", Values::Word(&self.class, rows)),
             Column::new("subject", Values::Word(&self.subject, rows)),
-            Column::new("stature_m", Values::Real(vec![self.stature_m; rows].into())),
+            Column::new("stature_m", Values::Real(stature_m.into())),
         ]
     }
 
@@ -280,17 +285,21 @@ impl Common {
         let count = rows.len();
         let numbers: Vec<i32> = rows.iter().map(|placed| placed.row.number).collect();
         let durations_s: Vec<f64> = rows.iter().map(|placed| placed.row.duration_s).collect();
+        // At most as many as draws.
+        let rejected: Vec<i32> = rows.iter().map(|placed| placed.row.rejected as i32).collect();
         let states = rows.iter().map(|placed| placed.row.status.name()).collect();
         let long = |of: fn(&Placed) -> u64| {
             Values::Long(rows.iter().map(|placed| of(placed).cast_signed()).collect())
         };
         let mut columns = vec![Column::new("variation", Values::Whole(numbers.into()))];
-        columns.extend(self.of_all(count));
+        let stature_m = rows.iter().map(|placed| placed.row.stature_m as f32).collect();
+        columns.extend(self.of_all(count, stature_m));
         columns.extend([
             Column::new("seed", Values::Long(vec![self.seed; count])),
             Column::new("duration_s", Values::Double(durations_s.into())),
             Column::new("rounds", Values::Whole(vec![self.rounds; count].into())),
             Column::new("status", Values::Words(states)),
+            Column::new("rejected", Values::Whole(rejected.into())),
             Column::new("file", Values::Word(file, count)),
             Column::new("row_group", long(|placed| placed.row_group as u64)),
             Column::new("first_row", long(|placed| placed.first_row)),
@@ -332,7 +341,6 @@ impl TableLayout {
             label: corpus.label.clone(),
             class: corpus.class(),
             subject: subject.to_owned(),
-            stature_m: corpus.body.stature_m() as f32,
             // A seed above 2^63 is negative there: the format's whole numbers have a sign.
             seed: corpus.seed.cast_signed(),
             rounds: i32::try_from(corpus.rounds()).unwrap_or(i32::MAX),

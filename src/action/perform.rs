@@ -105,7 +105,8 @@ impl Action {
         let joins = turns.len();
         let from = if way.from_rest { ends.after } else { -1.0 };
         let to = if way.to_rest { periods - ends.before } else { periods + 1.0 };
-        turns.extend(cycle(group, &self.waveforms[track.waveform], way.phase, &(from..=to)));
+        let waveform = |round: i64| &self.waveforms_of(round, group)[track.waveform][..];
+        turns.extend(cycle(group, waveform, way.phase, &(from..=to)));
         // The cycle is joined by a transition, not by the actionlet that arrives there in a round.
         if let Some(joined) = turns.get_mut(joins) {
             joined.shape = Shape::default();
@@ -118,6 +119,15 @@ impl Action {
             }
         }
         Some(turns)
+    }
+
+    /// Waveforms of a round of a group: those whose phase is half a round away take every other of the
+    /// strides, as left and right steps follow one another.
+    fn waveforms_of(&self, round: i64, group: &Group) -> &[Vec<Turn>] {
+        let count = self.strides.len().max(1) as i64;
+        let stride = 2 * round + i64::from(group.phase >= 0.5);
+        // Below the count, which is small; the cast cannot wrap.
+        self.strides.get(stride.rem_euclid(count) as usize).unwrap_or(&self.waveforms)
     }
 
     /// Flights on the way, in periods from its begin, in order.
@@ -138,15 +148,20 @@ impl Action {
     }
 }
 
-/// Turning points of a waveform, `at` in periods of the action from an instant at which it is at
-/// `phase`, those that lie `within`.
-fn cycle(group: &Group, waveform: &[Turn], phase: f64, within: &RangeInclusive<f64>) -> Vec<Turn> {
+/// Turning points of a waveform, given by round, `at` in periods of the action from an instant at which it
+/// is at `phase`, those that lie `within`.
+fn cycle<'a>(
+    group: &Group,
+    waveform: impl Fn(i64) -> &'a [Turn],
+    phase: f64,
+    within: &RangeInclusive<f64>,
+) -> Vec<Turn> {
     let rate = f64::from(group.rate.0) / f64::from(group.rate.1);
     let own = |at: f64| rate * (at + phase) + group.phase;
     let rounds = own(*within.start()).floor() as i64 - 1..=own(*within.end()).ceil() as i64;
     let mut turns = Vec::new();
     for round in rounds {
-        for turn in waveform {
+        for turn in waveform(round) {
             // Eq. 7 solved for time: rate (t + start phase) + phase = round + at.
             let at = (round as f64 + turn.at - group.phase) / rate - phase;
             if within.contains(&at) {

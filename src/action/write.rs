@@ -66,6 +66,7 @@ impl Action {
             pose: JointAngles::default(),
             groups: Vec::new(),
             waveforms: Vec::new(),
+            strides: Vec::new(),
             flights: Vec::new(),
             phases: Vec::new(),
         };

@@ -230,6 +230,19 @@ impl Proportions {
         Ok(Self { legs, ..self })
     }
 
+    /// The same figure in another size, with the mass of its square: people's mass goes with the square
+    /// of their stature (Quetelet, "Sur l'homme et le développement de ses facultés", 1835).
+    ///
+    /// # Errors
+    /// If the stature is not between 0.3 and 3 m.
+    pub fn of_other_stature(&self, stature_m: f64) -> Result<Self, Error> {
+        let size = stature_m / self.stature_m;
+        let mass_kg = self.mass_kg * size * size;
+        Ok(Self { stature_m, mass_kg, ..Self::of_figure(self.figure, stature_m)? }).map(|body| {
+            Self { sex: self.sex, lengths: self.lengths.clone(), legs: self.legs, ..body }
+        })
+    }
+
     /// Body height, m.
     #[must_use]
     pub const fn stature_m(&self) -> f64 {

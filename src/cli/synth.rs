@@ -5,9 +5,11 @@ use super::terminal::Terminal;
 use super::{Deed, Output, Remarks};
 use crate::error::Error;
 use crate::job::synth::{
-    ClassOrder, Figures, FootingReport, MAX_VARIATIONS, SynthOrder, synth, tables_beside, vary,
+    ClassOrder, ClassReport, Figures, FootingReport, MAX_VARIATIONS, SynthOrder, synth,
+    tables_beside, vary,
 };
 use clap::Args;
+use std::fmt::Write as _;
 use std::path::PathBuf;
 
 /// Arguments of `synth`.
@@ -131,15 +133,31 @@ fn run_many(
         format!("{}\n", made.written)
     } else {
         format!(
-            "done: {} variations of {}, {} of them found, {} poses written\nwritten   {}\n",
+            "done: {} variations of {}, {} of them found, {} poses written\n{}written   {}\n",
             made.variations,
             classes.iter().map(|class| class.label.as_str()).collect::<Vec<_>>().join(" and "),
             made.found,
             made.poses,
+            made.classes.iter().map(feet_of).collect::<String>(),
             made.written
         )
     };
     Ok(args.output.conclude(&made, &text, Deed::Work, 0))
+}
+
+/// Whether the feet of a class hold, a line.
+fn feet_of(class: &ClassReport) -> String {
+    if class.valid + class.repaired + class.implausible == 0 {
+        return String::new();
+    }
+    let mut line = format!(
+        "{:9} {} stand on their feet as drawn, {} since they were repaired; {} draws were thrown away",
+        class.label, class.valid, class.repaired, class.rejected
+    );
+    if class.implausible > 0 {
+        let _ = write!(line, "; {} DO NOT STAND (status implausible)", class.implausible);
+    }
+    line + "\n"
 }
 
 /// How the body stands on its feet, a line.

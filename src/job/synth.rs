@@ -7,7 +7,7 @@ mod room;
 pub use bulk::{ClassOrder, ClassReport, MAX_VARIATIONS, VariedReport, tables_beside, vary};
 
 use super::composition::{Composed, GaitChangeReport, InsertReport, compose};
-use crate::action::corpus::Corpus;
+use crate::action::corpus::{Corpus, Variations};
 use crate::action::database::Types;
 use crate::action::{Action, Database, Inserts, Join, Motion, Spread, phrase, table};
 use crate::body::contact::Footing;
@@ -48,6 +48,7 @@ pub struct Figures {
     peak: Option<f64>,
     stature_m: f64,
     mass_kg: Option<f64>,
+    leg_m: Option<f64>,
     sex: Option<Sex>,
     figure: BodyFigure,
     blend_s: Option<f64>,
@@ -70,6 +71,7 @@ impl Figures {
             peak: None,
             stature_m: 1.75,
             mass_kg: None,
+            leg_m: None,
             sex: None,
             figure: BodyFigure::default(),
             blend_s: None,
@@ -82,7 +84,9 @@ impl Figures {
                 Error::new("cannot set this").at("--set").got(pair.clone()).allowed(allowed)
             };
             let keys = "KEY=VALUE with duration_s, rounds, pace, peak, stature_m, mass_kg, sex, \
-                        figure, blend_s or vary_angle, vary_time, vary_peak, vary_duration, vary_exchange, vary_types";
+                        figure, leg_m, blend_s or vary_angle, vary_time, vary_peak, vary_duration, \
+                        vary_exchange, \
+                        vary_stride, vary_stature, vary_heading_deg, vary_types";
             let (key, text) = pair.split_once('=').ok_or_else(|| wrong(keys))?;
             match (key, text) {
                 ("vary_types", "range") => figures.types = Types::ByRange,
@@ -126,6 +130,10 @@ impl Figures {
             "vary_peak" => self.spread.peak = value,
             "vary_duration" => self.spread.duration = value,
             "vary_exchange" => self.spread.exchange = value,
+            "vary_stride" => self.spread.stride = value,
+            "vary_stature" => self.spread.stature = value,
+            "vary_heading_deg" => self.spread.heading_rad = value.to_radians(),
+            "leg_m" => self.leg_m = Some(value),
             _ => return Err(wrong(keys)),
         }
         Ok(())
@@ -161,6 +169,9 @@ impl Figures {
     /// The body that moves.
     fn body(&self) -> Result<Proportions, Error> {
         let body = Proportions::of_figure(self.figure, self.stature_m)?.of_sex(self.sex);
+        let body = self
+            .leg_m
+            .map_or_else(|| Ok(body.clone()), |leg_m| body.clone().with_leg_length_m(leg_m))?;
         self.mass_kg.map_or(Ok(body), |mass_kg| body.with_mass_kg(mass_kg))
     }
 }
@@ -248,16 +259,18 @@ pub fn synth(
     variation: Option<u32>,
 ) -> Result<SynthReport, Error> {
     let corpus = order.corpus(phrase)?;
+    let mut body = corpus.body.clone();
     let made = match variation {
         Some(number) => {
             order.check_varied()?;
-            let motion = corpus.variation(number)?;
-            Composed { motion, changes: Vec::new(), inserts: Vec::new() }
+            let varied = Variations::of(corpus.clone())?.variation(number)?;
+            body = varied.body;
+            Composed { motion: varied.motion, changes: Vec::new(), inserts: Vec::new() }
         }
         None => compose(&corpus.parts, corpus.join, &order.inserts)?,
     };
     let motion = &made.motion;
-    let bytes = bytes_of(order, phrase, &corpus.body, motion)?;
+    let bytes = bytes_of(order, phrase, &body, motion)?;
     draft::write_file(&order.file, order.replace, &bytes)?;
     Ok(SynthReport {
         outcome: "done",
@@ -268,7 +281,7 @@ pub fn synth(
         actionlets: motion.moving().count(),
         changes: made.changes,
         inserts: made.inserts,
-        footing: FootingReport::of(motion, &corpus.body)?,
+        footing: FootingReport::of(motion, &body)?,
         written: order.file.display().to_string(),
     })
 }

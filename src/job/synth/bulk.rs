@@ -3,7 +3,7 @@
 use super::SynthOrder;
 use super::catalogue::{Catalogue, ClassNote, open_folder, stem, subject};
 use super::room::{self, Watched};
-use crate::action::corpus::Corpus;
+use crate::action::corpus::{Corpus, VariationRow, VariationStatus, Variations};
 use crate::action::parquet::{CorpusWriter, Packed, TableLayout, rows_of};
 use crate::action::phrase;
 use crate::error::{Error, ErrorKind};
@@ -67,11 +67,30 @@ pub struct ClassReport {
     pub class: String,
     /// Its variations.
     pub variations: u32,
+    /// Of those made now, whose feet hold as they were drawn ...
+    pub valid: u64,
+    /// ... since they were repaired ...
+    pub repaired: u64,
+    /// ... and not at all, after as many draws as are made.
+    pub implausible: u64,
+    /// Draws whose feet did not hold, that were drawn anew.
+    pub rejected: u64,
+}
+
+impl ClassReport {
+    fn count(&mut self, row: &VariationRow) {
+        *match row.status {
+            VariationStatus::Valid => &mut self.valid,
+            VariationStatus::Repaired => &mut self.repaired,
+            VariationStatus::Implausible => &mut self.implausible,
+        } += 1;
+        self.rejected += u64::from(row.rejected);
+    }
 }
 
 /// A class, and how its files are laid out.
 struct Class {
-    corpus: Corpus,
+    made: Variations,
     note: ClassNote,
     variations: u32,
     /// Variations in a row group.
@@ -115,16 +134,18 @@ pub fn vary(
         variations: total,
         found: 0,
         poses: 0,
-        classes: classes.iter().map(Class::report).collect(),
+        classes: Vec::new(),
         written: out.display().to_string(),
     };
-    let mut steps = Steps { done: 0, total, observer };
+    let classes_report = classes.iter().map(Class::report).collect();
+    let mut steps = Steps { done: 0, total, observer, classes: classes_report };
     if is_file {
         let whole = |class| Stretch { class, range: 0..class.variations };
         let set = Set { poses: out.clone(), stretches: classes.iter().map(whole).collect() };
         let mut missing = Missing::of(std::slice::from_ref(&set))?;
         room::check(out, missing.bytes)?;
         made.poses = set.write(&mut missing, &mut steps)?;
+        made.classes = steps.classes;
         return Ok(made);
     }
     let sets: Vec<Set<'_>> = classes.iter().flat_map(|class| class.sets(out)).collect();
@@ -139,6 +160,7 @@ pub fn vary(
     for set in &sets {
         made.poses += set.write(&mut missing, &mut steps)?;
     }
+    made.classes = steps.classes;
     Ok(made)
 }
 
@@ -182,7 +204,8 @@ fn classes_of(
         let notes = [("gaitway".to_owned(), notes.text()?)];
         let layout = TableLayout::new(&corpus, &catalogue.subject, &notes)?;
         let in_batch = in_batch(&corpus)?;
-        Ok(Class { corpus, note, variations, in_batch, layout })
+        let made = Variations::of(corpus)?;
+        Ok(Class { made, note, variations, in_batch, layout })
     });
     let laid_out = laid_out.collect::<Result<_, Error>>()?;
     Ok((catalogue, laid_out))
@@ -193,9 +216,15 @@ struct Steps<'a> {
     done: u64,
     total: u64,
     observer: &'a dyn Observer,
+    classes: Vec<ClassReport>,
 }
 
 impl Steps<'_> {
+    fn count(&mut self, label: &str, packed: &Packed) {
+        let class = self.classes.iter_mut().find(|class| class.label == label);
+        class.into_iter().for_each(|class| packed.rows().iter().for_each(|row| class.count(row)));
+    }
+
     fn take(&mut self, variations: u64) {
         self.done += variations;
         let (done, total) = (self.done, self.total);
@@ -266,7 +295,8 @@ impl Missing {
 impl Class {
     fn report(&self) -> ClassReport {
         let (label, class) = (self.note.label.clone(), self.note.class.clone());
-        ClassReport { label, class, variations: self.variations }
+        let variations = self.variations;
+        ClassReport { label, class, variations, valid: 0, repaired: 0, implausible: 0, rejected: 0 }
     }
 
     /// Its files in a folder: all but the last hold equally many variations.
@@ -289,7 +319,7 @@ impl Stretch<'_> {
     }
 
     fn packed(&self, range: &Range<u32>) -> Result<Packed, Error> {
-        self.class.layout.pack(self.class.corpus.batch(range.start, range.end)?)
+        self.class.layout.pack(self.class.made.batch(range.start, range.end)?)
     }
 
     /// What a variation takes, bytes, from a few of them.
@@ -420,6 +450,7 @@ impl Set<'_> {
             }
             stretch.in_order(|range, packed| {
                 poses += packed.poses();
+                steps.count(&stretch.class.note.label, &packed);
                 steps.take(range.len() as u64);
                 writer.write(packed)
             })?;

@@ -1,0 +1,344 @@
+//! Variations whose feet hold: where soles of an action stand, those of its variations stand too.
+//!
+//! Seams of legs are not free of one another: a knee that bends more asks for a hip and an ankle that make
+//! up for it, or the foot slides or sinks. How soles and root answer to each seam is found once, by moving
+//! each a little ([`Foothold::of`]). What is drawn is then moved, as little as the spread of each seam
+//! allows, to where soles that carry stay where they stand: the most probable draw, given that they do
+//! (linear regression with that prior; where it is not enough, the same step is taken again from what the
+//! soles then do). Every degree of freedom stays a chain of actionlets all the while.
+
+use glam::DVec3;
+use nalgebra::{Cholesky, DMatrix, DVector};
+use rand::Rng;
+use std::ops::Range;
+
+use crate::action::mutate::{Drawn, Seams};
+use crate::action::phrase::{Item, Part};
+use crate::action::{Action, Database, Motion, Spread};
+use crate::body::contact::{ON_FLOOR_M, worst_slide_m};
+use crate::body::{Proportions, SegmentPose, root};
+use crate::error::Error;
+
+/// Soles and root are looked at about so often to tell how they answer to seams.
+const LOOKS_HZ: f64 = 125.0;
+/// Rounds of a cyclic action that are looked at: one led in, one between others, one led out.
+const ROUNDS: u32 = 3;
+/// A seam is moved by this part of its standard deviation to tell how soles answer.
+const NUDGE: f64 = 0.2;
+/// Soles that carry are held as well as this, m ...
+const HOLDS_M: f64 = 0.001;
+/// ... and the root's acceleration, m/s^2 ...
+const ROOT_HOLDS_M_S2: f64 = 4.0;
+/// ... on the average over this time, s.
+const HOLDS_FOR_S: f64 = 0.05;
+/// More seams of legs are not looked at: a capture's many actionlets are varied as they are drawn.
+const MOST_SEAMS: usize = 400;
+
+/// A sole that stands sinks into the floor by less, m.
+const SINKS_M: f64 = 0.001;
+/// While it is on the floor, a sole that stands slides by less, m.
+const SLIDES_M: f64 = 0.005;
+/// The root of a body that stands is accelerated by less, m/s^2 ...
+const ROOT_M_S2: f64 = 18.0;
+/// ... and by less than this if it flies, and so lands.
+const LANDING_ROOT_M_S2: f64 = 40.0;
+/// An action that slides by more does not stand on its feet: its variations are not held to it, m.
+const MOST_SLIDES_M: f64 = 0.008;
+/// So much worse than the action itself its variations may be.
+const WORSE: f64 = 1.25;
+/// Whether feet hold is looked at so often.
+const JUDGED_HZ: f64 = 250.0;
+
+/// How still feet stand and how hard they land at most.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FootingBounds {
+    slides_m: f64,
+    root_m_s2: f64,
+    landing_root_m_s2: f64,
+}
+
+impl Default for FootingBounds {
+    fn default() -> Self {
+        Self {
+            slides_m: SLIDES_M,
+            root_m_s2: ROOT_M_S2,
+            landing_root_m_s2: LANDING_ROOT_M_S2,
+        }
+    }
+}
+
+impl FootingBounds {
+    /// For variations of a motion: they may be a quarter worse than it is itself, where that is more. None if
+    /// its feet do not hold well enough to be held on to.
+    ///
+    /// # Errors
+    /// As [`Motion::poses`].
+    pub fn of(motion: &Motion, body: &Proportions) -> Result<Option<Self>, Error> {
+        let seen = Feet::of(body, &motion.poses(body, JUDGED_HZ)?);
+        let usual = Self::default();
+        let slides_m = worst_slide_m(&seen.soles_m);
+        let root_m_s2 = seen.root_m_s2();
+        let bounds = Self {
+            slides_m: usual.slides_m.max(WORSE * slides_m),
+            root_m_s2: usual.root_m_s2.max(WORSE * root_m_s2),
+            landing_root_m_s2: usual.landing_root_m_s2,
+        };
+        let holds = slides_m < MOST_SLIDES_M && root_m_s2 < LANDING_ROOT_M_S2;
+        Ok((holds && seen.hold(&bounds)).then_some(bounds))
+    }
+
+    /// Whether a motion stays inside, and no sole sinks into the floor by 1 mm.
+    ///
+    /// # Errors
+    /// As [`Motion::poses`].
+    pub fn hold(&self, motion: &Motion, body: &Proportions) -> Result<bool, Error> {
+        Ok(Feet::of(body, &motion.poses(body, JUDGED_HZ)?).hold(self))
+    }
+}
+
+/// Soles and root by pose.
+#[derive(Clone, Debug)]
+struct Feet {
+    soles_m: Vec<[DVec3; 4]>,
+    roots_m: Vec<DVec3>,
+}
+
+impl Feet {
+    fn of(body: &Proportions, poses: &[SegmentPose]) -> Self {
+        let soles = |pose: &SegmentPose| {
+            let at = body.positions(pose);
+            root::SOLES.map(|end| at.end_m(end))
+        };
+        Self {
+            soles_m: poses.iter().map(soles).collect(),
+            roots_m: poses.iter().map(|pose| pose.root_m).collect(),
+        }
+    }
+
+    fn hold(&self, bounds: &FootingBounds) -> bool {
+        let sinks = self.soles_m.iter().flatten().any(|sole_m| !(sole_m.z > -SINKS_M));
+        let flies = self.soles_m.iter().any(|soles_m| soles_m.iter().all(|m| m.z >= ON_FLOOR_M));
+        let most_m_s2 = if flies { bounds.landing_root_m_s2 } else { bounds.root_m_s2 };
+        !sinks && self.root_m_s2() < most_m_s2 && worst_slide_m(&self.soles_m) < bounds.slides_m
+    }
+
+    /// Greatest acceleration of the root.
+    fn root_m_s2(&self) -> f64 {
+        self.bends_m().map(|bend_m| bend_m.length() * JUDGED_HZ * JUDGED_HZ).fold(0.0, f64::max)
+    }
+
+    fn bends_m(&self) -> impl Iterator<Item = DVec3> {
+        self.roots_m.windows(3).map(|three| three[0] - 2.0 * three[1] + three[2])
+    }
+
+    /// Which of the soles are on the floor, from when to when.
+    fn contacts(&self) -> Vec<(usize, Range<usize>)> {
+        let mut contacts = Vec::new();
+        for sole in 0..root::SOLES.len() {
+            let carries = |soles_m: &[DVec3; 4]| soles_m[sole].z < ON_FLOOR_M;
+            let mut at = 0;
+            for same in self.soles_m.chunk_by(|a, b| carries(a) == carries(b)) {
+                if carries(&same[0]) {
+                    contacts.push((sole, at..at + same.len()));
+                }
+                at += same.len();
+            }
+        }
+        contacts
+    }
+}
+
+/// The body of an action that is looked at, at instants that are the same parts of its duration however
+/// long it lasts.
+#[derive(Clone, Debug)]
+struct Look {
+    item: Item,
+    body: Proportions,
+    looks: usize,
+    rate_hz: f64,
+    feet: Feet,
+    contacts: Vec<(usize, Range<usize>)>,
+}
+
+impl Look {
+    fn at(part: &Part, body: &Proportions) -> Result<Self, Error> {
+        let motion = performed(&part.item, &part.action)?;
+        let looks = (motion.duration_s() * LOOKS_HZ).ceil();
+        let rate_hz = looks / motion.duration_s();
+        let feet = Feet::of(body, &motion.poses(body, rate_hz)?);
+        let contacts = feet.contacts();
+        let (item, body) = (part.item.clone(), body.clone());
+        Ok(Self { item, body, looks: looks as usize, rate_hz, feet, contacts })
+    }
+
+    /// How far soles that carry leave where they stand, and how the root is accelerated otherwise, each
+    /// as a part of what is allowed to them: zero for the action itself.
+    fn off(&self, action: &Action) -> Result<DVector<f64>, Error> {
+        let motion = performed(&self.item, action)?;
+        let rate_hz = self.looks as f64 / motion.duration_s();
+        let feet = Feet::of(&self.body, &motion.poses(&self.body, rate_hz)?);
+        let part = (1.0 / (self.rate_hz * HOLDS_FOR_S)).sqrt();
+        let mut off = Vec::new();
+        for (sole, range) in &self.contacts {
+            let moved_m = |look: usize| {
+                let last = feet.soles_m.len() - 1;
+                feet.soles_m[look.min(last)][*sole] - self.feet.soles_m[look][*sole]
+            };
+            let mean_m = range.clone().map(moved_m).sum::<DVec3>() / range.len() as f64;
+            for look in range.clone() {
+                let moved_m = moved_m(look);
+                let slid_m = (moved_m - mean_m).with_z(moved_m.z) * (part / HOLDS_M);
+                off.extend(slid_m.to_array());
+            }
+        }
+        // As if both lasted equally long: who is twice as fast has four times the acceleration.
+        let scale = self.rate_hz * self.rate_hz * part / ROOT_HOLDS_M_S2;
+        let mut bends_m = feet.bends_m();
+        for own_m in self.feet.bends_m() {
+            let bend_m = bends_m.next().unwrap_or(own_m);
+            off.extend(((bend_m - own_m) * scale).to_array());
+        }
+        Ok(DVector::from_vec(off))
+    }
+}
+
+fn performed(item: &Item, action: &Action) -> Result<Motion, Error> {
+    let (action, rounds) = item.timed(action);
+    action.perform_rounds(rounds.min(ROUNDS))
+}
+
+/// How the soles of an action answer to its seams, and so which of its variations stand.
+#[derive(Clone, Debug)]
+pub struct Foothold {
+    action: Action,
+    seams: Seams,
+    held: Option<Held>,
+}
+
+#[derive(Clone, Debug)]
+struct Held {
+    look: Look,
+    /// From what soles do to how far seams are moved back, both in parts of what is usual.
+    back: DMatrix<f64>,
+    /// The same from how far seams are moved.
+    moved_back: DMatrix<f64>,
+}
+
+impl Foothold {
+    /// Looks at an action, as a body does it. One whose own feet do not hold is varied as it is drawn.
+    ///
+    /// # Errors
+    /// If it cannot be performed.
+    pub fn of(part: &Part, spread: &Spread, body: &Proportions) -> Result<Self, Error> {
+        let seams = Seams::of(&part.action, spread);
+        let legs = seams.seams.iter().filter(|seam| seam.is_of_leg).count();
+        let mut foothold = Self { action: part.action.clone(), seams, held: None };
+        let varies = (1..=MOST_SEAMS).contains(&legs);
+        let motion = performed(&part.item, &part.action)?;
+        if varies && FootingBounds::of(&motion, body)?.is_some() {
+            foothold.held = Some(foothold.held(part, body)?);
+        }
+        Ok(foothold)
+    }
+
+    fn held(&self, part: &Part, body: &Proportions) -> Result<Held, Error> {
+        let look = Look::at(part, body)?;
+        let count = self.seams.seams.len();
+        let mut answers = DMatrix::zeros(look.off(&self.action)?.len(), count);
+        for (index, seam) in self.seams.seams.iter().enumerate() {
+            if !seam.is_of_leg {
+                continue;
+            }
+            let nudged = |part: f64| {
+                let mut offsets = vec![0.0; count];
+                offsets[index] = part * seam.deviation;
+                look.off(&self.seams.moved(&self.action, &offsets))
+            };
+            answers.set_column(index, &((nudged(NUDGE)? - nudged(-NUDGE)?) / (2.0 * NUDGE)));
+        }
+        let turned = answers.transpose();
+        let normal = DMatrix::identity(count, count) + &turned * &answers;
+        // The sum of the identity and a square is positive definite.
+        let back = Cholesky::new(normal).map_or_else(
+            || DMatrix::zeros(count, answers.nrows()),
+            |factors| factors.solve(&turned),
+        );
+        let moved_back = &back * &answers;
+        Ok(Held { look, back, moved_back })
+    }
+
+    /// A variation as it is drawn, moved to where feet about hold.
+    pub fn draw(&self, database: &Database, random: &mut impl Rng) -> Footstep<'_> {
+        let drawn = self.seams.draw(&self.action, database, random);
+        let mut step =
+            Footstep { foothold: self, moved: DVector::zeros(drawn.offsets.len()), drawn };
+        if let Some(held) = &self.held {
+            step.moved = -(&held.moved_back * step.wanted());
+            for stride in &mut step.drawn.strides {
+                let wanted = self.seams.in_deviations(stride);
+                let moved = &held.moved_back * wanted;
+                for ((offset, moved), seam) in stride.iter_mut().zip(&moved).zip(&self.seams.seams)
+                {
+                    *offset -= moved * seam.deviation;
+                }
+            }
+        }
+        step
+    }
+}
+
+/// A variation on its way to where its feet hold.
+#[derive(Clone, Debug)]
+pub struct Footstep<'a> {
+    foothold: &'a Foothold,
+    drawn: Drawn,
+    /// By which it is moved from what was drawn, in standard deviations.
+    moved: DVector<f64>,
+}
+
+impl Footstep<'_> {
+    /// How far what was drawn lies from the action, in standard deviations.
+    fn wanted(&self) -> DVector<f64> {
+        let drawn = self.drawn.offsets.iter().zip(&self.drawn.displaced);
+        let sums: Vec<f64> = drawn.map(|(offset, displaced)| offset + displaced).collect();
+        self.foothold.seams.in_deviations(&sums)
+    }
+
+    /// The variation.
+    #[must_use]
+    pub fn action(&self) -> Action {
+        let seams = self.foothold.seams.seams.iter();
+        let offsets = self.drawn.offsets.iter().zip(seams).zip(self.moved.iter());
+        let offsets: Vec<f64> =
+            offsets.map(|((offset, seam), moved)| offset + moved * seam.deviation).collect();
+        let seams = &self.foothold.seams;
+        seams.with_strides(seams.moved(&self.drawn.exchanged, &offsets), &self.drawn.strides)
+    }
+
+    /// Moves it by what its feet do now; false if it cannot be moved.
+    ///
+    /// # Errors
+    /// If it cannot be performed.
+    pub fn repair(&mut self) -> Result<bool, Error> {
+        let Some(held) = &self.foothold.held else { return Ok(false) };
+        let off = held.look.off(&self.action())?;
+        // From the draw to where the soles would be still, were they to answer as they did at first.
+        self.moved = -(&held.back * off) + &held.moved_back * &self.moved;
+        Ok(true)
+    }
+
+    /// Moves it, and how its strides differ, to a part of the way from the action; false if it cannot be
+    /// moved.
+    pub fn retreat(&mut self, part: f64) -> bool {
+        if self.foothold.held.is_none() {
+            return false;
+        }
+        // What was exchanged stays: the offset that undoes a part of it counts from there.
+        let offset = (self.wanted() + &self.moved) * (part - 1.0);
+        self.moved += offset;
+        for offset in self.drawn.strides.iter_mut().flatten() {
+            *offset *= part;
+        }
+        true
+    }
+}
