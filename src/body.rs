@@ -11,6 +11,7 @@
 
 pub mod angles;
 pub mod anthropometry;
+pub mod carrying;
 pub mod contact;
 pub mod dof;
 pub mod mass;

@@ -45,7 +45,7 @@ const ROOMS: &[Room] = &[
          recognise recording rig rigid robot sensing session table time wire",
         "clock files network profiles simulator threads wall-clock",
     ),
-    room("mocap", "body error motion table toml_text units", "files"),
+    room("mocap", "body error motion rigid table toml_text units", "files"),
     room("motion", "error", ""),
     room("plot", "", ""),
     room("port", "time wire", "clock files network ports simulator threads wall-clock"),

@@ -12,6 +12,7 @@ mod dumped;
 mod judged;
 
 use aloud::aloud;
+use captured::c3d_files;
 use dumped::{Seen, by_c3dio, by_us, dumped};
 use gaitway::mocap::c3d;
 use gaitway::mocap::markers::{Frames, FramesOf, Markers};
@@ -19,23 +20,6 @@ use judged::{JUDGED, Opened};
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
-
-fn c3d_files() -> Option<Vec<PathBuf>> {
-    let mut files = Vec::new();
-    let mut folders = vec![captured::captured("mocap/c3d")?];
-    while let Some(folder) = folders.pop() {
-        for entry in fs::read_dir(folder).expect("a folder") {
-            let path = entry.expect("an entry").path();
-            if path.is_dir() {
-                folders.push(path);
-            } else if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("c3d")) {
-                files.push(path);
-            }
-        }
-    }
-    files.sort();
-    Some(files)
-}
 
 fn name_of(path: &Path) -> String {
     path.file_name().expect("a name").to_string_lossy().into_owned()

@@ -13,7 +13,7 @@ use gaitway::mocap::markers::{
 use gaitway::mocap::plates::{GroundForce, Plate, Plates};
 use glam::DVec3;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
 
 /// A plate 0.4 m by 0.6 m whose middle is at (1, 2, 0) of a laboratory with Z up. Its X goes along the laboratory's
@@ -174,23 +174,6 @@ fn a_plate_that_says_too_little_is_refused_with_what_is_missing() {
     refused(|head| head.plates[0].kind = PlateKind::Other(21), "TYPE");
 }
 
-fn files() -> Option<Vec<PathBuf>> {
-    let mut files = Vec::new();
-    let mut folders = vec![captured::captured("mocap/c3d")?];
-    while let Some(folder) = folders.pop() {
-        for entry in fs::read_dir(folder).expect("a folder") {
-            let path = entry.expect("an entry").path();
-            if path.is_dir() {
-                folders.push(path);
-            } else if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("c3d")) {
-                files.push(path);
-            }
-        }
-    }
-    files.sort();
-    Some(files)
-}
-
 /// Where ezc3d differs by its own source: the moment of a plate of type 1 is F x p less the free moment, the
 /// negative of what the force does about the middle.
 const TURNED_MOMENT: i64 = 1;
@@ -201,7 +184,7 @@ const EQUAL: f64 = 1e-5;
 
 #[test]
 fn real_plates_give_the_forces_that_ezc3d_finds() {
-    let Some(files) = files() else { return };
+    let Some(files) = captured::c3d_files() else { return };
     let python = match python::python() {
         Ok(python) => python,
         Err(cause) => return aloud!("SKIPPED: no Python with the package ezc3d: {cause}"),

@@ -49,14 +49,7 @@ impl Footing {
                 SOLES.map(|end| at.end_m(end))
             })
             .collect();
-        let last = poses.len().saturating_sub(1);
-        let reactions: Vec<GroundReaction> = (0..poses.len())
-            .map(|at| {
-                // Nothing moves before the first pose and after the last.
-                let instants = [at.saturating_sub(1), at, (at + 1).min(last)];
-                ground::reaction(instants.map(|at| &bodies[at][..]), 1.0 / rate_hz)
-            })
-            .collect();
+        let reactions = ground::reactions(&bodies, rate_hz);
         // The table's parts of a body's mass add up to 0.9999 of it.
         let weight_n = masses.iter().map(|mass| mass.mass_kg).sum::<f64>() * GRAVITY_M_S2;
         let pushed: Vec<f64> =

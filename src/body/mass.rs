@@ -84,7 +84,7 @@ pub fn segment_masses(body: &Proportions) -> [Mass; 13] {
     let pelvis = part(&LOWER_TRUNK, DVec3::Z * lower_m, down, lower_m);
     let torso = part(&MIDDLE_TRUNK, above(lower_m + middle_m), down, middle_m).with(&part(
         &UPPER_TRUNK,
-        above(lower_m + middle_m + upper_m),
+        notch_m(body),
         down,
         upper_m,
     ));
@@ -114,6 +114,17 @@ pub fn segment_masses(body: &Proportions) -> [Mass; 13] {
         Segment::LeftShank | Segment::RightShank => shank,
         Segment::LeftFoot | Segment::RightFoot => foot,
     })
+}
+
+/// Where the trunk of the table ends in front, the notch of the breastbone: in the frame of the torso, from
+/// its joint with the pelvis, m. The table says how high it is, not how far in front.
+#[must_use]
+pub fn notch_m(body: &Proportions) -> DVec3 {
+    let of = |pair: [f64; 2]| Sex::of(body.sex(), pair);
+    let lengths = [LOWER_TRUNK_LENGTH, MIDDLE_TRUNK_LENGTH, UPPER_TRUNK_LENGTH];
+    let above_hips_m = lengths.into_iter().map(of).sum::<f64>() * body.stature_m();
+    let lumbar_m = body.joint_offset_m(Joint::Torso).map_or(0.0, |(_, at_m)| at_m.z);
+    DVec3::Z * (above_hips_m - lumbar_m)
 }
 
 /// The segments of a posed body with their masses, by [`Segment::index`].
@@ -165,6 +176,15 @@ mod tests {
             let share = height_m / body.stature_m();
             assert!((share - expected).abs() < 0.02, "{sex:?}: {share}");
         }
+    }
+
+    /// The three parts of the trunk of a man of 1.741 m are 0.1707, 0.2155 and 0.1457 m long.
+    #[test]
+    fn the_notch_of_the_breastbone_is_as_high_above_the_hips_as_the_trunk_is_long() {
+        let body = Proportions::of_stature(1.741).unwrap().of_sex(Some(Sex::Male));
+        let (_, lumbar_m) = body.joint_offset_m(Joint::Torso).unwrap();
+        let height_m = (lumbar_m + notch_m(&body)).z;
+        assert!((height_m - (0.1707 + 0.2155 + 0.1457)).abs() < 1e-12, "{height_m}");
     }
 
     #[test]

@@ -9,8 +9,11 @@
 //! `LHUO` the elbow, `LRAO` the wrist, `PELO` the middle between the hips. `LTIP` and `LRAP` are not: they stand off by
 //! a fifth of the width of knee or elbow, so that bones drawn on a screen do not touch.
 
-use crate::body::{Joint, Segment};
+use crate::body::mass::notch_m;
+use crate::body::proportions::proximal_joint;
+use crate::body::{Joint, Proportions, Segment};
 use crate::mocap::markers::{Head, PointSample};
+use crate::rigid::mass::{Mass, Posed};
 use glam::{DMat3, DQuat, DVec3};
 
 /// The letters behind a bone's name.
@@ -229,5 +232,124 @@ impl GaitBones {
     #[must_use]
     pub fn orientation(&self, seen: &[Option<PointSample>], segment: Segment) -> Option<DQuat> {
         Some(self.bone(seen, GaitBone::of(segment))?.orientation)
+    }
+
+    /// What a person weighs, laid on the bones of a frame: by [`Segment::index`], in the axes of the file and m.
+    /// `masses` are those of [`crate::body::mass::segment_masses`] of `body`. Segments begin at the stored joint
+    /// centres. The model has no joint between pelvis and torso, nor one of the neck: its thorax begins at the
+    /// notch of the breastbone, so the torso hangs there, and the head sits on the torso. `None` where a bone is
+    /// missing.
+    #[must_use]
+    pub fn posed(
+        &self,
+        seen: &[Option<PointSample>],
+        body: &Proportions,
+        masses: &[Mass; 13],
+    ) -> Option<[Posed; 13]> {
+        let thorax = self.bone(seen, GaitBone::Thorax)?;
+        let torso_m = thorax.origin_m - thorax.orientation * notch_m(body);
+        let (_, neck_m) = body.joint_offset_m(Joint::Neck)?;
+        let mut posed =
+            [Posed { mass: Mass::NONE, origin_m: DVec3::ZERO, turned: DQuat::IDENTITY }; 13];
+        for segment in Segment::ALL {
+            let origin_m = match proximal_joint(segment) {
+                Joint::Torso => torso_m,
+                Joint::Neck => torso_m + thorax.orientation * neck_m,
+                joint => self.joint_m(seen, joint)?,
+            };
+            let turned = self.orientation(seen, segment)?;
+            posed[segment.index()] = Posed { mass: masses[segment.index()], origin_m, turned };
+        }
+        Some(posed)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::body::JointAngles;
+    use crate::body::mass::{centre_of_mass_m, segment_masses};
+    use crate::mocap::markers::{MarkerFormat, MarkerPoint, PointKind};
+    use crate::rigid::mass::centre_m;
+
+    /// The four points of a bone as Plug-in Gait stores them, mm, from its axes forward, left and up: by hand from
+    /// the guide's figures, which way A and L of each bone point.
+    fn points(bone: GaitBone, origin_m: DVec3, end_m: DVec3, turned: DQuat) -> [DVec3; 4] {
+        use GaitBone as B;
+        let length_m = (end_m - origin_m).length();
+        let [x, y, z] = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| turned * axis * length_m);
+        let (a, l, p) = match bone {
+            B::Thorax => (x, -y, -z),
+            B::LeftFoot | B::RightFoot => (z, y, -x),
+            B::LeftClavicle => (x, z, -y),
+            B::RightClavicle => (x, -z, y),
+            B::Pelvis | B::Head | B::LeftFemur | B::RightFemur | B::LeftTibia | B::RightTibia => {
+                (x, y, z)
+            }
+            _ => (-x, -y, z),
+        };
+        [DVec3::ZERO, a, l, p].map(|tip| (origin_m + tip) * 1e3)
+    }
+
+    /// A body in a pose, stored as Plug-in Gait stores bones.
+    fn stored(body: &Proportions, angles: &JointAngles) -> (Head, Vec<Option<PointSample>>, DVec3) {
+        let root_m = DVec3::new(0.3, -0.2, body.root_height_m());
+        let pose = angles.to_pose(root_m, DQuat::from_rotation_z(0.7));
+        let at = body.positions(&pose);
+        let turned = |segment: Segment| pose.orientation[segment.index()];
+        let mut head = Head::new(MarkerFormat::C3d);
+        head.unit = "mm".to_owned();
+        let mut seen = Vec::new();
+        for bone in GaitBone::ALL {
+            use GaitBone as B;
+            let segment = Segment::ALL.into_iter().find(|segment| B::of(*segment) == bone);
+            let turned = turned(segment.unwrap_or(Segment::Torso));
+            let up_m = |from: Joint, to: Joint| (at.joint_m(from), at.joint_m(to));
+            let (origin_m, end_m) = match bone {
+                B::Thorax => {
+                    let notch_m = at.joint_m(Joint::Torso) + turned * notch_m(body);
+                    (notch_m, notch_m + turned * DVec3::Z)
+                }
+                B::LeftClavicle => up_m(Joint::LeftShoulder, Joint::RightShoulder),
+                B::RightClavicle => up_m(Joint::RightShoulder, Joint::LeftShoulder),
+                B::LeftHumerus => up_m(Joint::LeftElbow, Joint::LeftShoulder),
+                B::RightHumerus => up_m(Joint::RightElbow, Joint::RightShoulder),
+                B::LeftRadius => up_m(Joint::LeftWrist, Joint::LeftElbow),
+                B::RightRadius => up_m(Joint::RightWrist, Joint::RightElbow),
+                B::LeftFemur => up_m(Joint::LeftKnee, Joint::LeftHip),
+                B::RightFemur => up_m(Joint::RightKnee, Joint::RightHip),
+                B::LeftTibia => up_m(Joint::LeftAnkle, Joint::LeftKnee),
+                B::RightTibia => up_m(Joint::RightAnkle, Joint::RightKnee),
+                _ => (at.joint_m(Joint::Pelvis), at.joint_m(Joint::Pelvis) + DVec3::Z),
+            };
+            for (letter, point) in LETTERS.into_iter().zip(points(bone, origin_m, end_m, turned)) {
+                head.points.push(MarkerPoint {
+                    label: format!("{}{letter}", bone.label()),
+                    description: String::new(),
+                    kind: PointKind::Modelled,
+                    unit: String::new(),
+                });
+                let position = point.to_array().map(|number| number as f32);
+                seen.push(Some(PointSample { position, residual: 0.0, cameras: 0 }));
+            }
+        }
+        (head, seen, centre_of_mass_m(body, &segment_masses(body), &pose))
+    }
+
+    #[test]
+    fn a_body_stored_as_bones_has_its_centre_of_mass_where_the_body_has_it() {
+        let body = Proportions::of_stature(1.75).unwrap();
+        let bent = JointAngles(core::array::from_fn(|dof| 0.03 * dof as f64 - 0.2));
+        for angles in [JointAngles::default(), bent] {
+            let (head, mut seen, expected_m) = stored(&body, &angles);
+            let bones = GaitBones::of(&head, "").expect("bones");
+            let posed = bones.posed(&seen, &body, &segment_masses(&body)).expect("all bones");
+            let got_m = centre_m(&posed);
+            assert!((got_m - expected_m).length() < 1e-6, "{got_m} {expected_m}");
+            // A shank that was not seen has no place.
+            let knee = head.points.iter().position(|point| point.label == "LTIA").unwrap();
+            seen[knee] = None;
+            assert_eq!(bones.posed(&seen, &body, &segment_masses(&body)), None);
+        }
     }
 }

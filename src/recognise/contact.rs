@@ -3,10 +3,10 @@
 //! The paper says that a joint is "approximately" as high as the ground and gives no tolerance. Here the
 //! floor is as high as the lowest point of the body that stands still; a point touches it if it is no
 //! higher above it than its own height in standing on it, and 0.1 of the shank. A foot must also be
-//! slow: it leaves the ground at twice the speed at which it touches it, and half as high again, so
-//! that noise does not make it step.
+//! slow ([`crate::body::carrying`]).
 
 use super::points::{BodyPoint, Lengths, Points};
+use crate::body::carrying::{FootPart, MeasuredFoot, NEAR_SHANKS};
 use glam::DVec3;
 
 /// What can touch the ground, and how high its joint is then, in shanks: the ankle as in the published
@@ -23,14 +23,6 @@ const TOUCHES: [(BodyPoint, f64); 10] = [
     (BodyPoint::LeftHip, 0.27),
     (BodyPoint::RightHip, 0.27),
 ];
-/// How much higher a point may be, in shanks.
-const TOLERANCE: f64 = 0.1;
-/// How much more for one that has touched.
-const KEEPS: f64 = 1.5;
-/// A foot touches the ground below this speed, in legs per second (ours) ...
-const TOUCHES_LEG_S: f64 = 0.6;
-/// ... and leaves it above this one.
-const LEAVES_LEG_S: f64 = 1.2;
 /// What is slower stands still, in legs per second.
 const STILL_LEG_S: f64 = 0.25;
 /// So long the lowest point has to stand still higher or lower than the floor before the floor is there, s.
@@ -60,14 +52,15 @@ pub struct Floor {
     lengths: Lengths,
     floor_m: Option<f64>,
     still_s: f64,
-    feet: [bool; 2],
+    feet: [MeasuredFoot; 2],
 }
 
 impl Floor {
     /// Of a body of these lengths, nothing seen yet.
     #[must_use]
     pub const fn new(lengths: Lengths) -> Self {
-        Self { lengths, floor_m: None, still_s: 0.0, feet: [false; 2] }
+        let foot = MeasuredFoot::new(lengths.tibia_m, lengths.leg_m());
+        Self { lengths, floor_m: None, still_s: 0.0, feet: [foot; 2] }
     }
 
     /// The next frame: where the points are, how fast they move, m/s, and how long after the last
@@ -87,7 +80,7 @@ impl Floor {
             let above_m = stood((place, own)) - floor_m;
             above_m.is_finite().then_some(above_m)
         };
-        let touches = |place: BodyPoint| Some(height(place)? <= TOLERANCE * tibia_m);
+        let touches = |place: BodyPoint| Some(height(place)? <= NEAR_SHANKS * tibia_m);
         let feet = [
             self.foot(0, [BodyPoint::LeftFoot, BodyPoint::LeftToe], &height, velocities),
             self.foot(1, [BodyPoint::RightFoot, BodyPoint::RightToe], &height, velocities),
@@ -120,20 +113,12 @@ impl Floor {
         height: &impl Fn(BodyPoint) -> Option<f64>,
         velocities: &Points,
     ) -> Known {
-        let (leg_m, tibia_m) = (self.lengths.leg_m(), self.lengths.tibia_m);
-        let had = self.feet[side];
-        let (most_m, most_m_s) = if had {
-            (TOLERANCE * KEEPS * tibia_m, LEAVES_LEG_S * leg_m)
-        } else {
-            (TOLERANCE * tibia_m, TOUCHES_LEG_S * leg_m)
-        };
         height(places[0])?;
-        let touches = places.into_iter().any(|place| {
-            height(place).is_some_and(|height_m| height_m <= most_m)
-                && velocities[place].length() <= most_m_s
+        let parts = places.map(|place| FootPart {
+            height_m: height(place).unwrap_or(f64::NAN),
+            speed_m_s: velocities[place].length(),
         });
-        self.feet[side] = touches;
-        Some(touches)
+        Some(self.feet[side].next(&parts))
     }
 }
 

@@ -138,7 +138,7 @@ impl Lengths {
 
     /// Thigh and shank: what motions of root, torso and feet are measured against.
     #[must_use]
-    pub fn leg_m(&self) -> f64 {
+    pub const fn leg_m(&self) -> f64 {
         self.femur_m + self.tibia_m
     }
 }

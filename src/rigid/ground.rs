@@ -112,6 +112,17 @@ pub fn reaction(instants: [&[Posed]; 3], step_s: f64) -> GroundReaction {
     GroundReaction { force_n, zero_moment_point_m }
 }
 
+/// What the floor does to bodies at each of some instants, which follow at `rate_hz`. Nothing moves before the
+/// first and after the last: of a motion that goes on there, leave those two out.
+#[must_use]
+pub fn reactions<B: AsRef<[Posed]>>(instants: &[B], rate_hz: f64) -> Vec<GroundReaction> {
+    let last = instants.len().saturating_sub(1);
+    let three = |at: usize| [at.saturating_sub(1), at, (at + 1).min(last)];
+    (0..instants.len())
+        .map(|at| reaction(three(at).map(|at| instants[at].as_ref()), 1.0 / rate_hz))
+        .collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

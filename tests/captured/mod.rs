@@ -32,6 +32,16 @@ pub fn captured(name: &str) -> Option<PathBuf> {
 
 /// All BVH files under a folder, sorted.
 pub fn bvh_files(folder: &Path) -> Vec<PathBuf> {
+    files_of(folder, "bvh")
+}
+
+/// All C3D files of the capture folder, sorted, or a loud word that a test did nothing.
+pub fn c3d_files() -> Option<Vec<PathBuf>> {
+    Some(files_of(&captured("mocap/c3d")?, "c3d"))
+}
+
+/// All files under a folder with this ending in letters of any size, sorted.
+fn files_of(folder: &Path, ending: &str) -> Vec<PathBuf> {
     let mut files = Vec::new();
     let mut folders = vec![folder.to_owned()];
     while let Some(folder) = folders.pop() {
@@ -39,7 +49,7 @@ pub fn bvh_files(folder: &Path) -> Vec<PathBuf> {
             let path = entry.expect("a readable entry").path();
             if path.is_dir() {
                 folders.push(path);
-            } else if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("bvh")) {
+            } else if path.extension().is_some_and(|of| of.eq_ignore_ascii_case(ending)) {
                 files.push(path);
             }
         }
