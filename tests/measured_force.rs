@@ -318,7 +318,7 @@ fn pressed(up_n: &[f64], rate_hz: f64) -> Vec<(usize, usize)> {
 }
 
 #[test]
-fn feet_touch_and_leave_within_two_frames_of_what_plates_measure() {
+fn feet_touch_and_leave_when_plates_say_so() {
     let Some(folder) = captured::captured("mocap/c3d") else { return };
     let (mut compared, mut within_two, mut left_out) = (0, 0, 0);
     for (file, most_frames) in STEPS {
