@@ -41,6 +41,7 @@ pub mod parameters;
 pub mod plates;
 pub mod plug_in_gait;
 pub mod retarget;
+pub mod scene;
 pub mod siblings;
 pub mod skeleton;
 pub mod trc;

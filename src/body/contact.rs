@@ -21,6 +21,59 @@ const HARDLY: f64 = 0.1;
 /// Forces are told below this frequency, Hz: what lies above is noise of differences.
 pub const FORCE_CUTOFF_HZ: f64 = 20.0;
 
+/// Half the breadth of a sole, m.
+#[must_use]
+pub fn half_breadth_m(body: &Proportions) -> f64 {
+    FOOT_BREADTH * body.stature_m() / 2.0
+}
+
+/// Where [`SOLES`] are in a pose, m.
+#[must_use]
+pub fn places_m(body: &Proportions, pose: &SegmentPose) -> [DVec3; 4] {
+    let at = body.positions(pose);
+    SOLES.map(|end| at.end_m(end))
+}
+
+/// Which of [`SOLES`] are on the floor, from where they are.
+#[must_use]
+pub fn on_floor(soles_m: &[DVec3; 4]) -> [bool; 4] {
+    soles_m.map(|sole_m| sole_m.z < ON_FLOOR_M)
+}
+
+/// The area between those corners of the soles that are on the floor in a pose.
+#[must_use]
+pub fn support(body: &Proportions, pose: &SegmentPose) -> SupportPolygon {
+    let half_m = DVec3::Y * half_breadth_m(body);
+    let corners = SOLES.iter().zip(places_m(body, pose)).flat_map(|(end, sole_m)| {
+        let aside_m = pose.orientation[end.segment().index()] * half_m;
+        [sole_m - aside_m, sole_m + aside_m]
+    });
+    let carries = |corner_m: &DVec3| corner_m.z < ON_FLOOR_M;
+    let floor: Vec<DVec2> = corners.filter(carries).map(|corner_m| corner_m.truncate()).collect();
+    SupportPolygon::of(&floor)
+}
+
+/// Height of the floor under a body that does not stand on z = 0, m: the one near which its lowest sole is
+/// for longest (the median of the heights in the fullest span of twice [`ON_FLOOR_M`]).
+#[must_use]
+pub fn floor_m(body: &Proportions, poses: &[SegmentPose]) -> f64 {
+    let lowest =
+        |pose| places_m(body, pose).iter().map(|place_m| place_m.z).fold(f64::MAX, f64::min);
+    let mut heights_m: Vec<f64> = poses.iter().map(lowest).collect();
+    heights_m.sort_by(f64::total_cmp);
+    let mut fullest = &heights_m[..0];
+    let mut first = 0;
+    for (last, height_m) in heights_m.iter().enumerate() {
+        while height_m - heights_m[first] > 2.0 * ON_FLOOR_M {
+            first += 1;
+        }
+        if last + 1 - first > fullest.len() {
+            fullest = &heights_m[first..=last];
+        }
+    }
+    fullest.get(fullest.len() / 2).copied().unwrap_or(0.0)
+}
+
 /// How a body stands on its feet while it moves.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Footing {
@@ -42,13 +95,7 @@ impl Footing {
         let masses = segment_masses(body);
         let bodies: Vec<[Posed; 13]> =
             poses.iter().map(|pose| mass::posed(body, &masses, pose)).collect();
-        let soles_m: Vec<[DVec3; 4]> = poses
-            .iter()
-            .map(|pose| {
-                let at = body.positions(pose);
-                SOLES.map(|end| at.end_m(end))
-            })
-            .collect();
+        let soles_m: Vec<[DVec3; 4]> = poses.iter().map(|pose| places_m(body, pose)).collect();
         let reactions = ground::reactions(&bodies, rate_hz);
         // The table's parts of a body's mass add up to 0.9999 of it.
         let weight_n = masses.iter().map(|mass| mass.mass_kg).sum::<f64>() * GRAVITY_M_S2;
@@ -69,16 +116,7 @@ impl Footing {
                 if !(force > HARDLY) {
                     return None;
                 }
-                let half_m = DVec3::Y * (FOOT_BREADTH * body.stature_m() / 2.0);
-                let corners = SOLES.iter().zip(soles_m[at]).flat_map(|(end, sole_m)| {
-                    let aside_m = poses[at].orientation[end.segment().index()] * half_m;
-                    [sole_m - aside_m, sole_m + aside_m]
-                });
-                let carries = |corner_m: &DVec3| corner_m.z < ON_FLOOR_M;
-                let floor: Vec<DVec2> =
-                    corners.filter(carries).map(|corner_m| corner_m.truncate()).collect();
-                SupportPolygon::of(&floor)
-                    .margin_m(DVec2::new(along[at] / force, aside[at] / force))
+                support(body, &poses[at]).margin_m(DVec2::new(along[at] / force, aside[at] / force))
             })
             .collect();
         Ok(Self {
@@ -112,7 +150,7 @@ impl Footing {
     /// Which of [`SOLES`] are on the floor in a pose.
     #[must_use]
     pub fn on_floor(&self, pose: usize) -> [bool; 4] {
-        self.soles_m[pose].map(|sole_m| sole_m.z < ON_FLOOR_M)
+        on_floor(&self.soles_m[pose])
     }
 
     /// How far an end of a sole slides while it is on the floor, m, the worst of all contacts: the
@@ -240,6 +278,24 @@ mod tests {
         let above = standing(|t| DVec3::new(0.1 * t, 0.0, 0.01));
         assert_eq!((above.slide_m(), above.flying(0..480)), (0.0, 1.0));
         assert!((above.travel_m().1 - 0.1 * 479.0 / RATE_HZ).abs() < 1e-9);
+    }
+
+    #[test]
+    fn the_floor_is_where_a_body_stands_for_longest() {
+        let body = Proportions::of_stature(1.75).unwrap();
+        let poses = |heights_m: &[f64]| {
+            let pose = |height_m: &f64| {
+                let root_m = DVec3::Z * (body.root_height_m() + height_m);
+                JointAngles::default().to_pose(root_m, DQuat::IDENTITY)
+            };
+            heights_m.iter().map(pose).collect::<Vec<_>>()
+        };
+        // It stands at 0.3 m, to within millimetres; jumps; sinks once.
+        let mut heights_m: Vec<f64> = (0..50).map(|i| 0.3 + 1e-4 * f64::from(i % 5)).collect();
+        heights_m.extend((0..100).map(|i| 0.3 + 0.005 * f64::from(i)));
+        heights_m.push(0.1);
+        assert!((floor_m(&body, &poses(&heights_m)) - 0.3).abs() < 1e-3);
+        assert_eq!(floor_m(&body, &[]), 0.0);
     }
 
     #[test]

@@ -28,7 +28,8 @@ OUT.csv   joint angles if the recording knows how its sensors were worn, else on
           a sensor, or per cycle of a robot
 OUT.bvh   joint angles on a skeleton of the person's stature
 OUT.mcap  joint angles as joint states
-OUT.x3d   a scene with the skeleton in motion; of captures alone
+OUT.x3d   a scene with the skeleton in motion over a floor, followed by the camera; of captures alone
+OUT.html  a page that draws it, with what of the feet is on the floor; of captures alone
 
 Segments that are not worn stay at rest and are named. Tables of joint angles hold where the pelvis is and
 how it is turned as well. A capture keeps its own rate.
@@ -47,7 +48,7 @@ OUT.trc   markers, for OpenSim and others
 OUT.csm   markers, for 3D Studio Max
 OUT.csv   time_s, then LABEL_x_m, LABEL_y_m, LABEL_z_m of each point
 Their axes stay those of the file.
-OUT.bvh, OUT.x3d   the body model, after `gaitway fit` with its usual settings
+OUT.bvh, OUT.x3d, OUT.html   the body model, after `gaitway fit` with its usual settings
 
 Examples:
   gaitway convert wave.mcap wave.csv
@@ -55,6 +56,7 @@ Examples:
   gaitway convert dance.mcap dance.bvh \\
           --calibration-body lab/calibration/body-s01-01.toml
   gaitway convert dance.bvh dance.csv
+  gaitway convert dance.bvh dance.html
   gaitway convert 01_02.amc dance.bvh --skeleton 01.asf
   gaitway convert walk.mot walk.bvh
   gaitway convert imus.csv walk.bvh --sensors imus.toml
@@ -63,7 +65,7 @@ Examples:
 pub struct ConvertArgs {
     /// Recording, finished or not, a capture (.bvh, .amc, .mot, .sto), or markers (.c3d, .trc, .csm, .csv)
     file: PathBuf,
-    /// The table, skeleton file or recording to write
+    /// The table, skeleton file, recording, scene or page to write
     out: PathBuf,
     /// How the sensors were worn, in place of what the recording says
     #[arg(long, value_name = "FILE.toml")]
@@ -151,7 +153,8 @@ pub fn run(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
 
 /// True of a file that holds a body, to which markers are fitted first.
 fn is_of_body(out: &Path) -> bool {
-    out.extension().is_some_and(|ending| ending == "bvh" || ending == "x3d")
+    out.extension()
+        .is_some_and(|ending| ["bvh", "x3d", "html"].iter().any(|of_body| ending == *of_body))
 }
 
 /// How orientations are found anew.

@@ -63,7 +63,8 @@ pub struct SynthArgs {
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
     /// File to write: .csv (time_s, the 22 angles, rad, the root, m, and how the pelvis is turned, rad), .bvh, .x3d (an H-Anim
-    /// humanoid), or .html (a page that draws it)
+    /// humanoid over a floor, followed by the camera), or .html (a page that draws it with its contacts,
+    /// its centre of mass and the force of the floor)
     #[arg(short, long, value_name = "OUT")]
     output_file: PathBuf,
     #[command(flatten)]

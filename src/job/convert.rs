@@ -1,13 +1,14 @@
 //! A capture on the body model: its 22 joint angles, and where the pelvis is and how it is turned, as
-//! a table, a skeleton or a scene.
+//! a table, a skeleton, a scene or a page.
 
 use super::source::{self, Source};
 use crate::action::table;
-use crate::body::{JointAngles, Proportions, Segment, SegmentPose};
+use crate::body::{JointAngles, Proportions, Segment, SegmentPose, contact};
 use crate::draft;
 use crate::error::{Error, ErrorKind};
 use crate::mocap::files::CaptureOptions;
-use crate::mocap::{bvh, export, humanoid};
+use crate::mocap::scene::Scene;
+use crate::mocap::{bvh, export, humanoid, page};
 use crate::table::TableWriter;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -61,6 +62,8 @@ enum BodyFile {
     Bvh,
     /// A scene.
     X3d,
+    /// A page that draws it.
+    Html,
 }
 
 impl BodyFile {
@@ -69,9 +72,10 @@ impl BodyFile {
             Some("csv") => Ok(Self::Csv),
             Some("bvh") => Ok(Self::Bvh),
             Some("x3d") => Ok(Self::X3d),
+            Some("html") => Ok(Self::Html),
             _ => Err(Error::of(ErrorKind::Unknown, "this kind of file cannot be written")
                 .at(path.display().to_string())
-                .allowed("of a capture, a file that ends in .csv, .bvh or .x3d")),
+                .allowed("of a capture, a file that ends in .csv, .bvh, .x3d or .html")),
         }
     }
 }
@@ -93,10 +97,20 @@ pub fn convert(order: &ConvertOrder) -> Result<ConvertReport, Error> {
         angles.to_pose(pose.root_m, pose.orientation[Segment::Pelvis.index()])
     };
     let poses: Vec<SegmentPose> = angles.iter().zip(&capture.poses).map(modelled).collect();
+    let feet = [Segment::LeftFoot, Segment::RightFoot];
+    let scene = || Scene {
+        title: &motion,
+        poses: &poses,
+        body: &body,
+        rate_hz: capture.rate_hz,
+        floor_m: contact::floor_m(&body, &poses),
+        has_feet: feet.iter().all(|foot| capture.tracked[foot.index()]),
+    };
     let bytes = match kind {
         BodyFile::Csv => csv(&angles, &poses, capture.rate_hz)?,
         BodyFile::Bvh => bvh::write(&export::bvh_of(&poses, &body, capture.rate_hz)).into_bytes(),
-        BodyFile::X3d => humanoid::x3d_of(&motion, &poses, &body, capture.rate_hz).into_bytes(),
+        BodyFile::X3d => humanoid::x3d_of(&scene()).into_bytes(),
+        BodyFile::Html => page::page_of(&scene()).into_bytes(),
     };
     draft::write_file(&order.file, order.replace, &bytes)?;
     let most = |lean_rad: &dyn Fn(&SegmentPose) -> f64| {

@@ -54,7 +54,9 @@ pub fn convert(order: &MarkersOrder, observer: &dyn Observer) -> Result<MarkersR
     let Some(kind) = marker_files::written_as(&order.file) else {
         return Err(Error::of(ErrorKind::Unknown, "this kind of file cannot be written")
             .at(order.file.display().to_string())
-            .allowed("of markers, a file that ends in .c3d, .trc, .csm, .csv, .bvh or .x3d"));
+            .allowed(
+                "of markers, a file that ends in .c3d, .trc, .csm, .csv, .bvh, .x3d or .html",
+            ));
     };
     check_free(&order.file, order.replace)?;
     let mut reader = marker_files::open(&order.markers)?;

@@ -11,9 +11,10 @@ use crate::action::corpus::{Corpus, Variations};
 use crate::action::database::Types;
 use crate::action::{Action, Database, Inserts, Join, Motion, Spread, phrase, table};
 use crate::body::contact::Footing;
-use crate::body::{BodyFigure, Proportions, Sex};
+use crate::body::{BodyFigure, Proportions, SegmentPose, Sex};
 use crate::draft;
 use crate::error::{Error, ErrorKind};
+use crate::mocap::scene::Scene;
 use crate::mocap::{bvh, export, humanoid, page};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -328,6 +329,10 @@ fn bytes_of(
     motion: &Motion,
 ) -> Result<Vec<u8>, Error> {
     let poses = || motion.poses(body, order.rate_hz);
+    let scene = |poses: &[SegmentPose], write: fn(&Scene<'_>) -> String| {
+        let rate_hz = order.rate_hz;
+        write(&Scene { title, poses, body, rate_hz, floor_m: 0.0, has_feet: true }).into_bytes()
+    };
     match order.file.extension().and_then(|e| e.to_str()).unwrap_or_default() {
         "csv" => {
             let mut bytes = Vec::new();
@@ -335,8 +340,8 @@ fn bytes_of(
             Ok(bytes)
         }
         "bvh" => Ok(bvh::write(&export::bvh_of(&poses()?, body, order.rate_hz)).into_bytes()),
-        "x3d" => Ok(humanoid::x3d_of(title, &poses()?, body, order.rate_hz).into_bytes()),
-        "html" => Ok(page::page_of(title, &poses()?, body, order.rate_hz).into_bytes()),
+        "x3d" => Ok(scene(&poses()?, humanoid::x3d_of)),
+        "html" => Ok(scene(&poses()?, page::page_of)),
         _ => Err(Error::of(ErrorKind::Unknown, "this kind of file cannot be written")
             .at("-o")
             .got(order.file.display().to_string())
