@@ -168,7 +168,8 @@ fn an_action_whose_own_feet_slide_is_varied_as_it_is_and_said_to_be_implausible(
     let mut corpus = corpus("kick-r", Spread::default());
     let action = &mut corpus.parts[0].action;
     let knee = action.tracks().find(|track| track.dof == Dof::LeftKneeFlexion).expect("a knee");
-    for turn in &mut action.waveforms[knee.waveform] {
+    let waveform = knee.waveform;
+    for turn in &mut action.waveforms[waveform] {
         turn.angle_rad += 0.3 * (turn.at * core::f64::consts::PI).sin();
     }
     let made = Variations::of(corpus).expect("it can be performed");
