@@ -59,11 +59,7 @@ pub struct FootingBounds {
 
 impl Default for FootingBounds {
     fn default() -> Self {
-        Self {
-            slides_m: SLIDES_M,
-            root_m_s2: ROOT_M_S2,
-            landing_root_m_s2: LANDING_ROOT_M_S2,
-        }
+        Self { slides_m: SLIDES_M, root_m_s2: ROOT_M_S2, landing_root_m_s2: LANDING_ROOT_M_S2 }
     }
 }
 
