@@ -128,7 +128,7 @@ fn main() -> Result<(), Error> {
             body: Proportions::of_stature(1.75)?,
             has_points: false,
         };
-        let (body, action) = (corpus.body.clone(), corpus.parts[0].action.clone());
+        let (body, action) = (corpus.body, corpus.parts[0].action.clone());
         let mut drawn = Seen::default();
         let mut random = ChaCha8Rng::seed_from_u64(1);
         for _ in 0..count {

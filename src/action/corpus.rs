@@ -196,7 +196,7 @@ impl Variations {
         let heading_rad = around_zero(&mut random, corpus.spread.heading_rad);
         let varied = |motion: Motion, status, rejected| Varied {
             motion: motion.facing(heading_rad),
-            body: body.clone(),
+            body,
             status,
             rejected,
         };

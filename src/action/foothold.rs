@@ -163,7 +163,7 @@ impl Look {
         let rate_hz = looks / motion.duration_s();
         let feet = Feet::of(body, &motion.poses(body, rate_hz)?);
         let contacts = feet.contacts();
-        let (item, body) = (part.item.clone(), body.clone());
+        let (item, body) = (part.item.clone(), *body);
         Ok(Self { item, body, looks: looks as usize, rate_hz, feet, contacts })
     }
 

@@ -238,9 +238,8 @@ impl Proportions {
     pub fn of_other_stature(&self, stature_m: f64) -> Result<Self, Error> {
         let size = stature_m / self.stature_m;
         let mass_kg = self.mass_kg * size * size;
-        Ok(Self { stature_m, mass_kg, ..Self::of_figure(self.figure, stature_m)? }).map(|body| {
-            Self { sex: self.sex, lengths: self.lengths.clone(), legs: self.legs, ..body }
-        })
+        let checked = Self::of_figure(self.figure, stature_m)?;
+        Ok(Self { stature_m: checked.stature_m, mass_kg, ..*self })
     }
 
     /// Body height, m.

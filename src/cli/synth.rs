@@ -57,9 +57,10 @@ pub struct SynthArgs {
     /// Leave joints and ends out of a corpus, as points in space: two thirds of its bytes
     #[arg(long, requires = "variations")]
     no_points: bool,
-    /// Change a value: duration_s, rounds, pace, peak, blend_s; of the body stature_m, mass_kg, sex
+    /// Change a value: duration_s, rounds, pace, peak, blend_s; of the body stature_m, mass_kg, leg_m, sex
     /// (female or male) and figure (de-leva or drillis-contini); for variations vary_angle, vary_time,
-    /// vary_peak, vary_duration, vary_exchange, and vary_types (range or paper)
+    /// vary_peak, vary_duration, vary_exchange, vary_stride, vary_stature, vary_heading_deg, and vary_types
+    /// (range or paper)
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
     /// File to write: .csv (time_s, the 22 angles, rad, the root, m, and how the pelvis is turned, rad), .bvh, .x3d (an H-Anim

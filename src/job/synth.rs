@@ -170,9 +170,7 @@ impl Figures {
     /// The body that moves.
     fn body(&self) -> Result<Proportions, Error> {
         let body = Proportions::of_figure(self.figure, self.stature_m)?.of_sex(self.sex);
-        let body = self
-            .leg_m
-            .map_or_else(|| Ok(body.clone()), |leg_m| body.clone().with_leg_length_m(leg_m))?;
+        let body = self.leg_m.map_or(Ok(body), |leg_m| body.with_leg_length_m(leg_m))?;
         self.mass_kg.map_or(Ok(body), |mass_kg| body.with_mass_kg(mass_kg))
     }
 }
@@ -260,7 +258,7 @@ pub fn synth(
     variation: Option<u32>,
 ) -> Result<SynthReport, Error> {
     let corpus = order.corpus(phrase)?;
-    let mut body = corpus.body.clone();
+    let mut body = corpus.body;
     let made = match variation {
         Some(number) => {
             order.check_varied()?;
