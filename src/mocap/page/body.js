@@ -66,7 +66,8 @@ function drawFloor() {
 
 // What the soles on the floor span, and the centre of mass with the place on the floor under it.
 function drawBalance(pose) {
-  const corners = MOTION.support_mm[pose] || [], places = [];
+  // A tipped foot may touch with an edge alone, which is not told as a contact.
+  const corners = CONTACTS[pose] ? MOTION.support_mm[pose] : [], places = [];
   for (let i = 0; i < corners.length; i += 2) { places.push(seen(corners[i], corners[i + 1], 0)); }
   path(places, true);
   pen.fillStyle = "rgba(26, 152, 80, 0.35)"; pen.fill();
