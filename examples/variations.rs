@@ -12,12 +12,15 @@ use rand_chacha::ChaCha8Rng;
 
 const RATE_HZ: f64 = 250.0;
 
+/// Of a motion: its duration, the angles its actionlets end at, and their T.
+type Figures = (f64, Vec<f64>, Vec<f64>);
+
 /// What the worst and the usual of some motions do.
 #[derive(Default)]
 struct Seen {
     footings: Vec<[f64; 8]>,
-    /// By motion: its duration, the angles its actionlets end at, and their T.
-    figures: Vec<(f64, Vec<f64>, Vec<f64>)>,
+    /// By motion.
+    figures: Vec<Figures>,
 }
 
 impl Seen {
@@ -57,7 +60,7 @@ impl Seen {
             all.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>() / all.len() as f64
         };
         // Of actionlets at the same place; those of other numbers are left out.
-        let pooled = |get: fn(&(f64, Vec<f64>, Vec<f64>)) -> &Vec<f64>| {
+        let pooled = |get: fn(&Figures) -> &Vec<f64>| {
             let count = self.figures.first().map_or(0, |figures| get(figures).len());
             let alike: Vec<&Vec<f64>> =
                 self.figures.iter().map(get).filter(|all| all.len() == count).collect();
