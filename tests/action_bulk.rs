@@ -407,8 +407,8 @@ fn three_programs_read_a_labelled_corpus_alike() {
     below("stretch_m", 4.0 * 0.87 / 16_384.0 + 1e-6);
     assert_eq!(found["codecs"], serde_json::json!(["ZSTD"]));
     assert_eq!(found["with_statistics"], found["columns"]);
-    // Angles, root, orientation, stature, points.
-    assert_eq!(found["split"], 22 + 3 + 4 + 1 + 66);
+    // Angles, root, orientation, points.
+    assert_eq!(found["split"], 22 + 3 + 4 + 66);
     assert!(found["carried"].as_f64().unwrap() > 0.5, "{found}");
     aloud!("{poses} poses of two classes: DuckDB, Polars and PyArrow count alike");
 }

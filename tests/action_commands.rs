@@ -459,3 +459,30 @@ fn the_examples_of_inserts_and_changes_in_the_documents_run() {
         assert!(folder.join(arguments[arguments.len() - 1]).exists(), "{example}");
     }
 }
+
+#[test]
+fn a_variation_says_whether_its_feet_hold_and_who_does_it() {
+    let folder = crate::program::folder("one-variation");
+    let out = |name: &str| folder.join(name).to_str().unwrap().to_owned();
+    let one = |set: &[&str], name: &str| {
+        let (out, mut words) = (out(name), vec!["synth", "kick-r", "--variation", "7"]);
+        words.extend(set);
+        words.extend(["-o", &out]);
+        made(&words)
+    };
+    let usual = one(&[], "a.html");
+    assert_eq!(usual["varied"]["variation"], 7);
+    let holds = ["valid", "repaired"].contains(&usual["varied"]["status"].as_str().unwrap());
+    assert!(holds && usual["footing"]["slides_m"].as_f64().unwrap() < 0.005, "{usual:#}");
+    assert_eq!(usual["varied"]["stature_m"], 1.75);
+    let page = std::fs::read_to_string(folder.join("a.html")).unwrap();
+    assert!(page.contains("kick-r, variation 7"), "its title");
+    let other = one(&["--set", "vary_stature=0.2"], "b.csv");
+    let stature_m = other["varied"]["stature_m"].as_f64().unwrap();
+    assert!((1.4..2.1).contains(&stature_m) && stature_m != 1.75, "{stature_m}");
+    // In a tenth of the time nobody kicks and stands.
+    let hurried = one(&["--set", "pace=10"], "c.csv");
+    assert_eq!(hurried["varied"]["status"], "implausible");
+    let whole = made(&["synth", "kick-r", "-o", &out("d.csv")]);
+    assert!(whole.get("varied").is_none(), "it is no variation");
+}

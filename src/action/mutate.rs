@@ -85,24 +85,29 @@ impl Spread {
     /// # Errors
     /// If one is not.
     pub fn check(&self) -> Result<(), Error> {
-        for (what, value, most) in [
-            ("angle", self.angle, 0.9),
-            ("time", self.time, 0.45),
-            ("peak", self.peak, 0.8),
-            ("duration", self.duration, 0.9),
-            ("exchange", self.exchange, 1.0),
-            ("stride", self.stride, 3.0),
-            ("stature", self.stature, 0.3),
-            ("heading", self.heading_rad, core::f64::consts::PI),
+        for (what, value, most, unit) in [
+            ("angle", self.angle, 0.9, ""),
+            ("time", self.time, 0.45, ""),
+            ("peak", self.peak, 0.8, ""),
+            ("duration", self.duration, 0.9, ""),
+            ("exchange", self.exchange, 1.0, ""),
+            ("stride", self.stride, 3.0, ""),
+            ("stature", self.stature, 0.3, " of it"),
+            ("heading", rounded_deg(self.heading_rad), 180.0, " deg"),
         ] {
             if !(0.0..=most).contains(&value) {
                 return Err(Error::new(format!("the spread of {what} is out of range"))
-                    .got(value.to_string())
-                    .allowed(format!("0 to {most}")));
+                    .got(format!("{value}{unit}"))
+                    .allowed(format!("0 to {most}{unit}")));
             }
         }
         Ok(())
     }
+}
+
+/// For a person to read: what was said in degrees comes back as it was said.
+fn rounded_deg(angle_rad: f64) -> f64 {
+    (angle_rad.to_degrees() * 1e9).round() / 1e9
 }
 
 /// Strides that differ before they come again.

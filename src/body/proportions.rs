@@ -218,14 +218,19 @@ impl Proportions {
     /// If the length does not go with the stature.
     pub fn with_leg_length_m(self, length_m: f64) -> Result<Self, Error> {
         let (beta, theta) = (18.0_f64.to_radians(), 28.4_f64.to_radians());
-        let behind_m = 0.1288 * length_m - 0.048_56;
-        let inwards_m = 0.115 * length_m - 0.0153;
-        let below_m = behind_m * beta.sin() + inwards_m * theta.cos() * beta.cos();
+        // How far the hip joint is below the bone: behind it 0.1288 of the length less 48.56 mm, inwards 0.115 of it
+        // less 15.3 mm.
+        let aside = theta.cos() * beta.cos();
+        let (part, less_m) =
+            (0.1288 * beta.sin() + 0.115 * aside, 0.048_56 * beta.sin() + 0.0153 * aside);
+        let below_m = part * length_m - less_m;
         let usual_m = (self.lengths.thigh + self.lengths.shank) * self.stature_m;
         let legs = (length_m - below_m) / usual_m;
+        let length_of_m = |legs: f64| (legs * usual_m - less_m) / (1.0 - part);
         if !(0.4..=1.6).contains(&legs) {
             return Err(Error::new("leg length and stature do not fit one person")
-                .got(format!("{length_m} m of {} m", self.stature_m)));
+                .got(format!("{length_m} m of {} m", self.stature_m))
+                .allowed(format!("{:.2} to {:.2} m", length_of_m(0.4), length_of_m(1.6))));
         }
         Ok(Self { legs, ..self })
     }

@@ -5,8 +5,8 @@ use super::terminal::Terminal;
 use super::{Deed, Output, Remarks};
 use crate::error::Error;
 use crate::job::synth::{
-    ClassOrder, ClassReport, Figures, FootingReport, MAX_VARIATIONS, SynthOrder, synth,
-    tables_beside, vary,
+    ClassOrder, ClassReport, Figures, FootingReport, MAX_VARIATIONS, SynthOrder,
+    VariedMotionReport, synth, tables_beside, vary,
 };
 use clap::Args;
 use std::fmt::Write as _;
@@ -162,6 +162,19 @@ fn feet_of(class: &ClassReport) -> String {
     line + "\n"
 }
 
+/// What became of a variation, a line.
+fn became(varied: &VariedMotionReport) -> String {
+    let tail = match varied.status {
+        "valid" => "its feet hold as it was drawn",
+        "repaired" => "its feet hold since it was repaired",
+        _ => "ITS FEET DO NOT HOLD, nor do those of other draws",
+    };
+    format!(
+        "variation {}: {tail}; {} draws before it were thrown away; stature {:.2} m\n",
+        varied.variation, varied.rejected, varied.stature_m
+    )
+}
+
 /// How the body stands on its feet, a line.
 fn feet(footing: &FootingReport) -> String {
     format!(
@@ -187,10 +200,11 @@ fn run_one(
         format!("{}\n", report.written)
     } else {
         format!(
-            "done: {} takes {:.3} s, {} actionlets\n{}{}written   {}, {} poses at {} Hz\n",
+            "done: {} takes {:.3} s, {} actionlets\n{}{}{}written   {}, {} poses at {} Hz\n",
             report.action,
             report.duration_s,
             report.actionlets,
+            report.varied.as_ref().map_or_else(String::new, became),
             told(&report.changes, &report.inserts),
             feet(&report.footing),
             report.written,

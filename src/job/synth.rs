@@ -17,6 +17,7 @@ use crate::error::{Error, ErrorKind};
 use crate::mocap::scene::Scene;
 use crate::mocap::{bvh, export, humanoid, page};
 use serde::Serialize;
+use std::fmt::Write as _;
 use std::path::PathBuf;
 
 /// How actions are made, and where they are written.
@@ -170,7 +171,9 @@ impl Figures {
     /// The body that moves.
     fn body(&self) -> Result<Proportions, Error> {
         let body = Proportions::of_figure(self.figure, self.stature_m)?.of_sex(self.sex);
-        let body = self.leg_m.map_or(Ok(body), |leg_m| body.with_leg_length_m(leg_m))?;
+        let body = self.leg_m.map_or(Ok(body), |leg_m| {
+            body.with_leg_length_m(leg_m).map_err(|e| e.at("--set leg_m"))
+        })?;
         self.mass_kg.map_or(Ok(body), |mass_kg| body.with_mass_kg(mass_kg))
     }
 }
@@ -190,6 +193,9 @@ pub struct SynthReport {
     pub poses: usize,
     /// Actionlets that move something.
     pub actionlets: usize,
+    /// What became of the variation, if it is one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub varied: Option<VariedMotionReport>,
     /// Changes of gait without a stop, in order of time, before anything was inserted.
     pub changes: Vec<GaitChangeReport>,
     /// What was inserted, in the order in which it was.
@@ -198,6 +204,19 @@ pub struct SynthReport {
     pub footing: FootingReport,
     /// Where.
     pub written: String,
+}
+
+/// What became of one variation.
+#[derive(Clone, Debug, Serialize)]
+pub struct VariedMotionReport {
+    /// Its number.
+    pub variation: u32,
+    /// `valid`, `repaired` or `implausible`: whether its feet hold.
+    pub status: &'static str,
+    /// Draws before it that were thrown away.
+    pub rejected: u32,
+    /// Stature of the body, m.
+    pub stature_m: f64,
 }
 
 /// Rate at which feet are looked at, whatever is written.
@@ -258,18 +277,25 @@ pub fn synth(
     variation: Option<u32>,
 ) -> Result<SynthReport, Error> {
     let corpus = order.corpus(phrase)?;
-    let mut body = corpus.body;
+    let (mut body, mut title, mut varied) = (corpus.body, phrase.to_owned(), None);
     let made = match variation {
         Some(number) => {
             order.check_varied()?;
-            let varied = Variations::of(corpus.clone())?.variation(number)?;
-            body = varied.body;
-            Composed { motion: varied.motion, changes: Vec::new(), inserts: Vec::new() }
+            let made = Variations::of(corpus.clone())?.variation(number)?;
+            body = made.body;
+            let _ = write!(title, ", variation {number}");
+            varied = Some(VariedMotionReport {
+                variation: number,
+                status: made.status.name(),
+                rejected: made.rejected,
+                stature_m: body.stature_m(),
+            });
+            Composed { motion: made.motion, changes: Vec::new(), inserts: Vec::new() }
         }
         None => compose(&corpus.parts, corpus.join, &order.inserts)?,
     };
     let motion = &made.motion;
-    let bytes = bytes_of(order, phrase, &body, motion)?;
+    let bytes = bytes_of(order, &title, &body, motion)?;
     draft::write_file(&order.file, order.replace, &bytes)?;
     Ok(SynthReport {
         outcome: "done",
@@ -278,6 +304,7 @@ pub fn synth(
         rate_hz: order.rate_hz,
         poses: motion.pose_count(order.rate_hz)?,
         actionlets: motion.moving().count(),
+        varied,
         changes: made.changes,
         inserts: made.inserts,
         footing: FootingReport::of(motion, &body)?,
@@ -304,7 +331,7 @@ impl SynthOrder {
         for part in &mut parts {
             part.action = self.figures.applied(part.action.clone())?;
         }
-        self.figures.spread.check()?;
+        self.figures.spread.check().map_err(|e| e.at("--set vary_..."))?;
         Ok(Corpus {
             label: phrase.to_owned(),
             parts,
