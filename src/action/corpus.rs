@@ -176,12 +176,6 @@ impl Variations {
         Ok(Self { corpus, footholds, bounds: bounds.unwrap_or_default(), draws })
     }
 
-    /// What they are variations of.
-    #[must_use]
-    pub const fn corpus(&self) -> &Corpus {
-        &self.corpus
-    }
-
     /// Variation number `index`: the first draw whose feet hold, as it is drawn or repaired. If none of
     /// many is, the first of them.
     ///

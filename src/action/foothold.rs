@@ -54,12 +54,11 @@ const JUDGED_HZ: f64 = 250.0;
 pub struct FootingBounds {
     slides_m: f64,
     root_m_s2: f64,
-    landing_root_m_s2: f64,
 }
 
 impl Default for FootingBounds {
     fn default() -> Self {
-        Self { slides_m: SLIDES_M, root_m_s2: ROOT_M_S2, landing_root_m_s2: LANDING_ROOT_M_S2 }
+        Self { slides_m: SLIDES_M, root_m_s2: ROOT_M_S2 }
     }
 }
 
@@ -77,7 +76,6 @@ impl FootingBounds {
         let bounds = Self {
             slides_m: usual.slides_m.max(WORSE * slides_m),
             root_m_s2: usual.root_m_s2.max(WORSE * root_m_s2),
-            landing_root_m_s2: usual.landing_root_m_s2,
         };
         let holds = slides_m < MOST_SLIDES_M && root_m_s2 < LANDING_ROOT_M_S2;
         Ok((holds && seen.hold(&bounds)).then_some(bounds))
@@ -114,7 +112,7 @@ impl Feet {
     fn hold(&self, bounds: &FootingBounds) -> bool {
         let sinks = self.soles_m.iter().flatten().any(|sole_m| !(sole_m.z > -SINKS_M));
         let flies = self.soles_m.iter().any(|soles_m| soles_m.iter().all(|m| m.z >= ON_FLOOR_M));
-        let most_m_s2 = if flies { bounds.landing_root_m_s2 } else { bounds.root_m_s2 };
+        let most_m_s2 = if flies { LANDING_ROOT_M_S2 } else { bounds.root_m_s2 };
         !sinks && self.root_m_s2() < most_m_s2 && worst_slide_m(&self.soles_m) < bounds.slides_m
     }
 
