@@ -24,7 +24,9 @@ pub fn faults_of(ran: &Ran, job: Job, fault: Fault, phase: Phase, robot: Robot) 
     if fault == Fault::Kill {
         expect(ran.signal == Some(9), format!("ended by signal {:?}, not 9", ran.signal));
     } else {
-        let codes = codes(job, fault, phase, ran);
+        let mut codes = codes(job, fault, phase, ran);
+        // Whatever else was to come: a stop for a host that stood still.
+        codes.extend(ended_by_a_stall(ran).map(|_| 4));
         let ended = format!("exit code {:?}, signal {:?}, not {codes:?}", ran.code, ran.signal);
         expect(ran.code.is_some_and(|code| codes.contains(&code)), ended);
     }
@@ -86,11 +88,22 @@ fn makes_no_goals(fault: Fault) -> bool {
     matches!(fault, Fault::Panic("advance+" | "admit+" | "write+"))
 }
 
-/// Goals that left late, or were held back since answers came late: this machine's doing, and said
-/// by the command itself.
+/// Goals that left late, or not at all, or were held back since answers came late: this machine's doing, and
+/// said by the command itself.
 pub fn left_late(ran: &Ran) -> bool {
     let excepted = ran.report.as_ref().and_then(|report| report["exceptions"].as_array());
     excepted.is_some_and(|all| all.iter().any(|one| LATE.iter().any(|late| one["kind"] == *late)))
+}
+
+/// What ended a run that the machine was too slow for: it says so itself, and stops at rest.
+pub fn ended_by_a_stall(ran: &Ran) -> Option<String> {
+    let report = ran.report.as_ref()?;
+    let code = report["stop"]["code"].as_str().unwrap_or_default();
+    let reason = report["stop_reason"].as_str().unwrap_or_default();
+    let excepted = report["exceptions"].as_array();
+    let is_stalled = excepted.is_some_and(|all| all.iter().any(|one| one["kind"] == "stalled"));
+    let is_late = matches!(code, "late" | "stalled") || is_stalled;
+    (is_late || reason.starts_with("the host stall")).then(|| reason.to_owned())
 }
 
 /// True if a joint may not have heard goals.
@@ -99,7 +112,7 @@ pub fn misses_goals(ran: &Ran) -> bool {
 }
 
 /// How a report names that.
-const LATE: [&str; 3] = ["sent-late", "held-back", "joint-held-back"];
+const LATE: [&str; 4] = ["sent-late", "held-back", "joint-held-back", "stalled"];
 
 /// Joints that may not have heard goals since their answers came late: where no line is disturbed that is
 /// this machine's doing too. It excuses no more than that their first or last two goals differ (R2b).
