@@ -3,6 +3,7 @@
 pub mod actionlets;
 pub mod calibrate;
 pub mod calibrated;
+pub mod clean;
 pub mod convert;
 pub mod cues;
 pub mod doctor;
@@ -87,6 +88,8 @@ enum Command {
     Retarget(Box<retarget::RetargetArgs>),
     /// Make a motion of actionlets and write it to a file
     Synth(Box<synth::SynthArgs>),
+    /// Find and mend what is wrong with markers
+    Clean(Box<clean::CleanArgs>),
     /// Fit a body to markers: bones, joint angles, residuals
     Fit(Box<fit::FitArgs>),
     /// Break a captured motion down into actionlets
@@ -167,6 +170,7 @@ fn run(cli: &Cli) -> i32 {
         Command::Live(args) => live::run(args, remarks),
         Command::Retarget(args) => retarget::run(args, remarks),
         Command::Synth(args) => synth::run(args, remarks),
+        Command::Clean(args) => clean::run(args, remarks),
         Command::Fit(args) => fit::run(args, remarks),
         Command::Actionlets(args) => actionlets::run(args, remarks),
         Command::Recognise(args) => recognise::run(args, remarks),

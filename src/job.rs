@@ -2,6 +2,8 @@
 //! and ends in a typed report. It prints nothing, reads no keys and knows no command line.
 
 pub mod calibrate;
+pub mod clean;
+pub mod clean_check;
 pub mod composition;
 pub mod convert;
 pub mod decompose;

@@ -29,6 +29,7 @@ const ROOMS: &[Room] = &[
     room("bus", "port time units wire", "clock"),
     room("calibration", "error toml_text", "profiles"),
     room("capture", "device time wire", "profiles"),
+    room("clean", "error mocap toml_text", ""),
     room(
         "cli",
         "action body draft error job recording rig sensing session time",
@@ -41,7 +42,7 @@ const ROOMS: &[Room] = &[
     room("guard", "motion time", ""),
     room(
         "job",
-        "action body bus calibration capture control device draft error mocap motion plot port \
+        "action body bus calibration capture clean control device draft error mocap motion plot port \
          recognise recording rig rigid robot sensing session table time wire",
         "clock files network profiles simulator threads wall-clock",
     ),

@@ -131,9 +131,13 @@ fn the_exit_code_says_what_was_done_and_whether_it_could_be_told() {
     let recorded = folder.join("lines.mcap");
     recording(&recorded, "lines");
     let (recorded, made) = (recorded.display().to_string(), folder.join("made"));
+    let markers = folder.join("markers.csv");
+    let table = "frame,time_s,C7_x_m,C7_y_m,C7_z_m\n1,0,1,2,3\n2,0.01,1,2,3\n";
+    std::fs::write(&markers, table).expect("a file");
+    let markers = markers.display().to_string();
     let made = made.display().to_string();
     let made = |ending: &str| format!("{made}.{ending}");
-    let table: [(Deed, i32, Vec<String>); 18] = [
+    let table: [(Deed, i32, Vec<String>); 19] = [
         (Deed::Look, 0, words("--help")),
         (Deed::Look, 2, words("play --no-such-option")),
         (Deed::Look, 0, words("completions bash")),
@@ -142,6 +146,7 @@ fn the_exit_code_says_what_was_done_and_whether_it_could_be_told() {
         (Deed::Look, 0, words("profile show op3 --json")),
         (Deed::Look, 0, vec!["info".into(), recorded]),
         (Deed::Look, 1, words("info /no/such/file.mcap")),
+        (Deed::Work, 0, [words("clean --force"), vec![markers, "-o".into(), made("trc")]].concat()),
         (Deed::Look, 0, words("scan sim --robot op3")),
         (Deed::Look, 0, words("servo get sim 19 --robot op3")),
         (Deed::Look, 0, words("monitor op3 --bus sim")),

@@ -64,27 +64,12 @@ pub fn convert(order: &MarkersOrder, observer: &dyn Observer) -> Result<MarkersR
         reader.set_rate(rate_hz);
     }
     let head = reader.head().clone();
-    let unwritable = |cause: std::io::Error| {
-        Error::of((&cause).into(), "cannot write the file")
-            .at(order.file.display().to_string())
-            .got(cause.to_string())
-    };
     let in_file = |error: Error| match error.place {
         None => error.at(order.markers.display().to_string()),
         Some(_) => error,
     };
-    let draft = Draft::create(&order.file, order.replace).map_err(unwritable)?;
-    let mut out = BufWriter::with_capacity(1 << 16, draft);
-    let mut told = Told { frames: &mut reader, observer, done: 0 };
-    let left_out = match kind {
-        MarkerFormat::C3d => c3d::write::write(&mut out, &mut told),
-        MarkerFormat::Trc => trc::write(&mut out, &name_of(&order.file), &mut told),
-        MarkerFormat::Csm => csm::write(&mut out, &name_of(&order.file), &mut told),
-        MarkerFormat::Csv => marker_table::write(&mut out, &mut told),
-    };
+    let left_out = write(&order.file, order.replace, kind, &mut reader, observer);
     let left_out = left_out.map_err(in_file)?;
-    let mut draft = out.into_inner().map_err(|cause| unwritable(cause.into_error()))?;
-    draft.flush().and_then(|()| draft.keep()).map_err(unwritable)?;
     let mut notes = head.notes.clone();
     notes.extend(reader.closing_notes());
     notes.extend(left_out);
@@ -97,6 +82,36 @@ pub fn convert(order: &MarkersOrder, observer: &dyn Observer) -> Result<MarkersR
         notes,
         written: order.file.display().to_string(),
     })
+}
+
+/// Writes frames as one kind of file. What could not be written is in the notes that come back.
+///
+/// # Errors
+/// A file that exists or cannot be written, frames that cannot be read, a rate or unit that nobody knows.
+pub(super) fn write(
+    file: &Path,
+    replace: bool,
+    kind: MarkerFormat,
+    frames: &mut dyn Frames,
+    observer: &dyn Observer,
+) -> Result<Vec<String>, Error> {
+    let unwritable = |cause: std::io::Error| {
+        Error::of((&cause).into(), "cannot write the file")
+            .at(file.display().to_string())
+            .got(cause.to_string())
+    };
+    let draft = Draft::create(file, replace).map_err(unwritable)?;
+    let mut out = BufWriter::with_capacity(1 << 16, draft);
+    let mut told = Told { frames, observer, done: 0 };
+    let left_out = match kind {
+        MarkerFormat::C3d => c3d::write::write(&mut out, &mut told),
+        MarkerFormat::Trc => trc::write(&mut out, &name_of(file), &mut told),
+        MarkerFormat::Csm => csm::write(&mut out, &name_of(file), &mut told),
+        MarkerFormat::Csv => marker_table::write(&mut out, &mut told),
+    }?;
+    let mut draft = out.into_inner().map_err(|cause| unwritable(cause.into_error()))?;
+    draft.flush().and_then(|()| draft.keep()).map_err(unwritable)?;
+    Ok(left_out)
 }
 
 fn name_of(path: &Path) -> String {

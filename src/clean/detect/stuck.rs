@@ -1,0 +1,43 @@
+//! Markers that stay where they are, to the last bit, while others around them move.
+
+use super::super::artefact::{Artefact, ArtefactKind, Cause};
+use super::super::trial::{Trial, runs};
+use glam::DVec3;
+
+/// Shortest time of it, s, and in frames.
+const SHORTEST_S: f64 = 0.04;
+const SHORTEST: usize = 4;
+/// How far its neighbours must move meanwhile, m: coarse files repeat a marker that rests.
+const MOVED_M: f64 = 0.004;
+
+/// Where a marker sticks; `near` are its neighbours.
+pub(super) fn stuck(trial: &Trial, marker: usize, near: &[usize]) -> Vec<Artefact> {
+    let is_same = |frame: usize| {
+        frame > 0
+            && trial.at(marker, frame).is_some()
+            && trial.at(marker, frame) == trial.at(marker, frame - 1)
+    };
+    let least = trial.frames_of(SHORTEST_S).max(SHORTEST) - 1;
+    let found = runs(trial.frames(), is_same).into_iter().filter(|run| run.len() >= least);
+    let moves = found.filter_map(|run| {
+        let (first, last) = (run.start - 1, run.end - 1);
+        let travel = |of: &usize| {
+            let places: Vec<DVec3> =
+                (first..=last).filter_map(|frame| trial.at(*of, frame)).collect();
+            let from = *places.first()?;
+            places.iter().map(|place| place.distance(from)).max_by(f64::total_cmp)
+        };
+        let mut travels: Vec<f64> = near.iter().filter_map(travel).collect();
+        travels.sort_by(f64::total_cmp);
+        let usual = *travels.get(travels.len() / 2)?;
+        (usual > MOVED_M).then(|| Artefact {
+            kind: ArtefactKind::Stuck,
+            marker,
+            with: None,
+            frames: first + 1..last + 1,
+            cause: Some(Cause::LostTracking),
+            confidence: 1.0 - 0.5 * MOVED_M / usual,
+        })
+    });
+    moves.collect()
+}

@@ -1,0 +1,186 @@
+//! `clean`, as it is typed.
+
+use super::terminal::Terminal;
+use super::{Deed, Output, Remarks};
+use crate::error::Error;
+use crate::job::clean::{ArtefactFigures, CleanOrder, CleanReport, Remedy, clean};
+use crate::job::clean_check::{CheckOrder, check};
+use clap::Args;
+use std::fmt::Write;
+use std::path::PathBuf;
+
+/// Expected errors of fills that may be asked for, mm.
+const TOLERANCES_MM: std::ops::RangeInclusive<f64> = 0.0..=1000.0;
+
+/// Arguments of `clean`.
+#[derive(Clone, Debug, Args)]
+#[command(after_help = "\
+OUT is written with what was mended; its ending says what kind of file (.c3d, .trc, .csm, .csv).
+Beside it stands OUT.edits.toml: every edit with its marker, its frames and what is done. Change it,
+delete from it, and apply it to the same file again with --edits. Samples that no edit names stay as
+they are, bit for bit; the report has their SHA-256 before and after.
+
+How a gap is filled is found out on the trial itself: gaps as long are cut elsewhere, filled in five
+ways, and compared with what was there. The mean of that is the expected error. See docs/cleaning.md,
+which also says what is missed.
+
+Exit code 3 if something was found and not mended.
+
+--check writes nothing: trials of a folder, ranked by how much of them is part of an artefact. Exit
+code 3 if one has more than --most-doubt.
+
+Example: gaitway clean walk.c3d -o walk-clean.c3d
+then:    gaitway clean walk.c3d -o walk-clean.c3d --edits walk-clean.edits.toml --force
+before:  gaitway clean trials/ --check")]
+pub struct CleanArgs {
+    /// Markers in motion (.c3d, .trc, .csm, .csv); with --check also a folder of them
+    file: PathBuf,
+    /// File to write
+    #[arg(short, long, value_name = "OUT", required_unless_present = "check")]
+    output_file: Option<PathBuf>,
+    /// Only look: write nothing, rank trials by doubt
+    #[arg(long, conflicts_with_all = ["output_file", "edits", "tolerance"])]
+    check: bool,
+    /// With --check: most of a trial's samples that may be doubtful, %
+    #[arg(long, value_name = "PERCENT", default_value_t = 1.0, value_parser = percent,
+          requires = "check", allow_negative_numbers = true)]
+    most_doubt: f64,
+    /// Edit list: applied if the file is there, else written [default: beside OUT]
+    #[arg(long, value_name = "EDITS.toml")]
+    edits: Option<PathBuf>,
+    /// Leave gaps whose fill is expected to miss by more, mm
+    #[arg(long, value_name = "MM", default_value_t = 50.0, value_parser = tolerance,
+          allow_negative_numbers = true)]
+    tolerance: f64,
+    /// Frames per second of markers that do not say it
+    #[arg(long, value_name = "HZ", allow_negative_numbers = true)]
+    rate: Option<f64>,
+    #[command(flatten)]
+    output: Output,
+}
+
+fn tolerance(text: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
+    let allowed = || format!("{} to {} mm", TOLERANCES_MM.start(), TOLERANCES_MM.end());
+    if TOLERANCES_MM.contains(&value) { Ok(value) } else { Err(allowed()) }
+}
+
+fn percent(text: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
+    if (0.0..=100.0).contains(&value) { Ok(value) } else { Err("0 to 100 %".to_owned()) }
+}
+
+/// Runs `clean`; exit code 3 if something was found and not mended.
+///
+/// # Errors
+/// Files that cannot be read or written, an edit list of another file.
+pub fn run(args: &CleanArgs, remarks: Remarks) -> Result<i32, Error> {
+    // clap asks for a file to write, unless it is not to be written.
+    let Some(output_file) = args.output_file.as_deref().filter(|_| !args.check) else {
+        return looked_at(args, remarks);
+    };
+    let list = args.edits.clone().filter(|file| !file.exists());
+    args.output.check_files(&[&Some(output_file.to_owned()), &list])?;
+    let mut outputs = vec![output_file];
+    outputs.extend(list.as_deref());
+    args.output.check_apart(&args.file, &outputs)?;
+    let order = CleanOrder {
+        markers: args.file.clone(),
+        rate_hz: args.rate,
+        file: output_file.to_owned(),
+        edits: args.edits.clone(),
+        tolerance_m: args.tolerance / 1e3,
+        replace: args.output.force(),
+    };
+    let report = clean(&order, &Terminal::unheard(remarks))?;
+    let code = report.outcome.exit_code();
+    Ok(args.output.conclude(&report, &words(&report, remarks), Deed::Work, code))
+}
+
+/// Looks at trials; exit code 3 if one has more doubt than allowed.
+fn looked_at(args: &CleanArgs, remarks: Remarks) -> Result<i32, Error> {
+    args.output.check_files(&[])?;
+    args.output.check_apart(&args.file, &[])?;
+    let order = CheckOrder {
+        markers: args.file.clone(),
+        rate_hz: args.rate,
+        most_doubt: args.most_doubt / 100.0,
+    };
+    let report = check(&order, &Terminal::unheard(remarks))?;
+    let mut text = format!("{:>8}  {:>8}  {:>7}  trial\n", "doubt %", "s", "markers");
+    for trial in &report.trials {
+        let doubt = trial.doubt.map_or("-".to_owned(), |of| format!("{:.2}", of * 100.0));
+        let kinds = trial.artefacts.iter().map(|(kind, count)| format!("{count} {}", kind.word()));
+        let found = trial.error.iter().cloned().chain(kinds).collect::<Vec<_>>().join(", ");
+        let said = if found.is_empty() { String::new() } else { format!(": {found}") };
+        let (duration_s, markers) = (trial.duration_s, trial.marker_count);
+        let _ =
+            writeln!(text, "{doubt:>8}  {duration_s:>8.2}  {markers:>7}  {}{said}", trial.markers);
+    }
+    let code = report.outcome.exit_code();
+    Ok(args.output.conclude(&report, &text, Deed::Look, code))
+}
+
+fn words(report: &CleanReport, remarks: Remarks) -> String {
+    let mut text = String::new();
+    if !remarks.quiet {
+        let _ = writeln!(
+            text,
+            "{}: {} frames at {} Hz, {} markers, {} artefacts; {} samples filled, {} taken out",
+            report.outcome.word(),
+            report.frames,
+            report.rate_hz,
+            report.marker_count,
+            report.artefacts.len(),
+            report.filled_samples,
+            report.removed_samples
+        );
+        if !report.artefacts.is_empty() {
+            let _ = writeln!(
+                text,
+                "{:15} {:12} {:>8} {:>8}  {:18} {:>4}  {:22} {:>11}",
+                "artefact", "marker", "from s", "to s", "cause", "sure", "done", "expected mm"
+            );
+        }
+        report.artefacts.iter().for_each(|of| row(&mut text, of));
+        let untouched = &report.untouched_sha256;
+        let alike = if untouched.before == untouched.after { "the same" } else { "NOT the same" };
+        let _ = writeln!(
+            text,
+            "untouched {} samples, {alike} before and after ({})",
+            untouched.samples,
+            untouched.after.get(..12).unwrap_or_default()
+        );
+        for note in &report.notes {
+            let _ = writeln!(text, "note      {note}");
+        }
+    }
+    let _ = writeln!(text, "edits     {}", report.edits);
+    let _ = writeln!(text, "written   {}", report.written);
+    text
+}
+
+fn row(text: &mut String, of: &ArtefactFigures) {
+    let marker = match &of.with {
+        Some(other) => format!("{}-{other}", of.marker),
+        None => of.marker.clone(),
+    };
+    let done = match (of.remedy, of.fill) {
+        (Remedy::Fill, Some(method)) => format!("filled, {}", method.word()),
+        (Remedy::Fill, None) => "filled".to_owned(),
+        (Remedy::Remove, _) => "taken out, not filled".to_owned(),
+        (Remedy::Exchange, _) => "exchanged".to_owned(),
+        (Remedy::Leave, _) => "left".to_owned(),
+    };
+    let or_dash = |value: Option<String>| value.unwrap_or_else(|| "-".to_owned());
+    let _ = writeln!(
+        text,
+        "{:15} {marker:12} {:>8.3} {:>8.3}  {:18} {:>4}  {done:22} {:>11}",
+        of.kind.word(),
+        of.start_s,
+        of.end_s,
+        of.cause.map_or("-", |cause| cause.words()),
+        or_dash(of.confidence.map(|sure| format!("{sure:.2}"))),
+        or_dash(of.expected_error_m.map(|error_m| format!("{:.1}", error_m * 1e3))),
+    );
+}

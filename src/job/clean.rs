@@ -1,0 +1,386 @@
+//! Markers cleaned: what is wrong with a trial is found and mended, and what was done is a list that can be changed and
+//! applied again.
+
+use super::markers::write;
+use super::observer::{Event, Observer};
+use super::report::Outcome;
+use crate::clean::artefact::{Artefact, ArtefactKind, Cause};
+use crate::clean::choice::Chooser;
+use crate::clean::detect;
+use crate::clean::edits::{Change, Edit, EditList, EditStep, MAX_BYTES, SCHEMA, fill, prepare};
+use crate::clean::fill::Method;
+use crate::clean::source::{Cleaned, Digest, NamedSamples, SourceMarkers, digest, source};
+use crate::clean::trial::{Gap, Trial};
+use crate::draft::{check_free, write_file};
+use crate::error::{Error, ErrorKind};
+use crate::mocap::marker_files;
+use crate::mocap::markers::{FramesOf, Markers};
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+pub use crate::clean::edits::Remedy;
+
+/// Markers that a note names.
+const NAMED: usize = 8;
+
+/// Ending of an edit list beside what it made.
+const EDITS_ENDING: &str = "edits.toml";
+
+/// Which trial is cleaned into which file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CleanOrder {
+    /// A file of markers.
+    pub markers: PathBuf,
+    /// Frames per second, where the file does not say them.
+    pub rate_hz: Option<f64>,
+    /// The file, whose ending says what is written.
+    pub file: PathBuf,
+    /// The edit list: applied if it is there, else written. `None`: written beside `file`.
+    pub edits: Option<PathBuf>,
+    /// Gaps whose fill is expected to miss by more are left, m.
+    pub tolerance_m: f64,
+    /// Files may replace those that are there.
+    pub replace: bool,
+}
+
+/// What came of it.
+#[derive(Clone, Debug, Serialize)]
+pub struct CleanReport {
+    /// `done`, or `done_with_loss` if something was found and not mended.
+    pub outcome: Outcome,
+    /// The file.
+    pub markers: String,
+    /// Labelled markers.
+    pub marker_count: usize,
+    /// Frames.
+    pub frames: usize,
+    /// Frames per second.
+    pub rate_hz: f64,
+    /// What is wrong; by an edit list, what it says was wrong.
+    pub artefacts: Vec<ArtefactFigures>,
+    /// All samples that no edit names: the same before and after.
+    pub untouched_sha256: UntouchedFigures,
+    /// Samples that were filled in.
+    pub filled_samples: usize,
+    /// Samples that were taken out.
+    pub removed_samples: usize,
+    /// What was found out, taken for granted or left.
+    pub notes: Vec<String>,
+    /// The edit list.
+    pub edits: String,
+    /// Where.
+    pub written: String,
+}
+
+/// One thing that is wrong.
+#[derive(Clone, Debug, Serialize)]
+pub struct ArtefactFigures {
+    /// What.
+    pub kind: ArtefactKind,
+    /// Name of the marker.
+    pub marker: String,
+    /// Of a swap, the other marker.
+    pub with: Option<String>,
+    /// Its first frame, s since the first of the file.
+    pub start_s: f64,
+    /// The end of its last frame, s.
+    pub end_s: f64,
+    /// Why, where that can be told.
+    pub cause: Option<Cause>,
+    /// How sure that is, 0 to 1; null of what an edit list says.
+    pub confidence: Option<f64>,
+    /// What is done.
+    pub remedy: Remedy,
+    /// How the gap is filled.
+    pub fill: Option<Method>,
+    /// How far the fill is expected to miss, m: the mean over as long gaps that were cut elsewhere in the trial; null
+    /// where nothing was filled, or nothing could be cut.
+    pub expected_error_m: Option<f64>,
+}
+
+/// The samples that no edit names.
+#[derive(Clone, Debug, Serialize)]
+pub struct UntouchedFigures {
+    /// How many.
+    pub samples: u64,
+    /// SHA-256 of them in the file that was read.
+    pub before: String,
+    /// SHA-256 of them in what was written.
+    pub after: String,
+}
+
+/// What is to be done, and why.
+struct Plan {
+    edits: Vec<Edit>,
+    artefacts: Vec<ArtefactFigures>,
+    notes: Vec<String>,
+}
+
+/// Cleans a trial.
+///
+/// # Errors
+/// A file that cannot be read or holds no labelled markers, an ending that nobody writes, an edit list of another file,
+/// files that exist or cannot be written.
+pub fn clean(order: &CleanOrder, observer: &dyn Observer) -> Result<CleanReport, Error> {
+    let Some(kind) = marker_files::written_as(&order.file) else {
+        return Err(Error::of(ErrorKind::Unknown, "this kind of file cannot be written")
+            .at(order.file.display().to_string())
+            .allowed("of markers, a file that ends in .c3d, .trc, .csm or .csv"));
+    };
+    check_free(&order.file, order.replace)?;
+    let list_file = order.edits.clone().unwrap_or_else(|| order.file.with_extension(EDITS_ENDING));
+    let is_given = order.edits.as_ref().is_some_and(|file| file.exists());
+    if !is_given {
+        check_free(&list_file, order.replace)?;
+    }
+    let in_file = |error: Error| match error.place {
+        None => error.at(order.markers.display().to_string()),
+        Some(_) => error,
+    };
+    let markers = marker_files::read(&order.markers, order.rate_hz)?;
+    let source = source(&markers).map_err(in_file)?;
+    let all = digest(&mut FramesOf::new(&markers), |_, _| true)?;
+    let head = markers.head();
+    let plan = if is_given {
+        applied(&list_file, &source.trial, head.first_frame, &all)?
+    } else {
+        planned(order, &source, head.first_frame, observer)
+    };
+    let steps = plan
+        .edits
+        .iter()
+        .filter_map(|edit| EditStep::of(edit, &source.trial, head.first_frame).transpose())
+        .collect::<Result<Vec<EditStep>, Error>>()
+        .map_err(|error| match is_given {
+            true => error.in_file(&list_file),
+            false => error,
+        })?;
+    let mut trial = source.trial.clone();
+    prepare(&mut trial, &steps);
+    let filled = fill(&mut Chooser::new(&mut trial), &steps, |done, total| {
+        observer.hear(Event::Step { done: done as u64, total: total as u64, what: "gaps" });
+    });
+    let mut cleaned = Cleaned::new(&markers, &source, &steps, &filled);
+    let left_out = write(&order.file, order.replace, kind, &mut cleaned, observer)?;
+    let named = NamedSamples::by(&steps, &source, head);
+    let is_good = |point: usize, frame: usize| {
+        markers.sample(frame, point).is_some() && !named.has(point, frame)
+    };
+    let before = digest(&mut FramesOf::new(&markers), is_good)?;
+    let after = digest(&mut Cleaned::new(&markers, &source, &steps, &filled), is_good)?;
+    if !is_given {
+        let list = EditList {
+            schema: SCHEMA,
+            source: order.markers.display().to_string(),
+            source_sha256: Some(all.sha256),
+            edits: plan.edits,
+        };
+        write_file(&list_file, order.replace, list.to_text()?.as_bytes())?;
+    }
+    let notes = head.notes.iter().chain(&source.notes).chain(&plan.notes).chain(&left_out);
+    let is_mended = |of: &ArtefactFigures| matches!(of.remedy, Remedy::Fill | Remedy::Exchange);
+    let is_whole = plan.artefacts.iter().all(is_mended) && head.lost_frames == 0;
+    Ok(CleanReport {
+        outcome: if is_whole { Outcome::Done } else { Outcome::DoneWithLoss },
+        markers: order.markers.display().to_string(),
+        marker_count: source.trial.markers(),
+        frames: source.trial.frames(),
+        rate_hz: source.trial.rate_hz(),
+        untouched_sha256: UntouchedFigures {
+            samples: before.samples,
+            before: before.sha256,
+            after: after.sha256,
+        },
+        filled_samples: filled.len(),
+        removed_samples: removed(&markers, &source, &steps),
+        notes: notes.cloned().collect(),
+        artefacts: plan.artefacts,
+        edits: list_file.display().to_string(),
+        written: order.file.display().to_string(),
+    })
+}
+
+/// Samples that were seen and are taken out, filled again or not.
+fn removed(markers: &Markers, source: &SourceMarkers, steps: &[EditStep]) -> usize {
+    let taken: Vec<EditStep> =
+        steps.iter().filter(|step| !matches!(step.change, Change::Exchange(_))).cloned().collect();
+    let named = NamedSamples::by(&taken, source, markers.head());
+    let seen = |point: &usize, frame: &usize| {
+        named.has(*point, *frame) && markers.sample(*frame, *point).is_some()
+    };
+    let frames = || 0..markers.head().frames;
+    source.points.iter().map(|point| frames().filter(|frame| seen(point, frame)).count()).sum()
+}
+
+/// What an edit list says.
+fn applied(path: &Path, trial: &Trial, first_frame: u64, all: &Digest) -> Result<Plan, Error> {
+    let read = |cause: std::io::Error| {
+        Error::of((&cause).into(), "the edit list cannot be read")
+            .at(path.display().to_string())
+            .got(cause.to_string())
+    };
+    let length = std::fs::metadata(path).map_err(read)?.len();
+    if length > MAX_BYTES as u64 {
+        return Err(Error::of(ErrorKind::OutsideLimits, "the edit list is too large")
+            .at(path.display().to_string())
+            .got(format!("{length} bytes"))
+            .allowed(format!("at most {MAX_BYTES} bytes")));
+    }
+    let text = std::fs::read_to_string(path).map_err(read)?;
+    let list = EditList::parse(&text).map_err(|error| error.in_file(path))?;
+    if list.source_sha256.as_ref().is_some_and(|of| *of != all.sha256) {
+        return Err(Error::new("the edit list belongs to other markers")
+            .at(path.display().to_string())
+            .got(format!("edits for {}", list.source))
+            .remedy(
+                "apply it to the file it was made for, or delete its line source_sha256 to take \
+                 it for this one",
+            ));
+    }
+    let rate_hz = trial.rate_hz();
+    let time_s = |frame: u64| frame.saturating_sub(first_frame) as f64 / rate_hz;
+    let artefacts = list.edits.iter().map(|edit| ArtefactFigures {
+        kind: edit.kind,
+        marker: edit.marker.clone(),
+        with: edit.with.clone(),
+        start_s: time_s(edit.first_frame),
+        end_s: time_s(edit.last_frame.saturating_add(1)),
+        cause: None,
+        confidence: None,
+        remedy: edit.remedy,
+        fill: edit.method.filter(|_| edit.remedy == Remedy::Fill),
+        expected_error_m: None,
+    });
+    Ok(Plan { artefacts: artefacts.collect(), edits: list.edits, notes: Vec::new() })
+}
+
+/// Finds what is wrong, and chooses what is done about it.
+fn planned(
+    order: &CleanOrder,
+    source: &SourceMarkers,
+    first_frame: u64,
+    observer: &dyn Observer,
+) -> Plan {
+    let found = detect::artefacts(&source.trial, |done, total| {
+        observer.hear(Event::Step { done: done as u64, total: total as u64, what: "markers" });
+    });
+    let mut trial = source.trial.clone();
+    let steps: Vec<EditStep> = found.iter().map(prepared).collect();
+    prepare(&mut trial, &steps);
+    let gaps: BTreeMap<usize, Vec<Gap>> =
+        (0..trial.markers()).map(|marker| (marker, trial.gaps(marker))).collect();
+    let mut chooser = Chooser::new(&mut trial);
+    let (mut edits, mut artefacts, mut notes) = (Vec::new(), Vec::new(), Vec::new());
+    let mut untested = 0_usize;
+    let rate_hz = source.trial.rate_hz();
+    let name = |marker: usize| source.trial.labels().get(marker).cloned().unwrap_or_default();
+    for (done, artefact) in found.iter().enumerate() {
+        let (done, total) = (done as u64, found.len() as u64);
+        observer.hear(Event::Step { done, total, what: "gaps" });
+        let gaps = gaps.get(&artefact.marker).map(Vec::as_slice).unwrap_or_default();
+        let mended = mended(&mut chooser, artefact, gaps, order.tolerance_m);
+        untested += usize::from(mended.is_untested);
+        let frame = |index: usize| first_frame.saturating_add(index as u64);
+        edits.push(Edit {
+            kind: artefact.kind,
+            marker: name(artefact.marker),
+            first_frame: frame(artefact.frames.start),
+            last_frame: frame(artefact.frames.end.saturating_sub(1)),
+            remedy: mended.remedy,
+            method: mended.method,
+            with: artefact.with.map(name),
+        });
+        artefacts.push(ArtefactFigures {
+            kind: artefact.kind,
+            marker: name(artefact.marker),
+            with: artefact.with.map(name),
+            start_s: artefact.frames.start as f64 / rate_hz,
+            end_s: artefact.frames.end as f64 / rate_hz,
+            cause: artefact.cause,
+            confidence: Some(artefact.confidence),
+            remedy: mended.remedy,
+            fill: mended.method,
+            expected_error_m: mended.error_m,
+        });
+    }
+    let total = found.len() as u64;
+    observer.hear(Event::Step { done: total, total, what: "gaps" });
+    notes.extend(unseen_edges(&source.trial));
+    if untested > 0 {
+        notes.push(format!(
+            "{untested} gaps are filled in the usual way: the trial is too short to cut gaps as long \
+             and see how well they are filled"
+        ));
+    }
+    Plan { edits, artefacts, notes }
+}
+
+/// Markers that come late or leave early: nothing is known there to fill in between.
+fn unseen_edges(trial: &Trial) -> Option<String> {
+    let edges = |marker: &usize| {
+        let seen = trial.seen_runs(*marker);
+        let (first, last) = (seen.first()?.start, seen.last()?.end);
+        (first > 0 || last < trial.frames()).then_some(*marker)
+    };
+    let names: Vec<&str> = (0..trial.markers())
+        .filter_map(|marker| trial.labels().get(edges(&marker)?).map(String::as_str))
+        .collect();
+    if names.is_empty() {
+        return None;
+    }
+    let shown = names.iter().take(NAMED).copied().collect::<Vec<_>>().join(", ");
+    let more = names.len().saturating_sub(NAMED);
+    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+    Some(format!("not seen from the first frame on or up to the last, and left so: {shown}{more}"))
+}
+
+/// What has to be done before gaps are looked at.
+fn prepared(artefact: &Artefact) -> EditStep {
+    let change = match artefact.with {
+        Some(other) if artefact.kind.is_swap() => Change::Exchange(other),
+        _ => Change::Remove,
+    };
+    EditStep { marker: artefact.marker, frames: artefact.frames.clone(), change }
+}
+
+/// What is done about one thing that is wrong.
+struct Mended {
+    remedy: Remedy,
+    method: Option<Method>,
+    error_m: Option<f64>,
+    /// True if it is filled without knowing how well.
+    is_untested: bool,
+}
+
+fn mended(
+    chooser: &mut Chooser<'_>,
+    artefact: &Artefact,
+    gaps: &[Gap],
+    tolerance_m: f64,
+) -> Mended {
+    let done = |remedy| Mended { remedy, method: None, error_m: None, is_untested: false };
+    if artefact.kind.is_swap() {
+        return done(Remedy::Exchange);
+    }
+    let unfilled = match artefact.kind {
+        ArtefactKind::Dropout => Remedy::Leave,
+        _ => Remedy::Remove,
+    };
+    let start = artefact.frames.start;
+    let at = gaps.partition_point(|gap| gap.frames.end <= start);
+    let Some(gap) = gaps.get(at).filter(|gap| gap.frames.start <= start) else {
+        return done(unfilled);
+    };
+    let choice = chooser.choose(gap);
+    let Some(method) = choice.method else { return done(unfilled) };
+    if choice.error_m.is_some_and(|error_m| error_m > tolerance_m) {
+        return Mended { error_m: choice.error_m, ..done(unfilled) };
+    }
+    Mended {
+        remedy: Remedy::Fill,
+        method: Some(method),
+        error_m: choice.error_m,
+        is_untested: choice.error_m.is_none(),
+    }
+}

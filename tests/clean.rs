@@ -1,0 +1,328 @@
+//! Markers cleaned: what the command writes, what it leaves alone, how well gaps are filled and artefacts found.
+
+mod captured;
+mod program;
+
+#[path = "clean/artefacts.rs"]
+mod artefacts;
+#[path = "clean/gaps.rs"]
+mod gaps;
+#[path = "clean/made.rs"]
+mod made;
+
+use gaitway::clean::choice::Chooser;
+use gaitway::clean::detect;
+use gaitway::clean::edits::{EditList, Remedy};
+use gaitway::clean::fill::Method;
+use gaitway::clean::trial::Trial;
+use gaitway::mocap::marker_files;
+use gaitway::mocap::markers::Markers;
+use glam::DVec3;
+use made::{Body, write_c3d};
+use program::{folder, gaitway, json, words};
+use std::fs;
+use std::path::Path;
+use std::process::Output;
+
+fn clean(folder: &Path, arguments: &str) -> Output {
+    let mut command = gaitway();
+    command.current_dir(folder).arg("clean").args(arguments.split_whitespace());
+    command.output().expect("the command")
+}
+
+fn place(markers: &Markers, point: usize, frame: usize) -> Option<[u32; 3]> {
+    markers.sample(frame, point).map(|sample| sample.position.map(f32::to_bits))
+}
+
+/// Gaps of so many frames, each of one marker.
+const GAPS: [(usize, std::ops::Range<usize>); 3] = [(2, 100..112), (7, 200..250), (2, 280..340)];
+
+#[test]
+fn gaps_are_filled_and_every_other_sample_stays_as_it_is_bit_for_bit() {
+    let folder = folder("gaps");
+    let truth = Body::new(5).markers(&[]);
+    let raw = Body::new(5).markers(&GAPS);
+    write_c3d(&folder.join("raw.c3d"), &raw);
+    let output = clean(&folder, "raw.c3d -o out.c3d --json");
+    assert_eq!(output.status.code(), Some(0), "{}", words(&output));
+    let report = json(&output);
+    assert_eq!(report["outcome"], "done");
+    let artefacts = report["artefacts"].as_array().expect("a list");
+    assert_eq!(artefacts.len(), GAPS.len(), "{report:#}");
+    for (artefact, (marker, frames)) in artefacts.iter().zip([&GAPS[0], &GAPS[2], &GAPS[1]]) {
+        assert_eq!(artefact["kind"], "dropout");
+        assert_eq!(artefact["marker"], format!("M{marker}"));
+        assert_eq!(artefact["cause"], "occlusion");
+        let start_s = artefact["start_s"].as_f64().expect("a time");
+        assert!((start_s - frames.start as f64 / 100.0).abs() < 1e-9, "{artefact}");
+        let expected_m = artefact["expected_error_m"].as_f64().expect("an expectation");
+        assert!((1e-6..0.02).contains(&expected_m), "{artefact}");
+    }
+    let out = marker_files::read(&folder.join("out.c3d"), None).expect("read");
+    let (mut same, mut filled) = (0, 0);
+    for frame in 0..out.head().frames {
+        for point in 0..out.head().points.len() {
+            let is_gap =
+                GAPS.iter().any(|(marker, frames)| *marker == point && frames.contains(&frame));
+            if is_gap {
+                let (is, was) = (out.sample(frame, point), truth.sample(frame, point));
+                let [is, was] =
+                    [is, was].map(|of| DVec3::from(of.expect("seen").position.map(f64::from)));
+                assert!(is.distance(was) < 20.0, "{} mm off", is.distance(was));
+                filled += 1;
+            } else {
+                assert_eq!(place(&out, point, frame), place(&raw, point, frame));
+                same += 1;
+            }
+        }
+    }
+    assert_eq!(report["filled_samples"], filled);
+    let untouched = &report["untouched_sha256"];
+    assert_eq!(untouched["samples"], same);
+    assert_eq!(untouched["before"], untouched["after"]);
+    assert_eq!(untouched["before"].as_str().map(str::len), Some(64));
+}
+
+#[test]
+fn an_edit_list_applied_again_gives_the_same_file_and_an_edit_that_is_deleted_is_undone_alone() {
+    let folder = folder("again");
+    write_c3d(&folder.join("raw.c3d"), &Body::new(6).markers(&GAPS));
+    assert_eq!(clean(&folder, "raw.c3d -o out.c3d").status.code(), Some(0));
+    let again = clean(&folder, "raw.c3d -o again.c3d --edits out.edits.toml --json");
+    assert_eq!(again.status.code(), Some(0), "{}", words(&again));
+    let bytes = |name: &str| fs::read(folder.join(name)).expect("a file");
+    assert_eq!(bytes("out.c3d"), bytes("again.c3d"));
+
+    let text = String::from_utf8(bytes("out.edits.toml")).expect("text");
+    let mut list = EditList::parse(&text).expect("a list");
+    assert_eq!(list.edits.len(), GAPS.len());
+    let undone = list.edits.remove(0);
+    assert_eq!((undone.first_frame, undone.last_frame), (101, 112), "as the file counts");
+    list.edits[0].remedy = Remedy::Leave;
+    fs::write(folder.join("less.toml"), list.to_text().expect("text")).expect("a file");
+    let less = clean(&folder, "raw.c3d -o less.c3d --edits less.toml --json");
+    assert_eq!(less.status.code(), Some(3), "a gap is left: {}", words(&less));
+    let read = |name: &str| marker_files::read(&folder.join(name), None).expect("read");
+    let (whole, less) = (read("out.c3d"), read("less.c3d"));
+    for frame in 0..whole.head().frames {
+        for point in 0..whole.head().points.len() {
+            let is_left = point == 2 && (GAPS[0].1.contains(&frame) || GAPS[2].1.contains(&frame));
+            let expected = if is_left { None } else { place(&whole, point, frame) };
+            assert_eq!(place(&less, point, frame), expected);
+        }
+    }
+}
+
+#[test]
+fn an_edit_list_that_cannot_be_applied_is_refused_with_what_is_wrong() {
+    let folder = folder("refused");
+    write_c3d(&folder.join("raw.c3d"), &Body::new(7).markers(&GAPS));
+    write_c3d(&folder.join("other.c3d"), &Body::new(8).markers(&GAPS));
+    assert_eq!(clean(&folder, "raw.c3d -o out.c3d").status.code(), Some(0));
+    let text = fs::read_to_string(folder.join("out.edits.toml")).expect("a list");
+    for (from, to, file, said) in [
+        ("", "", "other.c3d", "belongs to other markers"),
+        ("schema = 1", "schema = 2", "raw.c3d", "another version"),
+        ("marker = \"M2\"", "marker = \"M21\"", "raw.c3d", "no such marker"),
+        ("last_frame = 112", "last_frame = 11200", "raw.c3d", "no such frames"),
+        ("first_frame = 101", "first_frame = 0", "raw.c3d", "no such frames"),
+        ("remedy = \"fill\"", "remedy = \"fil\"", "raw.c3d", "did you mean `fill`"),
+        ("method = ", "# method = ", "raw.c3d", "lacks `method`"),
+        ("remedy = \"fill\"", "remedy = \"exchange\"", "raw.c3d", "lacks `with`"),
+    ] {
+        fs::write(folder.join("edits.toml"), text.replacen(from, to, 1)).expect("a file");
+        let output = clean(&folder, &format!("{file} -o no.c3d --edits edits.toml"));
+        assert_eq!(output.status.code(), Some(1), "{said}");
+        assert!(words(&output).contains(said), "{said}: {}", words(&output));
+        assert!(!folder.join("no.c3d").exists(), "{said}");
+    }
+    let output = clean(&folder, "raw.c3d -o out.c3d");
+    assert_eq!(output.status.code(), Some(1));
+    assert!(words(&output).contains("--force"), "{}", words(&output));
+    let output = clean(&folder, "raw.c3d -o raw.c3d --force");
+    assert_eq!(output.status.code(), Some(1), "the file that is read is never written over");
+    assert_eq!(clean(&folder, "raw.c3d -o out.txt").status.code(), Some(1));
+}
+
+#[test]
+fn what_is_wrong_is_mended_and_said_and_tables_and_texts_are_cleaned_too() {
+    let folder = folder("mended");
+    let body = Body::new(9);
+    let mut raw = body.trial();
+    for frame in 150..170 {
+        let off = raw.at(4, frame).map(|place| place + DVec3::new(0.03, -0.04, 0.0));
+        raw.put(4, frame, off);
+    }
+    raw.exchange(8, 10, 220..260);
+    let stands = raw.at(0, 299);
+    (300..330).for_each(|frame| raw.put(0, frame, stands));
+    for ending in ["c3d", "trc", "csv"] {
+        let markers = made::markers_of(&raw, "mm");
+        made::write(&folder.join(format!("raw.{ending}")), &markers);
+        let output = clean(&folder, &format!("raw.{ending} -o out-{ending}.{ending} --json"));
+        assert_eq!(output.status.code(), Some(0), "{}", words(&output));
+        let report = json(&output);
+        let found: Vec<(&str, &str, f64, f64)> = report["artefacts"]
+            .as_array()
+            .expect("a list")
+            .iter()
+            .map(|of| {
+                let text = |key: &str| of[key].as_str().expect("a text");
+                let time = |key: &str| of[key].as_f64().expect("a time");
+                (text("kind"), text("marker"), time("start_s"), time("end_s"))
+            })
+            .collect();
+        let expected =
+            [("stuck", "M0", 3.0, 3.3), ("jump", "M4", 1.5, 1.7), ("swap_inside", "M8", 2.2, 2.6)];
+        assert_eq!(found.len(), expected.len(), "{report:#}");
+        for (found, expected) in found.iter().zip(expected) {
+            assert_eq!((found.0, found.1), (expected.0, expected.1), "{report:#}");
+            assert!((found.2 - expected.2).abs() < 0.015, "{found:?}");
+            assert!((found.3 - expected.3).abs() < 0.015, "{found:?}");
+        }
+        let out =
+            marker_files::read(&folder.join(format!("out-{ending}.{ending}")), None).expect("read");
+        let unit_m = out.head().metres_per_unit().expect("a unit");
+        let truth = body.trial();
+        for marker in 0..truth.markers() {
+            for frame in 0..truth.frames() {
+                let sample = out.sample(frame, marker).expect("nothing is missing");
+                let is = DVec3::from(sample.position.map(f64::from)) * unit_m;
+                let off_m = is.distance(truth.at(marker, frame).expect("seen"));
+                assert!(off_m < 0.01, "{marker} in frame {frame}: {off_m} m");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_body_in_which_nothing_is_wrong_is_left_whole() {
+    for seed in 20..26 {
+        let trial = Body::new(seed).trial();
+        assert_eq!(detect::artefacts(&trial, |_, _| {}), [], "seed {seed}");
+    }
+}
+
+/// Trials that nobody recorded.
+fn hostile() -> Vec<(&'static str, Trial)> {
+    let labels = |count: usize| (0..count).map(|of| format!("M{of}")).collect();
+    let trial =
+        |count: usize, frames: usize| Trial::new(100.0, labels(count), frames).expect("room");
+    let filled = |count, frames, place: &dyn Fn(usize, usize) -> Option<DVec3>| {
+        let mut trial = trial(count, frames);
+        for marker in 0..count {
+            (0..frames).for_each(|frame| trial.put(marker, frame, place(marker, frame)));
+        }
+        trial
+    };
+    let scatter = |marker: usize, frame: usize| {
+        let at = |of: u64| made::noise(of ^ (marker as u64) << 32 ^ (frame as u64) << 8);
+        Some(DVec3::new(at(1), at(2), at(3)))
+    };
+    vec![
+        ("nothing", trial(0, 0)),
+        ("no frames", trial(5, 0)),
+        ("no markers", trial(0, 50)),
+        ("one frame", filled(8, 1, &scatter)),
+        ("two frames", filled(8, 2, &scatter)),
+        ("all missing", trial(12, 200)),
+        ("one marker", filled(1, 300, &|m, f| scatter(m, f).filter(|_| f % 9 != 4))),
+        ("all in one place", filled(12, 120, &|_, f| Some(DVec3::ONE).filter(|_| f % 20 != 3))),
+        ("scattered", filled(12, 200, &|m, f| scatter(m, f).filter(|_| (m + f) % 7 != 0))),
+        ("every second", filled(12, 200, &|m, f| scatter(m, f).filter(|_| f % 2 == 0))),
+        ("not a number", filled(12, 200, &|_, f| Some(DVec3::new(f64::NAN, 0.0, f as f64)))),
+        ("infinite", filled(12, 200, &|_, f| Some(DVec3::splat(1e30 * f as f64)))),
+        ("far", filled(12, 200, &|m, f| Some(DVec3::splat(900.0 + (m * f % 90) as f64)))),
+        ("tiny", filled(12, 200, &|m, f| Some(DVec3::splat((m * f) as f64 * 1e-42)))),
+        ("many markers", filled(10_000, 3, &|m, f| scatter(m, f).filter(|_| m % 5 != f))),
+    ]
+}
+
+#[test]
+fn no_trial_however_odd_breaks_anything() {
+    for (name, trial) in hostile() {
+        let found = detect::artefacts(&trial, |_, _| {});
+        for artefact in &found {
+            let range = &artefact.frames;
+            assert!(range.start < range.end && range.end <= trial.frames(), "{name}: {artefact:?}");
+            assert!((0.0..=1.0).contains(&artefact.confidence), "{name}: {artefact:?}");
+        }
+        let mut left = trial.clone();
+        for marker in 0..trial.markers().min(40) {
+            for gap in trial.gaps(marker).into_iter().take(3) {
+                let mut chooser = Chooser::new(&mut left);
+                let choice = chooser.choose(&gap);
+                for method in Method::ALL {
+                    let places = chooser.fill(&gap, method).unwrap_or_default();
+                    assert!(places.iter().all(|place| place.is_finite()), "{name}: {method:?}");
+                    assert!(places.is_empty() || places.len() == gap.frames.len(), "{name}");
+                }
+                if let Some(method) = choice.method {
+                    assert!(chooser.fill(&gap, method).is_some(), "{name}: {choice:?}");
+                }
+            }
+        }
+        assert_eq!(format!("{left:?}"), format!("{trial:?}"), "{name}: choosing changes nothing");
+    }
+}
+
+#[test]
+fn a_trial_too_short_to_try_fills_on_says_so() {
+    let folder = folder("short");
+    let raw = Body::new(11).part(0..70, &[(3, 20..50)]);
+    write_c3d(&folder.join("raw.c3d"), &raw);
+    let output = clean(&folder, "raw.c3d -o out.c3d --json");
+    let report = json(&output);
+    let artefacts = report["artefacts"].as_array().expect("a list");
+    assert_eq!(artefacts.len(), 1, "{report:#}");
+    assert_eq!(artefacts[0]["fill"], "pattern", "the usual way");
+    assert!(artefacts[0]["expected_error_m"].is_null(), "{report:#}");
+    assert!(report["notes"].to_string().contains("too short"), "{report:#}");
+}
+
+#[test]
+fn a_gap_whose_fill_would_miss_by_more_than_is_tolerated_is_left_and_counts_as_loss() {
+    let folder = folder("tolerance");
+    write_c3d(&folder.join("raw.c3d"), &Body::new(12).markers(&GAPS));
+    let output = clean(&folder, "raw.c3d -o out.c3d --tolerance 0.000001 --json");
+    assert_eq!(output.status.code(), Some(3), "{}", words(&output));
+    let report = json(&output);
+    assert_eq!(
+        (&report["outcome"], &report["filled_samples"]),
+        (&"done_with_loss".into(), &0.into())
+    );
+    for artefact in report["artefacts"].as_array().expect("a list") {
+        assert_eq!(artefact["remedy"], "leave", "{artefact}");
+        assert!(artefact["expected_error_m"].is_number(), "{artefact}");
+    }
+}
+
+#[test]
+fn a_folder_is_ranked_by_doubt_and_fails_above_what_is_allowed() {
+    let folder = folder("check");
+    fs::create_dir(folder.join("more")).expect("a folder");
+    write_c3d(&folder.join("good.c3d"), &Body::new(13).markers(&[]));
+    write_c3d(&folder.join("more/bad.c3d"), &Body::new(14).markers(&GAPS));
+    fs::write(folder.join("broken.trc"), "no markers").expect("a file");
+    fs::write(folder.join("notes.txt"), "no markers").expect("a file");
+    let before = fs::read_dir(&folder).expect("a folder").count();
+    let output = clean(&folder, ". --check --json");
+    assert_eq!(output.status.code(), Some(3), "{}", words(&output));
+    let report = json(&output);
+    let trials = report["trials"].as_array().expect("a list");
+    let names: Vec<&str> = trials.iter().filter_map(|of| of["markers"].as_str()).collect();
+    assert_eq!(names, ["./broken.trc", "./more/bad.c3d", "./good.c3d"]);
+    assert!(trials[0]["error"].is_string() && trials[0]["doubt"].is_null(), "{report:#}");
+    // 12, 50 and 60 frames of 15 markers in 500 frames.
+    let doubt = trials[1]["doubt"].as_f64().expect("a share");
+    assert!((doubt - 122.0 / 7500.0).abs() < 1e-9, "{doubt}");
+    assert_eq!((&trials[2]["doubt"], &trials[1]["artefacts"]["dropout"]), (&0.0.into(), &3.into()));
+    fs::remove_file(folder.join("broken.trc")).expect("removed");
+    assert_eq!(clean(&folder, ". --check --most-doubt 2").status.code(), Some(0));
+    assert_eq!(clean(&folder, ". --check").status.code(), Some(3), "1.6 % are above 1 %");
+    assert_eq!(clean(&folder, "good.c3d --check").status.code(), Some(0));
+    assert_eq!(clean(&folder, "notes.txt --check").status.code(), Some(1));
+    assert_eq!(clean(&folder, ". --check -o out.c3d").status.code(), Some(2));
+    assert_eq!(clean(&folder, "good.c3d").status.code(), Some(2), "nothing to write");
+    assert_eq!(fs::read_dir(&folder).expect("a folder").count(), before - 1, "nothing is written");
+}

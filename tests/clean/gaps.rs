@@ -1,0 +1,163 @@
+//! How well gaps of known truth are filled on real trials: the table of docs/cleaning.md.
+
+use super::captured::captured;
+use gaitway::clean::choice::Chooser;
+use gaitway::clean::fill::Method;
+use gaitway::clean::neighbours::{Usual, neighbours};
+use gaitway::clean::source::source;
+use gaitway::clean::trial::{Gap, Trial};
+use gaitway::mocap::c3d;
+use glam::DVec3;
+use std::collections::BTreeMap;
+
+/// A walk and stairs, by their files.
+pub const TRIALS: [(&str, &str); 2] =
+    [("walk", "PiG_Motion-FlatFoot-Full.c3d"), ("stairs", "cgm_Movement_trial.c3d")];
+/// Lengths, s, and what a single gap may miss in the mean, mm.
+const BARS: [(f64, f64); 4] = [(0.1, 1.0), (0.25, 3.5), (0.5, 6.0), (1.0, 8.0)];
+/// Seen on each side of a gap, s.
+const BESIDE_S: f64 = 0.5;
+
+/// What is missing at the same time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Missing {
+    One,
+    Three,
+    Segment,
+}
+
+/// Numbers as if by chance (xorshift of Marsaglia 2003).
+pub struct Dice(pub u64);
+
+impl Dice {
+    pub fn below(&mut self, count: usize) -> usize {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        (self.0 % count.max(1) as u64) as usize
+    }
+
+    pub fn share(&mut self) -> f64 {
+        self.below(1 << 30) as f64 / f64::from(1 << 30)
+    }
+}
+
+/// The trials, or a loud word that there are none.
+pub fn trials() -> Option<Vec<(&'static str, Trial)>> {
+    let folder = captured("mocap/c3d/pig")?;
+    let read = |(name, file): (&'static str, &str)| {
+        let bytes = std::fs::read(folder.join(file)).expect("a trial");
+        let markers = c3d::parse(&bytes).expect("a C3D file");
+        (name, source(&markers).expect("labelled markers").trial)
+    };
+    Some(TRIALS.map(read).into())
+}
+
+/// Errors of one gap, mm: of each method, then of the choice.
+struct Row {
+    marker: usize,
+    block: usize,
+    errors: Vec<Option<f64>>,
+}
+
+fn cut(trial: &mut Trial, missing: Missing, length: usize, dice: &mut Dice) -> Option<Row> {
+    let beside = trial.frames_of(BESIDE_S);
+    let marker = dice.below(trial.markers());
+    let start = beside + dice.below(trial.frames().checked_sub(length + 2 * beside)?);
+    let frames = start..start + length;
+    if !trial.is_seen_throughout(marker, start - beside..frames.end + beside) {
+        return None;
+    }
+    let others: Vec<usize> = match missing {
+        Missing::One => Vec::new(),
+        Missing::Three => (0..2).map(|_| dice.below(trial.markers())).collect(),
+        Missing::Segment => {
+            neighbours(trial, marker, 2, Usual::Median).iter().map(|of| of.marker).collect()
+        }
+    };
+    let truth: Vec<DVec3> =
+        frames.clone().map(|frame| trial.at(marker, frame)).collect::<Option<_>>()?;
+    let hidden = others.into_iter().filter(|other| *other != marker).chain([marker]);
+    let taken: Vec<_> = hidden.map(|of| trial.take_out(of, frames.clone())).collect();
+    let gap = Gap { marker, frames };
+    let off = |places: Vec<DVec3>| {
+        let off = places.iter().zip(&truth).map(|(is, was)| is.distance(*was));
+        1e3 * off.sum::<f64>() / truth.len() as f64
+    };
+    let mut chooser = Chooser::new(trial);
+    let mut errors: Vec<Option<f64>> =
+        Method::ALL.iter().map(|method| chooser.fill(&gap, *method).map(off)).collect();
+    let choice = chooser.choose(&gap);
+    errors.push(choice.method.and_then(|method| chooser.fill(&gap, method)).map(off));
+    taken.iter().rev().for_each(|taken| trial.put_back(taken));
+    // Blocks of half a second.
+    Some(Row { marker, block: start / beside, errors })
+}
+
+fn mean(values: impl Iterator<Item = f64> + Clone) -> f64 {
+    values.clone().sum::<f64>() / values.count() as f64
+}
+
+/// Half of the interval that holds 95 % of the means of a difference, over samples of markers and blocks of time.
+fn half_interval(rows: &[Row], of: impl Fn(&Row) -> Option<f64>, dice: &mut Dice) -> f64 {
+    let mut groups: BTreeMap<(usize, usize), Vec<f64>> = BTreeMap::new();
+    for row in rows {
+        groups.entry((row.marker, row.block)).or_default().extend(of(row));
+    }
+    let groups: Vec<Vec<f64>> = groups.into_values().collect();
+    let mut means: Vec<f64> = (0..500)
+        .map(|_| {
+            let drawn: Vec<f64> =
+                (0..groups.len()).flat_map(|_| groups[dice.below(groups.len())].clone()).collect();
+            mean(drawn.into_iter())
+        })
+        .collect();
+    means.sort_by(f64::total_cmp);
+    (means[487] - means[12]) / 2.0
+}
+
+#[test]
+fn the_choice_is_as_good_as_the_best_single_way_and_within_the_bars() {
+    let Some(trials) = trials() else { return };
+    let count = if std::env::var_os("GAITWAY_LONG").is_some() { 500 } else { 30 };
+    println!(
+        "| trial | missing | gap s | cubic | quintic | rigid body | pattern | low rank | choice | interval |"
+    );
+    for (name, mut trial) in trials {
+        for missing in [Missing::One, Missing::Three, Missing::Segment] {
+            for (length_s, bar_mm) in BARS {
+                let mut dice = Dice(0x2545_f491_4f6c_dd1d);
+                let length = trial.frames_of(length_s);
+                let mut rows = Vec::new();
+                while rows.len() < count {
+                    rows.extend(cut(&mut trial, missing, length, &mut dice));
+                }
+                let chosen = Method::ALL.len();
+                let of = |at: usize| mean(rows.iter().filter_map(move |row| row.errors[at]));
+                let means: Vec<f64> = (0..=chosen).map(of).collect();
+                // A way that could not fill all gaps is no rival.
+                let is_rival = |at: &usize| rows.iter().all(|row| row.errors[*at].is_some());
+                let best = (0..chosen)
+                    .filter(is_rival)
+                    .min_by(|a, b| means[*a].total_cmp(&means[*b]))
+                    .expect("a way");
+                let worse = |row: &Row| Some(row.errors[chosen]? - row.errors[best]?);
+                let interval = half_interval(&rows, worse, &mut dice);
+                println!(
+                    "| {name} | {missing:?} | {length_s} | {} | {interval:.2} |",
+                    means.iter().map(|of| format!("{of:.2}")).collect::<Vec<_>>().join(" | ")
+                );
+                assert!(is_rival(&chosen), "{name} {missing:?} {length_s} s: a gap is not filled");
+                let more = means[chosen] - means[best];
+                assert!(
+                    more <= interval.max(0.3),
+                    "{name} {missing:?} {length_s} s: {more:.2} mm worse than {}",
+                    Method::ALL[best].word()
+                );
+                if missing == Missing::One {
+                    assert!(means[chosen] <= bar_mm, "{name} {length_s} s: {} mm", means[chosen]);
+                }
+            }
+        }
+    }
+}
