@@ -471,8 +471,28 @@ fn limits_that_an_exporter_makes_up_are_not_taken_over() {
 
 #[test]
 fn a_mesh_gets_the_capsule_or_box_that_holds_all_its_corners() {
-    let text = "v 0 0 -0.1\nv 0.01 0 0.1\nv 0 0.01 0.1\nv -0.01 0 0\n";
-    let corners = model::mesh::corners(text.as_bytes()).expect("an OBJ mesh");
+    let round = |at: usize| {
+        let (y, x) = (at as f64 * 0.4).sin_cos();
+        format!("v {} {} {}\n", 0.01 * x, 0.01 * y, if at % 2 == 0 { -0.1 } else { 0.1 })
+    };
+    let rod: String = (0..32).map(round).collect();
+    let plank = "v 0 0 -0.1\nv 0.01 0 0.1\nv 0 0.01 0.1\nv -0.01 0 0\n".to_owned();
+    for (text, is_round) in [(rod, true), (plank, false)] {
+        let volume = volume_of(&text);
+        assert_eq!(matches!(volume, Volume::Capsule(_)), is_round, "{volume:?}");
+        for corner in model::mesh::corners(text.as_bytes()).expect("an OBJ mesh") {
+            let point = corner * 2.0;
+            let ball = Volume::Capsule(Capsule { from_m: point, to_m: point, radius_m: 0.0 });
+            assert!(volume.distance_m(&ball) < 1e-9, "{point} is outside");
+        }
+    }
+    for broken in [&b"solid"[..], b"", &[0; 84], &[255; 200], b"v 1 2\nv nan 0 0"] {
+        assert!(model::mesh::corners(broken).is_none(), "{broken:?}");
+    }
+}
+
+/// What stands for a mesh, twice as large, in a model.
+fn volume_of(text: &str) -> Volume {
     let urdf = "<robot name=\"r\"><link name=\"a\"><collision><geometry>\
                 <mesh filename=\"m.obj\" scale=\"2 2 2\"/></geometry></collision></link></robot>";
     let found = model::read(urdf, &mut |name| {
@@ -481,15 +501,7 @@ fn a_mesh_gets_the_capsule_or_box_that_holds_all_its_corners() {
     });
     let found = found.expect("a model");
     let [volume] = found.volumes[0].as_slice() else { panic!("one volume") };
-    assert!(matches!(volume, Volume::Capsule(_)), "it is long and thin");
-    for corner in corners {
-        let point = corner * 2.0;
-        let ball = Volume::Capsule(Capsule { from_m: point, to_m: point, radius_m: 0.0 });
-        assert!(volume.distance_m(&ball) < 1e-9, "{point} is outside");
-    }
-    for broken in [&b"solid"[..], b"", &[0; 84], &[255; 200], b"v 1 2\nv nan 0 0"] {
-        assert!(model::mesh::corners(broken).is_none(), "{broken:?}");
-    }
+    *volume
 }
 
 /// Public models without their meshes: OP3, Open Duck Mini v2, ToddlerBot, Berkeley Humanoid Lite,

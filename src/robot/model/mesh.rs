@@ -2,11 +2,12 @@
 
 use super::Meshes;
 use crate::rigid::{Capsule, Cuboid, Volume};
+use core::f64::consts::PI;
 use glam::{DQuat, DVec3};
 
 /// Most corners of a mesh that are looked at.
 const CORNERS_MAX: usize = 400_000;
-/// A mesh this many times longer than it is wide gets a capsule.
+/// A cylinder this many times longer than it is wide is a capsule.
 const LONG: f64 = 1.6;
 
 /// The volume around the mesh in this file; nothing if it cannot be read.
@@ -54,8 +55,7 @@ fn text(bytes: &[u8]) -> Option<Vec<DVec3>> {
     Some(found)
 }
 
-/// A capsule, if the points are long and thin along an axis, or else a box, both along the axes and
-/// around all points.
+/// A capsule or a box, whichever takes up less room, both along the axes and around all points.
 fn around(points: impl Iterator<Item = DVec3>) -> Option<Volume> {
     let points: Vec<DVec3> = points.collect();
     let first = *points.first()?;
@@ -70,10 +70,6 @@ fn around(points: impl Iterator<Item = DVec3>) -> Option<Volume> {
         DVec3::Z
     };
     let length = half_m.dot(long);
-    let across = (half_m - long * length).max_element();
-    if length < LONG * across {
-        return Some(Volume::Cuboid(Cuboid { centre_m, turn: DQuat::IDENTITY, half_m }));
-    }
     let off_axis = |point: &DVec3| (*point - centre_m).reject_from_normalized(long).length();
     let radius_m = points.iter().map(off_axis).fold(0.0, f64::max);
     // As short as leaves every point inside.
@@ -83,6 +79,10 @@ fn around(points: impl Iterator<Item = DVec3>) -> Option<Volume> {
         away.dot(long).abs() - (radius_m * radius_m - across).max(0.0).sqrt()
     };
     let reach = points.iter().map(end).fold(0.0, f64::max);
+    let capsule_m3 = PI * radius_m * radius_m * (2.0 * reach + 4.0 / 3.0 * radius_m);
+    if length <= radius_m || 8.0 * half_m.element_product() < capsule_m3 {
+        return Some(Volume::Cuboid(Cuboid { centre_m, turn: DQuat::IDENTITY, half_m }));
+    }
     let (from_m, to_m) = (centre_m - long * reach, centre_m + long * reach);
     Some(Volume::Capsule(Capsule { from_m, to_m, radius_m }))
 }
