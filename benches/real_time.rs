@@ -75,7 +75,7 @@ fn play(seconds: f64) -> serde_json::Value {
     // One round of the walk is some 8 s long on this robot.
     let rounds = (seconds / 8.0).ceil().max(1.0).to_string();
     let output = Command::new(gaitway)
-        .args(["play", "walk", "--robot", "op3", "--bus", &bus, "--json", "--quiet"])
+        .args(["play", "walk", "--hang", "--robot", "op3", "--bus", &bus, "--json", "--quiet"])
         .args(["--rate", "100", "--loop", &rounds])
         .output()
         .expect("the gaitway command");

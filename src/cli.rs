@@ -15,6 +15,7 @@ pub mod inserts;
 pub mod limp;
 pub mod live;
 pub mod manual;
+pub mod metrics;
 pub mod model;
 pub mod monitor;
 pub mod operator;

@@ -1,6 +1,7 @@
 //! What is done with a robot, one file a job. A job takes an order, tells an [`Observer`] what happens,
 //! and ends in a typed report. It prints nothing, reads no keys and knows no command line.
 
+mod bodily;
 pub mod calibrate;
 pub mod clean;
 pub mod clean_check;

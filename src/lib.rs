@@ -4,7 +4,8 @@
 //! place that waits; [`bus`] asks one question at a time on a shared line; [`device`] speaks SI units
 //! to one device; [`robot`] names joints on devices; [`rig`] opens robots and lines wherever they are.
 //! [`motion`], [`actionlet`], [`body`], [`action`] and [`mocap`] are mathematics and know no hardware;
-//! [`clean`] mends markers, [`rigid`] is bodies that hang on one another, [`recognise`] names what a body does; [`guard`] and [`control`] are the last gate and the
+//! [`clean`] mends markers, [`rigid`] is bodies that hang on one another, [`recognise`] names what a body
+//! does, [`retarget`] tells what a motion does to all of a robot; [`guard`] and [`control`] are the last gate and the
 //! loop. [`capture`] and [`session`] make samples and trials of what sensors say, [`calibration`] is
 //! what was measured on one robot, [`recording`] and [`plot`] are the files a run leaves. [`job`] is
 //! what is done with all of it, from an order to a typed report; [`cli`] is what a person types.
@@ -46,6 +47,7 @@ pub mod plot;
 pub mod port;
 pub mod recognise;
 pub mod recording;
+pub mod retarget;
 pub mod rig;
 pub mod rigid;
 pub mod robot;

@@ -20,7 +20,7 @@
 //! |---|---|---|
 //! | `/joints/goal` | `foxglove.JointStates` | goals written in this cycle |
 //! | `/joints/present` | `foxglove.JointStates` | position, velocity, current, load, device clock |
-//! | `/cycle` | `gaitway.Cycle` | joints missed and why, cycles dropped before this one |
+//! | `/cycle` | `gaitway.Cycle` | joints missed and why, cycles dropped before this one; of a planned motion the base and the feet that stand |
 //! | `/health` | `gaitway.Health` | temperature and voltage, in the cycles that read them |
 //! | `/run` | `gaitway.Run` | the start and the end of the run |
 //! | `/imu/NAME/sample` | `gaitway.Imu` | what a sensor measured, its raw clock and counter, gaps |
@@ -69,7 +69,7 @@ pub use overview::{Overview, SourceOverview, summary};
 pub use packing::Compression;
 pub use reader::{GoalSeries, Recording, Recovered, joint_series, read, recover, recover_packed};
 pub use replay::{ReplayedSample, read_orientations};
-pub use sample::{CycleRecord, JointRecord, RecordedJoint, RunEnd, RunStart};
+pub use sample::{BaseRecord, CycleRecord, JointRecord, RecordedJoint, RunEnd, RunStart};
 pub use sensor::{RecordedSource, SourceId, SourceKind, SourceRecord};
 pub use series::{SensorMoment, SensorSeries, run_start, sensor_series};
 pub use table::{Rows, write_csv};

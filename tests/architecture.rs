@@ -43,7 +43,7 @@ const ROOMS: &[Room] = &[
     room(
         "job",
         "action body bus calibration capture clean control device draft error mocap motion plot port \
-         recognise recording rig rigid robot sensing session table time wire",
+         recognise recording retarget rig rigid robot sensing session table time wire",
         "clock files network profiles simulator threads wall-clock",
     ),
     room("mocap", "body error motion rigid table toml_text units", "files"),
@@ -52,6 +52,7 @@ const ROOMS: &[Room] = &[
     room("port", "time wire", "clock files network ports simulator threads wall-clock"),
     room("recognise", "body error toml_text", ""),
     room("recording", "capture draft error table time", "clock files threads wall-clock"),
+    room("retarget", "body error mocap motion recognise rigid robot units", "profiles"),
     room("rig", "bus calibration device error port robot time wire", "clock profiles simulator"),
     room("rigid", "error", ""),
     room(

@@ -89,7 +89,7 @@ fn waited_s(report: &Value) -> f64 {
 /// Plays, and lets the player stand three times for a third of a second once its recording has begun
 /// to grow.
 fn played_with_stalls(folder: &Path, bus: &str) -> Value {
-    let line = "play walk --robot op3 --json --rate 50 --record run.mcap --bus";
+    let line = "play walk --hang --robot op3 --json --rate 50 --record run.mcap --bus";
     let mut player = gaitway(folder, line);
     // Into a file: a pipe that nobody reads would hold up who has much to report.
     let told = folder.join("report.json");

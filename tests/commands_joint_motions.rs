@@ -81,6 +81,7 @@ fn taught(name: &str, joints: &[&str]) -> String {
             cycle: n.into(),
             at: began + Duration::from_secs_f64(time_s),
             joints: vec![record; joints.len()],
+            base: None,
         });
     }
     let summary = recorder.finish(RunEnd {

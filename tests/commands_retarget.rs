@@ -21,22 +21,30 @@ fn retarget(out: &Path, more: &[&str]) -> Output {
         .expect("the command")
 }
 
-/// The table, in a file of the test's own: times, and one row of angles per time, rad.
-fn table(file: &str) -> (Vec<f64>, Vec<Vec<f64>>, Vec<String>) {
+/// The table, in a file of the test's own: times, one row of angles per time, rad, the joints, and where
+/// the base is.
+fn table(file: &str) -> (Vec<f64>, Vec<Vec<f64>>, Vec<String>, Vec<Vec<f64>>) {
     let path = folder().join(file);
     assert!(retarget(&path, &["--force"]).status.success());
     let text = std::fs::read_to_string(path).expect("a table");
     let mut lines = text.lines();
     let titles = lines.next().expect("titles").split(',').skip(1);
-    let names = titles.map(|title| title.trim_end_matches("_rad").to_owned()).collect();
-    let rows = lines.map(|line| line.split(',').map(|cell| cell.parse().expect("a number")));
-    let (times, poses) = rows.map(|mut row| (row.next().expect("a time"), row.collect())).unzip();
-    (times, poses, names)
+    let names = titles.filter_map(|title| title.strip_suffix("_rad").map(str::to_owned));
+    let names: Vec<String> = names.collect();
+    let (mut times, mut poses, mut bases) = (Vec::new(), Vec::new(), Vec::new());
+    for line in lines {
+        let row: Vec<f64> = line.split(',').map(|cell| cell.parse().expect("a number")).collect();
+        let (joints, base) = row[1..].split_at(names.len());
+        times.push(row[0]);
+        poses.push(joints.to_vec());
+        bases.push(base.to_vec());
+    }
+    (times, poses, names, bases)
 }
 
 #[test]
 fn a_recording_holds_the_goals_of_the_table_and_nothing_that_was_not_measured() {
-    let (times, poses, names) = table("beside-mcap.csv");
+    let (times, poses, names, bases) = table("beside-mcap.csv");
     let path = folder().join("wave.mcap");
     let _ = std::fs::remove_file(&path);
     let output = retarget(&path, &[]);
@@ -52,6 +60,14 @@ fn a_recording_holds_the_goals_of_the_table_and_nothing_that_was_not_measured() 
     for (found, expected) in series.positions_rad.iter().flatten().zip(poses.iter().flatten()) {
         assert!((found - expected).abs() < 1e-8);
     }
+    for (cycle, base) in recording.cycles.iter().zip(&bases) {
+        let found = cycle.base.as_ref().expect("a base");
+        let (at, turn) = (found.at_m, found.turn);
+        let contacts = found.contacts.map(|stands| f64::from(u8::from(stands)));
+        let found = [at.x, at.y, at.z, turn.w, turn.x, turn.y, turn.z, contacts[0], contacts[1]];
+        assert_eq!(base.len(), found.len());
+        assert!(found.iter().zip(base).all(|(a, b)| (a - b).abs() < 1e-8), "{found:?} {base:?}");
+    }
     let overview = gaitway::recording::summary(&path).expect("a recording");
     assert_eq!(overview.channels.get("/joints/present"), None);
     assert_eq!(overview.missed_reads, 0);
@@ -60,7 +76,7 @@ fn a_recording_holds_the_goals_of_the_table_and_nothing_that_was_not_measured() 
 
 #[test]
 fn a_bvh_file_has_the_robots_joints_and_as_many_poses_as_the_table_has_rows() {
-    let (times, poses, names) = table("beside-bvh.csv");
+    let (times, poses, names, bases) = table("beside-bvh.csv");
     let path = folder().join("wave.bvh");
     let output = retarget(&path, &["--force"]);
     assert!(output.status.success(), "{output:?}");
@@ -68,6 +84,12 @@ fn a_bvh_file_has_the_robots_joints_and_as_many_poses_as_the_table_has_rows() {
     assert_eq!(read.pose_count(), times.len());
     assert!((read.time_step_s - 0.02).abs() < 1e-12);
     assert_eq!(read.joints[0].name, "base");
+    for (row, base) in bases.iter().enumerate() {
+        // X left, Y up, Z forward; cm.
+        let seen = &read.pose(row)[..3];
+        let expected = [base[1], base[2], base[0]].map(|metres| metres * 100.0);
+        assert!(seen.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-3), "{row}: {seen:?}");
+    }
     for (index, name) in names.iter().enumerate() {
         let joint = read.joints.iter().find(|joint| joint.name == *name).expect(name);
         // However a turn is split over three axes, its size is that of the joint's angle.

@@ -94,7 +94,8 @@ fn play(bus: &str, more: &[&str]) -> Command {
     let mut command = crate::program::gaitway();
     command.args(["play", "walk", "--robot", "op3", "--json", "--quiet", "--bus", bus]);
     // Half the usual rate: whether a busy machine keeps 100 Hz is not what is tested here.
-    command.args(["--rate", "50"]).args(more);
+    // What is outside of this process is taken for a robot that could fall.
+    command.args(["--rate", "50", "--hang"]).args(more);
     command.stdout(Stdio::piped()).stderr(Stdio::piped());
     command
 }
@@ -439,6 +440,36 @@ fn ports_that_are_none_are_refused_with_what_to_do() {
         assert!(reason.contains(words) && reason.contains(&path), "{reason}");
         assert_eq!(output.status.code(), Some(1));
     }
+}
+
+#[test]
+fn a_robot_on_its_own_feet_is_not_sent_into_a_fall() {
+    let _alone = alone();
+    let simulator = Simulator::start(&crate::program::folder("may_fall"));
+    let played = |more: &[&str]| {
+        let mut command = crate::program::gaitway();
+        let bus = simulator.bus();
+        command.args(["play", "kick-r", "--robot", "op3", "--json", "--quiet", "--bus", &bus]);
+        command.args(["--rate", "50"]).args(more).output().expect("a run")
+    };
+    let refused = played(&[]);
+    let told = report(&refused);
+    assert_eq!((refused.status.code(), &told["outcome"]), (Some(1), &"refused".into()));
+    let reason = told["stop_reason"].as_str().expect("words");
+    for word in ["would fall", "--hang", "--allow-fall", "--only", "--speed"] {
+        assert!(reason.contains(word), "{word} is not in: {reason}");
+    }
+    assert!(told["metrics"]["predicted_fall_s"].as_f64().expect("s") > 0.0, "{told:#}");
+    assert_eq!(told["cycles"], 0);
+    // Who only looks is told, who holds it is believed, and who insists too.
+    for more in [&["--dry-run"][..], &["--dry-run", "--hang"], &["--dry-run", "--allow-fall"]] {
+        let looked = played(more);
+        assert_eq!(looked.status.code(), Some(0), "{more:?}: {}", program::words(&looked));
+        let warned = program::words(&looked).contains("would fall");
+        assert_eq!(warned, more.len() == 1, "{more:?}");
+    }
+    let said = simulator.end();
+    assert!(!said.contains("broken"), "{said}");
 }
 
 #[test]

@@ -57,7 +57,7 @@ fn start(joints: &[&str]) -> RunStart {
 
 fn cycle() -> CycleRecord {
     let joints = vec![JointRecord { goal_rad: Some(0.5), ..JointRecord::default() }];
-    CycleRecord { cycle: 0, at: Instant::from_nanos(2_000), joints }
+    CycleRecord { cycle: 0, at: Instant::from_nanos(2_000), joints, base: None }
 }
 
 fn end() -> RunEnd {

@@ -89,7 +89,7 @@ fn unspread_m(about_root: &[([DVec3; 4], DVec3)], rate_hz: f64) -> Vec<DVec3> {
 
 /// Averages points over a time of this standard deviation: three running means, near a normal distribution,
 /// as if the first and the last point had always been and would always be.
-pub(super) fn spread(points_m: &mut [DVec3], rate_hz: f64, deviation_s: f64) {
+pub fn spread(points_m: &mut [DVec3], rate_hz: f64, deviation_s: f64) {
     // The variance of a mean of w samples is (w^2 - 1) / 12.
     let width = (4.0 * (deviation_s * rate_hz).powi(2) + 1.0).sqrt();
     let half = ((width - 1.0) / 2.0).round() as usize;

@@ -127,6 +127,8 @@ impl PlayArgs {
                 keep_series: self.html.is_some(),
                 accept: Accept { firmware: self.accept_firmware, eeprom: self.permit_eeprom },
                 dry_run: self.dry_run,
+                hangs: self.motion.hangs(),
+                allow_fall: self.motion.allows_fall(),
             },
         }
     }

@@ -1,5 +1,6 @@
 //! How motions ended, as a person and a shell read it.
 
+use super::metrics;
 use crate::job::report::{Exception, LINE_SHARE, PlayReport, Stop, StopCode};
 use std::fmt::Write;
 
@@ -35,6 +36,9 @@ impl PlayReport {
             self.write_run(&mut out);
         }
         self.write_joints(&mut out);
+        if let Some(figures) = &self.metrics {
+            out.push_str(&metrics::lines(figures));
+        }
         for note in self.notes.iter().filter(|_| !brief) {
             let _ = writeln!(out, "note      {note}");
         }

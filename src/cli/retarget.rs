@@ -11,9 +11,11 @@ use std::path::PathBuf;
 #[derive(Clone, Debug, Args)]
 #[command(after_help = "\
 The file's ending says what is written, all of it in the robot's joints and at the robot's pace:
-  .csv   a table: time_s, then one column per joint, rad
+  .csv   a table: time_s, then one column per joint, rad; then where the base is (base_x_m, base_y_m,
+         base_z_m, base_qw, base_qx, base_qy, base_qz; Z up, floor at 0) and which foot stands
+         (contact_left, contact_right), if the robot's file has a body
   .mcap  a recording of goals, as `play --record` makes it, for Foxglove, PlotJuggler, `convert`
-  .bvh   the robot's own joint tree in motion, its base fixed, for Blender and other animation tools
+  .bvh   the robot's own joint tree in motion, for Blender and other animation tools
 
 Example: gaitway retarget dance.bvh --robot op3 -o dance.csv")]
 pub struct RetargetArgs {
@@ -44,6 +46,8 @@ pub fn run(args: &RetargetArgs, remarks: Remarks) -> Result<i32, Error> {
         rate_hz: args.rate,
         file: args.output_file.clone(),
         replace: args.output.force(),
+        hangs: args.motion.hangs(),
+        allow_fall: args.motion.allows_fall(),
     })?;
     let written = format!("written   {}\n", args.output_file.display());
     let text = report.text(remarks.quiet) + &written;

@@ -55,6 +55,13 @@ pub struct MotionArgs {
     /// Refuse a motion the robot cannot follow at the speed asked for
     #[arg(long)]
     no_retime: bool,
+    /// The robot hangs on a stand: its base stays where it is, and it cannot fall
+    #[arg(long)]
+    hang: bool,
+    /// Nothing against a motion in which a robot on its own feet is predicted to fall: a real one is not
+    /// sent there otherwise, and of a virtual one, or of a file, it is said
+    #[arg(long, conflicts_with = "hang")]
+    allow_fall: bool,
 }
 
 /// Reads `--speed`.
@@ -101,6 +108,18 @@ impl MotionArgs {
     #[must_use]
     pub fn robot(&self) -> &str {
         &self.robot
+    }
+
+    /// Whether it hangs on a stand.
+    #[must_use]
+    pub const fn hangs(&self) -> bool {
+        self.hang
+    }
+
+    /// Whether it may fall.
+    #[must_use]
+    pub const fn allows_fall(&self) -> bool {
+        self.allow_fall
     }
 
     /// Playing speed.

@@ -1,12 +1,13 @@
 //! `play`: from a motion to a moving robot, and what came of it. The whole job, in order.
 
+use super::bodily;
 use super::observer::{Event, Meter, Observer, Progress};
 use super::recorder::{RunRecorder, Series};
 use super::report::{JointReport, Outcome, OwnProfile, PlayReport, RefereeReport};
 use super::source::{self, MotionOrder, RobotMotion};
 use crate::control::{self, Left, Performance, Planned, Settings, inject, net};
-use crate::error::Error;
-use crate::motion::{Plan, PlanOptions, Setpoint, plan};
+use crate::error::{Error, ErrorKind};
+use crate::motion::{Path, Plan, PlanOptions, Setpoint, plan};
 use crate::rig::{Address, Connection, calibrated, connect, patience_words};
 use crate::robot::Robot;
 use crate::robot::preflight::{Preflight, preflight};
@@ -50,6 +51,10 @@ pub struct Options {
     pub accept: Accept,
     /// Check everything, write nothing.
     pub dry_run: bool,
+    /// The robot hangs on a stand: it cannot fall.
+    pub hangs: bool,
+    /// Play what a robot on its own feet is predicted to fall in.
+    pub allow_fall: bool,
 }
 
 impl Default for Options {
@@ -66,6 +71,8 @@ impl Default for Options {
             keep_series: false,
             accept: Accept::default(),
             dry_run: false,
+            hangs: false,
+            allow_fall: false,
         }
     }
 }
@@ -157,8 +164,16 @@ pub(super) fn play_on(
     inject::point("preflight", 0);
     let found = preflight(&mut connection.link, settings.period, options.accept)?;
     report.describe_preflight(&found);
-    let planned = plan_from(connection.link.robot(), &found, motion, options)?;
-    describe_plan(report, connection.link.robot(), &planned, motion);
+    let robot = connection.link.robot();
+    let (path, planned) = plan_from(robot, &found, motion, options)?;
+    describe_plan(report, robot, &planned, motion);
+    let asked = path.stretched(1.0 / options.speed);
+    let (_, metrics) = bodily::look(robot, motion, &asked, &planned, options.hangs)?;
+    let falls_s = metrics.predicted_fall_s;
+    report.metrics = Some(metrics);
+    if let Some(at_s) = falls_s.filter(|_| !options.allow_fall) {
+        may_fall(at_s, connection.world.is_some() || options.dry_run, report)?;
+    }
     if options.dry_run {
         report.outcome = Outcome::Done;
         return Ok(None);
@@ -167,6 +182,22 @@ pub(super) fn play_on(
         return Ok(None);
     }
     perform(connection, &found, &planned, settings, options, observer, report)
+}
+
+/// What is said of a fall that is predicted: of a virtual robot, which cannot fall, in a note.
+///
+/// # Errors
+/// A real robot is not sent there.
+fn may_fall(at_s: f64, is_virtual: bool, report: &mut PlayReport) -> Result<(), Error> {
+    if is_virtual {
+        report.notes.push(bodily::fall_note(at_s));
+        return Ok(());
+    }
+    Err(Error::of(ErrorKind::OutsideLimits, bodily::WOULD_FALL)
+        .at(format!("{at_s:.2} s"))
+        .got("its weight leaves its soles for too long")
+        .allowed("weight over the soles, but for short moments")
+        .remedy(bodily::INSTEAD))
 }
 
 /// A wish to stop that comes before torque is on is fulfilled by never switching it on.
@@ -184,7 +215,7 @@ fn plan_from(
     found: &Preflight,
     motion: &RobotMotion,
     options: &Options,
-) -> Result<Plan, Error> {
+) -> Result<(Path, Plan), Error> {
     let path = motion.path_from(robot, &found.start_rad)?;
     let options = PlanOptions {
         speed: options.speed,
@@ -192,7 +223,8 @@ fn plan_from(
         approach: options.approach,
         rounds: options.rounds,
     };
-    plan(&found.start_rad, &path, &robot.limits(), options)
+    let planned = plan(&found.start_rad, &path, &robot.limits(), options)?;
+    Ok((path, planned))
 }
 
 /// Says in the report what was planned, joint by joint.

@@ -176,7 +176,8 @@ impl Sink for Metered<'_> {
         }
         let at = self.recorder.moment(sample.at);
         let Some((recorder, _)) = &self.recorder.recorder else { return };
-        let record = CycleRecord { cycle: sample.cycle, at, joints: joint_records(sample) };
+        let record =
+            CycleRecord { cycle: sample.cycle, at, joints: joint_records(sample), base: None };
         // A virtual clock waits for the disk; a real one never does.
         if self.recorder.patient {
             recorder.take_patiently(record);

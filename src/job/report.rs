@@ -14,6 +14,7 @@ use std::fmt;
 use std::path::Path;
 
 pub use crate::control::{Exception, Stop, StopCode};
+pub use crate::retarget::BodyFigures;
 pub use crate::robot::preflight::LINE_SHARE;
 
 /// How a command ended; its exit code.
@@ -247,6 +248,8 @@ pub struct PlayReport {
     /// How the motion's trunk leans against its pelvis, which the robot cannot show; null if it has a
     /// waist, or the motion is in its joints already.
     pub trunk_lean_lost: Option<TrunkLean>,
+    /// What the motion does to all of the robot; null if nothing was planned.
+    pub metrics: Option<BodyFigures>,
     /// Only with a virtual robot of this process.
     pub referee: Option<RefereeReport>,
     /// Choices made on the way that a person should know.
@@ -295,6 +298,7 @@ impl PlayReport {
             profiles: Vec::new(),
             source: Source::default(),
             trunk_lean_lost: None,
+            metrics: None,
             referee: None,
             notes: Vec::new(),
         }

@@ -2,17 +2,21 @@
 
 mod bvh;
 
+use super::bodily;
 use super::model::robot_model;
 use super::play::describe_plan;
 use super::recorder::recorded_joint;
 use super::report::{Outcome, OwnProfile, PlayReport};
+use super::source::joints::BASE_TITLES;
 use super::source::{self, MotionOrder};
 use crate::draft;
 use crate::error::{Error, ErrorKind};
 use crate::mocap;
 use crate::motion::{Plan, PlanOptions, Setpoint, plan};
 use crate::port::{Clock, MonotonicClock};
-use crate::recording::{CycleRecord, JointRecord, Recorder, RunEnd, RunStart};
+use crate::recording::{BaseRecord, CycleRecord, JointRecord, Recorder, RunEnd, RunStart};
+use crate::retarget::base::BasePath;
+use crate::rigid::Placement;
 use crate::robot::Robot;
 use crate::table::TableWriter;
 use crate::time::Duration;
@@ -35,6 +39,10 @@ pub struct RetargetOrder {
     pub file: PathBuf,
     /// It may replace one that is there.
     pub replace: bool,
+    /// The robot hangs on a stand.
+    pub hangs: bool,
+    /// Nothing is said of a fall that is predicted, but in the figures.
+    pub allow_fall: bool,
 }
 
 /// From the robot's initial pose through the motion, as it would be played.
@@ -53,21 +61,29 @@ pub fn retarget(order: &RetargetOrder) -> Result<PlayReport, Error> {
     };
     let path = loaded.path_from(&robot, &start_rad)?;
     let planned = plan(&start_rad, &path, &robot.limits(), options)?;
+    let asked = path.stretched(1.0 / order.speed);
+    let (base, metrics) = bodily::look(&robot, &loaded, &asked, &planned, order.hangs)?;
+    let base = base.as_ref();
     let rate_hz = order.rate_hz.unwrap_or(robot.file.rate_hz);
     let write = |bytes: &[u8]| draft::write_file(&order.file, order.replace, bytes);
     match kind {
-        TrajectoryFile::Csv => write(&csv(&planned, rate_hz)?)?,
+        TrajectoryFile::Csv => write(&csv(&planned, base, rate_hz)?)?,
         TrajectoryFile::Bvh => {
             let model = robot_model(&robot)?;
-            let poses: Vec<Vec<f64>> = rows(&planned, rate_hz).map(|(_, pose)| pose).collect();
+            let place = |time_s| base.map_or(Placement::IDENTITY, |base| base.at(time_s).0);
+            let poses: Vec<(Placement, Vec<f64>)> =
+                rows(&planned, rate_hz).map(|(time_s, pose)| (place(time_s), pose)).collect();
             write(mocap::bvh::write(&bvh::of_robot(&model, &poses, rate_hz)).as_bytes())?;
         }
-        TrajectoryFile::Mcap => record(order, &robot, &planned, rate_hz)?,
+        TrajectoryFile::Mcap => record(order, &robot, &planned, base, rate_hz)?,
     }
     let mut report = PlayReport::new(&loaded.name, &robot.name, Vec::new());
     report.outcome = Outcome::Done;
     report.profiles = OwnProfile::of(&robot);
     report.describe_motion(&loaded);
+    let falls_s = metrics.predicted_fall_s.filter(|_| !order.allow_fall);
+    report.notes.extend(falls_s.map(bodily::fall_note));
+    report.metrics = Some(metrics);
     report.duration_s = planned.trajectory.duration_s();
     describe_plan(&mut report, &robot, &planned, &loaded);
     report.notes.push(format!(
@@ -119,19 +135,36 @@ fn rows(planned: &Plan, rate_hz: f64) -> impl Iterator<Item = (f64, Vec<f64>)> {
     })
 }
 
-fn csv(planned: &Plan, rate_hz: f64) -> Result<Vec<u8>, Error> {
+fn csv(planned: &Plan, base: Option<&BasePath>, rate_hz: f64) -> Result<Vec<u8>, Error> {
     let mut out = TableWriter::new(Vec::new());
     let titles = planned.trajectory.joints().iter().map(|joint| format!("{joint}_rad"));
-    out.row(std::iter::once("time_s".to_owned()).chain(titles))?;
+    let of_base = base.iter().flat_map(|_| BASE_TITLES.map(str::to_owned));
+    out.row(std::iter::once("time_s".to_owned()).chain(titles).chain(of_base))?;
     for (time_s, pose) in rows(planned, rate_hz) {
         let angles = pose.into_iter().map(|angle_rad| format!("{angle_rad:.9}"));
-        out.row(std::iter::once(format!("{time_s:.6}")).chain(angles))?;
+        let place = base.iter().flat_map(|base| base_cells(base, time_s));
+        out.row(std::iter::once(format!("{time_s:.6}")).chain(angles).chain(place))?;
     }
     out.finish()
 }
 
+/// Where the base is and which feet stand, in the order of [`BASE_TITLES`].
+fn base_cells(base: &BasePath, time_s: f64) -> [String; 9] {
+    let (Placement { at_m, turn }, contacts) = base.at(time_s);
+    let [x, y, z] = at_m.to_array().map(|metres| format!("{metres:.9}"));
+    let [qx, qy, qz, qw] = turn.to_array().map(|part| format!("{part:.9}"));
+    let [left, right] = contacts.map(|stands| u8::from(stands).to_string());
+    [x, y, z, qw, qx, qy, qz, left, right]
+}
+
 /// A recording of goals that nobody was given yet.
-fn record(order: &RetargetOrder, robot: &Robot, planned: &Plan, rate_hz: f64) -> Result<(), Error> {
+fn record(
+    order: &RetargetOrder,
+    robot: &Robot,
+    planned: &Plan,
+    base: Option<&BasePath>,
+    rate_hz: f64,
+) -> Result<(), Error> {
     let start = MonotonicClock.now();
     let run = RunStart {
         robot: robot.name.clone(),
@@ -148,7 +181,11 @@ fn record(order: &RetargetOrder, robot: &Robot, planned: &Plan, rate_hz: f64) ->
         end = start + Duration::from_secs_f64(time_s);
         let goal = |goal_rad: f64| JointRecord { goal_rad: Some(goal_rad), ..Default::default() };
         let joints = pose.into_iter().map(goal).collect();
-        recorder.take_patiently(CycleRecord { cycle, at: end, joints });
+        let base = base.map(|base| {
+            let (Placement { at_m, turn }, contacts) = base.at(time_s);
+            Box::new(BaseRecord { at_m, turn, contacts })
+        });
+        recorder.take_patiently(CycleRecord { cycle, at: end, joints, base });
     }
     let (outcome, metadata) = ("done".to_owned(), Default::default());
     let stored = recorder.finish(RunEnd { outcome, stop_reason: None, at: end, metadata });

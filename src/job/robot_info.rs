@@ -116,11 +116,7 @@ fn told(robot: &Robot, body: &RobotBody) -> BodyInfo {
     let mut touching = Vec::new();
     for (one, here) in shapes.iter().enumerate() {
         for (two, there) in shapes.iter().enumerate().skip(one + 1) {
-            let near = |a: usize, b: usize| {
-                let above = |link: usize| links[link].parent;
-                above(b) == Some(a) || above(b).and_then(above) == Some(a) || above(a) == above(b)
-            };
-            if near(one, two) || near(two, one) {
+            if body.are_neighbours(one, two) {
                 continue;
             }
             let pairs = here.iter().flat_map(|a| there.iter().map(move |b| a.distance_m(b)));

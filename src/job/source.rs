@@ -8,7 +8,7 @@ pub use crate::mocap::files::CaptureOptions;
 use super::composition::{GaitChangeReport, InsertReport, compose};
 use super::model::robot_model;
 use crate::action::{Inserts, Join, Motion, phrase, vocabulary};
-use crate::body::Proportions;
+use crate::body::{Proportions, Segment};
 use crate::error::{Error, ErrorKind};
 use crate::mocap::anatomy::Capture;
 use crate::mocap::files::{self, CaptureFormat};
@@ -19,6 +19,7 @@ use crate::mocap::opensim as mocap_opensim;
 use crate::mocap::retarget::{self, Retargeted, TrunkLean};
 use crate::mocap::siblings::{self, SegmentFrames};
 use crate::motion::Path as JointPath;
+use crate::retarget::{Footfall, footfall};
 use crate::robot::Robot;
 use gaitway_profiles as profiles;
 use serde::Serialize;
@@ -132,6 +133,10 @@ pub struct RobotMotion {
     pub notes: Vec<String>,
     only: Vec<String>,
     retargeted: Retargeted,
+    /// The person, if it is one whose segments are known.
+    person: Option<Capture>,
+    /// What the motion says of the robot's feet, at the rate of its samples.
+    footfalls: Vec<Footfall>,
     /// True if a person did it: it is slowed to what the robot can do, unless that is refused. A
     /// trajectory that was made for the robot is slowed only if that is asked for.
     pub of_person: bool,
@@ -166,7 +171,12 @@ pub fn load(order: &MotionOrder, robot: &Robot) -> Result<RobotMotion, Error> {
     let retargeted = retarget::retarget(&capture, &model, &initial_rad, &settings)?;
     let notes = retargeted.notes.clone();
     let (name, only) = (order.motion.clone(), order.only.clone());
-    Ok(RobotMotion { name, source, notes, only, retargeted, of_person: true })
+    let pelvis = model.base.iter().find(|segment| **segment == Segment::Pelvis);
+    let base = pelvis.or(model.base.first()).copied().unwrap_or(Segment::Pelvis);
+    let Capture { poses, tracked, stature_m, rate_hz, .. } = &capture;
+    let footfalls = footfall::of_person(poses, tracked, *stature_m, *rate_hz, base)?;
+    let person = Some(capture);
+    Ok(RobotMotion { name, source, notes, only, retargeted, person, footfalls, of_person: true })
 }
 
 /// Which joints `--only` names.
@@ -211,10 +221,11 @@ fn in_joints(
             .got(*option)
             .allowed("a capture or an action"));
     }
-    let (retargeted, source) = motion.on(robot, order.from_s, order.to_s)?;
+    let (retargeted, footfalls, source) = motion.on(robot, order.from_s, order.to_s)?;
     let (name, only, notes) = (order.motion.clone(), order.only.clone(), Vec::new());
     // What a hand did is a person's motion too.
-    Ok(RobotMotion { name, source, notes, only, retargeted, of_person: motion.taught })
+    let of_person = motion.taught;
+    Ok(RobotMotion { name, source, notes, only, retargeted, person: None, footfalls, of_person })
 }
 
 /// Reads a capture, or performs actions, as a motion of body segments. `reading` says what the capture does
@@ -420,6 +431,24 @@ impl RobotMotion {
     fn of_joint<T: Copy + Default>(&self, joint: &str, values: &[T]) -> T {
         let index = self.retargeted.joints.iter().position(|name| name == joint);
         index.and_then(|index| values.get(index).copied()).unwrap_or_default()
+    }
+
+    /// Poses per second of the motion as it came in.
+    #[must_use]
+    pub const fn rate_hz(&self) -> f64 {
+        self.retargeted.rate_hz
+    }
+
+    /// The person whose motion it is, pose by pose; none of a motion that is in the robot's joints.
+    #[must_use]
+    pub const fn person(&self) -> Option<&Capture> {
+        self.person.as_ref()
+    }
+
+    /// What it says of the robot's feet, pose by pose; empty if it says nothing.
+    #[must_use]
+    pub fn footfalls(&self) -> &[Footfall] {
+        &self.footfalls
     }
 
     /// Poses in which saturation moved a joint.

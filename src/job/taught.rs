@@ -118,6 +118,6 @@ impl Servos {
                 JointRecord { missed: Some(miss.to_string().into()), ..JointRecord::default() }
             }
         });
-        Ok(CycleRecord { cycle, at: asked, joints: joints.collect() })
+        Ok(CycleRecord { cycle, at: asked, joints: joints.collect(), base: None })
     }
 }

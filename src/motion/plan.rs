@@ -79,6 +79,25 @@ pub struct Plan {
     /// Time in which the path's clock loses its speed; 0 for a path that ends at rest and without
     /// acceleration.
     pub ease_out_s: f64,
+    /// How many times as long the path takes as it was given, easing apart: speed and retiming.
+    pub stretch: f64,
+}
+
+impl Plan {
+    /// The time of the path as it was given, s, that is played at a time of the trajectory, the first time
+    /// it is played: its beginning before, its end after.
+    #[must_use]
+    pub fn path_time_s(&self, time_s: f64) -> f64 {
+        let elapsed_s = (time_s - self.clip_start_s).clamp(0.0, self.clip_s);
+        let left_s = self.clip_s - elapsed_s;
+        let along_s = if left_s < self.ease_out_s {
+            let path_s = self.clip_s - self.ease_in_s / 2.0 - self.ease_out_s / 2.0;
+            path_s - eased_time_s(left_s, self.ease_out_s)
+        } else {
+            eased_time_s(elapsed_s, self.ease_in_s)
+        };
+        along_s / self.stretch
+    }
 }
 
 /// Plans how to play `path` from `start_rad`, one position and one entry of `limits` per joint of
@@ -237,9 +256,11 @@ impl Layout<'_> {
             rows.push(row);
         }
         let trajectory = Trajectory::new(self.path.joints().to_vec(), knot_s, rows, self.limits)?;
+        let stretch = retimed.factor / options.speed;
         Ok(Plan {
             trajectory,
             retimed,
+            stretch,
             approach_s,
             clip_start_s: approach_s,
             clip_s: clip as f64 * knot_s,

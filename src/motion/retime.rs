@@ -72,6 +72,24 @@ pub fn retime(path: &Path, limits: &[JointLimits]) -> Result<Retimed, Error> {
     Ok(Retimed { factor: factor * (1.0 + HEADROOM), joint, because })
 }
 
+/// By sample of a path, how many times as long it would have to take there, by itself, and the joint that
+/// asks for it; less than 1 where it could be faster.
+#[must_use]
+pub fn needs(path: &Path, limits: &[JointLimits]) -> Vec<(f64, usize)> {
+    let at = |sample: usize| {
+        let time_s = sample as f64 * path.step_s();
+        let asks =
+            path.splines().iter().zip(limits).enumerate().map(|(joint, (spline, limits))| {
+                let [_, velocity, acceleration] = spline.sample(time_s);
+                let by_velocity = velocity.abs() / limits.velocity_rad_s();
+                let by_acceleration = (acceleration.abs() / limits.acceleration_rad_s2()).sqrt();
+                (by_velocity.max(by_acceleration), joint)
+            });
+        asks.fold((0.0, 0), |most: (f64, usize), ask| if ask.0 > most.0 { ask } else { most })
+    };
+    (0..path.samples()).map(at).collect()
+}
+
 /// Refuses a path that is faster or bends harder than its limits anywhere, instead of stretching.
 ///
 /// # Errors
@@ -122,6 +140,15 @@ mod tests {
         let got = retime(&path(&[0.5, 1.0]), &[soft, wide]).unwrap();
         assert!((got.factor - 3.0 * (1.0 + HEADROOM)).abs() < 1e-3, "{}", got.factor);
         assert_eq!((got.joint.0, got.because), (0, Because::Acceleration));
+    }
+
+    #[test]
+    fn each_instant_says_what_it_needs_by_itself() {
+        let needs = needs(&path(&[0.5, 1.0]), &[limits(99.0, 999.0), limits(TAU / 2.0, 999.0)]);
+        // A sine is fastest where it passes zero, and rests at its peak.
+        assert!((needs[0].0 - 2.0).abs() < 1e-4, "{:?}", needs[0]);
+        assert_eq!(needs[0].1, 1);
+        assert!(needs[250].0 < 0.3, "{:?}", needs[250]);
     }
 
     #[test]

@@ -3,10 +3,11 @@
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 
+use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
 use super::bounded;
-use super::sample::{CycleRecord, JointRecord, RecordedJoint, RunEnd, RunStart};
+use super::sample::{BaseRecord, CycleRecord, JointRecord, RecordedJoint, RunEnd, RunStart};
 
 /// The channels, in the order in which they are registered.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -145,6 +146,52 @@ pub(super) struct Cycle<'a> {
     pub(super) dropped_before: u64,
     #[serde(borrow, deserialize_with = "bounded::joints")]
     pub(super) missed: Vec<Missed<'a>>,
+    /// Where the base was meant to be.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) base: Option<Base>,
+}
+
+/// Where a robot's base is meant to be, and which of its feet stand; m, and a quaternion.
+#[derive(Clone, Copy, Serialize, Deserialize)]
+pub(super) struct Base {
+    base_x_m: f64,
+    base_y_m: f64,
+    base_z_m: f64,
+    base_qw: f64,
+    base_qx: f64,
+    base_qy: f64,
+    base_qz: f64,
+    contact_left: bool,
+    contact_right: bool,
+}
+
+impl From<&BaseRecord> for Base {
+    fn from(base: &BaseRecord) -> Self {
+        let [base_x_m, base_y_m, base_z_m] = base.at_m.to_array();
+        let [base_qx, base_qy, base_qz, base_qw] = base.turn.to_array();
+        let [contact_left, contact_right] = base.contacts;
+        Self {
+            base_x_m,
+            base_y_m,
+            base_z_m,
+            base_qw,
+            base_qx,
+            base_qy,
+            base_qz,
+            contact_left,
+            contact_right,
+        }
+    }
+}
+
+impl From<Base> for BaseRecord {
+    fn from(base: Base) -> Self {
+        Self {
+            at_m: DVec3::new(base.base_x_m, base.base_y_m, base.base_z_m),
+            turn: DQuat::from_xyzw(base.base_qx, base.base_qy, base.base_qz, base.base_qw),
+            contacts: [base.contact_left, base.contact_right],
+        }
+    }
 }
 
 /// A joint without a reading in this cycle, and why.
@@ -203,7 +250,10 @@ pub(super) fn of_cycle(
         messages.push((Topic::Health, serde_json::to_vec(&Health { moment, joints })?));
     }
     let missed = named().filter_map(|(name, joint)| missed(name, joint)).collect();
-    messages.push((Topic::Cycle, serde_json::to_vec(&Cycle { moment, dropped_before, missed })?));
+    let is_number = |base: &&BaseRecord| base.at_m.is_finite() && base.turn.is_finite();
+    let base = record.base.as_deref().filter(is_number).map(Base::from);
+    let cycle = Cycle { moment, dropped_before, missed, base };
+    messages.push((Topic::Cycle, serde_json::to_vec(&cycle)?));
     Ok(messages)
 }
 

@@ -201,7 +201,7 @@ impl Recording {
     fn add_cycle(&mut self, body: &[u8]) -> Option<()> {
         let cycle: Cycle = parse(body)?;
         self.dropped_cycles = self.dropped_cycles.saturating_add(cycle.dropped_before);
-        self.cycle(&cycle.moment);
+        self.cycle(&cycle.moment).base = cycle.base.map(|base| Box::new(base.into()));
         for (index, missed) in cycle.missed.into_iter().enumerate() {
             let record = self.joint(&cycle.moment, index, &missed.name)?;
             record.missed = Some(Cow::Owned(missed.reason.into_owned()));
@@ -231,7 +231,7 @@ impl Recording {
         let known = self.cycles.last().is_some_and(|last| last.cycle == cycle && last.at == at);
         if !known {
             let joints = vec![JointRecord::default(); self.joint_names.len().min(JOINTS)];
-            self.cycles.push(CycleRecord { cycle, at, joints });
+            self.cycles.push(CycleRecord { cycle, at, joints, base: None });
         }
         let last = self.cycles.len() - 1;
         &mut self.cycles[last]

@@ -4,6 +4,7 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::time::SystemTime;
 
+use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
 use super::bounded;
@@ -18,6 +19,19 @@ pub struct CycleRecord {
     pub at: Instant,
     /// One record per joint, in the order of [`RunStart::joints`].
     pub joints: Vec<JointRecord>,
+    /// Where the robot's base was meant to be; `None` is "nobody said".
+    pub base: Option<Box<BaseRecord>>,
+}
+
+/// Where a robot's base is meant to be in one cycle, and which of its feet stand.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BaseRecord {
+    /// Its origin in the world, m; the floor is at z = 0.
+    pub at_m: DVec3,
+    /// Turns its own axes into the world's.
+    pub turn: DQuat,
+    /// Whether the left and the right foot are on the floor.
+    pub contacts: [bool; 2],
 }
 
 /// One joint in one cycle. `None` is "not written" or "not read", never a default.

@@ -95,9 +95,14 @@ const HARDLY: f64 = 0.05;
 #[must_use]
 pub fn reaction(instants: [&[Posed]; 3], step_s: f64) -> GroundReaction {
     let [before, now, after] = instants;
+    let both = [Momentum::between(before, now, step_s), Momentum::between(now, after, step_s)];
+    reaction_of(now, both, step_s)
+}
+
+/// The same from the momentum that the bodies have on the way to where they are `now`, and from there on.
+#[must_use]
+pub fn reaction_of(now: &[Posed], [first, second]: [Momentum; 2], step_s: f64) -> GroundReaction {
     let mass_kg: f64 = now.iter().map(|body| body.mass.mass_kg).sum();
-    let (first, second) =
-        (Momentum::between(before, now, step_s), Momentum::between(now, after, step_s));
     let weight_n = mass_kg * GRAVITY_M_S2;
     let force_n = (second.linear_kg_m_s - first.linear_kg_m_s) / step_s + DVec3::Z * weight_n;
     let moment_n_m = (second.angular_kg_m2_s - first.angular_kg_m2_s) / step_s;

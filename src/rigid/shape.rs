@@ -82,25 +82,55 @@ impl Volume {
         let (one, two) = (Core::of(self), Core::of(other));
         core_distance_m(&one, &two) - one.radius_m - two.radius_m
     }
+
+    /// How deep two are in one another, m, the least way out: 0 of those that are apart, found
+    /// sooner than [`Self::distance_m`].
+    #[must_use]
+    pub fn depth_m(&self, other: &Self) -> f64 {
+        let (one, two) = (Core::of(self), Core::of(other));
+        let radii_m = one.radius_m + two.radius_m;
+        // A gap in one direction is one that a distance has at least.
+        if one.count + two.count > 2 {
+            let gap_m = least_overlap_m(&one, &two);
+            if gap_m <= 0.0 || gap_m >= radii_m {
+                return (radii_m - gap_m).max(0.0);
+            }
+        }
+        (radii_m - core_distance_m(&one, &two)).max(0.0)
+    }
+
+    /// A ball that holds it: its middle and its radius, m.
+    #[must_use]
+    pub fn ball_m(&self) -> (DVec3, f64) {
+        match self {
+            Self::Capsule(of) => {
+                let half_m = of.from_m.distance(of.to_m) / 2.0;
+                (of.from_m.midpoint(of.to_m), half_m + of.radius_m)
+            }
+            Self::Cuboid(of) => (of.centre_m, of.half_m.length()),
+        }
+    }
 }
 
 /// A line or a box, without the radius around it.
 struct Core {
     centre: DVec3,
-    /// Half edges; those of no length are left out.
-    halves: Vec<DVec3>,
+    /// Half edges, `count` of them; those of no length are left out.
+    halves: [DVec3; 3],
+    count: usize,
     radius_m: f64,
 }
 
 impl Core {
     fn of(volume: &Volume) -> Self {
-        let (centre, halves, radius_m) = match volume {
+        let (centre, all, radius_m) = match volume {
             Volume::Capsule(of) => {
-                ((of.from_m + of.to_m) / 2.0, vec![(of.to_m - of.from_m) / 2.0], of.radius_m)
+                let half = (of.to_m - of.from_m) / 2.0;
+                ((of.from_m + of.to_m) / 2.0, [half, DVec3::ZERO, DVec3::ZERO], of.radius_m)
             }
             Volume::Cuboid(of) => {
                 let half = |axis: DVec3, half: f64| of.turn * axis * half;
-                let halves = vec![
+                let halves = [
                     half(DVec3::X, of.half_m.x),
                     half(DVec3::Y, of.half_m.y),
                     half(DVec3::Z, of.half_m.z),
@@ -108,24 +138,32 @@ impl Core {
                 (of.centre_m, halves, 0.0)
             }
         };
-        let halves = halves.into_iter().filter(|half| half.length_squared() > TINY).collect();
-        Self { centre, halves, radius_m }
+        let (mut halves, mut count) = ([DVec3::ZERO; 3], 0);
+        for half in all.into_iter().filter(|half| half.length_squared() > TINY) {
+            halves[count] = half;
+            count += 1;
+        }
+        Self { centre, halves, count, radius_m }
+    }
+
+    fn halves(&self) -> &[DVec3] {
+        &self.halves[..self.count]
     }
 
     fn corners(&self) -> Vec<DVec3> {
-        self.halves.iter().fold(vec![self.centre], |corners, &half| {
+        self.halves().iter().fold(vec![self.centre], |corners, &half| {
             corners.iter().flat_map(|&corner| [corner - half, corner + half]).collect()
         })
     }
 
     /// Both ends of every edge; of a point, the point twice.
     fn edges(&self) -> Vec<[DVec3; 2]> {
-        if self.halves.is_empty() {
+        if self.halves().is_empty() {
             return vec![[self.centre; 2]];
         }
         let mut edges = Vec::with_capacity(12);
-        for (along, &half) in self.halves.iter().enumerate() {
-            let others = self.halves.iter().enumerate().filter(|&(index, _)| index != along);
+        for (along, &half) in self.halves().iter().enumerate() {
+            let others = self.halves().iter().enumerate().filter(|&(index, _)| index != along);
             let middles = others.fold(vec![self.centre], |middles, (_, &other)| {
                 middles.iter().flat_map(|&middle| [middle - other, middle + other]).collect()
             });
@@ -136,22 +174,22 @@ impl Core {
 
     /// Half its extent along a direction.
     fn extent(&self, direction: DVec3) -> f64 {
-        self.halves.iter().map(|half| half.dot(direction).abs()).sum()
+        self.halves().iter().map(|half| half.dot(direction).abs()).sum()
     }
 
     /// Directions its faces look in, of unit length: none of a point, all that are across of a line.
-    fn normals(&self) -> Vec<DVec3> {
-        match self.halves.as_slice() {
-            [one, two] => vec![one.normalize(), two.normalize(), one.cross(*two).normalize()],
-            [_] => Vec::new(),
-            halves => halves.iter().map(|half| half.normalize()).collect(),
+    fn normals(&self) -> ([DVec3; 3], usize) {
+        match self.halves() {
+            [one, two] => ([*one, *two, one.cross(*two)].map(DVec3::normalize), 3),
+            [one, two, three] => ([*one, *two, *three].map(DVec3::normalize), 3),
+            _ => ([DVec3::ZERO; 3], 0),
         }
     }
 
     /// The nearest point of it.
     fn nearest(&self, point: DVec3) -> DVec3 {
         let away = point - self.centre;
-        self.halves.iter().fold(self.centre, |found, &half| {
+        self.halves().iter().fold(self.centre, |found, &half| {
             found + half * (away.dot(half) / half.length_squared()).clamp(-1.0, 1.0)
         })
     }
@@ -159,7 +197,7 @@ impl Core {
 
 fn core_distance_m(one: &Core, two: &Core) -> f64 {
     // Lines and points have no inside: two of them do not overlap.
-    if one.halves.len() > 1 || two.halves.len() > 1 {
+    if one.count > 1 || two.count > 1 {
         let apart = least_overlap_m(one, two);
         if apart <= 0.0 {
             return apart;
@@ -178,15 +216,23 @@ fn core_distance_m(one: &Core, two: &Core) -> f64 {
 /// The largest gap in any direction that can part the two; negative: they overlap by this.
 fn least_overlap_m(one: &Core, two: &Core) -> f64 {
     let away = two.centre - one.centre;
-    let mut directions = one.normals();
-    directions.extend(two.normals());
-    for edge in &one.halves {
-        directions.extend(two.halves.iter().filter_map(|of| edge.cross(*of).try_normalize()));
-    }
-    let gap = |&direction: &DVec3| {
+    let gap = |direction: DVec3| {
         away.dot(direction).abs() - one.extent(direction) - two.extent(direction)
     };
-    directions.iter().map(gap).fold(f64::NEG_INFINITY, f64::max)
+    let mut most = f64::NEG_INFINITY;
+    for (normals, count) in [one.normals(), two.normals()] {
+        for normal in &normals[..count] {
+            most = most.max(gap(*normal));
+        }
+    }
+    for edge in one.halves() {
+        for of in two.halves() {
+            if let Some(across) = edge.cross(*of).try_normalize() {
+                most = most.max(gap(across));
+            }
+        }
+    }
+    most
 }
 
 /// How far two lines between points are apart (Ericson 5.1.9).

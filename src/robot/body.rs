@@ -104,6 +104,17 @@ impl RobotBody {
         Ok(Some(Self { tree, base: body.base, volumes, soles, joints: file.joints.len() }))
     }
 
+    /// Whether two links are at most two joints apart: one carries the other, or what carries it, or
+    /// both hang on the same. What is mounted so is made to fit, and simple shapes of it overlap.
+    #[must_use]
+    pub fn are_neighbours(&self, one: usize, two: usize) -> bool {
+        let above = |link: usize| self.tree.links().get(link).and_then(|link| link.parent);
+        let carries = |one: usize, two: usize| {
+            above(two) == Some(one) || above(two).and_then(above) == Some(one)
+        };
+        one == two || carries(one, two) || carries(two, one) || above(one) == above(two)
+    }
+
     /// Angles of all joints of the tree, from those of the robot's joints in its file's order.
     ///
     /// # Panics

@@ -189,7 +189,7 @@ impl WornMotion {
                 }
             };
             let joints = Dof::ALL.iter().map(joint).collect();
-            recorder.take_patiently(CycleRecord { cycle: n as u64, at, joints });
+            recorder.take_patiently(CycleRecord { cycle: n as u64, at, joints, base: None });
         }
         let end =
             RunEnd { outcome: "done".to_owned(), stop_reason: None, at, metadata: BTreeMap::new() };

@@ -110,7 +110,7 @@ impl Sink for Recording<'_> {
         let joint =
             |&goal_rad: &f64| JointRecord { goal_rad: Some(goal_rad), ..Default::default() };
         let joints = sample.goal_rad.iter().map(joint).collect();
-        self.recorder.take(CycleRecord { cycle: sample.cycle, at: sample.at, joints });
+        self.recorder.take(CycleRecord { cycle: sample.cycle, at: sample.at, joints, base: None });
         self.seen.take(sample);
     }
 }

@@ -126,7 +126,7 @@ fn arguments(job: Job, robot: Robot, port: &str, folder: &Path) -> Vec<String> {
     let file = |file: &str| folder.join(file).display().to_string();
     let line = match job {
         Job::Play => format!(
-            "play walk --to 2.8 --robot {name} --bus {port} --rate {rate_hz} --record {}",
+            "play walk --hang --to 2.8 --robot {name} --bus {port} --rate {rate_hz} --record {}",
             file("run.mcap")
         ),
         Job::Live => format!(

@@ -54,6 +54,7 @@ pub fn cycle(n: u64) -> CycleRecord {
         cycle: n,
         at: MONOTONIC_START + Duration::from_millis(10 * n),
         joints: vec![first, if n.is_multiple_of(3) { missed } else { read }],
+        base: None,
     }
 }
 

@@ -1,8 +1,9 @@
 //! A robot's own joint tree as a BVH file: centimetres, Y up, facing +Z, standing in its zero pose at
-//! zero. The base stays where it is: a trajectory of joints says nothing of it.
+//! zero. The base goes where it is told to go.
 
 use crate::mocap::bvh::{Axis, Bvh, Channel, Joint};
 use crate::mocap::retarget::RobotModel;
+use crate::rigid::Placement;
 use glam::{DQuat, DVec3, EulerRot};
 
 const CM_PER_M: f64 = 100.0;
@@ -18,8 +19,9 @@ const fn turned(v: DVec3) -> DVec3 {
     DVec3::new(v.y, v.z, v.x)
 }
 
-/// `poses` of a robot at `rate_hz`: angles in rad, in the order of the model's joints.
-pub fn of_robot(model: &RobotModel, poses: &[Vec<f64>], rate_hz: f64) -> Bvh {
+/// `poses` of a robot at `rate_hz`: where its base is, and angles in rad, in the order of the model's
+/// joints.
+pub fn of_robot(model: &RobotModel, poses: &[(Placement, Vec<f64>)], rate_hz: f64) -> Bvh {
     let order = order(model);
     let base = Joint {
         name: "base".to_owned(),
@@ -45,8 +47,12 @@ pub fn of_robot(model: &RobotModel, poses: &[Vec<f64>], rate_hz: f64) -> Bvh {
     });
     let joints = std::iter::once(base).chain(joints).collect();
     let mut values = Vec::with_capacity((6 + 3 * order.len()) * poses.len());
-    for pose in poses {
-        values.extend([0.0; 6]);
+    for (base, pose) in poses {
+        values.extend((turned(base.at_m) * CM_PER_M).to_array());
+        let own = base.turn;
+        let turn = DQuat::from_xyzw(own.y, own.z, own.x, own.w);
+        let (z, x, y) = turn.to_euler(EulerRot::ZXY);
+        values.extend([z, x, y].map(f64::to_degrees));
         for &index in &order {
             let turn = DQuat::from_axis_angle(turned(model.joints[index].axis), pose[index]);
             let (z, x, y) = turn.to_euler(EulerRot::ZXY);
@@ -80,11 +86,14 @@ mod tests {
     use crate::robot::Robot;
 
     /// Where a joint stands and how it is turned, by the robot's own tree, in the file's axes.
-    fn truth(model: &RobotModel, pose: &[f64], index: usize) -> (DVec3, DQuat) {
+    fn truth(
+        model: &RobotModel,
+        base: (DVec3, DQuat),
+        pose: &[f64],
+        index: usize,
+    ) -> (DVec3, DQuat) {
         let joint = &model.joints[index];
-        let (at, turn) = joint
-            .parent
-            .map_or((DVec3::ZERO, DQuat::IDENTITY), |parent| truth(model, pose, parent));
+        let (at, turn) = joint.parent.map_or(base, |parent| truth(model, base, pose, parent));
         let own = DQuat::from_axis_angle(turned(joint.axis), pose[index]);
         (at + turn * turned(joint.origin_m), turn * own)
     }
@@ -96,7 +105,10 @@ mod tests {
             let model = robot_model(&robot).expect("an anatomy");
             let pose: Vec<f64> =
                 (0..model.joints.len()).map(|n| 0.9 * (1.3 * n as f64).sin()).collect();
-            let text = bvh::write(&of_robot(&model, std::slice::from_ref(&pose), 100.0));
+            let (at_m, axis) = (DVec3::new(0.3, -0.2, 0.5), DVec3::new(0.6, 0.8, 0.0));
+            let base = Placement { at_m, turn: DQuat::from_axis_angle(axis, 0.9) };
+            let seen = (turned(at_m), DQuat::from_axis_angle(turned(axis), 0.9));
+            let text = bvh::write(&of_robot(&model, &[(base, pose.clone())], 100.0));
             let read = bvh::parse(text.as_bytes()).expect("a BVH file");
             assert_eq!(read.joints.len(), model.joints.len() + 1, "{name}");
             let skeleton = Skeleton::new(&read);
@@ -104,7 +116,7 @@ mod tests {
             skeleton.place(read.pose(0), &mut placed);
             for (place, joint) in read.joints.iter().enumerate().skip(1) {
                 let index = model.joints.iter().position(|j| j.name == joint.name);
-                let (at, turn) = truth(&model, &pose, index.expect("a joint of the robot"));
+                let (at, turn) = truth(&model, seen, &pose, index.expect("a joint of the robot"));
                 assert!((placed.position[place] / CM_PER_M - at).length() < 1e-9, "{}", joint.name);
                 assert!(placed.rotation[place].angle_between(turn) < 1e-6, "{}", joint.name);
             }

@@ -5,10 +5,12 @@ use super::Source;
 use crate::error::{Error, ErrorKind};
 use crate::mocap::retarget::{Retargeted, Settings};
 use crate::motion::{low_pass, saturate};
-use crate::recording;
+use crate::recording::{self, BaseRecord};
+use crate::retarget::{Footfall, footfall};
 use crate::robot::{Joint, Robot};
 use crate::table::{self, Row};
 use gaitway_profiles as profiles;
+use glam::DQuat;
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -16,6 +18,8 @@ use std::path::Path;
 const GAP_S: f64 = 0.5;
 /// Angles this far beyond a limit are rounding, rad.
 const ROUNDING_RAD: f64 = 1e-6;
+/// Rotations this far from the length 1 are rounded.
+const TURN_ROUNDING: f64 = 1e-3;
 /// A sample counts as clipped if a limit moved it by more than this, rad.
 const CLIPPED_RAD: f64 = 0.01;
 
@@ -25,10 +29,25 @@ struct Series {
     points: Vec<(f64, f64)>,
 }
 
+/// Titles of where the base is and which feet stand, behind the joints.
+pub const BASE_TITLES: [&str; 9] = [
+    "base_x_m",
+    "base_y_m",
+    "base_z_m",
+    "base_qw",
+    "base_qx",
+    "base_qy",
+    "base_qz",
+    "contact_left",
+    "contact_right",
+];
+
 /// A motion as it was read.
 pub struct JointMotion {
     format: &'static str,
     series: Vec<Series>,
+    /// The base and the feet, if it says anything of them: times in s, and values by [`BASE_TITLES`].
+    base: Vec<(f64, [f64; 9])>,
     /// Guided by hand: a person's motion, with the noise of measuring.
     pub taught: bool,
 }
@@ -73,12 +92,23 @@ fn of_recording(path: &Path) -> Result<JointMotion, Error> {
             .at(path.display().to_string())
             .remedy("record some with `gaitway record servos:ROBOT@BUS --limp -o FILE.mcap`"));
     }
-    Ok(JointMotion { format: if taught { "taught" } else { "recording" }, series, taught })
+    let base = recording.cycles.iter().filter_map(|cycle| {
+        let BaseRecord { at_m, turn, contacts } = **cycle.base.as_ref()?;
+        let [x, y, z, w] = turn.to_array();
+        let [left, right] = contacts.map(|stands| f64::from(u8::from(stands)));
+        let place = [at_m.x, at_m.y, at_m.z, w, x, y, z, left, right];
+        is_turn(turn).then_some((cycle.at.seconds_since(first?), place))
+    });
+    let mut base: Vec<(f64, [f64; 9])> = base.collect();
+    base.dedup_by(|later, before| later.0 <= before.0);
+    let format = if taught { "taught" } else { "recording" };
+    Ok(JointMotion { format, series, base, taught })
 }
 
 /// `time_s`, then a column per joint, rad.
 fn of_table(text: &str) -> Result<JointMotion, Error> {
-    let shape = "time_s, then a column JOINT_rad for each joint, as `gaitway retarget` writes it";
+    let shape = "time_s, then a column JOINT_rad for each joint, and where the base is, as `gaitway \
+                 retarget` writes it";
     let mut rows = table::rows(text);
     let titles = rows.next().transpose()?;
     let mut titles = titles.iter().flat_map(Row::cells);
@@ -88,23 +118,30 @@ fn of_table(text: &str) -> Result<JointMotion, Error> {
     // Before anything is built of them.
     let joints = titles.clone().map(|title| title.strip_suffix("_rad").unwrap_or(title));
     once_each(joints, "column")?;
-    let mut series = Vec::new();
+    let (mut series, mut columns) = (Vec::new(), Vec::new());
     for title in titles {
+        if let Some(place) = BASE_TITLES.iter().position(|known| *known == title) {
+            columns.push(Column::Base(place));
+            continue;
+        }
         let unlabelled = || {
             Error::new("a column does not say that it is an angle in rad").got(title).allowed(shape)
         };
         let joint = title.strip_suffix("_rad").ok_or_else(unlabelled)?.to_owned();
+        columns.push(Column::Joint(series.len()));
         series.push(Series { joint, points: Vec::new() });
     }
+    let of_base = columns.iter().filter(|column| matches!(column, Column::Base(_))).count();
+    let mut base: Vec<(f64, [f64; 9])> = Vec::new();
     let mut before_s = f64::NEG_INFINITY;
     for row in rows {
         let row = row?;
         let wrong = |what: &str, got: &str| {
             Error::new(what.to_owned()).got(format!("line {}: {got}", row.line)).allowed(shape)
         };
-        let (count, columns) = (row.width(), series.len() + 1);
-        if count != columns {
-            let got = format!("{count} cells, {columns} columns");
+        let (count, titled) = (row.width(), columns.len() + 1);
+        if count != titled {
+            let got = format!("{count} cells, {titled} columns");
             return Err(wrong("a row has not one number per column", &got));
         }
         let mut values = Vec::with_capacity(count);
@@ -116,14 +153,39 @@ fn of_table(text: &str) -> Result<JointMotion, Error> {
             return Err(wrong("time does not go on", &values[0].to_string()));
         }
         before_s = values[0];
-        for (series, &angle_rad) in series.iter_mut().zip(&values[1..]) {
-            series.points.push((before_s, angle_rad));
+        let mut place = [0.0; 9];
+        for (column, &value) in columns.iter().zip(&values[1..]) {
+            match *column {
+                Column::Joint(index) => series[index].points.push((before_s, value)),
+                Column::Base(index) => place[index] = value,
+            }
+        }
+        if of_base == BASE_TITLES.len() {
+            let [_, _, _, w, x, y, z, ..] = place;
+            let turn = DQuat::from_xyzw(x, y, z, w);
+            if !is_turn(turn) {
+                let got = format!("base_qw, base_qx, base_qy, base_qz of {}", turn.length());
+                return Err(wrong("a rotation has not the length 1", &got));
+            }
+            base.push((before_s, place));
         }
     }
     if series.first().is_none_or(|series| series.points.len() < 2) {
         return Err(Error::new("a table of joint angles needs two rows at least").allowed(shape));
     }
-    Ok(JointMotion { format: "table", series, taught: false })
+    Ok(JointMotion { format: "table", series, base, taught: false })
+}
+
+/// A rotation, whose length is 1.
+fn is_turn(turn: DQuat) -> bool {
+    (turn.length() - 1.0).abs() <= TURN_ROUNDING
+}
+
+/// What a column of a table is of.
+enum Column {
+    Joint(usize),
+    /// Index in [`BASE_TITLES`].
+    Base(usize),
 }
 
 /// Nobody could say which of two motions of one joint is meant.
@@ -152,7 +214,7 @@ impl JointMotion {
         robot: &Robot,
         from_s: Option<f64>,
         to_s: Option<f64>,
-    ) -> Result<(Retargeted, Source), Error> {
+    ) -> Result<(Retargeted, Vec<Footfall>, Source), Error> {
         let ends = |of: fn(&Series) -> Option<&(f64, f64)>| {
             self.series.iter().filter_map(of).map(|point| point.0)
         };
@@ -210,7 +272,20 @@ impl JointMotion {
             duration_s: to_s - from_s,
             ..Source::default()
         };
-        Ok((motion, source))
+        let said: Vec<([bool; 2], DQuat)> = match self.base.is_empty() {
+            true => Vec::new(),
+            false => {
+                (0..=last).map(|at| self.stance(begin_s + from_s + at as f64 * step_s)).collect()
+            }
+        };
+        Ok((motion, footfall::of_contacts(&said, even_hz), source))
+    }
+
+    /// Which feet stood at a time, and how the base was turned.
+    fn stance(&self, time_s: f64) -> ([bool; 2], DQuat) {
+        let after = self.base.partition_point(|(at_s, _)| *at_s < time_s);
+        let (_, [_, _, _, w, x, y, z, left, right]) = self.base[after.min(self.base.len() - 1)];
+        ([left >= 0.5, right >= 0.5], DQuat::from_xyzw(x, y, z, w).normalize())
     }
 
     /// The usual rate of the joint that was told or read most often.

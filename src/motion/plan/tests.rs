@@ -127,6 +127,23 @@ fn eased_ends_stay_on_the_path() {
 }
 
 #[test]
+fn each_time_of_a_plan_knows_the_time_of_the_path_it_plays() {
+    let path = waves(2, 0.8, 1.5, 2.0);
+    let options = PlanOptions { speed: 0.8, rounds: 2, ..options() };
+    let plan = plan(&[0.3, 0.1], &path, &limits(2), options).unwrap();
+    assert!(plan.ease_in_s > 0.0 && plan.ease_out_s > 0.0 && plan.retimed.factor > 1.0);
+    for i in 0..=200 {
+        let time_s = plan.clip_start_s + plan.clip_s * f64::from(i) / 200.0;
+        let path_s = plan.path_time_s(time_s);
+        for (spline, got) in path.splines().iter().zip(at(&plan, time_s)) {
+            assert!((spline.sample(path_s)[0] - got.position_rad).abs() < 1e-4, "{i}");
+        }
+    }
+    assert_eq!(plan.path_time_s(0.0), 0.0);
+    assert!((plan.path_time_s(plan.trajectory.duration_s()) - path.duration_s()).abs() < 1e-9);
+}
+
+#[test]
 fn an_end_at_rest_that_is_accelerated_is_eased_to_neither_speed_nor_acceleration() {
     // 0.3 (1 - cos 5 t) for a whole turn: at rest at both ends, and accelerated most just there.
     let samples = (RATE_HZ * TAU / 5.0).round();

@@ -144,6 +144,22 @@ fn moved_apart_by_its_depth_a_pair_just_touches() {
 }
 
 #[test]
+fn the_depth_is_that_of_the_distance_and_a_ball_holds_all_of_a_volume() {
+    let mut numbers = Numbers(23);
+    let mut deep = 0;
+    for _ in 0..2000 {
+        let (one, two) = (numbers.volume(), numbers.volume());
+        let expected_m = (-one.distance_m(&two)).max(0.0);
+        deep += usize::from(expected_m > 0.0);
+        assert!((one.depth_m(&two) - expected_m).abs() < 1e-12, "{one:?} {two:?}");
+        let (middle, radius_m) = one.ball_m();
+        let Some(way) = numbers.point(1.0).try_normalize() else { continue };
+        assert!(one.reach_m(way) <= middle.dot(way) + radius_m + 1e-12, "{one:?}");
+    }
+    assert!((200..1800).contains(&deep), "{deep}");
+}
+
+#[test]
 fn two_bodies_moved_and_turned_together_stay_as_far_apart() {
     let mut numbers = Numbers(3);
     for _ in 0..100 {

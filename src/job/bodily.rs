@@ -1,0 +1,128 @@
+//! What a planned motion does to all of the robot: where its base goes, and the figures of its body.
+
+use super::source::RobotMotion;
+use crate::error::Error;
+use crate::job::model::robot_model;
+use crate::motion::retime::needs;
+use crate::motion::{JointLimits, Path, Plan, Setpoint};
+use crate::retarget::base::BasePath;
+use crate::retarget::figures::{BodyMotion, Original, figures};
+use crate::retarget::{BodyFigures, PaceNeed, SlowStretch};
+use crate::robot::{Robot, RobotBody};
+
+/// Instants that are looked at, per second, at most: bodies are slower.
+const MOST_HZ: f64 = 100.0;
+/// Stretches that have to be slower are one if they are no further apart, s.
+const TOGETHER_S: f64 = 0.1;
+/// Most of them that are listed, the worst.
+const STRETCHES: usize = 20;
+
+/// How a robot file says that its shapes are nobody's drawing.
+const MADE_UP: &str = "made here";
+
+/// What is predicted.
+pub(super) const WOULD_FALL: &str = "a robot on its own feet would fall in this motion";
+/// What to do about it.
+pub(super) const INSTEAD: &str = "--hang if it hangs on a stand, --only for some joints, --speed for a slower \
+                                  motion, --allow-fall to play it all the same";
+
+/// A line about a fall that is predicted.
+pub(super) fn fall_note(at_s: f64) -> String {
+    format!("{WOULD_FALL}, at {at_s:.1} s, and a real one is not sent there: {INSTEAD}")
+}
+
+/// Looks at a planned motion, once through if it is played several times: the base, if the robot has a body,
+/// and the figures.
+///
+/// # Errors
+/// A body no tree can be made of, a rate too low to tell forces.
+pub(super) fn look(
+    robot: &Robot,
+    motion: &RobotMotion,
+    path: &Path,
+    planned: &Plan,
+    hangs: bool,
+) -> Result<(Option<BasePath>, BodyFigures), Error> {
+    let retime = Some(pace(path, &robot.limits()));
+    let Some(body) = RobotBody::of(&robot.file)? else {
+        let missing = vec![format!(
+            "the file of {} has no [body]: nothing of weight, shape and floor",
+            robot.name
+        )];
+        return Ok((None, BodyFigures { retime, missing, ..BodyFigures::default() }));
+    };
+    let rate_hz = robot.file.rate_hz.min(MOST_HZ);
+    let trajectory = &planned.trajectory;
+    let (from_s, to_s) = (planned.clip_start_s, planned.clip_start_s + planned.clip_s);
+    let end_s = if to_s < trajectory.duration_s() { to_s } else { trajectory.duration_s() };
+    let count = (end_s * rate_hz).ceil() as usize + 1;
+    let mut setpoints = vec![Setpoint::default(); trajectory.joints().len()];
+    let mut pose = |at: usize| -> Vec<f64> {
+        trajectory.sample((at as f64 / rate_hz).min(end_s), &mut setpoints);
+        setpoints.iter().map(|setpoint| setpoint.position_rad).collect()
+    };
+    let poses: Vec<Vec<f64>> = (0..count).map(&mut pose).collect();
+    let path_time = |at: usize| planned.path_time_s(at as f64 / rate_hz);
+    let path_times_s: Vec<f64> = (0..count).map(path_time).collect();
+    let first = ((from_s * rate_hz).ceil() as usize).min(count - 1);
+    let model = motion.person().map(|_| robot_model(robot)).transpose()?;
+    let original = motion.person().zip(model.as_ref()).map(|(person, model)| Original {
+        poses: &person.poses,
+        rate_hz: person.rate_hz,
+        tracked: &person.tracked,
+        stature_m: person.stature_m,
+        model,
+    });
+    let footfalls = Some(motion.footfalls()).filter(|said| !said.is_empty());
+    let (base, figures) = figures(&BodyMotion {
+        body: &body,
+        start_rad: &robot.joints.iter().map(|joint| joint.initial_rad).collect::<Vec<f64>>(),
+        poses: &poses,
+        rate_hz,
+        path_times_s: &path_times_s,
+        clip: &(first..count),
+        footfalls: footfalls.map(|said| (said, motion.rate_hz())),
+        original,
+        hangs,
+    })?;
+    let mut figures = BodyFigures { retime, ..figures };
+    let made = robot.file.body.as_ref().is_some_and(|of| of.shape_source.starts_with(MADE_UP));
+    if made {
+        let rough = "its soles and shapes are guessed from its weight: floor, balance and contact are rough";
+        figures.missing.push(rough.to_owned());
+    }
+    Ok((Some(base), figures))
+}
+
+/// How much slower a path would have to be, instant by instant.
+fn pace(path: &Path, limits: &[JointLimits]) -> PaceNeed {
+    let needs = needs(path, limits);
+    let mut factors: Vec<f64> = needs.iter().map(|(factor, _)| factor.max(1.0)).collect();
+    factors.sort_by(f64::total_cmp);
+    let mut local: Vec<SlowStretch> = Vec::new();
+    for (at, (factor, joint)) in needs.iter().enumerate().filter(|(_, (factor, _))| *factor > 1.0) {
+        let time_s = at as f64 * path.step_s();
+        match local.last_mut() {
+            Some(last) if time_s - last.end_s <= TOGETHER_S => {
+                last.end_s = time_s;
+                if *factor > last.factor {
+                    (last.factor, last.joint) = (*factor, path.joints()[*joint].clone());
+                }
+            }
+            _ => local.push(SlowStretch {
+                start_s: time_s,
+                end_s: time_s,
+                factor: *factor,
+                joint: path.joints()[*joint].clone(),
+            }),
+        }
+    }
+    local.sort_by(|a, b| b.factor.total_cmp(&a.factor));
+    local.truncate(STRETCHES);
+    local.sort_by(|a, b| a.start_s.total_cmp(&b.start_s));
+    PaceNeed {
+        median: factors.get(factors.len() / 2).copied().unwrap_or(1.0),
+        worst: factors.last().copied().unwrap_or(1.0),
+        local,
+    }
+}

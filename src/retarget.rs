@@ -1,0 +1,15 @@
+//! What a motion on a robot's joints does to all of the robot: where its base goes while its soles stand,
+//! whether it touches itself, stays on its feet, and how near it is to the person it follows.
+//!
+//! The joints come from elsewhere ([`crate::mocap::retarget`], a table, a recording). Everything here is
+//! geometry and mechanics of the body in the robot's file; nothing moves a joint.
+
+pub mod balance;
+pub mod base;
+pub mod collision;
+pub mod figures;
+pub mod footfall;
+pub mod limbs;
+
+pub use figures::{BodyFigures, DirectionErrors, PaceNeed, SlowStretch, TimeSpan};
+pub use footfall::Footfall;

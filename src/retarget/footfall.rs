@@ -1,0 +1,155 @@
+//! What a motion says of the feet: which one carries, and whether its sole lies flat.
+
+use crate::body::root::spread;
+use crate::body::{Proportions, Segment, SegmentPose};
+use crate::error::Error;
+use crate::recognise::contact::Floor;
+use crate::recognise::points::{BodyPoint, Lengths, Points};
+use glam::{DQuat, DVec3};
+
+/// A person's weight goes from foot to foot over this time, standard deviation, s.
+const SHIFTS_S: f64 = 0.04;
+/// Cosines of a sole's tilt between which a foot that carries begins to lie flat: 25 and 8 deg.
+const FLAT: [f64; 2] = [0.906, 0.990];
+
+/// Both feet, left first, and the trunk, at an instant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Footfall {
+    /// How much of a foot carries, 0 to 1; it comes and goes smoothly.
+    pub carries: [f64; 2],
+    /// How much of it lies flat, 0 to 1, at most as much as carries.
+    pub flat: [f64; 2],
+    /// Up, in the axes of what the robot's base plays.
+    pub up: DVec3,
+    /// Whether a foot touches the floor; none where nobody said.
+    pub touches: Option<[bool; 2]>,
+}
+
+impl Footfall {
+    /// Upright on both feet.
+    pub const STANDING: Self =
+        Self { carries: [1.0; 2], flat: [1.0; 2], up: DVec3::Z, touches: None };
+
+    /// On the way to another: `share` 0 is this one, 1 the other.
+    #[must_use]
+    pub fn towards(&self, other: &Self, share: f64) -> Self {
+        let part = |a: [f64; 2], b: [f64; 2]| [0, 1].map(|i| a[i] + (b[i] - a[i]) * share);
+        Self {
+            carries: part(self.carries, other.carries),
+            flat: part(self.flat, other.flat),
+            up: self.up.lerp(other.up, share).try_normalize().unwrap_or(self.up),
+            touches: if share < 0.5 { self.touches } else { other.touches },
+        }
+    }
+}
+
+/// What the feet of a person do, pose by pose, with the finder that recognition has. `base` is the segment
+/// that the robot's base plays.
+///
+/// # Errors
+/// A stature nobody has.
+pub fn of_person(
+    poses: &[SegmentPose],
+    tracked: &[bool; 13],
+    stature_m: f64,
+    rate_hz: f64,
+    base: Segment,
+) -> Result<Vec<Footfall>, Error> {
+    let body = Proportions::of_stature(stature_m)?;
+    let mut floor = Floor::new(Lengths::of(&body));
+    let points = |pose: &SegmentPose| Points::of(&body, pose, tracked);
+    let last = poses.len().saturating_sub(1);
+    let mut found = Vec::with_capacity(poses.len());
+    let mut three = poses.first().map(|first| [points(first); 3]);
+    for at in 0..poses.len() {
+        let Some([before, now, after]) = &mut three else { break };
+        (*before, *now) = (*now, *after);
+        *after = points(&poses[(at + 1).min(last)]);
+        if at == 0 {
+            *now = *before;
+        }
+        let steps = (usize::from(at > 0) + usize::from(at < last)).max(1) as f64;
+        let velocity = |place: BodyPoint| (after[place] - before[place]) * (rate_hz / steps);
+        let velocities = Points(BodyPoint::ALL.map(velocity));
+        let touches = floor.next(now, &velocities, 1.0 / rate_hz).feet.map(|is| is == Some(true));
+        let level = |foot: Segment| {
+            let up = (poses[at].orientation[foot.index()] * DVec3::Z).z;
+            let part = ((up - FLAT[0]) / (FLAT[1] - FLAT[0])).clamp(0.0, 1.0);
+            part * part * (3.0 - 2.0 * part)
+        };
+        let carries = touches.map(|touches| f64::from(u8::from(touches)));
+        found.push(Footfall {
+            carries,
+            flat: [carries[0] * level(Segment::LeftFoot), carries[1] * level(Segment::RightFoot)],
+            up: poses[at].orientation[base.index()].inverse() * DVec3::Z,
+            touches: Some(touches),
+        });
+    }
+    smooth(&mut found, rate_hz);
+    Ok(found)
+}
+
+/// What feet do that were said to stand or not, at `rate_hz`, under a base that is turned so: it needs no
+/// soles to tell.
+#[must_use]
+pub fn of_contacts(said: &[([bool; 2], DQuat)], rate_hz: f64) -> Vec<Footfall> {
+    let instant = |(touches, base): &([bool; 2], DQuat)| {
+        let carries = touches.map(|touches| f64::from(u8::from(touches)));
+        let up = base.inverse() * DVec3::Z;
+        Footfall { carries, flat: [0.0; 2], up, touches: Some(*touches) }
+    };
+    let mut found: Vec<Footfall> = said.iter().map(instant).collect();
+    smooth(&mut found, rate_hz);
+    found
+}
+
+/// Lets the weight come and go as a person shifts it.
+fn smooth(found: &mut [Footfall], rate_hz: f64) {
+    let pair = |two: [f64; 2]| DVec3::new(two[0], two[1], 0.0);
+    let mut carries: Vec<DVec3> = found.iter().map(|of| pair(of.carries)).collect();
+    let mut flat: Vec<DVec3> = found.iter().map(|of| pair(of.flat)).collect();
+    spread(&mut carries, rate_hz, SHIFTS_S);
+    spread(&mut flat, rate_hz, SHIFTS_S);
+    for (of, (carries, flat)) in found.iter_mut().zip(carries.iter().zip(&flat)) {
+        of.carries = [carries.x, carries.y];
+        of.flat = [flat.x, flat.y];
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::body::{Dof, JointAngles};
+    use glam::DQuat;
+
+    #[test]
+    fn a_lifted_foot_carries_nothing_and_one_on_its_toe_does_not_lie_flat() {
+        let body = Proportions::of_stature(1.75).unwrap();
+        let mut lifted = JointAngles::default();
+        (lifted[Dof::LeftHipFlexion], lifted[Dof::LeftKneeFlexion]) = (0.9, 0.9);
+        // Both heels up by 40 deg.
+        let mut on_toe = JointAngles::default();
+        on_toe[Dof::RightAnkleDorsiflexion] = -0.7;
+        on_toe[Dof::LeftAnkleDorsiflexion] = -0.7;
+        let root_m = DVec3::Z * body.root_height_m();
+        let pose = |angles: &JointAngles| angles.to_pose(root_m, DQuat::IDENTITY);
+        let found = |angles: &JointAngles| {
+            let poses = vec![pose(angles); 60];
+            of_person(&poses, &[true; 13], 1.75, 120.0, Segment::Pelvis).unwrap()[30]
+        };
+        let standing = found(&JointAngles::default());
+        assert_eq!((standing.carries, standing.flat), ([1.0; 2], [1.0; 2]));
+        let one_leg = found(&lifted);
+        assert_eq!((one_leg.carries, one_leg.touches), ([0.0, 1.0], Some([false, true])));
+        let tiptoe = found(&on_toe);
+        assert_eq!((tiptoe.carries, tiptoe.flat), ([1.0; 2], [0.0; 2]));
+    }
+
+    #[test]
+    fn a_bow_leans_what_the_base_plays() {
+        let pose = JointAngles::default().to_pose(DVec3::Z, DQuat::from_rotation_y(0.5));
+        let found = of_person(&[pose], &[true; 13], 1.75, 120.0, Segment::Pelvis).unwrap();
+        assert!((found[0].up - DVec3::new(-(0.5f64.sin()), 0.0, 0.5f64.cos())).length() < 1e-12);
+        assert!(of_person(&[], &[true; 13], 1.75, 120.0, Segment::Pelvis).unwrap().is_empty());
+    }
+}
