@@ -269,10 +269,16 @@ fn retarget_writes_a_table_that_starts_and_ends_at_rest() {
     assert!(head.starts_with("time_s,r_sho_pitch_rad"), "{head}");
     let rows: Vec<Vec<f64>> =
         lines.map(|l| l.split(',').map(|v| v.parse().expect("a number")).collect()).collect();
-    assert!(rows.iter().all(|row| row.len() == 21 && row.iter().all(|v| v.is_finite())));
+    assert!(rows.iter().all(|row| row.len() == 30 && row.iter().all(|v| v.is_finite())));
     let step = |a: &[f64], b: &[f64]| {
-        a[1..].iter().zip(&b[1..]).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+        a[1..21].iter().zip(&b[1..21]).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
     };
+    // Behind the joints: where the base is, turned by a rotation, and which feet stand.
+    assert!(head.ends_with("base_qz,contact_left,contact_right"), "{head}");
+    for row in &rows {
+        let turn = row[24..28].iter().map(|part| part * part).sum::<f64>();
+        assert!((turn - 1.0).abs() < 1e-6 && row[28..].iter().all(|is| *is == 0.0 || *is == 1.0));
+    }
     // From rest, a joint gets 1/6 a_max/T_ramp t^3 far at most: micro-radians in 10 ms.
     assert!(step(&rows[0], &rows[1]) < 1e-3, "first step {}", step(&rows[0], &rows[1]));
     assert!(rows.windows(2).any(|pair| step(&pair[0], &pair[1]) > 1e-3), "nothing moves");
