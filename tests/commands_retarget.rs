@@ -21,9 +21,16 @@ fn retarget(out: &Path, more: &[&str]) -> Output {
         .expect("the command")
 }
 
-/// The table, in a file of the test's own: times, one row of angles per time, rad, the joints, and where
-/// the base is.
-fn table(file: &str) -> (Vec<f64>, Vec<Vec<f64>>, Vec<String>, Vec<Vec<f64>>) {
+/// A table: times, one row of angles per time, rad, the joints, and where the base is.
+struct Table {
+    times: Vec<f64>,
+    poses: Vec<Vec<f64>>,
+    names: Vec<String>,
+    bases: Vec<Vec<f64>>,
+}
+
+/// The table, in a file of the test's own.
+fn table(file: &str) -> Table {
     let path = folder().join(file);
     assert!(retarget(&path, &["--force"]).status.success());
     let text = std::fs::read_to_string(path).expect("a table");
@@ -39,12 +46,12 @@ fn table(file: &str) -> (Vec<f64>, Vec<Vec<f64>>, Vec<String>, Vec<Vec<f64>>) {
         poses.push(joints.to_vec());
         bases.push(base.to_vec());
     }
-    (times, poses, names, bases)
+    Table { times, poses, names, bases }
 }
 
 #[test]
 fn a_recording_holds_the_goals_of_the_table_and_nothing_that_was_not_measured() {
-    let (times, poses, names, bases) = table("beside-mcap.csv");
+    let Table { times, poses, names, bases } = table("beside-mcap.csv");
     let path = folder().join("wave.mcap");
     let _ = std::fs::remove_file(&path);
     let output = retarget(&path, &[]);
@@ -76,7 +83,7 @@ fn a_recording_holds_the_goals_of_the_table_and_nothing_that_was_not_measured() 
 
 #[test]
 fn a_bvh_file_has_the_robots_joints_and_as_many_poses_as_the_table_has_rows() {
-    let (times, poses, names, bases) = table("beside-bvh.csv");
+    let Table { times, poses, names, bases } = table("beside-bvh.csv");
     let path = folder().join("wave.bvh");
     let output = retarget(&path, &["--force"]);
     assert!(output.status.success(), "{output:?}");

@@ -473,7 +473,7 @@ fn limits_that_an_exporter_makes_up_are_not_taken_over() {
 fn a_mesh_gets_the_capsule_or_box_that_holds_all_its_corners() {
     let round = |at: usize| {
         let (y, x) = (at as f64 * 0.4).sin_cos();
-        format!("v {} {} {}\n", 0.01 * x, 0.01 * y, if at % 2 == 0 { -0.1 } else { 0.1 })
+        format!("v {} {} {}\n", 0.01 * x, 0.01 * y, if at.is_multiple_of(2) { -0.1 } else { 0.1 })
     };
     let rod: String = (0..32).map(round).collect();
     let plank = "v 0 0 -0.1\nv 0.01 0 0.1\nv 0 0.01 0.1\nv -0.01 0 0\n".to_owned();
