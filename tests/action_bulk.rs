@@ -396,8 +396,8 @@ fn three_programs_read_a_labelled_corpus_alike() {
     assert_eq!(found["rounds"], 4);
     assert_eq!(found["stature_m"], 1.75);
     assert_eq!(found["subjects"], 1);
-    // Nobody bows in half a second.
-    assert_eq!(found["status"], serde_json::json!(["implausible", "repaired", "valid"]));
+    // Nobody bows in half a second; the feet of all these walks hold as they are drawn.
+    assert_eq!(found["status"], serde_json::json!(["implausible", "valid"]));
     // Points are kept to 1/16384 m: half of it off on each axis.
     let below = |key: &str, most: f64| {
         let value = found[key].as_f64().unwrap();

@@ -27,6 +27,8 @@ const ROUNDS: u32 = 3;
 const NUDGE: f64 = 0.2;
 /// Soles that carry are held as well as this, m ...
 const HOLDS_M: f64 = 0.001;
+/// ... soles of one stride that differs from those beside it as well as this ...
+const STRIDE_HOLDS_M: f64 = 0.000_5;
 /// ... and the root's acceleration, m/s^2 ...
 const ROOT_HOLDS_M_S2: f64 = 4.0;
 /// ... on the average over this time, s.
@@ -168,10 +170,41 @@ impl Look {
     /// How far soles that carry leave where they stand, and how the root is accelerated otherwise, each
     /// as a part of what is allowed to them: zero for the action itself.
     fn off(&self, action: &Action) -> Result<DVector<f64>, Error> {
+        Ok(self.feet_off(&self.feet(action)?))
+    }
+
+    /// The body at these instants.
+    fn feet(&self, action: &Action) -> Result<Feet, Error> {
         let motion = performed(&self.item, action)?;
         let rate_hz = self.looks as f64 / motion.duration_s();
-        let feet = Feet::of(&self.body, &motion.poses(&self.body, rate_hz)?);
-        let part = (1.0 / (self.rate_hz * HOLDS_FOR_S)).sqrt();
+        Ok(Feet::of(&self.body, &motion.poses(&self.body, rate_hz)?))
+    }
+
+    /// The part that a look has in what is allowed.
+    fn part(&self) -> f64 {
+        (1.0 / (self.rate_hz * HOLDS_FOR_S)).sqrt()
+    }
+
+    /// How far soles that carry leave where they are under the root: two feet that stand at once hold one another
+    /// only if each stands where it does in the action, whatever the other's stride is like.
+    fn under_root_off(&self, feet: &Feet) -> DVector<f64> {
+        let scale = self.part() / STRIDE_HOLDS_M;
+        let last = feet.roots_m.len() - 1;
+        let under =
+            |feet: &Feet, look: usize, sole: usize| feet.soles_m[look][sole] - feet.roots_m[look];
+        let looks =
+            self.contacts.iter().flat_map(|(sole, range)| range.clone().map(|look| (look, *sole)));
+        let off = looks.flat_map(|(look, sole)| {
+            ((under(feet, look.min(last), sole) - under(&self.feet, look, sole)) * scale).to_array()
+        });
+        DVector::from_iterator(
+            3 * self.contacts.iter().map(|(_, range)| range.len()).sum::<usize>(),
+            off,
+        )
+    }
+
+    fn feet_off(&self, feet: &Feet) -> DVector<f64> {
+        let part = self.part();
         let mut off = Vec::new();
         for (sole, range) in &self.contacts {
             let moved_m = |look: usize| {
@@ -192,8 +225,20 @@ impl Look {
             let bend_m = bends_m.next().unwrap_or(own_m);
             off.extend(((bend_m - own_m) * scale).to_array());
         }
-        Ok(DVector::from_vec(off))
+        DVector::from_vec(off)
     }
+}
+
+/// From what soles do to how far seams are moved back, of how soles answer to seams; both in parts of what is
+/// usual.
+fn moving_back(answers: &DMatrix<f64>) -> DMatrix<f64> {
+    let turned = answers.transpose();
+    let normal = DMatrix::identity(answers.ncols(), answers.ncols()) + &turned * answers;
+    // The sum of the identity and a square is positive definite.
+    Cholesky::new(normal).map_or_else(
+        || DMatrix::zeros(answers.ncols(), answers.nrows()),
+        |factors| factors.solve(&turned),
+    )
 }
 
 fn performed(item: &Item, action: &Action) -> Result<Motion, Error> {
@@ -216,6 +261,8 @@ struct Held {
     back: DMatrix<f64>,
     /// The same from how far seams are moved.
     moved_back: DMatrix<f64>,
+    /// The same for seams of one stride, while those of the strides beside it stay.
+    stride_back: DMatrix<f64>,
 }
 
 impl Foothold {
@@ -238,7 +285,9 @@ impl Foothold {
     fn held(&self, part: &Part, body: &Proportions) -> Result<Held, Error> {
         let look = Look::at(part, body)?;
         let count = self.seams.seams.len();
-        let mut answers = DMatrix::zeros(look.off(&self.action)?.len(), count);
+        let columns = |off: DVector<f64>| DMatrix::zeros(off.len(), count);
+        let mut answers = columns(look.feet_off(&look.feet));
+        let mut stride_answers = columns(look.under_root_off(&look.feet));
         for (index, seam) in self.seams.seams.iter().enumerate() {
             if !seam.is_of_leg {
                 continue;
@@ -246,19 +295,18 @@ impl Foothold {
             let nudged = |part: f64| {
                 let mut offsets = vec![0.0; count];
                 offsets[index] = part * seam.deviation;
-                look.off(&self.seams.moved(&self.action, &offsets))
+                look.feet(&self.seams.moved(&self.action, &offsets))
             };
-            answers.set_column(index, &((nudged(NUDGE)? - nudged(-NUDGE)?) / (2.0 * NUDGE)));
+            let (more, less) = (nudged(NUDGE)?, nudged(-NUDGE)?);
+            let slope =
+                |off: &dyn Fn(&Feet) -> DVector<f64>| (off(&more) - off(&less)) / (2.0 * NUDGE);
+            answers.set_column(index, &slope(&|feet| look.feet_off(feet)));
+            stride_answers.set_column(index, &slope(&|feet| look.under_root_off(feet)));
         }
-        let turned = answers.transpose();
-        let normal = DMatrix::identity(count, count) + &turned * &answers;
-        // The sum of the identity and a square is positive definite.
-        let back = Cholesky::new(normal).map_or_else(
-            || DMatrix::zeros(count, answers.nrows()),
-            |factors| factors.solve(&turned),
-        );
+        let back = moving_back(&answers);
         let moved_back = &back * &answers;
-        Ok(Held { look, back, moved_back })
+        let stride_back = moving_back(&stride_answers) * &stride_answers;
+        Ok(Held { look, back, moved_back, stride_back })
     }
 
     /// A variation as it is drawn, moved to where feet about hold.
@@ -270,7 +318,7 @@ impl Foothold {
             step.moved = -(&held.moved_back * step.wanted());
             for stride in &mut step.drawn.strides {
                 let wanted = self.seams.in_deviations(stride);
-                let moved = &held.moved_back * wanted;
+                let moved = &held.stride_back * wanted;
                 for ((offset, moved), seam) in stride.iter_mut().zip(&moved).zip(&self.seams.seams)
                 {
                     *offset -= moved * seam.deviation;

@@ -180,7 +180,7 @@ mod tests {
         let million = vec![b'a'; 1_000_000];
         assert_eq!(
             of(&million),
-            "cdc76e5c9914fb9281a1c7e284d73e67f1809a497a497200e046d39ccc7112cd"
+            "cdc76e5c9914fb9281a1c7e284d73e67f1809a48a497200e046d39ccc7112cd0"
         );
     }
 }
