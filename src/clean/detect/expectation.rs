@@ -51,26 +51,72 @@ impl Expectation {
 
     /// Where the marker should be in a frame, m; `None` if too few neighbours are seen.
     pub(super) fn at(&mut self, trial: &Trial, frame: usize) -> Option<DVec3> {
-        let seen = self.near.iter().filter(|of| trial.is_seen(of.marker, frame));
-        let donors: Vec<usize> = seen.take(DONORS).map(|of| of.marker).collect();
-        if donors.len() < FEWEST {
-            return None;
-        }
-        if self.known.len() >= MOST_SETS && !self.known.contains_key(&donors) {
-            return None;
-        }
-        let (marker, trusted) = (self.marker, &self.trusted);
-        let regression = self
-            .known
-            .entry(donors)
-            .or_insert_with_key(|donors| robust(trial, marker, donors, trusted));
-        regression.as_ref()?.at(trial, frame)
+        let donors = self.donors(trial, frame)?;
+        self.by(trial, frame, &donors)
     }
 
-    /// By how much the marker is off in each frame, m; `None` where it or too few neighbours are seen.
+    /// The neighbours that predict in a frame.
+    fn donors(&self, trial: &Trial, frame: usize) -> Option<Vec<usize>> {
+        let seen = self.near.iter().filter(|of| trial.is_seen(of.marker, frame));
+        let donors: Vec<usize> = seen.take(DONORS).map(|of| of.marker).collect();
+        (donors.len() >= FEWEST).then_some(donors)
+    }
+
+    /// Where these neighbours say that the marker should be, m.
+    fn by(&mut self, trial: &Trial, frame: usize, donors: &[usize]) -> Option<DVec3> {
+        if !self.known.contains_key(donors) {
+            if self.known.len() >= MOST_SETS {
+                return None;
+            }
+            let found = robust(trial, self.marker, donors, &self.trusted);
+            self.known.insert(donors.to_vec(), found);
+        }
+        self.known.get(donors)?.as_ref()?.at(trial, frame)
+    }
+
+    /// By how much the marker is off in each frame, m; `None` where it or too few neighbours are seen. Where others
+    /// have to predict for a while, what they say is led over from what the usual ones say before and after: that
+    /// nobody moves when a neighbour is not seen.
     pub(super) fn off(&mut self, trial: &Trial) -> Vec<Option<DVec3>> {
-        let off = |frame| Some(trial.at(self.marker, frame)? - self.at(trial, frame)?);
-        (0..trial.frames()).map(off).collect()
+        let frames = trial.frames();
+        let sets: Vec<Option<Vec<usize>>> =
+            (0..frames).map(|frame| self.donors(trial, frame)).collect();
+        let mut counts: BTreeMap<&Vec<usize>, usize> = BTreeMap::new();
+        for set in sets.iter().flatten() {
+            *counts.entry(set).or_default() += 1;
+        }
+        let usual = counts.iter().max_by_key(|(_, count)| **count).map(|(set, _)| (*set).clone());
+        let mut off = vec![None; frames];
+        let mut first = 0;
+        while first < frames {
+            let same = sets.iter().skip(first).take_while(|set| **set == sets[first]).count();
+            let run = first..first + same;
+            first = run.end;
+            let (Some(set), Some(usual)) = (&sets[run.start], &usual) else { continue };
+            let mut differs = |frame: Option<usize>| -> Option<DVec3> {
+                if set == usual {
+                    return None;
+                }
+                let frame = frame.filter(|frame| *frame < frames)?;
+                Some(self.by(trial, frame, usual)? - self.by(trial, frame, set)?)
+            };
+            let ends = (differs(run.start.checked_sub(1)), differs(Some(run.end)));
+            let (before, after) = match ends {
+                (Some(before), Some(after)) => (before, after),
+                (one, other) => {
+                    let only = one.or(other).unwrap_or_default();
+                    (only, only)
+                }
+            };
+            for frame in run.clone() {
+                let share = (frame + 1 - run.start) as f64 / (run.len() + 1) as f64;
+                let is_off = trial.at(self.marker, frame).zip(self.by(trial, frame, set));
+                if let Some(held) = off.get_mut(frame) {
+                    *held = is_off.map(|(is, said)| is - said - before.lerp(after, share));
+                }
+            }
+        }
+        off
     }
 }
 
