@@ -298,6 +298,35 @@ fn a_gap_whose_fill_would_miss_by_more_than_is_tolerated_is_left_and_counts_as_l
 }
 
 #[test]
+fn thresholds_that_lie_in_the_folder_travel_with_the_corpus() {
+    let folder = folder("thresholds");
+    write_c3d(&folder.join("gaps.c3d"), &Body::new(14).markers(&GAPS));
+    let check = |arguments: &str| clean(&folder, &format!(". --check --json {arguments}"));
+    let allowed = |text: &str| fs::write(folder.join("clean.toml"), text).expect("a file");
+    assert_eq!(check("").status.code(), Some(3), "1.6 % are above the usual 1 %");
+    allowed("schema = 1\nmost_doubt_percent = 2\n");
+    let report = json(&check(""));
+    assert_eq!((&report["outcome"], &report["most_doubt"]), (&"done".into(), &0.02.into()));
+    assert_eq!(report["thresholds"], "./clean.toml");
+    assert_eq!(check("--most-doubt 1").status.code(), Some(3), "what is typed counts more");
+    allowed("schema = 1\nmost_doubt_percent = 2\n[most]\ndropout = 2\nfallen = 0\n");
+    let output = check("");
+    assert_eq!(output.status.code(), Some(3), "three gaps are more than two");
+    assert_eq!(json(&output)["trials"][0]["above"], serde_json::json!(["dropout"]));
+    for (text, said) in [
+        ("schema = 2", "another version"),
+        ("schema = 1\nmost_doubt = 2", "line 2"),
+        ("schema = 1\nmost_doubt_percent = 101", "0 to 100"),
+        ("schema = 1\n[most]\ndrop = 2", "clean.toml"),
+    ] {
+        allowed(text);
+        let output = check("");
+        assert_eq!(output.status.code(), Some(1), "{text}");
+        assert!(words(&output).contains(said), "{said}: {}", words(&output));
+    }
+}
+
+#[test]
 fn a_folder_is_ranked_by_doubt_and_fails_above_what_is_allowed() {
     let folder = folder("check");
     fs::create_dir(folder.join("more")).expect("a folder");

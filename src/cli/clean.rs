@@ -27,7 +27,11 @@ which also says what is missed.
 Exit code 3 if something was found and not mended.
 
 --check writes nothing: trials of a folder, ranked by how much of them is part of an artefact. Exit
-code 3 if one has more than --most-doubt.
+code 3 if one has more than --most-doubt, or than the folder's own file clean.toml allows:
+  schema = 1
+  most_doubt_percent = 2
+  [most]
+  swap_inside = 0
 
 Example: gaitway clean walk.c3d -o walk-clean.c3d
 then:    gaitway clean walk.c3d -o walk-clean.c3d --edits walk-clean.edits.toml --force
@@ -41,10 +45,10 @@ pub struct CleanArgs {
     /// Only look: write nothing, rank trials by doubt
     #[arg(long, conflicts_with_all = ["output_file", "edits", "tolerance"])]
     check: bool,
-    /// With --check: most of a trial's samples that may be doubtful, %
-    #[arg(long, value_name = "PERCENT", default_value_t = 1.0, value_parser = percent,
-          requires = "check", allow_negative_numbers = true)]
-    most_doubt: f64,
+    /// With --check: most of a trial's samples that may be doubtful, % [default: by the folder's clean.toml, else 1]
+    #[arg(long, value_name = "PERCENT", value_parser = percent, requires = "check",
+          allow_negative_numbers = true)]
+    most_doubt: Option<f64>,
     /// Edit list: applied if the file is there, else written [default: beside OUT]
     #[arg(long, value_name = "EDITS.toml")]
     edits: Option<PathBuf>,
@@ -104,7 +108,7 @@ fn looked_at(args: &CleanArgs, remarks: Remarks) -> Result<i32, Error> {
     let order = CheckOrder {
         markers: args.file.clone(),
         rate_hz: args.rate,
-        most_doubt: args.most_doubt / 100.0,
+        most_doubt: args.most_doubt.map(|percent| percent / 100.0),
     };
     let report = check(&order, &Terminal::unheard(remarks))?;
     let mut text = format!("{:>8}  {:>8}  {:>7}  trial\n", "doubt %", "s", "markers");
@@ -113,9 +117,20 @@ fn looked_at(args: &CleanArgs, remarks: Remarks) -> Result<i32, Error> {
         let kinds = trial.artefacts.iter().map(|(kind, count)| format!("{count} {}", kind.word()));
         let found = trial.error.iter().cloned().chain(kinds).collect::<Vec<_>>().join(", ");
         let said = if found.is_empty() { String::new() } else { format!(": {found}") };
+        let above = match trial.above.as_slice() {
+            [] => String::new(),
+            _ if trial.error.is_some() => String::new(),
+            above => format!(" (too much: {})", above.join(", ")),
+        };
         let (duration_s, markers) = (trial.duration_s, trial.marker_count);
-        let _ =
-            writeln!(text, "{doubt:>8}  {duration_s:>8.2}  {markers:>7}  {}{said}", trial.markers);
+        let _ = writeln!(
+            text,
+            "{doubt:>8}  {duration_s:>8.2}  {markers:>7}  {}{said}{above}",
+            trial.markers
+        );
+    }
+    if let Some(file) = report.thresholds.as_ref().filter(|_| !remarks.quiet) {
+        let _ = writeln!(text, "thresholds {file}");
     }
     let code = report.outcome.exit_code();
     Ok(args.output.conclude(&report, &text, Deed::Look, code))

@@ -5,12 +5,15 @@ use super::report::Outcome;
 use crate::clean::artefact::ArtefactKind;
 use crate::clean::detect;
 use crate::clean::source::source;
+use crate::clean::thresholds::{FILE_NAME, Thresholds};
 use crate::error::{Error, ErrorKind};
 use crate::mocap::marker_files;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+/// Most doubt where nobody says it.
+const USUAL_DOUBT: f64 = 0.01;
 /// Most files of a folder.
 const MOST_FILES: usize = 100_000;
 /// Deepest folder in a folder.
@@ -23,17 +26,21 @@ pub struct CheckOrder {
     pub markers: PathBuf,
     /// Frames per second, where a file does not say them.
     pub rate_hz: Option<f64>,
-    /// More doubt than this fails.
-    pub most_doubt: f64,
+    /// More doubt than this fails; by the folder's own thresholds unless it is said here, else more than 1 %.
+    pub most_doubt: Option<f64>,
 }
 
 /// What was found.
 #[derive(Clone, Debug, Serialize)]
 pub struct CheckReport {
-    /// `done`, or `done_with_loss` if a trial has more doubt than allowed or cannot be read.
+    /// `done`, or `done_with_loss` if a trial has more wrong with it than allowed or cannot be read.
     pub outcome: Outcome,
     /// More doubt than this fails.
     pub most_doubt: f64,
+    /// More artefacts of a kind than this fail, in one trial; kinds without a limit are not named.
+    pub most: BTreeMap<ArtefactKind, usize>,
+    /// The file of thresholds; null if the folder has none.
+    pub thresholds: Option<String>,
     /// All trials: what cannot be read first, then those with most doubt.
     pub trials: Vec<TrialFigures>,
 }
@@ -52,6 +59,8 @@ pub struct TrialFigures {
     pub marker_count: usize,
     /// From the first frame to the last, s.
     pub duration_s: f64,
+    /// What is above its threshold: `doubt`, or a kind of artefact.
+    pub above: Vec<String>,
     /// Why it cannot be read.
     pub error: Option<String>,
 }
@@ -59,9 +68,10 @@ pub struct TrialFigures {
 /// Looks at trials.
 ///
 /// # Errors
-/// A folder that cannot be read, or without files of markers. A file among others that cannot be read is part of the
-/// report.
+/// A folder that cannot be read, or without files of markers; thresholds that are none. A file among others that cannot
+/// be read is part of the report.
 pub fn check(order: &CheckOrder, observer: &dyn Observer) -> Result<CheckReport, Error> {
+    let thresholds = thresholds(&order.markers)?;
     let files = if order.markers.is_dir() {
         let mut files = Vec::new();
         marker_files_in(&order.markers, 0, &mut files)?;
@@ -86,9 +96,36 @@ pub fn check(order: &CheckOrder, observer: &dyn Observer) -> Result<CheckReport,
     observer.hear(Event::Step { done: total, total, what: "trials" });
     let doubt = |of: &TrialFigures| of.doubt.unwrap_or(f64::INFINITY);
     trials.sort_by(|a, b| doubt(b).total_cmp(&doubt(a)).then(a.markers.cmp(&b.markers)));
-    let is_good = trials.iter().all(|of| doubt(of) <= order.most_doubt);
+    let own = thresholds.as_ref().map(|(_, of)| of);
+    let own_doubt = own.and_then(|of| of.most_doubt_percent).map(|percent| percent / 100.0);
+    let most_doubt = order.most_doubt.or(own_doubt).unwrap_or(USUAL_DOUBT);
+    let most = own.map(|of| of.most.clone()).unwrap_or_default();
+    for trial in &mut trials {
+        let is_doubtful = doubt(trial) > most_doubt;
+        trial.above.extend(is_doubtful.then(|| "doubt".to_owned()));
+        let has = |kind| trial.artefacts.get(kind).copied().unwrap_or(0);
+        let kinds: Vec<String> = most
+            .iter()
+            .filter(|(kind, most)| has(kind) > **most)
+            .map(|(kind, _)| kind.word().to_owned())
+            .collect();
+        trial.above.extend(kinds);
+    }
+    let is_good = trials.iter().all(|of| of.above.is_empty());
     let outcome = if is_good { Outcome::Done } else { Outcome::DoneWithLoss };
-    Ok(CheckReport { outcome, most_doubt: order.most_doubt, trials })
+    let thresholds = thresholds.map(|(file, _)| file.display().to_string());
+    Ok(CheckReport { outcome, most_doubt, most, thresholds, trials })
+}
+
+/// The thresholds that lie in a folder, if they do.
+fn thresholds(folder: &Path) -> Result<Option<(PathBuf, Thresholds)>, Error> {
+    let file = folder.join(FILE_NAME);
+    if !folder.is_dir() || !file.exists() {
+        return Ok(None);
+    }
+    let text = gaitway_profiles::read_text(&file)?;
+    let read = Thresholds::parse(&text).map_err(|error| error.in_file(&file))?;
+    Ok(Some((file, read)))
 }
 
 fn marker_files_in(folder: &Path, depth: usize, files: &mut Vec<PathBuf>) -> Result<(), Error> {
@@ -124,6 +161,7 @@ fn looked_at(file: &Path, rate_hz: Option<f64>) -> TrialFigures {
         artefacts: BTreeMap::new(),
         marker_count: 0,
         duration_s: 0.0,
+        above: Vec::new(),
         error: None,
     };
     let trial = match marker_files::read(file, rate_hz).and_then(|markers| source(&markers)) {

@@ -16,24 +16,36 @@ use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 use std::ops::Range;
 
-/// What is put in, with its size: mm of a jump or of shaking, s of sticking; and the share that must be found.
-const WRONG: [(ArtefactKind, f64, f64); 12] = [
-    (ArtefactKind::Jump, 20.0, 0.75),
-    (ArtefactKind::Jump, 50.0, 0.9),
-    (ArtefactKind::Jump, 100.0, 0.9),
-    (ArtefactKind::Shake, 2.0, 0.0),
-    (ArtefactKind::Shake, 5.0, 0.8),
-    (ArtefactKind::Shake, 10.0, 0.85),
-    (ArtefactKind::Stuck, 0.1, 0.9),
-    (ArtefactKind::Stuck, 0.5, 0.9),
-    (ArtefactKind::Fallen, 0.0, 0.6),
-    (ArtefactKind::SwapAtStart, 0.0, 0.7),
-    (ArtefactKind::SwapInside, 0.0, 0.7),
-    (ArtefactKind::SwapAfterGap, 0.0, 0.7),
+/// What is put in, with its size: mm of a jump or of shaking, s of sticking. Of each kind the second size and larger
+/// ones are to be found, and what has no size.
+const WRONG: [(ArtefactKind, f64, bool); 12] = [
+    (ArtefactKind::Jump, 20.0, false),
+    (ArtefactKind::Jump, 50.0, true),
+    (ArtefactKind::Jump, 100.0, true),
+    (ArtefactKind::Shake, 2.0, false),
+    (ArtefactKind::Shake, 5.0, true),
+    (ArtefactKind::Shake, 10.0, true),
+    (ArtefactKind::Stuck, 0.1, false),
+    (ArtefactKind::Stuck, 0.5, true),
+    (ArtefactKind::Fallen, 0.0, true),
+    (ArtefactKind::SwapAtStart, 0.0, true),
+    (ArtefactKind::SwapInside, 0.0, true),
+    (ArtefactKind::SwapAfterGap, 0.0, true),
 ];
+/// Share of them that must be found.
+const FOUND: f64 = 0.95;
+/// Fewest minutes of trials in which nothing is wrong, and false alarms a minute in them.
+const MINUTES: f64 = 30.0;
+const MOST_A_MINUTE: f64 = 0.2;
 
-/// False alarms a minute in virtual markers: over half of them come from one capture whose limbs jump themselves.
-const MOST_A_MINUTE: f64 = 4.0;
+/// The interval that holds a share with 95 % (Wilson, Journal of the American Statistical Association 22, 1927).
+fn interval(hits: usize, count: usize) -> [f64; 2] {
+    let (n, z) = (count as f64, 1.96);
+    let share = hits as f64 / n;
+    let middle = share + z * z / (2.0 * n);
+    let half = z * (share * (1.0 - share) / n + z * z / (4.0 * n * n)).sqrt();
+    [-half, half].map(|of| (middle + of) / (1.0 + z * z / n))
+}
 
 fn direction(dice: &mut Dice) -> DVec3 {
     loop {
@@ -144,11 +156,11 @@ fn found_in(trial: &Trial) -> Vec<Artefact> {
 #[test]
 fn what_is_wrong_is_found_in_real_trials_and_nothing_where_nothing_is() {
     let Some(trials) = trials() else { return };
-    let count = if std::env::var_os("GAITWAY_LONG").is_some() { 100 } else { 20 };
-    println!("| trial | artefact | size | found | rightly named | others |");
+    let count = if std::env::var_os("GAITWAY_LONG").is_some() { 200 } else { 40 };
+    println!("| trial | artefact | size | found | 95 % | rightly named | others |");
     for (name, whole) in trials {
         assert_eq!(found_in(&whole), [], "{name} has nothing wrong");
-        for (kind, size, least) in WRONG {
+        for (kind, size, is_aim) in WRONG {
             let mut dice = Dice(0x9e37_79b9_7f4a_7c15);
             let (mut done, mut hits, mut named, mut others) = (0, 0, 0, 0);
             while done < count {
@@ -169,9 +181,13 @@ fn what_is_wrong_is_found_in_real_trials_and_nothing_where_nothing_is() {
                 named += usize::from(hit.iter().any(|of| of.kind == kind));
                 others += found.len() - hit.len();
             }
-            println!("| {name} | {} | {size} | {hits}/{count} | {named} | {others} |", kind.word());
+            let [from, to] = interval(hits, count).map(|share| 100.0 * share);
+            println!(
+                "| {name} | {} | {size} | {hits}/{count} | {from:.0} to {to:.0} | {named} | {others} |",
+                kind.word()
+            );
             assert!(
-                hits as f64 >= least * count as f64,
+                !is_aim || hits as f64 >= FOUND * count as f64,
                 "{name}: {} of {size}: {hits} of {count} found",
                 kind.word()
             );
@@ -216,7 +232,7 @@ fn virtual_markers(capture: &Capture, seed: u64) -> Option<Trial> {
 #[test]
 fn virtual_markers_on_captured_bodies_give_few_false_alarms() {
     let Some(folder) = captured("mocap/bvh") else { return };
-    let seeds = if std::env::var_os("GAITWAY_LONG").is_some() { 1..6 } else { 1..2 };
+    let seeds = if std::env::var_os("GAITWAY_LONG").is_some() { 1..11 } else { 1..5 };
     let (mut minutes, mut alarms, mut trials) = (0.0, BTreeMap::new(), 0);
     for file in bvh_files(&folder) {
         let Ok(capture) = read_bvh(&file, None) else { continue };
@@ -235,6 +251,6 @@ fn virtual_markers_on_captured_bodies_give_few_false_alarms() {
     }
     let all: i32 = alarms.values().sum();
     println!("{all} false alarms in {minutes:.1} min of {trials} trials: {alarms:?}");
-    assert!(minutes > 5.0, "{minutes} min");
-    assert!(f64::from(all) / minutes < MOST_A_MINUTE, "{all} in {minutes:.1} min");
+    assert!(minutes > MINUTES, "{minutes} min");
+    assert!(f64::from(all) < MOST_A_MINUTE * minutes, "{all} in {minutes:.1} min");
 }
