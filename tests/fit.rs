@@ -529,6 +529,7 @@ fn the_command_writes_a_skeleton_angles_and_segments_and_markers_go_on_to_a_robo
     let squares: f64 = numbers.map(|n| n.parse::<f64>().expect("a number").powi(2)).sum();
     assert!((squares.sqrt() / 100.0 - length_m).abs() < 1e-5);
     run(&["info", &path("out/trial.bvh")]);
+    run(&["info", &path("out/trial.mot")]);
     let angles = std::fs::read_to_string(path("out/trial.csv")).expect("angles");
     assert_eq!(angles.lines().count(), 201);
     assert!(angles.starts_with("time_s,"));

@@ -2,9 +2,9 @@
 
 mod program;
 
-use gaitway::body::{Dof, Segment};
+use gaitway::body::{Dof, JointAngles, Segment};
 use gaitway::mocap::opensim::{self, OpenSimCell};
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DQuat, DVec3};
 use program::{folder, gaitway, json, words};
 use std::fs;
 
@@ -133,6 +133,88 @@ fn joint_angles_of_the_published_models_are_the_same_pose_on_this_body() {
     assert_eq!((knee, body.rate_hz), (vec![0.5, 0.75, 0.5], 1.0));
 }
 
+/// Any angle within half a radian, of a number.
+fn some(of: usize) -> f64 {
+    0.5 * (of as f64 * 12.9898).sin()
+}
+
+#[test]
+fn what_is_written_turns_the_joints_of_the_published_models_into_the_same_poses() {
+    let rows: Vec<(JointAngles, DVec3, DQuat)> = (0..40)
+        .map(|row| {
+            let mut angles = JointAngles::default();
+            for (at, dof) in Dof::ALL.into_iter().enumerate() {
+                angles[dof] = some(40 * at + row);
+            }
+            for knee in [Dof::LeftKneeFlexion, Dof::RightKneeFlexion] {
+                angles[knee] = angles[knee].abs();
+            }
+            // Once round and a half, leaning.
+            let heading = DQuat::from_rotation_z(0.25 * row as f64);
+            let place_m = DVec3::new(some(row), some(row + 1), 1.0 + some(row + 2));
+            let lean =
+                DQuat::from_rotation_x(some(row + 3)) * DQuat::from_rotation_y(some(row + 4));
+            (angles, place_m, lean * heading)
+        })
+        .collect();
+    let text = opensim::write("a\nwalk", 50.0, rows.iter().copied());
+    assert!(text.starts_with("awalk\nversion=1\nnRows=40\nnColumns=28\ninDegrees=yes\n"), "{text}");
+    let table = opensim::parse(text.as_bytes()).expect("read");
+    assert_eq!((table.rows(), table.rate_hz(), table.lost_rows), (40, Some(50.0), 0));
+    let (x, y, z) = (DVec3::X, DVec3::Y, DVec3::Z);
+    let mut before = None;
+    for (row, (angles, place_m, pelvis)) in rows.iter().enumerate() {
+        let at = |title: &str| -> f64 {
+            let column = table.columns.iter().position(|one| one == title).expect("a column");
+            table.cell(row, column).expect("a cell")[0]
+        };
+        let theirs = DVec3::new(at("pelvis_tx"), at("pelvis_ty"), at("pelvis_tz"));
+        assert!(ours(theirs).distance(*place_m) < 1e-7, "row {row}");
+        let turned = before
+            .replace(at("pelvis_rotation"))
+            .map_or(0.0, |was: f64| (at("pelvis_rotation") - was).abs());
+        assert!(turned < 90.0, "row {row}: the heading jumps by {turned} deg");
+        let pose = angles.to_pose(DVec3::ZERO, *pelvis);
+        let pelvis = about(z, at("pelvis_tilt"))
+            * about(x, at("pelvis_list"))
+            * about(y, at("pelvis_rotation"));
+        let ball = |names: [&str; 3], side: f64| {
+            about(z, at(names[0])) * about(side * x, at(names[1])) * about(side * y, at(names[2]))
+        };
+        let torso = pelvis * ball(["lumbar_extension", "lumbar_bending", "lumbar_rotation"], 1.0);
+        let mut all = vec![(Segment::Pelvis, pelvis), (Segment::Torso, torso)];
+        for (side, sign, segments) in [
+            ("r", 1.0, [Segment::RightThigh, Segment::RightShank, Segment::RightFoot]),
+            ("l", -1.0, [Segment::LeftThigh, Segment::LeftShank, Segment::LeftFoot]),
+        ] {
+            let name = |of: &str| format!("{of}_{side}");
+            let names = ["hip_flexion", "hip_adduction", "hip_rotation"].map(name);
+            let thigh = pelvis * ball(names.each_ref().map(String::as_str), sign);
+            // Rajagopal's knees turn about -Z.
+            let shank = thigh * about(-z, at(&name("knee_angle")));
+            let foot = shank * about(z, at(&name("ankle_angle")));
+            all.extend(segments.into_iter().zip([thigh, shank, foot]));
+        }
+        for (side, sign, segments) in [
+            ("r", 1.0, [Segment::RightUpperArm, Segment::RightForearm]),
+            ("l", -1.0, [Segment::LeftUpperArm, Segment::LeftForearm]),
+        ] {
+            let name = |of: &str| format!("{of}_{side}");
+            let names = ["arm_flex", "arm_add", "arm_rot"].map(name);
+            let upper = torso * ball(names.each_ref().map(String::as_str), sign);
+            let fore = upper * about(z, at(&name("elbow_flex")));
+            all.extend(segments.into_iter().zip([upper, fore]));
+        }
+        for (segment, theirs) in all {
+            for axis in [x, y, z] {
+                let found = pose.orientation[segment.index()] * ours(axis);
+                let off = (ours(theirs * axis) - found).length();
+                assert!(off < 1e-6, "row {row}, {segment:?}: {off}");
+            }
+        }
+    }
+}
+
 #[test]
 fn uneven_times_are_made_even_on_straight_lines() {
     let text = "endheader\ntime knee_angle_r\n0 0\n1 10\n4 40\n";
@@ -204,6 +286,23 @@ fn a_walk_goes_where_captures_go_and_info_tells_of_it() {
     assert!((cell(25, "right_knee_flexion_rad") - 65_f64.to_radians()).abs() < 1e-6);
     assert!((cell(25, "left_hip_flexion_rad") + 20_f64.to_radians()).abs() < 1e-6);
     assert!((cell(100, "root_x_m") - cell(0, "root_x_m") - 1.2).abs() < 1e-6);
+
+    // Written again for OpenSim it is the same walk; its knees bend the other way.
+    let done = gaitway().args(["convert", &place("walk.mot"), &place("again.mot")]).output();
+    assert!(done.expect("ran").status.success());
+    let read = |name: &str| opensim::read(&folder.join(name)).expect("a table");
+    let (was, is) = (read("walk.mot"), read("again.mot"));
+    assert_eq!((is.rows(), is.rate_hz()), (201, Some(100.0)));
+    for (title, sign) in [("hip_flexion_r", 1.0), ("knee_angle_l", -1.0), ("knee_angle_r", -1.0)] {
+        let column = |table: &opensim::OpenSimTable| {
+            table.columns.iter().position(|one| one == title).expect("a column")
+        };
+        for row in 0..201 {
+            let (was, is) = (was.cell(row, column(&was)), is.cell(row, column(&is)));
+            let (was, is) = (was.expect("a cell")[0], is.expect("a cell")[0]);
+            assert!((is - sign * was).abs() < 1e-4, "{title} in row {row}: {was}, then {is}");
+        }
+    }
 
     let out = place("walk-op3.csv");
     let retargeted = ["retarget", &place("walk.mot"), "--robot", "op3", "-o", &out];

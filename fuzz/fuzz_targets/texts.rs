@@ -1,5 +1,5 @@
-//! Any text as an action, a mapping, a calibration of a robot or of a body, a plan and the files of
-//! a session: no panic, and what is accepted is read the same after it was written.
+//! Any text as an action, a mapping, a calibration of a robot or of a body, a plan, the files of a
+//! session, edits of markers and thresholds of a corpus: no panic, and what is accepted is read the same after it was written.
 
 #![no_main]
 
@@ -7,6 +7,9 @@ use gaitway::action::{file, phrase};
 use gaitway::body::anthropometry::Subject;
 use gaitway::body::worn::kept::Kept;
 use gaitway::calibration::Calibration;
+use gaitway::clean::edits::{EditList, EditStep};
+use gaitway::clean::thresholds::Thresholds;
+use gaitway::clean::trial::Trial;
 use gaitway::mocap::mapping::MappingFile;
 use gaitway::session::files::{BodyCheck, DeviceCheck, SessionFile, TrialFile};
 use gaitway::session::manifest::Manifest;
@@ -32,9 +35,28 @@ fn action(text: &str) {
     let _ = action.mirrored();
 }
 
+/// Edits as they are read, written again, and taken to a trial that has some of their markers.
+fn edits(text: &str) {
+    let Ok(list) = EditList::parse(text) else { return };
+    let again = EditList::parse(&list.to_text().expect("a text")).expect("its own text");
+    assert_eq!(again, list);
+    let labels = list.edits.iter().take(3).map(|edit| edit.marker.clone()).collect();
+    let trial = Trial::new(100.0, labels, 200).expect("room");
+    for edit in &list.edits {
+        if let Ok(Some(step)) = EditStep::of(edit, &trial, 1) {
+            assert!(step.marker < trial.markers() && step.frames.end <= trial.frames());
+        }
+    }
+}
+
 fuzz_target!(|input: &[u8]| {
     let Ok(text) = std::str::from_utf8(input) else { return };
     action(text);
+    edits(text);
+    if let Ok(thresholds) = Thresholds::parse(text) {
+        session::<Thresholds>(text);
+        assert!(thresholds.most_doubt_percent.is_none_or(|of| (0.0..=100.0).contains(&of)));
+    }
     let _ = phrase::parse(text);
     let _ = MappingFile::parse(text);
     if let Ok(calibration) = Calibration::parse(text) {

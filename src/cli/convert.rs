@@ -28,6 +28,7 @@ OUT.csv   joint angles if the recording knows how its sensors were worn, else on
           a sensor, or per cycle of a robot
 OUT.bvh   joint angles on a skeleton of the person's stature
 OUT.mcap  joint angles as joint states
+OUT.mot   joint angles by the names of OpenSim's models; of captures alone
 OUT.x3d   a scene with the skeleton in motion over a floor, followed by the camera; of captures alone
 OUT.html  a page that draws it, with what of the feet is on the floor; of captures alone
 
@@ -48,7 +49,7 @@ OUT.trc   markers, for OpenSim and others
 OUT.csm   markers, for 3D Studio Max
 OUT.csv   time_s, then LABEL_x_m, LABEL_y_m, LABEL_z_m of each point
 Their axes stay those of the file.
-OUT.bvh, OUT.x3d, OUT.html   the body model, after `gaitway fit` with its usual settings
+OUT.bvh, OUT.mot, OUT.x3d, OUT.html   the body model, after `gaitway fit` with its usual settings
 
 Examples:
   gaitway convert wave.mcap wave.csv
@@ -153,8 +154,9 @@ pub fn run(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
 
 /// True of a file that holds a body, to which markers are fitted first.
 fn is_of_body(out: &Path) -> bool {
-    out.extension()
-        .is_some_and(|ending| ["bvh", "x3d", "html"].iter().any(|of_body| ending == *of_body))
+    out.extension().is_some_and(|ending| {
+        ["bvh", "mot", "x3d", "html"].iter().any(|of_body| ending == *of_body)
+    })
 }
 
 /// How orientations are found anew.

@@ -39,7 +39,8 @@ one the trial calibrates itself from its quietest half second.
 
 OUT.bvh   the skeleton in motion, with the bones of the person
 OUT.csv   the 22 joint angles, where the pelvis is and how it is turned
-DIR       all of it: TRIAL.bvh, TRIAL.csv, and TRIAL.segments.csv with the orientation of each segment
+OUT.mot   the joint angles by the names of OpenSim's models
+DIR       all of it: TRIAL.bvh, .csv, .mot, and TRIAL.segments.csv with the orientation of each segment
 
 Marker sets: plug-in-gait, plug-in-gait-lower, cmu-41, or a file of your own (TOML: schema = 1, name, title,
 needs, has, and [aliases] of places, by the names of Plug-in Gait). Widths are read from the file (KneeWidth,
@@ -53,7 +54,7 @@ pub struct FitArgs {
     /// Trial in which the same person stands still [default: the quietest half second of the trial]
     #[arg(long = "static", value_name = "FILE")]
     static_trial: Option<PathBuf>,
-    /// File (.bvh, .csv) or folder to write
+    /// File (.bvh, .csv, .mot) or folder to write
     #[arg(short, long, value_name = "OUT")]
     output_file: PathBuf,
     /// Marker set, by name or file [default: the one that matches best]

@@ -1,5 +1,5 @@
 //! A capture on the body model: its 22 joint angles, and where the pelvis is and how it is turned, as
-//! a table, a skeleton, a scene or a page.
+//! a table, a skeleton, a scene, a page or a motion file of OpenSim's.
 
 use super::source::{self, Source};
 use crate::action::table;
@@ -8,7 +8,7 @@ use crate::draft;
 use crate::error::{Error, ErrorKind};
 use crate::mocap::files::CaptureOptions;
 use crate::mocap::scene::Scene;
-use crate::mocap::{bvh, export, humanoid, page};
+use crate::mocap::{bvh, export, humanoid, opensim, page};
 use crate::table::TableWriter;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -64,6 +64,8 @@ enum BodyFile {
     X3d,
     /// A page that draws it.
     Html,
+    /// Joint angles for OpenSim.
+    Mot,
 }
 
 impl BodyFile {
@@ -73,9 +75,10 @@ impl BodyFile {
             Some("bvh") => Ok(Self::Bvh),
             Some("x3d") => Ok(Self::X3d),
             Some("html") => Ok(Self::Html),
+            Some("mot") => Ok(Self::Mot),
             _ => Err(Error::of(ErrorKind::Unknown, "this kind of file cannot be written")
                 .at(path.display().to_string())
-                .allowed("of a capture, a file that ends in .csv, .bvh, .x3d or .html")),
+                .allowed("of a capture, a file that ends in .csv, .bvh, .mot, .x3d or .html")),
         }
     }
 }
@@ -111,6 +114,7 @@ pub fn convert(order: &ConvertOrder) -> Result<ConvertReport, Error> {
         BodyFile::Bvh => bvh::write(&export::bvh_of(&poses, &body, capture.rate_hz)).into_bytes(),
         BodyFile::X3d => humanoid::x3d_of(&scene()).into_bytes(),
         BodyFile::Html => page::page_of(&scene()).into_bytes(),
+        BodyFile::Mot => mot(&order.file, &angles, &poses, capture.rate_hz),
     };
     draft::write_file(&order.file, order.replace, &bytes)?;
     let most = |lean_rad: &dyn Fn(&SegmentPose) -> f64| {
@@ -127,6 +131,20 @@ pub fn convert(order: &ConvertOrder) -> Result<ConvertReport, Error> {
         notes: capture.notes,
         written: order.file.display().to_string(),
     })
+}
+
+/// Joint angles, and where the pelvis is and how it is turned, for OpenSim; of each pose its angles.
+pub(super) fn mot(
+    file: &Path,
+    angles: &[JointAngles],
+    poses: &[SegmentPose],
+    rate_hz: f64,
+) -> Vec<u8> {
+    let name = file.file_stem().unwrap_or_default().to_string_lossy();
+    let rows = angles.iter().zip(poses);
+    let rows = rows
+        .map(|(angles, pose)| (*angles, pose.root_m, pose.orientation[Segment::Pelvis.index()]));
+    opensim::write(&name, rate_hz, rows).into_bytes()
 }
 
 /// Angles, root and pelvis, a row per pose.

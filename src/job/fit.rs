@@ -1,6 +1,7 @@
 //! Markers to bones: a trial becomes a skeleton in motion, joint angles and segment poses, with what every marker
 //! says of how good they are.
 
+use super::convert::mot;
 use super::report::Outcome;
 use super::source::fit_markers;
 use crate::action::table;
@@ -31,7 +32,7 @@ pub struct FitOrder {
     pub rate_hz: Option<f64>,
     /// How it is fitted.
     pub settings: FitSettings,
-    /// A file (.bvh, .csv), or a folder for all of it.
+    /// A file (.bvh, .csv, .mot), or a folder for all of it.
     pub output: PathBuf,
     /// Files may replace those that are there.
     pub replace: bool,
@@ -133,6 +134,10 @@ pub fn fit(order: &FitOrder) -> Result<FitReport, Error> {
                 bvh::write(&bvh_with(&capture.poses, &body, capture.rate_hz)).into_bytes()
             }
             FitFile::Angles => angles(&capture.poses, capture.rate_hz)?,
+            FitFile::Motion => {
+                let angles = JointAngles::of_clip(&capture.poses, capture.rate_hz).angles;
+                mot(file, &angles, &capture.poses, capture.rate_hz)
+            }
             FitFile::Segments => segments(&capture.poses, capture.rate_hz)?,
         };
         write_file(file, order.replace, &bytes)?;
@@ -145,6 +150,7 @@ pub fn fit(order: &FitOrder) -> Result<FitReport, Error> {
 enum FitFile {
     Skeleton,
     Angles,
+    Motion,
     Segments,
 }
 
@@ -153,18 +159,22 @@ fn outputs(order: &FitOrder) -> Result<Vec<(PathBuf, FitFile)>, Error> {
     match order.output.extension().and_then(|ending| ending.to_str()) {
         Some("bvh") => one(FitFile::Skeleton),
         Some("csv") => one(FitFile::Angles),
+        Some("mot") => one(FitFile::Motion),
         None => {
             let name = order.trial.file_stem().unwrap_or_default().to_string_lossy();
             let file = |ending: &str| order.output.join(format!("{name}{ending}"));
             Ok(vec![
                 (file(".bvh"), FitFile::Skeleton),
                 (file(".csv"), FitFile::Angles),
+                (file(".mot"), FitFile::Motion),
                 (file(".segments.csv"), FitFile::Segments),
             ])
         }
         Some(_) => Err(Error::of(ErrorKind::Unknown, "this kind of file cannot be written")
             .at(order.output.display().to_string())
-            .allowed("of fitted markers, a file that ends in .bvh or .csv, or a folder for all")),
+            .allowed(
+                "of fitted markers, a file that ends in .bvh, .csv or .mot, or a folder for all",
+            )),
     }
 }
 

@@ -55,7 +55,7 @@ pub fn convert(order: &MarkersOrder, observer: &dyn Observer) -> Result<MarkersR
         return Err(Error::of(ErrorKind::Unknown, "this kind of file cannot be written")
             .at(order.file.display().to_string())
             .allowed(
-                "of markers, a file that ends in .c3d, .trc, .csm, .csv, .bvh, .x3d or .html",
+                "of markers, a file that ends in .c3d, .trc, .csm, .csv, .bvh, .mot, .x3d or .html",
             ));
     };
     check_free(&order.file, order.replace)?;

@@ -9,13 +9,15 @@
 //! [`OpenSimTable::body_angles`] takes the coordinates that the published models share (gait2392 and its kin, Rajagopal
 //! 2016) to the 22 degrees of freedom. Their joints turn intrinsically about Z, X, Y, which are this body's -Y, X and
 //! Z: the angles are the same but for signs. Where a model's axis is oblique (ankle, elbow), it is taken as
-//! this body's.
+//! this body's. [`write`] is the way back.
 
 use crate::body::{Dof, JointAngles};
 use crate::error::{Error, ErrorKind};
 use crate::mocap::opened::bytes_of;
-use glam::{DQuat, DVec3};
+use glam::{DQuat, DVec3, EulerRot};
 use std::collections::BTreeSet;
+use std::f64::consts::{PI, TAU};
+use std::fmt::Write;
 use std::path::Path;
 
 /// Largest file read, bytes.
@@ -462,6 +464,76 @@ impl OpenSimBody {
 fn range(series: &[f64]) -> (f64, f64) {
     let least = series.iter().copied().fold(0.0, f64::min);
     (least, series.iter().copied().fold(0.0, f64::max))
+}
+
+/// Coordinates that are written, in the order of the models.
+const WRITTEN: [&str; 27] = [
+    "pelvis_tilt",
+    "pelvis_list",
+    "pelvis_rotation",
+    "pelvis_tx",
+    "pelvis_ty",
+    "pelvis_tz",
+    "hip_flexion_r",
+    "hip_adduction_r",
+    "hip_rotation_r",
+    "knee_angle_r",
+    "ankle_angle_r",
+    "hip_flexion_l",
+    "hip_adduction_l",
+    "hip_rotation_l",
+    "knee_angle_l",
+    "ankle_angle_l",
+    "lumbar_extension",
+    "lumbar_bending",
+    "lumbar_rotation",
+    "arm_flex_r",
+    "arm_add_r",
+    "arm_rot_r",
+    "elbow_flex_r",
+    "arm_flex_l",
+    "arm_add_l",
+    "arm_rot_l",
+    "elbow_flex_l",
+];
+
+/// Joint angles as a motion file (MOT) for OpenSim: degrees, the pelvis in OpenSim's world, m; a row for each pose, of
+/// which `poses` says where the pelvis is and how it is turned (world with Z up, X forward). Knees bend to positive
+/// angles, as in Rajagopal's model. The neck has no coordinate in the published models and is left out. Headings go on
+/// beyond 180 degrees.
+#[must_use]
+pub fn write(
+    name: &str,
+    rate_hz: f64,
+    poses: impl ExactSizeIterator<Item = (JointAngles, DVec3, DQuat)>,
+) -> String {
+    let line: String = name.chars().filter(|of| !of.is_control()).take(200).collect();
+    let mut text = format!(
+        "{line}\nversion=1\nnRows={}\nnColumns={}\ninDegrees=yes\nendheader\ntime\t{}\n",
+        poses.len(),
+        1 + WRITTEN.len(),
+        WRITTEN.join("\t")
+    );
+    let mut heading = 0.0;
+    for (row, (angles, place_m, pelvis)) in poses.enumerate() {
+        // As they are read: intrinsically about -Y, X, Z of this world.
+        let (tilt, list, turned) = pelvis.to_euler(EulerRot::YXZ);
+        heading += (turned - heading + PI).rem_euclid(TAU) - PI;
+        let turns = [-tilt, list, heading];
+        let place = [place_m.x, place_m.z, -place_m.y];
+        let _ = write!(text, "{:.8}", row as f64 / rate_hz);
+        for coordinate in WRITTEN.into_iter().filter_map(Coordinate::of) {
+            let value = match coordinate {
+                Coordinate::Angle(dof, sign) => (sign * angles[dof]).to_degrees(),
+                Coordinate::Knee(dof) => angles[dof].to_degrees(),
+                Coordinate::Turn(axis) => turns[axis].to_degrees(),
+                Coordinate::Place(axis) => place[axis],
+            };
+            let _ = write!(text, "\t{value:.8}");
+        }
+        text.push('\n');
+    }
+    text
 }
 
 /// What a column of a known name says.
