@@ -9,7 +9,7 @@
 //! [`OpenSimTable::body_angles`] takes the coordinates that the published models share (gait2392 and its kin, Rajagopal
 //! 2016) to the 22 degrees of freedom. Their joints turn intrinsically about Z, X, Y, which are this body's -Y, X and
 //! Z: the angles are the same but for signs. Where a model's axis is oblique (ankle, elbow), it is taken as
-//! this body's. [`write`] is the way back.
+//! this body's. [`write()`] is the way back.
 
 use crate::body::{Dof, JointAngles};
 use crate::error::{Error, ErrorKind};
