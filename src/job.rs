@@ -9,6 +9,7 @@ pub mod composition;
 pub mod convert;
 pub mod decompose;
 pub mod doctor;
+pub mod explain;
 pub mod finding;
 pub mod fit;
 pub mod follow;

@@ -2,7 +2,12 @@
 
 use super::{Deed, Output};
 use crate::error::Error;
+use crate::job::explain::{
+    ExplainOrder, ExplainReport, ExplainedModel, FurthestAttempt, Stopped, UnmetDemand, explain,
+};
 use crate::job::recognise::{ModelReport, check_models, feature_names};
+use crate::job::source::CaptureOptions;
+use crate::recognise::model::Demand;
 use clap::{Args, Subcommand};
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -25,12 +30,53 @@ enum ModelCommand {
         #[command(flatten)]
         output: Output,
     },
+    /// Why models did or did not fire in a motion: what was wanting, by how much, and when
+    Explain(Box<ExplainArgs>),
     /// List the features that `measure` and `average` can name
     #[command(after_help = "Example: gaitway model features")]
     Features {
         #[command(flatten)]
         output: Output,
     },
+}
+
+/// Arguments of `model explain`.
+#[derive(Clone, Debug, Args)]
+#[command(after_help = "\
+Of the attempts of a model that came to nothing it tells the one that came furthest: the phase that failed, what was
+wanting when it ended, and what ended it. Numbers are in arms or legs, and arms or legs per second, as in models.
+
+Example: gaitway model explain dance.bvh --model wave-r
+         gaitway model explain dance.bvh --model wave --from 2 --to 5")]
+pub struct ExplainArgs {
+    /// A capture (.bvh, .amc), or actions
+    motion: String,
+    /// A model by name, or all models of an action (repeatable) [default: all]
+    #[arg(long = "model", value_name = "NAME")]
+    only: Vec<String>,
+    /// Folder of models, in place of those that ship with gaitway
+    #[arg(long, value_name = "DIR")]
+    models: Option<PathBuf>,
+    /// Look only at what has a frame from here on, s
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    from: Option<f64>,
+    /// Look only at what has a frame until here, s
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    to: Option<f64>,
+    /// File that says which joint of the capture is which body segment (TOML)
+    #[arg(long, value_name = "FILE.toml")]
+    mapping: Option<PathBuf>,
+    /// Skeleton of an AMC file [default: the .asf file beside it that it is named after]
+    #[arg(long, value_name = "FILE.asf")]
+    skeleton: Option<PathBuf>,
+    /// Trial in which the person stands still, for markers
+    #[arg(long = "static", value_name = "FILE")]
+    static_trial: Option<PathBuf>,
+    /// Frames per second of an AMC file [default: what the file says, or 120]
+    #[arg(long, value_name = "HZ", allow_negative_numbers = true)]
+    rate: Option<f64>,
+    #[command(flatten)]
+    output: Output,
 }
 
 /// Runs `model`.
@@ -52,10 +98,100 @@ pub fn run(args: &ModelArgs) -> Result<i32, Error> {
             }
             Ok(output.conclude(&reports, &text, Deed::Look, 0))
         }
+        ModelCommand::Explain(args) => {
+            args.output.check_files(&[])?;
+            let report = explain(&ExplainOrder {
+                motion: args.motion.clone(),
+                mapping: args.mapping.clone(),
+                reading: CaptureOptions {
+                    skeleton: args.skeleton.clone(),
+                    rate_hz: args.rate,
+                    static_trial: args.static_trial.clone(),
+                },
+                models: args.models.clone(),
+                only: args.only.clone(),
+                from_s: args.from,
+                to_s: args.to,
+            })?;
+            Ok(args.output.conclude(&report, &explained(&report), Deed::Look, 0))
+        }
         ModelCommand::Features { output } => {
             output.check_files(&[])?;
             let names = feature_names();
             Ok(output.conclude(&names, &(names.join("\n") + "\n"), Deed::Look, 0))
         }
+    }
+}
+
+fn explained(report: &ExplainReport) -> String {
+    let mut text = String::new();
+    for model in &report.models {
+        let ExplainedModel { model, phases, fired, failed_attempts, furthest, missing, .. } = model;
+        if !missing.is_empty() {
+            let _ = writeln!(text, "{model:22} cannot fire: the source does not show");
+            let _ = writeln!(text, "  {}", missing.join(", "));
+            continue;
+        }
+        let spans: Vec<String> =
+            fired.iter().map(|of| format!("{:.2} to {:.2} s", of.start_s, of.end_s)).collect();
+        let fired = if spans.is_empty() {
+            "did not fire".to_owned()
+        } else {
+            format!("fired at {}", spans.join(", "))
+        };
+        let _ = writeln!(text, "{model:22} {fired}; {failed_attempts} attempts failed");
+        if let Some(attempt) = furthest {
+            failure(&mut text, attempt, *phases);
+        }
+    }
+    text
+}
+
+/// The attempt that came furthest, in words.
+fn failure(text: &mut String, attempt: &FurthestAttempt, phases: usize) {
+    let FurthestAttempt { start_s, at_s, number, phase, stopped, wanting, ended_by } = attempt;
+    let phase = format!("phase {number} of {phases} ({phase})");
+    let _ = match stopped {
+        Stopped::NotEntered => {
+            writeln!(text, "  nearest at {at_s:.2} s, where {phase} did not begin:")
+        }
+        Stopped::NotEnough => {
+            writeln!(text, "  furthest from {start_s:.2} to {at_s:.2} s, where {phase} ended with:")
+        }
+        Stopped::TooLong => {
+            writeln!(text, "  furthest from {start_s:.2} to {at_s:.2} s, where {phase} went on:")
+        }
+        Stopped::NoNext => {
+            writeln!(text, "  furthest from {start_s:.2} s; {phase} did not follow, nearest at {at_s:.2} s:")
+        }
+    };
+    for unmet in wanting {
+        let _ = writeln!(text, "    {}", demand(unmet));
+    }
+    if !ended_by.is_empty() && *stopped == Stopped::NotEnough {
+        let lacks: Vec<String> = ended_by.iter().map(demand).collect();
+        let _ = writeln!(text, "    (it ended by {})", lacks.join("; "));
+    }
+}
+
+fn demand(unmet: &UnmetDemand) -> String {
+    let feature = unmet.feature.as_deref().unwrap_or("");
+    let what = match unmet.demand {
+        Demand::Frame => feature.to_owned(),
+        Demand::Posture => format!("posture {feature}"),
+        Demand::Amount => format!("{feature}, amount"),
+        Demand::Speed => format!("{feature}, speed"),
+        Demand::Average => format!("{feature}, average"),
+        Demand::Duration => "duration, s".to_owned(),
+    };
+    let asked = match (unmet.from, unmet.to) {
+        (Some(from), Some(to)) => format!("{from:.2} to {to:.2}"),
+        (Some(from), None) => format!("{from:.2} or more"),
+        (None, Some(to)) => format!("{to:.2} or less"),
+        (None, None) => "any".to_owned(),
+    };
+    match (unmet.value, unmet.by) {
+        (Some(value), Some(by)) => format!("{what} {value:.2}, asked {asked} ({by:+.2})"),
+        _ => format!("{what} not shown, asked {asked}"),
     }
 }

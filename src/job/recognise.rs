@@ -251,6 +251,25 @@ pub(super) struct Found {
     pub(super) blind: Vec<BlindModel>,
 }
 
+/// What the recogniser sees of a capture.
+pub(super) struct SeenBody {
+    pub(super) lengths: Lengths,
+    pub(super) frames: Vec<Points>,
+    pub(super) noise: Option<Noise>,
+}
+
+impl SeenBody {
+    pub(super) fn of(capture: &Capture) -> Result<Self, Error> {
+        // Thresholds of models are in limbs of this figure.
+        let body = Proportions::of_figure(BodyFigure::DrillisContini, capture.stature_m)?;
+        let lengths = Lengths::of(&body);
+        let points = |pose| Points::of(&body, pose, &capture.tracked);
+        let frames: Vec<Points> = capture.poses.iter().map(points).collect();
+        let noise = Noise::of_quietest(&frames, capture.rate_hz);
+        Ok(Self { lengths, frames, noise: noise.filter(|noise| noise.is_still(&lengths)) })
+    }
+}
+
 /// Recognises what is done in a capture.
 pub(super) fn of_capture(
     capture: &Capture,
@@ -258,13 +277,7 @@ pub(super) fn of_capture(
     equations: EquationReading,
     hear: &mut impl FnMut(&RecognitionEvent),
 ) -> Result<Found, Error> {
-    // Thresholds of models are in limbs of this figure.
-    let body = Proportions::of_figure(BodyFigure::DrillisContini, capture.stature_m)?;
-    let lengths = Lengths::of(&body);
-    let points = |pose| Points::of(&body, pose, &capture.tracked);
-    let frames: Vec<Points> = capture.poses.iter().map(points).collect();
-    let noise = Noise::of_quietest(&frames, capture.rate_hz);
-    let noise = noise.filter(|noise| noise.is_still(&lengths));
+    let SeenBody { lengths, frames, noise } = SeenBody::of(capture)?;
     let mut recogniser = Recogniser::new(models, lengths, equations, noise);
     let names: Vec<ActionModel> = recogniser.models().to_vec();
     let mut events = Vec::new();

@@ -492,7 +492,7 @@ mod tests {
             ("wave-both-hands", Some("wave")),
             ("byebye", Some("wave")),
             ("walk-back", None),
-            ("walk-left", None),
+            ("walk-left", Some("walk")),
             ("raise-up-left-hand", None),
             ("guide", None),
         ] {

@@ -14,7 +14,7 @@
 //! A phase may also be interrupted for the model's slack, which is ours and zero by default.
 
 use super::features::FeatureRow;
-use super::model::{ActionModel, ModelPhase};
+use super::model::{ActionModel, Demand, FeatureRange, ModelPhase, Shortfall};
 use super::posture::EquationReading;
 
 /// Rounding of times, s.
@@ -89,6 +89,21 @@ enum State {
     Overlong(usize),
 }
 
+/// Where a machine is in its model.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Underway {
+    /// The first frame of the first phase, s.
+    pub start_s: f64,
+    /// The phase that is under way, or over and followed by none so far; the first is 0.
+    pub phase: usize,
+    /// It is over.
+    pub is_over: bool,
+    /// Its last frame so far, s.
+    pub end_s: f64,
+    /// What is wanting for the phase to end here.
+    pub wanting: Vec<Shortfall>,
+}
+
 /// The machine of one model for one stream of frames. It holds one phase and the ends of those before:
 /// memory does not grow.
 #[derive(Clone, Debug)]
@@ -110,6 +125,32 @@ impl ModelMachine {
     #[must_use]
     pub const fn is_idle(&self) -> bool {
         matches!(self.state, State::Idle)
+    }
+
+    /// Where it is; none if no phase is under way, or one that lasts too long.
+    #[must_use]
+    pub fn underway(&self, model: &ActionModel) -> Option<Underway> {
+        let (active, is_over) = match &self.state {
+            State::In(active) => (active, false),
+            State::After { ended, .. } => (ended, true),
+            State::Idle | State::Awaits(_) | State::Overlong(_) => return None,
+        };
+        Some(Underway {
+            start_s: self.done.first().map_or(active.span.start_s, |(_, span)| span.start_s),
+            phase: active.phase,
+            is_over,
+            end_s: active.span.end_s,
+            wanting: active.wanting(&model.phases[active.phase]).collect(),
+        })
+    }
+
+    /// The phase that lasts too long, while it does; the first is 0.
+    #[must_use]
+    pub const fn overlong(&self) -> Option<usize> {
+        match self.state {
+            State::Overlong(phase) => Some(phase),
+            _ => None,
+        }
     }
 
     /// The next frame, at its time, s. What happens is told to `tell`.
@@ -363,16 +404,40 @@ impl Active {
 
     /// Whether amounts, speeds, means and duration are what they must be.
     fn may_end(&self, phase: &ModelPhase) -> bool {
-        self.time_s >= phase.shortest_s - ROUNDED_S
-            && phase.travels.iter().zip(&self.travels).all(|(travel, sum)| {
-                let amount = sum * travel.sign;
-                travel.amount.holds(amount) && travel.speed.holds(amount / self.time_s)
-            })
-            && phase
-                .means
-                .iter()
-                .zip(&self.means)
-                .all(|(mean, sum)| mean.range.holds(sum / self.time_s))
+        self.wanting(phase).next().is_none()
+    }
+
+    /// What of them is not.
+    fn wanting(&self, phase: &ModelPhase) -> impl Iterator<Item = Shortfall> {
+        let time_s = self.time_s;
+        let duration = Shortfall {
+            demand: Demand::Duration,
+            feature: None,
+            value: time_s,
+            range: FeatureRange { from: phase.shortest_s, to: phase.longest_s },
+        };
+        let is_short = time_s < phase.shortest_s - ROUNDED_S;
+        let travels = phase.travels.iter().zip(&self.travels).flat_map(move |(travel, sum)| {
+            let (amount, speed) = (sum * travel.sign, sum * travel.sign / time_s);
+            let of = |demand, value, range: FeatureRange| Shortfall {
+                demand,
+                feature: Some(travel.feature),
+                value,
+                range,
+            };
+            [
+                of(Demand::Amount, amount, travel.amount),
+                of(Demand::Speed, speed, travel.speed),
+            ]
+        });
+        let means = phase.means.iter().zip(&self.means).map(move |(mean, sum)| Shortfall {
+            demand: Demand::Average,
+            feature: Some(mean.feature),
+            value: sum / time_s,
+            range: mean.range,
+        });
+        let ends = travels.chain(means).filter(|of| !of.range.holds(of.value));
+        is_short.then_some(duration).into_iter().chain(ends)
     }
 }
 

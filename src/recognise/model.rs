@@ -67,6 +67,52 @@ pub struct Travel {
     pub speed: FeatureRange,
 }
 
+/// What kind of a demand was not met.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Demand {
+    /// Of each frame: a feature in a range.
+    Frame,
+    /// Of each frame: a posture, one of several.
+    Posture,
+    /// When the phase ends: how far a part has moved.
+    Amount,
+    /// When the phase ends: how fast it moved on average.
+    Speed,
+    /// When the phase ends: the mean of a feature.
+    Average,
+    /// How long the phase lasts.
+    Duration,
+}
+
+/// A demand of a phase that was not met.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Shortfall {
+    /// What kind of demand.
+    pub demand: Demand,
+    /// Of which feature; of several postures the first. None for a duration.
+    pub feature: Option<Feature>,
+    /// What there was; not a number where the source does not show it.
+    pub value: f64,
+    /// What was asked for.
+    pub range: FeatureRange,
+}
+
+impl Shortfall {
+    /// How far it was out of the range: above zero beyond its end, below zero before its beginning, not a number
+    /// where there was none.
+    #[must_use]
+    pub fn by(&self) -> f64 {
+        if self.value < self.range.from {
+            self.value - self.range.from
+        } else if self.value > self.range.to {
+            self.value - self.range.to
+        } else {
+            self.value - self.value
+        }
+    }
+}
+
 /// One phase.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ModelPhase {
@@ -93,6 +139,31 @@ impl ModelPhase {
         self.gates.iter().all(|gate| gate.range.holds(row.value(gate.feature)))
             && (self.postures.is_empty()
                 || self.postures.iter().any(|posture| row.value(*posture) == 1.0))
+    }
+
+    /// Why a frame cannot belong to it; empty if it can.
+    #[must_use]
+    pub fn misfits(&self, row: &FeatureRow) -> Vec<Shortfall> {
+        let out = self.gates.iter().filter(|gate| !gate.range.holds(row.value(gate.feature)));
+        let mut misfits: Vec<Shortfall> = out
+            .map(|gate| Shortfall {
+                demand: Demand::Frame,
+                feature: Some(gate.feature),
+                value: row.value(gate.feature),
+                range: gate.range,
+            })
+            .collect();
+        if let Some(first) = self.postures.first()
+            && !self.postures.iter().any(|posture| row.value(*posture) == 1.0)
+        {
+            misfits.push(Shortfall {
+                demand: Demand::Posture,
+                feature: Some(*first),
+                value: row.value(*first),
+                range: FeatureRange { from: 1.0, to: 1.0 },
+            });
+        }
+        misfits
     }
 
     /// What it looks at.

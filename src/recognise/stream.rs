@@ -1,17 +1,43 @@
 //! All models over one stream of poses of one person.
 
 use super::features::{Extractor, FEATURES, Feature, Noise};
-use super::machine::{ActionEvent, ModelMachine};
+use super::machine::{ActionEvent, ModelMachine, Span};
 use super::model::ActionModel;
 use super::points::{Lengths, Points};
 use super::posture::EquationReading;
 
-/// Names what one person does, frame by frame, one frame after it is over. Several persons have one each.
+/// What each model has named last. Several models may show one action, and then name one and the same.
+#[derive(Clone, Debug, Default)]
+struct Named(Vec<Option<Span>>);
+
+impl Named {
+    /// What becomes of an event of a model: what another has named already (the same action, on the same side, with more
+    /// than half of the shorter of both in common) is broken off.
+    fn once(&mut self, models: &[ActionModel], index: usize, what: ActionEvent) -> ActionEvent {
+        let ActionEvent::Done { span, .. } = &what else { return what };
+        let own = &models[index];
+        let is_named = models.iter().zip(&self.0).enumerate().any(|(other, (model, named))| {
+            let Some(named) = named.filter(|_| other != index) else { return false };
+            let common_s = span.end_s.min(named.end_s) - span.start_s.max(named.start_s);
+            let shorter_s = (span.end_s - span.start_s).min(named.end_s - named.start_s);
+            model.action == own.action && model.side == own.side && common_s > shorter_s / 2.0
+        });
+        if is_named {
+            return ActionEvent::BrokenOff { number: own.phases.len() };
+        }
+        self.0[index] = Some(*span);
+        what
+    }
+}
+
+/// Names what one person does, frame by frame, one frame after it is over. Several persons have one each. An action
+/// that several models show is named once.
 #[derive(Clone, Debug)]
 pub struct Recogniser {
     extractor: Extractor,
     models: Vec<ActionModel>,
     machines: Vec<ModelMachine>,
+    named: Named,
     seen: [bool; FEATURES],
     time_s: f64,
     has_begun: bool,
@@ -27,8 +53,15 @@ impl Recogniser {
         noise: Option<Noise>,
     ) -> Self {
         let machines = models.iter().map(|_| ModelMachine::new(reading)).collect();
-        let extractor = Extractor::new(lengths, reading, noise);
-        Self { extractor, models, machines, seen: [false; FEATURES], time_s: 0.0, has_begun: false }
+        Self {
+            extractor: Extractor::new(lengths, reading, noise),
+            named: Named(vec![None; models.len()]),
+            models,
+            machines,
+            seen: [false; FEATURES],
+            time_s: 0.0,
+            has_begun: false,
+        }
     }
 
     /// The models, by their index.
@@ -54,7 +87,9 @@ impl Recogniser {
             *seen |= !value.is_nan();
         }
         for (index, (model, machine)) in self.models.iter().zip(&mut self.machines).enumerate() {
-            machine.next(model, &row, time_s, &mut |what| tell(index, time_s, what));
+            machine.next(model, &row, time_s, &mut |what| {
+                tell(index, time_s, self.named.once(&self.models, index, what));
+            });
         }
     }
 
@@ -62,7 +97,9 @@ impl Recogniser {
     pub fn finish(&mut self, mut tell: impl FnMut(usize, f64, ActionEvent)) {
         let time_s = self.time_s;
         for (index, (model, machine)) in self.models.iter().zip(&mut self.machines).enumerate() {
-            machine.finish(model, &mut |what| tell(index, time_s, what));
+            machine.finish(model, &mut |what| {
+                tell(index, time_s, self.named.once(&self.models, index, what));
+            });
         }
     }
 
@@ -81,6 +118,7 @@ impl Recogniser {
 mod tests {
     use super::*;
     use crate::body::{BodyFigure, Dof, JointAngles, Proportions, Segment};
+    use crate::recognise::model::BodySide;
     use crate::recognise::model::file::{Bands, parse};
     use glam::{DQuat, DVec3};
 
@@ -146,6 +184,27 @@ mod tests {
         assert!(span.start_s < 0.15 && (span.end_s - 2.0).abs() < 0.15, "{span:?}");
         assert!(told[3].1 - span.end_s < 1.5 / RATE_HZ, "one frame later: {told:?}");
         assert!(recogniser.blind().is_empty());
+    }
+
+    #[test]
+    fn what_two_models_of_one_action_see_is_named_once_and_on_another_side_again() {
+        let mut twin = raise();
+        twin.name = "raise-too-l".to_owned();
+        let mut other = twin.clone();
+        other.side = Some(BodySide::Right);
+        let lengths = Lengths::of(&body());
+        let models = vec![raise(), twin, other];
+        let mut recogniser = Recogniser::new(models, lengths, EquationReading::Repaired, None);
+        let mut done = Vec::new();
+        let mut broken_off = Vec::new();
+        for points in arm_raised([true; 13]) {
+            recogniser.next(&points, 1.0 / RATE_HZ, |model, _, what| match what {
+                ActionEvent::Done { .. } => done.push(model),
+                ActionEvent::BrokenOff { .. } => broken_off.push(model),
+                _ => {}
+            });
+        }
+        assert_eq!((done, broken_off), (vec![0, 2], vec![1]));
     }
 
     #[test]

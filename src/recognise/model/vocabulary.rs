@@ -13,10 +13,10 @@ macro_rules! shipped {
 /// Names and files; who mirrors another stands after it.
 const SHIPPED: &[(&str, &str)] = shipped! {
     "bow" "box-l" "box-r" "chop-l" "chop-r" "drink-l" "drink-r" "fight" "hop" "hop-l" "hop-r"
-    "jump" "jumping-jacks" "kick-l" "kick-r" "knee-kick-l" "knee-kick-r" "run-l" "run-r"
-    "side-kick-l" "side-kick-r" "sit-down" "squat" "stand-up" "swing-arms-circular"
-    "swing-arms-sagittal" "swing-arms-transverse" "throw-l" "throw-r" "walk-l" "walk-r" "wave-l"
-    "wave-r"
+    "jump" "jump-low" "jumping-jacks" "kick-l" "kick-r" "knee-kick-l" "knee-kick-r" "run-l" "run-r"
+    "run-slow-l" "run-slow-r" "side-kick-l" "side-kick-r" "sit-down" "squat" "stand-up"
+    "swing-arms-circular" "swing-arms-sagittal" "swing-arms-transverse" "throw-l" "throw-r"
+    "walk-fast-l" "walk-fast-r" "walk-l" "walk-r" "wave-l" "wave-r" "wave-small-l" "wave-small-r"
 };
 
 /// Names of the shipped models.
