@@ -6,6 +6,7 @@ pub mod calibrated;
 pub mod clean;
 pub mod convert;
 pub mod cues;
+pub mod cut;
 pub mod doctor;
 pub mod duration;
 pub mod finding;
@@ -97,6 +98,8 @@ enum Command {
     Actionlets(Box<actionlets::ActionletsArgs>),
     /// Name what a body does in a capture or an action
     Recognise(Box<recognise::RecogniseArgs>),
+    /// Cut what somebody does out of a capture, as trials of their own
+    Cut(Box<cut::CutArgs>),
     /// Models by which actions are recognised
     Model(model::ModelArgs),
     /// Judge the program on labelled clips
@@ -175,6 +178,7 @@ fn run(cli: &Cli) -> i32 {
         Command::Fit(args) => fit::run(args, remarks),
         Command::Actionlets(args) => actionlets::run(args, remarks),
         Command::Recognise(args) => recognise::run(args, remarks),
+        Command::Cut(args) => cut::run(args, remarks),
         Command::Model(args) => model::run(args),
         Command::Score(args) => score::run(args, remarks),
         Command::Hold(args) => hold::run(args, remarks),

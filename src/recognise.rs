@@ -12,6 +12,7 @@
 //! say there are two readings ([`posture::EquationReading`]): the repaired one, and the strict one for comparison.
 
 pub mod contact;
+pub mod example;
 pub mod explain;
 pub mod features;
 pub mod machine;

@@ -1,7 +1,9 @@
 //! `recognise`, `model` and `score`, as they are typed.
 
+mod captured;
 mod program;
 
+use captured::captured;
 use program::{folder, gaitway, json, words};
 use serde_json::Value;
 use std::path::Path;
@@ -178,4 +180,224 @@ fn clips_are_scored_by_their_labels_and_one_that_cannot_be_read_is_named() {
     let global = &report["global"];
     assert_eq!((&global["correct"], &global["truth"]), (&2.into(), &2.into()), "{report}");
     assert!(report["segmentation"].is_null(), "no label has times");
+}
+
+/// The model of a nod: the trunk leans this far at least.
+fn nod(folder: &Path, least_deg: f64) -> String {
+    let text = format!(
+        "schema = 1\nname = \"nod\"\n[[phase]]\nname = \"lean\"\n\
+         measure.trunk_lean_deg = [{least_deg}, 120]\n"
+    );
+    std::fs::write(folder.join("nod.toml"), text).expect("a model");
+    folder.display().to_string()
+}
+
+/// The only model of a folder, explained on a motion.
+fn explained(motion: &str, models: &str) -> Value {
+    let output = run(&["model", "explain", motion, "--models", models, "--json"]);
+    done(&output);
+    let report = json(&output);
+    assert_eq!(report["models"].as_array().map(Vec::len), Some(1), "{report}");
+    report["models"][0].clone()
+}
+
+#[test]
+fn a_model_that_is_given_what_it_was_said_to_want_fires_and_with_a_little_less_does_not() {
+    let folder = folder("explain");
+    let missed = explained("bow", &nod(&folder, 70.0));
+    assert_eq!(missed["fired"].as_array().map(Vec::len), Some(0), "{missed}");
+    let furthest = &missed["furthest"];
+    assert_eq!((&furthest["stopped"], &furthest["number"]), (&"not_entered".into(), &1.into()));
+    let wanting = &furthest["wanting"][0];
+    assert_eq!(wanting["feature"], "trunk_lean_deg");
+    let by = wanting["by"].as_f64().expect("by how much");
+    assert!(by < 0.0 && (wanting["value"].as_f64().expect("a value") - 70.0 - by).abs() < 1e-9);
+    for (least_deg, fires) in [(70.0 + by - 0.01, 1), (70.0 + by + 0.01, 0)] {
+        let found = explained("bow", &nod(&folder, least_deg));
+        assert_eq!(found["fired"].as_array().map(Vec::len), Some(fires), "{found}");
+    }
+}
+
+#[test]
+fn amounts_and_followers_that_are_wanting_are_told_with_phase_and_time() {
+    let folder = folder("explain-amounts");
+    let model = |forward: f64, then: &str| {
+        let text = format!(
+            "schema = 1\nname = \"nod\"\n[[phase]]\nname = \"down\"\n\
+             torso = {{ frontal = \"forward {forward}..\" }}\n[[phase]]\nname = \"then\"\n{then}\n"
+        );
+        std::fs::write(folder.join("nod.toml"), text).expect("a model");
+        explained("bow", &folder.display().to_string())
+    };
+    let up = "torso = { frontal = \"backward\" }";
+    let missed = model(3.0, up)["furthest"].clone();
+    assert_eq!((&missed["stopped"], &missed["phase"]), (&"not_enough".into(), &"down".into()));
+    let wanting = &missed["wanting"][0];
+    assert_eq!(
+        (&wanting["demand"], &wanting["feature"]),
+        (&"amount".into(), &"torso_frontal".into())
+    );
+    let enough = 3.0 + wanting["by"].as_f64().expect("by how much") - 0.01;
+    let seen = model(enough, up);
+    assert_eq!(seen["fired"].as_array().map(Vec::len), Some(1), "{seen}");
+    // Nobody who bows has a hand above the head.
+    let missed = model(enough, "measure.right_hand_height = [1, 2]")["furthest"].clone();
+    assert_eq!((&missed["stopped"], &missed["number"]), (&"no_next".into(), &2.into()));
+    assert_eq!(missed["wanting"][0]["feature"], "right_hand_height");
+    assert!(missed["start_s"].as_f64() < missed["at_s"].as_f64(), "{missed}");
+}
+
+#[test]
+fn an_explanation_is_of_the_models_and_the_time_that_are_asked_for() {
+    let output = run(&["model", "explain", "bow", "--model", "wave", "--model", "bow", "--json"]);
+    done(&output);
+    let report = json(&output);
+    let names: Vec<&str> = report["models"]
+        .as_array()
+        .expect("models")
+        .iter()
+        .filter_map(|of| of["model"].as_str())
+        .collect();
+    assert_eq!(names, ["bow", "wave-l", "wave-r", "wave-small-l", "wave-small-r"]);
+    let bow = |more: &[&str]| {
+        let output =
+            run(&[&["model", "explain", "bow", "--model", "bow", "--json"], more].concat());
+        done(&output);
+        json(&output)["models"][0]["fired"].as_array().map(Vec::len)
+    };
+    assert_eq!((bow(&[]), bow(&["--to", "0.1"])), (Some(1), Some(0)));
+    let refused = run(&["model", "explain", "bow", "--model", "bovv"]);
+    assert!(!refused.status.success() && words(&refused).contains("bovv"));
+    let refused = run(&["model", "explain", "bow", "--from", "2", "--to", "1"]);
+    assert!(!refused.status.success() && words(&refused).contains("ends before it begins"));
+}
+
+#[test]
+fn a_drafted_model_sees_its_examples_and_not_what_another_side_does() {
+    let folder = folder("drafted");
+    let file = folder.join("my-kick-r.toml").display().to_string();
+    let draft = [
+        "model",
+        "new",
+        "my-kick-r",
+        "--from",
+        "kick-r",
+        "--from",
+        "kick-r@0s..1.6s",
+        "--side",
+        "right",
+        "-o",
+        &file,
+    ];
+    let output = run(&[&draft[..], &["--json"]].concat());
+    done(&output);
+    let examples = json(&output)["examples"].clone();
+    assert_eq!(
+        (&examples[0]["fired"], &examples[1]["fired"]),
+        (&1.into(), &1.into()),
+        "{examples}"
+    );
+    done(&run(&["model", "check", &file]));
+    let found = |motion: &str| {
+        let models = folder.display().to_string();
+        let output = run(&["recognise", motion, "--models", &models, "--json"]);
+        done(&output);
+        json(&output)["events"].as_array().map(Vec::len)
+    };
+    for (motion, events) in [("kick-r", 1), ("kick-l", 0), ("bow", 0), ("walk", 0)] {
+        assert_eq!(found(motion), Some(events), "{motion}");
+    }
+    let refused = run(&draft);
+    assert!(!refused.status.success() && words(&refused).contains("--force"));
+    let other = folder.join("none.toml").display().to_string();
+    let refused =
+        run(&["model", "new", "none", "--from", "kick-r", "--from", "wave-l", "-o", &other]);
+    assert!(words(&refused).contains("share no motion"), "{}", words(&refused));
+    let refused = run(&["model", "new", "none", "--from", "kick-r@5..9", "-o", &other]);
+    assert!(words(&refused).contains("nothing in this part"), "{}", words(&refused));
+}
+
+/// The lines of a BVH file behind its header, as numbers.
+fn poses(file: &Path) -> Vec<Vec<f64>> {
+    let text = std::fs::read_to_string(file).expect("a BVH file");
+    let lines = text.lines().skip_while(|line| !line.starts_with("Frame Time")).skip(1);
+    lines
+        .map(|line| line.split(' ').map(|cell| cell.parse().expect("a number")).collect())
+        .collect()
+}
+
+#[test]
+fn pieces_of_a_bvh_file_are_its_own_lines_from_margin_to_margin() {
+    let folder = folder("cut-file");
+    let whole = folder.join("whole.bvh");
+    let name = whole.display().to_string();
+    done(&run(&["synth", "bow", "--rate", "50", "-o", &name]));
+    let table = folder.join("table.csv");
+    std::fs::write(&table, "class,side,start_s,end_s\nlow,,0.8,1.2\nlow,,1.3,1.5\nend,L,2.6,9\n")
+        .expect("a table");
+    let (table, pieces) = (table.display().to_string(), folder.join("pieces"));
+    let out = pieces.display().to_string();
+    let cut = ["cut", &name, "-o", &out, "--labels", &table, "--margin", "0.2", "--join", "0.1"];
+    let output = run(&[&cut[..], &["--json"]].concat());
+    done(&output);
+    let report = json(&output);
+    assert_eq!(report["as_it_stands"], true);
+    let of = |piece: usize, key: &str| report["pieces"][piece][key].clone();
+    // 0.8 - 0.2 to 1.5 + 0.2 s, both frames among them, and what there is of 2.4 s to the end.
+    let all = poses(&whole);
+    assert_eq!(
+        (of(0, "events"), of(0, "first_frame"), of(0, "frames")),
+        (2.into(), 30.into(), 56.into())
+    );
+    assert_eq!((of(1, "first_frame"), of(1, "frames")), (120.into(), (all.len() - 120).into()));
+    assert_eq!(poses(&pieces.join("whole-001-low.bvh")), all[30..86]);
+    assert_eq!(poses(&pieces.join("whole-002-end.bvh")), all[120..]);
+    let labels = std::fs::read_to_string(pieces.join("labels.csv")).expect("labels");
+    assert!(labels.contains("\nwhole-001-low.bvh,low,,0.7000,0.9000\n"), "{labels}");
+    let refused = run(&cut);
+    assert!(!refused.status.success() && words(&refused).contains("--force"));
+    done(&run(&[&cut[..], &["--force"]].concat()));
+    let refused = run(&["cut", "bow", "-o", &out, "--margin", "-1"]);
+    assert!(words(&refused).contains("out of range"), "{}", words(&refused));
+}
+
+#[test]
+fn what_is_cut_by_recognition_is_recognised_again_by_its_own_table() {
+    let pieces = folder("cut-actions").join("pieces");
+    let out = pieces.display().to_string();
+    let output = run(&["cut", "walk:4s,bow,wave-r", "-o", &out, "--json"]);
+    done(&output);
+    let report = json(&output);
+    let actions: Vec<&str> = report["pieces"]
+        .as_array()
+        .expect("pieces")
+        .iter()
+        .filter_map(|of| of["action"].as_str())
+        .collect();
+    assert_eq!(actions, ["walk", "bow", "wave"], "{report}");
+    let output = run(&["score", "classification", &out, "--json"]);
+    done(&output);
+    let global = json(&output)["global"].clone();
+    assert!(global["recall"].as_f64() >= Some(0.85), "{global}");
+    assert!(global["precision"].as_f64() >= Some(0.85), "{global}");
+    let nothing = run(&["cut", "bow", "-o", &out, "--only", "run"]);
+    done(&nothing);
+    assert!(words(&nothing).contains("nothing to cut"), "{}", words(&nothing));
+}
+
+/// What was cut by hand, clip by clip (`tests/cuts/README.md`).
+#[test]
+fn clips_of_other_skeletons_are_named_where_they_were_cut_by_hand() {
+    let Some(clips) = captured("mocap/bvh") else { return };
+    let cuts = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/cuts/others.csv");
+    let (clips, cuts) = (clips.display().to_string(), cuts.display().to_string());
+    let output = run(&["score", "classification", &clips, "--labels", &cuts, "--json"]);
+    done(&output);
+    let report = json(&output);
+    assert_eq!(report["unread"].as_array().map(Vec::len), Some(0), "{report}");
+    let global = &report["global"];
+    let of = |key: &str| global[key].as_f64().expect(key);
+    assert!(of("precision") > 0.8 && of("recall") > 0.85, "{global}");
+    let cut = &report["segmentation"];
+    assert!(cut["mean_ms"].as_f64() < Some(200.0), "{cut}");
 }

@@ -2,12 +2,13 @@
 
 use super::{Deed, Output};
 use crate::error::Error;
+use crate::job::draft_model::{DraftModelOrder, ModelExample, draft_model};
 use crate::job::explain::{
-    ExplainOrder, ExplainReport, ExplainedModel, FurthestAttempt, Stopped, UnmetDemand, explain,
+    BodySide, Demand, ExplainOrder, ExplainReport, ExplainedModel, FurthestAttempt, Stopped,
+    UnmetDemand, explain,
 };
 use crate::job::recognise::{ModelReport, check_models, feature_names};
 use crate::job::source::CaptureOptions;
-use crate::recognise::model::Demand;
 use clap::{Args, Subcommand};
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -30,6 +31,8 @@ enum ModelCommand {
         #[command(flatten)]
         output: Output,
     },
+    /// Draft a model from examples: what all of them share
+    New(Box<NewArgs>),
     /// Why models did or did not fire in a motion: what was wanting, by how much, and when
     Explain(Box<ExplainArgs>),
     /// List the features that `measure` and `average` can name
@@ -38,6 +41,41 @@ enum ModelCommand {
         #[command(flatten)]
         output: Output,
     },
+}
+
+/// Arguments of `model new`.
+#[derive(Clone, Debug, Args)]
+#[command(after_help = "\
+The part that moves furthest, to and fro in the same order in all examples, gives the phases; of each phase the draft says
+what all examples have in common, with room to both sides. Cut the examples to the action alone. Then go on by hand: what
+must a person not do? `model explain` says why the draft misses a clip.
+
+Example: gaitway model new salute-r --from a.bvh@1.2..3 --from b.bvh@0.5..2.1 -o mine/salute-r.toml --side right")]
+pub struct NewArgs {
+    /// Name of the model: small letters, digits, hyphens
+    name: String,
+    /// A capture or action with one example, or a part of it in s: CLIP@FROM..TO (repeatable)
+    #[arg(long = "from", value_name = "CLIP", required = true)]
+    examples: Vec<String>,
+    /// The model file
+    #[arg(short, long, value_name = "FILE.toml")]
+    output_file: PathBuf,
+    /// The action that it shows [default: the name]
+    #[arg(long, value_name = "ACTION")]
+    action: Option<String>,
+    /// The side on which
+    #[arg(long, value_name = "left|right", value_parser = side)]
+    side: Option<BodySide>,
+    #[command(flatten)]
+    output: Output,
+}
+
+fn side(text: &str) -> Result<BodySide, String> {
+    match text {
+        "left" => Ok(BodySide::Left),
+        "right" => Ok(BodySide::Right),
+        _ => Err("left or right".to_owned()),
+    }
 }
 
 /// Arguments of `model explain`.
@@ -97,6 +135,26 @@ pub fn run(args: &ModelArgs) -> Result<i32, Error> {
                 );
             }
             Ok(output.conclude(&reports, &text, Deed::Look, 0))
+        }
+        ModelCommand::New(args) => {
+            args.output.check_files(&[&Some(args.output_file.clone())])?;
+            let report = draft_model(&DraftModelOrder {
+                name: args.name.clone(),
+                action: args.action.clone(),
+                side: args.side,
+                examples: args.examples.clone(),
+                reading: CaptureOptions::default(),
+                file: args.output_file.clone(),
+                replace: args.output.force(),
+            })?;
+            let mut text = format!("{}: {}\n", report.written, report.phases.join(", "));
+            for ModelExample { motion, start_s, end_s, fired } in &report.examples {
+                let _ = writeln!(
+                    text,
+                    "  fires {fired} times in {motion}, {start_s:.2} to {end_s:.2} s"
+                );
+            }
+            Ok(args.output.conclude(&report, &text, Deed::Work, 0))
         }
         ModelCommand::Explain(args) => {
             args.output.check_files(&[])?;
@@ -162,7 +220,10 @@ fn failure(text: &mut String, attempt: &FurthestAttempt, phases: usize) {
             writeln!(text, "  furthest from {start_s:.2} to {at_s:.2} s, where {phase} went on:")
         }
         Stopped::NoNext => {
-            writeln!(text, "  furthest from {start_s:.2} s; {phase} did not follow, nearest at {at_s:.2} s:")
+            writeln!(
+                text,
+                "  furthest from {start_s:.2} s; {phase} did not follow, nearest at {at_s:.2} s:"
+            )
         }
     };
     for unmet in wanting {

@@ -6,11 +6,12 @@ use crate::error::{Error, ErrorKind};
 use crate::recognise::explain::{Attempt, Explainer};
 use crate::recognise::features::{Extractor, FEATURES, Feature};
 use crate::recognise::machine::Span;
-use crate::recognise::model::{ActionModel, BodySide, Demand, Shortfall};
+use crate::recognise::model::{ActionModel, Shortfall};
 use serde::Serialize;
 use std::path::PathBuf;
 
 pub use crate::recognise::explain::Stopped;
+pub use crate::recognise::model::{BodySide, Demand};
 
 /// What is to be explained.
 #[derive(Clone, Debug, Default)]

@@ -132,6 +132,16 @@ impl Feature {
         (0u8..).zip(PARTS).map(|(index, (name, ..))| (name, MovingPart(index)))
     }
 
+    /// Of the motion of a part along an axis: the part, the axis, and the words for its two directions.
+    #[must_use]
+    pub fn axis_words(self) -> Option<(&'static str, &'static str, [&'static str; 2])> {
+        const DIRECTIONS: [[&str; 2]; 3] =
+            [["forward", "backward"], ["up", "down"], ["left", "right"]];
+        let moving = self.index().checked_sub(MOVES)?;
+        let (part, ..) = PARTS.get(moving / 3)?;
+        Some((part, AXES[moving % 3], DIRECTIONS[moving % 3]))
+    }
+
     /// Its place in a row.
     #[must_use]
     pub const fn index(self) -> usize {

@@ -425,10 +425,7 @@ impl Active {
                 value,
                 range,
             };
-            [
-                of(Demand::Amount, amount, travel.amount),
-                of(Demand::Speed, speed, travel.speed),
-            ]
+            [of(Demand::Amount, amount, travel.amount), of(Demand::Speed, speed, travel.speed)]
         });
         let means = phase.means.iter().zip(&self.means).map(move |(mean, sum)| Shortfall {
             demand: Demand::Average,

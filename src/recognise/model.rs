@@ -107,8 +107,10 @@ impl Shortfall {
             self.value - self.range.from
         } else if self.value > self.range.to {
             self.value - self.range.to
+        } else if self.value.is_nan() {
+            f64::NAN
         } else {
-            self.value - self.value
+            0.0
         }
     }
 }
