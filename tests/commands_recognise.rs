@@ -4,6 +4,8 @@ mod captured;
 mod program;
 
 use captured::captured;
+use gaitway::job::recognise::{RecogniseOrder, RecognisedAction, recognise};
+use gaitway::recognise::model::BodySide;
 use program::{folder, gaitway, json, words};
 use serde_json::Value;
 use std::path::Path;
@@ -383,6 +385,33 @@ fn what_is_cut_by_recognition_is_recognised_again_by_its_own_table() {
     let nothing = run(&["cut", "bow", "-o", &out, "--only", "run"]);
     done(&nothing);
     assert!(words(&nothing).contains("nothing to cut"), "{}", words(&nothing));
+}
+
+#[test]
+fn every_shipped_action_is_named_as_itself_on_its_own_side() {
+    for name in gaitway::action::vocabulary::names() {
+        let order = RecogniseOrder { motion: name.to_owned(), ..RecogniseOrder::default() };
+        let report = recognise(&order, |_| ()).expect(name);
+        let (action, side) = match name.rsplit_once('-') {
+            Some((action, "l")) => (action, Some(BodySide::Left)),
+            Some((action, "r")) => (action, Some(BodySide::Right)),
+            _ => (name, None),
+        };
+        let is_it = |event: &&RecognisedAction| {
+            event.action == action && (side.is_none() || event.side == side)
+        };
+        let right = report.events.iter().filter(is_it).count();
+        assert!(right > 0, "{name}: {:?}", report.events);
+        // What is alike is also named: a chop begins as a throw does, arms that swing level as a wave, and who
+        // runs walks the first and the last stride.
+        let alike = [("chop", "throw"), ("swing-arms-transverse", "wave"), ("run", "walk")];
+        let is_alike = |event: &RecognisedAction| {
+            alike.contains(&(action, event.action.as_str())) && report.events.len() - right <= 2
+        };
+        let strange: Vec<_> =
+            report.events.iter().filter(|event| !is_it(event) && !is_alike(event)).collect();
+        assert!(strange.is_empty(), "{name}: {strange:?}");
+    }
 }
 
 /// What was cut by hand, clip by clip (`tests/cuts/README.md`).

@@ -360,9 +360,10 @@ impl<'a> Score<'a> {
             tally.correct += 1;
             style.correct += 1;
         }
-        let Some(side) = label.side.as_deref().filter(|side| ["L", "R"].contains(side)) else {
-            return;
-        };
+        // A walk to the left is one of both feet.
+        let is_of_limb = label.class == class || label.class.ends_with("-hand");
+        let side = label.side.as_deref().filter(|side| is_of_limb && ["L", "R"].contains(side));
+        let Some(side) = side else { return };
         let right = if side == "L" { BodySide::Left } else { BodySide::Right };
         for event in events.iter().filter(|event| event.action == class) {
             let Some(side) = event.side else { continue };
@@ -512,6 +513,21 @@ mod tests {
         assert_eq!(walk.tally, ClassTally { correct: 1, recognised: 2, truth: 1 });
         assert_eq!(report.global.tally, ClassTally { correct: 1, recognised: 3, truth: 1 });
         assert_eq!(report.segmentation, None);
+    }
+
+    #[test]
+    fn the_side_of_a_wave_is_that_of_a_hand_and_that_of_a_turn_is_none() {
+        let models = vocabulary::all().expect("models");
+        let mut score = Score::new(&models);
+        let of = |action: &str| RecognisedAction {
+            side: Some(BodySide::Left),
+            ..event(action, 0.0, 1.0)
+        };
+        let to_the_right = |class: &str| Label { side: Some("R".to_owned()), ..label(class, None) };
+        score.judge(&[&to_the_right("walk-turn-right")], &[of("walk")], 30.0);
+        assert_eq!(score.sides.truth, 0);
+        score.judge(&[&to_the_right("wave-right-hand")], &[of("wave")], 30.0);
+        assert_eq!((score.sides.truth, score.sides.correct), (1, 0));
     }
 
     #[test]
