@@ -50,9 +50,9 @@ fn a_report_has_times_within_the_motion_and_in_order() {
     assert!(time("start_s") < time("end_s") && time("end_s") <= time("recognised_at_s"));
     assert!(time("recognised_at_s") <= report["source"]["duration_s"].as_f64().expect("a length"));
     let phases = event["phases"].as_array().expect("phases");
-    assert_eq!(phases.len(), 2);
+    assert_eq!(phases.len(), 3);
     assert_eq!(phases[0]["start_s"], event["start_s"]);
-    assert_eq!(phases[1]["end_s"], event["end_s"]);
+    assert_eq!(phases[2]["end_s"], event["end_s"]);
     assert_eq!(report["frames"], report["source"]["frames"]);
 }
 
@@ -65,7 +65,7 @@ fn lines_of_json_tell_what_begins_before_what_is_done_and_in_the_order_of_time()
         text.lines().map(|line| serde_json::from_str(line).expect("a line")).collect();
     let of = lines.iter().filter(|line| line["action"] == "bow");
     let kinds: Vec<&str> = of.map(|line| line["kind"].as_str().expect("a kind")).collect();
-    assert_eq!(kinds, ["begun", "phase", "phase", "done"], "{text}");
+    assert_eq!(kinds, ["begun", "phase", "phase", "phase", "done"], "{text}");
     let at: Vec<f64> = lines.iter().map(|line| line["at_s"].as_f64().expect("a time")).collect();
     assert!(at.is_sorted());
 }
@@ -225,7 +225,7 @@ fn amounts_and_followers_that_are_wanting_are_told_with_phase_and_time() {
     let folder = folder("explain-amounts");
     let model = |forward: f64, then: &str| {
         let text = format!(
-            "schema = 1\nname = \"nod\"\n[[phase]]\nname = \"down\"\n\
+            "schema = 1\nname = \"nod\"\ngap_s = 2\n[[phase]]\nname = \"down\"\n\
              torso = {{ frontal = \"forward {forward}..\" }}\n[[phase]]\nname = \"then\"\n{then}\n"
         );
         std::fs::write(folder.join("nod.toml"), text).expect("a model");
@@ -313,7 +313,7 @@ fn a_drafted_model_sees_its_examples_and_not_what_another_side_does() {
     assert!(!refused.status.success() && words(&refused).contains("--force"));
     let other = folder.join("none.toml").display().to_string();
     let refused =
-        run(&["model", "new", "none", "--from", "kick-r", "--from", "wave-l", "-o", &other]);
+        run(&["model", "new", "none", "--from", "kick-r", "--from", "bow@0s..0.1s", "-o", &other]);
     assert!(words(&refused).contains("share no motion"), "{}", words(&refused));
     let refused = run(&["model", "new", "none", "--from", "kick-r@5..9", "-o", &other]);
     assert!(words(&refused).contains("nothing in this part"), "{}", words(&refused));

@@ -20,6 +20,8 @@ use std::path::{Path, PathBuf};
 
 /// Most bytes of a table of labels.
 const MAX_BYTES: u64 = 16 << 20;
+/// Rounding of times, s.
+const ROUNDED_S: f64 = 1e-9;
 /// Most pieces of a capture.
 const MAX_PIECES: usize = 10_000;
 
@@ -206,7 +208,9 @@ fn joined(mut doings: Vec<Doing>, join_s: f64) -> Vec<Vec<Doing>> {
     let mut end_s = f64::NEG_INFINITY;
     for doing in doings {
         match pieces.last_mut() {
-            Some(piece) if piece[0].class == doing.class && doing.start_s - end_s <= join_s => {
+            Some(piece)
+                if piece[0].class == doing.class && doing.start_s - end_s <= join_s + ROUNDED_S =>
+            {
                 end_s = end_s.max(doing.end_s);
                 piece.push(doing);
             }
