@@ -137,7 +137,7 @@ fn the_exit_code_says_what_was_done_and_whether_it_could_be_told() {
     let markers = markers.display().to_string();
     let made = made.display().to_string();
     let made = |ending: &str| format!("{made}.{ending}");
-    let table: [(Deed, i32, Vec<String>); 19] = [
+    let table: [(Deed, i32, Vec<String>); 21] = [
         (Deed::Look, 0, words("--help")),
         (Deed::Look, 2, words("play --no-such-option")),
         (Deed::Look, 0, words("completions bash")),
@@ -147,6 +147,8 @@ fn the_exit_code_says_what_was_done_and_whether_it_could_be_told() {
         (Deed::Look, 0, vec!["info".into(), recorded]),
         (Deed::Look, 1, words("info /no/such/file.mcap")),
         (Deed::Work, 0, [words("clean --force"), vec![markers, "-o".into(), made("trc")]].concat()),
+        (Deed::Work, 0, [words("cut bow --force -o"), vec![made("pieces")]].concat()),
+        (Deed::Look, 0, words("model explain bow --model wave-r --json")),
         (Deed::Look, 0, words("scan sim --robot op3")),
         (Deed::Look, 0, words("servo get sim 19 --robot op3")),
         (Deed::Look, 0, words("monitor op3 --bus sim")),
