@@ -85,7 +85,7 @@ impl Spread {
     /// # Errors
     /// If one is not.
     pub fn check(&self) -> Result<(), Error> {
-        for (what, value, most, unit) in [
+        for (key, value, most, unit) in [
             ("angle", self.angle, 0.9, ""),
             ("time", self.time, 0.45, ""),
             ("peak", self.peak, 0.8, ""),
@@ -93,10 +93,11 @@ impl Spread {
             ("exchange", self.exchange, 1.0, ""),
             ("stride", self.stride, 3.0, ""),
             ("stature", self.stature, 0.3, " of it"),
-            ("heading", rounded_deg(self.heading_rad), 180.0, " deg"),
+            ("heading_deg", rounded_deg(self.heading_rad), 180.0, " deg"),
         ] {
             if !(0.0..=most).contains(&value) {
-                return Err(Error::new(format!("the spread of {what} is out of range"))
+                return Err(Error::new("a spread is out of range")
+                    .at(format!("vary_{key}"))
                     .got(format!("{value}{unit}"))
                     .allowed(format!("0 to {most}{unit}")));
             }

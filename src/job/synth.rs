@@ -331,7 +331,7 @@ impl SynthOrder {
         for part in &mut parts {
             part.action = self.figures.applied(part.action.clone())?;
         }
-        self.figures.spread.check().map_err(|e| e.at("--set vary_..."))?;
+        self.figures.spread.check()?;
         Ok(Corpus {
             label: phrase.to_owned(),
             parts,
