@@ -6,6 +6,11 @@
 //! at one of its own, by a transition actionlet; of all such pairs of seams within a period that a
 //! person can follow, the one that stays nearest to both cycles. Since the seams differ from one degree
 //! of freedom to the next, the body goes on moving, and that it does is checked.
+//!
+//! What hips, knees and ankles do decides where feet are and how fast the body travels over them: they are
+//! chosen together, so that the body keeps its pace and its height ([`legs`]).
+
+mod legs;
 
 use crate::action::join::{SAME_ANGLE_RAD, TRANSITION_MIN_S, TRANSITION_RAD_S, TRANSITION_RAD_S2};
 use crate::action::motion::{SAME_INSTANT_S, resting_until, then_until};
@@ -164,13 +169,22 @@ pub fn without_a_stop(actions: &[(Action, u32)]) -> Result<(Motion, Vec<GaitChan
         });
     }
     let end_s = last.end_s();
-    let mut tracks = Vec::with_capacity(Dof::ALL.len());
-    for dof in Dof::ALL {
-        let mut line = Line::of(first, dof);
-        for (pair, change) in gaits.windows(2).zip(changes.iter_mut()) {
-            let [from, to] = pair else { continue };
-            change.crossings.extend(line.goes_over(from, to, dof)?);
+    let mut lines = Dof::ALL.map(|dof| Line::of(first, dof));
+    for (pair, change) in gaits.windows(2).zip(changes.iter_mut()) {
+        let [from, to] = pair else { continue };
+        let mut choices = Vec::new();
+        for line in &lines {
+            choices.push(line.choice(from, to)?);
         }
+        let around = Around::of(from, to);
+        let mut chosen: Vec<usize> = choices.iter().map(Choice::nearest).collect();
+        legs::go_together(&lines, &choices, &around, &mut chosen)?;
+        for ((line, choice), way) in lines.iter_mut().zip(choices).zip(chosen) {
+            change.crossings.extend(line.goes_over(choice, way));
+        }
+    }
+    let mut tracks = Vec::with_capacity(Dof::ALL.len());
+    for line in lines {
         tracks.push(resting_until(line.chain()?, end_s)?);
     }
     for change in &changes {
@@ -237,11 +251,31 @@ fn stands(from: &Gait<'_>, to: &Gait<'_>) -> Result<(), Error> {
 /// One degree of freedom, from 0 s as far as it is decided and, if the gait that it is in drives it, a
 /// period further.
 struct Line {
+    dof: Dof,
     seams: Vec<Seam>,
     /// The gait that it is in drives it.
     driven: bool,
     /// From this seam on it may leave that gait.
     since: usize,
+}
+
+/// What a degree of freedom may do at a change.
+struct Choice {
+    /// Every way over that a person can follow, and how far it strays from both cycles; none if it rests in
+    /// both, at one angle.
+    ways: Vec<(Over, f64)>,
+    /// Seams of the gait after, if it drives it.
+    next: Option<Vec<Seam>>,
+    /// What the gait after has it do.
+    after: Sequence,
+}
+
+impl Choice {
+    /// The way that strays least.
+    fn nearest(&self) -> usize {
+        let ways = self.ways.iter().enumerate();
+        ways.min_by(|a, b| a.1.1.total_cmp(&b.1.1)).map_or(0, |(index, _)| index)
+    }
 }
 
 /// A way from a seam of the gait before to one of the gait after.
@@ -276,7 +310,7 @@ impl Line {
         let own = first.seams(dof);
         let driven = own.is_some();
         seams.extend(own.unwrap_or_default());
-        Self { seams, driven, since: 0 }
+        Self { dof, seams, driven, since: 0 }
     }
 
     /// Where it is decided up to, or rests from.
@@ -288,38 +322,41 @@ impl Line {
         chain(&self.seams)
     }
 
-    /// Leaves the gait before and joins the one after; none if it rests in both, at one angle.
-    fn goes_over(
-        &mut self,
-        from: &Gait<'_>,
-        to: &Gait<'_>,
-        dof: Dof,
-    ) -> Result<Option<Crossing>, Error> {
-        let next = to.seams(dof);
-        let pose_rad = to.action.pose[dof];
-        let rests_on = !self.driven && next.is_none();
-        if rests_on && (pose_rad - self.last().1).abs() <= SAME_ANGLE_RAD {
-            return Ok(None);
-        }
-        let limits = limits(from, to, dof)?;
-        let overs = self.overs(from, to, next.as_deref(), pose_rad, &limits);
+    /// How it may leave the gait before and join the one after.
+    fn choice(&self, from: &Gait<'_>, to: &Gait<'_>) -> Result<Choice, Error> {
+        let next = to.seams(self.dof);
+        let pose_rad = to.action.pose[self.dof];
         let after = match &next {
             Some(seams) => chain(seams)?,
             None => Sequence::starting_at(0.0, pose_rad)?,
         };
-        let around = Around::of(from, to, &self.chain()?, &after);
-        let mut nearest: Option<(f64, &Over)> = None;
-        for over in overs.iter().filter(|over| over.haste(&limits) <= 1.0 + 1e-9) {
-            let strays = around.strays(over)?;
-            if nearest.is_none_or(|(least, _)| strays < least) {
-                nearest = Some((strays, over));
+        let rests_on = !self.driven && next.is_none();
+        if rests_on && (pose_rad - self.last().1).abs() <= SAME_ANGLE_RAD {
+            return Ok(Choice { ways: Vec::new(), next, after });
+        }
+        let limits = limits(from, to, self.dof)?;
+        let overs = self.overs(from, to, next.as_deref(), pose_rad, &limits);
+        if overs.iter().all(|over| over.haste(&limits) > 1.0 + 1e-9) {
+            return Err(too_fast(from, to, self.dof, &overs, &limits));
+        }
+        let around = Around::of(from, to);
+        let (before_rad, after_rad) = (around.angles(&self.chain()?), around.angles(&after));
+        let mut ways = Vec::new();
+        for over in overs {
+            if over.haste(&limits) <= 1.0 + 1e-9 {
+                let goes_rad = around.goes(&over, &before_rad, &after_rad)?;
+                let strays = around.strays(&goes_rad, &before_rad, &after_rad);
+                ways.push((over, strays));
             }
         }
-        let Some((_, over)) = nearest else {
-            return Err(too_fast(from, to, dof, &overs, &limits));
-        };
+        Ok(Choice { ways, next, after })
+    }
+
+    /// Leaves the gait before and joins the one after in one of the ways that it may.
+    fn goes_over(&mut self, choice: Choice, way: usize) -> Option<Crossing> {
+        let over = choice.ways.into_iter().nth(way)?.0;
         let crossing = Crossing {
-            dof,
+            dof: self.dof,
             left_s: over.left.at_s,
             left_rad: over.left.angle_rad,
             joined_s: over.joined.at_s,
@@ -327,13 +364,13 @@ impl Line {
         };
         self.seams.truncate(over.kept);
         if over.left.at_s > self.last().0 + SAME_INSTANT_S {
-            self.seams.push(over.left.clone());
+            self.seams.push(over.left);
         }
         self.since = self.seams.len();
-        self.seams.push(over.joined.clone());
-        self.driven = next.is_some();
-        self.seams.extend(next.unwrap_or_default().drain(over.rest..));
-        Ok(Some(crossing))
+        self.seams.push(over.joined);
+        self.driven = choice.next.is_some();
+        self.seams.extend(choice.next.unwrap_or_default().drain(over.rest..));
+        Some(crossing)
     }
 
     /// Every way over within a period. What a gait does not drive rests, and may leave its rest, or be
@@ -447,31 +484,27 @@ fn too_fast(
         .remedy("join them with a comma, or bring their paces nearer to one another (walk@1.2)")
 }
 
-/// What a degree of freedom does in the periods around a change, in both cycles.
+/// The periods around a change.
 struct Around {
     change_s: f64,
     times_s: Vec<f64>,
-    before_rad: Vec<f64>,
-    after_rad: Vec<f64>,
 }
 
 impl Around {
-    fn of(from: &Gait<'_>, to: &Gait<'_>, before: &Sequence, after: &Sequence) -> Self {
+    fn of(from: &Gait<'_>, to: &Gait<'_>) -> Self {
         let change_s = to.begin_s;
         let begin_s = change_s - from.period_s();
         let step_s = (from.period_s() + to.period_s()) / SAMPLES as f64;
-        let times_s: Vec<f64> =
-            (0..=SAMPLES).map(|sample| begin_s + sample as f64 * step_s).collect();
-        let angles = |chain: &Sequence| -> Vec<f64> {
-            times_s.iter().map(|time_s| chain.at(*time_s).position_rad).collect()
-        };
-        let (before_rad, after_rad) = (angles(before), angles(after));
-        Self { change_s, times_s, before_rad, after_rad }
+        let times_s = (0..=SAMPLES).map(|sample| begin_s + sample as f64 * step_s).collect();
+        Self { change_s, times_s }
     }
 
-    /// How far a way over is from the cycle before up to the change and from the one after since: the
-    /// sum of squares, rad^2.
-    fn strays(&self, over: &Over) -> Result<f64, Error> {
+    fn angles(&self, chain: &Sequence) -> Vec<f64> {
+        self.times_s.iter().map(|time_s| chain.at(*time_s).position_rad).collect()
+    }
+
+    /// Angles of a degree of freedom that goes over.
+    fn goes(&self, over: &Over, before_rad: &[f64], after_rad: &[f64]) -> Result<Vec<f64>, Error> {
         let (left, joined) = (&over.left, &over.joined);
         let transition = Actionlet::new(
             left.at_s,
@@ -480,19 +513,28 @@ impl Around {
             joined.angle_rad,
             joined.shape.clone(),
         )?;
-        let angles = self.before_rad.iter().zip(&self.after_rad);
-        let squares = self.times_s.iter().zip(angles).map(|(time_s, (before_rad, after_rad))| {
-            let goes_rad = if *time_s < left.at_s {
+        let angles = self.times_s.iter().zip(before_rad.iter().zip(after_rad));
+        let goes_rad = angles.map(|(time_s, (before_rad, after_rad))| {
+            if *time_s < left.at_s {
                 *before_rad
             } else if *time_s < joined.at_s {
                 transition.at(*time_s).position_rad
             } else {
                 *after_rad
-            };
-            let cycle_rad = if *time_s < self.change_s { before_rad } else { after_rad };
-            (goes_rad - cycle_rad).powi(2)
+            }
         });
-        Ok(squares.sum())
+        Ok(goes_rad.collect())
+    }
+
+    /// How far a way over is from the cycle before up to the change and from the one after since: the
+    /// sum of squares, rad^2.
+    fn strays(&self, goes_rad: &[f64], before_rad: &[f64], after_rad: &[f64]) -> f64 {
+        let angles = goes_rad.iter().zip(before_rad.iter().zip(after_rad));
+        let squares = self.times_s.iter().zip(angles).map(|(time_s, (goes, (before, after)))| {
+            let cycle_rad = if *time_s < self.change_s { before } else { after };
+            (goes - cycle_rad).powi(2)
+        });
+        squares.sum()
     }
 }
 
