@@ -67,9 +67,9 @@ fn spread_of(rows: &[Vec<f64>]) -> f64 {
 
 #[test]
 fn feet_of_variations_hold_and_few_are_rejected() {
-    // Jumps themselves sink by nearly as much as is allowed; the root of a walk is accelerated by 23 m/s².
+    // Jumps themselves sink by nearly as much as is allowed.
     for (action, most_rejected, slides_m, root_m_s2) in [
-        ("walk", 0.1, 0.005, 30.0),
+        ("walk", 0.1, 0.005, 18.0),
         ("run", 0.1, 0.005, 18.0),
         ("jump", 0.25, 0.005, 18.0),
         ("kick-r", 0.1, 0.005, 18.0),
@@ -120,8 +120,10 @@ fn variations_whose_feet_hold_spread_about_as_far_as_what_is_drawn() {
         let taken = of(&made.iter().map(|varied| &varied.motion).collect::<Vec<_>>());
         let drawn = of(&drawn.iter().collect::<Vec<_>>());
         println!("{action}: angles, T, durations {taken:?} of {drawn:?}");
-        for (taken, drawn) in taken.into_iter().zip(drawn) {
-            assert!(taken > 0.7 * drawn, "{action}: {taken} of {drawn}");
+        // The T of a walk's legs decide together where two feet stand at once: they vary less.
+        let least = [0.7, if action == "walk" { 0.5 } else { 0.7 }, 0.7];
+        for ((taken, drawn), least) in taken.into_iter().zip(drawn).zip(least) {
+            assert!(taken > least * drawn, "{action}: {taken} of {drawn}");
         }
     }
 }

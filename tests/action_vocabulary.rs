@@ -136,8 +136,6 @@ fn feet_stand_where_they_stand_nothing_sinks_and_the_floor_never_pulls() {
         hold("slides", slide_m < 0.005);
         let most_m_s2 = match name {
             _ if LAND.contains(&name) => 40.0,
-            // Not yet as softly as the others: it lands on a leg that hardly gives.
-            "walk" => 25.0,
             _ => 18.0,
         };
         hold("jerks the root", root < most_m_s2);

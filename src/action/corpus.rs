@@ -15,8 +15,8 @@ use rand_chacha::ChaCha8Rng;
 /// Draws of a variation before none is found whose feet hold.
 const DRAWS: u32 = 16;
 /// Repairs of a draw: by what its feet do ...
-const REPAIRS: u32 = 2;
-/// ... and then by going back towards the action itself, to this part of the way from it each time.
+const REPAIRS: u32 = 3;
+/// ... and then by going back towards the action itself as well, to this part of the way from it each time.
 const RETREATS: u32 = 3;
 const RETREATS_TO: f64 = 0.75;
 
@@ -197,7 +197,7 @@ impl Variations {
         let mut first = None;
         for rejected in 0..self.draws {
             let drawn = self.footholds.iter().map(|own| own.draw(&corpus.database, &mut random));
-            let mut steps: Vec<Footstep<'_>> = drawn.collect();
+            let mut steps = drawn.collect::<Result<Vec<Footstep<'_>>, _>>()?;
             for repair in 0..=REPAIRS + RETREATS {
                 let motion = self.performed(&steps)?;
                 if self.bounds.hold(&motion, &body)? {
@@ -211,8 +211,10 @@ impl Variations {
                 first.get_or_insert(motion);
                 let mut moved = false;
                 for step in &mut steps {
-                    moved |=
-                        if repair < REPAIRS { step.repair()? } else { step.retreat(RETREATS_TO) };
+                    if repair >= REPAIRS {
+                        step.retreat(RETREATS_TO);
+                    }
+                    moved |= step.repair()?;
                 }
                 if !moved {
                     break;

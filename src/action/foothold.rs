@@ -21,14 +21,18 @@ use crate::error::Error;
 
 /// Soles and root are looked at about so often to tell how they answer to seams.
 const LOOKS_HZ: f64 = 125.0;
+/// ... and so often to tell how they answer to seams of one stride: every variation has many.
+const STRIDE_LOOKS_HZ: f64 = 60.0;
 /// Rounds of a cyclic action that are looked at: one led in, one between others, one led out.
 const ROUNDS: u32 = 3;
+/// The same where strides are looked at.
+const STRIDE_ROUNDS: u32 = 2;
 /// A seam is moved by this part of its standard deviation to tell how soles answer.
 const NUDGE: f64 = 0.2;
 /// Soles that carry are held as well as this, m ...
-const HOLDS_M: f64 = 0.001;
+const HOLDS_M: f64 = 0.000_7;
 /// ... soles of one stride that differs from those beside it as well as this ...
-const STRIDE_HOLDS_M: f64 = 0.000_5;
+const STRIDE_HOLDS_M: f64 = 0.000_3;
 /// ... and the root's acceleration, m/s^2 ...
 const ROOT_HOLDS_M_S2: f64 = 4.0;
 /// ... on the average over this time, s.
@@ -150,6 +154,7 @@ impl Feet {
 struct Look {
     item: Item,
     body: Proportions,
+    rounds: u32,
     looks: usize,
     rate_hz: f64,
     feet: Feet,
@@ -157,14 +162,14 @@ struct Look {
 }
 
 impl Look {
-    fn at(part: &Part, body: &Proportions) -> Result<Self, Error> {
-        let motion = performed(&part.item, &part.action)?;
-        let looks = (motion.duration_s() * LOOKS_HZ).ceil();
+    fn at(part: &Part, body: &Proportions, rounds: u32, looks_hz: f64) -> Result<Self, Error> {
+        let motion = performed(&part.item, &part.action, rounds)?;
+        let looks = (motion.duration_s() * looks_hz).ceil();
         let rate_hz = looks / motion.duration_s();
         let feet = Feet::of(body, &motion.poses(body, rate_hz)?);
         let contacts = feet.contacts();
         let (item, body) = (part.item.clone(), *body);
-        Ok(Self { item, body, looks: looks as usize, rate_hz, feet, contacts })
+        Ok(Self { item, body, rounds, looks: looks as usize, rate_hz, feet, contacts })
     }
 
     /// How far soles that carry leave where they stand, and how the root is accelerated otherwise, each
@@ -175,7 +180,7 @@ impl Look {
 
     /// The body at these instants.
     fn feet(&self, action: &Action) -> Result<Feet, Error> {
-        let motion = performed(&self.item, action)?;
+        let motion = performed(&self.item, action, self.rounds)?;
         let rate_hz = self.looks as f64 / motion.duration_s();
         Ok(Feet::of(&self.body, &motion.poses(&self.body, rate_hz)?))
     }
@@ -185,17 +190,18 @@ impl Look {
         (1.0 / (self.rate_hz * HOLDS_FOR_S)).sqrt()
     }
 
-    /// How far soles that carry leave where they are under the root: two feet that stand at once hold one another
-    /// only if each stands where it does in the action, whatever the other's stride is like.
-    fn under_root_off(&self, feet: &Feet) -> DVector<f64> {
+    /// How far soles that carry leave where others have them under the root: two feet that stand at once hold one
+    /// another only if each stands where it does in the others, whatever the other's stride is like.
+    fn under_root_off(&self, feet: &Feet, others: &Feet) -> DVector<f64> {
         let scale = self.part() / STRIDE_HOLDS_M;
-        let last = feet.roots_m.len() - 1;
-        let under =
-            |feet: &Feet, look: usize, sole: usize| feet.soles_m[look][sole] - feet.roots_m[look];
+        let under = |feet: &Feet, look: usize, sole: usize| {
+            let look = look.min(feet.roots_m.len() - 1);
+            feet.soles_m[look][sole] - feet.roots_m[look]
+        };
         let looks =
             self.contacts.iter().flat_map(|(sole, range)| range.clone().map(|look| (look, *sole)));
         let off = looks.flat_map(|(look, sole)| {
-            ((under(feet, look.min(last), sole) - under(&self.feet, look, sole)) * scale).to_array()
+            ((under(feet, look, sole) - under(others, look, sole)) * scale).to_array()
         });
         DVector::from_iterator(
             3 * self.contacts.iter().map(|(_, range)| range.len()).sum::<usize>(),
@@ -241,9 +247,9 @@ fn moving_back(answers: &DMatrix<f64>) -> DMatrix<f64> {
     )
 }
 
-fn performed(item: &Item, action: &Action) -> Result<Motion, Error> {
+fn performed(item: &Item, action: &Action, most_rounds: u32) -> Result<Motion, Error> {
     let (action, rounds) = item.timed(action);
-    action.perform_rounds(rounds.min(ROUNDS))
+    action.perform_rounds(rounds.min(most_rounds))
 }
 
 /// How the soles of an action answer to its seams, and so which of its variations stand.
@@ -262,7 +268,11 @@ struct Held {
     /// The same from how far seams are moved.
     moved_back: DMatrix<f64>,
     /// The same for seams of one stride, while those of the strides beside it stay.
+    strides: Look,
     stride_back: DMatrix<f64>,
+    stride_moved_back: DMatrix<f64>,
+    /// Rounds that are performed.
+    rounds: u32,
 }
 
 impl Foothold {
@@ -275,7 +285,7 @@ impl Foothold {
         let legs = seams.seams.iter().filter(|seam| seam.is_of_leg).count();
         let mut foothold = Self { action: part.action.clone(), seams, held: None };
         let varies = (1..=MOST_SEAMS).contains(&legs);
-        let motion = performed(&part.item, &part.action)?;
+        let motion = performed(&part.item, &part.action, ROUNDS)?;
         if varies && FootingBounds::of(&motion, body)?.is_some() {
             foothold.held = Some(foothold.held(part, body)?);
         }
@@ -283,49 +293,89 @@ impl Foothold {
     }
 
     fn held(&self, part: &Part, body: &Proportions) -> Result<Held, Error> {
-        let look = Look::at(part, body)?;
+        let look = Look::at(part, body, ROUNDS, LOOKS_HZ)?;
+        let strides = Look::at(part, body, STRIDE_ROUNDS, STRIDE_LOOKS_HZ)?;
         let count = self.seams.seams.len();
         let columns = |off: DVector<f64>| DMatrix::zeros(off.len(), count);
         let mut answers = columns(look.feet_off(&look.feet));
-        let mut stride_answers = columns(look.under_root_off(&look.feet));
+        let mut stride_answers = columns(strides.under_root_off(&strides.feet, &strides.feet));
         for (index, seam) in self.seams.seams.iter().enumerate() {
             if !seam.is_of_leg {
                 continue;
             }
-            let nudged = |part: f64| {
+            let nudged = |look: &Look, part: f64| {
                 let mut offsets = vec![0.0; count];
                 offsets[index] = part * seam.deviation;
                 look.feet(&self.seams.moved(&self.action, &offsets))
             };
-            let (more, less) = (nudged(NUDGE)?, nudged(-NUDGE)?);
-            let slope =
-                |off: &dyn Fn(&Feet) -> DVector<f64>| (off(&more) - off(&less)) / (2.0 * NUDGE);
-            answers.set_column(index, &slope(&|feet| look.feet_off(feet)));
-            stride_answers.set_column(index, &slope(&|feet| look.under_root_off(feet)));
+            let slope = |look: &Look, off: &dyn Fn(&Feet) -> DVector<f64>| {
+                let (more, less) = (nudged(look, NUDGE)?, nudged(look, -NUDGE)?);
+                Ok::<_, Error>((off(&more) - off(&less)) / (2.0 * NUDGE))
+            };
+            answers.set_column(index, &slope(&look, &|feet| look.feet_off(feet))?);
+            let under_root = |feet: &Feet| strides.under_root_off(feet, &strides.feet);
+            stride_answers.set_column(index, &slope(&strides, &under_root)?);
         }
         let back = moving_back(&answers);
         let moved_back = &back * &answers;
-        let stride_back = moving_back(&stride_answers) * &stride_answers;
-        Ok(Held { look, back, moved_back, stride_back })
+        let stride_back = moving_back(&stride_answers);
+        let stride_moved_back = &stride_back * &stride_answers;
+        let rounds = part.item.timed(&self.action).1;
+        Ok(Held { look, back, moved_back, strides, stride_back, stride_moved_back, rounds })
     }
 
-    /// A variation as it is drawn, moved to where feet about hold.
-    pub fn draw(&self, database: &Database, random: &mut impl Rng) -> Footstep<'_> {
-        let drawn = self.seams.draw(&self.action, database, random);
-        let mut step =
-            Footstep { foothold: self, moved: DVector::zeros(drawn.offsets.len()), drawn };
+    /// A variation as it is drawn, moved to where feet about hold: by how soles of the action answer, and then by
+    /// what they really do; and each stride in the same way.
+    ///
+    /// # Errors
+    /// If it cannot be performed.
+    pub fn draw(&self, database: &Database, random: &mut impl Rng) -> Result<Footstep<'_>, Error> {
+        let mut drawn = self.seams.draw(&self.action, database, random);
+        let strides = std::mem::take(&mut drawn.strides);
+        let moved = DVector::zeros(drawn.offsets.len());
+        let mut step = Footstep { foothold: self, kept: 1.0, moved, drawn };
         if let Some(held) = &self.held {
             step.moved = -(&held.moved_back * step.wanted());
-            for stride in &mut step.drawn.strides {
-                let wanted = self.seams.in_deviations(stride);
-                let moved = &held.stride_back * wanted;
-                for ((offset, moved), seam) in stride.iter_mut().zip(&moved).zip(&self.seams.seams)
-                {
-                    *offset -= moved * seam.deviation;
-                }
+            step.repair()?;
+            let alike = step.action();
+            let feet = held.strides.feet(&alike)?;
+            // A little before the first round and after the last one are seen.
+            let last = 2 * held.rounds as usize + 6;
+            let count = strides.len();
+            for (number, stride) in strides.into_iter().enumerate() {
+                let is_seen = number < last || number + 2 >= count;
+                let stride =
+                    if is_seen { self.on_its_feet(held, stride, &alike, &feet)? } else { stride };
+                step.drawn.strides.push(stride);
             }
+        } else {
+            step.drawn.strides = strides;
         }
-        step
+        Ok(step)
+    }
+
+    /// A stride's own part, moved to where each foot stands under the pelvis as it does without.
+    fn on_its_feet(
+        &self,
+        held: &Held,
+        mut stride: Vec<f64>,
+        alike: &Action,
+        feet: &Feet,
+    ) -> Result<Vec<f64>, Error> {
+        let wanted = self.seams.in_deviations(&stride);
+        let move_by = |stride: &mut [f64], moved: &DVector<f64>| {
+            for ((offset, moved), seam) in stride.iter_mut().zip(moved).zip(&self.seams.seams) {
+                *offset -= moved * seam.deviation;
+            }
+        };
+        move_by(&mut stride, &(&held.stride_moved_back * &wanted));
+        let own = self.seams.with_strides(alike.clone(), std::slice::from_ref(&stride));
+        let off = held.strides.under_root_off(&held.strides.feet(&own)?, feet);
+        // As a repair does: from where it was drawn to where soles would then be still.
+        let moved = self.seams.in_deviations(&stride) - &wanted;
+        let back = &held.stride_back * off - &held.stride_moved_back * &moved + &moved;
+        move_by(&mut stride, &back);
+        Ok(stride)
     }
 }
 
@@ -334,7 +384,9 @@ impl Foothold {
 pub struct Footstep<'a> {
     foothold: &'a Foothold,
     drawn: Drawn,
-    /// By which it is moved from what was drawn, in standard deviations.
+    /// The part that is left of what was drawn ...
+    kept: f64,
+    /// ... and by which it is moved from there, in standard deviations.
     moved: DVector<f64>,
 }
 
@@ -349,11 +401,12 @@ impl Footstep<'_> {
     /// The variation.
     #[must_use]
     pub fn action(&self) -> Action {
-        let seams = self.foothold.seams.seams.iter();
-        let offsets = self.drawn.offsets.iter().zip(seams).zip(self.moved.iter());
+        // What was exchanged stays: the offset that undoes a part of it counts from there.
+        let moved = self.wanted() * (self.kept - 1.0) + &self.moved;
+        let seams = &self.foothold.seams;
+        let offsets = self.drawn.offsets.iter().zip(&seams.seams).zip(moved.iter());
         let offsets: Vec<f64> =
             offsets.map(|((offset, seam), moved)| offset + moved * seam.deviation).collect();
-        let seams = &self.foothold.seams;
         seams.with_strides(seams.moved(&self.drawn.exchanged, &offsets), &self.drawn.strides)
     }
 
@@ -369,18 +422,12 @@ impl Footstep<'_> {
         Ok(true)
     }
 
-    /// Moves it, and how its strides differ, to a part of the way from the action; false if it cannot be
-    /// moved.
-    pub fn retreat(&mut self, part: f64) -> bool {
-        if self.foothold.held.is_none() {
-            return false;
-        }
-        // What was exchanged stays: the offset that undoes a part of it counts from there.
-        let offset = (self.wanted() + &self.moved) * (part - 1.0);
-        self.moved += offset;
+    /// Goes back to a part of what was drawn, and of how its strides differ.
+    pub fn retreat(&mut self, part: f64) {
+        self.kept *= part;
+        self.moved *= part;
         for offset in self.drawn.strides.iter_mut().flatten() {
             *offset *= part;
         }
-        true
     }
 }

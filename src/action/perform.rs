@@ -11,6 +11,9 @@ use std::ops::RangeInclusive;
 pub const MAX_ROUNDS: u32 = 100_000;
 /// Rounding of an instant, in periods.
 const ROUNDED: f64 = 1e-9;
+/// A stride begins at this phase of a leg, in its swing, and so before the contact that its phase counts from:
+/// what a leg does just before its foot comes down decides where it comes down.
+const STRIDE_BEGINS: f64 = 0.75;
 
 /// A cyclic action on its way: from which phase, how far, and what comes before and after.
 #[derive(Clone, Debug)]
@@ -105,8 +108,8 @@ impl Action {
         let joins = turns.len();
         let from = if way.from_rest { ends.after } else { -1.0 };
         let to = if way.to_rest { periods - ends.before } else { periods + 1.0 };
-        let waveform = |round: i64| &self.waveforms_of(round, group)[track.waveform][..];
-        turns.extend(cycle(group, waveform, way.phase, &(from..=to)));
+        let round = |round: i64| self.round_of(round, group, track.waveform);
+        turns.extend(cycle(group, round, way.phase, &(from..=to)));
         // The cycle is joined by a transition, not by the actionlet that arrives there in a round.
         if let Some(joined) = turns.get_mut(joins) {
             joined.shape = Shape::default();
@@ -121,13 +124,18 @@ impl Action {
         Some(turns)
     }
 
-    /// Waveforms of a round of a group: those whose phase is half a round away take every other of the
-    /// strides, as left and right steps follow one another.
-    fn waveforms_of(&self, round: i64, group: &Group) -> &[Vec<Turn>] {
+    /// Turning points of a round of a waveform of a group, each of its own stride: from one swing of a leg
+    /// to the next, so that all of a step is of one stride. Groups whose phase is half a round away take
+    /// every other of the strides, as left and right steps follow one another.
+    fn round_of(&self, round: i64, group: &Group, waveform: usize) -> impl Iterator<Item = &Turn> {
         let count = self.strides.len().max(1) as i64;
-        let stride = 2 * round + i64::from(group.phase >= 0.5);
-        // Below the count, which is small; the cast cannot wrap.
-        self.strides.get(stride.rem_euclid(count) as usize).unwrap_or(&self.waveforms)
+        let other = i64::from(group.phase >= 0.5);
+        self.waveforms[waveform].iter().enumerate().map(move |(index, turn)| {
+            let stride = 2 * (round + i64::from(turn.at >= STRIDE_BEGINS)) + other;
+            // Below the count, which is small; the cast cannot wrap.
+            let waveforms = self.strides.get(stride.rem_euclid(count) as usize);
+            waveforms.and_then(|of| of.get(waveform)?.get(index)).unwrap_or(turn)
+        })
     }
 
     /// Flights on the way, in periods from its begin, in order.
@@ -150,9 +158,9 @@ impl Action {
 
 /// Turning points of a waveform, given by round, `at` in periods of the action from an instant at which it
 /// is at `phase`, those that lie `within`.
-fn cycle<'a>(
+fn cycle<'a, Round: Iterator<Item = &'a Turn>>(
     group: &Group,
-    waveform: impl Fn(i64) -> &'a [Turn],
+    waveform: impl Fn(i64) -> Round,
     phase: f64,
     within: &RangeInclusive<f64>,
 ) -> Vec<Turn> {
