@@ -73,6 +73,8 @@ pub struct CleanReport {
     pub removed_samples: usize,
     /// What was found out, taken for granted or left.
     pub notes: Vec<String>,
+    /// Page written.
+    pub html: Option<String>,
     /// The edit list.
     pub edits: String,
     /// Where.
@@ -211,6 +213,7 @@ pub fn clean(order: &CleanOrder, observer: &dyn Observer) -> Result<CleanReport,
         removed_samples: removed(&markers, &source, &steps),
         notes: notes.cloned().collect(),
         artefacts: plan.artefacts,
+        html: order.html.as_ref().map(|path| path.display().to_string()),
         edits: list_file.display().to_string(),
         written: order.file.display().to_string(),
     })

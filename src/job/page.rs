@@ -14,7 +14,7 @@ use crate::retarget::BodyFigures;
 use crate::retarget::base::BasePath;
 use crate::robot::{Robot, RobotBody};
 use crate::view::person::PersonTrack;
-use crate::view::robot::{RobotTrack, collisions};
+use crate::view::robot::{RobotTrack, collisions, still};
 use crate::view::scene::ViewScene;
 use crate::view::series::Coded;
 use crate::view::tracks::{JointTrack, JointTracks, Quantity, SampleClock, SpanKind, ViewSpan};
@@ -48,14 +48,16 @@ impl RobotScene<'_> {
     pub(super) fn view(&self) -> Result<ViewScene, Error> {
         let series = self.series;
         let duration_s = series.time_s.last().copied().unwrap_or(0.0);
-        let body = RobotBody::of(&self.robot.file)?;
+        let start_rad: Vec<f64> = self.robot.joints.iter().map(|joint| joint.initial_rad).collect();
+        let body = drawable(self.robot)?;
+        let stands_still = body.as_ref().map(|body| still(body, &start_rad));
         let mut spans = self.parts(duration_s);
         spans.extend(self.missed());
         spans.extend(self.slow());
         spans.extend(self.doubts());
-        let robot = body.as_ref().zip(self.base);
-        if let Some((body, base)) = robot {
-            spans.extend(self.collisions(body, base));
+        let robot = body.as_ref().zip(self.base.or(stands_still.as_ref()));
+        if let Some((body, base)) = body.as_ref().zip(self.base) {
+            spans.extend(self.collisions(body, base, &start_rad));
         }
         Ok(ViewScene {
             duration_s,
@@ -183,12 +185,16 @@ impl RobotScene<'_> {
     }
 
     /// When it touches itself, over the time in which its base is told.
-    fn collisions(&self, body: &RobotBody, base: &BasePath) -> Vec<ViewSpan> {
-        let start_rad: Vec<f64> = self.robot.joints.iter().map(|joint| joint.initial_rad).collect();
+    fn collisions(&self, body: &RobotBody, base: &BasePath, start_rad: &[f64]) -> Vec<ViewSpan> {
         let Series { time_s, goal_rad, .. } = self.series;
-        let poses = sampled(time_s, goal_rad, base.rate_hz, base.places.len(), &start_rad);
-        collisions(body, &start_rad, &poses, base.rate_hz)
+        let poses = sampled(time_s, goal_rad, base.rate_hz, base.places.len(), start_rad);
+        collisions(body, start_rad, &poses, base.rate_hz)
     }
+}
+
+/// What of a robot can be drawn: its body, or its joints alone.
+fn drawable(robot: &Robot) -> Result<Option<RobotBody>, Error> {
+    RobotBody::of(&robot.file)?.map_or_else(|| RobotBody::bare(&robot.file), |body| Ok(Some(body)))
 }
 
 /// A joint's name and limits.

@@ -138,6 +138,8 @@ pub struct RecogniseReport {
     pub events: Vec<RecognisedAction>,
     /// Models that could not fire.
     pub blind: Vec<BlindModel>,
+    /// Page written.
+    pub html: Option<String>,
     /// Choices made on the way.
     pub notes: Vec<String>,
 }
@@ -248,6 +250,7 @@ pub fn recognise(
         noise_m: found.noise_m,
         events: found.events,
         blind: found.blind,
+        html: order.html.as_ref().map(|path| path.display().to_string()),
         notes: capture.notes,
         source,
     })

@@ -116,6 +116,15 @@ impl RobotTrack {
     }
 }
 
+/// A base that stands still: upright, so high that no joint is below the floor with these angles, rad.
+#[must_use]
+pub fn still(body: &RobotBody, start_rad: &[f64]) -> BasePath {
+    let placed = body.tree.place(Placement::IDENTITY, &body.angles(start_rad));
+    let low_m = placed.iter().map(|place| place.at_m.z).fold(0.0, f64::min);
+    let places = vec![Placement::at(DVec3::Z * -low_m)];
+    BasePath { rate_hz: 1.0, places, contacts: vec![[false; 2]] }
+}
+
 /// Turns of which none jumps to the other quaternion of its two.
 fn steady(turns: impl Iterator<Item = DQuat>) -> Vec<DQuat> {
     let mut before = DQuat::IDENTITY;

@@ -7,8 +7,8 @@
 //! highest down, bytes into base64 (RFC 4648).
 //! R. F. Rice, "Some practical universal noiseless coding techniques", JPL Publication 79-22, 1979.
 //!
-//! Goals and angles of servos take three to six bits a sample so, less than half of what deflate makes of the same
-//! differences in bytes.
+//! Goals of retargeted motions take two bits a sample so, angles as servos measure them two to three: as much as
+//! deflate makes of the same differences in bytes, without a library on either side.
 
 use serde::Serialize;
 

@@ -202,6 +202,11 @@ impl Browser {
         self.frames(2);
     }
 
+    /// A script that runs before those of every page that is opened from now on.
+    pub fn beforehand(&mut self, script: &str) {
+        self.ask("Page.addScriptToEvaluateOnNewDocument", json!({ "source": script }));
+    }
+
     /// What an expression of the page is.
     pub fn value(&mut self, expression: &str) -> Value {
         let ask = json!({ "expression": expression, "returnByValue": true, "awaitPromise": true });

@@ -1,6 +1,6 @@
 //! People and markers as pages draw them.
 
-use crate::body::{Proportions, Segment, contact};
+use crate::body::{Proportions, Segment, SegmentPose, contact};
 use crate::error::Error;
 use crate::mocap::anatomy::Capture;
 use crate::mocap::markers::{Frame, Frames, MarkerEvent, PointKind};
@@ -23,20 +23,31 @@ const USUAL_UNIT_M: f64 = 1e-3;
 /// A stature nobody has.
 pub fn person(capture: &Capture) -> Result<ViewScene, Error> {
     let lengths = Proportions::of_stature(capture.stature_m)?;
+    Ok(in_poses(&lengths, &capture.poses, capture.rate_hz, &capture.tracked))
+}
+
+/// A body in these poses, of whose segments these are known.
+#[must_use]
+pub fn in_poses(
+    lengths: &Proportions,
+    poses: &[SegmentPose],
+    rate_hz: f64,
+    known: &[bool; 13],
+) -> ViewScene {
     let feet = [Segment::LeftFoot, Segment::RightFoot];
     let person = PersonTrack::of(&Scene {
         title: "",
-        poses: &capture.poses,
-        body: &lengths,
-        rate_hz: capture.rate_hz,
-        floor_m: contact::floor_m(&lengths, &capture.poses),
-        has_feet: feet.iter().all(|foot| capture.tracked[foot.index()]),
+        poses,
+        body: lengths,
+        rate_hz,
+        floor_m: contact::floor_m(lengths, poses),
+        has_feet: feet.iter().all(|foot| known[foot.index()]),
     });
-    Ok(ViewScene {
-        duration_s: capture.poses.len().saturating_sub(1) as f64 / capture.rate_hz,
+    ViewScene {
+        duration_s: poses.len().saturating_sub(1) as f64 / rate_hz,
         person: Some(person),
         ..ViewScene::default()
-    })
+    }
 }
 
 /// Points of two readings of one file, of which one may be mended; marks of the file itself beside them.

@@ -1,6 +1,7 @@
 //! Pages of what a file holds: a capture, markers, a robot's recording.
 
-use super::{NamedLimits, joint_tracks, sampled};
+use super::{NamedLimits, drawable, joint_tracks, sampled};
+use crate::body::worn::kept::Kept;
 use crate::error::{Error, ErrorKind};
 use crate::job::recorder::Series;
 use crate::job::source;
@@ -8,12 +9,17 @@ use crate::mocap::files::{self, CaptureOptions};
 use crate::mocap::{marker_files, opensim};
 use crate::recording::{self, CycleRecord, JointRecord, RecordedJoint, Recording};
 use crate::retarget::base::{self, BasePath, Held, StandingSole};
-use crate::robot::{Robot, RobotBody};
+use crate::robot::Robot;
+use crate::session::angles::{WornMotion, body_of};
+use crate::session::files::BODY_KEY;
 use crate::view::ViewPage;
-use crate::view::robot::{RobotTrack, collisions};
+use crate::view::robot::{RobotTrack, collisions, still};
 use crate::view::scene::ViewScene;
+use crate::view::tracks::{SpanKind, ViewSpan};
 use std::path::Path;
 
+/// Poses per second of somebody who wore sensors.
+const WORN_HZ: f64 = 60.0;
 /// Instants per second in which a base is looked for, at most.
 const MOST_HZ: f64 = 100.0;
 
@@ -33,6 +39,8 @@ pub fn page(path: &Path, options: &CaptureOptions) -> Result<String, Error> {
         let (capture, _) = source::body_motion(&page.title, None, options)?;
         page.scene = super::body::person(&capture)?;
         page.notes = capture.notes;
+    } else if let Some(scene) = worn(path, &mut page.notes)? {
+        page.scene = scene;
     } else {
         page.scene = recorded(&recording::read(path)?, &mut page.notes)
             .map_err(|error| error.at(path.display().to_string()))?;
@@ -40,6 +48,30 @@ pub fn page(path: &Path, options: &CaptureOptions) -> Result<String, Error> {
     let duration = format!("{:.2} s", page.scene.duration_s);
     page.summary_rows.push(("duration".to_owned(), duration));
     page.html()
+}
+
+/// The person who wore the sensors of a recording that knows how they were worn.
+fn worn(path: &Path, notes: &mut Vec<String>) -> Result<Option<ViewScene>, Error> {
+    let metadata = recording::run_start(path)?.map(|start| start.metadata).unwrap_or_default();
+    let Some(text) = metadata.get(BODY_KEY) else { return Ok(None) };
+    let at_path = |error: Error| error.at(path.display().to_string());
+    let kept = Kept::parse(text).map_err(at_path)?;
+    let series = recording::sensor_series(path)?;
+    let motion = WornMotion::of(&series, &kept, body_of(&metadata)?, WORN_HZ).map_err(at_path)?;
+    let not_worn = motion.not_worn();
+    if !not_worn.is_empty() {
+        notes.push(format!("not worn, and therefore at rest: {}", not_worn.join(", ")));
+    }
+    let WornMotion { body, poses, rate_hz, worn, .. } = &motion;
+    let mut scene = super::body::in_poses(body, poses, *rate_hz, worn);
+    let began = series.start.as_ref().map(|start| start.monotonic_start).unwrap_or_default();
+    // Poses begin when all sensors have spoken.
+    let late_s = (motion.start_ns as f64 - series.start_ns() as f64) * 1e-9;
+    scene.spans.extend(series.markers.iter().map(|mark| {
+        let at_s = mark.at.seconds_since(began) - late_s;
+        ViewSpan::new(SpanKind::Event, "marked", &mark.text, at_s, at_s)
+    }));
+    Ok(Some(scene))
 }
 
 /// What a robot did.
@@ -76,7 +108,7 @@ fn recorded(recording: &Recording, notes: &mut Vec<String>) -> Result<ViewScene,
         notes.push(format!("{} is not known here as it was recorded: not drawn", start.robot));
         return Ok(scene);
     };
-    let Some(body) = RobotBody::of(&robot.file)? else { return Ok(scene) };
+    let Some(body) = drawable(&robot)? else { return Ok(scene) };
     let start_rad: Vec<f64> = robot.joints.iter().map(|joint| joint.initial_rad).collect();
     let mean_hz = series.time_s.len() as f64 / duration_s.max(1e-3);
     let rate_hz = mean_hz.min(robot.file.rate_hz).clamp(1.0, MOST_HZ);
@@ -87,6 +119,9 @@ fn recorded(recording: &Recording, notes: &mut Vec<String>) -> Result<ViewScene,
     let soles = StandingSole::all(&body);
     let held = Held::of(&body, &soles, false);
     let base = said(&recording.cycles, duration_s).unwrap_or_else(|| {
+        if held == Held::Fixed {
+            return still(&body, &start_rad);
+        }
         notes.push("where the base was is worked out from joints and soles".to_owned());
         base::path(&body, &soles, held, &poses, rate_hz, |_| None)
     });

@@ -73,18 +73,22 @@ class Robot {
     return hull(down);
   }
 
-  // From the lowest to the highest of its shapes.
+  // From the lowest to the highest of its shapes; of joints without any how far they reach in any direction.
   height(places) {
-    let [low, high] = [Infinity, -Infinity];
-    this.links.forEach((link, n) => link.shapes.forEach(shape => {
-      const ends = shape.from_m ? [shape.from_m, shape.to_m] : [shape.centre_m];
-      const around = shape.from_m ? shape.radius_m : Math.min(...shape.half_m);
-      for (const end of ends) {
-        const z = plus(places[n].at, turned(places[n].turn, end))[2];
-        low = Math.min(low, z - around); high = Math.max(high, z + around);
+    const [low, high] = [[Infinity, Infinity, Infinity], [-Infinity, -Infinity, -Infinity]];
+    const reach = (at, around) => at.forEach((part, axis) => {
+      low[axis] = Math.min(low[axis], part - around); high[axis] = Math.max(high[axis], part + around);
+    });
+    const bare = !this.links.some(link => link.shapes.length);
+    this.links.forEach((link, n) => {
+      if (bare) reach(places[n].at, 0.01);
+      for (const shape of link.shapes) {
+        const ends = shape.from_m ? [shape.from_m, shape.to_m] : [shape.centre_m];
+        const around = shape.from_m ? shape.radius_m : Math.min(...shape.half_m);
+        for (const end of ends) reach(plus(places[n].at, turned(places[n].turn, end)), around);
       }
-    }));
-    return high > low ? high - low : 0.3;
+    });
+    return bare ? Math.max(...high.map((part, axis) => part - low[axis])) : high[2] - low[2];
   }
 }
 

@@ -27,7 +27,7 @@ if (robot || person || markers) {
   try { stage = new Stage(canvas, { robot, person, markers, isWrong }); } catch (error) {
     nothing.textContent = `This browser draws nothing in space (${error.message}): signals and times are below.`;
   }
-} else { nothing.textContent = "Nothing is drawn in space: the robot's file has no [body]."; }
+} else { nothing.textContent = "Nothing is drawn in space: the robot's file does not say where its joints are."; }
 if (!stage) { nothing.hidden = false; canvas.hidden = true; byId("stage").classList.add("empty"); }
 
 const check = (place, text, on, change) => {
@@ -99,10 +99,10 @@ function buildChoice() {
 // What somebody would look at first: the joint that travels furthest, a marker that was mended.
 function firstChoice() {
   if (!channels.length) return null;
-  const asked = /joint=([^&]+)/.exec(location.hash);
-  const named = asked ? channels.findIndex(channel => channel.name === decodeURIComponent(asked[1])) : -1;
+  const asked = new URLSearchParams(location.hash.slice(1)).get("joint");
+  const named = channels.findIndex(channel => channel.name === asked);
   if (named >= 0) return named;
-  if (!joints) return Math.max(0, channels.findIndex(channel => channel.mended));
+  if (!joints) return ["mended", "moves"].map(what => channels.findIndex(channel => channel[what])).find(at => at >= 0) ?? 0;
   const travel = channels.map(channel => { const [low, high] = channel.plots[0].curves.length ? extent(channel.plots[0].curves[0], [0, duration]) : [0, 0]; return high - low; });
   return travel.indexOf(Math.max(...travel));
 }
@@ -302,8 +302,8 @@ buildEvents();
 const first = firstChoice();
 if (first !== null) choose(first, true);
 // A fixed moment for whoever opens page.html#t=1.5
-const asked = /t=([0-9.]+)/.exec(location.hash);
-if (asked) go(parseFloat(asked[1]), true);
+const asked = parseFloat(new URLSearchParams(location.hash.slice(1)).get("t"));
+if (asked >= 0) go(asked, true);
 new ResizeObserver(redrawAll).observe(document.querySelector("main"));
 // For tests, and for whoever looks into a page: figures of what is drawn.
 window.gaitway = {

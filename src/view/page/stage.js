@@ -44,7 +44,8 @@ class Stage {
   has(part) {
     const { robot, person, markers } = this;
     switch (part) {
-      case "robot": case "collisions": return !!robot;
+      case "robot": return !!robot;
+      case "collisions": return !!robot && robot.links.some(link => link.shapes.length);
       case "goal": return !!robot && robot.joints.list.some(joint => joint.goal && joint.present);
       case "person": return !!person;
       case "markers": return !!markers;
@@ -127,8 +128,10 @@ class Stage {
   }
 
   addRobot() {
+    const bare = !this.robot.links.some(link => link.shapes.length);
     const all = ink => this.robot.links.map((link, n) => {
       const group = this.shapesOf(link, ink);
+      if (bare) group.add(new THREE.Mesh(new THREE.SphereGeometry(0.03 * this.scale, 16, 12), ink));
       group.userData.link = n;
       this.scene.add(group);
       return group;
@@ -138,8 +141,7 @@ class Stage {
     // Links without a shape: what connects joints is drawn as lines.
     this.bones = this.robot.links.map((link, n) => {
       if (link.parent === null) return null;
-      const bare = !this.robot.links[link.parent].shapes.length;
-      return bare ? this.rod(this.ink.robot, 0.006) : null;
+      return this.robot.links[link.parent].shapes.length ? null : this.rod(this.ink.robot, bare ? 0.018 : 0.006);
     });
   }
 
