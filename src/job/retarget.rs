@@ -150,8 +150,8 @@ fn rows(planned: &Plan, rate_hz: f64) -> impl Iterator<Item = (f64, Vec<f64>)> {
 
 /// The goals as a page shows them.
 fn goals(planned: &Plan, rate_hz: f64) -> Series {
-    let mut series = Series::default();
-    series.goal_rad = vec![Vec::new(); planned.trajectory.joints().len()];
+    let goal_rad = vec![Vec::new(); planned.trajectory.joints().len()];
+    let mut series = Series { goal_rad, ..Series::default() };
     for (time_s, pose) in rows(planned, rate_hz) {
         series.time_s.push(time_s);
         for (goals, goal_rad) in series.goal_rad.iter_mut().zip(pose) {

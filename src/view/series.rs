@@ -255,7 +255,7 @@ mod tests {
     fn a_series_that_stands_still_takes_five_bits_a_block() {
         let still = Coded::of(vec![0.7; 32_000], 1e-4);
         assert_eq!(still.bits.len(), (1000_usize * 5).div_ceil(24) * 4);
-        assert_eq!(read(&still), vec![0.7; 32_000]);
+        assert!(read(&still).iter().all(|value| (value - 0.7).abs() < 1e-12));
     }
 
     #[test]

@@ -143,7 +143,7 @@ function words(t) {
     parts.push(down.length ? `on the floor: ${down.join(", ")}` : "nothing on the floor");
   };
   if (robot && robot.soles.length) feet(robot.contacts, robot.clock, ["left foot", "right foot"]);
-  else if (person && person.contacts) feet(person.contacts, person.clock, ["left heel", "left toe", "right heel", "right toe"]);
+  else if (!robot && person && person.contacts) feet(person.contacts, person.clock, ["left heel", "left toe", "right heel", "right toe"]);
   for (const span of active(t)) parts.push(span.kind === "wrong" || span.kind === "doubt" ? `${span.row}: ${span.label}` : span.label);
   return [...new Set(parts)].join(" \u00b7 ");
 }

@@ -228,7 +228,7 @@ class Line {
       pen.fillStyle = ink("grid"); pen.fillRect(this.left(), y + 15, width - this.left() - RIGHT, 1);
       pen.textAlign = "left";
       for (const span of row.spans) {
-        const a = this.x(span.start_s), b = Math.max(a + 2, this.x(span.end_s));
+        const a = this.x(span.start_s), b = Math.max(a + 2, this.x(Math.min(span.end_s, this.view.duration)));
         pen.fillStyle = ink(KINDS[span.kind]); pen.fillRect(a, y + 1, Math.max(2, b - a - 1), 13);
         if (span.kind !== "wrong" && b - a > 34) {
           pen.save(); pen.beginPath(); pen.rect(a, y, b - a, 16); pen.clip();
