@@ -108,10 +108,12 @@ impl RobotScene<'_> {
     fn parts(&self, duration_s: f64) -> Vec<ViewSpan> {
         let Plan { clip_start_s, clip_s, ease_in_s, ease_out_s, .. } = *self.planned;
         let end_s = clip_start_s + clip_s;
+        let is_long = duration_s - end_s > clip_s / 2.0;
+        let after = if is_long { "further rounds" } else { "at rest" };
         let parts = [
             (SpanKind::Part, "approach", 0.0, clip_start_s),
             (SpanKind::Part, "motion", clip_start_s, end_s),
-            (SpanKind::Part, "further rounds", end_s, duration_s),
+            (SpanKind::Part, after, end_s, duration_s),
             (SpanKind::Phase, "ease in", clip_start_s, clip_start_s + ease_in_s),
             (SpanKind::Phase, "ease out", end_s - ease_out_s, end_s),
         ];
@@ -277,7 +279,7 @@ impl Series {
 ///
 /// # Errors
 /// As [`ViewPage::html`].
-pub fn page(report: &PlayReport, scene: ViewScene) -> Result<String, Error> {
+pub fn page(report: &PlayReport, mut scene: ViewScene) -> Result<String, Error> {
     let mut rows = vec![("outcome", report.headline()), ("retimed", retiming(report))];
     if report.cycles > 0 {
         let cycles = format!(
@@ -298,6 +300,10 @@ pub fn page(report: &PlayReport, scene: ViewScene) -> Result<String, Error> {
     let metrics = report.metrics.as_ref();
     if let Some(at_s) = metrics.and_then(|metrics| metrics.predicted_fall_s) {
         warnings.push(format!("a robot on its own feet would fall, at {at_s:.1} s"));
+    }
+    if let Some(reason) = &report.stop_reason {
+        let end_s = scene.duration_s;
+        scene.spans.push(ViewSpan::new(SpanKind::Wrong, "stopped", reason, end_s, end_s));
     }
     let mut notes = report.notes.clone();
     if scene.robot.is_some() {
