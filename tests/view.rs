@@ -162,6 +162,7 @@ fn a_joint_is_chosen_from_the_list_or_by_a_click_on_the_robot() {
     assert_eq!(browser.value(&format!("{press}('l_el')")), "true");
     let chosen = serde_json::json!(["r_knee", "l_el"]);
     assert_eq!(browser.value("gaitway.figures().chosen"), chosen);
+    browser.frames(2);
     let plots =
         browser.value("[...document.querySelectorAll('figcaption b')].map(b => b.textContent)");
     let expected = ["r_knee \u{b7} angle", "r_knee \u{b7} velocity", "l_el \u{b7} angle"];
@@ -179,6 +180,7 @@ fn a_joint_is_chosen_from_the_list_or_by_a_click_on_the_robot() {
     for (across, down) in grid {
         let (across, down) = (0.4 + 0.05 * f64::from(across), 0.3 + 0.06 * f64::from(down));
         browser.click(left + across * width, top + down * height);
+        browser.frames(2);
         clicked = browser.value("gaitway.figures().chosen");
         if clicked != chosen {
             break;
