@@ -7,7 +7,7 @@
 //! [`clean`] mends markers, [`rigid`] is bodies that hang on one another, [`recognise`] names what a body
 //! does, [`retarget`] tells what a motion does to all of a robot; [`guard`] and [`control`] are the last gate and the
 //! loop. [`capture`] and [`session`] make samples and trials of what sensors say, [`calibration`] is
-//! what was measured on one robot, [`recording`] and [`plot`] are the files a run leaves. [`job`] is
+//! what was measured on one robot, [`recording`] and [`view`] are the files a run leaves. [`job`] is
 //! what is done with all of it, from an order to a typed report; [`cli`] is what a person types.
 //!
 //! Most programs need only what stands at the top of this page:
@@ -43,7 +43,6 @@ pub mod guard;
 pub mod job;
 pub mod mocap;
 pub mod motion;
-pub mod plot;
 pub mod port;
 pub mod recognise;
 pub mod recording;
@@ -57,6 +56,7 @@ pub mod table;
 pub mod time;
 pub mod toml_text;
 pub mod units;
+pub mod view;
 pub mod wire;
 
 pub use error::{Error, ErrorKind};

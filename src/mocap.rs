@@ -36,7 +36,6 @@ pub mod marker_table;
 pub mod markers;
 mod opened;
 pub mod opensim;
-pub mod page;
 pub mod parameters;
 pub mod plates;
 pub mod plug_in_gait;

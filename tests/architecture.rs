@@ -42,13 +42,12 @@ const ROOMS: &[Room] = &[
     room("guard", "motion time", ""),
     room(
         "job",
-        "action body bus calibration capture clean control device draft error mocap motion plot port \
-         recognise recording retarget rig rigid robot sensing session table time wire",
+        "action body bus calibration capture clean control device draft error mocap motion port \
+         recognise recording retarget rig rigid robot sensing session table time view wire",
         "clock files network profiles simulator threads wall-clock",
     ),
     room("mocap", "body error motion rigid table toml_text units", "files"),
     room("motion", "error", ""),
-    room("plot", "", ""),
     room("port", "time wire", "clock files network ports simulator threads wall-clock"),
     room("recognise", "body error toml_text", ""),
     room("recording", "capture draft error table time", "clock files threads wall-clock"),
@@ -74,6 +73,7 @@ const ROOMS: &[Room] = &[
     room("time", "", ""),
     room("toml_text", "error", "profiles"),
     room("units", "", ""),
+    room("view", "body error mocap retarget rigid robot", ""),
     room("wire", "", ""),
 ];
 

@@ -1,5 +1,6 @@
 //! Joint angles out of a recording of worn sensors: `gaitway convert`.
 
+mod page;
 mod program;
 
 use gaitway::action::vocabulary;
@@ -8,7 +9,7 @@ use gaitway::body::segment_name;
 use gaitway::body::worn::WornSensor;
 use gaitway::body::worn::calibrate::calibrate;
 use gaitway::body::worn::kept::Kept;
-use gaitway::body::{Dof, JointAngles, Proportions, Segment, SegmentPose};
+use gaitway::body::{Dof, Joint, JointAngles, Proportions, Segment, SegmentPose};
 use gaitway::capture::{Chain, Mode};
 use gaitway::device::sensor::stream_format;
 use gaitway::mocap::anatomy::Capture;
@@ -291,6 +292,25 @@ fn a_walk_that_was_recorded_comes_out_as_the_angles_that_were_walked() {
     assert_eq!(source.frames, table.angles.len());
     assert!(capture.tracked.iter().all(|tracked| *tracked));
     assert!(bvh_error_deg(&capture, &table) < 1.0);
+
+    // The page of the recording bends the knee as the table does, and has the mark where it was set.
+    let output = gaitway(&folder, &["info", "walk.mcap", "--html", "walk.html"]);
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+    let data = page::data(&std::fs::read_to_string(folder.join("walk.html")).expect("a page"));
+    let point = |joint: Joint| page::rows::<3>(&data["person"]["points"][joint.index()]);
+    let [hip, knee, ankle] = [Joint::LeftHip, Joint::LeftKnee, Joint::LeftAnkle].map(point);
+    assert_eq!(knee.len(), table.angles.len());
+    for (at, row) in table.angles.iter().enumerate() {
+        let [hip, knee, ankle] = [&hip, &knee, &ankle].map(|point| DVec3::from_array(point[at]));
+        let bent_rad = (knee - hip).angle_between(ankle - knee);
+        let off_rad = bent_rad - row[Dof::LeftKneeFlexion].abs();
+        // Points are rounded to a millimetre, so that a leg that is straight may look bent.
+        assert!(off_rad.abs() < 0.06, "{bent_rad} for {}", row[Dof::LeftKneeFlexion]);
+    }
+    let mark = &data["spans"][0];
+    let marked_s = mark["start_s"].as_f64().expect("a time");
+    assert_eq!((mark["label"].as_str(), mark["row"].as_str()), (Some("begin"), Some("marked")));
+    assert!((marked_s - (5.0 - first_s)).abs() < 0.03, "{marked_s} s, poses from {first_s} s on");
 
     // Joint states, by name.
     let angles = read(&folder.join("angles.mcap")).expect("read");

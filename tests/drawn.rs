@@ -1,14 +1,15 @@
 //! What is drawn of a moving body: the scene (X3D) that a camera follows over a floor, and the page that
 //! shows what carries. Scenes are read back as XML and moved here, by nothing but what stands in the file.
 
+mod page;
 mod program;
 
 use gaitway::action::vocabulary;
 use gaitway::body::contact::Footing;
 use gaitway::body::mass::{centre_of_mass_m, segment_masses};
 use gaitway::body::{Joint, Proportions, SegmentPose};
-use gaitway::mocap::page::page_of;
 use gaitway::mocap::scene::Scene;
+use gaitway::view::scene::page_of;
 use glam::{DMat4, DQuat, DVec3};
 use roxmltree::{Document, Node, ParsingOptions};
 use serde_json::Value;
@@ -265,15 +266,23 @@ fn the_floor_is_as_high_as_the_lowest_sole_and_goes_on_beyond_the_way() {
     }
 }
 
-/// The JSON that a page draws.
+/// The person that a page draws.
 fn motion(page: &str) -> Value {
-    let after = page.split("<script type=\"application/json\" id=\"motion\">").nth(1).unwrap();
-    serde_json::from_str(after.split("</script>").next().unwrap()).unwrap()
+    page::data(page)["person"].clone()
 }
 
-fn list(of: &Value, at: impl serde_json::value::Index) -> Vec<f64> {
-    let list = of[at].as_array().expect("a list");
-    list.iter().map(|value| value.as_f64().unwrap()).collect()
+/// A series of it.
+fn list(of: &Value, at: &str) -> Vec<f64> {
+    page::series(&of[at])
+}
+
+/// The corners that soles span in one of its poses, m.
+fn corners(of: &Value, pose: usize) -> Vec<[f64; 2]> {
+    let support = &of["support"];
+    let counts: Vec<usize> = list(support, "counts").iter().map(|count| *count as usize).collect();
+    let begins: usize = counts[..pose].iter().sum();
+    let (x, y) = (list(support, "x"), list(support, "y"));
+    (begins..begins + counts[pose]).map(|at| [x[at], y[at]]).collect()
 }
 
 #[test]
@@ -281,11 +290,11 @@ fn a_page_tells_the_contacts_and_the_force_that_footing_tells() {
     for action in ["walk", "run", "jump", "kick-r"] {
         let motion = motion(&synth(action, "page.html"));
         // 120 poses a second, of which every other is drawn.
-        assert_eq!(motion["rate_hz"], 60.0);
+        assert_eq!(motion["clock"]["rate_hz"], 60.0);
         let poses = poses(action, 120.0);
         let footing = Footing::of(&body(), &poses, 120.0).unwrap();
-        let (contacts, forces) = (list(&motion, "contacts"), list(&motion, "force_body_weights"));
-        let support = motion["support_mm"].as_array().unwrap();
+        let (contacts, forces) = (list(&motion, "contacts"), list(&motion, "force"));
+        let support = list(&motion["support"], "counts");
         assert_eq!(contacts.len(), poses.len().div_ceil(2), "{action}");
         assert_eq!((forces.len(), support.len()), (contacts.len(), contacts.len()), "{action}");
         let mut kinds = std::collections::BTreeSet::new();
@@ -305,18 +314,19 @@ fn a_page_draws_the_centre_of_mass_and_the_points_of_the_body() {
     let motion = motion(&synth("sit-down", "centre.html"));
     let (body, poses) = (body(), poses("sit-down", 120.0));
     let masses = segment_masses(&body);
-    let (centres, points) = (list(&motion, "centre_mm"), list(&motion, "points_mm"));
-    assert_eq!(centres.len(), 3 * poses.len().div_ceil(2));
-    let near = |drawn: &[f64], place_m: DVec3| {
-        let off = (DVec3::from_slice(drawn) - place_m * 1e3).abs().max_element();
-        assert!(off <= 0.5 + 1e-9, "{:?} for {place_m} m", &drawn[..3]);
+    let centres = page::rows::<3>(&motion["centre"]);
+    let points: Vec<Vec<[f64; 3]>> =
+        motion["points"].as_array().unwrap().iter().map(page::rows::<3>).collect();
+    assert_eq!((centres.len(), points.len()), (poses.len().div_ceil(2), 22));
+    let near = |drawn: [f64; 3], place_m: DVec3| {
+        let off_m = (DVec3::from_array(drawn) - place_m).abs().max_element();
+        assert!(off_m <= 5e-4 + 1e-12, "{drawn:?} for {place_m} m");
     };
     for (drawn, pose) in poses.iter().step_by(2).enumerate() {
-        near(&centres[3 * drawn..], centre_of_mass_m(&body, &masses, pose));
+        near(centres[drawn], centre_of_mass_m(&body, &masses, pose));
         let at = body.positions(pose);
-        let places = at.joints_m.iter().chain(&at.ends_m);
-        for (point, place_m) in points.chunks(3).skip(22 * drawn).zip(places) {
-            near(point, *place_m);
+        for (point, place_m) in points.iter().zip(at.joints_m.iter().chain(&at.ends_m)) {
+            near(point[drawn], *place_m);
         }
     }
 }
@@ -326,7 +336,8 @@ fn a_page_draws_the_centre_of_mass_and_the_points_of_the_body() {
 #[test]
 fn a_page_draws_what_the_soles_span() {
     let motion = motion(&synth("bow", "span.html"));
-    let corners: Vec<[f64; 2]> = list(&motion["support_mm"], 0).as_chunks::<2>().0.to_vec();
+    let corners: Vec<[f64; 2]> =
+        corners(&motion, 0).into_iter().map(|corner| corner.map(|at_m| at_m * 1e3)).collect();
     assert_eq!(corners.len(), 4, "{corners:?}");
     let extent = |axis: usize| {
         let along = corners.iter().map(|corner| corner[axis]);
@@ -341,7 +352,7 @@ fn a_page_draws_what_the_soles_span() {
 }
 
 fn page(scene: &Scene<'_>) -> Value {
-    motion(&page_of(scene))
+    motion(&page_of(scene).unwrap())
 }
 
 #[test]
@@ -356,15 +367,16 @@ fn a_page_says_nothing_of_forces_that_few_poses_cannot_tell_and_of_feet_that_nob
         has_feet: true,
     };
     let told = page(&few);
-    assert_eq!(list(&told, "force_body_weights"), [0.0; 0]);
+    assert!(told.get("force").is_none());
     assert_eq!(list(&told, "contacts").len(), poses.len());
-    assert!(page_of(&few).contains("<title>a &lt;/title>&lt;script> &amp; walk</title>"));
+    assert!(
+        page_of(&few).unwrap().contains("<title>a &lt;/title&gt;&lt;script&gt; &amp; walk</title>")
+    );
     // Frames of 0.008333 s are 120.0048 a second: two make one of 60.
     let fast = page(&Scene { rate_hz: 1.0 / 0.008333, ..few });
     assert_eq!(list(&fast, "contacts").len(), poses.len().div_ceil(2));
     let no_feet = page(&Scene { has_feet: false, ..few });
-    assert_eq!(list(&no_feet, "contacts"), [0.0; 0]);
-    assert_eq!(list(&no_feet, "support_mm"), [0.0; 0]);
+    assert!(no_feet.get("contacts").is_none() && no_feet.get("support").is_none());
 }
 
 /// A walk that was captured 0.3 m above the zero of its file.
@@ -395,7 +407,8 @@ fn a_capture_is_drawn_on_the_floor_that_it_stands_on() {
     let on_floor = list(&told, "contacts").iter().filter(|sum| **sum > 0.0).count();
     let all = list(&told, "contacts").len();
     assert!(on_floor > all * 8 / 10, "{on_floor} of {all}");
-    let heights = list(&told, "points_mm");
-    let lowest_mm = heights.iter().skip(2).step_by(3).fold(f64::MAX, |a, b| a.min(*b));
-    assert!(lowest_mm.abs() < 20.0, "{lowest_mm} mm");
+    let points = told["points"].as_array().unwrap();
+    let heights = points.iter().flat_map(|point| page::series(&point[2]));
+    let lowest_m = heights.fold(f64::MAX, f64::min);
+    assert!(lowest_m.abs() < 0.02, "{lowest_m} m");
 }

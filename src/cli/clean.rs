@@ -52,6 +52,9 @@ pub struct CleanArgs {
     /// Edit list: applied if the file is there, else written [default: beside OUT]
     #[arg(long, value_name = "EDITS.toml")]
     edits: Option<PathBuf>,
+    /// Write a page that shows the markers as they were and are, with everything found on a time line
+    #[arg(long, value_name = "FILE.html", conflicts_with = "check")]
+    html: Option<PathBuf>,
     /// Leave gaps whose fill is expected to miss by more, mm
     #[arg(long, value_name = "MM", default_value_t = 50.0, value_parser = tolerance,
           allow_negative_numbers = true)]
@@ -84,9 +87,10 @@ pub fn run(args: &CleanArgs, remarks: Remarks) -> Result<i32, Error> {
         return looked_at(args, remarks);
     };
     let list = args.edits.clone().filter(|file| !file.exists());
-    args.output.check_files(&[&Some(output_file.to_owned()), &list])?;
+    args.output.check_files(&[&Some(output_file.to_owned()), &list, &args.html])?;
     let mut outputs = vec![output_file];
     outputs.extend(list.as_deref());
+    outputs.extend(args.html.as_deref());
     args.output.check_apart(&args.file, &outputs)?;
     let order = CleanOrder {
         markers: args.file.clone(),
@@ -94,6 +98,7 @@ pub fn run(args: &CleanArgs, remarks: Remarks) -> Result<i32, Error> {
         file: output_file.to_owned(),
         edits: args.edits.clone(),
         tolerance_m: args.tolerance / 1e3,
+        html: args.html.clone(),
         replace: args.output.force(),
     };
     let report = clean(&order, &Terminal::unheard(remarks))?;

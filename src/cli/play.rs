@@ -85,7 +85,7 @@ pub fn run(args: &PlayArgs, remarks: Remarks) -> Result<i32, Error> {
             let mut report = PlayReport::new(&order.motion.motion, &order.robot, buses);
             report.dry_run = args.dry_run;
             report.describe_refused(&error);
-            Played { report, series: None }
+            Played { report, series: None, scene: None }
         }
     };
     let report = args.with_page(played);
@@ -135,11 +135,12 @@ impl PlayArgs {
 
     /// Writes the page with plots, if one is wanted and something was played.
     fn with_page(&self, played: Played) -> PlayReport {
-        let Played { mut report, series } = played;
-        let (Some(path), Some((robot, series))) = (&self.html, series) else { return report };
+        let Played { mut report, scene, .. } = played;
+        let (Some(path), Some(scene)) = (&self.html, scene) else { return report };
         report.html = Some(path.display().to_string());
-        let page = page::page(&report, &series, &robot);
-        if let Err(error) = self.output.write_file(path, page.as_bytes()) {
+        let page = page::page(&report, scene);
+        let written = page.and_then(|page| self.output.write_file(path, page.as_bytes()));
+        if let Err(error) = written {
             report.html = None;
             report.notes.push(error.to_string());
             if report.outcome == Outcome::Done {

@@ -18,7 +18,8 @@ Each action is a model: a file with ordered phases, each of them a part of a pos
 model that needs what the source does not show cannot fire, and is named.
 
 Example: gaitway recognise dance.bvh
-         gaitway recognise walk:6s,wave-r,bow --labels found.csv")]
+         gaitway recognise walk:6s,wave-r,bow --labels found.csv
+         gaitway recognise dance.bvh --html dance.html")]
 pub struct RecogniseArgs {
     /// A capture (.bvh, .amc), or actions
     motion: String,
@@ -28,6 +29,9 @@ pub struct RecogniseArgs {
     /// Write what was recognised as a table: start_s, end_s, class, side, person
     #[arg(long, value_name = "OUT.csv")]
     labels: Option<PathBuf>,
+    /// Write a page that shows the person with what was recognised on a time line
+    #[arg(long, value_name = "FILE.html")]
+    html: Option<PathBuf>,
     /// Print what happens as lines of JSON, as it happens: begun, phase, done, broken_off
     #[arg(long, conflicts_with = "json")]
     json_lines: bool,
@@ -55,7 +59,7 @@ pub struct RecogniseArgs {
 /// # Errors
 /// If the motion or a model cannot be read, or a file cannot be written.
 pub fn run(args: &RecogniseArgs, remarks: Remarks) -> Result<i32, Error> {
-    args.output.check_files(&[&args.labels])?;
+    args.output.check_files(&[&args.labels, &args.html])?;
     let order = RecogniseOrder {
         motion: args.motion.clone(),
         mapping: args.mapping.clone(),
@@ -67,6 +71,7 @@ pub fn run(args: &RecogniseArgs, remarks: Remarks) -> Result<i32, Error> {
         models: args.models.clone(),
         equations: if args.strict { EquationReading::Strict } else { EquationReading::Repaired },
         labels: args.labels.clone(),
+        html: args.html.clone(),
         replace: args.output.force(),
     };
     let mut untold = None;

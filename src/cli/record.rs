@@ -10,8 +10,10 @@ use super::signals::Signals;
 use super::terminal::Terminal;
 use super::{Deed, Output, Remarks};
 use crate::error::Error;
+use crate::job::page::file::page as file_page;
 use crate::job::record::Mode;
 use crate::job::record::{RecordOrder, RecordReport, record};
+use crate::job::source::CaptureOptions;
 use crate::sensing::Source;
 use crate::time::Duration;
 use clap::Args;
@@ -69,6 +71,9 @@ pub struct RecordArgs {
     /// Switch the servos' torque off first, to guide the robot by hand: it falls unless supported
     #[arg(long)]
     limp: bool,
+    /// Write a page that shows the robot whose joints were recorded
+    #[arg(long, value_name = "FILE.html", conflicts_with = "session")]
+    html: Option<PathBuf>,
     #[command(flatten)]
     output: Output,
 }
@@ -83,7 +88,7 @@ pub fn run(args: &RecordArgs, remarks: Remarks) -> Result<i32, Error> {
         return session::run(args, root, signals, remarks);
     }
     let file = args.out.clone().ok_or_else(|| Error::new("no file to record to"))?;
-    args.output.check_files(&[&args.out])?;
+    args.output.check_files(&[&args.out, &args.html])?;
     let order = RecordOrder {
         sources: args.sources.clone(),
         file,
@@ -97,6 +102,17 @@ pub fn run(args: &RecordArgs, remarks: Remarks) -> Result<i32, Error> {
     let report = record(&order, &marks::listen(), &Terminal::new(remarks, &signals))?;
     let outcome = if report.is_whole() { Outcome::Done } else { Outcome::DoneWithLoss };
     let text = text(&report, &order.file);
+    let paged = args.html.as_ref().filter(|_| report.file.is_some()).map_or(Ok(()), |page| {
+        let html = file_page(&order.file, &CaptureOptions::default())?;
+        args.output.write_file(page, html.as_bytes())
+    });
+    let outcome = match &paged {
+        Ok(()) => outcome,
+        Err(error) => {
+            remarks.say(&format!("no page was written: {error}"));
+            Outcome::DoneWithLoss
+        }
+    };
     Ok(args.output.conclude(&report, &text, Deed::Work, outcome.exit_code()))
 }
 

@@ -5,6 +5,7 @@ use super::report::Outcome;
 use super::{Deed, Output, Remarks};
 use crate::error::Error;
 use crate::job::info::info as file_info;
+use crate::job::page::file::page as file_page;
 use crate::job::source::CaptureOptions;
 use crate::recording::{
     self, Compression, Overview, Recovered, SensorSeries, SourceOverview, sensor_series,
@@ -20,7 +21,8 @@ use std::path::PathBuf;
 #[command(after_help = "\
 Examples:
   gaitway info dance.mcap
-  gaitway info trial.c3d")]
+  gaitway info trial.c3d
+  gaitway info dance.mcap --html dance.html    (a page that shows it in space and over time)")]
 pub struct InfoArgs {
     /// Recording, finished or not; a capture (.bvh, .amc); a table of OpenSim's (.mot, .sto); markers (.c3d,
     /// .trc, .csm, .csv)
@@ -31,6 +33,9 @@ pub struct InfoArgs {
     /// Frames per second of an AMC file [default: what it says, or 120], or of markers that do not say it
     #[arg(long, value_name = "HZ", allow_negative_numbers = true)]
     rate: Option<f64>,
+    /// Write a page that shows what is in it: the person, the markers, the robot with its joints
+    #[arg(long, value_name = "FILE.html")]
+    html: Option<PathBuf>,
     #[command(flatten)]
     output: Output,
 }
@@ -40,14 +45,18 @@ pub struct InfoArgs {
 /// # Errors
 /// A file that cannot be read, or is of no kind that this program knows.
 pub fn info(args: &InfoArgs) -> Result<i32, Error> {
-    args.output.check_files(&[])?;
-    args.output.check_apart(&args.file, &[])?;
+    args.output.check_files(&[&args.html])?;
+    args.output.check_apart(&args.file, args.html.as_deref().as_slice())?;
     let options = CaptureOptions {
         skeleton: args.skeleton.clone(),
         rate_hz: args.rate,
         ..CaptureOptions::default()
     };
-    if let Some(overview) = file_info(&args.file, &options)? {
+    let overview = file_info(&args.file, &options)?;
+    if let Some(page) = &args.html {
+        args.output.write_file(page, file_page(&args.file, &options)?.as_bytes())?;
+    }
+    if let Some(overview) = overview {
         return Ok(args.output.conclude(&overview, &words(&overview), Deed::Look, 0));
     }
     if options != CaptureOptions::default() {

@@ -17,7 +17,10 @@ The file's ending says what is written, all of it in the robot's joints and at t
   .mcap  a recording of goals, as `play --record` makes it, for Foxglove, PlotJuggler, `convert`
   .bvh   the robot's own joint tree in motion, for Blender and other animation tools
 
-Example: gaitway retarget dance.bvh --robot op3 -o dance.csv")]
+--html writes a page as well: robot and person beside each other, joints, where the robot touches itself,
+tips or was too fast.
+
+Example: gaitway retarget dance.bvh --robot op3 -o dance.csv --html dance.html")]
 pub struct RetargetArgs {
     #[command(flatten)]
     motion: MotionArgs,
@@ -27,6 +30,9 @@ pub struct RetargetArgs {
     /// Rows per second [default: the robot file's rate]
     #[arg(long, value_name = "HZ", value_parser = super::play::rate, allow_negative_numbers = true)]
     rate: Option<f64>,
+    /// Write a page that shows it to this file
+    #[arg(long, value_name = "FILE.html")]
+    html: Option<PathBuf>,
     #[command(flatten)]
     output: Output,
 }
@@ -37,7 +43,7 @@ pub struct RetargetArgs {
 /// As `play`, before it looks for a bus.
 pub fn run(args: &RetargetArgs, remarks: Remarks) -> Result<i32, Error> {
     TrajectoryFile::of(&args.output_file)?;
-    args.output.check_files(&[&Some(args.output_file.clone())])?;
+    args.output.check_files(&[&Some(args.output_file.clone()), &args.html])?;
     let report = retarget(&RetargetOrder {
         motion: args.motion.order(),
         robot: args.motion.robot().to_owned(),
@@ -48,6 +54,7 @@ pub fn run(args: &RetargetArgs, remarks: Remarks) -> Result<i32, Error> {
         replace: args.output.force(),
         hangs: args.motion.hangs(),
         allow_fall: args.motion.allows_fall(),
+        html: args.html.clone(),
     })?;
     let written = format!("written   {}\n", args.output_file.display());
     let text = report.text(remarks.quiet) + &written;

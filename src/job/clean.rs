@@ -3,6 +3,7 @@
 
 use super::markers::write;
 use super::observer::{Event, Observer};
+use super::page;
 use super::report::Outcome;
 use crate::clean::artefact::{Artefact, ArtefactKind, Cause};
 use crate::clean::choice::Chooser;
@@ -15,6 +16,9 @@ use crate::draft::{check_free, write_file};
 use crate::error::{Error, ErrorKind};
 use crate::mocap::marker_files;
 use crate::mocap::markers::{FramesOf, Markers};
+use crate::view::ViewPage;
+use crate::view::scene::ViewScene;
+use crate::view::tracks::{SpanKind, ViewSpan};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -40,6 +44,8 @@ pub struct CleanOrder {
     pub edits: Option<PathBuf>,
     /// Gaps whose fill is expected to miss by more are left, m.
     pub tolerance_m: f64,
+    /// A page that shows it.
+    pub html: Option<PathBuf>,
     /// Files may replace those that are there.
     pub replace: bool,
 }
@@ -67,6 +73,8 @@ pub struct CleanReport {
     pub removed_samples: usize,
     /// What was found out, taken for granted or left.
     pub notes: Vec<String>,
+    /// Page written.
+    pub html: Option<String>,
     /// The edit list.
     pub edits: String,
     /// Where.
@@ -129,6 +137,7 @@ pub fn clean(order: &CleanOrder, observer: &dyn Observer) -> Result<CleanReport,
             .allowed("of markers, a file that ends in .c3d, .trc, .csm or .csv"));
     };
     check_free(&order.file, order.replace)?;
+    order.html.as_ref().map_or(Ok(()), |page| check_free(page, order.replace))?;
     let list_file = order.edits.clone().unwrap_or_else(|| order.file.with_extension(EDITS_ENDING));
     let is_given = order.edits.as_ref().is_some_and(|file| file.exists());
     if !is_given {
@@ -169,6 +178,14 @@ pub fn clean(order: &CleanOrder, observer: &dyn Observer) -> Result<CleanReport,
     };
     let before = digest(&mut FramesOf::new(&markers), is_good)?;
     let after = digest(&mut Cleaned::new(&markers, &source, &steps, &filled), is_good)?;
+    if let Some(path) = &order.html {
+        let mut scene = page::body::markers(
+            &mut FramesOf::new(&markers),
+            Some(&mut Cleaned::new(&markers, &source, &steps, &filled)),
+        )?;
+        scene.spans.extend(plan.artefacts.iter().map(ArtefactFigures::span));
+        write_file(path, order.replace, html(order, &plan, scene)?.as_bytes())?;
+    }
     if !is_given {
         let list = EditList {
             schema: SCHEMA,
@@ -196,9 +213,45 @@ pub fn clean(order: &CleanOrder, observer: &dyn Observer) -> Result<CleanReport,
         removed_samples: removed(&markers, &source, &steps),
         notes: notes.cloned().collect(),
         artefacts: plan.artefacts,
+        html: order.html.as_ref().map(|path| path.display().to_string()),
         edits: list_file.display().to_string(),
         written: order.file.display().to_string(),
     })
+}
+
+/// The page: markers as they are now, and as they were, with everything that is wrong on the time line.
+fn html(order: &CleanOrder, plan: &Plan, scene: ViewScene) -> Result<String, Error> {
+    let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
+    for artefact in &plan.artefacts {
+        *counts.entry(artefact.kind.word()).or_default() += 1;
+    }
+    let rows = counts.iter().map(|(kind, count)| ((*kind).to_owned(), count.to_string()));
+    let duration = ("duration".to_owned(), format!("{:.2} s", scene.duration_s));
+    let is_left = |of: &&ArtefactFigures| matches!(of.remedy, Remedy::Leave | Remedy::Remove);
+    let left = plan.artefacts.iter().filter(is_left).count();
+    ViewPage {
+        title: format!("{} cleaned to {}", order.markers.display(), order.file.display()),
+        summary_rows: rows.chain([duration]).collect(),
+        warnings: (left > 0).then(|| format!("{left} found and not mended")).into_iter().collect(),
+        notes: plan.notes.clone(),
+        scene,
+    }
+    .html()
+}
+
+impl ArtefactFigures {
+    /// Where it stands on the time line.
+    fn span(&self) -> ViewSpan {
+        let (kind, done) = match self.remedy {
+            Remedy::Fill => (SpanKind::Mended, "filled"),
+            Remedy::Exchange => (SpanKind::Mended, "exchanged"),
+            Remedy::Remove => (SpanKind::Wrong, "taken out, not filled"),
+            Remedy::Leave => (SpanKind::Wrong, "left"),
+        };
+        let with = self.with.as_ref().map_or_else(String::new, |with| format!(" and {with}"));
+        let label = format!("{}{with}: {done}", self.marker);
+        ViewSpan::new(kind, self.kind.word(), &label, self.start_s, self.end_s)
+    }
 }
 
 /// Samples that were seen and are taken out, filled again or not.

@@ -8,8 +8,9 @@ use crate::draft;
 use crate::error::{Error, ErrorKind};
 use crate::mocap::files::CaptureOptions;
 use crate::mocap::scene::Scene;
-use crate::mocap::{bvh, export, humanoid, opensim, page};
+use crate::mocap::{bvh, export, humanoid, opensim};
 use crate::table::TableWriter;
+use crate::view::scene::page_of;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
@@ -113,7 +114,7 @@ pub fn convert(order: &ConvertOrder) -> Result<ConvertReport, Error> {
         BodyFile::Csv => csv(&angles, &poses, capture.rate_hz)?,
         BodyFile::Bvh => bvh::write(&export::bvh_of(&poses, &body, capture.rate_hz)).into_bytes(),
         BodyFile::X3d => humanoid::x3d_of(&scene()).into_bytes(),
-        BodyFile::Html => page::page_of(&scene()).into_bytes(),
+        BodyFile::Html => page_of(&scene())?.into_bytes(),
         BodyFile::Mot => mot(&order.file, &angles, &poses, capture.rate_hz),
     };
     draft::write_file(&order.file, order.replace, &bytes)?;

@@ -80,10 +80,12 @@ impl Rig {
         let mut report = self.report(&motion.name);
         report.dry_run = options.dry_run;
         report.describe_motion(motion);
-        let series = under_net(&mut report, |report| {
+        let kept = under_net(&mut report, |report| {
             play_on(&mut self.connection, motion, &options, observer, report)
         })?;
-        Ok(Played { report, series })
+        let mut played = Played { report, series: None, scene: None };
+        played.keep(kept);
+        Ok(played)
     }
 
     /// Lets the robot follow goals that `source` makes: asked again and again with what was measured, on

@@ -2,6 +2,7 @@
 
 use super::bodily;
 use super::observer::{Event, Meter, Observer, Progress};
+use super::page::RobotScene;
 use super::recorder::{RunRecorder, Series};
 use super::report::{JointReport, Outcome, OwnProfile, PlayReport, RefereeReport};
 use super::source::{self, MotionOrder, RobotMotion};
@@ -11,6 +12,7 @@ use crate::motion::{Path, Plan, PlanOptions, Setpoint, plan};
 use crate::rig::{Address, Connection, calibrated, connect, patience_words};
 use crate::robot::Robot;
 use crate::robot::preflight::{Preflight, preflight};
+use crate::view::scene::ViewScene;
 use std::path::PathBuf;
 
 pub use crate::motion::plan::SPEEDS;
@@ -101,6 +103,25 @@ pub struct Played {
     pub report: PlayReport,
     /// The robot, and every cycle, if that was asked for and something was played.
     pub series: Option<(Robot, Series)>,
+    /// What a page draws of it, if the cycles were asked for and something was played.
+    pub scene: Option<ViewScene>,
+}
+
+/// What is kept of a run for whoever asked for every cycle.
+pub(super) struct Kept {
+    robot: Robot,
+    series: Series,
+    scene: ViewScene,
+}
+
+impl Played {
+    /// Keeps what was asked for.
+    pub(super) fn keep(&mut self, kept: Option<Kept>) {
+        if let Some(Kept { robot, series, scene }) = kept {
+            self.series = Some((robot, series));
+            self.scene = Some(scene);
+        }
+    }
 }
 
 /// Opens the robot, plays and reports; whatever goes wrong is in the report.
@@ -109,7 +130,7 @@ pub fn play(order: &PlayOrder, observer: &dyn Observer) -> Played {
     let buses = order.buses.iter().map(ToString::to_string).collect();
     let mut report = PlayReport::new(&order.motion.motion, &order.robot, buses);
     report.dry_run = order.options.dry_run;
-    let mut played = Played { report, series: None };
+    let mut played = Played { report, series: None, scene: None };
     let done = under_net(&mut played.report, |report| {
         let (robot, calibration) =
             calibrated(&order.robot, &order.buses, order.calibration.as_deref())?;
@@ -126,7 +147,7 @@ pub fn play(order: &PlayOrder, observer: &dyn Observer) -> Played {
         play_on(&mut connection, &motion, &order.options, observer, report)
     });
     match done {
-        Ok(series) => played.series = series,
+        Ok(kept) => played.keep(kept),
         Err(error) => played.report.describe_refused(&error),
     }
     played
@@ -153,7 +174,7 @@ pub(super) fn play_on(
     options: &Options,
     observer: &dyn Observer,
     report: &mut PlayReport,
-) -> Result<Option<(Robot, Series)>, Error> {
+) -> Result<Option<Kept>, Error> {
     let file = &connection.link.robot().file;
     let rate_hz = options.rate_hz.unwrap_or(file.rate_hz);
     report.cycle_hz = rate_hz;
@@ -168,9 +189,9 @@ pub(super) fn play_on(
     let (path, planned) = plan_from(robot, &found, motion, options)?;
     describe_plan(report, robot, &planned, motion);
     let asked = path.stretched(1.0 / options.speed);
-    let (_, metrics) = bodily::look(robot, motion, &asked, &planned, options.hangs)?;
+    let (base, metrics) = bodily::look(robot, motion, &asked, &planned, options.hangs)?;
     let falls_s = metrics.predicted_fall_s;
-    report.metrics = Some(metrics);
+    report.metrics = Some(metrics.clone());
     if let Some(at_s) = falls_s.filter(|_| !options.allow_fall) {
         may_fall(at_s, connection.world.is_some() || options.dry_run, report)?;
     }
@@ -181,7 +202,26 @@ pub(super) fn play_on(
     if stopped_before_torque(observer, report) {
         return Ok(None);
     }
-    perform(connection, &found, &planned, settings, options, observer, report)
+    let series = perform(connection, &found, &planned, settings, options, observer, report)?;
+    let Some((robot, series)) = series else { return Ok(None) };
+    let drawn = RobotScene {
+        robot: &robot,
+        motion,
+        planned: &planned,
+        speed: options.speed,
+        base: base.as_ref(),
+        metrics: &metrics,
+        series: &series,
+    };
+    // A page that cannot be made changes nothing of what was played.
+    let scene = match drawn.view() {
+        Ok(scene) => scene,
+        Err(error) => {
+            report.notes.push(error.to_string());
+            return Ok(None);
+        }
+    };
+    Ok(Some(Kept { robot, series, scene }))
 }
 
 /// What is said of a fall that is predicted: of a virtual robot, which cannot fall, in a note.

@@ -1,5 +1,6 @@
 //! What a body does, named: events as they happen, and a report at the end.
 
+use super::page;
 use super::source::{self, Source};
 use crate::body::{BodyFigure, Proportions};
 use crate::draft;
@@ -13,6 +14,8 @@ use crate::recognise::model::{ActionModel, BodySide, vocabulary};
 use crate::recognise::points::{Lengths, Points};
 use crate::recognise::stream::Recogniser;
 use crate::table::TableWriter;
+use crate::view::ViewPage;
+use crate::view::tracks::{SpanKind, ViewSpan};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::io::Read;
@@ -38,6 +41,8 @@ pub struct RecogniseOrder {
     pub equations: EquationReading,
     /// A table of what was found.
     pub labels: Option<PathBuf>,
+    /// A page that shows it.
+    pub html: Option<PathBuf>,
     /// It may replace one that is there.
     pub replace: bool,
 }
@@ -133,6 +138,8 @@ pub struct RecogniseReport {
     pub events: Vec<RecognisedAction>,
     /// Models that could not fire.
     pub blind: Vec<BlindModel>,
+    /// Page written.
+    pub html: Option<String>,
     /// Choices made on the way.
     pub notes: Vec<String>,
 }
@@ -229,6 +236,11 @@ pub fn recognise(
     if let Some(path) = &order.labels {
         draft::write_file(path, order.replace, &labels(&found.events)?)?;
     }
+    if let Some(path) = &order.html {
+        let title = format!("what is done in {}", order.motion);
+        let html = page(&title, &capture, &found)?;
+        draft::write_file(path, order.replace, html.as_bytes())?;
+    }
     Ok(RecogniseReport {
         outcome: "done",
         motion: order.motion.clone(),
@@ -238,9 +250,42 @@ pub fn recognise(
         noise_m: found.noise_m,
         events: found.events,
         blind: found.blind,
+        html: order.html.as_ref().map(|path| path.display().to_string()),
         notes: capture.notes,
         source,
     })
+}
+
+/// The person, with all actions and their phases on the time line.
+fn page(title: &str, capture: &Capture, found: &Found) -> Result<String, Error> {
+    let mut scene = page::body::person(capture)?;
+    for event in &found.events {
+        let side = event.side.map_or_else(String::new, |side| format!(" {}", side.word()));
+        let name = format!("{}{side}", event.action);
+        let (start_s, end_s) = (event.start_s, event.end_s);
+        scene.spans.push(ViewSpan::new(SpanKind::Event, &name, &name, start_s, end_s));
+        let row = format!("{name}: phases");
+        scene.spans.extend(event.phases.iter().map(|phase| {
+            ViewSpan::new(SpanKind::Phase, &row, &phase.name, phase.start_s, phase.end_s)
+        }));
+    }
+    let models = format!("{} looked on, {} could not see", found.models, found.blind.len());
+    let rows = [
+        ("events", found.events.len().to_string()),
+        ("models", models),
+        ("duration", format!("{:.2} s", scene.duration_s)),
+    ];
+    let blind = found.blind.iter().map(|of| {
+        format!("{} is blind: the source does not show {}", of.model, of.missing.join(", "))
+    });
+    ViewPage {
+        title: title.to_owned(),
+        summary_rows: rows.into_iter().map(|(name, said)| (name.to_owned(), said)).collect(),
+        warnings: Vec::new(),
+        notes: capture.notes.iter().cloned().chain(blind).collect(),
+        scene,
+    }
+    .html()
 }
 
 /// What was found in a capture.

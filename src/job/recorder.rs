@@ -24,6 +24,34 @@ pub struct Series {
     pub goal_velocity_rad_s: Vec<Vec<f64>>,
     /// Measured angles, by joint; NaN where the read was missed.
     pub present_rad: Vec<Vec<f64>>,
+    /// Measured speeds, by joint; NaN where none was read, as in all that follow.
+    pub velocity_rad_s: Vec<Vec<f64>>,
+    /// Currents, by joint.
+    pub current_a: Vec<Vec<f64>>,
+    /// Loads as part of the full one, by joint.
+    pub load_ratio: Vec<Vec<f64>>,
+    /// Temperatures, by joint.
+    pub temperature_c: Vec<Vec<f64>>,
+    /// Voltages, by joint.
+    pub voltage_v: Vec<Vec<f64>>,
+}
+
+impl Series {
+    /// Series of so many joints, without a cycle.
+    fn of(joints: usize) -> Self {
+        let none = || vec![Vec::new(); joints];
+        Self {
+            time_s: Vec::new(),
+            goal_rad: none(),
+            goal_velocity_rad_s: none(),
+            present_rad: none(),
+            velocity_rad_s: none(),
+            current_a: none(),
+            load_ratio: none(),
+            temperature_c: none(),
+            voltage_v: none(),
+        }
+    }
 }
 
 /// Takes every cycle of a run.
@@ -57,12 +85,7 @@ impl RunRecorder {
             }
         };
         let joints = connection.link.robot().joints.len();
-        let series = plots.then(|| Series {
-            time_s: Vec::new(),
-            goal_rad: vec![Vec::new(); joints],
-            goal_velocity_rad_s: vec![Vec::new(); joints],
-            present_rad: vec![Vec::new(); joints],
-        });
+        let series = plots.then(|| Series::of(joints));
         let patient = !connection.real_time;
         Ok(Self { recorder, patient, of_system: None, series, began: None })
     }
@@ -170,8 +193,20 @@ impl Sink for Metered<'_> {
             for (index, state) in sample.states.iter().enumerate() {
                 series.goal_rad[index].push(sample.goal_rad[index]);
                 series.goal_velocity_rad_s[index].push(sample.goal_velocity_rad_s[index]);
-                let present = state.as_ref().map_or(f64::NAN, |(state, _)| state.position_rad);
-                series.present_rad[index].push(present);
+                let state = state.as_ref().ok().map(|(state, _)| state);
+                let health =
+                    sample.health.as_ref().filter(|(joint, _)| *joint == index).map(|(_, of)| of);
+                let or_gap = |value: Option<f64>| value.unwrap_or(f64::NAN);
+                series.present_rad[index].push(or_gap(state.map(|state| state.position_rad)));
+                series.velocity_rad_s[index].push(or_gap(state.and_then(|of| of.velocity_rad_s)));
+                series.current_a[index].push(or_gap(state.and_then(|of| of.current_a)));
+                series.load_ratio[index].push(or_gap(state.and_then(|of| of.load_ratio)));
+                let temperature_c = state.and_then(|of| of.temperature_c);
+                let temperature_c = temperature_c.or(health.and_then(|of| of.temperature_c));
+                series.temperature_c[index].push(or_gap(temperature_c));
+                let voltage_v = state.and_then(|of| of.voltage_v);
+                let voltage_v = voltage_v.or(health.and_then(|of| of.voltage_v));
+                series.voltage_v[index].push(or_gap(voltage_v));
             }
         }
         let at = self.recorder.moment(sample.at);

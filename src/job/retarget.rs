@@ -4,8 +4,9 @@ mod bvh;
 
 use super::bodily;
 use super::model::robot_model;
+use super::page::{RobotScene, page};
 use super::play::describe_plan;
-use super::recorder::recorded_joint;
+use super::recorder::{Series, recorded_joint};
 use super::report::{Outcome, OwnProfile, PlayReport};
 use super::source::joints::BASE_TITLES;
 use super::source::{self, MotionOrder};
@@ -43,6 +44,8 @@ pub struct RetargetOrder {
     pub hangs: bool,
     /// Nothing is said of a fall that is predicted, but in the figures.
     pub allow_fall: bool,
+    /// A page that shows it.
+    pub html: Option<PathBuf>,
 }
 
 /// From the robot's initial pose through the motion, as it would be played.
@@ -81,6 +84,12 @@ pub fn retarget(order: &RetargetOrder) -> Result<PlayReport, Error> {
     report.outcome = Outcome::Done;
     report.profiles = OwnProfile::of(&robot);
     report.describe_motion(&loaded);
+    let scene = order.html.as_ref().map(|_| {
+        let series = goals(&planned, rate_hz);
+        let (robot, speed) = (&robot, order.speed);
+        let (motion, planned, metrics, series) = (&loaded, &planned, &metrics, &series);
+        RobotScene { robot, motion, planned, speed, base, metrics, series }.view()
+    });
     let falls_s = metrics.predicted_fall_s.filter(|_| !order.allow_fall);
     report.notes.extend(falls_s.map(bodily::fall_note));
     report.metrics = Some(metrics);
@@ -90,6 +99,10 @@ pub fn retarget(order: &RetargetOrder) -> Result<PlayReport, Error> {
         "the file begins with {:.2} s of transition from the robot's initial pose",
         report.approach_s
     ));
+    if let (Some(path), Some(scene)) = (&order.html, scene) {
+        report.html = Some(path.display().to_string());
+        draft::write_file(path, order.replace, page(&report, scene?)?.as_bytes())?;
+    }
     Ok(report)
 }
 
@@ -133,6 +146,19 @@ fn rows(planned: &Plan, rate_hz: f64) -> impl Iterator<Item = (f64, Vec<f64>)> {
         trajectory.sample(time_s, &mut setpoints);
         (time_s, setpoints.iter().map(|setpoint| setpoint.position_rad).collect())
     })
+}
+
+/// The goals as a page shows them.
+fn goals(planned: &Plan, rate_hz: f64) -> Series {
+    let goal_rad = vec![Vec::new(); planned.trajectory.joints().len()];
+    let mut series = Series { goal_rad, ..Series::default() };
+    for (time_s, pose) in rows(planned, rate_hz) {
+        series.time_s.push(time_s);
+        for (goals, goal_rad) in series.goal_rad.iter_mut().zip(pose) {
+            goals.push(goal_rad);
+        }
+    }
+    series
 }
 
 fn csv(planned: &Plan, base: Option<&BasePath>, rate_hz: f64) -> Result<Vec<u8>, Error> {

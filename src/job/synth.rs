@@ -15,7 +15,8 @@ use crate::body::{BodyFigure, Proportions, SegmentPose, Sex};
 use crate::draft;
 use crate::error::{Error, ErrorKind};
 use crate::mocap::scene::Scene;
-use crate::mocap::{bvh, export, humanoid, page};
+use crate::mocap::{bvh, export, humanoid};
+use crate::view::scene::page_of;
 use serde::Serialize;
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -353,11 +354,16 @@ fn bytes_of(
     body: &Proportions,
     motion: &Motion,
 ) -> Result<Vec<u8>, Error> {
-    let poses = || motion.poses(body, order.rate_hz);
-    let scene = |poses: &[SegmentPose], write: fn(&Scene<'_>) -> String| {
-        let rate_hz = order.rate_hz;
-        write(&Scene { title, poses, body, rate_hz, floor_m: 0.0, has_feet: true }).into_bytes()
-    };
+    let rate_hz = order.rate_hz;
+    let poses = || motion.poses(body, rate_hz);
+    fn scene<'a>(
+        title: &'a str,
+        poses: &'a [SegmentPose],
+        body: &'a Proportions,
+        rate_hz: f64,
+    ) -> Scene<'a> {
+        Scene { title, poses, body, rate_hz, floor_m: 0.0, has_feet: true }
+    }
     match order.file.extension().and_then(|e| e.to_str()).unwrap_or_default() {
         "csv" => {
             let mut bytes = Vec::new();
@@ -365,8 +371,8 @@ fn bytes_of(
             Ok(bytes)
         }
         "bvh" => Ok(bvh::write(&export::bvh_of(&poses()?, body, order.rate_hz)).into_bytes()),
-        "x3d" => Ok(scene(&poses()?, humanoid::x3d_of)),
-        "html" => Ok(scene(&poses()?, page::page_of)),
+        "x3d" => Ok(humanoid::x3d_of(&scene(title, &poses()?, body, rate_hz)).into_bytes()),
+        "html" => Ok(page_of(&scene(title, &poses()?, body, rate_hz))?.into_bytes()),
         _ => Err(Error::of(ErrorKind::Unknown, "this kind of file cannot be written")
             .at("-o")
             .got(order.file.display().to_string())

@@ -36,7 +36,31 @@ impl RobotBody {
     /// # Errors
     /// A joint without a place, or numbers that no body has.
     pub fn of(file: &profiles::Robot) -> Result<Option<Self>, Error> {
-        let Some(body) = &file.body else { return Ok(None) };
+        file.body.as_ref().map(|body| Self::made(file, body)).transpose()
+    }
+
+    /// The joints of a robot's file as a tree without masses and shapes, screwed down; nothing unless every joint
+    /// has a place.
+    ///
+    /// # Errors
+    /// As [`RobotBody::of`].
+    pub fn bare(file: &profiles::Robot) -> Result<Option<Self>, Error> {
+        let is_placed = |joint: &profiles::Joint| joint.origin_m.is_some() && joint.axis.is_some();
+        if !file.joints.iter().all(is_placed) {
+            return Ok(None);
+        }
+        let nothing = profiles::Body {
+            base: BaseKind::Fixed,
+            source: String::new(),
+            licence: String::new(),
+            shape_source: String::new(),
+            links: Vec::new(),
+            coupled: Vec::new(),
+        };
+        Self::made(file, &nothing).map(Some)
+    }
+
+    fn made(file: &profiles::Robot, body: &profiles::Body) -> Result<Self, Error> {
         let missing = |name: &str| {
             Error::of(ErrorKind::Malformed, "a joint of the body has no place")
                 .at(format!("robot {}, joint {name}", file.name))
@@ -101,7 +125,7 @@ impl RobotBody {
             Some(place) => e.at(format!("robot {}, {place}", file.name)),
             None => e.at(format!("robot {}", file.name)),
         })?;
-        Ok(Some(Self { tree, base: body.base, volumes, soles, joints: file.joints.len() }))
+        Ok(Self { tree, base: body.base, volumes, soles, joints: file.joints.len() })
     }
 
     /// Whether two links are at most two joints apart: one carries the other, or what carries it, or

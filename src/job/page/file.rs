@@ -1,0 +1,166 @@
+//! Pages of what a file holds: a capture, markers, a robot's recording.
+
+use super::{NamedLimits, drawable, joint_tracks, sampled};
+use crate::body::worn::kept::Kept;
+use crate::error::{Error, ErrorKind};
+use crate::job::recorder::Series;
+use crate::job::source;
+use crate::mocap::files::{self, CaptureOptions};
+use crate::mocap::{marker_files, opensim};
+use crate::recording::{self, CycleRecord, JointRecord, RecordedJoint, Recording};
+use crate::retarget::base::{self, BasePath, Held, StandingSole};
+use crate::robot::Robot;
+use crate::session::angles::{WornMotion, body_of};
+use crate::session::files::BODY_KEY;
+use crate::view::ViewPage;
+use crate::view::robot::{RobotTrack, collisions, still};
+use crate::view::scene::ViewScene;
+use crate::view::tracks::{SpanKind, ViewSpan};
+use std::path::Path;
+
+/// Poses per second of somebody who wore sensors.
+const WORN_HZ: f64 = 60.0;
+/// Instants per second in which a base is looked for, at most.
+const MOST_HZ: f64 = 100.0;
+
+/// The page of a file: of a capture the person, of markers the points, of a recording the robot.
+///
+/// # Errors
+/// A file that cannot be read, or shows none of these.
+pub fn page(path: &Path, options: &CaptureOptions) -> Result<String, Error> {
+    let mut page = ViewPage { title: path.display().to_string(), ..ViewPage::default() };
+    if marker_files::format_of(path).is_some() {
+        let mut reader = marker_files::open(path)?;
+        if let Some(rate_hz) = options.rate_hz {
+            reader.set_rate(rate_hz);
+        }
+        page.scene = super::body::markers(&mut reader, None)?;
+    } else if files::format_of(path).is_some() || opensim::is_named(path) {
+        let (capture, _) = source::body_motion(&page.title, None, options)?;
+        page.scene = super::body::person(&capture)?;
+        page.notes = capture.notes;
+    } else if let Some(scene) = worn(path, &mut page.notes)? {
+        page.scene = scene;
+    } else {
+        page.scene = recorded(&recording::read(path)?, &mut page.notes)
+            .map_err(|error| error.at(path.display().to_string()))?;
+    }
+    let duration = format!("{:.2} s", page.scene.duration_s);
+    page.summary_rows.push(("duration".to_owned(), duration));
+    page.html()
+}
+
+/// The person who wore the sensors of a recording that knows how they were worn.
+fn worn(path: &Path, notes: &mut Vec<String>) -> Result<Option<ViewScene>, Error> {
+    let metadata = recording::run_start(path)?.map(|start| start.metadata).unwrap_or_default();
+    let Some(text) = metadata.get(BODY_KEY) else { return Ok(None) };
+    let at_path = |error: Error| error.at(path.display().to_string());
+    let kept = Kept::parse(text).map_err(at_path)?;
+    let series = recording::sensor_series(path)?;
+    let motion = WornMotion::of(&series, &kept, body_of(&metadata)?, WORN_HZ).map_err(at_path)?;
+    let not_worn = motion.not_worn();
+    if !not_worn.is_empty() {
+        notes.push(format!("not worn, and therefore at rest: {}", not_worn.join(", ")));
+    }
+    let WornMotion { body, poses, rate_hz, worn, .. } = &motion;
+    let mut scene = super::body::in_poses(body, poses, *rate_hz, worn);
+    let began = series.start.as_ref().map(|start| start.monotonic_start).unwrap_or_default();
+    // Poses begin when all sensors have spoken.
+    let late_s = (motion.start_ns as f64 - series.start_ns() as f64) * 1e-9;
+    scene.spans.extend(series.markers.iter().map(|mark| {
+        let at_s = mark.at.seconds_since(began) - late_s;
+        ViewSpan::new(SpanKind::Event, "marked", &mark.text, at_s, at_s)
+    }));
+    Ok(Some(scene))
+}
+
+/// What a robot did.
+fn recorded(recording: &Recording, notes: &mut Vec<String>) -> Result<ViewScene, Error> {
+    let nothing = || {
+        Error::of(ErrorKind::Absent, "the recording has no joints of a robot to show")
+            .remedy("`gaitway convert` makes a motion of worn sensors, which a page can show")
+    };
+    let start = recording.start.as_ref().ok_or_else(nothing)?;
+    let first = recording.cycles.first().filter(|_| !start.joints.is_empty());
+    let first = first.ok_or_else(nothing)?.at;
+    let series = series(&recording.cycles, start.joints.len(), first);
+    let duration_s = series.time_s.last().copied().unwrap_or(0.0);
+    let limits: Vec<NamedLimits> = start
+        .joints
+        .iter()
+        .map(|of: &RecordedJoint| NamedLimits {
+            name: of.name.clone(),
+            range_rad: of.lower_rad.zip(of.upper_rad).map(|(low, high)| [low, high]),
+            velocity_rad_s: of.velocity_limit_rad_s,
+            acceleration_rad_s2: of.acceleration_limit_rad_s2,
+        })
+        .collect();
+    let mut scene = ViewScene {
+        duration_s,
+        joints: Some(joint_tracks(&series, limits)),
+        ..ViewScene::default()
+    };
+    let robot = Robot::load(&start.robot).ok().filter(|robot| {
+        robot.joints.len() == start.joints.len()
+            && robot.joints.iter().zip(&start.joints).all(|(one, two)| one.name == two.name)
+    });
+    let Some(robot) = robot else {
+        notes.push(format!("{} is not known here as it was recorded: not drawn", start.robot));
+        return Ok(scene);
+    };
+    let Some(body) = drawable(&robot)? else { return Ok(scene) };
+    let start_rad: Vec<f64> = robot.joints.iter().map(|joint| joint.initial_rad).collect();
+    let mean_hz = series.time_s.len() as f64 / duration_s.max(1e-3);
+    let rate_hz = mean_hz.min(robot.file.rate_hz).clamp(1.0, MOST_HZ);
+    let count = (duration_s * rate_hz) as usize + 1;
+    let has_goals = series.goal_rad.iter().any(|goal| goal.iter().any(|goal| goal.is_finite()));
+    let told = if has_goals { &series.goal_rad } else { &series.present_rad };
+    let poses = sampled(&series.time_s, told, rate_hz, count, &start_rad);
+    let soles = StandingSole::all(&body);
+    let held = Held::of(&body, &soles, false);
+    let base = said(&recording.cycles, duration_s).unwrap_or_else(|| {
+        if held == Held::Fixed {
+            return still(&body, &start_rad);
+        }
+        notes.push("where the base was is worked out from joints and soles".to_owned());
+        base::path(&body, &soles, held, &poses, rate_hz, |_| None)
+    });
+    scene.robot = Some(RobotTrack::of(&robot.name, &body, &base));
+    scene.spans = collisions(&body, &start_rad, &poses, rate_hz);
+    Ok(scene)
+}
+
+/// Where the base was meant to be, if every cycle says so.
+fn said(cycles: &[CycleRecord], duration_s: f64) -> Option<BasePath> {
+    let of = |cycle: &CycleRecord| cycle.base.as_deref().copied();
+    let all: Vec<recording::BaseRecord> = cycles.iter().map(of).collect::<Option<_>>()?;
+    let places =
+        all.iter().map(|base| crate::rigid::Placement { at_m: base.at_m, turn: base.turn });
+    Some(BasePath {
+        rate_hz: all.len().saturating_sub(1).max(1) as f64 / duration_s.max(1e-3),
+        places: places.collect(),
+        contacts: all.iter().map(|base| base.contacts).collect(),
+    })
+}
+
+/// The cycles as series.
+fn series(cycles: &[CycleRecord], joints: usize, first: crate::time::Instant) -> Series {
+    let by_joint = |value: &dyn Fn(&JointRecord) -> Option<f64>| -> Vec<Vec<f64>> {
+        let of = |joint: usize| {
+            let read = |cycle: &CycleRecord| value(cycle.joints.get(joint)?);
+            cycles.iter().map(|cycle| read(cycle).unwrap_or(f64::NAN)).collect()
+        };
+        (0..joints).map(of).collect()
+    };
+    Series {
+        time_s: cycles.iter().map(|cycle| cycle.at.seconds_since(first)).collect(),
+        goal_rad: by_joint(&|of| of.goal_rad),
+        goal_velocity_rad_s: Vec::new(),
+        present_rad: by_joint(&|of| of.present_position_rad),
+        velocity_rad_s: by_joint(&|of| of.present_velocity_rad_s),
+        current_a: by_joint(&|of| of.present_current_a),
+        load_ratio: by_joint(&|of| of.present_load_ratio),
+        temperature_c: by_joint(&|of| of.temperature_c),
+        voltage_v: by_joint(&|of| of.voltage_v),
+    }
+}

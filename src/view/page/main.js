@@ -1,0 +1,317 @@
+// ---- the page ----
+
+const byId = id => document.getElementById(id);
+const data = JSON.parse(byId("data").textContent);
+const joints = data.joints && {
+  clock: clockOf(data.joints.clock),
+  list: data.joints.joints.map(joint => ({
+    ...joint, goal: joint.goal && decoded(joint.goal), present: joint.present && joint.present.count && decoded(joint.present),
+  })),
+};
+const robot = data.robot && joints ? new Robot(data.robot, joints) : null;
+const person = data.person ? new Person(data.person) : null;
+const markers = data.markers ? new Markers(data.markers) : null;
+const duration = Math.max(data.duration_s, 1e-3);
+const view = { window: [0, duration], duration };
+const stepClock = joints ? joints.clock : person ? person.clock : markers ? markers.clock : null;
+const said = byId("said"), headInput = byId("head"), playButton = byId("play"), canvas = byId("scene");
+let now = 0, playing = false, before = null, stale = true, frames = 0, slowest = 0;
+
+const active = t => data.spans.filter(span => span.start_s <= t + 1e-6 && t <= Math.max(span.end_s, span.start_s + 0.05));
+const isWrong = t => new Set(active(t).flatMap(span => span.links || []));
+
+// ---- in space ----
+let stage = null;
+const nothing = byId("nothing");
+if (robot || person || markers) {
+  try { stage = new Stage(canvas, { robot, person, markers, isWrong }); } catch (error) {
+    nothing.textContent = `This browser draws nothing in space (${error.message}): signals and times are below.`;
+  }
+} else { nothing.textContent = "Nothing is drawn in space: the robot's file does not say where its joints are."; }
+if (!stage) { nothing.hidden = false; canvas.hidden = true; byId("stage").classList.add("empty"); }
+
+const check = (place, text, on, change) => {
+  const label = document.createElement("label"), input = document.createElement("input");
+  input.type = "checkbox"; input.checked = on;
+  input.addEventListener("change", () => { change(input.checked); stale = true; });
+  label.append(input, ` ${text}`);
+  place.append(label);
+};
+if (stage) {
+  for (const [part, name] of Object.entries(PARTS)) if (stage.has(part)) check(byId("shown"), name, true, yes => stage.show(part, yes));
+  if (robot && person) check(byId("shown"), "true size", false, yes => { stage.trueSize = yes; });
+}
+
+// ---- what can be chosen ----
+const channels = channelsOf(data, joints, person, markers), chosen = new Set(), plots = [];
+const quantities = [...new Set(channels.flatMap(channel => channel.plots.map(plot => plot.quantity)))];
+const wanted = new Set(joints ? ["angle", "velocity", "force"] : quantities);
+const buttons = new Map();
+
+function choose(n, yes = !chosen.has(n)) {
+  if (yes) chosen.add(n); else chosen.delete(n);
+  buttons.get(n).setAttribute("aria-pressed", String(yes));
+  if (stage) stage.chosen = new Set([...chosen].map(index => channels[index].joint));
+  document.documentElement.dataset.chosen = [...chosen].map(index => channels[index].name).join(" ");
+  replot();
+}
+
+function replot() {
+  byId("plots").replaceChildren();
+  plots.length = 0;
+  for (const n of chosen) {
+    for (const plot of channels[n].plots) if (wanted.has(plot.quantity)) plots.push(new Plot(byId("plots"), channels[n], plot, view));
+  }
+  plots.forEach(plot => plot.draw());
+  stale = true;
+}
+
+function buildChoice() {
+  const place = byId("choice");
+  if (!channels.length) { byId("signals").hidden = true; document.querySelector("main").classList.add("alone"); return; }
+  const list = (title, which, open) => {
+    const members = channels.map((channel, n) => n).filter(n => which(channels[n]));
+    if (!members.length) return;
+    const box = document.createElement("details"), summary = document.createElement("summary");
+    box.open = open; summary.textContent = `${members.length} ${title}`;
+    box.append(summary);
+    for (const n of members) {
+      const button = document.createElement("button");
+      button.type = "button"; button.textContent = channels[n].name; button.className = channels[n].mended ? "chip mended" : "chip";
+      button.setAttribute("aria-pressed", "false");
+      button.addEventListener("click", () => choose(n));
+      buttons.set(n, button);
+      box.append(button);
+    }
+    place.append(box);
+  };
+  const what = joints ? "joints" : "signals";
+  list(joints ? "joints that move" : markers ? "labelled markers" : channels.length > 1 ? "signals" : "signal", channel => channel.moves, true);
+  list(markers ? "points without a label" : `${what} that never move`, channel => !channel.moves, false);
+  if (quantities.length > 1) {
+    const bar = document.createElement("div");
+    bar.className = "quantities"; bar.setAttribute("role", "group"); bar.setAttribute("aria-label", "Quantities");
+    for (const quantity of quantities) check(bar, quantity, wanted.has(quantity), yes => { if (yes) wanted.add(quantity); else wanted.delete(quantity); replot(); });
+    place.append(bar);
+  }
+}
+
+// What somebody would look at first: the joint that travels furthest, a marker that was mended.
+function firstChoice() {
+  if (!channels.length) return null;
+  const asked = new URLSearchParams(location.hash.slice(1)).get("joint");
+  const named = channels.findIndex(channel => channel.name === asked);
+  if (named >= 0) return named;
+  if (!joints) return ["mended", "moves"].map(what => channels.findIndex(channel => channel[what])).find(at => at >= 0) ?? 0;
+  const travel = channels.map(channel => { const [low, high] = channel.plots[0].curves.length ? extent(channel.plots[0].curves[0], [0, duration]) : [0, 0]; return high - low; });
+  return travel.indexOf(Math.max(...travel));
+}
+
+// ---- time ----
+const rows = [];
+for (const span of data.spans) {
+  let row = rows.find(known => known.name === span.row);
+  if (!row) { row = { name: span.row, spans: [] }; rows.push(row); }
+  row.spans.push(span);
+}
+const flags = (names, values, clock) => names.forEach((name, bit) => rows.push({ name, spans: [], times: runs(values, clock, sum => sum >> bit & 1) }));
+if (robot && robot.soles.length) flags(["left foot stands", "right foot stands"], robot.contacts, robot.clock);
+if (person && person.contacts && !robot) flags(["left heel", "left toe", "right heel", "right toe"], person.contacts, person.clock);
+const line = new Line(byId("line"), rows, view);
+if (!rows.length) byId("line").hidden = true;
+
+function buildEvents() {
+  const told = data.spans.filter(span => span.kind !== "part" && span.kind !== "phase").slice(0, 500);
+  const box = byId("events");
+  if (!told.length) { box.hidden = true; return; }
+  box.querySelector("summary").textContent = `${told.length} events`;
+  for (const span of told) {
+    const item = document.createElement("li"), button = document.createElement("button");
+    button.type = "button"; button.className = `told ${span.kind}`;
+    const end = span.end_s > span.start_s ? ` to ${span.end_s.toFixed(2)}` : "";
+    button.textContent = `${span.start_s.toFixed(2)}${end} s: ${span.row === span.label ? "" : `${span.row}: `}${span.label}`;
+    button.addEventListener("click", () => { play(false); go(span.start_s, true); });
+    item.append(button);
+    box.querySelector("ol").append(item);
+  }
+}
+
+function words(t) {
+  const parts = [`${t.toFixed(2)} s`];
+  const feet = (values, clock, names) => {
+    const sum = values[clock.at(t)], down = names.filter((_, bit) => sum >> bit & 1);
+    parts.push(down.length ? `on the floor: ${down.join(", ")}` : "nothing on the floor");
+  };
+  if (robot && robot.soles.length) feet(robot.contacts, robot.clock, ["left foot", "right foot"]);
+  else if (!robot && person && person.contacts) feet(person.contacts, person.clock, ["left heel", "left toe", "right heel", "right toe"]);
+  for (const span of active(t)) parts.push(span.kind === "wrong" || span.kind === "doubt" ? `${span.row}: ${span.label}` : span.label);
+  return [...new Set(parts)].join(" \u00b7 ");
+}
+
+function go(t, tells) {
+  now = Math.max(0, Math.min(duration, t));
+  stale = true;
+  if (tells) {
+    const heard = [...chosen].slice(0, 3).map(n => channels[n].plots[0]).map((plot, k) => {
+      const name = channels[[...chosen][k]].name;
+      return `${name} ${plot.curves.map(curve => `${curve.name} ${(valuesOf(curve)[curve.clock.at(now)] * curve.scale).toFixed(1)} ${plot.unit}`).join(", ")}`;
+    });
+    said.textContent = [words(now), ...heard].join("; ");
+  }
+}
+
+function play(on) {
+  playing = on;
+  before = null;
+  if (on && now >= duration) now = 0;
+  playButton.textContent = on ? "pause" : "play";
+  if (!on) go(now, true);
+  stale = true;
+}
+
+function step(by) {
+  play(false);
+  if (!stepClock) return;
+  const at = Math.max(0, Math.min(stepClock.count - 1, stepClock.at(now) + by));
+  go(stepClock.time(at), true);
+}
+
+function zoomTo(from, to) {
+  view.window = to - from > duration * 0.002 ? [Math.max(0, from), Math.min(duration, to)] : [0, duration];
+  plots.forEach(plot => plot.draw());
+  stale = true;
+}
+
+function redraw() {
+  const began = performance.now();
+  if (stage) { stage.put(now); stage.draw(); }
+  plots.forEach(plot => plot.head(now));
+  if (rows.length) line.head(now);
+  headInput.value = now;
+  headInput.setAttribute("aria-valuetext", `${now.toFixed(2)} s`);
+  byId("clock").textContent = `${now.toFixed(2)} of ${duration.toFixed(2)} s`;
+  byId("now").textContent = words(now);
+  frames += 1;
+  slowest = Math.max(slowest, performance.now() - began);
+  const { dataset } = document.documentElement;
+  dataset.time = now.toFixed(4); dataset.frames = frames; dataset.playing = playing;
+}
+
+function tick(stamp) {
+  if (playing) {
+    if (before !== null) {
+      let next = now + ((stamp - before) / 1000) * Number(byId("speed").value);
+      if (next >= duration) { if (byId("loop").checked) next %= duration; else { next = duration; play(false); } }
+      now = next;
+    }
+    before = stamp;
+    stale = true;
+  }
+  if (stale) { stale = false; redraw(); }
+  requestAnimationFrame(tick);
+}
+
+function redrawAll() {
+  if (rows.length) headInput.style.cssText = `margin-left: ${line.left() - 8}px; width: calc(100% - ${line.left() - 8 + RIGHT - 8}px)`;
+  plots.forEach(plot => plot.draw());
+  if (rows.length) line.draw();
+  stale = true;
+}
+
+// ---- hands ----
+playButton.addEventListener("click", () => play(!playing));
+byId("back").addEventListener("click", () => step(-1));
+byId("forth").addEventListener("click", () => step(1));
+headInput.max = duration;
+headInput.addEventListener("input", () => { playing && play(false); go(Number(headInput.value)); });
+headInput.addEventListener("change", () => go(Number(headInput.value), true));
+byId("follow").addEventListener("change", event => { if (stage) stage.follows = event.target.checked; stale = true; });
+
+const onLine = event => { if (event.buttons) { playing && play(false); go(line.time(event.offsetX)); } };
+byId("line").addEventListener("pointerdown", onLine);
+byId("line").addEventListener("pointermove", onLine);
+
+let dragFrom = null;
+const plotUnder = event => plots.find(plot => plot.canvas === event.target);
+byId("plots").addEventListener("pointerdown", event => { const plot = plotUnder(event); if (plot) dragFrom = plot.time(event.offsetX); });
+byId("plots").addEventListener("pointerup", event => {
+  const plot = plotUnder(event), from = dragFrom;
+  dragFrom = null;
+  if (!plot || from === null) return;
+  const to = plot.time(event.offsetX);
+  if (Math.abs(to - from) > (view.window[1] - view.window[0]) * 0.02) zoomTo(Math.min(from, to), Math.max(from, to));
+  else { playing && play(false); go(to, true); }
+});
+byId("plots").addEventListener("dblclick", () => zoomTo(0, duration));
+
+if (stage) {
+  const touches = new Map();
+  let moved = 0;
+  canvas.addEventListener("pointerdown", event => { touches.set(event.pointerId, [event.clientX, event.clientY]); moved = 0; canvas.setPointerCapture(event.pointerId); });
+  canvas.addEventListener("pointermove", event => {
+    const last = touches.get(event.pointerId);
+    if (!last) return;
+    const [dx, dy] = [event.clientX - last[0], event.clientY - last[1]];
+    if (touches.size === 2) {
+      const other = [...touches].find(([id]) => id !== event.pointerId)[1];
+      const apart = p => Math.hypot(p[0] - other[0], p[1] - other[1]) || 1;
+      zoom(apart([event.clientX, event.clientY]) / apart(last));
+    } else { orbit(-dx * 0.008, dy * 0.008); }
+    moved += Math.abs(dx) + Math.abs(dy);
+    touches.set(event.pointerId, [event.clientX, event.clientY]);
+  });
+  const ends = event => {
+    if (touches.delete(event.pointerId) && event.type === "pointerup" && moved < 6) {
+      const found = stage.pick(event.offsetX, event.offsetY);
+      const at = found === null ? -1 : channels.findIndex(channel => channel.joint === found);
+      if (at >= 0) { choose(at); buttons.get(at).closest("details").open = true; }
+    }
+  };
+  canvas.addEventListener("pointerup", ends);
+  canvas.addEventListener("pointercancel", ends);
+  canvas.addEventListener("wheel", event => { event.preventDefault(); zoom(Math.exp(-event.deltaY * 0.0012)); }, { passive: false });
+  canvas.addEventListener("keydown", event => {
+    const turns = { ArrowLeft: [-0.1, 0], ArrowRight: [0.1, 0], ArrowUp: [0, 0.06], ArrowDown: [0, -0.06] }[event.key];
+    if (turns) orbit(...turns);
+    else if (event.key === "+" || event.key === "=") zoom(1.1);
+    else if (event.key === "-") zoom(1 / 1.1);
+    else return;
+    event.preventDefault();
+    event.stopPropagation();
+  });
+}
+function orbit(turn, tilt) { stage.turn += turn; stage.tilt = Math.max(-0.3, Math.min(1.5, stage.tilt + tilt)); stale = true; }
+function zoom(by) { stage.zoom = Math.max(0.15, Math.min(12, stage.zoom * by)); stale = true; }
+
+addEventListener("keydown", event => {
+  if (event.ctrlKey || event.metaKey || event.altKey || /^(BUTTON|SELECT|SUMMARY)$/.test(event.target.tagName)) return;
+  const keys = {
+    " ": () => play(!playing), ",": () => step(-1), ".": () => step(1), Home: () => go(0, true), End: () => go(duration, true),
+    f: () => byId("follow").click(), l: () => byId("loop").click(),
+  };
+  const speed = "123456".indexOf(event.key);
+  if (speed >= 0 && event.key.length === 1) byId("speed").selectedIndex = speed;
+  else if (keys[event.key] && !(event.target.type === "checkbox" && event.key === " ")) keys[event.key]();
+  else return;
+  event.preventDefault();
+});
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { if (stage) stage.theme(); redrawAll(); });
+
+buildChoice();
+buildEvents();
+const first = firstChoice();
+if (first !== null) choose(first, true);
+// A fixed moment for whoever opens page.html#t=1.5
+const asked = parseFloat(new URLSearchParams(location.hash.slice(1)).get("t"));
+if (asked >= 0) go(asked, true);
+new ResizeObserver(redrawAll).observe(document.querySelector("main"));
+// For tests, and for whoever looks into a page: figures of what is drawn.
+window.gaitway = {
+  figures: () => ({ now, duration, playing, frames, slowest_ms: slowest, chosen: [...chosen].map(n => channels[n].name), channels: channels.length }),
+  links: (t, which) => (robot ? robot.places(t, which).map(place => [...place.at, ...place.turn]) : []),
+  centre: t => (robot ? robot.centre(robot.places(t, "present")) : person ? person.centre(t) : null),
+  markers: t => (markers ? markers.points.map(point => markers.place(point.at, t)) : []),
+  person: t => (person ? person.places(t) : []),
+  redraw,
+};
+requestAnimationFrame(tick);

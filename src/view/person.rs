@@ -1,0 +1,161 @@
+//! A person as a page draws it: segments, what of the feet carries, the centre of mass, and how hard the floor
+//! pushes.
+
+use super::PLACE_M;
+use super::series::Coded;
+use super::tracks::SampleClock;
+use crate::body::contact::{self, Footing};
+use crate::body::mass::{centre_of_mass_m, segment_masses};
+use crate::body::root::SOLES;
+use crate::body::{End, Joint, SegmentPose};
+use crate::mocap::scene::Scene;
+use glam::DVec3;
+use serde::Serialize;
+
+/// Poses per second the page draws at most.
+const MOST_HZ: f64 = 60.0;
+/// What forces are rounded to, body weights.
+const FORCE: f64 = 1e-3;
+
+/// The number of a joint's point, and of an end's: joints first.
+const fn joint(joint: Joint) -> usize {
+    joint.index()
+}
+
+const fn end(end: End) -> usize {
+    Joint::ALL.len() + end as usize
+}
+
+/// Lines drawn, between points: of the middle, of the left side, of the right.
+const LINES: [&[(usize, usize)]; 3] = [
+    &[
+        (joint(Joint::Pelvis), joint(Joint::Torso)),
+        (joint(Joint::Torso), joint(Joint::Neck)),
+        (joint(Joint::LeftShoulder), joint(Joint::RightShoulder)),
+        (joint(Joint::LeftHip), joint(Joint::RightHip)),
+        (joint(Joint::Torso), joint(Joint::LeftHip)),
+        (joint(Joint::Torso), joint(Joint::RightHip)),
+    ],
+    &[
+        (joint(Joint::LeftShoulder), joint(Joint::LeftElbow)),
+        (joint(Joint::LeftElbow), joint(Joint::LeftWrist)),
+        (joint(Joint::LeftWrist), end(End::LeftFingertip)),
+        (joint(Joint::LeftHip), joint(Joint::LeftKnee)),
+        (joint(Joint::LeftKnee), joint(Joint::LeftAnkle)),
+        (joint(Joint::LeftAnkle), end(End::LeftHeel)),
+        (end(End::LeftHeel), end(End::LeftToe)),
+        (end(End::LeftToe), joint(Joint::LeftAnkle)),
+    ],
+    &[
+        (joint(Joint::RightShoulder), joint(Joint::RightElbow)),
+        (joint(Joint::RightElbow), joint(Joint::RightWrist)),
+        (joint(Joint::RightWrist), end(End::RightFingertip)),
+        (joint(Joint::RightHip), joint(Joint::RightKnee)),
+        (joint(Joint::RightKnee), joint(Joint::RightAnkle)),
+        (joint(Joint::RightAnkle), end(End::RightHeel)),
+        (end(End::RightHeel), end(End::RightToe)),
+        (end(End::RightToe), joint(Joint::RightAnkle)),
+    ],
+];
+
+/// A person over time.
+#[derive(Clone, Debug, Serialize)]
+pub struct PersonTrack {
+    /// When the poses are.
+    pub clock: SampleClock,
+    /// Height from sole to crown, m.
+    stature_m: f64,
+    /// Places of joints and ends.
+    points: Vec<[Coded; 3]>,
+    /// Numbers of points between which lines are drawn: of the middle, the left, the right side.
+    lines: [&'static [(usize, usize)]; 3],
+    /// Numbers of the neck and the crown.
+    head: [usize; 2],
+    /// Numbers of left heel and toe, right heel and toe.
+    soles: [usize; 4],
+    /// Of the soles on the floor the sum of 1, 2, 4, 8; absent if nobody captured feet.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    contacts: Option<Coded>,
+    /// The centre of mass.
+    centre: [Coded; 3],
+    /// What the soles on the floor span; absent if nobody captured feet.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    support: Option<Support>,
+    /// How hard the floor pushes, body weights; absent where poses are too far apart to tell.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    force: Option<Coded>,
+}
+
+/// Corners of an area on the floor, pose by pose.
+#[derive(Clone, Debug, Serialize)]
+struct Support {
+    /// How many of each pose.
+    counts: Coded,
+    /// Of all of them, one pose after the other.
+    x: Coded,
+    y: Coded,
+}
+
+/// The series of places.
+pub fn places(places_m: &[DVec3], quantum_m: f64) -> [Coded; 3] {
+    [0, 1, 2].map(|axis| Coded::of(places_m.iter().map(|place_m| place_m[axis]), quantum_m))
+}
+
+impl PersonTrack {
+    /// A person whose poses are thinned to as many a second as are drawn; the floor of the scene is at zero.
+    #[must_use]
+    pub fn of(scene: &Scene<'_>) -> Self {
+        // Rates of captures are a little off what they are meant to be: a frame takes 0.008333 s.
+        let every = (scene.rate_hz / MOST_HZ - 0.01).ceil().max(1.0) as usize;
+        let over_floor = |pose: &SegmentPose| {
+            let root_m = pose.root_m - DVec3::Z * scene.floor_m;
+            SegmentPose { root_m, ..pose.clone() }
+        };
+        let poses: Vec<SegmentPose> = scene.poses.iter().map(over_floor).collect();
+        let forces = Footing::of(scene.body, &poses, scene.rate_hz).ok();
+        let forces = forces.map(|footing| {
+            let drawn = footing.force_body_weights().iter().step_by(every).copied();
+            Coded::of(drawn, FORCE)
+        });
+        let drawn: Vec<SegmentPose> = poses.into_iter().step_by(every).collect();
+        let rate_hz = scene.rate_hz / every as f64;
+        let clock = SampleClock::Even { rate_hz, count: drawn.len() };
+        Self { force: forces, ..Self::drawn(scene, clock, &drawn) }
+    }
+
+    /// A person of the scene in other poses, over the floor: those it is drawn in.
+    #[must_use]
+    pub fn drawn(scene: &Scene<'_>, clock: SampleClock, poses: &[SegmentPose]) -> Self {
+        let masses = segment_masses(scene.body);
+        let mut points_m = vec![Vec::with_capacity(poses.len()); Joint::ALL.len() + End::ALL.len()];
+        let (mut contacts, mut counts, mut corners_m) = (Vec::new(), Vec::new(), Vec::new());
+        let mut centres_m = Vec::with_capacity(poses.len());
+        for pose in poses {
+            let at = scene.body.positions(pose);
+            for (point, place_m) in points_m.iter_mut().zip(at.joints_m.iter().chain(&at.ends_m)) {
+                point.push(*place_m);
+            }
+            centres_m.push(centre_of_mass_m(scene.body, &masses, pose));
+            let on_floor = contact::on_floor(&SOLES.map(|end| at.end_m(end)));
+            let sum = on_floor.iter().zip([1.0, 2.0, 4.0, 8.0]);
+            contacts.push(sum.map(|(on, bit)| if *on { bit } else { 0.0 }).sum::<f64>());
+            let support = contact::support(scene.body, pose);
+            counts.push(support.corners_m().len() as f64);
+            corners_m.extend_from_slice(support.corners_m());
+        }
+        let flat = |axis: usize| Coded::of(corners_m.iter().map(|at_m| at_m[axis]), PLACE_M);
+        let support = Support { counts: Coded::of(counts, 1.0), x: flat(0), y: flat(1) };
+        Self {
+            clock,
+            stature_m: scene.body.stature_m(),
+            points: points_m.iter().map(|point_m| places(point_m, PLACE_M)).collect(),
+            lines: LINES,
+            head: [joint(Joint::Neck), end(End::HeadTop)],
+            soles: SOLES.map(end),
+            contacts: scene.has_feet.then(|| Coded::of(contacts, 1.0)),
+            centre: places(&centres_m, PLACE_M),
+            support: scene.has_feet.then_some(support),
+            force: None,
+        }
+    }
+}

@@ -1,0 +1,48 @@
+//! What a page draws, as data. Lengths in m, angles in rad, times in s; Z up, the floor at z = 0.
+
+use super::ViewPage;
+use super::person::PersonTrack;
+use super::robot::RobotTrack;
+use super::tracks::{JointTracks, MarkerTracks, ViewSpan};
+use crate::error::Error;
+use crate::mocap::scene::Scene;
+use serde::Serialize;
+
+/// What is drawn, over one time.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct ViewScene {
+    /// From 0 to here, s.
+    pub duration_s: f64,
+    /// A robot.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub robot: Option<RobotTrack>,
+    /// What its joints were asked and did.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub joints: Option<JointTracks>,
+    /// A person: alone, or beside the robot that does the same.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub person: Option<PersonTrack>,
+    /// Points.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub markers: Option<MarkerTracks>,
+    /// What took how long.
+    pub spans: Vec<ViewSpan>,
+}
+
+/// A page with nothing but a person on it.
+///
+/// # Errors
+/// As [`ViewPage::html`].
+pub fn page_of(scene: &Scene<'_>) -> Result<String, Error> {
+    let mut notes = Vec::new();
+    if !scene.has_feet {
+        notes.push("feet were not captured: what carries is not told".to_owned());
+    }
+    let drawn = ViewScene {
+        duration_s: scene.poses.len().saturating_sub(1) as f64 / scene.rate_hz,
+        person: Some(PersonTrack::of(scene)),
+        ..ViewScene::default()
+    };
+    let title = scene.title.to_owned();
+    ViewPage { title, notes, scene: drawn, ..ViewPage::default() }.html()
+}

@@ -1,0 +1,422 @@
+//! The page that shows motions, as a person gets it: written by the program, opened from a file in a browser without
+//! a network, played, clicked at, and looked at.
+
+mod aloud;
+mod chromium;
+mod page;
+mod program;
+
+use aloud::aloud;
+use chromium::Browser;
+use gaitway::rigid::Placement;
+use gaitway::robot::{Robot, RobotBody};
+use gaitway::view::ViewPage;
+use gaitway::view::scene::ViewScene;
+use gaitway::view::series::Coded;
+use gaitway::view::tracks::{JointTrack, JointTracks, SampleClock};
+use glam::{DQuat, DVec3};
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+
+/// A browser; a loud word, or a failure where nothing may be missing, if there is none.
+fn browser(name: &str) -> Option<Browser> {
+    match Browser::start(&program::folder(name)) {
+        Ok(browser) => Some(browser),
+        Err(cause) if std::env::var_os("CI").is_some() => panic!("no Chromium: {cause}"),
+        Err(cause) => {
+            aloud!(
+                "SKIPPED: {name}: no page was opened: {cause}\n  to do: as root, apt-get install \
+                 chromium"
+            );
+            None
+        }
+    }
+}
+
+/// Runs the program, which writes a page.
+fn run(arguments: &[&str]) {
+    let done = program::gaitway().args(arguments).output().expect("it runs");
+    // A virtual robot is told that it would fall, and a mended trial that some of it is left.
+    let code = done.status.code();
+    assert!(matches!(code, Some(0 | 3)), "{arguments:?}: {}", program::words(&done));
+}
+
+fn path(folder: &Path, name: &str) -> String {
+    folder.join(name).to_str().expect("UTF-8").to_owned()
+}
+
+/// A person who walks, as a table of markers on every joint: one of them is away for a while, one jumps.
+fn marker_table(folder: &Path) -> String {
+    let page = path(folder, "walker.html");
+    run(&["synth", "walk", "-o", &page]);
+    let data = page::data(&std::fs::read_to_string(&page).unwrap());
+    let points: Vec<Vec<[f64; 3]>> =
+        data["person"]["points"].as_array().unwrap().iter().map(page::rows::<3>).collect();
+    let titles = (0..points.len()).map(|n| format!(",M{n}_x_m,M{n}_y_m,M{n}_z_m"));
+    let mut text = format!("time_s{}\n", titles.collect::<String>());
+    for at in 0..points[0].len() {
+        text += &format!("{:.6}", at as f64 / 60.0);
+        for (n, point) in points.iter().enumerate() {
+            let [x, y, z] = point[at];
+            let away = n == 3 && (20..28).contains(&at);
+            let jump = if n == 5 && (40..44).contains(&at) { 0.2 } else { 0.0 };
+            text +=
+                &if away { ",,,".to_owned() } else { format!(",{x:.5},{y:.5},{:.5}", z + jump) };
+        }
+        text += "\n";
+    }
+    let file = path(folder, "walker.csv");
+    std::fs::write(&file, text).unwrap();
+    file
+}
+
+/// One page of each command, and what it shows.
+fn pages(folder: &Path) -> Vec<(PathBuf, &'static [&'static str])> {
+    let at = |name: &str| path(folder, name);
+    let markers = marker_table(folder);
+    let [play, kick, synth, seen, info, trial, clean, arm] =
+        ["play", "kick", "synth", "seen", "info", "trial", "clean", "arm"]
+            .map(|name| at(&format!("{name}.html")));
+    let sim = ["--robot", "op3", "--bus", "sim"];
+    run(&[&["play", "walk:x1"], &sim[..], &["--record", &at("walk.mcap"), "--html", &play]]
+        .concat());
+    run(&["retarget", "kick-r", "--robot", "op3", "-o", &at("kick.csv"), "--html", &kick]);
+    run(&["retarget", "wave-r", "--robot", "so101", "-o", &at("arm.csv"), "--html", &arm]);
+    run(&["synth", "kick-r", "-o", &synth]);
+    run(&["recognise", "walk:4s,wave-r,bow", "--html", &seen]);
+    let hand = at("hand.html");
+    let taught = ["record", "servos:op3@sim:pty", "--limp", "--for", "1s", "-o"];
+    run(&[&taught[..], &[&at("hand.mcap"), "--html", &hand]].concat());
+    run(&["info", &at("walk.mcap"), "--html", &info]);
+    run(&["info", &markers, "--html", &trial]);
+    run(&["clean", &markers, "-o", &at("mended.csv"), "--html", &clean]);
+    vec![
+        (play.into(), &["robot", "goal", "person"]),
+        (kick.into(), &["robot", "person"]),
+        (arm.into(), &["robot", "person"]),
+        (synth.into(), &["person", "support"]),
+        (seen.into(), &["person"]),
+        (hand.into(), &["robot"]),
+        (info.into(), &["robot", "goal"]),
+        (trial.into(), &["markers"]),
+        (clean.into(), &["markers", "before"]),
+    ]
+}
+
+#[test]
+fn every_page_opens_from_a_file_plays_and_says_nothing_into_the_console() {
+    let Some(mut browser) = browser("opened") else { return };
+    let folder = program::folder("pages");
+    for (page, shown) in pages(&folder) {
+        let name = page.display();
+        browser.look(1280, 900, false);
+        browser.open(&page, "");
+        let labels = browser.value("document.getElementById('shown').innerText");
+        for part in shown {
+            assert!(labels.as_str().unwrap().contains(part), "{name} has no {part}: {labels}");
+        }
+        assert_eq!(browser.value("document.getElementById('nothing').hidden"), true, "{name}");
+        // The play head moves when somebody presses the space bar, and stands when somebody does again.
+        assert_eq!(browser.value("gaitway.figures().now"), 0.0, "{name}");
+        browser.key(" ", "Space");
+        browser.frames(5);
+        let later = browser.value("gaitway.figures().now").as_f64().unwrap();
+        assert!(later > 0.0, "{name} plays");
+        browser.key(" ", "Space");
+        let stands = browser.value("gaitway.figures().now");
+        browser.frames(3);
+        assert_eq!(browser.value("gaitway.figures().now"), stands, "{name} stands");
+        // A step is a sample.
+        browser.key("Home", "Home");
+        browser.key(".", "Period");
+        browser.frames(2);
+        let step = browser.value("gaitway.figures().now").as_f64().unwrap();
+        // A robot that was recorded in real time on a busy machine has late cycles.
+        assert!((0.001..1.0).contains(&step), "{name}: a step of {step} s");
+        // Who hears instead of seeing is told the same.
+        let said = browser.value("document.getElementById('said').textContent");
+        assert!(said.as_str().unwrap().starts_with(&format!("{step:.2} s")), "{name}: {said}");
+        assert_eq!(browser.complaints(), [""; 0], "{name}");
+    }
+}
+
+#[test]
+fn a_joint_is_chosen_from_the_list_or_by_a_click_on_the_robot() {
+    let Some(mut browser) = browser("chosen") else { return };
+    let folder = program::folder("joint");
+    let page = path(&folder, "kick.html");
+    let table = path(&folder, "kick.csv");
+    run(&["retarget", "kick-r", "--robot", "op3", "-o", &table, "--html", &page]);
+    browser.look(1280, 900, false);
+    browser.open(Path::new(&page), "#t=3.5");
+    // The knee that kicks goes furthest: it is chosen at first.
+    assert_eq!(browser.value("gaitway.figures().chosen"), serde_json::json!(["r_knee"]));
+    // Joints that never move are folded away.
+    let folded =
+        "[...document.querySelectorAll('#choice details')].map(d => [d.open, d.innerText])";
+    let folded = browser.value(folded);
+    assert_eq!((&folded[0][0], &folded[1][0]), (&true.into(), &false.into()), "{folded}");
+    assert!(folded[1][1].as_str().unwrap().contains("joints that never move"), "{folded}");
+    let press = "(name => { const chip = [...document.querySelectorAll('.chip')]\
+                 .find(chip => chip.textContent === name); chip.click(); \
+                 return chip.getAttribute('aria-pressed'); })";
+    assert_eq!(browser.value(&format!("{press}('l_el')")), "true");
+    let chosen = serde_json::json!(["r_knee", "l_el"]);
+    assert_eq!(browser.value("gaitway.figures().chosen"), chosen);
+    browser.frames(2);
+    let plots =
+        browser.value("[...document.querySelectorAll('figcaption b')].map(b => b.textContent)");
+    let expected = ["r_knee \u{b7} angle", "r_knee \u{b7} velocity", "l_el \u{b7} angle"];
+    for title in expected {
+        assert!(plots.as_array().unwrap().contains(&title.into()), "{plots}");
+    }
+    // Row by row over the middle of the scene, until the robot is hit somewhere.
+    let place = browser.value(
+        "(() => { const box = document.getElementById('scene').getBoundingClientRect(); \
+         return [box.left, box.top, box.width, box.height]; })()",
+    );
+    let [left, top, width, height] = [0, 1, 2, 3].map(|at| place[at].as_f64().unwrap());
+    let grid = (0..8).flat_map(|down| (0..12).map(move |across| (across, down)));
+    let mut clicked = chosen.clone();
+    for (across, down) in grid {
+        let (across, down) = (0.4 + 0.05 * f64::from(across), 0.3 + 0.06 * f64::from(down));
+        browser.click(left + across * width, top + down * height);
+        browser.frames(2);
+        clicked = browser.value("gaitway.figures().chosen");
+        if clicked != chosen {
+            break;
+        }
+    }
+    assert_ne!(clicked, chosen, "a click on the robot chooses a joint, or lets it go");
+    assert_eq!(browser.complaints(), [""; 0]);
+}
+
+/// Links where the body's own mathematics has them, from the table that is written beside the page.
+#[test]
+fn links_stand_in_the_page_where_the_table_puts_them() {
+    let Some(mut browser) = browser("links") else { return };
+    let folder = program::folder("where");
+    let (page, table) = (path(&folder, "kick.html"), path(&folder, "kick.csv"));
+    run(&["retarget", "kick-r", "--robot", "op3", "-o", &table, "--html", &page]);
+    browser.open(Path::new(&page), "");
+    let body = RobotBody::of(&Robot::load("op3").unwrap().file).unwrap().unwrap();
+    let text = std::fs::read_to_string(&table).unwrap();
+    let rows: Vec<Vec<f64>> = text
+        .lines()
+        .skip(1)
+        .map(|line| line.split(',').map(|cell| cell.parse().unwrap()).collect())
+        .collect();
+    let mut farthest_m: f64 = 0.0;
+    for row in rows.iter().step_by(37) {
+        let angles = &row[1..21];
+        let base = &row[21..28];
+        let turn = DQuat::from_xyzw(base[4], base[5], base[6], base[3]);
+        let base = Placement { at_m: DVec3::from_slice(&base[..3]), turn };
+        let placed = body.tree.place(base, &body.angles(angles));
+        let drawn = browser.value(&format!("gaitway.links({}, 'goal')", row[0]));
+        for (link, place) in placed.iter().enumerate() {
+            let at = [0, 1, 2].map(|axis| drawn[link][axis].as_f64().unwrap());
+            farthest_m = farthest_m.max(DVec3::from_array(at).distance(place.at_m));
+        }
+        let centre = browser.value(&format!("gaitway.centre({})", row[0]));
+        let centre = DVec3::from_array([0, 1, 2].map(|axis| centre[axis].as_f64().unwrap()));
+        farthest_m = farthest_m.max(centre.distance(body.tree.centre_of_mass_m(&placed)));
+    }
+    // Angles are rounded to 0.011 degrees, places to a tenth of a millimetre.
+    assert!(farthest_m < 5e-4, "{farthest_m} m");
+}
+
+/// What is to be seen of a picture: how many colours there are in the scene, and which part of it is red, orange,
+/// or bright.
+fn seen(browser: &mut Browser, area: [f64; 4]) -> Value {
+    let picture = browser.picture();
+    browser.ask("Page.navigate", serde_json::json!({ "url": "about:blank" }));
+    let [left, top, width, height] = area;
+    browser.value(&format!(
+        "new Promise(done => {{ const image = new Image(); image.onload = () => {{ \
+           const sheet = document.createElement('canvas'); \
+           sheet.width = image.width; sheet.height = image.height; \
+           const pen = sheet.getContext('2d'); pen.drawImage(image, 0, 0); \
+           const dots = pen.getImageData({left}, {top}, {width}, {height}).data; \
+           const colours = new Set(); let red = 0, orange = 0, bright = 0; \
+           for (let i = 0; i < dots.length; i += 4) {{ \
+             const [r, g, b] = [dots[i], dots[i + 1], dots[i + 2]]; \
+             colours.add((r >> 4) * 256 + (g >> 4) * 16 + (b >> 4)); \
+             red += r > 110 && g < r / 2.6 && b < r / 2.6; \
+             orange += r > 120 && g > 0.5 * r && g < 0.85 * r && b < 0.35 * r; \
+             bright += r + g + b > 450; }} \
+           const all = dots.length / 4; \
+           done({{ colours: colours.size, red: red / all, orange: orange / all, bright: bright / all }}); \
+         }}; image.src = 'data:image/png;base64,{picture}'; }})"
+    ))
+}
+
+fn scene_area(browser: &mut Browser) -> [f64; 4] {
+    let area = browser.value(
+        "(() => { const box = document.getElementById('scene').getBoundingClientRect(); \
+         return [box.left, box.top + 40, box.width, box.height - 90].map(Math.round); })()",
+    );
+    [0, 1, 2, 3].map(|at| area[at].as_f64().unwrap())
+}
+
+/// A robot that puts a hand into its hip.
+#[test]
+fn links_that_touch_are_red_and_the_joint_that_is_chosen_is_orange() {
+    let Some(mut browser) = browser("red") else { return };
+    let folder = program::folder("touching");
+    let (page, table) = (path(&folder, "arms.html"), path(&folder, "arms.csv"));
+    // From where the robot starts, the right arm down and its hand to the left, into the hip.
+    let cross: String = [(0.0, 0.0), (0.5, 0.0), (1.0, 0.5), (1.5, 1.0), (2.0, 1.0), (2.5, 1.0)]
+        .iter()
+        .map(|(t, part)| format!("{t},{},{}\n", -0.785 - 0.7 * part, 0.785 + 0.715 * part))
+        .collect();
+    let arms = path(&folder, "in.csv");
+    std::fs::write(&arms, format!("time_s,r_sho_roll_rad,r_el_rad\n{cross}")).unwrap();
+    let hands = ["--robot", "op3", "--hang", "--retime", "-o", &table, "--html", &page];
+    run(&[&["retarget", &arms][..], &hands].concat());
+    let data = page::data(&std::fs::read_to_string(&page).unwrap());
+    let spans = data["spans"].as_array().unwrap();
+    let touches = spans.iter().find(|span| span["row"] == "touches itself");
+    let touches = touches.unwrap_or_else(|| panic!("the hand goes into the hip: {spans:#?}"));
+    let middle_s =
+        f64::midpoint(touches["start_s"].as_f64().unwrap(), touches["end_s"].as_f64().unwrap());
+    let (mut red, mut orange) = (Vec::new(), Vec::new());
+    for moment_s in [0.0, middle_s] {
+        browser.look(1280, 900, false);
+        browser.open(Path::new(&page), &format!("#t={moment_s}&joint=r_knee"));
+        let area = scene_area(&mut browser);
+        let seen = seen(&mut browser, area);
+        assert!(seen["colours"].as_u64().unwrap() > 30, "{seen}");
+        red.push(seen["red"].as_f64().unwrap());
+        orange.push(seen["orange"].as_f64().unwrap());
+    }
+    assert!(red[0] < 1e-4 && red[1] > 0.003, "{red:?}");
+    assert!(orange.iter().all(|part| *part > 0.001), "{orange:?}");
+}
+
+#[test]
+fn a_page_fits_a_phone_and_is_dark_where_everything_is() {
+    let Some(mut browser) = browser("phone") else { return };
+    let folder = program::folder("small");
+    let (page, table) = (path(&folder, "kick.html"), path(&folder, "kick.csv"));
+    run(&["retarget", "kick-r", "--robot", "op3", "-o", &table, "--html", &page]);
+    let mut bright = Vec::new();
+    for dark in [false, true] {
+        browser.look(390, 844, dark);
+        browser.open(Path::new(&page), "#t=3.5");
+        let widths = browser.value("[document.documentElement.scrollWidth, innerWidth]");
+        assert_eq!((&widths[0], &widths[1]), (&390.into(), &390.into()), "nothing is beside it");
+        let heights = browser.value(
+            "['stage', 'time', 'signals'].map(id => document.getElementById(id)\
+             .getBoundingClientRect().top)",
+        );
+        let [stage, time, signals] = [0, 1, 2].map(|at| heights[at].as_f64().unwrap());
+        assert!(stage < time && time < signals, "one below the other: {heights}");
+        // A finger can hit what is to be hit.
+        let play = browser.value("document.getElementById('play').getBoundingClientRect().height");
+        assert!(play.as_f64().unwrap() >= 24.0, "{play}");
+        bright.push(seen(&mut browser, [0.0, 0.0, 390.0, 844.0])["bright"].as_f64().unwrap());
+    }
+    assert!(bright[0] > 0.5 && bright[1] < 0.2, "{bright:?}");
+}
+
+#[test]
+fn where_nothing_can_be_drawn_in_space_the_page_says_so_and_the_rest_works() {
+    let Some(mut browser) = browser("flat") else { return };
+    let folder = program::folder("no-webgl");
+    let (page, table) = (path(&folder, "wave.html"), path(&folder, "wave.csv"));
+    run(&["retarget", "wave-r", "--robot", "op3", "-o", &table, "--html", &page]);
+    browser.beforehand(
+        "const usual = HTMLCanvasElement.prototype.getContext; \
+         HTMLCanvasElement.prototype.getContext = function(kind, ...more) { \
+         return kind.startsWith('webgl') ? null : usual.call(this, kind, ...more); };",
+    );
+    browser.open(Path::new(&page), "#t=4");
+    let said = browser.value("document.getElementById('nothing').innerText");
+    assert!(said.as_str().unwrap().contains("draws nothing in space"), "{said}");
+    browser.key(" ", "Space");
+    browser.frames(4);
+    assert!(browser.value("gaitway.figures().now").as_f64().unwrap() > 4.0, "it plays");
+    let plots = browser.value("document.querySelectorAll('figure canvas').length");
+    assert!(plots.as_u64().unwrap() >= 2, "{plots}");
+}
+
+#[test]
+fn every_control_has_a_name_and_is_reached_by_the_keyboard() {
+    let Some(mut browser) = browser("keyboard") else { return };
+    let folder = program::folder("keys");
+    let page = path(&folder, "walk.html");
+    run(&["synth", "walk", "-o", &page]);
+    browser.look(1280, 900, false);
+    browser.open(Path::new(&page), "");
+    let tree = browser.ask("Accessibility.getFullAXTree", serde_json::json!({}));
+    let roles = ["button", "checkbox", "slider", "combobox", "image"];
+    let mut counts = std::collections::BTreeMap::new();
+    for node in tree["nodes"].as_array().unwrap() {
+        let role = node["role"]["value"].as_str().unwrap_or_default();
+        if node["ignored"] == true || !roles.contains(&role) {
+            continue;
+        }
+        let name = node["name"]["value"].as_str().unwrap_or_default();
+        assert!(!name.is_empty(), "{role} without a name: {node:#}");
+        *counts.entry(role.to_owned()).or_insert(0) += 1;
+    }
+    assert!(counts["button"] >= 4 && counts["slider"] == 1 && counts["image"] >= 3, "{counts:?}");
+    let mut reached = Vec::new();
+    for _ in 0..30 {
+        browser.key("Tab", "Tab");
+        let id = browser.value("document.activeElement.id || document.activeElement.className");
+        reached.push(id.as_str().unwrap_or_default().to_owned());
+    }
+    for id in ["scene", "play", "back", "forth", "speed", "loop", "follow", "head", "chip"] {
+        assert!(reached.iter().any(|at| at == id), "{id}: {reached:?}");
+    }
+}
+
+/// Goals and angles of ten minutes at 100 Hz: as large a page as there should be.
+#[test]
+fn ten_minutes_of_sixty_joints_stay_below_eight_megabytes_and_play() {
+    let mut state = 7_u32;
+    let mut noise = || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        f64::from(state >> 8) / f64::from(1 << 24) - 0.5
+    };
+    let count = std::f64::consts::TAU / 4096.0;
+    let joints = (0..60).map(|joint| {
+        let rate = 3.0 + 0.07 * f64::from(joint);
+        let angle = |n: i32| 0.7 * (f64::from(n) * 0.01 * rate).sin();
+        let present = (0..60_000).map(|n| (angle(n - 3) / count + 1.2 * noise()).round() * count);
+        JointTrack {
+            name: format!("joint_{joint}"),
+            goal: Some(Coded::of((0..60_000).map(angle), gaitway::view::ANGLE_RAD)),
+            present: Some(Coded::of(present, gaitway::view::ANGLE_RAD)),
+            ..JointTrack::default()
+        }
+    });
+    let clock = SampleClock::of(&(0..60_000).map(|n| f64::from(n) * 0.01).collect::<Vec<f64>>());
+    let joints = Some(JointTracks { clock, joints: joints.collect() });
+    let scene = ViewScene { duration_s: 599.99, joints, ..ViewScene::default() };
+    let html = ViewPage { title: "long".into(), scene, ..ViewPage::default() }.html().unwrap();
+    assert!(html.len() < 8_000_000, "{} bytes", html.len());
+    let Some(mut browser) = browser("long") else { return };
+    let page = program::folder("ten-minutes").join("long.html");
+    std::fs::write(&page, &html).unwrap();
+    browser.look(1280, 900, false);
+    browser.open(&page, "#t=300&joint=joint_7");
+    let took = browser.value(
+        "(() => { gaitway.redraw(); const began = performance.now(); \
+         for (let i = 0; i < 50; i++) gaitway.redraw(); \
+         return [(performance.now() - began) / 50, performance.memory.usedJSHeapSize / 2 ** 20]; })()",
+    );
+    aloud!(
+        "ten minutes of sixty joints: {:.1} MB, {:.2} ms of script a frame, {:.0} MiB of memory",
+        html.len() as f64 * 1e-6,
+        took[0].as_f64().unwrap(),
+        took[1].as_f64().unwrap()
+    );
+    let said = browser.value("document.querySelector('figcaption .goal').textContent");
+    let degrees = (0.7_f64 * (300.0_f64 * (3.0 + 0.07 * 7.0)).sin()).to_degrees();
+    let told: f64 = said.as_str().unwrap().split(' ').nth(1).unwrap().parse().unwrap();
+    assert!((told - degrees).abs() < 0.06, "{said} for {degrees}");
+    assert_eq!(browser.complaints(), [""; 0]);
+}
