@@ -4,12 +4,14 @@
 //! The joints come from elsewhere ([`crate::mocap::retarget`], a table, a recording). Everything here is
 //! geometry and mechanics of the body in the robot's file; nothing moves a joint.
 
+pub mod adjust;
 pub mod balance;
 pub mod base;
 pub mod collision;
 pub mod figures;
 pub mod footfall;
 pub mod limbs;
+pub mod toe;
 
 pub use figures::{BodyFigures, DirectionErrors, PaceNeed, SlowStretch, TimeSpan};
 pub use footfall::Footfall;
