@@ -1,15 +1,11 @@
 //! A robot's file as retargeting sees it.
 
-use crate::body::{Proportions, Segment};
+use crate::body::Segment;
 use crate::error::Error;
 use crate::mocap::retarget::{ModelJoint, RobotModel, SegmentLink};
-use crate::retarget::limbs::RobotLimbs;
-use crate::robot::{Robot, RobotBody};
+use crate::robot::Robot;
 use gaitway_profiles as profiles;
 use glam::DVec3;
-
-/// A person's arm is divided alike in people of any stature, m.
-const ANY_STATURE_M: f64 = 1.75;
 
 /// The robot as retargeting sees it.
 ///
@@ -54,18 +50,13 @@ pub fn robot_model(robot: &Robot) -> Result<RobotModel, Error> {
             twist_weight: link.twist_weight,
         })
     });
-    let mut model = RobotModel {
+    Ok(RobotModel {
         joints,
         base: anatomy.base.iter().copied().map(segment).collect(),
         n_pose_rad: file.joints.iter().map(|joint| n_pose(joint).unwrap_or(0.0)).collect(),
         links: links.collect(),
         hands: Vec::new(),
-    };
-    if let Some(body) = RobotBody::of(file)? {
-        let person = Proportions::of_stature(ANY_STATURE_M)?;
-        model.hands = RobotLimbs::of(&model, &body).hands(&body, &person);
-    }
-    Ok(model)
+    })
 }
 
 const fn segment(segment: profiles::Segment) -> Segment {

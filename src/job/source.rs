@@ -20,6 +20,7 @@ use crate::mocap::retarget::{self, Retargeted, TrunkLean};
 use crate::mocap::siblings::{self, SegmentFrames};
 use crate::motion::Path as JointPath;
 use crate::retarget::adjust::{Adjusting, adjust};
+use crate::retarget::limbs::RobotLimbs;
 use crate::retarget::toe::Toe;
 use crate::retarget::{Footfall, footfall};
 use crate::robot::{Joint, Robot, RobotBody};
@@ -172,7 +173,13 @@ pub fn load(order: &MotionOrder, robot: &Robot) -> Result<RobotMotion, Error> {
         capture.mirror();
     }
     cut(&mut capture, order.from_s, order.to_s)?;
-    let model = robot_model(robot)?;
+    let mut model = robot_model(robot)?;
+    let body = RobotBody::of(&robot.file)?;
+    // What was made, and not measured, is done as it was made.
+    if let Some(body) = body.as_ref().filter(|_| !exact) {
+        let lengths = Proportions::of_stature(capture.stature_m)?;
+        model.hands = RobotLimbs::of(&model, body).hands(body, &lengths);
+    }
     let initial_rad: Vec<f64> = robot.joints.iter().map(|joint| joint.initial_rad).collect();
     let settings = retarget::Settings { exact, ..retarget::Settings::default() };
     let mut retargeted = retarget::retarget(&capture, &model, &initial_rad, &settings)?;
@@ -181,33 +188,34 @@ pub fn load(order: &MotionOrder, robot: &Robot) -> Result<RobotMotion, Error> {
     let base = pelvis.or(model.base.first()).copied().unwrap_or(Segment::Pelvis);
     let Capture { poses, tracked, stature_m, rate_hz, .. } = &capture;
     let mut footfalls = footfall::of_person(poses, tracked, *stature_m, *rate_hz, base)?;
-    let stands = !order.hangs && !exact && order.only.is_empty();
+    let stands = body.is_some() && !(order.hangs || exact) && order.only.is_empty();
     if stands {
         let toes = Toe::both(poses, *rate_hz, &Proportions::of_stature(*stature_m)?);
         footfall::plant(&mut footfalls, &toes, *rate_hz);
     }
-    fit_in(robot, order, stands.then_some(&footfalls), &mut retargeted)?;
+    if let Some(body) = body.filter(|_| !exact) {
+        fit_in(robot, &body, order, stands.then_some(&footfalls), &mut retargeted)?;
+    }
     let notes = retargeted.notes.clone();
     let person = Some(capture);
     Ok(RobotMotion { name, source, notes, only, retargeted, person, footfalls, of_person: true })
 }
 
-/// Moves joints until links of the robot are not in one another and, given what its feet do, these stand; if
-/// its file has a body.
+/// Moves joints until links of the robot are not in one another and, given what its feet do, these stand.
 fn fit_in(
     robot: &Robot,
+    body: &RobotBody,
     order: &MotionOrder,
     footfalls: Option<&Vec<Footfall>>,
     retargeted: &mut Retargeted,
 ) -> Result<(), Error> {
-    let Some(body) = RobotBody::of(&robot.file)? else { return Ok(()) };
     let start_rad: Vec<f64> = robot.joints.iter().map(|joint| joint.initial_rad).collect();
     let limits = |joint: &Joint| (joint.limits.lower_rad(), joint.limits.upper_rad());
     let limits_rad: Vec<(f64, f64)> = robot.joints.iter().map(limits).collect();
     let is_free = |joint: &Joint| order.only.is_empty() || order.only.contains(&joint.name);
     let free: Vec<bool> = robot.joints.iter().map(is_free).collect();
     let adjusting = Adjusting {
-        body: &body,
+        body,
         start_rad: &start_rad,
         limits_rad: &limits_rad,
         free: &free,

@@ -20,7 +20,7 @@ use crate::motion::{End, Spline, saturate};
 use crate::retarget::Footfall;
 use crate::retarget::base::StandingSole;
 use crate::retarget::collision::{SelfContact, TOUCHES_M};
-use crate::rigid::Placement;
+use crate::rigid::{Placement, WayOut};
 use crate::robot::RobotBody;
 use glam::DVec3;
 use nalgebra::{DMatrix, DVector};
@@ -29,7 +29,7 @@ use std::ops::Range;
 /// How far apart links are kept, m.
 const ROOM_M: f64 = 0.004;
 /// What is nearer than that counts, 1/m; 1 is as much as a link that is turned by a radian.
-const ROOM_WEIGHT: f64 = 100.0;
+const ROOM_WEIGHT: f64 = 300.0;
 /// The same for a joint beyond its range.
 const RANGE_WEIGHT: f64 = 10.0;
 /// Distance from a limit at which that begins, rad, and in which angles are bent in the end.
@@ -52,9 +52,21 @@ const BLINK_S: f64 = 0.1;
 const NODES_HZ: f64 = 60.0;
 /// Around poses in which links are too near so many are moved with them, s.
 const AROUND_S: f64 = 0.4;
-const STEPS: usize = 20;
+/// How often limits are drawn in for curves that go over them between poses.
+const OVERSHOOTS: usize = 3;
+/// How often a range is gone over if links are still in one another.
+const ROUNDS: usize = 2;
+/// How much of [`ROOM_WEIGHT`] counts in so many steps.
+const PHASES: [(f64, usize); 3] = [(0.15, 5), (0.5, 5), (1.0, 10)];
+/// The same while soles are only laid flat.
+const FLAT: [(f64, usize); 2] = [(0.15, 4), (1.0, 4)];
+/// Steps that save less than this part of the cost are the last, if so many more in a row do.
+const ENOUGH: f64 = 3e-3;
+const IDLE: usize = 3;
+/// Curvature that is added, for rows that nothing holds.
+const DAMPING: f64 = 1e-6;
 /// No joint is turned further in one step, rad.
-const LONGEST_STEP_RAD: f64 = 0.3;
+const LONGEST_STEP_RAD: f64 = 0.15;
 /// A shorter one ends the search, rad.
 const SHORTEST_STEP_RAD: f64 = 2e-3;
 
@@ -109,13 +121,16 @@ pub fn adjust(of: &Adjusting<'_>, angles_rad: &mut [Vec<f64>]) -> Result<Adjuste
     let (legs, rest) = solver.parts();
     if !legs.joints.is_empty() {
         let clip = Clip { solver: &solver, part: &legs, rate_hz, poses: &poses, stance: None };
-        let mut parted = clip.solved();
-        if let Some(mut stance) = stance {
-            stance.put(&solver, &parted);
-            let clip = Clip { stance: Some(&stance), ..clip };
-            parted = clip.refined(parted, 0..nodes.len());
-        }
-        poses = parted;
+        poses = if let Some(mut stance) = stance {
+            // Flat first: where a foot stands beside one that lies flat is then seen.
+            let whole = 0..nodes.len();
+            let flat =
+                Clip { stance: Some(&stance), ..clip }.settled(poses.clone(), whole.clone(), &FLAT);
+            stance.put(&solver, &flat);
+            Clip { stance: Some(&stance), ..clip }.refined(flat, whole)
+        } else {
+            clip.solved()
+        };
     }
     if !rest.joints.is_empty() {
         let clip = Clip { solver: &solver, part: &rest, rate_hz, poses: &poses, stance: None };
@@ -132,19 +147,47 @@ pub fn adjust(of: &Adjusting<'_>, angles_rad: &mut [Vec<f64>]) -> Result<Adjuste
             nodes.iter().zip(&poses).map(|(at, pose)| pose[joint] - given[*at]).collect();
         let mut moved_rad = 0.0_f64;
         if added.iter().any(|added| *added != 0.0) {
-            let (lower_rad, upper_rad) = of.limits_rad[joint];
+            let is_moved: Vec<bool> = added.iter().map(|added| *added != 0.0).collect();
             let spline = Spline::through(added, stride as f64, End::Free, End::Free)?;
-            for (at, (angle, given)) in series.iter_mut().zip(given).enumerate() {
-                let added = spline.sample(at as f64)[0];
-                if added.abs() > f64::EPSILON {
-                    *angle = saturate(*given + added, lower_rad, upper_rad, RANGE_MARGIN_RAD);
-                    moved_rad = moved_rad.max((*angle - given).abs());
+            for (at, angle) in series.iter_mut().enumerate() {
+                // A spline goes on swinging a little where nothing is added.
+                if is_moved[at / stride] || is_moved[at.div_ceil(stride)] {
+                    *angle += spline.sample(at as f64)[0];
                 }
             }
+            hold(series, given, of.limits_rad[joint])?;
+            let apart_rad = series.iter().zip(given).map(|(angle, given)| (angle - given).abs());
+            moved_rad = apart_rad.fold(0.0, f64::max);
         }
         told.moved_rad.push(moved_rad);
     }
     Ok(told)
+}
+
+/// Bends angles that are not as given into the limits, so far that a curve through them stays inside, too.
+fn hold(
+    series: &mut [f64],
+    given: &[f64],
+    (lower_rad, upper_rad): (f64, f64),
+) -> Result<(), Error> {
+    let wanted = series.to_vec();
+    let mut over_rad = 0.0;
+    for _ in 0..OVERSHOOTS {
+        for ((angle, wanted), given) in series.iter_mut().zip(&wanted).zip(given) {
+            if wanted != given {
+                let (lower_rad, upper_rad) = (lower_rad + over_rad, upper_rad - over_rad);
+                *angle = saturate(*wanted, lower_rad, upper_rad, RANGE_MARGIN_RAD);
+            }
+        }
+        let curve = Spline::through(series.to_vec(), 1.0, End::Free, End::Free)?;
+        let reach = curve.extremes().position;
+        let beyond_rad = (reach.max.value - upper_rad).max(lower_rad - reach.min.value);
+        if !(beyond_rad > 0.0) {
+            break;
+        }
+        over_rad += 1.5 * beyond_rad;
+    }
+    Ok(())
 }
 
 /// A joint that moves a link, about what axis, and by how much of its own angle.
@@ -203,10 +246,36 @@ struct Normal {
 }
 
 impl Normal {
-    fn clear(&mut self) {
-        self.hessian.fill(0.0);
+    fn new(size: usize) -> Self {
+        Self { hessian: DMatrix::zeros(size, size), gradient: DVector::zeros(size), cost: 0.0 }
+    }
+
+    /// Of nothing but a pull of this curvature, both halves of which are there.
+    fn reset(&mut self, pull: &DMatrix<f64>) {
+        self.hessian.copy_from(pull);
         self.gradient.fill(0.0);
         self.cost = 0.0;
+    }
+
+    /// Adds what the pull costs of who went so far away; before all else.
+    fn pull_back(&mut self, away: &[f64]) {
+        for (i, one) in away.iter().enumerate() {
+            let row = self.hessian.row(i);
+            let pulled: f64 = away.iter().zip(row.iter()).map(|(away, pull)| away * pull).sum();
+            self.gradient[i] += pulled;
+            self.cost += one * pulled;
+        }
+    }
+
+    /// Lays it on a system of many poses, from this row on.
+    fn lay_on(&self, system: &mut Banded, first: usize) {
+        for row in 0..self.gradient.len() {
+            system.side[first + row] -= self.gradient[row];
+            for other in 0..=row {
+                *system.entry(first + row, first + other) += self.hessian[(row, other)];
+            }
+            *system.entry(first + row, first + row) += DAMPING;
+        }
     }
 
     /// Adds the square of a residual that grows with the joints as `row` says.
@@ -267,16 +336,13 @@ impl<'a> Solver<'a> {
             let rows: Vec<Option<usize>> = (0..joints).map(row).collect();
             let moved =
                 |link: usize| self.movers[link].iter().any(|mover| rows[mover.joint].is_some());
-            let waits = |link: usize| {
-                is_legs && self.movers[link].iter().any(|mover| !is_leg(mover.joint))
-            };
+            let waits =
+                |link: usize| is_legs && self.movers[link].iter().any(|mover| !is_leg(mover.joint));
             let links = self.movers.len();
-            let looks = |one: usize, two: usize| {
-                (moved(one) || moved(two)) && !waits(one) && !waits(two)
-            };
-            let looked_at = (0..links)
-                .map(|one| (0..links).map(|two| looks(one, two)).collect())
-                .collect();
+            let looks =
+                |one: usize, two: usize| (moved(one) || moved(two)) && !waits(one) && !waits(two);
+            let looked_at =
+                (0..links).map(|one| (0..links).map(|two| looks(one, two)).collect()).collect();
             Part { joints: own, rows, looked_at }
         };
         (part(legs, true), part(rest, false))
@@ -426,30 +492,21 @@ struct Clip<'a> {
 }
 
 impl Clip<'_> {
+    /// Hands over how links leave one another that are nearer than [`ROOM_M`] and that these joints move.
+    fn near(&self, placed: &[Placement], found: impl FnMut((usize, usize), WayOut)) {
+        let looked_at = |one: usize, two: usize| self.part.looked_at[one][two];
+        self.solver.inside.nearer_than(placed, ROOM_M, looked_at, found);
+    }
+
     /// All poses with their links apart; those far from any that are too near stay as they are.
     fn solved(&self) -> Vec<Vec<f64>> {
-        let count = self.poses.len();
-        let around = (AROUND_S * self.rate_hz).ceil() as usize;
-        let mut near = vec![false; count];
-        for (at, pose) in self.poses.iter().enumerate() {
+        let crowded = |node: usize| {
             let mut any = false;
-            let placed = self.solver.place(pose);
-            let looked_at = |one: usize, two: usize| self.part.looked_at[one][two];
-            self.solver.inside.nearer_than(&placed, ROOM_M, looked_at, |_, _| any = true);
-            if any {
-                near[at.saturating_sub(around)..(at + around + 1).min(count)].fill(true);
-            }
-        }
-        let mut poses = self.poses.to_vec();
-        let mut from = 0;
-        while from < count {
-            let to = near[from..].iter().position(|is| *is != near[from]).map_or(count, |n| from + n);
-            if near[from] {
-                poses = self.refined(poses, from..to);
-            }
-            from = to;
-        }
-        poses
+            self.near(&self.solver.place(&self.poses[node]), |_, _| any = true);
+            any
+        };
+        let spans = self.around(crowded, &(0..self.poses.len())).into_iter();
+        spans.fold(self.poses.to_vec(), |poses, span| self.refined(poses, span))
     }
 
     /// Adds to a row how fast a point of a link goes in a direction, by joint.
@@ -476,11 +533,8 @@ impl Clip<'_> {
     fn nearness(&self, pose: &[f64]) -> DMatrix<f64> {
         let size = self.part.joints.len();
         let placed = self.solver.place(pose);
-        let mut all = Normal {
-            hessian: DMatrix::identity(size, size) * JOINT_WEIGHT.powi(2),
-            gradient: DVector::zeros(size),
-            cost: 0.0,
-        };
+        let mut all = Normal::new(size);
+        all.hessian.fill_diagonal(JOINT_WEIGHT.powi(2));
         let axes = [DVec3::X, DVec3::Y, DVec3::Z];
         let mut row = vec![0.0; size];
         for (link, tip) in self.solver.tips.iter().enumerate() {
@@ -504,31 +558,25 @@ impl Clip<'_> {
         all.hessian
     }
 
-    /// The cost of a pose, with its derivatives.
-    fn normal(&self, node: usize, pose: &[f64], near: &DMatrix<f64>, row: &mut [f64], normal: &mut Normal) {
-        normal.clear();
-        let away = DVector::from_iterator(
-            self.part.joints.len(),
-            self.part.joints.iter().map(|joint| pose[*joint] - self.poses[node][*joint]),
-        );
-        let pull = near * &away;
-        normal.cost += away.dot(&pull);
-        normal.gradient += pull;
-        normal.hessian += near;
+    /// Adds up the cost of a pose, with its derivatives; `room` is the weight of links that are too near.
+    fn add_up(&self, node: usize, pose: &[f64], room: f64, row: &mut [f64], normal: &mut Normal) {
+        let joints = self.part.joints.iter();
+        let away: Vec<f64> = joints.map(|joint| pose[*joint] - self.poses[node][*joint]).collect();
+        normal.pull_back(&away);
         let placed = self.solver.place(pose);
-        let looked_at = |one: usize, two: usize| self.part.looked_at[one][two];
-        self.solver.inside.nearer_than(&placed, ROOM_M, looked_at, |(one, two), way| {
+        self.near(&placed, |(one, two), way| {
             row.fill(0.0);
             self.velocity(row, &placed, two, way.at_m, -way.normal);
             self.velocity(row, &placed, one, way.at_m, way.normal);
-            normal.add(row, way.depth_m, ROOM_WEIGHT.powi(2));
+            normal.add(row, way.depth_m, room);
         });
         for (at, joint) in self.part.joints.iter().enumerate() {
             let (lower_rad, upper_rad) = self.solver.of.limits_rad[*joint];
             let margin_rad = RANGE_MARGIN_RAD.min((upper_rad - lower_rad) / 2.0);
             // Who came beyond is held where he was.
             let came_rad = self.poses[node][*joint];
-            let range = (lower_rad + margin_rad).min(came_rad)..=(upper_rad - margin_rad).max(came_rad);
+            let range =
+                (lower_rad + margin_rad).min(came_rad)..=(upper_rad - margin_rad).max(came_rad);
             let beyond_rad = pose[*joint] - pose[*joint].clamp(*range.start(), *range.end());
             if beyond_rad != 0.0 {
                 row.fill(0.0);
@@ -591,65 +639,101 @@ impl Clip<'_> {
         }
     }
 
-    /// Moves the poses of a range, from where they are.
-    fn refined(&self, mut poses: Vec<Vec<f64>>, range: Range<usize>) -> Vec<Vec<f64>> {
-        let size = self.part.joints.len();
-        let count = range.len();
-        let near: Vec<DMatrix<f64>> =
-            range.clone().map(|node| self.nearness(&self.poses[node])).collect();
-        let new = || Normal {
-            hessian: DMatrix::zeros(size, size),
-            gradient: DVector::zeros(size),
-            cost: 0.0,
-        };
-        let mut normals: Vec<Normal> = (0..count).map(|_| new()).collect();
-        let mut row = vec![0.0; size];
-        let mut fit = |poses: &[Vec<f64>], normals: &mut [Normal]| {
-            for ((node, normal), near) in range.clone().zip(normals.iter_mut()).zip(&near) {
-                self.normal(node, &poses[node], near, &mut row, normal);
+    /// Moves the poses of a range, from where they are; what then still touches once more by itself.
+    fn refined(&self, poses: Vec<Vec<f64>>, range: Range<usize>) -> Vec<Vec<f64>> {
+        let mut poses = self.settled(poses, range.clone(), &PHASES);
+        for _ in 0..ROUNDS {
+            let ranges = self.around(|node| self.touches(&poses[node]), &range);
+            for near in &ranges {
+                poses = self.settled(poses, near.clone(), &PHASES);
             }
-            let own: f64 = normals.iter().map(|normal| normal.cost).sum();
-            own + self.changes(poses, &range).map(|change| change.cost()).sum::<f64>()
-        };
-        let mut here = fit(&poses, &mut normals);
-        let mut damping = 1e-4;
-        for _ in 0..STEPS {
-            let mut system = Banded::new(count * size, 2 * size);
-            for (at, normal) in normals.iter().enumerate() {
-                for one in 0..size {
-                    let i = at * size + one;
-                    system.side[i] -= normal.gradient[one];
-                    for other in 0..=one {
-                        *system.entry(i, at * size + other) += normal.hessian[(one, other)];
-                    }
-                    *system.entry(i, i) += damping;
-                }
-            }
-            for change in self.changes(&poses, &range) {
-                change.lay_on(&mut system, &range, size);
-            }
-            let Some(steps) = system.solve() else { break };
-            let longest = steps.iter().fold(0.0_f64, |most, step| most.max(step.abs()));
-            let share = (LONGEST_STEP_RAD / longest).min(1.0);
-            let mut next = poses.clone();
-            for (pose, steps) in next[range.clone()].iter_mut().zip(steps.chunks(size)) {
-                for (joint, step) in self.part.joints.iter().zip(steps) {
-                    pose[*joint] += step * share;
-                }
-            }
-            let there = fit(&next, &mut normals);
-            if there < here {
-                (poses, here) = (next, there);
-                damping = (damping * 0.3).max(1e-6);
-            } else {
-                damping = (damping * 10.0).max(1e-2);
-                fit(&poses, &mut normals);
-            }
-            if longest < SHORTEST_STEP_RAD {
+            if ranges.is_empty() {
                 break;
             }
         }
         poses
+    }
+
+    /// Spans of a range around nodes of which something is so.
+    fn around(&self, is_so: impl Fn(usize) -> bool, range: &Range<usize>) -> Vec<Range<usize>> {
+        let reach = (AROUND_S * self.rate_hz).ceil() as usize;
+        let mut spans: Vec<Range<usize>> = Vec::new();
+        for node in range.clone().filter(|node| is_so(*node)) {
+            let end = (node + reach + 1).min(range.end);
+            let start = node.saturating_sub(reach).max(range.start);
+            match spans.last_mut() {
+                Some(last) if start <= last.end => last.end = end,
+                _ => spans.push(start..end),
+            }
+        }
+        spans
+    }
+
+    /// The least cost that steps from these poses lead to, in phases.
+    fn settled(
+        &self,
+        mut poses: Vec<Vec<f64>>,
+        range: Range<usize>,
+        phases: &[(f64, usize)],
+    ) -> Vec<Vec<f64>> {
+        let size = self.part.joints.len();
+        let nearness = |node: usize| self.nearness(&self.poses[node]);
+        let near: Vec<DMatrix<f64>> = range.clone().map(nearness).collect();
+        let mut normals: Vec<Normal> = range.clone().map(|_| Normal::new(size)).collect();
+        let mut row = vec![0.0; size];
+        let mut fit = |poses: &[Vec<f64>], normals: &mut [Normal], room: f64| {
+            for ((node, normal), near) in range.clone().zip(normals.iter_mut()).zip(&near) {
+                normal.reset(near);
+                self.add_up(node, &poses[node], room, &mut row, normal);
+            }
+            let own: f64 = normals.iter().map(|normal| normal.cost).sum();
+            own + self.changes(poses, &range).map(|change| change.cost()).sum::<f64>()
+        };
+        // What is deep in something is led out gently first.
+        for &(part, steps) in phases {
+            let room = (ROOM_WEIGHT * part).powi(2);
+            let mut here = fit(&poses, &mut normals, room);
+            let mut best = (here, poses[range.clone()].to_vec());
+            let (mut calmer, mut idle) = (1.0, 0);
+            for _ in 0..steps {
+                let mut system = Banded::new(range.len() * size, 2 * size);
+                for (at, normal) in normals.iter().enumerate() {
+                    normal.lay_on(&mut system, at * size);
+                }
+                for change in self.changes(&poses, &range) {
+                    change.lay_on(&mut system, &range, size);
+                }
+                let Some(steps) = system.solve() else { break };
+                let longest_rad = steps.iter().fold(0.0_f64, |most, step| most.max(step.abs()));
+                for (pose, steps) in poses[range.clone()].iter_mut().zip(steps.chunks(size)) {
+                    for (joint, step) in self.part.joints.iter().zip(steps) {
+                        pose[*joint] += calmer * step.clamp(-LONGEST_STEP_RAD, LONGEST_STEP_RAD);
+                    }
+                }
+                // Faces that meet change: it may become worse for a step.
+                let there = fit(&poses, &mut normals, room);
+                calmer = if there > here { calmer * 0.5 } else { (calmer * 1.3_f64).min(1.0) };
+                idle = if there < best.0 * (1.0 - ENOUGH) { 0 } else { idle + 1 };
+                if there < best.0 {
+                    best = (there, poses[range.clone()].to_vec());
+                }
+                here = there;
+                if idle > IDLE || longest_rad < SHORTEST_STEP_RAD {
+                    break;
+                }
+            }
+            poses[range.clone()].clone_from_slice(&best.1);
+        }
+        poses
+    }
+
+    /// Whether links are in one another that these joints could part.
+    fn touches(&self, pose: &[f64]) -> bool {
+        let mut touches = false;
+        self.near(&self.solver.place(pose), |_, way| {
+            touches |= way.depth_m > ROOM_M + TOUCHES_M / 2.0;
+        });
+        touches
     }
 
     /// All penalties on how fast what is added changes; beyond the range nothing is.
@@ -670,7 +754,8 @@ impl Clip<'_> {
             (first..last).flat_map(move |at| {
                 self.part.joints.iter().enumerate().map(move |(row, joint)| {
                     let added = |at: usize| poses[at][*joint] - self.poses[at][*joint];
-                    let value = parts.iter().enumerate().map(|(i, part)| part * added(at + i)).sum();
+                    let value =
+                        parts.iter().enumerate().map(|(i, part)| part * added(at + i)).sum();
                     Change { at, row, parts, value, weight: weight * weight }
                 })
             })
@@ -693,7 +778,8 @@ impl Change {
     }
 
     fn lay_on(&self, system: &mut Banded, range: &Range<usize>, size: usize) {
-        let place = |node: usize| range.contains(&node).then(|| (node - range.start) * size + self.row);
+        let place =
+            |node: usize| range.contains(&node).then(|| (node - range.start) * size + self.row);
         for (later, part) in self.parts.iter().enumerate() {
             let Some(i) = place(self.at + later) else { continue };
             system.side[i] -= self.weight * part * self.value;
@@ -705,3 +791,6 @@ impl Change {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

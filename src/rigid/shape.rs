@@ -128,7 +128,8 @@ impl Volume {
                 }
                 // Where the other has to go for the distance to grow.
                 let deeper = |axis: DVec3| {
-                    let moved = |by_m: f64| self.distance_m(&other.placed(Placement::at(axis * by_m)));
+                    let moved =
+                        |by_m: f64| self.distance_m(&other.placed(Placement::at(axis * by_m)));
                     moved(LOOK_M) - moved(-LOOK_M)
                 };
                 let slope = DVec3::new(deeper(DVec3::X), deeper(DVec3::Y), deeper(DVec3::Z));

@@ -8,7 +8,7 @@ use nalgebra::{DMatrix, DVector};
 /// Weight of the pull to the middle of the range, at its ends; 1 is as strong as a direction.
 const MIDDLE_WEIGHT: f64 = 0.02;
 /// Weight of a hand that is as far off as its arm is long; 1 is as much as a direction that is off by a radian.
-const HAND_WEIGHT: f64 = 2.0;
+const HAND_WEIGHT: f64 = 1.4;
 /// Weight of an angle beyond its limit.
 const LIMIT_WEIGHT: f64 = 6.0;
 /// Distance from a limit at which that begins, rad: the room in which angles are bent later.
