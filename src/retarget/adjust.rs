@@ -5,7 +5,7 @@
 //!
 //! * nearness: links stay where they were, each by its own length, and soles as they were turned,
 //! * pace: what is added changes slowly, in velocity and in acceleration,
-//! * room: links that come nearer to one another than [`ROOM_M`] are pushed apart,
+//! * room: links that come nearer to one another than 4 mm are pushed apart,
 //! * range: no joint is pushed over its limits,
 //! * stance, of a robot on its own feet: while both feet are planted, one sole stays where it is beside the
 //!   other and in one plane with it; a planted sole is level under the trunk of the person; a foot in the air
