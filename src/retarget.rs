@@ -2,14 +2,17 @@
 //! whether it touches itself, stays on its feet, and how near it is to the person it follows.
 //!
 //! The joints come from elsewhere ([`crate::mocap::retarget`], a table, a recording). Everything here is
-//! geometry and mechanics of the body in the robot's file; nothing moves a joint.
+//! geometry and mechanics of the body in the robot's file. Only [`adjust`] moves joints: as little as a robot needs
+//! that is not to be in itself and whose feet are to stand.
 
+pub mod adjust;
 pub mod balance;
 pub mod base;
 pub mod collision;
 pub mod figures;
 pub mod footfall;
 pub mod limbs;
+pub mod toe;
 
 pub use figures::{BodyFigures, DirectionErrors, PaceNeed, SlowStretch, TimeSpan};
 pub use footfall::Footfall;

@@ -7,5 +7,5 @@ pub mod shape;
 pub mod tree;
 
 pub use mass::Mass;
-pub use shape::{Capsule, Cuboid, Volume};
+pub use shape::{Capsule, Cuboid, Volume, WayOut};
 pub use tree::{Coupling, Efforts, JointKind, Placement, Tree, TreeLink, TreeMotion};

@@ -124,7 +124,7 @@ fn like_a_person() -> RobotModel {
         chain(foot, ankle, &[y, x]);
     }
     let n_pose_rad = vec![0.0; joints.len()];
-    RobotModel { joints, base: vec![Segment::Pelvis], n_pose_rad, links }
+    RobotModel { joints, base: vec![Segment::Pelvis], n_pose_rad, links, hands: Vec::new() }
 }
 
 #[test]

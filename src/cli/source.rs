@@ -91,6 +91,7 @@ impl MotionArgs {
             to_s: self.to,
             only: self.only.clone(),
             mirror: self.mirror,
+            hangs: self.hang,
         }
     }
 

@@ -55,6 +55,7 @@ pub fn robot_model(robot: &Robot) -> Result<RobotModel, Error> {
         base: anatomy.base.iter().copied().map(segment).collect(),
         n_pose_rad: file.joints.iter().map(|joint| n_pose(joint).unwrap_or(0.0)).collect(),
         links: links.collect(),
+        hands: Vec::new(),
     })
 }
 

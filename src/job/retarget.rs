@@ -55,7 +55,8 @@ pub struct RetargetOrder {
 pub fn retarget(order: &RetargetOrder) -> Result<PlayReport, Error> {
     let kind = TrajectoryFile::of(&order.file)?;
     let robot = Robot::load(&order.robot)?;
-    let loaded = source::load(&order.motion, &robot)?;
+    let hung = MotionOrder { hangs: order.hangs, ..order.motion.clone() };
+    let loaded = source::load(&hung, &robot)?;
     let start_rad: Vec<f64> = robot.joints.iter().map(|joint| joint.initial_rad).collect();
     let options = PlanOptions {
         speed: order.speed,

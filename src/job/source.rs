@@ -19,8 +19,11 @@ use crate::mocap::opensim as mocap_opensim;
 use crate::mocap::retarget::{self, Retargeted, TrunkLean};
 use crate::mocap::siblings::{self, SegmentFrames};
 use crate::motion::Path as JointPath;
+use crate::retarget::adjust::{Adjusting, adjust};
+use crate::retarget::limbs::RobotLimbs;
+use crate::retarget::toe::Toe;
 use crate::retarget::{Footfall, footfall};
-use crate::robot::Robot;
+use crate::robot::{Joint, Robot, RobotBody};
 use gaitway_profiles as profiles;
 use serde::Serialize;
 use std::ops::RangeInclusive;
@@ -39,6 +42,9 @@ const EXACT_RAD: f64 = 1.75e-4;
 const SPLINE_ERROR: f64 = 1.0 / 30.0;
 /// Stature of the body that performs actions, m.
 const ACTION_STATURE_M: f64 = 1.75;
+
+/// Links that give way to one another by more than this are said to do so, rad.
+const NOTED_RAD: f64 = 0.02;
 
 /// What a file is by its ending, and a table by its titles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -91,6 +97,8 @@ pub struct MotionOrder {
     pub only: Vec<String>,
     /// Left and right are swapped.
     pub mirror: bool,
+    /// The robot hangs on a stand: its feet need not stand on anything.
+    pub hangs: bool,
 }
 
 impl MotionOrder {
@@ -165,18 +173,69 @@ pub fn load(order: &MotionOrder, robot: &Robot) -> Result<RobotMotion, Error> {
         capture.mirror();
     }
     cut(&mut capture, order.from_s, order.to_s)?;
-    let model = robot_model(robot)?;
+    let mut model = robot_model(robot)?;
+    let body = RobotBody::of(&robot.file)?;
+    // What was made, and not measured, is done as it was made.
+    if let Some(body) = body.as_ref().filter(|_| !exact) {
+        let lengths = Proportions::of_stature(capture.stature_m)?;
+        model.hands = RobotLimbs::of(&model, body).hands(body, &lengths);
+    }
     let initial_rad: Vec<f64> = robot.joints.iter().map(|joint| joint.initial_rad).collect();
     let settings = retarget::Settings { exact, ..retarget::Settings::default() };
-    let retargeted = retarget::retarget(&capture, &model, &initial_rad, &settings)?;
-    let notes = retargeted.notes.clone();
+    let mut retargeted = retarget::retarget(&capture, &model, &initial_rad, &settings)?;
     let (name, only) = (order.motion.clone(), order.only.clone());
     let pelvis = model.base.iter().find(|segment| **segment == Segment::Pelvis);
     let base = pelvis.or(model.base.first()).copied().unwrap_or(Segment::Pelvis);
     let Capture { poses, tracked, stature_m, rate_hz, .. } = &capture;
-    let footfalls = footfall::of_person(poses, tracked, *stature_m, *rate_hz, base)?;
+    let mut footfalls = footfall::of_person(poses, tracked, *stature_m, *rate_hz, base)?;
+    let stands = body.is_some() && !(order.hangs || exact) && order.only.is_empty();
+    if stands {
+        let toes = Toe::both(poses, *rate_hz, &Proportions::of_stature(*stature_m)?);
+        footfall::plant(&mut footfalls, &toes, *rate_hz);
+    }
+    if let Some(body) = body.filter(|_| !exact) {
+        fit_in(robot, &body, order, stands.then_some(&footfalls), &mut retargeted)?;
+    }
+    let notes = retargeted.notes.clone();
     let person = Some(capture);
     Ok(RobotMotion { name, source, notes, only, retargeted, person, footfalls, of_person: true })
+}
+
+/// Moves joints until links of the robot are not in one another and, given what its feet do, these stand.
+fn fit_in(
+    robot: &Robot,
+    body: &RobotBody,
+    order: &MotionOrder,
+    footfalls: Option<&Vec<Footfall>>,
+    retargeted: &mut Retargeted,
+) -> Result<(), Error> {
+    let start_rad: Vec<f64> = robot.joints.iter().map(|joint| joint.initial_rad).collect();
+    let limits = |joint: &Joint| (joint.limits.lower_rad(), joint.limits.upper_rad());
+    let limits_rad: Vec<(f64, f64)> = robot.joints.iter().map(limits).collect();
+    let is_free = |joint: &Joint| order.only.is_empty() || order.only.contains(&joint.name);
+    let free: Vec<bool> = robot.joints.iter().map(is_free).collect();
+    let adjusting = Adjusting {
+        body,
+        start_rad: &start_rad,
+        limits_rad: &limits_rad,
+        free: &free,
+        rate_hz: retargeted.rate_hz,
+        footfalls: footfalls.map(Vec::as_slice),
+    };
+    let told = adjust(&adjusting, &mut retargeted.positions_rad)?;
+    let furthest = told.moved_rad.iter().zip(&robot.joints).max_by(|a, b| a.0.total_cmp(b.0));
+    if let Some((moved_rad, joint)) = furthest.filter(|(moved_rad, _)| **moved_rad > NOTED_RAD) {
+        retargeted.notes.push(format!(
+            "moved so that the robot is not in itself{} ({:.0} % of the poses were, {:.0} % are): {} \
+             by up to {:.0} deg",
+            if footfalls.is_some() { " and its feet stand" } else { "" },
+            told.before_share * 100.0,
+            told.after_share * 100.0,
+            joint.name,
+            moved_rad.to_degrees()
+        ));
+    }
+    Ok(())
 }
 
 /// Which joints `--only` names.

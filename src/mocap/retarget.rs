@@ -7,6 +7,7 @@
 //!
 //! * direction: the link's long axis along the segment's (weight per link),
 //! * twist: the turn about the long axis (weight per link, zero where it does not matter),
+//! * hands: of an arm that lacks an axis, where the hand is from the shoulder on,
 //! * limits: a penalty that grows past a joint's limit, so that other joints make up for it,
 //! * middle: a faint pull to the middle of the range, for angles nothing else settles,
 //! * velocity: a penalty on speed, over the whole clip at once and blind to the direction of time.
@@ -29,6 +30,7 @@ use crate::units::wrap_rad;
 use glam::{DQuat, DVec3};
 use serde::Serialize;
 
+pub mod banded;
 mod exact;
 mod group;
 mod online;
@@ -68,6 +70,20 @@ pub struct SegmentLink {
     pub twist_weight: f64,
 }
 
+/// Where the hand of an arm is that lacks an axis: what its links cannot show by how they point it shows by where it
+/// is.
+#[derive(Clone, Copy, Debug)]
+pub struct Hand {
+    /// Upper arm and forearm.
+    pub segments: [Segment; 2],
+    /// Joint before the link that the shoulder is in, and where in its axes, m.
+    pub shoulder: (usize, DVec3),
+    /// The same of the hand.
+    pub hand: (usize, DVec3),
+    /// Length of upper arm and forearm of a person whose arm is as long as the robot's, m.
+    pub lengths_m: [f64; 2],
+}
+
 /// What retargeting needs to know of a robot.
 #[derive(Clone, Debug)]
 pub struct RobotModel {
@@ -79,6 +95,8 @@ pub struct RobotModel {
     pub n_pose_rad: Vec<f64>,
     /// Links that play a segment.
     pub links: Vec<SegmentLink>,
+    /// Hands that are brought to where a person's would be.
+    pub hands: Vec<Hand>,
 }
 
 /// How the solved angles are treated.

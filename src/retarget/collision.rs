@@ -4,7 +4,7 @@
 //! are left out: what is mounted there is made to fit, and simplified shapes overlap. So are those whose
 //! shapes are in one another in the pose the robot starts in: the shapes are too large there.
 
-use crate::rigid::{Placement, Volume};
+use crate::rigid::{Placement, Volume, WayOut};
 use crate::robot::RobotBody;
 use glam::DVec3;
 
@@ -90,6 +90,33 @@ impl<'a> SelfContact<'a> {
             }
         }
         deepest
+    }
+
+    /// Hands over how links part that are nearer to one another than `room_m`, of those that are
+    /// `looked_at`: links, and the way out of shapes that are larger by half of the room.
+    pub fn nearer_than(
+        &self,
+        placed: &[Placement],
+        room_m: f64,
+        looked_at: impl Fn(usize, usize) -> bool,
+        mut found: impl FnMut((usize, usize), WayOut),
+    ) {
+        let middles: Vec<DVec3> =
+            self.balls.iter().map(|(link, middle, _)| placed[*link].point(*middle)).collect();
+        for &(one, two) in &self.pairs {
+            let reach_m = self.balls[one].2 + self.balls[two].2 + room_m;
+            let links = (self.balls[one].0, self.balls[two].0);
+            let near = middles[one].distance_squared(middles[two]) < reach_m * reach_m;
+            if !(near && looked_at(links.0, links.1)) {
+                continue;
+            }
+            let grown = |volume: usize, link: usize| {
+                self.volumes[volume].placed(placed[link]).grown(room_m / 2.0)
+            };
+            if let Some(way) = grown(one, links.0).way_out(&grown(two, links.1)) {
+                found(links, way);
+            }
+        }
     }
 }
 

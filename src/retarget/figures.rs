@@ -3,10 +3,10 @@
 //! Named as the field names them: penetration, floating, skating (slip) and joint violation after PHUMA
 //! (arXiv 2510.26236), tracking and self-collision as the evaluations of GMR (arXiv 2510.02252) and
 //! OmniRetarget (arXiv 2509.26633) have them. A foot of a person is in contact where its toe is slower over the
-//! floor than [`CONTACT_M_S`] and no higher than [`CONTACT_M`] above where it is in the lowest twentieth
-//! of the motion.
+//! floor than [`CONTACT_M_S`](crate::retarget::toe::CONTACT_M_S) and no higher than
+//! [`CONTACT_M`](crate::retarget::toe::CONTACT_M) above where it is in the lowest twentieth of the motion.
 
-use crate::body::{End, Proportions, Segment, SegmentPose};
+use crate::body::{Proportions, Segment, SegmentPose};
 use crate::error::Error;
 use crate::mocap::retarget::RobotModel;
 use crate::retarget::Footfall;
@@ -14,18 +14,13 @@ use crate::retarget::balance::{Balance, FloorLoad};
 use crate::retarget::base::{self, BasePath, Held, StandingSole};
 use crate::retarget::collision::{Overlap, SelfContact, TOUCHES_M, lowest_m};
 use crate::retarget::limbs::RobotLimbs;
+use crate::retarget::toe::{Toe, quantile};
 use crate::rigid::Placement;
 use crate::robot::RobotBody;
 use glam::{DVec2, DVec3};
 use serde::Serialize;
 use std::ops::Range;
 
-/// A toe slower than this over the floor may be in contact, m/s.
-pub const CONTACT_M_S: f64 = 0.15;
-/// A toe no higher than this above its low is, m.
-pub const CONTACT_M: f64 = 0.05;
-/// Which part of a toe's heights lies below its low.
-const LOW: f64 = 0.05;
 /// Deeper in the floor than this is penetration, m.
 pub const PENETRATES_M: f64 = 0.005;
 /// Spans of time that are no further apart are one, s.
@@ -156,29 +151,6 @@ pub struct BodyMotion<'a> {
     pub hangs: bool,
 }
 
-/// A foot of a person over a motion.
-struct Toe {
-    at_m: Vec<DVec3>,
-    contact: Vec<bool>,
-}
-
-impl Toe {
-    fn of(original: &Original<'_>, lengths: &Proportions, end: End) -> Self {
-        let at_m: Vec<DVec3> =
-            original.poses.iter().map(|pose| lengths.positions(pose).end_m(end)).collect();
-        let low_m = quantile(at_m.iter().map(|at| at.z).collect(), LOW).unwrap_or(0.0);
-        let last = at_m.len().saturating_sub(1);
-        let contact = (0..at_m.len()).map(|at| {
-            let (before, after) = (at.saturating_sub(1), (at + 1).min(last));
-            let moved_m = (at_m[after] - at_m[before]).truncate().length();
-            let speed_m_s = moved_m * original.rate_hz / (after - before).max(1) as f64;
-            speed_m_s < CONTACT_M_S && at_m[at].z < low_m + CONTACT_M
-        });
-        let contact = contact.collect();
-        Self { at_m, contact }
-    }
-}
-
 /// How fast points go over the floor while they are in contact.
 #[derive(Default)]
 struct Slip {
@@ -285,7 +257,7 @@ impl<'a> Look<'a> {
     fn new(of: &'a BodyMotion<'a>, soles: &'a [StandingSole], held: Held) -> Result<Self, Error> {
         let original = of.original.map(|original| {
             let lengths = Proportions::of_stature(original.stature_m)?;
-            let toes = [End::LeftToe, End::RightToe].map(|end| Toe::of(&original, &lengths, end));
+            let toes = Toe::both(original.poses, original.rate_hz, &lengths);
             Ok::<_, Error>((original, lengths, RobotLimbs::of(original.model, of.body), toes))
         });
         let stands = held == Held::Standing;
@@ -458,13 +430,6 @@ const fn kind_of(segment: Segment) -> Option<usize> {
         Segment::LeftShank | Segment::RightShank => Some(3),
         _ => None,
     }
-}
-
-/// The value that a part of all values, 0 to 1, lies below.
-fn quantile(mut values: Vec<f64>, share: f64) -> Option<f64> {
-    values.sort_by(f64::total_cmp);
-    let at = (share * values.len().saturating_sub(1) as f64).round() as usize;
-    values.get(at).copied()
 }
 
 /// When something is so, s.

@@ -5,6 +5,7 @@ use crate::body::{Proportions, Segment, SegmentPose};
 use crate::error::Error;
 use crate::recognise::contact::Floor;
 use crate::recognise::points::{BodyPoint, Lengths, Points};
+use crate::retarget::toe::Toe;
 use glam::{DQuat, DVec3};
 
 /// A person's weight goes from foot to foot over this time, standard deviation, s.
@@ -87,6 +88,19 @@ pub fn of_person(
     }
     smooth(&mut found, rate_hz);
     Ok(found)
+}
+
+/// The same on feet that are planted where a toe is in contact: these carry, and lie flat as a robot's must that
+/// has no toes. Where none is, all stays as it was.
+pub fn plant(found: &mut [Footfall], toes: &[Toe; 2], rate_hz: f64) {
+    for (at, of) in found.iter_mut().enumerate() {
+        let planted = toes.each_ref().map(|toe| toe.contact.get(at) == Some(&true));
+        if planted != [false; 2] {
+            of.carries = planted.map(|is| f64::from(u8::from(is)));
+            (of.flat, of.touches) = (of.carries, Some(planted));
+        }
+    }
+    smooth(found, rate_hz);
 }
 
 /// What feet do that were said to stand or not, at `rate_hz`, under a base that is turned so: it needs no

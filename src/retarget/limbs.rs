@@ -4,7 +4,7 @@
 //! plays, the person's as long as the robot's: what a robot of these lengths should reach.
 
 use crate::body::{Joint, Proportions, Segment, SegmentPose};
-use crate::mocap::retarget::RobotModel;
+use crate::mocap::retarget::{Hand, RobotModel};
 use crate::rigid::Placement;
 use crate::robot::RobotBody;
 use glam::{DQuat, DVec3};
@@ -36,6 +36,15 @@ struct Chain {
     tip: (usize, DVec3),
     /// From the one to the other with the limb stretched, m.
     length_m: f64,
+}
+
+/// An arm of fewer joints than this cannot point both its links anywhere.
+const WHOLE_ARM: usize = 4;
+
+impl Chain {
+    fn is_arm(&self) -> bool {
+        matches!(self.segments[0], Segment::LeftUpperArm | Segment::RightUpperArm)
+    }
 }
 
 /// The limbs of a robot.
@@ -121,6 +130,38 @@ impl RobotLimbs {
         leg.map(|leg| leg.length_m)
     }
 
+    /// Hands of arms that lack an axis, and where a person's of these proportions would be.
+    #[must_use]
+    pub fn hands(&self, body: &RobotBody, lengths: &Proportions) -> Vec<Hand> {
+        let arms: Vec<&Chain> = self.chains.iter().filter(|chain| chain.is_arm()).collect();
+        let links = body.tree.links();
+        let above = |link: usize| {
+            let mut all: Vec<usize> =
+                std::iter::successors(Some(link), |of| links[*of].parent).collect();
+            all.retain(|link| *link != 0);
+            all
+        };
+        let lacks = |arm: &&&Chain| {
+            // What moves every arm is a waist.
+            let shared = |link: &usize| {
+                arms.len() > 1 && arms.iter().all(|other| above(other.tip.0).contains(link))
+            };
+            above(arm.tip.0).iter().filter(|link| !shared(link)).count() < WHOLE_ARM
+        };
+        let hand = |arm: &&Chain| {
+            let parts = arm.segments.map(|segment| length_m(lengths, segment));
+            let scale = arm.length_m / (parts[0] + parts[1]);
+            let own = |(link, at_m): (usize, DVec3)| (link - 1, at_m);
+            Hand {
+                segments: arm.segments,
+                shoulder: own(arm.root),
+                hand: own(arm.tip),
+                lengths_m: parts.map(|part| part * scale),
+            }
+        };
+        arms.iter().filter(lacks).map(hand).collect()
+    }
+
     /// How far a robot whose links are placed so is off a person in this pose.
     #[must_use]
     pub fn errors(
@@ -153,9 +194,7 @@ impl RobotLimbs {
             let tip_m = placed[chain.tip.0].point(chain.tip.1);
             let root_m = placed[chain.root.0].point(chain.root.1);
             let reached_m = back * (tip_m - root_m);
-            let is_arm = chain.segments[1].parent() != Some(Segment::LeftThigh)
-                && chain.segments[1].parent() != Some(Segment::RightThigh);
-            let errors_m = if is_arm { &mut errors.hands_m } else { &mut errors.feet_m };
+            let errors_m = if chain.is_arm() { &mut errors.hands_m } else { &mut errors.feet_m };
             errors_m.push(reached_m.distance(wanted_m));
         }
         errors.trunk_lean_rad =

@@ -10,6 +10,8 @@ use glam::{DQuat, DVec3};
 
 /// What two lines that are shorter, or two directions nearer, are taken for: a point, the same, m².
 const TINY: f64 = 1e-18;
+/// A step in which a distance is looked at from both sides, m.
+const LOOK_M: f64 = 1e-5;
 
 /// All points within a radius of a line between two points.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -99,6 +101,46 @@ impl Volume {
         (radii_m - core_distance_m(&one, &two)).max(0.0)
     }
 
+    /// The same, larger by so much on every side, m.
+    #[must_use]
+    pub fn grown(&self, by_m: f64) -> Self {
+        match *self {
+            Self::Capsule(of) => Self::Capsule(Capsule { radius_m: of.radius_m + by_m, ..of }),
+            Self::Cuboid(of) => {
+                Self::Cuboid(Cuboid { half_m: of.half_m + DVec3::splat(by_m), ..of })
+            }
+        }
+    }
+
+    /// The least way out of one another of two that overlap; nothing if they do not.
+    #[must_use]
+    pub fn way_out(&self, other: &Self) -> Option<WayOut> {
+        let (one, two) = (Core::of(self), Core::of(other));
+        let radii_m = one.radius_m + two.radius_m;
+        let facing = (one.count + two.count > 2).then(|| least_overlap(&one, &two));
+        let (depth_m, normal) = match facing {
+            Some((gap_m, _)) if gap_m >= radii_m => return None,
+            Some((gap_m, normal)) if gap_m <= 0.0 => (radii_m - gap_m, normal),
+            _ => {
+                let depth_m = radii_m - core_distance_m(&one, &two);
+                if depth_m <= 0.0 {
+                    return None;
+                }
+                // Where the other has to go for the distance to grow.
+                let deeper = |axis: DVec3| {
+                    let moved =
+                        |by_m: f64| self.distance_m(&other.placed(Placement::at(axis * by_m)));
+                    moved(LOOK_M) - moved(-LOOK_M)
+                };
+                let slope = DVec3::new(deeper(DVec3::X), deeper(DVec3::Y), deeper(DVec3::Z));
+                (depth_m, slope.try_normalize().or(facing.map(|(_, normal)| normal))?)
+            }
+        };
+        let on_one = one.nearest(two.centre);
+        let at_m = on_one.midpoint(two.nearest(on_one));
+        Some(WayOut { depth_m, normal, at_m })
+    }
+
     /// A ball that holds it: its middle and its radius, m.
     #[must_use]
     pub fn ball_m(&self) -> (DVec3, f64) {
@@ -110,6 +152,17 @@ impl Volume {
             Self::Cuboid(of) => (of.centre_m, of.half_m.length()),
         }
     }
+}
+
+/// How two that overlap part.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WayOut {
+    /// How deep they are in one another, m.
+    pub depth_m: f64,
+    /// Moving the second this way parts them soonest; of unit length.
+    pub normal: DVec3,
+    /// About where they meet, m.
+    pub at_m: DVec3,
 }
 
 /// A line or a box, without the radius around it.
@@ -215,20 +268,29 @@ fn core_distance_m(one: &Core, two: &Core) -> f64 {
 
 /// The largest gap in any direction that can part the two; negative: they overlap by this.
 fn least_overlap_m(one: &Core, two: &Core) -> f64 {
+    least_overlap(one, two).0
+}
+
+/// The same with the direction, of unit length, from the first to the second.
+fn least_overlap(one: &Core, two: &Core) -> (f64, DVec3) {
     let away = two.centre - one.centre;
-    let gap = |direction: DVec3| {
-        away.dot(direction).abs() - one.extent(direction) - two.extent(direction)
+    let mut most = (f64::NEG_INFINITY, DVec3::Z);
+    let mut look = |direction: DVec3| {
+        let along = away.dot(direction);
+        let gap_m = along.abs() - one.extent(direction) - two.extent(direction);
+        if gap_m > most.0 {
+            most = (gap_m, if along < 0.0 { -direction } else { direction });
+        }
     };
-    let mut most = f64::NEG_INFINITY;
     for (normals, count) in [one.normals(), two.normals()] {
         for normal in &normals[..count] {
-            most = most.max(gap(*normal));
+            look(*normal);
         }
     }
     for edge in one.halves() {
         for of in two.halves() {
             if let Some(across) = edge.cross(*of).try_normalize() {
-                most = most.max(gap(across));
+                look(across);
             }
         }
     }

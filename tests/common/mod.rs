@@ -79,7 +79,13 @@ pub fn op3() -> RobotModel {
         link(Segment::RightFoot, 16, 0.5, 0.3),
         link(Segment::LeftFoot, 17, 0.5, 0.3),
     ];
-    RobotModel { joints, base: vec![Segment::Pelvis, Segment::Torso], n_pose_rad, links }
+    RobotModel {
+        joints,
+        base: vec![Segment::Pelvis, Segment::Torso],
+        n_pose_rad,
+        links,
+        hands: Vec::new(),
+    }
 }
 
 /// Index of a joint of [`op3`].

@@ -1,12 +1,14 @@
 //! A group of connected joints, and how well given angles fit a pose.
 
-use super::{RobotModel, SegmentLink};
+use super::{Hand, RobotModel, SegmentLink};
 use crate::body::SegmentPose;
 use glam::{DQuat, DVec3};
 use nalgebra::{DMatrix, DVector};
 
 /// Weight of the pull to the middle of the range, at its ends; 1 is as strong as a direction.
 const MIDDLE_WEIGHT: f64 = 0.02;
+/// Weight of a hand that is as far off as its arm is long; 1 is as much as a direction that is off by a radian.
+const HAND_WEIGHT: f64 = 1.4;
 /// Weight of an angle beyond its limit.
 const LIMIT_WEIGHT: f64 = 6.0;
 /// Distance from a limit at which that begins, rad: the room in which angles are bent later.
@@ -14,6 +16,7 @@ const LIMIT_MARGIN_RAD: f64 = 0.05;
 
 /// A joint of a group.
 struct Member {
+    origin_m: DVec3,
     axis: DVec3,
     parent: Option<usize>,
     lower_rad: f64,
@@ -37,12 +40,39 @@ struct Player {
     from_n_pose: DQuat,
 }
 
+/// A hand of a group.
+struct Reacher {
+    hand: Hand,
+    /// Indices in the group of the last joints before shoulder and hand, and of those that move them.
+    shoulder: usize,
+    last: usize,
+    shoulder_chain: Vec<usize>,
+    chain: Vec<usize>,
+    /// Indices of the links that play upper arm and forearm.
+    links: [usize; 2],
+}
+
+/// Where a joint's link is: its orientation, its axis and its joint, base frame.
+#[derive(Clone, Copy)]
+struct Place {
+    turn: DQuat,
+    axis: DVec3,
+    at_m: DVec3,
+}
+
+impl Place {
+    fn point(&self, point_m: DVec3) -> DVec3 {
+        self.at_m + self.turn * point_m
+    }
+}
+
 /// Joints that share a root joint, as far as they move a link that plays a segment.
 pub struct Group<'a> {
     model: &'a RobotModel,
     joints: Vec<usize>,
     members: Vec<Member>,
     players: Vec<Player>,
+    reachers: Vec<Reacher>,
     links: Vec<SegmentLink>,
 }
 
@@ -66,8 +96,7 @@ pub struct Normal {
 /// Room for kinematics, kept from call to call.
 #[derive(Default)]
 pub struct Room {
-    /// Orientation of each joint's link and the joint's axis, base frame.
-    placed: Vec<(DQuat, DVec3)>,
+    placed: Vec<Place>,
     columns: Vec<DVec3>,
 }
 
@@ -111,6 +140,7 @@ impl<'a> Group<'a> {
             .map(|joint| {
                 let joint = &model.joints[*joint];
                 Member {
+                    origin_m: joint.origin_m,
                     axis: joint.axis,
                     parent: joint.parent.and_then(place),
                     lower_rad: joint.lower_rad,
@@ -126,7 +156,21 @@ impl<'a> Group<'a> {
                 from_n_pose: model.link_orientation(link.joint, &model.n_pose_rad).inverse(),
             })
             .collect();
-        Self { model, joints, members, players, links }
+        let reacher = |hand: &Hand| {
+            let player = |segment| links.iter().position(|link| link.segment == segment);
+            let inside =
+                |joint: usize| chain(joint).into_iter().map(place).collect::<Option<Vec<usize>>>();
+            Some(Reacher {
+                hand: *hand,
+                shoulder: place(hand.shoulder.0)?,
+                last: place(hand.hand.0)?,
+                shoulder_chain: inside(hand.shoulder.0)?,
+                chain: inside(hand.hand.0)?,
+                links: [player(hand.segments[0])?, player(hand.segments[1])?],
+            })
+        };
+        let reachers = model.hands.iter().filter_map(reacher).collect();
+        Self { model, joints, members, players, reachers, links }
     }
 
     /// Indices of the group's joints in the model; the order of every list of angles here.
@@ -161,12 +205,16 @@ impl<'a> Group<'a> {
     }
 
     /// Orientation of each joint's link and its axis, base frame.
-    fn place(&self, angles: &DVector<f64>, placed: &mut Vec<(DQuat, DVec3)>) {
+    fn place(&self, angles: &DVector<f64>, placed: &mut Vec<Place>) {
         placed.clear();
+        let base = Place { turn: DQuat::IDENTITY, axis: DVec3::ZERO, at_m: DVec3::ZERO };
         for (member, angle) in self.members.iter().zip(angles.iter()) {
-            let carried = member.parent.map_or(DQuat::IDENTITY, |parent| placed[parent].0);
-            let turned = carried * DQuat::from_axis_angle(member.axis, *angle);
-            placed.push((turned, carried * member.axis));
+            let carrier = member.parent.map_or(base, |parent| placed[parent]);
+            placed.push(Place {
+                turn: carrier.turn * DQuat::from_axis_angle(member.axis, *angle),
+                axis: carrier.turn * member.axis,
+                at_m: carrier.point(member.origin_m),
+            });
         }
     }
 
@@ -177,14 +225,14 @@ impl<'a> Group<'a> {
         let targets = self.targets(pose);
         let error = |(player, target): (&Player, &Target)| {
             let last = player.chain[player.chain.len() - 1];
-            let turned = placed[last].0 * player.from_n_pose;
+            let turned = placed[last].turn * player.from_n_pose;
             (turned * axes(&player.link).0).angle_between(target.along)
         };
         self.players.iter().zip(&targets).map(error).collect()
     }
 
-    /// The cost of angles against targets, with its derivatives: segments, limits, and the faint
-    /// pull to the middle of the ranges.
+    /// The cost of angles against targets, with its derivatives: segments, hands, limits, and the
+    /// faint pull to the middle of the ranges.
     pub fn normal(
         &self,
         angles: &DVector<f64>,
@@ -193,6 +241,23 @@ impl<'a> Group<'a> {
         room: &mut Room,
     ) {
         self.normal_without_middle(angles, targets, normal, room);
+        let Room { placed, columns } = room;
+        for of in &self.reachers {
+            let Hand { shoulder, hand, lengths_m, .. } = of.hand;
+            let shoulder_m = placed[of.shoulder].point(shoulder.1);
+            let hand_m = placed[of.last].point(hand.1);
+            let scale = 1.0 / (lengths_m[0] + lengths_m[1]);
+            let wanted_m: DVec3 =
+                of.links.iter().zip(lengths_m).map(|(at, m)| targets[*at].along * m).sum();
+            columns.clear();
+            columns.extend(of.chain.iter().map(|at| {
+                let joint = &placed[*at];
+                let from_m = if of.shoulder_chain.contains(at) { shoulder_m } else { joint.at_m };
+                joint.axis.cross(hand_m - from_m) * scale
+            }));
+            let off = (hand_m - shoulder_m - wanted_m) * scale;
+            normal.add(&of.chain, columns, off, HAND_WEIGHT.powi(2));
+        }
         for (row, (member, angle)) in self.members.iter().zip(angles.iter()).enumerate() {
             let (off_middle, half_range) = member.off_middle(*angle);
             normal.add_single(row, off_middle, (MIDDLE_WEIGHT / half_range).powi(2));
@@ -218,18 +283,18 @@ impl<'a> Group<'a> {
         normal.cost = 0.0;
         for (player, target) in self.players.iter().zip(targets) {
             let last = player.chain[player.chain.len() - 1];
-            let turned = placed[last].0 * player.from_n_pose;
+            let turned = placed[last].turn * player.from_n_pose;
             let (along, across) = axes(&player.link);
             let (along, across) = (turned * along, turned * across);
             columns.clear();
-            columns.extend(player.chain.iter().map(|at| placed[*at].1.cross(along)));
+            columns.extend(player.chain.iter().map(|at| placed[*at].axis.cross(along)));
             let weight = player.link.direction_weight.powi(2);
             normal.add(&player.chain, columns, along - target.along, weight);
             if player.link.twist_weight > 0.0 {
                 let swung = DQuat::from_rotation_arc(target.along, along) * target.across;
                 let turn = along.cross(across);
                 columns.clear();
-                columns.extend(player.chain.iter().map(|at| turn * placed[*at].1.dot(along)));
+                columns.extend(player.chain.iter().map(|at| turn * placed[*at].axis.dot(along)));
                 let weight = player.link.twist_weight.powi(2);
                 normal.add(&player.chain, columns, across - swung, weight);
             }

@@ -172,3 +172,38 @@ fn two_bodies_moved_and_turned_together_stay_as_far_apart() {
         assert!(one.placed(Placement::at(DVec3::Z * up)).reach_m(DVec3::Z).abs() < 1e-12);
     }
 }
+
+#[test]
+fn the_way_out_is_as_long_as_the_depth_and_parts_the_two() {
+    let mut numbers = Numbers(41);
+    let mut out = 0;
+    for _ in 0..2000 {
+        let (one, two) = (numbers.volume(), numbers.volume());
+        let depth_m = one.depth_m(&two);
+        let Some(way) = one.way_out(&two) else {
+            assert_eq!(depth_m, 0.0, "{one:?} {two:?}");
+            continue;
+        };
+        out += 1;
+        assert!((way.depth_m - depth_m).abs() < 1e-12, "{way:?} {depth_m}");
+        assert!((way.normal.length() - 1.0).abs() < 1e-9);
+        let moved = |part: f64| two.placed(Placement::at(way.normal * (depth_m * part)));
+        assert!(one.depth_m(&moved(1.0)) < 0.02 * depth_m, "{way:?}: {one:?} {two:?}");
+        assert!(one.depth_m(&moved(0.9)) > 0.0, "{way:?}: {one:?} {two:?}");
+    }
+    assert!(out > 200, "{out}");
+}
+
+#[test]
+fn a_volume_that_is_grown_is_as_much_nearer_to_all_others() {
+    let mut numbers = Numbers(5);
+    for _ in 0..500 {
+        let one = numbers.volume();
+        let ball = capsule(numbers.point(3.0), DVec3::ZERO, 0.1);
+        let way = numbers.point(1.0).normalize_or(DVec3::X);
+        let (near, far) = (one.grown(0.2).reach_m(way), one.reach_m(way));
+        assert!(near - far > 0.2 - 1e-12, "{one:?}");
+        let nearer_m = ball.distance_m(&one) - ball.distance_m(&one.grown(0.2));
+        assert!(nearer_m > -1e-9, "{one:?} {ball:?} {nearer_m}");
+    }
+}
