@@ -173,7 +173,7 @@ fn the_body_goes_on_forward_through_a_change() {
         for step in -10..=8 {
             let time_s = change_s + f64::from(step) / 10.0;
             let speed_m_s = speed(time_s, 0.2);
-            assert!(speed_m_s > 0.9, "{text}: {speed_m_s} m/s at {time_s} s");
+            assert!(speed_m_s > 0.6, "{text}: {speed_m_s} m/s at {time_s} s");
             assert!(speed_m_s < 3.5, "{text}: {speed_m_s} m/s at {time_s} s");
         }
     }

@@ -308,7 +308,7 @@ fn what_does_not_go_with_a_capture_is_refused_by_convert() {
         assert_eq!(done.status.code(), Some(1), "{out} {more:?}");
         program::words(&done)
     };
-    assert!(said("bow.mcap", &[]).contains(".csv, .bvh, .x3d or .html"));
+    assert!(said("bow.mcap", &[]).contains(".csv, .bvh, .mot, .x3d or .html"));
     assert!(said("bow.csv", &["--rate", "50"]).contains("--rate"));
     assert!(said("bow.csv", &["--samples"]).contains("--samples"));
     assert!(said("bow.csv", &["--stature", "9"]).contains("0.3 to 3 m"));

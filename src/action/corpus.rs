@@ -17,7 +17,7 @@ const DRAWS: u32 = 16;
 /// Repairs of a draw: by what its feet do ...
 const REPAIRS: u32 = 3;
 /// ... and then by going back towards the action itself as well, to this part of the way from it each time.
-const RETREATS: u32 = 3;
+const RETREATS: u32 = 4;
 const RETREATS_TO: f64 = 0.75;
 
 /// Points are kept to this, m: a tenth of a millimetre is far below what a body is known to, and

@@ -84,7 +84,11 @@ impl Figures {
         };
         for pair in pairs {
             let wrong = |allowed: &str| {
-                Error::new("cannot set this").at("--set").got(pair.clone()).allowed(allowed)
+                Error::new("cannot set this")
+                    .at("--set")
+                    .got(pair.clone())
+                    .allowed(allowed)
+                    .remedy("correct it, or leave it out")
             };
             let keys = "KEY=VALUE with duration_s, rounds, pace, peak, stature_m, mass_kg, sex, \
                         figure, leg_m, blend_s or vary_angle, vary_time, vary_peak, vary_duration, \

@@ -130,7 +130,8 @@ pub(super) fn scan(
     if magic != mcap::MAGIC {
         return Err(Error::of(ErrorKind::Malformed, "not an MCAP recording")
             .got(format!("{magic:02x?}"))
-            .allowed("a file that begins with the MCAP magic 89 4d 43 41 50 30 0d 0a"));
+            .allowed("a file that begins with the MCAP magic 89 4d 43 41 50 30 0d 0a")
+            .remedy("take a recording; captures are known by their ending (.bvh, .amc, .c3d)"));
     }
     scan.run()?;
     Ok(scan.tally)

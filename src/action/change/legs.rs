@@ -20,8 +20,9 @@ const LEGS: [[Dof; 3]; 2] = [
 
 /// Proportions are those of this stature; which ways are best hardly depends on it.
 const STATURE_M: f64 = 1.75;
-/// A sole this much higher than the lowest carries 1/e of what that carries, m.
-const CARRIES_M: f64 = 0.005;
+/// A sole this much higher than the lowest carries 1/e of what that carries, m: about as high as feet swing over the
+/// floor, so that a foot that would scuff it, once the pelvis lists, is seen from afar.
+const CARRIES_M: f64 = 0.01;
 /// As bad as one another: a pace so far outside both gaits' own ...
 const PACE_M_S: f64 = 0.2;
 /// ... a height so far outside theirs ...
