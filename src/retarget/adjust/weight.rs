@@ -494,7 +494,7 @@ fn plan(points: &[Point]) -> Vec<DVec2> {
     let mut here = cost(&way_m);
     for _ in 0..STEPS {
         let mut system = Banded::new(2 * points.len(), 5);
-        for at in 0..points.len() {
+        for (at, velocity) in velocity.iter().copied().enumerate() {
             let near = added(&way_m, at);
             for (axis, near) in [near.x, near.y].into_iter().enumerate() {
                 system.side[2 * at + axis] -= near;
@@ -504,11 +504,11 @@ fn plan(points: &[Point]) -> Vec<DVec2> {
                 let change = near - added(&way_m, at - 1);
                 for (axis, change) in [change.x, change.y].into_iter().enumerate() {
                     let (i, j) = (2 * at + axis, 2 * at - 2 + axis);
-                    system.side[i] -= velocity[at] * change;
-                    system.side[j] += velocity[at] * change;
-                    *system.entry(i, i) += velocity[at];
-                    *system.entry(j, j) += velocity[at];
-                    *system.entry(i, j) -= velocity[at];
+                    system.side[i] -= velocity * change;
+                    system.side[j] += velocity * change;
+                    *system.entry(i, i) += velocity;
+                    *system.entry(j, j) += velocity;
+                    *system.entry(i, j) -= velocity;
                 }
             }
             for Missing { inward, missing_m, parts } in missing(points, &way_m, at) {
