@@ -3,7 +3,7 @@
 //!
 //! The joints come from elsewhere ([`crate::mocap::retarget`], a table, a recording). Everything here is
 //! geometry and mechanics of the body in the robot's file. Only [`adjust`] moves joints: as little as a robot needs
-//! that is not to be in itself and whose feet are to stand.
+//! that is not to be in itself, whose feet are to stand and whose weight is to be over them.
 
 pub mod adjust;
 pub mod balance;

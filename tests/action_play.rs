@@ -25,9 +25,10 @@ fn play(action: &str) -> Value {
     play_with(action, &[])
 }
 
+/// On a stand, where an action is done exactly.
 fn play_with(action: &str, options: &[&str]) -> Value {
     let output = crate::program::gaitway()
-        .args(["play", action, "--robot", "op3", "--bus", "sim", "--json", "-q"])
+        .args(["play", action, "--robot", "op3", "--bus", "sim", "--json", "-q", "--hang"])
         .args(options)
         .output()
         .unwrap();
@@ -124,6 +125,33 @@ fn all_actions_are_done_on_op3_and_slowed_only_where_servos_must() {
         }
     }
     assert!(unfair.is_empty(), "slowed without a reason: {unfair:?}");
+}
+
+#[test]
+fn on_its_own_feet_a_robot_leads_its_weight_inside_and_what_needs_nothing_is_done_exactly() {
+    let on_feet = |action: &str, options: &[&str]| {
+        let output = crate::program::gaitway()
+            .args(["play", action, "--robot", "op3", "--bus", "sim", "--json", "-q"])
+            .args(options)
+            .output()
+            .unwrap();
+        let report: Value = serde_json::from_slice(&output.stdout).expect("a JSON report");
+        assert_eq!(report["outcome"], "done", "{action}: {report:#}");
+        assert_eq!(report["referee"]["violations"], serde_json::json!([]), "{action}");
+        report
+    };
+    let margin_m = |report: &Value| report["metrics"]["balance_margin_m"].as_f64().unwrap();
+    // Its own time and way, and moved.
+    let (exact, moved) = (on_feet("squat", &["--no-retime"]), on_feet("squat", &[]));
+    assert!(margin_m(&exact) < 0.012 && margin_m(&moved) > 0.02, "{exact:#} {moved:#}");
+    // A kick to the side is a fall on one leg; led over the other foot, and slower in parts, it is none.
+    let kick = on_feet("side-kick-l", &[]);
+    assert_eq!(kick["metrics"]["predicted_fall_s"], Value::Null, "{kick:#}");
+    let hung = play("side-kick-l");
+    assert!(kick["duration_s"].as_f64() > hung["duration_s"].as_f64());
+    // Arms that box keep no robot from standing.
+    let (boxes, hung) = (on_feet("box-l", &[]), play("box-l"));
+    assert_eq!((&boxes["duration_s"], &boxes["joints"]), (&hung["duration_s"], &hung["joints"]));
 }
 
 #[test]

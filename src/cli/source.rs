@@ -92,6 +92,7 @@ impl MotionArgs {
             only: self.only.clone(),
             mirror: self.mirror,
             hangs: self.hang,
+            balanced_at: None,
         }
     }
 

@@ -64,6 +64,8 @@ pub(super) fn look(
     let poses: Vec<Vec<f64>> = (0..count).map(&mut pose).collect();
     let path_time = |at: usize| planned.path_time_s(at as f64 / rate_hz);
     let path_times_s: Vec<f64> = (0..count).map(path_time).collect();
+    let source_times_s: Vec<f64> =
+        path_times_s.iter().map(|time_s| motion.source_time_s(*time_s)).collect();
     let first = ((from_s * rate_hz).ceil() as usize).min(count - 1);
     let model = motion.person().map(|_| robot_model(robot)).transpose()?;
     let original = motion.person().zip(model.as_ref()).map(|(person, model)| Original {
@@ -80,6 +82,7 @@ pub(super) fn look(
         poses: &poses,
         rate_hz,
         path_times_s: &path_times_s,
+        source_times_s: &source_times_s,
         clip: &(first..count),
         footfalls: footfalls.map(|said| (said, motion.rate_hz())),
         original,

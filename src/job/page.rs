@@ -87,7 +87,8 @@ impl RobotScene<'_> {
         let rate_hz = self.robot.file.rate_hz.min(PERSON_HZ);
         let count = (duration_s * rate_hz).floor() as usize + 1;
         let at = |index: usize| {
-            let pose = person.at(self.planned.path_time_s(index as f64 / rate_hz));
+            let path_s = self.planned.path_time_s(index as f64 / rate_hz);
+            let pose = person.at(self.motion.source_time_s(path_s));
             SegmentPose { root_m: pose.root_m - DVec3::Z * floor_m, ..pose }
         };
         let poses: Vec<SegmentPose> = (0..count).map(at).collect();

@@ -137,7 +137,11 @@ pub fn play(order: &PlayOrder, observer: &dyn Observer) -> Played {
         report.calibration = calibration.map(|path| path.display().to_string());
         report.robot.clone_from(&robot.name);
         report.profiles = OwnProfile::of(&robot);
-        let hung = MotionOrder { hangs: order.options.hangs, ..order.motion.clone() };
+        let hung = MotionOrder {
+            hangs: order.options.hangs,
+            balanced_at: (order.options.retime != Some(false)).then_some(order.options.speed),
+            ..order.motion.clone()
+        };
         let motion = source::load(&hung, &robot)?;
         report.describe_motion(&motion);
         report.cycle_hz = order.options.rate_hz.unwrap_or(robot.file.rate_hz);

@@ -55,7 +55,11 @@ pub struct RetargetOrder {
 pub fn retarget(order: &RetargetOrder) -> Result<PlayReport, Error> {
     let kind = TrajectoryFile::of(&order.file)?;
     let robot = Robot::load(&order.robot)?;
-    let hung = MotionOrder { hangs: order.hangs, ..order.motion.clone() };
+    let hung = MotionOrder {
+        hangs: order.hangs,
+        balanced_at: (order.retime != Some(false)).then_some(order.speed),
+        ..order.motion.clone()
+    };
     let loaded = source::load(&hung, &robot)?;
     let start_rad: Vec<f64> = robot.joints.iter().map(|joint| joint.initial_rad).collect();
     let options = PlanOptions {

@@ -2,6 +2,7 @@
 
 pub mod joints;
 mod opensim;
+mod standing;
 
 pub use crate::mocap::files::CaptureOptions;
 
@@ -24,8 +25,9 @@ use crate::retarget::limbs::RobotLimbs;
 use crate::retarget::toe::Toe;
 use crate::retarget::{Footfall, footfall};
 use crate::robot::{Joint, Robot, RobotBody};
-use gaitway_profiles as profiles;
+use gaitway_profiles::{self as profiles, BaseKind};
 use serde::Serialize;
+use standing::balanced;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
@@ -99,6 +101,8 @@ pub struct MotionOrder {
     pub mirror: bool,
     /// The robot hangs on a stand: its feet need not stand on anything.
     pub hangs: bool,
+    /// How fast it will be played, if it may be moved and slowed for a robot's balance.
+    pub balanced_at: Option<f64>,
 }
 
 impl MotionOrder {
@@ -145,6 +149,8 @@ pub struct RobotMotion {
     person: Option<Capture>,
     /// What the motion says of the robot's feet, at the rate of its samples.
     footfalls: Vec<Footfall>,
+    /// Of each sample the time of the motion as it came in, in samples of it; empty if it has its own pace.
+    clock: Vec<f64>,
     /// True if a person did it: it is slowed to what the robot can do, unless that is refused. A
     /// trajectory that was made for the robot is slowed only if that is asked for.
     pub of_person: bool,
@@ -188,39 +194,78 @@ pub fn load(order: &MotionOrder, robot: &Robot) -> Result<RobotMotion, Error> {
     let base = pelvis.or(model.base.first()).copied().unwrap_or(Segment::Pelvis);
     let Capture { poses, tracked, stature_m, rate_hz, .. } = &capture;
     let mut footfalls = footfall::of_person(poses, tracked, *stature_m, *rate_hz, base)?;
-    let stands = body.is_some() && !(order.hangs || exact) && order.only.is_empty();
-    if stands {
-        let toes = Toe::both(poses, *rate_hz, &Proportions::of_stature(*stature_m)?);
-        footfall::plant(&mut footfalls, &toes, *rate_hz);
-    }
-    if let Some(body) = body.filter(|_| !exact) {
-        fit_in(robot, &body, order, stands.then_some(&footfalls), &mut retargeted)?;
+    let mut clock = Vec::new();
+    if let Some(body) = &body {
+        let placed = Placed::of(robot, body, order, exact);
+        let stands = !order.hangs && order.only.is_empty();
+        let mut found = None;
+        if let Some(speed) = order.balanced_at.filter(|_| stands && body.base == BaseKind::Free) {
+            found = balanced(robot, &placed, &capture, &footfalls, speed, &mut retargeted)?;
+        }
+        if let Some(standing) = found {
+            retargeted.notes.push(standing.note);
+            (footfalls, clock) = (standing.footfalls, standing.clock);
+        } else if !exact {
+            if stands {
+                let lengths = Proportions::of_stature(capture.stature_m)?;
+                let toes = Toe::both(&capture.poses, capture.rate_hz, &lengths);
+                footfall::plant(&mut footfalls, &toes, capture.rate_hz);
+            }
+            fit_in(robot, &placed, stands.then_some(&footfalls), &mut retargeted)?;
+        }
     }
     let notes = retargeted.notes.clone();
     let person = Some(capture);
-    Ok(RobotMotion { name, source, notes, only, retargeted, person, footfalls, of_person: true })
+    let of_person = true;
+    Ok(RobotMotion { name, source, notes, only, retargeted, person, footfalls, clock, of_person })
+}
+
+/// What is moved.
+struct Placed<'a> {
+    body: &'a RobotBody,
+    start_rad: Vec<f64>,
+    limits_rad: Vec<(f64, f64)>,
+    free: Vec<bool>,
+    /// It was made, and not measured.
+    exact: bool,
+}
+
+impl<'a> Placed<'a> {
+    fn of(robot: &Robot, body: &'a RobotBody, order: &MotionOrder, exact: bool) -> Self {
+        let limits = |joint: &Joint| (joint.limits.lower_rad(), joint.limits.upper_rad());
+        let is_free = |joint: &Joint| order.only.is_empty() || order.only.contains(&joint.name);
+        Self {
+            body,
+            start_rad: robot.joints.iter().map(|joint| joint.initial_rad).collect(),
+            limits_rad: robot.joints.iter().map(limits).collect(),
+            free: robot.joints.iter().map(is_free).collect(),
+            exact,
+        }
+    }
+
+    fn adjusting(&self, rate_hz: f64, slower: Option<f64>) -> Adjusting<'_> {
+        Adjusting {
+            body: self.body,
+            start_rad: &self.start_rad,
+            limits_rad: &self.limits_rad,
+            free: &self.free,
+            rate_hz,
+            footfalls: None,
+            slower,
+        }
+    }
 }
 
 /// Moves joints until links of the robot are not in one another and, given what its feet do, these stand.
 fn fit_in(
     robot: &Robot,
-    body: &RobotBody,
-    order: &MotionOrder,
+    placed: &Placed<'_>,
     footfalls: Option<&Vec<Footfall>>,
     retargeted: &mut Retargeted,
 ) -> Result<(), Error> {
-    let start_rad: Vec<f64> = robot.joints.iter().map(|joint| joint.initial_rad).collect();
-    let limits = |joint: &Joint| (joint.limits.lower_rad(), joint.limits.upper_rad());
-    let limits_rad: Vec<(f64, f64)> = robot.joints.iter().map(limits).collect();
-    let is_free = |joint: &Joint| order.only.is_empty() || order.only.contains(&joint.name);
-    let free: Vec<bool> = robot.joints.iter().map(is_free).collect();
     let adjusting = Adjusting {
-        body,
-        start_rad: &start_rad,
-        limits_rad: &limits_rad,
-        free: &free,
-        rate_hz: retargeted.rate_hz,
         footfalls: footfalls.map(Vec::as_slice),
+        ..placed.adjusting(retargeted.rate_hz, None)
     };
     let told = adjust(&adjusting, &mut retargeted.positions_rad)?;
     let furthest = told.moved_rad.iter().zip(&robot.joints).max_by(|a, b| a.0.total_cmp(b.0));
@@ -284,7 +329,8 @@ fn in_joints(
     let (name, only, notes) = (order.motion.clone(), order.only.clone(), Vec::new());
     // What a hand did is a person's motion too.
     let of_person = motion.taught;
-    Ok(RobotMotion { name, source, notes, only, retargeted, person: None, footfalls, of_person })
+    let (person, clock) = (None, Vec::new());
+    Ok(RobotMotion { name, source, notes, only, retargeted, person, footfalls, clock, of_person })
 }
 
 /// Reads a capture, or performs actions, as a motion of body segments. `reading` says what the capture does
@@ -502,6 +548,14 @@ impl RobotMotion {
     #[must_use]
     pub const fn person(&self) -> Option<&Capture> {
         self.person.as_ref()
+    }
+
+    /// The time of the motion as it came in, s, that is done at a time of it on the robot, s: elsewhere where it was
+    /// slowed in parts.
+    #[must_use]
+    pub fn source_time_s(&self, time_s: f64) -> f64 {
+        let along = time_s * self.retargeted.rate_hz;
+        standing::through(&self.clock, &[along])[0] / self.retargeted.rate_hz
     }
 
     /// What it says of the robot's feet, pose by pose; empty if it says nothing.

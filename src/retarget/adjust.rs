@@ -9,7 +9,8 @@
 //! * range: no joint is pushed over its limits,
 //! * stance, of a robot on its own feet: while both feet are planted, one sole stays where it is beside the
 //!   other and in one plane with it; a planted sole is level under the trunk of the person; a foot in the air
-//!   is not below the one that stands.
+//!   is not below the one that stands,
+//! * weight, of such a robot: where the floor has to push lies well inside the soles that carry ([`weight`]).
 //!
 //! Legs first, from hip to sole, and then all else: an arm makes way for a leg, never a leg for an arm. Where
 //! nothing is near and nothing stands, nothing is changed.
@@ -25,6 +26,10 @@ use crate::robot::RobotBody;
 use glam::DVec3;
 use nalgebra::{DMatrix, DVector};
 use std::ops::Range;
+
+mod weight;
+
+pub use weight::{Pace, is_steady, steady};
 
 /// How far apart links are kept, m.
 const ROOM_M: f64 = 0.004;
@@ -96,6 +101,49 @@ pub struct Adjusting<'a> {
     pub rate_hz: f64,
     /// What its feet do, pose by pose; nothing if it need not stand.
     pub footfalls: Option<&'a [Footfall]>,
+    /// How many times as long it takes when it is played, if it is to keep its balance then.
+    pub slower: Option<f64>,
+}
+
+/// What pace `angles_rad[joint][pose]` need so that a robot on its own feet does not fall, if any helps.
+#[must_use]
+pub fn pace(of: &Adjusting<'_>, angles_rad: &[Vec<f64>]) -> Pace {
+    let count = angles_rad.first().map_or(0, Vec::len);
+    let (Some(footfalls), Some(slower)) = (of.footfalls, of.slower) else { return Pace::Even };
+    let solver = Solver::new(of);
+    let (legs, _) = solver.parts();
+    if count < 3 || angles_rad.len() != of.free.len() || legs.joints.is_empty() {
+        return Pace::Even;
+    }
+    let Nodes { stride, nodes, rate_hz, poses } = Nodes::of(of, angles_rad);
+    let stance = solver.stance(footfalls, &nodes, of.rate_hz);
+    let clip = Clip { solver: &solver, part: &legs, rate_hz, poses: &poses, stance: Some(&stance) };
+    let flat = clip.settled(poses.clone(), 0..nodes.len(), &FLAT);
+    match stance.pace(&solver, &flat, slower / rate_hz) {
+        None => Pace::Hopeless,
+        Some(pace) if pace.iter().all(|pace| *pace == 1.0) => Pace::Even,
+        Some(pace) => Pace::Slowed(weight::clock(&pace, stride, count)),
+    }
+}
+
+/// Poses that are moved by themselves.
+struct Nodes {
+    stride: usize,
+    nodes: Vec<usize>,
+    rate_hz: f64,
+    poses: Vec<Vec<f64>>,
+}
+
+impl Nodes {
+    fn of(of: &Adjusting<'_>, angles_rad: &[Vec<f64>]) -> Self {
+        let last = angles_rad.first().map_or(0, Vec::len).saturating_sub(1);
+        let stride = ((of.rate_hz / NODES_HZ).round() as usize).max(1);
+        let nodes: Vec<usize> =
+            (0..=last.div_ceil(stride)).map(|node| (node * stride).min(last)).collect();
+        let pose = |at: &usize| angles_rad.iter().map(|series| series[*at]).collect();
+        let poses = nodes.iter().map(pose).collect();
+        Self { stride, rate_hz: of.rate_hz / stride as f64, nodes, poses }
+    }
 }
 
 /// Moves `angles_rad[joint][pose]`.
@@ -109,12 +157,7 @@ pub fn adjust(of: &Adjusting<'_>, angles_rad: &mut [Vec<f64>]) -> Result<Adjuste
     }
     let given = angles_rad.to_vec();
     let solver = Solver::new(of);
-    let stride = ((of.rate_hz / NODES_HZ).round() as usize).max(1);
-    let nodes: Vec<usize> =
-        (0..=(count - 1).div_ceil(stride)).map(|node| (node * stride).min(count - 1)).collect();
-    let rate_hz = of.rate_hz / stride as f64;
-    let mut poses: Vec<Vec<f64>> =
-        nodes.iter().map(|at| given.iter().map(|series| series[*at]).collect()).collect();
+    let Nodes { stride, nodes, rate_hz, mut poses } = Nodes::of(of, &given);
     let stance = of.footfalls.map(|footfalls| solver.stance(footfalls, &nodes, of.rate_hz));
     let touching = |poses: &[Vec<f64>]| poses.iter().filter(|pose| solver.touches(pose)).count();
     let before = touching(&poses);
@@ -127,6 +170,9 @@ pub fn adjust(of: &Adjusting<'_>, angles_rad: &mut [Vec<f64>]) -> Result<Adjuste
             let flat =
                 Clip { stance: Some(&stance), ..clip }.settled(poses.clone(), whole.clone(), &FLAT);
             stance.put(&solver, &flat);
+            if let Some(slower) = of.slower {
+                stance.weigh(&solver, &flat, slower / rate_hz);
+            }
             Clip { stance: Some(&stance), ..clip }.refined(flat, whole)
         } else {
             clip.solved()
@@ -162,6 +208,21 @@ pub fn adjust(of: &Adjusting<'_>, angles_rad: &mut [Vec<f64>]) -> Result<Adjuste
         told.moved_rad.push(moved_rad);
     }
     Ok(told)
+}
+
+/// Draws curves that go over the limits between poses in; all others stay as they are.
+///
+/// # Errors
+/// None that is known: of a spline.
+pub fn drawn_in(limits_rad: &[(f64, f64)], angles_rad: &mut [Vec<f64>]) -> Result<(), Error> {
+    for (series, limits_rad) in angles_rad.iter_mut().zip(limits_rad) {
+        let reach = Spline::through(series.clone(), 1.0, End::Free, End::Free)?.extremes().position;
+        if reach.max.value > limits_rad.1 || reach.min.value < limits_rad.0 {
+            let given = vec![f64::NAN; series.len()];
+            hold(series, &given, *limits_rad)?;
+        }
+    }
+    Ok(())
 }
 
 /// Bends angles that are not as given into the limits, so far that a curve through them stays inside, too.
@@ -236,6 +297,10 @@ struct Stance {
     both: Vec<(Range<usize>, Vec<[f64; 2]>)>,
     /// Index of `both` that is nearest, and how much it counts.
     held: Vec<Option<(usize, f64)>>,
+    /// Which feet are planted.
+    stands: Vec<[bool; 2]>,
+    /// Where the centre of mass is to be.
+    goals: Vec<Option<weight::Goal>>,
 }
 
 /// Normal equations of one pose.
@@ -408,6 +473,8 @@ impl<'a> Solver<'a> {
             (weight > 0.0).then_some((run, weight))
         };
         Stance {
+            stands: nodes.iter().map(|at| [planted[0][*at], planted[1][*at]]).collect(),
+            goals: Vec::new(),
             planted: nodes.iter().map(|at| [weights[0][*at], weights[1][*at]]).collect(),
             up: nodes.iter().map(|at| footfalls[*at].up).collect(),
             held: (0..nodes.len()).map(nearest).collect(),
@@ -586,6 +653,9 @@ impl Clip<'_> {
         }
         if let (Some(stance), Some(feet)) = (self.stance, self.solver.feet()) {
             self.stand(stance, feet, node, &placed, row, normal);
+            if let Some(goal) = stance.goals.get(node).copied().flatten() {
+                self.follow(goal, feet, &placed, row, normal);
+            }
         }
     }
 

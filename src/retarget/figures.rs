@@ -139,11 +139,13 @@ pub struct BodyMotion<'a> {
     pub poses: &'a [Vec<f64>],
     /// Of those per second.
     pub rate_hz: f64,
-    /// Of each the time of the motion as it came in that it plays, s.
+    /// Of each the time of the motion on the robot that it plays, s.
     pub path_times_s: &'a [f64],
+    /// The same of the motion as it came in.
+    pub source_times_s: &'a [f64],
     /// Those of the clip, without the way to it.
     pub clip: &'a Range<usize>,
-    /// What the motion says of the feet, if it does, and how often in a second of the motion as it came in.
+    /// What the motion says of the feet, if it does, and how often in a second of the motion on the robot.
     pub footfalls: Option<(&'a [Footfall], f64)>,
     /// Whose motion it is, if it is somebody's.
     pub original: Option<Original<'a>>,
@@ -295,7 +297,7 @@ impl<'a> Look<'a> {
             return;
         }
         let pose = self.original.as_ref().map(|(original, ..)| {
-            let along = self.of.path_times_s[at] * original.rate_hz;
+            let along = self.of.source_times_s[at] * original.rate_hz;
             (along.round().max(0.0) as usize).min(original.poses.len().saturating_sub(1))
         });
         if self.held == Held::Standing {
@@ -325,7 +327,7 @@ impl<'a> Look<'a> {
 
     fn look_at_soles(&mut self, at: usize, placed: &[Placement], contact: [bool; 2]) {
         let step_s = match at.checked_sub(1) {
-            Some(before) => self.of.path_times_s[at] - self.of.path_times_s[before],
+            Some(before) => self.of.source_times_s[at] - self.of.source_times_s[before],
             None => 0.0,
         };
         for (sole, stood_m) in self.soles.iter().zip(&mut self.stood_m) {

@@ -10,6 +10,12 @@ use glam::{DQuat, DVec3};
 
 /// A person's weight goes from foot to foot over this time, standard deviation, s.
 const SHIFTS_S: f64 = 0.04;
+/// So long no foot needs to be in contact between two steps of a person who does not run, s.
+const FLIGHT_S: f64 = 0.1;
+/// So long both are planted then, s.
+const BOTH_S: f64 = 0.1;
+/// A foot comes and goes for so long, s.
+const COMES_S: f64 = 0.1;
 /// Cosines of a sole's tilt between which a foot that carries begins to lie flat: 25 and 8 deg.
 const FLAT: [f64; 2] = [0.906, 0.990];
 
@@ -103,6 +109,82 @@ pub fn plant(found: &mut [Footfall], toes: &[Toe; 2], rate_hz: f64) {
     smooth(found, rate_hz);
 }
 
+/// The same at other times of it, in samples, that follow one another at the same rate: of feet that are planted or
+/// not.
+#[must_use]
+pub fn at_times(found: &[Footfall], times: &[f64], rate_hz: f64) -> Vec<Footfall> {
+    let last = found.len().saturating_sub(1);
+    let at = |time: &f64| {
+        let before = (*time as usize).min(last);
+        let mut of = found[before].towards(&found[(before + 1).min(last)], time - before as f64);
+        // Weight goes over as fast as ever.
+        if let Some(touches) = of.touches.filter(|touches| *touches != [false; 2]) {
+            of.carries = touches.map(|is| f64::from(u8::from(is)));
+            of.flat = of.carries;
+        }
+        of
+    };
+    let mut all: Vec<Footfall> =
+        if found.is_empty() { Vec::new() } else { times.iter().map(at).collect() };
+    lay(&mut all, rate_hz);
+    smooth(&mut all, rate_hz);
+    all
+}
+
+/// Beside a foot that stays one that comes or goes says nothing of what is level.
+fn lay(found: &mut [Footfall], rate_hz: f64) {
+    let reach = (COMES_S * rate_hz).ceil() as usize;
+    let touches: Vec<[bool; 2]> = found.iter().map(|of| of.touches.unwrap_or_default()).collect();
+    for (at, of) in found.iter_mut().enumerate() {
+        let around = &touches[at.saturating_sub(reach)..(at + reach + 1).min(touches.len())];
+        let stays = [0, 1].map(|side| around.iter().all(|touches| touches[side]));
+        if stays[0] != stays[1] {
+            of.flat = stays.map(|is| f64::from(u8::from(is)));
+        }
+    }
+}
+
+/// Where one foot that is planted follows the other both are for a moment, and at both ends: weight can only go over
+/// then, and who begins and ends at rest does so on both feet.
+pub fn hand_over(found: &mut [Footfall], rate_hz: f64) {
+    let mut planted: Vec<[bool; 2]> =
+        found.iter().map(|of| of.touches.unwrap_or([true; 2])).collect();
+    let given = planted.clone();
+    let rest = ((BOTH_S * rate_hz).ceil() as usize).min(planted.len());
+    let end = planted.len() - rest;
+    planted[..rest].fill([true; 2]);
+    planted[end..].fill([true; 2]);
+    let (flight, half) = ((FLIGHT_S * rate_hz) as usize, (BOTH_S / 2.0 * rate_hz).ceil() as usize);
+    let mut last: Option<(usize, [bool; 2])> = None;
+    let (mut changes, mut airborne) = (Vec::new(), 0);
+    for (at, now) in planted.iter().enumerate() {
+        match (now, last) {
+            ([false, false], _) => airborne += 1,
+            ([true, true], _) => {}
+            (_, Some((before, was))) if was != *now && airborne <= flight => {
+                changes.push((before, at));
+            }
+            _ => {}
+        }
+        if now[0] != now[1] {
+            (last, airborne) = (Some((at, *now)), 0);
+        }
+    }
+    for (before, at) in changes {
+        let middle = (before + at).div_ceil(2);
+        let from = (before + 1).min(middle.saturating_sub(half));
+        let to = at.max(middle + half).min(planted.len());
+        planted[from..to].fill([true; 2]);
+    }
+    for (of, (planted, given)) in found.iter_mut().zip(planted.into_iter().zip(given)) {
+        if planted != given {
+            (of.carries, of.flat, of.touches) = ([1.0; 2], [1.0; 2], Some(planted));
+        }
+    }
+    lay(found, rate_hz);
+    smooth(found, rate_hz);
+}
+
 /// What feet do that were said to stand or not, at `rate_hz`, under a base that is turned so: it needs no
 /// soles to tell.
 #[must_use]
@@ -157,6 +239,45 @@ mod tests {
         assert_eq!((one_leg.carries, one_leg.touches), ([0.0, 1.0], Some([false, true])));
         let tiptoe = found(&on_toe);
         assert_eq!((tiptoe.carries, tiptoe.flat), ([1.0; 2], [0.0; 2]));
+    }
+
+    fn of(touches: [bool; 2]) -> Footfall {
+        let carries = touches.map(|is| f64::from(u8::from(is)));
+        Footfall { carries, flat: carries, touches: Some(touches), up: DVec3::Z }
+    }
+
+    #[test]
+    fn feet_hand_over_on_both_and_a_runner_flies_on() {
+        let (left, right) = ([true, false], [false, true]);
+        // At 100 Hz: left, right at once; a flight of 0.2 s; left.
+        let mut found: Vec<Footfall> = (0..200)
+            .map(|at| of(if at < 60 { left } else { right }))
+            .chain((0..20).map(|_| of([false; 2])))
+            .chain((0..60).map(|_| of(left)))
+            .collect();
+        hand_over(&mut found, 100.0);
+        let both = |at: usize| found[at].touches == Some([true; 2]);
+        let all: Vec<usize> = (0..found.len()).filter(|at| both(*at)).collect();
+        assert_eq!(all, (0..10).chain(55..65).chain(270..280).collect::<Vec<_>>());
+        // Weight is on both in the middle of it, and then on the right one.
+        assert!(found[60].carries[0] > 0.5 && found[60].carries[1] > 0.5, "{:?}", found[60]);
+        assert!(found[100].carries[0] < 0.01 && found[100].carries[1] > 0.99, "{:?}", found[100]);
+        // A foot that comes or goes does not say what is level.
+        assert!(found[70].flat[0] < 0.2 && found[70].flat[1] > 0.8, "{:?}", found[70]);
+    }
+
+    #[test]
+    fn at_other_times_weight_goes_over_as_fast_as_ever() {
+        let mut found: Vec<Footfall> =
+            (0..100).map(|at| of(if at < 50 { [true; 2] } else { [false, true] })).collect();
+        smooth(&mut found, 100.0);
+        let times: Vec<f64> = (0..400).map(|at| f64::from(at) * 0.2475).collect();
+        let slow = at_times(&found, &times, 100.0);
+        let lasts = |found: &[Footfall]| {
+            found.iter().filter(|of| (0.1..0.9).contains(&of.carries[0])).count()
+        };
+        assert!(lasts(&slow).abs_diff(lasts(&found)) <= 1, "{}", lasts(&slow));
+        assert!(at_times(&[], &times, 100.0).is_empty());
     }
 
     #[test]

@@ -55,6 +55,7 @@ impl Op3 {
             free,
             rate_hz: RATE_HZ,
             footfalls,
+            slower: None,
         };
         let mut moved = angles_rad.to_vec();
         let told = adjust(&of, &mut moved).expect("adjusted");
@@ -217,6 +218,147 @@ fn short_blinks_are_bridged_and_a_ramp_reaches_as_far_as_it_says() {
     assert_eq!([found[0], found[1], found[3], found[5]], [0.0, 0.0, 1.0, 0.0]);
     assert!(found[2] > 0.0 && found[2] == found[4]);
     assert_eq!(ramps(&[false; 3], 2.0), [0.0; 3]);
+}
+
+/// Three seconds in which the left leg is drawn up in the second one, from the pose it starts in, and what feet do:
+/// both stand before and after.
+fn on_one_leg(op3: &Op3) -> (Vec<Vec<f64>>, Vec<Footfall>) {
+    let mut series: Vec<Vec<f64>> = op3.start_rad.iter().map(|angle| vec![*angle; 301]).collect();
+    for (name, size) in [("l_hip_pitch", -0.3), ("l_knee", 0.6), ("l_ank_pitch", 0.3)] {
+        for (at, angle) in series[op3.joint(name)].iter_mut().enumerate() {
+            *angle += size * once(at as f64 / RATE_HZ);
+        }
+    }
+    let footfalls = (0..301).map(|at| standing([!(100..=200).contains(&at), true])).collect();
+    (series, footfalls)
+}
+
+fn standing(touches: [bool; 2]) -> Footfall {
+    let carries = touches.map(|is| f64::from(u8::from(is)));
+    Footfall { carries, flat: carries, touches: Some(touches), up: DVec3::Z }
+}
+
+/// How far inside the right sole the centre of mass is, seen along that sole's normal, m.
+fn over_right_m(op3: &Op3, series: &[Vec<f64>], at: usize) -> f64 {
+    let pose: Vec<f64> = series.iter().map(|series| series[at]).collect();
+    let placed = op3.body.tree.place(Placement::IDENTITY, &op3.body.angles(&pose));
+    let soles = StandingSole::all(&op3.body);
+    let sole = soles.iter().find(|sole| sole.side == 1).expect("a sole");
+    let up = placed[sole.link].turn * sole.normal;
+    let level = glam::DQuat::from_rotation_arc(up, DVec3::Z);
+    let corners = sole.corners_m.iter().map(|corner| level * placed[sole.link].point(*corner));
+    let corners: Vec<glam::DVec2> = corners.map(DVec3::truncate).collect();
+    let centre = (level * op3.body.tree.centre_of_mass_m(&placed)).truncate();
+    crate::rigid::ground::SupportPolygon::of(&corners).margin_m(centre).expect("a sole")
+}
+
+#[test]
+fn weight_goes_over_the_foot_that_is_left_alone_in_the_time_that_takes() {
+    let op3 = op3();
+    let (given, footfalls) = on_one_leg(&op3);
+    let free = vec![true; given.len()];
+    let mut of = Adjusting {
+        body: &op3.body,
+        start_rad: &op3.start_rad,
+        limits_rad: &op3.limits_rad,
+        free: &free,
+        rate_hz: RATE_HZ,
+        footfalls: Some(&footfalls),
+        slower: Some(1.0),
+    };
+    let unweighed = |mut series: Vec<Vec<f64>>| {
+        adjust(&Adjusting { slower: None, ..of }, &mut series).expect("adjusted");
+        series
+    };
+    assert!(over_right_m(&op3, &unweighed(given.clone()), 150) < -0.005);
+    assert!(!is_steady(&of, &given).expect("looked at"));
+    // Half a second from two feet to one is too fast at a tenth of the time.
+    of.slower = Some(0.1);
+    let Pace::Slowed(times) = pace(&of, &given) else { panic!("it is slowed") };
+    let end = (given[0].len() - 1) as f64;
+    assert!((times[times.len() - 1] - end).abs() < 1e-9 && times.len() > 400, "{}", times.len());
+    assert!(times.windows(2).all(|two| two[1] > two[0] && two[1] - two[0] < 1.01));
+    of.slower = Some(4.0);
+    let mut moved = given.clone();
+    adjust(&of, &mut moved).expect("adjusted");
+    for at in 105..=195 {
+        let inside_m = over_right_m(&op3, &moved, at);
+        assert!(inside_m > 0.02, "{at}: {inside_m}");
+    }
+    assert!(matches!(steady(&of, &moved).expect("looked at"), Pace::Even | Pace::Slowed(_)));
+    // It ends as it began, between both feet.
+    assert!(over_right_m(&op3, &moved, 300) < 0.0);
+}
+
+#[test]
+fn who_stands_well_is_neither_slowed_nor_moved() {
+    let op3 = op3();
+    let mut series: Vec<Vec<f64>> = op3.start_rad.iter().map(|angle| vec![*angle; 301]).collect();
+    for (at, angle) in series[op3.joint("r_el")].iter_mut().enumerate() {
+        *angle += 0.3 * once(at as f64 / RATE_HZ);
+    }
+    let footfalls = vec![standing([true; 2]); 301];
+    let free = vec![true; series.len()];
+    let of = Adjusting {
+        body: &op3.body,
+        start_rad: &op3.start_rad,
+        limits_rad: &op3.limits_rad,
+        free: &free,
+        rate_hz: RATE_HZ,
+        footfalls: Some(&footfalls),
+        slower: Some(1.0),
+    };
+    assert!(is_steady(&of, &series).expect("looked at"));
+    assert_eq!(
+        (pace(&of, &series), steady(&of, &series).expect("looked at")),
+        (Pace::Even, Pace::Even)
+    );
+}
+
+#[test]
+fn who_leaps_from_foot_to_foot_is_not_helped_by_any_pace() {
+    let op3 = op3();
+    let mut given = on_one_leg(&op3).0;
+    // Feet far apart.
+    for (name, angle) in [("l_hip_roll", 0.4), ("r_hip_roll", -0.4)] {
+        let outward = given[op3.joint(name)][0] - angle;
+        given[op3.joint(name)].fill(outward);
+    }
+    let footfalls: Vec<Footfall> = (0..301)
+        .map(|at| standing(if at % 100 < 50 { [true, false] } else { [false, true] }))
+        .collect();
+    let free = vec![true; given.len()];
+    let of = Adjusting {
+        body: &op3.body,
+        start_rad: &op3.start_rad,
+        limits_rad: &op3.limits_rad,
+        free: &free,
+        rate_hz: RATE_HZ,
+        footfalls: Some(&footfalls),
+        slower: Some(0.05),
+    };
+    assert_eq!(pace(&of, &given), Pace::Hopeless);
+}
+
+#[test]
+fn a_clock_takes_as_long_as_its_pace_says_and_ends_at_the_end() {
+    let even = weight::clock(&[1.0; 4], 2, 7);
+    assert_eq!(even, [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
+    let slow = weight::clock(&[3.0; 4], 2, 7);
+    assert!(slow.len() == 19 && (slow[18] - 6.0).abs() < 1e-9, "{slow:?}");
+    let half = weight::clock(&[1.0, 1.0, 1.0, 4.0, 4.0, 4.0], 2, 11);
+    let later = half.iter().filter(|time| **time > 6.0).count();
+    assert!((15..=17).contains(&later), "{half:?}");
+}
+
+#[test]
+fn curves_over_a_limit_are_drawn_in_and_all_others_stay() {
+    let mut series = vec![vec![0.0, 0.5, 1.02, 0.5, 0.0, 0.1], vec![0.0, 0.9, -0.9, 0.9, 0.0, 0.1]];
+    let given = series.clone();
+    drawn_in(&[(-1.0, 1.0), (-2.0, 2.0)], &mut series).expect("drawn in");
+    assert_eq!(series[1], given[1]);
+    let curve = Spline::through(series[0].clone(), 1.0, End::Free, End::Free).expect("a curve");
+    assert!(curve.extremes().position.max.value <= 1.0 && series[0][0] == 0.0);
 }
 
 #[test]

@@ -40,6 +40,7 @@ impl Op3 {
             poses,
             rate_hz: RATE_HZ,
             path_times_s: &path_times_s,
+            source_times_s: &path_times_s,
             clip: &(0..poses.len()),
             footfalls: said.map(|said| (said, RATE_HZ)),
             original: None,
