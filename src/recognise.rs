@@ -4,7 +4,7 @@
 //! ```text
 //! poses -> points -> contact, posture -> features (a row of numbers a frame)
 //!                                           |
-//! model files -> model -> machine (one for each model) -> events -> score
+//! model files -> model -> waiting -> machine (one for each model) -> events -> score
 //! ```
 //!
 //! Nothing here knows where poses come from. Whatever a source does not show is unknown, never zero: a
@@ -21,3 +21,4 @@ pub mod points;
 pub mod posture;
 pub mod score;
 pub mod stream;
+pub mod waiting;

@@ -319,6 +319,36 @@ fn a_drafted_model_sees_its_examples_and_not_what_another_side_does() {
     assert!(words(&refused).contains("nothing in this part"), "{}", words(&refused));
 }
 
+#[test]
+fn what_a_robot_plays_is_named_from_what_its_servos_reported() {
+    let file = folder("played").join("run.mcap");
+    let name = file.display().to_string();
+    let play = ["play", "wave-r", "--robot", "op3", "--bus", "sim", "--record", &name, "--json"];
+    let output = run(&play);
+    done(&output);
+    let slowed = json(&output)["retime_factor"].as_f64().expect("a factor").to_string();
+    let output = run(&["recognise", &name, "--slowed", &slowed, "--json"]);
+    done(&output);
+    let report = json(&output);
+    assert_eq!(report["source"]["format"], "servos");
+    let waves: Vec<&Value> = report["events"]
+        .as_array()
+        .expect("events")
+        .iter()
+        .filter(|of| of["action"] == "wave")
+        .collect();
+    assert!(!waves.is_empty() && waves.iter().all(|of| of["side"] == "right"), "{report}");
+    let end_s = report["source"]["duration_s"].as_f64().expect("a length");
+    assert!(waves.iter().all(|of| of["end_s"].as_f64() <= Some(end_s)), "{report}");
+    // Nobody can see what it has not.
+    let notes = report["notes"].to_string();
+    assert!(notes.contains("joints and soles"), "{notes}");
+    let refused = run(&["recognise", &name, "--rate", "100"]);
+    assert!(words(&refused).contains("needs no mapping"), "{}", words(&refused));
+    let refused = run(&["recognise", &name, "--slowed", "nan"]);
+    assert_eq!(refused.status.code(), Some(1));
+}
+
 /// The lines of a BVH file behind its header, as numbers.
 fn poses(file: &Path) -> Vec<Vec<f64>> {
     let text = std::fs::read_to_string(file).expect("a BVH file");

@@ -218,6 +218,7 @@ fn a_person_with_13_sensors_walks_and_a_virtual_op3_walks_along_now_and_from_the
     let output = gaitway(&folder)
         .args(words("live --from replay:live.mcap --robot op3 --bus sim --n-pose-after 500ms"))
         .args(words("--moves bow --record again.mcap --calibration-body again.toml --json"))
+        .arg("--recognise")
         .output()
         .expect("runs");
     let again = json(&output);
@@ -226,11 +227,29 @@ fn a_person_with_13_sensors_walks_and_a_virtual_op3_walks_along_now_and_from_the
     let body_deg = body_error_deg(&recorded, &folder.join("again.toml"), &truth);
     let robot_deg = robot_error_deg(&folder.join("again.mcap"), &truth);
     println!("again: joints of the body {body_deg:.2} deg RMSE, robot {robot_deg:.2} deg RMSE");
+    strides_are_named(&again, &folder.join("again.mcap"));
     assert!(kept.exists());
     assert!(body_deg < 6.0, "{body_deg}");
     assert!(robot_deg < 8.0, "{robot_deg}");
 
     take_up_what_was_kept(&folder);
+}
+
+/// What the person does is named, in the report and in the recording: strides, and nothing else.
+fn strides_are_named(report: &serde_json::Value, recording: &Path) {
+    let events = report["events"].as_array().expect("events");
+    let strides: Vec<&str> = events
+        .iter()
+        .filter(|of| of["action"] == "walk")
+        .filter_map(|of| of["side"].as_str())
+        .collect();
+    assert!(!strides.is_empty(), "{events:?}");
+    let false_names = events.iter().filter(|of| of["action"] != "walk").count();
+    assert_eq!(false_names, 0, "{events:?}");
+    let channels = recording::summary(recording).expect("recorded").channels;
+    let told = channels.get("/lines/actions").copied();
+    // Each stride has begun, has phases and is done.
+    assert!(told >= Some(3 * strides.len() as u64), "{channels:?}");
 }
 
 /// The calibration that was kept is taken up in N pose alone; another body's is not.

@@ -17,6 +17,8 @@ use crate::rigid::ground::GRAVITY_M_S2;
 pub const SPREAD_S: f64 = 0.015;
 /// Soles this much higher than the lowest carry e times less, m.
 const CARRIES_M: f64 = 0.002;
+/// Time over which the speed of a body that was measured is averaged, s: which sole is the lowest changes with the noise.
+const SLUGGISH_S: f64 = 0.05;
 /// Higher above the floor than this, the body flies, m.
 const FLIES_M: f64 = 0.002;
 
@@ -53,7 +55,6 @@ pub fn path_m(body: &Proportions, poses: &[SegmentPose], rate_hz: f64) -> Vec<DV
 /// velocity that legs leave.
 fn unspread_m(about_root: &[([DVec3; 4], DVec3)], rate_hz: f64) -> Vec<DVec3> {
     let step_s = 1.0 / rate_hz;
-    let lowest = |soles_m: &[DVec3; 4]| soles_m.iter().map(|s| s.z).fold(f64::MAX, f64::min);
     let mut centres_m: Vec<DVec3> = Vec::with_capacity(about_root.len());
     let mut flying_m_s: Option<DVec2> = None;
     for (at, (soles_m, centre_m)) in about_root.iter().enumerate() {
@@ -72,19 +73,63 @@ fn unspread_m(about_root: &[([DVec3; 4], DVec3)], rate_hz: f64) -> Vec<DVec3> {
         } else {
             flying_m_s = None;
             let (soles_before_m, centre_before_m) = &about_root[at - 1];
-            let ground = (lowest(soles_before_m), lowest(soles_m));
-            let (mut moved_m, mut carry) = (DVec2::ZERO, 0.0);
-            for (before, now) in soles_before_m.iter().zip(soles_m) {
-                let height_m = f64::midpoint(before.z - ground.0, now.z - ground.1);
-                let part = (-height_m / CARRIES_M).exp();
-                moved_m += (*before - *now).truncate() * part;
-                carry += part;
-            }
-            moved_m / carry + (*centre_m - *centre_before_m).truncate()
+            let moved_m = carried_m(soles_before_m, soles_m);
+            moved_m + (*centre_m - *centre_before_m).truncate()
         };
         centres_m.push((last.truncate() + level_m).extend(z_m));
     }
     centres_m
+}
+
+fn lowest(soles_m: &[DVec3; 4]) -> f64 {
+    soles_m.iter().map(|sole| sole.z).fold(f64::MAX, f64::min)
+}
+
+/// How far the root goes while soles go from here to there against it, and what carries stays where it is, m.
+fn carried_m(before_m: &[DVec3; 4], now_m: &[DVec3; 4]) -> DVec2 {
+    let ground = (lowest(before_m), lowest(now_m));
+    let (mut moved_m, mut carry) = (DVec2::ZERO, 0.0);
+    for (before, now) in before_m.iter().zip(now_m) {
+        let height_m = f64::midpoint(before.z - ground.0, now.z - ground.1);
+        let part = (-height_m / CARRIES_M).exp();
+        moved_m += (*before - *now).truncate() * part;
+        carry += part;
+    }
+    moved_m / carry
+}
+
+/// Where the root of a body that was measured is as poses come: at once, from nothing but the poses so far, as if nobody ever
+/// flew. Noise looks like many small flights.
+#[derive(Clone, Debug)]
+pub struct StandingRoot {
+    body: Proportions,
+    soles_m: Option<[DVec3; 4]>,
+    level_m: DVec2,
+    speed_m_s: DVec2,
+}
+
+impl StandingRoot {
+    /// A body that has not been seen yet; it begins above the origin.
+    #[must_use]
+    pub const fn new(body: Proportions) -> Self {
+        Self { body, soles_m: None, level_m: DVec2::ZERO, speed_m_s: DVec2::ZERO }
+    }
+
+    /// The root in the next pose, whose own is ignored, so long after the last, s; m.
+    pub fn next(&mut self, pose: &SegmentPose, dt_s: f64) -> DVec3 {
+        let at = self.body.positions(&SegmentPose { root_m: DVec3::ZERO, ..pose.clone() });
+        let soles_m = SOLES.map(|end| at.end_m(end));
+        if let Some(before_m) = self.soles_m.replace(soles_m).filter(|_| dt_s > 0.0) {
+            let share = 1.0 - (-dt_s / SLUGGISH_S).exp();
+            let speed_m_s = carried_m(&before_m, &soles_m) / dt_s;
+            // One pose that is none must not be the end of it.
+            if speed_m_s.is_finite() {
+                self.speed_m_s += share * (speed_m_s - self.speed_m_s);
+                self.level_m += self.speed_m_s * dt_s;
+            }
+        }
+        self.level_m.extend(-lowest(&soles_m))
+    }
 }
 
 /// Averages points over a time of this standard deviation: three running means, near a normal distribution,
@@ -126,6 +171,31 @@ mod tests {
 
     fn body() -> Proportions {
         Proportions::of_stature(1.75).unwrap()
+    }
+
+    #[test]
+    fn who_walks_is_placed_as_it_comes_where_who_is_known_whole_is() {
+        // Legs swing in turn, the one that comes forward bent, soles level.
+        let pose = |n: u32| {
+            let (sin, cos) = (3.0 * f64::from(n) / RATE_HZ).sin_cos();
+            let mut angles = JointAngles::default();
+            angles[Dof::LeftHipFlexion] = 0.3 * sin + 0.4 * cos.max(0.0);
+            angles[Dof::LeftKneeFlexion] = 0.8 * cos.max(0.0);
+            angles[Dof::LeftAnkleDorsiflexion] = 0.4 * cos.max(0.0) - 0.3 * sin;
+            angles[Dof::RightHipFlexion] = -0.3 * sin + 0.4 * (-cos).max(0.0);
+            angles[Dof::RightKneeFlexion] = 0.8 * (-cos).max(0.0);
+            angles[Dof::RightAnkleDorsiflexion] = 0.4 * (-cos).max(0.0) + 0.3 * sin;
+            angles.to_pose(DVec3::ZERO, DQuat::IDENTITY)
+        };
+        let poses: Vec<SegmentPose> = (0..1200).map(pose).collect();
+        let known_m = path_m(&body(), &poses, RATE_HZ);
+        let mut root = StandingRoot::new(body());
+        let mut furthest_m = 0f64;
+        for (pose, known_m) in poses.iter().zip(&known_m) {
+            furthest_m = furthest_m.max(root.next(pose, 1.0 / RATE_HZ).distance(*known_m));
+        }
+        let way_m = known_m.last().expect("a way").x;
+        assert!(way_m > 1.0 && furthest_m < 0.1 * way_m, "{furthest_m} of {way_m} m");
     }
 
     /// The right leg's hip and ankle, the left out of the way.

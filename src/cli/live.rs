@@ -40,7 +40,7 @@ Examples:
   gaitway live --from file:walk --robot op3 --bus sim --for 10
   gaitway live --from right_upper_arm=imu:bno08x-rvc@/dev/ttyUSB0 \\
     right_forearm=imu:bno08x-rvc@/dev/ttyUSB1 --robot op3 --bus serial:/dev/ttyUSB2
-  gaitway live --wear /tmp/body/wear.toml --dry-run     # joint angles, no robot")]
+  gaitway live --wear /tmp/body/wear.toml --dry-run --recognise     # no robot: what the person does")]
 pub struct LiveArgs {
     /// What to follow: sensors, a recording or a motion (see below)
     #[arg(long, value_name = "SOURCE", num_args = 1.., required_unless_present = "wear")]
@@ -92,6 +92,13 @@ pub struct LiveArgs {
     /// without a robot
     #[arg(long)]
     dry_run: bool,
+    /// Name what the person does as it happens: on standard error, in the report, and in the recording
+    /// (channel /lines/actions)
+    #[arg(long)]
+    recognise: bool,
+    /// Folder of models for that, in place of those that ship with gaitway
+    #[arg(long, value_name = "DIR", requires = "recognise")]
+    models: Option<PathBuf>,
     /// Seed of the virtual robot
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -156,6 +163,8 @@ impl LiveArgs {
             replace: self.output.force(),
             accept_firmware: self.accept_firmware,
             dry_run: self.dry_run,
+            recognise: self.recognise,
+            models: self.models.clone(),
         }
     }
 

@@ -17,11 +17,15 @@ use std::path::PathBuf;
 Each action is a model: a file with ordered phases, each of them a part of a pose (docs/recognition.md). A
 model that needs what the source does not show cannot fire, and is named.
 
+A recording (.mcap) shows a person who wore sensors and was calibrated, or a robot, by what its servos
+reported. Who is followed now: `gaitway live --recognise`.
+
 Example: gaitway recognise dance.bvh
          gaitway recognise walk:6s,wave-r,bow --labels found.csv
-         gaitway recognise dance.bvh --html dance.html")]
+         gaitway recognise dance.bvh --html dance.html
+         gaitway recognise played.mcap --slowed 2.3")]
 pub struct RecogniseArgs {
-    /// A capture (.bvh, .amc), or actions
+    /// A capture (.bvh, .amc, .c3d, ...), a recording (.mcap), or actions
     motion: String,
     /// Folder of models, in place of those that ship with gaitway
     #[arg(long, value_name = "DIR")]
@@ -38,6 +42,10 @@ pub struct RecogniseArgs {
     /// Read the paper's equations and its state machine as they are printed, for comparison
     #[arg(long)]
     strict: bool,
+    /// Everything takes so many times as long as where a person does it: a robot that was slowed
+    /// (`retime_factor` in the report of `play`)
+    #[arg(long, value_name = "FACTOR", allow_negative_numbers = true)]
+    slowed: Option<f64>,
     /// File that says which joint of the capture is which body segment (TOML)
     #[arg(long, value_name = "FILE.toml")]
     mapping: Option<PathBuf>,
@@ -70,6 +78,7 @@ pub fn run(args: &RecogniseArgs, remarks: Remarks) -> Result<i32, Error> {
         },
         models: args.models.clone(),
         equations: if args.strict { EquationReading::Strict } else { EquationReading::Repaired },
+        slowed: args.slowed,
         labels: args.labels.clone(),
         html: args.html.clone(),
         replace: args.output.force(),
@@ -100,12 +109,7 @@ fn told(event: &RecognitionEvent) -> Result<(), Error> {
 fn words(report: &RecogniseReport, remarks: Remarks) -> String {
     let mut text = String::new();
     for event in &report.events {
-        let side = event.side.map_or("", |side| side.word());
-        let _ = writeln!(
-            text,
-            "{:8.2} to {:7.2} s  {:22} {side}",
-            event.start_s, event.end_s, event.action
-        );
+        let _ = writeln!(text, "{}", event.words());
     }
     if remarks.quiet {
         return text;

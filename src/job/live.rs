@@ -18,6 +18,7 @@ use crate::sensing::{Person, Plan};
 use crate::time::{Duration, Instant};
 use std::path::PathBuf;
 
+mod naming;
 mod performer;
 mod report;
 mod worn;
@@ -60,6 +61,10 @@ pub struct LiveOrder {
     pub accept_firmware: bool,
     /// Write nothing to the robot; show the body's angles.
     pub dry_run: bool,
+    /// Name what who wears the sensors does.
+    pub recognise: bool,
+    /// Folder of models for that, in place of the shipped ones.
+    pub models: Option<PathBuf>,
 }
 
 impl LiveOrder {
@@ -156,6 +161,12 @@ impl Job<'_> {
 
     /// Follows a capture or actions that somebody performs now.
     fn perform(&mut self, motion: &str) -> Result<(), Error> {
+        if self.order.recognise {
+            return Err(Error::new("a motion that is known is not named while it is followed")
+                .at("--recognise")
+                .got(format!("file:{motion}"))
+                .remedy(format!("`gaitway recognise {motion}` names what is done in it")));
+        }
         let (capture, origin) = source::body_motion(motion, None, &CaptureOptions::default())?;
         self.report.run.source = origin;
         self.report.run.notes.extend(capture.notes.iter().cloned());

@@ -26,6 +26,9 @@ pub use crate::recognise::posture::EquationReading;
 /// Most model files of a folder.
 const MAX_MODELS: usize = 10_000;
 
+/// How many times slower than a person a source may be.
+const SLOWED: core::ops::RangeInclusive<f64> = 0.1..=20.0;
+
 /// What is to be recognised, and by what.
 #[derive(Clone, Debug, Default)]
 pub struct RecogniseOrder {
@@ -39,6 +42,8 @@ pub struct RecogniseOrder {
     pub models: Option<PathBuf>,
     /// How the paper's equations are read.
     pub equations: EquationReading,
+    /// Everything takes so many times as long as where a person does it; `None`: as long.
+    pub slowed: Option<f64>,
     /// A table of what was found.
     pub labels: Option<PathBuf>,
     /// A page that shows it.
@@ -105,6 +110,36 @@ pub struct RecognitionEvent {
     /// Where it ended, s.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub end_s: Option<f64>,
+}
+
+impl RecognisedAction {
+    /// The same, with its times by another clock.
+    #[must_use]
+    pub(super) fn timed(mut self, time_s: impl Fn(f64) -> f64) -> Self {
+        let phases = self.phases.iter_mut().flat_map(|of| [&mut of.start_s, &mut of.end_s]);
+        let own = [&mut self.start_s, &mut self.end_s, &mut self.recognised_at_s];
+        own.into_iter().chain(phases).for_each(|at_s| *at_s = time_s(*at_s));
+        self
+    }
+
+    /// In one line: from when to when, which, on which side.
+    #[must_use]
+    pub fn words(&self) -> String {
+        let side = self.side.map_or("", BodySide::word);
+        let line =
+            format!("{:8.2} to {:7.2} s  {:22} {side}", self.start_s, self.end_s, self.action);
+        line.trim_end().to_owned()
+    }
+}
+
+impl RecognitionEvent {
+    /// The same, with its times by another clock.
+    #[must_use]
+    pub(super) fn timed(mut self, time_s: impl Fn(f64) -> f64) -> Self {
+        let times = [Some(&mut self.at_s), self.start_s.as_mut(), self.end_s.as_mut()];
+        times.into_iter().flatten().for_each(|at_s| *at_s = time_s(*at_s));
+        self
+    }
 }
 
 /// A model that could not fire, because the source does not show what it needs.
@@ -230,9 +265,22 @@ pub fn recognise(
     mut hear: impl FnMut(&RecognitionEvent),
 ) -> Result<RecogniseReport, Error> {
     let models = models(order.models.as_deref())?;
-    let (capture, source) =
+    let slowed = order.slowed.unwrap_or(1.0);
+    if !SLOWED.contains(&slowed) {
+        return Err(Error::of(ErrorKind::OutsideLimits, "nothing is slowed like that")
+            .at("--slowed")
+            .got(slowed.to_string())
+            .allowed(format!("{} to {}", SLOWED.start(), SLOWED.end())));
+    }
+    let (mut capture, source) =
         source::body_motion(&order.motion, order.mapping.as_deref(), &order.reading)?;
-    let found = of_capture(&capture, models, order.equations, &mut hear)?;
+    // Seen as fast as a person does it, and told by the source's own clock.
+    capture.rate_hz *= slowed;
+    let own = |time_s: f64| time_s * slowed;
+    let mut told = |event: &RecognitionEvent| hear(&event.clone().timed(own));
+    let mut found = of_capture(&capture, models, order.equations, &mut told)?;
+    found.events = found.events.into_iter().map(|event| event.timed(own)).collect();
+    capture.rate_hz /= slowed;
     if let Some(path) = &order.labels {
         draft::write_file(path, order.replace, &labels(&found.events)?)?;
     }
@@ -349,7 +397,7 @@ pub(super) fn of_capture(
     })
 }
 
-fn event(model: &ActionModel, at_s: f64, what: &ActionEvent) -> RecognitionEvent {
+pub(super) fn event(model: &ActionModel, at_s: f64, what: &ActionEvent) -> RecognitionEvent {
     let (kind, phase, start_s, end_s) = match what {
         ActionEvent::Begun { start_s } => ("begun", None, Some(*start_s), None),
         ActionEvent::Phase { number, span } => {
@@ -372,7 +420,7 @@ fn event(model: &ActionModel, at_s: f64, what: &ActionEvent) -> RecognitionEvent
     }
 }
 
-fn recognised(
+pub(super) fn recognised(
     model: &ActionModel,
     at_s: f64,
     span: Span,

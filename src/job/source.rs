@@ -2,6 +2,7 @@
 
 pub mod joints;
 mod opensim;
+mod recorded;
 mod standing;
 
 pub use crate::mocap::files::CaptureOptions;
@@ -333,7 +334,7 @@ fn in_joints(
     Ok(RobotMotion { name, source, notes, only, retargeted, person, footfalls, clock, of_person })
 }
 
-/// Reads a capture, or performs actions, as a motion of body segments. `reading` says what the capture does
+/// Reads a capture or a recording, or performs actions, as a motion of body segments. `reading` says what the capture does
 /// not.
 ///
 /// # Errors
@@ -363,13 +364,21 @@ pub fn body_motion(
         }
         return opensim::capture(path);
     }
+    if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("mcap")) {
+        if mapping.is_some() || reading != &CaptureOptions::default() {
+            return Err(Error::new("a recording needs no mapping, skeleton or rate")
+                .at(motion)
+                .allowed("these are for captures with a skeleton"));
+        }
+        return recorded::capture(path);
+    }
     let Some(format) = files::format_of(path) else {
         let shipped: Vec<&str> = vocabulary::names().collect();
         return Err(Error::of(ErrorKind::Unknown, "not a motion that can be read")
             .at("MOTION")
             .got(motion)
             .allowed(format!(
-                "a file that ends in .bvh, .amc, .c3d, .trc, .csm, .mot or .sto, an action file (.toml), or a shipped action: {}",
+                "a file that ends in .bvh, .amc, .c3d, .trc, .csm, .mot, .sto or .mcap, an action file (.toml), or a shipped action: {}",
                 shipped.join(", ")
             ))
             .remedy(profiles::advice(motion, &shipped, "take one of these, or check the path")));

@@ -10,7 +10,7 @@ use crate::body::carrying::{FootPart, MeasuredFoot, NEAR_SHANKS};
 use glam::DVec3;
 
 /// What can touch the ground, and how high its joint is then, in shanks: the ankle as in the published
-/// proportions of [`crate::body::proportions`], the others by the flesh around a joint (ours).
+/// proportions of [`crate::body::proportions`], the others by the flesh around a joint (ours). [`Floor::next`] goes by their rows.
 const TOUCHES: [(BodyPoint, f64); 10] = [
     (BodyPoint::LeftFoot, 0.16),
     (BodyPoint::RightFoot, 0.16),
@@ -67,30 +67,31 @@ impl Floor {
     /// frame, s.
     pub fn next(&mut self, points: &Points, velocities: &Points, dt_s: f64) -> Contacts {
         let tibia_m = self.lengths.tibia_m;
-        let stood = |(place, height): (BodyPoint, f64)| points[place].z - height * tibia_m;
-        let lowest = TOUCHES
-            .into_iter()
-            .filter(|(place, _)| points[*place].z.is_finite())
-            .min_by(|a, b| stood(*a).total_cmp(&stood(*b)));
+        let stood_m = TOUCHES.map(|(place, height)| points[place].z - height * tibia_m);
+        let mut lowest: Option<usize> = None;
+        for (index, height_m) in stood_m.iter().enumerate().filter(|(_, m)| m.is_finite()) {
+            if lowest.is_none_or(|lowest| *height_m < stood_m[lowest]) {
+                lowest = Some(index);
+            }
+        }
         let Some(lowest) = lowest else { return Contacts::default() };
-        self.find(stood(lowest), velocities[lowest.0], dt_s);
-        let floor_m = self.floor_m.unwrap_or(stood(lowest));
-        let height = |place: BodyPoint| {
-            let (_, own) = TOUCHES.into_iter().find(|(of, _)| *of == place)?;
-            let above_m = stood((place, own)) - floor_m;
-            above_m.is_finite().then_some(above_m)
+        self.find(stood_m[lowest], velocities[TOUCHES[lowest].0], dt_s);
+        let floor_m = self.floor_m.unwrap_or(stood_m[lowest]);
+        let heights_m = stood_m.map(|stood_m| stood_m - floor_m);
+        let touches = |index: usize| {
+            let height_m = heights_m[index];
+            height_m.is_finite().then_some(height_m <= NEAR_SHANKS * tibia_m)
         };
-        let touches = |place: BodyPoint| Some(height(place)? <= NEAR_SHANKS * tibia_m);
         let feet = [
-            self.foot(0, [BodyPoint::LeftFoot, BodyPoint::LeftToe], &height, velocities),
-            self.foot(1, [BodyPoint::RightFoot, BodyPoint::RightToe], &height, velocities),
+            self.foot(0, [0, 2], &heights_m, velocities),
+            self.foot(1, [1, 3], &heights_m, velocities),
         ];
         Contacts {
             floor_m,
             feet,
-            knees: [BodyPoint::LeftKnee, BodyPoint::RightKnee].map(touches),
-            hands: [BodyPoint::LeftHand, BodyPoint::RightHand].map(touches),
-            hips: [BodyPoint::LeftHip, BodyPoint::RightHip].map(touches),
+            knees: [4, 5].map(touches),
+            hands: [6, 7].map(touches),
+            hips: [8, 9].map(touches),
         }
     }
 
@@ -106,17 +107,20 @@ impl Floor {
         }
     }
 
+    /// Whether a foot touches of which these are the rows of ankle and toe.
     fn foot(
         &mut self,
         side: usize,
-        places: [BodyPoint; 2],
-        height: &impl Fn(BodyPoint) -> Option<f64>,
+        rows: [usize; 2],
+        heights_m: &[f64; TOUCHES.len()],
         velocities: &Points,
     ) -> Known {
-        height(places[0])?;
-        let parts = places.map(|place| FootPart {
-            height_m: height(place).unwrap_or(f64::NAN),
-            speed_m_s: velocities[place].length(),
+        if !heights_m[rows[0]].is_finite() {
+            return None;
+        }
+        let parts = rows.map(|row| FootPart {
+            height_m: Some(heights_m[row]).filter(|m| m.is_finite()).unwrap_or(f64::NAN),
+            speed_m_s: velocities[TOUCHES[row].0].length(),
         });
         Some(self.feet[side].next(&parts))
     }

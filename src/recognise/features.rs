@@ -322,9 +322,10 @@ impl Extractor {
             self.before.pop_front();
         }
         let velocities = match self.before.front() {
-            Some((at_s, before)) if self.time_s > *at_s => Points(core::array::from_fn(|index| {
-                (points.0[index] - before.0[index]) / (self.time_s - at_s)
-            })),
+            Some((at_s, before)) if self.time_s > *at_s => {
+                let per_s = 1.0 / (self.time_s - at_s);
+                Points(core::array::from_fn(|of| (points.0[of] - before.0[of]) * per_s))
+            }
             _ => Points([DVec3::NAN; 13]),
         };
         let last = self.before.back().map(|(_, last)| *last);
@@ -359,8 +360,9 @@ impl Extractor {
     fn write_moves(&self, row: &mut FeatureRow, axes: &Axes, velocities: &Points) {
         for (part, (_, place, is_hand)) in PARTS.into_iter().enumerate() {
             let limb_m = if is_hand { self.lengths.arm_m } else { self.lengths.leg_m() };
+            let in_limbs = velocities[place] * (1.0 / limb_m);
             for (axis, along) in [axes.forward, axes.up, axes.left].into_iter().enumerate() {
-                row.values[MOVES + 3 * part + axis] = velocities[place].dot(along) / limb_m;
+                row.values[MOVES + 3 * part + axis] = in_limbs.dot(along);
             }
         }
         let speed = |place: BodyPoint, limb_m: f64| velocities[place].length() / limb_m;
@@ -432,9 +434,9 @@ impl Extractor {
                 Some(step(last?, points).0 > eps_m)
             }
             EquationReading::Repaired => {
-                let known = BodyPoint::ALL[..11].iter().map(|place| velocities[*place].length());
+                let known = velocities.0[..11].iter().map(|velocity| velocity.length_squared());
                 let fastest = known.filter(|speed| speed.is_finite()).reduce(f64::max)?;
-                Some(fastest > self.still_m_s())
+                Some(fastest.sqrt() > self.still_m_s())
             }
         }
     }

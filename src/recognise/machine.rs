@@ -58,8 +58,8 @@ pub enum ActionEvent {
     },
 }
 
-/// A phase under way.
-#[derive(Clone, Debug, PartialEq)]
+/// A phase under way; what its frames have added up to is in [`Sums`].
+#[derive(Clone, Copy, Debug, PartialEq)]
 struct Active {
     phase: usize,
     span: Span,
@@ -67,13 +67,15 @@ struct Active {
     has_end: bool,
     /// Time of its frames, s.
     time_s: f64,
-    travels: Vec<f64>,
-    means: Vec<f64>,
     /// For how long no frame has fitted, s; zero while frames fit.
     out_s: f64,
 }
 
-#[derive(Clone, Debug, Default, PartialEq)]
+/// Of the phase under way: how far parts have moved, then features times time, for their means.
+#[derive(Clone, Debug, Default)]
+struct Sums(Vec<f64>);
+
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 enum State {
     #[default]
     Idle,
@@ -110,6 +112,7 @@ pub struct Underway {
 pub struct ModelMachine {
     reading: EquationReading,
     state: State,
+    sums: Sums,
     done: Vec<(usize, Span)>,
     has_begun: bool,
 }
@@ -118,7 +121,13 @@ impl ModelMachine {
     /// A machine that has seen nothing.
     #[must_use]
     pub const fn new(reading: EquationReading) -> Self {
-        Self { reading, state: State::Idle, done: Vec::new(), has_begun: false }
+        Self {
+            reading,
+            state: State::Idle,
+            sums: Sums(Vec::new()),
+            done: Vec::new(),
+            has_begun: false,
+        }
     }
 
     /// True while no phase is under way.
@@ -140,7 +149,7 @@ impl ModelMachine {
             phase: active.phase,
             is_over,
             end_s: active.span.end_s,
-            wanting: active.wanting(&model.phases[active.phase]).collect(),
+            wanting: self.sums.wanting(active, &model.phases[active.phase]).collect(),
         })
     }
 
@@ -175,7 +184,7 @@ impl ModelMachine {
         match core::mem::take(&mut self.state) {
             State::In(active)
                 if active.phase + 1 == model.phases.len()
-                    && active.may_end(&model.phases[active.phase]) =>
+                    && self.sums.may_end(&active, &model.phases[active.phase]) =>
             {
                 self.recognised(&active, tell);
             }
@@ -204,13 +213,13 @@ impl ModelMachine {
         let phase = &model.phases[index];
         if phase.fits(row) {
             match &mut active {
-                Some(active) => active.take(phase, row, time_s),
-                None => active = Some(Active::new(index, phase, row, time_s)),
+                Some(active) => active.take(&mut self.sums, phase, row, time_s),
+                None => active = Some(Active::new(&mut self.sums, index, phase, row, time_s)),
             }
             self.state = active.map_or(State::Idle, State::In);
             return;
         }
-        match active.filter(|active| active.has_end && active.may_end(phase)) {
+        match active.filter(|active| active.has_end && self.sums.may_end(active, phase)) {
             Some(active) if index + 1 == model.phases.len() => self.recognised(&active, tell),
             Some(active) => {
                 self.over(&active, tell);
@@ -265,7 +274,7 @@ impl ModelMachine {
     ) {
         let phase = &model.phases[active.phase];
         if phase.fits(row) {
-            active.take(phase, row, time_s);
+            active.take(&mut self.sums, phase, row, time_s);
             if active.time_s > phase.longest_s + ROUNDED_S {
                 let index = active.phase;
                 self.reset(index, tell);
@@ -276,7 +285,7 @@ impl ModelMachine {
             return;
         }
         let is_last = active.phase + 1 == model.phases.len();
-        if active.out_s == 0.0 && !is_last && active.may_end(phase) {
+        if active.out_s == 0.0 && !is_last && self.sums.may_end(&active, phase) {
             if !self.enter_next(&active, model, row, time_s, tell) {
                 let waited_s = row.dt_s;
                 if waited_s <= model.gap_s + ROUNDED_S {
@@ -293,7 +302,7 @@ impl ModelMachine {
             self.state = State::In(active);
             return;
         }
-        if is_last && active.may_end(phase) {
+        if is_last && self.sums.may_end(&active, phase) {
             self.recognised(&active, tell);
         } else {
             self.reset(active.phase, tell);
@@ -306,7 +315,7 @@ impl ModelMachine {
         self.state = State::Idle;
         let mut first = model.phases.iter().enumerate().take(model.leading + 1);
         if let Some((index, phase)) = first.find(|(_, phase)| phase.fits(row)) {
-            self.state = State::In(Active::new(index, phase, row, time_s));
+            self.state = State::In(Active::new(&mut self.sums, index, phase, row, time_s));
         }
     }
 
@@ -325,14 +334,17 @@ impl ModelMachine {
         };
         self.say_begun_of(ended, tell);
         self.over(ended, tell);
-        self.state = State::In(Active::new(index, phase, row, time_s));
+        self.state = State::In(Active::new(&mut self.sums, index, phase, row, time_s));
         true
     }
 
     /// Says that an action has begun once its first phase may end.
     fn say_begun(&mut self, model: &ActionModel, tell: &mut impl FnMut(ActionEvent)) {
         let State::In(active) = &self.state else { return };
-        if self.has_begun || active.out_s > 0.0 || !active.may_end(&model.phases[active.phase]) {
+        if self.has_begun
+            || active.out_s > 0.0
+            || !self.sums.may_end(active, &model.phases[active.phase])
+        {
             return;
         }
         self.has_begun = true;
@@ -370,46 +382,48 @@ impl ModelMachine {
 }
 
 impl Active {
-    fn new(index: usize, phase: &ModelPhase, row: &FeatureRow, time_s: f64) -> Self {
-        let mut active = Self {
-            phase: index,
-            span: Span { start_s: time_s, end_s: time_s },
-            has_end: false,
-            time_s: 0.0,
-            travels: vec![0.0; phase.travels.len()],
-            means: vec![0.0; phase.means.len()],
-            out_s: 0.0,
-        };
-        active.add(phase, row);
-        active
+    fn new(
+        sums: &mut Sums,
+        index: usize,
+        phase: &ModelPhase,
+        row: &FeatureRow,
+        time_s: f64,
+    ) -> Self {
+        let span = Span { start_s: time_s, end_s: time_s };
+        sums.0.clear();
+        sums.0.resize(phase.travels.len() + phase.means.len(), 0.0);
+        sums.add(phase, row);
+        Self { phase: index, span, has_end: false, time_s: row.dt_s, out_s: 0.0 }
     }
 
     /// One more frame.
-    fn take(&mut self, phase: &ModelPhase, row: &FeatureRow, time_s: f64) {
+    fn take(&mut self, sums: &mut Sums, phase: &ModelPhase, row: &FeatureRow, time_s: f64) {
         self.span.end_s = time_s;
         self.has_end = true;
         self.out_s = 0.0;
-        self.add(phase, row);
-    }
-
-    fn add(&mut self, phase: &ModelPhase, row: &FeatureRow) {
         self.time_s += row.dt_s;
-        for (sum, travel) in self.travels.iter_mut().zip(&phase.travels) {
-            *sum += row.value(travel.feature) * row.dt_s;
-        }
-        for (sum, mean) in self.means.iter_mut().zip(&phase.means) {
-            *sum += row.value(mean.feature) * row.dt_s;
+        sums.add(phase, row);
+    }
+}
+
+impl Sums {
+    fn add(&mut self, phase: &ModelPhase, row: &FeatureRow) {
+        let travels = phase.travels.iter().map(|travel| travel.feature);
+        let features = travels.chain(phase.means.iter().map(|mean| mean.feature));
+        for (sum, feature) in self.0.iter_mut().zip(features) {
+            *sum += row.value(feature) * row.dt_s;
         }
     }
 
     /// Whether amounts, speeds, means and duration are what they must be.
-    fn may_end(&self, phase: &ModelPhase) -> bool {
-        self.wanting(phase).next().is_none()
+    fn may_end(&self, active: &Active, phase: &ModelPhase) -> bool {
+        self.wanting(active, phase).next().is_none()
     }
 
     /// What of them is not.
-    fn wanting(&self, phase: &ModelPhase) -> impl Iterator<Item = Shortfall> {
-        let time_s = self.time_s;
+    fn wanting(&self, active: &Active, phase: &ModelPhase) -> impl Iterator<Item = Shortfall> {
+        let time_s = active.time_s;
+        let (travelled, summed) = self.0.split_at(phase.travels.len().min(self.0.len()));
         let duration = Shortfall {
             demand: Demand::Duration,
             feature: None,
@@ -417,7 +431,7 @@ impl Active {
             range: FeatureRange { from: phase.shortest_s, to: phase.longest_s },
         };
         let is_short = time_s < phase.shortest_s - ROUNDED_S;
-        let travels = phase.travels.iter().zip(&self.travels).flat_map(move |(travel, sum)| {
+        let travels = phase.travels.iter().zip(travelled).flat_map(move |(travel, sum)| {
             let (amount, speed) = (sum * travel.sign, sum * travel.sign / time_s);
             let of = |demand, value, range: FeatureRange| Shortfall {
                 demand,
@@ -427,7 +441,7 @@ impl Active {
             };
             [of(Demand::Amount, amount, travel.amount), of(Demand::Speed, speed, travel.speed)]
         });
-        let means = phase.means.iter().zip(&self.means).map(move |(mean, sum)| Shortfall {
+        let means = phase.means.iter().zip(summed).map(move |(mean, sum)| Shortfall {
             demand: Demand::Average,
             feature: Some(mean.feature),
             value: sum / time_s,

@@ -131,6 +131,11 @@ fn above(value: f64, limit: f64) -> Known {
     (!value.is_nan() && !limit.is_nan()).then_some(value > limit)
 }
 
+/// Whether an angle whose cosine this is is wider than another; unknown if it is none. An arc cosine costs more than all else.
+fn wider(cos: f64, than_rad: f64) -> Known {
+    above(-cos, -than_rad.cos())
+}
+
 fn angle(a: DVec3, b: DVec3) -> f64 {
     a.angle_between(b)
 }
@@ -142,6 +147,8 @@ struct Frame<'a> {
     lengths: &'a Lengths,
     contacts: &'a Contacts,
     reading: EquationReading,
+    /// Cosine of the angle from the trunk to the vertical.
+    trunk_cos: f64,
 }
 
 /// The posture of one frame.
@@ -153,42 +160,39 @@ pub fn posture(
     contacts: &Contacts,
     reading: EquationReading,
 ) -> PostureState {
-    let frame = Frame { points, axes, lengths, contacts, reading };
-    let [four, standing, kneeling, lying, sitting, squatting, both] = [
-        frame.four_supported(),
-        frame.standing(),
-        frame.kneeling(),
-        frame.lying(),
-        frame.sitting(),
-        frame.squatting(),
-        frame.foot_and_hand(),
+    let frame = Frame::of(points, axes, lengths, contacts, reading);
+    // One after the other: what comes behind the first that fits, or that cannot be told, is not asked.
+    let tried: [fn(&Frame<'_>) -> Known; 8] = [
+        |frame| frame.four_supported(),
+        |frame| frame.standing(),
+        |frame| frame.kneeling(),
+        |frame| frame.lying(),
+        |frame| frame.sitting(),
+        |frame| frame.squatting(),
+        |frame| frame.foot_and_hand(),
+        |_| Some(true),
     ];
-    let tried = [four, standing, kneeling, lying, sitting, squatting, both, Some(true)];
-    let mut major = None;
-    for (posture, fits) in MajorPosture::ALL.into_iter().zip(tried) {
-        match fits {
-            Some(false) => {}
-            Some(true) => {
-                major = Some(posture);
-                break;
-            }
-            None => break,
-        }
-    }
+    let first = MajorPosture::ALL
+        .into_iter()
+        .zip(tried)
+        .map(|(posture, fits)| (posture, fits(&frame)))
+        .find(|(_, fits)| *fits != Some(false));
+    let major = first.and_then(|(posture, fits)| fits.map(|_| posture));
     let hips = or(contacts.hips[0], contacts.hips[1]);
     let knees = if major == Some(MajorPosture::Kneeling) {
         and(contacts.knees[0], contacts.knees[1])
     } else {
         and(frame.knee_bent(0), frame.knee_bent(1))
     };
+    let hips_level = frame.hips_level();
     PostureState {
         major,
-        upright: not(above(frame.trunk_rad(), UPRIGHT_RAD)),
+        upright: not(wider(frame.trunk_cos, UPRIGHT_RAD)),
         on_floor: hips,
         symmetric: knees,
-        on_belly: and(frame.hips_level(), frame.faces(DVec3::NEG_Z)),
-        on_back: and(frame.hips_level(), frame.faces(DVec3::Z)),
-        sideways: not(frame.hips_level()),
+        on_belly: and(hips_level, frame.faces(DVec3::NEG_Z)),
+        on_back: and(hips_level, frame.faces(DVec3::Z)),
+        sideways: not(hips_level),
     }
 }
 
@@ -197,17 +201,25 @@ const SIDES: [[BodyPoint; 3]; 2] = [
     [BodyPoint::RightHip, BodyPoint::RightKnee, BodyPoint::RightFoot],
 ];
 
-impl Frame<'_> {
-    fn trunk_rad(&self) -> f64 {
-        angle(self.points[BodyPoint::Chest] - self.points[BodyPoint::Root], DVec3::Z)
+impl<'a> Frame<'a> {
+    fn of(
+        points: &'a Points,
+        axes: &'a Axes,
+        lengths: &'a Lengths,
+        contacts: &'a Contacts,
+        reading: EquationReading,
+    ) -> Self {
+        let trunk = points[BodyPoint::Chest] - points[BodyPoint::Root];
+        Self { points, axes, lengths, contacts, reading, trunk_cos: trunk.z / trunk.length() }
     }
 
     /// Eq. 6.
     fn standing(&self) -> Known {
         let [left, right] = SIDES.map(|[hip, _, foot]| {
             let leg = self.points[hip] - self.points[foot];
-            let extended = above(leg.length(), EXTENDED * self.lengths.femur_m);
-            (extended, not(above(angle(leg, DVec3::Z), LEG_INCLINED_RAD)))
+            let length = leg.length();
+            let extended = above(length, EXTENDED * self.lengths.femur_m);
+            (extended, not(wider(leg.z / length, LEG_INCLINED_RAD)))
         });
         match self.reading {
             EquationReading::Repaired => or(and(left.0, left.1), and(right.0, right.1)),
@@ -224,10 +236,10 @@ impl Frame<'_> {
 
     /// Eq. 11.
     fn lying(&self) -> Known {
-        let inclined = above(self.trunk_rad(), HORIZONTAL_RAD);
+        let inclined = wider(self.trunk_cos, HORIZONTAL_RAD);
         match self.reading {
             EquationReading::Repaired => {
-                and(inclined, not(above(self.trunk_rad(), core::f64::consts::PI - HORIZONTAL_RAD)))
+                and(inclined, not(wider(self.trunk_cos, core::f64::consts::PI - HORIZONTAL_RAD)))
             }
             EquationReading::Strict => inclined,
         }
@@ -283,7 +295,8 @@ impl Frame<'_> {
 
     fn knee_bent(&self, side: usize) -> Known {
         let [hip, knee, foot] = SIDES[side].map(|place| self.points[place]);
-        above(angle(knee - hip, foot - knee), BENT_RAD)
+        let (thigh, shank) = (knee - hip, foot - knee);
+        wider(thigh.dot(shank) / (thigh.length_squared() * shank.length_squared()).sqrt(), BENT_RAD)
     }
 
     /// How far the centre of mass is outside what the feet span, level, m; below zero inside.

@@ -2,30 +2,44 @@
 
 use super::features::{Extractor, FEATURES, Feature, Noise};
 use super::machine::{ActionEvent, ModelMachine, Span};
-use super::model::ActionModel;
+use super::model::{ActionModel, BodySide};
 use super::points::{Lengths, Points};
 use super::posture::EquationReading;
+use super::waiting::WaitingRoom;
+use std::collections::BTreeMap;
 
 /// What each model has named last. Several models may show one action, and then name one and the same.
-#[derive(Clone, Debug, Default)]
-struct Named(Vec<Option<Span>>);
+#[derive(Clone, Debug)]
+struct Named {
+    spans: Vec<Option<Span>>,
+    /// The other models that show the same action on the same side.
+    twins: Vec<Vec<usize>>,
+}
 
 impl Named {
+    fn new(models: &[ActionModel]) -> Self {
+        let mut by_action: BTreeMap<(&str, Option<BodySide>), Vec<usize>> = BTreeMap::new();
+        for (index, model) in models.iter().enumerate() {
+            by_action.entry((&model.action, model.side)).or_default().push(index);
+        }
+        let twins = |model: &ActionModel| by_action[&(model.action.as_str(), model.side)].clone();
+        Self { spans: vec![None; models.len()], twins: models.iter().map(twins).collect() }
+    }
+
     /// What becomes of an event of a model: what another has named already (the same action, on the same side, with more
     /// than half of the shorter of both in common) is broken off.
     fn once(&mut self, models: &[ActionModel], index: usize, what: ActionEvent) -> ActionEvent {
         let ActionEvent::Done { span, .. } = &what else { return what };
-        let own = &models[index];
-        let is_named = models.iter().zip(&self.0).enumerate().any(|(other, (model, named))| {
-            let Some(named) = named.filter(|_| other != index) else { return false };
+        let is_named = self.twins[index].iter().any(|other| {
+            let Some(named) = self.spans[*other].filter(|_| *other != index) else { return false };
             let common_s = span.end_s.min(named.end_s) - span.start_s.max(named.start_s);
             let shorter_s = (span.end_s - span.start_s).min(named.end_s - named.start_s);
-            model.action == own.action && model.side == own.side && common_s > shorter_s / 2.0
+            common_s > shorter_s / 2.0
         });
         if is_named {
-            return ActionEvent::BrokenOff { number: own.phases.len() };
+            return ActionEvent::BrokenOff { number: models[index].phases.len() };
         }
-        self.0[index] = Some(*span);
+        self.spans[index] = Some(*span);
         what
     }
 }
@@ -37,6 +51,7 @@ pub struct Recogniser {
     extractor: Extractor,
     models: Vec<ActionModel>,
     machines: Vec<ModelMachine>,
+    waiting: WaitingRoom,
     named: Named,
     seen: [bool; FEATURES],
     time_s: f64,
@@ -55,13 +70,20 @@ impl Recogniser {
         let machines = models.iter().map(|_| ModelMachine::new(reading)).collect();
         Self {
             extractor: Extractor::new(lengths, reading, noise),
-            named: Named(vec![None; models.len()]),
+            waiting: WaitingRoom::new(&models),
+            named: Named::new(&models),
             models,
             machines,
             seen: [false; FEATURES],
             time_s: 0.0,
             has_begun: false,
         }
+    }
+
+    /// The time of the last frame, s; the first is at zero.
+    #[must_use]
+    pub const fn time_s(&self) -> f64 {
+        self.time_s
     }
 
     /// The models, by their index.
@@ -86,10 +108,17 @@ impl Recogniser {
         for (seen, value) in self.seen.iter_mut().zip(&row.values) {
             *seen |= !value.is_nan();
         }
-        for (index, (model, machine)) in self.models.iter().zip(&mut self.machines).enumerate() {
+        self.waiting.wake(&row);
+        let mut from = 0;
+        while let Some(index) = self.waiting.awake_from(from) {
+            from = index + 1;
+            let (model, machine) = (&self.models[index], &mut self.machines[index]);
             machine.next(model, &row, time_s, &mut |what| {
                 tell(index, time_s, self.named.once(&self.models, index, what));
             });
+            if machine.is_idle() {
+                self.waiting.rest(index, model, &row);
+            }
         }
     }
 
@@ -118,7 +147,6 @@ impl Recogniser {
 mod tests {
     use super::*;
     use crate::body::{BodyFigure, Dof, JointAngles, Proportions, Segment};
-    use crate::recognise::model::BodySide;
     use crate::recognise::model::file::{Bands, parse};
     use glam::{DQuat, DVec3};
 
@@ -218,6 +246,30 @@ mod tests {
         let blind = recogniser.blind();
         assert_eq!(blind.len(), 1, "{blind:?}");
         assert!(blind[0].1.iter().all(|feature| feature.name() == "left_hand_vertical"));
+    }
+
+    #[test]
+    fn a_stream_whose_rate_changes_is_named_by_its_times() {
+        let mut recogniser = recogniser();
+        let mut done = Vec::new();
+        let frames = arm_raised([true; 13]);
+        let mut last = 0;
+        // First every frame, then every third, then two of three.
+        for (n, points) in frames.iter().enumerate() {
+            if (n > 40 && n < 80 && n % 3 != 0) || (n >= 80 && n % 3 == 0) {
+                continue;
+            }
+            let dt_s = (n - last) as f64 / RATE_HZ;
+            last = n;
+            recogniser.next(points, dt_s, |model, _, what| {
+                if let ActionEvent::Done { span, .. } = what {
+                    done.push((model, span));
+                }
+            });
+        }
+        assert_eq!(done.len(), 1, "{done:?}");
+        let (model, span) = done[0];
+        assert!(model == 0 && span.start_s < 0.15 && (span.end_s - 2.0).abs() < 0.15, "{span:?}");
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use crate::body::segment_name;
 use crate::body::{Dof, JointAngles, Segment};
 use crate::control::{Mirror, Settings};
+use crate::job::recognise::RecognisedAction;
 use crate::job::report::PlayReport;
 use crate::sensing::{Guided, SourceReport};
 use crate::time::Utc;
@@ -56,6 +57,9 @@ pub struct LiveReport {
     pub sensors: Vec<SourceReport>,
     /// The last angles of the body, by degree of freedom, rad, where they were only shown.
     pub angles_rad: Option<BTreeMap<&'static str, f64>>,
+    /// What the person did, if it was to be named, at most 10,000 actions; times count from when the body was first looked at.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub events: Option<Vec<RecognisedAction>>,
 }
 
 /// A body that wears sensors.
@@ -158,6 +162,7 @@ impl LiveReport {
             body: None,
             sensors: Vec::new(),
             angles_rad: None,
+            events: None,
         }
     }
 

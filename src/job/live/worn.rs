@@ -1,5 +1,6 @@
 //! A robot that does what a person who wears sensors does.
 
+use super::naming::Naming;
 use super::report::{self, BodyReport, LiveReport};
 use super::{Job, Ready, look};
 use crate::body::Segment;
@@ -173,7 +174,15 @@ impl Job<'_> {
         self.report.body = Some(BodyReport::of(&guided));
         let wearing = Wearing::new(&guided.kept.calibration);
         self.report.worn = wearing.worn();
+        let naming = match self.naming(recorder.as_ref()) {
+            Ok(naming) => naming,
+            Err(error) => {
+                let _ = recorder.map(RunRecorder::discard);
+                return Err(error);
+            }
+        };
         let mut body = Body::new(sensors, wearing, self.person, tell, self.order.time);
+        body.naming = naming;
         let done = match (ready, recorder) {
             (Some(ready), Some(recorder)) => self.mirrored(&mut body, ready, recorder),
             _ => {
@@ -183,6 +192,16 @@ impl Job<'_> {
         };
         body.describe(&mut self.report);
         done
+    }
+
+    /// Who names what the body does, if somebody is to.
+    fn naming(&self, recorder: Option<&RunRecorder>) -> Result<Option<Naming>, Error> {
+        let order = self.order;
+        if !order.recognise {
+            return Ok(None);
+        }
+        let shared = recorder.and_then(RunRecorder::shared);
+        Naming::new(order.models.as_deref(), self.report.worn, shared).map(Some)
     }
 
     /// Takes up the calibration of the body, or makes one and keeps it.
@@ -311,6 +330,7 @@ struct Body<'a> {
     heading_lost: [u64; 13],
     resets: u64,
     is_silent: bool,
+    naming: Option<Naming>,
 }
 
 impl<'a> Body<'a> {
@@ -334,6 +354,7 @@ impl<'a> Body<'a> {
             heading_lost: [0; 13],
             resets: 0,
             is_silent: false,
+            naming: None,
         }
     }
 
@@ -384,6 +405,10 @@ impl<'a> Body<'a> {
             said[segment.index()] = Some(orientation).filter(|_| is_fresh);
         }
         let moment = self.wearing.pose(&said, dt_s);
+        let at_s = self.seconds(now);
+        if let Some(naming) = &mut self.naming {
+            naming.hear(&moment.pose, now, at_s, &self.tell);
+        }
         Some((moment, self.seconds(oldest), dt_s))
     }
 
@@ -413,7 +438,8 @@ impl<'a> Body<'a> {
     }
 
     /// Writes down what became of the sensors.
-    fn describe(&self, report: &mut LiveReport) {
+    fn describe(mut self, report: &mut LiveReport) {
+        report.events = self.naming.take().map(Naming::into_actions);
         if let Some((sensor, why)) = self.sensors.ended() {
             if report.run.outcome == Outcome::Done {
                 report.run.outcome = Outcome::Stopped;

@@ -104,7 +104,7 @@ fn who_squats_squats_and_on_a_stage_only_by_the_repaired_reading() {
         let contacts = Contacts { floor_m, feet: [Some(true); 2], ..contacts(&squat) };
         let axes = Axes::of(points);
         let lengths = lengths();
-        Frame { points, axes: &axes, lengths: &lengths, contacts: &contacts, reading }.squatting()
+        Frame::of(points, &axes, &lengths, &contacts, reading).squatting()
     };
     assert_eq!(squats(&squat, 0.0, EquationReading::Repaired), Some(true));
     assert_eq!(squats(&squat, 0.0, EquationReading::Strict), Some(true));
@@ -164,13 +164,8 @@ fn who_lies_lies_on_the_back_the_belly_or_the_side_and_who_stands_on_hands_does_
 
     let hands = posed(&[], DQuat::from_rotation_y(2.0 * QUARTER), 1.6);
     assert_ne!(major(&hands), Some(MajorPosture::Lying));
-    let frame = Frame {
-        points: &hands,
-        axes: &Axes::of(&hands),
-        lengths: &lengths(),
-        contacts: &contacts(&hands),
-        reading: EquationReading::Strict,
-    };
+    let (axes, lengths, contacts) = (Axes::of(&hands), lengths(), contacts(&hands));
+    let frame = Frame::of(&hands, &axes, &lengths, &contacts, EquationReading::Strict);
     assert_eq!(frame.lying(), Some(true));
 }
 
