@@ -8,7 +8,7 @@
 //! of freedom to the next, the body goes on moving, and that it does is checked.
 //!
 //! What hips, knees and ankles do decides where feet are and how fast the body travels over them: they are
-//! chosen together, so that the body keeps its pace and its height ([`legs`]).
+//! chosen together, so that the body keeps its pace and its height (`legs`).
 
 mod legs;
 

@@ -10,7 +10,7 @@
 //! * stance, of a robot on its own feet: while both feet are planted, one sole stays where it is beside the
 //!   other and in one plane with it; a planted sole is level under the trunk of the person; a foot in the air
 //!   is not below the one that stands,
-//! * weight, of such a robot: where the floor has to push lies well inside the soles that carry ([`weight`]).
+//! * weight, of such a robot: where the floor has to push lies well inside the soles that carry (`weight`).
 //!
 //! Legs first, from hip to sole, and then all else: an arm makes way for a leg, never a leg for an arm. Where
 //! nothing is near and nothing stands, nothing is changed.
