@@ -50,6 +50,10 @@ const AT_ONCE: usize = 16;
 const ANSWERS: Duration = Duration::from_millis(4);
 /// Each id is asked so often.
 const ROUNDS: usize = 2;
+/// A host that slept through the answers for so much longer asks again, at most so often: its own stall is nobody's
+/// silence.
+const SLEPT: Duration = Duration::from_millis(20);
+const AGAIN: usize = 3;
 /// Damiao's register with the id a device listens to.
 const OWN_ID: u8 = damiao::register::ESC_ID;
 /// moteus: model, firmware and map of registers; three words of serial number.
@@ -182,14 +186,30 @@ pub fn scan(
             };
             if matches!(call, Call::Recoil) {
                 // Whose an answer is is told by its id, but not to which question it is.
-                some.iter().try_for_each(|frame| bus.call(&[*frame], ANSWERS, &mut take))?;
+                some.iter().try_for_each(|frame| ask(bus, &[*frame], &mut take))?;
             } else {
-                bus.call(some, ANSWERS, &mut take)?;
+                ask(bus, some, &mut take)?;
             }
             progress(some.len() as u64);
         }
     }
     Ok(found.into_values().collect())
+}
+
+/// Asks until the host was awake while answers were due.
+fn ask(
+    bus: &mut CanBus,
+    questions: &[CanFrame],
+    take: &mut dyn FnMut(&CanFrame) -> bool,
+) -> Result<(), AskError> {
+    for _ in 0..=AGAIN {
+        let late = bus.late;
+        bus.call(questions, ANSWERS, take)?;
+        if bus.late < late + SLEPT {
+            break;
+        }
+    }
+    Ok(())
 }
 
 fn moteus_state(host: moteus::Id, id: moteus::Id) -> CanFrame {

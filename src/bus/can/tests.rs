@@ -136,3 +136,51 @@ fn what_is_sent_and_heard_occupies_the_line_for_the_longest_it_may() {
     // Davis et al. 2007: 135 bits each.
     assert!((bus.stats().busy_s - 270e-6).abs() < 1e-12, "{}", bus.stats().busy_s);
 }
+
+/// A host that sleeps through the first answers of a device.
+struct Sleepy {
+    clock: Arc<Ticker>,
+    question: CanFrame,
+    answer: CanFrame,
+    asked: usize,
+    answers: usize,
+}
+
+impl FramePort for Sleepy {
+    fn full_queue_count(&self) -> u64 {
+        0
+    }
+
+    fn send(&mut self, frame: &CanFrame, _deadline: Instant) -> Result<(), PortError> {
+        self.asked += usize::from(*frame == self.question);
+        Ok(())
+    }
+
+    fn receive(&mut self, deadline: Instant) -> Result<Heard, PortError> {
+        // Oftener than everybody is asked anyway.
+        if self.asked > 2 && self.answers == 0 {
+            self.answers += 1;
+            return Ok(Heard::Frame(self.answer));
+        }
+        let stall_ms = if self.answers == 0 { 60 } else { 0 };
+        self.clock.sleep_until(deadline + Duration::from_millis(stall_ms));
+        Err(PortError::TimedOut)
+    }
+}
+
+#[test]
+fn a_host_that_sleeps_through_answers_asks_again() {
+    let clock = Arc::new(Ticker::default());
+    let port = Sleepy {
+        clock: Arc::clone(&clock),
+        question: scan::Call::Damiao.questions()[0],
+        answer: frame(0x11, &[1, 0, 0x33, 8, 1, 0, 0, 0]),
+        asked: 0,
+        answers: 0,
+    };
+    let timing =
+        CanTiming { bitrate_bps: 1_000_000, data_bitrate_bps: 1_000_000, latency: Duration::ZERO };
+    let mut bus = CanBus::new(Box::new(port), clock, timing);
+    let found = scan::scan(&mut bus, scan::Call::Damiao, &mut |_| ()).unwrap();
+    assert_eq!(found.iter().map(|one| one.peer.id()).collect::<Vec<_>>(), [1]);
+}
