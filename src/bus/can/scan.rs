@@ -54,6 +54,9 @@ const ROUNDS: usize = 2;
 /// silence.
 const SLEPT: Duration = Duration::from_millis(20);
 const AGAIN: usize = 3;
+/// How long after the last question answers are still waited for: an adapter that gathers frames or
+/// a computer that is busy brings them late, and late they are as true.
+const LATE: Duration = Duration::from_millis(100);
 /// Damiao's register with the id a device listens to.
 const OWN_ID: u8 = damiao::register::ESC_ID;
 /// moteus: model, firmware and map of registers; three words of serial number.
@@ -174,16 +177,16 @@ pub fn scan(
     progress: &mut dyn FnMut(u64),
 ) -> Result<Vec<Found>, AskError> {
     let mut found: BTreeMap<u8, Found> = BTreeMap::new();
+    let mut take = |frame: &CanFrame| {
+        let Some((peer, serial)) = call.answer(frame) else { return false };
+        let new = Found { peer, unasked: false, serial, contradicts: false };
+        let known = found.entry(peer.id()).or_insert(new);
+        known.contradicts |= known.peer != peer || known.serial != serial;
+        true
+    };
     let questions = call.questions();
     for _ in 0..ROUNDS {
         for some in questions.chunks(AT_ONCE) {
-            let mut take = |frame: &CanFrame| {
-                let Some((peer, serial)) = call.answer(frame) else { return false };
-                let new = Found { peer, unasked: false, serial, contradicts: false };
-                let known = found.entry(peer.id()).or_insert(new);
-                known.contradicts |= known.peer != peer || known.serial != serial;
-                true
-            };
             if matches!(call, Call::Recoil) {
                 // Whose an answer is is told by its id, but not to which question it is.
                 some.iter().try_for_each(|frame| ask(bus, &[*frame], &mut take))?;
@@ -193,6 +196,7 @@ pub fn scan(
             progress(some.len() as u64);
         }
     }
+    bus.call(&[], LATE, &mut take)?;
     Ok(found.into_values().collect())
 }
 

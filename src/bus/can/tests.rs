@@ -184,3 +184,52 @@ fn a_host_that_sleeps_through_answers_asks_again() {
     let found = scan::scan(&mut bus, scan::Call::Damiao, &mut |_| ()).unwrap();
     assert_eq!(found.iter().map(|one| one.peer.id()).collect::<Vec<_>>(), [1]);
 }
+
+/// A line whose one device answers its question after `delay`.
+struct Delayed {
+    clock: Arc<Ticker>,
+    question: CanFrame,
+    answer: CanFrame,
+    delay: Duration,
+    due: Vec<Instant>,
+}
+
+impl FramePort for Delayed {
+    fn full_queue_count(&self) -> u64 {
+        0
+    }
+
+    fn send(&mut self, frame: &CanFrame, _deadline: Instant) -> Result<(), PortError> {
+        if *frame == self.question {
+            self.due.push(self.clock.now() + self.delay);
+        }
+        Ok(())
+    }
+
+    fn receive(&mut self, deadline: Instant) -> Result<Heard, PortError> {
+        let Some(due) = self.due.first().copied().filter(|due| *due <= deadline) else {
+            self.clock.sleep_until(deadline);
+            return Err(PortError::TimedOut);
+        };
+        self.due.remove(0);
+        self.clock.sleep_until(due.max(self.clock.now()));
+        Ok(Heard::Frame(self.answer))
+    }
+}
+
+#[test]
+fn a_device_that_answers_when_all_have_been_asked_is_found() {
+    let clock = Arc::new(Ticker::default());
+    let port = Delayed {
+        clock: Arc::clone(&clock),
+        question: scan::Call::Damiao.questions()[254],
+        answer: frame(0x11, &[255, 0, 0x33, 8, 255, 0, 0, 0]),
+        delay: Duration::from_millis(90),
+        due: Vec::new(),
+    };
+    let timing =
+        CanTiming { bitrate_bps: 1_000_000, data_bitrate_bps: 1_000_000, latency: Duration::ZERO };
+    let mut bus = CanBus::new(Box::new(port), clock, timing);
+    let found = scan::scan(&mut bus, scan::Call::Damiao, &mut |_| ()).unwrap();
+    assert_eq!(found.iter().map(|one| one.peer.id()).collect::<Vec<_>>(), [255]);
+}
