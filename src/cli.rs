@@ -26,6 +26,7 @@ pub mod play;
 pub mod ports;
 pub mod profile;
 pub mod protocol;
+pub mod reading;
 pub mod recognise;
 pub mod record;
 pub mod recordings;

@@ -1,12 +1,12 @@
 //! `actionlets`: a captured motion as the actionlets it is made of.
 
+use super::reading::ReadingArgs;
 use super::{Deed, Output, Remarks};
 use crate::action::decompose::REFERENCE_HZ;
 use crate::error::Error;
 use crate::job::decompose::{
     DecomposeOrder, DecomposedReport, DofFigures, MOVING_DEG, check_name, decompose,
 };
-use crate::job::source::CaptureOptions;
 use clap::Args;
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -28,18 +28,8 @@ pub struct ActionletsArgs {
     #[arg(long, value_name = "DEG", default_value_t = 1.0, value_parser = tolerance,
           allow_negative_numbers = true)]
     tolerance: f64,
-    /// File that says which joint of the capture is which body segment (TOML)
-    #[arg(long, value_name = "FILE.toml")]
-    mapping: Option<PathBuf>,
-    /// Skeleton of an AMC file [default: the .asf file beside it that it is named after]
-    #[arg(long, value_name = "FILE.asf")]
-    skeleton: Option<PathBuf>,
-    /// Trial in which the person stands still, for markers [default: the quietest half second of the motion]
-    #[arg(long = "static", value_name = "FILE")]
-    static_trial: Option<PathBuf>,
-    /// Frames per second of an AMC file [default: what the file says, or 120] or of markers that do not say it
-    #[arg(long, value_name = "HZ", allow_negative_numbers = true)]
-    rate: Option<f64>,
+    #[command(flatten)]
+    reading: ReadingArgs,
     #[command(flatten)]
     output: Output,
 }
@@ -56,12 +46,8 @@ fn tolerance(text: &str) -> Result<f64, String> {
 pub fn run(args: &ActionletsArgs, remarks: Remarks) -> Result<i32, Error> {
     let order = DecomposeOrder {
         motion: args.motion.clone(),
-        mapping: args.mapping.clone(),
-        reading: CaptureOptions {
-            skeleton: args.skeleton.clone(),
-            rate_hz: args.rate,
-            static_trial: args.static_trial.clone(),
-        },
+        mapping: args.reading.mapping.clone(),
+        reading: args.reading.options(),
         tolerance_deg: args.tolerance,
         file: args.output_file.clone(),
         replace: args.output.force(),

@@ -1,9 +1,9 @@
 //! `cut`: the named pieces of a capture as trials of their own.
 
+use super::reading::ReadingArgs;
 use super::{Deed, Output, Remarks};
 use crate::error::Error;
 use crate::job::cut::{CutOrder, CutReport, cut};
-use crate::job::source::CaptureOptions;
 use clap::Args;
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -39,18 +39,8 @@ pub struct CutArgs {
     /// Folder of models, in place of those that ship with gaitway
     #[arg(long, value_name = "DIR")]
     models: Option<PathBuf>,
-    /// File that says which joint of the capture is which body segment (TOML)
-    #[arg(long, value_name = "FILE.toml")]
-    mapping: Option<PathBuf>,
-    /// Skeleton of an AMC file [default: the .asf file beside it that it is named after]
-    #[arg(long, value_name = "FILE.asf")]
-    skeleton: Option<PathBuf>,
-    /// Trial in which the person stands still, for markers
-    #[arg(long = "static", value_name = "FILE")]
-    static_trial: Option<PathBuf>,
-    /// Frames per second of an AMC file [default: what the file says, or 120]
-    #[arg(long, value_name = "HZ", allow_negative_numbers = true)]
-    rate: Option<f64>,
+    #[command(flatten)]
+    reading: ReadingArgs,
     #[command(flatten)]
     output: Output,
 }
@@ -63,12 +53,8 @@ pub fn run(args: &CutArgs, remarks: Remarks) -> Result<i32, Error> {
     args.output.check_files(&[])?;
     let report = cut(&CutOrder {
         motion: args.motion.clone(),
-        mapping: args.mapping.clone(),
-        reading: CaptureOptions {
-            skeleton: args.skeleton.clone(),
-            rate_hz: args.rate,
-            static_trial: args.static_trial.clone(),
-        },
+        mapping: args.reading.mapping.clone(),
+        reading: args.reading.options(),
         models: args.models.clone(),
         labels: args.labels.clone(),
         only: args.only.clone(),

@@ -1,5 +1,6 @@
 //! `model`: the models by which actions are recognised.
 
+use super::reading::ReadingArgs;
 use super::{Deed, Output};
 use crate::error::Error;
 use crate::job::draft_model::{DraftModelOrder, ModelExample, draft_model};
@@ -103,18 +104,8 @@ pub struct ExplainArgs {
     /// Look only at what has a frame until here, s
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     to: Option<f64>,
-    /// File that says which joint of the capture is which body segment (TOML)
-    #[arg(long, value_name = "FILE.toml")]
-    mapping: Option<PathBuf>,
-    /// Skeleton of an AMC file [default: the .asf file beside it that it is named after]
-    #[arg(long, value_name = "FILE.asf")]
-    skeleton: Option<PathBuf>,
-    /// Trial in which the person stands still, for markers
-    #[arg(long = "static", value_name = "FILE")]
-    static_trial: Option<PathBuf>,
-    /// Frames per second of an AMC file [default: what the file says, or 120]
-    #[arg(long, value_name = "HZ", allow_negative_numbers = true)]
-    rate: Option<f64>,
+    #[command(flatten)]
+    reading: ReadingArgs,
     #[command(flatten)]
     output: Output,
 }
@@ -162,12 +153,8 @@ pub fn run(args: &ModelArgs) -> Result<i32, Error> {
             args.output.check_files(&[])?;
             let report = explain(&ExplainOrder {
                 motion: args.motion.clone(),
-                mapping: args.mapping.clone(),
-                reading: CaptureOptions {
-                    skeleton: args.skeleton.clone(),
-                    rate_hz: args.rate,
-                    static_trial: args.static_trial.clone(),
-                },
+                mapping: args.reading.mapping.clone(),
+                reading: args.reading.options(),
                 models: args.models.clone(),
                 only: args.only.clone(),
                 from_s: args.from,

@@ -1,12 +1,12 @@
 //! `recognise`: what a body does, named as it happens.
 
 use super::output::{Untold, print_json};
+use super::reading::ReadingArgs;
 use super::{Deed, Output, Remarks};
 use crate::error::Error;
 use crate::job::recognise::{
     EquationReading, RecogniseOrder, RecogniseReport, RecognitionEvent, counts, recognise,
 };
-use crate::job::source::CaptureOptions;
 use clap::Args;
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -46,18 +46,8 @@ pub struct RecogniseArgs {
     /// (`retime_factor` in the report of `play`)
     #[arg(long, value_name = "FACTOR", allow_negative_numbers = true)]
     slowed: Option<f64>,
-    /// File that says which joint of the capture is which body segment (TOML)
-    #[arg(long, value_name = "FILE.toml")]
-    mapping: Option<PathBuf>,
-    /// Skeleton of an AMC file [default: the .asf file beside it that it is named after]
-    #[arg(long, value_name = "FILE.asf")]
-    skeleton: Option<PathBuf>,
-    /// Trial in which the person stands still, for markers [default: the quietest half second of the motion]
-    #[arg(long = "static", value_name = "FILE")]
-    static_trial: Option<PathBuf>,
-    /// Frames per second of an AMC file [default: what the file says, or 120]
-    #[arg(long, value_name = "HZ", allow_negative_numbers = true)]
-    rate: Option<f64>,
+    #[command(flatten)]
+    reading: ReadingArgs,
     #[command(flatten)]
     output: Output,
 }
@@ -70,12 +60,8 @@ pub fn run(args: &RecogniseArgs, remarks: Remarks) -> Result<i32, Error> {
     args.output.check_files(&[&args.labels, &args.html])?;
     let order = RecogniseOrder {
         motion: args.motion.clone(),
-        mapping: args.mapping.clone(),
-        reading: CaptureOptions {
-            skeleton: args.skeleton.clone(),
-            rate_hz: args.rate,
-            static_trial: args.static_trial.clone(),
-        },
+        mapping: args.reading.mapping.clone(),
+        reading: args.reading.options(),
         models: args.models.clone(),
         equations: if args.strict { EquationReading::Strict } else { EquationReading::Repaired },
         slowed: args.slowed,
