@@ -5,6 +5,7 @@
 //! body model, as `convert` writes them.
 
 use super::recognise::{EquationReading, models, of_capture};
+use super::score::label_text;
 use super::source::{self, CaptureOptions, Source, body_motion};
 use crate::body::{JointAngles, Proportions, Segment, SegmentPose};
 use crate::draft;
@@ -15,11 +16,8 @@ use crate::mocap::export;
 use crate::recognise::model::BodySide;
 use crate::table::{TableWriter, rows};
 use serde::Serialize;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
-/// Most bytes of a table of labels.
-const MAX_BYTES: u64 = 16 << 20;
 /// Rounding of times, s.
 const ROUNDED_S: f64 = 1e-9;
 /// Most pieces of a capture.
@@ -295,19 +293,7 @@ fn labels(cuts: &[(String, (usize, usize), &Vec<Doing>)], rate_hz: f64) -> Resul
 
 /// What a table says of a capture. Rows that name another file are left out.
 fn listed(path: &Path, motion: &str) -> Result<Vec<Doing>, Error> {
-    let unreadable = |e: std::io::Error| {
-        Error::of((&e).into(), "cannot read the table of labels")
-            .at(path.display().to_string())
-            .got(e.to_string())
-    };
-    if !std::fs::metadata(path).map_err(unreadable)?.is_file() {
-        return Err(Error::of(ErrorKind::Malformed, "this is not a regular file")
-            .at(path.display().to_string()));
-    }
-    let mut text = String::new();
-    let opened = std::fs::File::open(path).map_err(unreadable)?;
-    opened.take(MAX_BYTES).read_to_string(&mut text).map_err(unreadable)?;
-    parse(&text, motion).map_err(|error| error.in_file(path))
+    parse(&label_text(path)?, motion).map_err(|error| error.in_file(path))
 }
 
 fn parse(text: &str, motion: &str) -> Result<Vec<Doing>, Error> {

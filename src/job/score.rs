@@ -194,22 +194,36 @@ fn clips(labels: &[Label], half: Option<Half>) -> BTreeMap<&str, Vec<&Label>> {
     by_file
 }
 
-fn read_labels(path: &Path) -> Result<Vec<Label>, Error> {
-    let in_file = |error: Error| error.in_file(path);
+/// The text of a table of labels.
+///
+/// # Errors
+/// A file that cannot be read, is not a regular one, or is larger than any table of labels.
+pub(super) fn label_text(path: &Path) -> Result<String, Error> {
     let unreadable = |e: std::io::Error| {
         Error::of((&e).into(), "cannot read the table of labels")
             .at(path.display().to_string())
             .got(e.to_string())
-            .remedy("name one: --labels FILE.csv, with the columns file, class")
+            .remedy("name one: --labels FILE.csv, with a column class")
     };
-    if !std::fs::metadata(path).map_err(unreadable)?.is_file() {
+    let found = std::fs::metadata(path).map_err(unreadable)?;
+    if !found.is_file() {
         return Err(Error::of(ErrorKind::Malformed, "this is not a regular file")
             .at(path.display().to_string()));
     }
     let mut text = String::new();
     let opened = std::fs::File::open(path).map_err(unreadable)?;
-    opened.take(MAX_BYTES).read_to_string(&mut text).map_err(unreadable)?;
-    parse_labels(&text).map_err(in_file)
+    opened.take(MAX_BYTES + 1).read_to_string(&mut text).map_err(unreadable)?;
+    if text.len() as u64 > MAX_BYTES {
+        return Err(Error::of(ErrorKind::Malformed, "the table of labels is too long")
+            .at(path.display().to_string())
+            .got(format!("{} bytes", found.len()))
+            .allowed(format!("at most {MAX_BYTES} bytes")));
+    }
+    Ok(text)
+}
+
+fn read_labels(path: &Path) -> Result<Vec<Label>, Error> {
+    parse_labels(&label_text(path)?).map_err(|error| error.in_file(path))
 }
 
 fn parse_labels(text: &str) -> Result<Vec<Label>, Error> {
