@@ -2,7 +2,7 @@
 
 pub mod joints;
 mod opensim;
-mod recorded;
+pub(super) mod recorded;
 mod standing;
 
 pub use crate::mocap::files::CaptureOptions;

@@ -1,7 +1,6 @@
 //! Pages of what a file holds: a capture, markers, a robot's recording.
 
 use super::{NamedLimits, drawable, joint_tracks, sampled};
-use crate::body::worn::kept::Kept;
 use crate::error::{Error, ErrorKind};
 use crate::job::recorder::Series;
 use crate::job::source;
@@ -10,8 +9,7 @@ use crate::mocap::{marker_files, opensim};
 use crate::recording::{self, CycleRecord, JointRecord, RecordedJoint, Recording};
 use crate::retarget::base::{self, BasePath, Held, StandingSole};
 use crate::robot::Robot;
-use crate::session::angles::{WornMotion, body_of};
-use crate::session::files::BODY_KEY;
+use crate::session::angles::WornMotion;
 use crate::view::ViewPage;
 use crate::view::robot::{RobotTrack, collisions, still};
 use crate::view::scene::ViewScene;
@@ -52,12 +50,7 @@ pub fn page(path: &Path, options: &CaptureOptions) -> Result<String, Error> {
 
 /// The person who wore the sensors of a recording that knows how they were worn.
 fn worn(path: &Path, notes: &mut Vec<String>) -> Result<Option<ViewScene>, Error> {
-    let metadata = recording::run_start(path)?.map(|start| start.metadata).unwrap_or_default();
-    let Some(text) = metadata.get(BODY_KEY) else { return Ok(None) };
-    let at_path = |error: Error| error.at(path.display().to_string());
-    let kept = Kept::parse(text).map_err(at_path)?;
-    let series = recording::sensor_series(path)?;
-    let motion = WornMotion::of(&series, &kept, body_of(&metadata)?, WORN_HZ).map_err(at_path)?;
+    let Some((motion, series)) = source::recorded::worn(path, WORN_HZ)? else { return Ok(None) };
     let not_worn = motion.not_worn();
     if !not_worn.is_empty() {
         notes.push(format!("not worn, and therefore at rest: {}", not_worn.join(", ")));

@@ -8,7 +8,7 @@ use crate::error::{Error, ErrorKind};
 use crate::job::model::robot_model;
 use crate::mocap::anatomy::Capture;
 use crate::mocap::retarget::RobotModel;
-use crate::recording::{self, Recording};
+use crate::recording::{self, Recording, SensorSeries};
 use crate::retarget::base::{self, Held, StandingSole};
 use crate::robot::{Robot, RobotBody};
 use crate::session::angles::{WornMotion, body_of};
@@ -34,8 +34,8 @@ const STATURE_M: f64 = 1.75;
 /// robot that is not known here or has no parts of a body.
 pub fn capture(path: &Path) -> Result<(Capture, Source), Error> {
     let place = path.display().to_string();
-    let (format, capture) = match worn(path)? {
-        Some(capture) => ("worn", capture),
+    let (format, capture) = match worn(path, RATE_HZ)? {
+        Some((motion, _)) => ("worn", wearer(motion)),
         None => ("servos", of_robot(&recording::read(path)?).map_err(|error| error.at(place))?),
     };
     let (rate_hz, frames) = (capture.rate_hz, capture.poses.len());
@@ -49,14 +49,22 @@ pub fn capture(path: &Path) -> Result<(Capture, Source), Error> {
     Ok((capture, source))
 }
 
-/// The person who wore the sensors of a recording that knows how they were worn.
-fn worn(path: &Path) -> Result<Option<Capture>, Error> {
+/// The person who wore the sensors of a recording that knows how they were worn, in so many poses a second, and what the
+/// sensors said.
+///
+/// # Errors
+/// A file that cannot be read, or whose sensors cannot have been worn so.
+pub fn worn(path: &Path, rate_hz: f64) -> Result<Option<(WornMotion, SensorSeries)>, Error> {
     let metadata = recording::run_start(path)?.map(|start| start.metadata).unwrap_or_default();
     let Some(text) = metadata.get(BODY_KEY) else { return Ok(None) };
     let at_path = |error: Error| error.at(path.display().to_string());
     let kept = Kept::parse(text).map_err(at_path)?;
     let series = recording::sensor_series(path)?;
-    let motion = WornMotion::of(&series, &kept, body_of(&metadata)?, RATE_HZ).map_err(at_path)?;
+    let motion = WornMotion::of(&series, &kept, body_of(&metadata)?, rate_hz).map_err(at_path)?;
+    Ok(Some((motion, series)))
+}
+
+fn wearer(motion: WornMotion) -> Capture {
     let not_worn = motion.not_worn();
     let mut notes = Vec::new();
     if !not_worn.is_empty() {
@@ -64,7 +72,7 @@ fn worn(path: &Path) -> Result<Option<Capture>, Error> {
     }
     let stature_m = motion.body.stature_m();
     let WornMotion { rate_hz, poses, worn, .. } = motion;
-    Ok(Some(Capture { rate_hz, poses, tracked: worn, stature_m, notes }))
+    Capture { rate_hz, poses, tracked: worn, stature_m, notes }
 }
 
 /// The body that a robot showed.
