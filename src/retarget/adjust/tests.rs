@@ -42,21 +42,25 @@ impl Op3 {
         series
     }
 
+    fn adjusting<'a>(&'a self, free: &'a [bool]) -> Adjusting<'a> {
+        Adjusting {
+            body: &self.body,
+            start_rad: &self.start_rad,
+            limits_rad: &self.limits_rad,
+            free,
+            rate_hz: RATE_HZ,
+            footfalls: None,
+            slower: None,
+        }
+    }
+
     fn adjusted(
         &self,
         angles_rad: &[Vec<f64>],
         free: &[bool],
         footfalls: Option<&[Footfall]>,
     ) -> (Vec<Vec<f64>>, Adjusted) {
-        let of = Adjusting {
-            body: &self.body,
-            start_rad: &self.start_rad,
-            limits_rad: &self.limits_rad,
-            free,
-            rate_hz: RATE_HZ,
-            footfalls,
-            slower: None,
-        };
+        let of = Adjusting { footfalls, ..self.adjusting(free) };
         let mut moved = angles_rad.to_vec();
         let told = adjust(&of, &mut moved).expect("adjusted");
         (moved, told)
@@ -257,15 +261,8 @@ fn weight_goes_over_the_foot_that_is_left_alone_in_the_time_that_takes() {
     let op3 = op3();
     let (given, footfalls) = on_one_leg(&op3);
     let free = vec![true; given.len()];
-    let mut of = Adjusting {
-        body: &op3.body,
-        start_rad: &op3.start_rad,
-        limits_rad: &op3.limits_rad,
-        free: &free,
-        rate_hz: RATE_HZ,
-        footfalls: Some(&footfalls),
-        slower: Some(1.0),
-    };
+    let mut of =
+        Adjusting { footfalls: Some(&footfalls), slower: Some(1.0), ..op3.adjusting(&free) };
     let unweighed = |mut series: Vec<Vec<f64>>| {
         adjust(&Adjusting { slower: None, ..of }, &mut series).expect("adjusted");
         series
@@ -299,15 +296,7 @@ fn who_stands_well_is_neither_slowed_nor_moved() {
     }
     let footfalls = vec![standing([true; 2]); 301];
     let free = vec![true; series.len()];
-    let of = Adjusting {
-        body: &op3.body,
-        start_rad: &op3.start_rad,
-        limits_rad: &op3.limits_rad,
-        free: &free,
-        rate_hz: RATE_HZ,
-        footfalls: Some(&footfalls),
-        slower: Some(1.0),
-    };
+    let of = Adjusting { footfalls: Some(&footfalls), slower: Some(1.0), ..op3.adjusting(&free) };
     assert!(is_steady(&of, &series).expect("looked at"));
     assert_eq!(
         (pace(&of, &series), steady(&of, &series).expect("looked at")),
@@ -328,15 +317,7 @@ fn who_leaps_from_foot_to_foot_is_not_helped_by_any_pace() {
         .map(|at| standing(if at % 100 < 50 { [true, false] } else { [false, true] }))
         .collect();
     let free = vec![true; given.len()];
-    let of = Adjusting {
-        body: &op3.body,
-        start_rad: &op3.start_rad,
-        limits_rad: &op3.limits_rad,
-        free: &free,
-        rate_hz: RATE_HZ,
-        footfalls: Some(&footfalls),
-        slower: Some(0.05),
-    };
+    let of = Adjusting { footfalls: Some(&footfalls), slower: Some(0.05), ..op3.adjusting(&free) };
     assert_eq!(pace(&of, &given), Pace::Hopeless);
 }
 
