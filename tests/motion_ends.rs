@@ -269,6 +269,23 @@ fn phrases_paces_and_playing_speeds_keep_the_curves_too() {
     assert!(wrong.is_empty(), "{}", told(&wrong));
 }
 
+/// A robot that is moved to keep its balance, and slowed in parts, ends as it would have: without
+/// acceleration, by its own clock run down where the motion no longer is what Eq. 1 has.
+#[test]
+fn actions_that_are_moved_for_balance_end_at_rest_too() {
+    let robot = Robot::load("op3").expect("shipped");
+    let (mut wrong, mut moved) = (Vec::new(), 0);
+    for name in vocabulary::names() {
+        let order = MotionOrder { balanced_at: Some(1.0), ..MotionOrder::of(name) };
+        let laid = Laid::new(&robot, &order, 1.0).expect("a plan");
+        moved += usize::from(laid.plan.ease_out_s > 0.0);
+        wrong.extend(laid.wrong_ends(name));
+    }
+    aloud!("{moved} actions are moved for balance");
+    assert!(moved >= 5, "only {moved} actions are moved at all");
+    assert!(wrong.is_empty(), "{}", told(&wrong));
+}
+
 /// Each capture on one robot, which `choose` picks by the capture's number.
 fn captures_end_well(choose: impl Fn(usize) -> usize) {
     let Some(folder) = captures() else { return };
