@@ -47,4 +47,4 @@ pub mod synth;
 pub mod taught;
 
 pub use crate::control::net;
-pub use observer::{Event, Nobody, Observer, Progress};
+pub use observer::{Event, Nobody, Observer, Progress, Snapshot};

@@ -66,4 +66,4 @@ pub use job::open::{Rig, open};
 pub use job::play::{EndState, Options, Played};
 pub use job::report::{Outcome, PlayReport};
 pub use job::source::{MotionOrder, RobotMotion};
-pub use job::{Event, Nobody, Observer, Progress};
+pub use job::{Event, Nobody, Observer, Progress, Snapshot};

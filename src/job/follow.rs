@@ -2,7 +2,7 @@
 //! user's own, which runs on a thread of its own. Nothing of either runs in the loop.
 
 use super::live::{LiveJoint, LiveReport};
-use super::observer::{Event, Meter, Observer};
+use super::observer::{Event, Meter, Observer, Progress};
 use super::play::describe_virtual;
 use super::recorder::RunRecorder;
 use super::report::{JointReport, Outcome};
@@ -70,15 +70,20 @@ impl Ready<'_> {
     ) -> Result<Option<RunRecorder>, Error> {
         let Self { connection, found, settings } = self;
         let limits = connection.link.robot().limits();
+        let meter = Meter::of(limits.len());
         let mut mirror = Mirror::new(newest, &found.start_rad, limits);
         let performed = control::perform(
             &mut connection.link,
             found,
             &mut mirror,
             settings,
-            &mut Both { recorder: recorder.metered(Meter::default()), moments },
+            &mut Both { recorder: recorder.metered(meter.clone()), moments },
             &|| observer.wants_to_stop(),
-            &mut |_| observer.hear(Event::Following),
+            &mut |is_over| {
+                observer.hear(Event::Following);
+                let duration_s = f64::INFINITY;
+                observer.watch(&Progress { meter: &meter, duration_s, is_over });
+            },
         );
         let performed = match performed {
             Ok(performed) => performed,

@@ -116,10 +116,16 @@ impl Progress<'_> {
     /// Time since the first cycle, the approach included, s: see [`Event::Planned`] for how much that is.
     #[must_use]
     pub fn time_s(&self) -> f64 {
-        self.meter.0.load(Ordering::Relaxed) as f64 / 1e3
+        self.snapshot().time_s()
     }
 
-    /// From the first goal to the last, the approach included, s.
+    /// What the loop last wrote down, to be read elsewhere.
+    #[must_use]
+    pub fn snapshot(&self) -> Snapshot {
+        Snapshot(self.meter.clone())
+    }
+
+    /// From the first goal to the last, the approach included, s; infinite if nobody knows.
     #[must_use]
     pub const fn duration_s(&self) -> f64 {
         self.duration_s
@@ -132,14 +138,78 @@ impl Progress<'_> {
     }
 }
 
-/// Time played so far, in milliseconds: written by the loop, read by another thread.
+/// What the loop last wrote down, for another thread to read. Neither waits for the other: the loop
+/// stores numbers, and whoever reads finds the newest of each.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Meter(Arc<AtomicU64>);
+pub(super) struct Meter {
+    /// Time played so far, ms.
+    time_ms: Arc<AtomicU64>,
+    /// Of each joint its goal and its angle, rad, as two `f32` in one word: they belong together.
+    joints: Arc<[AtomicU64]>,
+}
 
 impl Meter {
+    /// A meter of so many joints.
+    pub(super) fn of(joints: usize) -> Self {
+        let unread = |_| AtomicU64::new(word(f32::NAN, f32::NAN));
+        Self { time_ms: Arc::default(), joints: (0..joints).map(unread).collect() }
+    }
+
     /// Says how far the motion is, s.
     pub(super) fn set(&self, seconds: f64) {
         // Non-negative and far below the range of u64.
-        self.0.store((seconds * 1e3) as u64, Ordering::Relaxed);
+        self.time_ms.store((seconds * 1e3) as u64, Ordering::Relaxed);
+    }
+
+    /// Says where a joint is to be and is, rad; NaN: not known.
+    pub(super) fn set_joint(&self, joint: usize, goal_rad: f64, present_rad: f64) {
+        if let Some(place) = self.joints.get(joint) {
+            place.store(word(goal_rad as f32, present_rad as f32), Ordering::Relaxed);
+        }
+    }
+}
+
+const fn word(goal_rad: f32, present_rad: f32) -> u64 {
+    (goal_rad.to_bits() as u64) << 32 | present_rad.to_bits() as u64
+}
+
+/// What a moving robot's loop last wrote down. It may be read from any thread, at any time.
+#[derive(Clone, Debug)]
+pub struct Snapshot(Meter);
+
+impl Snapshot {
+    /// Time since the first cycle, s.
+    #[must_use]
+    pub fn time_s(&self) -> f64 {
+        self.0.time_ms.load(Ordering::Relaxed) as f64 / 1e3
+    }
+
+    /// Of each joint, in the robot's order, its goal and its measured angle, rad; NaN: not known.
+    pub fn joints_rad(&self) -> impl Iterator<Item = [f64; 2]> {
+        self.0.joints.iter().map(|place| {
+            let word = place.load(Ordering::Relaxed);
+            [(word >> 32) as u32, word as u32].map(|bits| f64::from(f32::from_bits(bits)))
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_snapshot_has_the_newest_of_each_joint_and_gaps_where_nothing_was_read() {
+        let meter = Meter::of(3);
+        let snapshot = Snapshot(meter.clone());
+        meter.set(1.25);
+        meter.set_joint(0, 0.5, -0.25);
+        meter.set_joint(1, -1.5, f64::NAN);
+        meter.set_joint(1, -1.0, f64::NAN);
+        meter.set_joint(7, 1.0, 1.0);
+        assert!((snapshot.time_s() - 1.25).abs() < 1e-9);
+        let joints: Vec<[f64; 2]> = snapshot.joints_rad().collect();
+        assert_eq!(joints[0], [0.5, -0.25]);
+        assert!(joints[1][0] == -1.0 && joints[1][1].is_nan());
+        assert!(joints[2].iter().all(|rad| rad.is_nan()));
     }
 }

@@ -340,7 +340,7 @@ fn perform(
     let duration_s = planned.trajectory.duration_s();
     let (approach_s, retime_factor) = (report.approach_s, report.retime_factor);
     observer.hear(Event::Planned { duration_s, approach_s, retime_factor });
-    let meter = Meter::default();
+    let meter = Meter::of(connection.link.robot().joints.len());
     let mut motion = Planned::new(&planned.trajectory, connection.link.robot())?;
     let performed = control::perform(
         &mut connection.link,

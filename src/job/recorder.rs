@@ -188,6 +188,10 @@ impl Sink for Metered<'_> {
         let began = *self.recorder.began.get_or_insert(sample.at);
         let time_s = sample.at.seconds_since(began);
         self.meter.set(time_s);
+        for (joint, state) in sample.states.iter().enumerate() {
+            let present_rad = state.as_ref().map_or(f64::NAN, |(state, _)| state.position_rad);
+            self.meter.set_joint(joint, sample.goal_rad[joint], present_rad);
+        }
         if let Some(series) = &mut self.recorder.series {
             series.time_s.push(time_s);
             for (index, state) in sample.states.iter().enumerate() {
