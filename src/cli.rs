@@ -41,6 +41,8 @@ pub mod simulate;
 pub mod source;
 pub mod synth;
 pub mod terminal;
+pub mod view;
+pub mod viewing;
 
 pub use output::{Deed, Output, Remarks, print, say};
 pub use report::Outcome;
@@ -131,6 +133,8 @@ enum Command {
     Calibrate(calibrate::CalibrateArgs),
     /// Watch every joint: goal, position, load, temperature, supply, errors
     Monitor(monitor::MonitorArgs),
+    /// See it in a browser: a robot, a file, or what a command does
+    View(view::ViewArgs),
     /// Find every device that answers on a line
     Scan(scan::ScanArgs),
     /// One servo: its registers, its ID, its line speed, one movement
@@ -195,6 +199,12 @@ fn run(cli: &Cli) -> i32 {
         Command::Doctor(args) => doctor::run(args, remarks),
         Command::Calibrate(args) => calibrate::run(args, remarks),
         Command::Monitor(args) => monitor::run(args, remarks),
+        Command::View(args) => match view::seen(args, cli) {
+            Ok(view::Viewed::Command(command)) => return run(&command),
+            Ok(view::Viewed::File(path)) => view::file(&path, args, remarks),
+            Err(view::NotViewed::Usage(error)) => return output::tell_usage(&error),
+            Err(view::NotViewed::Error(error)) => Err(error),
+        },
         Command::Scan(args) => scan::run(args, remarks),
         Command::Servo(args) => servo::run(args, remarks),
         Command::Completions(args) => manual::completions(args),

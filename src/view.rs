@@ -5,6 +5,7 @@
 //! draws them: whatever can be computed from the data (where links are, velocities, what soles span) is computed in
 //! the page. Summary, warnings and notes need no script.
 
+pub mod live;
 pub mod person;
 pub mod robot;
 pub mod scene;
@@ -35,8 +36,9 @@ pub struct ViewPage {
 }
 
 /// The script of the page, in the order in which its parts need one another.
-const SCRIPT: [&str; 5] = [
+const SCRIPT: [&str; 6] = [
     include_str!("view/page/series.js"),
+    include_str!("view/page/live.js"),
     include_str!("view/page/body.js"),
     include_str!("view/page/stage.js"),
     include_str!("view/page/signals.js"),
@@ -49,12 +51,26 @@ impl ViewPage {
     /// # Errors
     /// A scene that JSON cannot hold.
     pub fn html(&self) -> Result<String, Error> {
+        self.written("")
+    }
+
+    /// The page as it is served: it may hear of its own server what happens.
+    ///
+    /// # Errors
+    /// As [`ViewPage::html`].
+    pub fn live_html(&self) -> Result<String, Error> {
+        self.written("; connect-src 'self'")
+    }
+
+    /// The page, whose policy allows more by so much.
+    fn written(&self, policy: &str) -> Result<String, Error> {
         let scene = serde_json::to_string(&self.scene)
             .map_err(|cause| Error::new("the page cannot be written").got(cause.to_string()))?
             // Inside a script element only `<` could end or open anything.
             .replace('<', "\\u003c");
         let parts = [
             ("title", escape(&self.title)),
+            ("policy", policy.to_owned()),
             ("warnings", list("warnings", "Warnings", &self.warnings)),
             ("summary", self.summary()),
             ("notes", list("notes", "Notes", &self.notes)),

@@ -32,7 +32,7 @@ const ROOMS: &[Room] = &[
     room("clean", "error mocap toml_text", ""),
     room(
         "cli",
-        "action body draft error job recording rig sensing session time",
+        "action body draft error job recording rig sensing session time view",
         "arguments bars clock files keys profiles signals sleep threads wall-clock",
     ),
     room("control", "bus device error guard motion robot time", "clock profiles threads"),
@@ -73,7 +73,7 @@ const ROOMS: &[Room] = &[
     room("time", "", ""),
     room("toml_text", "error", "profiles"),
     room("units", "", ""),
-    room("view", "body error mocap retarget rigid robot", ""),
+    room("view", "body error mocap retarget rigid robot time", "network signals threads"),
     room("wire", "", ""),
 ];
 

@@ -2,6 +2,7 @@
 //! a network, played, clicked at, and looked at.
 
 mod aloud;
+#[allow(dead_code)]
 mod chromium;
 mod page;
 mod program;

@@ -4,6 +4,7 @@ use super::calibrated::CalibrationArg;
 use super::duration::duration;
 use super::operator::Operator;
 use super::signals::Signals;
+use super::viewing::{ViewArg, Viewing};
 use super::{Deed, Output, Remarks, play};
 use crate::body::worn::Movement;
 use crate::error::Error;
@@ -12,6 +13,7 @@ use crate::job::record::Mode;
 use crate::rig::Address;
 use crate::sensing::Plan;
 use crate::time::Duration;
+use crate::view::live::LiveView;
 use clap::{Args, ValueEnum};
 use std::path::{Path, PathBuf};
 
@@ -99,6 +101,8 @@ pub struct LiveArgs {
     /// Folder of models for that, in place of those that ship with gaitway
     #[arg(long, value_name = "DIR", requires = "recognise")]
     models: Option<PathBuf>,
+    #[command(flatten)]
+    view: ViewArg,
     /// Seed of the virtual robot
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -168,6 +172,15 @@ impl LiveArgs {
         }
     }
 
+    /// The page of the robot that follows, if one is wanted.
+    fn view(&self) -> Result<Option<LiveView>, Error> {
+        self.view.open(
+            self.robot.as_deref(),
+            &self.bus,
+            &format!("follows {}", self.order().motion()),
+        )
+    }
+
     /// Fails if what is followed would be written over, also by a report of a refusal.
     fn check_read_files(&self) -> Result<(), Error> {
         let recording: Vec<&Path> = self.record.as_deref().into_iter().collect();
@@ -187,10 +200,10 @@ pub fn run(args: &LiveArgs, remarks: Remarks) -> Result<i32, Error> {
     args.check_read_files()?;
     let signals = Signals::listen().map_err(|e| Error::new(format!("no signals: {e}")))?;
     let order = args.order();
-    let report = match args.output.check_files(&[&args.record]) {
-        Ok(()) => {
+    let report = match args.output.check_files(&[&args.record]).and_then(|()| args.view()) {
+        Ok(view) => {
             let operator = Operator::listen(signals.clone(), remarks);
-            live(&order, &operator, &operator)
+            live(&order, &Viewing::new(&operator, view.as_ref()), &operator)
         }
         Err(error) => {
             let mut report = order.report();

@@ -4,6 +4,7 @@ use super::Remarks;
 use super::calibrated::CalibrationArg;
 use super::output::{Untold, print_json, print_over};
 use super::signals::Signals;
+use super::viewing::{ViewArg, Viewing};
 use crate::error::Error;
 use crate::job::monitor::{MonitorOrder, monitor};
 use crate::job::observer::JointReading;
@@ -38,6 +39,8 @@ pub struct MonitorArgs {
     /// One JSON document per line and reading instead of tables
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    view: ViewArg,
     #[command(flatten)]
     calibration: CalibrationArg,
 }
@@ -135,7 +138,8 @@ pub fn run(args: &MonitorArgs, remarks: Remarks) -> Result<i32, Error> {
         time: args.for_time,
         rate_hz: args.rate,
     };
-    monitor(&order, &screen)?;
+    let view = args.view.open(Some(&args.robot), &args.bus, "as it is")?;
+    monitor(&order, &Viewing::new(&screen, view.as_ref()))?;
     match screen.untold.into_inner().unwrap_or_else(PoisonError::into_inner) {
         Some(failed @ Untold::Failed(_)) => Err(failed.into()),
         Some(Untold::Unwanted) | None => Ok(0),

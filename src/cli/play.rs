@@ -4,6 +4,7 @@ use super::calibrated::CalibrationArg;
 use super::signals::Signals;
 use super::source::MotionArgs;
 use super::terminal::Terminal;
+use super::viewing::{ViewArg, Viewing};
 use super::{Deed, Output, Remarks};
 use crate::error::Error;
 use crate::job::page;
@@ -53,6 +54,8 @@ pub struct PlayArgs {
     /// Write a page with plots of every joint
     #[arg(long, value_name = "FILE.html")]
     html: Option<PathBuf>,
+    #[command(flatten)]
+    view: ViewArg,
     /// Seed of the virtual robot
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -78,8 +81,14 @@ enum EndState {
 pub fn run(args: &PlayArgs, remarks: Remarks) -> Result<i32, Error> {
     let signals = Signals::listen().map_err(|e| Error::new(format!("no signals: {e}")))?;
     let order = args.order();
-    let played = match args.output.check_files(&[&args.record, &args.html]) {
-        Ok(()) => play::play(&order, &Terminal::new(remarks, &signals)),
+    let checked = args.output.check_files(&[&args.record, &args.html]);
+    let what = &order.motion.motion;
+    let played = match checked.and_then(|()| args.view.open(Some(&order.robot), &order.buses, what))
+    {
+        Ok(view) => {
+            let terminal = Terminal::new(remarks, &signals);
+            play::play(&order, &Viewing::new(&terminal, view.as_ref()))
+        }
         Err(error) => {
             let buses = order.buses.iter().map(ToString::to_string).collect();
             let mut report = PlayReport::new(&order.motion.motion, &order.robot, buses);

@@ -2,6 +2,7 @@
 
 pub(super) mod body;
 pub mod file;
+pub mod live;
 
 use super::recorder::Series;
 use super::report::PlayReport;
@@ -61,6 +62,7 @@ impl RobotScene<'_> {
         }
         Ok(ViewScene {
             duration_s,
+            is_live: false,
             robot: robot.map(|(body, base)| RobotTrack::of(&self.robot.name, body, base)),
             joints: Some(self.joints()),
             person: self.person(duration_s)?,

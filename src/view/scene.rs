@@ -13,6 +13,9 @@ use serde::Serialize;
 pub struct ViewScene {
     /// From 0 to here, s.
     pub duration_s: f64,
+    /// Joints come while it is looked at: see [`super::live`].
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub is_live: bool,
     /// A robot.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub robot: Option<RobotTrack>,

@@ -19,6 +19,8 @@ pub struct Browser {
     asked: u64,
     /// What the page complained of, and what it asked the network for.
     complaints: Vec<String>,
+    /// Where the page is from, if it is served.
+    home: String,
     loaded: bool,
 }
 
@@ -87,8 +89,9 @@ impl Browser {
                 break;
             }
         }
-        let (session, complaints) = (String::new(), Vec::new());
-        let mut browser = Self { child, socket, session, asked: 0, complaints, loaded: false };
+        let (session, complaints, home) = (String::new(), Vec::new(), "about:blank".to_owned());
+        let mut browser =
+            Self { child, socket, session, asked: 0, complaints, home, loaded: false };
         let target = browser.ask("Target.createTarget", json!({ "url": "about:blank" }));
         let attach = json!({ "targetId": target["targetId"], "flatten": true });
         let attached = browser.ask("Target.attachToTarget", attach);
@@ -162,7 +165,8 @@ impl Browser {
             }
             "Network.requestWillBeSent" => {
                 let url = of["request"]["url"].as_str().unwrap_or_default();
-                if !["file:", "about:", "data:"].iter().any(|own| url.starts_with(own)) {
+                let own = ["file:", "about:", "data:", &self.home];
+                if !own.iter().any(|own| url.starts_with(own)) {
                     self.complaints.push(format!("it asks for {url}"));
                 }
             }
@@ -190,10 +194,20 @@ impl Browser {
 
     /// Opens a page and waits until it is there and has been drawn.
     pub fn open(&mut self, page: &Path, hash: &str) {
+        self.home = "about:blank".to_owned();
+        self.load(&format!("file://{}{hash}", page.display()));
+    }
+
+    /// Opens a page that is served, which may ask its server for more.
+    pub fn open_served(&mut self, url: &str) {
+        self.home = url.to_owned();
+        self.load(url);
+    }
+
+    fn load(&mut self, url: &str) {
         self.complaints.clear();
         self.ask("Page.navigate", json!({ "url": "about:blank" }));
         self.loaded = false;
-        let url = format!("file://{}{hash}", page.display());
         self.ask("Page.navigate", json!({ "url": url }));
         while !self.loaded {
             let event = self.next();

@@ -17,8 +17,9 @@ const times = (a, b) => [
 ];
 
 class Robot {
-  constructor(data, joints) {
-    Object.assign(this, { name: data.name, links: data.links, couplings: data.couplings, soles: data.soles });
+  // One that is `grounded` stands where its lowest sole is on the floor, for lack of a better word.
+  constructor(data, joints, grounded) {
+    Object.assign(this, { grounded: grounded && data.soles.length > 0, name: data.name, links: data.links, couplings: data.couplings, soles: data.soles });
     this.clock = clockOf(data.clock);
     this.at = data.at.map(decoded);
     this.turn = data.turn.map(decoded);
@@ -53,6 +54,11 @@ class Robot {
       const own = [Math.cos(half), link.axis[0] * s, link.axis[1] * s, link.axis[2] * s];
       places.push({ at, turn: times(on.turn, own) });
     });
+    if (this.grounded) {
+      const corners = this.soles.flatMap(([link, sole]) => sole.map(corner => plus(places[link].at, turned(places[link].turn, corner))[2]));
+      const low = Math.min(...corners);
+      for (const place of places) place.at = [place.at[0], place.at[1], place.at[2] - low];
+    }
     return places;
   }
 

@@ -2,16 +2,17 @@
 
 const byId = id => document.getElementById(id);
 const data = JSON.parse(byId("data").textContent);
+const isLive = !!data.is_live;
 const joints = data.joints && {
-  clock: clockOf(data.joints.clock),
-  list: data.joints.joints.map(joint => ({
+  clock: isLive ? growing() : clockOf(data.joints.clock),
+  list: data.joints.joints.map(joint => (isLive ? { ...joint, goal: [], present: [] } : {
     ...joint, goal: joint.goal && decoded(joint.goal), present: joint.present && joint.present.count && decoded(joint.present),
   })),
 };
-const robot = data.robot && joints ? new Robot(data.robot, joints) : null;
+const robot = data.robot && joints ? new Robot(data.robot, joints, isLive) : null;
 const person = data.person ? new Person(data.person) : null;
 const markers = data.markers ? new Markers(data.markers) : null;
-const duration = Math.max(data.duration_s, 1e-3);
+let duration = Math.max(data.duration_s, 1e-3);
 const view = { window: [0, duration], duration };
 const stepClock = joints ? joints.clock : person ? person.clock : markers ? markers.clock : null;
 const said = byId("said"), headInput = byId("head"), playButton = byId("play"), canvas = byId("scene");
@@ -43,7 +44,7 @@ if (stage) {
 }
 
 // ---- what can be chosen ----
-const channels = channelsOf(data, joints, person, markers), chosen = new Set(), plots = [];
+const channels = channelsOf(data, joints, person, markers, isLive), chosen = new Set(), plots = [];
 const quantities = [...new Set(channels.flatMap(channel => channel.plots.map(plot => plot.quantity)))];
 const wanted = new Set(joints ? ["angle", "velocity", "force"] : quantities);
 const buttons = new Map();
@@ -86,7 +87,7 @@ function buildChoice() {
     place.append(box);
   };
   const what = joints ? "joints" : "signals";
-  list(joints ? "joints that move" : markers ? "labelled markers" : channels.length > 1 ? "signals" : "signal", channel => channel.moves, true);
+  list(isLive ? "joints" : joints ? "joints that move" : markers ? "labelled markers" : channels.length > 1 ? "signals" : "signal", channel => channel.moves, true);
   list(markers ? "points without a label" : `${what} that never move`, channel => !channel.moves, false);
   if (quantities.length > 1) {
     const bar = document.createElement("div");
@@ -115,7 +116,7 @@ for (const span of data.spans) {
   row.spans.push(span);
 }
 const flags = (names, values, clock) => names.forEach((name, bit) => rows.push({ name, spans: [], times: runs(values, clock, sum => sum >> bit & 1) }));
-if (robot && robot.soles.length) flags(["left foot stands", "right foot stands"], robot.contacts, robot.clock);
+if (robot && robot.soles.length && !isLive) flags(["left foot stands", "right foot stands"], robot.contacts, robot.clock);
 if (person && person.contacts && !robot) flags(["left heel", "left toe", "right heel", "right toe"], person.contacts, person.clock);
 const line = new Line(byId("line"), rows, view);
 if (!rows.length) byId("line").hidden = true;
@@ -142,6 +143,7 @@ function words(t) {
     const sum = values[clock.at(t)], down = names.filter((_, bit) => sum >> bit & 1);
     parts.push(down.length ? `on the floor: ${down.join(", ")}` : "nothing on the floor");
   };
+  if (isLive) return parts.join("");
   if (robot && robot.soles.length) feet(robot.contacts, robot.clock, ["left foot", "right foot"]);
   else if (!robot && person && person.contacts) feet(person.contacts, person.clock, ["left heel", "left toe", "right heel", "right toe"]);
   for (const span of active(t)) parts.push(span.kind === "wrong" || span.kind === "doubt" ? `${span.row}: ${span.label}` : span.label);
@@ -163,8 +165,8 @@ function go(t, tells) {
 function play(on) {
   playing = on;
   before = null;
-  if (on && now >= duration) now = 0;
-  playButton.textContent = on ? "pause" : "play";
+  if (on && now >= duration && !isLive) now = 0;
+  playButton.textContent = on ? "pause" : isLive ? "now" : "play";
   if (!on) go(now, true);
   stale = true;
 }
@@ -184,6 +186,10 @@ function zoomTo(from, to) {
 
 function redraw() {
   const began = performance.now();
+  if (isLive && playing) {
+    view.window = [Math.max(0, duration - SEEN_S), Math.max(duration, SEEN_S)];
+    for (const plot of plots) { plot.plot.curves.forEach(curve => { curve.made = null; }); plot.draw(); }
+  }
   if (stage) { stage.put(now); stage.draw(); }
   plots.forEach(plot => plot.head(now));
   if (rows.length) line.head(now);
@@ -198,7 +204,9 @@ function redraw() {
 }
 
 function tick(stamp) {
-  if (playing) {
+  if (playing && isLive) {
+    if (now !== duration) { now = duration; stale = true; }
+  } else if (playing) {
     if (before !== null) {
       let next = now + ((stamp - before) / 1000) * Number(byId("speed").value);
       if (next >= duration) { if (byId("loop").checked) next %= duration; else { next = duration; play(false); } }
@@ -223,6 +231,32 @@ playButton.addEventListener("click", () => play(!playing));
 byId("back").addEventListener("click", () => step(-1));
 byId("forth").addEventListener("click", () => step(1));
 headInput.max = duration;
+if (isLive) {
+  const source = new EventSource("frames"), stop = byId("stop"), state = byId("nothing");
+  const tell = (what, words) => {
+    document.documentElement.dataset.live = what;
+    stop.disabled = what !== "on";
+    if (stage) { state.textContent = words; state.hidden = !words; }
+  };
+  tell("waiting", "Nothing moves yet.");
+  source.addEventListener("message", event => {
+    tell("on", "");
+    if (!taken(joints, JSON.parse(event.data))) return;
+    duration = Math.max(joints.clock.time(joints.clock.count - 1), 1e-3);
+    view.duration = duration; headInput.max = duration;
+    stale = true;
+  });
+  // The browser tries again by itself.
+  source.addEventListener("error", () => tell("off", "The program has ended, or does not answer: nothing new comes."));
+  stop.hidden = false;
+  stop.addEventListener("click", async () => {
+    stop.textContent = "stopping";
+    const heard = await fetch("stop", { method: "POST" }).then(answer => answer.ok, () => false);
+    stop.textContent = heard ? "told to stop" : "stop the robot";
+    if (!heard) said.textContent = "The program did not hear it: press Ctrl-C where it runs.";
+  });
+  for (const id of ["speed", "loop"]) byId(id).parentElement.hidden = true;
+}
 headInput.addEventListener("input", () => { playing && play(false); go(Number(headInput.value)); });
 headInput.addEventListener("change", () => go(Number(headInput.value), true));
 byId("follow").addEventListener("change", event => { if (stage) stage.follows = event.target.checked; stale = true; });
@@ -286,7 +320,9 @@ function zoom(by) { stage.zoom = Math.max(0.15, Math.min(12, stage.zoom * by)); 
 addEventListener("keydown", event => {
   if (event.ctrlKey || event.metaKey || event.altKey || /^(BUTTON|SELECT|SUMMARY)$/.test(event.target.tagName)) return;
   const keys = {
-    " ": () => play(!playing), ",": () => step(-1), ".": () => step(1), Home: () => go(0, true), End: () => go(duration, true),
+    " ": () => play(!playing), ",": () => step(-1), ".": () => step(1),
+    // What comes while somebody looks on has a present, from which Home leaves and to which End goes back.
+    Home: () => { if (isLive) play(false); go(0, true); }, End: () => (isLive ? play(true) : go(duration, true)),
     f: () => byId("follow").click(), l: () => byId("loop").click(),
   };
   const speed = "123456".indexOf(event.key);
@@ -301,6 +337,7 @@ buildChoice();
 buildEvents();
 const first = firstChoice();
 if (first !== null) choose(first, true);
+if (isLive) play(true);
 // A fixed moment for whoever opens page.html#t=1.5
 const asked = parseFloat(new URLSearchParams(location.hash.slice(1)).get("t"));
 if (asked >= 0) go(asked, true);

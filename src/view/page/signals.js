@@ -4,7 +4,7 @@ const DEGREES = 180 / Math.PI;
 const LEFT = 58, RIGHT = 10, TOP = 8, BOTTOM = 20;
 
 // What can be looked at: a channel for each joint, marker or force, with its plots.
-function channelsOf(data, joints, person, markers) {
+function channelsOf(data, joints, person, markers, isLive) {
   const channels = [];
   if (joints) {
     joints.list.forEach((joint, n) => {
@@ -24,7 +24,7 @@ function channelsOf(data, joints, person, markers) {
         const when = clockOf(own);
         plots.push({ quantity: name, unit, curves: [{ name, values: decoded(values), clock: when, scale: 1 }], least: 0.1 });
       }
-      const moves = angles.some(({ values }) => {
+      const moves = isLive || angles.some(({ values }) => {
         let [low, high] = [Infinity, -Infinity];
         for (const value of values) { if (value < low) low = value; if (value > high) high = value; }
         return high - low > 0.01;
@@ -49,7 +49,7 @@ function channelsOf(data, joints, person, markers) {
   return channels;
 }
 
-const valuesOf = curve => (typeof curve.values === "function" ? (curve.values = curve.values()) : curve.values);
+const valuesOf = curve => (typeof curve.values === "function" ? (curve.made ||= curve.values()) : curve.values);
 
 // Least and greatest value of a curve over a time.
 function extent(curve, [from, to]) {

@@ -1,0 +1,98 @@
+//! `view`: something in a browser. Of what moves it is the command itself, with `--view`.
+
+use super::signals::Signals;
+use super::{Cli, Remarks, say};
+use crate::error::Error;
+use crate::job::page;
+use crate::job::source::CaptureOptions;
+use crate::view::live::LiveView;
+use clap::{Args, Parser};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+/// Commands that have something to see while they run.
+const COMMANDS: [&str; 3] = ["play", "live", "monitor"];
+/// How often it is looked whether somebody wants to end.
+const LOOK: Duration = Duration::from_millis(100);
+
+/// Arguments of `view`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+WHAT is one of:
+  FILE                 a capture, markers or a recording, as `info FILE --html` draws it
+  ROBOT --bus BUS      a robot as it is, as `monitor` does; moves nothing
+  play|live|monitor …  that command, with --view
+
+The page is served to this machine alone, under an address with a token that is printed.
+
+Examples:
+  gaitway view dance.bvh
+  gaitway view op3 --bus serial:/dev/ttyUSB0
+  gaitway view play walk --robot op3 --bus sim:pty --hang")]
+pub struct ViewArgs {
+    /// Serve at this port of this machine [default: a free one]
+    #[arg(long, value_name = "PORT", default_value_t = 0, hide_default_value = true)]
+    port: u16,
+    /// What to look at (see below)
+    #[arg(value_name = "WHAT", required = true, num_args = 1.., trailing_var_arg = true,
+          allow_hyphen_values = true)]
+    what: Vec<String>,
+}
+
+/// What is looked at.
+pub enum Viewed {
+    /// What a command does.
+    Command(Box<Cli>),
+    /// A file.
+    File(PathBuf),
+}
+
+/// Why nothing is.
+pub enum NotViewed {
+    /// The command was typed wrongly.
+    Usage(clap::Error),
+    /// Anything else.
+    Error(Error),
+}
+
+/// What is to be looked at.
+///
+/// # Errors
+/// A command that cannot be read, a file with options.
+pub fn seen(args: &ViewArgs, cli: &Cli) -> Result<Viewed, NotViewed> {
+    let first = args.what.first().map_or("", String::as_str);
+    let is_command = COMMANDS.contains(&first);
+    if !is_command && Path::new(first).is_file() && !first.ends_with(".toml") {
+        if let Some(option) = args.what.get(1) {
+            let error = Error::new("a file is shown as it is").at(first).got(option.clone());
+            return Err(NotViewed::Error(
+                error.remedy(format!("options go with `gaitway info {first} --html FILE.html`")),
+            ));
+        }
+        return Ok(Viewed::File(PathBuf::from(first)));
+    }
+    let profiles = cli.profiles.iter().map(|folder| format!("--profiles={}", folder.display()));
+    let typed = ["gaitway".to_owned()]
+        .into_iter()
+        .chain(cli.quiet.then(|| "--quiet".to_owned()))
+        .chain(profiles)
+        .chain((!is_command).then(|| "monitor".to_owned()))
+        .chain(args.what.iter().cloned())
+        .chain([format!("--view={}", args.port)]);
+    Cli::try_parse_from(typed).map(|cli| Viewed::Command(Box::new(cli))).map_err(NotViewed::Usage)
+}
+
+/// Serves the page of a file until a signal comes.
+///
+/// # Errors
+/// A file that cannot be read or shows nothing, a port that is taken.
+pub fn file(path: &Path, args: &ViewArgs, remarks: Remarks) -> Result<i32, Error> {
+    let signals = Signals::listen().map_err(|e| Error::new(format!("no signals: {e}")))?;
+    let view = LiveView::serving(page::file::page(path, &CaptureOptions::default())?, args.port)?;
+    say(&format!("view      {}", view.url()));
+    remarks.say("until Ctrl-C");
+    while signals.first().is_none() {
+        std::thread::sleep(LOOK);
+    }
+    Ok(0)
+}
