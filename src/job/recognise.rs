@@ -265,13 +265,7 @@ pub fn recognise(
     mut hear: impl FnMut(&RecognitionEvent),
 ) -> Result<RecogniseReport, Error> {
     let models = models(order.models.as_deref())?;
-    let slowed = order.slowed.unwrap_or(1.0);
-    if !SLOWED.contains(&slowed) {
-        return Err(Error::of(ErrorKind::OutsideLimits, "nothing is slowed like that")
-            .at("--slowed")
-            .got(slowed.to_string())
-            .allowed(format!("{} to {}", SLOWED.start(), SLOWED.end())));
-    }
+    let slowed = slowed_by(order.slowed)?;
     let (mut capture, source) =
         source::body_motion(&order.motion, order.mapping.as_deref(), &order.reading)?;
     // Seen as fast as a person does it, and told by the source's own clock.
@@ -302,6 +296,21 @@ pub fn recognise(
         notes: capture.notes,
         source,
     })
+}
+
+/// How many times slower than a person a source is.
+///
+/// # Errors
+/// What is slower or faster than anything that is played.
+pub(super) fn slowed_by(asked: Option<f64>) -> Result<f64, Error> {
+    let slowed = asked.unwrap_or(1.0);
+    if SLOWED.contains(&slowed) {
+        return Ok(slowed);
+    }
+    Err(Error::of(ErrorKind::OutsideLimits, "nothing is slowed like that")
+        .at("--slowed")
+        .got(slowed.to_string())
+        .allowed(format!("{} to {}", SLOWED.start(), SLOWED.end())))
 }
 
 /// The person, with all actions and their phases on the time line.
