@@ -261,7 +261,10 @@ impl Job<'_> {
         let mut report = AnswersReport::default();
         let mut list = Vec::new();
         for when in &order.when {
-            let of_this = |error: Error| error.at(format!("--when {}", when.action));
+            let of_this = |error: Error| {
+                let place = error.place.as_deref().map_or_else(String::new, |at| format!(", {at}"));
+                error.at(format!("--when {}{place}", when.action))
+            };
             let (motion, run) = self.looked_at(when, connection, found).map_err(of_this)?;
             let slowed = match run.retime_factor > 1.0 {
                 true => format!(", {:.2} times slower", run.retime_factor),
