@@ -29,6 +29,7 @@ pub mod play;
 pub mod ports;
 pub mod profile;
 pub mod recognise;
+pub mod recognise_each;
 pub mod record;
 pub mod recorder;
 pub mod report;

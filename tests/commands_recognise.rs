@@ -182,6 +182,97 @@ fn clips_are_scored_by_their_labels_and_one_that_cannot_be_read_is_named() {
     let global = &report["global"];
     assert_eq!((&global["correct"], &global["truth"]), (&2.into(), &2.into()), "{report}");
     assert!(report["segmentation"].is_null(), "no label has times");
+    assert!(report["per_corruption"].is_null(), "nobody asked for them");
+    // With times, and the left hand of a wave hidden: it is not asked for, the walk and the bow are.
+    let wave = Path::new(env!("CARGO_MANIFEST_DIR")).join("actions/wave-l.toml");
+    std::fs::copy(wave, clips.join("wave-l.toml")).expect("an action");
+    let table =
+        "file,class,side,start_s,end_s\nbow.toml,bow,,0.2,2.6\nwave-l.toml,wave,L,1.3,4.4\n";
+    std::fs::write(clips.join("labels.csv"), table).expect("labels");
+    let clips = clips.display().to_string();
+    let output = run(&["score", "classification", &clips, "--corruptions", "--json"]);
+    done(&output);
+    let report = json(&output);
+    assert_eq!(report["global"]["correct"], 2, "{report}");
+    let of = |name: &str| {
+        let all = report["per_corruption"].as_array().expect("corruptions").iter();
+        all.clone().find(|of| of["corruption"] == name).expect(name).clone()
+    };
+    assert_eq!(of("no left hand")["global"]["truth"], 1);
+    for same in ["mirrored", "heading drifts 3 deg/s"] {
+        assert_eq!(of(same)["global"]["correct"], 2, "{same}");
+        assert!(of(same)["delay_s"].as_f64().is_some_and(|s| s.abs() < 0.02), "{}", of(same));
+    }
+    assert_eq!(of("0.7 times as fast")["global"]["truth"], 2);
+}
+
+#[test]
+fn several_sources_are_named_in_one_run_each_with_its_own_name_in_the_order_of_time() {
+    let output = run(&["recognise", "wave-l", "bow", "--json-lines"]);
+    done(&output);
+    let events: Vec<Value> = String::from_utf8_lossy(&output.stdout)
+        .lines()
+        .map(|line| serde_json::from_str(line).expect("a line of JSON"))
+        .collect();
+    let times: Vec<f64> = events.iter().filter_map(|of| of["at_s"].as_f64()).collect();
+    assert!(times.len() == events.len() && times.is_sorted(), "{times:?}");
+    let done_in = |source: &str| -> Vec<&str> {
+        let of = events.iter().filter(|of| of["source"] == source && of["kind"] == "done");
+        of.filter_map(|of| of["action"].as_str()).collect()
+    };
+    assert_eq!((done_in("wave-l"), done_in("bow")), (vec!["wave"], vec!["bow"]));
+    let file = folder("several").join("found.csv").display().to_string();
+    let output = run(&["recognise", "wave-l", "bow", "--labels", &file, "--json"]);
+    done(&output);
+    let report = json(&output);
+    let alone = json(&run(&["recognise", "bow", "--json"]));
+    assert_eq!(report["sources"][1]["events"], alone["events"]);
+    let table = std::fs::read_to_string(&file).expect("a table");
+    assert!(table.starts_with("file,") && table.contains("\nbow,"), "{table}");
+    for (wrong, said) in [
+        (&["recognise", "bow", "bow"][..], "named twice"),
+        (&["recognise", "bow", "walk", "--html", "no.html"], "one person"),
+        (&["recognise", "bow", "there-is-no-such"], "there-is-no-such"),
+    ] {
+        let refused = run(wrong);
+        assert!(!refused.status.success() && words(&refused).contains(said), "{wrong:?}");
+    }
+}
+
+#[test]
+fn clips_are_scored_by_labels_of_their_frames_and_others_than_the_clip_has_are_named() {
+    let folder = folder("frame-labels");
+    let clip = folder.join("clips/one.bvh");
+    std::fs::create_dir_all(folder.join("clips")).expect("a folder");
+    done(&run(&["synth", "bow", "-o", &clip.display().to_string()]));
+    let text = std::fs::read_to_string(&clip).expect("a clip");
+    let frames = text.lines().skip_while(|line| !line.starts_with("Frame Time")).count() - 1;
+    let label = |action: &str, mark: &str, count: usize| {
+        let trial = folder.join("labels/one");
+        std::fs::create_dir_all(&trial).expect("a folder");
+        std::fs::write(trial.join(format!("{action}.txt")), format!("{mark}\n").repeat(count))
+            .expect("labels");
+    };
+    let (clips, labels) = (folder.join("clips"), folder.join("labels"));
+    let (clips, labels) = (clips.display().to_string(), labels.display().to_string());
+    let score = || {
+        let output = run(&["score", "classification", &clips, "--labels", &labels, "--json"]);
+        done(&output);
+        json(&output)
+    };
+    label("bow", "1.0", frames);
+    label("walk", "0.0", frames);
+    let global = score()["global"].clone();
+    assert_eq!((&global["correct"], &global["truth"]), (&1.into(), &1.into()), "{global}");
+    label("bow", "0.5", frames);
+    let global = score()["global"].clone();
+    assert_eq!((&global["recognised"], &global["truth"]), (&0.into(), &0.into()), "{global}");
+    label("bow", "1.0", frames + 7);
+    let refused = run(&["score", "classification", &clips, "--labels", &labels]);
+    assert!(words(&refused).contains("other numbers of frames"), "{}", words(&refused));
+    label("walk", "0.0", frames + 7);
+    let unread = score()["unread"].to_string();
+    assert!(unread.contains("one.bvh") && unread.contains("labels of"), "{unread}");
 }
 
 /// The model of a nod: the trunk leans this far at least.
@@ -323,23 +414,36 @@ fn a_drafted_model_sees_its_examples_and_not_what_another_side_does() {
 fn what_a_robot_plays_is_named_from_what_its_servos_reported() {
     let file = folder("played").join("run.mcap");
     let name = file.display().to_string();
-    let play = ["play", "wave-r", "--robot", "op3", "--bus", "sim", "--record", &name, "--json"];
-    let output = run(&play);
-    done(&output);
-    let slowed = json(&output)["retime_factor"].as_f64().expect("a factor").to_string();
-    let output = run(&["recognise", &name, "--slowed", &slowed, "--json"]);
-    done(&output);
+    // What a robot on its own feet would fall in is named as well: the virtual one cannot.
+    for (motion, action) in [("kick-r", "kick"), ("wave-r", "wave")] {
+        let play = ["play", motion, "--robot", "op3", "--bus", "sim", "--record", &name];
+        let output = run(&[&play[..], &["--json", "--force"]].concat());
+        done(&output);
+        let slowed = json(&output)["retime_factor"].as_f64().expect("a factor").to_string();
+        let output = run(&["recognise", &name, "--slowed", &slowed, "--json"]);
+        done(&output);
+        let report = json(&output);
+        assert_eq!(report["source"]["format"], "servos");
+        let named: Vec<&Value> = report["events"]
+            .as_array()
+            .expect("events")
+            .iter()
+            .filter(|of| of["action"] == action)
+            .collect();
+        assert!(!named.is_empty() && named.iter().all(|of| of["side"] == "right"), "{report}");
+        let end_s = report["source"]["duration_s"].as_f64().expect("a length");
+        assert!(named.iter().all(|of| of["end_s"].as_f64() <= Some(end_s)), "{report}");
+        // The same in a model's own terms, by the same clock.
+        let explain = ["model", "explain", &name, "--model", motion, "--slowed", &slowed, "--json"];
+        let output = run(&explain);
+        done(&output);
+        let fired = json(&output)["models"][0]["fired"].clone();
+        let (told, own) = (fired[0]["end_s"].as_f64(), named[0]["end_s"].as_f64());
+        let off_s = told.zip(own).map_or(f64::NAN, |(told, own)| (told - own).abs());
+        assert!(off_s < 1e-6, "{fired} {named:?}");
+    }
+    let output = run(&["recognise", &name, "--json"]);
     let report = json(&output);
-    assert_eq!(report["source"]["format"], "servos");
-    let waves: Vec<&Value> = report["events"]
-        .as_array()
-        .expect("events")
-        .iter()
-        .filter(|of| of["action"] == "wave")
-        .collect();
-    assert!(!waves.is_empty() && waves.iter().all(|of| of["side"] == "right"), "{report}");
-    let end_s = report["source"]["duration_s"].as_f64().expect("a length");
-    assert!(waves.iter().all(|of| of["end_s"].as_f64() <= Some(end_s)), "{report}");
     // Nobody can see what it has not.
     let notes = report["notes"].to_string();
     assert!(notes.contains("joints and soles"), "{notes}");
@@ -347,6 +451,8 @@ fn what_a_robot_plays_is_named_from_what_its_servos_reported() {
     assert!(words(&refused).contains("needs no mapping"), "{}", words(&refused));
     let refused = run(&["recognise", &name, "--slowed", "nan"]);
     assert_eq!(refused.status.code(), Some(1));
+    let refused = run(&["model", "explain", &name, "--slowed", "0"]);
+    assert!(words(&refused).contains("nothing is slowed like that"), "{}", words(&refused));
 }
 
 /// The lines of a BVH file behind its header, as numbers.

@@ -291,6 +291,92 @@ fn take_up_what_was_kept(folder: &Path) {
     );
 }
 
+/// Waves are recorded as somebody does them, and played again in virtual time: so the answers are the same on any machine.
+#[test]
+fn a_wave_is_answered_by_a_bow_and_what_comes_meanwhile_is_counted_and_not_answered() {
+    let _alone = alone();
+    let folder = crate::program::folder("live-answers");
+    let wearer = Wearer::start(
+        &folder,
+        "--motion wave-r,wave-r,wave-r,wave-r --stand 7s --pty body --seed 3",
+    );
+    let output = gaitway(&folder)
+        .args(words("live --wear body/wear.toml --robot op3 --bus sim:pty --n-pose-after 500ms"))
+        .args(words("--moves bow --for 24s --record waves.mcap --rate 50 --json"))
+        .output()
+        .expect("runs");
+    drop(wearer);
+    assert_eq!(json(&output)["outcome"], "done", "{}", json(&output));
+    let again = |extra: &str| {
+        let output = gaitway(&folder)
+            .args(words("live --from replay:waves.mcap --robot op3 --bus sim --n-pose-after 500ms"))
+            .args(words("--moves bow --json"))
+            .args(words(extra))
+            .output()
+            .expect("runs");
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        (serde_json::from_slice::<Value>(&output.stdout).unwrap_or_default(), said)
+    };
+    let (report, said) = again("--recognise --when wave-r=play:bow,bow --record answered.mcap");
+    assert_eq!(report["outcome"], "done", "{report}\n{said}");
+    let answers = &report["answers"];
+    assert_eq!(answers["checked"][0]["motion"], "bow,bow");
+    let given = answers["given"].as_array().expect("answers");
+    assert!(!given.is_empty() && answers["ignored"].as_u64() >= Some(1), "{answers}");
+    let waves = report["events"].as_array().expect("events").iter();
+    let waves = waves.filter(|of| of["action"] == "wave" && of["side"] == "right").count();
+    assert_eq!(given.len() as u64 + answers["ignored"].as_u64().expect("a count"), waves as u64);
+    for answer in given {
+        assert_eq!((&answer["outcome"], &answer["motion"]), (&"done".into(), &"bow,bow".into()));
+        assert!(answer["duration_s"].as_f64() > Some(2.0), "{answer}");
+    }
+    assert!(said.contains("wave right: the robot comes to rest and plays bow"), "{said}");
+    assert!(said.contains("is not answered") && said.contains("follows again"), "{said}");
+    // Never a goal that the virtual robot's referee minds, and one recording of all of it.
+    assert_eq!(report["referee"]["violations"], serde_json::json!([]));
+    assert_eq!(report["exceptions"], serde_json::json!([]));
+    let cycles = recording::read(&folder.join("answered.mcap")).expect("recorded").cycles;
+    assert_eq!(report["cycles"].as_u64(), Some(cycles.len() as u64));
+    assert!(cycles.iter().enumerate().all(|(at, of)| of.cycle == at as u64));
+    the_robot_bows(&cycles);
+    answers_are_refused(&folder, &again);
+}
+
+/// The hips bend as they do in a bow, and nobody who waves bends them.
+fn the_robot_bows(cycles: &[recording::CycleRecord]) {
+    let robot = Robot::load("op3").expect("shipped");
+    let hip = robot.joints.iter().position(|joint| joint.name == "l_hip_pitch").expect("a hip");
+    let goals = cycles.iter().filter_map(|cycle| cycle.joints[hip].goal_rad);
+    let (low, high) =
+        goals.fold((f64::MAX, f64::MIN), |(low, high), at| (low.min(at), high.max(at)));
+    assert!(high - low > 0.3, "{low} {high}");
+}
+
+/// What cannot be answered is refused before anything moves.
+fn answers_are_refused(folder: &Path, again: &dyn Fn(&str) -> (Value, String)) {
+    std::fs::write(folder.join("far.csv"), "time_s,head_pan_rad\n0,0\n0.4,3\n0.8,9\n")
+        .expect("written");
+    for (when, reason) in [
+        ("somersault=play:bow", "no model names this action"),
+        ("wave=play:somersault", "somersault"),
+        ("wave=play:far.csv", "head_pan"),
+    ] {
+        let (report, said) = again(&format!("--recognise --when {when}"));
+        assert_eq!((&report["outcome"], &report["cycles"]), (&"refused".into(), &0.into()));
+        let told = report["stop_reason"].as_str().unwrap_or_default();
+        assert!(told.contains(reason) && told.contains("--when"), "{when}: {told}\n{said}");
+    }
+    let (report, _) = again("--recognise --when wave=play:bow --dry-run --for 1s");
+    assert_eq!((&report["outcome"], &report["cycles"]), (&"done".into(), &0.into()), "{report}");
+    assert_eq!(report["answers"]["checked"][0]["action"], "wave");
+    let notes = report["notes"].to_string();
+    assert!(notes.contains("wave is answered by bow"), "{notes}");
+    for wrong in ["--recognise --when wave", "--when wave=play:bow"] {
+        let (_, said) = again(wrong);
+        assert!(said.contains("--when"), "{said}");
+    }
+}
+
 /// A port of the loopback interface that was free a moment ago.
 fn free_port() -> u16 {
     let socket = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).expect("a port");

@@ -8,7 +8,7 @@ use super::viewing::{ViewArg, Viewing};
 use super::{Deed, Output, Remarks, play};
 use crate::body::worn::Movement;
 use crate::error::Error;
-use crate::job::live::{LiveOrder, live};
+use crate::job::live::{LiveOrder, When, live};
 use crate::job::record::Mode;
 use crate::rig::Address;
 use crate::sensing::Plan;
@@ -42,7 +42,8 @@ Examples:
   gaitway live --from file:walk --robot op3 --bus sim --for 10
   gaitway live --from right_upper_arm=imu:bno08x-rvc@/dev/ttyUSB0 \\
     right_forearm=imu:bno08x-rvc@/dev/ttyUSB1 --robot op3 --bus serial:/dev/ttyUSB2
-  gaitway live --wear /tmp/body/wear.toml --dry-run --recognise     # no robot: what the person does")]
+  gaitway live --wear /tmp/body/wear.toml --dry-run --recognise     # no robot: what the person does
+  gaitway live --wear /tmp/body/wear.toml --robot op3 --bus sim:pty --recognise --when wave=play:bow")]
 pub struct LiveArgs {
     /// What to follow: sensors, a recording or a motion (see below)
     #[arg(long, value_name = "SOURCE", num_args = 1.., required_unless_present = "wear")]
@@ -101,6 +102,10 @@ pub struct LiveArgs {
     /// Folder of models for that, in place of those that ship with gaitway
     #[arg(long, value_name = "DIR", requires = "recognise")]
     models: Option<PathBuf>,
+    /// When the person has done ACTION (`wave`, or with a side `wave-r`), the robot comes to rest, plays MOTION as
+    /// `play` does, and follows again; what is done meanwhile is counted and not answered (repeatable)
+    #[arg(long, value_name = "ACTION=play:MOTION", requires = "recognise")]
+    when: Vec<When>,
     #[command(flatten)]
     view: ViewArg,
     /// Seed of the virtual robot
@@ -169,6 +174,7 @@ impl LiveArgs {
             dry_run: self.dry_run,
             recognise: self.recognise,
             models: self.models.clone(),
+            when: self.when.clone(),
         }
     }
 

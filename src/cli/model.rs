@@ -88,7 +88,8 @@ that failed, what was wanting when it ended, and what ended it. Numbers are in a
 arms or legs per second, as in models.
 
 Example: gaitway model explain dance.bvh --model wave-r
-         gaitway model explain dance.bvh --model wave --from 2 --to 5")]
+         gaitway model explain dance.bvh --model wave --from 2 --to 5
+         gaitway model explain played.mcap --model kick-r --slowed 2.3")]
 pub struct ExplainArgs {
     /// A capture (.bvh, .amc), or actions
     motion: String,
@@ -104,6 +105,9 @@ pub struct ExplainArgs {
     /// Look only at what has a frame until here, s
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     to: Option<f64>,
+    /// Everything takes so many times as long as where a person does it, as for `recognise`
+    #[arg(long, value_name = "FACTOR", allow_negative_numbers = true)]
+    slowed: Option<f64>,
     #[command(flatten)]
     reading: ReadingArgs,
     #[command(flatten)]
@@ -159,6 +163,7 @@ pub fn run(args: &ModelArgs) -> Result<i32, Error> {
                 only: args.only.clone(),
                 from_s: args.from,
                 to_s: args.to,
+                slowed: args.slowed,
             })?;
             Ok(args.output.conclude(&report, &explained(&report), Deed::Look, 0))
         }

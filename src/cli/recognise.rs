@@ -4,10 +4,10 @@ use super::output::{Untold, print_json};
 use super::reading::ReadingArgs;
 use super::{Deed, Output, Remarks};
 use crate::error::Error;
-use crate::job::recognise::{
-    EquationReading, RecogniseOrder, RecogniseReport, RecognitionEvent, counts, recognise,
-};
+use crate::job::recognise::{EquationReading, RecogniseOrder, RecogniseReport, counts, recognise};
+use crate::job::recognise_each::{RecogniseEachReport, recognise_each};
 use clap::Args;
+use serde::Serialize;
 use std::fmt::Write;
 use std::path::PathBuf;
 
@@ -22,15 +22,19 @@ reported. Who is followed now: `gaitway live --recognise`.
 
 Example: gaitway recognise dance.bvh
          gaitway recognise walk:6s,wave-r,bow --labels found.csv
+         gaitway recognise left.bvh right.bvh --json-lines
          gaitway recognise dance.bvh --html dance.html
          gaitway recognise played.mcap --slowed 2.3")]
 pub struct RecogniseArgs {
-    /// A capture (.bvh, .amc, .c3d, ...), a recording (.mcap), or actions
-    motion: String,
+    /// A capture (.bvh, .amc, .c3d, ...), a recording (.mcap), or actions; of several all events, each with its
+    /// source, as if they had begun together
+    #[arg(required = true)]
+    motion: Vec<String>,
     /// Folder of models, in place of those that ship with gaitway
     #[arg(long, value_name = "DIR")]
     models: Option<PathBuf>,
-    /// Write what was recognised as a table: start_s, end_s, class, side, person
+    /// Write what was recognised as a table: start_s, end_s, class, side, person; of several motions with the column file
+    /// in place of person
     #[arg(long, value_name = "OUT.csv")]
     labels: Option<PathBuf>,
     /// Write a page that shows the person with what was recognised on a time line
@@ -58,8 +62,9 @@ pub struct RecogniseArgs {
 /// If the motion or a model cannot be read, or a file cannot be written.
 pub fn run(args: &RecogniseArgs, remarks: Remarks) -> Result<i32, Error> {
     args.output.check_files(&[&args.labels, &args.html])?;
+    let first = args.motion.first().cloned().unwrap_or_default();
     let order = RecogniseOrder {
-        motion: args.motion.clone(),
+        motion: first,
         mapping: args.reading.mapping.clone(),
         reading: args.reading.options(),
         models: args.models.clone(),
@@ -70,19 +75,24 @@ pub fn run(args: &RecogniseArgs, remarks: Remarks) -> Result<i32, Error> {
         replace: args.output.force(),
     };
     let mut untold = None;
-    let report = recognise(&order, |event| {
+    let mut tell = |event: &dyn Fn() -> Result<(), Error>| {
         if args.json_lines && untold.is_none() {
-            untold = told(event).err();
+            untold = event().err();
         }
-    })?;
-    if let Some(error) = untold {
-        return Err(error);
+    };
+    if args.motion.len() > 1 {
+        let report = recognise_each(&order, &args.motion, |event| tell(&|| told(event)))?;
+        untold.map_or(Ok(()), Err)?;
+        let text = if args.json_lines { String::new() } else { words_of_each(&report, remarks) };
+        return Ok(args.output.conclude(&report, &text, Deed::Look, 0));
     }
+    let report = recognise(&order, |event| tell(&|| told(event)))?;
+    untold.map_or(Ok(()), Err)?;
     let text = if args.json_lines { String::new() } else { words(&report, remarks) };
     Ok(args.output.conclude(&report, &text, Deed::Look, 0))
 }
 
-fn told(event: &RecognitionEvent) -> Result<(), Error> {
+fn told(event: &impl Serialize) -> Result<(), Error> {
     let line = serde_json::to_string(event)
         .map_err(|cause| Error::new("the event cannot be written").got(cause.to_string()))?;
     match print_json(&(line + "\n")) {
@@ -92,14 +102,33 @@ fn told(event: &RecognitionEvent) -> Result<(), Error> {
     }
 }
 
+/// All that was recognised, with its source, then what else is to be said of each.
+fn words_of_each(report: &RecogniseEachReport, remarks: Remarks) -> String {
+    let mut text = String::new();
+    for (source, event) in report.events() {
+        let _ = writeln!(text, "{:40} {source}", event.words());
+    }
+    if !remarks.quiet {
+        for one in &report.sources {
+            let _ = writeln!(text, "{}", one.motion);
+            figures(&mut text, one);
+        }
+    }
+    text
+}
+
 fn words(report: &RecogniseReport, remarks: Remarks) -> String {
     let mut text = String::new();
     for event in &report.events {
         let _ = writeln!(text, "{}", event.words());
     }
-    if remarks.quiet {
-        return text;
+    if !remarks.quiet {
+        figures(&mut text, report);
     }
+    text
+}
+
+fn figures(text: &mut String, report: &RecogniseReport) {
     let _ = writeln!(
         text,
         "{} events in {} frames at {} Hz, by {} models",
@@ -120,5 +149,4 @@ fn words(report: &RecogniseReport, remarks: Remarks) -> String {
             blind.missing.join(", ")
         );
     }
-    text
 }

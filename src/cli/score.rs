@@ -4,7 +4,8 @@ use super::{Deed, Output, Remarks};
 use crate::error::Error;
 use crate::job::recognise::EquationReading;
 use crate::job::score::{
-    ClassFigures, ClassificationOrder, ClassificationReport, Half, classification,
+    ClassFigures, ClassificationOrder, ClassificationReport, CorruptionFigures, Half,
+    classification,
 };
 use clap::{Args, Subcommand};
 use std::fmt::Write;
@@ -26,16 +27,18 @@ enum ScoreCommand {
 /// Arguments of `score classification`.
 #[derive(Clone, Debug, Args)]
 #[command(after_help = "\
-The table of labels has the columns file and class, and if known side (L, R), style, start_s, end_s. Labels with
-times are judged by overlap of more than half; labels without by what was recognised anywhere in the clip.
+The table of labels has the columns file and class, and if known side (L, R), style, source (else the folder in
+which the clip lies), start_s, end_s. Labels with times are judged by overlap of more than half; labels without by
+what was recognised anywhere in the clip. A folder in place of the table has labels of frames: TRIAL/ACTION.txt with
+1.0, 0.5 (unclear) or 0.0 in a line for each frame of TRIAL.bvh.
 Labels that no model means are distractors: whatever is recognised in them is false.
 
 Example: gaitway score classification clips --half second")]
 pub struct ClassificationArgs {
     /// Folder of clips
     folder: PathBuf,
-    /// The table of labels [default: labels.csv in the folder]
-    #[arg(long, value_name = "FILE.csv")]
+    /// The table of labels, or a folder of labels of frames [default: labels.csv in the folder]
+    #[arg(long, value_name = "FILE.csv|DIR")]
     labels: Option<PathBuf>,
     /// Folder of models, in place of those that ship with gaitway
     #[arg(long, value_name = "DIR")]
@@ -43,6 +46,9 @@ pub struct ClassificationArgs {
     /// Every other clip of each class, the first or the second of two
     #[arg(long, value_name = "first|second", value_parser = half)]
     half: Option<Half>,
+    /// Judge corrupted copies as well: noise, another pace, mirrored, 30 frames/s, a heading that drifts, no left hand
+    #[arg(long)]
+    corruptions: bool,
     /// Read the paper's equations and its state machine as they are printed, for comparison
     #[arg(long)]
     strict: bool,
@@ -71,6 +77,7 @@ pub fn run(args: &ScoreArgs, remarks: Remarks) -> Result<i32, Error> {
         models: args.models.clone(),
         equations: if args.strict { EquationReading::Strict } else { EquationReading::Repaired },
         half: args.half,
+        corruptions: args.corruptions,
     };
     let report = classification(&order, |index, count, file| {
         if index % 20 == 0 {
@@ -120,6 +127,10 @@ fn words(report: &ClassificationReport) -> String {
     for style in &report.per_style {
         line(&mut text, style);
     }
+    text.push_str("\nby source\n");
+    for source in &report.per_source {
+        line(&mut text, source);
+    }
     text.push_str("\nwhat was recognised in the clips of each label\n");
     for label in &report.per_label {
         let found: Vec<String> =
@@ -132,6 +143,15 @@ fn words(report: &ClassificationReport) -> String {
             label.clips,
             found.join(", ")
         );
+    }
+    if !report.per_corruption.is_empty() {
+        text.push_str("\ncorrupted copies: what it costs, and how much later an action is known\n");
+    }
+    for CorruptionFigures { corruption, global, delay_s } in &report.per_corruption {
+        let later = delay_s.map_or_else(String::new, |s| format!("  {:+.0} ms", 1e3 * s));
+        let mut row = String::new();
+        line(&mut row, &ClassFigures { class: (*corruption).to_owned(), ..global.clone() });
+        let _ = writeln!(text, "{}{later}", row.trim_end());
     }
     let _ = writeln!(
         text,

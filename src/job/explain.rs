@@ -1,6 +1,6 @@
 //! Why models did or did not fire in a motion.
 
-use super::recognise::{EquationReading, SeenBody, models};
+use super::recognise::{EquationReading, SeenBody, models, slowed_by};
 use super::source::{CaptureOptions, Source, body_motion};
 use crate::error::{Error, ErrorKind};
 use crate::recognise::explain::{Attempt, Explainer};
@@ -30,6 +30,9 @@ pub struct ExplainOrder {
     pub from_s: Option<f64>,
     /// Only what has a frame until here, s.
     pub to_s: Option<f64>,
+    /// Everything takes so many times as long as where a person does it; `None`: as long. Times that are told are the
+    /// source's own, figures those that the models see.
+    pub slowed: Option<f64>,
 }
 
 /// A demand that was not met.
@@ -120,19 +123,24 @@ pub struct ExplainReport {
 /// Explains why models did or did not fire in a motion.
 ///
 /// # Errors
-/// A motion or a model that cannot be read, a name that no model has, a span that ends before it begins.
+/// A motion or a model that cannot be read, a name that no model has, a span that ends before it begins, a pace that
+/// nobody has.
 pub fn explain(order: &ExplainOrder) -> Result<ExplainReport, Error> {
+    let slowed = slowed_by(order.slowed)?;
     let within = Span {
-        start_s: order.from_s.unwrap_or(f64::NEG_INFINITY),
-        end_s: order.to_s.unwrap_or(f64::INFINITY),
+        start_s: order.from_s.map_or(f64::NEG_INFINITY, |from_s| from_s / slowed),
+        end_s: order.to_s.map_or(f64::INFINITY, |to_s| to_s / slowed),
     };
     if !(within.start_s <= within.end_s) {
         return Err(Error::of(ErrorKind::OutsideLimits, "a span ends before it begins")
             .at("--from, --to")
-            .got(format!("{} to {} s", within.start_s, within.end_s)));
+            .got(format!("{} to {} s", slowed * within.start_s, slowed * within.end_s)));
     }
     let models = chosen(models(order.models.as_deref())?, &order.only)?;
-    let (capture, source) = body_motion(&order.motion, order.mapping.as_deref(), &order.reading)?;
+    let (mut capture, source) =
+        body_motion(&order.motion, order.mapping.as_deref(), &order.reading)?;
+    let rate_hz = capture.rate_hz;
+    capture.rate_hz *= slowed;
     let body = SeenBody::of(&capture)?;
     let mut extractor = Extractor::new(body.lengths, EquationReading::Repaired, body.noise);
     let mut explainers: Vec<Explainer> = models.iter().map(|_| Explainer::new(within)).collect();
@@ -150,7 +158,8 @@ pub fn explain(order: &ExplainOrder) -> Result<ExplainReport, Error> {
     let explained = models.iter().zip(explainers).map(|(model, explainer)| {
         let (fired, failed_attempts, furthest) = explainer.finish(model);
         let missing = model.needs().into_iter().filter(|feature| !seen[feature.index()]);
-        let span = |span: Span| FiredSpan { start_s: span.start_s, end_s: span.end_s };
+        let span =
+            |span: Span| FiredSpan { start_s: slowed * span.start_s, end_s: slowed * span.end_s };
         ExplainedModel {
             model: model.name.clone(),
             action: model.action.clone(),
@@ -158,14 +167,14 @@ pub fn explain(order: &ExplainOrder) -> Result<ExplainReport, Error> {
             phases: model.phases.len(),
             fired: fired.into_iter().map(span).collect(),
             failed_attempts,
-            furthest: furthest.map(|attempt| told(model, attempt)),
+            furthest: furthest.map(|attempt| told(model, attempt, slowed)),
             missing: missing.map(Feature::name).collect(),
         }
     });
     Ok(ExplainReport {
         outcome: "done",
         motion: order.motion.clone(),
-        rate_hz: capture.rate_hz,
+        rate_hz,
         frames: capture.poses.len(),
         models: explained.collect(),
         notes: capture.notes,
@@ -188,10 +197,10 @@ fn chosen(models: Vec<ActionModel>, only: &[String]) -> Result<Vec<ActionModel>,
     Ok(models.into_iter().filter(is_asked).collect())
 }
 
-fn told(model: &ActionModel, attempt: Attempt) -> FurthestAttempt {
+fn told(model: &ActionModel, attempt: Attempt, slowed: f64) -> FurthestAttempt {
     FurthestAttempt {
-        start_s: attempt.start_s,
-        at_s: attempt.at_s,
+        start_s: slowed * attempt.start_s,
+        at_s: slowed * attempt.at_s,
         number: attempt.phase + 1,
         phase: model.phases[attempt.phase].name.clone(),
         stopped: attempt.stopped,

@@ -58,16 +58,15 @@ pub(super) struct Ready<'a> {
 }
 
 impl Ready<'_> {
-    /// Lets the robot follow until the source ends or somebody stops it. The recorder is given back
-    /// unless nothing was played.
+    /// Lets the robot follow until the source ends or somebody stops it; false if nothing was played.
     pub(super) fn follow(
         self,
         newest: &mut control::mirror::Source<'_>,
-        mut recorder: RunRecorder,
+        recorder: &mut RunRecorder,
         moments: Option<Moments>,
         observer: &dyn Observer,
         report: &mut LiveReport,
-    ) -> Result<Option<RunRecorder>, Error> {
+    ) -> Result<bool, Error> {
         let Self { connection, found, settings } = self;
         let limits = connection.link.robot().limits();
         let meter = Meter::of(limits.len());
@@ -84,23 +83,15 @@ impl Ready<'_> {
                 let duration_s = f64::INFINITY;
                 observer.watch(&Progress { meter: &meter, duration_s, is_over });
             },
-        );
-        let performed = match performed {
-            Ok(performed) => performed,
-            Err(error) => {
-                recorder.discard();
-                return Err(error);
-            }
-        };
+        )?;
         describe_joints(report, connection, &mirror);
         report.describe(&mirror, settings);
         if !report.run.describe_performance(&performed) {
             report.run.joints.clear();
-            recorder.discard();
-            return Ok(None);
+            return Ok(false);
         }
         describe_virtual(&mut report.run, connection);
-        Ok(Some(recorder))
+        Ok(true)
     }
 }
 

@@ -21,10 +21,12 @@ use std::path::PathBuf;
 mod naming;
 mod performer;
 mod report;
+mod when;
 mod worn;
 
 use performer::Performer;
 pub use report::{BodyReport, LatencyReport, LiveJoint, LiveReport, MountReport};
+pub use when::{AnswersReport, CheckedAnswer, GivenAnswer, When};
 
 /// Whom a robot follows, and how.
 #[derive(Clone, Debug)]
@@ -65,6 +67,8 @@ pub struct LiveOrder {
     pub recognise: bool,
     /// Folder of models for that, in place of the shipped ones.
     pub models: Option<PathBuf>,
+    /// What the robot plays when the person does something that is named.
+    pub when: Vec<When>,
 }
 
 impl LiveOrder {
@@ -73,6 +77,11 @@ impl LiveOrder {
     pub fn motion(&self) -> String {
         let named = self.from.iter().chain(&self.wear).map(String::as_str);
         named.collect::<Vec<_>>().join(" ")
+    }
+
+    /// True if what the person does is to be named.
+    const fn names(&self) -> bool {
+        self.recognise || !self.when.is_empty()
     }
 
     /// A report of nothing yet.
@@ -118,10 +127,10 @@ impl Ready {
     fn follow(
         &mut self,
         newest: &mut control::mirror::Source<'_>,
-        recorder: RunRecorder,
+        recorder: &mut RunRecorder,
         observer: &dyn Observer,
         report: &mut LiveReport,
-    ) -> Result<Option<RunRecorder>, Error> {
+    ) -> Result<bool, Error> {
         let Self { connection, found, settings } = self;
         let ready = follow::Ready { connection, found, settings: *settings };
         ready.follow(newest, recorder, None, observer, report)
@@ -161,7 +170,7 @@ impl Job<'_> {
 
     /// Follows a capture or actions that somebody performs now.
     fn perform(&mut self, motion: &str) -> Result<(), Error> {
-        if self.order.recognise {
+        if self.order.names() {
             return Err(Error::new("a motion that is known is not named while it is followed")
                 .at("--recognise")
                 .got(format!("file:{motion}"))
@@ -200,10 +209,13 @@ impl Job<'_> {
             trend.push(now_s, online.pose(&pose, dt_s));
             trend.target(now_s).map_or(Input::Nothing, Input::Pose)
         };
-        let recorder = self.recorder(&ready.connection)?;
-        let recorder = ready.follow(&mut newest, recorder, self.observer, &mut self.report)?;
-        if let Some(mut recorder) = recorder {
-            recorder.finish(&mut self.report.run, &ready.connection);
+        let mut recorder = self.recorder(&ready.connection)?;
+        match ready.follow(&mut newest, &mut recorder, self.observer, &mut self.report) {
+            Ok(true) => recorder.finish(&mut self.report.run, &ready.connection),
+            other => {
+                recorder.discard();
+                other?;
+            }
         }
         Ok(())
     }

@@ -125,7 +125,7 @@ impl Rig {
         report.run.describe_preflight(&found);
         let connection = &mut self.connection;
         let (joints, waits) = (connection.link.robot().joints.len(), !connection.real_time);
-        let recorder = RunRecorder::begin(
+        let mut recorder = RunRecorder::begin(
             options.record.as_deref(),
             options.replace,
             false,
@@ -135,11 +135,15 @@ impl Rig {
         let (moments, mut goals) = follow::begin(joints, options.time, waits, source)?;
         let ready = follow::Ready { connection, found: &found, settings };
         let mut newest = |now, approaching| goals.newest(now, approaching);
-        let recorder = ready.follow(&mut newest, recorder, Some(moments), observer, &mut report)?;
-        goals.describe(&mut report);
-        if let Some(mut recorder) = recorder {
+        let done = ready.follow(&mut newest, &mut recorder, Some(moments), observer, &mut report);
+        if matches!(done, Ok(true)) {
+            goals.describe(&mut report);
             recorder.finish(&mut report.run, &self.connection);
+            return Ok(report);
         }
+        recorder.discard();
+        done?;
+        goals.describe(&mut report);
         Ok(report)
     }
 

@@ -4,11 +4,12 @@ use super::bodily;
 use super::observer::{Event, Meter, Observer, Progress};
 use super::page::RobotScene;
 use super::recorder::{RunRecorder, Series};
-use super::report::{JointReport, Outcome, OwnProfile, PlayReport, RefereeReport};
+use super::report::{BodyFigures, JointReport, Outcome, OwnProfile, PlayReport, RefereeReport};
 use super::source::{self, MotionOrder, RobotMotion};
 use crate::control::{self, Left, Performance, Planned, Settings, inject, net};
 use crate::error::{Error, ErrorKind};
 use crate::motion::{Path, Plan, PlanOptions, Setpoint, plan};
+use crate::retarget::base::BasePath;
 use crate::rig::{Address, Connection, calibrated, connect, patience_words};
 use crate::robot::Robot;
 use crate::robot::preflight::{Preflight, preflight};
@@ -190,16 +191,7 @@ pub(super) fn play_on(
     inject::point("preflight", 0);
     let found = preflight(&mut connection.link, settings.period, options.accept)?;
     report.describe_preflight(&found);
-    let robot = connection.link.robot();
-    let (path, planned) = plan_from(robot, &found, motion, options)?;
-    describe_plan(report, robot, &planned, motion);
-    let asked = path.stretched(1.0 / options.speed);
-    let (base, metrics) = bodily::look(robot, motion, &asked, &planned, options.hangs)?;
-    let falls_s = metrics.predicted_fall_s;
-    report.metrics = Some(metrics.clone());
-    if let Some(at_s) = falls_s.filter(|_| !options.allow_fall) {
-        may_fall(at_s, connection.world.is_some() || options.dry_run, report)?;
-    }
+    let Prepared { planned, base, metrics } = prepare(connection, &found, motion, options, report)?;
     if options.dry_run {
         report.outcome = Outcome::Done;
         return Ok(None);
@@ -227,6 +219,36 @@ pub(super) fn play_on(
         }
     };
     Ok(Some(Kept { robot, series, scene }))
+}
+
+/// A motion that was laid from where a robot stands, and looked at: it may be played.
+pub(super) struct Prepared {
+    pub(super) planned: Plan,
+    base: Option<BasePath>,
+    metrics: BodyFigures,
+}
+
+/// Lays a motion from where the robot stands, and looks at what it does to all of it.
+///
+/// # Errors
+/// What the robot's limits do not allow, or for a real one its balance.
+pub(super) fn prepare(
+    connection: &Connection,
+    found: &Preflight,
+    motion: &RobotMotion,
+    options: &Options,
+    report: &mut PlayReport,
+) -> Result<Prepared, Error> {
+    let robot = connection.link.robot();
+    let (path, planned) = plan_from(robot, found, motion, options)?;
+    describe_plan(report, robot, &planned, motion);
+    let asked = path.stretched(1.0 / options.speed);
+    let (base, metrics) = bodily::look(robot, motion, &asked, &planned, options.hangs)?;
+    report.metrics = Some(metrics.clone());
+    if let Some(at_s) = metrics.predicted_fall_s.filter(|_| !options.allow_fall) {
+        may_fall(at_s, connection.world.is_some() || options.dry_run, report)?;
+    }
+    Ok(Prepared { planned, base, metrics })
 }
 
 /// What is said of a fall that is predicted: of a virtual robot, which cannot fall, in a note.

@@ -265,13 +265,7 @@ pub fn recognise(
     mut hear: impl FnMut(&RecognitionEvent),
 ) -> Result<RecogniseReport, Error> {
     let models = models(order.models.as_deref())?;
-    let slowed = order.slowed.unwrap_or(1.0);
-    if !SLOWED.contains(&slowed) {
-        return Err(Error::of(ErrorKind::OutsideLimits, "nothing is slowed like that")
-            .at("--slowed")
-            .got(slowed.to_string())
-            .allowed(format!("{} to {}", SLOWED.start(), SLOWED.end())));
-    }
+    let slowed = slowed_by(order.slowed)?;
     let (mut capture, source) =
         source::body_motion(&order.motion, order.mapping.as_deref(), &order.reading)?;
     // Seen as fast as a person does it, and told by the source's own clock.
@@ -302,6 +296,21 @@ pub fn recognise(
         notes: capture.notes,
         source,
     })
+}
+
+/// How many times slower than a person a source is.
+///
+/// # Errors
+/// What is slower or faster than anything that is played.
+pub(super) fn slowed_by(asked: Option<f64>) -> Result<f64, Error> {
+    let slowed = asked.unwrap_or(1.0);
+    if SLOWED.contains(&slowed) {
+        return Ok(slowed);
+    }
+    Err(Error::of(ErrorKind::OutsideLimits, "nothing is slowed like that")
+        .at("--slowed")
+        .got(slowed.to_string())
+        .allowed(format!("{} to {}", SLOWED.start(), SLOWED.end())))
 }
 
 /// The person, with all actions and their phases on the time line.
@@ -370,8 +379,19 @@ pub(super) fn of_capture(
     equations: EquationReading,
     hear: &mut impl FnMut(&RecognitionEvent),
 ) -> Result<Found, Error> {
-    let SeenBody { lengths, frames, noise } = SeenBody::of(capture)?;
-    let mut recogniser = Recogniser::new(models, lengths, equations, noise);
+    Ok(of_body(&SeenBody::of(capture)?, capture.rate_hz, models, equations, hear))
+}
+
+/// Recognises what a body does.
+pub(super) fn of_body(
+    body: &SeenBody,
+    rate_hz: f64,
+    models: Vec<ActionModel>,
+    equations: EquationReading,
+    hear: &mut impl FnMut(&RecognitionEvent),
+) -> Found {
+    let SeenBody { lengths, frames, noise } = body;
+    let mut recogniser = Recogniser::new(models, *lengths, equations, *noise);
     let names: Vec<ActionModel> = recogniser.models().to_vec();
     let mut events = Vec::new();
     let mut tell = |index: usize, at_s: f64, what: ActionEvent| {
@@ -381,20 +401,20 @@ pub(super) fn of_capture(
             events.push(recognised(model, at_s, span, &phases));
         }
     };
-    for points in &frames {
-        recogniser.next(points, 1.0 / capture.rate_hz, &mut tell);
+    for points in frames {
+        recogniser.next(points, 1.0 / rate_hz, &mut tell);
     }
     recogniser.finish(&mut tell);
     let blind = recogniser.blind().into_iter().map(|(index, missing)| BlindModel {
         model: names[index].name.clone(),
         missing: missing.into_iter().map(|feature| feature.name()).collect(),
     });
-    Ok(Found {
+    Found {
         models: names.len(),
         noise_m: noise.map(|noise| noise.norm_m),
         blind: blind.collect(),
         events,
-    })
+    }
 }
 
 pub(super) fn event(model: &ActionModel, at_s: f64, what: &ActionEvent) -> RecognitionEvent {

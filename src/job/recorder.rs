@@ -62,6 +62,10 @@ pub struct RunRecorder {
     of_system: Option<PatientClock>,
     series: Option<Series>,
     began: Option<Instant>,
+    /// The number of the next cycle, and of the first of what is performed now: one recording may have several
+    /// performances.
+    next_cycle: u64,
+    first_cycle: u64,
 }
 
 impl RunRecorder {
@@ -87,7 +91,15 @@ impl RunRecorder {
         let joints = connection.link.robot().joints.len();
         let series = plots.then(|| Series::of(joints));
         let patient = !connection.real_time;
-        Ok(Self { recorder, patient, of_system: None, series, began: None })
+        Ok(Self {
+            recorder,
+            patient,
+            of_system: None,
+            series,
+            began: None,
+            next_cycle: 0,
+            first_cycle: 0,
+        })
     }
 
     /// Starts a recording that sensors are written to beside the loop, if one is wanted. All of it has
@@ -119,6 +131,7 @@ impl RunRecorder {
 
     /// This recorder as the loop's sink, telling `meter` how far the motion is.
     pub(super) fn metered(&mut self, meter: Meter) -> Metered<'_> {
+        self.first_cycle = self.next_cycle;
         Metered { recorder: self, meter }
     }
 
@@ -213,10 +226,11 @@ impl Sink for Metered<'_> {
                 series.voltage_v[index].push(or_gap(voltage_v));
             }
         }
+        let cycle = self.recorder.first_cycle + sample.cycle;
+        self.recorder.next_cycle = cycle + 1;
         let at = self.recorder.moment(sample.at);
         let Some((recorder, _)) = &self.recorder.recorder else { return };
-        let record =
-            CycleRecord { cycle: sample.cycle, at, joints: joint_records(sample), base: None };
+        let record = CycleRecord { cycle, at, joints: joint_records(sample), base: None };
         // A virtual clock waits for the disk; a real one never does.
         if self.recorder.patient {
             recorder.take_patiently(record);

@@ -115,6 +115,27 @@ impl JointReport {
     }
 }
 
+impl JointReport {
+    /// Takes up a later performance; of so many cycles were this and that.
+    fn take_up(&mut self, later: &Self, [cycles, more]: [u64; 2]) {
+        self.range_rad = match (self.range_rad, later.range_rad) {
+            (Some([low, high]), Some([lower, higher])) => Some([low.min(lower), high.max(higher)]),
+            (one, other) => one.or(other),
+        };
+        let all = (cycles + more) as f64;
+        self.tracking_rms_rad = match (self.tracking_rms_rad, later.tracking_rms_rad) {
+            (Some(one), Some(other)) if all > 0.0 => {
+                Some(((one * one * cycles as f64 + other * other * more as f64) / all).sqrt())
+            }
+            (one, other) => one.or(other),
+        };
+        self.peak_velocity_rad_s = self.peak_velocity_rad_s.max(later.peak_velocity_rad_s);
+        self.peak_acceleration_rad_s2 =
+            self.peak_acceleration_rad_s2.max(later.peak_acceleration_rad_s2);
+        self.missed_reads += later.missed_reads;
+    }
+}
+
 /// What the virtual robot's referee saw.
 #[derive(Clone, Debug, Serialize)]
 pub struct RefereeReport {
@@ -207,7 +228,7 @@ pub struct PlayReport {
     pub wire_limit_hz: Option<f64>,
     /// Share of the time the busiest line was busy.
     pub bus_load: f64,
-    /// From the first to the last cycle, s.
+    /// From the first to the last cycle, s; of several performances the sum.
     pub duration_s: f64,
     /// The motion was stretched in time by this factor.
     pub retime_factor: f64,
@@ -389,6 +410,41 @@ impl PlayReport {
             joint.tracking_rms_rad = tally.tracking_rms_rad();
             joint.missed_reads = tally.missed;
         }
+    }
+
+    /// Takes up what came of a later performance of the same run: how it ended is how the run ended.
+    pub fn take_up(&mut self, later: Self) {
+        let greater =
+            |one: Option<f64>, other: Option<f64>| one.into_iter().chain(other).reduce(f64::max);
+        let least =
+            |one: Option<f64>, other: Option<f64>| one.into_iter().chain(other).reduce(f64::min);
+        for (joint, other) in self.joints.iter_mut().zip(&later.joints) {
+            joint.take_up(other, [self.cycles, later.cycles]);
+        }
+        self.outcome = later.outcome;
+        self.stop_reason = later.stop_reason;
+        self.stop = later.stop;
+        self.exceptions.extend(later.exceptions);
+        self.left = later.left.or(self.left.take());
+        self.flight = later.flight;
+        self.cycles += later.cycles;
+        self.missed_cycles += later.missed_cycles;
+        self.late_cycles += later.late_cycles;
+        self.duration_s += later.duration_s;
+        self.bus_load = self.bus_load.max(later.bus_load);
+        self.max_temperature_c = greater(self.max_temperature_c, later.max_temperature_c);
+        self.max_current_a = greater(self.max_current_a, later.max_current_a);
+        self.min_voltage_v = least(self.min_voltage_v, later.min_voltage_v);
+        self.referee = later.referee.or(self.referee.take());
+        let new: Vec<String> =
+            later.notes.into_iter().filter(|note| !self.notes.contains(note)).collect();
+        self.notes.extend(new);
+    }
+
+    /// Says why a run that has moved joints goes no further. They hold.
+    pub fn describe_no_further(&mut self, why: impl Into<String>) {
+        self.outcome = Outcome::Stopped;
+        self.stop_reason = Some(why.into());
     }
 
     /// Says that the program broke before the loop, or after it.

@@ -1,13 +1,13 @@
 //! How good the recogniser is on labelled clips.
 //!
 //! A clip's label is a row of a table (`labels.csv` in the folder, or a file that is named): `file`, `class`,
-//! and if known `side`, `style`, `start_s` and `end_s`. Rows with times are judged as Salamah and
+//! and if known `side`, `style`, `source`, `start_s` and `end_s`. Rows with times are judged as Salamah and
 //! Brunnett do: the same class, and an overlap of more than half of what was cut by hand. A row without
 //! times says what somebody does in the whole clip, and no more: the class counts as recognised there if it was recognised at
 //! least once, and as false if it was and is not the label. Labels that no model means are distractors:
-//! whatever is recognised in them is false.
+//! whatever is recognised in them is false. Labels of single frames ([`frame_labels`]) are cuts as well.
 
-use super::recognise::{EquationReading, RecognisedAction, models, of_capture};
+use super::recognise::{EquationReading, RecognisedAction, SeenBody, models, of_body};
 use super::source::{CaptureOptions, body_motion};
 use crate::error::{Error, ErrorKind};
 use crate::recognise::machine::Span;
@@ -18,6 +18,14 @@ use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Read;
 use std::path::{Path, PathBuf};
+
+use corruption::Corruption;
+
+mod corruption;
+mod frame_labels;
+
+/// The label of a clip in which nothing is labelled.
+const NOTHING: &str = "nothing";
 
 /// Most bytes of a table of labels.
 const MAX_BYTES: u64 = 16 << 20;
@@ -36,7 +44,7 @@ pub enum Half {
 pub struct ClassificationOrder {
     /// Folder of clips.
     pub folder: PathBuf,
-    /// The table of labels; `labels.csv` in the folder if none is named.
+    /// The table of labels, or a folder of labels of frames; `labels.csv` in the folder if none is named.
     pub labels: Option<PathBuf>,
     /// Folder of models in place of the shipped ones.
     pub models: Option<PathBuf>,
@@ -44,6 +52,8 @@ pub struct ClassificationOrder {
     pub equations: EquationReading,
     /// All clips, or one half of them.
     pub half: Option<Half>,
+    /// Judge it on corrupted copies of the clips as well.
+    pub corruptions: bool,
 }
 
 /// A label.
@@ -53,7 +63,70 @@ struct Label {
     class: String,
     side: Option<String>,
     style: Option<String>,
-    span: Option<Span>,
+    source: Option<String>,
+    cut: Option<Cut>,
+}
+
+/// From when to when, as it was labelled.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Cut {
+    Seconds(Span),
+    /// The first frame of a clip is 0.
+    Frames {
+        first: usize,
+        last: usize,
+    },
+}
+
+impl Cut {
+    /// In s, of a clip with so many frames a second.
+    fn span(self, rate_hz: f64) -> Span {
+        match self {
+            Self::Seconds(span) => span,
+            Self::Frames { first, last } => {
+                Span { start_s: first as f64 / rate_hz, end_s: last as f64 / rate_hz }
+            }
+        }
+    }
+}
+
+/// All labels.
+#[derive(Clone, Debug, Default)]
+struct Labels {
+    list: Vec<Label>,
+    /// By clip, where nobody can say whether an action is done.
+    unclear: BTreeMap<String, Vec<(String, Cut)>>,
+    /// By clip, how many frames have labels; nothing of clips whose labels are times.
+    frames: BTreeMap<String, usize>,
+}
+
+impl Label {
+    /// Of which no more is known.
+    fn of(file: &str, class: &str, cut: Option<Cut>) -> Self {
+        Self {
+            file: file.to_owned(),
+            class: class.to_owned(),
+            side: None,
+            style: None,
+            source: None,
+            cut,
+        }
+    }
+
+    /// The side that it says.
+    fn body_side(&self) -> Option<BodySide> {
+        match self.side.as_deref() {
+            Some("L") => Some(BodySide::Left),
+            Some("R") => Some(BodySide::Right),
+            _ => None,
+        }
+    }
+
+    /// Where the clip comes from: as the table says, or the folder in which it lies.
+    fn source(&self) -> &str {
+        let folder = || self.file.rsplit_once('/').map_or("", |(folder, _)| folder);
+        self.source.as_deref().unwrap_or_else(folder)
+    }
 }
 
 /// One class or label.
@@ -85,6 +158,17 @@ pub struct CutFigures {
     pub most_frames: f64,
     /// Mean, ms.
     pub mean_ms: f64,
+}
+
+/// What a corruption of all clips costs.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct CorruptionFigures {
+    /// What was done to the clips.
+    pub corruption: &'static str,
+    /// Of all classes together; what needs a joint that is not seen is not asked for.
+    pub global: ClassFigures,
+    /// How much later an action is known than in the clip as it stands, s of it, mean over what is right in both.
+    pub delay_s: Option<f64>,
 }
 
 /// One label with what was recognised in its clips.
@@ -123,14 +207,19 @@ pub struct ClassificationReport {
     pub mean_recall: Option<f64>,
     /// By class.
     pub per_class: Vec<ClassFigures>,
-    /// By style, of the labels that a model means.
+    /// By style, with what is false in clips of no model.
     pub per_style: Vec<ClassFigures>,
+    /// By source, likewise: the column `source` of the table, or the folder in which the clip lies.
+    pub per_source: Vec<ClassFigures>,
     /// By label: the confusion table.
     pub per_label: Vec<LabelFigures>,
     /// Of those with a side: how many of the right recognitions had it.
     pub sides: ClassTally,
     /// Of what was cut by hand; null without.
     pub segmentation: Option<CutFigures>,
+    /// By corruption, if they were asked for.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub per_corruption: Vec<CorruptionFigures>,
     /// Frames that were looked at, and s.
     pub frames: usize,
     /// How long the clips are, s.
@@ -149,28 +238,117 @@ pub fn classification(
 ) -> Result<ClassificationReport, Error> {
     let models = models(order.models.as_deref())?;
     let table = order.labels.clone().unwrap_or_else(|| order.folder.join("labels.csv"));
-    let labels = read_labels(&table)?;
-    let by_file = clips(&labels, order.half);
+    let labels = if table.is_dir() {
+        frame_labels::read(&table, &order.folder)?
+    } else {
+        Labels { list: read_labels(&table)?, ..Labels::default() }
+    };
+    let by_file = clips(&labels.list, order.half);
     let mut score = Score::new(&models);
     let count = by_file.len();
-    for (index, (file, labels)) in by_file.iter().enumerate() {
+    let tried = if order.corruptions { &corruption::TRIED[..] } else { &[] };
+    let mut corrupted: Vec<(Score<'_>, Vec<f64>)> =
+        tried.iter().map(|_| (Score::new(&models), Vec::new())).collect();
+    for (index, (file, of_file)) in by_file.iter().enumerate() {
         hear(index, count, file);
         let motion = order.folder.join(file).display().to_string();
         let clip =
             body_motion(&motion, None, &CaptureOptions::default()).and_then(|(capture, _)| {
-                let found = of_capture(&capture, models.clone(), order.equations, &mut |_| ())?;
-                Ok((capture.rate_hz, capture.poses.len(), found.events))
+                let body = SeenBody::of(&capture)?;
+                let (rate_hz, equations) = (capture.rate_hz, order.equations);
+                let found = of_body(&body, rate_hz, models.clone(), equations, &mut |_| ());
+                Ok((rate_hz, body, found.events))
             });
         match clip {
-            Ok((rate_hz, frames, events)) => {
+            Ok((rate_hz, body, events)) => {
+                let frames = body.frames.len();
+                if let Some(of) = labels.frames.get(*file).filter(|of| **of != frames) {
+                    score.unread.push(format!("{file}: {frames} frames, and labels of {of}"));
+                    continue;
+                }
                 score.frames += frames;
                 score.duration_s += frames as f64 / rate_hz;
-                score.judge(labels, &events, rate_hz);
+                let unclear = labels.unclear.get(*file).map_or(&[][..], Vec::as_slice);
+                let clip = LabelledClip { body: &body, rate_hz, labels: of_file, unclear };
+                let events = score.clear(events, unclear, rate_hz);
+                score.judge(of_file, &events, rate_hz);
+                for ((_, done), (score, delays)) in tried.iter().zip(&mut corrupted) {
+                    clip.judge(*done, index as u64, order.equations, &events, score, delays);
+                }
             }
             Err(error) => score.unread.push(error.to_string()),
         }
     }
-    Ok(score.report(count))
+    let mut report = score.report(count);
+    let figures = tried.iter().zip(corrupted).map(|((name, _), (score, delays))| {
+        let all = delays.len() as f64;
+        CorruptionFigures {
+            corruption: name,
+            global: score.report(count).global,
+            delay_s: (all > 0.0).then(|| delays.iter().sum::<f64>() / all),
+        }
+    });
+    report.per_corruption = figures.collect();
+    Ok(report)
+}
+
+/// A clip with what is known of it.
+struct LabelledClip<'a> {
+    body: &'a SeenBody,
+    rate_hz: f64,
+    labels: &'a [&'a Label],
+    unclear: &'a [(String, Cut)],
+}
+
+impl LabelledClip<'_> {
+    /// Judges what is recognised in the clip after something was done to it, against what was in it as it stands. All times
+    /// are told as of that.
+    fn judge(
+        &self,
+        done: Corruption,
+        number: u64,
+        equations: EquationReading,
+        before: &[RecognisedAction],
+        score: &mut Score<'_>,
+        delays: &mut Vec<f64>,
+    ) {
+        let (body, rate_hz) = done.of(self.body, self.rate_hz, number);
+        let models = score.models;
+        let found = of_body(&body, rate_hz, models.to_vec(), equations, &mut |_| ());
+        let is_blind = |model: &ActionModel| found.blind.iter().any(|of| of.model == model.name);
+        let is_seen = |label: &Label| {
+            let Some(class) = meant(&label.class, models) else { return true };
+            let side = label.body_side().map(|side| done.side(side));
+            let of_it = |model: &&ActionModel| {
+                model.action == class && (side.is_none() || model.side == side)
+            };
+            let mut of_class = models.iter().filter(of_it).peekable();
+            of_class.peek().is_none() || of_class.any(|model| !is_blind(model))
+        };
+        let labels: Vec<&Label> =
+            self.labels.iter().copied().filter(|label| is_seen(label)).collect();
+        let pace = done.pace();
+        let events = found.events.into_iter().map(|event| event.timed(|time_s| time_s * pace));
+        let events = score.clear(events.collect(), self.unclear, self.rate_hz);
+        let mirrored = |event: RecognisedAction| RecognisedAction {
+            side: event.side.map(|side| done.side(side)),
+            ..event
+        };
+        let events: Vec<RecognisedAction> = events.into_iter().map(mirrored).collect();
+        for label in labels.iter().filter(|label| label.cut.is_some()) {
+            let known_s = |events: &[RecognisedAction]| {
+                let class = meant(&label.class, models)?;
+                let span = label.cut?.span(self.rate_hz);
+                let is_it =
+                    |event: &&RecognisedAction| event.action == class && is_same(&of(event), &span);
+                events.iter().find(is_it).map(|event| event.recognised_at_s)
+            };
+            delays.extend(known_s(&events).zip(known_s(before)).map(|(now, then)| now - then));
+        }
+        if !labels.is_empty() {
+            score.judge(&labels, &events, self.rate_hz);
+        }
+    }
 }
 
 /// Labels by file, of the half that is asked for.
@@ -236,9 +414,10 @@ fn parse_labels(text: &str) -> Result<Vec<Label>, Error> {
         return Err(Error::of(ErrorKind::Malformed, "a table of labels has other columns")
             .at("line 1")
             .got(titles.cells().collect::<Vec<_>>().join(", "))
-            .allowed("file, class, and if known side, style, start_s, end_s"));
+            .allowed("file, class, and if known side, style, source, start_s, end_s"));
     };
-    let [side, style, start, end] = ["side", "style", "start_s", "end_s"].map(column);
+    let [side, style, source, start, end] =
+        ["side", "style", "source", "start_s", "end_s"].map(column);
     let mut labels = Vec::new();
     for row in rows {
         let row = row?;
@@ -274,7 +453,8 @@ fn parse_labels(text: &str) -> Result<Vec<Label>, Error> {
             class: class.to_owned(),
             side: cell(side).map(str::to_owned),
             style: cell(style).map(str::to_owned),
-            span,
+            source: cell(source).map(str::to_owned),
+            cut: span.map(Cut::Seconds),
         });
     }
     Ok(labels)
@@ -303,6 +483,7 @@ struct Score<'a> {
     models: &'a [ActionModel],
     classes: BTreeMap<String, ClassTally>,
     styles: BTreeMap<String, ClassTally>,
+    sources: BTreeMap<String, ClassTally>,
     labels: BTreeMap<String, LabelFigures>,
     sides: ClassTally,
     errors_frames: Vec<(f64, f64)>,
@@ -318,6 +499,7 @@ impl<'a> Score<'a> {
             models,
             classes: BTreeMap::new(),
             styles: BTreeMap::new(),
+            sources: BTreeMap::new(),
             labels: BTreeMap::new(),
             sides: ClassTally::default(),
             errors_frames: Vec::new(),
@@ -330,7 +512,7 @@ impl<'a> Score<'a> {
 
     fn judge(&mut self, labels: &[&Label], events: &[RecognisedAction], rate_hz: f64) {
         let (cut, whole): (Vec<&Label>, Vec<&Label>) =
-            labels.iter().partition(|label| label.span.is_some());
+            labels.iter().partition(|label| label.cut.is_some());
         if cut.is_empty() {
             for label in &whole {
                 self.judge_clip(label, events);
@@ -339,6 +521,22 @@ impl<'a> Score<'a> {
             self.cut_by_hand += cut.len();
             self.judge_cuts(&cut, events, rate_hz);
         }
+    }
+
+    /// Without what was recognised where nobody can say whether it is done: more than half of it lies there.
+    fn clear(
+        &self,
+        events: Vec<RecognisedAction>,
+        unclear: &[(String, Cut)],
+        rate_hz: f64,
+    ) -> Vec<RecognisedAction> {
+        let is_unclear = |event: &RecognisedAction| {
+            unclear.iter().any(|(class, cut)| {
+                meant(class, self.models) == Some(event.action.as_str())
+                    && is_same(&cut.span(rate_hz), &of(event))
+            })
+        };
+        events.into_iter().filter(|event| !is_unclear(event)).collect()
     }
 
     fn noted(&mut self, label: &Label) -> &mut LabelFigures {
@@ -353,6 +551,14 @@ impl<'a> Score<'a> {
         figures
     }
 
+    /// Counts by style and source what was counted of a clip.
+    fn split(&mut self, label: &Label, one: ClassTally) {
+        let style = self.styles.entry(label.style.clone().unwrap_or_default()).or_default();
+        *style = style.plus(one);
+        let source = self.sources.entry(label.source().to_owned()).or_default();
+        *source = source.plus(one);
+    }
+
     /// A label of a whole clip.
     fn judge_clip(&mut self, label: &Label, events: &[RecognisedAction]) {
         let class = meant(&label.class, self.models);
@@ -364,21 +570,19 @@ impl<'a> Score<'a> {
         for action in &found {
             self.classes.entry((*action).to_owned()).or_default().recognised += 1;
         }
-        let style = self.styles.entry(label.style.clone().unwrap_or_default()).or_default();
-        style.recognised += found.len();
-        let Some(class) = class else { return };
-        style.truth += 1;
-        let tally = self.classes.entry(class.to_owned()).or_default();
-        tally.truth += 1;
-        if found.contains(class) {
-            tally.correct += 1;
-            style.correct += 1;
+        let mut one = ClassTally { recognised: found.len(), ..ClassTally::default() };
+        if let Some(class) = class {
+            let is_right = found.contains(class);
+            (one.truth, one.correct) = (1, usize::from(is_right));
+            let tally = self.classes.entry(class.to_owned()).or_default();
+            tally.truth += 1;
+            tally.correct += usize::from(is_right);
         }
+        self.split(label, one);
+        let Some(class) = class else { return };
         // A walk to the left is one of both feet.
         let is_of_limb = label.class == class || label.class.ends_with("-hand");
-        let side = label.side.as_deref().filter(|side| is_of_limb && ["L", "R"].contains(side));
-        let Some(side) = side else { return };
-        let right = if side == "L" { BodySide::Left } else { BodySide::Right };
+        let Some(right) = label.body_side().filter(|_| is_of_limb) else { return };
         for event in events.iter().filter(|event| event.action == class) {
             let Some(side) = event.side else { continue };
             self.sides.recognised += 1;
@@ -387,14 +591,17 @@ impl<'a> Score<'a> {
         }
     }
 
-    /// Labels that were cut by hand.
+    /// Labels of one clip that were cut by hand. What is recognised in it has the style and the source of the first.
     fn judge_cuts(&mut self, cuts: &[&Label], events: &[RecognisedAction], rate_hz: f64) {
         let mut taken = vec![false; events.len()];
         for event in events {
             self.classes.entry(event.action.clone()).or_default().recognised += 1;
         }
+        if let Some(first) = cuts.first() {
+            self.split(first, ClassTally { recognised: events.len(), ..ClassTally::default() });
+        }
         for label in cuts {
-            let Some(span) = label.span else { continue };
+            let Some(span) = label.cut.map(|cut| cut.span(rate_hz)) else { continue };
             let class = meant(&label.class, self.models).map(str::to_owned);
             let inside = |event: &&RecognisedAction| is_same(&of(event), &span);
             let names: BTreeSet<String> =
@@ -409,14 +616,16 @@ impl<'a> Score<'a> {
             let found = events.iter().zip(&mut taken).find(|(event, taken)| {
                 !**taken && event.action == class && is_same(&of(event), &span)
             });
+            let correct = usize::from(found.is_some());
+            tally.correct += correct;
             if let Some((event, taken)) = found {
                 *taken = true;
-                tally.correct += 1;
                 for (found_s, cut_s) in [(event.start_s, span.start_s), (event.end_s, span.end_s)] {
                     let frames = segmentation_error(found_s * rate_hz, &[cut_s * rate_hz]);
                     self.errors_frames.push((frames, 1e3 * frames / rate_hz));
                 }
             }
+            self.split(label, ClassTally { correct, recognised: 0, truth: 1 });
         }
     }
 
@@ -445,9 +654,15 @@ impl<'a> Score<'a> {
             global: figures("all", global),
             per_class: self.classes.iter().map(|(class, tally)| figures(class, *tally)).collect(),
             per_style: self.styles.iter().map(|(style, tally)| figures(style, *tally)).collect(),
+            per_source: self
+                .sources
+                .iter()
+                .map(|(source, tally)| figures(source, *tally))
+                .collect(),
             per_label: self.labels.into_values().collect(),
             sides: self.sides,
             segmentation,
+            per_corruption: Vec::new(),
             frames: self.frames,
             duration_s: self.duration_s,
             unread: self.unread,
@@ -477,11 +692,8 @@ mod tests {
 
     fn label(class: &str, span: Option<(f64, f64)>) -> Label {
         Label {
-            file: "a.bvh".to_owned(),
-            class: class.to_owned(),
-            side: None,
-            style: None,
-            span: span.map(|(start_s, end_s)| Span { start_s, end_s }),
+            cut: span.map(|(start_s, end_s)| Cut::Seconds(Span { start_s, end_s })),
+            ..Label::of("a.bvh", class, None)
         }
     }
 
@@ -530,6 +742,32 @@ mod tests {
     }
 
     #[test]
+    fn figures_are_split_by_the_source_that_the_table_says_or_else_by_folder() {
+        let models = vocabulary::all().expect("models");
+        let mut score = Score::new(&models);
+        let of = |file: &str, source: Option<&str>, span| Label {
+            file: file.to_owned(),
+            source: source.map(str::to_owned),
+            ..label("bow", span)
+        };
+        score.judge(&[&of("cmu/02.bvh", None, None)], &[event("bow", 0.0, 1.0)], 30.0);
+        score.judge(&[&of("cmu/03.bvh", None, None)], &[], 30.0);
+        let cuts = [
+            of("x/a.bvh", Some("suit"), Some((0.0, 2.0))),
+            of("x/a.bvh", Some("suit"), Some((4.0, 6.0))),
+        ];
+        let found = [event("bow", 0.0, 2.0), event("walk", 4.0, 6.0)];
+        score.judge(&cuts.each_ref(), &found, 30.0);
+        let report = score.report(3);
+        let tallies: Vec<(&str, ClassTally)> =
+            report.per_source.iter().map(|of| (of.class.as_str(), of.tally)).collect();
+        let tally = |correct, recognised, truth| ClassTally { correct, recognised, truth };
+        assert_eq!(tallies, [("cmu", tally(1, 1, 2)), ("suit", tally(1, 2, 2))]);
+        let all = tallies.iter().fold(ClassTally::default(), |all, of| all.plus(of.1));
+        assert_eq!(all, report.global.tally);
+    }
+
+    #[test]
     fn the_side_of_a_wave_is_that_of_a_hand_and_that_of_a_turn_is_none() {
         let models = vocabulary::all().expect("models");
         let mut score = Score::new(&models);
@@ -558,6 +796,19 @@ mod tests {
     }
 
     #[test]
+    fn what_is_recognised_where_nobody_can_say_is_neither_right_nor_false() {
+        let models = vocabulary::all().expect("models");
+        let score = Score::new(&models);
+        let unclear = [("bow".to_owned(), Cut::Frames { first: 30, last: 90 })];
+        let events =
+            || vec![event("bow", 1.5, 2.5), event("bow", 2.8, 4.0), event("walk", 1.5, 2.5)];
+        let left = score.clear(events(), &unclear, 30.0);
+        let left: Vec<(&str, f64)> =
+            left.iter().map(|of| (of.action.as_str(), of.start_s)).collect();
+        assert_eq!(left, [("bow", 2.8), ("walk", 1.5)]);
+    }
+
+    #[test]
     fn halves_have_every_other_clip_of_a_class_and_together_all() {
         let of = |file: &str, class: &str| Label { file: file.to_owned(), ..label(class, None) };
         let labels = [of("a", "x"), of("b", "x"), of("c", "y"), of("d", "x")];
@@ -575,7 +826,7 @@ mod tests {
         let half = parse_labels("file,class,start_s,end_s\na,b,1,").expect_err("no end");
         assert!(half.to_string().contains("line 2"), "{half}");
         let labels = parse_labels("file,class,start_s,end_s\na,b,1,2\nc,d,,").expect("labels");
-        assert_eq!(labels[0].span, Some(Span { start_s: 1.0, end_s: 2.0 }));
-        assert_eq!(labels[1].span, None);
+        assert_eq!(labels[0].cut, Some(Cut::Seconds(Span { start_s: 1.0, end_s: 2.0 })));
+        assert_eq!(labels[1].cut, None);
     }
 }

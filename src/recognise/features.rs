@@ -308,6 +308,12 @@ impl Extractor {
         }
     }
 
+    /// The next frame is not one that follows on the last: nothing of what moves goes across. The floor stays.
+    pub fn interrupt(&mut self) {
+        self.before.clear();
+        self.without_way_s = f64::INFINITY;
+    }
+
     /// The next frame, so long after the last, s.
     pub fn next(&mut self, points: &Points, dt_s: f64) -> FeatureRow {
         self.time_s += dt_s;

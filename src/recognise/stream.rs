@@ -8,6 +8,9 @@ use super::posture::EquationReading;
 use super::waiting::WaitingRoom;
 use std::collections::BTreeMap;
 
+/// Of what happened in a longer time without a frame nothing is known, s: what was under way is over, and nothing goes across.
+pub const LONGEST_GAP_S: f64 = 0.3;
+
 /// What each model has named last. Several models may show one action, and then name one and the same.
 #[derive(Clone, Debug)]
 struct Named {
@@ -93,7 +96,8 @@ impl Recogniser {
     }
 
     /// The next frame, so long after the last, s; the first is at zero. What happens is told to `tell`: the
-    /// model's index, the time, what.
+    /// model's index, the time, what. Frames need not be as far apart as those before; after more than
+    /// [`LONGEST_GAP_S`] a stream begins anew.
     pub fn next(
         &mut self,
         points: &Points,
@@ -101,6 +105,10 @@ impl Recogniser {
         mut tell: impl FnMut(usize, f64, ActionEvent),
     ) {
         if core::mem::replace(&mut self.has_begun, true) {
+            if dt_s > LONGEST_GAP_S {
+                self.finish(&mut tell);
+                self.extractor.interrupt();
+            }
             self.time_s += dt_s;
         }
         let time_s = self.time_s;
@@ -270,6 +278,25 @@ mod tests {
         assert_eq!(done.len(), 1, "{done:?}");
         let (model, span) = done[0];
         assert!(model == 0 && span.start_s < 0.15 && (span.end_s - 2.0).abs() < 0.15, "{span:?}");
+    }
+
+    #[test]
+    fn nothing_is_named_across_a_gap_of_which_nothing_is_known() {
+        let frames = arm_raised([true; 13]);
+        let named = |missing: core::ops::Range<usize>| {
+            let (mut recogniser, mut told, mut last) = (recogniser(), Vec::new(), 0);
+            for (n, points) in frames.iter().enumerate().filter(|(n, _)| !missing.contains(n)) {
+                let dt_s = (n - last) as f64 / RATE_HZ;
+                last = n;
+                recogniser.next(points, dt_s, |_, _, what| told.push(what));
+            }
+            let is_done = |what: &ActionEvent| matches!(what, ActionEvent::Done { .. });
+            let is_broken = |what: &ActionEvent| matches!(what, ActionEvent::BrokenOff { .. });
+            (told.iter().any(is_done), told.iter().any(is_broken))
+        };
+        // On the way down, 0.18 s and 0.42 s.
+        assert_eq!(named(60..68), (true, false));
+        assert_eq!(named(60..80), (false, true));
     }
 
     #[test]

@@ -7,8 +7,10 @@
 //! "Least-squares estimation of transformation parameters between two point patterns", IEEE PAMI 13,
 //! 1991). Weights come and go smoothly, so nothing jumps; a robot that hangs does not move at all.
 
+use crate::body::root::spread;
 use crate::retarget::Footfall;
 use crate::rigid::Placement;
+use crate::rigid::ground::SupportPolygon;
 use crate::robot::RobotBody;
 use gaitway_profiles::BaseKind;
 use glam::{DMat2, DQuat, DVec2, DVec3};
@@ -29,6 +31,10 @@ const HOLDS: f64 = 1e-3;
 const UPWARD: f64 = 0.1;
 /// Holds the heading where what carries is a point, m².
 const HEADING_M2: f64 = 1e-7;
+/// A weight that is so far outside the soles that carry is not over them at all, m.
+const OUTSIDE_M: f64 = 0.02;
+/// Whether it is comes and goes over this time, standard deviation, s: a robot tips no faster than it falls.
+const TIPS_S: f64 = 0.25;
 /// How high a robot hangs above the floor, m.
 const HANGS_M: f64 = 0.02;
 
@@ -149,6 +155,26 @@ pub fn path(
     BasePath { rate_hz, places, contacts }
 }
 
+/// What the feet of a robot do in poses that follow at `rate_hz`, of which nobody said more than its joints, rad. Those
+/// that are lowest under an upright trunk carry. They lie flat as far as its weight is over them then; as far as it is not, the
+/// robot would have fallen, so that it leans otherwise, nobody knows how, and its trunk is taken for upright.
+#[must_use]
+pub fn resting(
+    body: &RobotBody,
+    soles: &[StandingSole],
+    poses: &[Vec<f64>],
+    rate_hz: f64,
+) -> Vec<Footfall> {
+    let walk = Walk::new(body, soles);
+    let (mut footfalls, mut shares): (Vec<Footfall>, Vec<DVec3>) =
+        poses.iter().map(|pose| walk.rests(pose)).unzip();
+    spread(&mut shares, rate_hz, TIPS_S);
+    for (footfall, share) in footfalls.iter_mut().zip(shares) {
+        footfall.flat = footfall.carries.map(|carries| carries * share.x);
+    }
+    footfalls
+}
+
 /// Height of the lowest corner of the soles of an upright robot above its base, m.
 fn lowest_m(body: &RobotBody, soles: &[StandingSole], pose: &[f64]) -> f64 {
     let placed = body.tree.place(Placement::IDENTITY, &body.angles(pose));
@@ -252,6 +278,24 @@ impl<'a> Walk<'a> {
         let slope = normal.inverse() * side;
         let plane = DVec3::new(-slope.x, -slope.y, 1.0).normalize();
         (DQuat::from_rotation_arc(plane, DVec3::Z) * nearly).normalize()
+    }
+
+    /// What the feet do in a pose, and along x how much the weight is over them.
+    fn rests(&self, pose: &[f64]) -> (Footfall, DVec3) {
+        let placed = self.body.tree.place(Placement::IDENTITY, &self.body.angles(pose));
+        let guessed = self.guess(&placed);
+        let upright = self.upright(&placed, &guessed);
+        let corners = self.soles.iter().flat_map(|sole| {
+            sole.corners_m.iter().map(|at_m| upright * placed[sole.link].point(*at_m))
+        });
+        let corners: Vec<DVec3> = corners.collect();
+        let low_m = corners.iter().map(|corner| corner.z).fold(f64::INFINITY, f64::min);
+        let down = corners.iter().filter(|corner| corner.z - low_m < ON_FLOOR_M);
+        let support = SupportPolygon::of(&down.map(|corner| corner.truncate()).collect::<Vec<_>>());
+        let weight = (upright * self.body.tree.centre_of_mass_m(&placed)).truncate();
+        let inside_m = support.margin_m(weight).unwrap_or(f64::NEG_INFINITY);
+        let share = ((inside_m + OUTSIDE_M) / OUTSIDE_M).clamp(0.0, 1.0);
+        (guessed, DVec3::X * (share * share * (3.0 - 2.0 * share)))
     }
 
     /// What the feet do, from where they are under an upright robot.

@@ -1,6 +1,7 @@
 //! What `live` reports, as a person reads it.
 
 use crate::cli::cues;
+use crate::job::explain::BodySide;
 use crate::job::live::{BodyReport, LiveReport};
 use std::fmt::Write;
 
@@ -37,6 +38,29 @@ impl LiveReport {
         }
         for sensor in &self.sensors {
             cues::of_source(sensor, &mut out);
+        }
+        for answer in self.answers.iter().flat_map(|answers| &answers.given) {
+            let side = answer.side.map_or("", BodySide::word);
+            let done = format!("{} {side}", answer.action);
+            let why =
+                answer.stop_reason.as_ref().map_or_else(String::new, |why| format!(": {why}"));
+            let _ = writeln!(
+                out,
+                "answer    {} at {:.2} s: {} {}{why} ({:.2} s)",
+                done.trim_end(),
+                answer.recognised_at_s,
+                answer.motion,
+                answer.outcome.word(),
+                answer.duration_s
+            );
+        }
+        if let Some(ignored) =
+            self.answers.as_ref().map(|answers| answers.ignored).filter(|n| *n > 0)
+        {
+            let _ = writeln!(
+                out,
+                "          {ignored} came while the robot answered, and have no answer"
+            );
         }
         if self.run.cycles == 0 {
             return out;

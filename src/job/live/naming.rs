@@ -8,7 +8,7 @@ use crate::recognise::machine::ActionEvent;
 use crate::recognise::model::ActionModel;
 use crate::recognise::points::{Lengths, Points};
 use crate::recognise::posture::EquationReading;
-use crate::recognise::stream::Recogniser;
+use crate::recognise::stream::{LONGEST_GAP_S, Recogniser};
 use crate::recording::{RecordedSource, Recorder, SourceId, SourceKind, SourceRecord};
 use crate::time::Instant;
 use std::path::Path;
@@ -66,13 +66,25 @@ impl Naming {
         })
     }
 
-    /// The body as it was at this moment, `at_s` after it was first looked at; what is done is told in words.
-    pub fn hear(&mut self, pose: &SegmentPose, now: Instant, at_s: f64, tell: &Sender<String>) {
+    /// The body as it was at this moment, `at_s` after it was first looked at; what is done by now is told in words,
+    /// and `done` hears of it.
+    pub fn hear(
+        &mut self,
+        pose: &SegmentPose,
+        now: Instant,
+        at_s: f64,
+        tell: &Sender<String>,
+        mut done: impl FnMut(&RecognisedAction),
+    ) {
         let dt_s = self.before_s.map_or(0.0, |before_s| at_s - before_s);
         if self.before_s.is_some() && !(dt_s > 0.0) {
             return;
         }
         self.before_s = Some(at_s);
+        if dt_s > LONGEST_GAP_S {
+            let _ = tell
+                .send(format!("nothing was seen for {dt_s:.1} s: what was done then is not named"));
+        }
         let pose = SegmentPose { root_m: self.root.next(pose, dt_s), ..pose.clone() };
         let points = Points::of(&self.body, &pose, &self.worn);
         let Self { recogniser, models, channel, told, .. } = self;
@@ -91,6 +103,7 @@ impl Naming {
                 let action = recognise::recognised(model, known_s, span, &phases).timed(own);
                 // Nobody listens any more only at the very end.
                 let _ = tell.send(action.words());
+                done(&action);
                 if told.len() < MOST_KEPT {
                     told.push(action);
                 }
@@ -117,12 +130,14 @@ mod tests {
         let poses = bow.poses(&body, 60.0).expect("poses");
         let mut naming = Naming::new(None, [true; 13], None).expect("models");
         let (tell, told) = channel();
+        let mut heard = Vec::new();
         for (n, pose) in poses.iter().enumerate() {
             let pose = SegmentPose { root_m: glam::DVec3::ZERO, ..pose.clone() };
             // Heard late, and one moment twice.
             let at_s = 7.0 + n as f64 / 60.0;
             for _ in 0..1 + usize::from(n == 20) {
-                naming.hear(&pose, Instant::from_nanos(n as u64), at_s, &tell);
+                let done = |action: &RecognisedAction| heard.push(action.words());
+                naming.hear(&pose, Instant::from_nanos(n as u64), at_s, &tell, done);
             }
         }
         drop(tell);
@@ -132,5 +147,6 @@ mod tests {
         let end_s = 7.0 + poses.len() as f64 / 60.0;
         assert!(actions[0].start_s > 7.0 && actions[0].recognised_at_s < end_s, "{actions:?}");
         assert_eq!(told.iter().collect::<Vec<_>>(), [actions[0].words()]);
+        assert_eq!(heard, [actions[0].words()]);
     }
 }

@@ -1,5 +1,6 @@
 //! What `live` tells beyond what every run tells.
 
+use super::when::AnswersReport;
 use crate::body::segment_name;
 use crate::body::{Dof, JointAngles, Segment};
 use crate::control::{Mirror, Settings};
@@ -41,7 +42,8 @@ pub struct LiveReport {
     pub limited_samples: u64,
     /// Joint by joint.
     pub limited: Vec<LiveJoint>,
-    /// How far goals ran behind the body because of the joints' limits, s; null if nothing moved.
+    /// How far goals ran behind the body because of the joints' limits, s; null if nothing moved. Of several stretches of
+    /// following the most, also of `latency`.
     pub lag_s: Option<f64>,
     /// Null if no pose was followed.
     pub latency: Option<LatencyReport>,
@@ -60,6 +62,9 @@ pub struct LiveReport {
     /// What the person did, if it was to be named, at most 10,000 actions; times count from when the body was first looked at.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub events: Option<Vec<RecognisedAction>>,
+    /// What the robot played because of what the person did, if it was to.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub answers: Option<AnswersReport>,
 }
 
 /// A body that wears sensors.
@@ -163,7 +168,33 @@ impl LiveReport {
             sensors: Vec::new(),
             angles_rad: None,
             events: None,
+            answers: None,
         }
+    }
+
+    /// Takes up a later stretch of following: counts and times are sums, latency and lag the greatest.
+    pub fn take_up(&mut self, later: Self) {
+        let greatest = |one: Option<f64>, other: Option<f64>| match (one, other) {
+            (Some(one), Some(other)) => Some(one.max(other)),
+            (one, other) => one.or(other),
+        };
+        self.limited_samples += later.limited_samples;
+        for (joint, other) in self.limited.iter_mut().zip(&later.limited) {
+            joint.limited_samples += other.limited_samples;
+        }
+        self.lag_s = greatest(self.lag_s, later.lag_s);
+        self.latency = match (self.latency, later.latency) {
+            (Some(one), Some(other)) => Some(LatencyReport {
+                median_s: one.median_s.max(other.median_s),
+                p99_s: one.p99_s.max(other.p99_s),
+            }),
+            (one, other) => one.or(other),
+        };
+        self.approaching_s += later.approaching_s;
+        self.following_s += later.following_s;
+        self.stale_s += later.stale_s;
+        self.run.take_up(later.run);
+        self.run.approach_s = self.approaching_s;
     }
 
     /// Takes the follower's figures.

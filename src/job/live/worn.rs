@@ -2,6 +2,7 @@
 
 use super::naming::Naming;
 use super::report::{self, BodyReport, LiveReport};
+use super::when::{self, Answer, Answers, AnswersReport, Call, CheckedAnswer, Overheard, When};
 use super::{Job, Ready, look};
 use crate::body::Segment;
 use crate::body::worn::calibrate::words;
@@ -9,18 +10,22 @@ use crate::body::worn::kept::Kept;
 use crate::body::worn::{Wearing, WornPose};
 use crate::body::{segment_name, segment_named};
 use crate::capture::Counts;
-use crate::control::{Input, Stop, StopCode};
+use crate::control::{self, Input, Performance, Planned, Stop, StopCode, StopReason};
 use crate::draft;
 use crate::error::Error;
 use crate::job::model::robot_model;
-use crate::job::observer::Event;
+use crate::job::observer::{Event, Meter, Progress};
+use crate::job::play::{self, describe_virtual};
 use crate::job::recorder::RunRecorder;
-use crate::job::report::Outcome;
-use crate::mocap::retarget::{self, Online, RobotModel};
+use crate::job::report::{Outcome, PlayReport};
+use crate::job::source::{self, MotionOrder, RobotMotion};
+use crate::mocap::retarget::{self, Online};
 use crate::motion::Trend;
 use crate::motion::follow::STALE_S;
 use crate::port::{Clock, MonotonicClock};
 use crate::recording::read_orientations;
+use crate::rig::Connection;
+use crate::robot::preflight::Preflight;
 use crate::sensing::{
     Ended, Feed, Guide, Guided, Intake, Person, Place, SensingEvent, Sensors, Source, SourceReport,
     StopAtEnd, Wear,
@@ -42,7 +47,13 @@ impl Job<'_> {
     pub(super) fn follow_sensors(&mut self) -> Result<(), Error> {
         let order = self.order;
         let (wear, replayed) = self.wear()?;
+        let mut worn = [false; 13];
+        for place in &wear.places {
+            worn[place.segment.index()] = true;
+        }
+        when::check(&order.when, order.models.as_deref(), &worn)?;
         let ready = self.robot()?;
+        let answers = self.answers(ready.as_ref())?;
         let real_time = ready.as_ref().is_none_or(|ready| ready.connection.real_time);
         if !real_time && replayed.is_none() {
             return Err(Error::new(
@@ -85,7 +96,7 @@ impl Job<'_> {
             let (tell, told) = channel::<String>();
             scope
                 .spawn(move || told.into_iter().for_each(|text| observer.hear(Event::Note(&text))));
-            self.led(&mut sensors, ready, recorder, tell, &*clock)
+            self.led(&mut sensors, ready, recorder, answers, tell, &*clock)
         });
         self.report.sensors = match is_replay {
             false => intake.into_reports(),
@@ -154,6 +165,7 @@ impl Job<'_> {
         sensors: &mut Sensors,
         ready: Option<Ready>,
         recorder: Option<RunRecorder>,
+        answers: Answers,
         tell: Sender<String>,
         clock: &dyn Clock,
     ) -> Result<Option<(RunRecorder, Ready)>, Error> {
@@ -183,6 +195,7 @@ impl Job<'_> {
         };
         let mut body = Body::new(sensors, wearing, self.person, tell, self.order.time);
         body.naming = naming;
+        body.answers = answers;
         let done = match (ready, recorder) {
             (Some(ready), Some(recorder)) => self.mirrored(&mut body, ready, recorder),
             _ => {
@@ -197,7 +210,7 @@ impl Job<'_> {
     /// Who names what the body does, if somebody is to.
     fn naming(&self, recorder: Option<&RunRecorder>) -> Result<Option<Naming>, Error> {
         let order = self.order;
-        if !order.recognise {
+        if !order.names() {
             return Ok(None);
         }
         let shared = recorder.and_then(RunRecorder::shared);
@@ -231,53 +244,165 @@ impl Job<'_> {
         Ok(guided)
     }
 
-    /// The robot follows the body.
+    /// Motions that answer actions, each looked at as if it were to be played from where the robot stands now.
+    ///
+    /// # Errors
+    /// No robot to play them, a motion that is unknown or that the robot cannot play.
+    fn answers(&mut self, ready: Option<&Ready>) -> Result<Answers, Error> {
+        let order = self.order;
+        if order.when.is_empty() {
+            return Ok(Answers::default());
+        }
+        let Some(Ready { connection, found, .. }) = ready else {
+            return Err(Error::new("which robot is to answer, and where?")
+                .at("--when")
+                .remedy("add --robot and --bus"));
+        };
+        let mut report = AnswersReport::default();
+        let mut list = Vec::new();
+        for when in &order.when {
+            let of_this = |error: Error| {
+                let place = error.place.as_deref().map_or_else(String::new, |at| format!(", {at}"));
+                error.at(format!("--when {}{place}", when.action))
+            };
+            let (motion, run) = self.looked_at(when, connection, found).map_err(of_this)?;
+            let slowed = match run.retime_factor > 1.0 {
+                true => format!(", {:.2} times slower", run.retime_factor),
+                false => String::new(),
+            };
+            let note = format!("{} is answered by {}{slowed}", when.action, when.motion);
+            self.report.run.notes.push(note);
+            report.checked.push(CheckedAnswer::of(when, &run));
+            list.push(Answer { when: when.clone(), motion });
+        }
+        self.report.answers = Some(report);
+        Ok(Answers::new(list))
+    }
+
+    /// A motion that answers, and what `play` would say of it.
+    fn looked_at(
+        &self,
+        when: &When,
+        connection: &Connection,
+        found: &Preflight,
+    ) -> Result<(RobotMotion, PlayReport), Error> {
+        let mut run = self.order.report().run;
+        let speed = play::Options::default().speed;
+        let order = MotionOrder { balanced_at: Some(speed), ..MotionOrder::of(&when.motion) };
+        let motion = source::load(&order, connection.link.robot())?;
+        play::prepare(connection, found, &motion, &play::Options::default(), &mut run)?;
+        Ok((motion, run))
+    }
+
+    /// The robot follows the body, and answers it where it is to: then it comes to rest, plays, and follows again.
     fn mirrored(
         &mut self,
         body: &mut Body<'_>,
         mut ready: Ready,
-        recorder: RunRecorder,
+        mut recorder: RunRecorder,
     ) -> Result<Option<(RunRecorder, Ready)>, Error> {
-        // Somebody may have moved the robot while the person was calibrated.
-        ready.found = match look(self.order, &mut ready.connection, ready.settings) {
-            Ok(found) => found,
-            Err(error) => {
+        match self.followed(body, &mut ready, &mut recorder) {
+            Ok(true) => Ok(Some((recorder, ready))),
+            other => {
                 recorder.discard();
-                return Err(error);
+                other.map(|_| None)
             }
-        };
+        }
+    }
+
+    /// False if nothing moved.
+    ///
+    /// # Errors
+    /// What was refused before anything moved. Once something has, it is in the report.
+    fn followed(
+        &mut self,
+        body: &mut Body<'_>,
+        ready: &mut Ready,
+        recorder: &mut RunRecorder,
+    ) -> Result<bool, Error> {
+        let mut report = std::mem::replace(&mut self.report, self.order.report());
+        let first = self.stretch(body, ready, recorder, &mut report);
+        self.report = report;
+        if !matches!(first, Ok(true)) {
+            return first;
+        }
+        while self.report.run.outcome == Outcome::Done
+            && let Some(call) = body.answers.take()
+        {
+            let mut run = self.order.report().run;
+            run.motion.clone_from(&body.answers.list[call.answer].when.motion);
+            if let Err(error) = answer(self, &call, body, ready, recorder, &mut run) {
+                // What cannot be played from where the robot has come to rest is not played.
+                run.describe_refused(&error);
+            }
+            self.take_up_answer(&call, run, body);
+            if self.report.run.outcome != Outcome::Done {
+                break;
+            }
+            let mut later = self.order.report();
+            match self.stretch(body, ready, recorder, &mut later) {
+                Ok(true) => self.report.take_up(later),
+                Ok(false) => self.report.run.describe_no_further(StopReason::Asked.to_string()),
+                Err(error) => self.report.run.describe_no_further(error.to_string()),
+            }
+        }
+        Ok(true)
+    }
+
+    /// Writes down how an answer ended. One that was refused ends nothing; any other end than its own does.
+    fn take_up_answer(&mut self, call: &Call, run: PlayReport, body: &mut Body<'_>) {
+        if let Some(answers) = &mut self.report.answers {
+            answers.give(call, &run);
+        }
+        body.tell(match run.outcome {
+            Outcome::Refused => {
+                format!(
+                    "{} is not played: {}",
+                    run.motion,
+                    run.stop_reason.as_deref().unwrap_or("")
+                )
+            }
+            outcome => format!("{}: {}; the robot follows again", run.motion, outcome.word()),
+        });
+        body.answers.done();
+        if run.outcome != Outcome::Refused {
+            self.report.run.take_up(run);
+        }
+    }
+
+    /// Follows from where the robot stands, until the body is gone, somebody stops it, or an answer is called for; false if
+    /// nothing moved.
+    fn stretch(
+        &self,
+        body: &mut Body<'_>,
+        ready: &mut Ready,
+        recorder: &mut RunRecorder,
+        report: &mut LiveReport,
+    ) -> Result<bool, Error> {
+        // Somebody may have moved the robot while the person was calibrated.
+        ready.found = look(self.order, &mut ready.connection, ready.settings)?;
         let robot = ready.connection.link.robot().clone();
-        let start_rad = ready.found.start_rad.clone();
         let settings = retarget::Settings::default();
         let worn = body.wearing.worn();
-        let model = robot_model(&robot);
-        let online = model.as_ref().map_err(Clone::clone);
-        let online = online.and_then(|model| Online::new(model, &worn, &start_rad, &settings));
-        let mut online = match online {
-            Ok(online) => online,
-            Err(error) => {
-                recorder.discard();
-                return Err(error);
-            }
-        };
+        let model = robot_model(&robot)?;
+        let mut online = Online::new(&model, &worn, &ready.found.start_rad, &settings)?;
         let both = [Segment::Pelvis, Segment::Torso].iter().all(|segment| worn[segment.index()]);
-        if both && model.as_ref().is_ok_and(RobotModel::lacks_waist) {
+        if both && model.lacks_waist() {
             let note = "the robot has no waist joint: it does not show how the trunk leans against the \
                         pelvis";
-            self.report.run.notes.push(note.to_owned());
+            report.run.notes.push(note.to_owned());
         }
-        self.report.run.notes.extend(online.notes().iter().cloned());
+        report.run.notes.extend(online.notes().iter().cloned());
         let mut trend = Trend::default();
         let mut newest = |now: Instant, approaching: bool| {
-            if body.is_over(now, approaching) {
+            if body.answers.is_called() || body.is_over(now, approaching) {
                 return Input::End;
             }
             let Some((moment, oldest_s, dt_s)) = body.moment(now) else { return Input::Nothing };
             trend.push(oldest_s, online.pose(&moment.pose, dt_s));
             trend.target(body.seconds(now)).map_or(Input::Nothing, Input::Pose)
         };
-        let recorder = ready.follow(&mut newest, recorder, self.observer, &mut self.report)?;
-        Ok(recorder.map(|recorder| (recorder, ready)))
+        ready.follow(&mut newest, recorder, self.observer, report)
     }
 
     /// Shows the angles of the body until it is to end.
@@ -303,6 +428,45 @@ impl Job<'_> {
         self.report.angles_rad = last.map(report::angles_by_name);
         self.report.run.outcome = Outcome::Done;
     }
+}
+
+/// Plays what answers an action, as `play` does: looks at every servo, plans from where the robot stands, performs. The
+/// body is heard all the while.
+///
+/// # Errors
+/// What was refused before anything moved.
+fn answer(
+    job: &Job<'_>,
+    call: &Call,
+    body: &mut Body<'_>,
+    ready: &mut Ready,
+    recorder: &mut RunRecorder,
+    run: &mut PlayReport,
+) -> Result<(), Error> {
+    ready.found = look(job.order, &mut ready.connection, ready.settings)?;
+    let Ready { connection, found, settings } = ready;
+    let motion = &body.answers.list[call.answer].motion;
+    let prepared = play::prepare(connection, found, motion, &play::Options::default(), run)?;
+    let planned = Planned::new(&prepared.planned.trajectory, connection.link.robot())?;
+    let mut hear = |now: Instant| drop(body.moment(now));
+    let meter = Meter::of(connection.link.robot().joints.len());
+    let duration_s = prepared.planned.trajectory.duration_s();
+    let performed = control::perform(
+        &mut connection.link,
+        found,
+        &mut Overheard { planned, hear: &mut hear },
+        *settings,
+        &mut recorder.metered(meter.clone()),
+        &|| job.observer.wants_to_stop(),
+        &mut |is_over| job.observer.watch(&Progress { meter: &meter, duration_s, is_over }),
+    )?;
+    match performed {
+        // The robot holds from before.
+        Performance::Stopped => run.describe_no_further(StopReason::Asked.to_string()),
+        performed => drop(run.describe_performance(&performed)),
+    }
+    describe_virtual(run, connection);
+    Ok(())
 }
 
 /// Counts of a recording that was followed.
@@ -331,6 +495,7 @@ struct Body<'a> {
     resets: u64,
     is_silent: bool,
     naming: Option<Naming>,
+    answers: Answers,
 }
 
 impl<'a> Body<'a> {
@@ -355,6 +520,7 @@ impl<'a> Body<'a> {
             resets: 0,
             is_silent: false,
             naming: None,
+            answers: Answers::default(),
         }
     }
 
@@ -407,7 +573,13 @@ impl<'a> Body<'a> {
         let moment = self.wearing.pose(&said, dt_s);
         let at_s = self.seconds(now);
         if let Some(naming) = &mut self.naming {
-            naming.hear(&moment.pose, now, at_s, &self.tell);
+            let (tell, answers) = (&self.tell, &mut self.answers);
+            naming.hear(&moment.pose, now, at_s, tell, |action| {
+                if let Some(said) = answers.hear(action) {
+                    // Nobody listens any more only at the very end.
+                    let _ = tell.send(said);
+                }
+            });
         }
         Some((moment, self.seconds(oldest), dt_s))
     }
@@ -440,6 +612,9 @@ impl<'a> Body<'a> {
     /// Writes down what became of the sensors.
     fn describe(mut self, report: &mut LiveReport) {
         report.events = self.naming.take().map(Naming::into_actions);
+        if let Some(answers) = &mut report.answers {
+            answers.ignored = self.answers.ignored();
+        }
         if let Some((sensor, why)) = self.sensors.ended() {
             if report.run.outcome == Outcome::Done {
                 report.run.outcome = Outcome::Stopped;

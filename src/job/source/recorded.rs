@@ -103,7 +103,8 @@ fn of_robot(recording: &Recording) -> Result<Capture, Error> {
     let angles = measured(recording, &robot, &mut notes).ok_or_else(nothing)?;
     let soles = StandingSole::all(&body);
     let held = Held::of(&body, &soles, false);
-    let base = base::path(&body, &soles, held, &angles, RATE_HZ, |_| None);
+    let resting = base::resting(&body, &soles, &angles, RATE_HZ);
+    let base = base::path(&body, &soles, held, &angles, RATE_HZ, |at| resting.get(at).copied());
     let shown = Shown::of(&model);
     let poses = angles.iter().zip(&base.places);
     let mut poses: Vec<SegmentPose> =

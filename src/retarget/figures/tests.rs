@@ -115,6 +115,29 @@ fn a_robot_that_leans_too_far_falls_and_one_that_leans_a_little_does_not() {
     }
 }
 
+/// From joints alone: with its ankles bent a robot leans with its trunk as far, or has fallen, and then the ankles were bent
+/// in the air.
+#[test]
+fn a_robot_of_which_only_joints_are_known_leans_while_its_weight_is_over_its_soles() {
+    let robot = op3();
+    let soles = StandingSole::all(&robot.body);
+    let lean_rad = |size: f64| {
+        let poses = ankles(&robot, size);
+        let resting = base::resting(&robot.body, &soles, &poses, RATE_HZ);
+        let said = |at: usize| resting.get(at).copied();
+        let path = base::path(&robot.body, &soles, Held::Standing, &poses, RATE_HZ, said);
+        (path.places[200].turn * DVec3::Z).angle_between(DVec3::Z)
+    };
+    let at_rest = lean_rad(0.0);
+    assert!(at_rest < 0.01, "{at_rest}");
+    for size in [0.05, -0.05] {
+        assert!((lean_rad(size) - 0.05).abs() < 0.01, "{size}: {}", lean_rad(size));
+    }
+    for size in [0.6, -0.6] {
+        assert!(lean_rad(size) < 0.05, "{size}: {}", lean_rad(size));
+    }
+}
+
 #[test]
 fn the_base_moves_over_the_sole_that_carries() {
     let robot = op3();
