@@ -11,7 +11,9 @@ pub mod base;
 pub mod collision;
 pub mod figures;
 pub mod footfall;
+pub mod gait;
 pub mod limbs;
+pub mod steps;
 pub mod toe;
 
 pub use figures::{BodyFigures, DirectionErrors, PaceNeed, SlowStretch, TimeSpan};

@@ -1,22 +1,39 @@
 //! A motion on a robot that stands on its own feet: moved, and slowed where it must be, until it keeps its balance.
 
 use super::Placed;
-use crate::body::Proportions;
+use crate::body::root::spread;
+use crate::body::{Proportions, Segment};
 use crate::error::Error;
+use crate::job::model::robot_model;
 use crate::mocap::anatomy::Capture;
 use crate::mocap::retarget::Retargeted;
 use crate::motion::retime::retime;
 use crate::motion::{End, Path, Spline};
 use crate::retarget::Footfall;
-use crate::retarget::adjust::{Adjusting, Pace, adjust, drawn_in, is_steady, pace, steady};
+use crate::retarget::adjust::{Adjusting, Pace, adjust, drawn_in, is_steady, pace, stays, steady};
 use crate::retarget::footfall;
+use crate::retarget::gait::{Gait, Walking, gait};
+use crate::retarget::limbs::RobotLimbs;
+use crate::retarget::steps::{self, Step};
 use crate::retarget::toe::Toe;
 use crate::robot::Robot;
+use glam::{DQuat, DVec3};
 
 /// How often the plan is made again because legs that go elsewhere need another tempo.
-const ROUNDS: usize = 3;
+const ROUNDS: usize = 5;
 /// A tempo that differs by less is the same.
 const SAME: f64 = 0.1;
+/// How many times as high as in the pose it starts in the weight of a robot may be that walks, and on how many steps that is
+/// tried.
+const HEIGHTS: [f64; 8] = [0.85, 0.9, 0.95, 1.0, 1.1, 1.2, 1.3, 1.4];
+const TRIED: usize = 6;
+/// Of heights at which it would have to be at most so many times slower than at the best the highest is taken: legs are like a
+/// person's then.
+const HASTE: f64 = 1.25;
+/// An arm makes way for a leg over this time, standard deviation, s.
+const WAY_S: f64 = 0.06;
+/// A gait that was too fast is made anew so much slower than it had to be.
+const SPARE: f64 = 1.02;
 
 /// A motion that keeps its balance.
 pub(super) struct Standing {
@@ -47,72 +64,213 @@ pub(super) fn balanced(
     let mut said = footfalls.to_vec();
     footfall::plant(&mut said, &toes, rate_hz);
     footfall::hand_over(&mut said, rate_hz);
-    let tempo = |angles_rad: &[Vec<f64>]| -> Result<f64, Error> {
-        let path = Path::new(robot.joint_names(), rate_hz, angles_rad.to_vec())?;
-        Ok(retime(&path.stretched(1.0 / speed), &robot.limits())?.factor / speed)
-    };
-    let mut slower = tempo(&retargeted.positions_rad)?;
-    let of = |slower: f64| placed.adjusting(rate_hz, Some(slower));
-    if placed.exact
-        && is_steady(
-            &Adjusting { footfalls: Some(&said), ..of(slower) },
-            &retargeted.positions_rad,
-        )?
-    {
+    let on = OnItsFeet { robot, placed, said: &said, speed, rate_hz };
+    let slower = on.tempo(&retargeted.positions_rad)?;
+    let of = on.adjusting(slower);
+    if placed.exact && is_steady(&of, &retargeted.positions_rad)? {
         return Ok(None);
     }
-    let mut found = None;
-    for _ in 0..ROUNDS {
-        let mut angles_rad = retargeted.positions_rad.clone();
-        let mut times: Vec<f64> = Vec::new();
-        let mut here = said.clone();
-        let of = Adjusting { footfalls: Some(&said), ..of(slower) };
-        match pace(&of, &angles_rad) {
-            Pace::Hopeless => return Ok(None),
-            Pace::Even => {}
-            Pace::Slowed(asked) => {
-                angles_rad = at_times(angles_rad, &asked)?;
-                here = footfall::at_times(&said, &asked, rate_hz);
-                times = asked;
-            }
-        }
-        let of = Adjusting { footfalls: Some(&here), ..of };
-        let told = adjust(&of, &mut angles_rad)?;
-        match steady(&of, &angles_rad)? {
-            Pace::Hopeless => return Ok(None),
-            Pace::Even => {}
-            Pace::Slowed(asked) => {
-                angles_rad = at_times(angles_rad, &asked)?;
-                here = footfall::at_times(&here, &asked, rate_hz);
-                times = if times.is_empty() { asked } else { through(&times, &asked) };
-            }
-        }
-        drawn_in(&placed.limits_rad, &mut angles_rad)?;
-        let needed = tempo(&angles_rad)?;
-        let is_same = (needed / slower - 1.0).abs() < SAME;
-        slower = needed;
-        found = Some((angles_rad, here, times, told));
-        if is_same {
-            break;
+    if let Some(standing) = on.shifted(slower, retargeted)? {
+        return Ok(Some(standing));
+    }
+    let pelvis: Vec<DQuat> =
+        capture.poses.iter().map(|pose| pose.orientation[Segment::Pelvis.index()]).collect();
+    let leg_m = lengths.root_height_m();
+    let carries: Vec<[bool; 2]> =
+        footfalls.iter().map(|of| of.touches.unwrap_or([true; 2])).collect();
+    match steps::of_person(&toes, &carries, &pelvis, leg_m, rate_hz) {
+        Some(steps) => on.walked(&steps, leg_m, retargeted),
+        None => Ok(None),
+    }
+}
+
+/// A robot on its own feet, and a motion that it is to do.
+struct OnItsFeet<'a> {
+    robot: &'a Robot,
+    placed: &'a Placed<'a>,
+    /// What the motion says of its feet.
+    said: &'a [Footfall],
+    speed: f64,
+    rate_hz: f64,
+}
+
+impl<'a> OnItsFeet<'a> {
+    /// How many times as long it takes when it is played.
+    fn tempo(&self, angles_rad: &[Vec<f64>]) -> Result<f64, Error> {
+        let path = Path::new(self.robot.joint_names(), self.rate_hz, angles_rad.to_vec())?;
+        Ok(retime(&path.stretched(1.0 / self.speed), &self.robot.limits())?.factor / self.speed)
+    }
+
+    fn adjusting(&self, slower: f64) -> Adjusting<'a> {
+        Adjusting {
+            footfalls: Some(self.said),
+            ..self.placed.adjusting(self.rate_hz, Some(slower))
         }
     }
-    let Some((angles_rad, footfalls, clock, told)) = found else { return Ok(None) };
-    let furthest = told.moved_rad.iter().zip(&robot.joints);
-    let furthest = furthest.max_by(|a, b| a.0.total_cmp(b.0));
-    let moved = furthest.map_or_else(String::new, |(moved_rad, joint)| {
-        format!("{} by up to {:.0} deg", joint.name, moved_rad.to_degrees())
-    });
-    let longer = clock.len() as f64 / retargeted.positions_rad[0].len().max(1) as f64;
-    let note = format!(
-        "moved so that the robot stands and keeps its balance: {moved}{}",
-        if clock.is_empty() {
-            String::new()
-        } else {
-            format!("; slower in parts, {longer:.2} times as long for balance alone")
+
+    /// Weight is led over the feet that stand, slowly enough.
+    fn shifted(
+        &self,
+        mut slower: f64,
+        retargeted: &mut Retargeted,
+    ) -> Result<Option<Standing>, Error> {
+        let rate_hz = self.rate_hz;
+        let mut found = None;
+        for _ in 0..ROUNDS {
+            let mut angles_rad = retargeted.positions_rad.clone();
+            let mut times: Vec<f64> = Vec::new();
+            let mut here = self.said.to_vec();
+            let of = self.adjusting(slower);
+            match pace(&of, &angles_rad) {
+                Pace::Hopeless => return Ok(None),
+                Pace::Even => {}
+                Pace::Slowed(asked) => {
+                    angles_rad = at_times(angles_rad, &asked)?;
+                    here = footfall::at_times(self.said, &asked, rate_hz);
+                    times = asked;
+                }
+            }
+            let of = Adjusting { footfalls: Some(&here), ..of };
+            let told = adjust(&of, &mut angles_rad)?;
+            match steady(&of, &angles_rad)? {
+                Pace::Hopeless => return Ok(None),
+                Pace::Even => {}
+                Pace::Slowed(asked) => {
+                    angles_rad = at_times(angles_rad, &asked)?;
+                    here = footfall::at_times(&here, &asked, rate_hz);
+                    times = if times.is_empty() { asked } else { through(&times, &asked) };
+                }
+            }
+            drawn_in(&self.placed.limits_rad, &mut angles_rad)?;
+            let needed = self.tempo(&angles_rad)?;
+            let is_same = (needed / slower - 1.0).abs() < SAME;
+            slower = needed;
+            found = Some((angles_rad, here, times, told));
+            if is_same {
+                break;
+            }
         }
-    );
-    retargeted.positions_rad = angles_rad;
-    Ok(Some(Standing { footfalls, clock, note }))
+        let Some((angles_rad, footfalls, clock, told)) = found else { return Ok(None) };
+        let furthest = told.moved_rad.iter().zip(&self.robot.joints);
+        let furthest = furthest.max_by(|a, b| a.0.total_cmp(b.0));
+        let moved = furthest.map_or_else(String::new, |(moved_rad, joint)| {
+            format!("{} by up to {:.0} deg", joint.name, moved_rad.to_degrees())
+        });
+        let longer = clock.len() as f64 / retargeted.positions_rad[0].len().max(1) as f64;
+        let note = format!(
+            "moved so that the robot stands and keeps its balance: {moved}{}",
+            if clock.is_empty() {
+                String::new()
+            } else {
+                format!("; slower in parts, {longer:.2} times as long for balance alone")
+            }
+        );
+        retargeted.positions_rad = angles_rad;
+        Ok(Some(Standing { footfalls, clock, note }))
+    }
+
+    /// How high the base is best: legs that are nearly straight have to hasten.
+    fn height(
+        &self,
+        steps: &[Step],
+        scale: f64,
+        retargeted: &Retargeted,
+    ) -> Result<Option<f64>, Error> {
+        let few = &steps[..steps.len().min(TRIED)];
+        let until_s = few.last().map_or(0.0, |step| step.planted_s);
+        let count = (until_s * retargeted.rate_hz) as usize + 2;
+        let begins = |series: &Vec<f64>| series[..series.len().min(count)].to_vec();
+        let angles_rad: Vec<Vec<f64>> = retargeted.positions_rad.iter().map(begins).collect();
+        let mut tried: Vec<(f64, f64)> = Vec::new();
+        for height in HEIGHTS {
+            if let Some(made) = self.gait(few, [scale, 1.0, height], &angles_rad)? {
+                let needed = self.tempo(&made.angles_rad)?;
+                tried.push((needed, height));
+            }
+        }
+        let least = tried.iter().map(|(needed, _)| *needed).fold(f64::INFINITY, f64::min);
+        Ok(tried.iter().rev().find(|(needed, _)| *needed <= HASTE * least).map(|of| of.1))
+    }
+
+    /// A gait, whose arms make way for its legs: with legs so long beside a person's, so much slower than it could be,
+    /// on a base so high.
+    fn gait(
+        &self,
+        steps: &[Step],
+        [scale, slower, height]: [f64; 3],
+        angles_rad: &[Vec<f64>],
+    ) -> Result<Option<Gait>, Error> {
+        let (placed, rate_hz, speed) = (self.placed, self.rate_hz, self.speed);
+        let made = gait(&Walking {
+            body: placed.body,
+            start_rad: &placed.start_rad,
+            limits_rad: &placed.limits_rad,
+            angles_rad,
+            rate_hz,
+            steps,
+            scale,
+            speed,
+            slower,
+            height,
+        });
+        let Some(mut made) = made else { return Ok(None) };
+        let mut arms = placed.free.clone();
+        made.legs.iter().for_each(|joint| arms[*joint] = false);
+        let of = Adjusting { free: &arms, ..placed.adjusting(rate_hz, None) };
+        let mut apart_rad = made.angles_rad.clone();
+        adjust(&of, &mut apart_rad)?;
+        for (series, apart_rad) in made.angles_rad.iter_mut().zip(&apart_rad) {
+            let mut added: Vec<DVec3> =
+                series.iter().zip(apart_rad).map(|(is, to)| DVec3::X * (to - is)).collect();
+            spread(&mut added, rate_hz * speed, WAY_S);
+            series.iter_mut().zip(added).for_each(|(angle, added)| *angle += added.x);
+        }
+        drawn_in(&placed.limits_rad, &mut made.angles_rad)?;
+        Ok(Some(made))
+    }
+
+    /// Steps of a person whose legs are so long are made into a gait for the robot's own legs.
+    fn walked(
+        &self,
+        steps: &[Step],
+        leg_m: f64,
+        retargeted: &mut Retargeted,
+    ) -> Result<Option<Standing>, Error> {
+        let rate_hz = self.rate_hz;
+        let limbs = RobotLimbs::of(&robot_model(self.robot)?, self.placed.body);
+        let Some(own_m) = limbs.leg_m() else { return Ok(None) };
+        let scale = own_m / leg_m;
+        let Some(height) = self.height(steps, scale, retargeted)? else { return Ok(None) };
+        let mut slower = 1.0;
+        for _ in 0..ROUNDS {
+            let made = self.gait(steps, [scale, slower, height], &retargeted.positions_rad)?;
+            let Some(made) = made else { return Ok(None) };
+            let needed = self.tempo(&made.angles_rad)? * self.speed;
+            if needed > 1.0 {
+                slower *= needed * SPARE;
+                continue;
+            }
+            let footfalls = footfall::of_contacts(&made.stands, rate_hz);
+            let of = Adjusting { footfalls: Some(&footfalls), ..self.adjusting(1.0 / self.speed) };
+            if !stays(&of, &made.angles_rad)? {
+                return Ok(None);
+            }
+            let note = format!(
+                "{} made for the robot's own legs, upright: {:.1} cm long at most, {:.2} s each; stay near, soft servos may \
+                 still let it fall",
+                if steps.len() == 1 {
+                    "1 step is".to_owned()
+                } else {
+                    format!("{} steps are", steps.len())
+                },
+                made.longest_m * 100.0,
+                made.step_s
+            );
+            retargeted.positions_rad = made.angles_rad;
+            return Ok(Some(Standing { footfalls, clock: made.clock, note }));
+        }
+        Ok(None)
+    }
 }
 
 /// Series at other times, in samples.

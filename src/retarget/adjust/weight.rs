@@ -362,6 +362,18 @@ pub fn is_steady(of: &Adjusting<'_>, angles_rad: &[Vec<f64>]) -> Result<bool, Er
     Ok(least_m >= well_m)
 }
 
+/// Whether these poses, whose feet do `footfalls`, keep off a fall at their own pace.
+///
+/// # Errors
+/// A rate at which nothing can be filtered.
+pub fn stays(of: &Adjusting<'_>, angles_rad: &[Vec<f64>]) -> Result<bool, Error> {
+    let count = angles_rad.first().map_or(0, Vec::len);
+    let (Some(footfalls), Some(slower)) = (of.footfalls, of.slower) else { return Ok(true) };
+    let look = Look::of(of, footfalls, slower, angles_rad)?;
+    let (_, balance) = look.at((0..count).map(|at| at as f64).collect())?;
+    Ok(balance.falls_at.is_none())
+}
+
 /// How a motion does on the floor at any pace.
 struct Look<'a> {
     of: &'a Adjusting<'a>,
