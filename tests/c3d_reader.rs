@@ -258,6 +258,30 @@ fn more_points_than_a_list_can_name_are_written_in_several_and_read_again() {
 }
 
 #[test]
+fn a_list_where_the_place_of_the_data_should_stand_does_not_move_the_data() {
+    // Made up by a fuzzer: POINT:DATA_START is a list of 127 numbers, which is one number once it is written.
+    let mut bytes = vec![0; 1072];
+    let parts: [(usize, &[u8]); 4] = [
+        (0, b"\x02P\x01\x00\x02\x00\x01\x00\x02\x00\x00\x00\x00\xc0\x00\x00\x03\x00\x02\x00HC"),
+        (432, b"\xd0"),
+        (512, b"\x01P\x01U\x05\xffPOINT\x03\x00\x00\x04\x01USED\x07\x00\x02\x00\x01\x00\x00\x06\x01FRAMES\x07\x00\x02\x00\x02\x00\x00\x0a\x01DATA_START\x07\x00\x02\x01\x7f\x00\x00\x05\x01SCALE\x09\x00\x04\x00\x00\xc0\x00\x00\x00\x04\x01RATE\x09\x00\x04\x00HC\x00\x00\x00\x05\x01UNITS\x08\x00\xff\x01\x02mm\x00\x06\x01LABELS\x09\x00\xff\x02\x02\x01C7\x00\x06\xfeANALOG\x03\x00\x00\x04\x02USED\x07\x00\x02\x00\x01\x00\x00\x06\x02OFFSET\x08\x00\x02\x01\x01\x03\x00\x00\x05\x02SCALE\x0a\x00\x04\x01\x05\x01A\x00\xfd\x00\x00\x00EVENT\x03\x00\x00\x04\x03USED\x07\x00\x02\x00\x01\x00\x00\x05\x03*IMES\x0f\x00\x04\x02\x02\x01\x00\x00\x00\x00\x80@\x00\x00\x00\x0e\xfcFORCE_PLATFORM\x03\x00\x00\x04\x04USED\x07\x00\x02\x00\x01\x00\x00\x04\x04TYPE\x08\x00\x02\x01\x01\x04\x00\x00\x05\xfbTRIAL\x03\x00\x00\x10\x05ACTUAL_END_FIELD\x0a\x00\x02\x01\x02\x02"),
+        (1024, b"\x80@\x00\x00\x00A\x00\x00@A\x00\x00\x81D\x00\x00\x80A\x00\x00\xa0A\x00\x00\x80@\x00\x00\x00A\x00\x00@A\x00\x00\x81D\x00\x00\x80A\x00\x00\xa0A"),
+    ];
+    for (at, part) in parts {
+        bytes[at..at + part.len()].copy_from_slice(part);
+    }
+    let markers = c3d::parse(&bytes).expect("read");
+    let mut written = Vec::new();
+    c3d::write::write(&mut written, &mut FramesOf::new(&markers)).expect("written");
+    let again = c3d::parse(&written).expect("what was written");
+    assert_eq!(again.head().frames, markers.head().frames);
+    for frame in 0..markers.head().frames {
+        let of = |markers: &Markers| markers.sample(frame, 0).map(|sample| sample.position);
+        assert_eq!(of(&again), of(&markers));
+    }
+}
+
+#[test]
 fn a_file_that_is_cut_off_keeps_its_whole_frames_and_says_what_is_lost() {
     let made = Made::new(10, 100, 0, 0);
     let bytes = made.bytes();

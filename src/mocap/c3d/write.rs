@@ -34,10 +34,12 @@ pub fn write(out: &mut impl Write, frames: &mut dyn Frames) -> Result<Vec<String
     let folded = folded(&head);
     let step = if head.residual_step > 0.0 { head.residual_step } else { USUAL_STEP };
     let parameters = agreeing(&head, rate_hz, step, &folded, &mut notes);
-    // Where the data begin is known once the parameters are laid out, whose length it does not change.
+    // Where the data begin is known once the parameters are laid out, whose length it does not change: whatever stood
+    // there, a long list perhaps, is one number then.
+    let mut parameters = parameters;
+    parameters.set("POINT", Parameter::int("DATA_START", 0));
     let blocks = section::write(&parameters)?.len() / super::header::BLOCK;
     let data_start = u16::try_from(blocks + 2).unwrap_or(u16::MAX);
-    let mut parameters = parameters;
     parameters.set("POINT", Parameter::int("DATA_START", data_start));
     let section = section::write(&parameters)?;
     let header = header(&head, rate_hz, step, data_start)?;
