@@ -5,7 +5,7 @@
 //! Brunnett do: the same class, and an overlap of more than half of what was cut by hand. A row without
 //! times says what somebody does in the whole clip, and no more: the class counts as recognised there if it was recognised at
 //! least once, and as false if it was and is not the label. Labels that no model means are distractors:
-//! whatever is recognised in them is false. Labels of single frames ([`frame_labels`]) are cuts as well.
+//! whatever is recognised in them is false. Labels of single frames are cuts as well.
 
 use super::recognise::{EquationReading, RecognisedAction, SeenBody, models, of_body};
 use super::source::{CaptureOptions, body_motion};
