@@ -8,11 +8,12 @@
 #[allow(dead_code)]
 #[path = "../tests/chromium/mod.rs"]
 mod chromium;
+mod simulator;
 
 use chromium::Browser;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Child, ChildStderr, Command, Stdio};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
@@ -81,7 +82,8 @@ fn now_s() -> f64 {
 type Sight = (f64, f64);
 
 fn run(folder: &Path, who: Who, seconds: f64) -> Run {
-    let (mut simulator, bus) = simulator(folder);
+    let link = folder.join("op3");
+    let (mut simulator, bus) = (simulator::op3(&link), format!("serial:{}", link.display()));
     let recording = folder.join("run.mcap");
     let (record, rounds) = (recording.display().to_string(), (seconds / 8.0).ceil().to_string());
     let mut command = Command::new(GAITWAY);
@@ -129,20 +131,6 @@ fn run(folder: &Path, who: Who, seconds: f64) -> Run {
         .collect();
     age_ms.sort_by(f64::total_cmp);
     Run { late_ms, age_ms, missed: report["missed_cycles"].as_u64().unwrap_or(0) }
-}
-
-fn simulator(folder: &Path) -> (Child, String) {
-    let link: PathBuf = folder.join("op3");
-    let mut simulator = Command::new(GAITWAY)
-        .args(["simulate", "op3", "--quiet", "--pty"])
-        .arg(&link)
-        .stdout(Stdio::piped())
-        .spawn()
-        .expect("the gaitway command");
-    let mut told = String::new();
-    // The first line says that the terminal is there.
-    BufReader::new(simulator.stdout.take().expect("piped")).read_line(&mut told).expect("a line");
-    (simulator, format!("serial:{}", link.display()))
 }
 
 fn drain(mut said: BufReader<ChildStderr>) {

@@ -3,8 +3,9 @@
 //!
 //! Run: `cargo bench --bench real_time` (or with a number of seconds after `--`)
 
-use std::io::{BufRead, BufReader};
-use std::process::{Command, Stdio};
+mod simulator;
+
+use std::process::Command;
 use std::time::{Duration, Instant};
 
 const RATE_HZ: f64 = 100.0;
@@ -60,21 +61,12 @@ fn timer_lateness(core: usize, seconds: f64) -> Vec<f64> {
 /// Plays the shipped walk over and over until the time is up; the report.
 fn play(seconds: f64) -> serde_json::Value {
     let link = std::env::temp_dir().join(format!("real-time-{}", std::process::id()));
-    let gaitway = env!("CARGO_BIN_EXE_gaitway");
-    let mut simulator = Command::new(gaitway)
-        .args(["simulate", "op3", "--quiet", "--pty"])
-        .arg(&link)
-        .stdout(Stdio::piped())
-        .spawn()
-        .expect("the gaitway command");
-    let mut told = String::new();
-    // The first line says that the terminal is there.
-    BufReader::new(simulator.stdout.take().expect("piped")).read_line(&mut told).expect("a line");
+    let mut simulator = simulator::op3(&link);
     let bus = format!("serial:{}", link.display());
     let began = Instant::now();
     // One round of the walk is some 8 s long on this robot.
     let rounds = (seconds / 8.0).ceil().max(1.0).to_string();
-    let output = Command::new(gaitway)
+    let output = Command::new(env!("CARGO_BIN_EXE_gaitway"))
         .args(["play", "walk", "--hang", "--robot", "op3", "--bus", &bus, "--json", "--quiet"])
         .args(["--rate", "100", "--loop", &rounds])
         .output()

@@ -2,12 +2,14 @@
 //! a network, played, clicked at, and looked at.
 
 mod aloud;
+mod browser;
 #[allow(dead_code)]
 mod chromium;
 mod page;
 mod program;
 
 use aloud::aloud;
+use browser::browser;
 use chromium::Browser;
 use gaitway::rigid::Placement;
 use gaitway::robot::{Robot, RobotBody};
@@ -18,21 +20,6 @@ use gaitway::view::tracks::{JointTrack, JointTracks, SampleClock};
 use glam::{DQuat, DVec3};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
-
-/// A browser; a loud word, or a failure where nothing may be missing, if there is none.
-fn browser(name: &str) -> Option<Browser> {
-    match Browser::start(&program::folder(name)) {
-        Ok(browser) => Some(browser),
-        Err(cause) if std::env::var_os("CI").is_some() => panic!("no Chromium: {cause}"),
-        Err(cause) => {
-            aloud!(
-                "SKIPPED: {name}: no page was opened: {cause}\n  to do: as root, apt-get install \
-                 chromium"
-            );
-            None
-        }
-    }
-}
 
 /// Runs the program, which writes a page.
 fn run(arguments: &[&str]) {
