@@ -22,6 +22,8 @@ use nalgebra::{DMatrix, DVector};
 
 /// Poses per second that are planned by themselves.
 const NODES_HZ: f64 = 60.0;
+/// Most of them: half an hour.
+const MOST_NODES: f64 = 108_000.0;
 /// Shortest time on one foot, on both between two steps, and at rest before the first and after the last, in times that the
 /// pendulum takes to fall e times further.
 const SINGLE: f64 = 3.0;
@@ -101,6 +103,9 @@ pub fn gait(of: &Walking<'_>) -> Option<Gait> {
         return None;
     }
     let robot = Walker::of(of)?;
+    if robot.longest_s() * NODES_HZ > MOST_NODES {
+        return None;
+    }
     SHORTER.iter().find_map(|share| robot.gait(&robot.plan(*share)))
 }
 
@@ -206,6 +211,14 @@ impl<'a> Walker<'a> {
         Some(Self { of, legs, width_m, inward_m, base, centre_m, falls_s })
     }
 
+    /// No less than the gait will take, s.
+    fn longest_s(&self) -> f64 {
+        let Walking { steps, speed, slower, rate_hz, angles_rad, .. } = *self.of;
+        let poses = angles_rad.first().map_or(0, Vec::len) as f64;
+        let least_s = (SINGLE + BOTH) * steps.len() as f64 + 2.0 * REST;
+        slower * (poses / rate_hz / speed + least_s * self.falls_s)
+    }
+
     /// Where feet step, and when, if they step so far.
     fn plan(&self, share: f64) -> Footing {
         let Walking { steps, speed, slower, scale, .. } = *self.of;
@@ -274,11 +287,10 @@ impl<'a> Walker<'a> {
             found = self.bent(plan, &point_m, &splines)?;
         }
         let is_inside = |pose: &[f64]| {
-            let limits = pose.iter().zip(self.of.limits_rad);
             self.legs.iter().flat_map(|leg| &leg.joints).all(|joint| {
                 let (lower, upper) = self.of.limits_rad[*joint];
                 (lower..=upper).contains(&pose[*joint])
-            }) && limits.len() == pose.len()
+            })
         };
         found.iter().all(|(_, pose)| is_inside(pose)).then_some(())?;
         self.sampled(plan, &found)

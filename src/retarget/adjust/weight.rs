@@ -346,32 +346,32 @@ pub fn steady(of: &Adjusting<'_>, angles_rad: &[Vec<f64>]) -> Result<Pace, Error
 /// # Errors
 /// A rate at which nothing can be filtered.
 pub fn is_steady(of: &Adjusting<'_>, angles_rad: &[Vec<f64>]) -> Result<bool, Error> {
-    let count = angles_rad.first().map_or(0, Vec::len);
     let solver = Solver::new(of);
-    let (Some(footfalls), Some(slower), Some(feet)) = (of.footfalls, of.slower, solver.feet())
-    else {
+    let (Some(feet), Some(balance)) = (solver.feet(), at_own_pace(of, angles_rad)?) else {
         return Ok(true);
     };
-    if count < 3 {
-        return Ok(true);
-    }
     let well_m = WELL * half_m(feet[0]).min_element();
-    let look = Look::of(of, footfalls, slower, angles_rad)?;
-    let (_, balance) = look.at((0..count).map(|at| at as f64).collect())?;
     let least_m = balance.margins_m.iter().flatten().copied().fold(f64::INFINITY, f64::min);
     Ok(least_m >= well_m)
 }
 
-/// Whether these poses, whose feet do `footfalls`, keep off a fall at their own pace.
+/// Whether these poses keep off a fall as they are, at their own pace.
 ///
 /// # Errors
 /// A rate at which nothing can be filtered.
 pub fn stays(of: &Adjusting<'_>, angles_rad: &[Vec<f64>]) -> Result<bool, Error> {
+    Ok(at_own_pace(of, angles_rad)?.is_none_or(|balance| balance.falls_at.is_none()))
+}
+
+/// How a motion does on the floor as it is; nothing of one that does not stand, or of less than three poses.
+fn at_own_pace(of: &Adjusting<'_>, angles_rad: &[Vec<f64>]) -> Result<Option<Balance>, Error> {
     let count = angles_rad.first().map_or(0, Vec::len);
-    let (Some(footfalls), Some(slower)) = (of.footfalls, of.slower) else { return Ok(true) };
+    let (Some(footfalls), Some(slower)) = (of.footfalls, of.slower) else { return Ok(None) };
+    if count < 3 {
+        return Ok(None);
+    }
     let look = Look::of(of, footfalls, slower, angles_rad)?;
-    let (_, balance) = look.at((0..count).map(|at| at as f64).collect())?;
-    Ok(balance.falls_at.is_none())
+    Ok(Some(look.at((0..count).map(|at| at as f64).collect())?.1))
 }
 
 /// How a motion does on the floor at any pace.
