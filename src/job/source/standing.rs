@@ -18,6 +18,7 @@ use crate::retarget::steps::{self, Step};
 use crate::retarget::toe::Toe;
 use crate::robot::Robot;
 use glam::{DQuat, DVec3};
+use std::fmt::Write as _;
 
 /// How often the plan is made again because legs that go elsewhere need another tempo.
 const ROUNDS: usize = 5;
@@ -32,6 +33,8 @@ const TRIED: usize = 6;
 const HASTE: f64 = 1.25;
 /// An arm makes way for a leg over this time, standard deviation, s.
 const WAY_S: f64 = 0.06;
+/// Whoever is off the floor for longer flies, s.
+const FLIES_S: f64 = 0.05;
 /// A gait that was too fast is made anew so much slower than it had to be.
 const SPARE: f64 = 1.02;
 
@@ -79,9 +82,31 @@ pub(super) fn balanced(
     let carries: Vec<[bool; 2]> =
         footfalls.iter().map(|of| of.touches.unwrap_or([true; 2])).collect();
     match steps::of_person(&toes, &carries, &pelvis, leg_m, rate_hz) {
-        Some(steps) => on.walked(&steps, leg_m, retargeted),
+        Some(steps) => {
+            let flies_s = longest_flight(&carries) as f64 / rate_hz;
+            let found = on.walked(&steps, leg_m, retargeted)?;
+            Ok(found.map(|standing| standing.without_flights(flies_s)))
+        }
         None => Ok(None),
     }
+}
+
+impl Standing {
+    /// Says so, if the person was off the floor for so long.
+    fn without_flights(mut self, flies_s: f64) -> Self {
+        if flies_s > FLIES_S {
+            let _ = write!(
+                self.note,
+                "; it does not leave the floor, as the person does for {flies_s:.2} s"
+            );
+        }
+        self
+    }
+}
+
+/// For how many poses nothing carried, at most.
+fn longest_flight(carries: &[[bool; 2]]) -> usize {
+    carries.split(|carries| *carries != [false; 2]).map(<[_]>::len).max().unwrap_or(0)
 }
 
 /// A robot on its own feet, and a motion that it is to do.
@@ -297,6 +322,13 @@ pub(super) fn through(clock: &[f64], times: &[f64]) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_flight_lasts_as_long_as_nothing_carries() {
+        let (off, left, both) = ([false; 2], [true, false], [true; 2]);
+        assert_eq!(longest_flight(&[left, off, left, off, off, both]), 2);
+        assert_eq!((longest_flight(&[both, left]), longest_flight(&[])), (0, 0));
+    }
 
     #[test]
     fn a_clock_of_a_clock_tells_the_time_of_the_first() {
