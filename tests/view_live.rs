@@ -2,12 +2,13 @@
 //! that moves.
 
 mod aloud;
+mod browser;
 #[allow(dead_code)]
 mod chromium;
 mod priority;
 mod program;
 
-use aloud::aloud;
+use browser::browser;
 use chromium::Browser;
 use gaitway::job::page::live;
 use gaitway::view::live::{LiveCounts, LiveFrame, LiveView};
@@ -165,20 +166,6 @@ fn garbage_floods_and_clients_that_never_read_are_refused_counted_and_in_nobodys
     drop(deaf);
 }
 
-fn browser(name: &str) -> Option<Browser> {
-    match Browser::start(&program::folder(name)) {
-        Ok(browser) => Some(browser),
-        Err(cause) if std::env::var_os("CI").is_some() => panic!("no Chromium: {cause}"),
-        Err(cause) => {
-            aloud!(
-                "SKIPPED: {name}: no page was opened: {cause}\n  to do: as root, apt-get install \
-                 chromium"
-            );
-            None
-        }
-    }
-}
-
 /// Asks the page again and again until an expression is true.
 fn until(browser: &mut Browser, expression: &str) {
     let began = Instant::now();
@@ -296,7 +283,8 @@ fn a_file_is_served_until_a_signal_and_what_cannot_be_seen_is_refused() {
         (&["view", "play", "bow", "--robot", "op3", "--bus", "sim"][..], "--bus sim:pty"),
         (&["play", "bow", "--robot", "op3", "--bus", "sim", "--view"], "--bus sim:pty"),
         (&["view", &file, "--mirror"], "a file is shown as it is"),
-        (&["view", "nobody.bvh"], "--bus"),
+        (&["view", "nobody.bvh"], "there is no such file"),
+        (&["view", "op3"], "--bus"),
         (&["live", "--from", "a=b", "--dry-run", "--view"], "a page shows a robot"),
     ] {
         let output = program::gaitway().args(arguments).output().expect("it runs");

@@ -2,7 +2,7 @@
 
 use super::signals::Signals;
 use super::{Cli, Remarks, say};
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use crate::job::page;
 use crate::job::source::CaptureOptions;
 use crate::view::live::LiveView;
@@ -70,6 +70,11 @@ pub fn seen(args: &ViewArgs, cli: &Cli) -> Result<Viewed, NotViewed> {
             ));
         }
         return Ok(Viewed::File(PathBuf::from(first)));
+    }
+    let is_named_as_file = first.contains('/') || Path::new(first).extension().is_some();
+    if !is_command && is_named_as_file && !Path::new(first).exists() {
+        let error = Error::of(ErrorKind::Absent, "there is no such file").at(first);
+        return Err(NotViewed::Error(error.remedy("check the path; a robot goes with --bus")));
     }
     let profiles = cli.profiles.iter().map(|folder| format!("--profiles={}", folder.display()));
     let typed = ["gaitway".to_owned()]
