@@ -95,6 +95,13 @@ fn run(folder: &Path, who: Who, seconds: f64) -> Run {
     let mut player =
         command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the gaitway command");
     let said = BufReader::new(player.stderr.take().expect("piped"));
+    let mut stdout = player.stdout.take().expect("piped");
+    // A report that nobody reads fills the pipe.
+    let report = std::thread::spawn(move || {
+        let mut told = String::new();
+        stdout.read_to_string(&mut told).expect("a report");
+        told
+    });
     let sights = match who {
         Who::Nobody => {
             drain(said);
@@ -107,22 +114,24 @@ fn run(folder: &Path, who: Who, seconds: f64) -> Run {
         }
         Who::Chromium => looked_at(folder, &address(said), &mut player),
     };
-    let mut told = String::new();
-    player.stdout.take().expect("piped").read_to_string(&mut told).expect("a report");
+    let told = report.join().expect("a report");
     player.wait().expect("it ends");
     let _ = simulator.kill();
     let _ = simulator.wait();
     let report: serde_json::Value = serde_json::from_str(&told).expect("JSON");
     let began_s = cycles(&recording);
-    let (first, period) = (began_s[0].1, 1.0 / RATE_HZ);
-    let due = |cycle: u64| (cycle - began_s[0].0) as f64 * period;
-    let mut late_ms: Vec<f64> =
-        began_s.iter().map(|(cycle, at)| (at - first - due(*cycle)) * 1e3).collect();
+    let (first, period) = (began_s[0], 1.0 / RATE_HZ);
+    // A cycle that is skipped counts as missed; those after it are due where they would have been.
+    let late_s = |at: &f64| {
+        let late_s = (at - first).rem_euclid(period);
+        if late_s > 0.9 * period { late_s - period } else { late_s }
+    };
+    let mut late_ms: Vec<f64> = began_s.iter().map(|at| late_s(at) * 1e3).collect();
     // The first is not the measure of the others: who was earliest was in time.
     let earliest = late_ms.iter().copied().fold(f64::INFINITY, f64::min);
     late_ms.iter_mut().for_each(|ms| *ms -= earliest);
     late_ms.sort_by(f64::total_cmp);
-    let last = began_s[began_s.len() - 1].1 - first;
+    let last = began_s[began_s.len() - 1] - first;
     let mut age_ms: Vec<f64> = sights
         .into_iter()
         // Before the first cycle and after the last nothing gets any older.
@@ -186,15 +195,14 @@ fn looked_at(folder: &Path, url: &str, player: &mut Child) -> Vec<Sight> {
     sights
 }
 
-/// Number and wall time of every cycle of a recording, s.
-fn cycles(recording: &Path) -> Vec<(u64, f64)> {
+/// Wall time of every cycle of a recording, s.
+fn cycles(recording: &Path) -> Vec<f64> {
     let bytes = std::fs::read(recording).expect("a recording");
     let mut cycles = Vec::new();
     for message in mcap::MessageStream::new(&bytes).expect("a recording") {
         let message = message.expect("a message");
         if message.channel.topic == "/cycle" {
-            let of: serde_json::Value = serde_json::from_slice(&message.data).expect("JSON");
-            cycles.push((of["cycle"].as_u64().expect("a cycle"), message.log_time as f64 * 1e-9));
+            cycles.push(message.log_time as f64 * 1e-9);
         }
     }
     cycles

@@ -145,6 +145,9 @@ fn without_steps_or_with_legs_that_lack_an_axis_there_is_no_gait() {
     };
     assert_eq!(gait(&of), None);
     assert_eq!(gait(&Walking { steps: &walk(4, 0.2, 0.0), ..of }), None, "limits hold");
+    let wide = vec![(-3.0, 3.0); start_rad.len()];
+    let endless = Walking { steps: &walk(4, 0.2, 0.0), limits_rad: &wide, speed: 1e-3, ..of };
+    assert_eq!(gait(&endless), None, "an hour and a half is too long");
     let poppy = Robot::load("poppy-humanoid").expect("a robot");
     let legs = RobotBody::of(&poppy.file).expect("a body").expect("one");
     let start_rad: Vec<f64> = poppy.joints.iter().map(|joint| joint.initial_rad).collect();
