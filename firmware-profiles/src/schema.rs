@@ -9,7 +9,9 @@ mod line;
 mod sensor;
 
 pub use actuator::{Actuator, CanLine, Dialect, Gear, Ranges, Timeout, TimeoutKind};
-pub use body::{BaseKind, Body, BodyBox, BodyCapsule, BodyLink, CoupledJoint, CoupledTo};
+pub use body::{
+    BaseKind, Body, BodyBox, BodyCapsule, BodyLink, BodyServos, CoupledJoint, CoupledTo,
+};
 pub use line::{CanSpeed, Line, LineKind};
 pub use sensor::{
     Channel, Counter, DeviceClock, LineLayout, Quantity, Sensor, SensorProtocol, SensorUnit,

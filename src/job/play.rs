@@ -248,6 +248,7 @@ pub(super) fn prepare(
     if let Some(at_s) = metrics.predicted_fall_s.filter(|_| !options.allow_fall) {
         may_fall(at_s, connection.world.is_some() || options.dry_run, report)?;
     }
+    report.notes.extend(bodily::soft_note(&metrics));
     Ok(Prepared { planned, base, metrics })
 }
 
@@ -262,7 +263,7 @@ fn may_fall(at_s: f64, is_virtual: bool, report: &mut PlayReport) -> Result<(), 
     }
     Err(Error::of(ErrorKind::OutsideLimits, bodily::WOULD_FALL)
         .at(format!("{at_s:.2} s"))
-        .got("its weight leaves its soles for too long")
+        .got("its weight leaves its soles for too long, or its servos give way too far")
         .allowed("weight over the soles, but for short moments")
         .remedy(bodily::INSTEAD))
 }
