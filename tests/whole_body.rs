@@ -79,7 +79,7 @@ fn judged(tables: &[PathBuf], conditions: &[Condition]) -> Option<Vec<Vec<Option
 #[test]
 fn what_is_said_to_stay_stays_with_soft_servos_and_a_heavy_body_too() {
     let (mut tables, mut names) = (Vec::new(), Vec::new());
-    for motion in ["walk", "throw-l", "squat"] {
+    for motion in ["walk", "squat"] {
         let (table, report) = retargeted(motion, motion).expect("a table");
         let metrics = &report["metrics"];
         assert_eq!(metrics["predicted_fall_s"], Value::Null, "{motion}");
@@ -91,6 +91,15 @@ fn what_is_said_to_stay_stays_with_soft_servos_and_a_heavy_body_too() {
     for (name, fell) in names.iter().zip(&all) {
         assert_eq!(*fell, [None; 3], "{name}");
     }
+}
+
+#[test]
+fn what_is_said_to_fall_with_soft_servos_alone_falls_with_them_alone() {
+    let (table, report) = retargeted("throw-l", "throw-l").expect("a table");
+    assert_eq!(report["metrics"]["predicted_fall_s"], Value::Null);
+    assert!(report["metrics"]["soft_fall_s"].is_number(), "{}", report["metrics"]);
+    let Some(all) = judged(&[table], &[AS_IT_IS, SOFT]) else { return };
+    assert!(all[0][0].is_none() && all[0][1].is_some(), "{all:?}");
 }
 
 #[test]
