@@ -477,6 +477,7 @@ impl Fitted {
             poses,
             tracked: self.tracked,
             stature_m: self.stature_m,
+            is_made: false,
             notes: self.notes.clone(),
         }
     }
