@@ -202,11 +202,15 @@ impl Figures {
 
     /// The body that moves.
     fn body(&self) -> Result<Proportions, Error> {
-        let body = Proportions::of_figure(self.figure, self.stature_m)?.of_sex(self.sex);
+        let body = Proportions::of_figure(self.figure, self.stature_m)
+            .map_err(|e| e.at("--set stature_m"))?
+            .of_sex(self.sex);
         let body = self.leg_m.map_or(Ok(body), |leg_m| {
             body.with_leg_length_m(leg_m).map_err(|e| e.at("--set leg_m"))
         })?;
-        self.mass_kg.map_or(Ok(body), |mass_kg| body.with_mass_kg(mass_kg))
+        self.mass_kg.map_or(Ok(body), |mass_kg| {
+            body.with_mass_kg(mass_kg).map_err(|e| e.at("--set mass_kg"))
+        })
     }
 }
 
