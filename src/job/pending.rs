@@ -5,15 +5,19 @@ use super::observer::Observer;
 use crate::error::{Error, ErrorKind};
 use crate::time::Duration;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
+use std::thread::JoinHandle;
 
 /// So often a wish to stop is looked for.
 const LOOK: Duration = Duration::from_millis(20);
 /// As much as the first thread of a process usually has, bytes.
 const STACK_BYTES: usize = 8 << 20;
 
-/// What a thread is still at. One that nobody waits for any more goes on to its end or to that of the process, so it must
-/// touch nothing that others see.
-pub(super) struct Pending<T>(Receiver<Result<T, String>>);
+/// What a thread is still at. One that nobody waits for any more goes on to its end or to that of the
+/// process, so it must touch nothing that others see.
+pub(super) struct Pending<T> {
+    done: Receiver<Result<T, String>>,
+    thread: JoinHandle<()>,
+}
 
 impl<T: Send + 'static> Pending<T> {
     /// Begins it.
@@ -25,8 +29,8 @@ impl<T: Send + 'static> Pending<T> {
         let thread = std::thread::Builder::new().name("work".to_owned()).stack_size(STACK_BYTES);
         // Nobody may wait for it any more.
         let begun = thread.spawn(move || drop(done.send(net::catch(work))));
-        begun.map_err(|e| Error::of(ErrorKind::Io, "no thread").got(e.to_string()))?;
-        Ok(Self(pending))
+        let thread = begun.map_err(|e| Error::of(ErrorKind::Io, "no thread").got(e.to_string()))?;
+        Ok(Self { done: pending, thread })
     }
 
     /// Waits for it. If it panics, so does this.
@@ -35,8 +39,12 @@ impl<T: Send + 'static> Pending<T> {
     /// The observer wanted to stop.
     pub(super) fn wait(self, observer: &dyn Observer) -> Result<T, Error> {
         loop {
-            match self.0.recv_timeout(LOOK) {
-                Ok(Ok(done)) => return Ok(done),
+            match self.done.recv_timeout(LOOK) {
+                Ok(Ok(done)) => {
+                    // It has nothing more to do; the next one takes up its memory.
+                    let _ = self.thread.join();
+                    return Ok(done);
+                }
                 Ok(Err(words)) => std::panic::resume_unwind(Box::new(words)),
                 Err(RecvTimeoutError::Disconnected) => {
                     return Err(Error::of(ErrorKind::Broke, "a thread ended without a word"));
