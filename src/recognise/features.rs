@@ -31,7 +31,7 @@ const PARTS: [(&str, BodyPoint, bool); 6] = [
 const AXES: [&str; 3] = ["frontal", "vertical", "sagittal"];
 
 /// Features but postures and motions, with the one that mirrors it and the sign it has there.
-const NAMED: [(&str, &str, f64); 45] = [
+const NAMED: [(&str, &str, f64); 46] = [
     ("dynamic", "dynamic", 1.0),
     ("locomotive", "locomotive", 1.0),
     ("upright", "upright", 1.0),
@@ -77,6 +77,7 @@ const NAMED: [(&str, &str, f64); 45] = [
     ("right_hand_across", "left_hand_across", 1.0),
     ("left_hand_lift", "right_hand_lift", 1.0),
     ("right_hand_lift", "left_hand_lift", 1.0),
+    ("turning_deg_s", "turning_deg_s", -1.0),
 ];
 
 const MOVES: usize = MajorPosture::ALL.len();
@@ -386,6 +387,9 @@ impl Extractor {
         set!(row, "right_hand_across", right.dot(-axes.left));
         set!(row, "left_hand_lift", left.z);
         set!(row, "right_hand_lift", right.z);
+        // To the left: the left hip goes back against the right one.
+        let hips = velocities[BodyPoint::RightHip] - velocities[BodyPoint::LeftHip];
+        set!(row, "turning_deg_s", (hips.dot(axes.forward) / self.lengths.hips_m).to_degrees());
     }
 
     fn write_measures(
