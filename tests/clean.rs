@@ -24,7 +24,7 @@ use made::{Body, write_c3d};
 use program::{folder, gaitway, json, words};
 use std::fs;
 use std::path::Path;
-use std::process::Output;
+use std::process::{Command, Output};
 
 fn clean(folder: &Path, arguments: &str) -> Output {
     let mut command = gaitway();
@@ -175,6 +175,38 @@ fn a_person_crops_takes_sections_out_and_gives_nameless_pieces_their_names() {
         assert_eq!(output.status.code(), Some(1), "{to}");
         assert!(words(&output).contains("keep_frames"), "{to}: {}", words(&output));
         assert!(!folder.join("no.c3d").exists(), "{to}");
+    }
+}
+
+#[test]
+fn a_list_without_edits_takes_edits_that_a_person_adds() {
+    let list = EditList {
+        schema: 1,
+        source: "raw.c3d".to_owned(),
+        source_sha256: None,
+        keep_frames: None,
+        edits: Vec::new(),
+    };
+    let text = list.to_text().expect("text");
+    let own = "[[edit]]\nkind = \"by_hand\"\nmarker = \"M1\"\nfirst_frame = 2\nlast_frame = 3\n\
+               remedy = \"remove\"\n";
+    let read = EditList::parse(&format!("{text}\n{own}")).expect("a list");
+    assert_eq!((read.edits.len(), read.edits[0].remedy), (1, Remedy::Remove));
+}
+
+#[test]
+fn where_no_room_is_left_the_file_that_was_to_be_written_is_named_and_nothing_stays() {
+    let folder = folder("full");
+    write_c3d(&folder.join("raw.c3d"), &Body::new(6).markers(&GAPS));
+    // Files may have 8 kB and no more.
+    for deed in ["clean raw.c3d -o out.c3d", "convert raw.c3d out.c3d"] {
+        let line = format!("trap '' XFSZ; ulimit -f 8; exec {} {deed}", program::PATH);
+        let output = Command::new("bash").args(["-c", &line]).current_dir(&folder).output();
+        let output = output.expect("the command");
+        assert_eq!(output.status.code(), Some(1), "{}", words(&output));
+        assert!(words(&output).contains("out.c3d"), "{deed}: {}", words(&output));
+        let left = fs::read_dir(&folder).expect("a folder").count();
+        assert_eq!(left, 1, "{deed}");
     }
 }
 

@@ -81,7 +81,7 @@ pub struct EditList {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub keep_frames: Option<[u64; 2]>,
     /// What is done.
-    #[serde(default, rename = "edit")]
+    #[serde(default, rename = "edit", skip_serializing_if = "Vec::is_empty")]
     pub edits: Vec<Edit>,
 }
 

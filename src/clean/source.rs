@@ -225,13 +225,13 @@ impl Frames for Cleaned<'_> {
 }
 
 /// Some of the frames of a file.
-pub struct Kept<'a> {
+pub struct CroppedFrames<'a> {
     frames: Cleaned<'a>,
     head: Head,
     keep: Range<usize>,
 }
 
-impl<'a> Kept<'a> {
+impl<'a> CroppedFrames<'a> {
     /// These frames alone, by index.
     #[must_use]
     pub fn new(frames: Cleaned<'a>, keep: Range<usize>) -> Self {
@@ -242,7 +242,7 @@ impl<'a> Kept<'a> {
     }
 }
 
-impl Frames for Kept<'_> {
+impl Frames for CroppedFrames<'_> {
     fn head(&self) -> &Head {
         &self.head
     }

@@ -11,7 +11,7 @@ use crate::clean::detect;
 use crate::clean::edits::{Change, Edit, EditList, EditStep, MAX_BYTES, SCHEMA, fill, prepare};
 use crate::clean::fill::Method;
 use crate::clean::source::{
-    Cleaned, Digest, Kept, NamedSamples, SourceMarkers, digest, source_and,
+    Cleaned, CroppedFrames, Digest, NamedSamples, SourceMarkers, digest, source_and,
 };
 use crate::clean::trial::{Gap, Trial};
 use crate::draft::{check_free, write_file};
@@ -181,7 +181,8 @@ pub fn clean(order: &CleanOrder, observer: &dyn Observer) -> Result<CleanReport,
         observer.hear(Event::Step { done: done as u64, total: total as u64, what: "gaps" });
     });
     filled.retain(|of| keep.contains(&of.frame));
-    let mut cleaned = Kept::new(Cleaned::new(&markers, &source, &steps, &filled), keep.clone());
+    let mut cleaned =
+        CroppedFrames::new(Cleaned::new(&markers, &source, &steps, &filled), keep.clone());
     let left_out = write(&order.file, order.replace, kind, &mut cleaned, observer)?;
     let named = NamedSamples::by(&steps, &source, head);
     let is_good = |point: usize, frame: usize| {
