@@ -4,6 +4,7 @@
 mod aloud;
 mod program;
 
+use aloud::aloud;
 use program::{folder, words};
 use std::collections::BTreeSet;
 use std::fs;
