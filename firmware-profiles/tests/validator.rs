@@ -187,7 +187,7 @@ fn an_error_register_holds_bits_or_codes_and_each_code_once() {
 
 #[test]
 fn counts_may_begin_below_zero_but_zero_lies_among_them() {
-    let text = changed(SERVO, "zero_count = 2048", "zero_count = 0\nlowest_count = -2048");
+    let text = changed(SERVO, "zero_count = 2048", "zero_count = 0, lowest_count = -2048");
     parse_servo("tiny.toml", &text).unwrap();
     let above = changed(&text, "zero_count = 0", "zero_count = 2048");
     refused(parse_servo("tiny.toml", &above), "angle zero lies outside", "position");
