@@ -476,8 +476,8 @@ fn performed(
         changes: composed.changes,
         inserts: composed.inserts,
     };
-    let capture =
-        Capture { rate_hz, poses, tracked: [true; 13], stature_m: ACTION_STATURE_M, notes };
+    let (tracked, stature_m) = ([true; 13], ACTION_STATURE_M);
+    let capture = Capture { rate_hz, poses, tracked, stature_m, is_made: true, notes };
     Ok((capture, source))
 }
 
