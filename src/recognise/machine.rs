@@ -11,6 +11,9 @@
 //! 6. A frame is matched by posture and direction; amounts, speeds and means are looked at when the phase ends.
 //! 7. A frame that fits the present phase and the next one stays in the present one.
 //!
+//! A phase may say that it is over as soon as it may be (ours): then the next one has such a frame, and the last one is the
+//! end of the action. Read strictly, it is over when a frame no longer fits it, like all others.
+//!
 //! A phase may also be interrupted for the model's slack, which is ours and zero by default.
 
 use super::features::FeatureRow;
@@ -89,6 +92,8 @@ enum State {
     Awaits(usize),
     /// A phase lasted too long; nothing begins while it lasts.
     Overlong(usize),
+    /// All is done, as soon as it might be; nothing begins while the last phase lasts.
+    Done,
 }
 
 /// Where a machine is in its model.
@@ -142,7 +147,7 @@ impl ModelMachine {
         let (active, is_over) = match &self.state {
             State::In(active) => (active, false),
             State::After { ended, .. } => (ended, true),
-            State::Idle | State::Awaits(_) | State::Overlong(_) => return None,
+            State::Idle | State::Awaits(_) | State::Overlong(_) | State::Done => return None,
         };
         Some(Underway {
             start_s: self.done.first().map_or(active.span.start_s, |(_, span)| span.start_s),
@@ -190,7 +195,7 @@ impl ModelMachine {
             }
             State::In(active) => self.reset(active.phase, tell),
             State::After { ended, .. } => self.reset(ended.phase + 1, tell),
-            State::Idle | State::Awaits(_) | State::Overlong(_) => {}
+            State::Idle | State::Awaits(_) | State::Overlong(_) | State::Done => {}
         }
     }
 
@@ -241,7 +246,12 @@ impl ModelMachine {
             State::Overlong(index) if model.phases[index].fits(row) => {
                 self.state = State::Overlong(index);
             }
-            State::Overlong(_) | State::Awaits(_) => self.enter_any(model, row, time_s),
+            State::Done if model.phases.last().is_some_and(|last| last.fits(row)) => {
+                self.state = State::Done;
+            }
+            State::Overlong(_) | State::Awaits(_) | State::Done => {
+                self.enter_any(model, row, time_s);
+            }
             State::In(active) => self.go_on(active, model, row, time_s, tell),
             State::After { ended, waited_s } => {
                 let waited_s = waited_s + row.dt_s;
@@ -261,6 +271,21 @@ impl ModelMachine {
         }
         // A phase of one frame may be enough.
         self.say_begun(model, tell);
+        self.end_soon(model, tell);
+    }
+
+    /// Says that all is done where the last phase need not be waited out.
+    fn end_soon(&mut self, model: &ActionModel, tell: &mut impl FnMut(ActionEvent)) {
+        let State::In(active) = self.state else { return };
+        let phase = &model.phases[active.phase];
+        if phase.ends_soon
+            && active.phase + 1 == model.phases.len()
+            && active.out_s == 0.0
+            && self.sums.may_end(&active, phase)
+        {
+            self.recognised(&active, tell);
+            self.state = State::Done;
+        }
     }
 
     /// A frame in a phase that is under way.
@@ -273,6 +298,15 @@ impl ModelMachine {
         tell: &mut impl FnMut(ActionEvent),
     ) {
         let phase = &model.phases[active.phase];
+        let is_last = active.phase + 1 == model.phases.len();
+        if phase.ends_soon
+            && !is_last
+            && active.out_s == 0.0
+            && self.sums.may_end(&active, phase)
+            && self.enter_next(&active, model, row, time_s, tell)
+        {
+            return;
+        }
         if phase.fits(row) {
             active.take(&mut self.sums, phase, row, time_s);
             if active.time_s > phase.longest_s + ROUNDED_S {
@@ -284,7 +318,6 @@ impl ModelMachine {
             self.state = State::In(active);
             return;
         }
-        let is_last = active.phase + 1 == model.phases.len();
         if active.out_s == 0.0 && !is_last && self.sums.may_end(&active, phase) {
             if !self.enter_next(&active, model, row, time_s, tell) {
                 let waited_s = row.dt_s;

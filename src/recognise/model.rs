@@ -132,6 +132,8 @@ pub struct ModelPhase {
     pub shortest_s: f64,
     /// Longest, s.
     pub longest_s: f64,
+    /// It is over as soon as it may be: what follows, or that all is done, waits for no frame that ends it.
+    pub ends_soon: bool,
 }
 
 impl ModelPhase {

@@ -39,6 +39,7 @@ fn phase(name: &str, sign: f64) -> ModelPhase {
         means: Vec::new(),
         shortest_s: 0.0,
         longest_s: f64::INFINITY,
+        ends_soon: false,
     }
 }
 
@@ -225,4 +226,63 @@ fn an_interruption_within_the_slack_belongs_to_the_phase() {
     model.slack_s = 0.0;
     let done = told(&model, EquationReading::Repaired, &broken);
     assert!(!done.iter().any(|(_, what)| matches!(what, ActionEvent::Done { .. })), "{done:?}");
+}
+
+/// The kick whose way back is enough from 0.25 m on, and which is over then.
+fn soon() -> ActionModel {
+    let mut model = kick(2.0);
+    let back = &mut model.phases[1];
+    back.ends_soon = true;
+    back.travels[0].amount.from = 0.25;
+    back.travels[1].amount.from = 0.1;
+    model
+}
+
+#[test]
+fn a_last_phase_that_ends_soon_is_named_in_the_frame_that_is_enough_and_once_while_it_lasts() {
+    let done = |reading, forward_m: &[f64]| -> Vec<(usize, [f64; 2])> {
+        let told = told(&soon(), reading, forward_m).into_iter();
+        told.filter_map(|(at, what)| match what {
+            ActionEvent::Done { span, .. } => {
+                Some((at, [span.start_s, span.end_s].map(|s| (s / DT_S).round())))
+            }
+            _ => None,
+        })
+        .collect()
+    };
+    // Back by 0.1 m in frame 8, by 0.3 m in frame 9.
+    assert_eq!(done(EquationReading::Repaired, &FORWARD_M), [(9, [3.0, 9.0])]);
+    // Fig. 3 ends a phase where a frame no longer fits it.
+    assert_eq!(done(EquationReading::Strict, &FORWARD_M), [(12, [3.0, 11.0])]);
+    // It goes on for as long as one likes: nothing more is said, nor at the end of the stream.
+    let long = changed(|frames| frames.splice(11.., [-0.1; 30]).for_each(drop));
+    assert_eq!(done(EquationReading::Repaired, &long), [(9, [3.0, 9.0])]);
+    // What comes then is seen as ever.
+    let twice = changed(|frames| frames.extend(&FORWARD_M[2..]));
+    let both = [(9, [3.0, 9.0]), (19, [13.0, 19.0])];
+    assert_eq!(done(EquationReading::Repaired, &twice), both);
+}
+
+#[test]
+fn a_phase_that_ends_soon_leaves_the_frames_that_fit_it_to_the_next() {
+    let mut model = kick(2.0);
+    model.phases[1] = phase("on", 1.0);
+    for (phase, amount_m) in model.phases.iter_mut().zip([0.3, 0.2]) {
+        phase.travels.truncate(1);
+        phase.travels[0].amount.from = amount_m;
+    }
+    let done = |model: &ActionModel| {
+        let told = told(model, EquationReading::Repaired, &FORWARD_M).into_iter();
+        told.filter_map(|(_, what)| match what {
+            ActionEvent::Done { phases, .. } => {
+                Some(phases.iter().map(|(_, span)| (span.end_s / DT_S).round()).collect())
+            }
+            _ => None,
+        })
+        .collect::<Vec<Vec<f64>>>()
+    };
+    assert_eq!(done(&model), Vec::<Vec<f64>>::new());
+    model.phases[0].ends_soon = true;
+    // 0.3 m in frame 4, and 0.3 m more in frames 5 and 6.
+    assert_eq!(done(&model), [[4.0, 6.0]]);
 }

@@ -111,6 +111,7 @@ struct RawPhase {
     #[serde(default)]
     average: BTreeMap<String, [f64; 2]>,
     duration_s: Option<[f64; 2]>,
+    ends: Option<String>,
 }
 
 /// Where other models are looked up by name, for `mirror_of`.
@@ -283,6 +284,7 @@ fn phase(raw: &RawPhase, bands: &Bands) -> Result<ModelPhase, Error> {
         means: Vec::new(),
         shortest_s: 0.0,
         longest_s: f64::INFINITY,
+        ends_soon: false,
     };
     either(&mut phase, "motion", raw.motion.as_deref(), ["dynamic", "static"], "dynamic")?;
     either(&mut phase, "space", raw.space.as_deref(), ["locomotive", "in_place"], "locomotive")?;
@@ -322,6 +324,16 @@ fn phase(raw: &RawPhase, bands: &Bands) -> Result<ModelPhase, Error> {
     if let Some([shortest_s, longest_s]) = raw.duration_s {
         (phase.shortest_s, phase.longest_s) = (shortest_s, longest_s);
     }
+    phase.ends_soon = match raw.ends.as_deref() {
+        None | Some("late") => false,
+        Some("soon") => true,
+        Some(word) => {
+            return Err(Error::of(ErrorKind::Unknown, "no such word")
+                .at("ends")
+                .got(word)
+                .allowed("soon, late"));
+        }
+    };
     Ok(phase)
 }
 

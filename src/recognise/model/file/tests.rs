@@ -142,3 +142,16 @@ fn amounts_and_speeds_are_said_in_words_or_in_limb_lengths() {
         refused("[[phase]]\nname = \"p\"\nroot = { frontal = \"forward 3/x\" }").contains("3/x")
     );
 }
+
+#[test]
+fn a_phase_says_in_one_of_two_words_when_it_is_over() {
+    let ends = |words: &str| {
+        let phase = format!("[[phase]]\nname = \"p\"\nposture = \"sitting\"\n{words}");
+        read(&phase).map(|model| model.phases[0].ends_soon).map_err(|error| error.to_string())
+    };
+    assert_eq!(ends(""), Ok(false));
+    assert_eq!(ends("ends = \"late\""), Ok(false));
+    assert_eq!(ends("ends = \"soon\""), Ok(true));
+    let said = ends("ends = \"now\"").expect_err("no such word");
+    assert!(said.contains("a.toml, phase p, ends") && said.contains("soon, late"), "{said}");
+}
