@@ -1,24 +1,26 @@
 //! What the recogniser names in an hour in which nothing happens that a model knows: a table.
 //!
 //! ```text
-//! cargo run --release --example uneventful_hour -- MINUTES CLIP ...
+//! cargo run --release --example uneventful_hour -- [--models DIR] MINUTES CLIP ...
 //! ```
 //!
 //! Half of the time somebody stands and fidgets, which is made; the other half are the clips, one after the other with
 //! transitions of half a second, then the same mirrored, slower and faster, until it is full. Strides count as right: people
-//! walk in such clips. Anything else is false.
+//! walk in such clips. Anything else is false, and told with the clips that it is in.
 
 use gaitway::Error;
 use gaitway::body::{BodyFigure, Dof, JointAngles, Proportions, SegmentPose, root};
+use gaitway::job::recognise::models;
 use gaitway::job::source::{CaptureOptions, body_motion};
 use gaitway::mocap::anatomy::Capture;
 use gaitway::recognise::machine::ActionEvent;
-use gaitway::recognise::model::vocabulary;
+use gaitway::recognise::model::ActionModel;
 use gaitway::recognise::points::{Lengths, Points};
 use gaitway::recognise::posture::EquationReading;
 use gaitway::recognise::stream::Recogniser;
 use glam::{DQuat, DVec3};
 use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 
 const RATE_HZ: f64 = 60.0;
 const TRANSITION_S: f64 = 0.5;
@@ -28,7 +30,13 @@ const ROUNDS: [(f64, bool); 6] =
     [(1.0, false), (1.0, true), (0.85, false), (1.15, false), (0.85, true), (1.15, true)];
 
 fn main() -> Result<(), Error> {
-    let words: Vec<String> = std::env::args().skip(1).collect();
+    let mut words: Vec<String> = std::env::args().skip(1).collect();
+    let mut folder = None;
+    if words.len() > 1 && words[0] == "--models" {
+        folder = Some(PathBuf::from(words.remove(1)));
+        words.remove(0);
+    }
+    let models = models(folder.as_deref())?;
     let minutes = words.first().and_then(|word| word.parse::<f64>().ok());
     let Some(minutes) = minutes.filter(|_| words.len() > 1) else {
         return Err(Error::new("minutes and clips are wanted").allowed("MINUTES CLIP ..."));
@@ -40,16 +48,25 @@ fn main() -> Result<(), Error> {
     let half = (minutes * 30.0 * RATE_HZ) as usize;
     let own_s: f64 = clips.iter().map(|clip| clip.poses.len() as f64 / clip.rate_hz).sum();
     println!("{} clips, {:.1} min; {minutes} min in all", clips.len(), own_s / 60.0);
-    tell("clips", &captured(&clips, half), minutes / 2.0)?;
-    tell("standing and fidgeting", &fidgeting(half)?, minutes / 2.0)
+    let (frames, of_clip) = captured(&clips, half);
+    let name = |frame: usize| {
+        let clip = of_clip.get(frame).map_or("", |clip| words[1 + clip].as_str());
+        Path::new(clip).file_stem().map_or_else(String::new, |stem| stem.display().to_string())
+    };
+    tell("clips", &models, &frames, &name, minutes / 2.0)?;
+    tell("standing and fidgeting", &models, &fidgeting(half)?, &|_| String::new(), minutes / 2.0)
 }
 
-/// The clips one after the other, each from where the one before has ended.
-fn captured(clips: &[Capture], frames: usize) -> Vec<(SegmentPose, [bool; 13])> {
-    let mut out: Vec<(SegmentPose, [bool; 13])> = Vec::with_capacity(frames);
+/// A frame: where the body is, and what of it is shown.
+type Frame = (SegmentPose, [bool; 13]);
+
+/// The clips one after the other, each from where the one before has ended, and which clip each frame is of.
+fn captured(clips: &[Capture], frames: usize) -> (Vec<Frame>, Vec<usize>) {
+    let mut out: Vec<Frame> = Vec::with_capacity(frames);
+    let mut of_clip = Vec::with_capacity(frames);
     let body = Proportions::of_stature(STATURE_M).expect("a body");
     for (pace, is_mirrored) in ROUNDS.into_iter().cycle() {
-        for clip in clips {
+        for (index, clip) in clips.iter().enumerate() {
             let mut clip = clip.clone();
             if is_mirrored {
                 clip.mirror();
@@ -79,17 +96,18 @@ fn captured(clips: &[Capture], frames: usize) -> Vec<(SegmentPose, [bool; 13])> 
                 }));
             }
             out.extend(poses.into_iter().map(|pose| (pose, clip.tracked)));
+            of_clip.resize(out.len(), index);
             if out.len() >= frames {
                 out.truncate(frames);
-                return out;
+                return (out, of_clip);
             }
         }
     }
-    out
+    (out, of_clip)
 }
 
 /// Somebody who stands: breathes, sways, shifts weight, scratches, looks about.
-fn fidgeting(frames: usize) -> Result<Vec<(SegmentPose, [bool; 13])>, Error> {
+fn fidgeting(frames: usize) -> Result<Vec<Frame>, Error> {
     // Degree of freedom, usual angle, deviation, and how long it stays about, deg and s.
     const MOVED: [(Dof, f64, f64, f64); 18] = [
         (Dof::TorsoFlexion, 2.0, 4.0, 3.0),
@@ -143,25 +161,37 @@ fn fidgeting(frames: usize) -> Result<Vec<(SegmentPose, [bool; 13])>, Error> {
     Ok(placed.map(|(pose, root_m)| (SegmentPose { root_m, ..pose }, [true; 13])).collect())
 }
 
-fn tell(name: &str, frames: &[(SegmentPose, [bool; 13])], minutes: f64) -> Result<(), Error> {
-    let models = vocabulary::all()?;
+fn tell(
+    name: &str,
+    models: &[ActionModel],
+    frames: &[Frame],
+    clip: &impl Fn(usize) -> String,
+    minutes: f64,
+) -> Result<(), Error> {
     let body = Proportions::of_figure(BodyFigure::DrillisContini, STATURE_M)?;
     let mut recogniser =
-        Recogniser::new(models.clone(), Lengths::of(&body), EquationReading::Repaired, None);
-    let mut found: BTreeMap<&str, usize> = BTreeMap::new();
+        Recogniser::new(models.to_vec(), Lengths::of(&body), EquationReading::Repaired, None);
+    let mut found: BTreeMap<&str, BTreeMap<String, usize>> = BTreeMap::new();
     let mut hear = |index: usize, _, what| {
-        if matches!(what, ActionEvent::Done { .. }) {
-            *found.entry(&models[index].action).or_default() += 1;
+        if let ActionEvent::Done { span, .. } = what {
+            let of = clip((span.end_s * RATE_HZ) as usize);
+            *found.entry(&models[index].action).or_default().entry(of).or_default() += 1;
         }
     };
     for (pose, tracked) in frames {
         recogniser.next(&Points::of(&body, pose, tracked), 1.0 / RATE_HZ, &mut hear);
     }
     let strides = |action: &str| ["walk", "run"].contains(&action);
-    let count: usize = found.iter().filter(|of| !strides(of.0)).map(|of| of.1).sum();
+    let times = |of: &BTreeMap<String, usize>| of.values().sum::<usize>();
+    let count: usize = found.iter().filter(|of| !strides(of.0)).map(|of| times(of.1)).sum();
     println!("{name}: {count} false in {minutes:.1} min, {:.2} a minute", count as f64 / minutes);
-    for (action, times) in found {
-        println!("  {times:5} x {action}{}", if strides(action) { " (right)" } else { "" });
+    for (action, of) in found {
+        let clips = of.iter().map(|(clip, times)| format!("{clip} {times}"));
+        let clips = match strides(action) {
+            true => "right".to_owned(),
+            false => clips.collect::<Vec<_>>().join(", "),
+        };
+        println!("  {:5} x {action} ({clips})", times(&of));
     }
     Ok(())
 }

@@ -11,7 +11,8 @@
 //! 6. A frame is matched by posture and direction; amounts, speeds and means are looked at when the phase ends.
 //! 7. A frame that fits the present phase and the next one stays in the present one.
 //!
-//! A phase may say that it is over as soon as it may be (ours): then the next one has such a frame, and the last one is the
+//! Two more are ours. A phase that was begun and came to nothing may begin again while the gap behind the one before it lasts: a
+//! twitch is not yet the stroke. And a phase may say that it is over as soon as it may be: then the next one has such a frame, and the last one is the
 //! end of the action. Read strictly, it is over when a frame no longer fits it, like all others.
 //!
 //! A phase may also be interrupted for the model's slack, which is ours and zero by default.
@@ -88,7 +89,7 @@ enum State {
         ended: Active,
         waited_s: f64,
     },
-    /// Strictly: the next phase is waited for, one frame only.
+    /// A phase is waited for: strictly one frame only, else what is left of the gap, because it was begun and came to nothing.
     Awaits(usize),
     /// A phase lasted too long; nothing begins while it lasts.
     Overlong(usize),
@@ -195,7 +196,8 @@ impl ModelMachine {
             }
             State::In(active) => self.reset(active.phase, tell),
             State::After { ended, .. } => self.reset(ended.phase + 1, tell),
-            State::Idle | State::Awaits(_) | State::Overlong(_) | State::Done => {}
+            State::Awaits(index) => self.reset(index, tell),
+            State::Idle | State::Overlong(_) | State::Done => {}
         }
     }
 
@@ -249,9 +251,8 @@ impl ModelMachine {
             State::Done if model.phases.last().is_some_and(|last| last.fits(row)) => {
                 self.state = State::Done;
             }
-            State::Overlong(_) | State::Awaits(_) | State::Done => {
-                self.enter_any(model, row, time_s);
-            }
+            State::Overlong(_) | State::Done => self.enter_any(model, row, time_s),
+            State::Awaits(index) => self.wait(index, model, row, time_s, tell),
             State::In(active) => self.go_on(active, model, row, time_s, tell),
             State::After { ended, waited_s } => {
                 let waited_s = waited_s + row.dt_s;
@@ -337,10 +338,33 @@ impl ModelMachine {
         }
         if is_last && self.sums.may_end(&active, phase) {
             self.recognised(&active, tell);
+            self.enter_any(model, row, time_s);
         } else {
-            self.reset(active.phase, tell);
+            self.wait(active.phase, model, row, time_s, tell);
         }
-        self.enter_any(model, row, time_s);
+    }
+
+    /// A frame while a phase is waited for that was begun and came to nothing: it may begin again within the gap.
+    fn wait(
+        &mut self,
+        index: usize,
+        model: &ActionModel,
+        row: &FeatureRow,
+        time_s: f64,
+        tell: &mut impl FnMut(ActionEvent),
+    ) {
+        let ended_s = self.done.last().map_or(f64::NEG_INFINITY, |(_, span)| span.end_s);
+        let waited_s = time_s - ended_s;
+        let phase = &model.phases[index];
+        // The frame that follows the gap is still in time.
+        if waited_s - row.dt_s <= model.gap_s + ROUNDED_S && phase.fits(row) {
+            self.state = State::In(Active::new(&mut self.sums, index, phase, row, time_s));
+        } else if waited_s <= model.gap_s + ROUNDED_S {
+            self.state = State::Awaits(index);
+        } else {
+            self.reset(index, tell);
+            self.enter_any(model, row, time_s);
+        }
     }
 
     /// Enters the first phase that fits of those a model may begin with.

@@ -286,3 +286,21 @@ fn a_phase_that_ends_soon_leaves_the_frames_that_fit_it_to_the_next() {
     // 0.3 m in frame 4, and 0.3 m more in frames 5 and 6.
     assert_eq!(done(&model), [[4.0, 6.0]]);
 }
+
+#[test]
+fn a_twitch_before_the_way_back_is_not_taken_for_it_while_the_gap_lasts() {
+    let twitch = |still: usize| {
+        changed(|frames| {
+            let held = [[-0.03].as_slice(), &vec![0.0; still]].concat();
+            frames.splice(6..7, held).for_each(drop);
+        })
+    };
+    assert_eq!(recognised(EquationReading::Strict, &twitch(1)), []);
+    // The way back begins in frame 9, behind a gap of frames 7 and 8.
+    assert_eq!(recognised(EquationReading::Repaired, &twitch(1)), [(13, [3, 12])]);
+    assert_eq!(recognised(EquationReading::Repaired, &twitch(2)), []);
+    // What was begun is broken off once.
+    let told = told(&kick(2.0), EquationReading::Repaired, &twitch(2));
+    let broken = told.iter().filter(|(_, what)| matches!(what, ActionEvent::BrokenOff { .. }));
+    assert_eq!(broken.count(), 1, "{told:?}");
+}
