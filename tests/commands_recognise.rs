@@ -408,6 +408,8 @@ fn a_drafted_model_sees_its_examples_and_not_what_another_side_does() {
     assert!(words(&refused).contains("share no motion"), "{}", words(&refused));
     let refused = run(&["model", "new", "none", "--from", "kick-r@5..9", "-o", &other]);
     assert!(words(&refused).contains("nothing in this part"), "{}", words(&refused));
+    let refused = run(&["model", "new", "none", "--from", "kick-r@1..99", "-o", &other]);
+    assert!(words(&refused).contains("beyond the end"), "{}", words(&refused));
 }
 
 #[test]
@@ -565,4 +567,40 @@ fn clips_of_other_skeletons_are_named_where_they_were_cut_by_hand() {
     assert!(of("precision") > 0.8 && of("recall") > 0.85, "{global}");
     let cut = &report["segmentation"];
     assert!(cut["mean_ms"].as_f64() < Some(200.0), "{cut}");
+}
+
+#[test]
+fn who_sits_down_is_named_in_sitting_and_not_when_the_seat_is_left() {
+    let output = run(&["recognise", "sit-down,stand-up", "--json"]);
+    done(&output);
+    let report = json(&output);
+    let events = report["events"].as_array().expect("events");
+    let event = |action| events.iter().find(|of| of["action"] == action).expect(action);
+    let sat_s = event("sit-down")["recognised_at_s"].as_f64().expect("a time");
+    // The seat of the model lasts a quarter of a second, that of the actions longer.
+    let phases = event("stand-up")["phases"].as_array().expect("phases");
+    let up_s = phases.last().and_then(|up| up["start_s"].as_f64()).expect("a time");
+    assert!(sat_s < up_s - 0.3, "{report}");
+}
+
+#[test]
+fn a_model_that_mirrors_what_cannot_be_mirrored_says_what_is_wrong_with_that() {
+    let folder = folder("mirrors");
+    let write = |name: &str, text: &str| {
+        std::fs::write(folder.join(name), text).expect("a file");
+    };
+    let said = || {
+        let refused = run(&["model", "check", &folder.join("a.toml").display().to_string()]);
+        assert_eq!(refused.status.code(), Some(1));
+        words(&refused)
+    };
+    write("a.toml", "schema = 1\nname = \"a\"\nmirror_of = \"b\"\n");
+    let absent = said();
+    assert!(absent.contains("no such model") && absent.contains("mirror_of"), "{absent}");
+    write("b.toml", "schema = 1\nname = \"b\"\nmirror_of = \"kick-r\"\n");
+    let twice = said();
+    assert!(twice.contains("b.toml") && twice.contains("mirrored again"), "{twice}");
+    write("b.toml", "schema = 1\nname = \"b\"\n[[phase]]\nname = \"p\"\nposture = \"sittin\"\n");
+    let broken = said();
+    assert!(broken.contains("b.toml, phase p") && broken.contains("sittin"), "{broken}");
 }

@@ -147,7 +147,7 @@ fn words(report: &ClassificationReport) -> String {
     if !report.per_corruption.is_empty() {
         text.push_str("\ncorrupted copies: what it costs, and how much later an action is known\n");
     }
-    for CorruptionFigures { corruption, global, delay_s } in &report.per_corruption {
+    for CorruptionFigures { corruption, global, delay_s, .. } in &report.per_corruption {
         let later = delay_s.map_or_else(String::new, |s| format!("  {:+.0} ms", 1e3 * s));
         let mut row = String::new();
         line(&mut row, &ClassFigures { class: (*corruption).to_owned(), ..global.clone() });

@@ -87,7 +87,7 @@ pub fn draft_model(order: &DraftModelOrder) -> Result<DraftModelReport, Error> {
             .remedy("cut the clips to the action alone: CLIP@FROM..TO, in s")
     })?;
     let place = order.file.display().to_string();
-    let model = file::parse(&text, &place, &Bands::default(), &|_| None)?;
+    let model = file::parse(&text, &place, &Bands::default(), &file::none_to_mirror)?;
     for (example, rows) in examples.iter_mut().zip(&rows) {
         example.fired = fired(&model, rows);
     }
@@ -110,6 +110,16 @@ fn seen(example: &str, reading: &CaptureOptions) -> Result<(ModelExample, Vec<Fe
     let dt_s = 1.0 / capture.rate_hz;
     let length_s = (body.frames.len().max(1) - 1) as f64 * dt_s;
     let Span { start_s, end_s } = part.unwrap_or(Span { start_s: 0.0, end_s: length_s });
+    let outside = |what: &str| {
+        Error::of(ErrorKind::OutsideLimits, what)
+            .at(motion)
+            .got(format!("{start_s} to {end_s} s"))
+            .allowed(format!("0 to {length_s:.2} s"))
+    };
+    // A capture is a frame longer than its last frame is late.
+    if end_s > length_s + dt_s && start_s < length_s {
+        return Err(outside("this part goes beyond the end of the capture"));
+    }
     // All of the capture is looked at: contacts and floor need what was before.
     let rows: Vec<FeatureRow> = body
         .frames
@@ -120,13 +130,7 @@ fn seen(example: &str, reading: &CaptureOptions) -> Result<(ModelExample, Vec<Fe
         .map(|(_, row)| row)
         .collect();
     if rows.len() < 2 {
-        return Err(Error::of(
-            ErrorKind::OutsideLimits,
-            "there is nothing in this part of the capture",
-        )
-        .at(motion)
-        .got(format!("{start_s} to {end_s} s"))
-        .allowed(format!("0 to {length_s:.2} s")));
+        return Err(outside("there is nothing in this part of the capture"));
     }
     Ok((ModelExample { motion: motion.to_owned(), start_s, end_s, fired: 0 }, rows))
 }

@@ -230,11 +230,11 @@ pub fn read_model(path: &Path) -> Result<ActionModel, Error> {
         let fits = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
         let is_name = name.chars().all(fits);
         let other = path.with_file_name(format!("{name}.toml"));
-        let text = if is_name { model_text(&other).ok() } else { None };
-        match text {
-            Some(text) => file::parse(&text, name, &Bands::default(), &|_| None).ok(),
-            None => vocabulary::find(name).ok(),
+        if !is_name || !other.exists() {
+            return vocabulary::find(name);
         }
+        let place = other.display().to_string();
+        file::parse(&model_text(&other)?, &place, &Bands::default(), &file::none_to_mirror)
     };
     file::parse(&model_text(path)?, &path.display().to_string(), &Bands::default(), &beside)
 }

@@ -167,6 +167,8 @@ pub struct CorruptionFigures {
     pub corruption: &'static str,
     /// Of all classes together; what needs a joint that is not seen is not asked for.
     pub global: ClassFigures,
+    /// By class.
+    pub per_class: Vec<ClassFigures>,
     /// How much later an action is known than in the clip as it stands, s of it, mean over what is right in both.
     pub delay_s: Option<f64>,
 }
@@ -287,9 +289,11 @@ pub fn classification(
     let mut report = score.report(count);
     let figures = tried.iter().zip(corrupted).map(|((name, _), (score, delays))| {
         let all = delays.len() as f64;
+        let report = score.report(count);
         CorruptionFigures {
             corruption: name,
-            global: score.report(count).global,
+            global: report.global,
+            per_class: report.per_class,
             delay_s: (all > 0.0).then(|| delays.iter().sum::<f64>() / all),
         }
     });

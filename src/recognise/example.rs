@@ -229,7 +229,7 @@ fn common(
 mod tests {
     use super::*;
     use crate::recognise::machine::{ActionEvent, ModelMachine};
-    use crate::recognise::model::file::{Bands, parse};
+    use crate::recognise::model::file::{Bands, none_to_mirror, parse};
     use crate::recognise::posture::EquationReading;
 
     const DT_S: f64 = 0.02;
@@ -259,7 +259,7 @@ mod tests {
     }
 
     fn fires(text: &str, rows: &[FeatureRow]) -> usize {
-        let model = parse(text, "reach-r", &Bands::default(), &|_| None).expect(text);
+        let model = parse(text, "reach-r", &Bands::default(), &none_to_mirror).expect(text);
         let mut machine = ModelMachine::new(EquationReading::Repaired);
         let mut done = 0;
         let mut tell =

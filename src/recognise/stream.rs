@@ -155,7 +155,7 @@ impl Recogniser {
 mod tests {
     use super::*;
     use crate::body::{BodyFigure, Dof, JointAngles, Proportions, Segment};
-    use crate::recognise::model::file::{Bands, parse};
+    use crate::recognise::model::file::{Bands, none_to_mirror, parse};
     use glam::{DQuat, DVec3};
 
     const RATE_HZ: f64 = 50.0;
@@ -180,7 +180,7 @@ mod tests {
         let text = "schema = 1\nname = \"raise-l\"\n\
             [[phase]]\nname = \"up\"\nposture = \"standing\"\nleft_hand = { vertical = \"up 0.5..\" }\n\
             [[phase]]\nname = \"down\"\nleft_hand = { vertical = \"down 0.5..\" }\n";
-        parse(text, "raise-l", &Bands::default(), &|_| None).expect("a model")
+        parse(text, "raise-l", &Bands::default(), &none_to_mirror).expect("a model")
     }
 
     fn recogniser() -> Recogniser {

@@ -115,7 +115,17 @@ struct RawPhase {
 }
 
 /// Where other models are looked up by name, for `mirror_of`.
-pub type Models<'a> = &'a dyn Fn(&str) -> Option<ActionModel>;
+pub type Models<'a> = &'a dyn Fn(&str) -> Result<ActionModel, Error>;
+
+/// Finds no model to mirror: a model that is mirrored itself, or that stands alone, mirrors no other.
+///
+/// # Errors
+/// Always, with the name that was asked for.
+pub fn none_to_mirror(name: &str) -> Result<ActionModel, Error> {
+    Err(Error::of(ErrorKind::Unknown, "there is no model here to mirror")
+        .got(name)
+        .remedy("name the model that has the phases: what is mirrored cannot be mirrored again"))
+}
 
 fn malformed(what: impl Into<String>) -> Error {
     Error::of(ErrorKind::Malformed, what)
@@ -173,8 +183,9 @@ fn model(raw: RawModel, bands: &Bands, models: Models<'_>) -> Result<ActionModel
             return Err(malformed("a mirrored model has nothing of its own but name and note")
                 .remedy("leave out everything but schema, name, note, source and mirror_of"));
         }
-        let found = models(other).ok_or_else(|| {
-            Error::of(ErrorKind::Unknown, "no such model to mirror").got(other.clone())
+        let found = models(other).map_err(|error| match &error.place {
+            Some(within) => error.clone().at(format!("mirror_of, {within}")),
+            None => error.at("mirror_of"),
         })?;
         let own = |text: String, other: String| if text.is_empty() { other } else { text };
         let mirrored = found.mirrored();

@@ -35,17 +35,18 @@ pub fn text(name: &str) -> Option<&'static str> {
 /// # Errors
 /// If there is none of that name.
 pub fn find(name: &str) -> Result<ActionModel, Error> {
-    let Some(text) = text(name) else {
-        let known: Vec<&str> = names().collect();
-        return Err(Error::of(ErrorKind::Unknown, "no such model ships with gaitway")
-            .got(name)
-            .allowed(known.join(", ")));
-    };
+    let text = text(name).ok_or_else(|| absent(name))?;
     file::parse(text, &format!("models/{name}.toml"), &Bands::default(), &|other| {
-        // A model that is mirrored mirrors no other.
-        let text = self::text(other)?;
-        file::parse(text, other, &Bands::default(), &|_| None).ok()
+        let text = self::text(other).ok_or_else(|| absent(other))?;
+        file::parse(text, other, &Bands::default(), &file::none_to_mirror)
     })
+}
+
+fn absent(name: &str) -> Error {
+    let known: Vec<&str> = names().collect();
+    Error::of(ErrorKind::Unknown, "no such model ships with gaitway")
+        .got(name)
+        .allowed(known.join(", "))
 }
 
 /// All shipped models.

@@ -2,7 +2,7 @@ use super::*;
 
 fn read(phases: &str) -> Result<ActionModel, Error> {
     let text = format!("schema = 1\nname = \"a\"\n{phases}");
-    parse(&text, "a.toml", &Bands::default(), &|_| None)
+    parse(&text, "a.toml", &Bands::default(), &none_to_mirror)
 }
 
 fn refused(phases: &str) -> String {
@@ -119,7 +119,8 @@ fn leading_phases_lead_to_the_next_one_and_never_in_a_circle() {
 
 #[test]
 fn a_model_of_a_version_to_come_or_of_a_wild_name_is_refused() {
-    let read = |text: &str| parse(text, "a.toml", &Bands::default(), &|_| None).expect_err(text);
+    let read =
+        |text: &str| parse(text, "a.toml", &Bands::default(), &none_to_mirror).expect_err(text);
     assert!(read("schema = 2\nname = \"a\"").to_string().contains("schema = 1"));
     assert!(read("schema = 1\nname = \"../a\"").to_string().contains("hyphens"));
     assert!(read("schema = 1\nname = \"a\"\nmirror_of = \"b\"").to_string().contains("mirror"));
