@@ -2,6 +2,7 @@
 //! as joint angles of the body model; markers as another kind of file.
 
 use super::report::Outcome;
+use super::signals::Signals;
 use super::terminal::Terminal;
 use super::{Output, Remarks};
 use crate::body::Proportions;
@@ -231,7 +232,8 @@ fn of_markers(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
         file: args.out.clone(),
         replace: args.force,
     };
-    let report = markers::convert(&order, &Terminal::unheard(remarks))?;
+    let signals = Signals::listened()?;
+    let report = markers::convert(&order, &Terminal::new(remarks, &signals))?;
     for note in &report.notes {
         remarks.say(note);
     }
