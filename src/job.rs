@@ -4,7 +4,9 @@
 mod bodily;
 pub mod calibrate;
 pub mod clean;
+mod clean_aids;
 pub mod clean_check;
+pub mod clean_folder;
 pub mod composition;
 pub mod convert;
 pub mod cut;

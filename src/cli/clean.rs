@@ -5,9 +5,10 @@ use super::{Deed, Output, Remarks};
 use crate::error::Error;
 use crate::job::clean::{ArtefactFigures, CleanOrder, CleanReport, Remedy, clean};
 use crate::job::clean_check::{CheckOrder, check};
+use crate::job::clean_folder::{FolderOrder, clean_folder};
 use clap::Args;
 use std::fmt::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Expected errors of fills that may be asked for, mm.
 const TOLERANCES_MM: std::ops::RangeInclusive<f64> = 0.0..=1000.0;
@@ -46,13 +47,18 @@ pub struct CleanArgs {
     /// Only look: write nothing, rank trials by doubt
     #[arg(long, conflicts_with_all = ["output_file", "edits", "tolerance"])]
     check: bool,
-    /// With --check: most of a trial's samples that may be doubtful, % [default: by the folder's clean.toml, else 1]
-    #[arg(long, value_name = "PERCENT", value_parser = percent, requires = "check",
-          allow_negative_numbers = true)]
+    /// With --check, or of a folder: most of a trial's samples that may be doubtful, % [default: by the folder's clean.toml, else 1]
+    #[arg(long, value_name = "PERCENT", value_parser = percent, allow_negative_numbers = true)]
     most_doubt: Option<f64>,
     /// Edit list: applied if the file is there, else written [default: beside OUT]
     #[arg(long, value_name = "EDITS.toml")]
     edits: Option<PathBuf>,
+    /// Trial in which the same person stands still, for fills by the skeleton [default: the trial itself]
+    #[arg(long = "static", value_name = "FILE", conflicts_with = "check")]
+    static_trial: Option<PathBuf>,
+    /// Other trial with the same markers, or a folder of them, from which fills may be learned
+    #[arg(long, value_name = "FILE|FOLDER", conflicts_with = "check")]
+    others: Vec<PathBuf>,
     /// Write a page that shows the markers as they were and are, with everything found on a time line
     #[arg(long, value_name = "FILE.html", conflicts_with = "check")]
     html: Option<PathBuf>,
@@ -87,6 +93,14 @@ pub fn run(args: &CleanArgs, remarks: Remarks) -> Result<i32, Error> {
     let Some(output_file) = args.output_file.as_deref().filter(|_| !args.check) else {
         return looked_at(args, remarks);
     };
+    if args.file.is_dir() {
+        return of_folder(args, output_file, remarks);
+    }
+    if args.most_doubt.is_some() {
+        return Err(Error::new("this option does not go with one file")
+            .at("--most-doubt")
+            .allowed("--check, or a folder of trials"));
+    }
     let list = args.edits.clone().filter(|file| !file.exists());
     args.output.check_files(&[&Some(output_file.to_owned()), &list, &args.html])?;
     let mut outputs = vec![output_file];
@@ -99,12 +113,70 @@ pub fn run(args: &CleanArgs, remarks: Remarks) -> Result<i32, Error> {
         file: output_file.to_owned(),
         edits: args.edits.clone(),
         tolerance_m: args.tolerance / 1e3,
+        static_trial: args.static_trial.clone(),
+        others: args.others.clone(),
         html: args.html.clone(),
         replace: args.output.force(),
     };
     let report = clean(&order, &Terminal::unheard(remarks))?;
     let code = report.outcome.exit_code();
     Ok(args.output.conclude(&report, &words(&report, remarks), Deed::Work, code))
+}
+
+/// Cleans the trials of a folder; exit code 3 if one is above what is allowed, or cannot be cleaned.
+fn of_folder(args: &CleanArgs, output: &Path, remarks: Remarks) -> Result<i32, Error> {
+    let of_files = [("--edits", &args.edits), ("--html", &args.html)];
+    if let Some((option, _)) = of_files.iter().find(|(_, given)| given.is_some()) {
+        return Err(Error::new("this option goes with one file").at(*option).remedy(
+            "of a folder, edit lists stand beside what is written, and are applied again",
+        ));
+    }
+    if !args.others.is_empty() {
+        return Err(Error::new("this option goes with one file")
+            .at("--others")
+            .remedy("of a folder, each trial has the others of it for others"));
+    }
+    args.output.check_files(&[])?;
+    let order = FolderOrder {
+        folder: args.file.clone(),
+        output: output.to_owned(),
+        rate_hz: args.rate,
+        tolerance_m: args.tolerance / 1e3,
+        static_trial: args.static_trial.clone(),
+        most_doubt: args.most_doubt.map(|percent| percent / 100.0),
+        replace: args.output.force(),
+    };
+    let report = clean_folder(&order, &Terminal::unheard(remarks))?;
+    let percent =
+        |doubt: Option<f64>| doubt.map_or("-".to_owned(), |of| format!("{:.2}", of * 100.0));
+    let mut text = format!(
+        "{:>8}  {:>8}  {:>5}  {:>9}  {:>5}  {:>4}  trial\n",
+        "before %", "after %", "round", "artefacts", "left", "s"
+    );
+    for of in &report.trials {
+        let said = match (&of.error, of.above.as_slice()) {
+            (Some(error), _) => format!(": {}", error.lines().next().unwrap_or_default()),
+            (None, []) => String::new(),
+            (None, above) => format!(" (too much: {})", above.join(", ")),
+        };
+        let _ = writeln!(
+            text,
+            "{:>8}  {:>8}  {:>5}  {:>9}  {:>5}  {:>4.0}  {}{said}",
+            percent(of.doubt_before),
+            percent(of.doubt_after),
+            of.round,
+            of.artefacts,
+            of.not_mended,
+            of.machine_s,
+            of.trial
+        );
+    }
+    let files = report.thresholds.iter().map(|file| ("thresholds", file));
+    for (what, file) in files.chain([("rounds", &report.rounds)]) {
+        let _ = writeln!(text, "{what:10} {file}");
+    }
+    let code = report.outcome.exit_code();
+    Ok(args.output.conclude(&report, &text, Deed::Work, code))
 }
 
 /// Looks at trials; exit code 3 if one has more doubt than allowed.
