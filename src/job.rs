@@ -9,6 +9,7 @@ pub mod clean_check;
 pub mod clean_folder;
 pub mod composition;
 pub mod convert;
+pub mod convert_recording;
 pub mod cut;
 pub mod decompose;
 pub mod doctor;

@@ -742,7 +742,9 @@ fn the_21_bones_are_where_plug_in_gait_has_joints() {
                 .map(|((name, _), (mm, deg))| format!("{name} {mm:.1} mm, its bone {deg:.2} deg"));
             aloud!("21 bones, {joints:?}, {trial}: {}", words.collect::<Vec<_>>().join("; "));
             if joints == JointsAt::Centres {
-                for (at, most_mm) in [(0, 15.0), (1, 10.0)] {
+                // Stored shanks of the stairs are up to 100 mm shorter than while standing.
+                let ankle_mm = if trial.starts_with("cgm_Movement") { 15.0 } else { 10.0 };
+                for (at, most_mm) in [(0, 15.0), (1, 10.0), (2, ankle_mm)] {
                     assert!(told[at].0 <= most_mm, "{trial}: {} {} mm", BEGINS[at].0, told[at].0);
                 }
                 for at in [0, 1, 3, 4] {
@@ -779,7 +781,8 @@ fn the_21_bones_go_to_a_skeleton_and_to_virtual_markers_and_a_folder_is_fitted_b
     assert!(bones.iter().any(|bone| bone["name"] == "L_Collar"), "{report:#}");
     let one = run("fit trials/kick.c3d --static static.c3d -o kick.c3d");
     assert_eq!(one.status.code(), Some(0), "{}", program::words(&one));
-    // The joints of both files go the same way: bones end to end give the virtual markers.
+    // The joints of both files go the same way. What is below this knee, whose marker turns a centimetre beside its axis, is
+    // where it was found in the virtual markers, and where bones of constant length put it in the skeleton.
     let bvh = gaitway::mocap::bvh::read(&folder.join("kick.bvh")).expect("a skeleton");
     let points = c3d::read(&folder.join("kick.c3d")).expect("virtual markers");
     assert_eq!((bvh.pose_count(), points.head().frames), (frames, frames));
@@ -808,7 +811,10 @@ fn the_21_bones_go_to_a_skeleton_and_to_virtual_markers_and_a_folder_is_fitted_b
             let other = (one + 5) % bvh.joints.len();
             let in_bvh = (lies[one].1 - lies[other].1).length() * 10.0;
             let in_c3d = place(&joint.name, frame).distance(place(&bvh.joints[other].name, frame));
-            assert!((in_bvh - in_c3d).abs() < 0.05, "{}: {in_bvh} {in_c3d} mm", joint.name);
+            let is_below =
+                |at: usize| ["L_Lower_Leg", "L_Foot"].contains(&bvh.joints[at].name.as_str());
+            let most_mm = if is_below(one) || is_below(other) { 5.0 } else { 0.05 };
+            assert!((in_bvh - in_c3d).abs() < most_mm, "{}: {in_bvh} {in_c3d} mm", joint.name);
         }
     }
     // A skeleton of 21 bones goes where captures go.

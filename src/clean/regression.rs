@@ -8,7 +8,7 @@ use nalgebra::{DMatrix, DVector};
 const RIDGE: f64 = 1e-3;
 
 /// How neighbours lie about their middle, where the marker is from there, m, and how much that counts.
-pub type Row = (DVector<f64>, DVec3, f64);
+pub type LearnedRow = (DVector<f64>, DVec3, f64);
 
 /// Where a marker is among its neighbours.
 #[derive(Clone, Debug)]
@@ -31,7 +31,7 @@ impl Regression {
         frames: &[usize],
         weight: impl Fn(usize) -> f64,
     ) -> Option<Self> {
-        let rows: Vec<Row> = frames
+        let rows: Vec<LearnedRow> = frames
             .iter()
             .enumerate()
             .filter_map(|(at, frame)| {
@@ -44,7 +44,7 @@ impl Regression {
 
     /// Learned from rows; `None` of too few.
     #[must_use]
-    pub fn of_rows(donors: &[usize], rows: &[Row]) -> Option<Self> {
+    pub fn of_rows(donors: &[usize], rows: &[LearnedRow]) -> Option<Self> {
         let size = 3 * donors.len();
         // As many frames as factors would fit anything.
         if rows.len() < 2 * size {

@@ -5,10 +5,10 @@ use super::{Deed, Output, Remarks};
 use crate::error::Error;
 use crate::job::clean::{ArtefactFigures, CleanOrder, CleanReport, Remedy, clean};
 use crate::job::clean_check::{CheckOrder, check};
-use crate::job::clean_folder::{FolderOrder, clean_folder};
+use crate::job::clean_folder::clean_folder;
 use clap::Args;
 use std::fmt::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Expected errors of fills that may be asked for, mm.
 const TOLERANCES_MM: std::ops::RangeInclusive<f64> = 0.0..=1000.0;
@@ -93,20 +93,6 @@ pub fn run(args: &CleanArgs, remarks: Remarks) -> Result<i32, Error> {
     let Some(output_file) = args.output_file.as_deref().filter(|_| !args.check) else {
         return looked_at(args, remarks);
     };
-    if args.file.is_dir() {
-        return of_folder(args, output_file, remarks);
-    }
-    if args.most_doubt.is_some() {
-        return Err(Error::new("this option does not go with one file")
-            .at("--most-doubt")
-            .allowed("--check, or a folder of trials"));
-    }
-    let list = args.edits.clone().filter(|file| !file.exists());
-    args.output.check_files(&[&Some(output_file.to_owned()), &list, &args.html])?;
-    let mut outputs = vec![output_file];
-    outputs.extend(list.as_deref());
-    outputs.extend(args.html.as_deref());
-    args.output.check_apart(&args.file, &outputs)?;
     let order = CleanOrder {
         markers: args.file.clone(),
         rate_hz: args.rate,
@@ -118,63 +104,43 @@ pub fn run(args: &CleanArgs, remarks: Remarks) -> Result<i32, Error> {
         html: args.html.clone(),
         replace: args.output.force(),
     };
+    if args.file.is_dir() {
+        args.output.check_files(&[])?;
+        return of_folder(args, &order, remarks);
+    }
+    if args.most_doubt.is_some() {
+        return Err(Error::new("--most-doubt goes with --check, or with a folder"));
+    }
+    let list = args.edits.clone().filter(|file| !file.exists());
+    args.output.check_files(&[&Some(output_file.to_owned()), &list, &args.html])?;
+    let mut outputs = vec![output_file];
+    outputs.extend(list.as_deref());
+    outputs.extend(args.html.as_deref());
+    args.output.check_apart(&args.file, &outputs)?;
     let report = clean(&order, &Terminal::unheard(remarks))?;
     let code = report.outcome.exit_code();
     Ok(args.output.conclude(&report, &words(&report, remarks), Deed::Work, code))
 }
 
 /// Cleans the trials of a folder; exit code 3 if one is above what is allowed, or cannot be cleaned.
-fn of_folder(args: &CleanArgs, output: &Path, remarks: Remarks) -> Result<i32, Error> {
-    let of_files = [("--edits", &args.edits), ("--html", &args.html)];
-    if let Some((option, _)) = of_files.iter().find(|(_, given)| given.is_some()) {
-        return Err(Error::new("this option goes with one file").at(*option).remedy(
-            "of a folder, edit lists stand beside what is written, and are applied again",
-        ));
-    }
-    if !args.others.is_empty() {
-        return Err(Error::new("this option goes with one file")
-            .at("--others")
-            .remedy("of a folder, each trial has the others of it for others"));
-    }
-    args.output.check_files(&[])?;
-    let order = FolderOrder {
-        folder: args.file.clone(),
-        output: output.to_owned(),
-        rate_hz: args.rate,
-        tolerance_m: args.tolerance / 1e3,
-        static_trial: args.static_trial.clone(),
-        most_doubt: args.most_doubt.map(|percent| percent / 100.0),
-        replace: args.output.force(),
-    };
-    let report = clean_folder(&order, &Terminal::unheard(remarks))?;
+fn of_folder(args: &CleanArgs, order: &CleanOrder, remarks: Remarks) -> Result<i32, Error> {
+    let most_doubt = args.most_doubt.map(|percent| percent / 100.0);
+    let report = clean_folder(order, most_doubt, &Terminal::unheard(remarks))?;
     let percent =
-        |doubt: Option<f64>| doubt.map_or("-".to_owned(), |of| format!("{:.2}", of * 100.0));
-    let mut text = format!(
-        "{:>8}  {:>8}  {:>5}  {:>9}  {:>5}  {:>4}  trial\n",
-        "before %", "after %", "round", "artefacts", "left", "s"
-    );
+        |doubt: Option<f64>| doubt.map_or("-".to_owned(), |of| format!("{:.2}", of * 1e2));
+    let mut text = "before %   after %  round  artefacts   left     s  trial\n".to_owned();
     for of in &report.trials {
-        let said = match (&of.error, of.above.as_slice()) {
-            (Some(error), _) => format!(": {}", error.lines().next().unwrap_or_default()),
-            (None, []) => String::new(),
-            (None, above) => format!(" (too much: {})", above.join(", ")),
-        };
+        let error = of.error.as_ref().map(|error| format!(": {}", error.replace('\n', " ")));
+        let said = error.unwrap_or_else(|| too_much(&of.above));
+        let (before, after) = (percent(of.doubt_before), percent(of.doubt_after));
+        let (round, wrong, left) = (of.round, of.artefacts, of.not_mended);
+        let (machine_s, trial) = (of.machine_s, &of.trial);
         let _ = writeln!(
             text,
-            "{:>8}  {:>8}  {:>5}  {:>9}  {:>5}  {:>4.0}  {}{said}",
-            percent(of.doubt_before),
-            percent(of.doubt_after),
-            of.round,
-            of.artefacts,
-            of.not_mended,
-            of.machine_s,
-            of.trial
+            "{before:>8}  {after:>8}  {round:>5}  {wrong:>9}  {left:>5}  {machine_s:>4.0}  {trial}{said}"
         );
     }
-    let files = report.thresholds.iter().map(|file| ("thresholds", file));
-    for (what, file) in files.chain([("rounds", &report.rounds)]) {
-        let _ = writeln!(text, "{what:10} {file}");
-    }
+    let _ = writeln!(text, "rounds    {}", report.rounds);
     let code = report.outcome.exit_code();
     Ok(args.output.conclude(&report, &text, Deed::Work, code))
 }
@@ -189,18 +155,14 @@ fn looked_at(args: &CleanArgs, remarks: Remarks) -> Result<i32, Error> {
         most_doubt: args.most_doubt.map(|percent| percent / 100.0),
     };
     let report = check(&order, &Terminal::unheard(remarks))?;
-    let mut text =
-        format!("{:>8}  {:>8}  {:>7}  {:>6}  trial\n", "doubt %", "s", "markers", "joints");
+    let mut text = " doubt %         s  markers  joints  trial\n".to_owned();
     for trial in &report.trials {
         let doubt = trial.doubt.map_or("-".to_owned(), |of| format!("{:.2}", of * 100.0));
         let kinds = trial.artefacts.iter().map(|(kind, count)| format!("{count} {}", kind.word()));
         let found = trial.error.iter().cloned().chain(kinds).collect::<Vec<_>>().join(", ");
         let said = if found.is_empty() { String::new() } else { format!(": {found}") };
-        let above = match trial.above.as_slice() {
-            [] => String::new(),
-            _ if trial.error.is_some() => String::new(),
-            above => format!(" (too much: {})", above.join(", ")),
-        };
+        let is_read = trial.error.is_none();
+        let above = if is_read { too_much(&trial.above) } else { String::new() };
         let (duration_s, markers, joints) =
             (trial.duration_s, trial.marker_count, trial.joint_count);
         let _ = writeln!(
@@ -214,6 +176,10 @@ fn looked_at(args: &CleanArgs, remarks: Remarks) -> Result<i32, Error> {
     }
     let code = report.outcome.exit_code();
     Ok(args.output.conclude(&report, &text, Deed::Look, code))
+}
+
+fn too_much(above: &[String]) -> String {
+    if above.is_empty() { String::new() } else { format!(" (too much: {})", above.join(", ")) }
 }
 
 fn words(report: &CleanReport, remarks: Remarks) -> String {

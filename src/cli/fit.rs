@@ -166,24 +166,13 @@ fn of_folder(args: &FitArgs, order: &FitOrder, remarks: Remarks) -> Result<i32, 
     let report = fit_folder(order, &Terminal::unheard(remarks))?;
     let mut text = String::new();
     for trial in &report.trials {
-        let said = match (&trial.report, &trial.error) {
-            (Some(report), _) => {
-                let unseen = report.unseen.len();
-                let most =
-                    report.markers.iter().map(|marker| marker.residual_m).fold(0.0, f64::max);
-                format!(
-                    "{}, {} frames, {} markers, the worst {:.1} mm rms off, {unseen} times unseen",
-                    report.outcome.word(),
-                    report.frames,
-                    report.markers.len(),
-                    most * 1e3
-                )
-            }
-            (None, error) => error.as_deref().unwrap_or_default().replace('\n', " "),
-        };
-        let _ = writeln!(text, "{}: {said}", trial.trial);
+        let done = trial.report.as_ref().map(|of| {
+            let (word, frames, unseen) = (of.outcome.word(), of.frames, of.unseen.len());
+            format!("{word}, {frames} frames, {unseen} times a segment was not seen")
+        });
+        let said = done.or_else(|| trial.error.as_ref().map(|error| error.replace('\n', " ")));
+        let _ = writeln!(text, "{}: {}", trial.trial, said.unwrap_or_default());
     }
-    let _ = writeln!(text, "written   {}", args.output_file.display());
     let code = report.outcome.exit_code();
     Ok(args.output.conclude(&report, &text, Deed::Work, code))
 }

@@ -36,25 +36,6 @@ const TITLES: [&str; 11] = [
 /// Most bytes of it.
 const MOST_BYTES: u64 = 1 << 26;
 
-/// Which trials are cleaned into which folder.
-#[derive(Clone, Debug, PartialEq)]
-pub struct FolderOrder {
-    /// A folder of files of markers, and of folders of them.
-    pub folder: PathBuf,
-    /// The folder of the cleaned. Edit lists that are in it are applied.
-    pub output: PathBuf,
-    /// Frames per second, where a file does not say them.
-    pub rate_hz: Option<f64>,
-    /// Gaps whose fill is expected to miss by more are left, m.
-    pub tolerance_m: f64,
-    /// Markers of the person who stands still.
-    pub static_trial: Option<PathBuf>,
-    /// More doubt than this after cleaning fails; by the folder's own thresholds unless it is said here.
-    pub most_doubt: Option<f64>,
-    /// Files may replace those that are there.
-    pub replace: bool,
-}
-
 /// What came of it.
 #[derive(Clone, Debug, Serialize)]
 pub struct FolderReport {
@@ -105,24 +86,38 @@ pub struct RoundFigures {
     pub error: Option<String>,
 }
 
-/// Cleans the trials of a folder.
+/// Cleans the trials of a folder into another (`markers` and `file` of the order), in which edit lists that are there are
+/// applied. More than `most_doubt` after cleaning fails; by the folder's own thresholds unless it is said.
 ///
 /// # Errors
 /// A folder that cannot be read, or without files of markers; thresholds or a table of rounds that are none; files that
-/// exist or cannot be written. A trial among others that cannot be cleaned is part of the report.
-pub fn clean_folder(order: &FolderOrder, observer: &dyn Observer) -> Result<FolderReport, Error> {
-    let allowed = Allowed::of(&order.folder, order.most_doubt)?;
+/// exist or cannot be written; what goes with one trial alone. A trial among others that cannot be cleaned is part of the
+/// report.
+pub fn clean_folder(
+    order: &CleanOrder,
+    most_doubt: Option<f64>,
+    observer: &dyn Observer,
+) -> Result<FolderReport, Error> {
+    if order.edits.is_some() || order.html.is_some() || !order.others.is_empty() {
+        return Err(Error::new("edit lists, pages and other trials are named for one file alone")
+            .at(order.markers.display().to_string())
+            .remedy(
+                "of a folder, edit lists stand beside what is written and are applied again, and each \
+                 trial has the others; leave --edits, --html and --others out",
+            ));
+    }
+    let allowed = Allowed::of(&order.markers, most_doubt)?;
     let trials = trials(order)?;
-    let mut kept = Rounds::read(&order.output.join(ROUNDS))?;
+    let mut kept = Rounds::read(&order.file.join(ROUNDS))?;
     for trial in &trials {
-        check_free(&order.output.join(trial), order.replace)?;
+        check_free(&order.file.join(trial), order.replace)?;
     }
     let total = 2 * trials.len() as u64;
     let mut others = Vec::new();
     for (done, trial) in trials.iter().enumerate() {
         observer.hear(Event::Step { done: done as u64, total, what: "trials" });
         // What cannot be read is told of below, and helps nobody.
-        let read = OtherTrial::read_into(&mut others, &order.folder.join(trial), order.rate_hz);
+        let read = OtherTrial::read_into(&mut others, &order.markers.join(trial), order.rate_hz);
         if matches!(read, Ok(false)) {
             break;
         }
@@ -146,7 +141,7 @@ pub fn clean_folder(order: &FolderOrder, observer: &dyn Observer) -> Result<Fold
     Ok(FolderReport {
         outcome: if is_good { Outcome::Done } else { Outcome::DoneWithLoss },
         most_doubt: allowed.most_doubt,
-        thresholds: allowed.file.map(|file| taken_along(&file, &order.output)).transpose()?,
+        thresholds: allowed.file.map(|file| taken_along(&file, &order.file)).transpose()?,
         most: allowed.most,
         trials: figures,
         rounds: kept.file.display().to_string(),
@@ -154,34 +149,34 @@ pub fn clean_folder(order: &FolderOrder, observer: &dyn Observer) -> Result<Fold
 }
 
 /// The trials, from the folder on; not those that were cleaned into a folder in it.
-fn trials(order: &FolderOrder) -> Result<Vec<PathBuf>, Error> {
+fn trials(order: &CleanOrder) -> Result<Vec<PathBuf>, Error> {
     let whole = |path: &Path| std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
-    let (folder, output) = (whole(&order.folder), whole(&order.output));
+    let (folder, output) = (whole(&order.markers), whole(&order.file));
     if folder == output {
         return Err(Error::of(
             ErrorKind::Refused,
             "the cleaned would stand in the place of the trials",
         )
-        .at(order.output.display().to_string())
+        .at(order.file.display().to_string())
         .remedy("name another folder"));
     }
     let mut found = Vec::new();
-    marker_files_in(&order.folder, &mut found)?;
+    marker_files_in(&order.markers, &mut found)?;
     found.retain(|file| !whole(file).starts_with(&output));
-    let from_here = found.iter().filter_map(|file| file.strip_prefix(&order.folder).ok());
+    let from_here = found.iter().filter_map(|file| file.strip_prefix(&order.markers).ok());
     let trials: Vec<PathBuf> = from_here.map(Path::to_owned).collect();
     if trials.is_empty() {
         return Err(Error::of(ErrorKind::Absent, "the folder has no trials of markers")
-            .at(order.folder.display().to_string())
+            .at(order.markers.display().to_string())
             .allowed("files that end in .c3d, .trc, .csm, or tables (.csv) of markers"));
     }
     Ok(trials)
 }
 
 /// Cleans one trial, and looks at what came of it.
-fn of_trial(order: &FolderOrder, trial: &Path, aids: &AidFiles, allowed: &Allowed) -> RoundFigures {
+fn of_trial(order: &CleanOrder, trial: &Path, aids: &AidFiles, allowed: &Allowed) -> RoundFigures {
     let begun = Instant::now();
-    let (from, to) = (order.folder.join(trial), order.output.join(trial));
+    let (from, to) = (order.markers.join(trial), order.file.join(trial));
     let list = to.with_extension("edits.toml");
     let by_edit_list = list.exists();
     let before = looked_at(&from, order.rate_hz);
@@ -192,14 +187,10 @@ fn of_trial(order: &FolderOrder, trial: &Path, aids: &AidFiles, allowed: &Allowe
     let cleaned = folder.and_then(|()| {
         let order = CleanOrder {
             markers: from.clone(),
-            rate_hz: order.rate_hz,
             file: to.clone(),
             edits: Some(list.clone()),
-            tolerance_m: order.tolerance_m,
             static_trial: None,
-            others: Vec::new(),
-            html: None,
-            replace: order.replace,
+            ..order.clone()
         };
         clean_with(&order, Some(aids.of(&from)), &Nobody)
     });

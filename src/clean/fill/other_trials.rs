@@ -5,7 +5,7 @@
 use super::super::aids::marker_called;
 use super::super::edge::bridge;
 use super::super::neighbours::Neighbour;
-use super::super::regression::{Regression, Row};
+use super::super::regression::{LearnedRow, Regression};
 use super::super::trial::{Gap, Trial};
 use super::{donors, learned};
 use crate::mocap::fit::rigid::turn_over;
@@ -33,7 +33,7 @@ pub(super) fn fill(
     let frames = learned(trial, gap, &donors);
     let donors: Vec<usize> = donors.iter().map(|of| of.marker).collect();
     let (reference, ..) = lie(trial, &donors, gap.frames.start - 1)?;
-    let mut rows: Vec<Row> = Vec::new();
+    let mut rows: Vec<LearnedRow> = Vec::new();
     let called = |other: &Trial, marker: &usize| marker_called(other, trial.labels().get(*marker)?);
     for other in others {
         let here = donors.iter().map(|marker| called(other, marker));
@@ -65,7 +65,7 @@ fn row(
     donors: &[usize],
     frame: usize,
     reference: &[DVec3],
-) -> Option<Row> {
+) -> Option<LearnedRow> {
     let place = trial.at(marker, frame)?;
     let (lie, middle) = lie(trial, donors, frame)?;
     let turn = turn_over(reference, &lie)?;

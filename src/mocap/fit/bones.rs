@@ -135,6 +135,8 @@ struct StoodBone {
     markers: Vec<(MarkerPlace, DVec3, f64)>,
     /// The segment as which it turns.
     segment: Option<Segment>,
+    /// The joint at which it begins, if it is one of the body model.
+    joint: Option<Joint>,
     /// True if it hangs where the one above ends, whatever its markers say.
     hangs: bool,
 }
@@ -147,6 +149,8 @@ pub struct FittedBones {
     upright: DQuat,
     /// Where the first begins, m, and how each is turned from how the person stood; a frame each.
     frames: Vec<(DVec3, Vec<DQuat>)>,
+    /// Joints of the body model as they were found in each frame, m, world with Z up.
+    joints_m: Vec<[Option<DVec3>; 15]>,
     /// Of each bone the sum of squares of what its markers are off, m², and how many there were.
     off: Vec<(f64, usize)>,
     /// Of each bone the frames in which too little of it is seen: it goes with the one that carries it.
@@ -188,6 +192,7 @@ pub fn fit_bones(
         rate_hz: super::rate(trial.head())?,
         upright: body.upright,
         frames: Vec::with_capacity(trial.head().frames),
+        joints_m: Vec::new(),
         off: vec![(0.0, 0); count],
         unseen: vec![0; count],
         notes,
@@ -204,6 +209,7 @@ pub fn fit_bones(
         });
         fitted.take(&seen, &since);
     }
+    fitted.joints_m = work.joints_m;
     Ok(fitted)
 }
 
@@ -260,7 +266,11 @@ fn stood(body: &MarkedBody, notes: &mut Vec<String>) -> Result<Vec<StoodBone>, E
         let hangs = bone.parent.is_some() && own.len() < 3;
         index[at] = Some(bones.len());
         let (name, end) = (bone.name, bone.end);
-        bones.push(StoodBone { parent, name, end, from_m, to_m, markers, segment, hangs });
+        let joint = match bone.from {
+            BonePoint::Joint(joint) => Some(joint),
+            BonePoint::Marker(_) | BonePoint::Middle(_) | BonePoint::MiddleOfBack => None,
+        };
+        bones.push(StoodBone { parent, name, end, from_m, to_m, markers, segment, joint, hangs });
     }
     if !left.is_empty() {
         notes.push(format!("bones that the markers do not show, left out: {}", left.join(", ")));
@@ -334,18 +344,20 @@ impl FittedBones {
         self.bones.iter().enumerate().map(one).collect()
     }
 
-    /// Where bones begin in a frame, and where those end on which nothing hangs, bones of constant length end to end; m,
-    /// axes of the file.
+    /// Where bones begin in a frame, and where those end on which nothing hangs, m, axes of the file: joints of the body
+    /// model where they were found in that frame, all else end to end with bones of constant length.
     #[must_use]
     pub fn points_m(&self, frame: usize) -> Vec<(&'static str, DVec3)> {
         let Some((root_m, turns)) = self.frames.get(frame) else { return Vec::new() };
+        let found = |joint: Joint| self.joints_m.get(frame)?[joint.index()];
         let mut begins: Vec<DVec3> = Vec::with_capacity(self.bones.len());
         let mut ends = Vec::new();
         for (bone, turn) in self.bones.iter().zip(turns) {
-            let from = bone.parent.map_or(*root_m, |parent| {
+            let hung = bone.parent.map_or(*root_m, |parent| {
                 let carrier = &self.bones[parent];
                 begins[parent] + turns[parent] * (bone.from_m - carrier.from_m)
             });
+            let from = bone.joint.and_then(found).unwrap_or(hung);
             begins.push(from);
             ends.extend(bone.end.map(|name| (name, from + *turn * (bone.to_m - bone.from_m))));
         }
