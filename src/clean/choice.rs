@@ -31,12 +31,12 @@ const SHORT_S: f64 = 0.15;
 /// (docs/cleaning.md). Nothing is stored of other trials: it is theirs to tell.
 const STORED_S: [f64; 4] = [0.1, 0.25, 0.5, 1.0];
 const STORED_MM: [(Method, [f64; 4]); 6] = [
-    (Method::Cubic, [0.53, 5.48, 27.4, 85.1]),
-    (Method::Quintic, [0.23, 2.85, 16.5, 79.0]),
-    (Method::RigidBody, [0.35, 3.13, 8.48, 11.2]),
-    (Method::Pattern, [0.29, 1.69, 3.24, 4.41]),
-    (Method::LowRank, [0.36, 2.10, 4.18, 5.80]),
-    (Method::Skeleton, [0.5, 3.0, 7.0, 10.0]),
+    (Method::Cubic, [0.52, 4.74, 25.2, 77.3]),
+    (Method::Quintic, [0.24, 2.40, 15.4, 74.9]),
+    (Method::RigidBody, [0.41, 2.65, 7.18, 10.5]),
+    (Method::Pattern, [0.32, 1.74, 3.43, 4.57]),
+    (Method::LowRank, [0.38, 2.19, 4.29, 6.11]),
+    (Method::Skeleton, [0.68, 3.21, 8.32, 14.3]),
 ];
 
 /// Where it is known from how well a gap is filled.

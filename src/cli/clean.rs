@@ -22,11 +22,15 @@ delete from it, add to it (crop, take out a section, give a piece another name),
 same file again with --edits. Samples that no edit names stay as
 they are, bit for bit; the report has their SHA-256 before and after.
 
-How a gap is filled is found out on the trial itself: gaps as long are cut elsewhere, filled in five
-ways, and compared with what was there. The mean of that is the expected error. See docs/cleaning.md,
-which also says what is missed.
+How a gap is filled is found out on the trial itself: gaps as long are cut elsewhere, filled in seven
+ways, and compared with what was there. The mean of that is the expected error; of a trial that is too
+short other trials tell it, or stored figures, and that is said. See docs/cleaning.md, which also says
+what is missed.
 
 Exit code 3 if something was found and not mended.
+
+Of a folder, OUT is a folder too: each file of markers is cleaned into it, with its edit list, and
+OUT/rounds.csv keeps a row for each round of each trial. Change edit lists and do it again with --force.
 
 --check writes nothing: trials of a folder, ranked by how much of them is part of an artefact. Exit
 code 3 if one has more than --most-doubt, or than the folder's own file clean.toml allows:
@@ -39,9 +43,9 @@ Example: gaitway clean walk.c3d -o walk-clean.c3d
 then:    gaitway clean walk.c3d -o walk-clean.c3d --edits walk-clean.edits.toml --force
 before:  gaitway clean trials/ --check")]
 pub struct CleanArgs {
-    /// Markers in motion (.c3d, .trc, .csm, .csv); with --check also a skeleton (.bvh, .amc), or a folder of both
+    /// Markers in motion (.c3d, .trc, .csm, .csv), or a folder of them; with --check also skeletons (.bvh, .amc)
     file: PathBuf,
-    /// File to write
+    /// File to write, or folder
     #[arg(short, long, value_name = "OUT", required_unless_present = "check")]
     output_file: Option<PathBuf>,
     /// Only look: write nothing, rank trials by doubt
