@@ -10,7 +10,8 @@ use gaitway::body::{Joint, Segment};
 use gaitway::mocap::c3d;
 use gaitway::mocap::fit::bones::fit_bones;
 use gaitway::mocap::fit::centres::{HipBy, JointsAt};
-use gaitway::mocap::fit::{FitSettings, Fitted, fit};
+use gaitway::mocap::fit::marker_set::{Labelled, MarkerPlace};
+use gaitway::mocap::fit::{FitSettings, Fitted, MarkedBody, fit};
 use gaitway::mocap::markers::{
     Frame, FramesOf, Head, MarkerFormat, MarkerPoint, Markers, PointKind, PointSample,
 };
@@ -845,4 +846,27 @@ fn the_21_bones_go_to_a_skeleton_and_to_virtual_markers_and_a_folder_is_fitted_b
     }
     let again = run("fit trials --static static.c3d -o fitted");
     assert_eq!(again.status.code(), Some(1), "nothing is written over");
+}
+
+#[test]
+fn a_marker_is_carried_by_the_others_wherever_it_is_seen_itself() {
+    let trial = markers(named, 40, in_one_piece);
+    let settings = FitSettings::default();
+    let labelled = Labelled::find(trial.head(), &settings.sets, None).expect("a set");
+    let own = |frame| labelled.seen(&trial, frame);
+    let body = MarkedBody::of(Some(&stands()), trial.head(), &own, &settings, &mut Vec::new());
+    let body = body.expect("a body");
+    for place in [MarkerPlace::LKNE, MarkerPlace::RWRA, MarkerPlace::C7, MarkerPlace::LHEE] {
+        let carried = body.carried(place, (0..40).map(own));
+        let astray = (0..40).map(|frame| {
+            let mut seen = own(frame);
+            seen[place as usize] = seen[place as usize].map(|at| at + DVec3::splat(0.05));
+            seen
+        });
+        assert_eq!(body.carried(place, astray), carried, "{place:?}");
+        for (frame, at) in carried.into_iter().enumerate() {
+            let off_m = at.expect("shown").distance(own(frame)[place as usize].expect("seen"));
+            assert!(off_m < 1e-3, "{place:?} in frame {frame}: {off_m} m");
+        }
+    }
 }
