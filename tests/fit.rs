@@ -856,7 +856,13 @@ fn a_marker_is_carried_by_the_others_wherever_it_is_seen_itself() {
     let own = |frame| labelled.seen(&trial, frame);
     let body = MarkedBody::of(Some(&stands()), trial.head(), &own, &settings, &mut Vec::new());
     let body = body.expect("a body");
-    for place in [MarkerPlace::LKNE, MarkerPlace::RWRA, MarkerPlace::C7, MarkerPlace::LHEE] {
+    // The elbow goes by both markers of the wrist: with one it is a little elsewhere.
+    for (place, most_m) in [
+        (MarkerPlace::LKNE, 1e-3),
+        (MarkerPlace::RWRA, 1e-2),
+        (MarkerPlace::C7, 1e-3),
+        (MarkerPlace::LHEE, 1e-3),
+    ] {
         let carried = body.carried(place, (0..40).map(own));
         let astray = (0..40).map(|frame| {
             let mut seen = own(frame);
@@ -866,7 +872,7 @@ fn a_marker_is_carried_by_the_others_wherever_it_is_seen_itself() {
         assert_eq!(body.carried(place, astray), carried, "{place:?}");
         for (frame, at) in carried.into_iter().enumerate() {
             let off_m = at.expect("shown").distance(own(frame)[place as usize].expect("seen"));
-            assert!(off_m < 1e-3, "{place:?} in frame {frame}: {off_m} m");
+            assert!(off_m < most_m, "{place:?} in frame {frame}: {off_m} m");
         }
     }
 }
