@@ -1,7 +1,7 @@
 //! Markers cleaned: what is wrong with a trial is found and mended, and what was done is a list that can be changed and
 //! applied again.
 
-use super::clean_aids::{AidFiles, found};
+use super::clean_aids::{AidFiles, NamedAids, found};
 use super::clean_check::marker_files_in;
 use super::markers::write;
 use super::observer::{Event, Observer};
@@ -239,7 +239,9 @@ pub(super) fn clean_with(
             aids_sha256: None,
             edits: plan.edits,
         };
-        (list.static_trial, list.other_trials, list.aids_sha256) = used(&files, &list)?;
+        let named = used(&files, &list)?;
+        (list.static_trial, list.other_trials) = (named.static_trial, named.others);
+        list.aids_sha256 = named.sha256;
         write_file(&list_file, order.replace, list.to_text()?.as_bytes())?;
     }
     let notes = head.notes.iter().chain(&source.notes).chain(&plan.notes).chain(&left_out);
@@ -361,16 +363,13 @@ fn read_aids(order: &CleanOrder, list: Option<&EditList>) -> Result<AidFiles, Er
 }
 
 /// What an edit list says of the trials that its fills make use of.
-fn used(
-    files: &AidFiles,
-    list: &EditList,
-) -> Result<(Option<String>, Vec<String>, Option<String>), Error> {
+fn used(files: &AidFiles, list: &EditList) -> Result<NamedAids, Error> {
     files.named(list.fills_by(Method::Skeleton), list.fills_by(Method::OtherTrials))
 }
 
 /// Fails if they are others than those that the list was made with.
 fn check_aids(files: &AidFiles, list: &EditList) -> Result<(), Error> {
-    let (.., sha256) = used(files, list)?;
+    let sha256 = used(files, list)?.sha256;
     if list.aids_sha256.is_none() || list.aids_sha256 == sha256 {
         return Ok(());
     }

@@ -26,6 +26,14 @@ pub(super) struct OtherTrial {
     sha256: String,
 }
 
+/// Such files as an edit list names them.
+pub(super) struct NamedAids {
+    pub(super) static_trial: Option<String>,
+    pub(super) others: Vec<String>,
+    /// Of what is in all of them.
+    pub(super) sha256: Option<String>,
+}
+
 /// Files read that help to fill gaps.
 #[derive(Clone, Debug, Default)]
 pub(super) struct AidFiles {
@@ -110,11 +118,7 @@ impl AidFiles {
     ///
     /// # Errors
     /// Never, of what was read.
-    pub(super) fn named(
-        &self,
-        with_static: bool,
-        with_others: bool,
-    ) -> Result<(Option<String>, Vec<String>, Option<String>), Error> {
+    pub(super) fn named(&self, with_static: bool, with_others: bool) -> Result<NamedAids, Error> {
         let stands = self.static_trial.as_deref().filter(|_| with_static);
         let others: Vec<&OtherTrial> = self.others().filter(|_| with_others).collect();
         let shown = |file: &Path| file.display().to_string();
@@ -125,7 +129,8 @@ impl AidFiles {
         others.iter().for_each(|other| all.update(other.sha256.as_bytes()));
         let others: Vec<String> = others.iter().map(|other| shown(&other.file)).collect();
         let is_any = stands.is_some() || !others.is_empty();
-        Ok((stands.map(|(file, _)| shown(file)), others, is_any.then(|| all.finish())))
+        let static_trial = stands.map(|(file, _)| shown(file));
+        Ok(NamedAids { static_trial, others, sha256: is_any.then(|| all.finish()) })
     }
 }
 
