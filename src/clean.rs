@@ -2,12 +2,13 @@
 //! undone and applied again.
 //!
 //! [`trial`] is the markers over time, [`neighbours`] which go with which. [`artefact`] names what may be wrong.
-//! [`fill`] fills gaps in five ways and [`choice`] finds out which is best for a gap, on the
-//! trial itself. [`edits`] is the list, and what it does. What is seen and is not named by an edit stays as it is, bit for
+//! [`fill`] fills gaps in seven ways, two of which need [`aids`], and [`choice`] finds out which is best for a gap, on the
+//! trial itself, else on others. [`edits`] is the list, and what it does. What is seen and is not named by an edit stays as it is, bit for
 //! bit: [`sha256`] shows it. [`joints`] looks at skeletons. [`thresholds`] is what a corpus of trials allows itself.
 //!
 //! Here places are in metres, in the axes of the file.
 
+pub mod aids;
 pub mod artefact;
 pub mod choice;
 pub mod detect;

@@ -1,10 +1,10 @@
 //! A file that has its name only once it is worth it. What it replaces stays whole until then,
 //! whatever happens in between: a refusal, a full disk, a killed process.
 //!
-//! Where a file is replaced, the new one grows beside it as `NAME.part` (`NAME.PID.part` if it is
-//! written in one go), in the same folder, and is renamed over it. A file that was not there before is
-//! made under its own name. Both are locked for as long as they are written, so that two programs never
-//! write one file. What is no regular file (`/dev/null`, a pipe) is written to as it is.
+//! It grows beside the name it is to have as `NAME.part` (`NAME.PID.part` if it is written in one go), in the
+//! same folder, and is renamed. A recording ([`Draft::create`]) that replaces nothing is made under its own name: what
+//! there is of it can be read if it is cut off. Both are locked for as long as they are written, so that two programs
+//! never write one file. What is no regular file (`/dev/null`, a pipe) is written to as it is.
 
 use crate::error::{Error, ErrorKind};
 use std::fs::{File, OpenOptions, Permissions, TryLockError};
@@ -27,8 +27,8 @@ pub struct Draft {
 
 #[derive(Debug)]
 enum Place {
-    /// Beside the file it is to replace.
-    Beside { part: PathBuf, target: PathBuf },
+    /// Beside the name it is to have, in the place of what has it, or only if nothing has.
+    Beside { part: PathBuf, target: PathBuf, replaces: bool },
     /// New, under its own name, and not yet worth keeping.
     New(PathBuf),
     /// Under its own name, for good.
@@ -42,7 +42,15 @@ impl Draft {
     /// [`io::ErrorKind::AlreadyExists`] without `force`, [`io::ErrorKind::ResourceBusy`] if another program
     /// writes it, and what the file system says.
     pub fn create(path: &Path, force: bool) -> io::Result<Self> {
-        Self::create_with(path, force, ENDING)
+        let made = OpenOptions::new().write(true).create_new(true).open(path);
+        let file = match made {
+            Err(cause) if force && cause.kind() == io::ErrorKind::AlreadyExists => {
+                return Self::replace(path, ENDING);
+            }
+            made => made?,
+        };
+        free(file.try_lock())?;
+        Ok(Self::of(file, Place::New(path.to_owned())))
     }
 
     /// Begins a file that grows beside the name it is to have, whether or not a file is there: what has
@@ -51,23 +59,29 @@ impl Draft {
     /// # Errors
     /// [`io::ErrorKind::ResourceBusy`] if another program writes it, and what the file system says.
     pub fn beside(path: &Path) -> io::Result<Self> {
-        Self::grown(path.to_owned(), ENDING, None)
+        Self::grown(path.to_owned(), ENDING, true, None)
+    }
+
+    /// Begins a file that has its name only when it is whole, also if nothing has the name now; one that is there is
+    /// replaced only if `force` is set.
+    ///
+    /// # Errors
+    /// As [`Draft::create`].
+    pub fn whole(path: &Path, force: bool) -> io::Result<Self> {
+        Self::whole_with(path, force, ENDING)
+    }
+
+    fn whole_with(path: &Path, force: bool, ending: &str) -> io::Result<Self> {
+        // A dangling link counts as taken: writing through it would write elsewhere.
+        match path.symlink_metadata() {
+            Err(_) => Self::grown(path.to_owned(), ending, force, None),
+            Ok(_) if force => Self::replace(path, ending),
+            Ok(_) => Err(io::ErrorKind::AlreadyExists.into()),
+        }
     }
 
     fn of(file: File, place: Place) -> Self {
         Self { file, place, named_in: Arc::default() }
-    }
-
-    fn create_with(path: &Path, force: bool, ending: &str) -> io::Result<Self> {
-        let made = OpenOptions::new().write(true).create_new(true).open(path);
-        let file = match made {
-            Err(cause) if force && cause.kind() == io::ErrorKind::AlreadyExists => {
-                return Self::replace(path, ending);
-            }
-            made => made?,
-        };
-        free(file.try_lock())?;
-        Ok(Self::of(file, Place::New(path.to_owned())))
     }
 
     fn replace(path: &Path, ending: &str) -> io::Result<Self> {
@@ -79,11 +93,16 @@ impl Draft {
         // Whoever records to it holds it; nobody is waited for.
         free(old.try_lock_shared())?;
         let rights = old.metadata()?.permissions();
-        Self::grown(target, ending, Some(rights))
+        Self::grown(target, ending, true, Some(rights))
     }
 
     /// Begins a file beside `target`, with these rights.
-    fn grown(target: PathBuf, ending: &str, rights: Option<Permissions>) -> io::Result<Self> {
+    fn grown(
+        target: PathBuf,
+        ending: &str,
+        replaces: bool,
+        rights: Option<Permissions>,
+    ) -> io::Result<Self> {
         let part = beside(&target, ending);
         loop {
             // No link is followed, and no pipe waited for.
@@ -100,15 +119,16 @@ impl Draft {
                 if let Some(rights) = rights {
                     file.set_permissions(rights)?;
                 }
-                return Ok(Self::of(file, Place::Beside { part, target }));
+                return Ok(Self::of(file, Place::Beside { part, target, replaces }));
             }
         }
     }
 
     /// True if another file is still under the name this one is to have.
     #[must_use]
-    pub const fn replaces(&self) -> bool {
-        matches!(self.place, Place::Beside { .. })
+    pub fn replaces(&self) -> bool {
+        let Place::Beside { target, .. } = &self.place else { return false };
+        target.symlink_metadata().is_ok()
     }
 
     /// Gives it its name, for good. It may be written on. The name survives a power cut once it is
@@ -118,8 +138,12 @@ impl Draft {
     /// As the file system says; it has not its name then.
     pub fn keep(&mut self) -> io::Result<()> {
         let named = match &self.place {
-            Place::Beside { part, target } => {
+            Place::Beside { part, target, replaces: true } => {
                 std::fs::rename(part, target)?;
+                target
+            }
+            Place::Beside { part, target, replaces: false } => {
+                rename_to_free(part, target)?;
                 target
             }
             Place::New(path) => path,
@@ -157,7 +181,7 @@ impl Draft {
     pub fn write_whole(path: &Path, force: bool, bytes: &[u8]) -> io::Result<()> {
         // Of two that write one at the same time the last wins, whole.
         let ending = format!(".{}{ENDING}", std::process::id());
-        let mut draft = Self::create_with(path, force, &ending)?;
+        let mut draft = Self::whole_with(path, force, &ending)?;
         draft.write_all(bytes)?;
         draft.sync()?;
         draft.keep()?;
@@ -253,6 +277,19 @@ fn replaceable(path: &Path) -> Option<PathBuf> {
             && !absolute.starts_with("/dev/std")
     });
     (is_own && target.is_file()).then_some(target)
+}
+
+/// Renames a file to a name that nothing has.
+fn rename_to_free(part: &Path, target: &Path) -> io::Result<()> {
+    use rustix::fs::{CWD, RenameFlags, renameat_with};
+    use rustix::io::Errno;
+    match renameat_with(CWD, part, CWD, target, RenameFlags::NOREPLACE) {
+        // Not every file system can; then another program may come between.
+        Err(Errno::INVAL | Errno::NOSYS) if target.symlink_metadata().is_err() => {
+            std::fs::rename(part, target)
+        }
+        renamed => renamed.map_err(io::Error::from),
+    }
 }
 
 fn beside(target: &Path, ending: &str) -> PathBuf {
@@ -377,6 +414,29 @@ mod tests {
         draft.write_all(b"new").and_then(|()| draft.keep()).expect("written");
         assert_eq!(fs::read(&path).expect("a file"), b"new");
         assert_eq!(names(&folder), ["a"]);
+    }
+
+    #[test]
+    fn a_file_that_is_to_be_whole_has_its_name_at_its_end_and_takes_it_from_nobody() {
+        let folder = folder("whole");
+        let path = folder.join("a");
+        let mut draft = Draft::whole(&path, false).expect("a draft");
+        draft.write_all(b"half").expect("written");
+        assert_eq!(names(&folder), ["a.part"]);
+        draft.write_all(b" and half").and_then(|()| draft.keep()).expect("renamed");
+        assert_eq!(fs::read(&path).expect("a file"), b"half and half");
+        drop(draft);
+        assert_eq!(names(&folder), ["a"]);
+        let refused = Draft::whole(&path, false).expect_err("there");
+        assert_eq!(refused.kind(), io::ErrorKind::AlreadyExists);
+        // Somebody else makes a file of that name in the meantime.
+        let path = folder.join("b");
+        let mut draft = Draft::whole(&path, false).expect("a draft");
+        fs::write(&path, "precious").expect("a file");
+        assert_eq!(draft.keep().expect_err("taken").kind(), io::ErrorKind::AlreadyExists);
+        drop(draft);
+        assert_eq!(fs::read(&path).expect("a file"), b"precious");
+        assert_eq!(names(&folder), ["a", "b"]);
     }
 
     #[test]

@@ -4,9 +4,12 @@
 mod bodily;
 pub mod calibrate;
 pub mod clean;
+mod clean_aids;
 pub mod clean_check;
+pub mod clean_folder;
 pub mod composition;
 pub mod convert;
+pub mod convert_recording;
 pub mod cut;
 pub mod decompose;
 pub mod doctor;

@@ -12,6 +12,7 @@ mod joints;
 #[path = "clean/made.rs"]
 mod made;
 
+use gaitway::clean::aids::Aids;
 use gaitway::clean::choice::Chooser;
 use gaitway::clean::detect;
 use gaitway::clean::edits::{EditList, Remedy};
@@ -185,6 +186,10 @@ fn a_list_without_edits_takes_edits_that_a_person_adds() {
         source: "raw.c3d".to_owned(),
         source_sha256: None,
         keep_frames: None,
+        minutes: None,
+        static_trial: None,
+        other_trials: Vec::new(),
+        aids_sha256: None,
         edits: Vec::new(),
     };
     let text = list.to_text().expect("text");
@@ -345,9 +350,13 @@ fn no_trial_however_odd_breaks_anything() {
             assert!((0.0..=1.0).contains(&artefact.confidence), "{name}: {artefact:?}");
         }
         let mut left = trial.clone();
+        // Every other is one of the other trials.
+        let others = hostile().into_iter().filter(|of| of.0 != name && of.0 != "many markers");
+        let others: Vec<Trial> = others.map(|(_, trial)| trial).collect();
+        let mut aids = Aids { body: None, others: others.clone() };
         for marker in 0..trial.markers().min(40) {
             for gap in trial.gaps(marker).into_iter().take(3) {
-                let mut chooser = Chooser::new(&mut left);
+                let mut chooser = Chooser::new(&mut left, &mut aids);
                 let choice = chooser.choose(&gap);
                 for method in Method::ALL {
                     let places = chooser.fill(&gap, method).unwrap_or_default();
@@ -360,21 +369,152 @@ fn no_trial_however_odd_breaks_anything() {
             }
         }
         assert_eq!(format!("{left:?}"), format!("{trial:?}"), "{name}: choosing changes nothing");
+        assert_eq!(format!("{:?}", aids.others), format!("{others:?}"), "{name}: nor here");
     }
 }
 
 #[test]
-fn a_trial_too_short_to_try_fills_on_says_so() {
+fn where_a_trial_is_too_short_the_expectation_comes_from_elsewhere_and_says_so() {
     let folder = folder("short");
-    let raw = Body::new(11).part(0..70, &[(3, 20..50)]);
+    write_c3d(&folder.join("raw.c3d"), &Body::new(11).part(0..70, &[(3, 20..50)]));
+    let of = |arguments: &str, from: &str, said: &str| {
+        let output = clean(&folder, &format!("{arguments} --force --json"));
+        let report = json(&output);
+        let artefacts = report["artefacts"].as_array().expect("a list");
+        assert_eq!(artefacts.len(), 1, "{report:#}");
+        assert_eq!(artefacts[0]["expected_from"], from, "{report:#}");
+        assert!(report["notes"].to_string().contains(said), "{report:#}");
+        (artefacts[0]["fill"].clone(), artefacts[0]["expected_error_m"].as_f64().expect("known"))
+    };
+    let (fill, error_m) = of("raw.c3d -o out.c3d", "stored", "stored figures");
+    assert_eq!(fill, "pattern", "the usual way");
+    // Between what a walk and stairs show for 0.25 and 0.5 s.
+    assert!((0.001..0.01).contains(&error_m), "{error_m}");
+    // Somebody else, in trials that are long enough; what others do is not the same as what this one does.
+    fs::create_dir(folder.join("others")).expect("a folder");
+    for seed in [12, 13] {
+        let file = folder.join(format!("others/{seed}.c3d"));
+        write_c3d(&file, &Body::new(seed).markers(&[]));
+    }
+    let (_, error_m) = of("raw.c3d -o out.c3d --others others", "other_trials", "tried on other");
+    assert!((1e-5..0.01).contains(&error_m), "{error_m}");
+    // Longer than anything that is stored.
+    write_c3d(&folder.join("raw.c3d"), &Body::new(11).part(0..150, &[(3, 10..140)]));
+    let report = json(&clean(&folder, "raw.c3d -o out.c3d --force --json"));
+    assert!(report["artefacts"][0]["expected_error_m"].is_null(), "{report:#}");
+    assert!(report["artefacts"][0]["expected_from"].is_null(), "{report:#}");
+    assert!(report["notes"].to_string().contains("nobody knows"), "{report:#}");
+}
+
+/// An edit list of one fill.
+fn one_fill(marker: &str, frames: [u64; 2], method: &str, needs: &str) -> String {
+    format!(
+        "schema = 1\nsource = \"raw.c3d\"\n{needs}\n[[edit]]\nkind = \"by_hand\"\nmarker = \"{marker}\"\n\
+         first_frame = {}\nlast_frame = {}\nremedy = \"fill\"\nmethod = \"{method}\"\n",
+        frames[0], frames[1]
+    )
+}
+
+#[test]
+fn a_short_trial_is_filled_after_other_trials_of_the_same_body() {
+    let folder = folder("others");
+    // Its thigh swings for too short a time to tell how markers go together.
+    let (whole, raw) = (Body::new(31).part(0..60, &[]), Body::new(31).part(0..60, &[(7, 12..48)]));
     write_c3d(&folder.join("raw.c3d"), &raw);
-    let output = clean(&folder, "raw.c3d -o out.c3d --json");
-    let report = json(&output);
-    let artefacts = report["artefacts"].as_array().expect("a list");
-    assert_eq!(artefacts.len(), 1, "{report:#}");
-    assert_eq!(artefacts[0]["fill"], "pattern", "the usual way");
-    assert!(artefacts[0]["expected_error_m"].is_null(), "{report:#}");
-    assert!(report["notes"].to_string().contains("too short"), "{report:#}");
+    write_c3d(&folder.join("other.c3d"), &Body::new(31).part(100..500, &[]));
+    let off_mm = |method: &str, needs: &str| {
+        let list = one_fill("M7", [13, 48], method, needs);
+        fs::write(folder.join("edits.toml"), list).expect("a file");
+        let output = clean(&folder, "raw.c3d -o out.c3d --edits edits.toml --force");
+        assert_eq!(output.status.code(), Some(0), "{}", words(&output));
+        let out = marker_files::read(&folder.join("out.c3d"), None).expect("read");
+        let place = |markers: &Markers, frame| {
+            DVec3::from(markers.sample(frame, 7).expect("filled").position.map(f64::from))
+        };
+        let off = (12..48).map(|frame| place(&out, frame).distance(place(&whole, frame)));
+        off.sum::<f64>() / 36.0
+    };
+    let cubic = off_mm("cubic", "");
+    let others = off_mm("other_trials", "other_trials = [\"other.c3d\"]\n");
+    println!("cubic {cubic:.1} mm, by another trial {others:.1} mm");
+    assert!(others < 3.0 && others < cubic / 3.0, "{others} mm by another trial, {cubic} mm cubic");
+
+    let list = one_fill("M7", [13, 48], "other_trials", "other_trials = [\"gone.c3d\"]\n");
+    fs::write(folder.join("edits.toml"), list).expect("a file");
+    let output = clean(&folder, "raw.c3d -o no.c3d --edits edits.toml");
+    assert_eq!(output.status.code(), Some(1));
+    assert!(words(&output).contains("gone.c3d") && words(&output).contains("--others"));
+}
+
+#[test]
+fn what_a_fill_makes_use_of_stands_in_the_edit_list_and_must_be_the_same_when_it_is_applied() {
+    let folder = folder("aids");
+    // A whole segment is missing, for most of the trial.
+    let gaps = [5, 6, 7, 8, 9].map(|marker| (marker, 12..48));
+    write_c3d(&folder.join("raw.c3d"), &Body::new(31).part(0..60, &gaps));
+    write_c3d(&folder.join("other.c3d"), &Body::new(31).part(100..300, &[]));
+    write_c3d(&folder.join("third.c3d"), &Body::new(31).part(300..500, &[]));
+    let done = clean(&folder, "raw.c3d -o out.c3d --others other.c3d --others third.c3d");
+    assert_eq!(done.status.code(), Some(0), "{}", words(&done));
+    let text = fs::read_to_string(folder.join("out.edits.toml")).expect("a list");
+    let list = EditList::parse(&text).expect("a list");
+    assert_eq!(list.edits[0].method, Some(Method::OtherTrials), "{text}");
+    assert_eq!(list.other_trials, ["other.c3d", "third.c3d"], "{text}");
+    let again = clean(&folder, "raw.c3d -o again.c3d --edits out.edits.toml");
+    assert_eq!(again.status.code(), Some(0), "{}", words(&again));
+    let bytes = |name: &str| fs::read(folder.join(name)).expect("a file");
+    assert_eq!(bytes("out.c3d"), bytes("again.c3d"));
+    write_c3d(&folder.join("other.c3d"), &Body::new(31).part(101..300, &[]));
+    let output = clean(&folder, "raw.c3d -o no.c3d --edits out.edits.toml");
+    assert_eq!(output.status.code(), Some(1));
+    assert!(words(&output).contains("aids_sha256"), "{}", words(&output));
+    assert!(!folder.join("no.c3d").exists());
+}
+
+#[test]
+fn a_skeleton_carries_a_marker_over_a_gap_whoever_shows_the_skeleton() {
+    let Some(pig) = captured::captured("mocap/c3d/pig") else { return };
+    let folder = folder("skeleton");
+    fs::copy(pig.join(gaps::STANDING[0]), folder.join("static.c3d")).expect("a copy");
+    let whole = marker_files::read(&pig.join(gaps::TRIALS[0].1), None).expect("a trial");
+    let point = |label: &str| {
+        whole.head().points.iter().position(|of| of.label == label).expect("a marker")
+    };
+    let knee = point("LKNE");
+    let mut raw = Markers::with_room(whole.head().clone()).expect("room");
+    let mut frame = Frame::default();
+    for number in 0..whole.head().frames {
+        assert!(whole.frame(number, &mut frame));
+        if (100..150).contains(&number) {
+            frame.points[knee] = None;
+        }
+        raw.push(&frame);
+    }
+    write_c3d(&folder.join("raw.c3d"), &raw);
+    let first = whole.head().first_frame;
+    let frames = [first + 100, first + 149];
+    let run = |list: String| {
+        fs::write(folder.join("edits.toml"), list).expect("a file");
+        clean(&folder, "raw.c3d -o out.c3d --edits edits.toml --force --json")
+    };
+    // A walk in which nobody stands still shows a poor skeleton; the choice would not take it.
+    for (needs, most_mm) in [("static_trial = \"static.c3d\"\n", 15.0), ("", 100.0)] {
+        let output = run(one_fill("LKNE", frames, "skeleton", needs));
+        assert_eq!(output.status.code(), Some(0), "{}", words(&output));
+        let out = marker_files::read(&folder.join("out.c3d"), None).expect("read");
+        let place = |markers: &Markers, frame| {
+            DVec3::from(markers.sample(frame, knee).expect("filled").position.map(f64::from))
+        };
+        let off = (100..150).map(|frame| place(&out, frame).distance(place(&whole, frame)));
+        let off_mm = off.sum::<f64>() / 50.0;
+        println!("{needs:?}: {off_mm:.1} mm");
+        assert!(off_mm < most_mm, "{needs:?}: {off_mm} mm");
+    }
+    // Nobody stands in a file of other markers.
+    write_c3d(&folder.join("nobody.c3d"), &Body::new(3).markers(&[]));
+    let output = clean(&folder, "raw.c3d -o other.c3d --static nobody.c3d");
+    assert_eq!(output.status.code(), Some(1));
+    assert!(words(&output).contains("nobody.c3d"), "{}", words(&output));
 }
 
 #[test]
@@ -421,6 +561,75 @@ fn thresholds_that_lie_in_the_folder_travel_with_the_corpus() {
         assert_eq!(output.status.code(), Some(1), "{text}");
         assert!(words(&output).contains(said), "{said}: {}", words(&output));
     }
+}
+
+#[test]
+fn a_folder_is_cleaned_round_after_round_and_what_came_of_each_is_kept() {
+    let folder = folder("rounds");
+    fs::create_dir_all(folder.join("raw/more")).expect("a folder");
+    write_c3d(&folder.join("raw/good.c3d"), &Body::new(13).markers(&[]));
+    made::write(&folder.join("raw/more/gaps.trc"), &Body::new(14).markers(&GAPS));
+    fs::write(folder.join("raw/clean.toml"), "schema = 1\nmost_doubt_percent = 0.5\n")
+        .expect("one");
+    let output = clean(&folder, "raw -o raw/done --json");
+    assert_eq!(output.status.code(), Some(0), "{}", words(&output));
+    let report = json(&output);
+    let trials = report["trials"].as_array().expect("a list");
+    let of = |name: &str| {
+        trials.iter().find(|of| of["trial"] == name).unwrap_or_else(|| panic!("{report:#}"))
+    };
+    assert_eq!((trials.len(), &of("good.c3d")["artefacts"]), (2, &0.into()), "{report:#}");
+    let gaps = of("more/gaps.trc");
+    assert_eq!((&gaps["artefacts"], &gaps["not_mended"]), (&3.into(), &0.into()), "{report:#}");
+    assert!((gaps["doubt_before"].as_f64().expect("a share") - 122.0 / 7500.0).abs() < 1e-9);
+    assert_eq!((&gaps["doubt_after"], &gaps["round"]), (&0.0.into(), &1.into()));
+    assert!(folder.join("raw/done/clean.toml").exists(), "thresholds go along");
+    // A person takes an edit back, and says how long it took.
+    let list = folder.join("raw/done/more/gaps.edits.toml");
+    let text = fs::read_to_string(&list).expect("a list");
+    let text = text.replacen("[[edit]]", "minutes = 12.5\n\n[[edit]]", 1);
+    fs::write(&list, text.replacen("remedy = \"fill\"", "remedy = \"leave\"", 1)).expect("a list");
+    let output = clean(&folder, "raw -o raw/done");
+    assert_eq!(output.status.code(), Some(1), "nothing is written over: {}", words(&output));
+    let output = clean(&folder, "raw -o raw/done --force --json");
+    assert_eq!(output.status.code(), Some(0), "{}", words(&output));
+    fs::write(folder.join("raw/clean.toml"), "schema = 1\nmost_doubt_percent = 0.1\n")
+        .expect("one");
+    let output = clean(&folder, "raw -o raw/done --force");
+    assert_eq!(output.status.code(), Some(3), "12 of 7500 samples are above 0.1 %");
+    assert!(words(&output).contains("too much: doubt"), "{}", words(&output));
+    let rounds = fs::read_to_string(folder.join("raw/done/rounds.csv")).expect("a table");
+    let rows: Vec<Vec<&str>> = rounds.lines().map(|row| row.split(',').collect()).collect();
+    let column = |title: &str| rows[0].iter().position(|of| *of == title).expect("a title");
+    let [trial, round, minutes] = ["trial", "round", "person_minutes"].map(column);
+    let [by, after, above] = ["by", "doubt_after", "above"].map(column);
+    let of_gaps: Vec<&Vec<&str>> =
+        rows.iter().filter(|row| row[trial] == "more/gaps.trc").collect();
+    let told: Vec<_> = of_gaps
+        .iter()
+        .map(|row| (row[round], row[minutes], row[by], row[after], row[above]))
+        .collect();
+    assert_eq!(
+        told,
+        [
+            ("1", "", "found", "0.000000", ""),
+            ("2", "12.5", "edit_list", "0.001600", ""),
+            ("3", "12.5", "edit_list", "0.001600", "doubt"),
+        ]
+    );
+    assert_eq!(rows.len(), 7, "two trials, three rounds: {rounds}");
+
+    fs::write(folder.join("raw/broken.trc"), "no markers").expect("a file");
+    let output = clean(&folder, "raw -o again --json");
+    assert_eq!(output.status.code(), Some(3), "{}", words(&output));
+    assert_eq!(json(&output)["trials"][0]["trial"], "broken.trc", "what failed comes first");
+    assert!(folder.join("again/good.c3d").exists(), "others are cleaned even so");
+    let output = clean(&folder, "raw -o raw");
+    assert_eq!(output.status.code(), Some(1));
+    assert!(words(&output).contains("another folder"), "{}", words(&output));
+    fs::write(folder.join("again/rounds.csv"), "a,b\n1,2\n").expect("a file");
+    let output = clean(&folder, "raw -o again --force");
+    assert!(words(&output).contains("not a table of rounds"), "{}", words(&output));
 }
 
 #[test]

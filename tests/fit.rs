@@ -8,8 +8,10 @@ mod program;
 use aloud::aloud;
 use gaitway::body::{Joint, Segment};
 use gaitway::mocap::c3d;
+use gaitway::mocap::fit::bones::fit_bones;
 use gaitway::mocap::fit::centres::{HipBy, JointsAt};
-use gaitway::mocap::fit::{FitSettings, Fitted, fit};
+use gaitway::mocap::fit::marker_set::{Labelled, MarkerPlace};
+use gaitway::mocap::fit::{FitSettings, Fitted, MarkedBody, fit};
 use gaitway::mocap::markers::{
     Frame, FramesOf, Head, MarkerFormat, MarkerPoint, Markers, PointKind, PointSample,
 };
@@ -687,5 +689,190 @@ fn the_baseline_set_of_optitrack_is_fitted_with_trunk_and_head() {
         let off = fitted.poses[0].orientation[segment.index()].angle_between(first);
         let most = if segment == Segment::LeftFoot { 0.1 } else { 1e-5 };
         assert!(off < most, "{segment:?}: {off} rad");
+    }
+}
+
+/// Where the stored bones of Plug-in Gait have joints, by the bones that begin or end there.
+const BEGINS: [(&str, [(&str, Joint); 2]); 6] = [
+    ("hip", [("L_Upper_Leg", Joint::LeftHip), ("R_Upper_Leg", Joint::RightHip)]),
+    ("knee", [("L_Lower_Leg", Joint::LeftKnee), ("R_Lower_Leg", Joint::RightKnee)]),
+    ("ankle", [("L_Foot", Joint::LeftAnkle), ("R_Foot", Joint::RightAnkle)]),
+    ("shoulder", [("L_Upper_Arm", Joint::LeftShoulder), ("R_Upper_Arm", Joint::RightShoulder)]),
+    ("elbow", [("L_Lower_Arm", Joint::LeftElbow), ("R_Lower_Arm", Joint::RightElbow)]),
+    ("wrist", [("L_Hand", Joint::LeftWrist), ("R_Hand", Joint::RightWrist)]),
+];
+
+#[test]
+fn the_21_bones_are_where_plug_in_gait_has_joints() {
+    let Some(folder) = captured::captured("mocap/c3d/pig") else { return };
+    for joints in [JointsAt::Centres, JointsAt::Markers] {
+        for (trial, stands, marker_radius_m) in TRIALS {
+            let read = |name: &str| c3d::read(&folder.join(name)).expect("read");
+            let (trial_of, stands) = (read(trial), read(stands));
+            let settings = FitSettings { marker_radius_m, joints, ..FitSettings::default() };
+            let fitted = fit_bones(Some(&stands), &trial_of, &settings).expect("fitted");
+            assert_eq!(fitted.bones().len(), 21, "{:?}", fitted.notes);
+            let stored = GaitBones::of(trial_of.head(), "").expect("stored bones");
+            let mut frame = Frame::default();
+            let mut off = vec![(0.0, 0.0, 0.0); BEGINS.len()];
+            for number in 0..trial_of.head().frames {
+                assert!(trial_of.frame(number, &mut frame));
+                let points = fitted.points_m(number);
+                let point = |name: &str| points.iter().find(|of| of.0 == name).expect("one").1;
+                let truth = |joint| stored.joint_m(&frame.points, joint);
+                for (at, (_, both)) in BEGINS.iter().enumerate() {
+                    for (side, (name, joint)) in both.iter().enumerate() {
+                        let Some(here) = truth(*joint) else { continue };
+                        off[at].0 += here.distance_squared(point(name)) * 1e6;
+                        off[at].1 += 1.0;
+                        // The bone from this joint to the next one of the limb.
+                        let Some((_, next)) = BEGINS.get(at + 1).filter(|_| at % 3 < 2) else {
+                            continue;
+                        };
+                        let Some(there) = truth(next[side].1) else { continue };
+                        let own = point(next[side].0) - point(name);
+                        off[at].2 += own.angle_between(there - here).to_degrees().powi(2);
+                    }
+                }
+            }
+            let told: Vec<(f64, f64)> =
+                off.iter().map(|of| ((of.0 / of.1).sqrt(), (of.2 / of.1).sqrt())).collect();
+            let words = BEGINS
+                .iter()
+                .zip(&told)
+                .map(|((name, _), (mm, deg))| format!("{name} {mm:.1} mm, its bone {deg:.2} deg"));
+            aloud!("21 bones, {joints:?}, {trial}: {}", words.collect::<Vec<_>>().join("; "));
+            if joints == JointsAt::Centres {
+                // Stored shanks of the stairs are up to 100 mm shorter than while standing.
+                let ankle_mm = if trial.starts_with("cgm_Movement") { 15.0 } else { 10.0 };
+                for (at, most_mm) in [(0, 15.0), (1, 10.0), (2, ankle_mm)] {
+                    assert!(told[at].0 <= most_mm, "{trial}: {} {} mm", BEGINS[at].0, told[at].0);
+                }
+                for at in [0, 1, 3, 4] {
+                    assert!(told[at].1 <= 3.0, "{trial}: {} {} deg", BEGINS[at].0, told[at].1);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn the_21_bones_go_to_a_skeleton_and_to_virtual_markers_and_a_folder_is_fitted_by_one_static_trial()
+{
+    let folder = program::folder("bones");
+    let still = fit(Some(&stands()), &stands(), &FitSettings::default()).expect("fitted");
+    let knee = still.joints_m[0][Joint::LeftKnee.index()].expect("a knee");
+    let frames = 60;
+    let moving =
+        markers(named, frames, |label, place, frame| Some(kicked(knee, label, place, frame)));
+    std::fs::create_dir_all(folder.join("trials/more")).expect("a folder");
+    c3d_of(&folder, "static.c3d", &stands());
+    c3d_of(&folder.join("trials"), "kick.c3d", &moving);
+    c3d_of(&folder.join("trials/more"), "stands.c3d", &stands());
+    std::fs::write(folder.join("trials/broken.trc"), "no markers").expect("a file");
+    let run = |arguments: &str| {
+        let mut command = program::gaitway();
+        command.current_dir(&folder).args(arguments.split_whitespace());
+        command.output().expect("the command")
+    };
+    let one = run("fit trials/kick.c3d --static static.c3d --bones 21 -o kick.bvh --json");
+    assert_eq!(one.status.code(), Some(0), "{}", program::words(&one));
+    let report = program::json(&one);
+    let bones = report["fine_bones"].as_array().expect("a list");
+    assert!(bones.iter().any(|bone| bone["name"] == "L_Collar"), "{report:#}");
+    let one = run("fit trials/kick.c3d --static static.c3d -o kick.c3d");
+    assert_eq!(one.status.code(), Some(0), "{}", program::words(&one));
+    // The joints of both files go the same way. What is below this knee, whose marker turns a centimetre beside its axis, is
+    // where it was found in the virtual markers, and where bones of constant length put it in the skeleton.
+    let bvh = gaitway::mocap::bvh::read(&folder.join("kick.bvh")).expect("a skeleton");
+    let points = c3d::read(&folder.join("kick.c3d")).expect("virtual markers");
+    assert_eq!((bvh.pose_count(), points.head().frames), (frames, frames));
+    let at = |name: &str| points.head().points.iter().position(|of| of.label == name);
+    let place = |name: &str, frame: usize| {
+        let sample = points.sample(frame, at(name).expect("a point")).expect("seen");
+        DVec3::from(sample.position.map(f64::from))
+    };
+    for frame in 0..frames {
+        let numbers = bvh.pose(frame);
+        let mut lies: Vec<(DQuat, DVec3)> = Vec::new();
+        for joint in &bvh.joints {
+            let own = &numbers[joint.first_channel..];
+            let (moves, turns) = match joint.parent {
+                None => (DVec3::new(own[0], own[1], own[2]), &own[3..6]),
+                Some(_) => (DVec3::ZERO, &own[..3]),
+            };
+            let turn = DQuat::from_rotation_z(turns[0].to_radians())
+                * DQuat::from_rotation_x(turns[1].to_radians())
+                * DQuat::from_rotation_y(turns[2].to_radians());
+            let (carrier, from) =
+                joint.parent.map_or((DQuat::IDENTITY, DVec3::ZERO), |parent| lies[parent]);
+            lies.push((carrier * turn, from + carrier * (joint.offset + moves)));
+        }
+        for (one, joint) in bvh.joints.iter().enumerate() {
+            let other = (one + 5) % bvh.joints.len();
+            let in_bvh = (lies[one].1 - lies[other].1).length() * 10.0;
+            let in_c3d = place(&joint.name, frame).distance(place(&bvh.joints[other].name, frame));
+            let is_below =
+                |at: usize| ["L_Lower_Leg", "L_Foot"].contains(&bvh.joints[at].name.as_str());
+            let most_mm = if is_below(one) || is_below(other) { 5.0 } else { 0.05 };
+            assert!((in_bvh - in_c3d).abs() < most_mm, "{}: {in_bvh} {in_c3d} mm", joint.name);
+        }
+    }
+    // A skeleton of 21 bones goes where captures go.
+    let angles = |from: &str, to: &str| {
+        let output = run(&format!("convert {from} {to}"));
+        assert_eq!(output.status.code(), Some(0), "{}", program::words(&output));
+        let text = std::fs::read_to_string(folder.join(to)).expect("a table");
+        let title = text.lines().next().expect("titles").to_owned();
+        let knee = title.split(',').position(|of| of == "left_knee_flexion_rad");
+        let knee = knee.unwrap_or_else(|| panic!("{title}"));
+        let cell = |row: &str| row.split(',').nth(knee).expect("a cell").parse::<f64>();
+        text.lines().skip(1).map(|row| cell(row).expect("a number")).collect::<Vec<f64>>()
+    };
+    assert_eq!(run("fit trials/kick.c3d --static static.c3d -o plain.bvh").status.code(), Some(0));
+    let (fine, plain) = (angles("kick.bvh", "fine.csv"), angles("plain.bvh", "plain.csv"));
+    let bends = |of: &[f64]| of.iter().copied().fold(f64::MIN, f64::max) - of[0];
+    assert!(bends(&plain) > 0.3, "{}", bends(&plain));
+    assert!((bends(&fine) - bends(&plain)).abs() < 0.05, "{} {}", bends(&fine), bends(&plain));
+
+    let all = run("fit trials --static static.c3d -o fitted --json");
+    assert_eq!(all.status.code(), Some(3), "one is no trial: {}", program::words(&all));
+    let report = program::json(&all);
+    let trials = report["trials"].as_array().expect("a list");
+    assert_eq!(trials.len(), 3, "{report:#}");
+    assert!(trials[0]["error"].is_string() && trials[0]["report"].is_null(), "{report:#}");
+    for file in ["kick/kick.bvh", "kick/kick.bones.c3d", "more/stands/stands.csv"] {
+        assert!(folder.join("fitted").join(file).exists(), "{file}");
+    }
+    let again = run("fit trials --static static.c3d -o fitted");
+    assert_eq!(again.status.code(), Some(1), "nothing is written over");
+}
+
+#[test]
+fn a_marker_is_carried_by_the_others_wherever_it_is_seen_itself() {
+    let trial = markers(named, 40, in_one_piece);
+    let settings = FitSettings::default();
+    let labelled = Labelled::find(trial.head(), &settings.sets, None).expect("a set");
+    let own = |frame| labelled.seen(&trial, frame);
+    let body = MarkedBody::of(Some(&stands()), trial.head(), &own, &settings, &mut Vec::new());
+    let body = body.expect("a body");
+    // The elbow goes by both markers of the wrist: with one it is a little elsewhere.
+    for (place, most_m) in [
+        (MarkerPlace::LKNE, 1e-3),
+        (MarkerPlace::RWRA, 1e-2),
+        (MarkerPlace::C7, 1e-3),
+        (MarkerPlace::LHEE, 1e-3),
+    ] {
+        let carried = body.carried(place, (0..40).map(own));
+        let astray = (0..40).map(|frame| {
+            let mut seen = own(frame);
+            seen[place as usize] = seen[place as usize].map(|at| at + DVec3::splat(0.05));
+            seen
+        });
+        assert_eq!(body.carried(place, astray), carried, "{place:?}");
+        for (frame, at) in carried.into_iter().enumerate() {
+            let off_m = at.expect("shown").distance(own(frame)[place as usize].expect("seen"));
+            assert!(off_m < most_m, "{place:?} in frame {frame}: {off_m} m");
+        }
     }
 }

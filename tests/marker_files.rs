@@ -8,8 +8,11 @@ use c3d_made::{Made, Values};
 use gaitway::mocap::markers::{FramesOf, Markers};
 use gaitway::mocap::{c3d, csm, marker_table, trc};
 use program::{folder, gaitway, json, words};
+use rustix::process::{Pid, Signal, kill_process};
 use std::fs;
 use std::path::Path;
+use std::process::Stdio;
+use std::time::Duration;
 
 const TRC: &str = "PathFileType\t4\t(X/Y/Z)\ttrial.trc\n\
 DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames\n\
@@ -286,6 +289,47 @@ fn a_file_that_is_cut_off_is_converted_as_far_as_it_goes_with_exit_code_3() {
     assert_eq!(done.status.code(), Some(3), "{}", words(&done));
     assert!(words(&done).contains("50 frames are claimed"), "{}", words(&done));
     assert!(out.exists());
+}
+
+#[test]
+fn a_conversion_that_is_interrupted_leaves_no_file_and_one_that_is_killed_none_of_that_name() {
+    let folder = folder("interrupted");
+    let file = written(&folder, "long.c3d", &Made::new(30, 60_000, 0, 0).bytes());
+    let names = || {
+        let entries = std::fs::read_dir(&folder).expect("a folder");
+        let names = entries.map(|entry| entry.expect("one").file_name());
+        let mut names: Vec<String> = names.map(|of| of.to_string_lossy().into_owned()).collect();
+        names.sort();
+        names
+    };
+    for (signal, code, left) in [
+        (Signal::INT, Some(130), vec!["long.c3d"]),
+        (Signal::TERM, Some(143), vec!["long.c3d"]),
+        (Signal::KILL, None, vec!["long.c3d", "out.csv.part"]),
+    ] {
+        let mut child = gaitway()
+            .args(["convert", &file])
+            .arg(folder.join("out.csv"))
+            .stderr(Stdio::null())
+            .spawn()
+            .expect("the command");
+        // The test's own patience, not a promise.
+        let grows = (0..6000).any(|_| {
+            std::thread::sleep(Duration::from_millis(5));
+            folder.join("out.csv.part").metadata().is_ok_and(|part| part.len() > 100_000)
+        });
+        let pid = Pid::from_child(&child);
+        kill_process(pid, signal).expect("a signal");
+        let status = child.wait().expect("its end");
+        assert!(grows, "{signal:?}: nothing was written");
+        assert_eq!(status.code(), code, "{signal:?}");
+        assert_eq!(names(), left, "{signal:?}");
+    }
+    // What the killed one left is in nobody's way.
+    let done = gaitway().args(["convert", &file]).arg(folder.join("out.csv")).output();
+    let done = done.expect("it runs");
+    assert_eq!(done.status.code(), Some(0), "{}", words(&done));
+    assert_eq!(names(), ["long.c3d", "out.csv"]);
 }
 
 #[test]

@@ -8,7 +8,7 @@ use glam::DVec3;
 use nalgebra::{DMatrix, DVector};
 
 /// Frames on each side by which the kernel's length is judged.
-const JUDGED: usize = 48;
+pub const JUDGED: usize = 48;
 /// Frames on each side that lead over the gap.
 const LEADING: usize = 12;
 /// Lengths that are tried, in frames.

@@ -1,7 +1,7 @@
 //! The edit list: what is done to a trial, as a file that a person may read, change and apply again to what was
 //! recorded. Edits do not build on one another: each can be taken away.
 
-use super::artefact::ArtefactKind;
+use super::artefact::{Artefact, ArtefactKind};
 use super::choice::Chooser;
 use super::fill::Method;
 use super::trial::Trial;
@@ -24,11 +24,13 @@ remedy: fill      what is seen in these frames is taken out, and the gap filled 
         remove    what is seen in these frames is taken out
         exchange  the marker and `with` have each other's names in these frames
         leave     nothing is done
-method: cubic, quintic, rigid_body, pattern, low_rank
+method: cubic, quintic, rigid_body, pattern, low_rank, skeleton (static_trial, else the trial itself, shows the
+        body), other_trials (by other_trials)
 Frames are counted as in the file, the last one included. To undo an edit, delete it or let it `leave`.
 An edit of your own has the kind by_hand. To give a piece of a nameless point its name, exchange the marker with
 it (with = \"*12\"). To crop the trial, write the first and the last frame to keep above the first edit:
-keep_frames = [120, 480]";
+keep_frames = [120, 480]
+How many minutes you spent on it may stand there too: minutes = 12";
 
 /// What is done.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -67,7 +69,7 @@ pub struct Edit {
 }
 
 /// A list of edits and what it belongs to.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct EditList {
     /// Version of the format; 1.
@@ -80,6 +82,18 @@ pub struct EditList {
     /// The first and the last frame that are kept, as the file counts; all without it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub keep_frames: Option<[u64; 2]>,
+    /// Minutes that a person spent on this list: for the table of rounds.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub minutes: Option<f64>,
+    /// The trial in which the person stands still, of whose skeleton fills make use; without it the trial itself.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub static_trial: Option<String>,
+    /// Other trials that fills make use of.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub other_trials: Vec<String>,
+    /// SHA-256 of the places in those files; without it they are taken as they are.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub aids_sha256: Option<String>,
     /// What is done.
     #[serde(default, rename = "edit", skip_serializing_if = "Vec::is_empty")]
     pub edits: Vec<Edit>,
@@ -109,11 +123,25 @@ impl EditList {
             }
         })?;
         if list.schema == SCHEMA {
-            return Ok(list);
+            let is_time = |minutes: &f64| minutes.is_finite() && *minutes >= 0.0;
+            return match list.minutes.filter(|minutes| !is_time(minutes)) {
+                None => Ok(list),
+                Some(minutes) => Err(Error::of(ErrorKind::OutsideLimits, "no time that was spent")
+                    .at("minutes")
+                    .got(minutes.to_string())
+                    .allowed("0 or more")),
+            };
         }
         Err(Error::of(ErrorKind::Malformed, "another version of edit lists")
             .got(list.schema.to_string())
             .allowed(SCHEMA.to_string()))
+    }
+
+    /// True if a gap is filled so.
+    #[must_use]
+    pub fn fills_by(&self, method: Method) -> bool {
+        let is_so = |edit: &Edit| edit.remedy == Remedy::Fill && edit.method == Some(method);
+        self.edits.iter().any(is_so)
     }
 
     /// Every name that an edit has.
@@ -172,6 +200,16 @@ pub enum Change {
 }
 
 impl EditStep {
+    /// What is to be done about an artefact before gaps are looked at.
+    #[must_use]
+    pub fn unfilled(artefact: &Artefact) -> Self {
+        let change = match artefact.with {
+            Some(other) if artefact.kind.is_swap() => Change::Exchange(other),
+            _ => Change::Remove,
+        };
+        Self { marker: artefact.marker, frames: artefact.frames.clone(), change }
+    }
+
     /// An edit on a trial whose first frame has this number; `None` if nothing is to be done.
     ///
     /// # Errors

@@ -1,14 +1,17 @@
-//! Gaps filled. Each way of it needs the trial alone, and gives the places of the frames that miss, m; none of them
-//! uses what another one filled, so that every fill stands for itself and can be undone by itself.
+//! Gaps filled. Each way of it gives the places of the frames that miss, m; none of them uses what another one filled,
+//! so that every fill stands for itself and can be undone by itself. Two ways need more than the trial alone ([`Aids`]).
 
+use super::aids::Aids;
 use super::neighbours::Neighbour;
 use super::trial::{Gap, Trial};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 mod low_rank;
+mod other_trials;
 mod pattern;
 mod rigid_body;
+mod skeleton;
 mod spline;
 
 /// Neighbours of a marker that fills look at.
@@ -30,12 +33,23 @@ pub enum Method {
     Pattern,
     /// After all markers around it, in the few ways in which they move together.
     LowRank,
+    /// As part of the person's skeleton.
+    Skeleton,
+    /// After its neighbours, by regression over frames of other trials as well.
+    OtherTrials,
 }
 
 impl Method {
     /// All of them, the simplest first.
-    pub const ALL: [Self; 5] =
-        [Self::Cubic, Self::Quintic, Self::RigidBody, Self::Pattern, Self::LowRank];
+    pub const ALL: [Self; 7] = [
+        Self::Cubic,
+        Self::Quintic,
+        Self::RigidBody,
+        Self::Pattern,
+        Self::LowRank,
+        Self::Skeleton,
+        Self::OtherTrials,
+    ];
 
     /// The word for it, as in files.
     #[must_use]
@@ -46,13 +60,21 @@ impl Method {
             Self::RigidBody => "rigid_body",
             Self::Pattern => "pattern",
             Self::LowRank => "low_rank",
+            Self::Skeleton => "skeleton",
+            Self::OtherTrials => "other_trials",
         }
     }
 
     /// Fills a gap; `near` are the neighbours of its marker. `None` where this way cannot: too few frames or
-    /// neighbours, or a gap too long for it.
+    /// neighbours, or a gap too long for it, nobody's body, no other trials.
     #[must_use]
-    pub fn fill(self, trial: &Trial, gap: &Gap, near: &[Neighbour]) -> Option<Vec<DVec3>> {
+    pub fn fill(
+        self,
+        trial: &Trial,
+        gap: &Gap,
+        near: &[Neighbour],
+        aids: &Aids,
+    ) -> Option<Vec<DVec3>> {
         // There is a frame before and one after.
         let is_between = gap.frames.start > 0
             && gap.frames.start < gap.frames.end
@@ -67,6 +89,8 @@ impl Method {
             Self::RigidBody => rigid_body::fill(trial, gap, near),
             Self::Pattern => pattern::fill(trial, gap, near),
             Self::LowRank => low_rank::fill(trial, gap, near),
+            Self::Skeleton => skeleton::fill(trial, gap, aids.body.as_ref()?),
+            Self::OtherTrials => other_trials::fill(trial, gap, near, &aids.others),
         }
     }
 }

@@ -7,6 +7,9 @@ use nalgebra::{DMatrix, DVector};
 /// Weight of the ridge, against the mean variance of what is regressed on.
 const RIDGE: f64 = 1e-3;
 
+/// How neighbours lie about their middle, where the marker is from there, m, and how much that counts.
+pub type LearnedRow = (DVector<f64>, DVec3, f64);
+
 /// Where a marker is among its neighbours.
 #[derive(Clone, Debug)]
 pub struct Regression {
@@ -28,8 +31,7 @@ impl Regression {
         frames: &[usize],
         weight: impl Fn(usize) -> f64,
     ) -> Option<Self> {
-        let size = 3 * donors.len();
-        let rows: Vec<(DVector<f64>, DVec3, f64)> = frames
+        let rows: Vec<LearnedRow> = frames
             .iter()
             .enumerate()
             .filter_map(|(at, frame)| {
@@ -37,18 +39,25 @@ impl Regression {
                 Some((lie, trial.at(marker, *frame)? - middle, weight(at)))
             })
             .collect();
+        Self::of_rows(donors, &rows)
+    }
+
+    /// Learned from rows; `None` of too few.
+    #[must_use]
+    pub fn of_rows(donors: &[usize], rows: &[LearnedRow]) -> Option<Self> {
+        let size = 3 * donors.len();
         // As many frames as factors would fit anything.
         if rows.len() < 2 * size {
             return None;
         }
         let all: f64 = rows.iter().map(|(.., weight)| weight).sum();
         let (mut mean_lie, mut mean_place) = (DVector::zeros(size), DVec3::ZERO);
-        for (lie, place, weight) in &rows {
+        for (lie, place, weight) in rows {
             mean_lie.axpy(weight / all, lie, 1.0);
             mean_place += *place * (weight / all);
         }
         let (mut squares, mut products) = (DMatrix::zeros(size, size), DMatrix::zeros(size, 3));
-        for (lie, place, weight) in &rows {
+        for (lie, place, weight) in rows {
             let (lie, place) = (lie - &mean_lie, *place - mean_place);
             squares.ger(*weight, &lie, &lie, 1.0);
             for axis in 0..3 {
@@ -68,8 +77,14 @@ impl Regression {
     #[must_use]
     pub fn at(&self, trial: &Trial, frame: usize) -> Option<DVec3> {
         let (lie, middle) = lie(trial, &self.donors, frame)?;
+        Some(middle + self.from_middle(&lie))
+    }
+
+    /// Where the marker should be, from the middle of its neighbours that lie so, m.
+    #[must_use]
+    pub fn from_middle(&self, lie: &DVector<f64>) -> DVec3 {
         let off = self.factors.tr_mul(&(lie - &self.mean_lie));
-        Some(middle + self.mean_place + DVec3::new(off[0], off[1], off[2]))
+        self.mean_place + DVec3::new(off[0], off[1], off[2])
     }
 }
 

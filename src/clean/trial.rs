@@ -121,6 +121,18 @@ impl Trial {
         }
     }
 
+    /// Some of its frames as a trial; `None` if there is no room for it.
+    #[must_use]
+    pub fn part(&self, frames: Range<usize>) -> Option<Self> {
+        let mut part = Self::new(self.rate_hz, self.labels.clone(), frames.len())?;
+        for marker in 0..self.markers() {
+            for (at, frame) in frames.clone().enumerate() {
+                part.put(marker, at, self.at(marker, frame));
+            }
+        }
+        Some(part)
+    }
+
     /// Exchanges two markers in some frames.
     pub fn exchange(&mut self, one: usize, other: usize, frames: Range<usize>) {
         for frame in frames {

@@ -5,6 +5,7 @@ use super::{Deed, Output, Remarks};
 use crate::error::Error;
 use crate::job::clean::{ArtefactFigures, CleanOrder, CleanReport, Remedy, clean};
 use crate::job::clean_check::{CheckOrder, check};
+use crate::job::clean_folder::clean_folder;
 use clap::Args;
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -21,11 +22,15 @@ delete from it, add to it (crop, take out a section, give a piece another name),
 same file again with --edits. Samples that no edit names stay as
 they are, bit for bit; the report has their SHA-256 before and after.
 
-How a gap is filled is found out on the trial itself: gaps as long are cut elsewhere, filled in five
-ways, and compared with what was there. The mean of that is the expected error. See docs/cleaning.md,
-which also says what is missed.
+How a gap is filled is found out on the trial itself: gaps as long are cut elsewhere, filled in seven
+ways, and compared with what was there. The mean of that is the expected error; of a trial that is too
+short other trials tell it, or stored figures, and that is said. See docs/cleaning.md, which also says
+what is missed.
 
 Exit code 3 if something was found and not mended.
+
+Of a folder, OUT is a folder too: each file of markers is cleaned into it, with its edit list, and
+OUT/rounds.csv keeps a row for each round of each trial. Change edit lists and do it again with --force.
 
 --check writes nothing: trials of a folder, ranked by how much of them is part of an artefact. Exit
 code 3 if one has more than --most-doubt, or than the folder's own file clean.toml allows:
@@ -38,21 +43,26 @@ Example: gaitway clean walk.c3d -o walk-clean.c3d
 then:    gaitway clean walk.c3d -o walk-clean.c3d --edits walk-clean.edits.toml --force
 before:  gaitway clean trials/ --check")]
 pub struct CleanArgs {
-    /// Markers in motion (.c3d, .trc, .csm, .csv); with --check also a skeleton (.bvh, .amc), or a folder of both
+    /// Markers in motion (.c3d, .trc, .csm, .csv), or a folder of them; with --check also skeletons (.bvh, .amc)
     file: PathBuf,
-    /// File to write
+    /// File to write, or folder
     #[arg(short, long, value_name = "OUT", required_unless_present = "check")]
     output_file: Option<PathBuf>,
     /// Only look: write nothing, rank trials by doubt
     #[arg(long, conflicts_with_all = ["output_file", "edits", "tolerance"])]
     check: bool,
-    /// With --check: most of a trial's samples that may be doubtful, % [default: by the folder's clean.toml, else 1]
-    #[arg(long, value_name = "PERCENT", value_parser = percent, requires = "check",
-          allow_negative_numbers = true)]
+    /// With --check, or of a folder: most of a trial's samples that may be doubtful, % [default: by the folder's clean.toml, else 1]
+    #[arg(long, value_name = "PERCENT", value_parser = percent, allow_negative_numbers = true)]
     most_doubt: Option<f64>,
     /// Edit list: applied if the file is there, else written [default: beside OUT]
     #[arg(long, value_name = "EDITS.toml")]
     edits: Option<PathBuf>,
+    /// Trial in which the same person stands still, for fills by the skeleton [default: the trial itself]
+    #[arg(long = "static", value_name = "FILE", conflicts_with = "check")]
+    static_trial: Option<PathBuf>,
+    /// Other trial with the same markers, or a folder of them, from which fills may be learned
+    #[arg(long, value_name = "FILE|FOLDER", conflicts_with = "check")]
+    others: Vec<PathBuf>,
     /// Write a page that shows the markers as they were and are, with everything found on a time line
     #[arg(long, value_name = "FILE.html", conflicts_with = "check")]
     html: Option<PathBuf>,
@@ -87,24 +97,56 @@ pub fn run(args: &CleanArgs, remarks: Remarks) -> Result<i32, Error> {
     let Some(output_file) = args.output_file.as_deref().filter(|_| !args.check) else {
         return looked_at(args, remarks);
     };
-    let list = args.edits.clone().filter(|file| !file.exists());
-    args.output.check_files(&[&Some(output_file.to_owned()), &list, &args.html])?;
-    let mut outputs = vec![output_file];
-    outputs.extend(list.as_deref());
-    outputs.extend(args.html.as_deref());
-    args.output.check_apart(&args.file, &outputs)?;
     let order = CleanOrder {
         markers: args.file.clone(),
         rate_hz: args.rate,
         file: output_file.to_owned(),
         edits: args.edits.clone(),
         tolerance_m: args.tolerance / 1e3,
+        static_trial: args.static_trial.clone(),
+        others: args.others.clone(),
         html: args.html.clone(),
         replace: args.output.force(),
     };
+    if args.file.is_dir() {
+        args.output.check_files(&[])?;
+        return of_folder(args, &order, remarks);
+    }
+    if args.most_doubt.is_some() {
+        return Err(Error::new("--most-doubt goes with --check, or with a folder"));
+    }
+    let list = args.edits.clone().filter(|file| !file.exists());
+    args.output.check_files(&[&Some(output_file.to_owned()), &list, &args.html])?;
+    let mut outputs = vec![output_file];
+    outputs.extend(list.as_deref());
+    outputs.extend(args.html.as_deref());
+    args.output.check_apart(&args.file, &outputs)?;
     let report = clean(&order, &Terminal::unheard(remarks))?;
     let code = report.outcome.exit_code();
     Ok(args.output.conclude(&report, &words(&report, remarks), Deed::Work, code))
+}
+
+/// Cleans the trials of a folder; exit code 3 if one is above what is allowed, or cannot be cleaned.
+fn of_folder(args: &CleanArgs, order: &CleanOrder, remarks: Remarks) -> Result<i32, Error> {
+    let most_doubt = args.most_doubt.map(|percent| percent / 100.0);
+    let report = clean_folder(order, most_doubt, &Terminal::unheard(remarks))?;
+    let percent =
+        |doubt: Option<f64>| doubt.map_or("-".to_owned(), |of| format!("{:.2}", of * 1e2));
+    let mut text = "before %   after %  round  artefacts   left     s  trial\n".to_owned();
+    for of in &report.trials {
+        let error = of.error.as_ref().map(|error| format!(": {}", error.replace('\n', " ")));
+        let said = error.unwrap_or_else(|| too_much(&of.above));
+        let (before, after) = (percent(of.doubt_before), percent(of.doubt_after));
+        let (round, wrong, left) = (of.round, of.artefacts, of.not_mended);
+        let (machine_s, trial) = (of.machine_s, &of.trial);
+        let _ = writeln!(
+            text,
+            "{before:>8}  {after:>8}  {round:>5}  {wrong:>9}  {left:>5}  {machine_s:>4.0}  {trial}{said}"
+        );
+    }
+    let _ = writeln!(text, "rounds    {}", report.rounds);
+    let code = report.outcome.exit_code();
+    Ok(args.output.conclude(&report, &text, Deed::Work, code))
 }
 
 /// Looks at trials; exit code 3 if one has more doubt than allowed.
@@ -117,18 +159,14 @@ fn looked_at(args: &CleanArgs, remarks: Remarks) -> Result<i32, Error> {
         most_doubt: args.most_doubt.map(|percent| percent / 100.0),
     };
     let report = check(&order, &Terminal::unheard(remarks))?;
-    let mut text =
-        format!("{:>8}  {:>8}  {:>7}  {:>6}  trial\n", "doubt %", "s", "markers", "joints");
+    let mut text = " doubt %         s  markers  joints  trial\n".to_owned();
     for trial in &report.trials {
         let doubt = trial.doubt.map_or("-".to_owned(), |of| format!("{:.2}", of * 100.0));
         let kinds = trial.artefacts.iter().map(|(kind, count)| format!("{count} {}", kind.word()));
         let found = trial.error.iter().cloned().chain(kinds).collect::<Vec<_>>().join(", ");
         let said = if found.is_empty() { String::new() } else { format!(": {found}") };
-        let above = match trial.above.as_slice() {
-            [] => String::new(),
-            _ if trial.error.is_some() => String::new(),
-            above => format!(" (too much: {})", above.join(", ")),
-        };
+        let is_read = trial.error.is_none();
+        let above = if is_read { too_much(&trial.above) } else { String::new() };
         let (duration_s, markers, joints) =
             (trial.duration_s, trial.marker_count, trial.joint_count);
         let _ = writeln!(
@@ -142,6 +180,10 @@ fn looked_at(args: &CleanArgs, remarks: Remarks) -> Result<i32, Error> {
     }
     let code = report.outcome.exit_code();
     Ok(args.output.conclude(&report, &text, Deed::Look, code))
+}
+
+fn too_much(above: &[String]) -> String {
+    if above.is_empty() { String::new() } else { format!(" (too much: {})", above.join(", ")) }
 }
 
 fn words(report: &CleanReport, remarks: Remarks) -> String {

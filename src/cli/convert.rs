@@ -2,20 +2,16 @@
 //! as joint angles of the body model; markers as another kind of file.
 
 use super::report::Outcome;
+use super::signals::Signals;
 use super::terminal::Terminal;
 use super::{Output, Remarks};
-use crate::body::Proportions;
-use crate::body::worn::kept::Kept;
-use crate::error::{Error, ErrorKind};
+use crate::error::Error;
 use crate::job::convert::{ConvertOrder, convert};
+use crate::job::convert_recording::{RecordingOrder, convert_recording};
 use crate::job::markers::{self, MarkersOrder};
 use crate::job::sensors::{Mode, SensorsOrder, convert as convert_sensors, is_table_of_sensors};
 use crate::job::source::{CaptureOptions, FileKind, file_kind};
-use crate::recording;
-use crate::session::angles::{WornMotion, body_of};
-use crate::session::files::BODY_KEY;
 use clap::Args;
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// Poses per second of joint angles, unless another rate is asked for.
@@ -126,30 +122,20 @@ pub fn run(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
     if let Some((option, _)) = of_captures.iter().find(|(_, given)| *given) {
         return Err(misplaced(option, "a capture (.bvh, .amc)"));
     }
-    let kind = args.out.extension().and_then(|e| e.to_str()).unwrap_or_default();
-    if !["csv", "bvh", "mcap"].contains(&kind) || (args.samples && kind != "csv") {
-        return Err(Error::of(ErrorKind::Unknown, "this kind of file cannot be written")
-            .at(args.out.display().to_string())
-            .allowed("a file that ends in .csv, .bvh or .mcap; with --samples .csv"));
-    }
     let output = Output::forced(args.force);
     output.check_files(&[&Some(args.out.clone())])?;
     output.check_apart(&args.file, &[&args.out])?;
-    if args.samples {
-        return samples(args, remarks);
-    }
-    let start = recording::run_start(&args.file)?;
-    let metadata = start.map(|start| start.metadata).unwrap_or_default();
-    match worn(args, &metadata)? {
-        Some(kept) => angles(args, kind, remarks, &kept, metadata),
-        None if kind == "csv" => samples(args, remarks),
-        None => Err(Error::new("the recording does not know how its sensors were worn")
-            .at(args.file.display().to_string())
-            .remedy(
-                "record it in a session (`gaitway record --session`), or name a calibration: \
-                 --calibration-body FILE.toml",
-            )),
-    }
+    let report = convert_recording(&RecordingOrder {
+        recording: args.file.clone(),
+        calibration: args.calibration_body.clone(),
+        stature_m: args.stature,
+        rate_hz: args.rate.unwrap_or(USUAL_HZ),
+        samples: args.samples,
+        file: args.out.clone(),
+        replace: args.force,
+    })?;
+    report.notes.iter().for_each(|note| remarks.say(note));
+    Ok(report.outcome.exit_code())
 }
 
 /// True of a file that holds a body, to which markers are fitted first.
@@ -191,9 +177,7 @@ fn sensors(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
         file: args.out.clone(),
         replace: args.force,
     })?;
-    for note in &report.notes {
-        remarks.say(note);
-    }
+    report.notes.iter().for_each(|note| remarks.say(note));
     if !report.fused.is_empty() {
         remarks.say(&format!("fused from raw samples: {}", report.fused.join(", ")));
     }
@@ -231,10 +215,9 @@ fn of_markers(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
         file: args.out.clone(),
         replace: args.force,
     };
-    let report = markers::convert(&order, &Terminal::unheard(remarks))?;
-    for note in &report.notes {
-        remarks.say(note);
-    }
+    let signals = Signals::listened()?;
+    let report = markers::convert(&order, &Terminal::new(remarks, &signals))?;
+    report.notes.iter().for_each(|note| remarks.say(note));
     let (points, frames) = (report.points, report.frames);
     remarks.say(&format!("{frames} frames of {points} points to {}", report.written));
     Ok(report.outcome.exit_code())
@@ -265,9 +248,7 @@ fn captured(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
         file: args.out.clone(),
         replace: args.force,
     })?;
-    for note in &report.notes {
-        remarks.say(note);
-    }
+    report.notes.iter().for_each(|note| remarks.say(note));
     remarks.say(&format!(
         "the torso leans by up to {:.0} deg against the pelvis, the pelvis by up to {:.0} deg against the \
          vertical",
@@ -276,71 +257,4 @@ fn captured(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
     let (poses, rate_hz) = (report.poses, report.rate_hz);
     remarks.say(&format!("{poses} poses at {rate_hz} Hz to {}", report.written));
     Ok(Outcome::Done.exit_code())
-}
-
-/// How the sensors were worn, if that is known.
-fn worn(args: &ConvertArgs, metadata: &BTreeMap<String, String>) -> Result<Option<Kept>, Error> {
-    let (text, place) = match (&args.calibration_body, metadata.get(BODY_KEY)) {
-        (Some(path), _) => (gaitway_profiles::read_text(path)?, path),
-        (None, Some(text)) => (text.clone(), &args.file),
-        (None, None) => return Ok(None),
-    };
-    Kept::parse(&text).map(Some).map_err(|e| e.at(place.display().to_string()))
-}
-
-fn angles(
-    args: &ConvertArgs,
-    kind: &str,
-    remarks: Remarks,
-    kept: &Kept,
-    mut metadata: BTreeMap<String, String>,
-) -> Result<i32, Error> {
-    let series = recording::sensor_series(&args.file)?;
-    let body = match args.stature {
-        Some(stature_m) => Proportions::of_stature(stature_m)?,
-        None => body_of(&metadata)?,
-    };
-    let motion = WornMotion::of(&series, kept, body, args.rate.unwrap_or(USUAL_HZ))
-        .map_err(|e| if e.place.is_none() { e.at(args.file.display().to_string()) } else { e })?;
-    metadata.remove(BODY_KEY);
-    metadata.insert("from".to_owned(), args.file.display().to_string());
-    metadata.insert("subject".to_owned(), kept.subject.clone());
-    let output = Output::forced(args.force);
-    match kind {
-        "csv" => output.write_file(&args.out, &motion.csv()?)?,
-        "bvh" => output.write_file(&args.out, motion.bvh().as_bytes())?,
-        _ => motion.write_mcap(&args.out, args.force, metadata)?,
-    }
-    let (count, silent) = (motion.angles.len(), motion.silent_samples());
-    remarks.say(&format!("{count} poses at {} Hz to {}", motion.rate_hz, args.out.display()));
-    let not_worn = motion.not_worn();
-    if !not_worn.is_empty() {
-        remarks.say(&format!("not worn, and therefore at rest: {}", not_worn.join(", ")));
-    }
-    if silent + series.missed > 0 {
-        remarks.say(&format!(
-            "{} samples are missing in the recording; sensors were silent in {silent} moments",
-            series.missed
-        ));
-    }
-    let whole = series.whole && silent + series.missed == 0;
-    let outcome = if whole { Outcome::Done } else { Outcome::DoneWithLoss };
-    Ok(outcome.exit_code())
-}
-
-/// One row per sample of a sensor, or per cycle of a robot.
-fn samples(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
-    let mut bytes = Vec::new();
-    let rows = recording::write_csv(&args.file, &mut bytes)?;
-    Output::forced(args.force).write_file(&args.out, &bytes)?;
-    remarks.say(&format!("{} rows to {}", rows.rows, args.out.display()));
-    let whole = rows.whole && rows.missing == 0;
-    if rows.missing > 0 {
-        remarks.say(&format!("{} samples or readings are missing in the recording", rows.missing));
-    }
-    if !rows.whole {
-        remarks.say("the recording was cut off or is damaged: its last second may be missing");
-    }
-    let outcome = if whole { Outcome::Done } else { Outcome::DoneWithLoss };
-    Ok(outcome.exit_code())
 }

@@ -1,8 +1,11 @@
 //! `fit`, as it is typed.
 
+use super::terminal::Terminal;
 use super::{Deed, Output, Remarks};
 use crate::error::Error;
-use crate::job::fit::{FitOrder, FitReport, FitSettings, HipBy, JointsAt, MarkerSet, fit};
+use crate::job::fit::{
+    FitOrder, FitReport, FitSettings, FitSkeleton, HipBy, JointsAt, MarkerSet, fit, fit_folder,
+};
 use clap::{Args, ValueEnum};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -30,6 +33,17 @@ enum Joints {
     Markers,
 }
 
+/// Which bones a BVH file has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Bones {
+    /// The 13 segments of the body model
+    #[value(name = "13")]
+    Segments,
+    /// The 21 bones of the Human Motion Database: hands, collar bones, hips, a back in two parts
+    #[value(name = "21")]
+    Bones,
+}
+
 /// Arguments of `fit`.
 #[derive(Clone, Debug, Args)]
 #[command(after_help = "\
@@ -40,7 +54,11 @@ one the trial calibrates itself from its quietest half second.
 OUT.bvh   the skeleton in motion, with the bones of the person
 OUT.csv   the 22 joint angles, where the pelvis is and how it is turned
 OUT.mot   the joint angles by the names of OpenSim's models
-DIR       all of it: TRIAL.bvh, .csv, .mot, and TRIAL.segments.csv with the orientation of each segment
+OUT.c3d   virtual markers: where the 21 bones begin, and where head, hands and feet end
+DIR       all of it: TRIAL.bvh, .csv, .mot, TRIAL.bones.c3d, and TRIAL.segments.csv with the orientation of
+          each segment
+
+A folder instead of TRIAL: every trial in it into a folder of its name in DIR, by the one static trial.
 
 Marker sets: plug-in-gait, plug-in-gait-lower, cmu-41, baseline (OptiTrack), or a file of your own (TOML:
 schema = 1, name, title, needs, has, and [aliases] of places, by the names of Plug-in Gait). Widths are read from the file (KneeWidth,
@@ -49,12 +67,12 @@ AnkleWidth, ...) or else estimated, which is said.
 Example: gaitway fit walk.c3d --static static.c3d -o walk.bvh
 then:    gaitway play walk.bvh --robot op3 --bus sim")]
 pub struct FitArgs {
-    /// Markers in motion (.c3d, .trc, .csv)
+    /// Markers in motion (.c3d, .trc, .csm, .csv), or a folder of them
     trial: PathBuf,
     /// Trial in which the same person stands still [default: the quietest half second of the trial]
     #[arg(long = "static", value_name = "FILE")]
     static_trial: Option<PathBuf>,
-    /// File (.bvh, .csv, .mot) or folder to write
+    /// File (.bvh, .csv, .mot, .c3d) or folder to write
     #[arg(short, long, value_name = "OUT")]
     output_file: PathBuf,
     /// Marker set, by name or file [default: the one that matches best]
@@ -73,6 +91,9 @@ pub struct FitArgs {
     /// Where the other joints are taken to be
     #[arg(long, value_enum, default_value = "centres")]
     joints: Joints,
+    /// Bones of a BVH file
+    #[arg(long, value_enum, default_value = "13")]
+    bones: Bones,
     /// Diameter of the markers, mm
     #[arg(long, value_name = "MM", default_value_t = 14.0, value_parser = diameter,
           allow_negative_numbers = true)]
@@ -105,7 +126,7 @@ pub fn run(args: &FitArgs, remarks: Remarks) -> Result<i32, Error> {
         Some(name) => vec![MarkerSet::named(name).map_err(|error| error.at("--markers"))?],
         None => MarkerSet::shipped(),
     };
-    let report = fit(&FitOrder {
+    let order = FitOrder {
         trial: args.trial.clone(),
         static_trial: args.static_trial.clone(),
         rate_hz: args.rate,
@@ -125,11 +146,35 @@ pub fn run(args: &FitArgs, remarks: Remarks) -> Result<i32, Error> {
             ..FitSettings::default()
         },
         hip_trials: args.hip_trials.clone(),
+        skeleton: match args.bones {
+            Bones::Segments => FitSkeleton::Segments,
+            Bones::Bones => FitSkeleton::Bones,
+        },
         output: args.output_file.clone(),
         replace: args.output.force(),
-    })?;
+    };
+    if args.trial.is_dir() {
+        return of_folder(args, &order, remarks);
+    }
+    let report = fit(&order)?;
     let code = report.outcome.exit_code();
     Ok(args.output.conclude(&report, &words(&report, remarks), Deed::Work, code))
+}
+
+/// Every trial of a folder; exit code 3 also if one could not be fitted.
+fn of_folder(args: &FitArgs, order: &FitOrder, remarks: Remarks) -> Result<i32, Error> {
+    let report = fit_folder(order, &Terminal::unheard(remarks))?;
+    let mut text = String::new();
+    for trial in &report.trials {
+        let done = trial.report.as_ref().map(|of| {
+            let (word, frames, unseen) = (of.outcome.word(), of.frames, of.unseen.len());
+            format!("{word}, {frames} frames, {unseen} times a segment was not seen")
+        });
+        let said = done.or_else(|| trial.error.as_ref().map(|error| error.replace('\n', " ")));
+        let _ = writeln!(text, "{}: {}", trial.trial, said.unwrap_or_default());
+    }
+    let code = report.outcome.exit_code();
+    Ok(args.output.conclude(&report, &text, Deed::Work, code))
 }
 
 fn words(report: &FitReport, remarks: Remarks) -> String {
@@ -155,6 +200,14 @@ fn words(report: &FitReport, remarks: Remarks) -> String {
         for bone in &report.bones {
             let length = bone.length_m.map_or("-".to_owned(), |m| format!("{:.1}", m * 1e3));
             let _ = writeln!(text, "{:16} {length:>9} {:>12.1}", bone.name, bone.residual_m * 1e3);
+        }
+        for bone in &report.fine_bones {
+            let [length, residual] = [bone.length_m, bone.residual_m].map(|of| of * 1e3);
+            let _ = writeln!(
+                text,
+                "{:16} {length:>9.1} {residual:>12.1} {:>9}",
+                bone.name, bone.unseen_frames
+            );
         }
         let _ =
             writeln!(text, "{:16} {:>9} {:>12} {:>9}", "marker", "rms mm", "worst mm", "missing");

@@ -1,12 +1,14 @@
 //! Markers cleaned: what is wrong with a trial is found and mended, and what was done is a list that can be changed and
 //! applied again.
 
+use super::clean_aids::{AidFiles, NamedAids, found};
+use super::clean_check::marker_files_in;
 use super::markers::write;
 use super::observer::{Event, Observer};
 use super::page;
 use super::report::Outcome;
 use crate::clean::artefact::{Artefact, ArtefactKind, Cause};
-use crate::clean::choice::Chooser;
+use crate::clean::choice::{Chooser, ExpectedFrom};
 use crate::clean::detect;
 use crate::clean::edits::{Change, Edit, EditList, EditStep, MAX_BYTES, SCHEMA, fill, prepare};
 use crate::clean::fill::Method;
@@ -17,7 +19,7 @@ use crate::clean::trial::{Gap, Trial};
 use crate::draft::{check_free, write_file};
 use crate::error::{Error, ErrorKind};
 use crate::mocap::marker_files;
-use crate::mocap::markers::{FramesOf, Markers};
+use crate::mocap::markers::{FramesOf, Head, Markers};
 use crate::view::ViewPage;
 use crate::view::scene::ViewScene;
 use crate::view::tracks::{SpanKind, ViewSpan};
@@ -46,6 +48,10 @@ pub struct CleanOrder {
     pub edits: Option<PathBuf>,
     /// Gaps whose fill is expected to miss by more are left, m.
     pub tolerance_m: f64,
+    /// Markers of the same person who stands still, for fills by the skeleton; without it the trial shows the body itself.
+    pub static_trial: Option<PathBuf>,
+    /// Other trials from which fills may be learned, files or folders of them.
+    pub others: Vec<PathBuf>,
     /// A page that shows it.
     pub html: Option<PathBuf>,
     /// Files may replace those that are there.
@@ -79,6 +85,8 @@ pub struct CleanReport {
     pub notes: Vec<String>,
     /// Page written.
     pub html: Option<String>,
+    /// Minutes that a person spent on the edit list, as it says itself.
+    pub person_minutes: Option<f64>,
     /// The edit list.
     pub edits: String,
     /// Where.
@@ -106,9 +114,11 @@ pub struct ArtefactFigures {
     pub remedy: Remedy,
     /// How the gap is filled.
     pub fill: Option<Method>,
-    /// How far the fill is expected to miss, m: the mean over as long gaps that were cut elsewhere in the trial; null
-    /// where nothing was filled, or nothing could be cut.
+    /// How far the fill is expected to miss, m: the mean over as long gaps that were cut elsewhere; null where nothing was
+    /// filled, or nobody knows.
     pub expected_error_m: Option<f64>,
+    /// Where they were cut: `this_trial`, `other_trials`, or those of which figures are `stored`.
+    pub expected_from: Option<ExpectedFrom>,
 }
 
 /// The samples that no edit names.
@@ -135,6 +145,15 @@ struct Plan {
 /// A file that cannot be read or holds no labelled markers, an ending that nobody writes, an edit list of another file,
 /// files that exist or cannot be written.
 pub fn clean(order: &CleanOrder, observer: &dyn Observer) -> Result<CleanReport, Error> {
+    clean_with(order, None, observer)
+}
+
+/// The same, where what helps to fill gaps may have been read before.
+pub(super) fn clean_with(
+    order: &CleanOrder,
+    aids: Option<AidFiles>,
+    observer: &dyn Observer,
+) -> Result<CleanReport, Error> {
     let Some(kind) = marker_files::written_as(&order.file) else {
         return Err(Error::of(ErrorKind::Unknown, "this kind of file cannot be written")
             .at(order.file.display().to_string())
@@ -158,13 +177,22 @@ pub fn clean(order: &CleanOrder, observer: &dyn Observer) -> Result<CleanReport,
     let all = digest(&mut FramesOf::new(&markers), |_, _| true)?;
     let head = markers.head();
     let mut keep = 0..head.frames;
+    let files = match aids {
+        Some(aids) => aids,
+        None => read_aids(order, list.as_ref()).map_err(|error| match is_given {
+            true => error.in_file(&list_file),
+            false => error,
+        })?,
+    };
+    let person_minutes = list.as_ref().and_then(|list| list.minutes);
     let plan = match list {
         Some(list) => {
+            check_aids(&files, &list).map_err(|error| error.in_file(&list_file))?;
             let kept = list.kept(head.first_frame, head.frames);
             keep = kept.map_err(|error| error.in_file(&list_file))?;
             applied(&list_file, list, &source.trial, head.first_frame, &all)?
         }
-        None => planned(order, &source, head.first_frame, observer),
+        None => planned(order, head, &source, &files, observer)?,
     };
     let steps = plan
         .edits
@@ -177,7 +205,8 @@ pub fn clean(order: &CleanOrder, observer: &dyn Observer) -> Result<CleanReport,
         })?;
     let mut trial = source.trial.clone();
     prepare(&mut trial, &steps);
-    let mut filled = fill(&mut Chooser::new(&mut trial), &steps, |done, total| {
+    let mut aids = files.aids(head, &source, &trial, &mut Vec::new())?;
+    let mut filled = fill(&mut Chooser::new(&mut trial, &mut aids), &steps, |done, total| {
         observer.hear(Event::Step { done: done as u64, total: total as u64, what: "gaps" });
     });
     filled.retain(|of| keep.contains(&of.frame));
@@ -199,21 +228,24 @@ pub fn clean(order: &CleanOrder, observer: &dyn Observer) -> Result<CleanReport,
         write_file(path, order.replace, html(order, &plan, scene)?.as_bytes())?;
     }
     if !is_given {
-        let list = EditList {
+        let mut list = EditList {
             schema: SCHEMA,
             source: order.markers.display().to_string(),
             source_sha256: Some(all.sha256),
             keep_frames: None,
+            minutes: None,
+            static_trial: None,
+            other_trials: Vec::new(),
+            aids_sha256: None,
             edits: plan.edits,
         };
+        let named = used(&files, &list)?;
+        (list.static_trial, list.other_trials) = (named.static_trial, named.others);
+        list.aids_sha256 = named.sha256;
         write_file(&list_file, order.replace, list.to_text()?.as_bytes())?;
     }
     let notes = head.notes.iter().chain(&source.notes).chain(&plan.notes).chain(&left_out);
-    // What a person took out was meant to be out.
-    let is_mended = |of: &ArtefactFigures| {
-        matches!(of.remedy, Remedy::Fill | Remedy::Exchange) || of.kind == ArtefactKind::ByHand
-    };
-    let is_whole = plan.artefacts.iter().all(is_mended) && head.lost_frames == 0;
+    let is_whole = plan.artefacts.iter().all(ArtefactFigures::is_mended) && head.lost_frames == 0;
     Ok(CleanReport {
         outcome: if is_whole { Outcome::Done } else { Outcome::DoneWithLoss },
         markers: order.markers.display().to_string(),
@@ -231,6 +263,7 @@ pub fn clean(order: &CleanOrder, observer: &dyn Observer) -> Result<CleanReport,
         notes: notes.cloned().collect(),
         artefacts: plan.artefacts,
         html: order.html.as_ref().map(|path| path.display().to_string()),
+        person_minutes,
         edits: list_file.display().to_string(),
         written: order.file.display().to_string(),
     })
@@ -257,6 +290,12 @@ fn html(order: &CleanOrder, plan: &Plan, scene: ViewScene) -> Result<String, Err
 }
 
 impl ArtefactFigures {
+    /// True if nothing is left to do about it. What a person took out was meant to be out.
+    #[must_use]
+    pub fn is_mended(&self) -> bool {
+        matches!(self.remedy, Remedy::Fill | Remedy::Exchange) || self.kind == ArtefactKind::ByHand
+    }
+
     /// Where it stands on the time line.
     fn span(&self) -> ViewSpan {
         let (kind, done) = match self.remedy {
@@ -301,6 +340,44 @@ fn read_list(path: &Path) -> Result<EditList, Error> {
     EditList::parse(&text).map_err(|error| error.in_file(path))
 }
 
+/// Reads the trials that help to fill gaps: those that were named, else those of an edit list.
+fn read_aids(order: &CleanOrder, list: Option<&EditList>) -> Result<AidFiles, Error> {
+    let own = &order.markers;
+    let listed = list.and_then(|list| list.static_trial.as_ref());
+    let listed = listed.filter(|_| order.static_trial.is_none());
+    let listed = listed.map(|named| found(named, own)).transpose()?;
+    let static_trial = order.static_trial.clone().or(listed);
+    let mut others = Vec::new();
+    for named in &order.others {
+        match named.is_dir() {
+            true => marker_files_in(named, &mut others)?,
+            false => others.push(named.clone()),
+        }
+    }
+    if let Some(list) = list.filter(|_| order.others.is_empty()) {
+        for named in &list.other_trials {
+            others.push(found(named, own)?);
+        }
+    }
+    AidFiles::read(static_trial.as_deref(), &others, own, order.rate_hz)
+}
+
+/// What an edit list says of the trials that its fills make use of.
+fn used(files: &AidFiles, list: &EditList) -> Result<NamedAids, Error> {
+    files.named(list.fills_by(Method::Skeleton), list.fills_by(Method::OtherTrials))
+}
+
+/// Fails if they are others than those that the list was made with.
+fn check_aids(files: &AidFiles, list: &EditList) -> Result<(), Error> {
+    let sha256 = used(files, list)?.sha256;
+    if list.aids_sha256.is_none() || list.aids_sha256 == sha256 {
+        return Ok(());
+    }
+    Err(Error::new("the trials that fills make use of are not those the list was made with")
+        .at("aids_sha256")
+        .remedy("give those, or delete this line to take the ones that are there"))
+}
+
 /// What an edit list says.
 fn applied(
     path: &Path,
@@ -331,6 +408,7 @@ fn applied(
         remedy: edit.remedy,
         fill: edit.method.filter(|_| edit.remedy == Remedy::Fill),
         expected_error_m: None,
+        expected_from: None,
     });
     Ok(Plan { artefacts: artefacts.collect(), edits: list.edits, notes: Vec::new() })
 }
@@ -338,21 +416,24 @@ fn applied(
 /// Finds what is wrong, and chooses what is done about it.
 fn planned(
     order: &CleanOrder,
+    head: &Head,
     source: &SourceMarkers,
-    first_frame: u64,
+    files: &AidFiles,
     observer: &dyn Observer,
-) -> Plan {
+) -> Result<Plan, Error> {
+    let first_frame = head.first_frame;
     let found = detect::artefacts(&source.trial, |done, total| {
         observer.hear(Event::Step { done: done as u64, total: total as u64, what: "markers" });
     });
     let mut trial = source.trial.clone();
-    let steps: Vec<EditStep> = found.iter().map(prepared).collect();
+    let steps: Vec<EditStep> = found.iter().map(EditStep::unfilled).collect();
     prepare(&mut trial, &steps);
     let gaps: BTreeMap<usize, Vec<Gap>> =
         (0..trial.markers()).map(|marker| (marker, trial.gaps(marker))).collect();
-    let mut chooser = Chooser::new(&mut trial);
+    let mut body_notes = Vec::new();
+    let mut aids = files.aids(head, source, &trial, &mut body_notes)?;
+    let mut chooser = Chooser::new(&mut trial, &mut aids);
     let (mut edits, mut artefacts, mut notes) = (Vec::new(), Vec::new(), Vec::new());
-    let mut untested = 0_usize;
     let rate_hz = source.trial.rate_hz();
     let name = |marker: usize| source.trial.labels().get(marker).cloned().unwrap_or_default();
     for (done, artefact) in found.iter().enumerate() {
@@ -360,7 +441,6 @@ fn planned(
         observer.hear(Event::Step { done, total, what: "gaps" });
         let gaps = gaps.get(&artefact.marker).map(Vec::as_slice).unwrap_or_default();
         let mended = mended(&mut chooser, artefact, gaps, order.tolerance_m);
-        untested += usize::from(mended.is_untested);
         let frame = |index: usize| first_frame.saturating_add(index as u64);
         edits.push(Edit {
             kind: artefact.kind,
@@ -382,18 +462,36 @@ fn planned(
             remedy: mended.remedy,
             fill: mended.method,
             expected_error_m: mended.error_m,
+            expected_from: mended.from,
         });
     }
     let total = found.len() as u64;
     observer.hear(Event::Step { done: total, total, what: "gaps" });
     notes.extend(unseen_edges(&source.trial));
-    if untested > 0 {
-        notes.push(format!(
-            "{untested} gaps are filled in the usual way: the trial is too short to cut gaps as long \
-             and see how well they are filled"
-        ));
+    let filled = |from| {
+        let is_so = |of: &&ArtefactFigures| of.remedy == Remedy::Fill && of.expected_from == from;
+        artefacts.iter().filter(is_so).count()
+    };
+    for (from, by) in [
+        (Some(ExpectedFrom::OtherTrials), "what is expected of them was tried on other trials"),
+        (
+            Some(ExpectedFrom::Stored),
+            "what is expected of them are stored figures of a walk and of stairs",
+        ),
+        (None, "nobody knows how well"),
+    ] {
+        let count = filled(from);
+        if count > 0 {
+            notes.push(format!(
+                "{count} gaps could not be tried on this trial, which is too short to cut gaps as long: {by}"
+            ));
+        }
     }
-    Plan { edits, artefacts, notes }
+    let is_by_skeleton = |of: &ArtefactFigures| of.fill == Some(Method::Skeleton);
+    if artefacts.iter().any(is_by_skeleton) {
+        notes.extend(body_notes.into_iter().map(|note| format!("skeleton: {note}")));
+    }
+    Ok(Plan { edits, artefacts, notes })
 }
 
 /// Markers that come late or leave early: nothing is known there to fill in between.
@@ -415,22 +513,12 @@ fn unseen_edges(trial: &Trial) -> Option<String> {
     Some(format!("not seen from the first frame on or up to the last, and left so: {shown}{more}"))
 }
 
-/// What has to be done before gaps are looked at.
-fn prepared(artefact: &Artefact) -> EditStep {
-    let change = match artefact.with {
-        Some(other) if artefact.kind.is_swap() => Change::Exchange(other),
-        _ => Change::Remove,
-    };
-    EditStep { marker: artefact.marker, frames: artefact.frames.clone(), change }
-}
-
 /// What is done about one thing that is wrong.
 struct Mended {
     remedy: Remedy,
     method: Option<Method>,
     error_m: Option<f64>,
-    /// True if it is filled without knowing how well.
-    is_untested: bool,
+    from: Option<ExpectedFrom>,
 }
 
 fn mended(
@@ -439,7 +527,7 @@ fn mended(
     gaps: &[Gap],
     tolerance_m: f64,
 ) -> Mended {
-    let done = |remedy| Mended { remedy, method: None, error_m: None, is_untested: false };
+    let done = |remedy| Mended { remedy, method: None, error_m: None, from: None };
     if artefact.kind.is_swap() {
         return done(Remedy::Exchange);
     }
@@ -455,12 +543,8 @@ fn mended(
     let choice = chooser.choose(gap);
     let Some(method) = choice.method else { return done(unfilled) };
     if choice.error_m.is_some_and(|error_m| error_m > tolerance_m) {
-        return Mended { error_m: choice.error_m, ..done(unfilled) };
+        return Mended { error_m: choice.error_m, from: choice.from, ..done(unfilled) };
     }
-    Mended {
-        remedy: Remedy::Fill,
-        method: Some(method),
-        error_m: choice.error_m,
-        is_untested: choice.error_m.is_none(),
-    }
+    let (error_m, from) = (choice.error_m, choice.from);
+    Mended { remedy: Remedy::Fill, method: Some(method), error_m, from }
 }

@@ -77,7 +77,7 @@ pub struct TrialFigures {
 /// A folder that cannot be read, or without files of markers; thresholds that are none. A file among others that cannot
 /// be read is part of the report.
 pub fn check(order: &CheckOrder, observer: &dyn Observer) -> Result<CheckReport, Error> {
-    let thresholds = thresholds(&order.markers)?;
+    let allowed = Allowed::of(&order.markers, order.most_doubt)?;
     let trials_of = if order.markers.is_dir() {
         let mut found = Vec::new();
         trials_in(&order.markers, 0, &mut found)?;
@@ -106,25 +106,45 @@ pub fn check(order: &CheckOrder, observer: &dyn Observer) -> Result<CheckReport,
     observer.hear(Event::Step { done: total, total, what: "trials" });
     let doubt = |of: &TrialFigures| of.doubt.unwrap_or(f64::INFINITY);
     trials.sort_by(|a, b| doubt(b).total_cmp(&doubt(a)).then(a.markers.cmp(&b.markers)));
-    let own = thresholds.as_ref().map(|(_, of)| of);
-    let own_doubt = own.and_then(|of| of.most_doubt_percent).map(|percent| percent / 100.0);
-    let most_doubt = order.most_doubt.or(own_doubt).unwrap_or(USUAL_DOUBT);
-    let most = own.map(|of| of.most.clone()).unwrap_or_default();
     for trial in &mut trials {
-        let is_doubtful = doubt(trial) > most_doubt;
-        trial.above.extend(is_doubtful.then(|| "doubt".to_owned()));
-        let has = |kind| trial.artefacts.get(kind).copied().unwrap_or(0);
-        let kinds: Vec<String> = most
-            .iter()
-            .filter(|(kind, most)| has(kind) > **most)
-            .map(|(kind, _)| kind.word().to_owned())
-            .collect();
-        trial.above.extend(kinds);
+        trial.above = allowed.above(trial);
     }
     let is_good = trials.iter().all(|of| of.above.is_empty());
     let outcome = if is_good { Outcome::Done } else { Outcome::DoneWithLoss };
-    let thresholds = thresholds.map(|(file, _)| file.display().to_string());
+    let thresholds = allowed.file.map(|file| file.display().to_string());
+    let Allowed { most_doubt, most, .. } = allowed;
     Ok(CheckReport { outcome, most_doubt, most, thresholds, trials })
+}
+
+/// What a trial may have wrong with it.
+pub(super) struct Allowed {
+    pub(super) most_doubt: f64,
+    pub(super) most: BTreeMap<ArtefactKind, usize>,
+    /// The file of thresholds.
+    pub(super) file: Option<PathBuf>,
+}
+
+impl Allowed {
+    /// By the folder's own thresholds, unless more or less doubt is asked for.
+    ///
+    /// # Errors
+    /// Thresholds that are none.
+    pub(super) fn of(folder: &Path, most_doubt: Option<f64>) -> Result<Self, Error> {
+        let (file, own) = thresholds(folder)?.unzip();
+        let own_doubt = own.as_ref().and_then(|of| of.most_doubt_percent);
+        let most_doubt = most_doubt.or(own_doubt.map(|percent| percent / 100.0));
+        let most = own.map(|of| of.most).unwrap_or_default();
+        Ok(Self { most_doubt: most_doubt.unwrap_or(USUAL_DOUBT), most, file })
+    }
+
+    /// What of a trial is above: `doubt`, or a kind of artefact.
+    pub(super) fn above(&self, trial: &TrialFigures) -> Vec<String> {
+        let is_doubtful = trial.doubt.is_none_or(|doubt| doubt > self.most_doubt);
+        let has = |kind| trial.artefacts.get(kind).copied().unwrap_or(0);
+        let kinds = self.most.iter().filter(|(kind, most)| has(kind) > **most);
+        let doubt = is_doubtful.then(|| "doubt".to_owned());
+        doubt.into_iter().chain(kinds.map(|(kind, _)| kind.word().to_owned())).collect()
+    }
 }
 
 /// The thresholds that lie in a folder, if they do.
@@ -164,6 +184,19 @@ fn trials_in(folder: &Path, depth: usize, found: &mut Vec<PathBuf>) -> Result<()
     Ok(())
 }
 
+/// Adds the files of markers of a folder, by name.
+///
+/// # Errors
+/// A folder that cannot be read.
+pub(super) fn marker_files_in(folder: &Path, found: &mut Vec<PathBuf>) -> Result<(), Error> {
+    let mut all = Vec::new();
+    trials_in(folder, 0, &mut all)?;
+    all.retain(|path| marker_files::format_of(path).is_some());
+    all.sort();
+    found.extend(all);
+    Ok(())
+}
+
 fn is_trial(path: &Path) -> bool {
     marker_files::format_of(path).is_some() || files::format_of(path).is_some()
 }
@@ -187,7 +220,7 @@ fn joints_of(file: &Path, rate_hz: Option<f64>, figures: &mut TrialFigures) -> R
     Ok(())
 }
 
-fn looked_at(file: &Path, rate_hz: Option<f64>) -> TrialFigures {
+pub(super) fn looked_at(file: &Path, rate_hz: Option<f64>) -> TrialFigures {
     let mut figures = TrialFigures {
         markers: file.display().to_string(),
         doubt: None,

@@ -1,7 +1,9 @@
 //! Markers to bones: a trial becomes a skeleton in motion, joint angles and segment poses, with what every marker
 //! says of how good they are.
 
+use super::clean_check::marker_files_in;
 use super::convert::mot;
+use super::observer::{Event, Observer};
 use super::report::Outcome;
 use super::source::fit_markers;
 use crate::action::table;
@@ -10,11 +12,14 @@ use crate::body::{JointAngles, Proportions, Segment, SegmentPose, segment_name};
 use crate::draft::{check_free, write_file};
 use crate::error::{Error, ErrorKind};
 use crate::mocap::bvh;
+use crate::mocap::c3d;
 use crate::mocap::export::{BodyOffsets, bvh_with};
 use crate::mocap::fit::Fitted;
+use crate::mocap::fit::bones::{BoneFit, FittedBones, fit_bones};
 use crate::mocap::fit::centres::SideMeasures;
 use crate::mocap::fit::functional::{self, FunctionalHip};
 use crate::mocap::marker_files;
+use crate::mocap::markers::{FramesOf, Head};
 use crate::table::TableWriter;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -36,10 +41,22 @@ pub struct FitOrder {
     pub settings: FitSettings,
     /// Trials in which legs swing, which show where hips are.
     pub hip_trials: Vec<PathBuf>,
-    /// A file (.bvh, .csv, .mot), or a folder for all of it.
+    /// Which bones a BVH file has.
+    pub skeleton: FitSkeleton,
+    /// A file (.bvh, .csv, .mot, .c3d), or a folder for all of it.
     pub output: PathBuf,
     /// Files may replace those that are there.
     pub replace: bool,
+}
+
+/// Which bones are laid over the markers.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum FitSkeleton {
+    /// The 13 segments of the body model.
+    #[default]
+    Segments,
+    /// The 21 bones of the Human Motion Database.
+    Bones,
 }
 
 /// What came of it.
@@ -65,6 +82,8 @@ pub struct FitReport {
     pub measures: [SideMeasures; 2],
     /// Every segment that has markers.
     pub bones: Vec<BoneFigures>,
+    /// The 21 bones, if a file has them.
+    pub fine_bones: Vec<FineBoneFigures>,
     /// Every marker that was used.
     pub markers: Vec<ResidualFigures>,
     /// Times in which a segment was not seen, and is filled in.
@@ -99,6 +118,19 @@ pub struct ResidualFigures {
     pub worst_m: f64,
     /// Frames in which it was not seen.
     pub missing_frames: usize,
+}
+
+/// One of the 21 bones.
+#[derive(Clone, Debug, Serialize)]
+pub struct FineBoneFigures {
+    /// Its name.
+    pub name: &'static str,
+    /// Its length while the person stands, m.
+    pub length_m: f64,
+    /// Root mean square distance of its markers from where it says that they are, m.
+    pub residual_m: f64,
+    /// Frames in which too little of it was seen: it goes with the one that carries it.
+    pub unseen_frames: usize,
 }
 
 /// A time in which a segment was not seen.
@@ -142,6 +174,17 @@ pub fn fit(order: &FitOrder) -> Result<FitReport, Error> {
     let (settings, hip_notes) = hips_shown(order)?;
     let mut fitted = fit_markers(&order.trial, stands, order.rate_hz, &settings)?;
     fitted.notes.extend(hip_notes);
+    let is_fine = |kind: FitFile| match kind {
+        FitFile::Skeleton => order.skeleton == FitSkeleton::Bones,
+        FitFile::VirtualMarkers => true,
+        FitFile::Angles | FitFile::Motion | FitFile::Segments => false,
+    };
+    let is_any_fine = files.iter().any(|(_, kind)| is_fine(*kind));
+    let fine = is_any_fine.then(|| fine_bones(order, &settings)).transpose()?;
+    if let Some((bones, _)) = &fine {
+        let known: Vec<String> = fitted.notes.clone();
+        fitted.notes.extend(bones.notes.iter().filter(|note| !known.contains(note)).cloned());
+    }
     let capture = fitted.capture();
     for (file, kind) in &files {
         if let Some(folder) = file.parent().filter(|folder| !folder.as_os_str().is_empty()) {
@@ -151,21 +194,120 @@ pub fn fit(order: &FitOrder) -> Result<FitReport, Error> {
                     .got(cause.to_string())
             })?;
         }
-        let bytes = match kind {
-            FitFile::Skeleton => {
+        let bytes = match (kind, &fine) {
+            (FitFile::Skeleton, Some((bones, _))) if is_fine(*kind) => {
+                bvh::write(&bones.bvh()).into_bytes()
+            }
+            (FitFile::VirtualMarkers, Some((bones, head))) => {
+                let markers = bones.virtual_markers(head)?;
+                let mut bytes = Vec::new();
+                c3d::write::write(&mut bytes, &mut FramesOf::new(&markers))?;
+                bytes
+            }
+            // There are bones wherever one of their files is.
+            (FitFile::Skeleton | FitFile::VirtualMarkers, _) => {
                 let body = offsets(&fitted)?;
                 bvh::write(&bvh_with(&capture.poses, &body, capture.rate_hz)).into_bytes()
             }
-            FitFile::Angles => angles(&capture.poses, capture.rate_hz)?,
-            FitFile::Motion => {
+            (FitFile::Angles, _) => angles(&capture.poses, capture.rate_hz)?,
+            (FitFile::Motion, _) => {
                 let angles = JointAngles::of_clip(&capture.poses, capture.rate_hz).angles;
                 mot(file, &angles, &capture.poses, capture.rate_hz)
             }
-            FitFile::Segments => segments(&capture.poses, capture.rate_hz)?,
+            (FitFile::Segments, _) => segments(&capture.poses, capture.rate_hz)?,
         };
         write_file(file, order.replace, &bytes)?;
     }
-    Ok(report(order, &fitted, &files))
+    let mut report = report(order, &fitted, &files);
+    for bone in fine.iter().flat_map(|(bones, _)| bones.bones()) {
+        let BoneFit { name, length_m, residual_m, unseen_frames } = bone;
+        report.fine_bones.push(FineBoneFigures { name, length_m, residual_m, unseen_frames });
+    }
+    Ok(report)
+}
+
+/// The 21 bones laid over the trial, and its head.
+fn fine_bones(order: &FitOrder, settings: &FitSettings) -> Result<(FittedBones, Head), Error> {
+    let stands = order.static_trial.as_deref();
+    let stands = stands.map(|path| marker_files::read(path, None)).transpose()?;
+    let trial = marker_files::read(&order.trial, order.rate_hz)?;
+    let bones = fit_bones(stands.as_ref(), &trial, settings);
+    let bones = bones.map_err(|error| error.in_file(&order.trial))?;
+    Ok((bones, trial.head().clone()))
+}
+
+/// What came of the trials of a folder.
+#[derive(Clone, Debug, Serialize)]
+pub struct FitFolderReport {
+    /// `done`, or `done_with_loss` if a segment was not seen for a while, or a trial could not be fitted.
+    pub outcome: Outcome,
+    /// All trials, by name.
+    pub trials: Vec<FitTrialFigures>,
+}
+
+/// One trial of a folder.
+#[derive(Clone, Debug, Serialize)]
+pub struct FitTrialFigures {
+    /// The file.
+    pub trial: String,
+    /// What came of it; null if it could not be fitted.
+    pub report: Option<FitReport>,
+    /// Why it could not be fitted.
+    pub error: Option<String>,
+}
+
+/// Fits all trials of a folder, each into a folder of its own name in `output`, by one static trial.
+///
+/// # Errors
+/// A folder that cannot be read or has no markers, files that exist. A trial among others that cannot be fitted is part
+/// of the report.
+pub fn fit_folder(order: &FitOrder, observer: &dyn Observer) -> Result<FitFolderReport, Error> {
+    if order.output.extension().is_some() {
+        return Err(Error::of(ErrorKind::Unknown, "of a folder, a folder is written")
+            .at(order.output.display().to_string())
+            .allowed("a name without an ending"));
+    }
+    let mut found = Vec::new();
+    marker_files_in(&order.trial, &mut found)?;
+    let is_new = |file: &PathBuf| !file.starts_with(&order.output);
+    let one = |file: &PathBuf| {
+        let from_here = file.strip_prefix(&order.trial).unwrap_or(file);
+        FitOrder {
+            trial: file.clone(),
+            output: order.output.join(from_here).with_extension(""),
+            ..order.clone()
+        }
+    };
+    let orders: Vec<FitOrder> = found.iter().filter(|file| is_new(file)).map(one).collect();
+    if orders.is_empty() {
+        return Err(Error::of(ErrorKind::Absent, "the folder has no trials of markers")
+            .at(order.trial.display().to_string())
+            .allowed("files that end in .c3d, .trc, .csm, or tables (.csv) of markers"));
+    }
+    for one in &orders {
+        for (file, _) in outputs(one)? {
+            check_free(&file, order.replace)?;
+        }
+    }
+    let total = orders.len() as u64;
+    let mut trials = Vec::new();
+    for (done, one) in orders.iter().enumerate() {
+        observer.hear(Event::Step { done: done as u64, total, what: "trials" });
+        let (report, error) = match fit(one) {
+            Ok(report) => (Some(report), None),
+            Err(error) => (None, Some(error.to_string())),
+        };
+        trials.push(FitTrialFigures { trial: one.trial.display().to_string(), report, error });
+    }
+    observer.hear(Event::Step { done: total, total, what: "trials" });
+    let is_good = |of: &FitTrialFigures| {
+        of.report.as_ref().is_some_and(|report| report.outcome == Outcome::Done)
+    };
+    let outcome = match trials.iter().all(is_good) {
+        true => Outcome::Done,
+        false => Outcome::DoneWithLoss,
+    };
+    Ok(FitFolderReport { outcome, trials })
 }
 
 /// What is written.
@@ -175,6 +317,7 @@ enum FitFile {
     Angles,
     Motion,
     Segments,
+    VirtualMarkers,
 }
 
 fn outputs(order: &FitOrder) -> Result<Vec<(PathBuf, FitFile)>, Error> {
@@ -183,6 +326,7 @@ fn outputs(order: &FitOrder) -> Result<Vec<(PathBuf, FitFile)>, Error> {
         Some("bvh") => one(FitFile::Skeleton),
         Some("csv") => one(FitFile::Angles),
         Some("mot") => one(FitFile::Motion),
+        Some("c3d") => one(FitFile::VirtualMarkers),
         None => {
             let name = order.trial.file_stem().unwrap_or_default().to_string_lossy();
             let file = |ending: &str| order.output.join(format!("{name}{ending}"));
@@ -191,12 +335,13 @@ fn outputs(order: &FitOrder) -> Result<Vec<(PathBuf, FitFile)>, Error> {
                 (file(".csv"), FitFile::Angles),
                 (file(".mot"), FitFile::Motion),
                 (file(".segments.csv"), FitFile::Segments),
+                (file(".bones.c3d"), FitFile::VirtualMarkers),
             ])
         }
         Some(_) => Err(Error::of(ErrorKind::Unknown, "this kind of file cannot be written")
             .at(order.output.display().to_string())
             .allowed(
-                "of fitted markers, a file that ends in .bvh, .csv or .mot, or a folder for all",
+                "of fitted markers, a file that ends in .bvh, .csv, .mot or .c3d, or a folder for all",
             )),
     }
 }
@@ -271,6 +416,7 @@ fn report(order: &FitOrder, fitted: &Fitted, files: &[(PathBuf, FitFile)]) -> Fi
         stature_m: fitted.stature_m,
         measures: fitted.measures,
         bones: bones.collect(),
+        fine_bones: Vec::new(),
         markers: markers.collect(),
         unseen: unseen.collect(),
         notes: fitted.notes.clone(),

@@ -1,6 +1,7 @@
 //! Markers from one kind of file to another, frame by frame.
 
 use super::observer::{Event, Observer};
+use super::pending::go_on;
 use super::report::Outcome;
 use crate::draft::{Draft, check_free};
 use crate::error::{Error, ErrorKind};
@@ -100,7 +101,7 @@ pub(super) fn write(
             .at(file.display().to_string())
             .got(cause.to_string())
     };
-    let draft = Draft::create(file, replace).map_err(unwritable)?;
+    let draft = Draft::whole(file, replace).map_err(unwritable)?;
     let mut out = BufWriter::with_capacity(1 << 16, draft);
     let mut told = Told { frames, observer, done: 0, is_unread: false };
     let written = match kind {
@@ -137,6 +138,8 @@ impl Frames for Told<'_> {
     }
 
     fn next_frame(&mut self, frame: &mut Frame) -> Result<bool, Error> {
+        // A wish to stop leaves nothing behind.
+        go_on(self.observer)?;
         let read = self.frames.next_frame(frame);
         self.is_unread |= read.is_err();
         let is_there = read?;

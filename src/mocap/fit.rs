@@ -23,6 +23,7 @@ use glam::{DQuat, DVec3};
 use marker_set::{Labelled, MarkerPlace, MarkerSet, SeenMarkers};
 use rigid::{Lie, Pair, register};
 
+pub mod bones;
 pub mod calibrated;
 pub mod centres;
 pub mod functional;
@@ -142,30 +143,89 @@ pub fn fit(
     if !missing.is_empty() {
         notes.push(format!("not in the trial: {}", missing.join(", ")));
     }
-    let (still, heads) = match calibration {
-        Some(calibration) => {
-            let of = find(calibration.head(), settings)?;
-            let hz = rate(calibration.head()).unwrap_or(rate_hz);
-            let still = still::quietest(calibration, &of, hz, &mut notes)?;
-            (still, vec![calibration.head(), trial.head()])
-        }
-        None => {
-            notes.push("no static trial: the trial calibrates itself".to_owned());
-            (still::quietest(trial, &labelled, rate_hz, &mut notes)?, vec![trial.head()])
-        }
-    };
-    let upright = still::upright(&still, trial.head())?;
-    let still = turned(&still, upright);
-    let radius_m = settings.marker_radius_m;
-    let measures = Measures::of(&heads, &still, radius_m, &mut notes);
-    let measures = Measures { hips_m: settings.hips_m, ..measures };
-    let person = Calibrated::of(&still, measures, settings.hips, settings.joints, &mut notes)?;
-    let mut work = Work::new(&person, settings.joints, trial.head().frames);
+    let own = |frame| labelled.seen(trial, frame);
+    let body = MarkedBody::of(calibration, trial.head(), &own, settings, &mut notes)?;
+    let mut work = Work::new(&body.person, settings.joints, trial.head().frames);
     for frame in 0..trial.head().frames {
-        work.take(&turned(&labelled.seen(trial, frame), upright));
+        work.take(&turned(&labelled.seen(trial, frame), body.upright), |_| true);
     }
     work.turn_hinges();
-    Ok(work.finish(rate_hz, upright, labelled, notes))
+    Ok(work.finish(rate_hz, body.upright, labelled, notes))
+}
+
+/// A person calibrated: what carries markers.
+#[derive(Clone, Debug)]
+pub struct MarkedBody {
+    person: Calibrated,
+    joints: JointsAt,
+    /// Where markers were while the person stood, in the world, m.
+    still: SeenMarkers,
+    /// From the axes of the file to the world.
+    upright: DQuat,
+}
+
+impl MarkedBody {
+    /// By a calibration, else by the trial itself, of which `own` tells where its markers are in a frame.
+    ///
+    /// # Errors
+    /// No marker set that matches, no rate, no pelvis in the calibration, nobody upright in it.
+    pub fn of(
+        calibration: Option<&Markers>,
+        trial: &Head,
+        own: &dyn Fn(usize) -> SeenMarkers,
+        settings: &FitSettings,
+        notes: &mut Vec<String>,
+    ) -> Result<Self, Error> {
+        let rate_hz = rate(trial)?;
+        let (still, heads) = match calibration {
+            Some(calibration) => {
+                let of = find(calibration.head(), settings)?;
+                let hz = rate(calibration.head()).unwrap_or(rate_hz);
+                let frames = calibration.head().frames;
+                let seen = |frame| of.seen(calibration, frame);
+                (still::quietest(frames, &seen, hz, notes)?, vec![calibration.head(), trial])
+            }
+            None => {
+                notes.push("no static trial: the trial calibrates itself".to_owned());
+                (still::quietest(trial.frames, own, rate_hz, notes)?, vec![trial])
+            }
+        };
+        let upright = still::upright(&still, trial)?;
+        let still = turned(&still, upright);
+        let measures = Measures::of(&heads, &still, settings.marker_radius_m, notes);
+        let measures = Measures { hips_m: settings.hips_m, ..measures };
+        let person = Calibrated::of(&still, measures, settings.hips, settings.joints, notes)?;
+        Ok(Self { person, joints: settings.joints, still, upright })
+    }
+
+    /// Where a marker is in frames that follow one another, by all others that are seen in them, m, in the axes of the
+    /// file; none where they do not show it. Whether the marker itself is seen makes no difference.
+    #[must_use]
+    pub fn carried(
+        &self,
+        place: MarkerPlace,
+        frames: impl ExactSizeIterator<Item = SeenMarkers>,
+    ) -> Vec<Option<DVec3>> {
+        let carrier = Segment::ALL.into_iter().find_map(|segment| {
+            let worn = self.person.segments[segment.index()].as_ref()?;
+            let (_, own_m) = worn.markers.iter().find(|(of, _)| *of == place)?;
+            Some((segment, *own_m))
+        });
+        let Some((segment, own_m)) = carrier else { return vec![None; frames.len()] };
+        // What the segment hangs on: all up to the pelvis.
+        let is_needed = |of: Segment| {
+            std::iter::successors(Some(segment), |below| below.parent()).any(|below| below == of)
+        };
+        let mut work = Work::new(&self.person, self.joints, frames.len());
+        let mut found = Vec::with_capacity(frames.len());
+        for mut seen in frames {
+            seen[place as usize] = None;
+            work.take(&turned(&seen, self.upright), is_needed);
+            let lie = work.lies.last().and_then(|lies| lies[segment.index()]);
+            found.push(lie.map(|lie| self.upright.inverse() * lie.world(own_m)));
+        }
+        found
+    }
 }
 
 fn find(head: &Head, settings: &FitSettings) -> Result<Labelled, Error> {
@@ -212,11 +272,11 @@ impl<'a> Work<'a> {
         Self { person, joints, on_carrier, lies, joints_m, sums }
     }
 
-    /// Lays the body over a frame.
-    fn take(&mut self, seen: &SeenMarkers) {
+    /// Lays the segments that are needed over a frame.
+    fn take(&mut self, seen: &SeenMarkers, is_needed: impl Fn(Segment) -> bool) {
         let mut lies: [Option<Lie>; 13] = [None; 13];
         let mut joints_m: [Option<DVec3>; 15] = [None; 15];
-        for segment in Segment::ALL {
+        for segment in Segment::ALL.into_iter().filter(|segment| is_needed(*segment)) {
             let at = segment.index();
             let Some(worn) = &self.person.segments[at] else { continue };
             let carrier = segment.parent().and_then(|parent| lies[parent.index()]);

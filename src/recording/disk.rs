@@ -64,9 +64,10 @@ pub(super) fn shown(path: &Path) -> String {
     path.display().to_string()
 }
 
-/// Begins the file at `path`.
-pub(super) fn create_file(path: &Path, force: bool) -> Result<Draft, Error> {
-    Draft::create(path, force).map_err(|cause| {
+/// Begins the file at `path`. If it is to be whole, it has its name at its end.
+pub(super) fn create_file(path: &Path, force: bool, is_whole: bool) -> Result<Draft, Error> {
+    let begun = if is_whole { Draft::whole(path, force) } else { Draft::create(path, force) };
+    begun.map_err(|cause| {
         let error = Error::of((&cause).into(), "the file cannot be created")
             .at(shown(path))
             .got(cause.to_string());

@@ -254,7 +254,7 @@ pub fn recover(path: &Path, force: bool) -> Result<Recovered, Error> {
 pub fn recover_packed(path: &Path, force: bool, packing: Compression) -> Result<Recovered, Error> {
     let source = open(path)?;
     let target = path.with_extension("recovered.mcap");
-    let draft = create_file(&target, force).map_err(|error| match error.remedy {
+    let draft = create_file(&target, force, true).map_err(|error| match error.remedy {
         Some(_) => error.remedy("move it away, or add --force to replace it"),
         None => error,
     })?;

@@ -75,7 +75,7 @@ impl Recorder {
         keep: Keep,
         length: usize,
     ) -> Result<Self, Error> {
-        let file = create_file(path, force)?;
+        let file = create_file(path, force, keep == Keep::Whole)?;
         let recorder = Self::with_queue(file, start, Pace::default(), keep, length);
         recorder.map_err(|error| error.at(shown(path)))
     }

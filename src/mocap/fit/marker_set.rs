@@ -226,6 +226,12 @@ impl Labelled {
         self.points[place as usize].is_some()
     }
 
+    /// The place whose marker is a point of the file.
+    #[must_use]
+    pub fn place_of(&self, point: usize) -> Option<MarkerPlace> {
+        self.set.places().find(|place| self.points[*place as usize] == Some(point))
+    }
+
     /// The places of the set that have no marker.
     #[must_use]
     pub fn missing(&self) -> Vec<String> {

@@ -72,6 +72,15 @@ pub fn register(pairs: &[Pair], at_m: Option<DVec3>, before: DQuat) -> Option<Li
     Some(lie)
 }
 
+/// The turn that lays points over points, both about their middles, all counting alike; `None` of none.
+#[must_use]
+pub fn turn_over(own: &[DVec3], world: &[DVec3]) -> Option<DQuat> {
+    let pair =
+        |(own_m, world_m): (&DVec3, &DVec3)| Pair { own_m: *own_m, world_m: *world_m, weight: 1.0 };
+    let pairs: Vec<Pair> = own.iter().zip(world).map(pair).collect();
+    once(&pairs, None, DQuat::IDENTITY, |_| 1.0).map(|lie| lie.turn)
+}
+
 fn once(
     pairs: &[Pair],
     at_m: Option<DVec3>,

@@ -1,8 +1,8 @@
 //! Where a person stands still in a trial, and which way is up there; what is not seen, filled in.
 
-use super::marker_set::{Labelled, MarkerPlace, PLACES, SeenMarkers};
+use super::marker_set::{MarkerPlace, PLACES, SeenMarkers};
 use crate::error::{Error, ErrorKind};
-use crate::mocap::markers::{Head, Markers};
+use crate::mocap::markers::Head;
 use glam::{DQuat, DVec3};
 
 /// How long somebody must stand still to be calibrated, s.
@@ -15,33 +15,32 @@ const STILL_M_S: f64 = 0.05;
 /// The mean of every marker over the half second in which markers move least, m, axes of the file. Among half
 /// seconds, those in which most markers were seen come first.
 pub fn quietest(
-    markers: &Markers,
-    labelled: &Labelled,
+    frames: usize,
+    seen: &dyn Fn(usize) -> SeenMarkers,
     rate_hz: f64,
     notes: &mut Vec<String>,
 ) -> Result<SeenMarkers, Error> {
-    let frames = markers.head().frames;
     let length = ((STILL_S * rate_hz).round() as usize).clamp(1, frames.max(1));
     if frames == 0 {
         return Err(Error::of(ErrorKind::Absent, "there are no frames to calibrate from"));
     }
-    let mut before = labelled.seen(markers, 0);
+    let mut before = seen(0);
     // Of each frame: mean speed of markers since the last one, and how many are seen.
     let mut speeds = vec![0.0];
     let mut counts = vec![before.iter().flatten().count()];
     for frame in 1..frames {
-        let seen = labelled.seen(markers, frame);
-        let moves = seen.iter().zip(&before).filter_map(|(a, b)| Some(a.as_ref()?.distance((*b)?)));
+        let now = seen(frame);
+        let moves = now.iter().zip(&before).filter_map(|(a, b)| Some(a.as_ref()?.distance((*b)?)));
         let (sum, count) = moves.fold((0.0, 0_usize), |(sum, n), m| (sum + m, n + 1));
         speeds.push(if count > 0 { sum / count as f64 * rate_hz } else { f64::INFINITY });
-        counts.push(seen.iter().flatten().count());
-        before = seen;
+        counts.push(now.iter().flatten().count());
+        before = now;
     }
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
     let windows = (0..=frames - length).map(|start| {
         let all = start..start + length;
-        let seen = counts[all.clone()].iter().max().copied().unwrap_or(0);
-        (start, seen, mean(&speeds[all]))
+        let most = counts[all.clone()].iter().max().copied().unwrap_or(0);
+        (start, most, mean(&speeds[all]))
     });
     let best = windows.min_by(|a, b| b.1.cmp(&a.1).then(a.2.total_cmp(&b.2)));
     let (start, _, speed) = best.unwrap_or((0, 0, 0.0));
@@ -61,7 +60,7 @@ pub fn quietest(
     }
     let (mut sums, mut seen_in) = ([DVec3::ZERO; PLACES], [0_usize; PLACES]);
     for frame in start..start + length {
-        for (at, place) in labelled.seen(markers, frame).into_iter().enumerate() {
+        for (at, place) in seen(frame).into_iter().enumerate() {
             if let Some(place) = place {
                 sums[at] += place;
                 seen_in[at] += 1;
