@@ -1,6 +1,6 @@
 //! How other bodies stand on their feet while they do the shipped actions, or those named: a table.
 
-use gaitway::action::{Action, vocabulary};
+use gaitway::action::{Action, Fits, vocabulary};
 use gaitway::body::contact::Footing;
 use gaitway::body::{BodyFigure, Proportions, Sex};
 use gaitway::error::Error;
@@ -36,11 +36,15 @@ fn main() -> Result<(), Error> {
         names.iter().map(|name| vocabulary::find(name)).collect::<Result<_, _>>()?;
     println!("sinks, mm; slides, mm; root, m/s2");
     for (asked, body) in bodies()? {
+        let mut fits = Fits::of(body);
         for action in &actions {
+            let begun = std::time::Instant::now();
+            let action = fits.fit(action)?;
+            let took_s = begun.elapsed().as_secs_f64();
             let poses = action.perform()?.poses(&body, RATE_HZ)?;
             let footing = Footing::of(&body, &poses, RATE_HZ)?;
             println!(
-                "{asked:10} {:22} {:6.1} {:6.1} {:6.1}",
+                "{asked:10} {:22} {:6.1} {:6.1} {:6.1} {took_s:.1}",
                 action.name,
                 -footing.lowest_m() * 1e3,
                 footing.slide_m() * 1e3,

@@ -1,7 +1,8 @@
 //! Many variations of an action, reproducible one by one: variation n of a seed is the same
 //! whatever was made before it, and by how many threads.
 
-use crate::action::foothold::{FootingBounds, Footstep};
+use crate::action::feet::FootingBounds;
+use crate::action::foothold::Footstep;
 use crate::action::frames::{self, CorpusPose};
 use crate::action::mutate::around_zero;
 use crate::action::{Database, Foothold, Join, Motion, Spread, phrase};

@@ -12,11 +12,11 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 use rand::Rng;
 use std::ops::Range;
 
+use crate::action::feet::{Feet, FootingBounds};
 use crate::action::mutate::{Drawn, Seams};
 use crate::action::phrase::{Item, Part};
 use crate::action::{Action, Database, Motion, Spread};
-use crate::body::contact::{ON_FLOOR_M, worst_slide_m};
-use crate::body::{Proportions, SegmentPose, root};
+use crate::body::Proportions;
 use crate::error::Error;
 
 /// Soles and root are looked at about so often to tell how they answer to seams.
@@ -39,114 +39,6 @@ const ROOT_HOLDS_M_S2: f64 = 4.0;
 const HOLDS_FOR_S: f64 = 0.05;
 /// More seams of legs are not looked at: a capture's many actionlets are varied as they are drawn.
 const MOST_SEAMS: usize = 400;
-
-/// A sole that stands sinks into the floor by less, m.
-const SINKS_M: f64 = 0.001;
-/// While it is on the floor, a sole that stands slides by less, m.
-const SLIDES_M: f64 = 0.005;
-/// The root of a body that stands is accelerated by less, m/s^2 ...
-const ROOT_M_S2: f64 = 18.0;
-/// ... and by less than this if it flies, and so lands.
-const LANDING_ROOT_M_S2: f64 = 40.0;
-/// An action that slides by more does not stand on its feet: its variations are not held to it, m.
-const MOST_SLIDES_M: f64 = 0.008;
-/// So much worse than the action itself its variations may be.
-const WORSE: f64 = 1.25;
-/// Whether feet hold is looked at so often.
-const JUDGED_HZ: f64 = 250.0;
-
-/// How still feet stand and how hard they land at most.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FootingBounds {
-    slides_m: f64,
-    root_m_s2: f64,
-}
-
-impl Default for FootingBounds {
-    fn default() -> Self {
-        Self { slides_m: SLIDES_M, root_m_s2: ROOT_M_S2 }
-    }
-}
-
-impl FootingBounds {
-    /// For variations of a motion: they may be a quarter worse than it is itself, where that is more. None if
-    /// its feet do not hold well enough to be held on to.
-    ///
-    /// # Errors
-    /// As [`Motion::poses`].
-    pub fn of(motion: &Motion, body: &Proportions) -> Result<Option<Self>, Error> {
-        let seen = Feet::of(body, &motion.poses(body, JUDGED_HZ)?);
-        let usual = Self::default();
-        let slides_m = worst_slide_m(&seen.soles_m);
-        let root_m_s2 = seen.root_m_s2();
-        let bounds = Self {
-            slides_m: usual.slides_m.max(WORSE * slides_m),
-            root_m_s2: usual.root_m_s2.max(WORSE * root_m_s2),
-        };
-        let holds = slides_m < MOST_SLIDES_M && root_m_s2 < LANDING_ROOT_M_S2;
-        Ok((holds && seen.hold(&bounds)).then_some(bounds))
-    }
-
-    /// Whether a motion stays inside, and no sole sinks into the floor by 1 mm.
-    ///
-    /// # Errors
-    /// As [`Motion::poses`].
-    pub fn hold(&self, motion: &Motion, body: &Proportions) -> Result<bool, Error> {
-        Ok(Feet::of(body, &motion.poses(body, JUDGED_HZ)?).hold(self))
-    }
-}
-
-/// Soles and root by pose.
-#[derive(Clone, Debug)]
-struct Feet {
-    soles_m: Vec<[DVec3; 4]>,
-    roots_m: Vec<DVec3>,
-}
-
-impl Feet {
-    fn of(body: &Proportions, poses: &[SegmentPose]) -> Self {
-        let soles = |pose: &SegmentPose| {
-            let at = body.positions(pose);
-            root::SOLES.map(|end| at.end_m(end))
-        };
-        Self {
-            soles_m: poses.iter().map(soles).collect(),
-            roots_m: poses.iter().map(|pose| pose.root_m).collect(),
-        }
-    }
-
-    fn hold(&self, bounds: &FootingBounds) -> bool {
-        let sinks = self.soles_m.iter().flatten().any(|sole_m| !(sole_m.z > -SINKS_M));
-        let flies = self.soles_m.iter().any(|soles_m| soles_m.iter().all(|m| m.z >= ON_FLOOR_M));
-        let most_m_s2 = if flies { LANDING_ROOT_M_S2 } else { bounds.root_m_s2 };
-        !sinks && self.root_m_s2() < most_m_s2 && worst_slide_m(&self.soles_m) < bounds.slides_m
-    }
-
-    /// Greatest acceleration of the root.
-    fn root_m_s2(&self) -> f64 {
-        self.bends_m().map(|bend_m| bend_m.length() * JUDGED_HZ * JUDGED_HZ).fold(0.0, f64::max)
-    }
-
-    fn bends_m(&self) -> impl Iterator<Item = DVec3> {
-        self.roots_m.windows(3).map(|three| three[0] - 2.0 * three[1] + three[2])
-    }
-
-    /// Which of the soles are on the floor, from when to when.
-    fn contacts(&self) -> Vec<(usize, Range<usize>)> {
-        let mut contacts = Vec::new();
-        for sole in 0..root::SOLES.len() {
-            let carries = |soles_m: &[DVec3; 4]| soles_m[sole].z < ON_FLOOR_M;
-            let mut at = 0;
-            for same in self.soles_m.chunk_by(|a, b| carries(a) == carries(b)) {
-                if carries(&same[0]) {
-                    contacts.push((sole, at..at + same.len()));
-                }
-                at += same.len();
-            }
-        }
-        contacts
-    }
-}
 
 /// The body of an action that is looked at, at instants that are the same parts of its duration however
 /// long it lasts.
