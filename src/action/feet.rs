@@ -54,8 +54,8 @@ pub struct Missed {
 }
 
 impl FootingBounds {
-    /// For variations of a motion: they may be a quarter worse than it is itself, where that is more. None if
-    /// its feet do not hold well enough to be held on to.
+    /// For variations of a motion, and for other bodies: they may be a quarter worse than it is itself, where it
+    /// is outside the usual bounds. None if its feet do not hold well enough to be held on to.
     ///
     /// # Errors
     /// As [`Motion::poses`].
@@ -64,9 +64,10 @@ impl FootingBounds {
         let usual = Self::default();
         let slides_m = worst_slide_m(&seen.soles_m);
         let root_m_s2 = seen.root_m_s2();
+        let worse = |own: f64, usual: f64| if own < usual { usual } else { WORSE * own };
         let bounds = Self {
-            slides_m: usual.slides_m.max(WORSE * slides_m),
-            root_m_s2: usual.root_m_s2.max(WORSE * root_m_s2),
+            slides_m: worse(slides_m, usual.slides_m),
+            root_m_s2: worse(root_m_s2, usual.root_m_s2),
         };
         let holds = slides_m < MOST_SLIDES_M && root_m_s2 < LANDING_ROOT_M_S2;
         Ok((holds && seen.share(&bounds) < 1.0).then_some(bounds))

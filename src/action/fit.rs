@@ -41,11 +41,13 @@ const CLEAR_M: f64 = 0.009;
 /// Of what soles slide on the body it was made for so much is left to them.
 const SLIDES_LEFT: f64 = 0.7;
 /// Bodies differ by so much from step to step.
-const STEP: f64 = 0.08;
+const STEP: f64 = 0.05;
 /// Regressions at the last step, until feet hold.
 const TRIES: usize = 10;
 /// They hold if this part of what is allowed is not used up.
 const GOOD: f64 = 0.97;
+/// What is added to how well seams are known, in turn, until a regression helps.
+const DAMPINGS: [f64; 6] = [0.0, 0.1, 1.0, 10.0, 100.0, 1e3];
 /// What misses a bound, or nearly, counts so many times as much in the next regression.
 const MATTERS_MORE: f64 = 1.5;
 const NEARLY: f64 = 0.85;
@@ -75,6 +77,12 @@ impl Fits {
     /// None.
     pub fn usual() -> Result<Self, Error> {
         Ok(Self::of(made_for()?))
+    }
+
+    /// The body.
+    #[must_use]
+    pub const fn body(&self) -> &Proportions {
+        &self.body
     }
 
     /// The action as this body does it.
@@ -107,12 +115,12 @@ pub fn made_for() -> Result<Proportions, Error> {
 pub fn fit(action: &Action, from: &Proportions, to: &Proportions) -> Result<Action, Error> {
     let unlike = from.unlike(to);
     let same = || Ok(action.clone());
-    if unlike == 0.0 {
+    if unlike == 0.0 && std::env::var_os("FIT_FORCE").is_none() {
         return same();
     }
     let motion = action.perform_rounds(action.rounds.min(ROUNDS))?;
     let Some(bounds) = FootingBounds::of(&motion, from)? else { return same() };
-    if bounds.share(&motion, to)? < GOOD {
+    if bounds.share(&motion, to)? < GOOD && std::env::var_os("FIT_FORCE").is_none() {
         return same();
     }
     let seams = Seams::of(action, &Spread::default());
@@ -171,6 +179,9 @@ impl Fitting<'_> {
                 break;
             }
             self.reweigh(&mut weights, &moved, to)?;
+        }
+        if std::env::var_os("FIT_FORCE").is_some() {
+            for w in &best.1.waveforms { eprintln!("{:?}", w.iter().map(|t| (((t.at*1e4).round()/1e4), ((t.angle_rad.to_degrees()*100.0).round()/100.0), match &t.shape { crate::actionlet::Shape::HalfSine(p) => (p.value()*1e3).round()/1e3, _ => 0.0 })).collect::<Vec<_>>()); }
         }
         Ok(best.1)
     }
@@ -270,25 +281,23 @@ impl Fitting<'_> {
         }
         let turned = answers.transpose();
         let kept = 1.0 / (MOVED * MOVED);
-        let normal = DMatrix::identity(moved.len(), moved.len()) * kept + &turned * &answers;
+        let identity = DMatrix::identity(moved.len(), moved.len());
+        let normal = &identity * kept + &turned * &answers;
         let towards = -(&turned * &off) - &moved * kept;
-        // The sum of a multiple of the identity and a square is positive definite.
-        let Some(factors) = Cholesky::new(normal) else { return Ok(moved) };
-        let step = factors.solve(&towards);
         let cost = |off: &DVector<f64>, moved: &DVector<f64>| {
             off.norm_squared() + moved.norm_squared() * kept
         };
         let before = cost(&off, &moved);
-        let mut part = 1.0;
-        for _ in 0..4 {
-            let next = &moved + &step * part;
+        // Where soles do not answer as they did nearby, less far (Levenberg and Marquardt).
+        for damping in DAMPINGS {
+            let Some(factors) = Cholesky::new(&normal + &identity * damping) else { continue };
+            let next = &moved + factors.solve(&towards);
             // Seams that have passed one another are too far.
             if let Ok(feet) = self.feet(&next, body)
                 && cost(&self.off(&feet, body, weights), &next) < before
             {
                 return Ok(next);
             }
-            part /= 2.0;
         }
         Ok(moved)
     }
