@@ -12,11 +12,12 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 use rand::Rng;
 use std::ops::Range;
 
+use crate::action::feet::{Feet, FootingBounds};
 use crate::action::mutate::{Drawn, Seams};
 use crate::action::phrase::{Item, Part};
 use crate::action::{Action, Database, Motion, Spread};
-use crate::body::contact::{ON_FLOOR_M, worst_slide_m};
-use crate::body::{Proportions, SegmentPose, root};
+use crate::body::Proportions;
+use crate::body::contact::ON_FLOOR_M;
 use crate::error::Error;
 
 /// Soles and root are looked at about so often to tell how they answer to seams.
@@ -37,128 +38,34 @@ const STRIDE_HOLDS_M: f64 = 0.000_3;
 const ROOT_HOLDS_M_S2: f64 = 4.0;
 /// ... on the average over this time, s.
 const HOLDS_FOR_S: f64 = 0.05;
+/// A sole that swings lower than this keeps clear of the floor ...
+const LOW_M: f64 = 0.02;
+/// ... as high as that of the action, or at least so high, m.
+const CLEAR_M: f64 = 0.009;
+/// Feet that end nearer to where they began have come back, m ...
+const CAME_BACK_M: f64 = 0.02;
+/// ... and are held there as well as this, m.
+const AWAY_M: f64 = 0.003;
+/// A draw is moved so often by what its feet do before it is looked at.
+const SETTLES: usize = 2;
+/// Legs are drawn further to make up for what feet that hold take away, at most so many times.
+const MOST_FURTHER: f64 = 1.0;
 /// More seams of legs are not looked at: a capture's many actionlets are varied as they are drawn.
 const MOST_SEAMS: usize = 400;
-
-/// A sole that stands sinks into the floor by less, m.
-const SINKS_M: f64 = 0.001;
-/// While it is on the floor, a sole that stands slides by less, m.
-const SLIDES_M: f64 = 0.005;
-/// The root of a body that stands is accelerated by less, m/s^2 ...
-const ROOT_M_S2: f64 = 18.0;
-/// ... and by less than this if it flies, and so lands.
-const LANDING_ROOT_M_S2: f64 = 40.0;
-/// An action that slides by more does not stand on its feet: its variations are not held to it, m.
-const MOST_SLIDES_M: f64 = 0.008;
-/// So much worse than the action itself its variations may be.
-const WORSE: f64 = 1.25;
-/// Whether feet hold is looked at so often.
-const JUDGED_HZ: f64 = 250.0;
-
-/// How still feet stand and how hard they land at most.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FootingBounds {
-    slides_m: f64,
-    root_m_s2: f64,
-}
-
-impl Default for FootingBounds {
-    fn default() -> Self {
-        Self { slides_m: SLIDES_M, root_m_s2: ROOT_M_S2 }
-    }
-}
-
-impl FootingBounds {
-    /// For variations of a motion: they may be a quarter worse than it is itself, where that is more. None if
-    /// its feet do not hold well enough to be held on to.
-    ///
-    /// # Errors
-    /// As [`Motion::poses`].
-    pub fn of(motion: &Motion, body: &Proportions) -> Result<Option<Self>, Error> {
-        let seen = Feet::of(body, &motion.poses(body, JUDGED_HZ)?);
-        let usual = Self::default();
-        let slides_m = worst_slide_m(&seen.soles_m);
-        let root_m_s2 = seen.root_m_s2();
-        let bounds = Self {
-            slides_m: usual.slides_m.max(WORSE * slides_m),
-            root_m_s2: usual.root_m_s2.max(WORSE * root_m_s2),
-        };
-        let holds = slides_m < MOST_SLIDES_M && root_m_s2 < LANDING_ROOT_M_S2;
-        Ok((holds && seen.hold(&bounds)).then_some(bounds))
-    }
-
-    /// Whether a motion stays inside, and no sole sinks into the floor by 1 mm.
-    ///
-    /// # Errors
-    /// As [`Motion::poses`].
-    pub fn hold(&self, motion: &Motion, body: &Proportions) -> Result<bool, Error> {
-        Ok(Feet::of(body, &motion.poses(body, JUDGED_HZ)?).hold(self))
-    }
-}
-
-/// Soles and root by pose.
-#[derive(Clone, Debug)]
-struct Feet {
-    soles_m: Vec<[DVec3; 4]>,
-    roots_m: Vec<DVec3>,
-}
-
-impl Feet {
-    fn of(body: &Proportions, poses: &[SegmentPose]) -> Self {
-        let soles = |pose: &SegmentPose| {
-            let at = body.positions(pose);
-            root::SOLES.map(|end| at.end_m(end))
-        };
-        Self {
-            soles_m: poses.iter().map(soles).collect(),
-            roots_m: poses.iter().map(|pose| pose.root_m).collect(),
-        }
-    }
-
-    fn hold(&self, bounds: &FootingBounds) -> bool {
-        let sinks = self.soles_m.iter().flatten().any(|sole_m| !(sole_m.z > -SINKS_M));
-        let flies = self.soles_m.iter().any(|soles_m| soles_m.iter().all(|m| m.z >= ON_FLOOR_M));
-        let most_m_s2 = if flies { LANDING_ROOT_M_S2 } else { bounds.root_m_s2 };
-        !sinks && self.root_m_s2() < most_m_s2 && worst_slide_m(&self.soles_m) < bounds.slides_m
-    }
-
-    /// Greatest acceleration of the root.
-    fn root_m_s2(&self) -> f64 {
-        self.bends_m().map(|bend_m| bend_m.length() * JUDGED_HZ * JUDGED_HZ).fold(0.0, f64::max)
-    }
-
-    fn bends_m(&self) -> impl Iterator<Item = DVec3> {
-        self.roots_m.windows(3).map(|three| three[0] - 2.0 * three[1] + three[2])
-    }
-
-    /// Which of the soles are on the floor, from when to when.
-    fn contacts(&self) -> Vec<(usize, Range<usize>)> {
-        let mut contacts = Vec::new();
-        for sole in 0..root::SOLES.len() {
-            let carries = |soles_m: &[DVec3; 4]| soles_m[sole].z < ON_FLOOR_M;
-            let mut at = 0;
-            for same in self.soles_m.chunk_by(|a, b| carries(a) == carries(b)) {
-                if carries(&same[0]) {
-                    contacts.push((sole, at..at + same.len()));
-                }
-                at += same.len();
-            }
-        }
-        contacts
-    }
-}
 
 /// The body of an action that is looked at, at instants that are the same parts of its duration however
 /// long it lasts.
 #[derive(Clone, Debug)]
 struct Look {
     item: Item,
-    body: Proportions,
     rounds: u32,
     looks: usize,
     rate_hz: f64,
+    /// What soles and root do that do what they are to.
     feet: Feet,
     contacts: Vec<(usize, Range<usize>)>,
+    /// Soles that are low but not on the floor, and when.
+    swinging: Vec<(usize, usize)>,
 }
 
 impl Look {
@@ -168,21 +75,28 @@ impl Look {
         let rate_hz = looks / motion.duration_s();
         let feet = Feet::of(body, &motion.poses(body, rate_hz)?);
         let contacts = feet.contacts();
-        let (item, body) = (part.item.clone(), *body);
-        Ok(Self { item, body, rounds, looks: looks as usize, rate_hz, feet, contacts })
+        let swings_low = |sole: usize, look: usize| {
+            (ON_FLOOR_M..LOW_M).contains(&feet.soles_m[look][sole].z).then_some((sole, look))
+        };
+        let all = 0..feet.soles_m.len();
+        let swinging =
+            (0..4).flat_map(|sole| all.clone().filter_map(move |look| swings_low(sole, look)));
+        let swinging = swinging.collect();
+        let (item, looks) = (part.item.clone(), looks as usize);
+        Ok(Self { item, rounds, looks, rate_hz, feet, contacts, swinging })
     }
 
     /// How far soles that carry leave where they stand, and how the root is accelerated otherwise, each
     /// as a part of what is allowed to them: zero for the action itself.
-    fn off(&self, action: &Action) -> Result<DVector<f64>, Error> {
-        Ok(self.feet_off(&self.feet(action)?))
+    fn off(&self, action: &Action, body: &Proportions) -> Result<DVector<f64>, Error> {
+        Ok(self.feet_off(&self.feet(action, body)?))
     }
 
     /// The body at these instants.
-    fn feet(&self, action: &Action) -> Result<Feet, Error> {
+    fn feet(&self, action: &Action, body: &Proportions) -> Result<Feet, Error> {
         let motion = performed(&self.item, action, self.rounds)?;
         let rate_hz = self.looks as f64 / motion.duration_s();
-        Ok(Feet::of(&self.body, &motion.poses(&self.body, rate_hz)?))
+        Ok(Feet::of(body, &motion.poses(body, rate_hz)?))
     }
 
     /// The part that a look has in what is allowed.
@@ -223,6 +137,15 @@ impl Look {
                 let slid_m = (moved_m - mean_m).with_z(moved_m.z) * (part / HOLDS_M);
                 off.extend(slid_m.to_array());
             }
+        }
+        // A sole that swings low over the floor keeps clear of it.
+        for (sole, look) in &self.swinging {
+            let height_m = self.feet.soles_m[*look][*sole].z.min(CLEAR_M);
+            let now = &feet.soles_m[(*look).min(feet.soles_m.len() - 1)];
+            off.push((now[*sole].z - height_m).min(0.0) * part / HOLDS_M);
+        }
+        if self.feet.away_m().length() < CAME_BACK_M {
+            off.extend(((feet.away_m() - self.feet.away_m()) / AWAY_M).to_array());
         }
         // As if both lasted equally long: who is twice as fast has four times the acceleration.
         let scale = self.rate_hz * self.rate_hz * part / ROOT_HOLDS_M_S2;
@@ -267,6 +190,8 @@ struct Held {
     back: DMatrix<f64>,
     /// The same from how far seams are moved.
     moved_back: DMatrix<f64>,
+    /// Legs are drawn so many times as far: feet that hold take that away again.
+    further: f64,
     /// The same for seams of one stride, while those of the strides beside it stay.
     strides: Look,
     stride_back: DMatrix<f64>,
@@ -306,7 +231,7 @@ impl Foothold {
             let nudged = |look: &Look, part: f64| {
                 let mut offsets = vec![0.0; count];
                 offsets[index] = part * seam.deviation;
-                look.feet(&self.seams.moved(&self.action, &offsets))
+                look.feet(&self.seams.moved(&self.action, &offsets), body)
             };
             let slope = |look: &Look, off: &dyn Fn(&Feet) -> DVector<f64>| {
                 let (more, less) = (nudged(look, NUDGE)?, nudged(look, -NUDGE)?);
@@ -318,34 +243,55 @@ impl Foothold {
         }
         let back = moving_back(&answers);
         let moved_back = &back * &answers;
+        let further = self.further(&moved_back);
         let stride_back = moving_back(&stride_answers);
         let stride_moved_back = &stride_back * &stride_answers;
         let rounds = part.item.timed(&self.action).1;
-        Ok(Held { look, back, moved_back, strides, stride_back, stride_moved_back, rounds })
+        Ok(Held { look, back, moved_back, further, strides, stride_back, stride_moved_back, rounds })
+    }
+
+    /// By how much legs vary less where their feet hold, turned round.
+    fn further(&self, moved_back: &DMatrix<f64>) -> f64 {
+        let left = DMatrix::identity(moved_back.nrows(), moved_back.ncols()) - moved_back;
+        let legs: Vec<f64> = (0..left.nrows())
+            .filter(|seam| self.seams.seams[*seam].is_of_leg)
+            .map(|seam| left.row(seam).norm_squared())
+            .collect();
+        let mean = legs.iter().sum::<f64>() / legs.len().max(1) as f64;
+        let most = std::env::var("GAIN").ok().and_then(|v| v.parse().ok()).unwrap_or(MOST_FURTHER);
+        if mean > 0.0 { mean.sqrt().recip().min(most) } else { 1.0 }
     }
 
     /// A variation as it is drawn, moved to where feet about hold: by how soles of the action answer, and then by
-    /// what they really do; and each stride in the same way.
+    /// what they really do on a body that is about the one looked at; and each stride in the same way.
     ///
     /// # Errors
-    /// If it cannot be performed.
-    pub fn draw(&self, database: &Database, random: &mut impl Rng) -> Result<Footstep<'_>, Error> {
+    /// If it cannot be performed: seams passed one another.
+    pub fn draw(
+        &self,
+        body: &Proportions,
+        database: &Database,
+        random: &mut impl Rng,
+    ) -> Result<Footstep<'_>, Error> {
         let mut drawn = self.seams.draw(&self.action, database, random);
         let strides = std::mem::take(&mut drawn.strides);
         let moved = DVector::zeros(drawn.offsets.len());
-        let mut step = Footstep { foothold: self, kept: 1.0, moved, drawn };
+        let mut step = Footstep { foothold: self, body: *body, kept: 1.0, moved, drawn };
         if let Some(held) = &self.held {
+            step.widen(held.further);
             step.moved = -(&held.moved_back * step.wanted());
-            step.repair()?;
+            for _ in 0..SETTLES {
+                step.repair()?;
+            }
             let alike = step.action();
-            let feet = held.strides.feet(&alike)?;
+            let feet = held.strides.feet(&alike, body)?;
             // A little before the first round and after the last one are seen.
             let last = 2 * held.rounds as usize + 6;
             let count = strides.len();
             for (number, stride) in strides.into_iter().enumerate() {
                 let is_seen = number < last || number + 2 >= count;
                 let stride =
-                    if is_seen { self.on_its_feet(held, stride, &alike, &feet)? } else { stride };
+                    if is_seen { self.on_its_feet(held, stride, &step, &feet)? } else { stride };
                 step.drawn.strides.push(stride);
             }
         } else {
@@ -359,7 +305,7 @@ impl Foothold {
         &self,
         held: &Held,
         mut stride: Vec<f64>,
-        alike: &Action,
+        alike: &Footstep<'_>,
         feet: &Feet,
     ) -> Result<Vec<f64>, Error> {
         let wanted = self.seams.in_deviations(&stride);
@@ -369,8 +315,8 @@ impl Foothold {
             }
         };
         move_by(&mut stride, &(&held.stride_moved_back * &wanted));
-        let own = self.seams.with_strides(alike.clone(), std::slice::from_ref(&stride));
-        let off = held.strides.under_root_off(&held.strides.feet(&own)?, feet);
+        let own = self.seams.with_strides(alike.alike(), std::slice::from_ref(&stride));
+        let off = held.strides.under_root_off(&held.strides.feet(&own, &alike.body)?, feet);
         // As a repair does: from where it was drawn to where soles would then be still.
         let moved = self.seams.in_deviations(&stride) - &wanted;
         let back = &held.stride_back * off - &held.stride_moved_back * &moved + &moved;
@@ -383,6 +329,7 @@ impl Foothold {
 #[derive(Clone, Debug)]
 pub struct Footstep<'a> {
     foothold: &'a Foothold,
+    body: Proportions,
     drawn: Drawn,
     /// The part that is left of what was drawn ...
     kept: f64,
@@ -398,16 +345,30 @@ impl Footstep<'_> {
         self.foothold.seams.in_deviations(&sums)
     }
 
+    /// Draws legs so many times as far.
+    fn widen(&mut self, further: f64) {
+        for (offset, seam) in self.drawn.offsets.iter_mut().zip(&self.foothold.seams.seams) {
+            if seam.is_of_leg {
+                *offset *= further;
+            }
+        }
+    }
+
     /// The variation.
     #[must_use]
     pub fn action(&self) -> Action {
+        self.foothold.seams.with_strides(self.alike(), &self.drawn.strides)
+    }
+
+    /// The variation with strides that are alike.
+    fn alike(&self) -> Action {
         // What was exchanged stays: the offset that undoes a part of it counts from there.
         let moved = self.wanted() * (self.kept - 1.0) + &self.moved;
         let seams = &self.foothold.seams;
         let offsets = self.drawn.offsets.iter().zip(&seams.seams).zip(moved.iter());
         let offsets: Vec<f64> =
             offsets.map(|((offset, seam), moved)| offset + moved * seam.deviation).collect();
-        seams.with_strides(seams.moved(&self.drawn.exchanged, &offsets), &self.drawn.strides)
+        seams.moved(&self.drawn.exchanged, &offsets)
     }
 
     /// Moves it by what its feet do now; false if it cannot be moved.
@@ -416,7 +377,7 @@ impl Footstep<'_> {
     /// If it cannot be performed.
     pub fn repair(&mut self) -> Result<bool, Error> {
         let Some(held) = &self.foothold.held else { return Ok(false) };
-        let off = held.look.off(&self.action())?;
+        let off = held.look.off(&self.action(), &self.body)?;
         // From the draw to where the soles would be still, were they to answer as they did at first.
         self.moved = -(&held.back * off) + &held.moved_back * &self.moved;
         Ok(true)

@@ -5,8 +5,9 @@ use super::catalogue::{Catalogue, ClassNote, open_folder, stem, subject};
 use super::room::{self, Watched};
 use crate::action::corpus::{Corpus, VariationRow, VariationStatus, Variations};
 use crate::action::parquet::{CorpusWriter, Packed, TableLayout, rows_of};
-use crate::action::phrase;
+use crate::action::{Fits, phrase};
 use crate::error::{Error, ErrorKind};
+use crate::job::report::Outcome;
 use crate::job::{Event, Observer};
 use serde::Serialize;
 use std::fs::{self, File};
@@ -44,8 +45,8 @@ pub struct ClassOrder {
 /// What came of it.
 #[derive(Clone, Debug, Serialize)]
 pub struct VariedReport {
-    /// `done`.
-    pub outcome: &'static str,
+    /// `done`, or `done_with_loss` if the feet of some do not hold.
+    pub outcome: Outcome,
     /// Variations in all.
     pub variations: u64,
     /// Variations that were there already.
@@ -75,6 +76,17 @@ pub struct ClassReport {
     pub implausible: u64,
     /// Draws whose feet did not hold, that were drawn anew.
     pub rejected: u64,
+}
+
+impl VariedReport {
+    /// With what came of its classes.
+    fn with(mut self, classes: Vec<ClassReport>) -> Self {
+        if classes.iter().any(|class| class.implausible > 0) {
+            self.outcome = Outcome::DoneWithLoss;
+        }
+        self.classes = classes;
+        self
+    }
 }
 
 impl ClassReport {
@@ -130,7 +142,7 @@ pub fn vary(
     let (asked, classes) = classes_of(order, classes, is_file)?;
     let total = classes.iter().map(|class| u64::from(class.variations)).sum();
     let mut made = VariedReport {
-        outcome: "done",
+        outcome: Outcome::Done,
         variations: total,
         found: 0,
         poses: 0,
@@ -145,8 +157,7 @@ pub fn vary(
         let mut missing = Missing::of(std::slice::from_ref(&set))?;
         room::check(out, missing.bytes)?;
         made.poses = set.write(&mut missing, &mut steps)?;
-        made.classes = steps.classes;
-        return Ok(made);
+        return Ok(made.with(steps.classes));
     }
     let sets: Vec<Set<'_>> = classes.iter().flat_map(|class| class.sets(out)).collect();
     let (found, sets): (Vec<_>, Vec<_>) = sets.into_iter().partition(Set::is_whole);
@@ -160,8 +171,7 @@ pub fn vary(
     for set in &sets {
         made.poses += set.write(&mut missing, &mut steps)?;
     }
-    made.classes = steps.classes;
-    Ok(made)
+    Ok(made.with(steps.classes))
 }
 
 /// The classes in the order of their labels, and what is written of them.
@@ -176,8 +186,9 @@ fn classes_of(
         return Err(Error::new("two classes have one label").got(pair[0].label.clone()));
     }
     let mut corpora = Vec::new();
+    let mut fits = Fits::of(order.figures.body()?);
     for class in ordered {
-        let mut corpus = order.corpus(&class.phrase)?;
+        let mut corpus = order.corpus(&class.phrase, &mut fits)?;
         corpus.label.clone_from(&class.label);
         let note = ClassNote::of(&corpus, &class.phrase, Some(class.variations));
         corpora.push((corpus, note, class.variations));
