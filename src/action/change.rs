@@ -10,14 +10,16 @@
 //! What hips, knees and ankles do decides where feet are and how fast the body travels over them: they are
 //! chosen together, so that the body keeps its pace and its height (`legs`).
 
+mod footing;
 mod legs;
 
+use crate::action::feet::FootingBounds;
 use crate::action::join::{SAME_ANGLE_RAD, TRANSITION_MIN_S, TRANSITION_RAD_S, TRANSITION_RAD_S2};
 use crate::action::motion::{SAME_INSTANT_S, resting_until, then_until};
 use crate::action::perform::{MAX_ROUNDS, Way};
 use crate::action::{Action, Motion, Turn};
 use crate::actionlet::{Actionlet, Peaks, Sequence, Shape, shortest_duration_s};
-use crate::body::Dof;
+use crate::body::{Dof, Proportions};
 use crate::error::{Error, ErrorKind};
 use crate::motion::JointLimits;
 
@@ -170,7 +172,10 @@ impl Gait<'_> {
 /// # Errors
 /// If there are none, one is done once, rounds are out of range, a foot is in the air at a change, a
 /// degree of freedom would have to be faster than in either gait, or everything would rest at once.
-pub fn without_a_stop(actions: &[(Action, u32)]) -> Result<(Motion, Vec<GaitChange>), Error> {
+pub fn without_a_stop(
+    actions: &[(Action, u32)],
+    body: &Proportions,
+) -> Result<(Motion, Vec<GaitChange>), Error> {
     let gaits = gaits(actions)?;
     let ([first, ..], [.., last]) = (gaits.as_slice(), gaits.as_slice()) else {
         return Err(Error::new("no action was named"));
@@ -191,6 +196,7 @@ pub fn without_a_stop(actions: &[(Action, u32)]) -> Result<(Motion, Vec<GaitChan
     }
     let end_s = last.end_s();
     let mut lines = Dof::ALL.map(|dof| Line::of(first, dof));
+    let mut all_bounds = Some(FootingBounds::default());
     for (pair, change) in gaits.windows(2).zip(changes.iter_mut()) {
         let [from, to] = pair else { continue };
         let mut choices = Vec::new();
@@ -204,6 +210,15 @@ pub fn without_a_stop(actions: &[(Action, u32)]) -> Result<(Motion, Vec<GaitChan
         for ((line, choice), way) in lines.iter_mut().zip(choices).zip(chosen) {
             change.crossings.extend(line.goes_over(choice, way, from, to));
         }
+        if from.action.moves_legs() && to.action.moves_legs() {
+            match footing::bounds(from, to, body)? {
+                Some(bounds) => {
+                    footing::hold(&mut lines, (from, to), change, &bounds, body)?;
+                    all_bounds = all_bounds.map(|all| all.or(&bounds));
+                }
+                None => all_bounds = None,
+            }
+        }
     }
     let mut tracks = Vec::with_capacity(Dof::ALL.len());
     for line in lines {
@@ -215,7 +230,11 @@ pub fn without_a_stop(actions: &[(Action, u32)]) -> Result<(Motion, Vec<GaitChan
     let motion = Motion::new(tracks)?;
     let last_s = motion.duration_s();
     let flights = gaits.iter().flat_map(|gait| gait.flights_s()).map(|(a, b)| (a, b.min(last_s)));
-    Ok((motion.in_flight(flights.collect())?, changes))
+    let motion = motion.in_flight(flights.collect())?;
+    if let Some(bounds) = all_bounds {
+        footing::held(&motion, &changes, &bounds, body)?;
+    }
+    Ok((motion, changes))
 }
 
 /// The actions in the time of the whole.

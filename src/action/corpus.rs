@@ -183,7 +183,7 @@ impl Variations {
     /// If they cannot be performed.
     pub fn of(corpus: Corpus) -> Result<Self, Error> {
         let Corpus { parts, spread, body, join, .. } = &corpus;
-        let bounds = FootingBounds::of(&phrase::perform(parts, *join)?, body)?;
+        let bounds = FootingBounds::of(&phrase::performed_by(parts, *join, body)?.motion, body)?;
         let draws = if bounds.is_some() { DRAWS } else { 1 };
         // To either side of the body itself; the cast saturates, and not-a-number becomes zero.
         let steps = (spread.stature / RUNG).ceil() as usize;
@@ -240,7 +240,7 @@ impl Variations {
             let drawn = rung.footholds.iter().map(|own| own.draw(&body, &corpus.database, &mut random));
             let Ok(mut steps) = drawn.collect::<Result<Vec<Footstep<'_>>, _>>() else { continue };
             for repair in 0..=REPAIRS + RETREATS {
-                let Ok(motion) = self.performed(rung, &steps) else { break };
+                let Ok(motion) = self.performed(rung, &steps, &body) else { break };
                 if self.bounds.hold(&motion, &body)? {
                     let status = if repair == 0 {
                         VariationStatus::Valid
@@ -262,17 +262,23 @@ impl Variations {
                 }
             }
         }
-        let motion = first.map_or_else(|| phrase::perform(&rung.parts, corpus.join), Ok)?;
+        let undrawn = || phrase::performed_by(&rung.parts, corpus.join, &body).map(|made| made.motion);
+        let motion = first.map_or_else(undrawn, Ok)?;
         Ok(varied(motion, VariationStatus::Implausible, self.draws))
     }
 
-    fn performed(&self, rung: &Rung, steps: &[Footstep<'_>]) -> Result<Motion, Error> {
+    fn performed(
+        &self,
+        rung: &Rung,
+        steps: &[Footstep<'_>],
+        body: &Proportions,
+    ) -> Result<Motion, Error> {
         let parts =
             rung.parts.iter().zip(steps).map(|(part, step)| phrase::Part {
                 item: part.item.clone(),
                 action: step.action(),
             });
-        phrase::perform(&parts.collect::<Vec<_>>(), self.corpus.join)
+        Ok(phrase::performed_by(&parts.collect::<Vec<_>>(), self.corpus.join, body)?.motion)
     }
 
     /// Variations `from..to` as columns.

@@ -53,6 +53,18 @@ pub struct Missed {
     pub most: f64,
 }
 
+impl Missed {
+    /// What it is, for a person.
+    pub(super) fn told(&self) -> String {
+        format!("{}: {:.4}", self.what, self.got)
+    }
+
+    /// What is allowed, for a person.
+    pub(super) fn allowed(&self) -> String {
+        format!("below {:.4}", self.most)
+    }
+}
+
 impl FootingBounds {
     /// For variations of a motion, and for other bodies: they may be a quarter worse than it is itself, where it
     /// is outside the usual bounds. None if its feet do not hold well enough to be held on to.
@@ -89,6 +101,24 @@ impl FootingBounds {
         Ok(Feet::of(body, &motion.poses(body, JUDGED_HZ)?).share(self))
     }
 
+    /// Those that hold for either.
+    pub(super) fn or(&self, other: &Self) -> Self {
+        Self {
+            slides_m: self.slides_m.max(other.slides_m),
+            root_m_s2: self.root_m_s2.max(other.root_m_s2),
+        }
+    }
+
+    /// What slides are to stay below, m.
+    pub(super) const fn slides_m(&self) -> f64 {
+        self.slides_m
+    }
+
+    /// What the root's acceleration is to stay below.
+    pub(super) fn root_m_s2(&self, flies: bool) -> f64 {
+        if flies { LANDING_ROOT_M_S2 } else { self.root_m_s2 }
+    }
+
     /// Whether so far a slide takes up a part of what is allowed.
     pub(super) fn is_nearly_slid(&self, slides_m: f64, part: f64) -> bool {
         slides_m > part * self.slides_m
@@ -96,7 +126,7 @@ impl FootingBounds {
 
     /// Whether so great an acceleration of the root takes up a part of what is allowed.
     pub(super) fn is_nearly_jerked(&self, root_m_s2: f64, flies: bool, part: f64) -> bool {
-        root_m_s2 > part * if flies { LANDING_ROOT_M_S2 } else { self.root_m_s2 }
+        root_m_s2 > part * self.root_m_s2(flies)
     }
 
     /// What a motion misses.

@@ -30,7 +30,7 @@ pub fn compose(
     inserts: &Inserts,
     fits: &mut Fits,
 ) -> Result<Composed, Error> {
-    let performed = phrase::performed(parts, join)?;
+    let performed = phrase::performed_by(parts, join, fits.body())?;
     let (motion, inserted) = inserts.apply(performed.motion, fits)?;
     let told = inserts.list.iter().zip(&inserted);
     Ok(Composed {
