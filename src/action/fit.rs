@@ -163,7 +163,9 @@ impl Fitting<'_> {
             let body = self.from.towards(to, step as f64 / steps);
             moved = self.regressed(&body, moved, &weights)?;
         }
-        let mut best = (f64::INFINITY, self.action.clone());
+        // What comes out is never worse than what was asked for.
+        let own = self.action.perform_rounds(self.action.rounds.min(ROUNDS))?;
+        let mut best = (self.bounds.share(&own, to)?, self.action.clone());
         for _ in 0..TRIES {
             moved = self.regressed(to, moved, &weights)?;
             let action = self.moved(&moved, to);
