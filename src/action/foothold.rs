@@ -21,7 +21,7 @@ use crate::body::contact::ON_FLOOR_M;
 use crate::error::Error;
 
 /// Soles and root are looked at about so often to tell how they answer to seams.
-const LOOKS_HZ: f64 = 250.0;
+const LOOKS_HZ: f64 = 125.0;
 /// ... and so often to tell how they answer to seams of one stride: every variation has many.
 const STRIDE_LOOKS_HZ: f64 = 60.0;
 /// Rounds of a cyclic action that are looked at: one led in, one between others, one led out.
