@@ -4,8 +4,8 @@
 use gaitway::action::corpus::{Corpus, VariationStatus, Variations};
 use gaitway::action::{Database, Join, Motion, Spread, mutate, phrase};
 use gaitway::actionlet::Shape;
-use gaitway::body::{Proportions, SegmentPose};
 use gaitway::body::contact::{Footing, ON_FLOOR_M, places_m};
+use gaitway::body::{Proportions, SegmentPose};
 use gaitway::error::Error;
 use glam::DVec3;
 use rand::SeedableRng;

@@ -211,7 +211,8 @@ impl Variations {
             Ok(Rung { parts, footholds })
         };
         // From 0 up to twice the steps.
-        let rung = self.rungs[((step + steps) as usize).min(self.rungs.len() - 1)].get_or_init(about);
+        let rung =
+            self.rungs[((step + steps) as usize).min(self.rungs.len() - 1)].get_or_init(about);
         rung.as_ref().map_err(Clone::clone)
     }
 
@@ -237,7 +238,8 @@ impl Variations {
         let mut first = None;
         for rejected in 0..self.draws {
             // Seams that pass one another make no action: that draw is thrown away like one whose feet slide.
-            let drawn = rung.footholds.iter().map(|own| own.draw(&body, &corpus.database, &mut random));
+            let drawn =
+                rung.footholds.iter().map(|own| own.draw(&body, &corpus.database, &mut random));
             let Ok(mut steps) = drawn.collect::<Result<Vec<Footstep<'_>>, _>>() else { continue };
             for repair in 0..=REPAIRS + RETREATS {
                 let Ok(motion) = self.performed(rung, &steps, &body) else { break };

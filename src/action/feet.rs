@@ -21,7 +21,7 @@ const LANDING_ROOT_M_S2: f64 = 40.0;
 const MOST_SLIDES_M: f64 = 0.008;
 /// So much worse than the action itself its variations may be.
 const WORSE: f64 = 1.25;
-/// Whether feet hold is looked at so often.
+/// Whether feet hold is looked at so often; the acceleration of the root is that over 4 ms.
 const JUDGED_HZ: f64 = 250.0;
 /// What is told of a sole between two looks is off by less, m: so that what holds here holds however often
 /// others look. Where soles go between looks is a cubic; a fourth derivative of 3e5 m/s^4 (a foot that swings
@@ -176,18 +176,9 @@ impl Feet {
         self.soles_m.iter().any(|soles_m| soles_m.iter().all(|m| m.z >= ON_FLOOR_M))
     }
 
-    /// Greatest acceleration of the root, looked at however often. It goes straight from look to look
-    /// ([`Motion::poses`]), so that a second difference is the mean (1, 4, 1)/6 of three: turned round to the
-    /// second order.
+    /// Greatest acceleration of the root, over 4 ms.
     fn root_m_s2(&self) -> f64 {
-        let bends_m: Vec<DVec3> = self.bends_m().collect();
-        let last = bends_m.len().saturating_sub(1);
-        let sharp_m = (0..bends_m.len()).map(|at| {
-            let (before, own, after) =
-                (bends_m[at.saturating_sub(1)], bends_m[at], bends_m[(at + 1).min(last)]);
-            own - (before - 2.0 * own + after) / 6.0
-        });
-        sharp_m.map(|bend_m| bend_m.length() * JUDGED_HZ * JUDGED_HZ).fold(0.0, f64::max)
+        self.bends_m().map(|bend_m| bend_m.length() * JUDGED_HZ * JUDGED_HZ).fold(0.0, f64::max)
     }
 
     pub(super) fn bends_m(&self) -> impl Iterator<Item = DVec3> {

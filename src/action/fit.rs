@@ -115,12 +115,12 @@ pub fn made_for() -> Result<Proportions, Error> {
 pub fn fit(action: &Action, from: &Proportions, to: &Proportions) -> Result<Action, Error> {
     let unlike = from.unlike(to);
     let same = || Ok(action.clone());
-    if unlike == 0.0 && std::env::var_os("FIT_FORCE").is_none() {
+    if unlike == 0.0 {
         return same();
     }
     let motion = action.perform_rounds(action.rounds.min(ROUNDS))?;
     let Some(bounds) = FootingBounds::of(&motion, from)? else { return same() };
-    if bounds.share(&motion, to)? < GOOD && std::env::var_os("FIT_FORCE").is_none() {
+    if bounds.share(&motion, to)? < GOOD {
         return same();
     }
     let seams = Seams::of(action, &Spread::default());
@@ -163,15 +163,14 @@ impl Fitting<'_> {
             let body = self.from.towards(to, step as f64 / steps);
             moved = self.regressed(&body, moved, &weights)?;
         }
-        let mut best = (f64::INFINITY, self.action.clone());
+        // What comes out is never worse than what was asked for.
+        let own = self.action.perform_rounds(self.action.rounds.min(ROUNDS))?;
+        let mut best = (self.bounds.share(&own, to)?, self.action.clone());
         for _ in 0..TRIES {
             moved = self.regressed(to, moved, &weights)?;
             let action = self.moved(&moved, to);
             let motion = action.perform_rounds(action.rounds.min(ROUNDS))?;
             let share = self.bounds.share(&motion, to)?;
-            if std::env::var_os("FIT_DEBUG").is_some() {
-                eprintln!("  {} share {share:.3} moved rms {:.2} max {:.1}", action.name, moved.norm() / (moved.len() as f64).sqrt(), moved.amax());
-            }
             if share < best.0 {
                 best = (share, action);
             }
@@ -179,9 +178,6 @@ impl Fitting<'_> {
                 break;
             }
             self.reweigh(&mut weights, &moved, to)?;
-        }
-        if std::env::var_os("FIT_FORCE").is_some() {
-            for w in &best.1.waveforms { eprintln!("{:?}", w.iter().map(|t| (((t.at*1e4).round()/1e4), ((t.angle_rad.to_degrees()*100.0).round()/100.0), match &t.shape { crate::actionlet::Shape::HalfSine(p) => (p.value()*1e3).round()/1e3, _ => 0.0 })).collect::<Vec<_>>()); }
         }
         Ok(best.1)
     }
@@ -324,7 +320,8 @@ impl Fitting<'_> {
         }
         let rate_hz = self.rate_hz(body);
         for (bend_m, weight) in feet.bends_m().zip(&mut weights.roots) {
-            if self.bounds.is_nearly_jerked(bend_m.length() * rate_hz * rate_hz, feet.fly(), NEARLY) {
+            if self.bounds.is_nearly_jerked(bend_m.length() * rate_hz * rate_hz, feet.fly(), NEARLY)
+            {
                 *weight *= MATTERS_MORE;
             }
         }

@@ -45,11 +45,16 @@ const CLEAR_M: f64 = 0.009;
 /// Feet that end nearer to where they began have come back, m ...
 const CAME_BACK_M: f64 = 0.02;
 /// ... and are held there as well as this, m.
-const AWAY_M: f64 = 0.003;
+const AWAY_M: f64 = 0.001;
+/// Of what soles of the action slide so much is left to those of variations.
+const SLIDES_LEFT: f64 = 0.5;
+/// A contact that slides by more counts so many times as much in the next repair, m.
+const NEARLY_SLIDES_M: f64 = 0.004;
+const MATTERS_MORE: f64 = 1.5;
 /// A draw is moved so often by what its feet do before it is looked at.
-const SETTLES: usize = 2;
+const SETTLES: usize = 3;
 /// Legs are drawn further to make up for what feet that hold take away, at most so many times.
-const MOST_FURTHER: f64 = 1.0;
+const MOST_FURTHER: f64 = 1.25;
 /// More seams of legs are not looked at: a capture's many actionlets are varied as they are drawn.
 const MOST_SEAMS: usize = 400;
 
@@ -86,10 +91,24 @@ impl Look {
         Ok(Self { item, rounds, looks, rate_hz, feet, contacts, swinging })
     }
 
-    /// How far soles that carry leave where they stand, and how the root is accelerated otherwise, each
-    /// as a part of what is allowed to them: zero for the action itself.
-    fn off(&self, action: &Action, body: &Proportions) -> Result<DVector<f64>, Error> {
-        Ok(self.feet_off(&self.feet(action, body)?))
+    /// Makes contacts matter more that slide too far, by row of [`Self::feet_off`].
+    fn weigh(&self, feet: &Feet, weights: &mut DVector<f64>) {
+        let last = feet.soles_m.len() - 1;
+        let mut row = 0;
+        for (sole, range) in &self.contacts {
+            let place_m = |look: usize| feet.soles_m[look.min(last)][*sole];
+            let first_m = place_m(range.start);
+            let (least_m, most_m) = range.clone().fold((first_m, first_m), |extent, look| {
+                (extent.0.min(place_m(look)), extent.1.max(place_m(look)))
+            });
+            let rows = row..row + 3 * range.len();
+            if (most_m - least_m).truncate().length() > NEARLY_SLIDES_M {
+                weights.as_mut_slice()[rows.clone()]
+                    .iter_mut()
+                    .for_each(|one| *one *= MATTERS_MORE);
+            }
+            row = rows.end;
+        }
     }
 
     /// The body at these instants.
@@ -123,19 +142,20 @@ impl Look {
         )
     }
 
+    /// How far soles that carry leave where they stand, those that swing come down, and how the root is
+    /// accelerated otherwise, each as a part of what is allowed to them: nearly zero for the action itself.
     fn feet_off(&self, feet: &Feet) -> DVector<f64> {
         let part = self.part();
         let mut off = Vec::new();
         for (sole, range) in &self.contacts {
-            let moved_m = |look: usize| {
-                let last = feet.soles_m.len() - 1;
-                feet.soles_m[look.min(last)][*sole] - self.feet.soles_m[look][*sole]
-            };
-            let mean_m = range.clone().map(moved_m).sum::<DVec3>() / range.len() as f64;
+            let last = feet.soles_m.len() - 1;
+            let now_m = |look: usize| feet.soles_m[look.min(last)][*sole];
+            let then_m = |look: usize| self.feet.soles_m[look][*sole];
+            let left_m = |look: usize| now_m(look) - then_m(look) * SLIDES_LEFT;
+            let mean_m = range.clone().map(left_m).sum::<DVec3>() / range.len() as f64;
             for look in range.clone() {
-                let moved_m = moved_m(look);
-                let slid_m = (moved_m - mean_m).with_z(moved_m.z) * (part / HOLDS_M);
-                off.extend(slid_m.to_array());
+                let slid_m = (left_m(look) - mean_m).with_z(now_m(look).z - then_m(look).z);
+                off.extend((slid_m * (part / HOLDS_M)).to_array());
             }
         }
         // A sole that swings low over the floor keeps clear of it.
@@ -186,6 +206,8 @@ pub struct Foothold {
 #[derive(Clone, Debug)]
 struct Held {
     look: Look,
+    /// How soles answer to seams.
+    answers: DMatrix<f64>,
     /// From what soles do to how far seams are moved back, both in parts of what is usual.
     back: DMatrix<f64>,
     /// The same from how far seams are moved.
@@ -247,7 +269,17 @@ impl Foothold {
         let stride_back = moving_back(&stride_answers);
         let stride_moved_back = &stride_back * &stride_answers;
         let rounds = part.item.timed(&self.action).1;
-        Ok(Held { look, back, moved_back, further, strides, stride_back, stride_moved_back, rounds })
+        Ok(Held {
+            look,
+            answers,
+            back,
+            moved_back,
+            further,
+            strides,
+            stride_back,
+            stride_moved_back,
+            rounds,
+        })
     }
 
     /// By how much legs vary less where their feet hold, turned round.
@@ -258,8 +290,7 @@ impl Foothold {
             .map(|seam| left.row(seam).norm_squared())
             .collect();
         let mean = legs.iter().sum::<f64>() / legs.len().max(1) as f64;
-        let most = std::env::var("GAIN").ok().and_then(|v| v.parse().ok()).unwrap_or(MOST_FURTHER);
-        if mean > 0.0 { mean.sqrt().recip().min(most) } else { 1.0 }
+        if mean > 0.0 { mean.sqrt().recip().min(MOST_FURTHER) } else { 1.0 }
     }
 
     /// A variation as it is drawn, moved to where feet about hold: by how soles of the action answer, and then by
@@ -276,12 +307,13 @@ impl Foothold {
         let mut drawn = self.seams.draw(&self.action, database, random);
         let strides = std::mem::take(&mut drawn.strides);
         let moved = DVector::zeros(drawn.offsets.len());
-        let mut step = Footstep { foothold: self, body: *body, kept: 1.0, moved, drawn };
+        let weights = None;
+        let mut step = Footstep { foothold: self, body: *body, kept: 1.0, moved, weights, drawn };
         if let Some(held) = &self.held {
             step.widen(held.further);
             step.moved = -(&held.moved_back * step.wanted());
             for _ in 0..SETTLES {
-                step.repair()?;
+                step.settle()?;
             }
             let alike = step.action();
             let feet = held.strides.feet(&alike, body)?;
@@ -335,6 +367,8 @@ pub struct Footstep<'a> {
     kept: f64,
     /// ... and by which it is moved from there, in standard deviations.
     moved: DVector<f64>,
+    /// How much it matters what soles and root do, once it was repaired.
+    weights: Option<DVector<f64>>,
 }
 
 impl Footstep<'_> {
@@ -371,15 +405,31 @@ impl Footstep<'_> {
         seams.moved(&self.drawn.exchanged, &offsets)
     }
 
-    /// Moves it by what its feet do now; false if it cannot be moved.
+    /// Moves it by what its feet do now, as [`Self::repair`] with nothing that matters more.
+    fn settle(&mut self) -> Result<(), Error> {
+        let Some(held) = &self.foothold.held else { return Ok(()) };
+        let off = held.look.feet_off(&held.look.feet(&self.action(), &self.body)?);
+        // From the draw to where the soles would be still, were they to answer as they did at first.
+        self.moved = -(&held.back * off) + &held.moved_back * &self.moved;
+        Ok(())
+    }
+
+    /// Moves it by what its feet do now, those that slide too far above all; false if it cannot be moved.
     ///
     /// # Errors
     /// If it cannot be performed.
     pub fn repair(&mut self) -> Result<bool, Error> {
         let Some(held) = &self.foothold.held else { return Ok(false) };
-        let off = held.look.off(&self.action(), &self.body)?;
-        // From the draw to where the soles would be still, were they to answer as they did at first.
-        self.moved = -(&held.back * off) + &held.moved_back * &self.moved;
+        let feet = held.look.feet(&self.action(), &self.body)?;
+        let off = held.look.feet_off(&feet);
+        let weights = self.weights.get_or_insert_with(|| DVector::repeat(off.len(), 1.0));
+        held.look.weigh(&feet, weights);
+        let mut answers = held.answers.clone();
+        for (mut row, weight) in answers.row_iter_mut().zip(weights.iter()) {
+            row *= *weight;
+        }
+        let back = moving_back(&answers);
+        self.moved = -(&back * off.component_mul(weights)) + &back * (&answers * &self.moved);
         Ok(true)
     }
 

@@ -339,6 +339,26 @@ mod tests {
         assert!((above.travel_m().1 - 0.1 * 479.0 / RATE_HZ).abs() < 1e-9);
     }
 
+    /// A sole comes down and goes forward by 5 for every 6 that it sinks: while it is lower than 5 mm, by 4.17 mm.
+    #[test]
+    fn a_slide_is_as_long_however_often_it_is_looked_at() {
+        let place = |t: f64| {
+            let left_s = (0.1 - t).max(0.0);
+            // Smooth where it stops: people do not stop at once.
+            let ease = |v: f64| v * (left_s * left_s / (left_s + 1e-3));
+            DVec3::new(-ease(0.5), 0.0, ease(0.6))
+        };
+        let expected_m = 0.005 * 0.5 / 0.6;
+        for (rate_hz, late_s) in [(240.0, 0.0), (250.0, 0.001), (250.0, 0.003), (1000.0, 0.0004)] {
+            let count = (0.2 * rate_hz) as u32;
+            let soles_m: Vec<[DVec3; 4]> =
+                (0..count).map(|i| [place(late_s + f64::from(i) / rate_hz); 4]).collect();
+            let got_m = worst_slide_m(&soles_m);
+            assert!((got_m - expected_m).abs() < 5e-5, "{rate_hz} Hz: {got_m} {expected_m}");
+            assert!(lowest_m(&soles_m).abs() < 1e-4);
+        }
+    }
+
     #[test]
     fn the_floor_is_where_a_body_stands_for_longest() {
         let body = Proportions::of_stature(1.75).unwrap();

@@ -202,12 +202,22 @@ fn misses(missed: &MissedReport) -> String {
     let MissedReport { what, got, most } = missed;
     match *what {
         "sinks_m" => {
-            format!("feet do not hold: a sole sinks by {:.1} mm, {:.1} are allowed", got * 1e3, most * 1e3)
+            format!(
+                "feet do not hold: a sole sinks by {:.1} mm, {:.1} are allowed",
+                got * 1e3,
+                most * 1e3
+            )
         }
         "slides_m" => {
-            format!("feet do not hold: a sole slides by {:.1} mm, {:.1} are allowed", got * 1e3, most * 1e3)
+            format!(
+                "feet do not hold: a sole slides by {:.1} mm, {:.1} are allowed",
+                got * 1e3,
+                most * 1e3
+            )
         }
-        _ => format!("feet do not hold: the root is accelerated by {got:.0} m/s2, {most:.0} are allowed"),
+        _ => format!(
+            "feet do not hold: the root is accelerated by {got:.0} m/s2, {most:.0} are allowed"
+        ),
     }
 }
 
