@@ -11,6 +11,7 @@
 //! and seen by how much they were.
 
 use gaitway::Error;
+use gaitway::job::Nobody;
 use gaitway::job::recognise::{RecogniseOrder, RecognisedAction, recognise};
 use gaitway::job::synth::{Figures, SynthOrder, synth};
 use gaitway::{Options, open};
@@ -159,7 +160,7 @@ fn make(file: &Path, action: &str, variation: Option<u32>) -> Result<(), Error> 
         file: file.to_owned(),
         replace: true,
     };
-    synth(&order, action, variation).map(|_| ())
+    synth(&order, action, variation, &Nobody).map(|_| ())
 }
 
 /// Plays a motion on a virtual robot; how much slower it was.

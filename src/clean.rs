@@ -4,7 +4,7 @@
 //! [`trial`] is the markers over time, [`neighbours`] which go with which. [`artefact`] names what may be wrong.
 //! [`fill`] fills gaps in five ways and [`choice`] finds out which is best for a gap, on the
 //! trial itself. [`edits`] is the list, and what it does. What is seen and is not named by an edit stays as it is, bit for
-//! bit: [`sha256`] shows it. [`thresholds`] is what a corpus of trials allows itself.
+//! bit: [`sha256`] shows it. [`joints`] looks at skeletons. [`thresholds`] is what a corpus of trials allows itself.
 //!
 //! Here places are in metres, in the axes of the file.
 
@@ -14,6 +14,7 @@ pub mod detect;
 mod edge;
 pub mod edits;
 pub mod fill;
+pub mod joints;
 pub mod neighbours;
 pub mod regression;
 pub mod sha256;

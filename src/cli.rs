@@ -50,7 +50,8 @@ pub use report::Outcome;
 use crate::error::{Error, ErrorKind};
 use crate::job::net;
 use crate::rig::own_profiles;
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+use std::ffi::OsString;
 
 /// The command line.
 #[derive(Debug, Parser)]
@@ -153,26 +154,43 @@ pub fn main() -> i32 {
         output::complain(&Error::new(format!("no signals: {cause}")));
         return Outcome::Failed.exit_code();
     }
-    let cli = match Cli::try_parse() {
-        Ok(cli) => cli,
+    let typed = match Typed::of(std::env::args_os()) {
+        Ok(typed) => typed,
         Err(error) => return output::tell_usage(&error),
     };
-    net::catch(|| run(&cli)).unwrap_or_else(|words| {
-        output::complain(
-            &Error::of(ErrorKind::Broke, "the program broke")
-                .got(words)
-                .remedy("please report this"),
-        );
-        Outcome::Failed.exit_code()
+    net::catch(|| run(&typed)).unwrap_or_else(|words| {
+        let broke = Error::of(ErrorKind::Broke, "the program broke");
+        typed.output.fail(&broke.got(words).remedy("please report this"))
     })
 }
 
+/// A command line as it was typed.
+pub struct Typed {
+    cli: Cli,
+    /// Where its report goes, whatever the command.
+    output: Output,
+}
+
+impl Typed {
+    /// Reads a command line.
+    ///
+    /// # Errors
+    /// One that cannot be understood, or asks for help.
+    pub fn of(
+        words: impl IntoIterator<Item = impl Into<OsString> + Clone>,
+    ) -> Result<Self, clap::Error> {
+        let matches = Cli::command().try_get_matches_from(words)?;
+        let cli = Cli::from_arg_matches(&matches).map_err(|e| e.format(&mut Cli::command()))?;
+        Ok(Self { cli, output: Output::of(&matches) })
+    }
+}
+
 /// Runs a command; its exit code.
-fn run(cli: &Cli) -> i32 {
+fn run(typed: &Typed) -> i32 {
+    let cli = &typed.cli;
     let remarks = Remarks { quiet: cli.quiet };
     if let Err(error) = own_profiles(&cli.profiles) {
-        output::complain(&error);
-        return Outcome::Refused.exit_code();
+        return typed.output.fail(&error);
     }
     let done = match &cli.command {
         Command::Play(args) => play::run(args, remarks),
@@ -210,8 +228,5 @@ fn run(cli: &Cli) -> i32 {
         Command::Completions(args) => manual::completions(args),
         Command::Man(args) => manual::man(args),
     };
-    done.unwrap_or_else(|error| {
-        output::complain(&error);
-        Outcome::Refused.exit_code()
-    })
+    done.unwrap_or_else(|error| typed.output.fail(&error))
 }

@@ -7,7 +7,7 @@
 //! write one file. What is no regular file (`/dev/null`, a pipe) is written to as it is.
 
 use crate::error::{Error, ErrorKind};
-use std::fs::{File, OpenOptions, TryLockError};
+use std::fs::{File, OpenOptions, Permissions, TryLockError};
 use std::io::{self, Write};
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
@@ -45,6 +45,15 @@ impl Draft {
         Self::create_with(path, force, ENDING)
     }
 
+    /// Begins a file that grows beside the name it is to have, whether or not a file is there: what has
+    /// the name is whole, even if this process is killed.
+    ///
+    /// # Errors
+    /// [`io::ErrorKind::ResourceBusy`] if another program writes it, and what the file system says.
+    pub fn beside(path: &Path) -> io::Result<Self> {
+        Self::grown(path.to_owned(), ENDING, None)
+    }
+
     fn of(file: File, place: Place) -> Self {
         Self { file, place, named_in: Arc::default() }
     }
@@ -69,19 +78,28 @@ impl Draft {
         let old = File::open(&target)?;
         // Whoever records to it holds it; nobody is waited for.
         free(old.try_lock_shared())?;
+        let rights = old.metadata()?.permissions();
+        Self::grown(target, ending, Some(rights))
+    }
+
+    /// Begins a file beside `target`, with these rights.
+    fn grown(target: PathBuf, ending: &str, rights: Option<Permissions>) -> io::Result<Self> {
         let part = beside(&target, ending);
         loop {
-            let no_follow = rustix::fs::OFlags::NOFOLLOW.bits().cast_signed();
+            // No link is followed, and no pipe waited for.
+            let flags = rustix::fs::OFlags::NOFOLLOW | rustix::fs::OFlags::NONBLOCK;
             let mut options = OpenOptions::new();
-            options.write(true).create(true).truncate(false).custom_flags(no_follow);
-            let file = options.open(&part)?;
+            options.write(true).create(true).truncate(false);
+            let file = options.custom_flags(flags.bits().cast_signed()).open(&part)?;
             free(file.try_lock())?;
             // Another may have renamed or removed it before it was locked here.
             let is_named = part.symlink_metadata().is_ok_and(|named| same(&named, &file));
             if is_named {
                 // One that was left behind by a killed process begins anew.
                 file.set_len(0)?;
-                file.set_permissions(old.metadata()?.permissions())?;
+                if let Some(rights) = rights {
+                    file.set_permissions(rights)?;
+                }
                 return Ok(Self::of(file, Place::Beside { part, target }));
             }
         }
@@ -317,6 +335,26 @@ mod tests {
         drop(draft);
         assert_eq!(fs::read(&path).expect("a file"), b"newer");
         assert_eq!(names(&folder), ["a"]);
+    }
+
+    #[test]
+    fn what_grows_beside_its_name_has_it_only_once_it_is_kept() {
+        use std::os::unix::fs::symlink;
+        let folder = folder("beside");
+        let (path, part) = (folder.join("a"), folder.join("a.part"));
+        let mut draft = Draft::beside(&path).expect("a draft");
+        draft.write_all(b"whole").expect("written");
+        assert_eq!(names(&folder), ["a.part"]);
+        let second = Draft::beside(&path).expect_err("the first is written");
+        assert_eq!(second.kind(), io::ErrorKind::ResourceBusy);
+        draft.keep().expect("renamed");
+        assert_eq!(fs::read(&path).expect("a file"), b"whole");
+        drop(draft);
+        // What somebody else put under the name it grows under is not written through.
+        fs::write(folder.join("precious"), "old").expect("a file");
+        symlink(folder.join("precious"), &part).expect("a link");
+        assert!(Draft::beside(&path).is_err());
+        assert_eq!(fs::read(folder.join("precious")).expect("a file"), b"old");
     }
 
     #[test]

@@ -25,6 +25,7 @@ pub mod monitor;
 pub mod observer;
 pub mod open;
 pub mod page;
+mod pending;
 pub mod play;
 pub mod ports;
 pub mod profile;

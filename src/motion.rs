@@ -19,6 +19,7 @@ pub mod saturate;
 pub mod smooth;
 pub mod spline;
 pub mod stop;
+pub mod tempo;
 pub mod trajectory;
 pub mod trend;
 

@@ -9,6 +9,7 @@ pub mod adjust;
 pub mod balance;
 pub mod base;
 pub mod collision;
+pub mod fall;
 pub mod figures;
 pub mod footfall;
 pub mod gait;

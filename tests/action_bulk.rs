@@ -226,12 +226,12 @@ fn a_run_that_is_killed_is_taken_up_to_the_same_bytes_on_any_number_of_processor
     child.kill().unwrap();
     child.wait().unwrap();
     let kept = whole_sets() as u64;
-    // Of 6,250 variations each.
-    assert!(kept < 5, "it ended before it was killed");
+    // Of 1,250 variations each.
+    assert!(kept < 24, "it ended before it was killed");
     let mut again = gaitway(&[]);
     again.args(arguments(&killed));
     let found = made(again)["found"].as_u64().unwrap();
-    assert_eq!(found, kept * 6_250);
+    assert_eq!(found, kept * 1_250);
     // On one processor, where a machine can be told so.
     let mut alone = Command::new("taskset");
     alone.args(["-c", "0", crate::program::PATH]).args(arguments(&whole)).arg("--json");
@@ -299,6 +299,16 @@ fn a_corpus_whose_action_was_edited_is_not_taken_up() {
     assert_eq!(made(synth())["found"], 3);
     fs::write(&nod, nodding(21)).unwrap();
     refused(synth(), &["another corpus", "fingerprint"]);
+    // What stands where the catalogue or the folder is to be is not waited for, nor written over.
+    let catalogue = out.join("corpus.json");
+    fs::remove_file(&catalogue).unwrap();
+    let made_pipe = Command::new("mkfifo").arg(&catalogue).status();
+    assert!(made_pipe.is_ok_and(|status| status.success()));
+    refused(synth(), &["not the catalogue of a corpus", "it is no file"]);
+    fs::remove_dir_all(&out).unwrap();
+    fs::write(&out, "precious").unwrap();
+    refused(synth(), &["this is a file, not a folder", "corpus"]);
+    assert_eq!(fs::read(&out).unwrap(), b"precious");
     // What cannot be made is refused by name.
     let path = folder.join("three.csv");
     let path = path.to_str().unwrap();
@@ -336,6 +346,9 @@ for row in rows:
     assert set(here["variation"].to_pylist()) == {row["variation"]}
     assert set(here["label"].to_pylist()) == {row["label"]}
     assert here.num_rows == row["rows"] == int(row["duration_s"] * 60 + 1e-6) + 1
+of = duckdb.sql("select label, class, count(distinct variation) from '%s/actionlets-*.parquet' "
+                "group by all order by all" % folder)
+actionlets = [list(row) for row in of.fetchall()]
 point = lambda name: np.stack([table[f"{name}_{a}_m"].to_numpy().astype(float) for a in "xyz"], 1)
 root = np.stack([table[f"root_{a}_m"].to_numpy() for a in "xyz"], 1)
 bones = [("left_hip", "left_knee"), ("right_elbow", "right_wrist"), ("neck", "head_top")]
@@ -345,6 +358,8 @@ carries = {sole: table["contact_" + sole].to_numpy(zero_copy_only=False) for sol
 metadata = pq.ParquetFile(sorted(glob.glob(files))[0]).metadata
 columns = [metadata.row_group(0).column(i) for i in range(metadata.num_columns)]
 print(json.dumps({
+    "seeds": sorted({row["seed"] for row in rows}),
+    "actionlets": actionlets,
     "counts": [by_duckdb, by_polars, by_pyarrow],
     "rows": len(rows),
     "status": {
@@ -376,7 +391,8 @@ fn three_programs_read_a_labelled_corpus_alike() {
     };
     let folder = crate::program::folder("labelled").join("corpus");
     let mut command = gaitway(&["synth", "--class", "strolling=walk:x4", "--class"]);
-    command.args(["greeting:7=bow:0.5s,wave-r", "--variations", "90", "--rate", "60", "-o"]);
+    command.args(["greeting:7=bow:0.5s,wave-r", "--variations", "90", "--rate", "60"]);
+    command.args(["--seed", &u64::MAX.to_string(), "-o"]);
     let report = made({
         command.arg(&folder);
         command
@@ -398,6 +414,11 @@ fn three_programs_read_a_labelled_corpus_alike() {
     let poses = counts[0][0][3].as_u64().unwrap() + counts[0][1][3].as_u64().unwrap();
     assert_eq!(report["poses"], poses);
     assert_eq!(found["rows"], 97);
+    assert_eq!(found["seeds"], serde_json::json!([u64::MAX]));
+    assert_eq!(
+        found["actionlets"],
+        serde_json::json!([["greeting", "bow,wave-r", 7], ["strolling", "walk", 90]])
+    );
     assert_eq!(found["rounds"], 4);
     assert_eq!(found["stature_m"], 1.75);
     assert_eq!(found["subjects"], 1);
@@ -432,11 +453,12 @@ fn a_corpus_grows_into_the_bytes_of_one_that_was_made_at_once() {
     let (nods, waves) = (["--class", "nodding=bow:0.5s"], ["--class", "waving:40=wave-r"]);
     let both = [nods, waves].concat();
     made(synth("grown", &["300"], &nods));
-    assert_eq!(made(synth("grown", &["6300"], &nods))["found"], 0, "the last file is made anew");
-    assert_eq!(made(synth("grown", &["7000"], &nods))["found"], 6_250);
+    assert_eq!(made(synth("grown", &["1300"], &nods))["found"], 0, "the last file is made anew");
+    let grown = made(synth("grown", &["2000"], &nods));
+    assert_eq!((&grown["found"], &grown["mended"]), (&1_250.into(), &Value::Array(Vec::new())));
     assert_eq!(made(synth("grown", &["1"], &waves))["found"], 0, "another class");
-    assert_eq!(made(synth("grown", &["7000"], &both))["found"], 7_040);
-    made(synth("once", &["7000"], &both));
+    assert_eq!(made(synth("grown", &["2000"], &both))["found"], 2_040);
+    made(synth("once", &["2000"], &both));
     let (grown, once) = (folder.join("grown"), folder.join("once"));
     assert_eq!(names(&grown), names(&once));
     assert_eq!(names(&once).len(), 3 * 3 + 1);
@@ -445,16 +467,16 @@ fn a_corpus_grows_into_the_bytes_of_one_that_was_made_at_once() {
         assert!(a == b, "{name} differs");
     }
     for (given, words) in [
-        (&["7000", "--seed", "1"][..], "--seed 0 (asked for: 1)"),
-        (&["7000", "--set", "vary_angle=0.2"], "--set [] (asked for: [vary_angle=0.2])"),
-        (&["7000", "--set", "stature_m=1.6"], "body body-"),
-        (&["7000", "--no-points"], "points true (asked for: false)"),
-        (&["6999"], "variations of nodding 7000 (asked for: 6999, fewer)"),
+        (&["2000", "--seed", "1"][..], "--seed 0 (asked for: 1)"),
+        (&["2000", "--set", "vary_angle=0.2"], "--set [] (asked for: [vary_angle=0.2])"),
+        (&["2000", "--set", "stature_m=1.6"], "body body-"),
+        (&["2000", "--no-points"], "points true (asked for: false)"),
+        (&["1999"], "variations of nodding 2000 (asked for: 1999, fewer)"),
     ] {
         refused(synth("grown", given, &nods), &["another corpus", words]);
     }
     let other = ["--class", "nodding=bow"];
-    refused(synth("grown", &["7000"], &other), &["action of nodding bow:0.5s (asked for: bow)"]);
+    refused(synth("grown", &["2000"], &other), &["action of nodding bow:0.5s (asked for: bow)"]);
     let twice = [nods, other].concat();
     refused(synth("new", &["3"], &twice), &["two classes have one label", "nodding"]);
     assert!(!folder.join("new").exists());
@@ -526,4 +548,149 @@ fn a_disk_that_fills_up_leaves_whole_files_and_what_is_made_again_is_the_same() 
         );
     }
     fs::remove_dir_all(folder).unwrap();
+}
+
+#[test]
+fn what_is_found_and_is_not_what_was_made_is_made_anew_and_said() {
+    let folder = crate::program::folder("mended");
+    let synth = |out: &Path, seed: &str| {
+        let mut command = gaitway(&["synth", "--class", "a=bow:0.5s", "--class", "b=wave-r:0.5s"]);
+        command.args(["--rate", "10", "--variations", "1300", "--seed", seed, "-o"]).arg(out);
+        made(command)
+    };
+    let (whole, other) = (folder.join("whole"), folder.join("other"));
+    synth(&whole, "1");
+    synth(&other, "2");
+    let given = names(&whole);
+    let bytes: Vec<Vec<u8>> = given.iter().map(|n| fs::read(whole.join(n)).unwrap()).collect();
+    let damaged = |name: &str, damage: &dyn Fn(&Path)| {
+        damage(&whole.join(name));
+        let report = synth(&whole, "1");
+        let mended = report["mended"].as_array().unwrap().clone();
+        assert_eq!(mended.len(), 1, "{name}: {mended:?}");
+        for (name, bytes) in given.iter().zip(&bytes) {
+            assert!(fs::read(whole.join(name)).unwrap() == *bytes, "{name} differs");
+        }
+        assert_eq!(names(&whole), given);
+        mended[0].as_str().unwrap().to_owned()
+    };
+    let cut = |parts: usize| {
+        move |path: &Path| {
+            let bytes = fs::read(path).unwrap();
+            fs::write(path, &bytes[..bytes.len() * parts / 10]).unwrap();
+        }
+    };
+    for table in ["poses", "actionlets", "variations"] {
+        let name = format!("{table}-a-000000.parquet");
+        for parts in [0, 5, 9] {
+            assert!(damaged(&name, &cut(parts)).contains(&name), "{name}");
+        }
+        let grown = |path: &Path| {
+            let bytes = fs::read(path).unwrap();
+            fs::write(path, [&bytes[..4], &bytes].concat()).unwrap();
+        };
+        damaged(&name, &grown);
+        // Whole, but of another class, another seed, another part of the class.
+        damaged(&name, &|path| {
+            fs::copy(whole.join(format!("{table}-b-000000.parquet")), path).map(drop).unwrap();
+        });
+        damaged(&name, &|path| fs::copy(other.join(&name), path).map(drop).unwrap());
+        damaged(&name, &|path| {
+            fs::copy(whole.join(format!("{table}-a-000001.parquet")), path).map(drop).unwrap();
+        });
+        damaged(&name, &|path| fs::write(path, "no table").unwrap());
+    }
+    // All three of another part.
+    damaged("poses-a-000000.parquet", &|_| {
+        for table in ["poses", "actionlets", "variations"] {
+            let [from, to] = [1, 0].map(|n| whole.join(format!("{table}-a-00000{n}.parquet")));
+            fs::copy(from, to).unwrap();
+        }
+    });
+    // What is none of ours is said in words as well, and a folder stays.
+    let poses = whole.join("poses-b-000000.parquet");
+    fs::remove_file(&poses).unwrap();
+    fs::create_dir(&poses).unwrap();
+    let mut command = gaitway(&["synth", "--class", "a=bow:0.5s", "--class", "b=wave-r:0.5s"]);
+    command.args(["--rate", "10", "--variations", "1300", "--seed", "1", "-o"]).arg(&whole);
+    refused(command, &["cannot write the corpus", "poses-b-000000.parquet"]);
+    assert!(poses.is_dir() && !names(&whole).iter().any(|name| name.ends_with(".part")));
+}
+
+#[test]
+fn labels_that_look_alike_in_names_of_files_keep_their_files() {
+    let folder = crate::program::folder("alike").join("corpus");
+    // The second is how the first was written in names of files.
+    let labels = ["a b", "a-b-e0bf0bb6", "a-b", "A-b", "a/b", "../b"];
+    let mut command = gaitway(&["synth", "--rate", "10", "--variations", "3", "-o"]);
+    command.arg(&folder);
+    for label in labels {
+        command.args(["--class", &format!("{label}=bow:0.5s")]);
+    }
+    assert_eq!(made(command)["variations"], 18);
+    assert_eq!(names(&folder).len(), 1 + 3 * labels.len(), "{:?}", names(&folder));
+    assert_eq!(names(folder.parent().unwrap()), ["corpus"]);
+}
+
+/// Told to stop, once `when` says that it is at work; its exit code.
+fn interrupted(mut command: Command, when: impl Fn(u32) -> bool) -> std::process::Output {
+    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    watch(&mut child, |child| when(child.id()));
+    let pid = rustix::process::Pid::from_child(&child);
+    rustix::process::kill_process(pid, rustix::process::Signal::INT).expect("a signal");
+    let (tell, told) = std::sync::mpsc::channel();
+    std::thread::spawn(move || tell.send(child.wait_with_output()));
+    // To its end each would take many minutes.
+    let output = told.recv_timeout(Duration::from_secs(20)).expect("it ends at once");
+    output.unwrap()
+}
+
+/// Whether a process computes on a thread of its own.
+fn is_at_work(process: u32) -> bool {
+    let Ok(threads) = fs::read_dir(format!("/proc/{process}/task")) else { return false };
+    let name = |thread: fs::DirEntry| fs::read_to_string(thread.path().join("comm")).ok();
+    threads.flatten().filter_map(name).any(|name| name == "work\n")
+}
+
+#[test]
+fn an_interrupt_ends_what_is_planned_and_what_is_made_at_once_and_leaves_whole_files_or_none() {
+    let folder = crate::program::folder("interrupted");
+    let out = folder.join("out.csv");
+    let long = ["--json", "-o", out.to_str().unwrap()];
+    for planned in [
+        &["synth", "walk:900s", "--variation", "1"][..],
+        &["retarget", "walk:900s", "--robot", "op3"],
+        &["synth", "walk:300s", "--variations", "100000"],
+    ] {
+        let mut command = gaitway(planned);
+        match planned.last() {
+            Some(&"100000") => command.args(["--json", "-o"]).arg(folder.join("many.parquet")),
+            _ => command.args(long),
+        };
+        let output = interrupted(command, is_at_work);
+        assert_eq!(output.status.code(), Some(130), "{planned:?}");
+        let report: Value = serde_json::from_slice(&output.stdout).expect("a report");
+        assert_eq!(report["outcome"], "stopped");
+        assert_eq!(names(&folder), [""; 0], "{planned:?}");
+    }
+    let played =
+        gaitway(&["play", "walk:900s", "--robot", "op3", "--bus", "sim", "--hang", "--json"]);
+    let output = interrupted(played, is_at_work);
+    assert_eq!(output.status.code(), Some(130));
+    let report: Value = serde_json::from_slice(&output.stdout).expect("a report");
+    assert_eq!((&report["outcome"], &report["cycles"]), (&"stopped".into(), &0.into()));
+    // In the midst of a corpus: what is whole stays, the rest is gone.
+    let corpus = folder.join("corpus");
+    let mut command = gaitway(&["synth", "bow:0.5s", "--rate", "10", "--variations", "1000000"]);
+    command.args(["-o"]).arg(&corpus);
+    let is_there = |ending: &str| {
+        let entries = fs::read_dir(&corpus).into_iter().flatten().flatten();
+        let mut names = entries.map(|entry| entry.file_name().into_string().unwrap());
+        names.any(|name| name.ends_with(ending))
+    };
+    let is_under_way = |_| is_there("000000.parquet") && is_there(".part");
+    let output = interrupted(command, is_under_way);
+    assert_eq!(output.status.code(), Some(130));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("stopped before it was done"));
+    assert!(is_there("000000.parquet") && !is_there(".part"), "{:?}", names(&corpus));
 }

@@ -81,13 +81,40 @@ fn figures_are_set_or_refused_by_name() {
         ("rounds=0", &["rounds=0", "whole number"][..]),
         ("speed=2", &["speed=2", "pace"]),
         ("peak=0.95", &["peak", "0.1 to 0.9"]),
-        ("duration_s=nan", &["duration_s", "NaN"]),
+        ("stature=1.7", &["did you mean stature_m?"]),
+        ("vary_strides=1", &["did you mean vary_stride?"]),
+        ("blend_s=0", &["blend_s=0", "above 0"]),
+        ("blend_s=-1", &["blend_s=-1", "above 0"]),
         ("stature_m=9", &["stature", "0.3 to 3 m"]),
         ("pace", &["KEY=VALUE"]),
         ("vary_types=joint", &["vary_types=joint", "range or paper"]),
     ] {
         refused(&["synth", "walk", "-o", &out("x.bvh"), "--set", set], words);
     }
+    for key in [
+        "duration_s",
+        "rounds",
+        "pace",
+        "peak",
+        "stature_m",
+        "mass_kg",
+        "leg_m",
+        "blend_s",
+        "vary_angle",
+        "vary_time",
+        "vary_peak",
+        "vary_duration",
+        "vary_exchange",
+        "vary_stride",
+        "vary_stature",
+        "vary_heading_deg",
+    ] {
+        for value in ["NaN", "inf", "-inf", "-1", "1e400"] {
+            let set = format!("{key}={value}");
+            refused(&["synth", "walk", "-o", &out("x.bvh"), "--set", &set], &[key]);
+        }
+    }
+    assert!(!folder.join("x.bvh").exists());
     refused(&["synth", "walk", "-o", &out("x.mp4")], &["x.mp4", ".csv"]);
     refused(&["synth", "moonwalk", "-o", &out("x.csv")], &["moonwalk", "jumping-jacks"]);
     refused(&["synth", "walk", "--rate", "0", "-o", &out("x.csv")], &["0 Hz", "10000 Hz"]);
@@ -258,8 +285,8 @@ fn a_corpus_is_the_same_whole_in_pieces_and_taken_up_again() {
         names
     };
     let given = names(&whole);
-    // Four sets of three tables, of at most 6,250 variations, and corpus.json.
-    assert_eq!(given.len(), 13, "{given:?}");
+    // Seventeen sets of three tables, of at most 1,250 variations, and corpus.json.
+    assert_eq!(given.len(), 52, "{given:?}");
     let named = |table: &str, number: &str| {
         let is_it = |name: &&String| name.starts_with(table) && name.ends_with(number);
         whole.join(given.iter().find(is_it).unwrap())
@@ -273,7 +300,9 @@ fn a_corpus_is_the_same_whole_in_pieces_and_taken_up_again() {
     // One that lost its end with the power.
     let cut = named("variations", "03.parquet");
     fs::write(&cut, &fs::read(&cut).unwrap()[..100]).unwrap();
-    assert_eq!(synth(&whole, "3")["found"], 6_250);
+    let again = synth(&whole, "3");
+    assert_eq!(again["found"], 20_001 - 3 * 1_250);
+    assert_eq!(again["mended"].as_array().unwrap().len(), 3, "{}", again["mended"]);
     assert_eq!(names(&whole), given);
     for (name, bytes) in given.iter().zip(&bytes) {
         assert!(fs::read(whole.join(name)).unwrap() == *bytes, "{name} differs");
@@ -289,6 +318,36 @@ fn a_corpus_is_the_same_whole_in_pieces_and_taken_up_again() {
     assert!(bytes.starts_with(b"PAR1") && bytes.ends_with(b"PAR1"));
     assert!(at("one.actionlets.parquet").exists() && at("one.variations.parquet").exists());
     refused(&["synth", "bow", "--variations", "10", "-o", one], &["exists already"]);
+}
+
+#[test]
+fn what_comes_to_nothing_is_told_as_json_by_every_command_alike() {
+    let folder = crate::program::folder("nothing");
+    let out = |name: &str| folder.join(name).to_str().unwrap().to_owned();
+    let there = out("there.json");
+    fs::write(&there, "precious").unwrap();
+    for arguments in [
+        &["synth", "moonwalk", "-o", &out("a.csv")][..],
+        &["synth", "moonwalk", "--variations", "3", "-o", &out("a")],
+        &["actionlets", "moonwalk", "-o", &out("a.toml")],
+        &["retarget", "moonwalk", "--robot", "op3", "-o", &out("a.csv")],
+        &["play", "moonwalk", "--robot", "op3", "--bus", "sim"],
+        &["recognise", "moonwalk"],
+    ] {
+        let output = run(&[arguments, &["--json"]].concat());
+        let report: Value = serde_json::from_slice(&output.stdout).expect("a report");
+        assert_eq!(output.status.code(), Some(1), "{arguments:?}");
+        assert_eq!(report["outcome"], "refused", "{arguments:?}");
+        assert_eq!(report["refusal"], "unknown", "{arguments:?}: {report}");
+        assert!(report["stop_reason"].as_str().unwrap().contains("moonwalk"), "{report}");
+    }
+    // As a file too, but never over one that is there.
+    let report = out("report.json");
+    refused(&["synth", "moonwalk", "-o", &out("a.csv"), "--report", &report], &["moonwalk"]);
+    let told: Value = serde_json::from_slice(&fs::read(report).unwrap()).unwrap();
+    assert_eq!(told["outcome"], "refused");
+    refused(&["synth", "walk", "-o", &out("a.csv"), "--report", &there], &["exists already"]);
+    assert_eq!(fs::read(there).unwrap(), b"precious");
 }
 
 /// The words of a run that ends with a code.

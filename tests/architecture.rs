@@ -29,7 +29,7 @@ const ROOMS: &[Room] = &[
     room("bus", "port time units wire", "clock"),
     room("calibration", "error toml_text", "profiles"),
     room("capture", "device time wire", "profiles"),
-    room("clean", "error mocap toml_text", ""),
+    room("clean", "body error mocap toml_text", ""),
     room(
         "cli",
         "action body draft error job recording rig sensing session time view",

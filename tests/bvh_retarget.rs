@@ -23,7 +23,14 @@ fn played(model: &RobotModel, angles: &[f64]) -> SegmentPose {
 }
 
 fn capture_of(poses: Vec<SegmentPose>, rate_hz: f64) -> Capture {
-    Capture { rate_hz, poses, tracked: [true; 13], stature_m: 1.7, notes: Vec::new() }
+    Capture {
+        rate_hz,
+        poses,
+        tracked: [true; 13],
+        stature_m: 1.7,
+        is_made: true,
+        notes: Vec::new(),
+    }
 }
 
 /// Smooth motion of every joint about the middle of its range.

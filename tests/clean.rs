@@ -7,6 +7,8 @@ mod program;
 mod artefacts;
 #[path = "clean/gaps.rs"]
 mod gaps;
+#[path = "clean/joints.rs"]
+mod joints;
 #[path = "clean/made.rs"]
 mod made;
 
@@ -16,13 +18,13 @@ use gaitway::clean::edits::{EditList, Remedy};
 use gaitway::clean::fill::Method;
 use gaitway::clean::trial::Trial;
 use gaitway::mocap::marker_files;
-use gaitway::mocap::markers::Markers;
+use gaitway::mocap::markers::{Frame, Markers};
 use glam::DVec3;
 use made::{Body, write_c3d};
 use program::{folder, gaitway, json, words};
 use std::fs;
 use std::path::Path;
-use std::process::Output;
+use std::process::{Command, Output};
 
 fn clean(folder: &Path, arguments: &str) -> Output {
     let mut command = gaitway();
@@ -110,6 +112,101 @@ fn an_edit_list_applied_again_gives_the_same_file_and_an_edit_that_is_deleted_is
             let expected = if is_left { None } else { place(&whole, point, frame) };
             assert_eq!(place(&less, point, frame), expected);
         }
+    }
+}
+
+/// The markers of [`Body`], and a nameless point that has a piece of one of them.
+fn with_a_nameless_piece(
+    truth: &Markers,
+    raw: &Markers,
+    piece: (usize, std::ops::Range<usize>),
+) -> Markers {
+    let mut head = raw.head().clone();
+    let mut point = head.points[0].clone();
+    point.label = "*15".to_owned();
+    head.points.push(point);
+    let mut all = Markers::with_room(head).expect("room");
+    let (mut frame, mut full) = (Frame::default(), Frame::default());
+    for number in 0..raw.head().frames {
+        assert!(raw.frame(number, &mut frame) && truth.frame(number, &mut full));
+        let nameless = piece.1.contains(&number).then(|| full.points[piece.0]).flatten();
+        frame.points.push(nameless);
+        all.push(&frame);
+    }
+    all
+}
+
+#[test]
+fn a_person_crops_takes_sections_out_and_gives_nameless_pieces_their_names() {
+    let folder = folder("by-hand");
+    let (truth, raw) = (Body::new(9).markers(&[]), Body::new(9).markers(&GAPS));
+    let raw = with_a_nameless_piece(&truth, &raw, (7, 200..250));
+    write_c3d(&folder.join("raw.c3d"), &raw);
+    let list = "schema = 1\nsource = \"raw.c3d\"\nkeep_frames = [51, 400]\n\n\
+        [[edit]]\nkind = \"by_hand\"\nmarker = \"M7\"\nfirst_frame = 201\nlast_frame = 250\n\
+        remedy = \"exchange\"\nwith = \"*15\"\n\n\
+        [[edit]]\nkind = \"by_hand\"\nmarker = \"M3\"\nfirst_frame = 301\nlast_frame = 310\n\
+        remedy = \"remove\"\n";
+    fs::write(folder.join("hand.toml"), list).expect("a file");
+    let output = clean(&folder, "raw.c3d -o out.c3d --edits hand.toml --json");
+    assert_eq!(output.status.code(), Some(0), "{}", words(&output));
+    let report = json(&output);
+    assert_eq!(report["cropped_frames"], 150);
+    assert_eq!(report["removed_samples"], 10);
+    assert_eq!(report["untouched_sha256"]["before"], report["untouched_sha256"]["after"]);
+    let out = marker_files::read(&folder.join("out.c3d"), None).expect("read");
+    assert_eq!((out.head().first_frame, out.head().frames), (51, 350));
+    for frame in 50..400 {
+        for point in 0..out.head().points.len() {
+            let is = place(&out, point, frame - 50);
+            let was = match (point, frame) {
+                (7, 200..250) => place(&truth, 7, frame),
+                (15, _) | (3, 300..310) => None,
+                _ => place(&raw, point, frame),
+            };
+            assert_eq!(is, was, "point {point}, frame {frame}");
+        }
+    }
+    for (from, to) in
+        [("[51, 400]", "[51, 501]"), ("[51, 400]", "[0, 400]"), ("[51, 400]", "[60, 51]")]
+    {
+        fs::write(folder.join("hand.toml"), list.replace(from, to)).expect("a file");
+        let output = clean(&folder, "raw.c3d -o no.c3d --edits hand.toml");
+        assert_eq!(output.status.code(), Some(1), "{to}");
+        assert!(words(&output).contains("keep_frames"), "{to}: {}", words(&output));
+        assert!(!folder.join("no.c3d").exists(), "{to}");
+    }
+}
+
+#[test]
+fn a_list_without_edits_takes_edits_that_a_person_adds() {
+    let list = EditList {
+        schema: 1,
+        source: "raw.c3d".to_owned(),
+        source_sha256: None,
+        keep_frames: None,
+        edits: Vec::new(),
+    };
+    let text = list.to_text().expect("text");
+    let own = "[[edit]]\nkind = \"by_hand\"\nmarker = \"M1\"\nfirst_frame = 2\nlast_frame = 3\n\
+               remedy = \"remove\"\n";
+    let read = EditList::parse(&format!("{text}\n{own}")).expect("a list");
+    assert_eq!((read.edits.len(), read.edits[0].remedy), (1, Remedy::Remove));
+}
+
+#[test]
+fn where_no_room_is_left_the_file_that_was_to_be_written_is_named_and_nothing_stays() {
+    let folder = folder("full");
+    write_c3d(&folder.join("raw.c3d"), &Body::new(6).markers(&GAPS));
+    // Files may have 8 kB and no more.
+    for deed in ["clean raw.c3d -o out.c3d", "convert raw.c3d out.c3d"] {
+        let line = format!("trap '' XFSZ; ulimit -f 8; exec {} {deed}", program::PATH);
+        let output = Command::new("bash").args(["-c", &line]).current_dir(&folder).output();
+        let output = output.expect("the command");
+        assert_eq!(output.status.code(), Some(1), "{}", words(&output));
+        assert!(words(&output).contains("out.c3d"), "{deed}: {}", words(&output));
+        let left = fs::read_dir(&folder).expect("a folder").count();
+        assert_eq!(left, 1, "{deed}");
     }
 }
 

@@ -177,7 +177,7 @@ fn goals_and_torque_are_refused_with_the_command_that_does_it() {
         ("goal current", "0.1", "servo move"),
         ("goal pwm", "0.1", "servo move"),
         ("indirect data 1", "1", "servo move"),
-        ("Torque Enable", "1", "gaitway hold"),
+        ("Torque Enable", "1", "servo torque"),
         ("id", "5", "set-id"),
         ("baud_rate", "3", "set-baud"),
         ("present position", "0", "only be read"),
@@ -284,6 +284,31 @@ fn one_servo_is_moved_through_the_guard_and_the_referee_agrees() {
         assert!((reached - wanted_rad).abs() < 0.03, "{report:#}");
         let peak = report["peak_velocity_rad_s"].as_f64().expect("a speed");
         assert!(peak <= 30_f64.to_radians() + 1e-9, "{report:#}");
+    }
+}
+
+#[test]
+fn torque_of_one_servo_comes_on_where_it_stands_and_goes_off_again() {
+    for (robot, id, joint) in [("so101", "5", "wrist_roll"), ("op3", "19", "head_pan")] {
+        let desk = Desk::with(robot);
+        let bus = desk.bus();
+        // A goal of long ago, a quarter turn away: torque that came on with it would run there.
+        desk.world().set_register(joint, "Goal Position", 1024);
+        let before = desk.world().joint_position_rad(joint).expect("a joint");
+        let torque = |state: &str| {
+            let go = ["servo", "torque", &bus, id, state, "--robot", robot, "--json", "-q"];
+            json(&desk::run_until_done(&go, |output| output.status.success()))
+        };
+        assert_eq!(torque("on")["outcome"], "done");
+        let read = |name: &str| desk.world().register(joint, name).expect("a register");
+        assert_eq!(read("Torque Enable"), 1);
+        let (goal, present) = (read("Goal Position"), read("Present Position"));
+        assert!((goal - present).abs() <= 12, "{robot}: {goal}, {present}");
+        let after = desk.world().joint_position_rad(joint).expect("a joint");
+        assert!((after - before).abs() < 0.02, "{robot}: it moved from {before} to {after}");
+        assert_eq!(torque("off")["torque_on"], false);
+        assert_eq!(desk.world().register(joint, "Torque Enable"), Some(0));
+        assert_eq!(desk.violations(), Vec::<String>::new(), "{robot}");
     }
 }
 

@@ -1,14 +1,18 @@
 //! What is drawn of a moving body: the scene (X3D) that a camera follows over a floor, and the page that
 //! shows what carries. Scenes are read back as XML and moved here, by nothing but what stands in the file.
 
+mod aloud;
+mod captured;
 mod page;
 mod program;
 
+use aloud::aloud;
 use gaitway::action::vocabulary;
 use gaitway::body::contact::Footing;
 use gaitway::body::mass::{centre_of_mass_m, segment_masses};
-use gaitway::body::{Joint, Proportions, SegmentPose};
-use gaitway::mocap::scene::Scene;
+use gaitway::body::{Joint, JointAngles, Proportions, Segment, SegmentPose, contact};
+use gaitway::job::source::{CaptureOptions, body_motion};
+use gaitway::mocap::scene::{DrawnFeet, Scene};
 use gaitway::view::scene::page_of;
 use glam::{DMat4, DQuat, DVec3};
 use roxmltree::{Document, Node, ParsingOptions};
@@ -364,7 +368,7 @@ fn a_page_says_nothing_of_forces_that_few_poses_cannot_tell_and_of_feet_that_nob
         body: &body,
         rate_hz: 30.0,
         floor_m: 0.0,
-        has_feet: true,
+        feet: DrawnFeet::Made,
     };
     let told = page(&few);
     assert!(told.get("force").is_none());
@@ -375,7 +379,7 @@ fn a_page_says_nothing_of_forces_that_few_poses_cannot_tell_and_of_feet_that_nob
     // Frames of 0.008333 s are 120.0048 a second: two make one of 60.
     let fast = page(&Scene { rate_hz: 1.0 / 0.008333, ..few });
     assert_eq!(list(&fast, "contacts").len(), poses.len().div_ceil(2));
-    let no_feet = page(&Scene { has_feet: false, ..few });
+    let no_feet = page(&Scene { feet: DrawnFeet::DrawnOn, ..few });
     assert!(no_feet.get("contacts").is_none() && no_feet.get("support").is_none());
 }
 
@@ -411,4 +415,89 @@ fn a_capture_is_drawn_on_the_floor_that_it_stands_on() {
     let heights = points.iter().flat_map(|point| page::series(&point[2]));
     let lowest_m = heights.fold(f64::MAX, f64::min);
     assert!(lowest_m.abs() < 0.02, "{lowest_m} m");
+}
+
+/// Lengths of the runs of `wanted` that begin and end within the series, in samples.
+fn runs(series: &[bool], wanted: bool) -> Vec<usize> {
+    let all: Vec<&[bool]> = series.chunk_by(|a, b| a == b).collect();
+    let inner = all.get(1..all.len().saturating_sub(1)).unwrap_or_default();
+    inner.iter().filter(|run| run[0] == wanted).map(|run| run.len()).collect()
+}
+
+/// The soles of a capture as a page finds them, as measured ones and as those of a body that was made would be; and poses
+/// per second.
+fn soles(path: &Path) -> Option<([Vec<[bool; 4]>; 2], f64)> {
+    let read = body_motion(path.to_str().unwrap(), None, &CaptureOptions::default());
+    let (capture, _) = read.ok()?;
+    let feet = DrawnFeet::of(capture.is_made, &capture.tracked);
+    if feet == DrawnFeet::DrawnOn {
+        return None;
+    }
+    assert_eq!(feet, DrawnFeet::Measured, "{}", path.display());
+    let body = Proportions::of_stature(capture.stature_m).ok()?;
+    let angles = JointAngles::of_clip(&capture.poses, capture.rate_hz).angles;
+    let modelled = |(angles, pose): (&JointAngles, &SegmentPose)| {
+        angles.to_pose(pose.root_m, pose.orientation[Segment::Pelvis.index()])
+    };
+    let poses: Vec<SegmentPose> = angles.iter().zip(&capture.poses).map(modelled).collect();
+    let (rate_hz, floor_m) = (capture.rate_hz, contact::floor_m(&body, &poses));
+    let found = [feet, DrawnFeet::Made].map(|feet| {
+        let scene = Scene { title: "", poses: &poses, body: &body, rate_hz, floor_m, feet };
+        scene.carries().unwrap()
+    });
+    Some((found, rate_hz))
+}
+
+/// Of each foot, whether heel or toe carry.
+fn feet(soles: &[[bool; 4]]) -> [Vec<bool>; 2] {
+    [0, 2].map(|at| soles.iter().map(|on| on[at] || on[at + 1]).collect())
+}
+
+/// Contacts and gaps of a heel, a toe that are over in less than 50 ms.
+fn flickers(soles: &[[bool; 4]], rate_hz: f64) -> usize {
+    let short = |samples: &usize| *samples as f64 / rate_hz < 0.05;
+    let of = |end: usize| {
+        let series: Vec<bool> = soles.iter().map(|on| on[end]).collect();
+        [true, false].map(|wanted| runs(&series, wanted).iter().filter(|n| short(n)).count())
+    };
+    (0..4).flat_map(of).sum()
+}
+
+#[test]
+fn contacts_of_captured_feet_do_not_flicker_and_standing_feet_stand() {
+    let Some(folder) = captured::captured("mocap/bvh") else { return };
+    let (mut files, mut of_made, mut seconds) = (0, 0, 0.0);
+    // All of them take half a minute.
+    let few = ["_bow_", "_walk_normal", "_run_normal", "jumping", "01_01", "kicking"];
+    let is_long = std::env::var_os("GAITWAY_LONG").is_some();
+    for path in captured::bvh_files(&folder) {
+        if !is_long && !few.iter().any(|name| path.to_string_lossy().contains(name)) {
+            continue;
+        }
+        let Some(([measured, made], rate_hz)) = soles(&path) else { continue };
+        let name = path.file_name().unwrap().to_string_lossy().into_owned();
+        let counts = [&measured, &made].map(|soles| flickers(soles, rate_hz));
+        let share = |soles: &[[bool; 4]]| {
+            feet(soles).map(|foot| foot.iter().filter(|on| **on).count() as f64 / foot.len() as f64)
+        };
+        aloud!("{name:50} {counts:?} {:.2?} {:.2?}", share(&measured), share(&made));
+        assert_eq!(counts[0], 0, "{name}");
+        files += 1;
+        of_made += counts[1];
+        seconds += measured.len() as f64 / rate_hz;
+        if name.contains("run_normal") {
+            // Runners fly; each foot stands for a quarter to two fifths of the time.
+            let share = share(&measured);
+            assert!(share.iter().all(|share| (0.15..0.5).contains(share)), "{name}: {share:?}");
+        }
+        if name.contains("_bow_") {
+            // Nobody lifts a foot from the middle of a bow.
+            let [left, right] = feet(&measured);
+            let (from, to) = (left.len() / 3, 2 * left.len() / 3);
+            let stand = |foot: &[bool]| foot[from..to].iter().all(|on| *on);
+            assert!(stand(&left) && stand(&right), "{name}");
+        }
+    }
+    aloud!("{files} captures, {seconds:.0} s: no flicker, {of_made} by the rule of made bodies");
+    assert!(of_made > 50, "{of_made}: nothing was to be mended");
 }

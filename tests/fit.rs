@@ -556,3 +556,136 @@ fn the_command_writes_a_skeleton_angles_and_segments_and_markers_go_on_to_a_robo
     let again = program::gaitway().args(["fit", &trial, "-o", &path("out")]).output();
     assert_eq!(again.expect("it runs").status.code(), Some(1));
 }
+
+/// A star arc: from standing the left leg swings out and back in seven directions, as one piece about `hip_m`, by up to so
+/// many degrees, while the body sways; 10 s.
+fn star_arc(hip_m: DVec3, degrees: f64, noise_mm: f64, directions: usize) -> Markers {
+    let mut dice = 0x9e37_79b9_7f4a_7c15_u64;
+    let dice = std::cell::RefCell::new(move || {
+        dice ^= dice << 13;
+        dice ^= dice >> 7;
+        dice ^= dice << 17;
+        (dice >> 11) as f64 / (1_u64 << 53) as f64 * 2.0 - 1.0
+    });
+    markers(named, 1000, |label, place, frame| {
+        let is_leg = ["LTHI", "LKNE", "LTIB", "LANK", "LHEE", "LTOE"].contains(&label);
+        let time = frame as f64 / 1000.0 * directions as f64;
+        let way = time.floor() / directions as f64 * std::f64::consts::PI;
+        let swing = degrees.to_radians() * (time.fract() * std::f64::consts::TAU).sin();
+        let turn = DQuat::from_axis_angle(DVec3::new(way.sin(), way.cos(), 0.0), swing);
+        let place = if is_leg { hip_m + turn * (place - hip_m) } else { place };
+        let (sway, shift) = carried(frame / 4);
+        let mut one = || (dice.borrow_mut())() * noise_mm * 1e-3 * 3.0_f64.sqrt();
+        Some(sway * place + shift + DVec3::new(one(), one(), one()))
+    })
+}
+
+/// The hip of the standing body: beside the middle of the ASIS, behind and below it.
+const TRUE_HIP: DVec3 = DVec3::new(0.045, 0.085, 0.925);
+
+#[test]
+fn a_hip_is_found_from_a_leg_that_swings_around_it() {
+    use gaitway::mocap::fit::functional::hips;
+    let seen = |name: &str| {
+        let all = standing();
+        DVec3::from_array(all.iter().find(|(label, _)| *label == name).expect("there").1)
+    };
+    // In the frame of the pelvis: its X from the PSIS to the ASIS, its Y to the left.
+    let (front, back) = (seen("LASI").midpoint(seen("RASI")), seen("LPSI").midpoint(seen("RPSI")));
+    let (x, y) = ((front - back).normalize(), DVec3::Y);
+    let off = TRUE_HIP - front;
+    let truth = DVec3::new(off.dot(x), off.dot(y), off.dot(x.cross(y)));
+    for (noise_mm, degrees, most_mm) in [(0.0, 30.0, 0.01), (0.5, 30.0, 1.0), (1.0, 20.0, 3.0)] {
+        let motion = star_arc(TRUE_HIP, degrees, noise_mm, 7);
+        let found = hips(&motion, &FitSettings::default()).expect("a hip");
+        let sides: Vec<_> = found.iter().map(|hip| format!("{:?}", hip.side)).collect();
+        assert_eq!(sides, ["Left"], "the right leg stands still in the pelvis");
+        let off_mm = found[0].centre_m.distance(truth) * 1e3;
+        aloud!("star arc of {degrees} deg, {noise_mm} mm of noise: hip {off_mm:.2} mm off");
+        assert!(off_mm < most_mm, "{noise_mm} mm of noise, {degrees} deg: {off_mm} mm off");
+    }
+}
+
+#[test]
+fn a_hip_is_not_guessed_from_a_leg_that_swings_in_one_plane_or_hardly() {
+    use gaitway::mocap::fit::functional::hips;
+    for (degrees, directions) in [(40.0, 1), (4.0, 7), (0.0, 7)] {
+        let motion = star_arc(TRUE_HIP, degrees, 0.5, directions);
+        let refused = hips(&motion, &FitSettings::default()).expect_err("no hip").to_string();
+        assert!(refused.contains("sideways"), "{degrees} deg, {directions}: {refused}");
+    }
+}
+
+#[test]
+fn a_hip_that_motion_shows_is_where_the_thigh_hangs() {
+    use gaitway::mocap::fit::functional::hips;
+    let found = hips(&star_arc(TRUE_HIP, 30.0, 0.0, 7), &FitSettings::default()).expect("a hip");
+    let settings =
+        FitSettings { hips_m: [Some(found[0].centre_m), None], ..FitSettings::default() };
+    let fitted = fit(Some(&stands()), &stands(), &settings).expect("fitted");
+    let [left, right] =
+        [Joint::LeftHip, Joint::RightHip].map(|hip| fitted.joints_m[0][hip.index()]);
+    assert!(left.expect("a hip").distance(TRUE_HIP) < 1e-5, "{left:?}");
+    let by_rule = fit(Some(&stands()), &stands(), &FitSettings::default()).expect("fitted");
+    let other = by_rule.joints_m[0][Joint::RightHip.index()].expect("a hip");
+    assert!(right.expect("a hip").distance(other) < 1e-9, "no trial showed the right one");
+}
+
+/// The names of OptiTrack for the markers of the standing body.
+fn baseline(label: &str) -> String {
+    let (side, place) = match label.split_at(1) {
+        (side @ ("L" | "R"), place) => (side, place),
+        _ => ("", label),
+    };
+    let other = match place {
+        "C7" => "BackTop".to_owned(),
+        "CLAV" => "Chest".to_owned(),
+        "T10" => "BackLeft".to_owned(),
+        "BAK" => "BackRight".to_owned(),
+        "STRN" => "HeadTop".to_owned(),
+        "BHD" => format!("{side}ShoulderBack"),
+        "FHD" if side == "L" => "HeadSide".to_owned(),
+        "FHD" => "HeadFront".to_owned(),
+        "ASI" => format!("Waist{side}Front"),
+        "PSI" => format!("Waist{side}Back"),
+        "SHO" => format!("{side}ShoulderTop"),
+        "ELB" => format!("{side}ElbowOut"),
+        "WRA" => format!("{side}WristIn"),
+        "WRB" => format!("{side}WristOut"),
+        "THI" => format!("{side}Thigh"),
+        "KNE" => format!("{side}KneeOut"),
+        "TIB" => format!("{side}Shin"),
+        "ANK" => format!("{side}AnkleOut"),
+        "HEE" => format!("{side}Heel"),
+        "TOE" => format!("{side}ToeIn"),
+        place => place.to_owned(),
+    };
+    format!("Karlie_1:{other}")
+}
+
+#[test]
+fn the_baseline_set_of_optitrack_is_fitted_with_trunk_and_head() {
+    let put = |label: &str, place: DVec3| match label {
+        "T10" => DVec3::new(-0.10, 0.08, 1.30),
+        "RBAK" => DVec3::new(-0.10, -0.08, 1.30),
+        "STRN" => DVec3::new(0.0, 0.0, 1.78),
+        "LFHD" => DVec3::new(0.02, 0.08, 1.68),
+        "RFHD" => DVec3::new(0.11, 0.0, 1.68),
+        "LBHD" | "RBHD" => DVec3::new(-0.08, place.y * 2.0, 1.44),
+        _ => place,
+    };
+    let stands = markers(baseline, 60, |label, place, _| Some(put(label, place)));
+    let trial =
+        markers(baseline, 200, |label, place, frame| in_one_piece(label, put(label, place), frame));
+    let fitted = fit(Some(&stands), &trial, &FitSettings::default()).expect("fitted");
+    assert_eq!(fitted.labelled.set.name, "baseline");
+    assert_eq!(fitted.tracked, [true; 13]);
+    assert!(worst_turn(&fitted, |_, frame| carried(frame).0) < 1e-5);
+    // Upright and facing forward where it stands: all that stands out is how upper arms and forearms are held.
+    let first = carried(0).0;
+    for segment in [Segment::Pelvis, Segment::Torso, Segment::Head, Segment::LeftFoot] {
+        let off = fitted.poses[0].orientation[segment.index()].angle_between(first);
+        let most = if segment == Segment::LeftFoot { 0.1 } else { 1e-5 };
+        assert!(off < most, "{segment:?}: {off} rad");
+    }
+}

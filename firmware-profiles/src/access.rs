@@ -41,6 +41,13 @@ impl Servo {
         })
     }
 
+    /// What a value of the error register says: the names of its bits, or of its one code.
+    pub fn error_words(&self, raw: i64) -> impl Iterator<Item = &str> {
+        let bits = self.error_bits.iter().filter(move |bit| raw >> bit.bit & 1 == 1);
+        let codes = self.error_codes.iter().filter(move |code| i64::from(code.value) == raw);
+        bits.map(|bit| bit.name.as_str()).chain(codes.map(|code| code.name.as_str()))
+    }
+
     /// Number of bytes from address 0 to the end of the last register.
     #[must_use]
     pub fn table_len(&self) -> u16 {

@@ -9,7 +9,9 @@ mod line;
 mod sensor;
 
 pub use actuator::{Actuator, CanLine, Dialect, Gear, Ranges, Timeout, TimeoutKind};
-pub use body::{BaseKind, Body, BodyBox, BodyCapsule, BodyLink, CoupledJoint, CoupledTo};
+pub use body::{
+    BaseKind, Body, BodyBox, BodyCapsule, BodyLink, BodyServos, CoupledJoint, CoupledTo,
+};
 pub use line::{CanSpeed, Line, LineKind};
 pub use sensor::{
     Channel, Counter, DeviceClock, LineLayout, Quantity, Sensor, SensorProtocol, SensorUnit,
@@ -68,6 +70,9 @@ pub struct Servo {
     /// Bits of the hardware error (or status) register.
     #[serde(default, rename = "error_bit")]
     pub error_bits: Vec<ErrorBit>,
+    /// What the values of the hardware error register say, where it holds one code and no bits.
+    #[serde(default, rename = "error_code")]
+    pub error_codes: Vec<ErrorCode>,
     /// The control table, complete, in order of address.
     #[serde(rename = "register")]
     pub registers: Vec<Register>,
@@ -142,6 +147,9 @@ pub struct PositionScale {
     pub degrees: u32,
     /// The count that stands for angle zero of the servo (mid travel), e.g. 2048.
     pub zero_count: i32,
+    /// The lowest count of a turn; absent = 0. Below 0 where counts go either way from mid travel.
+    #[serde(default)]
+    pub lowest_count: i32,
     /// Where it is written.
     pub source: String,
 }
@@ -178,6 +186,16 @@ pub struct Motor {
 pub struct ErrorBit {
     /// Bit number, 0 = least significant.
     pub bit: u8,
+    /// What it says, in words for a person.
+    pub name: String,
+}
+
+/// A value of an error register that holds one code at a time.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ErrorCode {
+    /// The value.
+    pub value: u8,
     /// What it says, in words for a person.
     pub name: String,
 }

@@ -89,6 +89,8 @@ impl Robot {
                 ("body".to_owned(), &body.source),
                 ("shapes of the body".to_owned(), &body.shape_source),
             ]
+            .into_iter()
+            .chain(body.servos.iter().map(|of| ("servos of the body".to_owned(), &of.source)))
         });
         marked(facts.into_iter().chain(anatomy).chain(body).chain(setups))
     }

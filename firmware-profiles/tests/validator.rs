@@ -175,6 +175,25 @@ fn error_bits_are_distinct_and_in_one_byte() {
 }
 
 #[test]
+fn an_error_register_holds_bits_or_codes_and_each_code_once() {
+    let both = "error_code = [{ value = 1, name = \"hot\" }]\nerror_bit = [";
+    servo_refused("error_bit = [", both, "bits or one code", "error_code");
+    let codes = SERVO.replace("error_bit = [", "error_code = [").replace("{ bit =", "{ value =");
+    parse_servo("tiny.toml", &codes).unwrap();
+    let with = |value: &str| parse_servo("tiny.toml", &changed(&codes, "value = 5", value));
+    refused(with("value = 2"), "error code twice", "error_code");
+    refused(with("value = 0"), "0 says", "error_code");
+}
+
+#[test]
+fn counts_may_begin_below_zero_but_zero_lies_among_them() {
+    let text = changed(SERVO, "zero_count = 2048", "zero_count = 0, lowest_count = -2048");
+    parse_servo("tiny.toml", &text).unwrap();
+    let above = changed(&text, "zero_count = 0", "zero_count = 2048");
+    refused(parse_servo("tiny.toml", &above), "angle zero lies outside", "position");
+}
+
+#[test]
 fn every_required_role_is_missed() {
     for role in [
         "model_number",

@@ -136,7 +136,10 @@ impl Gait<'_> {
             let time_s = self.begin_s + part * self.period_s();
             time_s.max(self.begin_s).min(self.end_s())
         };
-        self.action.flights_on(&self.way_of_legs()).into_iter().map(move |(from, to)| (in_s(from), in_s(to)))
+        self.action
+            .flights_on(&self.way_of_legs())
+            .into_iter()
+            .map(move |(from, to)| (in_s(from), in_s(to)))
     }
 
     /// Greatest speed and acceleration of a degree of freedom in the cycle; zero if it is not driven.
@@ -163,6 +166,17 @@ impl Gait<'_> {
         }
         peaks
     }
+}
+
+/// Every degree of freedom goes over in the way chosen for it.
+fn go_over(
+    lines: &mut [Line],
+    choices: &[Choice],
+    chosen: &[usize],
+    (from, to): (&Gait<'_>, &Gait<'_>),
+) -> Vec<Crossing> {
+    let ways = lines.iter_mut().zip(choices).zip(chosen);
+    ways.filter_map(|((line, choice), way)| line.goes_over(choice, *way, from, to)).collect()
 }
 
 /// Cyclic actions, each with its rounds, one after the other as one motion that does not come to rest
@@ -203,22 +217,33 @@ pub fn without_a_stop(
         for line in &lines {
             choices.push(line.choice(from, to)?);
         }
-        let mut chosen: Vec<usize> = choices.iter().map(Choice::nearest).collect();
-        if from.action.moves_legs() && to.action.moves_legs() {
-            legs::go_together(&lines, &choices, &Around::of(from, to), &mut chosen)?;
+        let nearest: Vec<usize> = choices.iter().map(Choice::nearest).collect();
+        if !(from.action.moves_legs() && to.action.moves_legs()) {
+            change.crossings = go_over(&mut lines, &choices, &nearest, (from, to));
+            continue;
         }
-        for ((line, choice), way) in lines.iter_mut().zip(choices).zip(chosen) {
-            change.crossings.extend(line.goes_over(choice, way, from, to));
-        }
-        if from.action.moves_legs() && to.action.moves_legs() {
-            match footing::bounds(from, to, body)? {
+        let bounds = footing::bounds(from, to, body)?;
+        let mut best: Option<(f64, [Line; 22], Vec<Crossing>)> = None;
+        for chosen in legs::together(&lines, &choices, &Around::of(from, to), &nearest)? {
+            let mut tried = lines.clone();
+            let mut crossings = go_over(&mut tried, &choices, &chosen, (from, to));
+            let share = match &bounds {
                 Some(bounds) => {
-                    footing::hold(&mut lines, (from, to), change, &bounds, body)?;
-                    all_bounds = all_bounds.map(|all| all.or(&bounds));
+                    footing::hold(&mut tried, (from, to), &mut crossings, bounds, body)?
                 }
-                None => all_bounds = None,
+                None => 0.0,
+            };
+            if best.as_ref().is_none_or(|(least, ..)| share < *least) {
+                best = Some((share, tried, crossings));
+            }
+            if share < footing::GOOD {
+                break;
             }
         }
+        if let Some((_, tried, crossings)) = best {
+            (lines, change.crossings) = (tried, crossings);
+        }
+        all_bounds = all_bounds.zip(bounds).map(|(all, bounds)| all.or(&bounds));
     }
     let mut tracks = Vec::with_capacity(Dof::ALL.len());
     for line in lines {
@@ -302,6 +327,7 @@ fn stands(from: &Gait<'_>, to: &Gait<'_>) -> Result<(), Error> {
 
 /// One degree of freedom, from 0 s as far as it is decided and, if the gait that it is in drives it, a
 /// period further.
+#[derive(Clone)]
 struct Line {
     dof: Dof,
     seams: Vec<Seam>,
@@ -408,13 +434,13 @@ impl Line {
     /// Leaves the gait before and joins the one after in one of the ways that it may.
     fn goes_over(
         &mut self,
-        choice: Choice,
+        choice: &Choice,
         way: usize,
         from: &Gait<'_>,
         to: &Gait<'_>,
     ) -> Option<Crossing> {
         let next_drives = choice.next.is_some() && !to.leads_out(self.dof);
-        let Some((over, _)) = choice.ways.into_iter().nth(way) else {
+        let Some((over, _)) = choice.ways.get(way) else {
             let crossing = match &choice.next {
                 Some(next) => self.led_in(next, to),
                 None => self.led_out(from),
@@ -422,7 +448,7 @@ impl Line {
             self.rests_until(to.begin_s);
             self.since = self.seams.len();
             self.driven = next_drives;
-            self.seams.extend(choice.next.unwrap_or_default());
+            self.seams.extend(choice.next.iter().flatten().cloned());
             return crossing;
         };
         let crossing = Crossing {
@@ -434,12 +460,12 @@ impl Line {
         };
         self.seams.truncate(over.kept);
         if over.left.at_s > self.last().0 + SAME_INSTANT_S {
-            self.seams.push(over.left);
+            self.seams.push(over.left.clone());
         }
         self.since = self.seams.len();
-        self.seams.push(over.joined);
+        self.seams.push(over.joined.clone());
         self.driven = next_drives;
-        self.seams.extend(choice.next.unwrap_or_default().drain(over.rest..));
+        self.seams.extend(choice.next.iter().flatten().skip(over.rest).cloned());
         Some(crossing)
     }
 
@@ -472,7 +498,13 @@ impl Line {
         let left = self.seams.iter().rfind(|seam| seam.at_s <= leaves_s + SAME_INSTANT_S)?;
         let (joined_s, joined_rad) = self.last();
         let (left_s, left_rad) = (left.at_s, left.angle_rad);
-        (joined_s > left_s).then_some(Crossing { dof: self.dof, left_s, left_rad, joined_s, joined_rad })
+        (joined_s > left_s).then_some(Crossing {
+            dof: self.dof,
+            left_s,
+            left_rad,
+            joined_s,
+            joined_rad,
+        })
     }
 
     /// Every way over within a period. What a gait does not drive rests, and may leave its rest, or be

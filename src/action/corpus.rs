@@ -264,7 +264,8 @@ impl Variations {
                 }
             }
         }
-        let undrawn = || phrase::performed_by(&rung.parts, corpus.join, &body).map(|made| made.motion);
+        let undrawn =
+            || phrase::performed_by(&rung.parts, corpus.join, &body).map(|made| made.motion);
         let motion = first.map_or_else(undrawn, Ok)?;
         Ok(varied(motion, VariationStatus::Implausible, self.draws))
     }
@@ -275,11 +276,11 @@ impl Variations {
         steps: &[Footstep<'_>],
         body: &Proportions,
     ) -> Result<Motion, Error> {
-        let parts =
-            rung.parts.iter().zip(steps).map(|(part, step)| phrase::Part {
-                item: part.item.clone(),
-                action: step.action(),
-            });
+        let parts = rung
+            .parts
+            .iter()
+            .zip(steps)
+            .map(|(part, step)| phrase::Part { item: part.item.clone(), action: step.action() });
         Ok(phrase::performed_by(&parts.collect::<Vec<_>>(), self.corpus.join, body)?.motion)
     }
 

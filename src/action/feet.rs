@@ -21,8 +21,6 @@ const LANDING_ROOT_M_S2: f64 = 40.0;
 const MOST_SLIDES_M: f64 = 0.008;
 /// So much worse than the action itself its variations may be.
 const WORSE: f64 = 1.25;
-/// Whether feet hold is looked at so often; the acceleration of the root is that over 4 ms.
-const JUDGED_HZ: f64 = 250.0;
 /// What is told of a sole between two looks is off by less, m: so that what holds here holds however often
 /// others look. Where soles go between looks is a cubic; a fourth derivative of 3e5 m/s^4 (a foot that swings
 /// by 0.3 m at 5 Hz) makes it wrong by 2 micrometres, and the eighth of a look at which extremes are found
@@ -66,13 +64,16 @@ impl Missed {
 }
 
 impl FootingBounds {
+    /// Whether feet hold is looked at so often; the acceleration of the root is that over 4 ms.
+    pub(super) const JUDGED_HZ: f64 = 250.0;
+
     /// For variations of a motion, and for other bodies: they may be a quarter worse than it is itself, where it
     /// is outside the usual bounds. None if its feet do not hold well enough to be held on to.
     ///
     /// # Errors
     /// As [`Motion::poses`].
     pub fn of(motion: &Motion, body: &Proportions) -> Result<Option<Self>, Error> {
-        let seen = Feet::of(body, &motion.poses(body, JUDGED_HZ)?);
+        let seen = Feet::of(body, &motion.poses(body, FootingBounds::JUDGED_HZ)?);
         let usual = Self::default();
         let slides_m = worst_slide_m(&seen.soles_m);
         let root_m_s2 = seen.root_m_s2();
@@ -98,7 +99,7 @@ impl FootingBounds {
     /// # Errors
     /// As [`Motion::poses`].
     pub fn share(&self, motion: &Motion, body: &Proportions) -> Result<f64, Error> {
-        Ok(Feet::of(body, &motion.poses(body, JUDGED_HZ)?).share(self))
+        Ok(Feet::of(body, &motion.poses(body, FootingBounds::JUDGED_HZ)?).share(self))
     }
 
     /// Those that hold for either.
@@ -134,7 +135,7 @@ impl FootingBounds {
     /// # Errors
     /// As [`Motion::poses`].
     pub fn missed(&self, motion: &Motion, body: &Proportions) -> Result<Vec<Missed>, Error> {
-        let figures = Feet::of(body, &motion.poses(body, JUDGED_HZ)?).figures(self);
+        let figures = Feet::of(body, &motion.poses(body, FootingBounds::JUDGED_HZ)?).figures(self);
         Ok(figures.into_iter().filter(|figure| !(figure.got < figure.most)).collect())
     }
 }
@@ -177,8 +178,10 @@ impl Feet {
     }
 
     /// Greatest acceleration of the root, over 4 ms.
-    fn root_m_s2(&self) -> f64 {
-        self.bends_m().map(|bend_m| bend_m.length() * JUDGED_HZ * JUDGED_HZ).fold(0.0, f64::max)
+    pub(super) fn root_m_s2(&self) -> f64 {
+        self.bends_m()
+            .map(|bend_m| bend_m.length() * FootingBounds::JUDGED_HZ * FootingBounds::JUDGED_HZ)
+            .fold(0.0, f64::max)
     }
 
     pub(super) fn bends_m(&self) -> impl Iterator<Item = DVec3> {
@@ -196,9 +199,14 @@ impl Feet {
 
     /// Which of the soles are on the floor, from when to when.
     pub(super) fn contacts(&self) -> Vec<(usize, Range<usize>)> {
+        self.lower_than(ON_FLOOR_M)
+    }
+
+    /// Which of the soles are lower than this, m, from when to when.
+    pub(super) fn lower_than(&self, height_m: f64) -> Vec<(usize, Range<usize>)> {
         let mut contacts = Vec::new();
         for sole in 0..root::SOLES.len() {
-            let carries = |soles_m: &[DVec3; 4]| soles_m[sole].z < ON_FLOOR_M;
+            let carries = |soles_m: &[DVec3; 4]| soles_m[sole].z < height_m;
             let mut at = 0;
             for same in self.soles_m.chunk_by(|a, b| carries(a) == carries(b)) {
                 if carries(&same[0]) {

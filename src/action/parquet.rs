@@ -22,19 +22,22 @@ use parquet::errors::ParquetError;
 use parquet::file::metadata::KeyValue;
 use parquet::file::properties::{EnabledStatistics, WriterProperties, WriterPropertiesPtr};
 use parquet::file::reader::{FileReader, SerializedFileReader};
+use parquet::file::statistics::Statistics;
 use parquet::file::writer::{SerializedFileWriter, SerializedPageWriter, TrackedWrite};
 use parquet::schema::parser::parse_message_type;
 use parquet::schema::types::{ColumnPath, SchemaDescriptor, TypePtr};
 use std::borrow::Cow;
 use std::fs::File;
 use std::io::{self, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// A column of a row group: its values.
 enum Values<'a> {
     Whole(Cow<'a, [i32]>),
     Long(Vec<i64>),
+    /// A number without a sign, the same in all rows.
+    Natural(u64, usize),
     Real(Cow<'a, [f32]>),
     Double(Cow<'a, [f64]>),
     Flag(&'a [bool]),
@@ -64,6 +67,7 @@ impl<'a> Column<'a> {
         match self.values {
             Values::Whole(_) => format!("required int32 {name}; "),
             Values::Long(_) => format!("required int64 {name}; "),
+            Values::Natural(..) => format!("required int64 {name} (INTEGER(64,false)); "),
             Values::Real(_) => format!("required float {name}; "),
             Values::Double(_) => format!("required double {name}; "),
             Values::Flag(_) => format!("required boolean {name}; "),
@@ -129,6 +133,12 @@ impl Packed {
     }
 }
 
+/// Under this name a file tells how it was made.
+pub const NOTES: &str = "gaitway";
+/// Under these names the file of variations tells how long those beside it are.
+const POSES_BYTES: &str = "gaitway.poses_bytes";
+const PIECES_BYTES: &str = "gaitway.actionlets_bytes";
+
 /// What the end of a file says of a column of a row group takes, about, bytes.
 const ABOUT_COLUMN: u64 = 130;
 
@@ -137,7 +147,7 @@ struct Common {
     label: String,
     class: String,
     subject: String,
-    seed: i64,
+    seed: u64,
     rounds: i32,
 }
 
@@ -156,20 +166,16 @@ struct Table {
 }
 
 impl Table {
-    fn new(
-        name: &str,
-        of: &[Column<'_>],
-        notes: &[(String, String)],
-    ) -> Result<Self, ParquetError> {
+    fn new(name: &str, of: &[Column<'_>], notes: &str) -> Result<Self, ParquetError> {
         let columns: String = of.iter().map(Column::schema).collect();
         let schema = Arc::new(parse_message_type(&format!("message {name} {{ {columns} }}"))?);
-        let notes = notes.iter().map(|(key, value)| KeyValue::new(key.clone(), value.clone()));
+        let notes = KeyValue::new(NOTES.to_owned(), notes.to_owned());
         let mut properties = WriterProperties::builder()
             .set_compression(Compression::UNCOMPRESSED)
             .set_dictionary_enabled(false)
             .set_statistics_enabled(EnabledStatistics::Chunk)
             .set_offset_index_disabled(true)
-            .set_key_value_metadata(Some(notes.collect()))
+            .set_key_value_metadata(Some(vec![notes]))
             .set_created_by("gaitway".to_owned());
         for column in of {
             let path = ColumnPath::from(column.name.as_str());
@@ -204,6 +210,10 @@ impl Table {
         match &column.values {
             Values::Whole(all) => typed::<Int32Type>(&mut writer).write_batch(all, None, None)?,
             Values::Long(all) => typed::<Int64Type>(&mut writer).write_batch(all, None, None)?,
+            Values::Natural(value, count) => {
+                let all = vec![value.cast_signed(); *count];
+                typed::<Int64Type>(&mut writer).write_batch(&all, None, None)?
+            }
             Values::Real(all) => typed::<FloatType>(&mut writer).write_batch(all, None, None)?,
             Values::Double(all) => typed::<DoubleType>(&mut writer).write_batch(all, None, None)?,
             Values::Flag(all) => typed::<BoolType>(&mut writer).write_batch(all, None, None)?,
@@ -272,6 +282,30 @@ impl Common {
         columns
     }
 
+    fn pieces<'a>(&'a self, pieces: &'a Pieces) -> Vec<Column<'a>> {
+        let mut columns = Vec::new();
+        for (name, all) in
+            [("variation", &pieces.variation), ("dof", &pieces.dof), ("shape", &pieces.shape)]
+        {
+            columns.push(Column::new(name, Values::Whole(Cow::from(all))));
+        }
+        for (name, all) in [
+            ("begin_s", &pieces.begin_s),
+            ("duration_s", &pieces.duration_s),
+            ("from_rad", &pieces.from_rad),
+            ("to_rad", &pieces.to_rad),
+            ("peak", &pieces.peak),
+        ] {
+            columns.push(Column::new(name, Values::Double(Cow::from(all))));
+        }
+        let lists = Values::Lists { lengths: &pieces.sample_count, values: &pieces.samples };
+        columns.push(Column::new("samples", lists));
+        let rows = pieces.variation.len();
+        columns.push(Column::new("label", Values::Word(&self.label, rows)));
+        columns.push(Column::new("class", Values::Word(&self.class, rows)));
+        columns
+    }
+
     fn of_all(&self, rows: usize, stature_m: Vec<f32>) -> [Column<'_>; 4] {
         [
             Column::new("label", Values::Word(&self.label, rows)),
@@ -295,7 +329,7 @@ impl Common {
         let stature_m = rows.iter().map(|placed| placed.row.stature_m as f32).collect();
         columns.extend(self.of_all(count, stature_m));
         columns.extend([
-            Column::new("seed", Values::Long(vec![self.seed; count])),
+            Column::new("seed", Values::Natural(self.seed, count)),
             Column::new("duration_s", Values::Double(durations_s.into())),
             Column::new("rounds", Values::Whole(vec![self.rounds; count].into())),
             Column::new("status", Values::Words(states)),
@@ -309,40 +343,18 @@ impl Common {
     }
 }
 
-fn pieces_columns(pieces: &Pieces) -> Vec<Column<'_>> {
-    let mut columns = Vec::new();
-    for (name, all) in
-        [("variation", &pieces.variation), ("dof", &pieces.dof), ("shape", &pieces.shape)]
-    {
-        columns.push(Column::new(name, Values::Whole(Cow::from(all))));
-    }
-    for (name, all) in [
-        ("begin_s", &pieces.begin_s),
-        ("duration_s", &pieces.duration_s),
-        ("from_rad", &pieces.from_rad),
-        ("to_rad", &pieces.to_rad),
-        ("peak", &pieces.peak),
-    ] {
-        columns.push(Column::new(name, Values::Double(Cow::from(all))));
-    }
-    let lists = Values::Lists { lengths: &pieces.sample_count, values: &pieces.samples };
-    columns.push(Column::new("samples", lists));
-    columns
-}
-
 impl TableLayout {
     /// The layout of a class whose body is called `subject`. `notes` are kept in its files: how they
     /// were made.
     ///
     /// # Errors
     /// If the format cannot hold it.
-    pub fn new(corpus: &Corpus, subject: &str, notes: &[(String, String)]) -> Result<Self, Error> {
+    pub fn new(corpus: &Corpus, subject: &str, notes: &str) -> Result<Self, Error> {
         let common = Common {
             label: corpus.label.clone(),
             class: corpus.class(),
             subject: subject.to_owned(),
-            // A seed above 2^63 is negative there: the format's whole numbers have a sign.
-            seed: corpus.seed.cast_signed(),
+            seed: corpus.seed,
             rounds: i32::try_from(corpus.rounds()).unwrap_or(i32::MAX),
         };
         let mut empty = Batch::default();
@@ -352,7 +364,7 @@ impl TableLayout {
         let table = |name: &str, of: &[Column<'_>]| Table::new(name, of, notes).map_err(unwritable);
         Ok(Self {
             poses: table("poses", &common.poses(&empty))?,
-            pieces: table("actionlets", &pieces_columns(&empty.pieces))?,
+            pieces: table("actionlets", &common.pieces(&empty.pieces))?,
             variations: table("variations", &common.variations(&[], ""))?,
             common,
         })
@@ -365,7 +377,7 @@ impl TableLayout {
     pub fn pack(&self, batch: Batch) -> Result<Packed, Error> {
         Ok(Packed {
             poses: self.poses.packed(&self.common.poses(&batch)).map_err(unwritable)?,
-            pieces: self.pieces.packed(&pieces_columns(&batch.pieces)).map_err(unwritable)?,
+            pieces: self.pieces.packed(&self.common.pieces(&batch.pieces)).map_err(unwritable)?,
             rows: batch.rows,
         })
     }
@@ -435,14 +447,17 @@ impl<'a, W: Write + Send> CorpusWriter<'a, W> {
         append(&mut self.variations, group).map_err(unwritable)
     }
 
-    /// Completes all files.
+    /// Completes all files. That of variations says how long the others are.
     ///
     /// # Errors
     /// If one cannot be written.
     pub fn finish(mut self) -> Result<(), Error> {
         self.end_class()?;
-        self.poses.finish().map_err(unwritable)?;
-        self.pieces.finish().map_err(unwritable)?;
+        for (file, key) in [(&mut self.poses, POSES_BYTES), (&mut self.pieces, PIECES_BYTES)] {
+            file.finish().map_err(unwritable)?;
+            let length = file.bytes_written().to_string();
+            self.variations.append_key_value_metadata(KeyValue::new(key.to_owned(), length));
+        }
         self.variations.finish().map_err(unwritable)?;
         Ok(())
     }
@@ -459,11 +474,85 @@ fn append<W: Write + Send>(
     into.close().map(|_| ())
 }
 
-/// How many rows a file has by its own account; none if it is not there, or is not whole.
-#[must_use]
-pub fn rows_of(path: &Path) -> Option<u64> {
-    let reader = SerializedFileReader::new(File::open(path).ok()?).ok()?;
-    u64::try_from(reader.metadata().file_metadata().num_rows()).ok()
+/// What a file says of itself at its end.
+struct TableEnd {
+    length: u64,
+    /// The number of its first variation.
+    first: Option<i32>,
+    rows: u64,
+    notes: Vec<KeyValue>,
+}
+
+impl TableEnd {
+    fn of(path: &Path) -> Result<Self, ParquetError> {
+        // A pipe would be waited for.
+        if !path.metadata()?.is_file() {
+            return Err(ParquetError::General("it is no file".to_owned()));
+        }
+        let file = File::open(path)?;
+        let length = file.metadata()?.len();
+        let reader = SerializedFileReader::new(file)?;
+        let of = reader.metadata();
+        let numbers = of.row_groups().first().and_then(|group| group.columns().first());
+        let first = match numbers.and_then(|column| column.statistics()) {
+            Some(Statistics::Int32(numbers)) => numbers.min_opt().copied(),
+            _ => None,
+        };
+        let of = of.file_metadata();
+        Ok(Self {
+            length,
+            first,
+            rows: u64::try_from(of.num_rows()).unwrap_or(0),
+            notes: of.key_value_metadata().cloned().unwrap_or_default(),
+        })
+    }
+
+    fn note(&self, key: &str) -> Option<&str> {
+        self.notes.iter().find(|note| note.key == key)?.value.as_deref()
+    }
+}
+
+/// A set of three files, as far as their ends tell: they belong together, and are as long as they were when
+/// they were written.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SetEnd {
+    /// How many variations it has.
+    pub variations: u64,
+    /// The number of the first.
+    pub first: Option<i32>,
+    /// How they were made, as was noted.
+    pub notes: Option<String>,
+}
+
+impl SetEnd {
+    /// Looks at files of poses, actionlets and variations. Their pages are not read: a byte that changed in the
+    /// middle of a file is not seen.
+    ///
+    /// # Errors
+    /// Which file is not whole, and why.
+    pub fn of(paths: &[PathBuf; 3]) -> Result<Self, Error> {
+        let wrong = |path: &Path, got: String| {
+            Error::of(ErrorKind::Malformed, "this file of the corpus is not whole, or another")
+                .at(path.display().to_string())
+                .got(got)
+        };
+        let end = |path: &Path| TableEnd::of(path).map_err(|e| wrong(path, e.to_string()));
+        let [poses, pieces, variations] = paths;
+        let rows = end(variations)?;
+        for (path, key) in [(poses, POSES_BYTES), (pieces, PIECES_BYTES)] {
+            let found = end(path)?;
+            let length = found.length.to_string();
+            if rows.note(key) != Some(&length) {
+                let was = rows.note(key).unwrap_or("unknown");
+                return Err(wrong(path, format!("{length} bytes; when it was made {was}")));
+            }
+            if found.note(NOTES) != rows.note(NOTES) || found.first != rows.first {
+                return Err(wrong(path, "made otherwise than those beside it".to_owned()));
+            }
+        }
+        let notes = rows.note(NOTES).map(str::to_owned);
+        Ok(Self { variations: rows.rows, first: rows.first, notes })
+    }
 }
 
 fn unwritable(cause: ParquetError) -> Error {

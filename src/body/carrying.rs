@@ -8,10 +8,15 @@
 //! The numbers are ours. Against force plates (20 N), on level ground and on stairs, feet found so touch and leave within
 //! two frames of 100 and 120 a second (`tests/measured_force.rs`).
 
+use super::{Joint, Proportions};
+use glam::DVec3;
+
 /// A part that is no higher than this above where it is when the foot stands is near the ground, in shanks.
 pub const NEAR_SHANKS: f64 = 0.1;
 /// How much higher a part of a foot that carries may be.
 const KEEPS: f64 = 1.5;
+/// No part of a foot is on the floor, or off it, for a shorter time than this, s: sprinters stand for twice as long.
+const SHORTEST_S: f64 = 0.05;
 /// A foot begins to carry below this speed of a part, in legs per second ...
 const BEGINS_LEG_S: f64 = 0.8;
 /// ... and ends above this one: a toe that leaves is pushed off.
@@ -55,6 +60,42 @@ impl MeasuredFoot {
     }
 }
 
+/// Which of [`SOLES`](super::root::SOLES) carry, by pose, from where they are over the floor, m; for what is seen whole.
+#[must_use]
+pub fn soles(body: &Proportions, soles_m: &[[DVec3; 4]], rate_hz: f64) -> Vec<[bool; 4]> {
+    let length_m = |joint: Joint| body.joint_offset_m(joint).map_or(0.0, |(_, at_m)| at_m.length());
+    let shank_m = length_m(Joint::LeftAnkle);
+    let mut parts = [MeasuredFoot::new(shank_m, shank_m + length_m(Joint::LeftKnee)); 4];
+    let last = soles_m.len().saturating_sub(1);
+    let carries = soles_m.iter().enumerate().map(|(at, places_m)| {
+        let (before, after) = (at.saturating_sub(1), (at + 1).min(last));
+        let dt_s = (after - before).max(1) as f64 / rate_hz;
+        core::array::from_fn(|end| {
+            let moved_m = soles_m[after][end] - soles_m[before][end];
+            let speed_m_s = moved_m.length() / dt_s;
+            parts[end].next(&[FootPart { height_m: places_m[end].z, speed_m_s }])
+        })
+    });
+    let mut carries: Vec<[bool; 4]> = carries.collect();
+    let shortest = (SHORTEST_S * rate_hz).ceil() as usize;
+    for end in 0..4 {
+        // What is lifted for a moment stands; then, what stands for a moment only passes by.
+        for stands in [false, true] {
+            let mut begin = 0;
+            while begin < carries.len() {
+                let is_run = |on: &&[bool; 4]| on[end] == carries[begin][end];
+                let length = carries[begin..].iter().take_while(is_run).count();
+                let is_inner = begin > 0 && begin + length < carries.len();
+                if carries[begin][end] == stands && is_inner && length < shortest {
+                    carries[begin..begin + length].iter_mut().for_each(|on| on[end] = !stands);
+                }
+                begin += length;
+            }
+        }
+    }
+    carries
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -86,5 +127,32 @@ mod tests {
             foot.next(&[part(0.0, 0.0)]);
             assert!(foot.next(&[between]), "{between:?}");
         }
+    }
+
+    /// A second on the floor, as high as noise has it, and then half a second of a step.
+    #[test]
+    fn soles_that_stand_carry_in_one_go_however_they_are_drawn_and_those_that_swing_do_not() {
+        let body = Proportions::of_stature(1.75).expect("a body");
+        let rate_hz = 120.0;
+        let places = |at: u32| {
+            let noise_m = 0.003 * f64::from(at * 7 % 5) - 0.006;
+            let steps = f64::from(at.saturating_sub(120)) / rate_hz;
+            // The left foot stands 15 mm above the floor and goes; the right one stays, 5 mm in it.
+            let left = DVec3::new(2.5 * steps, 0.1, 0.015 + noise_m + 0.1 * steps);
+            let right = DVec3::new(0.0, -0.1, -0.005 - noise_m);
+            [left, left + DVec3::X * 0.2, right, right + DVec3::X * 0.2]
+        };
+        let places: Vec<[DVec3; 4]> = (0..180).map(places).collect();
+        let found = soles(&body, &places, rate_hz);
+        assert!(found[..120].iter().all(|on| *on == [true; 4]));
+        assert!(found[122..].iter().all(|on| *on == [false, false, true, true]));
+        // For three poses the right foot is raised, for three the left one rests on its way.
+        let mut moments = places.clone();
+        moments[60..63].iter_mut().for_each(|soles_m| soles_m[2].z = 0.1);
+        let at_m = moments[150][0];
+        moments[149..154].iter_mut().for_each(|soles_m| soles_m[0] = at_m.with_z(0.0));
+        assert_eq!(soles(&body, &moments, rate_hz), found);
+        assert!(soles(&body, &[], rate_hz).is_empty());
+        assert_eq!(soles(&body, &places[..1], rate_hz), [[true; 4]]);
     }
 }

@@ -53,6 +53,18 @@ pub fn support(body: &Proportions, pose: &SegmentPose) -> SupportPolygon {
     SupportPolygon::of(&floor)
 }
 
+/// The area between the corners of those of [`SOLES`] that carry in a pose.
+#[must_use]
+pub fn support_of(body: &Proportions, pose: &SegmentPose, carries: &[bool; 4]) -> SupportPolygon {
+    let half_m = DVec3::Y * half_breadth_m(body);
+    let carrying = SOLES.iter().zip(places_m(body, pose)).zip(carries).filter(|(_, is)| **is);
+    let corners = carrying.flat_map(|((end, sole_m), _)| {
+        let aside_m = pose.orientation[end.segment().index()] * half_m;
+        [sole_m - aside_m, sole_m + aside_m].map(DVec3::truncate)
+    });
+    SupportPolygon::of(&corners.collect::<Vec<_>>())
+}
+
 /// Height of the floor under a body that does not stand on z = 0, m: the one near which its lowest sole is
 /// for longest (the median of the heights in the fullest span of twice [`ON_FLOOR_M`]).
 #[must_use]

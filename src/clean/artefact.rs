@@ -26,6 +26,8 @@ pub enum ArtefactKind {
     SwapAfterGap,
     /// The same place again and again while the others move.
     Stuck,
+    /// What a person saw, who edits by hand; nothing here finds it.
+    ByHand,
 }
 
 impl ArtefactKind {
@@ -42,6 +44,7 @@ impl ArtefactKind {
             Self::SwapInside => "swap_inside",
             Self::SwapAfterGap => "swap_after_gap",
             Self::Stuck => "stuck",
+            Self::ByHand => "by_hand",
         }
     }
 

@@ -9,6 +9,7 @@ use crate::error::{Error, ErrorKind};
 use crate::toml_text::{advice, from_toml, plain_words, to_toml};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
 use std::ops::Range;
 
 /// Version of the format.
@@ -24,7 +25,10 @@ remedy: fill      what is seen in these frames is taken out, and the gap filled 
         exchange  the marker and `with` have each other's names in these frames
         leave     nothing is done
 method: cubic, quintic, rigid_body, pattern, low_rank
-Frames are counted as in the file, the last one included. To undo an edit, delete it or let it `leave`.";
+Frames are counted as in the file, the last one included. To undo an edit, delete it or let it `leave`.
+An edit of your own has the kind by_hand. To give a piece of a nameless point its name, exchange the marker with
+it (with = \"*12\"). To crop the trial, write the first and the last frame to keep above the first edit:
+keep_frames = [120, 480]";
 
 /// What is done.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -73,8 +77,11 @@ pub struct EditList {
     /// SHA-256 of the places in that file; without it the list is taken for any file.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub source_sha256: Option<String>,
+    /// The first and the last frame that are kept, as the file counts; all without it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub keep_frames: Option<[u64; 2]>,
     /// What is done.
-    #[serde(default, rename = "edit")]
+    #[serde(default, rename = "edit", skip_serializing_if = "Vec::is_empty")]
     pub edits: Vec<Edit>,
 }
 
@@ -107,6 +114,30 @@ impl EditList {
         Err(Error::of(ErrorKind::Malformed, "another version of edit lists")
             .got(list.schema.to_string())
             .allowed(SCHEMA.to_string()))
+    }
+
+    /// Every name that an edit has.
+    #[must_use]
+    pub fn names(&self) -> BTreeSet<String> {
+        let both = |edit: &Edit| std::iter::once(edit.marker.clone()).chain(edit.with.clone());
+        self.edits.iter().flat_map(both).collect()
+    }
+
+    /// Indices of the frames that are kept, of a file of so many that begins with this number.
+    ///
+    /// # Errors
+    /// Frames that the file does not have, or none.
+    pub fn kept(&self, first_frame: u64, frames: usize) -> Result<Range<usize>, Error> {
+        let Some([first, last]) = self.keep_frames else { return Ok(0..frames) };
+        let end = first_frame.saturating_add(frames as u64);
+        if first < first_frame || first > last || last >= end {
+            return Err(Error::of(ErrorKind::OutsideLimits, "the file has no such frames")
+                .at("keep_frames")
+                .got(format!("{first} to {last}"))
+                .allowed(format!("{first_frame} to {}", end.saturating_sub(1))));
+        }
+        let at = |frame: u64| usize::try_from(frame - first_frame).unwrap_or(frames).min(frames);
+        Ok(at(first)..at(last).saturating_add(1).min(frames))
     }
 
     /// The list as text.

@@ -7,6 +7,7 @@ use crate::error::{Error, ErrorKind};
 use crate::mocap::markers::{Frame, Frames, Head, Markers, PointKind, PointSample};
 use glam::DVec3;
 use std::collections::BTreeSet;
+use std::ops::Range;
 
 /// Millimetres: what laboratories use where nothing is said.
 const USUAL_UNIT_M: f64 = 1e-3;
@@ -31,16 +32,32 @@ pub struct SourceMarkers {
 /// # Errors
 /// A file without a rate, without labelled markers, or too large for memory.
 pub fn source(markers: &Markers) -> Result<SourceMarkers, Error> {
+    source_and(markers, &BTreeSet::new())
+}
+
+/// As [`source`], and of the nameless those that edits name.
+///
+/// # Errors
+/// As [`source`].
+pub fn source_and(markers: &Markers, named: &BTreeSet<String>) -> Result<SourceMarkers, Error> {
     let head = markers.head();
     let rate_hz = head.rate_hz.ok_or_else(|| {
         Error::new("frames per second are not known").remedy("say them: --rate HZ")
     })?;
-    let points = labelled(head);
+    let mut points = labelled(head);
     if points.is_empty() {
         return Err(Error::of(ErrorKind::Unknown, "the file has no labelled markers")
             .got(format!("{} points", head.points.len()))
             .allowed("points with names of their own that are places of markers"));
     }
+    let also: Vec<usize> = (0..head.points.len())
+        .filter(|at| {
+            let point = &head.points[*at];
+            let is_asked_for = point.kind == PointKind::Marker && named.contains(&point.label);
+            is_asked_for && points.binary_search(at).is_err()
+        })
+        .collect();
+    points.extend(also);
     let mut notes = Vec::new();
     let metres_per_unit = head.metres_per_unit().unwrap_or_else(|| {
         notes.push("the file does not say its unit of length: taken for mm".to_owned());
@@ -204,6 +221,39 @@ impl Frames for Cleaned<'_> {
             self.next_filled += 1;
         }
         Ok(true)
+    }
+}
+
+/// Some of the frames of a file.
+pub struct CroppedFrames<'a> {
+    frames: Cleaned<'a>,
+    head: Head,
+    keep: Range<usize>,
+}
+
+impl<'a> CroppedFrames<'a> {
+    /// These frames alone, by index.
+    #[must_use]
+    pub fn new(frames: Cleaned<'a>, keep: Range<usize>) -> Self {
+        let mut head = frames.head().clone();
+        head.frames = keep.len();
+        head.first_frame = head.first_frame.saturating_add(keep.start as u64);
+        Self { frames, head, keep }
+    }
+}
+
+impl Frames for CroppedFrames<'_> {
+    fn head(&self) -> &Head {
+        &self.head
+    }
+
+    fn next_frame(&mut self, frame: &mut Frame) -> Result<bool, Error> {
+        while self.frames.next < self.keep.start {
+            if !self.frames.next_frame(frame)? {
+                return Ok(false);
+            }
+        }
+        Ok(self.frames.next < self.keep.end && self.frames.next_frame(frame)?)
     }
 }
 

@@ -1,6 +1,8 @@
 //! `actionlets`: a captured motion as the actionlets it is made of.
 
 use super::reading::ReadingArgs;
+use super::signals::Signals;
+use super::terminal::Terminal;
 use super::{Deed, Output, Remarks};
 use crate::action::decompose::REFERENCE_HZ;
 use crate::error::Error;
@@ -54,7 +56,8 @@ pub fn run(args: &ActionletsArgs, remarks: Remarks) -> Result<i32, Error> {
     };
     check_name(&order)?;
     args.output.check_files(&[&Some(order.file.clone())])?;
-    let report = decompose(&order)?;
+    let signals = Signals::listened()?;
+    let report = decompose(&order, &Terminal::new(remarks, &signals))?;
     Ok(args.output.conclude(
         &report,
         &words(&report, remarks),

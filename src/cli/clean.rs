@@ -17,7 +17,8 @@ const TOLERANCES_MM: std::ops::RangeInclusive<f64> = 0.0..=1000.0;
 #[command(after_help = "\
 OUT is written with what was mended; its ending says what kind of file (.c3d, .trc, .csm, .csv).
 Beside it stands OUT.edits.toml: every edit with its marker, its frames and what is done. Change it,
-delete from it, and apply it to the same file again with --edits. Samples that no edit names stay as
+delete from it, add to it (crop, take out a section, give a piece another name), and apply it to the
+same file again with --edits. Samples that no edit names stay as
 they are, bit for bit; the report has their SHA-256 before and after.
 
 How a gap is filled is found out on the trial itself: gaps as long are cut elsewhere, filled in five
@@ -37,7 +38,7 @@ Example: gaitway clean walk.c3d -o walk-clean.c3d
 then:    gaitway clean walk.c3d -o walk-clean.c3d --edits walk-clean.edits.toml --force
 before:  gaitway clean trials/ --check")]
 pub struct CleanArgs {
-    /// Markers in motion (.c3d, .trc, .csm, .csv); with --check also a folder of them
+    /// Markers in motion (.c3d, .trc, .csm, .csv); with --check also a skeleton (.bvh, .amc), or a folder of both
     file: PathBuf,
     /// File to write
     #[arg(short, long, value_name = "OUT", required_unless_present = "check")]
@@ -116,7 +117,8 @@ fn looked_at(args: &CleanArgs, remarks: Remarks) -> Result<i32, Error> {
         most_doubt: args.most_doubt.map(|percent| percent / 100.0),
     };
     let report = check(&order, &Terminal::unheard(remarks))?;
-    let mut text = format!("{:>8}  {:>8}  {:>7}  trial\n", "doubt %", "s", "markers");
+    let mut text =
+        format!("{:>8}  {:>8}  {:>7}  {:>6}  trial\n", "doubt %", "s", "markers", "joints");
     for trial in &report.trials {
         let doubt = trial.doubt.map_or("-".to_owned(), |of| format!("{:.2}", of * 100.0));
         let kinds = trial.artefacts.iter().map(|(kind, count)| format!("{count} {}", kind.word()));
@@ -127,10 +129,11 @@ fn looked_at(args: &CleanArgs, remarks: Remarks) -> Result<i32, Error> {
             _ if trial.error.is_some() => String::new(),
             above => format!(" (too much: {})", above.join(", ")),
         };
-        let (duration_s, markers) = (trial.duration_s, trial.marker_count);
+        let (duration_s, markers, joints) =
+            (trial.duration_s, trial.marker_count, trial.joint_count);
         let _ = writeln!(
             text,
-            "{doubt:>8}  {duration_s:>8.2}  {markers:>7}  {}{said}{above}",
+            "{doubt:>8}  {duration_s:>8.2}  {markers:>7}  {joints:>6}  {}{said}{above}",
             trial.markers
         );
     }
@@ -155,6 +158,10 @@ fn words(report: &CleanReport, remarks: Remarks) -> String {
             report.filled_samples,
             report.removed_samples
         );
+        if report.cropped_frames > 0 {
+            let _ =
+                writeln!(text, "cropped   {} frames left out at the ends", report.cropped_frames);
+        }
         if !report.artefacts.is_empty() {
             let _ = writeln!(
                 text,

@@ -42,8 +42,8 @@ OUT.csv   the 22 joint angles, where the pelvis is and how it is turned
 OUT.mot   the joint angles by the names of OpenSim's models
 DIR       all of it: TRIAL.bvh, .csv, .mot, and TRIAL.segments.csv with the orientation of each segment
 
-Marker sets: plug-in-gait, plug-in-gait-lower, cmu-41, or a file of your own (TOML: schema = 1, name, title,
-needs, has, and [aliases] of places, by the names of Plug-in Gait). Widths are read from the file (KneeWidth,
+Marker sets: plug-in-gait, plug-in-gait-lower, cmu-41, baseline (OptiTrack), or a file of your own (TOML:
+schema = 1, name, title, needs, has, and [aliases] of places, by the names of Plug-in Gait). Widths are read from the file (KneeWidth,
 AnkleWidth, ...) or else estimated, which is said.
 
 Example: gaitway fit walk.c3d --static static.c3d -o walk.bvh
@@ -66,6 +66,10 @@ pub struct FitArgs {
     /// How the hip joints are placed
     #[arg(long, value_enum, default_value = "plug-in-gait")]
     hips: Hips,
+    /// Trial in which a leg swings forwards, sideways and around: its hip joint is what the thigh turns about
+    /// (a trial for each leg, or one for both)
+    #[arg(long = "hip-motion", value_name = "FILE")]
+    hip_trials: Vec<PathBuf>,
     /// Where the other joints are taken to be
     #[arg(long, value_enum, default_value = "centres")]
     joints: Joints,
@@ -118,7 +122,9 @@ pub fn run(args: &FitArgs, remarks: Remarks) -> Result<i32, Error> {
                 Joints::Markers => JointsAt::Markers,
             },
             marker_radius_m: args.marker_diameter / 2e3,
+            ..FitSettings::default()
         },
+        hip_trials: args.hip_trials.clone(),
         output: args.output_file.clone(),
         replace: args.output.force(),
     })?;

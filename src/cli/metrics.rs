@@ -40,7 +40,12 @@ fn balance(figures: &BodyFigures) -> Option<(f64, String)> {
         mm(-margin_m)
     );
     Some(match figures.predicted_fall_s {
-        Some(at_s) => (FALLS, format!("falls at {at_s:.1} s on its own feet: {outside}")),
+        Some(at_s) if margin_m < 0.0 => {
+            (FALLS, format!("falls at {at_s:.1} s on its own feet: {outside}"))
+        }
+        Some(at_s) => {
+            (FALLS, format!("falls at {at_s:.1} s on its own feet: its servos give way too far"))
+        }
         None if margin_m < 0.0 => (share / SHARE, format!("stays on its feet; {outside}")),
         None => {
             let words = format!(

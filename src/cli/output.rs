@@ -3,8 +3,10 @@
 //! reaches a terminal as a command, and what could not be told shows in the exit code.
 
 use super::report::Outcome;
+use super::signals::heard;
 use crate::draft;
 use crate::error::{Error, ErrorKind};
+use clap::FromArgMatches;
 use std::borrow::Cow;
 use std::io::{self, Write};
 use std::os::unix::fs::MetadataExt;
@@ -184,6 +186,14 @@ impl Remarks {
     }
 }
 
+/// What is told of a command that came to nothing, in the words of a report.
+#[derive(serde::Serialize)]
+struct CameToNothing {
+    outcome: Outcome,
+    stop_reason: String,
+    refusal: Option<ErrorKind>,
+}
+
 /// Where a report goes.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub struct Output {
@@ -199,6 +209,39 @@ pub struct Output {
 }
 
 impl Output {
+    /// What was asked for on a command line; nothing of a command that has no report.
+    #[must_use]
+    pub fn of(matches: &clap::ArgMatches) -> Self {
+        let mut command = matches;
+        while let Some((_, inner)) = command.subcommand() {
+            command = inner;
+        }
+        let has_report = ["json", "report", "force"];
+        match has_report.iter().all(|name| command.try_contains_id(name).is_ok()) {
+            true => Self::from_arg_matches(command).unwrap_or_default(),
+            false => Self::default(),
+        }
+    }
+
+    /// Tells that a command came to nothing, and why: on standard error, and where a report was asked for there
+    /// as well; the exit code.
+    #[must_use]
+    pub fn fail(&self, error: &Error) -> i32 {
+        complain(error);
+        let (outcome, code) = match (error.kind, heard()) {
+            (ErrorKind::Stopped, Some(signal)) => (Outcome::Stopped, 128 + signal),
+            (ErrorKind::Stopped, None) => (Outcome::Stopped, Outcome::Stopped.exit_code()),
+            (ErrorKind::Broke, _) => (Outcome::Failed, Outcome::Failed.exit_code()),
+            _ => (Outcome::Refused, Outcome::Refused.exit_code()),
+        };
+        let refusal = (outcome == Outcome::Refused).then_some(error.kind);
+        let report = CameToNothing { outcome, stop_reason: error.to_string(), refusal };
+        // That a report is there already may be what is complained of.
+        let lost = self.tell(&report, "", Deed::Look);
+        lost.iter().filter(|lost| *lost != error).for_each(complain);
+        code
+    }
+
     /// True if files may be overwritten.
     #[must_use]
     pub const fn force(&self) -> bool {

@@ -1,6 +1,8 @@
 //! `retarget`, as it is typed.
 
+use super::signals::Signals;
 use super::source::MotionArgs;
+use super::terminal::Terminal;
 use super::{Deed, Output, Remarks};
 use crate::error::Error;
 use crate::job::retarget::{RetargetOrder, TrajectoryFile, retarget};
@@ -44,7 +46,7 @@ pub struct RetargetArgs {
 pub fn run(args: &RetargetArgs, remarks: Remarks) -> Result<i32, Error> {
     TrajectoryFile::of(&args.output_file)?;
     args.output.check_files(&[&Some(args.output_file.clone()), &args.html])?;
-    let report = retarget(&RetargetOrder {
+    let order = RetargetOrder {
         motion: args.motion.order(),
         robot: args.motion.robot().to_owned(),
         speed: args.motion.speed(),
@@ -55,7 +57,9 @@ pub fn run(args: &RetargetArgs, remarks: Remarks) -> Result<i32, Error> {
         hangs: args.motion.hangs(),
         allow_fall: args.motion.allows_fall(),
         html: args.html.clone(),
-    })?;
+    };
+    let signals = Signals::listened()?;
+    let report = retarget(&order, &Terminal::new(remarks, &signals))?;
     let written = format!("written   {}\n", args.output_file.display());
     let text = report.text(remarks.quiet) + &written;
     Ok(args.output.conclude(&report, &text, Deed::Work, 0))

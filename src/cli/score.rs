@@ -166,6 +166,9 @@ fn words(report: &ClassificationReport) -> String {
                 cut.cuts, cut.mean_frames, cut.mean_ms, cut.most_frames
             );
         }
+        None if report.cut_by_hand > 0 => {
+            let _ = writeln!(text, "cuts      none of {} was recognised", report.cut_by_hand);
+        }
         None => text.push_str("cuts      no label has times: clips were judged whole\n"),
     }
     for unread in &report.unread {

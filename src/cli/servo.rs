@@ -66,6 +66,9 @@ enum Action {
         gaitway servo move serial:/dev/ttyUSB0 1 -12.5\n  \
         gaitway servo move can:can0 1 20 --model dm4310 --kp 20 --kd 1")]
     Move(travel::MoveArgs),
+    /// Torque on, where the servo stands, through everything a motion goes through; or off
+    #[command(after_help = "Example: gaitway servo torque serial:/dev/ttyUSB0 1 off")]
+    Torque(travel::TorqueArgs),
 }
 
 /// Which servo is meant, and how it is spoken to.
@@ -130,5 +133,6 @@ pub fn run(args: &ServoArgs, remarks: Remarks) -> Result<i32, Error> {
         Action::Reboot(args) => reset::reboot(args, remarks),
         Action::FactoryReset(args) => reset::factory_reset(args, remarks),
         Action::Move(args) => travel::run(args, remarks),
+        Action::Torque(args) => travel::torque(args, remarks),
     }
 }

@@ -5,6 +5,15 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicI32, Ordering};
 use tokio::signal::unix::{SignalKind, signal};
 
+/// The first signal that came since any command listens; 0 if none did.
+static HEARD: AtomicI32 = AtomicI32::new(0);
+
+/// The number of the first signal that came since this process listens.
+#[must_use]
+pub fn heard() -> Option<i32> {
+    Some(HEARD.load(Ordering::SeqCst)).filter(|&number| number != 0)
+}
+
 /// From now on, and for good, a file that may not grow any more is an error of whoever writes it and
 /// no signal (SIGXFSZ) that would end the process in the middle of a motion. A reader that is gone
 /// (SIGPIPE) is one already: Rust sees to that.
@@ -45,11 +54,20 @@ impl Signals {
                         _ = terminate.recv() => 15,
                         _ = hangup.recv() => 1,
                     };
+                    let _ = HEARD.compare_exchange(0, number, Ordering::SeqCst, Ordering::SeqCst);
                     let _ = first.compare_exchange(0, number, Ordering::SeqCst, Ordering::SeqCst);
                 }
             });
         })?;
         Ok(signals)
+    }
+
+    /// As [`Signals::listen`].
+    ///
+    /// # Errors
+    /// In words.
+    pub fn listened() -> Result<Self, Error> {
+        Self::listen().map_err(|e| Error::new(format!("no signals: {e}")))
     }
 
     /// As [`Signals::listen`], for a command that is over soon and must not be cut off in the middle:

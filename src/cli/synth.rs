@@ -1,6 +1,7 @@
 //! `synth`, as it is typed.
 
 use super::inserts::{InsertArgs, told};
+use super::signals::Signals;
 use super::terminal::Terminal;
 use super::{Deed, Output, Remarks};
 use crate::error::Error;
@@ -104,9 +105,10 @@ pub fn run(args: &SynthArgs, remarks: Remarks) -> Result<i32, Error> {
         file: args.output_file.clone(),
         replace: args.output.force(),
     };
+    let signals = Signals::listened()?;
     match (args.variations, &args.action) {
-        (Some(variations), _) => run_many(args, &order, variations, remarks),
-        (None, Some(action)) => run_one(args, &order, action, remarks),
+        (Some(variations), _) => run_many(args, &order, variations, remarks, &signals),
+        (None, Some(action)) => run_one(args, &order, action, remarks, &signals),
         (None, None) => Err(Error::new("no action was named")),
     }
 }
@@ -116,6 +118,7 @@ fn run_many(
     order: &SynthOrder,
     variations: u32,
     remarks: Remarks,
+    signals: &Signals,
 ) -> Result<i32, Error> {
     if order.file.extension().is_some_and(|e| e == "parquet") {
         let [pieces, rows] = tables_beside(&order.file);
@@ -130,17 +133,18 @@ fn run_many(
     if let Some(action) = &args.action {
         classes.push(named(&(action.clone(), None, action.clone())));
     }
-    let made = vary(order, &classes, &Terminal::unheard(remarks))?;
+    let made = vary(order, &classes, &Terminal::new(remarks, signals))?;
     let text = if remarks.quiet {
         format!("{}\n", made.written)
     } else {
         format!(
-            "{}: {} variations of {}, {} of them found, {} poses written\n{}written   {}\n",
+            "{}: {} variations of {}, {} of them found, {} poses written\n{}{}written   {}\n",
             made.outcome.word(),
             made.variations,
             classes.iter().map(|class| class.label.as_str()).collect::<Vec<_>>().join(" and "),
             made.found,
             made.poses,
+            made.mended.iter().map(|how| anew(how)).collect::<String>(),
             made.classes.iter().map(feet_of).collect::<String>(),
             made.written
         )
@@ -154,6 +158,11 @@ fn run_many(
         ));
     }
     Ok(args.output.conclude(&made, &text, Deed::Work, made.outcome.exit_code()))
+}
+
+/// What was not as it was left, a few lines.
+fn anew(how: &str) -> String {
+    format!("anew      {}\n", how.replace('\n', "\n          "))
 }
 
 /// Whether the feet of a class hold, a line.
@@ -226,9 +235,10 @@ fn run_one(
     order: &SynthOrder,
     action: &str,
     remarks: Remarks,
+    signals: &Signals,
 ) -> Result<i32, Error> {
     args.output.check_files(&[&Some(order.file.clone())])?;
-    let report = synth(order, action, args.variation)?;
+    let report = synth(order, action, args.variation, &Terminal::new(remarks, signals))?;
     let text = if remarks.quiet {
         format!("{}\n", report.written)
     } else {

@@ -1,12 +1,12 @@
 //! `view`: something in a browser. Of what moves it is the command itself, with `--view`.
 
 use super::signals::Signals;
-use super::{Cli, Remarks, say};
+use super::{Cli, Remarks, Typed, say};
 use crate::error::{Error, ErrorKind};
 use crate::job::page;
 use crate::job::source::CaptureOptions;
 use crate::view::live::LiveView;
-use clap::{Args, Parser};
+use clap::Args;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -42,7 +42,7 @@ pub struct ViewArgs {
 /// What is looked at.
 pub enum Viewed {
     /// What a command does.
-    Command(Box<Cli>),
+    Command(Box<Typed>),
     /// A file.
     File(PathBuf),
 }
@@ -84,7 +84,7 @@ pub fn seen(args: &ViewArgs, cli: &Cli) -> Result<Viewed, NotViewed> {
         .chain((!is_command).then(|| "monitor".to_owned()))
         .chain(args.what.iter().cloned())
         .chain([format!("--view={}", args.port)]);
-    Cli::try_parse_from(typed).map(|cli| Viewed::Command(Box::new(cli))).map_err(NotViewed::Usage)
+    Typed::of(typed).map(|typed| Viewed::Command(Box::new(typed))).map_err(NotViewed::Usage)
 }
 
 /// Serves the page of a file until a signal comes.

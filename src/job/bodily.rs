@@ -31,6 +31,14 @@ pub(super) fn fall_note(at_s: f64) -> String {
     format!("{WOULD_FALL}, at {at_s:.1} s, and a real one is not sent there: {INSTEAD}")
 }
 
+/// A line about a fall with soft servos, of who stays with those it has.
+pub(super) fn soft_note(figures: &BodyFigures) -> Option<String> {
+    let at_s = figures.soft_fall_s.filter(|_| figures.predicted_fall_s.is_none())?;
+    Some(format!(
+        "stay near: it stays on its feet, but with servos softer by a third, or a body that weighs so much more, it would fall at {at_s:.1} s"
+    ))
+}
+
 /// Looks at a planned motion, once through if it is played several times: the base, if the robot has a body,
 /// and the figures.
 ///

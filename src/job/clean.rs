@@ -10,7 +10,9 @@ use crate::clean::choice::Chooser;
 use crate::clean::detect;
 use crate::clean::edits::{Change, Edit, EditList, EditStep, MAX_BYTES, SCHEMA, fill, prepare};
 use crate::clean::fill::Method;
-use crate::clean::source::{Cleaned, Digest, NamedSamples, SourceMarkers, digest, source};
+use crate::clean::source::{
+    Cleaned, CroppedFrames, Digest, NamedSamples, SourceMarkers, digest, source_and,
+};
 use crate::clean::trial::{Gap, Trial};
 use crate::draft::{check_free, write_file};
 use crate::error::{Error, ErrorKind};
@@ -67,6 +69,8 @@ pub struct CleanReport {
     pub artefacts: Vec<ArtefactFigures>,
     /// All samples that no edit names: the same before and after.
     pub untouched_sha256: UntouchedFigures,
+    /// Frames at both ends that are left out.
+    pub cropped_frames: usize,
     /// Samples that were filled in.
     pub filled_samples: usize,
     /// Samples that were taken out.
@@ -148,13 +152,19 @@ pub fn clean(order: &CleanOrder, observer: &dyn Observer) -> Result<CleanReport,
         Some(_) => error,
     };
     let markers = marker_files::read(&order.markers, order.rate_hz)?;
-    let source = source(&markers).map_err(in_file)?;
+    let list = is_given.then(|| read_list(&list_file)).transpose()?;
+    let named = list.as_ref().map(EditList::names).unwrap_or_default();
+    let source = source_and(&markers, &named).map_err(in_file)?;
     let all = digest(&mut FramesOf::new(&markers), |_, _| true)?;
     let head = markers.head();
-    let plan = if is_given {
-        applied(&list_file, &source.trial, head.first_frame, &all)?
-    } else {
-        planned(order, &source, head.first_frame, observer)
+    let mut keep = 0..head.frames;
+    let plan = match list {
+        Some(list) => {
+            let kept = list.kept(head.first_frame, head.frames);
+            keep = kept.map_err(|error| error.in_file(&list_file))?;
+            applied(&list_file, list, &source.trial, head.first_frame, &all)?
+        }
+        None => planned(order, &source, head.first_frame, observer),
     };
     let steps = plan
         .edits
@@ -167,14 +177,16 @@ pub fn clean(order: &CleanOrder, observer: &dyn Observer) -> Result<CleanReport,
         })?;
     let mut trial = source.trial.clone();
     prepare(&mut trial, &steps);
-    let filled = fill(&mut Chooser::new(&mut trial), &steps, |done, total| {
+    let mut filled = fill(&mut Chooser::new(&mut trial), &steps, |done, total| {
         observer.hear(Event::Step { done: done as u64, total: total as u64, what: "gaps" });
     });
-    let mut cleaned = Cleaned::new(&markers, &source, &steps, &filled);
+    filled.retain(|of| keep.contains(&of.frame));
+    let mut cleaned =
+        CroppedFrames::new(Cleaned::new(&markers, &source, &steps, &filled), keep.clone());
     let left_out = write(&order.file, order.replace, kind, &mut cleaned, observer)?;
     let named = NamedSamples::by(&steps, &source, head);
     let is_good = |point: usize, frame: usize| {
-        markers.sample(frame, point).is_some() && !named.has(point, frame)
+        keep.contains(&frame) && markers.sample(frame, point).is_some() && !named.has(point, frame)
     };
     let before = digest(&mut FramesOf::new(&markers), is_good)?;
     let after = digest(&mut Cleaned::new(&markers, &source, &steps, &filled), is_good)?;
@@ -191,12 +203,16 @@ pub fn clean(order: &CleanOrder, observer: &dyn Observer) -> Result<CleanReport,
             schema: SCHEMA,
             source: order.markers.display().to_string(),
             source_sha256: Some(all.sha256),
+            keep_frames: None,
             edits: plan.edits,
         };
         write_file(&list_file, order.replace, list.to_text()?.as_bytes())?;
     }
     let notes = head.notes.iter().chain(&source.notes).chain(&plan.notes).chain(&left_out);
-    let is_mended = |of: &ArtefactFigures| matches!(of.remedy, Remedy::Fill | Remedy::Exchange);
+    // What a person took out was meant to be out.
+    let is_mended = |of: &ArtefactFigures| {
+        matches!(of.remedy, Remedy::Fill | Remedy::Exchange) || of.kind == ArtefactKind::ByHand
+    };
     let is_whole = plan.artefacts.iter().all(is_mended) && head.lost_frames == 0;
     Ok(CleanReport {
         outcome: if is_whole { Outcome::Done } else { Outcome::DoneWithLoss },
@@ -209,6 +225,7 @@ pub fn clean(order: &CleanOrder, observer: &dyn Observer) -> Result<CleanReport,
             before: before.sha256,
             after: after.sha256,
         },
+        cropped_frames: head.frames - keep.len(),
         filled_samples: filled.len(),
         removed_samples: removed(&markers, &source, &steps),
         notes: notes.cloned().collect(),
@@ -266,8 +283,8 @@ fn removed(markers: &Markers, source: &SourceMarkers, steps: &[EditStep]) -> usi
     source.points.iter().map(|point| frames().filter(|frame| seen(point, frame)).count()).sum()
 }
 
-/// What an edit list says.
-fn applied(path: &Path, trial: &Trial, first_frame: u64, all: &Digest) -> Result<Plan, Error> {
+/// Reads an edit list.
+fn read_list(path: &Path) -> Result<EditList, Error> {
     let read = |cause: std::io::Error| {
         Error::of((&cause).into(), "the edit list cannot be read")
             .at(path.display().to_string())
@@ -281,7 +298,17 @@ fn applied(path: &Path, trial: &Trial, first_frame: u64, all: &Digest) -> Result
             .allowed(format!("at most {MAX_BYTES} bytes")));
     }
     let text = std::fs::read_to_string(path).map_err(read)?;
-    let list = EditList::parse(&text).map_err(|error| error.in_file(path))?;
+    EditList::parse(&text).map_err(|error| error.in_file(path))
+}
+
+/// What an edit list says.
+fn applied(
+    path: &Path,
+    list: EditList,
+    trial: &Trial,
+    first_frame: u64,
+    all: &Digest,
+) -> Result<Plan, Error> {
     if list.source_sha256.as_ref().is_some_and(|of| *of != all.sha256) {
         return Err(Error::new("the edit list belongs to other markers")
             .at(path.display().to_string())

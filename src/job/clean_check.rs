@@ -4,9 +4,13 @@ use super::observer::{Event, Observer};
 use super::report::Outcome;
 use crate::clean::artefact::ArtefactKind;
 use crate::clean::detect;
+use crate::clean::joints;
 use crate::clean::source::source;
 use crate::clean::thresholds::{FILE_NAME, Thresholds};
 use crate::error::{Error, ErrorKind};
+use crate::mocap::anatomy;
+use crate::mocap::clip::Clip;
+use crate::mocap::files::{self, CaptureFormat, CaptureOptions};
 use crate::mocap::marker_files;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -22,7 +26,7 @@ const DEEPEST: usize = 16;
 /// Which trials are looked at.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CheckOrder {
-    /// A file of markers, or a folder of them.
+    /// A file of markers or of a skeleton in motion, or a folder of them.
     pub markers: PathBuf,
     /// Frames per second, where a file does not say them.
     pub rate_hz: Option<f64>,
@@ -51,12 +55,14 @@ pub struct TrialFigures {
     /// The file.
     pub markers: String,
     /// Share of all samples of labelled markers that are part of an artefact, from the first to the last frame of each
-    /// marker; null if the trial cannot be read.
+    /// marker; of a skeleton, of its joints; null if the trial cannot be read.
     pub doubt: Option<f64>,
     /// Artefacts of each kind.
     pub artefacts: BTreeMap<ArtefactKind, usize>,
     /// Labelled markers.
     pub marker_count: usize,
+    /// Joints that were looked at, of a skeleton.
+    pub joint_count: usize,
     /// From the first frame to the last, s.
     pub duration_s: f64,
     /// What is above its threshold: `doubt`, or a kind of artefact.
@@ -72,24 +78,28 @@ pub struct TrialFigures {
 /// be read is part of the report.
 pub fn check(order: &CheckOrder, observer: &dyn Observer) -> Result<CheckReport, Error> {
     let thresholds = thresholds(&order.markers)?;
-    let files = if order.markers.is_dir() {
-        let mut files = Vec::new();
-        marker_files_in(&order.markers, 0, &mut files)?;
-        files.sort();
-        files
+    let trials_of = if order.markers.is_dir() {
+        let mut found = Vec::new();
+        trials_in(&order.markers, 0, &mut found)?;
+        found.sort();
+        found
     } else {
         // Alone, a file that cannot be read is an error.
-        marker_files::open(&order.markers)?;
+        if files::format_of(&order.markers).is_none() {
+            marker_files::open(&order.markers)?;
+        }
         vec![order.markers.clone()]
     };
-    if files.is_empty() {
-        return Err(Error::of(ErrorKind::Absent, "the folder has no files of markers")
+    if trials_of.is_empty() {
+        return Err(Error::of(ErrorKind::Absent, "the folder has no trials")
             .at(order.markers.display().to_string())
-            .allowed("files that end in .c3d, .trc or .csm, or tables (.csv) of markers"));
+            .allowed(
+                "files that end in .c3d, .trc, .csm, .bvh or .amc, or tables (.csv) of markers",
+            ));
     }
-    let total = files.len() as u64;
+    let total = trials_of.len() as u64;
     let mut trials = Vec::new();
-    for (done, file) in files.iter().enumerate() {
+    for (done, file) in trials_of.iter().enumerate() {
         observer.hear(Event::Step { done: done as u64, total, what: "trials" });
         trials.push(looked_at(file, order.rate_hz));
     }
@@ -128,7 +138,7 @@ fn thresholds(folder: &Path) -> Result<Option<(PathBuf, Thresholds)>, Error> {
     Ok(Some((file, read)))
 }
 
-fn marker_files_in(folder: &Path, depth: usize, files: &mut Vec<PathBuf>) -> Result<(), Error> {
+fn trials_in(folder: &Path, depth: usize, found: &mut Vec<PathBuf>) -> Result<(), Error> {
     let unreadable = |cause: std::io::Error| {
         Error::of((&cause).into(), "the folder cannot be read")
             .at(folder.display().to_string())
@@ -140,16 +150,39 @@ fn marker_files_in(folder: &Path, depth: usize, files: &mut Vec<PathBuf>) -> Res
         // A link may lead back to where it is.
         let kind = entry.file_type().map_err(unreadable)?;
         if kind.is_dir() && depth < DEEPEST {
-            marker_files_in(&path, depth + 1, files)?;
-        } else if !kind.is_dir() && marker_files::format_of(&path).is_some() {
-            if files.len() >= MOST_FILES {
+            trials_in(&path, depth + 1, found)?;
+        } else if !kind.is_dir() && is_trial(&path) {
+            if found.len() >= MOST_FILES {
                 return Err(Error::of(ErrorKind::OutsideLimits, "the folder has too many files")
                     .at(folder.display().to_string())
                     .allowed(format!("at most {MOST_FILES}"))
                     .remedy("look at its folders one by one"));
             }
-            files.push(path);
+            found.push(path);
         }
+    }
+    Ok(())
+}
+
+fn is_trial(path: &Path) -> bool {
+    marker_files::format_of(path).is_some() || files::format_of(path).is_some()
+}
+
+/// A skeleton in motion: its joints.
+fn joints_of(file: &Path, rate_hz: Option<f64>, figures: &mut TrialFigures) -> Result<(), Error> {
+    // A BVH file has its rate in it.
+    let is_told = files::format_of(file) == Some(CaptureFormat::Bvh);
+    let options =
+        CaptureOptions { rate_hz: rate_hz.filter(|_| !is_told), ..CaptureOptions::default() };
+    let capture = anatomy::capture(&Clip::new(files::read(file, &options)?.bvh, None)?)?;
+    let found = joints::artefacts(&capture.poses, &capture.tracked, capture.rate_hz);
+    figures.joint_count = joints::jointed(&capture.tracked).count();
+    figures.duration_s = capture.poses.len().saturating_sub(1) as f64 / capture.rate_hz;
+    let samples = figures.joint_count * capture.poses.len();
+    let wrong: usize = found.iter().map(|artefact| artefact.frames.len()).sum();
+    figures.doubt = Some((wrong as f64 / samples.max(1) as f64).min(1.0));
+    for artefact in &found {
+        *figures.artefacts.entry(artefact.kind).or_default() += 1;
     }
     Ok(())
 }
@@ -160,10 +193,15 @@ fn looked_at(file: &Path, rate_hz: Option<f64>) -> TrialFigures {
         doubt: None,
         artefacts: BTreeMap::new(),
         marker_count: 0,
+        joint_count: 0,
         duration_s: 0.0,
         above: Vec::new(),
         error: None,
     };
+    if files::format_of(file).is_some() {
+        figures.error = joints_of(file, rate_hz, &mut figures).err().map(|error| error.what);
+        return figures;
+    }
     let trial = match marker_files::read(file, rate_hz).and_then(|markers| source(&markers)) {
         Ok(source) => source.trial,
         Err(error) => {

@@ -7,7 +7,7 @@ use crate::body::{JointAngles, Proportions, Segment, SegmentPose, contact};
 use crate::draft;
 use crate::error::{Error, ErrorKind};
 use crate::mocap::files::CaptureOptions;
-use crate::mocap::scene::Scene;
+use crate::mocap::scene::{DrawnFeet, Scene};
 use crate::mocap::{bvh, export, humanoid, opensim};
 use crate::table::TableWriter;
 use crate::view::scene::page_of;
@@ -101,14 +101,13 @@ pub fn convert(order: &ConvertOrder) -> Result<ConvertReport, Error> {
         angles.to_pose(pose.root_m, pose.orientation[Segment::Pelvis.index()])
     };
     let poses: Vec<SegmentPose> = angles.iter().zip(&capture.poses).map(modelled).collect();
-    let feet = [Segment::LeftFoot, Segment::RightFoot];
     let scene = || Scene {
         title: &motion,
         poses: &poses,
         body: &body,
         rate_hz: capture.rate_hz,
         floor_m: contact::floor_m(&body, &poses),
-        has_feet: feet.iter().all(|foot| capture.tracked[foot.index()]),
+        feet: DrawnFeet::of(capture.is_made, &capture.tracked),
     };
     let bytes = match kind {
         BodyFile::Csv => csv(&angles, &poses, capture.rate_hz)?,

@@ -7,6 +7,8 @@ use crate::action::{Action, file};
 use crate::body::{JointAngles, NearSingular, SegmentPose};
 use crate::draft;
 use crate::error::{Error, ErrorKind};
+use crate::job::observer::Observer;
+use crate::job::pending::unless_stopped;
 use crate::mocap::anatomy::Capture;
 use crate::mocap::files::CaptureOptions;
 use crate::mocap::siblings::SegmentFrames;
@@ -116,9 +118,20 @@ pub fn check_name(order: &DecomposeOrder) -> Result<(), Error> {
 /// Decomposes a motion and writes the action file, also if it misses the tolerance.
 ///
 /// # Errors
-/// If the motion cannot be read, does not move, or the file cannot be written.
-pub fn decompose(order: &DecomposeOrder) -> Result<DecomposedReport, Error> {
+/// If the motion cannot be read, does not move, or the file cannot be written; a wish to stop.
+pub fn decompose(
+    order: &DecomposeOrder,
+    observer: &dyn Observer,
+) -> Result<DecomposedReport, Error> {
     check_name(order)?;
+    let of = order.clone();
+    let (report, text) = unless_stopped(observer, move || made(&of))?;
+    draft::write_file(&order.file, order.replace, text.as_bytes())?;
+    Ok(report)
+}
+
+/// What is to be said of it, and the action file.
+fn made(order: &DecomposeOrder) -> Result<(DecomposedReport, String), Error> {
     let (capture, origin) =
         source::body_motion(&order.motion, order.mapping.as_deref(), &order.reading)?;
     let series = JointAngles::of_clip(&capture.poses, capture.rate_hz);
@@ -137,8 +150,8 @@ pub fn decompose(order: &DecomposeOrder) -> Result<DecomposedReport, Error> {
     let text = action.to_toml()?;
     // What was written must be what was found.
     file::parse(&text, &order.file.display().to_string(), &|_| None)?;
-    draft::write_file(&order.file, order.replace, text.as_bytes())?;
-    Ok(report(order, &capture, origin.segment_frames, &found, &series.near_singular))
+    let report = report(order, &capture, origin.segment_frames, &found, &series.near_singular);
+    Ok((report, text))
 }
 
 /// A file name as an action's name.

@@ -13,6 +13,8 @@ use crate::mocap::bvh;
 use crate::mocap::export::{BodyOffsets, bvh_with};
 use crate::mocap::fit::Fitted;
 use crate::mocap::fit::centres::SideMeasures;
+use crate::mocap::fit::functional::{self, FunctionalHip};
+use crate::mocap::marker_files;
 use crate::table::TableWriter;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -32,6 +34,8 @@ pub struct FitOrder {
     pub rate_hz: Option<f64>,
     /// How it is fitted.
     pub settings: FitSettings,
+    /// Trials in which legs swing, which show where hips are.
+    pub hip_trials: Vec<PathBuf>,
     /// A file (.bvh, .csv, .mot), or a folder for all of it.
     pub output: PathBuf,
     /// Files may replace those that are there.
@@ -108,6 +112,23 @@ pub struct UnseenFigures {
     pub end_s: f64,
 }
 
+/// The settings, with the hips that trials of swinging legs show: of several, by the one in which the leg swings most.
+fn hips_shown(order: &FitOrder) -> Result<(FitSettings, Vec<String>), Error> {
+    let mut settings = order.settings.clone();
+    let mut best: [Option<FunctionalHip>; 2] = [None; 2];
+    for path in &order.hip_trials {
+        let motion = marker_files::read(path, None)?;
+        for hip in functional::hips(&motion, &settings).map_err(|error| error.in_file(path))? {
+            let known = &mut best[hip.side as usize];
+            if known.is_none_or(|known| known.spread_rad < hip.spread_rad) {
+                *known = Some(hip);
+            }
+        }
+    }
+    settings.hips_m = best.map(|hip| Some(hip?.centre_m));
+    Ok((settings, best.iter().flatten().map(FunctionalHip::words).collect()))
+}
+
 /// Fits a trial and writes what was asked for.
 ///
 /// # Errors
@@ -118,7 +139,9 @@ pub fn fit(order: &FitOrder) -> Result<FitReport, Error> {
         check_free(file, order.replace)?;
     }
     let stands = order.static_trial.as_deref();
-    let fitted = fit_markers(&order.trial, stands, order.rate_hz, &order.settings)?;
+    let (settings, hip_notes) = hips_shown(order)?;
+    let mut fitted = fit_markers(&order.trial, stands, order.rate_hz, &settings)?;
+    fitted.notes.extend(hip_notes);
     let capture = fitted.capture();
     for (file, kind) in &files {
         if let Some(folder) = file.parent().filter(|folder| !folder.as_os_str().is_empty()) {

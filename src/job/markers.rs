@@ -102,13 +102,18 @@ pub(super) fn write(
     };
     let draft = Draft::create(file, replace).map_err(unwritable)?;
     let mut out = BufWriter::with_capacity(1 << 16, draft);
-    let mut told = Told { frames, observer, done: 0 };
-    let left_out = match kind {
+    let mut told = Told { frames, observer, done: 0, is_unread: false };
+    let written = match kind {
         MarkerFormat::C3d => c3d::write::write(&mut out, &mut told),
         MarkerFormat::Trc => trc::write(&mut out, &name_of(file), &mut told),
         MarkerFormat::Csm => csm::write(&mut out, &name_of(file), &mut told),
         MarkerFormat::Csv => marker_table::write(&mut out, &mut told),
-    }?;
+    };
+    let left_out = written.map_err(|error| {
+        // What could not be read is of another file.
+        let is_of_this = error.kind == ErrorKind::Io && error.place.is_none() && !told.is_unread;
+        if is_of_this { error.at(file.display().to_string()) } else { error }
+    })?;
     let mut draft = out.into_inner().map_err(|cause| unwritable(cause.into_error()))?;
     draft.flush().and_then(|()| draft.keep()).map_err(unwritable)?;
     Ok(left_out)
@@ -123,6 +128,7 @@ struct Told<'a> {
     frames: &'a mut dyn Frames,
     observer: &'a dyn Observer,
     done: u64,
+    is_unread: bool,
 }
 
 impl Frames for Told<'_> {
@@ -131,7 +137,9 @@ impl Frames for Told<'_> {
     }
 
     fn next_frame(&mut self, frame: &mut Frame) -> Result<bool, Error> {
-        let is_there = self.frames.next_frame(frame)?;
+        let read = self.frames.next_frame(frame);
+        self.is_unread |= read.is_err();
+        let is_there = read?;
         self.done += u64::from(is_there);
         let total = self.frames.head().frames as u64;
         if !is_there || self.done.is_multiple_of(STEP) {

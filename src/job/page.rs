@@ -7,9 +7,9 @@ pub mod live;
 use super::recorder::Series;
 use super::report::PlayReport;
 use super::source::RobotMotion;
-use crate::body::{Proportions, Segment, SegmentPose, contact};
+use crate::body::{Proportions, SegmentPose, contact};
 use crate::error::Error;
-use crate::mocap::scene::Scene;
+use crate::mocap::scene::{DrawnFeet, Scene};
 use crate::motion::Plan;
 use crate::retarget::BodyFigures;
 use crate::retarget::base::BasePath;
@@ -94,17 +94,25 @@ impl RobotScene<'_> {
             SegmentPose { root_m: pose.root_m - DVec3::Z * floor_m, ..pose }
         };
         let poses: Vec<SegmentPose> = (0..count).map(at).collect();
-        let feet = [Segment::LeftFoot, Segment::RightFoot];
         let scene = Scene {
             title: &self.motion.name,
-            poses: &[],
+            poses: &person.poses,
             body: &lengths,
-            rate_hz,
+            rate_hz: person.rate_hz,
             floor_m,
-            has_feet: feet.iter().all(|foot| person.tracked[foot.index()]),
+            feet: DrawnFeet::of(person.is_made, &person.tracked),
         };
+        // The person's own pace tells what is slow.
+        let carries = scene.carries().map(|all| {
+            let at = |index: usize| {
+                let path_s = self.planned.path_time_s(index as f64 / rate_hz);
+                let pose = (self.motion.source_time_s(path_s) * person.rate_hz).round();
+                all.get((pose.max(0.0) as usize).min(all.len().saturating_sub(1))).copied()
+            };
+            (0..count).map_while(at).collect::<Vec<_>>()
+        });
         let clock = SampleClock::Even { rate_hz, count };
-        Ok(Some(PersonTrack::drawn(&scene, clock, &poses)))
+        Ok(Some(PersonTrack::drawn(&scene, clock, &poses, carries.as_deref())))
     }
 
     /// The way to the motion, the motion, and the way to rest.

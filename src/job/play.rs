@@ -3,6 +3,7 @@
 use super::bodily;
 use super::observer::{Event, Meter, Observer, Progress};
 use super::page::RobotScene;
+use super::pending::unless_stopped;
 use super::recorder::{RunRecorder, Series};
 use super::report::{BodyFigures, JointReport, Outcome, OwnProfile, PlayReport, RefereeReport};
 use super::source::{self, MotionOrder, RobotMotion};
@@ -143,7 +144,7 @@ pub fn play(order: &PlayOrder, observer: &dyn Observer) -> Played {
             balanced_at: (order.options.retime != Some(false)).then_some(order.options.speed),
             ..order.motion.clone()
         };
-        let motion = source::load(&hung, &robot)?;
+        let motion = load(&hung, &robot, observer)?;
         report.describe_motion(&motion);
         report.cycle_hz = order.options.rate_hz.unwrap_or(robot.file.rate_hz);
         if stopped_before_torque(observer, report) {
@@ -157,6 +158,19 @@ pub fn play(order: &PlayOrder, observer: &dyn Observer) -> Played {
         Err(error) => played.report.describe_refused(&error),
     }
     played
+}
+
+/// Reads a motion, unless the observer wants to stop.
+///
+/// # Errors
+/// As [`source::load`]; a wish to stop.
+pub(super) fn load(
+    order: &MotionOrder,
+    robot: &Robot,
+    observer: &dyn Observer,
+) -> Result<RobotMotion, Error> {
+    let (order, robot) = (order.clone(), robot.clone());
+    unless_stopped(observer, move || source::load(&order, &robot))
 }
 
 /// Runs a part of a job under a net for panics, which are told in the report.
@@ -191,7 +205,8 @@ pub(super) fn play_on(
     inject::point("preflight", 0);
     let found = preflight(&mut connection.link, settings.period, options.accept)?;
     report.describe_preflight(&found);
-    let Prepared { planned, base, metrics } = prepare(connection, &found, motion, options, report)?;
+    let Prepared { planned, base, metrics } =
+        prepare(connection, &found, motion, options, observer, report)?;
     if options.dry_run {
         report.outcome = Outcome::Done;
         return Ok(None);
@@ -231,23 +246,32 @@ pub(super) struct Prepared {
 /// Lays a motion from where the robot stands, and looks at what it does to all of it.
 ///
 /// # Errors
-/// What the robot's limits do not allow, or for a real one its balance.
+/// What the robot's limits do not allow, or for a real one its balance; a wish to stop.
 pub(super) fn prepare(
     connection: &Connection,
     found: &Preflight,
     motion: &RobotMotion,
     options: &Options,
+    observer: &dyn Observer,
     report: &mut PlayReport,
 ) -> Result<Prepared, Error> {
     let robot = connection.link.robot();
-    let (path, planned) = plan_from(robot, found, motion, options)?;
+    let (planned, (base, metrics)) = {
+        let (robot, start_rad) = (robot.clone(), found.start_rad.clone());
+        let (motion, options) = (motion.clone(), options.clone());
+        unless_stopped(observer, move || {
+            let (path, planned) = plan_from(&robot, &start_rad, &motion, &options)?;
+            let asked = path.stretched(1.0 / options.speed);
+            let looked = bodily::look(&robot, &motion, &asked, &planned, options.hangs)?;
+            Ok((planned, looked))
+        })?
+    };
     describe_plan(report, robot, &planned, motion);
-    let asked = path.stretched(1.0 / options.speed);
-    let (base, metrics) = bodily::look(robot, motion, &asked, &planned, options.hangs)?;
     report.metrics = Some(metrics.clone());
     if let Some(at_s) = metrics.predicted_fall_s.filter(|_| !options.allow_fall) {
         may_fall(at_s, connection.world.is_some() || options.dry_run, report)?;
     }
+    report.notes.extend(bodily::soft_note(&metrics));
     Ok(Prepared { planned, base, metrics })
 }
 
@@ -262,7 +286,7 @@ fn may_fall(at_s: f64, is_virtual: bool, report: &mut PlayReport) -> Result<(), 
     }
     Err(Error::of(ErrorKind::OutsideLimits, bodily::WOULD_FALL)
         .at(format!("{at_s:.2} s"))
-        .got("its weight leaves its soles for too long")
+        .got("its weight leaves its soles for too long, or its servos give way too far")
         .allowed("weight over the soles, but for short moments")
         .remedy(bodily::INSTEAD))
 }
@@ -279,18 +303,18 @@ pub(super) fn stopped_before_torque(observer: &dyn Observer, report: &mut PlayRe
 /// Lays the motion from where the robot stands. Joints it does not drive stay there.
 fn plan_from(
     robot: &Robot,
-    found: &Preflight,
+    start_rad: &[f64],
     motion: &RobotMotion,
     options: &Options,
 ) -> Result<(Path, Plan), Error> {
-    let path = motion.path_from(robot, &found.start_rad)?;
+    let path = motion.path_from(robot, start_rad)?;
     let options = PlanOptions {
         speed: options.speed,
         retime: options.retime.unwrap_or(motion.of_person),
         approach: options.approach,
         rounds: options.rounds,
     };
-    let planned = plan(&found.start_rad, &path, &robot.limits(), options)?;
+    let planned = plan(start_rad, &path, &robot.limits(), options)?;
     Ok((path, planned))
 }
 

@@ -349,8 +349,11 @@ impl PlayReport {
         self.notes.extend(found.notes.iter().cloned());
     }
 
-    /// Says why nothing was moved.
+    /// Says why nothing was moved: what was refused, or that somebody wanted to stop.
     pub fn describe_refused(&mut self, error: &Error) {
+        if error.kind == ErrorKind::Stopped {
+            return self.describe_stopped();
+        }
         self.outcome = Outcome::Refused;
         self.refusal = Some(error.kind);
         self.stop_reason = Some(error.to_string());

@@ -4,7 +4,9 @@ mod bvh;
 
 use super::bodily;
 use super::model::robot_model;
+use super::observer::Observer;
 use super::page::{RobotScene, page};
+use super::pending::unless_stopped;
 use super::play::describe_plan;
 use super::recorder::{Series, recorded_joint};
 use super::report::{Outcome, OwnProfile, PlayReport};
@@ -51,64 +53,92 @@ pub struct RetargetOrder {
 /// From the robot's initial pose through the motion, as it would be played.
 ///
 /// # Errors
-/// As for a motion that is played, before a bus is looked for; a file that cannot be written.
-pub fn retarget(order: &RetargetOrder) -> Result<PlayReport, Error> {
+/// As for a motion that is played, before a bus is looked for; a wish to stop; a file that cannot be written.
+pub fn retarget(order: &RetargetOrder, observer: &dyn Observer) -> Result<PlayReport, Error> {
     let kind = TrajectoryFile::of(&order.file)?;
-    let robot = Robot::load(&order.robot)?;
-    let hung = MotionOrder {
-        hangs: order.hangs,
-        balanced_at: (order.retime != Some(false)).then_some(order.speed),
-        ..order.motion.clone()
-    };
-    let loaded = source::load(&hung, &robot)?;
-    let start_rad: Vec<f64> = robot.joints.iter().map(|joint| joint.initial_rad).collect();
-    let options = PlanOptions {
-        speed: order.speed,
-        retime: order.retime.unwrap_or(loaded.of_person),
-        ..PlanOptions::default()
-    };
-    let path = loaded.path_from(&robot, &start_rad)?;
-    let planned = plan(&start_rad, &path, &robot.limits(), options)?;
-    let asked = path.stretched(1.0 / order.speed);
-    let (base, metrics) = bodily::look(&robot, &loaded, &asked, &planned, order.hangs)?;
-    let base = base.as_ref();
-    let rate_hz = order.rate_hz.unwrap_or(robot.file.rate_hz);
-    let write = |bytes: &[u8]| draft::write_file(&order.file, order.replace, bytes);
-    match kind {
-        TrajectoryFile::Csv => write(&csv(&planned, base, rate_hz)?)?,
-        TrajectoryFile::Bvh => {
-            let model = robot_model(&robot)?;
-            let place = |time_s| base.map_or(Placement::IDENTITY, |base| base.at(time_s).0);
-            let poses: Vec<(Placement, Vec<f64>)> =
-                rows(&planned, rate_hz).map(|(time_s, pose)| (place(time_s), pose)).collect();
-            write(mocap::bvh::write(&bvh::of_robot(&model, &poses, rate_hz)).as_bytes())?;
+    let of = order.clone();
+    let Retargeted { robot, planned, base, bytes, report, page } =
+        unless_stopped(observer, move || Retargeted::of(&of, kind))?;
+    match bytes {
+        Some(bytes) => draft::write_file(&order.file, order.replace, &bytes)?,
+        None => {
+            let rate_hz = order.rate_hz.unwrap_or(robot.file.rate_hz);
+            record(order, &robot, &planned, base.as_ref(), rate_hz)?;
         }
-        TrajectoryFile::Mcap => record(order, &robot, &planned, base, rate_hz)?,
     }
-    let mut report = PlayReport::new(&loaded.name, &robot.name, Vec::new());
-    report.outcome = Outcome::Done;
-    report.profiles = OwnProfile::of(&robot);
-    report.describe_motion(&loaded);
-    let scene = order.html.as_ref().map(|_| {
-        let series = goals(&planned, rate_hz);
-        let (robot, speed) = (&robot, order.speed);
-        let (motion, planned, metrics, series) = (&loaded, &planned, &metrics, &series);
-        RobotScene { robot, motion, planned, speed, base, metrics, series }.view()
-    });
-    let falls_s = metrics.predicted_fall_s.filter(|_| !order.allow_fall);
-    report.notes.extend(falls_s.map(bodily::fall_note));
-    report.metrics = Some(metrics);
-    report.duration_s = planned.trajectory.duration_s();
-    describe_plan(&mut report, &robot, &planned, &loaded);
-    report.notes.push(format!(
-        "the file begins with {:.2} s of transition from the robot's initial pose",
-        report.approach_s
-    ));
-    if let (Some(path), Some(scene)) = (&order.html, scene) {
-        report.html = Some(path.display().to_string());
-        draft::write_file(path, order.replace, page(&report, scene?)?.as_bytes())?;
+    if let (Some(path), Some(page)) = (&order.html, page) {
+        draft::write_file(path, order.replace, page.as_bytes())?;
     }
     Ok(report)
+}
+
+/// A motion on a robot's joints, timed, and what is to be written of it.
+struct Retargeted {
+    robot: Robot,
+    planned: Plan,
+    base: Option<BasePath>,
+    /// The file; none where it is a recording.
+    bytes: Option<Vec<u8>>,
+    report: PlayReport,
+    page: Option<String>,
+}
+
+impl Retargeted {
+    fn of(order: &RetargetOrder, kind: TrajectoryFile) -> Result<Self, Error> {
+        let robot = Robot::load(&order.robot)?;
+        let hung = MotionOrder {
+            hangs: order.hangs,
+            balanced_at: (order.retime != Some(false)).then_some(order.speed),
+            ..order.motion.clone()
+        };
+        let loaded = source::load(&hung, &robot)?;
+        let start_rad: Vec<f64> = robot.joints.iter().map(|joint| joint.initial_rad).collect();
+        let options = PlanOptions {
+            speed: order.speed,
+            retime: order.retime.unwrap_or(loaded.of_person),
+            ..PlanOptions::default()
+        };
+        let path = loaded.path_from(&robot, &start_rad)?;
+        let planned = plan(&start_rad, &path, &robot.limits(), options)?;
+        let asked = path.stretched(1.0 / order.speed);
+        let (base, metrics) = bodily::look(&robot, &loaded, &asked, &planned, order.hangs)?;
+        let rate_hz = order.rate_hz.unwrap_or(robot.file.rate_hz);
+        let bytes = match kind {
+            TrajectoryFile::Csv => Some(csv(&planned, base.as_ref(), rate_hz)?),
+            TrajectoryFile::Bvh => {
+                let model = robot_model(&robot)?;
+                let place =
+                    |time_s| base.as_ref().map_or(Placement::IDENTITY, |base| base.at(time_s).0);
+                let poses: Vec<(Placement, Vec<f64>)> =
+                    rows(&planned, rate_hz).map(|(time_s, pose)| (place(time_s), pose)).collect();
+                Some(mocap::bvh::write(&bvh::of_robot(&model, &poses, rate_hz)).into_bytes())
+            }
+            TrajectoryFile::Mcap => None,
+        };
+        let mut report = PlayReport::new(&loaded.name, &robot.name, Vec::new());
+        report.outcome = Outcome::Done;
+        report.profiles = OwnProfile::of(&robot);
+        report.describe_motion(&loaded);
+        let scene = order.html.as_ref().map(|_| {
+            let series = goals(&planned, rate_hz);
+            let (robot, speed, base) = (&robot, order.speed, base.as_ref());
+            let (motion, planned, metrics, series) = (&loaded, &planned, &metrics, &series);
+            RobotScene { robot, motion, planned, speed, base, metrics, series }.view()
+        });
+        let falls_s = metrics.predicted_fall_s.filter(|_| !order.allow_fall);
+        report.notes.extend(falls_s.map(bodily::fall_note));
+        report.notes.extend(bodily::soft_note(&metrics));
+        report.metrics = Some(metrics);
+        report.duration_s = planned.trajectory.duration_s();
+        describe_plan(&mut report, &robot, &planned, &loaded);
+        report.notes.push(format!(
+            "the file begins with {:.2} s of transition from the robot's initial pose",
+            report.approach_s
+        ));
+        report.html = order.html.as_ref().map(|path| path.display().to_string());
+        let page = scene.map(|scene| page(&report, scene?)).transpose()?;
+        Ok(Self { robot, planned, base, bytes, report, page })
+    }
 }
 
 /// What is written.

@@ -244,6 +244,11 @@ pub fn classification(
         Labels { list: read_labels(&table)?, ..Labels::default() }
     };
     let by_file = clips(&labels.list, order.half);
+    if by_file.is_empty() {
+        return Err(Error::of(ErrorKind::Absent, "no clip has a label")
+            .at(table.display().to_string())
+            .remedy("write a row for each clip, and judge all of them where a half has none"));
+    }
     let mut score = Score::new(&models);
     let count = by_file.len();
     let tried = if order.corruptions { &corruption::TRIED[..] } else { &[] };
@@ -448,10 +453,17 @@ fn parse_labels(text: &str) -> Result<Vec<Label>, Error> {
         let (Some(file), Some(class)) = (cell(Some(file)), cell(Some(class))) else {
             return Err(Error::of(ErrorKind::Malformed, "a label has a file and a class").at(place));
         };
+        let side = cell(side).map(str::to_owned);
+        if side.as_deref().is_some_and(|side| !["L", "R", "LR"].contains(&side)) {
+            return Err(Error::of(ErrorKind::Unknown, "no such side")
+                .at(place)
+                .got(side.unwrap_or_default())
+                .allowed("L, R, LR, or nothing"));
+        }
         labels.push(Label {
             file: file.to_owned(),
             class: class.to_owned(),
-            side: cell(side).map(str::to_owned),
+            side,
             style: cell(style).map(str::to_owned),
             source: cell(source).map(str::to_owned),
             cut: span.map(Cut::Seconds),
@@ -828,5 +840,16 @@ mod tests {
         let labels = parse_labels("file,class,start_s,end_s\na,b,1,2\nc,d,,").expect("labels");
         assert_eq!(labels[0].cut, Some(Cut::Seconds(Span { start_s: 1.0, end_s: 2.0 })));
         assert_eq!(labels[1].cut, None);
+    }
+
+    #[test]
+    fn a_side_is_left_or_right_or_both_and_any_other_is_refused_by_line() {
+        let labels = parse_labels("file,class,side\na,b,L\nc,d,LR\ne,f,").expect("labels");
+        assert_eq!(
+            labels.iter().map(Label::body_side).collect::<Vec<_>>(),
+            [Some(BodySide::Left), None, None]
+        );
+        let wrong = parse_labels("file,class,side\na,b,L\nc,d,Q").expect_err("no side");
+        assert!(wrong.to_string().contains("line 3"), "{wrong}");
     }
 }

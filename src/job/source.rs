@@ -213,6 +213,13 @@ pub fn load(order: &MotionOrder, robot: &Robot) -> Result<RobotMotion, Error> {
                 footfall::plant(&mut footfalls, &toes, capture.rate_hz);
             }
             fit_in(robot, &placed, stands.then_some(&footfalls), &mut retargeted)?;
+            let floor = stands && body.base == BaseKind::Free;
+            if let Some(speed) = order.balanced_at.filter(|_| !floor)
+                && let Some(times) = standing::in_parts(robot, speed, &mut retargeted)?
+            {
+                footfalls = footfall::at_times(&footfalls, &times, retargeted.rate_hz);
+                clock = times;
+            }
         }
     }
     let notes = retargeted.notes.clone();
@@ -469,8 +476,8 @@ fn performed(
         changes: composed.changes,
         inserts: composed.inserts,
     };
-    let capture =
-        Capture { rate_hz, poses, tracked: [true; 13], stature_m: ACTION_STATURE_M, notes };
+    let (tracked, stature_m) = ([true; 13], ACTION_STATURE_M);
+    let capture = Capture { rate_hz, poses, tracked, stature_m, is_made: true, notes };
     Ok((capture, source))
 }
 

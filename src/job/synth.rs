@@ -7,18 +7,22 @@ mod room;
 pub use bulk::{ClassOrder, ClassReport, MAX_VARIATIONS, VariedReport, tables_beside, vary};
 
 use super::composition::{Composed, GaitChangeReport, InsertReport, compose};
+use super::observer::Observer;
+use super::pending::unless_stopped;
 use super::report::Outcome;
 use crate::action::corpus::{Corpus, VariationStatus, Variations};
 use crate::action::database::Types;
 use crate::action::{
     Action, Database, Fits, FootingBounds, Inserts, Join, Missed, Motion, Spread, phrase, table,
 };
+use crate::actionlet::shape::PEAK_AT;
 use crate::body::contact::Footing;
 use crate::body::{BodyFigure, Proportions, SegmentPose, Sex};
 use crate::draft;
 use crate::error::{Error, ErrorKind};
-use crate::mocap::scene::Scene;
+use crate::mocap::scene::{DrawnFeet, Scene};
 use crate::mocap::{bvh, export, humanoid};
+use crate::toml_text::advice;
 use crate::view::scene::page_of;
 use serde::Serialize;
 use std::fmt::Write as _;
@@ -44,6 +48,29 @@ pub struct SynthOrder {
     /// It may replace one that is there.
     pub replace: bool,
 }
+
+/// What `--set` knows.
+const KEYS: [&str; 19] = [
+    "duration_s",
+    "rounds",
+    "pace",
+    "peak",
+    "stature_m",
+    "mass_kg",
+    "sex",
+    "figure",
+    "leg_m",
+    "blend_s",
+    "vary_angle",
+    "vary_time",
+    "vary_peak",
+    "vary_duration",
+    "vary_exchange",
+    "vary_stride",
+    "vary_stature",
+    "vary_heading_deg",
+    "vary_types",
+];
 
 /// How an action is changed before it is performed.
 #[derive(Clone, Debug, PartialEq)]
@@ -93,11 +120,11 @@ impl Figures {
                     .allowed(allowed)
                     .remedy("correct it, or leave it out")
             };
-            let keys = "KEY=VALUE with duration_s, rounds, pace, peak, stature_m, mass_kg, sex, \
-                        figure, leg_m, blend_s or vary_angle, vary_time, vary_peak, vary_duration, \
-                        vary_exchange, \
-                        vary_stride, vary_stature, vary_heading_deg, vary_types";
-            let (key, text) = pair.split_once('=').ok_or_else(|| wrong(keys))?;
+            let unknown = |key: &str| {
+                let remedy = advice(key, &KEYS, "correct it, or leave it out");
+                wrong(&format!("KEY=VALUE with {}", KEYS.join(", "))).remedy(remedy)
+            };
+            let (key, text) = pair.split_once('=').ok_or_else(|| unknown(pair))?;
             match (key, text) {
                 ("vary_types", "range") => figures.types = Types::ByRange,
                 ("vary_types", "paper") => figures.types = Types::ByDirection,
@@ -108,21 +135,20 @@ impl Figures {
                 ("figure", "de-leva") => figures.figure = BodyFigure::DeLeva,
                 ("figure", "drillis-contini") => figures.figure = BodyFigure::DrillisContini,
                 ("figure", _) => return Err(wrong("de-leva or drillis-contini")),
-                _ => figures.set(key, text, keys, &wrong)?,
+                _ if !KEYS.contains(&key) => return Err(unknown(key)),
+                _ => figures.set(key, text, &wrong)?,
             }
         }
+        figures.spread.check()?;
         Ok(figures)
     }
 
     /// Sets a value that is a number.
-    fn set(
-        &mut self,
-        key: &str,
-        text: &str,
-        keys: &str,
-        wrong: &dyn Fn(&str) -> Error,
-    ) -> Result<(), Error> {
+    fn set(&mut self, key: &str, text: &str, wrong: &dyn Fn(&str) -> Error) -> Result<(), Error> {
         let value: f64 = text.parse().map_err(|_| wrong("a number"))?;
+        if !value.is_finite() {
+            return Err(wrong("a finite number"));
+        }
         match key {
             "duration_s" => self.duration_s = Some(value),
             "rounds" if value.fract() == 0.0 && (1.0..=1e5).contains(&value) => {
@@ -131,10 +157,12 @@ impl Figures {
             "rounds" => return Err(wrong("a whole number from 1 to 100000")),
             "pace" if phrase::PACES.contains(&value) => self.pace = value,
             "pace" => return Err(wrong("0.1 to 10")),
-            "peak" => self.peak = Some(value),
+            "peak" if PEAK_AT.contains(&value) => self.peak = Some(value),
+            "peak" => return Err(wrong("0.1 to 0.9")),
             "stature_m" => self.stature_m = value,
             "mass_kg" => self.mass_kg = Some(value),
-            "blend_s" => self.blend_s = Some(value),
+            "blend_s" if value > 0.0 => self.blend_s = Some(value),
+            "blend_s" => return Err(wrong("above 0 s, to the length of what it joins")),
             "vary_angle" => self.spread.angle = value,
             "vary_time" => self.spread.time = value,
             "vary_peak" => self.spread.peak = value,
@@ -143,8 +171,7 @@ impl Figures {
             "vary_stride" => self.spread.stride = value,
             "vary_stature" => self.spread.stature = value,
             "vary_heading_deg" => self.spread.heading_rad = value.to_radians(),
-            "leg_m" => self.leg_m = Some(value),
-            _ => return Err(wrong(keys)),
+            _ => self.leg_m = Some(value),
         }
         Ok(())
     }
@@ -178,11 +205,15 @@ impl Figures {
 
     /// The body that moves.
     fn body(&self) -> Result<Proportions, Error> {
-        let body = Proportions::of_figure(self.figure, self.stature_m)?.of_sex(self.sex);
+        let body = Proportions::of_figure(self.figure, self.stature_m)
+            .map_err(|e| e.at("--set stature_m"))?
+            .of_sex(self.sex);
         let body = self.leg_m.map_or(Ok(body), |leg_m| {
             body.with_leg_length_m(leg_m).map_err(|e| e.at("--set leg_m"))
         })?;
-        self.mass_kg.map_or(Ok(body), |mass_kg| body.with_mass_kg(mass_kg))
+        self.mass_kg.map_or(Ok(body), |mass_kg| {
+            body.with_mass_kg(mass_kg).map_err(|e| e.at("--set mass_kg"))
+        })
     }
 }
 
@@ -300,57 +331,65 @@ impl FootingReport {
 /// `walk:6s+run:5s`.
 ///
 /// # Errors
-/// No such action, a figure out of range, a file that cannot be written.
+/// No such action, a figure out of range, a wish to stop, a file that cannot be written.
 pub fn synth(
     order: &SynthOrder,
     phrase: &str,
     variation: Option<u32>,
+    observer: &dyn Observer,
 ) -> Result<SynthReport, Error> {
-    let body = order.figures.body()?;
-    let mut fits = Fits::of(body);
-    let corpus = order.corpus(phrase, &mut fits)?;
-    let (mut body, mut title, mut varied) = (corpus.body, phrase.to_owned(), None);
-    let made = match variation {
-        Some(number) => {
-            order.check_varied()?;
-            let made = Variations::of(corpus.clone())?.variation(number)?;
-            body = made.body;
-            let _ = write!(title, ", variation {number}");
-            varied = Some(VariedMotionReport {
-                variation: number,
-                status: made.status.name(),
-                rejected: made.rejected,
-                stature_m: body.stature_m(),
-            });
-            Composed { motion: made.motion, changes: Vec::new(), inserts: Vec::new() }
-        }
-        None => compose(&corpus.parts, corpus.join, &order.inserts, &mut fits)?,
-    };
-    let motion = &made.motion;
-    let usual = order.usual_bounds(phrase)?;
-    let footing = FootingReport::of(motion, &body, &usual.unwrap_or_default())?;
-    let is_lost = match &varied {
-        Some(varied) => varied.status == VariationStatus::Implausible.name(),
-        None => usual.is_some() && !footing.missed.is_empty(),
-    };
-    let bytes = bytes_of(order, &title, &body, motion)?;
+    let (of, action) = (order.clone(), phrase.to_owned());
+    let (report, bytes) = unless_stopped(observer, move || of.made(&action, variation))?;
     draft::write_file(&order.file, order.replace, &bytes)?;
-    Ok(SynthReport {
-        outcome: if is_lost { Outcome::DoneWithLoss } else { Outcome::Done },
-        action: phrase.to_owned(),
-        duration_s: motion.duration_s(),
-        rate_hz: order.rate_hz,
-        poses: motion.pose_count(order.rate_hz)?,
-        actionlets: motion.moving().count(),
-        varied,
-        changes: made.changes,
-        inserts: made.inserts,
-        footing,
-        written: order.file.display().to_string(),
-    })
+    Ok(report)
 }
 
 impl SynthOrder {
+    /// The motion as what is to be written, and what is to be said of it.
+    fn made(&self, phrase: &str, variation: Option<u32>) -> Result<(SynthReport, Vec<u8>), Error> {
+        let mut fits = Fits::of(self.figures.body()?);
+        let corpus = self.corpus(phrase, &mut fits)?;
+        let (mut body, mut title, mut varied) = (corpus.body, phrase.to_owned(), None);
+        let made = match variation {
+            Some(number) => {
+                self.check_varied()?;
+                let made = Variations::of(corpus.clone())?.variation(number)?;
+                body = made.body;
+                let _ = write!(title, ", variation {number}");
+                varied = Some(VariedMotionReport {
+                    variation: number,
+                    status: made.status.name(),
+                    rejected: made.rejected,
+                    stature_m: body.stature_m(),
+                });
+                Composed { motion: made.motion, changes: Vec::new(), inserts: Vec::new() }
+            }
+            None => compose(&corpus.parts, corpus.join, &self.inserts, &mut fits)?,
+        };
+        let motion = &made.motion;
+        let usual = self.usual_bounds(phrase)?;
+        let footing = FootingReport::of(motion, &body, &usual.unwrap_or_default())?;
+        let is_lost = match &varied {
+            Some(varied) => varied.status == VariationStatus::Implausible.name(),
+            None => usual.is_some() && !footing.missed.is_empty(),
+        };
+        let bytes = bytes_of(self, &title, &body, motion)?;
+        let report = SynthReport {
+            outcome: if is_lost { Outcome::DoneWithLoss } else { Outcome::Done },
+            action: phrase.to_owned(),
+            duration_s: motion.duration_s(),
+            rate_hz: self.rate_hz,
+            poses: motion.pose_count(self.rate_hz)?,
+            actionlets: motion.moving().count(),
+            varied,
+            changes: made.changes,
+            inserts: made.inserts,
+            footing,
+            written: self.file.display().to_string(),
+        };
+        Ok((report, bytes))
+    }
+
     /// Fails if variations are to have inserts: their seams are elsewhere, where a cut may hold none.
     fn check_varied(&self) -> Result<(), Error> {
         let Some(insert) = self.inserts.list.first() else { return Ok(()) };
@@ -412,7 +451,7 @@ fn bytes_of(
         body: &'a Proportions,
         rate_hz: f64,
     ) -> Scene<'a> {
-        Scene { title, poses, body, rate_hz, floor_m: 0.0, has_feet: true }
+        Scene { title, poses, body, rate_hz, floor_m: 0.0, feet: DrawnFeet::Made }
     }
     match order.file.extension().and_then(|e| e.to_str()).unwrap_or_default() {
         "csv" => {

@@ -89,6 +89,8 @@ pub struct Capture {
     pub tracked: [bool; 13],
     /// Stature estimated from limb lengths, m.
     pub stature_m: f64,
+    /// True of an action, whose soles are on the floor exactly where they carry; false of what was measured.
+    pub is_made: bool,
     /// What was found out about the file, a line each.
     pub notes: Vec<String>,
 }
@@ -282,6 +284,7 @@ impl Anatomy {
             poses,
             tracked: self.frames.map(|frame| frame.is_some()),
             stature_m: clip.stature_m(),
+            is_made: false,
             notes: clip.notes().iter().cloned().chain(self.notes()).collect(),
         }
     }

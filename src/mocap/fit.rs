@@ -25,6 +25,7 @@ use rigid::{Lie, Pair, register};
 
 pub mod calibrated;
 pub mod centres;
+pub mod functional;
 pub mod marker_set;
 pub mod rigid;
 mod still;
@@ -47,6 +48,8 @@ pub struct FitSettings {
     pub subject: Option<String>,
     /// How the hip joints are placed.
     pub hips: HipBy,
+    /// Hip joints that motion showed ([`functional`]), left and right, in the frame of [`centres::pelvis`], m.
+    pub hips_m: [Option<DVec3>; 2],
     /// Where the other joints are taken to be.
     pub joints: JointsAt,
     /// Radius of a marker with its base, m.
@@ -59,6 +62,7 @@ impl Default for FitSettings {
             sets: MarkerSet::shipped(),
             subject: None,
             hips: HipBy::default(),
+            hips_m: [None; 2],
             joints: JointsAt::default(),
             marker_radius_m: 0.007,
         }
@@ -154,6 +158,7 @@ pub fn fit(
     let still = turned(&still, upright);
     let radius_m = settings.marker_radius_m;
     let measures = Measures::of(&heads, &still, radius_m, &mut notes);
+    let measures = Measures { hips_m: settings.hips_m, ..measures };
     let person = Calibrated::of(&still, measures, settings.hips, settings.joints, &mut notes)?;
     let mut work = Work::new(&person, settings.joints, trial.head().frames);
     for frame in 0..trial.head().frames {
@@ -477,6 +482,7 @@ impl Fitted {
             poses,
             tracked: self.tracked,
             stature_m: self.stature_m,
+            is_made: false,
             notes: self.notes.clone(),
         }
     }

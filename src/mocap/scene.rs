@@ -1,7 +1,7 @@
 //! A body in motion over a floor, as it is drawn: what a camera that follows it has to show.
 
-use crate::body::{Proportions, SegmentPose};
-use glam::DVec2;
+use crate::body::{Proportions, Segment, SegmentPose, carrying, contact};
+use glam::{DVec2, DVec3};
 
 /// What is drawn.
 #[derive(Clone, Copy, Debug)]
@@ -16,8 +16,32 @@ pub struct Scene<'a> {
     pub rate_hz: f64,
     /// Height of the floor, m.
     pub floor_m: f64,
-    /// Whether the feet are the person's own, and not only drawn on: else nobody knows what carries.
-    pub has_feet: bool,
+    /// Whose its feet are.
+    pub feet: DrawnFeet,
+}
+
+/// Whose feet are drawn, and so how what carries is found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DrawnFeet {
+    /// Those of a body that was made: what is on the floor carries.
+    Made,
+    /// Those of a person who was measured: what is low and slow carries.
+    Measured,
+    /// They are only drawn on: nobody knows what carries.
+    DrawnOn,
+}
+
+impl DrawnFeet {
+    /// Of a body of whose segments these are known.
+    #[must_use]
+    pub fn of(is_made: bool, known: &[bool; 13]) -> Self {
+        let feet = [Segment::LeftFoot, Segment::RightFoot];
+        match feet.iter().all(|foot| known[foot.index()]) {
+            true if is_made => Self::Made,
+            true => Self::Measured,
+            false => Self::DrawnOn,
+        }
+    }
 }
 
 /// The upright cylinder about the root that holds the whole body in every pose, and the floor under it.
@@ -46,6 +70,22 @@ impl Room {
 }
 
 impl Scene<'_> {
+    /// Which of [`SOLES`](crate::body::root::SOLES) carry, by pose; none where nobody knows.
+    #[must_use]
+    pub fn carries(&self) -> Option<Vec<[bool; 4]>> {
+        let places = self.poses.iter().map(|pose| {
+            let places_m = contact::places_m(self.body, pose);
+            places_m.map(|place_m| place_m - DVec3::Z * self.floor_m)
+        });
+        match self.feet {
+            DrawnFeet::Made => Some(places.map(|places_m| contact::on_floor(&places_m)).collect()),
+            DrawnFeet::Measured => {
+                Some(carrying::soles(self.body, &places.collect::<Vec<_>>(), self.rate_hz))
+            }
+            DrawnFeet::DrawnOn => None,
+        }
+    }
+
     /// What the body takes up while it moves.
     #[must_use]
     pub fn room(&self) -> Room {

@@ -3,8 +3,8 @@
 //! per second, legs for root, torso and feet, arms for hands; true is 1, false is 0, and what the
 //! source does not show is not a number, so that nothing compares with it.
 //!
-//! Strictly read, a motion is the difference of two frames. Repaired, it is that over [`WINDOW_S`], so that
-//! noise does not hide it at high rates; it comes half of that later.
+//! Strictly read, a motion is the difference of two frames. Repaired, it is the line through
+//! all frames of [`WINDOW_S`] that fits them best, so that noise does not hide it at high rates; it comes half of that later.
 
 use super::contact::{Contacts, Floor, Known};
 use super::points::{Axes, BodyPoint, Lengths, Points};
@@ -31,7 +31,7 @@ const PARTS: [(&str, BodyPoint, bool); 6] = [
 const AXES: [&str; 3] = ["frontal", "vertical", "sagittal"];
 
 /// Features but postures and motions, with the one that mirrors it and the sign it has there.
-const NAMED: [(&str, &str, f64); 45] = [
+const NAMED: [(&str, &str, f64); 46] = [
     ("dynamic", "dynamic", 1.0),
     ("locomotive", "locomotive", 1.0),
     ("upright", "upright", 1.0),
@@ -77,6 +77,7 @@ const NAMED: [(&str, &str, f64); 45] = [
     ("right_hand_across", "left_hand_across", 1.0),
     ("left_hand_lift", "right_hand_lift", 1.0),
     ("right_hand_lift", "left_hand_lift", 1.0),
+    ("turning_deg_s", "turning_deg_s", -1.0),
 ];
 
 const MOVES: usize = MajorPosture::ALL.len();
@@ -327,13 +328,7 @@ impl Extractor {
         {
             self.before.pop_front();
         }
-        let velocities = match self.before.front() {
-            Some((at_s, before)) if self.time_s > *at_s => {
-                let per_s = 1.0 / (self.time_s - at_s);
-                Points(core::array::from_fn(|of| (points.0[of] - before.0[of]) * per_s))
-            }
-            _ => Points([DVec3::NAN; 13]),
-        };
+        let velocities = self.velocities(points);
         let last = self.before.back().map(|(_, last)| *last);
         self.before.push_back((self.time_s, *points));
         let at_rest = Points(velocities.0.map(|v| if v.is_nan() { DVec3::ZERO } else { v }));
@@ -348,6 +343,28 @@ impl Extractor {
         set!(row, "dynamic", truth(self.dynamic(points, last.as_ref(), &velocities)));
         set!(row, "locomotive", truth(self.locomotive(&velocities, dt_s)));
         row
+    }
+
+    /// The slope of the line through all frames of the window that has the least squares: of two frames their difference,
+    /// of more it takes noise out of each.
+    fn velocities(&self, points: &Points) -> Points {
+        let frames = self.before.len() as f64 + 1.0;
+        let sum_s: f64 = self.before.iter().map(|(at_s, _)| at_s - self.time_s).sum();
+        let mean_s = self.time_s + sum_s / frames;
+        let earlier = self.before.iter().map(|(at_s, _)| (at_s - mean_s).powi(2));
+        let squares_s2 = earlier.sum::<f64>() + (self.time_s - mean_s).powi(2);
+        if !(squares_s2 > 0.0) {
+            return Points([DVec3::NAN; 13]);
+        }
+        let share = |at_s: f64| (at_s - mean_s) / squares_s2;
+        let mut slope = points.0.map(|at| at * share(self.time_s));
+        for (at_s, before) in &self.before {
+            let share = share(*at_s);
+            for (slope, at) in slope.iter_mut().zip(&before.0) {
+                *slope += *at * share;
+            }
+        }
+        Points(slope)
     }
 
     fn write_postures(&self, row: &mut FeatureRow, state: &PostureState) {
@@ -386,6 +403,9 @@ impl Extractor {
         set!(row, "right_hand_across", right.dot(-axes.left));
         set!(row, "left_hand_lift", left.z);
         set!(row, "right_hand_lift", right.z);
+        // To the left: the left hip goes back against the right one.
+        let hips = velocities[BodyPoint::RightHip] - velocities[BodyPoint::LeftHip];
+        set!(row, "turning_deg_s", (hips.dot(axes.forward) / self.lengths.hips_m).to_degrees());
     }
 
     fn write_measures(

@@ -29,7 +29,7 @@ use std::ops::Range;
 
 mod weight;
 
-pub use weight::{Pace, is_steady, stays, steady};
+pub use weight::{Pace, is_steady, stays, steady, survives};
 
 /// How far apart links are kept, m.
 const ROOM_M: f64 = 0.004;

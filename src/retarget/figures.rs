@@ -13,6 +13,7 @@ use crate::retarget::Footfall;
 use crate::retarget::balance::{Balance, FloorLoad};
 use crate::retarget::base::{self, BasePath, Held, StandingSole};
 use crate::retarget::collision::{Overlap, SelfContact, TOUCHES_M, lowest_m};
+use crate::retarget::fall::OnFloor;
 use crate::retarget::limbs::RobotLimbs;
 use crate::retarget::toe::{Toe, quantile};
 use crate::rigid::Placement;
@@ -107,6 +108,8 @@ pub struct BodyFigures {
     pub colliding: Vec<TimeSpan>,
     /// When a robot on its own feet would be lost; null if never.
     pub predicted_fall_s: Option<f64>,
+    /// The same with servos that are softer by a third; null if never, or if its file does not say how they give way.
+    pub soft_fall_s: Option<f64>,
     /// How much slower the motion would have to be, instant by instant.
     pub retime: Option<PaceNeed>,
     /// Why figures are missing, a line each.
@@ -229,7 +232,15 @@ impl BodyMotion<'_> {
             let placed = self.body.tree.place(*place, &self.body.angles(pose));
             look.next(at, &placed, path.contacts[at]);
         }
-        look.finish()
+        let mut figures = look.finish()?;
+        if let Some(drive) = self.body.drive.filter(|_| held == Held::Standing) {
+            let (body, poses) = (self.body, self.poses);
+            let on = OnFloor { body, soles, drive, friction: 1.0, poses, path };
+            let lost_s = |on: OnFloor<'_>| on.lost_at().map(|at| at as f64 / self.rate_hz);
+            figures.predicted_fall_s = lost_s(on);
+            figures.soft_fall_s = figures.predicted_fall_s.or_else(|| lost_s(on.softly()));
+        }
+        Ok(figures)
     }
 }
 
@@ -418,6 +429,7 @@ impl<'a> Look<'a> {
             predicted_fall_s: balance
                 .and_then(|balance| balance.falls_at)
                 .map(|at| at as f64 * step_s),
+            soft_fall_s: None,
             retime: None,
             missing,
         })

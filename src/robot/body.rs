@@ -1,7 +1,9 @@
 //! What a robot weighs and takes up: its file's body as a tree of links.
 
 use crate::error::{Error, ErrorKind};
-use crate::rigid::{Capsule, Coupling, Cuboid, JointKind, Mass, Placement, Tree, TreeLink, Volume};
+use crate::rigid::{
+    Capsule, Coupling, Cuboid, Drive, JointKind, Mass, Placement, Tree, TreeLink, Volume,
+};
 use gaitway_profiles::{self as profiles, BaseKind};
 use glam::{DMat3, DQuat, DVec3};
 
@@ -17,6 +19,8 @@ pub struct RobotBody {
     pub volumes: Vec<Vec<Volume>>,
     /// What it stands on.
     pub soles: Vec<Sole>,
+    /// How its servos pull, if its file says so.
+    pub drive: Option<Drive>,
     /// How many joints are the robot's own.
     joints: usize,
 }
@@ -56,6 +60,7 @@ impl RobotBody {
             shape_source: String::new(),
             links: Vec::new(),
             coupled: Vec::new(),
+            servos: None,
         };
         Self::made(file, &nothing).map(Some)
     }
@@ -125,7 +130,13 @@ impl RobotBody {
             Some(place) => e.at(format!("robot {}, {place}", file.name)),
             None => e.at(format!("robot {}", file.name)),
         })?;
-        Ok(Self { tree, base: body.base, volumes, soles, joints: file.joints.len() })
+        let drive = body.servos.as_ref().map(|of| Drive {
+            stiffness_nm_rad: of.stiffness_nm_rad,
+            damping_nm_s_rad: of.damping_nm_s_rad,
+            armature_kg_m2: of.armature_kg_m2,
+            torque_nm: of.torque_nm,
+        });
+        Ok(Self { tree, base: body.base, volumes, soles, drive, joints: file.joints.len() })
     }
 
     /// Whether two links are at most two joints apart: one carries the other, or what carries it, or

@@ -404,9 +404,7 @@ impl Link {
         let Some(servo) = self.robot.joints[joint].servo() else {
             return Faults::from_bits(bits).to_string();
         };
-        let known = servo.model.profile().error_bits.iter();
-        let known = known.filter(|bit| bits.checked_shr(bit.bit.into()).unwrap_or(0) & 1 == 1);
-        let words: Vec<&str> = known.map(|bit| bit.name.as_str()).collect();
+        let words: Vec<&str> = servo.model.profile().error_words(bits.into()).collect();
         if words.is_empty() { format!("error bits 0x{bits:02X}") } else { words.join(", ") }
     }
 

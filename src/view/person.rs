@@ -8,7 +8,7 @@ use crate::body::contact::{self, Footing};
 use crate::body::mass::{centre_of_mass_m, segment_masses};
 use crate::body::root::SOLES;
 use crate::body::{End, Joint, SegmentPose};
-use crate::mocap::scene::Scene;
+use crate::mocap::scene::{DrawnFeet, Scene};
 use glam::DVec3;
 use serde::Serialize;
 
@@ -117,29 +117,41 @@ impl PersonTrack {
             let drawn = footing.force_body_weights().iter().step_by(every).copied();
             Coded::of(drawn, FORCE)
         });
+        let on_floor = Scene { poses: &poses, floor_m: 0.0, ..*scene };
+        let carries: Option<Vec<[bool; 4]>> =
+            on_floor.carries().map(|all| all.into_iter().step_by(every).collect());
         let drawn: Vec<SegmentPose> = poses.into_iter().step_by(every).collect();
         let rate_hz = scene.rate_hz / every as f64;
         let clock = SampleClock::Even { rate_hz, count: drawn.len() };
-        Self { force: forces, ..Self::drawn(scene, clock, &drawn) }
+        Self { force: forces, ..Self::drawn(scene, clock, &drawn, carries.as_deref()) }
     }
 
-    /// A person of the scene in other poses, over the floor: those it is drawn in.
+    /// A person of the scene in other poses, over the floor: those it is drawn in, and what of the feet carries in them,
+    /// where that is known.
     #[must_use]
-    pub fn drawn(scene: &Scene<'_>, clock: SampleClock, poses: &[SegmentPose]) -> Self {
+    pub fn drawn(
+        scene: &Scene<'_>,
+        clock: SampleClock,
+        poses: &[SegmentPose],
+        carries: Option<&[[bool; 4]]>,
+    ) -> Self {
         let masses = segment_masses(scene.body);
         let mut points_m = vec![Vec::with_capacity(poses.len()); Joint::ALL.len() + End::ALL.len()];
         let (mut contacts, mut counts, mut corners_m) = (Vec::new(), Vec::new(), Vec::new());
         let mut centres_m = Vec::with_capacity(poses.len());
-        for pose in poses {
+        for (n, pose) in poses.iter().enumerate() {
             let at = scene.body.positions(pose);
             for (point, place_m) in points_m.iter_mut().zip(at.joints_m.iter().chain(&at.ends_m)) {
                 point.push(*place_m);
             }
             centres_m.push(centre_of_mass_m(scene.body, &masses, pose));
-            let on_floor = contact::on_floor(&SOLES.map(|end| at.end_m(end)));
-            let sum = on_floor.iter().zip([1.0, 2.0, 4.0, 8.0]);
-            contacts.push(sum.map(|(on, bit)| if *on { bit } else { 0.0 }).sum::<f64>());
-            let support = contact::support(scene.body, pose);
+            let Some(carries) = carries.and_then(|carries| carries.get(n)) else { continue };
+            let sum = carries.iter().zip([1.0, 2.0, 4.0, 8.0]);
+            contacts.push(sum.map(|(is, bit)| if *is { bit } else { 0.0 }).sum::<f64>());
+            let support = match scene.feet {
+                DrawnFeet::Made => contact::support(scene.body, pose),
+                _ => contact::support_of(scene.body, pose, carries),
+            };
             counts.push(support.corners_m().len() as f64);
             corners_m.extend_from_slice(support.corners_m());
         }
@@ -152,9 +164,9 @@ impl PersonTrack {
             lines: LINES,
             head: [joint(Joint::Neck), end(End::HeadTop)],
             soles: SOLES.map(end),
-            contacts: scene.has_feet.then(|| Coded::of(contacts, 1.0)),
+            contacts: carries.is_some().then(|| Coded::of(contacts, 1.0)),
             centre: places(&centres_m, PLACE_M),
-            support: scene.has_feet.then_some(support),
+            support: carries.is_some().then_some(support),
             force: None,
         }
     }

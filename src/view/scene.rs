@@ -5,7 +5,7 @@ use super::person::PersonTrack;
 use super::robot::RobotTrack;
 use super::tracks::{JointTracks, MarkerTracks, ViewSpan};
 use crate::error::Error;
-use crate::mocap::scene::Scene;
+use crate::mocap::scene::{DrawnFeet, Scene};
 use serde::Serialize;
 
 /// What is drawn, over one time.
@@ -38,7 +38,7 @@ pub struct ViewScene {
 /// As [`ViewPage::html`].
 pub fn page_of(scene: &Scene<'_>) -> Result<String, Error> {
     let mut notes = Vec::new();
-    if !scene.has_feet {
+    if scene.feet == DrawnFeet::DrawnOn {
         notes.push("feet were not captured: what carries is not told".to_owned());
     }
     let drawn = ViewScene {

@@ -120,7 +120,14 @@ pub fn write(poses: &[SegmentPose], rate_hz: f64, convention: &Convention) -> Bv
 
 /// The poses themselves, as a reader without any doubt would give them.
 pub fn truth(poses: Vec<SegmentPose>, rate_hz: f64) -> Capture {
-    Capture { rate_hz, poses, tracked: [true; 13], stature_m: 1.75, notes: Vec::new() }
+    Capture {
+        rate_hz,
+        poses,
+        tracked: [true; 13],
+        stature_m: 1.75,
+        is_made: true,
+        notes: Vec::new(),
+    }
 }
 
 /// Four seconds at 60 Hz: stands, then walks on the spot while turning the trunk, swinging and

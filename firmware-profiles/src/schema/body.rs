@@ -22,6 +22,25 @@ pub struct Body {
     /// Joints that no servo turns, but that others move.
     #[serde(default, rename = "coupled")]
     pub coupled: Vec<CoupledJoint>,
+    /// How its servos give way, all alike; absent: they are taken for stiff.
+    #[serde(default)]
+    pub servos: Option<BodyServos>,
+}
+
+/// How servos hold joints: as springs with dampers between goal and joint.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BodyServos {
+    /// Torque for a radian between goal and joint, N m/rad.
+    pub stiffness_nm_rad: f64,
+    /// Torque against a speed of a radian a second, N m s/rad.
+    pub damping_nm_s_rad: f64,
+    /// What turns with the motor, seen from the joint, kg m².
+    pub armature_kg_m2: f64,
+    /// Most torque, N m.
+    pub torque_nm: f64,
+    /// Where these numbers come from.
+    pub source: String,
 }
 
 /// How the base is held.

@@ -97,11 +97,13 @@ fn facts(file: &str, servo: &Servo) -> Verdict {
             .got(format!("{} counts in {} degrees", position.counts, position.degrees))
             .allowed("both above 0"));
     }
-    if !(0..i64::from(position.counts)).contains(&i64::from(position.zero_count)) {
+    let lowest = i64::from(position.lowest_count);
+    let highest = lowest + i64::from(position.counts) - 1;
+    if !(lowest..=highest).contains(&i64::from(position.zero_count)) {
         return Err(ProfileError::new(file, "angle zero lies outside the encoder's span")
             .at("position.zero_count")
             .got(position.zero_count)
-            .allowed(format!("0..{}", position.counts - 1)));
+            .allowed(format!("{lowest}..{highest}")));
     }
     let motor = &servo.motor;
     not_empty(file, "motor.source", &motor.source)?;
@@ -122,7 +124,24 @@ fn facts(file: &str, servo: &Servo) -> Verdict {
                 .allowed("0..7"));
         }
     }
-    unique(file, "error bit", "error_bit", servo.error_bits.iter().map(|bit| bit.bit))
+    unique(file, "error bit", "error_bit", servo.error_bits.iter().map(|bit| bit.bit))?;
+    error_codes(file, servo)
+}
+
+fn error_codes(file: &str, servo: &Servo) -> Verdict {
+    let refuse = |what: &str| ProfileError::new(file, what).at("error_code");
+    if !servo.error_codes.is_empty() && !servo.error_bits.is_empty() {
+        return Err(refuse("an error register holds bits or one code")
+            .got("both error_bit and error_code")
+            .allowed("one of them"));
+    }
+    for code in &servo.error_codes {
+        not_empty(file, "error_code.name", &code.name)?;
+        if code.value == 0 {
+            return Err(refuse("0 says that there is no error").got(0).allowed("1..255"));
+        }
+    }
+    unique(file, "error code", "error_code", servo.error_codes.iter().map(|code| code.value))
 }
 
 /// Of the optional questions, only those the protocol has.
@@ -278,11 +297,13 @@ fn modes(file: &str, servo: &Servo) -> Verdict {
     }
     let factory = register.initial;
     let known = |value: i64| modes.iter().any(|mode| i64::from(mode.value) == value);
-    if !modes.iter().any(|mode| mode.mode == Mode::Position) || !factory.is_none_or(known) {
+    // A gripper may have no other than the one with a limit on its current.
+    let leads = |mode: &Mode| matches!(mode, Mode::Position | Mode::CurrentBasedPosition);
+    if !modes.iter().any(|mode| leads(&mode.mode)) || !factory.is_none_or(known) {
         return Err(ProfileError::new(file, "the modes of the servo are not all listed")
             .at("operating_mode")
             .got(format!("{:?}", modes.iter().map(|mode| mode.value).collect::<Vec<_>>()))
-            .allowed("the position mode and the factory's mode among them"));
+            .allowed("a position mode and the factory's mode among them"));
     }
     Ok(())
 }

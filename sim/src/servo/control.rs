@@ -10,6 +10,8 @@
 //!   65,536 in Goal PWM's unit (885 is all) on 0.229 rev/min. Current-based position mode gives
 //!   what position mode gives, with the current limited to Goal Current; Goal PWM limits the duty
 //!   in both.
+//! - DYNAMIXEL P, PRO and Y: their manuals give no ratios; their factory gains make what those of the X
+//!   series make (assumed).
 //! - MX with protocol 1.0, and XL-320: P / 8, I 1000 / 2048, D 4 / 1000, with 24 /s for 1 of P / 8.
 //!   AX: P = 1024 / slope by MX's table of slope and P, the margin is a dead zone, Punch / 1023 the
 //!   least duty.
@@ -54,6 +56,8 @@ const SPEED_GAINS: (f64, f64) = (1.0, 10.0);
 /// Goal PWM's full scale and Goal Velocity's unit, rad/s.
 const PWM_COUNTS: f64 = 885.0;
 const SPEED_UNIT_RAD_S: f64 = 0.229 * std::f64::consts::TAU / 60.0;
+/// Counts of a turn of X and MX servos.
+const X_COUNTS: u32 = 4096;
 /// Error within which Moving Status says "in position" (assumed), rad.
 const IN_POSITION_RAD: f64 = 0.01;
 /// Error from which it says "following error" (assumed), rad.
@@ -157,19 +161,33 @@ impl Servo {
         self.value(role).unwrap_or(0) as f64
     }
 
+    /// Gains of another family than X and MX (P, PRO, Y) have units of their own: the factory's make its
+    /// servos as stiff as the X series' factory gain does.
+    fn gain_like_x(&self, role: Role, of: Role, factory_of_x: f64) -> f64 {
+        let profile = &self.model.profile;
+        let factory = profile.register(of).and_then(|register| register.initial);
+        match factory.filter(|&factory| factory > 0 && profile.position.counts != X_COUNTS) {
+            Some(factory) => self.gain(role) * factory_of_x / factory as f64,
+            None => self.gain(role),
+        }
+    }
+
     fn dynamixel2_gains(&self) -> Regulator {
         let unit = DYNAMIXEL2_GAIN_PER_S;
         let per_speed = self.motor.free_speed_rad_s() / SPEED_UNIT_RAD_S / PWM_COUNTS;
+        let position = |role| self.gain_like_x(role, Role::PositionPGain, 800.0);
+        let speed_p = self.gain_like_x(Role::VelocityPGain, Role::VelocityPGain, 100.0);
+        let speed_i = self.gain_like_x(Role::VelocityIGain, Role::VelocityIGain, 1920.0);
         Regulator {
-            position_p: [unit * self.gain(Role::PositionPGain) / 128.0; 2],
-            position_i: unit * STEPS_PER_S * self.gain(Role::PositionIGain) / 65_536.0,
-            position_d: unit / STEPS_PER_S * self.gain(Role::PositionDGain) / 16.0,
-            feedforward_speed: unit / STEPS_PER_S * self.gain(Role::Feedforward1stGain) / 4.0,
+            position_p: [unit * position(Role::PositionPGain) / 128.0; 2],
+            position_i: unit * STEPS_PER_S * position(Role::PositionIGain) / 65_536.0,
+            position_d: unit / STEPS_PER_S * position(Role::PositionDGain) / 16.0,
+            feedforward_speed: unit / STEPS_PER_S * position(Role::Feedforward1stGain) / 4.0,
             feedforward_acceleration_s: unit / STEPS_PER_S / STEPS_PER_S
-                * self.gain(Role::Feedforward2ndGain)
+                * position(Role::Feedforward2ndGain)
                 / 4.0,
-            speed_p: per_speed * self.gain(Role::VelocityPGain) / 128.0,
-            speed_i: per_speed * STEPS_PER_S * self.gain(Role::VelocityIGain) / 65_536.0,
+            speed_p: per_speed * speed_p / 128.0,
+            speed_i: per_speed * STEPS_PER_S * speed_i / 65_536.0,
             ..Regulator::NONE
         }
     }

@@ -23,8 +23,6 @@ use std::f64::consts::TAU;
 
 /// Phase(18): positions count turns.
 const PHASE_MULTI_TURN: i64 = 1 << 4;
-/// Homing Offset(20) that counts in position mode.
-const POSITION_MODE_OFFSET_MAX: i64 = 1024;
 
 impl Servo {
     pub(super) fn mode(&self) -> Mode {
@@ -116,7 +114,8 @@ impl Servo {
         match self.model.protocol {
             // In position mode only a quarter turn either way counts.
             Protocol::Dynamixel2
-                if self.mode() == Mode::Position && raw.abs() > POSITION_MODE_OFFSET_MAX =>
+                if self.mode() == Mode::Position
+                    && raw.abs() > i64::from(self.model.profile.position.counts / 4) =>
             {
                 0
             }
@@ -180,7 +179,8 @@ impl Servo {
     pub(super) fn forget_turns(&mut self) {
         if self.counts_turns() {
             let turn = self.counts_per_turn();
-            let counts = self.encoder(self.motor.position_rad()).round();
+            let lowest = f64::from(self.model.profile.position.lowest_count);
+            let counts = self.encoder(self.motor.position_rad()).round() - lowest;
             self.reading_offset -= ((counts / turn).floor() * turn) as i64;
         }
         self.note_turn();

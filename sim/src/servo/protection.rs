@@ -50,8 +50,22 @@ impl Servo {
     pub(super) fn set_errors(&mut self, bits: i64) {
         if bits != self.errors {
             self.errors = bits;
-            self.put(Role::HardwareError, bits);
+            self.put(Role::HardwareError, self.error_register());
         }
+    }
+
+    /// What the error register holds while these errors are up: their bits, or the code of the worst.
+    fn error_register(&self) -> i64 {
+        let codes = &self.model.profile.error_codes;
+        if codes.is_empty() {
+            return self.errors;
+        }
+        let is_low = self.si(Role::MinVoltageLimit).is_some_and(|v| self.motor.voltage_v() < v);
+        let voltage = if is_low { "low voltage" } else { "over voltage" };
+        let named = [(OVERLOAD, "overload"), (HEAT, "motor overheating"), (VOLTAGE, voltage)];
+        let up = named.iter().find(|(trouble, _)| self.errors & self.bits([*trouble]) != 0);
+        let code = up.and_then(|(_, name)| codes.iter().find(|code| code.name == *name));
+        code.map_or(0, |code| code.value.into())
     }
 
     /// The bits of these troubles; XL-320 has its own.

@@ -1,7 +1,7 @@
 //! A bench: servos without a robot around them.
 
 use crate::scene::instruction;
-use gaitway_profiles::{self as profiles, Protocol};
+use gaitway_profiles::{self as profiles, Protocol, Role};
 use gaitway_sim::{BenchError, BenchServos, Options, World, bench};
 
 fn of(text: &str) -> BenchServos {
@@ -84,4 +84,78 @@ fn what_names_no_servos_is_no_bench() {
     let long = format!("a:{}", vec!["0-255"; 1000].join(","));
     assert!(long.parse::<BenchServos>().is_err());
     assert_eq!(of("a:1,3-5").ids, [1, 3, 4, 5]);
+}
+
+/// A DYNAMIXEL write of Protocol 2.0 (e-Manual, "Write").
+fn write(id: u8, address: u16, value: i64, bytes: u8) -> Vec<u8> {
+    let mut parameters = address.to_le_bytes().to_vec();
+    parameters.extend(&value.to_le_bytes()[..usize::from(bytes)]);
+    instruction(id, 3, &parameters)
+}
+
+/// Goals of a tenth of a turn, whatever the resolution, the gains' units and where the counts begin.
+#[test]
+fn every_dynamixel_of_protocol_2_goes_where_it_is_told_and_reads_as_far() {
+    let mut gone = 0;
+    for name in profiles::servo_names() {
+        let profile = profiles::servo(name).unwrap();
+        if profile.protocol != Protocol::Dynamixel2 {
+            continue;
+        }
+        let robot = bench(&[of(&format!("{name}:7"))], None).unwrap();
+        let baud_bps = robot.lines[0].baud_bps().unwrap();
+        let mut world = World::new(&robot, Options::default()).unwrap();
+        let item = |role| profile.register(role).and_then(|register| register.item(0)).unwrap();
+        let (torque, goal) = (item(Role::TorqueEnable), item(Role::GoalPosition));
+        let present = item(Role::PresentPosition).name();
+        let turn = i64::from(profile.position.counts) * 360 / i64::from(profile.position.degrees);
+        let start = world.register("joint_7", &present).unwrap();
+        let target = start + turn / 10;
+        world.transmit(0, &write(7, torque.address, 1, 1), baud_bps);
+        world.run_until(world.now_ns() + 50_000_000);
+        world.transmit(0, &write(7, goal.address, target, goal.register.bytes), baud_bps);
+        world.run_until(world.now_ns() + 5_000_000_000);
+        let reached = world.register("joint_7", &present).unwrap();
+        assert!((reached - target).abs() <= turn / 200, "{name}: {start} to {target}: {reached}");
+        let turned_rad = world.joint_position_rad("joint_7").unwrap();
+        let wanted_rad = target - i64::from(profile.position.zero_count);
+        let wanted_rad = wanted_rad as f64 * profile.radians_per_count();
+        assert!((turned_rad - wanted_rad).abs() < 0.04, "{name}: {turned_rad}, {wanted_rad}");
+        gone += 1;
+    }
+    assert!(gone >= 61, "{gone}");
+}
+
+/// P, PRO and Y count either way from mid travel: what was a little below 0 before a reboot is so after it.
+#[test]
+fn a_servo_that_counts_either_way_is_still_below_zero_after_a_reboot() {
+    for (name, low) in [("ph54-200-s500", -100_000), ("ym070-210-r051", -50_000)] {
+        let robot = bench(&[of(&format!("{name}:1"))], None).unwrap();
+        let baud_bps = robot.lines[0].baud_bps().unwrap();
+        let mut world = World::new(&robot, Options::default()).unwrap();
+        let profile = profiles::servo(name).unwrap();
+        let angle_rad = f64::from(low) * profile.radians_per_count();
+        assert!(world.place_joint("joint_1", angle_rad));
+        let read = |world: &World| world.register("joint_1", "Present Position").unwrap();
+        assert_eq!(read(&world), i64::from(low), "{name}");
+        world.transmit(0, &instruction(1, 8, &[]), baud_bps);
+        world.run_until(world.now_ns() + 2_000_000_000);
+        assert_eq!(read(&world), i64::from(low), "{name}");
+    }
+}
+
+/// e-Manual, YM070-210-M001-RH, Error Code(153): 4 is the motor's heat, 2 low voltage, 1 too much of it.
+#[test]
+fn a_servo_with_error_codes_tells_the_code_and_no_bits() {
+    for (register, raw, code) in [
+        ("Present Motor Temperature", 90, 4),
+        ("Present Input Voltage", 1200, 2),
+        ("Present Input Voltage", 3500, 1),
+    ] {
+        let robot = bench(&[of("ym070-210-m001:1")], None).unwrap();
+        let mut world = World::new(&robot, Options::default()).unwrap();
+        assert!(world.set_register("joint_1", register, raw));
+        world.run_until(world.now_ns() + 1_000_000_000);
+        assert_eq!(world.register("joint_1", "Error Code"), Some(code), "{register} {raw}");
+    }
 }

@@ -14,7 +14,7 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 
 use super::{Gait, Line, Seam, chain, limits};
 use crate::action::feet::{Feet, FootingBounds};
-use crate::action::{GaitChange, Motion};
+use crate::action::{Crossing, GaitChange, Motion};
 use crate::actionlet::shape::PEAK_AT;
 use crate::actionlet::{Actionlet, Sequence, Shape};
 use crate::body::contact::worst_slide_m;
@@ -33,9 +33,11 @@ const USUAL_HASTE: f64 = 0.05;
 /// Soles and root are looked at so often ...
 const LOOKS_HZ: f64 = 125.0;
 /// ... from so long before the seams that are moved to so long after them, s, of which ...
-const AROUND_S: f64 = 0.3;
+const AROUND_S: f64 = 0.7;
 /// ... the first and the last are not judged: nothing is known of what was before.
 const EDGE_S: f64 = 0.12;
+/// A sole that is lower than this counts as one that is on the floor: it comes there when others move a little, m.
+const NEARLY_ON_FLOOR_M: f64 = 0.007;
 /// Soles that are on the floor are held as well as this, m ...
 const HOLDS_M: f64 = 0.000_7;
 /// ... and where the root is accelerated by more than this part of what is allowed ...
@@ -45,11 +47,11 @@ const ROOT_HOLDS_M_S2: f64 = 3.0;
 /// ... this time, s.
 const HOLDS_FOR_S: f64 = 0.05;
 /// Where feet do not hold well enough yet, what they do matters so many times as much, in turn ...
-const MATTERS: [f64; 4] = [1.0, 2.0, 4.0, 8.0];
+const MATTERS: [f64; 4] = [1.0, 3.0, 10.0, 30.0];
 /// ... until of what they may slide this part is used up.
-const GOOD: f64 = 0.9;
+pub(super) const GOOD: f64 = 0.9;
 /// Steps of the search at most ...
-const STEPS: usize = 12;
+const STEPS: usize = 14;
 /// ... each damped anew at most so often ...
 const TRIES: usize = 6;
 /// ... and worth it if this part of what is off is left.
@@ -74,28 +76,36 @@ struct Around {
     moved: Vec<Moved>,
     /// By degree of freedom: the chain from before to after what is looked at.
     given: Vec<Vec<Seam>>,
-    times_s: Vec<f64>,
-    /// Angles of what is not moved, by look.
-    angles: Vec<JointAngles>,
+    /// Where it is looked at to move seams, and where it is judged.
+    looks: Looks,
+    judged: Looks,
     slides_m: f64,
     root_m_s2: f64,
 }
 
-/// Moves the seams of the legs around a change, and tells of the crossings what then is left alone.
+/// Instants at which the body is looked at, and its angles there before anything is moved.
+struct Looks {
+    rate_hz: f64,
+    times_s: Vec<f64>,
+    angles: Vec<JointAngles>,
+}
+
+/// Moves the seams of the legs around a change to where feet hold, as near as may be, and has the crossings tell
+/// what then is left alone. Tells the part of what they may do that feet and root do.
 ///
 /// # Errors
 /// As of chains of actionlets.
 pub(super) fn hold(
     lines: &mut [Line],
     (from, to): (&Gait<'_>, &Gait<'_>),
-    change: &mut GaitChange,
+    crossings: &mut [Crossing],
     bounds: &FootingBounds,
     body: &Proportions,
-) -> Result<(), Error> {
+) -> Result<f64, Error> {
     let flies = [from, to].iter().any(|gait| !gait.action.flights.is_empty());
     let mut moved = Vec::new();
     for line in lines.iter().filter(|line| line.dof.is_of_leg()) {
-        let crosses = change.crossings.iter().any(|crossing| crossing.dof == line.dof);
+        let crosses = crossings.iter().any(|crossing| crossing.dof == line.dof);
         // The seam that is joined, and the one before it that is left.
         let Some(left) = line.since.checked_sub(1).filter(|_| crosses) else { continue };
         let first = left.saturating_sub(BESIDE).max(1);
@@ -105,23 +115,20 @@ pub(super) fn hold(
             moved.push(Moved { dof: line.dof, seams: first..past, limits });
         }
     }
-    if moved.is_empty() {
-        return Ok(());
-    }
     let allowed = (bounds.slides_m(), bounds.root_m_s2(flies));
     let around = Around::of(lines, moved, allowed, body)?;
-    let found = around.holding()?;
+    let (share, found) = around.holding()?;
     for (moved, seams) in around.moved.iter().zip(around.seams(&found)) {
         let line = &mut lines[moved.dof.index()];
         line.seams[moved.seams.start - 1..=moved.seams.end].clone_from_slice(&seams);
         let [first, last] = [&line.seams[moved.seams.start - 1], &line.seams[moved.seams.end]];
-        for crossing in change.crossings.iter_mut().filter(|of| of.dof == moved.dof) {
+        for crossing in crossings.iter_mut().filter(|of| of.dof == moved.dof) {
             (crossing.left_s, crossing.left_rad) = (first.at_s, first.angle_rad);
             (crossing.joined_s, crossing.joined_rad) = (last.at_s, last.angle_rad);
         }
         line.since = line.since.max(moved.seams.end);
     }
-    Ok(())
+    Ok(share)
 }
 
 /// How well feet are to hold in a change: as in variations of both gaits. None if those of one do not hold by
@@ -178,31 +185,31 @@ impl Around {
         let from_s = moved.iter().map(|moved| seams(moved).0).fold(f64::MAX, f64::min) - AROUND_S;
         let to_s = moved.iter().map(|moved| seams(moved).1).fold(f64::MIN, f64::max) + AROUND_S;
         let from_s = from_s.max(0.0);
-        let looks = ((to_s - from_s) * LOOKS_HZ).ceil() as usize;
-        let times_s: Vec<f64> = (0..=looks).map(|look| from_s + look as f64 / LOOKS_HZ).collect();
-        let mut angles = vec![JointAngles::default(); times_s.len()];
-        for line in lines {
-            let chain = line.chain()?;
-            for (angles, time_s) in angles.iter_mut().zip(&times_s) {
-                angles[line.dof] = chain.at(*time_s).position_rad;
-            }
-        }
+        let (looks, judged) = (
+            Looks::of(lines, from_s, to_s, LOOKS_HZ)?,
+            Looks::of(lines, from_s, to_s, FootingBounds::JUDGED_HZ)?,
+        );
         let given = moved
             .iter()
             .map(|moved| {
                 lines[moved.dof.index()].seams[moved.seams.start - 1..=moved.seams.end].to_vec()
             })
             .collect();
-        Ok(Self { body: *body, moved, given, times_s, angles, slides_m, root_m_s2 })
+        Ok(Self { body: *body, moved, given, looks, judged, slides_m, root_m_s2 })
     }
 
-    /// How far seams are moved where feet hold, or come nearest to it, in parts of what is usual.
-    fn holding(&self) -> Result<DVector<f64>, Error> {
+    /// The least part of what they may do that feet and root do, and how far seams are moved there, in parts of
+    /// what is usual.
+    fn holding(&self) -> Result<(f64, DVector<f64>), Error> {
         let count = self.given.iter().map(|seams| 2 * (seams.len() - 2) + seams.len() - 1).sum();
         let mut at = DVector::zeros(count);
         let mut best = (f64::INFINITY, at.clone());
         for matters in MATTERS {
-            at = self.least(at, matters)?;
+            let next = self.least(at.clone(), matters)?;
+            if matters > MATTERS[0] && next == at {
+                break;
+            }
+            at = next;
             let share = self.share(&at)?;
             if share < best.0 {
                 best = (share, at.clone());
@@ -211,7 +218,7 @@ impl Around {
                 break;
             }
         }
-        Ok(best.1)
+        Ok(best)
     }
 
     /// From there to where what is off and how far seams are moved weigh least together.
@@ -293,38 +300,37 @@ impl Around {
             let chain = chain(seams)?;
             off.extend(chain.actionlets().iter().flat_map(|piece| hastes(piece, &moved.limits)));
         }
-        self.add_feet(&self.feet(&all)?, matters, &mut off);
+        self.add_feet(&self.feet(&all, &self.looks)?, matters, &mut off);
         Ok(Some(DVector::from_vec(off)))
     }
 
     /// The feet of the body with these seams.
-    fn feet(&self, all: &[Vec<Seam>]) -> Result<Feet, Error> {
-        let mut angles = self.angles.clone();
+    fn feet(&self, all: &[Vec<Seam>], looks: &Looks) -> Result<Feet, Error> {
+        let mut angles = looks.angles.clone();
         for (moved, seams) in self.moved.iter().zip(all) {
-            self.lay(&mut angles, moved.dof, &chain(seams)?);
+            looks.lay(&mut angles, moved.dof, &chain(seams)?);
         }
-        let mut poses = stance::poses(&self.body, &angles, LOOKS_HZ);
-        let roots_m = root::path_m(&self.body, &poses, LOOKS_HZ);
+        let mut poses = stance::poses(&self.body, &angles, looks.rate_hz);
+        let roots_m = root::path_m(&self.body, &poses, looks.rate_hz);
         for (pose, root_m) in poses.iter_mut().zip(roots_m) {
             pose.root_m = root_m;
         }
         // Small; the cast saturates.
-        let edge = ((EDGE_S * LOOKS_HZ) as usize).min(poses.len() / 2);
+        let edge = ((EDGE_S * looks.rate_hz) as usize).min(poses.len() / 2);
         Ok(Feet::of(&self.body, &poses[edge..poses.len() - edge]))
     }
 
     /// The part of what they may do that feet and root do.
     fn share(&self, at: &DVector<f64>) -> Result<f64, Error> {
-        let feet = self.feet(&self.seams(at))?;
-        let bends = feet.bends_m().map(|bend_m| bend_m.length() * LOOKS_HZ * LOOKS_HZ);
-        let jerked = bends.fold(0.0, f64::max) / self.root_m_s2;
+        let feet = self.feet(&self.seams(at), &self.judged)?;
+        let jerked = feet.root_m_s2() / self.root_m_s2;
         Ok(jerked.max(worst_slide_m(&feet.soles_m) / self.slides_m))
     }
 
     fn add_feet(&self, feet: &Feet, matters: f64, off: &mut Vec<f64>) {
         let part = (1.0 / (LOOKS_HZ * HOLDS_FOR_S)).sqrt();
         let mut slid_m = vec![[DVec2::ZERO; 4]; feet.soles_m.len()];
-        for (sole, range) in feet.contacts() {
+        for (sole, range) in feet.lower_than(NEARLY_ON_FLOOR_M) {
             let at_m = |look: usize| feet.soles_m[look][sole].truncate();
             let mean_m = range.clone().map(at_m).sum::<DVec2>() / range.len() as f64;
             for look in range {
@@ -337,6 +343,22 @@ impl Around {
             let over = bend_m.length() * LOOKS_HZ * LOOKS_HZ - ROOT_PART * self.root_m_s2;
             off.push(over.max(0.0) * matters * part / ROOT_HOLDS_M_S2);
         }
+    }
+}
+
+impl Looks {
+    fn of(lines: &[Line], from_s: f64, to_s: f64, rate_hz: f64) -> Result<Self, Error> {
+        // Some seconds; the cast saturates.
+        let looks = ((to_s - from_s) * rate_hz).ceil() as usize;
+        let times_s: Vec<f64> = (0..=looks).map(|look| from_s + look as f64 / rate_hz).collect();
+        let mut angles = vec![JointAngles::default(); times_s.len()];
+        for line in lines {
+            let chain = line.chain()?;
+            for (angles, time_s) in angles.iter_mut().zip(&times_s) {
+                angles[line.dof] = chain.at(*time_s).position_rad;
+            }
+        }
+        Ok(Self { rate_hz, times_s, angles })
     }
 
     /// Angles of a chain where it is looked at; before and after it they are those that were given.

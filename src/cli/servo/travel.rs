@@ -1,13 +1,15 @@
 //! `servo move`, as it is typed.
 
-use super::Target;
+use super::{Target, actuator};
 use crate::cli::signals::Signals;
 use crate::cli::terminal::Terminal;
 use crate::cli::{Deed, Remarks};
 use crate::error::Error;
 use crate::job::report::{Stop, StopCode};
+use crate::job::servo::device::Device;
 use crate::job::servo::travel::{MoveOrder, MoveReport, move_one};
-use clap::Args;
+use clap::{Args, ValueEnum};
+use serde_json::json;
 
 /// Arguments of `servo move`.
 #[derive(Debug, Args)]
@@ -67,10 +69,9 @@ fn angle_deg(text: &str) -> Result<f64, String> {
 /// Anything preflight, planning or arming has against it.
 pub fn run(args: &MoveArgs, remarks: Remarks) -> Result<i32, Error> {
     args.target.output.check_files(&[])?;
-    let signals = Signals::listen().map_err(|e| Error::new(format!("no signals: {e}")))?;
     let order = MoveOrder {
         which: args.target.which()?,
-        angle_rad: args.angle_deg.to_radians(),
+        angle_rad: Some(args.angle_deg.to_radians()),
         speed_rad_s: args.speed.to_radians(),
         kp_nm_rad: args.kp,
         kd_nm_s_rad: args.kd,
@@ -79,13 +80,59 @@ pub fn run(args: &MoveArgs, remarks: Remarks) -> Result<i32, Error> {
         dry_run: args.dry_run,
         accept_firmware: args.accept_firmware,
     };
-    let report = move_one(&order, &Terminal::new(remarks, &signals))?;
+    go(&args.target, &order, remarks)
+}
+
+fn go(target: &Target, order: &MoveOrder, remarks: Remarks) -> Result<i32, Error> {
+    let signals = Signals::listen().map_err(|e| Error::new(format!("no signals: {e}")))?;
+    let report = move_one(order, &Terminal::new(remarks, &signals))?;
     let code = match (signals.first(), &report.stop) {
         (Some(number), Some(Stop { code: StopCode::Asked, .. })) => 128 + number,
         _ => report.outcome.exit_code(),
     };
     let (text, deed) = text(&report);
-    Ok(args.target.output.conclude(&report, &text, deed, code))
+    Ok(target.output.conclude(&report, &text, deed, code))
+}
+
+/// Arguments of `servo torque`.
+#[derive(Debug, Args)]
+pub struct TorqueArgs {
+    #[command(flatten)]
+    target: Target,
+    /// On: it holds where it stands. Off: whatever it carries falls
+    #[arg(value_enum)]
+    state: Torque,
+    /// Switch torque on in a servo whose firmware the profile was not checked against
+    #[arg(long)]
+    accept_firmware: bool,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Torque {
+    On,
+    Off,
+}
+
+/// Runs `servo torque`.
+///
+/// # Errors
+/// As [`run`]; a servo that does not confirm.
+pub fn torque(args: &TorqueArgs, remarks: Remarks) -> Result<i32, Error> {
+    let target = &args.target;
+    target.output.check_files(&[])?;
+    if target.is_can()? {
+        let remedy = "gaitway servo move BUS ID ANGLE_DEG, with --limp to let go afterwards";
+        return actuator::refuse("torque by itself", &target.bus, remedy);
+    }
+    let which = target.which()?;
+    if matches!(args.state, Torque::On) {
+        return go(target, &MoveOrder::stand(which, args.accept_firmware), remarks);
+    }
+    let mut device = Device::open(&which)?;
+    device.let_go()?;
+    let text = format!("{}: torque is off\n", device.place());
+    let report = json!({"id": device.id, "torque_on": false});
+    Ok(target.output.conclude(&report, &text, Deed::Work, 0))
 }
 
 /// What came of it, in words.

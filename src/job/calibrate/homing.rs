@@ -23,8 +23,6 @@ pub struct Change {
     pub offset_rad: f64,
 }
 
-/// Offsets beyond this are ignored in position mode (DYNAMIXEL e-Manual, Homing Offset(20)).
-const DYNAMIXEL_EFFECTIVE: i64 = 1024;
 /// So often it is tried to close a lock.
 const LOCK_ROUNDS: usize = 3;
 /// The reading may change by a little between two looks, counts.
@@ -69,7 +67,9 @@ pub fn plan(link: &mut Link, joint: usize, measured: &Measured) -> Result<Change
     let mut new = homing_offset(sign, measured.zero, old, wanted);
     let (mut lowest, mut highest) = register.range();
     if dynamixel {
-        (lowest, highest) = (lowest.max(-DYNAMIXEL_EFFECTIVE), highest.min(DYNAMIXEL_EFFECTIVE));
+        // Offsets beyond a quarter turn are ignored in position mode (e-Manual, Homing Offset(20)).
+        let effective = i64::from(model.profile().position.counts / 4);
+        (lowest, highest) = (lowest.max(-effective), highest.min(effective));
     } else if !(lowest..=highest).contains(&new) {
         // A Feetech reads modulo one turn: a turn more or less is the same.
         let turn = i64::from(model.profile().position.counts);

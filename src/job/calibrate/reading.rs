@@ -93,7 +93,10 @@ impl Scale {
     /// The first and the last count before that.
     fn ends(self) -> (i64, i64) {
         match self {
-            Self::Servo(..) => (0, self.turn_counts() - 1),
+            Self::Servo(model, _) => {
+                let lowest = i64::from(model.profile().position.lowest_count);
+                (lowest, lowest + self.turn_counts() - 1)
+            }
             Self::Actuator(end) => (-end, end - 1),
         }
     }

@@ -12,13 +12,13 @@ use crate::body::{segment_name, segment_named};
 use crate::capture::Counts;
 use crate::control::{self, Input, Performance, Planned, Stop, StopCode, StopReason};
 use crate::draft;
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use crate::job::model::robot_model;
 use crate::job::observer::{Event, Meter, Progress};
 use crate::job::play::{self, describe_virtual};
 use crate::job::recorder::RunRecorder;
 use crate::job::report::{Outcome, PlayReport};
-use crate::job::source::{self, MotionOrder, RobotMotion};
+use crate::job::source::{MotionOrder, RobotMotion};
 use crate::mocap::retarget::{self, Online};
 use crate::motion::Trend;
 use crate::motion::follow::STALE_S;
@@ -289,8 +289,9 @@ impl Job<'_> {
         let mut run = self.order.report().run;
         let speed = play::Options::default().speed;
         let order = MotionOrder { balanced_at: Some(speed), ..MotionOrder::of(&when.motion) };
-        let motion = source::load(&order, connection.link.robot())?;
-        play::prepare(connection, found, &motion, &play::Options::default(), &mut run)?;
+        let observer = self.observer;
+        let motion = play::load(&order, connection.link.robot(), observer)?;
+        play::prepare(connection, found, &motion, &play::Options::default(), observer, &mut run)?;
         Ok((motion, run))
     }
 
@@ -331,9 +332,14 @@ impl Job<'_> {
         {
             let mut run = self.order.report().run;
             run.motion.clone_from(&body.answers.list[call.answer].when.motion);
-            if let Err(error) = answer(self, &call, body, ready, recorder, &mut run) {
+            match answer(self, &call, body, ready, recorder, &mut run) {
+                Ok(()) => {}
+                // The robot holds from before.
+                Err(error) if error.kind == ErrorKind::Stopped => {
+                    run.describe_no_further(StopReason::Asked.to_string());
+                }
                 // What cannot be played from where the robot has come to rest is not played.
-                run.describe_refused(&error);
+                Err(error) => run.describe_refused(&error),
             }
             self.take_up_answer(&call, run, body);
             if self.report.run.outcome != Outcome::Done {
@@ -446,7 +452,8 @@ fn answer(
     ready.found = look(job.order, &mut ready.connection, ready.settings)?;
     let Ready { connection, found, settings } = ready;
     let motion = &body.answers.list[call.answer].motion;
-    let prepared = play::prepare(connection, found, motion, &play::Options::default(), run)?;
+    let options = play::Options::default();
+    let prepared = play::prepare(connection, found, motion, &options, job.observer, run)?;
     let planned = Planned::new(&prepared.planned.trajectory, connection.link.robot())?;
     let mut hear = |now: Instant| drop(body.moment(now));
     let meter = Meter::of(connection.link.robot().joints.len());

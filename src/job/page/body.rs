@@ -1,10 +1,10 @@
 //! People and markers as pages draw them.
 
-use crate::body::{Proportions, Segment, SegmentPose, contact};
+use crate::body::{Proportions, SegmentPose, contact};
 use crate::error::Error;
 use crate::mocap::anatomy::Capture;
 use crate::mocap::markers::{Frame, Frames, MarkerEvent, PointKind};
-use crate::mocap::scene::Scene;
+use crate::mocap::scene::{DrawnFeet, Scene};
 use crate::view::person::{PersonTrack, places};
 use crate::view::scene::ViewScene;
 use crate::view::tracks::{MarkerTrack, MarkerTracks, SampleClock, SpanKind, ViewSpan};
@@ -23,25 +23,25 @@ const USUAL_UNIT_M: f64 = 1e-3;
 /// A stature nobody has.
 pub fn person(capture: &Capture) -> Result<ViewScene, Error> {
     let lengths = Proportions::of_stature(capture.stature_m)?;
-    Ok(in_poses(&lengths, &capture.poses, capture.rate_hz, &capture.tracked))
+    Ok(in_poses(&lengths, &capture.poses, capture.rate_hz, &capture.tracked, capture.is_made))
 }
 
-/// A body in these poses, of whose segments these are known.
+/// A body in these poses, of whose segments these are known: made or measured.
 #[must_use]
 pub fn in_poses(
     lengths: &Proportions,
     poses: &[SegmentPose],
     rate_hz: f64,
     known: &[bool; 13],
+    is_made: bool,
 ) -> ViewScene {
-    let feet = [Segment::LeftFoot, Segment::RightFoot];
     let person = PersonTrack::of(&Scene {
         title: "",
         poses,
         body: lengths,
         rate_hz,
         floor_m: contact::floor_m(lengths, poses),
-        has_feet: feet.iter().all(|foot| known[foot.index()]),
+        feet: DrawnFeet::of(is_made, known),
     });
     ViewScene {
         duration_s: poses.len().saturating_sub(1) as f64 / rate_hz,

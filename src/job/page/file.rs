@@ -56,7 +56,7 @@ fn worn(path: &Path, notes: &mut Vec<String>) -> Result<Option<ViewScene>, Error
         notes.push(format!("not worn, and therefore at rest: {}", not_worn.join(", ")));
     }
     let WornMotion { body, poses, rate_hz, worn, .. } = &motion;
-    let mut scene = super::body::in_poses(body, poses, *rate_hz, worn);
+    let mut scene = super::body::in_poses(body, poses, *rate_hz, worn, false);
     let began = series.start.as_ref().map(|start| start.monotonic_start).unwrap_or_default();
     // Poses begin when all sensors have spoken.
     let late_s = (motion.start_ns as f64 - series.start_ns() as f64) * 1e-9;

@@ -83,9 +83,16 @@ impl Corruption {
                 rate_hz /= step as f64;
             }
             Self::Drift(rad_s) => {
+                // As of worn sensors: the body turns about itself and each step leads the way it then faces.
+                let mut root_m =
+                    frames.first().map_or(DVec3::ZERO, |points| points[BodyPoint::Root]);
+                let mut last_m = root_m;
                 for (n, points) in frames.iter_mut().enumerate() {
                     let turn = DQuat::from_rotation_z(rad_s * n as f64 / rate_hz);
-                    *points = Points(points.0.map(|at| turn * at));
+                    let own_m = points[BodyPoint::Root];
+                    root_m += turn * (own_m - last_m);
+                    last_m = own_m;
+                    *points = Points(points.0.map(|at| root_m + turn * (at - own_m)));
                 }
             }
             Self::NoLeftHand => {
@@ -170,6 +177,19 @@ mod tests {
             assert_eq!(deviation_m(&noisy, &corruption.of(&still, 120.0, 7).0), 0.0);
             assert!(deviation_m(&noisy, &corruption.of(&still, 120.0, 8).0) > 0.0);
         }
+    }
+
+    #[test]
+    fn a_heading_that_drifts_turns_a_body_about_itself_wherever_it_stands() {
+        let mut far = stands();
+        let offset_m = DVec3::new(50.0, -20.0, 0.0);
+        far.frames.iter_mut().for_each(|points| points.0.iter_mut().for_each(|at| *at += offset_m));
+        let (drifted, _) = Corruption::Drift(0.05).of(&far, 120.0, 0);
+        let (first, last) = (&far.frames[0], &drifted.frames[1199]);
+        assert!((last[BodyPoint::Root] - first[BodyPoint::Root]).length() < 1e-9);
+        let hips = |points: &Points| points[BodyPoint::LeftHip] - points[BodyPoint::RightHip];
+        let turned_rad = hips(first).angle_between(hips(last));
+        assert!((turned_rad - 0.05 * 1199.0 / 120.0).abs() < 1e-6, "{turned_rad}");
     }
 
     #[test]

@@ -165,6 +165,25 @@ impl Device {
         Ok(self.read_role(Role::TorqueEnable)?.is_some_and(|raw| raw != 0))
     }
 
+    /// Switches torque off, and its watchdog: whoever switches torque on next may know nothing of it.
+    ///
+    /// # Errors
+    /// A servo that does not confirm that it is limp.
+    pub fn let_go(&mut self) -> Result<(), Error> {
+        let item = self.item(Role::TorqueEnable);
+        let told = item.map_or(Ok(()), |item| self.tell(&item, 0));
+        if told.is_err() || !matches!(self.torque_on(), Ok(false)) {
+            return Err(Error::of(ErrorKind::Silent, "torque may still be on")
+                .at(self.place())
+                .got("no confirmation")
+                .remedy("switch its power off before you touch it"));
+        }
+        match (self.item(Role::BusWatchdog), self.read_role(Role::BusWatchdog)?) {
+            (Some(item), Some(raw)) if raw != 0 => self.tell(&item, 0),
+            _ => Ok(()),
+        }
+    }
+
     /// Refuses while torque is on: no servo takes its kept registers then, and none should.
     ///
     /// # Errors
@@ -178,7 +197,9 @@ impl Device {
             "torque is on; what a servo keeps is only changed while it is limp",
         )
         .at(self.place())
-        .remedy("support the robot, then: gaitway limp ROBOT --bus BUS"))
+        .remedy(
+            "support it, then: gaitway servo torque BUS ID off, or gaitway limp ROBOT --bus BUS",
+        ))
     }
 
     /// Writes a register and reads it back. Kept registers only with `permit_eeprom`, only while
@@ -378,9 +399,9 @@ pub fn is_lost(error: &AskError) -> bool {
 fn other_command(item: &RegisterItem<'_>) -> Option<&'static str> {
     const MOVE: &str = "goals go through the guard: gaitway servo move BUS ID ANGLE_DEG, or play";
     match item.register.role {
-        Some(Role::TorqueEnable) => {
-            Some("torque: gaitway hold ROBOT --bus BUS, gaitway limp ROBOT --bus BUS")
-        }
+        Some(Role::TorqueEnable) => Some(
+            "torque: gaitway servo torque BUS ID on|off; of a robot: gaitway hold, gaitway limp",
+        ),
         Some(Role::Id) => Some("gaitway servo set-id BUS ID NEW"),
         Some(Role::BaudRate) => Some("gaitway servo set-baud BUS ID BPS"),
         Some(Role::EepromLock) => Some("it is opened and closed where needed; nothing to do"),

@@ -21,6 +21,8 @@ use std::collections::BTreeMap;
 
 /// Rate of the goals, Hz.
 const RATE_HZ: f64 = 50.0;
+/// Highest speed of a servo that is to stay where it is, rad/s.
+const STANDING_RAD_S: f64 = 0.5;
 /// Full speed is reached in this time, s.
 const RAMP_S: f64 = 0.25;
 /// A transition uses this share of the limits (see [`crate::motion::plan::TRANSITION_SHARE`]); the
@@ -32,8 +34,8 @@ const SHARE: f64 = crate::motion::plan::TRANSITION_SHARE;
 pub struct MoveOrder {
     /// The servo.
     pub which: Which,
-    /// Its angle, rad; 0 is the middle of its travel.
-    pub angle_rad: f64,
+    /// Its angle, rad; 0 is the middle of its travel. `None`: where it stands, with torque on.
+    pub angle_rad: Option<f64>,
     /// Highest speed on the way, rad/s.
     pub speed_rad_s: f64,
     /// Gain on the error of position, N m/rad, for actuators that are told it with every goal.
@@ -48,6 +50,24 @@ pub struct MoveOrder {
     pub dry_run: bool,
     /// Move a servo whose firmware the profile was not checked against.
     pub accept_firmware: bool,
+}
+
+impl MoveOrder {
+    /// Torque on, where the servo stands.
+    #[must_use]
+    pub const fn stand(which: Which, accept_firmware: bool) -> Self {
+        Self {
+            which,
+            angle_rad: None,
+            speed_rad_s: STANDING_RAD_S,
+            kp_nm_rad: None,
+            kd_nm_s_rad: None,
+            timeout_s: None,
+            limp: false,
+            dry_run: false,
+            accept_firmware,
+        }
+    }
 }
 
 /// What came of it.
@@ -107,8 +127,9 @@ pub fn move_one(order: &MoveOrder, observer: &dyn Observer) -> Result<MoveReport
     let accept = Accept { firmware: order.accept_firmware, eeprom: false };
     let found = preflight(link, settings.period, accept)?;
     found.notes.iter().for_each(|note| observer.hear(Event::Note(note)));
-    can::refuse_far(link, &place, found.start_rad[0], order.angle_rad)?;
-    let path = Path::new(link.robot().joint_names(), RATE_HZ, vec![vec![order.angle_rad; 2]])?;
+    let angle_rad = order.angle_rad.unwrap_or(found.start_rad[0]);
+    can::refuse_far(link, &place, found.start_rad[0], angle_rad)?;
+    let path = Path::new(link.robot().joint_names(), RATE_HZ, vec![vec![angle_rad; 2]])?;
     let planned = plan(&found.start_rad, &path, &link.robot().limits(), PlanOptions::default())
         .map_err(|e| e.at(place.clone()))?;
     let trajectory = &planned.trajectory;

@@ -60,10 +60,7 @@ fn meaning(model: &Model, item: &RegisterItem<'_>, raw: i64) -> Option<String> {
         }
         Role::TorqueEnable => Some(if raw == 0 { "off" } else { "on" }.to_owned()),
         Role::HardwareError if raw == 0 => Some("no error".to_owned()),
-        Role::HardwareError => {
-            let set = profile.error_bits.iter().filter(|bit| raw >> bit.bit & 1 == 1);
-            Some(set.map(|bit| bit.name.as_str()).collect::<Vec<_>>().join(", "))
-        }
+        Role::HardwareError => Some(profile.error_words(raw).collect::<Vec<_>>().join(", ")),
         _ => None,
     }
 }

@@ -25,7 +25,7 @@ pub(super) fn capture(path: &Path) -> Result<(Capture, Source), Error> {
     let tracked = [true; 13];
     let poses = placed(&body, &Proportions::of_stature(ACTION_STATURE_M)?);
     let (rate_hz, stature_m) = (body.rate_hz, ACTION_STATURE_M);
-    Ok((Capture { rate_hz, poses, tracked, stature_m, notes }, source))
+    Ok((Capture { rate_hz, poses, tracked, stature_m, is_made: false, notes }, source))
 }
 
 /// The poses: at the origin and facing ahead in the first, the lowest sole of all on the ground.

@@ -72,7 +72,7 @@ fn wearer(motion: WornMotion) -> Capture {
     }
     let stature_m = motion.body.stature_m();
     let WornMotion { rate_hz, poses, worn, .. } = motion;
-    Capture { rate_hz, poses, tracked: worn, stature_m, notes }
+    Capture { rate_hz, poses, tracked: worn, stature_m, is_made: false, notes }
 }
 
 /// The body that a robot showed.
@@ -122,7 +122,14 @@ fn of_robot(recording: &Recording) -> Result<Capture, Error> {
     if !hidden.is_empty() {
         notes.push(format!("the robot has no {}", hidden.join(", ")));
     }
-    Ok(Capture { rate_hz: RATE_HZ, poses, tracked: shown.tracked, stature_m: STATURE_M, notes })
+    Ok(Capture {
+        rate_hz: RATE_HZ,
+        poses,
+        tracked: shown.tracked,
+        stature_m: STATURE_M,
+        is_made: false,
+        notes,
+    })
 }
 
 /// Angles of all joints, [`RATE_HZ`] times a second, from where all were read first to where one was last. None if there

@@ -8,9 +8,12 @@ use crate::job::model::robot_model;
 use crate::mocap::anatomy::Capture;
 use crate::mocap::retarget::Retargeted;
 use crate::motion::retime::retime;
+use crate::motion::tempo;
 use crate::motion::{End, Path, Spline};
 use crate::retarget::Footfall;
-use crate::retarget::adjust::{Adjusting, Pace, adjust, drawn_in, is_steady, pace, stays, steady};
+use crate::retarget::adjust::{
+    Adjusting, Pace, adjust, drawn_in, is_steady, pace, stays, steady, survives,
+};
 use crate::retarget::footfall;
 use crate::retarget::gait::{Gait, Walking, gait};
 use crate::retarget::limbs::RobotLimbs;
@@ -37,6 +40,9 @@ const WAY_S: f64 = 0.06;
 const FLIES_S: f64 = 0.05;
 /// A gait that was too fast is made anew so much slower than it had to be.
 const SPARE: f64 = 1.02;
+/// A gait that servos would let fall is made so many times slower, and how often that is tried.
+const CALMER: f64 = 1.25;
+const CALMINGS: usize = 2;
 
 /// A motion that keeps its balance.
 pub(super) struct Standing {
@@ -70,7 +76,10 @@ pub(super) fn balanced(
     let on = OnItsFeet { robot, placed, said: &said, speed, rate_hz };
     let slower = on.tempo(&retargeted.positions_rad)?;
     let of = on.adjusting(slower);
-    if placed.exact && is_steady(&of, &retargeted.positions_rad)? {
+    if placed.exact
+        && is_steady(&of, &retargeted.positions_rad)?
+        && survives(&of, &retargeted.positions_rad)?
+    {
         return Ok(None);
     }
     if let Some(standing) = on.shifted(slower, retargeted)? {
@@ -108,6 +117,9 @@ impl Standing {
 fn longest_flight(carries: &[[bool; 2]]) -> usize {
     carries.split(|carries| *carries != [false; 2]).map(<[_]>::len).max().unwrap_or(0)
 }
+
+/// Angles by joint, what the feet do, and a clock as that of [`Standing`].
+type Shifted = (Vec<Vec<f64>>, Vec<Footfall>, Vec<f64>);
 
 /// A robot on its own feet, and a motion that it is to do.
 struct OnItsFeet<'a> {
@@ -176,6 +188,7 @@ impl<'a> OnItsFeet<'a> {
             }
         }
         let Some((angles_rad, footfalls, clock, told)) = found else { return Ok(None) };
+        let (angles_rad, footfalls, clock) = self.hastened((angles_rad, footfalls, clock))?;
         let furthest = told.moved_rad.iter().zip(&self.robot.joints);
         let furthest = furthest.max_by(|a, b| a.0.total_cmp(b.0));
         let moved = furthest.map_or_else(String::new, |(moved_rad, joint)| {
@@ -187,11 +200,28 @@ impl<'a> OnItsFeet<'a> {
             if clock.is_empty() {
                 String::new()
             } else {
-                format!("; slower in parts, {longer:.2} times as long for balance alone")
+                format!("; slower in parts, {longer:.2} times as long")
             }
         );
         retargeted.positions_rad = angles_rad;
         Ok(Some(Standing { footfalls, clock, note }))
+    }
+
+    /// Slows a motion in parts for its joints' limits, and not all of it, if it stays well on its feet then.
+    fn hastened(&self, (angles_rad, footfalls, clock): Shifted) -> Result<Shifted, Error> {
+        let path = Path::new(self.robot.joint_names(), self.rate_hz, angles_rad.clone())?;
+        let path = path.stretched(1.0 / self.speed);
+        if let Some(times) = tempo::in_parts(&path, &self.robot.limits())? {
+            let mut slowed = at_times(angles_rad.clone(), &times)?;
+            drawn_in(&self.placed.limits_rad, &mut slowed)?;
+            let here = footfall::at_times(&footfalls, &times, self.rate_hz);
+            let of = Adjusting { footfalls: Some(&here), ..self.adjusting(self.tempo(&slowed)?) };
+            if steady(&of, &slowed)? == Pace::Even && survives(&of, &slowed)? {
+                let clock = if clock.is_empty() { times } else { through(&clock, &times) };
+                return Ok((slowed, here, clock));
+            }
+        }
+        Ok((angles_rad, footfalls, clock))
     }
 
     /// How high the base is best: legs that are nearly straight have to hasten.
@@ -266,10 +296,11 @@ impl<'a> OnItsFeet<'a> {
         let Some(own_m) = limbs.leg_m() else { return Ok(None) };
         let scale = own_m / leg_m;
         let Some(height) = self.height(steps, scale, retargeted)? else { return Ok(None) };
-        let mut slower = 1.0;
-        for _ in 0..ROUNDS {
+        let (mut slower, mut calmings) = (1.0, 0);
+        let mut found: Option<(Vec<Vec<f64>>, Standing)> = None;
+        for _ in 0..ROUNDS + CALMINGS {
             let made = self.gait(steps, [scale, slower, height], &retargeted.positions_rad)?;
-            let Some(made) = made else { return Ok(None) };
+            let Some(made) = made else { break };
             let needed = self.tempo(&made.angles_rad)? * self.speed;
             if needed > 1.0 {
                 slower *= needed * SPARE;
@@ -278,7 +309,7 @@ impl<'a> OnItsFeet<'a> {
             let footfalls = footfall::of_contacts(&made.stands, rate_hz);
             let of = Adjusting { footfalls: Some(&footfalls), ..self.adjusting(1.0 / self.speed) };
             if !stays(&of, &made.angles_rad)? {
-                return Ok(None);
+                break;
             }
             let note = format!(
                 "{} made for the robot's own legs, upright: {:.1} cm long at most, {:.2} s each; stay near, soft servos may \
@@ -291,11 +322,53 @@ impl<'a> OnItsFeet<'a> {
                 made.longest_m * 100.0,
                 made.step_s
             );
-            retargeted.positions_rad = made.angles_rad;
-            return Ok(Some(Standing { footfalls, clock: made.clock, note }));
+            let holds = survives(&of, &made.angles_rad)?;
+            let standing = Standing { footfalls, clock: made.clock, note };
+            if holds {
+                found = Some((made.angles_rad, standing));
+                break;
+            }
+            // If none holds, the first: at that pace nobody falls whose servos are stiff.
+            found = found.or(Some((made.angles_rad, standing)));
+            if calmings == CALMINGS {
+                break;
+            }
+            (calmings, slower) = (calmings + 1, slower * CALMER);
         }
-        Ok(None)
+        Ok(found.map(|(angles_rad, standing)| {
+            retargeted.positions_rad = angles_rad;
+            standing
+        }))
     }
+}
+
+/// Slows a motion in parts for the robot's limits, at this playing speed: the times of it that follow one another then, in
+/// samples.
+///
+/// # Errors
+/// As of a path that is planned.
+pub(super) fn in_parts(
+    robot: &Robot,
+    speed: f64,
+    retargeted: &mut Retargeted,
+) -> Result<Option<Vec<f64>>, Error> {
+    let limits = robot.limits();
+    let series = retargeted.positions_rad.clone();
+    let path = Path::new(robot.joint_names(), retargeted.rate_hz, series)?;
+    let path = path.stretched(1.0 / speed);
+    let Some(times) = tempo::in_parts(&path, &limits)? else { return Ok(None) };
+    let before = path.samples().max(1) as f64;
+    let mut slowed = at_times(std::mem::take(&mut retargeted.positions_rad), &times)?;
+    let limits_rad: Vec<(f64, f64)> =
+        limits.iter().map(|limits| (limits.lower_rad(), limits.upper_rad())).collect();
+    drawn_in(&limits_rad, &mut slowed)?;
+    retargeted.positions_rad = slowed;
+    retargeted.notes.push(format!(
+        "slower in parts, where joints have to hasten: {:.2} times as long (all of it would take {:.2} times as long)",
+        times.len() as f64 / before,
+        retime(&path, &limits)?.factor
+    ));
+    Ok(Some(times))
 }
 
 /// Series at other times, in samples.

@@ -4,14 +4,15 @@ use super::SynthOrder;
 use super::catalogue::{Catalogue, ClassNote, open_folder, stem, subject};
 use super::room::{self, Watched};
 use crate::action::corpus::{Corpus, VariationRow, VariationStatus, Variations};
-use crate::action::parquet::{CorpusWriter, Packed, TableLayout, rows_of};
+use crate::action::parquet::{CorpusWriter, Packed, SetEnd, TableLayout};
 use crate::action::{Fits, phrase};
-use crate::error::{Error, ErrorKind};
+use crate::draft::Draft;
+use crate::error::Error;
+use crate::job::pending::{Pending, go_on, unless_stopped};
 use crate::job::report::Outcome;
 use crate::job::{Event, Observer};
 use serde::Serialize;
-use std::fs::{self, File};
-use std::io::BufWriter;
+use std::io::{BufWriter, Write};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -22,8 +23,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// are the same everywhere.
 const POSES_IN_BATCH: usize = 20_000;
 const MAX_IN_BATCH: usize = 250;
-/// Row groups in the files of a folder. A file is what a kill loses: a few seconds of work.
-const BATCHES_IN_FILE: u32 = 25;
+/// Row groups in the files of a folder. A file is what a kill loses.
+const BATCHES_IN_FILE: u32 = 5;
 /// Most variations of a class.
 pub const MAX_VARIATIONS: u32 = 100_000_000;
 /// Variations from which the room is estimated that all take.
@@ -51,6 +52,8 @@ pub struct VariedReport {
     pub variations: u64,
     /// Variations that were there already.
     pub found: u64,
+    /// What was there and is not what it was, or was cut off, and so was made anew: which file, and why.
+    pub mended: Vec<String>,
     /// Poses written now.
     pub poses: u64,
     /// By class.
@@ -108,18 +111,32 @@ struct Class {
     /// Variations in a row group.
     in_batch: u32,
     layout: TableLayout,
+    /// How they were made, as its files note it.
+    notes: String,
 }
 
 /// Variations of one class that go into one set of files.
-struct Stretch<'a> {
-    class: &'a Class,
+#[derive(Clone)]
+struct Stretch {
+    class: Arc<Class>,
     range: Range<u32>,
 }
 
 /// A set of files: poses, actionlets, variations.
-struct Set<'a> {
+struct Set {
     poses: PathBuf,
-    stretches: Vec<Stretch<'a>>,
+    stretches: Vec<Stretch>,
+}
+
+/// What there is of a set.
+enum There {
+    Nothing,
+    /// All of it.
+    Whole,
+    /// Fewer variations, from when there were to be fewer.
+    Fewer,
+    /// Something else: which file, and why.
+    Damaged(String),
 }
 
 /// Makes variations: into one set of files, or a folder of them that is taken up again where it was
@@ -139,35 +156,48 @@ pub fn vary(
     if !is_file {
         refuse_file_names(out)?;
     }
-    let (asked, classes) = classes_of(order, classes, is_file)?;
+    let (asked, classes) = {
+        let (order, classes) = (order.clone(), classes.to_vec());
+        unless_stopped(observer, move || classes_of(&order, &classes, is_file))?
+    };
     let total = classes.iter().map(|class| u64::from(class.variations)).sum();
     let mut made = VariedReport {
         outcome: Outcome::Done,
         variations: total,
         found: 0,
+        mended: Vec::new(),
         poses: 0,
         classes: Vec::new(),
         written: out.display().to_string(),
     };
-    let classes_report = classes.iter().map(Class::report).collect();
+    let classes_report = classes.iter().map(|class| class.report()).collect();
     let mut steps = Steps { done: 0, total, observer, classes: classes_report };
     if is_file {
-        let whole = |class| Stretch { class, range: 0..class.variations };
+        let whole =
+            |class: &Arc<Class>| Stretch { class: Arc::clone(class), range: 0..class.variations };
         let set = Set { poses: out.clone(), stretches: classes.iter().map(whole).collect() };
-        let mut missing = Missing::of(std::slice::from_ref(&set))?;
+        let mut missing = Missing::of(std::slice::from_ref(&set), observer)?;
         room::check(out, missing.bytes)?;
         made.poses = set.write(&mut missing, &mut steps)?;
         return Ok(made.with(steps.classes));
     }
-    let sets: Vec<Set<'_>> = classes.iter().flat_map(|class| class.sets(out)).collect();
-    let (found, sets): (Vec<_>, Vec<_>) = sets.into_iter().partition(Set::is_whole);
-    let mut missing = Missing::of(&sets)?;
+    let mut sets = Vec::new();
+    for set in classes.iter().flat_map(|class| class.sets(out)) {
+        go_on(observer)?;
+        match set.there() {
+            There::Whole => {
+                made.found += set.variations();
+                steps.take(set.variations());
+                continue;
+            }
+            There::Damaged(how) => made.mended.push(how),
+            There::Nothing | There::Fewer => {}
+        }
+        sets.push(set);
+    }
+    let mut missing = Missing::of(&sets, observer)?;
     room::check(out, missing.bytes)?;
     let _lock = open_folder(out, &asked, order.replace)?;
-    for set in &found {
-        made.found += set.variations();
-        steps.take(set.variations());
-    }
     for set in &sets {
         made.poses += set.write(&mut missing, &mut steps)?;
     }
@@ -179,7 +209,7 @@ fn classes_of(
     order: &SynthOrder,
     classes: &[ClassOrder],
     is_file: bool,
-) -> Result<(Catalogue, Vec<Class>), Error> {
+) -> Result<(Catalogue, Vec<Arc<Class>>), Error> {
     let mut ordered: Vec<&ClassOrder> = classes.iter().collect();
     ordered.sort_by(|a, b| a.label.cmp(&b.label));
     if let Some(pair) = ordered.windows(2).find(|pair| pair[0].label == pair[1].label) {
@@ -207,16 +237,17 @@ fn classes_of(
         stature_m: first.body.stature_m(),
         classes: corpora.iter().map(|(_, note, _)| note.clone()).collect(),
     };
+    catalogue.check_stems()?;
     let laid_out = corpora.into_iter().map(|(corpus, note, variations)| {
         let mut notes = catalogue.clone();
         if !is_file {
             notes.classes = vec![ClassNote { variations: None, ..note.clone() }];
         }
-        let notes = [("gaitway".to_owned(), notes.text()?)];
+        let notes = notes.text()?;
         let layout = TableLayout::new(&corpus, &catalogue.subject, &notes)?;
         let in_batch = in_batch(&corpus)?;
         let made = Variations::of(corpus)?;
-        Ok(Class { made, note, variations, in_batch, layout })
+        Ok(Arc::new(Class { made, note, variations, in_batch, layout, notes }))
     });
     let laid_out = laid_out.collect::<Result<_, Error>>()?;
     Ok((catalogue, laid_out))
@@ -284,19 +315,21 @@ struct Missing {
 }
 
 impl Missing {
-    fn of(sets: &[Set<'_>]) -> Result<Self, Error> {
+    fn of(sets: &[Set], observer: &dyn Observer) -> Result<Self, Error> {
         let mut missing = Self { bytes: 0, each: Vec::new() };
         for stretch in sets.iter().flat_map(|set| &set.stretches) {
             let label = &stretch.class.note.label;
             if !missing.each.iter().any(|(known, _)| known == label) {
-                missing.each.push((label.clone(), stretch.bytes_of_one()?));
+                let few = stretch.clone();
+                let each = unless_stopped(observer, move || few.bytes_of_one())?;
+                missing.each.push((label.clone(), each));
             }
             missing.bytes += missing.bytes_of(stretch);
         }
         Ok(missing)
     }
 
-    fn bytes_of(&self, stretch: &Stretch<'_>) -> u64 {
+    fn bytes_of(&self, stretch: &Stretch) -> u64 {
         let label = &stretch.class.note.label;
         let each = self.each.iter().find(|(known, _)| known == label).map_or(0, |(_, each)| *each);
         each.saturating_mul(stretch.range.len() as u64)
@@ -311,18 +344,19 @@ impl Class {
     }
 
     /// Its files in a folder: all but the last hold equally many variations.
-    fn sets(&self, folder: &Path) -> impl Iterator<Item = Set<'_>> {
+    fn sets(self: &Arc<Self>, folder: &Path) -> impl Iterator<Item = Set> {
         let in_file = self.in_batch * BATCHES_IN_FILE;
         let stem = stem(&self.note.label);
         (0..self.variations).step_by(in_file as usize).map(move |from| {
             let range = from..from.saturating_add(in_file).min(self.variations);
             let name = format!("poses-{stem}-{:06}.parquet", from / in_file);
-            Set { poses: folder.join(name), stretches: vec![Stretch { class: self, range }] }
+            let stretch = Stretch { class: Arc::clone(self), range };
+            Set { poses: folder.join(name), stretches: vec![stretch] }
         })
     }
 }
 
-impl Stretch<'_> {
+impl Stretch {
     fn batches(&self) -> Vec<Range<u32>> {
         let (end, in_batch) = (self.range.end, self.class.in_batch);
         let starts = self.range.clone().step_by(in_batch as usize);
@@ -345,67 +379,28 @@ impl Stretch<'_> {
     /// made, those before are written. Memory holds two rounds of batches, however many there are.
     fn in_order(
         &self,
+        observer: &dyn Observer,
         mut take: impl FnMut(&Range<u32>, Packed) -> Result<(), Error>,
     ) -> Result<(), Error> {
         let workers = std::thread::available_parallelism().map_or(1, usize::from);
-        let batches = self.batches();
+        let begun = |range: &Range<u32>| {
+            let (stretch, range) = (self.clone(), range.clone());
+            Pending::begin(move || stretch.packed(&range))
+        };
         let mut before: Vec<(&Range<u32>, Packed)> = Vec::new();
+        let batches = self.batches();
         for round in batches.chunks(workers) {
-            let made = std::thread::scope(|scope| {
-                let begun: Vec<_> = round
-                    .iter()
-                    .map(|range| (range, scope.spawn(move || self.packed(range))))
-                    .collect();
-                let written = before.drain(..).try_for_each(|(range, packed)| take(range, packed));
-                let made = begun.into_iter().map(|(range, worker)| {
-                    let packed = worker.join();
-                    let broke = |_| Err(Error::new("a worker thread of the corpus failed"));
-                    Ok((range, packed.unwrap_or_else(broke)?))
-                });
-                let made = made.collect::<Result<Vec<_>, Error>>();
-                written.and(made)
-            });
-            before = made?;
+            let pending = round.iter().map(begun).collect::<Result<Vec<_>, _>>()?;
+            before.drain(..).try_for_each(|(range, packed)| take(range, packed))?;
+            for (range, pending) in round.iter().zip(pending) {
+                before.push((range, pending.wait(observer)??));
+            }
         }
         before.into_iter().try_for_each(|(range, packed)| take(range, packed))
     }
 }
 
-/// A file that has its name only once it is whole; gone again if it never is.
-struct Part {
-    path: PathBuf,
-    is_kept: bool,
-    file: File,
-}
-
-impl Part {
-    fn create(path: PathBuf) -> Result<Self, std::io::Error> {
-        let file = File::create(Self::unfinished(&path))?;
-        Ok(Self { path, is_kept: false, file })
-    }
-
-    fn unfinished(path: &Path) -> PathBuf {
-        path.with_extension("parquet.part")
-    }
-
-    fn keep(&mut self) -> Result<(), std::io::Error> {
-        self.file.sync_all()?;
-        fs::rename(Self::unfinished(&self.path), &self.path)?;
-        self.is_kept = true;
-        Ok(())
-    }
-}
-
-impl Drop for Part {
-    fn drop(&mut self) {
-        if !self.is_kept {
-            // One that cannot be removed shows by its name that it is not whole.
-            let _ = fs::remove_file(Self::unfinished(&self.path));
-        }
-    }
-}
-
-impl Set<'_> {
+impl Set {
     fn variations(&self) -> u64 {
         self.stretches.iter().map(|stretch| stretch.range.len() as u64).sum()
     }
@@ -415,11 +410,28 @@ impl Set<'_> {
         [self.poses.clone(), pieces, variations]
     }
 
-    /// Whether it is there with all its variations. Their table has its name last: where that has a
-    /// row for each, the others are whole.
-    fn is_whole(&self) -> bool {
-        let [poses, pieces, variations] = self.paths();
-        poses.exists() && pieces.exists() && rows_of(&variations) == Some(self.variations())
+    /// What there is of it in a folder, where it has one stretch.
+    fn there(&self) -> There {
+        let paths = self.paths();
+        let Some(Stretch { class, range }) = self.stretches.first() else { return There::Nothing };
+        if paths.iter().all(|path| path.symlink_metadata().is_err()) {
+            return There::Nothing;
+        }
+        let whole = match SetEnd::of(&paths) {
+            Ok(end) => end,
+            Err(why) => return There::Damaged(why.to_string()),
+        };
+        let first = i64::from(range.start);
+        let is_it = whole.notes.as_deref() == Some(&class.notes)
+            && whole.first.map(i64::from) == Some(first);
+        match whole.variations {
+            count if is_it && count == self.variations() => There::Whole,
+            count if is_it && count < self.variations() => There::Fewer,
+            _ => {
+                let [path, ..] = paths;
+                There::Damaged(format!("{}: made from something else", path.display()))
+            }
+        }
     }
 
     /// Writes it under temporary names, then renames: what has its name is whole, and on the disk.
@@ -437,21 +449,20 @@ impl Set<'_> {
     fn write_parts(&self, is_full: &Arc<AtomicBool>, steps: &mut Steps<'_>) -> Result<u64, Error> {
         let failed = |path: &Path, e: std::io::Error| {
             is_full.fetch_or(room::is_full(&e), Ordering::Relaxed);
-            Error::of(ErrorKind::Io, "cannot write the corpus")
+            Error::of((&e).into(), "cannot write the corpus")
                 .at(path.display().to_string())
                 .got(e.to_string())
         };
         let Some(first) = self.stretches.first() else { return Ok(0) };
-        let (mut parts, mut streams) = (Vec::new(), Vec::new());
-        for path in self.paths() {
-            let part = Part::create(path.clone()).map_err(|e| failed(&path, e))?;
-            let file = part.file.try_clone().map_err(|e| failed(&path, e))?;
-            let stream = Watched { file, is_full: Arc::clone(is_full) };
-            streams.push(BufWriter::with_capacity(1 << 20, stream));
-            parts.push(part);
-        }
-        let Ok(streams) = <[_; 3]>::try_from(streams) else { return Ok(0) };
+        let begun = |path: PathBuf| -> Result<_, Error> {
+            let draft = Draft::beside(&path).map_err(|e| failed(&path, e))?;
+            let stream = Watched { draft, is_full: Arc::clone(is_full) };
+            Ok((path, BufWriter::with_capacity(1 << 20, stream)))
+        };
+        let [a, b, c] = self.paths().map(begun);
+        let mut parts = [a?, b?, c?];
         let name = self.poses.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+        let streams = parts.each_mut().map(|(_, stream)| stream);
         let mut writer = CorpusWriter::new(&first.class.layout, name, streams)?;
         let mut poses = 0;
         for (index, stretch) in self.stretches.iter().enumerate() {
@@ -459,7 +470,7 @@ impl Set<'_> {
                 writer.end_class()?;
                 writer.turn_to(&stretch.class.layout);
             }
-            stretch.in_order(|range, packed| {
+            stretch.in_order(steps.observer, |range, packed| {
                 poses += packed.poses();
                 steps.count(&stretch.class.note.label, &packed);
                 steps.take(range.len() as u64);
@@ -467,9 +478,14 @@ impl Set<'_> {
             })?;
         }
         writer.finish()?;
-        for part in &mut parts {
-            let path = part.path.clone();
-            part.keep().map_err(|e| failed(&path, e))?;
+        for (path, stream) in &mut parts {
+            let kept = stream.flush().and_then(|()| {
+                let draft = &mut stream.get_mut().draft;
+                draft.sync()?;
+                draft.keep()?;
+                draft.sync()
+            });
+            kept.map_err(|e| failed(path, e))?;
         }
         Ok(poses)
     }

@@ -67,15 +67,19 @@ pub fn subject(corpus: &Corpus) -> String {
     format!("body-{}", &fingerprint(&corpus.body)[..8])
 }
 
-/// A label as a part of a file name: what is no letter or digit becomes a hyphen, and then a
-/// fingerprint keeps it apart from others.
+/// A label as a part of a file name. What is no short plain word of small letters ends in a tilde and a fingerprint, which
+/// no plain word has, so that no two labels share a name, nor do they where capitals do not count.
 pub fn stem(label: &str) -> String {
-    let plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
+    let plain = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_' || c == '-';
     if label.len() <= 40 && label.chars().all(plain) {
         return label.to_owned();
     }
-    let simple: String = label.chars().take(40).map(|c| if plain(c) { c } else { '-' }).collect();
-    format!("{simple}-{}", &fingerprint(&label)[..8])
+    let simple = |c: char| {
+        let c = c.to_ascii_lowercase();
+        if plain(c) { c } else { '-' }
+    };
+    let simple: String = label.chars().take(40).map(simple).collect();
+    format!("{simple}~{}", fingerprint(&label))
 }
 
 impl ClassNote {
@@ -96,6 +100,19 @@ impl Catalogue {
         serde_json::to_string_pretty(self)
             .map(|text| text + "\n")
             .map_err(|e| Error::new("the corpus cannot be described").got(e.to_string()))
+    }
+
+    /// Fails if the files of two classes would have the same names.
+    pub fn check_stems(&self) -> Result<(), Error> {
+        let mut taken = BTreeMap::new();
+        for ClassNote { label, .. } in &self.classes {
+            if let Some(other) = taken.insert(stem(label), label) {
+                return Err(Error::new("the files of two classes would have the same names")
+                    .got(format!("{other:?} and {label:?}"))
+                    .remedy("choose another label for one of them"));
+            }
+        }
+        Ok(())
     }
 
     /// What of `asked` this corpus cannot hold, in words.
@@ -145,6 +162,11 @@ pub fn open_folder(folder: &Path, asked: &Catalogue, force: bool) -> Result<File
         Error::of(e.into(), what).at(folder.display().to_string()).got(e.to_string())
     };
     let note = folder.join(NAME);
+    if folder.exists() && !folder.is_dir() {
+        return Err(Error::new("this is a file, not a folder")
+            .at(folder.display().to_string())
+            .allowed("a folder, or a name that ends in .parquet"));
+    }
     fs::create_dir_all(folder).map_err(|e| failed("cannot make the folder", &e))?;
     let lock = File::open(folder).map_err(|e| failed("cannot read the folder", &e))?;
     if let Err(TryLockError::WouldBlock) = lock.try_lock() {
@@ -163,6 +185,7 @@ pub fn open_folder(folder: &Path, asked: &Catalogue, force: bool) -> Result<File
                     .remedy("choose another folder, or repeat the command that began this one"));
             }
             let grown = found.with(asked);
+            grown.check_stems()?;
             if grown == found {
                 return Ok(lock);
             }
@@ -196,7 +219,9 @@ fn found(note: &Path) -> Result<Option<Catalogue>, Error> {
             .remedy("choose another folder")
     };
     let length = match note.metadata() {
-        Ok(of) => of.len(),
+        Ok(of) if of.is_file() => of.len(),
+        // A pipe would be waited for.
+        Ok(_) => return Err(wrong("it is no file".to_owned())),
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
         Err(e) => return Err(wrong(e.to_string())),
     };
@@ -205,4 +230,26 @@ fn found(note: &Path) -> Result<Option<Catalogue>, Error> {
     }
     let text = fs::read_to_string(note).map_err(|e| wrong(e.to_string()))?;
     serde_json::from_str(&text).map(Some).map_err(|e| wrong(e.to_string()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeSet;
+
+    #[test]
+    fn no_two_labels_have_one_stem_and_every_stem_is_a_name() {
+        let long = "a".repeat(41);
+        let labels =
+            ["a b", "a-b", "a/b", "a.b", "A-b", "a_b", "", "-", "..", "a\u{e9}b", "a\u{301}b"];
+        let mut labels: BTreeSet<String> = labels.map(str::to_owned).into();
+        labels.extend([long.clone() + "b", long]);
+        // Those who know how the others are written.
+        let stems: Vec<String> = labels.iter().map(|label| stem(label)).collect();
+        labels.extend(stems);
+        let plain = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || "_-~".contains(c);
+        let stems: BTreeSet<String> = labels.iter().map(|label| stem(label)).collect();
+        assert_eq!(stems.len(), labels.len(), "{stems:?}");
+        assert!(stems.iter().all(|stem| stem.len() < 64 && stem.chars().all(plain)), "{stems:?}");
+    }
 }

@@ -1,7 +1,7 @@
 //! Room on the disk: looked at before a corpus is made, and told when it ends on the way.
 
+use crate::draft::Draft;
 use crate::error::{Error, ErrorKind};
-use std::fs::File;
 use std::io::{self, Write};
 use std::path::Path;
 use std::sync::Arc;
@@ -53,7 +53,7 @@ fn free_bytes(path: &Path) -> Option<u64> {
 
 /// A file that remembers that its disk was full.
 pub struct Watched {
-    pub file: File,
+    pub draft: Draft,
     pub is_full: Arc<AtomicBool>,
 }
 
@@ -76,12 +76,12 @@ pub fn is_full(cause: &io::Error) -> bool {
 
 impl Write for Watched {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        let done = self.file.write(bytes);
+        let done = self.draft.write(bytes);
         self.watch(done)
     }
 
     fn flush(&mut self) -> io::Result<()> {
-        let done = self.file.flush();
+        let done = self.draft.flush();
         self.watch(done)
     }
 }

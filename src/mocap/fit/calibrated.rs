@@ -43,8 +43,8 @@ pub const fn places(segment: Segment) -> &'static [MarkerPlace] {
     use MarkerPlace::*;
     match segment {
         Segment::Pelvis => &[LASI, RASI, LPSI, RPSI, SACR],
-        Segment::Torso => &[C7, T10, CLAV, STRN, RBAK],
-        Segment::Head => &[LFHD, RFHD, LBHD, RBHD],
+        Segment::Torso => &[C7, T10, CLAV, STRN, LBAK, RBAK],
+        Segment::Head => &[LFHD, RFHD, LBHD, RBHD, HTOP, HFRO, HSID],
         Segment::LeftUpperArm => &[LELB, LUPA],
         Segment::LeftForearm => &[LWRA, LWRB, LFRM],
         Segment::RightUpperArm => &[RELB, RUPA],
@@ -261,8 +261,9 @@ fn turn_of(
         Segment::Pelvis => upright(DVec3::Z, of(MarkerPlace::LASI)? - of(MarkerPlace::RASI)?),
         Segment::Torso => upright(DVec3::Z, trunk?.turn * DVec3::Y),
         Segment::Head => {
-            let back = of(MarkerPlace::LBHD)?.midpoint(of(MarkerPlace::RBHD)?);
-            let front = of(MarkerPlace::LFHD)?.midpoint(of(MarkerPlace::RFHD)?);
+            let middle = |left, right| Some(of(left)?.midpoint(of(right)?));
+            let back = middle(MarkerPlace::LBHD, MarkerPlace::RBHD).or(of(MarkerPlace::HTOP))?;
+            let front = middle(MarkerPlace::LFHD, MarkerPlace::RFHD).or(of(MarkerPlace::HFRO))?;
             upright(DVec3::Z, DVec3::Z.cross(front - back))
         }
         Segment::LeftFoot | Segment::RightFoot => {

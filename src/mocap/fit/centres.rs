@@ -92,7 +92,7 @@ pub struct SideMeasures {
 }
 
 /// What the rules need to know of a person.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Measures {
     /// Of the left and the right side.
     pub sides: [SideMeasures; 2],
@@ -100,6 +100,8 @@ pub struct Measures {
     pub marker_radius_m: f64,
     /// Distance between the ASIS, m, where a file says it.
     pub inter_asis_m: Option<f64>,
+    /// Hip joints that motion showed, left and right, in the frame of [`pelvis`], m.
+    pub hips_m: [Option<DVec3>; 2],
 }
 
 /// The names that Plug-in Gait gives to measures in the group PROCESSING, without the side.
@@ -162,7 +164,12 @@ impl Measures {
                 estimated.join(", ")
             ));
         }
-        Self { sides, marker_radius_m: radius_m, inter_asis_m: stored("InterAsisDistance") }
+        Self {
+            sides,
+            marker_radius_m: radius_m,
+            inter_asis_m: stored("InterAsisDistance"),
+            hips_m: [None; 2],
+        }
     }
 
     fn side(&self, side: Side) -> &SideMeasures {
@@ -214,9 +221,12 @@ fn back(seen: &SeenMarkers) -> Option<DVec3> {
     }
 }
 
-/// A hip joint in the frame of [`pelvis`], m.
+/// A hip joint in the frame of [`pelvis`], m: as motion showed it, else by a rule.
 #[must_use]
 pub fn hip(seen: &SeenMarkers, side: Side, measures: &Measures, by: HipBy) -> Option<DVec3> {
+    if let Some(shown_m) = measures.hips_m[side as usize] {
+        return Some(shown_m);
+    }
     let of = |place: MarkerPlace| seen[place as usize];
     let (left, right) = (of(MarkerPlace::LASI)?, of(MarkerPlace::RASI)?);
     let width = left.distance(right);

@@ -8,13 +8,15 @@ use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// The sets that come with the program.
-const SHIPPED: [&str; 3] = [
+const SHIPPED: [&str; 4] = [
     include_str!("sets/plug-in-gait.toml"),
     include_str!("sets/plug-in-gait-lower.toml"),
     include_str!("sets/cmu-41.toml"),
+    include_str!("sets/baseline.toml"),
 ];
 
-/// A place on the skin, by its usual name (Vicon, "Plug-in Gait Reference Guide", marker placement).
+/// A place on the skin, by its usual name (Vicon, "Plug-in Gait Reference Guide", marker placement). Three of the head, on
+/// top, in front and beside, and the left of the back have none there.
 #[allow(clippy::upper_case_acronyms, missing_docs, reason = "these are their names")]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize)]
 pub enum MarkerPlace {
@@ -22,10 +24,14 @@ pub enum MarkerPlace {
     RFHD,
     LBHD,
     RBHD,
+    HTOP,
+    HFRO,
+    HSID,
     C7,
     T10,
     CLAV,
     STRN,
+    LBAK,
     RBAK,
     LSHO,
     LUPA,

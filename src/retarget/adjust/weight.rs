@@ -9,7 +9,8 @@ use super::{Adjusting, Banded, Clip, NODES_HZ, Normal, Solver, Stance};
 use crate::error::Error;
 use crate::motion::{End, Spline};
 use crate::retarget::balance::{Balance, FloorLoad, falls_at};
-use crate::retarget::base::{self, Held, StandingSole};
+use crate::retarget::base::{self, BasePath, Held, StandingSole};
+use crate::retarget::fall::OnFloor;
 use crate::retarget::{Footfall, footfall};
 use crate::rigid::Placement;
 use crate::rigid::ground::{GRAVITY_M_S2, SupportPolygon};
@@ -363,6 +364,27 @@ pub fn stays(of: &Adjusting<'_>, angles_rad: &[Vec<f64>]) -> Result<bool, Error>
     Ok(at_own_pace(of, angles_rad)?.is_none_or(|balance| balance.falls_at.is_none()))
 }
 
+/// Whether nobody falls in these poses at their own pace, with servos that give way as much as they do and with soft ones; of
+/// a robot whose file does not say how they do it, true.
+///
+/// # Errors
+/// Of a spline.
+pub fn survives(of: &Adjusting<'_>, angles_rad: &[Vec<f64>]) -> Result<bool, Error> {
+    let count = angles_rad.first().map_or(0, Vec::len);
+    let (Some(footfalls), Some(slower), Some(drive)) = (of.footfalls, of.slower, of.body.drive)
+    else {
+        return Ok(true);
+    };
+    if count < 3 {
+        return Ok(true);
+    }
+    let look = Look::of(of, footfalls, slower, angles_rad)?;
+    let Looked { poses, path, .. } = look.looked((0..count).map(|at| at as f64).collect());
+    let (body, soles) = (of.body, look.soles.as_slice());
+    let on = OnFloor { body, soles, drive, friction: 1.0, poses: &poses, path: &path };
+    Ok(on.softly().lost_at().is_none() && on.lost_at().is_none())
+}
+
 /// How a motion does on the floor as it is; nothing of one that does not stand, or of less than three poses.
 fn at_own_pace(of: &Adjusting<'_>, angles_rad: &[Vec<f64>]) -> Result<Option<Balance>, Error> {
     let count = angles_rad.first().map_or(0, Vec::len);
@@ -372,6 +394,13 @@ fn at_own_pace(of: &Adjusting<'_>, angles_rad: &[Vec<f64>]) -> Result<Option<Bal
     }
     let look = Look::of(of, footfalls, slower, angles_rad)?;
     Ok(Some(look.at((0..count).map(|at| at as f64).collect())?.1))
+}
+
+/// Poses of a motion, at what times of it, and where the base is then.
+struct Looked {
+    times: Vec<f64>,
+    poses: Vec<Vec<f64>>,
+    path: BasePath,
 }
 
 /// How a motion does on the floor at any pace.
@@ -395,8 +424,8 @@ impl<'a> Look<'a> {
         Ok(Self { of, footfalls, slower, soles: StandingSole::all(of.body), splines })
     }
 
-    /// What becomes of it at these times, in samples, one after the other; the times that were looked at.
-    fn at(&self, times: Vec<f64>) -> Result<(Vec<f64>, Balance), Error> {
+    /// Some of these times, in samples, one after the other, and what it does then.
+    fn looked(&self, times: Vec<f64>) -> Looked {
         let played_hz = self.of.rate_hz / self.slower;
         let skip = (played_hz / LOOK_HZ).floor().max(1.0) as usize;
         let times: Vec<f64> = times.into_iter().step_by(skip).collect();
@@ -407,6 +436,14 @@ impl<'a> Look<'a> {
         let said = |at: usize| said.get(at).copied();
         let body = self.of.body;
         let path = base::path(body, &self.soles, Held::Standing, &poses, rate_hz, said);
+        Looked { times, poses, path }
+    }
+
+    /// What becomes of it at these times, in samples, one after the other; the times that were looked at.
+    fn at(&self, times: Vec<f64>) -> Result<(Vec<f64>, Balance), Error> {
+        let body = self.of.body;
+        let Looked { times, poses, path } = self.looked(times);
+        let rate_hz = path.rate_hz;
         let mut load = FloorLoad::new(body, &self.soles, rate_hz);
         for (pose, place) in poses.iter().zip(&path.places) {
             load.next(&body.tree.place(*place, &body.angles(pose)));

@@ -2,7 +2,7 @@
 
 use super::super::{Verdict, finite, is_name, not_empty, positive};
 use crate::error::{Faults, ProfileError};
-use crate::schema::{Body, BodyLink, CoupledJoint, Robot};
+use crate::schema::{Body, BodyLink, BodyServos, CoupledJoint, Robot};
 use std::collections::BTreeSet;
 
 /// How far the length of an axis or a quaternion may be from 1.
@@ -43,8 +43,31 @@ pub(super) fn body(file: &str, body: &Body, robot: &Robot, faults: &mut Faults) 
         faults.note(weighs(file, link, &place));
         faults.note(takes_up(file, link, &place));
     }
+    if let Some(servos) = &body.servos {
+        give_way(file, servos, faults);
+    }
     if !body.links.iter().any(|link| link.mass_kg > 0.0) {
         faults.note(Err(ProfileError::new(file, "a body without mass is none").at("body, link")));
+    }
+}
+
+fn give_way(file: &str, servos: &BodyServos, faults: &mut Faults) {
+    faults.note(not_empty(file, "body, servos, source", &servos.source));
+    for (key, value) in
+        [("stiffness_nm_rad", servos.stiffness_nm_rad), ("torque_nm", servos.torque_nm)]
+    {
+        faults.note(positive(file, || format!("body, servos, {key}"), value));
+    }
+    for (key, value) in
+        [("damping_nm_s_rad", servos.damping_nm_s_rad), ("armature_kg_m2", servos.armature_kg_m2)]
+    {
+        faults.note(finite(file, || format!("body, servos, {key}"), value));
+        if value < 0.0 {
+            faults.note(Err(ProfileError::new(file, "a servo does not push itself")
+                .at(format!("body, servos, {key}"))
+                .got(value)
+                .allowed("0 or more")));
+        }
     }
 }
 

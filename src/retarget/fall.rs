@@ -1,0 +1,79 @@
+//! Whether a robot falls whose servos give way: it is let go in the first pose of a motion, on a floor, and its joints are
+//! pulled along.
+
+use crate::retarget::base::{BasePath, StandingSole};
+use crate::rigid::ground::GRAVITY_M_S2;
+use crate::rigid::{Drive, Moving};
+use crate::robot::RobotBody;
+use glam::DVec3;
+
+/// Length of a step, s.
+const STEP_S: f64 = 0.002;
+/// So long after the end it must still stand, s.
+const AFTER_S: f64 = 1.0;
+/// A trunk that is turned this far from where it should be is lost, rad.
+const LOST_RAD: f64 = 0.7;
+/// A base that is lower than this part of where it should be is lost.
+const LOW: f64 = 0.6;
+
+/// Servos that are soft are so many times as stiff: as with a body that weighs a fifth more, and less of a charge.
+const SOFT: f64 = 0.7;
+
+/// A motion on a floor.
+#[derive(Clone, Copy, Debug)]
+pub struct OnFloor<'a> {
+    /// The robot.
+    pub body: &'a RobotBody,
+    /// What it stands on.
+    pub soles: &'a [StandingSole],
+    /// How its servos pull.
+    pub drive: Drive,
+    /// Of soles on the floor.
+    pub friction: f64,
+    /// Angles of its joints, rad.
+    pub poses: &'a [Vec<f64>],
+    /// Where its base goes if all goes well.
+    pub path: &'a BasePath,
+}
+
+impl OnFloor<'_> {
+    /// The same with soft servos.
+    #[must_use]
+    pub fn softly(self) -> Self {
+        let stiffness_nm_rad = self.drive.stiffness_nm_rad * SOFT;
+        Self { drive: Drive { stiffness_nm_rad, ..self.drive }, ..self }
+    }
+
+    /// In which pose it is lost, if in any.
+    #[must_use]
+    pub fn lost_at(&self) -> Option<usize> {
+        let OnFloor { body, soles, drive, friction, poses, path } = *self;
+        let (first, place) = (poses.first()?, *path.places.first()?);
+        let corners =
+            soles.iter().flat_map(|sole| sole.corners_m.iter().map(|at_m| (sole.link, *at_m)));
+        let angles = body.angles(first);
+        let mut moving =
+            Moving::at_rest(&body.tree, drive, friction, GRAVITY_M_S2, corners, place, &angles);
+        let last = poses.len() - 1;
+        let end_s = last as f64 / path.rate_hz + AFTER_S;
+        let mut goals = angles;
+        for step in 1..=(end_s / STEP_S) as usize {
+            let along = (step as f64 * STEP_S * path.rate_hz).min(last as f64);
+            let (before, share) = (along as usize, along.fract());
+            let (from, to) = (&poses[before], &poses[(before + 1).min(last)]);
+            for (goal, (from, to)) in goals.iter_mut().zip(from.iter().zip(to)) {
+                *goal = from + (to - from) * share;
+            }
+            let wanted = path.places[before];
+            let is_up = moving.step(&goals, STEP_S) && {
+                let is = moving.base();
+                let off_rad = (is.turn * DVec3::Z).angle_between(wanted.turn * DVec3::Z);
+                off_rad < LOST_RAD && is.at_m.z > LOW * wanted.at_m.z
+            };
+            if !is_up {
+                return Some(before);
+            }
+        }
+        None
+    }
+}

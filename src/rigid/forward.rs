@@ -1,0 +1,370 @@
+//! What a tree of links on a level floor does while its joints are pulled to where they should be: forward dynamics, step by
+//! step.
+//!
+//! Masses by composite bodies, what moves by itself by inverse dynamics (Featherstone, Rigid Body Dynamics Algorithms, 2008, 6.2
+//! and 5.3). Joints are springs with dampers between goal and link, the floor is one under each corner that is below it, with
+//! Coulomb's friction. All of them are taken at the end of a step (linearly implicit Euler), so that stiff ones do not shake.
+
+use super::tree::{JointKind, Placement, Tree, TreeMotion};
+use glam::{DMat3, DQuat, DVec3};
+use nalgebra::{DMatrix, DVector};
+
+/// How deep a body at rest is in the floor with a quarter of its weight on a corner, m.
+const SINKS_M: f64 = 0.0001;
+/// The floor's damping, as a part of its stiffness, s.
+const FLOOR_S: f64 = 0.004;
+/// How often a step is solved again because a corner leaves the floor or slips.
+const PASSES: usize = 4;
+
+/// How joints pull.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Drive {
+    /// Torque for a radian between goal and joint, N m/rad.
+    pub stiffness_nm_rad: f64,
+    /// Torque against a speed of a radian a second, N m s/rad.
+    pub damping_nm_s_rad: f64,
+    /// What turns with the motor, seen from the joint, kg m².
+    pub armature_kg_m2: f64,
+    /// Most torque, N m.
+    pub torque_nm: f64,
+}
+
+/// A corner of a link that may lie on the floor.
+#[derive(Clone, Debug)]
+struct Corner {
+    link: usize,
+    at_m: DVec3,
+    /// Where it sticks to the floor, while it is below it.
+    sticks_m: Option<DVec3>,
+}
+
+/// How a corner meets the floor in a step.
+#[derive(Clone, Copy, PartialEq)]
+enum Meets {
+    Not,
+    Sticks,
+    /// With this force along the floor.
+    Slips(DVec3),
+}
+
+/// A tree that moves.
+#[derive(Clone, Debug)]
+pub struct Moving<'a> {
+    tree: &'a Tree,
+    drive: Drive,
+    friction: f64,
+    gravity_m_s2: f64,
+    corners: Vec<Corner>,
+    /// Joints that move by themselves, and how each that moves follows them: `[coordinate][own]`.
+    own: Vec<usize>,
+    follows: DMatrix<f64>,
+    motion: TreeMotion,
+}
+
+/// Mass of a link and all it carries, about the base's origin.
+#[derive(Clone, Copy, Default)]
+struct Composite {
+    mass_kg: f64,
+    moment: DVec3,
+    inertia: DMat3,
+}
+
+impl Composite {
+    fn add(&mut self, other: &Self) {
+        self.mass_kg += other.mass_kg;
+        self.moment += other.moment;
+        self.inertia += other.inertia;
+    }
+
+    /// Momentum and angular momentum of a motion: velocity at the base's origin, and spin.
+    fn momentum(&self, (velocity, spin): (DVec3, DVec3)) -> (DVec3, DVec3) {
+        (
+            velocity * self.mass_kg + spin.cross(self.moment),
+            self.moment.cross(velocity) + self.inertia * spin,
+        )
+    }
+}
+
+impl<'a> Moving<'a> {
+    /// A tree at rest: where its first link is, its angles (coupled ones follow), and the corners it may stand on, each with its link.
+    ///
+    /// # Panics
+    /// If `angles` are not as many as joints that move.
+    #[must_use]
+    pub fn at_rest(
+        tree: &'a Tree,
+        drive: Drive,
+        friction: f64,
+        gravity_m_s2: f64,
+        corners: impl IntoIterator<Item = (usize, DVec3)>,
+        base: Placement,
+        angles: &[f64],
+    ) -> Self {
+        let coupled: Vec<usize> =
+            tree.couplings().iter().filter_map(|of| tree.coordinate(of.link)).collect();
+        let own: Vec<usize> = (0..tree.moving()).filter(|at| !coupled.contains(at)).collect();
+        let mut follows = DMatrix::zeros(tree.moving(), own.len());
+        for (column, at) in own.iter().enumerate() {
+            let mut rates = vec![0.0; tree.moving()];
+            rates[*at] = 1.0;
+            follows.set_column(column, &DVector::from_vec(tree.coupled_rates(&rates)));
+        }
+        let corners = corners.into_iter();
+        Self {
+            tree,
+            drive,
+            friction,
+            gravity_m_s2,
+            corners: corners.map(|(link, at_m)| Corner { link, at_m, sticks_m: None }).collect(),
+            own,
+            follows,
+            motion: TreeMotion::at_rest(base, tree.coupled(angles)),
+        }
+    }
+
+    /// Where the first link is.
+    #[must_use]
+    pub const fn base(&self) -> Placement {
+        self.motion.base
+    }
+
+    /// Angles of all joints that move.
+    #[must_use]
+    pub fn angles(&self) -> &[f64] {
+        &self.motion.angles
+    }
+
+    /// Where all links are.
+    #[must_use]
+    pub fn placed(&self) -> Vec<Placement> {
+        self.tree.place(self.motion.base, &self.motion.angles)
+    }
+
+    /// One step on, joints pulled to these goals (as many as joints that move). False if that has no answer.
+    pub fn step(&mut self, goals: &[f64], step_s: f64) -> bool {
+        let placed = self.placed();
+        let (size, joints) = (6 + self.own.len(), self.own.len());
+        let mass = self.masses(&placed);
+        let efforts =
+            self.tree.inverse_dynamics(&self.motion, DVec3::new(0.0, 0.0, -self.gravity_m_s2));
+        let mut velocity = DVector::zeros(size);
+        put(&mut velocity, 0, self.motion.velocity_m_s);
+        put(&mut velocity, 3, self.motion.spin_rad_s);
+        let bias = self.follows.transpose() * DVector::from_column_slice(&efforts.joints);
+        let mut push = DVector::zeros(size);
+        put(&mut push, 0, -efforts.base_force_n);
+        put(&mut push, 3, -efforts.base_torque_nm);
+        let mut system = mass.clone();
+        for (row, at) in self.own.iter().enumerate() {
+            velocity[6 + row] = self.motion.rates[*at];
+            let Drive { stiffness_nm_rad, damping_nm_s_rad, armature_kg_m2, torque_nm } =
+                self.drive;
+            let pull = stiffness_nm_rad * (goals[*at] - self.motion.angles[*at]);
+            push[6 + row] = pull.clamp(-torque_nm, torque_nm) - bias[row];
+            let yields = if pull.abs() < torque_nm { stiffness_nm_rad * step_s } else { 0.0 };
+            system[(6 + row, 6 + row)] += armature_kg_m2 + step_s * (damping_nm_s_rad + yields);
+        }
+        let mut side = &mass * &velocity + push * step_s;
+        for row in 0..joints {
+            side[6 + row] += self.drive.armature_kg_m2 * velocity[6 + row];
+        }
+        let stiffness = self.tree.mass_kg() * self.gravity_m_s2 / (4.0 * SINKS_M);
+        let damping = stiffness * FLOOR_S;
+        let points: Vec<DVec3> =
+            self.corners.iter().map(|corner| placed[corner.link].point(corner.at_m)).collect();
+        let low: Vec<usize> = (0..points.len()).filter(|at| points[*at].z < 0.0).collect();
+        let ways: Vec<DMatrix<f64>> =
+            low.iter().map(|at| self.way(&placed, self.corners[*at].link, points[*at])).collect();
+        let mut meets = vec![Meets::Sticks; low.len()];
+        let sticks = |corner: &Corner, point: DVec3| {
+            let at = corner.sticks_m.unwrap_or(point);
+            DVec3::new(at.x, at.y, 0.0)
+        };
+        let mut solved = velocity.clone();
+        for pass in 0..=PASSES {
+            let (mut system, mut side) = (system.clone(), side.clone());
+            for ((at, way), meets) in low.iter().zip(&ways).zip(&meets) {
+                let mut held = (sticks(&self.corners[*at], points[*at]) - points[*at]) * stiffness;
+                let yields = step_s * (stiffness * step_s + damping);
+                let mut by = DVec3::splat(yields);
+                match meets {
+                    Meets::Not => continue,
+                    Meets::Sticks => {}
+                    Meets::Slips(force) => {
+                        held = DVec3::new(force.x, force.y, held.z);
+                        by = DVec3::new(0.0, 0.0, yields);
+                    }
+                }
+                let weighed = DMatrix::from_fn(3, size, |row, column| by[row] * way[(row, column)]);
+                system.gemm_tr(1.0, way, &weighed, 1.0);
+                side.gemv_tr(step_s, way, &DVector::from_column_slice(&held.to_array()), 1.0);
+            }
+            let Some(factors) = system.cholesky() else { return false };
+            solved = factors.solve(&side);
+            if pass == PASSES {
+                break;
+            }
+            let mut changed = false;
+            for ((at, way), meets) in low.iter().zip(&ways).zip(&mut meets) {
+                let moves = way * &solved;
+                let moves = DVec3::new(moves[0], moves[1], moves[2]);
+                let away = sticks(&self.corners[*at], points[*at]) - points[*at];
+                let force = away * stiffness - moves * (stiffness * step_s + damping);
+                let along = DVec3::new(force.x, force.y, 0.0);
+                let most = self.friction * force.z;
+                let next = if force.z < 0.0 || *meets == Meets::Not {
+                    Meets::Not
+                } else if let Meets::Slips(before) = *meets {
+                    Meets::Slips(before.normalize_or_zero() * most)
+                } else if along.length() > most {
+                    Meets::Slips(along.normalize_or_zero() * most)
+                } else {
+                    Meets::Sticks
+                };
+                changed |= std::mem::discriminant(&next) != std::mem::discriminant(meets);
+                *meets = next;
+            }
+            if !changed {
+                break;
+            }
+        }
+        for (corner, point) in self.corners.iter_mut().zip(&points) {
+            if point.z >= 0.0 {
+                corner.sticks_m = None;
+            }
+        }
+        for ((at, way), meets) in low.iter().zip(&ways).zip(&meets) {
+            let moves = way * &solved;
+            let there = points[*at] + DVec3::new(moves[0], moves[1], 0.0) * step_s;
+            let corner = &mut self.corners[*at];
+            corner.sticks_m = match meets {
+                Meets::Not => None,
+                Meets::Sticks => Some(corner.sticks_m.unwrap_or(points[*at])),
+                Meets::Slips(force) => Some(there + *force / stiffness),
+            };
+        }
+        self.go_on(&solved, step_s);
+        solved.iter().all(|value| value.is_finite())
+    }
+
+    fn go_on(&mut self, velocity: &DVector<f64>, step_s: f64) {
+        let take = |at: usize| DVec3::new(velocity[at], velocity[at + 1], velocity[at + 2]);
+        let motion = &mut self.motion;
+        (motion.velocity_m_s, motion.spin_rad_s) = (take(0), take(3));
+        motion.base.at_m += motion.velocity_m_s * step_s;
+        let turn = DQuat::from_scaled_axis(motion.spin_rad_s * step_s);
+        motion.base.turn = (turn * motion.base.turn).normalize();
+        let rates = &self.follows * velocity.rows(6, self.own.len());
+        for ((angle, rate), to) in motion.angles.iter_mut().zip(&mut motion.rates).zip(rates.iter())
+        {
+            *rate = *to;
+            *angle += to * step_s;
+        }
+    }
+
+    /// How a joint moves what it carries: velocity at the base's origin, and spin.
+    fn screw(&self, placed: &[Placement], link: usize) -> (DVec3, DVec3) {
+        let of = &self.tree.links()[link];
+        let axis = placed[link].turn * of.axis;
+        match of.kind {
+            JointKind::Hinge => {
+                (axis.cross(self.motion.base.at_m - placed[link].point(of.anchor_m)), axis)
+            }
+            JointKind::Slide | JointKind::Fixed => (axis, DVec3::ZERO),
+        }
+    }
+
+    /// How fast a point goes for the base and for each joint that moves by itself.
+    fn way(&self, placed: &[Placement], link: usize, point_m: DVec3) -> DMatrix<f64> {
+        let arm = point_m - self.motion.base.at_m;
+        let mut way = DMatrix::zeros(3, 6 + self.own.len());
+        for (axis, unit) in [DVec3::X, DVec3::Y, DVec3::Z].into_iter().enumerate() {
+            way[(axis, axis)] = 1.0;
+            let turned = unit.cross(arm);
+            (0..3).for_each(|row| way[(row, 3 + axis)] = turned[row]);
+        }
+        let mut next = Some(link);
+        while let Some(index) = next {
+            if let Some(at) = self.tree.coordinate(index) {
+                let (velocity, spin) = self.screw(placed, index);
+                let moves = velocity + spin.cross(arm);
+                for own in 0..self.own.len() {
+                    let ratio = self.follows[(at, own)];
+                    (0..3).for_each(|row| way[(row, 6 + own)] += ratio * moves[row]);
+                }
+            }
+            next = self.tree.links()[index].parent;
+        }
+        way
+    }
+
+    /// The mass matrix: of the base, and of each joint that moves by itself.
+    fn masses(&self, placed: &[Placement]) -> DMatrix<f64> {
+        let (links, origin_m) = (self.tree.links(), self.motion.base.at_m);
+        let mut all: Vec<Composite> = links
+            .iter()
+            .zip(placed)
+            .map(|(link, place)| {
+                let arm = place.point(link.mass.centre_m) - origin_m;
+                let turn = DMat3::from_quat(place.turn);
+                let outer = DMat3::from_cols(arm * arm.x, arm * arm.y, arm * arm.z);
+                let about = DMat3::from_diagonal(DVec3::splat(arm.length_squared())) - outer;
+                Composite {
+                    mass_kg: link.mass.mass_kg,
+                    moment: arm * link.mass.mass_kg,
+                    inertia: turn * link.mass.inertia_kg_m2 * turn.transpose()
+                        + about * link.mass.mass_kg,
+                }
+            })
+            .collect();
+        for index in (1..links.len()).rev() {
+            if let Some(parent) = links[index].parent {
+                let carried = all[index];
+                all[parent].add(&carried);
+            }
+        }
+        let moving = self.tree.moving();
+        let mut full = DMatrix::zeros(6 + moving, 6 + moving);
+        let axes = [DVec3::X, DVec3::Y, DVec3::Z];
+        for (column, unit) in axes.into_iter().enumerate() {
+            for (at, motion) in [(column, (unit, DVec3::ZERO)), (3 + column, (DVec3::ZERO, unit))] {
+                let (force, torque) = all[0].momentum(motion);
+                (0..3).for_each(|row| full[(row, at)] = force[row]);
+                (0..3).for_each(|row| full[(3 + row, at)] = torque[row]);
+            }
+        }
+        for index in 0..links.len() {
+            let Some(at) = self.tree.coordinate(index) else { continue };
+            let (force, torque) = all[index].momentum(self.screw(placed, index));
+            for row in 0..3 {
+                full[(row, 6 + at)] = force[row];
+                full[(3 + row, 6 + at)] = torque[row];
+                full[(6 + at, row)] = force[row];
+                full[(6 + at, 3 + row)] = torque[row];
+            }
+            let mut next = Some(index);
+            while let Some(above) = next {
+                if let Some(other) = self.tree.coordinate(above) {
+                    let (velocity, spin) = self.screw(placed, above);
+                    let value = velocity.dot(force) + spin.dot(torque);
+                    full[(6 + at, 6 + other)] = value;
+                    full[(6 + other, 6 + at)] = value;
+                }
+                next = links[above].parent;
+            }
+        }
+        if self.own.len() == moving {
+            return full;
+        }
+        let mut reduced = DMatrix::zeros(6 + moving, 6 + self.own.len());
+        (0..6).for_each(|at| reduced[(at, at)] = 1.0);
+        reduced.view_mut((6, 6), (moving, self.own.len())).copy_from(&self.follows);
+        reduced.transpose() * full * reduced
+    }
+}
+
+fn put(into: &mut DVector<f64>, first: usize, value: DVec3) {
+    for (at, part) in value.to_array().into_iter().enumerate() {
+        into[first + at] = part;
+    }
+}

@@ -1,0 +1,156 @@
+//! Whether a robot that is said to stay on its feet does, and one that is said to fall falls, judged by MuJoCo's model of it on
+//! servos that give way, as they are and otherwise. `GAITWAY_LONG=1` takes all captures and actions, and prints shares.
+
+mod aloud;
+mod captured;
+#[path = "whole_body/floor.rs"]
+mod floor;
+mod program;
+mod python;
+#[path = "whole_body/tempo.rs"]
+mod tempo;
+
+use aloud::aloud;
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// What is tried: its name, N m/rad (none: as in the model), friction, times the mass, s of delay, a seed.
+type Condition = (&'static str, Option<f64>, f64, f64, f64, Option<u64>);
+
+const AS_IT_IS: Condition = ("as it is", None, 1.0, 1.0, 0.0, None);
+const SOFT: Condition = ("15 N m/rad", Some(15.0), 1.0, 1.0, 0.0, None);
+const HEAVY: Condition = ("mass x 1.2", None, 1.0, 1.2, 0.0, None);
+const ALL: [Condition; 12] = [
+    AS_IT_IS,
+    SOFT,
+    ("60 N m/rad", Some(60.0), 1.0, 1.0, 0.0, None),
+    ("friction 0.5", None, 0.5, 1.0, 0.0, None),
+    ("mass x 0.8", None, 1.0, 0.8, 0.0, None),
+    HEAVY,
+    ("20 ms late", None, 1.0, 1.0, 0.02, None),
+    ("pushed, 0", None, 1.0, 1.0, 0.0, Some(0)),
+    ("pushed, 1", None, 1.0, 1.0, 0.0, Some(1)),
+    ("pushed, 2", None, 1.0, 1.0, 0.0, Some(2)),
+    ("pushed, 3", None, 1.0, 1.0, 0.0, Some(3)),
+    ("pushed, 4", None, 1.0, 1.0, 0.0, Some(4)),
+];
+
+fn folder() -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("whole-body");
+    std::fs::create_dir_all(&folder).expect("a temporary folder");
+    folder
+}
+
+/// The table of a motion on OP3, and what is said of it; nothing if it is refused.
+fn retargeted(motion: &str, name: &str) -> Option<(PathBuf, Value)> {
+    let table = folder().join(format!("{name}.csv"));
+    let mut command = program::gaitway();
+    command.args(["retarget", motion, "--robot", "op3", "--rate", "100", "--json", "--force"]);
+    let output = command.arg("-o").arg(&table).output().expect("the command");
+    let report = output.status.success();
+    report.then(|| (table, serde_json::from_slice(&output.stdout).expect("JSON")))
+}
+
+/// When each falls under each condition, s, by motion; nothing if there is no MuJoCo.
+fn judged(tables: &[PathBuf], conditions: &[Condition]) -> Option<Vec<Vec<Option<f64>>>> {
+    let python = match python::python() {
+        Ok(python) => python,
+        Err(cause) => {
+            aloud!("SKIPPED: nothing was judged: {cause}");
+            return None;
+        }
+    };
+    let model = captured::captured("robots")?.join("robotis_op3/robotis_op3_lite.xml");
+    let run = |table: &PathBuf, of: &Condition| json!([table, of.1, of.2, of.3, of.4, of.5]);
+    let runs: Vec<Value> =
+        tables.iter().flat_map(|table| conditions.iter().map(move |of| run(table, of))).collect();
+    let feet = ["l_ank_roll_link", "r_ank_roll_link"];
+    // Tests run beside one another.
+    let order = tables.first()?.with_extension("order.json");
+    let words = json!({"model": model, "feet": feet, "runs": runs}).to_string();
+    std::fs::write(&order, words).expect("written");
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/whole_body/judge.py");
+    let run = Command::new(&python.program).arg(script).arg(&order).output().expect("Python");
+    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+    let fell: Vec<Option<f64>> = serde_json::from_slice(&run.stdout).expect("JSON");
+    Some(fell.chunks(conditions.len()).map(<[_]>::to_vec).collect())
+}
+
+#[test]
+fn what_is_said_to_stay_stays_with_soft_servos_and_a_heavy_body_too() {
+    let (mut tables, mut names) = (Vec::new(), Vec::new());
+    for motion in ["walk", "squat"] {
+        let (table, report) = retargeted(motion, motion).expect("a table");
+        let metrics = &report["metrics"];
+        assert_eq!(metrics["predicted_fall_s"], Value::Null, "{motion}");
+        assert_eq!(metrics["soft_fall_s"], Value::Null, "{motion}");
+        tables.push(table);
+        names.push(motion);
+    }
+    let Some(all) = judged(&tables, &[AS_IT_IS, SOFT, HEAVY]) else { return };
+    for (name, fell) in names.iter().zip(&all) {
+        assert_eq!(*fell, [None; 3], "{name}");
+    }
+}
+
+#[test]
+fn what_is_said_to_fall_with_soft_servos_alone_falls_with_them_alone() {
+    let (table, report) = retargeted("throw-l", "throw-l").expect("a table");
+    assert_eq!(report["metrics"]["predicted_fall_s"], Value::Null);
+    assert!(report["metrics"]["soft_fall_s"].is_number(), "{}", report["metrics"]);
+    let Some(all) = judged(&[table], &[AS_IT_IS, SOFT]) else { return };
+    assert!(all[0][0].is_none() && all[0][1].is_some(), "{all:?}");
+}
+
+#[test]
+fn what_is_said_to_fall_falls() {
+    let (table, report) = retargeted("jump", "jump").expect("a table");
+    assert!(report["metrics"]["predicted_fall_s"].is_number(), "{}", report["metrics"]);
+    let Some(all) = judged(&[table], &[AS_IT_IS]) else { return };
+    assert!(all[0][0].is_some(), "{all:?}");
+}
+
+#[test]
+fn of_all_captures_falls_and_stays_are_predicted() {
+    if std::env::var_os("GAITWAY_LONG").is_none() {
+        aloud!("SKIPPED: set GAITWAY_LONG to judge all captures and actions, for half an hour");
+        return;
+    }
+    let Some(captures) = captured::captured("mocap/bvh") else { return };
+    let files = captured::bvh_files(&captures).into_iter();
+    let captures = files.map(|path| path.to_str().expect("a path").to_owned());
+    let actions = gaitway::action::vocabulary::names().map(str::to_owned);
+    let (mut tables, mut said) = (Vec::new(), Vec::new());
+    for (at, motion) in captures.chain(actions).enumerate() {
+        let Some((table, report)) = retargeted(&motion, &at.to_string()) else { continue };
+        tables.push(table);
+        let metrics = &report["metrics"];
+        said.push(["predicted_fall_s", "soft_fall_s"].map(|key| metrics[key].is_number()));
+    }
+    let Some(all) = judged(&tables, &ALL) else { return };
+    let shares = |at: usize, by: usize| {
+        let pairs = || all.iter().zip(&said).map(|(fell, said)| (fell[at].is_some(), said[by]));
+        let of = |fell: bool| pairs().filter(|pair| pair.0 == fell).count();
+        let right = |fell: bool| pairs().filter(|pair| *pair == (fell, fell)).count();
+        let robust = pairs().filter(|pair| !pair.1).count();
+        let stands = pairs().filter(|pair| *pair == (false, false)).count();
+        ([right(true), of(true)], [right(false), of(false)], [stands, robust])
+    };
+    for (at, condition) in ALL.iter().enumerate() {
+        let (falls, stays, held) = shares(at, 1);
+        aloud!(
+            "{}: {} of {} stay up; of {} said to stay with soft servos {} do ({falls:?} {stays:?})",
+            condition.0,
+            stays[1],
+            all.len(),
+            held[1],
+            held[0]
+        );
+    }
+    let (falls, stays, _) = shares(0, 0);
+    aloud!("as it is: falls {falls:?}, stays {stays:?} predicted");
+    for [right, of] in [falls, stays] {
+        assert!(right as f64 >= 0.95 * of as f64, "{right} of {of}");
+    }
+}

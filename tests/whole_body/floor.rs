@@ -1,0 +1,120 @@
+//! A foot with a rod on it, on a floor.
+
+use gaitway::rigid::{Drive, JointKind, Mass, Moving, Placement, Tree, TreeLink};
+use glam::DVec3;
+
+const GRAVITY: f64 = 9.81;
+const SLACK: Drive =
+    Drive { stiffness_nm_rad: 0.0, damping_nm_s_rad: 0.0, armature_kg_m2: 0.0, torque_nm: 1.0 };
+
+fn link(name: &str, parent: Option<usize>, kind: JointKind, at_m: DVec3, mass: Mass) -> TreeLink {
+    TreeLink {
+        name: name.to_owned(),
+        parent,
+        kind,
+        origin: Placement::at(at_m),
+        axis: if kind == JointKind::Fixed { DVec3::ZERO } else { DVec3::Y },
+        anchor_m: DVec3::ZERO,
+        mass,
+    }
+}
+
+/// A foot of 10 cm with a rod on it that turns about its y axis.
+fn standing() -> Tree {
+    let foot = Mass::of_radii(0.5, DVec3::Z * 0.01, DVec3::splat(0.03));
+    let rod = Mass::of_radii(1.0, DVec3::Z * 0.2, DVec3::splat(0.05));
+    Tree::new(
+        vec![
+            link("foot", None, JointKind::Fixed, DVec3::ZERO, foot),
+            link("rod", Some(0), JointKind::Hinge, DVec3::Z * 0.02, rod),
+        ],
+        Vec::new(),
+    )
+    .expect("a tree")
+}
+
+fn corners() -> Vec<(usize, DVec3)> {
+    let signs = [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)];
+    signs.map(|(x, y)| (0, DVec3::new(0.05 * x, 0.04 * y, 0.0))).to_vec()
+}
+
+#[test]
+fn who_has_no_floor_falls_as_fast_as_all_do() {
+    let tree = standing();
+    let base = Placement::at(DVec3::Z * 10.0);
+    let mut moving = Moving::at_rest(&tree, SLACK, 1.0, GRAVITY, corners(), base, &[0.4]);
+    for _ in 0..500 {
+        assert!(moving.step(&[0.0], 0.001));
+    }
+    // A step too long by half of one.
+    let fallen_m = 10.0 - moving.base().at_m.z;
+    assert!((fallen_m - GRAVITY / 2.0 * 0.25).abs() < GRAVITY * 0.5 * 0.001, "{fallen_m}");
+    assert!((moving.angles()[0] - 0.4).abs() < 1e-9);
+}
+
+#[test]
+fn a_rod_on_a_spring_sags_to_where_its_weight_is_held() {
+    let tree = standing();
+    let drive = Drive { stiffness_nm_rad: 6.0, damping_nm_s_rad: 0.5, ..SLACK };
+    let goal = 0.1;
+    let mut moving =
+        Moving::at_rest(&tree, drive, 1.0, GRAVITY, corners(), Placement::IDENTITY, &[goal]);
+    for _ in 0..3000 {
+        assert!(moving.step(&[goal], 0.002));
+    }
+    let angle = moving.angles()[0];
+    let held_nm = 6.0 * (angle - goal);
+    let weight_nm = GRAVITY * 0.2 * angle.sin();
+    assert!((held_nm - weight_nm).abs() < 0.01 * weight_nm, "{held_nm} {weight_nm}");
+    assert!(moving.base().at_m.z > -2e-3, "{:?}", moving.base());
+}
+
+#[test]
+fn a_stiff_rod_tips_about_the_edge_that_its_weight_is_over_and_no_sooner() {
+    let tree = standing();
+    let drive = Drive {
+        stiffness_nm_rad: 500.0,
+        damping_nm_s_rad: 5.0,
+        armature_kg_m2: 0.0,
+        torque_nm: 9.0,
+    };
+    let tilted = |goal: f64| {
+        let mut moving =
+            Moving::at_rest(&tree, drive, 1.0, GRAVITY, corners(), Placement::IDENTITY, &[goal]);
+        for _ in 0..1000 {
+            assert!(moving.step(&[goal], 0.002));
+        }
+        (moving.base().turn * DVec3::Z).angle_between(DVec3::Z)
+    };
+    // Its weight, 1 of 1.5 kg at 0.2 m, is over the edge at 0.05 m from here on:
+    let edge = (0.05_f64 * 1.5 / 0.2).asin();
+    assert!(tilted(edge - 0.04) < 0.05, "{}", tilted(edge - 0.04));
+    assert!(tilted(edge + 0.04) > 0.5, "{}", tilted(edge + 0.04));
+}
+
+#[test]
+fn a_swung_rod_drives_its_foot_back_on_ice_and_not_on_a_rough_floor() {
+    let tree = standing();
+    let drive = Drive { stiffness_nm_rad: 3.0, damping_nm_s_rad: 0.1, torque_nm: 9.0, ..SLACK };
+    let swung = |friction: f64| {
+        let mut moving = Moving::at_rest(
+            &tree,
+            drive,
+            friction,
+            GRAVITY,
+            corners(),
+            Placement::IDENTITY,
+            &[0.0],
+        );
+        let centre = |of: &Moving<'_>| tree.centre_of_mass_m(&of.placed()).x;
+        for _ in 0..60 {
+            assert!(moving.step(&[0.15], 0.001));
+        }
+        (moving.base().at_m.x, centre(&moving))
+    };
+    let (foot_m, centre_m) = swung(0.0);
+    // Nothing pushes along: the centre of mass stays where it is.
+    assert!(foot_m < -1e-3 && centre_m.abs() < 0.05 * foot_m.abs(), "{foot_m} {centre_m}");
+    let (foot_m, centre_m) = swung(1.0);
+    assert!(foot_m.abs() < 2e-4 && centre_m > 1e-3, "{foot_m} {centre_m}");
+}
