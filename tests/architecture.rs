@@ -42,8 +42,9 @@ const ROOMS: &[Room] = &[
     room("guard", "motion time", ""),
     room(
         "job",
-        "action body bus calibration capture clean control device draft error mocap motion port \
-         recognise recording retarget rig rigid robot sensing session table time view wire",
+        "action actionlet body bus calibration capture clean control device draft error mocap motion port \
+         recognise recording retarget rig rigid robot sensing session table time toml_text view \
+         wire",
         "clock files network profiles simulator threads wall-clock",
     ),
     room("mocap", "body error motion rigid table toml_text units", "files"),

@@ -575,7 +575,7 @@ fn star_arc(hip_m: DVec3, degrees: f64, noise_mm: f64, directions: usize) -> Mar
         let turn = DQuat::from_axis_angle(DVec3::new(way.sin(), way.cos(), 0.0), swing);
         let place = if is_leg { hip_m + turn * (place - hip_m) } else { place };
         let (sway, shift) = carried(frame / 4);
-        let mut one = || (dice.borrow_mut())() * noise_mm * 1e-3 * 3.0_f64.sqrt();
+        let one = || (dice.borrow_mut())() * noise_mm * 1e-3 * 3.0_f64.sqrt();
         Some(sway * place + shift + DVec3::new(one(), one(), one()))
     })
 }

@@ -19,7 +19,7 @@ use parquet::data_type::{
     BoolType, ByteArray, ByteArrayType, DoubleType, FloatType, Int32Type, Int64Type,
 };
 use parquet::errors::ParquetError;
-use parquet::file::metadata::KeyValue;
+use parquet::file::metadata::{KeyValue, RowGroupMetaData};
 use parquet::file::properties::{EnabledStatistics, WriterProperties, WriterPropertiesPtr};
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::file::statistics::Statistics;
@@ -28,7 +28,7 @@ use parquet::schema::parser::parse_message_type;
 use parquet::schema::types::{ColumnPath, SchemaDescriptor, TypePtr};
 use std::borrow::Cow;
 use std::fs::File;
-use std::io::{self, Write};
+use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -474,6 +474,9 @@ fn append<W: Write + Send>(
     into.close().map(|_| ())
 }
 
+/// How long the last part of a Parquet file is, which tells how long its end is, bytes.
+const TAIL_BYTES: u64 = 8;
+
 /// What a file says of itself at its end.
 struct TableEnd {
     length: u64,
@@ -489,10 +492,33 @@ impl TableEnd {
         if !path.metadata()?.is_file() {
             return Err(ParquetError::General("it is no file".to_owned()));
         }
-        let file = File::open(path)?;
+        let mut file = File::open(path)?;
         let length = file.metadata()?.len();
+        let mut tail = [0; 4];
+        if length >= TAIL_BYTES {
+            file.seek(SeekFrom::End(-(TAIL_BYTES as i64)))?;
+            file.read_exact(&mut tail)?;
+        }
         let reader = SerializedFileReader::new(file)?;
         let of = reader.metadata();
+        let columns = of.row_groups().iter().flat_map(RowGroupMetaData::columns);
+        let ends = columns.flat_map(|column| {
+            let (begin, bytes) = column.byte_range();
+            let index = |at: Option<i64>, bytes: Option<i32>| {
+                u64::try_from(at?).ok()?.checked_add(u64::try_from(bytes?).ok()?)
+            };
+            [
+                begin.checked_add(bytes),
+                index(column.column_index_offset(), column.column_index_length()),
+                index(column.offset_index_offset(), column.offset_index_length()),
+            ]
+        });
+        let told = ends.flatten().max().unwrap_or(0);
+        let told =
+            told.saturating_add(u64::from(u32::from_le_bytes(tail))).saturating_add(TAIL_BYTES);
+        if told != length {
+            return Err(ParquetError::General(format!("{length} bytes; by its end {told}")));
+        }
         let numbers = of.row_groups().first().and_then(|group| group.columns().first());
         let first = match numbers.and_then(|column| column.statistics()) {
             Some(Statistics::Int32(numbers)) => numbers.min_opt().copied(),

@@ -135,7 +135,7 @@ mod tests {
         let body = Proportions::of_stature(1.75).expect("a body");
         let rate_hz = 120.0;
         let places = |at: u32| {
-            let noise_m = 0.003 * f64::from(at * 7 % 5) - 0.006;
+            let noise_m = 0.002 * f64::from(at * 7 % 5) - 0.004;
             let steps = f64::from(at.saturating_sub(120)) / rate_hz;
             // The left foot stands 15 mm above the floor and goes; the right one stays, 5 mm in it.
             let left = DVec3::new(2.5 * steps, 0.1, 0.015 + noise_m + 0.1 * steps);

@@ -2,10 +2,10 @@
 //! the program writes to either stream: here no failure to write ends a motion, no text from outside
 //! reaches a terminal as a command, and what could not be told shows in the exit code.
 
-use super::report::Outcome;
 use super::signals::heard;
 use crate::draft;
 use crate::error::{Error, ErrorKind};
+use crate::job::report::{CameToNothing, Outcome};
 use clap::FromArgMatches;
 use std::borrow::Cow;
 use std::io::{self, Write};
@@ -186,14 +186,6 @@ impl Remarks {
     }
 }
 
-/// What is told of a command that came to nothing, in the words of a report.
-#[derive(serde::Serialize)]
-struct CameToNothing {
-    outcome: Outcome,
-    stop_reason: String,
-    refusal: Option<ErrorKind>,
-}
-
 /// Where a report goes.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub struct Output {
@@ -228,17 +220,17 @@ impl Output {
     #[must_use]
     pub fn fail(&self, error: &Error) -> i32 {
         complain(error);
-        let (outcome, code) = match (error.kind, heard()) {
-            (ErrorKind::Stopped, Some(signal)) => (Outcome::Stopped, 128 + signal),
-            (ErrorKind::Stopped, None) => (Outcome::Stopped, Outcome::Stopped.exit_code()),
-            (ErrorKind::Broke, _) => (Outcome::Failed, Outcome::Failed.exit_code()),
-            _ => (Outcome::Refused, Outcome::Refused.exit_code()),
+        let report = CameToNothing::of(error);
+        let code = match (report.outcome, heard()) {
+            (Outcome::Stopped, Some(signal)) => 128 + signal,
+            (outcome, _) => outcome.exit_code(),
         };
-        let refusal = (outcome == Outcome::Refused).then_some(error.kind);
-        let report = CameToNothing { outcome, stop_reason: error.to_string(), refusal };
-        // That a report is there already may be what is complained of.
-        let lost = self.tell(&report, "", Deed::Look);
-        lost.iter().filter(|lost| *lost != error).for_each(complain);
+        // Never over a file that is there, whatever was allowed: it may be the one that is read.
+        let absent = self.report.clone().filter(|path| path.symlink_metadata().is_err());
+        Self { report: absent, ..self.clone() }
+            .tell(&report, "", Deed::Look)
+            .iter()
+            .for_each(complain);
         code
     }
 

@@ -58,6 +58,31 @@ impl Outcome {
     }
 }
 
+/// What is told of a job that came to nothing.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct CameToNothing {
+    /// Stopped, failed if the program broke, else refused.
+    pub outcome: Outcome,
+    /// Why, as a person reads it.
+    pub stop_reason: String,
+    /// Why, for a program, if it was refused.
+    pub refusal: Option<ErrorKind>,
+}
+
+impl CameToNothing {
+    /// Because of this.
+    #[must_use]
+    pub fn of(error: &Error) -> Self {
+        let outcome = match error.kind {
+            ErrorKind::Stopped => Outcome::Stopped,
+            ErrorKind::Broke => Outcome::Failed,
+            _ => Outcome::Refused,
+        };
+        let refusal = (outcome == Outcome::Refused).then_some(error.kind);
+        Self { outcome, stop_reason: error.to_string(), refusal }
+    }
+}
+
 /// One joint of a played motion.
 #[derive(Clone, Debug, Serialize)]
 pub struct JointReport {

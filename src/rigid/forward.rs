@@ -333,9 +333,9 @@ impl<'a> Moving<'a> {
                 (0..3).for_each(|row| full[(3 + row, at)] = torque[row]);
             }
         }
-        for index in 0..links.len() {
+        for (index, carried) in all.iter().enumerate() {
             let Some(at) = self.tree.coordinate(index) else { continue };
-            let (force, torque) = all[index].momentum(self.screw(placed, index));
+            let (force, torque) = carried.momentum(self.screw(placed, index));
             for row in 0..3 {
                 full[(row, 6 + at)] = force[row];
                 full[(3 + row, 6 + at)] = torque[row];

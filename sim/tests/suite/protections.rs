@@ -1,7 +1,7 @@
 //! What servos refuse, what they protect themselves from, and what they keep.
 
 use crate::scene::{Scene, dynamixels, feetech, instruction, mixed, read, write};
-use gaitway_profiles::Protocol;
+use gaitway_profiles::{Protocol, Role};
 use gaitway_sim::{Fault, Options};
 use proptest::prelude::*;
 
@@ -321,6 +321,7 @@ proptest! {
         let name = *which.get(&names);
         let profile = gaitway_profiles::servo(name).unwrap();
         let registers: Vec<_> = profile.items().collect();
+        let baud_rate = profile.register(Role::BaudRate).and_then(|of| of.item(0)).unwrap().name();
         let mut scene = one(name);
         for (register, bytes) in &writes {
             let address = register.get(&registers).address;
@@ -331,7 +332,7 @@ proptest! {
             scene.world.transmit(0, &packet, 1_000_000);
             scene.wait_ms(20);
             // Whatever the line speed may have become.
-            scene.set("j1", "Baud Rate", profile.baud_index(1_000_000).unwrap().into());
+            scene.set("j1", &baud_rate, profile.baud_index(1_000_000).unwrap().into());
         }
         scene.wait_ms(3_000);
         for register in &registers {

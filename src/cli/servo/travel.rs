@@ -8,7 +8,7 @@ use crate::error::Error;
 use crate::job::report::{Stop, StopCode};
 use crate::job::servo::device::Device;
 use crate::job::servo::travel::{MoveOrder, MoveReport, move_one};
-use clap::{Args, ValueEnum};
+use clap::Args;
 use serde_json::json;
 
 /// Arguments of `servo move`.
@@ -100,17 +100,11 @@ pub struct TorqueArgs {
     #[command(flatten)]
     target: Target,
     /// On: it holds where it stands. Off: whatever it carries falls
-    #[arg(value_enum)]
-    state: Torque,
+    #[arg(value_parser = ["on", "off"])]
+    state: String,
     /// Switch torque on in a servo whose firmware the profile was not checked against
     #[arg(long)]
     accept_firmware: bool,
-}
-
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum Torque {
-    On,
-    Off,
 }
 
 /// Runs `servo torque`.
@@ -125,14 +119,13 @@ pub fn torque(args: &TorqueArgs, remarks: Remarks) -> Result<i32, Error> {
         return actuator::refuse("torque by itself", &target.bus, remedy);
     }
     let which = target.which()?;
-    if matches!(args.state, Torque::On) {
+    if args.state == "on" {
         return go(target, &MoveOrder::stand(which, args.accept_firmware), remarks);
     }
     let mut device = Device::open(&which)?;
     device.let_go()?;
-    let text = format!("{}: torque is off\n", device.place());
-    let report = json!({"id": device.id, "torque_on": false});
-    Ok(target.output.conclude(&report, &text, Deed::Work, 0))
+    let (text, id) = (format!("{}: torque is off\n", device.place()), device.id);
+    Ok(target.output.conclude(&json!({"id": id, "torque_on": false}), &text, Deed::Work, 0))
 }
 
 /// What came of it, in words.

@@ -487,9 +487,6 @@ fn moving(
 fn possible(phase: &ModelPhase) -> Result<(), Error> {
     let never = |why: String| malformed("this phase cannot happen").got(why);
     let numbers = |range: &FeatureRange| format!("{} to {}", range.from, range.to);
-    if phase.gates.is_empty() && phase.postures.is_empty() {
-        return Err(never("no frame ends it: nothing is asked of a single frame".to_owned()));
-    }
     let mut gates: BTreeMap<Feature, FeatureRange> = BTreeMap::new();
     for gate in &phase.gates {
         let before = *gates.get(&gate.feature).unwrap_or(&FeatureRange::ANY);
@@ -565,6 +562,9 @@ fn possible(phase: &ModelPhase) -> Result<(), Error> {
     if gated("flight", 1.0) && (gated("left_foot_contact", 1.0) || gated("right_foot_contact", 1.0))
     {
         return Err(never("in flight, and a foot on the ground".to_owned()));
+    }
+    if phase.gates.is_empty() && phase.postures.is_empty() {
+        return Err(never("no frame ends it: nothing is asked of a single frame".to_owned()));
     }
     Ok(())
 }
