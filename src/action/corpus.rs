@@ -254,12 +254,13 @@ impl Variations {
                 first.get_or_insert(motion);
                 let mut moved = false;
                 for step in &mut steps {
-                    if repair >= REPAIRS {
-                        step.retreat(RETREATS_TO);
-                    }
-                    moved |= step.repair().unwrap_or(false);
+                    moved |= if repair < REPAIRS {
+                        step.repair().unwrap_or(false)
+                    } else {
+                        step.retreat(RETREATS_TO).unwrap_or(false)
+                    };
                 }
-                if !moved {
+                if !moved && repair >= REPAIRS {
                     break;
                 }
             }

@@ -31,7 +31,7 @@ const STRIDE_ROUNDS: u32 = 2;
 /// A seam is moved by this part of its standard deviation to tell how soles answer.
 const NUDGE: f64 = 0.2;
 /// Soles that carry are held as well as this, m ...
-const HOLDS_M: f64 = 0.000_7;
+const HOLDS_M: f64 = 0.000_3;
 /// ... soles of one stride that differs from those beside it as well as this ...
 const STRIDE_HOLDS_M: f64 = 0.000_3;
 /// ... and the root's acceleration, m/s^2 ...
@@ -53,6 +53,8 @@ const NEARLY_SLIDES_M: f64 = 0.004;
 const MATTERS_MORE: f64 = 1.5;
 /// A draw is moved so often by what its feet do before it is looked at.
 const SETTLES: usize = 3;
+/// ... each time by all of what would still them, or by half of it and so on: so often.
+const HALVINGS: usize = 4;
 /// Legs are drawn further to make up for what feet that hold take away, at most so many times.
 const MOST_FURTHER: f64 = 1.25;
 /// More seams of legs are not looked at: a capture's many actionlets are varied as they are drawn.
@@ -304,30 +306,15 @@ impl Foothold {
         database: &Database,
         random: &mut impl Rng,
     ) -> Result<Footstep<'_>, Error> {
-        let mut drawn = self.seams.draw(&self.action, database, random);
-        let strides = std::mem::take(&mut drawn.strides);
+        let drawn = self.seams.draw(&self.action, database, random);
+        let strides = drawn.strides.clone();
         let moved = DVector::zeros(drawn.offsets.len());
         let weights = None;
-        let mut step = Footstep { foothold: self, body: *body, kept: 1.0, moved, weights, drawn };
+        let (kept, body) = (1.0, *body);
+        let mut step = Footstep { foothold: self, body, kept, moved, weights, drawn, strides };
         if let Some(held) = &self.held {
             step.widen(held.further);
-            step.moved = -(&held.moved_back * step.wanted());
-            for _ in 0..SETTLES {
-                step.settle()?;
-            }
-            let alike = step.action();
-            let feet = held.strides.feet(&alike, body)?;
-            // A little before the first round and after the last one are seen.
-            let last = 2 * held.rounds as usize + 6;
-            let count = strides.len();
-            for (number, stride) in strides.into_iter().enumerate() {
-                let is_seen = number < last || number + 2 >= count;
-                let stride =
-                    if is_seen { self.on_its_feet(held, stride, &step, &feet)? } else { stride };
-                step.drawn.strides.push(stride);
-            }
-        } else {
-            step.drawn.strides = strides;
+            step.stand(held)?;
         }
         Ok(step)
     }
@@ -369,6 +356,8 @@ pub struct Footstep<'a> {
     moved: DVector<f64>,
     /// How much it matters what soles and root do, once it was repaired.
     weights: Option<DVector<f64>>,
+    /// How much further each stride moves the seams, once it is on its feet.
+    strides: Vec<Vec<f64>>,
 }
 
 impl Footstep<'_> {
@@ -391,7 +380,7 @@ impl Footstep<'_> {
     /// The variation.
     #[must_use]
     pub fn action(&self) -> Action {
-        self.foothold.seams.with_strides(self.alike(), &self.drawn.strides)
+        self.foothold.seams.with_strides(self.alike(), &self.strides)
     }
 
     /// The variation with strides that are alike.
@@ -405,13 +394,66 @@ impl Footstep<'_> {
         seams.moved(&self.drawn.exchanged, &offsets)
     }
 
-    /// Moves it by what its feet do now, as [`Self::repair`] with nothing that matters more.
-    fn settle(&mut self) -> Result<(), Error> {
-        let Some(held) = &self.foothold.held else { return Ok(()) };
-        let off = held.look.feet_off(&held.look.feet(&self.action(), &self.body)?);
-        // From the draw to where the soles would be still, were they to answer as they did at first.
-        self.moved = -(&held.back * off) + &held.moved_back * &self.moved;
+    /// From what is left of the draw to where feet about hold, and each stride likewise.
+    fn stand(&mut self, held: &Held) -> Result<(), Error> {
+        self.weights = None;
+        self.strides.clear();
+        self.moved = -(&held.moved_back * self.wanted() * self.kept);
+        let mut off = held.look.feet_off(&held.look.feet(&self.action(), &self.body)?);
+        for _ in 0..SETTLES {
+            // From the draw to where the soles would be still, were they to answer as they did at first.
+            let moved = -(&held.back * &off) + &held.moved_back * &self.moved;
+            let Some(better) = self.moved_towards(held, &moved, &off, None) else { break };
+            off = better;
+        }
+        let feet = held.strides.feet(&self.action(), &self.body)?;
+        // A little before the first round and after the last one are seen.
+        let last = 2 * held.rounds as usize + 6;
+        let count = self.drawn.strides.len();
+        let mut strides = Vec::with_capacity(count);
+        for (number, stride) in self.drawn.strides.iter().enumerate() {
+            let stride: Vec<f64> = stride.iter().map(|offset| offset * self.kept).collect();
+            let is_seen = number < last || number + 2 >= count;
+            strides.push(if is_seen {
+                self.foothold.on_its_feet(held, stride, self, &feet)?
+            } else {
+                stride
+            });
+        }
+        self.strides = strides;
         Ok(())
+    }
+
+    /// Moves it to where its feet were to hold, or so far in that direction that they hold better than they do
+    /// now: which feet carry changes on the way, and then soles answer otherwise. What they do there; none if
+    /// nothing was better, and it stays where it was.
+    fn moved_towards(
+        &mut self,
+        held: &Held,
+        target: &DVector<f64>,
+        off: &DVector<f64>,
+        weights: Option<&DVector<f64>>,
+    ) -> Option<DVector<f64>> {
+        let weighted = |off: &DVector<f64>| match weights {
+            Some(weights) => off.component_mul(weights).norm_squared(),
+            None => off.norm_squared(),
+        };
+        let from = self.moved.clone();
+        let now = weighted(off) + from.norm_squared();
+        let mut part = 1.0;
+        for _ in 0..HALVINGS {
+            self.moved = &from + (target - &from) * part;
+            // Seams that pass one another are no better.
+            if let Ok(feet) = held.look.feet(&self.action(), &self.body) {
+                let off = held.look.feet_off(&feet);
+                if weighted(&off) + self.moved.norm_squared() < now {
+                    return Some(off);
+                }
+            }
+            part *= 0.5;
+        }
+        self.moved = from;
+        None
     }
 
     /// Moves it by what its feet do now, those that slide too far above all; false if it cannot be moved.
@@ -422,23 +464,28 @@ impl Footstep<'_> {
         let Some(held) = &self.foothold.held else { return Ok(false) };
         let feet = held.look.feet(&self.action(), &self.body)?;
         let off = held.look.feet_off(&feet);
-        let weights = self.weights.get_or_insert_with(|| DVector::repeat(off.len(), 1.0));
-        held.look.weigh(&feet, weights);
+        let mut weights = self.weights.take().unwrap_or_else(|| DVector::repeat(off.len(), 1.0));
+        held.look.weigh(&feet, &mut weights);
         let mut answers = held.answers.clone();
         for (mut row, weight) in answers.row_iter_mut().zip(weights.iter()) {
             row *= *weight;
         }
         let back = moving_back(&answers);
-        self.moved = -(&back * off.component_mul(weights)) + &back * (&answers * &self.moved);
-        Ok(true)
+        let target = -(&back * off.component_mul(&weights)) + &back * (&answers * &self.moved);
+        let moved = self.moved_towards(held, &target, &off, Some(&weights)).is_some();
+        self.weights = Some(weights);
+        Ok(moved)
     }
 
-    /// Goes back to a part of what was drawn, and of how its strides differ.
-    pub fn retreat(&mut self, part: f64) {
+    /// Goes back to a part of what was drawn, and of how its strides differ, and stands there anew; false if
+    /// there is nothing to go back to.
+    ///
+    /// # Errors
+    /// If it cannot be performed.
+    pub fn retreat(&mut self, part: f64) -> Result<bool, Error> {
+        let Some(held) = &self.foothold.held else { return Ok(false) };
         self.kept *= part;
-        self.moved *= part;
-        for offset in self.drawn.strides.iter_mut().flatten() {
-            *offset *= part;
-        }
+        self.stand(held)?;
+        Ok(true)
     }
 }
