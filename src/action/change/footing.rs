@@ -28,8 +28,10 @@ const BESIDE: usize = 2;
 const USUAL_RAD: f64 = 0.06;
 const USUAL_S: f64 = 0.02;
 const USUAL_T: f64 = 0.1;
-/// A joint is this part faster than it may be as little as seams are moved as a matter of course.
-const USUAL_HASTE: f64 = 0.05;
+/// A joint that is faster than this part of what it may be ...
+const HASTE_FROM: f64 = 0.99;
+/// ... is this part faster as little as seams are moved as a matter of course.
+const USUAL_HASTE: f64 = 0.002;
 /// Soles and root are looked at so often ...
 const LOOKS_HZ: f64 = 125.0;
 /// ... from so long before the seams that are moved to so long after them, s, of which ...
@@ -376,5 +378,5 @@ fn hastes(piece: &Actionlet, limits: &JointLimits) -> [f64; 2] {
     let peaks = piece.peaks();
     let speed = peaks.velocity_rad_s / limits.velocity_rad_s();
     let sharp = peaks.acceleration_rad_s2 / limits.acceleration_rad_s2();
-    [speed, sharp].map(|part| (part - 1.0).max(0.0) / USUAL_HASTE)
+    [speed, sharp].map(|part| (part - HASTE_FROM).max(0.0) / USUAL_HASTE)
 }
