@@ -271,7 +271,7 @@ fn a_corpus_is_the_same_whole_in_pieces_and_taken_up_again() {
     let at = |name: &str| folder.join(name);
     let synth = |out: &Path, seed: &str| {
         let out = out.to_str().unwrap().to_owned();
-        let arguments = ["synth", "bow:0.5s", "--rate", "10", "--variations", "20001", "--seed"];
+        let arguments = ["synth", "wave-l:0.5s", "--rate", "10", "--variations", "20001", "--seed"];
         made(&[&arguments[..], &[seed, "-o", &out]].concat())
     };
     let whole = at("whole");
@@ -309,11 +309,12 @@ fn a_corpus_is_the_same_whole_in_pieces_and_taken_up_again() {
     }
     // Another seed is another corpus, and not mixed with this one.
     let out = whole.to_str().unwrap();
-    let other = ["synth", "bow:0.5s", "--rate", "10", "--variations", "20001", "--seed", "4", "-o"];
+    let other =
+        ["synth", "wave-l:0.5s", "--rate", "10", "--variations", "20001", "--seed", "4", "-o"];
     refused(&[&other[..], &[out]].concat(), &["another corpus", "--seed 3 (asked for: 4)"]);
     let single = at("one.parquet");
     let one = single.to_str().unwrap();
-    made(&["synth", "bow:0.5s", "--rate", "10", "--variations", "10", "-o", one]);
+    made(&["synth", "wave-l:0.5s", "--rate", "10", "--variations", "10", "-o", one]);
     let bytes = fs::read(&single).unwrap();
     assert!(bytes.starts_with(b"PAR1") && bytes.ends_with(b"PAR1"));
     assert!(at("one.actionlets.parquet").exists() && at("one.variations.parquet").exists());
