@@ -4,11 +4,28 @@
 use gaitway::action::corpus::{Corpus, VariationStatus, Variations};
 use gaitway::action::{Database, Join, Motion, Spread, mutate, phrase};
 use gaitway::actionlet::Shape;
-use gaitway::body::Proportions;
-use gaitway::body::contact::Footing;
+use gaitway::body::contact::{Footing, ON_FLOOR_M, places_m};
+use gaitway::body::{Proportions, SegmentPose};
 use gaitway::error::Error;
+use glam::DVec3;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
+
+/// How far a sole slides from one to another of those poses in which it is on the floor.
+fn slides_m(body: &Proportions, poses: &[SegmentPose]) -> f64 {
+    let mut worst_m = 0f64;
+    for end in 0..4 {
+        let places: Vec<DVec3> = poses.iter().map(|pose| places_m(body, pose)[end]).collect();
+        for contact in places.split(|place| place.z >= ON_FLOOR_M) {
+            let Some(first) = contact.first() else { continue };
+            let (least, most) = contact
+                .iter()
+                .fold((*first, *first), |(least, most), at| (least.min(*at), most.max(*at)));
+            worst_m = worst_m.max((most - least).truncate().length());
+        }
+    }
+    worst_m
+}
 
 const RATE_HZ: f64 = 250.0;
 
@@ -19,6 +36,8 @@ type Figures = (f64, Vec<f64>, Vec<f64>);
 #[derive(Default)]
 struct Seen {
     footings: Vec<[f64; 8]>,
+    /// Of those that slide by more than 5 mm when looked at so often.
+    slid: [u32; 3],
     /// By motion.
     figures: Vec<Figures>,
 }
@@ -27,6 +46,10 @@ impl Seen {
     fn add(&mut self, body: &Proportions, motion: &Motion) -> Result<(), Error> {
         let poses = motion.poses(body, RATE_HZ)?;
         let footing = Footing::of(body, &poses, RATE_HZ)?;
+        for (slid, rate_hz) in self.slid.iter_mut().zip([240.0, 250.0, 1000.0]) {
+            let poses = motion.poses(body, rate_hz)?;
+            *slid += u32::from(slides_m(body, &poses) > 0.005);
+        }
         let middle = poses.len() / 4..3 * poses.len() / 4;
         self.footings.push([
             footing.lowest_m() * 1e3,
@@ -71,7 +94,7 @@ impl Seen {
         let durations: Vec<f64> = self.figures.iter().map(|figures| figures.0).collect();
         println!(
             "{name:18} {:6.1} {:6.1} {:6.1} {:6.1} {:6.1} {:6.1} {:6.1} {:6.1} {:6.2} {:6.2} {:6.2} \
-             {:6.3} {:6.3} {:6.3} {tail}",
+             {:6.3} {:6.3} {:6.3} {tail} over 5 mm {:?}, away {:.3} to {:.3}",
             at(0, 0.0),
             at(0, 0.05),
             at(1, 0.5),
@@ -86,6 +109,9 @@ impl Seen {
             pooled(|figures| &figures.1),
             deviation(&durations).sqrt(),
             pooled(|figures| &figures.2),
+            self.slid,
+            at(7, 0.5),
+            at(7, 0.95),
         );
     }
 }

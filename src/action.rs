@@ -17,7 +17,9 @@ pub mod change;
 pub mod corpus;
 pub mod database;
 pub mod decompose;
+pub mod feet;
 pub mod file;
+pub mod fit;
 pub mod foothold;
 pub mod frames;
 pub mod insert;
@@ -37,6 +39,8 @@ use crate::body::{Dof, JointAngles};
 
 pub use change::{Crossing, GaitChange};
 pub use database::Database;
+pub use feet::{FootingBounds, Missed};
+pub use fit::Fits;
 pub use foothold::Foothold;
 pub use insert::{Insert, Inserted, Inserts, Meanwhile, NoSeam, PastedTrack};
 pub use join::Join;

@@ -271,7 +271,7 @@ fn a_corpus_is_the_same_whole_in_pieces_and_taken_up_again() {
     let at = |name: &str| folder.join(name);
     let synth = |out: &Path, seed: &str| {
         let out = out.to_str().unwrap().to_owned();
-        let arguments = ["synth", "bow:0.5s", "--rate", "10", "--variations", "20001", "--seed"];
+        let arguments = ["synth", "wave-l:0.5s", "--rate", "10", "--variations", "20001", "--seed"];
         made(&[&arguments[..], &[seed, "-o", &out]].concat())
     };
     let whole = at("whole");
@@ -309,11 +309,12 @@ fn a_corpus_is_the_same_whole_in_pieces_and_taken_up_again() {
     }
     // Another seed is another corpus, and not mixed with this one.
     let out = whole.to_str().unwrap();
-    let other = ["synth", "bow:0.5s", "--rate", "10", "--variations", "20001", "--seed", "4", "-o"];
+    let other =
+        ["synth", "wave-l:0.5s", "--rate", "10", "--variations", "20001", "--seed", "4", "-o"];
     refused(&[&other[..], &[out]].concat(), &["another corpus", "--seed 3 (asked for: 4)"]);
     let single = at("one.parquet");
     let one = single.to_str().unwrap();
-    made(&["synth", "bow:0.5s", "--rate", "10", "--variations", "10", "-o", one]);
+    made(&["synth", "wave-l:0.5s", "--rate", "10", "--variations", "10", "-o", one]);
     let bytes = fs::read(&single).unwrap();
     assert!(bytes.starts_with(b"PAR1") && bytes.ends_with(b"PAR1"));
     assert!(at("one.actionlets.parquet").exists() && at("one.variations.parquet").exists());
@@ -540,7 +541,10 @@ fn a_variation_says_whether_its_feet_hold_and_who_does_it() {
     let stature_m = other["varied"]["stature_m"].as_f64().unwrap();
     assert!((1.4..2.1).contains(&stature_m) && stature_m != 1.75, "{stature_m}");
     // In a tenth of the time nobody kicks and stands.
-    let hurried = one(&["--set", "pace=10"], "c.csv");
+    let hurried = ["synth", "kick-r", "--variation", "7", "--set", "pace=10", "--json", "-o"];
+    let output = crate::program::gaitway().args(hurried).arg(out("c.csv")).output().unwrap();
+    assert_eq!(output.status.code(), Some(3), "{output:?}");
+    let hurried: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(hurried["varied"]["status"], "implausible");
     let whole = made(&["synth", "kick-r", "-o", &out("d.csv")]);
     assert!(whole.get("varied").is_none(), "it is no variation");

@@ -1,7 +1,7 @@
 //! Pieces of one motion pasted into another, in every degree of freedom they move: Tables 1 and 2 of
 //! Zheng et al., "Human Motion Simulation and Action Corpus", 2007.
 
-use gaitway::action::{Insert, Inserts, Join, Meanwhile, Motion, NoSeam, phrase, vocabulary};
+use gaitway::action::{Fits, Insert, Inserts, Join, Meanwhile, Motion, NoSeam, phrase, vocabulary};
 use gaitway::actionlet::{Actionlet, Cut, Sequence, Shape, insert};
 use gaitway::body::{Dof, Proportions};
 use proptest::prelude::*;
@@ -347,13 +347,18 @@ fn inserts_are_done_in_order_each_into_what_the_one_before_made() {
         |list: Vec<Insert>| Inserts { list, meanwhile: Meanwhile::Waits, ..Inserts::default() };
     let wave = performed("wave-r");
     let once = |at_s: f64| insert(&format!("wave-r:1.2s..2.1s@{at_s}s"));
-    let (got, done) = inserts(vec![once(2.1), once(3.0), once(2.1)]).apply(wave.clone()).unwrap();
+    let (got, done) = inserts(vec![once(2.1), once(3.0), once(2.1)])
+        .apply(wave.clone(), &mut Fits::usual().unwrap())
+        .unwrap();
     assert_eq!(done.len(), 3);
     assert!((got.duration_s() - wave.duration_s() - 2.7).abs() < 1e-9);
     // Three times more down and up.
     let turns = |motion: &Motion| motion.track(Dof::RightElbowFlexion).actionlets().len();
     assert_eq!(turns(&got), turns(&wave) + 6);
-    let error = inserts(vec![once(2.1), once(9.0)]).apply(wave).unwrap_err().to_string();
+    let error = inserts(vec![once(2.1), once(9.0)])
+        .apply(wave, &mut Fits::usual().unwrap())
+        .unwrap_err()
+        .to_string();
     assert!(error.contains("wave-r:1.2s..2.1s@9s") && error.contains("0 to 5.9 s"), "{error}");
 }
 

@@ -67,12 +67,12 @@ fn spread_of(rows: &[Vec<f64>]) -> f64 {
 
 #[test]
 fn feet_of_variations_hold_and_few_are_rejected() {
-    // Of 600 a tenth of walks and jumps; so few scatter.
-    for (action, most_rejected, slides_m, root_m_s2) in [
-        ("walk", 0.15, 0.005, 18.0),
-        ("run", 0.1, 0.005, 18.0),
-        ("jump", 0.15, 0.005, 18.0),
-        ("kick-r", 0.1, 0.005, 18.0),
+    // Of 600 less than a third of runs is repaired; so few scatter.
+    for (action, most_repaired, slides_m, root_m_s2) in [
+        ("walk", 0.3, 0.005, 18.0),
+        ("run", 0.45, 0.005, 18.0),
+        ("jump", 0.3, 0.005, 18.0),
+        ("kick-r", 0.2, 0.005, 18.0),
         ("box-r", 0.1, 0.005, 18.0),
         ("hop", 0.1, 0.005, 18.0),
         ("throw-r", 0.1, 0.005, 18.0),
@@ -97,7 +97,8 @@ fn feet_of_variations_hold_and_few_are_rejected() {
             assert!(footing.root_acceleration_m_s2() < most_m_s2, "{told}");
         }
         let share = f64::from(rejected) / f64::from(COUNT + rejected);
-        assert!(share <= most_rejected, "{action}: {rejected}");
+        assert!(share <= 0.1, "{action}: {rejected}");
+        assert!(repaired as f64 <= most_repaired * f64::from(COUNT), "{action}: {repaired}");
     }
 }
 

@@ -10,14 +10,16 @@
 //! What hips, knees and ankles do decides where feet are and how fast the body travels over them: they are
 //! chosen together, so that the body keeps its pace and its height (`legs`).
 
+mod footing;
 mod legs;
 
+use crate::action::feet::FootingBounds;
 use crate::action::join::{SAME_ANGLE_RAD, TRANSITION_MIN_S, TRANSITION_RAD_S, TRANSITION_RAD_S2};
 use crate::action::motion::{SAME_INSTANT_S, resting_until, then_until};
 use crate::action::perform::{MAX_ROUNDS, Way};
 use crate::action::{Action, Motion, Turn};
 use crate::actionlet::{Actionlet, Peaks, Sequence, Shape, shortest_duration_s};
-use crate::body::Dof;
+use crate::body::{Dof, Proportions};
 use crate::error::{Error, ErrorKind};
 use crate::motion::JointLimits;
 
@@ -87,6 +89,10 @@ struct Gait<'a> {
     action: &'a Action,
     way: Way<'a>,
     begin_s: f64,
+    /// The legs rested in the gait before, and begin as the action does by itself.
+    legs_lead_in: bool,
+    /// The legs rest in the gait after, and end as the action does by itself.
+    legs_lead_out: bool,
 }
 
 impl Gait<'_> {
@@ -98,15 +104,30 @@ impl Gait<'_> {
         self.begin_s + self.way.periods * self.period_s()
     }
 
+    /// The way of the legs.
+    fn way_of_legs(&self) -> Way<'_> {
+        let from_rest = self.way.from_rest || self.legs_lead_in;
+        Way { from_rest, to_rest: self.way.to_rest || self.legs_lead_out, ..self.way.clone() }
+    }
+
     /// Seams of a degree of freedom, a period beyond either end that is in motion; none if it is not
     /// driven.
     fn seams(&self, dof: Dof) -> Option<Vec<Seam>> {
+        let way = if dof.is_of_leg() { self.way_of_legs() } else { self.way.clone() };
         let seam = |turn: Turn| Seam {
             at_s: self.begin_s + turn.at * self.period_s(),
             angle_rad: turn.angle_rad,
             shape: turn.shape,
         };
-        Some(self.action.turns_on(&self.way, dof)?.into_iter().map(seam).collect())
+        Some(self.action.turns_on(&way, dof)?.into_iter().map(seam).collect())
+    }
+
+    fn leads_in(&self, dof: Dof) -> bool {
+        self.legs_lead_in && dof.is_of_leg()
+    }
+
+    fn leads_out(&self, dof: Dof) -> bool {
+        self.legs_lead_out && dof.is_of_leg()
     }
 
     /// Flights in s of the whole.
@@ -115,7 +136,10 @@ impl Gait<'_> {
             let time_s = self.begin_s + part * self.period_s();
             time_s.max(self.begin_s).min(self.end_s())
         };
-        self.action.flights_on(&self.way).into_iter().map(move |(from, to)| (in_s(from), in_s(to)))
+        self.action
+            .flights_on(&self.way_of_legs())
+            .into_iter()
+            .map(move |(from, to)| (in_s(from), in_s(to)))
     }
 
     /// Greatest speed and acceleration of a degree of freedom in the cycle; zero if it is not driven.
@@ -144,6 +168,17 @@ impl Gait<'_> {
     }
 }
 
+/// Every degree of freedom goes over in the way chosen for it.
+fn go_over(
+    lines: &mut [Line],
+    choices: &[Choice],
+    chosen: &[usize],
+    (from, to): (&Gait<'_>, &Gait<'_>),
+) -> Vec<Crossing> {
+    let ways = lines.iter_mut().zip(choices).zip(chosen);
+    ways.filter_map(|((line, choice), way)| line.goes_over(choice, *way, from, to)).collect()
+}
+
 /// Cyclic actions, each with its rounds, one after the other as one motion that does not come to rest
 /// between them, and how it goes over from each to the next. The last round of the last one goes on to
 /// the phase at which it ends.
@@ -151,7 +186,10 @@ impl Gait<'_> {
 /// # Errors
 /// If there are none, one is done once, rounds are out of range, a foot is in the air at a change, a
 /// degree of freedom would have to be faster than in either gait, or everything would rest at once.
-pub fn without_a_stop(actions: &[(Action, u32)]) -> Result<(Motion, Vec<GaitChange>), Error> {
+pub fn without_a_stop(
+    actions: &[(Action, u32)],
+    body: &Proportions,
+) -> Result<(Motion, Vec<GaitChange>), Error> {
     let gaits = gaits(actions)?;
     let ([first, ..], [.., last]) = (gaits.as_slice(), gaits.as_slice()) else {
         return Err(Error::new("no action was named"));
@@ -159,7 +197,9 @@ pub fn without_a_stop(actions: &[(Action, u32)]) -> Result<(Motion, Vec<GaitChan
     let mut changes: Vec<GaitChange> = Vec::new();
     for pair in gaits.windows(2) {
         let [from, to] = pair else { continue };
-        stands(from, to)?;
+        if !to.legs_lead_in && !from.legs_lead_out {
+            stands(from, to)?;
+        }
         changes.push(GaitChange {
             from: from.action.name.clone(),
             to: to.action.name.clone(),
@@ -170,18 +210,40 @@ pub fn without_a_stop(actions: &[(Action, u32)]) -> Result<(Motion, Vec<GaitChan
     }
     let end_s = last.end_s();
     let mut lines = Dof::ALL.map(|dof| Line::of(first, dof));
+    let mut all_bounds = Some(FootingBounds::default());
     for (pair, change) in gaits.windows(2).zip(changes.iter_mut()) {
         let [from, to] = pair else { continue };
         let mut choices = Vec::new();
         for line in &lines {
             choices.push(line.choice(from, to)?);
         }
-        let around = Around::of(from, to);
-        let mut chosen: Vec<usize> = choices.iter().map(Choice::nearest).collect();
-        legs::go_together(&lines, &choices, &around, &mut chosen)?;
-        for ((line, choice), way) in lines.iter_mut().zip(choices).zip(chosen) {
-            change.crossings.extend(line.goes_over(choice, way));
+        let nearest: Vec<usize> = choices.iter().map(Choice::nearest).collect();
+        if !(from.action.moves_legs() && to.action.moves_legs()) {
+            change.crossings = go_over(&mut lines, &choices, &nearest, (from, to));
+            continue;
         }
+        let bounds = footing::bounds(from, to, body)?;
+        let mut best: Option<(f64, [Line; 22], Vec<Crossing>)> = None;
+        for chosen in legs::together(&lines, &choices, &Around::of(from, to), &nearest)? {
+            let mut tried = lines.clone();
+            let mut crossings = go_over(&mut tried, &choices, &chosen, (from, to));
+            let share = match &bounds {
+                Some(bounds) => {
+                    footing::hold(&mut tried, (from, to), &mut crossings, bounds, body)?
+                }
+                None => 0.0,
+            };
+            if best.as_ref().is_none_or(|(least, ..)| share < *least) {
+                best = Some((share, tried, crossings));
+            }
+            if share < footing::GOOD {
+                break;
+            }
+        }
+        if let Some((_, tried, crossings)) = best {
+            (lines, change.crossings) = (tried, crossings);
+        }
+        all_bounds = all_bounds.zip(bounds).map(|(all, bounds)| all.or(&bounds));
     }
     let mut tracks = Vec::with_capacity(Dof::ALL.len());
     for line in lines {
@@ -193,7 +255,11 @@ pub fn without_a_stop(actions: &[(Action, u32)]) -> Result<(Motion, Vec<GaitChan
     let motion = Motion::new(tracks)?;
     let last_s = motion.duration_s();
     let flights = gaits.iter().flat_map(|gait| gait.flights_s()).map(|(a, b)| (a, b.min(last_s)));
-    Ok((motion.in_flight(flights.collect())?, changes))
+    let motion = motion.in_flight(flights.collect())?;
+    if let Some(bounds) = all_bounds {
+        footing::held(&motion, &changes, &bounds, body)?;
+    }
+    Ok((motion, changes))
 }
 
 /// The actions in the time of the whole.
@@ -215,13 +281,24 @@ fn gaits(actions: &[(Action, u32)]) -> Result<Vec<Gait<'_>>, Error> {
                 .allowed(format!("1 to {MAX_ROUNDS}")));
         }
         let to_rest = index + 1 == actions.len();
-        // Whole rounds, so that every change is in the phase at which the first action started.
-        let phase = gaits.first().map_or(ends.phase, |first| first.way.phase);
-        let rest_of_round = if to_rest { (ends.phase - phase).rem_euclid(1.0) } else { 0.0 };
+        let moves_legs = action.moves_legs();
+        let legs_rested = gaits.last().is_some_and(|last| !last.action.moves_legs());
+        let legs_lead_in = moves_legs && legs_rested;
+        let legs_rest_next = actions.get(index + 1).is_some_and(|next| !next.0.moves_legs());
+        let legs_lead_out = moves_legs && legs_rest_next;
+        // Whole rounds, so that every change is in the phase at which the first action started; but legs that
+        // come out of rest begin as they do by themselves.
+        let phase = match gaits.last() {
+            Some(last) if last.legs_lead_out => last.way.ends.phase,
+            Some(last) if !legs_lead_in => last.way.phase,
+            _ => ends.phase,
+        };
+        let to_its_end = to_rest || legs_lead_out;
+        let rest_of_round = if to_its_end { (ends.phase - phase).rem_euclid(1.0) } else { 0.0 };
         let begin_s = gaits.last().map_or(0.0, Gait::end_s);
         let periods = f64::from(*rounds) + rest_of_round;
         let way = Way { ends, phase, periods, from_rest: index == 0, to_rest };
-        gaits.push(Gait { action, way, begin_s });
+        gaits.push(Gait { action, way, begin_s, legs_lead_in, legs_lead_out });
     }
     Ok(gaits)
 }
@@ -250,6 +327,7 @@ fn stands(from: &Gait<'_>, to: &Gait<'_>) -> Result<(), Error> {
 
 /// One degree of freedom, from 0 s as far as it is decided and, if the gait that it is in drives it, a
 /// period further.
+#[derive(Clone)]
 struct Line {
     dof: Dof,
     seams: Vec<Seam>,
@@ -264,7 +342,8 @@ struct Choice {
     /// Every way over that a person can follow, and how far it strays from both cycles; none if it rests in
     /// both, at one angle.
     ways: Vec<(Over, f64)>,
-    /// Seams of the gait after, if it drives it.
+    /// Seams of the gait after, if it drives it; where there are no ways, they begin at the angle at which it
+    /// rests.
     next: Option<Vec<Seam>>,
     /// What the gait after has it do.
     after: Sequence,
@@ -308,7 +387,7 @@ impl Line {
     fn of(first: &Gait<'_>, dof: Dof) -> Self {
         let mut seams = vec![Seam::by_transition(0.0, first.action.pose[dof])];
         let own = first.seams(dof);
-        let driven = own.is_some();
+        let driven = own.is_some() && !first.leads_out(dof);
         seams.extend(own.unwrap_or_default());
         Self { dof, seams, driven, since: 0 }
     }
@@ -330,8 +409,8 @@ impl Line {
             Some(seams) => chain(seams)?,
             None => Sequence::starting_at(0.0, pose_rad)?,
         };
-        let rests_on = !self.driven && next.is_none();
-        if rests_on && (pose_rad - self.last().1).abs() <= SAME_ANGLE_RAD {
+        let goes_on = !self.driven && (next.is_none() || to.leads_in(self.dof));
+        if goes_on && (pose_rad - self.last().1).abs() <= SAME_ANGLE_RAD {
             return Ok(Choice { ways: Vec::new(), next, after });
         }
         let limits = limits(from, to, self.dof)?;
@@ -353,8 +432,25 @@ impl Line {
     }
 
     /// Leaves the gait before and joins the one after in one of the ways that it may.
-    fn goes_over(&mut self, choice: Choice, way: usize) -> Option<Crossing> {
-        let over = choice.ways.into_iter().nth(way)?.0;
+    fn goes_over(
+        &mut self,
+        choice: &Choice,
+        way: usize,
+        from: &Gait<'_>,
+        to: &Gait<'_>,
+    ) -> Option<Crossing> {
+        let next_drives = choice.next.is_some() && !to.leads_out(self.dof);
+        let Some((over, _)) = choice.ways.get(way) else {
+            let crossing = match &choice.next {
+                Some(next) => self.led_in(next, to),
+                None => self.led_out(from),
+            };
+            self.rests_until(to.begin_s);
+            self.since = self.seams.len();
+            self.driven = next_drives;
+            self.seams.extend(choice.next.iter().flatten().cloned());
+            return crossing;
+        };
         let crossing = Crossing {
             dof: self.dof,
             left_s: over.left.at_s,
@@ -364,13 +460,51 @@ impl Line {
         };
         self.seams.truncate(over.kept);
         if over.left.at_s > self.last().0 + SAME_INSTANT_S {
-            self.seams.push(over.left);
+            self.seams.push(over.left.clone());
         }
         self.since = self.seams.len();
-        self.seams.push(over.joined);
-        self.driven = choice.next.is_some();
-        self.seams.extend(choice.next.unwrap_or_default().drain(over.rest..));
+        self.seams.push(over.joined.clone());
+        self.driven = next_drives;
+        self.seams.extend(choice.next.iter().flatten().skip(over.rest).cloned());
         Some(crossing)
+    }
+
+    fn rests_until(&mut self, time_s: f64) {
+        let (last_s, last_rad) = self.last();
+        if time_s > last_s + SAME_INSTANT_S {
+            self.seams.push(Seam::by_transition(time_s, last_rad));
+        }
+    }
+
+    /// From rest into the cycle of the gait after as that is led in by itself.
+    fn led_in(&self, next: &[Seam], to: &Gait<'_>) -> Option<Crossing> {
+        let lead_in = to.way.ends.lead_in.iter().filter(|(dof, _)| *dof == self.dof);
+        let joined = next.get(lead_in.count())?;
+        Some(Crossing {
+            dof: self.dof,
+            left_s: to.begin_s,
+            left_rad: self.last().1,
+            joined_s: joined.at_s,
+            joined_rad: joined.angle_rad,
+        })
+    }
+
+    /// Out of the cycle of the gait before, as that is led out by itself, to rest.
+    fn led_out(&self, from: &Gait<'_>) -> Option<Crossing> {
+        if !from.leads_out(self.dof) {
+            return None;
+        }
+        let leaves_s = from.end_s() - from.way.ends.before * from.period_s();
+        let left = self.seams.iter().rfind(|seam| seam.at_s <= leaves_s + SAME_INSTANT_S)?;
+        let (joined_s, joined_rad) = self.last();
+        let (left_s, left_rad) = (left.at_s, left.angle_rad);
+        (joined_s > left_s).then_some(Crossing {
+            dof: self.dof,
+            left_s,
+            left_rad,
+            joined_s,
+            joined_rad,
+        })
     }
 
     /// Every way over within a period. What a gait does not drive rests, and may leave its rest, or be

@@ -1,7 +1,9 @@
 //! Many variations of an action, reproducible one by one: variation n of a seed is the same
 //! whatever was made before it, and by how many threads.
 
-use crate::action::foothold::{FootingBounds, Footstep};
+use crate::action::feet::FootingBounds;
+use crate::action::fit::fit;
+use crate::action::foothold::Footstep;
 use crate::action::frames::{self, CorpusPose};
 use crate::action::mutate::around_zero;
 use crate::action::{Database, Foothold, Join, Motion, Spread, phrase};
@@ -11,6 +13,7 @@ use crate::error::Error;
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
+use std::sync::OnceLock;
 
 /// Draws of a variation before none is found whose feet hold.
 const DRAWS: u32 = 16;
@@ -19,6 +22,9 @@ const REPAIRS: u32 = 3;
 /// ... and then by going back towards the action itself as well, to this part of the way from it each time.
 const RETREATS: u32 = 4;
 const RETREATS_TO: f64 = 0.75;
+
+/// Actions are fitted to bodies whose statures lie apart by this part of it at most.
+const RUNG: f64 = 0.04;
 
 /// Points are kept to this, m: a tenth of a millimetre is far below what a body is known to, and
 /// the bytes that say nothing compress.
@@ -143,10 +149,18 @@ pub struct Pieces {
 #[derive(Clone, Debug)]
 pub struct Variations {
     corpus: Corpus,
-    footholds: Vec<Foothold>,
+    /// Of bodies as tall as variations may be, evenly spread; looked at when one is drawn.
+    rungs: Vec<OnceLock<Result<Rung, Error>>>,
     bounds: FootingBounds,
     /// Draws of a variation: one where the actions themselves do not stand on their feet.
     draws: u32,
+}
+
+/// The actions as a body of some stature does them, and how its feet answer.
+#[derive(Clone, Debug)]
+struct Rung {
+    parts: Vec<phrase::Part>,
+    footholds: Vec<Foothold>,
 }
 
 /// A variation.
@@ -169,11 +183,37 @@ impl Variations {
     /// If they cannot be performed.
     pub fn of(corpus: Corpus) -> Result<Self, Error> {
         let Corpus { parts, spread, body, join, .. } = &corpus;
-        let footholds = parts.iter().map(|part| Foothold::of(part, spread, body));
-        let footholds = footholds.collect::<Result<_, _>>()?;
-        let bounds = FootingBounds::of(&phrase::perform(parts, *join)?, body)?;
+        let bounds = FootingBounds::of(&phrase::performed_by(parts, *join, body)?.motion, body)?;
         let draws = if bounds.is_some() { DRAWS } else { 1 };
-        Ok(Self { corpus, footholds, bounds: bounds.unwrap_or_default(), draws })
+        // To either side of the body itself; the cast saturates, and not-a-number becomes zero.
+        let steps = (spread.stature / RUNG).ceil() as usize;
+        let rungs = vec![OnceLock::new(); 2 * steps + 1];
+        let made = Self { corpus, rungs, bounds: bounds.unwrap_or_default(), draws };
+        made.rung(0.0)?;
+        Ok(made)
+    }
+
+    /// The actions as a body does them that is about so much taller, as a part of its stature.
+    fn rung(&self, taller: f64) -> Result<&Rung, Error> {
+        let Corpus { parts, spread, body, .. } = &self.corpus;
+        let steps = (self.rungs.len() / 2) as f64;
+        let step = if steps > 0.0 { (taller / spread.stature * steps).round() } else { 0.0 };
+        let about = || {
+            let taller = if steps > 0.0 { step / steps * spread.stature } else { 0.0 };
+            let own = body.of_other_stature(body.stature_m() * (1.0 + taller))?;
+            let fitted = |part: &phrase::Part| {
+                let action = fit(&part.action, body, &own)?;
+                Ok(phrase::Part { item: part.item.clone(), action })
+            };
+            let parts = parts.iter().map(fitted).collect::<Result<Vec<_>, Error>>()?;
+            let footholds = parts.iter().map(|part| Foothold::of(part, spread, &own));
+            let footholds = footholds.collect::<Result<_, _>>()?;
+            Ok(Rung { parts, footholds })
+        };
+        // From 0 up to twice the steps.
+        let rung =
+            self.rungs[((step + steps) as usize).min(self.rungs.len() - 1)].get_or_init(about);
+        rung.as_ref().map_err(Clone::clone)
     }
 
     /// Variation number `index`: the first draw whose feet hold, as it is drawn or repaired. If none of
@@ -185,8 +225,9 @@ impl Variations {
         let corpus = &self.corpus;
         let mut random = ChaCha8Rng::seed_from_u64(corpus.seed);
         random.set_stream(u64::from(index));
-        let taller = 1.0 + around_zero(&mut random, corpus.spread.stature);
-        let body = corpus.body.of_other_stature(corpus.body.stature_m() * taller)?;
+        let taller = around_zero(&mut random, corpus.spread.stature);
+        let body = corpus.body.of_other_stature(corpus.body.stature_m() * (1.0 + taller))?;
+        let rung = self.rung(taller)?;
         let heading_rad = around_zero(&mut random, corpus.spread.heading_rad);
         let varied = |motion: Motion, status, rejected| Varied {
             motion: motion.facing(heading_rad),
@@ -196,10 +237,12 @@ impl Variations {
         };
         let mut first = None;
         for rejected in 0..self.draws {
-            let drawn = self.footholds.iter().map(|own| own.draw(&corpus.database, &mut random));
-            let mut steps = drawn.collect::<Result<Vec<Footstep<'_>>, _>>()?;
+            // Seams that pass one another make no action: that draw is thrown away like one whose feet slide.
+            let drawn =
+                rung.footholds.iter().map(|own| own.draw(&body, &corpus.database, &mut random));
+            let Ok(mut steps) = drawn.collect::<Result<Vec<Footstep<'_>>, _>>() else { continue };
             for repair in 0..=REPAIRS + RETREATS {
-                let motion = self.performed(&steps)?;
+                let Ok(motion) = self.performed(rung, &steps, &body) else { break };
                 if self.bounds.hold(&motion, &body)? {
                     let status = if repair == 0 {
                         VariationStatus::Valid
@@ -211,27 +254,35 @@ impl Variations {
                 first.get_or_insert(motion);
                 let mut moved = false;
                 for step in &mut steps {
-                    if repair >= REPAIRS {
-                        step.retreat(RETREATS_TO);
-                    }
-                    moved |= step.repair()?;
+                    moved |= if repair < REPAIRS {
+                        step.repair().unwrap_or(false)
+                    } else {
+                        step.retreat(RETREATS_TO).unwrap_or(false)
+                    };
                 }
-                if !moved {
+                if !moved && repair >= REPAIRS {
                     break;
                 }
             }
         }
-        let motion = first.map_or_else(|| phrase::perform(&corpus.parts, corpus.join), Ok)?;
+        let undrawn =
+            || phrase::performed_by(&rung.parts, corpus.join, &body).map(|made| made.motion);
+        let motion = first.map_or_else(undrawn, Ok)?;
         Ok(varied(motion, VariationStatus::Implausible, self.draws))
     }
 
-    fn performed(&self, steps: &[Footstep<'_>]) -> Result<Motion, Error> {
-        let parts =
-            self.corpus.parts.iter().zip(steps).map(|(part, step)| phrase::Part {
-                item: part.item.clone(),
-                action: step.action(),
-            });
-        phrase::perform(&parts.collect::<Vec<_>>(), self.corpus.join)
+    fn performed(
+        &self,
+        rung: &Rung,
+        steps: &[Footstep<'_>],
+        body: &Proportions,
+    ) -> Result<Motion, Error> {
+        let parts = rung
+            .parts
+            .iter()
+            .zip(steps)
+            .map(|(part, step)| phrase::Part { item: part.item.clone(), action: step.action() });
+        Ok(phrase::performed_by(&parts.collect::<Vec<_>>(), self.corpus.join, body)?.motion)
     }
 
     /// Variations `from..to` as columns.

@@ -546,6 +546,11 @@ impl Action {
         self.groups.iter().flat_map(|group| &group.tracks)
     }
 
+    /// Whether it drives a hip, knee or ankle.
+    pub(super) fn moves_legs(&self) -> bool {
+        self.tracks().any(|track| track.dof.is_of_leg())
+    }
+
     /// Adds a waveform with every angle of another turned around.
     fn negated(&mut self, waveform: usize) -> usize {
         let turned = self.waveforms[waveform].iter();

@@ -12,11 +12,12 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 use rand::Rng;
 use std::ops::Range;
 
+use crate::action::feet::{Feet, FootingBounds};
 use crate::action::mutate::{Drawn, Seams};
 use crate::action::phrase::{Item, Part};
 use crate::action::{Action, Database, Motion, Spread};
-use crate::body::contact::{ON_FLOOR_M, worst_slide_m};
-use crate::body::{Proportions, SegmentPose, root};
+use crate::body::Proportions;
+use crate::body::contact::ON_FLOOR_M;
 use crate::error::Error;
 
 /// Soles and root are looked at about so often to tell how they answer to seams.
@@ -30,135 +31,48 @@ const STRIDE_ROUNDS: u32 = 2;
 /// A seam is moved by this part of its standard deviation to tell how soles answer.
 const NUDGE: f64 = 0.2;
 /// Soles that carry are held as well as this, m ...
-const HOLDS_M: f64 = 0.000_7;
+const HOLDS_M: f64 = 0.000_3;
 /// ... soles of one stride that differs from those beside it as well as this ...
 const STRIDE_HOLDS_M: f64 = 0.000_3;
 /// ... and the root's acceleration, m/s^2 ...
 const ROOT_HOLDS_M_S2: f64 = 4.0;
 /// ... on the average over this time, s.
 const HOLDS_FOR_S: f64 = 0.05;
+/// A sole that swings lower than this keeps clear of the floor ...
+const LOW_M: f64 = 0.02;
+/// ... as high as that of the action, or at least so high, m.
+const CLEAR_M: f64 = 0.009;
+/// Feet that end nearer to where they began have come back, m ...
+const CAME_BACK_M: f64 = 0.02;
+/// ... and are held there as well as this, m.
+const AWAY_M: f64 = 0.001;
+/// Of what soles of the action slide so much is left to those of variations.
+const SLIDES_LEFT: f64 = 0.5;
+/// A contact that slides by more counts so many times as much in the next repair, m.
+const NEARLY_SLIDES_M: f64 = 0.004;
+const MATTERS_MORE: f64 = 1.5;
+/// A draw is moved so often by what its feet do before it is looked at.
+const SETTLES: usize = 3;
+/// ... each time by all of what would still them, or by half of it and so on: so often.
+const HALVINGS: usize = 4;
+/// Legs are drawn further to make up for what feet that hold take away, at most so many times.
+const MOST_FURTHER: f64 = 1.25;
 /// More seams of legs are not looked at: a capture's many actionlets are varied as they are drawn.
 const MOST_SEAMS: usize = 400;
-
-/// A sole that stands sinks into the floor by less, m.
-const SINKS_M: f64 = 0.001;
-/// While it is on the floor, a sole that stands slides by less, m.
-const SLIDES_M: f64 = 0.005;
-/// The root of a body that stands is accelerated by less, m/s^2 ...
-const ROOT_M_S2: f64 = 18.0;
-/// ... and by less than this if it flies, and so lands.
-const LANDING_ROOT_M_S2: f64 = 40.0;
-/// An action that slides by more does not stand on its feet: its variations are not held to it, m.
-const MOST_SLIDES_M: f64 = 0.008;
-/// So much worse than the action itself its variations may be.
-const WORSE: f64 = 1.25;
-/// Whether feet hold is looked at so often.
-const JUDGED_HZ: f64 = 250.0;
-
-/// How still feet stand and how hard they land at most.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FootingBounds {
-    slides_m: f64,
-    root_m_s2: f64,
-}
-
-impl Default for FootingBounds {
-    fn default() -> Self {
-        Self { slides_m: SLIDES_M, root_m_s2: ROOT_M_S2 }
-    }
-}
-
-impl FootingBounds {
-    /// For variations of a motion: they may be a quarter worse than it is itself, where that is more. None if
-    /// its feet do not hold well enough to be held on to.
-    ///
-    /// # Errors
-    /// As [`Motion::poses`].
-    pub fn of(motion: &Motion, body: &Proportions) -> Result<Option<Self>, Error> {
-        let seen = Feet::of(body, &motion.poses(body, JUDGED_HZ)?);
-        let usual = Self::default();
-        let slides_m = worst_slide_m(&seen.soles_m);
-        let root_m_s2 = seen.root_m_s2();
-        let bounds = Self {
-            slides_m: usual.slides_m.max(WORSE * slides_m),
-            root_m_s2: usual.root_m_s2.max(WORSE * root_m_s2),
-        };
-        let holds = slides_m < MOST_SLIDES_M && root_m_s2 < LANDING_ROOT_M_S2;
-        Ok((holds && seen.hold(&bounds)).then_some(bounds))
-    }
-
-    /// Whether a motion stays inside, and no sole sinks into the floor by 1 mm.
-    ///
-    /// # Errors
-    /// As [`Motion::poses`].
-    pub fn hold(&self, motion: &Motion, body: &Proportions) -> Result<bool, Error> {
-        Ok(Feet::of(body, &motion.poses(body, JUDGED_HZ)?).hold(self))
-    }
-}
-
-/// Soles and root by pose.
-#[derive(Clone, Debug)]
-struct Feet {
-    soles_m: Vec<[DVec3; 4]>,
-    roots_m: Vec<DVec3>,
-}
-
-impl Feet {
-    fn of(body: &Proportions, poses: &[SegmentPose]) -> Self {
-        let soles = |pose: &SegmentPose| {
-            let at = body.positions(pose);
-            root::SOLES.map(|end| at.end_m(end))
-        };
-        Self {
-            soles_m: poses.iter().map(soles).collect(),
-            roots_m: poses.iter().map(|pose| pose.root_m).collect(),
-        }
-    }
-
-    fn hold(&self, bounds: &FootingBounds) -> bool {
-        let sinks = self.soles_m.iter().flatten().any(|sole_m| !(sole_m.z > -SINKS_M));
-        let flies = self.soles_m.iter().any(|soles_m| soles_m.iter().all(|m| m.z >= ON_FLOOR_M));
-        let most_m_s2 = if flies { LANDING_ROOT_M_S2 } else { bounds.root_m_s2 };
-        !sinks && self.root_m_s2() < most_m_s2 && worst_slide_m(&self.soles_m) < bounds.slides_m
-    }
-
-    /// Greatest acceleration of the root.
-    fn root_m_s2(&self) -> f64 {
-        self.bends_m().map(|bend_m| bend_m.length() * JUDGED_HZ * JUDGED_HZ).fold(0.0, f64::max)
-    }
-
-    fn bends_m(&self) -> impl Iterator<Item = DVec3> {
-        self.roots_m.windows(3).map(|three| three[0] - 2.0 * three[1] + three[2])
-    }
-
-    /// Which of the soles are on the floor, from when to when.
-    fn contacts(&self) -> Vec<(usize, Range<usize>)> {
-        let mut contacts = Vec::new();
-        for sole in 0..root::SOLES.len() {
-            let carries = |soles_m: &[DVec3; 4]| soles_m[sole].z < ON_FLOOR_M;
-            let mut at = 0;
-            for same in self.soles_m.chunk_by(|a, b| carries(a) == carries(b)) {
-                if carries(&same[0]) {
-                    contacts.push((sole, at..at + same.len()));
-                }
-                at += same.len();
-            }
-        }
-        contacts
-    }
-}
 
 /// The body of an action that is looked at, at instants that are the same parts of its duration however
 /// long it lasts.
 #[derive(Clone, Debug)]
 struct Look {
     item: Item,
-    body: Proportions,
     rounds: u32,
     looks: usize,
     rate_hz: f64,
+    /// What soles and root do that do what they are to.
     feet: Feet,
     contacts: Vec<(usize, Range<usize>)>,
+    /// Soles that are low but not on the floor, and when.
+    swinging: Vec<(usize, usize)>,
 }
 
 impl Look {
@@ -168,21 +82,42 @@ impl Look {
         let rate_hz = looks / motion.duration_s();
         let feet = Feet::of(body, &motion.poses(body, rate_hz)?);
         let contacts = feet.contacts();
-        let (item, body) = (part.item.clone(), *body);
-        Ok(Self { item, body, rounds, looks: looks as usize, rate_hz, feet, contacts })
+        let swings_low = |sole: usize, look: usize| {
+            (ON_FLOOR_M..LOW_M).contains(&feet.soles_m[look][sole].z).then_some((sole, look))
+        };
+        let all = 0..feet.soles_m.len();
+        let swinging =
+            (0..4).flat_map(|sole| all.clone().filter_map(move |look| swings_low(sole, look)));
+        let swinging = swinging.collect();
+        let (item, looks) = (part.item.clone(), looks as usize);
+        Ok(Self { item, rounds, looks, rate_hz, feet, contacts, swinging })
     }
 
-    /// How far soles that carry leave where they stand, and how the root is accelerated otherwise, each
-    /// as a part of what is allowed to them: zero for the action itself.
-    fn off(&self, action: &Action) -> Result<DVector<f64>, Error> {
-        Ok(self.feet_off(&self.feet(action)?))
+    /// Makes contacts matter more that slide too far, by row of [`Self::feet_off`].
+    fn weigh(&self, feet: &Feet, weights: &mut DVector<f64>) {
+        let last = feet.soles_m.len() - 1;
+        let mut row = 0;
+        for (sole, range) in &self.contacts {
+            let place_m = |look: usize| feet.soles_m[look.min(last)][*sole];
+            let first_m = place_m(range.start);
+            let (least_m, most_m) = range.clone().fold((first_m, first_m), |extent, look| {
+                (extent.0.min(place_m(look)), extent.1.max(place_m(look)))
+            });
+            let rows = row..row + 3 * range.len();
+            if (most_m - least_m).truncate().length() > NEARLY_SLIDES_M {
+                weights.as_mut_slice()[rows.clone()]
+                    .iter_mut()
+                    .for_each(|one| *one *= MATTERS_MORE);
+            }
+            row = rows.end;
+        }
     }
 
     /// The body at these instants.
-    fn feet(&self, action: &Action) -> Result<Feet, Error> {
+    fn feet(&self, action: &Action, body: &Proportions) -> Result<Feet, Error> {
         let motion = performed(&self.item, action, self.rounds)?;
         let rate_hz = self.looks as f64 / motion.duration_s();
-        Ok(Feet::of(&self.body, &motion.poses(&self.body, rate_hz)?))
+        Ok(Feet::of(body, &motion.poses(body, rate_hz)?))
     }
 
     /// The part that a look has in what is allowed.
@@ -209,20 +144,30 @@ impl Look {
         )
     }
 
+    /// How far soles that carry leave where they stand, those that swing come down, and how the root is
+    /// accelerated otherwise, each as a part of what is allowed to them: nearly zero for the action itself.
     fn feet_off(&self, feet: &Feet) -> DVector<f64> {
         let part = self.part();
         let mut off = Vec::new();
         for (sole, range) in &self.contacts {
-            let moved_m = |look: usize| {
-                let last = feet.soles_m.len() - 1;
-                feet.soles_m[look.min(last)][*sole] - self.feet.soles_m[look][*sole]
-            };
-            let mean_m = range.clone().map(moved_m).sum::<DVec3>() / range.len() as f64;
+            let last = feet.soles_m.len() - 1;
+            let now_m = |look: usize| feet.soles_m[look.min(last)][*sole];
+            let then_m = |look: usize| self.feet.soles_m[look][*sole];
+            let left_m = |look: usize| now_m(look) - then_m(look) * SLIDES_LEFT;
+            let mean_m = range.clone().map(left_m).sum::<DVec3>() / range.len() as f64;
             for look in range.clone() {
-                let moved_m = moved_m(look);
-                let slid_m = (moved_m - mean_m).with_z(moved_m.z) * (part / HOLDS_M);
-                off.extend(slid_m.to_array());
+                let slid_m = (left_m(look) - mean_m).with_z(now_m(look).z - then_m(look).z);
+                off.extend((slid_m * (part / HOLDS_M)).to_array());
             }
+        }
+        // A sole that swings low over the floor keeps clear of it.
+        for (sole, look) in &self.swinging {
+            let height_m = self.feet.soles_m[*look][*sole].z.min(CLEAR_M);
+            let now = &feet.soles_m[(*look).min(feet.soles_m.len() - 1)];
+            off.push((now[*sole].z - height_m).min(0.0) * part / HOLDS_M);
+        }
+        if self.feet.away_m().length() < CAME_BACK_M {
+            off.extend(((feet.away_m() - self.feet.away_m()) / AWAY_M).to_array());
         }
         // As if both lasted equally long: who is twice as fast has four times the acceleration.
         let scale = self.rate_hz * self.rate_hz * part / ROOT_HOLDS_M_S2;
@@ -263,10 +208,14 @@ pub struct Foothold {
 #[derive(Clone, Debug)]
 struct Held {
     look: Look,
+    /// How soles answer to seams.
+    answers: DMatrix<f64>,
     /// From what soles do to how far seams are moved back, both in parts of what is usual.
     back: DMatrix<f64>,
     /// The same from how far seams are moved.
     moved_back: DMatrix<f64>,
+    /// Legs are drawn so many times as far: feet that hold take that away again.
+    further: f64,
     /// The same for seams of one stride, while those of the strides beside it stay.
     strides: Look,
     stride_back: DMatrix<f64>,
@@ -306,7 +255,7 @@ impl Foothold {
             let nudged = |look: &Look, part: f64| {
                 let mut offsets = vec![0.0; count];
                 offsets[index] = part * seam.deviation;
-                look.feet(&self.seams.moved(&self.action, &offsets))
+                look.feet(&self.seams.moved(&self.action, &offsets), body)
             };
             let slope = |look: &Look, off: &dyn Fn(&Feet) -> DVector<f64>| {
                 let (more, less) = (nudged(look, NUDGE)?, nudged(look, -NUDGE)?);
@@ -318,38 +267,54 @@ impl Foothold {
         }
         let back = moving_back(&answers);
         let moved_back = &back * &answers;
+        let further = self.further(&moved_back);
         let stride_back = moving_back(&stride_answers);
         let stride_moved_back = &stride_back * &stride_answers;
         let rounds = part.item.timed(&self.action).1;
-        Ok(Held { look, back, moved_back, strides, stride_back, stride_moved_back, rounds })
+        Ok(Held {
+            look,
+            answers,
+            back,
+            moved_back,
+            further,
+            strides,
+            stride_back,
+            stride_moved_back,
+            rounds,
+        })
+    }
+
+    /// By how much legs vary less where their feet hold, turned round.
+    fn further(&self, moved_back: &DMatrix<f64>) -> f64 {
+        let left = DMatrix::identity(moved_back.nrows(), moved_back.ncols()) - moved_back;
+        let legs: Vec<f64> = (0..left.nrows())
+            .filter(|seam| self.seams.seams[*seam].is_of_leg)
+            .map(|seam| left.row(seam).norm_squared())
+            .collect();
+        let mean = legs.iter().sum::<f64>() / legs.len().max(1) as f64;
+        if mean > 0.0 { mean.sqrt().recip().min(MOST_FURTHER) } else { 1.0 }
     }
 
     /// A variation as it is drawn, moved to where feet about hold: by how soles of the action answer, and then by
-    /// what they really do; and each stride in the same way.
+    /// what they really do on a body that is about the one looked at; and each stride in the same way.
     ///
     /// # Errors
-    /// If it cannot be performed.
-    pub fn draw(&self, database: &Database, random: &mut impl Rng) -> Result<Footstep<'_>, Error> {
-        let mut drawn = self.seams.draw(&self.action, database, random);
-        let strides = std::mem::take(&mut drawn.strides);
+    /// If it cannot be performed: seams passed one another.
+    pub fn draw(
+        &self,
+        body: &Proportions,
+        database: &Database,
+        random: &mut impl Rng,
+    ) -> Result<Footstep<'_>, Error> {
+        let drawn = self.seams.draw(&self.action, database, random);
+        let strides = drawn.strides.clone();
         let moved = DVector::zeros(drawn.offsets.len());
-        let mut step = Footstep { foothold: self, kept: 1.0, moved, drawn };
+        let weights = None;
+        let (kept, body) = (1.0, *body);
+        let mut step = Footstep { foothold: self, body, kept, moved, weights, drawn, strides };
         if let Some(held) = &self.held {
-            step.moved = -(&held.moved_back * step.wanted());
-            step.repair()?;
-            let alike = step.action();
-            let feet = held.strides.feet(&alike)?;
-            // A little before the first round and after the last one are seen.
-            let last = 2 * held.rounds as usize + 6;
-            let count = strides.len();
-            for (number, stride) in strides.into_iter().enumerate() {
-                let is_seen = number < last || number + 2 >= count;
-                let stride =
-                    if is_seen { self.on_its_feet(held, stride, &alike, &feet)? } else { stride };
-                step.drawn.strides.push(stride);
-            }
-        } else {
-            step.drawn.strides = strides;
+            step.widen(held.further);
+            step.stand(held)?;
         }
         Ok(step)
     }
@@ -359,7 +324,7 @@ impl Foothold {
         &self,
         held: &Held,
         mut stride: Vec<f64>,
-        alike: &Action,
+        alike: &Footstep<'_>,
         feet: &Feet,
     ) -> Result<Vec<f64>, Error> {
         let wanted = self.seams.in_deviations(&stride);
@@ -369,8 +334,8 @@ impl Foothold {
             }
         };
         move_by(&mut stride, &(&held.stride_moved_back * &wanted));
-        let own = self.seams.with_strides(alike.clone(), std::slice::from_ref(&stride));
-        let off = held.strides.under_root_off(&held.strides.feet(&own)?, feet);
+        let own = self.seams.with_strides(alike.alike(), std::slice::from_ref(&stride));
+        let off = held.strides.under_root_off(&held.strides.feet(&own, &alike.body)?, feet);
         // As a repair does: from where it was drawn to where soles would then be still.
         let moved = self.seams.in_deviations(&stride) - &wanted;
         let back = &held.stride_back * off - &held.stride_moved_back * &moved + &moved;
@@ -383,11 +348,16 @@ impl Foothold {
 #[derive(Clone, Debug)]
 pub struct Footstep<'a> {
     foothold: &'a Foothold,
+    body: Proportions,
     drawn: Drawn,
     /// The part that is left of what was drawn ...
     kept: f64,
     /// ... and by which it is moved from there, in standard deviations.
     moved: DVector<f64>,
+    /// How much it matters what soles and root do, once it was repaired.
+    weights: Option<DVector<f64>>,
+    /// How much further each stride moves the seams, once it is on its feet.
+    strides: Vec<Vec<f64>>,
 }
 
 impl Footstep<'_> {
@@ -398,36 +368,124 @@ impl Footstep<'_> {
         self.foothold.seams.in_deviations(&sums)
     }
 
+    /// Draws legs so many times as far.
+    fn widen(&mut self, further: f64) {
+        for (offset, seam) in self.drawn.offsets.iter_mut().zip(&self.foothold.seams.seams) {
+            if seam.is_of_leg {
+                *offset *= further;
+            }
+        }
+    }
+
     /// The variation.
     #[must_use]
     pub fn action(&self) -> Action {
+        self.foothold.seams.with_strides(self.alike(), &self.strides)
+    }
+
+    /// The variation with strides that are alike.
+    fn alike(&self) -> Action {
         // What was exchanged stays: the offset that undoes a part of it counts from there.
         let moved = self.wanted() * (self.kept - 1.0) + &self.moved;
         let seams = &self.foothold.seams;
         let offsets = self.drawn.offsets.iter().zip(&seams.seams).zip(moved.iter());
         let offsets: Vec<f64> =
             offsets.map(|((offset, seam), moved)| offset + moved * seam.deviation).collect();
-        seams.with_strides(seams.moved(&self.drawn.exchanged, &offsets), &self.drawn.strides)
+        seams.moved(&self.drawn.exchanged, &offsets)
     }
 
-    /// Moves it by what its feet do now; false if it cannot be moved.
+    /// From what is left of the draw to where feet about hold, and each stride likewise.
+    fn stand(&mut self, held: &Held) -> Result<(), Error> {
+        self.weights = None;
+        self.strides.clear();
+        self.moved = -(&held.moved_back * self.wanted() * self.kept);
+        let mut off = held.look.feet_off(&held.look.feet(&self.action(), &self.body)?);
+        for _ in 0..SETTLES {
+            // From the draw to where the soles would be still, were they to answer as they did at first.
+            let moved = -(&held.back * &off) + &held.moved_back * &self.moved;
+            let Some(better) = self.moved_towards(held, &moved, &off, None) else { break };
+            off = better;
+        }
+        let feet = held.strides.feet(&self.action(), &self.body)?;
+        // A little before the first round and after the last one are seen.
+        let last = 2 * held.rounds as usize + 6;
+        let count = self.drawn.strides.len();
+        let mut strides = Vec::with_capacity(count);
+        for (number, stride) in self.drawn.strides.iter().enumerate() {
+            let stride: Vec<f64> = stride.iter().map(|offset| offset * self.kept).collect();
+            let is_seen = number < last || number + 2 >= count;
+            strides.push(if is_seen {
+                self.foothold.on_its_feet(held, stride, self, &feet)?
+            } else {
+                stride
+            });
+        }
+        self.strides = strides;
+        Ok(())
+    }
+
+    /// Moves it to where its feet were to hold, or so far in that direction that they hold better than they do
+    /// now: which feet carry changes on the way, and then soles answer otherwise. What they do there; none if
+    /// nothing was better, and it stays where it was.
+    fn moved_towards(
+        &mut self,
+        held: &Held,
+        target: &DVector<f64>,
+        off: &DVector<f64>,
+        weights: Option<&DVector<f64>>,
+    ) -> Option<DVector<f64>> {
+        let weighted = |off: &DVector<f64>| match weights {
+            Some(weights) => off.component_mul(weights).norm_squared(),
+            None => off.norm_squared(),
+        };
+        let from = self.moved.clone();
+        let now = weighted(off) + from.norm_squared();
+        let mut part = 1.0;
+        for _ in 0..HALVINGS {
+            self.moved = &from + (target - &from) * part;
+            // Seams that pass one another are no better.
+            if let Ok(feet) = held.look.feet(&self.action(), &self.body) {
+                let off = held.look.feet_off(&feet);
+                if weighted(&off) + self.moved.norm_squared() < now {
+                    return Some(off);
+                }
+            }
+            part *= 0.5;
+        }
+        self.moved = from;
+        None
+    }
+
+    /// Moves it by what its feet do now, those that slide too far above all; false if it cannot be moved.
     ///
     /// # Errors
     /// If it cannot be performed.
     pub fn repair(&mut self) -> Result<bool, Error> {
         let Some(held) = &self.foothold.held else { return Ok(false) };
-        let off = held.look.off(&self.action())?;
-        // From the draw to where the soles would be still, were they to answer as they did at first.
-        self.moved = -(&held.back * off) + &held.moved_back * &self.moved;
-        Ok(true)
+        let feet = held.look.feet(&self.action(), &self.body)?;
+        let off = held.look.feet_off(&feet);
+        let mut weights = self.weights.take().unwrap_or_else(|| DVector::repeat(off.len(), 1.0));
+        held.look.weigh(&feet, &mut weights);
+        let mut answers = held.answers.clone();
+        for (mut row, weight) in answers.row_iter_mut().zip(weights.iter()) {
+            row *= *weight;
+        }
+        let back = moving_back(&answers);
+        let target = -(&back * off.component_mul(&weights)) + &back * (&answers * &self.moved);
+        let moved = self.moved_towards(held, &target, &off, Some(&weights)).is_some();
+        self.weights = Some(weights);
+        Ok(moved)
     }
 
-    /// Goes back to a part of what was drawn, and of how its strides differ.
-    pub fn retreat(&mut self, part: f64) {
+    /// Goes back to a part of what was drawn, and of how its strides differ, and stands there anew; false if
+    /// there is nothing to go back to.
+    ///
+    /// # Errors
+    /// If it cannot be performed.
+    pub fn retreat(&mut self, part: f64) -> Result<bool, Error> {
+        let Some(held) = &self.foothold.held else { return Ok(false) };
         self.kept *= part;
-        self.moved *= part;
-        for offset in self.drawn.strides.iter_mut().flatten() {
-            *offset *= part;
-        }
+        self.stand(held)?;
+        Ok(true)
     }
 }

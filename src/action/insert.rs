@@ -6,7 +6,7 @@
 //! cut is where its piece begins. The target becomes longer by the length of the cut. What the piece does
 //! not move is the target's.
 
-use crate::action::{Join, Motion, file, phrase};
+use crate::action::{Fits, Join, Motion, file, phrase};
 use crate::actionlet::{Actionlet, Cut, Sequence, delayed, insert::AS_TOLD_S, paste, seam_in};
 use crate::body::{Dof, Joint};
 use crate::error::{Error, ErrorKind};
@@ -166,11 +166,11 @@ pub struct Inserted {
 }
 
 impl Inserts {
-    /// A motion with all of them in it, and what each did.
+    /// A motion with all of them in it, as a body does them, and what each did.
     ///
     /// # Errors
     /// As [`Motion::with_inserted`], with the insert it is about; if a source is no phrase of actions.
-    pub fn apply(&self, motion: Motion) -> Result<(Motion, Vec<Inserted>), Error> {
+    pub fn apply(&self, motion: Motion, fits: &mut Fits) -> Result<(Motion, Vec<Inserted>), Error> {
         let mut done = Vec::with_capacity(self.list.len());
         let mut whole = motion;
         for insert in &self.list {
@@ -178,7 +178,10 @@ impl Inserts {
                 let within = e.place.as_ref().map(|place| format!(", {place}"));
                 e.at(format!("insert {insert}{}", within.unwrap_or_default()))
             };
-            let parts = phrase::load(&insert.source).map_err(of_insert)?;
+            let mut parts = phrase::load(&insert.source).map_err(of_insert)?;
+            for part in &mut parts {
+                part.action = fits.fit(&part.action).map_err(of_insert)?;
+            }
             let source = phrase::perform(&parts, Join::Transition).map_err(of_insert)?;
             let (begin_s, end_s) = insert.cut_s.unwrap_or((0.0, source.duration_s()));
             let cut = Cut { begin_s, end_s, target_s: insert.target_s, keep_end: self.keep_end };

@@ -202,7 +202,7 @@ impl Seams {
             let dofs: Vec<Dof> =
                 action.tracks().filter(|t| t.waveform == waveform).map(|t| t.dof).collect();
             let Some(dof) = dofs.first().copied() else { continue };
-            let is_of_leg = is_of_leg(dof);
+            let is_of_leg = dof.is_of_leg();
             seams.push_angles(action, dof, waveform);
             seams.push_times(action, waveform, is_of_leg);
             for (index, turn) in action.waveforms[waveform].iter().enumerate() {
@@ -254,7 +254,7 @@ impl Seams {
                 if end + 1 < count { Some(given[end + 1]) } else { closed.then(|| given[0]) };
             if let Some(after) = after {
                 let smaller = (given[index] - before).abs().min((after - given[index]).abs());
-                self.push_angle(Place::Angle(waveform, index..end + 1), smaller, is_of_leg(dof));
+                self.push_angle(Place::Angle(waveform, index..end + 1), smaller, dof.is_of_leg());
             }
             index = end + 1;
         }
@@ -306,7 +306,7 @@ impl Seams {
             };
             // The last one on the way out is the pose.
             if way == Way::Out && after.is_none() && turn.at >= 0.0 {
-                self.push_peak(Place::LeadPeak(way, index), &turn.shape, is_of_leg(*dof));
+                self.push_peak(Place::LeadPeak(way, index), &turn.shape, dof.is_of_leg());
                 continue;
             }
             let of = |other: Option<&Turn>, end: (f64, Option<f64>)| {
@@ -317,9 +317,9 @@ impl Seams {
             let smaller =
                 changes.map(|angle| (turn.angle_rad - angle).abs()).reduce(f64::min).unwrap_or(0.0);
             let shorter = (turn.at - before.0).min(after.0 - turn.at);
-            self.push_angle(Place::LeadAngle(way, index), smaller, is_of_leg(*dof));
-            self.push_time(Place::LeadTime(way, index), shorter, is_of_leg(*dof));
-            self.push_peak(Place::LeadPeak(way, index), &turn.shape, is_of_leg(*dof));
+            self.push_angle(Place::LeadAngle(way, index), smaller, dof.is_of_leg());
+            self.push_time(Place::LeadTime(way, index), shorter, dof.is_of_leg());
+            self.push_peak(Place::LeadPeak(way, index), &turn.shape, dof.is_of_leg());
         }
     }
 
@@ -463,10 +463,6 @@ impl Way {
             Self::Out => ends.lead_out.get_mut(index),
         }
     }
-}
-
-fn is_of_leg(dof: Dof) -> bool {
-    dof.index() >= Dof::LeftHipFlexion.index()
 }
 
 fn move_angle(turn: &mut Turn, dof: Dof, offset_rad: f64) {

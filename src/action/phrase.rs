@@ -1,7 +1,9 @@
 //! Several actions in a row, as typed: `walk:6s,wave-r,bow`, and without a stop `walk:6s+run:5s`.
 
 use crate::action::change::{GaitChange, without_a_stop};
+use crate::action::fit::made_for;
 use crate::action::{Action, Join, Motion, file, vocabulary};
+use crate::body::Proportions;
 use crate::error::Error;
 use std::path::Path;
 
@@ -212,13 +214,21 @@ pub fn perform(parts: &[Part], join: Join) -> Result<Motion, Error> {
 /// # Errors
 /// As [`perform`].
 pub fn performed(parts: &[Part], join: Join) -> Result<Performed, Error> {
+    performed_by(parts, join, &made_for()?)
+}
+
+/// As [`performed`], of actions that are fitted to this body: what moves the legs goes over so that its feet hold.
+///
+/// # Errors
+/// As [`perform`].
+pub fn performed_by(parts: &[Part], join: Join, body: &Proportions) -> Result<Performed, Error> {
     let mut whole: Option<Performed> = None;
     for row in parts.chunk_by(|_, next| next.item.follows == Follows::InMotion) {
         let (next, crossed) = match row {
             [part] => (part.item.perform(&part.action)?, Vec::new()),
             gaits => {
                 let timed = gaits.iter().map(|part| part.item.timed(&part.action));
-                without_a_stop(&timed.collect::<Vec<_>>())?
+                without_a_stop(&timed.collect::<Vec<_>>(), body)?
             }
         };
         let length_s = next.duration_s();

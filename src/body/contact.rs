@@ -153,10 +153,10 @@ impl Footing {
         &self.force_body_weights
     }
 
-    /// Height of the lowest sole of all poses, m: negative where it sinks into the floor.
+    /// Height of the lowest sole, m: negative where it sinks into the floor.
     #[must_use]
     pub fn lowest_m(&self) -> f64 {
-        self.soles_m.iter().flatten().map(|sole_m| sole_m.z).fold(f64::MAX, f64::min)
+        lowest_m(&self.soles_m)
     }
 
     /// Which of [`SOLES`] are on the floor in a pose.
@@ -165,8 +165,7 @@ impl Footing {
         on_floor(&self.soles_m[pose])
     }
 
-    /// How far an end of a sole slides while it is on the floor, m, the worst of all contacts: the
-    /// diagonal of the rectangle that holds its places.
+    /// How far an end of a sole slides while it is on the floor, m, as [`worst_slide_m`].
     #[must_use]
     pub fn slide_m(&self) -> f64 {
         worst_slide_m(&self.soles_m)
@@ -218,25 +217,85 @@ impl Footing {
     }
 }
 
+/// Between two poses soles are looked at so often: they go there as a cubic through four poses, which at 240
+/// poses a second is off by some micrometres.
+const LOOKS_BETWEEN: usize = 8;
+
 /// How far one of [`SOLES`] slides while it is on the floor, m, the worst of all contacts: the diagonal of the
-/// rectangle that holds its places. By pose.
+/// rectangle that holds its places, from the instant it comes down to the one it leaves, wherever those lie
+/// between two poses. By pose.
 #[must_use]
 pub fn worst_slide_m(soles_m: &[[DVec3; 4]]) -> f64 {
     let mut worst_m = 0.0f64;
     for end in 0..SOLES.len() {
         let mut held: Option<(DVec3, DVec3)> = None;
-        for soles_m in soles_m {
-            let at_m = soles_m[end];
-            held = (at_m.z < ON_FLOOR_M).then(|| {
-                let (least, most) = held.unwrap_or((at_m, at_m));
-                (least.min(at_m), most.max(at_m))
-            });
-            if let Some((least, most)) = held {
+        let mut last_m: Option<DVec3> = None;
+        for_each_look(soles_m, end, |between, part, at_m| {
+            let carries = at_m.z < ON_FLOOR_M;
+            let mut places_m = [carries.then_some(at_m), None];
+            if let Some(before_m) = last_m.replace(at_m)
+                && (before_m.z < ON_FLOOR_M) != carries
+            {
+                let back = (at_m.z - ON_FLOOR_M) / (at_m.z - before_m.z);
+                places_m[1] = Some(between.at_m(part - back / LOOKS_BETWEEN as f64));
+            }
+            for place_m in places_m.into_iter().flatten() {
+                let (least, most) = held.unwrap_or((place_m, place_m));
+                let (least, most) = (least.min(place_m), most.max(place_m));
                 worst_m = worst_m.max((most - least).truncate().length());
+                held = Some((least, most));
+            }
+            if !carries {
+                held = None;
+            }
+        });
+    }
+    worst_m
+}
+
+/// Height of the lowest of [`SOLES`] at any time, m, by pose.
+#[must_use]
+pub fn lowest_m(soles_m: &[[DVec3; 4]]) -> f64 {
+    let mut lowest_m = f64::MAX;
+    for end in 0..SOLES.len() {
+        for_each_look(soles_m, end, |_, _, at_m| lowest_m = lowest_m.min(at_m.z));
+    }
+    lowest_m
+}
+
+/// Where a sole is from one pose to the next: a cubic through them and the two beside.
+#[derive(Clone, Copy, Debug)]
+struct Between([DVec3; 4]);
+
+impl Between {
+    /// At a part of the way, 0 to 1.
+    fn at_m(&self, u: f64) -> DVec3 {
+        let [a, b, c, d] = self.0;
+        let outer = u * (u - 1.0) / 6.0;
+        let inner = (u + 1.0) * (u - 2.0) / 2.0;
+        // Against one of them, so that a sole that stands still does so exactly.
+        b - (a - b) * (outer * (u - 2.0)) - (c - b) * (inner * u) + (d - b) * (outer * (u + 1.0))
+    }
+}
+
+/// Tells where a sole is in every pose, and between any two of which one is near the floor.
+fn for_each_look(soles_m: &[[DVec3; 4]], end: usize, mut look: impl FnMut(&Between, f64, DVec3)) {
+    let Some(last) = soles_m.len().checked_sub(1) else { return };
+    let near = |pose: usize| soles_m[pose][end].z < 4.0 * ON_FLOOR_M;
+    for pose in 0..last {
+        let place_m = |pose: usize| soles_m[pose.min(last)][end];
+        let before_m = place_m(pose.saturating_sub(1));
+        let between = Between([before_m, place_m(pose), place_m(pose + 1), place_m(pose + 2)]);
+        look(&between, 0.0, place_m(pose));
+        if near(pose) || near(pose + 1) {
+            for step in 1..LOOKS_BETWEEN {
+                let part = step as f64 / LOOKS_BETWEEN as f64;
+                look(&between, part, between.at_m(part));
             }
         }
     }
-    worst_m
+    let last_m = soles_m[last][end];
+    look(&Between([last_m; 4]), 0.0, last_m);
 }
 
 #[cfg(test)]
@@ -290,6 +349,26 @@ mod tests {
         let above = standing(|t| DVec3::new(0.1 * t, 0.0, 0.01));
         assert_eq!((above.slide_m(), above.flying(0..480)), (0.0, 1.0));
         assert!((above.travel_m().1 - 0.1 * 479.0 / RATE_HZ).abs() < 1e-9);
+    }
+
+    /// A sole comes down and goes forward by 5 for every 6 that it sinks: while it is lower than 5 mm, by 4.17 mm.
+    #[test]
+    fn a_slide_is_as_long_however_often_it_is_looked_at() {
+        let place = |t: f64| {
+            let left_s = (0.1 - t).max(0.0);
+            // Smooth where it stops: people do not stop at once.
+            let ease = |v: f64| v * (left_s * left_s / (left_s + 1e-3));
+            DVec3::new(-ease(0.5), 0.0, ease(0.6))
+        };
+        let expected_m = 0.005 * 0.5 / 0.6;
+        for (rate_hz, late_s) in [(240.0, 0.0), (250.0, 0.001), (250.0, 0.003), (1000.0, 0.0004)] {
+            let count = (0.2 * rate_hz) as u32;
+            let soles_m: Vec<[DVec3; 4]> =
+                (0..count).map(|i| [place(late_s + f64::from(i) / rate_hz); 4]).collect();
+            let got_m = worst_slide_m(&soles_m);
+            assert!((got_m - expected_m).abs() < 5e-5, "{rate_hz} Hz: {got_m} {expected_m}");
+            assert!(lowest_m(&soles_m).abs() < 1e-4);
+        }
     }
 
     #[test]

@@ -174,6 +174,12 @@ impl Dof {
         TABLE[self.index()].joint
     }
 
+    /// Whether a foot hangs on it.
+    #[must_use]
+    pub const fn is_of_leg(self) -> bool {
+        self.index() >= Self::LeftHipFlexion.index()
+    }
+
     /// The same movement seen in a mirror: the degree of freedom of the other side, and the sign it
     /// takes. Limbs share signs; the torso's bend and axial rotation are to the left.
     #[must_use]

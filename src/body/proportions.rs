@@ -247,6 +247,45 @@ impl Proportions {
         Ok(Self { stature_m: checked.stature_m, mass_kg, ..*self })
     }
 
+    /// How unlike the lengths of another body are, the greatest of what they differ by as parts of its own: zero
+    /// for one with the same bones, however heavy.
+    #[must_use]
+    pub fn unlike(&self, other: &Self) -> f64 {
+        let sizes = |body: &Self| {
+            let Lengths { shank, thigh, shoulders, neck, upper_arm, forearm, half_hips, foot } =
+                body.lengths;
+            let legs = [shank * body.legs, thigh * body.legs];
+            let rest = [shoulders, shoulders + neck, upper_arm, forearm, half_hips, foot];
+            [legs[0], legs[1], rest[0], rest[1], rest[2], rest[3], rest[4], rest[5], 1.0]
+                .map(|part| part * body.stature_m)
+        };
+        let (own, others) = (sizes(self), sizes(other));
+        own.iter().zip(others).map(|(own, other)| (own / other - 1.0).abs()).fold(0.0, f64::max)
+    }
+
+    /// A body between this one and another, at a part of the way: as it is built, in every length.
+    #[must_use]
+    pub fn towards(&self, other: &Self, part: f64) -> Self {
+        let mix = |own: f64, other: f64| own + (other - own) * part;
+        let of = |get: fn(&Lengths) -> f64| mix(get(&self.lengths), get(&other.lengths));
+        Self {
+            stature_m: mix(self.stature_m, other.stature_m),
+            mass_kg: mix(self.mass_kg, other.mass_kg),
+            lengths: Lengths {
+                shank: of(|lengths| lengths.shank),
+                thigh: of(|lengths| lengths.thigh),
+                shoulders: of(|lengths| lengths.shoulders),
+                neck: of(|lengths| lengths.neck),
+                upper_arm: of(|lengths| lengths.upper_arm),
+                forearm: of(|lengths| lengths.forearm),
+                half_hips: of(|lengths| lengths.half_hips),
+                foot: of(|lengths| lengths.foot),
+            },
+            legs: mix(self.legs, other.legs),
+            ..*other
+        }
+    }
+
     /// Body height, m.
     #[must_use]
     pub const fn stature_m(&self) -> f64 {

@@ -6,7 +6,7 @@ use super::terminal::Terminal;
 use super::{Deed, Output, Remarks};
 use crate::error::Error;
 use crate::job::synth::{
-    ClassOrder, ClassReport, Figures, FootingReport, MAX_VARIATIONS, SynthOrder,
+    ClassOrder, ClassReport, Figures, FootingReport, MAX_VARIATIONS, MissedReport, SynthOrder,
     VariedMotionReport, synth, tables_beside, vary,
 };
 use clap::Args;
@@ -138,7 +138,8 @@ fn run_many(
         format!("{}\n", made.written)
     } else {
         format!(
-            "done: {} variations of {}, {} of them found, {} poses written\n{}{}written   {}\n",
+            "{}: {} variations of {}, {} of them found, {} poses written\n{}{}written   {}\n",
+            made.outcome.word(),
             made.variations,
             classes.iter().map(|class| class.label.as_str()).collect::<Vec<_>>().join(" and "),
             made.found,
@@ -148,7 +149,15 @@ fn run_many(
             made.written
         )
     };
-    Ok(args.output.conclude(&made, &text, Deed::Work, 0))
+    for class in made.classes.iter().filter(|class| class.implausible > 0) {
+        remarks.say(&format!(
+            "{} of {} {} do not stand on their feet (status implausible)",
+            class.implausible,
+            class.valid + class.repaired + class.implausible,
+            class.label
+        ));
+    }
+    Ok(args.output.conclude(&made, &text, Deed::Work, made.outcome.exit_code()))
 }
 
 /// What was not as it was left, a few lines.
@@ -197,6 +206,30 @@ fn feet(footing: &FootingReport) -> String {
     )
 }
 
+/// A bound that is missed, a line.
+fn misses(missed: &MissedReport) -> String {
+    let MissedReport { what, got, most } = missed;
+    match *what {
+        "sinks_m" => {
+            format!(
+                "feet do not hold: a sole sinks by {:.1} mm, {:.1} are allowed",
+                got * 1e3,
+                most * 1e3
+            )
+        }
+        "slides_m" => {
+            format!(
+                "feet do not hold: a sole slides by {:.1} mm, {:.1} are allowed",
+                got * 1e3,
+                most * 1e3
+            )
+        }
+        _ => format!(
+            "feet do not hold: the root is accelerated by {got:.0} m/s2, {most:.0} are allowed"
+        ),
+    }
+}
+
 fn run_one(
     args: &SynthArgs,
     order: &SynthOrder,
@@ -210,7 +243,8 @@ fn run_one(
         format!("{}\n", report.written)
     } else {
         format!(
-            "done: {} takes {:.3} s, {} actionlets\n{}{}{}written   {}, {} poses at {} Hz\n",
+            "{}: {} takes {:.3} s, {} actionlets\n{}{}{}written   {}, {} poses at {} Hz\n",
+            report.outcome.word(),
             report.action,
             report.duration_s,
             report.actionlets,
@@ -222,5 +256,8 @@ fn run_one(
             report.rate_hz
         )
     };
-    Ok(args.output.conclude(&report, &text, Deed::Work, 0))
+    for missed in &report.footing.missed {
+        remarks.say(&misses(missed));
+    }
+    Ok(args.output.conclude(&report, &text, Deed::Work, report.outcome.exit_code()))
 }

@@ -3,7 +3,7 @@
 
 use crate::action::phrase::{self, Part};
 use crate::action::{
-    Crossing, GaitChange, Inserted, Inserts, Join, Meanwhile, Motion, PastedTrack,
+    Crossing, Fits, GaitChange, Inserted, Inserts, Join, Meanwhile, Motion, PastedTrack,
 };
 use crate::body::Dof;
 use crate::error::Error;
@@ -20,13 +20,18 @@ pub struct Composed {
     pub inserts: Vec<InsertReport>,
 }
 
-/// Performs a phrase and inserts what is to be inserted.
+/// Performs a phrase, which is fitted already, and inserts what is to be inserted, fitted to the same body.
 ///
 /// # Errors
 /// If an action cannot be performed, joined or changed into another, or an insert is refused.
-pub fn compose(parts: &[Part], join: Join, inserts: &Inserts) -> Result<Composed, Error> {
-    let performed = phrase::performed(parts, join)?;
-    let (motion, inserted) = inserts.apply(performed.motion)?;
+pub fn compose(
+    parts: &[Part],
+    join: Join,
+    inserts: &Inserts,
+    fits: &mut Fits,
+) -> Result<Composed, Error> {
+    let performed = phrase::performed_by(parts, join, fits.body())?;
+    let (motion, inserted) = inserts.apply(performed.motion, fits)?;
     let told = inserts.list.iter().zip(&inserted);
     Ok(Composed {
         motion,

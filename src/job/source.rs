@@ -9,7 +9,7 @@ pub use crate::mocap::files::CaptureOptions;
 
 use super::composition::{GaitChangeReport, InsertReport, compose};
 use super::model::robot_model;
-use crate::action::{Inserts, Join, Motion, phrase, vocabulary};
+use crate::action::{Fits, Inserts, Join, Motion, phrase, vocabulary};
 use crate::body::{Proportions, Segment};
 use crate::error::{Error, ErrorKind};
 use crate::mocap::anatomy::Capture;
@@ -463,7 +463,7 @@ fn performed(
     inserts: &Inserts,
     rate_hz: impl FnOnce(&Motion) -> f64,
 ) -> Result<(Capture, Source), Error> {
-    let composed = compose(&phrase::load(text)?, Join::Transition, inserts)?;
+    let composed = compose(&phrase::load(text)?, Join::Transition, inserts, &mut Fits::usual()?)?;
     let (notes, motion) = (composed.notes(), composed.motion);
     let rate_hz = rate_hz(&motion);
     let poses = motion.poses(&Proportions::of_stature(ACTION_STATURE_M)?, rate_hz)?;

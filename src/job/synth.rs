@@ -9,9 +9,12 @@ pub use bulk::{ClassOrder, ClassReport, MAX_VARIATIONS, VariedReport, tables_bes
 use super::composition::{Composed, GaitChangeReport, InsertReport, compose};
 use super::observer::Observer;
 use super::pending::unless_stopped;
-use crate::action::corpus::{Corpus, Variations};
+use super::report::Outcome;
+use crate::action::corpus::{Corpus, VariationStatus, Variations};
 use crate::action::database::Types;
-use crate::action::{Action, Database, Inserts, Join, Motion, Spread, phrase, table};
+use crate::action::{
+    Action, Database, Fits, FootingBounds, Inserts, Join, Missed, Motion, Spread, phrase, table,
+};
 use crate::actionlet::shape::PEAK_AT;
 use crate::body::contact::Footing;
 use crate::body::{BodyFigure, Proportions, SegmentPose, Sex};
@@ -217,8 +220,9 @@ impl Figures {
 /// What came of it.
 #[derive(Clone, Debug, Serialize)]
 pub struct SynthReport {
-    /// `done`.
-    pub outcome: &'static str,
+    /// `done`, or `done_with_loss` if feet do not hold that do on the body that actions are made for, or those of
+    /// a variation do not.
+    pub outcome: Outcome,
     /// What was asked for.
     pub action: String,
     /// Length, s.
@@ -279,10 +283,30 @@ pub struct FootingReport {
     pub balanced: f64,
     /// How far the middle of the feet has gone in the end, m.
     pub travel_m: f64,
+    /// Bounds that are missed; none if the feet hold.
+    pub missed: Vec<MissedReport>,
+}
+
+/// A bound that is missed.
+#[derive(Clone, Debug, Serialize)]
+pub struct MissedReport {
+    /// What is bounded, with its unit: `sinks_m`, `slides_m` or `root_acceleration_m_s2`.
+    pub what: &'static str,
+    /// What it is.
+    pub got: f64,
+    /// What it is to stay below.
+    pub most: f64,
+}
+
+impl MissedReport {
+    fn of(missed: &Missed) -> Self {
+        let Missed { what, got, most } = *missed;
+        Self { what, got, most }
+    }
 }
 
 impl FootingReport {
-    fn of(motion: &Motion, body: &Proportions) -> Result<Self, Error> {
+    fn of(motion: &Motion, body: &Proportions, bounds: &FootingBounds) -> Result<Self, Error> {
         let poses = motion.poses(body, FOOTING_HZ)?;
         let footing = Footing::of(body, &poses, FOOTING_HZ)?;
         let margins_m: Vec<f64> = footing.margins_m().iter().flatten().copied().collect();
@@ -297,6 +321,7 @@ impl FootingReport {
             most_force_body_weights: footing.force_quantile(0.99),
             balanced: inside as f64 / margins_m.len().max(1) as f64,
             travel_m: footing.travel_m().1,
+            missed: bounds.missed(motion, body)?.iter().map(MissedReport::of).collect(),
         })
     }
 }
@@ -322,7 +347,8 @@ pub fn synth(
 impl SynthOrder {
     /// The motion as what is to be written, and what is to be said of it.
     fn made(&self, phrase: &str, variation: Option<u32>) -> Result<(SynthReport, Vec<u8>), Error> {
-        let corpus = self.corpus(phrase)?;
+        let mut fits = Fits::of(self.figures.body()?);
+        let corpus = self.corpus(phrase, &mut fits)?;
         let (mut body, mut title, mut varied) = (corpus.body, phrase.to_owned(), None);
         let made = match variation {
             Some(number) => {
@@ -338,12 +364,18 @@ impl SynthOrder {
                 });
                 Composed { motion: made.motion, changes: Vec::new(), inserts: Vec::new() }
             }
-            None => compose(&corpus.parts, corpus.join, &self.inserts)?,
+            None => compose(&corpus.parts, corpus.join, &self.inserts, &mut fits)?,
         };
         let motion = &made.motion;
+        let usual = self.usual_bounds(phrase)?;
+        let footing = FootingReport::of(motion, &body, &usual.unwrap_or_default())?;
+        let is_lost = match &varied {
+            Some(varied) => varied.status == VariationStatus::Implausible.name(),
+            None => usual.is_some() && !footing.missed.is_empty(),
+        };
         let bytes = bytes_of(self, &title, &body, motion)?;
         let report = SynthReport {
-            outcome: "done",
+            outcome: if is_lost { Outcome::DoneWithLoss } else { Outcome::Done },
             action: phrase.to_owned(),
             duration_s: motion.duration_s(),
             rate_hz: self.rate_hz,
@@ -352,7 +384,7 @@ impl SynthOrder {
             varied,
             changes: made.changes,
             inserts: made.inserts,
-            footing: FootingReport::of(motion, &body)?,
+            footing,
             written: self.file.display().to_string(),
         };
         Ok((report, bytes))
@@ -366,26 +398,39 @@ impl SynthOrder {
             .remedy("insert into the action itself, or leave the variations out"))
     }
 
-    /// What variations are made of.
-    fn corpus(&self, phrase: &str) -> Result<Corpus, Error> {
+    /// How well feet hold if all is done by the body that actions are made for; none if they do not.
+    fn usual_bounds(&self, phrase: &str) -> Result<Option<FootingBounds>, Error> {
+        let mut fits = Fits::usual()?;
+        let parts = self.parts(phrase, &mut fits)?;
+        let made = compose(&parts, self.figures.join(), &self.inserts, &mut fits)?;
+        FootingBounds::of(&made.motion, fits.body())
+    }
+
+    /// The actions as a body does them.
+    fn parts(&self, phrase: &str, fits: &mut Fits) -> Result<Vec<phrase::Part>, Error> {
+        let mut parts = phrase::load(phrase)?;
+        for part in &mut parts {
+            part.action = self.figures.applied(fits.fit(&part.action)?)?;
+        }
+        Ok(parts)
+    }
+
+    /// What variations are made of, by the body of these fits.
+    fn corpus(&self, phrase: &str, fits: &mut Fits) -> Result<Corpus, Error> {
         let mut database = Database::shipped_by(self.figures.types)?;
         for folder in &self.database {
             database.add_folder(folder)?;
         }
-        let mut parts = phrase::load(phrase)?;
-        for part in &mut parts {
-            part.action = self.figures.applied(part.action.clone())?;
-        }
         self.figures.spread.check()?;
         Ok(Corpus {
             label: phrase.to_owned(),
-            parts,
+            parts: self.parts(phrase, fits)?,
             join: self.figures.join(),
             spread: self.figures.spread,
             database,
             seed: self.seed,
             rate_hz: self.rate_hz,
-            body: self.figures.body()?,
+            body: *fits.body(),
             has_points: self.has_points,
         })
     }

@@ -3,7 +3,7 @@
 //! A knee that is already in the gait after while its hip is still in the one before puts the foot down
 //! where neither gait has it, and the body is thrown back or falls. So of the ways over of hips, knees and
 //! ankles those are taken that together keep the body's pace and height between what both gaits have at that
-//! time: the best of legs that go over about one instant each is improved joint by joint and then two joints
+//! time: the best few of legs that go over about one instant each are improved joint by joint and then two joints
 //! of a leg at a time. Seen from the side, with the pelvis upright.
 
 use glam::DVec2;
@@ -31,54 +31,54 @@ const HEIGHT_M: f64 = 0.02;
 const STRAYS_RAD: f64 = 0.4;
 /// Instants about which legs are tried to go over.
 const INSTANTS: usize = 9;
+/// Of those so many are improved.
+const BEGINS: usize = 4;
 /// Times that all joints are gone through at most.
 const SWEEPS: usize = 4;
 
-/// Chooses the ways over of both legs' joints.
+/// Ways over of all degrees of freedom in which both legs' joints go over together, the best first; those of what
+/// is no leg's are as they are given.
 ///
 /// # Errors
 /// As of chains of actionlets.
-pub(super) fn go_together(
+pub(super) fn together(
     lines: &[Line],
     choices: &[Choice],
     around: &Around,
-    chosen: &mut [usize],
-) -> Result<(), Error> {
+    given: &[usize],
+) -> Result<Vec<Vec<usize>>, Error> {
     let mut joints = Vec::with_capacity(6);
     for dof in LEGS.into_iter().flatten() {
         joints.push(Ways::of(&lines[dof.index()], &choices[dof.index()], around)?);
     }
     let legs = Legs::of(joints, around)?;
-    let mut best = Best::of(&legs, LEGS.as_flattened().iter().map(|dof| chosen[dof.index()]));
-    let (Some(first_s), Some(last_s)) = (around.times_s.first(), around.times_s.last()) else {
-        return Ok(());
-    };
-    let instants = |i: usize| first_s + (last_s - first_s) * i as f64 / (INSTANTS - 1) as f64;
-    for left in (0..INSTANTS).map(instants) {
-        for right in (0..INSTANTS).map(instants) {
-            let about =
-                |(joint, ways): (usize, &Ways)| ways.about(if joint < 3 { left } else { right });
-            best.tries(&legs, legs.joints.iter().enumerate().map(about).collect());
-        }
-    }
-    for _ in 0..SWEEPS {
-        let before = best.worth;
-        for joint in 0..legs.joints.len() {
-            best.improves(&legs, &[joint]);
-        }
-        for leg in [0, 3] {
-            for [a, b] in [[0, 1], [1, 2], [0, 2]] {
-                best.improves(&legs, &[leg + a, leg + b]);
+    let of_legs = LEGS.as_flattened().iter().map(|dof| given[dof.index()]);
+    let mut begins = vec![Best::of(&legs, of_legs)];
+    if let (Some(first_s), Some(last_s)) = (around.times_s.first(), around.times_s.last()) {
+        let instants = |i: usize| first_s + (last_s - first_s) * i as f64 / (INSTANTS - 1) as f64;
+        for left in (0..INSTANTS).map(instants) {
+            for right in (0..INSTANTS).map(instants) {
+                let about = |(joint, ways): (usize, &Ways)| {
+                    ways.about(if joint < 3 { left } else { right })
+                };
+                begins.push(Best::of(&legs, legs.joints.iter().enumerate().map(about)));
             }
         }
-        if best.worth >= before {
-            break;
+    }
+    begins.sort_by(|a, b| a.worth.total_cmp(&b.worth));
+    begins.dedup_by(|a, b| a.ways == b.ways);
+    begins.truncate(BEGINS);
+    begins.iter_mut().for_each(|best| best.settles(&legs));
+    begins.sort_by(|a, b| a.worth.total_cmp(&b.worth));
+    begins.dedup_by(|a, b| a.ways == b.ways);
+    let whole = |best: Best| {
+        let mut ways = given.to_vec();
+        for (dof, way) in LEGS.into_iter().flatten().zip(best.ways) {
+            ways[dof.index()] = way;
         }
-    }
-    for (dof, way) in LEGS.into_iter().flatten().zip(best.ways) {
-        chosen[dof.index()] = way;
-    }
-    Ok(())
+        ways
+    };
+    Ok(begins.into_iter().map(whole).collect())
 }
 
 /// What a joint may do.
@@ -225,6 +225,24 @@ impl Best {
         let ways: Vec<usize> = ways.collect();
         let worth = legs.worth(&ways);
         Self { ways, worth }
+    }
+
+    /// Improved joint by joint, and then two joints of a leg at a time, as far as that goes.
+    fn settles(&mut self, legs: &Legs) {
+        for _ in 0..SWEEPS {
+            let before = self.worth;
+            for joint in 0..legs.joints.len() {
+                self.improves(legs, &[joint]);
+            }
+            for leg in [0, 3] {
+                for [a, b] in [[0, 1], [1, 2], [0, 2]] {
+                    self.improves(legs, &[leg + a, leg + b]);
+                }
+            }
+            if self.worth >= before {
+                break;
+            }
+        }
     }
 
     fn tries(&mut self, legs: &Legs, ways: Vec<usize>) {

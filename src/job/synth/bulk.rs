@@ -5,10 +5,11 @@ use super::catalogue::{Catalogue, ClassNote, open_folder, stem, subject};
 use super::room::{self, Watched};
 use crate::action::corpus::{Corpus, VariationRow, VariationStatus, Variations};
 use crate::action::parquet::{CorpusWriter, Packed, SetEnd, TableLayout};
-use crate::action::phrase;
+use crate::action::{Fits, phrase};
 use crate::draft::Draft;
 use crate::error::Error;
 use crate::job::pending::{Pending, go_on, unless_stopped};
+use crate::job::report::Outcome;
 use crate::job::{Event, Observer};
 use serde::Serialize;
 use std::io::{BufWriter, Write};
@@ -45,8 +46,8 @@ pub struct ClassOrder {
 /// What came of it.
 #[derive(Clone, Debug, Serialize)]
 pub struct VariedReport {
-    /// `done`.
-    pub outcome: &'static str,
+    /// `done`, or `done_with_loss` if the feet of some do not hold.
+    pub outcome: Outcome,
     /// Variations in all.
     pub variations: u64,
     /// Variations that were there already.
@@ -78,6 +79,17 @@ pub struct ClassReport {
     pub implausible: u64,
     /// Draws whose feet did not hold, that were drawn anew.
     pub rejected: u64,
+}
+
+impl VariedReport {
+    /// With what came of its classes.
+    fn with(mut self, classes: Vec<ClassReport>) -> Self {
+        if classes.iter().any(|class| class.implausible > 0) {
+            self.outcome = Outcome::DoneWithLoss;
+        }
+        self.classes = classes;
+        self
+    }
 }
 
 impl ClassReport {
@@ -150,7 +162,7 @@ pub fn vary(
     };
     let total = classes.iter().map(|class| u64::from(class.variations)).sum();
     let mut made = VariedReport {
-        outcome: "done",
+        outcome: Outcome::Done,
         variations: total,
         found: 0,
         mended: Vec::new(),
@@ -167,8 +179,7 @@ pub fn vary(
         let mut missing = Missing::of(std::slice::from_ref(&set), observer)?;
         room::check(out, missing.bytes)?;
         made.poses = set.write(&mut missing, &mut steps)?;
-        made.classes = steps.classes;
-        return Ok(made);
+        return Ok(made.with(steps.classes));
     }
     let mut sets = Vec::new();
     for set in classes.iter().flat_map(|class| class.sets(out)) {
@@ -190,8 +201,7 @@ pub fn vary(
     for set in &sets {
         made.poses += set.write(&mut missing, &mut steps)?;
     }
-    made.classes = steps.classes;
-    Ok(made)
+    Ok(made.with(steps.classes))
 }
 
 /// The classes in the order of their labels, and what is written of them.
@@ -206,8 +216,9 @@ fn classes_of(
         return Err(Error::new("two classes have one label").got(pair[0].label.clone()));
     }
     let mut corpora = Vec::new();
+    let mut fits = Fits::of(order.figures.body()?);
     for class in ordered {
-        let mut corpus = order.corpus(&class.phrase)?;
+        let mut corpus = order.corpus(&class.phrase, &mut fits)?;
         corpus.label.clone_from(&class.label);
         let note = ClassNote::of(&corpus, &class.phrase, Some(class.variations));
         corpora.push((corpus, note, class.variations));
