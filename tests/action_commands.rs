@@ -541,10 +541,9 @@ fn a_variation_says_whether_its_feet_hold_and_who_does_it() {
     let stature_m = other["varied"]["stature_m"].as_f64().unwrap();
     assert!((1.4..2.1).contains(&stature_m) && stature_m != 1.75, "{stature_m}");
     // In a tenth of the time nobody kicks and stands.
-    let hurried = ["synth", "kick-r", "--variation", "7", "--set", "pace=10", "--json", "-o"];
-    let output = crate::program::gaitway().args(hurried).arg(out("c.csv")).output().unwrap();
-    assert_eq!(output.status.code(), Some(3), "{output:?}");
-    let hurried: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let c = out("c.csv");
+    let hurried = ["synth", "kick-r", "--variation", "7", "--set", "pace=10", "-o", &c];
+    let hurried = ended(&hurried, 3, "done_with_loss");
     assert_eq!(hurried["varied"]["status"], "implausible");
     let whole = made(&["synth", "kick-r", "-o", &out("d.csv")]);
     assert!(whole.get("varied").is_none(), "it is no variation");
