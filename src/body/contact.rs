@@ -357,7 +357,7 @@ mod tests {
         let place = |t: f64| {
             let left_s = (0.1 - t).max(0.0);
             // Smooth where it stops: people do not stop at once.
-            let ease = |v: f64| v * (left_s * left_s / (left_s + 1e-3));
+            let ease = |v: f64| v * (left_s * left_s / (left_s + 0.01));
             DVec3::new(-ease(0.5), 0.0, ease(0.6))
         };
         let expected_m = 0.005 * 0.5 / 0.6;

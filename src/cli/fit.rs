@@ -4,11 +4,11 @@ use super::terminal::Terminal;
 use super::{Deed, Output, Remarks};
 use crate::error::Error;
 use crate::job::fit::{
-    FitOrder, FitReport, FitSettings, FitSkeleton, HipBy, JointsAt, MarkerSet, fit, fit_folder,
+    FitOrder, FitReport, FitSettings, FitSkeleton, HipBy, JointsAt, fit, fit_folder, marker_sets,
 };
 use clap::{Args, ValueEnum};
 use std::fmt::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Diameters of markers, mm.
 const DIAMETERS_MM: std::ops::RangeInclusive<f64> = 1.0..=50.0;
@@ -118,14 +118,7 @@ fn diameter(text: &str) -> Result<f64, String> {
 pub fn run(args: &FitArgs, remarks: Remarks) -> Result<i32, Error> {
     args.output.check_files(&[])?;
     args.output.check_apart(&args.trial, &[&args.output_file])?;
-    let sets = match &args.markers {
-        Some(name) if name.ends_with(".toml") => {
-            let text = gaitway_profiles::read_text(Path::new(name))?;
-            vec![MarkerSet::parse(&text).map_err(|error| error.at(name.clone()))?]
-        }
-        Some(name) => vec![MarkerSet::named(name).map_err(|error| error.at("--markers"))?],
-        None => MarkerSet::shipped(),
-    };
+    let sets = marker_sets(args.markers.as_deref())?;
     let order = FitOrder {
         trial: args.trial.clone(),
         static_trial: args.static_trial.clone(),
@@ -184,49 +177,30 @@ fn words(report: &FitReport, remarks: Remarks) -> String {
             "" => String::new(),
             subject => format!(" of {subject}"),
         };
-        let _ = writeln!(
-            text,
-            "{}: {} frames at {} Hz, {} markers{of} as {}, stature about {:.2} m\n{:16} {:>9} {:>12}",
-            report.outcome.word(),
-            report.frames,
-            report.rate_hz,
-            report.markers.len(),
-            report.marker_set,
-            report.stature_m,
-            "segment",
-            "length mm",
-            "residual mm"
-        );
+        let (word, frames, hz) = (report.outcome.word(), report.frames, report.rate_hz);
+        let (count, set, m) = (report.markers.len(), &report.marker_set, report.stature_m);
+        let _ = write!(text, "{word}: {frames} frames at {hz} Hz, {count} markers{of} as {set}");
+        let _ = writeln!(text, ", stature about {m:.2} m");
+        let _ = writeln!(text, "{:16} {:>9} {:>12}", "segment", "length mm", "residual mm");
         for bone in &report.bones {
             let length = bone.length_m.map_or("-".to_owned(), |m| format!("{:.1}", m * 1e3));
             let _ = writeln!(text, "{:16} {length:>9} {:>12.1}", bone.name, bone.residual_m * 1e3);
         }
         for bone in &report.fine_bones {
             let [length, residual] = [bone.length_m, bone.residual_m].map(|of| of * 1e3);
-            let _ = writeln!(
-                text,
-                "{:16} {length:>9.1} {residual:>12.1} {:>9}",
-                bone.name, bone.unseen_frames
-            );
+            let (name, unseen) = (&bone.name, bone.unseen_frames);
+            let _ = writeln!(text, "{name:16} {length:>9.1} {residual:>12.1} {unseen:>9}");
         }
         let _ =
             writeln!(text, "{:16} {:>9} {:>12} {:>9}", "marker", "rms mm", "worst mm", "missing");
         for marker in &report.markers {
-            let _ = writeln!(
-                text,
-                "{:16} {:>9.1} {:>12.1} {:>9}",
-                marker.name,
-                marker.residual_m * 1e3,
-                marker.worst_m * 1e3,
-                marker.missing_frames
-            );
+            let [rms, worst] = [marker.residual_m, marker.worst_m].map(|of| of * 1e3);
+            let (name, missing) = (&marker.name, marker.missing_frames);
+            let _ = writeln!(text, "{name:16} {rms:>9.1} {worst:>12.1} {missing:>9}");
         }
         for gap in &report.unseen {
-            let _ = writeln!(
-                text,
-                "{} is not seen from {:.2} to {:.2} s: filled in",
-                gap.bone, gap.start_s, gap.end_s
-            );
+            let (bone, from_s, to_s) = (&gap.bone, gap.start_s, gap.end_s);
+            let _ = writeln!(text, "{bone} is not seen from {from_s:.2} to {to_s:.2} s: filled in");
         }
         for note in &report.notes {
             let _ = writeln!(text, "note      {note}");

@@ -150,12 +150,9 @@ fn run_many(
         )
     };
     for class in made.classes.iter().filter(|class| class.implausible > 0) {
-        remarks.say(&format!(
-            "{} of {} {} do not stand on their feet (status implausible)",
-            class.implausible,
-            class.valid + class.repaired + class.implausible,
-            class.label
-        ));
+        let ClassReport { label, valid, repaired, implausible, .. } = class;
+        let (all, fell) = (valid + repaired + implausible, "do not stand on their feet");
+        remarks.say(&format!("{implausible} of {all} {label} {fell} (status implausible)"));
     }
     Ok(args.output.conclude(&made, &text, Deed::Work, made.outcome.exit_code()))
 }
@@ -208,26 +205,13 @@ fn feet(footing: &FootingReport) -> String {
 
 /// A bound that is missed, a line.
 fn misses(missed: &MissedReport) -> String {
-    let MissedReport { what, got, most } = missed;
-    match *what {
-        "sinks_m" => {
-            format!(
-                "feet do not hold: a sole sinks by {:.1} mm, {:.1} are allowed",
-                got * 1e3,
-                most * 1e3
-            )
-        }
-        "slides_m" => {
-            format!(
-                "feet do not hold: a sole slides by {:.1} mm, {:.1} are allowed",
-                got * 1e3,
-                most * 1e3
-            )
-        }
-        _ => format!(
-            "feet do not hold: the root is accelerated by {got:.0} m/s2, {most:.0} are allowed"
-        ),
-    }
+    let (does, times, unit) = match missed.what {
+        "sinks_m" => ("a sole sinks by", 1e3, "mm"),
+        "slides_m" => ("a sole slides by", 1e3, "mm"),
+        _ => ("the root is accelerated by", 1.0, "m/s2"),
+    };
+    let (got, most) = (missed.got * times, missed.most * times);
+    format!("feet do not hold: {does} {got:.1} {unit}, {most:.1} are allowed")
 }
 
 fn run_one(

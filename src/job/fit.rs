@@ -161,6 +161,19 @@ fn hips_shown(order: &FitOrder) -> Result<(FitSettings, Vec<String>), Error> {
     Ok((settings, best.iter().flatten().map(FunctionalHip::words).collect()))
 }
 
+/// The marker sets that a trial may have: the one of that name or file (`.toml`), else all that are shipped.
+///
+/// # Errors
+/// If there is no such set, or the file cannot be read.
+pub fn marker_sets(name: Option<&str>) -> Result<Vec<MarkerSet>, Error> {
+    let Some(name) = name else { return Ok(MarkerSet::shipped()) };
+    if !name.ends_with(".toml") {
+        return Ok(vec![MarkerSet::named(name).map_err(|error| error.at("--markers"))?]);
+    }
+    let text = gaitway_profiles::read_text(Path::new(name))?;
+    Ok(vec![MarkerSet::parse(&text).map_err(|error| error.at(name.to_owned()))?])
+}
+
 /// Fits a trial and writes what was asked for.
 ///
 /// # Errors
