@@ -253,14 +253,18 @@ impl Variations {
                 }
                 first.get_or_insert(motion);
                 let mut moved = false;
-                for step in &mut steps {
-                    moved |= if repair < REPAIRS {
-                        step.repair().unwrap_or(false)
-                    } else {
-                        step.retreat(RETREATS_TO).unwrap_or(false)
-                    };
+                if repair < REPAIRS {
+                    for step in &mut steps {
+                        moved |= step.repair().unwrap_or(false);
+                    }
                 }
-                if !moved && repair >= REPAIRS {
+                // Where no repair is any better it goes back at once.
+                if !moved {
+                    for step in &mut steps {
+                        moved |= step.retreat(RETREATS_TO).unwrap_or(false);
+                    }
+                }
+                if !moved {
                     break;
                 }
             }
