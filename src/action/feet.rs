@@ -17,6 +17,8 @@ const SLIDES_M: f64 = 0.005;
 const ROOT_M_S2: f64 = 18.0;
 /// ... and by less than this if it flies, and so lands.
 const LANDING_ROOT_M_S2: f64 = 40.0;
+/// Feet that end no further from where they began have come back, m.
+pub(super) const CAME_BACK_M: f64 = 0.02;
 /// An action that slides by more does not stand on its feet: its variations are not held to it, m.
 const MOST_SLIDES_M: f64 = 0.008;
 /// So much worse than the action itself its variations may be.
@@ -32,18 +34,20 @@ const TOLD_M: f64 = 0.000_01;
 pub struct FootingBounds {
     slides_m: f64,
     root_m_s2: f64,
+    /// Infinite if the feet are not to come back.
+    away_m: f64,
 }
 
 impl Default for FootingBounds {
     fn default() -> Self {
-        Self { slides_m: SLIDES_M, root_m_s2: ROOT_M_S2 }
+        Self { slides_m: SLIDES_M, root_m_s2: ROOT_M_S2, away_m: f64::INFINITY }
     }
 }
 
 /// A bound, and by how much a motion misses it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Missed {
-    /// What is bounded, with its unit: `sinks_m`, `slides_m`, `root_acceleration_m_s2`.
+    /// What is bounded, with its unit: `sinks_m`, `slides_m`, `root_acceleration_m_s2`, `away_m`.
     pub what: &'static str,
     /// What it is.
     pub got: f64,
@@ -68,7 +72,7 @@ impl FootingBounds {
     pub(super) const JUDGED_HZ: f64 = 250.0;
 
     /// For variations of a motion, and for other bodies: they may be a quarter worse than it is itself, where it
-    /// is outside the usual bounds. None if its feet do not hold well enough to be held on to.
+    /// is outside the usual bounds, and feet come back that come back in it. None if its feet do not hold well enough to be held on to.
     ///
     /// # Errors
     /// As [`Motion::poses`].
@@ -81,6 +85,7 @@ impl FootingBounds {
         let bounds = Self {
             slides_m: worse(slides_m, usual.slides_m),
             root_m_s2: worse(root_m_s2, usual.root_m_s2),
+            away_m: if seen.come_back() { CAME_BACK_M } else { f64::INFINITY },
         };
         let holds = slides_m < MOST_SLIDES_M && root_m_s2 < LANDING_ROOT_M_S2;
         Ok((holds && seen.share(&bounds) < 1.0).then_some(bounds))
@@ -107,7 +112,14 @@ impl FootingBounds {
         Self {
             slides_m: self.slides_m.max(other.slides_m),
             root_m_s2: self.root_m_s2.max(other.root_m_s2),
+            away_m: self.away_m.max(other.away_m),
         }
+    }
+
+    /// The same wherever feet end.
+    #[must_use]
+    pub(super) const fn wherever(self) -> Self {
+        Self { away_m: f64::INFINITY, ..self }
     }
 
     /// What slides are to stay below, m.
@@ -156,7 +168,7 @@ impl Feet {
     }
 
     /// What is bounded.
-    fn figures(&self, bounds: &FootingBounds) -> [Missed; 3] {
+    fn figures(&self, bounds: &FootingBounds) -> [Missed; 4] {
         let most_m_s2 = if self.fly() { LANDING_ROOT_M_S2 } else { bounds.root_m_s2 };
         let sinks_m = TOLD_M - lowest_m(&self.soles_m);
         let slides_m = TOLD_M + worst_slide_m(&self.soles_m);
@@ -165,6 +177,7 @@ impl Feet {
             Missed { what: "sinks_m", got: sinks_m, most: SINKS_M },
             Missed { what: "slides_m", got: slides_m, most: bounds.slides_m },
             Missed { what: "root_acceleration_m_s2", got: root_m_s2, most: most_m_s2 },
+            Missed { what: "away_m", got: self.away_m().length(), most: bounds.away_m },
         ]
     }
 
@@ -195,6 +208,11 @@ impl Feet {
             return DVec3::ZERO;
         };
         (middle(last) - middle(first)).with_z(0.0)
+    }
+
+    /// Whether feet end about where they began.
+    pub(super) fn come_back(&self) -> bool {
+        self.away_m().length() < CAME_BACK_M
     }
 
     /// Which of the soles are on the floor, from when to when.

@@ -42,9 +42,7 @@ const HOLDS_FOR_S: f64 = 0.05;
 const LOW_M: f64 = 0.02;
 /// ... as high as that of the action, or at least so high, m.
 const CLEAR_M: f64 = 0.009;
-/// Feet that end nearer to where they began have come back, m ...
-const CAME_BACK_M: f64 = 0.02;
-/// ... and are held there as well as this, m.
+/// Feet that come back are held there as well as this, m.
 const AWAY_M: f64 = 0.001;
 /// Of what soles of the action slide so much is left to those of variations.
 const SLIDES_LEFT: f64 = 0.5;
@@ -55,6 +53,8 @@ const MATTERS_MORE: f64 = 1.5;
 const SETTLES: usize = 3;
 /// ... each time by all of what would still them, or by half of it and so on: so often.
 const HALVINGS: usize = 4;
+/// A draw whose feet do not come back is moved so often by how its own soles answer, as each move tells.
+const LEARNS: usize = 16;
 /// Legs are drawn further to make up for what feet that hold take away, at most so many times.
 const MOST_FURTHER: f64 = 1.25;
 /// More seams of legs are not looked at: a capture's many actionlets are varied as they are drawn.
@@ -166,7 +166,7 @@ impl Look {
             let now = &feet.soles_m[(*look).min(feet.soles_m.len() - 1)];
             off.push((now[*sole].z - height_m).min(0.0) * part / HOLDS_M);
         }
-        if self.feet.away_m().length() < CAME_BACK_M {
+        if self.feet.come_back() {
             off.extend(((feet.away_m() - self.feet.away_m()) / AWAY_M).to_array());
         }
         // As if both lasted equally long: who is twice as fast has four times the acceleration.
@@ -344,6 +344,13 @@ impl Foothold {
     }
 }
 
+/// What the feet of a draw do, and how far that is off.
+#[derive(Debug)]
+struct Seen {
+    feet: Feet,
+    off: DVector<f64>,
+}
+
 /// A variation on its way to where its feet hold.
 #[derive(Clone, Debug)]
 pub struct Footstep<'a> {
@@ -399,12 +406,16 @@ impl Footstep<'_> {
         self.weights = None;
         self.strides.clear();
         self.moved = -(&held.moved_back * self.wanted() * self.kept);
-        let mut off = held.look.feet_off(&held.look.feet(&self.action(), &self.body)?);
+        let feet = held.look.feet(&self.action(), &self.body)?;
+        let mut seen = Seen { off: held.look.feet_off(&feet), feet };
         for _ in 0..SETTLES {
             // From the draw to where the soles would be still, were they to answer as they did at first.
-            let moved = -(&held.back * &off) + &held.moved_back * &self.moved;
-            let Some(better) = self.moved_towards(held, &moved, &off, None) else { break };
-            off = better;
+            let moved = -(&held.back * &seen.off) + &held.moved_back * &self.moved;
+            let Some(better) = self.moved_towards(held, &moved, &seen.off, None) else { break };
+            seen = better;
+        }
+        if held.look.feet.come_back() && !seen.feet.come_back() {
+            self.come_back(held, seen);
         }
         let feet = held.strides.feet(&self.action(), &self.body)?;
         // A little before the first round and after the last one are seen.
@@ -424,6 +435,39 @@ impl Footstep<'_> {
         Ok(())
     }
 
+    /// Moves it by how the soles of this very draw answer: each move tells that better, be it taken or not
+    /// (Broyden's method).
+    fn come_back(&mut self, held: &Held, mut seen: Seen) {
+        let mut answers = held.answers.clone();
+        let mut part = 1.0;
+        for _ in 0..LEARNS {
+            let back = moving_back(&answers);
+            let target = &back * (&answers * &self.moved - &seen.off);
+            let from = self.moved.clone();
+            let step = (target - &from) * part;
+            self.moved = &from + &step;
+            // Seams that pass one another tell nothing.
+            let there = self.seen(held).filter(|_| step.norm_squared() > 0.0);
+            if let Some(there) = &there {
+                let unforeseen = &there.off - &seen.off - &answers * &step;
+                answers += unforeseen * step.transpose() / step.norm_squared();
+            }
+            let now = seen.off.norm_squared() + from.norm_squared();
+            let is_better =
+                |there: &Seen| there.off.norm_squared() + self.moved.norm_squared() < now;
+            match there.filter(is_better) {
+                Some(better) => (seen, part) = (better, 1.0),
+                None => (self.moved, part) = (from, part / 2.0),
+            }
+        }
+    }
+
+    /// What its feet do now; none if it cannot be performed.
+    fn seen(&self, held: &Held) -> Option<Seen> {
+        let feet = held.look.feet(&self.action(), &self.body).ok()?;
+        Some(Seen { off: held.look.feet_off(&feet), feet })
+    }
+
     /// Moves it to where its feet were to hold, or so far in that direction that they hold better than they do
     /// now: which feet carry changes on the way, and then soles answer otherwise. What they do there; none if
     /// nothing was better, and it stays where it was.
@@ -433,7 +477,7 @@ impl Footstep<'_> {
         target: &DVector<f64>,
         off: &DVector<f64>,
         weights: Option<&DVector<f64>>,
-    ) -> Option<DVector<f64>> {
+    ) -> Option<Seen> {
         let weighted = |off: &DVector<f64>| match weights {
             Some(weights) => off.component_mul(weights).norm_squared(),
             None => off.norm_squared(),
@@ -444,10 +488,9 @@ impl Footstep<'_> {
         for _ in 0..HALVINGS {
             self.moved = &from + (target - &from) * part;
             // Seams that pass one another are no better.
-            if let Ok(feet) = held.look.feet(&self.action(), &self.body) {
-                let off = held.look.feet_off(&feet);
-                if weighted(&off) + self.moved.norm_squared() < now {
-                    return Some(off);
+            if let Some(seen) = self.seen(held) {
+                if weighted(&seen.off) + self.moved.norm_squared() < now {
+                    return Some(seen);
                 }
             }
             part *= 0.5;

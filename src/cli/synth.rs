@@ -208,6 +208,7 @@ fn misses(missed: &MissedReport) -> String {
     let (does, times, unit) = match missed.what {
         "sinks_m" => ("a sole sinks by", 1e3, "mm"),
         "slides_m" => ("a sole slides by", 1e3, "mm"),
+        "away_m" => ("in the end they are off by", 1e3, "mm"),
         _ => ("the root is accelerated by", 1.0, "m/s2"),
     };
     let (got, most) = (missed.got * times, missed.most * times);

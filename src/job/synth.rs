@@ -290,7 +290,7 @@ pub struct FootingReport {
 /// A bound that is missed.
 #[derive(Clone, Debug, Serialize)]
 pub struct MissedReport {
-    /// What is bounded, with its unit: `sinks_m`, `slides_m` or `root_acceleration_m_s2`.
+    /// What is bounded, with its unit: `sinks_m`, `slides_m`, `root_acceleration_m_s2` or `away_m`.
     pub what: &'static str,
     /// What it is.
     pub got: f64,

@@ -147,7 +147,7 @@ pub(super) fn bounds(
         FootingBounds::of(&gait.action.perform_rounds(ROUNDS.min(gait.action.rounds))?, body)
     };
     let (Some(from), Some(to)) = (alone(from)?, alone(to)?) else { return Ok(None) };
-    Ok(Some(from.or(&to)))
+    Ok(Some(from.or(&to).wherever()))
 }
 
 /// Fails if feet of a motion with these changes do not hold.
