@@ -44,6 +44,7 @@ impl Naming {
         recorder: Option<Arc<Recorder>>,
     ) -> Result<Self, Error> {
         let models = recognise::models(folder)?;
+        // Thresholds of models are in limbs of this figure.
         let body = Proportions::of_figure(BodyFigure::DrillisContini, STATURE_M)?;
         let lengths = Lengths::of(&body);
         let channel = recorder.map(|recorder| {
@@ -57,7 +58,8 @@ impl Naming {
         Ok(Self {
             recogniser: Recogniser::new(models.clone(), lengths, EquationReading::Repaired, None),
             models,
-            root: StandingRoot::new(body),
+            // How a pelvis moves over feet depends on how wide hips are: that is of people as they are measured.
+            root: StandingRoot::new(Proportions::of_stature(STATURE_M)?),
             body,
             worn,
             before_s: None,
@@ -121,7 +123,28 @@ impl Naming {
 mod tests {
     use super::*;
     use crate::action::vocabulary;
+    use crate::recognise::model::BodySide;
     use std::sync::mpsc::channel;
+
+    #[test]
+    fn every_stride_of_somebody_whose_place_is_not_known_is_named_on_its_side() {
+        let body = Proportions::of_stature(1.6).expect("a body");
+        let walk = vocabulary::find("walk").and_then(|walk| walk.perform_rounds(5)).expect("a walk");
+        let poses = walk.poses(&body, 60.0).expect("poses");
+        let mut naming = Naming::new(None, [true; 13], None).expect("models");
+        let (tell, _told) = channel();
+        for (n, pose) in poses.iter().enumerate() {
+            let pose = SegmentPose { root_m: glam::DVec3::ZERO, ..pose.clone() };
+            naming.hear(&pose, Instant::from_nanos(n as u64), n as f64 / 60.0, &tell, |_| ());
+        }
+        let actions = naming.into_actions();
+        // Five rounds of two strides, the last of them half a one onto both feet.
+        assert!(actions.len() >= 10, "{actions:?}");
+        for (n, action) in actions.iter().enumerate() {
+            let side = Some([BodySide::Left, BodySide::Right][n % 2]);
+            assert_eq!((action.action.as_str(), action.side), ("walk", side), "{n}");
+        }
+    }
 
     #[test]
     fn what_somebody_does_whose_place_is_not_known_is_named_with_the_times_of_the_body() {
