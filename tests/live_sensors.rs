@@ -406,11 +406,18 @@ fn slimevr_trackers_are_worn_by_name_and_the_angles_shown_without_a_robot() {
     assert!(output.status.code() == Some(1) && said.contains("exists already"), "{said}");
     let output = gaitway(&folder)
         .args(words("live --wear w.toml --dry-run --n-pose-after 500ms --for 2s --json"))
+        .args(words("--record shown.mcap --recognise"))
         .output()
         .expect("runs");
     let report = json(&output);
     let said = String::from_utf8_lossy(&output.stderr);
     assert_eq!(report["outcome"], "done", "{report}\n{said}");
+    // What is only shown is recorded as well, whole.
+    assert_eq!(report["recording"], "shown.mcap");
+    let recorded = recording::summary(&folder.join("shown.mcap")).expect("recorded").channels;
+    let samples = recorded.iter().filter(|(topic, _)| topic.ends_with("/sample"));
+    let counts: Vec<u64> = samples.map(|(_, count)| *count).collect();
+    assert!(counts.len() == 5 && counts.iter().all(|count| *count > 50), "{recorded:?}");
     let worn: Vec<&str> = report["worn"]
         .as_object()
         .expect("segments")

@@ -226,6 +226,13 @@ impl Job<'_> {
         RunRecorder::begin(path, force, false, connection, &self.order.motion())
     }
 
+    /// What sensors say, if it is to be kept, where no robot follows.
+    fn recorder_without_robot(&self) -> Result<Option<RunRecorder>, Error> {
+        let (path, force) = (self.order.record.as_deref(), self.order.replace);
+        let begin = |path| RunRecorder::begin_without_robot(path, force, &self.order.motion());
+        path.map(begin).transpose()
+    }
+
     /// The same, with room for the samples of many sensors.
     fn recorder_for_sensors(&self, connection: &Connection) -> Result<RunRecorder, Error> {
         let (path, force) = (self.order.record.as_deref(), self.order.replace);

@@ -6,6 +6,7 @@ use crate::control::{Sample, Sink};
 use crate::device::JointState;
 use crate::error::Error;
 use crate::port::patient::PatientClock;
+use crate::port::{Clock, MonotonicClock};
 use crate::recording::{CycleRecord, JointRecord, RecordedJoint, Recorder, RunEnd, RunStart};
 use crate::rig::Connection;
 use crate::robot::Joint;
@@ -124,6 +125,32 @@ impl RunRecorder {
         Ok(all)
     }
 
+    /// Starts a recording of sensors alone, without a robot.
+    ///
+    /// # Errors
+    /// As [`RunRecorder::begin`].
+    pub fn begin_without_robot(path: &Path, force: bool, motion: &str) -> Result<Self, Error> {
+        let start = RunStart {
+            robot: String::new(),
+            motion: motion.to_owned(),
+            joints: Vec::new(),
+            wall_clock_start: std::time::SystemTime::now(),
+            monotonic_start: MonotonicClock.now(),
+            gaitway_version: env!("CARGO_PKG_VERSION").to_owned(),
+            metadata: Default::default(),
+        };
+        let recorder = Recorder::create_for_sources(path, force, start)?;
+        Ok(Self {
+            recorder: Some((Arc::new(recorder), path.to_owned())),
+            patient: false,
+            of_system: None,
+            series: None,
+            began: None,
+            next_cycle: 0,
+            first_cycle: 0,
+        })
+    }
+
     /// The moment at which something is recorded that was at `at` of the robot's clock just now.
     fn moment(&self, at: Instant) -> Instant {
         self.of_system.as_ref().map_or(at, |clock| clock.to_system(at))
@@ -157,12 +184,22 @@ impl RunRecorder {
 
     /// Closes the recording and says in `report` what became of it.
     pub fn finish(&mut self, report: &mut PlayReport, connection: &Connection) {
+        let at = self.moment(connection.link.clock().now());
+        self.close(report, at);
+    }
+
+    /// The same of one that has no robot.
+    pub fn finish_without_robot(&mut self, report: &mut PlayReport) {
+        self.close(report, MonotonicClock.now());
+    }
+
+    fn close(&mut self, report: &mut PlayReport, at: Instant) {
         let Some((recorder, path)) = self.recorder.take() else { return };
         let word = serde_json::to_value(report.outcome).ok();
         let end = RunEnd {
             outcome: word.and_then(|w| w.as_str().map(str::to_owned)).unwrap_or_default(),
             stop_reason: report.stop_reason.clone(),
-            at: self.moment(connection.link.clock().now()),
+            at,
             metadata: Default::default(),
         };
         report.recording = Some(path.display().to_string());

@@ -129,7 +129,8 @@ mod tests {
     #[test]
     fn every_stride_of_somebody_whose_place_is_not_known_is_named_on_its_side() {
         let body = Proportions::of_stature(1.6).expect("a body");
-        let walk = vocabulary::find("walk").and_then(|walk| walk.perform_rounds(5)).expect("a walk");
+        let walk =
+            vocabulary::find("walk").and_then(|walk| walk.perform_rounds(5)).expect("a walk");
         let poses = walk.poses(&body, 60.0).expect("poses");
         let mut naming = Naming::new(None, [true; 13], None).expect("models");
         let (tell, _told) = channel();

@@ -69,8 +69,8 @@ impl Job<'_> {
             opened.push(source.open(&worn)?);
         }
         let recorder = match &ready {
-            Some(ready) if !order.dry_run => Some(self.recorder_for_sensors(&ready.connection)?),
-            _ => None,
+            Some(ready) => Some(self.recorder_for_sensors(&ready.connection)?),
+            None => self.recorder_without_robot()?,
         };
         let kept = recorder.as_ref().and_then(RunRecorder::shared);
         let stop = AtomicBool::new(false);
@@ -104,8 +104,12 @@ impl Job<'_> {
         };
         self.report.sensors.sort_by(|a, b| a.name.cmp(&b.name));
         drop(kept);
-        if let Some((mut recorder, ready)) = done? {
-            recorder.finish(&mut self.report.run, &ready.connection);
+        match done? {
+            Some((mut recorder, Some(ready))) => {
+                recorder.finish(&mut self.report.run, &ready.connection);
+            }
+            Some((mut recorder, None)) => recorder.finish_without_robot(&mut self.report.run),
+            None => {}
         }
         Ok(())
     }
@@ -168,7 +172,7 @@ impl Job<'_> {
         answers: Answers,
         tell: Sender<String>,
         clock: &dyn Clock,
-    ) -> Result<Option<(RunRecorder, Ready)>, Error> {
+    ) -> Result<Option<(RunRecorder, Option<Ready>)>, Error> {
         let guided = match self.calibrated(sensors, clock) {
             Ok(guided) => guided,
             Err(ended) => {
@@ -197,10 +201,13 @@ impl Job<'_> {
         body.naming = naming;
         body.answers = answers;
         let done = match (ready, recorder) {
-            (Some(ready), Some(recorder)) => self.mirrored(&mut body, ready, recorder),
-            _ => {
+            (Some(ready), Some(recorder)) if !self.order.dry_run => {
+                let run = self.mirrored(&mut body, ready, recorder);
+                run.map(|run| run.map(|(recorder, ready)| (recorder, Some(ready))))
+            }
+            (ready, recorder) => {
                 self.show(&mut body, clock);
-                Ok(None)
+                Ok(recorder.map(|recorder| (recorder, ready)))
             }
         };
         body.describe(&mut self.report);
