@@ -5,6 +5,7 @@ pub mod calibrate;
 pub mod calibrated;
 pub mod clean;
 pub mod convert;
+pub mod corpus;
 pub mod cues;
 pub mod cut;
 pub mod doctor;
@@ -106,6 +107,8 @@ enum Command {
     Cut(Box<cut::CutArgs>),
     /// Models by which actions are recognised
     Model(model::ModelArgs),
+    /// A motion database: make it, add to it, ask it, check it, take from it
+    Corpus(corpus::CorpusArgs),
     /// Judge the program on labelled clips
     Score(score::ScoreArgs),
     /// Switch torque on where the robot stands: it holds
@@ -203,6 +206,7 @@ fn run(typed: &Typed) -> i32 {
         Command::Recognise(args) => recognise::run(args, remarks),
         Command::Cut(args) => cut::run(args, remarks),
         Command::Model(args) => model::run(args),
+        Command::Corpus(args) => corpus::run(args, remarks),
         Command::Score(args) => score::run(args, remarks),
         Command::Hold(args) => hold::run(args, remarks),
         Command::Limp(args) => limp::run(args),
