@@ -70,20 +70,7 @@ pub struct Cli {
     command: Command,
 }
 
-const LONG_ABOUT: &str = "\
-Plays human motion on small humanoid robots, safely, and on a virtual robot when there is none.
-
-A motion capture (BVH, AMC) or an action is read, transferred to the robot's joints, slowed until the robot can do \
-it, checked, and streamed to the servos with feedback. Nothing moves before every servo's \
-identity, configuration and start pose are checked; every motion starts and ends at rest.
-
-Start here:
-  gaitway play walk --robot op3 --bus sim  no robot needed
-  gaitway simulate op3 --pty /tmp/op3      a virtual robot for any program
-  gaitway doctor                           is this machine ready for a real one?
-  gaitway scan serial:/dev/ttyUSB0 --baud all
-
-Exit codes: 0 done, 1 refused or failed, 2 wrong usage, 3 done but something could not be recorded, reported or kept within its tolerance, 4 stopped, 128 + n after signal n.";
+const LONG_ABOUT: &str = include_str!("cli/help/gaitway.txt");
 
 #[derive(Debug, Subcommand)]
 enum Command {

@@ -447,8 +447,8 @@ impl TableReader {
         column: &str,
         rows: Option<&[Range<usize>]>,
     ) -> Result<Column, Error> {
-        let all = [0..self.rows_in(group)];
-        let rows = rows.unwrap_or(&all);
+        let all = 0..self.rows_in(group);
+        let rows = rows.unwrap_or(std::slice::from_ref(&all));
         self.read(group, column, rows).map_err(|cause| {
             Error::of(ErrorKind::Malformed, "a column of a table cannot be read")
                 .at(column)

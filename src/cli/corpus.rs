@@ -6,9 +6,10 @@ use super::terminal::Terminal;
 use super::{Deed, Output, Remarks};
 use crate::corpus::manifest::FiveChoices;
 use crate::error::Error;
-use crate::job::corpus::{self, AboutTrial, AddOrder, AskOrder, NewOrder, RemoveOrder};
+use crate::job::corpus::{
+    self, AboutTrial, AddOrder, AskOrder, ExportFormat, ExportOrder, NewOrder, RemoveOrder,
+};
 use clap::{Args, Subcommand};
-use std::fmt::Write as _;
 use std::path::PathBuf;
 
 /// Arguments of `corpus`.
@@ -27,6 +28,8 @@ enum CorpusCommand {
     Add(Box<AddArgs>),
     /// Find trials, or frames, that answer a question
     Query(QueryArgs),
+    /// Pass trials on: as BVH, as the files they were, as labels of frames, on a robot's joints
+    Export(ExportArgs),
     /// Look through all of it: whole, readable, without doubles
     Check(CheckArgs),
     /// Take a person's trials out, or others
@@ -142,6 +145,28 @@ struct QueryArgs {
     output: Output,
 }
 
+/// Arguments of `corpus export`.
+#[derive(Clone, Debug, Args)]
+#[command(after_help = include_str!("help/corpus-export.txt"))]
+struct ExportArgs {
+    /// Folder of the corpus
+    corpus: PathBuf,
+    /// Which trials, as `corpus query` takes it; all if it is empty
+    #[arg(default_value = "")]
+    question: String,
+    /// bvh, source, labels, or robot-csv
+    #[arg(long, value_name = "FORMAT")]
+    format: String,
+    /// The robot of robot-csv, by name or file
+    #[arg(long, value_name = "ROBOT")]
+    robot: Option<String>,
+    /// Folder for it
+    #[arg(short, long, value_name = "DIR")]
+    output_file: PathBuf,
+    #[command(flatten)]
+    output: Output,
+}
+
 /// Arguments of `corpus check`.
 #[derive(Clone, Debug, Args)]
 struct CheckArgs {
@@ -183,6 +208,7 @@ pub fn run(args: &CorpusArgs, remarks: Remarks) -> Result<i32, Error> {
         CorpusCommand::New(args) => new(args),
         CorpusCommand::Add(args) => add(args, remarks),
         CorpusCommand::Query(args) => query(args),
+        CorpusCommand::Export(args) => export(args, remarks),
         CorpusCommand::Check(args) => check(args, remarks),
         CorpusCommand::Remove(args) => remove(args),
     }
@@ -199,11 +225,7 @@ fn new(args: &NewArgs) -> Result<i32, Error> {
     };
     let (folder, name) = (args.corpus.clone(), args.name.clone());
     let made = corpus::new(&NewOrder { folder, name, choices })?;
-    let mut text = format!("corpus    {}\nmanifest  {}\n", made.name, made.manifest);
-    if !made.unsaid.is_empty() {
-        let _ = writeln!(text, "unsaid    {}: write them there", made.unsaid.join(", "));
-    }
-    Ok(args.output.conclude(&made, &text, Deed::Work, 0))
+    Ok(args.output.conclude(&made, &made.words(), Deed::Work, 0))
 }
 
 fn add(args: &AddArgs, remarks: Remarks) -> Result<i32, Error> {
@@ -235,23 +257,7 @@ fn add(args: &AddArgs, remarks: Remarks) -> Result<i32, Error> {
     };
     let signals = Signals::listened()?;
     let added = corpus::add(&order, &Terminal::new(remarks, &signals))?;
-    let mut text = format!(
-        "{}: {} trials added ({} frames, {} labels), {} found, {} in all\nversion   {}\n",
-        added.outcome.word(),
-        added.added,
-        added.frames,
-        added.labels,
-        added.found.len(),
-        added.trials,
-        added.version
-    );
-    for found in added.found.iter().take(5) {
-        let _ = writeln!(text, "found     {} is {} by its {}", found.source, found.trial, found.by);
-    }
-    for unread in &added.unread {
-        let _ = writeln!(text, "unread    {}", unread.replace('\n', "\n          "));
-    }
-    Ok(args.output.conclude(&added, &text, Deed::Work, added.outcome.exit_code()))
+    Ok(args.output.conclude(&added, &added.words(), Deed::Work, added.outcome.exit_code()))
 }
 
 fn query(args: &QueryArgs) -> Result<i32, Error> {
@@ -264,53 +270,28 @@ fn query(args: &QueryArgs) -> Result<i32, Error> {
         file: args.output_file.clone(),
         replace: args.output.force(),
     })?;
-    let mut text = String::new();
-    for clip in &answer.clips {
-        let of = &clip.entry;
-        let subject = of.subject.as_deref().unwrap_or("-");
-        let (trial, set, action) = (&of.trial, &of.set, &of.action);
-        let _ = write!(
-            text,
-            "{trial}  {set:12} {action:16} {subject:8} {:7.2} s  {}",
-            of.duration_s, of.name
-        );
-        for span in &clip.answering {
-            let _ = write!(text, "  {} to {}", span.first_frame, span.last_frame);
-        }
-        text.push('\n');
-    }
-    let corpus::AskReport { looked, version, .. } = &answer;
-    let _ = writeln!(text, "{} trials of version {:.12}", looked.trials, version);
-    if let Some(written) = &answer.written {
-        let _ = writeln!(text, "written   {written}");
-    }
-    Ok(args.output.conclude(&answer, &text, Deed::Look, 0))
+    Ok(args.output.conclude(&answer, &answer.words(), Deed::Look, 0))
+}
+
+fn export(args: &ExportArgs, remarks: Remarks) -> Result<i32, Error> {
+    args.output.check_files(&[])?;
+    let order = ExportOrder {
+        corpus: args.corpus.clone(),
+        question: args.question.clone(),
+        format: ExportFormat::of(&args.format)?,
+        robot: args.robot.clone(),
+        folder: args.output_file.clone(),
+    };
+    let signals = Signals::listened()?;
+    let done = corpus::export(&order, &Terminal::new(remarks, &signals))?;
+    Ok(args.output.conclude(&done, &done.words(), Deed::Work, done.outcome.exit_code()))
 }
 
 fn check(args: &CheckArgs, remarks: Remarks) -> Result<i32, Error> {
     args.output.check_files(&[])?;
     let signals = Signals::listened()?;
     let found = corpus::check(&args.corpus, &Terminal::new(remarks, &signals))?;
-    let mut text = String::new();
-    for corpus::CorpusFault { kind, at, what } in &found.faults {
-        let _ = writeln!(text, "{kind:9} {at}: {what}");
-    }
-    for remark in &found.remarks {
-        let _ = writeln!(text, "remark    {remark}");
-    }
-    let _ = writeln!(
-        text,
-        "{}: {} trials, {} labels, {} people, {} frames in {} files, {} faults\nversion   {}",
-        found.outcome.word(),
-        found.trials,
-        found.labels,
-        found.subjects,
-        found.frames,
-        found.files,
-        found.faults.len(),
-        found.version
-    );
-    Ok(args.output.conclude(&found, &text, Deed::Look, found.outcome.exit_code()))
+    Ok(args.output.conclude(&found, &found.words(), Deed::Look, found.outcome.exit_code()))
 }
 
 fn remove(args: &RemoveArgs) -> Result<i32, Error> {
@@ -321,12 +302,5 @@ fn remove(args: &RemoveArgs) -> Result<i32, Error> {
         question: args.question.clone(),
         dry_run: args.dry_run,
     })?;
-    let word = if gone.dry_run { "would go" } else { "gone" };
-    let mut text = format!("{} trials {word}, {} in the corpus\n", gone.removed, gone.left);
-    for export in &gone.exports {
-        let (path, format, subjects) = (&export.path, &export.format, export.subjects.join(", "));
-        let _ = writeln!(text, "export    {path} ({format}) has {subjects}: take it back yourself");
-    }
-    let _ = writeln!(text, "version   {}", gone.version);
-    Ok(args.output.conclude(&gone, &text, Deed::Work, 0))
+    Ok(args.output.conclude(&gone, &gone.words(), Deed::Work, 0))
 }

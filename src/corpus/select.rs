@@ -36,13 +36,18 @@ pub struct FrameSpan {
     pub last_frame: i64,
 }
 
+/// Ids of trials, by set and action.
+type ByPartition = HashMap<(String, String), HashSet<String>>;
+/// Labels and their frames, by the id of a trial.
+type ByTrial = HashMap<String, Vec<(String, Range<usize>)>>;
+
 /// A question, with what is known of people and labels.
 pub struct Selection<'a> {
     store: &'a Store,
     question: &'a Question,
     subjects: Vec<SubjectEntry>,
     /// By label test, trials in which it is true somewhere, by partition.
-    labelled: Vec<(FieldTest, HashMap<(String, String), HashSet<String>>)>,
+    labelled: Vec<(FieldTest, ByPartition)>,
     /// True if labels and signals are asked frame by frame.
     by_frame: bool,
 }
@@ -109,7 +114,7 @@ impl<'a> Selection<'a> {
         Ok(())
     }
 
-    fn labelled(&self, test: &FieldTest) -> Option<&HashMap<(String, String), HashSet<String>>> {
+    fn labelled(&self, test: &FieldTest) -> Option<&ByPartition> {
         let is = |known: &FieldTest| known.test == test.test;
         self.labelled.iter().find(|(known, _)| is(known)).map(|(_, found)| found)
     }
@@ -385,11 +390,8 @@ impl<'a> Selection<'a> {
         named.collect::<BTreeSet<String>>().into_iter().collect()
     }
 
-    fn labels_of(
-        &self,
-        trials: &[TrialEntry],
-    ) -> Result<HashMap<String, Vec<(String, Range<usize>)>>, Error> {
-        let mut found: HashMap<String, Vec<(String, Range<usize>)>> = HashMap::new();
+    fn labels_of(&self, trials: &[TrialEntry]) -> Result<ByTrial, Error> {
+        let mut found = ByTrial::new();
         if self.labelled.is_empty() {
             return Ok(found);
         }
@@ -417,7 +419,7 @@ impl<'a> Selection<'a> {
         &self,
         trial: &TrialEntry,
         frames: usize,
-        labels: &HashMap<String, Vec<(String, Range<usize>)>>,
+        labels: &ByTrial,
         signals: &BTreeMap<&str, Vec<f64>>,
     ) -> Vec<FrameSpan> {
         let own = labels.get(&trial.trial).map(Vec::as_slice).unwrap_or_default();

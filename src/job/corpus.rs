@@ -1,17 +1,20 @@
-//! What is done with a motion database: made, added to, asked, checked, taken from.
+//! What is done with a motion database: made, added to, asked, checked, passed on, taken from.
 
 mod about;
 mod add;
 mod ask;
 mod check;
+mod export;
 mod labels;
 mod remove;
 mod variations;
+mod words;
 
 pub use about::{AboutTrial, consent, parameter};
 pub use add::{AddOrder, AddReport, FoundTrial, add};
 pub use ask::{Answer, AskOrder, AskReport, ask};
 pub use check::{CheckReport, Fault as CorpusFault, check};
+pub use export::{ExportFormat, ExportOrder, ExportReport, ExportedTrial, Withheld, export};
 pub use remove::{RemoveOrder, RemoveReport, remove};
 
 use crate::corpus::manifest::{CorpusManifest, FiveChoices, SCHEMA};
