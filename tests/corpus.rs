@@ -498,6 +498,48 @@ fn variations_become_trials_with_the_frames_that_were_written() {
 }
 
 #[test]
+fn a_session_brings_its_subjects_verdicts_and_repetitions() {
+    let (folder, moves) = new("session");
+    let session = folder.join("monday");
+    for inner in ["subjects", "angles"] {
+        fs::create_dir_all(session.join(inner)).expect("a folder");
+    }
+    let add = || corpus(&["add", &moves, &shown(&session), "--consent", "given"]);
+    fs::write(session.join("session.toml"), "").expect("a file");
+    assert!(words(&add()).contains("not finished"));
+    let subject =
+        "id = \"s07\"\ngender = \"female\"\n[measures]\nage_years = 9\nstature_m = 1.43\n";
+    fs::write(session.join("subjects/s07.toml"), subject).expect("a file");
+    let trial = |number: u32, verdict: &str, good: u32| {
+        format!(
+            "[[trial]]\nname = \"kick-0{number}\"\naction = \"kick\"\nverdict = \"{verdict}\"\ngood_repetitions = {good}\n\
+             subjects = [\"s07\"]\nrecordings = []\nangles = [\"angles/kick-0{number}.csv\", \"angles/kick-0{number}.bvh\"]\n\
+             not_worn = []\nsilent_samples = 0\nduration_s = 3.0\nprops = \"\"\nnotes = \"\"\n"
+        )
+    };
+    let manifest = "schema = 1\nsession = \"monday\"\nbegun = \"2026-01-05T10:00:00Z\"\nfinished = \"2026-01-05T11:00:00Z\"\n\
+                    operator = \"o\"\nplace = \"here\"\ngaitway_version = \"0.1.0\"\nsubjects = [\"subjects/s07.toml\"]\n\
+                    action = []\n[choices]\ndata_type = \"\"\nrange_of_motion = \"\"\nrange_of_subjects = \"\"\n\
+                    definition_and_execution = \"\"\noutput = \"\"\n";
+    let trials = trial(1, "keep", 10) + &trial(2, "retake", 0);
+    fs::write(session.join("manifest.toml"), manifest.to_owned() + &trials).expect("a file");
+    for (number, action) in [(1, "kick-r"), (2, "kick-l")] {
+        let file = shown(&session.join(format!("angles/kick-0{number}.bvh")));
+        let made = gaitway().args(["synth", action, "--rate", "30", "-o", &file]).output();
+        assert!(made.expect("the program").status.success());
+    }
+    let added = add();
+    assert!(added.status.success(), "{}", words(&added));
+    let young = "session=monday and subject.age<10 and verdict=keep and repetitions=10";
+    let found = report(&["query", &moves, young]);
+    assert_eq!(
+        (&found["trials"], &found["clips"][0]["name"]),
+        (&Value::from(1), &Value::from("kick-01"))
+    );
+    assert_eq!(report(&["query", &moves, "verdict=retake and subject.consent=given"])["trials"], 1);
+}
+
+#[test]
 fn what_cannot_be_understood_is_said_with_its_place() {
     let (folder, moves) = new("wrong");
     let wrong = corpus(&["query", &moves, "action=kick and subject.statue_m>1.4"]);
@@ -670,7 +712,7 @@ fn what_a_robot_would_do_is_a_table_inside_its_limits() {
         for pair in rows.windows(2) {
             for ((a, b), joint) in pair[0][7..].iter().zip(&pair[1][7..]).zip(&robot.joints) {
                 assert!(
-                    (a - b).abs() * 30.0 <= joint.limits.max_velocity_rad_s() * 1.001 + 1e-3,
+                    (a - b).abs() * 30.0 <= joint.limits.velocity_rad_s() * 1.001 + 1e-3,
                     "{}",
                     joint.name
                 );
