@@ -2,7 +2,7 @@
 //! labels frame by frame, and the frames themselves, as Parquet tables in a folder.
 //!
 //! `trials`, `labels` and `frames` are partitioned by set and action, as `set=praxicon/action=kick/`;
-//! `subjects.parquet` is one table. A corpus changes in whole steps ([`store::Store::commit`]), and has a
+//! `subjects.parquet` is one table. A corpus changes in whole steps ([`store`]), and has a
 //! version: the hash of its rows, whatever the order in which they came.
 
 pub mod licence;

@@ -47,7 +47,7 @@ pub fn corpus(folder: &Path, trials: usize, framed: usize, random: &mut impl Rng
         let subject = Subject { id: format!("s{n:02}"), gender, measures, ..Subject::default() };
         SubjectEntry {
             subject,
-            consent: if n % 3 == 0 { Consent::Given } else { Consent::Unknown },
+            consent: if n.is_multiple_of(3) { Consent::Given } else { Consent::Unknown },
         }
     };
     let people: Vec<SubjectEntry> = (0..12).map(|n| person(n, random)).collect();
