@@ -5,6 +5,7 @@ pub mod calibrate;
 pub mod calibrated;
 pub mod clean;
 pub mod convert;
+pub mod corpus;
 pub mod cues;
 pub mod cut;
 pub mod doctor;
@@ -69,20 +70,7 @@ pub struct Cli {
     command: Command,
 }
 
-const LONG_ABOUT: &str = "\
-Plays human motion on small humanoid robots, safely, and on a virtual robot when there is none.
-
-A motion capture (BVH, AMC) or an action is read, transferred to the robot's joints, slowed until the robot can do \
-it, checked, and streamed to the servos with feedback. Nothing moves before every servo's \
-identity, configuration and start pose are checked; every motion starts and ends at rest.
-
-Start here:
-  gaitway play walk --robot op3 --bus sim  no robot needed
-  gaitway simulate op3 --pty /tmp/op3      a virtual robot for any program
-  gaitway doctor                           is this machine ready for a real one?
-  gaitway scan serial:/dev/ttyUSB0 --baud all
-
-Exit codes: 0 done, 1 refused or failed, 2 wrong usage, 3 done but something could not be recorded, reported or kept within its tolerance, 4 stopped, 128 + n after signal n.";
+const LONG_ABOUT: &str = include_str!("cli/help/gaitway.txt");
 
 #[derive(Debug, Subcommand)]
 enum Command {
@@ -106,6 +94,8 @@ enum Command {
     Cut(Box<cut::CutArgs>),
     /// Models by which actions are recognised
     Model(model::ModelArgs),
+    /// A motion database: make it, add to it, ask it, check it, take from it
+    Corpus(corpus::CorpusArgs),
     /// Judge the program on labelled clips
     Score(score::ScoreArgs),
     /// Switch torque on where the robot stands: it holds
@@ -203,6 +193,7 @@ fn run(typed: &Typed) -> i32 {
         Command::Recognise(args) => recognise::run(args, remarks),
         Command::Cut(args) => cut::run(args, remarks),
         Command::Model(args) => model::run(args),
+        Command::Corpus(args) => corpus::run(args, remarks),
         Command::Score(args) => score::run(args, remarks),
         Command::Hold(args) => hold::run(args, remarks),
         Command::Limp(args) => limp::run(args),

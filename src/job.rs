@@ -10,6 +10,7 @@ pub mod clean_folder;
 pub mod composition;
 pub mod convert;
 pub mod convert_recording;
+pub mod corpus;
 pub mod cut;
 pub mod decompose;
 pub mod doctor;

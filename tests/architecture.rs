@@ -23,7 +23,7 @@ const fn room(name: &'static str, uses: &'static str, touches: &'static str) -> 
 /// Every room, with all that it uses and touches: what is not here is not allowed, and what is here
 /// and not used is not true any more.
 const ROOMS: &[Room] = &[
-    room("action", "actionlet body error motion table toml_text", "files"),
+    room("action", "actionlet body columnar error motion table toml_text", "files"),
     room("actionlet", "error motion", ""),
     room("body", "error motion rigid time toml_text units", ""),
     room("bus", "port time units wire", "clock"),
@@ -32,17 +32,19 @@ const ROOMS: &[Room] = &[
     room("clean", "body error mocap toml_text", ""),
     room(
         "cli",
-        "action body draft error job recording rig sensing session time view",
+        "action body corpus draft error job recording rig sensing session time view",
         "arguments bars clock files keys profiles signals sleep threads wall-clock",
     ),
+    room("columnar", "error", "files"),
     room("control", "bus device error guard motion robot time", "clock profiles threads"),
+    room("corpus", "body clean columnar draft error toml_text", "files"),
     room("device", "bus error wire", "profiles"),
     room("draft", "error", "files"),
     room("error", "", "profiles"),
     room("guard", "motion time", ""),
     room(
         "job",
-        "action actionlet body bus calibration capture clean control device draft error mocap motion port \
+        "action actionlet body bus calibration capture clean columnar control corpus device draft error mocap motion port \
          recognise recording retarget rig rigid robot sensing session table time toml_text view \
          wire",
         "clock files network profiles simulator threads wall-clock",

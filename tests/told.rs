@@ -136,8 +136,12 @@ fn the_exit_code_says_what_was_done_and_whether_it_could_be_told() {
     std::fs::write(&markers, table).expect("a file");
     let markers = markers.display().to_string();
     let made = made.display().to_string();
+    let corpus = format!("{made}-corpus");
+    let new = gaitway_corpus(&["new", &corpus]).success()
+        && gaitway_corpus(&["add", &corpus, "bow"]).success();
+    assert!(new, "a corpus with a trial");
     let made = |ending: &str| format!("{made}.{ending}");
-    let table: [(Deed, i32, Vec<String>); 21] = [
+    let table: [(Deed, i32, Vec<String>); 23] = [
         (Deed::Look, 0, words("--help")),
         (Deed::Look, 2, words("play --no-such-option")),
         (Deed::Look, 0, words("completions bash")),
@@ -148,6 +152,8 @@ fn the_exit_code_says_what_was_done_and_whether_it_could_be_told() {
         (Deed::Look, 1, words("info /no/such/file.mcap")),
         (Deed::Work, 0, [words("clean --force"), vec![markers, "-o".into(), made("trc")]].concat()),
         (Deed::Work, 0, [words("cut bow --force -o"), vec![made("pieces")]].concat()),
+        (Deed::Work, 0, [words("corpus add"), vec![corpus.clone(), "bow".into()]].concat()),
+        (Deed::Look, 0, [words("corpus query"), vec![corpus]].concat()),
         (Deed::Look, 0, words("model explain bow --model wave-r --json")),
         (Deed::Look, 0, words("scan sim --robot op3")),
         (Deed::Look, 0, words("servo get sim 19 --robot op3")),
@@ -172,6 +178,12 @@ fn the_exit_code_says_what_was_done_and_whether_it_could_be_told() {
             }
         }
     }
+}
+
+fn gaitway_corpus(arguments: &[&str]) -> std::process::ExitStatus {
+    let mut command = crate::program::gaitway();
+    command.arg("corpus").args(arguments).stdout(Stdio::null()).stderr(Stdio::null());
+    command.status().expect("the program")
 }
 
 fn words(text: &str) -> Vec<String> {

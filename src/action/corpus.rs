@@ -323,15 +323,7 @@ impl Corpus {
     /// The actions as they are called, without how long they last: `walk,wave-r`.
     #[must_use]
     pub fn class(&self) -> String {
-        let mut class = String::new();
-        for part in &self.parts {
-            if !class.is_empty() {
-                let stops = part.item.follows == phrase::Follows::AtRest;
-                class.push(if stops { ',' } else { '+' });
-            }
-            class += &part.action.name;
-        }
-        class
+        phrase::class(&self.parts)
     }
 
     /// Rounds of all its actions.

@@ -3,14 +3,12 @@
 //! Numbers are split by place and compressed by zstd; with statistics of every column, so that a query
 //! that asks for a class or a few variations skips the row groups that have none of them.
 
-mod pages;
-
 use crate::action::corpus::{Batch, Corpus, Pieces, VariationRow};
 use crate::action::frames;
 use crate::body::Dof;
+use crate::columnar::pages::ZstdPages;
 use crate::error::{Error, ErrorKind};
 use bytes::Bytes;
-use pages::ZstdPages;
 use parquet::basic::{Compression, Encoding, ZstdLevel};
 use parquet::column::writer::{
     ColumnCloseResult, get_column_writer, get_typed_column_writer_mut as typed,

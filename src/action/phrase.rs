@@ -58,6 +58,19 @@ pub fn is_phrase(text: &str) -> bool {
     is_file(text) || text.split(marks).any(means_action)
 }
 
+/// The actions as they are called, without how long they last: `walk,wave-r`.
+#[must_use]
+pub fn class(parts: &[Part]) -> String {
+    let mut class = String::new();
+    for part in parts {
+        if !class.is_empty() {
+            class.push(if part.item.follows == Follows::AtRest { ',' } else { '+' });
+        }
+        class += &part.action.name;
+    }
+    class
+}
+
 fn is_file(name: &str) -> bool {
     Path::new(name).extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"))
 }

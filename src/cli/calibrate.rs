@@ -15,11 +15,7 @@ mod answers;
 
 /// Arguments of `calibrate`.
 #[derive(Debug, Args)]
-#[command(after_help = "Examples:\n  \
-    gaitway calibrate so101 --bus serial:/dev/ttyACM0\n  \
-    gaitway calibrate op3 --bus serial:/dev/ttyUSB0 --only head_pan,head_tilt --force\n\n\
-    Answers come from standard input, one line each: Enter goes on, s skips a joint, q stops; \
-    --resume goes on later.")]
+#[command(after_help = include_str!("help/calibrate.txt"))]
 pub struct CalibrateArgs {
     /// Robot by name or path of its file
     robot: String,

@@ -19,46 +19,7 @@ const USUAL_HZ: f64 = 100.0;
 
 /// Arguments of `convert`.
 #[derive(Debug, Args)]
-#[command(after_help = "\
-OUT.csv   joint angles if the recording knows how its sensors were worn, else one row per sample of
-          a sensor, or per cycle of a robot
-OUT.bvh   joint angles on a skeleton of the person's stature
-OUT.mcap  joint angles as joint states
-OUT.mot   joint angles by the names of OpenSim's models; of captures alone
-OUT.x3d   a scene with the skeleton in motion over a floor, followed by the camera; of captures alone
-OUT.html  a page that draws it, with what of the feet is on the floor; of captures alone
-
-Segments that are not worn stay at rest and are named. Tables of joint angles hold where the pelvis is and
-how it is turned as well. A capture keeps its own rate.
-
-Joint angles of OpenSim's models (.mot, .sto) are taken by the names of their columns (hip_flexion_r,
-knee_angle_r, ...); what the body has no joint for is left out, and said.
-
-Inertial sensors are taken out of tables as well: OpenSim's orientations (.sto), texts of Xsens' MT Manager (.txt, or a
-folder of them), and any table (.csv) whose columns --sensors FILE.toml declares. They become joint angles
-if it is known how they were worn, else a table of orientations. --fuse finds orientations anew from
-raw samples, of a recording too.
-
-Markers (.c3d, .trc, .csm, or a table with columns LABEL_x_m, ...) become one another:
-OUT.c3d   all of it: analog channels, events, force plates, parameters that nobody here knows
-OUT.trc   markers, for OpenSim and others
-OUT.csm   markers, for 3D Studio Max
-OUT.csv   time_s, then LABEL_x_m, LABEL_y_m, LABEL_z_m of each point
-Their axes stay those of the file.
-OUT.bvh, OUT.mot, OUT.x3d, OUT.html   the body model, after `gaitway fit` with its usual settings
-
-Examples:
-  gaitway convert wave.mcap wave.csv
-  gaitway convert trials/wave-r-01.mcap wave.bvh
-  gaitway convert dance.mcap dance.bvh \\
-          --calibration-body lab/calibration/body-s01-01.toml
-  gaitway convert dance.bvh dance.csv
-  gaitway convert dance.bvh dance.html
-  gaitway convert 01_02.amc dance.bvh --skeleton 01.asf
-  gaitway convert walk.mot walk.bvh
-  gaitway convert imus.csv walk.bvh --sensors imus.toml
-  gaitway convert wave.mcap wave.csv --fuse nine-axes
-  gaitway convert trial.c3d trial.trc")]
+#[command(after_help = include_str!("help/convert.txt"))]
 pub struct ConvertArgs {
     /// Recording, finished or not, a capture (.bvh, .amc, .mot, .sto), or markers (.c3d, .trc, .csm, .csv)
     file: PathBuf,

@@ -10,14 +10,7 @@ use std::path::PathBuf;
 
 /// Arguments of `cut`.
 #[derive(Clone, Debug, Args)]
-#[command(after_help = "\
-What is cut is what `recognise` names, or what a table says: let `recognise --labels` write one,
-mend it by hand, and cut by it. A BVH file is cut as it stands, number by number; anything else
-becomes BVH files of the body model. The folder gets labels.csv, which says what is where in the
-pieces: `score classification` reads it.
-
-Example: gaitway cut session.bvh -o pieces --margin 1
-         gaitway cut session.bvh -o waves --labels mended.csv --only wave")]
+#[command(after_help = include_str!("help/cut.txt"))]
 pub struct CutArgs {
     /// A capture (.bvh, .amc), markers, or actions
     motion: String,

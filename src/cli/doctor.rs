@@ -13,10 +13,7 @@ use std::path::PathBuf;
 
 /// Arguments of `doctor`.
 #[derive(Debug, Args)]
-#[command(after_help = "Examples:\n  gaitway doctor\n  \
-    gaitway doctor --bus serial:/dev/ttyUSB0 --robot op3\n  \
-    gaitway doctor --rules | sudo tee /etc/udev/rules.d/60-gaitway.rules > /dev/null\n  \
-    sudo udevadm control --reload && sudo udevadm trigger")]
+#[command(after_help = include_str!("help/doctor.txt"))]
 pub struct DoctorArgs {
     /// Print the udev rules and nothing else
     #[arg(long)]

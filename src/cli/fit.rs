@@ -46,26 +46,7 @@ enum Bones {
 
 /// Arguments of `fit`.
 #[derive(Clone, Debug, Args)]
-#[command(after_help = "\
-A body of 13 segments is laid over the markers of every frame. A static trial, in which the person stands
-upright and still, shows where markers sit, how long bones are, and what is zero of every joint. Without
-one the trial calibrates itself from its quietest half second.
-
-OUT.bvh   the skeleton in motion, with the bones of the person
-OUT.csv   the 22 joint angles, where the pelvis is and how it is turned
-OUT.mot   the joint angles by the names of OpenSim's models
-OUT.c3d   virtual markers: where the 21 bones begin, and where head, hands and feet end
-DIR       all of it: TRIAL.bvh, .csv, .mot, TRIAL.bones.c3d, and TRIAL.segments.csv with the orientation of
-          each segment
-
-A folder instead of TRIAL: every trial in it into a folder of its name in DIR, by the one static trial.
-
-Marker sets: plug-in-gait, plug-in-gait-lower, cmu-41, baseline (OptiTrack), or a file of your own (TOML:
-schema = 1, name, title, needs, has, and [aliases] of places, by the names of Plug-in Gait). Widths are read from the file (KneeWidth,
-AnkleWidth, ...) or else estimated, which is said.
-
-Example: gaitway fit walk.c3d --static static.c3d -o walk.bvh
-then:    gaitway play walk.bvh --robot op3 --bus sim")]
+#[command(after_help = include_str!("help/fit.txt"))]
 pub struct FitArgs {
     /// Markers in motion (.c3d, .trc, .csm, .csv), or a folder of them
     trial: PathBuf,

@@ -24,26 +24,7 @@ pub(super) use table::Shown;
 
 /// Arguments of `live`.
 #[derive(Clone, Debug, Args)]
-#[command(after_help = "\
-SOURCE is one of:
-  SEGMENT=imu:PROFILE@serial:/dev/ttyUSB0   a sensor on a segment of the body; as many as are worn
-  imu:slimevr@udp:0.0.0.0:6969              SlimeVR trackers of the network; --wear says which is
-                                            where, and only those are heard
-  replay:FILE.mcap                          sensors that were recorded, as if they spoke now
-  file:MOTION                               a capture (.bvh) or actions, as if somebody did them now
-SEGMENT: pelvis, torso, head, left_upper_arm, left_forearm, left_thigh, left_shank, left_foot, and
-right_ ones. What is not worn is at rest, and its joints of the robot stay where they are.
-
-Sensors are calibrated first, in words at the terminal: N pose, T pose, and the movements of --moves.
-The robot then goes to the body's pose at 30 % of its speed, and follows. Ctrl-C, or q and Enter,
-brings it to rest; it holds there. r and Enter, in N pose, mends headings that drifted.
-
-Examples:
-  gaitway live --from file:walk --robot op3 --bus sim --for 10
-  gaitway live --from right_upper_arm=imu:bno08x-rvc@/dev/ttyUSB0 \\
-    right_forearm=imu:bno08x-rvc@/dev/ttyUSB1 --robot op3 --bus serial:/dev/ttyUSB2
-  gaitway live --wear /tmp/body/wear.toml --dry-run --recognise     # no robot: what the person does
-  gaitway live --wear /tmp/body/wear.toml --robot op3 --bus sim:pty --recognise --when wave=play:bow")]
+#[command(after_help = include_str!("help/live.txt"))]
 pub struct LiveArgs {
     /// What to follow: sensors, a recording or a motion (see below)
     #[arg(long, value_name = "SOURCE", num_args = 1.., required_unless_present = "wear")]

@@ -46,13 +46,7 @@ enum ModelCommand {
 
 /// Arguments of `model new`.
 #[derive(Clone, Debug, Args)]
-#[command(after_help = "\
-The part that moves furthest, to and fro in the same order in all examples, gives the phases; of
-each phase the draft says what all examples have in common, with room to both sides. Cut the
-examples to the action alone. Then go on by hand: what must a person not do? `model explain` says
-why the draft misses a clip.
-
-Example: gaitway model new salute-r --side right --from a.bvh@1.2..3 --from b.bvh -o salute-r.toml")]
+#[command(after_help = include_str!("help/model.txt"))]
 pub struct NewArgs {
     /// Name of the model: small letters, digits, hyphens
     name: String,
@@ -82,14 +76,7 @@ fn side(text: &str) -> Result<BodySide, String> {
 
 /// Arguments of `model explain`.
 #[derive(Clone, Debug, Args)]
-#[command(after_help = "\
-Of the attempts of a model that came to nothing it tells the one that came furthest: the phase
-that failed, what was wanting when it ended, and what ended it. Numbers are in arms or legs, and
-arms or legs per second, as in models.
-
-Example: gaitway model explain dance.bvh --model wave-r
-         gaitway model explain dance.bvh --model wave --from 2 --to 5
-         gaitway model explain played.mcap --model kick-r --slowed 2.3")]
+#[command(after_help = include_str!("help/model-2.txt"))]
 pub struct ExplainArgs {
     /// A capture (.bvh, .amc), or actions
     motion: String,

@@ -16,9 +16,7 @@ use std::path::{Path, PathBuf};
 
 /// Arguments of `play`.
 #[derive(Clone, Debug, Args)]
-#[command(after_help = "Examples:\n  \
-    gaitway play walk --robot op3 --bus sim --html walk.html\n  \
-    gaitway play dance.bvh --robot op3 --bus serial:/dev/ttyUSB0 --speed 0.5 --record dance.mcap")]
+#[command(after_help = include_str!("help/play.txt"))]
 pub struct PlayArgs {
     #[command(flatten)]
     motion: MotionArgs,

@@ -22,24 +22,7 @@ use std::path::{Path, PathBuf};
 
 /// Arguments of `record`.
 #[derive(Debug, Args)]
-#[command(after_help = "\
-SOURCE is [NAME=]KIND@BUS:
-  imu:PROFILE@serial:/dev/ttyUSB0    an inertial sensor; `gaitway profile list` names profiles
-  imu:my-sensor.toml@/dev/ttyACM0    the same with a profile of your own
-  imu:slimevr@udp:0.0.0.0:6969       every SlimeVR tracker that looks for a server (without an
-                                     address: of this machine alone)
-  lines@/dev/ttyACM0?baud=115200     lines of text, kept as they are
-  servos:ROBOT@serial:/dev/ttyUSB1   joint angles of a robot, read only
-
-While it records, Enter sets a mark; text and Enter set a mark with a note.
-
---session leads through a whole session: metadata, calibration of sensors and subjects, trials. Each
-sensor is then named like the segment that wears it. The same command resumes an interrupted session.
-
-Examples:
-  gaitway record left=imu:bno08x-rvc@/dev/ttyUSB0 -o wave.mcap --for 10s --name wave
-  gaitway record --session lab --plan plan.toml torso=imu:x-imu3@/dev/ttyACM0 \\
-          right_forearm=imu:x-imu3@/dev/ttyACM1")]
+#[command(after_help = include_str!("help/record.txt"))]
 pub struct RecordArgs {
     /// What to record
     #[arg(required_unless_present = "session", value_name = "SOURCE")]

@@ -18,11 +18,7 @@ use std::path::PathBuf;
 
 /// Arguments of `info`.
 #[derive(Debug, Args)]
-#[command(after_help = "\
-Examples:
-  gaitway info dance.mcap
-  gaitway info trial.c3d
-  gaitway info dance.mcap --html dance.html    (a page that shows it in space and over time)")]
+#[command(after_help = include_str!("help/recordings.txt"))]
 pub struct InfoArgs {
     /// Recording, finished or not; a capture (.bvh, .amc); a table of OpenSim's (.mot, .sto); markers (.c3d,
     /// .trc, .csm, .csv)
@@ -181,10 +177,7 @@ fn of_source(name: &str, source: &SourceOverview) -> String {
 
 /// Arguments of `recover`.
 #[derive(Debug, Args)]
-#[command(after_help = "\
-Examples:
-  gaitway recover dance.mcap    (writes dance.recovered.mcap)
-  gaitway recover dance.mcap --compression zstd    (a smaller copy of a file that is whole)")]
+#[command(after_help = include_str!("help/recordings-2.txt"))]
 pub struct RecoverArgs {
     /// Recording that was never closed, or is damaged
     file: PathBuf,

@@ -11,18 +11,7 @@ use std::path::PathBuf;
 
 /// Arguments of `retarget`.
 #[derive(Clone, Debug, Args)]
-#[command(after_help = "\
-The file's ending says what is written, all of it in the robot's joints and at the robot's pace:
-  .csv   a table: time_s, then one column per joint, rad; then where the base is (base_x_m, base_y_m,
-         base_z_m, base_qw, base_qx, base_qy, base_qz; Z up, floor at 0) and which foot stands
-         (contact_left, contact_right), if the robot's file has a body
-  .mcap  a recording of goals, as `play --record` makes it, for Foxglove, PlotJuggler, `convert`
-  .bvh   the robot's own joint tree in motion, for Blender and other animation tools
-
---html writes a page as well: robot and person beside each other, joints, where the robot touches itself,
-tips or was too fast.
-
-Example: gaitway retarget dance.bvh --robot op3 -o dance.csv --html dance.html")]
+#[command(after_help = include_str!("help/retarget.txt"))]
 pub struct RetargetArgs {
     #[command(flatten)]
     motion: MotionArgs,

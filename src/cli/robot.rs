@@ -42,18 +42,7 @@ enum Action {
 
 /// Arguments of `robot import`.
 #[derive(Debug, Args)]
-#[command(after_help = "\
-A model says how links hang together, what they weigh and what they take up; not how they are driven. With \
---robot the body is fitted to a robot that has a file: its joints are found by their axes, whatever their \
-names, signs and zeros. Without, the file is a draft, and what the model cannot say is marked in it. Limits of \
-half a turn and more to both sides, and limits from 0 to 0, are placeholders and not taken over. Meshes (STL, \
-OBJ) are read for the capsule or box around them; links without any get a capsule along their length or a box \
-with their moments of inertia. An MJCF model with <include>, <replicate>, <attach> or <frame> is first \
-written in one piece by MuJoCo.
-
-Examples:
-  gaitway robot import my-robot.urdf --servo sts3215 -o my-robot.toml
-  gaitway robot import op3.xml --robot op3 --source \"mujoco_menagerie\" --licence Apache-2.0 -o my-op3.toml")]
+#[command(after_help = include_str!("help/robot.txt"))]
 pub struct ImportArgs {
     /// The model: URDF, or MJCF in one piece
     #[arg(value_name = "FILE")]
@@ -85,14 +74,7 @@ pub struct ImportArgs {
 
 /// Arguments of `robot new`.
 #[derive(Debug, Args)]
-#[command(after_help = "\
-What a line cannot tell (names, directions, ranges of the body) is marked in the file for you to fill in. \
-Nothing is written to any device.
-
-Examples:
-  gaitway robot new --from serial:/dev/ttyUSB0 --baud all -o my-arm.toml
-  gaitway robot new --from left=serial:/dev/ttyUSB0 --from right=serial:/dev/ttyUSB1 -o twins.toml
-  gaitway robot new --from can:can0 -o legs.toml")]
+#[command(after_help = include_str!("help/robot-2.txt"))]
 pub struct NewArgs {
     /// Where a line is: serial:PATH[?baud=N], tcp:HOST:PORT, can:INTERFACE; NAME=BUS gives it a name;
     /// once for each line

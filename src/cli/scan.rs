@@ -14,13 +14,7 @@ use std::fmt::Write;
 
 /// Arguments of `scan`.
 #[derive(Debug, Args)]
-#[command(after_help = "Examples:\n  \
-    gaitway scan serial:/dev/ttyUSB0 --baud all\n  \
-    gaitway scan serial:/dev/ttyUSB0?baud=57600 --protocol dynamixel-2.0\n  \
-    gaitway scan sim --robot op3\n  \
-    gaitway scan can:can0\n  \
-    gaitway scan can:can0 --protocol cubemars-mit --let-go\n  \
-    gaitway scan sim --robot berkeley-humanoid-lite")]
+#[command(after_help = include_str!("help/scan.txt"))]
 pub struct ScanArgs {
     /// Where the line is: serial:PATH[?baud=N], tcp:HOST:PORT, can:INTERFACE, sim or sim:pty
     bus: Address,

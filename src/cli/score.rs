@@ -26,14 +26,7 @@ enum ScoreCommand {
 
 /// Arguments of `score classification`.
 #[derive(Clone, Debug, Args)]
-#[command(after_help = "\
-The table of labels has the columns file and class, and if known side (L, R), style, source (else the folder in
-which the clip lies), start_s, end_s. Labels with times are judged by overlap of more than half; labels without by
-what was recognised anywhere in the clip. A folder in place of the table has labels of frames: TRIAL/ACTION.txt with
-1.0, 0.5 (unclear) or 0.0 in a line for each frame of TRIAL.bvh.
-Labels that no model means are distractors: whatever is recognised in them is false.
-
-Example: gaitway score classification clips --half second")]
+#[command(after_help = include_str!("help/score.txt"))]
 pub struct ClassificationArgs {
     /// Folder of clips
     folder: PathBuf,

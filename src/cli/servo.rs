@@ -28,19 +28,10 @@ enum Action {
         gaitway servo info can:can0 1")]
     Info(Target),
     /// Read one register, or all of them
-    #[command(after_help = "Examples:\n  \
-        gaitway servo get serial:/dev/ttyUSB0 1 'Present Temperature'\n  \
-        gaitway servo get serial:/dev/ttyUSB0?baud=57600 1 present_position\n  \
-        gaitway servo get sim 19 --robot op3\n  \
-        gaitway servo get can:can0 1 PMAX\n  \
-        gaitway servo get can:can0 1 0x7019 --protocol robstride")]
+    #[command(after_help = include_str!("help/servo.txt"))]
     Get(registers::GetArgs),
     /// Write one register and read it back
-    #[command(after_help = "Examples:\n  \
-        gaitway servo set serial:/dev/ttyUSB0 1 'Position P Gain' 640\n  \
-        gaitway servo set serial:/dev/ttyUSB0 1 'Temperature Limit' 70 --permit-eeprom\n  \
-        gaitway servo set serial:/dev/ttyUSB0 1 homing_offset 5.5deg --permit-eeprom\n  \
-        gaitway servo set can:can0 1 TIMEOUT 0.02 --permit-eeprom")]
+    #[command(after_help = include_str!("help/servo-2.txt"))]
     Set(registers::SetArgs),
     /// Give the servo another ID
     #[command(
@@ -61,10 +52,7 @@ enum Action {
     )]
     FactoryReset(reset::FactoryResetArgs),
     /// Turn the servo to an angle: one slow, guarded movement
-    #[command(after_help = "Examples:\n  \
-        gaitway servo move serial:/dev/ttyUSB0 1 30 --dry-run\n  \
-        gaitway servo move serial:/dev/ttyUSB0 1 -12.5\n  \
-        gaitway servo move can:can0 1 20 --model dm4310 --kp 20 --kd 1")]
+    #[command(after_help = include_str!("help/servo-3.txt"))]
     Move(travel::MoveArgs),
     /// Torque on, where the servo stands, through everything a motion goes through; or off
     #[command(after_help = "Example: gaitway servo torque serial:/dev/ttyUSB0 1 off")]

@@ -23,15 +23,7 @@ const MOST_TOLD: usize = 100;
 /// Arguments of `simulate`.
 #[derive(Debug, Args)]
 #[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
-#[command(after_help = "Each line of the robot is a terminal or port of its own. Standard output \
-    begins with one line for each: its path, tcp:ADDRESS or can:INTERFACE, and the line's name if \
-    there are several. A CAN line is behind a USB-CAN adapter that speaks slcan (Lawicel), unless \
-    --can puts it on an interface of the system.\n\n\
-    Example: gaitway simulate op3 --pty /tmp/op3\n\
-    then, in another terminal: gaitway play walk --robot op3 --bus serial:/tmp/op3\n\
-    Two servos: gaitway simulate --servo xm430-w350:1,2 --baud 57600 --pty /tmp/bench\n\n\
-    Time is real. A motion is stopped if this machine is too busy for it, as on a real line; the time of\n\
-    play --bus sim:pty waits for this machine instead.")]
+#[command(after_help = include_str!("help/simulate.txt"))]
 pub struct SimulateArgs {
     #[command(subcommand)]
     other: Option<Other>,

@@ -15,14 +15,7 @@ use std::path::PathBuf;
 
 /// Arguments of `synth`.
 #[derive(Clone, Debug, Args)]
-#[command(after_help = "Examples:\n  \
-    gaitway synth walk -o walk.csv\n  \
-    gaitway synth walk:6s,wave-r,bow --rate 60 -o greeting.bvh\n  \
-    gaitway synth walk:6s+run:5s -o start-to-run.html\n  \
-    gaitway synth bow --insert wave-r@1.3s --insert-wait -o greeting.html\n  \
-    gaitway synth run --variations 1000000 --seed 1 --set vary_angle=0.2 -o corpus/\n  \
-    gaitway synth run --variation 17 --seed 1 -o one.bvh\n  \
-    gaitway synth --class walking=walk:x4 --class running:500=run --variations 2000 -o corpus/")]
+#[command(after_help = include_str!("help/synth.txt"))]
 pub struct SynthArgs {
     /// A shipped action, an action file (.toml), or several: walk:6s,wave-r,bow; with + between two
     /// gaits, one goes over into the other without a stop: walk:6s+run:5s

@@ -17,18 +17,7 @@ const LOOK: Duration = Duration::from_millis(100);
 
 /// Arguments of `view`.
 #[derive(Debug, Args)]
-#[command(after_help = "\
-WHAT is one of:
-  FILE                 a capture, markers or a recording, as `info FILE --html` draws it
-  ROBOT --bus BUS      a robot as it is, as `monitor` does; moves nothing
-  play|live|monitor …  that command, with --view
-
-The page is served to this machine alone, under an address with a token that is printed.
-
-Examples:
-  gaitway view dance.bvh
-  gaitway view op3 --bus serial:/dev/ttyUSB0
-  gaitway view play walk --robot op3 --bus sim:pty --hang")]
+#[command(after_help = include_str!("help/view.txt"))]
 pub struct ViewArgs {
     /// Serve at this port of this machine [default: a free one]
     #[arg(long, value_name = "PORT", default_value_t = 0, hide_default_value = true)]

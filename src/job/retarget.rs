@@ -11,10 +11,11 @@ use super::play::describe_plan;
 use super::recorder::{Series, recorded_joint};
 use super::report::{Outcome, OwnProfile, PlayReport};
 use super::source::joints::BASE_TITLES;
-use super::source::{self, MotionOrder};
+use super::source::{self, MotionOrder, Source};
 use crate::draft;
 use crate::error::{Error, ErrorKind};
 use crate::mocap;
+use crate::mocap::anatomy::Capture;
 use crate::motion::{Plan, PlanOptions, Setpoint, plan};
 use crate::port::{Clock, MonotonicClock};
 use crate::recording::{BaseRecord, CycleRecord, JointRecord, Recorder, RunEnd, RunStart};
@@ -139,6 +140,53 @@ impl Retargeted {
         let page = scene.map(|scene| page(&report, scene?)).transpose()?;
         Ok(Self { robot, planned, base, bytes, report, page })
     }
+}
+
+/// A motion on a robot from its first pose to its last, without the way there.
+pub(super) struct RobotClip {
+    /// Row by row: where the base is, and the angle of each joint, rad.
+    pub rows: Vec<(Placement, Vec<f64>)>,
+    /// How much slower it is than the person was, at most.
+    pub retime_factor: f64,
+    /// When the robot would fall, s after the first row.
+    pub falls_s: Option<f64>,
+}
+
+/// What a person does, as a robot would do it at `rate_hz`.
+///
+/// # Errors
+/// A motion that cannot be transferred, a robot without a body.
+pub(super) fn robot_clip(
+    robot: &Robot,
+    name: &str,
+    capture: Capture,
+    rate_hz: f64,
+) -> Result<RobotClip, Error> {
+    let order = MotionOrder { balanced_at: Some(1.0), ..MotionOrder::of(name) };
+    let loaded = source::of_person(&order, robot, capture, Source::default(), false)?;
+    let start_rad: Vec<f64> = robot.joints.iter().map(|joint| joint.initial_rad).collect();
+    let path = loaded.path_from(robot, &start_rad)?;
+    let options = PlanOptions { retime: true, ..PlanOptions::default() };
+    let planned = plan(&start_rad, &path, &robot.limits(), options)?;
+    let (base, metrics) = bodily::look(robot, &loaded, &path, &planned, false)?;
+    let base = base.ok_or_else(|| {
+        Error::new("where the base of this robot goes is not known")
+            .at(robot.name.clone())
+            .allowed("a robot whose file has a [body]")
+    })?;
+    let (from_s, to_s) = (planned.clip_start_s, planned.clip_start_s + planned.clip_s);
+    let count = ((to_s - from_s) * rate_hz).floor() as usize;
+    let mut setpoints = vec![Setpoint::default(); planned.trajectory.joints().len()];
+    let row = |row: usize| {
+        let time_s = from_s + row as f64 / rate_hz;
+        planned.trajectory.sample(time_s, &mut setpoints);
+        (base.at(time_s).0, setpoints.iter().map(|setpoint| setpoint.position_rad).collect())
+    };
+    Ok(RobotClip {
+        rows: (0..=count).map(row).collect(),
+        retime_factor: planned.stretch,
+        falls_s: metrics.predicted_fall_s.map(|at_s| (at_s - from_s).max(0.0)),
+    })
 }
 
 /// What is written.

@@ -409,6 +409,59 @@ pub(super) fn label_text(path: &Path) -> Result<String, Error> {
     Ok(text)
 }
 
+/// A label of a clip, for whoever does not judge by it.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct ClipLabel {
+    /// The clip, from its folder on.
+    pub file: String,
+    /// What is done.
+    pub class: String,
+    /// On which side, where it is one.
+    pub side: Option<BodySide>,
+    /// From when to when, s.
+    pub span_s: Option<[f64; 2]>,
+    /// From which frame to which.
+    pub frames: Option<(usize, usize)>,
+    /// How many frames have labels, where they have them one by one.
+    pub all_frames: Option<usize>,
+    /// True if nobody can say.
+    pub unclear: bool,
+}
+
+/// The labels in a table, or in a folder of labels of frames of the clips in `clips`.
+///
+/// # Errors
+/// As [`classification`].
+pub(super) fn clip_labels(path: &Path, clips: &Path) -> Result<Vec<ClipLabel>, Error> {
+    let labels = if path.is_dir() {
+        frame_labels::read(path, clips)?
+    } else {
+        Labels { list: read_labels(path)?, ..Labels::default() }
+    };
+    let of = |file: &str, class: &str, side, cut: Option<Cut>, unclear| ClipLabel {
+        file: file.to_owned(),
+        class: class.to_owned(),
+        side,
+        span_s: cut.and_then(|cut| match cut {
+            Cut::Seconds(span) => Some([span.start_s, span.end_s]),
+            Cut::Frames { .. } => None,
+        }),
+        frames: cut.and_then(|cut| match cut {
+            Cut::Seconds(_) => None,
+            Cut::Frames { first, last } => Some((first, last)),
+        }),
+        all_frames: labels.frames.get(file).copied(),
+        unclear,
+    };
+    let clear = labels.list.iter().filter(|label| path.is_file() || label.cut.is_some());
+    let clear =
+        clear.map(|label| of(&label.file, &label.class, label.body_side(), label.cut, false));
+    let unclear = labels.unclear.iter().flat_map(|(file, cuts)| {
+        cuts.iter().map(|(class, cut)| of(file, class, None, Some(*cut), true))
+    });
+    Ok(clear.chain(unclear).collect())
+}
+
 fn read_labels(path: &Path) -> Result<Vec<Label>, Error> {
     parse_labels(&label_text(path)?).map_err(|error| error.in_file(path))
 }

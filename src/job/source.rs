@@ -180,6 +180,20 @@ pub fn load(order: &MotionOrder, robot: &Robot) -> Result<RobotMotion, Error> {
         capture.mirror();
     }
     cut(&mut capture, order.from_s, order.to_s)?;
+    of_person(order, robot, capture, source, exact)
+}
+
+/// Transfers what a person does to the robot's joints. `exact` if it was made, and is done as it was made.
+///
+/// # Errors
+/// A motion that cannot be transferred.
+pub(super) fn of_person(
+    order: &MotionOrder,
+    robot: &Robot,
+    capture: Capture,
+    source: Source,
+    exact: bool,
+) -> Result<RobotMotion, Error> {
     let mut model = robot_model(robot)?;
     let body = RobotBody::of(&robot.file)?;
     // What was made, and not measured, is done as it was made.

@@ -16,15 +16,7 @@ const LOOK: std::time::Duration = std::time::Duration::from_millis(50);
 
 /// Arguments of `simulate imus`.
 #[derive(Debug, Args)]
-#[command(after_help = "\
-Somebody stands in N pose, raises the arms to T pose, bows, stands, does the motion and stands again.
-It begins when the first sensor is opened, and starts again once all have been closed. Standard output
-has one line for each sensor: what to open, and its segment; DIR/wear.toml says the same to
-`gaitway live`.
-
-Example:
-  gaitway simulate imus --motion walk:30s --pty /tmp/body
-  gaitway live --wear /tmp/body/wear.toml --robot op3 --bus sim:pty --n-pose-after 1s --moves bow")]
+#[command(after_help = include_str!("../help/simulate-imus.txt"))]
 pub struct ImusArgs {
     /// What the person does after the calibration poses
     #[arg(long, value_name = "MOTION", default_value = "walk:30s")]

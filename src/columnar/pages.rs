@@ -1,4 +1,4 @@
-//! Pages compressed by zstd (RFC 8878), in Rust alone.
+//! Pages compressed by zstd (RFC 8878) and read back, in Rust alone.
 //!
 //! The bytes of numbers are split by place before (Parquet, "Byte Stream Split"): all first bytes,
 //! all second ones and so on. So what repeats stands in runs, and the rest is left to entropy coding.
@@ -6,11 +6,17 @@
 //! times as fast as looking for matches, for a twelfth more bytes (docs/decisions.md).
 
 use bytes::Bytes;
-use parquet::column::page::{CompressedPage, Page, PageWriteSpec, PageWriter};
+use parquet::column::page::{
+    CompressedPage, Page, PageMetadata, PageReader, PageWriteSpec, PageWriter,
+};
 use parquet::errors::ParquetError;
 use parquet::file::writer::SerializedPageWriter;
+use ruzstd::decoding::StreamingDecoder;
 use ruzstd::encoding::{CompressionLevel, FrameCompressor, Matcher, Sequence};
+use std::io::Read;
 
+/// Most bytes that a page unpacks to: a file that says more was not made here.
+const MAX_PAGE: u64 = 1 << 28;
 /// Most bytes of a block, by the format.
 const MAX_BLOCK: usize = 1 << 17;
 /// A run below this costs more than it saves.
@@ -47,6 +53,59 @@ impl PageWriter for ZstdPages<'_> {
     fn close(&mut self) -> Result<(), ParquetError> {
         self.pages.close()
     }
+}
+
+/// Reads pages of one column that [`ZstdPages`] wrote: those beneath are told that nothing is compressed.
+pub struct UnpackedPages {
+    pages: Box<dyn PageReader>,
+}
+
+impl UnpackedPages {
+    /// Unpacks the pages of `pages`.
+    pub fn new(pages: impl PageReader + 'static) -> Self {
+        Self { pages: Box::new(pages) }
+    }
+}
+
+impl Iterator for UnpackedPages {
+    type Item = Result<Page, ParquetError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        self.get_next_page().transpose()
+    }
+}
+
+impl PageReader for UnpackedPages {
+    fn get_next_page(&mut self) -> Result<Option<Page>, ParquetError> {
+        let Some(mut page) = self.pages.get_next_page()? else { return Ok(None) };
+        match &mut page {
+            Page::DataPage { buf, .. } | Page::DictionaryPage { buf, .. } => *buf = unpacked(buf)?,
+            Page::DataPageV2 { .. } => {
+                return Err(ParquetError::General("a page of version 2".to_owned()));
+            }
+        }
+        Ok(Some(page))
+    }
+
+    fn peek_next_page(&mut self) -> Result<Option<PageMetadata>, ParquetError> {
+        self.pages.peek_next_page()
+    }
+
+    fn skip_next_page(&mut self) -> Result<(), ParquetError> {
+        self.pages.skip_next_page()
+    }
+}
+
+fn unpacked(packed: &[u8]) -> Result<Bytes, ParquetError> {
+    let wrong = |got: String| ParquetError::General(format!("a page that is no zstd frame: {got}"));
+    let mut bytes = Vec::with_capacity(packed.len().saturating_mul(2));
+    let frame = StreamingDecoder::new(packed).map_err(|e| wrong(e.to_string()))?;
+    let read = frame.take(MAX_PAGE + 1).read_to_end(&mut bytes);
+    read.map_err(|e| wrong(e.to_string()))?;
+    if bytes.len() as u64 > MAX_PAGE {
+        return Err(wrong(format!("it unpacks to more than {MAX_PAGE} bytes")));
+    }
+    Ok(Bytes::from(bytes))
 }
 
 /// A frame of blocks of at most `block` bytes.

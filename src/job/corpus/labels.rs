@@ -1,0 +1,160 @@
+//! What is done in which frames of trials that are added: from tables, from folders of labels of frames, or as the
+//! program recognises it.
+
+use crate::corpus::rows::LabelEntry;
+use crate::error::{Error, ErrorKind};
+use crate::job::recognise::{EquationReading, models, of_capture};
+use crate::job::score::{ClipLabel, clip_labels};
+use crate::mocap::anatomy::Capture;
+use crate::recognise::model::BodySide;
+use std::path::{Path, PathBuf};
+
+/// Labels of files.
+#[derive(Default)]
+pub struct KnownLabels {
+    /// The folder from which on files are named.
+    folder: PathBuf,
+    labels: Vec<ClipLabel>,
+}
+
+impl KnownLabels {
+    /// Reads a table, or a folder of labels of frames that belong to the files of `clips`.
+    ///
+    /// # Errors
+    /// What cannot be read, or is none.
+    pub fn read(path: &Path, clips: Option<&Path>) -> Result<Self, Error> {
+        if !path.is_dir() {
+            let folder = path.parent().unwrap_or(Path::new(".")).to_owned();
+            return Ok(Self { labels: clip_labels(path, &folder)?, folder });
+        }
+        let clips = clips.ok_or_else(|| {
+            Error::new("a folder of labels belongs to a folder of clips")
+                .at(path.display().to_string())
+                .remedy("name the folder of clips as what is to be added")
+        })?;
+        Ok(Self { labels: clip_labels(path, clips)?, folder: clips.to_owned() })
+    }
+
+    /// Labels of a file.
+    fn of<'a>(&'a self, file: &'a Path) -> impl Iterator<Item = &'a ClipLabel> {
+        let name = |path: &Path| path.file_name().map(std::ffi::OsStr::to_owned);
+        self.labels.iter().filter(move |label| {
+            let labelled = self.folder.join(&label.file);
+            // A table of long ago may name files by another folder.
+            labelled == file
+                || (name(&labelled) == name(file)
+                    && labelled.canonicalize().ok() == file.canonicalize().ok())
+        })
+    }
+
+    /// What a whole file is, if a label without times says so.
+    #[must_use]
+    pub fn action(&self, file: &Path) -> Option<String> {
+        let mut whole =
+            self.of(file).filter(|label| label.span_s.is_none() && label.frames.is_none());
+        whole.next().map(|label| label.class.clone())
+    }
+
+    /// The labels of a file with so many frames a second.
+    ///
+    /// # Errors
+    /// Labels beyond its end.
+    pub fn entries(
+        &self,
+        file: &Path,
+        annotator: &str,
+        frames: usize,
+        rate_hz: f64,
+    ) -> Result<Vec<LabelEntry>, Error> {
+        let last = frames.saturating_sub(1);
+        let mut found = Vec::new();
+        for label in self.of(file) {
+            if label.all_frames.is_some_and(|count| count != frames) {
+                return Err(Error::of(ErrorKind::Malformed, "labels of another number of frames")
+                    .at(file.display().to_string())
+                    .got(format!("{} labels", label.all_frames.unwrap_or(0)))
+                    .allowed(format!("{frames}, a line for each frame")));
+            }
+            let (first, end) = match (label.frames, label.span_s) {
+                (Some(frames), _) => frames,
+                (None, Some([start_s, end_s])) => {
+                    let at = |time_s: f64| (time_s * rate_hz).round() as usize;
+                    (at(start_s.max(0.0)), at(end_s))
+                }
+                (None, None) => (0, last),
+            };
+            if first > last {
+                return Err(Error::of(ErrorKind::OutsideLimits, "a label begins after the end")
+                    .at(file.display().to_string())
+                    .got(format!("{} from frame {first}", label.class))
+                    .allowed(format!("0 to {last}")));
+            }
+            let value = if label.unclear { 0.5 } else { 1.0 };
+            found.extend(with_side(
+                &label.class,
+                label.side,
+                first,
+                end.min(last),
+                value,
+                annotator,
+            ));
+        }
+        Ok(found)
+    }
+}
+
+/// A label and, where it has a side, one with it: `wave` and `wave-l`.
+fn with_side(
+    class: &str,
+    side: Option<BodySide>,
+    first: usize,
+    last: usize,
+    value: f64,
+    annotator: &str,
+) -> Vec<LabelEntry> {
+    let label = |label: String| LabelEntry {
+        trial: String::new(),
+        set: String::new(),
+        action: String::new(),
+        label,
+        first_frame: first as i64,
+        last_frame: last as i64,
+        value,
+        annotator: annotator.to_owned(),
+    };
+    let sided = side.map(|side| match side {
+        BodySide::Left => format!("{class}-l"),
+        BodySide::Right => format!("{class}-r"),
+    });
+    std::iter::once(class.to_owned()).chain(sided).map(label).collect()
+}
+
+/// What the program recognises.
+///
+/// # Errors
+/// Models that cannot be read, a body that cannot be seen.
+pub fn recognised(capture: &Capture) -> Result<Vec<LabelEntry>, Error> {
+    let found = of_capture(capture, models(None)?, EquationReading::Repaired, &mut |_| ())?;
+    let last = capture.poses.len().saturating_sub(1);
+    let at = |time_s: f64| ((time_s * capture.rate_hz).round().max(0.0) as usize).min(last);
+    let annotator = concat!("gaitway ", env!("CARGO_PKG_VERSION"));
+    let labels = found.events.iter().flat_map(|event| {
+        with_side(&event.action, event.side, at(event.start_s), at(event.end_s), 1.0, annotator)
+    });
+    Ok(labels.collect())
+}
+
+/// A label of all frames of a trial.
+#[must_use]
+pub fn throughout(label: &str, frames: usize, annotator: &str) -> LabelEntry {
+    LabelEntry {
+        trial: String::new(),
+        set: String::new(),
+        action: String::new(),
+        label: label.to_owned(),
+        first_frame: 0,
+        last_frame: frames.saturating_sub(1) as i64,
+        value: 1.0,
+        annotator: annotator.to_owned(),
+    }
+}

@@ -1,0 +1,145 @@
+//! What came of it, as a person reads it.
+
+use super::{AddReport, AskReport, CheckReport, ExportReport, NewReport, RemoveReport};
+use std::fmt::Write as _;
+
+/// Most lines of a kind.
+const MOST_LINES: usize = 20;
+
+impl NewReport {
+    /// In a few lines.
+    #[must_use]
+    pub fn words(&self) -> String {
+        let mut text = format!("corpus    {}\nmanifest  {}\n", self.name, self.manifest);
+        if !self.unsaid.is_empty() {
+            let _ = writeln!(text, "unsaid    {}: write them there", self.unsaid.join(", "));
+        }
+        text
+    }
+}
+
+impl AddReport {
+    /// In a few lines.
+    #[must_use]
+    pub fn words(&self) -> String {
+        let Self { added, frames, labels, found, trials, version, .. } = self;
+        let (outcome, there) = (self.outcome.word(), found.len());
+        let mut text = format!(
+            "{outcome}: {added} trials added ({frames} frames, {labels} labels), {there} found, {trials} in all\n\
+             version   {version}\n"
+        );
+        for found in found.iter().take(MOST_LINES) {
+            let _ =
+                writeln!(text, "found     {} is {} by its {}", found.source, found.trial, found.by);
+        }
+        for unread in self.unread.iter().take(MOST_LINES) {
+            let _ = writeln!(text, "unread    {}", unread.replace('\n', "\n          "));
+        }
+        for (what, all) in [("found", found.len()), ("unread", self.unread.len())] {
+            more(&mut text, what, all);
+        }
+        text
+    }
+}
+
+/// Says that there are more.
+fn more(text: &mut String, what: &str, all: usize) {
+    if all > MOST_LINES {
+        let _ = writeln!(text, "{what:9} {} more: --json or --report lists them", all - MOST_LINES);
+    }
+}
+
+impl AskReport {
+    /// A line for each trial that is listed.
+    #[must_use]
+    pub fn words(&self) -> String {
+        let mut text = String::new();
+        for clip in &self.clips {
+            let of = &clip.entry;
+            let subject = of.subject.as_deref().unwrap_or("-");
+            let (trial, set, action) = (&of.trial, &of.set, &of.action);
+            let (length_s, name) = (of.duration_s, &of.name);
+            let _ =
+                write!(text, "{trial}  {set:12} {action:16} {subject:8} {length_s:7.2} s  {name}");
+            for span in &clip.answering {
+                let _ = write!(text, "  {} to {}", span.first_frame, span.last_frame);
+            }
+            text.push('\n');
+        }
+        let _ = writeln!(text, "{} trials of version {:.12}", self.looked.trials, self.version);
+        if let Some(written) = &self.written {
+            let _ = writeln!(text, "written   {written}");
+        }
+        text
+    }
+}
+
+impl CheckReport {
+    /// A line for each fault.
+    #[must_use]
+    pub fn words(&self) -> String {
+        let mut text = String::new();
+        for fault in &self.faults {
+            let _ = writeln!(text, "{:9} {}: {}", fault.kind, fault.at, fault.what);
+        }
+        for remark in &self.remarks {
+            let _ = writeln!(text, "remark    {remark}");
+        }
+        let Self { trials, labels, subjects, frames, files, faults, version, .. } = self;
+        let (outcome, wrong) = (self.outcome.word(), faults.len());
+        let _ = writeln!(
+            text,
+            "{outcome}: {trials} trials, {labels} labels, {subjects} people, {frames} frames in {files} files, {wrong} \
+             faults\nversion   {version}"
+        );
+        text
+    }
+}
+
+impl RemoveReport {
+    /// In a few lines.
+    #[must_use]
+    pub fn words(&self) -> String {
+        let word = if self.dry_run { "would go" } else { "gone" };
+        let mut text = format!("{} trials {word}, {} in the corpus\n", self.removed, self.left);
+        for export in &self.exports {
+            let (path, format, subjects) =
+                (&export.path, &export.format, export.subjects.join(", "));
+            let _ =
+                writeln!(text, "export    {path} ({format}) has {subjects}: take it back yourself");
+        }
+        let _ = writeln!(text, "version   {}", self.version);
+        text
+    }
+}
+
+impl ExportReport {
+    /// In a few lines.
+    #[must_use]
+    pub fn words(&self) -> String {
+        let mut text = format!(
+            "{}: {} trials as {} in {}\nversion   {}\n",
+            self.outcome.word(),
+            self.trials.len(),
+            self.format,
+            self.written,
+            self.version
+        );
+        for (licence, count) in &self.licences {
+            let _ = writeln!(text, "licence   {licence}: {count}");
+        }
+        if self.noncommercial {
+            text.push_str("licence   not for what earns money\n");
+        }
+        for of in self.trials.iter().filter(|of| of.predicted_fall_s.is_some()).take(MOST_LINES) {
+            let (name, at_s) = (&of.entry.name, of.predicted_fall_s.unwrap_or(0.0));
+            let _ = writeln!(text, "falls     {name} at {at_s:.1} s");
+        }
+        for of in self.withheld.iter().take(MOST_LINES) {
+            let why = of.why.replace('\n', "\n          ");
+            let _ = writeln!(text, "withheld  {} ({}): {why}", of.trial, of.name);
+        }
+        more(&mut text, "withheld", self.withheld.len());
+        text
+    }
+}
