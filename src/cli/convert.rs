@@ -8,6 +8,7 @@ use super::{Output, Remarks};
 use crate::error::Error;
 use crate::job::convert::{ConvertOrder, convert};
 use crate::job::convert_recording::{RecordingOrder, convert_recording};
+use crate::job::labels::{self, LabelsOrder, label_kind};
 use crate::job::markers::{self, MarkersOrder};
 use crate::job::sensors::{Mode, SensorsOrder, convert as convert_sensors, is_table_of_sensors};
 use crate::job::source::{CaptureOptions, FileKind, file_kind};
@@ -19,48 +20,9 @@ const USUAL_HZ: f64 = 100.0;
 
 /// Arguments of `convert`.
 #[derive(Debug, Args)]
-#[command(after_help = "\
-OUT.csv   joint angles if the recording knows how its sensors were worn, else one row per sample of
-          a sensor, or per cycle of a robot
-OUT.bvh   joint angles on a skeleton of the person's stature
-OUT.mcap  joint angles as joint states
-OUT.mot   joint angles by the names of OpenSim's models; of captures alone
-OUT.x3d   a scene with the skeleton in motion over a floor, followed by the camera; of captures alone
-OUT.html  a page that draws it, with what of the feet is on the floor; of captures alone
-
-Segments that are not worn stay at rest and are named. Tables of joint angles hold where the pelvis is and
-how it is turned as well. A capture keeps its own rate.
-
-Joint angles of OpenSim's models (.mot, .sto) are taken by the names of their columns (hip_flexion_r,
-knee_angle_r, ...); what the body has no joint for is left out, and said.
-
-Inertial sensors are taken out of tables as well: OpenSim's orientations (.sto), texts of Xsens' MT Manager (.txt, or a
-folder of them), and any table (.csv) whose columns --sensors FILE.toml declares. They become joint angles
-if it is known how they were worn, else a table of orientations. --fuse finds orientations anew from
-raw samples, of a recording too.
-
-Markers (.c3d, .trc, .csm, or a table with columns LABEL_x_m, ...) become one another:
-OUT.c3d   all of it: analog channels, events, force plates, parameters that nobody here knows
-OUT.trc   markers, for OpenSim and others
-OUT.csm   markers, for 3D Studio Max
-OUT.csv   time_s, then LABEL_x_m, LABEL_y_m, LABEL_z_m of each point
-Their axes stay those of the file.
-OUT.bvh, OUT.mot, OUT.x3d, OUT.html   the body model, after `gaitway fit` with its usual settings
-
-Examples:
-  gaitway convert wave.mcap wave.csv
-  gaitway convert trials/wave-r-01.mcap wave.bvh
-  gaitway convert dance.mcap dance.bvh \\
-          --calibration-body lab/calibration/body-s01-01.toml
-  gaitway convert dance.bvh dance.csv
-  gaitway convert dance.bvh dance.html
-  gaitway convert 01_02.amc dance.bvh --skeleton 01.asf
-  gaitway convert walk.mot walk.bvh
-  gaitway convert imus.csv walk.bvh --sensors imus.toml
-  gaitway convert wave.mcap wave.csv --fuse nine-axes
-  gaitway convert trial.c3d trial.trc")]
+#[command(after_help = include_str!("help/convert.txt"))]
 pub struct ConvertArgs {
-    /// Recording, finished or not, a capture (.bvh, .amc, .mot, .sto), or markers (.c3d, .trc, .csm, .csv)
+    /// Recording, finished or not, a capture (.bvh, .amc, .mot, .sto), markers (.c3d, .trc, .csm, .csv), or labels
     file: PathBuf,
     /// The table, skeleton file, recording, scene or page to write
     out: PathBuf,
@@ -90,6 +52,9 @@ pub struct ConvertArgs {
     /// Find orientations anew from raw samples: six-axes, or nine-axes with the magnetic field
     #[arg(long, value_name = "HOW", value_parser = fusing)]
     fuse: Option<Mode>,
+    /// Folder of the clips that labels are of [default: that of a table of labels]
+    #[arg(long, value_name = "DIR")]
+    clips: Option<PathBuf>,
     /// A table of samples, also of worn sensors
     #[arg(long, conflicts_with = "calibration_body")]
     samples: bool,
@@ -104,6 +69,15 @@ pub struct ConvertArgs {
 /// A recording that cannot be read or does not know how its sensors were worn, a file that exists
 /// or cannot be written.
 pub fn run(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
+    if label_kind(&args.file).is_some() {
+        return of_labels(args, remarks);
+    }
+    if args.clips.is_some() {
+        return Err(misplaced(
+            "--clips",
+            "labels: a table with columns file and class, or TRIAL/ACTION.txt",
+        ));
+    }
     let of_sensors = args.sensors.is_some() || args.fuse.is_some();
     if of_sensors || is_table_of_sensors(&args.file) {
         return sensors(args, remarks);
@@ -111,7 +85,9 @@ pub fn run(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
     match file_kind(&args.file) {
         FileKind::Markers if !is_of_body(&args.out) => return of_markers(args, remarks),
         FileKind::Markers => return captured(args, remarks),
-        FileKind::Bvh | FileKind::Amc | FileKind::OpenSim => return captured(args, remarks),
+        FileKind::Bvh | FileKind::Amc | FileKind::OpenSim | FileKind::Angles => {
+            return captured(args, remarks);
+        }
         FileKind::Other => {}
     }
     let of_captures = [
@@ -221,6 +197,20 @@ fn of_markers(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
     let (points, frames) = (report.points, report.frames);
     remarks.say(&format!("{frames} frames of {points} points to {}", report.written));
     Ok(report.outcome.exit_code())
+}
+
+/// Labels of one kind as those of the other.
+fn of_labels(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
+    let report = labels::convert(&LabelsOrder {
+        labels: args.file.clone(),
+        clips: args.clips.clone(),
+        rate_hz: args.rate,
+        output: args.out.clone(),
+        replace: args.force,
+    })?;
+    report.notes.iter().for_each(|note| remarks.say(note));
+    remarks.say(&format!("{} cuts of {} clips to {}", report.cuts, report.clips, report.written));
+    Ok(Outcome::Done.exit_code())
 }
 
 /// A capture on the body model.

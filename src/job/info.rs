@@ -1,5 +1,7 @@
 //! What a capture or a file of markers holds: what a person wants to know before anything is done with it.
 
+use super::labels::{self, LabelsOverview, label_kind};
+use super::source::angles_table;
 use crate::error::Error;
 use crate::mocap::clip::Clip;
 use crate::mocap::files::{self, CaptureOptions};
@@ -19,14 +21,16 @@ pub enum FileOverview {
     Markers(Box<MarkerOverview>),
     /// A skeleton in motion.
     Capture(CaptureOverview),
-    /// A table of OpenSim's.
+    /// A table of OpenSim's, or of joint angles.
     Table(TableOverview),
+    /// What is done when, as somebody labelled it.
+    Labels(LabelsOverview),
 }
 
-/// A table of OpenSim's.
+/// A table of OpenSim's, or of joint angles of the body.
 #[derive(Clone, Debug, Serialize)]
 pub struct TableOverview {
-    /// `opensim`.
+    /// `opensim` or `angles`.
     pub format: &'static str,
     /// What the file calls itself.
     pub name: String,
@@ -220,6 +224,12 @@ pub fn info(path: &Path, options: &CaptureOptions) -> Result<Option<FileOverview
     if opensim::is_named(path) {
         return of_table(path, options).map(|table| Some(FileOverview::Table(table)));
     }
+    if angles_table::is_named(path) {
+        return of_angles(path, options).map(|table| Some(FileOverview::Table(table)));
+    }
+    if label_kind(path).is_some() {
+        return labels::overview(path).map(|labels| Some(FileOverview::Labels(labels)));
+    }
     Ok(None)
 }
 
@@ -242,6 +252,32 @@ fn of_table(path: &Path, options: &CaptureOptions) -> Result<TableOverview, Erro
         body,
         name: table.name,
         columns: table.columns,
+        notes: table.notes,
+    })
+}
+
+fn of_angles(path: &Path, options: &CaptureOptions) -> Result<TableOverview, Error> {
+    if options != &CaptureOptions::default() {
+        return Err(Error::new("a table has its times in it, and no skeleton")
+            .at(path.display().to_string())
+            .got("a skeleton or a rate beside it"));
+    }
+    let table = angles_table::read(path)?;
+    let body: Vec<&'static str> = table.said.iter().map(|dof| dof.name()).collect();
+    let root = if table.roots_m.is_empty() { &[][..] } else { &["root"] };
+    let pelvis = if table.pelvis.is_empty() { &[][..] } else { &["pelvis"] };
+    let columns = body.iter().chain(root).chain(pelvis).map(|name| (*name).to_owned()).collect();
+    Ok(TableOverview {
+        format: "angles",
+        name: String::new(),
+        cells: "double",
+        in_degrees: Some(table.in_degrees),
+        rows: table.angles.len(),
+        lost_rows: 0,
+        rate_hz: Some(table.rate_hz),
+        duration_s: table.angles.len().saturating_sub(1) as f64 / table.rate_hz,
+        columns,
+        body,
         notes: table.notes,
     })
 }
