@@ -4,6 +4,7 @@ use crate::job::info::{
     CaptureOverview, FileOverview, MarkerFigures, MarkerOverview, TableOverview,
 };
 use crate::job::labels::{LabelledAction, LabelsOverview};
+use crate::job::sensors::{SensorFigures, SensorsOverview};
 use std::fmt::Write;
 
 /// Most markers with gaps, channels and events that are told one by one; `--json` has all.
@@ -16,7 +17,23 @@ pub fn words(overview: &FileOverview) -> String {
         FileOverview::Capture(capture) => of_capture(capture),
         FileOverview::Table(table) => of_table(table),
         FileOverview::Labels(labels) => of_labels(labels),
+        FileOverview::Sensors(sensors) => of_sensors(sensors),
     }
+}
+
+fn of_sensors(overview: &SensorsOverview) -> String {
+    let mut text = format!("format    {}\n", overview.format);
+    for (name, of) in &overview.sensors {
+        let rate = known(of.rate_hz, "Hz");
+        let what = of.quantities.join(", ");
+        let SensorFigures { samples, duration_s, .. } = of;
+        let _ = writeln!(
+            text,
+            "sensor    {name}: {samples} samples at {rate}, {duration_s:.2} s: {what}"
+        );
+    }
+    let _ = writeln!(text, "missing   {} samples", overview.missed);
+    text
 }
 
 fn of_labels(labels: &LabelsOverview) -> String {

@@ -24,8 +24,8 @@ Examples:
   gaitway info trial.c3d
   gaitway info dance.mcap --html dance.html    (a page that shows it in space and over time)")]
 pub struct InfoArgs {
-    /// Recording, finished or not; a capture (.bvh, .amc); a table of OpenSim's (.mot, .sto); markers (.c3d,
-    /// .trc, .csm, .csv)
+    /// Recording, finished or not; a capture (.bvh, .amc); a table of OpenSim's (.mot, .sto) or of joint angles (.csv);
+    /// markers (.c3d, .trc, .csm, .csv); labels (.csv, or a folder); sensors of Xsens' (.txt, or a folder)
     file: PathBuf,
     /// Skeleton of an AMC file [default: the .asf file beside it that it is named after]
     #[arg(long, value_name = "FILE.asf")]

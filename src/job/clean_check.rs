@@ -232,13 +232,14 @@ pub(super) fn looked_at(file: &Path, rate_hz: Option<f64>) -> TrialFigures {
         error: None,
     };
     if files::format_of(file).is_some() {
-        figures.error = joints_of(file, rate_hz, &mut figures).err().map(|error| error.what);
+        figures.error =
+            joints_of(file, rate_hz, &mut figures).err().map(|error| error.in_one_line());
         return figures;
     }
     let trial = match marker_files::read(file, rate_hz).and_then(|markers| source(&markers)) {
         Ok(source) => source.trial,
         Err(error) => {
-            figures.error = Some(error.what);
+            figures.error = Some(error.in_one_line());
             return figures;
         }
     };

@@ -1,8 +1,9 @@
 //! What a capture or a file of markers holds: what a person wants to know before anything is done with it.
 
 use super::labels::{self, LabelsOverview, label_kind};
+use super::sensors::{self, SensorsOverview};
 use super::source::angles_table;
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use crate::mocap::clip::Clip;
 use crate::mocap::files::{self, CaptureOptions};
 use crate::mocap::marker_files;
@@ -25,6 +26,8 @@ pub enum FileOverview {
     Table(TableOverview),
     /// What is done when, as somebody labelled it.
     Labels(LabelsOverview),
+    /// Inertial sensors.
+    Sensors(SensorsOverview),
 }
 
 /// A table of OpenSim's, or of joint angles of the body.
@@ -229,6 +232,24 @@ pub fn info(path: &Path, options: &CaptureOptions) -> Result<Option<FileOverview
     }
     if label_kind(path).is_some() {
         return labels::overview(path).map(|labels| Some(FileOverview::Labels(labels)));
+    }
+    let is = |ending: &str| path.extension().is_some_and(|of| of.eq_ignore_ascii_case(ending));
+    if path.is_dir() || is("txt") {
+        return sensors::overview(path).map(|sensors| Some(FileOverview::Sensors(sensors)));
+    }
+    if is("asf") {
+        return Err(Error::of(ErrorKind::Malformed, "a skeleton alone, without motion")
+            .at(path.display().to_string())
+            .remedy("name the .amc file beside it, which finds its skeleton, or says --skeleton"));
+    }
+    if is("csv") {
+        return Err(Error::of(ErrorKind::Unknown, "a table whose columns nobody here knows")
+            .at(path.display().to_string())
+            .allowed(
+                "LABEL_x_m, ... of markers; time_s and angles of the body (left_knee_flexion_rad, ...); \
+                 file and class of labels",
+            )
+            .remedy("of inertial sensors: gaitway convert with --sensors FILE.toml, which declares columns"));
     }
     Ok(None)
 }

@@ -18,6 +18,10 @@ use crate::mocap::markers::{
 };
 use glam::{DMat3, DQuat, DVec3, EulerRot};
 
+mod frames;
+
+pub use frames::BoneFrame;
+
 /// Bones.
 pub const BONES: usize = 21;
 /// Weight of a marker that sits on another bone against one of its own.
@@ -139,6 +143,8 @@ struct StoodBone {
     joint: Option<Joint>,
     /// True if it hangs where the one above ends, whatever its markers say.
     hangs: bool,
+    /// Its frame in the world while the person stands; none if its third point is missing.
+    axes: Option<DQuat>,
 }
 
 /// Bones in motion.
@@ -235,6 +241,7 @@ fn stood(body: &MarkedBody, notes: &mut Vec<String>) -> Result<Vec<StoodBone>, E
         notes.push("no T10: the back bends half way between PSI and C7".to_owned());
     }
     let (mut bones, mut left): (Vec<StoodBone>, Vec<&str>) = (Vec::new(), Vec::new());
+    let mut no_frame: Vec<&str> = Vec::new();
     let mut index = [None; BONES];
     for (at, bone) in TABLE.iter().enumerate() {
         let parent = bone.parent.map(|parent| index[parent]);
@@ -270,10 +277,27 @@ fn stood(body: &MarkedBody, notes: &mut Vec<String>) -> Result<Vec<StoodBone>, E
             BonePoint::Joint(joint) => Some(joint),
             BonePoint::Marker(_) | BonePoint::Middle(_) | BonePoint::MiddleOfBack => None,
         };
-        bones.push(StoodBone { parent, name, end, from_m, to_m, markers, segment, joint, hangs });
+        let third_m = frames::THIRD[at].map(|place| point(BonePoint::Marker(place)));
+        let axes = match third_m {
+            None => frames::by_rule(name, to_m - from_m, None),
+            Some(third_m) => third_m
+                .and_then(|third_m| frames::by_rule(name, to_m - from_m, Some(third_m - from_m))),
+        };
+        if axes.is_none() {
+            no_frame.push(name);
+        }
+        let hung =
+            StoodBone { parent, name, end, from_m, to_m, markers, segment, joint, hangs, axes };
+        bones.push(hung);
     }
     if !left.is_empty() {
         notes.push(format!("bones that the markers do not show, left out: {}", left.join(", ")));
+    }
+    if !no_frame.is_empty() {
+        notes.push(format!(
+            "bones without a frame, since their third point is missing: {}",
+            no_frame.join(", ")
+        ));
     }
     if bones.is_empty() {
         return Err(Error::of(ErrorKind::Absent, "the calibration does not show the pelvis"));
@@ -330,6 +354,12 @@ impl FittedBones {
         }
         let root_m = lies.first().map_or(DVec3::ZERO, |lie| lie.at_m);
         self.frames.push((root_m, lies.into_iter().map(|lie| lie.turn).collect()));
+    }
+
+    /// How many frames there are.
+    #[must_use]
+    pub const fn frames(&self) -> usize {
+        self.frames.len()
     }
 
     /// How well each bone goes with its markers.

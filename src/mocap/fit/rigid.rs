@@ -62,14 +62,18 @@ pub fn register(pairs: &[Pair], at_m: Option<DVec3>, before: DQuat) -> Option<Li
     if pairs.len() >= 3 {
         for _ in 0..ROUNDS {
             let last = lie;
-            let trust = |pair: &Pair| {
-                let off = (last.world(pair.own_m) - pair.world_m).length() / DOUBT_M;
-                1.0 / (1.0 + off * off)
-            };
-            lie = once(pairs, at_m, before, trust)?;
+            let trusted = |pair: &Pair| trust((last.world(pair.own_m) - pair.world_m).length());
+            lie = once(pairs, at_m, before, trusted)?;
         }
     }
     Some(lie)
+}
+
+/// How much a marker counts that is so far from where the others have it, m: a half from [`DOUBT_M`] on, and less and less.
+#[must_use]
+pub fn trust(off_m: f64) -> f64 {
+    let off = off_m / DOUBT_M;
+    1.0 / (1.0 + off * off)
 }
 
 /// The turn that lays points over points, both about their middles, all counting alike; `None` of none.
