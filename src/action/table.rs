@@ -14,6 +14,10 @@ const MAX_POSES: usize = 1_000_000;
 const SPARE_BYTES: usize = 4 << 20;
 /// Times are even if each is this part of a step at most from where it should be: they are written in so many digits.
 const UNEVEN: f64 = 0.5;
+/// Further than this no joint turns, rad: angles beyond are degrees by mistake. It is twice around.
+const MOST_RAD: f64 = 4.0 * std::f64::consts::PI;
+/// Further than this nobody turns around and nobody goes, rad and m.
+const MOST: f64 = 1e5;
 const ROOT: [&str; 3] = ["root_x_m", "root_y_m", "root_z_m"];
 const SHAPE: &str = "time_s, then columns called by degrees of freedom of the body (left_elbow_flexion_rad, or _deg), \
                      and if known root_x_m, root_y_m, root_z_m, pelvis_rotation_rad, pelvis_obliquity_rad, \
@@ -218,6 +222,17 @@ pub fn parse(bytes: &[u8]) -> Result<AnglesTable, Error> {
                 )
             })?;
             let number = if *is_deg { number.to_radians() } else { number };
+            let most = match column {
+                Column::Angle(_) | Column::Pelvis(1 | 2) => MOST_RAD,
+                // Whoever turns around goes on beyond a turn.
+                Column::Pelvis(_) | Column::Root(_) => MOST,
+                Column::Time | Column::Other => f64::INFINITY,
+            };
+            if number.abs() > most {
+                return Err(wrong("no body is turned or moved so far", format!("{name}: {cell}"))
+                    .allowed(format!("angles within {MOST_RAD:.0} rad, places within {MOST:.0} m"))
+                    .remedy("call columns of degrees by _deg"));
+            }
             let place = match *column {
                 Column::Angle(at) => angles.0.get_mut(at),
                 Column::Root(at) => root_m.get_mut(at),
@@ -327,6 +342,7 @@ mod tests {
             (titles, "0,1\n", "two rows"),
             (titles, "", "no rows"),
             (titles, "0,nan\n0.1,1\n", "line 2"),
+            (titles, "0,1\n0.1,45\n", "_deg"),
             ("time_s,left_knee_flexion_rad,left_knee_flexion_deg", "0,1,1\n1,1,1\n", "twice"),
             ("time_s,root_x_m", "0,1\n1,1\n", "of three"),
             ("left_knee_flexion_rad", "0\n1\n", "no times"),

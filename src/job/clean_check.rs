@@ -198,6 +198,11 @@ pub(super) fn marker_files_in(folder: &Path, found: &mut Vec<PathBuf>) -> Result
 }
 
 fn is_trial(path: &Path) -> bool {
+    // Pipes and devices are none; what leads nowhere is told of.
+    let is_other = std::fs::metadata(path).is_ok_and(|found| !found.is_file());
+    if is_other {
+        return false;
+    }
     marker_files::format_of(path).is_some() || files::format_of(path).is_some()
 }
 

@@ -28,6 +28,8 @@ const MAX_BYTES: u64 = 16 << 20;
 const TITLES_BYTES: u64 = 1 << 16;
 /// Most frames that may be labelled at once: all actions of a trial.
 const MAX_MARKS: usize = 100_000_000;
+/// Frames per second that a clip may have.
+const RATES_HZ: core::ops::RangeInclusive<f64> = 0.01..=100_000.0;
 /// A cut that ends this far behind the last frame, frames, is rounded.
 const BEYOND_FRAMES: f64 = 1.0;
 
@@ -334,6 +336,12 @@ pub fn convert(order: &LabelsOrder) -> Result<LabelsReport, Error> {
     if is_table {
         draft::check_free(&order.output, order.replace)?;
     }
+    if let Some(rate_hz) = order.rate_hz.filter(|rate_hz| !RATES_HZ.contains(rate_hz)) {
+        return Err(Error::of(ErrorKind::OutsideLimits, "no clip has such a rate")
+            .at("--rate")
+            .got(rate_hz.to_string())
+            .allowed(format!("{} to {} Hz", RATES_HZ.start(), RATES_HZ.end())));
+    }
     let beside = || order.labels.parent().filter(|_| !order.labels.is_dir()).map(Path::to_owned);
     let clips = order.clips.clone().or_else(beside);
     let labels = read(&order.labels, order.clips.as_deref())?;
@@ -366,6 +374,11 @@ pub fn convert(order: &LabelsOrder) -> Result<LabelsReport, Error> {
         }
     };
     let files = labels.files();
+    if files.is_empty() {
+        return Err(Error::of(ErrorKind::Absent, "there are no labels in this table")
+            .at(order.labels.display().to_string())
+            .allowed("a row for each cut: file, class, start_s, end_s"));
+    }
     let timed: Result<BTreeMap<&str, Timed>, Error> =
         files.iter().map(|file| Ok((*file, timed(file)?))).collect();
     let (timed, mut notes) = (timed?, Vec::new());

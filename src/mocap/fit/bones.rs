@@ -241,7 +241,7 @@ fn stood(body: &MarkedBody, notes: &mut Vec<String>) -> Result<Vec<StoodBone>, E
         notes.push("no T10: the back bends half way between PSI and C7".to_owned());
     }
     let (mut bones, mut left): (Vec<StoodBone>, Vec<&str>) = (Vec::new(), Vec::new());
-    let mut no_frame: Vec<&str> = Vec::new();
+    let (mut no_frame, mut by_hinge): (Vec<&str>, Vec<&str>) = (Vec::new(), Vec::new());
     let mut index = [None; BONES];
     for (at, bone) in TABLE.iter().enumerate() {
         let parent = bone.parent.map(|parent| index[parent]);
@@ -277,7 +277,15 @@ fn stood(body: &MarkedBody, notes: &mut Vec<String>) -> Result<Vec<StoodBone>, E
             BonePoint::Joint(joint) => Some(joint),
             BonePoint::Marker(_) | BonePoint::Middle(_) | BonePoint::MiddleOfBack => None,
         };
-        let third_m = frames::THIRD[at].map(|place| point(BonePoint::Marker(place)));
+        // Without its third point, a limb's bone has its hinge.
+        let sign = if name.starts_with("L_") { 1.0 } else { -1.0 };
+        let hinge = segment.and_then(|segment| body.person.segments[segment.index()].as_ref());
+        let hinge = hinge.filter(|_| bone.parent.is_some() && segment != Some(Segment::Head));
+        let outwards = hinge.map(|worn| from_m + worn.lay.turn * DVec3::Y * sign);
+        let third_m = frames::THIRD[at].map(|place| point(BonePoint::Marker(place)).or(outwards));
+        if frames::THIRD[at].is_some_and(|place| of(place).is_none()) && outwards.is_some() {
+            by_hinge.push(name);
+        }
         let axes = match third_m {
             None => frames::by_rule(name, to_m - from_m, None),
             Some(third_m) => third_m
@@ -292,6 +300,12 @@ fn stood(body: &MarkedBody, notes: &mut Vec<String>) -> Result<Vec<StoodBone>, E
     }
     if !left.is_empty() {
         notes.push(format!("bones that the markers do not show, left out: {}", left.join(", ")));
+    }
+    if !by_hinge.is_empty() {
+        notes.push(format!(
+            "frames by the hinge, since their third point is missing: {}",
+            by_hinge.join(", ")
+        ));
     }
     if !no_frame.is_empty() {
         notes.push(format!(

@@ -118,3 +118,16 @@ fn once(
     let turn = DQuat::from_mat3(&turn).normalize();
     Some(Lie { turn, at_m: at_m.unwrap_or(world - turn * own) })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::trust;
+
+    #[test]
+    fn a_marker_that_is_off_takes_a_joint_with_it_by_a_centimetre_at_most() {
+        let moved = |off_m: f64| off_m * trust(off_m);
+        assert!(moved(0.002) > 0.0019, "a marker on moving skin takes it all the way");
+        assert!((0..1000_u32).all(|mm| moved(f64::from(mm) / 1e3) < 0.0101));
+        assert!(moved(0.5) < 0.001, "one that was taken for another hardly");
+    }
+}
