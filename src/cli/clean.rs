@@ -15,33 +15,7 @@ const TOLERANCES_MM: std::ops::RangeInclusive<f64> = 0.0..=1000.0;
 
 /// Arguments of `clean`.
 #[derive(Clone, Debug, Args)]
-#[command(after_help = "\
-OUT is written with what was mended; its ending says what kind of file (.c3d, .trc, .csm, .csv).
-Beside it stands OUT.edits.toml: every edit with its marker, its frames and what is done. Change it,
-delete from it, add to it (crop, take out a section, give a piece another name), and apply it to the
-same file again with --edits. Samples that no edit names stay as
-they are, bit for bit; the report has their SHA-256 before and after.
-
-How a gap is filled is found out on the trial itself: gaps as long are cut elsewhere, filled in seven
-ways, and compared with what was there. The mean of that is the expected error; of a trial that is too
-short other trials tell it, or stored figures, and that is said. See docs/cleaning.md, which also says
-what is missed.
-
-Exit code 3 if something was found and not mended.
-
-Of a folder, OUT is a folder too: each file of markers is cleaned into it, with its edit list, and
-OUT/rounds.csv keeps a row for each round of each trial. Change edit lists and do it again with --force.
-
---check writes nothing: trials of a folder, ranked by how much of them is part of an artefact. Exit
-code 3 if one has more than --most-doubt, or than the folder's own file clean.toml allows:
-  schema = 1
-  most_doubt_percent = 2
-  [most]
-  swap_inside = 0
-
-Example: gaitway clean walk.c3d -o walk-clean.c3d
-then:    gaitway clean walk.c3d -o walk-clean.c3d --edits walk-clean.edits.toml --force
-before:  gaitway clean trials/ --check")]
+#[command(after_help = include_str!("help/clean.txt"))]
 pub struct CleanArgs {
     /// Markers in motion (.c3d, .trc, .csm, .csv), or a folder of them; with --check also skeletons (.bvh, .amc)
     file: PathBuf,

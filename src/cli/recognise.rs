@@ -14,18 +14,7 @@ use std::path::PathBuf;
 
 /// Arguments of `recognise`.
 #[derive(Clone, Debug, Args)]
-#[command(after_help = "\
-Each action is a model: a file with ordered phases, each of them a part of a pose (docs/recognition.md). A
-model that needs what the source does not show cannot fire, and is named.
-
-A recording (.mcap) shows a person who wore sensors and was calibrated, or a robot, by what its servos
-reported. Who is followed now: `gaitway live --recognise`.
-
-Example: gaitway recognise dance.bvh
-         gaitway recognise walk:6s,wave-r,bow --labels found.csv
-         gaitway recognise left.bvh right.bvh --json-lines
-         gaitway recognise dance.bvh --html dance.html
-         gaitway recognise played.mcap --slowed 2.3")]
+#[command(after_help = include_str!("help/recognise.txt"))]
 pub struct RecogniseArgs {
     /// A capture (.bvh, .amc, .c3d, ...), a recording (.mcap), or actions; of several all events, each with its
     /// source, as if they had begun together

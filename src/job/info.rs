@@ -235,7 +235,13 @@ pub fn info(path: &Path, options: &CaptureOptions) -> Result<Option<FileOverview
     }
     let is = |ending: &str| path.extension().is_some_and(|of| of.eq_ignore_ascii_case(ending));
     if path.is_dir() || is("txt") {
-        return sensors::overview(path).map(|sensors| Some(FileOverview::Sensors(sensors)));
+        let sensors = sensors::overview(path).map_err(|error| match path.is_dir() {
+            true => error.remedy(
+                "name a file in it; trials of a folder are looked at by `gaitway clean FOLDER --check`",
+            ),
+            false => error,
+        })?;
+        return Ok(Some(FileOverview::Sensors(sensors)));
     }
     if is("asf") {
         return Err(Error::of(ErrorKind::Malformed, "a skeleton alone, without motion")

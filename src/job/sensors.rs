@@ -166,6 +166,9 @@ pub struct SensorsOverview {
     pub missed: u64,
 }
 
+/// Whether a sample has a quantity.
+type IsThere = fn(&SensorMoment) -> bool;
+
 /// One sensor.
 #[derive(Clone, Debug, Serialize)]
 pub struct SensorFigures {
@@ -191,7 +194,7 @@ pub fn overview(path: &Path) -> Result<SensorsOverview, Error> {
             span_ns.map_or(0, |(first, last)| last.taken_ns.saturating_sub(first.taken_ns));
         let duration_s = span_ns as f64 / 1e9;
         let rate_hz = said.len().saturating_sub(1) as f64 / duration_s;
-        let is_there: [(&str, fn(&SensorMoment) -> bool); 4] = [
+        let is_there: [(&str, IsThere); 4] = [
             ("rate", |of| of.rate_rad_s.is_some()),
             ("acceleration", |of| of.acceleration_m_s2.is_some()),
             ("field", |of| of.field_t.is_some()),

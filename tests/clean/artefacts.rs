@@ -2,7 +2,7 @@
 //! wrong. A hit is an artefact of that marker whose frames and the true ones share more than half of both together.
 
 use super::captured::{bvh_files, captured};
-use super::gaps::{Dice, HELD_OUT, read_trials, trials};
+use super::gaps::{Dice, HELD_OUT, is_long, read_trials, trials};
 use super::made::noise;
 use gaitway::body::proportions::proximal_joint;
 use gaitway::body::{Proportions, Segment};
@@ -156,7 +156,7 @@ fn found_in(trial: &Trial) -> Vec<Artefact> {
 #[test]
 fn what_is_wrong_is_found_in_real_trials_and_nothing_where_nothing_is() {
     let Some(trials) = trials() else { return };
-    let count = if std::env::var_os("GAITWAY_LONG").is_some() { 200 } else { 40 };
+    let count = if is_long() { 200 } else { 40 };
     println!("| trial | artefact | size | found | 95 % | rightly named | others |");
     for (name, whole) in trials {
         assert_eq!(found_in(&whole), [], "{name} has nothing wrong");
@@ -173,8 +173,12 @@ fn what_is_wrong_is_found_in_real_trials_and_nothing_where_nothing_is() {
 /// Trials that nobody looked at: what is told is written down, and most of it is found.
 #[test]
 fn most_that_is_wrong_is_found_in_trials_that_nobody_looked_at() {
+    if !is_long() {
+        println!("SKIPPED: minutes, and therefore where GAITWAY_LONG is set");
+        return;
+    }
     let Some(trials) = read_trials("mocap/c3d", &HELD_OUT) else { return };
-    let count = if std::env::var_os("GAITWAY_LONG").is_some() { 200 } else { 20 };
+    let count = 20;
     println!("| trial | artefact | size | found | 95 % | rightly named | others |");
     let (mut all, mut found) = (0, 0);
     for (name, whole) in trials {
@@ -274,7 +278,7 @@ fn virtual_markers(capture: &Capture, seed: u64) -> Option<Trial> {
 #[test]
 fn virtual_markers_on_captured_bodies_give_few_false_alarms() {
     let Some(folder) = captured("mocap/bvh") else { return };
-    let seeds = if std::env::var_os("GAITWAY_LONG").is_some() { 1..11 } else { 1..5 };
+    let seeds = if is_long() { 1..11 } else { 1..5 };
     let (mut minutes, mut alarms, mut trials) = (0.0, BTreeMap::new(), 0);
     for file in bvh_files(&folder) {
         let Ok(capture) = read_bvh(&file, None) else { continue };
