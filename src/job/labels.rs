@@ -2,7 +2,7 @@
 //!
 //! A table has `file` and `class`, and if known `side`, `style`, `source`, `start_s`, `end_s` and `mark`: 1.0 or nothing where
 //! it is done, 0.5 where nobody can say, 0.0 where it was looked for in a clip and is not there. A folder is as the ICS
-//! Action Database has them ([`of_frames`]): `TRIAL/ACTION.txt`, a line for each frame.
+//! Action Database has them: `TRIAL/ACTION.txt`, a line for each frame.
 
 mod of_frames;
 

@@ -45,7 +45,7 @@ pub struct RecogniseOrder {
     pub equations: EquationReading,
     /// Everything takes so many times as long as where a person does it; `None`: as long.
     pub slowed: Option<f64>,
-    /// A table of what was found, or a folder for labels of frames ([`is_folder_name`]).
+    /// A table of what was found, or a folder for labels of frames ([`super::labels::is_folder_name`]).
     pub labels: Option<PathBuf>,
     /// A page that shows it.
     pub html: Option<PathBuf>,

@@ -69,7 +69,7 @@ pub fn register(pairs: &[Pair], at_m: Option<DVec3>, before: DQuat) -> Option<Li
     Some(lie)
 }
 
-/// How much a marker counts that is so far from where the others have it, m: a half from [`DOUBT_M`] on, and less and less.
+/// How much a marker counts that is so far from where the others have it, m: a half at 2 cm, and less and less.
 #[must_use]
 pub fn trust(off_m: f64) -> f64 {
     let off = off_m / DOUBT_M;
