@@ -91,7 +91,7 @@ pub(super) struct Labels {
 
 impl Label {
     /// Of which no more is known.
-    fn of(file: &str, class: &str, cut: Option<Cut>) -> Self {
+    pub(super) fn of(file: &str, class: &str, cut: Option<Cut>) -> Self {
         Self {
             file: file.to_owned(),
             class: class.to_owned(),
