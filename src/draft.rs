@@ -230,11 +230,8 @@ impl Drop for Draft {
 /// The file exists and is to stay, or cannot be written.
 pub fn write_file(path: &Path, force: bool, bytes: &[u8]) -> Result<(), Error> {
     check_free(path, force)?;
-    Draft::write_whole(path, force, bytes).map_err(|e| {
-        Error::of((&e).into(), "cannot write the file")
-            .at(path.display().to_string())
-            .got(e.to_string())
-    })
+    Draft::write_whole(path, force, bytes)
+        .map_err(|e| Error::unwritten("cannot write the file", &e).at(path.display().to_string()))
 }
 
 /// Fails if `path` exists and is to stay, or is no file.

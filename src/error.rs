@@ -93,6 +93,31 @@ impl Error {
         Self { kind, what: what.into(), place, got, allowed, remedy, also: Box::default() }
     }
 
+    /// Starts an error from what the system said when something was to be written: a full disk and a file that may not grow
+    /// have a remedy.
+    #[must_use]
+    pub fn unwritten(what: impl Into<String>, cause: &std::io::Error) -> Self {
+        use std::io::ErrorKind as Io;
+        let error = Self::of(cause.into(), what).got(cause.to_string());
+        match cause.kind() {
+            Io::StorageFull => error.remedy("make room on this disk, or write to another"),
+            Io::QuotaExceeded => error.remedy("make room within your quota, or write elsewhere"),
+            Io::FileTooLarge => error
+                .remedy("write to a disk that takes larger files, or raise the limit (ulimit -f)"),
+            Io::ReadOnlyFilesystem => error.remedy("write to another disk"),
+            Io::PermissionDenied => error.remedy("choose a folder in which you may write"),
+            _ => error,
+        }
+    }
+
+    /// All of it in one line.
+    #[must_use]
+    pub fn in_one_line(&self) -> String {
+        let lines = self.to_string();
+        let words = |line: &str| line.split_whitespace().collect::<Vec<_>>().join(" ");
+        lines.lines().map(words).collect::<Vec<_>>().join("; ")
+    }
+
     /// Says where.
     #[must_use]
     pub fn at(mut self, place: impl Into<String>) -> Self {
@@ -176,3 +201,20 @@ impl fmt::Display for Error {
 }
 
 impl std::error::Error for Error {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io;
+
+    #[test]
+    fn a_full_disk_says_what_to_do_and_all_of_an_error_fits_in_one_line() {
+        let full = io::Error::from(io::ErrorKind::StorageFull);
+        let error = Error::unwritten("the file cannot be written", &full).at("a.c3d");
+        assert!(error.remedy.is_some(), "{error}");
+        let line = error.in_one_line();
+        assert!(!line.contains('\n') && !line.contains("  "), "{line}");
+        assert!(line.starts_with("the file cannot be written; where a.c3d; got "), "{line}");
+        assert!(line.contains("; to do make room"), "{line}");
+    }
+}

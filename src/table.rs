@@ -18,7 +18,7 @@ impl<W: Write> TableWriter<W> {
     /// # Errors
     /// As the file system says; a row of another length than the first.
     pub fn row(&mut self, cells: impl IntoIterator<Item = impl AsRef<[u8]>>) -> Result<(), Error> {
-        self.0.write_record(cells).map_err(|cause| unwritable(&cause))
+        self.0.write_record(cells).map_err(|cause| unwritable(&cause.into()))
     }
 
     /// Writes what is not written yet, and gives back where it went.
@@ -26,12 +26,12 @@ impl<W: Write> TableWriter<W> {
     /// # Errors
     /// As the file system says.
     pub fn finish(self) -> Result<W, Error> {
-        self.0.into_inner().map_err(|cause| unwritable(&cause.error()))
+        self.0.into_inner().map_err(|cause| unwritable(cause.error()))
     }
 }
 
-fn unwritable(cause: &dyn std::fmt::Display) -> Error {
-    Error::of(ErrorKind::Io, "the table cannot be written").got(cause.to_string())
+fn unwritable(cause: &std::io::Error) -> Error {
+    Error::unwritten("the table cannot be written", cause)
 }
 
 /// One row of a table, without the blanks around its cells.

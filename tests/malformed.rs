@@ -5,6 +5,7 @@ mod captured;
 mod program;
 
 use captured::captured;
+use gaitway::action::table;
 use gaitway::capture::Mode;
 use gaitway::mocap::markers::Markers;
 use gaitway::mocap::{acclaim, bvh, c3d, csm, marker_table, opensim, trc};
@@ -80,7 +81,12 @@ fn read(kind: &str, bytes: &[u8], skeleton: &[u8]) -> bool {
         "csv" => {
             let declared = DeclaredSensors::parse(SENSOR).expect("a declaration");
             let is_sensor = tables::of_table(text, &declared).is_ok();
-            markers(marker_table::parse(bytes)) || is_sensor
+            let is_of_angles = table::parse(bytes).is_ok_and(|table| {
+                assert!(table.angles.len() <= bytes.len() && table.rate_hz > 0.0);
+                assert!(table.angles.iter().flat_map(|of| of.0).all(f64::is_finite));
+                true
+            });
+            markers(marker_table::parse(bytes)) || is_sensor || is_of_angles
         }
         other => panic!("nobody reads .{other}"),
     }

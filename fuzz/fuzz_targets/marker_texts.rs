@@ -1,8 +1,9 @@
-//! Any text as markers (TRC, CSM, a table), as a table of OpenSim's or of sensors: no panic, and markers that were
+//! Any text as markers (TRC, CSM, a table), as a table of OpenSim's, of joint angles or of sensors: no panic, and markers that were
 //! read are read the same after they were written.
 
 #![no_main]
 
+use gaitway::action::table;
 use gaitway::capture::Mode;
 use gaitway::mocap::markers::{FramesOf, Markers};
 use gaitway::mocap::{csm, marker_table, opensim, trc};
@@ -57,6 +58,10 @@ fuzz_target!(|input: &[u8]| {
             let none = DeclaredSensors::default();
             let _ = tables::fuse(&mut series, &none, Some(Mode::NineAxes));
         }
+    }
+    if let Ok(angles) = table::parse(input) {
+        assert!(angles.rate_hz.is_finite() && angles.rate_hz > 0.0);
+        assert!(angles.angles.iter().flat_map(|of| of.0).all(f64::is_finite));
     }
     if let Ok(markers) = marker_table::parse(input) {
         let mut text = Vec::new();

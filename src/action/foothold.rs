@@ -488,10 +488,9 @@ impl Footstep<'_> {
         for _ in 0..HALVINGS {
             self.moved = &from + (target - &from) * part;
             // Seams that pass one another are no better.
-            if let Some(seen) = self.seen(held) {
-                if weighted(&seen.off) + self.moved.norm_squared() < now {
-                    return Some(seen);
-                }
+            let is_better = |seen: &Seen| weighted(&seen.off) + self.moved.norm_squared() < now;
+            if let Some(better) = self.seen(held).filter(is_better) {
+                return Some(better);
             }
             part *= 0.5;
         }

@@ -27,6 +27,10 @@ const FILLED: f64 = 0.8;
 /// Where nothing can be cut: gaps below this are filled by a quintic spline, longer ones after neighbours, s. That is
 /// what trials of walking show in the mean.
 const SHORT_S: f64 = 0.15;
+/// The same where most of its nearest neighbours are missing too: they tell least of what moves least like the others.
+const SHORT_ALONE_S: f64 = 0.3;
+/// The neighbours whose distance to a marker changes least, most of which it needs not to be alone.
+const NEAREST: usize = 3;
 /// Lengths of gaps, s, and what ways of filling missed there in the mean of a walk and of stairs, 500 gaps of each, mm
 /// (docs/cleaning.md). Nothing is stored of other trials: it is theirs to tell.
 const STORED_S: [f64; 4] = [0.1, 0.25, 0.5, 1.0];
@@ -120,6 +124,8 @@ impl<'a> Chooser<'a> {
 
     /// Chooses how to fill a gap.
     pub fn choose(&mut self, gap: &Gap) -> FillChoice {
+        let near = self.near(gap.marker).to_vec();
+        let is_alone = is_alone(&near, &self.missing_of(gap, &near));
         let (tried, from) = self.expected(gap);
         // The best first; what cannot fill this very gap is passed over.
         for expected in &tried {
@@ -129,7 +135,7 @@ impl<'a> Chooser<'a> {
             }
         }
         let length_s = gap.frames.len() as f64 / self.trial.rate_hz();
-        let order = [usual(length_s), Method::Pattern, Method::LowRank, Method::Skeleton];
+        let order = [usual(length_s, is_alone), Method::Pattern, Method::LowRank, Method::Skeleton];
         let able = order.into_iter().chain([Method::RigidBody, Method::Quintic, Method::Cubic]);
         let method = { able }.find(|method| self.fill(gap, *method).is_some());
         let error_m = method.and_then(|method| stored_m(method, length_s));
@@ -138,14 +144,8 @@ impl<'a> Chooser<'a> {
 
     /// What can be expected of each way for gaps as this one, the best first; empty if no trial is long enough.
     fn expected(&mut self, gap: &Gap) -> Known {
-        let around = gap.frames.start.saturating_sub(1)..gap.frames.end + 1;
         let near = self.near(gap.marker).to_vec();
-        let missing: Vec<usize> = near
-            .iter()
-            .map(|of| of.marker)
-            .filter(|marker| !self.trial.is_seen_throughout(*marker, around.clone()))
-            .collect();
-        let key = (gap.marker, gap.frames.len(), missing);
+        let key = (gap.marker, gap.frames.len(), self.missing_of(gap, &near));
         if let Some(known) = self.known.get(&key) {
             return known.clone();
         }
@@ -156,11 +156,18 @@ impl<'a> Chooser<'a> {
             (rows, apart) = self.tried_elsewhere(gap, &key.2);
             from = ExpectedFrom::OtherTrials;
         }
-        let usual = usual(length as f64 / self.trial.rate_hz());
+        let usual = usual(length as f64 / self.trial.rate_hz(), is_alone(&near, &key.2));
         let enough = rows.len() >= FEWEST_CUTS;
         let expected = if enough { judged(&rows, apart, usual) } else { Vec::new() };
         self.known.insert(key, (expected.clone(), from));
         (expected, from)
+    }
+
+    /// The neighbours that are not seen all through a gap and beside it.
+    fn missing_of(&self, gap: &Gap, near: &[Neighbour]) -> Vec<usize> {
+        let around = gap.frames.start.saturating_sub(1)..gap.frames.end + 1;
+        let all = near.iter().map(|of| of.marker);
+        all.filter(|marker| !self.trial.is_seen_throughout(*marker, around.clone())).collect()
     }
 
     /// The same gap cut in pieces of the other trials that are as long as this one, with the marker and the others
@@ -278,9 +285,16 @@ fn stored_m(method: Method, length_s: f64) -> Option<f64> {
     Some((errors[before] + share * (after - errors[before])) / 1e3)
 }
 
-/// The way that is usually best for gaps of a length.
-const fn usual(length_s: f64) -> Method {
-    if length_s <= SHORT_S { Method::Quintic } else { Method::Pattern }
+/// The way that is usually best for gaps of a length, of a marker that is alone or not.
+const fn usual(length_s: f64, is_alone: bool) -> Method {
+    let short_s = if is_alone { SHORT_ALONE_S } else { SHORT_S };
+    if length_s <= short_s { Method::Quintic } else { Method::Pattern }
+}
+
+/// True if most of the nearest neighbours of a marker are missing.
+fn is_alone(near: &[Neighbour], missing: &[usize]) -> bool {
+    let nearest = near.iter().take(NEAREST);
+    2 * nearest.filter(|of| missing.contains(&of.marker)).count() > NEAREST
 }
 
 /// The ways by what they missed in the cuts, a row for each cut, the best first. Few cuts tell little: the usual way is

@@ -3,6 +3,9 @@
 use glam::DVec3;
 use std::ops::Range;
 
+/// More frames than any trial has.
+const MOST_FRAMES: usize = 1 << 40;
+
 /// What is farther away than this is no place of a marker, m: it is taken as not seen.
 const FARTHEST_M: f64 = 1e3;
 
@@ -63,8 +66,8 @@ impl Trial {
     /// Frames in a time, at least one.
     #[must_use]
     pub fn frames_of(&self, time_s: f64) -> usize {
-        // Negative and not-a-number become zero.
-        ((time_s * self.rate_hz).round() as usize).max(1)
+        // Negative and not-a-number become zero. What no trial has may be added up without an overflow.
+        ((time_s * self.rate_hz).round() as usize).clamp(1, MOST_FRAMES)
     }
 
     fn index(&self, marker: usize, frame: usize) -> Option<usize> {

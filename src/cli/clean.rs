@@ -108,7 +108,7 @@ fn of_folder(args: &CleanArgs, order: &CleanOrder, remarks: Remarks) -> Result<i
         |doubt: Option<f64>| doubt.map_or("-".to_owned(), |of| format!("{:.2}", of * 1e2));
     let mut text = "before %   after %  round  artefacts   left     s  trial\n".to_owned();
     for of in &report.trials {
-        let error = of.error.as_ref().map(|error| format!(": {}", error.replace('\n', " ")));
+        let error = of.error.as_ref().map(|error| format!(": {error}"));
         let said = error.unwrap_or_else(|| too_much(&of.above));
         let (before, after) = (percent(of.doubt_before), percent(of.doubt_after));
         let (round, wrong, left) = (of.round, of.artefacts, of.not_mended);

@@ -8,6 +8,7 @@ use super::{Output, Remarks};
 use crate::error::Error;
 use crate::job::convert::{ConvertOrder, convert};
 use crate::job::convert_recording::{RecordingOrder, convert_recording};
+use crate::job::labels::{self, LabelsOrder, label_kind};
 use crate::job::markers::{self, MarkersOrder};
 use crate::job::sensors::{Mode, SensorsOrder, convert as convert_sensors, is_table_of_sensors};
 use crate::job::source::{CaptureOptions, FileKind, file_kind};
@@ -21,7 +22,7 @@ const USUAL_HZ: f64 = 100.0;
 #[derive(Debug, Args)]
 #[command(after_help = include_str!("help/convert.txt"))]
 pub struct ConvertArgs {
-    /// Recording, finished or not, a capture (.bvh, .amc, .mot, .sto), or markers (.c3d, .trc, .csm, .csv)
+    /// Recording, finished or not, a capture (.bvh, .amc, .mot, .sto), markers (.c3d, .trc, .csm, .csv), or labels
     file: PathBuf,
     /// The table, skeleton file, recording, scene or page to write
     out: PathBuf,
@@ -51,6 +52,9 @@ pub struct ConvertArgs {
     /// Find orientations anew from raw samples: six-axes, or nine-axes with the magnetic field
     #[arg(long, value_name = "HOW", value_parser = fusing)]
     fuse: Option<Mode>,
+    /// Folder of the clips that labels are of [default: that of a table of labels]
+    #[arg(long, value_name = "DIR")]
+    clips: Option<PathBuf>,
     /// A table of samples, also of worn sensors
     #[arg(long, conflicts_with = "calibration_body")]
     samples: bool,
@@ -65,6 +69,15 @@ pub struct ConvertArgs {
 /// A recording that cannot be read or does not know how its sensors were worn, a file that exists
 /// or cannot be written.
 pub fn run(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
+    if label_kind(&args.file).is_some() {
+        return of_labels(args, remarks);
+    }
+    if args.clips.is_some() {
+        return Err(misplaced(
+            "--clips",
+            "labels: a table with columns file and class, or TRIAL/ACTION.txt",
+        ));
+    }
     let of_sensors = args.sensors.is_some() || args.fuse.is_some();
     if of_sensors || is_table_of_sensors(&args.file) {
         return sensors(args, remarks);
@@ -72,7 +85,9 @@ pub fn run(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
     match file_kind(&args.file) {
         FileKind::Markers if !is_of_body(&args.out) => return of_markers(args, remarks),
         FileKind::Markers => return captured(args, remarks),
-        FileKind::Bvh | FileKind::Amc | FileKind::OpenSim => return captured(args, remarks),
+        FileKind::Bvh | FileKind::Amc | FileKind::OpenSim | FileKind::Angles => {
+            return captured(args, remarks);
+        }
         FileKind::Other => {}
     }
     let of_captures = [
@@ -182,6 +197,20 @@ fn of_markers(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
     let (points, frames) = (report.points, report.frames);
     remarks.say(&format!("{frames} frames of {points} points to {}", report.written));
     Ok(report.outcome.exit_code())
+}
+
+/// Labels of one kind as those of the other.
+fn of_labels(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
+    let report = labels::convert(&LabelsOrder {
+        labels: args.file.clone(),
+        clips: args.clips.clone(),
+        rate_hz: args.rate,
+        output: args.out.clone(),
+        replace: args.force,
+    })?;
+    report.notes.iter().for_each(|note| remarks.say(note));
+    remarks.say(&format!("{} cuts of {} clips to {}", report.cuts, report.clips, report.written));
+    Ok(Outcome::Done.exit_code())
 }
 
 /// A capture on the body model.

@@ -4,7 +4,7 @@ use super::terminal::Terminal;
 use super::{Deed, Output, Remarks};
 use crate::error::Error;
 use crate::job::fit::{
-    FitOrder, FitReport, FitSettings, FitSkeleton, HipBy, JointsAt, fit, fit_folder, marker_sets,
+    FitOrder, FitReport, FitSettings, FitSkeleton, HipBy, JointsAt, fit, fit_each, marker_sets,
 };
 use clap::{Args, ValueEnum};
 use std::fmt::Write;
@@ -31,6 +31,8 @@ enum Joints {
     Centres,
     /// On the markers
     Markers,
+    /// Moved inwards in each frame anew, as Plug-in Gait does, whatever that makes of lengths: of virtual markers
+    EachFrame,
 }
 
 /// Which bones a BVH file has.
@@ -48,8 +50,9 @@ enum Bones {
 #[derive(Clone, Debug, Args)]
 #[command(after_help = include_str!("help/fit.txt"))]
 pub struct FitArgs {
-    /// Markers in motion (.c3d, .trc, .csm, .csv), or a folder of them
-    trial: PathBuf,
+    /// Markers in motion (.c3d, .trc, .csm, .csv), several, or a folder of them
+    #[arg(required = true)]
+    trial: Vec<PathBuf>,
     /// Trial in which the same person stands still [default: the quietest half second of the trial]
     #[arg(long = "static", value_name = "FILE")]
     static_trial: Option<PathBuf>,
@@ -98,10 +101,12 @@ fn diameter(text: &str) -> Result<f64, String> {
 /// No marker set that matches, files that cannot be read or written.
 pub fn run(args: &FitArgs, remarks: Remarks) -> Result<i32, Error> {
     args.output.check_files(&[])?;
-    args.output.check_apart(&args.trial, &[&args.output_file])?;
+    for trial in &args.trial {
+        args.output.check_apart(trial, &[&args.output_file])?;
+    }
     let sets = marker_sets(args.markers.as_deref())?;
     let order = FitOrder {
-        trial: args.trial.clone(),
+        trial: args.trial.first().cloned().unwrap_or_default(),
         static_trial: args.static_trial.clone(),
         rate_hz: args.rate,
         settings: FitSettings {
@@ -115,6 +120,7 @@ pub fn run(args: &FitArgs, remarks: Remarks) -> Result<i32, Error> {
             joints: match args.joints {
                 Joints::Centres => JointsAt::Centres,
                 Joints::Markers => JointsAt::Markers,
+                Joints::EachFrame => JointsAt::EachFrame,
             },
             marker_radius_m: args.marker_diameter / 2e3,
             ..FitSettings::default()
@@ -127,24 +133,24 @@ pub fn run(args: &FitArgs, remarks: Remarks) -> Result<i32, Error> {
         output: args.output_file.clone(),
         replace: args.output.force(),
     };
-    if args.trial.is_dir() {
-        return of_folder(args, &order, remarks);
+    if args.trial.len() > 1 || order.trial.is_dir() {
+        return of_several(args, &order, remarks);
     }
     let report = fit(&order)?;
     let code = report.outcome.exit_code();
     Ok(args.output.conclude(&report, &words(&report, remarks), Deed::Work, code))
 }
 
-/// Every trial of a folder; exit code 3 also if one could not be fitted.
-fn of_folder(args: &FitArgs, order: &FitOrder, remarks: Remarks) -> Result<i32, Error> {
-    let report = fit_folder(order, &Terminal::unheard(remarks))?;
+/// Every trial; exit code 3 also if one could not be fitted.
+fn of_several(args: &FitArgs, order: &FitOrder, remarks: Remarks) -> Result<i32, Error> {
+    let report = fit_each(order, &args.trial, &Terminal::unheard(remarks))?;
     let mut text = String::new();
     for trial in &report.trials {
         let done = trial.report.as_ref().map(|of| {
             let (word, frames, unseen) = (of.outcome.word(), of.frames, of.unseen.len());
             format!("{word}, {frames} frames, {unseen} times a segment was not seen")
         });
-        let said = done.or_else(|| trial.error.as_ref().map(|error| error.replace('\n', " ")));
+        let said = done.or_else(|| trial.error.clone());
         let _ = writeln!(text, "{}: {}", trial.trial, said.unwrap_or_default());
     }
     let code = report.outcome.exit_code();

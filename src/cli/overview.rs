@@ -3,6 +3,8 @@
 use crate::job::info::{
     CaptureOverview, FileOverview, MarkerFigures, MarkerOverview, TableOverview,
 };
+use crate::job::labels::{LabelledAction, LabelsOverview};
+use crate::job::sensors::{SensorFigures, SensorsOverview};
 use std::fmt::Write;
 
 /// Most markers with gaps, channels and events that are told one by one; `--json` has all.
@@ -14,7 +16,43 @@ pub fn words(overview: &FileOverview) -> String {
         FileOverview::Markers(markers) => of_markers(markers),
         FileOverview::Capture(capture) => of_capture(capture),
         FileOverview::Table(table) => of_table(table),
+        FileOverview::Labels(labels) => of_labels(labels),
+        FileOverview::Sensors(sensors) => of_sensors(sensors),
     }
+}
+
+fn of_sensors(overview: &SensorsOverview) -> String {
+    let mut text = format!("format    {}\n", overview.format);
+    for (name, of) in &overview.sensors {
+        let rate = known(of.rate_hz, "Hz");
+        let what = of.quantities.join(", ");
+        let SensorFigures { samples, duration_s, .. } = of;
+        let _ = writeln!(
+            text,
+            "sensor    {name}: {samples} samples at {rate}, {duration_s:.2} s: {what}"
+        );
+    }
+    let _ = writeln!(text, "missing   {} samples", overview.missed);
+    text
+}
+
+fn of_labels(labels: &LabelsOverview) -> String {
+    let mut text = String::new();
+    let _ = writeln!(text, "format    {}, {}", labels.format, labels.kind);
+    let _ = writeln!(text, "clips     {}", labels.clips);
+    if let Some(frames) = labels.frames {
+        let _ = writeln!(text, "frames    {frames}");
+    }
+    for (action, of) in &labels.actions {
+        let LabelledAction { clips, cuts, unclear, absent_in, .. } = of;
+        let frames = of.frames.map_or(String::new(), |frames| format!(", {frames} frames"));
+        let _ = writeln!(
+            text,
+            "action    {action}: {cuts} times in {clips} clips{frames}; unclear {unclear} times, looked for in vain in \
+             {absent_in} clips"
+        );
+    }
+    text
 }
 
 fn of_table(table: &TableOverview) -> String {

@@ -4,6 +4,7 @@ use super::output::{Untold, print_json};
 use super::reading::ReadingArgs;
 use super::{Deed, Output, Remarks};
 use crate::error::Error;
+use crate::job::labels::is_folder_name;
 use crate::job::recognise::{EquationReading, RecogniseOrder, RecogniseReport, counts, recognise};
 use crate::job::recognise_each::{RecogniseEachReport, recognise_each};
 use clap::Args;
@@ -23,8 +24,9 @@ pub struct RecogniseArgs {
     #[arg(long, value_name = "DIR")]
     models: Option<PathBuf>,
     /// Write what was recognised as a table: start_s, end_s, class, side, person; of several motions with the column file
-    /// in place of person
-    #[arg(long, value_name = "OUT.csv")]
+    /// in place of person. A name without ending, or with / behind it, is a folder: OUT/TRIAL/ACTION.txt, a line for
+    /// each frame, 1.0 or 0.0
+    #[arg(long, value_name = "OUT.csv|OUT/")]
     labels: Option<PathBuf>,
     /// Write a page that shows the person with what was recognised on a time line
     #[arg(long, value_name = "FILE.html")]
@@ -50,7 +52,8 @@ pub struct RecogniseArgs {
 /// # Errors
 /// If the motion or a model cannot be read, or a file cannot be written.
 pub fn run(args: &RecogniseArgs, remarks: Remarks) -> Result<i32, Error> {
-    args.output.check_files(&[&args.labels, &args.html])?;
+    let table = args.labels.clone().filter(|path| !is_folder_name(path));
+    args.output.check_files(&[&table, &args.html])?;
     let first = args.motion.first().cloned().unwrap_or_default();
     let order = RecogniseOrder {
         motion: first,

@@ -20,8 +20,8 @@ use std::path::PathBuf;
 #[derive(Debug, Args)]
 #[command(after_help = include_str!("help/recordings.txt"))]
 pub struct InfoArgs {
-    /// Recording, finished or not; a capture (.bvh, .amc); a table of OpenSim's (.mot, .sto); markers (.c3d,
-    /// .trc, .csm, .csv)
+    /// Recording, finished or not; a capture (.bvh, .amc); a table of OpenSim's (.mot, .sto) or of joint angles (.csv);
+    /// markers (.c3d, .trc, .csm, .csv); labels (.csv, or a folder); sensors of Xsens' (.txt, or a folder)
     file: PathBuf,
     /// Skeleton of an AMC file [default: the .asf file beside it that it is named after]
     #[arg(long, value_name = "FILE.asf")]

@@ -198,6 +198,11 @@ pub(super) fn marker_files_in(folder: &Path, found: &mut Vec<PathBuf>) -> Result
 }
 
 fn is_trial(path: &Path) -> bool {
+    // Pipes and devices are none; what leads nowhere is told of.
+    let is_other = std::fs::metadata(path).is_ok_and(|found| !found.is_file());
+    if is_other {
+        return false;
+    }
     marker_files::format_of(path).is_some() || files::format_of(path).is_some()
 }
 
@@ -232,13 +237,14 @@ pub(super) fn looked_at(file: &Path, rate_hz: Option<f64>) -> TrialFigures {
         error: None,
     };
     if files::format_of(file).is_some() {
-        figures.error = joints_of(file, rate_hz, &mut figures).err().map(|error| error.what);
+        figures.error =
+            joints_of(file, rate_hz, &mut figures).err().map(|error| error.in_one_line());
         return figures;
     }
     let trial = match marker_files::read(file, rate_hz).and_then(|markers| source(&markers)) {
         Ok(source) => source.trial,
         Err(error) => {
-            figures.error = Some(error.what);
+            figures.error = Some(error.in_one_line());
             return figures;
         }
     };

@@ -222,7 +222,7 @@ fn of_trial(order: &CleanOrder, trial: &Path, aids: &AidFiles, allowed: &Allowed
             figures.written = Some(report.written);
             figures.edits = Some(report.edits);
         }
-        Err(error) => figures.error = Some(error.to_string()),
+        Err(error) => figures.error = Some(error.in_one_line()),
     }
     figures.machine_s = begun.elapsed().as_secs_f64();
     figures

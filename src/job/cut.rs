@@ -4,8 +4,8 @@
 //! BVH file is cut as it stands: its skeleton and every number of its channels stay. Anything else becomes BVH files of the
 //! body model, as `convert` writes them.
 
+use super::labels::label_text;
 use super::recognise::{EquationReading, models, of_capture};
-use super::score::label_text;
 use super::source::{self, CaptureOptions, Source, body_motion};
 use crate::body::{JointAngles, Proportions, Segment, SegmentPose};
 use crate::draft;

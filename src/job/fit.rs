@@ -189,7 +189,7 @@ pub fn fit(order: &FitOrder) -> Result<FitReport, Error> {
     fitted.notes.extend(hip_notes);
     let is_fine = |kind: FitFile| match kind {
         FitFile::Skeleton => order.skeleton == FitSkeleton::Bones,
-        FitFile::VirtualMarkers => true,
+        FitFile::VirtualMarkers | FitFile::BoneFrames => true,
         FitFile::Angles | FitFile::Motion | FitFile::Segments => false,
     };
     let is_any_fine = files.iter().any(|(_, kind)| is_fine(*kind));
@@ -217,8 +217,9 @@ pub fn fit(order: &FitOrder) -> Result<FitReport, Error> {
                 c3d::write::write(&mut bytes, &mut FramesOf::new(&markers))?;
                 bytes
             }
+            (FitFile::BoneFrames, Some((bones, _))) => bone_frames(bones, fitted.rate_hz)?,
             // There are bones wherever one of their files is.
-            (FitFile::Skeleton | FitFile::VirtualMarkers, _) => {
+            (FitFile::Skeleton | FitFile::VirtualMarkers | FitFile::BoneFrames, _) => {
                 let body = offsets(&fitted)?;
                 bvh::write(&bvh_with(&capture.poses, &body, capture.rate_hz)).into_bytes()
             }
@@ -269,32 +270,53 @@ pub struct FitTrialFigures {
     pub error: Option<String>,
 }
 
-/// Fits all trials of a folder, each into a folder of its own name in `output`, by one static trial.
+/// Fits several trials, and all of folders, each into a folder of its own name in `output`, by one static trial. The
+/// order says how; its own trial is not looked at.
 ///
 /// # Errors
-/// A folder that cannot be read or has no markers, files that exist. A trial among others that cannot be fitted is part
-/// of the report.
-pub fn fit_folder(order: &FitOrder, observer: &dyn Observer) -> Result<FitFolderReport, Error> {
+/// A folder that cannot be read or has no markers, two trials of one name, files that exist. A trial among others that cannot be
+/// fitted is part of the report.
+pub fn fit_each(
+    order: &FitOrder,
+    trials: &[PathBuf],
+    observer: &dyn Observer,
+) -> Result<FitFolderReport, Error> {
     if order.output.extension().is_some() {
-        return Err(Error::of(ErrorKind::Unknown, "of a folder, a folder is written")
+        return Err(Error::of(ErrorKind::Unknown, "of several trials, a folder is written")
             .at(order.output.display().to_string())
             .allowed("a name without an ending"));
     }
-    let mut found = Vec::new();
-    marker_files_in(&order.trial, &mut found)?;
-    let is_new = |file: &PathBuf| !file.starts_with(&order.output);
-    let one = |file: &PathBuf| {
-        let from_here = file.strip_prefix(&order.trial).unwrap_or(file);
-        FitOrder {
-            trial: file.clone(),
-            output: order.output.join(from_here).with_extension(""),
-            ..order.clone()
+    // Each with its name in the output.
+    let mut found: Vec<(PathBuf, PathBuf)> = Vec::new();
+    for trial in trials {
+        if !trial.is_dir() {
+            let name = trial.file_name().map(PathBuf::from).unwrap_or_default();
+            found.push((trial.clone(), order.output.join(name).with_extension("")));
+            continue;
         }
-    };
-    let orders: Vec<FitOrder> = found.iter().filter(|file| is_new(file)).map(one).collect();
+        let mut inside = Vec::new();
+        marker_files_in(trial, &mut inside)?;
+        inside.retain(|file| !file.starts_with(&order.output));
+        found.extend(inside.into_iter().map(|file| {
+            let to =
+                order.output.join(file.strip_prefix(trial).unwrap_or(&file)).with_extension("");
+            (file, to)
+        }));
+    }
+    for (at, (trial, to)) in found.iter().enumerate() {
+        if let Some((other, _)) = found[..at].iter().find(|(_, of)| of == to) {
+            return Err(Error::new("two trials would go into one folder")
+                .at(to.display().to_string())
+                .got(format!("{} and {}", other.display(), trial.display()))
+                .remedy("fit them one after the other, or give them other names"));
+        }
+    }
+    let one = |(trial, output): (PathBuf, PathBuf)| FitOrder { trial, output, ..order.clone() };
+    let orders: Vec<FitOrder> = found.into_iter().map(one).collect();
     if orders.is_empty() {
+        let looked_in: Vec<String> = trials.iter().map(|path| path.display().to_string()).collect();
         return Err(Error::of(ErrorKind::Absent, "the folder has no trials of markers")
-            .at(order.trial.display().to_string())
+            .at(looked_in.join(", "))
             .allowed("files that end in .c3d, .trc, .csm, or tables (.csv) of markers"));
     }
     for one in &orders {
@@ -308,7 +330,7 @@ pub fn fit_folder(order: &FitOrder, observer: &dyn Observer) -> Result<FitFolder
         observer.hear(Event::Step { done: done as u64, total, what: "trials" });
         let (report, error) = match fit(one) {
             Ok(report) => (Some(report), None),
-            Err(error) => (None, Some(error.to_string())),
+            Err(error) => (None, Some(error.in_one_line())),
         };
         trials.push(FitTrialFigures { trial: one.trial.display().to_string(), report, error });
     }
@@ -331,6 +353,7 @@ enum FitFile {
     Motion,
     Segments,
     VirtualMarkers,
+    BoneFrames,
 }
 
 fn outputs(order: &FitOrder) -> Result<Vec<(PathBuf, FitFile)>, Error> {
@@ -349,6 +372,7 @@ fn outputs(order: &FitOrder) -> Result<Vec<(PathBuf, FitFile)>, Error> {
                 (file(".mot"), FitFile::Motion),
                 (file(".segments.csv"), FitFile::Segments),
                 (file(".bones.c3d"), FitFile::VirtualMarkers),
+                (file(".bones.csv"), FitFile::BoneFrames),
             ])
         }
         Some(_) => Err(Error::of(ErrorKind::Unknown, "this kind of file cannot be written")
@@ -393,6 +417,25 @@ fn segments(poses: &[SegmentPose], rate_hz: f64) -> Result<Vec<u8>, Error> {
     for (n, pose) in poses.iter().enumerate() {
         let turns = pose.orientation.iter().flat_map(|q| [q.w, q.x, q.y, q.z]);
         let values = pose.root_m.to_array().into_iter().chain(turns);
+        let time = format!("{:.6}", n as f64 / rate_hz);
+        out.row(std::iter::once(time).chain(values.map(|value| format!("{value:.9}"))))?;
+    }
+    out.finish()
+}
+
+/// Where each of the 21 bones is and how it is turned, a row per frame, in the axes of the file.
+fn bone_frames(bones: &FittedBones, rate_hz: f64) -> Result<Vec<u8>, Error> {
+    let mut out = TableWriter::new(Vec::new());
+    let titles = bones.bone_frames(0).into_iter().flat_map(|bone| {
+        ["x_m", "y_m", "z_m", "qw", "qx", "qy", "qz"].map(|part| format!("{}_{part}", bone.name))
+    });
+    out.row(std::iter::once("time_s".to_owned()).chain(titles))?;
+    for n in 0..bones.frames() {
+        let values = bones.bone_frames(n).into_iter().flat_map(|bone| {
+            let [x, y, z, w] = bone.turn.to_array();
+            let at_m = bone.at_m.to_array();
+            at_m.into_iter().chain([w, x, y, z])
+        });
         let time = format!("{:.6}", n as f64 / rate_hz);
         out.row(std::iter::once(time).chain(values.map(|value| format!("{value:.9}"))))?;
     }

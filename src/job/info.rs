@@ -1,6 +1,9 @@
 //! What a capture or a file of markers holds: what a person wants to know before anything is done with it.
 
-use crate::error::Error;
+use super::labels::{self, LabelsOverview, label_kind};
+use super::sensors::{self, SensorsOverview};
+use super::source::angles_table;
+use crate::error::{Error, ErrorKind};
 use crate::mocap::clip::Clip;
 use crate::mocap::files::{self, CaptureOptions};
 use crate::mocap::marker_files;
@@ -19,14 +22,18 @@ pub enum FileOverview {
     Markers(Box<MarkerOverview>),
     /// A skeleton in motion.
     Capture(CaptureOverview),
-    /// A table of OpenSim's.
+    /// A table of OpenSim's, or of joint angles.
     Table(TableOverview),
+    /// What is done when, as somebody labelled it.
+    Labels(LabelsOverview),
+    /// Inertial sensors.
+    Sensors(SensorsOverview),
 }
 
-/// A table of OpenSim's.
+/// A table of OpenSim's, or of joint angles of the body.
 #[derive(Clone, Debug, Serialize)]
 pub struct TableOverview {
-    /// `opensim`.
+    /// `opensim` or `angles`.
     pub format: &'static str,
     /// What the file calls itself.
     pub name: String,
@@ -220,6 +227,36 @@ pub fn info(path: &Path, options: &CaptureOptions) -> Result<Option<FileOverview
     if opensim::is_named(path) {
         return of_table(path, options).map(|table| Some(FileOverview::Table(table)));
     }
+    if angles_table::is_named(path) {
+        return of_angles(path, options).map(|table| Some(FileOverview::Table(table)));
+    }
+    if label_kind(path).is_some() {
+        return labels::overview(path).map(|labels| Some(FileOverview::Labels(labels)));
+    }
+    let is = |ending: &str| path.extension().is_some_and(|of| of.eq_ignore_ascii_case(ending));
+    if path.is_dir() || is("txt") {
+        let sensors = sensors::overview(path).map_err(|error| match path.is_dir() {
+            true => error.remedy(
+                "name a file in it; trials of a folder are looked at by `gaitway clean FOLDER --check`",
+            ),
+            false => error,
+        })?;
+        return Ok(Some(FileOverview::Sensors(sensors)));
+    }
+    if is("asf") {
+        return Err(Error::of(ErrorKind::Malformed, "a skeleton alone, without motion")
+            .at(path.display().to_string())
+            .remedy("name the .amc file beside it, which finds its skeleton, or says --skeleton"));
+    }
+    if is("csv") {
+        return Err(Error::of(ErrorKind::Unknown, "a table whose columns nobody here knows")
+            .at(path.display().to_string())
+            .allowed(
+                "LABEL_x_m, ... of markers; time_s and angles of the body (left_knee_flexion_rad, ...); \
+                 file and class of labels",
+            )
+            .remedy("of inertial sensors: gaitway convert with --sensors FILE.toml, which declares columns"));
+    }
     Ok(None)
 }
 
@@ -242,6 +279,32 @@ fn of_table(path: &Path, options: &CaptureOptions) -> Result<TableOverview, Erro
         body,
         name: table.name,
         columns: table.columns,
+        notes: table.notes,
+    })
+}
+
+fn of_angles(path: &Path, options: &CaptureOptions) -> Result<TableOverview, Error> {
+    if options != &CaptureOptions::default() {
+        return Err(Error::new("a table has its times in it, and no skeleton")
+            .at(path.display().to_string())
+            .got("a skeleton or a rate beside it"));
+    }
+    let table = angles_table::read(path)?;
+    let body: Vec<&'static str> = table.said.iter().map(|dof| dof.name()).collect();
+    let root = if table.roots_m.is_empty() { &[][..] } else { &["root"] };
+    let pelvis = if table.pelvis.is_empty() { &[][..] } else { &["pelvis"] };
+    let columns = body.iter().chain(root).chain(pelvis).map(|name| (*name).to_owned()).collect();
+    Ok(TableOverview {
+        format: "angles",
+        name: String::new(),
+        cells: "double",
+        in_degrees: Some(table.in_degrees),
+        rows: table.angles.len(),
+        lost_rows: 0,
+        rate_hz: Some(table.rate_hz),
+        duration_s: table.angles.len().saturating_sub(1) as f64 / table.rate_hz,
+        columns,
+        body,
         notes: table.notes,
     })
 }

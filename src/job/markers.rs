@@ -97,9 +97,7 @@ pub(super) fn write(
     observer: &dyn Observer,
 ) -> Result<Vec<String>, Error> {
     let unwritable = |cause: std::io::Error| {
-        Error::of((&cause).into(), "cannot write the file")
-            .at(file.display().to_string())
-            .got(cause.to_string())
+        Error::unwritten("cannot write the file", &cause).at(file.display().to_string())
     };
     let draft = Draft::whole(file, replace).map_err(unwritable)?;
     let mut out = BufWriter::with_capacity(1 << 16, draft);

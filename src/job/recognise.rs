@@ -1,5 +1,6 @@
 //! What a body does, named: events as they happen, and a report at the end.
 
+use super::labels::{RecognisedTrial, is_folder_name, write_recognised};
 use super::page;
 use super::source::{self, Source};
 use crate::body::{BodyFigure, Proportions};
@@ -17,7 +18,7 @@ use crate::table::TableWriter;
 use crate::view::ViewPage;
 use crate::view::tracks::{SpanKind, ViewSpan};
 use serde::Serialize;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -44,7 +45,7 @@ pub struct RecogniseOrder {
     pub equations: EquationReading,
     /// Everything takes so many times as long as where a person does it; `None`: as long.
     pub slowed: Option<f64>,
-    /// A table of what was found.
+    /// A table of what was found, or a folder for labels of frames ([`super::labels::is_folder_name`]).
     pub labels: Option<PathBuf>,
     /// A page that shows it.
     pub html: Option<PathBuf>,
@@ -177,6 +178,9 @@ pub struct RecogniseReport {
     pub html: Option<String>,
     /// Choices made on the way.
     pub notes: Vec<String>,
+    /// Actions of all models to which the source shows what they need.
+    #[serde(skip)]
+    looked_for: BTreeSet<String>,
 }
 
 /// The models of a folder, or those that ship with gaitway.
@@ -272,18 +276,20 @@ pub fn recognise(
     capture.rate_hz *= slowed;
     let own = |time_s: f64| time_s * slowed;
     let mut told = |event: &RecognitionEvent| hear(&event.clone().timed(own));
+    let looked_for: Vec<(String, String)> =
+        models.iter().map(|model| (model.name.clone(), model.action.clone())).collect();
     let mut found = of_capture(&capture, models, order.equations, &mut told)?;
     found.events = found.events.into_iter().map(|event| event.timed(own)).collect();
     capture.rate_hz /= slowed;
-    if let Some(path) = &order.labels {
-        draft::write_file(path, order.replace, &labels(&found.events)?)?;
-    }
+    let is_blind = |name: &String| found.blind.iter().any(|blind| blind.model == *name);
+    let looked_for = looked_for.into_iter().filter(|(name, _)| !is_blind(name));
+    let looked_for: BTreeSet<String> = looked_for.map(|(_, action)| action).collect();
     if let Some(path) = &order.html {
         let title = format!("what is done in {}", order.motion);
         let html = page(&title, &capture, &found)?;
         draft::write_file(path, order.replace, html.as_bytes())?;
     }
-    Ok(RecogniseReport {
+    let report = RecogniseReport {
         outcome: "done",
         motion: order.motion.clone(),
         rate_hz: capture.rate_hz,
@@ -295,7 +301,30 @@ pub fn recognise(
         html: order.html.as_ref().map(|path| path.display().to_string()),
         notes: capture.notes,
         source,
-    })
+        looked_for,
+    };
+    match &order.labels {
+        Some(path) if is_folder_name(path) => {
+            write_recognised(path, order.replace, &[report.labelled()])?;
+        }
+        Some(path) => draft::write_file(path, order.replace, &labels(&report.events)?)?,
+        None => {}
+    }
+    Ok(report)
+}
+
+impl RecogniseReport {
+    /// To be written frame by frame.
+    pub(super) fn labelled(&self) -> RecognisedTrial<'_> {
+        let span = |event: &RecognisedAction| Span { start_s: event.start_s, end_s: event.end_s };
+        RecognisedTrial {
+            motion: &self.motion,
+            frames: self.frames,
+            rate_hz: self.rate_hz,
+            looked_for: &self.looked_for,
+            found: self.events.iter().map(|event| (event.action.as_str(), span(event))).collect(),
+        }
+    }
 }
 
 /// How many times slower than a person a source is.

@@ -1,5 +1,6 @@
 //! What several people do, or one as several sources saw it, named side by side.
 
+use super::labels::{is_folder_name, write_recognised};
 use super::recognise::{
     RecogniseOrder, RecogniseReport, RecognisedAction, RecognitionEvent, recognise,
 };
@@ -77,8 +78,13 @@ pub fn recognise_each(
     told.sort_by(|a, b| a.event.at_s.total_cmp(&b.event.at_s));
     told.iter().for_each(&mut hear);
     let report = RecogniseEachReport { outcome: "done", sources };
-    if let Some(path) = &order.labels {
-        draft::write_file(path, order.replace, &labels(&report)?)?;
+    match &order.labels {
+        Some(path) if is_folder_name(path) => {
+            let trials: Vec<_> = report.sources.iter().map(RecogniseReport::labelled).collect();
+            write_recognised(path, order.replace, &trials)?;
+        }
+        Some(path) => draft::write_file(path, order.replace, &labels(&report)?)?,
+        None => {}
     }
     Ok(report)
 }

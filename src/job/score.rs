@@ -7,28 +7,20 @@
 //! least once, and as false if it was and is not the label. Labels that no model means are distractors:
 //! whatever is recognised in them is false. Labels of single frames are cuts as well.
 
+use super::labels::{self, Cut, Label};
 use super::recognise::{EquationReading, RecognisedAction, SeenBody, models, of_body};
 use super::source::{CaptureOptions, body_motion};
 use crate::error::{Error, ErrorKind};
 use crate::recognise::machine::Span;
-use crate::recognise::model::{ActionModel, BodySide};
+use crate::recognise::model::ActionModel;
 use crate::recognise::score::{ClassTally, interval, is_same, segmentation_error};
-use crate::table::rows;
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
-use std::io::Read;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use corruption::Corruption;
 
 mod corruption;
-mod frame_labels;
-
-/// The label of a clip in which nothing is labelled.
-const NOTHING: &str = "nothing";
-
-/// Most bytes of a table of labels.
-const MAX_BYTES: u64 = 16 << 20;
 
 /// Which half of the clips is judged: the odd or the even ones of each class, in the order of their names.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -54,79 +46,6 @@ pub struct ClassificationOrder {
     pub half: Option<Half>,
     /// Judge it on corrupted copies of the clips as well.
     pub corruptions: bool,
-}
-
-/// A label.
-#[derive(Clone, Debug, PartialEq)]
-struct Label {
-    file: String,
-    class: String,
-    side: Option<String>,
-    style: Option<String>,
-    source: Option<String>,
-    cut: Option<Cut>,
-}
-
-/// From when to when, as it was labelled.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Cut {
-    Seconds(Span),
-    /// The first frame of a clip is 0.
-    Frames {
-        first: usize,
-        last: usize,
-    },
-}
-
-impl Cut {
-    /// In s, of a clip with so many frames a second.
-    fn span(self, rate_hz: f64) -> Span {
-        match self {
-            Self::Seconds(span) => span,
-            Self::Frames { first, last } => {
-                Span { start_s: first as f64 / rate_hz, end_s: last as f64 / rate_hz }
-            }
-        }
-    }
-}
-
-/// All labels.
-#[derive(Clone, Debug, Default)]
-struct Labels {
-    list: Vec<Label>,
-    /// By clip, where nobody can say whether an action is done.
-    unclear: BTreeMap<String, Vec<(String, Cut)>>,
-    /// By clip, how many frames have labels; nothing of clips whose labels are times.
-    frames: BTreeMap<String, usize>,
-}
-
-impl Label {
-    /// Of which no more is known.
-    fn of(file: &str, class: &str, cut: Option<Cut>) -> Self {
-        Self {
-            file: file.to_owned(),
-            class: class.to_owned(),
-            side: None,
-            style: None,
-            source: None,
-            cut,
-        }
-    }
-
-    /// The side that it says.
-    fn body_side(&self) -> Option<BodySide> {
-        match self.side.as_deref() {
-            Some("L") => Some(BodySide::Left),
-            Some("R") => Some(BodySide::Right),
-            _ => None,
-        }
-    }
-
-    /// Where the clip comes from: as the table says, or the folder in which it lies.
-    fn source(&self) -> &str {
-        let folder = || self.file.rsplit_once('/').map_or("", |(folder, _)| folder);
-        self.source.as_deref().unwrap_or_else(folder)
-    }
 }
 
 /// One class or label.
@@ -240,11 +159,7 @@ pub fn classification(
 ) -> Result<ClassificationReport, Error> {
     let models = models(order.models.as_deref())?;
     let table = order.labels.clone().unwrap_or_else(|| order.folder.join("labels.csv"));
-    let labels = if table.is_dir() {
-        frame_labels::read(&table, &order.folder)?
-    } else {
-        Labels { list: read_labels(&table)?, ..Labels::default() }
-    };
+    let labels = labels::read(&table, Some(&order.folder))?;
     let by_file = clips(&labels.list, order.half);
     if by_file.is_empty() {
         return Err(Error::of(ErrorKind::Absent, "no clip has a label")
@@ -327,7 +242,7 @@ impl LabelledClip<'_> {
         let is_blind = |model: &ActionModel| found.blind.iter().any(|of| of.model == model.name);
         let is_seen = |label: &Label| {
             let Some(class) = meant(&label.class, models) else { return true };
-            let side = label.body_side().map(|side| done.side(side));
+            let side = label.side.map(|side| done.side(side));
             let of_it = |model: &&ActionModel| {
                 model.action == class && (side.is_none() || model.side == side)
             };
@@ -379,154 +294,6 @@ fn clips(labels: &[Label], half: Option<Half>) -> BTreeMap<&str, Vec<&Label>> {
         by_file.entry(&label.file).or_default().push(label);
     }
     by_file
-}
-
-/// The text of a table of labels.
-///
-/// # Errors
-/// A file that cannot be read, is not a regular one, or is larger than any table of labels.
-pub(super) fn label_text(path: &Path) -> Result<String, Error> {
-    let unreadable = |e: std::io::Error| {
-        Error::of((&e).into(), "cannot read the table of labels")
-            .at(path.display().to_string())
-            .got(e.to_string())
-            .remedy("name one: --labels FILE.csv, with a column class")
-    };
-    let found = std::fs::metadata(path).map_err(unreadable)?;
-    if !found.is_file() {
-        return Err(Error::of(ErrorKind::Malformed, "this is not a regular file")
-            .at(path.display().to_string()));
-    }
-    let mut text = String::new();
-    let opened = std::fs::File::open(path).map_err(unreadable)?;
-    opened.take(MAX_BYTES + 1).read_to_string(&mut text).map_err(unreadable)?;
-    if text.len() as u64 > MAX_BYTES {
-        return Err(Error::of(ErrorKind::Malformed, "the table of labels is too long")
-            .at(path.display().to_string())
-            .got(format!("{} bytes", found.len()))
-            .allowed(format!("at most {MAX_BYTES} bytes")));
-    }
-    Ok(text)
-}
-
-/// A label of a clip, for whoever does not judge by it.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct ClipLabel {
-    /// The clip, from its folder on.
-    pub file: String,
-    /// What is done.
-    pub class: String,
-    /// On which side, where it is one.
-    pub side: Option<BodySide>,
-    /// From when to when, s.
-    pub span_s: Option<[f64; 2]>,
-    /// From which frame to which.
-    pub frames: Option<(usize, usize)>,
-    /// How many frames have labels, where they have them one by one.
-    pub all_frames: Option<usize>,
-    /// True if nobody can say.
-    pub unclear: bool,
-}
-
-/// The labels in a table, or in a folder of labels of frames of the clips in `clips`.
-///
-/// # Errors
-/// As [`classification`].
-pub(super) fn clip_labels(path: &Path, clips: &Path) -> Result<Vec<ClipLabel>, Error> {
-    let labels = if path.is_dir() {
-        frame_labels::read(path, clips)?
-    } else {
-        Labels { list: read_labels(path)?, ..Labels::default() }
-    };
-    let of = |file: &str, class: &str, side, cut: Option<Cut>, unclear| ClipLabel {
-        file: file.to_owned(),
-        class: class.to_owned(),
-        side,
-        span_s: cut.and_then(|cut| match cut {
-            Cut::Seconds(span) => Some([span.start_s, span.end_s]),
-            Cut::Frames { .. } => None,
-        }),
-        frames: cut.and_then(|cut| match cut {
-            Cut::Seconds(_) => None,
-            Cut::Frames { first, last } => Some((first, last)),
-        }),
-        all_frames: labels.frames.get(file).copied(),
-        unclear,
-    };
-    let clear = labels.list.iter().filter(|label| path.is_file() || label.cut.is_some());
-    let clear =
-        clear.map(|label| of(&label.file, &label.class, label.body_side(), label.cut, false));
-    let unclear = labels.unclear.iter().flat_map(|(file, cuts)| {
-        cuts.iter().map(|(class, cut)| of(file, class, None, Some(*cut), true))
-    });
-    Ok(clear.chain(unclear).collect())
-}
-
-fn read_labels(path: &Path) -> Result<Vec<Label>, Error> {
-    parse_labels(&label_text(path)?).map_err(|error| error.in_file(path))
-}
-
-fn parse_labels(text: &str) -> Result<Vec<Label>, Error> {
-    let mut rows = rows(text);
-    let titles = rows
-        .next()
-        .ok_or_else(|| Error::of(ErrorKind::Malformed, "the table of labels is empty"))??;
-    let column = |name: &str| titles.cells().position(|title| title == name);
-    let (Some(file), Some(class)) = (column("file"), column("class")) else {
-        return Err(Error::of(ErrorKind::Malformed, "a table of labels has other columns")
-            .at("line 1")
-            .got(titles.cells().collect::<Vec<_>>().join(", "))
-            .allowed("file, class, and if known side, style, source, start_s, end_s"));
-    };
-    let [side, style, source, start, end] =
-        ["side", "style", "source", "start_s", "end_s"].map(column);
-    let mut labels = Vec::new();
-    for row in rows {
-        let row = row?;
-        let cell = |at: Option<usize>| {
-            at.and_then(|at| row.cells().nth(at)).filter(|cell| !cell.is_empty())
-        };
-        let place = format!("line {}", row.line);
-        let number = |at: Option<usize>| {
-            let read = |text: &str| match text.parse::<f64>() {
-                Ok(value) if value.is_finite() => Ok(value),
-                _ => Err(Error::of(ErrorKind::Malformed, "a time is no number")
-                    .at(place.clone())
-                    .got(text)),
-            };
-            cell(at).map(read).transpose()
-        };
-        let span = match (number(start)?, number(end)?) {
-            (Some(start_s), Some(end_s)) if start_s < end_s => Some(Span { start_s, end_s }),
-            (None, None) => None,
-            _ => {
-                return Err(Error::of(
-                    ErrorKind::Malformed,
-                    "a cut has a beginning and an end after it",
-                )
-                .at(place));
-            }
-        };
-        let (Some(file), Some(class)) = (cell(Some(file)), cell(Some(class))) else {
-            return Err(Error::of(ErrorKind::Malformed, "a label has a file and a class").at(place));
-        };
-        let side = cell(side).map(str::to_owned);
-        if side.as_deref().is_some_and(|side| !["L", "R", "LR"].contains(&side)) {
-            return Err(Error::of(ErrorKind::Unknown, "no such side")
-                .at(place)
-                .got(side.unwrap_or_default())
-                .allowed("L, R, LR, or nothing"));
-        }
-        labels.push(Label {
-            file: file.to_owned(),
-            class: class.to_owned(),
-            side,
-            style: cell(style).map(str::to_owned),
-            source: cell(source).map(str::to_owned),
-            cut: span.map(Cut::Seconds),
-        });
-    }
-    Ok(labels)
 }
 
 /// The action that a label means: its own name, a word that a model has for it, or the longest name of an
@@ -651,7 +418,7 @@ impl<'a> Score<'a> {
         let Some(class) = class else { return };
         // A walk to the left is one of both feet.
         let is_of_limb = label.class == class || label.class.ends_with("-hand");
-        let Some(right) = label.body_side().filter(|_| is_of_limb) else { return };
+        let Some(right) = label.side.filter(|_| is_of_limb) else { return };
         for event in events.iter().filter(|event| event.action == class) {
             let Some(side) = event.side else { continue };
             self.sides.recognised += 1;
@@ -757,6 +524,7 @@ fn figures(class: &str, tally: ClassTally) -> ClassFigures {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::recognise::model::BodySide;
     use crate::recognise::model::vocabulary;
 
     fn label(class: &str, span: Option<(f64, f64)>) -> Label {
@@ -844,7 +612,8 @@ mod tests {
             side: Some(BodySide::Left),
             ..event(action, 0.0, 1.0)
         };
-        let to_the_right = |class: &str| Label { side: Some("R".to_owned()), ..label(class, None) };
+        let to_the_right =
+            |class: &str| Label { side: Some(BodySide::Right), ..label(class, None) };
         score.judge(&[&to_the_right("walk-turn-right")], &[of("walk")], 30.0);
         assert_eq!(score.sides.truth, 0);
         score.judge(&[&to_the_right("wave-right-hand")], &[of("wave")], 30.0);
@@ -885,28 +654,5 @@ mod tests {
         assert_eq!(files(Some(Half::First)), ["a", "c", "d"]);
         assert_eq!(files(Some(Half::Second)), ["b"]);
         assert_eq!(files(None).len(), 4);
-    }
-
-    #[test]
-    fn a_table_without_classes_or_with_half_a_cut_is_refused_by_line() {
-        assert!(
-            parse_labels("file,kind\na,b").expect_err("no class").to_string().contains("line 1")
-        );
-        let half = parse_labels("file,class,start_s,end_s\na,b,1,").expect_err("no end");
-        assert!(half.to_string().contains("line 2"), "{half}");
-        let labels = parse_labels("file,class,start_s,end_s\na,b,1,2\nc,d,,").expect("labels");
-        assert_eq!(labels[0].cut, Some(Cut::Seconds(Span { start_s: 1.0, end_s: 2.0 })));
-        assert_eq!(labels[1].cut, None);
-    }
-
-    #[test]
-    fn a_side_is_left_or_right_or_both_and_any_other_is_refused_by_line() {
-        let labels = parse_labels("file,class,side\na,b,L\nc,d,LR\ne,f,").expect("labels");
-        assert_eq!(
-            labels.iter().map(Label::body_side).collect::<Vec<_>>(),
-            [Some(BodySide::Left), None, None]
-        );
-        let wrong = parse_labels("file,class,side\na,b,L\nc,d,Q").expect_err("no side");
-        assert!(wrong.to_string().contains("line 3"), "{wrong}");
     }
 }

@@ -9,7 +9,7 @@ use crate::body::worn::kept::Kept;
 use crate::draft;
 use crate::error::{Error, ErrorKind};
 use crate::mocap::opensim;
-use crate::recording::{self, SensorSeries};
+use crate::recording::{self, SensorMoment, SensorSeries};
 use crate::session::angles::{WornMotion, body_of};
 use crate::session::files::BODY_KEY;
 use crate::session::tables::{self, DeclaredSensors};
@@ -153,6 +153,63 @@ pub fn convert(order: &SensorsOrder) -> Result<SensorsReport, Error> {
         notes,
         written: order.file.display().to_string(),
     })
+}
+
+/// What is in a table of sensors.
+#[derive(Clone, Debug, Serialize)]
+pub struct SensorsOverview {
+    /// `sensors`.
+    pub format: &'static str,
+    /// By name.
+    pub sensors: BTreeMap<String, SensorFigures>,
+    /// Samples that are missing, by their counters.
+    pub missed: u64,
+}
+
+/// Whether a sample has a quantity.
+type IsThere = fn(&SensorMoment) -> bool;
+
+/// One sensor.
+#[derive(Clone, Debug, Serialize)]
+pub struct SensorFigures {
+    /// Samples.
+    pub samples: usize,
+    /// Samples per second on average; null of fewer than two.
+    pub rate_hz: Option<f64>,
+    /// From the first to the last, s.
+    pub duration_s: f64,
+    /// What is measured: `rate`, `acceleration`, `field`, `orientation`.
+    pub quantities: Vec<&'static str>,
+}
+
+/// Looks into a text of Xsens' or a folder of them.
+///
+/// # Errors
+/// A file that cannot be read, or is no such text.
+pub fn overview(path: &Path) -> Result<SensorsOverview, Error> {
+    let series = if path.is_dir() { of_folder(path)? } else { one(path)? };
+    let figures = |said: &Vec<SensorMoment>| {
+        let span_ns = said.first().zip(said.last());
+        let span_ns =
+            span_ns.map_or(0, |(first, last)| last.taken_ns.saturating_sub(first.taken_ns));
+        let duration_s = span_ns as f64 / 1e9;
+        let rate_hz = said.len().saturating_sub(1) as f64 / duration_s;
+        let is_there: [(&str, IsThere); 4] = [
+            ("rate", |of| of.rate_rad_s.is_some()),
+            ("acceleration", |of| of.acceleration_m_s2.is_some()),
+            ("field", |of| of.field_t.is_some()),
+            ("orientation", |of| of.orientation.is_some()),
+        ];
+        let there = is_there.into_iter().filter(|(_, is_there)| said.iter().any(is_there));
+        SensorFigures {
+            samples: said.len(),
+            rate_hz: Some(rate_hz).filter(|rate_hz| rate_hz.is_finite() && *rate_hz > 0.0),
+            duration_s,
+            quantities: there.map(|(name, _)| name).collect(),
+        }
+    };
+    let sensors = series.sensors.iter().map(|(name, said)| (name.clone(), figures(said))).collect();
+    Ok(SensorsOverview { format: "sensors", sensors, missed: series.missed })
 }
 
 /// What the sensors said, and what a recording says beside that.

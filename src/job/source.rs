@@ -1,5 +1,6 @@
 //! From a motion as somebody names it to a path over the robot's joints.
 
+pub mod angles_table;
 pub mod joints;
 mod opensim;
 pub(super) mod recorded;
@@ -60,6 +61,8 @@ pub enum FileKind {
     Amc,
     /// A table of OpenSim's: joint angles, orientations, forces.
     OpenSim,
+    /// A table of joint angles of the body.
+    Angles,
     /// Anything else.
     Other,
 }
@@ -72,6 +75,9 @@ pub fn file_kind(path: &Path) -> FileKind {
     }
     if mocap_opensim::is_named(path) {
         return FileKind::OpenSim;
+    }
+    if angles_table::is_named(path) {
+        return FileKind::Angles;
     }
     match files::format_of(path) {
         Some(CaptureFormat::Bvh) => FileKind::Bvh,
@@ -167,7 +173,8 @@ pub fn load(order: &MotionOrder, robot: &Robot) -> Result<RobotMotion, Error> {
     check_inserts(order)?;
     let path = Path::new(&order.motion);
     let is_markers = !phrase::is_phrase(&order.motion) && marker_files::format_of(path).is_some();
-    if !is_markers && let Some(motion) = joints::read(path)? {
+    let is_of_person = is_markers || angles_table::is_named(path);
+    if !is_of_person && let Some(motion) = joints::read(path)? {
         return in_joints(order, robot, &motion);
     }
     let exact = phrase::is_phrase(&order.motion);
@@ -385,6 +392,14 @@ pub fn body_motion(
         }
         return opensim::capture(path);
     }
+    if angles_table::is_named(path) {
+        if mapping.is_some() || reading != &CaptureOptions::default() {
+            return Err(Error::new("a table of joint angles needs no mapping, skeleton or rate")
+                .at(motion)
+                .allowed("these are for captures with a skeleton"));
+        }
+        return angles_table::capture(path);
+    }
     if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("mcap")) {
         if mapping.is_some() || reading != &CaptureOptions::default() {
             return Err(Error::new("a recording needs no mapping, skeleton or rate")
@@ -399,7 +414,7 @@ pub fn body_motion(
             .at("MOTION")
             .got(motion)
             .allowed(format!(
-                "a file that ends in .bvh, .amc, .c3d, .trc, .csm, .mot, .sto or .mcap, an action file (.toml), or a shipped action: {}",
+                "a file that ends in .bvh, .amc, .c3d, .trc, .csm, .mot, .sto or .mcap, a table (.csv) of markers or joint angles, an action file (.toml), or a shipped action: {}",
                 shipped.join(", ")
             ))
             .remedy(profiles::advice(motion, &shipped, "take one of these, or check the path")));

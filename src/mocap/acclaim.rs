@@ -340,7 +340,7 @@ impl Parsed {
     }
 
     fn finish(self) -> Result<AcclaimSkeleton, Error> {
-        let line = self.last_line;
+        let line = self.last_line.max(1);
         if self.root.freedoms.is_empty() || self.bones.is_empty() {
             return Err(malformed("not an ASF skeleton", line)
                 .got(format!("{} bones", self.bones.len()))

@@ -260,9 +260,7 @@ pub fn write(
         words.join("_").replace('$', "_")
     };
     let labels: Vec<String> = labels.map(label).collect();
-    let unwritable = |cause: std::io::Error| {
-        Error::of((&cause).into(), "the file cannot be written").got(cause.to_string())
-    };
+    let unwritable = |cause: std::io::Error| Error::unwritten("the file cannot be written", &cause);
     let first = head.first_frame;
     let last = first.saturating_add((head.frames as u64).saturating_sub(1));
     let mut text = format!("$Filename {name}\n");

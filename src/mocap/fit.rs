@@ -243,6 +243,19 @@ fn turned(seen: &SeenMarkers, upright: DQuat) -> SeenMarkers {
     seen.map(|place| place.map(|place| upright * place))
 }
 
+/// The marker on the skin over a joint at the end of a limb's segment.
+const fn beside(joint: Joint) -> Option<MarkerPlace> {
+    match joint {
+        Joint::LeftKnee => Some(MarkerPlace::LKNE),
+        Joint::RightKnee => Some(MarkerPlace::RKNE),
+        Joint::LeftAnkle => Some(MarkerPlace::LANK),
+        Joint::RightAnkle => Some(MarkerPlace::RANK),
+        Joint::LeftElbow => Some(MarkerPlace::LELB),
+        Joint::RightElbow => Some(MarkerPlace::RELB),
+        _ => None,
+    }
+}
+
 /// A fit at work.
 struct Work<'a> {
     person: &'a Calibrated,
@@ -322,8 +335,11 @@ impl<'a> Work<'a> {
                 let off_m = lie.world(*own_m).distance(world_m);
                 *sum = (sum.0 + off_m * off_m, sum.1.max(off_m), sum.2 + 1);
             }
-            self.place_joints(segment, &lie, &mut joints_m);
+            self.place_joints(segment, &lie, seen, &mut joints_m);
             lies[at] = Some(lie);
+        }
+        if self.joints == JointsAt::EachFrame {
+            self.by_rules(seen, &mut joints_m);
         }
         self.lies.push(lies);
         self.joints_m.push(joints_m);
@@ -347,7 +363,9 @@ impl<'a> Work<'a> {
         let on = self.person.thorax?;
         let trunk = Lie { turn: torso.turn * on.turn, at_m: torso.world(on.at_m) };
         let found = match self.joints {
-            JointsAt::Centres => shoulder(seen, side, &trunk, &self.person.measures),
+            JointsAt::Centres | JointsAt::EachFrame => {
+                shoulder(seen, side, &trunk, &self.person.measures)
+            }
             JointsAt::Markers => seen[side.of(MarkerPlace::LSHO, MarkerPlace::RSHO) as usize],
         };
         found.or_else(|| Some(torso.world(self.person.joint_on(Segment::Torso, joint)?)))
@@ -376,11 +394,20 @@ impl<'a> Work<'a> {
         Some(Pair { own_m, world_m, weight: ELBOW })
     }
 
-    /// The joints that hang on a segment.
-    fn place_joints(&self, segment: Segment, lie: &Lie, joints_m: &mut [Option<DVec3>; 15]) {
+    /// The joints that hang on a segment. That at the end of a limb lies under the marker beside it, where that is seen and
+    /// goes with the others.
+    fn place_joints(
+        &self,
+        segment: Segment,
+        lie: &Lie,
+        seen: &SeenMarkers,
+        joints_m: &mut [Option<DVec3>; 15],
+    ) {
         let mut put = |joint: Joint| {
             let own_m = self.person.joint_on(segment, joint);
-            joints_m[joint.index()] = own_m.map(|own_m| lie.world(own_m));
+            let beside = beside(joint).and_then(|place| self.off(segment, lie, seen, place));
+            joints_m[joint.index()] =
+                own_m.map(|own_m| lie.world(own_m) + beside.unwrap_or_default());
         };
         match limb(segment) {
             Some((_, from, to)) => {
@@ -399,6 +426,51 @@ impl<'a> Work<'a> {
                 put(Joint::Neck);
             }
             None => {}
+        }
+    }
+
+    /// From where a segment says that one of its markers is to where it was seen, less the further that is.
+    fn off(
+        &self,
+        segment: Segment,
+        lie: &Lie,
+        seen: &SeenMarkers,
+        place: MarkerPlace,
+    ) -> Option<DVec3> {
+        let worn = self.person.segments[segment.index()].as_ref()?;
+        let (_, own_m) = worn.markers.iter().find(|(of, _)| *of == place)?;
+        let off_m = seen[place as usize]? - lie.world(*own_m);
+        Some(off_m * rigid::trust(off_m.length()))
+    }
+
+    /// Joints where the rules have them in this frame alone; those that its markers do not show stay.
+    fn by_rules(&self, seen: &SeenMarkers, joints_m: &mut [Option<DVec3>; 15]) {
+        let Calibrated { measures, hips, .. } = &self.person;
+        let pelvis = centres::pelvis(seen);
+        let trunk = centres::thorax(seen, measures.marker_radius_m);
+        for side in Side::BOTH {
+            let mut put = |left: Joint, right: Joint, found: Option<DVec3>| {
+                let joint = &mut joints_m[side.of(left, right).index()];
+                *joint = found.or(*joint);
+                *joint
+            };
+            let hip_m =
+                pelvis.and_then(|on| Some(on.world(centres::hip(seen, side, measures, *hips)?)));
+            let hip_m = put(Joint::LeftHip, Joint::RightHip, hip_m);
+            let knee_m = hip_m.and_then(|hip_m| centres::knee(seen, side, hip_m, measures));
+            let knee_m = put(Joint::LeftKnee, Joint::RightKnee, knee_m);
+            let ankle_m = knee_m.and_then(|knee_m| centres::ankle(seen, side, knee_m, measures));
+            put(Joint::LeftAnkle, Joint::RightAnkle, ankle_m);
+            let shoulder_m = trunk.and_then(|trunk| shoulder(seen, side, &trunk, measures));
+            let Some(shoulder_m) = put(Joint::LeftShoulder, Joint::RightShoulder, shoulder_m)
+            else {
+                continue;
+            };
+            let out = elbow_out(seen, side, shoulder_m);
+            let elbow_m = out.and_then(|out| elbow(seen, side, shoulder_m, out, measures));
+            let elbow_m = put(Joint::LeftElbow, Joint::RightElbow, elbow_m);
+            let wrist_m = elbow_m.and_then(|elbow_m| centres::wrist(seen, side, elbow_m, measures));
+            put(Joint::LeftWrist, Joint::RightWrist, wrist_m);
         }
     }
 

@@ -5,7 +5,7 @@ use crate::mocap::c3d;
 use crate::mocap::csm;
 use crate::mocap::marker_table;
 use crate::mocap::markers::{Frame, Frames, Head, MarkerFormat, Markers};
-use crate::mocap::opened::bytes_of;
+use crate::mocap::opened::{as_utf8, bytes_of};
 use crate::mocap::trc;
 use std::fs::File;
 use std::io::Read;
@@ -37,14 +37,14 @@ pub fn written_as(path: &Path) -> Option<MarkerFormat> {
 }
 
 fn is_marker_table(path: &Path) -> bool {
-    let Ok(file) = File::open(path) else { return false };
-    // A pipe is read once only.
-    if !file.metadata().is_ok_and(|found| found.is_file()) {
+    // A pipe is read once only, and opening it waits for a writer.
+    if !std::fs::metadata(path).is_ok_and(|found| found.is_file()) {
         return false;
     }
+    let Ok(file) = File::open(path) else { return false };
     let mut start = Vec::new();
     let read = file.take(TITLES_BYTES).read_to_end(&mut start);
-    read.is_ok() && marker_table::is_of_markers(&String::from_utf8_lossy(&start))
+    read.is_ok() && marker_table::is_of_markers(&String::from_utf8_lossy(&as_utf8(start)))
 }
 
 /// A file being read.
@@ -70,15 +70,15 @@ pub fn open(path: &Path) -> Result<MarkerReader, Error> {
     match format_of(path) {
         Some(MarkerFormat::C3d) => Ok(MarkerReader::Stream(Box::new(c3d::open(path)?))),
         Some(MarkerFormat::Trc) => {
-            let bytes = bytes_of(path, trc::MAX_FILE_BYTES)?;
+            let bytes = as_utf8(bytes_of(path, trc::MAX_FILE_BYTES)?);
             trc::parse(&bytes).map(whole).map_err(in_file)
         }
         Some(MarkerFormat::Csm) => {
-            let bytes = bytes_of(path, csm::MAX_FILE_BYTES)?;
+            let bytes = as_utf8(bytes_of(path, csm::MAX_FILE_BYTES)?);
             csm::parse(&bytes).map(whole).map_err(in_file)
         }
         Some(MarkerFormat::Csv) => {
-            let bytes = bytes_of(path, marker_table::MAX_FILE_BYTES)?;
+            let bytes = as_utf8(bytes_of(path, marker_table::MAX_FILE_BYTES)?);
             marker_table::parse(&bytes).map(whole).map_err(in_file)
         }
         None => Err(Error::of(ErrorKind::Unknown, "not a file of markers")

@@ -21,7 +21,7 @@ const SHAPE: &str =
     "time_s, then LABEL_x_m, LABEL_y_m, LABEL_z_m for each marker (or _mm, _cm, ...)";
 
 /// True if a table with these titles is one of markers: some point has places, and nothing is an angle of a
-/// joint, as in tables of joint angles, which may have a place of the base beside them.
+/// joint or a turn of a segment, as in tables of these, which may have places beside them.
 #[must_use]
 pub fn is_of_markers(titles: &str) -> bool {
     let first = titles.lines().next().unwrap_or_default();
@@ -30,7 +30,7 @@ pub fn is_of_markers(titles: &str) -> bool {
         part(title).is_some_and(|(_, _, unit)| unit.is_empty() || metres_of(unit).is_some())
     };
     titles().filter(|title| is_place(title)).count() >= 3
-        && !titles().any(|title| title.ends_with("_rad"))
+        && !titles().any(|title| title.ends_with("_rad") || title.ends_with("_qw"))
 }
 
 /// Label, axis and unit of a column.
@@ -280,8 +280,6 @@ pub fn write(out: &mut impl Write, frames: &mut dyn Frames) -> Result<Vec<String
         number += 1;
     }
     let out = table.finish()?;
-    out.flush().map_err(|cause| {
-        Error::of((&cause).into(), "the table cannot be written").got(cause.to_string())
-    })?;
+    out.flush().map_err(|cause| Error::unwritten("the table cannot be written", &cause))?;
     Ok(notes)
 }

@@ -13,7 +13,7 @@
 
 use crate::body::{Dof, JointAngles};
 use crate::error::{Error, ErrorKind};
-use crate::mocap::opened::bytes_of;
+use crate::mocap::opened::{as_utf8, bytes_of};
 use glam::{DQuat, DVec3, EulerRot};
 use std::collections::BTreeSet;
 use std::f64::consts::{PI, TAU};
@@ -127,7 +127,7 @@ pub fn is_named(path: &Path) -> bool {
 /// # Errors
 /// If it cannot be read, and as [`parse`]; the error names it.
 pub fn read(path: &Path) -> Result<OpenSimTable, Error> {
-    parse(&bytes_of(path, MAX_FILE_BYTES)?).map_err(|error| error.in_file(path))
+    parse(&as_utf8(bytes_of(path, MAX_FILE_BYTES)?)).map_err(|error| error.in_file(path))
 }
 
 /// Reads the bytes of a file.

@@ -225,9 +225,7 @@ pub fn write(
     if !head.events.is_empty() {
         notes.push(format!("{} events are left out", head.events.len()));
     }
-    let unwritable = |cause: std::io::Error| {
-        Error::of((&cause).into(), "the file cannot be written").got(cause.to_string())
-    };
+    let unwritable = |cause: std::io::Error| Error::unwritten("the file cannot be written", &cause);
     let count = places.len();
     let first = head.first_frame;
     let mut text = format!("PathFileType\t4\t(X/Y/Z)\t{name}\n");

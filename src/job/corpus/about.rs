@@ -5,7 +5,7 @@ use crate::corpus::rows::{Consent, PARAMETERS, SubjectEntry};
 use crate::corpus::store::check_name;
 use crate::corpus::tables::measure_name;
 use crate::error::{Error, ErrorKind};
-use crate::job::score::label_text;
+use crate::job::labels::label_text;
 use crate::table::{Row, rows};
 use crate::toml_text::{advice, from_toml, plain_words};
 use std::collections::BTreeMap;

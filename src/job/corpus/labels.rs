@@ -3,11 +3,46 @@
 
 use crate::corpus::rows::LabelEntry;
 use crate::error::{Error, ErrorKind};
+use crate::job::labels::{self, Cut, NOTHING};
 use crate::job::recognise::{EquationReading, models, of_capture};
-use crate::job::score::{ClipLabel, clip_labels};
 use crate::mocap::anatomy::Capture;
 use crate::recognise::model::BodySide;
 use std::path::{Path, PathBuf};
+
+/// A label of a clip.
+struct ClipLabel {
+    /// The clip, from its folder on.
+    file: String,
+    class: String,
+    side: Option<BodySide>,
+    cut: Option<Cut>,
+    /// How many frames have labels, where they have them one by one.
+    all_frames: Option<usize>,
+    /// True if nobody can say.
+    is_unclear: bool,
+}
+
+/// The labels in a table, or in a folder of labels of frames of the clips in `clips`.
+///
+/// # Errors
+/// What cannot be read, or is none.
+fn clip_labels(path: &Path, clips: &Path) -> Result<Vec<ClipLabel>, Error> {
+    let read = labels::read(path, Some(clips))?;
+    let of = |file: &str, class: &str, side, cut, is_unclear| ClipLabel {
+        file: file.to_owned(),
+        class: class.to_owned(),
+        side,
+        cut,
+        all_frames: read.frames.get(file).copied(),
+        is_unclear,
+    };
+    let clear = read.list.iter().filter(|label| label.class != NOTHING || label.cut.is_some());
+    let clear = clear.map(|label| of(&label.file, &label.class, label.side, label.cut, false));
+    let unclear = read.unclear.iter().flat_map(|(file, cuts)| {
+        cuts.iter().map(|(class, cut)| of(file, class, None, Some(*cut), true))
+    });
+    Ok(clear.chain(unclear).collect())
+}
 
 /// Labels of files.
 #[derive(Default)]
@@ -50,8 +85,7 @@ impl KnownLabels {
     /// What a whole file is, if a label without times says so.
     #[must_use]
     pub fn action(&self, file: &Path) -> Option<String> {
-        let mut whole =
-            self.of(file).filter(|label| label.span_s.is_none() && label.frames.is_none());
+        let mut whole = self.of(file).filter(|label| label.cut.is_none());
         whole.next().map(|label| label.class.clone())
     }
 
@@ -75,13 +109,13 @@ impl KnownLabels {
                     .got(format!("{} labels", label.all_frames.unwrap_or(0)))
                     .allowed(format!("{frames}, a line for each frame")));
             }
-            let (first, end) = match (label.frames, label.span_s) {
-                (Some(frames), _) => frames,
-                (None, Some([start_s, end_s])) => {
+            let (first, end) = match label.cut {
+                Some(Cut::Frames { first, last }) => (first, last),
+                Some(Cut::Seconds(span)) => {
                     let at = |time_s: f64| (time_s * rate_hz).round() as usize;
-                    (at(start_s.max(0.0)), at(end_s))
+                    (at(span.start_s.max(0.0)), at(span.end_s))
                 }
-                (None, None) => (0, last),
+                None => (0, last),
             };
             if first > last {
                 return Err(Error::of(ErrorKind::OutsideLimits, "a label begins after the end")
@@ -89,7 +123,7 @@ impl KnownLabels {
                     .got(format!("{} from frame {first}", label.class))
                     .allowed(format!("0 to {last}")));
             }
-            let value = if label.unclear { 0.5 } else { 1.0 };
+            let value = if label.is_unclear { 0.5 } else { 1.0 };
             found.extend(with_side(
                 &label.class,
                 label.side,

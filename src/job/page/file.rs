@@ -33,7 +33,10 @@ pub fn page(path: &Path, options: &CaptureOptions) -> Result<String, Error> {
             reader.set_rate(rate_hz);
         }
         page.scene = super::body::markers(&mut reader, None)?;
-    } else if files::format_of(path).is_some() || opensim::is_named(path) {
+    } else if files::format_of(path).is_some()
+        || opensim::is_named(path)
+        || source::angles_table::is_named(path)
+    {
         let (capture, _) = source::body_motion(&page.title, None, options)?;
         page.scene = super::body::person(&capture)?;
         page.notes = capture.notes;

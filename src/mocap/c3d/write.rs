@@ -43,9 +43,7 @@ pub fn write(out: &mut impl Write, frames: &mut dyn Frames) -> Result<Vec<String
     parameters.set("POINT", Parameter::int("DATA_START", data_start));
     let section = section::write(&parameters)?;
     let header = header(&head, rate_hz, step, data_start)?;
-    let unwritable = |cause: std::io::Error| {
-        Error::of((&cause).into(), "the file cannot be written").got(cause.to_string())
-    };
+    let unwritable = |cause: std::io::Error| Error::unwritten("the file cannot be written", &cause);
     out.write_all(&header.write()).map_err(unwritable)?;
     out.write_all(&section).map_err(unwritable)?;
     let (mut frame, mut bytes, mut written) = (Frame::default(), Vec::new(), 0);

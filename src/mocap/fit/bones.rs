@@ -18,6 +18,10 @@ use crate::mocap::markers::{
 };
 use glam::{DMat3, DQuat, DVec3, EulerRot};
 
+mod frames;
+
+pub use frames::BoneFrame;
+
 /// Bones.
 pub const BONES: usize = 21;
 /// Weight of a marker that sits on another bone against one of its own.
@@ -139,6 +143,8 @@ struct StoodBone {
     joint: Option<Joint>,
     /// True if it hangs where the one above ends, whatever its markers say.
     hangs: bool,
+    /// Its frame in the world while the person stands; none if its third point is missing.
+    axes: Option<DQuat>,
 }
 
 /// Bones in motion.
@@ -235,6 +241,7 @@ fn stood(body: &MarkedBody, notes: &mut Vec<String>) -> Result<Vec<StoodBone>, E
         notes.push("no T10: the back bends half way between PSI and C7".to_owned());
     }
     let (mut bones, mut left): (Vec<StoodBone>, Vec<&str>) = (Vec::new(), Vec::new());
+    let (mut no_frame, mut by_hinge): (Vec<&str>, Vec<&str>) = (Vec::new(), Vec::new());
     let mut index = [None; BONES];
     for (at, bone) in TABLE.iter().enumerate() {
         let parent = bone.parent.map(|parent| index[parent]);
@@ -270,10 +277,41 @@ fn stood(body: &MarkedBody, notes: &mut Vec<String>) -> Result<Vec<StoodBone>, E
             BonePoint::Joint(joint) => Some(joint),
             BonePoint::Marker(_) | BonePoint::Middle(_) | BonePoint::MiddleOfBack => None,
         };
-        bones.push(StoodBone { parent, name, end, from_m, to_m, markers, segment, joint, hangs });
+        // Without its third point, a limb's bone has its hinge.
+        let sign = if name.starts_with("L_") { 1.0 } else { -1.0 };
+        let hinge = segment.and_then(|segment| body.person.segments[segment.index()].as_ref());
+        let hinge = hinge.filter(|_| bone.parent.is_some() && segment != Some(Segment::Head));
+        let outwards = hinge.map(|worn| from_m + worn.lay.turn * DVec3::Y * sign);
+        let third_m = frames::THIRD[at].map(|place| point(BonePoint::Marker(place)).or(outwards));
+        if frames::THIRD[at].is_some_and(|place| of(place).is_none()) && outwards.is_some() {
+            by_hinge.push(name);
+        }
+        let axes = match third_m {
+            None => frames::by_rule(name, to_m - from_m, None),
+            Some(third_m) => third_m
+                .and_then(|third_m| frames::by_rule(name, to_m - from_m, Some(third_m - from_m))),
+        };
+        if axes.is_none() {
+            no_frame.push(name);
+        }
+        let hung =
+            StoodBone { parent, name, end, from_m, to_m, markers, segment, joint, hangs, axes };
+        bones.push(hung);
     }
     if !left.is_empty() {
         notes.push(format!("bones that the markers do not show, left out: {}", left.join(", ")));
+    }
+    if !by_hinge.is_empty() {
+        notes.push(format!(
+            "frames by the hinge, since their third point is missing: {}",
+            by_hinge.join(", ")
+        ));
+    }
+    if !no_frame.is_empty() {
+        notes.push(format!(
+            "bones without a frame, since their third point is missing: {}",
+            no_frame.join(", ")
+        ));
     }
     if bones.is_empty() {
         return Err(Error::of(ErrorKind::Absent, "the calibration does not show the pelvis"));
@@ -330,6 +368,12 @@ impl FittedBones {
         }
         let root_m = lies.first().map_or(DVec3::ZERO, |lie| lie.at_m);
         self.frames.push((root_m, lies.into_iter().map(|lie| lie.turn).collect()));
+    }
+
+    /// How many frames there are.
+    #[must_use]
+    pub const fn frames(&self) -> usize {
+        self.frames.len()
     }
 
     /// How well each bone goes with its markers.

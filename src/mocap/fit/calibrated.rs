@@ -35,6 +35,8 @@ pub struct Calibrated {
     pub thorax: Option<Lie>,
     /// The person's measures.
     pub measures: Measures,
+    /// How hips are placed.
+    pub hips: HipBy,
 }
 
 /// The places of a segment's markers.
@@ -127,7 +129,7 @@ fn find(
         put(side.of(Joint::LeftHip, Joint::RightHip), Some(hip_m));
         let marker = of(side.of(MarkerPlace::LKNE, MarkerPlace::RKNE));
         let (mut knee_m, mut out) = (marker, left * side.sign());
-        if at == JointsAt::Centres {
+        if at != JointsAt::Markers {
             knee_m = knee(seen, side, hip_m, measures);
             if knee_m.is_none() && marker.is_some() {
                 notes.push(format!("no marker on the {letter} thigh: its knee bends forwards"));
@@ -140,7 +142,7 @@ fn find(
         knees_out[n] = Some(out);
         let marker = of(side.of(MarkerPlace::LANK, MarkerPlace::RANK));
         let mut ankle_m = marker;
-        if at == JointsAt::Centres {
+        if at != JointsAt::Markers {
             ankle_m = knee_m.and_then(|knee_m| {
                 ankle(seen, side, knee_m, measures).or_else(|| {
                     let off_m = measures.sides[n].ankle_width_m / 2.0 + measures.marker_radius_m;
@@ -228,7 +230,7 @@ impl Calibrated {
             at_m: torso.lay.own(trunk.at_m),
         };
         let thorax = torso.zip(trunk).map(on_trunk);
-        Ok(Self { segments, joints_m, thorax, measures })
+        Ok(Self { segments, joints_m, thorax, measures, hips })
     }
 
     /// A joint on a segment that carries it, m; `None` if either was not found.

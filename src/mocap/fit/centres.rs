@@ -45,6 +45,8 @@ pub enum JointsAt {
     Centres,
     /// On the markers of knee, ankle, shoulder, elbow and wrist; the hip by its rule.
     Markers,
+    /// Moved inwards in each frame anew, by Plug-in Gait's rules, whatever that makes of the lengths of bones.
+    EachFrame,
 }
 
 /// One side of the body.
