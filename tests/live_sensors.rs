@@ -552,6 +552,21 @@ fn whoever_stops_during_the_calibration_has_moved_nothing_and_left_no_recording(
     assert!(!folder.join("no.mcap").exists());
 }
 
+#[test]
+fn whoever_stops_during_the_calibration_without_a_robot_keeps_what_sensors_said() {
+    let _alone = alone();
+    let folder = crate::program::folder("live-stopped-alone");
+    let doors = standing(&[("left_upper_arm", 600.0)]);
+    let arguments = "--dry-run --no-t-pose --n-pose-after 200ms --record kept.mcap";
+    let mut live = Following::start(gaitway(&folder), &doors, arguments);
+    live.until("hold still");
+    signal(&live.child, "INT");
+    let (report, code) = live.end();
+    assert_eq!((&report["outcome"], code), (&"stopped".into(), Some(130)), "{report}");
+    assert_eq!(report["recording"], "kept.mcap");
+    assert!(recording::summary(&folder.join("kept.mcap")).expect("recorded").finished);
+}
+
 /// A terminal whose other end the test types at.
 fn terminal() -> (std::fs::File, Stdio) {
     use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};

@@ -104,14 +104,18 @@ impl Job<'_> {
         };
         self.report.sensors.sort_by(|a, b| a.name.cmp(&b.name));
         drop(kept);
-        match done? {
-            Some((mut recorder, Some(ready))) => {
+        let (left, result) = match done {
+            Ok(Some((mut recorder, Some(ready)))) => {
                 recorder.finish(&mut self.report.run, &ready.connection);
+                (None, Ok(()))
             }
-            Some((mut recorder, None)) => recorder.finish_without_robot(&mut self.report.run),
-            None => {}
+            Ok(left) => (left.map(|(recorder, _)| recorder), Ok(())),
+            Err((error, left)) => (left, Err(error)),
+        };
+        if let Some(mut recorder) = left {
+            recorder.finish_without_robot(&mut self.report.run);
         }
-        Ok(())
+        result
     }
 
     /// Who wears what, and the recording that speaks for them if it is one.
@@ -172,17 +176,16 @@ impl Job<'_> {
         answers: Answers,
         tell: Sender<String>,
         clock: &dyn Clock,
-    ) -> Result<Option<(RunRecorder, Option<Ready>)>, Error> {
+    ) -> Result<Option<(RunRecorder, Option<Ready>)>, (Error, Option<RunRecorder>)> {
         let guided = match self.calibrated(sensors, clock) {
             Ok(guided) => guided,
             Err(ended) => {
-                // Nothing was played: an empty recording would only be in the way.
-                let _ = recorder.map(RunRecorder::discard);
+                let kept = worth_keeping(recorder, ready.as_ref());
                 return match ended {
-                    Ended::Failed(error) => Err(error),
+                    Ended::Failed(error) => Err((error, kept)),
                     Ended::Stopped => {
                         self.report.run.describe_stopped();
-                        Ok(None)
+                        Ok(kept.map(|recorder| (recorder, None)))
                     }
                 };
             }
@@ -192,10 +195,7 @@ impl Job<'_> {
         self.report.worn = wearing.worn();
         let naming = match self.naming(recorder.as_ref()) {
             Ok(naming) => naming,
-            Err(error) => {
-                let _ = recorder.map(RunRecorder::discard);
-                return Err(error);
-            }
+            Err(error) => return Err((error, worth_keeping(recorder, ready.as_ref()))),
         };
         let mut body = Body::new(sensors, wearing, self.person, tell, self.order.time);
         body.naming = naming;
@@ -203,7 +203,8 @@ impl Job<'_> {
         let done = match (ready, recorder) {
             (Some(ready), Some(recorder)) if !self.order.dry_run => {
                 let run = self.mirrored(&mut body, ready, recorder);
-                run.map(|run| run.map(|(recorder, ready)| (recorder, Some(ready))))
+                let run = run.map(|run| run.map(|(recorder, ready)| (recorder, Some(ready))));
+                run.map_err(|error| (error, None))
             }
             (ready, recorder) => {
                 self.show(&mut body, clock);
@@ -441,6 +442,16 @@ impl Job<'_> {
         self.report.angles_rad = last.map(report::angles_by_name);
         self.report.run.outcome = Outcome::Done;
     }
+}
+
+/// The recording of a run that came to nothing. Of a robot nothing was played: it would only be in the way. Without one,
+/// what sensors said is what was asked for.
+fn worth_keeping(recorder: Option<RunRecorder>, robot: Option<&Ready>) -> Option<RunRecorder> {
+    if robot.is_none() {
+        return recorder;
+    }
+    let _ = recorder.map(RunRecorder::discard);
+    None
 }
 
 /// Plays what answers an action, as `play` does: looks at every servo, plans from where the robot stands, performs. The
