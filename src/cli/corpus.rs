@@ -38,6 +38,9 @@ enum CorpusCommand {
 
 /// Arguments of `corpus new`.
 #[derive(Clone, Debug, Args)]
+#[command(
+    after_help = "Example: gaitway corpus new moves --motions kicks --people \"children of 7 to 12\""
+)]
 struct NewArgs {
     /// Folder that is empty or does not exist yet
     corpus: PathBuf,
@@ -169,6 +172,7 @@ struct ExportArgs {
 
 /// Arguments of `corpus check`.
 #[derive(Clone, Debug, Args)]
+#[command(after_help = "Example: gaitway corpus check moves")]
 struct CheckArgs {
     /// Folder of the corpus
     corpus: PathBuf,
@@ -178,6 +182,7 @@ struct CheckArgs {
 
 /// Arguments of `corpus remove`.
 #[derive(Clone, Debug, Args)]
+#[command(after_help = "Example: gaitway corpus remove moves --subject s01 --dry-run")]
 struct RemoveArgs {
     /// Folder of the corpus
     corpus: PathBuf,

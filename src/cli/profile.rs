@@ -3,13 +3,12 @@
 
 mod sensor;
 
-use super::{Deed, Outcome, Output};
+use super::{Deed, Output};
 use crate::error::Error;
-use crate::job::profile::check_use;
+use crate::job::profile::{CheckedProfile, ListedProfile, ProfileList, check, dialect, protocol};
 use clap::{Args, Subcommand};
 use gaitway_profiles as profiles;
-use profiles::{Actuator, Dialect, Profile, Protocol, Register, Servo, Unit};
-use serde::Serialize;
+use profiles::{Actuator, Profile, Register, Servo, Unit};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
@@ -55,8 +54,8 @@ enum Action {
 pub fn run(args: &ProfileArgs) -> Result<i32, Error> {
     match &args.action {
         Action::List { output } => {
-            let list = List::of_all()?;
-            Ok(output.conclude(&list, &list.text(), Deed::Look, 0))
+            let list = ProfileList::of_all()?;
+            Ok(output.conclude(&list, &list_text(&list), Deed::Look, 0))
         }
         Action::Show { name, output } => {
             let text = match load(name)? {
@@ -70,9 +69,8 @@ pub fn run(args: &ProfileArgs) -> Result<i32, Error> {
             Ok(output.conclude(&profiles::whole_table(name)?, &text, Deed::Look, 0))
         }
         Action::Check { file, output } => {
-            let profile = load(file)?;
-            let checked = check(&profile)?;
-            Ok(output.conclude(&checked, &checked.text(), Deed::Look, 0))
+            let checked = check(&load(file)?)?;
+            Ok(output.conclude(&checked, &checked_text(&checked), Deed::Look, 0))
         }
     }
 }
@@ -81,183 +79,45 @@ fn load(name_or_path: &str) -> Result<Profile, Error> {
     Ok(profiles::profile(name_or_path)?)
 }
 
-/// A file in which nothing is wrong.
-#[derive(Debug, Serialize)]
-struct Checked {
-    outcome: Outcome,
-    name: String,
-    kind: &'static str,
-    #[serde(skip)]
-    holds: String,
-    unconfirmed: Vec<Unconfirmed>,
-}
-
-/// A fact nobody could confirm.
-#[derive(Debug, Serialize)]
-struct Unconfirmed {
-    place: String,
-    source: String,
-}
-
-impl Checked {
-    fn text(&self) -> String {
-        let mut out = format!("{}: OK; {}, {}\n", self.name, self.kind, self.holds);
-        if !self.unconfirmed.is_empty() {
-            let _ = writeln!(out, "unconfirmed: {}", self.unconfirmed.len());
-        }
-        for fact in &self.unconfirmed {
-            let _ = writeln!(out, "  {:<36} {}", fact.place, fact.source);
-        }
-        out
+fn checked_text(checked: &CheckedProfile) -> String {
+    let mut out = format!("{}: OK; {}, {}\n", checked.name, checked.kind, checked.holds);
+    if !checked.unconfirmed.is_empty() {
+        let _ = writeln!(out, "unconfirmed: {}", checked.unconfirmed.len());
     }
-}
-
-fn check(profile: &Profile) -> Result<Checked, Error> {
-    check_use(profile)?;
-    let (name, kind, holds) = match profile {
-        Profile::Servo(servo) => {
-            (&servo.name, "servo", format!("{} registers", servo.items().count()))
-        }
-        Profile::Actuator(actuator) => {
-            (&actuator.name, "CAN actuator", dialect(actuator.dialect).to_owned())
-        }
-        Profile::Robot(robot) => {
-            let (joints, lines) = (robot.joints.len(), robot.lines.len());
-            let bodiless = "; follows no body: tables, recordings and a hand move it";
-            let bodiless = if robot.anatomy.is_none() { bodiless } else { "" };
-            (&robot.name, "robot", format!("{joints} joints on {lines} line(s){bodiless}"))
-        }
-        Profile::Adapter(adapter) => {
-            (&adapter.name, "adapter", format!("USB {}", adapter.usb_ids.join(", ")))
-        }
-        Profile::Sensor(sensor) => {
-            (&sensor.name, "sensor", format!("{} channels", sensor.channels.len()))
-        }
-    };
-    let unconfirmed = profile
-        .unconfirmed()
-        .into_iter()
-        .map(|fact| Unconfirmed { place: fact.place, source: fact.source.to_owned() });
-    Ok(Checked {
-        outcome: Outcome::Done,
-        name: name.clone(),
-        kind,
-        holds,
-        unconfirmed: unconfirmed.collect(),
-    })
-}
-
-/// All shipped profiles.
-#[derive(Debug, Serialize)]
-struct List {
-    servos: Vec<Listed>,
-    actuators: Vec<Listed>,
-    sensors: Vec<Listed>,
-    robots: Vec<Listed>,
-    adapters: Vec<Listed>,
-}
-
-/// One of them. A robot has no maker and a sensor no protocol that sets it apart.
-#[derive(Debug, Default, Serialize)]
-struct Listed {
-    name: String,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    maker: Option<String>,
-    /// Model, or description of a robot.
-    model: String,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    protocol: Option<&'static str>,
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    usb_ids: Vec<String>,
-}
-
-impl List {
-    fn of_all() -> Result<Self, Error> {
-        let mut list = Self {
-            servos: Vec::new(),
-            actuators: Vec::new(),
-            sensors: Vec::new(),
-            robots: Vec::new(),
-            adapters: Vec::new(),
-        };
-        for name in profiles::servo_names() {
-            let servo = profiles::servo(name)?;
-            list.servos.push(Listed {
-                name: name.to_owned(),
-                maker: Some(servo.maker.clone()),
-                model: servo.model.clone(),
-                protocol: Some(protocol(servo.protocol)),
-                usb_ids: Vec::new(),
-            });
-        }
-        for name in profiles::actuator_names() {
-            let actuator = profiles::actuator(name)?;
-            list.actuators.push(Listed {
-                name: name.to_owned(),
-                maker: Some(actuator.maker.clone()),
-                model: actuator.model.clone(),
-                protocol: Some(dialect(actuator.dialect)),
-                usb_ids: Vec::new(),
-            });
-        }
-        for name in profiles::sensor_names() {
-            let sensor = profiles::sensor(name)?;
-            let (maker, model) = (Some(sensor.maker), sensor.model);
-            list.sensors.push(Listed { name: name.to_owned(), maker, model, ..Listed::default() });
-        }
-        for name in profiles::robot_names() {
-            let model = profiles::robot(name)?.description;
-            list.robots.push(Listed { name: name.to_owned(), model, ..Listed::default() });
-        }
-        for adapter in profiles::adapters()? {
-            let (name, model) = (adapter.name.clone(), adapter.model.clone());
-            let usb_ids = adapter.usb_ids.clone();
-            list.adapters.push(Listed { name, model, usb_ids, ..Listed::default() });
-        }
-        Ok(list)
+    for fact in &checked.unconfirmed {
+        let _ = writeln!(out, "  {:<36} {}", fact.place, fact.source);
     }
+    out
+}
 
-    fn text(&self) -> String {
-        let mut out = String::new();
-        for (title, listed) in [("servos", &self.servos), ("CAN actuators", &self.actuators)] {
-            let mut groups: BTreeMap<_, Vec<&Listed>> = BTreeMap::new();
+fn list_text(list: &ProfileList) -> String {
+    let mut out = String::new();
+    for (title, listed) in [("servos", &list.servos), ("CAN actuators", &list.actuators)] {
+        let mut groups: BTreeMap<_, Vec<&ListedProfile>> = BTreeMap::new();
+        for one in listed {
+            groups.entry((&one.maker, one.protocol)).or_default().push(one);
+        }
+        for ((maker, protocol), listed) in groups {
+            let words = [Some(title), maker.as_deref(), protocol];
+            let words: Vec<_> = words.into_iter().flatten().collect();
+            let _ = writeln!(out, "{}", words.join(", "));
             for one in listed {
-                groups.entry((&one.maker, one.protocol)).or_default().push(one);
-            }
-            for ((maker, protocol), listed) in groups {
-                let words = [Some(title), maker.as_deref(), protocol];
-                let words: Vec<_> = words.into_iter().flatten().collect();
-                let _ = writeln!(out, "{}", words.join(", "));
-                for one in listed {
-                    let _ = writeln!(out, "  {:<24} {}", one.name, one.model);
-                }
+                let _ = writeln!(out, "  {:<24} {}", one.name, one.model);
             }
         }
-        for (title, listed) in
-            [("sensors", &self.sensors), ("robots", &self.robots), ("adapters", &self.adapters)]
-        {
-            let _ = writeln!(out, "{title}");
-            for one in listed {
-                let maker = one.maker.as_ref().map_or_else(String::new, |m| format!("{m} "));
-                let ids = one.usb_ids.join(", ");
-                let ids = if ids.is_empty() { ids } else { format!(" ({ids})") };
-                let _ = writeln!(out, "  {:<24} {maker}{}{ids}", one.name, one.model);
-            }
+    }
+    for (title, listed) in
+        [("sensors", &list.sensors), ("robots", &list.robots), ("adapters", &list.adapters)]
+    {
+        let _ = writeln!(out, "{title}");
+        for one in listed {
+            let maker = one.maker.as_ref().map_or_else(String::new, |m| format!("{m} "));
+            let ids = one.usb_ids.join(", ");
+            let ids = if ids.is_empty() { ids } else { format!(" ({ids})") };
+            let _ = writeln!(out, "  {:<24} {maker}{}{ids}", one.name, one.model);
         }
-        out
     }
-}
-
-const fn dialect(dialect: Dialect) -> &'static str {
-    match dialect {
-        Dialect::CubemarsMit => "MIT mode",
-        Dialect::CubemarsServo => "CubeMars servo mode",
-        Dialect::Damiao => "Damiao",
-        Dialect::Robstride => "CyberGear and RobStride",
-        Dialect::Odrive => "CAN Simple",
-        Dialect::Moteus => "moteus, CAN FD",
-        Dialect::Recoil => "Recoil",
-    }
+    out
 }
 
 fn show_actuator(actuator: &Actuator) -> String {
@@ -295,15 +155,6 @@ fn show_actuator(actuator: &Actuator) -> String {
     }
     let _ = writeln!(out, "timeout  {}", actuator.timeout.action);
     out
-}
-
-const fn protocol(protocol: Protocol) -> &'static str {
-    match protocol {
-        Protocol::Dynamixel1 => "DYNAMIXEL Protocol 1.0",
-        Protocol::Dynamixel2 => "DYNAMIXEL Protocol 2.0",
-        Protocol::FeetechSts => "FEETECH STS and SMS",
-        Protocol::FeetechScs => "FEETECH SCS",
-    }
 }
 
 fn show_servo(servo: &Servo) -> String {
