@@ -104,16 +104,13 @@ impl Job<'_> {
         };
         self.report.sensors.sort_by(|a, b| a.name.cmp(&b.name));
         drop(kept);
-        let (left, result) = match done {
-            Ok(Some((mut recorder, Some(ready)))) => {
+        let (left, result) = done;
+        match left {
+            Some((mut recorder, Some(ready))) => {
                 recorder.finish(&mut self.report.run, &ready.connection);
-                (None, Ok(()))
             }
-            Ok(left) => (left.map(|(recorder, _)| recorder), Ok(())),
-            Err((error, left)) => (left, Err(error)),
-        };
-        if let Some(mut recorder) = left {
-            recorder.finish_without_robot(&mut self.report.run);
+            Some((mut recorder, None)) => recorder.finish_without_robot(&mut self.report.run),
+            None => {}
         }
         result
     }
@@ -176,18 +173,19 @@ impl Job<'_> {
         answers: Answers,
         tell: Sender<String>,
         clock: &dyn Clock,
-    ) -> Result<Option<(RunRecorder, Option<Ready>)>, (Error, Option<RunRecorder>)> {
+    ) -> (Option<Recorded>, Result<(), Error>) {
         let guided = match self.calibrated(sensors, clock) {
             Ok(guided) => guided,
             Err(ended) => {
                 let kept = worth_keeping(recorder, ready.as_ref());
-                return match ended {
-                    Ended::Failed(error) => Err((error, kept)),
+                let result = match ended {
+                    Ended::Failed(error) => Err(error),
                     Ended::Stopped => {
                         self.report.run.describe_stopped();
-                        Ok(kept.map(|recorder| (recorder, None)))
+                        Ok(())
                     }
                 };
+                return (kept.map(|recorder| (recorder, None)), result);
             }
         };
         self.report.body = Some(BodyReport::of(&guided));
@@ -195,20 +193,24 @@ impl Job<'_> {
         self.report.worn = wearing.worn();
         let naming = match self.naming(recorder.as_ref()) {
             Ok(naming) => naming,
-            Err(error) => return Err((error, worth_keeping(recorder, ready.as_ref()))),
+            Err(error) => {
+                let kept = worth_keeping(recorder, ready.as_ref());
+                return (kept.map(|recorder| (recorder, None)), Err(error));
+            }
         };
         let mut body = Body::new(sensors, wearing, self.person, tell, self.order.time);
         body.naming = naming;
         body.answers = answers;
         let done = match (ready, recorder) {
             (Some(ready), Some(recorder)) if !self.order.dry_run => {
-                let run = self.mirrored(&mut body, ready, recorder);
-                let run = run.map(|run| run.map(|(recorder, ready)| (recorder, Some(ready))));
-                run.map_err(|error| (error, None))
+                match self.mirrored(&mut body, ready, recorder) {
+                    Ok(run) => (run.map(|(recorder, ready)| (recorder, Some(ready))), Ok(())),
+                    Err(error) => (None, Err(error)),
+                }
             }
             (ready, recorder) => {
                 self.show(&mut body, clock);
-                Ok(recorder.map(|recorder| (recorder, ready)))
+                (recorder.map(|recorder| (recorder, ready)), Ok(()))
             }
         };
         body.describe(&mut self.report);
@@ -443,6 +445,9 @@ impl Job<'_> {
         self.report.run.outcome = Outcome::Done;
     }
 }
+
+/// A recording that is to be closed, and the robot that it is of.
+type Recorded = (RunRecorder, Option<Ready>);
 
 /// The recording of a run that came to nothing. Of a robot nothing was played: it would only be in the way. Without one,
 /// what sensors said is what was asked for.
