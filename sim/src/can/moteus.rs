@@ -199,7 +199,7 @@ impl Moteus {
     ) {
         match subframe {
             Subframe::Write { width, start, values } => {
-                for (register, bytes) in (start..).zip(values.chunks(width.bytes())) {
+                for (register, bytes) in (start..=u32::MAX).zip(values.chunks(width.bytes())) {
                     let value = match (width, bytes) {
                         (Width::Float, &[a, b, c, d]) => f32::from_le_bytes([a, b, c, d]).into(),
                         _ => get(bytes, register),

@@ -597,6 +597,9 @@ mod moteus {
         let mut bench = Bench::new("moteus-r4", 1);
         let bytes = answer(&mut bench, &[0x11, 0xFF, 0x0F]);
         assert_eq!(bytes[..4], [0x31, 0xFF, 0x0F, 2]);
+        // The last register there could be, and one beyond.
+        let bytes = answer(&mut bench, &[0x02, 0xFF, 0xFF, 0xFF, 0xFF, 0x0F, 7, 7]);
+        assert_eq!(bytes[..7], [0x30, 0xFF, 0xFF, 0xFF, 0xFF, 0x0F, 2]);
         assert!(ask(&mut bench, 0x8002, &[0x11, 0x00]).is_empty());
         assert!(ask(&mut bench, 0x0001, &[0x11, 0x00]).is_empty(), "no answer was asked for");
     }
