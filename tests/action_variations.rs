@@ -67,14 +67,14 @@ fn spread_of(rows: &[Vec<f64>]) -> f64 {
 
 #[test]
 fn feet_of_variations_hold_and_few_are_rejected() {
-    // Of 600 less than a third of runs and jumps is repaired, and half of hops; so few scatter.
+    // Of 600 less than a third of runs is repaired; so few scatter.
     for (action, most_repaired, slides_m, root_m_s2) in [
         ("walk", 0.3, 0.005, 18.0),
         ("run", 0.45, 0.005, 18.0),
-        ("jump", 0.45, 0.005, 18.0),
+        ("jump", 0.3, 0.005, 18.0),
         ("kick-r", 0.2, 0.005, 18.0),
         ("box-r", 0.1, 0.005, 18.0),
-        ("hop", 0.6, 0.005, 18.0),
+        ("hop", 0.1, 0.005, 18.0),
         ("throw-r", 0.1, 0.005, 18.0),
     ] {
         let made = variations(action, Spread::default());
@@ -95,7 +95,8 @@ fn feet_of_variations_hold_and_few_are_rejected() {
             let flies = footing.flying(0..varied.motion.pose_count(RATE_HZ).expect("poses")) > 0.0;
             let most_m_s2 = if flies { 40.0 } else { root_m_s2 };
             assert!(footing.root_acceleration_m_s2() < most_m_s2, "{told}");
-            let comes_back = !["walk", "run"].contains(&action);
+            // Hops go on and on, and wander.
+            let comes_back = !["walk", "run", "hop"].contains(&action);
             assert!(!comes_back || footing.travel_m().1 < 0.02, "{told}, {:?}", footing.travel_m());
         }
         let share = f64::from(rejected) / f64::from(COUNT + rejected);

@@ -184,6 +184,9 @@ impl Variations {
     pub fn of(corpus: Corpus) -> Result<Self, Error> {
         let Corpus { parts, spread, body, join, .. } = &corpus;
         let bounds = FootingBounds::of(&phrase::performed_by(parts, *join, body)?.motion, body)?;
+        // Who hops on the spot for long wanders, since no two hops are alike.
+        let goes_round = parts.iter().any(|part| part.action.cyclic.is_some());
+        let bounds = if goes_round { bounds.map(FootingBounds::wherever) } else { bounds };
         let draws = if bounds.is_some() { DRAWS } else { 1 };
         // To either side of the body itself; the cast saturates, and not-a-number becomes zero.
         let steps = (spread.stature / RUNG).ceil() as usize;

@@ -54,7 +54,7 @@ const SETTLES: usize = 3;
 /// ... each time by all of what would still them, or by half of it and so on: so often.
 const HALVINGS: usize = 4;
 /// A draw whose feet do not come back is moved so often by how its own soles answer, as each move tells.
-const LEARNS: usize = 16;
+const LEARNS: usize = 40;
 /// Legs are drawn further to make up for what feet that hold take away, at most so many times.
 const MOST_FURTHER: f64 = 1.25;
 /// More seams of legs are not looked at: a capture's many actionlets are varied as they are drawn.
@@ -457,7 +457,7 @@ impl Footstep<'_> {
                 |there: &Seen| there.off.norm_squared() + self.moved.norm_squared() < now;
             match there.filter(is_better) {
                 Some(better) => (seen, part) = (better, 1.0),
-                None => (self.moved, part) = (from, part / 2.0),
+                None => (self.moved, part) = (from, if part > 0.1 { part / 2.0 } else { 1.0 }),
             }
         }
     }
