@@ -1,7 +1,7 @@
 //! Recordings on a disk made of memory: what goes in comes out, and whatever the disk does, what
 //! was stored before stays readable and nothing is made up.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io;
 use std::sync::mpsc::channel;
 use std::time::Duration;
@@ -236,8 +236,8 @@ fn a_chunk_with_a_wrong_checksum_is_left_out_and_the_next_ones_are_read() {
     record(&disk, 12, EACH_CYCLE);
     let mut bytes = disk.bytes();
     let lengths = disk.lengths();
-    // 100 bytes into the sixth cycle's chunk: past its header of 49 bytes, inside a message.
-    bytes[lengths[5] + 100] ^= 0x01;
+    // Just before the end of the sixth cycle's chunk: inside its last message.
+    bytes[lengths[6] - 20] ^= 0x01;
     let recording = Recording::from_source(bytes.as_slice()).unwrap();
     let expected: Vec<_> = (0..12).filter(|&n| n != 5).map(cycle).collect();
     assert_eq!(recording.cycles, expected);
@@ -275,6 +275,27 @@ fn a_disk_that_fails_at_any_call_keeps_what_was_stored_and_every_message_is_coun
     }
     // Start, ten cycles and end with two calls each, but the end is synchronised with the summary.
     assert_eq!(call, 2 * (1 + cycles) + 3 + 1);
+}
+
+#[test]
+fn a_disk_that_is_full_after_any_byte_holds_just_the_messages_that_were_counted_as_stored() {
+    let cycles = 6;
+    let total = (0..cycles).map(messages).sum::<u64>() + 2;
+    let whole = MemoryDisk::default();
+    record(&whole, cycles, EACH_CYCLE);
+    let (first, all) = (whole.lengths()[0], whole.bytes().len());
+    let mut seen = BTreeSet::new();
+    for room in (first..all).step_by(29) {
+        let disk = MemoryDisk::with_room_for(room);
+        let summary = record(&disk, cycles, EACH_CYCLE);
+        assert_eq!(summary.messages + summary.lost, total, "{room} bytes");
+        let recording = Recording::from_source(disk.bytes().as_slice()).unwrap();
+        let of_cycles = (0..recording.cycles.len() as u64).map(messages).sum::<u64>();
+        let of_run = u64::from(recording.start.is_some()) + u64::from(recording.end.is_some());
+        assert_eq!(of_cycles + of_run, summary.messages, "{room} bytes");
+        seen.insert(recording.cycles.len());
+    }
+    assert_eq!(seen, (0..=6).collect(), "full in each cycle, and after the last");
 }
 
 #[test]

@@ -410,24 +410,26 @@ impl<D: Disk> Log<D> {
 
     fn close_chunk(&mut self) -> Result<(), String> {
         self.mcap.close_chunk()?;
-        self.append()
+        let chunks = self.mcap.take_chunks();
+        self.append(&chunks)?;
+        self.summary.messages += self.in_chunk;
+        self.since_sync += self.in_chunk;
+        (self.in_chunk, self.chunk_bytes) = (0, 0);
+        Ok(())
     }
 
     fn close_file(&mut self) -> Result<(), String> {
         // The chunk goes first and alone, so that a failure in the summary loses no message.
         self.close_chunk()?;
         self.mcap.finish()?;
-        self.append()?;
+        let rest = self.mcap.take();
+        self.append(&rest)?;
         self.sync()
     }
 
-    fn append(&mut self) -> Result<(), String> {
-        let bytes = self.mcap.take();
-        self.disk.append(&bytes).map_err(|error| error.to_string())?;
+    fn append(&mut self, bytes: &[u8]) -> Result<(), String> {
+        self.disk.append(bytes).map_err(|error| error.to_string())?;
         self.summary.bytes += bytes.len() as u64;
-        self.summary.messages += self.in_chunk;
-        self.since_sync += self.in_chunk;
-        (self.in_chunk, self.chunk_bytes) = (0, 0);
         Ok(())
     }
 

@@ -14,6 +14,8 @@ pub(super) struct McapFile {
     packing: Compression,
     /// Added and not yet taken.
     added: Vec<u8>,
+    /// Of these up to the end of the last chunk.
+    chunks_end: usize,
     /// Of everything up to here.
     position: u64,
     crc: Crc,
@@ -43,6 +45,7 @@ impl McapFile {
         let mut file = Self {
             packing,
             added: Vec::new(),
+            chunks_end: 0,
             position: 0,
             crc: Crc::default(),
             chunk: Chunk::default(),
@@ -65,7 +68,17 @@ impl McapFile {
 
     /// What was added since this was last asked.
     pub(super) fn take(&mut self) -> Vec<u8> {
+        self.chunks_end = 0;
         take(&mut self.added)
+    }
+
+    /// Of what was added since, all up to the end of the last chunk. The index of a chunk is taken with
+    /// what follows: a disk that is full after a chunk has stored all of its messages, and one that is
+    /// full before has stored none.
+    pub(super) fn take_chunks(&mut self) -> Vec<u8> {
+        let rest = self.added.split_off(self.chunks_end);
+        self.chunks_end = 0;
+        std::mem::replace(&mut self.added, rest)
     }
 
     /// The number of a schema; the same again if it is known.
@@ -157,6 +170,7 @@ impl McapFile {
         self.add(&head);
         self.add(&packed);
         let ends = self.position;
+        self.chunks_end = self.added.len();
         let mut offsets = Vec::new();
         for (channel, places) in places {
             offsets.extend(channel.to_le_bytes());

@@ -18,12 +18,20 @@ struct Memory {
     calls: u64,
     /// The call that fails; an append writes half of its bytes first.
     fails_at: Option<u64>,
+    /// How much it holds; an append writes what there is room for first.
+    room: Option<usize>,
 }
 
 impl MemoryDisk {
     pub fn failing_at(call: u64) -> Self {
         let disk = Self::default();
         disk.memory().fails_at = Some(call);
+        disk
+    }
+
+    pub fn with_room_for(bytes: usize) -> Self {
+        let disk = Self::default();
+        disk.memory().room = Some(bytes);
         disk
     }
 
@@ -60,7 +68,14 @@ impl Disk for MemoryDisk {
     fn append(&mut self, bytes: &[u8]) -> io::Result<()> {
         let mut memory = self.memory();
         let called = memory.call();
-        let stored = if called.is_ok() { bytes } else { &bytes[..bytes.len() / 2] };
+        let room = memory.room.map_or(usize::MAX, |room| room - memory.bytes.len());
+        let (stored, called) = match called {
+            Err(failed) => (&bytes[..bytes.len() / 2], Err(failed)),
+            Ok(()) if bytes.len() > room => {
+                (&bytes[..room], Err(io::ErrorKind::StorageFull.into()))
+            }
+            Ok(()) => (bytes, Ok(())),
+        };
         memory.bytes.extend_from_slice(stored);
         let length = memory.bytes.len();
         memory.lengths.push(length);
