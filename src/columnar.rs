@@ -537,19 +537,27 @@ fn values<T: DataType>(
 }
 
 fn unreadable(cause: ParquetError, path: &Path) -> Error {
-    Error::of(kind_of(&cause).unwrap_or(ErrorKind::Malformed), "the table cannot be read")
+    let kind = of_system(&cause).map_or(ErrorKind::Malformed, Into::into);
+    Error::of(kind, "the table cannot be read")
         .at(path.display().to_string())
         .got(cause.to_string())
 }
 
 fn unwritable(cause: ParquetError) -> Error {
-    Error::of(kind_of(&cause).unwrap_or(ErrorKind::Io), "the table cannot be written")
-        .got(cause.to_string())
+    unwritten("the table cannot be written", &cause)
 }
 
-fn kind_of(cause: &ParquetError) -> Option<ErrorKind> {
+/// What the system said when a table was to be written, with what to do about it.
+pub fn unwritten(what: &str, cause: &ParquetError) -> Error {
+    match of_system(cause) {
+        Some(io) => Error::unwritten(what, io),
+        None => Error::of(ErrorKind::Io, what).got(cause.to_string()),
+    }
+}
+
+fn of_system(cause: &ParquetError) -> Option<&io::Error> {
     let ParquetError::External(inner) = cause else { return None };
-    inner.downcast_ref().map(|io: &io::Error| io.into())
+    inner.downcast_ref()
 }
 
 #[cfg(test)]

@@ -99,16 +99,28 @@ fn by_duckdb(folder: &Path, by_frame: bool, conditions: &[String]) -> Option<Vec
     Some(serde_json::from_slice(&output.stdout).expect("JSON"))
 }
 
+/// A corpus of so many trials, one of so many with frames, so many random questions (ours, and as DuckDB has them), and its answers.
+fn asked(
+    name: &str,
+    seed: u64,
+    [trials, framed, questions]: [usize; 3],
+    frames: bool,
+) -> Option<(Store, Vec<(String, String)>, Vec<Vec<String>>)> {
+    let folder = folder(name).join("made");
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    made::corpus(&folder, trials, framed, &mut random);
+    let questions: Vec<(String, String)> =
+        (0..questions).map(|n| made::question(&mut random, n % 4, frames)).collect();
+    let conditions: Vec<String> = questions.iter().map(|(_, sql)| sql.clone()).collect();
+    let expected = by_duckdb(&folder, frames, &conditions)?;
+    Some((Store::open(&folder).expect("a corpus"), questions, expected))
+}
+
 #[test]
 fn duckdb_gives_the_same_trials_to_two_hundred_random_questions() {
-    let folder = folder("duckdb").join("made");
-    let mut random = ChaCha8Rng::seed_from_u64(17);
-    made::corpus(&folder, 2400, 7, &mut random);
-    let questions: Vec<(String, String)> =
-        (0..200).map(|n| made::question(&mut random, n % 4, false)).collect();
-    let conditions: Vec<String> = questions.iter().map(|(_, sql)| sql.clone()).collect();
-    let Some(expected) = by_duckdb(&folder, false, &conditions) else { return };
-    let store = Store::open(&folder).expect("a corpus");
+    let Some((store, questions, expected)) = asked("duckdb", 17, [2400, 7, 200], false) else {
+        return;
+    };
     let (mut skipped, mut answered) = (0, BTreeSet::new());
     for ((question, sql), expected) in questions.iter().zip(expected) {
         let asked = Question::parse(question).expect(question);
@@ -139,14 +151,9 @@ fn duckdb_gives_the_same_trials_to_two_hundred_random_questions() {
 
 #[test]
 fn duckdb_gives_the_same_frames_to_a_hundred_random_questions() {
-    let folder = folder("duckdb-frames").join("made");
-    let mut random = ChaCha8Rng::seed_from_u64(18);
-    made::corpus(&folder, 240, 1, &mut random);
-    let questions: Vec<(String, String)> =
-        (0..100).map(|n| made::question(&mut random, n % 4, true)).collect();
-    let conditions: Vec<String> = questions.iter().map(|(_, sql)| sql.clone()).collect();
-    let Some(expected) = by_duckdb(&folder, true, &conditions) else { return };
-    let store = Store::open(&folder).expect("a corpus");
+    let Some((store, questions, expected)) = asked("duckdb-frames", 18, [240, 1, 100], true) else {
+        return;
+    };
     for ((question, sql), expected) in questions.iter().zip(expected) {
         let asked = Question::parse(question).expect(question);
         let selection = Selection::new(&store, &asked, true).expect(question);
@@ -266,7 +273,12 @@ fn a_disk_that_is_full_leaves_the_corpus_as_it_was() {
         let output = std::process::Command::new("sh").args(["-c", &script, program::PATH]).output();
         let output = output.expect("the program");
         assert_eq!(output.status.code(), Some(1), "{}", words(&output));
-        assert!(words(&output).contains("File too large"), "{}", words(&output));
+        // What, where, got, what to do.
+        let said = words(&output);
+        for part in ["File too large", &*moves, "to do     write to a disk"] {
+            let part = part.replace("to do     ", "to do    ");
+            assert!(said.contains(&part), "{part}: {said}");
+        }
         assert_eq!(report(&["query", &moves])["version"], before);
         assert!(!Path::new(&moves).join(".new").exists(), "{blocks}: what was begun is gone");
         assert!(corpus(&["check", &moves]).status.success());
@@ -444,6 +456,17 @@ fn labels_of_tables_and_of_frames_are_asked_by_trial_and_by_frame() {
         1
     );
     assert!(corpus(&["check", &moves]).status.success());
+    // Labels of other clips than those that are added.
+    fs::write(&table, "file,class\nbow.bvh,bow\nelsewhere/nod.bvh,nod\n").expect("a table");
+    let other = report(&["add", &moves, &clips_shown, "--labels", &table, "--action", "x"]);
+    let note = other["notes"][0].as_str().expect("a note");
+    assert!(note.contains("1 clips") && note.contains("elsewhere/nod.bvh"), "{note}");
+    let file = folder.join("file");
+    fs::write(&file, "mine").expect("a file");
+    let refused = corpus(&["export", &moves, "--format", "bvh", "-o", &shown(&file)]);
+    let said = words(&refused);
+    assert!(said.contains("a folder is to be") && said.contains("to do"), "{said}");
+    assert_eq!(fs::read_to_string(&file).expect("a file"), "mine");
 }
 
 #[test]

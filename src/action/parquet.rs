@@ -6,6 +6,7 @@
 use crate::action::corpus::{Batch, Corpus, Pieces, VariationRow};
 use crate::action::frames;
 use crate::body::Dof;
+use crate::columnar;
 use crate::columnar::pages::ZstdPages;
 use crate::error::{Error, ErrorKind};
 use bytes::Bytes;
@@ -26,7 +27,7 @@ use parquet::schema::parser::parse_message_type;
 use parquet::schema::types::{ColumnPath, SchemaDescriptor, TypePtr};
 use std::borrow::Cow;
 use std::fs::File;
-use std::io::{self, Read, Seek, SeekFrom, Write};
+use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -580,9 +581,5 @@ impl SetEnd {
 }
 
 fn unwritable(cause: ParquetError) -> Error {
-    let kind = match &cause {
-        ParquetError::External(inner) => inner.downcast_ref().map(|io: &io::Error| io.into()),
-        _ => None,
-    };
-    Error::of(kind.unwrap_or(ErrorKind::Io), "cannot write the corpus").got(cause.to_string())
+    columnar::unwritten("cannot write the corpus", &cause)
 }

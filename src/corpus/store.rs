@@ -86,6 +86,11 @@ fn failed(what: &str, path: &Path, cause: &io::Error) -> Error {
     Error::of(cause.into(), what).at(path.display().to_string()).got(cause.to_string())
 }
 
+/// The same where something was to be written: a full disk and its like have a remedy.
+fn unwritten(what: &str, path: &Path, cause: &io::Error) -> Error {
+    Error::unwritten(what, cause).at(path.display().to_string())
+}
+
 fn synced_folder(folder: &Path) {
     // Some file systems cannot synchronise a folder; its files are worth having even so.
     let _ = File::open(folder).and_then(|folder| folder.sync_all());
@@ -134,7 +139,7 @@ impl Store {
                 .at(root.display().to_string())
                 .remedy("add to it with `gaitway corpus add`, or choose another folder"));
         }
-        fs::create_dir_all(root).map_err(|e| failed("cannot make the folder", root, &e))?;
+        fs::create_dir_all(root).map_err(|e| unwritten("cannot make the folder", root, &e))?;
         let lock = locked(root)?;
         let entries = fs::read_dir(root).map_err(|e| failed("cannot read the folder", root, &e))?;
         // What a killed process left of a new corpus.
@@ -252,10 +257,7 @@ impl Store {
     pub fn subjects(&self) -> Result<Vec<SubjectEntry>, Error> {
         let mut found = Vec::new();
         for note in self.files(SUBJECTS) {
-            let table = self.table(&note.path)?;
-            for group in 0..table.groups() {
-                found.extend(subjects_of(&self.columns(&table, &self.schemas.subjects, group)?)?);
-            }
+            found.extend(self.rows_in(note, &self.schemas.subjects, subjects_of)?);
         }
         Ok(found)
     }
@@ -274,14 +276,8 @@ impl Store {
     /// # Errors
     /// A table that cannot be read.
     pub fn trials_in(&self, note: &FileNote) -> Result<Vec<TrialEntry>, Error> {
-        let table = self.table(&note.path)?;
-        let mut found = Vec::new();
-        for group in 0..table.groups() {
-            let columns = self.columns(&table, &self.schemas.trials, group);
-            let trials = columns.and_then(|columns| trials_of(&columns, &note.set, &note.action));
-            found.extend(trials.map_err(|error| error.in_file(&self.path(&note.path)))?);
-        }
-        Ok(found)
+        let of = |columns: &[Column]| trials_of(columns, &note.set, &note.action);
+        self.rows_in(note, &self.schemas.trials, of)
     }
 
     /// The labels in a file of labels.
@@ -289,12 +285,21 @@ impl Store {
     /// # Errors
     /// A table that cannot be read.
     pub fn labels_in(&self, note: &FileNote) -> Result<Vec<LabelEntry>, Error> {
+        let of = |columns: &[Column]| labels_of(columns, &note.set, &note.action);
+        self.rows_in(note, &self.schemas.labels, of)
+    }
+
+    fn rows_in<T>(
+        &self,
+        note: &FileNote,
+        schema: &TableSchema,
+        of: impl Fn(&[Column]) -> Result<Vec<T>, Error>,
+    ) -> Result<Vec<T>, Error> {
         let table = self.table(&note.path)?;
         let mut found = Vec::new();
         for group in 0..table.groups() {
-            let columns = self.columns(&table, &self.schemas.labels, group);
-            let labels = columns.and_then(|columns| labels_of(&columns, &note.set, &note.action));
-            found.extend(labels.map_err(|error| error.in_file(&self.path(&note.path)))?);
+            let rows = self.columns(&table, schema, group).and_then(|columns| of(&columns));
+            found.extend(rows.map_err(|error| error.in_file(&self.path(&note.path)))?);
         }
         Ok(found)
     }
@@ -550,7 +555,7 @@ impl Store {
         }
         let stage = self.path(STAGE);
         fs::create_dir_all(&stage)
-            .map_err(|e| failed("cannot write into the corpus", &stage, &e))?;
+            .map_err(|e| unwritten("cannot write into the corpus", &stage, &e))?;
         let sum = RowSum::of(&self.version.version).ok_or_else(|| {
             Error::of(ErrorKind::Malformed, "the version of the corpus is none")
                 .at(self.path(VERSION).display().to_string())
@@ -605,7 +610,8 @@ impl Store {
             output.sync_data()?;
             Ok(hash.finish())
         };
-        let found = copy().map_err(|e| failed("cannot copy the file into the corpus", from, &e))?;
+        let found =
+            copy().map_err(|e| unwritten("cannot copy the file into the corpus", from, &e))?;
         if sha256.is_some_and(|known| known != found) {
             return Err(Error::new("the file changed while it was added")
                 .at(from.display().to_string())
@@ -633,11 +639,17 @@ impl Store {
             _ => self.named(step, &folder),
         };
         let (staged, path) = self.staged(step);
-        let unwritable = |e: &io::Error| failed("cannot write into the corpus", &path, e);
+        let unwritable = |e: &io::Error| unwritten("cannot write into the corpus", &self.root, e);
         let file = File::create(&path).map_err(|e| unwritable(&e))?;
-        let mut rows_written = TableFile::new(schema, BufWriter::new(file), Vec::new())?;
-        let rows = fill(&mut rows_written)?;
-        let file = rows_written.finish()?.into_inner().map_err(|e| unwritable(e.error()))?;
+        let of_corpus = |error: Error| match error.place {
+            None => error.at(self.root.display().to_string()),
+            Some(_) => error,
+        };
+        let written = TableFile::new(schema, BufWriter::new(file), Vec::new());
+        let mut table_file = written.map_err(of_corpus)?;
+        let rows = fill(&mut table_file).map_err(of_corpus)?;
+        let file = table_file.finish().map_err(of_corpus)?;
+        let file = file.into_inner().map_err(|e| unwritable(e.error()))?;
         file.sync_data().map_err(|e| unwritable(&e))?;
         drop(file);
         let (sha256, bytes) = hash_of(&path)?;
@@ -883,7 +895,7 @@ impl Store {
             let path = self.path(to);
             let folder = path.parent().unwrap_or(&self.root);
             fs::create_dir_all(folder)
-                .map_err(|e| failed("cannot write into the corpus", folder, &e))?;
+                .map_err(|e| unwritten("cannot write into the corpus", folder, &e))?;
         }
         let kept: BTreeSet<&String> = step.moves.iter().map(|(_, to)| to).collect();
         let gone = step.gone.iter().filter(|path| !kept.contains(path)).cloned().collect();
@@ -972,13 +984,14 @@ fn recover(root: &Path, _lock: &File) -> Result<(), Error> {
     for (from, to) in &journal.moves {
         let (from, to) = (root.join(from), root.join(to));
         if let Some(folder) = to.parent() {
-            fs::create_dir_all(folder).map_err(|e| failed("cannot make the folder", folder, &e))?;
+            fs::create_dir_all(folder)
+                .map_err(|e| unwritten("cannot make the folder", folder, &e))?;
             folders.insert(folder.to_owned());
         }
         match fs::rename(&from, &to) {
             // It was done before the process was killed.
             Err(e) if e.kind() == io::ErrorKind::NotFound && to.exists() => {}
-            Err(e) => return Err(failed("cannot give a file of the corpus its name", &to, &e)),
+            Err(e) => return Err(unwritten("cannot give a file of the corpus its name", &to, &e)),
             Ok(()) => {}
         }
     }

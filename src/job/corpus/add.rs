@@ -20,7 +20,7 @@ use crate::mocap::anatomy::Capture;
 use crate::session::manifest::Manifest;
 use crate::toml_text::{from_toml, plain_words};
 use serde::Serialize;
-use std::collections::{BTreeMap, HashMap, HashSet};
+use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 /// So many frames, or trials, are added in one step: what a kill loses is less than that.
@@ -105,6 +105,26 @@ enum Piece {
     Variations(PathBuf),
 }
 
+impl Piece {
+    /// The file that labels may name.
+    fn file(&self) -> Option<PathBuf> {
+        match self {
+            Self::Motion(source) => Some(PathBuf::from(source)),
+            Self::OfSession(path) => Some(path.clone()),
+            Self::Variations(_) => None,
+        }
+    }
+}
+
+/// Labels that name nothing of what is added are told: a folder may be another one than was meant.
+fn unused_note(unused: &BTreeSet<&str>) -> Option<String> {
+    let first = unused.first()?;
+    Some(format!(
+        "labels of {} clips name nothing that is added here, such as {first}",
+        unused.len()
+    ))
+}
+
 struct Planned {
     piece: Piece,
     about: AboutTrial,
@@ -135,7 +155,10 @@ pub fn add(order: &AddOrder, observer: &dyn Observer) -> Result<AddReport, Error
     let Planning { mut planned, subjects, labels, .. } = planning;
     // Trials of one partition go into one file.
     planned.sort_by(|a, b| (&a.about.set, &a.about.action).cmp(&(&b.about.set, &b.about.action)));
+    let files: Vec<PathBuf> = planned.iter().filter_map(|of| of.piece.file()).collect();
+    let unused = unused_note(&labels.unused(&files));
     let mut adding = Adding::of(order, store, subjects, labels)?;
+    adding.report.notes.extend(unused);
     let single = planned.len() == 1;
     let total = planned.len() as u64;
     for (done, one) in planned.iter().enumerate() {
@@ -735,9 +758,14 @@ impl<'a> Adding<'a> {
             entries.push(entry);
             Ok(())
         })?;
-        let mut known = Vec::new();
+        let mut known: HashMap<String, Vec<LabelEntry>> =
+            ids.iter().map(|id| ((*id).to_owned(), Vec::new())).collect();
         for note in self.store.files(LABELS) {
-            known.extend(self.store.labels_in(note)?);
+            for label in self.store.labels_in(note)? {
+                if let Some(of_trial) = known.get_mut(&label.trial) {
+                    of_trial.push(label);
+                }
+            }
         }
         let mut more = Vec::new();
         for entry in &entries {
@@ -746,7 +774,9 @@ impl<'a> Adding<'a> {
                 let labels = self.labels.entries(file, self.annotator(), frames, entry.rate_hz)?;
                 for mut label in labels {
                     placed(&mut label, entry);
-                    if !known.contains(&label) && !more.contains(&label) {
+                    let of_trial = known.entry(entry.trial.clone()).or_default();
+                    if !of_trial.contains(&label) {
+                        of_trial.push(label.clone());
                         more.push(label);
                     }
                 }

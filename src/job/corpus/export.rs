@@ -266,14 +266,17 @@ fn chosen(
 }
 
 fn unwritable(path: &Path, cause: &std::io::Error) -> Error {
-    Error::of(cause.into(), "the export cannot be written")
-        .at(path.display().to_string())
-        .got(cause.to_string())
+    Error::unwritten("the export cannot be written", cause).at(path.display().to_string())
 }
 
 /// A folder for it: empty, or with a part of the same.
 fn begin(order: &ExportOrder, store: &Store) -> Result<(), Error> {
     let folder = &order.folder;
+    if folder.exists() && !folder.is_dir() {
+        return Err(Error::of(ErrorKind::Exists, "there is a file where a folder is to be")
+            .at(folder.display().to_string())
+            .remedy("choose another folder, or a name that does not exist yet"));
+    }
     fs::create_dir_all(folder).map_err(|e| unwritable(folder, &e))?;
     let begun = Begun {
         version: store.version().version.clone(),

@@ -7,6 +7,8 @@ use crate::job::labels::{self, Cut, NOTHING};
 use crate::job::recognise::{EquationReading, models, of_capture};
 use crate::mocap::anatomy::Capture;
 use crate::recognise::model::BodySide;
+use std::collections::{BTreeMap, BTreeSet};
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 /// A label of a clip.
@@ -49,7 +51,8 @@ fn clip_labels(path: &Path, clips: &Path) -> Result<Vec<ClipLabel>, Error> {
 pub struct KnownLabels {
     /// The folder from which on files are named.
     folder: PathBuf,
-    labels: Vec<ClipLabel>,
+    /// By the names of files without their folders.
+    by_name: BTreeMap<OsString, Vec<ClipLabel>>,
 }
 
 impl KnownLabels {
@@ -60,26 +63,44 @@ impl KnownLabels {
     pub fn read(path: &Path, clips: Option<&Path>) -> Result<Self, Error> {
         if !path.is_dir() {
             let folder = path.parent().unwrap_or(Path::new(".")).to_owned();
-            return Ok(Self { labels: clip_labels(path, &folder)?, folder });
+            return Ok(Self::of_labels(clip_labels(path, &folder)?, folder));
         }
         let clips = clips.ok_or_else(|| {
             Error::new("a folder of labels belongs to a folder of clips")
                 .at(path.display().to_string())
                 .remedy("name the folder of clips as what is to be added")
         })?;
-        Ok(Self { labels: clip_labels(path, clips)?, folder: clips.to_owned() })
+        Ok(Self::of_labels(clip_labels(path, clips)?, clips.to_owned()))
+    }
+
+    fn of_labels(labels: Vec<ClipLabel>, folder: PathBuf) -> Self {
+        let mut by_name: BTreeMap<OsString, Vec<ClipLabel>> = BTreeMap::new();
+        for label in labels {
+            let name = Path::new(&label.file).file_name().unwrap_or_default().to_owned();
+            by_name.entry(name).or_default().push(label);
+        }
+        Self { folder, by_name }
     }
 
     /// Labels of a file.
     fn of<'a>(&'a self, file: &'a Path) -> impl Iterator<Item = &'a ClipLabel> {
-        let name = |path: &Path| path.file_name().map(std::ffi::OsStr::to_owned);
-        self.labels.iter().filter(move |label| {
+        let alike = file.file_name().and_then(|name| self.by_name.get(name));
+        alike.into_iter().flatten().filter(move |label| {
             let labelled = self.folder.join(&label.file);
-            // A table of long ago may name files by another folder.
-            labelled == file
-                || (name(&labelled) == name(file)
-                    && labelled.canonicalize().ok() == file.canonicalize().ok())
+            let is_same = |a: PathBuf| file.canonicalize().is_ok_and(|b| a == b);
+            labelled == file || labelled.canonicalize().is_ok_and(is_same)
         })
+    }
+
+    /// Clips that are labelled, and are none of these files.
+    #[must_use]
+    pub fn unused<'a>(&'a self, files: &[PathBuf]) -> BTreeSet<&'a str> {
+        let all = self.by_name.values().flatten();
+        let mut unused: BTreeSet<&str> = all.map(|of| of.file.as_str()).collect();
+        for label in files.iter().flat_map(|file| self.of(file)) {
+            unused.remove(label.file.as_str());
+        }
+        unused
     }
 
     /// What a whole file is, if a label without times says so.

@@ -38,6 +38,9 @@ impl AddReport {
         for (what, all) in [("found", found.len()), ("unread", self.unread.len())] {
             more(&mut text, what, all);
         }
+        for note in &self.notes {
+            let _ = writeln!(text, "remark    {note}");
+        }
         text
     }
 }
