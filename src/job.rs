@@ -21,6 +21,7 @@ pub mod fit;
 pub mod follow;
 pub mod hold;
 pub mod info;
+pub mod info_columns;
 pub mod labels;
 pub mod limp;
 pub mod live;

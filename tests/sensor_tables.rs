@@ -17,6 +17,7 @@ use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::fs;
 use std::path::Path;
+use std::process::Output;
 
 const TWO: &str = r#"
 rate_hz = 50
@@ -293,4 +294,51 @@ fn a_folder_of_texts_is_a_person_with_sensors() {
     let said = orientations(&out);
     assert_eq!(said.keys().collect::<Vec<_>>(), ["00B42D48", "00B42D49"]);
     assert!(said.values().all(|said| said.len() == 3 && said.iter().all(Option::is_some)));
+}
+
+/// What `info` says of a table, with words of the command line behind it.
+fn told(file: &Path, more: &[&str]) -> Output {
+    gaitway().arg("info").arg(file).args(more).output().expect("it runs")
+}
+
+#[test]
+fn info_tells_what_a_declared_table_of_sensors_holds() {
+    let folder = folder("told");
+    let (table, worn) = (folder.join("thigh.csv"), folder.join("worn.toml"));
+    fs::write(&table, raised_thigh()).expect("written");
+    fs::write(&worn, WORN).expect("written");
+    let worn = worn.display().to_string();
+    let json = told(&table, &["--sensors", &worn, "--json"]);
+    let json: serde_json::Value = serde_json::from_slice(&json.stdout).expect("JSON");
+    assert_eq!(json["format"], "sensors");
+    // 1,201 rows, one each hundredth of a second.
+    for sensor in ["hips", "leg"] {
+        let of = &json["sensors"][sensor];
+        assert_eq!(of["samples"], 1201);
+        assert!((of["rate_hz"].as_f64().expect("a rate") - 100.0).abs() < 1e-6, "{of}");
+        assert!((of["duration_s"].as_f64().expect("a time") - 12.0).abs() < 1e-6, "{of}");
+        assert_eq!(of["quantities"], serde_json::json!(["rate", "acceleration", "field"]));
+    }
+    fs::write(&worn, WORN.replace("pgx", "pgq")).expect("written");
+    let refused = told(&table, &["--sensors", &worn]);
+    assert_eq!(refused.status.code(), Some(1));
+    assert!(words(&refused).contains("a declared column is not in the table"), "{refused:?}");
+}
+
+#[test]
+fn info_tells_the_columns_of_a_table_that_nobody_declared_and_how_to_declare_them() {
+    let folder = folder("columns");
+    let table = folder.join("thigh.csv");
+    fs::write(&table, raised_thigh()).expect("written");
+    let said = words(&told(&table, &[]));
+    assert!(said.contains("t: 0 to 12, rises\n"), "{said}");
+    // A body that stands: gravity on what the table calls Y of what it calls the pelvis.
+    assert!(said.contains("pay: 0 to 0\n") && said.contains("pax: 1 to 1\n"), "{said}");
+    assert!(said.contains("1201 rows") && said.contains("--sensors FILE.toml"), "{said}");
+    for (text, why) in [("", "no row"), ("a,b\nx,y\n", "without a number")] {
+        fs::write(&table, text).expect("written");
+        let refused = told(&table, &[]);
+        assert_eq!(refused.status.code(), Some(1));
+        assert!(words(&refused).contains(why), "{}", words(&refused));
+    }
 }

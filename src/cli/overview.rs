@@ -3,12 +3,15 @@
 use crate::job::info::{
     CaptureOverview, FileOverview, MarkerFigures, MarkerOverview, TableOverview,
 };
+use crate::job::info_columns::{ColumnFigures, ColumnsOverview};
 use crate::job::labels::{LabelledAction, LabelsOverview};
 use crate::job::sensors::{SensorFigures, SensorsOverview};
 use std::fmt::Write;
 
 /// Most markers with gaps, channels and events that are told one by one; `--json` has all.
 const MOST: usize = 12;
+/// Most columns of an unknown table that are told one by one.
+const MOST_COLUMNS: usize = 40;
 
 /// What is in a file, for a person.
 pub fn words(overview: &FileOverview) -> String {
@@ -18,7 +21,35 @@ pub fn words(overview: &FileOverview) -> String {
         FileOverview::Table(table) => of_table(table),
         FileOverview::Labels(labels) => of_labels(labels),
         FileOverview::Sensors(sensors) => of_sensors(sensors),
+        FileOverview::Columns(columns) => of_columns(columns),
     }
+}
+
+fn of_columns(overview: &ColumnsOverview) -> String {
+    let mut text = format!("format    {}, {} rows\n", overview.format, overview.rows);
+    if overview.uneven_rows > 0 {
+        let _ = writeln!(text, "uneven    {} rows have not one cell each", overview.uneven_rows);
+    }
+    for column in overview.columns.iter().take(MOST_COLUMNS) {
+        let ColumnFigures { name, numbers, empty, least, greatest, rises } = column;
+        let range = least.zip(*greatest).map(|(least, greatest)| format!("{least} to {greatest}"));
+        let range = range.unwrap_or_else(|| "text".to_owned());
+        let others = overview.rows - numbers.min(&overview.rows) - empty.min(&overview.rows);
+        let _ = write!(text, "column    {name}: {range}");
+        for (count, what) in [(*empty, "empty"), (others, "no number")] {
+            if count > 0 && least.is_some() {
+                let _ = write!(text, ", {count} {what}");
+            }
+        }
+        text.push_str(if *rises { ", rises\n" } else { "\n" });
+    }
+    if overview.columns.len() > MOST_COLUMNS {
+        let _ = writeln!(text, "          {} more: --json", overview.columns.len() - MOST_COLUMNS);
+    }
+    for note in &overview.notes {
+        let _ = writeln!(text, "remark    {note}");
+    }
+    text
 }
 
 fn of_sensors(overview: &SensorsOverview) -> String {

@@ -4,8 +4,9 @@ use super::overview::words;
 use super::report::Outcome;
 use super::{Deed, Output, Remarks};
 use crate::error::Error;
-use crate::job::info::info as file_info;
+use crate::job::info::{FileOverview, info as file_info};
 use crate::job::page::file::page as file_page;
+use crate::job::sensors::overview as sensors_overview;
 use crate::job::source::CaptureOptions;
 use crate::recording::{
     self, Compression, Overview, Recovered, SensorSeries, SourceOverview, sensor_series,
@@ -21,7 +22,8 @@ use std::path::PathBuf;
 #[command(after_help = include_str!("help/recordings.txt"))]
 pub struct InfoArgs {
     /// Recording, finished or not; a capture (.bvh, .amc); a table of OpenSim's (.mot, .sto) or of joint angles (.csv);
-    /// markers (.c3d, .trc, .csm, .csv); labels (.csv, or a folder); sensors of Xsens' (.txt, or a folder)
+    /// markers (.c3d, .trc, .csm, .csv); labels (.csv, or a folder); sensors of Xsens' (.txt, or a folder); any
+    /// other table (.csv)
     file: PathBuf,
     /// Skeleton of an AMC file [default: the .asf file beside it that it is named after]
     #[arg(long, value_name = "FILE.asf")]
@@ -29,6 +31,9 @@ pub struct InfoArgs {
     /// Frames per second of an AMC file [default: what it says, or 120], or of markers that do not say it
     #[arg(long, value_name = "HZ", allow_negative_numbers = true)]
     rate: Option<f64>,
+    /// What the columns of a table of sensors are (TOML, see docs/capture.md)
+    #[arg(long, value_name = "FILE.toml", conflicts_with_all = ["skeleton", "rate", "html"])]
+    sensors: Option<PathBuf>,
     /// Write a page that shows what is in it: the person, the markers, the robot with its joints
     #[arg(long, value_name = "FILE.html")]
     html: Option<PathBuf>,
@@ -48,7 +53,13 @@ pub fn info(args: &InfoArgs) -> Result<i32, Error> {
         rate_hz: args.rate,
         ..CaptureOptions::default()
     };
-    let overview = file_info(&args.file, &options)?;
+    let overview = match &args.sensors {
+        Some(declared) => {
+            let of_table = sensors_overview(&args.file, Some(declared))?;
+            Some(FileOverview::Sensors(of_table))
+        }
+        None => file_info(&args.file, &options)?,
+    };
     if let Some(page) = &args.html {
         args.output.write_file(page, file_page(&args.file, &options)?.as_bytes())?;
     }

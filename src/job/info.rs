@@ -1,5 +1,6 @@
 //! What a capture or a file of markers holds: what a person wants to know before anything is done with it.
 
+use super::info_columns::{self, ColumnsOverview};
 use super::labels::{self, LabelsOverview, label_kind};
 use super::sensors::{self, SensorsOverview};
 use super::source::angles_table;
@@ -28,6 +29,8 @@ pub enum FileOverview {
     Labels(LabelsOverview),
     /// Inertial sensors.
     Sensors(SensorsOverview),
+    /// Columns that are not known.
+    Columns(ColumnsOverview),
 }
 
 /// A table of OpenSim's, or of joint angles of the body.
@@ -235,7 +238,7 @@ pub fn info(path: &Path, options: &CaptureOptions) -> Result<Option<FileOverview
     }
     let is = |ending: &str| path.extension().is_some_and(|of| of.eq_ignore_ascii_case(ending));
     if path.is_dir() || is("txt") {
-        let sensors = sensors::overview(path).map_err(|error| match path.is_dir() {
+        let sensors = sensors::overview(path, None).map_err(|error| match path.is_dir() {
             true => error.remedy(
                 "name a file in it; trials of a folder are looked at by `gaitway clean FOLDER --check`",
             ),
@@ -249,13 +252,8 @@ pub fn info(path: &Path, options: &CaptureOptions) -> Result<Option<FileOverview
             .remedy("name the .amc file beside it, which finds its skeleton, or says --skeleton"));
     }
     if is("csv") {
-        return Err(Error::of(ErrorKind::Unknown, "a table whose columns nobody here knows")
-            .at(path.display().to_string())
-            .allowed(
-                "LABEL_x_m, ... of markers; time_s and angles of the body (left_knee_flexion_rad, ...); \
-                 file and class of labels",
-            )
-            .remedy("of inertial sensors: gaitway convert with --sensors FILE.toml, which declares columns"));
+        let text = sensors::text_of(path)?;
+        return info_columns::overview(path, &text).map(|of| Some(FileOverview::Columns(of)));
     }
     Ok(None)
 }

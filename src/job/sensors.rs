@@ -94,13 +94,7 @@ pub fn convert(order: &SensorsOrder) -> Result<SensorsReport, Error> {
             .allowed("a file that ends in .csv, .bvh or .mcap"));
     }
     let in_file = |error: Error| error.in_file(&order.sensors);
-    let declared = match &order.declared {
-        Some(path) => {
-            let text = gaitway_profiles::read_text(path)?;
-            DeclaredSensors::parse(&text).map_err(|error| error.in_file(path))?
-        }
-        None => DeclaredSensors::default(),
-    };
+    let declared = declaration(order.declared.as_deref())?;
     let (mut series, metadata) = read(order, &declared)?;
     let fused = tables::fuse(&mut series, &declared, order.fuse).map_err(in_file)?;
     let samples = series.sensors.iter().map(|(name, said)| (name.clone(), said.len())).collect();
@@ -182,12 +176,15 @@ pub struct SensorFigures {
     pub quantities: Vec<&'static str>,
 }
 
-/// Looks into a text of Xsens' or a folder of them.
+/// Looks into a table of sensors, a text of Xsens' or a folder of them.
 ///
 /// # Errors
-/// A file that cannot be read, or is no such text.
-pub fn overview(path: &Path) -> Result<SensorsOverview, Error> {
-    let series = if path.is_dir() { of_folder(path)? } else { one(path)? };
+/// A file that cannot be read, or is no such text; columns that are not as they are declared.
+pub fn overview(path: &Path, declared: Option<&Path>) -> Result<SensorsOverview, Error> {
+    let series = match ending_of(path).as_str() {
+        "mcap" => recording::sensor_series(path)?,
+        _ => table_of(path, &declaration(declared)?, declared.is_some())?,
+    };
     let figures = |said: &Vec<SensorMoment>| {
         let span_ns = said.first().zip(said.last());
         let span_ns =
@@ -212,33 +209,47 @@ pub fn overview(path: &Path) -> Result<SensorsOverview, Error> {
     Ok(SensorsOverview { format: "sensors", sensors, missed: series.missed })
 }
 
+/// What a file declares of sensors; nothing without one.
+fn declaration(path: Option<&Path>) -> Result<DeclaredSensors, Error> {
+    let Some(path) = path else { return Ok(DeclaredSensors::default()) };
+    let text = gaitway_profiles::read_text(path)?;
+    DeclaredSensors::parse(&text).map_err(|error| error.in_file(path))
+}
+
 /// What the sensors said, and what a recording says beside that.
 fn read(
     order: &SensorsOrder,
     declared: &DeclaredSensors,
 ) -> Result<(SensorSeries, BTreeMap<String, String>), Error> {
     let path = &order.sensors;
+    if ending_of(path) == "mcap" {
+        let series = recording::sensor_series(path)?;
+        let metadata = series.start.as_ref().map(|start| start.metadata.clone());
+        return Ok((series, metadata.unwrap_or_default()));
+    }
+    Ok((table_of(path, declared, order.declared.is_some())?, BTreeMap::new()))
+}
+
+/// What the sensors of a table said.
+fn table_of(
+    path: &Path,
+    declared: &DeclaredSensors,
+    is_declared: bool,
+) -> Result<SensorSeries, Error> {
     let in_file = |error: Error| error.in_file(path);
-    let ending = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
-    let series = match ending.as_str() {
-        "mcap" => {
-            let series = recording::sensor_series(path)?;
-            let metadata = series.start.as_ref().map(|start| start.metadata.clone());
-            return Ok((series, metadata.unwrap_or_default()));
-        }
-        "sto" | "mot" => tables::of_opensim(&opensim::read(path)?).map_err(in_file)?,
-        "csv" if order.declared.is_some() => {
-            tables::of_table(&text_of(path)?, declared).map_err(in_file)?
-        }
-        "csv" => {
-            return Err(Error::new("what the columns of the table are is not declared")
-                .in_file(path)
-                .remedy("declare it in a file: --sensors FILE.toml (docs/capture.md)"));
-        }
-        _ if path.is_dir() => of_folder(path)?,
-        _ => one(path)?,
-    };
-    Ok((series, BTreeMap::new()))
+    match ending_of(path).as_str() {
+        "sto" | "mot" => tables::of_opensim(&opensim::read(path)?).map_err(in_file),
+        "csv" if is_declared => tables::of_table(&text_of(path)?, declared).map_err(in_file),
+        "csv" => Err(Error::new("what the columns of the table are is not declared")
+            .in_file(path)
+            .remedy("declare it in a file: --sensors FILE.toml (docs/capture.md)")),
+        _ if path.is_dir() => of_folder(path),
+        _ => one(path),
+    }
+}
+
+fn ending_of(path: &Path) -> String {
+    path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase()
 }
 
 /// The texts of a folder, a sensor each.
@@ -277,7 +288,8 @@ fn one(path: &Path) -> Result<SensorSeries, Error> {
     tables::of_xsens(&text_of(path)?, name).map_err(|error| error.in_file(path))
 }
 
-fn text_of(path: &Path) -> Result<String, Error> {
+/// The text of a table, of bounded length.
+pub(super) fn text_of(path: &Path) -> Result<String, Error> {
     let unreadable = |cause: std::io::Error| {
         Error::of((&cause).into(), "the table cannot be read").in_file(path).got(cause.to_string())
     };
