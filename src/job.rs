@@ -53,6 +53,7 @@ pub mod simulate;
 pub mod source;
 pub mod synth;
 pub mod taught;
+pub mod weight;
 
 pub use crate::control::net;
 pub use observer::{Event, Nobody, Observer, Progress, Snapshot};

@@ -99,13 +99,16 @@ fn by_duckdb(folder: &Path, by_frame: bool, conditions: &[String]) -> Option<Vec
     Some(serde_json::from_slice(&output.stdout).expect("JSON"))
 }
 
+/// A corpus, questions (ours, and as DuckDB has them), and DuckDB's answers.
+type Asked = (Store, Vec<(String, String)>, Vec<Vec<String>>);
+
 /// A corpus of so many trials, one of so many with frames, so many random questions (ours, and as DuckDB has them), and its answers.
 fn asked(
     name: &str,
     seed: u64,
     [trials, framed, questions]: [usize; 3],
     frames: bool,
-) -> Option<(Store, Vec<(String, String)>, Vec<Vec<String>>)> {
+) -> Option<Asked> {
     let folder = folder(name).join("made");
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     made::corpus(&folder, trials, framed, &mut random);

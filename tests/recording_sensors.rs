@@ -206,6 +206,25 @@ fn a_disk_that_fails_at_any_call_keeps_what_was_stored_and_every_message_is_coun
     assert!(call > 60, "every append and synchronisation failed once: {call}");
 }
 
+/// As a disk is, of which somebody else took the rest: full between a chunk and its index, too.
+#[test]
+fn a_disk_that_is_full_after_any_byte_holds_just_the_messages_that_were_counted_as_stored() {
+    let whole = MemoryDisk::default();
+    let recording = recorder(whole.clone(), EACH_RECORD);
+    record_three(&recording, 3);
+    assert!(recording.finish(end(3)).is_complete());
+    let (first, all) = (whole.lengths()[0], whole.bytes().len());
+    for room in (first..all).step_by(61) {
+        let disk = MemoryDisk::with_room_for(room);
+        let recording = recorder(disk.clone(), EACH_RECORD);
+        record_three(&recording, 3);
+        let summary = recording.finish(end(3));
+        let read: u64 = overview("full", &disk.bytes()).channels.values().sum();
+        assert_eq!(read, summary.messages, "{room} bytes");
+        assert_eq!(summary.messages + summary.lost, 3 * 5 + 2, "{room} bytes");
+    }
+}
+
 #[test]
 fn a_full_disk_is_said_at_once_and_not_at_the_end() {
     let disk = MemoryDisk::failing_at(5);

@@ -111,6 +111,41 @@ fn what_is_said_to_fall_falls() {
     assert!(all[0][0].is_some(), "{all:?}");
 }
 
+/// Falls of a virtual robot with weight, whose own servos move it, beside those of MuJoCo's, on another's servos.
+#[test]
+fn a_virtual_robot_with_weight_falls_and_stays_as_in_mujoco() {
+    let is_long = std::env::var_os("GAITWAY_LONG").is_some();
+    let all = gaitway::action::vocabulary::names();
+    let motions: Vec<&str> =
+        if is_long { all.collect() } else { vec!["walk", "bow", "kick-r", "jump"] };
+    let (mut tables, mut fell) = (Vec::new(), Vec::new());
+    for motion in motions {
+        let Some((table, _)) = retargeted(motion, &format!("weight-{motion}")) else { continue };
+        let played = program::gaitway()
+            .args(["play", motion, "--robot", "op3", "--bus", "sim", "--json"])
+            .args(["--physics", "--allow-fall"])
+            .output()
+            .expect("the command");
+        let report: Value = serde_json::from_slice(&played.stdout).expect("JSON");
+        fell.push((motion, report["fell_at_s"].is_number()));
+        tables.push(table);
+    }
+    let Some(judged) = judged(&tables, &[AS_IT_IS]) else { return };
+    let mut otherwise = Vec::new();
+    for ((motion, fell), judged) in fell.iter().zip(&judged) {
+        if *fell != judged[0].is_some() {
+            otherwise.push(format!("{motion}: fell {fell}, in MuJoCo {:?}", judged[0]));
+        }
+    }
+    aloud!(
+        "{} of {} as in MuJoCo; {}",
+        fell.len() - otherwise.len(),
+        fell.len(),
+        otherwise.join(", ")
+    );
+    assert!(otherwise.len() <= fell.len() / 10, "{}", otherwise.join(", "));
+}
+
 #[test]
 fn of_all_captures_falls_and_stays_are_predicted() {
     if std::env::var_os("GAITWAY_LONG").is_none() {

@@ -43,6 +43,8 @@ pub(crate) use terminal::Terminal;
 
 /// The world is moved on at least this often, so that nothing piles up in a long silence.
 const KEEP_UP_NS: u64 = 250_000_000;
+/// A body costs more, and nobody who asks is to wait for what it did in a quarter of a second.
+const BEAR_NS: u64 = 10_000_000;
 
 /// Bytes taken of a program at once; a program that writes without end must not hold the door.
 const MOST_TAKEN: usize = 1 << 16;
@@ -457,12 +459,13 @@ impl Server {
             }
             tell(&mut self.end, &out[..count])?;
         }
-        if now_ns >= self.kept_up_ns + KEEP_UP_NS {
+        let keep_up_ns = if world.has_weight() { BEAR_NS } else { KEEP_UP_NS };
+        if now_ns >= self.kept_up_ns + keep_up_ns {
             self.kept_up_ns = now_ns;
             world.keep_up();
         }
         let next_ns = world.next_on_line_ns(self.line).unwrap_or(u64::MAX);
-        Ok(next_ns.min(now_ns + KEEP_UP_NS))
+        Ok(next_ns.min(now_ns + keep_up_ns))
     }
 
     /// The world was reset: what the line has not taken is lost, and what the program has not read. What

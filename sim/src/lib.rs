@@ -22,6 +22,7 @@ struct Readme;
 
 mod adapter;
 mod bench;
+mod body;
 pub mod can;
 pub mod control;
 mod door;
@@ -47,6 +48,7 @@ pub use gaitway_profiles as profiles;
 
 pub use adapter::Usb;
 pub use bench::{BenchError, BenchServos, bench, profile_name};
+pub use body::{Body, Push, Turned};
 pub use door::{Door, DoorError, LiveCan, PatientTime};
 pub use fault::{Damage, Fault, Struck};
 pub use hand::Hand;
@@ -73,6 +75,9 @@ pub enum SimError {
     /// A CAN actuator is asked for a register by name.
     #[error("{0} is a CAN actuator, and has no registers with names")]
     NoRegisters(String),
+    /// A joint of a body is moved by what knows no body.
+    #[error("{0} is moved by a CAN actuator, and these have no weight to move here")]
+    NoWeight(String),
     /// A servo has no such register.
     #[error("{servo} has no register {register:?}")]
     UnknownRegister {

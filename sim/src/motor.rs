@@ -14,7 +14,9 @@
 //!
 //! f = 3 %, and a constant load of 2 % pulls to negative angles, a stand-in for gravity; both, and
 //! the figures above, are assumed. A shaft at rest stays while |s u - load| <= f, so one without
-//! power stays where it is. A hand ([`crate::Hand`]) is taken from the load. Limits: |u| by the duty limit; |i| by the current limit.
+//! power stays where it is. A hand ([`crate::Hand`]) is taken from the load. Where a body
+//! ([`crate::Body`]) turns the shaft, that has the weight: no load of 2 %, T is that of rotor and gears
+//! alone, and friction is viscous below 2 mrad/s. Limits: |u| by the duty limit; |i| by the current limit.
 //!
 //! The firmware's side runs once a millisecond: the goal generator ([`ramp`]) gives position, speed
 //! and acceleration asked for (p, v, a), and the law in force the duty:
@@ -46,6 +48,11 @@ const LOAD_RATIO: f64 = 0.02;
 const SUPPLY_SAG_RATIO: f64 = 0.06;
 /// A hand lets go of a shaft that is slower, rad/s.
 const STILL_RAD_S: f64 = 1e-3;
+/// Friction of a shaft that a body carries is viscous below this speed, rad/s: it holds what it can hold
+/// but for a tenth of a degree a second.
+const CREEP_RAD_S: f64 = 2e-3;
+/// What a blocked shaft of a body gives way, s/rad: next to nothing.
+const BLOCKED_S_RAD: f64 = 1e6;
 const AMBIENT_C: f64 = 25.0;
 const STALL_WARMING_C: f64 = 60.0;
 const THERMAL_TIME_CONSTANT_S: f64 = 120.0;
@@ -119,6 +126,17 @@ enum Law {
     Duty(f64),
 }
 
+/// What a motor that a body carries does to its shaft.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Pushed {
+    /// Share of the stall torque while the shaft stands still.
+    pub torque_ratio: f64,
+    /// How much less that is for each rad/s, s/rad.
+    pub gives_s_rad: f64,
+    /// The part of it that is the motor's own current.
+    current_gives_s_rad: f64,
+}
+
 /// Why [`Motor::advance`] came back.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Advance {
@@ -165,6 +183,8 @@ pub(crate) struct Motor {
     settled: bool,
     /// `exp(-step / time constant)` for the damping it was worked out for.
     decay: (f64, f64),
+    /// A body turns the shaft: time passes only step by step with it.
+    carried: Option<Pushed>,
 }
 
 impl Motor {
@@ -195,12 +215,13 @@ impl Motor {
             temperature_c: AMBIENT_C + 5.0,
             settled: false,
             decay: (f64::NAN, 0.0),
+            carried: None,
         }
     }
 
     /// Moves on to the last whole millisecond at or before `time_ns`.
     pub fn advance(&mut self, time_ns: u64) -> Advance {
-        while self.now_ns + STEP_NS <= time_ns {
+        while self.carried.is_none() && self.now_ns + STEP_NS <= time_ns {
             if self.settled {
                 let steps = (time_ns - self.now_ns) / STEP_NS;
                 self.now_ns += steps * STEP_NS;
@@ -209,16 +230,71 @@ impl Motor {
             }
             self.now_ns += STEP_NS;
             self.step();
-            if self.overload_s >= self.regulator.overload.time_s {
-                self.overload_s = 0.0;
-                return Advance::Overloaded;
-            }
-            if self.overcurrent_s >= self.regulator.overcurrent.time_s {
-                self.overcurrent_s = 0.0;
-                return Advance::Overcurrent;
+            let exceeded = self.exceeded();
+            if exceeded != Advance::Done {
+                return exceeded;
             }
         }
         Advance::Done
+    }
+
+    fn exceeded(&mut self) -> Advance {
+        if self.overload_s >= self.regulator.overload.time_s {
+            self.overload_s = 0.0;
+            return Advance::Overloaded;
+        }
+        if self.overcurrent_s >= self.regulator.overcurrent.time_s {
+            self.overcurrent_s = 0.0;
+            return Advance::Overcurrent;
+        }
+        Advance::Done
+    }
+
+    /// From here on a body turns the shaft; friction and load of its own it has no more.
+    pub fn carry(&mut self) {
+        self.carried = Some(Pushed::default());
+        self.settled = false;
+    }
+
+    /// The shaft turns by itself again.
+    pub fn put_down(&mut self) {
+        self.carried = None;
+    }
+
+    /// The next step of a shaft that a body turns: what the motor does to it, and whether a bound was
+    /// exceeded for too long. Where the shaft goes, [`Motor::carry_to`] says.
+    pub fn push_body(&mut self) -> (Pushed, Advance) {
+        self.now_ns += STEP_NS;
+        self.step();
+        let exceeded = self.exceeded();
+        (self.carried.unwrap_or_default(), exceeded)
+    }
+
+    /// Where a body has turned the shaft in the step.
+    pub fn carry_to(&mut self, position_rad: f64, velocity_rad_s: f64) {
+        let gives = self.carried.map_or(0.0, |pushed| pushed.current_gives_s_rad);
+        self.current -= gives * (velocity_rad_s - self.velocity);
+        (self.position, self.velocity) = (position_rad, velocity_rad_s);
+    }
+
+    /// What turns with the motor, as the share of the stall torque for each rad/s².
+    pub fn inertia_ratio_s2_rad(&self) -> f64 {
+        MECHANICAL_TIME_CONSTANT_S / self.ideal_speed
+    }
+
+    /// What the motor gives a shaft at rest, and how much less for each rad/s, goes to the body.
+    fn give(&mut self, torque_ratio: f64, gives_s_rad: f64) {
+        let pushed = if self.blocked {
+            Pushed { torque_ratio: 0.0, gives_s_rad: BLOCKED_S_RAD, current_gives_s_rad: 0.0 }
+        } else {
+            let friction = FRICTION_RATIO / self.velocity.abs().max(CREEP_RAD_S);
+            Pushed {
+                torque_ratio: torque_ratio + self.by_hand,
+                gives_s_rad: gives_s_rad + friction,
+                current_gives_s_rad: gives_s_rad,
+            }
+        };
+        self.carried = Some(pushed);
     }
 
     fn step(&mut self) {
@@ -261,6 +337,7 @@ impl Motor {
         (self.overload_s, self.overcurrent_s) = over;
         self.settled = before == (0.0, self.integral)
             && self.grip.is_none()
+            && self.carried.is_none()
             && self.velocity == 0.0
             && over == (0.0, 0.0)
             && !self.under_way()
@@ -326,6 +403,10 @@ impl Motor {
     /// One step under a constant current.
     fn turn_by_torque(&mut self, current: f64) {
         self.current = current;
+        if self.carried.is_some() {
+            self.give(current, 0.0);
+            return;
+        }
         let Some(resistance) = self.resistance(current) else {
             self.velocity = 0.0;
             return;
@@ -339,7 +420,9 @@ impl Motor {
     /// One step under a duty that falls with the speed by `damping`.
     fn turn_by_duty(&mut self, supply: f64, open_duty: f64, damping: f64) {
         let push = supply * open_duty;
-        if let Some(resistance) = self.resistance(push) {
+        if self.carried.is_some() {
+            self.give(push, supply * damping + 1.0 / self.ideal_speed);
+        } else if let Some(resistance) = self.resistance(push) {
             let stiffness = 1.0 + self.ideal_speed * damping;
             if self.decay.0 != stiffness {
                 let exponent = -STEP_S * stiffness / MECHANICAL_TIME_CONSTANT_S;

@@ -14,6 +14,7 @@ mod control;
 mod mode;
 mod protection;
 
+use crate::body::Push;
 use crate::motor::{Advance, Motor};
 use crate::table::{Item, Model};
 use crate::world::{TorqueSwitch, ZeroSpeed};
@@ -309,6 +310,41 @@ impl Servo {
                 Advance::Overcurrent => self.overcurrent(),
             }
         }
+    }
+
+    /// From here on a body turns the shaft.
+    pub fn carry(&mut self) {
+        self.motor.carry();
+    }
+
+    /// Its shaft turns by itself again.
+    pub fn put_down(&mut self) {
+        self.motor.put_down();
+    }
+
+    /// What the servo does in its next step to a body that turns its shaft, in the sense of its
+    /// registers.
+    pub fn push_body(&mut self, now_ns: u64) -> Push {
+        self.advance(now_ns);
+        let (pushed, exceeded) = self.motor.push_body();
+        match exceeded {
+            Advance::Done => {}
+            Advance::Overloaded => self.overloaded(),
+            Advance::Overcurrent => self.overcurrent(),
+        }
+        let stall_nm = self.model.profile.motor.stall_torque_nm;
+        Push {
+            torque_nm: self.side() * pushed.torque_ratio * stall_nm,
+            gives_nm_s_rad: pushed.gives_s_rad * stall_nm,
+            armature_kg_m2: self.motor.inertia_ratio_s2_rad() * stall_nm,
+        }
+    }
+
+    /// How far a body has turned the shaft since the start, rad, and how fast, in the sense of its
+    /// registers.
+    pub fn carry_to(&mut self, turned_rad: f64, rate_rad_s: f64) {
+        let position_rad = self.start_rad + self.side() * turned_rad;
+        self.motor.carry_to(position_rad, self.side() * rate_rad_s);
     }
 
     /// Bus Watchdog(98): 1..127 are counts of 20 ms, 0 is off and 255 means it has bitten.

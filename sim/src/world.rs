@@ -3,6 +3,7 @@
 mod can;
 mod options;
 mod reach;
+mod weight;
 
 pub use options::{BadChecksum, MissingInChain, Options, TorqueSwitch, ZeroSpeed};
 pub use reach::JointState;
@@ -39,6 +40,8 @@ pub struct World {
     /// As everything was at first.
     start: Box<Start>,
     resets: u64,
+    /// What its servos move, if it has weight.
+    weight: Option<weight::Weight>,
     /// Of doors that are open.
     bells: Vec<Weak<Bell>>,
 }
@@ -117,6 +120,7 @@ impl World {
             pace: None,
             start: Box::new(start),
             resets: 0,
+            weight: None,
             bells: Vec::new(),
         };
         let mut models: BTreeMap<&str, Arc<Model>> = BTreeMap::new();
@@ -270,9 +274,11 @@ impl World {
     pub fn run_until(&mut self, time_ns: u64) {
         while let Some(next_ns) = self.next_event_ns().filter(|&next_ns| next_ns <= time_ns) {
             self.now_ns = self.now_ns.max(next_ns);
+            self.bear_until(self.now_ns);
             self.happen();
         }
         self.now_ns = self.now_ns.max(time_ns);
+        self.bear_until(self.now_ns);
         self.pass_can();
     }
 
@@ -608,6 +614,7 @@ impl World {
     fn duplicate_at(&mut self, place: Place, turn_rad: f64) -> Place {
         let mut stray = self.at(place).clone();
         stray.joint = None;
+        stray.put_down();
         stray.turn_by(turn_rad);
         let servos = &mut self.lines[place.line].servos;
         let gone = |servo: &Servo| servo.joint.is_none() && !servo.attached;

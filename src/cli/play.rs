@@ -54,6 +54,9 @@ pub struct PlayArgs {
     html: Option<PathBuf>,
     #[command(flatten)]
     view: ViewArg,
+    /// The virtual robot has weight and may fall (sim, sim:pty; robots whose file has a body)
+    #[arg(long)]
+    physics: bool,
     /// Seed of the virtual robot
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -136,6 +139,7 @@ impl PlayArgs {
                 dry_run: self.dry_run,
                 hangs: self.motion.hangs(),
                 allow_fall: self.motion.allows_fall(),
+                physics: self.physics,
             },
         }
     }

@@ -69,6 +69,13 @@ pub struct SimulateArgs {
     /// Bytes take no time on the line
     #[arg(long)]
     no_line_timing: bool,
+    /// It has weight: its servos move the body of its file, on a floor if it is none that is screwed down. It is let go
+    /// when torque has been on for 0.2 s
+    #[arg(long)]
+    physics: bool,
+    /// With --physics: it hangs on a stand
+    #[arg(long, requires = "physics")]
+    hang: bool,
     /// Do not report clients that write EEPROM registers
     #[arg(long)]
     permit_eeprom: bool,
@@ -106,6 +113,8 @@ pub fn run(args: &SimulateArgs, remarks: Remarks) -> Result<i32, Error> {
         latency_timer_s: args.latency_timer.map(|ms| ms * 1e-3),
         no_line_timing: args.no_line_timing,
         permit_eeprom: args.permit_eeprom,
+        physics: args.physics,
+        hangs: args.hang,
     })?;
     let over_stdin = args.control.as_deref() == Some(Path::new("stdin"));
     // Where the lines are says that all is there, a socket too; replies come after it.
@@ -129,7 +138,7 @@ pub fn run(args: &SimulateArgs, remarks: Remarks) -> Result<i32, Error> {
     let look = if args.control.is_some() { SHORT_LOOK } else { LOOK };
     while signals.first().is_none() && !robot.control_has_ended() {
         std::thread::sleep(look);
-        tell_struck(&robot, remarks);
+        tell_struck(&mut robot, remarks);
         for (name, place) in robot.moved() {
             remarks.say(&match place {
                 Some(place) => format!("line {name} is at {place} now"),
@@ -138,7 +147,7 @@ pub fn run(args: &SimulateArgs, remarks: Remarks) -> Result<i32, Error> {
         }
     }
     robot.close();
-    tell_struck(&robot, remarks);
+    tell_struck(&mut robot, remarks);
     if robot.struck_count() > 0 {
         remarks.say(&format!("faults: {} struck", robot.struck_count()));
     }
@@ -177,7 +186,8 @@ fn tell(place: &str) -> Result<(), Error> {
     }
 }
 
-fn tell_struck(robot: &VirtualRobot, remarks: Remarks) {
+fn tell_struck(robot: &mut VirtualRobot, remarks: Remarks) {
+    robot.fallen().iter().for_each(|fall| remarks.say(&format!("the robot {fall}")));
     let struck = robot.struck();
     for fault in struck.iter().take(MOST_TOLD) {
         remarks.say(&format!("fault at {fault}"));

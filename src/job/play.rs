@@ -5,8 +5,11 @@ use super::observer::{Event, Meter, Observer, Progress};
 use super::page::RobotScene;
 use super::pending::unless_stopped;
 use super::recorder::{RunRecorder, Series};
-use super::report::{BodyFigures, JointReport, Outcome, OwnProfile, PlayReport, RefereeReport};
+use super::report::{
+    BodyFigures, JointReport, Outcome, OwnProfile, PhysicsReport, PlayReport, RefereeReport,
+};
 use super::source::{self, MotionOrder, RobotMotion};
+use super::weight::{self, Fall, Witness};
 use crate::control::{self, Left, Performance, Planned, Settings, inject, net};
 use crate::error::{Error, ErrorKind};
 use crate::motion::{Path, Plan, PlanOptions, Setpoint, plan};
@@ -59,6 +62,8 @@ pub struct Options {
     pub hangs: bool,
     /// Play what a robot on its own feet is predicted to fall in.
     pub allow_fall: bool,
+    /// The virtual robot has weight, and may fall.
+    pub physics: bool,
 }
 
 impl Default for Options {
@@ -77,6 +82,7 @@ impl Default for Options {
             dry_run: false,
             hangs: false,
             allow_fall: false,
+            physics: false,
         }
     }
 }
@@ -97,6 +103,9 @@ pub struct PlayOrder {
     /// How.
     pub options: Options,
 }
+
+/// So long after a motion a robot with weight must still stand, ns of virtual time.
+const LOOKED_AFTER_NS: u64 = 1_000_000_000;
 
 /// What a played motion leaves behind.
 #[derive(Debug)]
@@ -202,6 +211,7 @@ pub(super) fn play_on(
         report.notes.push(format!("acceleration limits {}", file.acceleration_source));
     }
     let settings = Settings::at_rate(rate_hz);
+    let witness = options.physics.then(|| give_weight(connection, options.hangs)).transpose()?;
     inject::point("preflight", 0);
     let found = preflight(&mut connection.link, settings.period, options.accept)?;
     report.describe_preflight(&found);
@@ -215,6 +225,9 @@ pub(super) fn play_on(
         return Ok(None);
     }
     let series = perform(connection, &found, &planned, settings, options, observer, report)?;
+    if let Some(witness) = witness {
+        describe_weight(report, connection, &witness);
+    }
     let Some((robot, series)) = series else { return Ok(None) };
     let drawn = RobotScene {
         robot: &robot,
@@ -234,6 +247,29 @@ pub(super) fn play_on(
         }
     };
     Ok(Some(Kept { robot, series, scene }))
+}
+
+/// The virtual robot of this process gets weight.
+fn give_weight(connection: &Connection, hangs: bool) -> Result<Witness, Error> {
+    let world = connection.world.as_ref().ok_or_else(|| {
+        Error::new("only a virtual robot of this process is given weight")
+            .at("--physics")
+            .allowed("--bus sim, --bus sim:pty")
+    })?;
+    weight::give(&mut world.lock(), &connection.link.robot().file, hangs)
+}
+
+/// Says whether a robot with weight fell, in the motion or within a second after it.
+fn describe_weight(report: &mut PlayReport, connection: &Connection, witness: &Witness) {
+    if let Some(world) = connection.world.as_ref().filter(|_| !connection.real_time) {
+        let mut world = world.lock();
+        let after_ns = world.now_ns() + LOOKED_AFTER_NS;
+        world.run_until(after_ns);
+    }
+    let fall = witness.fall();
+    let stays = || "with weight, it stayed up".to_owned();
+    report.notes.push(fall.as_ref().map_or_else(stays, Fall::words));
+    report.physics = Some(PhysicsReport::of(fall));
 }
 
 /// A motion that was laid from where a robot stands, and looked at: it may be played.

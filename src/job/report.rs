@@ -1,6 +1,7 @@
 //! What a job that moved joints tells: one set of figures, for text, JSON and pages alike.
 
 use super::source::{RobotMotion, Source};
+use super::weight::Fall;
 use crate::control::{FlightCycle, Left, Performance, Run, StopReason};
 use crate::error::{Error, ErrorKind};
 use crate::mocap::retarget::TrunkLean;
@@ -298,8 +299,29 @@ pub struct PlayReport {
     pub metrics: Option<BodyFigures>,
     /// Only with a virtual robot of this process.
     pub referee: Option<RefereeReport>,
+    /// Only of a virtual robot with weight.
+    #[serde(flatten)]
+    pub physics: Option<PhysicsReport>,
     /// Choices made on the way that a person should know.
     pub notes: Vec<String>,
+}
+
+/// What became of a virtual robot with weight.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PhysicsReport {
+    /// When it fell, s since torque was on; null if it stayed up.
+    pub fell_at_s: Option<f64>,
+    /// What touched the floor then that should not; null if nothing did.
+    pub fell_on: Option<String>,
+}
+
+impl PhysicsReport {
+    /// Of a fall, or of none.
+    #[must_use]
+    pub fn of(fall: Option<Fall>) -> Self {
+        let (fell_at_s, fell_on) = fall.map(|fall| (fall.at_s, fall.touched)).unzip();
+        Self { fell_at_s, fell_on: fell_on.flatten() }
+    }
 }
 
 impl PlayReport {
@@ -345,6 +367,7 @@ impl PlayReport {
             source: Source::default(),
             trunk_lean_lost: None,
             metrics: None,
+            physics: None,
             referee: None,
             notes: Vec::new(),
         }

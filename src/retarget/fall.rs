@@ -53,7 +53,7 @@ impl OnFloor<'_> {
             soles.iter().flat_map(|sole| sole.corners_m.iter().map(|at_m| (sole.link, *at_m)));
         let angles = body.angles(first);
         let mut moving =
-            Moving::at_rest(&body.tree, drive, friction, GRAVITY_M_S2, corners, place, &angles);
+            Moving::at_rest(&body.tree, friction, GRAVITY_M_S2, corners, place, &angles);
         let last = poses.len() - 1;
         let end_s = last as f64 / path.rate_hz + AFTER_S;
         let mut goals = angles;
@@ -65,7 +65,7 @@ impl OnFloor<'_> {
                 *goal = from + (to - from) * share;
             }
             let wanted = path.places[before];
-            let is_up = moving.step(&goals, STEP_S) && {
+            let is_up = moving.drive(&drive, &goals, STEP_S) && {
                 let is = moving.base();
                 let off_rad = (is.turn * DVec3::Z).angle_between(wanted.turn * DVec3::Z);
                 off_rad < LOST_RAD && is.at_m.z > LOW * wanted.at_m.z

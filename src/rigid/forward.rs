@@ -29,6 +29,17 @@ pub struct Drive {
     pub torque_nm: f64,
 }
 
+/// What is done to a joint in a step.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Pull {
+    /// Torque while it stands still, N m.
+    pub torque_nm: f64,
+    /// How much less it is for a speed of a radian a second, N m s/rad.
+    pub gives_nm_s_rad: f64,
+    /// What turns with the motor, seen from the joint, kg m².
+    pub armature_kg_m2: f64,
+}
+
 /// A corner of a link that may lie on the floor.
 #[derive(Clone, Debug)]
 struct Corner {
@@ -49,9 +60,10 @@ enum Meets {
 
 /// A tree that moves.
 #[derive(Clone, Debug)]
-pub struct Moving<'a> {
-    tree: &'a Tree,
-    drive: Drive,
+pub struct Moving {
+    tree: Tree,
+    /// Its first link is screwed down.
+    is_fixed: bool,
     friction: f64,
     gravity_m_s2: f64,
     corners: Vec<Corner>,
@@ -85,15 +97,14 @@ impl Composite {
     }
 }
 
-impl<'a> Moving<'a> {
+impl Moving {
     /// A tree at rest: where its first link is, its angles (coupled ones follow), and the corners it may stand on, each with its link.
     ///
     /// # Panics
     /// If `angles` are not as many as joints that move.
     #[must_use]
     pub fn at_rest(
-        tree: &'a Tree,
-        drive: Drive,
+        tree: &Tree,
         friction: f64,
         gravity_m_s2: f64,
         corners: impl IntoIterator<Item = (usize, DVec3)>,
@@ -111,8 +122,8 @@ impl<'a> Moving<'a> {
         }
         let corners = corners.into_iter();
         Self {
-            tree,
-            drive,
+            tree: tree.clone(),
+            is_fixed: false,
             friction,
             gravity_m_s2,
             corners: corners.map(|(link, at_m)| Corner { link, at_m, sticks_m: None }).collect(),
@@ -120,6 +131,17 @@ impl<'a> Moving<'a> {
             follows,
             motion: TreeMotion::at_rest(base, tree.coupled(angles)),
         }
+    }
+
+    /// The same with its first link screwed down where it is.
+    #[must_use]
+    pub fn fixed(self) -> Self {
+        Self { is_fixed: true, ..self }
+    }
+
+    /// Links with a corner on the floor.
+    pub fn on_floor(&self) -> impl Iterator<Item = usize> + '_ {
+        self.corners.iter().filter(|corner| corner.sticks_m.is_some()).map(|corner| corner.link)
     }
 
     /// Where the first link is.
@@ -134,16 +156,38 @@ impl<'a> Moving<'a> {
         &self.motion.angles
     }
 
+    /// How fast all joints that move do so.
+    #[must_use]
+    pub fn rates(&self) -> &[f64] {
+        &self.motion.rates
+    }
+
     /// Where all links are.
     #[must_use]
     pub fn placed(&self) -> Vec<Placement> {
         self.tree.place(self.motion.base, &self.motion.angles)
     }
 
-    /// One step on, joints pulled to these goals (as many as joints that move). False if that has no answer.
-    pub fn step(&mut self, goals: &[f64], step_s: f64) -> bool {
+    /// One step on, joints driven to these goals (as many as joints that move). False if that has no answer.
+    pub fn drive(&mut self, drive: &Drive, goals: &[f64], step_s: f64) -> bool {
+        let Drive { stiffness_nm_rad, damping_nm_s_rad, armature_kg_m2, torque_nm } = *drive;
+        let pull = |(goal, angle): (&f64, &f64)| {
+            let pull = stiffness_nm_rad * (goal - angle);
+            let yields = if pull.abs() < torque_nm { stiffness_nm_rad * step_s } else { 0.0 };
+            Pull {
+                torque_nm: pull.clamp(-torque_nm, torque_nm),
+                gives_nm_s_rad: damping_nm_s_rad + yields,
+                armature_kg_m2,
+            }
+        };
+        let pulls: Vec<Pull> = goals.iter().zip(&self.motion.angles).map(pull).collect();
+        self.step(&pulls, step_s)
+    }
+
+    /// One step on, with what is done to each joint that moves. False, and nothing moves, if that has no answer.
+    pub fn step(&mut self, pulls: &[Pull], step_s: f64) -> bool {
         let placed = self.placed();
-        let (size, joints) = (6 + self.own.len(), self.own.len());
+        let size = 6 + self.own.len();
         let mass = self.masses(&placed);
         let efforts =
             self.tree.inverse_dynamics(&self.motion, DVec3::new(0.0, 0.0, -self.gravity_m_s2));
@@ -157,16 +201,13 @@ impl<'a> Moving<'a> {
         let mut system = mass.clone();
         for (row, at) in self.own.iter().enumerate() {
             velocity[6 + row] = self.motion.rates[*at];
-            let Drive { stiffness_nm_rad, damping_nm_s_rad, armature_kg_m2, torque_nm } =
-                self.drive;
-            let pull = stiffness_nm_rad * (goals[*at] - self.motion.angles[*at]);
-            push[6 + row] = pull.clamp(-torque_nm, torque_nm) - bias[row];
-            let yields = if pull.abs() < torque_nm { stiffness_nm_rad * step_s } else { 0.0 };
-            system[(6 + row, 6 + row)] += armature_kg_m2 + step_s * (damping_nm_s_rad + yields);
+            let Pull { torque_nm, gives_nm_s_rad, armature_kg_m2 } = pulls[*at];
+            push[6 + row] = torque_nm - bias[row];
+            system[(6 + row, 6 + row)] += armature_kg_m2 + step_s * gives_nm_s_rad;
         }
         let mut side = &mass * &velocity + push * step_s;
-        for row in 0..joints {
-            side[6 + row] += self.drive.armature_kg_m2 * velocity[6 + row];
+        for (row, at) in self.own.iter().enumerate() {
+            side[6 + row] += pulls[*at].armature_kg_m2 * velocity[6 + row];
         }
         let stiffness = self.tree.mass_kg() * self.gravity_m_s2 / (4.0 * SINKS_M);
         let damping = stiffness * FLOOR_S;
@@ -199,6 +240,9 @@ impl<'a> Moving<'a> {
                 system.gemm_tr(1.0, way, &weighed, 1.0);
                 side.gemv_tr(step_s, way, &DVector::from_column_slice(&held.to_array()), 1.0);
             }
+            if self.is_fixed {
+                hold_base(&mut system, &mut side);
+            }
             let Some(factors) = system.cholesky() else { return false };
             solved = factors.solve(&side);
             if pass == PASSES {
@@ -228,6 +272,9 @@ impl<'a> Moving<'a> {
                 break;
             }
         }
+        if !solved.iter().all(|value| value.is_finite()) {
+            return false;
+        }
         for (corner, point) in self.corners.iter_mut().zip(&points) {
             if point.z >= 0.0 {
                 corner.sticks_m = None;
@@ -244,7 +291,7 @@ impl<'a> Moving<'a> {
             };
         }
         self.go_on(&solved, step_s);
-        solved.iter().all(|value| value.is_finite())
+        true
     }
 
     fn go_on(&mut self, velocity: &DVector<f64>, step_s: f64) {
@@ -360,6 +407,16 @@ impl<'a> Moving<'a> {
         (0..6).for_each(|at| reduced[(at, at)] = 1.0);
         reduced.view_mut((6, 6), (moving, self.own.len())).copy_from(&self.follows);
         reduced.transpose() * full * reduced
+    }
+}
+
+/// The base does not move, whatever is done to it.
+fn hold_base(system: &mut DMatrix<f64>, side: &mut DVector<f64>) {
+    for at in 0..6 {
+        system.row_mut(at).fill(0.0);
+        system.column_mut(at).fill(0.0);
+        system[(at, at)] = 1.0;
+        side[at] = 0.0;
     }
 }
 

@@ -42,9 +42,9 @@ fn corners() -> Vec<(usize, DVec3)> {
 fn who_has_no_floor_falls_as_fast_as_all_do() {
     let tree = standing();
     let base = Placement::at(DVec3::Z * 10.0);
-    let mut moving = Moving::at_rest(&tree, SLACK, 1.0, GRAVITY, corners(), base, &[0.4]);
+    let mut moving = Moving::at_rest(&tree, 1.0, GRAVITY, corners(), base, &[0.4]);
     for _ in 0..500 {
-        assert!(moving.step(&[0.0], 0.001));
+        assert!(moving.drive(&SLACK, &[0.0], 0.001));
     }
     // A step too long by half of one.
     let fallen_m = 10.0 - moving.base().at_m.z;
@@ -57,10 +57,9 @@ fn a_rod_on_a_spring_sags_to_where_its_weight_is_held() {
     let tree = standing();
     let drive = Drive { stiffness_nm_rad: 6.0, damping_nm_s_rad: 0.5, ..SLACK };
     let goal = 0.1;
-    let mut moving =
-        Moving::at_rest(&tree, drive, 1.0, GRAVITY, corners(), Placement::IDENTITY, &[goal]);
+    let mut moving = Moving::at_rest(&tree, 1.0, GRAVITY, corners(), Placement::IDENTITY, &[goal]);
     for _ in 0..3000 {
-        assert!(moving.step(&[goal], 0.002));
+        assert!(moving.drive(&drive, &[goal], 0.002));
     }
     let angle = moving.angles()[0];
     let held_nm = 6.0 * (angle - goal);
@@ -80,9 +79,9 @@ fn a_stiff_rod_tips_about_the_edge_that_its_weight_is_over_and_no_sooner() {
     };
     let tilted = |goal: f64| {
         let mut moving =
-            Moving::at_rest(&tree, drive, 1.0, GRAVITY, corners(), Placement::IDENTITY, &[goal]);
+            Moving::at_rest(&tree, 1.0, GRAVITY, corners(), Placement::IDENTITY, &[goal]);
         for _ in 0..1000 {
-            assert!(moving.step(&[goal], 0.002));
+            assert!(moving.drive(&drive, &[goal], 0.002));
         }
         (moving.base().turn * DVec3::Z).angle_between(DVec3::Z)
     };
@@ -97,18 +96,11 @@ fn a_swung_rod_drives_its_foot_back_on_ice_and_not_on_a_rough_floor() {
     let tree = standing();
     let drive = Drive { stiffness_nm_rad: 3.0, damping_nm_s_rad: 0.1, torque_nm: 9.0, ..SLACK };
     let swung = |friction: f64| {
-        let mut moving = Moving::at_rest(
-            &tree,
-            drive,
-            friction,
-            GRAVITY,
-            corners(),
-            Placement::IDENTITY,
-            &[0.0],
-        );
-        let centre = |of: &Moving<'_>| tree.centre_of_mass_m(&of.placed()).x;
+        let mut moving =
+            Moving::at_rest(&tree, friction, GRAVITY, corners(), Placement::IDENTITY, &[0.0]);
+        let centre = |of: &Moving| tree.centre_of_mass_m(&of.placed()).x;
         for _ in 0..60 {
-            assert!(moving.step(&[0.15], 0.001));
+            assert!(moving.drive(&drive, &[0.15], 0.001));
         }
         (moving.base().at_m.x, centre(&moving))
     };

@@ -294,6 +294,9 @@ impl World {
         }
         self.shared = shared;
         self.now_ns = 0;
+        if let Some(weight) = &mut self.weight {
+            weight.hold_again();
+        }
         self.resets += 1;
         Ok(())
     }

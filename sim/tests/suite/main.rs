@@ -20,3 +20,4 @@ mod protections;
 mod referee;
 mod scene;
 mod script;
+mod weight;

@@ -2,6 +2,7 @@
 //! interface of its own, in real time.
 
 use crate::error::{Error, ErrorKind};
+use crate::job::weight::{self, Fall, Witness};
 use crate::port::can_bridge::CanBridge;
 use gaitway_profiles::Robot;
 use gaitway_sim::control::{ControlPipe, ControlSocket, Places, SocketError, Surroundings};
@@ -42,6 +43,10 @@ pub struct SimulateOrder {
     pub no_line_timing: bool,
     /// Clients may write EEPROM registers: the referee says nothing.
     pub permit_eeprom: bool,
+    /// It has weight, and may fall.
+    pub physics: bool,
+    /// With weight: it hangs on a stand.
+    pub hangs: bool,
 }
 
 /// A virtual robot whose lines are open.
@@ -52,6 +57,8 @@ pub struct VirtualRobot {
     places: Places,
     sockets: Vec<ControlSocket>,
     pipe: Option<ControlPipe>,
+    /// Of one with weight: what became of it, and the fall that was told.
+    weight: Option<(Witness, Option<Fall>)>,
 }
 
 /// The way in to a line.
@@ -88,7 +95,9 @@ impl VirtualRobot {
     pub fn open(order: &SimulateOrder) -> Result<Self, Error> {
         // Any robot file: the virtual servos speak more protocols than the driver needs to.
         let robot = robot_of(order)?;
-        let world = World::new(&robot, options(order)?).map_err(|e| unfit(&robot, &e))?;
+        let mut world = World::new(&robot, options(order)?).map_err(|e| unfit(&robot, &e))?;
+        let witness = order.physics.then(|| weight::give(&mut world, &robot, order.hangs));
+        let witness = witness.transpose()?;
         let world = Arc::new(Mutex::new(world));
         let doors = open_doors(order, &robot, &world)?;
         let mut opened = Self {
@@ -98,6 +107,7 @@ impl VirtualRobot {
             places: Places::default(),
             sockets: Vec::new(),
             pipe: None,
+            weight: witness.map(|witness| (witness, None)),
         };
         opened.tell_places();
         Ok(opened)
@@ -189,6 +199,15 @@ impl VirtualRobot {
     #[must_use]
     pub fn struck(&self) -> Vec<String> {
         self.world().take_struck().iter().map(ToString::to_string).collect()
+    }
+
+    /// How it fell, if it did since the last look, in words.
+    pub fn fallen(&mut self) -> Option<String> {
+        let (witness, told) = self.weight.as_mut()?;
+        let fall = witness.fall();
+        let is_new = fall.is_some() && fall != *told;
+        told.clone_from(&fall);
+        fall.filter(|_| is_new).map(|fall| fall.words())
     }
 
     /// How many faults struck so far.

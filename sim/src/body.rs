@@ -1,0 +1,34 @@
+//! A body that a robot's servos move: what turns with their shafts has weight then.
+//!
+//! The world asks every servo once a millisecond what it does to its joint, and the body where the
+//! joints go. What a body is made of, and whether it can fall, only the body knows.
+
+/// What a servo does to its joint.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Push {
+    /// Torque at a joint that stands still, N m.
+    pub torque_nm: f64,
+    /// How much less it is for each rad/s, N m s/rad: back-EMF, damping and friction.
+    pub gives_nm_s_rad: f64,
+    /// What turns with the motor, seen from the joint, kg m².
+    pub armature_kg_m2: f64,
+}
+
+/// How a joint stands.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Turned {
+    /// Its angle, rad.
+    pub angle_rad: f64,
+    /// How fast it turns, rad/s.
+    pub rate_rad_s: f64,
+}
+
+/// What servos move. Joints are those of the robot's file, in its order.
+pub trait Body: Send {
+    /// Somebody has put it up with joints at these angles, rad, and lets go of it: it is at rest.
+    /// Torque has been on on its servos since a time of the world.
+    fn let_go(&mut self, angles_rad: &[f64], powered_since_ns: u64);
+
+    /// One step on, up to a time of the world: how all joints stand then.
+    fn step(&mut self, pushes: &[Push], step_s: f64, time_ns: u64) -> Vec<Turned>;
+}

@@ -1,0 +1,125 @@
+//! A servo that moves a body: a rod with a weight at its end, on a shaft that lies level.
+
+use gaitway_sim::{BenchServos, Body, Fault, Options, Push, Turned, World, bench};
+use std::f64::consts::FRAC_PI_2;
+
+const SERVO: &str = "joint_1";
+/// 1 kg at 0.1 m: 0.98 N m while the rod lies level, which is at angle 0.
+const MASS_KG: f64 = 1.0;
+const ARM_M: f64 = 0.1;
+const GRAVITY_M_S2: f64 = 9.81;
+const WEIGHT_NM: f64 = MASS_KG * GRAVITY_M_S2 * ARM_M;
+
+struct Rod(Turned);
+
+impl Body for Rod {
+    fn let_go(&mut self, angles_rad: &[f64], _: u64) {
+        self.0 = Turned { angle_rad: angles_rad[0], rate_rad_s: 0.0 };
+    }
+
+    fn step(&mut self, pushes: &[Push], step_s: f64, _: u64) -> Vec<Turned> {
+        let [Push { torque_nm, gives_nm_s_rad, armature_kg_m2 }] = *pushes else {
+            panic!("one servo")
+        };
+        let inertia = MASS_KG * ARM_M * ARM_M + armature_kg_m2;
+        let Turned { angle_rad, rate_rad_s } = self.0;
+        let torque = torque_nm - WEIGHT_NM * angle_rad.cos();
+        let rate_rad_s =
+            (inertia * rate_rad_s + step_s * torque) / (inertia + step_s * gives_nm_s_rad);
+        self.0 = Turned { angle_rad: angle_rad + step_s * rate_rad_s, rate_rad_s };
+        vec![self.0]
+    }
+}
+
+fn world() -> World {
+    let servos: Vec<BenchServos> = vec!["xm430-w350:1".parse().unwrap()];
+    let mut world = World::new(&bench(&servos, None).unwrap(), Options::default()).unwrap();
+    world.place_joint(SERVO, 0.0);
+    world.give_weight(Box::new(Rod(Turned::default()))).unwrap();
+    world
+}
+
+fn angle(world: &World) -> f64 {
+    world.joint_position_rad(SERVO).unwrap()
+}
+
+fn torque(world: &mut World, is_on: bool) {
+    world.preset(SERVO, "Torque Enable", i64::from(is_on)).unwrap();
+}
+
+/// Lets so many seconds pass in pieces of 7 ms, as somebody does who asks now and then.
+fn pass(world: &mut World, seconds: f64) {
+    let until_ns = world.now_ns() + (seconds * 1e9) as u64;
+    while world.now_ns() < until_ns {
+        world.run_until((world.now_ns() + 7_000_000).min(until_ns));
+    }
+}
+
+#[test]
+fn a_servo_without_torque_is_held_by_somebody_until_it_has_torque() {
+    let mut world = world();
+    pass(&mut world, 5.0);
+    assert!(angle(&world).abs() < 1e-9, "{}", angle(&world));
+}
+
+#[test]
+fn a_servo_that_holds_a_weight_gives_the_current_of_its_torque_and_sags_by_its_stiffness() {
+    let mut world = world();
+    torque(&mut world, true);
+    pass(&mut world, 3.0);
+    let sagged = angle(&world);
+    assert!(sagged < -0.01 && sagged > -0.3, "{sagged}");
+    // XM430-W350 at 12 V: 4.1 N m and 2.3 A at stall (the maker's page); a count is 2.69 mA.
+    let wanted_a = 2.3 * WEIGHT_NM * sagged.cos() / 4.1;
+    let current_a = world.register(SERVO, "Present Current").unwrap() as f64 * 2.69e-3;
+    assert!((current_a - wanted_a).abs() < 0.03 * wanted_a, "{current_a} {wanted_a}");
+}
+
+#[test]
+fn a_weight_swings_down_when_torque_goes_and_is_put_back_by_a_reset() {
+    let mut world = world();
+    torque(&mut world, true);
+    pass(&mut world, 1.0);
+    torque(&mut world, false);
+    pass(&mut world, 4.0);
+    // Gears hold what they can: 3 % of 4.1 N m, 0.13 rad of this weight.
+    let hangs = angle(&world);
+    assert!((hangs + FRAC_PI_2).abs() < 0.15, "{hangs}");
+    world.reset().unwrap();
+    pass(&mut world, 5.0);
+    assert!(angle(&world).abs() < 1e-9, "{}", angle(&world));
+    torque(&mut world, true);
+    pass(&mut world, 1.0);
+    torque(&mut world, false);
+    pass(&mut world, 4.0);
+    assert_eq!(angle(&world).to_bits(), hangs.to_bits(), "the same again");
+}
+
+#[test]
+fn a_blocked_shaft_holds_its_weight_without_current() {
+    let mut world = world();
+    torque(&mut world, true);
+    pass(&mut world, 0.5);
+    let before = angle(&world);
+    let joint = SERVO.to_string();
+    let from_ns = world.now_ns();
+    world.begin(&[Fault::StuckPosition { joint, from_ns, until_ns: u64::MAX }]).unwrap();
+    torque(&mut world, false);
+    pass(&mut world, 2.0);
+    assert!((angle(&world) - before).abs() < 1e-4, "{before} {}", angle(&world));
+}
+
+#[test]
+fn a_twin_that_comes_later_turns_by_itself_and_a_new_body_is_held_again() {
+    let mut world = world();
+    torque(&mut world, true);
+    pass(&mut world, 1.0);
+    let joint = SERVO.to_string();
+    world.begin(&[Fault::Twin { joint, turn_rad: 0.5 }]).unwrap();
+    pass(&mut world, 1.0);
+    torque(&mut world, false);
+    world.give_weight(Box::new(Rod(Turned::default()))).unwrap();
+    let before = angle(&world);
+    pass(&mut world, 3.0);
+    assert!((angle(&world) - before).abs() < 0.01, "{before} {}", angle(&world));
+}

@@ -1,0 +1,176 @@
+//! A virtual robot with weight: its file's body on a level floor, on a stand or screwed down, moved by its virtual servos.
+//!
+//! What stands on the floor are soles, and of other links the corners of boxes and the ends of capsules: a robot that falls
+//! lies there. Links go through one another, and the floor is level and as rough as rubber on wood (friction 1).
+
+use crate::error::Error;
+use crate::retarget::base::{self, Held, StandingSole};
+use crate::rigid::ground::GRAVITY_M_S2;
+use crate::rigid::{Moving, Pull, Volume};
+use crate::robot::RobotBody;
+use gaitway_profiles::Robot;
+use gaitway_sim::{Body, Push, SimError, Turned, World};
+use glam::DVec3;
+use serde::Serialize;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Of soles on the floor.
+const FRICTION: f64 = 1.0;
+/// A trunk that is turned further than this has fallen, rad: 60 deg.
+const FALLEN_RAD: f64 = std::f64::consts::FRAC_PI_3;
+
+/// Where the surface of a capsule is looked at, from its ends.
+const WAYS: [DVec3; 6] = [DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y, DVec3::Z, DVec3::NEG_Z];
+
+/// How a robot fell.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Fall {
+    /// When, s since torque was on on its servos.
+    pub at_s: f64,
+    /// What touched the floor that should not, by the joint that carries it; null if it tilted.
+    pub touched: Option<String>,
+}
+
+impl Fall {
+    /// As a person reads it.
+    #[must_use]
+    pub fn words(&self) -> String {
+        match &self.touched {
+            Some(link) => format!("fell at {:.1} s: {link} on the floor", self.at_s),
+            None => format!("fell at {:.1} s: tilted by 60 deg", self.at_s),
+        }
+    }
+}
+
+/// What became of a body, for whoever gave it to a world.
+#[derive(Clone, Debug, Default)]
+pub struct Witness(Arc<Mutex<Option<Fall>>>);
+
+impl Witness {
+    /// The first fall, if there was one.
+    #[must_use]
+    pub fn fall(&self) -> Option<Fall> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    fn see(&self, fall: impl FnOnce() -> Fall) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert_with(fall);
+    }
+
+    fn forget(&self) {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = None;
+    }
+}
+
+/// Gives a virtual robot the weight of its file; `hangs` if it hangs on a stand.
+///
+/// # Errors
+/// A file without a body, joints that CAN actuators move.
+pub fn give(world: &mut World, robot: &Robot, hangs: bool) -> Result<Witness, Error> {
+    let body = RobotBody::of(robot)?.ok_or_else(|| {
+        Error::new("a robot without a body has no weight")
+            .at(format!("robot {}", robot.name))
+            .remedy("gaitway robot import FILE.urdf makes a file with one; or leave out --physics")
+    })?;
+    let soles = StandingSole::all(&body);
+    let held = Held::of(&body, &soles, hangs);
+    let witness = Witness::default();
+    let weighed =
+        Weighed { body, soles, held, moving: None, powered_since_ns: 0, witness: witness.clone() };
+    world.give_weight(Box::new(weighed)).map_err(|error| {
+        let said = Error::new(error.to_string()).at(format!("robot {}", robot.name));
+        match error {
+            SimError::NoWeight(_) => said.remedy("leave out --physics"),
+            _ => said,
+        }
+    })?;
+    Ok(witness)
+}
+
+/// A robot's body that is moved.
+struct Weighed {
+    body: RobotBody,
+    soles: Vec<StandingSole>,
+    held: Held,
+    /// Once it was let go.
+    moving: Option<Moving>,
+    powered_since_ns: u64,
+    witness: Witness,
+}
+
+impl Weighed {
+    /// Where links may touch the floor.
+    fn corners(&self) -> Vec<(usize, DVec3)> {
+        let of_soles =
+            self.soles.iter().flat_map(|sole| sole.corners_m.iter().map(|at| (sole.link, *at)));
+        let stands = |link: &usize| self.soles.iter().any(|sole| sole.link == *link);
+        let others = (0..self.body.volumes.len()).filter(|link| !stands(link));
+        let of_others = others.flat_map(|link| {
+            let volumes = self.body.volumes[link].iter();
+            volumes.flat_map(move |volume| {
+                let ways = match volume {
+                    Volume::Cuboid(_) => &WAYS[..1],
+                    Volume::Capsule(_) => &WAYS[..],
+                };
+                ways.iter().flat_map(|way| volume.corners_m(*way)).map(move |at| (link, at))
+            })
+        });
+        of_soles.chain(of_others).collect()
+    }
+
+    fn look(&self, moving: &Moving, time_ns: u64) {
+        if self.held != Held::Standing {
+            return;
+        }
+        let stands = |link: &usize| self.soles.iter().any(|sole| sole.link == *link);
+        let touched = moving.on_floor().find(|link| !stands(link));
+        let tilted = (moving.base().turn * DVec3::Z).angle_between(DVec3::Z) > FALLEN_RAD;
+        if touched.is_some() || tilted {
+            self.witness.see(|| Fall {
+                at_s: time_ns.saturating_sub(self.powered_since_ns) as f64 * 1e-9,
+                touched: touched.map(|link| self.body.tree.links()[link].name.clone()),
+            });
+        }
+    }
+}
+
+impl Body for Weighed {
+    fn let_go(&mut self, angles_rad: &[f64], powered_since_ns: u64) {
+        let poses = [angles_rad.to_vec()];
+        let path = base::path(&self.body, &self.soles, self.held, &poses, 1.0, |_| None);
+        let (place, _) = path.at(0.0);
+        let angles = self.body.angles(angles_rad);
+        let corners = self.corners();
+        let moving =
+            Moving::at_rest(&self.body.tree, FRICTION, GRAVITY_M_S2, corners, place, &angles);
+        let stands = self.held == Held::Standing;
+        self.moving = Some(if stands { moving } else { moving.fixed() });
+        self.powered_since_ns = powered_since_ns;
+        self.witness.forget();
+    }
+
+    fn step(&mut self, pushes: &[Push], step_s: f64, time_ns: u64) -> Vec<Turned> {
+        let tree = &self.body.tree;
+        let coordinate = |joint: usize| tree.coordinate(joint + 1);
+        let Some(moving) = &mut self.moving else { return vec![Turned::default(); pushes.len()] };
+        let mut pulls = vec![Pull::default(); tree.moving()];
+        for (joint, push) in pushes.iter().enumerate() {
+            let Some(at) = coordinate(joint) else { continue };
+            let Push { torque_nm, gives_nm_s_rad, armature_kg_m2 } = *push;
+            pulls[at] = Pull { torque_nm, gives_nm_s_rad, armature_kg_m2 };
+        }
+        // A step without an answer leaves everything where it is, and the next one may have one.
+        let _ = moving.step(&pulls, step_s);
+        let turned = |joint: usize| {
+            coordinate(joint).map_or(Turned::default(), |at| Turned {
+                angle_rad: moving.angles()[at],
+                rate_rad_s: moving.rates()[at],
+            })
+        };
+        let turned = (0..pushes.len()).map(turned).collect();
+        if let Some(moving) = &self.moving {
+            self.look(moving, time_ns);
+        }
+        turned
+    }
+}

@@ -1,0 +1,95 @@
+//! A virtual robot with weight: what it plays moves its body, and it stays up or falls.
+
+mod program;
+
+use program::{folder, gaitway, words};
+use serde_json::Value;
+use std::process::Output;
+
+fn play(arguments: &[&str]) -> (Output, Value) {
+    let output = gaitway()
+        .args(["play", "--bus", "sim", "--json"])
+        .args(arguments)
+        .output()
+        .expect("it runs");
+    let report = serde_json::from_slice(&output.stdout).unwrap_or_else(|_| panic!("{output:?}"));
+    (output, report)
+}
+
+#[test]
+fn a_bow_keeps_its_feet_and_servos_report_the_weight_they_hold() {
+    let (_, light) = play(&["bow", "--robot", "op3"]);
+    let (output, heavy) = play(&["bow", "--robot", "op3", "--physics"]);
+    assert_eq!(output.status.code(), Some(0), "{}", words(&output));
+    assert!(light.get("fell_at_s").is_none(), "only with weight");
+    assert!(heavy["fell_at_s"].is_null() && heavy.get("fell_at_s").is_some(), "{heavy}");
+    let current = |report: &Value| report["max_current_a"].as_f64().expect("a current");
+    // 3.1 kg over bent hips against the stand-in of a robot without weight.
+    assert!(current(&heavy) > 2.0 * current(&light), "{} {}", current(&heavy), current(&light));
+}
+
+#[test]
+fn what_is_predicted_to_fall_falls_when_it_is_predicted() {
+    let (output, report) = play(&["kick-r", "--robot", "op3", "--physics", "--allow-fall"]);
+    assert_eq!(output.status.code(), Some(0), "{}", words(&output));
+    let predicted_s = report["metrics"]["predicted_fall_s"].as_f64();
+    let fell_s = report["fell_at_s"].as_f64();
+    assert!(predicted_s.is_some() && fell_s.is_some(), "{predicted_s:?} {fell_s:?}");
+    let said = report["notes"].to_string();
+    assert!(said.contains("fell at "), "{said}");
+}
+
+#[test]
+fn a_robot_on_a_stand_does_not_fall_and_one_whose_torque_goes_does() {
+    let (_, hung) = play(&["kick-r", "--robot", "op3", "--physics", "--hang"]);
+    assert!(hung["fell_at_s"].is_null() && hung.get("fell_at_s").is_some(), "{hung}");
+    let (_, limp) = play(&["bow", "--robot", "op3", "--physics", "--end", "limp"]);
+    let fell_s = limp["fell_at_s"].as_f64().expect("it falls");
+    let lasted_s = limp["duration_s"].as_f64().expect("a time");
+    assert!(fell_s > lasted_s - 0.1, "after its torque was off: {fell_s} {lasted_s}");
+}
+
+#[test]
+fn the_same_motion_ends_in_the_same_way() {
+    let one = play(&["squat", "--robot", "op3", "--physics"]).1;
+    let two = play(&["squat", "--robot", "op3", "--physics"]).1;
+    assert_eq!(one["joints"], two["joints"]);
+    assert_eq!(one["fell_at_s"], two["fell_at_s"]);
+}
+
+#[test]
+fn what_has_no_weight_or_is_real_is_told_so() {
+    let (output, report) =
+        play(&["wave-r", "--robot", "so101", "--physics", "--only", "shoulder_pan"]);
+    assert_eq!(output.status.code(), Some(1), "{report}");
+    let folder = folder("physics-real");
+    let path = folder.join("port").display().to_string();
+    let output = gaitway()
+        .args(["play", "bow", "--robot", "op3", "--physics", "--bus", &path])
+        .output()
+        .expect("it runs");
+    assert_eq!(output.status.code(), Some(1));
+    let bench = gaitway()
+        .args(["simulate", "--servo", "xm430-w350:1", "--physics"])
+        .output()
+        .expect("it runs");
+    assert_eq!(bench.status.code(), Some(1));
+    let said = words(&bench);
+    assert!(
+        said.contains("a robot without a body has no weight") && said.contains("to do"),
+        "{said}"
+    );
+}
+
+/// The face of the library: the same switch.
+#[test]
+fn a_library_user_gives_weight_as_the_command_does() {
+    use gaitway::job::open::open;
+    use gaitway::job::play::Options;
+    let mut robot = open("op3", "sim").expect("a virtual robot");
+    let motion = robot.motion("bow").expect("a motion");
+    let options = Options { physics: true, ..Options::default() };
+    let report = robot.play(&motion, options).expect("it plays");
+    let physics = report.physics.expect("weight");
+    assert_eq!((physics.fell_at_s, physics.fell_on), (None, None));
+}
