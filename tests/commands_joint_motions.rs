@@ -198,3 +198,20 @@ fn what_cannot_be_played_is_refused_in_words() {
         assert!(said.contains("allowed") || said.contains("to do"), "{said}");
     }
 }
+
+#[test]
+fn a_table_of_minutes_is_played_as_one_of_seconds_is() {
+    let table = file("minutes.csv").display().to_string();
+    let made = ["retarget", "squat:40s", "--robot", "op3", "--rate", "200", "-o", &table];
+    let made = gaitway(&[&made[..], &["--force"]].concat());
+    assert!(made.status.success(), "{made:?}");
+    let bytes = std::fs::metadata(&table).expect("a table").len();
+    assert!(bytes > 2 << 20, "more than a profile may have: {bytes}");
+    let report = played(&table, &["--dry-run"]);
+    assert_eq!(report["outcome"], "done", "{report}");
+    // The clip, and what leads to it.
+    let duration_s = report["source"]["duration_s"].as_f64().expect("a time");
+    assert!(duration_s > 40.0, "{duration_s}");
+    let said = refusal(&file("").display().to_string(), &[]);
+    assert!(!said.contains("panicked"), "{said}");
+}

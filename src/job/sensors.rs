@@ -293,8 +293,15 @@ pub(super) fn text_of(path: &Path) -> Result<String, Error> {
     let unreadable = |cause: std::io::Error| {
         Error::of((&cause).into(), "the table cannot be read").in_file(path).got(cause.to_string())
     };
+    // Opening a pipe would wait for whoever writes into it.
+    let known = std::fs::metadata(path).map_err(unreadable)?;
+    if !known.is_file() {
+        return Err(Error::of(ErrorKind::Malformed, "the table is no file")
+            .in_file(path)
+            .allowed("a file whose end is known"));
+    }
+    let bytes = known.len();
     let file = File::open(path).map_err(unreadable)?;
-    let bytes = file.metadata().map_err(unreadable)?.len();
     if bytes > MAX_FILE_BYTES {
         return Err(Error::of(ErrorKind::OutsideLimits, "the table is too large")
             .in_file(path)

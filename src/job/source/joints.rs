@@ -3,13 +3,13 @@
 
 use super::Source;
 use crate::error::{Error, ErrorKind};
+use crate::job::sensors::text_of;
 use crate::mocap::retarget::{Retargeted, Settings};
 use crate::motion::{low_pass, saturate};
 use crate::recording::{self, BaseRecord};
 use crate::retarget::{Footfall, footfall};
 use crate::robot::{Joint, Robot};
 use crate::table::{self, Row};
-use gaitway_profiles as profiles;
 use glam::DQuat;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -61,7 +61,7 @@ pub fn read(path: &Path) -> Result<Option<JointMotion>, Error> {
     match ending.as_str() {
         "mcap" => of_recording(path).map(Some),
         "csv" => {
-            let motion = of_table(&profiles::read_text(path)?);
+            let motion = of_table(&text_of(path)?);
             motion.map(Some).map_err(|e| e.at(path.display().to_string()))
         }
         _ => Ok(None),
