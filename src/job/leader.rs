@@ -21,7 +21,7 @@ use std::sync::mpsc::{Sender, channel};
 
 mod joints;
 
-use joints::{Guided, Look, Pairs};
+use joints::{GuidedArm, Look, Pairs};
 
 /// Shares of a robot's pace at which it may follow.
 const PACES: core::ops::RangeInclusive<f64> = 0.05..=1.0;
@@ -147,7 +147,7 @@ fn lead(
     if order.limp && !order.dry_run {
         control::arm::disarm(&mut leader.link)?;
     }
-    let mut guided = Guided::new(leader, pairs, &found.start_rad);
+    let mut guided = GuidedArm::new(leader, pairs, &found.start_rad);
     guided.check(order.dry_run && order.limp)?;
     if order.dry_run {
         report.run.outcome = Outcome::Done;
@@ -244,7 +244,7 @@ impl Follower<'_> {
     /// Follows a leader that is read on a thread of its own: the loop waits for no line but the follower's.
     fn hearing(
         &mut self,
-        mut guided: Guided,
+        mut guided: GuidedArm,
         recorder: &mut RunRecorder,
         report: &mut LiveReport,
     ) -> Result<bool, Error> {
@@ -276,7 +276,7 @@ impl Follower<'_> {
     /// Follows a leader of virtual time, that is looked at whenever a goal is wanted.
     fn looking(
         &mut self,
-        mut guided: Guided,
+        mut guided: GuidedArm,
         recorder: &mut RunRecorder,
         report: &mut LiveReport,
     ) -> Result<bool, Error> {
@@ -321,7 +321,7 @@ impl Follower<'_> {
 
 /// Reads the leader until it is to stop or is gone; times are those of the follower's clock.
 fn read(
-    guided: &mut Guided,
+    guided: &mut GuidedArm,
     clock: &dyn Clock,
     period: Duration,
     says: &Sender<Said>,

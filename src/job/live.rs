@@ -24,7 +24,7 @@ mod report;
 mod when;
 mod worn;
 
-use naming::{HowNamed, Named};
+use naming::{HowNamed, NamedBody};
 use performer::Performer;
 pub use report::{BodyReport, LatencyReport, LiveJoint, LiveReport, MountReport};
 pub use when::{AnswersReport, CheckedAnswer, GivenAnswer, When};
@@ -104,7 +104,7 @@ struct Job<'a> {
     report: LiveReport,
     /// How what is done is named; `None`: by the order's models, as a person does it.
     how: Option<HowNamed>,
-    named: Option<Named>,
+    named: Option<NamedBody>,
 }
 
 /// Follows and reports; whatever goes wrong is in the report. `person` wears the sensors, or speaks for
@@ -130,7 +130,7 @@ pub(super) fn named(
     how: HowNamed,
     observer: &dyn Observer,
     person: &dyn Person,
-) -> Result<(LiveReport, Option<Named>), Error> {
+) -> Result<(LiveReport, Option<NamedBody>), Error> {
     let report = order.report();
     let mut job = Job { order, observer, person, report, how: Some(how), named: None };
     job.follow_sensors()?;

@@ -1,6 +1,6 @@
 //! What somebody who wears sensors does, or a robot by its servos, named as it happens.
 
-use super::live::naming::{HowNamed, Named, Naming, Told};
+use super::live::naming::{HowNamed, LiveWord, NamedBody, Naming};
 use super::live::{self, LiveOrder};
 use super::recognise::{RecogniseOrder, RecogniseReport, concluded, slowed_by};
 use super::source::Source as SourceReport;
@@ -19,7 +19,7 @@ use std::sync::mpsc::channel;
 
 mod servos;
 
-use servos::{Heard, listen};
+use servos::{HeardRobot, listen};
 
 /// Frames per second of labels and pages of what was heard live.
 const RATE_HZ: f64 = 50.0;
@@ -148,12 +148,12 @@ fn of_servos(
     let naming = Naming::new(&how, None)?;
     let (tell, told) = channel();
     let is_over = || observer.wants_to_stop();
-    let Heard { named, lost } = std::thread::scope(|scope| {
+    let HeardRobot { named, lost } = std::thread::scope(|scope| {
         // Whoever reads servos may not wait for a terminal.
         scope.spawn(move || {
             told.into_iter().for_each(|told| match told {
-                Told::Words(text) => observer.hear(Event::Note(&text)),
-                Told::Recognised(event) => observer.hear(Event::Recognised(&event)),
+                LiveWord::Words(text) => observer.hear(Event::Note(&text)),
+                LiveWord::Recognised(event) => observer.hear(Event::Recognised(&event)),
             });
         });
         listen(&mut connection.link, &seen, naming, tell, order.time, &is_over)
@@ -188,11 +188,11 @@ fn opened(
 fn written(
     order: &RecogniseLiveOrder,
     format: &str,
-    named: Named,
+    named: NamedBody,
     notes: Vec<String>,
     lost: Option<String>,
 ) -> Result<RecogniseReport, Error> {
-    let Named { found, poses, seen, last_s } = named;
+    let NamedBody { found, poses, seen, last_s } = named;
     let frames = (last_s * RATE_HZ) as usize + 1;
     let source = SourceReport {
         format: format.to_owned(),

@@ -119,7 +119,7 @@ pub enum Look {
 }
 
 /// A leader that somebody guides by hand. Nothing is written to it.
-pub struct Guided {
+pub struct GuidedArm {
     connection: Connection,
     pairs: Pairs,
     goal_rad: Vec<f64>,
@@ -132,7 +132,7 @@ pub struct Guided {
 /// So many looks in a row without an answer are silence, and said.
 const SILENT: u32 = 10;
 
-impl Guided {
+impl GuidedArm {
     /// Nothing was read yet. Joints that nobody leads stay where the follower starts.
     pub fn new(connection: Connection, pairs: Pairs, start_rad: &[f64]) -> Self {
         let missed = vec![0; connection.link.robot().joints.len()];

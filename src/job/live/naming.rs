@@ -37,7 +37,7 @@ pub struct HowNamed {
 }
 
 /// What is said while somebody moves, by a thread that may wait.
-pub enum Told {
+pub enum LiveWord {
     /// Something to be read.
     Words(String),
     /// Something that was recognised.
@@ -45,7 +45,7 @@ pub enum Told {
 }
 
 /// What was named of a body that is no longer heard.
-pub struct Named {
+pub struct NamedBody {
     /// What was found.
     pub found: Found,
     /// The poses, s from when it was first looked at, at most [`MOST_POSES`] of them.
@@ -114,7 +114,7 @@ impl Naming {
         known: &[bool; 13],
         now: Instant,
         at_s: f64,
-        tell: &Sender<Told>,
+        tell: &Sender<LiveWord>,
         mut done: impl FnMut(&RecognisedAction),
     ) {
         let dt_s = self.before_s.map_or(0.0, |before_s| at_s - before_s);
@@ -125,7 +125,7 @@ impl Naming {
         if dt_s / self.slowed > LONGEST_GAP_S {
             let words =
                 format!("nothing was seen for {dt_s:.1} s: what was done then is not named");
-            let _ = tell.send(Told::Words(words));
+            let _ = tell.send(LiveWord::Words(words));
         }
         let pose = SegmentPose { root_m: self.root.next(pose, dt_s), ..pose.clone() };
         for (seen, known) in self.seen.iter_mut().zip(known) {
@@ -146,14 +146,14 @@ impl Naming {
     }
 
     /// The body is no longer heard: what is over with that is told, too.
-    pub fn finish(mut self, tell: &Sender<Told>) -> Named {
+    pub fn finish(mut self, tell: &Sender<LiveWord>) -> NamedBody {
         let last_s = self.before_s.unwrap_or(0.0);
         let began_s = last_s - self.recogniser.time_s() * self.slowed;
         let Self { recogniser, models, channel, done: kept, slowed, before: now, .. } = &mut self;
         let now = *now;
         let mut taken = Taken { models, began_s, slowed: *slowed, channel, now, tell, kept };
         recogniser.finish(|index, known_s, what| taken.take(index, known_s, what, &mut |_| ()));
-        Named {
+        NamedBody {
             found: Found::of(&self.recogniser, None, self.done),
             poses: self.poses.unwrap_or_default(),
             seen: self.seen,
@@ -169,7 +169,7 @@ struct Taken<'a> {
     slowed: f64,
     channel: &'a Option<(Arc<Recorder>, SourceId)>,
     now: Instant,
-    tell: &'a Sender<Told>,
+    tell: &'a Sender<LiveWord>,
     kept: &'a mut Vec<RecognisedAction>,
 }
 
@@ -191,7 +191,7 @@ impl Taken<'_> {
             recorder.take_record(*source, SourceRecord::Line(self.now, line));
         }
         // Nobody listens any more only at the very end.
-        let _ = self.tell.send(Told::Recognised(event));
+        let _ = self.tell.send(LiveWord::Recognised(event));
         if let ActionEvent::Done { span, phases } = what {
             let action = recognised(model, known_s, span, &phases).timed(own);
             done(&action);
@@ -264,8 +264,8 @@ mod tests {
         let end_s = 7.0 + poses.len() as f64 / 60.0;
         assert!(actions[0].start_s > 7.0 && actions[0].recognised_at_s < end_s, "{actions:?}");
         let words = told.iter().filter_map(|told| match told {
-            Told::Words(words) => Some(words),
-            Told::Recognised(event) => event.words_of_done(),
+            LiveWord::Words(words) => Some(words),
+            LiveWord::Recognised(event) => event.words_of_done(),
         });
         assert_eq!(words.collect::<Vec<_>>(), [actions[0].words()]);
         assert_eq!(heard, [actions[0].words()]);

@@ -1,6 +1,6 @@
 //! A robot that does what a person who wears sensors does.
 
-use super::naming::{HowNamed, Named, Naming, Told};
+use super::naming::{HowNamed, LiveWord, NamedBody, Naming};
 use super::report::{self, BodyReport, LiveReport};
 use super::when::{self, Answer, Answers, AnswersReport, Call, CheckedAnswer, Overheard, When};
 use super::{Job, Ready, look};
@@ -95,11 +95,11 @@ impl Job<'_> {
                 scope.spawn(move || source.record(intake));
             }
             // The loop may not wait for a terminal: what it has to say is said elsewhere.
-            let (tell, told) = channel::<Told>();
+            let (tell, told) = channel::<LiveWord>();
             scope.spawn(move || {
                 told.into_iter().for_each(|told| match told {
-                    Told::Words(text) => observer.hear(Event::Note(&text)),
-                    Told::Recognised(event) => observer.hear(Event::Recognised(&event)),
+                    LiveWord::Words(text) => observer.hear(Event::Note(&text)),
+                    LiveWord::Recognised(event) => observer.hear(Event::Recognised(&event)),
                 });
             });
             self.led(&mut sensors, ready, recorder, answers, tell, &*clock)
@@ -177,7 +177,7 @@ impl Job<'_> {
         ready: Option<Ready>,
         recorder: Option<RunRecorder>,
         answers: Answers,
-        tell: Sender<Told>,
+        tell: Sender<LiveWord>,
         clock: &dyn Clock,
     ) -> (Option<Recorded>, Result<(), Error>) {
         let guided = match self.calibrated(sensors, clock) {
@@ -527,7 +527,7 @@ struct Body<'a> {
     sensors: &'a mut Sensors,
     wearing: Wearing,
     person: &'a dyn Person,
-    tell: Sender<Told>,
+    tell: Sender<LiveWord>,
     longest: Option<Duration>,
     /// When it was first looked at: times of poses count from here.
     began: Option<Instant>,
@@ -548,7 +548,7 @@ impl<'a> Body<'a> {
         sensors: &'a mut Sensors,
         wearing: Wearing,
         person: &'a dyn Person,
-        tell: Sender<Told>,
+        tell: Sender<LiveWord>,
         longest: Option<Duration>,
     ) -> Self {
         Self {
@@ -625,7 +625,7 @@ impl<'a> Body<'a> {
             naming.hear(&moment.pose, &known, now, at_s, tell, |action| {
                 if let Some(said) = answers.hear(action) {
                     // Nobody listens any more only at the very end.
-                    let _ = tell.send(Told::Words(said));
+                    let _ = tell.send(LiveWord::Words(said));
                 }
             });
         }
@@ -657,11 +657,11 @@ impl<'a> Body<'a> {
     /// Says something to the person, without waiting for a terminal.
     fn tell(&self, text: String) {
         // Nobody listens any more only at the very end.
-        let _ = self.tell.send(Told::Words(text));
+        let _ = self.tell.send(LiveWord::Words(text));
     }
 
     /// Writes down what became of the sensors.
-    fn describe(mut self, report: &mut LiveReport) -> Option<Named> {
+    fn describe(mut self, report: &mut LiveReport) -> Option<NamedBody> {
         let named = self.naming.take().map(|naming| naming.finish(&self.tell));
         report.events = named.as_ref().map(|named| named.found.events.clone());
         if let Some(answers) = &mut report.answers {

@@ -2,7 +2,7 @@
 
 use super::RATE_HZ;
 use crate::bus::AskError;
-use crate::job::live::naming::{Named, Naming, Told};
+use crate::job::live::naming::{LiveWord, NamedBody, Naming};
 use crate::job::source::recorded::SeenRobot;
 use crate::recognise::stream::LONGEST_GAP_S;
 use crate::robot::link::States;
@@ -15,9 +15,9 @@ use std::sync::mpsc::Sender;
 const LOOK: Duration = Duration::from_millis(50);
 
 /// What was heard of a robot.
-pub struct Heard {
+pub struct HeardRobot {
     /// What was named.
-    pub named: Named,
+    pub named: NamedBody,
     /// Why it ended early, if it did: a line is gone.
     pub lost: Option<String>,
 }
@@ -79,10 +79,10 @@ pub fn listen(
     link: &mut Link,
     seen: &SeenRobot,
     mut naming: Naming,
-    tell: Sender<Told>,
+    tell: Sender<LiveWord>,
     time: Option<Duration>,
     is_over: &dyn Fn() -> bool,
-) -> Heard {
+) -> HeardRobot {
     let clock = Arc::clone(link.clock());
     let period = Duration::from_secs_f64(1.0 / RATE_HZ);
     let mut joints = Joints::new(link.robot());
@@ -109,7 +109,7 @@ pub fn listen(
             && let Some(words) = joints.silence(&known)
         {
             // Nobody listens any more only at the very end.
-            let _ = tell.send(Told::Words(words));
+            let _ = tell.send(LiveWord::Words(words));
         }
         if known.contains(&true) {
             let dt_s = before_s.map_or(0.0, |before_s| at_s - before_s);
@@ -120,5 +120,5 @@ pub fn listen(
         at = (at + period).max(clock.now());
         clock.sleep_until(at);
     };
-    Heard { named: naming.finish(&tell), lost }
+    HeardRobot { named: naming.finish(&tell), lost }
 }

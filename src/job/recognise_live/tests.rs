@@ -22,7 +22,7 @@ fn performed(action: &str, robot: &Robot) -> Vec<Vec<f64>> {
 }
 
 struct Listened {
-    heard: Heard,
+    heard: HeardRobot,
     events: Vec<(&'static str, String)>,
     words: Vec<String>,
 }
@@ -56,8 +56,8 @@ fn told(
     let (mut events, mut words) = (Vec::new(), Vec::new());
     for told in told {
         match told {
-            Told::Recognised(event) => events.push((event.kind, event.model.clone())),
-            Told::Words(text) => words.push(text),
+            LiveWord::Recognised(event) => events.push((event.kind, event.model.clone())),
+            LiveWord::Words(text) => words.push(text),
         }
     }
     Listened { heard, events, words }
