@@ -348,9 +348,10 @@ fn a_calibration_of_lerobot_is_carried_over_and_back_and_its_offsets_are_looked_
     assert_eq!(json(&done)["joints"].as_array().map(Vec::len), Some(2));
     let written = std::fs::read_to_string(&back).expect("written");
     assert_eq!(serde_json::from_str::<Value>(&written).expect("JSON"), motors);
-    // The virtual servos have other offsets: what was measured with those does not hold.
-    let hold = ["hold", "so101", "--bus", "sim", "--calibration", &ours, "--accept-firmware"];
-    let refused = run(&hold);
+    // The servos on the desk have other offsets: what was measured with those does not hold.
+    let desk = Desk::with("so101");
+    let bus = desk.bus();
+    let refused = run(&["hold", "so101", "--bus", &bus, "--calibration", &ours]);
     let said = String::from_utf8_lossy(&refused.stderr).into_owned() + &text(&refused);
     assert_eq!(refused.status.code(), Some(1), "{said}");
     assert!(said.contains("-1365"), "{said}");
