@@ -133,6 +133,16 @@ fn what_moves_with_a_joint_that_is_silent_is_unknown_and_named_by_nobody() {
     assert_eq!(words, ["silent: r_el; what moves with that is unknown"]);
     let blind: Vec<&str> = heard.named.found.blind.iter().map(|of| of.model.as_str()).collect();
     assert!(blind.contains(&"wave-r") && !blind.contains(&"wave-l"), "{blind:?}");
+    // One that falls silent later is unknown from then on, and known again once it answers.
+    let mut later = op3();
+    let gap = |world: &mut gaitway_sim::World, n: usize| match n {
+        25 => world.unplug("r_el").expect("a joint"),
+        60 => world.plug("r_el").expect("a joint"),
+        _ => {}
+    };
+    let Listened { words, .. } = told(&mut later, &goals, gap);
+    let said = ["silent: r_el; what moves with that is unknown", "all joints answer again"];
+    assert_eq!(words.get(..2), Some(&said.map(String::from)[..]), "{words:?}");
     // The other arm is seen as before.
     let goals = performed("wave-l", connection.link.robot());
     let Listened { events, .. } = told(&mut connection, &goals, |_, _| ());
