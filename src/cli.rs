@@ -9,9 +9,9 @@ pub mod corpus;
 pub mod cues;
 pub mod cut;
 pub mod doctor;
-pub mod duration;
 pub mod finding;
 pub mod fit;
+pub mod follow;
 pub mod hold;
 pub mod inserts;
 pub mod limp;
@@ -44,6 +44,7 @@ pub mod synth;
 pub mod terminal;
 pub mod view;
 pub mod viewing;
+pub mod wearing;
 
 pub use output::{Deed, Output, Remarks, print, say};
 pub use report::Outcome;
@@ -78,6 +79,8 @@ enum Command {
     Play(Box<play::PlayArgs>),
     /// Mirror a person on a robot, in real time
     Live(Box<live::LiveArgs>),
+    /// Let a robot follow another one that is led by hand
+    Follow(Box<follow::FollowArgs>),
     /// Transfer a motion to a robot's joints and write the trajectory
     Retarget(Box<retarget::RetargetArgs>),
     /// Make a motion of actionlets and write it to a file
@@ -185,6 +188,7 @@ fn run(typed: &Typed) -> i32 {
     let done = match &cli.command {
         Command::Play(args) => play::run(args, remarks),
         Command::Live(args) => live::run(args, remarks),
+        Command::Follow(args) => follow::run(args, remarks),
         Command::Retarget(args) => retarget::run(args, remarks),
         Command::Synth(args) => synth::run(args, remarks),
         Command::Clean(args) => clean::run(args, remarks),

@@ -1,8 +1,10 @@
 //! Instants and moments of the calendar as values. Nothing here reads a clock; only [`crate::port`] does.
 
+mod typed;
 mod utc;
 
 pub use core::time::Duration;
+pub use typed::{duration, listening_time};
 pub use utc::Utc;
 
 /// A moment on a monotonic clock: nanoseconds since that clock's own start.

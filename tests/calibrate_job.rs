@@ -109,7 +109,19 @@ fn a_program_that_turns_the_joint_gets_its_zero_direction_and_range() {
     let kept = Calibration::read(&folder.join("so101.toml")).expect("the file");
     assert_eq!(kept.joints.len(), 1);
     assert!(matches!(machine.told[0], Seen::Joint { number: 1, total: 1 }), "{:?}", machine.told);
-    assert!(machine.told.iter().any(|seen| matches!(seen, Seen::Range { .. })));
+    // Said whenever the joint has moved, the last with both ends; lines on paper only now and then.
+    let ranges = machine.told.iter().filter_map(|seen| match *seen {
+        Seen::Range { lower_rad, upper_rad, now_rad, has_grown } => {
+            assert!((lower_rad..=upper_rad).contains(&now_rad), "{seen:?}");
+            Some((lower_rad, upper_rad, has_grown))
+        }
+        _ => None,
+    });
+    let ranges: Vec<_> = ranges.collect();
+    let (lower_rad, upper_rad, _) = *ranges.last().expect("a range");
+    assert!((lower_rad - ENDS_RAD.0).abs() < 0.004 && (upper_rad - ENDS_RAD.1).abs() < 0.004);
+    let grown = ranges.iter().filter(|(.., has_grown)| *has_grown).count();
+    assert!(grown > 0 && grown < ranges.len(), "{grown} of {}", ranges.len());
 }
 
 #[test]

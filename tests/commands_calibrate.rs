@@ -323,3 +323,38 @@ fn what_is_measured_on_a_virtual_robot_is_never_kept_as_the_real_ones() {
     assert_eq!(calibrate(&["--dry-run"]).status.code(), Some(4));
     assert_eq!(std::fs::read_dir(&config).expect("the folder").count(), 0, "something was written");
 }
+
+#[test]
+fn a_calibration_of_lerobot_is_carried_over_and_back_and_its_offsets_are_looked_for() {
+    let folder = crate::program::folder("calibrate-lerobot");
+    let path = |name: &str| folder.join(name).display().to_string();
+    let (theirs, ours, back) = (path("theirs.json"), path("ours.toml"), path("back.json"));
+    let motor = |id: u8, homing_offset: i64| {
+        serde_json::json!({"id": id, "drive_mode": 0, "homing_offset": homing_offset,
+                           "range_min": 800, "range_max": 3200})
+    };
+    let motors = serde_json::json!({"shoulder_pan": motor(1, -1365), "gripper": motor(6, 12)});
+    std::fs::write(&theirs, motors.to_string()).expect("a file");
+    let import = ["calibrate", "so101", "--from-lerobot", &theirs, "--calibration", &ours];
+    let done = run(&import);
+    assert_eq!(done.status.code(), Some(0), "{}", String::from_utf8_lossy(&done.stderr));
+    assert!(text(&done).contains("shoulder_pan") && text(&done).contains(&ours), "{}", text(&done));
+    let again = run(&import);
+    assert_eq!(again.status.code(), Some(1));
+    assert!(String::from_utf8_lossy(&again.stderr).contains("--force"));
+    let export = ["calibrate", "so101", "--to-lerobot", &back, "--calibration", &ours, "--json"];
+    let done = run(&export);
+    assert_eq!(done.status.code(), Some(0), "{}", String::from_utf8_lossy(&done.stderr));
+    assert_eq!(json(&done)["joints"].as_array().map(Vec::len), Some(2));
+    let written = std::fs::read_to_string(&back).expect("written");
+    assert_eq!(serde_json::from_str::<Value>(&written).expect("JSON"), motors);
+    // The servos on the desk have other offsets: what was measured with those does not hold.
+    let desk = Desk::with("so101");
+    let bus = desk.bus();
+    let refused = run(&["hold", "so101", "--bus", &bus, "--calibration", &ours]);
+    let said = String::from_utf8_lossy(&refused.stderr).into_owned() + &text(&refused);
+    assert_eq!(refused.status.code(), Some(1), "{said}");
+    assert!(said.contains("-1365"), "{said}");
+    // Neither a bus nor a file is no calibration.
+    assert_eq!(run(&["calibrate", "so101"]).status.code(), Some(2));
+}

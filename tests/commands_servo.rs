@@ -288,6 +288,40 @@ fn one_servo_is_moved_through_the_guard_and_the_referee_agrees() {
 }
 
 #[test]
+fn a_gripper_without_position_mode_is_moved_in_the_mode_it_has() {
+    let (desk, joint) = Desk::of_servo("rh-p12-rn");
+    let bus = format!("{}?baud=57600", desk.bus());
+    let is_done = |output: &Output| output.status.success();
+    let go = ["servo", "move", &bus, "1", "40", "--json", "-q"];
+    let report = json(&desk::run_until_done(&go, is_done));
+    assert_eq!(report["outcome"], "done", "{report:#}");
+    let reached = report["reached_rad"].as_f64().expect("an angle");
+    assert!((reached - 40_f64.to_radians()).abs() < 0.03, "{report:#}");
+    // It is closed at 1150 counts of 4096 to a turn: no goal leads further.
+    let far = run(&["servo", "move", &bus, "1", "120", "--json", "-q"]);
+    let said = String::from_utf8_lossy(&far.stderr).into_owned();
+    assert!(!far.status.success() && said.contains("101.0"), "{said}");
+    let off = json(&run(&["servo", "torque", &bus, "1", "off", "--json", "-q"]));
+    assert_eq!(off["torque_on"], false);
+    let on =
+        json(&desk::run_until_done(&["servo", "torque", &bus, "1", "on", "--json", "-q"], is_done));
+    assert_eq!(on["outcome"], "done");
+    assert_eq!(desk.world().register(&joint, "Torque Enable"), Some(1));
+    assert_eq!(desk.violations(), Vec::<String>::new());
+    // In current mode it is refused, and the line that is printed puts it right.
+    desk.world().set_register(&joint, "Torque Enable", 0);
+    desk.world().set_register(&joint, "Operating Mode", 0);
+    let refused = run(&["servo", "move", &bus, "1", "40"]);
+    let said = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(said.contains("CurrentBasedPosition"), "{said}");
+    let line =
+        said.lines().find_map(|line| line.split_once("gaitway servo set")).expect("a remedy");
+    let line = format!("gaitway servo set{}", line.1).replace("BUS", &format!("'{bus}'"));
+    desk::run_line(&line);
+    assert_eq!(desk.world().register(&joint, "Operating Mode"), Some(5));
+}
+
+#[test]
 fn torque_of_one_servo_comes_on_where_it_stands_and_goes_off_again() {
     for (robot, id, joint) in [("so101", "5", "wrist_roll"), ("op3", "19", "head_pan")] {
         let desk = Desk::with(robot);

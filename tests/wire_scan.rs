@@ -183,6 +183,68 @@ fn a_damaged_answer_now_and_then_is_no_collision() {
 }
 
 #[test]
+fn a_servo_whose_answer_was_lost_is_asked_again_and_found() {
+    let family = [Dynamixel1, FeetechSts, FeetechScs];
+    for (robot, protocols) in
+        [(op3(), &[Dynamixel2][..]), (sts_robot(), &[FeetechSts][..]), (sts_robot(), &family[..])]
+    {
+        let all = ids_of(&robot);
+        // The first and the last in the row, and two in the middle, do not say their first word.
+        let silent = [all[0], all[7], all[8], all[19]];
+        let mute = |joint: &gaitway_profiles::Joint| {
+            silent.contains(&joint.id).then(|| Fault::Status {
+                joint: joint.name.clone(),
+                nth: 0,
+                damage: Damage::Mute,
+            })
+        };
+        let faults = robot.joints.iter().filter_map(mute).collect();
+        let (scan, took_s) = scanned(&robot, protocols, Options { faults, ..Options::default() });
+        assert_eq!((ids(&scan), scan.collisions), (all, vec![]), "{protocols:?}");
+        assert!(took_s < 1.0, "{took_s} s");
+    }
+}
+
+#[test]
+fn scraps_in_place_of_an_answer_are_asked_about_at_once() {
+    let soon = Duration::from_micros(300);
+    let line = ScriptedLine::default();
+    // Of a packet of six bytes two arrive, and then all of it; no other ID is near. Sums by the rule.
+    line.on("FF FF C8 02 01 34", &[(soon, "02 00")])
+        .on("FF FF C8 02 01 34", &[(soon, "FF FF C8 02 00 35")]);
+    let mut bus = line.bus();
+    let found = scan(&mut bus, &[Dynamixel1], nothing, at_s(10.0)).expect("a line");
+    assert_eq!((ids(&found), found.collisions), (vec![200], vec![]));
+}
+
+#[test]
+fn asking_again_takes_a_quarter_of_a_scan_at_most() {
+    // One servo; six in a row; twenty, as far apart as can be.
+    let apart = |count: u8, step: u8| {
+        let mut robot = sts_robot();
+        robot.joints.truncate(count.into());
+        for (joint, n) in robot.joints.iter_mut().zip(0..) {
+            joint.id = 1 + n * step;
+        }
+        robot
+    };
+    for (robot, most) in [(apart(1, 1), 9), (apart(6, 1), 9), (apart(20, 12), 63)] {
+        let (world, mut bus) = virtual_bus(&robot, Options::default());
+        let family = [Dynamixel1, FeetechSts, FeetechScs];
+        let found = scan(&mut bus, &family, nothing, in_s(&world, 10.0)).expect("a line");
+        assert_eq!(ids(&found), ids_of(&robot));
+        // A ping for each ID, one more and a read for each that is there.
+        let plain = 254 + robot.joints.len() as u64;
+        let asked = bus.stats().asked;
+        assert!((plain..=plain + most).contains(&asked), "{asked} questions, {plain} without");
+    }
+    // Where nobody answers, only the ID that servos leave the factory with.
+    let (world, mut bus) = virtual_bus(&op3(), Options::default());
+    let found = scan(&mut bus, &[Dynamixel1], nothing, in_s(&world, 10.0)).expect("a line");
+    assert_eq!((found.found.len(), bus.stats().asked), (0, 255));
+}
+
+#[test]
 fn a_servo_that_answers_pings_only_is_found() {
     let robot = op3();
     let (world, mut bus) = virtual_bus(&robot, Options::default());
@@ -218,5 +280,7 @@ fn devices_that_share_a_packet_come_with_a_reading_in_each_protocol() {
     assert!(scan.found[0].readings.contains(&said(Dynamixel1, 12, 24)));
     assert!(scan.found[1].readings.contains(&said(FeetechScs, 1284, 0x0102)));
     assert!(scan.found.iter().all(|found| found.readings.len() == 3));
-    assert_eq!(line.asked().len(), 254 + 2, "each ID once, and two devices for their registers");
+    // IDs 0 and 3 to 10 are near those two.
+    let asked = line.asked().len();
+    assert_eq!(asked, 254 + 2 + 9, "each ID, two devices for their registers, and nine again");
 }

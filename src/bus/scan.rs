@@ -6,6 +6,10 @@
 //! too: the three share one packet and answer each other's pings. What a device of them is must be
 //! told by its model number, so each comes with a [`Reading`] in every protocol it may speak.
 //!
+//! An answer that is lost makes nobody of a device. Whoever is silent is asked again where that costs little: at once if bytes came
+//! that were no packet; and once more at the end if an ID nearby answered, since people number servos in a row, or if it
+//! is the one that servos leave the factory with. A second pass over all IDs would take twice as long.
+//!
 //! Two devices with one ID answer at once. Mostly that garbles the answer, or both are heard one
 //! after the other. Only if every bit of the two is the same do they look like one: so each device
 //! is also asked, twice, for registers that differ between any two (position, clock), which the
@@ -23,6 +27,13 @@ const LONGEST_RETURN_DELAY: Duration = Duration::from_micros(508);
 
 /// What one question is asked at most, when its answers are garbled: noise passes, twins do not.
 const TRIES: usize = 3;
+
+/// IDs this far from one that answered are asked again.
+const NEARBY: u8 = 8;
+/// So many IDs at most: a quarter of all.
+const MOST_AGAIN: usize = 63;
+/// The ID that servos leave the factory with.
+const FACTORY_ID: u8 = 1;
 
 /// The first registers of the servos that share the packet of Protocol 1.0, read to tell them
 /// apart: model number and firmware stand in different places.
@@ -131,9 +142,21 @@ struct Scanner<'a> {
     scan: Scan,
 }
 
+/// One family of protocols on the line.
+struct Pass<'a> {
+    asked_in: Protocol,
+    family: &'a [Protocol],
+    /// Who answered what when all were asked.
+    present: &'a BTreeMap<u8, Vec<Reply>>,
+    /// Who is there.
+    there: &'a mut Vec<u8>,
+}
+
 /// What came of asking one ID.
 enum Outcome {
     Silent,
+    /// Bytes came that were no packet.
+    Scraps,
     Answer(Reply),
     /// It is there, and does not do what it is asked.
     Refused,
@@ -173,19 +196,43 @@ impl Scanner<'_> {
                 family.iter().all(|p| matches!(p, Protocol::Dynamixel2 | Protocol::FeetechSts));
             let (present, one_by_one) =
                 if at_once { self.roll_call(asked_in)? } else { (BTreeMap::new(), true) };
-            for id in 0..asked_in.ids() {
-                if self.bus.clock.now() >= self.budget {
-                    self.scan.complete = false;
-                    return Ok(());
-                }
-                let heard = present.get(&id).map_or(&[][..], Vec::as_slice);
-                if !heard.is_empty() || one_by_one {
-                    let verdict = self.one(asked_in, &family, id, heard, &compare)?;
-                    self.scan.take(asked_in, id, verdict);
-                }
+            let before = self.scan.found.len();
+            let wanted = |id: &u8| one_by_one || present.contains_key(id);
+            let mut there = Vec::new();
+            let mut pass = Pass { asked_in, family: &family, present: &present, there: &mut there };
+            let first = (0..asked_in.ids()).filter(wanted);
+            if !self.each(&mut pass, first, &compare)? {
+                return Ok(());
             }
+            let again = again_of(asked_in.ids(), pass.there);
+            if !self.each(&mut pass, again.into_iter(), &compare)? {
+                return Ok(());
+            }
+            self.scan.found[before..].sort_by_key(|found| found.id);
         }
         Ok(())
+    }
+
+    /// Looks at each of these IDs; false if the time was over before.
+    fn each(
+        &mut self,
+        pass: &mut Pass<'_>,
+        ids: impl Iterator<Item = u8>,
+        compare: &impl Fn(&Found) -> Vec<(u16, u16)>,
+    ) -> Result<bool, AskError> {
+        for id in ids {
+            if self.bus.clock.now() >= self.budget {
+                self.scan.complete = false;
+                return Ok(false);
+            }
+            let heard = pass.present.get(&id).map_or(&[][..], Vec::as_slice);
+            let verdict = self.one(pass.asked_in, pass.family, id, heard, compare)?;
+            if !matches!(verdict, Verdict::Nobody) {
+                pass.there.push(id);
+            }
+            self.scan.take(pass.asked_in, id, verdict);
+        }
+        Ok(true)
     }
 
     /// Who answers what when all are asked, and whether anything came that was no answer.
@@ -215,8 +262,8 @@ impl Scanner<'_> {
         let ping = |out: &mut Vec<u8>| protocol.ping(out, id);
         let pong = match self.settled(protocol, id, protocol.ping_bytes(), tries, ping)? {
             Outcome::Answer(reply) => reply,
-            Outcome::Silent if heard.is_empty() => return Ok(Verdict::Nobody),
-            Outcome::Silent => return Ok(Verdict::Collided(Reason::SilentAlone)),
+            Outcome::Silent | Outcome::Scraps if heard.is_empty() => return Ok(Verdict::Nobody),
+            Outcome::Silent | Outcome::Scraps => return Ok(Verdict::Collided(Reason::SilentAlone)),
             Outcome::Refused => Reply { alert: true, bytes: Vec::new() },
             Outcome::Trouble(reason) => return Ok(Verdict::Collided(reason)),
         };
@@ -235,7 +282,7 @@ impl Scanner<'_> {
                     let seen = family.iter().filter_map(|&p| reading(p, &reply.bytes));
                     found.readings = seen.collect();
                 }
-                Outcome::Silent | Outcome::Refused => {}
+                Outcome::Silent | Outcome::Scraps | Outcome::Refused => {}
                 Outcome::Trouble(reason) => return Ok(Verdict::Collided(reason)),
             }
         }
@@ -267,7 +314,7 @@ impl Scanner<'_> {
         protocol: Protocol,
         id: u8,
         length: usize,
-        tries: usize,
+        mut tries: usize,
         question: impl Fn(&mut Vec<u8>) -> Result<(), String>,
     ) -> Result<Outcome, AskError> {
         let mut plain = None;
@@ -280,6 +327,7 @@ impl Scanner<'_> {
                 Outcome::Trouble(reason) if troubles > 0 => return Ok(Outcome::Trouble(reason)),
                 Outcome::Trouble(_) => troubles += 1,
                 Outcome::Silent => {}
+                Outcome::Scraps => tries = TRIES,
                 answer if troubles == 0 => return Ok(answer),
                 answer => plain = Some(answer),
             }
@@ -311,9 +359,22 @@ impl Scanner<'_> {
             (Some((_, Ok(reply))), None) => Outcome::Answer(reply),
             (Some((_, Err(Miss::Refused(_)))), None) => Outcome::Refused,
             (Some(_), None) => Outcome::Trouble(Reason::Garbled),
+            (None, None) if chorus.garbled_bytes > 0 => Outcome::Scraps,
             (None, None) => Outcome::Silent,
         })
     }
+}
+
+/// Who is asked once more, nearest to somebody first: silent IDs near those that are `there`; if nobody is, the usual one.
+fn again_of(ids: u8, there: &[u8]) -> Vec<u8> {
+    let distance = |id: &u8| there.iter().map(|other| id.abs_diff(*other)).min();
+    let mut near: Vec<(u8, u8)> = (0..ids)
+        .filter_map(|id| Some((distance(&id)?, id)))
+        .filter(|(away, _)| (1..=NEARBY).contains(away))
+        .collect();
+    near.sort_unstable();
+    let usual = there.is_empty().then_some(FACTORY_ID);
+    near.into_iter().map(|(_, id)| id).take(MOST_AGAIN).chain(usual).collect()
 }
 
 /// What a device says it is: in the answer to a ping (Dynamixel 2.0) or in its first registers.

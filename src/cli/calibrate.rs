@@ -5,6 +5,7 @@ use super::terminal::Terminal;
 use super::{Deed, Outcome, Output, Remarks};
 use crate::error::Error;
 use crate::job::calibrate::{CalibrateOrder, CalibrateReport, calibrate};
+use crate::job::calibrate::{LerobotOrder, LerobotWay, carry_over};
 use crate::rig::Address;
 use answers::Answers;
 use clap::Args;
@@ -21,8 +22,14 @@ pub struct CalibrateArgs {
     robot: String,
     /// Where the robot is: sim, sim:pty, serial:PATH[?baud=N], tcp:HOST:PORT; LINE=BUS for each line
     /// of a robot with several
-    #[arg(long, value_name = "BUS", required = true)]
+    #[arg(long, value_name = "BUS", required_unless_present_any = ["from_lerobot", "to_lerobot"])]
     bus: Vec<Address>,
+    /// Make the calibration of a file that LeRobot wrote (FILE.json), instead of measuring
+    #[arg(long, value_name = "FILE.json", conflicts_with_all = ["bus", "to_lerobot"])]
+    from_lerobot: Option<PathBuf>,
+    /// Write the calibration as LeRobot reads it
+    #[arg(long, value_name = "FILE.json", conflicts_with = "bus")]
+    to_lerobot: Option<PathBuf>,
     /// Only these joints, separated by commas; others stay as they were calibrated
     #[arg(long, value_name = "JOINTS", value_delimiter = ',')]
     only: Vec<String>,
@@ -50,7 +57,14 @@ pub struct CalibrateArgs {
 /// # Errors
 /// As [`calibrate`].
 pub fn run(args: &CalibrateArgs, remarks: Remarks) -> Result<i32, Error> {
-    args.output.check_files(&[])?;
+    args.output.check_files(&[&args.to_lerobot])?;
+    let way = args.from_lerobot.clone().map(LerobotWay::From);
+    if let Some(way) = way.or_else(|| args.to_lerobot.clone().map(LerobotWay::To)) {
+        let (robot, calibration) = (args.robot.clone(), args.calibration.clone());
+        let order = LerobotOrder { robot, way, calibration, replace: args.output.force() };
+        let report = carry_over(&order, &Terminal::unheard(remarks))?;
+        return Ok(args.output.conclude(&report, &text(&report), Deed::Work, 0));
+    }
     let signals = Signals::listen().map_err(|e| Error::new(format!("no signals: {e}")))?;
     let order = CalibrateOrder {
         robot: args.robot.clone(),

@@ -90,17 +90,8 @@ pub fn run(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
         }
         FileKind::Other => {}
     }
-    let of_captures = [
-        ("--mapping", args.mapping.is_some()),
-        ("--skeleton", args.skeleton.is_some()),
-        ("--static", args.static_trial.is_some()),
-    ];
-    if let Some((option, _)) = of_captures.iter().find(|(_, given)| *given) {
-        return Err(misplaced(option, "a capture (.bvh, .amc)"));
-    }
-    let output = Output::forced(args.force);
-    output.check_files(&[&Some(args.out.clone())])?;
-    output.check_apart(&args.file, &[&args.out])?;
+    refuse(args, &["--mapping", "--skeleton", "--static"], "a capture (.bvh, .amc)")?;
+    apart(args)?;
     let report = convert_recording(&RecordingOrder {
         recording: args.file.clone(),
         calibration: args.calibration_body.clone(),
@@ -132,17 +123,8 @@ fn fusing(word: &str) -> Result<Mode, String> {
 
 /// Sensors out of a table, or out of a recording with other settings.
 fn sensors(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
-    let of_others = [
-        ("--samples", args.samples),
-        ("--mapping", args.mapping.is_some()),
-        ("--skeleton", args.skeleton.is_some()),
-    ];
-    if let Some((option, _)) = of_others.iter().find(|(_, given)| *given) {
-        return Err(misplaced(option, "a recording (.mcap) or a capture (.bvh, .amc)"));
-    }
-    let output = Output::forced(args.force);
-    output.check_files(&[&Some(args.out.clone())])?;
-    output.check_apart(&args.file, &[&args.out])?;
+    refuse(args, &["--samples", "--mapping", "--skeleton"], OF_OTHERS)?;
+    apart(args)?;
     let report = convert_sensors(&SensorsOrder {
         sensors: args.file.clone(),
         declared: args.sensors.clone(),
@@ -165,13 +147,12 @@ fn sensors(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
     Ok(report.outcome.exit_code())
 }
 
-fn misplaced(option: &str, allowed: &str) -> Error {
-    Error::new("this option does not go with this file").at(option).allowed(allowed)
-}
+/// What others need than those that are read now.
+const OF_OTHERS: &str = "a recording (.mcap) or a capture (.bvh, .amc)";
 
-/// Markers as another kind of file.
-fn of_markers(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
-    let of_others = [
+/// Fails if one of these options was given.
+fn refuse(args: &ConvertArgs, options: &[&str], allowed: &str) -> Result<(), Error> {
+    let given = [
         ("--samples", args.samples),
         ("--calibration-body", args.calibration_body.is_some()),
         ("--mapping", args.mapping.is_some()),
@@ -179,12 +160,29 @@ fn of_markers(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
         ("--stature", args.stature.is_some()),
         ("--static", args.static_trial.is_some()),
     ];
-    if let Some((option, _)) = of_others.iter().find(|(_, given)| *given) {
-        return Err(misplaced(option, "a recording (.mcap) or a capture (.bvh, .amc)"));
+    match given.into_iter().find(|(option, given)| *given && options.contains(option)) {
+        Some((option, _)) => Err(misplaced(option, allowed)),
+        None => Ok(()),
     }
+}
+
+/// Fails if the output is there already, or is what is read.
+fn apart(args: &ConvertArgs) -> Result<(), Error> {
     let output = Output::forced(args.force);
     output.check_files(&[&Some(args.out.clone())])?;
-    output.check_apart(&args.file, &[&args.out])?;
+    output.check_apart(&args.file, &[&args.out])
+}
+
+fn misplaced(option: &str, allowed: &str) -> Error {
+    Error::new("this option does not go with this file").at(option).allowed(allowed)
+}
+
+/// Markers as another kind of file.
+fn of_markers(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
+    let of_others =
+        ["--samples", "--calibration-body", "--mapping", "--skeleton", "--stature", "--static"];
+    refuse(args, &of_others, OF_OTHERS)?;
+    apart(args)?;
     let order = MarkersOrder {
         markers: args.file.clone(),
         rate_hz: args.rate,
@@ -215,17 +213,11 @@ fn of_labels(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
 
 /// A capture on the body model.
 fn captured(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
-    let of_recordings =
-        [("--samples", args.samples), ("--calibration-body", args.calibration_body.is_some())];
     if args.rate.is_some() && file_kind(&args.file) != FileKind::Amc {
         return Err(misplaced("--rate", "a recording (.mcap), an AMC file, or markers"));
     }
-    if let Some((option, _)) = of_recordings.iter().find(|(_, given)| *given) {
-        return Err(misplaced(option, "a recording (.mcap)"));
-    }
-    let output = Output::forced(args.force);
-    output.check_files(&[&Some(args.out.clone())])?;
-    output.check_apart(&args.file, &[&args.out])?;
+    refuse(args, &["--samples", "--calibration-body"], "a recording (.mcap)")?;
+    apart(args)?;
     let report = convert(&ConvertOrder {
         capture: args.file.clone(),
         reading: CaptureOptions {

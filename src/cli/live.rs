@@ -1,20 +1,17 @@
 //! `live`, as it is typed.
 
 use super::calibrated::CalibrationArg;
-use super::duration::duration;
 use super::operator::Operator;
 use super::signals::Signals;
 use super::viewing::{ViewArg, Viewing};
+use super::wearing::WearingArgs;
 use super::{Deed, Output, Remarks, play};
-use crate::body::worn::Movement;
 use crate::error::Error;
 use crate::job::live::{LiveOrder, When, live};
-use crate::job::record::Mode;
 use crate::rig::Address;
-use crate::sensing::Plan;
-use crate::time::Duration;
+use crate::time::{Duration, listening_time};
 use crate::view::live::LiveView;
-use clap::{Args, ValueEnum};
+use clap::Args;
 use std::path::{Path, PathBuf};
 
 mod report;
@@ -29,9 +26,8 @@ pub struct LiveArgs {
     /// What to follow: sensors, a recording or a motion (see below)
     #[arg(long, value_name = "SOURCE", num_args = 1.., required_unless_present = "wear")]
     from: Vec<String>,
-    /// Which segment wears which sensor: SEGMENT=SENSOR, or a file that lists them
-    #[arg(long, value_name = "SEGMENT=SENSOR|FILE.toml", num_args = 1..)]
-    wear: Vec<String>,
+    #[command(flatten)]
+    wearing: WearingArgs,
     /// Robot by name, or path of its file (see `gaitway profile list`)
     #[arg(long, required_unless_present = "dry_run")]
     robot: Option<String>,
@@ -42,30 +38,8 @@ pub struct LiveArgs {
     #[arg(long, value_name = "HZ", value_parser = play::rate, allow_negative_numbers = true)]
     rate: Option<f64>,
     /// Follow for this time, then come to rest
-    #[arg(long = "for", value_name = "TIME", value_parser = follow_time, allow_negative_numbers = true)]
+    #[arg(long = "for", value_name = "TIME", value_parser = listening_time, allow_negative_numbers = true)]
     time: Option<Duration>,
-    /// Calibration of the body: used if the file exists (N pose then finds the headings), otherwise
-    /// made and saved there
-    #[arg(long, value_name = "FILE.toml")]
-    calibration_body: Option<PathBuf>,
-    /// Make the calibration of the body anew, and replace the file
-    #[arg(long, requires = "calibration_body")]
-    recalibrate: bool,
-    /// Who wears the sensors; kept with the calibration of the body
-    #[arg(long, value_name = "NAME", default_value = "", hide_default_value = true)]
-    subject: String,
-    /// Begin N pose after this time, instead of with Enter [without a terminal: 3s]
-    #[arg(long, value_name = "TIME", value_parser = duration)]
-    n_pose_after: Option<Duration>,
-    /// Do not ask for T pose
-    #[arg(long)]
-    no_t_pose: bool,
-    /// Movements that find headings more precisely than poses alone
-    #[arg(long, value_name = "MOVES", value_delimiter = ',')]
-    moves: Vec<MoveArg>,
-    /// Take headings from the magnetic field (not recommended indoors)
-    #[arg(long)]
-    magnetometer: bool,
     /// Record goals, measured states and the samples of all sensors to this file
     #[arg(long, value_name = "FILE.mcap")]
     record: Option<PathBuf>,
@@ -98,57 +72,21 @@ pub struct LiveArgs {
     output: Output,
 }
 
-/// Movements as they are typed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum MoveArg {
-    /// Bow: pelvis, torso, head
-    Bow,
-    /// Sit down and stand up: thighs
-    Sit,
-    /// March, elbows bending: forearms, shanks, feet
-    March,
-    /// Raise both arms: upper arms
-    Raise,
-}
-
-impl From<MoveArg> for Movement {
-    fn from(typed: MoveArg) -> Self {
-        match typed {
-            MoveArg::Bow => Self::Bow,
-            MoveArg::Sit => Self::SitToStand,
-            MoveArg::March => Self::Bend,
-            MoveArg::Raise => Self::RaiseArms,
-        }
-    }
-}
-
-/// Reads `--for`: from a tenth of a second to a day.
-fn follow_time(text: &str) -> Result<Duration, String> {
-    let time = duration(text)?;
-    let allowed = Duration::from_millis(100)..=Duration::from_secs(86_400);
-    if allowed.contains(&time) { Ok(time) } else { Err("0.1 to 86400 s".to_owned()) }
-}
-
 impl LiveArgs {
     fn order(&self) -> LiveOrder {
         LiveOrder {
             from: self.from.clone(),
-            wear: self.wear.clone(),
+            wear: self.wearing.wear.clone(),
             robot: self.robot.clone(),
             buses: self.bus.clone(),
             calibration: self.calibration.path().map(Path::to_owned),
             seed: self.seed,
             rate_hz: self.rate,
             time: self.time,
-            plan: Plan {
-                n_pose_after: self.n_pose_after,
-                t_pose: !self.no_t_pose,
-                moves: self.moves.iter().map(|&typed| typed.into()).collect(),
-                subject: self.subject.clone(),
-            },
-            body_calibration: self.calibration_body.clone(),
-            recalibrate: self.recalibrate,
-            mode: if self.magnetometer { Mode::NineAxes } else { Mode::SixAxes },
+            plan: self.wearing.plan(),
+            body_calibration: self.wearing.calibration_body.clone(),
+            recalibrate: self.wearing.recalibrate,
+            mode: self.wearing.mode(),
             record: self.record.clone(),
             replace: self.output.force(),
             accept_firmware: self.accept_firmware,

@@ -137,6 +137,9 @@ impl Observer for Operator {
                 shown.show(angles, worn, self.remarks);
             }
             Event::Sensing(event) => self.remarks.say(&cues::of_event(event)),
+            Event::Recognised(event) => {
+                event.words_of_done().iter().for_each(|words| self.remarks.say(words));
+            }
             Event::Planned { .. } | Event::Step { .. } | Event::Joints { .. } => {}
         }
     }

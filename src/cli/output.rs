@@ -234,6 +234,12 @@ impl Output {
         code
     }
 
+    /// True if the report is printed as JSON instead of text.
+    #[must_use]
+    pub const fn is_json(&self) -> bool {
+        self.json
+    }
+
     /// True if files may be overwritten.
     #[must_use]
     pub const fn force(&self) -> bool {

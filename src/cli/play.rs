@@ -8,7 +8,7 @@ use super::viewing::{ViewArg, Viewing};
 use super::{Deed, Output, Remarks};
 use crate::error::Error;
 use crate::job::page;
-use crate::job::play::{self, Accept, Options, PlayOrder, Played};
+use crate::job::play::{self, Accept, Options, PlayOrder, Played, Rounds};
 use crate::job::report::{Outcome, PlayReport};
 use crate::rig::Address;
 use clap::{Args, ValueEnum};
@@ -27,10 +27,10 @@ pub struct PlayArgs {
     /// Cycles per second [default: the robot file's]
     #[arg(long, value_name = "HZ", value_parser = rate, allow_negative_numbers = true)]
     rate: Option<f64>,
-    /// Play it N times, with a transition in between
-    #[arg(long = "loop", value_name = "N", default_value_t = 1,
-          value_parser = clap::value_parser!(u32).range(1..=10_000))]
-    repeat: u32,
+    /// Play it N times, with a transition in between; without N until Ctrl-C, which brings it to rest [default: 1]
+    #[arg(long = "loop", value_name = "N", num_args = 0..=1, default_value = "1", hide_default_value = true,
+          default_missing_value = ENDLESS, value_parser = rounds)]
+    repeat: Rounds,
     /// What the joints do after the motion
     #[arg(long, value_enum, default_value_t = EndState::Hold)]
     end: EndState,
@@ -111,6 +111,18 @@ pub(super) fn rate(text: &str) -> Result<f64, String> {
         Ok(rate_hz)
     } else {
         Err("allowed: 20 to 1000 Hz".to_owned())
+    }
+}
+
+/// What `--loop` without a number stands for.
+const ENDLESS: &str = "endless";
+
+/// Reads `--loop`.
+fn rounds(text: &str) -> Result<Rounds, String> {
+    match text.parse::<u32>() {
+        _ if text == ENDLESS => Ok(Rounds::Endless),
+        Ok(count @ 1..=10_000) => Ok(Rounds::Times(count)),
+        _ => Err("1 to 10000, or nothing: until Ctrl-C".to_owned()),
     }
 }
 

@@ -1,25 +1,37 @@
 //! `recognise`: what a body does, named as it happens.
 
-use super::output::{Untold, print_json};
+use super::operator::Operator;
+use super::output::{Untold, print, print_json};
 use super::reading::ReadingArgs;
+use super::signals::Signals;
+use super::wearing::WearingArgs;
 use super::{Deed, Output, Remarks};
 use crate::error::Error;
 use crate::job::labels::is_folder_name;
-use crate::job::recognise::{EquationReading, RecogniseOrder, RecogniseReport, counts, recognise};
+use crate::job::recognise::{EquationReading, RecogniseOrder, RecogniseReport, recognise};
 use crate::job::recognise_each::{RecogniseEachReport, recognise_each};
+use crate::job::recognise_live::{RecogniseLiveOrder, is_source, recognise_live};
+use crate::job::report::Outcome;
+use crate::job::{Event, Observer};
+use crate::time::{Duration, listening_time};
 use clap::Args;
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::PathBuf;
+use std::sync::{Mutex, PoisonError};
 
 /// Arguments of `recognise`.
 #[derive(Clone, Debug, Args)]
 #[command(after_help = include_str!("help/recognise.txt"))]
 pub struct RecogniseArgs {
     /// A capture (.bvh, .amc, .c3d, ...), a recording (.mcap), or actions; of several all events, each with its
-    /// source, as if they had begun together
-    #[arg(required = true)]
+    /// source, as if they had begun together. Or a source that is heard live: sensors that somebody wears
+    /// ([SEGMENT=]imu:PROFILE@BUS, several), or a robot by its servos (servos:ROBOT@BUS)
+    #[arg(required_unless_present = "wear", value_name = "MOTION|SOURCE")]
     motion: Vec<String>,
+    /// Listen to a source for this time [default: until Ctrl-C]
+    #[arg(long = "for", value_name = "TIME", value_parser = listening_time, allow_negative_numbers = true)]
+    time: Option<Duration>,
     /// Folder of models, in place of those that ship with gaitway
     #[arg(long, value_name = "DIR")]
     models: Option<PathBuf>,
@@ -41,6 +53,8 @@ pub struct RecogniseArgs {
     /// (`retime_factor` in the report of `play`)
     #[arg(long, value_name = "FACTOR", allow_negative_numbers = true)]
     slowed: Option<f64>,
+    #[command(flatten)]
+    wearing: WearingArgs,
     #[command(flatten)]
     reading: ReadingArgs,
     #[command(flatten)]
@@ -66,6 +80,15 @@ pub fn run(args: &RecogniseArgs, remarks: Remarks) -> Result<i32, Error> {
         html: args.html.clone(),
         replace: args.output.force(),
     };
+    let is_live = !args.wearing.wear.is_empty() || args.motion.iter().any(|of| is_source(of));
+    if is_live {
+        return listen(args, order, remarks);
+    }
+    if args.time.is_some() {
+        return Err(Error::new("a motion that is read has its own end")
+            .at("--for")
+            .remedy("leave it out, or name a source that is heard live"));
+    }
     let mut untold = None;
     let mut tell = |event: &dyn Fn() -> Result<(), Error>| {
         if args.json_lines && untold.is_none() {
@@ -84,10 +107,73 @@ pub fn run(args: &RecogniseArgs, remarks: Remarks) -> Result<i32, Error> {
     Ok(args.output.conclude(&report, &text, Deed::Look, 0))
 }
 
+/// Names what is done while a source is heard.
+fn listen(args: &RecogniseArgs, what: RecogniseOrder, remarks: Remarks) -> Result<i32, Error> {
+    let signals = Signals::listen().map_err(|e| Error::new(format!("no signals: {e}")))?;
+    let order = RecogniseLiveOrder {
+        what: RecogniseOrder { motion: args.motion.join(" "), ..what },
+        sources: args.motion.clone(),
+        wear: args.wearing.wear.clone(),
+        plan: args.wearing.plan(),
+        body_calibration: args.wearing.calibration_body.clone(),
+        recalibrate: args.wearing.recalibrate,
+        mode: args.wearing.mode(),
+        time: args.time,
+    };
+    let operator = Operator::listen(signals, remarks);
+    let listener = Listener { operator: &operator, args, untold: Mutex::default() };
+    let report = recognise_live(&order, &listener, &operator)?;
+    let mut text = String::new();
+    if !args.json_lines && !remarks.quiet {
+        text.push_str(&report.figures());
+    }
+    let outcome = if report.stop_reason.is_some() { Outcome::Stopped } else { Outcome::Done };
+    let code = args.output.conclude(&report, &text, Deed::Look, outcome.exit_code());
+    listener.untold.into_inner().unwrap_or_else(PoisonError::into_inner).map_or(Ok(code), Err)
+}
+
+/// Prints what is recognised as it happens: lines of JSON, or what is done in words.
+struct Listener<'a> {
+    operator: &'a Operator,
+    args: &'a RecogniseArgs,
+    untold: Mutex<Option<Error>>,
+}
+
+impl Observer for Listener<'_> {
+    fn hear(&self, event: Event<'_>) {
+        let Event::Recognised(event) = event else {
+            let shown = matches!(event, Event::Note(_) | Event::Sensing(_));
+            return if shown {
+                self.operator.hear(event)
+            };
+        };
+        let printed = match (self.args.json_lines, event.words_of_done()) {
+            (true, _) => told(event),
+            (false, Some(words)) if !self.args.output.is_json() => {
+                unless_unwanted(print(&(words + "\n")))
+            }
+            _ => Ok(()),
+        };
+        if let Err(error) = printed {
+            self.untold.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
+        }
+    }
+
+    /// Also once what is recognised cannot be told.
+    fn wants_to_stop(&self) -> bool {
+        let untold = self.untold.lock().unwrap_or_else(PoisonError::into_inner);
+        untold.is_some() || Observer::wants_to_stop(self.operator)
+    }
+}
+
 fn told(event: &impl Serialize) -> Result<(), Error> {
     let line = serde_json::to_string(event)
         .map_err(|cause| Error::new("the event cannot be written").got(cause.to_string()))?;
-    match print_json(&(line + "\n")) {
+    unless_unwanted(print_json(&(line + "\n")))
+}
+
+fn unless_unwanted(printed: Result<(), Untold>) -> Result<(), Error> {
+    match printed {
         Err(Untold::Failed(cause)) => Err(Untold::Failed(cause).into()),
         // Whoever reads has had enough.
         Ok(()) | Err(Untold::Unwanted) => Ok(()),
@@ -103,7 +189,7 @@ fn words_of_each(report: &RecogniseEachReport, remarks: Remarks) -> String {
     if !remarks.quiet {
         for one in &report.sources {
             let _ = writeln!(text, "{}", one.motion);
-            figures(&mut text, one);
+            text.push_str(&one.figures());
         }
     }
     text
@@ -115,30 +201,7 @@ fn words(report: &RecogniseReport, remarks: Remarks) -> String {
         let _ = writeln!(text, "{}", event.words());
     }
     if !remarks.quiet {
-        figures(&mut text, report);
+        text.push_str(&report.figures());
     }
     text
-}
-
-fn figures(text: &mut String, report: &RecogniseReport) {
-    let _ = writeln!(
-        text,
-        "{} events in {} frames at {} Hz, by {} models",
-        report.events.len(),
-        report.frames,
-        report.rate_hz,
-        report.models
-    );
-    for ((action, side), count) in counts(&report.events) {
-        let side = side.map_or("", |side| side.word());
-        let _ = writeln!(text, "  {count:4} x {action} {side}");
-    }
-    for blind in &report.blind {
-        let _ = writeln!(
-            text,
-            "blind     {}: the source does not show {}",
-            blind.model,
-            blind.missing.join(", ")
-        );
-    }
 }

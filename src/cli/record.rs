@@ -4,7 +4,6 @@ mod marks;
 mod session;
 
 use super::cues;
-use super::duration::duration;
 use super::report::Outcome;
 use super::signals::Signals;
 use super::terminal::Terminal;
@@ -15,7 +14,7 @@ use crate::job::record::Mode;
 use crate::job::record::{RecordOrder, RecordReport, record};
 use crate::job::source::CaptureOptions;
 use crate::sensing::Source;
-use crate::time::Duration;
+use crate::time::{Duration, duration};
 use clap::Args;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};

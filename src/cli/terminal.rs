@@ -54,6 +54,7 @@ impl Observer for Terminal<'_> {
             Event::Planned { .. }
             | Event::Following
             | Event::Angles { .. }
+            | Event::Recognised(_)
             | Event::Joints { .. } => {}
         }
     }
@@ -73,7 +74,10 @@ impl Observer for Terminal<'_> {
         while !progress.is_over() {
             let time_s = progress.time_s();
             bar.set_position((time_s * 1e3) as u64);
-            bar.set_message(format!("{time_s:.1} of {total_s:.1} s"));
+            bar.set_message(match total_s.is_finite() {
+                true => format!("{time_s:.1} of {total_s:.1} s"),
+                false => format!("{time_s:.1} s; Ctrl-C brings it to rest"),
+            });
             std::thread::sleep(Duration::from_millis(50));
         }
         bar.finish_and_clear();

@@ -155,6 +155,12 @@ const QUIET_CYCLES: u32 = 5;
 /// Times that making goals may break before no more are made.
 const MOST_BROKEN_GOALS: u32 = 3;
 
+/// So little do velocity and acceleration differ where a motion goes on at its beginning: a spline forgets what is far
+/// before, to rounding.
+const SEAM_RAD_S: f64 = 1e-6;
+/// The same of acceleration, rad/s².
+const SEAM_RAD_S2: f64 = 1e-3;
+
 /// Far below a count of any encoder, far above what arithmetic loses.
 const ROUNDING_RAD: f64 = 1e-9;
 
@@ -173,6 +179,8 @@ pub trait Motion {
 pub struct Planned<'a> {
     trajectory: &'a Trajectory,
     clock: MotionClock,
+    /// From its second time on, the trajectory goes on at its first one, s.
+    again: Option<(f64, f64)>,
 }
 
 impl<'a> Planned<'a> {
@@ -188,16 +196,55 @@ impl<'a> Planned<'a> {
                 .got(trajectory.joints().join(", "))
                 .allowed(format!("in this order: {}", joints.join(", "))));
         }
-        Ok(Self { trajectory, clock: MotionClock::new(&robot.limits()) })
+        Ok(Self { trajectory, clock: MotionClock::new(&robot.limits()), again: None })
+    }
+
+    /// The same without end: whenever it comes to `to_s` it goes on at `from_s`, where every joint is as it is at `to_s`.
+    ///
+    /// # Errors
+    /// Times that do not follow one another within the trajectory, or between which a joint would jump.
+    pub fn again(self, from_s: f64, to_s: f64) -> Result<Self, Error> {
+        let joints = self.trajectory.joints();
+        let (mut from, mut to) =
+            (vec![Setpoint::default(); joints.len()], vec![Setpoint::default(); joints.len()]);
+        self.trajectory.sample(from_s, &mut from);
+        self.trajectory.sample(to_s, &mut to);
+        if !(0.0 <= from_s && from_s < to_s && to_s <= self.trajectory.duration_s()) {
+            return Err(Error::new("a motion cannot be played again between these times")
+                .got(format!("{from_s} to {to_s} s"))
+                .allowed(format!(
+                    "one after the other in 0 to {} s",
+                    self.trajectory.duration_s()
+                )));
+        }
+        let differs = |(one, two): (&Setpoint, &Setpoint)| {
+            let position = (one.position_rad - two.position_rad).abs() > ROUNDING_RAD;
+            let velocity = (one.velocity_rad_s - two.velocity_rad_s).abs() > SEAM_RAD_S;
+            let gained = (one.acceleration_rad_s2 - two.acceleration_rad_s2).abs();
+            position || velocity || gained > SEAM_RAD_S2
+        };
+        if let Some(joint) = from.iter().zip(&to).position(differs) {
+            return Err(Error::new("the end of the motion does not join its beginning")
+                .at(format!("joint {}", joints[joint]))
+                .got(format!("{:?} after {:?}", from[joint], to[joint]))
+                .allowed("the same position, velocity and acceleration"));
+        }
+        Ok(Self { again: Some((from_s, to_s)), ..self })
     }
 }
 
 impl Motion for Planned<'_> {
     fn advance(&mut self, dt_s: f64, _now: Instant, setpoints: &mut [Setpoint]) -> bool {
         let motion_s = self.clock.advance(dt_s);
-        self.trajectory.sample(motion_s, setpoints);
+        let along_s = match self.again {
+            Some((from_s, to_s)) if motion_s >= to_s => {
+                from_s + (motion_s - from_s).rem_euclid(to_s - from_s)
+            }
+            _ => motion_s,
+        };
+        self.trajectory.sample(along_s, setpoints);
         self.clock.apply_rate(setpoints);
-        self.clock.is_stopped() || motion_s >= self.trajectory.duration_s()
+        self.clock.is_stopped() || along_s >= self.trajectory.duration_s()
     }
 
     fn stop(&mut self) {

@@ -2,11 +2,13 @@
 
 mod by_hand;
 pub mod homing;
+mod lerobot;
 mod measure;
 mod person;
 pub mod reading;
 
 pub use by_hand::{CalibrateOrder, CalibrateReport, JointMeasured, calibrate};
+pub use lerobot::{LerobotOrder, LerobotWay, carry_over};
 pub use person::{Answer, Consent, JointTask, Person, Seen};
 
 use crate::calibration::{Calibration, JointCalibration};

@@ -8,6 +8,7 @@ use crate::action::{
 use crate::body::Dof;
 use crate::error::Error;
 use serde::Serialize;
+use std::fmt::Write;
 
 /// A motion, and what was done to make it.
 #[derive(Clone, Debug)]
@@ -186,4 +187,51 @@ impl CrossingReport {
             joined_rad: crossing.joined_rad,
         }
     }
+}
+
+/// What was done to make one motion, for a person; empty if it is one action as it is.
+#[must_use]
+pub fn told(changes: &[GaitChangeReport], inserts: &[InsertReport]) -> String {
+    let mut text = String::new();
+    for change in changes {
+        let GaitChangeReport { from, to, time_s, phase, .. } = change;
+        let _ = writeln!(text, "changed   {from} to {to} at {time_s:.3} s, phase {phase:.3}");
+        for dof in &change.dofs {
+            let _ = writeln!(
+                text,
+                "          {:<24} leaves {:>7.1} deg at {:.3} s, joins {:>7.1} deg at {:.3} s",
+                dof.dof,
+                dof.left_rad.to_degrees(),
+                dof.left_s,
+                dof.joined_rad.to_degrees(),
+                dof.joined_s
+            );
+        }
+    }
+    for insert in inserts {
+        let InsertReport { source, from_s, to_s, target_s, longer_by_s, .. } = insert;
+        let _ = write!(text, "inserted  {source} from {from_s:.3} to {to_s:.3} s ");
+        let _ = writeln!(text, "at {target_s:.3} s, {longer_by_s:.3} s longer");
+        for dof in &insert.dofs {
+            let moved = if dof.cut_moved_s == 0.0 {
+                String::new()
+            } else {
+                let (from_s, to_s) = (dof.cut_from_s, dof.cut_to_s);
+                format!(" (cut moved by {:+.3} to {from_s:.3} to {to_s:.3} s)", dof.cut_moved_s)
+            };
+            let (name, seam_s) = (dof.dof, dof.seam_s);
+            let (begins_s, ends_s) = (dof.pasted_from_s, dof.pasted_to_s);
+            let later_deg = dof.angles_after_moved_rad.to_degrees();
+            let _ = write!(text, "          {name:<24} from its rest at {seam_s:.3} s{moved}: ");
+            let _ = writeln!(
+                text,
+                "pasted at {begins_s:.3} to {ends_s:.3} s, later angles {later_deg:+.1} deg"
+            );
+        }
+        let does = if insert.meanwhile == "wait" { "wait" } else { "go on" };
+        if !insert.kept.is_empty() {
+            let _ = writeln!(text, "          meanwhile {does}: {}", insert.kept.join(", "));
+        }
+    }
+    text
 }

@@ -55,6 +55,8 @@ pub(super) struct Ready<'a> {
     pub(super) connection: &'a mut Connection,
     pub(super) found: &'a Preflight,
     pub(super) settings: Settings,
+    /// At which share of the joints' velocity and acceleration limits it follows.
+    pub(super) pace: f64,
 }
 
 impl Ready<'_> {
@@ -67,8 +69,9 @@ impl Ready<'_> {
         observer: &dyn Observer,
         report: &mut LiveReport,
     ) -> Result<bool, Error> {
-        let Self { connection, found, settings } = self;
+        let Self { connection, found, settings, pace } = self;
         let limits = connection.link.robot().limits();
+        let limits = limits.iter().map(|of| of.paced(pace)).collect::<Result<Vec<_>, _>>()?;
         let meter = Meter::of(limits.len());
         let mut mirror = Mirror::new(newest, &found.start_rad, limits);
         let performed = control::perform(

@@ -18,12 +18,13 @@ use crate::sensing::{Person, Plan};
 use crate::time::{Duration, Instant};
 use std::path::PathBuf;
 
-mod naming;
+pub(super) mod naming;
 mod performer;
 mod report;
 mod when;
 mod worn;
 
+use naming::{HowNamed, NamedBody};
 use performer::Performer;
 pub use report::{BodyReport, LatencyReport, LiveJoint, LiveReport, MountReport};
 pub use when::{AnswersReport, CheckedAnswer, GivenAnswer, When};
@@ -101,19 +102,39 @@ struct Job<'a> {
     observer: &'a dyn Observer,
     person: &'a dyn Person,
     report: LiveReport,
+    /// How what is done is named; `None`: by the order's models, as a person does it.
+    how: Option<HowNamed>,
+    named: Option<NamedBody>,
 }
 
 /// Follows and reports; whatever goes wrong is in the report. `person` wears the sensors, or speaks for
 /// whoever does.
 #[must_use]
 pub fn live(order: &LiveOrder, observer: &dyn Observer, person: &dyn Person) -> LiveReport {
-    let mut job = Job { order, observer, person, report: order.report() };
+    let report = order.report();
+    let mut job = Job { order, observer, person, report, how: None, named: None };
     match net::catch(|| job.live()) {
         Ok(Ok(())) => {}
         Ok(Err(error)) => job.report.run.describe_refused(&error),
         Err(words) => job.report.run.describe_broken(&words),
     }
     job.report
+}
+
+/// Hears who wears sensors, and names what they do; nothing is named if they stop before they are calibrated.
+///
+/// # Errors
+/// Sensors that cannot be opened or were not calibrated, models that cannot be read.
+pub(super) fn named(
+    order: &LiveOrder,
+    how: HowNamed,
+    observer: &dyn Observer,
+    person: &dyn Person,
+) -> Result<(LiveReport, Option<NamedBody>), Error> {
+    let report = order.report();
+    let mut job = Job { order, observer, person, report, how: Some(how), named: None };
+    job.follow_sensors()?;
+    Ok((job.report, job.named))
 }
 
 /// A robot that was looked at and not touched.
@@ -132,7 +153,7 @@ impl Ready {
         report: &mut LiveReport,
     ) -> Result<bool, Error> {
         let Self { connection, found, settings } = self;
-        let ready = follow::Ready { connection, found, settings: *settings };
+        let ready = follow::Ready { connection, found, settings: *settings, pace: 1.0 };
         ready.follow(newest, recorder, None, observer, report)
     }
 }

@@ -1,5 +1,6 @@
 //! Whoever a job is done for: hears what happens, and may want it to end.
 
+use super::recognised::RecognitionEvent;
 use crate::body::JointAngles;
 use crate::sensing::SensingEvent;
 use serde::Serialize;
@@ -76,6 +77,8 @@ pub enum Event<'a> {
     },
     /// Something that happened to a sensor.
     Sensing(SensingEvent<'a>),
+    /// Something of what a body does that was recognised now.
+    Recognised(&'a RecognitionEvent),
 }
 
 /// Hears what happens during a job. Of it the loop that moves joints calls only

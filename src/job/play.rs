@@ -33,6 +33,25 @@ pub enum EndState {
     Limp,
 }
 
+/// How often a motion is played.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Rounds {
+    /// So often.
+    Times(u32),
+    /// Until it is stopped.
+    Endless,
+}
+
+impl Rounds {
+    /// How many are planned. Of those without end the first and the last are unlike the others: one is between them.
+    const fn planned(self) -> u32 {
+        match self {
+            Self::Times(count) => count,
+            Self::Endless => 3,
+        }
+    }
+}
+
 /// How a motion is played.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
@@ -42,8 +61,8 @@ pub struct Options {
     pub retime: Option<bool>,
     /// Move to where the motion begins; otherwise refuse one that begins elsewhere.
     pub approach: bool,
-    /// Play it so often, with a transition in between.
-    pub rounds: u32,
+    /// How often, with a transition in between.
+    pub rounds: Rounds,
     /// Cycles per second; `None`: as the robot's file says.
     pub rate_hz: Option<f64>,
     /// What the joints do afterwards.
@@ -72,7 +91,7 @@ impl Default for Options {
             speed: 1.0,
             retime: None,
             approach: true,
-            rounds: 1,
+            rounds: Rounds::Times(1),
             rate_hz: None,
             end: EndState::Hold,
             record: None,
@@ -209,6 +228,11 @@ pub(super) fn play_on(
     report.cycle_hz = rate_hz;
     if file.acceleration_source.starts_with("assumed") {
         report.notes.push(format!("acceleration limits {}", file.acceleration_source));
+    }
+    if options.rounds == Rounds::Endless && options.keep_series {
+        return Err(Error::new("a page would hold every cycle of a motion without end")
+            .at("--html")
+            .remedy("--loop N, or --record: `gaitway view` shows what was recorded"));
     }
     let settings = Settings::at_rate(rate_hz);
     let witness = options.physics.then(|| give_weight(connection, options.hangs)).transpose()?;
@@ -348,7 +372,7 @@ fn plan_from(
         speed: options.speed,
         retime: options.retime.unwrap_or(motion.of_person),
         approach: options.approach,
-        rounds: options.rounds,
+        rounds: options.rounds.planned(),
     };
     let planned = plan(start_rad, &path, &robot.limits(), options)?;
     Ok((path, planned))
@@ -411,6 +435,15 @@ fn perform(
     observer: &dyn Observer,
     report: &mut PlayReport,
 ) -> Result<Option<(Robot, Series)>, Error> {
+    let mut motion = Planned::new(&planned.trajectory, connection.link.robot())?;
+    let mut duration_s = planned.trajectory.duration_s();
+    if options.rounds == Rounds::Endless {
+        // From the end of the first round to that of the second: a transition, and the motion.
+        let first_s = planned.clip_start_s + planned.clip_s;
+        let again_s = (duration_s - first_s) / 2.0;
+        motion = motion.again(first_s, first_s + again_s)?;
+        duration_s = f64::INFINITY;
+    }
     // Once torque is on, nothing may keep the loop from its first cycle: the file comes before.
     let mut recorder = RunRecorder::begin(
         options.record.as_deref(),
@@ -419,11 +452,9 @@ fn perform(
         connection,
         &report.motion,
     )?;
-    let duration_s = planned.trajectory.duration_s();
     let (approach_s, retime_factor) = (report.approach_s, report.retime_factor);
     observer.hear(Event::Planned { duration_s, approach_s, retime_factor });
     let meter = Meter::of(connection.link.robot().joints.len());
-    let mut motion = Planned::new(&planned.trajectory, connection.link.robot())?;
     let performed = control::perform(
         &mut connection.link,
         found,

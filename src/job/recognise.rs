@@ -2,6 +2,7 @@
 
 use super::labels::{RecognisedTrial, is_folder_name, write_recognised};
 use super::page;
+use super::recognised::{event, recognised};
 use super::source::{self, Source};
 use crate::body::{BodyFigure, Proportions};
 use crate::draft;
@@ -14,14 +15,17 @@ use crate::recognise::model::file::{self, Bands, MAX_BYTES};
 use crate::recognise::model::{ActionModel, BodySide, vocabulary};
 use crate::recognise::points::{Lengths, Points};
 use crate::recognise::stream::Recogniser;
+use crate::sensing::SourceReport;
 use crate::table::TableWriter;
 use crate::view::ViewPage;
 use crate::view::tracks::{SpanKind, ViewSpan};
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
+pub use super::recognised::{PhaseTimes, RecognisedAction, RecognitionEvent};
 pub use crate::recognise::posture::EquationReading;
 
 /// Most model files of a folder.
@@ -53,96 +57,6 @@ pub struct RecogniseOrder {
     pub replace: bool,
 }
 
-/// A phase of an action that was recognised.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct PhaseTimes {
-    /// Its name in the model.
-    pub name: String,
-    /// Its first frame, s.
-    pub start_s: f64,
-    /// Its last frame, s.
-    pub end_s: f64,
-}
-
-/// An action that was recognised.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct RecognisedAction {
-    /// Which.
-    pub action: String,
-    /// On which side, where it has one.
-    pub side: Option<BodySide>,
-    /// The model that recognised it.
-    pub model: String,
-    /// Its first frame, s.
-    pub start_s: f64,
-    /// Its last frame, s.
-    pub end_s: f64,
-    /// When that was known, s.
-    pub recognised_at_s: f64,
-    /// Whose.
-    pub person: usize,
-    /// Its phases, in their order.
-    pub phases: Vec<PhaseTimes>,
-}
-
-/// Something that happens while a source runs: a line of JSON.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct RecognitionEvent {
-    /// `begun`, `phase`, `done`, `broken_off`.
-    pub kind: &'static str,
-    /// When it is told, s.
-    pub at_s: f64,
-    /// Which action.
-    pub action: String,
-    /// On which side, where it has one.
-    pub side: Option<BodySide>,
-    /// The model that says so.
-    pub model: String,
-    /// Whose.
-    pub person: usize,
-    /// The phase that is over or was broken off, the first is 1.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub phase: Option<usize>,
-    /// Of so many.
-    pub phases: usize,
-    /// Where it began, s.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub start_s: Option<f64>,
-    /// Where it ended, s.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub end_s: Option<f64>,
-}
-
-impl RecognisedAction {
-    /// The same, with its times by another clock.
-    #[must_use]
-    pub(super) fn timed(mut self, time_s: impl Fn(f64) -> f64) -> Self {
-        let phases = self.phases.iter_mut().flat_map(|of| [&mut of.start_s, &mut of.end_s]);
-        let own = [&mut self.start_s, &mut self.end_s, &mut self.recognised_at_s];
-        own.into_iter().chain(phases).for_each(|at_s| *at_s = time_s(*at_s));
-        self
-    }
-
-    /// In one line: from when to when, which, on which side.
-    #[must_use]
-    pub fn words(&self) -> String {
-        let side = self.side.map_or("", BodySide::word);
-        let line =
-            format!("{:8.2} to {:7.2} s  {:22} {side}", self.start_s, self.end_s, self.action);
-        line.trim_end().to_owned()
-    }
-}
-
-impl RecognitionEvent {
-    /// The same, with its times by another clock.
-    #[must_use]
-    pub(super) fn timed(mut self, time_s: impl Fn(f64) -> f64) -> Self {
-        let times = [Some(&mut self.at_s), self.start_s.as_mut(), self.end_s.as_mut()];
-        times.into_iter().flatten().for_each(|at_s| *at_s = time_s(*at_s));
-        self
-    }
-}
-
 /// A model that could not fire, because the source does not show what it needs.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct BlindModel {
@@ -155,8 +69,11 @@ pub struct BlindModel {
 /// What was recognised.
 #[derive(Clone, Debug, Serialize)]
 pub struct RecogniseReport {
-    /// `done`.
+    /// `done`; `stopped` if a source that was heard live was gone before its end.
     pub outcome: &'static str,
+    /// Why it was.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stop_reason: Option<String>,
     /// What was looked at.
     pub motion: String,
     /// The motion as it came in.
@@ -178,6 +95,9 @@ pub struct RecogniseReport {
     pub html: Option<String>,
     /// Choices made on the way.
     pub notes: Vec<String>,
+    /// What came from each sensor that was heard live.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub sensors: Vec<SourceReport>,
     /// Actions of all models to which the source shows what they need.
     #[serde(skip)]
     looked_for: BTreeSet<String>,
@@ -276,32 +196,42 @@ pub fn recognise(
     capture.rate_hz *= slowed;
     let own = |time_s: f64| time_s * slowed;
     let mut told = |event: &RecognitionEvent| hear(&event.clone().timed(own));
-    let looked_for: Vec<(String, String)> =
-        models.iter().map(|model| (model.name.clone(), model.action.clone())).collect();
     let mut found = of_capture(&capture, models, order.equations, &mut told)?;
     found.events = found.events.into_iter().map(|event| event.timed(own)).collect();
     capture.rate_hz /= slowed;
-    let is_blind = |name: &String| found.blind.iter().any(|blind| blind.model == *name);
-    let looked_for = looked_for.into_iter().filter(|(name, _)| !is_blind(name));
-    let looked_for: BTreeSet<String> = looked_for.map(|(_, action)| action).collect();
-    if let Some(path) = &order.html {
+    concluded(order, Some(&capture), found, source)
+}
+
+/// Writes down what was found: the report, and what else was ordered. Without a capture there is no page.
+///
+/// # Errors
+/// A page or a table that cannot be written.
+pub(super) fn concluded(
+    order: &RecogniseOrder,
+    capture: Option<&Capture>,
+    found: Found,
+    source: Source,
+) -> Result<RecogniseReport, Error> {
+    if let Some((path, capture)) = order.html.as_ref().zip(capture) {
         let title = format!("what is done in {}", order.motion);
-        let html = page(&title, &capture, &found)?;
+        let html = page(&title, capture, &found)?;
         draft::write_file(path, order.replace, html.as_bytes())?;
     }
     let report = RecogniseReport {
         outcome: "done",
+        stop_reason: None,
         motion: order.motion.clone(),
-        rate_hz: capture.rate_hz,
-        frames: capture.poses.len(),
+        rate_hz: source.rate_hz,
+        frames: source.frames,
         models: found.models,
         noise_m: found.noise_m,
         events: found.events,
         blind: found.blind,
         html: order.html.as_ref().map(|path| path.display().to_string()),
-        notes: capture.notes,
+        notes: capture.map(|capture| capture.notes.clone()).unwrap_or_default(),
+        sensors: Vec::new(),
         source,
-        looked_for,
+        looked_for: found.looked_for,
     };
     match &order.labels {
         Some(path) if is_folder_name(path) => {
@@ -314,6 +244,30 @@ pub fn recognise(
 }
 
 impl RecogniseReport {
+    /// How much was looked at, how often each action was seen, and who could not see: lines for a person.
+    #[must_use]
+    pub fn figures(&self) -> String {
+        let mut text = format!(
+            "{} events in {} frames at {} Hz, by {} models\n",
+            self.events.len(),
+            self.frames,
+            self.rate_hz,
+            self.models
+        );
+        for ((action, side), count) in counts(&self.events) {
+            let side = side.map_or("", BodySide::word);
+            let _ = writeln!(text, "  {count:4} x {action} {side}");
+        }
+        for BlindModel { model, missing } in &self.blind {
+            let missing = missing.join(", ");
+            let _ = writeln!(text, "blind     {model}: the source does not show {missing}");
+        }
+        if let Some(reason) = &self.stop_reason {
+            let _ = writeln!(text, "stopped   {reason}");
+        }
+        text
+    }
+
     /// To be written frame by frame.
     pub(super) fn labelled(&self) -> RecognisedTrial<'_> {
         let span = |event: &RecognisedAction| Span { start_s: event.start_s, end_s: event.end_s };
@@ -380,6 +334,8 @@ pub(super) struct Found {
     pub(super) noise_m: Option<f64>,
     pub(super) events: Vec<RecognisedAction>,
     pub(super) blind: Vec<BlindModel>,
+    /// Actions of all models to which the source shows what they need.
+    pub(super) looked_for: BTreeSet<String>,
 }
 
 /// What the recogniser sees of a capture.
@@ -434,61 +390,27 @@ pub(super) fn of_body(
         recogniser.next(points, 1.0 / rate_hz, &mut tell);
     }
     recogniser.finish(&mut tell);
-    let blind = recogniser.blind().into_iter().map(|(index, missing)| BlindModel {
-        model: names[index].name.clone(),
-        missing: missing.into_iter().map(|feature| feature.name()).collect(),
-    });
-    Found {
-        models: names.len(),
-        noise_m: noise.map(|noise| noise.norm_m),
-        blind: blind.collect(),
-        events,
-    }
+    Found::of(&recogniser, noise.map(|noise| noise.norm_m), events)
 }
 
-pub(super) fn event(model: &ActionModel, at_s: f64, what: &ActionEvent) -> RecognitionEvent {
-    let (kind, phase, start_s, end_s) = match what {
-        ActionEvent::Begun { start_s } => ("begun", None, Some(*start_s), None),
-        ActionEvent::Phase { number, span } => {
-            ("phase", Some(*number), Some(span.start_s), Some(span.end_s))
-        }
-        ActionEvent::Done { span, .. } => ("done", None, Some(span.start_s), Some(span.end_s)),
-        ActionEvent::BrokenOff { number } => ("broken_off", Some(*number), None, None),
-    };
-    RecognitionEvent {
-        kind,
-        at_s,
-        action: model.action.clone(),
-        side: model.side,
-        model: model.name.clone(),
-        person: 0,
-        phase,
-        phases: model.phases.len(),
-        start_s,
-        end_s,
-    }
-}
-
-pub(super) fn recognised(
-    model: &ActionModel,
-    at_s: f64,
-    span: Span,
-    phases: &[(usize, Span)],
-) -> RecognisedAction {
-    let times = |(index, span): &(usize, Span)| PhaseTimes {
-        name: model.phases[*index].name.clone(),
-        start_s: span.start_s,
-        end_s: span.end_s,
-    };
-    RecognisedAction {
-        action: model.action.clone(),
-        side: model.side,
-        model: model.name.clone(),
-        start_s: span.start_s,
-        end_s: span.end_s,
-        recognised_at_s: at_s,
-        person: 0,
-        phases: phases.iter().map(times).collect(),
+impl Found {
+    /// What a recogniser has seen, and what it could not see.
+    pub(super) fn of(
+        recogniser: &Recogniser,
+        noise_m: Option<f64>,
+        events: Vec<RecognisedAction>,
+    ) -> Self {
+        let models = recogniser.models();
+        let blind = recogniser.blind();
+        let sees = |index: usize| blind.iter().all(|(blind, _)| *blind != index);
+        let seeing = models.iter().enumerate().filter(|(index, _)| sees(*index));
+        let looked_for = seeing.map(|(_, model)| model.action.clone()).collect();
+        let told = |(index, missing): &(usize, Vec<Feature>)| BlindModel {
+            model: models[*index].name.clone(),
+            missing: missing.iter().map(|feature| feature.name()).collect(),
+        };
+        let blind = blind.iter().map(told).collect();
+        Self { models: models.len(), noise_m, events, blind, looked_for }
     }
 }
 
@@ -509,8 +431,7 @@ fn labels(events: &[RecognisedAction]) -> Result<Vec<u8>, Error> {
 }
 
 /// How often each action was recognised, on each side, in the order of their names.
-#[must_use]
-pub fn counts(events: &[RecognisedAction]) -> BTreeMap<(&str, Option<BodySide>), usize> {
+fn counts(events: &[RecognisedAction]) -> BTreeMap<(&str, Option<BodySide>), usize> {
     let mut counts = BTreeMap::new();
     for event in events {
         *counts.entry((event.action.as_str(), event.side)).or_default() += 1;

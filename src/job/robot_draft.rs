@@ -7,6 +7,7 @@ use super::report::OwnProfile;
 use super::scan::can::{self, scan_can};
 use super::scan::{Device as Heard, Speeds, scan_line};
 use super::servo::device::Device;
+use super::servo::travel::goal_mode;
 use super::servo::{DECIDING, Which};
 use crate::bus::Protocol;
 use crate::error::{Error, ErrorKind};
@@ -228,7 +229,8 @@ fn servo_joint(
     let raw_mode = device.read_role(Role::OperatingMode)?;
     let mode = profile.operating_modes.iter().find(|of| Some(i64::from(of.value)) == raw_mode);
     let mode = mode.map(|of| of.mode);
-    if !matches!(mode, None | Some(Mode::Position | Mode::ExtendedPosition)) {
+    let usual = goal_mode(&profile.operating_modes).map(|of| of.mode);
+    if mode != usual && !matches!(mode, None | Some(Mode::ExtendedPosition)) {
         notes.push(format!("{name} is not in position mode: it will not be played until it is"));
     }
     let turns = mode == Some(Mode::ExtendedPosition);

@@ -21,7 +21,7 @@ pub struct Servos {
 }
 
 /// Actuators that answer nothing but commands cannot be looked at without one.
-fn refuse_who_only_obeys(connection: &Connection) -> Result<(), Error> {
+pub(super) fn refuse_who_only_obeys(connection: &Connection) -> Result<(), Error> {
     let robot = connection.link.robot();
     let obeys = |joint: &&Joint| {
         joint.actuator().is_some_and(|of| of.ask_state().is_none() && of.answers_goals())

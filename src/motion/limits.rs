@@ -45,6 +45,15 @@ impl JointLimits {
         Ok(Self { lower_rad, upper_rad, velocity_rad_s, acceleration_rad_s2 })
     }
 
+    /// The same range at this share of the pace.
+    ///
+    /// # Errors
+    /// As [`JointLimits::new`].
+    pub fn paced(&self, share: f64) -> Result<Self, Error> {
+        let (velocity, acceleration) = (self.velocity_rad_s, self.acceleration_rad_s2);
+        Self::new(self.lower_rad, self.upper_rad, velocity * share, acceleration * share)
+    }
+
     /// Least position, rad.
     #[must_use]
     pub const fn lower_rad(&self) -> f64 {

@@ -175,6 +175,36 @@ pub fn resting(
     footfalls
 }
 
+/// Where the base of a robot is of which nobody says more than its joints, as poses come: at once, from nothing but the poses
+/// so far. Else as [`path`] has it with what [`resting`] says of the feet.
+pub struct ComingBase<'a> {
+    walk: Walk<'a>,
+    held: Held,
+    /// How much the weight is over the soles, averaged over [`TIPS_S`].
+    share: Option<f64>,
+}
+
+impl<'a> ComingBase<'a> {
+    /// Of a robot that has not been seen yet, and that does not hang.
+    #[must_use]
+    pub fn new(body: &'a RobotBody, soles: &'a [StandingSole]) -> Self {
+        Self { walk: Walk::new(body, soles), held: Held::of(body, soles, false), share: None }
+    }
+
+    /// The base in the next pose of the joints, rad, so long after the last, s.
+    pub fn next(&mut self, pose: &[f64], dt_s: f64) -> Placement {
+        if self.held != Held::Standing {
+            return Placement::IDENTITY;
+        }
+        let (mut footfall, share) = self.walk.rests(pose);
+        let before = self.share.unwrap_or(share.x);
+        let share = before + (1.0 - (-dt_s.max(0.0) / TIPS_S).exp()) * (share.x - before);
+        self.share = Some(share);
+        footfall.flat = footfall.carries.map(|carries| carries * share);
+        self.walk.next(pose, Some(footfall)).0
+    }
+}
+
 /// Height of the lowest corner of the soles of an upright robot above its base, m.
 fn lowest_m(body: &RobotBody, soles: &[StandingSole], pose: &[f64]) -> f64 {
     let placed = body.tree.place(Placement::IDENTITY, &body.angles(pose));

@@ -5,7 +5,7 @@
 
 use crate::aloud::aloud;
 use crate::priority::run_before_others;
-use gaitway_sim::{Door, Fault, Options, World};
+use gaitway_sim::{BenchServos, Door, Fault, Options, World, bench};
 use serde_json::Value;
 use std::process::{Command, Output};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -34,14 +34,26 @@ impl Desk {
         Self::new(robot, true)
     }
 
+    /// One servo of this model, with ID 1 at 57,600 bit/s, and the name of its joint.
+    pub fn of_servo(model: &str) -> (Self, String) {
+        let servo = BenchServos { model: model.to_owned(), ids: vec![1] };
+        let file = bench(&[servo], Some(57_600)).expect("a bench");
+        let joint = file.joints[0].name.clone();
+        (Self::of(&file, true), joint)
+    }
+
     fn new(robot: &str, permit_eeprom: bool) -> Self {
+        let file = gaitway_profiles::robot(robot).expect("a shipped robot");
+        Self::of(&file, permit_eeprom)
+    }
+
+    fn of(file: &gaitway_profiles::Robot, permit_eeprom: bool) -> Self {
         let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
         run_before_others();
-        let file = gaitway_profiles::robot(robot).expect("a shipped robot");
         let faults =
             vec![Fault::Brownout { from_ns: POWER_OFF_NS, until_ns: POWER_OFF_NS + 1_000_000_000 }];
         let options = Options { permit_eeprom, faults, ..Options::default() };
-        let world = Arc::new(Mutex::new(World::new(&file, options).expect("a virtual robot")));
+        let world = Arc::new(Mutex::new(World::new(file, options).expect("a virtual robot")));
         let door = Door::open(Arc::clone(&world), 0, None).expect("a pseudo-terminal");
         Self { world, door, _alone }
     }

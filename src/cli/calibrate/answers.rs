@@ -1,6 +1,6 @@
 //! The person at the terminal: answers, one line each, read beside the joints.
 
-use crate::cli::output::prompt;
+use crate::cli::output::{prompt, say_over};
 use crate::cli::signals::Signals;
 use crate::cli::{limp, say};
 use crate::error::Error;
@@ -13,6 +13,10 @@ use std::time::Duration;
 pub struct Answers {
     lines: Receiver<String>,
     signals: Signals,
+    /// Standard error is a terminal.
+    is_seen: bool,
+    /// The last line there is a range.
+    has_range: bool,
 }
 
 /// Time between two looks at a joint while nothing is answered.
@@ -36,7 +40,8 @@ impl Answers {
             .name("answers".to_owned())
             .spawn(read)
             .map_err(|e| Error::new(format!("no thread: {e}")))?;
-        Ok(Self { lines: receiver, signals })
+        let is_seen = std::io::stderr().is_terminal();
+        Ok(Self { lines: receiver, signals, is_seen, has_range: false })
     }
 }
 
@@ -70,6 +75,7 @@ impl Person for Answers {
         look: &mut dyn FnMut() -> Result<Option<Seen>, Error>,
     ) -> Result<Answer<()>, Error> {
         say(&question(task));
+        self.has_range = false;
         loop {
             if self.wants_to_stop() {
                 return Ok(Answer::Stop);
@@ -86,7 +92,10 @@ impl Person for Answers {
                 "" => return Ok(Answer::Go(())),
                 "s" => return Ok(Answer::Skip),
                 "q" => return Ok(Answer::Stop),
-                other => say(&format!("  {other:?}? Enter goes on, s skips this joint, q stops")),
+                other => {
+                    say(&format!("  {other:?}? Enter goes on, s skips this joint, q stops"));
+                    self.has_range = false;
+                }
             }
         }
     }
@@ -102,8 +111,15 @@ impl Person for Answers {
             Seen::TooLittle(turned_rad) => {
                 format!("  that was only {:.1} deg: further, please", turned_rad.to_degrees())
             }
-            Seen::Range { lower_rad, upper_rad } => {
-                format!("  {:.1} to {:.1} deg", lower_rad.to_degrees(), upper_rad.to_degrees())
+            // Live where somebody looks on, else line by line.
+            Seen::Range { has_grown: false, .. } if !self.is_seen => return,
+            Seen::Range { lower_rad, upper_rad, now_rad, .. } => {
+                let [lower, upper, now] = [lower_rad, upper_rad, now_rad].map(f64::to_degrees);
+                let text = format!("  {lower:.1} to {upper:.1} deg, now {now:.1} deg");
+                if self.is_seen && std::mem::replace(&mut self.has_range, true) {
+                    return say_over(1, &(text + "\n"));
+                }
+                text
             }
         });
     }

@@ -2,12 +2,11 @@
 
 use crate::body::{Segment, segment_name, segment_named};
 use crate::cli::Remarks;
-use crate::cli::duration::duration;
 use crate::cli::signals::Signals;
 use crate::error::Error;
 use crate::job::simulate::imus::{ImusOrder, SensorDoors, Wearer};
 use crate::job::simulate::worn::Strapping;
-use crate::time::Duration;
+use crate::time::{Duration, duration};
 use clap::Args;
 use std::path::PathBuf;
 

@@ -8,7 +8,7 @@ use crate::error::Error;
 use crate::robot::{Joint, Link};
 
 /// Motions stay this far from where the hand found an end.
-const MARGIN_RAD: f64 = 0.02;
+pub const MARGIN_RAD: f64 = 0.02;
 /// A direction, or a range, is one from here on.
 const LEAST_RAD: f64 = 0.0873;
 /// The range is said again when it has grown by this.
@@ -106,15 +106,17 @@ impl Hand<'_> {
             let ends = [low, high].map(|at| sign * (at - zero) as f64 * rad_per_count);
             (ends[0].min(ends[1]), ends[0].max(ends[1]))
         };
-        let mut said_rad = 0.0;
+        let (mut said_rad, mut said_at) = (0.0, None);
         let answer = self.follow(JointTask::Range, |at, raw| {
             at.follow(raw);
             let (lower_rad, upper_rad) = angles(at.range());
+            let (now_rad, _) = angles((at.now(), at.now()));
             let has_grown = upper_rad - lower_rad >= said_rad + SAID_RAD;
-            has_grown.then(|| {
+            if has_grown {
                 said_rad = upper_rad - lower_rad;
-                Seen::Range { lower_rad, upper_rad }
-            })
+            }
+            let has_moved = said_at.replace(at.now()) != Some(at.now());
+            has_moved.then_some(Seen::Range { lower_rad, upper_rad, now_rad, has_grown })
         })?;
         answer.then(|()| {
             if self.at.doubtful() {

@@ -73,12 +73,16 @@ pub enum Seen {
     TurnsWithServo(bool),
     /// It was turned too little for a direction, rad.
     TooLittle(f64),
-    /// How far it goes so far, rad.
+    /// How far it goes so far, rad: said whenever it has moved.
     Range {
         /// Lowest.
         lower_rad: f64,
         /// Highest.
         upper_rad: f64,
+        /// Where it is.
+        now_rad: f64,
+        /// The range has grown by five degrees since that was so last.
+        has_grown: bool,
     },
 }
 

@@ -4,7 +4,7 @@ use super::when::AnswersReport;
 use crate::body::segment_name;
 use crate::body::{Dof, JointAngles, Segment};
 use crate::control::{Mirror, Settings};
-use crate::job::recognise::RecognisedAction;
+use crate::job::recognised::RecognisedAction;
 use crate::job::report::PlayReport;
 use crate::sensing::{Guided, SourceReport};
 use crate::time::Utc;

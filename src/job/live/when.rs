@@ -4,7 +4,8 @@
 use crate::body::{BodyFigure, JointAngles, Proportions};
 use crate::control::{Motion, Planned};
 use crate::error::{Error, ErrorKind};
-use crate::job::recognise::{self, RecognisedAction};
+use crate::job::recognise;
+use crate::job::recognised::RecognisedAction;
 use crate::job::report::{Outcome, PlayReport};
 use crate::job::source::RobotMotion;
 use crate::motion::Setpoint;

@@ -1,6 +1,6 @@
 //! A robot that does what a person who wears sensors does.
 
-use super::naming::Naming;
+use super::naming::{HowNamed, LiveWord, NamedBody, Naming};
 use super::report::{self, BodyReport, LiveReport};
 use super::when::{self, Answer, Answers, AnswersReport, Call, CheckedAnswer, Overheard, When};
 use super::{Job, Ready, look};
@@ -16,6 +16,7 @@ use crate::error::{Error, ErrorKind};
 use crate::job::model::robot_model;
 use crate::job::observer::{Event, Meter, Progress};
 use crate::job::play::{self, describe_virtual};
+use crate::job::recognise::EquationReading;
 use crate::job::recorder::RunRecorder;
 use crate::job::report::{Outcome, PlayReport};
 use crate::job::source::{MotionOrder, RobotMotion};
@@ -23,6 +24,7 @@ use crate::mocap::retarget::{self, Online};
 use crate::motion::Trend;
 use crate::motion::follow::STALE_S;
 use crate::port::{Clock, MonotonicClock};
+use crate::recognise::stream::LONGEST_GAP_S;
 use crate::recording::read_orientations;
 use crate::rig::Connection;
 use crate::robot::preflight::Preflight;
@@ -93,9 +95,13 @@ impl Job<'_> {
                 scope.spawn(move || source.record(intake));
             }
             // The loop may not wait for a terminal: what it has to say is said elsewhere.
-            let (tell, told) = channel::<String>();
-            scope
-                .spawn(move || told.into_iter().for_each(|text| observer.hear(Event::Note(&text))));
+            let (tell, told) = channel::<LiveWord>();
+            scope.spawn(move || {
+                told.into_iter().for_each(|told| match told {
+                    LiveWord::Words(text) => observer.hear(Event::Note(&text)),
+                    LiveWord::Recognised(event) => observer.hear(Event::Recognised(&event)),
+                });
+            });
             self.led(&mut sensors, ready, recorder, answers, tell, &*clock)
         });
         self.report.sensors = match is_replay {
@@ -171,7 +177,7 @@ impl Job<'_> {
         ready: Option<Ready>,
         recorder: Option<RunRecorder>,
         answers: Answers,
-        tell: Sender<String>,
+        tell: Sender<LiveWord>,
         clock: &dyn Clock,
     ) -> (Option<Recorded>, Result<(), Error>) {
         let guided = match self.calibrated(sensors, clock) {
@@ -201,6 +207,7 @@ impl Job<'_> {
         let mut body = Body::new(sensors, wearing, self.person, tell, self.order.time);
         body.naming = naming;
         body.answers = answers;
+        body.leads = !self.order.dry_run;
         let done = match (ready, recorder) {
             (Some(ready), Some(recorder)) if !self.order.dry_run => {
                 match self.mirrored(&mut body, ready, recorder) {
@@ -213,7 +220,7 @@ impl Job<'_> {
                 (recorder.map(|recorder| (recorder, ready)), Ok(()))
             }
         };
-        body.describe(&mut self.report);
+        self.named = body.describe(&mut self.report);
         done
     }
 
@@ -224,7 +231,13 @@ impl Job<'_> {
             return Ok(None);
         }
         let shared = recorder.and_then(RunRecorder::shared);
-        Naming::new(order.models.as_deref(), self.report.worn, shared).map(Some)
+        let how = self.how.clone().unwrap_or_else(|| HowNamed {
+            models: order.models.clone(),
+            equations: EquationReading::Repaired,
+            slowed: 1.0,
+            keeps_poses: false,
+        });
+        Naming::new(&how, shared).map(Some)
     }
 
     /// Takes up the calibration of the body, or makes one and keeps it.
@@ -514,7 +527,7 @@ struct Body<'a> {
     sensors: &'a mut Sensors,
     wearing: Wearing,
     person: &'a dyn Person,
-    tell: Sender<String>,
+    tell: Sender<LiveWord>,
     longest: Option<Duration>,
     /// When it was first looked at: times of poses count from here.
     began: Option<Instant>,
@@ -524,6 +537,8 @@ struct Body<'a> {
     heading_lost: [u64; 13],
     resets: u64,
     is_silent: bool,
+    /// A robot follows.
+    leads: bool,
     naming: Option<Naming>,
     answers: Answers,
 }
@@ -533,7 +548,7 @@ impl<'a> Body<'a> {
         sensors: &'a mut Sensors,
         wearing: Wearing,
         person: &'a dyn Person,
-        tell: Sender<String>,
+        tell: Sender<LiveWord>,
         longest: Option<Duration>,
     ) -> Self {
         Self {
@@ -549,6 +564,7 @@ impl<'a> Body<'a> {
             heading_lost: [0; 13],
             resets: 0,
             is_silent: false,
+            leads: false,
             naming: None,
             answers: Answers::default(),
         }
@@ -592,11 +608,13 @@ impl<'a> Body<'a> {
         self.before = Some(now);
         let newest = self.sensors.newest();
         self.watch(&newest, now, dt_s);
-        let mut said = [None; 13];
+        let (mut said, mut known) = ([None; 13], [false; 13]);
         let mut oldest = now;
         for (segment, heard) in &newest {
             let (orientation, taken) = (*heard)?;
             oldest = oldest.min(taken);
+            // What is longer silent than anything is named across shows nothing any more.
+            known[segment.index()] = now.seconds_since(taken) <= LONGEST_GAP_S;
             let is_fresh = now.seconds_since(taken) <= STALE_S;
             said[segment.index()] = Some(orientation).filter(|_| is_fresh);
         }
@@ -604,10 +622,10 @@ impl<'a> Body<'a> {
         let at_s = self.seconds(now);
         if let Some(naming) = &mut self.naming {
             let (tell, answers) = (&self.tell, &mut self.answers);
-            naming.hear(&moment.pose, now, at_s, tell, |action| {
+            naming.hear(&moment.pose, &known, now, at_s, tell, |action| {
                 if let Some(said) = answers.hear(action) {
                     // Nobody listens any more only at the very end.
-                    let _ = tell.send(said);
+                    let _ = tell.send(LiveWord::Words(said));
                 }
             });
         }
@@ -628,7 +646,10 @@ impl<'a> Body<'a> {
         }
         self.is_silent = !silent.is_empty();
         self.tell(match self.is_silent {
-            true => format!("silent: {}; the robot stands until it speaks", silent.join(", ")),
+            true if self.leads => {
+                format!("silent: {}; the robot stands until it speaks", silent.join(", "))
+            }
+            true => format!("silent: {}", silent.join(", ")),
             false => "all sensors speak again".to_owned(),
         });
     }
@@ -636,12 +657,13 @@ impl<'a> Body<'a> {
     /// Says something to the person, without waiting for a terminal.
     fn tell(&self, text: String) {
         // Nobody listens any more only at the very end.
-        let _ = self.tell.send(text);
+        let _ = self.tell.send(LiveWord::Words(text));
     }
 
     /// Writes down what became of the sensors.
-    fn describe(mut self, report: &mut LiveReport) {
-        report.events = self.naming.take().map(Naming::into_actions);
+    fn describe(mut self, report: &mut LiveReport) -> Option<NamedBody> {
+        let named = self.naming.take().map(|naming| naming.finish(&self.tell));
+        report.events = named.as_ref().map(|named| named.found.events.clone());
         if let Some(answers) = &mut report.answers {
             answers.ignored = self.answers.ignored();
         }
@@ -652,7 +674,7 @@ impl<'a> Body<'a> {
             report.run.stop_reason = Some(format!("sensor {sensor} is gone: {why}"));
             report.run.stop = Some(Stop::of(StopCode::SensorLost));
         }
-        let Some(body) = &mut report.body else { return };
+        let Some(body) = &mut report.body else { return named };
         body.heading_resets = self.resets;
         for drift in self.wearing.drifts() {
             let at = drift.segment.index();
@@ -666,5 +688,6 @@ impl<'a> Body<'a> {
             mount.stale_s = self.stale_s[at];
             mount.heading_lost = self.heading_lost[at];
         }
+        named
     }
 }

@@ -309,20 +309,41 @@ fn robot_of(
     })
 }
 
-/// A goal is an angle only in position mode.
+/// In which mode goals of this model are angles within its limits: position mode or, where it has none (RH-P12-RN), the one
+/// that bounds the current on the way as well.
+pub fn goal_mode(modes: &[profiles::OperatingMode]) -> Option<&profiles::OperatingMode> {
+    let of = |wanted: Mode| modes.iter().find(move |mode| mode.mode == wanted);
+    of(Mode::Position).or_else(|| of(Mode::CurrentBasedPosition))
+}
+
+/// A goal is an angle only in some modes.
 fn in_position_mode(device: &mut Device) -> Result<(), Error> {
     let Some(raw) = device.read_role(Role::OperatingMode)? else { return Ok(()) };
     let modes = &device.model.profile().operating_modes;
     let mode = modes.iter().find(|mode| i64::from(mode.value) == raw).map(|mode| mode.mode);
     let usual = device.item(Role::OperatingMode).and_then(|item| item.initial());
-    if mode == Some(Mode::Position) || (modes.is_empty() && usual == Some(raw)) {
+    let wanted = goal_mode(modes);
+    if wanted.is_some_and(|wanted| mode == Some(wanted.mode))
+        || (modes.is_empty() && usual == Some(raw))
+    {
         return Ok(());
     }
-    Err(Error::of(ErrorKind::NotReady, "the servo is not in position mode")
-        .at(device.place())
-        .got(mode.map_or_else(|| raw.to_string(), |mode| format!("{mode:?}")))
-        .allowed("Position")
-        .remedy("gaitway servo set BUS ID 'Operating Mode' N --permit-eeprom"))
+    let refused =
+        Error::of(ErrorKind::NotReady, "the servo is not in a mode in which it goes to angles")
+            .at(device.place())
+            .got(mode.map_or_else(|| raw.to_string(), |mode| format!("{mode:?}")));
+    Err(match (wanted, usual.filter(|_| modes.is_empty())) {
+        (Some(wanted), _) => {
+            in_mode(refused, device.id, &format!("{:?}", wanted.mode), wanted.value.into())
+        }
+        (None, Some(usual)) => in_mode(refused, device.id, "as it leaves the factory", usual),
+        (None, None) => refused.allowed("a model that has such a mode"),
+    })
+}
+
+fn in_mode(refused: Error, id: u8, mode: &str, value: i64) -> Error {
+    let remedy = format!("gaitway servo set BUS {id} 'Operating Mode' {value} --permit-eeprom");
+    refused.allowed(mode).remedy(remedy)
 }
 
 /// The range the servo itself allows, rad.

@@ -9,7 +9,7 @@ use crate::job::model::robot_model;
 use crate::mocap::anatomy::Capture;
 use crate::mocap::retarget::RobotModel;
 use crate::recording::{self, Recording, SensorSeries};
-use crate::retarget::base::{self, Held, StandingSole};
+use crate::retarget::base::{self, ComingBase, Held, StandingSole};
 use crate::robot::{Robot, RobotBody};
 use crate::session::angles::{WornMotion, body_of};
 use crate::session::files::BODY_KEY;
@@ -90,22 +90,11 @@ fn of_robot(recording: &Recording) -> Result<Capture, Error> {
         return Err(Error::new("the robot has other joints than the recording")
             .at(format!("robot {}", robot.name)));
     }
-    let model = robot_model(&robot)?;
-    let body = RobotBody::of(&robot.file)?.ok_or_else(|| {
-        Error::new("the robot's file does not say where its soles are")
-            .at(format!("robot {}", robot.name))
-            .got("no [body]")
-    })?;
-    let mut notes = vec![
-        "where the robot's base was is worked out from joints and soles, which stand on the floor"
-            .to_owned(),
-    ];
+    let SeenRobot { model, body, soles, shown, mut notes } = SeenRobot::of(&robot)?;
     let angles = measured(recording, &robot, &mut notes).ok_or_else(nothing)?;
-    let soles = StandingSole::all(&body);
     let held = Held::of(&body, &soles, false);
     let resting = base::resting(&body, &soles, &angles, RATE_HZ);
     let base = base::path(&body, &soles, held, &angles, RATE_HZ, |at| resting.get(at).copied());
-    let shown = Shown::of(&model);
     let poses = angles.iter().zip(&base.places);
     let mut poses: Vec<SegmentPose> =
         poses.map(|(angles, place)| shown.pose(&model, angles, place.turn)).collect();
@@ -117,11 +106,6 @@ fn of_robot(recording: &Recording) -> Result<Capture, Error> {
     for (pose, root_m) in poses.iter_mut().zip(roots_m) {
         pose.root_m = root_m;
     }
-    let hidden = Segment::ALL.into_iter().filter(|segment| !shown.tracked[segment.index()]);
-    let hidden: Vec<&str> = hidden.map(segment_name).collect();
-    if !hidden.is_empty() {
-        notes.push(format!("the robot has no {}", hidden.join(", ")));
-    }
     Ok(Capture {
         rate_hz: RATE_HZ,
         poses,
@@ -130,6 +114,75 @@ fn of_robot(recording: &Recording) -> Result<Capture, Error> {
         is_made: false,
         notes,
     })
+}
+
+/// A robot in which a body is seen.
+pub struct SeenRobot {
+    model: RobotModel,
+    body: RobotBody,
+    soles: Vec<StandingSole>,
+    shown: Shown,
+    /// What is to be said of how it is seen.
+    pub notes: Vec<String>,
+}
+
+impl SeenRobot {
+    /// A robot that has parts of a body.
+    ///
+    /// # Errors
+    /// One that has none, or whose file does not say where its soles are.
+    pub fn of(robot: &Robot) -> Result<Self, Error> {
+        let model = robot_model(robot)?;
+        let body = RobotBody::of(&robot.file)?.ok_or_else(|| {
+            Error::new("the robot's file does not say where its soles are")
+                .at(format!("robot {}", robot.name))
+                .got("no [body]")
+        })?;
+        let shown = Shown::of(&model);
+        let mut notes = vec![
+            "where the robot's base was is worked out from joints and soles, which stand on the floor"
+                .to_owned(),
+        ];
+        let hidden = Segment::ALL.into_iter().filter(|segment| !shown.tracked[segment.index()]);
+        let hidden: Vec<&str> = hidden.map(segment_name).collect();
+        if !hidden.is_empty() {
+            notes.push(format!("the robot has no {}", hidden.join(", ")));
+        }
+        Ok(Self { soles: StandingSole::all(&body), model, body, shown, notes })
+    }
+
+    /// The same as its joints are read, from now on.
+    #[must_use]
+    pub fn coming(&self) -> ComingRobot<'_> {
+        ComingRobot { seen: self, base: ComingBase::new(&self.body, &self.soles) }
+    }
+
+    /// Which segments are seen while these joints are known.
+    #[must_use]
+    pub fn known(&self, joints: &[bool]) -> [bool; 13] {
+        let is_known = |joint: usize| joints.get(joint).copied().unwrap_or(false);
+        let mut known = self.shown.tracked;
+        for (segment, link) in self.shown.links.iter().enumerate() {
+            let Some((joint, _)) = link else { continue };
+            let mut chain = std::iter::successors(Some(*joint), |at| self.model.joints[*at].parent);
+            known[segment] &= chain.all(is_known);
+        }
+        known
+    }
+}
+
+/// A robot whose joints are read from moment to moment.
+pub struct ComingRobot<'a> {
+    seen: &'a SeenRobot,
+    base: ComingBase<'a>,
+}
+
+impl ComingRobot<'_> {
+    /// The body that it shows with these angles, rad, so long after the last, s. The root is at the origin.
+    pub fn pose(&mut self, angles: &[f64], dt_s: f64) -> SegmentPose {
+        let turn = self.base.next(angles, dt_s).turn;
+        self.seen.shown.pose(&self.seen.model, angles, turn)
+    }
 }
 
 /// Angles of all joints, [`RATE_HZ`] times a second, from where all were read first to where one was last. None if there

@@ -1,8 +1,11 @@
 //! Times as they are typed.
 
-use crate::time::Duration;
+use super::Duration;
 
 /// `10s`, `2.5s`, `500ms`, `2min`.
+///
+/// # Errors
+/// What is no time, or none above zero.
 pub fn duration(text: &str) -> Result<Duration, String> {
     let (number, unit_s) = if let Some(number) = text.strip_suffix("ms") {
         (number, 1e-3)
@@ -17,6 +20,16 @@ pub fn duration(text: &str) -> Result<Duration, String> {
     } else {
         Err("allowed are times above zero, e.g. 10s, 500ms, 2min".to_owned())
     }
+}
+
+/// A time for which something goes on: from a tenth of a second to a day.
+///
+/// # Errors
+/// What is no time, or another one.
+pub fn listening_time(text: &str) -> Result<Duration, String> {
+    let time = duration(text)?;
+    let allowed = Duration::from_millis(100)..=Duration::from_secs(86_400);
+    if allowed.contains(&time) { Ok(time) } else { Err("0.1 to 86400 s".to_owned()) }
 }
 
 #[cfg(test)]

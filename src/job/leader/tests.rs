@@ -1,0 +1,217 @@
+//! A virtual arm that hands lead and a virtual arm that follows it, in virtual time.
+
+use super::*;
+use crate::job::observer::Nobody;
+use crate::robot::Robot;
+use gaitway_sim::{Hand, World};
+
+fn order(leader: &str, robot: &str) -> LeadOrder {
+    LeadOrder {
+        leader: format!("servos:{leader}@sim"),
+        leader_calibration: None,
+        limp: false,
+        by_range: Vec::new(),
+        robot: robot.to_owned(),
+        buses: vec!["sim".parse().expect("an address")],
+        calibration: None,
+        seed: 1,
+        rate_hz: Some(100.0),
+        pace: 1.0,
+        time: Some(Duration::from_secs(6)),
+        record: None,
+        replace: false,
+        accept_firmware: true,
+        dry_run: false,
+    }
+}
+
+/// A leader and a follower on lines of their own, and what the former's world goes through: told the time of the follower.
+struct Scene {
+    order: LeadOrder,
+    leader: Connection,
+    follower: Connection,
+    pairs: Pairs,
+}
+
+impl Scene {
+    fn new(order: LeadOrder) -> Self {
+        let open = |name: &str| {
+            connect(Robot::load(name).expect("shipped"), &order.buses, 1).expect("virtual")
+        };
+        let name = order.leader.trim_start_matches("servos:").trim_end_matches("@sim").to_owned();
+        let (leader, follower) = (open(&name), open(&order.robot));
+        let (one, two) = (leader.link.robot(), follower.link.robot());
+        let pairs = Pairs::of(one, two, &order.by_range).expect("joints in common");
+        Self { order, leader, follower, pairs }
+    }
+
+    /// Follows while `hands` do something to the leader's world once, as soon as it is looked at.
+    fn follow(mut self, hands: impl FnOnce(&mut World)) -> (LiveReport, Worlds) {
+        let mut report = self.order.report();
+        let (ours, theirs) = (self.leader.world.clone(), self.follower.world.clone());
+        hands(&mut ours.as_ref().expect("virtual").lock());
+        let done =
+            lead(&self.order, self.leader, &mut self.follower, self.pairs, &Nobody, &mut report);
+        if let Err(error) = &done {
+            report.run.describe_refused(error);
+        }
+        drop(done);
+        (report, Worlds { leader: ours.expect("virtual"), follower: theirs.expect("virtual") })
+    }
+}
+
+/// What both worlds are like afterwards.
+struct Worlds {
+    leader: crate::port::sim::SharedWorld,
+    follower: crate::port::sim::SharedWorld,
+}
+
+impl Worlds {
+    fn of(world: &crate::port::sim::SharedWorld, joint: &str) -> f64 {
+        world.lock().joint_position_rad(joint).expect("a joint")
+    }
+
+    fn torque(world: &crate::port::sim::SharedWorld, joint: &str) -> i64 {
+        world.lock().read_register(joint, "Torque Enable").expect("a register")
+    }
+}
+
+fn hand(world: &mut World, joint: &str, to_rad: f64, speed_rad_s: f64) {
+    let hand = Hand { to_rad, speed_rad_s, torque_nm: 3.0, holds_on: true };
+    world.take_by_hand(joint, hand).expect("a joint");
+}
+
+#[test]
+fn an_arm_goes_where_another_is_led_by_hand_and_ends_at_rest() {
+    let scene = Scene::new(order("so101-leader", "so101"));
+    let (report, worlds) = scene.follow(|world| {
+        hand(world, "shoulder_pan", 0.8, 0.5);
+        hand(world, "elbow_flex", -0.6, 0.4);
+    });
+    assert_eq!(report.run.outcome, Outcome::Done, "{:?}", report.run.stop_reason);
+    for joint in ["shoulder_pan", "elbow_flex", "wrist_flex"] {
+        let (led, followed) =
+            (Worlds::of(&worlds.leader, joint), Worlds::of(&worlds.follower, joint));
+        assert!((led - followed).abs() < 0.03, "{joint}: {followed} for {led}");
+    }
+    assert!(Worlds::of(&worlds.follower, "shoulder_pan") > 0.75);
+    for joint in &report.run.joints {
+        assert_eq!(joint.end_velocity_rad_s, 0.0, "{}", joint.name);
+    }
+    assert!(worlds.follower.lock().verdict().violations.is_empty());
+    // Nobody wrote to the leader.
+    assert_eq!(Worlds::torque(&worlds.leader, "gripper"), 0);
+    assert!(report.sensors[0].counts.samples > 300, "{:?}", report.sensors);
+}
+
+#[test]
+fn a_leader_that_is_thrown_about_is_followed_within_limits_and_at_the_pace_that_was_asked_for() {
+    for pace in [1.0, 0.25] {
+        let scene = Scene::new(LeadOrder { pace, ..order("so101-leader", "so101") });
+        let limits = scene.follower.link.robot().limits();
+        let (report, worlds) = scene.follow(|world| {
+            hand(world, "shoulder_pan", 1.9, 30.0);
+            hand(world, "wrist_roll", -2.7, 30.0);
+        });
+        assert_eq!(report.run.outcome, Outcome::Done, "{:?}", report.run.stop_reason);
+        for (joint, limits) in report.run.joints.iter().zip(&limits) {
+            let most = pace * limits.velocity_rad_s() * (1.0 + 1e-9);
+            assert!(joint.peak_velocity_rad_s <= most, "{} at {pace}", joint.name);
+            let most = pace * limits.acceleration_rad_s2() * (1.0 + 1e-9);
+            assert!(joint.peak_acceleration_rad_s2 <= most, "{} at {pace}", joint.name);
+        }
+        assert!(worlds.follower.lock().verdict().violations.is_empty());
+    }
+}
+
+#[test]
+fn a_trigger_opens_a_wider_gripper_by_the_share_of_its_range() {
+    let by_range = vec!["gripper".to_owned()];
+    let scene = Scene::new(LeadOrder { by_range, ..order("so101-leader", "so101") });
+    let joint = |robot: &Robot| {
+        let joint = robot.joints.iter().find(|joint| joint.name == "gripper").expect("a gripper");
+        (joint.limits.lower_rad(), joint.limits.upper_rad())
+    };
+    let (from, to) = joint(scene.leader.link.robot());
+    let (lower, upper) = joint(scene.follower.link.robot());
+    let (report, worlds) =
+        scene.follow(|world| hand(world, "gripper", from + 0.6 * (to - from), 0.5));
+    assert_eq!(report.run.outcome, Outcome::Done, "{:?}", report.run.stop_reason);
+    let share = (Worlds::of(&worlds.follower, "gripper") - lower) / (upper - lower);
+    assert!((share - 0.6).abs() < 0.04, "{share}");
+}
+
+#[test]
+fn a_leader_that_falls_silent_leaves_the_robot_at_rest_and_one_that_speaks_again_leads_on() {
+    let silent = |world: &mut World| {
+        hand(world, "shoulder_pan", 1.5, 0.3);
+        let fault = gaitway_sim::Fault::Silent {
+            joint: "elbow_flex".to_owned(),
+            from_ns: 3_000_000_000,
+            until_ns: 4_500_000_000,
+        };
+        world.begin(&[fault]).expect("a fault");
+    };
+    let scene = Scene::new(order("so101-leader", "so101"));
+    let (report, worlds) = scene.follow(silent);
+    assert_eq!(report.run.outcome, Outcome::Done, "{:?}", report.run.stop_reason);
+    assert!((1.0..2.5).contains(&report.stale_s), "{}", report.stale_s);
+    let (led, followed) =
+        (Worlds::of(&worlds.leader, "shoulder_pan"), Worlds::of(&worlds.follower, "shoulder_pan"));
+    assert!((led - followed).abs() < 0.05, "{followed} for {led}");
+    assert!(worlds.follower.lock().verdict().violations.is_empty());
+}
+
+#[test]
+fn a_leader_that_holds_itself_is_refused_unless_it_is_to_be_let_go() {
+    let holds = |world: &mut World| {
+        world.preset("wrist_flex", "Torque Enable", 1).expect("a register");
+    };
+    let (report, worlds) = Scene::new(order("so101-leader", "so101")).follow(holds);
+    assert_eq!(report.run.outcome, Outcome::Refused);
+    let reason = report.run.stop_reason.expect("a reason");
+    assert!(reason.contains("wrist_flex") && reason.contains("--limp"), "{reason}");
+    assert_eq!(Worlds::torque(&worlds.leader, "wrist_flex"), 1);
+    assert_eq!(Worlds::torque(&worlds.follower, "wrist_flex"), 0);
+    let limp = LeadOrder { limp: true, ..order("so101-leader", "so101") };
+    let (report, worlds) = Scene::new(limp.clone()).follow(holds);
+    assert_eq!(report.run.outcome, Outcome::Done, "{:?}", report.run.stop_reason);
+    assert_eq!(Worlds::torque(&worlds.leader, "wrist_flex"), 0);
+    // A dry run writes nothing to either.
+    let (report, worlds) = Scene::new(LeadOrder { dry_run: true, ..limp }).follow(holds);
+    assert_eq!(report.run.outcome, Outcome::Done, "{:?}", report.run.stop_reason);
+    assert_eq!(Worlds::torque(&worlds.leader, "wrist_flex"), 1);
+    assert_eq!(Worlds::torque(&worlds.follower, "wrist_flex"), 0);
+}
+
+#[test]
+fn joints_without_a_partner_are_named_and_robots_without_any_are_refused() {
+    let load = |name: &str| Robot::load(name).expect("shipped");
+    let (mut leader, robot) = (load("so101-leader"), load("so101"));
+    leader.joints[0].name = "pan".to_owned();
+    let pairs = Pairs::of(&leader, &robot, &[]).expect("five in common");
+    let notes = pairs.notes().join("; ");
+    assert!(notes.contains("nobody leads shoulder_pan"), "{notes}");
+    assert!(notes.contains("the robot has no pan"), "{notes}");
+    let none = Pairs::of(&leader, &load("op3"), &[]).expect_err("nothing in common");
+    assert!(none.to_string().contains("shoulder_lift"), "{none}");
+    let unknown = Pairs::of(&leader, &robot, &["pan".to_owned()]).expect_err("not of both");
+    assert!(unknown.to_string().contains("--by-range"), "{unknown}");
+}
+
+#[test]
+fn nobody_is_led_beyond_the_range_of_a_joint() {
+    let pairs = Pairs::of(
+        &Robot::load("so101-leader").expect("shipped"),
+        &Robot::load("so101").expect("shipped"),
+        &[],
+    );
+    let scene = Scene::new(order("so101-leader", "so101"));
+    assert_eq!(scene.pairs, pairs.expect("all in common"));
+    let limit = scene.follower.link.robot().joints[0].limits.upper_rad();
+    let (report, worlds) = scene.follow(|world| hand(world, "shoulder_pan", 2.4, 1.0));
+    assert_eq!(report.run.outcome, Outcome::Done, "{:?}", report.run.stop_reason);
+    let followed = Worlds::of(&worlds.follower, "shoulder_pan");
+    assert!(followed < limit + 0.01 && followed > limit - 0.1, "{followed} of {limit}");
+    assert!(worlds.follower.lock().verdict().violations.is_empty());
+}
