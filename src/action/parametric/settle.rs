@@ -7,9 +7,10 @@
 use nalgebra::{Cholesky, DMatrix, DVector};
 
 use super::course::{Stretch, Timing};
-use crate::action::feet::Feet;
+use crate::action::feet::{Feet, FootingBounds};
 use crate::action::{Motion, parametric::course::Course};
 use crate::actionlet::shape::PEAK_AT;
+use crate::body::contact::worst_slide_m;
 use crate::body::{Dof, Proportions};
 use crate::error::Error;
 
@@ -18,13 +19,17 @@ const LOOKS_HZ: f64 = 100.0;
 /// It rests before and after, s.
 const RESTS_S: f64 = 0.1;
 /// Soles are held as well as this, m, root as well as this, m/s^2.
-const HOLDS_M: f64 = 0.000_4;
+const HOLDS_M: f64 = 0.000_7;
 const ROOT_HOLDS_M_S2: f64 = 6.0;
 /// Moved as a matter of course: parts of the stretch.
 const USUAL: f64 = 0.15;
 const NUDGE: f64 = 0.02;
 const STEPS: usize = 25;
 const DAMPINGS: [f64; 6] = [0.01, 0.1, 1.0, 10.0, 100.0, 1e4];
+/// Where soles slide further than this they matter more, so many times, in turn.
+const GOOD_M: f64 = 0.003;
+const MATTERS: [f64; 4] = [1.0, 3.0, 10.0, 30.0];
+const JUDGED_HZ: f64 = FootingBounds::JUDGED_HZ;
 /// An actionlet lasts at least so long, a part of the stretch.
 const LASTS: f64 = 0.25;
 
@@ -58,7 +63,7 @@ fn alone(stretch: &Stretch) -> Result<Motion, Error> {
 fn off(
     body: &Proportions,
     stretch: &Stretch,
-    stands: [bool; 4],
+    (stands, matters): ([bool; 4], f64),
     x: &DVector<f64>,
 ) -> Result<DVector<f64>, Error> {
     let motion = alone(stretch)?;
@@ -69,7 +74,7 @@ fn off(
     for soles_m in &feet.soles_m {
         for sole in (0..4).filter(|sole| stands[*sole]) {
             let left_m = soles_m[sole] - first[sole];
-            off.extend((left_m * (part / HOLDS_M)).to_array());
+            off.extend((left_m * (matters * part / HOLDS_M)).to_array());
         }
     }
     for bend_m in feet.bends_m() {
@@ -90,7 +95,24 @@ pub(super) fn settled(
 ) -> Result<Stretch, Error> {
     let dofs = moving(stretch);
     let mut x = DVector::zeros(3 * dofs.len());
-    let at = |x: &DVector<f64>| timed(stretch, &dofs, x);
+    for matters in MATTERS {
+        x = regressed(body, stretch, &dofs, (stands, matters), x)?;
+        let feet = Feet::of(body, &alone(&timed(stretch, &dofs, &x))?.poses(body, JUDGED_HZ)?);
+        if worst_slide_m(&feet.soles_m) < GOOD_M {
+            break;
+        }
+    }
+    Ok(timed(stretch, &dofs, &x))
+}
+
+fn regressed(
+    body: &Proportions,
+    stretch: &Stretch,
+    dofs: &[Dof],
+    stands: ([bool; 4], f64),
+    mut x: DVector<f64>,
+) -> Result<DVector<f64>, Error> {
+    let at = |x: &DVector<f64>| timed(stretch, dofs, x);
     let mut now = off(body, &at(&x), stands, &x)?;
     for _ in 0..STEPS {
         let mut answers = DMatrix::zeros(now.len(), x.len());
@@ -123,5 +145,5 @@ pub(super) fn settled(
             break;
         }
     }
-    Ok(at(&x))
+    Ok(x)
 }

@@ -13,7 +13,7 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 
 use super::reach::feet_m;
 use super::{Made, Mark, Marked, Performer, way};
-use crate::action::feet::Feet;
+use crate::action::feet::{Feet, FootingBounds};
 use crate::action::fit::Fits;
 use crate::action::motion::then_until;
 use crate::action::{Motion, vocabulary};
@@ -34,15 +34,20 @@ const PRIOR: f64 = 0.15;
 const HOLDS_M: f64 = 0.000_7;
 const HOLDS_FOR_S: f64 = 0.05;
 const ROOT_HOLDS_M_S2: f64 = 5.0;
-const AWAY_M: f64 = 0.001;
+const AWAY_M: f64 = 0.000_5;
+/// Of all that were tried the best is taken: with feet that end as near as this, m, where they are to be.
+const MOST_AWAY_M: f64 = 0.015;
 /// A sole that swings keeps so high, m.
 const CLEAR_M: f64 = 0.009;
 /// The way there is gone in steps of so much, m.
 const STEP_M: f64 = 0.06;
 const NUDGE: f64 = 0.05;
 /// Regressions at each step, and at the last.
-const TRIES: usize = 3;
-const LAST_TRIES: usize = 14;
+const TRIES: usize = 5;
+const LAST_TRIES: usize = 25;
+/// The last at which they still gain this part.
+const ENOUGH: f64 = 0.01;
+const LAST_ENOUGH: f64 = 0.001;
 const DAMPINGS: [f64; 6] = [0.01, 0.1, 1.0, 10.0, 100.0, 1e4];
 /// Seams of a chain stay so far apart, s.
 const APART_S: f64 = 0.02;
@@ -51,13 +56,15 @@ const ASIDE: [(Dof, [Dof; 2]); 2] = [
     (Dof::LeftHipFlexion, [Dof::LeftHipAbduction, Dof::LeftHipRotation]),
     (Dof::RightHipFlexion, [Dof::RightHipAbduction, Dof::RightHipRotation]),
 ];
+/// Nobody goes further in two hops or a jump, parts of the stature.
+const MOST_GONE: f64 = 0.25;
 /// Rounds of a walk, a jog and hops.
 const WALKS: u32 = 2;
 const JOGS: u32 = 2;
 const HOPS: u32 = 2;
 /// Walks in other directions are so many steps of this length, parts of the stature.
 const STEPS: usize = 3;
-const STEP: f64 = 0.2;
+const STEP: f64 = 0.17;
 
 /// A chain of a leg, as it may be moved.
 #[derive(Clone, Debug)]
@@ -215,18 +222,28 @@ impl<'a> Travel<'a> {
         let by_itself_m = self.feet.away_m();
         let steps = ((goes_m - by_itself_m).length() / STEP_M).ceil().max(1.0) as usize;
         let mut x = DVector::zeros(self.lines.iter().map(Line::figures).sum());
+        let mut best: Option<(f64, Motion)> = None;
         for step in 1..=steps {
             let at_m = by_itself_m + (goes_m - by_itself_m) * (step as f64 / steps as f64);
-            let tries = if step == steps { LAST_TRIES } else { TRIES };
+            let last = step == steps;
+            let (tries, enough) = if last { (LAST_TRIES, LAST_ENOUGH) } else { (TRIES, ENOUGH) };
             for _ in 0..tries {
                 let (next, gained) = self.regressed(x, at_m)?;
                 x = next;
-                if gained < 0.01 {
+                if last && let Some(motion) = self.motion(&x)? {
+                    let away_m = (feet(self.body, &motion)?.away_m() - goes_m).length();
+                    let share = FootingBounds::default().share(&motion, self.body)?;
+                    let worth = share.max(away_m / MOST_AWAY_M);
+                    if best.as_ref().is_none_or(|(least, _)| worth < *least) {
+                        best = Some((worth, motion));
+                    }
+                }
+                if gained < enough {
                     break;
                 }
             }
         }
-        Ok(self.motion(&x)?.unwrap_or_else(|| self.given.clone()))
+        Ok(best.map_or_else(|| self.given.clone(), |(_, motion)| motion))
     }
 
     fn regressed(&self, x: DVector<f64>, goes_m: DVec3) -> Result<(DVector<f64>, f64), Error> {
@@ -339,9 +356,32 @@ fn gone(
     direction_rad: f64,
     length_m: f64,
 ) -> Result<Made, Error> {
+    let most_m = MOST_GONE * body.stature_m();
+    if !(0.0..=most_m).contains(&length_m) {
+        return Err(Error::new("nobody hops or jumps so far here")
+            .got(format!("{length_m} m"))
+            .allowed(format!("0 to {most_m:.2} m, {MOST_GONE} times the stature")));
+    }
     let goes_m = way(direction_rad) * length_m;
+    // To the left as to the right, seen in a mirror.
+    let is_left = goes_m.y > 1e-9;
+    let seen_m = goes_m * DVec3::new(1.0, if is_left { -1.0 } else { 1.0 }, 1.0);
     let travel = Travel::of(body, motion, goes_m.y.abs() > 1e-9)?;
-    arrived(body, travel.going(goes_m)?, Some(goes_m))
+    let found = travel.going(seen_m)?;
+    arrived(body, if is_left { mirrored(&found)? } else { found }, Some(goes_m))
+}
+
+/// The same motion seen in a mirror.
+fn mirrored(motion: &Motion) -> Result<Motion, Error> {
+    let turned = |dof: Dof| {
+        let (twin, sign) = dof.mirrored();
+        let track = motion.track(twin);
+        let start = Sequence::starting_at(0.0, sign * track.from_rad())?;
+        track.actionlets().iter().try_fold(start, |chain, piece| {
+            chain.then(piece.duration_s(), sign * piece.to_rad(), piece.shape().clone())
+        })
+    };
+    Motion::new(Dof::ALL.into_iter().map(turned).collect::<Result<_, Error>>()?)
 }
 
 pub(super) fn hop(
