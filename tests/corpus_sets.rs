@@ -1,7 +1,10 @@
 //! Sets of a corpus that the body model fills: every trial is where it is to be, and parts make the whole.
 
+mod aloud;
 mod program;
+mod python;
 
+use aloud::aloud;
 use gaitway::action::parametric::{Ask, Performer};
 use gaitway::body::contact::Footing;
 use gaitway::body::{Dof, End, JointAngles, Proportions};
@@ -213,5 +216,181 @@ fn steps_and_jumps_come_down_where_they_were_asked_to() {
         assert!(gone.distance(goes) < 0.02, "{ask:?}: {gone}");
         let footing = Footing::of(&body, &poses, 120.0).expect("feet");
         assert!(footing.lowest_m() > -0.001 && footing.slide_m() < 0.005, "{ask:?}");
+    }
+}
+
+mod scores {
+    use super::*;
+    use gaitway::corpus::query::Question;
+    use gaitway::corpus::rows::TrialEntry;
+    use gaitway::corpus::select::Selection;
+    use gaitway::corpus::store::{NewTrial, Store};
+    use gaitway::corpus::tables::TrialFrames;
+
+    /// 28 reaches all over the volume.
+    fn reaches() -> (PathBuf, String, Vec<(TrialEntry, TrialFrames)>) {
+        let (folder, corpus) = new("sets-scores");
+        for k in (1..=163).step_by(6) {
+            generate(&corpus, &["--part", &format!("{k}/330")]);
+        }
+        let store = Store::open(Path::new(&corpus)).expect("a corpus");
+        let mut entries = Vec::new();
+        Selection::new(&store, &Question::parse("").expect("all"), false)
+            .expect("a selection")
+            .trials(u64::MAX, |entry| {
+                entries.push(entry);
+                Ok(())
+            })
+            .expect("trials");
+        let mut all = Vec::new();
+        store
+            .frames_of(&entries.iter().collect::<Vec<_>>(), |entry, frames| {
+                all.push((entry.clone(), frames));
+                Ok(())
+            })
+            .expect("frames");
+        assert_eq!(all.len(), 28);
+        (folder, corpus, all)
+    }
+
+    /// A corpus of these trials.
+    fn of(folder: &Path, name: &str, trials: Vec<(TrialEntry, TrialFrames)>) -> String {
+        let corpus = folder.join(name).display().to_string();
+        assert!(gaitway().args(["corpus", "new", &corpus]).output().expect("runs").status.success());
+        let mut store = Store::open_to_change(Path::new(&corpus)).expect("a corpus");
+        let new = |(mut entry, frames): (TrialEntry, TrialFrames)| {
+            entry.frames_sha256 = frames.sha256(entry.rate_hz);
+            entry.trial = entry.frames_sha256.chars().take(16).collect();
+            entry.place = None;
+            NewTrial { entry, frames: Some(frames), labels: Vec::new(), source: None }
+        };
+        let new = trials.into_iter().map(new).collect();
+        store.add("generalisation", "reach", new, &[], "").expect("added");
+        corpus
+    }
+
+    fn score(name: &str, corpus: &str) -> Value {
+        json(&gaitway().args(["score", name, corpus, "--json"]).output().expect("the program"))
+    }
+
+    fn value(report: &Value) -> f64 {
+        report["value"].as_f64().expect("a value")
+    }
+
+    #[test]
+    fn scores_of_motions_beat_their_baselines_and_fall_when_the_corpus_is_spoilt() {
+        let (folder, corpus, all) = reaches();
+
+        let good = score("generalisation", &corpus);
+        assert_eq!(good["judged"], 28);
+        let (low, high) = (&good["interval"][0], &good["interval"][1]);
+        assert!(low.as_f64().expect("mm") < value(&good) && value(&good) < high.as_f64().expect("mm"));
+        let copied = good["baselines"][1]["value"].as_f64().expect("mm");
+        assert!(value(&good) < copied, "{} mm, {copied} mm where the nearest is copied", value(&good));
+        // Every trial says the target of another: then nobody can tell.
+        let mut swapped = all.clone();
+        for (at, (entry, _)) in swapped.iter_mut().enumerate() {
+            entry.parameters = all[(at + 13) % all.len()].0.parameters.clone();
+        }
+        let spoilt = score("generalisation", &of(&folder, "swapped", swapped));
+        assert!(value(&spoilt) > 1.5 * value(&good), "{} after {}", value(&spoilt), value(&good));
+
+        let good = score("transitioning", &corpus);
+        let blend = good["baselines"][0]["value"].as_f64().expect("mm");
+        assert!(value(&good) < blend, "{} mm, {blend} mm by a blend", value(&good));
+        // An elbow that shakes.
+        let mut shaken = all.clone();
+        for (_, frames) in &mut shaken {
+            for (at, angle) in frames.signals[11].iter_mut().enumerate() {
+                *angle += if at % 2 == 0 { 0.05 } else { -0.05 };
+            }
+        }
+        let spoilt = score("transitioning", &of(&folder, "shaken", shaken));
+        assert!(value(&spoilt) > 1.5 * value(&good), "{} after {}", value(&spoilt), value(&good));
+
+        let nobody = score("identification", &corpus);
+        assert!(nobody["value"].is_null());
+        assert!(nobody["truth"].as_str().expect("words").contains("no truth here"));
+        // Two people, one of whom stoops.
+        let people = |shuffled: bool| {
+            let mut both = Vec::new();
+            for (at, (entry, frames)) in all.iter().enumerate() {
+                let (mut one, mut other) = (entry.clone(), entry.clone());
+                let mut stoops = frames.clone();
+                stoops.signals[0].iter_mut().for_each(|angle| *angle += 0.4);
+                let swap = shuffled && at % 2 == 0;
+                one.subject = Some(if swap { "s2" } else { "s1" }.to_owned());
+                other.subject = Some(if swap { "s1" } else { "s2" }.to_owned());
+                other.name.push('b');
+                both.extend([(one, frames.clone()), (other, stoops)]);
+            }
+            both
+        };
+        let told = score("identification", &of(&folder, "people", people(false)));
+        assert!(value(&told) > 0.9, "{}", value(&told));
+        assert_eq!(told["baselines"][0]["value"], 0.5);
+        let mixed = score("identification", &of(&folder, "mixed", people(true)));
+        assert!(value(&mixed) < value(&told) - 0.2, "{}", value(&mixed));
+    }
+}
+
+/// Keys and shapes as BeyondMimic's `MotionLoader` takes them, and velocities that are those of the places.
+const NUMPY: &str = "
+import json, sys, numpy as np
+data = np.load(sys.argv[1], allow_pickle=False)
+fps, pos, vel = float(data['fps'][0]), data['body_pos_w'], data['body_lin_vel_w']
+steps = np.gradient(pos, 1.0 / fps, axis=0)
+quat = data['body_quat_w']
+joint = np.gradient(data['joint_pos'], 1.0 / fps, axis=0)
+print(json.dumps({
+  'shapes': {name: list(data[name].shape) for name in data.files},
+  'fps': fps,
+  'bodies': [str(name) for name in data['body_names']],
+  'joints': [str(name) for name in data['joint_names']],
+  'linear': float(np.abs(steps - vel).max()),
+  'joint': float(np.abs(joint - data['joint_vel']).max()),
+  'unit': float(np.abs(np.linalg.norm(quat, axis=2) - 1.0).max()),
+}))
+";
+
+#[test]
+fn what_a_robot_would_do_is_read_by_numpy_as_learners_of_tracking_read_it() {
+    let python = match python::python() {
+        Ok(python) => python,
+        Err(why) => {
+            aloud!("SKIPPED: {why}");
+            return;
+        }
+    };
+    let (folder, corpus) = new("sets-npz");
+    generate(&corpus, &["--part", "80/330"]);
+    let out = folder.join("npz").display().to_string();
+    let arguments = ["corpus", "export", &corpus, "", "--format", "robot-npz", "--robot", "op3", "-o", &out];
+    assert!(gaitway().args(arguments).output().expect("runs").status.success());
+    let about = std::fs::read_to_string(Path::new(&out).join("export.json")).expect("a report");
+    let about: Value = serde_json::from_str(&about).expect("JSON");
+    let file = Path::new(&out).join(about["trials"][0]["files"][0].as_str().expect("a file"));
+    let read = std::process::Command::new(&python.program).args(["-c", NUMPY]).arg(&file).output();
+    let read = read.expect("Python");
+    assert!(read.status.success(), "{}", String::from_utf8_lossy(&read.stderr));
+    let read: Value = serde_json::from_slice(&read.stdout).expect("JSON");
+    assert_eq!(read["fps"], 50.0);
+    assert_eq!(read["joints"], about["joints"]);
+    let joints = about["joints"].as_array().expect("joints").len();
+    let bodies = read["bodies"].as_array().expect("bodies").len();
+    let frames = read["shapes"]["joint_pos"][0].as_u64().expect("frames");
+    assert!(frames > 50 && bodies > joints, "{read}");
+    for (key, rest) in [
+        ("joint_vel", vec![joints]),
+        ("body_pos_w", vec![bodies, 3]),
+        ("body_quat_w", vec![bodies, 4]),
+        ("body_lin_vel_w", vec![bodies, 3]),
+        ("body_ang_vel_w", vec![bodies, 3]),
+    ] {
+        let shape: Vec<usize> = serde_json::from_value(read["shapes"][key].clone()).expect(key);
+        assert_eq!((shape[0] as u64, &shape[1..]), (frames, &rest[..]), "{key}");
+    }
+    for (key, most) in [("linear", 2e-3), ("joint", 2e-3), ("unit", 1e-5)] {
+        assert!(read[key].as_f64().expect(key) < most, "{key}: {read}");
     }
 }

@@ -181,10 +181,10 @@ struct ExportArgs {
     /// Which trials, as `corpus query` takes it; all if it is empty
     #[arg(default_value = "")]
     question: String,
-    /// bvh, source, labels, or robot-csv
+    /// bvh, source, labels, robot-csv, or robot-npz
     #[arg(long, value_name = "FORMAT")]
     format: String,
-    /// The robot of robot-csv, by name or file
+    /// The robot of robot-csv and robot-npz, by name or file
     #[arg(long, value_name = "ROBOT")]
     robot: Option<String>,
     /// Folder for it
