@@ -256,7 +256,9 @@ mod scores {
     /// A corpus of these trials.
     fn of(folder: &Path, name: &str, trials: Vec<(TrialEntry, TrialFrames)>) -> String {
         let corpus = folder.join(name).display().to_string();
-        assert!(gaitway().args(["corpus", "new", &corpus]).output().expect("runs").status.success());
+        assert!(
+            gaitway().args(["corpus", "new", &corpus]).output().expect("runs").status.success()
+        );
         let mut store = Store::open_to_change(Path::new(&corpus)).expect("a corpus");
         let new = |(mut entry, frames): (TrialEntry, TrialFrames)| {
             entry.frames_sha256 = frames.sha256(entry.rate_hz);
@@ -284,9 +286,15 @@ mod scores {
         let good = score("generalisation", &corpus);
         assert_eq!(good["judged"], 28);
         let (low, high) = (&good["interval"][0], &good["interval"][1]);
-        assert!(low.as_f64().expect("mm") < value(&good) && value(&good) < high.as_f64().expect("mm"));
+        assert!(
+            low.as_f64().expect("mm") < value(&good) && value(&good) < high.as_f64().expect("mm")
+        );
         let copied = good["baselines"][1]["value"].as_f64().expect("mm");
-        assert!(value(&good) < copied, "{} mm, {copied} mm where the nearest is copied", value(&good));
+        assert!(
+            value(&good) < copied,
+            "{} mm, {copied} mm where the nearest is copied",
+            value(&good)
+        );
         // Every trial says the target of another: then nobody can tell.
         let mut swapped = all.clone();
         for (at, (entry, _)) in swapped.iter_mut().enumerate() {
@@ -365,7 +373,8 @@ fn what_a_robot_would_do_is_read_by_numpy_as_learners_of_tracking_read_it() {
     let (folder, corpus) = new("sets-npz");
     generate(&corpus, &["--part", "80/330"]);
     let out = folder.join("npz").display().to_string();
-    let arguments = ["corpus", "export", &corpus, "", "--format", "robot-npz", "--robot", "op3", "-o", &out];
+    let arguments =
+        ["corpus", "export", &corpus, "", "--format", "robot-npz", "--robot", "op3", "-o", &out];
     assert!(gaitway().args(arguments).output().expect("runs").status.success());
     let about = std::fs::read_to_string(Path::new(&out).join("export.json")).expect("a report");
     let about: Value = serde_json::from_str(&about).expect("JSON");

@@ -66,7 +66,7 @@ impl Stretch {
     }
 
     /// Appends it to chains that end where it begins.
-    fn append(&self, chains: &mut Vec<Sequence>, begin_s: f64) -> Result<(), Error> {
+    fn append(&self, chains: &mut [Sequence], begin_s: f64) -> Result<(), Error> {
         let at_s = |part: f64| begin_s + part * self.duration_s;
         for (dof, chain) in Dof::ALL.into_iter().zip(chains.iter_mut()) {
             let timing = self.timings[dof.index()];

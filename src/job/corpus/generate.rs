@@ -274,13 +274,16 @@ impl Workers {
     }
 }
 
+/// A trial that was made, and what there is to be added.
+type MadeTrial = Result<(GeneratedTrial, NewTrial), Error>;
+
 /// What one of them makes of a batch, by place in it.
 fn share<'a>(
     own: impl Iterator<Item = (usize, &'a &'a (usize, PlannedTrial))>,
     performers: &mut [Performer; 2],
     set: PlannedSet,
     seed: u64,
-) -> Vec<(usize, Result<(GeneratedTrial, NewTrial), Error>)> {
+) -> Vec<(usize, MadeTrial)> {
     own.map(|(at, (index, planned))| {
         let performer = &mut performers[usize::from(planned.performer == 2)];
         (at, trial(performer, planned, *index, set, seed))

@@ -147,8 +147,16 @@ pub(super) fn written(
         array("joint_vel", &[joint_count], each(&|at, n| vec![velocity(at, n)], joint_count)),
         array("body_pos_w", &bodies, each(&place, link_count)),
         array("body_quat_w", &[link_count, 4], each(&turn, link_count)),
-        array("body_lin_vel_w", &bodies, each(&|at, n| moved(at, n).to_array().to_vec(), link_count)),
-        array("body_ang_vel_w", &bodies, each(&|at, n| spin(at, n).to_array().to_vec(), link_count)),
+        array(
+            "body_lin_vel_w",
+            &bodies,
+            each(&|at, n| moved(at, n).to_array().to_vec(), link_count),
+        ),
+        array(
+            "body_ang_vel_w",
+            &bodies,
+            each(&|at, n| spin(at, n).to_array().to_vec(), link_count),
+        ),
         Array::names("joint_names", joints),
         Array::names("body_names", &names),
     ])
