@@ -57,7 +57,7 @@ impl ClassificationReport {
             let found: Vec<String> = label
                 .recognised
                 .iter()
-                .map(|(action, clips)| format!("{action} {clips}"))
+                .map(|(action, count)| format!("{action} {count}"))
                 .collect();
             let meaning = label.class.as_deref().unwrap_or("(distractor)");
             let _ = writeln!(
