@@ -26,6 +26,7 @@ pub mod insert;
 pub mod join;
 pub mod motion;
 pub mod mutate;
+pub mod parametric;
 pub mod parquet;
 pub mod perform;
 pub mod phrase;

@@ -99,7 +99,7 @@ enum Command {
     Model(model::ModelArgs),
     /// A motion database: make it, add to it, ask it, check it, take from it
     Corpus(corpus::CorpusArgs),
-    /// Judge the program on labelled clips
+    /// Judge the program on labelled clips, and on a corpus
     Score(score::ScoreArgs),
     /// Switch torque on where the robot stands: it holds
     Hold(hold::HoldArgs),

@@ -10,6 +10,7 @@ pub mod manifest;
 pub mod query;
 pub mod rows;
 pub mod select;
+pub mod sets;
 pub mod store;
 pub mod tables;
 pub mod version;

@@ -7,7 +7,8 @@ use super::{Deed, Output, Remarks};
 use crate::corpus::manifest::FiveChoices;
 use crate::error::Error;
 use crate::job::corpus::{
-    self, AboutTrial, AddOrder, AskOrder, ExportFormat, ExportOrder, NewOrder, RemoveOrder,
+    self, AboutTrial, AddOrder, AskOrder, ExportFormat, ExportOrder, GenerateOrder, NewOrder,
+    RemoveOrder,
 };
 use clap::{Args, Subcommand};
 use std::path::PathBuf;
@@ -26,6 +27,8 @@ enum CorpusCommand {
     New(NewArgs),
     /// Add captures, sessions, actions and variations
     Add(Box<AddArgs>),
+    /// Fill a set with what the body model does: reaches, kicks, steps, ...
+    Generate(GenerateArgs),
     /// Find trials, or frames, that answer a question
     Query(QueryArgs),
     /// Pass trials on: as BVH, as the files they were, as labels of frames, on a robot's joints
@@ -126,6 +129,27 @@ struct AddArgs {
     output: Output,
 }
 
+/// Arguments of `corpus generate`.
+#[derive(Clone, Debug, Args)]
+#[command(after_help = include_str!("help/corpus-generate.txt"))]
+struct GenerateArgs {
+    /// Folder of the corpus
+    corpus: PathBuf,
+    /// The set: generalisation
+    set: String,
+    /// Only a part of it: the third of a hundred
+    #[arg(long, value_name = "K/N")]
+    part: Option<String>,
+    /// 0: the grid itself; else drawn beside it
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Make again what is there, and compare
+    #[arg(long)]
+    verify: bool,
+    #[command(flatten)]
+    output: Output,
+}
+
 /// Arguments of `corpus query`.
 #[derive(Clone, Debug, Args)]
 #[command(after_help = include_str!("help/corpus-query.txt"))]
@@ -157,10 +181,10 @@ struct ExportArgs {
     /// Which trials, as `corpus query` takes it; all if it is empty
     #[arg(default_value = "")]
     question: String,
-    /// bvh, source, labels, or robot-csv
+    /// bvh, source, labels, robot-csv, or robot-npz
     #[arg(long, value_name = "FORMAT")]
     format: String,
-    /// The robot of robot-csv, by name or file
+    /// The robot of robot-csv and robot-npz, by name or file
     #[arg(long, value_name = "ROBOT")]
     robot: Option<String>,
     /// Folder for it
@@ -212,6 +236,7 @@ pub fn run(args: &CorpusArgs, remarks: Remarks) -> Result<i32, Error> {
     match &args.command {
         CorpusCommand::New(args) => new(args),
         CorpusCommand::Add(args) => add(args, remarks),
+        CorpusCommand::Generate(args) => generate(args, remarks),
         CorpusCommand::Query(args) => query(args),
         CorpusCommand::Export(args) => export(args, remarks),
         CorpusCommand::Check(args) => check(args, remarks),
@@ -263,6 +288,20 @@ fn add(args: &AddArgs, remarks: Remarks) -> Result<i32, Error> {
     let signals = Signals::listened()?;
     let added = corpus::add(&order, &Terminal::new(remarks, &signals))?;
     Ok(args.output.conclude(&added, &added.words(), Deed::Work, added.outcome.exit_code()))
+}
+
+fn generate(args: &GenerateArgs, remarks: Remarks) -> Result<i32, Error> {
+    args.output.check_files(&[])?;
+    let order = GenerateOrder {
+        corpus: args.corpus.clone(),
+        set: args.set.clone(),
+        part: args.part.as_deref().map(GenerateOrder::part).transpose()?,
+        seed: args.seed,
+        verify: args.verify,
+    };
+    let signals = Signals::listened()?;
+    let made = corpus::generate(&order, &Terminal::new(remarks, &signals))?;
+    Ok(args.output.conclude(&made, &made.words(), Deed::Work, made.outcome.exit_code()))
 }
 
 fn query(args: &QueryArgs) -> Result<i32, Error> {

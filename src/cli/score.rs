@@ -1,14 +1,16 @@
 //! `score`: the program judged on what is known.
 
+use super::signals::Signals;
+use super::terminal::Terminal;
 use super::{Deed, Output, Remarks};
 use crate::error::Error;
+use crate::job::Observer;
 use crate::job::recognise::EquationReading;
-use crate::job::score::{
-    ClassFigures, ClassificationOrder, ClassificationReport, CorruptionFigures, Half,
-    classification,
+use crate::job::score::motions::{
+    MotionScore, MotionScoreOrder, generalisation, identification, transitioning,
 };
+use crate::job::score::{ClassificationOrder, Half, classification};
 use clap::{Args, Subcommand};
-use std::fmt::Write;
 use std::path::PathBuf;
 
 /// Arguments of `score`.
@@ -22,6 +24,28 @@ pub struct ScoreArgs {
 enum ScoreCommand {
     /// How well actions are recognised in a folder of labelled clips
     Classification(Box<ClassificationArgs>),
+    /// How well a motion to a new target is made of those to others
+    Generalisation(MotionArgs),
+    /// How well a gap between one motion and the next is filled
+    Transitioning(MotionArgs),
+    /// How well it is told who moves
+    Identification(MotionArgs),
+}
+
+/// Arguments of the scores of motions.
+#[derive(Clone, Debug, Args)]
+#[command(after_help = include_str!("help/score-motions.txt"))]
+struct MotionArgs {
+    /// Folder of a corpus
+    corpus: PathBuf,
+    /// Which trials, as `corpus query` takes it; all if it is empty
+    #[arg(default_value = "")]
+    question: String,
+    /// Of what is drawn
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    #[command(flatten)]
+    output: Output,
 }
 
 /// Arguments of `score classification`.
@@ -62,7 +86,12 @@ fn half(text: &str) -> Result<Half, String> {
 /// # Errors
 /// A table of labels or models that cannot be read.
 pub fn run(args: &ScoreArgs, remarks: Remarks) -> Result<i32, Error> {
-    let ScoreCommand::Classification(args) = &args.command;
+    let args = match &args.command {
+        ScoreCommand::Classification(args) => args,
+        ScoreCommand::Generalisation(args) => return motion(args, remarks, generalisation),
+        ScoreCommand::Transitioning(args) => return motion(args, remarks, transitioning),
+        ScoreCommand::Identification(args) => return motion(args, remarks, identification),
+    };
     args.output.check_files(&[])?;
     let order = ClassificationOrder {
         folder: args.folder.clone(),
@@ -77,100 +106,18 @@ pub fn run(args: &ScoreArgs, remarks: Remarks) -> Result<i32, Error> {
             remarks.say(&format!("{index} of {count}: {file}"));
         }
     })?;
-    Ok(args.output.conclude(&report, &words(&report), Deed::Look, 0))
+    Ok(args.output.conclude(&report, &report.words(), Deed::Look, 0))
 }
 
-fn percent(value: Option<f64>) -> String {
-    value.map_or_else(|| "-".to_owned(), |value| format!("{:.1}", 100.0 * value))
-}
-
-fn line(text: &mut String, of: &ClassFigures) {
-    let interval = of.recall_interval.map_or_else(String::new, |[low, high]| {
-        format!("  {:.0} to {:.0}", 100.0 * low, 100.0 * high)
-    });
-    let _ = writeln!(
-        text,
-        "{:22} {:>7} {:>10} {:>6} {:>11} {:>8}{interval}",
-        of.class,
-        of.tally.correct,
-        of.tally.recognised,
-        of.tally.truth,
-        percent(of.precision),
-        percent(of.recall)
-    );
-}
-
-fn words(report: &ClassificationReport) -> String {
-    let mut text = format!(
-        "{:22} {:>7} {:>10} {:>6} {:>11} {:>8}  95 % interval\n",
-        "class", "correct", "recognised", "there", "precision %", "recall %"
-    );
-    for class in &report.per_class {
-        line(&mut text, class);
-    }
-    line(&mut text, &report.global);
-    let _ = writeln!(
-        text,
-        "{:22} {:>37} {:>8}",
-        "mean of classes",
-        percent(report.mean_precision),
-        percent(report.mean_recall)
-    );
-    text.push_str("\nby style\n");
-    for style in &report.per_style {
-        line(&mut text, style);
-    }
-    text.push_str("\nby source\n");
-    for source in &report.per_source {
-        line(&mut text, source);
-    }
-    text.push_str("\nwhat was recognised in the clips of each label\n");
-    for label in &report.per_label {
-        let found: Vec<String> =
-            label.recognised.iter().map(|(action, clips)| format!("{action} {clips}")).collect();
-        let meaning = label.class.as_deref().unwrap_or("(distractor)");
-        let _ = writeln!(
-            text,
-            "{:22} {:>4} {meaning:14} {}",
-            label.label,
-            label.clips,
-            found.join(", ")
-        );
-    }
-    if !report.per_corruption.is_empty() {
-        text.push_str("\ncorrupted copies: what it costs, and how much later an action is known\n");
-    }
-    for CorruptionFigures { corruption, global, delay_s, .. } in &report.per_corruption {
-        let later = delay_s.map_or_else(String::new, |s| format!("  {:+.0} ms", 1e3 * s));
-        let mut row = String::new();
-        line(&mut row, &ClassFigures { class: (*corruption).to_owned(), ..global.clone() });
-        let _ = writeln!(text, "{}{later}", row.trim_end());
-    }
-    let _ = writeln!(
-        text,
-        "\nsides     {} of {} recognitions were on the side that the label says",
-        report.sides.correct, report.sides.truth
-    );
-    match &report.segmentation {
-        Some(cut) => {
-            let _ = writeln!(
-                text,
-                "cuts      {} compared: mean error {:.1} frames ({:.0} ms), greatest {:.1}",
-                cut.cuts, cut.mean_frames, cut.mean_ms, cut.most_frames
-            );
-        }
-        None if report.cut_by_hand > 0 => {
-            let _ = writeln!(text, "cuts      none of {} was recognised", report.cut_by_hand);
-        }
-        None => text.push_str("cuts      no label has times: clips were judged whole\n"),
-    }
-    for unread in &report.unread {
-        let _ = writeln!(text, "unread    {unread}");
-    }
-    let _ = writeln!(
-        text,
-        "{} clips, {} frames, {:.0} s",
-        report.clips, report.frames, report.duration_s
-    );
-    text
+fn motion(
+    args: &MotionArgs,
+    remarks: Remarks,
+    score: impl Fn(&MotionScoreOrder, &dyn Observer) -> Result<MotionScore, Error>,
+) -> Result<i32, Error> {
+    args.output.check_files(&[])?;
+    let (corpus, question) = (args.corpus.clone(), args.question.clone());
+    let signals = Signals::listened()?;
+    let order = MotionScoreOrder { corpus, question, seed: args.seed };
+    let found = score(&order, &Terminal::new(remarks, &signals))?;
+    Ok(args.output.conclude(&found, &found.words(), Deed::Look, 0))
 }

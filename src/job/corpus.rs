@@ -1,11 +1,13 @@
-//! What is done with a motion database: made, added to, asked, checked, passed on, taken from.
+//! What is done with a motion database: made, added to, filled, asked, checked, passed on, taken from.
 
 mod about;
 mod add;
 mod ask;
 mod check;
 mod export;
+pub(in crate::job) mod generate;
 mod labels;
+mod npz;
 mod remove;
 mod variations;
 mod words;
@@ -15,6 +17,7 @@ pub use add::{AddOrder, AddReport, FoundTrial, add};
 pub use ask::{Answer, AskOrder, AskReport, ask};
 pub use check::{CheckReport, Fault as CorpusFault, check};
 pub use export::{ExportFormat, ExportOrder, ExportReport, ExportedTrial, Withheld, export};
+pub use generate::{GenerateOrder, GenerateReport, GeneratedTrial, generate};
 pub use remove::{RemoveOrder, RemoveReport, remove};
 
 use crate::corpus::manifest::{CorpusManifest, FiveChoices, SCHEMA};

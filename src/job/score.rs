@@ -21,6 +21,8 @@ use std::path::PathBuf;
 use corruption::Corruption;
 
 mod corruption;
+pub mod motions;
+mod words;
 
 /// Which half of the clips is judged: the odd or the even ones of each class, in the order of their names.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

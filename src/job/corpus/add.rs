@@ -354,7 +354,7 @@ impl<'a> Planning<'a> {
 }
 
 /// The licence of what the program made itself: that of the project's own actions.
-const OWN: &str = "MIT OR Apache-2.0";
+pub(super) const OWN: &str = "MIT OR Apache-2.0";
 
 fn is_motion(path: &Path) -> bool {
     let ends = |ending: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(ending));

@@ -1,6 +1,7 @@
 //! Trials passed on: as files of their own, with what they are and what may be done with them.
 
 use super::super::retarget::robot_clip;
+use super::npz;
 use crate::body::{Proportions, Segment, segment_name};
 use crate::corpus::licence::Licence;
 use crate::corpus::query::Question;
@@ -17,7 +18,7 @@ use crate::job::{Event, Observer};
 use crate::mocap::anatomy::Capture;
 use crate::mocap::{bvh, export};
 use crate::rigid::Placement;
-use crate::robot::Robot;
+use crate::robot::{Robot, RobotBody};
 use crate::table::TableWriter;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
@@ -36,11 +37,15 @@ pub enum ExportFormat {
     /// On a robot's joints: tables without titles, of base (x y z, qx qy qz qw) and joints in rad, 30 rows a second, as
     /// Unitree's retargeted LAFAN1 has them.
     RobotCsv,
+    /// The same with the places, turns and velocities of all links, 50 frames a second: `.npz` as `BeyondMimic` and mjlab read
+    /// it.
+    RobotNpz,
 }
 
 impl ExportFormat {
     /// All of them.
-    pub const ALL: [Self; 4] = [Self::Bvh, Self::Source, Self::Labels, Self::RobotCsv];
+    pub const ALL: [Self; 5] =
+        [Self::Bvh, Self::Source, Self::Labels, Self::RobotCsv, Self::RobotNpz];
 
     /// As a word.
     #[must_use]
@@ -50,6 +55,7 @@ impl ExportFormat {
             Self::Source => "source",
             Self::Labels => "labels",
             Self::RobotCsv => "robot-csv",
+            Self::RobotNpz => "robot-npz",
         }
     }
 
@@ -65,14 +71,21 @@ impl ExportFormat {
         })
     }
 
+    /// Rows a second of what is written of a robot; nothing if it is not of one.
+    const fn robot_hz(self) -> Option<f64> {
+        match self {
+            Self::RobotCsv => Some(30.0),
+            Self::RobotNpz => Some(50.0),
+            _ => None,
+        }
+    }
+
     /// True if what is written is made of the motion, and is not the motion as it was added.
     const fn is_derived(self) -> bool {
         !matches!(self, Self::Source)
     }
 }
 
-/// Rows a second of a robot's table.
-const ROBOT_HZ: f64 = 30.0;
 /// What tells of an export, in its folder.
 const ABOUT: &str = "export.json";
 /// What is being written there, until it is whole.
@@ -171,15 +184,15 @@ struct Begun {
 pub fn export(order: &ExportOrder, observer: &dyn Observer) -> Result<ExportReport, Error> {
     let question = Question::parse(&order.question)?;
     let robot = match (order.format, &order.robot) {
-        (ExportFormat::RobotCsv, Some(name)) => Some(Robot::load(name)?),
-        (ExportFormat::RobotCsv, None) => {
+        (ExportFormat::RobotCsv | ExportFormat::RobotNpz, Some(name)) => Some(Robot::load(name)?),
+        (ExportFormat::RobotCsv | ExportFormat::RobotNpz, None) => {
             return Err(Error::new("no robot is named").remedy("--robot NAME"));
         }
         (_, Some(name)) => {
             return Err(Error::new("this format knows no robot")
                 .at("--robot")
                 .got(name.clone())
-                .allowed("--format robot-csv"));
+                .allowed("--format robot-csv or robot-npz"));
         }
         (_, None) => None,
     };
@@ -211,7 +224,7 @@ pub fn export(order: &ExportOrder, observer: &dyn Observer) -> Result<ExportRepo
         format: order.format.word(),
         robot: robot.as_ref().map(|robot| robot.name.clone()),
         joints: robot.as_ref().map_or_else(Vec::new, |robot| robot.joint_names()),
-        rate_hz: robot.as_ref().map(|_| ROBOT_HZ),
+        rate_hz: order.format.robot_hz(),
         noncommercial: may.iter().any(|of| of.noncommercial),
         licences,
         unlicensed: may.iter().filter(|of| Licence::of(&of.licence).unknown).count() as u64,
@@ -249,7 +262,8 @@ fn chosen(
             Some("its licence forbids to pass on what is made of it: --format source passes on the file itself")
         } else if order.format == ExportFormat::Source && entry.source_file.is_none() {
             Some("it was made of no file")
-        } else if matches!(order.format, ExportFormat::Bvh | ExportFormat::RobotCsv) && entry.place.is_none() {
+        } else if matches!(order.format, ExportFormat::Bvh | ExportFormat::RobotCsv | ExportFormat::RobotNpz)
+            && entry.place.is_none() {
             Some("its frames are not kept")
         } else {
             None
@@ -436,7 +450,9 @@ impl Writing<'_> {
                     exported.files.push(name);
                 }
             }
-            ExportFormat::RobotCsv => self.on_robot(entry, &stem, &mut exported)?,
+            ExportFormat::RobotCsv | ExportFormat::RobotNpz => {
+                self.on_robot(entry, &stem, &mut exported)?;
+            }
         }
         Ok(exported)
     }
@@ -458,9 +474,19 @@ impl Writing<'_> {
             is_made: entry.synthetic,
             notes: Vec::new(),
         };
-        let clip = robot_clip(robot, &entry.name, capture, ROBOT_HZ)?;
-        let name = format!("{stem}.csv");
+        let rate_hz = self.order.format.robot_hz().unwrap_or(entry.rate_hz);
+        let clip = robot_clip(robot, &entry.name, capture, rate_hz)?;
+        let is_npz = self.order.format == ExportFormat::RobotNpz;
+        let name = format!("{stem}.{}", if is_npz { "npz" } else { "csv" });
         self.write(&name, || {
+            if is_npz {
+                let body = RobotBody::of(&robot.file)?.ok_or_else(|| {
+                    Error::new("where the links of this robot are is not known")
+                        .at(robot.name.clone())
+                        .allowed("a robot whose file has a [body]")
+                })?;
+                return Ok(npz::written(&body, &robot.joint_names(), &clip.rows, rate_hz));
+            }
             let mut table = TableWriter::new(Vec::new());
             for (Placement { at_m, turn }, angles_rad) in &clip.rows {
                 let place = at_m.to_array().into_iter().chain(turn.to_array());

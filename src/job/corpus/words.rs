@@ -1,6 +1,10 @@
 //! What came of it, as a person reads it.
 
-use super::{AddReport, AskReport, CheckReport, ExportReport, NewReport, RemoveReport};
+use super::{
+    AddReport, AskReport, CheckReport, ExportReport, GenerateReport, GeneratedTrial, NewReport,
+    RemoveReport,
+};
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 /// Most lines of a kind.
@@ -41,6 +45,58 @@ impl AddReport {
         for note in &self.notes {
             let _ = writeln!(text, "remark    {note}");
         }
+        text
+    }
+}
+
+impl GenerateReport {
+    /// A line for each action, and what misses a bound.
+    #[must_use]
+    pub fn words(&self) -> String {
+        let Self { added, found, version, set, part: [part, of], seed, .. } = self;
+        let outcome = self.outcome.word();
+        let mut text = format!(
+            "{outcome}: {added} trials of {set} added (part {part} of {of}, seed {seed}), {found} found\n\
+             version   {version}\n"
+        );
+        let mut by_action: BTreeMap<&str, Vec<&GeneratedTrial>> = BTreeMap::new();
+        for trial in &self.trials {
+            by_action.entry(trial.action).or_default().push(trial);
+        }
+        if !by_action.is_empty() {
+            text.push_str(
+                "\naction     trials  misses  away mm  sinks mm  slides mm  root m/s2  inside mm  force N\n",
+            );
+        }
+        for (action, trials) in by_action {
+            let most = |of: fn(&GeneratedTrial) -> f64| {
+                trials.iter().map(|trial| of(trial)).fold(0.0, f64::max)
+            };
+            let margins = trials.iter().filter_map(|trial| trial.margin_mm);
+            let inside =
+                margins.reduce(f64::min).map_or_else(|| "-".to_owned(), |mm| format!("{mm:.0}"));
+            let _ = writeln!(
+                text,
+                "{action:10} {:6}  {:6}  {:7.1}  {:8.2}  {:9.1}  {:9.1}  {inside:>9}  {:7.0}",
+                trials.len(),
+                trials.iter().filter(|trial| !trial.missed.is_empty()).count(),
+                most(|of| of.away_mm),
+                most(|of| of.sinks_mm),
+                most(|of| of.slides_mm),
+                most(|of| of.root_m_s2),
+                most(|of| of.force_n),
+            );
+        }
+        let missing: Vec<&GeneratedTrial> =
+            self.trials.iter().filter(|trial| !trial.missed.is_empty()).collect();
+        for trial in missing.iter().take(MOST_LINES) {
+            let _ = writeln!(text, "misses    {}: {}", trial.name, trial.missed.join(", "));
+        }
+        more(&mut text, "misses", missing.len());
+        for name in self.changed.iter().take(MOST_LINES) {
+            let _ = writeln!(text, "changed   {name} is not what it is when it is made again");
+        }
+        more(&mut text, "changed", self.changed.len());
         text
     }
 }

@@ -1,0 +1,150 @@
+//! What came of scores, as a person reads it.
+
+use super::motions::MotionScore;
+use super::{ClassFigures, ClassificationReport, CorruptionFigures};
+use std::fmt::Write;
+
+fn percent(value: Option<f64>) -> String {
+    value.map_or_else(|| "-".to_owned(), |value| format!("{:.1}", 100.0 * value))
+}
+
+fn line(text: &mut String, of: &ClassFigures) {
+    let interval = of.recall_interval.map_or_else(String::new, |[low, high]| {
+        format!("  {:.0} to {:.0}", 100.0 * low, 100.0 * high)
+    });
+    let _ = writeln!(
+        text,
+        "{:22} {:>7} {:>10} {:>6} {:>11} {:>8}{interval}",
+        of.class,
+        of.tally.correct,
+        of.tally.recognised,
+        of.tally.truth,
+        percent(of.precision),
+        percent(of.recall)
+    );
+}
+
+impl ClassificationReport {
+    /// A table for each of what is told.
+    #[must_use]
+    pub fn words(&self) -> String {
+        let report = self;
+        let mut text = format!(
+            "{:22} {:>7} {:>10} {:>6} {:>11} {:>8}  95 % interval\n",
+            "class", "correct", "recognised", "there", "precision %", "recall %"
+        );
+        for class in &report.per_class {
+            line(&mut text, class);
+        }
+        line(&mut text, &report.global);
+        let _ = writeln!(
+            text,
+            "{:22} {:>37} {:>8}",
+            "mean of classes",
+            percent(report.mean_precision),
+            percent(report.mean_recall)
+        );
+        text.push_str("\nby style\n");
+        for style in &report.per_style {
+            line(&mut text, style);
+        }
+        text.push_str("\nby source\n");
+        for source in &report.per_source {
+            line(&mut text, source);
+        }
+        text.push_str("\nwhat was recognised in the clips of each label\n");
+        for label in &report.per_label {
+            let found: Vec<String> = label
+                .recognised
+                .iter()
+                .map(|(action, count)| format!("{action} {count}"))
+                .collect();
+            let meaning = label.class.as_deref().unwrap_or("(distractor)");
+            let _ = writeln!(
+                text,
+                "{:22} {:>4} {meaning:14} {}",
+                label.label,
+                label.clips,
+                found.join(", ")
+            );
+        }
+        if !report.per_corruption.is_empty() {
+            text.push_str(
+                "\ncorrupted copies: what it costs, and how much later an action is known\n",
+            );
+        }
+        for CorruptionFigures { corruption, global, delay_s, .. } in &report.per_corruption {
+            let later = delay_s.map_or_else(String::new, |s| format!("  {:+.0} ms", 1e3 * s));
+            let mut row = String::new();
+            line(&mut row, &ClassFigures { class: (*corruption).to_owned(), ..global.clone() });
+            let _ = writeln!(text, "{}{later}", row.trim_end());
+        }
+        let _ = writeln!(
+            text,
+            "\nsides     {} of {} recognitions were on the side that the label says",
+            report.sides.correct, report.sides.truth
+        );
+        match &report.segmentation {
+            Some(cut) => {
+                let _ = writeln!(
+                    text,
+                    "cuts      {} compared: mean error {:.1} frames ({:.0} ms), greatest {:.1}",
+                    cut.cuts, cut.mean_frames, cut.mean_ms, cut.most_frames
+                );
+            }
+            None if report.cut_by_hand > 0 => {
+                let _ = writeln!(text, "cuts      none of {} was recognised", report.cut_by_hand);
+            }
+            None => text.push_str("cuts      no label has times: clips were judged whole\n"),
+        }
+        for unread in &report.unread {
+            let _ = writeln!(text, "unread    {unread}");
+        }
+        let _ = writeln!(
+            text,
+            "{} clips, {} frames, {:.0} s",
+            report.clips, report.frames, report.duration_s
+        );
+        text
+    }
+}
+
+impl MotionScore {
+    /// The figure, what it is compared with, and the classes.
+    #[must_use]
+    pub fn words(&self) -> String {
+        let of = |value: f64, [low, high]: [f64; 2]| match self.unit {
+            "share" => format!("{:.1} %  ({:.1} to {:.1})", 1e2 * value, 1e2 * low, 1e2 * high),
+            unit => format!("{value:.1} {unit}  ({low:.1} to {high:.1})"),
+        };
+        let mut text = format!("{}\n", self.score);
+        match (self.value, self.interval) {
+            (Some(value), Some(interval)) => {
+                let _ = writeln!(
+                    text,
+                    "value     {}, 95 % interval, {} trials",
+                    of(value, interval),
+                    self.judged
+                );
+            }
+            _ => text.push_str("value     -\n"),
+        }
+        let _ = writeln!(text, "truth     {}", self.truth);
+        for baseline in &self.baselines {
+            let value = of(baseline.value, baseline.interval);
+            let _ = writeln!(text, "baseline  {value}: {}", baseline.what);
+        }
+        if let Some((what, value)) = self.bound {
+            let value = if self.unit == "share" { 1e2 * value } else { value };
+            let _ = writeln!(text, "bound     {value:.1}: {what}");
+        }
+        for (class, value) in &self.per_class {
+            let value = if self.unit == "share" { 1e2 * value } else { *value };
+            let _ = writeln!(text, "  {class:24} {value:8.1}");
+        }
+        for (why, count) in &self.passed_over {
+            let _ = writeln!(text, "not judged  {count}: {why}");
+        }
+        text
+    }
+}

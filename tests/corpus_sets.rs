@@ -1,0 +1,405 @@
+//! Sets of a corpus that the body model fills: every trial is where it is to be, and parts make the whole.
+
+mod aloud;
+mod program;
+mod python;
+
+use aloud::aloud;
+use gaitway::action::parametric::{Ask, Performer};
+use gaitway::body::contact::Footing;
+use gaitway::body::{Dof, End, JointAngles, Proportions};
+use glam::{DQuat, DVec3};
+use program::{folder, gaitway, json, words};
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+
+fn new(name: &str) -> (PathBuf, String) {
+    let folder = folder(name);
+    let corpus = folder.join("moves").display().to_string();
+    assert!(gaitway().args(["corpus", "new", &corpus]).output().expect("runs").status.success());
+    (folder, corpus)
+}
+
+fn generate(corpus: &str, more: &[&str]) -> Value {
+    let mut command = gaitway();
+    command.args(["corpus", "generate", corpus, "generalisation", "--json"]).args(more);
+    json(&command.output().expect("the program"))
+}
+
+/// Angles, root and pelvis of a trial as its rows say them, read without what wrote them: the position of an end by
+/// its own chain of turns.
+fn right_fingertip_m(body: &Proportions, row: &[f64]) -> DVec3 {
+    let turn = |axis: DVec3, rad: f64| DQuat::from_axis_angle(axis, rad);
+    let angle = |dof: Dof| row[dof.index()];
+    let pelvis = DQuat::from_xyzw(row[26], row[27], row[28], row[25]);
+    // Flexion forward turns about -Y (arms), +Y (trunk); abduction of the right side about -X; rotation inwards about +Z.
+    let torso = pelvis
+        * turn(DVec3::Y, angle(Dof::TorsoFlexion))
+        * turn(-DVec3::X, angle(Dof::TorsoLateralBend))
+        * turn(DVec3::Z, angle(Dof::TorsoAxial));
+    let arm = torso
+        * turn(-DVec3::Y, angle(Dof::RightShoulderFlexion))
+        * turn(DVec3::X, -angle(Dof::RightShoulderAbduction))
+        * turn(DVec3::Z, angle(Dof::RightShoulderRotation));
+    let forearm = arm * turn(-DVec3::Y, angle(Dof::RightElbowFlexion));
+    let offset = |joint| body.joint_offset_m(joint).expect("a joint").1;
+    use gaitway::body::Joint::{RightElbow, RightShoulder, Torso};
+    let root = DVec3::new(row[22], row[23], row[24]);
+    root + pelvis * offset(Torso)
+        + torso * offset(RightShoulder)
+        + arm * offset(RightElbow)
+        + forearm * body.end_offset_m(End::RightFingertip).1
+}
+
+fn rows(corpus: &str, name: &str, folder: &Path) -> Vec<Vec<f64>> {
+    let out = folder.join(format!("{name}-bvh"));
+    let question = format!("name={name}");
+    let shown = out.display().to_string();
+    let arguments = ["corpus", "export", corpus, &question, "--format", "bvh", "-o", &shown];
+    assert!(gaitway().args(arguments).output().expect("runs").status.success());
+    use gaitway::corpus::query::Question;
+    use gaitway::corpus::select::Selection;
+    use gaitway::corpus::store::Store;
+    let store = Store::open(Path::new(corpus)).expect("a corpus");
+    let mut entries = Vec::new();
+    let question = Question::parse(&question).expect("a question");
+    Selection::new(&store, &question, false)
+        .expect("a selection")
+        .trials(u64::MAX, |entry| {
+            entries.push(entry);
+            Ok(())
+        })
+        .expect("trials");
+    let mut found = Vec::new();
+    store
+        .frames_of(&entries.iter().collect::<Vec<_>>(), |_, frames| {
+            found = (0..frames.len())
+                .map(|row| frames.signals.iter().map(|of| f64::from(of[row])).collect())
+                .collect();
+            Ok(())
+        })
+        .expect("frames");
+    found
+}
+
+#[test]
+fn reaches_touch_their_points_and_parts_make_the_same_corpus_as_the_whole() {
+    let (folder, corpus) = new("sets-reach");
+    // Every 33rd of the 330: reaches, a seat, kicks, steps, a hop or jump, speeds.
+    let first = generate(&corpus, &["--part", "3/33"]);
+    assert_eq!(first["outcome"], "done", "{first:#}");
+    assert_eq!(first["added"], 10);
+    let trials = first["trials"].as_array().expect("trials");
+    for trial in trials {
+        assert!(trial["away_mm"].as_f64().expect("mm") < 20.0, "{trial}");
+        assert!(trial["sinks_mm"].as_f64().expect("mm") < 1.0, "{trial}");
+        assert!(trial["slides_mm"].as_f64().expect("mm") < 5.0, "{trial}");
+    }
+    // The same again adds nothing, and is what it was.
+    let again = generate(&corpus, &["--part", "3/33", "--verify"]);
+    assert_eq!((&again["added"], &again["found"]), (&0.into(), &10.into()));
+    assert_eq!(again["changed"], Value::Array(Vec::new()));
+    assert_eq!(again["version"], first["version"]);
+
+    // In three parts, the last first, and two of them at once.
+    let (_, parts) = new("sets-parts");
+    generate(&parts, &["--part", "69/99"]);
+    let begin = |part: &str| {
+        let mut command = gaitway();
+        command.args(["corpus", "generate", &parts, "generalisation", "--part", part]);
+        command.stdout(std::process::Stdio::null()).stderr(std::process::Stdio::null());
+        command.spawn().expect("the program")
+    };
+    for mut running in [begin("3/99"), begin("36/99")] {
+        assert!(running.wait().expect("ends").success());
+    }
+    let whole = generate(&parts, &["--part", "3/33"]);
+    assert_eq!((&whole["added"], &whole["version"]), (&0.into(), &first["version"]));
+
+    // The hand, told by another chain of turns than the program's, is where the row says: from the floor below the centre
+    // of mass.
+    let body = Proportions::of_stature(1.75).expect("a body");
+    let reach = trials.iter().find(|of| of["action"] == "reach").expect("a reach");
+    let name = reach["name"].as_str().expect("a name");
+    let question = format!("name={name}");
+    let row = json(
+        &gaitway().args(["corpus", "query", &corpus, &question, "--json"]).output().expect("runs"),
+    );
+    let of = &row["clips"][0]["parameters"];
+    let value = |key: &str| of[key].as_f64().expect("a number");
+    let target = DVec3::new(value("target_x_m"), value("target_y_m"), value("target_z_m"));
+    let nearest = rows(&corpus, name, &folder)
+        .iter()
+        .map(|row| right_fingertip_m(&body, row).distance(target))
+        .fold(f64::MAX, f64::min);
+    assert!(nearest < 0.001, "{name}: {nearest} m");
+}
+
+#[test]
+fn another_seed_draws_other_targets_beside_the_grid_and_the_same_each_time() {
+    let (_, corpus) = new("sets-seed");
+    let grid = generate(&corpus, &["--part", "20/330"]);
+    let drawn = generate(&corpus, &["--part", "20/330", "--seed", "5"]);
+    assert_eq!((&grid["added"], &drawn["added"]), (&1.into(), &1.into()));
+    assert_ne!(grid["trials"][0]["trial"], drawn["trials"][0]["trial"]);
+    let (_, other) = new("sets-seed-again");
+    let again = generate(&other, &["--part", "20/330", "--seed", "5"]);
+    assert_eq!(again["trials"][0]["trial"], drawn["trials"][0]["trial"]);
+}
+
+#[test]
+fn a_set_or_a_part_that_is_none_is_said_with_what_is_allowed() {
+    let (_, corpus) = new("sets-wrong");
+    for (arguments, said) in [
+        (vec!["generalization"], "generalisation"),
+        (vec!["generalisation", "--part", "0/4"], "K from 1 to N"),
+        (vec!["generalisation", "--part", "5/4"], "K from 1 to N"),
+        (vec!["generalisation", "--part", "3"], "3/100"),
+    ] {
+        let output = gaitway()
+            .args(["corpus", "generate", &corpus])
+            .args(&arguments)
+            .output()
+            .expect("runs");
+        assert!(!output.status.success(), "{arguments:?}");
+        let text = words(&output);
+        assert!(text.contains(said), "{arguments:?}: {text}");
+    }
+}
+
+fn standing_still(motion: &gaitway::action::Motion) -> bool {
+    let ends = [0.0, motion.duration_s()];
+    let rests = |dof: &Dof| ends.iter().all(|at| motion.at(*dof, *at).velocity_rad_s.abs() < 1e-9);
+    Dof::ALL.iter().all(rests) && motion.angles_at(0.0) == JointAngles::default()
+}
+
+#[test]
+fn a_heavier_load_is_held_by_a_body_that_leans_back_and_pressed_against_the_floor() {
+    let mut performer = Performer::of(Proportions::of_stature(1.75).expect("a body"));
+    let body = *performer.body();
+    let mut behind = f64::MAX;
+    for load_kg in [0.0, 10.0, 20.0] {
+        let made = performer.make(&Ask::Lift { load_kg }).expect("a lift");
+        assert!(standing_still(&made.motion));
+        assert!(made.missed(&body).expect("feet").is_empty());
+        let poses = made.motion.poses(&body, 60.0).expect("poses");
+        let masses = gaitway::body::mass::segment_masses(&body);
+        let last = poses.last().expect("a pose");
+        let centre = gaitway::body::mass::centre_of_mass_m(&body, &masses, last);
+        let soles = gaitway::body::contact::places_m(&body, last);
+        let over = centre.x - soles[2].x;
+        assert!(over < behind - 0.01 || load_kg == 0.0, "{load_kg} kg: {over} after {behind}");
+        behind = over;
+    }
+    assert!(performer.make(&Ask::Lift { load_kg: 60.0 }).is_err());
+    assert!(performer.make(&Ask::SitAndStand { height_m: 0.9 }).is_err());
+    assert!(performer.make(&Ask::Step { direction_rad: 0.0, length_m: 2.0 }).is_err());
+}
+
+#[test]
+fn steps_and_jumps_come_down_where_they_were_asked_to() {
+    let mut performer = Performer::of(Proportions::of_stature(1.75).expect("a body"));
+    let body = *performer.body();
+    let eighth = std::f64::consts::FRAC_PI_4;
+    for (ask, goes) in [
+        (Ask::Step { direction_rad: 2.0 * eighth, length_m: 0.2 }, DVec3::new(0.0, -0.2, 0.0)),
+        (Ask::Step { direction_rad: 4.0 * eighth, length_m: 0.2 }, DVec3::new(-0.2, 0.0, 0.0)),
+        (Ask::Jump { direction_rad: 6.0 * eighth, length_m: 0.2 }, DVec3::new(0.0, 0.2, 0.0)),
+    ] {
+        let made = performer.make(&ask).expect("made");
+        assert!(standing_still(&made.motion));
+        let poses = made.motion.poses(&body, 120.0).expect("poses");
+        let middle = |at: usize| {
+            gaitway::body::contact::places_m(&body, &poses[at]).iter().sum::<DVec3>() / 4.0
+        };
+        let gone = middle(poses.len() - 1) - middle(0);
+        assert!(gone.distance(goes) < 0.02, "{ask:?}: {gone}");
+        let footing = Footing::of(&body, &poses, 120.0).expect("feet");
+        assert!(footing.lowest_m() > -0.001 && footing.slide_m() < 0.005, "{ask:?}");
+    }
+}
+
+mod scores {
+    use super::*;
+    use gaitway::corpus::query::Question;
+    use gaitway::corpus::rows::TrialEntry;
+    use gaitway::corpus::select::Selection;
+    use gaitway::corpus::store::{NewTrial, Store};
+    use gaitway::corpus::tables::TrialFrames;
+
+    /// 28 reaches all over the volume.
+    fn reaches() -> (PathBuf, String, Vec<(TrialEntry, TrialFrames)>) {
+        let (folder, corpus) = new("sets-scores");
+        for k in (1..=163).step_by(6) {
+            generate(&corpus, &["--part", &format!("{k}/330")]);
+        }
+        let store = Store::open(Path::new(&corpus)).expect("a corpus");
+        let mut entries = Vec::new();
+        Selection::new(&store, &Question::parse("").expect("all"), false)
+            .expect("a selection")
+            .trials(u64::MAX, |entry| {
+                entries.push(entry);
+                Ok(())
+            })
+            .expect("trials");
+        let mut all = Vec::new();
+        store
+            .frames_of(&entries.iter().collect::<Vec<_>>(), |entry, frames| {
+                all.push((entry.clone(), frames));
+                Ok(())
+            })
+            .expect("frames");
+        assert_eq!(all.len(), 28);
+        (folder, corpus, all)
+    }
+
+    /// A corpus of these trials.
+    fn of(folder: &Path, name: &str, trials: Vec<(TrialEntry, TrialFrames)>) -> String {
+        let corpus = folder.join(name).display().to_string();
+        assert!(
+            gaitway().args(["corpus", "new", &corpus]).output().expect("runs").status.success()
+        );
+        let mut store = Store::open_to_change(Path::new(&corpus)).expect("a corpus");
+        let new = |(mut entry, frames): (TrialEntry, TrialFrames)| {
+            entry.frames_sha256 = frames.sha256(entry.rate_hz);
+            entry.trial = entry.frames_sha256.chars().take(16).collect();
+            entry.place = None;
+            NewTrial { entry, frames: Some(frames), labels: Vec::new(), source: None }
+        };
+        let new = trials.into_iter().map(new).collect();
+        store.add("generalisation", "reach", new, &[], "").expect("added");
+        corpus
+    }
+
+    fn score(name: &str, corpus: &str) -> Value {
+        json(&gaitway().args(["score", name, corpus, "--json"]).output().expect("the program"))
+    }
+
+    fn value(report: &Value) -> f64 {
+        report["value"].as_f64().expect("a value")
+    }
+
+    #[test]
+    fn scores_of_motions_beat_their_baselines_and_fall_when_the_corpus_is_spoilt() {
+        let (folder, corpus, all) = reaches();
+
+        let good = score("generalisation", &corpus);
+        assert_eq!(good["judged"], 28);
+        let (low, high) = (&good["interval"][0], &good["interval"][1]);
+        assert!(
+            low.as_f64().expect("mm") < value(&good) && value(&good) < high.as_f64().expect("mm")
+        );
+        let copied = good["baselines"][1]["value"].as_f64().expect("mm");
+        assert!(
+            value(&good) < copied,
+            "{} mm, {copied} mm where the nearest is copied",
+            value(&good)
+        );
+        // Every trial says the target of another: then nobody can tell.
+        let mut swapped = all.clone();
+        for (at, (entry, _)) in swapped.iter_mut().enumerate() {
+            entry.parameters = all[(at + 13) % all.len()].0.parameters.clone();
+        }
+        let spoilt = score("generalisation", &of(&folder, "swapped", swapped));
+        assert!(value(&spoilt) > 1.5 * value(&good), "{} after {}", value(&spoilt), value(&good));
+
+        let good = score("transitioning", &corpus);
+        let blend = good["baselines"][0]["value"].as_f64().expect("mm");
+        assert!(value(&good) < blend, "{} mm, {blend} mm by a blend", value(&good));
+        // An elbow that shakes.
+        let mut shaken = all.clone();
+        for (_, frames) in &mut shaken {
+            for (at, angle) in frames.signals[11].iter_mut().enumerate() {
+                *angle += if at % 2 == 0 { 0.05 } else { -0.05 };
+            }
+        }
+        let spoilt = score("transitioning", &of(&folder, "shaken", shaken));
+        assert!(value(&spoilt) > 1.5 * value(&good), "{} after {}", value(&spoilt), value(&good));
+
+        let nobody = score("identification", &corpus);
+        assert!(nobody["value"].is_null());
+        assert!(nobody["truth"].as_str().expect("words").contains("no truth here"));
+        // Two people, one of whom stoops.
+        let people = |shuffled: bool| {
+            let mut both = Vec::new();
+            for (at, (entry, frames)) in all.iter().enumerate() {
+                let (mut one, mut other) = (entry.clone(), entry.clone());
+                let mut stoops = frames.clone();
+                stoops.signals[0].iter_mut().for_each(|angle| *angle += 0.4);
+                let swap = shuffled && at % 2 == 0;
+                one.subject = Some(if swap { "s2" } else { "s1" }.to_owned());
+                other.subject = Some(if swap { "s1" } else { "s2" }.to_owned());
+                other.name.push('b');
+                both.extend([(one, frames.clone()), (other, stoops)]);
+            }
+            both
+        };
+        let told = score("identification", &of(&folder, "people", people(false)));
+        assert!(value(&told) > 0.9, "{}", value(&told));
+        assert_eq!(told["baselines"][0]["value"], 0.5);
+        let mixed = score("identification", &of(&folder, "mixed", people(true)));
+        assert!(value(&mixed) < value(&told) - 0.2, "{}", value(&mixed));
+    }
+}
+
+/// Keys and shapes as BeyondMimic's `MotionLoader` takes them, and velocities that are those of the places.
+const NUMPY: &str = "
+import json, sys, numpy as np
+data = np.load(sys.argv[1], allow_pickle=False)
+fps, pos, vel = float(data['fps'][0]), data['body_pos_w'], data['body_lin_vel_w']
+steps = np.gradient(pos, 1.0 / fps, axis=0)
+quat = data['body_quat_w']
+joint = np.gradient(data['joint_pos'], 1.0 / fps, axis=0)
+print(json.dumps({
+  'shapes': {name: list(data[name].shape) for name in data.files},
+  'fps': fps,
+  'bodies': [str(name) for name in data['body_names']],
+  'joints': [str(name) for name in data['joint_names']],
+  'linear': float(np.abs(steps - vel).max()),
+  'joint': float(np.abs(joint - data['joint_vel']).max()),
+  'unit': float(np.abs(np.linalg.norm(quat, axis=2) - 1.0).max()),
+}))
+";
+
+#[test]
+fn what_a_robot_would_do_is_read_by_numpy_as_learners_of_tracking_read_it() {
+    let python = match python::python() {
+        Ok(python) => python,
+        Err(why) => {
+            aloud!("SKIPPED: {why}");
+            return;
+        }
+    };
+    let (folder, corpus) = new("sets-npz");
+    generate(&corpus, &["--part", "80/330"]);
+    let out = folder.join("npz").display().to_string();
+    let arguments =
+        ["corpus", "export", &corpus, "", "--format", "robot-npz", "--robot", "op3", "-o", &out];
+    assert!(gaitway().args(arguments).output().expect("runs").status.success());
+    let about = std::fs::read_to_string(Path::new(&out).join("export.json")).expect("a report");
+    let about: Value = serde_json::from_str(&about).expect("JSON");
+    let file = Path::new(&out).join(about["trials"][0]["files"][0].as_str().expect("a file"));
+    let read = std::process::Command::new(&python.program).args(["-c", NUMPY]).arg(&file).output();
+    let read = read.expect("Python");
+    assert!(read.status.success(), "{}", String::from_utf8_lossy(&read.stderr));
+    let read: Value = serde_json::from_slice(&read.stdout).expect("JSON");
+    assert_eq!(read["fps"], 50.0);
+    assert_eq!(read["joints"], about["joints"]);
+    let joints = about["joints"].as_array().expect("joints").len();
+    let bodies = read["bodies"].as_array().expect("bodies").len();
+    let frames = read["shapes"]["joint_pos"][0].as_u64().expect("frames");
+    assert!(frames > 50 && bodies > joints, "{read}");
+    for (key, rest) in [
+        ("joint_vel", vec![joints]),
+        ("body_pos_w", vec![bodies, 3]),
+        ("body_quat_w", vec![bodies, 4]),
+        ("body_lin_vel_w", vec![bodies, 3]),
+        ("body_ang_vel_w", vec![bodies, 3]),
+    ] {
+        let shape: Vec<usize> = serde_json::from_value(read["shapes"][key].clone()).expect(key);
+        assert_eq!((shape[0] as u64, &shape[1..]), (frames, &rest[..]), "{key}");
+    }
+    for (key, most) in [("linear", 2e-3), ("joint", 2e-3), ("unit", 1e-5)] {
+        assert!(read[key].as_f64().expect(key) < most, "{key}: {read}");
+    }
+}
