@@ -22,7 +22,6 @@ pub mod model;
 pub mod monitor;
 pub mod operator;
 pub mod output;
-pub mod overview;
 pub mod play;
 pub mod ports;
 pub mod profile;

@@ -16,6 +16,47 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// What the name of a file ends in that is to replace another and has not done so yet.
 const ENDING: &str = ".part";
 
+/// Most files of a folder that are looked at.
+const MOST_FILES: usize = 100_000;
+
+/// Fails if something that is written is a file that is read, whatever its name; of a folder that is read: a file in
+/// it. `--force` permits to replace results, not to lose what they are made of.
+///
+/// # Errors
+/// What would be written over.
+pub fn check_apart<'a>(
+    read: impl IntoIterator<Item = &'a Path>,
+    written: impl IntoIterator<Item = &'a Path>,
+) -> Result<(), Error> {
+    let id = |path: &Path| std::fs::metadata(path).ok().map(|file| (file.dev(), file.ino()));
+    let mut known = Vec::new();
+    let mut folders: Vec<PathBuf> = Vec::new();
+    for path in read {
+        known.extend(id(path));
+        folders.extend(path.is_dir().then(|| path.to_owned()));
+    }
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(&folder).into_iter().flatten().flatten() {
+            // Links are followed for their files and not for their folders, which may go round.
+            let is_folder = entry.file_type().is_ok_and(|of| of.is_dir());
+            folders.extend(is_folder.then(|| entry.path()));
+            known.extend(id(&entry.path()).filter(|_| !is_folder));
+        }
+        if known.len() > MOST_FILES {
+            break;
+        }
+    }
+    let mut written = written.into_iter();
+    match written.find(|path| !path.is_dir() && id(path).is_some_and(|id| known.contains(&id))) {
+        None => Ok(()),
+        Some(path) => {
+            Err(Error::of(ErrorKind::Exists, "the file that is read would be written over")
+                .at(path.display().to_string())
+                .remedy("choose another name; --force is not for this"))
+        }
+    }
+}
+
 /// A file that is being written.
 #[derive(Debug)]
 pub struct Draft {

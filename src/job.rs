@@ -22,6 +22,7 @@ pub mod follow;
 pub mod hold;
 pub mod info;
 pub mod info_columns;
+pub mod info_words;
 pub mod labels;
 pub mod leader;
 pub mod limp;

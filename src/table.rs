@@ -2,7 +2,12 @@
 //! quote or a line break are quoted (RFC 4180).
 
 use crate::error::{Error, ErrorKind};
-use std::io::Write;
+use std::fs::File;
+use std::io::{Read, Write};
+use std::path::Path;
+
+/// Largest table read, bytes.
+const MAX_FILE_BYTES: u64 = 256 << 20;
 
 /// Writes a table row by row.
 pub struct TableWriter<W: Write>(csv::Writer<W>);
@@ -34,6 +39,34 @@ fn unwritable(cause: &std::io::Error) -> Error {
     Error::unwritten("the table cannot be written", cause)
 }
 
+/// The text of a table, of bounded length.
+///
+/// # Errors
+/// A file that cannot be read, is none, is too large, or is no UTF-8.
+pub fn text_of(path: &Path) -> Result<String, Error> {
+    let unreadable = |cause: std::io::Error| {
+        Error::of((&cause).into(), "the table cannot be read").in_file(path).got(cause.to_string())
+    };
+    // Opening a pipe would wait for whoever writes into it.
+    let known = std::fs::metadata(path).map_err(unreadable)?;
+    if !known.is_file() {
+        return Err(Error::of(ErrorKind::Malformed, "the table is no file")
+            .in_file(path)
+            .allowed("a file whose end is known"));
+    }
+    let bytes = known.len();
+    let file = File::open(path).map_err(unreadable)?;
+    if bytes > MAX_FILE_BYTES {
+        return Err(Error::of(ErrorKind::OutsideLimits, "the table is too large")
+            .in_file(path)
+            .got(format!("{bytes} bytes"))
+            .allowed(format!("at most {MAX_FILE_BYTES} bytes")));
+    }
+    let mut text = String::new();
+    file.take(MAX_FILE_BYTES).read_to_string(&mut text).map_err(unreadable)?;
+    Ok(text)
+}
+
 /// One row of a table, without the blanks around its cells.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Row {
@@ -54,7 +87,9 @@ impl Row {
         self.record.len()
     }
 
-    fn is_empty(&self) -> bool {
+    /// True if nothing stands in any of its cells.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
         self.cells().all(str::is_empty)
     }
 }
@@ -62,13 +97,18 @@ impl Row {
 /// The rows of a table, the first being its titles; empty lines are passed over. Rows may differ in
 /// length: what is wrong with that says whoever knows the table.
 pub fn rows(text: &str) -> impl Iterator<Item = Result<Row, Error>> + '_ {
+    all_rows(text).filter(|row| !row.as_ref().is_ok_and(Row::is_empty))
+}
+
+/// The same with rows that have cells and nothing in them.
+pub fn all_rows(text: &str) -> impl Iterator<Item = Result<Row, Error>> + '_ {
     let reader = csv::ReaderBuilder::new()
         .has_headers(false)
         .flexible(true)
         .trim(csv::Trim::All)
         .from_reader(text.as_bytes());
     let (mut line, mut counted) = (1, 0);
-    let rows = reader.into_records().map(move |record| {
+    reader.into_records().map(move |record| {
         let record = record.map_err(|cause| {
             Error::of(ErrorKind::Malformed, "not a table").got(cause.to_string())
         })?;
@@ -84,8 +124,7 @@ pub fn rows(text: &str) -> impl Iterator<Item = Result<Row, Error>> + '_ {
         }
         counted += read;
         Ok(Row { line, record })
-    });
-    rows.filter(|row| !row.as_ref().is_ok_and(Row::is_empty))
+    })
 }
 
 #[cfg(test)]

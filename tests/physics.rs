@@ -41,7 +41,8 @@ fn what_is_predicted_to_fall_falls_when_it_is_predicted() {
 
 #[test]
 fn a_robot_on_a_stand_does_not_fall_and_one_whose_torque_goes_does() {
-    let (_, hung) = play(&["kick-r", "--robot", "op3", "--physics", "--hang"]);
+    let (output, hung) = play(&["kick-r", "--robot", "op3", "--physics", "--hang"]);
+    assert_eq!(output.status.code(), Some(0), "its legs reach no floor: {}", hung["stop_reason"]);
     assert!(hung["fell_at_s"].is_null() && hung.get("fell_at_s").is_some(), "{hung}");
     let (_, limp) = play(&["bow", "--robot", "op3", "--physics", "--end", "limp"]);
     let fell_s = limp["fell_at_s"].as_f64().expect("it falls");

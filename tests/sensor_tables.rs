@@ -342,3 +342,19 @@ fn info_tells_the_columns_of_a_table_that_nobody_declared_and_how_to_declare_the
         assert!(words(&refused).contains(why), "{}", words(&refused));
     }
 }
+
+/// Fifty rows of commas in the middle take half a second, and their samples are missing.
+#[test]
+fn rows_in_which_nothing_stands_take_their_time_and_are_counted() {
+    let declared = DeclaredSensors::parse(
+        "rate_hz = 100\n[[sensor]]\nname = \"a\"\nrate = [\"x\", \"y\", \"z\"]\n",
+    );
+    let declared = declared.expect("a declaration");
+    let full = "1,2,3\n".repeat(100);
+    let text = format!("x,y,z\n{full}{}nothing,,\n{full}", ",,\n".repeat(50));
+    let series = tables::of_table(&text, &declared).expect("a table");
+    let said = &series.sensors["a"];
+    assert_eq!((said.len(), series.missed), (200, 51));
+    // The last of 251 rows.
+    assert_eq!(said.last().expect("samples").taken_ns, 2_500_000_000);
+}

@@ -25,10 +25,10 @@ pub struct CalibrateArgs {
     #[arg(long, value_name = "BUS", required_unless_present_any = ["from_lerobot", "to_lerobot"])]
     bus: Vec<Address>,
     /// Make the calibration of a file that LeRobot wrote (FILE.json), instead of measuring
-    #[arg(long, value_name = "FILE.json", conflicts_with_all = ["bus", "to_lerobot"])]
+    #[arg(long, value_name = "FILE.json", conflicts_with_all = ["bus", "to_lerobot", "only", "resume", "permit_eeprom"])]
     from_lerobot: Option<PathBuf>,
     /// Write the calibration as LeRobot reads it
-    #[arg(long, value_name = "FILE.json", conflicts_with = "bus")]
+    #[arg(long, value_name = "FILE.json", conflicts_with_all = ["bus", "only", "resume", "permit_eeprom"])]
     to_lerobot: Option<PathBuf>,
     /// Only these joints, separated by commas; others stay as they were calibrated
     #[arg(long, value_name = "JOINTS", value_delimiter = ',')]
@@ -61,7 +61,8 @@ pub fn run(args: &CalibrateArgs, remarks: Remarks) -> Result<i32, Error> {
     let way = args.from_lerobot.clone().map(LerobotWay::From);
     if let Some(way) = way.or_else(|| args.to_lerobot.clone().map(LerobotWay::To)) {
         let (robot, calibration) = (args.robot.clone(), args.calibration.clone());
-        let order = LerobotOrder { robot, way, calibration, replace: args.output.force() };
+        let (replace, dry_run) = (args.output.force(), args.dry_run);
+        let order = LerobotOrder { robot, way, calibration, replace, dry_run };
         let report = carry_over(&order, &Terminal::unheard(remarks))?;
         return Ok(args.output.conclude(&report, &text(&report), Deed::Work, 0));
     }

@@ -82,19 +82,27 @@ pub fn run(args: &CleanArgs, remarks: Remarks) -> Result<i32, Error> {
         html: args.html.clone(),
         replace: args.output.force(),
     };
+    let mut inputs = vec![args.file.as_path()];
+    inputs.extend(args.static_trial.as_deref());
+    inputs.extend(args.others.iter().map(PathBuf::as_path));
+    inputs.extend(args.edits.as_deref().filter(|file| file.exists()));
     if args.file.is_dir() {
         args.output.check_files(&[])?;
+        args.output.check_all_apart(&inputs, &[])?;
         return of_folder(args, &order, remarks);
     }
     if args.most_doubt.is_some() {
         return Err(Error::new("--most-doubt goes with --check, or with a folder"));
     }
-    let list = args.edits.clone().filter(|file| !file.exists());
+    let list = match &args.edits {
+        Some(edits) => Some(edits.clone()).filter(|file| !file.exists()),
+        None => Some(order.edit_list()),
+    };
     args.output.check_files(&[&Some(output_file.to_owned()), &list, &args.html])?;
     let mut outputs = vec![output_file];
     outputs.extend(list.as_deref());
     outputs.extend(args.html.as_deref());
-    args.output.check_apart(&args.file, &outputs)?;
+    args.output.check_all_apart(&inputs, &outputs)?;
     let report = clean(&order, &Terminal::unheard(remarks))?;
     let code = report.outcome.exit_code();
     Ok(args.output.conclude(&report, &words(&report, remarks), Deed::Work, code))

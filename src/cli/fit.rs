@@ -8,7 +8,7 @@ use crate::job::fit::{
 };
 use clap::{Args, ValueEnum};
 use std::fmt::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Diameters of markers, mm.
 const DIAMETERS_MM: std::ops::RangeInclusive<f64> = 1.0..=50.0;
@@ -100,10 +100,18 @@ fn diameter(text: &str) -> Result<f64, String> {
 /// # Errors
 /// No marker set that matches, files that cannot be read or written.
 pub fn run(args: &FitArgs, remarks: Remarks) -> Result<i32, Error> {
-    args.output.check_files(&[])?;
-    for trial in &args.trial {
-        args.output.check_apart(trial, &[&args.output_file])?;
+    let is_file = args.output_file.extension().is_some();
+    if args.output.report().is_some_and(|report| is_file && report == args.output_file) {
+        return Err(Error::new("two outputs have the same name")
+            .at(args.output_file.display().to_string())
+            .remedy("give each its own"));
     }
+    args.output.check_files(&[])?;
+    let set = args.markers.as_deref().filter(|set| set.ends_with(".toml")).map(Path::new);
+    let mut inputs: Vec<&Path> = args.trial.iter().map(PathBuf::as_path).collect();
+    inputs.extend(args.static_trial.as_deref().into_iter().chain(set));
+    inputs.extend(args.hip_trials.iter().map(PathBuf::as_path));
+    args.output.check_all_apart(&inputs, &[&args.output_file])?;
     let sets = marker_sets(args.markers.as_deref())?;
     let order = FitOrder {
         trial: args.trial.first().cloned().unwrap_or_default(),

@@ -9,7 +9,6 @@ use crate::job::report::{CameToNothing, Outcome};
 use clap::FromArgMatches;
 use std::borrow::Cow;
 use std::io::{self, Write};
-use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
 /// Why a text did not reach standard output.
@@ -246,6 +245,12 @@ impl Output {
         self.force
     }
 
+    /// Where the report goes, if into a file.
+    #[must_use]
+    pub fn report(&self) -> Option<&Path> {
+        self.report.as_deref()
+    }
+
     /// No report, and files that exist are overwritten if `force`.
     #[must_use]
     pub fn forced(force: bool) -> Self {
@@ -319,17 +324,16 @@ impl Output {
     /// # Errors
     /// An output, or the report, that is `input`.
     pub fn check_apart(&self, input: &Path, wanted: &[&Path]) -> Result<(), Error> {
-        let id = |path: &Path| std::fs::metadata(path).ok().map(|file| (file.dev(), file.ino()));
-        let Some(read) = id(input) else { return Ok(()) };
-        let mut written = wanted.iter().copied().chain(self.report.as_deref());
-        match written.find(|path| id(path) == Some(read)) {
-            None => Ok(()),
-            Some(path) => {
-                Err(Error::of(ErrorKind::Exists, "the file that is read would be written over")
-                    .at(path.display().to_string())
-                    .remedy("choose another name; --force is not for this"))
-            }
-        }
+        self.check_all_apart(&[input], wanted)
+    }
+
+    /// The same of several files and folders that are read.
+    ///
+    /// # Errors
+    /// An output, or the report, that is one of them, or in one.
+    pub fn check_all_apart(&self, inputs: &[&Path], wanted: &[&Path]) -> Result<(), Error> {
+        let written = wanted.iter().copied().chain(self.report.as_deref());
+        draft::check_apart(inputs.iter().copied(), written)
     }
 
     /// Writes a whole file, never over an existing one without `--force`, and with it only once the

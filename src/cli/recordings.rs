@@ -1,10 +1,10 @@
 //! `info` and `recover`: what a file holds, and what of a broken recording can be saved.
 
-use super::overview::words;
 use super::report::Outcome;
 use super::{Deed, Output, Remarks};
 use crate::error::Error;
 use crate::job::info::{FileOverview, info as file_info};
+use crate::job::info_words::words;
 use crate::job::page::file::page as file_page;
 use crate::job::sensors::overview as sensors_overview;
 use crate::job::source::CaptureOptions;
@@ -47,7 +47,9 @@ pub struct InfoArgs {
 /// A file that cannot be read, or is of no kind that this program knows.
 pub fn info(args: &InfoArgs) -> Result<i32, Error> {
     args.output.check_files(&[&args.html])?;
-    args.output.check_apart(&args.file, args.html.as_deref().as_slice())?;
+    let mut inputs = vec![args.file.as_path()];
+    inputs.extend(args.sensors.iter().chain(&args.skeleton).map(PathBuf::as_path));
+    args.output.check_all_apart(&inputs, args.html.as_deref().as_slice())?;
     let options = CaptureOptions {
         skeleton: args.skeleton.clone(),
         rate_hz: args.rate,

@@ -10,7 +10,9 @@ use super::report::Outcome;
 use crate::clean::artefact::{Artefact, ArtefactKind, Cause};
 use crate::clean::choice::{Chooser, ExpectedFrom};
 use crate::clean::detect;
-use crate::clean::edits::{Change, Edit, EditList, EditStep, MAX_BYTES, SCHEMA, fill, prepare};
+use crate::clean::edits::{
+    Change, Edit, EditList, EditStep, Filled, MAX_BYTES, SCHEMA, fill, prepare,
+};
 use crate::clean::fill::Method;
 use crate::clean::source::{
     Cleaned, CroppedFrames, Digest, NamedSamples, SourceMarkers, digest, source_and,
@@ -24,7 +26,8 @@ use crate::view::ViewPage;
 use crate::view::scene::ViewScene;
 use crate::view::tracks::{SpanKind, ViewSpan};
 use serde::Serialize;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 pub use crate::clean::edits::Remedy;
@@ -56,6 +59,14 @@ pub struct CleanOrder {
     pub html: Option<PathBuf>,
     /// Files may replace those that are there.
     pub replace: bool,
+}
+
+impl CleanOrder {
+    /// Where the edit list is, or is to be.
+    #[must_use]
+    pub fn edit_list(&self) -> PathBuf {
+        self.edits.clone().unwrap_or_else(|| self.file.with_extension(EDITS_ENDING))
+    }
 }
 
 /// What came of it.
@@ -161,7 +172,7 @@ pub(super) fn clean_with(
     };
     check_free(&order.file, order.replace)?;
     order.html.as_ref().map_or(Ok(()), |page| check_free(page, order.replace))?;
-    let list_file = order.edits.clone().unwrap_or_else(|| order.file.with_extension(EDITS_ENDING));
+    let list_file = order.edit_list();
     let is_given = order.edits.as_ref().is_some_and(|file| file.exists());
     if !is_given {
         check_free(&list_file, order.replace)?;
@@ -185,7 +196,7 @@ pub(super) fn clean_with(
         })?,
     };
     let person_minutes = list.as_ref().and_then(|list| list.minutes);
-    let plan = match list {
+    let mut plan = match list {
         Some(list) => {
             check_aids(&files, &list).map_err(|error| error.in_file(&list_file))?;
             let kept = list.kept(head.first_frame, head.frames);
@@ -210,6 +221,10 @@ pub(super) fn clean_with(
         observer.hear(Event::Step { done: done as u64, total: total as u64, what: "gaps" });
     });
     filled.retain(|of| keep.contains(&of.frame));
+    let mut unfilled = 0;
+    if is_given {
+        unfilled = tell_unfilled(&mut plan, &source.trial, head.first_frame, &keep, &filled)?;
+    }
     let mut cleaned =
         CroppedFrames::new(Cleaned::new(&markers, &source, &steps, &filled), keep.clone());
     let left_out = write(&order.file, order.replace, kind, &mut cleaned, observer)?;
@@ -245,7 +260,9 @@ pub(super) fn clean_with(
         write_file(&list_file, order.replace, list.to_text()?.as_bytes())?;
     }
     let notes = head.notes.iter().chain(&source.notes).chain(&plan.notes).chain(&left_out);
-    let is_whole = plan.artefacts.iter().all(ArtefactFigures::is_mended) && head.lost_frames == 0;
+    let is_whole = plan.artefacts.iter().all(ArtefactFigures::is_mended)
+        && head.lost_frames == 0
+        && unfilled == 0;
     Ok(CleanReport {
         outcome: if is_whole { Outcome::Done } else { Outcome::DoneWithLoss },
         markers: order.markers.display().to_string(),
@@ -267,6 +284,37 @@ pub(super) fn clean_with(
         edits: list_file.display().to_string(),
         written: order.file.display().to_string(),
     })
+}
+
+/// Says which fills of an edit list could not be made, all or in part: how many samples are taken out and not filled.
+fn tell_unfilled(
+    plan: &mut Plan,
+    trial: &Trial,
+    first_frame: u64,
+    keep: &Range<usize>,
+    filled: &[Filled],
+) -> Result<usize, Error> {
+    let made: HashSet<(usize, usize)> = filled.iter().map(|of| (of.marker, of.frame)).collect();
+    let mut all = 0;
+    for (artefact, edit) in plan.artefacts.iter_mut().zip(&plan.edits) {
+        let step = EditStep::of(edit, trial, first_frame)?;
+        let Some(EditStep { marker, frames, change: Change::Fill(method) }) = step else {
+            continue;
+        };
+        let wanted = frames.filter(|frame| keep.contains(frame));
+        let lacking = wanted.filter(|frame| !made.contains(&(marker, *frame))).count();
+        if lacking > 0 {
+            all += lacking;
+            (artefact.remedy, artefact.fill) = (Remedy::Remove, None);
+            plan.notes.push(format!(
+                "{} from frame {}: {} cannot fill {lacking} frames, which are taken out and not filled",
+                edit.marker,
+                edit.first_frame,
+                method.word()
+            ));
+        }
+    }
+    Ok(all)
 }
 
 /// The page: markers as they are now, and as they were, with everything that is wrong on the time line.

@@ -9,7 +9,7 @@ use super::source::fit_markers;
 use crate::action::table;
 use crate::body::proportions::proximal_joint;
 use crate::body::{JointAngles, Proportions, Segment, SegmentPose, segment_name};
-use crate::draft::{check_free, write_file};
+use crate::draft::{check_apart, check_free, write_file};
 use crate::error::{Error, ErrorKind};
 use crate::mocap::bvh;
 use crate::mocap::c3d;
@@ -183,6 +183,8 @@ pub fn fit(order: &FitOrder) -> Result<FitReport, Error> {
     for (file, _) in &files {
         check_free(file, order.replace)?;
     }
+    let read = std::iter::once(&order.trial).chain(&order.static_trial).chain(&order.hip_trials);
+    check_apart(read.map(PathBuf::as_path), files.iter().map(|(file, _)| file.as_path()))?;
     let stands = order.static_trial.as_deref();
     let (settings, hip_notes) = hips_shown(order)?;
     let mut fitted = fit_markers(&order.trial, stands, order.rate_hz, &settings)?;

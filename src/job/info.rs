@@ -11,6 +11,7 @@ use crate::mocap::marker_files;
 use crate::mocap::markers::{Frame, Frames, Head, MarkerEvent, PointKind};
 use crate::mocap::opensim;
 use crate::mocap::plates::Plates;
+use crate::table::text_of;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -252,7 +253,7 @@ pub fn info(path: &Path, options: &CaptureOptions) -> Result<Option<FileOverview
             .remedy("name the .amc file beside it, which finds its skeleton, or says --skeleton"));
     }
     if is("csv") {
-        let text = sensors::text_of(path)?;
+        let text = text_of(path)?;
         return info_columns::overview(path, &text).map(|of| Some(FileOverview::Columns(of)));
     }
     Ok(None)

@@ -9,7 +9,7 @@ use super::report::{
     BodyFigures, JointReport, Outcome, OwnProfile, PhysicsReport, PlayReport, RefereeReport,
 };
 use super::source::{self, MotionOrder, RobotMotion};
-use super::weight::{self, Fall, Witness};
+use super::weight::{self, Witness};
 use crate::control::{self, Left, Performance, Planned, Settings, inject, net};
 use crate::error::{Error, ErrorKind};
 use crate::motion::{Path, Plan, PlanOptions, Setpoint, plan};
@@ -290,10 +290,8 @@ fn describe_weight(report: &mut PlayReport, connection: &Connection, witness: &W
         let after_ns = world.now_ns() + LOOKED_AFTER_NS;
         world.run_until(after_ns);
     }
-    let fall = witness.fall();
-    let stays = || "with weight, it stayed up".to_owned();
-    report.notes.push(fall.as_ref().map_or_else(stays, Fall::words));
-    report.physics = Some(PhysicsReport::of(fall));
+    report.notes.push(witness.words());
+    report.physics = Some(PhysicsReport::of(witness.fall()));
 }
 
 /// A motion that was laid from where a robot stands, and looked at: it may be played.

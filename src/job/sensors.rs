@@ -13,15 +13,13 @@ use crate::recording::{self, SensorMoment, SensorSeries};
 use crate::session::angles::{WornMotion, body_of};
 use crate::session::files::BODY_KEY;
 use crate::session::tables::{self, DeclaredSensors};
-use crate::table::TableWriter;
+use crate::table::{TableWriter, text_of};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-/// Largest table read, bytes.
-const MAX_FILE_BYTES: u64 = 256 << 20;
 /// Bytes of a file that are looked at to see what it is.
 const HEAD_BYTES: u64 = 1 << 16;
 /// Most files of a folder of Xsens' texts.
@@ -286,31 +284,6 @@ fn one(path: &Path) -> Result<SensorSeries, Error> {
     let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let name = stem.rsplit('_').next().unwrap_or_default();
     tables::of_xsens(&text_of(path)?, name).map_err(|error| error.in_file(path))
-}
-
-/// The text of a table, of bounded length.
-pub(super) fn text_of(path: &Path) -> Result<String, Error> {
-    let unreadable = |cause: std::io::Error| {
-        Error::of((&cause).into(), "the table cannot be read").in_file(path).got(cause.to_string())
-    };
-    // Opening a pipe would wait for whoever writes into it.
-    let known = std::fs::metadata(path).map_err(unreadable)?;
-    if !known.is_file() {
-        return Err(Error::of(ErrorKind::Malformed, "the table is no file")
-            .in_file(path)
-            .allowed("a file whose end is known"));
-    }
-    let bytes = known.len();
-    let file = File::open(path).map_err(unreadable)?;
-    if bytes > MAX_FILE_BYTES {
-        return Err(Error::of(ErrorKind::OutsideLimits, "the table is too large")
-            .in_file(path)
-            .got(format!("{bytes} bytes"))
-            .allowed(format!("at most {MAX_FILE_BYTES} bytes")));
-    }
-    let mut text = String::new();
-    file.take(MAX_FILE_BYTES).read_to_string(&mut text).map_err(unreadable)?;
-    Ok(text)
 }
 
 /// How the sensors were worn: as asked for, as declared, as recorded.

@@ -19,6 +19,10 @@ const FRICTION: f64 = 1.0;
 /// A trunk that is turned further than this has fallen, rad: 60 deg.
 const FALLEN_RAD: f64 = std::f64::consts::FRAC_PI_3;
 
+/// How stiff and how damped the stop of a joint at the end of its range is, N m/rad and N m s/rad.
+const STOP_NM_RAD: f64 = 1e3;
+const STOP_NM_S_RAD: f64 = 5.0;
+
 /// Where the surface of a capsule is looked at, from its ends.
 const WAYS: [DVec3; 6] = [DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y, DVec3::Z, DVec3::NEG_Z];
 
@@ -43,22 +47,35 @@ impl Fall {
 }
 
 /// What became of a body, for whoever gave it to a world.
-#[derive(Clone, Debug, Default)]
-pub struct Witness(Arc<Mutex<Option<Fall>>>);
+#[derive(Clone, Debug)]
+pub struct Witness {
+    fall: Arc<Mutex<Option<Fall>>>,
+    can_fall: bool,
+}
 
 impl Witness {
+    /// What is to be said of a body that has been looked at to the end.
+    #[must_use]
+    pub fn words(&self) -> String {
+        match self.fall() {
+            Some(fall) => fall.words(),
+            None if self.can_fall => "with weight, it stayed up".to_owned(),
+            None => "with weight, its base held by somebody: it cannot fall".to_owned(),
+        }
+    }
+
     /// The first fall, if there was one.
     #[must_use]
     pub fn fall(&self) -> Option<Fall> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        self.fall.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
     fn see(&self, fall: impl FnOnce() -> Fall) {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert_with(fall);
+        self.fall.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert_with(fall);
     }
 
     fn forget(&self) {
-        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = None;
+        *self.fall.lock().unwrap_or_else(PoisonError::into_inner) = None;
     }
 }
 
@@ -74,9 +91,17 @@ pub fn give(world: &mut World, robot: &Robot, hangs: bool) -> Result<Witness, Er
     })?;
     let soles = StandingSole::all(&body);
     let held = Held::of(&body, &soles, hangs);
-    let witness = Witness::default();
-    let weighed =
-        Weighed { body, soles, held, moving: None, powered_since_ns: 0, witness: witness.clone() };
+    let witness = Witness { fall: Arc::default(), can_fall: held == Held::Standing };
+    let ranges_rad = robot.joints.iter().map(|joint| [joint.lower_rad, joint.upper_rad]).collect();
+    let weighed = Weighed {
+        body,
+        soles,
+        held,
+        ranges_rad,
+        moving: None,
+        powered_since_ns: 0,
+        witness: witness.clone(),
+    };
     world.give_weight(Box::new(weighed)).map_err(|error| {
         let said = Error::new(error.to_string()).at(format!("robot {}", robot.name));
         match error {
@@ -92,6 +117,8 @@ struct Weighed {
     body: RobotBody,
     soles: Vec<StandingSole>,
     held: Held,
+    /// What each joint can, rad: there is a stop at either end.
+    ranges_rad: Vec<[f64; 2]>,
     /// Once it was let go.
     moving: Option<Moving>,
     powered_since_ns: u64,
@@ -140,10 +167,11 @@ impl Body for Weighed {
         let path = base::path(&self.body, &self.soles, self.held, &poses, 1.0, |_| None);
         let (place, _) = path.at(0.0);
         let angles = self.body.angles(angles_rad);
-        let corners = self.corners();
+        let stands = self.held == Held::Standing;
+        // Who hangs, hangs high enough; who is screwed down, on something without a floor.
+        let corners = if stands { self.corners() } else { Vec::new() };
         let moving =
             Moving::at_rest(&self.body.tree, FRICTION, GRAVITY_M_S2, corners, place, &angles);
-        let stands = self.held == Held::Standing;
         self.moving = Some(if stands { moving } else { moving.fixed() });
         self.powered_since_ns = powered_since_ns;
         self.witness.forget();
@@ -156,7 +184,14 @@ impl Body for Weighed {
         let mut pulls = vec![Pull::default(); tree.moving()];
         for (joint, push) in pushes.iter().enumerate() {
             let Some(at) = coordinate(joint) else { continue };
-            let Push { torque_nm, gives_nm_s_rad, armature_kg_m2 } = *push;
+            let Push { mut torque_nm, mut gives_nm_s_rad, armature_kg_m2 } = *push;
+            let angle_rad = moving.angles()[at];
+            let [lower_rad, upper_rad] = self.ranges_rad[joint];
+            let beyond_rad = (angle_rad - upper_rad).max(0.0) - (lower_rad - angle_rad).max(0.0);
+            if beyond_rad != 0.0 {
+                torque_nm -= STOP_NM_RAD * beyond_rad;
+                gives_nm_s_rad += STOP_NM_RAD * step_s + STOP_NM_S_RAD;
+            }
             pulls[at] = Pull { torque_nm, gives_nm_s_rad, armature_kg_m2 };
         }
         // A step without an answer leaves everything where it is, and the next one may have one.
@@ -172,5 +207,62 @@ impl Body for Weighed {
             self.look(moving, time_ns);
         }
         turned
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn op3(hangs: bool) -> (Weighed, Witness, Vec<f64>) {
+        let robot = gaitway_profiles::robot("op3").expect("a robot");
+        let body = RobotBody::of(&robot).expect("sound").expect("a body");
+        let soles = StandingSole::all(&body);
+        let held = Held::of(&body, &soles, hangs);
+        let witness = Witness { fall: Arc::default(), can_fall: held == Held::Standing };
+        let ranges_rad =
+            robot.joints.iter().map(|joint| [joint.lower_rad, joint.upper_rad]).collect();
+        let initial = robot.joints.iter().map(|joint| joint.initial_rad).collect();
+        let seen = witness.clone();
+        let moving = None;
+        let weighed =
+            Weighed { body, soles, held, ranges_rad, moving, powered_since_ns: 0, witness };
+        (weighed, seen, initial)
+    }
+
+    /// Three seconds of servos that give nothing but friction.
+    fn limp(weighed: &mut Weighed, initial: &[f64]) -> Vec<Turned> {
+        weighed.let_go(initial, 0);
+        let slack = Push { torque_nm: 0.0, gives_nm_s_rad: 0.05, armature_kg_m2: 0.003 };
+        let pushes = vec![slack; initial.len()];
+        (1..=3_000).map(|ms| weighed.step(&pushes, 1e-3, ms * 1_000_000)).last().expect("steps")
+    }
+
+    #[test]
+    fn a_limp_robot_falls_and_its_joints_stop_at_the_ends_of_their_ranges() {
+        let (mut weighed, witness, initial) = op3(false);
+        let turned = limp(&mut weighed, &initial);
+        let fall = witness.fall().expect("a fall");
+        assert!((0.1..1.5).contains(&fall.at_s), "{fall:?}");
+        for (turned, [lower_rad, upper_rad]) in turned.iter().zip(&weighed.ranges_rad) {
+            let angle_rad = turned.angle_rad;
+            assert!(
+                (lower_rad - 0.02..=upper_rad + 0.02).contains(&angle_rad),
+                "{angle_rad} {lower_rad} {upper_rad}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_limp_robot_on_a_stand_hangs_with_straight_legs_and_has_not_fallen() {
+        let (mut weighed, witness, initial) = op3(true);
+        let robot = gaitway_profiles::robot("op3").expect("a robot");
+        let turned = limp(&mut weighed, &initial);
+        assert_eq!(witness.fall(), None);
+        assert!(witness.words().contains("cannot fall"), "{}", witness.words());
+        for name in ["l_knee", "r_knee"] {
+            let joint = robot.joints.iter().position(|joint| joint.name == name).expect("a knee");
+            assert!(turned[joint].angle_rad.abs() < 0.3, "{name}: {:?}", turned[joint]);
+        }
     }
 }

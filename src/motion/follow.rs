@@ -61,6 +61,9 @@ pub struct Follower {
     tally: FollowTally,
 }
 
+/// Joints that move no faster than this, root of the mean square, rad/s, say nothing of a delay.
+const CREEP_RAD_S: f64 = 1e-3;
+
 /// What following came to.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FollowTally {
@@ -81,7 +84,8 @@ impl FollowTally {
     /// (least squares over all joints while followed). `None` if nothing moved.
     #[must_use]
     pub fn lag_s(&self) -> Option<f64> {
-        (self.moved > 0.0).then(|| self.moved_behind / self.moved)
+        let least = self.followed_samples as f64 * CREEP_RAD_S * CREEP_RAD_S;
+        (self.moved > least).then(|| self.moved_behind / self.moved)
     }
 }
 

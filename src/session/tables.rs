@@ -188,8 +188,8 @@ struct Columns {
 /// # Errors
 /// A column that is not there, a cell that is no number, time that does not go on, too many samples.
 pub fn of_table(text: &str, declared: &DeclaredSensors) -> Result<SensorSeries, Error> {
-    let mut rows = table::rows(text);
-    let titles = rows.next().transpose()?;
+    let mut rows = table::all_rows(text);
+    let titles = rows.find(|row| !row.as_ref().is_ok_and(Row::is_empty)).transpose()?;
     let titles: Vec<&str> = titles.iter().flat_map(Row::cells).collect();
     let column = |title: &String| {
         titles.iter().position(|one| one == title).ok_or_else(|| {
@@ -227,11 +227,17 @@ pub fn of_table(text: &str, declared: &DeclaredSensors) -> Result<SensorSeries, 
         }
     };
     let mut found: Vec<Vec<SensorMoment>> = vec![Vec::new(); sensors.len()];
-    let (mut samples, mut first_s, mut before_s) = (0, None, f64::NEG_INFINITY);
+    let (mut samples, mut missed, mut first_s) = (0, 0, None);
+    let mut before_s = f64::NEG_INFINITY;
     let mut cells: Vec<f64> = Vec::with_capacity(titles.len());
     for (at, row) in rows.enumerate() {
         let row = row?;
         let in_row = |error: Error| error.at(format!("line {}", row.line));
+        // A row of nothing but commas took its time.
+        if row.is_empty() {
+            missed += sensors.len() as u64;
+            continue;
+        }
         if row.width() != titles.len() {
             let got = format!("{} cells, {} columns", row.width(), titles.len());
             return Err(in_row(wrong("a row has not one cell per column", got, "as many")));
@@ -257,17 +263,25 @@ pub fn of_table(text: &str, declared: &DeclaredSensors) -> Result<SensorSeries, 
             return Err(too_many());
         }
         for (columns, moments) in sensors.iter().zip(&mut found) {
-            moments.push(SensorMoment {
+            let moment = SensorMoment {
                 taken_ns,
                 rate_rad_s: vector(&cells, columns.rate),
                 acceleration_m_s2: vector(&cells, columns.acceleration),
                 field_t: vector(&cells, columns.field).map(|field| field * MICROTESLA),
                 orientation: rotation(&cells, columns.orientation),
-            });
+            };
+            let has_something = moment.rate_rad_s.is_some()
+                || moment.acceleration_m_s2.is_some()
+                || moment.field_t.is_some()
+                || moment.orientation.is_some();
+            match has_something {
+                true => moments.push(moment),
+                false => missed += 1,
+            }
         }
     }
     let names = declared.sensor.iter().map(|sensor| sensor.name.clone());
-    series(names.zip(found).collect())
+    Ok(SensorSeries { missed, ..series(names.zip(found).collect())? })
 }
 
 fn too_many() -> Error {

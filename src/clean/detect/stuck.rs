@@ -10,6 +10,15 @@ const SHORTEST: usize = 4;
 /// How far its neighbours must move meanwhile, m: coarse files repeat a marker that rests.
 const MOVED_M: f64 = 0.004;
 
+/// A marker that goes this much further in one frame than twice the frame before was put there, m.
+const STEP_M: f64 = 0.02;
+
+/// How far a marker goes up to a frame from the one before, m; nothing if it is not seen in both.
+fn step_m(trial: &Trial, marker: usize, frame: usize) -> Option<f64> {
+    let before = trial.at(marker, frame.checked_sub(1)?)?;
+    Some(trial.at(marker, frame)?.distance(before))
+}
+
 /// Where a marker sticks; `near` are its neighbours.
 pub(super) fn stuck(trial: &Trial, marker: usize, near: &[usize]) -> Vec<Artefact> {
     let is_same = |frame: usize| {
@@ -30,13 +39,19 @@ pub(super) fn stuck(trial: &Trial, marker: usize, near: &[usize]) -> Vec<Artefac
         let mut travels: Vec<f64> = near.iter().filter_map(travel).collect();
         travels.sort_by(f64::total_cmp);
         let usual = *travels.get(travels.len() / 2)?;
-        (usual > MOVED_M).then(|| Artefact {
+        // Where it came to in one step, it was wrong from there on.
+        let stepped = step_m(trial, marker, first);
+        let before = first.checked_sub(1).and_then(|before| step_m(trial, marker, before));
+        let is_apart =
+            stepped.is_some_and(|step_m| step_m > STEP_M + 2.0 * before.unwrap_or_default());
+        let begins = if is_apart { first } else { first + 1 };
+        (usual > MOVED_M || is_apart).then(|| Artefact {
             kind: ArtefactKind::Stuck,
             marker,
             with: None,
-            frames: first + 1..last + 1,
+            frames: begins..last + 1,
             cause: Some(Cause::LostTracking),
-            confidence: 1.0 - 0.5 * MOVED_M / usual,
+            confidence: 1.0 - 0.5 * (MOVED_M / usual).min(1.0),
         })
     });
     moves.collect()

@@ -35,6 +35,8 @@ pub struct LerobotOrder {
     pub calibration: Option<PathBuf>,
     /// What is there may be replaced.
     pub replace: bool,
+    /// Nothing is written.
+    pub dry_run: bool,
 }
 
 /// A motor as LeRobot knows it.
@@ -83,8 +85,11 @@ pub fn carry_over(order: &LerobotOrder, observer: &dyn Observer) -> Result<Calib
                     .remedy("add --force to replace it; what is there is kept beside it"));
             }
             let mut report = report(&robot, &calibration, file.clone());
-            report.undo.push(finish(&Files::of(file), &calibration)?);
-            observer.hear(Event::Note(&format!("to undo: {}", report.undo[0])));
+            report.dry_run = order.dry_run;
+            if !order.dry_run {
+                report.undo.push(finish(&Files::of(file), &calibration)?);
+                observer.hear(Event::Note(&format!("to undo: {}", report.undo[0])));
+            }
             Ok(report)
         }
         LerobotWay::To(path) => {
@@ -93,8 +98,11 @@ pub fn carry_over(order: &LerobotOrder, observer: &dyn Observer) -> Result<Calib
             let motors = theirs(&robot, &calibration, observer)?;
             let text = serde_json::to_string_pretty(&motors)
                 .map_err(|e| Error::new("the calibration cannot be written").got(e.to_string()))?;
-            draft::write_file(path, order.replace, (text + "\n").as_bytes())?;
-            Ok(report(&robot, &calibration, path.clone()))
+            if !order.dry_run {
+                draft::write_file(path, order.replace, (text + "\n").as_bytes())?;
+            }
+            let told = report(&robot, &calibration, path.clone());
+            Ok(CalibrateReport { dry_run: order.dry_run, ..told })
         }
     }
 }

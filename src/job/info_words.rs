@@ -14,6 +14,7 @@ const MOST: usize = 12;
 const MOST_COLUMNS: usize = 40;
 
 /// What is in a file, for a person.
+#[must_use]
 pub fn words(overview: &FileOverview) -> String {
     match overview {
         FileOverview::Markers(markers) => of_markers(markers),

@@ -1,0 +1,138 @@
+//! Whatever is read is never written over, not even with `--force`; and what cleaning says is what it did.
+
+mod captured;
+mod program;
+
+use program::{folder, gaitway, words};
+use serde_json::Value;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Output;
+
+fn run(folder: &Path, arguments: &[&str]) -> Output {
+    gaitway().current_dir(folder).args(arguments).output().expect("it runs")
+}
+
+/// A folder with a walk and a static trial of one person, if the captures are there.
+fn trials(name: &str) -> Option<PathBuf> {
+    let from = captured::captured("mocap/c3d")?.join("pig");
+    let folder = folder(name);
+    for (file, to) in [
+        ("PiG_Motion-FlatFoot-Full.c3d", "walk.c3d"),
+        ("PiG_Calibration-FlatFoot-Full.c3d", "static.c3d"),
+    ] {
+        fs::write(folder.join(to), fs::read(from.join(file)).expect("a capture")).expect("written");
+    }
+    Some(folder)
+}
+
+#[test]
+fn what_is_read_is_never_written_over() {
+    let Some(folder) = trials("apart") else { return };
+    fs::create_dir_all(folder.join("others")).expect("a folder");
+    fs::copy(folder.join("walk.c3d"), folder.join("others/w.c3d")).expect("copied");
+    fs::write(folder.join("t.csv"), "x,y,z\n1,2,3\n2,3,4\n").expect("written");
+    let declared = "rate_hz = 100\n[[sensor]]\nname = \"a\"\nrate = [\"x\", \"y\", \"z\"]\n";
+    fs::write(folder.join("s.toml"), declared).expect("written");
+    let all = ["walk.c3d", "static.c3d", "others/w.c3d", "t.csv", "s.toml"];
+    let bytes = || all.map(|file| fs::read(folder.join(file)).expect("still there"));
+    let before = bytes();
+    for command in [
+        "fit walk.c3d --static static.c3d -o static.c3d",
+        "fit walk.c3d --static static.c3d -o x.bvh --report static.c3d",
+        "fit walk.c3d --static static.c3d -o x.bvh --report x.bvh",
+        "clean walk.c3d --static static.c3d -o static.c3d",
+        "clean walk.c3d --static static.c3d -o o.c3d --html static.c3d",
+        "clean walk.c3d --others others -o others/w.c3d",
+        "clean others --check --report others/w.c3d",
+        "clean others -o out --report others/w.c3d",
+        "clean walk.c3d -o x.c3d --html x.edits.toml",
+        "info t.csv --sensors s.toml --report s.toml",
+    ] {
+        let arguments: Vec<&str> = command.split(' ').chain(["--force"]).collect();
+        let refused = run(&folder, &arguments);
+        assert_eq!(refused.status.code(), Some(1), "{command}: {}", words(&refused));
+        let said = words(&refused);
+        assert!(
+            said.contains("would be written over") || said.contains("the same name"),
+            "{command}: {said}"
+        );
+        assert!(bytes() == before, "{command}");
+    }
+}
+
+/// A marker of the walk as a table, changed by `change` (frame, place in m).
+fn changed(folder: &Path, marker: &str, change: impl Fn(usize, [f64; 3]) -> [f64; 3]) -> String {
+    let made = run(folder, &["convert", "walk.c3d", "walk.csv", "--force"]);
+    assert!(made.status.success(), "{}", words(&made));
+    let text = fs::read_to_string(folder.join("walk.csv")).expect("a table");
+    let mut lines = text.lines();
+    let titles = lines.next().expect("titles");
+    let first = titles.split(',').position(|title| title == format!("{marker}_x_m"));
+    let first = first.unwrap_or_else(|| panic!("{titles}"));
+    let mut out = titles.to_owned() + "\n";
+    for (frame, line) in lines.enumerate() {
+        let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
+        let place = [0, 1, 2].map(|axis| cells[first + axis].parse().unwrap_or(f64::NAN));
+        for (axis, value) in change(frame, place).into_iter().enumerate() {
+            cells[first + axis] = value.to_string();
+        }
+        out += &(cells.join(",") + "\n");
+    }
+    fs::write(folder.join("changed.csv"), &out).expect("written");
+    out
+}
+
+/// Places of a marker in a table, m.
+fn places(folder: &Path, file: &str, marker: &str) -> Vec<[f64; 3]> {
+    let text = fs::read_to_string(folder.join(file)).expect("a table");
+    let mut lines = text.lines();
+    let titles = lines.next().expect("titles");
+    let first = titles.split(',').position(|title| title == format!("{marker}_x_m"));
+    let first = first.expect("the marker");
+    let place = |line: &str| {
+        let cells: Vec<&str> = line.split(',').collect();
+        [0, 1, 2].map(|axis| cells[first + axis].parse().unwrap_or(f64::NAN))
+    };
+    lines.map(place).collect()
+}
+
+#[test]
+fn a_marker_that_steps_away_and_stays_there_is_filled_from_before_it_stepped() {
+    let Some(folder) = trials("steps") else { return };
+    let held = std::cell::Cell::new([0.0; 3]);
+    for (case, at_origin) in [("away", false), ("origin", true)] {
+        changed(&folder, "LANK", |frame, place| {
+            if frame == 120 {
+                held.set(if at_origin { [0.0; 3] } else { place.map(|value| value + 0.3) });
+            }
+            if (120..135).contains(&frame) { held.get() } else { place }
+        });
+        let done = run(&folder, &["clean", "changed.csv", "-o", "cleaned.csv", "--force"]);
+        assert!(matches!(done.status.code(), Some(0 | 3)), "{case}: {}", words(&done));
+        let truth = places(&folder, "walk.csv", "LANK");
+        let mended = places(&folder, "cleaned.csv", "LANK");
+        for frame in 115..140 {
+            let off_m: f64 = (0..3)
+                .map(|axis| (truth[frame][axis] - mended[frame][axis]).powi(2))
+                .sum::<f64>()
+                .sqrt();
+            assert!(off_m < 0.03, "{case}, frame {frame}: {off_m} m");
+        }
+    }
+}
+
+#[test]
+fn a_fill_of_an_edit_list_that_cannot_be_made_is_not_called_filled() {
+    let Some(folder) = trials("unfilled") else { return };
+    let list = "schema = 1\nsource = \"walk.c3d\"\n\n[[edit]]\nkind = \"by_hand\"\nmarker = \"LANK\"\n\
+                first_frame = 300\nlast_frame = 310\nremedy = \"fill\"\nmethod = \"other_trials\"\n";
+    fs::write(folder.join("e.toml"), list).expect("written");
+    let arguments = ["clean", "walk.c3d", "-o", "o.c3d", "--edits", "e.toml", "--json", "--force"];
+    let done = run(&folder, &arguments);
+    assert_eq!(done.status.code(), Some(3), "{}", words(&done));
+    let report: Value = serde_json::from_slice(&done.stdout).expect("JSON");
+    assert_eq!(report["outcome"], "done_with_loss");
+    assert_eq!(report["artefacts"][0]["remedy"], "remove");
+    assert!(report["notes"].to_string().contains("cannot fill 11 frames"), "{}", report["notes"]);
+}
