@@ -222,7 +222,7 @@ mod tests {
         let witness = Witness { fall: Arc::default(), can_fall: held == Held::Standing };
         let ranges_rad =
             robot.joints.iter().map(|joint| [joint.lower_rad, joint.upper_rad]).collect();
-        let initial = robot.joints.iter().map(|joint| joint.initial_rad).collect();
+        let initial = robot.joints.iter().map(|joint| joint.initial_rad()).collect();
         let seen = witness.clone();
         let moving = None;
         let weighed =
