@@ -56,6 +56,7 @@ pub mod session;
 pub mod simulate;
 pub mod source;
 pub mod synth;
+pub mod table_text;
 pub mod taught;
 pub mod viewing;
 pub mod weight;

@@ -2,12 +2,7 @@
 //! quote or a line break are quoted (RFC 4180).
 
 use crate::error::{Error, ErrorKind};
-use std::fs::File;
-use std::io::{Read, Write};
-use std::path::Path;
-
-/// Largest table read, bytes.
-const MAX_FILE_BYTES: u64 = 256 << 20;
+use std::io::Write;
 
 /// Writes a table row by row.
 pub struct TableWriter<W: Write>(csv::Writer<W>);
@@ -37,34 +32,6 @@ impl<W: Write> TableWriter<W> {
 
 fn unwritable(cause: &std::io::Error) -> Error {
     Error::unwritten("the table cannot be written", cause)
-}
-
-/// The text of a table, of bounded length.
-///
-/// # Errors
-/// A file that cannot be read, is none, is too large, or is no UTF-8.
-pub fn text_of(path: &Path) -> Result<String, Error> {
-    let unreadable = |cause: std::io::Error| {
-        Error::of((&cause).into(), "the table cannot be read").in_file(path).got(cause.to_string())
-    };
-    // Opening a pipe would wait for whoever writes into it.
-    let known = std::fs::metadata(path).map_err(unreadable)?;
-    if !known.is_file() {
-        return Err(Error::of(ErrorKind::Malformed, "the table is no file")
-            .in_file(path)
-            .allowed("a file whose end is known"));
-    }
-    let bytes = known.len();
-    let file = File::open(path).map_err(unreadable)?;
-    if bytes > MAX_FILE_BYTES {
-        return Err(Error::of(ErrorKind::OutsideLimits, "the table is too large")
-            .in_file(path)
-            .got(format!("{bytes} bytes"))
-            .allowed(format!("at most {MAX_FILE_BYTES} bytes")));
-    }
-    let mut text = String::new();
-    file.take(MAX_FILE_BYTES).read_to_string(&mut text).map_err(unreadable)?;
-    Ok(text)
 }
 
 /// One row of a table, without the blanks around its cells.

@@ -1,10 +1,10 @@
 //! Actions made for what is asked of them: a reach to a point, a kick at a speed, a step in a direction.
 //!
 //! Other actions are files that say their angles. Here the angles follow from where a hand or a foot is to be: poses are
-//! found by least squares ([`posing`]), and joined by actionlets, from rest to rest ([`course`]). A leg that stands
+//! found by least squares (`posing`), and joined by actionlets, from rest to rest (`course`). A leg that stands
 //! alone keeps its angles, or lets its hip, knee and ankle go together so that its foot stays flat; while both feet
-//! stand, the actionlets of legs are so timed that neither slides ([`settle`]). Hops and jumps in a direction are the shipped
-//! ones with their seams moved until they come down there ([`travel`]).
+//! stand, the actionlets of legs are so timed that neither slides (`settle`). Hops and jumps in a direction are the shipped
+//! ones with their seams moved until they come down there (`travel`).
 //!
 //! Places count from the point of the floor below the centre of mass of the body as it stands at first: X forward, Y left,
 //! Z up. Directions count from straight ahead to the right, as those of the Human Motion Database do (Guerra-Filho and

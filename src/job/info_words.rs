@@ -76,11 +76,11 @@ fn of_labels(labels: &LabelsOverview) -> String {
         let _ = writeln!(text, "frames    {frames}");
     }
     for (action, of) in &labels.actions {
-        let LabelledAction { clips, cuts, unclear, absent_in, .. } = of;
+        let LabelledAction { clips: in_clips, cuts, unclear, absent_in, .. } = of;
         let frames = of.frames.map_or(String::new(), |frames| format!(", {frames} frames"));
         let _ = writeln!(
             text,
-            "action    {action}: {cuts} times in {clips} clips{frames}; unclear {unclear} times, looked for in vain in \
+            "action    {action}: {cuts} times in {in_clips} clips{frames}; unclear {unclear} times, looked for in vain in \
              {absent_in} clips"
         );
     }

@@ -4,6 +4,7 @@
 pub use crate::capture::Mode;
 
 use super::report::Outcome;
+use super::table_text::text_of;
 use crate::body::Proportions;
 use crate::body::worn::kept::Kept;
 use crate::draft;
@@ -13,7 +14,7 @@ use crate::recording::{self, SensorMoment, SensorSeries};
 use crate::session::angles::{WornMotion, body_of};
 use crate::session::files::BODY_KEY;
 use crate::session::tables::{self, DeclaredSensors};
-use crate::table::{TableWriter, text_of};
+use crate::table::TableWriter;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fs::File;

@@ -3,12 +3,13 @@
 
 use super::Source;
 use crate::error::{Error, ErrorKind};
+use crate::job::table_text::text_of;
 use crate::mocap::retarget::{Retargeted, Settings};
 use crate::motion::{low_pass, saturate};
 use crate::recording::{self, BaseRecord};
 use crate::retarget::{Footfall, footfall};
 use crate::robot::{Joint, Robot};
-use crate::table::{self, Row, text_of};
+use crate::table::{self, Row};
 use glam::DQuat;
 use std::collections::BTreeMap;
 use std::path::Path;
