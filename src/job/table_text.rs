@@ -13,6 +13,14 @@ const MAX_FILE_BYTES: u64 = 256 << 20;
 /// # Errors
 /// A file that cannot be read, is none, is too large, or is no UTF-8.
 pub fn text_of(path: &Path) -> Result<String, Error> {
+    text_up_to(path, MAX_FILE_BYTES)
+}
+
+/// The same of at most so many bytes.
+///
+/// # Errors
+/// As [`text_of`].
+pub fn text_up_to(path: &Path, most_bytes: u64) -> Result<String, Error> {
     let unreadable = |cause: std::io::Error| {
         Error::of((&cause).into(), "the table cannot be read").in_file(path).got(cause.to_string())
     };
@@ -25,13 +33,13 @@ pub fn text_of(path: &Path) -> Result<String, Error> {
     }
     let bytes = known.len();
     let file = File::open(path).map_err(unreadable)?;
-    if bytes > MAX_FILE_BYTES {
+    if bytes > most_bytes {
         return Err(Error::of(ErrorKind::OutsideLimits, "the table is too large")
             .in_file(path)
             .got(format!("{bytes} bytes"))
-            .allowed(format!("at most {MAX_FILE_BYTES} bytes")));
+            .allowed(format!("at most {most_bytes} bytes")));
     }
     let mut text = String::new();
-    file.take(MAX_FILE_BYTES).read_to_string(&mut text).map_err(unreadable)?;
+    file.take(most_bytes).read_to_string(&mut text).map_err(unreadable)?;
     Ok(text)
 }

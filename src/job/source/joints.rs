@@ -3,7 +3,7 @@
 
 use super::Source;
 use crate::error::{Error, ErrorKind};
-use crate::job::table_text::text_of;
+use crate::job::table_text::text_up_to;
 use crate::mocap::retarget::{Retargeted, Settings};
 use crate::motion::{low_pass, saturate};
 use crate::recording::{self, BaseRecord};
@@ -14,6 +14,8 @@ use glam::DQuat;
 use std::collections::BTreeMap;
 use std::path::Path;
 
+/// Largest table read, bytes: a minute of 20 joints at 200 Hz, with its base, is 9 MB.
+const MAX_TABLE_BYTES: u64 = 12 << 20;
 /// Longest time without a position of a joint that is bridged by a straight line, s.
 const GAP_S: f64 = 0.5;
 /// Angles this far beyond a limit are rounding, rad.
@@ -61,7 +63,7 @@ pub fn read(path: &Path) -> Result<Option<JointMotion>, Error> {
     match ending.as_str() {
         "mcap" => of_recording(path).map(Some),
         "csv" => {
-            let motion = of_table(&text_of(path)?);
+            let motion = of_table(&text_up_to(path, MAX_TABLE_BYTES)?);
             motion.map(Some).map_err(|e| e.at(path.display().to_string()))
         }
         _ => Ok(None),
