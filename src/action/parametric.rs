@@ -12,6 +12,7 @@
 //! 30, 2012).
 
 mod course;
+mod damped;
 mod kick;
 mod lift;
 mod posing;

@@ -4,9 +4,11 @@
 //! towards where they were. The pelvis is turned as it is in a motion ([`stance`]), so that what holds for the pose
 //! holds when the body comes to rest in it.
 
+use core::convert::Infallible;
 use glam::{DVec2, DVec3};
-use nalgebra::{Cholesky, DMatrix, DVector};
+use nalgebra::{DMatrix, DVector};
 
+use super::damped;
 use crate::body::mass::{centre_of_mass_m, segment_masses};
 use crate::body::root::SOLES;
 use crate::body::{Dof, End, JointAngles, JointPositions, Proportions, SegmentPose, stance};
@@ -206,25 +208,15 @@ impl Poser {
                     answers.column_mut(index).fill(0.0);
                 }
             }
-            let slope = answers.transpose() * &now;
-            let normal = answers.transpose() * &answers;
-            let before = now.norm_squared();
-            let mut better = None;
-            for damping in DAMPINGS {
-                let damped = &normal + DMatrix::identity(x.len(), x.len()) * damping;
-                let Some(factors) = Cholesky::new(damped) else { continue };
-                let mut next = &x - factors.solve(&slope);
+            let then = |mut next: DVector<f64>| {
                 clamp(&mut next);
-                let then = off(&next);
-                if then.norm_squared() < before {
-                    better = Some((next, then));
-                    break;
-                }
-            }
-            let Some((next, then)) = better else { break };
-            let gained = 1.0 - then.norm_squared() / before;
-            (x, now) = (next, then);
-            if gained < ENOUGH {
+                let off = off(&next);
+                Ok::<_, Infallible>(Some((next, off)))
+            };
+            let Ok(step) = damped::step(&x, (&now, &answers), &DAMPINGS, then);
+            let Some(step) = step else { break };
+            (x, now) = (step.at, step.off);
+            if step.gained < ENOUGH {
                 break;
             }
         }

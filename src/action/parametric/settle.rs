@@ -4,9 +4,10 @@
 //! poses in which both stand, actionlets do not quite keep to that. So when each begins, ends and is fastest is moved,
 //! as little as goes, until soles stay where they stand: damped least squares on what soles and root really do.
 
-use nalgebra::{Cholesky, DMatrix, DVector};
+use nalgebra::{DMatrix, DVector};
 
 use super::course::{Stretch, Timing};
+use super::damped;
 use crate::action::feet::{Feet, FootingBounds};
 use crate::action::{Motion, parametric::course::Course};
 use crate::actionlet::shape::PEAK_AT;
@@ -25,6 +26,8 @@ const ROOT_HOLDS_M_S2: f64 = 6.0;
 const USUAL: f64 = 0.15;
 const NUDGE: f64 = 0.02;
 const STEPS: usize = 25;
+/// A step that gains less, as a part, is the last.
+const ENOUGH: f64 = 0.003;
 const DAMPINGS: [f64; 6] = [0.01, 0.1, 1.0, 10.0, 100.0, 1e4];
 /// Where soles slide further than this they matter more, so many times, in turn.
 const GOOD_M: f64 = 0.003;
@@ -124,24 +127,13 @@ fn regressed(
                 off(body, &at(&more), stands, &more)? - off(body, &at(&less), stands, &less)?;
             answers.set_column(index, &(slope / (2.0 * NUDGE)));
         }
-        let slope = answers.transpose() * &now;
-        let normal = answers.transpose() * &answers;
-        let before = now.norm_squared();
-        let mut better = None;
-        for damping in DAMPINGS {
-            let damped = &normal + DMatrix::identity(x.len(), x.len()) * damping;
-            let Some(factors) = Cholesky::new(damped) else { continue };
-            let next = &x - factors.solve(&slope);
-            let then = off(body, &at(&next), stands, &next)?;
-            if then.norm_squared() < before {
-                better = Some((next, then));
-                break;
-            }
-        }
-        let Some((next, then)) = better else { break };
-        let gained = 1.0 - then.norm_squared() / before;
-        (x, now) = (next, then);
-        if gained < 0.003 {
+        let then = |next: DVector<f64>| {
+            let off = off(body, &at(&next), stands, &next)?;
+            Ok::<_, Error>(Some((next, off)))
+        };
+        let Some(step) = damped::step(&x, (&now, &answers), &DAMPINGS, then)? else { break };
+        (x, now) = (step.at, step.off);
+        if step.gained < ENOUGH {
             break;
         }
     }

@@ -9,8 +9,9 @@
 use core::f64::consts::{PI, TAU};
 use core::ops::Range;
 use glam::{DQuat, DVec3};
-use nalgebra::{Cholesky, DMatrix, DVector};
+use nalgebra::{DMatrix, DVector};
 
+use super::damped;
 use super::reach::feet_m;
 use super::{Made, Mark, Marked, Performer, way};
 use crate::action::feet::{Feet, FootingBounds};
@@ -256,20 +257,10 @@ impl<'a> Travel<'a> {
                 answers.set_column(index, &((off - &now) / NUDGE));
             }
         }
-        let turned = answers.transpose();
-        let (slope, normal) = (&turned * &now, &turned * &answers);
-        let before = now.norm_squared();
-        for damping in DAMPINGS {
-            let damped = &normal + DMatrix::identity(x.len(), x.len()) * damping;
-            let Some(factors) = Cholesky::new(damped) else { continue };
-            let next = &x - factors.solve(&slope);
-            if let Some(then) = self.off(&next, goes_m)?
-                && then.norm_squared() < before
-            {
-                return Ok((next, 1.0 - then.norm_squared() / before));
-            }
-        }
-        Ok((x, 0.0))
+        let then =
+            |next: DVector<f64>| Ok::<_, Error>(self.off(&next, goes_m)?.map(|off| (next, off)));
+        let step = damped::step(&x, (&now, &answers), &DAMPINGS, then)?;
+        Ok(step.map_or((x, 0.0), |step| (step.at, step.gained)))
     }
 }
 
