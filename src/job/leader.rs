@@ -11,7 +11,7 @@ use crate::error::{Error, ErrorKind};
 use crate::motion::Trend;
 use crate::port::Clock;
 use crate::rig::{Address, Connection, calibrated, connect};
-use crate::robot::preflight::{Accept, Preflight, preflight};
+use crate::robot::preflight::{Accept, Preflight, preflight, readable};
 use crate::sensing::{Source, SourceReport, StopAtEnd, What};
 use crate::time::{Duration, Instant};
 use std::path::PathBuf;
@@ -22,6 +22,9 @@ use std::sync::mpsc::{Sender, channel};
 mod joints;
 
 use joints::{GuidedArm, Look, Pairs};
+
+/// So long the robot waits for a leader's first pose.
+const PATIENCE: Duration = Duration::from_secs(3);
 
 /// Shares of a robot's pace at which it may follow.
 const PACES: core::ops::RangeInclusive<f64> = 0.05..=1.0;
@@ -144,10 +147,15 @@ fn lead(
     let found = preflight(&mut connection.link, settings.period, accept)?;
     report.run.describe_preflight(&found);
     refuse_who_only_obeys(&leader)?;
+    let name = leader.link.robot().name.clone();
+    let leader_start_rad = readable(&mut leader.link, accept).map_err(|error| {
+        let place = error.place.clone().unwrap_or_default();
+        error.at(format!("leader {name}, {place}"))
+    })?;
     if order.limp && !order.dry_run {
         control::arm::disarm(&mut leader.link)?;
     }
-    let mut guided = GuidedArm::new(leader, pairs, &found.start_rad);
+    let mut guided = GuidedArm::new(leader, pairs, &found.start_rad, &leader_start_rad)?;
     guided.check(order.dry_run && order.limp)?;
     if order.dry_run {
         report.run.outcome = Outcome::Done;
@@ -196,18 +204,31 @@ enum Said {
 struct Goals {
     trend: Trend,
     following_since: Option<Instant>,
+    asked_since: Option<Instant>,
+    /// The leader has been readable once.
+    has_said: bool,
     longest: Option<Duration>,
     gone: Option<String>,
 }
 
 impl Goals {
     const fn new(longest: Option<Duration>, trend: Trend) -> Self {
-        Self { trend, following_since: None, longest, gone: None }
+        Self {
+            trend,
+            following_since: None,
+            asked_since: None,
+            has_said: false,
+            longest,
+            gone: None,
+        }
     }
 
     fn take(&mut self, said: Said) {
         match said {
-            Said::Goal(at, goal_rad) => self.trend.push(seconds(at), &goal_rad),
+            Said::Goal(at, goal_rad) => {
+                self.has_said = true;
+                self.trend.push(seconds(at), &goal_rad);
+            }
             Said::Gone(why) => self.gone = Some(why),
         }
     }
@@ -219,6 +240,11 @@ impl Goals {
         }
         let follows = self.following_since.map(|since| now.since(since));
         let is_late = self.longest.zip(follows).is_some_and(|(longest, time)| time >= longest);
+        let asked_since = *self.asked_since.get_or_insert(now);
+        if approaching && !self.has_said && now.since(asked_since) >= PATIENCE {
+            let patience_s = PATIENCE.as_secs_f64();
+            self.gone = Some(format!("a joint of it has not answered for {patience_s:.0} s"));
+        }
         if is_late || self.gone.is_some() {
             return Input::End;
         }

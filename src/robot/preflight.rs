@@ -128,6 +128,19 @@ pub fn preflight(link: &mut Link, period: Duration, accept: Accept) -> Result<Pr
     Ok(found)
 }
 
+/// Looks at a robot that is only read: its servos are those of its file and set up as it says, so that its positions mean
+/// what they say. Where its joints are, rad.
+///
+/// # Errors
+/// The first servo that is another one, is set up otherwise, or gives no position.
+pub fn readable(link: &mut Link, accept: Accept) -> Result<Vec<f64>, Error> {
+    let mut found = Preflight::of(&link.robot().name, Duration::ZERO);
+    link.set_retries(PATIENT_RETRIES);
+    check_identity(link, accept, &mut found)?;
+    check_setup(link, &mut found)?;
+    positions(link)
+}
+
 pub(crate) fn budget(link: &Link) -> Instant {
     link.clock().now() + QUESTION
 }

@@ -2,6 +2,7 @@
 
 use crate::bus::AskError;
 use crate::capture::Counts;
+use crate::control::plausible::Believed;
 use crate::error::{Error, ErrorKind};
 use crate::port::Clock;
 use crate::rig::Connection;
@@ -123,27 +124,46 @@ pub struct GuidedArm {
     connection: Connection,
     pairs: Pairs,
     goal_rad: Vec<f64>,
+    /// Where its joints can have been.
+    believed: Believed,
     counts: Counts,
     /// Joints that did not answer for so many looks in a row.
     missed: Vec<u32>,
     silent: Vec<String>,
 }
 
+/// A hand turns a joint so many times as fast as its motor at most.
+const BY_HAND: f64 = 3.0;
 /// So many looks in a row without an answer are silence, and said.
 const SILENT: u32 = 10;
 
 impl GuidedArm {
     /// Nothing was read yet. Joints that nobody leads stay where the follower starts.
-    pub fn new(connection: Connection, pairs: Pairs, start_rad: &[f64]) -> Self {
-        let missed = vec![0; connection.link.robot().joints.len()];
-        Self {
+    /// The leader stands at `leader_start_rad`.
+    ///
+    /// # Errors
+    /// Limits that none can be.
+    pub fn new(
+        connection: Connection,
+        pairs: Pairs,
+        start_rad: &[f64],
+        leader_start_rad: &[f64],
+    ) -> Result<Self, Error> {
+        let joints = &connection.link.robot().joints;
+        let missed = vec![0; joints.len()];
+        let by_hand = |joint: &Joint| joint.limits.paced(BY_HAND);
+        let limits = joints.iter().map(by_hand).collect::<Result<Vec<_>, _>>()?;
+        let now = connection.link.clock().now();
+        let believed = Believed::new(leader_start_rad, limits, now);
+        Ok(Self {
+            believed,
             connection,
             pairs,
             goal_rad: start_rad.to_vec(),
             counts: Counts::default(),
             missed,
             silent: Vec::new(),
-        }
+        })
     }
 
     /// The leader's name.
@@ -200,8 +220,12 @@ impl GuidedArm {
     /// Reads all joints.
     pub fn look(&mut self) -> Look {
         let link = &mut self.connection.link;
-        let states = match link.whole_states(link.clock().now() + LOOK) {
-            Ok(states) => states,
+        let asked_at = link.clock().now();
+        let states = match link.whole_states(asked_at + LOOK) {
+            Ok(mut states) => {
+                self.believed.sift(&mut states, asked_at, link.clock().now());
+                states
+            }
             Err(LinkError { error: AskError::Port(error), place, .. }) => {
                 return Look::Gone(format!("{place}: {error}"));
             }

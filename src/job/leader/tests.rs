@@ -215,3 +215,54 @@ fn nobody_is_led_beyond_the_range_of_a_joint() {
     assert!(followed < limit + 0.01 && followed > limit - 0.1, "{followed} of {limit}");
     assert!(worlds.follower.lock().verdict().violations.is_empty());
 }
+
+#[test]
+fn a_leader_whose_servo_is_set_up_otherwise_is_refused_because_its_angles_mean_something_else() {
+    let scene = Scene::new(order("so101-leader", "so101"));
+    let (report, worlds) = scene.follow(|world| {
+        world.preset("shoulder_pan", "Homing Offset", 1000).expect("a register");
+    });
+    assert_eq!(report.run.outcome, Outcome::Refused);
+    let reason = report.run.stop_reason.expect("a reason");
+    assert!(reason.contains("leader so101-leader, joint shoulder_pan"), "{reason}");
+    assert!(reason.contains("1000 (raw)"), "{reason}");
+    assert_eq!(Worlds::torque(&worlds.follower, "shoulder_pan"), 0);
+}
+
+#[test]
+fn a_leader_is_not_believed_where_no_hand_can_have_brought_it() {
+    let missed = |counts: i32| {
+        let scene = Scene::new(order("so101-leader", "so101"));
+        let (report, worlds) = scene.follow(|world| {
+            let joint = "shoulder_pan".to_owned();
+            let fault = gaitway_sim::Fault::PositionJump { joint, at_ns: 4_000_000_000, counts };
+            world.begin(&[fault]).expect("a fault");
+        });
+        assert_eq!(report.run.outcome, Outcome::Done, "{:?}", report.run.stop_reason);
+        assert!(worlds.follower.lock().verdict().violations.is_empty());
+        report.sensors[0].counts.missed
+    };
+    // 10 counts are less than noise; 900 are 79 degrees at once.
+    assert_eq!(missed(10), 0);
+    assert!(missed(900) >= 5, "{}", missed(900));
+}
+
+#[test]
+fn a_leader_that_never_says_where_it_is_is_not_waited_for_for_ever() {
+    let at = |seconds: u64| Instant::ZERO + Duration::from_secs(seconds);
+    let newest = |goals: &mut Goals, seconds| goals.newest(at(seconds), true);
+    let mut goals = Goals::new(Some(Duration::from_secs(60)), Trend::default());
+    assert!(matches!(newest(&mut goals, 7), Input::Nothing));
+    assert!(matches!(newest(&mut goals, 9), Input::Nothing));
+    assert!(matches!(newest(&mut goals, 10), Input::End));
+    let mut report = order("so101-leader", "so101").report();
+    report.run.outcome = Outcome::Done;
+    goals.describe("so101-leader", &mut report);
+    assert_eq!(report.run.outcome, Outcome::Stopped);
+    assert!(report.run.stop_reason.expect("why").contains("has not answered for 3 s"));
+    // One that has spoken is waited for, until the time is over or somebody stops it.
+    let mut goals = Goals::new(None, Trend::default());
+    goals.take(Said::Goal(at(7), vec![0.0]));
+    newest(&mut goals, 7);
+    assert!(!matches!(newest(&mut goals, 60), Input::End));
+}
