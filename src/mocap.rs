@@ -25,6 +25,7 @@ pub mod bvh;
 pub mod c3d;
 pub mod clip;
 pub mod csm;
+mod even_times;
 pub mod export;
 pub mod files;
 pub mod fit;

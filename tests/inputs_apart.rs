@@ -136,3 +136,36 @@ fn a_fill_of_an_edit_list_that_cannot_be_made_is_not_called_filled() {
     assert_eq!(report["artefacts"][0]["remedy"], "remove");
     assert!(report["notes"].to_string().contains("cannot fill 11 frames"), "{}", report["notes"]);
 }
+
+#[test]
+fn a_table_in_which_rows_are_missing_is_refused_and_one_that_is_cut_off_is_said() {
+    let Some(folder) = trials("rows") else { return };
+    let made = run(&folder, &["convert", "walk.c3d", "walk.trc", "--force"]);
+    assert!(made.status.success(), "{}", words(&made));
+    changed(&folder, "LANK", |_, place| place);
+    let without = |file: &str, to: &str, from: usize| {
+        let text = fs::read_to_string(folder.join(file)).expect("a table");
+        let kept = text.lines().enumerate().filter(|(line, _)| !(from..from + 50).contains(line));
+        let kept: Vec<&str> = kept.map(|(_, line)| line).collect();
+        fs::write(folder.join(to), kept.join("\n") + "\n").expect("written");
+    };
+    without("changed.csv", "hole.csv", 101);
+    without("walk.trc", "hole.trc", 106);
+    for file in ["hole.csv", "hole.trc"] {
+        for command in ["clean FILE -o o.csv", "info FILE", "convert FILE o.c3d"] {
+            let arguments = command.replace("FILE", file);
+            let arguments: Vec<&str> = arguments.split(' ').collect();
+            let refused = run(&folder, &arguments);
+            assert_eq!(refused.status.code(), Some(1), "{command}: {}", words(&refused));
+            let said = words(&refused);
+            assert!(said.contains("rows are missing") && said.contains("line "), "{said}");
+        }
+    }
+    let whole = fs::read(folder.join("walk.c3d")).expect("a capture");
+    fs::write(folder.join("cut.c3d"), &whole[..whole.len() / 2]).expect("written");
+    let done =
+        run(&folder, &["fit", "cut.c3d", "--static", "static.c3d", "-o", "cut.bvh", "--json"]);
+    assert_eq!(done.status.code(), Some(3), "{}", words(&done));
+    let report: Value = serde_json::from_slice(&done.stdout).expect("JSON");
+    assert!(report["notes"].to_string().contains("frames that the file claims"), "{report}");
+}

@@ -464,7 +464,10 @@ fn report(order: &FitOrder, fitted: &Fitted, files: &[(PathBuf, FitFile)]) -> Fi
     });
     let shown = |path: &Path| path.display().to_string();
     FitReport {
-        outcome: if fitted.unseen.is_empty() { Outcome::Done } else { Outcome::DoneWithLoss },
+        outcome: match fitted.unseen.is_empty() && fitted.lost_frames == 0 {
+            true => Outcome::Done,
+            false => Outcome::DoneWithLoss,
+        },
         trial: shown(&order.trial),
         static_trial: order.static_trial.as_deref().map(shown),
         marker_set: fitted.labelled.set.name.clone(),

@@ -101,6 +101,8 @@ pub struct UnseenSegment {
 pub struct Fitted {
     /// Frames per second.
     pub rate_hz: f64,
+    /// Frames that the file claims and does not hold.
+    pub lost_frames: u64,
     /// Segments in every frame, world with Z up, otherwise the axes of the file.
     pub poses: Vec<SegmentPose>,
     /// Joints in every frame, by [`Joint::index`], same world, m; none where they were not found.
@@ -150,7 +152,11 @@ pub fn fit(
         work.take(&turned(&labelled.seen(trial, frame), body.upright), |_| true);
     }
     work.turn_hinges();
-    Ok(work.finish(rate_hz, body.upright, labelled, notes))
+    let lost_frames = trial.head().lost_frames;
+    if lost_frames > 0 {
+        notes.push(format!("{lost_frames} frames that the file claims are not there"));
+    }
+    Ok(Fitted { lost_frames, ..work.finish(rate_hz, body.upright, labelled, notes) })
 }
 
 /// A person calibrated: what carries markers.
@@ -569,6 +575,7 @@ impl<'a> Work<'a> {
         });
         Fitted {
             rate_hz,
+            lost_frames: 0,
             poses: poses.collect(),
             upright,
             tracked,

@@ -5,6 +5,7 @@
 //! unit it is unknown. A point that was not seen has empty cells.
 
 use crate::error::{Error, ErrorKind};
+use crate::mocap::even_times;
 use crate::mocap::markers::{
     Frame, Frames, Head, MAX_POINTS, MarkerFormat, MarkerPoint, Markers, PointKind, PointSample,
     metres_of,
@@ -78,6 +79,7 @@ pub fn parse(bytes: &[u8]) -> Result<Markers, Error> {
     let mut markers = Markers::with_room(head)?;
     let mut frame = Frame::default();
     let (mut first_s, mut last_s, mut partial, mut first_frame) = (None, 0.0, 0_usize, None);
+    let mut times = Vec::new();
     for row in table::rows(text).skip(1) {
         let row = row?;
         let wrong = |what: &str, got: String| {
@@ -108,6 +110,7 @@ pub fn parse(bytes: &[u8]) -> Result<Markers, Error> {
                     }
                     first_s.get_or_insert(time_s);
                     last_s = time_s;
+                    times.push((row.line, time_s));
                 }
                 Column::Part { point, axis, scale } => {
                     let place = numbers.get_mut(point).and_then(|of| of.get_mut(axis));
@@ -131,6 +134,7 @@ pub fn parse(bytes: &[u8]) -> Result<Markers, Error> {
         }
         markers.push(&frame);
     }
+    even_times::check(&times)?;
     let steps = count.saturating_sub(1) as f64;
     let rate_hz = first_s.map(|first_s| steps / (last_s - first_s));
     if let Some(rate_hz) = rate_hz.filter(|rate_hz| rate_hz.is_finite() && *rate_hz > 0.0) {

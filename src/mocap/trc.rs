@@ -5,6 +5,7 @@
 //! Files". Which axis is up the file does not say.
 
 use crate::error::{Error, ErrorKind};
+use crate::mocap::even_times;
 use crate::mocap::markers::{
     Frame, Frames, Head, MAX_POINTS, MarkerFormat, MarkerPoint, Markers, PointKind, PointSample,
 };
@@ -115,6 +116,7 @@ fn read_rows<'a>(
     let (mut partial, mut first_s, mut last_s, mut count) = (0_usize, 0.0, 0.0, 0_usize);
     let mut markers: Option<Markers> = None;
     let mut frame = Frame::default();
+    let mut times = Vec::new();
     for (line, row) in rows {
         let mut cells = cells(row);
         let number = cells.next().unwrap_or_default();
@@ -129,6 +131,7 @@ fn read_rows<'a>(
             head.first_frame = if number >= 1.0 { number as u64 } else { 1 };
         }
         (last_s, count) = (time_s, count + 1);
+        times.push((line as u64, time_s));
         frame.points.clear();
         for point in &head.points {
             let mut numbers = [None; 3];
@@ -159,6 +162,7 @@ fn read_rows<'a>(
         markers.push(&frame);
     }
     let Some(mut markers) = markers else { return Markers::with_room(head) };
+    even_times::check(&times)?;
     if partial > 0 {
         markers.note(format!(
             "{partial} samples have one or two of three coordinates: taken as not seen"
