@@ -14,6 +14,10 @@ use std::sync::mpsc::Sender;
 /// Budget of one look: a servo that is silent must not hold up the others for longer than a few.
 const LOOK: Duration = Duration::from_millis(50);
 
+/// What is said of a robot of which no joint answered.
+const NOBODY: &str =
+    "none of its joints answered: check its power, its cable, and that the lines are its own";
+
 /// What was heard of a robot.
 pub struct HeardRobot {
     /// What was named.
@@ -120,5 +124,6 @@ pub fn listen(
         at = (at + period).max(clock.now());
         clock.sleep_until(at);
     };
-    HeardRobot { named: naming.finish(&tell), lost }
+    let nobody = || joints.read.iter().all(Option::is_none).then(|| NOBODY.to_owned());
+    HeardRobot { lost: lost.or_else(nobody), named: naming.finish(&tell) }
 }

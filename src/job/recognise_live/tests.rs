@@ -150,6 +150,18 @@ fn what_moves_with_a_joint_that_is_silent_is_unknown_and_named_by_nobody() {
 }
 
 #[test]
+fn a_robot_of_which_nobody_answers_is_no_robot_that_stands_still() {
+    let mut connection = op3();
+    let goals = performed("bow", connection.link.robot());
+    let names = connection.link.robot().joint_names();
+    let Listened { heard, .. } = told(&mut connection, &goals, |world, n| {
+        names.iter().filter(|_| n == 0).for_each(|joint| world.unplug(joint).expect("a joint"));
+    });
+    let lost = heard.lost.expect("it is said");
+    assert!(lost.contains("none of its joints answered"), "{lost}");
+}
+
+#[test]
 fn sources_are_told_from_motions() {
     for text in ["imu:bno08x-rvc@/dev/ttyUSB0", "left_thigh=imu:bno08x-rvc@serial:/dev/x"] {
         assert!(is_source(text), "{text}");
