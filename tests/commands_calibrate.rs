@@ -336,6 +336,10 @@ fn a_calibration_of_lerobot_is_carried_over_and_back_and_its_offsets_are_looked_
     let motors = serde_json::json!({"shoulder_pan": motor(1, -1365), "gripper": motor(6, 12)});
     std::fs::write(&theirs, motors.to_string()).expect("a file");
     let import = ["calibrate", "so101", "--from-lerobot", &theirs, "--calibration", &ours];
+    let dry = run(&[&import[..], &["--dry-run", "--json"]].concat());
+    assert_eq!(json(&dry)["dry_run"], true);
+    assert!(!std::path::Path::new(&ours).exists(), "nothing is written");
+    assert_eq!(run(&[&import[..], &["--only", "gripper"]].concat()).status.code(), Some(2));
     let done = run(&import);
     assert_eq!(done.status.code(), Some(0), "{}", String::from_utf8_lossy(&done.stderr));
     assert!(text(&done).contains("shoulder_pan") && text(&done).contains(&ours), "{}", text(&done));
@@ -343,6 +347,9 @@ fn a_calibration_of_lerobot_is_carried_over_and_back_and_its_offsets_are_looked_
     assert_eq!(again.status.code(), Some(1));
     assert!(String::from_utf8_lossy(&again.stderr).contains("--force"));
     let export = ["calibrate", "so101", "--to-lerobot", &back, "--calibration", &ours, "--json"];
+    let dry = run(&[&export[..], &["--dry-run"]].concat());
+    assert_eq!((json(&dry)["dry_run"].clone(), dry.status.code()), (true.into(), Some(0)));
+    assert!(!std::path::Path::new(&back).exists(), "nothing is written");
     let done = run(&export);
     assert_eq!(done.status.code(), Some(0), "{}", String::from_utf8_lossy(&done.stderr));
     assert_eq!(json(&done)["joints"].as_array().map(Vec::len), Some(2));
