@@ -448,6 +448,8 @@ fn a_goal_that_brakes_rests_half_as_far_as_its_speed_would_have_taken_it() {
 fn noise_of_an_encoder_says_nothing_of_a_delay() {
     let mut follower = following(0.0);
     // 1e-9 rad off at 1e-12 rad/s would be 1,000 s behind.
-    (0..3).for_each(|_| drop(step(&mut follower, DT, Some(&at(1e-9, 1e-12)))));
+    for _ in 0..3 {
+        let _ = step(&mut follower, DT, Some(&at(1e-9, 1e-12)));
+    }
     assert_eq!(follower.tally().lag_s(), None);
 }
