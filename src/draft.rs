@@ -1,20 +1,27 @@
 //! A file that has its name only once it is worth it. What it replaces stays whole until then,
 //! whatever happens in between: a refusal, a full disk, a killed process.
 //!
-//! It grows beside the name it is to have as `NAME.part` (`NAME.PID.part` if it is written in one go), in the
-//! same folder, and is renamed. A recording ([`Draft::create`]) that replaces nothing is made under its own name: what
-//! there is of it can be read if it is cut off. Both are locked for as long as they are written, so that two programs
+//! One that is worth nothing until it is whole ([`Draft::whole`]) has no name at all before: nothing is left of it if the
+//! program is killed, and nobody's file is in its way. Where a file system knows no files without a name, it grows as
+//! `NAME.part` beside the name it is to have, in the same folder, and is renamed; so does what can be used as far as it
+//! goes ([`Draft::beside`]). A recording ([`Draft::create`]) that replaces nothing is made under its own name: what there
+//! is of it can be read if it is cut off. What has a name is locked for as long as it is written, so that two programs
 //! never write one file. What is no regular file (`/dev/null`, a pipe) is written to as it is.
 
 use crate::error::{Error, ErrorKind};
+use rustix::fs::{AtFlags, CWD, OFlags, linkat};
 use std::fs::{File, OpenOptions, Permissions, TryLockError};
 use std::io::{self, Write};
+use std::os::fd::AsRawFd;
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// What the name of a file ends in that is to replace another and has not done so yet.
 const ENDING: &str = ".part";
+/// Where the system shows a program the files it has open.
+const OPEN_FILES: &str = "/proc/self/fd";
 
 /// Most files of a folder that are looked at.
 const MOST_FILES: usize = 100_000;
@@ -70,6 +77,8 @@ pub struct Draft {
 enum Place {
     /// Beside the name it is to have, in the place of what has it, or only if nothing has.
     Beside { part: PathBuf, target: PathBuf, replaces: bool },
+    /// Without a name, in the folder of the one it is to have, in the place of what has it, or only if nothing has.
+    Nameless { target: PathBuf, replaces: bool },
     /// New, under its own name, and not yet worth keeping.
     New(PathBuf),
     /// Under its own name, for good.
@@ -86,7 +95,7 @@ impl Draft {
         let made = OpenOptions::new().write(true).create_new(true).open(path);
         let file = match made {
             Err(cause) if force && cause.kind() == io::ErrorKind::AlreadyExists => {
-                return Self::replace(path, ENDING);
+                return Self::replace(path, Self::grown);
             }
             made => made?,
         };
@@ -100,23 +109,19 @@ impl Draft {
     /// # Errors
     /// [`io::ErrorKind::ResourceBusy`] if another program writes it, and what the file system says.
     pub fn beside(path: &Path) -> io::Result<Self> {
-        Self::grown(path.to_owned(), ENDING, true, None)
+        Self::grown(path.to_owned(), true, None)
     }
 
     /// Begins a file that has its name only when it is whole, also if nothing has the name now; one that is there is
-    /// replaced only if `force` is set.
+    /// replaced only if `force` is set. Of two that write one at the same time the last wins, if it may replace.
     ///
     /// # Errors
     /// As [`Draft::create`].
     pub fn whole(path: &Path, force: bool) -> io::Result<Self> {
-        Self::whole_with(path, force, ENDING)
-    }
-
-    fn whole_with(path: &Path, force: bool, ending: &str) -> io::Result<Self> {
         // A dangling link counts as taken: writing through it would write elsewhere.
         match path.symlink_metadata() {
-            Err(_) => Self::grown(path.to_owned(), ending, force, None),
-            Ok(_) if force => Self::replace(path, ending),
+            Err(_) => Self::nameless(path.to_owned(), force, None),
+            Ok(_) if force => Self::replace(path, Self::nameless),
             Ok(_) => Err(io::ErrorKind::AlreadyExists.into()),
         }
     }
@@ -125,7 +130,10 @@ impl Draft {
         Self { file, place, named_in: Arc::default() }
     }
 
-    fn replace(path: &Path, ending: &str) -> io::Result<Self> {
+    fn replace(
+        path: &Path,
+        begun: fn(PathBuf, bool, Option<Permissions>) -> io::Result<Self>,
+    ) -> io::Result<Self> {
         let Some(target) = replaceable(path) else {
             let file = OpenOptions::new().write(true).create(true).truncate(true).open(path)?;
             return Ok(Self::of(file, Place::Kept));
@@ -134,20 +142,28 @@ impl Draft {
         // Whoever records to it holds it; nobody is waited for.
         free(old.try_lock_shared())?;
         let rights = old.metadata()?.permissions();
-        Self::grown(target, ending, true, Some(rights))
+        begun(target, true, Some(rights))
+    }
+
+    /// Begins a file without a name, with these rights.
+    fn nameless(target: PathBuf, replaces: bool, rights: Option<Permissions>) -> io::Result<Self> {
+        let mut options = OpenOptions::new();
+        options.write(true).custom_flags(OFlags::TMPFILE.bits().cast_signed());
+        // A name is given to it by way of this folder.
+        let made = Path::new(OPEN_FILES).exists().then(|| options.open(folder_of(&target)));
+        let Some(Ok(file)) = made else { return Self::grown(target, replaces, rights) };
+        if let Some(rights) = rights {
+            file.set_permissions(rights)?;
+        }
+        Ok(Self::of(file, Place::Nameless { target, replaces }))
     }
 
     /// Begins a file beside `target`, with these rights.
-    fn grown(
-        target: PathBuf,
-        ending: &str,
-        replaces: bool,
-        rights: Option<Permissions>,
-    ) -> io::Result<Self> {
-        let part = beside(&target, ending);
+    fn grown(target: PathBuf, replaces: bool, rights: Option<Permissions>) -> io::Result<Self> {
+        let part = beside(&target, ENDING);
         loop {
             // No link is followed, and no pipe waited for.
-            let flags = rustix::fs::OFlags::NOFOLLOW | rustix::fs::OFlags::NONBLOCK;
+            let flags = OFlags::NOFOLLOW | OFlags::NONBLOCK;
             let mut options = OpenOptions::new();
             options.write(true).create(true).truncate(false);
             let file = options.custom_flags(flags.bits().cast_signed()).open(&part)?;
@@ -168,7 +184,9 @@ impl Draft {
     /// True if another file is still under the name this one is to have.
     #[must_use]
     pub fn replaces(&self) -> bool {
-        let Place::Beside { target, .. } = &self.place else { return false };
+        let (Place::Beside { target, .. } | Place::Nameless { target, .. }) = &self.place else {
+            return false;
+        };
         target.symlink_metadata().is_ok()
     }
 
@@ -185,6 +203,10 @@ impl Draft {
             }
             Place::Beside { part, target, replaces: false } => {
                 rename_to_free(part, target)?;
+                target
+            }
+            Place::Nameless { target, replaces } => {
+                name(&self.file, target, *replaces)?;
                 target
             }
             Place::New(path) => path,
@@ -220,14 +242,30 @@ impl Draft {
     /// # Errors
     /// As [`Draft::create`]; what could not be written is gone again.
     pub fn write_whole(path: &Path, force: bool, bytes: &[u8]) -> io::Result<()> {
-        // Of two that write one at the same time the last wins, whole.
-        let ending = format!(".{}{ENDING}", std::process::id());
-        let mut draft = Self::whole_with(path, force, &ending)?;
+        let mut draft = Self::whole(path, force)?;
         draft.write_all(bytes)?;
         draft.sync()?;
         draft.keep()?;
         draft.sync()
     }
+}
+
+/// Gives a file without a name its name.
+fn name(file: &File, target: &Path, replaces: bool) -> io::Result<()> {
+    let own = format!("{OPEN_FILES}/{}", file.as_raw_fd());
+    let link = |to: &Path| linkat(CWD, own.as_str(), CWD, to, AtFlags::SYMLINK_FOLLOW);
+    if !replaces {
+        return Ok(link(target)?);
+    }
+    // A link takes no other's place; a name that nobody else thinks of, renamed, does.
+    static NAMED: AtomicU64 = AtomicU64::new(0);
+    let number = NAMED.fetch_add(1, Ordering::Relaxed);
+    let passing = beside(target, &format!(".{}.{number}{ENDING}", std::process::id()));
+    link(&passing)?;
+    std::fs::rename(&passing, target).inspect_err(|_| {
+        // One that cannot be removed is in nobody's way: there is nobody left to tell.
+        let _ = std::fs::remove_file(&passing);
+    })
 }
 
 fn synced(file: &File, named_in: &Mutex<Option<PathBuf>>) -> io::Result<()> {
@@ -271,8 +309,50 @@ impl Drop for Draft {
 /// The file exists and is to stay, or cannot be written.
 pub fn write_file(path: &Path, force: bool, bytes: &[u8]) -> Result<(), Error> {
     check_free(path, force)?;
-    Draft::write_whole(path, force, bytes)
-        .map_err(|e| Error::unwritten("cannot write the file", &e).at(path.display().to_string()))
+    Draft::write_whole(path, force, bytes).map_err(|cause| unwritten(path, &cause))
+}
+
+/// Files that belong together: they have their names only when all of them are whole.
+#[derive(Debug, Default)]
+pub struct Drafts(Vec<(PathBuf, Draft)>);
+
+impl Drafts {
+    /// Adds one that is written already.
+    pub fn add(&mut self, path: &Path, draft: Draft) {
+        self.0.push((path.to_owned(), draft));
+    }
+
+    /// Writes another.
+    ///
+    /// # Errors
+    /// As [`write_file`].
+    pub fn write(&mut self, path: &Path, force: bool, bytes: &[u8]) -> Result<(), Error> {
+        check_free(path, force)?;
+        let written = Draft::whole(path, force).and_then(|mut draft| {
+            draft.write_all(bytes)?;
+            Ok(draft)
+        });
+        self.add(path, written.map_err(|cause| unwritten(path, &cause))?);
+        Ok(())
+    }
+
+    /// Gives all of them their names.
+    ///
+    /// # Errors
+    /// What cannot be written to the disk, or has no place any more: those after it have no names then.
+    pub fn keep(mut self) -> Result<(), Error> {
+        for (path, draft) in &self.0 {
+            draft.sync().map_err(|cause| unwritten(path, &cause))?;
+        }
+        for (path, draft) in &mut self.0 {
+            draft.keep().and_then(|()| draft.sync()).map_err(|cause| unwritten(path, &cause))?;
+        }
+        Ok(())
+    }
+}
+
+fn unwritten(path: &Path, cause: &io::Error) -> Error {
+    Error::unwritten("cannot write the file", cause).at(path.display().to_string())
 }
 
 /// Fails if `path` exists and is to stay, or is no file.
@@ -319,7 +399,7 @@ fn replaceable(path: &Path) -> Option<PathBuf> {
 
 /// Renames a file to a name that nothing has.
 fn rename_to_free(part: &Path, target: &Path) -> io::Result<()> {
-    use rustix::fs::{CWD, RenameFlags, renameat_with};
+    use rustix::fs::{RenameFlags, renameat_with};
     use rustix::io::Errno;
     match renameat_with(CWD, part, CWD, target, RenameFlags::NOREPLACE) {
         // Not every file system can; then another program may come between.
@@ -458,12 +538,16 @@ mod tests {
     fn a_file_that_is_to_be_whole_has_its_name_at_its_end_and_takes_it_from_nobody() {
         let folder = folder("whole");
         let path = folder.join("a");
+        // Somebody else's file that is not all there, which has nothing to do with it.
+        fs::write(folder.join("a.part"), "precious").expect("a file");
         let mut draft = Draft::whole(&path, false).expect("a draft");
         draft.write_all(b"half").expect("written");
         assert_eq!(names(&folder), ["a.part"]);
         draft.write_all(b" and half").and_then(|()| draft.keep()).expect("renamed");
         assert_eq!(fs::read(&path).expect("a file"), b"half and half");
         drop(draft);
+        assert_eq!(fs::read(folder.join("a.part")).expect("a file"), b"precious");
+        fs::remove_file(folder.join("a.part")).expect("removed");
         assert_eq!(names(&folder), ["a"]);
         let refused = Draft::whole(&path, false).expect_err("there");
         assert_eq!(refused.kind(), io::ErrorKind::AlreadyExists);
@@ -475,6 +559,27 @@ mod tests {
         drop(draft);
         assert_eq!(fs::read(&path).expect("a file"), b"precious");
         assert_eq!(names(&folder), ["a", "b"]);
+    }
+
+    #[test]
+    fn what_is_replaced_when_it_is_whole_was_never_beside_it() {
+        use std::os::unix::fs::PermissionsExt;
+        let folder = folder("nameless");
+        let path = folder.join("a");
+        fs::write(&path, "old").expect("a file");
+        fs::set_permissions(&path, fs::Permissions::from_mode(0o640)).expect("rights");
+        let [mut one, mut other] = [(), ()].map(|()| Draft::whole(&path, true).expect("a draft"));
+        assert!(one.replaces());
+        one.write_all(b"one").expect("written");
+        other.write_all(b"other").expect("written");
+        assert_eq!(names(&folder), ["a"], "a kill would leave nothing");
+        other.keep().expect("kept");
+        one.keep().expect("kept");
+        drop(other);
+        assert_eq!(fs::read(&path).expect("a file"), b"one", "the last wins, whole");
+        assert_eq!(path.metadata().expect("a file").permissions().mode() & 0o777, 0o640);
+        drop(Draft::whole(&path, true).expect("a draft"));
+        assert_eq!(names(&folder), ["a"]);
     }
 
     #[test]

@@ -168,9 +168,13 @@ fn a_person_crops_takes_sections_out_and_gives_nameless_pieces_their_names() {
             assert_eq!(is, was, "point {point}, frame {frame}");
         }
     }
-    for (from, to) in
-        [("[51, 400]", "[51, 501]"), ("[51, 400]", "[0, 400]"), ("[51, 400]", "[60, 51]")]
-    {
+    for (from, to) in [
+        ("[51, 400]", "[51, 501]"),
+        ("[51, 400]", "[0, 400]"),
+        ("[51, 400]", "[60, 51]"),
+        ("[51, 400]", "[51, 400, 7]"),
+        ("[51, 400]", "[51]"),
+    ] {
         fs::write(folder.join("hand.toml"), list.replace(from, to)).expect("a file");
         let output = clean(&folder, "raw.c3d -o no.c3d --edits hand.toml");
         assert_eq!(output.status.code(), Some(1), "{to}");
@@ -585,7 +589,7 @@ fn a_folder_is_cleaned_round_after_round_and_what_came_of_each_is_kept() {
     assert_eq!((&gaps["doubt_after"], &gaps["round"]), (&0.0.into(), &1.into()));
     assert!(folder.join("raw/done/clean.toml").exists(), "thresholds go along");
     // A person takes an edit back, and says how long it took.
-    let list = folder.join("raw/done/more/gaps.edits.toml");
+    let list = folder.join("raw/done/more/gaps.trc.edits.toml");
     let text = fs::read_to_string(&list).expect("a list");
     let text = text.replacen("[[edit]]", "minutes = 12.5\n\n[[edit]]", 1);
     fs::write(&list, text.replacen("remedy = \"fill\"", "remedy = \"leave\"", 1)).expect("a list");

@@ -169,3 +169,119 @@ fn a_table_in_which_rows_are_missing_is_refused_and_one_that_is_cut_off_is_said(
     let report: Value = serde_json::from_slice(&done.stdout).expect("JSON");
     assert!(report["notes"].to_string().contains("frames that the file claims"), "{report}");
 }
+
+#[test]
+fn a_trial_that_is_cut_off_is_named_wherever_it_is_looked_at() {
+    let Some(folder) = trials("cut") else { return };
+    fs::create_dir_all(folder.join("raw")).expect("a folder");
+    let whole = fs::read(folder.join("walk.c3d")).expect("a capture");
+    fs::write(folder.join("raw/cut.c3d"), &whole[..whole.len() / 2]).expect("written");
+    fs::copy(folder.join("walk.c3d"), folder.join("raw/whole.c3d")).expect("copied");
+    let said = "the file is cut off";
+    for arguments in
+        ["clean raw --check --most-doubt 100", "clean raw -o out --most-doubt 100 --force"]
+    {
+        let arguments: Vec<&str> = arguments.split(' ').collect();
+        let done = run(&folder, &arguments);
+        assert_eq!(done.status.code(), Some(3), "{arguments:?}: {}", words(&done));
+        let text = words(&done);
+        assert!(text.lines().any(|row| row.contains("cut.c3d") && row.contains(said)), "{text}");
+        assert!(!text.lines().any(|row| row.contains("whole.c3d") && row.contains(said)), "{text}");
+        let done = run(&folder, &[&arguments[..], &["--json"]].concat());
+        let report: Value = serde_json::from_slice(&done.stdout).expect("JSON");
+        assert_eq!(report["outcome"], "done_with_loss");
+        let lost = |name: &str| {
+            let trials = report["trials"].as_array().expect("a list");
+            let is_it = |of: &&Value| {
+                let file = of.get("trial").unwrap_or(&of["markers"]);
+                file.as_str().is_some_and(|file| file.ends_with(name))
+            };
+            trials.iter().find(is_it).expect("the trial")["lost_frames"].as_u64().expect("a count")
+        };
+        assert!(lost("cut.c3d") > 100 && lost("whole.c3d") == 0, "{report}");
+    }
+    for arguments in [
+        "clean raw/cut.c3d -o o.c3d --html clean.html",
+        "info raw/cut.c3d --html info.html",
+        "clean walk.c3d -o w.c3d --html whole.html",
+    ] {
+        run(&folder, &arguments.split(' ').collect::<Vec<&str>>());
+    }
+    let page = |name: &str| fs::read_to_string(folder.join(name)).expect("a page").contains(said);
+    assert_eq!(["clean.html", "info.html", "whole.html"].map(page), [true, true, false]);
+}
+
+#[test]
+fn two_trials_of_one_name_have_an_edit_list_each() {
+    let Some(folder) = trials("twins") else { return };
+    fs::create_dir_all(folder.join("raw")).expect("a folder");
+    fs::rename(folder.join("walk.c3d"), folder.join("raw/walk.c3d")).expect("moved");
+    let made = run(&folder, &["convert", "raw/walk.c3d", "raw/walk.trc"]);
+    assert!(made.status.success(), "{}", words(&made));
+    for round in 1..3 {
+        let done = run(&folder, &["clean", "raw", "-o", "out", "--json", "--force"]);
+        let report: Value = serde_json::from_slice(&done.stdout).expect("JSON");
+        for (trial, number) in report["trials"].as_array().expect("a list").iter().zip(1..) {
+            assert_eq!(trial["error"], Value::Null, "round {round}, trial {number}: {report:#}");
+        }
+    }
+    for list in ["out/walk.c3d.edits.toml", "out/walk.trc.edits.toml"] {
+        assert!(folder.join(list).exists(), "{list}");
+    }
+}
+
+#[test]
+fn what_no_edit_list_and_no_rate_is_is_refused_and_leaves_nothing() {
+    let Some(folder) = trials("refused") else { return };
+    let made = std::process::Command::new("mkfifo").arg(folder.join("pipe")).status();
+    assert!(made.is_ok_and(|of| of.success()), "a pipe");
+    let before = fs::read_dir(&folder).expect("a folder").count();
+    for (arguments, said) in [
+        ("clean walk.c3d -o o.c3d --edits pipe", "an edit list is a file"),
+        ("clean walk.c3d -o o.c3d --edits /dev/zero", "an edit list is a file"),
+        ("clean walk.c3d -o o.c3d --rate NaN", "0.1 to 100000 Hz"),
+        ("clean walk.c3d -o o.c3d --rate -7", "0.1 to 100000 Hz"),
+        ("clean walk.c3d --check --rate 0", "0.1 to 100000 Hz"),
+        ("convert walk.c3d o.csv --rate inf", "0.1 to 100000 Hz"),
+        ("info walk.c3d --rate 0", "0.1 to 100000 Hz"),
+        ("fit walk.c3d --static static.c3d -o o.bvh --rate NaN", "0.1 to 100000 Hz"),
+        ("clean walk.c3d -o o.c3d --html /dev/full --force", "cannot write the file"),
+        ("clean walk.c3d -o /dev/full --html o.html --force", "cannot"),
+    ] {
+        let done = run(&folder, &arguments.split(' ').collect::<Vec<&str>>());
+        assert!(matches!(done.status.code(), Some(1..=3)), "{arguments}: {}", words(&done));
+        assert!(words(&done).contains(said), "{arguments}: {}", words(&done));
+        assert_eq!(fs::read_dir(&folder).expect("a folder").count(), before, "{arguments}");
+    }
+    let told = run(&folder, &["convert", "walk.c3d", "o.csv", "--rate", "50"]);
+    assert!(words(&told).contains("the file says 100 frames per second; taken as 50"), "{told:?}");
+    let alike = run(&folder, &["convert", "walk.c3d", "p.csv", "--rate", "100"]);
+    assert!(!words(&alike).contains("as told"), "{}", words(&alike));
+}
+
+#[test]
+fn zeros_are_no_places_to_a_fit_and_samples_far_away_are_told() {
+    let Some(folder) = trials("zeros") else { return };
+    for (to, held) in [("zero", 0.0), ("far", 2e3), ("unseen", f64::NAN)] {
+        let table =
+            changed(
+                &folder,
+                "LANK",
+                |frame, place| {
+                    if (120..135).contains(&frame) { [held; 3] } else { place }
+                },
+            );
+        fs::write(folder.join(format!("{to}.csv")), table.replace("NaN", "")).expect("written");
+    }
+    let fitted = |file: &str| {
+        let done = run(&folder, &["fit", file, "--static", "static.c3d", "-o", "o.csv", "--force"]);
+        assert!(matches!(done.status.code(), Some(0 | 3)), "{}", words(&done));
+        (words(&done), fs::read(folder.join("o.csv")).expect("angles"))
+    };
+    let [zero, far, unseen] = ["zero.csv", "far.csv", "unseen.csv"].map(fitted);
+    assert!(zero.1 == unseen.1 && far.1 == unseen.1, "the angles are the same");
+    assert!(zero.0.contains("15 samples of 1 markers are at the very origin"), "{}", zero.0);
+    assert!(far.0.contains("15 samples of 1 markers are farther than 1000 m away"), "{}", far.0);
+    let done = run(&folder, &["clean", "far.csv", "-o", "cleaned.csv"]);
+    assert!(words(&done).contains("farther than 1000 m away"), "{}", words(&done));
+}

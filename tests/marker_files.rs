@@ -10,6 +10,7 @@ use gaitway::mocap::{c3d, csm, marker_table, trc};
 use program::{folder, gaitway, json, words};
 use rustix::process::{Pid, Signal, kill_process};
 use std::fs;
+use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 use std::process::Stdio;
 use std::time::Duration;
@@ -78,6 +79,56 @@ fn what_is_wrong_in_a_trc_file_is_said_with_its_line() {
     for length in 0..TRC.len() {
         let _ = trc::parse(&TRC.as_bytes()[..length]);
     }
+}
+
+/// A model's angles and forces beside markers, two points of one name, an angle without its unit.
+const MIXED: &str = "frame,time_s,LANK_x_m,LANK_y_m,LANK_z_m,LANK#2_x_m,LANK#2_y_m,LANK#2_z_m,\
+LKneeAngles_x_deg,LKneeAngles_y_deg,LKneeAngles_z_deg,LForce_x_N,LForce_y_N,LForce_z_N,\
+LTurn_x_rad,LTurn_y_rad,LTurn_z_rad,LBend_x_angle,LBend_y_angle,LBend_z_angle,\
+LSum_x_scalar,LSum_y_scalar,LSum_z_scalar\n\
+1,0,1,2,3,4,5,6,7,8,9,10,11,12,0.5,0.25,0.125,30,40,50,1,1,1\n\
+2,0.01,1,2,3,,,,7,8,9,10,11,12,0.5,0.25,0.125,30,40,50,1,1,1\n";
+
+#[test]
+fn a_table_says_what_is_no_place_and_another_file_made_of_it_says_it_too() {
+    use gaitway::mocap::markers::PointKind::{Angle, Force, Marker, Scalar};
+    assert!(marker_table::is_of_markers(MIXED));
+    let markers = marker_table::parse(MIXED.as_bytes()).expect("read");
+    let told = |markers: &Markers| {
+        let points = markers.head().points.iter();
+        points.map(|of| (of.label.clone(), of.kind, of.unit.clone())).collect::<Vec<_>>()
+    };
+    let expected: Vec<_> = [
+        ("LANK", Marker, "m"),
+        ("LANK#2", Marker, "m"),
+        ("LKneeAngles", Angle, "deg"),
+        ("LForce", Force, "N"),
+        ("LTurn", Angle, "rad"),
+        ("LBend", Angle, ""),
+        ("LSum", Scalar, ""),
+    ]
+    .map(|(label, kind, unit)| (label.to_owned(), kind, unit.to_owned()))
+    .into();
+    assert_eq!(told(&markers), expected);
+    let mut text = Vec::new();
+    marker_table::write(&mut text, &mut FramesOf::new(&markers)).expect("written");
+    let again = marker_table::parse(&text).expect("read");
+    assert_eq!((told(&again), positions(&again)), (expected.clone(), positions(&markers)));
+    let mut bytes = Vec::new();
+    // A C3D file has one unit for all angles.
+    let refused = c3d::write::write(&mut bytes, &mut FramesOf::new(&markers));
+    let refused = refused.expect_err("two units").to_string();
+    assert!(refused.contains("LKneeAngles in deg, LTurn in rad"), "{refused}");
+    let alike = MIXED.replace("_rad", "_deg").replace("_angle", "_deg");
+    let markers = marker_table::parse(alike.as_bytes()).expect("read");
+    c3d::write::write(&mut bytes, &mut FramesOf::new(&markers)).expect("written");
+    let read = c3d::parse(&bytes).expect("read");
+    let kinds = |all: Vec<(String, _, String)>| all.into_iter().map(|(_, kind, _)| kind);
+    assert!(kinds(told(&read)).eq(kinds(expected)), "{:?}", told(&read));
+    assert_eq!(positions(&read), positions(&markers));
+    let table = |name: &str| MIXED.lines().next().expect("titles").replace("LANK#2", name);
+    assert!(marker_table::parse(table("LANK").as_bytes()).is_err(), "a column comes twice");
+    assert!(!marker_table::is_of_markers("time_s,base_x_m,base_y_m,base_z_m,left_knee_x_rad"));
 }
 
 const CSM: &str = include_str!("../fuzz/seeds/marker_texts/trial.csm");
@@ -292,7 +343,7 @@ fn a_file_that_is_cut_off_is_converted_as_far_as_it_goes_with_exit_code_3() {
 }
 
 #[test]
-fn a_conversion_that_is_interrupted_leaves_no_file_and_one_that_is_killed_none_of_that_name() {
+fn a_conversion_that_is_interrupted_or_killed_leaves_nothing() {
     let folder = folder("interrupted");
     let file = written(&folder, "long.c3d", &Made::new(30, 60_000, 0, 0).bytes());
     let names = || {
@@ -302,11 +353,11 @@ fn a_conversion_that_is_interrupted_leaves_no_file_and_one_that_is_killed_none_o
         names.sort();
         names
     };
-    for (signal, code, left) in [
-        (Signal::INT, Some(130), vec!["long.c3d"]),
-        (Signal::TERM, Some(143), vec!["long.c3d"]),
-        (Signal::KILL, None, vec!["long.c3d", "out.csv.part"]),
-    ] {
+    // Somebody else's, which only looks as if it belonged to this.
+    fs::write(folder.join("out.csv.part"), "precious").expect("a file");
+    for (signal, code) in
+        [(Signal::INT, Some(130)), (Signal::TERM, Some(143)), (Signal::KILL, None)]
+    {
         let mut child = gaitway()
             .args(["convert", &file])
             .arg(folder.join("out.csv"))
@@ -316,20 +367,25 @@ fn a_conversion_that_is_interrupted_leaves_no_file_and_one_that_is_killed_none_o
         // The test's own patience, not a promise.
         let grows = (0..6000).any(|_| {
             std::thread::sleep(Duration::from_millis(5));
-            folder.join("out.csv.part").metadata().is_ok_and(|part| part.len() > 100_000)
+            // It grows without a name, but among the files the program has open.
+            let open = fs::read_dir(format!("/proc/{}/fd", child.id())).into_iter().flatten();
+            open.flatten().any(|file| {
+                let of = fs::metadata(file.path());
+                of.is_ok_and(|of| of.is_file() && of.nlink() == 0 && of.len() > 100_000)
+            })
         });
         let pid = Pid::from_child(&child);
         kill_process(pid, signal).expect("a signal");
         let status = child.wait().expect("its end");
         assert!(grows, "{signal:?}: nothing was written");
         assert_eq!(status.code(), code, "{signal:?}");
-        assert_eq!(names(), left, "{signal:?}");
+        assert_eq!(names(), ["long.c3d", "out.csv.part"], "{signal:?}");
     }
-    // What the killed one left is in nobody's way.
     let done = gaitway().args(["convert", &file]).arg(folder.join("out.csv")).output();
     let done = done.expect("it runs");
     assert_eq!(done.status.code(), Some(0), "{}", words(&done));
-    assert_eq!(names(), ["long.c3d", "out.csv"]);
+    assert_eq!(names(), ["long.c3d", "out.csv", "out.csv.part"]);
+    assert_eq!(fs::read(folder.join("out.csv.part")).expect("a file"), b"precious");
 }
 
 #[test]

@@ -81,7 +81,7 @@ pub struct EditList {
     pub source_sha256: Option<String>,
     /// The first and the last frame that are kept, as the file counts; all without it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub keep_frames: Option<[u64; 2]>,
+    pub keep_frames: Option<Vec<u64>>,
     /// Minutes that a person spent on this list: for the table of rounds.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub minutes: Option<f64>,
@@ -156,7 +156,14 @@ impl EditList {
     /// # Errors
     /// Frames that the file does not have, or none.
     pub fn kept(&self, first_frame: u64, frames: usize) -> Result<Range<usize>, Error> {
-        let Some([first, last]) = self.keep_frames else { return Ok(0..frames) };
+        let Some(kept) = &self.keep_frames else { return Ok(0..frames) };
+        let [first, last] = *kept.as_slice() else {
+            let kept: Vec<String> = kept.iter().map(u64::to_string).collect();
+            return Err(Error::of(ErrorKind::Malformed, "not the ends of what is kept")
+                .at("keep_frames")
+                .got(format!("[{}]", kept.join(", ")))
+                .allowed("two numbers: the first frame that is kept, and the last"));
+        };
         let end = first_frame.saturating_add(frames as u64);
         if first < first_frame || first > last || last >= end {
             return Err(Error::of(ErrorKind::OutsideLimits, "the file has no such frames")

@@ -4,15 +4,13 @@ use super::edits::{Change, EditStep, Filled};
 use super::sha256::Sha256;
 use super::trial::Trial;
 use crate::error::{Error, ErrorKind};
-use crate::mocap::markers::{Frame, Frames, Head, Markers, PointKind, PointSample};
+use crate::mocap::markers::{
+    Frame, Frames, Head, Markers, PlacelessCount, PointKind, PointSample, USUAL_UNIT_M,
+};
 use glam::DVec3;
 use std::collections::BTreeSet;
 use std::ops::Range;
 
-/// Millimetres: what laboratories use where nothing is said.
-const USUAL_UNIT_M: f64 = 1e-3;
-/// A marker that is never further from the origin may well be there, m.
-const ORIGIN_M: f64 = 0.05;
 /// Endings of the four points that Plug-in Gait stores of each bone.
 const BONE_ENDINGS: [char; 4] = ['O', 'A', 'L', 'P'];
 
@@ -77,31 +75,20 @@ pub fn source_and(markers: &Markers, named: &BTreeSet<String>) -> Result<SourceM
             .got(format!("{} frames of {} markers", head.frames, points.len()))
             .remedy("cut the capture into shorter files")
     })?;
-    let (mut at_origin, mut of_markers) = (0_usize, 0_usize);
+    let mut placeless = PlacelessCount::default();
     for (marker, point) in points.iter().enumerate() {
-        let mut placeholders = Vec::new();
-        let mut away_m: f64 = 0.0;
         for frame in 0..head.frames {
             let sample = markers.sample(frame, *point);
-            let place = sample.map(|of| metres(of.position, metres_per_unit));
-            placeholders.extend(place.filter(|place| *place == DVec3::ZERO).map(|_| frame));
-            away_m = place.map_or(away_m, |place| away_m.max(place.length()));
-            trial.put(marker, frame, place);
+            trial.put(marker, frame, sample.map(|of| metres(of.position, metres_per_unit)));
         }
-        // Some programs write a marker that was not seen to the very origin.
-        if !placeholders.is_empty() && away_m > ORIGIN_M {
-            (at_origin, of_markers) = (at_origin + placeholders.len(), of_markers + 1);
-            placeholders.into_iter().for_each(|frame| trial.put(marker, frame, None));
-        }
+        let found = markers.placeless(*point, metres_per_unit);
+        placeless.add(&found);
+        found.at_origin.into_iter().for_each(|frame| trial.put(marker, frame, None));
         if trial.seen_runs(marker).is_empty() {
             notes.push(format!("{} is never seen: left", trial.labels()[marker]));
         }
     }
-    if at_origin > 0 {
-        notes.push(format!(
-            "{at_origin} samples of {of_markers} markers are at the very origin: taken for not seen"
-        ));
-    }
+    notes.extend(placeless.notes());
     Ok(SourceMarkers { trial, points, metres_per_unit, notes })
 }
 

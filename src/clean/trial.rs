@@ -1,13 +1,11 @@
 //! Markers as cleaning sees them: places over frames, in metres, with room for what is not there.
 
+use crate::mocap::markers::FARTHEST_M;
 use glam::DVec3;
 use std::ops::Range;
 
 /// More frames than any trial has.
 const MOST_FRAMES: usize = 1 << 40;
-
-/// What is farther away than this is no place of a marker, m: it is taken as not seen.
-const FARTHEST_M: f64 = 1e3;
 
 /// The markers of one trial.
 #[derive(Clone, Debug, PartialEq)]

@@ -2,8 +2,8 @@
 //! applied again.
 
 use super::clean_aids::{AidFiles, NamedAids, found};
-use super::clean_check::marker_files_in;
-use super::markers::write;
+use super::clean_check::{cut_off, marker_files_in};
+use super::markers::written;
 use super::observer::{Event, Observer};
 use super::page;
 use super::report::Outcome;
@@ -18,7 +18,7 @@ use crate::clean::source::{
     Cleaned, CroppedFrames, Digest, NamedSamples, SourceMarkers, digest, source_and,
 };
 use crate::clean::trial::{Gap, Trial};
-use crate::draft::{check_free, write_file};
+use crate::draft::{Drafts, check_free};
 use crate::error::{Error, ErrorKind};
 use crate::mocap::marker_files;
 use crate::mocap::markers::{FramesOf, Head, Markers};
@@ -227,7 +227,8 @@ pub(super) fn clean_with(
     }
     let mut cleaned =
         CroppedFrames::new(Cleaned::new(&markers, &source, &steps, &filled), keep.clone());
-    let left_out = write(&order.file, order.replace, kind, &mut cleaned, observer)?;
+    let mut made = Drafts::default();
+    let left_out = written(&mut made, &order.file, order.replace, kind, &mut cleaned, observer)?;
     let named = NamedSamples::by(&steps, &source, head);
     let is_good = |point: usize, frame: usize| {
         keep.contains(&frame) && markers.sample(frame, point).is_some() && !named.has(point, frame)
@@ -240,7 +241,8 @@ pub(super) fn clean_with(
             Some(&mut Cleaned::new(&markers, &source, &steps, &filled)),
         )?;
         scene.spans.extend(plan.artefacts.iter().map(ArtefactFigures::span));
-        write_file(path, order.replace, html(order, &plan, scene)?.as_bytes())?;
+        let page = html(order, &plan, head.lost_frames, scene)?;
+        made.write(path, order.replace, page.as_bytes())?;
     }
     if !is_given {
         let mut list = EditList {
@@ -257,9 +259,14 @@ pub(super) fn clean_with(
         let named = used(&files, &list)?;
         (list.static_trial, list.other_trials) = (named.static_trial, named.others);
         list.aids_sha256 = named.sha256;
-        write_file(&list_file, order.replace, list.to_text()?.as_bytes())?;
+        made.write(&list_file, order.replace, list.to_text()?.as_bytes())?;
     }
-    let notes = head.notes.iter().chain(&source.notes).chain(&plan.notes).chain(&left_out);
+    made.keep()?;
+    let told =
+        cut_off(head.lost_frames).into_iter().chain(late_clock(head, source.trial.rate_hz()));
+    let told: Vec<String> = told.collect();
+    let notes = told.iter().chain(&head.notes).chain(&source.notes).chain(&plan.notes);
+    let notes = notes.chain(&left_out);
     let is_whole = plan.artefacts.iter().all(ArtefactFigures::is_mended)
         && head.lost_frames == 0
         && unfilled == 0;
@@ -283,6 +290,17 @@ pub(super) fn clean_with(
         person_minutes,
         edits: list_file.display().to_string(),
         written: order.file.display().to_string(),
+    })
+}
+
+/// Says that times here begin later than those of events.
+fn late_clock(head: &Head, rate_hz: f64) -> Option<String> {
+    let before_s = head.first_frame.saturating_sub(1) as f64 / rate_hz;
+    (before_s > 0.0).then(|| {
+        format!(
+            "times count from the first frame here, frame {} of the capture: events count {before_s:.3} s more",
+            head.first_frame
+        )
     })
 }
 
@@ -318,7 +336,12 @@ fn tell_unfilled(
 }
 
 /// The page: markers as they are now, and as they were, with everything that is wrong on the time line.
-fn html(order: &CleanOrder, plan: &Plan, scene: ViewScene) -> Result<String, Error> {
+fn html(
+    order: &CleanOrder,
+    plan: &Plan,
+    lost_frames: u64,
+    scene: ViewScene,
+) -> Result<String, Error> {
     let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
     for artefact in &plan.artefacts {
         *counts.entry(artefact.kind.word()).or_default() += 1;
@@ -330,7 +353,11 @@ fn html(order: &CleanOrder, plan: &Plan, scene: ViewScene) -> Result<String, Err
     ViewPage {
         title: format!("{} cleaned to {}", order.markers.display(), order.file.display()),
         summary_rows: rows.chain([duration]).collect(),
-        warnings: (left > 0).then(|| format!("{left} found and not mended")).into_iter().collect(),
+        warnings: (left > 0)
+            .then(|| format!("{left} found and not mended"))
+            .into_iter()
+            .chain(cut_off(lost_frames))
+            .collect(),
         notes: plan.notes.clone(),
         scene,
     }
@@ -377,7 +404,14 @@ fn read_list(path: &Path) -> Result<EditList, Error> {
             .at(path.display().to_string())
             .got(cause.to_string())
     };
-    let length = std::fs::metadata(path).map_err(read)?.len();
+    let found = std::fs::metadata(path).map_err(read)?;
+    if !found.is_file() {
+        return Err(Error::new("an edit list is a file")
+            .at(path.display().to_string())
+            .got("a folder, a pipe or a device")
+            .remedy("name a file that `gaitway clean` wrote, or one that is to be written"));
+    }
+    let length = found.len();
     if length > MAX_BYTES as u64 {
         return Err(Error::of(ErrorKind::OutsideLimits, "the edit list is too large")
             .at(path.display().to_string())

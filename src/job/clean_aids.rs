@@ -135,7 +135,8 @@ impl AidFiles {
 }
 
 fn read_static(file: Option<&Path>) -> Result<Option<Arc<(PathBuf, Markers)>>, Error> {
-    let read = |file: &Path| Ok(Arc::new((file.to_owned(), marker_files::read(file, None)?)));
+    let read =
+        |file: &Path| Ok(Arc::new((file.to_owned(), marker_files::read_places(file, None)?)));
     file.map(read).transpose()
 }
 

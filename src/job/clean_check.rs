@@ -37,7 +37,7 @@ pub struct CheckOrder {
 /// What was found.
 #[derive(Clone, Debug, Serialize)]
 pub struct CheckReport {
-    /// `done`, or `done_with_loss` if a trial has more wrong with it than allowed or cannot be read.
+    /// `done`, or `done_with_loss` if a trial has more wrong with it than allowed, is cut off or cannot be read.
     pub outcome: Outcome,
     /// More doubt than this fails.
     pub most_doubt: f64,
@@ -65,10 +65,20 @@ pub struct TrialFigures {
     pub joint_count: usize,
     /// From the first frame to the last, s.
     pub duration_s: f64,
+    /// Frames that the file claims and does not hold: it is cut off.
+    pub lost_frames: u64,
     /// What is above its threshold: `doubt`, or a kind of artefact.
     pub above: Vec<String>,
     /// Why it cannot be read.
     pub error: Option<String>,
+}
+
+impl TrialFigures {
+    /// That it is cut off, behind a row of a table; nothing if it is not.
+    #[must_use]
+    pub fn cut_off(&self) -> String {
+        cut_off(self.lost_frames).map_or_else(String::new, |said| format!(" ({said})"))
+    }
 }
 
 /// Looks at trials.
@@ -109,11 +119,17 @@ pub fn check(order: &CheckOrder, observer: &dyn Observer) -> Result<CheckReport,
     for trial in &mut trials {
         trial.above = allowed.above(trial);
     }
-    let is_good = trials.iter().all(|of| of.above.is_empty());
+    let is_good = trials.iter().all(|of| of.above.is_empty() && of.lost_frames == 0);
     let outcome = if is_good { Outcome::Done } else { Outcome::DoneWithLoss };
     let thresholds = allowed.file.map(|file| file.display().to_string());
     let Allowed { most_doubt, most, .. } = allowed;
     Ok(CheckReport { outcome, most_doubt, most, thresholds, trials })
+}
+
+/// Says that a file is cut off.
+pub(super) fn cut_off(lost_frames: u64) -> Option<String> {
+    (lost_frames > 0)
+        .then(|| format!("the file is cut off: {lost_frames} frames that it claims are not there"))
 }
 
 /// What a trial may have wrong with it.
@@ -233,6 +249,7 @@ pub(super) fn looked_at(file: &Path, rate_hz: Option<f64>) -> TrialFigures {
         marker_count: 0,
         joint_count: 0,
         duration_s: 0.0,
+        lost_frames: 0,
         above: Vec::new(),
         error: None,
     };
@@ -241,8 +258,13 @@ pub(super) fn looked_at(file: &Path, rate_hz: Option<f64>) -> TrialFigures {
             joints_of(file, rate_hz, &mut figures).err().map(|error| error.in_one_line());
         return figures;
     }
-    let trial = match marker_files::read(file, rate_hz).and_then(|markers| source(&markers)) {
-        Ok(source) => source.trial,
+    let read = marker_files::read(file, rate_hz);
+    let read = read.and_then(|markers| Ok((source(&markers)?, markers.head().lost_frames)));
+    let trial = match read {
+        Ok((source, lost_frames)) => {
+            figures.lost_frames = lost_frames;
+            source.trial
+        }
         Err(error) => {
             figures.error = Some(error.in_one_line());
             return figures;

@@ -3,7 +3,7 @@
 
 use super::clean::{CleanOrder, clean_with};
 use super::clean_aids::{AidFiles, OtherTrial};
-use super::clean_check::{Allowed, TrialFigures, looked_at, marker_files_in};
+use super::clean_check::{Allowed, TrialFigures, cut_off, looked_at, marker_files_in};
 use super::observer::{Event, Nobody, Observer};
 use super::report::Outcome;
 use crate::clean::artefact::ArtefactKind;
@@ -39,7 +39,7 @@ const MOST_BYTES: u64 = 1 << 26;
 /// What came of it.
 #[derive(Clone, Debug, Serialize)]
 pub struct FolderReport {
-    /// `done`, or `done_with_loss` if a trial is still above what is allowed or cannot be cleaned.
+    /// `done`, or `done_with_loss` if a trial is still above what is allowed, is cut off or cannot be cleaned.
     pub outcome: Outcome,
     /// More doubt than this fails.
     pub most_doubt: f64,
@@ -76,6 +76,8 @@ pub struct RoundFigures {
     pub artefacts: usize,
     /// Of these not mended.
     pub not_mended: usize,
+    /// Frames that the file claims and does not hold: it is cut off.
+    pub lost_frames: u64,
     /// What is above its threshold after cleaning.
     pub above: Vec<String>,
     /// Where it was written.
@@ -84,6 +86,14 @@ pub struct RoundFigures {
     pub edits: Option<String>,
     /// Why it could not be cleaned.
     pub error: Option<String>,
+}
+
+impl RoundFigures {
+    /// That it is cut off, behind a row of a table; nothing if it is not.
+    #[must_use]
+    pub fn cut_off(&self) -> String {
+        cut_off(self.lost_frames).map_or_else(String::new, |said| format!(" ({said})"))
+    }
 }
 
 /// Cleans the trials of a folder into another (`markers` and `file` of the order), in which edit lists that are there are
@@ -137,7 +147,9 @@ pub fn clean_folder(
     observer.hear(Event::Step { done: total, total, what: "trials" });
     let doubt = |of: &RoundFigures| of.doubt_after.unwrap_or(f64::INFINITY);
     figures.sort_by(|a, b| doubt(b).total_cmp(&doubt(a)).then(a.trial.cmp(&b.trial)));
-    let is_good = figures.iter().all(|of| of.above.is_empty() && of.error.is_none());
+    let is_good =
+        |of: &RoundFigures| of.above.is_empty() && of.error.is_none() && of.lost_frames == 0;
+    let is_good = figures.iter().all(is_good);
     Ok(FolderReport {
         outcome: if is_good { Outcome::Done } else { Outcome::DoneWithLoss },
         most_doubt: allowed.most_doubt,
@@ -177,7 +189,7 @@ fn trials(order: &CleanOrder) -> Result<Vec<PathBuf>, Error> {
 fn of_trial(order: &CleanOrder, trial: &Path, aids: &AidFiles, allowed: &Allowed) -> RoundFigures {
     let begun = Instant::now();
     let (from, to) = (order.markers.join(trial), order.file.join(trial));
-    let list = to.with_extension("edits.toml");
+    let list = edit_list(&to);
     let by_edit_list = list.exists();
     let before = looked_at(&from, order.rate_hz);
     let folder = to.parent().map_or(Ok(()), std::fs::create_dir_all);
@@ -205,6 +217,7 @@ fn of_trial(order: &CleanOrder, trial: &Path, aids: &AidFiles, allowed: &Allowed
         artefacts_after: BTreeMap::new(),
         artefacts: 0,
         not_mended: 0,
+        lost_frames: before.lost_frames,
         above: Vec::new(),
         written: None,
         edits: None,
@@ -226,6 +239,13 @@ fn of_trial(order: &CleanOrder, trial: &Path, aids: &AidFiles, allowed: &Allowed
     }
     figures.machine_s = begun.elapsed().as_secs_f64();
     figures
+}
+
+/// Where the edit list of a cleaned trial is: under its whole name, since `walk.c3d` and `walk.trc` are two.
+fn edit_list(cleaned: &Path) -> PathBuf {
+    let mut name = cleaned.file_name().unwrap_or_default().to_owned();
+    name.push(".edits.toml");
+    cleaned.with_file_name(name)
 }
 
 /// Thresholds go where the trials go.

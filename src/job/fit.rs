@@ -9,7 +9,7 @@ use super::source::fit_markers;
 use crate::action::table;
 use crate::body::proportions::proximal_joint;
 use crate::body::{JointAngles, Proportions, Segment, SegmentPose, segment_name};
-use crate::draft::{check_apart, check_free, write_file};
+use crate::draft::{Drafts, check_apart, check_free};
 use crate::error::{Error, ErrorKind};
 use crate::mocap::bvh;
 use crate::mocap::c3d;
@@ -149,7 +149,7 @@ fn hips_shown(order: &FitOrder) -> Result<(FitSettings, Vec<String>), Error> {
     let mut settings = order.settings.clone();
     let mut best: [Option<FunctionalHip>; 2] = [None; 2];
     for path in &order.hip_trials {
-        let motion = marker_files::read(path, None)?;
+        let motion = marker_files::read_places(path, None)?;
         for hip in functional::hips(&motion, &settings).map_err(|error| error.in_file(path))? {
             let known = &mut best[hip.side as usize];
             if known.is_none_or(|known| known.spread_rad < hip.spread_rad) {
@@ -201,6 +201,7 @@ pub fn fit(order: &FitOrder) -> Result<FitReport, Error> {
         fitted.notes.extend(bones.notes.iter().filter(|note| !known.contains(note)).cloned());
     }
     let capture = fitted.capture();
+    let mut made = Drafts::default();
     for (file, kind) in &files {
         if let Some(folder) = file.parent().filter(|folder| !folder.as_os_str().is_empty()) {
             std::fs::create_dir_all(folder).map_err(|cause| {
@@ -232,8 +233,9 @@ pub fn fit(order: &FitOrder) -> Result<FitReport, Error> {
             }
             (FitFile::Segments, _) => segments(&capture.poses, capture.rate_hz)?,
         };
-        write_file(file, order.replace, &bytes)?;
+        made.write(file, order.replace, &bytes)?;
     }
+    made.keep()?;
     let mut report = report(order, &fitted, &files);
     for bone in fine.iter().flat_map(|(bones, _)| bones.bones()) {
         let BoneFit { name, length_m, residual_m, unseen_frames } = bone;
@@ -245,8 +247,8 @@ pub fn fit(order: &FitOrder) -> Result<FitReport, Error> {
 /// The 21 bones laid over the trial, and its head.
 fn fine_bones(order: &FitOrder, settings: &FitSettings) -> Result<(FittedBones, Head), Error> {
     let stands = order.static_trial.as_deref();
-    let stands = stands.map(|path| marker_files::read(path, None)).transpose()?;
-    let trial = marker_files::read(&order.trial, order.rate_hz)?;
+    let stands = stands.map(|path| marker_files::read_places(path, None)).transpose()?;
+    let trial = marker_files::read_places(&order.trial, order.rate_hz)?;
     let bones = fit_bones(stands.as_ref(), &trial, settings);
     let bones = bones.map_err(|error| error.in_file(&order.trial))?;
     Ok((bones, trial.head().clone()))

@@ -338,7 +338,7 @@ fn of_markers(path: &Path, options: &CaptureOptions) -> Result<MarkerOverview, E
     }
     let mut reader = marker_files::open(path)?;
     if let Some(rate_hz) = options.rate_hz {
-        reader.set_rate(rate_hz);
+        reader.take_rate(rate_hz)?;
     }
     let head = reader.head().clone();
     let is_marker = |at: &usize| head.points.get(*at).is_some_and(|p| p.kind == PointKind::Marker);

@@ -3,12 +3,12 @@
 use super::observer::{Event, Observer};
 use super::pending::go_on;
 use super::report::Outcome;
-use crate::draft::{Draft, check_free};
+use crate::draft::{Draft, Drafts, check_free};
 use crate::error::{Error, ErrorKind};
 use crate::mocap::markers::{Frame, Frames, Head, MarkerFormat};
 use crate::mocap::{c3d, csm, marker_files, marker_table, trc};
 use serde::Serialize;
-use std::io::{BufWriter, Write};
+use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
 /// Frames between two words about progress.
@@ -62,7 +62,7 @@ pub fn convert(order: &MarkersOrder, observer: &dyn Observer) -> Result<MarkersR
     check_free(&order.file, order.replace)?;
     let mut reader = marker_files::open(&order.markers)?;
     if let Some(rate_hz) = order.rate_hz {
-        reader.set_rate(rate_hz);
+        reader.take_rate(rate_hz)?;
     }
     let head = reader.head().clone();
     let in_file = |error: Error| match error.place {
@@ -85,11 +85,27 @@ pub fn convert(order: &MarkersOrder, observer: &dyn Observer) -> Result<MarkersR
     })
 }
 
-/// Writes frames as one kind of file. What could not be written is in the notes that come back.
+/// Writes frames as one kind of file.
+fn write(
+    file: &Path,
+    replace: bool,
+    kind: MarkerFormat,
+    frames: &mut dyn Frames,
+    observer: &dyn Observer,
+) -> Result<Vec<String>, Error> {
+    let mut files = Drafts::default();
+    let left_out = written(&mut files, file, replace, kind, frames, observer)?;
+    files.keep()?;
+    Ok(left_out)
+}
+
+/// Writes frames as one kind of file, which is still to be kept. What could not be written is in the notes that come
+/// back.
 ///
 /// # Errors
 /// A file that exists or cannot be written, frames that cannot be read, a rate or unit that nobody knows.
-pub(super) fn write(
+pub(super) fn written(
+    files: &mut Drafts,
     file: &Path,
     replace: bool,
     kind: MarkerFormat,
@@ -113,8 +129,7 @@ pub(super) fn write(
         let is_of_this = error.kind == ErrorKind::Io && error.place.is_none() && !told.is_unread;
         if is_of_this { error.at(file.display().to_string()) } else { error }
     })?;
-    let mut draft = out.into_inner().map_err(|cause| unwritable(cause.into_error()))?;
-    draft.flush().and_then(|()| draft.keep()).map_err(unwritable)?;
+    files.add(file, out.into_inner().map_err(|cause| unwritable(cause.into_error()))?);
     Ok(left_out)
 }
 

@@ -469,8 +469,8 @@ pub fn fit_markers(
     rate_hz: Option<f64>,
     settings: &FitSettings,
 ) -> Result<Fitted, Error> {
-    let stands = static_trial.map(|path| marker_files::read(path, None)).transpose()?;
-    let markers = marker_files::read(trial, rate_hz)?;
+    let stands = static_trial.map(|path| marker_files::read_places(path, None)).transpose()?;
+    let markers = marker_files::read_places(trial, rate_hz)?;
     fit::fit(stands.as_ref(), &markers, settings).map_err(|error| error.in_file(trial))
 }
 

@@ -147,9 +147,12 @@ impl<R: Read> Reader<R> {
         Ok(reader)
     }
 
-    /// Says how many frames there are per second; what is not positive says nothing.
-    pub fn set_rate(&mut self, rate_hz: f64) {
-        self.head.set_rate(rate_hz);
+    /// Takes somebody's word for the frames per second ([`Head::take_rate`]).
+    ///
+    /// # Errors
+    /// A rate that nothing is captured with.
+    pub fn take_rate(&mut self, rate_hz: f64) -> Result<(), Error> {
+        self.head.take_rate(rate_hz)
     }
 
     /// What other programs may stumble over in this file ([`check`]).

@@ -140,7 +140,7 @@ pub fn fit(
 ) -> Result<Fitted, Error> {
     let rate_hz = rate(trial.head())?;
     let labelled = find(trial.head(), settings)?;
-    let mut notes = Vec::new();
+    let mut notes = trial.head().notes.clone();
     let missing = labelled.missing();
     if !missing.is_empty() {
         notes.push(format!("not in the trial: {}", missing.join(", ")));

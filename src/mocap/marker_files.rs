@@ -101,9 +101,17 @@ pub fn read(path: &Path, rate_hz: Option<f64>) -> Result<Markers, Error> {
         MarkerReader::Whole { markers, .. } => *markers,
     };
     if let Some(rate_hz) = rate_hz {
-        markers.set_rate(rate_hz);
+        markers.take_rate(rate_hz)?;
     }
     Ok(markers)
+}
+
+/// As [`read`], without samples that are no places ([`Markers::without_placeless`]).
+///
+/// # Errors
+/// As [`read`].
+pub fn read_places(path: &Path, rate_hz: Option<f64>) -> Result<Markers, Error> {
+    read(path, rate_hz).map(Markers::without_placeless)
 }
 
 impl MarkerReader {
@@ -125,11 +133,14 @@ impl MarkerReader {
         }
     }
 
-    /// Says how many frames there are per second, where the file does not or somebody knows better.
-    pub fn set_rate(&mut self, rate_hz: f64) {
+    /// Takes somebody's word for the frames per second ([`Head::take_rate`]).
+    ///
+    /// # Errors
+    /// A rate that nothing is captured with.
+    pub fn take_rate(&mut self, rate_hz: f64) -> Result<(), Error> {
         match self {
-            Self::Stream(reader) => reader.set_rate(rate_hz),
-            Self::Whole { markers, .. } => markers.set_rate(rate_hz),
+            Self::Stream(reader) => reader.take_rate(rate_hz),
+            Self::Whole { markers, .. } => markers.take_rate(rate_hz),
         }
     }
 }

@@ -2,7 +2,8 @@
 //!
 //! `frame` (may be missing), `time_s`, then three columns of each point: `LABEL_x_UNIT`, `LABEL_y_UNIT`,
 //! `LABEL_z_UNIT`. Places are written in metres (`_m`); `_mm`, `_cm` and other units are read as well. Without a
-//! unit it is unknown. A point that was not seen has empty cells.
+//! unit it is unknown. A point that was not seen has empty cells. What is no place has its unit, or a word that says
+//! what it is (`_angle`, `_force`, ...) where its unit does not.
 
 use crate::error::{Error, ErrorKind};
 use crate::mocap::even_times;
@@ -11,6 +12,7 @@ use crate::mocap::markers::{
     metres_of,
 };
 use crate::table::{self, Row, TableWriter};
+use std::collections::BTreeSet;
 use std::io::Write;
 
 /// Largest file read, bytes.
@@ -18,6 +20,9 @@ pub const MAX_FILE_BYTES: u64 = 256 << 20;
 /// What positions may take beside two times the file, bytes.
 const SPARE_BYTES: usize = 8 << 20;
 const POSITION_BYTES: usize = 12;
+/// What is no place.
+const KINDS: [PointKind; 5] =
+    [PointKind::Angle, PointKind::Force, PointKind::Moment, PointKind::Power, PointKind::Scalar];
 const SHAPE: &str =
     "time_s, then LABEL_x_m, LABEL_y_m, LABEL_z_m for each marker (or _mm, _cm, ...)";
 
@@ -30,8 +35,18 @@ pub fn is_of_markers(titles: &str) -> bool {
     let is_place = |title: &str| {
         part(title).is_some_and(|(_, _, unit)| unit.is_empty() || metres_of(unit).is_some())
     };
+    // Angles of markers come in threes, those of joints one by one.
+    let all: BTreeSet<&str> = titles().collect();
+    let is_of_three = |title: &str| {
+        part(title).is_some_and(|(label, _, unit)| {
+            ["x", "y", "z"]
+                .iter()
+                .all(|axis| all.contains(format!("{label}_{axis}_{unit}").as_str()))
+        })
+    };
     titles().filter(|title| is_place(title)).count() >= 3
-        && !titles().any(|title| title.ends_with("_rad") || title.ends_with("_qw"))
+        && !titles().any(|title| title.ends_with("_qw"))
+        && !titles().any(|title| title.ends_with("_rad") && !is_of_three(title))
 }
 
 /// Label, axis and unit of a column.
@@ -189,7 +204,11 @@ fn columns(titles: &[&str], head: &mut Head) -> Result<Vec<Column>, Error> {
                     }
                     let kind = kind_of(unit);
                     // One unit for all places: metres, if they are all of known length.
-                    let unit = if metres_of(unit).is_some() { "m" } else { unit };
+                    let unit = match metres_of(unit) {
+                        Some(_) => "m",
+                        None if unit == kind.word() => "",
+                        None => unit,
+                    };
                     let (label, unit) = (label.to_owned(), unit.to_owned());
                     head.points.push(MarkerPoint { label, description: String::new(), kind, unit });
                 }
@@ -231,7 +250,7 @@ fn kind_of(unit: &str) -> PointKind {
         "n" | "n/kg" => PointKind::Force,
         "nmm" | "nm" | "nmm/kg" | "nm/kg" => PointKind::Moment,
         "w" | "w/kg" => PointKind::Power,
-        _ => PointKind::Marker,
+        unit => KINDS.into_iter().find(|kind| kind.word() == unit).unwrap_or(PointKind::Marker),
     }
 }
 
@@ -254,14 +273,39 @@ pub fn write(out: &mut impl Write, frames: &mut dyn Frames) -> Result<Vec<String
     }
     let mut titles = vec!["frame".to_owned(), "time_s".to_owned()];
     let mut scales = Vec::with_capacity(head.points.len());
+    let (mut known, mut renamed, mut computed) = (BTreeSet::new(), 0_usize, 0_usize);
     for point in &head.points {
         let metres = metres_of(&point.unit).filter(|_| point.kind.is_place());
-        let unit = if metres.is_some() { "m" } else { &point.unit };
         // A unit must be one word behind the axis.
-        let unit = unit.replace(['_', ' '], "");
+        let said = point.unit.replace(['_', ' '], "");
+        let unit = match metres {
+            Some(_) => "m",
+            None if point.kind.is_place() && kind_of(&said).is_place() => &said,
+            None if point.kind.is_place() => "",
+            None if kind_of(&said) == point.kind => &said,
+            None => point.kind.word(),
+        };
+        if metres.is_none() && unit != said {
+            let of = format!("units of {} are left out: {}", point.kind.word(), point.unit);
+            notes.extend(Some(of).filter(|of| !said.is_empty() && !notes.contains(of)));
+        }
+        computed += usize::from(point.kind == PointKind::Modelled);
         let mark = if unit.is_empty() { String::new() } else { format!("_{unit}") };
-        titles.extend(["x", "y", "z"].map(|axis| format!("{}_{axis}{mark}", point.label)));
+        let mut label = point.label.clone();
+        let mut number = 2_usize;
+        while !known.insert((label.clone(), mark.clone())) {
+            label = format!("{}#{number}", point.label);
+            number += 1;
+        }
+        renamed += usize::from(number > 2);
+        titles.extend(["x", "y", "z"].map(|axis| format!("{label}_{axis}{mark}")));
         scales.push(metres.unwrap_or(1.0));
+    }
+    if renamed > 0 {
+        notes.push(format!("{renamed} points have a name that came before: `#2`, ... is added"));
+    }
+    if computed > 0 {
+        notes.push(format!("{computed} points that a model computed are places like all others"));
     }
     let mut table = TableWriter::new(out);
     table.row(&titles)?;

@@ -9,12 +9,19 @@
 //! that stands for that.
 
 use crate::error::{Error, ErrorKind};
+use crate::mocap::acclaim::RATES_HZ;
 use crate::mocap::parameters::Parameters;
 
 /// Most points of a file.
 pub const MAX_POINTS: usize = 16_384;
 /// Most analog channels of a file.
 pub const MAX_CHANNELS: usize = 16_384;
+/// What is farther from the origin than this along an axis is no place of a marker, m.
+pub const FARTHEST_M: f64 = 1e3;
+/// A marker that is never further from the origin may well be there, m.
+const ORIGIN_M: f64 = 0.05;
+/// The unit of length of files that do not say it: millimetres, which laboratories use.
+pub const USUAL_UNIT_M: f64 = 1e-3;
 
 /// The kind of file that markers came from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -286,6 +293,31 @@ impl Head {
         }
     }
 
+    /// Takes somebody's word for the frames per second; where the file says something else, that is noted.
+    ///
+    /// # Errors
+    /// A rate that nothing is captured with.
+    pub fn take_rate(&mut self, rate_hz: f64) -> Result<(), Error> {
+        if !RATES_HZ.contains(&rate_hz) {
+            return Err(Error::of(
+                ErrorKind::OutsideLimits,
+                "no rate that motion is captured with",
+            )
+            .at("frames per second")
+            .got(format!("{rate_hz} Hz"))
+            .allowed(format!("{} to {} Hz", RATES_HZ.start(), RATES_HZ.end())));
+        }
+        // A C3D file says it in 32 bits.
+        let is_same = |said_hz: &f64| (said_hz - rate_hz).abs() <= 1e-6 * rate_hz;
+        if let Some(said_hz) = self.rate_hz.filter(|said_hz| !is_same(said_hz)) {
+            self.notes.push(format!(
+                "the file says {said_hz} frames per second; taken as {rate_hz}, as told"
+            ));
+        }
+        self.set_rate(rate_hz);
+        Ok(())
+    }
+
     /// Length of the unit of places, m, if the file names one that is known.
     #[must_use]
     pub fn metres_per_unit(&self) -> Option<f64> {
@@ -337,6 +369,46 @@ pub struct Frame {
     pub points: Vec<Option<PointSample>>,
     /// Counts of the analog channels, all channels of a sample, then of the next.
     pub analog: Vec<f32>,
+}
+
+/// Frames in which a point has numbers that are no place.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Placeless {
+    /// The very origin, where some programs write a marker that was not seen; none of a marker that is never elsewhere.
+    pub at_origin: Vec<usize>,
+    /// Farther away than any laboratory is wide.
+    pub too_far: Vec<usize>,
+}
+
+/// How many samples of how many markers that is.
+#[derive(Clone, Debug, Default)]
+pub struct PlacelessCount {
+    at_origin: (usize, usize),
+    too_far: (usize, usize),
+}
+
+impl PlacelessCount {
+    /// Adds a marker.
+    pub fn add(&mut self, of: &Placeless) {
+        for (count, frames) in
+            [(&mut self.at_origin, &of.at_origin), (&mut self.too_far, &of.too_far)]
+        {
+            *count = (count.0 + frames.len(), count.1 + usize::from(!frames.is_empty()));
+        }
+    }
+
+    /// In words; none if there were none.
+    #[must_use]
+    pub fn notes(&self) -> Vec<String> {
+        let far = format!("farther than {FARTHEST_M} m away");
+        [(self.at_origin, "at the very origin"), (self.too_far, far.as_str())]
+            .into_iter()
+            .filter(|((samples, _), _)| *samples > 0)
+            .map(|((samples, markers), place)| {
+                format!("{samples} samples of {markers} markers are {place}: taken for not seen")
+            })
+            .collect()
+    }
 }
 
 /// Markers with all their frames.
@@ -410,6 +482,58 @@ impl Markers {
     /// Says how many frames there are per second; what is not positive says nothing.
     pub fn set_rate(&mut self, rate_hz: f64) {
         self.head.set_rate(rate_hz);
+    }
+
+    /// Takes somebody's word for the frames per second ([`Head::take_rate`]).
+    ///
+    /// # Errors
+    /// A rate that nothing is captured with.
+    pub fn take_rate(&mut self, rate_hz: f64) -> Result<(), Error> {
+        self.head.take_rate(rate_hz)
+    }
+
+    /// Frames in which the numbers of a point are no place, with the length of the file's unit.
+    #[must_use]
+    pub fn placeless(&self, point: usize, metres_per_unit: f64) -> Placeless {
+        let mut found = Placeless::default();
+        let mut is_elsewhere = false;
+        for frame in 0..self.head.frames {
+            let Some(PointSample { position, .. }) = self.sample(frame, point) else { continue };
+            let place = position.map(|number| f64::from(number) * metres_per_unit);
+            if place.iter().any(|number| number.abs() >= FARTHEST_M) {
+                found.too_far.push(frame);
+            } else if position == [0.0; 3] {
+                found.at_origin.push(frame);
+            }
+            is_elsewhere |=
+                place.iter().map(|number| number * number).sum::<f64>().sqrt() > ORIGIN_M;
+        }
+        if !is_elsewhere {
+            found.at_origin.clear();
+        }
+        found
+    }
+
+    /// Without samples that are no places, which is noted.
+    #[must_use]
+    pub fn without_placeless(mut self) -> Self {
+        let metres_per_unit = self.head.metres_per_unit().unwrap_or(USUAL_UNIT_M);
+        let points = self.head.points.len();
+        let mut told = PlacelessCount::default();
+        for point in 0..points {
+            if !self.head.points.get(point).is_some_and(|of| of.kind == PointKind::Marker) {
+                continue;
+            }
+            let found = self.placeless(point, metres_per_unit);
+            told.add(&found);
+            for frame in found.at_origin.into_iter().chain(found.too_far) {
+                if let Some(position) = self.positions.get_mut(frame * points + point) {
+                    *position = [f32::NAN; 3];
+                }
+            }
+        }
+        self.head.notes.extend(told.notes());
+        self
     }
 
     /// Says the number of the first frame, from 1.

@@ -2,9 +2,11 @@
 
 use super::{NamedLimits, drawable, joint_tracks, sampled};
 use crate::error::{Error, ErrorKind};
+use crate::job::clean_check::cut_off;
 use crate::job::recorder::Series;
 use crate::job::source;
 use crate::mocap::files::{self, CaptureOptions};
+use crate::mocap::markers::Frames;
 use crate::mocap::{marker_files, opensim};
 use crate::recording::{self, CycleRecord, JointRecord, RecordedJoint, Recording};
 use crate::retarget::base::{self, BasePath, Held, StandingSole};
@@ -30,8 +32,9 @@ pub fn page(path: &Path, options: &CaptureOptions) -> Result<String, Error> {
     if marker_files::format_of(path).is_some() {
         let mut reader = marker_files::open(path)?;
         if let Some(rate_hz) = options.rate_hz {
-            reader.set_rate(rate_hz);
+            reader.take_rate(rate_hz)?;
         }
+        page.warnings.extend(cut_off(reader.head().lost_frames));
         page.scene = super::body::markers(&mut reader, None)?;
     } else if files::format_of(path).is_some()
         || opensim::is_named(path)

@@ -130,9 +130,7 @@ fn points(
     let descriptions = filled(parameters.texts("POINT", "DESCRIPTIONS"), count);
     let kinds = kinds(parameters);
     let of = |(label, description): (String, String)| {
-        // Models of two subjects have one list of outputs.
-        let plain = label.rsplit(':').next().unwrap_or(&label);
-        let known = kinds.get(&label).or_else(|| kinds.get(plain));
+        let known = kind_of(&kinds, &label);
         let (kind, unit) = known.map_or((PointKind::Marker, length), |(kind, unit)| (*kind, unit));
         let unit = if kind.is_place() { length } else { unit }.to_owned();
         MarkerPoint { label, description, kind, unit }
@@ -140,26 +138,39 @@ fn points(
     labels.into_iter().zip(descriptions).map(of).collect()
 }
 
+/// Lists of points that are no markers, what they are, and where their unit is.
+pub const KINDS: [(&str, PointKind, &str); 6] = [
+    ("ANGLES", PointKind::Angle, "ANGLE_UNITS"),
+    ("FORCES", PointKind::Force, "FORCE_UNITS"),
+    ("MOMENTS", PointKind::Moment, "MOMENT_UNITS"),
+    ("POWERS", PointKind::Power, "POWER_UNITS"),
+    ("SCALARS", PointKind::Scalar, "SCALAR_UNITS"),
+    ("MODELED_MARKERS", PointKind::Modelled, "MODELED_MARKER_UNITS"),
+];
+
+/// What a point is by these lists, and its unit; none of a marker.
+pub fn kind_of<'a>(
+    kinds: &'a BTreeMap<String, (PointKind, String)>,
+    label: &str,
+) -> Option<&'a (PointKind, String)> {
+    // Models of two subjects have one list of outputs.
+    let plain = label.rsplit(':').next().unwrap_or(label);
+    kinds.get(label).or_else(|| kinds.get(plain))
+}
+
 /// What points are that are no markers: POINT:TYPE_GROUPS names pairs of a list of labels and a kind.
-fn kinds(parameters: &Parameters) -> BTreeMap<String, (PointKind, String)> {
+pub fn kinds(parameters: &Parameters) -> BTreeMap<String, (PointKind, String)> {
     let mut kinds = BTreeMap::new();
     let mut lists = parameters.texts("POINT", "TYPE_GROUPS");
     // Some files have the lists and not the index.
-    for usual in ["ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS", "MODELED_MARKERS"] {
+    for (usual, _, _) in KINDS {
         if !lists.iter().any(|list| list == usual) {
             lists.push(usual.to_owned());
         }
     }
     for list in lists {
-        let (kind, unit) = match list.as_str() {
-            "ANGLES" => (PointKind::Angle, "ANGLE_UNITS"),
-            "FORCES" => (PointKind::Force, "FORCE_UNITS"),
-            "MOMENTS" => (PointKind::Moment, "MOMENT_UNITS"),
-            "POWERS" => (PointKind::Power, "POWER_UNITS"),
-            "SCALARS" => (PointKind::Scalar, "SCALAR_UNITS"),
-            "MODELED_MARKERS" => (PointKind::Modelled, "MODELED_MARKER_UNITS"),
-            _ => continue,
-        };
+        let known = KINDS.into_iter().find(|(usual, _, _)| *usual == list);
+        let Some((_, kind, unit)) = known else { continue };
         let unit = parameters.get("POINT", unit).and_then(Parameter::first_text);
         let unit = unit.unwrap_or_default();
         for label in parameters.texts("POINT", &list) {

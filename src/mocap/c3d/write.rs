@@ -6,9 +6,12 @@
 //! Positions are written as they are held, bit for bit; residuals in the steps of the source.
 
 use super::header::{Header, MAX_EVENTS};
+use super::meaning::{self, KINDS};
 use super::section;
 use crate::error::{Error, ErrorKind};
-use crate::mocap::markers::{Frame, Frames, Head, MarkerEvent, PointSample};
+use crate::mocap::markers::{
+    Frame, Frames, Head, MarkerEvent, MarkerPoint, PointKind, PointSample,
+};
 use crate::mocap::parameters::{MAX_LENGTH, Parameter, ParameterKind, Parameters};
 use std::io::Write;
 
@@ -33,7 +36,7 @@ pub fn write(out: &mut impl Write, frames: &mut dyn Frames) -> Result<Vec<String
     })?;
     let folded = folded(&head);
     let step = if head.residual_step > 0.0 { head.residual_step } else { USUAL_STEP };
-    let parameters = agreeing(&head, rate_hz, step, &folded, &mut notes);
+    let parameters = agreeing(&head, rate_hz, step, &folded, &mut notes)?;
     // Where the data begin is known once the parameters are laid out, whose length it does not change: whatever stood
     // there, a long list perhaps, is one number then.
     let mut parameters = parameters;
@@ -142,16 +145,16 @@ fn agreeing(
     step: f32,
     folded: &[f64],
     notes: &mut Vec<String>,
-) -> Parameters {
+) -> Result<Parameters, Error> {
     let mut parameters = head.parameters.clone();
     notes.extend(parameters.make_names_unique());
     let mut all = Agreeing { parameters, notes };
-    all.points(head, rate_hz, step);
+    all.points(head, rate_hz, step)?;
     all.analog(head, rate_hz, folded);
     all.plates();
     all.trial(head);
     all.events(&head.events);
-    all.parameters
+    Ok(all.parameters)
 }
 
 struct Agreeing<'a> {
@@ -249,7 +252,7 @@ impl Agreeing<'_> {
         }
     }
 
-    fn points(&mut self, head: &Head, rate_hz: f64, step: f32) {
+    fn points(&mut self, head: &Head, rate_hz: f64, step: f32) -> Result<(), Error> {
         let points = head.points.len();
         self.int("POINT", "USED", points);
         self.int("POINT", "FRAMES", head.frames.min(LONGEST));
@@ -275,6 +278,37 @@ impl Agreeing<'_> {
         self.texts("POINT", "LABELS", &labels);
         let words: Vec<String> = head.points.iter().map(|p| p.description.clone()).collect();
         self.texts("POINT", "DESCRIPTIONS", &words);
+        self.kinds(head)
+    }
+
+    /// Lists what is no marker, unless the parameters tell it already.
+    fn kinds(&mut self, head: &Head) -> Result<(), Error> {
+        for (list, kind, unit) in KINDS {
+            let known = meaning::kinds(&self.parameters);
+            let is_told = |point: &&MarkerPoint| {
+                let told = meaning::kind_of(&known, &point.label);
+                told.map_or(PointKind::Marker, |(kind, _)| *kind) == point.kind
+            };
+            let of_kind = || head.points.iter().filter(|point| point.kind == kind);
+            let Some(first) = of_kind().next().filter(|_| !of_kind().all(|of| is_told(&of))) else {
+                continue;
+            };
+            let labels: Vec<String> = of_kind().map(|point| point.label.clone()).collect();
+            self.texts("POINT", list, &labels);
+            if !kind.is_place() && !first.unit.is_empty() {
+                self.text("POINT", unit, &first.unit);
+            }
+            if let Some(other) = of_kind().find(|of| of.unit != first.unit && !kind.is_place()) {
+                let of = |point: &MarkerPoint| match point.unit.as_str() {
+                    "" => format!("{} without a unit", point.label),
+                    unit => format!("{} in {unit}", point.label),
+                };
+                return Err(Error::new(format!("a C3D file has one POINT:{unit} for all"))
+                    .got(format!("{}, {}", of(first), of(other)))
+                    .remedy("give them one unit, or write a table (.csv)"));
+            }
+        }
+        Ok(())
     }
 
     fn analog(&mut self, head: &Head, rate_hz: f64, folded: &[f64]) {
