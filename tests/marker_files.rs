@@ -126,6 +126,16 @@ fn a_table_says_what_is_no_place_and_another_file_made_of_it_says_it_too() {
     let kinds = |all: Vec<(String, _, String)>| all.into_iter().map(|(_, kind, _)| kind);
     assert!(kinds(told(&read)).eq(kinds(expected)), "{:?}", told(&read));
     assert_eq!(positions(&read), positions(&markers));
+    // What holds places alone is not written without any.
+    let titles = "time_s,A_x_deg,A_y_deg,A_z_deg\n0,1,2,3\n0.01,1,2,3\n";
+    let angles = marker_table::parse(titles.as_bytes()).expect("read");
+    let mut none = FramesOf::new(&angles);
+    for refused in
+        [trc::write(&mut Vec::new(), "a", &mut none), csm::write(&mut Vec::new(), "a", &mut none)]
+    {
+        let refused = refused.expect_err("nothing to write").to_string();
+        assert!(refused.contains("1 points that are angles"), "{refused}");
+    }
     let table = |name: &str| MIXED.lines().next().expect("titles").replace("LANK#2", name);
     assert!(marker_table::parse(table("LANK").as_bytes()).is_err(), "a column comes twice");
     assert!(!marker_table::is_of_markers("time_s,base_x_m,base_y_m,base_z_m,left_knee_x_rad"));

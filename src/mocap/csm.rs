@@ -232,6 +232,7 @@ pub fn write(
     frames: &mut dyn Frames,
 ) -> Result<Vec<String>, Error> {
     let head = frames.head().clone();
+    let places = head.places()?;
     let rate_hz = head.rate_hz.ok_or_else(|| {
         Error::new("frames per second are not known, and a CSM file must say them")
             .remedy("say them: --rate HZ")
@@ -241,9 +242,6 @@ pub fn write(
             .remedy("write a .csv or a .c3d file")
     })?;
     let scale = (scale * 1000.0) as f32;
-    let places: Vec<usize> = (0..head.points.len())
-        .filter(|&at| head.points.get(at).is_some_and(|p| p.kind.is_place()))
-        .collect();
     let mut notes = Vec::new();
     let left = [
         (head.points.len() - places.len(), "points that are no places (angles, forces, ...)"),

@@ -264,6 +264,9 @@ pub fn write(out: &mut impl Write, frames: &mut dyn Frames) -> Result<Vec<String
         Error::new("frames per second are not known, and the table has a column of times")
             .remedy("say them: --rate HZ")
     })?;
+    if head.points.is_empty() {
+        head.places()?;
+    }
     let mut notes = Vec::new();
     if !head.analog.channels.is_empty() {
         notes.push(format!("{} analog channels are left out", head.analog.channels.len()));

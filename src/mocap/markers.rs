@@ -318,6 +318,24 @@ impl Head {
         Ok(())
     }
 
+    /// Indices of the points that are places.
+    ///
+    /// # Errors
+    /// If there is none: nothing is left for a kind of file that holds places alone.
+    pub fn places(&self) -> Result<Vec<usize>, Error> {
+        let is_place = |at: &usize| self.points.get(*at).is_some_and(|of| of.kind.is_place());
+        let places: Vec<usize> = (0..self.points.len()).filter(is_place).collect();
+        if !places.is_empty() {
+            return Ok(places);
+        }
+        Err(Error::of(ErrorKind::Absent, "there are no places of markers to write")
+            .got(match self.points.len() {
+                0 => "no points at all".to_owned(),
+                others => format!("{others} points that are angles, forces or the like"),
+            })
+            .remedy("`gaitway info` tells what is in the file; .csv and .c3d hold what is no place, too"))
+    }
+
     /// Length of the unit of places, m, if the file names one that is known.
     #[must_use]
     pub fn metres_per_unit(&self) -> Option<f64> {

@@ -207,6 +207,7 @@ pub fn write(
     frames: &mut dyn Frames,
 ) -> Result<Vec<String>, Error> {
     let head = frames.head().clone();
+    let places = head.places()?;
     let rate_hz = head.rate_hz.ok_or_else(|| {
         Error::new("frames per second are not known, and a TRC file must say them")
             .remedy("say them: --rate HZ")
@@ -215,9 +216,6 @@ pub fn write(
         return Err(Error::new("the unit of length is not known, and a TRC file must say it")
             .remedy("write a .csv or a .c3d file"));
     }
-    let places: Vec<usize> = (0..head.points.len())
-        .filter(|&at| head.points.get(at).is_some_and(|p| p.kind.is_place()))
-        .collect();
     let mut notes = Vec::new();
     let others = head.points.len() - places.len();
     if others > 0 {
