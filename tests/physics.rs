@@ -94,3 +94,74 @@ fn a_library_user_gives_weight_as_the_command_does() {
     let physics = report.physics.expect("weight");
     assert_eq!((physics.fell_at_s, physics.fell_on), (None, None));
 }
+
+/// How a standing OP3 fares under a fault script: when it fell, s since its torque was on.
+fn under(script: &str) -> Option<f64> {
+    use gaitway::job::weight;
+    use gaitway_sim::{Options, Script, World};
+    let robot = gaitway_profiles::robot("op3").expect("a robot");
+    let script = Script::parse(script).expect("a script");
+    let mut world = World::new(&robot, script.apply(Options::default())).expect("a world");
+    let witness = weight::give(&mut world, &robot, false).expect("a body");
+    for joint in &robot.joints {
+        world.preset(&joint.name, "Torque Enable", 1).expect("a servo");
+    }
+    for step in 1..=600 {
+        world.run_until(step * 10_000_000);
+    }
+    witness.fall().map(|fall| fall.at_s)
+}
+
+#[test]
+fn a_robot_that_stands_bears_a_small_push_and_a_gentle_slope_and_falls_under_great_ones() {
+    assert_eq!(under(""), None);
+    // 3.1 kg: a tenth of its weight for a tenth of a second, then as much as its weight.
+    let push = |force_n: f64, way: &str| {
+        format!("[[fault]]\nkind = 'push'\n{way} = {force_n}\nfrom_s = 2\nuntil_s = 2.1\n")
+    };
+    for way in ["ahead_n", "left_n"] {
+        for sign in [1.0, -1.0] {
+            assert_eq!(under(&push(3.0 * sign, way)), None, "{way} {sign}");
+            let fell_s = under(&push(45.0 * sign, way)).expect("it falls");
+            assert!((2.0..3.5).contains(&fell_s), "{way} {sign}: {fell_s}");
+        }
+    }
+    let slope = |ahead_rad: f64| {
+        format!("[[fault]]\nkind = 'slope'\nahead_rad = {ahead_rad}\nfrom_s = 2\n")
+    };
+    assert_eq!(under(&slope(0.05)), None);
+    let fell_s = under(&slope(0.6)).expect("it falls");
+    assert!((2.0..4.0).contains(&fell_s), "{fell_s}");
+}
+
+#[test]
+fn a_script_with_a_push_asks_for_weight() {
+    let folder = folder("physics-push");
+    std::fs::write(folder.join("push.toml"), "[[fault]]\nkind = 'push'\nahead_n = 5\n")
+        .expect("a file");
+    let arguments = ["simulate", "op3", "--pty", "port", "--faults", "push.toml"];
+    let output = gaitway().current_dir(&folder).args(arguments).output().expect("it runs");
+    assert_eq!(output.status.code(), Some(1), "{}", words(&output));
+    assert!(words(&output).contains("add --physics"), "{}", words(&output));
+}
+
+#[test]
+fn the_page_shows_where_the_weight_took_the_robot() {
+    use gaitway::job::observer::Nobody;
+    use gaitway::job::open::open;
+    use gaitway::job::play::Options;
+    let mut robot = open("op3", "sim").expect("a virtual robot");
+    let motion = robot.motion("kick-r").expect("a motion");
+    let options =
+        Options { physics: true, allow_fall: true, keep_series: true, ..Options::default() };
+    let played = robot.play_watched(&motion, options, &Nobody).expect("it plays");
+    let scene = played.scene.expect("a scene");
+    let fell = scene.spans.iter().find(|span| span.row == "fell").expect("a fall");
+    // The report counts from when torque was on, which is a little before the first cycle.
+    let told_s = played.report.physics.as_ref().and_then(|of| of.fell_at_s).expect("a fall");
+    let late_s = told_s - fell.start_s;
+    assert!((0.0..1.0).contains(&late_s), "{told_s} {fell:?}");
+    let page = gaitway::job::page::page(&played.report, scene).expect("a page");
+    assert!(page.contains("weight and servos took it"), "it says whose base it shows");
+    assert!(page.contains("fell at "), "and that it fell");
+}

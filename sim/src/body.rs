@@ -23,6 +23,16 @@ pub struct Turned {
     pub rate_rad_s: f64,
 }
 
+/// What is done to a body beside its servos and its weight.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Outside {
+    /// Forces, N, ahead, to the left and up as the robot looked when it was let go, each at the centre of mass of the
+    /// link that a joint carries, by its number, or of the first link.
+    pub forces: Vec<(Option<usize>, [f64; 3])>,
+    /// How much the floor falls ahead and to the left, rad.
+    pub slope_rad: [f64; 2],
+}
+
 /// What servos move. Joints are those of the robot's file, in its order.
 pub trait Body: Send {
     /// Somebody has put it up with joints at these angles, rad, and lets go of it: it is at rest.
@@ -30,5 +40,11 @@ pub trait Body: Send {
     fn let_go(&mut self, angles_rad: &[f64], powered_since_ns: u64);
 
     /// One step on, up to a time of the world: how all joints stand then.
-    fn step(&mut self, pushes: &[Push], step_s: f64, time_ns: u64) -> Vec<Turned>;
+    fn step(
+        &mut self,
+        pushes: &[Push],
+        outside: &Outside,
+        step_s: f64,
+        time_ns: u64,
+    ) -> Vec<Turned>;
 }

@@ -193,6 +193,26 @@ pub enum Fault {
         /// First moment after; `u64::MAX` for good.
         until_ns: u64,
     },
+    /// Somebody pushes a robot with weight ([`crate::World::give_weight`]).
+    Push {
+        /// The joint whose link is pushed; none means the robot's first link.
+        joint: Option<String>,
+        /// How hard, as [`crate::Outside::forces`].
+        force_n: [f64; 3],
+        /// First moment.
+        from_ns: u64,
+        /// First moment after; `u64::MAX` for good.
+        until_ns: u64,
+    },
+    /// The floor under a robot with weight falls.
+    Slope {
+        /// How much, as [`crate::Outside::slope_rad`].
+        slope_rad: [f64; 2],
+        /// First moment.
+        from_ns: u64,
+        /// First moment after; `u64::MAX` for good.
+        until_ns: u64,
+    },
     /// The fault happens in so many worlds of all, by the seed.
     Perhaps {
         /// 0 to 1.
@@ -200,6 +220,19 @@ pub enum Fault {
         /// Which.
         fault: Box<Fault>,
     },
+}
+
+impl Fault {
+    /// Its name in a script, if it concerns a robot with weight alone.
+    #[must_use]
+    pub fn of_weight(&self) -> Option<&'static str> {
+        match self {
+            Fault::Push { .. } => Some("push"),
+            Fault::Slope { .. } => Some("slope"),
+            Fault::Perhaps { fault, .. } => fault.of_weight(),
+            _ => None,
+        }
+    }
 }
 
 /// What happens to one status.

@@ -48,7 +48,7 @@ pub use gaitway_profiles as profiles;
 
 pub use adapter::Usb;
 pub use bench::{BenchError, BenchServos, bench, profile_name};
-pub use body::{Body, Push, Turned};
+pub use body::{Body, Outside, Push, Turned};
 pub use door::{Door, DoorError, LiveCan, PatientTime};
 pub use fault::{Damage, Fault, Struck};
 pub use hand::Hand;
@@ -78,6 +78,9 @@ pub enum SimError {
     /// A joint of a body is moved by what knows no body.
     #[error("{0} is moved by a CAN actuator, and these have no weight to move here")]
     NoWeight(String),
+    /// A fault of a robot with weight, and the robot has none.
+    #[error("a {0} needs a robot with weight")]
+    NeedsWeight(&'static str),
     /// A servo has no such register.
     #[error("{servo} has no register {register:?}")]
     UnknownRegister {

@@ -29,6 +29,10 @@ const DAMAGES: [&str; 11] = [
 ];
 const SERVO_FAULTS: [&str; 9] =
     ["silent", "overload", "reboot", "stuck", "frozen", "jump", "register", "twin", "trouble"];
+const BODY_FAULTS: [&str; 2] = ["push", "slope"];
+/// Hardest push, N, and steepest floor, rad.
+const HARDEST_N: f64 = 10_000.0;
+const STEEPEST_RAD: f64 = 1.5;
 const LINE_FAULTS: [&str; 6] = ["brownout", "slow-line", "hang-up", "blocked", "bus-off", "babble"];
 
 /// Faults and switches read from a script.
@@ -141,7 +145,7 @@ impl Script {
 /// The faults that one table stands for.
 pub(crate) fn read_fault(mut keys: Keys) -> Result<Vec<Fault>, ScriptError> {
     let kind = keys.need_text("kind")?;
-    let kinds = DAMAGES.iter().chain(&SERVO_FAULTS).chain(&LINE_FAULTS);
+    let kinds = DAMAGES.iter().chain(&SERVO_FAULTS).chain(&LINE_FAULTS).chain(&BODY_FAULTS);
     let mut faults = if DAMAGES.contains(&kind.as_str()) {
         read_damage(&kind, &mut keys)?
     } else if SERVO_FAULTS.contains(&kind.as_str()) {
@@ -150,6 +154,8 @@ pub(crate) fn read_fault(mut keys: Keys) -> Result<Vec<Fault>, ScriptError> {
         vec![read_servo_fault(&kind, joint, &mut keys)?]
     } else if LINE_FAULTS.contains(&kind.as_str()) {
         vec![read_line_fault(&kind, &mut keys)?]
+    } else if BODY_FAULTS.contains(&kind.as_str()) {
+        vec![read_body_fault(&kind, &mut keys)?]
     } else {
         let kinds: Vec<&str> = kinds.copied().collect();
         return Err(keys.wrong("kind", &format!("{kind:?}"), &kinds.join(", ")));
@@ -250,6 +256,34 @@ fn read_servo_fault(kind: &str, joint: String, keys: &mut Keys) -> Result<Fault,
             Fault::Twin { joint, turn_rad }
         }
     })
+}
+
+fn read_body_fault(kind: &str, keys: &mut Keys) -> Result<Fault, ScriptError> {
+    let (from_ns, until_ns) = keys.span()?;
+    if kind == "push" {
+        let force_n = along(["ahead_n", "left_n", "up_n"], HARDEST_N, keys)?;
+        let joint = keys.servo()?;
+        return Ok(Fault::Push { joint, force_n, from_ns, until_ns });
+    }
+    let slope_rad = along(["ahead_rad", "left_rad"], STEEPEST_RAD, keys)?;
+    Ok(Fault::Slope { slope_rad, from_ns, until_ns })
+}
+
+/// Parts of what has a direction: not all nothing.
+fn along<const N: usize>(
+    names: [&'static str; N],
+    most: f64,
+    keys: &mut Keys,
+) -> Result<[f64; N], ScriptError> {
+    let mut found = [0.0; N];
+    for (value, name) in found.iter_mut().zip(names) {
+        *value = keys.number(name, -most, most)?.unwrap_or(0.0);
+    }
+    if found == [0.0; N] {
+        let allowed = format!("at least one of {}", names.join(", "));
+        return Err(keys.missing(names[0], &allowed));
+    }
+    Ok(found)
 }
 
 fn read_line_fault(kind: &str, keys: &mut Keys) -> Result<Fault, ScriptError> {

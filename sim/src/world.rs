@@ -376,6 +376,9 @@ impl World {
             }
             Strike::Block { line, until_ns, bytes } => self.lines[line].block(until_ns, bytes),
             Strike::Unblock { line } => self.lines[line].unblock(),
+            Strike::Push { fault, servo, force_n } => self.push_body(fault, servo, force_n),
+            Strike::Relent { fault } => self.relent(fault),
+            Strike::Slope { slope_rad } => self.tilt_floor(slope_rad),
             Strike::Trouble { .. }
             | Strike::BusOff { .. }
             | Strike::Babble { .. }

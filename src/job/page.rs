@@ -312,17 +312,25 @@ pub fn page(report: &PlayReport, mut scene: ViewScene) -> Result<String, Error> 
     if let Some(at_s) = metrics.and_then(|metrics| metrics.predicted_fall_s) {
         warnings.push(format!("a robot on its own feet would fall, at {at_s:.1} s"));
     }
+    if let Some(physics) = &report.physics {
+        warnings.extend(physics.fell_words());
+    }
     if let Some(reason) = &report.stop_reason {
         let end_s = scene.duration_s;
         scene.spans.push(ViewSpan::new(SpanKind::Wrong, "stopped", reason, end_s, end_s));
     }
     let mut notes = report.notes.clone();
     if scene.robot.is_some() {
-        notes.push(
+        let weighed = report.physics.as_ref().is_some_and(|physics| physics.is_drawn);
+        notes.push(if weighed {
+            "where the base is is where the virtual robot's weight and servos took it; of several \
+             rounds of the person the first is told, and after it they stand still"
+                .to_owned()
+        } else {
             "where the base is is predicted from goals and soles; of several rounds the first is \
              told, and after it base and person stand still"
-                .to_owned(),
-        );
+                .to_owned()
+        });
     }
     let page = ViewPage {
         title: format!("{} on {}", report.motion, report.robot),

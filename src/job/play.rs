@@ -18,6 +18,7 @@ use crate::rig::{Address, Connection, calibrated, connect, patience_words};
 use crate::robot::Robot;
 use crate::robot::preflight::{Preflight, preflight};
 use crate::view::scene::ViewScene;
+use crate::view::tracks::{SpanKind, ViewSpan};
 use std::path::PathBuf;
 
 pub use crate::motion::plan::SPEEDS;
@@ -249,22 +250,36 @@ pub(super) fn play_on(
         return Ok(None);
     }
     let series = perform(connection, &found, &planned, settings, options, observer, report)?;
-    if let Some(witness) = witness {
-        describe_weight(report, connection, &witness);
+    if let Some(witness) = &witness {
+        describe_weight(report, connection, witness);
     }
     let Some((robot, series)) = series else { return Ok(None) };
+    // Only in virtual time the cycles go by the clock of the world.
+    let began = series.began.filter(|_| !connection.real_time);
+    let weighed = witness.as_ref().zip(began).and_then(|(witness, began)| {
+        Some((witness.path_since(began)?, witness.fell_since_s(began)))
+    });
     let drawn = RobotScene {
         robot: &robot,
         motion,
         planned: &planned,
         speed: options.speed,
-        base: base.as_ref(),
+        base: weighed.as_ref().map(|(path, _)| path).or(base.as_ref()),
         metrics: &metrics,
         series: &series,
     };
     // A page that cannot be made changes nothing of what was played.
     let scene = match drawn.view() {
-        Ok(scene) => scene,
+        Ok(mut scene) => {
+            if let (Some((_, fell_s)), Some(physics)) = (weighed, &mut report.physics) {
+                physics.is_drawn = true;
+                scene.spans.extend(fell_s.map(|at_s| {
+                    let on = physics.fell_on.as_deref().unwrap_or("tilted by 60\u{b0}");
+                    ViewSpan::new(SpanKind::Wrong, "fell", on, at_s, at_s)
+                }));
+            }
+            scene
+        }
         Err(error) => {
             report.notes.push(error.to_string());
             return Ok(None);

@@ -17,6 +17,8 @@ use std::sync::Arc;
 /// Series of one run, kept for the plots.
 #[derive(Debug, Default)]
 pub struct Series {
+    /// When the first cycle was, if its clock is known.
+    pub began: Option<Instant>,
     /// Time of each cycle since the first, s.
     pub time_s: Vec<f64>,
     /// Goals, by joint.
@@ -42,6 +44,7 @@ impl Series {
     fn of(joints: usize) -> Self {
         let none = || vec![Vec::new(); joints];
         Self {
+            began: None,
             time_s: Vec::new(),
             goal_rad: none(),
             goal_velocity_rad_s: none(),
@@ -243,6 +246,7 @@ impl Sink for Metered<'_> {
             self.meter.set_joint(joint, sample.goal_rad[joint], present_rad);
         }
         if let Some(series) = &mut self.recorder.series {
+            series.began = Some(began);
             series.time_s.push(time_s);
             for (index, state) in sample.states.iter().enumerate() {
                 series.goal_rad[index].push(sample.goal_rad[index]);

@@ -313,6 +313,9 @@ pub struct PhysicsReport {
     pub fell_at_s: Option<f64>,
     /// What touched the floor then that should not; null if nothing did.
     pub fell_on: Option<String>,
+    /// The page shows where the weight took it, and not where it was to be.
+    #[serde(skip)]
+    pub is_drawn: bool,
 }
 
 impl PhysicsReport {
@@ -320,7 +323,14 @@ impl PhysicsReport {
     #[must_use]
     pub fn of(fall: Option<Fall>) -> Self {
         let (fell_at_s, fell_on) = fall.map(|fall| (fall.at_s, fall.touched)).unzip();
-        Self { fell_at_s, fell_on: fell_on.flatten() }
+        Self { fell_at_s, fell_on: fell_on.flatten(), is_drawn: false }
+    }
+
+    /// The fall as a person reads it; none if it stayed up.
+    #[must_use]
+    pub fn fell_words(&self) -> Option<String> {
+        let fall = Fall { at_s: self.fell_at_s?, touched: self.fell_on.clone() };
+        Some(fall.words())
     }
 }
 

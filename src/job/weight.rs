@@ -4,15 +4,16 @@
 //! lies there. Links go through one another, and the floor is level and as rough as rubber on wood (friction 1).
 
 use crate::error::Error;
-use crate::retarget::base::{self, Held, StandingSole};
+use crate::retarget::base::{self, BasePath, Held, StandingSole};
 use crate::rigid::ground::GRAVITY_M_S2;
-use crate::rigid::{Moving, Pull, Volume};
+use crate::rigid::{Moving, Placement, Pull, Volume};
 use crate::robot::RobotBody;
+use crate::time::Instant;
 use gaitway_profiles::Robot;
-use gaitway_sim::{Body, Push, SimError, Turned, World};
+use gaitway_sim::{Body, Outside, Push, SimError, Turned, World};
 use glam::DVec3;
 use serde::Serialize;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Of soles on the floor.
 const FRICTION: f64 = 1.0;
@@ -25,6 +26,10 @@ const STOP_NM_S_RAD: f64 = 5.0;
 
 /// Where the surface of a capsule is looked at, from its ends.
 const WAYS: [DVec3; 6] = [DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y, DVec3::Z, DVec3::NEG_Z];
+
+/// How often it is kept where the base is, and how often at most: ten minutes.
+const PATH_NS: u64 = 20_000_000;
+const PATH_PLACES: usize = 30_000;
 
 /// How a robot fell.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -49,8 +54,19 @@ impl Fall {
 /// What became of a body, for whoever gave it to a world.
 #[derive(Clone, Debug)]
 pub struct Witness {
-    fall: Arc<Mutex<Option<Fall>>>,
+    seen: Arc<Mutex<Seen>>,
     can_fall: bool,
+}
+
+/// What was seen of it since it was let go.
+#[derive(Debug, Default)]
+struct Seen {
+    /// The first fall, and when, by the clock of the world, ns.
+    fall: Option<(u64, Fall)>,
+    /// When the first of the places was.
+    path_from_ns: u64,
+    places: Vec<Placement>,
+    contacts: Vec<[bool; 2]>,
 }
 
 impl Witness {
@@ -64,18 +80,38 @@ impl Witness {
         }
     }
 
+    fn seen(&self) -> MutexGuard<'_, Seen> {
+        self.seen.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
     /// The first fall, if there was one.
     #[must_use]
     pub fn fall(&self) -> Option<Fall> {
-        self.fall.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        self.seen().fall.as_ref().map(|(_, fall)| fall.clone())
     }
 
-    fn see(&self, fall: impl FnOnce() -> Fall) {
-        self.fall.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert_with(fall);
+    /// When that was since an instant of the world's clock, s.
+    #[must_use]
+    pub fn fell_since_s(&self, from: Instant) -> Option<f64> {
+        let fell_ns = self.seen().fall.as_ref().map(|(at_ns, _)| *at_ns)?;
+        Some(Instant::from_nanos(fell_ns).seconds_since(from))
     }
 
-    fn forget(&self) {
-        *self.fall.lock().unwrap_or_else(PoisonError::into_inner) = None;
+    /// Where the base was, and which feet were on the floor, from an instant of the world's clock on, ten minutes at
+    /// most; none if the robot was never let go.
+    #[must_use]
+    pub fn path_since(&self, from: Instant) -> Option<BasePath> {
+        let seen = self.seen();
+        let rate_hz = 1e9 / PATH_NS as f64;
+        let whole =
+            BasePath { rate_hz, places: seen.places.clone(), contacts: seen.contacts.clone() };
+        let late_s = from.seconds_since(Instant::from_nanos(seen.path_from_ns));
+        drop(seen);
+        let end_s = whole.places.len().checked_sub(1)? as f64 / rate_hz;
+        let count = ((end_s - late_s) * rate_hz).floor().max(0.0) as usize + 1;
+        let at = |index: usize| whole.at(late_s + index as f64 / rate_hz);
+        let (places, contacts) = (0..count.min(PATH_PLACES)).map(at).unzip();
+        Some(BasePath { rate_hz, places, contacts })
     }
 }
 
@@ -91,7 +127,7 @@ pub fn give(world: &mut World, robot: &Robot, hangs: bool) -> Result<Witness, Er
     })?;
     let soles = StandingSole::all(&body);
     let held = Held::of(&body, &soles, hangs);
-    let witness = Witness { fall: Arc::default(), can_fall: held == Held::Standing };
+    let witness = Witness { seen: Arc::default(), can_fall: held == Held::Standing };
     let ranges_rad = robot.joints.iter().map(|joint| [joint.lower_rad, joint.upper_rad]).collect();
     let weighed = Weighed {
         body,
@@ -146,17 +182,33 @@ impl Weighed {
     }
 
     fn look(&self, moving: &Moving, time_ns: u64) {
+        let mut seen = self.witness.seen();
+        if time_ns.is_multiple_of(PATH_NS) && seen.places.len() < PATH_PLACES {
+            if seen.places.is_empty() {
+                seen.path_from_ns = time_ns;
+            }
+            let mut stands = [false; 2];
+            for link in moving.on_floor() {
+                self.soles
+                    .iter()
+                    .filter(|of| of.link == link)
+                    .for_each(|of| stands[of.side] = true);
+            }
+            seen.places.push(moving.base());
+            seen.contacts.push(stands);
+        }
         if self.held != Held::Standing {
             return;
         }
         let stands = |link: &usize| self.soles.iter().any(|sole| sole.link == *link);
         let touched = moving.on_floor().find(|link| !stands(link));
         let tilted = (moving.base().turn * DVec3::Z).angle_between(DVec3::Z) > FALLEN_RAD;
-        if touched.is_some() || tilted {
-            self.witness.see(|| Fall {
+        if seen.fall.is_none() && (touched.is_some() || tilted) {
+            let fall = Fall {
                 at_s: time_ns.saturating_sub(self.powered_since_ns) as f64 * 1e-9,
                 touched: touched.map(|link| self.body.tree.links()[link].name.clone()),
-            });
+            };
+            seen.fall = Some((time_ns, fall));
         }
     }
 }
@@ -174,13 +226,23 @@ impl Body for Weighed {
             Moving::at_rest(&self.body.tree, FRICTION, GRAVITY_M_S2, corners, place, &angles);
         self.moving = Some(if stands { moving } else { moving.fixed() });
         self.powered_since_ns = powered_since_ns;
-        self.witness.forget();
+        *self.witness.seen() = Seen::default();
     }
 
-    fn step(&mut self, pushes: &[Push], step_s: f64, time_ns: u64) -> Vec<Turned> {
+    fn step(
+        &mut self,
+        pushes: &[Push],
+        outside: &Outside,
+        step_s: f64,
+        time_ns: u64,
+    ) -> Vec<Turned> {
         let tree = &self.body.tree;
         let coordinate = |joint: usize| tree.coordinate(joint + 1);
         let Some(moving) = &mut self.moving else { return vec![Turned::default(); pushes.len()] };
+        let pushed = |(joint, force_n): &(Option<usize>, [f64; 3])| {
+            (joint.map_or(0, |joint| joint + 1), DVec3::from_array(*force_n))
+        };
+        moving.disturb(outside.forces.iter().map(pushed).collect(), outside.slope_rad);
         let mut pulls = vec![Pull::default(); tree.moving()];
         for (joint, push) in pushes.iter().enumerate() {
             let Some(at) = coordinate(joint) else { continue };
@@ -219,7 +281,7 @@ mod tests {
         let body = RobotBody::of(&robot).expect("sound").expect("a body");
         let soles = StandingSole::all(&body);
         let held = Held::of(&body, &soles, hangs);
-        let witness = Witness { fall: Arc::default(), can_fall: held == Held::Standing };
+        let witness = Witness { seen: Arc::default(), can_fall: held == Held::Standing };
         let ranges_rad =
             robot.joints.iter().map(|joint| [joint.lower_rad, joint.upper_rad]).collect();
         let initial = robot.joints.iter().map(|joint| joint.initial_rad()).collect();
@@ -235,7 +297,10 @@ mod tests {
         weighed.let_go(initial, 0);
         let slack = Push { torque_nm: 0.0, gives_nm_s_rad: 0.05, armature_kg_m2: 0.003 };
         let pushes = vec![slack; initial.len()];
-        (1..=3_000).map(|ms| weighed.step(&pushes, 1e-3, ms * 1_000_000)).last().expect("steps")
+        (1..=3_000)
+            .map(|ms| weighed.step(&pushes, &Outside::default(), 1e-3, ms * 1_000_000))
+            .last()
+            .expect("steps")
     }
 
     #[test]

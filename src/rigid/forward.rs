@@ -66,6 +66,10 @@ pub struct Moving {
     is_fixed: bool,
     friction: f64,
     gravity_m_s2: f64,
+    /// Down, of length 1: on a slope not straight into the floor.
+    down: DVec3,
+    /// Forces from outside, each at the centre of mass of a link, N.
+    forces_n: Vec<(usize, DVec3)>,
     corners: Vec<Corner>,
     /// Joints that move by themselves, and how each that moves follows them: `[coordinate][own]`.
     own: Vec<usize>,
@@ -126,6 +130,8 @@ impl Moving {
             is_fixed: false,
             friction,
             gravity_m_s2,
+            down: DVec3::NEG_Z,
+            forces_n: Vec::new(),
             corners: corners.map(|(link, at_m)| Corner { link, at_m, sticks_m: None }).collect(),
             own,
             follows,
@@ -137,6 +143,14 @@ impl Moving {
     #[must_use]
     pub fn fixed(self) -> Self {
         Self { is_fixed: true, ..self }
+    }
+
+    /// What is done from outside in the steps to come: forces at the centres of mass of links, N, and how much the floor
+    /// falls along its X and Y axis, rad, less than a right angle. Axes are those of the floor.
+    pub fn disturb(&mut self, forces_n: Vec<(usize, DVec3)>, slope_rad: [f64; 2]) {
+        let [x, y] = slope_rad.map(f64::tan);
+        self.down = DVec3::new(x, y, -1.0).normalize_or(DVec3::NEG_Z);
+        self.forces_n = forces_n;
     }
 
     /// Links with a corner on the floor.
@@ -189,8 +203,7 @@ impl Moving {
         let placed = self.placed();
         let size = 6 + self.own.len();
         let mass = self.masses(&placed);
-        let efforts =
-            self.tree.inverse_dynamics(&self.motion, DVec3::new(0.0, 0.0, -self.gravity_m_s2));
+        let efforts = self.tree.inverse_dynamics(&self.motion, self.down * self.gravity_m_s2);
         let mut velocity = DVector::zeros(size);
         put(&mut velocity, 0, self.motion.velocity_m_s);
         put(&mut velocity, 3, self.motion.spin_rad_s);
@@ -208,6 +221,11 @@ impl Moving {
         let mut side = &mass * &velocity + push * step_s;
         for (row, at) in self.own.iter().enumerate() {
             side[6 + row] += pulls[*at].armature_kg_m2 * velocity[6 + row];
+        }
+        for (link, force_n) in &self.forces_n {
+            let at_m = placed[*link].point(self.tree.links()[*link].mass.centre_m);
+            let way = self.way(&placed, *link, at_m);
+            side.gemv_tr(step_s, &way, &DVector::from_column_slice(&force_n.to_array()), 1.0);
         }
         let stiffness = self.tree.mass_kg() * self.gravity_m_s2 / (4.0 * SINKS_M);
         let damping = stiffness * FLOOR_S;

@@ -110,3 +110,49 @@ fn a_swung_rod_drives_its_foot_back_on_ice_and_not_on_a_rough_floor() {
     let (foot_m, centre_m) = swung(1.0);
     assert!(foot_m.abs() < 2e-4 && centre_m > 1e-3, "{foot_m} {centre_m}");
 }
+
+#[test]
+fn a_push_gives_a_body_its_impulse_and_no_more() {
+    let tree = standing();
+    let base = Placement::at(DVec3::Z * 10.0);
+    let mut moving = Moving::at_rest(&tree, 1.0, 0.0, corners(), base, &[0.4]);
+    let force_n = DVec3::new(3.0, -1.0, 0.5);
+    let centre_m = |moving: &Moving| tree.centre_of_mass_m(&moving.placed());
+    moving.disturb(vec![(1, force_n)], [0.0; 2]);
+    for _ in 0..200 {
+        assert!(moving.drive(&SLACK, &[0.0], 0.001));
+    }
+    moving.disturb(Vec::new(), [0.0; 2]);
+    let before_m = centre_m(&moving);
+    for _ in 0..100 {
+        assert!(moving.drive(&SLACK, &[0.0], 0.001));
+    }
+    // 0.2 s on 1.5 kg, wherever it was pushed.
+    let velocity = (centre_m(&moving) - before_m) / 0.1;
+    let wanted = force_n * 0.2 / 1.5;
+    assert!(velocity.distance(wanted) < 0.02 * wanted.length(), "{velocity} {wanted}");
+}
+
+#[test]
+fn on_a_slope_a_body_stands_while_friction_holds_it_and_slides_as_a_block_beyond() {
+    let tree = standing();
+    let drive = Drive { stiffness_nm_rad: 500.0, damping_nm_s_rad: 5.0, ..SLACK };
+    let drive = Drive { torque_nm: 9.0, ..drive };
+    let friction = 0.1;
+    let slid = |slope_rad: [f64; 2]| {
+        let mut moving =
+            Moving::at_rest(&tree, friction, GRAVITY, corners(), Placement::IDENTITY, &[0.0]);
+        moving.disturb(Vec::new(), slope_rad);
+        for _ in 0..1000 {
+            assert!(moving.drive(&drive, &[0.0], 0.0005));
+        }
+        moving.base().at_m
+    };
+    assert!(slid([0.08, 0.0]).length() < 1e-3, "tan 0.08 is below 0.1");
+    for (way, slope_rad) in [(DVec3::X, [0.14, 0.0]), (DVec3::NEG_Y, [0.0, -0.14])] {
+        // Half a second downhill, by g (sin - friction cos).
+        let wanted_m = GRAVITY * (0.14_f64.sin() - friction * 0.14_f64.cos()) * 0.125;
+        let along_m = slid(slope_rad).dot(way);
+        assert!((along_m - wanted_m).abs() < 0.05 * wanted_m, "{along_m} {wanted_m}");
+    }
+}

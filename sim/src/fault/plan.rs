@@ -41,6 +41,9 @@ pub(crate) enum Strike {
     BusOff { line: usize, bus_off: bool },
     Babble { line: usize, frame: CanFrame, period_ns: u64, until_ns: u64 },
     Hush { line: usize, frame: CanFrame },
+    Push { fault: u64, servo: Option<Place>, force_n: [f64; 3] },
+    Relent { fault: u64 },
+    Slope { slope_rad: [f64; 2] },
 }
 
 /// A servo by its line and place on it.
@@ -252,6 +255,18 @@ impl Plan {
                     self.add_to_line(fault, line);
                 }
             }
+            Fault::Push { joint, force_n, from_ns, until_ns } => {
+                let servo = joint.as_ref().map(|joint| self.names.servo(joint)).transpose()?;
+                let (fault, force_n) = (self.fault, *force_n);
+                let on = joint.clone().unwrap_or_default();
+                self.plan_on_body(*from_ns, Strike::Push { fault, servo, force_n }, "push", on);
+                self.plan_end(*until_ns, Strike::Relent { fault });
+            }
+            Fault::Slope { slope_rad, from_ns, until_ns } => {
+                let strike = Strike::Slope { slope_rad: *slope_rad };
+                self.plan_on_body(*from_ns, strike, "slope", String::new());
+                self.plan_end(*until_ns, Strike::Slope { slope_rad: [0.0; 2] });
+            }
             _ => self.add_to_servo(fault)?,
         }
         Ok(())
@@ -369,6 +384,11 @@ impl Plan {
 
     fn plan(&mut self, at_ns: u64, strike: Strike, kind: &'static str, servo: Place) {
         let note = Some((kind, self.names.joint(servo)));
+        self.planned.push(Planned { at_ns, strike, note, fault: self.fault, ends: false });
+    }
+
+    fn plan_on_body(&mut self, at_ns: u64, strike: Strike, kind: &'static str, place: String) {
+        let note = Some((kind, place));
         self.planned.push(Planned { at_ns, strike, note, fault: self.fault, ends: false });
     }
 

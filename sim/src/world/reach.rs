@@ -246,6 +246,7 @@ impl World {
         for fault in faults {
             self.check_register(fault, &names)?;
             self.check_actuator(fault, &names)?;
+            self.check_weight(fault)?;
         }
         let crate::line::Shared { faults: plan, rng, .. } = &mut self.shared;
         let number = plan.begin(faults, rng)?;

@@ -6,7 +6,9 @@
 
 use super::{Placed, World};
 use crate::SimError;
-use crate::body::Body;
+use crate::body::{Body, Outside};
+use crate::fault::Fault;
+use crate::fault::plan::Place;
 use crate::motor::STEP_NS;
 
 /// So long after the last servo was switched on the robot is let go.
@@ -18,6 +20,9 @@ pub(super) struct Weight {
     /// Time of its state.
     at_ns: u64,
     held: Held,
+    outside: Outside,
+    /// Which faults push, in the order of the forces.
+    pushing: Vec<u64>,
 }
 
 /// Whether somebody holds it.
@@ -33,12 +38,19 @@ enum Held {
 
 impl Weight {
     pub fn new(body: Box<dyn Body>) -> Self {
-        Self { body, at_ns: 0, held: Held::Since { powered: 0, ns: 0 } }
+        Self {
+            body,
+            at_ns: 0,
+            held: Held::Since { powered: 0, ns: 0 },
+            outside: Outside::default(),
+            pushing: Vec::new(),
+        }
     }
 
     /// As at the start of the world.
     pub fn hold_again(&mut self) {
         (self.at_ns, self.held) = (0, Held::Since { powered: 0, ns: 0 });
+        (self.outside, self.pushing) = (Outside::default(), Vec::new());
     }
 }
 
@@ -62,6 +74,40 @@ impl World {
         self.weight = Some(Weight::new(body));
         self.bear_until(self.now_ns);
         Ok(())
+    }
+
+    /// A fault begins to push.
+    pub(super) fn push_body(&mut self, fault: u64, servo: Option<Place>, force_n: [f64; 3]) {
+        let joint = servo.and_then(|servo| self.joints.iter().position(|of| of.place == servo));
+        if let Some(weight) = &mut self.weight {
+            weight.outside.forces.push((joint, force_n));
+            weight.pushing.push(fault);
+        }
+    }
+
+    /// It pushes no longer.
+    pub(super) fn relent(&mut self, fault: u64) {
+        if let Some(weight) = &mut self.weight
+            && let Some(at) = weight.pushing.iter().position(|of| *of == fault)
+        {
+            weight.pushing.remove(at);
+            weight.outside.forces.remove(at);
+        }
+    }
+
+    /// The floor falls as much from now on.
+    pub(super) fn tilt_floor(&mut self, slope_rad: [f64; 2]) {
+        if let Some(weight) = &mut self.weight {
+            weight.outside.slope_rad = slope_rad;
+        }
+    }
+
+    /// A fault that only befalls what has weight needs it.
+    pub(super) fn check_weight(&self, fault: &Fault) -> Result<(), SimError> {
+        match fault.of_weight().filter(|_| self.weight.is_none()) {
+            Some(fault) => Err(SimError::NeedsWeight(fault)),
+            None => Ok(()),
+        }
     }
 
     /// True if it was given weight.
@@ -124,7 +170,8 @@ impl World {
             push.armature_kg_m2 /= ratio * ratio;
             pushes.push(push);
         }
-        let turned = weight.body.step(&pushes, STEP_NS as f64 * 1e-9, weight.at_ns);
+        let turned =
+            weight.body.step(&pushes, &weight.outside, STEP_NS as f64 * 1e-9, weight.at_ns);
         for (Placed { place, initial_rad, ratio, .. }, turned) in self.joints.iter().zip(turned) {
             let servo = &mut self.lines[place.line].servos[place.servo];
             servo.carry_to((turned.angle_rad - initial_rad) / ratio, turned.rate_rad_s / ratio);

@@ -1,6 +1,8 @@
 //! A servo that moves a body: a rod with a weight at its end, on a shaft that lies level.
 
-use gaitway_sim::{BenchServos, Body, Fault, Options, Push, Turned, World, bench};
+use gaitway_sim::{
+    BenchServos, Body, Fault, Options, Outside, Push, Script, SimError, Turned, World, bench,
+};
 use std::f64::consts::FRAC_PI_2;
 
 const SERVO: &str = "joint_1";
@@ -17,13 +19,17 @@ impl Body for Rod {
         self.0 = Turned { angle_rad: angles_rad[0], rate_rad_s: 0.0 };
     }
 
-    fn step(&mut self, pushes: &[Push], step_s: f64, _: u64) -> Vec<Turned> {
+    /// Of what is done from outside, what pushes its weight up.
+    fn step(&mut self, pushes: &[Push], outside: &Outside, step_s: f64, _: u64) -> Vec<Turned> {
         let [Push { torque_nm, gives_nm_s_rad, armature_kg_m2 }] = *pushes else {
             panic!("one servo")
         };
         let inertia = MASS_KG * ARM_M * ARM_M + armature_kg_m2;
         let Turned { angle_rad, rate_rad_s } = self.0;
-        let torque = torque_nm - WEIGHT_NM * angle_rad.cos();
+        let pushed = outside.forces.iter().filter(|(joint, _)| *joint == Some(0));
+        let up_n: f64 = pushed.map(|(_, [_, _, up_n])| up_n).sum();
+        let down_n = MASS_KG * GRAVITY_M_S2 * outside.slope_rad[0].cos();
+        let torque = torque_nm - (down_n - up_n) * ARM_M * angle_rad.cos();
         let rate_rad_s =
             (inertia * rate_rad_s + step_s * torque) / (inertia + step_s * gives_nm_s_rad);
         self.0 = Turned { angle_rad: angle_rad + step_s * rate_rad_s, rate_rad_s };
@@ -122,4 +128,55 @@ fn a_twin_that_comes_later_turns_by_itself_and_a_new_body_is_held_again() {
     let before = angle(&world);
     pass(&mut world, 3.0);
     assert!((angle(&world) - before).abs() < 0.01, "{before} {}", angle(&world));
+}
+
+#[test]
+fn a_script_pushes_for_as_long_as_it_says_and_a_push_of_whom_is_asked_ends_it() {
+    let mut world = world();
+    torque(&mut world, true);
+    pass(&mut world, 3.0);
+    let sagged = angle(&world);
+    let push = |from_s: f64, until_s: f64| {
+        let text = format!(
+            "[[fault]]\nkind = 'push'\njoint = '{SERVO}'\nup_n = 9.81\nfrom_s = {from_s}\nuntil_s = {until_s}\n"
+        );
+        Script::parse(&text).unwrap().faults
+    };
+    // Twice its weight, half of it until later.
+    let first = world.begin(&push(3.0, 5.0)).unwrap();
+    world.begin(&push(3.0, 7.0)).unwrap();
+    pass(&mut world, 1.9);
+    assert!((angle(&world) + sagged).abs() < 0.02 * -sagged, "{} {sagged}", angle(&world));
+    pass(&mut world, 2.0);
+    assert!(angle(&world).abs() < 0.02 * -sagged, "borne, no more: {}", angle(&world));
+    pass(&mut world, 2.0);
+    assert!((angle(&world) - sagged).abs() < 1e-3, "{} {sagged}", angle(&world));
+    assert!(world.end(first).is_err(), "it is over");
+    let struck: Vec<_> = world.take_struck();
+    assert_eq!(struck.len(), 2);
+    assert_eq!((struck[0].fault, struck[0].place.as_str()), ("push", SERVO));
+    let slope = "[[fault]]\nkind = 'slope'\nahead_rad = 1.5\n";
+    let slope = world.begin(&Script::parse(slope).unwrap().faults).unwrap();
+    pass(&mut world, 2.0);
+    assert!(angle(&world) > 0.5 * sagged, "hardly any weight on a floor so steep");
+    world.end(slope).unwrap();
+    pass(&mut world, 2.0);
+    assert!((angle(&world) - sagged).abs() < 1e-3);
+}
+
+#[test]
+fn who_has_no_weight_is_not_pushed_and_what_is_no_push_is_refused() {
+    let servos: Vec<BenchServos> = vec!["xm430-w350:1".parse().unwrap()];
+    let mut light = World::new(&bench(&servos, None).unwrap(), Options::default()).unwrap();
+    let push = Fault::Push { joint: None, force_n: [1.0, 0.0, 0.0], from_ns: 0, until_ns: 1 };
+    assert!(matches!(light.begin(&[push]), Err(SimError::NeedsWeight("push"))));
+    for (keys, said) in [
+        ("kind = 'push'", "at least one of ahead_n, left_n, up_n"),
+        ("kind = 'push'\nahead_n = nan", "a number from -10000 to 10000"),
+        ("kind = 'slope'\nleft_rad = 2", "a number from -1.5 to 1.5"),
+        ("kind = 'slope'\nup_rad = 1\nleft_rad = 1", "ahead_rad"),
+    ] {
+        let refused = Script::parse(&format!("[[fault]]\n{keys}\n")).unwrap_err().to_string();
+        assert!(refused.contains(said), "{refused}");
+    }
 }

@@ -152,6 +152,7 @@ fn series(cycles: &[CycleRecord], joints: usize, first: crate::time::Instant) ->
         (0..joints).map(of).collect()
     };
     Series {
+        began: Some(first),
         time_s: cycles.iter().map(|cycle| cycle.at.seconds_since(first)).collect(),
         goal_rad: by_joint(&|of| of.goal_rad),
         goal_velocity_rad_s: Vec::new(),

@@ -6,7 +6,9 @@ use crate::job::weight::{self, Fall, Witness};
 use crate::port::can_bridge::CanBridge;
 use gaitway_profiles::Robot;
 use gaitway_sim::control::{ControlPipe, ControlSocket, Places, SocketError, Surroundings};
-use gaitway_sim::{BenchError, BenchServos, Door, Options, Script, ScriptError, SimError, World};
+use gaitway_sim::{
+    BenchError, BenchServos, Door, Fault, Options, Script, ScriptError, SimError, World,
+};
 pub use gaitway_sim::{Rule, Verdict};
 use std::collections::BTreeMap;
 use std::io::Read;
@@ -305,6 +307,12 @@ fn options(order: &SimulateOrder) -> Result<Options, Error> {
         Some(path) => read_script(path)?,
         None => Script::default(),
     };
+    let of_weight = script.faults.iter().find_map(Fault::of_weight);
+    if let Some(fault) = of_weight.filter(|_| !order.physics) {
+        return Err(Error::new(format!("a {fault} needs a robot with weight"))
+            .at(order.faults.as_ref().map_or_else(String::new, |path| path.display().to_string()))
+            .remedy("add --physics, or take the fault out of the script"));
+    }
     let mut options = script.apply(Options {
         line_timing: !order.no_line_timing,
         permit_eeprom: order.permit_eeprom,
