@@ -162,6 +162,7 @@ pub fn play(order: &PlayOrder, observer: &dyn Observer) -> Played {
     report.dry_run = order.options.dry_run;
     let mut played = Played { report, series: None, scene: None };
     let done = under_net(&mut played.report, |report| {
+        refuse_limp_without_end(&order.options)?;
         let (robot, calibration) =
             calibrated(&order.robot, &order.buses, order.calibration.as_deref())?;
         report.calibration = calibration.map(|path| path.display().to_string());
@@ -186,6 +187,18 @@ pub fn play(order: &PlayOrder, observer: &dyn Observer) -> Played {
         Err(error) => played.report.describe_refused(&error),
     }
     played
+}
+
+/// A motion without end has no end at which joints go limp: what ends it is a stop, and a stop holds.
+fn refuse_limp_without_end(options: &Options) -> Result<(), Error> {
+    if options.rounds != Rounds::Endless || options.end != EndState::Limp {
+        return Ok(());
+    }
+    Err(Error::new("a motion without end has no end at which joints go limp")
+        .at("--end limp")
+        .got("--loop without a number: only a stop ends it, and after a stop joints hold")
+        .allowed("--end hold, or --loop N")
+        .remedy("stop it with Ctrl-C, then `gaitway limp`"))
 }
 
 /// Reads a motion, unless the observer wants to stop.

@@ -31,6 +31,9 @@ const WAYS: [DVec3; 6] = [DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y, DVec3:
 pub struct Fall {
     /// When, s since torque was on on its servos.
     pub at_s: f64,
+    /// When, s of the world's time.
+    #[serde(skip)]
+    pub world_s: f64,
     /// What touched the floor that should not, by the joint that carries it; null if it tilted.
     pub touched: Option<String>,
 }
@@ -39,9 +42,19 @@ impl Fall {
     /// As a person reads it.
     #[must_use]
     pub fn words(&self) -> String {
+        format!("fell at {:.1} s: {}", self.at_s, self.how())
+    }
+
+    /// The same by the world's clock, as faults are told.
+    #[must_use]
+    pub fn world_words(&self) -> String {
+        format!("{:.6} s: {}", self.world_s, self.how())
+    }
+
+    fn how(&self) -> String {
         match &self.touched {
-            Some(link) => format!("fell at {:.1} s: {link} on the floor", self.at_s),
-            None => format!("fell at {:.1} s: tilted by 60 deg", self.at_s),
+            Some(link) => format!("{link} on the floor"),
+            None => "tilted by 60 deg".to_owned(),
         }
     }
 }
@@ -155,6 +168,7 @@ impl Weighed {
         if touched.is_some() || tilted {
             self.witness.see(|| Fall {
                 at_s: time_ns.saturating_sub(self.powered_since_ns) as f64 * 1e-9,
+                world_s: time_ns as f64 * 1e-9,
                 touched: touched.map(|link| self.body.tree.links()[link].name.clone()),
             });
         }
@@ -207,6 +221,10 @@ impl Body for Weighed {
             self.look(moving, time_ns);
         }
         turned
+    }
+
+    fn fallen(&self) -> Option<String> {
+        self.witness.fall().map(|fall| fall.touched.unwrap_or_default())
     }
 }
 
