@@ -13,6 +13,7 @@ pub mod convert_recording;
 pub mod corpus;
 pub mod cut;
 pub mod decompose;
+pub mod directions;
 pub mod doctor;
 pub mod draft_model;
 pub mod explain;

@@ -14,6 +14,8 @@ mod wire;
 pub use address::{Address, BusKind};
 pub use calibrated::calibrated;
 pub use can_line::{OpenCanLine, is_can, open_can};
+#[cfg(test)]
+pub use connect::mounted_otherwise;
 pub use connect::{Connection, connect, patience_words};
 pub use identify::{
     CanIdentity, Identity, all_servos, ask_error, can_ask_error, describe, dialect_name,

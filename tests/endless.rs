@@ -113,3 +113,22 @@ fn a_page_of_a_motion_without_end_is_refused() {
     assert_eq!(output.status.code(), Some(1), "{said}");
     assert!(String::from_utf8_lossy(&output.stdout).contains("without end"), "{output:?}");
 }
+
+#[test]
+fn a_motion_without_end_does_not_go_limp_at_its_end() {
+    let output = program::gaitway()
+        .args("play bow --robot op3 --bus sim --loop --end limp".split(' '))
+        .output()
+        .expect("runs");
+    let said = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    for words in ["--end limp", "--loop N", "gaitway limp"] {
+        assert!(said.contains(words), "{said}");
+    }
+    // One that ends goes limp at its end, however often it is played.
+    let output = program::gaitway()
+        .args("play bow --robot op3 --bus sim --loop 2 --end limp --json".split(' '))
+        .output()
+        .expect("runs");
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+}

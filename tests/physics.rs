@@ -4,7 +4,9 @@ mod program;
 
 use program::{folder, gaitway, words};
 use serde_json::Value;
-use std::process::Output;
+use std::fs;
+use std::io::Write;
+use std::process::{Output, Stdio};
 
 fn play(arguments: &[&str]) -> (Output, Value) {
     let output = gaitway()
@@ -80,6 +82,55 @@ fn what_has_no_weight_or_is_real_is_told_so() {
         said.contains("a robot without a body has no weight") && said.contains("to do"),
         "{said}"
     );
+}
+
+/// What a robot with weight says over the control channel and on standard error while this is asked.
+fn simulated(more: &[&str], requests: &str) -> (String, String) {
+    let mut child = gaitway()
+        .args(["simulate", "op3", "--physics", "--control", "stdin", "--no-referee"])
+        .args(more)
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("it runs");
+    child.stdin.take().expect("piped").write_all(requests.as_bytes()).expect("it listens");
+    let output = child.wait_with_output().expect("it ends");
+    let text = |bytes| String::from_utf8(bytes).expect("text");
+    (text(output.stdout), text(output.stderr))
+}
+
+#[test]
+fn a_fall_is_an_event_and_all_times_are_of_one_clock() {
+    let folder = folder("physics-told");
+    let script = folder.join("faults.toml");
+    fs::write(&script, "[[fault]]\nkind = \"overload\"\njoint = \"head_pan\"\nat_s = 0.5\n")
+        .expect("a file");
+    let robot = gaitway_profiles::robot("op3").expect("a robot");
+    let torque = |on: u8| -> String {
+        let set = |joint: &str| {
+            format!(r#"{{"do":"set","joint":"{joint}","register":"Torque Enable","value":{on}}}"#)
+        };
+        robot.joints.iter().map(|joint| set(&joint.name) + "\n").collect()
+    };
+    let requests = format!(
+        "{{\"do\":\"freeze\"}}\n{{\"do\":\"reset\"}}\n{}{{\"do\":\"step\",\"for_s\":1}}\n{}\
+         {{\"do\":\"step\",\"for_s\":3}}\n{{\"do\":\"log\",\"kind\":\"fell\"}}\n",
+        torque(1),
+        torque(0),
+    );
+    let (told, said) = simulated(&["--faults", &script.display().to_string()], &requests);
+    let log: Value = serde_json::from_str(told.lines().last().expect("replies")).expect("JSON");
+    let entries = log["entries"].as_array().expect("entries");
+    assert_eq!(entries.len(), 1, "{log}");
+    let fall = &entries[0];
+    let at_s = fall["at_s"].as_f64().expect("a time");
+    // Torque went at 1 s, and nobody who is limp stands for longer than 1.5 s.
+    assert!(fall["kind"] == "fell" && (1.1..2.5).contains(&at_s), "{fall}");
+    let on = fall["on"].as_str().expect("a link on the floor");
+    assert!(said.contains(&format!("fell at {at_s:.6} s: {on} on the floor")), "{said}");
+    assert!(said.contains("fault at 0.500000 s: overload, head_pan"), "{said}");
+    assert!(said.contains("seconds of the virtual robot's clock"), "{said}");
 }
 
 /// The face of the library: the same switch.

@@ -218,6 +218,76 @@ fn a_robot_is_listened_to_until_ctrl_c_or_its_line_is_gone() {
     assert!(report["stop_reason"].as_str().is_some_and(|why| why.contains("gone")), "{report}");
 }
 
+/// A virtual robot, or a bench, behind a link, ended with the test.
+fn simulated(folder: &Path, what: &str) -> (Running, std::path::PathBuf) {
+    let link = folder.join("robot");
+    let mut robot = Running::start(gaitway(folder, &format!("simulate {what} --pty robot")));
+    robot.until("Ctrl-C ends it");
+    (robot, link)
+}
+
+#[test]
+fn servos_that_are_others_than_the_robots_are_named_by_who_reads_them() {
+    let _alone = alone();
+    let folder = folder("recognise-others");
+    let (robot, link) = simulated(&folder, "--servo xl430-w250:1-20 --baud 2000000");
+    let place = format!("serial:{}", link.display());
+    for arguments in [
+        format!("recognise servos:op3@{place} --for 1s"),
+        format!("monitor op3 --bus {place} --for 0s"),
+        format!("play bow --robot op3 --bus {place} --dry-run"),
+    ] {
+        let output = gaitway(&folder, &arguments).output().expect("runs");
+        let said = [output.stdout, output.stderr].concat();
+        let said = String::from_utf8_lossy(&said);
+        assert_eq!(output.status.code(), Some(1), "{arguments}: {said}");
+        // Their numbers by the maker's tables.
+        for word in ["r_sho_pitch, ID 1", "1060", "1020", "XM430-W350"] {
+            assert!(said.contains(word), "{arguments}: {said}");
+        }
+    }
+    signal(&robot.child, "INT");
+    robot.end();
+}
+
+#[test]
+fn who_is_listened_to_by_nobody_any_more_or_is_ended_from_outside_says_so_by_its_exit_code() {
+    let _alone = alone();
+    let folder = folder("recognise-unread");
+    let (robot, link) = simulated(&folder, "op3");
+    let robot_at = format!("serial:{}", link.display());
+    // Nothing moves: not a line is written in which a lost reader would show.
+    let arguments = format!("recognise servos:op3@{robot_at} --json-lines");
+    let mut unread = Running::start(gaitway(&folder, &arguments));
+    std::thread::sleep(Duration::from_secs(1));
+    drop(unread.child.stdout.take());
+    let began = Instant::now();
+    let code = loop {
+        if let Some(status) = unread.child.try_wait().expect("a child") {
+            break status.code();
+        }
+        if began.elapsed() > PATIENCE {
+            signal(&unread.child, "KILL");
+            panic!("it goes on although nobody reads");
+        }
+        std::thread::sleep(Duration::from_millis(20));
+    };
+    assert_eq!(code, Some(0));
+    for (arguments, name, code) in [
+        (format!("recognise servos:op3@{robot_at} --labels term.csv"), "TERM", 143),
+        (format!("monitor op3 --bus {robot_at}"), "TERM", 143),
+        (format!("monitor op3 --bus {robot_at}"), "INT", 0),
+    ] {
+        let listening = Running::start(gaitway(&folder, &arguments));
+        std::thread::sleep(Duration::from_secs(2));
+        signal(&listening.child, name);
+        assert_eq!(listening.end().1, Some(code), "{arguments}, {name}");
+    }
+    assert!(folder.join("term.csv").exists(), "what was found is written all the same");
+    signal(&robot.child, "INT");
+    robot.end();
+}
+
 #[test]
 fn sources_that_cannot_be_heard_are_refused_with_what_is_wrong() {
     let folder = folder("recognise-refused");

@@ -47,4 +47,7 @@ pub trait Body: Send {
         step_s: f64,
         time_ns: u64,
     ) -> Vec<Turned>;
+
+    /// If it has fallen since it was let go: which of its links lies where none should, without a name if it only tilted.
+    fn fallen(&self) -> Option<String>;
 }

@@ -61,6 +61,11 @@ pub enum Happening {
         /// It is plugged in now.
         plugged: bool,
     },
+    /// A robot with weight has fallen.
+    Fell {
+        /// The link that lies where none should; empty if it only tilted.
+        on: String,
+    },
     /// All is as it was at the start, and time is zero.
     Reset,
 }
@@ -234,6 +239,7 @@ impl Entry {
             Happening::Answered { bytes, .. } => bytes.len(),
             Happening::Frame { frame, .. } => frame.bytes.len(),
             Happening::Struck(struck) => struck.place.len(),
+            Happening::Fell { on } => on.len(),
             Happening::Torque { .. } | Happening::Adapter { .. } | Happening::Reset => 0,
         }
     }

@@ -103,6 +103,9 @@ pub enum SimError {
         /// The most.
         high: i64,
     },
+    /// The position of a joint that torque holds is set as if it were a number.
+    #[error("torque holds {0} where it is: setting its position would turn it in no time")]
+    Held(String),
     /// A hand's speed or force is not above zero, or a number is none.
     #[error("a hand needs an angle, and a speed and a force above zero")]
     NoHand,

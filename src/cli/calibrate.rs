@@ -7,7 +7,7 @@ use crate::error::Error;
 use crate::job::calibrate::{CalibrateOrder, CalibrateReport, calibrate};
 use crate::job::calibrate::{LerobotOrder, LerobotWay, carry_over};
 use crate::rig::Address;
-use answers::Answers;
+pub use answers::Answers;
 use clap::Args;
 use std::fmt::Write;
 use std::path::PathBuf;

@@ -3,7 +3,7 @@
 use super::Remarks;
 use super::calibrated::CalibrationArg;
 use super::output::{Untold, print_json, print_over};
-use super::signals::Signals;
+use super::signals::{Signals, is_from_outside};
 use super::viewing::{ViewArg, Viewing};
 use crate::error::Error;
 use crate::job::monitor::{MonitorOrder, monitor};
@@ -142,7 +142,10 @@ pub fn run(args: &MonitorArgs, remarks: Remarks) -> Result<i32, Error> {
     monitor(&order, &Viewing::new(&screen, view.as_ref()))?;
     match screen.untold.into_inner().unwrap_or_else(PoisonError::into_inner) {
         Some(failed @ Untold::Failed(_)) => Err(failed.into()),
-        Some(Untold::Unwanted) | None => Ok(0),
+        Some(Untold::Unwanted) | None => {
+            let ended = signals.first().filter(|&number| is_from_outside(number));
+            Ok(ended.map_or(0, |number| 128 + number))
+        }
     }
 }
 

@@ -7,6 +7,7 @@ use crate::draft;
 use crate::error::{Error, ErrorKind};
 use crate::job::report::{CameToNothing, Outcome};
 use clap::FromArgMatches;
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use std::borrow::Cow;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -63,6 +64,17 @@ pub fn print_over(lines: usize, text: &str) -> Result<(), Untold> {
 /// As [`print()`].
 pub fn print_json(text: &str) -> Result<(), Untold> {
     put(&visible_json(text))
+}
+
+/// True once whoever read standard output is gone (`| head`), also if nothing is told to it meanwhile.
+#[must_use]
+pub fn is_unread() -> bool {
+    let stdout = std::io::stdout();
+    let mut reader = [PollFd::new(&stdout, PollFlags::empty())];
+    poll(&mut reader, Some(&Timespec::default())).is_ok_and(|_| {
+        let said = reader[0].revents();
+        said.contains(PollFlags::ERR)
+    })
 }
 
 fn put(text: &str) -> Result<(), Untold> {

@@ -1,9 +1,9 @@
 //! `recognise`: what a body does, named as it happens.
 
 use super::operator::Operator;
-use super::output::{Untold, print, print_json};
+use super::output::{Untold, is_unread, print, print_json};
 use super::reading::ReadingArgs;
-use super::signals::Signals;
+use super::signals::{Signals, heard, is_from_outside};
 use super::wearing::WearingArgs;
 use super::{Deed, Output, Remarks};
 use crate::error::Error;
@@ -122,13 +122,15 @@ fn listen(args: &RecogniseArgs, what: RecogniseOrder, remarks: Remarks) -> Resul
     };
     let operator = Operator::listen(signals, remarks);
     let listener = Listener { operator: &operator, args, untold: Mutex::default() };
-    let report = recognise_live(&order, &listener, &operator)?;
+    let mut report = recognise_live(&order, &listener, &operator)?;
+    let ended = heard().filter(|&number| is_from_outside(number) && report.is_ended_by(number));
     let mut text = String::new();
     if !args.json_lines && !remarks.quiet {
         text.push_str(&report.figures());
     }
     let outcome = if report.stop_reason.is_some() { Outcome::Stopped } else { Outcome::Done };
-    let code = args.output.conclude(&report, &text, Deed::Look, outcome.exit_code());
+    let code = ended.map_or(outcome.exit_code(), |number| 128 + number);
+    let code = args.output.conclude(&report, &text, Deed::Look, code);
     listener.untold.into_inner().unwrap_or_else(PoisonError::into_inner).map_or(Ok(code), Err)
 }
 
@@ -159,10 +161,10 @@ impl Observer for Listener<'_> {
         }
     }
 
-    /// Also once what is recognised cannot be told.
+    /// Also once what is recognised cannot be told, or nobody reads it any more.
     fn wants_to_stop(&self) -> bool {
         let untold = self.untold.lock().unwrap_or_else(PoisonError::into_inner);
-        untold.is_some() || Observer::wants_to_stop(self.operator)
+        untold.is_some() || is_unread() || Observer::wants_to_stop(self.operator)
     }
 }
 

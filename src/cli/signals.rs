@@ -14,6 +14,12 @@ pub fn heard() -> Option<i32> {
     Some(HEARD.load(Ordering::SeqCst)).filter(|&number| number != 0)
 }
 
+/// True of a signal that ends from outside what listens until Ctrl-C: Ctrl-C is its own end.
+#[must_use]
+pub const fn is_from_outside(number: i32) -> bool {
+    number != 2
+}
+
 /// From now on, and for good, a file that may not grow any more is an error of whoever writes it and
 /// no signal (SIGXFSZ) that would end the process in the middle of a motion. A reader that is gone
 /// (SIGPIPE) is one already: Rust sees to that.

@@ -132,6 +132,7 @@ pub fn run(args: &SimulateArgs, remarks: Remarks) -> Result<i32, Error> {
         robot.robot().name,
         robot.robot().joints.len()
     ));
+    robot.clock_words().into_iter().for_each(|words| remarks.say(words));
     if over_stdin {
         robot.control_over(std::io::stdin(), |text| super::output::print_json(text).is_ok())?;
     }
@@ -187,7 +188,7 @@ fn tell(place: &str) -> Result<(), Error> {
 }
 
 fn tell_struck(robot: &mut VirtualRobot, remarks: Remarks) {
-    robot.fallen().iter().for_each(|fall| remarks.say(&format!("the robot {fall}")));
+    robot.fallen().iter().for_each(|fall| remarks.say(&format!("fell at {fall}")));
     let struck = robot.struck();
     for fault in struck.iter().take(MOST_TOLD) {
         remarks.say(&format!("fault at {fault}"));

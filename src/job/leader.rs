@@ -19,6 +19,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Sender, channel};
 
+mod doubt;
 mod joints;
 
 use joints::{GuidedArm, Look, Pairs};
@@ -279,7 +280,7 @@ impl Follower<'_> {
         let (clock, period) = (Arc::clone(self.connection.link.clock()), self.settings.period);
         let (name, observer) = (guided.name().to_owned(), self.observer);
         let mut goals = Goals::new(self.order.time, Trend::default());
-        let (done, counts) = std::thread::scope(|scope| {
+        let (done, (counts, lies)) = std::thread::scope(|scope| {
             let stop = &stop;
             let reader = scope.spawn(move || {
                 read(&mut guided, &*clock, period, &says, stop, observer);
@@ -295,6 +296,7 @@ impl Follower<'_> {
         });
         report.sensors =
             vec![SourceReport { name: name.clone(), counts, ..SourceReport::default() }];
+        tell_lies(lies, &name, report);
         goals.describe(&name, report);
         done
     }
@@ -317,9 +319,10 @@ impl Follower<'_> {
         };
         let done = self.follow(&mut goals, &mut look, recorder, report);
         let name = guided.name().to_owned();
-        let counts = guided.into_counts();
+        let (counts, lies) = guided.into_counts();
         report.sensors =
             vec![SourceReport { name: name.clone(), counts, ..SourceReport::default() }];
+        tell_lies(lies, &name, report);
         goals.describe(&name, report);
         done
     }
@@ -342,6 +345,17 @@ impl Follower<'_> {
             goals.newest(now, approaching)
         };
         ready.follow(&mut newest, recorder, None, self.observer, report)
+    }
+}
+
+/// How often the leader leapt and was back at the next look.
+fn tell_lies(lies: u64, leader: &str, report: &mut LiveReport) {
+    report.leaps = Some(lies);
+    if lies > 0 {
+        let times = if lies == 1 { "once".to_owned() } else { format!("{lies} times") };
+        report.run.notes.push(format!(
+            "a joint of {leader} leapt for a single reading, {times}; that was not followed"
+        ));
     }
 }
 

@@ -6,6 +6,7 @@ use crate::bus::AskError;
 use crate::device::{Health, JointState};
 use crate::error::{Error, ErrorKind};
 use crate::rig::{Address, calibrated, connect};
+use crate::robot::preflight::same_models;
 use crate::robot::{Link, LinkError};
 use crate::time::Duration;
 use gaitway_profiles::Role;
@@ -38,7 +39,8 @@ const QUESTION: Duration = Duration::from_millis(50);
 /// Looks at a robot until the time is over or the observer wants to stop; each look is an event.
 ///
 /// # Errors
-/// A bus that cannot be opened, a line that is lost. A silent joint is a reading that says so.
+/// A bus that cannot be opened, a servo of another model than the robot's file says, a line that is lost. A silent joint is a
+/// reading that says so.
 pub fn monitor(order: &MonitorOrder, observer: &dyn Observer) -> Result<(), Error> {
     let (robot, calibration) =
         calibrated(&order.robot, &order.buses, order.calibration.as_deref())?;
@@ -53,6 +55,7 @@ pub fn monitor(order: &MonitorOrder, observer: &dyn Observer) -> Result<(), Erro
     let link = &mut connection.link;
     link.set_retries(RETRIES);
     let clock = std::sync::Arc::clone(link.clock());
+    same_models(link)?;
     // CAN actuators that answer commands only are listened for first; that is not done again.
     let _ = answered(link.states(clock.now() + FIRST))?;
     clock.sleep_until(clock.now() + UNASKED);

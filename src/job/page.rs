@@ -7,6 +7,7 @@ pub mod live;
 use super::recorder::Series;
 use super::report::PlayReport;
 use super::source::RobotMotion;
+use super::weight::Fall;
 use crate::body::{Proportions, SegmentPose, contact};
 use crate::error::Error;
 use crate::mocap::scene::{DrawnFeet, Scene};
@@ -313,7 +314,7 @@ pub fn page(report: &PlayReport, mut scene: ViewScene) -> Result<String, Error> 
         warnings.push(format!("a robot on its own feet would fall, at {at_s:.1} s"));
     }
     if let Some(physics) = &report.physics {
-        warnings.extend(physics.fell_words());
+        warnings.extend(physics.fall.as_ref().map(Fall::words));
     }
     if let Some(reason) = &report.stop_reason {
         let end_s = scene.duration_s;

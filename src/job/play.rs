@@ -163,6 +163,7 @@ pub fn play(order: &PlayOrder, observer: &dyn Observer) -> Played {
     report.dry_run = order.options.dry_run;
     let mut played = Played { report, series: None, scene: None };
     let done = under_net(&mut played.report, |report| {
+        refuse_limp_without_end(&order.options)?;
         let (robot, calibration) =
             calibrated(&order.robot, &order.buses, order.calibration.as_deref())?;
         report.calibration = calibration.map(|path| path.display().to_string());
@@ -187,6 +188,18 @@ pub fn play(order: &PlayOrder, observer: &dyn Observer) -> Played {
         Err(error) => played.report.describe_refused(&error),
     }
     played
+}
+
+/// A motion without end has no end at which joints go limp: what ends it is a stop, and a stop holds.
+fn refuse_limp_without_end(options: &Options) -> Result<(), Error> {
+    if options.rounds != Rounds::Endless || options.end != EndState::Limp {
+        return Ok(());
+    }
+    Err(Error::new("a motion without end has no end at which joints go limp")
+        .at("--end limp")
+        .got("--loop without a number: only a stop ends it, and after a stop joints hold")
+        .allowed("--end hold, or --loop N")
+        .remedy("stop it with Ctrl-C, then `gaitway limp`"))
 }
 
 /// Reads a motion, unless the observer wants to stop.
@@ -256,9 +269,10 @@ pub(super) fn play_on(
     let Some((robot, series)) = series else { return Ok(None) };
     // Only in virtual time the cycles go by the clock of the world.
     let began = series.began.filter(|_| !connection.real_time);
-    let weighed = witness.as_ref().zip(began).and_then(|(witness, began)| {
-        Some((witness.path_since(began)?, witness.fell_since_s(began)))
-    });
+    let weighed = witness
+        .as_ref()
+        .zip(began)
+        .and_then(|(witness, began)| Some((witness.path_since(began)?, began)));
     let drawn = RobotScene {
         robot: &robot,
         motion,
@@ -271,11 +285,11 @@ pub(super) fn play_on(
     // A page that cannot be made changes nothing of what was played.
     let scene = match drawn.view() {
         Ok(mut scene) => {
-            if let (Some((_, fell_s)), Some(physics)) = (weighed, &mut report.physics) {
+            if let (Some((_, began)), Some(physics)) = (weighed, &mut report.physics) {
                 physics.is_drawn = true;
-                scene.spans.extend(fell_s.map(|at_s| {
-                    let on = physics.fell_on.as_deref().unwrap_or("tilted by 60\u{b0}");
-                    ViewSpan::new(SpanKind::Wrong, "fell", on, at_s, at_s)
+                scene.spans.extend(physics.fall.as_ref().map(|fall| {
+                    let at_s = fall.at.seconds_since(began);
+                    ViewSpan::new(SpanKind::Wrong, "fell", &fall.how(), at_s, at_s)
                 }));
             }
             scene

@@ -69,7 +69,7 @@ pub struct BlindModel {
 /// What was recognised.
 #[derive(Clone, Debug, Serialize)]
 pub struct RecogniseReport {
-    /// `done`; `stopped` if a source that was heard live was gone before its end.
+    /// `done`; `stopped` if a source that was heard live was gone before its end, or a signal other than Ctrl-C ended it.
     pub outcome: &'static str,
     /// Why it was.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -101,6 +101,18 @@ pub struct RecogniseReport {
     /// Actions of all models to which the source shows what they need.
     #[serde(skip)]
     looked_for: BTreeSet<String>,
+}
+
+impl RecogniseReport {
+    /// A source that was heard until a signal came from outside was stopped, unless it had stopped before.
+    pub fn is_ended_by(&mut self, signal: i32) -> bool {
+        let is_first = self.stop_reason.is_none();
+        if is_first {
+            self.outcome = "stopped";
+            self.stop_reason = Some(format!("asked to end by signal {signal}"));
+        }
+        is_first
+    }
 }
 
 /// The models of a folder, or those that ship with gaitway.

@@ -12,6 +12,7 @@ use crate::capture::Mode;
 use crate::error::{Error, ErrorKind};
 use crate::mocap::anatomy::Capture;
 use crate::rig::{Address, Connection, calibrated, connect};
+use crate::robot::preflight::same_servos;
 use crate::sensing::{Person, Plan, Source, What};
 use crate::time::Duration;
 use std::path::PathBuf;
@@ -146,6 +147,7 @@ fn of_servos(
     };
     let (seen, mut connection) = opened(&robot, &addresses, observer)?;
     let naming = Naming::new(&how, None)?;
+    same_servos(&mut connection.link)?;
     let (tell, told) = channel();
     let is_over = || observer.wants_to_stop();
     let HeardRobot { named, lost } = std::thread::scope(|scope| {

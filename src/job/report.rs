@@ -316,21 +316,18 @@ pub struct PhysicsReport {
     /// The page shows where the weight took it, and not where it was to be.
     #[serde(skip)]
     pub is_drawn: bool,
+    /// The fall itself.
+    #[serde(skip)]
+    pub fall: Option<Fall>,
 }
 
 impl PhysicsReport {
     /// Of a fall, or of none.
     #[must_use]
     pub fn of(fall: Option<Fall>) -> Self {
-        let (fell_at_s, fell_on) = fall.map(|fall| (fall.at_s, fall.touched)).unzip();
-        Self { fell_at_s, fell_on: fell_on.flatten(), is_drawn: false }
-    }
-
-    /// The fall as a person reads it; none if it stayed up.
-    #[must_use]
-    pub fn fell_words(&self) -> Option<String> {
-        let fall = Fall { at_s: self.fell_at_s?, touched: self.fell_on.clone() };
-        Some(fall.words())
+        let (fell_at_s, fell_on) =
+            fall.as_ref().map(|fall| (fall.at_s, fall.touched.clone())).unzip();
+        Self { fell_at_s, fell_on: fell_on.flatten(), is_drawn: false, fall }
     }
 }
 

@@ -36,6 +36,9 @@ const PATH_PLACES: usize = 30_000;
 pub struct Fall {
     /// When, s since torque was on on its servos.
     pub at_s: f64,
+    /// When by the world's clock.
+    #[serde(skip)]
+    pub at: Instant,
     /// What touched the floor that should not, by the joint that carries it; null if it tilted.
     pub touched: Option<String>,
 }
@@ -44,9 +47,21 @@ impl Fall {
     /// As a person reads it.
     #[must_use]
     pub fn words(&self) -> String {
+        format!("fell at {:.1} s: {}", self.at_s, self.how())
+    }
+
+    /// The same by the world's clock, as faults are told.
+    #[must_use]
+    pub fn world_words(&self) -> String {
+        format!("{:.6} s: {}", self.at.seconds_since(Instant::ZERO), self.how())
+    }
+
+    /// How it came to lie.
+    #[must_use]
+    pub fn how(&self) -> String {
         match &self.touched {
-            Some(link) => format!("fell at {:.1} s: {link} on the floor", self.at_s),
-            None => format!("fell at {:.1} s: tilted by 60 deg", self.at_s),
+            Some(link) => format!("{link} on the floor"),
+            None => "tilted by 60 deg".to_owned(),
         }
     }
 }
@@ -61,8 +76,8 @@ pub struct Witness {
 /// What was seen of it since it was let go.
 #[derive(Debug, Default)]
 struct Seen {
-    /// The first fall, and when, by the clock of the world, ns.
-    fall: Option<(u64, Fall)>,
+    /// The first fall.
+    fall: Option<Fall>,
     /// When the first of the places was.
     path_from_ns: u64,
     places: Vec<Placement>,
@@ -87,14 +102,7 @@ impl Witness {
     /// The first fall, if there was one.
     #[must_use]
     pub fn fall(&self) -> Option<Fall> {
-        self.seen().fall.as_ref().map(|(_, fall)| fall.clone())
-    }
-
-    /// When that was since an instant of the world's clock, s.
-    #[must_use]
-    pub fn fell_since_s(&self, from: Instant) -> Option<f64> {
-        let fell_ns = self.seen().fall.as_ref().map(|(at_ns, _)| *at_ns)?;
-        Some(Instant::from_nanos(fell_ns).seconds_since(from))
+        self.seen().fall.clone()
     }
 
     /// Where the base was, and which feet were on the floor, from an instant of the world's clock on, ten minutes at
@@ -206,9 +214,10 @@ impl Weighed {
         if seen.fall.is_none() && (touched.is_some() || tilted) {
             let fall = Fall {
                 at_s: time_ns.saturating_sub(self.powered_since_ns) as f64 * 1e-9,
+                at: Instant::from_nanos(time_ns),
                 touched: touched.map(|link| self.body.tree.links()[link].name.clone()),
             };
-            seen.fall = Some((time_ns, fall));
+            seen.fall = Some(fall);
         }
     }
 }
@@ -269,6 +278,10 @@ impl Body for Weighed {
             self.look(moving, time_ns);
         }
         turned
+    }
+
+    fn fallen(&self) -> Option<String> {
+        self.witness.fall().map(|fall| fall.touched.unwrap_or_default())
     }
 }
 

@@ -98,8 +98,21 @@ fn assign(robot: &Robot, addresses: &[Address]) -> Result<Vec<BusKind>, Error> {
         .collect()
 }
 
+/// A virtual robot of virtual time that is `mounted` otherwise than who opens it believes.
+///
+/// # Errors
+/// As [`connect`].
+#[cfg(test)]
+pub fn mounted_otherwise(robot: Robot, mounted: &Robot) -> Result<Connection, Error> {
+    on_world(robot, world(mounted, 0)?)
+}
+
 fn in_virtual_time(robot: Robot, seed: u64) -> Result<Connection, Error> {
     let world = world(&robot, seed)?;
+    on_world(robot, world)
+}
+
+fn on_world(robot: Robot, world: SharedWorld) -> Result<Connection, Error> {
     let clock: Arc<dyn Clock> = Arc::new(VirtualClock(world.clone()));
     let ports = robot
         .lines

@@ -141,6 +141,68 @@ pub fn readable(link: &mut Link, accept: Accept) -> Result<Vec<f64>, Error> {
     positions(link)
 }
 
+/// Looks at a robot that is only watched: each servo that answers is the model its file says. Who is silent is passed over.
+///
+/// # Errors
+/// The first servo that is another model, or a line that is lost.
+pub fn same_models(link: &mut Link) -> Result<(), Error> {
+    (0..link.robot().joints.len()).try_for_each(|joint| check_model(link, joint).map(drop))
+}
+
+/// As [`same_models`], where angles must mean what they say as well: each servo that answers is set up as its file says.
+///
+/// # Errors
+/// The first servo that is another one or set up otherwise, or a line that is lost.
+pub fn same_servos(link: &mut Link) -> Result<(), Error> {
+    let mut found = Preflight::of(&link.robot().name, Duration::ZERO);
+    for joint in 0..link.robot().joints.len() {
+        if check_model(link, joint)? {
+            check_setup_of(link, joint, &mut found)?;
+        }
+    }
+    Ok(())
+}
+
+/// True if a joint's servo answers; it is then the model its file says.
+fn check_model(link: &mut Link, joint: usize) -> Result<bool, Error> {
+    let Some(servo) = link.robot().joints[joint].servo() else { return Ok(false) };
+    let profile = servo.model.profile();
+    let mut was_other = false;
+    // One question may be lost; and on a host that stood still an answer to an earlier one may come last.
+    for _ in 0..TURNS {
+        let limit = budget(link);
+        match link.read_raw(joint, Role::ModelNumber, limit) {
+            Ok(model) if model == i64::from(profile.model_number) => return Ok(true),
+            Ok(model) if was_other => return Err(other_model(link, joint, model)),
+            Ok(_) => {
+                was_other = true;
+                wait_for_late_answers(link);
+            }
+            Err(error) if matches!(error.error, AskError::Port(_)) => {
+                return Err(exchange_error(link, Some(joint), &error));
+            }
+            Err(_) => {}
+        }
+    }
+    Ok(false)
+}
+
+/// Words for a servo of another model.
+fn other_model(link: &Link, joint: usize, model: i64) -> Error {
+    let said =
+        Error::of(ErrorKind::NotReady, "the servo is not the model that the robot file says")
+            .at(place(link, joint));
+    let Some(servo) = link.robot().joints[joint].servo() else { return said };
+    let (own, profile) = (servo.model.profile(), |name| gaitway_profiles::servo(name).ok());
+    let known = gaitway_profiles::servo_names()
+        .filter_map(profile)
+        .find(|known| i64::from(known.model_number) == model && known.protocol == own.protocol);
+    let named = known.map_or_else(String::new, |known| format!(" ({})", known.model));
+    said.got(format!("model number {model}{named}"))
+        .allowed(format!("{} ({})", own.model_number, own.model))
+        .remedy("correct the robot file, or the servo's ID")
+}
+
 pub(crate) fn budget(link: &Link) -> Instant {
     link.clock().now() + QUESTION
 }
@@ -212,14 +274,7 @@ fn check_identity(link: &mut Link, accept: Accept, found: &mut Preflight) -> Res
         let profile = servo.model.profile();
         let (model, firmware) = mode::identity(link, joint)?;
         if model != profile.model_number {
-            return Err(Error::of(
-                ErrorKind::NotReady,
-                "the servo is not the model that the robot file says",
-            )
-            .at(place(link, joint))
-            .got(format!("model number {model}"))
-            .allowed(format!("{} ({})", profile.model_number, profile.model))
-            .remedy("correct the robot file, or the servo's ID"));
+            return Err(other_model(link, joint, model.into()));
         }
         let range = profile.firmware;
         let inside = firmware >= range.min && range.max.is_none_or(|max| firmware <= max);
@@ -243,30 +298,32 @@ fn check_identity(link: &mut Link, accept: Accept, found: &mut Preflight) -> Res
 
 /// Compares the registers the robot file states with those in the servo.
 fn check_setup(link: &mut Link, found: &mut Preflight) -> Result<(), Error> {
-    for joint in 0..link.robot().joints.len() {
-        for (register, wanted) in expected_registers(&link.robot().joints[joint]) {
-            let name = &register.name;
-            let raw = read_surely(link, joint, register, |raw| raw == wanted)?;
-            if raw == wanted {
-                continue;
-            }
-            if register.region == Region::Ram && register.role != Some(Role::TorqueEnable) {
-                found.notes.push(format!(
-                    "{}: {name} is {raw}, set to {wanted} as the robot file says",
-                    place(link, joint)
-                ));
-                found.to_write.push((joint, register, wanted));
-                continue;
-            }
-            return Err(Error::of(
-                ErrorKind::NotReady,
-                "a servo is not configured as the robot file says",
-            )
-            .at(format!("{}, register {name} ({})", place(link, joint), register.address))
-            .got(format!("{raw} (raw)"))
-            .allowed(format!("{wanted} (raw)"))
-            .remedy("set the register with the maker's tool, or correct the robot file"));
+    (0..link.robot().joints.len()).try_for_each(|joint| check_setup_of(link, joint, found))
+}
+
+fn check_setup_of(link: &mut Link, joint: usize, found: &mut Preflight) -> Result<(), Error> {
+    for (register, wanted) in expected_registers(&link.robot().joints[joint]) {
+        let name = &register.name;
+        let raw = read_surely(link, joint, register, |raw| raw == wanted)?;
+        if raw == wanted {
+            continue;
         }
+        if register.region == Region::Ram && register.role != Some(Role::TorqueEnable) {
+            found.notes.push(format!(
+                "{}: {name} is {raw}, set to {wanted} as the robot file says",
+                place(link, joint)
+            ));
+            found.to_write.push((joint, register, wanted));
+            continue;
+        }
+        return Err(Error::of(
+            ErrorKind::NotReady,
+            "a servo is not configured as the robot file says",
+        )
+        .at(format!("{}, register {name} ({})", place(link, joint), register.address))
+        .got(format!("{raw} (raw)"))
+        .allowed(format!("{wanted} (raw)"))
+        .remedy("set the register with the maker's tool, or correct the robot file"));
     }
     Ok(())
 }

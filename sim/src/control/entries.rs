@@ -61,6 +61,7 @@ impl Wanted {
                     None => self.line.is_none() && no_id,
                 },
                 Happening::Adapter { line: of, .. } => line(*of) && self.joint.is_none(),
+                Happening::Fell { .. } => self.line.is_none() && no_id && self.joint.is_none(),
                 Happening::Reset => true,
             }
     }
@@ -79,6 +80,7 @@ fn kind_of(what: &Happening) -> &'static str {
         Happening::Struck(_) => "struck",
         Happening::Torque { .. } => "torque",
         Happening::Adapter { .. } => "adapter",
+        Happening::Fell { .. } => "fell",
         Happening::Reset => "reset",
     }
 }
@@ -148,6 +150,7 @@ pub(super) fn told(entry: &Entry, world: &World) -> Value {
             put("line", line_name(*line));
             put("plugged", json!(plugged));
         }
+        Happening::Fell { on } => put("on", json!(Some(on).filter(|on| !on.is_empty()))),
         Happening::Reset => {}
     }
     Value::Object(told)

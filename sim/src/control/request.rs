@@ -19,8 +19,8 @@ const MOST_SENT: usize = 4096;
 const MOST_ENTRIES: i64 = 1000;
 const MOST_AWAITED: i64 = 100_000;
 /// All kinds of entries.
-pub(super) const KINDS: [&str; 7] =
-    ["asked", "answered", "frame", "struck", "torque", "adapter", "reset"];
+pub(super) const KINDS: [&str; 8] =
+    ["asked", "answered", "frame", "struck", "torque", "adapter", "fell", "reset"];
 
 /// Why a request is not done.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -256,6 +256,11 @@ impl From<SimError> for Refusal {
             }
             SimError::UnknownLine(_) => "a line; about names them".to_string(),
             SimError::TimeRuns => "freeze, then step or send".to_string(),
+            SimError::Held(_) => {
+                "torque off; or hand, which takes the joint there against its torque \
+                 (torque_nm), and holds it (hold)"
+                    .to_string()
+            }
             SimError::NoRegisters(_) => "state tells how its joint is".to_string(),
             SimError::NoSuchFault(_) => "the number that fault gave, once".to_string(),
             _ => "something else".to_string(),

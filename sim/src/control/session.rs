@@ -259,7 +259,12 @@ impl Session {
                     registers.into_iter().map(|(name, raw)| (name, json!(raw))).collect();
                 return Ok(json!({"registers": registers}));
             }
-            Request::Set { servo, register, value } => world.preset(&servo, &register, value)?,
+            Request::Set { servo, register, value } => {
+                if world.is_place_under_torque(&servo, &register)? {
+                    return Err(crate::SimError::Held(servo).into());
+                }
+                world.preset(&servo, &register, value)?;
+            }
             Request::Hand { joint, to_rad, speed_rad_s, torque_nm, holds_on } => {
                 let torque_nm = match torque_nm {
                     Some(torque_nm) => torque_nm,

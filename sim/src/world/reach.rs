@@ -9,6 +9,7 @@ use crate::hand::Hand;
 use crate::journal::Journal;
 use crate::referee::When;
 use crate::servo::Servo;
+use gaitway_profiles::Role;
 use std::sync::Weak;
 
 /// Of the stall torque: what a hand gives.
@@ -104,6 +105,20 @@ impl World {
         }
         let (low, high) = self.at(place).model.named(&name).map_or((0, 0), |i| i.representable());
         Err(SimError::Value { register: name, raw, low, high })
+    }
+
+    /// True if this register says where the shaft is, and torque holds it there.
+    pub(crate) fn is_place_under_torque(
+        &mut self,
+        servo: &str,
+        register: &str,
+    ) -> Result<bool, SimError> {
+        let place = self.place_of(servo)?;
+        let name = self.register_named(servo, place, register)?;
+        let servo = self.servo_at(servo, place)?;
+        let is_place =
+            servo.model.named(&name).is_some_and(|item| item.role == Some(Role::PresentPosition));
+        Ok(is_place && servo.torque_on())
     }
 
     /// How a joint really is.

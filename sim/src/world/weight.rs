@@ -9,6 +9,7 @@ use crate::SimError;
 use crate::body::{Body, Outside};
 use crate::fault::Fault;
 use crate::fault::plan::Place;
+use crate::journal::Happening;
 use crate::motor::STEP_NS;
 
 /// So long after the last servo was switched on the robot is let go.
@@ -23,7 +24,12 @@ pub(super) struct Weight {
     outside: Outside,
     /// Which faults push, in the order of the forces.
     pushing: Vec<u64>,
+    /// That it has fallen is in the journal.
+    has_fallen: bool,
 }
+
+/// How often whoever holds it looks for torque.
+const LOOK_NS: u64 = 10_000_000;
 
 /// Whether somebody holds it.
 #[derive(Clone, Copy, PartialEq)]
@@ -37,13 +43,14 @@ enum Held {
 }
 
 impl Weight {
-    pub fn new(body: Box<dyn Body>) -> Self {
+    pub fn new(body: Box<dyn Body>, at_ns: u64) -> Self {
         Self {
             body,
-            at_ns: 0,
+            at_ns,
             held: Held::Since { powered: 0, ns: 0 },
             outside: Outside::default(),
             pushing: Vec::new(),
+            has_fallen: false,
         }
     }
 
@@ -51,6 +58,7 @@ impl Weight {
     pub fn hold_again(&mut self) {
         (self.at_ns, self.held) = (0, Held::Since { powered: 0, ns: 0 });
         (self.outside, self.pushing) = (Outside::default(), Vec::new());
+        self.has_fallen = false;
     }
 }
 
@@ -71,7 +79,7 @@ impl World {
         for servo in self.lines.iter_mut().flat_map(|line| &mut line.servos) {
             servo.put_down();
         }
-        self.weight = Some(Weight::new(body));
+        self.weight = Some(Weight::new(body, self.now_ns / STEP_NS * STEP_NS));
         self.bear_until(self.now_ns);
         Ok(())
     }
@@ -118,8 +126,10 @@ impl World {
     /// The body moves on to the last whole millisecond at or before `time_ns`.
     pub(super) fn bear_until(&mut self, time_ns: u64) {
         let Some(mut weight) = self.weight.take() else { return };
-        if let Held::Since { powered, ns } = weight.held {
-            weight.at_ns = weight.at_ns.max(time_ns / STEP_NS * STEP_NS);
+        // However long a stretch of time is, torque is looked at on the way.
+        while let Held::Since { powered, ns } = weight.held {
+            let before_ns = weight.at_ns;
+            weight.at_ns = before_ns.max((time_ns / STEP_NS * STEP_NS).min(before_ns + LOOK_NS));
             let now = self.powered(weight.at_ns);
             if now != powered {
                 weight.held = Held::Since { powered: now, ns: weight.at_ns };
@@ -127,6 +137,9 @@ impl World {
                 let angles = self.carry();
                 weight.body.let_go(&angles, ns);
                 weight.held = Held::LetGo;
+            }
+            if weight.at_ns == before_ns {
+                break;
             }
         }
         while weight.held == Held::LetGo && weight.at_ns + STEP_NS <= time_ns {
@@ -175,6 +188,12 @@ impl World {
         for (Placed { place, initial_rad, ratio, .. }, turned) in self.joints.iter().zip(turned) {
             let servo = &mut self.lines[place.line].servos[place.servo];
             servo.carry_to((turned.angle_rad - initial_rad) / ratio, turned.rate_rad_s / ratio);
+        }
+        if !weight.has_fallen
+            && let Some(on) = weight.body.fallen()
+        {
+            weight.has_fallen = true;
+            self.shared.journal.note(weight.at_ns, || Happening::Fell { on });
         }
     }
 }

@@ -117,6 +117,22 @@ fn registers_are_read_and_preset_by_name_or_address() {
 }
 
 #[test]
+fn a_joint_that_torque_holds_is_moved_by_hand_and_not_by_setting_a_number() {
+    let mut desk = Desk::new(&["sts3215:1"]);
+    let set = r#"{"do":"set","joint":"joint_1","register":"Present_Position","value":3000}"#;
+    desk.ask(r#"{"do":"set","joint":"joint_1","register":"Torque_Enable","value":1}"#);
+    let before = desk.position("joint_1");
+    let refused = desk.refused(set);
+    assert!(refused.contains("torque holds joint_1") && refused.contains("hand"), "{refused}");
+    assert_eq!(desk.position("joint_1"), before);
+    // Whatever else it measures may be set.
+    desk.ask(r#"{"do":"set","joint":"joint_1","register":"Present_Temperature","value":70}"#);
+    desk.ask(r#"{"do":"set","joint":"joint_1","register":"Torque_Enable","value":0}"#);
+    desk.ask(set);
+    assert!(desk.position("joint_1") > before + 1.0);
+}
+
+#[test]
 fn a_limp_joint_follows_the_hand_and_stays_where_it_was_put() {
     for model in ["xm430-w350:1", "sts3215:1", "xl330-m288:1", "ax-12a:1", "dm4310:1"] {
         let mut desk = Desk::new(&[model]);

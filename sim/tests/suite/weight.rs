@@ -1,7 +1,8 @@
 //! A servo that moves a body: a rod with a weight at its end, on a shaft that lies level.
 
 use gaitway_sim::{
-    BenchServos, Body, Fault, Options, Outside, Push, Script, SimError, Turned, World, bench,
+    BenchServos, Body, Entry, Fault, Happening, Options, Outside, Push, Script, SimError, Turned,
+    World, bench,
 };
 use std::f64::consts::FRAC_PI_2;
 
@@ -34,6 +35,11 @@ impl Body for Rod {
             (inertia * rate_rad_s + step_s * torque) / (inertia + step_s * gives_nm_s_rad);
         self.0 = Turned { angle_rad: angle_rad + step_s * rate_rad_s, rate_rad_s };
         vec![self.0]
+    }
+
+    /// Fallen is a rod that hangs.
+    fn fallen(&self) -> Option<String> {
+        (self.0.angle_rad < -1.2).then(|| "rod".to_owned())
     }
 }
 
@@ -69,6 +75,14 @@ fn a_servo_without_torque_is_held_by_somebody_until_it_has_torque() {
 }
 
 #[test]
+fn a_robot_is_let_go_on_the_way_however_long_a_stretch_of_time_is() {
+    let mut world = world();
+    torque(&mut world, true);
+    world.run_until(3_000_000_000);
+    assert!(angle(&world) < -0.01, "{}", angle(&world));
+}
+
+#[test]
 fn a_servo_that_holds_a_weight_gives_the_current_of_its_torque_and_sags_by_its_stiffness() {
     let mut world = world();
     torque(&mut world, true);
@@ -99,6 +113,33 @@ fn a_weight_swings_down_when_torque_goes_and_is_put_back_by_a_reset() {
     torque(&mut world, false);
     pass(&mut world, 4.0);
     assert_eq!(angle(&world).to_bits(), hangs.to_bits(), "the same again");
+}
+
+#[test]
+fn a_fall_is_in_the_journal_once_with_its_time_and_again_after_a_reset() {
+    let mut world = world();
+    world.keep_journal(true);
+    let falls = |world: &World| -> Vec<(u64, String)> {
+        let fall = |entry: &Entry| match &entry.what {
+            Happening::Fell { on } => Some((entry.at_ns, on.clone())),
+            _ => None,
+        };
+        world.journal().since(0).filter_map(fall).collect()
+    };
+    for _ in 0..2 {
+        torque(&mut world, true);
+        pass(&mut world, 1.0);
+        assert!(falls(&world).is_empty());
+        torque(&mut world, false);
+        let before_ns = world.now_ns();
+        pass(&mut world, 4.0);
+        let fell = falls(&world);
+        let [(at_ns, on)] = fell.as_slice() else { panic!("{fell:?}") };
+        // A rod of 0.1 m needs a tenth of a second and more to fall by a right angle.
+        let fell_for_s = (at_ns - before_ns) as f64 * 1e-9;
+        assert!((0.1..2.0).contains(&fell_for_s) && on == "rod", "{fell:?}");
+        world.reset().unwrap();
+    }
 }
 
 #[test]

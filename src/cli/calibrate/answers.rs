@@ -45,6 +45,19 @@ impl Answers {
     }
 }
 
+impl Answers {
+    /// The next line; nothing once there is no more, or a signal came.
+    pub fn line(&mut self) -> Option<String> {
+        while self.signals.first().is_none() {
+            match self.lines.recv_timeout(LOOK) {
+                Err(RecvTimeoutError::Timeout) => {}
+                line => return line.ok(),
+            }
+        }
+        None
+    }
+}
+
 impl Person for Answers {
     fn wants_to_stop(&self) -> bool {
         self.signals.first().is_some()

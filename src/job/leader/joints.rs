@@ -1,5 +1,6 @@
 //! The joints of who leads, and which of them lead which joints of who follows.
 
+use super::doubt::{Doubt, Trust};
 use crate::bus::AskError;
 use crate::capture::Counts;
 use crate::control::plausible::Believed;
@@ -113,7 +114,7 @@ impl Pairs {
 pub enum Look {
     /// Where the follower is to be, rad.
     Goal(Vec<f64>),
-    /// A joint did not answer: what the others say is no pose.
+    /// A joint did not answer, or is doubted: what the others say is no pose.
     Silent,
     /// Its line is gone, and why.
     Gone(String),
@@ -126,6 +127,9 @@ pub struct GuidedArm {
     goal_rad: Vec<f64>,
     /// Where its joints can have been.
     believed: Believed,
+    /// Whether they leapt, and how often one came back from where it leapt to.
+    doubts: Vec<Doubt>,
+    lies: u64,
     counts: Counts,
     /// Joints that did not answer for so many looks in a row.
     missed: Vec<u32>,
@@ -157,6 +161,8 @@ impl GuidedArm {
         let believed = Believed::new(leader_start_rad, limits, now);
         Ok(Self {
             believed,
+            doubts: vec![Doubt::NEW; missed.len()],
+            lies: 0,
             connection,
             pairs,
             goal_rad: start_rad.to_vec(),
@@ -176,9 +182,9 @@ impl GuidedArm {
         Arc::clone(self.connection.link.clock())
     }
 
-    /// What was read so far.
-    pub fn into_counts(self) -> Counts {
-        self.counts
+    /// What was read so far, and how many readings of it were lies.
+    pub fn into_counts(self) -> (Counts, u64) {
+        (self.counts, self.lies)
     }
 
     /// Looks at every joint that leads: it answers, and no torque holds it against the hand; unless somebody will switch
@@ -239,8 +245,12 @@ impl GuidedArm {
             let read = states.get(leads).and_then(|state| state.as_ref().ok());
             match read.map(|(state, _)| state.position_rad).filter(|rad| rad.is_finite()) {
                 Some(rad) => {
-                    self.goal_rad[follows] = pair.goal_rad(rad);
                     self.missed[leads] = 0;
+                    let trust = self.doubts[leads].hear(rad, asked_at);
+                    self.lies += u64::from(trust == Trust::BackFromLie);
+                    // What leaps for one look may be back at the next: no pose until then.
+                    is_whole &= trust != Trust::Doubted;
+                    self.goal_rad[follows] = pair.goal_rad(rad);
                 }
                 None => {
                     is_whole = false;

@@ -248,6 +248,30 @@ fn a_leader_is_not_believed_where_no_hand_can_have_brought_it() {
 }
 
 #[test]
+fn a_leap_of_a_single_reading_is_not_followed_and_counted() {
+    // 0.2 rad in one of the answers: a hand could do that between two looks, and it is back at the next.
+    let scene = Scene::new(order("so101-leader", "so101"));
+    let (report, worlds) = scene.follow(|world| {
+        let lie = |nth: u64| gaitway_sim::Fault::Status {
+            joint: "shoulder_pan".to_owned(),
+            nth,
+            damage: gaitway_sim::Damage::Lie { at: 0, xor: 0x80 },
+        };
+        world.begin(&[lie(200), lie(300)]).expect("faults");
+    });
+    assert_eq!(report.run.outcome, Outcome::Done, "{:?}", report.run.stop_reason);
+    assert_eq!(worlds.leader.lock().struck_count(), 2);
+    assert_eq!(report.leaps, Some(2));
+    let pan = report.run.joints.iter().find(|joint| joint.name == "shoulder_pan").expect("a joint");
+    assert_eq!(pan.peak_velocity_rad_s, 0.0, "the leader rests");
+    assert!(report.run.notes.iter().any(|note| note.contains("2 times")), "{:?}", report.run.notes);
+    // Led by hand it is followed as before, and nothing of that is taken for a lie.
+    let (report, _) = Scene::new(order("so101-leader", "so101"))
+        .follow(|world| hand(world, "shoulder_pan", 1.0, 2.0));
+    assert_eq!(report.leaps, Some(0));
+}
+
+#[test]
 fn a_leader_that_never_says_where_it_is_is_not_waited_for_for_ever() {
     let at = |seconds: u64| Instant::ZERO + Duration::from_secs(seconds);
     let newest = |goals: &mut Goals, seconds| goals.newest(at(seconds), true);

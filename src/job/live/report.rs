@@ -57,6 +57,9 @@ pub struct LiveReport {
     pub body: Option<BodyReport>,
     /// What came from each sensor.
     pub sensors: Vec<SourceReport>,
+    /// How often a joint of a leader leapt for a single reading, which was not followed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub leaps: Option<u64>,
     /// The last angles of the body, by degree of freedom, rad, where they were only shown.
     pub angles_rad: Option<BTreeMap<&'static str, f64>>,
     /// What the person did, if it was to be named, at most 10,000 actions; times count from when the body was first looked at.
@@ -166,6 +169,7 @@ impl LiveReport {
             stale_s: 0.0,
             body: None,
             sensors: Vec::new(),
+            leaps: None,
             angles_rad: None,
             events: None,
             answers: None,

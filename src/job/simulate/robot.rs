@@ -61,6 +61,8 @@ pub struct VirtualRobot {
     pipe: Option<ControlPipe>,
     /// Of one with weight: what became of it, and the fall that was told.
     weight: Option<(Witness, Option<Fall>)>,
+    /// It has a script of faults.
+    tells_of_faults: bool,
 }
 
 /// The way in to a line.
@@ -110,6 +112,7 @@ impl VirtualRobot {
             sockets: Vec::new(),
             pipe: None,
             weight: witness.map(|witness| (witness, None)),
+            tells_of_faults: order.faults.is_some(),
         };
         opened.tell_places();
         Ok(opened)
@@ -203,13 +206,23 @@ impl VirtualRobot {
         self.world().take_struck().iter().map(ToString::to_string).collect()
     }
 
-    /// How it fell, if it did since the last look, in words.
+    /// Of which clock the times are that are told of faults and falls, in words; nothing where none can be told.
+    #[must_use]
+    pub fn clock_words(&self) -> Option<&'static str> {
+        let tells = self.weight.is_some() || self.tells_of_faults;
+        tells.then_some(
+            "times of faults and falls are seconds of the virtual robot's clock: it began when its \
+             first line was opened",
+        )
+    }
+
+    /// How it fell, if it did since the last look, and when by the virtual robot's clock, in words.
     pub fn fallen(&mut self) -> Option<String> {
         let (witness, told) = self.weight.as_mut()?;
         let fall = witness.fall();
         let is_new = fall.is_some() && fall != *told;
         told.clone_from(&fall);
-        fall.filter(|_| is_new).map(|fall| fall.words())
+        fall.filter(|_| is_new).map(|fall| fall.world_words())
     }
 
     /// How many faults struck so far.
