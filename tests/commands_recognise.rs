@@ -312,6 +312,24 @@ fn a_model_that_is_given_what_it_was_said_to_want_fires_and_with_a_little_less_d
 }
 
 #[test]
+fn why_a_model_did_not_fire_is_drawn_beside_the_person() {
+    let folder = folder("explain-drawn");
+    let models = nod(&folder, 70.0);
+    let page = folder.join("why.html").display().to_string();
+    let asked = ["model", "explain", "bow", "--models", &models, "--html", &page];
+    let output = run(&[&asked[..], &["--json"]].concat());
+    assert_eq!(output.status.code(), Some(0), "{}", words(&output));
+    let report: Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    let wanting = &report["models"][0]["furthest"]["wanting"][0];
+    let html = std::fs::read_to_string(&page).expect("a page");
+    for part in ["phase 1 of", wanting["feature"].as_str().expect("a feature")] {
+        assert!(html.contains(part), "{part}");
+    }
+    let again = run(&asked);
+    assert_eq!(again.status.code(), Some(1), "it is not written over: {}", words(&again));
+}
+
+#[test]
 fn amounts_and_followers_that_are_wanting_are_told_with_phase_and_time() {
     let folder = folder("explain-amounts");
     let model = |forward: f64, then: &str| {

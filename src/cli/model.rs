@@ -4,10 +4,8 @@ use super::reading::ReadingArgs;
 use super::{Deed, Output};
 use crate::error::Error;
 use crate::job::draft_model::{DraftModelOrder, ModelExample, draft_model};
-use crate::job::explain::{
-    BodySide, Demand, ExplainOrder, ExplainReport, ExplainedModel, FurthestAttempt, Stopped,
-    UnmetDemand, explain,
-};
+use crate::job::explain::{BodySide, ExplainOrder, explain};
+use crate::job::explain_words::explained;
 use crate::job::recognise::{ModelReport, check_models, feature_names};
 use crate::job::source::CaptureOptions;
 use clap::{Args, Subcommand};
@@ -95,6 +93,9 @@ pub struct ExplainArgs {
     /// Everything takes so many times as long as where a person does it, as for `recognise`
     #[arg(long, value_name = "FACTOR", allow_negative_numbers = true)]
     slowed: Option<f64>,
+    /// Write a page that shows the person, with what fired and what was wanting on a time line
+    #[arg(long, value_name = "FILE.html")]
+    html: Option<PathBuf>,
     #[command(flatten)]
     reading: ReadingArgs,
     #[command(flatten)]
@@ -141,7 +142,12 @@ pub fn run(args: &ModelArgs) -> Result<i32, Error> {
             Ok(args.output.conclude(&report, &text, Deed::Work, 0))
         }
         ModelCommand::Explain(args) => {
-            args.output.check_files(&[])?;
+            args.output.check_files(&[&args.html])?;
+            let read = [std::path::Path::new(&args.motion)];
+            args.output.check_all_apart(
+                &read,
+                &args.html.iter().map(PathBuf::as_path).collect::<Vec<_>>(),
+            )?;
             let report = explain(&ExplainOrder {
                 motion: args.motion.clone(),
                 mapping: args.reading.mapping.clone(),
@@ -151,6 +157,8 @@ pub fn run(args: &ModelArgs) -> Result<i32, Error> {
                 from_s: args.from,
                 to_s: args.to,
                 slowed: args.slowed,
+                html: args.html.clone(),
+                replace: args.output.force(),
             })?;
             Ok(args.output.conclude(&report, &explained(&report), Deed::Look, 0))
         }
@@ -159,81 +167,5 @@ pub fn run(args: &ModelArgs) -> Result<i32, Error> {
             let names = feature_names();
             Ok(output.conclude(&names, &(names.join("\n") + "\n"), Deed::Look, 0))
         }
-    }
-}
-
-fn explained(report: &ExplainReport) -> String {
-    let mut text = String::new();
-    for model in &report.models {
-        let ExplainedModel { model, phases, fired, failed_attempts, furthest, missing, .. } = model;
-        if !missing.is_empty() {
-            let _ = writeln!(text, "{model:22} cannot fire: the source does not show");
-            let _ = writeln!(text, "  {}", missing.join(", "));
-            continue;
-        }
-        let spans: Vec<String> =
-            fired.iter().map(|of| format!("{:.2} to {:.2} s", of.start_s, of.end_s)).collect();
-        let fired = if spans.is_empty() {
-            "did not fire".to_owned()
-        } else {
-            format!("fired at {}", spans.join(", "))
-        };
-        let _ = writeln!(text, "{model:22} {fired}; {failed_attempts} attempts failed");
-        if let Some(attempt) = furthest {
-            failure(&mut text, attempt, *phases);
-        }
-    }
-    text
-}
-
-/// The attempt that came furthest, in words.
-fn failure(text: &mut String, attempt: &FurthestAttempt, phases: usize) {
-    let FurthestAttempt { start_s, at_s, number, phase, stopped, wanting, ended_by } = attempt;
-    let phase = format!("phase {number} of {phases} ({phase})");
-    let _ = match stopped {
-        Stopped::NotEntered => {
-            writeln!(text, "  nearest at {at_s:.2} s, where {phase} did not begin:")
-        }
-        Stopped::NotEnough => {
-            writeln!(text, "  furthest from {start_s:.2} to {at_s:.2} s, where {phase} ended with:")
-        }
-        Stopped::TooLong => {
-            writeln!(text, "  furthest from {start_s:.2} to {at_s:.2} s, where {phase} went on:")
-        }
-        Stopped::NoNext => {
-            writeln!(
-                text,
-                "  furthest from {start_s:.2} s; {phase} did not follow, nearest at {at_s:.2} s:"
-            )
-        }
-    };
-    for unmet in wanting {
-        let _ = writeln!(text, "    {}", demand(unmet));
-    }
-    if !ended_by.is_empty() && *stopped == Stopped::NotEnough {
-        let lacks: Vec<String> = ended_by.iter().map(demand).collect();
-        let _ = writeln!(text, "    (it ended by {})", lacks.join("; "));
-    }
-}
-
-fn demand(unmet: &UnmetDemand) -> String {
-    let feature = unmet.feature.as_deref().unwrap_or("");
-    let what = match unmet.demand {
-        Demand::Frame => feature.to_owned(),
-        Demand::Posture => format!("posture {feature}"),
-        Demand::Amount => format!("{feature}, amount"),
-        Demand::Speed => format!("{feature}, speed"),
-        Demand::Average => format!("{feature}, average"),
-        Demand::Duration => "duration, s".to_owned(),
-    };
-    let asked = match (unmet.from, unmet.to) {
-        (Some(from), Some(to)) => format!("{from:.2} to {to:.2}"),
-        (Some(from), None) => format!("{from:.2} or more"),
-        (None, Some(to)) => format!("{to:.2} or less"),
-        (None, None) => "any".to_owned(),
-    };
-    match (unmet.value, unmet.by) {
-        (Some(value), Some(by)) => format!("{what} {value:.2}, asked {asked} ({by:+.2})"),
-        _ => format!("{what} not shown, asked {asked}"),
     }
 }

@@ -1,12 +1,18 @@
 //! Why models did or did not fire in a motion.
 
+use super::explain_words::in_short;
+use super::page;
 use super::recognise::{EquationReading, SeenBody, models, slowed_by};
 use super::source::{CaptureOptions, Source, body_motion};
+use crate::draft::{check_free, write_file};
 use crate::error::{Error, ErrorKind};
+use crate::mocap::anatomy::Capture;
 use crate::recognise::explain::{Attempt, Explainer};
 use crate::recognise::features::{Extractor, FEATURES, Feature};
 use crate::recognise::machine::Span;
 use crate::recognise::model::{ActionModel, Shortfall};
+use crate::view::ViewPage;
+use crate::view::tracks::{SpanKind, ViewSpan};
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -33,6 +39,10 @@ pub struct ExplainOrder {
     /// Everything takes so many times as long as where a person does it; `None`: as long. Times that are told are the
     /// source's own, figures those that the models see.
     pub slowed: Option<f64>,
+    /// A page that shows it.
+    pub html: Option<PathBuf>,
+    /// It may replace one that is there.
+    pub replace: bool,
 }
 
 /// A demand that was not met.
@@ -116,6 +126,8 @@ pub struct ExplainReport {
     pub frames: usize,
     /// By model, in the order of their names.
     pub models: Vec<ExplainedModel>,
+    /// Page written.
+    pub html: Option<String>,
     /// Choices made on the way.
     pub notes: Vec<String>,
 }
@@ -126,6 +138,7 @@ pub struct ExplainReport {
 /// A motion or a model that cannot be read, a name that no model has, a span that ends before it begins, a pace that
 /// nobody has.
 pub fn explain(order: &ExplainOrder) -> Result<ExplainReport, Error> {
+    order.html.as_ref().map_or(Ok(()), |page| check_free(page, order.replace))?;
     let slowed = slowed_by(order.slowed)?;
     let within = Span {
         start_s: order.from_s.map_or(f64::NEG_INFINITY, |from_s| from_s / slowed),
@@ -171,15 +184,54 @@ pub fn explain(order: &ExplainOrder) -> Result<ExplainReport, Error> {
             missing: missing.map(Feature::name).collect(),
         }
     });
+    let models: Vec<ExplainedModel> = explained.collect();
+    if let Some(path) = &order.html {
+        capture.rate_hz = rate_hz;
+        let html = drawn(&order.motion, &capture, &models)?;
+        write_file(path, order.replace, html.as_bytes())?;
+    }
     Ok(ExplainReport {
         outcome: "done",
         motion: order.motion.clone(),
         rate_hz,
         frames: capture.poses.len(),
-        models: explained.collect(),
+        models,
+        html: order.html.as_ref().map(|path| path.display().to_string()),
         notes: capture.notes,
         source,
     })
+}
+
+/// The person, with what fired and what was wanting on the time line.
+fn drawn(motion: &str, capture: &Capture, models: &[ExplainedModel]) -> Result<String, Error> {
+    let mut scene = page::body::person(capture)?;
+    for of in models {
+        scene.spans.extend(of.fired.iter().map(|fired| {
+            ViewSpan::new(SpanKind::Event, &of.model, "fired", fired.start_s, fired.end_s)
+        }));
+        scene.spans.extend(of.furthest.iter().map(|attempt| {
+            let label = in_short(attempt, of.phases);
+            let start_s = attempt.start_s.min(attempt.at_s);
+            ViewSpan::new(SpanKind::Doubt, &of.model, &label, start_s, attempt.at_s)
+        }));
+    }
+    let fired = models.iter().filter(|of| !of.fired.is_empty()).count();
+    let rows = [
+        ("models", models.len().to_string()),
+        ("fired", fired.to_string()),
+        ("duration", format!("{:.2} s", scene.duration_s)),
+    ];
+    let blind = models.iter().filter(|of| !of.missing.is_empty()).map(|of| {
+        format!("{} cannot fire: the source does not show {}", of.model, of.missing.join(", "))
+    });
+    ViewPage {
+        title: format!("why models fired or not in {motion}"),
+        summary_rows: rows.into_iter().map(|(name, said)| (name.to_owned(), said)).collect(),
+        warnings: Vec::new(),
+        notes: capture.notes.iter().cloned().chain(blind).collect(),
+        scene,
+    }
+    .html()
 }
 
 fn chosen(models: Vec<ActionModel>, only: &[String]) -> Result<Vec<ActionModel>, Error> {
