@@ -17,7 +17,7 @@ pub mod directions;
 pub mod doctor;
 pub mod draft_model;
 pub mod explain;
-pub mod explain_words;
+pub mod explained;
 pub mod finding;
 pub mod fit;
 pub mod follow;

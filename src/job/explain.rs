@@ -1,18 +1,13 @@
 //! Why models did or did not fire in a motion.
 
-use super::explain_words::in_short;
-use super::page;
 use super::recognise::{EquationReading, SeenBody, models, slowed_by};
 use super::source::{CaptureOptions, Source, body_motion};
-use crate::draft::{check_free, write_file};
 use crate::error::{Error, ErrorKind};
 use crate::mocap::anatomy::Capture;
 use crate::recognise::explain::{Attempt, Explainer};
 use crate::recognise::features::{Extractor, FEATURES, Feature};
 use crate::recognise::machine::Span;
 use crate::recognise::model::{ActionModel, Shortfall};
-use crate::view::ViewPage;
-use crate::view::tracks::{SpanKind, ViewSpan};
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -132,13 +127,12 @@ pub struct ExplainReport {
     pub notes: Vec<String>,
 }
 
-/// Explains why models did or did not fire in a motion.
+/// Why models did or did not fire in a motion, and the body in that motion.
 ///
 /// # Errors
 /// A motion or a model that cannot be read, a name that no model has, a span that ends before it begins, a pace that
 /// nobody has.
-pub fn explain(order: &ExplainOrder) -> Result<ExplainReport, Error> {
-    order.html.as_ref().map_or(Ok(()), |page| check_free(page, order.replace))?;
+pub(super) fn looked_at(order: &ExplainOrder) -> Result<(ExplainReport, Capture), Error> {
     let slowed = slowed_by(order.slowed)?;
     let within = Span {
         start_s: order.from_s.map_or(f64::NEG_INFINITY, |from_s| from_s / slowed),
@@ -185,53 +179,18 @@ pub fn explain(order: &ExplainOrder) -> Result<ExplainReport, Error> {
         }
     });
     let models: Vec<ExplainedModel> = explained.collect();
-    if let Some(path) = &order.html {
-        capture.rate_hz = rate_hz;
-        let html = drawn(&order.motion, &capture, &models)?;
-        write_file(path, order.replace, html.as_bytes())?;
-    }
-    Ok(ExplainReport {
+    capture.rate_hz = rate_hz;
+    let report = ExplainReport {
         outcome: "done",
         motion: order.motion.clone(),
         rate_hz,
         frames: capture.poses.len(),
         models,
         html: order.html.as_ref().map(|path| path.display().to_string()),
-        notes: capture.notes,
+        notes: capture.notes.clone(),
         source,
-    })
-}
-
-/// The person, with what fired and what was wanting on the time line.
-fn drawn(motion: &str, capture: &Capture, models: &[ExplainedModel]) -> Result<String, Error> {
-    let mut scene = page::body::person(capture)?;
-    for of in models {
-        scene.spans.extend(of.fired.iter().map(|fired| {
-            ViewSpan::new(SpanKind::Event, &of.model, "fired", fired.start_s, fired.end_s)
-        }));
-        scene.spans.extend(of.furthest.iter().map(|attempt| {
-            let label = in_short(attempt, of.phases);
-            let start_s = attempt.start_s.min(attempt.at_s);
-            ViewSpan::new(SpanKind::Doubt, &of.model, &label, start_s, attempt.at_s)
-        }));
-    }
-    let fired = models.iter().filter(|of| !of.fired.is_empty()).count();
-    let rows = [
-        ("models", models.len().to_string()),
-        ("fired", fired.to_string()),
-        ("duration", format!("{:.2} s", scene.duration_s)),
-    ];
-    let blind = models.iter().filter(|of| !of.missing.is_empty()).map(|of| {
-        format!("{} cannot fire: the source does not show {}", of.model, of.missing.join(", "))
-    });
-    ViewPage {
-        title: format!("why models fired or not in {motion}"),
-        summary_rows: rows.into_iter().map(|(name, said)| (name.to_owned(), said)).collect(),
-        warnings: Vec::new(),
-        notes: capture.notes.iter().cloned().chain(blind).collect(),
-        scene,
-    }
-    .html()
+    };
+    Ok((report, capture))
 }
 
 fn chosen(models: Vec<ActionModel>, only: &[String]) -> Result<Vec<ActionModel>, Error> {

@@ -1,9 +1,31 @@
-//! Why models did or did not fire, in words.
+//! Why models did or did not fire, in words and drawn.
 
 use super::explain::{
-    Demand, ExplainReport, ExplainedModel, FurthestAttempt, Stopped, UnmetDemand,
+    Demand, ExplainOrder, ExplainReport, ExplainedModel, FurthestAttempt, Stopped, UnmetDemand,
+    looked_at,
 };
+use super::page;
+use crate::draft::{check_free, write_file};
+use crate::error::Error;
+use crate::mocap::anatomy::Capture;
+use crate::view::ViewPage;
+use crate::view::tracks::{SpanKind, ViewSpan};
 use std::fmt::Write;
+
+/// Explains why models did or did not fire in a motion, and draws it if that is asked for.
+///
+/// # Errors
+/// A motion or a model that cannot be read, a name that no model has, a span that ends before it begins, a pace that
+/// nobody has, a page that exists or cannot be written.
+pub fn explain(order: &ExplainOrder) -> Result<ExplainReport, Error> {
+    order.html.as_ref().map_or(Ok(()), |page| check_free(page, order.replace))?;
+    let (report, capture) = looked_at(order)?;
+    if let Some(path) = &order.html {
+        let html = drawn(&order.motion, &capture, &report.models)?;
+        write_file(path, order.replace, html.as_bytes())?;
+    }
+    Ok(report)
+}
 
 /// The report as text, a few lines for each model.
 #[must_use]
@@ -88,7 +110,7 @@ fn in_all(number: usize, phase: &str, phases: usize) -> String {
 }
 
 /// The attempt that came furthest, in one line for a time line.
-pub(super) fn in_short(attempt: &FurthestAttempt, phases: usize) -> String {
+fn in_short(attempt: &FurthestAttempt, phases: usize) -> String {
     let phase = in_all(attempt.number, &attempt.phase, phases);
     let how = match attempt.stopped {
         Stopped::NotEntered => "did not begin",
@@ -98,4 +120,36 @@ pub(super) fn in_short(attempt: &FurthestAttempt, phases: usize) -> String {
     };
     let wanting: Vec<String> = attempt.wanting.iter().map(demand).collect();
     format!("{phase} {how}: {}", wanting.join("; "))
+}
+
+/// The person, with what fired and what was wanting on the time line.
+fn drawn(motion: &str, capture: &Capture, models: &[ExplainedModel]) -> Result<String, Error> {
+    let mut scene = page::body::person(capture)?;
+    for of in models {
+        scene.spans.extend(of.fired.iter().map(|fired| {
+            ViewSpan::new(SpanKind::Event, &of.model, "fired", fired.start_s, fired.end_s)
+        }));
+        scene.spans.extend(of.furthest.iter().map(|attempt| {
+            let label = in_short(attempt, of.phases);
+            let start_s = attempt.start_s.min(attempt.at_s);
+            ViewSpan::new(SpanKind::Doubt, &of.model, &label, start_s, attempt.at_s)
+        }));
+    }
+    let fired = models.iter().filter(|of| !of.fired.is_empty()).count();
+    let rows = [
+        ("models", models.len().to_string()),
+        ("fired", fired.to_string()),
+        ("duration", format!("{:.2} s", scene.duration_s)),
+    ];
+    let blind = models.iter().filter(|of| !of.missing.is_empty()).map(|of| {
+        format!("{} cannot fire: the source does not show {}", of.model, of.missing.join(", "))
+    });
+    ViewPage {
+        title: format!("why models fired or not in {motion}"),
+        summary_rows: rows.into_iter().map(|(name, said)| (name.to_owned(), said)).collect(),
+        warnings: Vec::new(),
+        notes: capture.notes.iter().cloned().chain(blind).collect(),
+        scene,
+    }
+    .html()
 }
