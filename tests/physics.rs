@@ -127,8 +127,8 @@ fn a_fall_is_an_event_and_all_times_are_of_one_clock() {
     let at_s = fall["at_s"].as_f64().expect("a time");
     // Torque went at 1 s, and nobody who is limp stands for longer than 1.5 s.
     assert!(fall["kind"] == "fell" && (1.1..2.5).contains(&at_s), "{fall}");
-    let on = fall["on"].as_str().expect("a link on the floor");
-    assert!(said.contains(&format!("fell at {at_s:.6} s: {on} on the floor")), "{said}");
+    let how = fall["on"].as_str().map_or("tilted".to_owned(), |on| format!("{on} on the floor"));
+    assert!(said.contains(&format!("fell at {at_s:.6} s: {how}")), "{said}");
     assert!(said.contains("fault at 0.500000 s: overload, head_pan"), "{said}");
     assert!(said.contains("seconds of the virtual robot's clock"), "{said}");
 }

@@ -447,7 +447,10 @@ impl Line {
             if broken {
                 continue;
             }
+            // Asked again before it has answered, it says one after the other.
+            clock.free_ns = self.servos[servo].speaks_until_ns;
             let span = clock.next(answer, wire_ns, pause_ns, slot_ns);
+            self.servos[servo].speaks_until_ns = span.end_ns;
             self.servos[servo].statuses += 1;
             shared.referee.status(self.index, span.start_ns, span.end_ns);
             let damages = damages.get(k).map_or(&[][..], Vec::as_slice);
@@ -561,11 +564,13 @@ struct ReplyClock {
     asked_ns: u64,
     last_start_ns: u64,
     end_ns: u64,
+    /// Before that the servo that is next has no transmitter to spare.
+    free_ns: u64,
 }
 
 impl ReplyClock {
     fn new(order: Order, asked_ns: u64) -> ReplyClock {
-        ReplyClock { order, asked_ns, last_start_ns: asked_ns, end_ns: asked_ns }
+        ReplyClock { order, asked_ns, last_start_ns: asked_ns, end_ns: asked_ns, free_ns: 0 }
     }
 
     fn next(&mut self, answer: &Answer, wire_ns: u64, pause_ns: u64, slot_ns: u64) -> Span {
@@ -578,6 +583,7 @@ impl ReplyClock {
             Order::Merged if self.end_ns == self.asked_ns => self.asked_ns + pause_ns,
             Order::Merged => self.end_ns,
         };
+        let start_ns = start_ns.max(self.free_ns);
         self.last_start_ns = start_ns;
         self.end_ns = self.end_ns.max(start_ns + wire_ns);
         Span { start_ns, end_ns: start_ns + wire_ns }

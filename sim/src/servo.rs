@@ -95,6 +95,8 @@ pub(crate) struct Servo {
     pub hears: bool,
     /// Statuses it has given so far.
     pub statuses: u64,
+    /// Its one transmitter is busy until then.
+    pub speaks_until_ns: u64,
     /// The position it has told in the answer it is giving, counts.
     pub told: Option<i64>,
     pub events: Vec<Event>,
@@ -145,6 +147,7 @@ impl Servo {
             frozen: None,
             hears: false,
             statuses: 0,
+            speaks_until_ns: 0,
             told: None,
             events: Vec::new(),
             mate: None,

@@ -38,6 +38,9 @@ enum Action {
         after_help = "Example: gaitway servo set-id serial:/dev/ttyUSB0 1 12 --permit-eeprom"
     )]
     SetId(identity::SetIdArgs),
+    /// Give all servos of a robot's line their IDs and speed, one after the other as they are plugged in
+    #[command(after_help = include_str!("help/servo-4.txt"))]
+    SetUp(identity::SetUpArgs),
     /// Give the servo another line speed
     #[command(
         after_help = "Example: gaitway servo set-baud serial:/dev/ttyUSB0 1 2000000 --permit-eeprom"
@@ -117,6 +120,7 @@ pub fn run(args: &ServoArgs, remarks: Remarks) -> Result<i32, Error> {
         Action::Get(args) => registers::get(args),
         Action::Set(args) => registers::set(args, remarks),
         Action::SetId(args) => identity::set_id(args, remarks),
+        Action::SetUp(args) => identity::set_up_all(args, remarks),
         Action::SetBaud(args) => identity::set_baud(args, remarks),
         Action::Reboot(args) => reset::reboot(args, remarks),
         Action::FactoryReset(args) => reset::factory_reset(args, remarks),

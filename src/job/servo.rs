@@ -7,6 +7,7 @@ pub mod device;
 #[cfg(test)]
 mod lock_tests;
 pub mod register;
+pub mod set_up;
 pub mod travel;
 pub mod value;
 

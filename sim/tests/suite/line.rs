@@ -31,6 +31,35 @@ fn a_status_is_complete_after_request_return_delay_and_its_own_bytes() {
 }
 
 #[test]
+fn a_servo_that_is_asked_twice_within_its_return_delay_answers_one_after_the_other() {
+    let mut scene = Scene::new(&dynamixels(&[1, 2]));
+    scene.set("j1", "Return Delay Time", 250);
+    scene.set("j2", "Return Delay Time", 250);
+    // The second question ends 100 us after the first, while the first answer takes 140 us.
+    scene.world.transmit(0, &hex(PING_1), 1_000_000);
+    scene.world.transmit(0, &hex(PING_1), 1_000_000);
+    let first_ns = 10 * BYTE_NS + 500_000 + 14 * BYTE_NS;
+    let mut bytes = vec![0; 4096];
+    let mut heard = Vec::new();
+    let mut times = Vec::new();
+    while let count @ 1.. = scene.world.receive(0, &mut bytes, 10_000_000) {
+        heard.extend_from_slice(&bytes[..count]);
+        times.push((scene.world.now_ns(), count));
+    }
+    assert_eq!(times, [(first_ns, 14), (first_ns + 14 * BYTE_NS, 14)]);
+    assert_eq!(statuses(&heard).len(), 2, "both are whole: {heard:02x?}");
+    // Two servos have two transmitters, and spoil one another.
+    scene.world.transmit(0, &hex(PING_1), 1_000_000);
+    scene.world.transmit(0, &instruction(2, 1, &[]), 1_000_000);
+    let mut both = Vec::new();
+    while let count @ 1.. = scene.world.receive(0, &mut bytes, 20_000_000) {
+        both.extend_from_slice(&bytes[..count]);
+    }
+    let sound = |part: &[u8]| both.windows(part.len()).any(|window| window == part);
+    assert!(!sound(&heard[..14]), "{both:02x?}");
+}
+
+#[test]
 fn in_a_sync_read_each_waits_for_the_one_before_and_its_own_delay() {
     let mut scene = Scene::new(&dynamixels(&[1, 2, 3]));
     for (joint, delay) in [("j1", 1), ("j2", 2), ("j3", 50)] {

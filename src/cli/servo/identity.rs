@@ -2,11 +2,19 @@
 //! looked for there before anything is said.
 
 use super::{Target, actuator};
+use crate::cli::calibrate::Answers;
+use crate::cli::output::prompt;
 use crate::cli::signals::Signals;
-use crate::cli::{Deed, Remarks};
+use crate::cli::terminal::Terminal;
+use crate::cli::{Deed, Output, Remarks};
 use crate::error::{Error, ErrorKind};
+use crate::job::report::Outcome;
 use crate::job::servo::change::{change_baud, change_id, needed, permitted, refuse_taken};
 use crate::job::servo::device::Device;
+use crate::job::servo::set_up::{
+    SetUpAnswer, SetUpOrder, SetUpTask, set_up, set_up_answered, set_up_question,
+};
+use crate::rig::Address;
 use clap::Args;
 use gaitway_profiles::Role;
 use serde_json::json;
@@ -33,6 +41,58 @@ pub struct SetBaudArgs {
     /// Allow writing what the servo keeps at power-off
     #[arg(long)]
     permit_eeprom: bool,
+}
+
+/// Arguments of `servo set-up`.
+#[derive(Debug, Args)]
+pub struct SetUpArgs {
+    /// Where the line is: serial:PATH, tcp:HOST:PORT; LINE=BUS of a robot with several
+    bus: Address,
+    /// Robot whose line this is
+    #[arg(long)]
+    robot: String,
+    /// Only this joint, again for others
+    #[arg(long)]
+    joint: Vec<String>,
+    /// Allow writing what servos keep at power-off
+    #[arg(long)]
+    permit_eeprom: bool,
+    /// Look who is there, write nothing
+    #[arg(long)]
+    dry_run: bool,
+    #[command(flatten)]
+    output: Output,
+}
+
+/// Runs `servo set-up`.
+///
+/// # Errors
+/// As [`set_up`].
+pub fn set_up_all(args: &SetUpArgs, remarks: Remarks) -> Result<i32, Error> {
+    args.output.check_files(&[])?;
+    let signals = Signals::listened()?;
+    let order = SetUpOrder {
+        bus: args.bus.clone(),
+        robot: args.robot.clone(),
+        joints: args.joint.clone(),
+        permit_eeprom: args.permit_eeprom,
+        dry_run: args.dry_run,
+    };
+    let mut answers = Answers::listen(signals.clone())?;
+    let mut ask = |task: SetUpTask<'_>| loop {
+        prompt(&set_up_question(task));
+        match answers.line().map(|line| set_up_answered(&line)) {
+            Some(Some(answer)) => return answer,
+            Some(None) => {}
+            None => return SetUpAnswer::Stop,
+        }
+    };
+    let report = set_up(&order, &Terminal::new(remarks, &signals), &mut ask)?;
+    let code = match (signals.first(), report.outcome) {
+        (Some(number), Outcome::Stopped) => 128 + number,
+        (_, outcome) => outcome.exit_code(),
+    };
+    Ok(args.output.conclude(&report, &report.text(), Deed::Work, code))
 }
 
 /// Runs `servo set-id`.
