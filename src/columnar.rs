@@ -5,7 +5,7 @@ pub mod pages;
 
 use crate::error::{Error, ErrorKind};
 use bytes::Bytes;
-use pages::{UnpackedPages, ZstdPages};
+use pages::{Packing, UnpackedPages, ZstdPages};
 use parquet::basic::{Compression, Encoding, ZstdLevel};
 use parquet::column::reader::{ColumnReader, get_column_reader, get_typed_column_reader};
 use parquet::column::writer::{
@@ -22,12 +22,13 @@ use parquet::file::serialized_reader::SerializedPageReader;
 use parquet::file::statistics::Statistics;
 use parquet::file::writer::{SerializedFileWriter, SerializedPageWriter, TrackedWrite};
 use parquet::schema::parser::parse_message_type;
-use parquet::schema::types::{ColumnPath, SchemaDescriptor, TypePtr};
+use parquet::schema::types::{ColumnDescPtr, ColumnPath, SchemaDescriptor, TypePtr};
 use std::fs::File;
 use std::io::{self, Write};
 use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Most bytes of a word that statistics keep; longer ones are rounded.
 const STATISTICS_BYTES: usize = 64;
@@ -45,6 +46,14 @@ pub enum ColumnKind {
     Single,
     /// Yes or no, in every row.
     Flag,
+    /// A list of words in every row.
+    Texts,
+    /// A list of whole numbers in every row.
+    Wholes,
+    /// A list of numbers in every row.
+    Reals,
+    /// A list of numbers of single precision in every row.
+    Singles,
 }
 
 /// What a column is called and holds.
@@ -63,6 +72,14 @@ pub enum Column {
     Single(Vec<f32>),
     /// As [`ColumnKind::Flag`].
     Flag(Vec<bool>),
+    /// As [`ColumnKind::Texts`].
+    Texts(Vec<Vec<Word>>),
+    /// As [`ColumnKind::Wholes`].
+    Wholes(Vec<Vec<i64>>),
+    /// As [`ColumnKind::Reals`].
+    Reals(Vec<Vec<f64>>),
+    /// As [`ColumnKind::Singles`].
+    Singles(Vec<Vec<f32>>),
 }
 
 /// A word in a column: many rows may share one.
@@ -93,6 +110,10 @@ impl Column {
             ColumnKind::Real => Self::Real(Vec::new()),
             ColumnKind::Single => Self::Single(Vec::new()),
             ColumnKind::Flag => Self::Flag(Vec::new()),
+            ColumnKind::Texts => Self::Texts(Vec::new()),
+            ColumnKind::Wholes => Self::Wholes(Vec::new()),
+            ColumnKind::Reals => Self::Reals(Vec::new()),
+            ColumnKind::Singles => Self::Singles(Vec::new()),
         }
     }
 
@@ -105,6 +126,10 @@ impl Column {
             Self::Real(all) => all.len(),
             Self::Single(all) => all.len(),
             Self::Flag(all) => all.len(),
+            Self::Texts(all) => all.len(),
+            Self::Wholes(all) => all.len(),
+            Self::Reals(all) => all.len(),
+            Self::Singles(all) => all.len(),
         }
     }
 
@@ -135,7 +160,7 @@ impl Column {
             Self::Real(all) => *all.get(row)?,
             Self::Single(all) => all.get(row).map(|value| f64::from(*value)),
             Self::Whole(all) => all.get(row)?.map(|value| value as f64),
-            Self::Text(_) | Self::Flag(_) => None,
+            _ => None,
         }
     }
 
@@ -229,6 +254,26 @@ impl TableSchema {
             }
             Column::Single(all) => typed::<FloatType>(&mut writer).write_batch(all, None, None)?,
             Column::Flag(all) => typed::<BoolType>(&mut writer).write_batch(all, None, None)?,
+            Column::Texts(all) => {
+                let (values, levels, starts) = listed(all, |word| word.0.clone());
+                let into = typed::<ByteArrayType>(&mut writer);
+                into.write_batch(&values, Some(&levels), Some(&starts))?
+            }
+            Column::Wholes(all) => {
+                let (values, levels, starts) = listed(all, |value| *value);
+                let into = typed::<Int64Type>(&mut writer);
+                into.write_batch(&values, Some(&levels), Some(&starts))?
+            }
+            Column::Reals(all) => {
+                let (values, levels, starts) = listed(all, |value| *value);
+                let into = typed::<DoubleType>(&mut writer);
+                into.write_batch(&values, Some(&levels), Some(&starts))?
+            }
+            Column::Singles(all) => {
+                let (values, levels, starts) = listed(all, |value| *value);
+                let into = typed::<FloatType>(&mut writer);
+                into.write_batch(&values, Some(&levels), Some(&starts))?
+            }
         };
         let mut close = writer.close()?;
         let packed = Compression::ZSTD(ZstdLevel::default());
@@ -244,7 +289,18 @@ fn described(name: &str, kind: ColumnKind) -> String {
         ColumnKind::Real => format!("optional double {name}; "),
         ColumnKind::Single => format!("required float {name}; "),
         ColumnKind::Flag => format!("required boolean {name}; "),
+        ColumnKind::Texts => list_described(name, "binary", " (STRING)"),
+        ColumnKind::Wholes => list_described(name, "int64", ""),
+        ColumnKind::Reals => list_described(name, "double", ""),
+        ColumnKind::Singles => list_described(name, "float", ""),
     }
+}
+
+/// A list as the format's own rules have it, and as Arrow writes it.
+fn list_described(name: &str, of: &str, kind: &str) -> String {
+    format!(
+        "optional group {name} (LIST) {{ repeated group list {{ optional {of} element{kind}; }} }} "
+    )
 }
 
 fn places(name: &str, kind: ColumnKind, repeating: &[&str]) -> usize {
@@ -259,6 +315,19 @@ fn dense<T>(all: impl Iterator<Item = Option<T>>) -> (Vec<T>, Vec<i16>) {
         values.extend(value);
     }
     (values, levels)
+}
+
+/// The values of all lists; for each how deep it is (3: a value, 1: a list without any), and whether it goes on with a list
+/// (1) or begins one (0).
+fn listed<T, V>(lists: &[Vec<T>], value: impl Fn(&T) -> V) -> (Vec<V>, Vec<i16>, Vec<i16>) {
+    let (mut values, mut levels, mut starts) = (Vec::new(), Vec::new(), Vec::new());
+    for list in lists {
+        levels.extend(if list.is_empty() { vec![1] } else { vec![3; list.len()] });
+        starts.push(0);
+        starts.extend(list.iter().skip(1).map(|_| 1));
+        values.extend(list.iter().map(&value));
+    }
+    (values, levels, starts)
 }
 
 /// A table in the making.
@@ -456,52 +525,108 @@ impl TableReader {
         })
     }
 
+    /// A column of a group whose rows are lists of numbers, in a file of strangers: these rows of it, each of
+    /// `width` numbers.
+    ///
+    /// # Errors
+    /// A table without such a column, a damaged one, a row with more or fewer numbers.
+    pub fn lists(
+        &self,
+        group: usize,
+        column: &str,
+        rows: Range<usize>,
+        width: usize,
+    ) -> Result<Vec<Vec<f64>>, Error> {
+        let within = |name: &&String| {
+            name.strip_prefix(column).is_some_and(|rest| rest.starts_with('.') && rest.len() > 1)
+        };
+        let read = || -> Result<Vec<Vec<f64>>, ParquetError> {
+            let missing = || ParquetError::General(format!("there is no list {column}"));
+            let mut leaves = self.names.iter().filter(within);
+            let (leaf, None) = (leaves.next().ok_or_else(missing)?, leaves.next()) else {
+                return Err(ParquetError::General(format!("{column} is more than a list")));
+            };
+            let (reader, of, given) = self.opened(group, leaf)?;
+            if of.max_rep_level() != 1 {
+                return Err(ParquetError::General(format!("{column} is no list")));
+            }
+            let deepest = of.max_def_level();
+            match reader {
+                ColumnReader::FloatColumnReader(_) => {
+                    let single = |value: f32| f64::from(value);
+                    lists::<FloatType>(reader, deepest, rows, width, &given, single)
+                }
+                ColumnReader::DoubleColumnReader(_) => {
+                    lists::<DoubleType>(reader, deepest, rows, width, &given, |value| value)
+                }
+                _ => Err(ParquetError::General("a list of another kind".to_owned())),
+            }
+        };
+        read().map_err(|cause| {
+            Error::of(ErrorKind::Malformed, "a column of a table cannot be read")
+                .at(column)
+                .got(cause.to_string())
+        })
+    }
+
+    /// A column of a group, unpacked as it is read, and how many values it gave since that was last set to none.
+    fn opened(
+        &self,
+        group: usize,
+        column: &str,
+    ) -> Result<(ColumnReader, ColumnDescPtr, Arc<AtomicUsize>), ParquetError> {
+        let missing = || ParquetError::General(format!("there is no column {column}"));
+        let index = self.index(column).ok_or_else(missing)?;
+        let of = self.file.metadata().row_groups().get(group).ok_or_else(missing)?;
+        let chunk = of.columns().get(index).ok_or_else(missing)?;
+        let described = chunk.clone().into_builder();
+        let described = described.set_compression(Compression::UNCOMPRESSED).build()?;
+        let total = usize::try_from(of.num_rows())?;
+        let packing = match chunk.compression() {
+            Compression::ZSTD(_) => Packing::Zstd,
+            Compression::SNAPPY => Packing::Snappy,
+            Compression::UNCOMPRESSED => Packing::Nothing,
+            other => return Err(ParquetError::General(format!("packed by {other}"))),
+        };
+        let pages = SerializedPageReader::new(Arc::clone(&self.input), &described, total, None)?;
+        let of = self.file.metadata().file_metadata().schema_descr().column(index);
+        let pages = UnpackedPages::new(pages, packing);
+        let given = pages.given();
+        Ok((get_column_reader(Arc::clone(&of), Box::new(pages)), of, given))
+    }
+
     fn read(
         &self,
         group: usize,
         column: &str,
         rows: &[Range<usize>],
     ) -> Result<Column, ParquetError> {
-        let missing = || ParquetError::General(format!("there is no column {column}"));
-        let index = self.index(column).ok_or_else(missing)?;
-        let of = self.file.metadata().row_groups().get(group).ok_or_else(missing)?;
-        let chunk = of.columns().get(index).ok_or_else(missing)?;
-        let is_packed = matches!(chunk.compression(), Compression::ZSTD(_));
-        let described = chunk.clone().into_builder();
-        let described = described.set_compression(Compression::UNCOMPRESSED).build()?;
-        let total = usize::try_from(of.num_rows())?;
-        if !is_packed && chunk.compression() != Compression::UNCOMPRESSED {
-            return Err(ParquetError::General(format!("packed by {}", chunk.compression())));
+        let (reader, of, given) = self.opened(group, column)?;
+        let optional = of.max_def_level() > 0;
+        if of.max_rep_level() > 0 {
+            return Err(ParquetError::General("a column of lists".to_owned()));
         }
-        let pages = SerializedPageReader::new(Arc::clone(&self.input), &described, total, None)?;
-        let of = self.file.metadata().file_metadata().schema_descr().column(index);
-        let reader = if is_packed {
-            get_column_reader(of, Box::new(UnpackedPages::new(pages)))
-        } else {
-            get_column_reader(of, Box::new(pages))
-        };
-        let optional = chunk.column_descr().max_def_level() > 0;
         match reader {
             ColumnReader::ByteArrayColumnReader(_) => {
-                let all = values::<ByteArrayType>(reader, rows)?;
+                let all = values::<ByteArrayType>(reader, rows, &given)?;
                 Ok(Column::Text(all.into_iter().map(|value| value.map(Word)).collect()))
             }
             ColumnReader::Int64ColumnReader(_) => {
-                Ok(Column::Whole(values::<Int64Type>(reader, rows)?))
+                Ok(Column::Whole(values::<Int64Type>(reader, rows, &given)?))
             }
             ColumnReader::Int32ColumnReader(_) => {
-                let all = values::<Int32Type>(reader, rows)?;
+                let all = values::<Int32Type>(reader, rows, &given)?;
                 Ok(Column::Whole(all.into_iter().map(|value| value.map(i64::from)).collect()))
             }
             ColumnReader::DoubleColumnReader(_) => {
-                Ok(Column::Real(values::<DoubleType>(reader, rows)?))
+                Ok(Column::Real(values::<DoubleType>(reader, rows, &given)?))
             }
             ColumnReader::FloatColumnReader(_) if !optional => Ok(Column::Single(
-                values::<FloatType>(reader, rows)?.into_iter().flatten().collect(),
+                values::<FloatType>(reader, rows, &given)?.into_iter().flatten().collect(),
             )),
-            ColumnReader::BoolColumnReader(_) if !optional => {
-                Ok(Column::Flag(values::<BoolType>(reader, rows)?.into_iter().flatten().collect()))
-            }
+            ColumnReader::BoolColumnReader(_) if !optional => Ok(Column::Flag(
+                values::<BoolType>(reader, rows, &given)?.into_iter().flatten().collect(),
+            )),
             _ => Err(ParquetError::General("a column of another kind".to_owned())),
         }
     }
@@ -510,12 +635,14 @@ impl TableReader {
 fn values<T: DataType>(
     reader: ColumnReader,
     rows: &[Range<usize>],
+    given: &AtomicUsize,
 ) -> Result<Vec<Option<T::T>>, ParquetError> {
     let mut reader = get_typed_column_reader::<T>(reader);
     let wanted = rows.iter().map(ExactSizeIterator::len).sum();
     let mut all = Vec::with_capacity(wanted);
     let (mut dense, mut levels, mut at) = (Vec::new(), Vec::new(), 0);
     for range in rows {
+        given.store(0, Ordering::Relaxed);
         let skipped = reader.skip_records(range.start.saturating_sub(at))?;
         at += skipped;
         dense.clear();
@@ -532,6 +659,54 @@ fn values<T: DataType>(
             let mut values = dense.drain(..);
             all.extend(levels.iter().map(|level| if *level > 0 { values.next() } else { None }));
         }
+    }
+    Ok(all)
+}
+
+/// Rows of lists that are read at once.
+const ROWS_AT_ONCE: usize = 1024;
+
+fn lists<T: DataType>(
+    reader: ColumnReader,
+    deepest: i16,
+    rows: Range<usize>,
+    width: usize,
+    given: &AtomicUsize,
+    number: impl Fn(T::T) -> f64,
+) -> Result<Vec<Vec<f64>>, ParquetError> {
+    let wrong = |got: String| Err(ParquetError::General(got));
+    let mut reader = get_typed_column_reader::<T>(reader);
+    let mut at = 0;
+    while at < rows.start {
+        given.store(0, Ordering::Relaxed);
+        let skipped = reader.skip_records((rows.start - at).min(ROWS_AT_ONCE))?;
+        if skipped == 0 {
+            return wrong("fewer rows than it says".to_owned());
+        }
+        at += skipped;
+    }
+    let mut all = Vec::new();
+    let (mut dense, mut levels, mut starts) = (Vec::new(), Vec::new(), Vec::new());
+    while at < rows.end {
+        given.store(0, Ordering::Relaxed);
+        dense.clear();
+        levels.clear();
+        starts.clear();
+        let most = (rows.end - at).min(ROWS_AT_ONCE);
+        let (read, count, _) =
+            reader.read_records(most, Some(&mut levels), Some(&mut starts), &mut dense)?;
+        if read == 0 {
+            return wrong("fewer rows than it says".to_owned());
+        }
+        if count != read * width
+            || levels.iter().any(|level| *level != deepest)
+            || starts.iter().enumerate().any(|(n, start)| (n % width == 0) != (*start == 0))
+        {
+            return wrong(format!("a row with more or fewer than {width} numbers"));
+        }
+        let mut values = dense.drain(..).map(&number);
+        all.extend((0..read).map(|_| values.by_ref().take(width).collect::<Vec<f64>>()));
+        at += read;
     }
     Ok(all)
 }

@@ -181,12 +181,15 @@ struct ExportArgs {
     /// Which trials, as `corpus query` takes it; all if it is empty
     #[arg(default_value = "")]
     question: String,
-    /// bvh, source, labels, robot-csv, or robot-npz
+    /// bvh, source, labels, robot-csv, robot-npz, unitree-csv, or lerobot
     #[arg(long, value_name = "FORMAT")]
     format: String,
-    /// The robot of robot-csv and robot-npz, by name or file
+    /// The robot of the formats that are of one, by name or file
     #[arg(long, value_name = "ROBOT")]
     robot: Option<String>,
+    /// Recordings of what it played of an export: goals and measured angles for lerobot
+    #[arg(long, value_name = "DIR")]
+    recordings: Option<PathBuf>,
     /// Folder for it
     #[arg(short, long, value_name = "DIR")]
     output_file: PathBuf,
@@ -324,6 +327,7 @@ fn export(args: &ExportArgs, remarks: Remarks) -> Result<i32, Error> {
         question: args.question.clone(),
         format: ExportFormat::of(&args.format)?,
         robot: args.robot.clone(),
+        recordings: args.recordings.clone(),
         folder: args.output_file.clone(),
     };
     let signals = Signals::listened()?;

@@ -9,6 +9,7 @@ use crate::job::recognise::EquationReading;
 use crate::job::score::motions::{
     MotionScore, MotionScoreOrder, generalisation, identification, transitioning,
 };
+use crate::job::score::splicing::splicing;
 use crate::job::score::{ClassificationOrder, Half, classification};
 use clap::{Args, Subcommand};
 use std::path::PathBuf;
@@ -28,6 +29,8 @@ enum ScoreCommand {
     Generalisation(MotionArgs),
     /// How well a gap between one motion and the next is filled
     Transitioning(MotionArgs),
+    /// How well an action is put on another, as somebody does both at once
+    Splicing(MotionArgs),
     /// How well it is told who moves
     Identification(MotionArgs),
 }
@@ -90,6 +93,7 @@ pub fn run(args: &ScoreArgs, remarks: Remarks) -> Result<i32, Error> {
         ScoreCommand::Classification(args) => args,
         ScoreCommand::Generalisation(args) => return motion(args, remarks, generalisation),
         ScoreCommand::Transitioning(args) => return motion(args, remarks, transitioning),
+        ScoreCommand::Splicing(args) => return motion(args, remarks, splicing),
         ScoreCommand::Identification(args) => return motion(args, remarks, identification),
     };
     args.output.check_files(&[])?;

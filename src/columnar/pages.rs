@@ -14,9 +14,13 @@ use parquet::file::writer::SerializedPageWriter;
 use ruzstd::decoding::StreamingDecoder;
 use ruzstd::encoding::{CompressionLevel, FrameCompressor, Matcher, Sequence};
 use std::io::Read;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Most bytes that a page unpacks to: a file that says more was not made here.
 const MAX_PAGE: u64 = 1 << 28;
+/// Most values that are unpacked before somebody takes them: the longest row group of ours has a hundredth of it.
+pub const MAX_VALUES: usize = 1 << 23;
 /// Most bytes of a block, by the format.
 const MAX_BLOCK: usize = 1 << 17;
 /// A run below this costs more than it saves.
@@ -55,15 +59,34 @@ impl PageWriter for ZstdPages<'_> {
     }
 }
 
-/// Reads pages of one column that [`ZstdPages`] wrote: those beneath are told that nothing is compressed.
+/// How pages are packed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Packing {
+    /// They are not.
+    Nothing,
+    /// As [`ZstdPages`] packs them.
+    Zstd,
+    /// As Arrow packs them, if nobody asks for anything else.
+    Snappy,
+}
+
+/// Reads pages of one column and unpacks them: those beneath are told that nothing is compressed.
 pub struct UnpackedPages {
     pages: Box<dyn PageReader>,
+    packing: Packing,
+    given: Arc<AtomicUsize>,
 }
 
 impl UnpackedPages {
     /// Unpacks the pages of `pages`.
-    pub fn new(pages: impl PageReader + 'static) -> Self {
-        Self { pages: Box::new(pages) }
+    pub fn new(pages: impl PageReader + 'static, packing: Packing) -> Self {
+        Self { pages: Box::new(pages), packing, given: Arc::default() }
+    }
+
+    /// How many values its pages held since this was last set to 0: at most [`MAX_VALUES`], then it fails. A few bytes
+    /// may say that a value is there a thousand million times.
+    pub fn given(&self) -> Arc<AtomicUsize> {
+        Arc::clone(&self.given)
     }
 }
 
@@ -78,8 +101,17 @@ impl Iterator for UnpackedPages {
 impl PageReader for UnpackedPages {
     fn get_next_page(&mut self) -> Result<Option<Page>, ParquetError> {
         let Some(mut page) = self.pages.get_next_page()? else { return Ok(None) };
+        let values = page.num_values() as usize;
+        if self.given.fetch_add(values, Ordering::Relaxed).saturating_add(values) > MAX_VALUES {
+            return Err(ParquetError::General(format!("more than {MAX_VALUES} values at once")));
+        }
         match &mut page {
-            Page::DataPage { buf, .. } | Page::DictionaryPage { buf, .. } => *buf = unpacked(buf)?,
+            Page::DataPage { buf, .. } | Page::DictionaryPage { buf, .. } => match self.packing {
+                Packing::Nothing => {}
+                Packing::Zstd => *buf = unpacked(buf)?,
+                Packing::Snappy => *buf = of_snappy(buf)?,
+            },
+            Page::DataPageV2 { .. } if self.packing == Packing::Nothing => {}
             Page::DataPageV2 { .. } => {
                 return Err(ParquetError::General("a page of version 2".to_owned()));
             }
@@ -106,6 +138,17 @@ fn unpacked(packed: &[u8]) -> Result<Bytes, ParquetError> {
         return Err(wrong(format!("it unpacks to more than {MAX_PAGE} bytes")));
     }
     Ok(Bytes::from(bytes))
+}
+
+fn of_snappy(packed: &[u8]) -> Result<Bytes, ParquetError> {
+    let wrong = |got: String| ParquetError::General(format!("a page that is no Snappy: {got}"));
+    let length = snap::raw::decompress_len(packed).map_err(|e| wrong(e.to_string()))?;
+    // Three bytes stand for 64 at most.
+    if length as u64 > MAX_PAGE || length / 22 > packed.len() {
+        return Err(wrong(format!("{} bytes that unpack to {length}", packed.len())));
+    }
+    let bytes = snap::raw::Decoder::new().decompress_vec(packed);
+    bytes.map(Bytes::from).map_err(|e| wrong(e.to_string()))
 }
 
 /// A frame of blocks of at most `block` bytes.

@@ -490,12 +490,10 @@ impl Parser {
                 "false" | "no" => Ok(Literal::Flag(false)),
                 _ => Err(token.unlike("true or false")),
             },
-            ColumnKind::Whole | ColumnKind::Real | ColumnKind::Single => {
-                match text.parse::<f64>() {
-                    Ok(value) if value.is_finite() => Ok(Literal::Number(value)),
-                    _ => Err(token.unlike(&format!("a number{}", field.unit()))),
-                }
-            }
+            _ => match text.parse::<f64>() {
+                Ok(value) if value.is_finite() => Ok(Literal::Number(value)),
+                _ => Err(token.unlike(&format!("a number{}", field.unit()))),
+            },
         }
     }
 }

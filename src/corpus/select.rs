@@ -494,9 +494,7 @@ fn column_mask(column: &Column, kind: ColumnKind, test: &Test) -> Vec<bool> {
     match kind {
         ColumnKind::Text => rows.map(|row| test.of_text(column.text(row))).collect(),
         ColumnKind::Flag => rows.map(|row| test.of_flag(column.flag(row))).collect(),
-        ColumnKind::Whole | ColumnKind::Real | ColumnKind::Single => {
-            rows.map(|row| test.of_number(column.real(row))).collect()
-        }
+        _ => rows.map(|row| test.of_number(column.real(row))).collect(),
     }
 }
 

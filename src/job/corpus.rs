@@ -7,6 +7,7 @@ mod check;
 mod export;
 pub(in crate::job) mod generate;
 mod labels;
+mod lerobot;
 mod npz;
 mod remove;
 mod variations;

@@ -146,6 +146,8 @@ impl Retargeted {
 pub(super) struct RobotClip {
     /// Row by row: where the base is, and the angle of each joint, rad.
     pub rows: Vec<(Placement, Vec<f64>)>,
+    /// False if nobody knows where the base goes: it stays where it is.
+    pub has_base: bool,
     /// How much slower it is than the person was, at most.
     pub retime_factor: f64,
     /// When the robot would fall, s after the first row.
@@ -155,7 +157,7 @@ pub(super) struct RobotClip {
 /// What a person does, as a robot would do it at `rate_hz`.
 ///
 /// # Errors
-/// A motion that cannot be transferred, a robot without a body.
+/// A motion that cannot be transferred.
 pub(super) fn robot_clip(
     robot: &Robot,
     name: &str,
@@ -169,21 +171,18 @@ pub(super) fn robot_clip(
     let options = PlanOptions { retime: true, ..PlanOptions::default() };
     let planned = plan(&start_rad, &path, &robot.limits(), options)?;
     let (base, metrics) = bodily::look(robot, &loaded, &path, &planned, false)?;
-    let base = base.ok_or_else(|| {
-        Error::new("where the base of this robot goes is not known")
-            .at(robot.name.clone())
-            .allowed("a robot whose file has a [body]")
-    })?;
     let (from_s, to_s) = (planned.clip_start_s, planned.clip_start_s + planned.clip_s);
     let count = ((to_s - from_s) * rate_hz).floor() as usize;
     let mut setpoints = vec![Setpoint::default(); planned.trajectory.joints().len()];
     let row = |row: usize| {
         let time_s = from_s + row as f64 / rate_hz;
         planned.trajectory.sample(time_s, &mut setpoints);
-        (base.at(time_s).0, setpoints.iter().map(|setpoint| setpoint.position_rad).collect())
+        let at = base.as_ref().map_or(Placement::IDENTITY, |base| base.at(time_s).0);
+        (at, setpoints.iter().map(|setpoint| setpoint.position_rad).collect())
     };
     Ok(RobotClip {
         rows: (0..=count).map(row).collect(),
+        has_base: base.is_some(),
         retime_factor: planned.stretch,
         falls_s: metrics.predicted_fall_s.map(|at_s| (at_s - from_s).max(0.0)),
     })

@@ -22,6 +22,7 @@ use corruption::Corruption;
 
 mod corruption;
 pub mod motions;
+pub mod splicing;
 mod words;
 
 /// Which half of the clips is judged: the odd or the even ones of each class, in the order of their names.

@@ -2,9 +2,11 @@
 
 pub mod angles_table;
 pub mod joints;
+pub(super) mod lerobot;
 mod opensim;
 pub(super) mod recorded;
 mod standing;
+pub(super) mod untitled;
 
 pub use crate::mocap::files::CaptureOptions;
 
@@ -90,7 +92,8 @@ pub fn file_kind(path: &Path) -> FileKind {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MotionOrder {
     /// A capture (.bvh, .amc, .mot, .sto), a shipped action, an action file (.toml), several actions
-    /// (`walk:6s,wave-r,bow`), a recording (.mcap) or a table (.csv: `time_s`, `JOINT_rad`).
+    /// (`walk:6s,wave-r,bow`), a recording (.mcap), a table (.csv: `time_s`, `JOINT_rad`, or Unitree's without titles) or an
+    /// episode of a LeRobot dataset (`FOLDER#3`).
     pub motion: String,
     /// Pieces of other actions that are pasted into actions.
     pub inserts: Inserts,
@@ -172,9 +175,12 @@ pub fn load(order: &MotionOrder, robot: &Robot) -> Result<RobotMotion, Error> {
     only(robot, &order.only)?;
     check_inserts(order)?;
     let path = Path::new(&order.motion);
+    if let Some(motion) = lerobot::read(&order.motion, robot)? {
+        return in_joints(order, robot, &motion);
+    }
     let is_markers = !phrase::is_phrase(&order.motion) && marker_files::format_of(path).is_some();
     let is_of_person = is_markers || angles_table::is_named(path);
-    if !is_of_person && let Some(motion) = joints::read(path)? {
+    if !is_of_person && let Some(motion) = joints::read(path, robot)? {
         return in_joints(order, robot, &motion);
     }
     let exact = phrase::is_phrase(&order.motion);
@@ -408,13 +414,18 @@ pub fn body_motion(
         }
         return recorded::capture(path);
     }
+    if lerobot::is_named(motion) {
+        return Err(Error::new("a dataset moves the joints of a robot, and no body")
+            .at(motion)
+            .allowed("`play` and `retarget` with --robot for it"));
+    }
     let Some(format) = files::format_of(path) else {
         let shipped: Vec<&str> = vocabulary::names().collect();
         return Err(Error::of(ErrorKind::Unknown, "not a motion that can be read")
             .at("MOTION")
             .got(motion)
             .allowed(format!(
-                "a file that ends in .bvh, .amc, .c3d, .trc, .csm, .mot, .sto or .mcap, a table (.csv) of markers or joint angles, an action file (.toml), or a shipped action: {}",
+                "a file that ends in .bvh, .amc, .c3d, .trc, .csm, .mot, .sto or .mcap, a table (.csv) of markers or joint angles, an action file (.toml), an episode of a LeRobot dataset (FOLDER#3), or a shipped action: {}",
                 shipped.join(", ")
             ))
             .remedy(profiles::advice(motion, &shipped, "take one of these, or check the path")));

@@ -1,6 +1,8 @@
 //! Trials passed on: as files of their own, with what they are and what may be done with them.
 
-use super::super::retarget::robot_clip;
+use super::super::retarget::{RobotClip, robot_clip};
+use super::super::source::{joints, untitled};
+use super::lerobot::{Dataset, Episode};
 use super::npz;
 use crate::body::{Proportions, Segment, segment_name};
 use crate::corpus::licence::Licence;
@@ -17,6 +19,7 @@ use crate::job::report::Outcome;
 use crate::job::{Event, Observer};
 use crate::mocap::anatomy::Capture;
 use crate::mocap::{bvh, export};
+use crate::recording;
 use crate::rigid::Placement;
 use crate::robot::{Robot, RobotBody};
 use crate::table::TableWriter;
@@ -40,12 +43,23 @@ pub enum ExportFormat {
     /// The same with the places, turns and velocities of all links, 50 frames a second: `.npz` as `BeyondMimic` and mjlab read
     /// it.
     RobotNpz,
+    /// As `robot-csv`, for robots that have the 29 joints of Unitree's G1, in Unitree's order.
+    UnitreeCsv,
+    /// A `LeRobotDataset` of version 3: an episode for each, 30 frames a second.
+    Lerobot,
 }
 
 impl ExportFormat {
     /// All of them.
-    pub const ALL: [Self; 5] =
-        [Self::Bvh, Self::Source, Self::Labels, Self::RobotCsv, Self::RobotNpz];
+    pub const ALL: [Self; 7] = [
+        Self::Bvh,
+        Self::Source,
+        Self::Labels,
+        Self::RobotCsv,
+        Self::RobotNpz,
+        Self::UnitreeCsv,
+        Self::Lerobot,
+    ];
 
     /// As a word.
     #[must_use]
@@ -56,6 +70,8 @@ impl ExportFormat {
             Self::Labels => "labels",
             Self::RobotCsv => "robot-csv",
             Self::RobotNpz => "robot-npz",
+            Self::UnitreeCsv => "unitree-csv",
+            Self::Lerobot => "lerobot",
         }
     }
 
@@ -74,8 +90,9 @@ impl ExportFormat {
     /// Rows a second of what is written of a robot; nothing if it is not of one.
     const fn robot_hz(self) -> Option<f64> {
         match self {
-            Self::RobotCsv => Some(30.0),
+            Self::RobotCsv | Self::UnitreeCsv => Some(untitled::RATE_HZ),
             Self::RobotNpz => Some(50.0),
+            Self::Lerobot => Some(30.0),
             _ => None,
         }
     }
@@ -102,6 +119,8 @@ pub struct ExportOrder {
     pub format: ExportFormat,
     /// The robot, by name or file, where it is one.
     pub robot: Option<String>,
+    /// A folder of recordings of trials that were played, for `lerobot`.
+    pub recordings: Option<PathBuf>,
     /// The folder, which is empty, does not exist yet, or holds a part of the same export.
     pub folder: PathBuf,
 }
@@ -151,9 +170,28 @@ pub struct ExportedTrial {
     /// When the robot would fall, s.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub predicted_fall_s: Option<f64>,
+    /// Its episodes in the dataset.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub episodes: Vec<u64>,
+    /// The recordings that these are, where it was played.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub recordings: Vec<String>,
     /// What it is.
     #[serde(flatten)]
     pub entry: TrialEntry,
+}
+
+impl ExportedTrial {
+    fn of(entry: &TrialEntry) -> Self {
+        Self {
+            files: Vec::new(),
+            retime_factor: None,
+            predicted_fall_s: None,
+            episodes: Vec::new(),
+            recordings: Vec::new(),
+            entry: entry.clone(),
+        }
+    }
 }
 
 /// A trial that was not passed on.
@@ -174,6 +212,8 @@ struct Begun {
     question: String,
     format: String,
     robot: Option<String>,
+    #[serde(default)]
+    recordings: Option<PathBuf>,
 }
 
 /// Passes trials on.
@@ -183,18 +223,23 @@ struct Begun {
 /// trial that may be passed on; a wish to stop: given again, it goes on.
 pub fn export(order: &ExportOrder, observer: &dyn Observer) -> Result<ExportReport, Error> {
     let question = Question::parse(&order.question)?;
-    let robot = match (order.format, &order.robot) {
-        (ExportFormat::RobotCsv | ExportFormat::RobotNpz, Some(name)) => Some(Robot::load(name)?),
-        (ExportFormat::RobotCsv | ExportFormat::RobotNpz, None) => {
-            return Err(Error::new("no robot is named").remedy("--robot NAME"));
-        }
-        (_, Some(name)) => {
-            return Err(Error::new("this format knows no robot")
-                .at("--robot")
-                .got(name.clone())
-                .allowed("--format robot-csv or robot-npz"));
-        }
-        (_, None) => None,
+    let robot = robot_of(order)?;
+    let joints = match (&robot, order.format) {
+        (Some(robot), ExportFormat::UnitreeCsv) => untitled::unitree_order(robot)
+            .ok_or_else(|| {
+                let missing = untitled::first_missing(robot).unwrap_or_default();
+                Error::of(ErrorKind::Unknown, "the robot has not the joints of Unitree's G1")
+                    .at(robot.name.clone())
+                    .got(format!("no {missing}"))
+                    .allowed("a robot with its 29 joints, by its names")
+                    .remedy("--format robot-csv writes the joints of any robot, in the order of its file")
+            })?,
+        (Some(robot), _) => robot.joint_names(),
+        (None, _) => Vec::new(),
+    };
+    let played = match (&robot, &order.recordings) {
+        (Some(robot), Some(folder)) => recordings(folder, robot)?,
+        _ => Recordings::new(),
     };
     let mut store = Store::open_to_change(&order.corpus)?;
     let (may, withheld) = chosen(order, &store, &question)?;
@@ -223,7 +268,7 @@ pub fn export(order: &ExportOrder, observer: &dyn Observer) -> Result<ExportRepo
         question: order.question.clone(),
         format: order.format.word(),
         robot: robot.as_ref().map(|robot| robot.name.clone()),
-        joints: robot.as_ref().map_or_else(Vec::new, |robot| robot.joint_names()),
+        joints,
         rate_hz: order.format.robot_hz(),
         noncommercial: may.iter().any(|of| of.noncommercial),
         licences,
@@ -232,8 +277,19 @@ pub fn export(order: &ExportOrder, observer: &dyn Observer) -> Result<ExportRepo
         withheld,
         written: String::new(),
     };
-    let mut writing = Writing { order, store: &store, robot: robot.as_ref(), report: &mut report };
-    writing.all(&may, observer)?;
+    let mut dataset = match (&robot, order.format) {
+        (Some(robot), ExportFormat::Lerobot) => {
+            let rate_hz = order.format.robot_hz().unwrap_or_default();
+            Some(Dataset::new(&order.folder, &robot.name, robot.joint_names(), rate_hz)?)
+        }
+        _ => None,
+    };
+    let mut writing =
+        Writing { order, store: &store, robot: robot.as_ref(), played, report: &mut report };
+    writing.all(&may, &mut dataset, observer)?;
+    if let Some(dataset) = dataset {
+        dataset.finish()?;
+    }
     if !report.withheld.is_empty() {
         report.outcome = Outcome::DoneWithLoss;
     }
@@ -243,6 +299,61 @@ pub fn export(order: &ExportOrder, observer: &dyn Observer) -> Result<ExportRepo
     fs::remove_file(order.folder.join(BEGUN)).map_err(|e| unwritable(&order.folder, &e))?;
     report.written = super::shown(&order.folder);
     Ok(report)
+}
+
+/// The robot of those formats that know one.
+fn robot_of(order: &ExportOrder) -> Result<Option<Robot>, Error> {
+    if let Some(folder) =
+        order.recordings.as_ref().filter(|_| order.format != ExportFormat::Lerobot)
+    {
+        return Err(Error::new("this format knows no recordings")
+            .at("--recordings")
+            .got(folder.display().to_string())
+            .allowed("--format lerobot"));
+    }
+    match (order.format.robot_hz(), &order.robot) {
+        (Some(_), Some(name)) => Robot::load(name).map(Some),
+        (Some(_), None) => Err(Error::new("no robot is named").remedy("--robot NAME")),
+        (None, Some(name)) => Err(Error::new("this format knows no robot")
+            .at("--robot")
+            .got(name.clone())
+            .allowed("--format robot-csv, robot-npz, unitree-csv or lerobot")),
+        (None, None) => Ok(None),
+    }
+}
+
+/// By the id of a trial: recordings of a robot that played it.
+type Recordings = BTreeMap<String, Vec<PathBuf>>;
+
+/// The recordings of a folder in which this robot played what was exported: `NAME-TRIAL.csv`.
+fn recordings(folder: &Path, robot: &Robot) -> Result<Recordings, Error> {
+    let unreadable = |e: std::io::Error| {
+        Error::of((&e).into(), "the recordings cannot be read")
+            .at(folder.display().to_string())
+            .got(e.to_string())
+    };
+    let entries = fs::read_dir(folder).map_err(unreadable)?;
+    let mut paths: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
+    paths.sort();
+    let mut found = Recordings::new();
+    for path in paths.into_iter().filter(|path| path.extension().is_some_and(|of| of == "mcap")) {
+        let Some(start) = recording::run_start(&path)? else { continue };
+        let stem = Path::new(&start.motion).file_stem().and_then(|stem| stem.to_str());
+        let id = stem.and_then(|stem| stem.rsplit('-').next()).unwrap_or_default();
+        if start.robot == robot.name && !id.is_empty() {
+            found.entry(id.to_owned()).or_default().push(path);
+        }
+    }
+    if found.is_empty() {
+        return Err(Error::of(ErrorKind::Absent, "no recording of this robot is there")
+            .at(folder.display().to_string())
+            .allowed(format!(
+                "recordings (.mcap) of {} while it played files of an export: \
+                 `gaitway play kicks/set/action/NAME-TRIAL.csv --robot {} --record a.mcap`",
+                robot.name, robot.name
+            )));
+    }
+    Ok(found)
 }
 
 /// Trials that may be passed on, and those that may not.
@@ -262,7 +373,7 @@ fn chosen(
             Some("its licence forbids to pass on what is made of it: --format source passes on the file itself")
         } else if order.format == ExportFormat::Source && entry.source_file.is_none() {
             Some("it was made of no file")
-        } else if matches!(order.format, ExportFormat::Bvh | ExportFormat::RobotCsv | ExportFormat::RobotNpz)
+        } else if (order.format == ExportFormat::Bvh || order.format.robot_hz().is_some())
             && entry.place.is_none() {
             Some("its frames are not kept")
         } else {
@@ -297,6 +408,7 @@ fn begin(order: &ExportOrder, store: &Store) -> Result<(), Error> {
         question: order.question.clone(),
         format: order.format.word().to_owned(),
         robot: order.robot.clone(),
+        recordings: order.recordings.clone(),
     };
     let path = folder.join(BEGUN);
     let known = fs::read_to_string(&path).ok().and_then(|text| serde_json::from_str(&text).ok());
@@ -326,6 +438,7 @@ struct Writing<'a> {
     order: &'a ExportOrder,
     store: &'a Store,
     robot: Option<&'a Robot>,
+    played: Recordings,
     report: &'a mut ExportReport,
 }
 
@@ -337,7 +450,12 @@ fn plain(name: &str) -> String {
 }
 
 impl Writing<'_> {
-    fn all(&mut self, trials: &[TrialEntry], observer: &dyn Observer) -> Result<(), Error> {
+    fn all(
+        &mut self,
+        trials: &[TrialEntry],
+        dataset: &mut Option<Dataset<'_>>,
+        observer: &dyn Observer,
+    ) -> Result<(), Error> {
         let total = trials.len() as u64;
         let labels = match self.order.format {
             ExportFormat::Labels => self.labels()?,
@@ -346,7 +464,11 @@ impl Writing<'_> {
         for (done, entry) in trials.iter().enumerate() {
             observer.hear(Event::Step { done: done as u64, total, what: "trials" });
             go_on(observer)?;
-            match self.one(entry, &labels) {
+            let one = match dataset {
+                Some(dataset) => self.episodes(entry, dataset),
+                None => self.one(entry, &labels),
+            };
+            match one {
                 Ok(exported) => self.report.trials.push(exported),
                 // What a robot cannot do is told; what cannot be written ends it.
                 Err(error) if self.robot.is_some() && error.kind != ErrorKind::Io => {
@@ -404,12 +526,7 @@ impl Writing<'_> {
             plain(&entry.name),
             entry.trial
         );
-        let mut exported = ExportedTrial {
-            files: Vec::new(),
-            retime_factor: None,
-            predicted_fall_s: None,
-            entry: entry.clone(),
-        };
+        let mut exported = ExportedTrial::of(entry);
         match self.order.format {
             ExportFormat::Bvh => {
                 let name = format!("{stem}.bvh");
@@ -450,20 +567,65 @@ impl Writing<'_> {
                     exported.files.push(name);
                 }
             }
-            ExportFormat::RobotCsv | ExportFormat::RobotNpz => {
-                self.on_robot(entry, &stem, &mut exported)?;
+            ExportFormat::RobotCsv | ExportFormat::RobotNpz | ExportFormat::UnitreeCsv => {
+                if let Some(robot) = self.robot {
+                    self.on_robot(robot, entry, &stem, &mut exported)?;
+                }
             }
+            // A dataset is one thing, whatever is in it.
+            ExportFormat::Lerobot => {}
         }
         Ok(exported)
     }
 
-    fn on_robot(
-        &self,
+    /// The episodes of a trial: what was played of it if there are recordings, else what the robot would be told.
+    fn episodes(
+        &mut self,
         entry: &TrialEntry,
-        stem: &str,
-        exported: &mut ExportedTrial,
-    ) -> Result<(), Error> {
-        let Some(robot) = self.robot else { return Ok(()) };
+        dataset: &mut Dataset<'_>,
+    ) -> Result<ExportedTrial, Error> {
+        let mut exported = ExportedTrial::of(entry);
+        let (Some(robot), Some(rate_hz)) = (self.robot, self.order.format.robot_hz()) else {
+            return Ok(exported);
+        };
+        let task = entry.action.as_str();
+        let Some(paths) = self.played.get(&entry.trial) else {
+            let clip = self.clip(robot, entry, rate_hz)?;
+            let rows: Vec<Vec<f64>> = clip.rows.into_iter().map(|(_, angles)| angles).collect();
+            exported.retime_factor = Some(clip.retime_factor);
+            exported.predicted_fall_s = clip.falls_s;
+            exported.episodes.push(dataset.add(&Episode {
+                task,
+                action_rad: &rows,
+                state_rad: &rows,
+            })?);
+            return Ok(exported);
+        };
+        for path in paths {
+            match joints::played(path, robot, rate_hz) {
+                Ok(of) => {
+                    let (action_rad, state_rad) = (&of.goal_rad, &of.present_rad);
+                    exported.episodes.push(dataset.add(&Episode {
+                        task,
+                        action_rad,
+                        state_rad,
+                    })?);
+                    exported.recordings.push(path.display().to_string());
+                }
+                Err(error) => self.report.withheld.push(Withheld {
+                    trial: entry.trial.clone(),
+                    name: path.display().to_string(),
+                    why: error.to_string(),
+                }),
+            }
+        }
+        if exported.episodes.is_empty() {
+            return Err(Error::new("none of its recordings can be used"));
+        }
+        Ok(exported)
+    }
+
+    fn clip(&self, robot: &Robot, entry: &TrialEntry, rate_hz: f64) -> Result<RobotClip, Error> {
         let unseen: Vec<&str> =
             entry.untracked.as_deref().unwrap_or_default().split_whitespace().collect();
         let capture = Capture {
@@ -474,8 +636,26 @@ impl Writing<'_> {
             is_made: entry.synthetic,
             notes: Vec::new(),
         };
+        robot_clip(robot, &entry.name, capture, rate_hz)
+    }
+
+    fn on_robot(
+        &self,
+        robot: &Robot,
+        entry: &TrialEntry,
+        stem: &str,
+        exported: &mut ExportedTrial,
+    ) -> Result<(), Error> {
         let rate_hz = self.order.format.robot_hz().unwrap_or(entry.rate_hz);
-        let clip = robot_clip(robot, &entry.name, capture, rate_hz)?;
+        let clip = self.clip(robot, entry, rate_hz)?;
+        if !clip.has_base {
+            return Err(Error::new("where the base of this robot goes is not known")
+                .at(robot.name.clone())
+                .allowed("a robot whose file has a [body]"));
+        }
+        let own = robot.joint_names();
+        let place_of = |name: &String| own.iter().position(|known| known == name);
+        let order: Vec<usize> = self.report.joints.iter().filter_map(place_of).collect();
         let is_npz = self.order.format == ExportFormat::RobotNpz;
         let name = format!("{stem}.{}", if is_npz { "npz" } else { "csv" });
         self.write(&name, || {
@@ -491,7 +671,9 @@ impl Writing<'_> {
             for (Placement { at_m, turn }, angles_rad) in &clip.rows {
                 let place = at_m.to_array().into_iter().chain(turn.to_array());
                 table.row(
-                    place.chain(angles_rad.iter().copied()).map(|value| format!("{value:.6}")),
+                    place
+                        .chain(order.iter().map(|joint| angles_rad[*joint]))
+                        .map(|value| format!("{value:.6}")),
                 )?;
             }
             table.finish()

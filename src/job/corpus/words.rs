@@ -173,6 +173,12 @@ impl RemoveReport {
 }
 
 impl ExportReport {
+    /// How many episodes there are, in a dataset.
+    fn episodes(&self) -> Option<usize> {
+        let all: usize = self.trials.iter().map(|of| of.episodes.len()).sum();
+        (all > 0).then_some(all)
+    }
+
     /// In a few lines.
     #[must_use]
     pub fn words(&self) -> String {
@@ -189,6 +195,14 @@ impl ExportReport {
         }
         if self.noncommercial {
             text.push_str("licence   not for what earns money\n");
+        }
+        if let Some(episodes) = self.episodes() {
+            let played: usize = self.trials.iter().map(|of| of.recordings.len()).sum();
+            let _ = writeln!(
+                text,
+                "episodes  {episodes}, {played} of them recorded: goals as actions, measured angles as states{}",
+                if played < episodes { "; of the others goals stand for both" } else { "" }
+            );
         }
         for of in self.trials.iter().filter(|of| of.predicted_fall_s.is_some()).take(MOST_LINES) {
             let (name, at_s) = (&of.entry.name, of.predicted_fall_s.unwrap_or(0.0));

@@ -92,18 +92,18 @@ pub struct MotionScore {
 }
 
 /// A trial at its instants.
-struct Held {
-    entry: TrialEntry,
-    frames: TrialFrames,
+pub(super) struct Held {
+    pub(super) entry: TrialEntry,
+    pub(super) frames: TrialFrames,
 }
 
 impl Held {
-    fn frames(&self) -> usize {
+    pub(super) fn frames(&self) -> usize {
         self.frames.len()
     }
 
     /// All signals at an instant, as a part of its duration.
-    fn at(&self, part: f64) -> Vec<f64> {
+    pub(super) fn at(&self, part: f64) -> Vec<f64> {
         let last = self.frames().saturating_sub(1);
         let at = part * last as f64;
         let before = (at.floor() as usize).min(last);
@@ -118,7 +118,7 @@ impl Held {
 }
 
 /// Poses of signals.
-fn poses(rows: &[Vec<f64>]) -> Vec<SegmentPose> {
+pub(super) fn poses(rows: &[Vec<f64>]) -> Vec<SegmentPose> {
     let signals = rows.first().map_or(0, Vec::len);
     let column = |signal: usize| rows.iter().map(|row| row[signal] as f32).collect();
     TrialFrames { signals: (0..signals).map(column).collect() }.poses()
@@ -138,13 +138,13 @@ fn apart_mm(body: &Proportions, one: &[Vec<f64>], other: &[Vec<f64>]) -> f64 {
     1e3 * sum / f64::max(count, 1.0)
 }
 
-fn mean(values: &[f64]) -> f64 {
+pub(super) fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64
 }
 
 /// Where the mean lies in 95 of 100 cases, of values drawn anew with repetition (Efron, "Bootstrap methods: another look at
 /// the jackknife", 1979).
-fn mean_interval(values: &[f64], seed: u64) -> [f64; 2] {
+pub(super) fn mean_interval(values: &[f64], seed: u64) -> [f64; 2] {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut means: Vec<f64> = (0..DRAWS)
         .map(|_| {
@@ -156,15 +156,15 @@ fn mean_interval(values: &[f64], seed: u64) -> [f64; 2] {
     [means[DRAWS / 40], means[DRAWS - 1 - DRAWS / 40]]
 }
 
-struct Judging<'a> {
+pub(super) struct Judging<'a> {
     order: &'a MotionScoreOrder,
     store: Store,
-    trials: Vec<Held>,
+    pub(super) trials: Vec<Held>,
     passed_over: BTreeMap<&'static str, u64>,
 }
 
 impl<'a> Judging<'a> {
-    fn of(order: &'a MotionScoreOrder) -> Result<Self, Error> {
+    pub(super) fn of(order: &'a MotionScoreOrder) -> Result<Self, Error> {
         let question = Question::parse(&order.question)?;
         let store = Store::open(&order.corpus)?;
         let mut entries = Vec::new();
@@ -193,7 +193,7 @@ impl<'a> Judging<'a> {
         Ok(Self { order, store, trials, passed_over })
     }
 
-    fn report(
+    pub(super) fn report(
         self,
         score: &'static str,
         (truth, unit): (&'static str, &'static str),

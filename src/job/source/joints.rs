@@ -1,7 +1,7 @@
-//! Motions that are in a robot's own joints already: recordings, taught by hand or of goals, and
-//! tables as `retarget` writes them.
+//! Motions that are in a robot's own joints already: recordings, taught by hand or of goals, tables as `retarget` writes
+//! them, and tables without titles as others do.
 
-use super::Source;
+use super::{Source, untitled};
 use crate::error::{Error, ErrorKind};
 use crate::job::table_text::text_up_to;
 use crate::mocap::retarget::{Retargeted, Settings};
@@ -54,16 +54,17 @@ pub struct JointMotion {
     pub taught: bool,
 }
 
-/// Reads a recording (.mcap) or a table (.csv); none if `path` ends otherwise.
+/// Reads a recording (.mcap) or a table (.csv) for a robot; none if `path` ends otherwise.
 ///
 /// # Errors
 /// A file that cannot be read or holds no positions of joints.
-pub fn read(path: &Path) -> Result<Option<JointMotion>, Error> {
+pub fn read(path: &Path, robot: &Robot) -> Result<Option<JointMotion>, Error> {
     let ending = path.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase();
     match ending.as_str() {
         "mcap" => of_recording(path).map(Some),
         "csv" => {
-            let motion = of_table(&text_up_to(path, MAX_TABLE_BYTES)?);
+            let text = text_up_to(path, MAX_TABLE_BYTES)?;
+            let motion = if is_untitled(&text) { of_rows(&text, robot) } else { of_table(&text) };
             motion.map(Some).map_err(|e| e.at(path.display().to_string()))
         }
         _ => Ok(None),
@@ -105,6 +106,59 @@ fn of_recording(path: &Path) -> Result<JointMotion, Error> {
     base.dedup_by(|later, before| later.0 <= before.0);
     let format = if taught { "taught" } else { "recording" };
     Ok(JointMotion { format, series, base, taught })
+}
+
+/// What a robot was told and what it did, at even times.
+pub struct PlayedJoints {
+    /// Where each joint was told to be, row by row, rad.
+    pub goal_rad: Vec<Vec<f64>>,
+    /// Where it was, rad.
+    pub present_rad: Vec<Vec<f64>>,
+}
+
+/// Goals and measured angles of all joints of a robot, out of a recording of something that was played.
+///
+/// # Errors
+/// A file that cannot be read, a joint without goals or without readings, a gap.
+pub fn played(path: &Path, robot: &Robot, rate_hz: f64) -> Result<PlayedJoints, Error> {
+    let recording = recording::read(path)?;
+    let first = recording.cycles.first().map(|cycle| cycle.at);
+    let series = |joint: &str, of: fn(&recording::JointRecord) -> Option<f64>, what: &str| {
+        let index = recording.joint_names.iter().position(|name| name == joint);
+        let point = |cycle: &recording::CycleRecord| {
+            Some((cycle.at.seconds_since(first?), of(cycle.joints.get(index?)?)?))
+        };
+        let mut points: Vec<(f64, f64)> = recording.cycles.iter().filter_map(point).collect();
+        points.dedup_by(|later, before| later.0 <= before.0);
+        let series = Series { joint: joint.to_owned(), points };
+        if series.points.len() < 2 {
+            return Err(Error::new(format!("the recording holds no {what} of a joint"))
+                .at(joint.to_owned())
+                .allowed("a recording of a robot that was played: `gaitway play FILE --robot ROBOT --record FILE.mcap`"));
+        }
+        series.check_gaps().map(|()| series)
+    };
+    let (mut goals, mut presents) = (Vec::new(), Vec::new());
+    for joint in robot.joint_names() {
+        goals.push(series(&joint, |of| of.goal_rad, "goals")?);
+        presents.push(series(&joint, |of| of.present_position_rad, "measured angles")?);
+    }
+    let all = || goals.iter().chain(&presents);
+    let begin_s = all().filter_map(|of| of.points.first()).map(|of| of.0).fold(0.0, f64::max);
+    let end_s = all().filter_map(|of| of.points.last()).map(|of| of.0).fold(f64::MAX, f64::min);
+    let count = ((end_s - begin_s) * rate_hz + 1e-6).floor();
+    if !(count >= 1.0) {
+        return Err(
+            Error::new("the recording is too short").got(format!("{:.2} s", end_s - begin_s))
+        );
+    }
+    let rows = |all: &[Series]| -> Vec<Vec<f64>> {
+        let row = |at: usize| {
+            all.iter().map(|of| of.at(begin_s + at as f64 / rate_hz)).collect::<Vec<f64>>()
+        };
+        (0..=count as usize).map(row).collect()
+    };
+    Ok(PlayedJoints { goal_rad: rows(&goals), present_rad: rows(&presents) })
 }
 
 /// `time_s`, then a column per joint, rad.
@@ -178,6 +232,61 @@ fn of_table(text: &str) -> Result<JointMotion, Error> {
     Ok(JointMotion { format: "table", series, base, taught: false })
 }
 
+/// True of a table whose first row is numbers: it has no titles.
+fn is_untitled(text: &str) -> bool {
+    let first = table::rows(text).next().and_then(Result::ok);
+    first.is_some_and(|row| row.width() > 1 && row.cells().all(|cell| cell.parse::<f64>().is_ok()))
+}
+
+/// Rows without titles: where the base is (x y z, qx qy qz qw), then the joints, 30 times a second. By Unitree's names if
+/// the robot has those, else in the order of its file.
+fn of_rows(text: &str, robot: &Robot) -> Result<JointMotion, Error> {
+    let order = match untitled::unitree_order(robot) {
+        Some(order) => order,
+        None => robot.joint_names(),
+    };
+    let width = untitled::BASE_COLUMNS + order.len();
+    let shape = format!(
+        "{width} numbers in a row, for this robot: base x y z (m), qx qy qz qw, then {} joints (rad), 30 rows a second",
+        order.len()
+    );
+    let mut series: Vec<Series> =
+        order.into_iter().map(|joint| Series { joint, points: Vec::new() }).collect();
+    let mut time_s = 0.0;
+    for (at, row) in table::rows(text).enumerate() {
+        let row = row?;
+        let wrong = |what: &str, got: &str| {
+            Error::of(ErrorKind::Malformed, what.to_owned())
+                .got(format!("line {}: {got}", row.line))
+                .allowed(shape.clone())
+        };
+        if row.width() != width {
+            let got = format!("{} cells", row.width());
+            return Err(wrong("a table without titles that is not of this robot", &got));
+        }
+        let mut values = Vec::with_capacity(width);
+        for cell in row.cells() {
+            let value = cell.parse().ok().filter(|value: &f64| value.is_finite());
+            values.push(value.ok_or_else(|| wrong("a cell is no number", cell))?);
+        }
+        let turn = DQuat::from_xyzw(values[3], values[4], values[5], values[6]);
+        // Six places are written of each part.
+        if !is_turn(turn) {
+            let got = format!("qx, qy, qz, qw of {}", turn.length());
+            return Err(wrong("a rotation has not the length 1", &got));
+        }
+        time_s = at as f64 / untitled::RATE_HZ;
+        for (series, value) in series.iter_mut().zip(&values[untitled::BASE_COLUMNS..]) {
+            series.points.push((time_s, *value));
+        }
+    }
+    if !(time_s > 0.0) {
+        return Err(Error::new("a table of joint angles needs two rows at least").allowed(shape));
+    }
+    // Which feet stand is not said in it.
+    Ok(JointMotion { format: "table", series, base: Vec::new(), taught: false })
+}
+
 /// A rotation, whose length is 1.
 fn is_turn(turn: DQuat) -> bool {
     (turn.length() - 1.0).abs() <= TURN_ROUNDING
@@ -206,6 +315,26 @@ fn once_each<'a>(joints: impl IntoIterator<Item = &'a str>, place: &str) -> Resu
 }
 
 impl JointMotion {
+    /// Angles of joints, `rate_hz` times a second, row by row; `taught` if a hand led them.
+    #[must_use]
+    pub fn even(
+        format: &'static str,
+        joints: &[String],
+        rows_rad: &[Vec<f64>],
+        rate_hz: f64,
+        taught: bool,
+    ) -> Self {
+        let series = joints.iter().enumerate().map(|(index, joint)| {
+            let point =
+                |(at, row): (usize, &Vec<f64>)| Some((at as f64 / rate_hz, *row.get(index)?));
+            Series {
+                joint: joint.clone(),
+                points: rows_rad.iter().enumerate().filter_map(point).collect(),
+            }
+        });
+        Self { format, series: series.collect(), base: Vec::new(), taught }
+    }
+
     /// On `robot`, at even times, from `from_s` to `to_s` of it if they are given.
     ///
     /// # Errors
