@@ -48,5 +48,5 @@ fuzz_target!(|input: &[u8]| {
     capture(input);
     let scratch = Scratch::new("motions");
     let path = scratch.write("table.csv", input);
-    let _ = joints::read(&path);
+    let _ = joints::read(&path, &["a".to_owned(), "b".to_owned()]);
 });

@@ -30,7 +30,7 @@ fn check(scratch: &Scratch, bytes: &[u8]) {
     let _ = read_orientations(&path);
     let _ = sensor_series(&path);
     let _ = run_start(&path);
-    let _ = joints::read(&path);
+    let _ = joints::read(&path, &["a".to_owned(), "b".to_owned()]);
     let before = summary(&path);
     let Ok(recovered) = recover(&path, true) else {
         assert!(before.is_err(), "what can be looked into can be recovered");

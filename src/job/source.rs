@@ -180,7 +180,7 @@ pub fn load(order: &MotionOrder, robot: &Robot) -> Result<RobotMotion, Error> {
     }
     let is_markers = !phrase::is_phrase(&order.motion) && marker_files::format_of(path).is_some();
     let is_of_person = is_markers || angles_table::is_named(path);
-    if !is_of_person && let Some(motion) = joints::read(path, robot)? {
+    if !is_of_person && let Some(motion) = joints::read(path, &robot.joint_names())? {
         return in_joints(order, robot, &motion);
     }
     let exact = phrase::is_phrase(&order.motion);

@@ -134,7 +134,7 @@ impl Reader {
             Self::Replay => recording::read_orientations(path).map(drop).map_err(|e| e.to_string()),
             Self::Sensors => recording::sensor_series(path).map(drop).map_err(|e| e.to_string()),
             Self::PlayRecording | Self::PlayTable => {
-                joints::read(path).map(drop).map_err(|e| e.to_string())
+                joints::read(path, &[]).map(drop).map_err(|e| e.to_string())
             }
             Self::Bvh => bvh::read(path).map(drop).map_err(|e| e.to_string()),
             Self::C3d => c3d::read(path).map(drop).map_err(|e| e.to_string()),

@@ -225,9 +225,9 @@ pub fn export(order: &ExportOrder, observer: &dyn Observer) -> Result<ExportRepo
     let question = Question::parse(&order.question)?;
     let robot = robot_of(order)?;
     let joints = match (&robot, order.format) {
-        (Some(robot), ExportFormat::UnitreeCsv) => untitled::unitree_order(robot)
+        (Some(robot), ExportFormat::UnitreeCsv) => untitled::unitree_order(&robot.joint_names())
             .ok_or_else(|| {
-                let missing = untitled::first_missing(robot).unwrap_or_default();
+                let missing = untitled::first_missing(&robot.joint_names()).unwrap_or_default();
                 Error::of(ErrorKind::Unknown, "the robot has not the joints of Unitree's G1")
                     .at(robot.name.clone())
                     .got(format!("no {missing}"))

@@ -54,17 +54,17 @@ pub struct JointMotion {
     pub taught: bool,
 }
 
-/// Reads a recording (.mcap) or a table (.csv) for a robot; none if `path` ends otherwise.
+/// Reads a recording (.mcap) or a table (.csv) for a robot with these joints, in the order of its file; none if `path` ends otherwise.
 ///
 /// # Errors
 /// A file that cannot be read or holds no positions of joints.
-pub fn read(path: &Path, robot: &Robot) -> Result<Option<JointMotion>, Error> {
+pub fn read(path: &Path, joints: &[String]) -> Result<Option<JointMotion>, Error> {
     let ending = path.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase();
     match ending.as_str() {
         "mcap" => of_recording(path).map(Some),
         "csv" => {
             let text = text_up_to(path, MAX_TABLE_BYTES)?;
-            let motion = if is_untitled(&text) { of_rows(&text, robot) } else { of_table(&text) };
+            let motion = if is_untitled(&text) { of_rows(&text, joints) } else { of_table(&text) };
             motion.map(Some).map_err(|e| e.at(path.display().to_string()))
         }
         _ => Ok(None),
@@ -240,10 +240,10 @@ fn is_untitled(text: &str) -> bool {
 
 /// Rows without titles: where the base is (x y z, qx qy qz qw), then the joints, 30 times a second. By Unitree's names if
 /// the robot has those, else in the order of its file.
-fn of_rows(text: &str, robot: &Robot) -> Result<JointMotion, Error> {
-    let order = match untitled::unitree_order(robot) {
+fn of_rows(text: &str, joints: &[String]) -> Result<JointMotion, Error> {
+    let order = match untitled::unitree_order(joints) {
         Some(order) => order,
-        None => robot.joint_names(),
+        None => joints.to_vec(),
     };
     let width = untitled::BASE_COLUMNS + order.len();
     let shape = format!(

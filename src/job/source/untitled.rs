@@ -1,8 +1,6 @@
 //! Tables without titles of a humanoid in motion, as Unitree published LAFAN1 on its robots (`LAFAN1_Retargeting_Dataset`):
 //! where the base is, how it is turned, and its joints.
 
-use crate::robot::Robot;
-
 /// Columns before the joints: x y z, qx qy qz qw.
 pub const BASE_COLUMNS: usize = 7;
 /// Rows a second.
@@ -41,11 +39,10 @@ const UNITREE: [&str; 29] = [
     "right_wrist_yaw",
 ];
 
-/// The joints of a robot that has all of those, in that order and by its own names: its file may list them in another. None
-/// of another robot.
+/// Of the joints of a robot's file those that are all of these, in this order and by their own names. None of another
+/// robot.
 #[must_use]
-pub fn unitree_order(robot: &Robot) -> Option<Vec<String>> {
-    let names = robot.joint_names();
+pub fn unitree_order(names: &[String]) -> Option<Vec<String>> {
     let own = |wanted: &&str| {
         names.iter().find(|name| name.strip_suffix("_joint").unwrap_or(name.as_str()) == *wanted)
     };
@@ -54,8 +51,7 @@ pub fn unitree_order(robot: &Robot) -> Option<Vec<String>> {
 
 /// The first of those joints that a robot has not.
 #[must_use]
-pub fn first_missing(robot: &Robot) -> Option<&'static str> {
-    let names = robot.joint_names();
+pub fn first_missing(names: &[String]) -> Option<&'static str> {
     UNITREE.into_iter().find(|wanted| {
         !names.iter().any(|name| name.strip_suffix("_joint").unwrap_or(name.as_str()) == *wanted)
     })
