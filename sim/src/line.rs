@@ -447,10 +447,14 @@ impl Line {
             if broken {
                 continue;
             }
-            // Asked again before it has answered, it says one after the other.
-            clock.free_ns = self.servos[servo].speaks_until_ns;
+            // Asked again within its return delay, it says one after the other. What a servo does that waits for
+            // its turn among others is not known: it answers at once.
+            let is_alone = order == Order::Together;
+            clock.free_ns = if is_alone { self.servos[servo].speaks_until_ns } else { 0 };
             let span = clock.next(answer, wire_ns, pause_ns, slot_ns);
-            self.servos[servo].speaks_until_ns = span.end_ns;
+            if is_alone {
+                self.servos[servo].speaks_until_ns = span.end_ns;
+            }
             self.servos[servo].statuses += 1;
             shared.referee.status(self.index, span.start_ns, span.end_ns);
             let damages = damages.get(k).map_or(&[][..], Vec::as_slice);

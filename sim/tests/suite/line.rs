@@ -60,6 +60,23 @@ fn a_servo_that_is_asked_twice_within_its_return_delay_answers_one_after_the_oth
 }
 
 #[test]
+fn a_question_does_not_wait_for_the_turn_of_its_servo_in_a_ping_of_all() {
+    let mut scene = Scene::new(&dynamixels(&[252]));
+    // Whose turn comes after 252 slots, in three quarters of a second.
+    scene.world.transmit(0, &instruction(0xFE, 1, &[]), 1_000_000);
+    scene.world.run_until(100_000_000);
+    scene.world.transmit(0, &instruction(252, 1, &[]), 1_000_000);
+    let mut bytes = vec![0; 4096];
+    let mut times = Vec::new();
+    while let count @ 1.. = scene.world.receive(0, &mut bytes, 1_000_000_000) {
+        times.push((scene.world.now_ns() / 100_000_000, count));
+    }
+    assert_eq!(times.len(), 2, "{times:?}");
+    assert_eq!(times[0], (1, 14), "at once");
+    assert!(times[1].0 >= 5, "and in its turn: {times:?}");
+}
+
+#[test]
 fn in_a_sync_read_each_waits_for_the_one_before_and_its_own_delay() {
     let mut scene = Scene::new(&dynamixels(&[1, 2, 3]));
     for (joint, delay) in [("j1", 1), ("j2", 2), ("j3", 50)] {
