@@ -3,7 +3,9 @@
 
 use gaitway::job::observer::Nobody;
 use gaitway::job::report::Outcome;
-use gaitway::job::servo::set_up::{SetUpAnswer, SetUpOrder, SetUpReport, SetUpTask, set_up};
+use gaitway::job::servo::set_up::{
+    SetUpAnswer, SetUpOrder, SetUpReport, SetUpState, SetUpTask, set_up,
+};
 use gaitway_sim::{BenchServos, Door, Options, World, bench};
 use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -74,7 +76,7 @@ fn run(
     set_up(order, &Nobody, &mut ask)
 }
 
-fn states(report: &SetUpReport) -> Vec<(&str, &str)> {
+fn states(report: &SetUpReport) -> Vec<(&str, SetUpState)> {
     report.joints.iter().map(|joint| (joint.name.as_str(), joint.state)).collect()
 }
 
@@ -102,7 +104,7 @@ fn an_arm_is_set_up_servo_by_servo_goes_on_after_a_break_and_nothing_else_is_wri
     })
     .expect("set up");
     assert_eq!(first.outcome, Outcome::Stopped);
-    assert_eq!(states(&first), [("gripper", "done"), ("wrist_roll", "done")]);
+    assert_eq!(states(&first), [("gripper", SetUpState::Done), ("wrist_roll", SetUpState::Done)]);
     assert!(wrongs.iter().any(|wrong| wrong.contains("two servos answer at once")), "{wrongs:?}");
     // Later, with those two plugged in.
     let second = run(&order, |task| {
@@ -115,7 +117,7 @@ fn an_arm_is_set_up_servo_by_servo_goes_on_after_a_break_and_nothing_else_is_wri
     assert_eq!(second.outcome, Outcome::Done, "{:?}", states(&second));
     let names: Vec<&str> = second.joints.iter().map(|joint| joint.name.as_str()).collect();
     assert_eq!(names, JOINTS);
-    assert_eq!(second.joints[0].state, "was_done");
+    assert_eq!(second.joints[0].state, SetUpState::WasDone);
     // Past the line: who has which ID now, at which speed.
     for n in 1..=6 {
         assert_eq!(boxes.register(n, "ID"), 7 - n as i64, "servo {n}");
@@ -132,7 +134,11 @@ fn an_arm_is_set_up_servo_by_servo_goes_on_after_a_break_and_nothing_else_is_wri
         SetUpAnswer::Go
     })
     .expect("set up");
-    assert!(third.joints.iter().all(|joint| joint.state == "was_done"), "{:?}", states(&third));
+    assert!(
+        third.joints.iter().all(|joint| joint.state == SetUpState::WasDone),
+        "{:?}",
+        states(&third)
+    );
 }
 
 #[test]
@@ -149,7 +155,7 @@ fn nothing_is_written_without_a_permit_nor_in_a_dry_run_and_other_models_are_nam
         ..order.clone()
     };
     let report = run(&dry, |_| SetUpAnswer::Go).expect("looked at");
-    assert_eq!(states(&report), [("gripper", "would_be_done")]);
+    assert_eq!(states(&report), [("gripper", SetUpState::WouldBeDone)]);
     assert_eq!(boxes.register(1, "ID"), 1);
     // An STS3250 says 2825 (FEETECH's list of models), an STS3215 777.
     boxes.world().preset("joint_1", "Model Number", 2825).expect("a register");
@@ -163,7 +169,7 @@ fn nothing_is_written_without_a_permit_nor_in_a_dry_run_and_other_models_are_nam
     assert!(wrong.contains("2825") && wrong.contains("777"), "{wrong}");
     assert_eq!(
         (report.outcome, states(&report)),
-        (Outcome::DoneWithLoss, vec![("gripper", "skipped")])
+        (Outcome::DoneWithLoss, vec![("gripper", SetUpState::Skipped)])
     );
     let nobody = SetUpOrder { joints: vec!["nose".to_owned()], ..order };
     let refused = run(&nobody, |_| SetUpAnswer::Go).expect_err("no such joint");

@@ -193,7 +193,7 @@ pub enum Fault {
         /// First moment after; `u64::MAX` for good.
         until_ns: u64,
     },
-    /// Somebody pushes a robot with weight ([`crate::World::give_weight`]).
+    /// Somebody pushes a robot with weight ([`crate::World::give_weight`]); one without does not move.
     Push {
         /// The joint whose link is pushed; none means the robot's first link.
         joint: Option<String>,

@@ -4,7 +4,7 @@ use super::terminal::Terminal;
 use super::{Deed, Output, Remarks};
 use crate::error::Error;
 use crate::job::clean::{ArtefactFigures, CleanOrder, CleanReport, Remedy, clean};
-use crate::job::clean_check::{CheckOrder, check};
+use crate::job::clean_check::{CheckOrder, check, cut_off_remark};
 use crate::job::clean_folder::clean_folder;
 use clap::Args;
 use std::fmt::Write;
@@ -117,7 +117,7 @@ fn of_folder(args: &CleanArgs, order: &CleanOrder, remarks: Remarks) -> Result<i
     let mut text = "before %   after %  round  artefacts   left     s  trial\n".to_owned();
     for of in &report.trials {
         let error = of.error.as_ref().map(|error| format!(": {error}"));
-        let said = error.unwrap_or_else(|| too_much(&of.above) + &of.cut_off());
+        let said = error.unwrap_or_else(|| too_much(&of.above) + &cut_off_remark(of.lost_frames));
         let (before, after) = (percent(of.doubt_before), percent(of.doubt_after));
         let (round, wrong, left) = (of.round, of.artefacts, of.not_mended);
         let (machine_s, trial) = (of.machine_s, &of.trial);
@@ -148,7 +148,11 @@ fn looked_at(args: &CleanArgs, remarks: Remarks) -> Result<i32, Error> {
         let found = trial.error.iter().cloned().chain(kinds).collect::<Vec<_>>().join(", ");
         let said = if found.is_empty() { String::new() } else { format!(": {found}") };
         let is_read = trial.error.is_none();
-        let above = if is_read { too_much(&trial.above) + &trial.cut_off() } else { String::new() };
+        let above = if is_read {
+            too_much(&trial.above) + &cut_off_remark(trial.lost_frames)
+        } else {
+            String::new()
+        };
         let (duration_s, markers, joints) =
             (trial.duration_s, trial.marker_count, trial.joint_count);
         let _ = writeln!(

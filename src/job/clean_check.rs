@@ -73,12 +73,10 @@ pub struct TrialFigures {
     pub error: Option<String>,
 }
 
-impl TrialFigures {
-    /// That it is cut off, behind a row of a table; nothing if it is not.
-    #[must_use]
-    pub fn cut_off(&self) -> String {
-        cut_off(self.lost_frames).map_or_else(String::new, |said| format!(" ({said})"))
-    }
+/// That a trial is cut off, behind its row of a table; nothing if it is not.
+#[must_use]
+pub fn cut_off_remark(lost_frames: u64) -> String {
+    cut_off(lost_frames).map_or_else(String::new, |said| format!(" ({said})"))
 }
 
 /// Looks at trials.

@@ -3,7 +3,7 @@
 
 use super::clean::{CleanOrder, clean_with};
 use super::clean_aids::{AidFiles, OtherTrial};
-use super::clean_check::{Allowed, TrialFigures, cut_off, looked_at, marker_files_in};
+use super::clean_check::{Allowed, TrialFigures, looked_at, marker_files_in};
 use super::observer::{Event, Nobody, Observer};
 use super::report::Outcome;
 use crate::clean::artefact::ArtefactKind;
@@ -86,14 +86,6 @@ pub struct RoundFigures {
     pub edits: Option<String>,
     /// Why it could not be cleaned.
     pub error: Option<String>,
-}
-
-impl RoundFigures {
-    /// That it is cut off, behind a row of a table; nothing if it is not.
-    #[must_use]
-    pub fn cut_off(&self) -> String {
-        cut_off(self.lost_frames).map_or_else(String::new, |said| format!(" ({said})"))
-    }
 }
 
 /// Cleans the trials of a folder into another (`markers` and `file` of the order), in which edit lists that are there are

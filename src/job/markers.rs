@@ -69,8 +69,10 @@ pub fn convert(order: &MarkersOrder, observer: &dyn Observer) -> Result<MarkersR
         None => error.at(order.markers.display().to_string()),
         Some(_) => error,
     };
-    let left_out = write(&order.file, order.replace, kind, &mut reader, observer);
+    let mut files = Drafts::default();
+    let left_out = written(&mut files, &order.file, order.replace, kind, &mut reader, observer);
     let left_out = left_out.map_err(in_file)?;
+    files.keep()?;
     let mut notes = head.notes.clone();
     notes.extend(reader.closing_notes());
     notes.extend(left_out);
@@ -83,20 +85,6 @@ pub fn convert(order: &MarkersOrder, observer: &dyn Observer) -> Result<MarkersR
         notes,
         written: order.file.display().to_string(),
     })
-}
-
-/// Writes frames as one kind of file.
-fn write(
-    file: &Path,
-    replace: bool,
-    kind: MarkerFormat,
-    frames: &mut dyn Frames,
-    observer: &dyn Observer,
-) -> Result<Vec<String>, Error> {
-    let mut files = Drafts::default();
-    let left_out = written(&mut files, file, replace, kind, frames, observer)?;
-    files.keep()?;
-    Ok(left_out)
 }
 
 /// Writes frames as one kind of file, which is still to be kept. What could not be written is in the notes that come

@@ -31,7 +31,21 @@ const SPARE_BYTES: u64 = 6 << 20;
 /// Frames per second of a file that does not say them, as in the CMU database.
 pub const USUAL_HZ: f64 = 120.0;
 /// Frames per second that are taken for real.
-pub const RATES_HZ: std::ops::RangeInclusive<f64> = 0.1..=100_000.0;
+const RATES_HZ: std::ops::RangeInclusive<f64> = 0.1..=100_000.0;
+
+/// Fails if nothing is captured with so many frames per second.
+///
+/// # Errors
+/// As said.
+pub(super) fn check_rate(rate_hz: f64) -> Result<(), Error> {
+    if RATES_HZ.contains(&rate_hz) {
+        return Ok(());
+    }
+    Err(Error::of(ErrorKind::OutsideLimits, "no rate that motion is captured with")
+        .at("frames per second")
+        .got(format!("{rate_hz} Hz"))
+        .allowed(format!("{} to {} Hz", RATES_HZ.start(), RATES_HZ.end())))
+}
 
 /// What one number of a bone is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -6,7 +6,7 @@
 //! equally much are refused.
 
 use crate::error::{Error, ErrorKind};
-use crate::mocap::acclaim::{self, AcclaimSkeleton, RATES_HZ};
+use crate::mocap::acclaim::{self, AcclaimSkeleton};
 use crate::mocap::bvh::{self, Bvh, Joint};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -70,12 +70,7 @@ pub fn format_of(path: &Path) -> Option<CaptureFormat> {
 /// If it cannot be read or breaks its format, another ending, an AMC file whose skeleton is not found, or
 /// options that do not go with it.
 pub fn read(path: &Path, options: &CaptureOptions) -> Result<SkeletonFile, Error> {
-    if let Some(rate_hz) = options.rate_hz.filter(|rate_hz| !RATES_HZ.contains(rate_hz)) {
-        return Err(Error::of(ErrorKind::OutsideLimits, "no rate that motion is captured with")
-            .at("frames per second")
-            .got(format!("{rate_hz} Hz"))
-            .allowed(format!("{} to {} Hz", RATES_HZ.start(), RATES_HZ.end())));
-    }
+    options.rate_hz.map_or(Ok(()), acclaim::check_rate)?;
     if let Some(stands) = &options.static_trial {
         return Err(Error::new("a static trial is for markers")
             .at(path.display().to_string())

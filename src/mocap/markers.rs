@@ -9,7 +9,7 @@
 //! that stands for that.
 
 use crate::error::{Error, ErrorKind};
-use crate::mocap::acclaim::RATES_HZ;
+use crate::mocap::acclaim::check_rate;
 use crate::mocap::parameters::Parameters;
 
 /// Most points of a file.
@@ -298,15 +298,7 @@ impl Head {
     /// # Errors
     /// A rate that nothing is captured with.
     pub fn take_rate(&mut self, rate_hz: f64) -> Result<(), Error> {
-        if !RATES_HZ.contains(&rate_hz) {
-            return Err(Error::of(
-                ErrorKind::OutsideLimits,
-                "no rate that motion is captured with",
-            )
-            .at("frames per second")
-            .got(format!("{rate_hz} Hz"))
-            .allowed(format!("{} to {} Hz", RATES_HZ.start(), RATES_HZ.end())));
-        }
+        check_rate(rate_hz)?;
         // A C3D file says it in 32 bits.
         let is_same = |said_hz: &f64| (said_hz - rate_hz).abs() <= 1e-6 * rate_hz;
         if let Some(said_hz) = self.rate_hz.filter(|said_hz| !is_same(said_hz)) {

@@ -91,6 +91,25 @@ pub struct MotionScore {
     pub seed: u64,
 }
 
+impl MotionScore {
+    /// Tells errors, and those of simpler ways, which each have what they are before them.
+    pub(super) fn tell<'a>(
+        &mut self,
+        errors: &[f64],
+        simpler: impl IntoIterator<Item = (&'static str, &'a Vec<f64>)>,
+    ) {
+        let seed = self.seed;
+        self.value = Some(mean(errors));
+        self.interval = Some(mean_interval(errors, seed));
+        let baseline = |(what, errors): (&'static str, &Vec<f64>)| Baseline {
+            what,
+            value: mean(errors),
+            interval: mean_interval(errors, seed),
+        };
+        self.baselines = simpler.into_iter().map(baseline).collect();
+    }
+}
+
 /// A trial at its instants.
 pub(super) struct Held {
     pub(super) entry: TrialEntry,
@@ -144,7 +163,7 @@ pub(super) fn mean(values: &[f64]) -> f64 {
 
 /// Where the mean lies in 95 of 100 cases, of values drawn anew with repetition (Efron, "Bootstrap methods: another look at
 /// the jackknife", 1979).
-pub(super) fn mean_interval(values: &[f64], seed: u64) -> [f64; 2] {
+fn mean_interval(values: &[f64], seed: u64) -> [f64; 2] {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut means: Vec<f64> = (0..DRAWS)
         .map(|_| {
@@ -340,17 +359,8 @@ pub fn generalisation(
         report.per_class.insert(format!("{action} {stature} m"), mean(&errors[0][before..]));
     }
     if report.judged > 0 {
-        report.value = Some(mean(&errors[0]));
-        report.interval = Some(mean_interval(&errors[0], order.seed));
-        let baseline = |what, errors: &[f64]| Baseline {
-            what,
-            value: mean(errors),
-            interval: mean_interval(errors, order.seed),
-        };
-        report.baselines = vec![
-            baseline("eight neighbours, by inverse squared distance", &errors[1]),
-            baseline("the nearest, copied", &errors[2]),
-        ];
+        let what = ["eight neighbours, by inverse squared distance", "the nearest, copied"];
+        report.tell(&errors[0], what.into_iter().zip(&errors[1..]));
         report.bound =
             Some(("the best of eight neighbours, copied by who knows the truth", mean(&errors[3])));
     }
@@ -410,19 +420,9 @@ pub fn transitioning(
         report.judged += 1;
     }
     if report.judged > 0 {
-        report.value = Some(mean(&errors[0]));
-        report.interval = Some(mean_interval(&errors[0], order.seed));
         let what =
             ["a blend of half a second: A stands still, B stands still, mixed", "A stands still"];
-        report.baselines = what
-            .into_iter()
-            .zip(&errors[1..])
-            .map(|(what, errors)| Baseline {
-                what,
-                value: mean(errors),
-                interval: mean_interval(errors, order.seed),
-            })
-            .collect();
+        report.tell(&errors[0], what.into_iter().zip(&errors[1..]));
         report.per_class =
             by_class.iter().map(|(class, errors)| (class.clone(), mean(errors))).collect();
     }

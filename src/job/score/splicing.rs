@@ -1,8 +1,6 @@
 //! One action done while another goes on, made of both, held against somebody who did both at once.
 
-use super::motions::{
-    Baseline, Held, Judging, MotionScore, MotionScoreOrder, mean, mean_interval, poses,
-};
+use super::motions::{Held, Judging, MotionScore, MotionScoreOrder, mean, poses};
 use crate::body::{Dof, End, Joint, Proportions};
 use crate::error::Error;
 use crate::job::pending::go_on;
@@ -232,21 +230,11 @@ pub fn splicing(order: &MotionScoreOrder, observer: &dyn Observer) -> Result<Mot
         report.truth = "no truth here: no trial of two actions at once (walk+punch) beside trials of each alone";
         return Ok(report);
     }
-    report.value = Some(mean(&errors[0]));
-    report.interval = Some(mean_interval(&errors[0], order.seed));
     let what = [
         "all above the pelvis of the second action, pasted",
         "the first action, without the second",
     ];
-    report.baselines = what
-        .into_iter()
-        .zip(&errors[1..])
-        .map(|(what, errors)| Baseline {
-            what,
-            value: mean(errors),
-            interval: mean_interval(errors, order.seed),
-        })
-        .collect();
+    report.tell(&errors[0], what.into_iter().zip(&errors[1..]));
     report.bound = Some((
         "each angle between the two, as far as who knows the truth wants it",
         mean(&errors[3]),

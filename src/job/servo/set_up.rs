@@ -55,13 +55,27 @@ pub enum SetUpAnswer {
     Stop,
 }
 
+/// What came of a joint's servo.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SetUpState {
+    /// It was changed.
+    Done,
+    /// It was as it is to be.
+    WasDone,
+    /// Only in a dry run: it would be changed.
+    WouldBeDone,
+    /// Whoever plugs in left it out.
+    Skipped,
+}
+
 /// A joint whose servo was looked at.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct SetUpJoint {
     /// Its name.
     pub name: String,
-    /// What came of it: `done`, `was_done`, `skipped` or, in a dry run, `would_be_done`.
-    pub state: &'static str,
+    /// What came of it.
+    pub state: SetUpState,
     /// The ID it had; null if it was skipped.
     pub id_before: Option<u8>,
     /// The line speed it had, bit/s.
@@ -128,7 +142,7 @@ pub fn set_up(
     let mut present = already(order, &wanted, observer)?;
     for next in &wanted {
         if present.contains(&next.id) {
-            report.joints.push(next.found("was_done", Some((next.id, next.baud_bps))));
+            report.joints.push(next.found(SetUpState::WasDone, Some((next.id, next.baud_bps))));
             continue;
         }
         let mut wrong = None;
@@ -142,7 +156,7 @@ pub fn set_up(
             match ask(task) {
                 _ if observer.wants_to_stop() => break None,
                 SetUpAnswer::Stop => break None,
-                SetUpAnswer::Skip => break Some(next.found("skipped", None)),
+                SetUpAnswer::Skip => break Some(next.found(SetUpState::Skipped, None)),
                 SetUpAnswer::Go => {}
             }
             match newcomer(order, next, &present, observer)? {
@@ -154,7 +168,7 @@ pub fn set_up(
             report.outcome = Outcome::Stopped;
             return Ok(report);
         };
-        if done.state == "skipped" {
+        if done.state == SetUpState::Skipped {
             report.outcome = Outcome::DoneWithLoss;
         } else {
             present.push(next.id);
@@ -306,10 +320,10 @@ fn change(
     (id, bps): (u8, u32),
 ) -> Result<SetUpJoint, Error> {
     if (id, bps) == (next.id, next.baud_bps) {
-        return Ok(next.found("was_done", Some((id, bps))));
+        return Ok(next.found(SetUpState::WasDone, Some((id, bps))));
     }
     if order.dry_run {
-        return Ok(next.found("would_be_done", Some((id, bps))));
+        return Ok(next.found(SetUpState::WouldBeDone, Some((id, bps))));
     }
     let at = |bps: u32| {
         let mut bus = order.bus.clone();
@@ -361,11 +375,11 @@ fn change(
         // By then it speaks at the speed it had.
         undo[1] = format!("gaitway servo set-id {} {} {id} --permit-eeprom", at(bps), next.id);
     }
-    Ok(SetUpJoint { undo, ..next.found("done", Some((id, bps))) })
+    Ok(SetUpJoint { undo, ..next.found(SetUpState::Done, Some((id, bps))) })
 }
 
 impl Wanted<'_> {
-    fn found(&self, state: &'static str, before: Option<(u8, u32)>) -> SetUpJoint {
+    fn found(&self, state: SetUpState, before: Option<(u8, u32)>) -> SetUpJoint {
         SetUpJoint {
             name: self.name.to_owned(),
             state,
@@ -388,10 +402,12 @@ impl SetUpJoint {
             _ => String::new(),
         };
         match self.state {
-            "done" => format!("{name}: ID {id} at {baud_bps} bit/s (before: {before})"),
-            "would_be_done" => format!("{name}: {before} would become ID {id} at {baud_bps} bit/s"),
-            "was_done" => format!("{name}: ID {id} at {baud_bps} bit/s, as it is to be"),
-            _ => format!("{name}: skipped"),
+            SetUpState::Done => format!("{name}: ID {id} at {baud_bps} bit/s (before: {before})"),
+            SetUpState::WouldBeDone => {
+                format!("{name}: {before} would become ID {id} at {baud_bps} bit/s")
+            }
+            SetUpState::WasDone => format!("{name}: ID {id} at {baud_bps} bit/s, as it is to be"),
+            SetUpState::Skipped => format!("{name}: skipped"),
         }
     }
 }
