@@ -562,6 +562,23 @@ mod tests {
     }
 
     #[test]
+    fn files_that_belong_together_appear_together_or_not_at_all() {
+        let folder = folder("together");
+        let [one, two] = ["one", "two"].map(|name| folder.join(name));
+        let mut drafts = Drafts::default();
+        drafts.write(&one, false, b"one").expect("written");
+        assert_eq!(names(&folder), [""; 0], "before the other is there");
+        assert!(drafts.write(Path::new("/dev/full"), true, b"two").is_err());
+        drop(drafts);
+        assert_eq!(names(&folder), [""; 0]);
+        let mut drafts = Drafts::default();
+        drafts.write(&one, false, b"one").expect("written");
+        drafts.write(&two, false, b"two").expect("written");
+        drafts.keep().expect("kept");
+        assert_eq!(names(&folder), ["one", "two"]);
+    }
+
+    #[test]
     fn what_is_replaced_when_it_is_whole_was_never_beside_it() {
         use std::os::unix::fs::PermissionsExt;
         let folder = folder("nameless");
