@@ -351,7 +351,7 @@ impl Drafts {
     }
 }
 
-fn unwritten(path: &Path, cause: &io::Error) -> Error {
+pub(crate) fn unwritten(path: &Path, cause: &io::Error) -> Error {
     Error::unwritten("cannot write the file", cause).at(path.display().to_string())
 }
 

@@ -51,6 +51,7 @@ pub mod robot_draft;
 pub mod robot_info;
 pub mod robot_model;
 pub mod scan;
+pub mod scene_file;
 pub mod score;
 pub mod sensors;
 pub mod servo;

@@ -6,6 +6,7 @@ pub mod link;
 pub mod model;
 pub mod preflight;
 pub mod reading;
+pub mod urdf_text;
 
 pub use body::{RobotBody, Sole};
 pub use link::{LinePort, Link, LinkError};

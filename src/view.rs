@@ -5,6 +5,7 @@
 //! draws them: whatever can be computed from the data (where links are, velocities, what soles span) is computed in
 //! the page. Summary, warnings and notes need no script.
 
+pub mod foxglove;
 pub mod live;
 pub mod person;
 pub mod robot;

@@ -76,7 +76,7 @@ const ROOMS: &[Room] = &[
     room("time", "", ""),
     room("toml_text", "error", "profiles"),
     room("units", "", ""),
-    room("view", "body error mocap retarget rigid robot time", "network signals threads"),
+    room("view", "body error mocap recording retarget rigid robot time", "network signals threads"),
     room("wire", "", ""),
 ];
 

@@ -9,6 +9,7 @@ use aloud::aloud;
 use gaitway::rigid::{Capsule, Placement, TreeMotion, Volume};
 use gaitway::robot::body::RobotBody;
 use gaitway::robot::model::{self, PublicModel};
+use gaitway::robot::urdf_text::urdf;
 use glam::{DQuat, DVec3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -529,6 +530,54 @@ fn public_models_move_as_in_mujoco() {
     for path in &models {
         if let Err(cause) = held_to(path) {
             aloud!("SKIPPED: {} was not compared: {cause}", path.display());
+        }
+    }
+}
+
+#[test]
+fn a_shipped_robot_that_is_written_as_urdf_is_the_same_robot_to_mujoco_and_when_it_is_read_again() {
+    if let Err(cause) = python::python() {
+        aloud!("SKIPPED: no MuJoCo, no written model was read by it: {cause}");
+        return;
+    }
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR"));
+    let mut random = ChaCha8Rng::seed_from_u64(18);
+    let names = SHIPPED.iter().map(|(name, _)| *name);
+    for name in names {
+        let file = gaitway_profiles::robot(name).expect("a shipped robot");
+        let robot = gaitway::robot::Robot::new(file).expect("a robot");
+        let body = RobotBody::of(&robot.file).expect("sound").expect("a body");
+        let limits: Vec<_> = robot.joints.iter().map(|joint| joint.limits).collect();
+        let path = folder.join(format!("{name}.urdf"));
+        std::fs::write(&path, urdf(name, &body, &limits)).expect("a file");
+        // MuJoCo and our reader agree about what was written ...
+        let again = held_to(&path).expect("MuJoCo");
+        // ... and what was read is what was meant: masses, places, ranges.
+        assert!((again.tree.mass_kg() - body.tree.mass_kg()).abs() < 1e-9, "{name}");
+        let own = robot.joints.len();
+        for _ in 0..10 {
+            let angles: Vec<f64> = (0..own).map(|_| random.random_range(-1.0..1.0)).collect();
+            let here = body.tree.place(Placement::IDENTITY, &body.angles(&angles));
+            let mut theirs = vec![0.0; again.tree.moving()];
+            for (link, tree) in body.tree.links().iter().enumerate().skip(1) {
+                let turned = body.angles(&angles)[body.tree.coordinate(link).expect("it moves")];
+                let other = again.tree.link(&tree.name).expect("the same link");
+                theirs[again.tree.coordinate(other).expect("it moves")] = turned;
+            }
+            let there = again.tree.place(Placement::IDENTITY, &theirs);
+            for (link, placed) in body.tree.links().iter().zip(&here) {
+                let other = again.tree.link(&link.name).expect("the same link");
+                assert!(placed.at_m.distance(there[other].at_m) < 1e-9, "{name}: {}", link.name);
+            }
+        }
+        for joint in &robot.joints {
+            let found = again.joints.iter().find(|found| found.name == joint.name);
+            let range = found.expect("the joint").range;
+            // Limits of half a turn are placeholders to the reader.
+            let (lower_rad, upper_rad) = (joint.limits.lower_rad(), joint.limits.upper_rad());
+            let meant = range.unwrap_or((lower_rad, upper_rad));
+            let apart = (meant.0 - lower_rad).abs() + (meant.1 - upper_rad).abs();
+            assert!(apart < 1e-12, "{name}: {}", joint.name);
         }
     }
 }

@@ -10,6 +10,7 @@ use crate::job::convert::{ConvertOrder, convert};
 use crate::job::convert_recording::{RecordingOrder, convert_recording};
 use crate::job::labels::{self, LabelsOrder, label_kind};
 use crate::job::markers::{self, MarkersOrder};
+use crate::job::scene_file::{SceneOrder, write_scene};
 use crate::job::sensors::{Mode, SensorsOrder, convert as convert_sensors, is_table_of_sensors};
 use crate::job::source::{CaptureOptions, FileKind, file_kind};
 use clap::Args;
@@ -58,6 +59,9 @@ pub struct ConvertArgs {
     /// A table of samples, also of worn sensors
     #[arg(long, conflicts_with = "calibration_body")]
     samples: bool,
+    /// What a page would show, as messages that Foxglove and rerun draw (OUT.mcap)
+    #[arg(long, conflicts_with_all = ["samples", "calibration_body", "mapping", "stature", "sensors", "fuse", "clips"])]
+    scene: bool,
     /// Overwrite the file if it exists
     #[arg(long)]
     force: bool,
@@ -69,6 +73,9 @@ pub struct ConvertArgs {
 /// A recording that cannot be read or does not know how its sensors were worn, a file that exists
 /// or cannot be written.
 pub fn run(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
+    if args.scene {
+        return scene(args, remarks);
+    }
     if label_kind(&args.file).is_some() {
         return of_labels(args, remarks);
     }
@@ -103,6 +110,30 @@ pub fn run(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
     })?;
     report.notes.iter().for_each(|note| remarks.say(note));
     Ok(report.outcome.exit_code())
+}
+
+/// What a file shows, for others' viewers.
+fn scene(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
+    apart(args)?;
+    let report = write_scene(&SceneOrder {
+        source: args.file.clone(),
+        reading: reading(args),
+        file: args.out.clone(),
+        replace: args.force,
+    })?;
+    report.notes.iter().for_each(|note| remarks.say(note));
+    let (instants, duration_s) = (report.instants, report.duration_s);
+    remarks.say(&format!("{instants} instants of {duration_s:.2} s to {}", report.written));
+    Ok(report.outcome.exit_code())
+}
+
+/// What a capture does not say itself.
+fn reading(args: &ConvertArgs) -> CaptureOptions {
+    CaptureOptions {
+        skeleton: args.skeleton.clone(),
+        rate_hz: args.rate,
+        static_trial: args.static_trial.clone(),
+    }
 }
 
 /// True of a file that holds a body, to which markers are fitted first.
@@ -220,11 +251,7 @@ fn captured(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
     apart(args)?;
     let report = convert(&ConvertOrder {
         capture: args.file.clone(),
-        reading: CaptureOptions {
-            skeleton: args.skeleton.clone(),
-            rate_hz: args.rate,
-            static_trial: args.static_trial.clone(),
-        },
+        reading: reading(args),
         mapping: args.mapping.clone(),
         stature_m: args.stature,
         file: args.out.clone(),

@@ -1,5 +1,5 @@
 //! `robot new`: a robot file from what answers on a line. `robot import`: one from a public model.
-//! `robot info`: what a robot weighs, takes up and stands on.
+//! `robot export`: its body as URDF. `robot info`: what a robot weighs, takes up and stands on.
 
 use super::protocol::{ProtocolName, serial_protocol};
 use super::scan::baud;
@@ -11,6 +11,7 @@ use crate::job::robot_draft::{DraftOrder, RobotDraft, robot_draft};
 use crate::job::robot_info::{RobotInfo, robot_info};
 use crate::job::robot_model::{ImportOrder, Imported, import};
 use crate::job::scan::Speeds;
+use crate::job::scene_file::write_model;
 use crate::rig::Address;
 use clap::{Args, Subcommand};
 use std::fmt::Write;
@@ -30,6 +31,18 @@ enum Action {
     New(NewArgs),
     /// Write a robot file, or the body of one, from a public model (URDF or MJCF)
     Import(ImportArgs),
+    /// Write a robot's body as URDF, for simulators and viewers
+    #[command(after_help = "Example: gaitway robot export op3 -o op3.urdf")]
+    Export {
+        /// Name of a robot, or path of its file
+        robot: String,
+        /// File to write
+        #[arg(short, long, value_name = "FILE.urdf")]
+        output_file: PathBuf,
+        /// Overwrite the file if it exists
+        #[arg(long)]
+        force: bool,
+    },
     /// What a robot weighs, takes up and stands on
     #[command(after_help = "Example: gaitway robot info op3")]
     Info {
@@ -104,6 +117,11 @@ pub fn run(args: &RobotArgs, remarks: Remarks) -> Result<i32, Error> {
     match &args.action {
         Action::New(args) => new(args, remarks),
         Action::Import(args) => imported(args),
+        Action::Export { robot, output_file, force } => {
+            write_model(robot, output_file, *force)?;
+            remarks.say(&format!("{robot} to {}", output_file.display()));
+            Ok(0)
+        }
         Action::Info { robot, output } => {
             let info = robot_info(robot)?;
             Ok(output.conclude(&info, &info_text(&info), Deed::Look, 0))

@@ -207,7 +207,7 @@ impl RobotScene<'_> {
 }
 
 /// What of a robot can be drawn: its body, or its joints alone.
-fn drawable(robot: &Robot) -> Result<Option<RobotBody>, Error> {
+pub(super) fn drawable(robot: &Robot) -> Result<Option<RobotBody>, Error> {
     RobotBody::of(&robot.file)?.map_or_else(|| RobotBody::bare(&robot.file), |body| Ok(Some(body)))
 }
 

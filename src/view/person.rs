@@ -64,23 +64,23 @@ pub struct PersonTrack {
     /// When the poses are.
     pub clock: SampleClock,
     /// Height from sole to crown, m.
-    stature_m: f64,
+    pub(super) stature_m: f64,
     /// Places of joints and ends.
-    points: Vec<[Coded; 3]>,
+    pub(super) points: Vec<[Coded; 3]>,
     /// Numbers of points between which lines are drawn: of the middle, the left, the right side.
-    lines: [&'static [(usize, usize)]; 3],
+    pub(super) lines: [&'static [(usize, usize)]; 3],
     /// Numbers of the neck and the crown.
-    head: [usize; 2],
+    pub(super) head: [usize; 2],
     /// Numbers of left heel and toe, right heel and toe.
-    soles: [usize; 4],
+    pub(super) soles: [usize; 4],
     /// Of the soles on the floor the sum of 1, 2, 4, 8; absent if nobody captured feet.
     #[serde(skip_serializing_if = "Option::is_none")]
-    contacts: Option<Coded>,
+    pub(super) contacts: Option<Coded>,
     /// The centre of mass.
-    centre: [Coded; 3],
+    pub(super) centre: [Coded; 3],
     /// What the soles on the floor span; absent if nobody captured feet.
     #[serde(skip_serializing_if = "Option::is_none")]
-    support: Option<Support>,
+    pub(super) support: Option<Support>,
     /// How hard the floor pushes, body weights; absent where poses are too far apart to tell.
     #[serde(skip_serializing_if = "Option::is_none")]
     force: Option<Coded>,
@@ -88,12 +88,12 @@ pub struct PersonTrack {
 
 /// Corners of an area on the floor, pose by pose.
 #[derive(Clone, Debug, Serialize)]
-struct Support {
+pub(super) struct Support {
     /// How many of each pose.
-    counts: Coded,
+    pub(super) counts: Coded,
     /// Of all of them, one pose after the other.
-    x: Coded,
-    y: Coded,
+    pub(super) x: Coded,
+    pub(super) y: Coded,
 }
 
 /// The series of places.

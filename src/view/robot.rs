@@ -24,50 +24,50 @@ const SPANS: usize = 200;
 /// A robot over time.
 #[derive(Clone, Debug, Serialize)]
 pub struct RobotTrack {
-    name: String,
+    pub(super) name: String,
     /// In the order in which they hang on one another; the joint of link n + 1 is the robot's n.
-    links: Vec<LinkShape>,
+    pub(super) links: Vec<LinkShape>,
     /// Links on joints that follow others.
-    couplings: Vec<Follows>,
+    pub(super) couplings: Vec<Follows>,
     /// Link and corners in its axes, m.
-    soles: Vec<(usize, Vec<[f64; 3]>)>,
+    pub(super) soles: Vec<(usize, Vec<[f64; 3]>)>,
     /// When the base is told.
-    clock: SampleClock,
+    pub(super) clock: SampleClock,
     /// Where it is, m.
-    at: [Coded; 3],
+    pub(super) at: [Coded; 3],
     /// How it is turned: w, x, y, z.
-    turn: [Coded; 4],
+    pub(super) turn: [Coded; 4],
     /// Of the feet that are meant to stand the sum of 1 (left) and 2 (right).
-    contacts: Coded,
+    pub(super) contacts: Coded,
 }
 
 /// A link.
 #[derive(Clone, Debug, Serialize)]
-struct LinkShape {
-    name: String,
-    parent: Option<usize>,
+pub(super) struct LinkShape {
+    pub(super) name: String,
+    pub(super) parent: Option<usize>,
     /// Its joint in the axes of its parent, m.
-    origin_m: [f64; 3],
-    axis: [f64; 3],
-    mass_kg: f64,
-    centre_m: [f64; 3],
-    shapes: Vec<Shape>,
+    pub(super) origin_m: [f64; 3],
+    pub(super) axis: [f64; 3],
+    pub(super) mass_kg: f64,
+    pub(super) centre_m: [f64; 3],
+    pub(super) shapes: Vec<Shape>,
 }
 
 /// What a link takes up, in its axes.
 #[derive(Clone, Debug, Serialize)]
 #[serde(untagged)]
-enum Shape {
+pub(super) enum Shape {
     Capsule { from_m: [f64; 3], to_m: [f64; 3], radius_m: f64 },
     Cuboid { centre_m: [f64; 3], half_m: [f64; 3], turn: [f64; 4] },
 }
 
 /// A joint that follows others.
 #[derive(Clone, Debug, Serialize)]
-struct Follows {
-    link: usize,
-    of: Vec<(usize, f64)>,
-    offset_rad: f64,
+pub(super) struct Follows {
+    pub(super) link: usize,
+    pub(super) of: Vec<(usize, f64)>,
+    pub(super) offset_rad: f64,
 }
 
 fn parts(turn: DQuat) -> [f64; 4] {

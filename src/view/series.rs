@@ -86,6 +86,75 @@ impl Coded {
     pub const fn count(&self) -> usize {
         self.count
     }
+
+    /// The values, as they were rounded; gaps are not numbers.
+    #[must_use]
+    pub fn values(&self) -> Vec<f64> {
+        let mut codes = Vec::with_capacity(self.count);
+        let mut bits = Digits::of(&self.bits);
+        while codes.len() < self.count {
+            let k = bits.take(5);
+            for _ in 0..BLOCK.min(self.count - codes.len()) {
+                codes.push(if k == ZEROS { 0 } else { bits.code(k) });
+            }
+        }
+        let (mut at, mut slope) = (0_i64, 0_i64);
+        let values = codes.iter().map(|code| {
+            let change = i64::from(code >> 1) ^ -i64::from(code & 1);
+            slope = if self.order == 1 { change } else { slope + change };
+            at += slope;
+            self.start + self.step * at as f64
+        });
+        let mut values: Vec<f64> = values.collect();
+        for [begin, length] in &self.gaps {
+            values[*begin..begin + length].fill(f64::NAN);
+        }
+        values
+    }
+}
+
+/// Bits of a text in base64, from the highest down; zeros behind its end.
+struct Digits<'a> {
+    digits: std::slice::Iter<'a, u8>,
+    /// Bits that were not taken, the next ones highest, and how many.
+    rest: u64,
+    held: u32,
+}
+
+impl<'a> Digits<'a> {
+    fn of(text: &'a str) -> Self {
+        Self { digits: text.as_bytes().iter(), rest: 0, held: 0 }
+    }
+
+    /// At most 32 bits at a time.
+    fn take(&mut self, bits: u32) -> u32 {
+        while self.held < bits {
+            let digit = match self.digits.next() {
+                Some(letter @ b'A'..=b'Z') => letter - b'A',
+                Some(letter @ b'a'..=b'z') => letter - b'a' + 26,
+                Some(number @ b'0'..=b'9') => number - b'0' + 52,
+                Some(b'+') => 62,
+                Some(b'/') => 63,
+                _ => 0,
+            };
+            self.rest = (self.rest << 6) | u64::from(digit);
+            self.held += 6;
+        }
+        self.held -= bits;
+        let taken = self.rest >> self.held;
+        self.rest &= (1 << self.held) - 1;
+        taken as u32
+    }
+
+    /// A Rice code.
+    fn code(&mut self, k: u32) -> u32 {
+        let mut above = 0_u32;
+        // No code of a value within reach is as long.
+        while above < u32::MAX >> k && self.take(1) == 1 {
+            above += 1;
+        }
+        (above << k) | self.take(k)
+    }
 }
 
 /// Greatest common divisor.
@@ -239,7 +308,10 @@ mod tests {
                 prop_oneof![8 => -3.0..3.0_f64, 1 => Just(f64::NAN), 1 => -1e9..1e9_f64], 0..300),
         ) {
             let quantum = 1e-3;
-            let read = read(&Coded::of(values.iter().copied(), quantum));
+            let coded = Coded::of(values.iter().copied(), quantum);
+            let read = read(&coded);
+            let own = coded.values();
+            prop_assert!(own.iter().map(|value| value.to_bits()).eq(read.iter().map(|value| value.to_bits())));
             prop_assert_eq!(read.len(), values.len());
             for (read, value) in read.iter().zip(&values) {
                 if value.abs() <= MOST * quantum {

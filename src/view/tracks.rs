@@ -27,6 +27,15 @@ impl SampleClock {
     pub fn of(times_s: &[f64]) -> Self {
         Self::Uneven { times_s: Coded::of(times_s.iter().copied(), 1e-4) }
     }
+
+    /// Its times, s.
+    #[must_use]
+    pub fn times_s(&self) -> Vec<f64> {
+        match self {
+            Self::Even { rate_hz, count } => (0..*count).map(|n| n as f64 / rate_hz).collect(),
+            Self::Uneven { times_s } => times_s.values(),
+        }
+    }
 }
 
 /// The joints of a robot.

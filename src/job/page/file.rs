@@ -17,17 +17,37 @@ use crate::view::robot::{RobotTrack, collisions, still};
 use crate::view::scene::ViewScene;
 use crate::view::tracks::{SpanKind, ViewSpan};
 use std::path::Path;
+use std::time::UNIX_EPOCH;
 
 /// Poses per second of somebody who wore sensors.
 const WORN_HZ: f64 = 60.0;
 /// Instants per second in which a base is looked for, at most.
 const MOST_HZ: f64 = 100.0;
 
+/// What is drawn of a file.
+pub(in crate::job) struct Shown {
+    /// It, and what is to be said of it.
+    pub(in crate::job) page: ViewPage,
+    /// The robot in it.
+    pub(in crate::job) robot: Option<Robot>,
+    /// When it begins by the wall clock, ns since 1970; zero: nobody knows.
+    pub(in crate::job) start_ns: u64,
+}
+
 /// The page of a file: of a capture the person, of markers the points, of a recording the robot.
 ///
 /// # Errors
 /// A file that cannot be read, or shows none of these.
 pub fn page(path: &Path, options: &CaptureOptions) -> Result<String, Error> {
+    shown(path, options)?.page.html()
+}
+
+/// What is drawn of a file.
+///
+/// # Errors
+/// As [`page`].
+pub(in crate::job) fn shown(path: &Path, options: &CaptureOptions) -> Result<Shown, Error> {
+    let (mut robot, mut start_ns) = (None, 0);
     let mut page = ViewPage { title: path.display().to_string(), ..ViewPage::default() };
     if marker_files::format_of(path).is_some() {
         let mut reader = marker_files::open(path)?;
@@ -46,12 +66,24 @@ pub fn page(path: &Path, options: &CaptureOptions) -> Result<String, Error> {
     } else if let Some(scene) = worn(path, &mut page.notes)? {
         page.scene = scene;
     } else {
-        page.scene = recorded(&recording::read(path)?, &mut page.notes)
+        let recording = recording::read(path)?;
+        (page.scene, robot) = recorded(&recording, &mut page.notes)
             .map_err(|error| error.at(path.display().to_string()))?;
+        start_ns = began_ns(&recording);
     }
     let duration = format!("{:.2} s", page.scene.duration_s);
     page.summary_rows.push(("duration".to_owned(), duration));
-    page.html()
+    Ok(Shown { page, robot, start_ns })
+}
+
+/// When the first cycle of a recording was, by the wall clock, ns since 1970.
+fn began_ns(recording: &Recording) -> u64 {
+    let Some((start, first)) = recording.start.as_ref().zip(recording.cycles.first()) else {
+        return 0;
+    };
+    let since_s = first.at.seconds_since(start.monotonic_start);
+    let began = start.wall_clock_start.duration_since(UNIX_EPOCH).unwrap_or_default();
+    (began.as_nanos() as u64).saturating_add((since_s.max(0.0) * 1e9) as u64)
 }
 
 /// The person who wore the sensors of a recording that knows how they were worn.
@@ -74,7 +106,10 @@ fn worn(path: &Path, notes: &mut Vec<String>) -> Result<Option<ViewScene>, Error
 }
 
 /// What a robot did.
-fn recorded(recording: &Recording, notes: &mut Vec<String>) -> Result<ViewScene, Error> {
+fn recorded(
+    recording: &Recording,
+    notes: &mut Vec<String>,
+) -> Result<(ViewScene, Option<Robot>), Error> {
     let nothing = || {
         Error::of(ErrorKind::Absent, "the recording has no joints of a robot to show")
             .remedy("`gaitway convert` makes a motion of worn sensors, which a page can show")
@@ -105,9 +140,9 @@ fn recorded(recording: &Recording, notes: &mut Vec<String>) -> Result<ViewScene,
     });
     let Some(robot) = robot else {
         notes.push(format!("{} is not known here as it was recorded: not drawn", start.robot));
-        return Ok(scene);
+        return Ok((scene, None));
     };
-    let Some(body) = drawable(&robot)? else { return Ok(scene) };
+    let Some(body) = drawable(&robot)? else { return Ok((scene, None)) };
     let start_rad: Vec<f64> = robot.joints.iter().map(|joint| joint.initial_rad).collect();
     let mean_hz = series.time_s.len() as f64 / duration_s.max(1e-3);
     let rate_hz = mean_hz.min(robot.file.rate_hz).clamp(1.0, MOST_HZ);
@@ -126,7 +161,7 @@ fn recorded(recording: &Recording, notes: &mut Vec<String>) -> Result<ViewScene,
     });
     scene.robot = Some(RobotTrack::of(&robot.name, &body, &base));
     scene.spans = collisions(&body, &start_rad, &poses, rate_hz);
-    Ok(scene)
+    Ok((scene, Some(robot)))
 }
 
 /// Where the base was meant to be, if every cycle says so.
