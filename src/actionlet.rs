@@ -10,6 +10,7 @@
 
 pub mod decompose;
 pub mod insert;
+pub mod key_frames;
 pub mod sampled;
 mod sampling;
 pub mod sequence;

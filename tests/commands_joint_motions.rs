@@ -168,6 +168,56 @@ fn a_trajectory_faster_than_the_robot_is_slowed_only_when_asked() {
 }
 
 #[test]
+fn key_frames_are_joined_by_actionlets_that_rest_in_each() {
+    let table = file("keys.csv");
+    std::fs::write(&table, "time_s,head_pan_rad\n10,0\n11,0.5\n13,-0.5\n").unwrap();
+    let record = file("keys.mcap");
+    let arguments = ["--hang", "--force", "--record", record.to_str().unwrap()];
+    let report = played(table.to_str().unwrap(), &arguments);
+    assert_eq!(report["outcome"], "done", "{report}");
+    assert_eq!(report["source"]["format"], "key frames");
+    // The peak of Eq. 1 is twice the mean speed.
+    let peak_rad_s = joint(&report, "head_pan")["peak_velocity_rad_s"].as_f64().expect("a peak");
+    assert!((peak_rad_s - 1.0).abs() < 0.01, "{peak_rad_s} rad/s");
+    let recorded = gaitway::recording::read(&record).expect("a recording");
+    let start = recorded.start.expect("a start");
+    let index = start.joints.iter().position(|joint| joint.name == "head_pan").expect("the joint");
+    let goals: Vec<f64> =
+        recorded.cycles.iter().filter_map(|cycle| cycle.joints[index].goal_rad).collect();
+    // It rests in its key frames: there goals are turned round, and nowhere else.
+    let steps: Vec<f64> = goals.windows(2).map(|two| two[1] - two[0]).collect();
+    let moving: Vec<f64> = steps.into_iter().filter(|step| step.abs() > 2e-3).collect();
+    let turns = moving.windows(2).filter(|two| two[0] * two[1] < 0.0).count();
+    assert_eq!(turns, 1, "up to the second, down to the third");
+    let highest = goals.iter().copied().fold(f64::MIN, f64::max);
+    assert!((highest - 0.5).abs() < 1e-3, "{highest} rad");
+    assert!((goals.last().expect("goals") + 0.5).abs() < 1e-3);
+}
+
+#[test]
+fn key_frames_of_the_body_are_a_motion_too() {
+    let (table, angles) = (file("bend.csv"), file("bend-angles.csv"));
+    std::fs::write(&table, "time_s,right_elbow_flexion_deg\n0,0\n1,90\n3,0\n").unwrap();
+    let output =
+        gaitway(&["convert", table.to_str().unwrap(), angles.to_str().unwrap(), "--force"]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("3 key frames"));
+    let text = std::fs::read_to_string(&angles).expect("a table");
+    let mut rows = text.lines().map(|line| line.split(',').collect::<Vec<_>>());
+    let titles = rows.next().expect("titles");
+    let column = titles.iter().position(|title| *title == "right_elbow_flexion_rad");
+    let column = column.expect("the elbow");
+    let bent: Vec<f64> = rows.map(|row| row[column].parse().expect("a number")).collect();
+    assert_eq!(bent.len(), 301);
+    // A quarter of the way up Eq. 1 has done 1/4 - 1/(2 pi) of its change, half way a half of it.
+    let quarter = 0.25 - 1.0 / std::f64::consts::TAU;
+    for (row, part) in [(0, 0.0), (25, quarter), (50, 0.5), (100, 1.0), (200, 0.5), (300, 0.0)] {
+        let expected = part * std::f64::consts::FRAC_PI_2;
+        assert!((bent[row] - expected).abs() < 1e-5, "{row}: {}, not {expected}", bent[row]);
+    }
+}
+
+#[test]
 fn what_cannot_be_played_is_refused_in_words() {
     let table = |name: &str, text: &str| {
         let path = file(name);
@@ -177,7 +227,7 @@ fn what_cannot_be_played_is_refused_in_words() {
     for (text, more, words) in [
         ("time_s,head_pan_rad\n0,0\n0.4,9\n", &[][..], "leaves a joint's limits"),
         ("time_s,tail_rad\n0,0\n0.4,0\n", &[], "a joint that the robot does not have"),
-        ("time_s,head_pan_rad\n0,0\n2,0\n", &[], "the motion has a gap"),
+        ("time_s,head_pan_rad\n0,0\n0.1,0\n2,0\n", &[], "the motion has a gap"),
         ("time_s,head_pan_rad\n0,0\n0,0\n", &[], "time does not go on"),
         ("time_s,head_pan_rad\n0,NaN\n0.1,0\n", &[], "a cell is no number"),
         ("time_s,head_pan_rad\n0,0,1\n", &[], "not one number per column"),

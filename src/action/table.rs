@@ -2,6 +2,7 @@
 //! the world, m: X forward, Y left, Z up, and how the pelvis is turned, rad, from [`Motion::placed`].
 
 use crate::action::Motion;
+use crate::actionlet::key_frames;
 use crate::body::{Dof, JointAngles, PelvisAngles, Proportions};
 use crate::error::{Error, ErrorKind};
 use crate::table::{Row, TableWriter, rows};
@@ -261,7 +262,10 @@ pub fn parse(bytes: &[u8]) -> Result<AnglesTable, Error> {
                 .push(PelvisAngles { rotation_rad, obliquity_rad, tilt_rad }.to_orientation());
         }
     }
-    table.rate_hz = rate_of(&times_s)?;
+    match key_frames::between(&times_s) {
+        None => table.rate_hz = rate_of(&times_s)?,
+        Some((rate_hz, instants)) => table.go_between(rate_hz, &instants, times_s.len()),
+    }
     let left: Vec<&str> = names
         .iter()
         .zip(&columns)
@@ -279,6 +283,35 @@ pub fn parse(bytes: &[u8]) -> Result<AnglesTable, Error> {
             .push(format!("not in the table, and therefore at rest: {}", at_rest.join(", ")));
     }
     Ok(table)
+}
+
+impl AnglesTable {
+    /// Makes poses at instants out of its own, which are key frames.
+    fn go_between(&mut self, rate_hz: f64, instants: &[key_frames::Instant], keys: usize) {
+        let between =
+            |instant: &key_frames::Instant| (instant.before, instant.before + 1, instant.progress);
+        let angles = |instant| {
+            let (from, to, progress) = between(instant);
+            let (from, to) = (self.angles[from].0, self.angles[to].0);
+            JointAngles(std::array::from_fn(|dof| from[dof] + (to[dof] - from[dof]) * progress))
+        };
+        let angles = instants.iter().map(angles).collect();
+        let root_m = |instant| {
+            let (from, to, progress) = between(instant);
+            Some(self.roots_m.get(from)?.lerp(*self.roots_m.get(to)?, progress))
+        };
+        let roots_m = instants.iter().filter_map(root_m).collect();
+        let pelvis = |instant| {
+            let (from, to, progress) = between(instant);
+            Some(self.pelvis.get(from)?.slerp(*self.pelvis.get(to)?, progress))
+        };
+        let pelvis = instants.iter().filter_map(pelvis).collect();
+        (self.angles, self.roots_m, self.pelvis) = (angles, roots_m, pelvis);
+        self.rate_hz = rate_hz;
+        self.notes.push(format!(
+            "{keys} key frames: each angle goes from one to the next as an actionlet, and is at rest in each"
+        ));
+    }
 }
 
 /// Rows per second of even times.

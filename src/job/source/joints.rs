@@ -2,6 +2,7 @@
 //! them, and tables without titles as others do.
 
 use super::{Source, untitled};
+use crate::actionlet::key_frames;
 use crate::error::{Error, ErrorKind};
 use crate::job::table_text::text_up_to;
 use crate::mocap::retarget::{Retargeted, Settings};
@@ -17,7 +18,7 @@ use std::path::Path;
 /// Largest table read, bytes: a minute of 20 joints at 200 Hz, with its base, is 9 MB.
 const MAX_TABLE_BYTES: u64 = 12 << 20;
 /// Longest time without a position of a joint that is bridged by a straight line, s.
-const GAP_S: f64 = 0.5;
+const GAP_S: f64 = key_frames::APART_S;
 /// Angles this far beyond a limit are rounding, rad.
 const ROUNDING_RAD: f64 = 1e-6;
 /// Rotations this far from the length 1 are rounded.
@@ -229,7 +230,19 @@ fn of_table(text: &str) -> Result<JointMotion, Error> {
     if series.first().is_none_or(|series| series.points.len() < 2) {
         return Err(Error::new("a table of joint angles needs two rows at least").allowed(shape));
     }
-    Ok(JointMotion { format: "table", series, base, taught: false })
+    let times_s: Vec<f64> = series[0].points.iter().map(|point| point.0).collect();
+    let keys = if base.is_empty() { key_frames::between(&times_s) } else { None };
+    let Some((_, instants)) = keys else {
+        return Ok(JointMotion { format: "table", series, base, taught: false });
+    };
+    for series in &mut series {
+        let keys: Vec<f64> = series.points.iter().map(|point| point.1).collect();
+        let point = |instant: &key_frames::Instant| {
+            instant.of(&keys).map(|angle_rad| (times_s[0] + instant.time_s, angle_rad))
+        };
+        series.points = instants.iter().filter_map(point).collect();
+    }
+    Ok(JointMotion { format: "key frames", series, base, taught: false })
 }
 
 /// True of a table whose first row is numbers: it has no titles.
@@ -439,8 +452,8 @@ impl Series {
                 .got(format!("{:.2} s without a position", two[1].0 - two[0].0))
                 .allowed(format!("{GAP_S} s"))
                 .remedy(
-                    "give a position at least that often; or play a section without the gap, with \
-                     --from and --to",
+                    "give a position at least that often, or less often in all of it (key frames); or play a section \
+                     without the gap, with --from and --to",
                 )),
         }
     }
