@@ -9,6 +9,7 @@
 mod chain;
 mod clock_fit;
 mod orientation;
+mod pace;
 mod timeline;
 
 pub use chain::{Captured, Chain};

@@ -58,6 +58,7 @@ pub mod servo;
 pub mod session;
 pub mod simulate;
 pub mod source;
+pub mod source_words;
 pub mod synth;
 pub mod table_text;
 pub mod taught;

@@ -52,7 +52,7 @@ fn sample(number: u64, missed: u64) -> SourceRecord {
     let order = if missed == 0 { Order::Next } else { Order::Gap };
     let (arrival, taken) = (at(number), at(number));
     SourceRecord::Sample(Box::new(Captured {
-        stamp: Stamp { arrival, taken, number, step_s: 0.005, missed, order },
+        stamp: Stamp { arrival, taken, number, step_s: 0.005, missed, estimated: 0, order },
         sample: SensorSample {
             acceleration_m_s2: Some(DVec3::new(number as f64, 0.5, 9.75)),
             orientation: Some(DQuat::IDENTITY),

@@ -52,9 +52,10 @@ impl Chain {
         let sample = self.assembler.take(reading)?;
         let stamp = self.timeline.take(sample.counter, sample.ticks, arrival);
         let fused = match stamp.order {
-            Order::Duplicate | Order::Late => None,
+            Order::Duplicate | Order::Late | Order::Doubted => None,
             Order::Next | Order::Gap | Order::Reset => {
                 self.unfused_s += stamp.step_s;
+                self.orientation.come_every(self.timeline.period_s());
                 let fused = self.orientation.take(
                     self.unfused_s,
                     sample.angular_rate_rad_s,

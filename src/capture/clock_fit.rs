@@ -134,6 +134,13 @@ impl ClockFit {
         };
     }
 
+    /// How much earlier a sample of this device time would arrive than any is expected to, s.
+    pub(super) fn early_s(&self, device_s: f64, arrival: Instant) -> f64 {
+        let Some((device_zero_s, host_zero)) = self.first else { return 0.0 };
+        let device_s = device_s - device_zero_s;
+        device_s + self.offset_at(device_s) - arrival.seconds_since(host_zero)
+    }
+
     /// True if the device's clock has been set: the sample is far from where the line puts it.
     fn jumped(&self, device_s: f64, arrival: Instant) -> bool {
         let Some((device_zero_s, host_zero)) = self.first else { return false };

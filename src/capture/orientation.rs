@@ -14,6 +14,9 @@ const MOST_GAP_S: f64 = 0.5;
 /// So long after the start and after every gap the inclination is still being found, s.
 const SETTLING_S: f64 = 1.0;
 
+/// Samples that come at a rate this many times off are filtered anew: the filter's times count samples.
+const MOST_OFF_PERIOD: f64 = 1.2;
+
 /// What heading is told from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Mode {
@@ -69,6 +72,25 @@ impl Orientation {
     #[must_use]
     pub const fn restarts(&self) -> u64 {
         self.restarts
+    }
+
+    /// Samples come every `period_s`: if that is far from what the filter was made for, it is made anew. Heading and bias stay, the
+    /// inclination is found again.
+    pub fn come_every(&mut self, period_s: f64) {
+        let factor = period_s / self.period_s;
+        let is_near = (1.0 / MOST_OFF_PERIOD..=MOST_OFF_PERIOD).contains(&factor);
+        if is_near || !(period_s.is_finite() && period_s > 0.0) {
+            return;
+        }
+        let before = *self.filter.state();
+        let (bias, sigma) = self.filter.bias_estimate();
+        self.filter = VQF::new(period_s, None, None, None);
+        let state = self.filter.state_mut();
+        (state.gyr_quat, state.acc_quat, state.delta) =
+            (before.gyr_quat, before.acc_quat, before.delta);
+        self.filter.set_bias_estimate(bias, Some(sigma));
+        self.period_s = period_s;
+        self.settled_in_s = SETTLING_S;
     }
 
     /// Takes a sample `step_s` after the one before (zero for the first); `None` if it has no

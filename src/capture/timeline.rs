@@ -3,16 +3,27 @@
 //! A sensor tells with a packet counter, with a clock, with both, or with nothing. A counter that
 //! goes round is unwrapped; what does not fit is told as a gap, a repetition, a sample out of order
 //! or a reset, and counted, never filled in.
+//!
+//! A jump of what the device tells that its arrival does not share is doubted: such a sample is told and not used, and the next
+//! one says what it was. If it goes on from before, one time was misread; if it goes on from the jump, samples were lost (up
+//! to a second, forward), or the device began again.
 
 use super::clock_fit::{ClockFit, Quality};
+use super::pace::Pace;
 use crate::time::{Duration, Instant};
 use serde::Serialize;
 
 /// A step back by at most this many samples is one out of order; by more, the device was reset.
 const MOST_REORDERED: u64 = 16;
-/// Without counter and clock, only a silence shows a loss: so many periods, and this time more.
-const SILENT_PERIODS: f64 = 5.0;
-const SILENT_S: f64 = 0.1;
+/// A jump that arrival does not share is longer than so many periods, and than this time.
+const JUMP_PERIODS: f64 = 3.0;
+const JUMP_S: f64 = 0.05;
+/// Part by which the period of a sensor without a clock may be off while it is learnt.
+const VAGUE: f64 = 0.25;
+/// One that stays is a loss up to this, and beyond a device that began again, s.
+const MOST_LOST_S: f64 = 1.0;
+/// After so many samples in a row that fit nowhere it is begun anew.
+const MOST_DOUBTED: u64 = 4;
 /// More missing samples than a minute of the fastest sensor are no gap but a reset.
 const MOST_MISSING: u64 = 60_000;
 
@@ -30,6 +41,8 @@ pub enum Order {
     Late,
     /// The device began again.
     Reset,
+    /// Its time or number jumps and its arrival does not: it is not used, and the next one tells what it was.
+    Doubted,
 }
 
 /// When and which.
@@ -46,25 +59,54 @@ pub struct Stamp {
     pub step_s: f64,
     /// Samples missing just before this one.
     pub missed: u64,
+    /// Samples probably missing just before this one, of a sensor that tells neither number nor time.
+    pub estimated: u64,
     /// How it stands to the one before.
     pub order: Order,
 }
 
 /// What a timeline has seen.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[serde(into = "Told")]
 pub struct Counts {
     /// Samples, duplicates and late ones included.
     pub samples: u64,
     /// Gaps.
     pub gaps: u64,
-    /// Samples missing in them.
+    /// Samples missing in them, as the sensor's own counter or clock tells.
     pub missed: u64,
+    /// Of a sensor that tells neither: samples that are probably missing. `missed` is then unknown, and told as null.
+    pub estimated: Option<u64>,
     /// Samples sent twice.
     pub duplicates: u64,
     /// Samples out of order.
     pub late: u64,
     /// Resets of the device.
     pub resets: u64,
+    /// Samples with a time or number of which the next one showed that it was misread.
+    pub misread: u64,
+}
+
+/// Counts as they are told.
+#[derive(Serialize)]
+struct Told {
+    samples: u64,
+    gaps: u64,
+    missed: Option<u64>,
+    missed_estimated: Option<u64>,
+    duplicates: u64,
+    late: u64,
+    resets: u64,
+    misread: u64,
+}
+
+impl From<Counts> for Told {
+    fn from(counts: Counts) -> Self {
+        let Counts { samples, gaps, missed, estimated, duplicates, late, resets, misread } = counts;
+        let missed = estimated.is_none().then_some(missed);
+        let missed_estimated = estimated;
+        Self { samples, gaps, missed, missed_estimated, duplicates, late, resets, misread }
+    }
 }
 
 /// What a sensor tells of order and time.
@@ -84,9 +126,23 @@ pub struct Telling {
 #[derive(Clone, Debug)]
 pub struct Timeline {
     telling: Telling,
-    fit: ClockFit,
+    layout: Layout,
     last: Option<Last>,
+    doubted: Option<Last>,
+    /// Samples in a row that fit nowhere.
+    doubts: u64,
+    /// Samples out of order since the last that was used: they may have been the next, misread.
+    behind: u64,
     counts: Counts,
+}
+
+/// Where times come from.
+#[derive(Clone, Debug)]
+enum Layout {
+    /// The device's clock.
+    Clock(ClockFit),
+    /// The number of samples.
+    Pace(Pace),
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -99,11 +155,34 @@ struct Last {
     stamp: Stamp,
 }
 
+/// A sample as it comes.
+#[derive(Clone, Copy, Debug)]
+struct Raw {
+    counter: Option<u64>,
+    ticks: Option<u64>,
+    arrival: Instant,
+}
+
+/// How a sample stands to another.
+#[derive(Clone, Copy, Debug)]
+struct Step {
+    /// Samples since that one: 1 is the next.
+    samples: i64,
+    /// Time since that one as the device tells it, s.
+    device_s: f64,
+}
+
 impl Timeline {
     /// For a sensor that tells so much.
     #[must_use]
     pub fn new(telling: Telling) -> Self {
-        Self { telling, fit: ClockFit::default(), last: None, counts: Counts::default() }
+        let layout = match telling.clock {
+            Some(_) => Layout::Clock(ClockFit::default()),
+            None => Layout::Pace(Pace::new(telling.period_s)),
+        };
+        let silent = telling.counter_bits.is_none() && telling.clock.is_none();
+        let counts = Counts { estimated: silent.then_some(0), ..Counts::default() };
+        Self { telling, layout, last: None, doubted: None, doubts: 0, behind: 0, counts }
     }
 
     /// What was seen so far.
@@ -112,29 +191,67 @@ impl Timeline {
         self.counts
     }
 
-    /// How well the device's clock is known. Without counter and clock there is nothing to know.
+    /// How well the device's clock is known. Without one there is nothing to know.
     #[must_use]
     pub fn quality(&self) -> Quality {
-        self.fit.quality()
+        match &self.layout {
+            Layout::Clock(fit) => fit.quality(),
+            Layout::Pace(_) => Quality::default(),
+        }
+    }
+
+    /// Time from sample to sample, s: what its profile says or, of a sensor without a clock, what was found.
+    #[must_use]
+    pub const fn period_s(&self) -> f64 {
+        match &self.layout {
+            Layout::Clock(_) => self.telling.period_s,
+            Layout::Pace(pace) => pace.period_s(),
+        }
     }
 
     /// Takes a sample with the raw `counter` and clock `ticks` it was sent with.
     pub fn take(&mut self, counter: Option<u64>, ticks: Option<u64>, arrival: Instant) -> Stamp {
-        let counter = counter.filter(|_| self.telling.counter_bits.is_some());
-        let ticks = ticks.filter(|_| self.telling.clock.is_some());
+        let raw = Raw {
+            counter: counter.filter(|_| self.telling.counter_bits.is_some()),
+            ticks: ticks.filter(|_| self.telling.clock.is_some()),
+            arrival,
+        };
         self.counts.samples += 1;
         let Some(last) = self.last else {
-            let device_s =
-                ticks.zip(self.telling.clock).map_or(0.0, |(ticks, (_, s))| ticks as f64 * s);
-            return self.accept(counter, ticks, device_s, 0, 0, Order::Next, arrival);
+            return self.accept(raw, self.ticks_s(ticks), 0, 0, Order::Next);
         };
-        let by_counter = self.telling.counter_bits.zip(counter).zip(last.counter);
-        let by_clock = self.telling.clock.zip(ticks).zip(last.ticks);
+        let step = self.step(&raw, &last);
+        if self.fits(step, &raw, &last) {
+            return self.follow(raw, step, &last, false);
+        }
+        let Some(doubted) = self.doubted.take() else { return self.doubt(raw, &last, step) };
+        // Against the one that was doubted: does it go on from there?
+        let onward = self.step(&raw, &doubted);
+        let goes_on = onward.samples > 0 && !self.jumps(onward, &raw, &doubted);
+        if !goes_on && self.doubts < MOST_DOUBTED {
+            self.counts.misread += 1;
+            return self.doubt(raw, &last, step);
+        }
+        let is_forward = step.samples > 0 && step.device_s > 0.0;
+        let lost = is_forward && step.device_s <= MOST_LOST_S && goes_on;
+        match lost {
+            true => self.follow(raw, step, &last, true),
+            false => self.reset(raw, &doubted),
+        }
+    }
+
+    fn ticks_s(&self, ticks: Option<u64>) -> f64 {
+        ticks.zip(self.telling.clock).map_or(0.0, |(ticks, (_, s))| ticks as f64 * s)
+    }
+
+    /// How a sample stands to an earlier one, as the device tells it.
+    fn step(&self, raw: &Raw, last: &Last) -> Step {
+        let by_counter = self.telling.counter_bits.zip(raw.counter).zip(last.counter);
+        let by_clock = self.telling.clock.zip(raw.ticks).zip(last.ticks);
         let counter_step = by_counter.map(|((bits, now), before)| step(now, before, bits));
         let clock_step_s =
             by_clock.map(|(((bits, tick_s), now), before)| step(now, before, bits) as f64 * tick_s);
-        let period_s = self.telling.period_s;
-        // Samples since the last one: 1 is the next.
+        let period_s = self.period_s();
         let samples = match (counter_step, clock_step_s) {
             (Some(samples), _) => samples,
             (None, Some(0.0)) => 0,
@@ -143,73 +260,119 @@ impl Timeline {
                 _ if step_s > 0.0 => 1,
                 samples => (samples as i64).min(-1),
             },
-            (None, None) => {
-                let silent_s = arrival.seconds_since(last.stamp.arrival);
-                let lost = silent_s > SILENT_PERIODS * period_s + SILENT_S;
-                if lost { (silent_s / period_s).round().max(1.0) as i64 } else { 1 }
+            (None, None) => 1,
+        };
+        Step { samples, device_s: clock_step_s.unwrap_or(samples as f64 * period_s) }
+    }
+
+    /// True if a sample can stand where it says: next, after a gap, again, or a little too late.
+    fn fits(&self, step: Step, raw: &Raw, last: &Last) -> bool {
+        match step.samples {
+            0 => true,
+            // A clock that runs back while the counter goes on has been set, or was misread.
+            1.. if step.samples as u64 <= MOST_MISSING && step.device_s >= 0.0 => {
+                !(self.jumps(step, raw, last) && self.is_early(step, raw, last))
+            }
+            ..0 => step.samples.unsigned_abs() <= MOST_REORDERED,
+            _ => false,
+        }
+    }
+
+    /// True if the device tells of more time than has passed here.
+    fn jumps(&self, step: Step, raw: &Raw, last: &Last) -> bool {
+        let passed_s = raw.arrival.seconds_since(last.stamp.arrival);
+        let told = raw.counter.is_some() || raw.ticks.is_some();
+        // Of one without a clock the period may be known badly.
+        let vague_s = if raw.ticks.is_some() { 0.0 } else { VAGUE * passed_s };
+        told && !(step.device_s - passed_s <= self.tolerance_s() + vague_s)
+    }
+
+    /// True if it would have arrived before it was taken: what was late before may catch up.
+    fn is_early(&self, step: Step, raw: &Raw, last: &Last) -> bool {
+        let early_s = match &self.layout {
+            Layout::Clock(fit) => fit.early_s(last.device_s + step.device_s, raw.arrival),
+            Layout::Pace(pace) => pace.early_s(step.samples as f64, raw.arrival),
+        };
+        early_s > self.tolerance_s()
+    }
+
+    fn tolerance_s(&self) -> f64 {
+        (JUMP_PERIODS * self.period_s()).max(JUMP_S)
+    }
+
+    /// Takes a sample that stands where it says. `goes_on` from one that was doubted, which was right then.
+    fn follow(&mut self, raw: Raw, step: Step, last: &Last, goes_on: bool) -> Stamp {
+        match step.samples {
+            0 => self.refuse(Order::Duplicate, last, raw.arrival),
+            1.. => {
+                let device_s = last.device_s + step.device_s;
+                let between = step.samples as u64 - 1;
+                // What came in between and was not used is not missing.
+                let came = self.doubts.min(between);
+                self.counts.misread += u64::from(self.doubted.take().is_some() && !goes_on);
+                let behind = self.behind.min(between - came);
+                self.counts.misread += behind;
+                self.counts.late -= behind;
+                let missed = between - came - behind;
+                let order = if missed == 0 { Order::Next } else { Order::Gap };
+                let number = last.number + step.samples as u64 - behind;
+                self.accept(raw, device_s, number, missed, order)
+            }
+            ..0 => {
+                self.behind += 1;
+                self.refuse(Order::Late, last, raw.arrival)
+            }
+        }
+    }
+
+    /// Keeps a sample that fits nowhere until the next one says what it was.
+    fn doubt(&mut self, raw: Raw, last: &Last, step: Step) -> Stamp {
+        self.doubts += 1;
+        let number = last.number + self.doubts;
+        let order = Order::Doubted;
+        let (missed, estimated, step_s) = (0, 0, 0.0);
+        let stamp =
+            Stamp { arrival: raw.arrival, number, step_s, missed, estimated, order, ..last.stamp };
+        let device_s = last.device_s + step.device_s;
+        let Raw { counter, ticks, .. } = raw;
+        self.doubted = Some(Last { counter, ticks, device_s, number, stamp });
+        stamp
+    }
+
+    fn reset(&mut self, raw: Raw, doubted: &Last) -> Stamp {
+        self.counts.resets += 1;
+        match &mut self.layout {
+            Layout::Clock(fit) => fit.restart(),
+            Layout::Pace(pace) => pace.restart(),
+        }
+        self.accept(raw, self.ticks_s(raw.ticks), doubted.number + 1, 0, Order::Reset)
+    }
+
+    fn accept(&mut self, raw: Raw, device_s: f64, number: u64, missed: u64, order: Order) -> Stamp {
+        let arrival = raw.arrival;
+        let before = self.last.filter(|_| order != Order::Reset);
+        let (fitted, step_s, estimated) = match &mut self.layout {
+            Layout::Clock(fit) => {
+                let step_s = before.map_or(0.0, |before| device_s - before.device_s);
+                (fit.take(device_s, arrival), step_s, 0)
+            }
+            Layout::Pace(pace) => {
+                let samples = before.map_or(0, |before| number.saturating_sub(before.number));
+                let is_counted = self.telling.counter_bits.is_some();
+                let laid = pace.take(samples as f64, is_counted, arrival);
+                (laid.taken, laid.step_s, laid.estimated)
             }
         };
-        match samples {
-            0 => self.refuse(Order::Duplicate, &last, arrival),
-            1.. if samples as u64 <= MOST_MISSING => {
-                let device_s = last.device_s + clock_step_s.unwrap_or(samples as f64 * period_s);
-                // A clock that runs back while the counter goes on has been set.
-                if device_s < last.device_s {
-                    return self.reset(counter, ticks, &last, arrival);
-                }
-                let missed = samples as u64 - 1;
-                let order = if missed == 0 { Order::Next } else { Order::Gap };
-                let number = last.number + samples as u64;
-                self.accept(counter, ticks, device_s, number, missed, order, arrival)
-            }
-            ..0 if samples.unsigned_abs() <= MOST_REORDERED => {
-                self.refuse(Order::Late, &last, arrival)
-            }
-            _ => self.reset(counter, ticks, &last, arrival),
-        }
-    }
-
-    fn reset(
-        &mut self,
-        counter: Option<u64>,
-        ticks: Option<u64>,
-        last: &Last,
-        arrival: Instant,
-    ) -> Stamp {
-        self.counts.resets += 1;
-        let device_s =
-            ticks.zip(self.telling.clock).map_or(0.0, |(ticks, (_, s))| ticks as f64 * s);
-        self.fit.restart();
-        self.accept(counter, ticks, device_s, last.number + 1, 0, Order::Reset, arrival)
-    }
-
-    #[expect(clippy::too_many_arguments, reason = "one sample, told apart")]
-    fn accept(
-        &mut self,
-        counter: Option<u64>,
-        ticks: Option<u64>,
-        device_s: f64,
-        number: u64,
-        missed: u64,
-        order: Order,
-        arrival: Instant,
-    ) -> Stamp {
-        if missed > 0 {
-            self.counts.gaps += 1;
-            self.counts.missed += missed;
-        }
-        let told = self.telling.counter_bits.is_some() || self.telling.clock.is_some();
-        let fitted = if told { self.fit.take(device_s, arrival) } else { arrival };
+        self.counts.gaps += u64::from(missed + estimated > 0);
+        self.counts.missed += missed;
+        self.counts.estimated = self.counts.estimated.map(|all| all.saturating_add(estimated));
         let latency_ns = u64::try_from(self.telling.latency.as_nanos()).unwrap_or(0);
         let taken = Instant::from_nanos(fitted.as_nanos().saturating_sub(latency_ns));
-        let before = self.last.filter(|_| order != Order::Reset);
-        let step_s = match before {
-            Some(before) if told => device_s - before.device_s,
-            Some(before) => taken.seconds_since(before.stamp.taken),
-            None => 0.0,
-        };
-        let stamp = Stamp { arrival, taken, number, step_s, missed, order };
+        let order = if estimated > 0 { Order::Gap } else { order };
+        let stamp = Stamp { arrival, taken, number, step_s, missed, estimated, order };
+        let Raw { counter, ticks, .. } = raw;
         self.last = Some(Last { counter, ticks, device_s, number, stamp });
+        (self.doubted, self.doubts, self.behind) = (None, 0, 0);
         stamp
     }
 
@@ -219,7 +382,7 @@ impl Timeline {
             Order::Duplicate => self.counts.duplicates += 1,
             _ => self.counts.late += 1,
         }
-        Stamp { arrival, step_s: 0.0, missed: 0, order, ..last.stamp }
+        Stamp { arrival, step_s: 0.0, missed: 0, estimated: 0, order, ..last.stamp }
     }
 }
 
@@ -231,132 +394,4 @@ fn step(now: u64, before: u64, bits: u32) -> i64 {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use proptest::prelude::*;
-
-    fn at(seconds: f64) -> Instant {
-        Instant::from_nanos((seconds * 1e9) as u64)
-    }
-
-    fn counting(bits: u32) -> Timeline {
-        Timeline::new(Telling {
-            counter_bits: Some(bits),
-            clock: None,
-            period_s: 0.01,
-            latency: Duration::ZERO,
-        })
-    }
-
-    #[test]
-    fn a_counter_that_goes_round_is_no_gap() {
-        let mut timeline = counting(8);
-        let stamps: Vec<Stamp> = (0..1000_u64)
-            .map(|n| timeline.take(Some(n & 0xFF), None, at(1.0 + n as f64 * 0.01)))
-            .collect();
-        assert!(stamps.iter().all(|stamp| stamp.order == Order::Next));
-        assert_eq!(stamps[999].number, 999);
-        assert_eq!(timeline.counts(), Counts { samples: 1000, ..Counts::default() });
-    }
-
-    #[test]
-    fn gaps_repetitions_and_disorder_are_told_apart_and_counted() {
-        let mut timeline = counting(8);
-        let orders: Vec<(Order, u64)> = [250, 251, 251, 255, 2, 1, 3, 103]
-            .into_iter()
-            .enumerate()
-            .map(|(n, counter)| timeline.take(Some(counter), None, at(1.0 + n as f64 * 0.01)))
-            .map(|stamp| (stamp.order, stamp.missed))
-            .collect();
-        assert_eq!(
-            orders,
-            [
-                (Order::Next, 0),
-                (Order::Next, 0),
-                (Order::Duplicate, 0),
-                (Order::Gap, 3),
-                (Order::Gap, 2),
-                (Order::Late, 0),
-                (Order::Next, 0),
-                (Order::Gap, 99),
-            ]
-        );
-        let expected =
-            Counts { samples: 8, gaps: 3, missed: 104, duplicates: 1, late: 1, resets: 0 };
-        assert_eq!(timeline.counts(), expected);
-    }
-
-    #[test]
-    fn a_clock_alone_shows_gaps_and_resets() {
-        let mut timeline = Timeline::new(Telling {
-            counter_bits: None,
-            clock: Some((32, 1e-6)),
-            period_s: 0.01,
-            latency: Duration::from_millis(2),
-        });
-        let start = u64::from(u32::MAX) - 15_000;
-        let mut take =
-            |ticks: u64, s: f64| timeline.take(Some(9), Some(ticks & 0xFFFF_FFFF), at(s));
-        take(start, 1.0);
-        let next = take(start + 10_100, 1.01);
-        assert_eq!(next.order, Order::Next);
-        assert!((next.step_s - 0.0101).abs() < 1e-9);
-        // Over the end of the 32 bits, two samples missing.
-        let gap = take(start + 40_000, 1.04);
-        assert_eq!((gap.order, gap.missed), (Order::Gap, 2));
-        assert_eq!(take(start + 40_000, 1.041).order, Order::Duplicate);
-        // A jump back by two seconds is a reset; the latency stays taken off.
-        let reset = take(start - 2_000_000, 2.0);
-        assert_eq!((reset.order, reset.step_s), (Order::Reset, 0.0));
-        assert_eq!(reset.taken, at(1.998));
-    }
-
-    #[test]
-    fn without_counter_and_clock_only_a_silence_shows_a_loss() {
-        let mut timeline = Timeline::new(Telling {
-            counter_bits: None,
-            clock: None,
-            period_s: 0.01,
-            latency: Duration::ZERO,
-        });
-        timeline.take(None, None, at(1.0));
-        assert_eq!(timeline.take(None, None, at(1.05)).missed, 0);
-        assert_eq!(timeline.take(None, None, at(2.05)).missed, 99);
-    }
-
-    proptest! {
-        /// Losses in any pattern shorter than half a turn of the counter are counted exactly.
-        #[test]
-        fn what_is_lost_is_counted(lost in prop::collection::vec(0_u64..100, 1..200)) {
-            let mut timeline = counting(8);
-            let mut counter = 7_u64;
-            timeline.take(Some(counter), None, at(1.0));
-            for gap in &lost {
-                counter += gap + 1;
-                timeline.take(Some(counter & 0xFF), None, at(1.0 + counter as f64 * 0.01));
-            }
-            prop_assert_eq!(timeline.counts().missed, lost.iter().sum::<u64>());
-        }
-
-        #[test]
-        fn any_counters_and_clocks_are_taken(
-            samples in prop::collection::vec((any::<u64>(), any::<u64>(), any::<u32>()), 0..100),
-            bits in 4_u32..=64,
-        ) {
-            let mut timeline = Timeline::new(Telling {
-                counter_bits: Some(bits),
-                clock: Some((bits, 1e-9)),
-                period_s: 0.01,
-                latency: Duration::ZERO,
-            });
-            let (mut now, mut last) = (0, Instant::ZERO);
-            for (counter, ticks, wait) in samples {
-                now += u64::from(wait);
-                let stamp = timeline.take(Some(counter), Some(ticks), Instant::from_nanos(now));
-                prop_assert!(stamp.taken >= last && stamp.taken <= stamp.arrival);
-                prop_assert!(stamp.step_s >= 0.0);
-                last = stamp.taken;
-            }
-        }
-    }
-}
+mod tests;

@@ -3,8 +3,7 @@
 use crate::body::segment_name;
 use crate::body::worn::Movement;
 use crate::body::worn::check::{T_POSE_FAIL_RAD, T_POSE_WARN_RAD};
-use crate::sensing::{Cue, Question, SensingEvent, SourceReport, Unseen, Until};
-use std::fmt::Write;
+use crate::sensing::{Cue, Question, SensingEvent, Unseen, Until};
 
 /// What a guide says.
 pub fn of(cue: &Cue<'_>) -> String {
@@ -101,31 +100,4 @@ pub fn of_event(event: SensingEvent<'_>) -> String {
         }
         SensingEvent::TrackerRefused { why } => format!("a tracker is refused: {why}"),
     }
-}
-
-/// What became of a source, as one line.
-pub fn of_source(report: &SourceReport, out: &mut String) {
-    let counts = report.counts;
-    let _ = write!(out, "  {:<16} {} samples", report.name, counts.samples);
-    let told = [
-        (counts.missed, "missing"),
-        (counts.duplicates, "twice"),
-        (counts.late, "out of order"),
-        (counts.resets, "resets"),
-        (report.incomplete, "incomplete"),
-        (report.bad_packets, "bad packets"),
-        (report.refused, "calls of others refused"),
-    ];
-    for (count, word) in told {
-        if count > 0 {
-            let _ = write!(out, ", {count} {word}");
-        }
-    }
-    if report.skew_ppm != 0.0 {
-        let _ = write!(out, ", clock {:+.1} ppm", report.skew_ppm);
-    }
-    if let Some(ended) = &report.ended {
-        let _ = write!(out, "; ended early: {ended}");
-    }
-    out.push('\n');
 }

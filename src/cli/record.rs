@@ -3,7 +3,6 @@
 mod marks;
 mod session;
 
-use super::cues;
 use super::report::Outcome;
 use super::signals::Signals;
 use super::terminal::Terminal;
@@ -13,6 +12,7 @@ use crate::job::page::file::page as file_page;
 use crate::job::record::Mode;
 use crate::job::record::{RecordOrder, RecordReport, record};
 use crate::job::source::CaptureOptions;
+use crate::job::source_words;
 use crate::sensing::Source;
 use crate::time::{Duration, duration};
 use clap::Args;
@@ -104,7 +104,7 @@ fn text(report: &RecordReport, file: &Path) -> String {
         None => format!("nothing was recorded; {} is as it was\n", file.display()),
     };
     for source in &report.sources {
-        cues::of_source(source, &mut out);
+        source_words::heard(source, &mut out);
     }
     let refused: u64 = report.dropped_by_topic.values().sum();
     if refused > 0 {

@@ -8,9 +8,8 @@ use crate::job::info_words::words;
 use crate::job::page::file::page as file_page;
 use crate::job::sensors::overview as sensors_overview;
 use crate::job::source::CaptureOptions;
-use crate::recording::{
-    self, Compression, Overview, Recovered, SensorSeries, SourceOverview, sensor_series,
-};
+use crate::job::source_words;
+use crate::recording::{self, Compression, Overview, Recovered, SensorSeries, sensor_series};
 use crate::session::tap::{Tap, taps};
 use clap::Args;
 use serde::Serialize;
@@ -138,7 +137,7 @@ fn description(overview: &Overview) -> String {
         let _ = writeln!(text, "channel   {channel}: {messages} messages");
     }
     for (name, source) in &overview.sources {
-        let _ = writeln!(text, "source    {}", of_source(name, source));
+        let _ = writeln!(text, "source    {}", source_words::kept(name, source));
     }
     let _ = writeln!(
         text,
@@ -167,24 +166,6 @@ fn description(overview: &Overview) -> String {
             "file      never closed (killed?): `gaitway recover` makes one other tools open"
         ),
     };
-    text
-}
-
-/// A source in one line: what there is and what is not.
-fn of_source(name: &str, source: &SourceOverview) -> String {
-    let mut text = format!("{name}: {} in {:.2} s", source.records, source.duration_s);
-    let counts = [
-        (source.gaps, "gaps"),
-        (source.missed, "missing"),
-        (source.dropped, "dropped"),
-        (source.damaged, "unreadable"),
-        (source.duplicates, "twice"),
-        (source.late, "out of order"),
-        (source.resets, "resets"),
-    ];
-    for (count, word) in counts.into_iter().filter(|(count, _)| *count > 0) {
-        let _ = write!(text, ", {count} {word}");
-    }
     text
 }
 

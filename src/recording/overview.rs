@@ -64,6 +64,8 @@ pub struct SourceOverview {
     pub gaps: u64,
     /// Samples that the sensor or its line lost.
     pub missed: u64,
+    /// Samples that were probably lost, of a sensor that tells neither number nor time.
+    pub estimated: u64,
     /// Samples or lines that the recorder dropped because the disk could not keep up.
     pub dropped: u64,
     /// Samples that had been stored and cannot be read: the file is damaged there. Lines of text have
@@ -75,6 +77,8 @@ pub struct SourceOverview {
     pub late: u64,
     /// Times the device began again.
     pub resets: u64,
+    /// Samples with a time or number that jumped, and that were not used.
+    pub doubted: u64,
     #[serde(skip)]
     span: Span,
     /// Number of the next sample.
@@ -104,6 +108,8 @@ struct Numbered {
     #[serde(default)]
     missed_before: u64,
     #[serde(default)]
+    estimated_before: u64,
+    #[serde(default)]
     dropped_before: u64,
 }
 
@@ -112,6 +118,7 @@ impl SourceOverview {
         self.records += 1;
         self.duration_s = self.span.take(read_ns);
         self.missed = self.missed.saturating_add(sample.missed_before);
+        self.estimated = self.estimated.saturating_add(sample.estimated_before);
         self.dropped = self.dropped.saturating_add(sample.dropped_before);
         let told = sample.missed_before.saturating_add(sample.dropped_before);
         let mut gap = told > 0;
@@ -127,6 +134,7 @@ impl SourceOverview {
             Some("duplicate") => self.duplicates += 1,
             Some("late") => self.late += 1,
             Some("reset") => self.resets += 1,
+            Some("doubted") => self.doubted += 1,
             _ => {}
         }
     }

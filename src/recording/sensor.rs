@@ -129,6 +129,8 @@ pub(super) struct Imu {
     /// Samples the sensor or the line lost before this one.
     #[serde(default)]
     pub(super) missed_before: u64,
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub(super) estimated_before: u64,
     /// Samples the full queue dropped before this one.
     #[serde(default)]
     pub(super) dropped_before: u64,
@@ -182,6 +184,11 @@ struct Line<'a> {
     text: &'a str,
 }
 
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde asks so")]
+const fn is_zero(count: &u64) -> bool {
+    *count == 0
+}
+
 fn word(order: Order) -> &'static str {
     match order {
         Order::Next => "next",
@@ -189,6 +196,7 @@ fn word(order: Order) -> &'static str {
         Order::Duplicate => "duplicate",
         Order::Late => "late",
         Order::Reset => "reset",
+        Order::Doubted => "doubted",
     }
 }
 
@@ -216,6 +224,7 @@ pub(super) fn messages(
         number: stamp.number,
         order: word(stamp.order).into(),
         missed_before: stamp.missed,
+        estimated_before: stamp.estimated,
         dropped_before,
         device_counter: sample.counter,
         device_ticks: sample.ticks,

@@ -47,7 +47,7 @@ impl Part {
                 let added = (self.recorder.add_source(source), captured.stamp.number);
                 self.sources.insert(sensor.to_owned(), added);
                 // What was lost before is no loss of this recording.
-                captured.stamp.missed = 0;
+                (captured.stamp.missed, captured.stamp.estimated) = (0, 0);
                 added
             }
         };
@@ -159,7 +159,8 @@ mod tests {
     fn captured(n: u64, missed: u64) -> Captured {
         let at = Instant::from_nanos(n * 10_000_000);
         let order = Order::Next;
-        let stamp = Stamp { arrival: at, taken: at, number: n, step_s: 0.01, missed, order };
+        let (arrival, taken, estimated) = (at, at, 0);
+        let stamp = Stamp { arrival, taken, number: n, step_s: 0.01, missed, estimated, order };
         Captured { stamp, sample: SensorSample::default(), fused: None }
     }
 

@@ -49,7 +49,7 @@ impl SourceReport {
         }
     }
 
-    /// True if nothing is known to be missing.
+    /// True if nothing is known to be missing. What is only estimated is not known.
     pub fn lossless(&self) -> bool {
         let counts = self.counts;
         let lost = counts.missed + counts.late + counts.resets + self.incomplete;

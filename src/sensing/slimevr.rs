@@ -214,6 +214,8 @@ impl Trackers {
                     report.counts.missed += tracker.missed;
                     report.counts.late += tracker.late;
                 }
+                // Datagrams are numbered: what is missing is known.
+                report.counts.estimated = None;
                 intake.report(report);
             }
         }

@@ -1,8 +1,8 @@
 //! What `live` reports, as a person reads it.
 
-use crate::cli::cues;
 use crate::job::explain::BodySide;
 use crate::job::live::{BodyReport, LiveReport};
+use crate::job::source_words;
 use std::fmt::Write;
 
 impl BodyReport {
@@ -37,7 +37,7 @@ impl LiveReport {
             body.text(&mut out);
         }
         for sensor in &self.sensors {
-            cues::of_source(sensor, &mut out);
+            source_words::heard(sensor, &mut out);
         }
         for answer in self.answers.iter().flat_map(|answers| &answers.given) {
             let side = answer.side.map_or("", BodySide::word);

@@ -1,0 +1,55 @@
+//! What became of sources, in words: one that was heard, and one that a recording holds.
+
+use crate::recording::SourceOverview;
+use crate::sensing::SourceReport;
+use std::fmt::Write;
+
+/// What became of a source, as one line.
+pub fn heard(report: &SourceReport, out: &mut String) {
+    let counts = report.counts;
+    let _ = write!(out, "  {:<16} {} samples", report.name, counts.samples);
+    let told = [
+        (counts.missed, "missing"),
+        (counts.estimated.unwrap_or(0), "missing (estimated)"),
+        (counts.duplicates, "twice"),
+        (counts.late, "out of order"),
+        (counts.resets, "resets"),
+        (counts.misread, "misread times"),
+        (report.incomplete, "incomplete"),
+        (report.bad_packets, "bad packets"),
+        (report.refused, "calls of others refused"),
+    ];
+    for (count, word) in told {
+        if count > 0 {
+            let _ = write!(out, ", {count} {word}");
+        }
+    }
+    if report.skew_ppm != 0.0 {
+        let _ = write!(out, ", clock {:+.1} ppm", report.skew_ppm);
+    }
+    if let Some(ended) = &report.ended {
+        let _ = write!(out, "; ended early: {ended}");
+    }
+    out.push('\n');
+}
+
+/// A source in one line: what there is and what is not.
+#[must_use]
+pub fn kept(name: &str, source: &SourceOverview) -> String {
+    let mut text = format!("{name}: {} in {:.2} s", source.records, source.duration_s);
+    let counts = [
+        (source.gaps, "gaps"),
+        (source.missed, "missing"),
+        (source.estimated, "missing (estimated)"),
+        (source.dropped, "dropped"),
+        (source.damaged, "unreadable"),
+        (source.duplicates, "twice"),
+        (source.late, "out of order"),
+        (source.resets, "resets"),
+        (source.doubted, "with a time that was doubted"),
+    ];
+    for (count, word) in counts.into_iter().filter(|(count, _)| *count > 0) {
+        let _ = write!(text, ", {count} {word}");
+    }
+    text
+}
