@@ -228,6 +228,7 @@ fn what_cannot_be_played_is_refused_in_words() {
         ("time_s,head_pan_rad\n0,0\n0.4,9\n", &[][..], "leaves a joint's limits"),
         ("time_s,tail_rad\n0,0\n0.4,0\n", &[], "a joint that the robot does not have"),
         ("time_s,head_pan_rad\n0,0\n0.1,0\n2,0\n", &[], "the motion has a gap"),
+        ("time_s,head_pan_rad\n0,0\n1e5,0\n", &[], "key frames over too long a time"),
         ("time_s,head_pan_rad\n0,0\n0,0\n", &[], "time does not go on"),
         ("time_s,head_pan_rad\n0,NaN\n0.1,0\n", &[], "a cell is no number"),
         ("time_s,head_pan_rad\n0,0,1\n", &[], "not one number per column"),

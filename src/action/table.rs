@@ -262,7 +262,7 @@ pub fn parse(bytes: &[u8]) -> Result<AnglesTable, Error> {
                 .push(PelvisAngles { rotation_rad, obliquity_rad, tilt_rad }.to_orientation());
         }
     }
-    match key_frames::between(&times_s) {
+    match key_frames::between(&times_s, Dof::ALL.len())? {
         None => table.rate_hz = rate_of(&times_s)?,
         Some((rate_hz, instants)) => table.go_between(rate_hz, &instants, times_s.len()),
     }

@@ -231,7 +231,10 @@ fn of_table(text: &str) -> Result<JointMotion, Error> {
         return Err(Error::new("a table of joint angles needs two rows at least").allowed(shape));
     }
     let times_s: Vec<f64> = series[0].points.iter().map(|point| point.0).collect();
-    let keys = if base.is_empty() { key_frames::between(&times_s) } else { None };
+    let keys = match base.is_empty() {
+        true => key_frames::between(&times_s, series.len())?,
+        false => None,
+    };
     let Some((_, instants)) = keys else {
         return Ok(JointMotion { format: "table", series, base, taught: false });
     };
