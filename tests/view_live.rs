@@ -266,6 +266,37 @@ fn a_robot_that_plays_is_seen_to_move_and_comes_to_rest_when_the_page_says_so() 
 }
 
 #[test]
+fn a_robot_that_is_led_by_hand_is_seen_while_it_is_recorded_and_the_page_ends_the_recording() {
+    priority::run_before_others();
+    let folder = program::folder("recorded");
+    let file = folder.join("hand.mcap").display().to_string();
+    let arguments = ["record", "servos:op3@sim:pty", "--limp", "-o", &file, "--view", "--json"];
+    let (child, url) = serving(&arguments);
+    let (host, path) = parts(&url);
+    let stream = asked(host, &head(host, "GET", &format!("{path}frames"), ""));
+    let frames = BufReader::new(stream).lines().map(|line| line.expect("a line"));
+    let frames = frames.filter_map(|line| line.strip_prefix("data: ").map(str::to_owned));
+    let seen: Vec<serde_json::Value> =
+        frames.take(10).map(|data| serde_json::from_str(&data).expect("JSON")).collect();
+    let times: Vec<f64> =
+        seen.iter().map(|frame| frame["time_s"].as_f64().expect("a time")).collect();
+    assert!(times.windows(2).all(|two| two[0] < two[1]), "{times:?}");
+    let last = seen[9]["present_rad"].as_array().expect("joints");
+    assert!(last.len() == 20 && last.iter().all(serde_json::Value::is_number), "{last:?}");
+    let stopped = answered(asked(host, &head(host, "POST", &format!("{path}stop"), "")));
+    assert!(stopped.starts_with("HTTP/1.1 204"), "{stopped}");
+    let output = child.wait_with_output().expect("it ends");
+    let report = program::json(&output);
+    assert_eq!((output.status.code(), &report["outcome"]), (Some(0), &"done".into()), "{report:#}");
+    let recorded = gaitway::recording::read(std::path::Path::new(&file)).expect("a recording");
+    // Told to who looks on is what is recorded.
+    let cycle = recorded.cycles.last().expect("a cycle");
+    let shoulder_rad = cycle.joints[RIGHT_SHOULDER_ROLL].present_position_rad.expect("read");
+    let shown_rad = last[RIGHT_SHOULDER_ROLL].as_f64().expect("a number");
+    assert!((shoulder_rad - shown_rad).abs() < 1e-4, "{shoulder_rad} rad, {shown_rad} shown");
+}
+
+#[test]
 fn a_file_is_served_until_a_signal_and_what_cannot_be_seen_is_refused() {
     let folder = program::folder("files");
     let file = folder.join("bow.bvh").display().to_string();
@@ -285,6 +316,8 @@ fn a_file_is_served_until_a_signal_and_what_cannot_be_seen_is_refused() {
         (&["view", &file, "--mirror"], "a file is shown as it is"),
         (&["view", "nobody.bvh"], "there is no such file"),
         (&["view", "op3"], "--bus"),
+        (&["record", "a=/dev/null", "-o", "x.mcap", "--view"], "a page shows a robot"),
+        (&["record", "--session", "lab", "--view"], "no page to look at"),
         (&["live", "--from", "a=b", "--dry-run", "--view"], "a page shows a robot"),
     ] {
         let output = program::gaitway().args(arguments).output().expect("it runs");

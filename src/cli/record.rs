@@ -6,6 +6,7 @@ mod session;
 use super::report::Outcome;
 use super::signals::Signals;
 use super::terminal::Terminal;
+use super::viewing::{ViewArg, Viewing};
 use super::{Deed, Output, Remarks};
 use crate::error::Error;
 use crate::job::page::file::page as file_page;
@@ -13,7 +14,7 @@ use crate::job::record::Mode;
 use crate::job::record::{RecordOrder, RecordReport, record};
 use crate::job::source::CaptureOptions;
 use crate::job::source_words;
-use crate::sensing::Source;
+use crate::sensing::{Source, What};
 use crate::time::{Duration, duration};
 use clap::Args;
 use std::fmt::Write;
@@ -57,6 +58,8 @@ pub struct RecordArgs {
     #[arg(long, value_name = "FILE.html", conflicts_with = "session")]
     html: Option<PathBuf>,
     #[command(flatten)]
+    view: ViewArg,
+    #[command(flatten)]
     output: Output,
 }
 
@@ -67,6 +70,7 @@ pub struct RecordArgs {
 pub fn run(args: &RecordArgs, remarks: Remarks) -> Result<i32, Error> {
     let signals = Signals::listen().map_err(|e| Error::new(format!("no signals: {e}")))?;
     if let Some(root) = &args.session {
+        args.view.refuse("a session")?;
         return session::run(args, root, signals, remarks);
     }
     let file = args.out.clone().ok_or_else(|| Error::new("no file to record to"))?;
@@ -81,7 +85,15 @@ pub fn run(args: &RecordArgs, remarks: Remarks) -> Result<i32, Error> {
         rate_hz: args.rate,
         limp: args.limp,
     };
-    let report = record(&order, &marks::listen(), &Terminal::new(remarks, &signals))?;
+    let servos = order.sources.iter().find_map(|source| match &source.what {
+        What::Servos { robot, addresses } => Some((robot.as_str(), addresses.as_slice())),
+        _ => None,
+    });
+    let (robot, buses) = servos.map_or((None, &[][..]), |(robot, buses)| (Some(robot), buses));
+    let view = args.view.open(robot, buses, "recorded")?;
+    let terminal = Terminal::new(remarks, &signals);
+    let viewing = Viewing::new(&terminal, view.as_ref());
+    let report = record(&order, &marks::listen(), &viewing)?;
     let outcome = if report.is_whole() { Outcome::Done } else { Outcome::DoneWithLoss };
     let text = text(&report, &order.file);
     let paged = args.html.as_ref().filter(|_| report.file.is_some()).map_or(Ok(()), |page| {

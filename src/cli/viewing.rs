@@ -20,6 +20,19 @@ pub struct ViewArg {
 }
 
 impl ViewArg {
+    /// Fails if a page is wanted where there is none.
+    ///
+    /// # Errors
+    /// As said.
+    pub fn refuse(&self, where_none_is: &str) -> Result<(), Error> {
+        match self.view {
+            None => Ok(()),
+            Some(_) => {
+                Err(Error::new("there is no page to look at").at("--view").got(where_none_is))
+            }
+        }
+    }
+
     /// Serves the page of a robot and tells its address, if that is wanted.
     ///
     /// # Errors

@@ -121,7 +121,7 @@ pub fn record(
         }
         if let Some(joints) = joints {
             let intake = &intake;
-            scope.spawn(move || joints.record(intake));
+            scope.spawn(move || joints.record(intake, observer));
         }
         wait(order, marks, &recorder, observer, began);
         stop.store(true, Ordering::Release);

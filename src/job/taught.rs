@@ -1,7 +1,9 @@
 //! A robot's joints as a source: hand-guided teaching. Nothing is written to the servos but, if
 //! asked for, torque off.
 
+use super::observer::JointReading;
 use super::recorder::{measured, recorded_joint};
+use super::{Event, Observer};
 use crate::capture::Counts;
 use crate::control;
 use crate::error::Error;
@@ -77,14 +79,15 @@ impl Servos {
         joints.map(recorded_joint).collect()
     }
 
-    /// Records until it is to stop or a line fails.
-    pub fn record(mut self, intake: &Intake) {
+    /// Records until it is to stop or a line fails; an observer hears where its joints are.
+    pub fn record(mut self, intake: &Intake, observer: &dyn Observer) {
         let name = self.robot_name().to_owned();
         let mut counts = Counts::default();
         let mut ended = None;
         // A virtual robot's time may wait for this machine; what is recorded has the system's.
         let clock = Arc::clone(self.connection.link.clock());
-        let mut at = clock.now();
+        let began = clock.now();
+        let mut at = began;
         for cycle in 0.. {
             clock.sleep_until(at);
             if intake.stopped() {
@@ -95,6 +98,9 @@ impl Servos {
                     let missed = record.joints.iter().filter(|joint| joint.missed.is_some());
                     counts.missed += missed.count() as u64;
                     counts.samples += 1;
+                    let joints = self.readings(&record);
+                    let time_s = at.seconds_since(began);
+                    observer.hear(Event::Joints { time_s, joints: &joints });
                     intake.take_cycle(record);
                 }
                 Err(error) => {
@@ -105,6 +111,20 @@ impl Servos {
             at = (at + self.period).max(clock.now());
         }
         intake.report(SourceReport { name, counts, ended, ..SourceReport::default() });
+    }
+
+    /// Where its joints are, by their names.
+    fn readings(&self, record: &CycleRecord) -> Vec<JointReading> {
+        let joints = self.connection.link.robot().joints.iter().zip(&record.joints);
+        let reading = |(joint, read): (&Joint, &JointRecord)| JointReading {
+            name: joint.name.clone(),
+            id: joint.id,
+            present_rad: read.present_position_rad,
+            velocity_rad_s: read.present_velocity_rad_s,
+            load_ratio: read.present_load_ratio,
+            ..JointReading::default()
+        };
+        joints.map(reading).collect()
     }
 
     fn read(&mut self, cycle: u64, at: Instant) -> Result<CycleRecord, String> {
