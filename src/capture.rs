@@ -10,9 +10,11 @@ mod chain;
 mod clock_fit;
 mod orientation;
 mod pace;
+mod stuck;
 mod timeline;
 
 pub use chain::{Captured, Chain};
 pub use clock_fit::{ClockFit, Quality};
 pub use orientation::{Fused, Mode, Orientation};
+pub use stuck::Stuck;
 pub use timeline::{Counts, Order, Stamp, Telling, Timeline};

@@ -53,7 +53,7 @@ const ROOMS: &[Room] = &[
     room("motion", "error", ""),
     room("port", "time wire", "clock files network ports simulator threads wall-clock"),
     room("recognise", "body error toml_text", ""),
-    room("recording", "capture draft error table time", "clock files threads wall-clock"),
+    room("recording", "capture device draft error table time", "clock files threads wall-clock"),
     room("retarget", "body error mocap motion recognise rigid robot units", "profiles"),
     room("rig", "bus calibration device error port robot time wire", "clock profiles simulator"),
     room("rigid", "error", ""),

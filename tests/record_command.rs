@@ -60,7 +60,10 @@ fn number(row: &BTreeMap<String, String>, title: &str) -> f64 {
 #[test]
 fn two_sensors_of_different_make_are_recorded_side_by_side() {
     let folder = crate::program::folder("record-two");
-    let errors = ImuErrors { latency_s: 0.001, jitter_s: 0.001, ..ImuErrors::default() };
+    // Without noise they would turn evenly to the bit, which no sensor that measures does.
+    let rate_noise_rad_s = 0.001;
+    let errors =
+        ImuErrors { latency_s: 0.001, jitter_s: 0.001, rate_noise_rad_s, ..ImuErrors::default() };
     let left = sensor(ImuWire::Xsens, 100.0, 60.0, errors.clone());
     let right = sensor(ImuWire::Csv, 100.0, 60.0, errors);
     let left = ImuDoor::open(left, 115_200, None).expect("a terminal");

@@ -60,6 +60,7 @@ fn sample(number: u64, missed: u64) -> SourceRecord {
             ..SensorSample::default()
         },
         fused: None,
+        stuck: false,
     }))
 }
 

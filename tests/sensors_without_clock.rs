@@ -178,3 +178,22 @@ fn a_damaged_sample_now_and_then_does_not_turn_headings() {
         );
     }
 }
+
+/// From the tenth to the twelfth second the sensor sends the same sample again and again: nothing is made of it.
+#[test]
+fn a_sensor_whose_values_stand_still_is_stuck_and_tells_no_orientation_until_it_measures_again() {
+    let stuck: Emitter = |t| wt901(if (10.0..12.0).contains(&t) { 10.0 } else { t });
+    let (found, chain) = captured("witmotion-wt901", stuck, 100.0, 0.004, 0.0);
+    let is_stuck: Vec<f64> =
+        found.iter().filter(|(_, captured)| captured.stuck).map(|(at_s, _)| *at_s).collect();
+    let (first, last) = (is_stuck[0], is_stuck[is_stuck.len() - 1]);
+    assert!((10.0..10.1).contains(&first) && (11.95..12.05).contains(&last), "{first} {last}");
+    assert_eq!(chain.stuck_samples(), is_stuck.len() as u64);
+    for (at_s, captured) in found.iter().filter(|(at_s, _)| (10.1..11.9).contains(at_s)) {
+        assert!(captured.stuck && captured.orientation().is_none(), "{at_s}");
+    }
+    // Nobody knows what it did meanwhile: its filter begins anew.
+    let after =
+        found.iter().find(|(at_s, _)| *at_s > 12.1).and_then(|(_, captured)| captured.fused);
+    assert!(after.is_some_and(|fused| !fused.settled), "{after:?}");
+}

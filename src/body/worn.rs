@@ -15,6 +15,7 @@
 pub mod calibrate;
 pub mod check;
 mod constraint;
+pub mod doubt;
 pub mod kept;
 
 use crate::body::{JointAngles, Measured, Segment, SegmentPose};
@@ -32,6 +33,9 @@ const CORRECTION_RAD_S: f64 = 0.5 * core::f64::consts::PI / 180.0;
 const CORRECTION_S: f64 = 5.0;
 /// Fastest change of a heading after a reset, rad/s: a robot that mirrors must not jump.
 const RESET_RAD_S: f64 = 20.0 * core::f64::consts::PI / 180.0;
+
+/// A segment that was doubted is back where its sensor says after this time, s.
+const RETURN_S: f64 = 1.5;
 
 /// Joints whose anatomy tells the heading of the segment below from that of the one above. Knee and
 /// ankle are taken as hinges; a forearm also turns about its own axis.
@@ -55,6 +59,30 @@ pub struct Wearing {
     lost: [bool; 13],
     before: Option<JointAngles>,
     worn_for_s: f64,
+    /// Segments whose sensors say what cannot be.
+    doubted: [bool; 13],
+    /// Segments that wait on what carries them, or are on their way back.
+    waiting: [Option<Waiting>; 13],
+    /// Where all segments were a moment ago.
+    shown: Option<[DQuat; 13]>,
+}
+
+/// A segment that waits.
+#[derive(Clone, Copy, Debug)]
+struct Waiting {
+    /// How it is turned on what carries it; a pelvis in the world.
+    turned: DQuat,
+    /// Part of the way back to where its sensor says, in time.
+    back: f64,
+}
+
+impl Waiting {
+    /// How it is turned, where its sensor says `said`: between the two, so that no joint goes further than one of them.
+    fn turned(&self, said: DQuat) -> DQuat {
+        let share = self.back * self.back * (3.0 - 2.0 * self.back);
+        let said = if self.turned.dot(said) < 0.0 { -said } else { said };
+        self.turned.slerp(said, share).normalize()
+    }
 }
 
 /// What was done to a sensor's heading since calibration.
@@ -109,6 +137,9 @@ impl Wearing {
             lost: [false; 13],
             before: None,
             worn_for_s: 0.0,
+            doubted: [false; 13],
+            waiting: [None; 13],
+            shown: None,
         }
     }
 
@@ -144,8 +175,19 @@ impl Wearing {
             heading.owed_rad -= step;
             heading.reset_rad += step;
         }
-        self.correct(&fresh, dt_s);
-        let pose = self.segments();
+        // What is doubted tells no headings.
+        let told = core::array::from_fn(|at| fresh[at] && self.waiting[at].is_none());
+        self.correct(&told, dt_s);
+        for segment in Segment::ALL {
+            let waits = self.waits(segment);
+            let waiting = &mut self.waiting[segment.index()];
+            if let Some(on_its_way) = waiting.as_mut().filter(|_| !waits) {
+                on_its_way.back += dt_s / RETURN_S;
+            }
+            *waiting = waiting.filter(|waiting| waiting.back < 1.0);
+        }
+        let pose = self.segments(true);
+        self.shown = Some(pose.orientation);
         let measured = match &self.before {
             Some(before) => JointAngles::of_pose_after(&pose, before),
             None => JointAngles::of_pose(&pose),
@@ -170,6 +212,48 @@ impl Wearing {
     /// reset mends the rest.
     pub fn heading_lost(&mut self, segment: Segment) {
         self.lost[segment.index()] = self.mounts[segment.index()].is_some();
+    }
+
+    /// From now on a segment and all that it carries wait where they are on what carries them, whatever their sensors say: a knee
+    /// is known no better than its thigh.
+    pub fn hold(&mut self, segment: Segment) {
+        self.doubted[segment.index()] = true;
+        let Some(shown) = self.shown else { return };
+        let waits = Segment::ALL.map(|segment| self.waits(segment));
+        for segment in Segment::ALL.into_iter().filter(|segment| waits[segment.index()]) {
+            let carried = segment.parent().map_or(DQuat::IDENTITY, |above| shown[above.index()]);
+            let turned = carried.inverse() * shown[segment.index()];
+            self.waiting[segment.index()] = Some(Waiting { turned, back: 0.0 });
+        }
+    }
+
+    /// A segment that waited, and what it carries, go slowly to where their sensors say they are. If its sensor's heading means nothing,
+    /// it is taken to face as it waited.
+    pub fn release(&mut self, segment: Segment, heading_lost: bool) {
+        self.doubted[segment.index()] = false;
+        let Some(shown) = self.shown else { return };
+        if let Some(own) = self.orientation(segment).filter(|_| heading_lost) {
+            let at = segment.index();
+            self.headings[at].reset_rad += about_z_rad(shown[at] * own.inverse());
+        }
+    }
+
+    /// True if a segment or one that carries it is doubted.
+    fn waits(&self, segment: Segment) -> bool {
+        let mut next = Some(segment);
+        while let Some(one) = next {
+            if self.doubted[one.index()] {
+                return true;
+            }
+            next = one.parent();
+        }
+        false
+    }
+
+    /// Where the sensors put the body, those that are doubted as well.
+    #[must_use]
+    pub fn as_said(&self) -> SegmentPose {
+        self.segments(false)
     }
 
     /// What happened to headings, sensor by sensor.
@@ -229,9 +313,24 @@ impl Wearing {
         mount.heading_rad + heading.corrected_rad + heading.reset_rad
     }
 
+    /// Segments that wait, and those on their way back, where they are on what carries them; the others as their joints are turned.
+    fn with_waiting(&self, said: &[DQuat; 13]) -> [DQuat; 13] {
+        let mut shown = *said;
+        for segment in Segment::ALL {
+            let at = segment.index();
+            let (carried, carrier) = segment
+                .parent()
+                .map_or_else(Default::default, |above| (said[above.index()], shown[above.index()]));
+            let said = carried.inverse() * said[at];
+            let turned = self.waiting[at].map_or(said, |waiting| waiting.turned(said));
+            shown[at] = (carrier * turned).normalize();
+        }
+        shown
+    }
+
     /// All segments: worn ones as they say, the others at rest on what carries them. A pelvis that
     /// is not worn stands upright and faces where the torso faces.
-    fn segments(&self) -> SegmentPose {
+    fn segments(&self, holds: bool) -> SegmentPose {
         let facing = self.orientation(Segment::Torso).map(|torso| {
             let about_z = DQuat::from_xyzw(0.0, 0.0, torso.z, torso.w);
             if about_z.length_squared() > 1e-6 { about_z.normalize() } else { DQuat::IDENTITY }
@@ -241,6 +340,9 @@ impl Wearing {
             let carried = segment.parent().map(|above| orientation[above.index()]);
             let own = self.orientation(segment).or(carried);
             orientation[segment.index()] = own.unwrap_or(orientation[0]);
+        }
+        if holds && self.waiting.iter().any(Option::is_some) {
+            orientation = self.with_waiting(&orientation);
         }
         SegmentPose { root_m: DVec3::ZERO, orientation }
     }

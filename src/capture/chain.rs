@@ -1,11 +1,13 @@
 //! One sensor from readings to captured samples: SI units, a place in time, an orientation.
 
 use super::orientation::{Fused, Mode, Orientation};
+use super::stuck::Stuck;
 use super::timeline::{Order, Stamp, Telling, Timeline};
 use crate::device::sensor::{Assembler, SensorSample};
 use crate::time::{Duration, Instant};
 use crate::wire::sensor::Reading;
 use gaitway_profiles::Sensor;
+use glam::DQuat;
 
 /// A sample with all that is known of it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -17,6 +19,23 @@ pub struct Captured {
     /// Orientation from angular rate and acceleration; `None` where one of them is missing, and for
     /// samples that came twice or out of order.
     pub fused: Option<Fused>,
+    /// True if the sensor's values stand still while its number or time goes on: nothing is measured.
+    pub stuck: bool,
+}
+
+impl Captured {
+    /// Turns vectors of the sensor into those of its own world: the fused orientation or, of a sensor that does not send what is
+    /// fused, its own. `None` for a sample that is not used.
+    #[must_use]
+    pub fn orientation(&self) -> Option<DQuat> {
+        let sample = &self.sample;
+        let is_fused = sample.angular_rate_rad_s.is_some() && sample.acceleration_m_s2.is_some();
+        match self.fused {
+            Some(fused) => Some(fused.orientation),
+            None if is_fused || self.stamp.order == Order::Doubted => None,
+            None => sample.orientation,
+        }
+    }
 }
 
 /// The way of one sensor's readings.
@@ -26,6 +45,8 @@ pub struct Chain {
     orientation: Orientation,
     /// Time since the last sample that was fused, s.
     unfused_s: f64,
+    stuck: Stuck,
+    stuck_samples: u64,
 }
 
 impl Chain {
@@ -44,6 +65,8 @@ impl Chain {
             timeline: Timeline::new(telling),
             orientation: Orientation::new(period_s, mode),
             unfused_s: 0.0,
+            stuck: Stuck::default(),
+            stuck_samples: 0,
         }
     }
 
@@ -51,7 +74,14 @@ impl Chain {
     pub fn take(&mut self, reading: &Reading, arrival: Instant) -> Option<Captured> {
         let sample = self.assembler.take(reading)?;
         let stamp = self.timeline.take(sample.counter, sample.ticks, arrival);
+        let is_new = matches!(stamp.order, Order::Next | Order::Gap | Order::Reset);
+        let stuck = is_new && self.stuck.take(&sample, stamp.taken);
+        self.stuck_samples += u64::from(stuck);
         let fused = match stamp.order {
+            _ if stuck => {
+                self.unfused_s += stamp.step_s;
+                None
+            }
             Order::Duplicate | Order::Late | Order::Doubted => None,
             Order::Next | Order::Gap | Order::Reset => {
                 self.unfused_s += stamp.step_s;
@@ -68,13 +98,19 @@ impl Chain {
                 fused
             }
         };
-        Some(Captured { stamp, sample, fused })
+        Some(Captured { stamp, sample, fused, stuck })
     }
 
     /// What was seen of order and time.
     #[must_use]
     pub const fn timeline(&self) -> &Timeline {
         &self.timeline
+    }
+
+    /// Samples in which nothing was measured any more.
+    #[must_use]
+    pub const fn stuck_samples(&self) -> u64 {
+        self.stuck_samples
     }
 
     /// Samples that lacked a required part.

@@ -79,6 +79,10 @@ pub fn of_event(event: SensingEvent<'_>) -> String {
             "{sensor}: bytes come, but no packets of {profile}; check the line speed ({baud_bps} \
              bit/s) and the profile"
         ),
+        SensingEvent::Stuck { sensor } => {
+            format!("{sensor}: its values stand still, nothing is measured")
+        }
+        SensingEvent::Unstuck { sensor } => format!("{sensor}: measures again"),
         SensingEvent::OpenToNetwork { listen, worn, most } => {
             let whom = match worn.len() {
                 0 => format!("the first {most} trackers that call are heard"),

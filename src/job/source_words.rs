@@ -16,6 +16,7 @@ pub fn heard(report: &SourceReport, out: &mut String) {
         (counts.resets, "resets"),
         (counts.misread, "misread times"),
         (report.incomplete, "incomplete"),
+        (report.stuck, "with values that stood still"),
         (report.bad_packets, "bad packets"),
         (report.refused, "calls of others refused"),
     ];

@@ -4,9 +4,11 @@ use super::disk::open;
 use super::message::parse;
 use super::scan::{Found, scan};
 use super::sensor::{Imu, Transform};
+use crate::capture::Stuck;
+use crate::device::sensor::SensorSample;
 use crate::error::Error;
-use crate::time::Duration;
-use glam::DQuat;
+use crate::time::{Duration, Instant};
+use glam::{DQuat, DVec3};
 use std::collections::{BTreeMap, VecDeque};
 use std::io::BufReader;
 use std::path::Path;
@@ -24,6 +26,8 @@ pub struct ReplayedSample {
     pub orientation: Option<DQuat>,
     /// True if the sensor or its filter had begun anew.
     pub anew: bool,
+    /// True if its values stood still: nothing was measured.
+    pub stuck: bool,
     /// When it was read, since the first sample was.
     pub read: Duration,
     /// How long before that it was taken.
@@ -39,7 +43,7 @@ pub fn read_orientations(path: &Path) -> Result<VecDeque<ReplayedSample>, Error>
     let file = open(path)?;
     let mut found = Vec::new();
     // What the sample said before its orientation: whether the device began anew.
-    let mut names: BTreeMap<String, (Arc<str>, bool)> = BTreeMap::new();
+    let mut names: BTreeMap<String, (Arc<str>, bool, Stuck)> = BTreeMap::new();
     scan(BufReader::new(file), |what| {
         let Found::Message { channel, header, body } = what else { return Ok(()) };
         let Some((name, part)) =
@@ -48,11 +52,32 @@ pub fn read_orientations(path: &Path) -> Result<VecDeque<ReplayedSample>, Error>
             return Ok(());
         };
         if !names.contains_key(name) {
-            names.insert(name.to_owned(), (name.into(), false));
+            names.insert(name.to_owned(), (name.into(), false, Stuck::default()));
         }
-        let Some((sensor, reset)) = names.get_mut(name) else { return Ok(()) };
+        let Some((sensor, reset, values)) = names.get_mut(name) else { return Ok(()) };
         if part == "sample" {
-            *reset |= parse::<Imu>(body).is_some_and(|imu| imu.order == "reset");
+            let Some(imu) = parse::<Imu>(body) else { return Ok(()) };
+            *reset |= imu.order == "reset";
+            let sample = SensorSample {
+                angular_rate_rad_s: imu.angular_velocity.map(DVec3::from),
+                acceleration_m_s2: imu.linear_acceleration.map(DVec3::from),
+                magnetic_field_t: imu.magnetic_field.map(DVec3::from),
+                ..SensorSample::default()
+            };
+            if values.take(&sample, Instant::from_nanos(header.publish_time)) {
+                let age_ns = header.log_time.saturating_sub(header.publish_time);
+                found.push((
+                    header.log_time,
+                    ReplayedSample {
+                        sensor: Arc::clone(sensor),
+                        orientation: None,
+                        anew: false,
+                        stuck: true,
+                        read: Duration::ZERO,
+                        age: Duration::from_nanos(age_ns),
+                    },
+                ));
+            }
             return Ok(());
         }
         let Some(transform) = parse::<Transform>(body) else { return Ok(()) };
@@ -64,6 +89,7 @@ pub fn read_orientations(path: &Path) -> Result<VecDeque<ReplayedSample>, Error>
                 sensor: Arc::clone(sensor),
                 orientation: Some(orientation).filter(|q| transform.settled && q.is_finite()),
                 anew: std::mem::take(reset) || !transform.settled,
+                stuck: false,
                 read: Duration::ZERO,
                 age: Duration::from_nanos(header.log_time.saturating_sub(header.publish_time)),
             },

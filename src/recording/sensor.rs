@@ -245,7 +245,7 @@ pub(super) fn messages(
 
 fn transform<'a>(name: &'a str, captured: &Captured, timestamp: Stamp) -> Option<Transform<'a>> {
     let fused = captured.fused;
-    let rotation = fused.map(|fused| fused.orientation).or(captured.sample.orientation)?;
+    let rotation = captured.orientation()?;
     Some(Transform {
         timestamp,
         parent_frame_id: "world".into(),
@@ -264,8 +264,6 @@ fn transform<'a>(name: &'a str, captured: &Captured, timestamp: Stamp) -> Option
 pub(super) fn message_count(record: &SourceRecord) -> usize {
     match record {
         SourceRecord::Line(..) | SourceRecord::Mark(_) => 1,
-        SourceRecord::Sample(captured) => {
-            1 + usize::from(captured.fused.is_some() || captured.sample.orientation.is_some())
-        }
+        SourceRecord::Sample(captured) => 1 + usize::from(captured.orientation().is_some()),
     }
 }

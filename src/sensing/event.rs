@@ -25,6 +25,16 @@ pub enum SensingEvent<'a> {
         /// The speed of its line, bit/s.
         baud_bps: u32,
     },
+    /// The values of a sensor stand still while its number or time goes on.
+    Stuck {
+        /// Its name.
+        sensor: &'a str,
+    },
+    /// A sensor that stood still measures again.
+    Unstuck {
+        /// Its name.
+        sensor: &'a str,
+    },
     /// A socket is open to a network.
     OpenToNetwork {
         /// Where it listens.
@@ -62,6 +72,8 @@ pub enum Said {
         /// True if the device or the filter began anew: its heading has nothing to do with the one
         /// before.
         anew: bool,
+        /// True if its values stand still: nothing is measured.
+        stuck: bool,
         /// When it was read.
         arrival: Instant,
         /// When it was taken.
@@ -81,14 +93,13 @@ impl Said {
     /// sends no angular rate, its own. Its moments are those of `clock`.
     #[must_use]
     pub fn of(sensor: &Arc<str>, captured: &Captured, clock: &dyn Clock) -> Self {
-        let orientation = match captured.fused {
-            Some(fused) => Some(fused.orientation).filter(|_| fused.settled),
-            None => captured.sample.orientation,
-        };
+        let settled = captured.fused.is_none_or(|fused| fused.settled);
+        let orientation = captured.orientation().filter(|_| settled);
         let unsettled = captured.fused.is_some_and(|fused| !fused.settled);
         let anew = unsettled || captured.stamp.order == Order::Reset;
         let of_clock = |at| clock.of_system(at);
         let (arrival, taken) = (of_clock(captured.stamp.arrival), of_clock(captured.stamp.taken));
-        Self::Sample { sensor: Arc::clone(sensor), orientation, anew, arrival, taken }
+        let (sensor, stuck) = (Arc::clone(sensor), captured.stuck);
+        Self::Sample { sensor, orientation, anew, stuck, arrival, taken }
     }
 }

@@ -161,7 +161,7 @@ mod tests {
         let order = Order::Next;
         let (arrival, taken, estimated) = (at, at, 0);
         let stamp = Stamp { arrival, taken, number: n, step_s: 0.01, missed, estimated, order };
-        Captured { stamp, sample: SensorSample::default(), fused: None }
+        Captured { stamp, sample: SensorSample::default(), fused: None, stuck: false }
     }
 
     #[test]

@@ -47,12 +47,21 @@ impl SerialImu {
         let mut buffer = [0_u8; 4096];
         let began = MonotonicClock.now();
         let mut remarked = false;
+        let mut stuck = false;
         while ended.is_none() && !intake.stopped() {
             match self.port.receive(&mut buffer, MonotonicClock.now() + LOOK) {
                 Ok(count) => {
                     let arrival = MonotonicClock.now();
                     self.stream.push(&buffer[..count], |reading| {
                         if let Some(captured) = chain.take(&reading, arrival) {
+                            if captured.stuck != stuck {
+                                stuck = captured.stuck;
+                                let sensor = &*source.name;
+                                (intake.tell)(match stuck {
+                                    true => SensingEvent::Stuck { sensor },
+                                    false => SensingEvent::Unstuck { sensor },
+                                });
+                            }
                             intake.take(&source, captured);
                         }
                     });

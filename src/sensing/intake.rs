@@ -21,6 +21,8 @@ pub struct SourceReport {
     pub counts: Counts,
     /// Samples that lacked a required part.
     pub incomplete: u64,
+    /// Samples in which the values stood still while number or time went on.
+    pub stuck: u64,
     /// Bytes that belonged to no packet.
     pub stray_bytes: u64,
     /// Beginnings of packets that were none.
@@ -43,6 +45,7 @@ impl SourceReport {
             name: name.to_owned(),
             counts: chain.timeline().counts(),
             incomplete: chain.incomplete(),
+            stuck: chain.stuck_samples(),
             skew_ppm,
             late_p99_s,
             ..Self::default()
@@ -52,7 +55,7 @@ impl SourceReport {
     /// True if nothing is known to be missing. What is only estimated is not known.
     pub fn lossless(&self) -> bool {
         let counts = self.counts;
-        let lost = counts.missed + counts.late + counts.resets + self.incomplete;
+        let lost = counts.missed + counts.late + counts.resets + self.incomplete + self.stuck;
         lost == 0 && self.ended.is_none() && counts.samples > 0
     }
 }

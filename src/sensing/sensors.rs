@@ -47,6 +47,7 @@ impl Feed {
                     sensor: sample.sensor,
                     orientation: sample.orientation,
                     anew: sample.anew,
+                    stuck: sample.stuck,
                     arrival,
                     taken: Instant::from_nanos(
                         arrival.as_nanos().saturating_sub(nanos(sample.age)),
@@ -73,8 +74,19 @@ fn nanos(duration: Duration) -> u64 {
 #[derive(Clone, Debug, Default)]
 struct Heard {
     newest: Option<(DQuat, Instant)>,
+    stuck: bool,
     samples: u64,
     history: Vec<(Instant, DQuat)>,
+}
+
+impl Heard {
+    /// One that is stuck is there, and says what it said last.
+    fn still(&mut self, stuck: bool, now: Instant) {
+        self.stuck = stuck;
+        if let Some((_, taken)) = self.newest.as_mut().filter(|_| stuck) {
+            *taken = now;
+        }
+    }
 }
 
 /// Sensors on a body, as they are heard.
@@ -117,12 +129,13 @@ impl Sensors {
     pub fn hear(&mut self, now: Instant) {
         while let Some(said) = self.feed.next(now) {
             match said {
-                Said::Sample { sensor, orientation, anew, taken, .. } => {
+                Said::Sample { sensor, orientation, anew, stuck, taken, .. } => {
                     let Some(&at) = self.by_name.get(&*sensor) else {
                         self.others.insert(sensor);
                         continue;
                     };
-                    self.take(at, orientation, anew, taken);
+                    self.take(at, orientation.filter(|_| !stuck), anew, taken);
+                    self.heard[at].still(stuck, taken);
                 }
                 Said::Ended { sensor, why } => {
                     if self.by_name.contains_key(&*sensor) && self.ended.is_none() {
@@ -183,6 +196,16 @@ impl Sensors {
     pub fn newest(&self) -> Vec<(Segment, Option<(DQuat, Instant)>)> {
         let both = self.places.iter().zip(&self.heard);
         both.map(|(place, heard)| (place.segment, heard.newest)).collect()
+    }
+
+    /// Segments whose sensor's values stand still.
+    #[must_use]
+    pub fn stuck(&self) -> [bool; 13] {
+        let mut stuck = [false; 13];
+        for (place, heard) in self.places.iter().zip(&self.heard) {
+            stuck[place.segment.index()] = heard.stuck;
+        }
+        stuck
     }
 
     /// Names of the worn sensors and how many samples each has sent.
@@ -260,6 +283,7 @@ mod tests {
             sensor: sensor.into(),
             orientation: angle.map(DQuat::from_rotation_z),
             anew,
+            stuck: false,
             arrival: at(taken_s),
             taken: at(taken_s),
         };
@@ -314,6 +338,23 @@ mod tests {
         assert_eq!(sensors.take_anew(), [Segment::Torso]);
     }
 
+    /// It is there, and what it said last is what is known: that it is stuck is told beside it.
+    #[test]
+    fn a_sensor_that_is_stuck_is_not_silent() {
+        let (mut sensors, sender) = two();
+        say(&sender, "a", Some(0.5), false, 1.0);
+        let (arrival, taken) = (at(1.5), at(1.5));
+        let (sensor, orientation) = ("a".into(), Some(DQuat::from_rotation_z(2.0)));
+        let said = Said::Sample { sensor, orientation, anew: false, stuck: true, arrival, taken };
+        sender.send(said).expect("heard");
+        sensors.hear(at(1.5));
+        assert_eq!(sensors.newest()[0].1, Some((DQuat::from_rotation_z(0.5), at(1.5))));
+        assert!(sensors.stuck()[Segment::Torso.index()]);
+        say(&sender, "a", Some(0.6), false, 1.6);
+        sensors.hear(at(1.6));
+        assert!(!sensors.stuck()[Segment::Torso.index()]);
+    }
+
     /// 100 and 40 samples per second become 60 of both, at the same moments.
     #[test]
     fn what_was_listened_to_is_the_newest_of_each_sensor_at_even_moments() {
@@ -349,6 +390,7 @@ mod tests {
             sensor: "a".into(),
             orientation: Some(DQuat::IDENTITY),
             anew: false,
+            stuck: false,
             read: Duration::from_millis(read_ms),
             age: Duration::from_millis(4),
         };

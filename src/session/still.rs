@@ -70,8 +70,18 @@ pub fn judge(
         heading_drift_rad_s: heading_drift(&turns, span_s),
     };
     check.why = faults(&check, &turns);
+    if samples.len() >= LEAST_SAMPLES && stand_still(&rates) && stand_still(&forces) {
+        check.why.push("its values stand still: nothing is measured".to_owned());
+    }
     check.passed = check.why.is_empty();
     check
+}
+
+/// True if all of them are the same to the bit, which noise does not allow, and not nothing.
+fn stand_still(vectors: &[DVec3]) -> bool {
+    vectors
+        .first()
+        .is_some_and(|first| *first != DVec3::ZERO && vectors.iter().all(|vector| vector == first))
 }
 
 fn faults(check: &SensorCheck, turns: &[DQuat]) -> Vec<String> {
@@ -152,6 +162,8 @@ mod tests {
         let sample = |n: u64| {
             let t = n as f64 / 100.0;
             let (rate, force) = at(t);
+            let noise = DVec3::X * if n % 2 == 0 { 1e-12 } else { 0.0 };
+            let (rate, force) = (rate + noise, force + noise);
             StillSample {
                 taken: Instant::from_nanos(n * 10_000_000),
                 rate_rad_s: Some(rate),
@@ -188,6 +200,17 @@ mod tests {
         let nan = bad(&|_| (DVec3::NAN, UP), 0, 100.0);
         assert!(nan.contains("it moved"), "{nan}");
         assert!(judge("torso", 100.0, &[], 0).why[0].contains("0 samples"));
+    }
+
+    #[test]
+    fn a_sensor_whose_values_stand_still_does_not_pass() {
+        let mut samples = said(|_| (DVec3::X * 0.01, UP));
+        assert!(judge("torso", 100.0, &samples, 0).passed);
+        for sample in &mut samples {
+            (sample.rate_rad_s, sample.acceleration_m_s2) = (Some(DVec3::X * 0.01), Some(UP));
+        }
+        let why = judge("torso", 100.0, &samples, 0).why;
+        assert_eq!(why, ["its values stand still: nothing is measured"]);
     }
 
     #[test]

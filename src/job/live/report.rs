@@ -110,6 +110,10 @@ pub struct MountReport {
     pub stale_s: f64,
     /// How often it began anew, and its heading elsewhere.
     pub heading_lost: u64,
+    /// How often it said what cannot be, and its segment waited.
+    pub doubted: u64,
+    /// For how long, s.
+    pub doubted_s: f64,
 }
 
 impl BodyReport {
@@ -132,6 +136,8 @@ impl BodyReport {
             heading_reset_rad: 0.0,
             stale_s: 0.0,
             heading_lost: 0,
+            doubted: 0,
+            doubted_s: 0.0,
         });
         Self {
             subject: kept.subject.clone(),

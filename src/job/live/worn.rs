@@ -6,6 +6,7 @@ use super::when::{self, Answer, Answers, AnswersReport, Call, CheckedAnswer, Ove
 use super::{Job, Ready, look};
 use crate::body::Segment;
 use crate::body::worn::calibrate::words;
+use crate::body::worn::doubt::Doubts;
 use crate::body::worn::kept::Kept;
 use crate::body::worn::{Wearing, WornPose};
 use crate::body::{segment_name, segment_named};
@@ -536,6 +537,7 @@ struct Body<'a> {
     stale_s: [f64; 13],
     heading_lost: [u64; 13],
     resets: u64,
+    doubts: Doubts,
     is_silent: bool,
     /// A robot follows.
     leads: bool,
@@ -563,6 +565,7 @@ impl<'a> Body<'a> {
             stale_s: [0.0; 13],
             heading_lost: [0; 13],
             resets: 0,
+            doubts: Doubts::default(),
             is_silent: false,
             leads: false,
             naming: None,
@@ -592,6 +595,7 @@ impl<'a> Body<'a> {
         self.sensors.hear(now);
         for segment in self.sensors.take_anew() {
             self.wearing.heading_lost(segment);
+            self.doubts.began_anew(segment);
             self.heading_lost[segment.index()] += 1;
             self.tell(format!(
                 "the sensor on the {} began anew, its heading is a guess: stand in N pose, r and \
@@ -618,7 +622,9 @@ impl<'a> Body<'a> {
             let is_fresh = now.seconds_since(taken) <= STALE_S;
             said[segment.index()] = Some(orientation).filter(|_| is_fresh);
         }
+        self.doubt(&newest, dt_s);
         let moment = self.wearing.pose(&said, dt_s);
+        self.doubts.look(&self.wearing.as_said(), &self.wearing.worn());
         let at_s = self.seconds(now);
         if let Some(naming) = &mut self.naming {
             let (tell, answers) = (&self.tell, &mut self.answers);
@@ -630,6 +636,23 @@ impl<'a> Body<'a> {
             });
         }
         Some((moment, self.seconds(oldest), dt_s))
+    }
+
+    /// Lets segments wait whose sensors say what cannot be, and says so.
+    fn doubt(&mut self, newest: &[(Segment, Option<(DQuat, Instant)>)], dt_s: f64) {
+        let stuck = self.sensors.stuck();
+        for (segment, heard) in newest {
+            if let Some((said, taken)) = heard {
+                self.doubts.hear(*segment, *said, *taken, stuck[segment.index()]);
+            }
+        }
+        for change in self.doubts.judge(dt_s) {
+            match change.doubted {
+                Some(_) => self.wearing.hold(change.segment),
+                None => self.wearing.release(change.segment, change.heading_lost),
+            }
+            self.tell(change.words());
+        }
     }
 
     /// Notices who is silent, and says so once.
@@ -687,6 +710,7 @@ impl<'a> Body<'a> {
             mount.heading_reset_rad = drift.reset_rad;
             mount.stale_s = self.stale_s[at];
             mount.heading_lost = self.heading_lost[at];
+            (mount.doubted, mount.doubted_s) = self.doubts.tally(drift.segment);
         }
         named
     }
