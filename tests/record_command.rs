@@ -186,10 +186,13 @@ fn a_sensor_that_vanishes_ends_its_source_and_not_the_recording() {
     let folder = crate::program::folder("record-vanish");
     let door = ImuDoor::open(sensor(ImuWire::Nmea, 50.0, 60.0, ImuErrors::default()), 9600, None)
         .expect("a terminal");
-    let source = format!("imu:nmea-imu@{}", door.path().display());
+    let stays = ImuDoor::open(sensor(ImuWire::Csv, 50.0, 60.0, ImuErrors::default()), 9600, None)
+        .expect("a terminal");
+    let source = format!("goes=imu:nmea-imu@{}", door.path().display());
+    let other = format!("stays=imu:arduino-csv@{}", stays.path().display());
     let child = crate::program::gaitway()
         .current_dir(&folder)
-        .args(["record", &source, "-o", "take.mcap", "--json", "--for", "2s"])
+        .args(["record", &source, &other, "-o", "take.mcap", "--json", "--for", "2s"])
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
         .spawn()
@@ -199,8 +202,88 @@ fn a_sensor_that_vanishes_ends_its_source_and_not_the_recording() {
     let output = child.wait_with_output().expect("its end");
     assert_eq!(output.status.code(), Some(3), "{output:?}");
     let report = json(&output);
-    assert!(report["sources"][0]["ended"].is_string(), "{report}");
+    let ended = |name: &str| {
+        let sources = report["sources"].as_array().expect("sources");
+        sources.iter().find(|of| of["name"] == name).expect("it")["ended"].is_string()
+    };
+    assert_eq!((ended("goes"), ended("stays")), (true, false), "{report}");
     assert!(report["duration_s"].as_f64() >= Some(2.0));
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(said.contains("goes is gone: "), "{said}");
+}
+
+/// Its port is there again, under the name it was opened by: the recording goes on, and tells of the gap.
+#[test]
+fn a_sensor_that_is_plugged_in_again_is_taken_up_in_the_same_recording() {
+    let folder = crate::program::folder("record-replugged");
+    let link = folder.join("goes");
+    let noisy = || ImuErrors { rate_noise_rad_s: 0.001, ..ImuErrors::default() };
+    let plug = || {
+        let sensor = sensor(ImuWire::Nmea, 50.0, 60.0, noisy());
+        ImuDoor::open(sensor, 9600, Some(&link)).expect("a terminal")
+    };
+    let stays = ImuDoor::open(sensor(ImuWire::Csv, 50.0, 60.0, noisy()), 9600, None);
+    let stays = stays.expect("a terminal");
+    let door = plug();
+    let child = crate::program::gaitway()
+        .current_dir(&folder)
+        .arg("record")
+        .arg(format!("goes=imu:nmea-imu@{}", link.display()))
+        .arg(format!("stays=imu:arduino-csv@{}", stays.path().display()))
+        .args(["-o", "take.mcap", "--json", "--for", "5s"])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the command");
+    std::thread::sleep(Duration::from_millis(1200));
+    drop(door);
+    std::thread::sleep(Duration::from_millis(900));
+    let _door = plug();
+    let output = child.wait_with_output().expect("its end");
+    assert_eq!(output.status.code(), Some(3), "{output:?}");
+    let report = json(&output);
+    let sources = report["sources"].as_array().expect("sources");
+    let goes = sources.iter().find(|of| of["name"] == "goes").expect("it");
+    assert_eq!((&goes["gone"], goes["ended"].is_null()), (&1.into(), true), "{report}");
+    assert!(goes["gone_s"].as_f64() >= Some(0.5), "{report}");
+    let said = String::from_utf8_lossy(&output.stderr);
+    for words in ["goes is gone: ", "goes is back after "] {
+        assert!(said.contains(words), "no {words} in:\n{said}");
+    }
+    let read_s: Vec<f64> = table(&folder)["goes"].iter().map(|row| number(row, "read_s")).collect();
+    let gap_s = read_s.windows(2).map(|two| two[1] - two[0]).fold(0.0, f64::max);
+    let last_s = read_s[read_s.len() - 1] - read_s[0];
+    assert!(gap_s >= 0.5 && last_s > gap_s + 1.0, "{gap_s} {last_s}");
+}
+
+/// Without a time to end after it would wait for ever for what cannot come.
+#[test]
+fn a_recording_ends_when_all_its_sources_are_gone() {
+    let folder = crate::program::folder("record-all-gone");
+    let doors: Vec<ImuDoor> = (0..2)
+        .map(|_| {
+            let sensor = sensor(ImuWire::Nmea, 50.0, 60.0, ImuErrors::default());
+            ImuDoor::open(sensor, 9600, None).expect("a terminal")
+        })
+        .collect();
+    let source =
+        |name: &str, door: &ImuDoor| format!("{name}=imu:nmea-imu@{}", door.path().display());
+    let child = crate::program::gaitway()
+        .current_dir(&folder)
+        .args(["record", &source("a", &doors[0]), &source("b", &doors[1])])
+        .args(["-o", "take.mcap", "--json"])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the command");
+    std::thread::sleep(Duration::from_millis(900));
+    drop(doors);
+    let output = child.wait_with_output().expect("its end");
+    assert_eq!(output.status.code(), Some(3), "{output:?}");
+    let said = String::from_utf8_lossy(&output.stderr);
+    for words in ["a is gone: ", "b is gone: ", "all sources are gone"] {
+        assert!(said.contains(words), "no {words} in:\n{said}");
+    }
 }
 
 #[test]

@@ -79,6 +79,8 @@ pub fn of_event(event: SensingEvent<'_>) -> String {
             "{sensor}: bytes come, but no packets of {profile}; check the line speed ({baud_bps} \
              bit/s) and the profile"
         ),
+        SensingEvent::Gone { sensor, why } => format!("{sensor} is gone: {why}"),
+        SensingEvent::Back { sensor, gone_s } => format!("{sensor} is back after {gone_s:.1} s"),
         SensingEvent::Stuck { sensor } => {
             format!("{sensor}: its values stand still, nothing is measured")
         }

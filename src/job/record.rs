@@ -12,7 +12,7 @@ use crate::time::{Duration, Instant};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc::Receiver;
 
 pub use crate::capture::Mode;
@@ -84,7 +84,7 @@ fn check_names(sources: &[Source]) -> Result<(), Error> {
     Ok(())
 }
 
-/// Records until the time is over, the observer wants to stop or the disk fails. `marks` that come
+/// Records until the time is over, the observer wants to stop, all sources are gone or the disk fails. `marks` that come
 /// meanwhile are recorded with their own times, those that came before with that of the beginning.
 ///
 /// # Errors
@@ -113,17 +113,24 @@ pub fn record(
     let began = MonotonicClock.now();
     let stop = AtomicBool::new(false);
     let tell = |event: SensingEvent<'_>| observer.hear(Event::Sensing(event));
-    let intake = Intake::new(Some(&recorder), &stop, order.mode, &tell);
+    let intake = Intake::new(Some(&recorder), &stop, order.mode, &tell).patient();
+    let left = AtomicUsize::new(opened.len() + usize::from(joints.is_some()));
     std::thread::scope(|scope| {
+        let (intake, left) = (&intake, &left);
         for source in opened {
-            let intake = &intake;
-            scope.spawn(move || source.record(intake));
+            scope.spawn(move || {
+                source.record(intake);
+                left.fetch_sub(1, Ordering::Release);
+            });
         }
         if let Some(joints) = joints {
-            let intake = &intake;
-            scope.spawn(move || joints.record(intake, observer));
+            scope.spawn(move || {
+                joints.record(intake, observer);
+                left.fetch_sub(1, Ordering::Release);
+            });
         }
-        wait(order, marks, &recorder, observer, began);
+        let all_gone = || left.load(Ordering::Acquire) <= intake.away();
+        wait(order, marks, &recorder, observer, began, &all_gone);
         stop.store(true, Ordering::Release);
     });
     let sources = intake.into_reports();
@@ -148,6 +155,7 @@ fn wait(
     recorder: &Recorder,
     observer: &dyn Observer,
     began: Instant,
+    all_gone: &dyn Fn() -> bool,
 ) {
     let until = order.time.map(|time| began + time);
     let mut marked = None;
@@ -173,6 +181,9 @@ fn wait(
         }
         if observer.wants_to_stop() || until.is_some_and(|until| now >= until) {
             return;
+        }
+        if all_gone() {
+            return observer.hear(Event::Note("all sources are gone: the recording ends here"));
         }
         let next = now + LOOK;
         MonotonicClock.sleep_until(until.map_or(next, |until| until.min(next)));

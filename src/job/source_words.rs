@@ -28,6 +28,9 @@ pub fn heard(report: &SourceReport, out: &mut String) {
     if report.skew_ppm != 0.0 {
         let _ = write!(out, ", clock {:+.1} ppm", report.skew_ppm);
     }
+    if report.gone > 0 {
+        let _ = write!(out, ", gone {} times for {:.1} s", report.gone, report.gone_s);
+    }
     if let Some(ended) = &report.ended {
         let _ = write!(out, "; ended early: {ended}");
     }

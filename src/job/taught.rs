@@ -110,6 +110,9 @@ impl Servos {
             }
             at = (at + self.period).max(clock.now());
         }
+        if let Some(why) = &ended {
+            intake.ended_early(&name, why);
+        }
         intake.report(SourceReport { name, counts, ended, ..SourceReport::default() });
     }
 

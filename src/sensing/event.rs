@@ -8,7 +8,7 @@ use std::net::SocketAddr;
 use std::sync::Arc;
 
 /// Something that whoever set the sensors up may want to know at once.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum SensingEvent<'a> {
     /// A sensor has sent no byte since it was opened.
@@ -24,6 +24,20 @@ pub enum SensingEvent<'a> {
         profile: &'a str,
         /// The speed of its line, bit/s.
         baud_bps: u32,
+    },
+    /// There will be no more of a source.
+    Gone {
+        /// Its name.
+        sensor: &'a str,
+        /// Why, in words.
+        why: &'a str,
+    },
+    /// A source that was gone is there again.
+    Back {
+        /// Its name.
+        sensor: &'a str,
+        /// For how long it was gone, s.
+        gone_s: f64,
     },
     /// The values of a sensor stand still while its number or time goes on.
     Stuck {

@@ -1,6 +1,6 @@
 //! Where the samples of all sources go, and what came of each source.
 
-use super::event::{Said, Tell};
+use super::event::{Said, SensingEvent, Tell};
 use super::hub::Hub;
 use crate::capture::{Captured, Chain, Counts, Mode, Quality};
 use crate::port::Clock;
@@ -8,7 +8,7 @@ use crate::recording::{CycleRecord, RecordedSource, Recorder, SourceId, SourceKi
 use crate::time::Instant;
 use serde::Serialize;
 use std::collections::BTreeMap;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc::Sender;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -33,6 +33,10 @@ pub struct SourceReport {
     pub late_p99_s: f64,
     /// Trackers that called and were not heard, told once for all of a socket.
     pub refused: u64,
+    /// How often it was gone and came back.
+    pub gone: u64,
+    /// For how long, s.
+    pub gone_s: f64,
     /// Why it ended early.
     pub ended: Option<String>,
 }
@@ -56,7 +60,7 @@ impl SourceReport {
     pub fn lossless(&self) -> bool {
         let counts = self.counts;
         let lost = counts.missed + counts.late + counts.resets + self.incomplete + self.stuck;
-        lost == 0 && self.ended.is_none() && counts.samples > 0
+        lost == 0 && self.gone == 0 && self.ended.is_none() && counts.samples > 0
     }
 }
 
@@ -86,6 +90,9 @@ pub struct Intake<'a> {
     pub(super) tell: Tell<'a>,
     names: Mutex<BTreeMap<String, u32>>,
     reports: Mutex<Vec<SourceReport>>,
+    /// Sources that are gone are waited for.
+    patient: bool,
+    away: AtomicUsize,
 }
 
 impl<'a> Intake<'a> {
@@ -97,7 +104,40 @@ impl<'a> Intake<'a> {
         tell: Tell<'a>,
     ) -> Self {
         let (names, reports) = Default::default();
-        Self { recorder, listener: None, hub: None, stop, mode, tell, names, reports }
+        let (patient, away) = Default::default();
+        let (listener, hub) = (None, None);
+        Self { recorder, listener, hub, stop, mode, tell, names, reports, patient, away }
+    }
+
+    /// Waits for sources that are gone, and takes them up again when they are back.
+    #[must_use]
+    pub fn patient(mut self) -> Self {
+        self.patient = true;
+        self
+    }
+
+    /// True if sources that are gone are waited for.
+    pub fn is_patient(&self) -> bool {
+        self.patient && !self.stopped()
+    }
+
+    /// How many sources are gone now, and waited for.
+    pub fn away(&self) -> usize {
+        self.away.load(Ordering::Acquire)
+    }
+
+    /// Says at once that a source is gone; it is waited for.
+    pub fn gone(&self, source: &Named, why: &str) {
+        self.away.fetch_add(1, Ordering::Release);
+        (self.tell)(SensingEvent::Gone { sensor: &source.name, why });
+    }
+
+    /// Says that it is back after so many seconds; `None`: nobody waits any more.
+    pub fn back(&self, source: &Named, gone_s: Option<f64>) {
+        self.away.fetch_sub(1, Ordering::Release);
+        if let Some(gone_s) = gone_s {
+            (self.tell)(SensingEvent::Back { sensor: &source.name, gone_s });
+        }
     }
 
     /// Lets somebody listen as well, whose clock this is: what it hears has moments of that.
@@ -162,8 +202,14 @@ impl<'a> Intake<'a> {
         }
     }
 
+    /// Says at once that a robot's joints are not read any more.
+    pub fn ended_early(&self, name: &str, why: &str) {
+        (self.tell)(SensingEvent::Gone { sensor: name, why });
+    }
+
     /// Says at once that a source has ended early.
     pub fn ended(&self, source: &Named, why: &str) {
+        (self.tell)(SensingEvent::Gone { sensor: &source.name, why });
         if let Some(hub) = self.hub {
             hub.ended(&source.name, why);
         }

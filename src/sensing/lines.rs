@@ -52,6 +52,9 @@ impl TextLines {
                 Err(error) => ended = Some(error.to_string()),
             }
         }
+        if let Some(why) = &ended {
+            intake.ended(&source, why);
+        }
         let name = source.name.to_string();
         intake.report(SourceReport { name, counts, ended, ..SourceReport::default() });
     }

@@ -145,7 +145,10 @@ impl Source {
                 };
                 let port = open_stream(address, baud_bps)?;
                 let name = self.name.clone().unwrap_or_else(|| sensor.name.clone());
-                SerialImu::new(name, &self.text, sensor, port).map(|imu| Opened::Imu(Box::new(imu)))
+                let address = address.clone();
+                let again = Box::new(move || open_stream(&address, baud_bps));
+                let imu = SerialImu::new(name, &self.text, sensor, port, again);
+                imu.map(|imu| Opened::Imu(Box::new(imu)))
             }
             What::Trackers { profile, listen } => {
                 let sensor = load(profile)?;

@@ -184,6 +184,11 @@ impl Stream {
         self.received.drain(..start);
     }
 
+    /// The line was gone: the beginning of a packet that was received has no end any more.
+    pub fn forget(&mut self) {
+        self.received.clear();
+    }
+
     /// What was seen so far.
     #[must_use]
     pub const fn counts(&self) -> Counts {
