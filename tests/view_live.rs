@@ -224,6 +224,12 @@ fn serving(arguments: &[&str]) -> (Child, String) {
     let mut command = program::gaitway();
     command.args(arguments).stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut child = command.spawn().expect("the program");
+    let url = page_of(&mut child);
+    (child, url)
+}
+
+/// Where a command that was begun serves its page.
+fn page_of(child: &mut Child) -> String {
     let mut said = BufReader::new(child.stderr.take().expect("piped"));
     let mut all = String::new();
     let url = loop {
@@ -235,7 +241,7 @@ fn serving(arguments: &[&str]) -> (Child, String) {
         all += &line;
     };
     std::thread::spawn(move || std::io::copy(&mut said, &mut std::io::sink()));
-    (child, url)
+    url
 }
 
 #[test]
@@ -294,6 +300,36 @@ fn a_robot_that_is_led_by_hand_is_seen_while_it_is_recorded_and_the_page_ends_th
     let shoulder_rad = cycle.joints[RIGHT_SHOULDER_ROLL].present_position_rad.expect("read");
     let shown_rad = last[RIGHT_SHOULDER_ROLL].as_f64().expect("a number");
     assert!((shoulder_rad - shown_rad).abs() < 1e-4, "{shoulder_rad} rad, {shown_rad} shown");
+}
+
+/// A hand turns a joint of a virtual robot, through its control channel.
+#[test]
+fn a_virtual_robot_is_seen_as_it_really_is_and_the_page_ends_it() {
+    let mut command = program::gaitway();
+    command.args(["simulate", "op3", "--control", "stdin", "--view"]);
+    command.stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::piped());
+    let mut child = command.spawn().expect("the program");
+    let url = page_of(&mut child);
+    let (host, path) = parts(&url);
+    let stream = asked(host, &head(host, "GET", &format!("{path}frames"), ""));
+    let frames = BufReader::new(stream).lines().map(|line| line.expect("a line"));
+    let frames = frames.filter_map(|line| line.strip_prefix("data: ").map(str::to_owned));
+    let mut shoulder_rad = frames.map(|data| {
+        let frame: serde_json::Value = serde_json::from_str(&data).expect("JSON");
+        assert!(frame["goal_rad"][0].is_null(), "what it was asked, its servos know");
+        frame["present_rad"][RIGHT_SHOULDER_ROLL].as_f64().expect("a place")
+    });
+    let at_first_rad = shoulder_rad.next().expect("a frame");
+    let mut hand = child.stdin.take().expect("piped");
+    writeln!(hand, r#"{"do": "hand", "joint": "r_sho_roll", "to_rad": -0.2}"#).expect("it listens");
+    let began = Instant::now();
+    let arrived = shoulder_rad.find(|rad| (rad + 0.2).abs() < 0.01 || began.elapsed() > PATIENCE);
+    let arrived_rad = arrived.expect("frames go on");
+    assert!((arrived_rad + 0.2).abs() < 0.01, "from {at_first_rad} to {arrived_rad} rad");
+    assert!((at_first_rad - arrived_rad).abs() > 0.3, "from {at_first_rad} to {arrived_rad} rad");
+    let stopped = answered(asked(host, &head(host, "POST", &format!("{path}stop"), "")));
+    assert!(stopped.starts_with("HTTP/1.1 204"), "{stopped}");
+    assert_eq!(child.wait().expect("it ends").code(), Some(0));
 }
 
 #[test]

@@ -5,8 +5,10 @@ pub mod imus;
 use super::Remarks;
 use super::output::Untold;
 use super::signals::Signals;
+use super::viewing::ViewArg;
 use crate::error::Error;
 use crate::job::simulate::robot::{Rule, SimulateOrder, Verdict, VirtualRobot};
+use crate::view::live::{LiveFrame, LiveView};
 use clap::Args;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -82,6 +84,8 @@ pub struct SimulateArgs {
     /// Do not report at the end what the referee saw
     #[arg(long)]
     no_referee: bool,
+    #[command(flatten)]
+    view: ViewArg,
 }
 
 /// What else than a robot can be simulated.
@@ -136,9 +140,24 @@ pub fn run(args: &SimulateArgs, remarks: Remarks) -> Result<i32, Error> {
     if over_stdin {
         robot.control_over(std::io::stdin(), |text| super::output::print_json(text).is_ok())?;
     }
+    // Of a file the path, of a name the spelling that is usual.
+    let named = args.robot.as_deref().map(|named| match named.ends_with(".toml") {
+        true => named.to_owned(),
+        false => robot.robot().name.clone(),
+    });
+    let view = args.view.open(named.as_deref(), &[], "simulated")?;
     let look = if args.control.is_some() { SHORT_LOOK } else { LOOK };
-    while signals.first().is_none() && !robot.control_has_ended() {
+    let is_over = |robot: &VirtualRobot| {
+        let wants_to_stop = view.as_ref().is_some_and(LiveView::wants_to_stop);
+        signals.first().is_some() || robot.control_has_ended() || wants_to_stop
+    };
+    while !is_over(&robot) {
         std::thread::sleep(look);
+        if let Some(view) = &view {
+            let (time_s, joints_rad) = robot.joints();
+            let each = joints_rad.into_iter().map(|present_rad| [f64::NAN, present_rad]);
+            view.tell(&LiveFrame::of(time_s, each));
+        }
         tell_struck(&mut robot, remarks);
         for (name, place) in robot.moved() {
             remarks.say(&match place {

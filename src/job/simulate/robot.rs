@@ -225,6 +225,16 @@ impl VirtualRobot {
         fall.filter(|_| is_new).map(|fall| fall.world_words())
     }
 
+    /// What time it is there, s, and where its joints really are, whatever their registers say, rad, in the order of its
+    /// file; not a number where nobody knows.
+    #[must_use]
+    pub fn joints(&self) -> (f64, Vec<f64>) {
+        let world = self.world();
+        let joints = self.robot.joints.iter();
+        let at_rad = joints.map(|joint| world.joint_position_rad(&joint.name).unwrap_or(f64::NAN));
+        (world.now_ns() as f64 * 1e-9, at_rad.collect())
+    }
+
     /// How many faults struck so far.
     #[must_use]
     pub fn struck_count(&self) -> u64 {
