@@ -84,7 +84,7 @@ mod tests {
         let mut stuck = Stuck::default();
         let at = |n: u64| Instant::from_nanos(n * 10_000_000);
         for n in 0..200 {
-            let noise = if n.is_multiple_of(4) { 0.001 } else { 0.0 };
+            let noise = if n % 4 == 0 { 0.001 } else { 0.0 };
             assert!(!stuck.take(&sample(DVec3::X * (3.0 + noise)), at(n)), "{n}");
         }
         assert!((200..210).any(|n| stuck.take(&sample(DVec3::Y), at(n))));
