@@ -91,7 +91,7 @@ fn recordings_are_packed_so_that_the_reference_reader_unpacks_them_and_the_other
     let ours = read(&path).unwrap();
     let mut sizes = Vec::new();
     for packing in Compression::ALL {
-        let packed = recover_packed(&path, true, packing).unwrap();
+        let packed = recover_packed(&path, None, true, packing).unwrap();
         assert_eq!(packed.messages, stored.messages);
         assert_eq!(read(&packed.path).unwrap().cycles, ours.cycles, "{packing}");
         let seen = seen_by(&python, &packed.path);

@@ -417,3 +417,29 @@ fn what_cannot_be_recorded_is_refused_before_a_file_is_made() {
         assert!(!folder.join("take.mcap").exists(), "{option}");
     }
 }
+
+/// Where the disk is full, the new file goes elsewhere; it is never the old one, nor replaces another unasked.
+#[test]
+fn a_recording_is_recovered_to_where_somebody_wants_it() {
+    let folder = crate::program::folder("recover-out");
+    let door = ImuDoor::open(sensor(ImuWire::Csv, 50.0, 60.0, ImuErrors::default()), 9600, None)
+        .expect("a terminal");
+    let source = format!("imu:arduino-csv@{}", door.path().display());
+    record(&folder, &[source, "--for".to_owned(), "1s".to_owned()]);
+    std::fs::create_dir(folder.join("elsewhere")).expect("a folder");
+    let recover = |arguments: &[&str]| {
+        let mut command = crate::program::gaitway();
+        command.current_dir(&folder).args(["recover", "take.mcap"]).args(arguments);
+        command.output().expect("recover").status.code()
+    };
+    let out = "elsewhere/whole.mcap";
+    assert_eq!(recover(&["-o", out]), Some(0));
+    let bytes = std::fs::read(folder.join(out)).expect("a file");
+    assert!(!folder.join("take.recovered.mcap").exists());
+    let taken = std::fs::read(folder.join("take.mcap")).expect("the old file");
+    assert_eq!(recover(&["-o", out]), Some(1), "it is there already");
+    assert_eq!(recover(&["-o", "take.mcap", "--force"]), Some(1), "it is what is read");
+    assert_eq!(std::fs::read(folder.join("take.mcap")).expect("the old file"), taken);
+    assert_eq!(recover(&["-o", out, "--force"]), Some(0));
+    assert_eq!(std::fs::read(folder.join(out)).expect("a file").len(), bytes.len());
+}

@@ -245,6 +245,18 @@ impl Subject {
         let twin = |other: Measure| self.measure(other);
         use Measure as M;
         match measure {
+            M::Stature => of_age(value, self.measure(M::Age)?),
+            M::Mass => {
+                let stature_m = self.measure(M::Stature)?;
+                let index = value / (stature_m * stature_m);
+                (!(BODY_MASS_INDEX.contains(&index))).then(|| {
+                    format!(
+                        "somebody of {stature_m} m would have {index:.0} kg/m², {} to {} are usual",
+                        BODY_MASS_INDEX.start(),
+                        BODY_MASS_INDEX.end()
+                    )
+                })
+            }
             M::LeftLegLength | M::RightLegLength => {
                 let share = value / self.measure(M::Stature)?;
                 (!(0.40..=0.65).contains(&share)).then(|| {
@@ -282,6 +294,24 @@ impl Subject {
             body = body.with_mass_kg(mass_kg)?;
         }
         self.leg_length_m().map_or(Ok(body), |length_m| body.with_leg_length_m(length_m))
+    }
+}
+
+/// Whole range in which people live, kg/m² (WHO, "Physical status", Technical Report 854, 1995: below 16 is severe thinness, from
+/// 40 on the highest class of obesity), and a third beyond.
+const BODY_MASS_INDEX: std::ops::RangeInclusive<f64> = 11.0..=60.0;
+/// Adults are short from here on down, m (Little People of America: 4'10"), and asked about from a good deal below.
+const SHORT_ADULT_M: f64 = 1.30;
+const ADULT_YEARS: f64 = 18.0;
+
+/// Adults are rarely so short, children hardly ever so tall: WHO Child Growth Standards and Growth Reference, three standard deviations
+/// above the mean, boys: about 1.24 m at five years, 1.57 m at ten, 1.92 m at fifteen.
+fn of_age(stature_m: f64, years: f64) -> Option<String> {
+    let tallest_m = 0.98 + 0.07 * years;
+    if years >= ADULT_YEARS {
+        (stature_m < SHORT_ADULT_M).then(|| format!("few people of {years} years are so short"))
+    } else {
+        (stature_m > tallest_m).then(|| format!("hardly any child of {years} years is so tall"))
     }
 }
 
@@ -329,6 +359,23 @@ mod tests {
         subject.measures.insert(Measure::LeftKneeWidth, 0.06);
         subject.measures.insert(Measure::RightKneeWidth, 0.11);
         assert!(subject.doubt(Measure::RightKneeWidth).is_some());
+    }
+
+    #[test]
+    fn who_is_short_for_the_age_tall_for_it_or_heavy_for_the_stature_is_asked_about_again() {
+        let doubted = |years: f64, stature_m: f64, mass_kg: f64| {
+            let mut subject = person(stature_m);
+            subject.measures.insert(Measure::Age, years);
+            subject.measures.insert(Measure::Mass, mass_kg);
+            [Measure::Stature, Measure::Mass].map(|measure| subject.doubt(measure).is_some())
+        };
+        assert_eq!(doubted(70.0, 0.91, 14.0), [true, false]);
+        assert_eq!(doubted(70.0, 1.60, 60.0), [false, false]);
+        assert_eq!(doubted(5.0, 1.10, 19.0), [false, false]);
+        assert_eq!(doubted(5.0, 1.75, 60.0), [true, false]);
+        assert_eq!(doubted(34.0, 1.75, 700.0 / 4.0), [false, false]);
+        assert_eq!(doubted(34.0, 1.75, 17.5), [false, true]);
+        assert_eq!(person(0.91).doubt(Measure::Stature), None, "whose age nobody knows");
     }
 
     #[test]

@@ -175,6 +175,9 @@ fn description(overview: &Overview) -> String {
 pub struct RecoverArgs {
     /// Recording that was never closed, or is damaged
     file: PathBuf,
+    /// The new file, on another disk perhaps [default: FILE.recovered.mcap beside it]
+    #[arg(short, long, value_name = "OUT.mcap")]
+    out: Option<PathBuf>,
     /// How the new file is packed: lz4, zstd or none
     #[arg(long, value_name = "HOW", default_value_t)]
     compression: Compression,
@@ -187,9 +190,10 @@ pub struct RecoverArgs {
 /// # Errors
 /// A file in which no recording is found; a recovered file that exists already.
 pub fn recover(args: &RecoverArgs, remarks: Remarks) -> Result<i32, Error> {
-    args.output.check_files(&[])?;
-    args.output.check_apart(&args.file, &[])?;
-    let recovered = recording::recover_packed(&args.file, args.output.force(), args.compression)?;
+    let (out, force) = (args.out.as_deref(), args.output.force());
+    args.output.check_files(&[&args.out])?;
+    args.output.check_apart(&args.file, out.as_slice())?;
+    let recovered = recording::recover_packed(&args.file, out, force, args.compression)?;
     let whole = recovered.was_finished && recovered.lost_bytes == 0;
     let outcome = if whole { Outcome::Done } else { Outcome::DoneWithLoss };
     let text = format!("{}\n", recovered.path.display());

@@ -244,16 +244,21 @@ impl Recording {
 /// # Errors
 /// If the file cannot be read or is no MCAP recording, or the new file exists or cannot be written.
 pub fn recover(path: &Path, force: bool) -> Result<Recovered, Error> {
-    recover_packed(path, force, Compression::default())
+    recover_packed(path, None, force, Compression::default())
 }
 
-/// As [`recover`], with the new file packed as `packing` says.
+/// As [`recover`], to a file of its own (on another disk, where this one is full), packed as `packing` says.
 ///
 /// # Errors
 /// As [`recover`].
-pub fn recover_packed(path: &Path, force: bool, packing: Compression) -> Result<Recovered, Error> {
+pub fn recover_packed(
+    path: &Path,
+    to: Option<&Path>,
+    force: bool,
+    packing: Compression,
+) -> Result<Recovered, Error> {
     let source = open(path)?;
-    let target = path.with_extension("recovered.mcap");
+    let target = to.map_or_else(|| path.with_extension("recovered.mcap"), Path::to_owned);
     let draft = create_file(&target, force, true).map_err(|error| match error.remedy {
         Some(_) => error.remedy("move it away, or add --force to replace it"),
         None => error,

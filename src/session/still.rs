@@ -162,7 +162,7 @@ mod tests {
         let sample = |n: u64| {
             let t = n as f64 / 100.0;
             let (rate, force) = at(t);
-            let noise = DVec3::X * if n % 2 == 0 { 1e-12 } else { 0.0 };
+            let noise = DVec3::X * if n.is_multiple_of(2) { 1e-12 } else { 0.0 };
             let (rate, force) = (rate + noise, force + noise);
             StillSample {
                 taken: Instant::from_nanos(n * 10_000_000),
