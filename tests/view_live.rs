@@ -321,7 +321,8 @@ fn a_virtual_robot_is_seen_as_it_really_is_and_the_page_ends_it() {
     });
     let at_first_rad = shoulder_rad.next().expect("a frame");
     let mut hand = child.stdin.take().expect("piped");
-    writeln!(hand, r#"{"do": "hand", "joint": "r_sho_roll", "to_rad": -0.2}"#).expect("it listens");
+    let order = r#"{"do": "hand", "joint": "r_sho_roll", "to_rad": -0.2}"#;
+    writeln!(hand, "{order}").expect("it listens");
     let began = Instant::now();
     let arrived = shoulder_rad.find(|rad| (rad + 0.2).abs() < 0.01 || began.elapsed() > PATIENCE);
     let arrived_rad = arrived.expect("frames go on");
