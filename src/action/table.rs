@@ -287,9 +287,10 @@ pub fn parse(bytes: &[u8]) -> Result<AnglesTable, Error> {
 
 impl AnglesTable {
     /// Makes poses at instants out of its own, which are key frames.
-    fn go_between(&mut self, rate_hz: f64, instants: &[key_frames::Instant], keys: usize) {
-        let between =
-            |instant: &key_frames::Instant| (instant.before, instant.before + 1, instant.progress);
+    fn go_between(&mut self, rate_hz: f64, instants: &[key_frames::InBetween], keys: usize) {
+        let between = |instant: &key_frames::InBetween| {
+            (instant.before, instant.before + 1, instant.progress)
+        };
         let angles = |instant| {
             let (from, to, progress) = between(instant);
             let (from, to) = (self.angles[from].0, self.angles[to].0);

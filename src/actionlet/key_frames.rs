@@ -13,7 +13,7 @@ const MOST: f64 = 5e5;
 
 /// An instant between key frames.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Instant {
+pub struct InBetween {
     /// When, s after the first.
     pub time_s: f64,
     /// The key frame before it, or at it.
@@ -23,7 +23,7 @@ pub struct Instant {
     pub progress: f64,
 }
 
-impl Instant {
+impl InBetween {
     /// A value that goes from key frame to key frame; nothing without these.
     #[must_use]
     pub fn of(&self, keys: &[f64]) -> Option<f64> {
@@ -38,7 +38,7 @@ impl Instant {
 ///
 /// # Errors
 /// Key frames over so long a time that too much would be made of them.
-pub fn between(times_s: &[f64], width: usize) -> Result<Option<(f64, Vec<Instant>)>, Error> {
+pub fn between(times_s: &[f64], width: usize) -> Result<Option<(f64, Vec<InBetween>)>, Error> {
     let ends = times_s.first().zip(times_s.last());
     let are_apart = times_s.windows(2).all(|two| two[1] - two[0] > APART_S);
     let Some((first_s, last_s)) = ends.filter(|_| times_s.len() >= 2 && are_apart) else {
@@ -61,7 +61,7 @@ pub fn between(times_s: &[f64], width: usize) -> Result<Option<(f64, Vec<Instant
         let before = after.saturating_sub(1).min(times_s.len() - 2);
         let (from_s, to_s) = (times_s[before] - first_s, times_s[before + 1] - first_s);
         let part = ((time_s - from_s) / (to_s - from_s)).clamp(0.0, 1.0);
-        Instant { time_s, before, progress: shape.progress(part)[0] }
+        InBetween { time_s, before, progress: shape.progress(part)[0] }
     };
     Ok(Some((1.0 / step_s, (0..=count as usize).map(instant).collect())))
 }

@@ -240,7 +240,7 @@ fn of_table(text: &str) -> Result<JointMotion, Error> {
     };
     for series in &mut series {
         let keys: Vec<f64> = series.points.iter().map(|point| point.1).collect();
-        let point = |instant: &key_frames::Instant| {
+        let point = |instant: &key_frames::InBetween| {
             instant.of(&keys).map(|angle_rad| (times_s[0] + instant.time_s, angle_rad))
         };
         series.points = instants.iter().filter_map(point).collect();
