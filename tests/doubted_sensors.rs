@@ -124,9 +124,9 @@ fn of_somebody_who_wears_sensors_nothing_is_doubted() {
     assert!(found.is_empty(), "{found:?}");
 }
 
-/// The turn of every segment and every joint, in a debug build and on a busy machine: told, not asserted.
+/// What a look at every segment and every joint takes is printed, and held by nothing: it depends on the machine.
 #[test]
-fn looking_at_a_body_takes_no_time() {
+fn limbs_that_swing_are_not_doubted_and_what_a_look_takes_is_printed() {
     let mut doubts = Doubts::default();
     let mut pose = SegmentPose { root_m: glam::DVec3::ZERO, orientation: [DQuat::IDENTITY; 13] };
     let began = std::time::Instant::now();

@@ -246,6 +246,23 @@ fn markers_are_as_far_from_one_another_as_ezc3d_reads_them() {
 }
 
 #[test]
+fn a_trial_that_is_cut_off_becomes_a_scene_of_what_is_there_and_says_so() {
+    let Some(file) = captured::captured("mocap/c3d/pig") else { return };
+    let folder = folder("cut");
+    let bytes = std::fs::read(file.join("PiG_Motion-FlatFoot-Full.c3d")).expect("a trial");
+    std::fs::write(folder.join("cut.c3d"), &bytes[..bytes.len() / 2]).expect("a file");
+    let output = run(&folder, "convert cut.c3d scene.mcap --scene");
+    assert_eq!(output.status.code(), Some(3), "{}", words(&output));
+    assert!(words(&output).contains("cut off"), "{}", words(&output));
+    let Some(found) =
+        told(MARKERS, &[&folder.join("scene.mcap"), &file.join("PiG_Motion-FlatFoot-Full.c3d")])
+    else {
+        return;
+    };
+    assert!(number(&found["worst_m"]) < 4e-4 && number(&found["compared"]) > 1000.0, "{found}");
+}
+
+#[test]
 fn a_person_has_limbs_of_one_length_and_stands_on_what_carries() {
     let folder = folder("person");
     succeed(&folder, "synth walk -o walk.bvh");

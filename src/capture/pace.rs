@@ -54,7 +54,7 @@ struct Quickest {
     arrival_s: f64,
 }
 
-/// A silence of which is not known yet whose it was.
+/// A silence that was either the host's or the sensor's: nobody knows yet.
 #[derive(Clone, Copy, Debug)]
 struct Silence {
     /// The end of the last one.
@@ -193,7 +193,7 @@ impl Pace {
     /// How late samples are that are not late, s.
     fn level_s(&mut self, arrival_s: f64, late_s: f64) -> f64 {
         let (began_s, before_s, now_s) = self.level;
-        // While it is open whose a silence was, what is late is not on time.
+        // As long as nobody knows whether a silence was a loss, late samples say nothing of what is on time.
         if arrival_s - began_s >= LEVEL_S && self.silence.is_none() {
             self.level = (arrival_s, now_s, late_s);
         } else {

@@ -3,7 +3,7 @@
 use super::page::drawable;
 use super::page::file::shown;
 use super::report::Outcome;
-use crate::draft::{self, Draft};
+use crate::draft::{self, Draft, Drafts};
 use crate::error::{Error, ErrorKind};
 use crate::mocap::files::CaptureOptions;
 use crate::robot::Robot;
@@ -29,7 +29,7 @@ pub struct SceneOrder {
 /// What came of it.
 #[derive(Clone, Debug, Serialize)]
 pub struct SceneReport {
-    /// `done`.
+    /// `done`, or `done_with_loss` if something is missing in the file that was read.
     pub outcome: Outcome,
     /// Instants of whatever moves.
     pub instants: usize,
@@ -64,10 +64,14 @@ pub fn write_scene(order: &SceneOrder) -> Result<SceneReport, Error> {
     let counts = file.write(&mut buffered).map_err(failed)?;
     buffered.flush().map_err(failed)?;
     drop(buffered);
-    draft.sync().and_then(|()| draft.keep()).and_then(|()| draft.sync()).map_err(failed)?;
+    let mut drafts = Drafts::default();
+    drafts.add(&order.file, draft);
+    drafts.keep()?;
+    // What a page warns of is missing in the file.
+    let is_whole = drawn.page.warnings.is_empty();
     let notes = drawn.page.warnings.iter().chain(&drawn.page.notes).cloned().collect();
     Ok(SceneReport {
-        outcome: Outcome::Done,
+        outcome: if is_whole { Outcome::Done } else { Outcome::DoneWithLoss },
         instants: counts.instants,
         links: counts.links,
         duration_s: drawn.page.scene.duration_s,

@@ -20,11 +20,7 @@ pub fn heard(report: &SourceReport, out: &mut String) {
         (report.bad_packets, "bad packets"),
         (report.refused, "calls of others refused"),
     ];
-    for (count, word) in told {
-        if count > 0 {
-            let _ = write!(out, ", {count} {word}");
-        }
-    }
+    counted(&told, out);
     if report.skew_ppm != 0.0 {
         let _ = write!(out, ", clock {:+.1} ppm", report.skew_ppm);
     }
@@ -52,8 +48,13 @@ pub fn kept(name: &str, source: &SourceOverview) -> String {
         (source.resets, "resets"),
         (source.doubted, "with a time that was doubted"),
     ];
-    for (count, word) in counts.into_iter().filter(|(count, _)| *count > 0) {
-        let _ = write!(text, ", {count} {word}");
-    }
+    counted(&counts, &mut text);
     text
+}
+
+/// What there is of anything.
+fn counted(counts: &[(u64, &str)], out: &mut String) {
+    for (count, word) in counts.iter().filter(|(count, _)| *count > 0) {
+        let _ = write!(out, ", {count} {word}");
+    }
 }

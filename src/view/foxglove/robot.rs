@@ -8,14 +8,13 @@ use super::messages::{
     SceneEntity, SceneUpdate, Timestamp,
 };
 use super::{Between, Channel, GOOD, LINE_M, MASS, Stage, WORLD, WRONG, update};
+use crate::body::contact::ON_FLOOR_M;
 use crate::rigid::Placement;
 use crate::rigid::ground::SupportPolygon;
 use glam::{DQuat, DVec2, DVec3};
 use std::collections::BTreeSet;
 use std::io::{self, Write};
 
-/// Corners of soles that are lower are on the floor, m.
-const ON_FLOOR_M: f64 = 0.005;
 const BODY: Colour = Colour::new([0.55, 0.6, 0.66, 1.0]);
 const GHOST: Colour = Colour::new([0.2, 0.5, 0.9, 0.3]);
 /// Joints of robots without shapes, and what connects them, m.
