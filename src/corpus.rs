@@ -5,6 +5,7 @@
 //! `subjects.parquet` is one table. A corpus changes in whole steps ([`store`]), and has a
 //! version: the hash of its rows, whatever the order in which they came.
 
+pub mod coverage;
 pub mod licence;
 pub mod manifest;
 pub mod query;

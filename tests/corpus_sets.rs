@@ -403,3 +403,77 @@ fn what_a_robot_would_do_is_read_by_numpy_as_learners_of_tracking_read_it() {
         assert!(read[key].as_f64().expect(key) < most, "{key}: {read}");
     }
 }
+
+/// Directions of limbs by the turns of the one file and by the markers of the other: neither reader is ours.
+const TWO_FILES: &str = "
+import json, sys, numpy as np, ezc3d
+c3d, npz = ezc3d.c3d(sys.argv[1]), np.load(sys.argv[2], allow_pickle=False)
+labels = c3d['parameters']['POINT']['LABELS']['value']
+points = c3d['data']['points'][:3].transpose(2, 1, 0)
+at = lambda name: points[:, labels.index(name)]
+names = [str(name) for name in npz['segment_names']]
+parents = {'torso': 'pelvis', 'head': 'torso'}
+for side in ('left', 'right'):
+    for of, to in (('upper_arm', 'torso'), ('forearm', 'upper_arm'), ('thigh', 'pelvis'), ('shank', 'thigh'), ('foot', 'shank')):
+        parents[f'{side}_{of}'] = to if to in ('torso', 'pelvis') else f'{side}_{to}'
+turns = npz['poses'].reshape(len(npz['poses']), len(names), 3)
+def matrix(v):
+    angle = np.linalg.norm(v)
+    if angle < 1e-12: return np.eye(3)
+    x, y, z = v / angle
+    k = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.eye(3) + np.sin(angle) * k + (1 - np.cos(angle)) * k @ k
+worst = 0.0
+for frame in range(0, len(turns), 7):
+    world = {}
+    for name, turn in zip(names, turns[frame]):
+        own = matrix(turn.astype(float))
+        world[name] = world[parents[name]] @ own if name in parents else own
+    for side in ('left', 'right'):
+        for segment, a, b in (('upper_arm', 'shoulder', 'elbow'), ('forearm', 'elbow', 'wrist'), ('thigh', 'hip', 'knee'), ('shank', 'knee', 'ankle')):
+            way = at(f'{side}_{b}')[frame] - at(f'{side}_{a}')[frame]
+            told = world[f'{side}_{segment}'] @ np.array([0, 0, -1.0])
+            worst = max(worst, np.degrees(np.arccos(np.clip(way @ told / np.linalg.norm(way), -1, 1))))
+print(json.dumps({
+  'worst_deg': float(worst), 'frames': [len(points), len(turns)],
+  'rates': [float(c3d['parameters']['POINT']['RATE']['value'][0]), float(npz['mocap_framerate'])],
+  'unit': c3d['parameters']['POINT']['UNITS']['value'][0],
+  'pelvis_mm': float(np.abs(at('pelvis') - 1e3 * npz['trans']).max()),
+  'labels': len(labels), 'stature_m': float(npz['stature_m']),
+}))
+";
+
+#[test]
+fn markers_and_turns_that_are_passed_on_are_of_one_motion_to_others() {
+    let python = match python::python() {
+        Ok(python) => python,
+        Err(why) => {
+            aloud!("SKIPPED: {why}");
+            return;
+        }
+    };
+    let (folder, corpus) = new("sets-two-files");
+    generate(&corpus, &["--part", "80/330"]);
+    let file = |format: &str| {
+        let out = folder.join(format).display().to_string();
+        let arguments = ["corpus", "export", &corpus, "", "--format", format, "-o", &out];
+        let run = gaitway().args(arguments).output().expect("runs");
+        assert!(run.status.success(), "{}", words(&run));
+        let about = std::fs::read_to_string(Path::new(&out).join("export.json")).expect("a report");
+        let about: Value = serde_json::from_str(&about).expect("JSON");
+        Path::new(&out).join(about["trials"][0]["files"][0].as_str().expect("a file"))
+    };
+    let read = std::process::Command::new(&python.program)
+        .args(["-c", TWO_FILES])
+        .args([file("c3d"), file("axis-angle")])
+        .output()
+        .expect("Python");
+    assert!(read.status.success(), "{}", String::from_utf8_lossy(&read.stderr));
+    let read: Value = serde_json::from_slice(&read.stdout).expect("JSON");
+    assert!(read["worst_deg"].as_f64().expect("deg") < 0.02, "{read}");
+    assert!(read["pelvis_mm"].as_f64().expect("mm") < 1e-2, "{read}");
+    assert_eq!(read["frames"][0], read["frames"][1]);
+    assert_eq!((&read["rates"][0], &read["rates"][1]), (&Value::from(120.0), &Value::from(120.0)));
+    assert_eq!((&read["unit"], &read["labels"]), (&Value::from("mm"), &Value::from(22)));
+    assert_eq!(read["stature_m"], 1.75);
+}

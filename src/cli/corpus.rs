@@ -8,7 +8,7 @@ use crate::corpus::manifest::FiveChoices;
 use crate::error::Error;
 use crate::job::corpus::{
     self, AboutTrial, AddOrder, AskOrder, ExportFormat, ExportOrder, GenerateOrder, NewOrder,
-    RemoveOrder,
+    PlanOrder, RemoveOrder,
 };
 use clap::{Args, Subcommand};
 use std::path::PathBuf;
@@ -27,11 +27,13 @@ enum CorpusCommand {
     New(NewArgs),
     /// Add captures, sessions, actions and variations
     Add(Box<AddArgs>),
+    /// Say what is still to be recorded of a set, and by whom
+    Plan(PlanArgs),
     /// Fill a set with what the body model does: reaches, kicks, steps, ...
     Generate(GenerateArgs),
     /// Find trials, or frames, that answer a question
     Query(QueryArgs),
-    /// Pass trials on: as BVH, as the files they were, as labels of frames, on a robot's joints
+    /// Pass trials on: as BVH, C3D or axes and angles, as the files they were, as labels of frames, on a robot's joints
     Export(ExportArgs),
     /// Look through all of it: whole, readable, without doubles
     Check(CheckArgs),
@@ -129,6 +131,24 @@ struct AddArgs {
     output: Output,
 }
 
+/// Arguments of `corpus plan`.
+#[derive(Clone, Debug, Args)]
+#[command(after_help = include_str!("help/corpus-plan.txt"))]
+struct PlanArgs {
+    /// Folder of the corpus
+    corpus: PathBuf,
+    /// The set: praxicon, cross-validation, generalisation, composition, co-articulation, interaction
+    set: String,
+    /// Plan of a session that records what is missing
+    #[arg(short, long, value_name = "FILE.toml")]
+    output_file: Option<PathBuf>,
+    /// Picture of who and what is there
+    #[arg(long, value_name = "FILE.svg")]
+    plot: Option<PathBuf>,
+    #[command(flatten)]
+    output: Output,
+}
+
 /// Arguments of `corpus generate`.
 #[derive(Clone, Debug, Args)]
 #[command(after_help = include_str!("help/corpus-generate.txt"))]
@@ -181,7 +201,7 @@ struct ExportArgs {
     /// Which trials, as `corpus query` takes it; all if it is empty
     #[arg(default_value = "")]
     question: String,
-    /// bvh, source, labels, robot-csv, robot-npz, unitree-csv, or lerobot
+    /// bvh, c3d, axis-angle, source, labels, robot-csv, robot-npz, unitree-csv, or lerobot
     #[arg(long, value_name = "FORMAT")]
     format: String,
     /// The robot of the formats that are of one, by name or file
@@ -239,6 +259,7 @@ pub fn run(args: &CorpusArgs, remarks: Remarks) -> Result<i32, Error> {
     match &args.command {
         CorpusCommand::New(args) => new(args),
         CorpusCommand::Add(args) => add(args, remarks),
+        CorpusCommand::Plan(args) => plan(args),
         CorpusCommand::Generate(args) => generate(args, remarks),
         CorpusCommand::Query(args) => query(args),
         CorpusCommand::Export(args) => export(args, remarks),
@@ -291,6 +312,14 @@ fn add(args: &AddArgs, remarks: Remarks) -> Result<i32, Error> {
     let signals = Signals::listened()?;
     let added = corpus::add(&order, &Terminal::new(remarks, &signals))?;
     Ok(args.output.conclude(&added, &added.words(), Deed::Work, added.outcome.exit_code()))
+}
+
+fn plan(args: &PlanArgs) -> Result<i32, Error> {
+    args.output.check_files(&[&args.output_file, &args.plot])?;
+    let (file, plot, replace) = (args.output_file.clone(), args.plot.clone(), args.output.force());
+    let (corpus, set) = (args.corpus.clone(), args.set.clone());
+    let planned = corpus::plan(&PlanOrder { corpus, set, file, plot, replace })?;
+    Ok(args.output.conclude(&planned, &planned.words(), Deed::Look, 0))
 }
 
 fn generate(args: &GenerateArgs, remarks: Remarks) -> Result<i32, Error> {

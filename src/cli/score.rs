@@ -6,9 +6,11 @@ use super::{Deed, Output, Remarks};
 use crate::error::Error;
 use crate::job::Observer;
 use crate::job::recognise::EquationReading;
+use crate::job::score::agreement::agreement;
 use crate::job::score::motions::{
     MotionScore, MotionScoreOrder, generalisation, identification, transitioning,
 };
+use crate::job::score::retargeting::retargeting;
 use crate::job::score::splicing::splicing;
 use crate::job::score::{ClassificationOrder, Half, classification};
 use clap::{Args, Subcommand};
@@ -25,6 +27,8 @@ pub struct ScoreArgs {
 enum ScoreCommand {
     /// How well actions are recognised in a folder of labelled clips
     Classification(Box<ClassificationArgs>),
+    /// How much of what people do is left on a robot
+    Retargeting(RetargetingArgs),
     /// How well a motion to a new target is made of those to others
     Generalisation(MotionArgs),
     /// How well a gap between one motion and the next is filled
@@ -33,6 +37,8 @@ enum ScoreCommand {
     Splicing(MotionArgs),
     /// How well it is told who moves
     Identification(MotionArgs),
+    /// How far those who wrote labels agree, frame by frame
+    Agreement(MotionArgs),
 }
 
 /// Arguments of the scores of motions.
@@ -49,6 +55,16 @@ struct MotionArgs {
     seed: u64,
     #[command(flatten)]
     output: Output,
+}
+
+/// Arguments of `score retargeting`.
+#[derive(Clone, Debug, Args)]
+struct RetargetingArgs {
+    /// The robot, by name or file
+    #[arg(long)]
+    robot: String,
+    #[command(flatten)]
+    motion: MotionArgs,
 }
 
 /// Arguments of `score classification`.
@@ -91,10 +107,14 @@ fn half(text: &str) -> Result<Half, String> {
 pub fn run(args: &ScoreArgs, remarks: Remarks) -> Result<i32, Error> {
     let args = match &args.command {
         ScoreCommand::Classification(args) => args,
+        ScoreCommand::Retargeting(RetargetingArgs { robot, motion: args }) => {
+            return motion(args, remarks, |order, observer| retargeting(order, robot, observer));
+        }
         ScoreCommand::Generalisation(args) => return motion(args, remarks, generalisation),
         ScoreCommand::Transitioning(args) => return motion(args, remarks, transitioning),
         ScoreCommand::Splicing(args) => return motion(args, remarks, splicing),
         ScoreCommand::Identification(args) => return motion(args, remarks, identification),
+        ScoreCommand::Agreement(args) => return motion(args, remarks, |of, _| agreement(of)),
     };
     args.output.check_files(&[])?;
     let order = ClassificationOrder {

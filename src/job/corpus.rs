@@ -4,12 +4,15 @@ mod about;
 mod add;
 mod ask;
 mod check;
+mod coverage_plot;
 mod export;
 pub(in crate::job) mod generate;
 mod labels;
 mod lerobot;
 mod npz;
+mod plan;
 mod remove;
+mod trial;
 mod variations;
 mod words;
 
@@ -19,7 +22,9 @@ pub use ask::{Answer, AskOrder, AskReport, ask};
 pub use check::{CheckReport, Fault as CorpusFault, check};
 pub use export::{ExportFormat, ExportOrder, ExportReport, ExportedTrial, Withheld, export};
 pub use generate::{GenerateOrder, GenerateReport, GeneratedTrial, generate};
+pub use plan::{PlanOrder, PlanReport, PlannedState, plan};
 pub use remove::{RemoveOrder, RemoveReport, remove};
+pub(in crate::job) use trial::capture_of;
 
 use crate::corpus::manifest::{CorpusManifest, FiveChoices, SCHEMA};
 use crate::corpus::store::Store;

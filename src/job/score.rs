@@ -20,8 +20,10 @@ use std::path::PathBuf;
 
 use corruption::Corruption;
 
+pub mod agreement;
 mod corruption;
 pub mod motions;
+pub mod retargeting;
 pub mod splicing;
 mod words;
 

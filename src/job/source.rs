@@ -24,7 +24,7 @@ use crate::mocap::opensim as mocap_opensim;
 use crate::mocap::retarget::{self, Retargeted, TrunkLean};
 use crate::mocap::siblings::{self, SegmentFrames};
 use crate::motion::Path as JointPath;
-use crate::retarget::adjust::{Adjusting, adjust};
+use crate::retarget::adjust::{self, Adjusting, adjust};
 use crate::retarget::limbs::RobotLimbs;
 use crate::retarget::toe::Toe;
 use crate::retarget::{Footfall, footfall};
@@ -253,6 +253,33 @@ pub(super) fn of_person(
     let person = Some(capture);
     let of_person = true;
     Ok(RobotMotion { name, source, notes, only, retargeted, person, footfalls, clock, of_person })
+}
+
+/// What a person does with the angles of the body copied, joint by joint: what the fit is measured by.
+///
+/// # Errors
+/// As [`of_person`].
+pub(super) fn copied(robot: &Robot, name: &str, capture: Capture) -> Result<RobotMotion, Error> {
+    let model = robot_model(robot)?;
+    let initial_rad: Vec<f64> = robot.joints.iter().map(|joint| joint.initial_rad).collect();
+    let mut retargeted = retarget::copied(&capture, &model, &initial_rad)?;
+    let limits_rad: Vec<(f64, f64)> =
+        model.joints.iter().map(|joint| (joint.lower_rad, joint.upper_rad)).collect();
+    adjust::drawn_in(&limits_rad, &mut retargeted.positions_rad)?;
+    let Capture { poses, tracked, stature_m, rate_hz, .. } = &capture;
+    let base = model.base.first().copied().unwrap_or(Segment::Pelvis);
+    let footfalls = footfall::of_person(poses, tracked, *stature_m, *rate_hz, base)?;
+    Ok(RobotMotion {
+        name: name.to_owned(),
+        source: Source::default(),
+        notes: retargeted.notes.clone(),
+        only: Vec::new(),
+        retargeted,
+        person: Some(capture),
+        footfalls,
+        clock: Vec::new(),
+        of_person: true,
+    })
 }
 
 /// What is moved.

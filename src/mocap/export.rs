@@ -1,12 +1,15 @@
-//! A motion of the body model as a BVH file: centimetres, Y up, facing +Z, standing in N pose at
-//! zero, one joint per segment.
+//! A motion of the body model as a BVH file (centimetres, Y up, facing +Z, standing in N pose at
+//! zero, one joint per segment) and as markers on its joints and ends (millimetres, X forward, Z up).
 
 use super::bvh::{Axis, Bvh, Channel, Joint};
+use super::markers::{Frame, Head, MarkerFormat, MarkerPoint, Markers, PointKind, PointSample};
 use crate::body::proportions::proximal_joint;
-use crate::body::{End, Proportions, Segment, SegmentPose};
+use crate::body::{self, End, Proportions, Segment, SegmentPose};
+use crate::error::Error;
 use glam::{DQuat, DVec3, EulerRot};
 
 const CM_PER_M: f64 = 100.0;
+const MM_PER_M: f64 = 1000.0;
 /// Values are rounded to this many parts of a degree or centimetre.
 const PARTS: f64 = 1e4;
 
@@ -27,6 +30,54 @@ const fn joint_name(segment: Segment) -> &'static str {
         Segment::RightShank => "RightLeg",
         Segment::RightFoot => "RightFoot",
     }
+}
+
+const fn end_name(end: End) -> &'static str {
+    match end {
+        End::HeadTop => "head_top",
+        End::LeftFingertip => "left_fingertip",
+        End::RightFingertip => "right_fingertip",
+        End::LeftHeel => "left_heel",
+        End::LeftToe => "left_toe",
+        End::RightHeel => "right_heel",
+        End::RightToe => "right_toe",
+    }
+}
+
+/// Joints and ends of a body in motion, as points that a model computed.
+///
+/// # Errors
+/// Too many for the memory.
+pub fn markers_of(
+    poses: &[SegmentPose],
+    body: &Proportions,
+    rate_hz: f64,
+) -> Result<Markers, Error> {
+    let names = body::Joint::ALL.map(body::Joint::name).into_iter().chain(End::ALL.map(end_name));
+    let mut head = Head::new(MarkerFormat::C3d);
+    head.points = names
+        .map(|name| MarkerPoint {
+            label: name.to_owned(),
+            description: "of the body model".to_owned(),
+            kind: PointKind::Modelled,
+            unit: String::new(),
+        })
+        .collect();
+    head.unit = "mm".to_owned();
+    head.screen = ["+X".to_owned(), "+Z".to_owned()];
+    head.frames = poses.len();
+    head.set_rate(rate_hz);
+    let mut markers = Markers::with_room(head)?;
+    for pose in poses {
+        let at = body.positions(pose);
+        let seen = |at_m: &DVec3| {
+            let position = (*at_m * MM_PER_M).as_vec3().to_array();
+            Some(PointSample { position, residual: 0.0, cameras: 0 })
+        };
+        let points = at.joints_m.iter().chain(&at.ends_m).map(seen).collect();
+        markers.push(&Frame { points, analog: Vec::new() });
+    }
+    Ok(markers)
 }
 
 const fn end_of(segment: Segment) -> Option<End> {

@@ -31,12 +31,14 @@ use glam::{DQuat, DVec3};
 use serde::Serialize;
 
 pub mod banded;
+mod copied;
 mod exact;
 mod group;
 mod online;
 mod refine;
 mod solve;
 
+pub use copied::copied;
 use group::Group;
 pub use online::Online;
 
@@ -193,13 +195,22 @@ pub fn retarget(
             exact::lay_over(&group, capture, rests, &mut wanted_rad);
         }
     }
+    judged(capture, model, wanted_rad, settings.margin_rad, notes)
+}
+
+/// Bends angles into the limits, and says what that and the robot's build cost.
+fn judged(
+    capture: &Capture,
+    model: &RobotModel,
+    wanted_rad: Vec<Vec<f64>>,
+    margin_rad: f64,
+    mut notes: Vec<String>,
+) -> Result<Retargeted, Error> {
     let positions_rad: Vec<Vec<f64>> = wanted_rad
         .iter()
         .zip(&model.joints)
         .map(|(series, joint)| {
-            let bent = |angle: &f64| {
-                saturate(*angle, joint.lower_rad, joint.upper_rad, settings.margin_rad)
-            };
+            let bent = |angle: &f64| saturate(*angle, joint.lower_rad, joint.upper_rad, margin_rad);
             series.iter().map(bent).collect()
         })
         .collect();
@@ -213,7 +224,7 @@ pub fn retarget(
         .collect();
     let count = capture.poses.len().max(1) as f64;
     let at_limit = |(held, joint): (&Vec<f64>, &ModelJoint)| {
-        let inside = joint.lower_rad + settings.margin_rad..=joint.upper_rad - settings.margin_rad;
+        let inside = joint.lower_rad + margin_rad..=joint.upper_rad - margin_rad;
         held.iter().filter(|angle| !inside.contains(*angle)).count() as f64 / count
     };
     let at_limit_share: Vec<f64> = positions_rad.iter().zip(&model.joints).map(at_limit).collect();

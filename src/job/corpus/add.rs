@@ -9,6 +9,7 @@ use crate::corpus::licence::{Licence, UNKNOWN};
 use crate::corpus::query::Question;
 use crate::corpus::rows::{Consent, LabelEntry, SubjectEntry, TrialEntry, TrialKind};
 use crate::corpus::select::Selection;
+use crate::corpus::sets::PlannedSet;
 use crate::corpus::store::{NewTrial, Store, check_name, hash_of};
 use crate::corpus::tables::{LABELS, TRIALS, TrialFrames};
 use crate::error::{Error, ErrorKind};
@@ -332,10 +333,18 @@ impl<'a> Planning<'a> {
             let poses = trial.angles.iter().filter(|file| file.ends_with(".bvh"));
             for (file, subject) in poses.zip(&trial.subjects) {
                 let path = folder.join(file);
-                let about = self.said(Some(&path)).or(&AboutTrial {
+                let said = self.said(Some(&path));
+                // A trial that was planned for a set is called as it is there.
+                let planned = said.set.as_deref().and_then(PlannedSet::of).and_then(|set| {
+                    set.trials().into_iter().find(|planned| planned.name == trial.action)
+                });
+                let parameters = planned.iter().flat_map(|of| &of.parameters);
+                let action = planned.as_ref().map_or(trial.action.as_str(), |of| of.action);
+                let about = said.or(&AboutTrial {
                     name: Some(trial.name.clone()),
                     set: Some("sessions".to_owned()),
-                    action: Some(trial.action.clone()),
+                    action: Some(action.to_owned()),
+                    parameters: parameters.map(|(name, of)| ((*name).to_owned(), *of)).collect(),
                     subject: Some(subject.clone()),
                     session: Some(manifest.session.clone()),
                     verdict: Some(verdict.to_owned()),

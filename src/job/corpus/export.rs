@@ -4,7 +4,8 @@ use super::super::retarget::{RobotClip, robot_clip};
 use super::super::source::{joints, untitled};
 use super::lerobot::{Dataset, Episode};
 use super::npz;
-use crate::body::{Proportions, Segment, segment_name};
+use super::trial::capture_of;
+use crate::body::Proportions;
 use crate::corpus::licence::Licence;
 use crate::corpus::query::Question;
 use crate::corpus::rows::{Consent, TrialEntry};
@@ -17,8 +18,8 @@ use crate::error::{Error, ErrorKind};
 use crate::job::pending::go_on;
 use crate::job::report::Outcome;
 use crate::job::{Event, Observer};
-use crate::mocap::anatomy::Capture;
-use crate::mocap::{bvh, export};
+use crate::mocap::markers::FramesOf;
+use crate::mocap::{bvh, c3d, export};
 use crate::recording;
 use crate::rigid::Placement;
 use crate::robot::{Robot, RobotBody};
@@ -33,6 +34,10 @@ use std::path::{Path, PathBuf};
 pub enum ExportFormat {
     /// The body model in motion, a BVH file for each.
     Bvh,
+    /// Markers on joints and ends of the body model, a C3D file for each.
+    C3d,
+    /// Turns of the body model's segments as axes and angles, a `.npz` for each with the keys of AMASS.
+    AxisAngle,
     /// The files that were added, byte for byte: C3D where it was markers.
     Source,
     /// Labels of frames, a line for each: 1.0, 0.5 or 0.0, in `TRIAL/LABEL.txt`.
@@ -51,8 +56,10 @@ pub enum ExportFormat {
 
 impl ExportFormat {
     /// All of them.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 9] = [
         Self::Bvh,
+        Self::C3d,
+        Self::AxisAngle,
         Self::Source,
         Self::Labels,
         Self::RobotCsv,
@@ -66,6 +73,8 @@ impl ExportFormat {
     pub const fn word(self) -> &'static str {
         match self {
             Self::Bvh => "bvh",
+            Self::C3d => "c3d",
+            Self::AxisAngle => "axis-angle",
             Self::Source => "source",
             Self::Labels => "labels",
             Self::RobotCsv => "robot-csv",
@@ -537,6 +546,26 @@ impl Writing<'_> {
                 })?;
                 exported.files.push(name);
             }
+            ExportFormat::C3d => {
+                let name = format!("{stem}.c3d");
+                self.write(&name, || {
+                    let body = Proportions::of_stature(entry.body_stature_m)?;
+                    let poses = self.frames(entry)?.poses();
+                    let markers = export::markers_of(&poses, &body, entry.rate_hz)?;
+                    let mut bytes = Vec::new();
+                    c3d::write::write(&mut bytes, &mut FramesOf::new(&markers))?;
+                    Ok(bytes)
+                })?;
+                exported.files.push(name);
+            }
+            ExportFormat::AxisAngle => {
+                let name = format!("{stem}.npz");
+                self.write(&name, || {
+                    let poses = self.frames(entry)?.poses();
+                    Ok(npz::of_person(&poses, entry.rate_hz, entry.body_stature_m))
+                })?;
+                exported.files.push(name);
+            }
             ExportFormat::Source => {
                 let source = entry.source_file.as_deref().unwrap_or_default();
                 let ending = source.rsplit('.').next().unwrap_or("bin");
@@ -626,16 +655,7 @@ impl Writing<'_> {
     }
 
     fn clip(&self, robot: &Robot, entry: &TrialEntry, rate_hz: f64) -> Result<RobotClip, Error> {
-        let unseen: Vec<&str> =
-            entry.untracked.as_deref().unwrap_or_default().split_whitespace().collect();
-        let capture = Capture {
-            rate_hz: entry.rate_hz,
-            poses: self.frames(entry)?.poses(),
-            tracked: Segment::ALL.map(|segment| !unseen.contains(&segment_name(segment))),
-            stature_m: entry.body_stature_m,
-            is_made: entry.synthetic,
-            notes: Vec::new(),
-        };
+        let capture = capture_of(entry, self.frames(entry)?.poses());
         robot_clip(robot, &entry.name, capture, rate_hz)
     }
 

@@ -132,11 +132,12 @@ pub struct GenerateReport {
 /// # Errors
 /// No corpus, a set that is not known, a wish to stop: given again, it goes on.
 pub fn generate(order: &GenerateOrder, observer: &dyn Observer) -> Result<GenerateReport, Error> {
-    let set = PlannedSet::ALL.into_iter().find(|set| set.word() == order.set).ok_or_else(|| {
-        let known: Vec<&str> = PlannedSet::ALL.iter().map(|set| set.word()).collect();
-        Error::of(ErrorKind::Unknown, "no set that can be generated is called so")
+    let set = PlannedSet::of(&order.set).filter(|set| *set == PlannedSet::Generalisation);
+    let set = set.ok_or_else(|| {
+        Error::of(ErrorKind::Unknown, "no set that the body model can do is called so")
             .got(order.set.clone())
-            .allowed(known.join(", "))
+            .allowed(PlannedSet::Generalisation.word())
+            .remedy("`gaitway corpus plan DIR SET` plans what people are to do")
     })?;
     let (part, of) = order.part.unwrap_or((1, 1));
     let planned: Vec<(usize, PlannedTrial)> =

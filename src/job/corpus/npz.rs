@@ -1,10 +1,13 @@
-//! A robot's motion as learners of whole-body tracking read it: a `.npz` of positions and velocities of joints and links.
+//! Motions as NumPy reads them. Of a robot, for learners of whole-body tracking: a `.npz` of positions and velocities of
+//! joints and links. Of a person: turns of segments as axes and angles, with the keys that AMASS has (Mahmood et al., "AMASS:
+//! Archive of motion capture as surface shapes", ICCV 2019), of our own body and not of SMPL's.
 //!
 //! Keys and shapes are those that the `MotionLoader` of BeyondMimic reads (`whole_body_tracking/tasks/tracking/mdp/commands.py`
 //! of HybridRobotics/whole_body_tracking, and mjlab after it): `fps`, `joint_pos`, `joint_vel`, `body_pos_w`, `body_quat_w`
 //! (w x y z), `body_lin_vel_w`, `body_ang_vel_w`. It goes by index, and simulators order links differently; so `joint_names`
 //! and `body_names` stand beside them. The file is a ZIP (PKWARE's APPNOTE) of arrays in NumPy's format 1.0, not packed.
 
+use crate::body::{Segment, SegmentPose, segment_name};
 use crate::recording::crc32;
 use crate::rigid::Placement;
 use crate::robot::RobotBody;
@@ -159,6 +162,44 @@ pub(super) fn written(
         ),
         Array::names("joint_names", joints),
         Array::names("body_names", &names),
+    ])
+}
+
+/// The file of a person's motion: `poses` (each frame the axis times the angle of each segment against the one before
+/// it, rad, the pelvis against the world: as long as there are segments, three each), `trans` (the pelvis, m),
+/// `mocap_framerate`, and beside them `segment_names` and `stature_m`, since the body is not SMPL's and has no `betas`.
+pub(super) fn of_person(poses: &[SegmentPose], rate_hz: f64, stature_m: f64) -> Vec<u8> {
+    let turn = |pose: &SegmentPose, segment: Segment| {
+        let own = pose.orientation[segment.index()];
+        let before = segment.parent().map_or(DQuat::IDENTITY, |of| pose.orientation[of.index()]);
+        turned_rad(DQuat::IDENTITY, before.inverse() * own)
+    };
+    let turns: Vec<f64> = poses
+        .iter()
+        .flat_map(|pose| Segment::ALL.map(|segment| turn(pose, segment).to_array()).concat())
+        .collect();
+    let places = poses.iter().flat_map(|pose| pose.root_m.to_array());
+    let count = poses.len();
+    let single = |value: f64| value.to_le_bytes().to_vec();
+    zipped(&[
+        Array::numbers("poses", vec![count, 3 * Segment::ALL.len()], turns.into_iter()),
+        Array::numbers("trans", vec![count, 3], places),
+        Array {
+            name: "mocap_framerate",
+            kind: "<f8".to_owned(),
+            shape: Vec::new(),
+            bytes: single(rate_hz),
+        },
+        Array {
+            name: "stature_m",
+            kind: "<f8".to_owned(),
+            shape: Vec::new(),
+            bytes: single(stature_m),
+        },
+        Array::names(
+            "segment_names",
+            &Segment::ALL.map(|segment| segment_name(segment).to_owned()),
+        ),
     ])
 }
 

@@ -2,7 +2,7 @@
 
 use super::{
     AddReport, AskReport, CheckReport, ExportReport, GenerateReport, GeneratedTrial, NewReport,
-    RemoveReport,
+    PlanReport, RemoveReport,
 };
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -44,6 +44,50 @@ impl AddReport {
         }
         for note in &self.notes {
             let _ = writeln!(text, "remark    {note}");
+        }
+        text
+    }
+}
+
+impl PlanReport {
+    /// How much is there, what is missing, and whom to ask.
+    #[must_use]
+    pub fn words(&self) -> String {
+        let Self { set, wanted, recorded, only_made, missing, people, .. } = self;
+        let mut text = format!(
+            "{set}: {recorded} of {wanted} recorded, {} trials missing, {only_made} of them made by the program\n",
+            missing.len()
+        );
+        if self.unasked > 0 {
+            let _ =
+                writeln!(text, "unasked   {} trials that the set does not ask for", self.unasked);
+        }
+        for of in missing.iter().take(MOST_LINES) {
+            let (planned, parts) = (&of.planned, of.parts_missing.join(", "));
+            let who = if planned.people > 1 {
+                format!(" ({} of {} people)", of.done_by, planned.people)
+            } else {
+                String::new()
+            };
+            let lacks = if parts.is_empty() { parts } else { format!(" [nobody yet: {parts}]") };
+            let _ = writeln!(text, "missing   {:18} {}{who}{lacks}", planned.name, planned.explain);
+        }
+        more(&mut text, "missing", missing.len());
+        let _ = writeln!(
+            text,
+            "people    {people} whose stature and mass are known; to be asked next:"
+        );
+        for of in &self.next_people {
+            let gender = of.gender.as_deref().map_or_else(String::new, |of| format!(", {of}"));
+            let [from, to] = of.age_years;
+            let _ = writeln!(
+                text,
+                "          {:.2} m, {:.0} kg, {from} to {to} years{gender}",
+                of.stature_m, of.mass_kg
+            );
+        }
+        for file in &self.written {
+            let _ = writeln!(text, "wrote     {file}");
         }
         text
     }

@@ -5,10 +5,10 @@
 
 use crate::body::{Proportions, SegmentPose};
 use crate::corpus::query::Question;
-use crate::corpus::rows::{PARAMETERS, TrialEntry};
+use crate::corpus::rows::{LabelEntry, PARAMETERS, TrialEntry};
 use crate::corpus::select::Selection;
 use crate::corpus::store::Store;
-use crate::corpus::tables::TrialFrames;
+use crate::corpus::tables::{LABELS, TrialFrames};
 use crate::error::{Error, ErrorKind};
 use crate::job::pending::go_on;
 use crate::job::report::Outcome;
@@ -22,7 +22,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 /// Instants of a motion at which two are compared.
-const INSTANTS: usize = 40;
+pub(super) const INSTANTS: usize = 40;
 /// Neighbours of a target of which a motion is made.
 const NEIGHBOURS: usize = 8;
 /// Fewer trials of an action are not judged.
@@ -58,6 +58,21 @@ pub struct Baseline {
     pub interval: [f64; 2],
 }
 
+/// A feature of a motion, as far as it is kept.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct FeatureKept {
+    /// What it is.
+    pub what: &'static str,
+    /// In which unit.
+    pub unit: &'static str,
+    /// Its mean over the trials that have it; none if none has.
+    pub value: Option<f64>,
+    /// Its 95 % interval.
+    pub interval: Option<[f64; 2]>,
+    /// The mean with angles that are copied.
+    pub baseline: Option<f64>,
+}
+
 /// A score.
 #[derive(Clone, Debug, Serialize)]
 pub struct MotionScore {
@@ -83,15 +98,22 @@ pub struct MotionScore {
     pub bound: Option<(&'static str, f64)>,
     /// The figure by class.
     pub per_class: BTreeMap<String, f64>,
+    /// Of retargeting: what else is kept, and what it costs.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub features: Vec<FeatureKept>,
     /// Things that were judged.
     pub judged: u64,
     /// What was not judged, and why.
-    pub passed_over: BTreeMap<&'static str, u64>,
+    pub passed_over: BTreeMap<String, u64>,
     /// Of what was drawn.
     pub seed: u64,
 }
 
 impl MotionScore {
+    pub(super) fn pass_over(&mut self, why: &str, count: u64) {
+        *self.passed_over.entry(why.to_owned()).or_default() += count;
+    }
+
     /// Tells errors, and those of simpler ways, which each have what they are before them.
     pub(super) fn tell<'a>(
         &mut self,
@@ -131,6 +153,11 @@ impl Held {
         self.frames.signals.iter().map(between).collect()
     }
 
+    /// Poses at [`INSTANTS`].
+    pub(super) fn poses(&self) -> Vec<SegmentPose> {
+        poses(&self.all())
+    }
+
     fn all(&self) -> Vec<Vec<f64>> {
         (0..INSTANTS).map(|at| self.at(at as f64 / (INSTANTS - 1) as f64)).collect()
     }
@@ -163,7 +190,7 @@ pub(super) fn mean(values: &[f64]) -> f64 {
 
 /// Where the mean lies in 95 of 100 cases, of values drawn anew with repetition (Efron, "Bootstrap methods: another look at
 /// the jackknife", 1979).
-fn mean_interval(values: &[f64], seed: u64) -> [f64; 2] {
+pub(super) fn mean_interval(values: &[f64], seed: u64) -> [f64; 2] {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut means: Vec<f64> = (0..DRAWS)
         .map(|_| {
@@ -179,7 +206,7 @@ pub(super) struct Judging<'a> {
     order: &'a MotionScoreOrder,
     store: Store,
     pub(super) trials: Vec<Held>,
-    passed_over: BTreeMap<&'static str, u64>,
+    passed_over: BTreeMap<String, u64>,
 }
 
 impl<'a> Judging<'a> {
@@ -195,7 +222,7 @@ impl<'a> Judging<'a> {
         let all = entries.len();
         entries.retain(|entry| entry.place.is_some());
         if entries.len() < all {
-            passed_over.insert("frames are not kept", (all - entries.len()) as u64);
+            passed_over.insert("frames are not kept".to_owned(), (all - entries.len()) as u64);
         }
         entries.sort_by(|a, b| (&a.set, &a.action, &a.name).cmp(&(&b.set, &b.action, &b.name)));
         let mut trials = Vec::new();
@@ -210,6 +237,17 @@ impl<'a> Judging<'a> {
                 .remedy("`gaitway corpus generate DIR generalisation` makes some"));
         }
         Ok(Self { order, store, trials, passed_over })
+    }
+
+    /// Labels by trial.
+    pub(super) fn labels(&self) -> Result<BTreeMap<String, Vec<LabelEntry>>, Error> {
+        let mut found: BTreeMap<String, Vec<LabelEntry>> = BTreeMap::new();
+        for note in self.store.files(LABELS) {
+            for of in self.store.labels_in(note)? {
+                found.entry(of.trial.clone()).or_default().push(of);
+            }
+        }
+        Ok(found)
     }
 
     pub(super) fn report(
@@ -229,6 +267,7 @@ impl<'a> Judging<'a> {
             baselines: Vec::new(),
             bound: None,
             per_class: BTreeMap::new(),
+            features: Vec::new(),
             judged: 0,
             passed_over: self.passed_over,
             seed: self.order.seed,
@@ -331,7 +370,7 @@ pub fn generalisation(
         go_on(observer)?;
         let count = group.len() as u64;
         if group.len() < FEWEST || figures == 0 {
-            *report.passed_over.entry("too few of an action with targets").or_default() += count;
+            report.pass_over("too few of an action with targets", count);
             continue;
         }
         observer.hear(Event::Step {
@@ -403,7 +442,7 @@ pub fn transitioning(
         go_on(observer)?;
         let gap = (GAP_S * held.entry.rate_hz).round() as usize;
         if gap < 4 || held.frames() < 3 * gap {
-            *report.passed_over.entry("shorter than three gaps").or_default() += 1;
+            report.pass_over("shorter than three gaps", 1);
             continue;
         }
         let body = Proportions::of_stature(held.entry.body_stature_m)?;
@@ -469,7 +508,7 @@ pub fn identification(
     let mut by_action: BTreeMap<String, Vec<Held>> = BTreeMap::new();
     for held in trials {
         if held.entry.subject.is_none() {
-            *report.passed_over.entry("nobody knows who did it").or_default() += 1;
+            report.pass_over("nobody knows who did it", 1);
         } else {
             by_action.entry(held.entry.action.clone()).or_default().push(held);
         }
@@ -480,7 +519,7 @@ pub fn identification(
         let who = |at: usize| group[at].entry.subject.clone().unwrap_or_default();
         let alone = (0..group.len()).all(|at| who(at) == who(0));
         if alone {
-            *report.passed_over.entry("done by one person only").or_default() += group.len() as u64;
+            report.pass_over("done by one person only", group.len() as u64);
             continue;
         }
         let bodies = group.iter().map(|of| Proportions::of_stature(of.entry.body_stature_m));

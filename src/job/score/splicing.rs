@@ -169,10 +169,7 @@ pub fn splicing(order: &MotionScoreOrder, observer: &dyn Observer) -> Result<Mot
         let (under, over) = (parts(under), parts(over));
         for truth in truths {
             if under.is_empty() || over.is_empty() {
-                *report
-                    .passed_over
-                    .entry("an action of the two is not there alone")
-                    .or_default() += 1;
+                report.pass_over("an action of the two is not there alone", 1);
                 continue;
             }
             let body = Proportions::of_stature(truth.entry.body_stature_m)?;
@@ -219,7 +216,7 @@ pub fn splicing(order: &MotionScoreOrder, observer: &dyn Observer) -> Result<Mot
             }
             if errors[0].len() == before {
                 let why = "it, or an action of the two alone, is shorter than a second";
-                *report.passed_over.entry(why).or_default() += 1;
+                report.pass_over(why, 1);
                 continue;
             }
             report.judged += 1;

@@ -138,6 +138,16 @@ impl MotionScore {
             let value = if self.unit == "share" { 1e2 * value } else { value };
             let _ = writeln!(text, "bound     {value:.1}: {what}");
         }
+        if !self.features.is_empty() {
+            let _ = writeln!(text, "features  {:46} {:>8} {:>8}", "", "value", "copied");
+        }
+        for feature in &self.features {
+            let number =
+                |of: Option<f64>| of.map_or_else(|| "-".to_owned(), |of| format!("{of:.1}"));
+            let what = format!("{}, {}", feature.what, feature.unit);
+            let [value, copied] = [feature.value, feature.baseline].map(number);
+            let _ = writeln!(text, "  {what:54} {value:>8} {copied:>8}");
+        }
         for (class, value) in &self.per_class {
             let value = if self.unit == "share" { 1e2 * value } else { *value };
             let _ = writeln!(text, "  {class:24} {value:8.1}");
