@@ -1,6 +1,5 @@
 //! A picture of what a corpus has of a set, and whom it lacks.
 
-use super::plan::PlannedState;
 use crate::corpus::coverage::{KnownPerson, NextPerson, hull};
 use crate::corpus::sets::PlannedSet;
 use std::fmt::Write as _;
@@ -18,15 +17,27 @@ const STYLE: &str = "<style>text{font:12px sans-serif;fill:#222}.hull{fill:#8881
 .next{fill:none;stroke:#d55e00;stroke-width:2}.done{fill:#009e73}.made{fill:#e69f00}.none{fill:none;stroke:#888}\
 @media(prefers-color-scheme:dark){svg{background:#111}text{fill:#ddd}}</style>";
 
+/// A trial that is asked for.
+pub(super) struct Square<'a> {
+    /// What it is called.
+    pub name: &'a str,
+    /// How many people are to do it.
+    pub people: u32,
+    /// How many did.
+    pub done_by: usize,
+    /// Trials of it that the program made.
+    pub made: usize,
+}
+
 /// As SVG: people by stature and mass, with those who are to be asked next; and every trial as a square, filled if a
 /// person did it, or if the program made it.
 pub(super) fn drawn(
     set: PlannedSet,
-    states: &[PlannedState],
+    squares: &[Square<'_>],
     people: &[KnownPerson],
     next: &[NextPerson],
 ) -> String {
-    let rows = states.len().div_ceil(IN_ROW) as f64;
+    let rows = squares.len().div_ceil(IN_ROW) as f64;
     let height = HEIGHT_PX.max(2.0 * EDGE_PX + 30.0 + rows * SQUARE_PX);
     let mut svg = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {} {height}\" role=\"img\" aria-label=\"coverage\">{STYLE}",
@@ -90,16 +101,16 @@ pub(super) fn drawn(
             at + 1
         );
     }
-    let done = states.iter().filter(|of| of.done_by > 0).count();
-    let made = states.iter().filter(|of| of.done_by == 0 && of.made > 0).count();
+    let done = squares.iter().filter(|of| of.done_by > 0).count();
+    let made = squares.iter().filter(|of| of.done_by == 0 && of.made > 0).count();
     let left = HALF_PX + EDGE_PX;
     let _ = write!(
         svg,
         "<text x=\"{left}\" y=\"22\">{}: {} trials, {done} done by people (green), {made} only made (orange)</text>",
         set.word(),
-        states.len()
+        squares.len()
     );
-    for (at, of) in states.iter().enumerate() {
+    for (at, of) in squares.iter().enumerate() {
         let x = left + (at % IN_ROW) as f64 * SQUARE_PX * 0.95;
         let y = EDGE_PX + (at / IN_ROW) as f64 * SQUARE_PX;
         let class = match (of.done_by, of.made) {
@@ -111,7 +122,7 @@ pub(super) fn drawn(
         let _ = write!(
             svg,
             "<rect class=\"{class}\" x=\"{x:.1}\" y=\"{y:.1}\" width=\"13\" height=\"13\"><title>{}: {} of {}</title></rect>",
-            of.planned.name, of.done_by, of.planned.people
+            of.name, of.done_by, of.people
         );
     }
     svg.push_str("</svg>\n");

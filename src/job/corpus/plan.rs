@@ -1,6 +1,6 @@
 //! What is still to be recorded of a set, and by whom.
 
-use super::coverage_plot;
+use super::coverage_plot::{self, Square};
 use crate::body::anthropometry::Measure;
 use crate::corpus::coverage::{KnownPerson, NextPerson, next_people};
 use crate::corpus::query::Question;
@@ -53,6 +53,11 @@ pub struct PlannedState {
 }
 
 impl PlannedState {
+    fn square(&self) -> Square<'_> {
+        let Self { planned, done_by, made, .. } = self;
+        Square { name: &planned.name, people: planned.people, done_by: *done_by, made: *made }
+    }
+
     /// How many people are still to do it.
     fn left(&self) -> usize {
         (self.planned.people as usize).saturating_sub(self.done_by)
@@ -136,7 +141,8 @@ pub fn plan(order: &PlanOrder) -> Result<PlanReport, Error> {
         report.written.push(path.display().to_string());
     }
     if let Some(path) = &order.plot {
-        let plot = coverage_plot::drawn(set, &states, &people, &report.next_people);
+        let squares: Vec<Square<'_>> = states.iter().map(PlannedState::square).collect();
+        let plot = coverage_plot::drawn(set, &squares, &people, &report.next_people);
         write_file(path, order.replace, plot.as_bytes())?;
         report.written.push(path.display().to_string());
     }
