@@ -107,7 +107,7 @@ fn rows<const N: usize>(table: &'static str) -> impl Iterator<Item = [&'static s
 
 /// An action of the vocabulary.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-pub struct Word {
+pub struct Verb {
     /// Its name.
     pub action: &'static str,
     /// What is said to whoever does it.
@@ -123,8 +123,8 @@ pub struct Word {
 }
 
 /// The vocabulary, with what is left out of it.
-pub fn vocabulary() -> impl Iterator<Item = Word> {
-    rows(PRAXICON).map(|[action, explain, concrete, observable, voluntary, dropped]| Word {
+pub fn vocabulary() -> impl Iterator<Item = Verb> {
+    rows(PRAXICON).map(|[action, explain, concrete, observable, voluntary, dropped]| Verb {
         action,
         explain,
         concrete: concrete == "yes",
@@ -390,7 +390,7 @@ mod tests {
 
     #[test]
     fn every_word_left_out_says_why_and_the_others_are_concrete_observable_and_voluntary() {
-        let words: Vec<Word> = vocabulary().collect();
+        let words: Vec<Verb> = vocabulary().collect();
         assert_eq!(words.len(), PRAXICON.lines().count() - 1, "every line is a row");
         for word in &words {
             let fits = word.concrete && word.observable && word.voluntary;
