@@ -104,6 +104,24 @@ fn a_plan_lists_what_nobody_did_leads_a_session_and_knows_its_trials_when_they_c
 }
 
 #[test]
+fn nothing_is_written_into_the_folder_of_a_corpus() {
+    let (_, moves) = new("inside");
+    let version = Path::new(&moves).join("version.json");
+    let before = fs::read(&version).expect("a version");
+    for (verb, file) in [("plan", "version.json"), ("query", "version.json"), ("plan", "new.toml")]
+    {
+        let file = shown(&Path::new(&moves).join(file));
+        let what = if verb == "plan" { "praxicon" } else { "" };
+        let run = gaitway().args(["corpus", verb, &moves, what, "-o", &file, "--force"]).output();
+        let run = run.expect("the program");
+        assert_eq!(run.status.code(), Some(1), "{verb} {file}");
+        assert!(words(&run).contains("outside"), "{}", words(&run));
+    }
+    assert_eq!(fs::read(&version).expect("a version"), before);
+    assert!(!Path::new(&moves).join("new.toml").exists());
+}
+
+#[test]
 fn a_composite_says_which_of_its_parts_nobody_did_alone_and_many_people_are_counted() {
     let (folder, moves) = new("parts");
     let composition = corpus(&["plan", &moves, "composition"]);

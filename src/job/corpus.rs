@@ -95,6 +95,24 @@ pub fn new(order: &NewOrder) -> Result<NewReport, Error> {
     })
 }
 
+/// Refuses a file in the folder of a corpus: everything there is the corpus's own.
+fn check_outside(corpus: &Path, file: &Path) -> Result<(), Error> {
+    // A file without a folder lies where one is.
+    let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty());
+    let folder = folder.unwrap_or_else(|| Path::new(".")).canonicalize();
+    let is_inside = match (corpus.canonicalize(), folder) {
+        (Ok(corpus), Ok(folder)) => folder.starts_with(corpus),
+        // What is not there is said by whoever opens it.
+        _ => false,
+    };
+    if is_inside {
+        return Err(Error::new("a file in a corpus would be taken for a part of it")
+            .at(shown(file))
+            .allowed(format!("a place outside {}", shown(corpus))));
+    }
+    Ok(())
+}
+
 fn shown(path: &Path) -> String {
     path.display().to_string()
 }

@@ -67,7 +67,10 @@ pub struct Answer {
 /// No corpus, a question that cannot be understood, tables that cannot be read, a table that cannot be written.
 pub fn ask(order: &AskOrder) -> Result<AskReport, Error> {
     let question = Question::parse(&order.question)?;
-    order.file.iter().try_for_each(|file| check_free(file, order.replace))?;
+    order.file.iter().try_for_each(|file| {
+        super::check_outside(&order.corpus, file)?;
+        check_free(file, order.replace)
+    })?;
     let mut tried = 0;
     loop {
         let store = Store::open(&order.corpus)?;

@@ -103,6 +103,8 @@ pub fn plan(order: &PlanOrder) -> Result<PlanReport, Error> {
             .got(order.set.clone())
             .allowed(PlannedSet::ALL.map(PlannedSet::word).join(", "))
     })?;
+    let files = [&order.file, &order.plot];
+    files.into_iter().flatten().try_for_each(|file| super::check_outside(&order.corpus, file))?;
     let store = Store::open(&order.corpus)?;
     let mut there: Vec<TrialEntry> = Vec::new();
     let all = Question::parse("")?;
