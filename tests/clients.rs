@@ -87,6 +87,11 @@ fn the_conformance_tables_are_what_the_runs_say() {
 }
 
 #[test]
+fn lerobot_finds_every_motor_of_its_robots_where_their_files_have_them() {
+    lerobot::robots();
+}
+
+#[test]
 fn dynamixel_sdk_can_do_everything_it_offers_with_protocol_2() {
     dynamixel_sdk::PROTOCOL_2.outcome();
 }

@@ -231,6 +231,34 @@ fn an_unknown_robot_or_bus_is_refused_with_what_there_is() {
 }
 
 #[test]
+fn what_is_mistyped_is_told_by_its_part() {
+    let folder = crate::program::folder("mistyped");
+    let table = folder.join("semicolons.csv").display().to_string();
+    std::fs::write(&table, "time_s;head_pan_rad\n0;0\n1;0,5\n").expect("a file");
+    let sim = ["--robot", "op3", "--bus", "sim"];
+    for (arguments, words) in [
+        (&["play", "walk", "--robot", "OP3", "--bus", "sim"][..], &["did you mean op3?"][..]),
+        (&[&["play", "WALK"][..], &sim].concat(), &["did you mean walk?"]),
+        (&[&["play", "walk,,bow"][..], &sim].concat(), &["the motion", "nothing"]),
+        (&[&["play", "walk:0s"][..], &sim].concat(), &["walk:0s", "at most 86400"]),
+        (&[&["play", "walk", "--mapping", "x.toml"][..], &sim].concat(), &["needs no mapping"]),
+        (&[&["play", &table][..], &sim].concat(), &["time_s;head_pan_rad", "by commas"]),
+        (&["scan", "serial:/dev/ttyUSB0?bud=9600"], &["write ?baud=N"]),
+        (&["scan", "serial:/dev/ttyUSB0?baud=abc"], &["write ?baud=N"]),
+        (&["scan", "tcp:127.0.0.1"], &["tcp:HOST:PORT"]),
+        (&["scan", "slcan:/dev/ttyACM0"], &["slcand"]),
+        (&["scan", &format!("serial:{table}")], &["it is no terminal"]),
+    ] {
+        let output = run(arguments);
+        assert!(!output.status.success(), "{arguments:?}");
+        assert_words(&crate::program::words(&output), words);
+    }
+    // What is right is told nothing of.
+    let right = crate::program::words(&run(&["scan", "serial:/nowhere?baud=9600"]));
+    assert!(right.contains("no such port") && !right.contains("?baud=N"), "{right}");
+}
+
+#[test]
 fn only_and_mirror_do_what_they_say() {
     let ranges = |more: &[&str]| -> Vec<(String, f64)> {
         let mut arguments = vec!["play", "walk", "--robot", "op3", "--bus", "sim", "--json", "-q"];

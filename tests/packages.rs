@@ -175,20 +175,50 @@ fn archive_and_debian_package_install_a_program_with_pages_completions_and_the_r
     run(Command::new("tar").arg("-C").arg(&unpacked).arg("-xzf").arg(find(".tar.gz")));
     let archive = fs::read_dir(&unpacked).expect("a folder").flatten().next().expect("one folder");
     if is_system {
-        // There it is run by its name, by who has nothing else.
-        let mut chroot = Command::new("chroot");
-        chroot.arg(&root).args(["gaitway", "play", "bow", "--robot", "op3", "--bus", "sim"]);
-        let played = run(chroot.args(["--json", "-q"]).env("HOME", "/root"));
-        assert_eq!(program::json(&played)["outcome"], "done");
+        // There it is run by its name, by who has nothing else: in a mount namespace of its own, for terminals.
+        let begin = "mount -t devpts -o newinstance,ptmxmode=0666 devpts \"$0/dev/pts\" && \
+                     exec chroot \"$0\" gaitway \"$@\"";
+        let installed = || {
+            let mut command = Command::new("unshare");
+            command.args(["--mount", "sh", "-c", begin]).arg(&root).env("HOME", "/root");
+            command
+        };
+        fs::create_dir_all(root.join("tmp/begun")).expect("a folder");
+        program::does_what_the_readme_begins_with(installed, "/tmp/begun");
+        fs::remove_dir_all(root.join("tmp/begun")).expect("it is gone");
         run(Command::new("chroot").arg(&root).args(["dpkg", "-r", "gaitway"]));
         assert!(!root.join("usr/bin/gaitway").exists(), "it is gone once it is removed");
     }
     let installed = (!is_system).then(|| root.join("usr/bin/gaitway"));
     for program in installed.into_iter().chain([archive.path().join("bin/gaitway")]) {
-        let play = ["play", "bow", "--robot", "op3", "--bus", "sim", "--json", "-q"];
-        let played = run(Command::new(&program).args(play).env("XDG_CONFIG_HOME", &root));
-        assert_eq!(program::json(&played)["outcome"], "done", "{}", program.display());
+        begins(&program, &folder("begun"));
     }
+}
+
+/// What the README begins with, done by this program for somebody who has nothing of Gaitway's.
+fn begins(program: &Path, folder: &Path) {
+    let installed = || {
+        let mut command = Command::new(program);
+        command.env("XDG_CONFIG_HOME", folder.join("nobody"));
+        command
+    };
+    program::does_what_the_readme_begins_with(installed, &folder.display().to_string());
+}
+
+#[test]
+fn cargo_installs_a_program_that_does_what_the_readme_begins_with() {
+    if std::env::var_os("GAITWAY_LONG").is_none() {
+        aloud!("SKIPPED: cargo install builds a release, with GAITWAY_LONG=1");
+        return;
+    }
+    let readme = fs::read_to_string(Path::new(ROOT).join("README.md")).expect("a README");
+    let told = readme.lines().find_map(|line| line.strip_prefix("cargo install "));
+    let told = told.and_then(|line| line.split(" #").next()).expect("how it is installed");
+    let root = folder("installed");
+    let mut cargo = Command::new(env!("CARGO"));
+    cargo.arg("install").args(told.split_whitespace()).arg("--root").arg(&root);
+    run(cargo.args(["--no-track", "--quiet"]).current_dir(ROOT));
+    begins(&root.join("bin/gaitway"), &folder("begun-by-cargo"));
 }
 
 /// The environment with another project's reader of such documents, made once.

@@ -75,6 +75,18 @@ fn only_file(folder: &Path) -> PathBuf {
     files[0].path()
 }
 
+/// What the README of the project begins with, done by the command of an environment.
+fn begins(environment: &Path, folder: &Path) {
+    let installed = || {
+        let mut command = Command::new(environment.join("bin/gaitway"));
+        command.env("XDG_CONFIG_HOME", folder.join("nobody"));
+        command
+    };
+    let files = folder.join("begun");
+    fs::create_dir(&files).expect("a folder");
+    program::does_what_the_readme_begins_with(installed, &files.display().to_string());
+}
+
 /// pytest in an environment, away from the sources.
 fn pytest(python: &Path, folder: &Path) -> Command {
     let mut pytest = Command::new(python);
@@ -100,6 +112,8 @@ fn a_clean_environment_takes_the_wheel_and_three_lines_of_pytest_pass() {
         done(Command::new(clean.join("bin/gaitway")).arg("--version")).expect("a program");
     assert!(program::words(&version).contains(env!("CARGO_PKG_VERSION")));
 
+    begins(&clean, &folder);
+
     let (python, tests) = (clean.join("bin/python"), folder.join("tests"));
     fs::create_dir(&tests).expect("a folder");
     let three_lines = "def test_it(virtual_robot):\n    virtual_robot.joint('gripper').registers['ID'] = 9\n    \
@@ -111,7 +125,7 @@ fn a_clean_environment_takes_the_wheel_and_three_lines_of_pytest_pass() {
     fs::copy(root().join("tests/python/package_in_use.py"), tests.join("test_in_use.py"))
         .expect("a copy");
     let said = program::words(&done(&mut pytest(&python, &tests)).expect("tests that pass"));
-    assert!(said.contains("9 passed"), "{said}");
+    assert!(said.contains("10 passed"), "{said}");
 
     // One that fails shows what went over the line.
     let failing = "def test_it(virtual_robot):\n    virtual_robot.freeze()\n    \
@@ -138,7 +152,7 @@ fn its_types_are_complete() {
 }
 
 #[test]
-fn the_source_package_has_all_that_the_program_is_built_of() {
+fn the_source_package_has_all_that_the_program_is_built_of_and_installs() {
     let tools = match tools() {
         Ok(tools) => tools,
         Err(cause) => return aloud!("SKIPPED: no source package was made: {cause}"),
@@ -146,7 +160,8 @@ fn the_source_package_has_all_that_the_program_is_built_of() {
     let folder = program::folder("sdist");
     done(&mut maturin(&tools, &["sdist"], &folder)).expect("a source package");
     let mut tar = Command::new("tar");
-    let listed = done(tar.arg("-tzf").arg(only_file(&folder))).expect("a list");
+    let package = only_file(&folder);
+    let listed = done(tar.arg("-tzf").arg(&package)).expect("a list");
     let listed = program::words(&listed);
     for file in [
         "pyproject.toml",
@@ -160,6 +175,13 @@ fn the_source_package_has_all_that_the_program_is_built_of() {
     ] {
         assert!(listed.lines().any(|line| line.ends_with(&format!("/{file}"))), "{file}: {listed}");
     }
+    if std::env::var_os("GAITWAY_LONG").is_none() {
+        return aloud!("SKIPPED: the source package is built and installed with GAITWAY_LONG=1");
+    }
+    let place = program::folder("sdist-installed");
+    let clean = place.join("clean");
+    environment(&clean, &[&package.display().to_string()]).expect("a build and an installation");
+    begins(&clean, &place);
 }
 
 /// The blocks of Python below a heading of the README, up to the next heading as high.

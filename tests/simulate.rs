@@ -74,6 +74,47 @@ fn over_tcp_it_says_the_address_first_and_answers_there() {
     assert!(simulator.end().contains("referee: no rule broken"));
 }
 
+/// How often the thread that serves the first line has gone to sleep.
+fn sleeps(simulator: &Simulator) -> u64 {
+    let tasks = format!("/proc/{}/task", simulator.child.id());
+    let threads = std::fs::read_dir(tasks).expect("threads").flatten().map(|task| task.path());
+    let named = |thread: &PathBuf| {
+        std::fs::read_to_string(thread.join("comm")).is_ok_and(|name| name.trim_end() == "door 0")
+    };
+    let door = threads.filter(named).collect::<Vec<_>>();
+    assert_eq!(door.len(), 1, "one thread serves the line");
+    let status = std::fs::read_to_string(door[0].join("status")).expect("its counts");
+    let count = status.lines().find_map(|line| line.strip_prefix("voluntary_ctxt_switches:"));
+    count.and_then(|count| count.trim().parse().ok()).expect("a count")
+}
+
+// Each time it wakes it waits for its turn, on a busy machine for some milliseconds; the client looks at its
+// clock meanwhile.
+#[test]
+fn a_transaction_wakes_the_line_as_often_as_something_happens_on_it() {
+    const TRANSACTIONS: u64 = 200;
+    for (options, wakes) in [
+        // The instruction.
+        (&["--no-line-timing"][..], 1),
+        // The instruction, its end on the line, the end of the status.
+        (&[][..], 3),
+    ] {
+        let bench = ["--servo", "xm430-w350:1", "--baud", "57600", "--tcp", "0"];
+        let mut simulator = Simulator::start(&[&bench[..], options].concat());
+        let line = simulator.line();
+        let mut port = TcpStream::connect(line.strip_prefix("tcp:").expect("an address"))
+            .expect("a connection");
+        ping(&mut port);
+        let before = sleeps(&simulator);
+        for _ in 0..TRANSACTIONS {
+            ping(&mut port);
+        }
+        let each = (sleeps(&simulator) - before) as f64 / TRANSACTIONS as f64;
+        // A quarter of a second without bytes wakes it too.
+        assert!(each < wakes as f64 + 0.5, "{options:?}: {each} sleeps in each transaction");
+    }
+}
+
 #[test]
 fn each_line_of_a_robot_is_a_terminal_with_its_own_link() {
     let folder = crate::program::folder("simulate-lines");
@@ -249,4 +290,48 @@ fn a_control_socket_is_there_with_the_port_and_gone_with_it() {
     assert!(crate::program::words(&second).contains("is there already"));
     simulator.end();
     assert!(!path.exists());
+}
+
+/// Memory of the simulator, kB.
+fn resident_kb(simulator: &Simulator) -> u64 {
+    let status = format!("/proc/{}/status", simulator.child.id());
+    let status = std::fs::read_to_string(status).expect("its status");
+    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:")).expect("a size");
+    line.trim().trim_end_matches(" kB").parse().expect("a number")
+}
+
+// Ten minutes at 1,000 resets a second with GAITWAY_LONG, else as many as one test makes in some seconds.
+#[test]
+fn reset_again_and_again_amid_traffic_it_grows_no_further() {
+    let resets = if std::env::var_os("GAITWAY_LONG").is_some() { 600_000 } else { 10_000 };
+    let folder = crate::program::folder("simulate-resets");
+    let path = folder.join("control");
+    let place = path.display().to_string();
+    let bench = ["--servo", "xm430-w350:1", "--baud", "57600", "--tcp", "0", "--no-line-timing"];
+    let mut simulator = Simulator::start(&[&bench[..], &["--control", &place]].concat());
+    let line = simulator.line();
+    let mut port =
+        TcpStream::connect(line.strip_prefix("tcp:").expect("an address")).expect("a connection");
+    let mut control = UnixStream::connect(&path).expect("the channel");
+    let mut replies = BufReader::new(control.try_clone().expect("a stream"));
+    let mut after_a_tenth = 0;
+    let began = std::time::Instant::now();
+    for number in 0..resets {
+        if number % 10 == 0 {
+            assert_eq!(ping(&mut port)[..5], PING_1[..5]);
+        }
+        control.write_all(b"{\"do\":\"reset\"}\n").expect("a write");
+        let mut reply = String::new();
+        replies.read_line(&mut reply).expect("a reply");
+        assert_eq!(reply, "{\"ok\":true}\n");
+        if number == resets / 10 {
+            after_a_tenth = resident_kb(&simulator);
+        }
+    }
+    let (kb, took) = (resident_kb(&simulator), began.elapsed());
+    let each_second = f64::from(resets) / took.as_secs_f64();
+    println!(
+        "{resets} resets, {each_second:.0} in a second; {after_a_tenth} kB, at the end {kb} kB"
+    );
+    assert!(kb <= after_a_tenth + 512, "{after_a_tenth} kB, then {kb} kB");
 }

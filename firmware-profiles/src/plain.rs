@@ -39,7 +39,8 @@ fn known(message: &str) -> Option<String> {
 
 /// The name that a mistyped one is near to, if there is just one.
 fn nearest<'a>(word: &str, names: &[&'a str]) -> Option<&'a str> {
-    let apart = |name: &str| strsim::damerau_levenshtein(word, name);
+    let small = word.to_lowercase();
+    let apart = |name: &str| strsim::damerau_levenshtein(&small, &name.to_lowercase());
     let best = names.iter().copied().min_by_key(|name| apart(name))?;
     if names.iter().filter(|name| apart(name) == apart(best)).count() > 1 {
         return None;

@@ -418,6 +418,58 @@ fn so101_reaches_forward_and_its_n_pose_hangs_down() {
     assert_eq!(gearing("so101-leader"), mixed.map(|gear| format!("sts3215-{gear}")));
 }
 
+// Lengths between the joints' axes, by the numbers of the models' own frames, which are turned against ours.
+#[test]
+fn so100_and_koch_reach_as_far_as_their_public_models_do() {
+    let length = |v: Vector| v.iter().map(|v| v * v).sum::<f64>().sqrt();
+    let arm = |name: &str, angles: &dyn Fn(&str) -> f64| {
+        let links = links(&robot(name).unwrap(), angles);
+        ["shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "gripper"]
+            .map(|joint| links[joint].0)
+    };
+    let bent = |joint: &str| if joint == "wrist_roll" { 0.0 } else { 0.3 };
+    for (name, lengths) in [
+        // so100.urdf: (0.1025, 0.0306), (0.11257, 0.028), (0.0052, 0.1349), and 0.0601 with (0.0202, 0.0244).
+        ("so100", [[0.1025, 0.0306], [0.11257, 0.028], [0.0052, 0.1349], [0.0845, 0.0202]]),
+        // low_cost_robot_arm.xml, and the gripper (-0.045 - 0.01315, 0.013097 - 0.0075, 0.0145).
+        ("koch", [[0.0209, 0.0154], [0.1083, 0.016164], [0.10048, 0.0027], [0.05815, 0.015543]]),
+    ] {
+        for angles in [&|_: &str| 0.0, &bent] as [&dyn Fn(&str) -> f64; 2] {
+            let joints = arm(name, angles);
+            let pairs = joints.iter().zip(&joints[1..]);
+            for ((from, to), part) in pairs.zip(lengths) {
+                let found = length(add(*to, from.map(|v| -v)));
+                let told = length([part[0], part[1], 0.0]);
+                assert!((found - told).abs() < 2e-5, "{name}: {found} m is not {told} m");
+            }
+        }
+    }
+    // At zero the SO-100 is folded up, its jaw ahead of the base; the Koch is stretched out ahead.
+    let [pan, .., gripper] = arm("so100", &|_| 0.0);
+    assert!(gripper[0] - pan[0] > 0.1 && gripper[1].abs() < 1e-6, "{gripper:?}");
+    let [pan, lift, elbow, wrist, gripper] = arm("koch", &|_| 0.0);
+    assert!(elbow[2] > lift[2] + 0.1 && wrist[0] > elbow[0] + 0.1 && gripper[0] > pan[0] + 0.1);
+    // The SO-100's upper arm goes up and over as its angle grows; the Koch's leans forward as it falls.
+    let [_, _, leaning, ..] =
+        arm("koch", &|joint| if joint == "shoulder_lift" { -0.5 } else { 0.0 });
+    assert!(leaning[0] > elbow[0] + 0.04, "{leaning:?}");
+    let [_, lift, up, ..] = arm("so100", &|joint| if joint == "shoulder_lift" { 1.8 } else { 0.0 });
+    assert!(up[2] - lift[2] > 0.1, "{up:?}");
+}
+
+#[test]
+fn arms_of_lerobot_have_the_middle_of_their_ranges_where_its_calibration_puts_it() {
+    for name in ["koch", "koch-leader", "so100", "so101", "lekiwi"] {
+        for joint in &robot(name).unwrap().joints {
+            // wrist_roll and the wheels count a whole turn; the SO-101's and so the LeKiwi's other zeros are its model's.
+            let middle = (joint.lower_rad + joint.upper_rad) / 2.0;
+            let is_so101 = ["so101", "lekiwi"].contains(&name);
+            let expected = if is_so101 { 0.0 } else { -middle };
+            assert!((joint.offset_rad - expected).abs() < 1e-6, "{name} {}", joint.name);
+        }
+    }
+}
+
 #[test]
 fn no_robot_asks_a_joint_for_more_than_its_servo_gives() {
     for name in robot_names() {

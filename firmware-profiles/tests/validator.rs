@@ -567,7 +567,7 @@ fn an_unknown_name_lists_what_there_is_and_no_name_is_a_path() {
         let error = robot(name).unwrap_err();
         let allowed = error.allowed.as_deref().unwrap_or_default();
         assert!(
-            allowed.starts_with("berkeley-humanoid-lite, op2, op3, open-duck-mini-v2"),
+            allowed.starts_with("berkeley-humanoid-lite, hope-jr-arm, hope-jr-hand, koch"),
             "{error}"
         );
         assert!(servo(name).unwrap_err().allowed.unwrap().contains("xm430-w350"));

@@ -253,12 +253,15 @@ class VirtualRobot:
         self._lock = threading.Lock()
         # A file takes all that is said there, however much; a pipe that nobody reads would not.
         self._words: IO[bytes] = tempfile.TemporaryFile()
+        # In a session of its own: the kernel gives sessions their turns, so that it answers at once however
+        # many processes of this one are busy. Ctrl-C does not reach it there; it ends with its standard input.
         self._process = subprocess.Popen(
             [*command, *options],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=self._words,
             encoding="utf-8",
+            start_new_session=True,
         )
         try:
             about = self._about()

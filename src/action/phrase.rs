@@ -109,10 +109,8 @@ pub fn parse(text: &str) -> Result<Vec<Item>, Error> {
 
 fn item(text: &str, follows: Follows) -> Result<Item, Error> {
     let wrong = |what: &str, got: &str| {
-        Error::new(what)
-            .at(text)
-            .got(got)
-            .allowed("NAME, NAME:6s, NAME:x3, NAME@0.5 or NAME:x3@0.5")
+        let (at, got) = if text.is_empty() { ("the motion", "nothing") } else { (text, got) };
+        Error::new(what).at(at).got(got).allowed("NAME, NAME:6s, NAME:x3, NAME@0.5 or NAME:x3@0.5")
     };
     let (rest, pace) = match text.rsplit_once('@') {
         None => (text, 1.0),
@@ -125,7 +123,9 @@ fn item(text: &str, follows: Follows) -> Result<Item, Error> {
         None => (rest, Length::Given),
         Some((name, length)) => (
             name,
-            self::length(length).ok_or_else(|| wrong("a length is seconds or rounds", length))?,
+            self::length(length).ok_or_else(|| {
+                wrong("a length is seconds (more than 0, at most 86400) or rounds", length)
+            })?,
         ),
     };
     if name.is_empty() {

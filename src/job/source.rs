@@ -185,6 +185,7 @@ pub fn load(order: &MotionOrder, robot: &Robot) -> Result<RobotMotion, Error> {
     }
     let exact = phrase::is_phrase(&order.motion);
     let (mut capture, source) = if exact {
+        no_mapping(&order.motion, order.mapping.as_deref())?;
         performed(&order.motion, &order.inserts, exact_rate_hz)?
     } else {
         body_motion(&order.motion, order.mapping.as_deref(), &order.reading)?
@@ -406,6 +407,7 @@ pub fn body_motion(
     reading: &CaptureOptions,
 ) -> Result<(Capture, Source), Error> {
     if phrase::is_phrase(motion) {
+        no_mapping(motion, mapping)?;
         if reading != &CaptureOptions::default() {
             return Err(Error::new("an action needs no skeleton and no rate")
                 .at(motion)
@@ -510,6 +512,16 @@ pub fn fit_markers(
     let stands = static_trial.map(|path| marker_files::read_places(path, None)).transpose()?;
     let markers = marker_files::read_places(trial, rate_hz)?;
     fit::fit(stands.as_ref(), &markers, settings).map_err(|error| error.in_file(trial))
+}
+
+/// Fails if an action is given a mapping, which it would not heed.
+fn no_mapping(motion: &str, mapping: Option<&Path>) -> Result<(), Error> {
+    mapping.map_or(Ok(()), |file| {
+        Err(Error::new("an action needs no mapping")
+            .at(motion)
+            .got(file.display().to_string())
+            .allowed("a mapping for captures with a skeleton"))
+    })
 }
 
 /// Fails if there is nothing that could be inserted into.

@@ -72,10 +72,12 @@ impl FromStr for Address {
 
     fn from_str(text: &str) -> Result<Self, Error> {
         let unknown = || {
-            Error::of(ErrorKind::Unknown, "not the address of a bus")
-                .at("the bus")
-                .got(text)
-                .allowed(ALLOWED)
+            let unknown = Error::of(ErrorKind::Unknown, "not the address of a bus");
+            let unknown = unknown.at("the bus").got(text).allowed(ALLOWED);
+            match wrong_part(text) {
+                Some(remedy) => unknown.remedy(remedy),
+                None => unknown,
+            }
         };
         let (line, bus) = match text.split_once('=') {
             // An `=` after `?` belongs to the bus, not to a line name.
@@ -127,6 +129,24 @@ fn can_bus(name: &str) -> Option<BusKind> {
     let fits = (1..=15).contains(&name.len());
     let usable = fits && !name.contains(|c: char| c == '/' || c == '?' || c.is_whitespace());
     usable.then(|| BusKind::Can { interface: name.to_owned() })
+}
+
+/// What to do about an address of which one part is wrong.
+fn wrong_part(text: &str) -> Option<&'static str> {
+    if text.contains("slcan:") {
+        return Some(
+            "slcand makes a CAN interface of an slcan adapter: sudo slcand -o -s8 /dev/ttyACM0 can0, sudo ip link \
+             set can0 up, then can:can0",
+        );
+    }
+    let (place, query) = text.split_once('?').map_or((text, None), |(at, of)| (at, Some(of)));
+    if query.is_some_and(|query| with_speed(&format!("?{query}")).is_none()) {
+        return Some(
+            "write ?baud=N, N a whole number of bits per second, and nothing else behind ?",
+        );
+    }
+    let is_tcp = place.starts_with("tcp:") || place.contains("=tcp:");
+    is_tcp.then_some("write tcp:HOST:PORT, PORT from 1 to 65535")
 }
 
 fn serial_bus(text: &str) -> Option<BusKind> {

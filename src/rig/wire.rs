@@ -149,7 +149,7 @@ pub(super) fn port_error(path: &str, error: &PortError) -> Error {
         }
         other => Error::of(ErrorKind::Io, "the port cannot be opened as a serial line")
             .at(place)
-            .got(spoken(other))
+            .got(spoken(other).replace("Not a typewriter", "it is no terminal"))
             .allowed("a serial port, e.g. /dev/ttyUSB0, or the terminal of gaitway simulate")
             .remedy("`gaitway ports` lists what is there"),
     }

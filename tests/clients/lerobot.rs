@@ -1,10 +1,12 @@
 //! LeRobot's motor buses: how most SO-101 arms are driven.
 
+use crate::aloud::aloud;
 use crate::bench::{Bench, Client, Lost};
 use crate::python::Python;
 use crate::scenario::{About, Record, Run, Scenario};
 use gaitway_sim::Options;
 use serde_json::{Value, json};
+use std::process::Command;
 
 const NAME: &str = "lerobot";
 
@@ -17,6 +19,48 @@ pub static PROTOCOL_2: Scenario = Scenario::new(
     About::Everything(&["XM430-W350", "XL330-M288", "XL430-W250"]),
     Run::Python(protocol_2),
 );
+
+/// Robots of LeRobot that have a file here, and where LeRobot has its own.
+const ROBOTS: [(&str, &str); 8] = [
+    ("so101", "robots/so_follower/so_follower.py"),
+    ("so101-leader", "teleoperators/so_leader/so_leader.py"),
+    ("so100", "robots/so_follower/so_follower.py"),
+    ("koch", "robots/koch_follower/koch_follower.py"),
+    ("koch-leader", "teleoperators/koch_leader/koch_leader.py"),
+    ("lekiwi", "robots/lekiwi/lekiwi.py"),
+    ("hope-jr-arm", "robots/hope_jr/hope_jr_arm.py"),
+    ("hope-jr-hand", "robots/hope_jr/hope_jr_hand.py"),
+];
+
+/// LeRobot connects to each as its own class would: the names, IDs and models are LeRobot's.
+pub fn robots() {
+    let python = match crate::python::python() {
+        Ok(python) => python,
+        Err(cause) => return aloud!("SKIPPED: LeRobot's robots were not tried: {cause}"),
+    };
+    for (name, file) in ROBOTS {
+        let options = Options { permit_eeprom: true, ..Options::default() };
+        let bench = Bench::open(name, options);
+        let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/clients/lerobot_robots.py");
+        let mut client = Command::new(&python.program);
+        client.args(["-B", script, bench.port(0), file]).env("GAITWAY_BESIDE", &python.beside);
+        let output = client.output().expect("a Python process");
+        let told: Value = serde_json::from_slice(&output.stdout)
+            .unwrap_or_else(|e| panic!("{name}: {e}: {}", String::from_utf8_lossy(&output.stderr)));
+        let robot = gaitway_profiles::robot(name).expect("a shipped robot");
+        let ours: Value = robot
+            .joints
+            .iter()
+            .map(|joint| {
+                let servo = gaitway_profiles::servo(&joint.servo).expect("a profile");
+                let turn = f64::from(joint.direction) * (joint.initial_rad() + joint.offset_rad);
+                let count = f64::from(servo.position.zero_count) + turn / servo.radians_per_count();
+                (joint.name.clone(), json!([joint.id, servo.model_number, count.round() as i64]))
+            })
+            .collect();
+        assert_eq!(told, ours, "{name}");
+    }
+}
 
 fn start(python: &Python, bench: &Bench, kind: &str, motors: &[String]) -> Client {
     let mut arguments = vec![bench.port(0), kind];

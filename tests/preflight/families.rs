@@ -4,6 +4,7 @@
 use super::scene::{Scene, assert_clean, mixed_robot, protocol1_robot};
 use super::{mentions, refused};
 use gaitway::control::StopReason;
+use gaitway::robot::Robot;
 use gaitway_sim::{Fault, Options};
 
 fn protocol1() -> Scene {
@@ -51,6 +52,24 @@ fn every_family_on_a_mixed_line_is_asked_in_its_own_way() {
         "single reads of 15 bytes from 2 servos",
     ] {
         assert!(words.contains(part), "{part:?} is missing in {words}");
+    }
+}
+
+// Torque alone would turn such a joint: the speed that arming allows is what it then goes at.
+#[test]
+fn a_file_that_expects_a_wheel_is_refused_before_torque() {
+    for (robot, joint, mode, words) in [
+        ("so101", "wrist_roll", 1, ["wrist_roll", "1 (Velocity)", "0 (Position)"]),
+        ("op3", "head_pan", 16, ["head_pan", "16 (Pwm)", "3 (Position), 4 (ExtendedPosition)"]),
+    ] {
+        let mut robot = gaitway_profiles::robot(robot).expect("a shipped robot");
+        let of = robot.joints.iter().find(|of| of.name == joint).expect("a joint");
+        let mut setup = robot.setups.iter().find(|s| s.servo == of.servo).expect("one").clone();
+        setup.joints = Some(vec![joint.to_owned()]);
+        setup.registers = [("Operating Mode".to_owned(), mode)].into();
+        robot.setups.push(setup);
+        let robot = Robot::new(robot).expect("a robot");
+        mentions(&refused(Scene::with_robot(robot, Options::default())), &words);
     }
 }
 

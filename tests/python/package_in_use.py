@@ -1,5 +1,11 @@
 """The Python package as somebody uses it who has installed it."""
 
+import os
+import signal
+import subprocess
+import sys
+import time
+
 import gaitway
 import pytest
 import serial
@@ -76,6 +82,34 @@ class TestMarkers:
     def test_the_nearest_marker_counts_first(self, virtual_robot):
         assert virtual_robot.name == "op3"
         assert len(virtual_robot.joints) == 20
+
+
+# Prints its session and the simulator's, and dies without a word to anybody.
+KILLED = """
+import os, signal, gaitway
+robot = gaitway.VirtualRobot("so101")
+print(os.getsid(0), os.getsid(robot._process.pid), robot._process.pid, flush=True)
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def is_running(process):
+    try:
+        with open(f"/proc/{process}/stat") as stat:
+            return stat.read().rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+def test_the_simulator_has_a_session_of_its_own_and_ends_with_who_started_it():
+    killed = subprocess.run([sys.executable, "-c", KILLED], stdout=subprocess.PIPE, text=True)
+    assert killed.returncode == -signal.SIGKILL
+    session, of_simulator, simulator = map(int, killed.stdout.split())
+    assert session == os.getsid(0) and of_simulator == simulator
+    deadline = time.monotonic() + 60
+    while is_running(simulator):
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
 
 
 def test_what_cannot_be_started_says_why():

@@ -102,6 +102,9 @@ mod tests {
     fn every_joint_of_every_robot_stands_where_its_own_tree_puts_it() {
         for name in gaitway_profiles::robot_names() {
             let robot = Robot::load(name).expect("shipped");
+            if robot.file.anatomy.is_none() {
+                continue;
+            }
             let model = robot_model(&robot).expect("an anatomy");
             let pose: Vec<f64> =
                 (0..model.joints.len()).map(|n| 0.9 * (1.3 * n as f64).sin()).collect();

@@ -169,8 +169,15 @@ fn of_table(text: &str) -> Result<JointMotion, Error> {
     let mut rows = table::rows(text);
     let titles = rows.next().transpose()?;
     let mut titles = titles.iter().flat_map(Row::cells);
-    if titles.next() != Some("time_s") {
-        return Err(Error::of(ErrorKind::Malformed, "not a table of joint angles").allowed(shape));
+    let first = titles.next().unwrap_or_default();
+    if first != "time_s" {
+        let refused = Error::of(ErrorKind::Malformed, "not a table of joint angles").allowed(shape);
+        let begins: String = first.chars().take(40).collect();
+        let refused = refused.got(format!("a first column {begins:?}"));
+        return Err(match first.starts_with("time_s;") || first.starts_with("time_s\t") {
+            true => refused.remedy("separate columns by commas, and write 0.5 with a point"),
+            false => refused,
+        });
     }
     // Before anything is built of them.
     let joints = titles.clone().map(|title| title.strip_suffix("_rad").unwrap_or(title));

@@ -5,7 +5,7 @@ use crate::bus::{AskError, Miss, Protocol};
 use crate::error::{Error, ErrorKind};
 use crate::robot::Link;
 use crate::time::Duration;
-use gaitway_profiles::{Register, Role};
+use gaitway_profiles::{Mode, Register, Role};
 
 /// Drive Mode(10), bit 2: Profile Velocity is the duration of a move in ms and limits no speed
 /// (DYNAMIXEL e-Manual, X series).
@@ -135,8 +135,39 @@ fn check_drive_mode(link: &mut Link, joint: usize) -> Result<(), Error> {
     Ok(())
 }
 
+/// In another mode than those of position torque alone sets a joint going. Whether the servo is in the mode that its file
+/// expects is compared with the rest of its setup.
+fn check_expected_mode(link: &Link, joint: usize, register: &Register) -> Result<(), Error> {
+    let Some(servo) = link.robot().joints[joint].servo() else { return Ok(()) };
+    let Some(expected) = servo.setup.get(&register.name).copied().or(register.initial) else {
+        return Ok(());
+    };
+    let to_angles =
+        |mode| matches!(mode, Mode::Position | Mode::ExtendedPosition | Mode::CurrentBasedPosition);
+    let modes = &servo.model.profile().operating_modes;
+    let Some(mode) = modes.iter().find(|mode| i64::from(mode.value) == expected) else {
+        return Ok(());
+    };
+    if to_angles(mode.mode) {
+        return Ok(());
+    }
+    let allowed = modes.iter().filter(|mode| to_angles(mode.mode));
+    let allowed: Vec<_> = allowed.map(|mode| format!("{} ({:?})", mode.value, mode.mode)).collect();
+    let (name, id) = (&register.name, link.robot().joints[joint].id);
+    Err(Error::of(ErrorKind::NotReady, "the robot's file expects a mode without angles to go to")
+        .at(format!("{}, register {name} ({})", place(link, joint), register.address))
+        .got(format!("{expected} ({:?})", mode.mode))
+        .allowed(allowed.join(", "))
+        .remedy(format!(
+            "another number in the file, and gaitway servo set BUS {id} '{name}' --raw N --permit-eeprom"
+        )))
+}
+
 /// Servos without a mode register turn endlessly when both their angle limits are zero.
 fn check_joint_mode(link: &mut Link, joint: usize) -> Result<(), Error> {
+    if let Some(register) = known(link, joint, Role::OperatingMode) {
+        return check_expected_mode(link, joint, register);
+    }
     let limits = [Role::MinPositionLimit, Role::MaxPositionLimit];
     let [Some(low), Some(high)] = limits.map(|role| known(link, joint, role)) else {
         return Ok(());
@@ -150,7 +181,7 @@ fn check_joint_mode(link: &mut Link, joint: usize) -> Result<(), Error> {
         }
         Ok(true)
     };
-    if known(link, joint, Role::OperatingMode).is_some() || !turns(link)? {
+    if !turns(link)? {
         return Ok(());
     }
     wait_for_late_answers(link);
