@@ -56,7 +56,7 @@ fn capture(profile: &str, imu: VirtualImu) -> (Vec<(Sent, Captured)>, Chain) {
     for sent in imu {
         let arrival = Instant::from_nanos(1_000_000_000 + (sent.due_s * 1e9).round() as u64);
         stream.push(&sent.bytes, |reading| {
-            if let Some(captured) = chain.take(&reading, arrival) {
+            for captured in chain.take(&reading, arrival).into_iter().flatten() {
                 found.push((sent.clone(), captured));
             }
         });

@@ -95,7 +95,7 @@ fn sensed(person: &Person, segment: Segment, loss: f64) -> (Vec<SourceRecord>, V
     for sent in imu.expect("a sensor") {
         let arrival = Instant::from_nanos(1_000_000_000 + (sent.due_s * 1e9).round() as u64);
         stream.push(&sent.bytes, |reading| {
-            let Some(captured) = chain.take(&reading, arrival) else { return };
+            let [_, Some(captured)] = chain.take(&reading, arrival) else { return };
             if let Some(fused) = captured.fused
                 && (2.0..STAND_S - 0.5).contains(&sent.due_s)
             {

@@ -410,6 +410,31 @@ fn who_withdrew_is_not_added_and_a_licence_marks_its_trials() {
 }
 
 #[test]
+fn what_a_known_person_allows_now_counts_for_all_of_them_and_who_withdrew_is_not_added() {
+    let (folder, moves) = new("allowed");
+    let add = |action: &str, consent: &str| {
+        let file = shown(&folder.join(format!("{action}.bvh")));
+        let made = gaitway().args(["synth", action, "--rate", "10", "-o", &file]).output();
+        assert!(made.expect("the program").status.success());
+        corpus(&["add", &moves, &file, "--action", action, "--subject", "s1", "--consent", consent])
+    };
+    let count = |question: &str| report(&["query", &moves, question])["trials"].clone();
+    assert!(add("bow", "given").status.success());
+    assert!(add("squat", "internal").status.success());
+    assert_eq!(count("subject.consent=internal"), 2);
+    // Refused, and noted all the same; of somebody new as well.
+    let refused = add("hop", "withdrawn");
+    assert_eq!(refused.status.code(), Some(1), "{}", words(&refused));
+    assert_eq!(count("subject.consent=withdrawn"), 2);
+    let file = shown(&folder.join("hop.bvh"));
+    let hop = ["add", &moves, &file, "--action", "hop", "--subject", "s2"];
+    let new = corpus(&[&hop[..], &["--consent", "withdrawn"]].concat());
+    assert!(words(&new).contains("withdrew"), "{}", words(&new));
+    assert!(words(&corpus(&hop)).contains("withdrew"));
+    assert_eq!(count(""), 2);
+}
+
+#[test]
 fn labels_of_tables_and_of_frames_are_asked_by_trial_and_by_frame() {
     let (folder, moves) = new("labels");
     let clips = folder.join("clips");

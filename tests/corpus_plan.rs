@@ -105,11 +105,17 @@ fn a_plan_lists_what_nobody_did_leads_a_session_and_knows_its_trials_when_they_c
 
 #[test]
 fn nothing_is_written_into_the_folder_of_a_corpus() {
-    let (_, moves) = new("inside");
+    let (folder, moves) = new("inside");
     let version = Path::new(&moves).join("version.json");
+    let link = folder.join("link.toml");
+    std::os::unix::fs::symlink(&version, &link).expect("a link");
     let before = fs::read(&version).expect("a version");
-    for (verb, file) in [("plan", "version.json"), ("query", "version.json"), ("plan", "new.toml")]
-    {
+    for (verb, file) in [
+        ("plan", "version.json"),
+        ("query", "version.json"),
+        ("plan", "new.toml"),
+        ("plan", "../link.toml"),
+    ] {
         let file = shown(&Path::new(&moves).join(file));
         let what = if verb == "plan" { "praxicon" } else { "" };
         let run = gaitway().args(["corpus", verb, &moves, what, "-o", &file, "--force"]).output();

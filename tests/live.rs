@@ -123,7 +123,7 @@ impl Worn {
             let arrival = Instant::from_nanos(1_000_000_000 + (sent.due_s * 1e9).round() as u64);
             let (chain, newest) = (&mut self.chain, &mut self.newest);
             self.stream.push(&sent.bytes, |reading| {
-                let Some(captured) = chain.take(&reading, arrival) else { return };
+                let [_, Some(captured)] = chain.take(&reading, arrival) else { return };
                 let taken_s = captured.stamp.taken.as_nanos() as f64 / 1e9 - 1.0;
                 if let Some(fused) = captured.fused.filter(|fused| fused.settled) {
                     *newest = Some((fused.orientation, taken_s));

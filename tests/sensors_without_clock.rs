@@ -83,7 +83,7 @@ fn captured(
     let mut read = |at_s: f64, bytes: &[u8]| {
         let arrival = Instant::from_nanos(((1.0 + at_s) * 1e9) as u64);
         stream.push(bytes, |reading| {
-            if let Some(captured) = chain.take(&reading, arrival) {
+            for captured in chain.take(&reading, arrival).into_iter().flatten() {
                 found.push((at_s, captured));
             }
         });

@@ -70,9 +70,12 @@ impl Chain {
         }
     }
 
-    /// Takes a reading that arrived at `arrival`; the sample it completes, if it does.
-    pub fn take(&mut self, reading: &Reading, arrival: Instant) -> Option<Captured> {
-        let sample = self.assembler.take(reading)?;
+    /// Takes a reading that arrived at `arrival`; the samples it completes or cuts short, if it does.
+    pub fn take(&mut self, reading: &Reading, arrival: Instant) -> [Option<Captured>; 2] {
+        self.assembler.take(reading).map(|sample| Some(self.captured(sample?, arrival)))
+    }
+
+    fn captured(&mut self, sample: SensorSample, arrival: Instant) -> Captured {
         let stamp = self.timeline.take(sample.counter, sample.ticks, arrival);
         let is_new = matches!(stamp.order, Order::Next | Order::Gap | Order::Reset);
         let stuck = is_new && self.stuck.take(&sample, stamp.taken);
@@ -98,7 +101,7 @@ impl Chain {
                 fused
             }
         };
-        Some(Captured { stamp, sample, fused, stuck })
+        Captured { stamp, sample, fused, stuck }
     }
 
     /// What was seen of order and time.

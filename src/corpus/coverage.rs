@@ -55,6 +55,9 @@ pub struct NextPerson {
     pub distance: f64,
 }
 
+/// Which of [`AGES`] are young adults.
+const ADULTS: usize = 2;
+
 /// A place of stature and mass.
 fn place(stature_m: f64, mass_kg: f64) -> DVec2 {
     let scaled = |value: f64, [low, high]: [f64; 2]| (value - low) / (high - low);
@@ -152,7 +155,9 @@ pub fn next_people(known: &[KnownPerson], count: usize) -> Vec<NextPerson> {
             let [low, high] = AGES[*group].1;
             (low..=high).contains(&stature_m)
         };
-        let group = (0..AGES.len()).filter(fits).min_by_key(|group| ages[*group]).unwrap_or(0);
+        // Of the ages of which there are as few, an adult's comes first.
+        let rank = |group: &usize| (ages[*group], group.abs_diff(ADULTS));
+        let group = (0..AGES.len()).filter(fits).min_by_key(rank).unwrap_or(0);
         ages[group] += 1;
         let rarest = genders.iter_mut().min_by_key(|of| of.1).map(|of| {
             of.1 += 1;

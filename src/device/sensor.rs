@@ -153,8 +153,9 @@ impl Assembler {
         self.incomplete
     }
 
-    /// Takes a reading; the sample it completes, or the one it shows to be incomplete.
-    pub fn take(&mut self, reading: &Reading) -> Option<SensorSample> {
+    /// Takes a reading: the sample that it shows to be incomplete, and the one that it completes. Both, if a sensor that sends
+    /// all at once left something out of one reading.
+    pub fn take(&mut self, reading: &Reading) -> [Option<SensorSample>; 2] {
         let sent = [
             reading.acceleration.is_some(),
             reading.linear_acceleration.is_some(),
@@ -168,13 +169,9 @@ impl Assembler {
         let cut_short = (self.have & sent & self.required != 0).then(|| self.hand_over());
         self.add(reading, sent & self.required != 0);
         self.have |= sent & self.required;
-        match cut_short {
-            Some(sample) => {
-                self.incomplete += 1;
-                Some(sample)
-            }
-            None => (self.have == self.required).then(|| self.hand_over()),
-        }
+        self.incomplete += u64::from(cut_short.is_some());
+        let whole = (self.have == self.required).then(|| self.hand_over());
+        [cut_short, whole]
     }
 
     fn hand_over(&mut self) -> SensorSample {
@@ -271,6 +268,13 @@ fn to_east_north_up(world: World) -> DQuat {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// The one sample that comes of a reading.
+    fn taken(assembler: &mut Assembler, reading: &Reading) -> Option<SensorSample> {
+        let [cut_short, whole] = assembler.take(reading);
+        assert!(cut_short.is_none() || whole.is_none(), "{cut_short:?} {whole:?}");
+        cut_short.or(whole)
+    }
     use crate::wire::sensor::Stream;
     use std::f64::consts::FRAC_PI_2;
 
@@ -309,21 +313,41 @@ mod tests {
         let acceleration = Reading { acceleration: Some([0.0, 0.0, 2048.0]), ..Reading::default() };
         let rate = Reading { angular_rate: Some([16_384.0, 0.0, 0.0]), ..Reading::default() };
         let euler = Reading { euler: Some([0.0, 0.0, 16_384.0]), ..Reading::default() };
-        assert_eq!(assembler.take(&acceleration), None);
-        assert_eq!(assembler.take(&rate), None);
-        let whole = assembler.take(&euler).expect("whole");
+        assert_eq!(taken(&mut assembler, &acceleration), None);
+        assert_eq!(taken(&mut assembler, &rate), None);
+        let whole = taken(&mut assembler, &euler).expect("whole");
         close(whole.acceleration_m_s2, [0.0, 0.0, 9.80665]);
         close(whole.angular_rate_rad_s, [1000_f64.to_radians(), 0.0, 0.0]);
         // A yaw of 90 degrees turns forward into left.
         close(whole.orientation.map(|q| q * DVec3::X), [0.0, 1.0, 0.0]);
 
-        assembler.take(&acceleration);
-        assembler.take(&rate);
-        let torn = assembler.take(&acceleration).expect("the next sample has begun");
+        taken(&mut assembler, &acceleration);
+        taken(&mut assembler, &rate);
+        let torn = taken(&mut assembler, &acceleration).expect("the next sample has begun");
         assert!(torn.orientation.is_none() && torn.acceleration_m_s2.is_some());
         assert_eq!(assembler.incomplete(), 1);
-        assembler.take(&rate);
-        assert!(assembler.take(&euler).expect("whole").orientation.is_some());
+        taken(&mut assembler, &rate);
+        assert!(taken(&mut assembler, &euler).expect("whole").orientation.is_some());
+    }
+
+    #[test]
+    fn a_sensor_that_sends_all_at_once_and_once_left_something_out_is_not_late_from_then_on() {
+        let mut assembler = Assembler::new(&profile("arduino-csv"));
+        let reading = |x: f64| Reading {
+            acceleration: Some([x, 0.0, 9.8]),
+            angular_rate: Some([0.0; 3]),
+            ..Reading::default()
+        };
+        assert!(taken(&mut assembler, &reading(1.0)).is_some());
+        let torn = Reading { angular_rate: None, ..reading(2.0) };
+        assert_eq!(taken(&mut assembler, &torn), None);
+        let [cut_short, whole] = assembler.take(&reading(3.0)).map(|sample| sample.expect("both"));
+        assert!(cut_short.angular_rate_rad_s.is_none());
+        close(cut_short.acceleration_m_s2, [2.0, 0.0, 9.8]);
+        close(whole.acceleration_m_s2, [3.0, 0.0, 9.8]);
+        let next = taken(&mut assembler, &reading(4.0)).expect("at once");
+        close(next.acceleration_m_s2, [4.0, 0.0, 9.8]);
+        assert_eq!(assembler.incomplete(), 1);
     }
 
     #[test]
@@ -334,10 +358,10 @@ mod tests {
             angular_rate: Some([0.0; 3]),
             ..Reading::default()
         };
-        let good = assembler.take(&reading(1.0)).expect("whole");
+        let good = taken(&mut assembler, &reading(1.0)).expect("whole");
         assert!(good.acceleration_m_s2.is_some() && !good.implausible);
         for x in [1e6, f64::NAN, f64::INFINITY] {
-            let bad = assembler.take(&reading(x)).expect("whole");
+            let bad = taken(&mut assembler, &reading(x)).expect("whole");
             assert!(bad.acceleration_m_s2.is_none() && bad.implausible, "{x}");
             assert!(bad.angular_rate_rad_s.is_some());
         }
@@ -348,26 +372,31 @@ mod tests {
     #[test]
     fn north_east_down_becomes_east_north_up() {
         let mut assembler = Assembler::new(&profile("vectornav-vn100"));
-        let sample = assembler
-            .take(&Reading {
+        let sample = taken(
+            &mut assembler,
+            &Reading {
                 acceleration: Some([0.0, 0.0, -9.80665]),
                 angular_rate: Some([0.0, 0.0, 1.0]),
                 euler: Some([0.0, 0.0, 90.0]),
                 ..Reading::default()
-            })
-            .expect("whole");
+            },
+        )
+        .expect("whole");
         close(sample.acceleration_m_s2, [0.0, 0.0, 9.80665]);
         close(sample.angular_rate_rad_s, [0.0, 0.0, -1.0]);
         let orientation = sample.orientation.expect("told");
         close(Some(orientation * DVec3::X), [1.0, 0.0, 0.0]);
         close(Some(orientation * DVec3::Z), [0.0, 0.0, 1.0]);
         // And heading north, nose up by 30 degrees.
-        let sample = assembler.take(&Reading {
-            acceleration: Some([0.0; 3]),
-            angular_rate: Some([0.0; 3]),
-            euler: Some([0.0, 30.0, 0.0]),
-            ..Reading::default()
-        });
+        let sample = taken(
+            &mut assembler,
+            &Reading {
+                acceleration: Some([0.0; 3]),
+                angular_rate: Some([0.0; 3]),
+                euler: Some([0.0, 30.0, 0.0]),
+                ..Reading::default()
+            },
+        );
         let nose = sample.and_then(|sample| sample.orientation).expect("told") * DVec3::X;
         close(Some(nose), [0.0, 30_f64.to_radians().cos(), 0.5]);
     }
@@ -392,7 +421,7 @@ mod tests {
         let mut stream = Stream::new(stream_format(&profile).expect("columns").expect("a stream"));
         let mut assembler = Assembler::new(&profile);
         let mut sample = None;
-        stream.push(&bytes, |reading| sample = assembler.take(&reading));
+        stream.push(&bytes, |reading| sample = taken(&mut assembler, &reading));
         let sample = sample.expect("whole");
         close(sample.acceleration_m_s2, [-0.371, -0.020, 0.977].map(|g| g * 9.80665));
         assert_eq!(sample.counter, Some(222));

@@ -97,14 +97,15 @@ pub fn new(order: &NewOrder) -> Result<NewReport, Error> {
 
 /// Refuses a file in the folder of a corpus: everything there is the corpus's own.
 fn check_outside(corpus: &Path, file: &Path) -> Result<(), Error> {
-    // A file without a folder lies where one is.
+    // A file without a folder lies where one is; a link is where it leads to.
     let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty());
-    let folder = folder.unwrap_or_else(|| Path::new(".")).canonicalize();
-    let is_inside = match (corpus.canonicalize(), folder) {
-        (Ok(corpus), Ok(folder)) => folder.starts_with(corpus),
-        // What is not there is said by whoever opens it.
-        _ => false,
-    };
+    let folder = folder.unwrap_or_else(|| Path::new("."));
+    let is_inside =
+        match (corpus.canonicalize(), file.canonicalize().or_else(|_| folder.canonicalize())) {
+            (Ok(corpus), Ok(folder)) => folder.starts_with(corpus),
+            // What is not there is said by whoever opens it.
+            _ => false,
+        };
     if is_inside {
         return Err(Error::new("a file in a corpus would be taken for a part of it")
             .at(shown(file))

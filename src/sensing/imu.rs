@@ -63,7 +63,7 @@ impl SerialImu {
                 Ok(count) => {
                     let arrival = MonotonicClock.now();
                     self.stream.push(&buffer[..count], |reading| {
-                        if let Some(captured) = chain.take(&reading, arrival) {
+                        for captured in chain.take(&reading, arrival).into_iter().flatten() {
                             if captured.stuck != stuck {
                                 stuck = captured.stuck;
                                 let sensor = &*source.name;

@@ -143,7 +143,7 @@ impl Trackers {
                 let source = intake.add(&wanted, SourceKind::Imu, &metadata);
                 (source, Chain::new(&self.sensor, intake.mode))
             });
-            if let Some(captured) = chain.take(&reading, now) {
+            for captured in chain.take(&reading, now).into_iter().flatten() {
                 intake.take(source, captured);
             }
         }

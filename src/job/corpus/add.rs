@@ -153,12 +153,24 @@ pub fn add(order: &AddOrder, observer: &dyn Observer) -> Result<AddReport, Error
             .got(order.sources.join(", "))
             .allowed("captures (.bvh, .amc, .c3d, .trc, .csm, .mot, .sto, .mcap), folders of them, of sessions and of variations, actions, or a table of trials"));
     }
+    // What somebody allowed counts before anything of theirs is added, whatever else is known of them.
+    if order.consent.is_some() {
+        let named = planning.planned.iter().filter_map(|of| of.about.subject.clone());
+        for id in named.collect::<BTreeSet<String>>() {
+            let mut person = SubjectEntry::default();
+            person.subject.id = id;
+            planning.person(person)?;
+        }
+    }
     let Planning { mut planned, subjects, labels, .. } = planning;
     // Trials of one partition go into one file.
     planned.sort_by(|a, b| (&a.about.set, &a.about.action).cmp(&(&b.about.set, &b.about.action)));
     let files: Vec<PathBuf> = planned.iter().filter_map(|of| of.piece.file()).collect();
     let unused = unused_note(&labels.unused(&files));
     let mut adding = Adding::of(order, store, subjects, labels)?;
+    if order.consent.is_some() {
+        adding.tell_of_people()?;
+    }
     adding.report.notes.extend(unused);
     let single = planned.len() == 1;
     let total = planned.len() as u64;
@@ -798,11 +810,15 @@ impl<'a> Adding<'a> {
         Ok(())
     }
 
+    fn tell_of_people(&mut self) -> Result<(), Error> {
+        let people: Vec<SubjectEntry> = self.subjects.values().cloned().collect();
+        self.store.tell_of(&people)
+    }
+
     fn finish(mut self) -> Result<AddReport, Error> {
         self.step()?;
         self.label_again()?;
-        let people: Vec<SubjectEntry> = self.subjects.values().cloned().collect();
-        self.store.tell_of(&people)?;
+        self.tell_of_people()?;
         let mut report = self.report;
         if !report.unread.is_empty() && report.outcome == Outcome::Done {
             report.outcome = Outcome::DoneWithLoss;

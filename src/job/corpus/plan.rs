@@ -152,7 +152,9 @@ pub fn plan(order: &PlanOrder) -> Result<PlanReport, Error> {
 }
 
 fn state(planned: PlannedTrial, own: &[&TrialEntry], there: &[TrialEntry]) -> PlannedState {
-    let of_it = || own.iter().filter(|of| planned.is(&of.action, &of.parameters));
+    // A trial without a good repetition is none.
+    let is_good = |of: &&&TrialEntry| of.repetitions != Some(0);
+    let of_it = || own.iter().filter(|of| planned.is(&of.action, &of.parameters)).filter(is_good);
     // Somebody whom nobody named is a person as well.
     let who =
         of_it().filter(|of| !of.synthetic).map(|of| of.subject.as_deref().unwrap_or_default());

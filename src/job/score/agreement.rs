@@ -67,7 +67,7 @@ pub fn agreement(order: &MotionScoreOrder) -> Result<MotionScore, Error> {
     report.bound = report.value.map(|_| ("all of it", 1.0));
     // Trials drawn anew, each with its own share.
     let own: Vec<f64> = by_trial.iter().filter_map(kappa).collect();
-    report.interval = report.value.map(|_| mean_interval(&own, order.seed));
+    report.interval = (own.len() > 1).then(|| mean_interval(&own, order.seed));
     report.per_class =
         by_label.iter().filter_map(|(label, table)| Some((label.clone(), kappa(table)?))).collect();
     Ok(report)

@@ -122,7 +122,8 @@ impl MotionScore {
     ) {
         let seed = self.seed;
         self.value = Some(mean(errors));
-        self.interval = Some(mean_interval(errors, seed));
+        // One trial says nothing of how far others would be off.
+        self.interval = (errors.len() > 1).then(|| mean_interval(errors, seed));
         let baseline = |(what, errors): (&'static str, &Vec<f64>)| Baseline {
             what,
             value: mean(errors),

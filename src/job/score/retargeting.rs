@@ -229,7 +229,7 @@ fn features(judged: &[Judged], seed: u64) -> Vec<FeatureKept> {
             what,
             unit,
             value: (!ours.is_empty()).then(|| mean(&ours)),
-            interval: (!ours.is_empty()).then(|| mean_interval(&ours, seed)),
+            interval: (ours.len() > 1).then(|| mean_interval(&ours, seed)),
             baseline: (!copied.is_empty()).then(|| mean(&copied)),
         }
     };

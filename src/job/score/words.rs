@@ -127,6 +127,11 @@ impl MotionScore {
                     self.judged
                 );
             }
+            (Some(value), None) => {
+                let value = of(value, [value; 2]);
+                let value = value.split("  (").next().unwrap_or_default();
+                let _ = writeln!(text, "value     {value}, of one trial");
+            }
             _ => text.push_str("value     -\n"),
         }
         let _ = writeln!(text, "truth     {}", self.truth);
