@@ -8,7 +8,7 @@ use crate::corpus::rows::{Consent, TrialEntry};
 use crate::corpus::select::Selection;
 use crate::corpus::sets::{PlannedSet, PlannedTrial};
 use crate::corpus::store::Store;
-use crate::draft::write_file;
+use crate::draft::Drafts;
 use crate::error::{Error, ErrorKind};
 use crate::job::report::Outcome;
 use crate::session::plan::{Plan, PlannedAction};
@@ -19,8 +19,6 @@ use std::path::PathBuf;
 
 /// So many people are named who are to be asked next.
 const NEXT: usize = 10;
-/// Most actions of the plan of one session.
-const MOST_ACTIONS: usize = 500;
 
 /// What is to be planned.
 #[derive(Clone, Debug)]
@@ -138,16 +136,18 @@ pub fn plan(order: &PlanOrder) -> Result<PlanReport, Error> {
         next_people: next_people(&people, NEXT),
         written: Vec::new(),
     };
+    let mut made = Drafts::default();
     if let Some(path) = &order.file {
-        write_file(path, order.replace, session_plan(&report)?.as_bytes())?;
+        made.write(path, order.replace, session_plan(&report)?.as_bytes())?;
         report.written.push(path.display().to_string());
     }
     if let Some(path) = &order.plot {
         let squares: Vec<Square<'_>> = states.iter().map(PlannedState::square).collect();
         let plot = coverage_plot::drawn(set, &squares, &people, &report.next_people);
-        write_file(path, order.replace, plot.as_bytes())?;
+        made.write(path, order.replace, plot.as_bytes())?;
         report.written.push(path.display().to_string());
     }
+    made.keep()?;
     Ok(report)
 }
 
@@ -196,7 +196,7 @@ fn session_plan(report: &PlanReport) -> Result<String, Error> {
         props: String::new(),
         together: of.planned.together,
     };
-    let actions = report.missing.iter().take(MOST_ACTIONS).map(action).collect();
+    let actions = report.missing.iter().map(action).collect();
     let remarks = format!(
         "What is missing of the set {} in {}. Take out what one session is not to have; then\n\
          `gaitway record --session DIR --plan THIS`, and `gaitway corpus add {} DIR --set {}`.",

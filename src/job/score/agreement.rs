@@ -39,7 +39,9 @@ pub fn agreement(order: &MotionScoreOrder) -> Result<MotionScore, Error> {
             let of = own.iter().filter(|of| of.annotator == annotator && of.label == label);
             for of in of {
                 let from = usize::try_from(of.first_frame).unwrap_or(0).min(frames);
-                let to = usize::try_from(of.last_frame + 1).unwrap_or(0).clamp(from, frames);
+                let to = usize::try_from(of.last_frame.saturating_add(1))
+                    .unwrap_or(0)
+                    .clamp(from, frames);
                 let value = VALUES.iter().position(|value| *value == of.value).unwrap_or(2);
                 said[from..to].fill(value);
             }
