@@ -70,14 +70,13 @@ fn samples(number: u8, line: &[u8]) {
     let (mut now, mut last) = (Instant::ZERO, None);
     Stream::new(format(number)).push(line, |reading| {
         now = now + Duration::from_millis(u64::from(number));
-        let Some(captured) = chain.take(&reading, now) else { return };
-        if let Some(fused) = captured.fused {
-            let length = fused.orientation.length();
-            assert!((length - 1.0).abs() < 1e-6, "{captured:?}");
-        }
-        if captured.fused.is_some() {
-            assert!(last.is_none_or(|last| captured.stamp.number > last), "{captured:?}");
-            last = Some(captured.stamp.number);
+        for captured in chain.take(&reading, now).into_iter().flatten() {
+            if let Some(fused) = captured.fused {
+                let length = fused.orientation.length();
+                assert!((length - 1.0).abs() < 1e-6, "{captured:?}");
+                assert!(last.is_none_or(|last| captured.stamp.number > last), "{captured:?}");
+                last = Some(captured.stamp.number);
+            }
         }
     });
     let mut messages = 0;
