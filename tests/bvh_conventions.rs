@@ -219,13 +219,8 @@ fn with_positions(bvh: &Bvh, joint: usize, position: impl Fn(usize) -> DVec3) ->
     Bvh { joints, time_step_s: bvh.time_step_s, values: values.collect() }
 }
 
-#[test]
-fn a_pelvis_carried_below_a_fixed_root_moves() {
-    let (mut poses, rate_hz) = puppet::exercise();
-    for (at, pose) in poses.iter_mut().enumerate() {
-        pose.root_m += DVec3::new(0.02 * at as f64, 1.0, 0.0);
-    }
-    let plain = puppet::write(&poses, rate_hz, &y_up_cm_zxy_t_pose());
+/// The pelvis hangs below a root that stays at the origin, and is drawn metres away from it.
+fn pelvis_drawn_far_away(plain: &Bvh) -> Bvh {
     let mut carried = plain.clone();
     for joint in &mut carried.joints {
         joint.parent = Some(joint.parent.map_or(0, |parent| parent + 1));
@@ -242,9 +237,27 @@ fn a_pelvis_carried_below_a_fixed_root_moves() {
         },
     );
     carried.joints[1].offset = DVec3::new(3.0, 95.0, -452.0);
-    let (found, expected) = (read(carried), read(plain));
-    for (a, b) in found.poses.iter().zip(&expected.poses) {
-        assert!((a.root_m - b.root_m).length() < 1e-6);
+    carried
+}
+
+#[test]
+fn a_pelvis_carried_below_a_fixed_root_moves() {
+    let (poses, rate_hz) = puppet::exercise();
+    let step_m = DVec3::new(0.02, 0.0, 0.0);
+    for (name, start_m, step_m) in [
+        ("walks high up", DVec3::Z, step_m),
+        // Less far from the origin than a quarter of what its OFFSET says.
+        ("stays in place", DVec3::ZERO, DVec3::ZERO),
+    ] {
+        let mut poses = poses.clone();
+        for (at, pose) in poses.iter_mut().enumerate() {
+            pose.root_m += start_m + step_m * at as f64;
+        }
+        let plain = puppet::write(&poses, rate_hz, &y_up_cm_zxy_t_pose());
+        let (found, expected) = (read(pelvis_drawn_far_away(&plain)), read(plain));
+        for (a, b) in found.poses.iter().zip(&expected.poses) {
+            assert!((a.root_m - b.root_m).length() < 1e-6, "{name}: {} not {}", a.root_m, b.root_m);
+        }
     }
 }
 

@@ -6,7 +6,8 @@
 //!
 //! 1. The channels stay close to OFFSET (within a tenth of the body's size): they repeat it, or
 //!    let the bone stretch a little. They replace OFFSET.
-//! 2. OFFSET is a bone's length, the channels stay close to zero: they are added to OFFSET.
+//! 2. OFFSET is a bone's length (no longer than the body), the channels stay close to zero: they are
+//!    added to OFFSET.
 //! 3. The channels wander far, together with the place where OFFSET alone would put the joint in
 //!    the world: they are world coordinates written by mistake. They are ignored.
 //! 4. The channels wander far on their own: the joint is carried by them, as a pelvis below a
@@ -166,9 +167,9 @@ impl Skeleton {
         let farthest = |from: DVec3| {
             samples.iter().map(|pose| (given(*pose) - from).length()).fold(0.0, f64::max)
         };
-        if joint.offset.length() > 0.02 * size
-            && farthest(DVec3::ZERO) < 0.25 * joint.offset.length()
-        {
+        let length = joint.offset.length();
+        let is_bone = length > 0.02 * size && length <= size;
+        if is_bone && farthest(DVec3::ZERO) < 0.25 * length {
             return Translation::Sum;
         }
         if farthest(joint.offset) <= CLOSE * size {
