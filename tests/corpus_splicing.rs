@@ -1,4 +1,4 @@
-//! An action put on another one, scored against somebody who did both at once.
+//! An action put on another one, and one after another, scored against somebody who did both.
 
 mod program;
 
@@ -96,4 +96,54 @@ fn without_somebody_who_does_both_there_is_no_truth() {
     run(&["corpus", "add", &corpus, "kick-r", "--action", "walk+kick"]);
     let told = run(&["score", "splicing", &corpus]);
     assert_eq!(told["passed_over"]["an action of the two is not there alone"], 1, "{told:#}");
+}
+
+/// A corpus of who walks, who runs, and who goes from a walk into a run without a stop, with the time of that.
+fn walks_into_runs(name: &str, called: [&str; 2]) -> String {
+    let folder = folder(name);
+    let corpus = folder.join("moves").display().to_string();
+    run(&["corpus", "new", &corpus]);
+    let (titles, walk) = performed("walk:6s", &folder);
+    let (_, sprint) = performed("run:5s", &folder);
+    let (same, both) = performed("walk:6s+run:5s", &folder);
+    assert_eq!(titles, same);
+    for (action, rows) in [("walk>run", &both), (called[0], &walk), (called[1], &sprint)] {
+        let file = written(&folder.join(format!("{action}.csv")), &titles, rows);
+        let added = run(&["corpus", "add", &corpus, &file, "--action", action]);
+        assert_eq!(added["added"], 1, "{added:#}");
+    }
+    corpus
+}
+
+#[test]
+fn a_change_of_gait_is_made_of_both_gaits_and_worse_when_they_are_called_wrongly() {
+    let corpus = walks_into_runs("change", ["walk", "run"]);
+    let told = run(&["score", "transitioning", &corpus]);
+    assert!(told["features"].is_null(), "{told:#}");
+    let why = "nobody labelled where one action ends and the next begins";
+    assert_eq!(told["passed_over"][why], 1, "{told:#}");
+    let label = |corpus: &str| {
+        let folder = Path::new(corpus).parent().expect("a folder");
+        let labels = folder.join("labels.csv");
+        let rows =
+            "file,class,start_s,end_s\nwalk>run.csv,walk,0.0,5.9\nwalk>run.csv,run,6.1,9.0\n";
+        fs::write(&labels, rows).expect("labels");
+        let [file, labels] =
+            [folder.join("walk>run.csv"), labels].map(|path| path.display().to_string());
+        let told =
+            run(&["corpus", "add", corpus, &file, "--action", "walk>run", "--labels", &labels]);
+        assert_eq!(told["labels"], 2, "{told:#}");
+    };
+    label(&corpus);
+    let told = run(&["score", "transitioning", &corpus]);
+    let of = |told: &Value, which: usize, name: &str| number(&told["features"][which][name]);
+    let (own, blend) = (of(&told, 0, "value"), of(&told, 0, "baseline"));
+    assert!(own < 60.0 && own < blend, "{own} mm, {blend} mm where both stand still");
+    // What fades is faster for a moment than either; who stands is not.
+    assert_eq!((of(&told, 1, "value"), of(&told, 1, "baseline")), (0.0, 100.0), "{told:#}");
+    // Who walks is said to run, and who runs to walk.
+    let spoilt = walks_into_runs("change-spoilt", ["run", "walk"]);
+    label(&spoilt);
+    let spoilt = run(&["score", "transitioning", &spoilt]);
+    assert!(of(&spoilt, 0, "value") > 1.5 * own, "{own} mm, then {spoilt:#}");
 }

@@ -7,11 +7,10 @@ use crate::error::Error;
 use crate::job::Observer;
 use crate::job::recognise::EquationReading;
 use crate::job::score::agreement::agreement;
-use crate::job::score::motions::{
-    MotionScore, MotionScoreOrder, generalisation, identification, transitioning,
-};
+use crate::job::score::motions::{MotionScore, MotionScoreOrder, generalisation, identification};
 use crate::job::score::retargeting::retargeting;
 use crate::job::score::splicing::splicing;
+use crate::job::score::transitioning::transitioning;
 use crate::job::score::{ClassificationOrder, Half, classification};
 use clap::{Args, Subcommand};
 use std::path::PathBuf;

@@ -1,6 +1,6 @@
 //! What is done when, as somebody labelled it: a table, or a folder of labels frame by frame; one becomes the other.
 //!
-//! A table has `file` and `class`, and if known `side`, `style`, `source`, `start_s`, `end_s` and `mark`: 1.0 or nothing where
+//! A table has `file` and `class`, and if known `side`, `style`, `source`, `subject`, `start_s`, `end_s` and `mark`: 1.0 or nothing where
 //! it is done, 0.5 where nobody can say, 0.0 where it was looked for in a clip and is not there. A folder is as the ICS
 //! Action Database has them: `TRIAL/ACTION.txt`, a line for each frame.
 
@@ -41,6 +41,8 @@ pub(super) struct Label {
     pub(super) side: Option<BodySide>,
     pub(super) style: Option<String>,
     pub(super) source: Option<String>,
+    /// Who does it.
+    pub(super) subject: Option<String>,
     pub(super) cut: Option<Cut>,
 }
 
@@ -98,8 +100,17 @@ impl Label {
             side: None,
             style: None,
             source: None,
+            subject: None,
             cut,
         }
+    }
+
+    /// The frames in which it is done: all of them without times.
+    pub(super) fn within<'a, T>(&self, frames: &'a [T], rate_hz: f64) -> &'a [T] {
+        let Some(cut) = self.cut else { return frames };
+        let (first, last) = cut.frames(rate_hz);
+        let end = (last as usize).saturating_add(1).min(frames.len());
+        frames.get(first as usize..end).unwrap_or(&[])
     }
 
     /// Where the clip comes from: as the table says, or the folder in which it lies.
@@ -213,10 +224,12 @@ fn parse(text: &str) -> Result<Labels, Error> {
         return Err(Error::of(ErrorKind::Malformed, "a table of labels has other columns")
             .at("line 1")
             .got(titles.cells().collect::<Vec<_>>().join(", "))
-            .allowed("file, class, and if known side, style, source, start_s, end_s, mark"));
+            .allowed(
+                "file, class, and if known side, style, source, subject, start_s, end_s, mark",
+            ));
     };
-    let [side, style, source, start, end, mark] =
-        ["side", "style", "source", "start_s", "end_s", "mark"].map(column);
+    let [side, style, source, subject, start, end, mark] =
+        ["side", "style", "source", "subject", "start_s", "end_s", "mark"].map(column);
     let mut labels = Labels::default();
     for row in rows {
         let row = row?;
@@ -266,6 +279,7 @@ fn parse(text: &str) -> Result<Labels, Error> {
                 side,
                 style: cell(style).map(str::to_owned),
                 source: cell(source).map(str::to_owned),
+                subject: cell(subject).map(str::to_owned),
                 ..Label::of(file, class, cut)
             }),
             (Mark::Unclear, Some(cut)) => {

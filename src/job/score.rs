@@ -19,12 +19,15 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
 use corruption::Corruption;
+use nearest::{ClassBaseline, Example, baselines};
 
 pub mod agreement;
 mod corruption;
 pub mod motions;
+pub mod nearest;
 pub mod retargeting;
 pub mod splicing;
+pub mod transitioning;
 mod words;
 
 /// Which half of the clips is judged: the odd or the even ones of each class, in the order of their names.
@@ -125,6 +128,10 @@ pub struct ClassificationReport {
     pub value: Option<f64>,
     /// Its 95 % interval.
     pub interval: Option<[f64; 2]>,
+    /// What plain ways reach that are told from when to when something is done.
+    pub baselines: Vec<ClassBaseline>,
+    /// What could not be better.
+    pub bound: (&'static str, f64),
     /// Of all together.
     pub global: ClassFigures,
     /// Mean of the classes' precisions.
@@ -174,6 +181,7 @@ pub fn classification(
     let mut score = Score::new(&models);
     let count = by_file.len();
     let tried = if order.corruptions { &corruption::TRIED[..] } else { &[] };
+    let mut examples = Vec::new();
     let mut corrupted: Vec<(Score<'_>, Vec<f64>)> =
         tried.iter().map(|_| (Score::new(&models), Vec::new())).collect();
     for (index, (file, of_file)) in by_file.iter().enumerate() {
@@ -195,6 +203,12 @@ pub fn classification(
                 }
                 score.frames += frames;
                 score.duration_s += frames as f64 / rate_hz;
+                for label in of_file {
+                    let class = meant(&label.class, &models);
+                    let told = (*file, label.subject.as_deref());
+                    let frames = label.within(&body.frames, rate_hz);
+                    examples.push(Example::of(class, told, frames, body.lengths.leg_m()));
+                }
                 let unclear = labels.unclear.get(*file).map_or(&[][..], Vec::as_slice);
                 let clip = LabelledClip { body: &body, rate_hz, labels: of_file, unclear };
                 let events = score.clear(events, unclear, rate_hz);
@@ -207,6 +221,7 @@ pub fn classification(
         }
     }
     let mut report = score.report(count);
+    report.baselines = baselines(&examples);
     let figures = tried.iter().zip(corrupted).map(|((name, _), (score, delays))| {
         let all = delays.len() as f64;
         let report = score.report(count);
@@ -490,6 +505,8 @@ impl<'a> Score<'a> {
             cut_by_hand: self.cut_by_hand,
             value: global.recall(),
             interval: interval(global.correct, global.truth),
+            baselines: Vec::new(),
+            bound: ("all of them", 1.0),
             mean_precision: mean(there().filter_map(ClassTally::precision).collect()),
             mean_recall: mean(there().filter_map(ClassTally::recall).collect()),
             global: figures("all", global),

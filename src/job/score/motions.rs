@@ -3,9 +3,10 @@
 //! Each of these holds something back that is in the corpus, has it made of the rest, and compares: in mm, the mean
 //! distance of 15 joints and 7 ends of the body over the time. Beside it stand baselines that anybody has at hand.
 
-use crate::body::{Proportions, SegmentPose};
+use crate::body::anthropometry::Measure;
+use crate::body::{Dof, Proportions, SegmentPose};
 use crate::corpus::query::Question;
-use crate::corpus::rows::{LabelEntry, PARAMETERS, TrialEntry};
+use crate::corpus::rows::{LabelEntry, PARAMETERS, SubjectEntry, TrialEntry};
 use crate::corpus::select::Selection;
 use crate::corpus::store::Store;
 use crate::corpus::tables::{LABELS, TrialFrames};
@@ -19,20 +20,19 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 use std::collections::BTreeMap;
+use std::f64::consts::TAU;
 use std::path::PathBuf;
 
 /// Instants of a motion at which two are compared.
 pub(super) const INSTANTS: usize = 40;
+/// Signals that are angles; after them come root and pelvis.
+pub(super) const ANGLES: usize = Dof::ALL.len();
 /// Neighbours of a target of which a motion is made.
 const NEIGHBOURS: usize = 8;
 /// Fewer trials of an action are not judged.
 const FEWEST: usize = 8;
 /// How well the plane through neighbours is known beforehand.
 const RIDGE: f64 = 0.05;
-/// What is cut out of a motion and made again, s.
-const GAP_S: f64 = 0.5;
-/// Cuts in a trial.
-const CUTS: usize = 3;
 /// Times a mean is taken of trials drawn anew, for its interval.
 const DRAWS: usize = 1000;
 
@@ -58,7 +58,7 @@ pub struct Baseline {
     pub interval: [f64; 2],
 }
 
-/// A feature of a motion, as far as it is kept.
+/// A figure beside the score: a feature of a motion as far as it is kept, or what else is told of who moves.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FeatureKept {
     /// What it is.
@@ -69,7 +69,7 @@ pub struct FeatureKept {
     pub value: Option<f64>,
     /// Its 95 % interval.
     pub interval: Option<[f64; 2]>,
-    /// The mean with angles that are copied.
+    /// The mean with angles that are copied; of people, if all were told alike.
     pub baseline: Option<f64>,
 }
 
@@ -98,7 +98,8 @@ pub struct MotionScore {
     pub bound: Option<(&'static str, f64)>,
     /// The figure by class.
     pub per_class: BTreeMap<String, f64>,
-    /// Of retargeting: what else is kept, and what it costs.
+    /// Of retargeting: what else is kept, and what it costs; of identification: what is told of those who
+    /// are not known; of transitioning: two trials put together.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub features: Vec<FeatureKept>,
     /// Things that were judged.
@@ -171,8 +172,14 @@ pub(super) fn poses(rows: &[Vec<f64>]) -> Vec<SegmentPose> {
     TrialFrames { signals: (0..signals).map(column).collect() }.poses()
 }
 
+/// The shorter of the two ways from an angle to another, rad.
+pub(super) fn turned(from: f64, to: f64) -> f64 {
+    let way = to - from;
+    way - TAU * (way / TAU).round()
+}
+
 /// Mean distance of joints and ends, mm.
-fn apart_mm(body: &Proportions, one: &[Vec<f64>], other: &[Vec<f64>]) -> f64 {
+pub(super) fn apart_mm(body: &Proportions, one: &[Vec<f64>], other: &[Vec<f64>]) -> f64 {
     let (mut sum, mut count) = (0.0, 0.0);
     for (one, other) in poses(one).iter().zip(&poses(other)) {
         let (one, other) = (body.positions(one), body.positions(other));
@@ -204,7 +211,7 @@ pub(super) fn mean_interval(values: &[f64], seed: u64) -> [f64; 2] {
 }
 
 pub(super) struct Judging<'a> {
-    order: &'a MotionScoreOrder,
+    pub(super) order: &'a MotionScoreOrder,
     store: Store,
     pub(super) trials: Vec<Held>,
     passed_over: BTreeMap<String, u64>,
@@ -422,76 +429,6 @@ fn scale(targets: &mut [Vec<f64>]) {
     }
 }
 
-/// From a motion to the one after it, over a gap that is known.
-///
-/// # Errors
-/// As [`generalisation`].
-pub fn transitioning(
-    order: &MotionScoreOrder,
-    observer: &dyn Observer,
-) -> Result<MotionScore, Error> {
-    let mut judging = Judging::of(order)?;
-    let trials = std::mem::take(&mut judging.trials);
-    let mut report = judging.report(
-        "transitioning",
-        ("half a second of each trial that is cut out, of A before it and B after it", "mm"),
-    );
-    let mut random = ChaCha8Rng::seed_from_u64(order.seed);
-    let mut errors: [Vec<f64>; 3] = Default::default();
-    let mut by_class: BTreeMap<String, Vec<f64>> = BTreeMap::new();
-    for held in &trials {
-        go_on(observer)?;
-        let gap = (GAP_S * held.entry.rate_hz).round() as usize;
-        if gap < 4 || held.frames() < 3 * gap {
-            report.pass_over("shorter than three gaps", 1);
-            continue;
-        }
-        let body = Proportions::of_stature(held.entry.body_stature_m)?;
-        for _ in 0..CUTS {
-            let from = random.random_range(2..held.frames() - gap - 2);
-            let made = across(held, from, gap);
-            let truth: Vec<Vec<f64>> = (from..from + gap).map(|at| frame(held, at)).collect();
-            for (errors, made) in errors.iter_mut().zip(&made) {
-                errors.push(apart_mm(&body, made, &truth));
-            }
-            let own = by_class.entry(held.entry.action.clone()).or_default();
-            own.extend(errors[0].last());
-        }
-        report.judged += 1;
-    }
-    if report.judged > 0 {
-        let what =
-            ["a blend of half a second: A stands still, B stands still, mixed", "A stands still"];
-        report.tell(&errors[0], what.into_iter().zip(&errors[1..]));
-        report.per_class =
-            by_class.iter().map(|(class, errors)| (class.clone(), mean(errors))).collect();
-    }
-    Ok(report)
-}
-
-fn frame(held: &Held, at: usize) -> Vec<f64> {
-    held.frames.signals.iter().map(|of| f64::from(of[at])).collect()
-}
-
-/// What is put into a gap: with the speeds of both sides; a blend; and the last pose.
-fn across(held: &Held, from: usize, gap: usize) -> [Vec<Vec<f64>>; 3] {
-    let [before, a, b, after] =
-        [from - 2, from - 1, from + gap, from + gap + 1].map(|at| frame(held, at));
-    let steps = (gap + 1) as f64;
-    let rows = |of: &dyn Fn(usize, f64) -> f64| -> Vec<Vec<f64>> {
-        let row = |step: usize| (0..a.len()).map(|n| of(n, step as f64 / steps)).collect();
-        (1..=gap).map(row).collect()
-    };
-    let smooth = |u: f64| u * u * (3.0 - 2.0 * u);
-    let with_speed = |n: usize, u: f64| {
-        // The cubic with the angles and speeds of both ends (Hermite).
-        let (from, to) = ((a[n] - before[n]) * steps, (after[n] - b[n]) * steps);
-        let own = a[n] + (b[n] - a[n]) * smooth(u);
-        own + from * u * (1.0 - u).powi(2) - to * u * u * (1.0 - u)
-    };
-    [rows(&with_speed), rows(&|n, u| a[n] + (b[n] - a[n]) * smooth(u)), rows(&|n, _| a[n])]
-}
-
 /// Who it is that moves.
 ///
 /// # Errors
@@ -502,6 +439,9 @@ pub fn identification(
 ) -> Result<MotionScore, Error> {
     let mut judging = Judging::of(order)?;
     let trials = std::mem::take(&mut judging.trials);
+    let people: BTreeMap<String, SubjectEntry> =
+        judging.store.subjects()?.into_iter().map(|of| (of.subject.id.clone(), of)).collect();
+    let mut strangers: Vec<[&SubjectEntry; 2]> = Vec::new();
     let mut report = judging.report(
         "identification",
         ("who did a trial, told by the most alike of the others of its action", "share"),
@@ -530,9 +470,13 @@ pub fn identification(
         for at in 0..group.len() {
             let others = (0..group.len()).filter(|other| *other != at);
             let apart = |other: usize| apart_mm(&bodies[at], &rows[at], &rows[other]);
-            let nearest =
-                others.map(|other| (apart(other), other)).min_by(|a, b| a.0.total_cmp(&b.0));
-            let is_right = nearest.is_some_and(|(_, other)| who(other) == who(at));
+            let others: Vec<(f64, usize)> = others.map(|other| (apart(other), other)).collect();
+            let nearest = others.iter().min_by(|a, b| a.0.total_cmp(&b.0));
+            let foreign = others.iter().filter(|(_, other)| who(*other) != who(at));
+            let stranger = foreign.min_by(|a, b| a.0.total_cmp(&b.0));
+            let told = stranger.and_then(|(_, other)| people.get(&who(*other)));
+            strangers.extend(people.get(&who(at)).zip(told).map(|(own, told)| [own, told]));
+            let is_right = nearest.is_some_and(|(_, other)| who(*other) == who(at));
             let own = tally.entry(who(at)).or_default();
             *own = (own.0 + usize::from(is_right), own.1 + 1);
         }
@@ -549,12 +493,52 @@ pub fn identification(
             interval: share_interval(most, all).unwrap_or([0.0, 1.0]),
         }];
         report.bound = Some(("all of them", 1.0));
+        report.features = of_strangers(&strangers, order.seed);
         report.per_class =
             tally.into_iter().map(|(who, of)| (who, of.0 as f64 / of.1 as f64)).collect();
     } else {
         report.truth = "no truth here: no action is done by two people who are known";
     }
     Ok(report)
+}
+
+/// Gender and age, as those of the other person who moves most alike; each trial with both who did it and who that is.
+fn of_strangers(trials: &[[&SubjectEntry; 2]], seed: u64) -> Vec<FeatureKept> {
+    let feature = |what, unit, found: Vec<f64>, simpler: Vec<f64>| FeatureKept {
+        what,
+        unit,
+        value: (!found.is_empty()).then(|| mean(&found)),
+        interval: (found.len() > 1).then(|| mean_interval(&found, seed)),
+        baseline: (!simpler.is_empty()).then(|| mean(&simpler)),
+    };
+    let genders = trials.iter().map(|both| both.map(|of| of.subject.gender.as_str()));
+    let genders: Vec<[&str; 2]> = genders.filter(|both| !both.contains(&"")).collect();
+    let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
+    genders.iter().for_each(|[own, _]| *counts.entry(own).or_default() += 1);
+    let most = counts.iter().max_by_key(|(_, count)| **count).map_or("", |(gender, _)| gender);
+    let share = |is_right: bool| if is_right { 100.0 } else { 0.0 };
+    let ages = trials
+        .iter()
+        .filter_map(|[own, told]| Some([own.measure(Measure::Age)?, told.measure(Measure::Age)?]));
+    let ages: Vec<[f64; 2]> = ages.collect();
+    let middle = mean(&ages.iter().map(|[own, _]| *own).collect::<Vec<_>>());
+    [
+        feature(
+            "gender, as of another person who moves alike; always the most frequent",
+            "%",
+            genders.iter().map(|[own, told]| share(own == told)).collect(),
+            genders.iter().map(|[own, _]| share(*own == most)).collect(),
+        ),
+        feature(
+            "age, as of another person who moves alike, off by; always the mean",
+            "years",
+            ages.iter().map(|[own, told]| (own - told).abs()).collect(),
+            ages.iter().map(|[own, _]| (own - middle).abs()).collect(),
+        ),
+    ]
+    .into_iter()
+    .filter(|of| of.value.is_some())
+    .collect()
 }
 
 fn from_the_origin(mut rows: Vec<Vec<f64>>) -> Vec<Vec<f64>> {

@@ -1,12 +1,11 @@
 //! One action done while another goes on, made of both, held against somebody who did both at once.
 
-use super::motions::{Held, Judging, MotionScore, MotionScoreOrder, mean, poses};
+use super::motions::{ANGLES, Held, Judging, MotionScore, MotionScoreOrder, mean, poses, turned};
 use crate::body::{Dof, End, Joint, Proportions};
 use crate::error::Error;
 use crate::job::pending::go_on;
 use crate::job::{Event, Observer};
 use std::collections::BTreeMap;
-use std::f64::consts::TAU;
 
 /// What is compared at once, s.
 const PIECE_S: f64 = 1.0;
@@ -14,8 +13,6 @@ const PIECE_S: f64 = 1.0;
 const INSTANTS: usize = 20;
 /// Between the places at which a piece of a part may begin, s.
 const STEP_S: f64 = 0.05;
-/// Signals that are angles; after them come root and pelvis.
-const ANGLES: usize = Dof::ALL.len();
 /// Joints and ends above the pelvis, at which two bodies are compared.
 const JOINTS: [Joint; 8] = [
     Joint::Torso,
@@ -62,12 +59,6 @@ fn limb(signal: usize) -> &'static [usize] {
         signal if RIGHT.contains(&signal) => &RIGHT,
         _ => &TRUNK,
     }
-}
-
-/// The shorter of the two ways from an angle to another, rad.
-fn turned(from: f64, to: f64) -> f64 {
-    let way = to - from;
-    way - TAU * (way / TAU).round()
 }
 
 /// Rows of a piece of a trial that begins at a time.

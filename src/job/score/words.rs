@@ -1,6 +1,7 @@
 //! What came of scores, as a person reads it.
 
 use super::motions::MotionScore;
+use super::nearest::ClassBaseline;
 use super::{ClassFigures, ClassificationReport, CorruptionFigures};
 use std::fmt::Write;
 
@@ -44,6 +45,17 @@ impl ClassificationReport {
             percent(report.mean_precision),
             percent(report.mean_recall)
         );
+        for ClassBaseline { what, value, interval, precision, .. } in &report.baselines {
+            let interval = interval.map_or_else(String::new, |[low, high]| {
+                format!("  {:.0} to {:.0}", 100.0 * low, 100.0 * high)
+            });
+            let _ = writeln!(
+                text,
+                "{what:47} {:>11} {:>8}{interval}",
+                percent(*precision),
+                percent(*value)
+            );
+        }
         text.push_str("\nby style\n");
         for style in &report.per_style {
             line(&mut text, style);
@@ -144,14 +156,14 @@ impl MotionScore {
             let _ = writeln!(text, "bound     {value:.1}: {what}");
         }
         if !self.features.is_empty() {
-            let _ = writeln!(text, "features  {:46} {:>8} {:>8}", "", "value", "copied");
+            let _ = writeln!(text, "features  {:74} {:>8} {:>8}", "", "value", "baseline");
         }
         for feature in &self.features {
             let number =
                 |of: Option<f64>| of.map_or_else(|| "-".to_owned(), |of| format!("{of:.1}"));
             let what = format!("{}, {}", feature.what, feature.unit);
             let [value, copied] = [feature.value, feature.baseline].map(number);
-            let _ = writeln!(text, "  {what:54} {value:>8} {copied:>8}");
+            let _ = writeln!(text, "  {what:82} {value:>8} {copied:>8}");
         }
         for (class, value) in &self.per_class {
             let value = if self.unit == "share" { 1e2 * value } else { *value };
