@@ -13,6 +13,7 @@
 use gaitway::Error;
 use gaitway::job::Nobody;
 use gaitway::job::recognise::{RecogniseOrder, RecognisedAction, recognise};
+use gaitway::job::share::Share;
 use gaitway::job::synth::{Figures, SynthOrder, synth};
 use gaitway::{Options, open};
 use std::collections::BTreeMap;
@@ -157,6 +158,7 @@ fn make(file: &Path, action: &str, variation: Option<u32>) -> Result<(), Error> 
         seed: 1,
         database: Vec::new(),
         has_points: false,
+        part: Share::WHOLE,
         file: file.to_owned(),
         replace: true,
     };

@@ -472,6 +472,12 @@ impl TableReader {
         self.names.iter().position(|name| name == column)
     }
 
+    /// Whether there is a column.
+    #[must_use]
+    pub fn has(&self, column: &str) -> bool {
+        self.index(column).is_some()
+    }
+
     /// Between which values a column of a group lies.
     #[must_use]
     pub fn span(&self, group: usize, column: &str) -> Span {
@@ -627,6 +633,15 @@ impl TableReader {
             ColumnReader::BoolColumnReader(_) if !optional => Ok(Column::Flag(
                 values::<BoolType>(reader, rows, &given)?.into_iter().flatten().collect(),
             )),
+            // Those of strangers, in which a value may be missing.
+            ColumnReader::FloatColumnReader(_) => {
+                let all = values::<FloatType>(reader, rows, &given)?;
+                Ok(Column::Real(all.into_iter().map(|value| value.map(f64::from)).collect()))
+            }
+            ColumnReader::BoolColumnReader(_) => {
+                let all = values::<BoolType>(reader, rows, &given)?;
+                Ok(Column::Whole(all.into_iter().map(|value| value.map(i64::from)).collect()))
+            }
             _ => Err(ParquetError::General("a column of another kind".to_owned())),
         }
     }

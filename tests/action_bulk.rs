@@ -483,6 +483,83 @@ fn a_corpus_grows_into_the_bytes_of_one_that_was_made_at_once() {
     assert_eq!(names(&grown), names(&once), "what was refused left nothing behind");
 }
 
+#[test]
+fn parts_that_several_processes_make_at_once_are_the_files_of_the_whole() {
+    let folder = crate::program::folder("shares");
+    let given = ["synth", "--class", "nod=wave-l:0.5s", "--class", "bow:1400=bow"];
+    let synth = |out: &str, part: &str| {
+        let mut command = gaitway(&given);
+        command.args(["--rate", "10", "--variations", "5001", "-o"]).arg(folder.join(out));
+        if !part.is_empty() {
+            command.args(["--part", part]);
+        }
+        command
+    };
+    made(synth("whole", ""));
+    let begin = |part: &str| {
+        let mut command = synth("parts", part);
+        command.arg("--json").stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap()
+    };
+    // All at once; the second is killed at some time, and made again.
+    let mut running = ["1/3", "2/3", "3/3"].map(begin);
+    let (first, rest) = running.split_first_mut().expect("three");
+    watch(&mut rest[0], |_| folder.join("parts").is_dir());
+    rest[0].kill().unwrap();
+    assert!(first.wait().unwrap().success() && rest[1].wait().unwrap().success());
+    running.into_iter().for_each(|mut child| drop(child.wait()));
+    let one = made(synth("parts", "1/3"));
+    assert_eq!(one["part"], serde_json::json!([1, 3]));
+    assert_eq!((&one["found"], &one["poses"]), (&one["variations"], &0.into()), "it was there");
+    made(synth("parts", "2/3"));
+    let all = made(synth("parts", ""));
+    assert_eq!((&all["found"], &all["poses"]), (&6_401.into(), &0.into()), "nothing is missing");
+    let (whole, parts) = (folder.join("whole"), folder.join("parts"));
+    assert_eq!(names(&whole), names(&parts));
+    for name in names(&whole) {
+        let [a, b] = [&whole, &parts].map(|folder| fs::read(folder.join(&name)).unwrap());
+        assert!(a == b, "{name} differs");
+    }
+    refused(synth("one.parquet", "1/3"), &["not made in parts", "1/3", "folder"]);
+    refused(synth("parts", "4/3"), &["no part", "4/3", "K/N"]);
+    fs::remove_dir_all(folder).unwrap();
+}
+
+/// The example as it is given to others, with two workers on this machine.
+#[test]
+fn parts_that_ray_has_made_are_the_files_of_the_whole() {
+    let python = match python::python() {
+        Ok(python) => python,
+        Err(why) => return aloud!("SKIPPED: no Python environment: {why}"),
+    };
+    let folder = crate::program::folder("ray");
+    let given = ["synth", "wave-l:0.5s", "--rate", "10", "--variations", "7000", "-o"];
+    let mut whole = gaitway(&given);
+    whole.arg(folder.join("whole"));
+    made(whole);
+    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/corpus_with_ray.py");
+    let with_ray = "import ray, runpy, sys; begin = ray.init; \
+                    ray.init = lambda **given: begin(num_cpus=2, **given); \
+                    sys.argv = sys.argv[1:]; runpy.run_path(sys.argv[0], run_name='__main__')";
+    let output = Command::new(&python.program)
+        .args(["-c", with_ray, script, "3", crate::program::PATH])
+        .args(given)
+        .arg(folder.join("ray"))
+        .env("RAY_USAGE_STATS_ENABLED", "0")
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", crate::program::words(&output));
+    let report: Value = serde_json::from_slice(&output.stdout).expect("a JSON report");
+    assert_eq!((&report["parts"], &report["whole"]["found"]), (&3.into(), &7_000.into()));
+    assert_eq!(report["whole"]["poses"], 0, "nothing was missing");
+    let (whole, parts) = (folder.join("whole"), folder.join("ray"));
+    assert_eq!(names(&whole), names(&parts));
+    for name in names(&whole) {
+        let [a, b] = [&whole, &parts].map(|folder| fs::read(folder.join(&name)).unwrap());
+        assert!(a == b, "{name} differs");
+    }
+    fs::remove_dir_all(folder).unwrap();
+}
+
 /// A small file system of its own for a command line; none where this user may not have one.
 fn on_small_disk(folder: &Path, size: &str, script: &str) -> Option<std::process::Output> {
     let disk = folder.join("disk");

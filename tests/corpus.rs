@@ -588,6 +588,35 @@ fn a_session_brings_its_subjects_verdicts_and_repetitions() {
         (&Value::from(1), &Value::from("kick-01"))
     );
     assert_eq!(report(&["query", &moves, "verdict=retake and subject.consent=given"])["trials"], 1);
+
+    // A trial that was kept and has no motion is named; one to be retaken is not missed.
+    let without = |number, verdict: &str| {
+        let trial = trial(number, verdict, 1);
+        let (before, rest) = trial.split_once("angles = [").expect("angles");
+        let (_, after) = rest.split_once("]\n").expect("their end");
+        format!("{before}angles = []\nno_angles = \"the arm was not worn\"\n{after}")
+    };
+    let trials = without(3, "keep") + &without(4, "retake");
+    fs::write(session.join("manifest.toml"), manifest.to_owned() + &trials).expect("a file");
+    let lost = add();
+    assert_eq!(lost.status.code(), Some(3), "{}", words(&lost));
+    let said = words(&lost);
+    assert!(said.contains("kick-03") && said.contains("the arm was not worn"), "{said}");
+    assert!(!said.contains("kick-04"), "{said}");
+
+    // A manifest names files of its own session, wherever links lead.
+    fs::copy(session.join("angles/kick-01.bvh"), folder.join("elsewhere.bvh")).expect("a copy");
+    std::os::unix::fs::symlink(folder.join("elsewhere.bvh"), session.join("angles/link.bvh"))
+        .expect("a link");
+    for elsewhere in
+        [shown(&folder.join("elsewhere.bvh")), "../elsewhere.bvh".into(), "angles/link.bvh".into()]
+    {
+        let trials = trial(1, "keep", 1).replace("angles/kick-01.bvh", &elsewhere);
+        fs::write(session.join("manifest.toml"), manifest.to_owned() + &trials).expect("a file");
+        let refused = add();
+        assert_eq!(refused.status.code(), Some(1), "{elsewhere}");
+        assert!(words(&refused).contains("not its own"), "{}", words(&refused));
+    }
 }
 
 #[test]

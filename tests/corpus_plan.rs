@@ -3,6 +3,8 @@
 
 mod program;
 
+use gaitway::corpus::store::Store;
+use gaitway::corpus::tables::LABELS;
 use gaitway::session::plan::Plan;
 use program::{folder, gaitway, json, words};
 use serde_json::Value;
@@ -107,9 +109,12 @@ fn a_plan_lists_what_nobody_did_leads_a_session_and_knows_its_trials_when_they_c
 fn nothing_is_written_into_the_folder_of_a_corpus() {
     let (folder, moves) = new("inside");
     let version = Path::new(&moves).join("version.json");
-    let link = folder.join("link.toml");
-    std::os::unix::fs::symlink(&version, &link).expect("a link");
+    let link = folder.join("link.bvh");
+    for link in [&link, &folder.join("link.toml")] {
+        std::os::unix::fs::symlink(&version, link).expect("a link");
+    }
     let before = fs::read(&version).expect("a version");
+    let there = names(&moves);
     for (verb, file) in [
         ("plan", "version.json"),
         ("query", "version.json"),
@@ -123,8 +128,40 @@ fn nothing_is_written_into_the_folder_of_a_corpus() {
         assert_eq!(run.status.code(), Some(1), "{verb} {file}");
         assert!(words(&run).contains("outside"), "{}", words(&run));
     }
+    // Whoever writes, and whatever: a result, a report, a folder.
+    let bow = shown(&folder.join("bow.bvh"));
+    bvh(Path::new(&bow), "bow");
+    let inside = |name: &str| shown(&Path::new(&moves).join(name));
+    let (table, version_file, link) =
+        (inside("trials/x.csv"), inside("version.json"), shown(&link));
+    for line in [
+        ["convert", &bow, &table, "--force"].as_slice(),
+        &["convert", &bow, &link, "--force"],
+        &["synth", "bow", "-o", &link, "--force"],
+        &["retarget", &bow, "--robot", "op3", "-o", &link, "--force"],
+        &["corpus", "query", &moves, "", "--report", &version_file, "--force"],
+        &["corpus", "check", &moves, "--report", &link, "--force"],
+        &["corpus", "export", &moves, "", "--format", "bvh", "-o", &inside("exports")],
+        &["corpus", "new", &inside("within/another")],
+        &["synth", "bow", "--variations", "2", "-o", &inside("variations")],
+        &["cut", &bow, "-o", &inside("pieces")],
+        &["record", "--session", &inside("tuesday"), "torso=imu:x-imu3@serial:/dev/ttyUSB9"],
+    ] {
+        let run = gaitway().args(line).output().expect("the program");
+        assert_ne!(run.status.code(), Some(0), "{line:?}");
+        assert!(words(&run).contains("outside"), "{line:?}: {}", words(&run));
+    }
     assert_eq!(fs::read(&version).expect("a version"), before);
     assert!(!Path::new(&moves).join("new.toml").exists());
+    assert_eq!(names(&moves), there);
+}
+
+fn names(folder: &str) -> Vec<String> {
+    let entries = fs::read_dir(folder).expect("a folder").flatten();
+    let mut names: Vec<String> =
+        entries.map(|entry| entry.file_name().to_string_lossy().into_owned()).collect();
+    names.sort();
+    names
 }
 
 #[test]
@@ -188,6 +225,31 @@ fn two_annotators_agree_as_far_as_their_frames_do() {
     let value = three["value"].as_f64().expect("a share");
     assert!(value < 0.9 && value > 0.0, "{value}");
     assert_eq!(three["per_class"]["wave"], three["value"]);
+    // Somebody's label ends at the last number there is.
+    let mut store = Store::open_to_change(Path::new(&moves)).expect("a corpus");
+    let note = store.files(LABELS).next().expect("labels").clone();
+    let mut endless = store.labels_in(&note).expect("labels").remove(0);
+    endless.last_frame = i64::MAX;
+    endless.annotator = "dora".to_owned();
+    store.label(&[endless], "beyond the end").expect("kept");
+    drop(store);
+    assert!(score()["value"].as_f64().expect("a share") < 1.0);
+}
+
+#[test]
+fn a_plan_and_its_picture_appear_together_or_not_at_all() {
+    let (folder, moves) = new("together");
+    let plan = folder.join("plan.toml");
+    // Whatever is written there finds the disk full.
+    let plot = folder.join("plot.svg");
+    std::os::unix::fs::symlink("/dev/full", &plot).expect("a link");
+    let run = gaitway()
+        .args(["corpus", "plan", &moves, "praxicon", "-o", &shown(&plan), "--force", "--plot"])
+        .arg(&plot)
+        .output()
+        .expect("the program");
+    assert_eq!(run.status.code(), Some(1), "{}", words(&run));
+    assert!(!plan.exists(), "{:?}", names(&shown(&folder)));
 }
 
 #[test]

@@ -219,10 +219,74 @@ fn steps_and_jumps_come_down_where_they_were_asked_to() {
     }
 }
 
+/// What a command writes, as numbers.
+fn synthesised(action: &str, variation: &str, folder: &Path) -> Vec<Vec<f64>> {
+    let file = folder.join("twin.csv").display().to_string();
+    let arguments =
+        ["synth", action, "--variation", variation, "--seed", "4", "--force", "-o", &file];
+    assert!(gaitway().args(arguments).output().expect("runs").status.success());
+    let text = std::fs::read_to_string(file).expect("a table");
+    let row = |line: &str| line.split(',').map(|cell| cell.parse().expect("a number")).collect();
+    text.lines().skip(1).map(row).collect()
+}
+
+#[test]
+fn sets_of_words_are_filled_with_variations_of_the_shipped_actions_and_say_what_nobody_does() {
+    let (folder, corpus) = new("sets-words");
+    let fill = |set: &str, part: &str| {
+        let arguments =
+            ["corpus", "generate", &corpus, set, "--seed", "4", "--part", part, "--json"];
+        let output = gaitway().args(arguments).output().expect("runs");
+        assert!([Some(0), Some(3)].contains(&output.status.code()), "{output:?}");
+        json(&output)
+    };
+    let words = fill("praxicon", "1/1");
+    let count = |of: &Value| of.as_array().map_or(0, Vec::len);
+    // 92 words of 111 are kept.
+    assert_eq!(count(&words["trials"]) + count(&words["left_out"]), 92);
+    assert!(count(&words["trials"]) > 12, "{words:#}");
+    assert!(words["left_out"].to_string().contains("\"sweep\""), "{}", words["left_out"]);
+    let mut falls = 0;
+    for trial in words["trials"].as_array().expect("a list") {
+        falls += usize::from(count(&trial["missed"]) > 0);
+    }
+    assert!(falls * 10 <= count(&words["trials"]), "{falls} do not stand");
+    // A twin by the command that makes one variation.
+    for (name, action) in [("bow", "bow"), ("kick", "kick-r")] {
+        let (own, twin) = (rows(&corpus, name, &folder), synthesised(action, "0", &folder));
+        assert_eq!(own.len(), twin.len(), "{name}");
+        for (own, twin) in own.iter().zip(&twin) {
+            let apart = (0..22).map(|n| (own[n] - twin[1 + n]).abs()).fold(0.0, f64::max);
+            assert!(apart < 1e-6, "{name}: {apart}");
+        }
+    }
+    let both = fill("composition", "1/1");
+    let names = both["trials"].to_string();
+    assert!(names.contains("\"walk>kick\"") && !names.contains("walk+wave"), "{names}");
+    assert!(both["left_out"].to_string().contains("walk-and-wave"));
+    // The same by many people, who differ.
+    let people = fill("cross-validation", "5/97");
+    let made = people["trials"].as_array().expect("a list");
+    assert!(made.len() > 5, "{people:#}");
+    let how_many = |who: &str| {
+        let question = format!("set=cross-validation and body_stature_m{who}");
+        let asked = gaitway().args(["corpus", "query", &corpus, &question, "--json"]).output();
+        json(&asked.expect("runs"))["trials"].as_u64().expect("a number") as usize
+    };
+    let (small, tall) = (how_many("<1.72"), how_many(">1.78"));
+    assert!(small > 0 && tall > 0 && small + tall <= made.len(), "{small} and {tall}");
+    let none = gaitway().args(["corpus", "generate", &corpus, "interaction"]).output();
+    assert_eq!(none.expect("runs").status.code(), Some(1));
+    // Made again, they are what they were.
+    let again = fill("composition", "1/1");
+    assert_eq!((&again["added"], count(&again["changed"])), (&0.into(), 0));
+}
+
 mod scores {
     use super::*;
+    use gaitway::body::anthropometry::{Measure, Subject};
     use gaitway::corpus::query::Question;
-    use gaitway::corpus::rows::TrialEntry;
+    use gaitway::corpus::rows::{SubjectEntry, TrialEntry};
     use gaitway::corpus::select::Selection;
     use gaitway::corpus::store::{NewTrial, Store};
     use gaitway::corpus::tables::TrialFrames;
@@ -337,8 +401,49 @@ mod scores {
         let told = score("identification", &of(&folder, "people", people(false)));
         assert!(value(&told) > 0.9, "{}", value(&told));
         assert_eq!(told["baselines"][0]["value"], 0.5);
+        assert!(told["features"].is_null(), "nothing is known of them but who they are");
         let mixed = score("identification", &of(&folder, "mixed", people(true)));
         assert!(value(&mixed) < value(&told) - 0.2, "{}", value(&mixed));
+
+        // Four people, of whom the two old women stoop. Each is told by another one.
+        let four = |shuffled: bool| {
+            let mut all_four = people(false);
+            for (at, (entry, _)) in all_four.iter_mut().enumerate() {
+                let stoops = entry.subject.as_deref() == Some("s2");
+                let stoops = stoops != (shuffled && at % 4 < 2);
+                let second = at % 8 > 3;
+                entry.subject = Some(format!("{}{}", if stoops { "w" } else { "b" }, second as u8));
+            }
+            let corpus = of(&folder, &format!("four-{shuffled}"), all_four);
+            let person = |(id, gender, age): (&str, &str, f64)| SubjectEntry {
+                subject: Subject {
+                    id: id.to_owned(),
+                    gender: gender.to_owned(),
+                    measures: [(Measure::Age, age)].into(),
+                    ..Subject::default()
+                },
+                ..SubjectEntry::default()
+            };
+            let known = [
+                ("b0", "male", 10.0),
+                ("b1", "male", 12.0),
+                ("w0", "female", 70.0),
+                ("w1", "female", 71.0),
+            ];
+            let mut store = Store::open_to_change(Path::new(&corpus)).expect("a corpus");
+            store.tell_of(&known.map(person)).expect("told");
+            drop(store);
+            score("identification", &corpus)
+        };
+        let (told, mixed) = (four(false), four(true));
+        let of = |report: &Value, at: usize, name: &str| {
+            report["features"][at][name].as_f64().expect("a figure")
+        };
+        // Not all reaches have one alike among those of another person.
+        assert!(of(&told, 0, "value") > of(&told, 0, "baseline") + 25.0, "{told}");
+        assert!(of(&told, 1, "value") < 0.5 * of(&told, 1, "baseline"), "{told}");
+        assert!(of(&mixed, 0, "value") < of(&told, 0, "value") - 20.0, "{mixed}");
+        assert!(of(&mixed, 1, "value") > of(&told, 1, "value") + 10.0, "{mixed}");
     }
 }
 

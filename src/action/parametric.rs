@@ -134,7 +134,9 @@ pub struct Made {
 }
 
 impl Made {
-    fn of(motion: Motion, marks: Vec<Mark>) -> Self {
+    /// A motion that is to be somewhere at some times, and carries nothing.
+    #[must_use]
+    pub const fn of(motion: Motion, marks: Vec<Mark>) -> Self {
         Self { motion, marks, load: None, seated_s: None, speed_m_s: None }
     }
 

@@ -10,6 +10,7 @@ use crate::job::corpus::{
     self, AboutTrial, AddOrder, AskOrder, ExportFormat, ExportOrder, GenerateOrder, NewOrder,
     PlanOrder, RemoveOrder,
 };
+use crate::job::share::Share;
 use clap::{Args, Subcommand};
 use std::path::PathBuf;
 
@@ -155,7 +156,7 @@ struct PlanArgs {
 struct GenerateArgs {
     /// Folder of the corpus
     corpus: PathBuf,
-    /// The set: generalisation
+    /// The set: generalisation, praxicon, cross-validation, composition or co-articulation
     set: String,
     /// Only a part of it: the third of a hundred
     #[arg(long, value_name = "K/N")]
@@ -327,7 +328,7 @@ fn generate(args: &GenerateArgs, remarks: Remarks) -> Result<i32, Error> {
     let order = GenerateOrder {
         corpus: args.corpus.clone(),
         set: args.set.clone(),
-        part: args.part.as_deref().map(GenerateOrder::part).transpose()?,
+        part: args.part.as_deref().map_or(Ok(Share::WHOLE), Share::parse)?,
         seed: args.seed,
         verify: args.verify,
     };

@@ -3,6 +3,7 @@
 //! reaches a terminal as a command, and what could not be told shows in the exit code.
 
 use super::signals::heard;
+use crate::corpus::store::check_outside;
 use crate::draft;
 use crate::error::{Error, ErrorKind};
 use crate::job::report::{CameToNothing, Outcome};
@@ -324,6 +325,7 @@ impl Output {
                     .at(path.display().to_string())
                     .remedy("give each its own"));
             }
+            check_outside(path)?;
             draft::check_free(path, self.force)?;
             check_place(path)?;
         }

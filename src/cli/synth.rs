@@ -5,6 +5,7 @@ use super::signals::Signals;
 use super::terminal::Terminal;
 use super::{Deed, Output, Remarks};
 use crate::error::Error;
+use crate::job::share::Share;
 use crate::job::synth::{
     ClassOrder, ClassReport, Figures, FootingReport, MAX_VARIATIONS, MissedReport, SynthOrder,
     VariedMotionReport, synth, tables_beside, vary,
@@ -48,6 +49,10 @@ pub struct SynthArgs {
     /// Folder of action files whose velocity functions variations may use as well
     #[arg(long, value_name = "FOLDER", requires = "varied")]
     database: Vec<PathBuf>,
+    /// Only every Nth file of a folder, the Kth first: several processes or machines make one part each, and the
+    /// command without it looks whether all is there
+    #[arg(long, value_name = "K/N", requires = "variations")]
+    part: Option<String>,
     /// Leave joints and ends out of a corpus, as points in space: two thirds of its bytes
     #[arg(long, requires = "variations")]
     no_points: bool,
@@ -95,6 +100,7 @@ pub fn run(args: &SynthArgs, remarks: Remarks) -> Result<i32, Error> {
         seed: args.seed,
         database: args.database.clone(),
         has_points: !args.no_points,
+        part: args.part.as_deref().map_or(Ok(Share::WHOLE), Share::parse)?,
         file: args.output_file.clone(),
         replace: args.output.force(),
     };
@@ -133,7 +139,7 @@ fn run_many(
         format!(
             "{}: {} variations of {}, {} of them found, {} poses written\n{}{}written   {}\n",
             made.outcome.word(),
-            made.variations,
+            made.variations_text(),
             classes.iter().map(|class| class.label.as_str()).collect::<Vec<_>>().join(" and "),
             made.found,
             made.poses,

@@ -91,6 +91,28 @@ fn unwritten(what: &str, path: &Path, cause: &io::Error) -> Error {
     Error::unwritten(what, cause).at(path.display().to_string())
 }
 
+/// Refuses a file or a folder in the folder of a corpus, also by a link: everything there is the corpus's own.
+///
+/// # Errors
+/// A place in a corpus.
+pub fn check_outside(place: &Path) -> Result<(), Error> {
+    // What is not there yet lies where the first folder above it is.
+    let there = std::path::absolute(place)
+        .ok()
+        .and_then(|place| place.ancestors().find_map(|above| above.canonicalize().ok()));
+    match there
+        .as_deref()
+        .and_then(|there| there.ancestors().find(|folder| Store::is_corpus(folder)))
+    {
+        None => Ok(()),
+        Some(corpus) => {
+            Err(Error::new("what is written into a corpus would be taken for a part of it")
+                .at(place.display().to_string())
+                .allowed(format!("a place outside {}", corpus.display())))
+        }
+    }
+}
+
 fn synced_folder(folder: &Path) {
     // Some file systems cannot synchronise a folder; its files are worth having even so.
     let _ = File::open(folder).and_then(|folder| folder.sync_all());
@@ -203,6 +225,12 @@ impl Store {
         let version = version(root)?;
         let (root, lock) = (root.to_owned(), Some(lock));
         Ok(Self { root, manifest, version, schemas: Schemas::new()?, lock })
+    }
+
+    /// Whether a folder is one of a corpus.
+    #[must_use]
+    pub fn is_corpus(folder: &Path) -> bool {
+        folder.join(MANIFEST).is_file() && folder.join(VERSION).is_file()
     }
 
     /// Where it is.

@@ -8,6 +8,7 @@ use super::observer::{Event, Nobody, Observer};
 use super::report::Outcome;
 use crate::clean::artefact::ArtefactKind;
 use crate::clean::thresholds::FILE_NAME;
+use crate::corpus::store::check_outside;
 use crate::draft::{check_free, write_file};
 use crate::error::{Error, ErrorKind};
 use crate::sensing::wall_clock;
@@ -108,6 +109,7 @@ pub fn clean_folder(
                  trial has the others; leave --edits, --html and --others out",
             ));
     }
+    check_outside(&order.file)?;
     let allowed = Allowed::of(&order.markers, most_doubt)?;
     let trials = trials(order)?;
     let mut kept = Rounds::read(&order.file.join(ROUNDS))?;

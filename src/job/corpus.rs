@@ -3,15 +3,18 @@
 mod about;
 mod add;
 mod ask;
+mod bones_seed;
 mod check;
 mod coverage_plot;
 mod export;
 pub(in crate::job) mod generate;
+mod inside;
 mod labels;
 mod lerobot;
 mod npz;
 mod plan;
 mod remove;
+mod shipped;
 mod trial;
 mod variations;
 mod words;
@@ -19,6 +22,7 @@ mod words;
 pub use about::{AboutTrial, consent, parameter};
 pub use add::{AddOrder, AddReport, FoundTrial, add};
 pub use ask::{Answer, AskOrder, AskReport, ask};
+pub use bones_seed::metadata as bones_seed_metadata;
 pub use check::{CheckReport, Fault as CorpusFault, check};
 pub use export::{ExportFormat, ExportOrder, ExportReport, ExportedTrial, Withheld, export};
 pub use generate::{GenerateOrder, GenerateReport, GeneratedTrial, generate};
@@ -27,7 +31,7 @@ pub use remove::{RemoveOrder, RemoveReport, remove};
 pub(in crate::job) use trial::capture_of;
 
 use crate::corpus::manifest::{CorpusManifest, FiveChoices, SCHEMA};
-use crate::corpus::store::Store;
+use crate::corpus::store::{Store, check_outside};
 use crate::error::Error;
 use crate::job::report::Outcome;
 use serde::Serialize;
@@ -68,6 +72,8 @@ pub struct NewReport {
 pub fn new(order: &NewOrder) -> Result<NewReport, Error> {
     let own = || order.folder.file_name().map(|name| name.to_string_lossy().into_owned());
     let name = order.name.clone().or_else(own).unwrap_or_else(|| "corpus".to_owned());
+    // In its own folder, the corpus that is there already is named.
+    order.folder.parent().map_or(Ok(()), check_outside)?;
     let manifest =
         CorpusManifest { schema: SCHEMA, name: name.clone(), choices: order.choices.clone() };
     let store = Store::create(&order.folder, &manifest)?;
@@ -93,25 +99,6 @@ pub fn new(order: &NewOrder) -> Result<NewReport, Error> {
         manifest: shown(&order.folder.join("corpus.toml")),
         unsaid: said.iter().filter(|(_, text)| text.is_empty()).map(|(name, _)| *name).collect(),
     })
-}
-
-/// Refuses a file in the folder of a corpus: everything there is the corpus's own.
-fn check_outside(corpus: &Path, file: &Path) -> Result<(), Error> {
-    // A file without a folder lies where one is; a link is where it leads to.
-    let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty());
-    let folder = folder.unwrap_or_else(|| Path::new("."));
-    let is_inside =
-        match (corpus.canonicalize(), file.canonicalize().or_else(|_| folder.canonicalize())) {
-            (Ok(corpus), Ok(folder)) => folder.starts_with(corpus),
-            // What is not there is said by whoever opens it.
-            _ => false,
-        };
-    if is_inside {
-        return Err(Error::new("a file in a corpus would be taken for a part of it")
-            .at(shown(file))
-            .allowed(format!("a place outside {}", shown(corpus))));
-    }
-    Ok(())
 }
 
 fn shown(path: &Path) -> String {

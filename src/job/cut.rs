@@ -8,6 +8,7 @@ use super::labels::label_text;
 use super::recognise::{EquationReading, models, of_capture};
 use super::source::{self, CaptureOptions, Source, body_motion};
 use crate::body::{JointAngles, Proportions, Segment, SegmentPose};
+use crate::corpus::store::check_outside;
 use crate::draft;
 use crate::error::{Error, ErrorKind};
 use crate::mocap::anatomy::Capture;
@@ -104,6 +105,7 @@ pub struct CutReport {
 /// # Errors
 /// A capture, a model or a table that cannot be read, margins that are none, a file that cannot be written.
 pub fn cut(order: &CutOrder) -> Result<CutReport, Error> {
+    check_outside(&order.folder)?;
     for (name, value_s) in [("--margin", order.margin_s), ("--join", order.join_s)] {
         if !(0.0..=3600.0).contains(&value_s) {
             return Err(Error::of(ErrorKind::OutsideLimits, "a time is out of range")

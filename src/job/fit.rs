@@ -9,6 +9,7 @@ use super::source::fit_markers;
 use crate::action::table;
 use crate::body::proportions::proximal_joint;
 use crate::body::{JointAngles, Proportions, Segment, SegmentPose, segment_name};
+use crate::corpus::store::check_outside;
 use crate::draft::{Drafts, check_apart, check_free};
 use crate::error::{Error, ErrorKind};
 use crate::mocap::bvh;
@@ -181,6 +182,7 @@ pub fn marker_sets(name: Option<&str>) -> Result<Vec<MarkerSet>, Error> {
 pub fn fit(order: &FitOrder) -> Result<FitReport, Error> {
     let files = outputs(order)?;
     for (file, _) in &files {
+        check_outside(file)?;
         check_free(file, order.replace)?;
     }
     let read = std::iter::once(&order.trial).chain(&order.static_trial).chain(&order.hip_trials);

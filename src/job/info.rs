@@ -1,6 +1,7 @@
 //! What a capture or a file of markers holds: what a person wants to know before anything is done with it.
 
 use super::info_columns::{self, ColumnsOverview};
+use super::info_folders::{self, FolderOverview};
 use super::labels::{self, LabelsOverview, label_kind};
 use super::sensors::{self, SensorsOverview};
 use super::source::angles_table;
@@ -30,6 +31,8 @@ pub enum FileOverview {
     Labels(LabelsOverview),
     /// Inertial sensors.
     Sensors(SensorsOverview),
+    /// A folder that programs keep motions in.
+    Folder(FolderOverview),
     /// Columns that are not known.
     Columns(ColumnsOverview),
 }
@@ -238,6 +241,11 @@ pub fn info(path: &Path, options: &CaptureOptions) -> Result<Option<FileOverview
         return labels::overview(path).map(|labels| Some(FileOverview::Labels(labels)));
     }
     let is = |ending: &str| path.extension().is_some_and(|of| of.eq_ignore_ascii_case(ending));
+    if path.is_dir()
+        && let Some(folder) = info_folders::overview(path)?
+    {
+        return Ok(Some(FileOverview::Folder(folder)));
+    }
     if path.is_dir() || is("txt") {
         let sensors = sensors::overview(path, None).map_err(|error| match path.is_dir() {
             true => error.remedy(

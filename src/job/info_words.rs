@@ -22,6 +22,7 @@ pub fn words(overview: &FileOverview) -> String {
         FileOverview::Table(table) => of_table(table),
         FileOverview::Labels(labels) => of_labels(labels),
         FileOverview::Sensors(sensors) => of_sensors(sensors),
+        FileOverview::Folder(folder) => folder.words(),
         FileOverview::Columns(columns) => of_columns(columns),
     }
 }

@@ -10,6 +10,7 @@ use super::composition::{Composed, GaitChangeReport, InsertReport, compose};
 use super::observer::Observer;
 use super::pending::unless_stopped;
 use super::report::Outcome;
+use super::share::Share;
 use crate::action::corpus::{Corpus, VariationStatus, Variations};
 use crate::action::database::Types;
 use crate::action::{
@@ -43,6 +44,8 @@ pub struct SynthOrder {
     pub database: Vec<PathBuf>,
     /// Whether a corpus has joints and ends as points in space.
     pub has_points: bool,
+    /// Which files of a corpus in a folder are made.
+    pub part: Share,
     /// The file, whose ending says what is written; of variations perhaps a folder.
     pub file: PathBuf,
     /// It may replace one that is there.

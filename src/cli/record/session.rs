@@ -8,6 +8,7 @@ use super::RecordArgs;
 use crate::cli::report::Outcome;
 use crate::cli::signals::Signals;
 use crate::cli::{Deed, Remarks};
+use crate::corpus::store::check_outside;
 use crate::error::Error;
 use crate::job::session::{SessionOrder, SessionReport, SessionState, open};
 use crate::session::Plan;
@@ -25,6 +26,7 @@ pub fn run(
     remarks: Remarks,
 ) -> Result<i32, Error> {
     args.output.check_files(&[])?;
+    check_outside(root)?;
     let order = SessionOrder {
         folder: root.to_owned(),
         sources: args.sources.clone(),

@@ -1,6 +1,8 @@
 //! Trials into a corpus: captures, recorded sessions, actions, and folders of variations.
 
 use super::about::{AboutTrial, TrialTable, merged, subject_file};
+use super::bones_seed;
+use super::inside::inside;
 use super::labels::{KnownLabels, recognised, throughout};
 use super::variations::{self, Variation};
 use crate::action::phrase;
@@ -18,6 +20,7 @@ use crate::job::report::Outcome;
 use crate::job::source::{CaptureOptions, FileKind, body_motion, file_kind};
 use crate::job::{Event, Observer};
 use crate::mocap::anatomy::Capture;
+use crate::recognise::machine::Span;
 use crate::session::manifest::Manifest;
 use crate::toml_text::{from_toml, plain_words};
 use serde::Serialize;
@@ -149,6 +152,9 @@ pub fn add(order: &AddOrder, observer: &dyn Observer) -> Result<AddReport, Error
         files.iter().for_each(|file| planning.file(&file.display().to_string(), file));
     }
     if planning.planned.is_empty() && planning.subjects.is_empty() {
+        if let Some(first) = planning.unread.first() {
+            return Err(Error::of(ErrorKind::Absent, "there is nothing to add").got(first));
+        }
         return Err(Error::of(ErrorKind::Absent, "there is nothing to add")
             .got(order.sources.join(", "))
             .allowed("captures (.bvh, .amc, .c3d, .trc, .csm, .mot, .sto, .mcap), folders of them, of sessions and of variations, actions, or a table of trials"));
@@ -162,7 +168,7 @@ pub fn add(order: &AddOrder, observer: &dyn Observer) -> Result<AddReport, Error
             planning.person(person)?;
         }
     }
-    let Planning { mut planned, subjects, labels, .. } = planning;
+    let Planning { mut planned, subjects, labels, unread, notes, .. } = planning;
     // Trials of one partition go into one file.
     planned.sort_by(|a, b| (&a.about.set, &a.about.action).cmp(&(&b.about.set, &b.about.action)));
     let files: Vec<PathBuf> = planned.iter().filter_map(|of| of.piece.file()).collect();
@@ -172,6 +178,8 @@ pub fn add(order: &AddOrder, observer: &dyn Observer) -> Result<AddReport, Error
         adding.tell_of_people()?;
     }
     adding.report.notes.extend(unused);
+    adding.report.unread.extend(unread);
+    adding.report.notes.extend(notes);
     let single = planned.len() == 1;
     let total = planned.len() as u64;
     for (done, one) in planned.iter().enumerate() {
@@ -206,6 +214,10 @@ struct Planning<'a> {
     labels: KnownLabels,
     subjects: BTreeMap<String, SubjectEntry>,
     planned: Vec<Planned>,
+    /// Trials of sessions that have nothing to be added, and why.
+    unread: Vec<String>,
+    /// What a person should know.
+    notes: Vec<String>,
 }
 
 impl<'a> Planning<'a> {
@@ -214,8 +226,15 @@ impl<'a> Planning<'a> {
         let folder = order.sources.first().map(Path::new).filter(|path| path.is_dir());
         let labels = order.labels.as_deref().map(|path| KnownLabels::read(path, folder));
         let labels = labels.transpose()?.unwrap_or_default();
-        let mut planning =
-            Self { order, table, labels, subjects: BTreeMap::new(), planned: Vec::new() };
+        let mut planning = Self {
+            order,
+            table,
+            labels,
+            subjects: BTreeMap::new(),
+            planned: Vec::new(),
+            unread: Vec::new(),
+            notes: Vec::new(),
+        };
         for path in &order.subjects {
             planning
                 .person(SubjectEntry { subject: subject_file(path)?, ..SubjectEntry::default() })?;
@@ -301,6 +320,9 @@ impl<'a> Planning<'a> {
         if folder.join("session.toml").is_file() {
             return self.session(folder);
         }
+        if let Some(metadata) = bones_seed::metadata(folder) {
+            return self.bones_seed(folder, &metadata);
+        }
         let mut entries = Vec::new();
         for entry in std::fs::read_dir(folder).map_err(unreadable)? {
             entries.push(entry.map_err(unreadable)?.path());
@@ -321,6 +343,33 @@ impl<'a> Planning<'a> {
         Ok(())
     }
 
+    fn bones_seed(&mut self, folder: &Path, metadata: &Path) -> Result<(), Error> {
+        let found = bones_seed::read(folder, metadata)?;
+        for person in found.people {
+            self.person(person)?;
+        }
+        for motion in found.motions {
+            for event in motion.events {
+                let span = Span { start_s: event.start_s, end_s: event.end_s };
+                self.labels.add(&motion.file, event.description, span);
+            }
+            let about = self.said(Some(&motion.file)).or(&motion.about);
+            let source = motion.file.display().to_string();
+            self.planned.push(Planned { piece: Piece::Motion(source), about });
+        }
+        self.notes.push(
+            "BONES-SEED has a licence of its own (LICENSE.md there): read it before anything is passed on".to_owned(),
+        );
+        if found.absent > 0 {
+            self.notes.push(format!(
+                "{} motions of {} are not in the folder: unpack soma_proportional or soma_uniform there",
+                found.absent,
+                metadata.display()
+            ));
+        }
+        Ok(())
+    }
+
     fn session(&mut self, folder: &Path) -> Result<(), Error> {
         let path = folder.join("manifest.toml");
         if !path.is_file() {
@@ -334,7 +383,7 @@ impl<'a> Planning<'a> {
                 .got(plain_words(cause.message()))
         })?;
         for file in &manifest.subjects {
-            let subject = subject_file(&folder.join(file))?;
+            let subject = subject_file(&inside(folder, file, &path)?)?;
             self.person(SubjectEntry { subject, ..SubjectEntry::default() })?;
         }
         for trial in &manifest.trials {
@@ -343,8 +392,20 @@ impl<'a> Planning<'a> {
                 crate::session::files::Verdict::Retake => "retake",
             };
             let poses = trial.angles.iter().filter(|file| file.ends_with(".bvh"));
-            for (file, subject) in poses.zip(&trial.subjects) {
-                let path = folder.join(file);
+            let poses: Vec<&String> = poses.collect();
+            // One that is to be retaken has none, and none is missed.
+            if verdict == "keep" && poses.len() != trial.subjects.len() {
+                self.unread.push(format!(
+                    "trial {} of the session in {}: {} files of motion of {} people{}",
+                    trial.name,
+                    folder.display(),
+                    poses.len(),
+                    trial.subjects.len(),
+                    trial.no_angles.iter().map(|why| format!(": {why}")).collect::<String>(),
+                ));
+            }
+            for (file, subject) in poses.into_iter().zip(&trial.subjects) {
+                let path = inside(folder, file, &path)?;
                 let said = self.said(Some(&path));
                 // A trial that was planned for a set is called as it is there.
                 let planned = said.set.as_deref().and_then(PlannedSet::of).and_then(|set| {

@@ -3,7 +3,7 @@
 use crate::corpus::query::Question;
 use crate::corpus::rows::{PARAMETERS, TrialEntry};
 use crate::corpus::select::{FrameSpan, Looked, Selection};
-use crate::corpus::store::Store;
+use crate::corpus::store::{Store, check_outside};
 use crate::draft::{Draft, check_free};
 use crate::error::{Error, ErrorKind};
 use crate::job::report::Outcome;
@@ -68,7 +68,7 @@ pub struct Answer {
 pub fn ask(order: &AskOrder) -> Result<AskReport, Error> {
     let question = Question::parse(&order.question)?;
     order.file.iter().try_for_each(|file| {
-        super::check_outside(&order.corpus, file)?;
+        check_outside(file)?;
         check_free(file, order.replace)
     })?;
     let mut tried = 0;

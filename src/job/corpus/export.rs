@@ -10,7 +10,7 @@ use crate::corpus::licence::Licence;
 use crate::corpus::query::Question;
 use crate::corpus::rows::{Consent, TrialEntry};
 use crate::corpus::select::Selection;
-use crate::corpus::store::Store;
+use crate::corpus::store::{Store, check_outside};
 use crate::corpus::tables::TrialFrames;
 use crate::corpus::version::ExportNote;
 use crate::draft::write_file;
@@ -231,6 +231,7 @@ struct Begun {
 /// No corpus, one that somebody else changes, a question that cannot be understood, a folder that holds something else, no
 /// trial that may be passed on; a wish to stop: given again, it goes on.
 pub fn export(order: &ExportOrder, observer: &dyn Observer) -> Result<ExportReport, Error> {
+    check_outside(&order.folder)?;
     let question = Question::parse(&order.question)?;
     let robot = robot_of(order)?;
     let joints = match (&robot, order.format) {

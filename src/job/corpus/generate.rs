@@ -5,6 +5,8 @@
 //! frames that are kept: where hand and feet are at the time they are to be there, and what soles and root do.
 
 use super::labels::throughout;
+use super::shipped::{self, Shipped, ShippedTrial};
+use crate::action::corpus::VariationStatus;
 use crate::action::parametric::{Ask, Made, Marked, Performer, Side, origin_m};
 use crate::body::contact::Footing;
 use crate::body::root::SOLES;
@@ -16,6 +18,7 @@ use crate::corpus::tables::{TRIALS, TrialFrames};
 use crate::error::{Error, ErrorKind};
 use crate::job::pending::go_on;
 use crate::job::report::Outcome;
+use crate::job::share::Share;
 use crate::job::{Event, Observer};
 use glam::DVec3;
 use rand::{RngExt, SeedableRng};
@@ -49,31 +52,12 @@ pub struct GenerateOrder {
     pub corpus: PathBuf,
     /// The set, by its name.
     pub set: String,
-    /// Which part of how many; all of it if nobody says.
-    pub part: Option<(usize, usize)>,
+    /// Which part of it.
+    pub part: Share,
     /// Of the grid, if it is 0; else drawn beside it.
     pub seed: u64,
     /// Make again what is there, and compare.
     pub verify: bool,
-}
-
-impl GenerateOrder {
-    /// A part as it is typed: `3/100`.
-    ///
-    /// # Errors
-    /// What is none.
-    pub fn part(text: &str) -> Result<(usize, usize), Error> {
-        let wrong = || {
-            Error::of(ErrorKind::Malformed, "this is no part of a set")
-                .at("--part")
-                .got(text)
-                .allowed("K/N with K from 1 to N, and N up to 100000: 3/100")
-        };
-        let (part, of) = text.split_once('/').ok_or_else(wrong)?;
-        let number = |text: &str| text.trim().parse::<usize>().map_err(|_| wrong());
-        let (part, of) = (number(part)?, number(of)?);
-        if (1..=of).contains(&part) && of <= 100_000 { Ok((part, of)) } else { Err(wrong()) }
-    }
 }
 
 /// A trial, and what came of it.
@@ -123,8 +107,42 @@ pub struct GenerateReport {
     pub found: u64,
     /// Trials that are there, and not what they are when they are made again (`--verify`).
     pub changed: Vec<String>,
+    /// What the set asks for and the body model does not do.
+    pub left_out: Vec<String>,
     /// What was made.
     pub trials: Vec<GeneratedTrial>,
+}
+
+/// A trial, and how it is made.
+#[derive(Clone, Debug)]
+enum Asked {
+    /// By what is asked for: a place, a direction, a load.
+    Parameters(PlannedTrial),
+    /// As a variation of a shipped action.
+    Shipped(ShippedTrial),
+}
+
+impl Asked {
+    const fn planned(&self) -> &PlannedTrial {
+        match self {
+            Self::Parameters(planned) | Self::Shipped(ShippedTrial { planned, .. }) => planned,
+        }
+    }
+}
+
+/// The trials of a set that can be made, in their order, and the names of those that cannot.
+fn trials(set: PlannedSet) -> (Vec<Asked>, Vec<String>) {
+    if set == PlannedSet::Generalisation {
+        return (set.trials().into_iter().map(Asked::Parameters).collect(), Vec::new());
+    }
+    let (trials, left_out) = shipped::trials(set);
+    (trials.into_iter().map(Asked::Shipped).collect(), left_out)
+}
+
+/// Those who do the sets, of one processor.
+struct Performers {
+    asked: [Performer; 2],
+    shipped: Shipped,
 }
 
 /// Fills a set, or a part of it.
@@ -132,32 +150,34 @@ pub struct GenerateReport {
 /// # Errors
 /// No corpus, a set that is not known, a wish to stop: given again, it goes on.
 pub fn generate(order: &GenerateOrder, observer: &dyn Observer) -> Result<GenerateReport, Error> {
-    let set = PlannedSet::of(&order.set).filter(|set| *set == PlannedSet::Generalisation);
-    let set = set.ok_or_else(|| {
+    let sets = || PlannedSet::ALL.into_iter().filter(|set| *set != PlannedSet::Interaction);
+    let set = sets().find(|set| set.word() == order.set).ok_or_else(|| {
         Error::of(ErrorKind::Unknown, "no set that the body model can do is called so")
             .got(order.set.clone())
-            .allowed(PlannedSet::Generalisation.word())
+            .allowed(sets().map(PlannedSet::word).collect::<Vec<_>>().join(", "))
             .remedy("`gaitway corpus plan DIR SET` plans what people are to do")
     })?;
-    let (part, of) = order.part.unwrap_or((1, 1));
-    let planned: Vec<(usize, PlannedTrial)> =
-        set.trials().into_iter().enumerate().filter(|(at, _)| at % of == part - 1).collect();
+    let (all, left_out) = trials(set);
+    let planned: Vec<(usize, Asked)> =
+        all.into_iter().enumerate().filter(|(at, _)| order.part.has(*at)).collect();
     let known = known(&Store::open(&order.corpus)?, set, order.seed)?;
     let mut report = GenerateReport {
         outcome: Outcome::Done,
         corpus: super::shown(&order.corpus),
         version: String::new(),
         set: set.word(),
-        part: [part, of],
+        part: order.part.numbers(),
         seed: order.seed,
         added: 0,
         found: 0,
         changed: Vec::new(),
+        left_out,
         trials: Vec::new(),
     };
-    let wanted: Vec<&(usize, PlannedTrial)> =
-        planned.iter().filter(|(_, of)| order.verify || !known.contains_key(&of.name)).collect();
-    report.found = planned.iter().filter(|(_, of)| known.contains_key(&of.name)).count() as u64;
+    let is_known = |(_, of): &&(usize, Asked)| known.contains_key(&of.planned().name);
+    let wanted: Vec<&(usize, Asked)> =
+        planned.iter().filter(|of| order.verify || !is_known(of)).collect();
+    report.found = planned.iter().filter(is_known).count() as u64;
     let mut performers = Workers::new()?;
     for (done, batch) in wanted.chunks(BATCH).enumerate() {
         let (done, total) = ((done * BATCH) as u64, wanted.len() as u64);
@@ -236,21 +256,24 @@ fn add(
 
 /// Those who do the sets, once for each processor.
 struct Workers {
-    each: Vec<[Performer; 2]>,
+    each: Vec<Performers>,
 }
 
 impl Workers {
     fn new() -> Result<Self, Error> {
         let count = thread::available_parallelism().map_or(1, usize::from).min(BATCH);
         let performer = |stature_m: f64| Proportions::of_stature(stature_m).map(Performer::of);
-        let pair = || Ok([performer(STATURES_M[0])?, performer(STATURES_M[1])?]);
-        Ok(Self { each: (0..count).map(|_| pair()).collect::<Result<_, Error>>()? })
+        let own = || {
+            let asked = [performer(STATURES_M[0])?, performer(STATURES_M[1])?];
+            Ok(Performers { asked, shipped: Shipped::at(RATE_HZ) })
+        };
+        Ok(Self { each: (0..count).map(|_| own()).collect::<Result<_, Error>>()? })
     }
 
     /// Makes some trials, in their order.
     fn make(
         &mut self,
-        batch: &[&(usize, PlannedTrial)],
+        batch: &[&(usize, Asked)],
         set: PlannedSet,
         seed: u64,
     ) -> Result<Vec<(GeneratedTrial, NewTrial)>, Error> {
@@ -280,16 +303,12 @@ type MadeTrial = Result<(GeneratedTrial, NewTrial), Error>;
 
 /// What one of them makes of a batch, by place in it.
 fn share<'a>(
-    own: impl Iterator<Item = (usize, &'a &'a (usize, PlannedTrial))>,
-    performers: &mut [Performer; 2],
+    own: impl Iterator<Item = (usize, &'a &'a (usize, Asked))>,
+    performers: &mut Performers,
     set: PlannedSet,
     seed: u64,
 ) -> Vec<(usize, MadeTrial)> {
-    own.map(|(at, (index, planned))| {
-        let performer = &mut performers[usize::from(planned.performer == 2)];
-        (at, trial(performer, planned, *index, set, seed))
-    })
-    .collect()
+    own.map(|(at, (index, asked))| (at, trial(performers, asked, *index, set, seed))).collect()
 }
 
 /// The parameters of a trial: of the grid, or drawn beside it.
@@ -345,24 +364,41 @@ pub(in crate::job) fn frames(made: &Made, body: &Proportions) -> Result<TrialFra
 }
 
 fn trial(
-    performer: &mut Performer,
-    planned: &PlannedTrial,
+    performers: &mut Performers,
+    asked: &Asked,
     index: usize,
     set: PlannedSet,
     seed: u64,
 ) -> Result<(GeneratedTrial, NewTrial), Error> {
-    let asked = parameters(planned, index, seed);
+    let planned = asked.planned();
     let said = |error: Error| error.at(format!("{}, seed {seed}", planned.name));
-    let made = ask(planned.action, &asked).and_then(|ask| performer.make(&ask)).map_err(said)?;
-    let body = *performer.body();
+    let parameters = parameters(planned, index, seed);
+    let (made, body, missed) = match asked {
+        Asked::Parameters(_) => {
+            let performer = &mut performers.asked[usize::from(planned.performer == 2)];
+            let made = ask(planned.action, &parameters).and_then(|ask| performer.make(&ask));
+            let (made, body) = (made.map_err(said)?, *performer.body());
+            let missed = made.missed(&body)?.into_iter();
+            let missed = missed
+                .map(|of| format!("{}: {:.4}, to be below {:.4}", of.what, of.got, of.most))
+                .collect();
+            (made, body, missed)
+        }
+        Asked::Shipped(shipped) => {
+            let varied = performers.shipped.make(shipped, seed).map_err(said)?;
+            let falls = varied.status == VariationStatus::Implausible;
+            let missed = if falls { vec!["its feet do not hold".to_owned()] } else { Vec::new() };
+            (Made::of(varied.motion, Vec::new()), varied.body, missed)
+        }
+    };
     let frames = frames(&made, &body)?;
-    let mut trial = judged(&made, &body, &frames.poses())?;
+    let mut trial = judged(&made, &body, &frames.poses(), missed)?;
     let sha256 = frames.sha256(RATE_HZ);
     trial.name.clone_from(&planned.name);
     trial.action = planned.action;
     trial.trial = sha256.chars().take(16).collect();
     let mut parameters: BTreeMap<String, f64> =
-        asked.into_iter().map(|(name, value)| (name.to_owned(), value)).collect();
+        parameters.into_iter().map(|(name, value)| (name.to_owned(), value)).collect();
     parameters.insert("seed".to_owned(), seed as f64);
     parameters.insert("variation".to_owned(), index as f64);
     if let (false, Some(speed)) = (parameters.contains_key("speed_m_s"), made.speed_m_s) {
@@ -419,7 +455,12 @@ fn place_m(body: &Proportions, pose: &SegmentPose, of: Marked) -> DVec3 {
 }
 
 /// What the frames that are kept say.
-fn judged(made: &Made, body: &Proportions, poses: &[SegmentPose]) -> Result<GeneratedTrial, Error> {
+fn judged(
+    made: &Made,
+    body: &Proportions,
+    poses: &[SegmentPose],
+    mut missed: Vec<String>,
+) -> Result<GeneratedTrial, Error> {
     let origin_m = origin_m(body);
     let last = poses.len().saturating_sub(1);
     let away = made.marks.iter().map(|mark| {
@@ -451,11 +492,6 @@ fn judged(made: &Made, body: &Proportions, poses: &[SegmentPose]) -> Result<Gene
     // What is carried is accelerated as the body is, on the whole.
     let forces = footing.force_body_weights().iter().enumerate();
     let forces = forces.map(|(frame, weights)| weights * (weight_n + load_n(frame)));
-    let mut missed: Vec<String> = made
-        .missed(body)?
-        .into_iter()
-        .map(|of| format!("{}: {:.4}, to be below {:.4}", of.what, of.got, of.most))
-        .collect();
     if away_m > MOST_AWAY_M {
         missed.push(format!("away_m: {away_m:.4}, to be below {MOST_AWAY_M}"));
     }

@@ -6,6 +6,7 @@ use crate::error::{Error, ErrorKind};
 use crate::job::labels::{self, Cut, NOTHING};
 use crate::job::recognise::{EquationReading, models, of_capture};
 use crate::mocap::anatomy::Capture;
+use crate::recognise::machine::Span;
 use crate::recognise::model::BodySide;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsString;
@@ -80,6 +81,17 @@ impl KnownLabels {
             by_name.entry(name).or_default().push(label);
         }
         Self { folder, by_name }
+    }
+
+    /// Adds a label of a file.
+    pub fn add(&mut self, file: &Path, class: String, span: Span) {
+        let name = file.file_name().unwrap_or_default().to_owned();
+        // From wherever files are named, a whole path is one.
+        let file = file.canonicalize().unwrap_or_else(|_| file.to_owned());
+        let file = file.display().to_string();
+        let cut = Some(Cut::Seconds(span));
+        let label = ClipLabel { file, class, side: None, cut, all_frames: None, is_unclear: false };
+        self.by_name.entry(name).or_default().push(label);
     }
 
     /// Labels of a file.

@@ -7,7 +7,7 @@ use crate::corpus::query::Question;
 use crate::corpus::rows::{Consent, TrialEntry};
 use crate::corpus::select::Selection;
 use crate::corpus::sets::{PlannedSet, PlannedTrial};
-use crate::corpus::store::Store;
+use crate::corpus::store::{Store, check_outside};
 use crate::draft::Drafts;
 use crate::error::{Error, ErrorKind};
 use crate::job::report::Outcome;
@@ -102,7 +102,7 @@ pub fn plan(order: &PlanOrder) -> Result<PlanReport, Error> {
             .allowed(PlannedSet::ALL.map(PlannedSet::word).join(", "))
     })?;
     let files = [&order.file, &order.plot];
-    files.into_iter().flatten().try_for_each(|file| super::check_outside(&order.corpus, file))?;
+    files.into_iter().flatten().try_for_each(|file| check_outside(file))?;
     let store = Store::open(&order.corpus)?;
     let mut there: Vec<TrialEntry> = Vec::new();
     let all = Question::parse("")?;

@@ -103,13 +103,19 @@ impl GenerateReport {
             "{outcome}: {added} trials of {set} added (part {part} of {of}, seed {seed}), {found} found\n\
              version   {version}\n"
         );
+        if !self.left_out.is_empty() {
+            let (count, few) = (self.left_out.len(), self.left_out.iter().take(8));
+            let few = few.map(String::as_str).collect::<Vec<_>>().join(", ");
+            let rest = if count > 8 { ", ..." } else { "" };
+            let _ = writeln!(text, "left out  {count} that no shipped action does: {few}{rest}");
+        }
         let mut by_action: BTreeMap<&str, Vec<&GeneratedTrial>> = BTreeMap::new();
         for trial in &self.trials {
             by_action.entry(trial.action).or_default().push(trial);
         }
         if !by_action.is_empty() {
             text.push_str(
-                "\naction     trials  misses  away mm  sinks mm  slides mm  root m/s2  inside mm  force N\n",
+                "\naction           trials  misses  away mm  sinks mm  slides mm  root m/s2  inside mm  force N\n",
             );
         }
         for (action, trials) in by_action {
@@ -121,7 +127,7 @@ impl GenerateReport {
                 margins.reduce(f64::min).map_or_else(|| "-".to_owned(), |mm| format!("{mm:.0}"));
             let _ = writeln!(
                 text,
-                "{action:10} {:6}  {:6}  {:7.1}  {:8.2}  {:9.1}  {:9.1}  {inside:>9}  {:7.0}",
+                "{action:16} {:6}  {:6}  {:7.1}  {:8.2}  {:9.1}  {:9.1}  {inside:>9}  {:7.0}",
                 trials.len(),
                 trials.iter().filter(|trial| !trial.missed.is_empty()).count(),
                 most(|of| of.away_mm),

@@ -3,6 +3,7 @@
 //! several actions.
 
 use super::{Cut, Label, Labels, label_text};
+use crate::corpus::store::check_outside;
 use crate::draft;
 use crate::error::{Error, ErrorKind};
 use std::path::{Path, PathBuf};
@@ -79,6 +80,7 @@ pub(super) fn write(
     replace: bool,
     trials: &[(String, Vec<ActionMarks>)],
 ) -> Result<(), Error> {
+    check_outside(folder)?;
     let mut files = Vec::new();
     for (trial, actions) in trials {
         let trial = folder.join(trial);

@@ -156,8 +156,29 @@ fn chosen(
     Ok((number, unit))
 }
 
+/// What a dataset says of itself, for a person.
+///
+/// # Errors
+/// A dataset that is damaged, or of another version.
+pub fn overview(folder: &Path) -> Result<Vec<(&'static str, String)>, Error> {
+    let info = Info::read(folder)?;
+    let unit = if info.is_in_rad() { "rad" } else { "not said: deg or range" };
+    Ok(vec![
+        ("robot", info.robot),
+        ("episodes", info.episodes.to_string()),
+        ("frames", format!("{}, {} a second", info.frames, info.fps)),
+        ("tasks", info.tasks.to_string()),
+        ("joints", info.names.join(", ")),
+        ("of", info.column.to_owned()),
+        ("unit", unit.to_owned()),
+    ])
+}
+
 /// What a dataset says of itself.
 struct Info {
+    robot: String,
+    frames: u64,
+    tasks: u64,
     fps: f64,
     episodes: u64,
     /// `action`, or what was measured where nobody commanded.
@@ -210,8 +231,16 @@ impl Info {
                 ))
                 .allowed(format!("shape [N] and N names, at most {MAX_JOINTS}")));
         }
-        let episodes = info["total_episodes"].as_u64().unwrap_or(0);
-        Ok(Self { fps, episodes, column, names })
+        let count = |name: &str| info[name].as_u64().unwrap_or(0);
+        Ok(Self {
+            robot: info["robot_type"].as_str().unwrap_or("not said").to_owned(),
+            frames: count("total_frames"),
+            tasks: count("total_tasks"),
+            fps,
+            episodes: count("total_episodes"),
+            column,
+            names,
+        })
     }
 
     /// True if the columns say that they are angles in rad.

@@ -10,6 +10,7 @@ use crate::draft::Draft;
 use crate::error::Error;
 use crate::job::pending::{Pending, go_on, unless_stopped};
 use crate::job::report::Outcome;
+use crate::job::share::Share;
 use crate::job::{Event, Observer};
 use serde::Serialize;
 use std::io::{BufWriter, Write};
@@ -48,8 +49,10 @@ pub struct ClassOrder {
 pub struct VariedReport {
     /// `done`, or `done_with_loss` if the feet of some do not hold.
     pub outcome: Outcome,
-    /// Variations in all.
+    /// Variations in all, or in the part.
     pub variations: u64,
+    /// Which part of how many.
+    pub part: [usize; 2],
     /// Variations that were there already.
     pub found: u64,
     /// What was there and is not what it was, or was cut off, and so was made anew: which file, and why.
@@ -82,6 +85,15 @@ pub struct ClassReport {
 }
 
 impl VariedReport {
+    /// How many variations, and in which part, if it is one.
+    #[must_use]
+    pub fn variations_text(&self) -> String {
+        match self.part {
+            [1, 1] => self.variations.to_string(),
+            [part, of] => format!("{} (part {part}/{of})", self.variations),
+        }
+    }
+
     /// With what came of its classes.
     fn with(mut self, classes: Vec<ClassReport>) -> Self {
         if classes.iter().any(|class| class.implausible > 0) {
@@ -155,6 +167,11 @@ pub fn vary(
     let is_file = out.extension().is_some_and(|e| e == "parquet");
     if !is_file {
         refuse_file_names(out)?;
+    } else if order.part != Share::WHOLE {
+        return Err(Error::new("a single file is not made in parts")
+            .at("--part")
+            .got(order.part.to_string())
+            .remedy("name a folder: -o corpus/"));
     }
     let (asked, classes) = {
         let (order, classes) = (order.clone(), classes.to_vec());
@@ -164,6 +181,7 @@ pub fn vary(
     let mut made = VariedReport {
         outcome: Outcome::Done,
         variations: total,
+        part: order.part.numbers(),
         found: 0,
         mended: Vec::new(),
         poses: 0,
@@ -181,8 +199,13 @@ pub fn vary(
         made.poses = set.write(&mut missing, &mut steps)?;
         return Ok(made.with(steps.classes));
     }
+    let all = classes.iter().flat_map(|class| class.sets(out)).enumerate();
+    let own: Vec<Set> =
+        all.filter(|(place, _)| order.part.has(*place)).map(|(_, set)| set).collect();
+    made.variations = own.iter().map(Set::variations).sum();
+    steps.total = made.variations;
     let mut sets = Vec::new();
-    for set in classes.iter().flat_map(|class| class.sets(out)) {
+    for set in own {
         go_on(observer)?;
         match set.there() {
             There::Whole => {
@@ -197,7 +220,7 @@ pub fn vary(
     }
     let mut missing = Missing::of(&sets, observer)?;
     room::check(out, missing.bytes)?;
-    let _lock = open_folder(out, &asked, order.replace)?;
+    let _lock = open_folder(out, &asked, order.replace, order.part)?;
     for set in &sets {
         made.poses += set.write(&mut missing, &mut steps)?;
     }

@@ -2,15 +2,22 @@
 //! in words.
 
 use crate::action::corpus::Corpus;
+use crate::corpus::store::check_outside;
 use crate::draft::Draft;
 use crate::error::{Error, ErrorKind};
+use crate::job::share::Share;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fmt::{self, Write as _};
 use std::fs::{self, File, TryLockError};
 use std::path::Path;
+use std::thread;
+use std::time::Duration;
 
 const NAME: &str = "corpus.json";
+/// Who makes a part waits so often, and so long each time, for who writes the catalogue.
+const WAITS: u32 = 600;
+const WAIT: Duration = Duration::from_millis(50);
 /// No catalogue is longer, bytes.
 const MAX_BYTES: u64 = 16 << 20;
 
@@ -155,12 +162,18 @@ impl Catalogue {
     }
 }
 
-/// A folder that is new, or holds a part of the same corpus; nobody else writes into it as long as
-/// this is kept.
-pub fn open_folder(folder: &Path, asked: &Catalogue, force: bool) -> Result<File, Error> {
+/// A folder that is new, or holds a part of the same corpus. As long as this is kept, nobody else writes into it, or only
+/// those who make other parts.
+pub fn open_folder(
+    folder: &Path,
+    asked: &Catalogue,
+    force: bool,
+    part: Share,
+) -> Result<File, Error> {
     let failed = |what: &str, e: &std::io::Error| {
         Error::of(e.into(), what).at(folder.display().to_string()).got(e.to_string())
     };
+    check_outside(folder)?;
     let note = folder.join(NAME);
     if folder.exists() && !folder.is_dir() {
         return Err(Error::new("this is a file, not a folder")
@@ -169,45 +182,71 @@ pub fn open_folder(folder: &Path, asked: &Catalogue, force: bool) -> Result<File
     }
     fs::create_dir_all(folder).map_err(|e| failed("cannot make the folder", &e))?;
     let lock = File::open(folder).map_err(|e| failed("cannot read the folder", &e))?;
-    if let Err(TryLockError::WouldBlock) = lock.try_lock() {
-        return Err(Error::of(ErrorKind::Busy, "another program makes a corpus in this folder")
+    let busy = || {
+        Error::of(ErrorKind::Busy, "another program makes a corpus in this folder")
             .at(folder.display().to_string())
-            .remedy("wait until it has ended, or choose another folder"));
-    }
-    let grown = match found(&note)? {
-        Some(found) => {
-            let unlike = found.unlike(asked);
-            if !unlike.is_empty() {
-                return Err(Error::of(ErrorKind::Exists, "the folder holds another corpus")
-                    .at(note.display().to_string())
-                    .got(unlike.join("; "))
-                    .allowed("the same figures, the same actions, as many variations or more")
-                    .remedy("choose another folder, or repeat the command that began this one"));
-            }
-            let grown = found.with(asked);
-            grown.check_stems()?;
-            if grown == found {
+            .remedy("wait until it has ended, or choose another folder")
+    };
+    // Of parts, who comes first writes the catalogue, which the others find there.
+    let waits = if part == Share::WHOLE { 1 } else { WAITS };
+    for wait in 0..waits {
+        if wait > 0 {
+            thread::park_timeout(WAIT);
+        }
+        if part != Share::WHOLE && lock.try_lock_shared().is_ok() {
+            if grown(folder, asked, force)?.is_none() {
                 return Ok(lock);
             }
-            grown
+            lock.unlock().map_err(|e| failed("cannot read the folder", &e))?;
         }
-        None => {
-            let mut entries =
-                fs::read_dir(folder).map_err(|e| failed("cannot read the folder", &e))?;
-            if !force && entries.next().is_some() {
-                return Err(Error::of(
-                    ErrorKind::Exists,
-                    "the folder is not empty and holds no corpus",
-                )
-                .at(folder.display().to_string())
-                .remedy("choose another folder, or add --force"));
-            }
-            asked.clone()
+        let is_alone = match lock.try_lock() {
+            Ok(()) => true,
+            Err(TryLockError::WouldBlock) => continue,
+            // A file system that knows no locks keeps nobody out.
+            Err(TryLockError::Error(_)) => false,
+        };
+        if let Some(grown) = grown(folder, asked, force)? {
+            Draft::write_whole(&note, true, grown.text()?.as_bytes())
+                .map_err(|e| failed("cannot write into the folder", &e))?;
         }
-    };
-    Draft::write_whole(&note, true, grown.text()?.as_bytes())
-        .map_err(|e| failed("cannot write into the folder", &e))?;
-    Ok(lock)
+        if part == Share::WHOLE || !is_alone {
+            return Ok(lock);
+        }
+        lock.unlock().map_err(|e| failed("cannot read the folder", &e))?;
+    }
+    Err(busy())
+}
+
+/// The catalogue that is to be there with what is asked for; none if it is there already.
+///
+/// # Errors
+/// A folder that holds something else.
+fn grown(folder: &Path, asked: &Catalogue, force: bool) -> Result<Option<Catalogue>, Error> {
+    let note = folder.join(NAME);
+    if let Some(found) = found(&note)? {
+        let unlike = found.unlike(asked);
+        if !unlike.is_empty() {
+            return Err(Error::of(ErrorKind::Exists, "the folder holds another corpus")
+                .at(note.display().to_string())
+                .got(unlike.join("; "))
+                .allowed("the same figures, the same actions, as many variations or more")
+                .remedy("choose another folder, or repeat the command that began this one"));
+        }
+        let grown = found.with(asked);
+        grown.check_stems()?;
+        return Ok((grown != found).then_some(grown));
+    }
+    let mut entries = fs::read_dir(folder).map_err(|e| {
+        Error::of((&e).into(), "cannot read the folder")
+            .at(folder.display().to_string())
+            .got(e.to_string())
+    })?;
+    if !force && entries.next().is_some() {
+        return Err(Error::of(ErrorKind::Exists, "the folder is not empty and holds no corpus")
+            .at(folder.display().to_string())
+            .remedy("choose another folder, or add --force"));
+    }
+    Ok(Some(asked.clone()))
 }
 
 /// The catalogue that is there; none if there is none.
