@@ -141,6 +141,11 @@ fn a_table_of_strangers_that_leads_out_of_its_folder_or_is_damaged_is_refused() 
     refused("ends before it begins");
     fs::write(&timeline, "{\"filename\": \"a\"").expect("a timeline");
     refused("line 1");
+    // A pipe is not waited for.
+    fs::remove_file(&timeline).expect("gone");
+    assert!(Command::new("mkfifo").arg(&timeline).status().expect("mkfifo").success());
+    refused("it is no file");
+    fs::remove_file(&timeline).expect("gone");
     fs::write(&timeline, "").expect("a timeline");
     assert_eq!(json(&add())["added"], 2);
 }

@@ -51,7 +51,7 @@ pub struct SynthArgs {
     database: Vec<PathBuf>,
     /// Only every Nth file of a folder, the Kth first: several processes or machines make one part each, and the
     /// command without it looks whether all is there
-    #[arg(long, value_name = "K/N", requires = "variations")]
+    #[arg(long, value_name = "K/N", requires = "variations", conflicts_with = "variation")]
     part: Option<String>,
     /// Leave joints and ends out of a corpus, as points in space: two thirds of its bytes
     #[arg(long, requires = "variations")]

@@ -152,7 +152,7 @@ pub fn add(order: &AddOrder, observer: &dyn Observer) -> Result<AddReport, Error
         files.iter().for_each(|file| planning.file(&file.display().to_string(), file));
     }
     if planning.planned.is_empty() && planning.subjects.is_empty() {
-        if let Some(first) = planning.unread.first() {
+        if let Some(first) = planning.unread.iter().chain(planning.notes.last()).next() {
             return Err(Error::of(ErrorKind::Absent, "there is nothing to add").got(first));
         }
         return Err(Error::of(ErrorKind::Absent, "there is nothing to add")

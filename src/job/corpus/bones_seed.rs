@@ -21,7 +21,7 @@ use crate::table::rows;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{BufRead, BufReader, Read};
+use std::io::{self, BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 
 /// Most bytes of a table that is text, and of all that is done when.
@@ -108,8 +108,11 @@ pub fn metadata(folder: &Path) -> Option<PathBuf> {
 /// A table or a line that cannot be read, one that leads out of the folder.
 pub fn read(folder: &Path, metadata: &Path) -> Result<SeedFolder, Error> {
     let is_parquet = metadata.extension().is_some_and(|ending| ending == "parquet");
-    let table = if is_parquet { of_parquet(metadata) } else { of_text(metadata) };
-    let table = table.map_err(|error| error.in_file(metadata))?;
+    let table = if is_parquet {
+        of_parquet(metadata)
+    } else {
+        of_text(metadata).map_err(|error| error.in_file(metadata))
+    }?;
     let mut events = newest(folder, "seed_metadata", "temporal_labels.jsonl")
         .map(|file| timeline(&file).map_err(|error| error.in_file(&file)))
         .transpose()?
@@ -159,13 +162,24 @@ fn of_parquet(path: &Path) -> Result<Vec<Cells>, Error> {
     Ok(found)
 }
 
-fn of_text(path: &Path) -> Result<Vec<Cells>, Error> {
-    let unreadable = |e: std::io::Error| {
-        Error::of((&e).into(), "the table of motions cannot be read").got(e.to_string())
+/// Opens a file of the folder for reading; a pipe would be waited for.
+fn opened(path: &Path) -> Result<io::Take<File>, Error> {
+    let open = || {
+        if !path.metadata()?.is_file() {
+            return Err(io::Error::new(io::ErrorKind::InvalidInput, "it is no file"));
+        }
+        File::open(path)
     };
+    open().map(|file| file.take(MAX_BYTES)).map_err(unreadable)
+}
+
+fn unreadable(cause: io::Error) -> Error {
+    Error::of((&cause).into(), "a table of the folder cannot be read").got(cause.to_string())
+}
+
+fn of_text(path: &Path) -> Result<Vec<Cells>, Error> {
     let mut text = String::new();
-    let file = File::open(path).map_err(unreadable)?;
-    file.take(MAX_BYTES).read_to_string(&mut text).map_err(unreadable)?;
+    opened(path)?.read_to_string(&mut text).map_err(unreadable)?;
     let mut rows = rows(&text);
     let titles = rows
         .next()
@@ -183,10 +197,7 @@ fn of_text(path: &Path) -> Result<Vec<Cells>, Error> {
 
 /// What is done when, by the name of the motion.
 fn timeline(path: &Path) -> Result<BTreeMap<String, Vec<TimedWords>>, Error> {
-    let unreadable = |e: std::io::Error| {
-        Error::of((&e).into(), "what is done when cannot be read").got(e.to_string())
-    };
-    let mut input = BufReader::new(File::open(path).map_err(unreadable)?.take(MAX_BYTES));
+    let mut input = BufReader::new(opened(path)?);
     let mut found = BTreeMap::new();
     let mut line = Vec::new();
     for number in 1.. {
