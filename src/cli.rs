@@ -20,6 +20,7 @@ pub mod manual;
 pub mod metrics;
 pub mod model;
 pub mod monitor;
+pub mod names;
 pub mod operator;
 pub mod output;
 pub mod play;
@@ -114,6 +115,8 @@ enum Command {
     Info(recordings::InfoArgs),
     /// Rescue a recording that was never closed
     Recover(recordings::RecoverArgs),
+    /// List every name that is known: actions, models, robots, servos, sets, formats
+    List(names::ListArgs),
     /// Look at servo and robot profiles
     Profile(profile::ProfileArgs),
     /// Write a file for a robot of your own
@@ -205,6 +208,7 @@ fn run(typed: &Typed) -> i32 {
         Command::Convert(args) => convert::run(args, remarks),
         Command::Info(args) => recordings::info(args),
         Command::Recover(args) => recordings::recover(args, remarks),
+        Command::List(args) => names::run(args),
         Command::Profile(args) => profile::run(args),
         Command::Robot(args) => robot::run(args, remarks),
         Command::Ports(args) => ports::run(args, remarks),

@@ -27,11 +27,16 @@ impl PlayReport {
         }
     }
 
-    /// The report as lines for a person; `brief` leaves the notes out.
+    /// The report as lines for a person; `brief`: how it ended, and what was written.
     #[must_use]
     pub(in crate::cli) fn text(&self, brief: bool) -> String {
         let mut out = String::new();
-        self.write_head(&mut out);
+        self.write_end(&mut out);
+        if brief {
+            self.write_files(&mut out);
+            return out;
+        }
+        self.write_source(&mut out);
         if !self.dry_run && self.cycles > 0 {
             self.write_run(&mut out);
         }
@@ -39,7 +44,7 @@ impl PlayReport {
         if let Some(figures) = &self.metrics {
             out.push_str(&metrics::lines(figures));
         }
-        for note in self.notes.iter().filter(|_| !brief) {
+        for note in &self.notes {
             let _ = writeln!(out, "note      {note}");
         }
         if let Some(referee) = &self.referee {
@@ -54,20 +59,28 @@ impl PlayReport {
         for own in &self.profiles {
             let _ = writeln!(out, "profile   {own}");
         }
+        self.write_files(&mut out);
+        out
+    }
+
+    fn write_files(&self, out: &mut String) {
         for (label, path) in [("recording", &self.recording), ("plots", &self.html)] {
             if let Some(path) = path {
                 let _ = writeln!(out, "{label:<9} {path}");
             }
         }
-        out
     }
 
-    fn write_head(&self, out: &mut String) {
+    /// How it ended, and why.
+    fn write_end(&self, out: &mut String) {
         let _ = writeln!(out, "{}", self.headline());
         if let Some(reason) = &self.stop_reason {
             let _ = writeln!(out, "reason    {}", reason.replace('\n', "\n          "));
         }
         self.write_stop(out);
+    }
+
+    fn write_source(&self, out: &mut String) {
         let source = &self.source;
         if source.frames == 0 {
             return; // refused before anything was read

@@ -192,10 +192,11 @@ fn chosen(names: &[String], wanted: &[String]) -> Result<Vec<usize>, Error> {
     }
     let index = |wanted: &String| {
         names.iter().position(|name| name == wanted).ok_or_else(|| {
-            Error::of(ErrorKind::Unknown, "the robot has no such joint")
-                .at("--joint")
-                .got(wanted.clone())
-                .allowed(names.join(", "))
+            Error::of(ErrorKind::Unknown, "the robot has no such joint").at("--joint").none_of(
+                wanted,
+                names,
+                "take one of these",
+            )
         })
     };
     wanted.iter().map(index).collect()

@@ -30,9 +30,12 @@ impl BodyReport {
 }
 
 impl LiveReport {
-    /// The report as lines for a person; `brief` leaves the notes out.
+    /// The report as lines for a person; `brief`: how it ended, and what was written.
     pub(in crate::cli) fn text(&self, brief: bool) -> String {
         let mut out = self.run.text(brief);
+        if brief {
+            return out;
+        }
         if let Some(body) = &self.body {
             body.text(&mut out);
         }

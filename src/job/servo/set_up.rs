@@ -9,7 +9,7 @@ use crate::device::Model;
 use crate::error::{Error, ErrorKind};
 use crate::job::observer::{Event, Observer};
 use crate::job::report::Outcome;
-use crate::job::scan::{self, Speeds, scan_line};
+use crate::job::scan::{self, ScanOrder, Speeds, scan_line};
 use crate::rig::{Address, BusKind};
 use crate::robot::Robot;
 use gaitway_profiles::{LineKind, Role, Servo};
@@ -192,9 +192,11 @@ fn wanted<'a>(robot: &'a Robot, order: &SetUpOrder) -> Result<Vec<Wanted<'a>>, E
                 .remedy("LINE=BUS"));
         }
         Some(name) => names.iter().position(|known| known == name).ok_or_else(|| {
-            Error::of(ErrorKind::Unknown, "the robot has no such line")
-                .got(name.clone())
-                .allowed(names.join(", "))
+            Error::of(ErrorKind::Unknown, "the robot has no such line").none_of(
+                name,
+                &names,
+                "take one of these",
+            )
         })?,
     };
     let LineKind::Serial { baud_bps } = robot.lines[line].kind else {
@@ -210,8 +212,7 @@ fn wanted<'a>(robot: &'a Robot, order: &SetUpOrder) -> Result<Vec<Wanted<'a>>, E
         let own = robot.joints.iter().filter(|joint| joint.line == line);
         return Err(Error::of(ErrorKind::Unknown, "the line has no such joint")
             .at("--joint")
-            .got(unknown.clone())
-            .allowed(own.map(|joint| joint.name.clone()).collect::<Vec<_>>().join(", ")));
+            .none_of(unknown, own.map(|joint| &joint.name), "take one of these"));
     }
     let is_meant = |name: &String| order.joints.is_empty() || order.joints.contains(name);
     let joints = robot.joints.iter().filter(|joint| joint.line == line && is_meant(&joint.name));
@@ -257,7 +258,9 @@ fn heard(
     observer: &dyn Observer,
 ) -> Result<scan::ScanReport, Error> {
     let protocol: Protocol = Model::new(of.servo).protocol();
-    scan_line(&order.bus, Some(&order.robot), Some(protocol), Speeds::One(baud_bps), observer)
+    let (robot, protocol) = (Some(order.robot.as_str()), Some(protocol));
+    let speeds = Speeds::One(baud_bps);
+    scan_line(&ScanOrder { bus: &order.bus, robot, protocol, speeds, wait: None }, observer)
 }
 
 /// The one servo that was plugged in; or why that is none.

@@ -173,11 +173,7 @@ fn of_table(text: &str) -> Result<JointMotion, Error> {
     if first != "time_s" {
         let refused = Error::of(ErrorKind::Malformed, "not a table of joint angles").allowed(shape);
         let begins: String = first.chars().take(40).collect();
-        let refused = refused.got(format!("a first column {begins:?}"));
-        return Err(match first.starts_with("time_s;") || first.starts_with("time_s\t") {
-            true => refused.remedy("separate columns by commas, and write 0.5 with a point"),
-            false => refused,
-        });
+        return Err(refused.got(format!("a first column {begins:?}")));
     }
     // Before anything is built of them.
     let joints = titles.clone().map(|title| title.strip_suffix("_rad").unwrap_or(title));
@@ -481,8 +477,7 @@ fn known<'a>(robot: &'a Robot, name: &str) -> Result<&'a Joint, Error> {
     robot.joints.iter().find(|joint| joint.name == name).ok_or_else(|| {
         Error::of(ErrorKind::Unknown, "the motion names a joint that the robot does not have")
             .at(format!("robot {}", robot.name))
-            .got(name.to_owned())
-            .allowed(robot.joint_names().join(", "))
+            .none_of(name, robot.joint_names(), "name it as the robot's file does")
     })
 }
 
