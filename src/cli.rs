@@ -174,7 +174,17 @@ impl Typed {
     pub fn of(
         words: impl IntoIterator<Item = impl Into<OsString> + Clone>,
     ) -> Result<Self, clap::Error> {
-        let matches = Cli::command().try_get_matches_from(words)?;
+        let words: Vec<OsString> = words.into_iter().map(Into::into).collect();
+        let parsed = Cli::command().try_get_matches_from(&words);
+        let matches =
+            parsed.map_err(|error| match words.iter().find(|word| word.to_str().is_none()) {
+                Some(word) if error.kind() == clap::error::ErrorKind::InvalidUtf8 => Cli::command()
+                    .error(
+                        error.kind(),
+                        format!("{word:?} is no text in UTF-8; rename the file, or link to it"),
+                    ),
+                _ => error,
+            })?;
         let cli = Cli::from_arg_matches(&matches).map_err(|e| e.format(&mut Cli::command()))?;
         Ok(Self { cli, output: Output::of(&matches) })
     }

@@ -191,6 +191,35 @@ fn a_line_behind_tcp_has_no_speed_that_anybody_here_knows() {
 }
 
 #[test]
+fn texts_of_another_kind_are_told_what_they_are() {
+    use std::os::unix::ffi::OsStringExt;
+    let folder = crate::program::folder("texts");
+    let path = |name: &str| folder.join(name).display().to_string();
+    let capture = std::fs::read_to_string("motions/walk.bvh").expect("a capture");
+    let utf16 = |text: &str| -> Vec<u8> {
+        let units = std::iter::once(0xfeff).chain(text.encode_utf16());
+        units.flat_map(u16::to_le_bytes).collect()
+    };
+    std::fs::write(path("utf16.bvh"), utf16(&capture)).expect("a file");
+    assert_told(&["info", &path("utf16.bvh")], 1, &["this text is UTF-16", "iconv"]);
+    std::fs::write(path("commas.bvh"), capture.replace('.', ",")).expect("a file");
+    assert_told(&["info", &path("commas.bvh")], 1, &["numbers have a point and no comma"]);
+    std::fs::write(path("cycles.csv"), "cycle,time_s\n0,0\n").expect("a file");
+    let play = ["play", &path("cycles.csv"), "--robot", "op3", "--bus", "sim"];
+    assert_told(&play, 1, &["play the recording (.mcap)"]);
+    // A name that is no text is said, where only a text can be.
+    let name = std::ffi::OsString::from_vec(b"walk\xff".to_vec());
+    let output = crate::program::gaitway()
+        .args(["play", "--robot", "op3", "--bus", "sim"])
+        .arg(name)
+        .output()
+        .expect("the command");
+    let told = crate::program::words(&output);
+    assert!(told.contains("walk\\xFF") && told.contains("UTF-8"), "{told}");
+    assert_eq!(output.status.code(), Some(2));
+}
+
+#[test]
 fn a_planned_motion_that_is_too_long_is_told_how_long_it_may_be() {
     let folder = crate::program::folder("long");
     let table = folder.join("keys.csv").display().to_string();

@@ -1,7 +1,7 @@
 //! How motions ended, as a person and a shell read it.
 
 use super::metrics;
-use crate::job::report::{Exception, LINE_SHARE, PlayReport, Stop, StopCode};
+use crate::job::report::{Exception, LINE_SHARE, PlayReport, Stop, StopCode, counted};
 use std::fmt::Write;
 
 pub use crate::job::report::Outcome;
@@ -50,7 +50,7 @@ impl PlayReport {
         if let Some(referee) = &self.referee {
             let _ = match referee.violations.len() {
                 0 => writeln!(out, "referee   no rule broken"),
-                n => writeln!(out, "referee   {n} rules broken"),
+                n => writeln!(out, "referee   {} broken", counted(n, "rule")),
             };
             for violation in &referee.violations {
                 let _ = writeln!(out, "          {violation}");
@@ -209,6 +209,13 @@ impl PlayReport {
                 rms,
                 100.0 * joint.clipped_share,
                 100.0 * joint.at_limit_share
+            );
+        }
+        if self.joints.iter().any(|joint| joint.at_limit_share > 0.005) {
+            let _ = writeln!(
+                out,
+                "          at limit: in so many poses the robot's range, or the margin in which it bends away from \
+                 its end, decides where the joint goes, and not the person"
             );
         }
     }

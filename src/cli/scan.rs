@@ -6,6 +6,7 @@ use super::terminal::Terminal;
 use super::{Deed, Output, Remarks};
 use crate::cli::protocol::{ProtocolName, serial_protocol};
 use crate::error::Error;
+use crate::job::report::counted;
 use crate::job::scan::{Collision, ScanOrder, ScanReport, Speeds, scan_line};
 use crate::job::servo::register::firmware_words;
 use crate::rig::{Address, is_can};
@@ -55,11 +56,6 @@ fn timeout(text: &str) -> Result<Duration, String> {
         Ok(ms @ 1..=10_000) => Ok(Duration::from_millis(ms)),
         _ => Err("1 to 10000 ms".to_owned()),
     }
-}
-
-/// So many devices.
-fn devices(count: usize) -> String {
-    if count == 1 { "1 device".to_owned() } else { format!("{count} devices") }
 }
 
 /// Two devices equal in everything that is read, at every time it is read, cannot be told apart.
@@ -130,7 +126,7 @@ fn text(report: &ScanReport) -> String {
         [one] => format!(" at {one} bit/s"),
         ref several => format!(" at {} line speeds", several.len()),
     };
-    let _ = writeln!(out, "{}{speeds} on {}", devices(report.devices.len()), report.bus);
+    let _ = writeln!(out, "{}{speeds} on {}", counted(report.devices.len(), "device"), report.bus);
     if report.scanned_baud_bps.is_empty() {
         out.push_str(
             "the speed of a line behind TCP is that of its other end, and not known here\n",

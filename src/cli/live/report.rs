@@ -79,7 +79,7 @@ impl LiveReport {
         let _ = writeln!(
             out,
             "behind    {} by limits ({} samples limited); poses {} old, p99 {}",
-            ms(self.lag_s),
+            ms(self.lag_s.map(|lag_s| lag_s.max(0.0))),
             self.limited_samples,
             ms(self.latency.map(|latency| latency.median_s)),
             ms(self.latency.map(|latency| latency.p99_s))

@@ -1,11 +1,11 @@
 //! `scan` on a CAN line: what is said of it.
 
 use super::ScanArgs;
-use super::devices;
 use crate::cli::protocol::can_dialect;
 use crate::cli::terminal::Terminal;
 use crate::cli::{Deed, Remarks};
 use crate::error::Error;
+use crate::job::report::counted;
 use crate::job::scan::can::{CanScanReport, Collision, LeftOut, scan_can};
 use std::fmt::Write;
 
@@ -65,7 +65,7 @@ fn text(report: &CanScanReport) -> String {
              one and give it another: gaitway servo set-id BUS {id} NEW"
         );
     }
-    let devices = devices(report.devices.len());
+    let devices = counted(report.devices.len(), "device");
     let _ = writeln!(out, "{devices} on {} at {}", report.bus, report.speed);
     report.asked.iter().for_each(|words| {
         let _ = writeln!(out, "asked      {words}");

@@ -103,6 +103,8 @@ pub fn plan(order: &PlanOrder) -> Result<PlanReport, Error> {
             "take one of these",
         )
     })?;
+    let files = [&order.file, &order.plot];
+    files.into_iter().flatten().try_for_each(|file| super::check_outside(&order.corpus, file))?;
     for (file, ending) in [(&order.file, "toml"), (&order.plot, "svg")] {
         let other = |file: &&PathBuf| file.extension().is_none_or(|of| of != ending);
         if let Some(file) = file.as_ref().filter(other) {
@@ -111,8 +113,6 @@ pub fn plan(order: &PlanOrder) -> Result<PlanReport, Error> {
                 .allowed(format!("a file that ends in .{ending}")));
         }
     }
-    let files = [&order.file, &order.plot];
-    files.into_iter().flatten().try_for_each(|file| super::check_outside(&order.corpus, file))?;
     let store = Store::open(&order.corpus)?;
     let mut there: Vec<TrialEntry> = Vec::new();
     let all = Question::parse("")?;

@@ -160,7 +160,16 @@ pub fn set_up(
                 SetUpAnswer::Go => {}
             }
             match newcomer(order, next, &present, observer)? {
-                Ok(found) => break Some(change(order, next, found)?),
+                // One that was pulled out meanwhile is asked for again: what is changed of it by then is found there.
+                Ok(found) => match change(order, next, found) {
+                    Ok(done) => break Some(done),
+                    Err(error) if matches!(error.kind, ErrorKind::Silent | ErrorKind::Damaged) => {
+                        wrong = Some(
+                            error.remedy("plug it in again, alone or beside those that are done"),
+                        );
+                    }
+                    Err(error) => return Err(error),
+                },
                 Err(error) => wrong = Some(error),
             }
         };

@@ -173,7 +173,13 @@ fn of_table(text: &str) -> Result<JointMotion, Error> {
     if first != "time_s" {
         let refused = Error::of(ErrorKind::Malformed, "not a table of joint angles").allowed(shape);
         let begins: String = first.chars().take(40).collect();
-        return Err(refused.got(format!("a first column {begins:?}")));
+        let refused = refused.got(format!("a first column {begins:?}"));
+        return Err(match first {
+            "cycle" => {
+                refused.remedy("this table was made of a recording: play the recording (.mcap)")
+            }
+            _ => refused,
+        });
     }
     // Before anything is built of them.
     let joints = titles.clone().map(|title| title.strip_suffix("_rad").unwrap_or(title));
