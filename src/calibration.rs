@@ -131,12 +131,13 @@ impl Calibration {
         for measured in &self.joints {
             let known = file.joints.iter_mut().find(|joint| joint.name == measured.name);
             let Some(joint) = known else {
+                let names = file.joints.iter().map(|joint| &joint.name);
                 return Err(Error::of(
                     ErrorKind::Unknown,
                     "the calibration names a joint the robot does not have",
                 )
                 .at(format!("robot {}", file.name))
-                .got(measured.name.clone()));
+                .none_of(&measured.name, names, "calibrate this robot"));
             };
             joint.direction = measured.direction;
             joint.offset_rad = measured.offset_rad;

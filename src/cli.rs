@@ -20,6 +20,7 @@ pub mod manual;
 pub mod metrics;
 pub mod model;
 pub mod monitor;
+pub mod names;
 pub mod operator;
 pub mod output;
 pub mod play;
@@ -114,6 +115,8 @@ enum Command {
     Info(recordings::InfoArgs),
     /// Rescue a recording that was never closed
     Recover(recordings::RecoverArgs),
+    /// List every name that is known: actions, models, robots, servos, sets, formats
+    List(names::ListArgs),
     /// Look at servo and robot profiles
     Profile(profile::ProfileArgs),
     /// Write a file for a robot of your own
@@ -171,7 +174,17 @@ impl Typed {
     pub fn of(
         words: impl IntoIterator<Item = impl Into<OsString> + Clone>,
     ) -> Result<Self, clap::Error> {
-        let matches = Cli::command().try_get_matches_from(words)?;
+        let words: Vec<OsString> = words.into_iter().map(Into::into).collect();
+        let parsed = Cli::command().try_get_matches_from(&words);
+        let matches =
+            parsed.map_err(|error| match words.iter().find(|word| word.to_str().is_none()) {
+                Some(word) if error.kind() == clap::error::ErrorKind::InvalidUtf8 => Cli::command()
+                    .error(
+                        error.kind(),
+                        format!("{word:?} is no text in UTF-8; rename the file, or link to it"),
+                    ),
+                _ => error,
+            })?;
         let cli = Cli::from_arg_matches(&matches).map_err(|e| e.format(&mut Cli::command()))?;
         Ok(Self { cli, output: Output::of(&matches) })
     }
@@ -205,6 +218,7 @@ fn run(typed: &Typed) -> i32 {
         Command::Convert(args) => convert::run(args, remarks),
         Command::Info(args) => recordings::info(args),
         Command::Recover(args) => recordings::recover(args, remarks),
+        Command::List(args) => names::run(args),
         Command::Profile(args) => profile::run(args),
         Command::Robot(args) => robot::run(args, remarks),
         Command::Ports(args) => ports::run(args, remarks),

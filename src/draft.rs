@@ -365,8 +365,21 @@ pub fn check_free(path: &Path, force: bool) -> Result<(), Error> {
             .at(path.display().to_string())
             .remedy("give the name of a file in it"));
     }
+    if path == Path::new("-") {
+        return Err(Error::new("this is no name of a file").got("-").remedy(
+            "name a file (./- for one of this name); results come on standard output by themselves",
+        ));
+    }
+    let Ok(known) = path.symlink_metadata() else { return Ok(()) };
     // A dangling link counts as taken: writing through it would write elsewhere.
-    if force || path.symlink_metadata().is_err() {
+    if known.is_symlink() && !path.exists() {
+        let leads_to = std::fs::read_link(path).map(|to| to.display().to_string());
+        return Err(Error::of(ErrorKind::Exists, "there is a link that leads nowhere")
+            .at(path.display().to_string())
+            .got(format!("a link to {}", leads_to.unwrap_or_default()))
+            .remedy("remove the link, or choose another name"));
+    }
+    if force {
         return Ok(());
     }
     Err(Error::of(ErrorKind::Exists, "the file exists already")

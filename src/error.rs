@@ -135,11 +135,29 @@ impl Error {
         self.at(place)
     }
 
-    /// Says what was found.
+    /// Says what was found; of what is very long, its beginning.
     #[must_use]
     pub fn got(mut self, got: impl Into<String>) -> Self {
-        self.got = Some(got.into().into_boxed_str());
+        self.got = Some(shortened(&got.into()).into_boxed_str());
         self
+    }
+
+    /// Says that a name is none of these, and which of them was meant if it is near to one; what to do `otherwise`.
+    #[must_use]
+    pub fn none_of(
+        self,
+        name: &str,
+        names: impl IntoIterator<Item = impl AsRef<str>>,
+        otherwise: &str,
+    ) -> Self {
+        let names: Vec<_> = names.into_iter().collect();
+        let names: Vec<&str> = names.iter().map(AsRef::as_ref).collect();
+        let found = self.got(name);
+        if names.is_empty() {
+            return found.allowed("none: there is nobody and nothing of this kind");
+        }
+        let remedy = gaitway_profiles::advice(name, &names, otherwise);
+        found.allowed(names.join(", ")).remedy(remedy)
     }
 
     /// Says what would have been accepted.
@@ -154,6 +172,33 @@ impl Error {
     pub fn remedy(mut self, remedy: impl Into<String>) -> Self {
         self.remedy = Some(remedy.into().into_boxed_str());
         self
+    }
+}
+
+/// What is longer is no number that a person reads.
+const MOST_DIGITS: usize = 24;
+/// How much is told of what was found.
+const MOST_LETTERS: usize = 600;
+
+/// A text that a person can read: of numbers with hundreds of digits the first ones, and not more than so many letters.
+fn shortened(text: &str) -> String {
+    let mut out = String::new();
+    let mut rest = text;
+    while let Some(start) = rest.find(|c: char| c.is_ascii_digit()) {
+        let (before, digits) = rest.split_at(start);
+        let end = digits.find(|c: char| !c.is_ascii_digit()).unwrap_or(digits.len());
+        let (digits, after) = digits.split_at(end);
+        out.push_str(before);
+        match digits.get(..MOST_DIGITS / 3).filter(|_| digits.len() > MOST_DIGITS) {
+            Some(first) => out.push_str(&format!("{first}... ({} digits)", digits.len())),
+            None => out.push_str(digits),
+        }
+        rest = after;
+    }
+    out.push_str(rest);
+    match out.char_indices().nth(MOST_LETTERS) {
+        Some((at, _)) => format!("{}... ({} letters)", &out[..at], text.chars().count()),
+        None => out,
     }
 }
 
@@ -174,7 +219,7 @@ impl From<gaitway_profiles::ProfileError> for Error {
             kind,
             what: error.what.into(),
             place: Some(place.into_boxed_str()),
-            got: error.got,
+            got: error.got.map(|got| shortened(&got).into_boxed_str()),
             allowed: error.allowed,
             remedy: error.remedy,
             also: error.also.into_iter().map(Self::from).collect(),
@@ -216,5 +261,22 @@ mod tests {
         assert!(!line.contains('\n') && !line.contains("  "), "{line}");
         assert!(line.starts_with("the file cannot be written; where a.c3d; got "), "{line}");
         assert!(line.contains("; to do make room"), "{line}");
+    }
+
+    #[test]
+    fn what_was_found_is_told_in_a_length_that_can_be_read() {
+        let said = |got: String| Error::new("too large").got(got).got.unwrap_or_default();
+        assert_eq!(&*said(format!("{} rad", 1e300)), "10000000... (301 digits) rad");
+        assert_eq!(&*said("123456789012345678901234.5".to_owned()), "123456789012345678901234.5");
+        assert_eq!(&*said("ä1".repeat(400)), "ä1".repeat(300) + "... (800 letters)");
+        assert_eq!(&*said("ä1".repeat(300)), "ä1".repeat(300));
+    }
+
+    #[test]
+    fn a_name_that_is_none_of_those_there_are_is_told_which_one_was_meant() {
+        let error = Error::new("no such action").none_of("WLAK", ["walk", "run"], "take one");
+        assert_eq!(error.got.as_deref(), Some("WLAK"));
+        assert_eq!(error.allowed.as_deref(), Some("walk, run"));
+        assert_eq!(error.remedy.as_deref(), Some("did you mean walk? If not, take one"));
     }
 }

@@ -33,6 +33,7 @@ pub mod live;
 pub mod markers;
 pub mod model;
 pub mod monitor;
+pub mod names;
 pub mod observer;
 pub mod open;
 pub mod page;

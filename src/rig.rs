@@ -22,5 +22,5 @@ pub use identify::{
     dialect_of, identify, is_likely, profile_of, protocol_name,
 };
 pub use own_profiles::own_profiles;
-pub use serial_line::{OpenLine, open_bus};
+pub use serial_line::{OpenLine, USUAL_BAUD_BPS, open_bus};
 pub use wire::open_stream;

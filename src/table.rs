@@ -67,8 +67,37 @@ pub fn rows(text: &str) -> impl Iterator<Item = Result<Row, Error>> + '_ {
     all_rows(text).filter(|row| !row.as_ref().is_ok_and(Row::is_empty))
 }
 
+/// Fails if the columns of a table with these titles are separated by semicolons or tabs, as spreadsheets of many
+/// countries write them.
+///
+/// # Errors
+/// As said.
+pub fn check_commas(titles: &str) -> Result<(), Error> {
+    let titles = titles.lines().find(|line| !line.trim().is_empty()).unwrap_or_default();
+    let separated = |by: char| !titles.contains(',') && titles.trim().contains(by);
+    let Some((_, word)) =
+        [(';', "semicolons"), ('\t', "tabs")].into_iter().find(|of| separated(of.0))
+    else {
+        return Ok(());
+    };
+    let begins: String = titles.chars().take(60).collect();
+    Err(Error::of(
+        ErrorKind::Malformed,
+        format!("the columns of this table are separated by {word}"),
+    )
+    .got(begins)
+    .allowed("commas between columns, and numbers with a point: 0.5")
+    .remedy("write it anew so; a spreadsheet has it as \"CSV, separated by commas\""))
+}
+
 /// The same with rows that have cells and nothing in them.
 pub fn all_rows(text: &str) -> impl Iterator<Item = Result<Row, Error>> + '_ {
+    let refused = check_commas(text).err().map(Err);
+    let read = refused.is_none().then(|| rows_of(text));
+    refused.into_iter().chain(read.into_iter().flatten())
+}
+
+fn rows_of(text: &str) -> impl Iterator<Item = Result<Row, Error>> + '_ {
     let reader = csv::ReaderBuilder::new()
         .has_headers(false)
         .flexible(true)
@@ -111,6 +140,18 @@ mod tests {
         assert_eq!(read.iter().map(|row| row.line).collect::<Vec<_>>(), [1, 2, 3]);
         let cells = |row: &Row| row.cells().map(str::to_owned).collect::<Vec<_>>();
         assert_eq!(read.iter().map(cells).collect::<Vec<_>>(), rows_written);
+    }
+
+    #[test]
+    fn a_table_with_semicolons_or_tabs_says_so_and_one_of_a_single_column_is_one() {
+        for (text, word) in [("a;b\n0,5;1\n", "semicolons"), ("\na\tb\n1\t2\n", "tabs")] {
+            let refused = rows(text).next().expect("a refusal").expect_err(word);
+            assert!(refused.what.ends_with(word), "{refused}");
+            assert_eq!(rows(text).count(), 1, "and no row");
+        }
+        for text in ["a\n1;2\n", "a, b;c\n", "", "\n\n", "a\t\n1\n"] {
+            assert!(rows(text).all(|row| row.is_ok()), "{text:?}");
+        }
     }
 
     #[test]

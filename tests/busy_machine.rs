@@ -203,9 +203,7 @@ fn the_pytest_fixture_of_the_readme_passes_beside_busy_processes() {
 fn the_lerobot_and_pypot_examples_of_the_readme_read_every_joint_beside_busy_processes() {
     let _alone = alone();
     let Some(python) = environment() else { return };
-    // Stand-ins for the packages for learning.
-    let (absent, _) =
-        include_str!("clients/lerobot_client.py").split_once("from lerobot").expect("imports");
+    let absent = include_str!("clients/lerobot_alone.py");
     let _busy = Busy::machine();
     let folder = crate::program::folder("clients");
     for (word, robot, path, prelude, values) in [

@@ -99,7 +99,7 @@ fn who_answers_only_when_told_to_let_go_is_told_so_only_on_demand() {
     assert_eq!(spared.status.code(), Some(1));
     let told = on(CUBEMARS, &["scan", "sim", "--protocol", "cubemars-mit", "--let-go", "-q"]);
     assert!(told.status.success());
-    said(&text(&told), &["3 device(s)", "TOLD TO LET GO"]);
+    said(&text(&told), &["3 devices", "TOLD TO LET GO"]);
 }
 
 #[test]

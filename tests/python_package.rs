@@ -212,9 +212,8 @@ fn the_recipes_of_its_readme_work() {
         fs::write(folder.join(format!("test_{}.py", name.to_lowercase())), code).expect("a file");
     }
     // LeRobot's motors are ours to try without torch, which they do not use.
-    let client = include_str!("clients/lerobot_client.py");
-    let (without_torch, _) = client.split_once("from lerobot").expect("imports");
-    fs::write(folder.join("conftest.py"), without_torch).expect("a file");
+    fs::write(folder.join("conftest.py"), include_str!("clients/lerobot_alone.py"))
+        .expect("a file");
     let mut pytest = pytest(&python.program, &folder);
     pytest.args(["-p", "gaitway.pytest_plugin"]).env("GAITWAY", program::PATH);
     pytest.env("PYTHONPATH", root().join("python")).env("GAITWAY_BESIDE", &python.beside);

@@ -142,6 +142,41 @@ fn an_arm_is_set_up_servo_by_servo_goes_on_after_a_break_and_nothing_else_is_wri
 }
 
 #[test]
+fn a_servo_that_is_pulled_out_while_it_is_set_up_is_asked_for_again_and_those_before_stay_done() {
+    let boxes = Boxes::new();
+    let world = Arc::clone(&boxes.0);
+    let plug = |n: usize| boxes.world().plug(&format!("joint_{n}")).expect("a servo");
+    // It is unlocked to be written, and gone.
+    let puller = std::thread::spawn(move || {
+        loop {
+            let mut world = world.lock().unwrap_or_else(PoisonError::into_inner);
+            if world.read_register("joint_2", "Lock").ok() == Some(0) {
+                return world.unplug("joint_2").expect("a servo");
+            }
+            drop(world);
+            std::thread::sleep(std::time::Duration::from_micros(50));
+        }
+    });
+    let mut wrongs = Vec::new();
+    let report = run(&boxes.order(), |task| {
+        wrongs.extend(task.wrong.map(ToString::to_string));
+        match (task.joint, task.wrong.is_some()) {
+            ("gripper", _) => plug(1),
+            ("wrist_roll", _) => plug(2),
+            _ => return SetUpAnswer::Stop,
+        }
+        SetUpAnswer::Go
+    })
+    .expect("what was done");
+    puller.join().expect("it was pulled out");
+    assert_eq!(states(&report)[0], ("gripper", SetUpState::Done), "{wrongs:?}");
+    assert_eq!(report.joints.len(), 2, "{wrongs:?}");
+    assert!(wrongs.iter().any(|wrong| wrong.contains("plug it in again")), "{wrongs:?}");
+    assert_eq!((boxes.register(1, "ID"), boxes.register(2, "ID")), (6, 5));
+    assert_eq!(boxes.register(2, "Lock"), 1, "locked again");
+}
+
+#[test]
 fn nothing_is_written_without_a_permit_nor_in_a_dry_run_and_other_models_are_named() {
     let boxes = Boxes::new();
     let order = boxes.order();

@@ -245,6 +245,19 @@ fn asking_again_takes_a_quarter_of_a_scan_at_most() {
 }
 
 #[test]
+fn servos_of_scs_are_all_found_where_only_sts_is_asked_for() {
+    // They are deaf to the question to all, and answer that to one.
+    let robot = gaitway_profiles::robot("hope-jr-hand").expect("a shipped robot");
+    let (all, _) = scanned(&robot, &[FeetechSts], Options::default());
+    assert_eq!((ids(&all).len(), ids(&all)), (16, ids_of(&robot)));
+    // Nobody is asked one by one where all answer at once.
+    let (world, mut bus) = virtual_bus(&sts_robot(), Options::default());
+    let found = scan(&mut bus, &[FeetechSts], nothing, in_s(&world, 10.0)).expect("a line");
+    assert_eq!(ids(&found), ids_of(&sts_robot()));
+    assert!(bus.stats().asked < 100, "{} questions", bus.stats().asked);
+}
+
+#[test]
 fn a_servo_that_answers_pings_only_is_found() {
     let robot = op3();
     let (world, mut bus) = virtual_bus(&robot, Options::default());

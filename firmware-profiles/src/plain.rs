@@ -49,11 +49,31 @@ fn nearest<'a>(word: &str, names: &[&'a str]) -> Option<&'a str> {
     (apart(best) as f64 <= MISTYPED * length as f64).then_some(best)
 }
 
+/// So many names at most are said to have been meant by the beginning of them.
+const MOST_MEANT: usize = 4;
+/// A shorter beginning may be that of anything.
+const LEAST_BEGINNING: usize = 2;
+
+/// The names that a word was meant to be: the one it is near to, or the few that begin with it, in any letters.
+fn meant<'a>(word: &str, names: &[&'a str]) -> Vec<&'a str> {
+    if let Some(near) = nearest(word, names) {
+        return vec![near];
+    }
+    let plain = |name: &str| name.to_lowercase().replace('_', "-");
+    let begins: Vec<&str> =
+        names.iter().copied().filter(|name| plain(name).starts_with(&plain(word))).collect();
+    let is_told = word.chars().count() >= LEAST_BEGINNING && begins.len() <= MOST_MEANT;
+    if is_told { begins } else { Vec::new() }
+}
+
 /// What to do about a name that is none of these: take the one that was meant, or else `otherwise`.
 #[must_use]
 pub fn advice(name: &str, names: &[&str], otherwise: &str) -> String {
-    match nearest(name, names) {
-        Some(meant) => format!("did you mean {meant}? If not, {otherwise}"),
+    match meant(name, names).split_last() {
+        Some((last, [])) => format!("did you mean {last}? If not, {otherwise}"),
+        Some((last, others)) => {
+            format!("did you mean {} or {last}? If not, {otherwise}", others.join(", "))
+        }
         None => otherwise.to_owned(),
     }
 }
@@ -161,5 +181,16 @@ mod tests {
         assert_eq!(nearest("op4", &["op2", "op3"]), None);
         assert_eq!(nearest("dance", &["walk", "run"]), None);
         assert_eq!(nearest("walk", &[]), None);
+    }
+
+    #[test]
+    fn the_beginning_of_a_few_names_means_them_and_that_of_many_means_none() {
+        let names = ["xm430-w210", "xm430-w350", "xl430-w250", "sts3215"];
+        let said = |word: &str| advice(word, &names, "look");
+        assert_eq!(said("XM430"), "did you mean xm430-w210 or xm430-w350? If not, look");
+        assert_eq!(said("sts"), "did you mean sts3215? If not, look");
+        assert_eq!(said("x"), "look");
+        assert_eq!(said("430"), "look");
+        assert_eq!(advice("a-", &["a-1", "a-2", "a-3", "a-4", "a-5"], "look"), "look");
     }
 }

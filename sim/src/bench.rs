@@ -115,7 +115,7 @@ enum Kind {
 
 /// A name as profiles have it: `XM430_W350` is `xm430-w350`.
 #[must_use]
-pub fn profile_name(text: &str) -> String {
+fn profile_name(text: &str) -> String {
     text.to_ascii_lowercase().replace('_', "-")
 }
 

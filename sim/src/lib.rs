@@ -47,7 +47,7 @@ mod world;
 pub use gaitway_profiles as profiles;
 
 pub use adapter::Usb;
-pub use bench::{BenchError, BenchServos, bench, profile_name};
+pub use bench::{BenchError, BenchServos, bench};
 pub use body::{Body, Outside, Push, Turned};
 pub use door::{Door, DoorError, LiveCan, PatientTime};
 pub use fault::{Damage, Fault, Struck};

@@ -253,11 +253,11 @@ impl Reader<'_> {
 
     fn dof(&self, name: &Spanned<String>) -> Result<Dof, Error> {
         Dof::named(name.get_ref()).ok_or_else(|| {
-            let known = Dof::ALL.map(Dof::name).join(", ");
-            Error::of(ErrorKind::Unknown, "no such degree of freedom")
-                .at(self.at(name))
-                .got(name.get_ref().clone())
-                .allowed(known)
+            Error::of(ErrorKind::Unknown, "no such degree of freedom").at(self.at(name)).none_of(
+                name.get_ref(),
+                Dof::ALL.map(Dof::name),
+                "take one of these",
+            )
         })
     }
 

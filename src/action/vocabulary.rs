@@ -2,7 +2,6 @@
 
 use crate::action::{Action, file};
 use crate::error::{Error, ErrorKind};
-use crate::toml_text::advice;
 use std::io::Read;
 use std::path::Path;
 
@@ -37,11 +36,8 @@ pub fn text(name: &str) -> Option<&'static str> {
 /// If there is none of that name.
 pub fn find(name: &str) -> Result<Action, Error> {
     let Some(text) = text(name) else {
-        let known: Vec<&str> = names().collect();
-        return Err(Error::of(ErrorKind::Unknown, "no such action ships with gaitway")
-            .got(name)
-            .allowed(known.join(", "))
-            .remedy(advice(name, &known, "take one of these names, or an action file")));
+        let unknown = Error::of(ErrorKind::Unknown, "no such action ships with gaitway");
+        return Err(unknown.none_of(name, names(), "take one of these names, or an action file"));
     };
     file::parse(text, &format!("actions/{name}.toml"), &lender)
 }

@@ -49,7 +49,10 @@ pub fn between(times_s: &[f64], width: usize) -> Result<Option<(f64, Vec<InBetwe
     if !(duration_s <= most_s) {
         return Err(Error::of(ErrorKind::OutsideLimits, "key frames over too long a time")
             .got(format!("{duration_s} s"))
-            .allowed(format!("{most_s:.0} s, for {width} angles"))
+            .allowed(format!(
+                "{most_s:.0} s, for {width} angle{}",
+                if width == 1 { "" } else { "s" }
+            ))
             .remedy("cut the table into shorter ones, or give poses more often"));
     }
     let count = (duration_s * RATE_HZ).ceil();

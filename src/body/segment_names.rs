@@ -31,8 +31,10 @@ pub fn segment_named(name: &str) -> Result<Segment, Error> {
     let wanted = name.replace('-', "_");
     let found = Segment::ALL.into_iter().find(|segment| segment_name(*segment) == wanted);
     found.ok_or_else(|| {
-        Error::of(ErrorKind::Unknown, "no such segment of the body")
-            .got(name)
-            .allowed(Segment::ALL.map(segment_name).join(", "))
+        Error::of(ErrorKind::Unknown, "no such segment of the body").none_of(
+            name,
+            Segment::ALL.map(segment_name),
+            "take one of these",
+        )
     })
 }

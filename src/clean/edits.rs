@@ -6,7 +6,7 @@ use super::choice::Chooser;
 use super::fill::Method;
 use super::trial::Trial;
 use crate::error::{Error, ErrorKind};
-use crate::toml_text::{advice, from_toml, plain_words, to_toml};
+use crate::toml_text::{from_toml, plain_words, to_toml};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
@@ -224,15 +224,14 @@ impl EditStep {
     /// without its other marker.
     pub fn of(edit: &Edit, trial: &Trial, first_frame: u64) -> Result<Option<Self>, Error> {
         let place = || format!("edit of {} from frame {}", edit.marker, edit.first_frame);
-        let marker = |name: &str| {
-            trial.labels().iter().position(|label| label == name).ok_or_else(|| {
-                let names: Vec<&str> = trial.labels().iter().map(String::as_str).collect();
-                Error::of(ErrorKind::Unknown, "the file has no such marker")
-                    .at(place())
-                    .got(name.to_owned())
-                    .remedy(advice(name, &names, "delete the edit"))
-            })
-        };
+        let marker =
+            |name: &str| {
+                trial.labels().iter().position(|label| label == name).ok_or_else(|| {
+                    Error::of(ErrorKind::Unknown, "the file has no such marker")
+                        .at(place())
+                        .none_of(name, trial.labels(), "delete the edit")
+                })
+            };
         let index = marker(&edit.marker)?;
         let last = first_frame.saturating_add(trial.frames() as u64).saturating_sub(1);
         let is_there = first_frame <= edit.first_frame

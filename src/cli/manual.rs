@@ -47,11 +47,13 @@ pub fn man(args: &ManArgs) -> Result<i32, Error> {
     let mut name = "gaitway".to_owned();
     for word in &args.command {
         let names: Vec<&str> = command.get_subcommands().map(clap::Command::get_name).collect();
-        let names = names.join(", ");
-        command = command.find_subcommand(word).cloned().ok_or_else(|| {
-            Error::of(ErrorKind::Unknown, format!("{name} has no such command"))
-                .got(word.clone())
-                .allowed(names)
+        let found = command.find_subcommand(word).cloned();
+        command = found.ok_or_else(|| {
+            Error::of(ErrorKind::Unknown, format!("{name} has no such command")).none_of(
+                word,
+                names,
+                "take one of these",
+            )
         })?;
         name = format!("{name}-{word}");
     }

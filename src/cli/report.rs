@@ -1,7 +1,7 @@
 //! How motions ended, as a person and a shell read it.
 
 use super::metrics;
-use crate::job::report::{Exception, LINE_SHARE, PlayReport, Stop, StopCode};
+use crate::job::report::{Exception, LINE_SHARE, PlayReport, Stop, StopCode, counted};
 use std::fmt::Write;
 
 pub use crate::job::report::Outcome;
@@ -27,11 +27,16 @@ impl PlayReport {
         }
     }
 
-    /// The report as lines for a person; `brief` leaves the notes out.
+    /// The report as lines for a person; `brief`: how it ended, and what was written.
     #[must_use]
     pub(in crate::cli) fn text(&self, brief: bool) -> String {
         let mut out = String::new();
-        self.write_head(&mut out);
+        self.write_end(&mut out);
+        if brief {
+            self.write_files(&mut out);
+            return out;
+        }
+        self.write_source(&mut out);
         if !self.dry_run && self.cycles > 0 {
             self.write_run(&mut out);
         }
@@ -39,13 +44,13 @@ impl PlayReport {
         if let Some(figures) = &self.metrics {
             out.push_str(&metrics::lines(figures));
         }
-        for note in self.notes.iter().filter(|_| !brief) {
+        for note in &self.notes {
             let _ = writeln!(out, "note      {note}");
         }
         if let Some(referee) = &self.referee {
             let _ = match referee.violations.len() {
                 0 => writeln!(out, "referee   no rule broken"),
-                n => writeln!(out, "referee   {n} rules broken"),
+                n => writeln!(out, "referee   {} broken", counted(n, "rule")),
             };
             for violation in &referee.violations {
                 let _ = writeln!(out, "          {violation}");
@@ -54,20 +59,28 @@ impl PlayReport {
         for own in &self.profiles {
             let _ = writeln!(out, "profile   {own}");
         }
+        self.write_files(&mut out);
+        out
+    }
+
+    fn write_files(&self, out: &mut String) {
         for (label, path) in [("recording", &self.recording), ("plots", &self.html)] {
             if let Some(path) = path {
                 let _ = writeln!(out, "{label:<9} {path}");
             }
         }
-        out
     }
 
-    fn write_head(&self, out: &mut String) {
+    /// How it ended, and why.
+    fn write_end(&self, out: &mut String) {
         let _ = writeln!(out, "{}", self.headline());
         if let Some(reason) = &self.stop_reason {
             let _ = writeln!(out, "reason    {}", reason.replace('\n', "\n          "));
         }
         self.write_stop(out);
+    }
+
+    fn write_source(&self, out: &mut String) {
         let source = &self.source;
         if source.frames == 0 {
             return; // refused before anything was read
@@ -196,6 +209,13 @@ impl PlayReport {
                 rms,
                 100.0 * joint.clipped_share,
                 100.0 * joint.at_limit_share
+            );
+        }
+        if self.joints.iter().any(|joint| joint.at_limit_share > 0.005) {
+            let _ = writeln!(
+                out,
+                "          at limit: in so many poses the robot's range, or the margin in which it bends away from \
+                 its end, decides where the joint goes, and not the person"
             );
         }
     }

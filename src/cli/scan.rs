@@ -6,9 +6,11 @@ use super::terminal::Terminal;
 use super::{Deed, Output, Remarks};
 use crate::cli::protocol::{ProtocolName, serial_protocol};
 use crate::error::Error;
-use crate::job::scan::{Collision, ScanReport, Speeds, scan_line};
+use crate::job::report::counted;
+use crate::job::scan::{Collision, ScanOrder, ScanReport, Speeds, scan_line};
 use crate::job::servo::register::firmware_words;
 use crate::rig::{Address, is_can};
+use crate::time::Duration;
 use clap::Args;
 use std::fmt::Write;
 
@@ -25,6 +27,10 @@ pub struct ScanArgs {
     /// speed of a CAN interface is set with `ip link`
     #[arg(long, value_name = "BPS|all", value_parser = baud)]
     baud: Option<Speeds>,
+    /// Wait at least so long for each answer, on serial lines: behind adapters and networks that are slow
+    /// [default: what line, servo and adapter may take]
+    #[arg(long, value_name = "MS", value_parser = timeout)]
+    timeout: Option<Duration>,
     /// Robot whose line this is: says the line speed, and which robot a virtual one is
     #[arg(long, value_name = "ROBOT")]
     robot: Option<String>,
@@ -44,6 +50,14 @@ pub(super) fn baud(text: &str) -> Result<Speeds, String> {
     }
 }
 
+/// Reads `--timeout`.
+fn timeout(text: &str) -> Result<Duration, String> {
+    match text.parse() {
+        Ok(ms @ 1..=10_000) => Ok(Duration::from_millis(ms)),
+        _ => Err("1 to 10000 ms".to_owned()),
+    }
+}
+
 /// Two devices equal in everything that is read, at every time it is read, cannot be told apart.
 const TWINS: &str = "two devices with one ID that always answer the same at the same time look \
                      like one: if a count surprises you, plug them in one by one";
@@ -60,11 +74,15 @@ pub fn run(args: &ScanArgs, remarks: Remarks) -> Result<i32, Error> {
     }
     let protocol = serial_protocol(args.protocol, &args.bus)?;
     let terminal = Terminal::unheard(remarks);
-    let report = scan_line(&args.bus, robot, protocol, args.baud.unwrap_or_default(), &terminal)?;
+    let speeds = args.baud.unwrap_or_default();
+    let how = ScanOrder { bus: &args.bus, robot, protocol, speeds, wait: args.timeout };
+    let report = scan_line(&how, &terminal)?;
     let code = i32::from(report.devices.is_empty() && report.collisions.is_empty());
     let code = args.output.conclude(&report, &text(&report), Deed::Look, code);
-    if !report.devices.is_empty() {
-        remarks.say(TWINS);
+    match (report.devices.is_empty(), protocol) {
+        (false, _) => remarks.say(TWINS),
+        (true, Some(_)) => remarks.say("without --protocol the line is asked in all protocols"),
+        (true, None) => {}
     }
     Ok(code)
 }
@@ -87,15 +105,16 @@ fn text(report: &ScanReport) -> String {
             device.model.as_deref().unwrap_or("unknown"),
             device.model_number.map_or_else(unknown, |number| number.to_string()),
             device.protocol,
-            device.baud_bps,
+            device.baud_bps.map_or_else(|| "-".to_owned(), |bps| bps.to_string()),
             if device.alert { "  reports an error" } else { "" }
         );
     }
     for collision in &report.collisions {
         let Collision { id, protocol, baud_bps, reason } = collision;
+        let speed = baud_bps.map_or_else(String::new, |bps| format!(", {bps} bit/s"));
         let _ = writeln!(
             out,
-            "{id:>3}  TWO DEVICES WITH THIS ID? ({protocol}, {baud_bps} bit/s): {reason}\n     \
+            "{id:>3}  TWO DEVICES WITH THIS ID? ({protocol}{speed}): {reason}\n     \
              unplug all but one and give it another: gaitway servo set-id BUS {id} NEW"
         );
     }
@@ -103,14 +122,23 @@ fn text(report: &ScanReport) -> String {
         let _ = writeln!(out, "profile {own}");
     }
     let speeds = match report.scanned_baud_bps[..] {
-        [one] => format!("{one} bit/s"),
-        ref several => format!("{} line speeds", several.len()),
+        [] => String::new(),
+        [one] => format!(" at {one} bit/s"),
+        ref several => format!(" at {} line speeds", several.len()),
     };
-    let _ = writeln!(out, "{} device(s) at {speeds} on {}", report.devices.len(), report.bus);
+    let _ = writeln!(out, "{}{speeds} on {}", counted(report.devices.len(), "device"), report.bus);
+    if report.scanned_baud_bps.is_empty() {
+        out.push_str(
+            "the speed of a line behind TCP is that of its other end, and not known here\n",
+        );
+    }
     if report.devices.is_empty() && report.collisions.is_empty() {
         out.push_str("nobody answers: check power and cable");
-        let one = report.scanned_baud_bps.len() <= 1;
-        out.push_str(if one { ", or look at every speed with --baud all\n" } else { "\n" });
+        out.push_str(if report.scanned_baud_bps.len() == 1 {
+            ", or look at every speed with --baud all\n"
+        } else {
+            "\n"
+        });
     }
     if !report.unusable_baud_bps.is_empty() {
         let speeds: Vec<String> = report.unusable_baud_bps.iter().map(u32::to_string).collect();

@@ -7,6 +7,7 @@ use super::output::Untold;
 use super::signals::Signals;
 use super::viewing::ViewArg;
 use crate::error::Error;
+use crate::job::report::counted;
 use crate::job::simulate::robot::{Rule, SimulateOrder, Verdict, VirtualRobot};
 use crate::view::live::{LiveFrame, LiveView};
 use clap::Args;
@@ -132,9 +133,9 @@ pub fn run(args: &SimulateArgs, remarks: Remarks) -> Result<i32, Error> {
     }
     let reached = args.pty.as_ref().map_or_else(String::new, |l| format!(" at {}", l.display()));
     remarks.say(&format!(
-        "virtual {} with {} servos{reached}; Ctrl-C ends it",
+        "virtual {} with {}{reached}; Ctrl-C ends it",
         robot.robot().name,
-        robot.robot().joints.len()
+        counted(robot.robot().joints.len(), "servo")
     ));
     robot.clock_words().into_iter().for_each(|words| remarks.say(words));
     if over_stdin {
@@ -190,9 +191,12 @@ fn tell_verdict(verdict: &Verdict, remarks: Remarks) {
     let rules = match (verdict.violation_count - careless, careless) {
         (0, 0) => "no rule broken".to_owned(),
         (0, careless) => format!("{careless} times not as a careful host does it"),
-        (broken, 0) => format!("{broken} rules broken"),
+        (broken, 0) => format!("{} broken", counted(broken, "rule")),
         (broken, careless) => {
-            format!("{broken} rules broken, {careless} times not as a careful host does it")
+            format!(
+                "{} broken, {careless} times not as a careful host does it",
+                counted(broken, "rule")
+            )
         }
     };
     remarks.say(&format!("referee: {rules}; {} goals written", verdict.goals));

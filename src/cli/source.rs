@@ -12,7 +12,7 @@ pub struct MotionArgs {
     /// A capture (.bvh, .amc), markers (.c3d, .trc, .csv), an action that ships with gaitway (walk), an
     /// action file (.toml), several actions (walk:6s,wave-r,bow; two gaits without a stop:
     /// walk:6s+run:5s), or a motion of the robot's own joints: a recording (.mcap), such as one guided by hand, a table (.csv: time_s,
-    /// then JOINT_rad for each joint that moves, rows at most 0.5 s apart; or without titles as Unitree's LAFAN1), or an episode of a
+    /// then JOINT_rad for each joint that moves, rows at most 0.5 s apart, or key frames; or without titles as Unitree's LAFAN1), or an episode of a
     /// LeRobot dataset (FOLDER#3)
     motion: String,
     /// Robot by name, or path of its file (see `gaitway profile list`)

@@ -52,7 +52,9 @@ impl ViewArg {
                 .remedy("--bus sim:pty, where time passes as on a clock; or --html for a page of all of it"));
         }
         let robot = robot.ok_or_else(|| {
-            Error::new("a page shows a robot").at("--view").remedy("add --robot and --bus")
+            Error::new("a page shows a robot, and none is named").at("--view").remedy(
+                "name one: --robot; of `simulate`, the robot; of `record`, servos:ROBOT@BUS among the sources",
+            )
         })?;
         let view = LiveView::open(&live::page(robot, what)?, port)?;
         say(&format!("view      {}", view.url()));

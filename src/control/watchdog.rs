@@ -178,8 +178,9 @@ impl Released {
         }
         if !self.off.is_empty() {
             let count = self.off.len();
+            let servos = if count == 1 { "servo" } else { "servos" };
             notes.push(format!(
-                "{count} servo(s) would have stopped by themselves {millis} ms after the host's last \
+                "{count} {servos} would have stopped by themselves {millis} ms after the host's last \
                  word; now that nothing moves, that watch is off again"
             ));
         }

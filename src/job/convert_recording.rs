@@ -5,6 +5,7 @@ use crate::body::Proportions;
 use crate::body::worn::kept::Kept;
 use crate::draft::write_file;
 use crate::error::{Error, ErrorKind};
+use crate::mocap::marker_files;
 use crate::recording;
 use crate::session::angles::{WornMotion, body_of};
 use crate::session::files::BODY_KEY;
@@ -54,14 +55,24 @@ pub fn convert_recording(order: &RecordingOrder) -> Result<RecordingReport, Erro
             .at(order.file.display().to_string())
             .allowed("a file that ends in .csv, .bvh or .mcap; with --samples .csv"));
     }
+    marker_files::check_commas(&order.recording)?;
     let (outcome, notes) = if order.samples {
         samples(order)?
     } else {
         let start = recording::run_start(&order.recording)?;
-        let metadata = start.map(|start| start.metadata).unwrap_or_default();
+        let metadata = start.as_ref().map(|start| start.metadata.clone()).unwrap_or_default();
+        let is_of_robot = start.as_ref().is_some_and(|start| !start.joints.is_empty());
         match worn(order, &metadata)? {
             Some(kept) => angles(order, kind, &kept, metadata)?,
             None if kind == "csv" => samples(order)?,
+            None if is_of_robot => {
+                return Err(Error::new("this is a recording of a robot, and of no body")
+                    .at(order.recording.display().to_string())
+                    .allowed("OUT.csv: goals and measured angles, a row for each cycle")
+                    .remedy(
+                        "for a BVH of its joints: gaitway retarget FILE.mcap --robot ROBOT -o OUT.bvh",
+                    ));
+            }
             None => {
                 return Err(Error::new("the recording does not know how its sensors were worn")
                     .at(order.recording.display().to_string())

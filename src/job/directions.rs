@@ -160,14 +160,28 @@ fn on(
         notes: Vec::new(),
     };
     for joint in which {
-        if !one(connection, joint, order, observer, look, &mut report)? {
-            break;
+        match one(connection, joint, order, observer, look, &mut report) {
+            Ok(true) => {}
+            Ok(false) => break,
+            // What was found before stays told: a servo that is gone, a robot that may not be moved any more.
+            Err(error) if !report.joints.is_empty() => {
+                report.outcome = Outcome::Failed;
+                report.stop_reason = Some(error.to_string());
+                let held =
+                    "joints hold where they stand, those that answer: gaitway limp lets them go";
+                report.notes.push(held.to_owned());
+                break;
+            }
+            Err(error) => return Err(error),
         }
     }
     let is_done = report.outcome == Outcome::Done;
     if order.limp && !order.dry_run && report.stop.as_ref().is_none_or(is_asked) {
-        control::arm::disarm(&mut connection.link)?;
-        report.notes.push("torque is off on every joint".to_owned());
+        report.notes.push(match control::arm::disarm(&mut connection.link) {
+            Ok(()) => "torque is off on every joint".to_owned(),
+            Err(error) if report.outcome == Outcome::Failed => error.to_string(),
+            Err(error) => return Err(error),
+        });
     }
     if let Some(file) = order.save.as_ref().filter(|_| is_done && !order.dry_run) {
         let turned = turned_round(connection, &report)?;
@@ -192,10 +206,11 @@ fn chosen(names: &[String], wanted: &[String]) -> Result<Vec<usize>, Error> {
     }
     let index = |wanted: &String| {
         names.iter().position(|name| name == wanted).ok_or_else(|| {
-            Error::of(ErrorKind::Unknown, "the robot has no such joint")
-                .at("--joint")
-                .got(wanted.clone())
-                .allowed(names.join(", "))
+            Error::of(ErrorKind::Unknown, "the robot has no such joint").at("--joint").none_of(
+                wanted,
+                names,
+                "take one of these",
+            )
         })
     };
     wanted.iter().map(index).collect()

@@ -197,11 +197,10 @@ fn chosen(models: Vec<ActionModel>, only: &[String]) -> Result<Vec<ActionModel>,
     let is_it = |model: &ActionModel, name: &String| model.name == *name || model.action == *name;
     for name in only {
         if !models.iter().any(|model| is_it(model, name)) {
-            let known: Vec<&str> = models.iter().map(|model| model.name.as_str()).collect();
+            let known = models.iter().map(|model| &model.name);
             return Err(Error::of(ErrorKind::Unknown, "there is no such model")
                 .at("--model")
-                .got(name.clone())
-                .allowed(known.join(", ")));
+                .none_of(name, known, "take one of these"));
         }
     }
     let is_asked = |model: &ActionModel| only.is_empty() || only.iter().any(|n| is_it(model, n));

@@ -34,7 +34,7 @@ pub fn limp(
             ErrorKind::NotPermitted,
             "nobody confirmed that the robot may go limp",
         )
-        .remedy("support the robot, then answer yes or add --yes"));
+        .remedy("support the robot, then answer yes at a terminal (a piped answer is none), or add --yes"));
     }
     let mut connection = connect(robot, buses, 0)?;
     control::arm::disarm(&mut connection.link)?;

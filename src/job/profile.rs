@@ -1,9 +1,11 @@
 //! Which profiles there are, and whether one can be used for what it is there for: more than that its file has the
 //! form of one.
 
+pub mod words;
+
 use crate::device::sensor::stream_format;
 use crate::error::Error;
-use crate::job::report::Outcome;
+use crate::job::report::{Outcome, counted};
 use crate::robot::Robot;
 use gaitway_profiles::{self as profiles, Dialect, Profile, Protocol};
 use serde::Serialize;
@@ -62,7 +64,8 @@ pub fn check(profile: &Profile) -> Result<CheckedProfile, Error> {
             let (joints, lines) = (robot.joints.len(), robot.lines.len());
             let bodiless = "; follows no body: tables, recordings and a hand move it";
             let bodiless = if robot.anatomy.is_none() { bodiless } else { "" };
-            (&robot.name, "robot", format!("{joints} joints on {lines} line(s){bodiless}"))
+            let (joints, lines) = (counted(joints, "joint"), counted(lines, "line"));
+            (&robot.name, "robot", format!("{joints} on {lines}{bodiless}"))
         }
         Profile::Adapter(adapter) => {
             (&adapter.name, "adapter", format!("USB {}", adapter.usb_ids.join(", ")))

@@ -18,6 +18,13 @@ pub use crate::control::{Exception, Stop, StopCode};
 pub use crate::retarget::BodyFigures;
 pub use crate::robot::preflight::LINE_SHARE;
 
+/// So many of these.
+#[must_use]
+pub fn counted(count: impl TryInto<u64>, one: &str) -> String {
+    let count = count.try_into().unwrap_or(u64::MAX);
+    if count == 1 { format!("1 {one}") } else { format!("{count} {one}s") }
+}
+
 /// How a command ended; its exit code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]

@@ -5,13 +5,13 @@ mod words;
 use super::observer::Observer;
 use super::report::OwnProfile;
 use super::scan::can::{self, scan_can};
-use super::scan::{Device as Heard, Speeds, scan_line};
+use super::scan::{Device as Heard, ScanOrder, Speeds, scan_line};
 use super::servo::device::Device;
 use super::servo::travel::goal_mode;
 use super::servo::{DECIDING, Which};
 use crate::bus::Protocol;
 use crate::error::{Error, ErrorKind};
-use crate::rig::{Address, BusKind, dialect_name, is_can, open_can};
+use crate::rig::{Address, BusKind, USUAL_BAUD_BPS, dialect_name, is_can, open_can};
 use gaitway_profiles::{self as profiles, CanSpeed, Mode, Role};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -162,23 +162,30 @@ fn serial_line(
     observer: &dyn Observer,
 ) -> Result<DraftLine, Error> {
     let robot = order.robot.as_deref();
-    let found = scan_line(bus, robot, order.protocol, order.speeds, observer)?;
+    let DraftOrder { protocol, speeds, .. } = *order;
+    let found = scan_line(&ScanOrder { bus, robot, protocol, speeds, wait: None }, observer)?;
     for collision in &found.collisions {
         draft.notes.push(format!("ID {} on {bus}: {}", collision.id, collision.reason));
     }
     // One line has one speed: that of most who answered.
     let mut speeds: BTreeMap<u32, usize> = BTreeMap::new();
-    found.devices.iter().for_each(|of| *speeds.entry(of.baud_bps).or_default() += 1);
-    let usual = found.scanned_baud_bps.first().copied().unwrap_or_default();
+    let bps = |heard: &Heard| heard.baud_bps.unwrap_or(USUAL_BAUD_BPS);
+    found.devices.iter().for_each(|of| *speeds.entry(bps(of)).or_default() += 1);
+    let usual = found.scanned_baud_bps.first().copied().unwrap_or(USUAL_BAUD_BPS);
+    if found.scanned_baud_bps.is_empty() {
+        draft.notes.push(format!(
+            "the speed of a line behind TCP is not known here: {usual} bit/s stands in the file; correct it"
+        ));
+    }
     let most = speeds.iter().max_by_key(|&(_, count)| *count);
     let baud_bps = most.map_or(usual, |(bps, _)| *bps);
     for heard in &found.devices {
         let place = format!("ID {} on {bus}", heard.id);
-        if heard.baud_bps != baud_bps {
+        if bps(heard) != baud_bps {
             draft.notes.push(format!(
                 "{place} answers at {} bit/s, the others at {baud_bps}: left out; gaitway servo \
                  set-baud brings it there",
-                heard.baud_bps
+                bps(heard)
             ));
             continue;
         }
@@ -209,7 +216,7 @@ fn servo_joint(
     notes: &mut Vec<String>,
 ) -> Result<DraftJoint, Error> {
     let at_speed = match bus.bus.clone() {
-        BusKind::Serial { path, .. } => BusKind::Serial { path, baud_bps: Some(heard.baud_bps) },
+        BusKind::Serial { path, .. } => BusKind::Serial { path, baud_bps: heard.baud_bps },
         other => other,
     };
     let mut device = Device::open(&Which {

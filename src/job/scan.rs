@@ -31,8 +31,8 @@ pub struct Device {
     pub firmware: Option<u16>,
     /// What it speaks.
     pub protocol: &'static str,
-    /// At which line speed, bit/s.
-    pub baud_bps: u32,
+    /// At which line speed, bit/s; nothing behind TCP, if the address does not say it.
+    pub baud_bps: Option<u32>,
     /// It reports a hardware error.
     pub alert: bool,
 }
@@ -44,8 +44,8 @@ pub struct Collision {
     pub id: u8,
     /// What was spoken.
     pub protocol: &'static str,
-    /// At which line speed, bit/s.
-    pub baud_bps: u32,
+    /// At which line speed, bit/s, as of a device.
+    pub baud_bps: Option<u32>,
     /// Why it seems so.
     pub reason: String,
 }
@@ -55,7 +55,7 @@ pub struct Collision {
 pub struct ScanReport {
     /// The line.
     pub bus: String,
-    /// Speeds that were tried.
+    /// Speeds that were tried; none behind TCP, if the address says none.
     pub scanned_baud_bps: Vec<u32>,
     /// Speeds the port does not know.
     pub unusable_baud_bps: Vec<u32>,
@@ -79,6 +79,21 @@ pub enum Speeds {
     All,
 }
 
+/// Which line is scanned, and how.
+#[derive(Clone, Copy, Debug)]
+pub struct ScanOrder<'a> {
+    /// The line.
+    pub bus: &'a Address,
+    /// Whose it is.
+    pub robot: Option<&'a str>,
+    /// In this protocol only.
+    pub protocol: Option<Protocol>,
+    /// At which speeds.
+    pub speeds: Speeds,
+    /// So long at least is waited for an answer.
+    pub wait: Option<Duration>,
+}
+
 /// More than any scan of one speed takes.
 const LONGEST: Duration = Duration::from_secs(600);
 
@@ -89,13 +104,8 @@ const ALL: [Protocol; 4] =
 ///
 /// # Errors
 /// A line that cannot be opened or fails.
-pub fn scan_line(
-    bus: &Address,
-    robot: Option<&str>,
-    protocol: Option<Protocol>,
-    speeds: Speeds,
-    observer: &dyn Observer,
-) -> Result<ScanReport, Error> {
+pub fn scan_line(order: &ScanOrder<'_>, observer: &dyn Observer) -> Result<ScanReport, Error> {
+    let ScanOrder { bus, robot, protocol, speeds, wait } = *order;
     let mut line = open_bus(bus, robot, 0)?;
     let protocols: Vec<Protocol> = protocol.map_or_else(|| ALL.to_vec(), |one| vec![one]);
     let speeds = match speeds {
@@ -118,8 +128,12 @@ pub fn scan_line(
                 Err(error) => return Err(error),
             }
         }
-        at_speed(&mut line, &protocols, &mut report)?;
-        report.scanned_baud_bps.push(bps);
+        let wait = line.bus.timing().return_delay.max(wait.unwrap_or_default());
+        line.bus.set_return_delay(wait);
+        let is_known = speeds.len() > 1 || !matches!(bus.bus, BusKind::Tcp { baud_bps: None, .. });
+        let baud_bps = is_known.then_some(bps);
+        at_speed(&mut line, &protocols, baud_bps, &mut report)?;
+        report.scanned_baud_bps.extend(baud_bps);
     }
     observer.hear(Event::Step { done: total, total, what: "" });
     report.devices.sort_by_key(|d| (d.id, d.baud_bps));
@@ -139,10 +153,10 @@ fn every_speed(protocols: &[Protocol], usual_bps: u32) -> Vec<u32> {
 fn at_speed(
     line: &mut OpenLine,
     protocols: &[Protocol],
+    baud_bps: Option<u32>,
     report: &mut ScanReport,
 ) -> Result<(), Error> {
-    let baud_bps = line.baud_bps;
-    let failed = |e| ask_error(format!("{} at {baud_bps} bit/s", report.bus), &e);
+    let failed = |e| ask_error(format!("{} at {} bit/s", report.bus, line.baud_bps), &e);
     let budget = line.clock.now() + LONGEST;
     let scanned = scan(&mut line.bus, protocols, telling_apart, budget).map_err(failed)?;
     for found in &scanned.found {
@@ -169,7 +183,7 @@ fn telling_apart(found: &Found) -> Vec<(u16, u16)> {
     registers.flatten().map(|register| (register.address, u16::from(register.bytes))).collect()
 }
 
-fn device(found: &Found, identity: Option<Identity>, baud_bps: u32) -> Device {
+fn device(found: &Found, identity: Option<Identity>, baud_bps: Option<u32>) -> Device {
     let profile = identity.and_then(|identity| identity.profile);
     Device {
         id: found.id,

@@ -354,10 +354,11 @@ pub fn only(robot: &Robot, names: &[String]) -> Result<Vec<usize>, Error> {
     let mut joints = Vec::with_capacity(names.len());
     for (at, name) in names.iter().enumerate() {
         let joint = robot.joints.iter().position(|joint| joint.name == *name).ok_or_else(|| {
-            Error::of(ErrorKind::Unknown, "the robot has no such joint")
-                .at("--only")
-                .got(name.clone())
-                .allowed(robot.joint_names().join(", "))
+            Error::of(ErrorKind::Unknown, "the robot has no such joint").at("--only").none_of(
+                name,
+                robot.joint_names(),
+                "take one of these",
+            )
         })?;
         if let Some(first) = joints.iter().position(|&other| other == joint) {
             return Err(Error::of(ErrorKind::Malformed, "a joint is named twice")
@@ -449,6 +450,7 @@ pub fn body_motion(
             .allowed("`play` and `retarget` with --robot for it"));
     }
     let Some(format) = files::format_of(path) else {
+        marker_files::check_commas(path)?;
         let shipped: Vec<&str> = vocabulary::names().collect();
         return Err(Error::of(ErrorKind::Unknown, "not a motion that can be read")
             .at("MOTION")

@@ -15,7 +15,7 @@ pub fn heard(report: &SourceReport, out: &mut String) {
         (counts.late, "out of order"),
         (counts.resets, "resets"),
         (counts.misread, "misread times"),
-        (report.incomplete, "incomplete"),
+        (report.incomplete, "with a reading that is missing or beyond the sensor's range"),
         (report.stuck, "with values that stood still"),
         (report.bad_packets, "bad packets"),
         (report.refused, "calls of others refused"),

@@ -15,7 +15,7 @@ use crate::mocap::bvh::source::Source;
 use crate::mocap::bvh::{
     Axis, Bvh, Channel, Joint, MAX_DEPTH, MAX_FILE_BYTES, MAX_JOINTS, MAX_POSES,
 };
-use crate::mocap::opened::{opened, unreadable};
+use crate::mocap::opened::{opened, unreadable, with_a_point};
 use glam::{DQuat, DVec3, EulerRot};
 use std::collections::BTreeMap;
 use std::io::Read;
@@ -179,9 +179,10 @@ fn malformed(what: impl Into<String>, line: usize) -> Error {
 fn number(word: &str, line: usize) -> Result<f64, Error> {
     let number = word.parse().ok().filter(|number: &f64| number.abs() <= MAX_MAGNITUDE);
     number.ok_or_else(|| {
-        malformed("a number is expected", line)
+        let refused = malformed("a number is expected", line)
             .got(format!("\"{}\"", word.chars().take(40).collect::<String>()))
-            .allowed(format!("a finite number, magnitude at most {MAX_MAGNITUDE}"))
+            .allowed(format!("a finite number, magnitude at most {MAX_MAGNITUDE}"));
+        with_a_point(refused, word)
     })
 }
 

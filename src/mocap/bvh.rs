@@ -9,7 +9,7 @@
 //! joint names with blanks, leaves without `End Site`, keywords in any case, several roots.
 
 use crate::error::{Error, ErrorKind};
-use crate::mocap::opened::opened;
+use crate::mocap::opened::{opened, with_a_point};
 use glam::DVec3;
 use std::fmt::Write as _;
 use std::io::Read;
@@ -430,7 +430,11 @@ fn number_of<R: Read>(source: &Source<R>) -> Result<f64, Error> {
     let number = str::from_utf8(source.token()).ok().and_then(|text| text.parse::<f64>().ok());
     match number {
         Some(number) if number.abs() <= MAX_MAGNITUDE => Ok(number),
-        _ => Err(source.unexpected(&format!("a finite number, magnitude at most {MAX_MAGNITUDE}"))),
+        _ => {
+            let text = String::from_utf8_lossy(source.token()).into_owned();
+            let allowed = format!("a finite number, magnitude at most {MAX_MAGNITUDE}");
+            Err(with_a_point(source.unexpected(&allowed), &text))
+        }
     }
 }
 

@@ -7,6 +7,7 @@ use crate::mocap::marker_table;
 use crate::mocap::markers::{Frame, Frames, Head, MarkerFormat, Markers};
 use crate::mocap::opened::{as_utf8, bytes_of};
 use crate::mocap::trc;
+use crate::table;
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
@@ -47,6 +48,24 @@ fn is_marker_table(path: &Path) -> bool {
     read.is_ok() && marker_table::is_of_markers(&String::from_utf8_lossy(&as_utf8(start)))
 }
 
+/// Fails if a file is a table (.csv) whose columns are separated by semicolons or tabs: nothing knows it then.
+///
+/// # Errors
+/// As said.
+pub fn check_commas(path: &Path) -> Result<(), Error> {
+    let is_csv = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("csv"));
+    if !is_csv || !std::fs::metadata(path).is_ok_and(|found| found.is_file()) {
+        return Ok(());
+    }
+    let mut start = Vec::new();
+    match File::open(path).and_then(|file| file.take(TITLES_BYTES).read_to_end(&mut start)) {
+        Ok(_) => table::check_commas(&String::from_utf8_lossy(&as_utf8(start)))
+            .map_err(|error| error.in_file(path)),
+        // Whoever reads it says what is wrong.
+        Err(_) => Ok(()),
+    }
+}
+
 /// A file being read.
 pub enum MarkerReader {
     /// Frame by frame: a file of any length.
@@ -81,11 +100,14 @@ pub fn open(path: &Path) -> Result<MarkerReader, Error> {
             let bytes = as_utf8(bytes_of(path, marker_table::MAX_FILE_BYTES)?);
             marker_table::parse(&bytes).map(whole).map_err(in_file)
         }
-        None => Err(Error::of(ErrorKind::Unknown, "not a file of markers")
-            .at(path.display().to_string())
-            .allowed(
-                "a file that ends in .c3d, .trc or .csm, or a table (.csv) with columns LABEL_x_m, ...",
-            )),
+        None => {
+            check_commas(path)?;
+            Err(Error::of(ErrorKind::Unknown, "not a file of markers")
+                .at(path.display().to_string())
+                .allowed(
+                    "a file that ends in .c3d, .trc or .csm, or a table (.csv) with columns LABEL_x_m, ...",
+                ))
+        }
     }
 }
 

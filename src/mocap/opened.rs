@@ -24,6 +24,16 @@ pub(super) fn opened(path: &Path) -> Result<(File, Metadata), Error> {
     Ok((file, known))
 }
 
+/// Says so of a number that would be one with a point in place of its comma.
+pub(super) fn with_a_point(error: Error, text: &str) -> Error {
+    let pointed = text.replace(',', ".");
+    match pointed.parse::<f64>() {
+        Ok(number) if number.is_finite() && pointed != text => error
+            .remedy(format!("numbers have a point and no comma: {pointed}; export the file so")),
+        _ => error,
+    }
+}
+
 /// A file that the system does not let be read.
 pub(super) fn unreadable(cause: &io::Error) -> Error {
     Error::of(cause.into(), "the file cannot be read")

@@ -238,8 +238,13 @@ impl Layout<'_> {
         let knots = clip.saturating_add(approach).saturating_add(again).saturating_add(1);
         if knots.saturating_mul(self.limits.len()) > MAX_VALUES {
             return Err(Error::new("the planned motion is too long")
-                .got(format!("{knots} knots of {} joints", self.limits.len()))
-                .allowed(format!("{MAX_VALUES} positions in all"))
+                .got(format!("{:.0} s", knots as f64 * knot_s))
+                .allowed(format!(
+                    "{:.0} s of {} joints, at {:.0} positions a second",
+                    (MAX_VALUES / self.limits.len()) as f64 * knot_s,
+                    self.limits.len(),
+                    1.0 / knot_s
+                ))
                 .remedy("play a shorter section, or fewer rounds"));
         }
         let clip_times_s = self.clip_times_s(ease_in, ease_out);

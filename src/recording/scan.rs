@@ -129,7 +129,7 @@ pub(super) fn scan(
     scan.fill(&mut magic, mcap::MAGIC.len() as u64)?;
     if magic != mcap::MAGIC {
         return Err(Error::of(ErrorKind::Malformed, "not an MCAP recording")
-            .got(format!("{magic:02x?}"))
+            .got(format!("a file that begins with \"{}\"", magic.escape_ascii()))
             .allowed("a file that begins with the MCAP magic 89 4d 43 41 50 30 0d 0a")
             .remedy("take a recording; captures are known by their ending (.bvh, .amc, .c3d)"));
     }

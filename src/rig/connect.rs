@@ -68,8 +68,7 @@ fn assign(robot: &Robot, addresses: &[Address]) -> Result<Vec<BusKind>, Error> {
         if !known {
             return Err(Error::of(ErrorKind::Unknown, "the robot has no such line")
                 .at("--bus")
-                .got(address.line.clone().unwrap_or_default())
-                .allowed(names.join(", ")));
+                .none_of(address.line.as_deref().unwrap_or_default(), names, "take one of these"));
         }
     }
     for (index, address) in addresses.iter().enumerate() {

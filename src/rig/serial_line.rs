@@ -34,7 +34,7 @@ enum Place {
 }
 
 /// Line speed if neither the address nor a robot says one, bits per second.
-const USUAL_BAUD_BPS: u32 = 1_000_000;
+pub const USUAL_BAUD_BPS: u32 = 1_000_000;
 /// Where nothing moves, a lost answer costs nothing but time.
 pub(super) const RETRIES: u32 = 5;
 /// Time for a question and its retries: more than a host stalls.

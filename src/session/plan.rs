@@ -145,12 +145,11 @@ impl PlannedAction {
         }
         self.explain = vocabulary::find(name)
             .map_err(|_| {
-                Error::of(ErrorKind::Unknown, "the vocabulary has no such action")
-                    .got(name)
-                    .allowed(vocabulary::names().collect::<Vec<_>>().join(", "))
-                    .remedy(
-                        "choose one of these, or say in a plan file what it is: explain = \"...\"",
-                    )
+                Error::of(ErrorKind::Unknown, "the vocabulary has no such action").none_of(
+                    name,
+                    vocabulary::names(),
+                    "choose one of these, or say in a plan file what it is: explain = \"...\"",
+                )
             })?
             .note;
         Ok(())

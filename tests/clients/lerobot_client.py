@@ -1,32 +1,12 @@
-"""LeRobot's motor buses. Arguments: port, feetech or dynamixel, then name:id:model of each motor.
+"""LeRobot's motor buses. Arguments: port, feetech or dynamixel, then name:id:model of each motor."""
 
-The packages for learning are large and the buses do not use them, but a module beside them names
-them: empty ones stand in. LeRobot itself is as published.
-"""
-
-import os
 import sys
-import types
 
-sys.path.insert(0, os.environ["GAITWAY_BESIDE"])
-
-
-class Empty(types.ModuleType):
-    """A module in which any name is a class."""
-
-    def __getattr__(self, name):
-        if name.startswith("__"):
-            raise AttributeError(name)
-        return type(name, (), {})
-
-
-for absent in ("torch", "accelerate", "datasets", "datasets.utils", "datasets.utils.logging"):
-    sys.modules[absent] = Empty(absent)
-
-from lerobot.motors import Motor, MotorCalibration, MotorNormMode  # noqa: E402
-from lerobot.motors.dynamixel import DynamixelMotorsBus  # noqa: E402
-from lerobot.motors.feetech import FeetechMotorsBus  # noqa: E402
-from serving import Lost, serve  # noqa: E402
+import lerobot_alone  # noqa: F401
+from lerobot.motors import Motor, MotorCalibration, MotorNormMode
+from lerobot.motors.dynamixel import DynamixelMotorsBus
+from lerobot.motors.feetech import FeetechMotorsBus
+from serving import Lost, serve
 
 motors = {}
 for motor in sys.argv[3:]:

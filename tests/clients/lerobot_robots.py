@@ -8,26 +8,11 @@ import ast
 import json
 import os
 import sys
-import types
 
-sys.path.insert(0, os.environ["GAITWAY_BESIDE"])
-
-
-class Empty(types.ModuleType):
-    """A module in which any name is a class."""
-
-    def __getattr__(self, name):
-        if name.startswith("__"):
-            raise AttributeError(name)
-        return type(name, (), {})
-
-
-for absent in ("torch", "accelerate", "datasets", "datasets.utils", "datasets.utils.logging"):
-    sys.modules[absent] = Empty(absent)
-
-import lerobot.motors as motors  # noqa: E402
-from lerobot.motors.dynamixel import DynamixelMotorsBus  # noqa: E402
-from lerobot.motors.feetech import FeetechMotorsBus  # noqa: E402
+import lerobot_alone  # noqa: F401
+import lerobot.motors as motors
+from lerobot.motors.dynamixel import DynamixelMotorsBus
+from lerobot.motors.feetech import FeetechMotorsBus
 
 BUSES = {"DynamixelMotorsBus": DynamixelMotorsBus, "FeetechMotorsBus": FeetechMotorsBus}
 

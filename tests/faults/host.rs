@@ -110,11 +110,7 @@ fn a_robot_that_is_left_holding_holds_without_a_host() {
     let mut scene = Scene::op3();
     let played = scene.play_until(SWING_RAD, 1, &|| false);
     assert_eq!(played.run.stop, None);
-    assert!(
-        played.run.notes[0].contains("20 servo(s) would have stopped"),
-        "{:?}",
-        played.run.notes
-    );
+    assert!(played.run.notes[0].contains("20 servos would have stopped"), "{:?}", played.run.notes);
     wait_ms(&scene, 5_000);
     assert_eq!(watchdogs(&scene), [0; 20]);
     for joint in scene.link.robot().joint_names() {

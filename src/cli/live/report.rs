@@ -30,9 +30,12 @@ impl BodyReport {
 }
 
 impl LiveReport {
-    /// The report as lines for a person; `brief` leaves the notes out.
+    /// The report as lines for a person; `brief`: how it ended, and what was written.
     pub(in crate::cli) fn text(&self, brief: bool) -> String {
         let mut out = self.run.text(brief);
+        if brief {
+            return out;
+        }
         if let Some(body) = &self.body {
             body.text(&mut out);
         }
@@ -76,7 +79,7 @@ impl LiveReport {
         let _ = writeln!(
             out,
             "behind    {} by limits ({} samples limited); poses {} old, p99 {}",
-            ms(self.lag_s),
+            ms(self.lag_s.map(|lag_s| lag_s.max(0.0))),
             self.limited_samples,
             ms(self.latency.map(|latency| latency.median_s)),
             ms(self.latency.map(|latency| latency.p99_s))

@@ -5,6 +5,7 @@ use crate::cli::protocol::can_dialect;
 use crate::cli::terminal::Terminal;
 use crate::cli::{Deed, Remarks};
 use crate::error::Error;
+use crate::job::report::counted;
 use crate::job::scan::can::{CanScanReport, Collision, LeftOut, scan_can};
 use std::fmt::Write;
 
@@ -18,6 +19,9 @@ pub fn run(args: &ScanArgs, remarks: Remarks) -> Result<i32, Error> {
             .at("--baud")
             .allowed("no --baud on a CAN line")
             .remedy("ip link set can0 down; ip link set can0 up type can bitrate 500000"));
+    }
+    if args.timeout.is_some() {
+        return Err(Error::new("this option is for serial lines").at("--timeout"));
     }
     let dialect = can_dialect(args.protocol, &args.bus)?;
     let terminal = Terminal::unheard(remarks);
@@ -61,8 +65,8 @@ fn text(report: &CanScanReport) -> String {
              one and give it another: gaitway servo set-id BUS {id} NEW"
         );
     }
-    let _ =
-        writeln!(out, "{} device(s) on {} at {}", report.devices.len(), report.bus, report.speed);
+    let devices = counted(report.devices.len(), "device");
+    let _ = writeln!(out, "{devices} on {} at {}", report.bus, report.speed);
     report.asked.iter().for_each(|words| {
         let _ = writeln!(out, "asked      {words}");
     });

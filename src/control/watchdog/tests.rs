@@ -60,10 +60,7 @@ fn every_watchdog_is_switched_off_again() {
     assert!(!bench.log().iter().any(|said| said.id == 21 && said.instruction == WRITE));
     let words = released.words(&bench.link);
     assert_eq!(words.len(), 1);
-    assert!(
-        words[0].starts_with("2 servo(s) would have stopped by themselves 200 ms"),
-        "{words:?}"
-    );
+    assert!(words[0].starts_with("2 servos would have stopped by themselves 200 ms"), "{words:?}");
 }
 
 #[test]

@@ -147,13 +147,13 @@ fn ours(robot: &Robot, text: &str) -> Result<Calibration, Error> {
     let mut calibration = Calibration::of(&robot.name);
     for (name, motor) in &motors {
         let place = format!("joint {name}");
-        let joint = robot.joints.iter().find(|joint| joint.name == *name).ok_or_else(|| {
-            let names: Vec<&str> = robot.joints.iter().map(|of| of.name.as_str()).collect();
-            Error::of(ErrorKind::Unknown, "the robot has no such joint")
-                .at(place.clone())
-                .got(name.clone())
-                .allowed(names.join(", "))
-        })?;
+        let joint =
+            robot.joints.iter().find(|joint| joint.name == *name).ok_or_else(|| {
+                let names: Vec<&str> = robot.joints.iter().map(|of| of.name.as_str()).collect();
+                Error::of(ErrorKind::Unknown, "the robot has no such joint")
+                    .at(place.clone())
+                    .none_of(name, names, "name it as the robot's file does")
+            })?;
         calibration.put(of_motor(robot, joint, motor).map_err(|error| error.at(place))?);
     }
     if calibration.joints.is_empty() {

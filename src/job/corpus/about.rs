@@ -7,7 +7,7 @@ use crate::corpus::tables::measure_name;
 use crate::error::{Error, ErrorKind};
 use crate::job::labels::label_text;
 use crate::table::{Row, rows};
-use crate::toml_text::{advice, from_toml, plain_words};
+use crate::toml_text::{from_toml, plain_words};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -107,9 +107,11 @@ impl AboutTrial {
         if let Some(verdict) =
             self.verdict.as_ref().filter(|v| !["keep", "retake"].contains(&v.as_str()))
         {
-            return Err(Error::of(ErrorKind::Unknown, "no such verdict")
-                .got(verdict.clone())
-                .allowed("keep, retake"));
+            return Err(Error::of(ErrorKind::Unknown, "no such verdict").none_of(
+                verdict,
+                ["keep", "retake"],
+                "take one of these",
+            ));
         }
         let known = |name: &&String| PARAMETERS.contains(&name.as_str());
         match self.parameters.keys().find(|name| !known(name)) {
@@ -130,10 +132,11 @@ fn number(name: &str, cell: &str) -> Result<f64, Error> {
 }
 
 fn no_parameter(name: &str) -> Error {
-    Error::of(ErrorKind::Unknown, "there is no such parameter")
-        .got(name)
-        .allowed(PARAMETERS.join(", "))
-        .remedy(advice(name, &PARAMETERS, "take one of these"))
+    Error::of(ErrorKind::Unknown, "there is no such parameter").none_of(
+        name,
+        PARAMETERS,
+        "take one of these",
+    )
 }
 
 /// Reads `NAME=VALUE` of a parameter.
@@ -202,9 +205,7 @@ impl TrialTable {
         if let Some(strange) = titles.cells().find(|title| !known.contains(title)) {
             return Err(Error::of(ErrorKind::Unknown, "the table of trials has no such column")
                 .at("line 1")
-                .got(strange)
-                .allowed(known.join(", "))
-                .remedy(advice(strange, &known, "take one of these")));
+                .none_of(strange, known, "take one of these"));
         }
         if !titles.cells().any(|title| title == "file") {
             return Err(Error::of(
@@ -334,10 +335,11 @@ pub fn merged(known: &SubjectEntry, more: &SubjectEntry) -> Result<SubjectEntry,
 pub fn consent(word: &str) -> Result<Consent, Error> {
     let words = Consent::ALL.map(Consent::word);
     Consent::of(word).ok_or_else(|| {
-        Error::of(ErrorKind::Unknown, "no such word of consent")
-            .got(word)
-            .allowed(words.join(", "))
-            .remedy(advice(word, &words, "take one of these"))
+        Error::of(ErrorKind::Unknown, "no such word of consent").none_of(
+            word,
+            words,
+            "take one of these",
+        )
     })
 }
 

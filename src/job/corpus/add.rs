@@ -5,7 +5,7 @@ use super::bones_seed;
 use super::inside::inside;
 use super::labels::{KnownLabels, recognised, throughout};
 use super::variations::{self, Variation};
-use crate::action::phrase;
+use crate::action::{phrase, vocabulary};
 use crate::body::{Segment, segment_name};
 use crate::corpus::licence::{Licence, UNKNOWN};
 use crate::corpus::query::Question;
@@ -278,9 +278,8 @@ impl<'a> Planning<'a> {
             return Ok(());
         }
         if path.symlink_metadata().is_err() {
-            return Err(
-                Error::of(ErrorKind::Absent, "there is no such file, folder or action").at(source)
-            );
+            return Err(Error::of(ErrorKind::Absent, "there is no such file, folder or action")
+                .none_of(source, vocabulary::names(), "check the path"));
         }
         self.file(source, path);
         Ok(())

@@ -90,9 +90,11 @@ impl ExportFormat {
     /// Another word.
     pub fn of(word: &str) -> Result<Self, Error> {
         Self::ALL.into_iter().find(|format| format.word() == word).ok_or_else(|| {
-            Error::of(ErrorKind::Unknown, "there is no such format")
-                .got(word)
-                .allowed(Self::ALL.map(Self::word).join(", "))
+            Error::of(ErrorKind::Unknown, "there is no such format").at("--format").none_of(
+                word,
+                Self::ALL.map(Self::word),
+                "take one of these",
+            )
         })
     }
 
@@ -404,6 +406,15 @@ fn unwritable(path: &Path, cause: &std::io::Error) -> Error {
     Error::unwritten("the export cannot be written", cause).at(path.display().to_string())
 }
 
+/// What a finished export says of itself.
+#[derive(Deserialize)]
+struct Finished {
+    version: String,
+    question: String,
+    format: String,
+    robot: Option<String>,
+}
+
 /// A folder for it: empty, or with a part of the same.
 fn begin(order: &ExportOrder, store: &Store) -> Result<(), Error> {
     let folder = &order.folder;
@@ -424,6 +435,20 @@ fn begin(order: &ExportOrder, store: &Store) -> Result<(), Error> {
     let known = fs::read_to_string(&path).ok().and_then(|text| serde_json::from_str(&text).ok());
     if known.is_some_and(|known: Begun| known == begun) {
         return Ok(());
+    }
+    let about = fs::read_to_string(folder.join(ABOUT)).unwrap_or_default();
+    if let Ok(done) = serde_json::from_str::<Finished>(&about)
+        && done.version == begun.version
+        && done.question == begun.question
+        && done.format == begun.format
+        && done.robot.is_some() == begun.robot.is_some()
+    {
+        return Err(Error::of(ErrorKind::Exists, "this export is there already, and whole")
+            .at(folder.display().to_string())
+            .got(format!("{} of version {}", done.format, done.version))
+            .remedy(
+                "nothing is to be done; to make it again, choose another folder or remove this one",
+            ));
     }
     let is_left = |name: &str| name.starts_with(BEGUN) && name.ends_with(".part");
     let entries = fs::read_dir(folder).map_err(|e| unwritable(folder, &e))?;

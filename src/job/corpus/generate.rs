@@ -152,10 +152,11 @@ struct Performers {
 pub fn generate(order: &GenerateOrder, observer: &dyn Observer) -> Result<GenerateReport, Error> {
     let sets = || PlannedSet::ALL.into_iter().filter(|set| *set != PlannedSet::Interaction);
     let set = sets().find(|set| set.word() == order.set).ok_or_else(|| {
-        Error::of(ErrorKind::Unknown, "no set that the body model can do is called so")
-            .got(order.set.clone())
-            .allowed(sets().map(PlannedSet::word).collect::<Vec<_>>().join(", "))
-            .remedy("`gaitway corpus plan DIR SET` plans what people are to do")
+        Error::of(ErrorKind::Unknown, "no set that the body model can do is called so").none_of(
+            &order.set,
+            sets().map(PlannedSet::word),
+            "`gaitway corpus plan DIR SET` plans what people are to do",
+        )
     })?;
     let (all, left_out) = trials(set);
     let planned: Vec<(usize, Asked)> =

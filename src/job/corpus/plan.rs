@@ -97,12 +97,22 @@ pub struct PlanReport {
 /// No corpus, a set that is not known, files that cannot be written.
 pub fn plan(order: &PlanOrder) -> Result<PlanReport, Error> {
     let set = PlannedSet::of(&order.set).ok_or_else(|| {
-        Error::of(ErrorKind::Unknown, "no set is called so")
-            .got(order.set.clone())
-            .allowed(PlannedSet::ALL.map(PlannedSet::word).join(", "))
+        Error::of(ErrorKind::Unknown, "no set is called so").none_of(
+            &order.set,
+            PlannedSet::ALL.map(PlannedSet::word),
+            "take one of these",
+        )
     })?;
     let files = [&order.file, &order.plot];
     files.into_iter().flatten().try_for_each(|file| check_outside(file))?;
+    for (file, ending) in [(&order.file, "toml"), (&order.plot, "svg")] {
+        let other = |file: &&PathBuf| file.extension().is_none_or(|of| of != ending);
+        if let Some(file) = file.as_ref().filter(other) {
+            return Err(Error::of(ErrorKind::Unknown, "this kind of file cannot be written")
+                .at(file.display().to_string())
+                .allowed(format!("a file that ends in .{ending}")));
+        }
+    }
     let store = Store::open(&order.corpus)?;
     let mut there: Vec<TrialEntry> = Vec::new();
     let all = Question::parse("")?;

@@ -78,8 +78,7 @@ pub fn remove(order: &RemoveOrder) -> Result<RemoveReport, Error> {
         let names: Vec<&str> = known.iter().map(|of| of.subject.id.as_str()).collect();
         return Err(Error::of(ErrorKind::Unknown, "there is nobody of this id in the corpus")
             .at("--subject")
-            .got(id.clone())
-            .allowed(names.join(", ")));
+            .none_of(id, names, "take one of these"));
     }
     let people: Vec<String> = order
         .subject

@@ -186,6 +186,115 @@ fn a_joint_that_is_stuck_does_not_move_and_one_at_the_end_of_its_range_goes_the_
     assert!(report.text().contains("does not move"), "{}", report.text());
 }
 
+/// Pulls a servo out when it has moved, or when the joint before it was looked at.
+struct Puller<'a> {
+    onlooker: Onlooker,
+    servo: &'a str,
+    moved_rad: f64,
+}
+
+impl Observer for Puller<'_> {
+    fn hear(&self, _: Event<'_>) {}
+
+    fn wants_to_stop(&self) -> bool {
+        self.onlooker.look();
+        let index = self.onlooker.names.iter().position(|name| name == self.servo);
+        let farthest = self.onlooker.farthest_rad.lock().expect("nobody panics");
+        if farthest[index.expect("a joint")].abs() > self.moved_rad {
+            self.onlooker.world.lock().unplug(self.servo).expect("a servo");
+        }
+        false
+    }
+}
+
+#[test]
+fn a_servo_that_vanishes_ends_it_at_rest_and_what_was_found_before_is_told() {
+    // In the middle of its own way, and between two joints.
+    for (moved_rad, before) in [(0.05, 1), (f64::INFINITY, 1)] {
+        let mut connection = mounted(None);
+        let world = connection.world.clone().expect("virtual");
+        let onlooker = Onlooker::beside(&connection);
+        let puller = Puller { onlooker, servo: "shoulder_lift", moved_rad };
+        let mut look = |found: &DirectionFound| {
+            if moved_rad.is_infinite() {
+                world.lock().unplug("shoulder_lift").expect("a servo");
+            }
+            puller.onlooker.answer(found)
+        };
+        let report = on(&mut connection, &order(), None, &puller, &mut look).expect("a report");
+        assert!(matches!(report.outcome, Outcome::Failed | Outcome::Stopped), "{report:?}");
+        assert_eq!(report.joints.len(), before, "{report:?}");
+        assert_eq!(report.joints[0].turns, Turns::Right);
+        let reason = report.stop_reason.as_deref().unwrap_or_default();
+        assert!(reason.contains("shoulder_lift"), "{reason}");
+        assert!(report.text().contains("shoulder_lift"), "{}", report.text());
+        let world = world.lock();
+        let others = |of: &&gaitway_sim::Violation| of.joint.as_deref() != Some("shoulder_lift");
+        assert_eq!(world.verdict().violations.iter().find(others), None);
+        for name in
+            connection.link.robot().joint_names().iter().filter(|of| **of != "shoulder_lift")
+        {
+            let speed = world.joint_velocity_rad_s(name).expect("a joint");
+            assert!(speed.abs() < 0.01, "{name}: {speed} rad/s");
+        }
+    }
+}
+
+/// A host that stands still once, when it looks for the so manieth time whether somebody wants to stop.
+struct Stall {
+    onlooker: Onlooker,
+    at: usize,
+    lasts_ns: u64,
+    looks: Mutex<usize>,
+}
+
+impl Observer for Stall {
+    fn hear(&self, _: Event<'_>) {}
+
+    fn wants_to_stop(&self) -> bool {
+        self.onlooker.look();
+        let mut looks = self.looks.lock().expect("nobody panics");
+        *looks += 1;
+        if *looks == self.at {
+            let mut world = self.onlooker.world.lock();
+            let until_ns = world.now_ns() + self.lasts_ns;
+            world.run_until(until_ns);
+        }
+        false
+    }
+}
+
+#[test]
+fn a_host_that_stands_still_at_any_step_leaves_every_joint_at_rest_and_is_told() {
+    let (mut stopped, mut told) = (0, 0);
+    for at in (1..150).step_by(7) {
+        for lasts_ns in [30_000_000, 400_000_000] {
+            let mut connection = mounted(None);
+            let onlooker = Onlooker::beside(&connection);
+            let stall = Stall { onlooker, at, lasts_ns, looks: Mutex::new(0) };
+            let joints = vec!["shoulder_pan".to_owned()];
+            let order = DirectionOrder { joints, ..order() };
+            let mut look = |found: &DirectionFound| stall.onlooker.answer(found);
+            let report = on(&mut connection, &order, None, &stall, &mut look).expect("a report");
+            assert!(*stall.looks.lock().expect("nobody panics") >= at, "it looked {at} times");
+            if report.outcome != Outcome::Done {
+                stopped += 1;
+                let reason = report.stop_reason.as_deref().unwrap_or_default();
+                told += usize::from(reason.contains("host"));
+            }
+            let world = connection.world.clone().expect("virtual");
+            let mut world = world.lock();
+            let after_ns = world.now_ns() + 1_000_000_000;
+            world.run_until(after_ns);
+            for name in connection.link.robot().joint_names() {
+                let speed = world.joint_velocity_rad_s(&name).expect("a joint");
+                assert!(speed.abs() < 0.01, "{at}, {lasts_ns} ns: {name} at {speed} rad/s");
+            }
+        }
+    }
+    assert!(stopped > 5 && told == stopped, "{stopped} stopped, {told} named the host");
+}
+
 #[test]
 fn somebody_who_has_seen_enough_is_heard_and_distances_are_bounded() {
     let mut connection = mounted(None);

@@ -83,11 +83,10 @@ impl Pairs {
         }
         let led = |name: &String| joints.iter().any(|of| robot.joints[of.follows].name == *name);
         if let Some(unknown) = by_range.iter().find(|name| !led(name)) {
-            let both = joints.iter().map(|of| robot.joints[of.follows].name.clone());
+            let both = joints.iter().map(|of| &robot.joints[of.follows].name);
             return Err(Error::of(ErrorKind::Unknown, "not a joint that both robots have")
                 .at("--by-range")
-                .got(unknown.clone())
-                .allowed(both.collect::<Vec<_>>().join(", ")));
+                .none_of(unknown, both, "take one of these"));
         }
         let own = names(robot);
         let unfollowed = names(leader).into_iter().filter(|name| !own.contains(name)).collect();

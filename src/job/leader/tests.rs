@@ -1,7 +1,7 @@
 //! A virtual arm that hands lead and a virtual arm that follows it, in virtual time.
 
 use super::*;
-use crate::job::observer::Nobody;
+use crate::job::observer::{Nobody, Observer};
 use crate::robot::Robot;
 use gaitway_sim::{Hand, World};
 
@@ -46,12 +46,21 @@ impl Scene {
     }
 
     /// Follows while `hands` do something to the leader's world once, as soon as it is looked at.
-    fn follow(mut self, hands: impl FnOnce(&mut World)) -> (LiveReport, Worlds) {
+    fn follow(self, hands: impl FnOnce(&mut World)) -> (LiveReport, Worlds) {
+        self.watched(hands, &Nobody)
+    }
+
+    /// The same before somebody who is asked in every cycle.
+    fn watched(
+        mut self,
+        hands: impl FnOnce(&mut World),
+        observer: &dyn Observer,
+    ) -> (LiveReport, Worlds) {
         let mut report = self.order.report();
         let (ours, theirs) = (self.leader.world.clone(), self.follower.world.clone());
         hands(&mut ours.as_ref().expect("virtual").lock());
         let done =
-            lead(&self.order, self.leader, &mut self.follower, self.pairs, &Nobody, &mut report);
+            lead(&self.order, self.leader, &mut self.follower, self.pairs, observer, &mut report);
         if let Err(error) = &done {
             report.run.describe_refused(error);
         }
@@ -160,6 +169,64 @@ fn a_leader_that_falls_silent_leaves_the_robot_at_rest_and_one_that_speaks_again
         (Worlds::of(&worlds.leader, "shoulder_pan"), Worlds::of(&worlds.follower, "shoulder_pan"));
     assert!((led - followed).abs() < 0.05, "{followed} for {led}");
     assert!(worlds.follower.lock().verdict().violations.is_empty());
+}
+
+/// What may be done to a world.
+type Happening = dyn Fn(&mut World) + Sync;
+
+/// Does something to the follower's world once, when it is asked for the so manieth time.
+struct Midway<F: Fn(&mut World)> {
+    world: crate::port::sim::SharedWorld,
+    at: usize,
+    asked: std::sync::atomic::AtomicUsize,
+    does: F,
+}
+
+impl<F: Fn(&mut World) + Sync> Observer for Midway<F> {
+    fn hear(&self, _: crate::job::observer::Event<'_>) {}
+
+    fn wants_to_stop(&self) -> bool {
+        if self.asked.fetch_add(1, std::sync::atomic::Ordering::Relaxed) == self.at {
+            (self.does)(&mut self.world.lock());
+        }
+        false
+    }
+}
+
+#[test]
+fn a_follower_whose_servo_vanishes_or_whose_host_stands_still_comes_to_rest_and_says_why() {
+    let vanish = |world: &mut World| world.unplug("wrist_flex").expect("a servo");
+    let stall = |world: &mut World| {
+        let until_ns = world.now_ns() + 500_000_000;
+        world.run_until(until_ns);
+    };
+    let happenings: [(&str, &Happening); 2] = [("wrist_flex", &vanish), ("host", &stall)];
+    let mut ended = 0;
+    for at in [5, 40, 150, 300] {
+        for (why, does) in happenings {
+            let scene = Scene::new(order("so101-leader", "so101"));
+            let world = scene.follower.world.clone().expect("virtual");
+            let midway = Midway { world, at, asked: 0.into(), does };
+            let led = |world: &mut World| {
+                hand(world, "shoulder_pan", 1.2, 0.5);
+                hand(world, "wrist_flex", 0.8, 0.4);
+            };
+            let (report, worlds) = scene.watched(led, &midway);
+            let reason = report.run.stop_reason.clone().unwrap_or_default();
+            // A host that stands still before anything is to be moved has done no harm.
+            let is_harmless = why == "host" && report.run.outcome == Outcome::Done;
+            assert!(is_harmless || reason.contains(why), "{why} at {at}: {reason}");
+            ended += usize::from(!is_harmless);
+            let mut world = worlds.follower.lock();
+            let after_ns = world.now_ns() + 1_000_000_000;
+            world.run_until(after_ns);
+            for joint in ["shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_roll", "gripper"] {
+                let speed = world.joint_velocity_rad_s(joint).expect("a joint");
+                assert!(speed.abs() < 0.01, "{why} at {at}: {joint} at {speed} rad/s");
+            }
+        }
+    }
+    assert!(ended >= 6, "{ended} of 8 were ended");
 }
 
 #[test]

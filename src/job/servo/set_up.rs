@@ -9,7 +9,7 @@ use crate::device::Model;
 use crate::error::{Error, ErrorKind};
 use crate::job::observer::{Event, Observer};
 use crate::job::report::Outcome;
-use crate::job::scan::{self, Speeds, scan_line};
+use crate::job::scan::{self, ScanOrder, Speeds, scan_line};
 use crate::rig::{Address, BusKind};
 use crate::robot::Robot;
 use gaitway_profiles::{LineKind, Role, Servo};
@@ -160,7 +160,16 @@ pub fn set_up(
                 SetUpAnswer::Go => {}
             }
             match newcomer(order, next, &present, observer)? {
-                Ok(found) => break Some(change(order, next, found)?),
+                // One that was pulled out meanwhile is asked for again: what is changed of it by then is found there.
+                Ok(found) => match change(order, next, found) {
+                    Ok(done) => break Some(done),
+                    Err(error) if matches!(error.kind, ErrorKind::Silent | ErrorKind::Damaged) => {
+                        wrong = Some(
+                            error.remedy("plug it in again, alone or beside those that are done"),
+                        );
+                    }
+                    Err(error) => return Err(error),
+                },
                 Err(error) => wrong = Some(error),
             }
         };
@@ -192,9 +201,11 @@ fn wanted<'a>(robot: &'a Robot, order: &SetUpOrder) -> Result<Vec<Wanted<'a>>, E
                 .remedy("LINE=BUS"));
         }
         Some(name) => names.iter().position(|known| known == name).ok_or_else(|| {
-            Error::of(ErrorKind::Unknown, "the robot has no such line")
-                .got(name.clone())
-                .allowed(names.join(", "))
+            Error::of(ErrorKind::Unknown, "the robot has no such line").none_of(
+                name,
+                &names,
+                "take one of these",
+            )
         })?,
     };
     let LineKind::Serial { baud_bps } = robot.lines[line].kind else {
@@ -210,8 +221,7 @@ fn wanted<'a>(robot: &'a Robot, order: &SetUpOrder) -> Result<Vec<Wanted<'a>>, E
         let own = robot.joints.iter().filter(|joint| joint.line == line);
         return Err(Error::of(ErrorKind::Unknown, "the line has no such joint")
             .at("--joint")
-            .got(unknown.clone())
-            .allowed(own.map(|joint| joint.name.clone()).collect::<Vec<_>>().join(", ")));
+            .none_of(unknown, own.map(|joint| &joint.name), "take one of these"));
     }
     let is_meant = |name: &String| order.joints.is_empty() || order.joints.contains(name);
     let joints = robot.joints.iter().filter(|joint| joint.line == line && is_meant(&joint.name));
@@ -257,7 +267,9 @@ fn heard(
     observer: &dyn Observer,
 ) -> Result<scan::ScanReport, Error> {
     let protocol: Protocol = Model::new(of.servo).protocol();
-    scan_line(&order.bus, Some(&order.robot), Some(protocol), Speeds::One(baud_bps), observer)
+    let (robot, protocol) = (Some(order.robot.as_str()), Some(protocol));
+    let speeds = Speeds::One(baud_bps);
+    scan_line(&ScanOrder { bus: &order.bus, robot, protocol, speeds, wait: None }, observer)
 }
 
 /// The one servo that was plugged in; or why that is none.

@@ -261,14 +261,7 @@ impl VirtualRobot {
 /// The robot that is meant, or the bench.
 fn robot_of(order: &SimulateOrder) -> Result<Robot, Error> {
     let Some(name) = &order.robot else { return bench_of(order) };
-    let own_spelling = gaitway_profiles::robot(name);
-    if own_spelling.is_err() && !name.ends_with(".toml") {
-        let usual = gaitway_sim::profile_name(name);
-        if gaitway_profiles::robot_names().any(|known| known == usual) {
-            return Ok(gaitway_profiles::robot(&usual)?);
-        }
-    }
-    Ok(own_spelling?)
+    Ok(gaitway_profiles::robot(name)?)
 }
 
 fn bench_of(order: &SimulateOrder) -> Result<Robot, Error> {

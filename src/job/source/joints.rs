@@ -174,9 +174,11 @@ fn of_table(text: &str) -> Result<JointMotion, Error> {
         let refused = Error::of(ErrorKind::Malformed, "not a table of joint angles").allowed(shape);
         let begins: String = first.chars().take(40).collect();
         let refused = refused.got(format!("a first column {begins:?}"));
-        return Err(match first.starts_with("time_s;") || first.starts_with("time_s\t") {
-            true => refused.remedy("separate columns by commas, and write 0.5 with a point"),
-            false => refused,
+        return Err(match first {
+            "cycle" => {
+                refused.remedy("this table was made of a recording: play the recording (.mcap)")
+            }
+            _ => refused,
         });
     }
     // Before anything is built of them.
@@ -481,8 +483,7 @@ fn known<'a>(robot: &'a Robot, name: &str) -> Result<&'a Joint, Error> {
     robot.joints.iter().find(|joint| joint.name == name).ok_or_else(|| {
         Error::of(ErrorKind::Unknown, "the motion names a joint that the robot does not have")
             .at(format!("robot {}", robot.name))
-            .got(name.to_owned())
-            .allowed(robot.joint_names().join(", "))
+            .none_of(name, robot.joint_names(), "name it as the robot's file does")
     })
 }
 

@@ -168,6 +168,11 @@ impl<R: Read> Source<R> {
         let token = self.token().strip_prefix(b"\xef\xbb\xbf").unwrap_or(self.token());
         if token.eq_ignore_ascii_case(word.as_bytes()) {
             Ok(())
+        } else if token.starts_with(b"\xff\xfe") || token.starts_with(b"\xfe\xff") {
+            Err(self
+                .error("this text is UTF-16")
+                .allowed("UTF-8")
+                .remedy("save it as UTF-8 in an editor, or: iconv -f utf-16 -t utf-8 OLD > NEW"))
         } else {
             Err(self.unexpected(word))
         }

@@ -144,9 +144,11 @@ impl MarkerSet {
         let shipped = Self::shipped();
         let names: Vec<String> = shipped.iter().map(|set| set.name.clone()).collect();
         shipped.into_iter().find(|set| set.name == name).ok_or_else(|| {
-            Error::of(ErrorKind::Unknown, "no such marker set")
-                .got(name)
-                .allowed(format!("{}, or a file that ends in .toml", names.join(", ")))
+            Error::of(ErrorKind::Unknown, "no such marker set").none_of(
+                name,
+                &names,
+                "take one of these, or give the path of a .toml file",
+            )
         })
     }
 

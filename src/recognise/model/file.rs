@@ -5,7 +5,7 @@ use super::{ActionModel, BodySide, Condition, FeatureRange, ModelPhase, Travel};
 use crate::error::{Error, ErrorKind};
 use crate::recognise::features::{BodyAxis, Feature, MovingPart};
 use crate::recognise::posture::MajorPosture;
-use crate::toml_text::{advice, from_toml, plain_words};
+use crate::toml_text::{from_toml, plain_words};
 use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -252,14 +252,13 @@ fn leading(phases: &[RawPhase]) -> Result<usize, Error> {
         let (mut passed, mut at) = (vec![phase.name.as_str()], phase);
         while let Some(lead) = &at.lead {
             let Some(next) = to(lead) else {
-                let known: Vec<&str> = names.into_iter().collect();
+                let known = names;
                 return Err(Error::of(
                     ErrorKind::Unknown,
                     "a phase leads to one that is not there",
                 )
                 .at(format!("phase {}", at.name))
-                .got(lead.clone())
-                .allowed(known.join(", ")));
+                .none_of(lead, known, "take one of these"));
             };
             passed.push(&next.name);
             if passed[..passed.len() - 1].contains(&next.name.as_str()) {
@@ -352,11 +351,11 @@ fn phase(raw: &RawPhase, bands: &Bands) -> Result<ModelPhase, Error> {
 fn feature(name: &str) -> Result<Feature, Error> {
     Feature::named(name).ok_or_else(|| {
         let names: Vec<String> = Feature::all().map(Feature::name).collect();
-        let known: Vec<&str> = names.iter().map(String::as_str).collect();
-        Error::of(ErrorKind::Unknown, "no such feature")
-            .got(name)
-            .allowed(known.join(", "))
-            .remedy(advice(name, &known, "`gaitway model features` lists them"))
+        Error::of(ErrorKind::Unknown, "no such feature").none_of(
+            name,
+            names,
+            "`gaitway model features` lists them",
+        )
     })
 }
 
@@ -394,11 +393,11 @@ fn postures(words: Option<&Words>) -> Result<Vec<Feature>, Error> {
         let found = MajorPosture::ALL.into_iter().find(|posture| posture.word() == word);
         found.map(Feature::posture).ok_or_else(|| {
             let known = MajorPosture::ALL.map(MajorPosture::word);
-            Error::of(ErrorKind::Unknown, "no such posture")
-                .at("posture")
-                .got(word.clone())
-                .allowed(known.join(", "))
-                .remedy(advice(word, &known, "take one of these"))
+            Error::of(ErrorKind::Unknown, "no such posture").at("posture").none_of(
+                word,
+                known,
+                "take one of these",
+            )
         })
     };
     words.iter().map(posture).collect()

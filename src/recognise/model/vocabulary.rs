@@ -43,10 +43,11 @@ pub fn find(name: &str) -> Result<ActionModel, Error> {
 }
 
 fn absent(name: &str) -> Error {
-    let known: Vec<&str> = names().collect();
-    Error::of(ErrorKind::Unknown, "no such model ships with gaitway")
-        .got(name)
-        .allowed(known.join(", "))
+    Error::of(ErrorKind::Unknown, "no such model ships with gaitway").none_of(
+        name,
+        names(),
+        "take one of these",
+    )
 }
 
 /// All shipped models.

@@ -1,0 +1,233 @@
+//! What is told where somebody has mistyped a name, named a file that cannot be, or taken one kind of thing for
+//! another: what it is, and what was meant.
+
+mod program;
+
+use serde_json::Value;
+use std::process::Output;
+
+fn run(arguments: &[&str]) -> Output {
+    crate::program::gaitway().args(arguments).output().expect("the command")
+}
+
+fn assert_told(arguments: &[&str], code: i32, words: &[&str]) {
+    let output = run(arguments);
+    let told = crate::program::words(&output);
+    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {told}");
+    for word in words {
+        assert!(told.contains(word), "{arguments:?}: {word:?} is missing in:\n{told}");
+    }
+}
+
+#[test]
+fn every_name_that_is_mistyped_is_told_which_one_was_meant() {
+    let folder = crate::program::folder("names");
+    let corpus = folder.join("corpus").display().to_string();
+    assert_told(&["corpus", "new", &corpus], 0, &[]);
+    for (arguments, meant) in [
+        (&["profile", "show", "xm430"][..], "did you mean xm430-w210 or xm430-w350?"),
+        (&["profile", "check", "STS3125"], "did you mean sts3215?"),
+        (&["simulate", "OP3"], "did you mean op3?"),
+        (&["corpus", "add", &corpus, "WALK"], "did you mean walk?"),
+        (&["corpus", "plan", &corpus, "praxicn"], "did you mean praxicon?"),
+        (&["corpus", "export", &corpus, "--format", "BVH", "-o", "x"], "did you mean bvh?"),
+        (&["corpus", "query", &corpus, "acton=walk"], "did you mean action?"),
+        (&["corpus", "add", &corpus, "walk", "--verdict", "retak"], "did you mean retake?"),
+        (&["model", "explain", "walk", "--model", "squatt"], "did you mean squat?"),
+        (&["list", "actons"], "did you mean actions?"),
+        (&["man", "playy"], "did you mean play?"),
+        (&["scan", "leftt=sim", "--robot", "berkeley-humanoid-lite"], "left"),
+    ] {
+        assert_told(arguments, 1, &[meant]);
+    }
+    let only = ["play", "walk", "--robot", "op3", "--bus", "sim", "--only", "head_pn", "--json"];
+    assert_told(&only, 1, &["did you mean head_pan?"]);
+}
+
+#[test]
+fn every_name_there_is_is_listed_with_what_it_stands_for() {
+    let all = crate::program::json(&run(&["list", "--json"]));
+    let of = |kind: &str| -> Vec<String> {
+        let kinds = all["kinds"].as_array().expect("kinds");
+        let found = kinds.iter().find(|of| of["kind"] == kind).expect(kind);
+        let names = found["names"].as_array().expect("names").iter();
+        names.map(|of| of["name"].as_str().expect("a name").to_owned()).collect()
+    };
+    // By the folders that they come from.
+    for (kind, folder) in
+        [("actions", "actions"), ("models", "models"), ("robots", "firmware-profiles/robots")]
+    {
+        let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(folder);
+        let entries = std::fs::read_dir(path).expect(folder).flatten().map(|entry| entry.path());
+        let files = entries.filter(|path| path.extension().is_some_and(|of| of == "toml"));
+        let name = |path: std::path::PathBuf| {
+            path.file_stem().and_then(|stem| stem.to_str()).expect("a name").to_owned()
+        };
+        let mut files: Vec<String> = files.map(name).collect();
+        files.sort();
+        let mut listed = of(kind);
+        listed.sort();
+        assert_eq!(listed, files, "{kind}");
+    }
+    assert!(of("servos").contains(&"xm430-w350".to_owned()));
+    assert!(of("corpus-sets").contains(&"praxicon".to_owned()));
+    assert_told(&["list", "actions"], 0, &["walk", "Walking straight ahead"]);
+}
+
+#[test]
+fn a_table_with_semicolons_is_told_so_by_every_command_that_reads_tables() {
+    let folder = crate::program::folder("semicolons");
+    let path = |name: &str| folder.join(name).display().to_string();
+    let (table, out, corpus) = (path("angles.csv"), path("out.bvh"), path("corpus"));
+    std::fs::write(&table, "time_s;left_knee_flexion_rad\n0;0\n1;0,5\n").expect("a file");
+    std::fs::copy("motions/walk.bvh", path("walk.bvh")).expect("a capture");
+    assert_told(&["corpus", "new", &corpus], 0, &[]);
+    let clips = folder.display().to_string();
+    for arguments in [
+        &["convert", &table, &out][..],
+        &["recognise", &table],
+        &["info", &table],
+        &["actionlets", &table, "-o", &path("a.toml")],
+        &["retarget", &table, "--robot", "op3", "-o", &path("a.csv")],
+        &["clean", &table, "-o", &path("b.csv")],
+        &["fit", &table, "-o", &out],
+        &["score", "classification", &clips, "--labels", &table],
+        &["corpus", "add", &corpus, &table],
+        &["corpus", "add", &corpus, "--trials", &table],
+        &["corpus", "add", &corpus, "walk", "--labels", &table],
+    ] {
+        assert_told(arguments, 1, &["separated by semicolons", "commas between columns"]);
+    }
+}
+
+#[test]
+fn an_output_that_can_be_no_file_is_told_what_it_is() {
+    let folder = crate::program::folder("outputs");
+    let path = |name: &str| folder.join(name).display().to_string();
+    let (bow, link) = (["play", "bow", "--robot", "op3", "--bus", "sim"], path("link"));
+    std::os::unix::fs::symlink("/nowhere/x", folder.join("link")).expect("a link");
+    for force in [&[][..], &["--force"]] {
+        let to_link = [&bow[..], &["--html", &link], force].concat();
+        assert_told(&to_link, 1, &["a link that leads nowhere", "/nowhere/x"]);
+        let to_dash = [&bow[..], &["--html", "-"], force].concat();
+        assert_told(&to_dash, 1, &["no name of a file", "standard output"]);
+        let convert = [&["convert", "motions/walk.bvh", "-"][..], force].concat();
+        assert_told(&convert, 1, &["no name of a file"]);
+    }
+    assert!(!std::path::Path::new("-").exists());
+    let corpus = path("corpus");
+    assert_told(&["corpus", "new", &corpus], 0, &[]);
+    let plan = ["corpus", "plan", &corpus, "praxicon"];
+    for (option, name, allowed) in [("--plot", "a.png", ".svg"), ("-o", "a.csv", ".toml")] {
+        let name = path(name);
+        assert_told(&[&plan[..], &[option, &name]].concat(), 1, &["cannot be written", allowed]);
+        assert!(!std::path::Path::new(&name).exists());
+    }
+    // A finished export is told so, and another one is still something else.
+    assert_told(&["corpus", "add", &corpus, "bow"], 0, &[]);
+    let export = |format: &str| {
+        ["corpus", "export", &corpus, "--format", format, "-o", &path("export")].map(str::to_owned)
+    };
+    let words = |of: [String; 7]| crate::program::words(&run(&of.each_ref().map(String::as_str)));
+    assert!(words(export("bvh")).contains("1 trials as bvh"));
+    assert!(words(export("bvh")).contains("this export is there already, and whole"));
+    assert!(words(export("c3d")).contains("holds no part of this export"));
+}
+
+#[test]
+fn a_recording_of_a_robot_is_no_recording_of_sensors() {
+    let folder = crate::program::folder("of-a-robot");
+    let path = |name: &str| folder.join(name).display().to_string();
+    let recording = path("bow.mcap");
+    let play = ["play", "bow", "--robot", "op3", "--bus", "sim", "--record", &recording];
+    assert_told(&play, 0, &[]);
+    let to_body = ["convert", &recording, &path("bow.bvh")];
+    assert_told(&to_body, 1, &["a recording of a robot", "gaitway retarget"]);
+    assert!(!crate::program::words(&run(&to_body)).contains("sensors were worn"));
+    assert_told(&["convert", &recording, &path("bow.csv")], 0, &[]);
+    // What the advice says can be done.
+    assert_told(&["retarget", &recording, "--robot", "op3", "-o", &path("bow.bvh")], 0, &[]);
+}
+
+#[test]
+fn quiet_tells_how_it_ended_and_what_was_written() {
+    let folder = crate::program::folder("quiet");
+    let page = folder.join("bow.html").display().to_string();
+    let play = ["play", "bow", "--robot", "op3", "--bus", "sim", "--html", &page];
+    let told = crate::program::words(&run(&[&play[..], &["--force", "-q"]].concat()));
+    assert_eq!(told, format!("done: bow on op3 over sim\nplots     {page}\n"));
+    let told = crate::program::words(&run(&[&play[..], &["--force"]].concat()));
+    assert!(told.lines().count() > 20, "{told}");
+    let refused = run(&["play", "wlak", "--robot", "op3", "--bus", "sim", "-q"]);
+    assert!(crate::program::words(&refused).contains("did you mean walk?"));
+}
+
+#[test]
+fn a_line_behind_tcp_has_no_speed_that_anybody_here_knows() {
+    let mut simulator = crate::program::gaitway()
+        .args(["simulate", "so101", "--tcp", "0"])
+        .stdout(std::process::Stdio::piped())
+        .stderr(std::process::Stdio::null())
+        .spawn()
+        .expect("a simulator");
+    let mut place = String::new();
+    let out = simulator.stdout.take().expect("piped");
+    std::io::BufRead::read_line(&mut std::io::BufReader::new(out), &mut place).expect("a line");
+    let place = place.trim();
+    let report = crate::program::json(&run(&["scan", place, "--json"]));
+    let text = crate::program::words(&run(&["scan", place, "--timeout", "20"]));
+    let said = crate::program::json(&run(&["scan", &format!("{place}?baud=1000000"), "--json"]));
+    simulator.kill().and_then(|()| simulator.wait()).expect("an end");
+    assert_eq!(report["scanned_baud_bps"], serde_json::json!([]), "{report:#}");
+    assert!(
+        report["devices"]
+            .as_array()
+            .expect("devices")
+            .iter()
+            .all(|of| of["baud_bps"] == Value::Null)
+    );
+    assert!(text.contains("6 devices on tcp:") && text.contains("not known here"), "{text}");
+    assert_eq!(said["devices"][0]["baud_bps"], 1_000_000);
+}
+
+#[test]
+fn texts_of_another_kind_are_told_what_they_are() {
+    use std::os::unix::ffi::OsStringExt;
+    let folder = crate::program::folder("texts");
+    let path = |name: &str| folder.join(name).display().to_string();
+    let capture = std::fs::read_to_string("motions/walk.bvh").expect("a capture");
+    let utf16 = |text: &str| -> Vec<u8> {
+        let units = std::iter::once(0xfeff).chain(text.encode_utf16());
+        units.flat_map(u16::to_le_bytes).collect()
+    };
+    std::fs::write(path("utf16.bvh"), utf16(&capture)).expect("a file");
+    assert_told(&["info", &path("utf16.bvh")], 1, &["this text is UTF-16", "iconv"]);
+    std::fs::write(path("commas.bvh"), capture.replace('.', ",")).expect("a file");
+    assert_told(&["info", &path("commas.bvh")], 1, &["numbers have a point and no comma"]);
+    std::fs::write(path("cycles.csv"), "cycle,time_s\n0,0\n").expect("a file");
+    let play = ["play", &path("cycles.csv"), "--robot", "op3", "--bus", "sim"];
+    assert_told(&play, 1, &["play the recording (.mcap)"]);
+    // A name that is no text is said, where only a text can be.
+    let name = std::ffi::OsString::from_vec(b"walk\xff".to_vec());
+    let output = crate::program::gaitway()
+        .args(["play", "--robot", "op3", "--bus", "sim"])
+        .arg(name)
+        .output()
+        .expect("the command");
+    let told = crate::program::words(&output);
+    assert!(told.contains("walk\\xFF") && told.contains("UTF-8"), "{told}");
+    assert_eq!(output.status.code(), Some(2));
+}
+
+#[test]
+fn a_planned_motion_that_is_too_long_is_told_how_long_it_may_be() {
+    let folder = crate::program::folder("long");
+    let table = folder.join("keys.csv").display().to_string();
+    std::fs::write(&table, "time_s,head_pan_rad\n0,0\n4999,0.1\n").expect("a table");
+    let out = folder.join("out.csv").display().to_string();
+    assert_told(
+        &["retarget", &table, "--robot", "op3", "-o", &out],
+        1,
+        &["4999 s", "4000 s of 20 joints"],
+    );
+}
