@@ -1,5 +1,5 @@
 //! Motion databases of others, taken into a corpus with what they say of motions, people and times; and a corpus in the
-//! hands of Spark.
+//! hands of Polars, pandas and Spark.
 
 mod aloud;
 mod program;
@@ -166,6 +166,57 @@ print(json.dumps({
 }))
 ";
 
+const POLARS_AND_PANDAS: &str = "
+import json, sys, polars as pl, pandas as pd
+folder = sys.argv[1]
+def by_polars():
+    table = lambda of: pl.read_parquet(f'{folder}/{of}/**/*.parquet', hive_partitioning=True)
+    trials, frames, labels = table('trials'), table('frames'), table('labels')
+    each = trials.group_by('set', 'action').len()
+    both = frames.join(trials.select('trial', 'name'), on='trial').group_by('name').len()
+    return {'actions': sorted([str(a), str(b), c] for a, b, c in each.rows()),
+            'frames': dict(both.rows()), 'waves': labels.filter(pl.col('label') == 'wave-r').height}
+def by_pandas():
+    table = lambda of: pd.read_parquet(f'{folder}/{of}')
+    trials, frames, labels = table('trials'), table('frames'), table('labels')
+    each = trials.groupby(['set', 'action'], observed=True).size()
+    both = frames.merge(trials[['trial', 'name']], on='trial').groupby('name').size()
+    return {'actions': sorted([str(a), str(b), int(c)] for (a, b), c in each.items()),
+            'frames': {n: int(c) for n, c in both.items()},
+            'waves': int((labels['label'] == 'wave-r').sum())}
+print(json.dumps([by_polars(), by_pandas()]))
+";
+
+/// A corpus of three actions; what the program says of it, in the words of the scripts above.
+fn three_actions(name: &str) -> (String, Value) {
+    let corpus = folder(name).join("moves").display().to_string();
+    report(&["corpus", "new", &corpus]);
+    report(&["corpus", "add", &corpus, "bow", "wave-r", "walk:3s"]);
+    let asked = report(&["corpus", "query", &corpus, ""]);
+    let clips = asked["clips"].as_array().expect("clips");
+    let frames: serde_json::Map<String, Value> = clips
+        .iter()
+        .map(|clip| (clip["name"].as_str().expect("a name").to_owned(), clip["frames"].clone()))
+        .collect();
+    let actions =
+        ["bow", "walk", "wave-r"].map(|action| serde_json::json!(["generated", action, 1]));
+    (corpus, serde_json::json!({"actions": actions, "frames": frames, "waves": 1}))
+}
+
+#[test]
+fn polars_and_pandas_read_a_corpus_as_it_lies_there() {
+    let python = match python::python() {
+        Ok(python) => python,
+        Err(why) => return aloud!("SKIPPED: no Python environment: {why}"),
+    };
+    let (corpus, expected) = three_actions("frames-of-data");
+    let mut script = Command::new(&python.program);
+    let output = script.args(["-c", POLARS_AND_PANDAS, &corpus]).output().expect("Python");
+    assert!(output.status.success(), "{}", words(&output));
+    let found: Value = serde_json::from_slice(&output.stdout).expect("a JSON report");
+    assert_eq!(found, serde_json::json!([expected, expected]));
+}
+
 /// Spark is half a gigabyte, and wants Java.
 #[test]
 fn spark_reads_a_corpus_as_it_lies_there() {
@@ -184,20 +235,8 @@ fn spark_reads_a_corpus_as_it_lies_there() {
         run_it(Command::new(&python).args(["-m", "pip", "install", "--quiet", "pyspark==4.3.0"]));
         fs::write(environment.join("complete"), "").expect("a file");
     }
-    let corpus = folder("spark").join("moves").display().to_string();
-    report(&["corpus", "new", &corpus]);
-    report(&["corpus", "add", &corpus, "bow", "wave-r", "walk:3s"]);
+    let (corpus, expected) = three_actions("spark");
     let output = run_it(Command::new(&python).args(["-c", SPARK, &corpus]));
     let found: Value = serde_json::from_slice(&output.stdout).expect("a JSON report");
-    let asked = report(&["corpus", "query", &corpus, ""]);
-    let clips = asked["clips"].as_array().expect("clips");
-    let frames: serde_json::Map<String, Value> = clips
-        .iter()
-        .map(|clip| (clip["name"].as_str().expect("a name").to_owned(), clip["frames"].clone()))
-        .collect();
-    assert_eq!(found["frames"], Value::Object(frames));
-    let actions: Vec<Value> = ["bow", "walk", "wave-r"]
-        .map(|action| serde_json::json!(["generated", action, 1]))
-        .to_vec();
-    assert_eq!((&found["actions"], &found["waves"]), (&actions.into(), &1.into()), "{found:#}");
+    assert_eq!(found, expected);
 }

@@ -95,7 +95,10 @@ fn a_plan_lists_what_nobody_did_leads_a_session_and_knows_its_trials_when_they_c
         .collect();
     assert!(!missing.contains(&name) && !missing.contains(&"kick-001") && missing.len() == 328);
 
-    // The picture has a square for each trial, and one person in it.
+    // The picture has a square for each trial, and one person in it: who did nothing yet covers nothing.
+    let idle = folder.join("s08.toml");
+    fs::write(&idle, "id = \"s08\"\n[measures]\nstature_m = 1.9\nmass_kg = 90\n").expect("a file");
+    corpus(&["add", &moves, "--subject-file", &shown(&idle)]);
     corpus(&["plan", &moves, "generalisation", "--plot", &plot, "--force"]);
     let svg = fs::read_to_string(&plot).expect("a picture");
     let count = |what: &str| svg.matches(what).count();

@@ -131,7 +131,7 @@ pub fn plan(order: &PlanOrder) -> Result<PlanReport, Error> {
         planned.into_iter().map(|planned| state(planned, &own, &there)).collect();
     let wanted = states.iter().map(|of| of.planned.people as usize).sum();
     let left: usize = states.iter().map(PlannedState::left).sum();
-    let people = people(&store)?;
+    let people = people(&store, &there)?;
     let mut report = PlanReport {
         outcome: Outcome::Done,
         corpus: super::shown(&order.corpus),
@@ -175,9 +175,11 @@ fn state(planned: PlannedTrial, own: &[&TrialEntry], there: &[TrialEntry]) -> Pl
     PlannedState { parts_missing, done_by, made, planned }
 }
 
-/// Who is in the corpus, as far as stature and mass are known.
-fn people(store: &Store) -> Result<Vec<KnownPerson>, Error> {
+/// Who did something in the corpus, as far as stature and mass are known.
+fn people(store: &Store, there: &[TrialEntry]) -> Result<Vec<KnownPerson>, Error> {
+    let did: BTreeSet<&str> = there.iter().filter_map(|of| of.subject.as_deref()).collect();
     let known = store.subjects()?.into_iter().filter(|of| of.consent != Consent::Withdrawn);
+    let known = known.filter(|of| did.contains(of.subject.id.as_str()));
     let person = |of: crate::corpus::rows::SubjectEntry| {
         Some(KnownPerson {
             stature_m: of.measure(Measure::Stature)?,
