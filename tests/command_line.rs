@@ -89,7 +89,7 @@ fn a_report_is_written_as_text_json_and_page() {
     let folder = crate::program::folder("report");
     let page = folder.join("walk.html");
     let json = folder.join("walk.json");
-    let mut arguments = vec!["play", "walk", "--robot", "op3", "--bus", "sim", "-q", "--html"];
+    let mut arguments = vec!["play", "walk", "--robot", "op3", "--bus", "sim", "--html"];
     arguments.extend([page.to_str().expect("UTF-8"), "--report", json.to_str().expect("UTF-8")]);
     let output = run(&arguments);
     let text = stdout(&output);
