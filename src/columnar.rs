@@ -428,11 +428,11 @@ impl TableReader {
     /// A file that is not there, or is no Parquet file.
     pub fn open(path: &Path) -> Result<Self, Error> {
         let open = || -> Result<Self, ParquetError> {
-            let file = File::open(path)?;
             // A pipe would be waited for.
-            if !file.metadata()?.is_file() {
+            if !path.metadata()?.is_file() {
                 return Err(ParquetError::General("it is no file".to_owned()));
             }
+            let file = File::open(path)?;
             let input = Arc::new(file.try_clone()?);
             let file = SerializedFileReader::new(file)?;
             let of = file.metadata().file_metadata().schema_descr();
@@ -654,7 +654,8 @@ fn values<T: DataType>(
 ) -> Result<Vec<Option<T::T>>, ParquetError> {
     let mut reader = get_typed_column_reader::<T>(reader);
     let wanted = rows.iter().map(ExactSizeIterator::len).sum();
-    let mut all = Vec::with_capacity(wanted);
+    // A table of strangers may say anything of its rows.
+    let mut all = Vec::with_capacity(usize::min(wanted, MOST_AT_ONCE));
     let (mut dense, mut levels, mut at) = (Vec::new(), Vec::new(), 0);
     for range in rows {
         given.store(0, Ordering::Relaxed);
@@ -678,6 +679,8 @@ fn values<T: DataType>(
     Ok(all)
 }
 
+/// Rows for which there is room before any is read.
+const MOST_AT_ONCE: usize = 1 << 20;
 /// Rows of lists that are read at once.
 const ROWS_AT_ONCE: usize = 1024;
 

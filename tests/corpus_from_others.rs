@@ -66,7 +66,7 @@ table.to_csv(sys.argv[1] + '/seed_metadata_v003.csv', index=False)
     let wrote = wrote.expect("Python");
     assert!(wrote.status.success(), "{}", words(&wrote));
     let timeline = "{\"filename\": \"walk_ff_001__A425\", \"events\": [{\"start_time\": 0.0, \"end_time\": 1.0, \
-                    \"description\": \"starts to walk\"}, {\"start_time\": 1.0, \"end_time\": 2.5, \"description\": \"walks\"}]}\n\
+                    \"description\": \"starts to walk\"}, {\"start_time\": 1.0, \"end_time\": 1.5, \"description\": \"walks on straight ahead for some time, both arms swinging, and then turns left\"}, {\"start_time\": 1.5, \"end_time\": 2.5, \"description\": \"walks on straight ahead for some time, both arms swinging, and then turns right\"}]}\n\
                     {\"filename\": \"jump_001__A425\", \"events\": []}\n";
     fs::write(metadata.join("seed_metadata_v002_temporal_labels.jsonl"), timeline)
         .expect("a timeline");
@@ -84,7 +84,7 @@ fn added(base: &Path, seed: &Path, name: &str) -> (String, Value) {
 fn a_folder_in_the_layout_of_bones_seed_brings_motions_people_and_times() {
     let Some((base, seed)) = seed("bones") else { return };
     let (corpus, told) = added(&base, &seed, "moves");
-    assert_eq!((&told["added"], &told["labels"]), (&2.into(), &2.into()), "{told:#}");
+    assert_eq!((&told["added"], &told["labels"]), (&2.into(), &3.into()), "{told:#}");
     let notes = told["notes"].to_string();
     assert!(notes.contains("1 motions") && notes.contains("LICENSE.md"), "{notes}");
     let walks = report(&[
@@ -111,10 +111,52 @@ fn a_folder_in_the_layout_of_bones_seed_brings_motions_people_and_times() {
         "{frames:#}"
     );
 
+    // Sentences that begin alike stay two.
+    let out = base.join("labels").display().to_string();
+    report(&["corpus", "export", &corpus, "action=walking", "--format", "labels", "-o", &out]);
+    let told = report(&["corpus", "query", &corpus, "label like walks*"]);
+    assert_eq!(told["trials"], 1);
+    fn texts(folder: &Path) -> usize {
+        let entries = fs::read_dir(folder).expect("a folder").flatten().map(|entry| entry.path());
+        entries
+            .map(|path| match path.is_dir() {
+                true => texts(&path),
+                false => usize::from(path.extension().is_some_and(|ending| ending == "txt")),
+            })
+            .sum()
+    }
+    assert_eq!(texts(Path::new(&out)), 3);
+
     // The table as text says the same.
     fs::remove_file(seed.join("metadata/seed_metadata_v004.parquet")).expect("gone");
-    let (_, again) = added(&base, &seed, "by-text");
-    assert_eq!(again["version"], told["version"]);
+    let (by_text, again) = added(&base, &seed, "by-text");
+    assert_eq!((&again["added"], &again["labels"]), (&2.into(), &3.into()));
+    let version = |corpus: &str| report(&["info", corpus])["holds"][1][1].clone();
+    assert_eq!(version(&by_text), version(&corpus));
+}
+
+#[test]
+fn pipes_are_not_waited_for_and_links_that_go_round_are_not_followed() {
+    let base = folder("round");
+    let corpus = base.join("moves").display().to_string();
+    report(&["corpus", "new", &corpus]);
+    let pipe = base.join("pipe.bvh");
+    assert!(Command::new("mkfifo").arg(&pipe).status().expect("mkfifo").success());
+    let refused = run(&["corpus", "add", &corpus, &pipe.display().to_string(), "--action", "walk"]);
+    assert_eq!(refused.status.code(), Some(1));
+    assert!(words(&refused).contains("it is no file"), "{}", words(&refused));
+    let round = base.join("round");
+    fs::create_dir(&round).expect("a folder");
+    for link in ["a", "b", "c"] {
+        std::os::unix::fs::symlink(".", round.join(link)).expect("a link");
+    }
+    let file = round.join("bow.bvh").display().to_string();
+    report(&["synth", "bow", "-o", &file]);
+    let told = report(&["corpus", "add", &corpus, &round.display().to_string(), "--action", "bow"]);
+    assert_eq!((&told["added"], told["found"].as_array().map(Vec::len)), (&1.into(), Some(0)));
+    let large = run(&["corpus", "generate", &corpus, "praxicon", "--seed", "9007199254740993"]);
+    assert_eq!(large.status.code(), Some(1));
+    assert!(words(&large).contains("9007199254740992"), "{}", words(&large));
 }
 
 #[test]

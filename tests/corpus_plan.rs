@@ -137,6 +137,7 @@ fn nothing_is_written_into_the_folder_of_a_corpus() {
     let inside = |name: &str| shown(&Path::new(&moves).join(name));
     let (table, version_file, link) =
         (inside("trials/x.csv"), inside("version.json"), shown(&link));
+    let beside = shown(&folder.join("variations"));
     for line in [
         ["convert", &bow, &table, "--force"].as_slice(),
         &["convert", &bow, &link, "--force"],
@@ -148,9 +149,19 @@ fn nothing_is_written_into_the_folder_of_a_corpus() {
         &["corpus", "new", &inside("within/another")],
         &["synth", "bow", "--variations", "2", "-o", &inside("variations")],
         &["cut", &bow, "-o", &inside("pieces")],
+        &["synth", "bow", "--variations", "2", "-o", &inside("../nowhere/../moves/variations")],
+        &["synth", "bow", "--variations", "2", "-o", &beside, "--report", &inside("report.json")],
+        &["list", "actions", "--report", &inside("report.json")],
+        &["corpus", "generate", &moves, "no-such-set", "--report", &inside("report.json")],
+        &["calibrate", "so101", "--bus", "sim", "--calibration", &inside("corpus.toml"), "--force"],
+        &["simulate", "imus", "--pty", &inside("imus")],
         &["record", "--session", &inside("tuesday"), "torso=imu:x-imu3@serial:/dev/ttyUSB9"],
     ] {
         let run = gaitway().args(line).output().expect("the program");
+        assert!(!Path::new(&inside("report.json")).exists(), "{line:?}");
+        if line.contains(&"no-such-set") {
+            continue;
+        }
         assert_ne!(run.status.code(), Some(0), "{line:?}");
         assert!(words(&run).contains("outside"), "{line:?}: {}", words(&run));
     }

@@ -3,6 +3,7 @@
 use super::signals::Signals;
 use super::terminal::Terminal;
 use super::{Deed, Outcome, Output, Remarks};
+use crate::corpus::store::check_outside;
 use crate::error::Error;
 use crate::job::calibrate::{CalibrateOrder, CalibrateReport, calibrate};
 use crate::job::calibrate::{LerobotOrder, LerobotWay, carry_over};
@@ -58,6 +59,7 @@ pub struct CalibrateArgs {
 /// As [`calibrate`].
 pub fn run(args: &CalibrateArgs, remarks: Remarks) -> Result<i32, Error> {
     args.output.check_files(&[&args.to_lerobot])?;
+    args.calibration.as_deref().map_or(Ok(()), check_outside)?;
     let way = args.from_lerobot.clone().map(LerobotWay::From);
     if let Some(way) = way.or_else(|| args.to_lerobot.clone().map(LerobotWay::To)) {
         let (robot, calibration) = (args.robot.clone(), args.calibration.clone());

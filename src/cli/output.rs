@@ -356,6 +356,7 @@ impl Output {
     /// # Errors
     /// The file exists, or cannot be written.
     pub fn write_file(&self, path: &Path, bytes: &[u8]) -> Result<(), Error> {
+        check_outside(path)?;
         draft::write_file(path, self.force, bytes)
     }
 }

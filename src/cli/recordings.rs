@@ -22,7 +22,7 @@ use std::path::PathBuf;
 pub struct InfoArgs {
     /// Recording, finished or not; a capture (.bvh, .amc); a table of OpenSim's (.mot, .sto) or of joint angles (.csv);
     /// markers (.c3d, .trc, .csm, .csv); labels (.csv, or a folder); sensors of Xsens' (.txt, or a folder); any
-    /// other table (.csv)
+    /// other table (.csv); the folder of a corpus, a session, a LeRobot dataset or BONES-SEED
     file: PathBuf,
     /// Skeleton of an AMC file [default: the .asf file beside it that it is named after]
     #[arg(long, value_name = "FILE.asf")]

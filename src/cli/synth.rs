@@ -122,6 +122,8 @@ fn run_many(
     if order.file.extension().is_some_and(|e| e == "parquet") {
         let [pieces, rows] = tables_beside(&order.file);
         args.output.check_files(&[&Some(order.file.clone()), &Some(pieces), &Some(rows)])?;
+    } else {
+        args.output.check_files(&[])?;
     }
     let named = |(label, count, phrase): &(String, Option<u32>, String)| ClassOrder {
         label: label.clone(),

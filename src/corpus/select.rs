@@ -12,6 +12,9 @@ use crate::error::Error;
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use std::ops::Range;
 
+/// More frames no trial has: ten days at 100 a second. A table of strangers may say anything.
+const MOST_FRAMES: usize = 100_000_000;
+
 /// What was looked at, and how many answer.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct Looked {
@@ -320,7 +323,7 @@ impl<'a> Selection<'a> {
         let mut answered = 0;
         if signals.is_empty() {
             for trial in &trials {
-                let frames = usize::try_from(trial.frames).unwrap_or(0);
+                let frames = usize::try_from(trial.frames).unwrap_or(0).min(MOST_FRAMES);
                 let spans = self.spans(trial, frames, &labels, &BTreeMap::new());
                 if !spans.is_empty() {
                     answered += 1;
@@ -350,7 +353,7 @@ impl<'a> Selection<'a> {
             }
             let in_order = |trial: &&TrialEntry| {
                 let first = usize::try_from(row(trial)).unwrap_or(usize::MAX);
-                let frames = usize::try_from(trial.frames).unwrap_or(0);
+                let frames = usize::try_from(trial.frames).unwrap_or(0).min(MOST_FRAMES);
                 first..first.saturating_add(frames)
             };
             let rows: Vec<Range<usize>> = together.iter().map(in_order).collect();
@@ -456,7 +459,8 @@ impl<'a> Selection<'a> {
             Question::One(FieldTest { field: QueryField::Label, test, nowhere }) => {
                 let mut is = vec![false; frames];
                 for (_, range) in labels.iter().filter(|(name, _)| test.of_text(Some(name))) {
-                    let range = range.start.min(frames)..range.end.min(frames);
+                    let end = range.end.min(frames);
+                    let range = range.start.min(end)..end;
                     is[range].fill(true);
                 }
                 is.iter().map(|is| is != nowhere).collect()

@@ -20,7 +20,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File, TryLockError};
 use std::io::{self, BufWriter, Read, Write};
 use std::ops::Range;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 /// Version of the layout of a folder.
 const SCHEMA: u32 = 1;
@@ -96,14 +96,8 @@ fn unwritten(what: &str, path: &Path, cause: &io::Error) -> Error {
 /// # Errors
 /// A place in a corpus.
 pub fn check_outside(place: &Path) -> Result<(), Error> {
-    // What is not there yet lies where the first folder above it is.
-    let there = std::path::absolute(place)
-        .ok()
-        .and_then(|place| place.ancestors().find_map(|above| above.canonicalize().ok()));
-    match there
-        .as_deref()
-        .and_then(|there| there.ancestors().find(|folder| Store::is_corpus(folder)))
-    {
+    let there = resolved(place);
+    match there.ancestors().find(|folder| Store::is_corpus(folder)) {
         None => Ok(()),
         Some(corpus) => {
             Err(Error::new("what is written into a corpus would be taken for a part of it")
@@ -111,6 +105,24 @@ pub fn check_outside(place: &Path) -> Result<(), Error> {
                 .allowed(format!("a place outside {}", corpus.display())))
         }
     }
+}
+
+/// Where a path leads, links followed as far as there is something; what is not there yet may be gone through and left
+/// again (`new/../there`).
+fn resolved(place: &Path) -> PathBuf {
+    let mut at = PathBuf::new();
+    for part in std::path::absolute(place).unwrap_or_else(|_| place.to_owned()).components() {
+        match part {
+            Component::ParentDir => {
+                at.pop();
+            }
+            part => {
+                at.push(part);
+                at = at.canonicalize().unwrap_or(at);
+            }
+        }
+    }
+    at
 }
 
 fn synced_folder(folder: &Path) {
@@ -230,7 +242,10 @@ impl Store {
     /// Whether a folder is one of a corpus.
     #[must_use]
     pub fn is_corpus(folder: &Path) -> bool {
-        folder.join(MANIFEST).is_file() && folder.join(VERSION).is_file()
+        let has = |name: &str| folder.join(name).is_file();
+        // One of the two may be lost.
+        has(MANIFEST) && has(VERSION)
+            || (has(MANIFEST) || has(VERSION)) && folder.join(TRIALS).is_dir()
     }
 
     /// Where it is.
@@ -952,11 +967,11 @@ fn rows_of(trial: &TrialEntry) -> Option<Range<usize>> {
 /// A file that cannot be read.
 pub fn hash_of(path: &Path) -> Result<(String, u64), Error> {
     let unreadable = |e: io::Error| failed("the file cannot be read", path, &e);
-    let mut file = File::open(path).map_err(unreadable)?;
     // A pipe would be waited for, and a folder has no bytes.
-    if !file.metadata().map_err(unreadable)?.is_file() {
+    if !path.metadata().map_err(unreadable)?.is_file() {
         return Err(Error::new("it is no file").at(path.display().to_string()));
     }
+    let mut file = File::open(path).map_err(unreadable)?;
     let (mut hash, mut length, mut buffer) = (Sha256::default(), 0, vec![0; 1 << 16]);
     loop {
         let count = file.read(&mut buffer).map_err(unreadable)?;
@@ -1047,7 +1062,11 @@ fn is_within(name: &str) -> bool {
 }
 
 fn read_json<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T, Error> {
-    let length = path.metadata().map_err(|e| failed("the file cannot be read", path, &e))?.len();
+    let found = path.metadata().map_err(|e| failed("the file cannot be read", path, &e))?;
+    if !found.is_file() {
+        return Err(Error::new("it is no file").at(path.display().to_string()));
+    }
+    let length = found.len();
     if length > MAX_JSON {
         return Err(Error::of(ErrorKind::OutsideLimits, "the file is too large")
             .at(path.display().to_string())

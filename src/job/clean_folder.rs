@@ -114,7 +114,9 @@ pub fn clean_folder(
     let trials = trials(order)?;
     let mut kept = Rounds::read(&order.file.join(ROUNDS))?;
     for trial in &trials {
-        check_free(&order.file.join(trial), order.replace)?;
+        let to = order.file.join(trial);
+        check_outside(&to)?;
+        check_free(&to, order.replace)?;
     }
     let total = 2 * trials.len() as u64;
     let mut others = Vec::new();

@@ -105,6 +105,11 @@ impl Label {
         }
     }
 
+    /// Whether it begins in a clip of so many frames.
+    pub(super) fn is_inside(&self, frames: usize, rate_hz: f64) -> bool {
+        self.cut.is_none_or(|cut| (0.0..frames as f64).contains(&cut.frames(rate_hz).0))
+    }
+
     /// The frames in which it is done: all of them without times.
     pub(super) fn within<'a, T>(&self, frames: &'a [T], rate_hz: f64) -> &'a [T] {
         let Some(cut) = self.cut else { return frames };

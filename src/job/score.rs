@@ -203,16 +203,27 @@ pub fn classification(
                 }
                 score.frames += frames;
                 score.duration_s += frames as f64 / rate_hz;
-                for label in of_file {
+                let (of_file, beyond): (Vec<&Label>, Vec<&Label>) =
+                    of_file.iter().partition(|label| label.is_inside(frames, rate_hz));
+                score.unread.extend(beyond.iter().map(|label| {
+                    format!(
+                        "{file}: a label of {} begins before or after its {frames} frames",
+                        label.class
+                    )
+                }));
+                for label in &of_file {
                     let class = meant(&label.class, &models);
                     let told = (*file, label.subject.as_deref());
                     let frames = label.within(&body.frames, rate_hz);
                     examples.push(Example::of(class, told, frames, body.lengths.leg_m()));
                 }
                 let unclear = labels.unclear.get(*file).map_or(&[][..], Vec::as_slice);
-                let clip = LabelledClip { body: &body, rate_hz, labels: of_file, unclear };
+                let clip = LabelledClip { body: &body, rate_hz, labels: &of_file, unclear };
                 let events = score.clear(events, unclear, rate_hz);
-                score.judge(of_file, &events, rate_hz);
+                if of_file.is_empty() {
+                    continue;
+                }
+                score.judge(&of_file, &events, rate_hz);
                 for ((_, done), (score, delays)) in tried.iter().zip(&mut corrupted) {
                     clip.judge(*done, index as u64, order.equations, &events, score, delays);
                 }
@@ -567,6 +578,13 @@ mod tests {
             person: 0,
             phases: Vec::new(),
         }
+    }
+
+    #[test]
+    fn a_label_is_of_a_clip_in_which_it_begins() {
+        let inside = |span| label("bow", span).is_inside(60, 30.0);
+        assert!(inside(None) && inside(Some((0.0, 9.0))) && inside(Some((1.9, 2.5))));
+        assert!(!inside(Some((2.0, 3.0))) && !inside(Some((-1.0, 0.5))));
     }
 
     #[test]

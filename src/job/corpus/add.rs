@@ -331,7 +331,9 @@ impl<'a> Planning<'a> {
             let is_variations =
                 |name: &str| name.starts_with("poses-") && name.ends_with(".parquet");
             let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
-            if path.is_dir() && depth < DEEPEST && !name.starts_with('.') {
+            // Links are followed to files and not to folders, which may go round.
+            let is_folder = path.symlink_metadata().is_ok_and(|of| of.is_dir());
+            if is_folder && depth < DEEPEST && !name.starts_with('.') {
                 self.folder(&path, depth + 1)?;
             } else if path.is_file() && is_variations(name) {
                 self.variations(&path);

@@ -87,11 +87,13 @@ pub struct SeedFolder {
     pub absent: usize,
 }
 
-/// A file in the folder of metadata whose name begins and ends so; the last by name.
+/// A file in the folder of metadata whose name begins and ends so; the last by its number.
 fn newest(folder: &Path, begins: &str, ends: &str) -> Option<PathBuf> {
     let entries = std::fs::read_dir(folder.join("metadata")).ok()?.flatten();
     let names = entries.filter_map(|entry| entry.file_name().into_string().ok());
-    let newest = names.filter(|name| name.starts_with(begins) && name.ends_with(ends)).max()?;
+    let fitting = names.filter(|name| name.starts_with(begins) && name.ends_with(ends));
+    // v10 is newer than v9.
+    let newest = fitting.max_by_key(|name| (name.len(), name.clone()))?;
     Some(folder.join("metadata").join(newest))
 }
 
@@ -215,6 +217,14 @@ fn timeline(path: &Path) -> Result<BTreeMap<String, Vec<TimedWords>>, Error> {
                 .got(cause.to_string())
                 .allowed("{\"filename\": \"...\", \"events\": [{\"start_time\": 0.0, \"end_time\": 1.5, \"description\": \"...\"}]}")
         })?;
+        let says_nothing = |of: &&TimedWords| {
+            of.description.trim().is_empty() || of.description.chars().any(char::is_control)
+        };
+        if events.iter().any(|of| says_nothing(&of)) {
+            return Err(Error::of(ErrorKind::Malformed, "what is done is not said in plain words")
+                .at(format!("line {number}"))
+                .got(filename));
+        }
         let is_wrong = |of: &&TimedWords| !(0.0 <= of.start_s && of.start_s <= of.end_s);
         if let Some(wrong) = events.iter().find(is_wrong) {
             return Err(Error::of(ErrorKind::Malformed, "something ends before it begins")
@@ -230,9 +240,10 @@ fn person(row: &Cells) -> Option<SubjectEntry> {
     let told = row.get("actor_uid").or_else(|| row.get("take_actor"))?;
     let id = format!("bones-{}", told.to_ascii_lowercase());
     check_id(&id).ok()?;
-    let number = |column: &str, unit: f64| {
-        row.get(column)?.parse().ok().filter(|value: &f64| *value > 0.0).map(|value| value * unit)
-    };
+    let number =
+        |column: &str, unit: f64| row.get(column)?.parse().ok().map(|value: f64| value * unit);
+    // What no person has is nobody's measure.
+    let is_possible = |of: &Measure, value: f64| of.read(&value.to_string()).is_ok();
     let measures = [
         (Measure::Stature, number("actor_height_cm", 0.01)),
         (Measure::Mass, number("actor_weight_kg", 1.0)),
@@ -241,7 +252,10 @@ fn person(row: &Cells) -> Option<SubjectEntry> {
     let subject = Subject {
         id,
         gender: row.get("actor_gender").cloned().unwrap_or_default(),
-        measures: measures.into_iter().filter_map(|(of, value)| Some((of, value?))).collect(),
+        measures: measures
+            .into_iter()
+            .filter_map(|(of, value)| Some((of, value.filter(|value| is_possible(&of, *value))?)))
+            .collect(),
         ..Subject::default()
     };
     Some(SubjectEntry { subject, ..SubjectEntry::default() })

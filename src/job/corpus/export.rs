@@ -610,14 +610,24 @@ impl Writing<'_> {
                 let frames = usize::try_from(entry.frames).unwrap_or(0);
                 let own = labels.get(&entry.trial).map(Vec::as_slice).unwrap_or_default();
                 let names: BTreeSet<&str> = own.iter().map(|(name, ..)| name.as_str()).collect();
+                let mut taken: BTreeMap<String, usize> = BTreeMap::new();
                 for label in names {
                     let mut marks = vec![0.0_f64; frames];
                     for (_, [first, last], value) in own.iter().filter(|(name, ..)| name == label) {
-                        let range = *first.min(&frames)..(*last + 1).min(frames);
+                        let end = last.saturating_add(1).min(frames);
+                        let range = *first.min(&end)..end;
                         marks[range].iter_mut().for_each(|mark| *mark = mark.max(*value));
                     }
                     let text: String = marks.iter().map(|mark| format!("{mark:.1}\n")).collect();
-                    let name = format!("{stem}/{}.txt", plain(label));
+                    // Sentences may begin alike.
+                    let plain = plain(label);
+                    let again = taken.entry(plain.clone()).or_default();
+                    *again += 1;
+                    let number = match (*again, plain.is_empty()) {
+                        (1, false) => String::new(),
+                        (number, _) => format!("~{number}"),
+                    };
+                    let name = format!("{stem}/{plain}{number}.txt");
                     self.write(&name, || Ok(text.into_bytes()))?;
                     exported.files.push(name);
                 }

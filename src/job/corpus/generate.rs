@@ -42,6 +42,7 @@ const BATCH: usize = 24;
 /// Another process that adds a part is waited for so often, and so long each time.
 const WAITS: u32 = 600;
 const WAIT: Duration = Duration::from_millis(100);
+const MOST_SEED: u64 = 1 << 53;
 /// Who says what a generated trial is.
 const GENERATOR: &str = "generator";
 
@@ -150,7 +151,16 @@ struct Performers {
 /// # Errors
 /// No corpus, a set that is not known, a wish to stop: given again, it goes on.
 pub fn generate(order: &GenerateOrder, observer: &dyn Observer) -> Result<GenerateReport, Error> {
-    let sets = || PlannedSet::ALL.into_iter().filter(|set| *set != PlannedSet::Interaction);
+    // Seeds are kept as numbers of which this is the last that is exact.
+    if order.seed > MOST_SEED {
+        return Err(Error::of(ErrorKind::OutsideLimits, "a seed is too large to be kept")
+            .at("--seed")
+            .got(order.seed.to_string())
+            .allowed(format!("0 to {MOST_SEED}")));
+    }
+    let is_made =
+        |set: &PlannedSet| !matches!(set, PlannedSet::Interaction | PlannedSet::CoArticulation);
+    let sets = || PlannedSet::ALL.into_iter().filter(is_made);
     let set = sets().find(|set| set.word() == order.set).ok_or_else(|| {
         Error::of(ErrorKind::Unknown, "no set that the body model can do is called so").none_of(
             &order.set,

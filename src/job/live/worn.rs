@@ -12,6 +12,7 @@ use crate::body::worn::{Wearing, WornPose};
 use crate::body::{segment_name, segment_named};
 use crate::capture::Counts;
 use crate::control::{self, Input, Performance, Planned, Stop, StopCode, StopReason};
+use crate::corpus::store::check_outside;
 use crate::draft;
 use crate::error::{Error, ErrorKind};
 use crate::job::model::robot_model;
@@ -261,6 +262,7 @@ impl Job<'_> {
         let guided = guide.calibrate(plan)?;
         if let Some(path) = file {
             let text = guided.kept.text()?;
+            check_outside(path)?;
             draft::write_file(path, order.recalibrate, text.as_bytes())?;
             let kept = format!("calibration of the body kept in {}", path.display());
             self.observer.hear(Event::Note(&kept));

@@ -3,6 +3,7 @@
 use super::person::Person;
 use super::worn::{Strapping, Worn, wire};
 use crate::body::{Segment, segment_name};
+use crate::corpus::store::check_outside;
 use crate::error::{Error, ErrorKind};
 use crate::job::source::body_motion;
 use gaitway_profiles::Sensor;
@@ -95,6 +96,7 @@ impl Wearer {
             sensors.push(OpenSensor { segment, place });
         }
         if let Some(path) = &wear_file {
+            check_outside(path)?;
             std::fs::write(path, &way.wear).map_err(|e| {
                 Error::of(ErrorKind::Io, "cannot write the file")
                     .at(path.display().to_string())
@@ -166,6 +168,7 @@ impl<'a> Way<'a> {
                 return Err(misfit("SlimeVR trackers send UDP: --udp 127.0.0.1:6969"));
             }
             (SensorDoors::Terminals(folder), _) => {
+                check_outside(folder)?;
                 std::fs::create_dir_all(folder).map_err(|e| {
                     Error::of(ErrorKind::Io, "the folder cannot be made")
                         .at(folder.display().to_string())

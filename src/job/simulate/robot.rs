@@ -1,6 +1,7 @@
 //! A virtual robot that other programs open: each of its lines behind a terminal, a port or a CAN
 //! interface of its own, in real time.
 
+use crate::corpus::store::check_outside;
 use crate::error::{Error, ErrorKind};
 use crate::job::weight::{self, Fall, Witness};
 use crate::port::can_bridge::CanBridge;
@@ -384,6 +385,7 @@ fn open_doors(
                     false => link.clone(),
                     true => PathBuf::from(format!("{}-{}", link.display(), facts.name)),
                 });
+                link.as_deref().map_or(Ok(()), check_outside)?;
                 Entrance::Door(open_pty(link.as_deref(), line, &facts.name, world)?)
             }
         };
