@@ -235,10 +235,14 @@ fn a_bench_that_cannot_be_says_what_could() {
 }
 
 #[test]
-fn a_robot_is_found_by_its_name_with_underscores_too() {
-    let mut simulator = Simulator::start(&["Open_Duck_Mini_v2", "--tcp", "0"]);
-    assert!(simulator.line().starts_with("tcp:"));
-    simulator.end();
+fn a_robot_in_other_letters_is_refused_with_its_name_as_by_every_command() {
+    for command in [["simulate", "Open_Duck_Mini_v2"], ["info", "Open_Duck_Mini_v2"]] {
+        let output = crate::program::gaitway().args(command).output().expect("the program");
+        assert_eq!(output.status.code(), Some(1), "{command:?}");
+    }
+    let output = crate::program::gaitway().args(["simulate", "Open_Duck_Mini_v2"]).output();
+    let said = crate::program::words(&output.expect("the program"));
+    assert!(said.contains("open-duck-mini-v2"), "{said}");
 }
 
 #[test]

@@ -8,8 +8,8 @@
 //!
 //! An answer that is lost makes nobody of a device. Whoever is silent is asked again where that costs little: at once if bytes came
 //! that were no packet; and once more at the end if an ID nearby answered, since people number servos in a row, or if it
-//! is the one that servos leave the factory with. A second pass over all IDs would take twice as long. It is made where somebody
-//! answers alone who was silent when all were asked.
+//! is the one that servos leave the factory with. A second pass over all IDs would take twice as long. It is made where most
+//! answer alone who were silent when all were asked.
 //!
 //! Two devices with one ID answer at once. Mostly that garbles the answer, or both are heard one
 //! after the other. Only if every bit of the two is the same do they look like one: so each device
@@ -209,9 +209,10 @@ impl Scanner<'_> {
             if !self.each(&mut pass, again.into_iter(), &compare)? {
                 return Ok(());
             }
-            // SCS is deaf to the question to all and not to that of STS to one: whoever answers only alone may not be the
-            // only one.
-            if !one_by_one && pass.there.iter().any(|id| !present.contains_key(id)) {
+            // SCS is deaf to the question to all and not to that of STS to one: where most answer only alone there may be
+            // more of them. Of those who hear it only now and then one is not heard.
+            let alone = pass.there.iter().filter(|id| !present.contains_key(id)).count();
+            if !one_by_one && 2 * alone > pass.there.len() {
                 let known = pass.there.clone();
                 let others = (0..asked_in.ids()).filter(|id| !known.contains(id));
                 if !self.each(&mut pass, others, &compare)? {
