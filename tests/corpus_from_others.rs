@@ -178,9 +178,17 @@ fn a_table_of_strangers_that_leads_out_of_its_folder_or_is_damaged_is_refused() 
     refused("not its own");
     fs::write(&table, &text).expect("a table");
     let timeline = seed.join("metadata/seed_metadata_v002_temporal_labels.jsonl");
-    fs::write(&timeline, "{\"filename\": \"a\", \"events\": [{\"start_time\": 2, \"end_time\": 1, \"description\": \"\"}]}")
-        .expect("a timeline");
-    refused("ends before it begins");
+    for (start_s, says, what) in [
+        (2, "walks", "ends before it begins"),
+        (0, "", "plain words"),
+        (0, "\\u001b[2J", "plain words"),
+    ] {
+        let event =
+            format!("{{\"start_time\": {start_s}, \"end_time\": 1, \"description\": \"{says}\"}}");
+        fs::write(&timeline, format!("{{\"filename\": \"a\", \"events\": [{event}]}}"))
+            .expect("a timeline");
+        refused(what);
+    }
     fs::write(&timeline, "{\"filename\": \"a\"").expect("a timeline");
     refused("line 1");
     // A pipe is not waited for.
