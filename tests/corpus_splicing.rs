@@ -36,11 +36,21 @@ fn written(path: &Path, titles: &[String], rows: &[Vec<f64>]) -> String {
     path.display().to_string()
 }
 
+/// A corpus of these, each a table of angles.
+fn added(folder: &Path, titles: &[String], trials: [(&str, &Vec<Vec<f64>>); 3]) -> String {
+    let corpus = folder.join("moves").display().to_string();
+    run(&["corpus", "new", &corpus]);
+    for (action, rows) in trials {
+        let file = written(&folder.join(format!("{action}.csv")), titles, rows);
+        let added = run(&["corpus", "add", &corpus, &file, "--action", action]);
+        assert_eq!(added["added"], 1, "{added:#}");
+    }
+    corpus
+}
+
 /// A corpus of who walks, who waves, and who does both: the right arm of the second on the first. `called` names the two alone.
 fn corpus(name: &str, called: [&str; 2]) -> String {
     let folder = folder(name);
-    let corpus = folder.join("moves").display().to_string();
-    run(&["corpus", "new", &corpus]);
     let (titles, walk) = performed("walk:8s", &folder);
     let (same, wave) = performed("wave-r", &folder);
     assert_eq!(titles, same);
@@ -53,12 +63,7 @@ fn corpus(name: &str, called: [&str; 2]) -> String {
     };
     let both: Vec<Vec<f64>> = (0..count).map(both).collect();
     assert!(count > 200, "{count} frames");
-    for (action, rows) in [("walk+wave", &both), (called[0], &walk), (called[1], &wave)] {
-        let file = written(&folder.join(format!("{action}.csv")), &titles, rows);
-        let added = run(&["corpus", "add", &corpus, &file, "--action", action]);
-        assert_eq!(added["added"], 1, "{added:#}");
-    }
-    corpus
+    added(&folder, &titles, [("walk+wave", &both), (called[0], &walk), (called[1], &wave)])
 }
 
 #[test]
@@ -101,18 +106,59 @@ fn without_somebody_who_does_both_there_is_no_truth() {
 /// A corpus of who walks, who runs, and who goes from a walk into a run without a stop, with the time of that.
 fn walks_into_runs(name: &str, called: [&str; 2]) -> String {
     let folder = folder(name);
-    let corpus = folder.join("moves").display().to_string();
-    run(&["corpus", "new", &corpus]);
     let (titles, walk) = performed("walk:6s", &folder);
     let (_, sprint) = performed("run:5s", &folder);
     let (same, both) = performed("walk:6s+run:5s", &folder);
     assert_eq!(titles, same);
-    for (action, rows) in [("walk>run", &both), (called[0], &walk), (called[1], &sprint)] {
-        let file = written(&folder.join(format!("{action}.csv")), &titles, rows);
-        let added = run(&["corpus", "add", &corpus, &file, "--action", action]);
-        assert_eq!(added["added"], 1, "{added:#}");
+    added(&folder, &titles, [("walk>run", &both), (called[0], &walk), (called[1], &sprint)])
+}
+
+/// Says until when the first is done, and from when on the second, s.
+fn label(corpus: &str, [one, other]: [&str; 2], [end_s, begin_s]: [f64; 2]) {
+    let folder = Path::new(corpus).parent().expect("a folder");
+    let (both, labels) = (format!("{one}>{other}"), folder.join("labels.csv"));
+    let rows = format!(
+        "file,class,start_s,end_s\n{both}.csv,{one},0.0,{end_s}\n{both}.csv,{other},{begin_s},{}\n",
+        begin_s + 1.0
+    );
+    fs::write(&labels, rows).expect("labels");
+    let file = folder.join(format!("{both}.csv")).display().to_string();
+    let labels = labels.display().to_string();
+    let told = run(&["corpus", "add", corpus, &file, "--action", &both, "--labels", &labels]);
+    assert_eq!(told["labels"], 2, "{told:#}");
+}
+
+#[test]
+fn who_goes_from_one_pose_into_another_moves_faster_than_who_stands_in_either() {
+    for (name, turned_rad, feasible) in [("alike", 0.0, 100.0), ("unlike", 0.8, 0.0)] {
+        let folder = folder(name);
+        let (titles, bow) = performed("bow", &folder);
+        let elbow = titles.iter().position(|title| title.contains("left_elbow")).expect("an elbow");
+        // At rest, with the elbow at some angle.
+        let pose = |at: usize, angle_rad: f64| {
+            let mut row = bow[0].clone();
+            row[0] = at as f64 / 120.0;
+            row[elbow] += angle_rad;
+            row
+        };
+        // Of other lengths, since a corpus takes no trial twice.
+        let still = |angle_rad: f64, frames: usize| {
+            (0..frames).map(|at| pose(at, angle_rad)).collect::<Vec<_>>()
+        };
+        // Half a second about the middle is 60 frames, in which the angle goes over by the cubic that is level at both ends.
+        let over = |at: usize| {
+            let u = ((at as f64 - 149.0) / 61.0).clamp(0.0, 1.0);
+            turned_rad * u * u * (3.0 - 2.0 * u)
+        };
+        let both = (0..361).map(|at| pose(at, over(at))).collect();
+        let [here, there] = [still(0.0, 301), still(turned_rad, 331)];
+        let corpus = added(&folder, &titles, [("a>b", &both), ("a", &here), ("b", &there)]);
+        label(&corpus, ["a", "b"], [1.4, 1.6]);
+        let told = run(&["score", "transitioning", &corpus]);
+        let of = |which: usize, name: &str| number(&told["features"][which][name]);
+        assert!(of(0, "value") < 0.01 && of(0, "baseline") < 0.01, "{name}: {told:#}");
+        assert_eq!((of(1, "value"), of(1, "baseline")), (feasible, feasible), "{name}");
     }
-    corpus
 }
 
 #[test]
@@ -122,19 +168,7 @@ fn a_change_of_gait_is_made_of_both_gaits_and_worse_when_they_are_called_wrongly
     assert!(told["features"].is_null(), "{told:#}");
     let why = "nobody labelled where one action ends and the next begins";
     assert_eq!(told["passed_over"][why], 1, "{told:#}");
-    let label = |corpus: &str| {
-        let folder = Path::new(corpus).parent().expect("a folder");
-        let labels = folder.join("labels.csv");
-        let rows =
-            "file,class,start_s,end_s\nwalk>run.csv,walk,0.0,5.9\nwalk>run.csv,run,6.1,9.0\n";
-        fs::write(&labels, rows).expect("labels");
-        let [file, labels] =
-            [folder.join("walk>run.csv"), labels].map(|path| path.display().to_string());
-        let told =
-            run(&["corpus", "add", corpus, &file, "--action", "walk>run", "--labels", &labels]);
-        assert_eq!(told["labels"], 2, "{told:#}");
-    };
-    label(&corpus);
+    label(&corpus, ["walk", "run"], [5.9, 6.1]);
     let told = run(&["score", "transitioning", &corpus]);
     let of = |told: &Value, which: usize, name: &str| number(&told["features"][which][name]);
     let (own, blend) = (of(&told, 0, "value"), of(&told, 0, "baseline"));
@@ -143,7 +177,7 @@ fn a_change_of_gait_is_made_of_both_gaits_and_worse_when_they_are_called_wrongly
     assert_eq!((of(&told, 1, "value"), of(&told, 1, "baseline")), (0.0, 100.0), "{told:#}");
     // Who walks is said to run, and who runs to walk.
     let spoilt = walks_into_runs("change-spoilt", ["run", "walk"]);
-    label(&spoilt);
+    label(&spoilt, ["walk", "run"], [5.9, 6.1]);
     let spoilt = run(&["score", "transitioning", &spoilt]);
     assert!(of(&spoilt, 0, "value") > 1.5 * own, "{own} mm, then {spoilt:#}");
 }

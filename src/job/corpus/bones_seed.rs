@@ -223,13 +223,15 @@ fn timeline(path: &Path) -> Result<BTreeMap<String, Vec<TimedWords>>, Error> {
         if events.iter().any(|of| says_nothing(&of)) {
             return Err(Error::of(ErrorKind::Malformed, "what is done is not said in plain words")
                 .at(format!("line {number}"))
-                .got(filename));
+                .got(filename)
+                .allowed("a description, in letters that are seen"));
         }
         let is_wrong = |of: &&TimedWords| !(0.0 <= of.start_s && of.start_s <= of.end_s);
         if let Some(wrong) = events.iter().find(is_wrong) {
             return Err(Error::of(ErrorKind::Malformed, "something ends before it begins")
                 .at(format!("line {number}"))
-                .got(format!("{} s to {} s", wrong.start_s, wrong.end_s)));
+                .got(format!("{} s to {} s", wrong.start_s, wrong.end_s))
+                .allowed("0 <= start_time <= end_time"));
         }
         found.insert(filename, events);
     }
