@@ -13,6 +13,7 @@
 //! capture -> decompose -> Motion -> Action file
 //! ```
 
+pub mod at_once;
 pub mod change;
 pub mod corpus;
 pub mod database;

@@ -124,6 +124,75 @@ fn apart(one: &[Vec<f64>], other: &[Vec<f64>]) -> f64 {
     pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
 }
 
+/// Asks LeRobot's own class, with PyTorch, what it reads of a dataset.
+const READ_BY_LEROBOT: &str = r#"
+import json, sys, torch
+from lerobot.datasets.lerobot_dataset import LeRobotDataset
+whole = LeRobotDataset("local/waves", root=sys.argv[1])
+later = LeRobotDataset("local/waves", root=sys.argv[1], episodes=[1], delta_timestamps={"action": [0.0, 1 / 30]})
+batch = next(iter(torch.utils.data.DataLoader(whole, batch_size=8)))
+assert batch["action"].dtype == torch.float32 and torch.isfinite(batch["observation.state"]).all()
+rows = [whole[at] for at in range(len(whole))]
+print(json.dumps({
+    "episodes": whole.num_episodes, "fps": whole.fps, "batch": list(batch["action"].shape),
+    "action": [row["action"].tolist() for row in rows], "state": [row["observation.state"].tolist() for row in rows],
+    "episode": [int(row["episode_index"]) for row in rows], "task": [row["task"] for row in rows],
+    "pair": later[0]["action"].tolist(), "mean": whole.meta.stats["action"]["mean"].tolist(),
+}))
+"#;
+
+#[test]
+fn lerobots_own_class_gives_pytorch_each_frame_of_a_dataset() {
+    if std::env::var_os("CI").is_none() {
+        aloud!("SKIPPED: LeRobot's class with PyTorch (6 GB) reads a dataset where CI is set");
+        return;
+    }
+    const LIST: &str = include_str!("python/torch.txt");
+    let made = python::environment("torch-environment", &[LIST], "torch, lerobot", |made| {
+        made.pip("torch.txt", &[])
+    });
+    let environment = made.expect("an environment with PyTorch");
+    let (folder, corpus) = corpus("with-torch");
+    let (dataset, tables) = (folder.join("dataset"), folder.join("tables"));
+    let question = "action=bow or action=wave-r";
+    export(&corpus, question, "lerobot", "op3", &shown(&dataset));
+    let by_csv = export(&corpus, question, "robot-csv", "op3", &shown(&tables));
+    let output = Command::new(environment.join("bin/python"))
+        .args(["-c", READ_BY_LEROBOT, &shown(&dataset)])
+        // Nothing is asked of a hub.
+        .envs([("HF_HUB_OFFLINE", "1"), ("HF_HOME", &shown(&folder.join("hub")))])
+        .output()
+        .expect("python");
+    assert!(output.status.success(), "{}", words(&output));
+    let read = json(&output);
+    assert_eq!((&read["episodes"], &read["fps"]), (&2.into(), &30.into()));
+    assert_eq!(
+        read["batch"],
+        serde_json::json!([8, by_csv["joints"].as_array().map_or(0, Vec::len)])
+    );
+    // Frame by frame what the tables say, which another writer wrote.
+    let mut wanted: Vec<Vec<f64>> = Vec::new();
+    for (episode, trial) in by_csv["trials"].as_array().expect("trials").iter().enumerate() {
+        for row in table(&tables.join(trial["files"][0].as_str().expect("a file"))) {
+            assert_eq!(read["episode"][wanted.len()], episode, "frame {}", wanted.len());
+            assert_eq!(read["task"][wanted.len()], trial["action"], "frame {}", wanted.len());
+            if !wanted.is_empty() && read["episode"][wanted.len() - 1] != episode {
+                let pair = rows(&read["pair"]);
+                assert!(apart(&pair[..1], &[row[7..].to_vec()]) < 2e-6, "the second episode alone");
+            }
+            wanted.push(row[7..].to_vec());
+        }
+    }
+    assert!(wanted.len() > 200, "{} frames", wanted.len());
+    let action = rows(&read["action"]);
+    assert!(apart(&action, &wanted) < 2e-6, "{}", apart(&action, &wanted));
+    assert_eq!(read["action"], read["state"]);
+    for (joint, mean) in read["mean"].as_array().expect("means").iter().enumerate() {
+        let own = wanted.iter().map(|row| row[joint]).sum::<f64>() / wanted.len() as f64;
+        assert!((mean.as_f64().expect("a number") - own).abs() < 1e-5, "joint {joint}: {own}");
+    }
+}
+
 #[test]
 fn a_dataset_is_what_arrow_pandas_and_lerobot_doctor_read_of_it() {
     let (folder, corpus) = corpus("written");

@@ -21,8 +21,12 @@ fn new(name: &str) -> (PathBuf, String) {
 }
 
 fn generate(corpus: &str, more: &[&str]) -> Value {
+    generate_set(corpus, "generalisation", more)
+}
+
+fn generate_set(corpus: &str, set: &str, more: &[&str]) -> Value {
     let mut command = gaitway();
-    command.args(["corpus", "generate", corpus, "generalisation", "--json"]).args(more);
+    command.args(["corpus", "generate", corpus, set, "--json"]).args(more);
     json(&command.output().expect("the program"))
 }
 
@@ -262,8 +266,23 @@ fn sets_of_words_are_filled_with_variations_of_the_shipped_actions_and_say_what_
     }
     let both = fill("composition", "1/1");
     let names = both["trials"].to_string();
-    assert!(names.contains("\"walk>kick\"") && !names.contains("walk+wave"), "{names}");
-    assert!(both["left_out"].to_string().contains("walk-and-wave"));
+    assert!(names.contains("\"walk>kick\"") && names.contains("\"walk+wave\""), "{names}");
+    assert!(both["left_out"].to_string().contains("walk-and-clap"));
+    // What each is made of is labelled where it is done: a bow, and then a wave.
+    let (bow, wave) = (synthesised("bow", "0", &folder), synthesised("wave-r", "0", &folder));
+    let whole = rows(&corpus, "bow-then-wave", &folder);
+    let asked = |label: &str| {
+        let question = format!("name=bow-then-wave and label={label}");
+        let arguments = ["corpus", "query", &corpus, &question, "--frames", "--json"];
+        let told = json(&gaitway().args(arguments).output().expect("runs"));
+        ["first_frame", "last_frame"]
+            .map(|of| told["clips"][0]["answering"][0][of].as_u64().expect("a frame"))
+    };
+    let ([begins, ends], [later, last]) = (asked("bow"), asked("wave"));
+    assert_eq!((begins, ends as usize, last as usize), (0, bow.len() - 1, whole.len() - 1));
+    assert!(
+        ends < later && last - later < wave.len() as u64 && last - later + 3 > wave.len() as u64
+    );
     // The same by many people, who differ.
     let people = fill("cross-validation", "5/97");
     let made = people["trials"].as_array().expect("a list");
@@ -275,11 +294,108 @@ fn sets_of_words_are_filled_with_variations_of_the_shipped_actions_and_say_what_
     };
     let (small, tall) = (how_many("<1.72"), how_many(">1.78"));
     assert!(small > 0 && tall > 0 && small + tall <= made.len(), "{small} and {tall}");
-    let none = gaitway().args(["corpus", "generate", &corpus, "interaction"]).output();
-    assert_eq!(none.expect("runs").status.code(), Some(1));
+    let none = gaitway().args(["corpus", "generate", &corpus, "interactions"]).output();
+    let none = none.expect("runs");
+    assert_eq!(none.status.code(), Some(1));
+    assert!(String::from_utf8_lossy(&none.stderr).contains("interaction"), "{none:?}");
     // Made again, they are what they were.
     let again = fill("composition", "1/1");
     assert_eq!((&again["added"], count(&again["changed"])), (&0.into(), 0));
+}
+
+/// Frames of a trial by title: the 22 angles are not among these.
+struct Seen {
+    rows: Vec<Vec<f64>>,
+}
+
+impl Seen {
+    fn of(corpus: &str, name: &str, folder: &Path) -> Self {
+        Self { rows: rows(corpus, name, folder) }
+    }
+
+    fn angle(&self, at: usize, of: Dof) -> f64 {
+        self.rows[at][of.index()]
+    }
+
+    fn root_m(&self, at: usize) -> [f64; 3] {
+        [22, 23, 24].map(|column| self.rows[at][column])
+    }
+
+    /// The first frame in which an angle is not what it was at first, and the last before it is what it stays.
+    fn moves(&self, of: Dof) -> (usize, usize) {
+        let last = self.rows.len() - 1;
+        let differs =
+            |at: &usize, from: usize| (self.angle(*at, of) - self.angle(from, of)).abs() > 1e-4;
+        let begins = (0..=last).find(|at| differs(at, 0)).expect("it moves");
+        (begins, (0..=last).rev().find(|at| differs(at, last)).expect("it moves"))
+    }
+}
+
+#[test]
+fn who_does_two_at_once_has_the_legs_of_one_and_the_arm_of_the_other() {
+    let (folder, corpus) = new("sets-at-once");
+    generate_set(&corpus, "composition", &["--seed", "4"]);
+    let seen = Seen::of(&corpus, "walk-and-wave", &folder);
+    let (walk, wave) = (synthesised("walk", "0", &folder), synthesised("wave-r", "0", &folder));
+    assert_eq!(seen.rows.len(), walk.len().max(wave.len()));
+    let arm = [Dof::RightShoulderFlexion, Dof::RightShoulderAbduction, Dof::RightElbowFlexion];
+    for at in 0..walk.len().min(wave.len()) {
+        for dof in [Dof::LeftKneeFlexion, Dof::RightHipFlexion, Dof::LeftShoulderFlexion] {
+            assert!((seen.angle(at, dof) - walk[at][1 + dof.index()]).abs() < 1e-6, "{dof:?}");
+        }
+        for dof in arm {
+            assert!((seen.angle(at, dof) - wave[at][1 + dof.index()]).abs() < 1e-6, "{dof:?}");
+        }
+    }
+}
+
+#[test]
+fn the_second_of_a_step_and_a_reach_begins_before_the_first_is_over() {
+    let (folder, corpus) = new("sets-overlap");
+    let made = generate_set(&corpus, "co-articulation", &["--part", "1/8"]);
+    assert_eq!(made["trials"].as_array().map(Vec::len), Some(2), "{made:#}");
+    assert_eq!((&made["outcome"], &made["left_out"]), (&"done".into(), &Value::Array(vec![])));
+    let foot = Dof::RightKneeFlexion;
+    let step = Seen::of(&corpus, "step-then-reach-001", &folder);
+    let (begins, _) = step.moves(Dof::RightElbowFlexion);
+    let (first, last) = step.moves(foot);
+    assert!(first < begins && begins < last, "{first} {begins} {last}");
+    let reach = Seen::of(&corpus, "reach-then-step-001", &folder);
+    let (hand, back) = reach.moves(Dof::RightElbowFlexion);
+    let (begins, _) = reach.moves(foot);
+    assert!(hand < begins && begins < back, "{hand} {begins} {back}");
+    // Where the step goes: 15 cm ahead.
+    let gone = |seen: &Seen| seen.root_m(seen.rows.len() - 1)[0] - seen.root_m(0)[0];
+    assert!((gone(&step) - 0.15).abs() < 0.02 && (gone(&reach) - 0.15).abs() < 0.02);
+}
+
+#[test]
+fn two_people_do_something_together_by_one_clock_and_each_in_their_place() {
+    let (folder, corpus) = new("sets-together");
+    let made = generate_set(&corpus, "interaction", &[]);
+    let trials = made["trials"].as_array().expect("a list");
+    assert_eq!(trials.len() / 2 + made["left_out"].as_array().map_or(0, Vec::len), 20);
+    for pair in ["pass-by", "follow", "bow-to-one-another"] {
+        let [one, other] =
+            ["01", "02"].map(|who| Seen::of(&corpus, &format!("{pair}-{who}"), &folder));
+        assert_eq!(one.rows.len(), other.rows.len(), "{pair}");
+        let last = one.rows.len() - 1;
+        let ahead = |at: usize| other.root_m(at)[0] - one.root_m(at)[0];
+        let apart = |at: usize| ahead(at).hypot(other.root_m(at)[1] - one.root_m(at)[1]);
+        let nearest = (0..=last).map(apart).fold(f64::MAX, f64::min);
+        assert!(nearest > 0.6, "{pair}: nobody walks through the other: {nearest} m");
+        // The pelvis of the second is turned about Z by pi, of who is behind by nothing: w, x, y, z.
+        let faces = other.rows[0][28].abs();
+        match pair {
+            "pass-by" => assert!(ahead(0) > 1.0 && ahead(last) < -1.0, "they pass"),
+            "follow" => assert!(ahead(0) < -1.0 && ahead(last) < -0.6, "one stays behind"),
+            _ => assert!((ahead(0) - ahead(last)).abs() < 0.02, "both stay where they are"),
+        }
+        assert!((faces - f64::from(u8::from(pair != "follow"))).abs() < 0.05, "{pair}: {faces}");
+    }
+    let asked = ["corpus", "query", &corpus, "session=pass-by-0", "--json"];
+    let both = json(&gaitway().args(asked).output().expect("runs"));
+    assert_eq!(both["trials"], 2, "{both:#}");
 }
 
 mod scores {

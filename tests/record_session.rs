@@ -1,12 +1,14 @@
 //! A person's session, from start to a finished database folder: `gaitway record --session` behind a
 //! real pseudo-terminal, with a virtual person who wears virtual sensors. Time is real here.
 
+mod aloud;
 #[path = "record_session/dialogue.rs"]
 mod dialogue;
 #[path = "record_session/person.rs"]
 mod person;
 mod program;
 
+use aloud::aloud;
 use dialogue::Dialogue;
 use gaitway::action::vocabulary;
 use gaitway::body::worn::check::t_pose;
@@ -16,6 +18,7 @@ use gaitway::session::manifest::Manifest;
 use gaitway::session::{DeviceCheck, SessionFile, TrialFile, Verdict};
 use gaitway_sim::imu::{BodyMotion, ImuDoor, ImuErrors, ImuWire, Mount, Stage, VirtualImu};
 use person::{Act, Person, STATURE_M};
+use program::json;
 use serde::de::DeserializeOwned;
 use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
 use std::path::Path;
@@ -198,6 +201,7 @@ fn a_session_ends_as_a_finished_database_folder_whatever_happens_in_between() {
     assert_eq!(operator.ends(), Some(0));
     check_folder(&lab);
     check_angles(&lab);
+    check_corpus(&folder, &lab);
 }
 
 #[test]
@@ -435,6 +439,47 @@ fn check_folder(lab: &Path) {
         let name = entry.expect("an entry").file_name();
         assert!(!name.to_string_lossy().ends_with(".new"), "{name:?}");
     }
+}
+
+/// The session and every capture there is in one corpus: asked, labelled, exported, looked at.
+fn check_corpus(folder: &Path, lab: &Path) {
+    let corpus = folder.join("moves").display().to_string();
+    let run = |arguments: &[&str]| {
+        let ran = crate::program::gaitway().args(arguments).arg("--json").output();
+        json(&ran.expect("the command"))
+    };
+    run(&["corpus", "new", &corpus]);
+    let lab = lab.display().to_string();
+    let added = run(&["corpus", "add", &corpus, &lab, "--consent", "given"]);
+    assert_eq!(added["added"], 3, "those that were kept: {added:#}");
+    let mut trials = 3;
+    match std::env::var("GAITWAY_CAPTURES") {
+        Err(_) => aloud!("SKIPPED: no captures beside the session: GAITWAY_CAPTURES names none"),
+        Ok(captures) => {
+            let arguments = ["corpus", "add", &corpus, &captures, "--action", "unknown"];
+            let more = ["--recognise", "--licence", "unknown"];
+            let added = run(&[&arguments[..], &more].concat());
+            let added = added["added"].as_u64().expect("a number");
+            assert!(added > 0, "captures");
+            trials += added;
+        }
+    }
+    let count = |question: &str| {
+        run(&["corpus", "query", &corpus, question])["trials"].as_u64().expect("a number")
+    };
+    let (of_session, others) = (count("session=lab"), count("session is missing"));
+    assert_eq!((of_session, of_session + others), (3, trials));
+    assert_eq!(count("subject.stature_m>1.69 and subject.age=31"), 3);
+    let labelled = count("label=walk");
+    assert!(others == 0 || labelled > 0 && labelled < others, "{labelled} of {others}");
+    // A wave of an arm as an episode for learners; the other arm was not worn.
+    let dataset = folder.join("dataset").display().to_string();
+    let arguments = ["corpus", "export", &corpus, "name=wave-r-01", "--format", "bvh"];
+    let exported = run(&[&arguments[..], &["-o", &dataset]].concat());
+    assert_eq!(exported["trials"].as_array().map(Vec::len), Some(1), "{exported:#}");
+    let score = run(&["score", "identification", &corpus]);
+    assert!(score["truth"].as_str().expect("words").contains("no truth here"), "{score:#}");
+    assert_eq!(run(&["corpus", "check", &corpus])["outcome"], "done");
 }
 
 /// A column of a table of angles, rad.

@@ -4,7 +4,7 @@
 //! found by least squares (`posing`), and joined by actionlets, from rest to rest (`course`). A leg that stands
 //! alone keeps its angles, or lets its hip, knee and ankle go together so that its foot stays flat; while both feet
 //! stand, the actionlets of legs are so timed that neither slides (`settle`). Hops and jumps in a direction are the shipped
-//! ones with their seams moved until they come down there (`travel`).
+//! ones with their seams moved until they come down there (`travel`). A step and a reach may overlap (`overlap`).
 //!
 //! Places count from the point of the floor below the centre of mass of the body as it stands at first: X forward, Y left,
 //! Z up. Directions count from straight ahead to the right, as those of the Human Motion Database do (Guerra-Filho and
@@ -15,6 +15,7 @@ mod course;
 mod damped;
 mod kick;
 mod lift;
+mod overlap;
 mod posing;
 mod reach;
 mod settle;
@@ -29,6 +30,8 @@ use crate::action::feet::{FootingBounds, Missed};
 use crate::body::mass::{centre_of_mass_m, segment_masses};
 use crate::body::{End, JointAngles, Proportions};
 use crate::error::Error;
+
+use overlap::First;
 
 pub use posing::Side;
 pub use step::Steps;
@@ -76,6 +79,16 @@ pub enum Ask {
     /// Jogging.
     Jog {
         /// Which way.
+        direction_rad: f64,
+    },
+    /// A step, and a reach that begins while its foot swings.
+    StepThenReach {
+        /// Which way the step goes.
+        direction_rad: f64,
+    },
+    /// A reach, and a step whose foot swings while the hand is on its way back.
+    ReachThenStep {
+        /// Which way the step goes.
         direction_rad: f64,
     },
     /// A hop on both feet.
@@ -185,6 +198,12 @@ impl Performer {
             Ask::Lift { load_kg } => lift::made(&body, load_kg),
             Ask::Walk { direction_rad } => travel::walk(self, direction_rad),
             Ask::Jog { direction_rad } => travel::jog(self, direction_rad),
+            Ask::StepThenReach { direction_rad } => {
+                overlap::made(self.steps()?, First::Step, direction_rad)
+            }
+            Ask::ReachThenStep { direction_rad } => {
+                overlap::made(self.steps()?, First::Reach, direction_rad)
+            }
             Ask::Hop { direction_rad, length_m } => travel::hop(self, direction_rad, length_m),
             Ask::Jump { direction_rad, length_m } => travel::jump(self, direction_rad, length_m),
         }

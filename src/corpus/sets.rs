@@ -79,7 +79,8 @@ impl PlannedSet {
                 all
             }
             Self::Generalisation => generalisation(),
-            Self::Composition | Self::CoArticulation | Self::Interaction => composites(self),
+            Self::Composition | Self::Interaction => composites(self).collect(),
+            Self::CoArticulation => composites(self).flat_map(in_eight_directions).collect(),
         }
     }
 }
@@ -153,13 +154,26 @@ fn praxicon(people: u32) -> Vec<PlannedTrial> {
     kept.map(|word| whole(word.action, word.explain, people)).collect()
 }
 
-fn composites(set: PlannedSet) -> Vec<PlannedTrial> {
-    let own = rows(COMPOSITES).filter(|[of, ..]: &[&str; 4]| *of == set.word());
+fn composites(set: PlannedSet) -> impl Iterator<Item = PlannedTrial> {
+    let own = rows(COMPOSITES).filter(move |[of, ..]: &[&str; 4]| *of == set.word());
     own.map(|[_, action, people, explain]| PlannedTrial {
         together: people == "2",
         ..whole(action, explain, 1)
     })
-    .collect()
+}
+
+/// The same, with a step ahead and, in turn, further to the right.
+fn in_eight_directions(of: PlannedTrial) -> impl Iterator<Item = PlannedTrial> {
+    (0..8_u32).map(move |eighth| {
+        let (name, explain) = (&of.name, of.explain.trim_end_matches('.'));
+        let degrees = 45 * eighth;
+        PlannedTrial {
+            name: format!("{name}-{:03}", eighth + 1),
+            explain: format!("{explain}. Step {degrees} degrees to the right of straight ahead."),
+            parameters: [("direction_rad", round(f64::from(eighth) * FRAC_PI_4))].into(),
+            ..of.clone()
+        }
+    })
 }
 
 /// A trial that a set asks for.
@@ -422,7 +436,7 @@ mod tests {
             names.dedup();
             assert_eq!(names.len(), trials.len(), "{}", set.word());
         }
-        assert_eq!(composites, 32);
+        assert_eq!(composites, 30 + 2 * 8);
     }
 
     #[test]

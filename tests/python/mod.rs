@@ -1,5 +1,5 @@
 //! One Python environment for all tests that need other people's Python programs: made once under
-//! the target folder, to the versions in `requirements.txt`, whoever comes first.
+//! the target folder, to the versions in `requirements.txt`, whoever comes first. What is too large for all has one of its own.
 
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
@@ -34,29 +34,55 @@ pub fn python() -> Result<Python, String> {
 }
 
 fn installed() -> Result<Python, String> {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("python-environment");
-    let python = Python { program: folder.join("bin/python"), beside: folder.join("beside") };
+    let within = |folder: &Path| Python {
+        program: folder.join("bin/python"),
+        beside: folder.join("beside"),
+    };
+    let folder =
+        environment("python-environment", &[REQUIREMENTS, BESIDE], "serial, mcap", |made| {
+            made.pip("requirements.txt", &[])?;
+            let beside = within(&made.folder).beside;
+            made.pip("beside.txt", &["--target", &beside.display().to_string()])
+        })?;
+    Ok(within(&folder))
+}
+
+/// An environment that is being made.
+pub struct Making {
+    folder: PathBuf,
+}
+
+impl Making {
+    /// Installs a list of this folder.
+    pub fn pip(&self, list: &str, more: &[&str]) -> Result<(), String> {
+        let lists = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/python");
+        let mut pip = Command::new(self.folder.join("bin/python"));
+        pip.args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check"]);
+        run(pip.args(["--no-deps", "-r"]).arg(lists.join(list)).args(more))
+    }
+}
+
+/// The folder of an environment with what the lists name, in which some modules can be imported: made, unless it is there.
+pub fn environment(
+    name: &str,
+    lists: &[&str],
+    modules: &str,
+    fill: impl Fn(&Making) -> Result<(), String>,
+) -> Result<PathBuf, String> {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
     // Several test programs may come at once: one makes it, the others wait.
     let lock = File::create(folder.with_extension("lock")).map_err(|e| e.to_string())?;
     lock.lock().map_err(|e| e.to_string())?;
-    let complete = folder.join("complete");
-    let wanted = [REQUIREMENTS, BESIDE].concat();
-    let usable = run(Command::new(&python.program).args(["-c", "import serial, mcap"])).is_ok();
+    let (complete, wanted) = (folder.join("complete"), lists.concat());
+    let import = format!("import {modules}");
+    let usable = run(Command::new(folder.join("bin/python")).args(["-c", &import])).is_ok();
     if usable && fs::read_to_string(&complete).is_ok_and(|found| found == wanted) {
-        return Ok(python);
+        return Ok(folder);
     }
     run(Command::new("python3").args(["-m", "venv", "--clear"]).arg(&folder))?;
-    let lists = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/python");
-    let pip = |list: &str| {
-        let mut pip = Command::new(&python.program);
-        pip.args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check"]);
-        pip.args(["--no-deps", "-r"]).arg(lists.join(list));
-        pip
-    };
-    run(&mut pip("requirements.txt"))?;
-    run(pip("beside.txt").arg("--target").arg(&python.beside))?;
+    fill(&Making { folder: folder.clone() })?;
     fs::write(complete, wanted).map_err(|e| e.to_string())?;
-    Ok(python)
+    Ok(folder)
 }
 
 fn run(command: &mut Command) -> Result<(), String> {

@@ -14,7 +14,7 @@ use crate::body::{Dof, End, JointAngles, Proportions};
 use crate::error::Error;
 
 /// How long the hand stays.
-const STAYS_S: f64 = 0.3;
+pub(super) const STAYS_S: f64 = 0.3;
 /// Greatest speed of the hand on its way if nobody says one, m/s.
 const SPEED_M_S: f64 = 1.8;
 /// The way back is slower.

@@ -13,9 +13,10 @@ use super::{Made, Mark, Marked, way};
 use crate::body::{Dof, End, Joint, JointAngles, Proportions};
 use crate::error::Error;
 
-const SHIFT_S: f64 = 1.0;
-const LIFT_S: f64 = 0.25;
-const SWING_S: f64 = 0.45;
+/// How long the weight goes over a foot, the other goes up or down, and swings.
+pub(super) const SHIFT_S: f64 = 1.0;
+pub(super) const LIFT_S: f64 = 0.25;
+pub(super) const SWING_S: f64 = 0.45;
 const ACROSS_S: f64 = 0.9;
 /// A foot swings so high, parts of the stature.
 const SWINGS: f64 = 0.05;

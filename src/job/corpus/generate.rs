@@ -5,13 +5,13 @@
 //! frames that are kept: where hand and feet are at the time they are to be there, and what soles and root do.
 
 use super::labels::throughout;
-use super::shipped::{self, Shipped, ShippedTrial};
+use super::shipped::{self, Shipped, ShippedMotion, ShippedTrial, Stand};
 use crate::action::corpus::VariationStatus;
 use crate::action::parametric::{Ask, Made, Marked, Performer, Side, origin_m};
 use crate::body::contact::Footing;
 use crate::body::root::SOLES;
 use crate::body::{End, Proportions, SegmentPose};
-use crate::corpus::rows::{TrialEntry, TrialKind};
+use crate::corpus::rows::{LabelEntry, TrialEntry, TrialKind};
 use crate::corpus::sets::{PlannedSet, PlannedTrial};
 use crate::corpus::store::{NewTrial, Store};
 use crate::corpus::tables::{TRIALS, TrialFrames};
@@ -20,7 +20,7 @@ use crate::job::pending::go_on;
 use crate::job::report::Outcome;
 use crate::job::share::Share;
 use crate::job::{Event, Observer};
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
@@ -133,7 +133,7 @@ impl Asked {
 
 /// The trials of a set that can be made, in their order, and the names of those that cannot.
 fn trials(set: PlannedSet) -> (Vec<Asked>, Vec<String>) {
-    if set == PlannedSet::Generalisation {
+    if matches!(set, PlannedSet::Generalisation | PlannedSet::CoArticulation) {
         return (set.trials().into_iter().map(Asked::Parameters).collect(), Vec::new());
     }
     let (trials, left_out) = shipped::trials(set);
@@ -158,14 +158,11 @@ pub fn generate(order: &GenerateOrder, observer: &dyn Observer) -> Result<Genera
             .got(order.seed.to_string())
             .allowed(format!("0 to {MOST_SEED}")));
     }
-    let is_made =
-        |set: &PlannedSet| !matches!(set, PlannedSet::Interaction | PlannedSet::CoArticulation);
-    let sets = || PlannedSet::ALL.into_iter().filter(is_made);
-    let set = sets().find(|set| set.word() == order.set).ok_or_else(|| {
-        Error::of(ErrorKind::Unknown, "no set that the body model can do is called so").none_of(
+    let set = PlannedSet::of(&order.set).ok_or_else(|| {
+        Error::of(ErrorKind::Unknown, "no set is called so").none_of(
             &order.set,
-            sets().map(PlannedSet::word),
-            "`gaitway corpus plan DIR SET` plans what people are to do",
+            PlannedSet::ALL.map(PlannedSet::word),
+            "take one of these",
         )
     })?;
     let (all, left_out) = trials(set);
@@ -357,20 +354,24 @@ pub(in crate::job) fn ask(action: &str, parameters: &BTreeMap<&str, f64>) -> Res
         "jog" => Ask::Jog { direction_rad },
         "hop" => Ask::Hop { direction_rad, length_m },
         "jump" => Ask::Jump { direction_rad, length_m },
+        "step>reach" => Ask::StepThenReach { direction_rad },
+        "reach>step" => Ask::ReachThenStep { direction_rad },
         other => {
             return Err(Error::of(ErrorKind::Unknown, "no action that can be asked for").got(other));
         }
     })
 }
 
-/// The poses that are kept of a motion: from the point below the centre of mass, at [`RATE_HZ`].
+/// The poses that are kept of a motion: from the point below the centre of mass, at [`RATE_HZ`]; of who does not stand alone,
+/// from there.
 ///
 /// # Errors
 /// As of motions.
-pub(in crate::job) fn frames(made: &Made, body: &Proportions) -> Result<TrialFrames, Error> {
+fn frames(made: &Made, body: &Proportions, stand: Option<Stand>) -> Result<TrialFrames, Error> {
     let mut poses = made.motion.poses(body, RATE_HZ)?;
-    let origin_m = origin_m(body);
-    poses.iter_mut().for_each(|pose| pose.root_m -= origin_m);
+    let (at_m, faces_rad) = stand.map_or((DVec3::ZERO, 0.0), |of| (of.at_m, of.faces_rad));
+    let moved_m = at_m - DQuat::from_rotation_z(faces_rad) * origin_m(body);
+    poses.iter_mut().for_each(|pose| pose.root_m += moved_m);
     Ok(TrialFrames::of(&poses))
 }
 
@@ -384,7 +385,7 @@ fn trial(
     let planned = asked.planned();
     let said = |error: Error| error.at(format!("{}, seed {seed}", planned.name));
     let parameters = parameters(planned, index, seed);
-    let (made, body, missed) = match asked {
+    let (made, body, missed, stand, parts_s) = match asked {
         Asked::Parameters(_) => {
             let performer = &mut performers.asked[usize::from(planned.performer == 2)];
             let made = ask(planned.action, &parameters).and_then(|ask| performer.make(&ask));
@@ -393,16 +394,17 @@ fn trial(
             let missed = missed
                 .map(|of| format!("{}: {:.4}, to be below {:.4}", of.what, of.got, of.most))
                 .collect();
-            (made, body, missed)
+            (made, body, missed, None, Vec::new())
         }
         Asked::Shipped(shipped) => {
-            let varied = performers.shipped.make(shipped, seed).map_err(said)?;
+            let made = performers.shipped.make(shipped, seed).map_err(said)?;
+            let ShippedMotion { varied, stand, parts_s } = made;
             let falls = varied.status == VariationStatus::Implausible;
             let missed = if falls { vec!["its feet do not hold".to_owned()] } else { Vec::new() };
-            (Made::of(varied.motion, Vec::new()), varied.body, missed)
+            (Made::of(varied.motion, Vec::new()), varied.body, missed, Some(stand), parts_s)
         }
     };
-    let frames = frames(&made, &body)?;
+    let frames = frames(&made, &body, stand)?;
     let mut trial = judged(&made, &body, &frames.poses(), missed)?;
     let sha256 = frames.sha256(RATE_HZ);
     trial.name.clone_from(&planned.name);
@@ -423,7 +425,7 @@ fn trial(
         kind: TrialKind::Generated,
         synthetic: true,
         subject: None,
-        session: None,
+        session: planned.together.then(|| format!("{}-{seed}", planned.action)),
         source: format!("{} {} seed {seed}", set.word(), planned.name),
         format: "generated".to_owned(),
         source_sha256: None,
@@ -444,11 +446,23 @@ fn trial(
         parameters,
         place: None,
     };
-    let mut label = throughout(planned.action, frames.len(), GENERATOR);
-    label.trial.clone_from(&entry.trial);
-    label.set.clone_from(&entry.set);
-    label.action.clone_from(&entry.action);
-    Ok((trial, NewTrial { entry, frames: Some(frames), labels: vec![label], source: None }))
+    let mut labels = vec![throughout(planned.action, frames.len(), GENERATOR)];
+    // What it is made of, frame by frame; the casts saturate.
+    for (part, (from_s, to_s)) in planned.parts().zip(parts_s) {
+        let label = throughout(part, frames.len(), GENERATOR);
+        let (first, last) = ((from_s * RATE_HZ).ceil() as i64, (to_s * RATE_HZ) as i64);
+        labels.push(LabelEntry {
+            first_frame: first.min(label.last_frame),
+            last_frame: last.min(label.last_frame),
+            ..label
+        });
+    }
+    for label in &mut labels {
+        label.trial.clone_from(&entry.trial);
+        label.set.clone_from(&entry.set);
+        label.action.clone_from(&entry.action);
+    }
+    Ok((trial, NewTrial { entry, frames: Some(frames), labels, source: None }))
 }
 
 /// Where what is marked is in a pose, m.
