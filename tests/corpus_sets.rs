@@ -408,8 +408,8 @@ mod scores {
     use gaitway::corpus::tables::TrialFrames;
 
     /// 28 reaches all over the volume.
-    fn reaches() -> (PathBuf, String, Vec<(TrialEntry, TrialFrames)>) {
-        let (folder, corpus) = new("sets-scores");
+    fn reaches(name: &str) -> (PathBuf, String, Vec<(TrialEntry, TrialFrames)>) {
+        let (folder, corpus) = new(name);
         for k in (1..=163).step_by(6) {
             generate(&corpus, &["--part", &format!("{k}/330")]);
         }
@@ -460,8 +460,46 @@ mod scores {
     }
 
     #[test]
+    fn a_fifth_of_the_people_is_judged_by_what_the_others_did() {
+        let (folder, corpus, all) = reaches("sets-people");
+        let by_subject = |corpus: &str, more: &[&str]| {
+            let arguments = ["score", "generalisation", corpus, "--by-subject", "--json"];
+            gaitway().args(arguments).args(more).output().expect("the program")
+        };
+        let nobody = by_subject(&corpus, &[]);
+        assert_eq!(nobody.status.code(), Some(1));
+        assert!(words(&nobody).contains("2 or more"), "{}", words(&nobody));
+        // Five people, each with a stoop of their own, who do all of it twice.
+        let mut five = Vec::new();
+        for (who, again) in (0..5_u8).flat_map(|who| [(who, 0_u8), (who, 1)]) {
+            for (entry, frames) in &all {
+                let (mut entry, mut frames) = (entry.clone(), frames.clone());
+                entry.subject = Some(format!("s{who}"));
+                entry.name = format!("{}-{who}-{again}", entry.name);
+                let stoops = 0.1 * f32::from(who) + 0.0005 * f32::from(again);
+                frames.signals[0].iter_mut().for_each(|angle| *angle += stoops);
+                five.push((entry, frames));
+            }
+        }
+        let corpus = of(&folder, "five", five);
+        let everybody = score("generalisation", &corpus);
+        assert_eq!((&everybody["judged"], &everybody["people"]), (&280.into(), &Value::Null));
+        let split = json(&by_subject(&corpus, &[]));
+        let people = (&split["judged"], &split["people"]);
+        assert_eq!(people, (&56.into(), &serde_json::json!([1, 4])), "{split:#}");
+        // Who did the same a second time would be copied by who knows the truth; of the others nobody stoops alike.
+        let bound = |of: &Value| of["bound"][1].as_f64().expect("mm");
+        assert!(bound(&everybody) < 0.5 * bound(&split), "{everybody} {split}");
+        let again = json(&by_subject(&corpus, &["--seed", "1"]));
+        assert_eq!(again["value"], split["value"], "the seed says who");
+        let told = gaitway().args(["score", "generalisation", &corpus, "--by-subject"]).output();
+        let told = words(&told.expect("the program"));
+        assert!(told.contains("1 judged, by what 4 others did"), "{told}");
+    }
+
+    #[test]
     fn scores_of_motions_beat_their_baselines_and_fall_when_the_corpus_is_spoilt() {
-        let (folder, corpus, all) = reaches();
+        let (folder, corpus, all) = reaches("sets-scores");
 
         let good = score("generalisation", &corpus);
         assert_eq!(good["judged"], 28);

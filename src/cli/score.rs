@@ -52,6 +52,9 @@ struct MotionArgs {
     /// Of what is drawn
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// Judge a fifth of the people, by what the others did
+    #[arg(long)]
+    by_subject: bool,
     #[command(flatten)]
     output: Output,
 }
@@ -140,7 +143,8 @@ fn motion(
     args.output.check_files(&[])?;
     let (corpus, question) = (args.corpus.clone(), args.question.clone());
     let signals = Signals::listened()?;
-    let order = MotionScoreOrder { corpus, question, seed: args.seed };
+    let by_subject = args.by_subject;
+    let order = MotionScoreOrder { corpus, question, seed: args.seed, by_subject };
     let found = score(&order, &Terminal::new(remarks, &signals))?;
     Ok(args.output.conclude(&found, &found.words(), Deed::Look, 0))
 }

@@ -25,6 +25,7 @@ pub mod agreement;
 mod corruption;
 pub mod motions;
 pub mod nearest;
+mod people;
 pub mod retargeting;
 pub mod splicing;
 pub mod transitioning;

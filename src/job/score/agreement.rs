@@ -18,7 +18,8 @@ type Table = [[f64; 3]; 3];
 pub fn agreement(order: &MotionScoreOrder) -> Result<MotionScore, Error> {
     let mut judging = Judging::of(order)?;
     let labels = judging.labels()?;
-    let trials = std::mem::take(&mut judging.trials);
+    let mut trials = std::mem::take(&mut judging.trials);
+    trials.retain(|held| judging.split.judges(&held.entry));
     let mut report = judging.report(
         "agreement",
         ("each of two annotators for the other: what they agree on beyond chance (Cohen's kappa)", "share"),

@@ -3,6 +3,7 @@
 //! Each of these holds something back that is in the corpus, has it made of the rest, and compares: in mm, the mean
 //! distance of 15 joints and 7 ends of the body over the time. Beside it stand baselines that anybody has at hand.
 
+use super::people::Split;
 use crate::body::anthropometry::Measure;
 use crate::body::{Dof, Proportions, SegmentPose};
 use crate::corpus::query::Question;
@@ -45,6 +46,8 @@ pub struct MotionScoreOrder {
     pub question: String,
     /// Of what is drawn.
     pub seed: u64,
+    /// Judge a fifth of the people, by what the others did.
+    pub by_subject: bool,
 }
 
 /// What others reach.
@@ -108,6 +111,9 @@ pub struct MotionScore {
     pub passed_over: BTreeMap<String, u64>,
     /// Of what was drawn.
     pub seed: u64,
+    /// How many people were judged, and by what how many others did; none if everybody was by all others.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub people: Option<[usize; 2]>,
 }
 
 impl MotionScore {
@@ -214,6 +220,7 @@ pub(super) struct Judging<'a> {
     pub(super) order: &'a MotionScoreOrder,
     store: Store,
     pub(super) trials: Vec<Held>,
+    pub(super) split: Split,
     passed_over: BTreeMap<String, u64>,
 }
 
@@ -232,6 +239,16 @@ impl<'a> Judging<'a> {
         if entries.len() < all {
             passed_over.insert("frames are not kept".to_owned(), (all - entries.len()) as u64);
         }
+        let mut split = Split::default();
+        if order.by_subject {
+            split = Split::drawn(&entries, order.seed)?;
+            let known = entries.len();
+            entries.retain(|entry| entry.subject.is_some());
+            if entries.len() < known {
+                let count = (known - entries.len()) as u64;
+                passed_over.insert("nobody knows who did it".to_owned(), count);
+            }
+        }
         entries.sort_by(|a, b| (&a.set, &a.action, &a.name).cmp(&(&b.set, &b.action, &b.name)));
         let mut trials = Vec::new();
         store.frames_of(&entries.iter().collect::<Vec<_>>(), |entry, frames| {
@@ -244,7 +261,7 @@ impl<'a> Judging<'a> {
                 .got(format!("{all} trials answer the question, none has frames"))
                 .remedy("`gaitway corpus generate DIR generalisation` makes some"));
         }
-        Ok(Self { order, store, trials, passed_over })
+        Ok(Self { order, store, trials, split, passed_over })
     }
 
     /// Labels by trial.
@@ -279,6 +296,7 @@ impl<'a> Judging<'a> {
             judged: 0,
             passed_over: self.passed_over,
             seed: self.order.seed,
+            people: self.split.people(),
         }
     }
 }
@@ -308,13 +326,13 @@ fn is_free(entry: &TrialEntry) -> bool {
     !entry.name.contains("speed")
 }
 
-/// What a motion for a target is made of: neighbours with their weights.
-fn weights(targets: &[Vec<f64>], of: &[f64], without: usize) -> Vec<(usize, f64)> {
+/// What a motion for a target is made of: neighbours that lend themselves to it, with their weights.
+fn weights(targets: &[Vec<f64>], of: &[f64], lends: impl Fn(usize) -> bool) -> Vec<(usize, f64)> {
     let away = |at: &[f64]| at.iter().zip(of).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
     let mut near: Vec<(usize, f64)> = targets
         .iter()
         .enumerate()
-        .filter(|(index, _)| *index != without)
+        .filter(|(index, _)| lends(*index))
         .map(|(index, at)| (index, away(at)))
         .collect();
     near.sort_by(|a, b| a.1.total_cmp(&b.1));
@@ -363,9 +381,14 @@ pub fn generalisation(
     observer: &dyn Observer,
 ) -> Result<MotionScore, Error> {
     let mut judging = Judging::of(order)?;
+    let split = judging.split.clone();
     let mut groups: BTreeMap<(String, String, usize), Vec<Held>> = BTreeMap::new();
     for held in std::mem::take(&mut judging.trials) {
-        let stature = format!("{:.3}", held.entry.body_stature_m);
+        // Other people are as tall as they are.
+        let stature = match split {
+            Split::Everybody => format!(" {:.3} m", held.entry.body_stature_m),
+            Split::People { .. } => String::new(),
+        };
         let key = (held.entry.action.clone(), stature, target(&held.entry).len());
         groups.entry(key).or_default().push(held);
     }
@@ -376,8 +399,11 @@ pub fn generalisation(
     let mut errors: [Vec<f64>; 4] = Default::default();
     for ((action, stature, figures), group) in groups {
         go_on(observer)?;
-        let count = group.len() as u64;
-        if group.len() < FEWEST || figures == 0 {
+        let judged = |at: &usize| split.judges(&group[*at].entry);
+        let all: Vec<usize> = (0..group.len()).collect();
+        let count = all.iter().copied().filter(judged).count() as u64;
+        let lending = |at: &usize| split.lends(&group[*at].entry);
+        if all.iter().copied().filter(lending).count() < FEWEST || figures == 0 || count == 0 {
             report.pass_over("too few of an action with targets", count);
             continue;
         }
@@ -386,13 +412,14 @@ pub fn generalisation(
             total: report.judged + count,
             what: "trials",
         });
-        let body = Proportions::of_stature(group[0].entry.body_stature_m)?;
         let mut targets: Vec<Vec<f64>> = group.iter().map(|of| target(&of.entry)).collect();
         scale(&mut targets);
         let trials: Vec<Vec<Vec<f64>>> = group.iter().map(Held::all).collect();
         let before = errors[0].len();
-        for (index, truth) in trials.iter().enumerate() {
-            let near = weights(&targets, &targets[index], index);
+        for (index, truth) in trials.iter().enumerate().filter(|(index, _)| judged(index)) {
+            let body = Proportions::of_stature(group[index].entry.body_stature_m)?;
+            let lends = |other: usize| other != index && lending(&other);
+            let near = weights(&targets, &targets[index], lends);
             let plane = on_a_plane(&targets, &targets[index], &near);
             let apart = |made: &[Vec<f64>]| apart_mm(&body, made, truth);
             errors[0].push(apart(&mixed(&trials, &plane)));
@@ -403,7 +430,7 @@ pub fn generalisation(
             errors[3].push(best);
         }
         report.judged += count;
-        report.per_class.insert(format!("{action} {stature} m"), mean(&errors[0][before..]));
+        report.per_class.insert(format!("{action}{stature}"), mean(&errors[0][before..]));
     }
     if report.judged > 0 {
         let what = ["eight neighbours, by inverse squared distance", "the nearest, copied"];
@@ -442,6 +469,7 @@ pub fn identification(
     let people: BTreeMap<String, SubjectEntry> =
         judging.store.subjects()?.into_iter().map(|of| (of.subject.id.clone(), of)).collect();
     let mut strangers: Vec<[&SubjectEntry; 2]> = Vec::new();
+    let split = judging.split.clone();
     let mut report = judging.report(
         "identification",
         ("who did a trial, told by the most alike of the others of its action", "share"),
@@ -467,12 +495,16 @@ pub fn identification(
         let bodies = bodies.collect::<Result<Vec<_>, _>>()?;
         // Everybody begins above the origin.
         let rows: Vec<Vec<Vec<f64>>> = group.iter().map(|of| from_the_origin(of.all())).collect();
-        for at in 0..group.len() {
+        let judged = |at: &usize| split.judges(&group[*at].entry);
+        for at in (0..group.len()).filter(judged) {
+            report.judged += 1;
             let others = (0..group.len()).filter(|other| *other != at);
             let apart = |other: usize| apart_mm(&bodies[at], &rows[at], &rows[other]);
             let others: Vec<(f64, usize)> = others.map(|other| (apart(other), other)).collect();
             let nearest = others.iter().min_by(|a, b| a.0.total_cmp(&b.0));
-            let foreign = others.iter().filter(|(_, other)| who(*other) != who(at));
+            let lends = |other: usize| split.lends(&group[other].entry);
+            let foreign =
+                others.iter().filter(|(_, other)| who(*other) != who(at) && lends(*other));
             let stranger = foreign.min_by(|a, b| a.0.total_cmp(&b.0));
             let told = stranger.and_then(|(_, other)| people.get(&who(*other)));
             strangers.extend(people.get(&who(at)).zip(told).map(|(own, told)| [own, told]));
@@ -480,7 +512,6 @@ pub fn identification(
             let own = tally.entry(who(at)).or_default();
             *own = (own.0 + usize::from(is_right), own.1 + 1);
         }
-        report.judged += group.len() as u64;
     }
     let (right, all) = tally.values().fold((0, 0), |sum, of| (sum.0 + of.0, sum.1 + of.1));
     let most = tally.values().map(|of| of.1).max().unwrap_or(0);

@@ -147,7 +147,8 @@ pub fn retargeting(
             .remedy("`gaitway robot import` makes one of its URDF"));
     }
     let mut judging = Judging::of(order)?;
-    let trials = std::mem::take(&mut judging.trials);
+    let mut trials = std::mem::take(&mut judging.trials);
+    trials.retain(|held| judging.split.judges(&held.entry));
     let mut report = judging.report(
         "retargeting",
         (

@@ -140,6 +140,7 @@ fn above(truth: &[Vec<f64>], rule: impl Fn(usize, usize) -> f64) -> Vec<Vec<f64>
 pub fn splicing(order: &MotionScoreOrder, observer: &dyn Observer) -> Result<MotionScore, Error> {
     let mut judging = Judging::of(order)?;
     let trials = std::mem::take(&mut judging.trials);
+    let split = judging.split.clone();
     let mut report = judging.report(
         "splicing",
         (
@@ -156,9 +157,12 @@ pub fn splicing(order: &MotionScoreOrder, observer: &dyn Observer) -> Result<Mot
     let mut by_class: BTreeMap<String, Vec<f64>> = BTreeMap::new();
     for (action, truths) in &by_action {
         let Some((under, over)) = action.split_once('+') else { continue };
-        let parts = |name: &str| by_action.get(name).cloned().unwrap_or_default();
+        let parts = |name: &str| -> Vec<&Held> {
+            let all = by_action.get(name).map_or(&[][..], Vec::as_slice);
+            all.iter().copied().filter(|of| split.lends(&of.entry)).collect()
+        };
         let (under, over) = (parts(under), parts(over));
-        for truth in truths {
+        for truth in truths.iter().filter(|of| split.judges(&of.entry)) {
             if under.is_empty() || over.is_empty() {
                 report.pass_over("an action of the two is not there alone", 1);
                 continue;

@@ -5,6 +5,7 @@ use super::motions::{
     ANGLES, FeatureKept, Held, Judging, MotionScore, MotionScoreOrder, apart_mm, mean,
     mean_interval, turned,
 };
+use super::people::Split;
 use crate::body::Proportions;
 use crate::corpus::rows::LabelEntry;
 use crate::error::Error;
@@ -32,6 +33,7 @@ pub fn transitioning(
     let mut judging = Judging::of(order)?;
     let trials = std::mem::take(&mut judging.trials);
     let labels = judging.labels()?;
+    let split = judging.split.clone();
     let mut report = judging.report(
         "transitioning",
         ("half a second of each trial that is cut out, of A before it and B after it", "mm"),
@@ -39,7 +41,7 @@ pub fn transitioning(
     let mut random = ChaCha8Rng::seed_from_u64(order.seed);
     let mut errors: [Vec<f64>; 3] = Default::default();
     let mut by_class: BTreeMap<String, Vec<f64>> = BTreeMap::new();
-    for held in &trials {
+    for held in trials.iter().filter(|held| split.judges(&held.entry)) {
         go_on(observer)?;
         let gap = (GAP_S * held.entry.rate_hz).round() as usize;
         if gap < 4 || held.frames() < 3 * gap {
@@ -66,7 +68,7 @@ pub fn transitioning(
         report.per_class =
             by_class.iter().map(|(class, errors)| (class.clone(), mean(errors))).collect();
     }
-    put_together(&trials, &labels, &mut report)?;
+    put_together(&trials, &labels, &split, &mut report)?;
     Ok(report)
 }
 
@@ -201,16 +203,17 @@ fn composed(
 fn put_together(
     trials: &[Held],
     labels: &BTreeMap<String, Vec<LabelEntry>>,
+    split: &Split,
     report: &mut MotionScore,
 ) -> Result<(), Error> {
     let mut errors: [Vec<f64>; 2] = Default::default();
     let mut feasible: [Vec<f64>; 2] = Default::default();
-    for held in trials {
+    for held in trials.iter().filter(|held| split.judges(&held.entry)) {
         let Some((one, other)) = held.entry.action.split_once('>') else { continue };
         let alone = |name: &str| -> Vec<&Held> {
             let is_it =
                 |of: &&Held| of.entry.action == name && of.entry.rate_hz == held.entry.rate_hz;
-            trials.iter().filter(is_it).collect()
+            trials.iter().filter(is_it).filter(|of| split.lends(&of.entry)).collect()
         };
         let own = labels.get(&held.entry.trial).map_or(&[][..], Vec::as_slice);
         let Some(middle) = change(own, one, other) else {

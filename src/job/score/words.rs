@@ -147,6 +147,9 @@ impl MotionScore {
             _ => text.push_str("value     -\n"),
         }
         let _ = writeln!(text, "truth     {}", self.truth);
+        if let Some([judged, others]) = self.people {
+            let _ = writeln!(text, "people    {judged} judged, by what {others} others did");
+        }
         for baseline in &self.baselines {
             let value = of(baseline.value, baseline.interval);
             let _ = writeln!(text, "baseline  {value}: {}", baseline.what);
