@@ -592,7 +592,11 @@ impl TableReader {
             Compression::ZSTD(_) => Packing::Zstd,
             Compression::SNAPPY => Packing::Snappy,
             Compression::UNCOMPRESSED => Packing::Nothing,
-            other => return Err(ParquetError::General(format!("packed by {other}"))),
+            other => {
+                return Err(ParquetError::General(format!(
+                    "packed by {other}; zstd, snappy and what is not packed are read"
+                )));
+            }
         };
         let pages = SerializedPageReader::new(Arc::clone(&self.input), &described, total, None)?;
         let of = self.file.metadata().file_metadata().schema_descr().column(index);

@@ -191,13 +191,27 @@ fn a_table_of_strangers_that_leads_out_of_its_folder_or_is_damaged_is_refused() 
     }
     fs::write(&timeline, "{\"filename\": \"a\"").expect("a timeline");
     refused("line 1");
+    fs::write(&timeline, vec![b' '; 1 << 21]).expect("a timeline");
+    refused("1048576 bytes for one motion");
+    fs::write(&timeline, "").expect("a timeline");
+    let unknown = text.replace("move_soma_", "path_");
+    fs::write(&table, unknown).expect("a table");
+    refused("move_soma_proportional_path or move_soma_uniform_path");
+    fs::write(&table, &text).expect("a table");
     // A pipe is not waited for.
     fs::remove_file(&timeline).expect("gone");
     assert!(Command::new("mkfifo").arg(&timeline).status().expect("mkfifo").success());
     refused("it is no file");
     fs::remove_file(&timeline).expect("gone");
+    // What begins after a motion is over: that motion is not taken, the other is.
+    let late = "{\"filename\": \"bow_001__A548_M\", \"events\": [{\"start_time\": 60, \"end_time\": 61, \"description\": \"bows\"}]}";
+    fs::write(&timeline, late).expect("a timeline");
+    let told = add();
+    assert_eq!((told.status.code(), &json(&told)["added"]), (Some(3), &1.into()));
+    let unread = json(&told)["unread"].to_string();
+    assert!(unread.contains("bows from 60.000 s on"), "{unread}");
     fs::write(&timeline, "").expect("a timeline");
-    assert_eq!(json(&add())["added"], 2);
+    assert_eq!(json(&add())["added"], 1);
 }
 
 const SPARK: &str = "

@@ -524,6 +524,8 @@ mod scores {
         let good = score("transitioning", &corpus);
         let blend = good["baselines"][0]["value"].as_f64().expect("mm");
         assert!(value(&good) < blend, "{} mm, {blend} mm by a blend", value(&good));
+        let bound = good["bound"][1].as_f64().expect("mm");
+        assert!(bound > 0.0 && bound <= value(&good) && bound < blend, "{bound} mm at best");
         // An elbow that shakes.
         let mut shaken = all.clone();
         for (_, frames) in &mut shaken {

@@ -28,6 +28,8 @@ use std::path::{Path, PathBuf};
 const MAX_BYTES: u64 = 1 << 30;
 /// Most bytes of what is done when in one motion.
 const MAX_LINE: u64 = 1 << 20;
+/// Columns that say where a motion is.
+const PLACES: [&str; 2] = ["move_soma_proportional_path", "move_soma_uniform_path"];
 /// Columns that are read.
 const COLUMNS: [&str; 14] = [
     "filename",
@@ -122,8 +124,7 @@ pub fn read(folder: &Path, metadata: &Path) -> Result<SeedFolder, Error> {
     let mut found = SeedFolder::default();
     let mut people: BTreeMap<String, SubjectEntry> = BTreeMap::new();
     for row in table {
-        let paths = ["move_soma_proportional_path", "move_soma_uniform_path"];
-        let files = paths.iter().filter_map(|column| row.get(column));
+        let files = PLACES.iter().filter_map(|column| row.get(column));
         let files: Vec<PathBuf> =
             files.map(|file| inside(folder, file, metadata)).collect::<Result<_, _>>()?;
         let Some(file) = files.into_iter().find(|file| file.is_file()) else {
@@ -147,6 +148,7 @@ type Cells = BTreeMap<&'static str, String>;
 
 fn of_parquet(path: &Path) -> Result<Vec<Cells>, Error> {
     let table = TableReader::open(path)?;
+    says_where(|name| table.has(name)).map_err(|error| error.in_file(path))?;
     let mut found = Vec::new();
     for group in 0..table.groups() {
         let mut rows: Vec<Cells> = vec![Cells::new(); table.rows_in(group)];
@@ -162,6 +164,18 @@ fn of_parquet(path: &Path) -> Result<Vec<Cells>, Error> {
         found.extend(rows);
     }
     Ok(found)
+}
+
+/// Fails if a table has none of the columns that say where motions are.
+fn says_where(has: impl Fn(&'static str) -> bool) -> Result<(), Error> {
+    if PLACES.into_iter().any(&has) {
+        return Ok(());
+    }
+    let known: Vec<&str> = COLUMNS.into_iter().filter(|name| has(name)).collect();
+    let known = if known.is_empty() { "none that is known".to_owned() } else { known.join(", ") };
+    Err(Error::of(ErrorKind::Malformed, "the table of motions does not say where they are")
+        .got(format!("columns: {known}"))
+        .allowed(format!("a column {}", PLACES.join(" or "))))
 }
 
 /// Opens a file of the folder for reading; a pipe would be waited for.
@@ -188,6 +202,7 @@ fn of_text(path: &Path) -> Result<Vec<Cells>, Error> {
         .ok_or_else(|| Error::of(ErrorKind::Malformed, "the table of motions is empty"))??;
     let places: Vec<Option<&'static str>> =
         titles.cells().map(|title| COLUMNS.into_iter().find(|column| *column == title)).collect();
+    says_where(|name| places.contains(&Some(name)))?;
     rows.map(|row| {
         let row = row?;
         let cells = places.iter().zip(row.cells());
@@ -207,6 +222,15 @@ fn timeline(path: &Path) -> Result<BTreeMap<String, Vec<TimedWords>>, Error> {
         let read = (&mut input).take(MAX_LINE).read_until(b'\n', &mut line).map_err(unreadable)?;
         if read == 0 {
             break;
+        }
+        if line.len() as u64 == MAX_LINE && line.last() != Some(&b'\n') {
+            return Err(Error::of(
+                ErrorKind::OutsideLimits,
+                "a line of what is done when is too long",
+            )
+            .at(format!("line {number}"))
+            .got(format!("more than {MAX_LINE} bytes"))
+            .allowed(format!("{MAX_LINE} bytes for one motion")));
         }
         if line.iter().all(u8::is_ascii_whitespace) {
             continue;

@@ -153,8 +153,13 @@ impl KnownLabels {
             if first > last {
                 return Err(Error::of(ErrorKind::OutsideLimits, "a label begins after the end")
                     .at(file.display().to_string())
-                    .got(format!("{} from frame {first}", label.class))
-                    .allowed(format!("0 to {last}")));
+                    .got(match label.cut {
+                        Some(Cut::Seconds(span)) => {
+                            format!("{} from {:.3} s on", label.class, span.start_s)
+                        }
+                        _ => format!("{} from frame {first} on", label.class),
+                    })
+                    .allowed(format!("frames 0 to {last}, {:.3} s", last as f64 / rate_hz)));
             }
             let value = if label.is_unclear { 0.5 } else { 1.0 };
             found.extend(with_side(

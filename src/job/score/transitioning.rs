@@ -39,7 +39,7 @@ pub fn transitioning(
         ("half a second of each trial that is cut out, of A before it and B after it", "mm"),
     );
     let mut random = ChaCha8Rng::seed_from_u64(order.seed);
-    let mut errors: [Vec<f64>; 3] = Default::default();
+    let mut errors: [Vec<f64>; 4] = Default::default();
     let mut by_class: BTreeMap<String, Vec<f64>> = BTreeMap::new();
     for held in trials.iter().filter(|held| split.judges(&held.entry)) {
         go_on(observer)?;
@@ -53,6 +53,7 @@ pub fn transitioning(
             let from = random.random_range(2..held.frames() - gap - 2);
             let made = across(held, from, gap);
             let truth: Vec<Vec<f64>> = (from..from + gap).map(|at| frame(held, at)).collect();
+            errors[3].push(apart_mm(&body, &best_between(&made[1], &made[0], &truth), &truth));
             for (errors, made) in errors.iter_mut().zip(&made) {
                 errors.push(apart_mm(&body, made, &truth));
             }
@@ -65,6 +66,10 @@ pub fn transitioning(
         let what =
             ["a blend of half a second: A stands still, B stands still, mixed", "A stands still"];
         report.tell(&errors[0], what.into_iter().zip(&errors[1..]));
+        report.bound = Some((
+            "each signal from the blend to the cubic, or as far beyond, as who knows the truth wants it",
+            mean(&errors[3]),
+        ));
         report.per_class =
             by_class.iter().map(|(class, errors)| (class.clone(), mean(errors))).collect();
     }
@@ -79,6 +84,25 @@ fn frame(held: &Held, at: usize) -> Vec<f64> {
 /// What is put into a gap: with the speeds of both sides; a blend; and the last pose.
 fn across(held: &Held, from: usize, gap: usize) -> [Vec<Vec<f64>>; 3] {
     between([from - 2, from - 1, from + gap, from + gap + 1].map(|at| frame(held, at)), gap)
+}
+
+/// Each signal as far from one to the other, or up to as far beyond it, as brings it nearest to the truth.
+fn best_between(one: &[Vec<f64>], other: &[Vec<f64>], truth: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    let share = |signal: usize| {
+        let (mut along, mut square) = (0.0, 1e-12);
+        for ((one, other), own) in one.iter().zip(other).zip(truth) {
+            let way = other[signal] - one[signal];
+            along += way * turned(one[signal], own[signal]);
+            square += way * way;
+        }
+        f64::clamp(along / square, 0.0, 2.0)
+    };
+    let shares: Vec<f64> = (0..one.first().map_or(0, Vec::len)).map(share).collect();
+    let row = |(one, other): (&Vec<f64>, &Vec<f64>)| {
+        let signals = one.iter().zip(other).zip(&shares);
+        signals.map(|((one, other), share)| one + share * (other - one)).collect()
+    };
+    one.iter().zip(other).map(row).collect()
 }
 
 /// The same between any two frames before and two behind it.
