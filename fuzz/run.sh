@@ -1,8 +1,9 @@
 #!/bin/sh
-# Builds the fuzz targets once and runs each for SECONDS (default 30), or only those named:
+# Builds the fuzz targets once and runs each for SECONDS (default 30), or only those named, as many at once as there are
+# processors:
 #     fuzz/run.sh [SECONDS [TARGET ..]]
 # Works with the stable compiler, without cargo-fuzz: libFuzzer comes with the crate libfuzzer-sys,
-# the coverage it needs from rustc's own passes. Fails at the first target that finds something
+# the coverage it needs from rustc's own passes. Fails if a target finds something,
 # and leaves the input under fuzz/artifacts/.
 #
 # To add a target: fuzz_targets/NAME.rs, a [[bin]] in Cargo.toml, and what it should start from
@@ -11,18 +12,11 @@
 # with as `max_len N`.
 set -eu
 cd "$(dirname "$0")"
-seconds=${1:-30}
-[ $# -gt 0 ] && shift
-[ $# -gt 0 ] || set -- $(ls fuzz_targets | sed 's/\.rs$//')
-
 target=$(rustc -vV | sed -n 's/^host: //p')
-RUSTFLAGS="-Cpasses=sancov-module -Cllvm-args=-sanitizer-coverage-level=4 \
--Cllvm-args=-sanitizer-coverage-inline-8bit-counters -Cllvm-args=-sanitizer-coverage-pc-table \
--Cllvm-args=-sanitizer-coverage-trace-compares -Ccodegen-units=1 -Cdebug-assertions \
--Coverflow-checks" \
-    cargo build --release --target "$target" --target-dir target
 
-for name; do
+# One target, which is built: this script calls itself.
+if [ "${1:-}" = one ]; then
+    seconds=$2 name=$3
     corpus=corpus/$name
     mkdir -p "$corpus" artifacts
     [ ! -d "seeds/$name" ] || cp "seeds/$name/"* "$corpus/"
@@ -48,9 +42,23 @@ for name; do
             esac
         done < "seeds/$name.files"
     fi
-    echo "== $name, $seconds s"
     "target/$target/release/$name" "$corpus" -max_total_time="$seconds" -max_len="$longest" \
         -timeout=5 -rss_limit_mb=1024 -print_final_stats=1 -artifact_prefix="artifacts/$name-" \
         2> "artifacts/$name.log" || { tail -40 "artifacts/$name.log"; exit 1; }
-    grep -E "DONE|number_of_executed_units|average_exec_per_sec" "artifacts/$name.log"
-done
+    # In one piece: others are told at the same time.
+    found=$(grep -E "DONE|number_of_executed_units|average_exec_per_sec" "artifacts/$name.log")
+    printf '== %s, %s s\n%s\n' "$name" "$seconds" "$found"
+    exit
+fi
+
+seconds=${1:-30}
+[ $# -gt 0 ] && shift
+[ $# -gt 0 ] || set -- $(ls fuzz_targets | sed 's/\.rs$//')
+
+RUSTFLAGS="-Cpasses=sancov-module -Cllvm-args=-sanitizer-coverage-level=4 \
+-Cllvm-args=-sanitizer-coverage-inline-8bit-counters -Cllvm-args=-sanitizer-coverage-pc-table \
+-Cllvm-args=-sanitizer-coverage-trace-compares -Ccodegen-units=8 -Cdebug-assertions \
+-Coverflow-checks" \
+    cargo build --release --target "$target" --target-dir target
+
+printf '%s\n' "$@" | xargs -P "$(nproc)" -I NAME sh run.sh one "$seconds" NAME

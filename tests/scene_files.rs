@@ -143,6 +143,42 @@ print(json.dumps({"spread_m": float((rods.max(axis=0) - rods.min(axis=0)).max())
     "tall_m": max(heads), "carries": carries}))
 "#;
 
+/// What rerun holds of a scene that the example put into it, as its own tool prints it: each transform, beside that of the scene.
+const RERUN: &str = r#"
+import os, re, subprocess, sys
+example, file, made = sys.argv[1:]
+subprocess.run([sys.executable, example, file, made], check=True, stdout=subprocess.DEVNULL)
+tool = os.path.join(os.path.dirname(sys.executable), "rerun")
+def printed(*more):
+    asked = [tool, "rrd", "print", "-vvv", made, *more]
+    return subprocess.run(asked, check=True, capture_output=True, text=True).stdout
+row = re.compile(r"┆ \[([\w/]+)\]\s+┆ \[([\w/]+)\]\s+┆ \[\[([^\]]+)\]\]\s+┆ \[\[([^\]]+)\]\]")
+numbers = lambda text: [float(number) for number in text.split(",")]
+theirs, ours = {}, {}
+for line in printed("--entity", "/transforms").splitlines():
+    found = row.search(line)
+    if found:
+        child, parent, turn, place = found.groups()
+        theirs.setdefault(child, []).append((parent, numbers(turn) + numbers(place)))
+for topic, at, told in scene(file):
+    if topic == "/transforms":
+        for one in told.transforms:
+            turn, place = one.rotation, one.translation
+            if one.child_frame_id == "world":  # in nothing: rerun leaves it out
+                continue
+            ours.setdefault(one.child_frame_id, []).append((one.parent_frame_id,
+                [turn.x, turn.y, turn.z, turn.w, place.x, place.y, place.z]))
+apart = lambda one, other: max(abs(a - b) for a, b in zip(one[1], other[1]))
+assert theirs.keys() == ours.keys(), theirs.keys() ^ ours.keys()
+print(json.dumps({
+    "counts": [[len(theirs[link]), len(ours[link])] for link in ours],
+    "parents": all(a[0] == b[0] for link in ours for a, b in zip(theirs[link], ours[link])),
+    "worst": max(apart(a, b) for link in ours for a, b in zip(theirs[link], ours[link])),
+    "moved": {link: max(apart(one, theirs[link][0]) for one in theirs[link]) for link in theirs},
+    "drawn": sorted(set(re.findall(r"/drawn/scene/[a-z]+", printed()))),
+}))
+"#;
+
 /// Runs the program in a folder, with arguments that have no spaces in them.
 fn run(folder: &Path, arguments: &str) -> Output {
     let mut command = gaitway();
@@ -197,6 +233,29 @@ fn a_recorded_walk_moves_in_the_scene_as_mujoco_moves_the_model_that_is_in_it() 
     let long_s = number(&found["last_s"]) - number(&found["first_s"]);
     let frames = number(&found["frames"]);
     assert!((frames - 1.0 - long_s * 60.0).abs() < 0.5, "{frames} in {long_s} s");
+}
+
+#[test]
+fn rerun_has_every_link_of_a_walk_where_the_scene_has_it() {
+    let folder = folder("rerun");
+    succeed(&folder, "play walk:3s --robot op3 --bus sim --record walk.mcap");
+    succeed(&folder, "convert walk.mcap scene.mcap --scene");
+    let example = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/in_rerun.py");
+    let (scene, made) = (folder.join("scene.mcap"), folder.join("walk.rrd"));
+    let Some(found) = told(RERUN, &[&example, &scene, &made]) else { return };
+    let counts = found["counts"].as_array().expect("a list");
+    assert!(counts.iter().all(|of| of[0] == of[1] && number(&of[0]) > 100.0), "{counts:?}");
+    assert_eq!(found["parents"], true);
+    // rerun keeps places as numbers of 32 bits.
+    assert!(number(&found["worst"]) < 1e-6, "{}", found["worst"]);
+    let moved = found["moved"].as_object().expect("a map");
+    let own = moved.iter().filter(|(name, _)| !name.starts_with("goal/"));
+    let moving = own.filter(|(_, far)| number(far) > 1e-3).count();
+    assert!(moving >= 18, "links of a walk that move: {moving} of {moved:?}");
+    let drawn = found["drawn"].to_string();
+    for part in ["robot", "goal", "balance"] {
+        assert!(drawn.contains(&format!("/drawn/scene/{part}")), "{part}: {drawn}");
+    }
 }
 
 #[test]
