@@ -70,11 +70,12 @@ function replot() {
 function buildChoice() {
   const place = byId("choice");
   if (!channels.length) { byId("signals").hidden = true; document.querySelector("main").classList.add("alone"); return; }
-  const list = (title, which, open) => {
+  // One of a kind, several, and which of them.
+  const list = ([one, several], [does, many], which, open) => {
     const members = channels.map((channel, n) => n).filter(n => which(channels[n]));
     if (!members.length) return;
     const box = document.createElement("details"), summary = document.createElement("summary");
-    box.open = open; summary.textContent = `${members.length} ${title}`;
+    box.open = open; summary.textContent = members.length === 1 ? `1 ${one}${does}` : `${members.length} ${several}${many}`;
     box.append(summary);
     for (const n of members) {
       const button = document.createElement("button");
@@ -86,9 +87,12 @@ function buildChoice() {
     }
     place.append(box);
   };
-  const what = joints ? "joints" : "signals";
-  list(isLive ? "joints" : joints ? "joints that move" : markers ? "labelled markers" : channels.length > 1 ? "signals" : "signal", channel => channel.moves, true);
-  list(markers ? "points without a label" : `${what} that never move`, channel => !channel.moves, false);
+  const kind = joints ? ["joint", "joints"] : ["signal", "signals"];
+  const moving = joints && !isLive ? [" that moves", " that move"] : ["", ""];
+  list(markers ? ["labelled marker", "labelled markers"] : kind, moving, channel => channel.moves, true);
+  const still = [" that never moves", " that never move"];
+  if (markers) list(["point without a label", "points without a label"], ["", ""], channel => !channel.moves, false);
+  else list(kind, still, channel => !channel.moves, false);
   if (quantities.length > 1) {
     const bar = document.createElement("div");
     bar.className = "quantities"; bar.setAttribute("role", "group"); bar.setAttribute("aria-label", "Quantities");
