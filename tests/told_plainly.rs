@@ -345,3 +345,21 @@ fn a_page_of_a_folder_of_motions_is_refused_with_what_can_be_drawn_of_it() {
     assert_told(&["retarget", &episode, "--robot", "op3", "-o", &table, "--html", &page], 0, &[]);
     assert!(folder.join("page.html").exists());
 }
+
+#[test]
+fn a_file_that_may_not_grow_any_more_is_told_as_that_and_not_as_a_full_disk() {
+    let out = crate::program::folder("no-growth").join("walks").display().to_string();
+    let make = |before: &str| {
+        let script = format!("{before} exec \"$0\" synth walk --variations 40 -o {out}/");
+        let mut limited = std::process::Command::new("sh");
+        limited.args(["-c", &script, crate::program::PATH]).output().expect("a shell")
+    };
+    let output = make("ulimit -f 2000;");
+    let told = crate::program::words(&output);
+    assert_eq!(output.status.code(), Some(1), "{told}");
+    assert!(told.contains("a file may not grow any more") && told.contains("ulimit -f"), "{told}");
+    assert!(!told.contains("disk is full"), "{told}");
+    // As it says, the same command goes on.
+    let output = make("");
+    assert!(output.status.success(), "{}", crate::program::words(&output));
+}

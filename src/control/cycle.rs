@@ -934,7 +934,10 @@ impl Exception {
     fn words(&self) -> Option<String> {
         match self {
             Self::BlindRamp { blind_s, most_s, rested } => {
-                let end = if *rested { "and ended at rest" } else { "and did not end at rest" };
+                let end = match *rested {
+                    true => "and the goals came to rest: whether the joints did is not known",
+                    false => "and the goals did not come to rest",
+                };
                 Some(format!(
                     "nobody answered for the last {blind_s:.2} s: the motion was run down blindly \
                      (at most {most_s:.2} s), {end}"

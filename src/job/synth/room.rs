@@ -31,8 +31,10 @@ pub fn filled(path: &Path, bytes: u64, why: io::ErrorKind) -> Error {
         io::ErrorKind::FileTooLarge => {
             Error::of(ErrorKind::Io, "a file may not grow any more, and the corpus is not done")
                 .at(path.display().to_string())
-                .got("the limit on the size of a file (`ulimit -f`, or that of the file system)")
-                .allowed(format!("about {} in all are still to come", megabytes(needed)))
+                .got(format!(
+                    "the limit on the size of a file (`ulimit -f`, or that of the file system), and about {} to come",
+                    megabytes(needed)
+                ))
                 .remedy(format!("raise the limit or make fewer variations, {again}"))
         }
         io::ErrorKind::QuotaExceeded => {
