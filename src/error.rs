@@ -175,6 +175,25 @@ impl Error {
     }
 }
 
+/// So many of these.
+#[must_use]
+pub fn counted(count: impl TryInto<u64>, one: &str) -> String {
+    let count = count.try_into().unwrap_or(u64::MAX);
+    if count == 1 { format!("1 {one}") } else { format!("{count} {one}s") }
+}
+
+/// So many names are read one by one; the first of more.
+const MOST_NAMES: usize = 8;
+const FIRST_NAMES: usize = 3;
+
+/// Names as a person reads them: all, or of many the first few and how many more.
+#[must_use]
+pub fn listed<T: AsRef<str>>(names: &[T]) -> String {
+    let told = if names.len() > MOST_NAMES { FIRST_NAMES } else { names.len() };
+    let text = names[..told].iter().map(AsRef::as_ref).collect::<Vec<_>>().join(", ");
+    if told == names.len() { text } else { format!("{text} and {} more", names.len() - told) }
+}
+
 /// What is longer is no number that a person reads.
 const MOST_DIGITS: usize = 24;
 /// How much is told of what was found.
@@ -237,8 +256,12 @@ impl fmt::Display for Error {
             ("to do", self.remedy.as_deref()),
         ];
         for (label, text) in rows {
-            if let Some(text) = text {
-                write!(f, "\n  {label:<8} {text}")?;
+            match text.map(str::trim) {
+                None => {}
+                // A row without words says nothing; that nothing was found says something.
+                Some("") if label == "got" => write!(f, "\n  {label:<8} nothing")?,
+                Some("") => {}
+                Some(_) => write!(f, "\n  {label:<8} {}", text.unwrap_or_default())?,
             }
         }
         self.also.iter().try_for_each(|other| write!(f, "\n{other}"))
@@ -261,6 +284,20 @@ mod tests {
         assert!(!line.contains('\n') && !line.contains("  "), "{line}");
         assert!(line.starts_with("the file cannot be written; where a.c3d; got "), "{line}");
         assert!(line.contains("; to do make room"), "{line}");
+    }
+
+    #[test]
+    fn no_row_of_an_error_is_blank() {
+        let error = Error::new("no name").at("").got(" ").allowed("a name").remedy("");
+        assert_eq!(error.to_string(), "no name\n  got      nothing\n  allowed  a name");
+    }
+
+    #[test]
+    fn of_many_names_the_first_are_told_and_how_many_more() {
+        let names: Vec<String> = (1..=9).map(|n| format!("j{n}")).collect();
+        assert_eq!(listed(&names[..8]), "j1, j2, j3, j4, j5, j6, j7, j8");
+        assert_eq!(listed(&names), "j1, j2, j3 and 6 more");
+        assert_eq!(listed::<&str>(&[]), "");
     }
 
     #[test]

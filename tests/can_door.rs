@@ -16,7 +16,12 @@ const ROBOT: &str = include_str!("can_door/four-families.toml");
 
 /// The robot's world, and a line's door.
 fn door(line_name: &str) -> (Arc<Mutex<World>>, Door) {
-    let robot = gaitway_profiles::parse_robot("four-families.toml", ROBOT).expect("a robot");
+    door_of("four-families.toml", ROBOT, line_name)
+}
+
+/// The world of a robot's file, and a line's door.
+fn door_of(file: &str, robot: &str, line_name: &str) -> (Arc<Mutex<World>>, Door) {
+    let robot = gaitway_profiles::parse_robot(file, robot).expect("a robot");
     let world = World::new(&robot, Options::default()).expect("a world");
     let line = world.line_names().iter().position(|name| name == line_name).expect("a line");
     let world = Arc::new(Mutex::new(world));
@@ -83,7 +88,9 @@ fn the_example_of_the_readme_does_what_it_says() {
     let examples = readme.split("```python\n").filter_map(|text| text.split_once("```"));
     let mut examples = examples.map(|(code, _)| code).filter(|code| code.contains("import can\n"));
     let example = examples.next().expect("an example");
-    let (_world, door) = door("damiao");
+    let tables = readme.split("```toml\n").filter_map(|text| text.split_once("```"));
+    let mut tables = tables.map(|(text, _)| text).filter(|text| text.contains("dm4310"));
+    let (world, door) = door_of("my-robot.toml", tables.next().expect("a robot"), "bus");
     let path = door.path().display().to_string();
     let output = Command::new(python.program)
         .args(["-c", &example.replace("/tmp/my-robot", &path)])
@@ -91,6 +98,9 @@ fn the_example_of_the_readme_does_what_it_says() {
         .expect("Python starts");
     let said = String::from_utf8_lossy(&output.stdout).into_owned();
     assert_eq!(said.trim(), "0x11 0.5", "{}", String::from_utf8_lossy(&output.stderr));
+    // Who copies it to a real actuator gets no blow.
+    let verdict = world.lock().unwrap_or_else(PoisonError::into_inner).verdict();
+    assert!(verdict.goals > 200 && verdict.is_clean(), "{:?}", verdict.violations);
 }
 
 fn simulate(arguments: &[&str]) -> Command {

@@ -147,6 +147,40 @@ fn zero_direction_and_range_are_found_and_used_by_every_command() {
     assert_eq!(desk.world().register("elbow_flex", "Homing Offset"), Some(0));
 }
 
+/// Who has measured half of an arm is told that it is kept.
+#[test]
+fn a_servo_that_vanishes_ends_a_calibration_and_how_to_go_on_is_said() {
+    let desk = Desk::with("so101");
+    let config = crate::program::folder("vanished");
+    let mut session = Session::start(&desk, &config, "so101", &["--only", "elbow_flex,gripper"]);
+    session.joint("elbow_flex", 0.2, 0.6, (-0.8, 1.0));
+    session.until("gripper");
+    desk.world().unplug("gripper").expect("a joint");
+    session.answer("");
+    let output = session.end();
+    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(1), "{told}");
+    assert!(told.contains("to go on: the same command with --resume"), "{told}");
+    assert!(config.join("gaitway/calibration/so101.toml.partial").exists(), "{told}");
+}
+
+/// An empty calibration would later be taken for one.
+#[test]
+fn a_calibration_in_which_every_joint_is_skipped_is_none() {
+    let desk = Desk::with("so101");
+    let config = crate::program::folder("skipped");
+    let mut session = Session::start(&desk, &config, "so101", &["--only", "elbow_flex,gripper"]);
+    for joint in ["elbow_flex", "gripper"] {
+        session.until(joint);
+        session.answer("s");
+    }
+    let output = session.end();
+    assert_eq!(output.status.code(), Some(1), "{}", text(&output));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("no joint was measured"));
+    let left = std::fs::read_dir(config.join("gaitway/calibration")).map(|found| found.count());
+    assert_eq!(left.unwrap_or(0), 0, "something was written");
+}
+
 /// Other programs leave offsets in the servos. The zero that is measured goes with them, and play
 /// takes the servo as it was then, and not when the offset has changed since.
 #[test]

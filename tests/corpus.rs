@@ -340,6 +340,91 @@ fn a_file_that_vanished_or_changed_is_named() {
 }
 
 #[test]
+fn what_is_no_part_of_a_corpus_is_named_and_is_no_fault() {
+    let (folder, moves) = new("strays");
+    assert!(corpus(&["add", &moves, "bow"]).status.success());
+    let of = |name: &str| folder.join("moves").join(name);
+    let remarks = || {
+        let checked = report(&["check", &moves]);
+        assert_eq!(checked["outcome"], "done", "{checked:#}");
+        let remarks = checked["remarks"].as_array().expect("remarks").clone();
+        remarks.iter().filter_map(Value::as_str).map(str::to_owned).collect::<Vec<_>>()
+    };
+    assert_eq!(remarks(), Vec::<String>::new());
+    fs::write(of("notes.txt"), "mine").expect("a file");
+    fs::create_dir_all(of("old/deeper")).expect("a folder");
+    fs::write(of("old/deeper/walk.bvh"), "mine").expect("a file");
+    fs::create_dir_all(of("frames/set=generated/action=jump")).expect("a folder");
+    let named = |name: &str| format!("no part of the corpus: {}", of(name).display());
+    // A folder is named once, and not all that lies in it.
+    assert_eq!(
+        remarks(),
+        [named("frames/set=generated/action=jump"), named("notes.txt"), named("old")]
+    );
+}
+
+#[test]
+fn a_manifest_that_is_a_pipe_is_refused_and_not_waited_for() {
+    let (folder, moves) = new("pipe");
+    assert!(corpus(&["add", &moves, "bow"]).status.success());
+    let manifest = folder.join("moves/corpus.toml");
+    fs::remove_file(&manifest).expect("removed");
+    let made = std::process::Command::new("mkfifo").arg(&manifest).status();
+    assert!(made.expect("mkfifo").success());
+    for arguments in
+        [&["query", &moves, "action=bow"][..], &["add", &moves, "walk"], &["check", &moves]]
+    {
+        // One that waits is ended, and has another code.
+        let mut limited = std::process::Command::new("timeout");
+        let output = limited.arg("20").arg(program::PATH).arg("corpus").args(arguments).output();
+        let output = output.expect("the program");
+        let told = words(&output);
+        assert_eq!(output.status.code(), Some(1), "{told}");
+        assert!(told.contains("the manifest of the corpus is no file"), "{told}");
+    }
+}
+
+#[test]
+fn who_changes_a_corpus_is_named_to_whoever_has_to_wait() {
+    let (_, moves) = new("held");
+    let store = Store::open_to_change(Path::new(&moves)).expect("a corpus");
+    let own = format!("process {} (", std::process::id());
+    let told = words(&corpus(&["add", &moves, "bow"]));
+    assert!(told.contains("another program changes this corpus") && told.contains(&own), "{told}");
+    // Who makes a part of a set waits, and says for whom.
+    let mut waiting = gaitway();
+    waiting.args(["corpus", "generate", &moves, "generalisation", "--part", "1/300"]);
+    let waiting = waiting.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("it starts");
+    let mut waiting = waiting;
+    let mut said = std::io::BufReader::new(waiting.stderr.take().expect("its words"));
+    let mut line = String::new();
+    while !line.contains("it is waited for") {
+        line.clear();
+        let count = std::io::BufRead::read_line(&mut said, &mut line).expect("text");
+        assert!(count > 0, "it ended without a word of whom it waits for");
+    }
+    assert!(line.contains(&own), "{line}");
+    drop(store);
+    assert!(waiting.wait().expect("its end").success());
+}
+
+#[test]
+fn the_subjects_of_a_session_have_ids_that_can_be_names_of_files() {
+    let (folder, moves) = new("ids");
+    let lab = folder.join("lab");
+    fs::create_dir_all(lab.join("trials")).expect("a folder");
+    let session = "schema = 1\nname = \"lab\"\nbegun = \"2026-01-01T00:00:00Z\"\nsources = [\"torso=imu:x-imu3@/dev/null\"]\n\
+                   subjects = [\"../../outside\"]\ngaitway_version = \"0.2.0\"\n[plan]\n[[plan.action]]\nname = \"bow\"\nexplain = \"bow\"\nrepetitions = 1\n";
+    fs::write(lab.join("session.toml"), session).expect("a file");
+    let resumed =
+        gaitway().args(["record", "--session", &shown(&lab)]).stdin(Stdio::null()).output();
+    let told = words(&resumed.expect("the program"));
+    assert!(told.contains("not an id") && told.contains("../../outside"), "{told}");
+    let told = words(&corpus(&["add", &moves, &shown(&lab)]));
+    assert!(told.contains("the session is not finished"), "{told}");
+}
+
+#[test]
 fn a_person_who_is_removed_is_nowhere_any_more() {
     let (folder, moves) = new("person");
     for (name, action) in [("one", "bow"), ("two", "kick-r"), ("three", "wave-r")] {
@@ -488,7 +573,7 @@ fn labels_of_tables_and_of_frames_are_asked_by_trial_and_by_frame() {
     fs::write(&table, "file,class\nbow.bvh,bow\nelsewhere/nod.bvh,nod\n").expect("a table");
     let other = report(&["add", &moves, &clips_shown, "--labels", &table, "--action", "x"]);
     let note = other["notes"][0].as_str().expect("a note");
-    assert!(note.contains("1 clips") && note.contains("elsewhere/nod.bvh"), "{note}");
+    assert!(note.contains("1 clip name") && note.contains("elsewhere/nod.bvh"), "{note}");
     let file = folder.join("file");
     fs::write(&file, "mine").expect("a file");
     let refused = corpus(&["export", &moves, "--format", "bvh", "-o", &shown(&file)]);

@@ -280,8 +280,8 @@ fn zeros_are_no_places_to_a_fit_and_samples_far_away_are_told() {
     };
     let [zero, far, unseen] = ["zero.csv", "far.csv", "unseen.csv"].map(fitted);
     assert!(zero.1 == unseen.1 && far.1 == unseen.1, "the angles are the same");
-    assert!(zero.0.contains("15 samples of 1 markers are at the very origin"), "{}", zero.0);
-    assert!(far.0.contains("15 samples of 1 markers are farther than 1000 m away"), "{}", far.0);
+    assert!(zero.0.contains("15 samples of 1 marker are at the very origin"), "{}", zero.0);
+    assert!(far.0.contains("15 samples of 1 marker are farther than 1000 m away"), "{}", far.0);
     let done = run(&folder, &["clean", "far.csv", "-o", "cleaned.csv"]);
     assert!(words(&done).contains("farther than 1000 m away"), "{}", words(&done));
 }

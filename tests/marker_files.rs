@@ -45,7 +45,7 @@ fn a_trc_file_is_read_as_written_with_its_gaps() {
     ];
     assert_eq!(positions(&markers), expected);
     assert!(
-        head.notes.iter().any(|note| note.starts_with("1 samples have one or two")),
+        head.notes.iter().any(|note| note.starts_with("1 sample with one or two")),
         "{:?}",
         head.notes
     );

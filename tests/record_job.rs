@@ -11,6 +11,50 @@ use std::io::Write;
 use std::net::TcpListener;
 use std::sync::mpsc::channel;
 
+/// Standard gravity, m/s², as the sketch says it; of every tenth sample one beyond the range that its profile says.
+fn sketch_lines() -> impl Iterator<Item = String> {
+    let line = |at: u32| {
+        let z_m_s2 = if at % 10 == 5 { 900.0 } else { 9.8 };
+        format!("{},0,0,{z_m_s2},0,0,0\n", at * 10_000)
+    };
+    (0..).map(line)
+}
+
+#[test]
+fn values_beyond_the_range_of_a_sensor_are_counted_and_told_in_words() {
+    let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
+    let address = listener.local_addr().expect("its address");
+    std::thread::spawn(move || {
+        let (mut line, _) = listener.accept().expect("the recording");
+        for text in sketch_lines() {
+            if line.write_all(text.as_bytes()).is_err() {
+                break;
+            }
+            std::thread::sleep(std::time::Duration::from_millis(10));
+        }
+    });
+    let file = program::folder("beyond").join("take.mcap");
+    let output = program::gaitway()
+        .args(["record", &format!("torso=imu:arduino-csv@tcp:{address}"), "--for", "1s", "-o"])
+        .arg(&file)
+        .output()
+        .expect("the command");
+    let told = program::words(&output);
+    assert_eq!(output.status.code(), Some(3), "{told}");
+    assert!(told.contains("with a reading that is missing or beyond the sensor's range"), "{told}");
+    // By what is in the file: those are the samples that have no acceleration.
+    let series = sensor_series(&file).expect("the recording");
+    let samples = &series.sensors["torso"];
+    let lacking = samples.iter().filter(|moment| moment.acceleration_m_s2.is_none()).count();
+    assert!(
+        lacking > 2 && told.contains(&format!("{lacking} with a reading")),
+        "{lacking}: {told}"
+    );
+    let info =
+        program::words(&program::gaitway().arg("info").arg(&file).output().expect("the command"));
+    assert!(info.contains(&format!("{lacking} with a value beyond the sensor's range")), "{info}");
+}
+
 #[test]
 fn a_mark_that_was_set_before_the_recording_began_is_one_of_its_beginning() {
     let listener = TcpListener::bind("127.0.0.1:0").expect("a port");

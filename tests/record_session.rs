@@ -124,10 +124,19 @@ fn movement(operator: &mut Dialogue, person: &Person, act: Act) {
 
 /// N pose. Who stood still while the machine did not is asked once more.
 fn stand_until(operator: &mut Dialogue, next: &str) {
+    stand_and_type(operator, None, next);
+}
+
+/// The same for somebody who types something while they are to hold still.
+fn stand_and_type(operator: &mut Dialogue, early: Option<&str>, next: &str) {
     const ASKED: &str = "Enter when you stand so";
     operator.expect(ASKED);
     for _ in 0..4 {
         operator.say("");
+        if let Some(early) = early {
+            operator.expect("hold still");
+            operator.say(early);
+        }
         if operator.expect_one_of(&[next, ASKED]) == next {
             return;
         }
@@ -361,7 +370,8 @@ fn retaken_trial(operator: &mut Dialogue, person: &Person) {
 fn cut_off_trial(operator: &mut Dialogue, person: &Person) {
     operator.expect("1 of 2 good repetitions");
     operator.answer("Record wave-r-03?", "");
-    stand_until(operator, "RECORDING wave-r-03");
+    // A dot that came before the trial does not end it.
+    stand_and_type(operator, Some("."), "RECORDING wave-r-03");
     person.does(waving());
     passes(3.0);
     operator.say("");

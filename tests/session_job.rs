@@ -154,7 +154,7 @@ impl Operator for Leader {
                 Entry::Next(action.name.clone(), good, wanted)
             }
             Happening::Recording { trial } => Entry::Recording(trial.to_owned()),
-            Happening::Marked { good, bad } => Entry::Marked(good, bad),
+            Happening::Marked { good, bad, .. } => Entry::Marked(good, bad),
             Happening::Recorded(recorded) => {
                 let heard = recorded.parts.iter().flat_map(|part| &part.samples);
                 let heard = heard.filter(|(_, samples)| **samples > 50);

@@ -129,7 +129,7 @@ fn an_output_that_can_be_no_file_is_told_what_it_is() {
         ["corpus", "export", &corpus, "--format", format, "-o", &path("export")].map(str::to_owned)
     };
     let words = |of: [String; 7]| crate::program::words(&run(&of.each_ref().map(String::as_str)));
-    assert!(words(export("bvh")).contains("1 trials as bvh"));
+    assert!(words(export("bvh")).contains("1 trial as bvh"));
     assert!(words(export("bvh")).contains("this export is there already, and whole"));
     assert!(words(export("c3d")).contains("holds no part of this export"));
 }
@@ -230,4 +230,136 @@ fn a_planned_motion_that_is_too_long_is_told_how_long_it_may_be() {
         1,
         &["4999 s", "4000 s of 20 joints"],
     );
+}
+
+/// A walk in which the right knee is elsewhere in one frame.
+fn with_a_glitch() -> String {
+    let walk = std::fs::read_to_string(
+        std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("motions/walk.bvh"),
+    );
+    let walk = walk.expect("the shipped walk");
+    let (head, frames) = walk.split_once("Frame Time").expect("a capture");
+    let channels = head.lines().filter_map(|line| {
+        let mut words = line.split_whitespace();
+        match words.next()? {
+            "ROOT" | "JOINT" => Some((words.next().map(str::to_owned), 0)),
+            "CHANNELS" => Some((None, words.next()?.parse().ok()?)),
+            _ => None,
+        }
+    });
+    let (mut column, mut knee) = (0, None);
+    for (name, count) in channels {
+        if name.as_deref() == Some("RightLeg") {
+            knee = Some(column);
+        }
+        column += count;
+    }
+    let knee = knee.expect("a knee");
+    let mut lines: Vec<String> = frames.lines().map(str::to_owned).collect();
+    let mut values: Vec<String> = lines[151].split_whitespace().map(str::to_owned).collect();
+    // Z, X, Y: it bends about X.
+    let bent: f64 = values[knee + 1].parse().expect("a number");
+    values[knee + 1] = (bent + 120.0).to_string();
+    lines[151] = values.join(" ");
+    format!("{head}Frame Time{}\n", lines.join("\n"))
+}
+
+#[test]
+fn what_no_person_does_in_a_capture_is_told_where_it_is_played() {
+    let folder = crate::program::folder("glitch");
+    let (glitch, walk) = (folder.join("glitch.bvh").display().to_string(), "motions/walk.bvh");
+    std::fs::write(&glitch, with_a_glitch()).expect("a file");
+    let play = |motion: &str| {
+        let arguments = ["play", motion, "--robot", "op3", "--bus", "sim", "--hang", "--dry-run"];
+        crate::program::words(&run(&arguments))
+    };
+    let told = play(&glitch);
+    assert!(told.contains("no person moves so: right_shank jumps at 2.50 s (1 frame)"), "{told}");
+    assert!(told.contains("gaitway clean --check"), "{told}");
+    let whole = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(walk).display().to_string();
+    assert!(!play(&whole).contains("no person moves so"));
+}
+
+/// An arm whose line is too slow to ask all of it in every cycle.
+fn slow_arm() -> String {
+    let line = |name: &str, bps: u32| format!("[[line]]\nname = \"{name}\"\nbaud_bps = {bps}\n");
+    let joint = |id: u32| {
+        let line = if id < 3 { "a" } else { "b" };
+        format!(
+            "[[joint]]\nname = \"j{id}\"\nline = \"{line}\"\nid = {id}\nservo = \"xl430-w250\"\nlower_rad = -1.5\n\
+             upper_rad = 1.5\nvelocity_rad_s = 2.0\nacceleration_rad_s2 = 10.0\n"
+        )
+    };
+    let joints: String = (1..=5).map(joint).collect();
+    format!("schema = 1\nname = \"arm5\"\n{}{}{joints}", line("a", 1_000_000), line("b", 57_600))
+}
+
+#[test]
+fn a_joint_whose_turn_it_is_not_is_not_missed() {
+    let folder = crate::program::folder("in-turn");
+    let path = |name: &str| folder.join(name).display().to_string();
+    std::fs::write(path("arm5.toml"), slow_arm()).expect("a file");
+    let row = |at: u32| {
+        let time_s = f64::from(at) * 0.02;
+        let angle = format!(",{:.5}", 0.3 * (1.0 - (time_s * 1.5).cos()));
+        format!("{time_s:.2}{}\n", angle.repeat(5))
+    };
+    let rows: String = (0..150).map(row).collect();
+    let head = "time_s,j1_rad,j2_rad,j3_rad,j4_rad,j5_rad\n";
+    std::fs::write(path("wave.csv"), format!("{head}{rows}")).expect("a file");
+    let (robot, motion, file, page) =
+        (path("arm5.toml"), path("wave.csv"), path("run.mcap"), path("run.html"));
+    let arguments = [
+        "play", &motion, "--robot", &robot, "--bus", "sim", "--rate", "45", "--record", &file,
+        "--html", &page,
+    ];
+    assert_told(&arguments, 0, &["0 missed", "from 1 servo in turn; each joint every 3 cycles"]);
+    assert_told(&["info", &file], 0, &["0 readings missed"]);
+    let page = std::fs::read_to_string(page).expect("a page");
+    assert!(
+        page.contains("j5") && !page.contains("\"missed readings\""),
+        "its page says that j5 was missed"
+    );
+}
+
+#[test]
+fn a_page_of_a_folder_of_motions_is_refused_with_what_can_be_drawn_of_it() {
+    let folder = crate::program::folder("no-page");
+    let path = |name: &str| folder.join(name).display().to_string();
+    let (corpus, dataset, page) = (path("moves"), path("dataset"), path("page.html"));
+    for arguments in [
+        &["corpus", "new", &corpus][..],
+        &["corpus", "add", &corpus, "bow"],
+        &["corpus", "export", &corpus, "--format", "lerobot", "--robot", "op3", "-o", &dataset],
+    ] {
+        let output = run(arguments);
+        assert!(output.status.success(), "{}", crate::program::words(&output));
+    }
+    let refused = "a page shows one motion";
+    assert_told(&["info", &corpus, "--html", &page], 1, &[refused, "corpus export"]);
+    let episode = format!("gaitway retarget '{dataset}#0' --robot NAME");
+    assert_told(&["info", &dataset, "--html", &page], 1, &[refused, "LeRobot", &episode]);
+    assert!(!folder.join("page.html").exists());
+    // What it says to do can be done.
+    let (episode, table) = (format!("{dataset}#0"), path("episode.csv"));
+    assert_told(&["retarget", &episode, "--robot", "op3", "-o", &table, "--html", &page], 0, &[]);
+    assert!(folder.join("page.html").exists());
+}
+
+#[test]
+fn a_file_that_may_not_grow_any_more_is_told_as_that_and_not_as_a_full_disk() {
+    let out = crate::program::folder("no-growth").join("walks").display().to_string();
+    let make = |before: &str| {
+        let script = format!("{before} exec \"$0\" synth walk --variations 40 -o {out}/");
+        let mut limited = std::process::Command::new("sh");
+        limited.args(["-c", &script, crate::program::PATH]).output().expect("a shell")
+    };
+    let output = make("ulimit -f 2000;");
+    let told = crate::program::words(&output);
+    assert_eq!(output.status.code(), Some(1), "{told}");
+    assert!(told.contains("a file may not grow any more") && told.contains("ulimit -f"), "{told}");
+    assert!(!told.contains("disk is full"), "{told}");
+    // As it says, the same command goes on.
+    let output = make("");
+    assert!(output.status.success(), "{}", crate::program::words(&output));
 }

@@ -4,7 +4,7 @@
 mod line;
 
 use gaitway::bus::Protocol::{self, Dynamixel1, Dynamixel2, FeetechScs, FeetechSts};
-use gaitway::bus::scan::{Found, Reading, Reason, Scan, scan};
+use gaitway::bus::scan::{Found, Reading, Reason, Scan, scan, scan_while};
 use gaitway::device::Model;
 use gaitway::time::Duration;
 use gaitway_profiles::Robot;
@@ -265,6 +265,16 @@ fn a_servo_that_answers_pings_only_is_found() {
     let soon = in_s(&world, 10.0);
     let found = scan(&mut bus, &[Dynamixel2], unlike_others, soon).expect("a line");
     assert_eq!((ids(&found), found.collisions), (ids_of(&robot), vec![]));
+}
+
+#[test]
+fn a_scan_that_nobody_wants_to_go_on_ends_with_what_it_has_found() {
+    let (world, mut bus) = virtual_bus(&op3(), Options::default());
+    let soon = in_s(&world, 10.0);
+    let asked = std::cell::Cell::new(0);
+    let goes_on = || asked.replace(asked.get() + 1) < 7;
+    let found = scan_while(&mut bus, &[Dynamixel2], unlike_others, soon, &goes_on).expect("a line");
+    assert_eq!((ids(&found), found.complete), (ids_of(&op3())[..7].to_vec(), false));
 }
 
 #[test]

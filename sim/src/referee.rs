@@ -112,6 +112,26 @@ impl Rule {
         }
     }
 
+    /// The rule, as a person reads it.
+    pub fn words(self) -> &'static str {
+        match self {
+            Rule::GoalInsideLimits => "goals stay inside the joint's limits",
+            Rule::GoalStep => "no goal steps further than its joint can turn meanwhile",
+            Rule::RestAtEnds => {
+                "a motion begins and ends at rest: its first two goals are equal, and its last two"
+            }
+            Rule::TorqueOn => "torque comes on with the goal where the joint stands",
+            Rule::Eeprom => {
+                "EEPROM, kept at power-off, is written with permission only; a client that is meant to write it: simulate --permit-eeprom"
+            }
+            Rule::GoalAfterStop => "no goal moves after a stop",
+            Rule::ReplyWindow => "nobody talks while an answer is due",
+            Rule::LineLoad => "a line is busy for at most 90 % of any second",
+            Rule::GoalDistance => "a joint that does not follow is not driven on",
+            Rule::SpeedChange => "speed is gained and lost no faster than the joint can",
+        }
+    }
+
     /// What a careful host does, as the rest of that sentence, where the rule says no more than
     /// that: other programs may have their reasons to do without.
     pub fn of_a_careful_host(self) -> Option<&'static str> {

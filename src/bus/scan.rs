@@ -107,7 +107,7 @@ pub struct Scan {
     pub found: Vec<Found>,
     /// IDs that do not.
     pub collisions: Vec<Collision>,
-    /// False if the time was over before all was asked.
+    /// False if it ended before all was asked: the time was over, or nobody wanted it to go on.
     pub complete: bool,
 }
 
@@ -127,9 +127,24 @@ pub fn scan(
     compare: impl Fn(&Found) -> Vec<(u16, u16)>,
     budget: Instant,
 ) -> Result<Scan, AskError> {
+    scan_while(bus, protocols, compare, budget, &|| true)
+}
+
+/// [`scan`] for as long as `goes_on` says so, which is asked before each ID.
+///
+/// # Errors
+/// As [`scan`].
+pub fn scan_while(
+    bus: &mut Bus,
+    protocols: &[Protocol],
+    compare: impl Fn(&Found) -> Vec<(u16, u16)>,
+    budget: Instant,
+    goes_on: &dyn Fn() -> bool,
+) -> Result<Scan, AskError> {
     let known_delay = bus.timing.return_delay;
     bus.timing.return_delay = known_delay.max(LONGEST_RETURN_DELAY);
-    let mut scanner = Scanner { bus, budget, scan: Scan { complete: true, ..Scan::default() } };
+    let scan = Scan { complete: true, ..Scan::default() };
+    let mut scanner = Scanner { bus, budget, goes_on, scan };
     let done = scanner.all(protocols, compare);
     let scan = std::mem::take(&mut scanner.scan);
     bus.timing.return_delay = known_delay;
@@ -140,6 +155,7 @@ pub fn scan(
 struct Scanner<'a> {
     bus: &'a mut Bus,
     budget: Instant,
+    goes_on: &'a dyn Fn() -> bool,
     scan: Scan,
 }
 
@@ -232,7 +248,7 @@ impl Scanner<'_> {
         compare: &impl Fn(&Found) -> Vec<(u16, u16)>,
     ) -> Result<bool, AskError> {
         for id in ids {
-            if self.bus.clock.now() >= self.budget {
+            if self.bus.clock.now() >= self.budget || !(self.goes_on)() {
                 self.scan.complete = false;
                 return Ok(false);
             }

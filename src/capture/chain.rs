@@ -116,7 +116,7 @@ impl Chain {
         self.stuck_samples
     }
 
-    /// Samples that lacked a required part.
+    /// Samples that lacked a required part, or in which one was beyond what the sensor measures.
     #[must_use]
     pub const fn incomplete(&self) -> u64 {
         self.assembler.incomplete()

@@ -6,6 +6,7 @@ use crate::error::Error;
 use crate::job::clean::{ArtefactFigures, CleanOrder, CleanReport, Remedy, clean};
 use crate::job::clean_check::{CheckOrder, check, cut_off_remark};
 use crate::job::clean_folder::clean_folder;
+use crate::job::report::counted;
 use clap::Args;
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -177,18 +178,21 @@ fn words(report: &CleanReport, remarks: Remarks) -> String {
     if !remarks.quiet {
         let _ = writeln!(
             text,
-            "{}: {} frames at {} Hz, {} markers, {} artefacts; {} samples filled, {} taken out",
+            "{}: {} at {} Hz, {}, {}; {} filled, {} taken out",
             report.outcome.word(),
-            report.frames,
+            counted(report.frames, "frame"),
             report.rate_hz,
-            report.marker_count,
-            report.artefacts.len(),
-            report.filled_samples,
+            counted(report.marker_count, "marker"),
+            counted(report.artefacts.len(), "artefact"),
+            counted(report.filled_samples, "sample"),
             report.removed_samples
         );
         if report.cropped_frames > 0 {
-            let _ =
-                writeln!(text, "cropped   {} frames left out at the ends", report.cropped_frames);
+            let _ = writeln!(
+                text,
+                "cropped   {} left out at the ends",
+                counted(report.cropped_frames, "frame")
+            );
         }
         if !report.artefacts.is_empty() {
             let _ = writeln!(
@@ -202,8 +206,8 @@ fn words(report: &CleanReport, remarks: Remarks) -> String {
         let alike = if untouched.before == untouched.after { "the same" } else { "NOT the same" };
         let _ = writeln!(
             text,
-            "untouched {} samples, {alike} before and after ({})",
-            untouched.samples,
+            "untouched {}, {alike} before and after ({})",
+            counted(untouched.samples, "sample"),
             untouched.after.get(..12).unwrap_or_default()
         );
         for note in &report.notes {

@@ -10,6 +10,7 @@ use crate::job::convert::{ConvertOrder, convert};
 use crate::job::convert_recording::{RecordingOrder, convert_recording};
 use crate::job::labels::{self, LabelsOrder, label_kind};
 use crate::job::markers::{self, MarkersOrder};
+use crate::job::report::counted;
 use crate::job::scene_file::{SceneOrder, write_scene};
 use crate::job::sensors::{Mode, SensorsOrder, convert as convert_sensors, is_table_of_sensors};
 use crate::job::source::{CaptureOptions, FileKind, file_kind};
@@ -172,7 +173,7 @@ fn sensors(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
     }
     let samples: usize = report.samples.values().sum();
     remarks.say(&match report.poses {
-        Some(poses) => format!("{poses} poses to {}", report.written),
+        Some(poses) => format!("{poses} to {}", report.written, poses = counted(poses, "pose")),
         None => format!("{samples} orientations to {}", report.written),
     });
     Ok(report.outcome.exit_code())
@@ -238,7 +239,12 @@ fn of_labels(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
         replace: args.force,
     })?;
     report.notes.iter().for_each(|note| remarks.say(note));
-    remarks.say(&format!("{} cuts of {} clips to {}", report.cuts, report.clips, report.written));
+    remarks.say(&format!(
+        "{} cuts of {} to {}",
+        report.cuts,
+        counted(report.clips, "clip"),
+        report.written
+    ));
     Ok(Outcome::Done.exit_code())
 }
 
@@ -264,6 +270,10 @@ fn captured(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
         report.most_torso_lean_deg, report.most_pelvis_lean_deg
     ));
     let (poses, rate_hz) = (report.poses, report.rate_hz);
-    remarks.say(&format!("{poses} poses at {rate_hz} Hz to {}", report.written));
+    remarks.say(&format!(
+        "{poses} at {rate_hz} Hz to {}",
+        report.written,
+        poses = counted(poses, "pose")
+    ));
     Ok(Outcome::Done.exit_code())
 }

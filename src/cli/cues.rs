@@ -37,9 +37,12 @@ pub fn of(cue: &Cue<'_>) -> String {
             format!("  {name:<16} {:5.1} deg off  {word}", rad.to_degrees())
         }
         Cue::Move(movement) => format!("then: {}", asked(*movement)),
+        Cue::Waiting { until: Until::Begun, .. } => {
+            "  it has not been begun yet; at a terminal s and Enter leaves it out".to_owned()
+        }
         Cue::Waiting { until, segments } => {
             let words = match until {
-                Until::Up => "not up yet",
+                Until::Up | Until::Begun => "not up yet",
                 Until::Back => "not back yet",
             };
             let far = segments.iter().map(|(segment, rad)| {

@@ -6,6 +6,7 @@ use crate::error::Error;
 use crate::job::fit::{
     FitOrder, FitReport, FitSettings, FitSkeleton, HipBy, JointsAt, fit, fit_each, marker_sets,
 };
+use crate::job::report::counted;
 use clap::{Args, ValueEnum};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -156,7 +157,10 @@ fn of_several(args: &FitArgs, order: &FitOrder, remarks: Remarks) -> Result<i32,
     for trial in &report.trials {
         let done = trial.report.as_ref().map(|of| {
             let (word, frames, unseen) = (of.outcome.word(), of.frames, of.unseen.len());
-            format!("{word}, {frames} frames, {unseen} times a segment was not seen")
+            format!(
+                "{word}, {frames}, {unseen} times a segment was not seen",
+                frames = counted(frames, "frame")
+            )
         });
         let said = done.or_else(|| trial.error.clone());
         let _ = writeln!(text, "{}: {}", trial.trial, said.unwrap_or_default());
@@ -174,7 +178,12 @@ fn words(report: &FitReport, remarks: Remarks) -> String {
         };
         let (word, frames, hz) = (report.outcome.word(), report.frames, report.rate_hz);
         let (count, set, m) = (report.markers.len(), &report.marker_set, report.stature_m);
-        let _ = write!(text, "{word}: {frames} frames at {hz} Hz, {count} markers{of} as {set}");
+        let _ = write!(
+            text,
+            "{word}: {frames} at {hz} Hz, {count}{of} as {set}",
+            count = counted(count, "marker"),
+            frames = counted(frames, "frame")
+        );
         let _ = writeln!(text, ", stature about {m:.2} m");
         let _ = writeln!(text, "{:16} {:>9} {:>12}", "segment", "length mm", "residual mm");
         for bone in &report.bones {

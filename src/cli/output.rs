@@ -207,7 +207,7 @@ pub struct Output {
     /// Write the JSON document to this file as well
     #[arg(long, value_name = "FILE.json")]
     report: Option<PathBuf>,
-    /// Overwrite files that exist
+    /// Overwrite files that exist; it forces nothing else
     #[arg(long)]
     force: bool,
 }

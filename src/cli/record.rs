@@ -12,6 +12,7 @@ use crate::error::Error;
 use crate::job::page::file::page as file_page;
 use crate::job::record::Mode;
 use crate::job::record::{RecordOrder, RecordReport, record};
+use crate::job::report::counted;
 use crate::job::source::CaptureOptions;
 use crate::job::source_words;
 use crate::sensing::{Source, What};
@@ -120,11 +121,19 @@ fn text(report: &RecordReport, file: &Path) -> String {
     }
     let refused: u64 = report.dropped_by_topic.values().sum();
     if refused > 0 {
-        let _ = writeln!(out, "  the disk could not keep up: {refused} messages lost");
+        let _ = writeln!(
+            out,
+            "  the disk could not keep up: {refused} lost",
+            refused = counted(refused, "message")
+        );
     }
     if let Some(poisoned) = &report.poisoned {
         let lost = report.dropped - refused;
-        let _ = writeln!(out, "  the recording ended early: {poisoned}; {lost} messages lost");
+        let _ = writeln!(
+            out,
+            "  the recording ended early: {poisoned}; {lost} lost",
+            lost = counted(lost, "message")
+        );
     }
     out
 }

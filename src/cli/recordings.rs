@@ -4,8 +4,10 @@ use super::report::Outcome;
 use super::{Deed, Output, Remarks};
 use crate::error::Error;
 use crate::job::info::{FileOverview, info as file_info};
+use crate::job::info_folders::no_page;
 use crate::job::info_words::words;
 use crate::job::page::file::page as file_page;
+use crate::job::report::counted;
 use crate::job::sensors::overview as sensors_overview;
 use crate::job::source::CaptureOptions;
 use crate::job::source_words;
@@ -62,6 +64,7 @@ pub fn info(args: &InfoArgs) -> Result<i32, Error> {
         None => file_info(&args.file, &options)?,
     };
     if let Some(page) = &args.html {
+        no_page(&args.file)?;
         args.output.write_file(page, file_page(&args.file, &options)?.as_bytes())?;
     }
     if let Some(overview) = overview {
@@ -134,15 +137,20 @@ fn description(overview: &Overview) -> String {
     }
     let _ = writeln!(text, "duration  {:.2} s", overview.duration_s);
     for (channel, messages) in &overview.channels {
-        let _ = writeln!(text, "channel   {channel}: {messages} messages");
+        let _ = writeln!(
+            text,
+            "channel   {channel}: {messages}",
+            messages = counted(*messages, "message")
+        );
     }
     for (name, source) in &overview.sources {
         let _ = writeln!(text, "source    {}", source_words::kept(name, source));
     }
     let _ = writeln!(
         text,
-        "gaps      {} readings missed, {} cycles dropped",
-        overview.missed_reads, overview.dropped_cycles
+        "gaps      {} missed, {} dropped",
+        counted(overview.missed_reads, "reading"),
+        counted(overview.dropped_cycles, "cycle")
     );
     if overview.missed_samples + overview.dropped_samples > 0 {
         let _ = writeln!(
@@ -154,8 +162,9 @@ fn description(overview: &Overview) -> String {
     if overview.damaged_cycles + overview.damaged_samples > 0 {
         let _ = writeln!(
             text,
-            "damage    {} cycles and {} samples cannot be read",
-            overview.damaged_cycles, overview.damaged_samples
+            "damage    {} and {} cannot be read",
+            counted(overview.damaged_cycles, "cycle"),
+            counted(overview.damaged_samples, "sample")
         );
     }
     let _ = match (overview.finished, overview.lost_bytes) {
@@ -205,8 +214,9 @@ pub fn recover(args: &RecoverArgs, remarks: Remarks) -> Result<i32, Error> {
 /// What was saved and what was not, as far as the file can tell.
 fn loss(recovered: &Recovered) -> String {
     let mut text = format!(
-        "{} messages saved, {} bytes could not be used",
-        recovered.messages, recovered.lost_bytes
+        "{} saved, {} bytes could not be used",
+        counted(recovered.messages, "message"),
+        recovered.lost_bytes
     );
     if recovered.damaged > 0 {
         let _ = write!(text, ", with {} samples or cycles in them", recovered.damaged);

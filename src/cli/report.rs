@@ -55,6 +55,9 @@ impl PlayReport {
             for violation in &referee.violations {
                 let _ = writeln!(out, "          {violation}");
             }
+            for rule in &referee.rules {
+                let _ = writeln!(out, "          {rule}");
+            }
         }
         for own in &self.profiles {
             let _ = writeln!(out, "profile   {own}");
@@ -87,8 +90,11 @@ impl PlayReport {
         }
         let _ = writeln!(
             out,
-            "source    {}: {} poses at {:.2} Hz, {:.2} s",
-            source.format, source.frames, source.rate_hz, source.duration_s
+            "source    {}: {} at {:.2} Hz, {:.2} s",
+            source.format,
+            counted(source.frames, "pose"),
+            source.rate_hz,
+            source.duration_s
         );
         if self.joints.is_empty() {
             return; // refused before anything was planned
@@ -120,9 +126,9 @@ impl PlayReport {
         let _ = writeln!(out, "stop      {}", parts.join("; "));
         let _ = writeln!(
             out,
-            "          see docs/troubleshooting/{}.md; --json has the last {} cycles",
+            "          see docs/troubleshooting/{}.md; --json has the last {}",
             stop.code,
-            self.flight.len()
+            counted(self.flight.len(), "cycle")
         );
     }
 
@@ -153,7 +159,7 @@ impl PlayReport {
         if self.lost() {
             let _ = writeln!(
                 out,
-                "rest      not known: servos stand or swing to their last goal, torque on"
+                "rest      not known: servos stand at their last goal or swing to it, if they still have torque"
             );
             return;
         }
@@ -209,6 +215,11 @@ impl PlayReport {
                 rms,
                 100.0 * joint.clipped_share,
                 100.0 * joint.at_limit_share
+            );
+        }
+        if self.joints.iter().any(|joint| joint.clipped_share > 0.0005) {
+            out.push_str(
+                "          clipped: in so many poses the joint was moved by more than 0.6 deg to stay inside a limit\n",
             );
         }
         if self.joints.iter().any(|joint| joint.at_limit_share > 0.005) {

@@ -7,6 +7,7 @@ use super::terminal::Terminal;
 use super::{Deed, Output, Remarks};
 use crate::draft;
 use crate::error::{Error, ErrorKind};
+use crate::job::report::counted;
 use crate::job::robot_draft::{DraftOrder, RobotDraft, robot_draft};
 use crate::job::robot_info::{RobotInfo, robot_info};
 use crate::job::robot_model::{ImportOrder, Imported, import};
@@ -180,14 +181,14 @@ fn named_angle(text: &str) -> Result<(String, f64), String> {
 
 fn import_text(found: &Imported, file: &Path) -> String {
     let mut out = format!(
-        "{}: {} model, base {}, {:.3} kg in {} links, {} joints, {} shapes\n",
+        "{}: {} model, base {}, {:.3} kg in {}, {}, {}\n",
         found.name,
         found.format,
         found.base,
         found.mass_kg,
-        found.links,
-        found.joints.len() + found.coupled.len(),
-        found.shapes
+        counted(found.links, "link"),
+        counted(found.joints.len() + found.coupled.len(), "joint"),
+        counted(found.shapes, "shape")
     );
     for (what, names) in [
         ("stands on", &found.soles),
@@ -222,10 +223,10 @@ fn info_text(info: &RobotInfo) -> String {
     let metres = |value: Option<f64>| value.map_or("-".to_owned(), |value| format!("{value:.3} m"));
     let _ = writeln!(
         out,
-        "base      {}\nmass      {:.3} kg in {} links\nheight    {}, centre of mass at {} (start pose)",
+        "base      {}\nmass      {:.3} kg in {}\nheight    {}, centre of mass at {} (start pose)",
         body.base,
         body.mass_kg,
-        body.links.len(),
+        counted(body.links.len(), "link"),
         metres(body.height_m),
         metres(body.centre_height_m)
     );

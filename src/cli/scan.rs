@@ -2,6 +2,7 @@
 
 mod can;
 
+use super::signals::Signals;
 use super::terminal::Terminal;
 use super::{Deed, Output, Remarks};
 use crate::cli::protocol::{ProtocolName, serial_protocol};
@@ -73,11 +74,13 @@ pub fn run(args: &ScanArgs, remarks: Remarks) -> Result<i32, Error> {
         return can::run(args, remarks);
     }
     let protocol = serial_protocol(args.protocol, &args.bus)?;
-    let terminal = Terminal::unheard(remarks);
+    let signals = Signals::listen().map_err(|e| Error::new(format!("no signals: {e}")))?;
+    let terminal = Terminal::new(remarks, &signals);
     let speeds = args.baud.unwrap_or_default();
     let how = ScanOrder { bus: &args.bus, robot, protocol, speeds, wait: args.timeout };
     let report = scan_line(&how, &terminal)?;
     let code = i32::from(report.devices.is_empty() && report.collisions.is_empty());
+    let code = signals.first().filter(|_| report.stopped).map_or(code, |number| 128 + number);
     let code = args.output.conclude(&report, &text(&report), Deed::Look, code);
     match (report.devices.is_empty(), protocol) {
         (false, _) => remarks.say(TWINS),
@@ -132,7 +135,9 @@ fn text(report: &ScanReport) -> String {
             "the speed of a line behind TCP is that of its other end, and not known here\n",
         );
     }
-    if report.devices.is_empty() && report.collisions.is_empty() {
+    if report.stopped {
+        out.push_str("stopped before all was asked: there may be more\n");
+    } else if report.devices.is_empty() && report.collisions.is_empty() {
         out.push_str("nobody answers: check power and cable");
         out.push_str(if report.scanned_baud_bps.len() == 1 {
             ", or look at every speed with --baud all\n"

@@ -186,6 +186,11 @@ fn tell_verdict(verdict: &Verdict, remarks: Remarks) {
             None => format!("referee: {violation}"),
         });
     }
+    for &rule in &Rule::ALL {
+        if verdict.count(rule) > 0 && rule.of_a_careful_host().is_none() {
+            remarks.say(&format!("{}: {}", rule.code(), rule.words()));
+        }
+    }
     let careless = Rule::ALL.iter().filter(|rule| rule.of_a_careful_host().is_some());
     let careless: u64 = careless.map(|&rule| verdict.count(rule)).sum();
     let rules = match (verdict.violation_count - careless, careless) {

@@ -5,6 +5,7 @@ use super::signals::Signals;
 use super::terminal::Terminal;
 use super::{Deed, Output, Remarks};
 use crate::error::Error;
+use crate::job::report::counted;
 use crate::job::share::Share;
 use crate::job::synth::{
     ClassOrder, ClassReport, Figures, FootingReport, MAX_VARIATIONS, MissedReport, SynthOrder,
@@ -139,12 +140,12 @@ fn run_many(
         format!("{}\n", made.written)
     } else {
         format!(
-            "{}: {} variations of {}, {} of them found, {} poses written\n{}{}written   {}\n",
+            "{}: {} variations of {}, {} of them found, {} written\n{}{}written   {}\n",
             made.outcome.word(),
             made.variations_text(),
             classes.iter().map(|class| class.label.as_str()).collect::<Vec<_>>().join(" and "),
             made.found,
-            made.poses,
+            counted(made.poses, "pose"),
             made.mended.iter().map(|how| anew(how)).collect::<String>(),
             made.classes.iter().map(feet_of).collect::<String>(),
             made.written
@@ -229,16 +230,16 @@ fn run_one(
         format!("{}\n", report.written)
     } else {
         format!(
-            "{}: {} takes {:.3} s, {} actionlets\n{}{}{}written   {}, {} poses at {} Hz\n",
+            "{}: {} takes {:.3} s, {}\n{}{}{}written   {}, {} at {} Hz\n",
             report.outcome.word(),
             report.action,
             report.duration_s,
-            report.actionlets,
+            counted(report.actionlets, "actionlet"),
             report.varied.as_ref().map_or_else(String::new, became),
             told(&report.changes, &report.inserts),
             feet(&report.footing),
             report.written,
-            report.poses,
+            counted(report.poses, "pose"),
             report.rate_hz
         )
     };

@@ -11,7 +11,7 @@ use super::silence::Silence;
 use super::{Sample, Sink, Tally, inject, net};
 use crate::bus::{AskError, Miss};
 use crate::device::Health;
-use crate::error::Error;
+use crate::error::{Error, listed};
 use crate::guard::{Command, Guard};
 use crate::motion::{Clock as MotionClock, JointLimits, Setpoint, Trajectory};
 use crate::robot::link::States;
@@ -901,6 +901,7 @@ impl<'a> Player<'a> {
             self.exceptions.push(Exception::StoppedByWatchdog { joint: joint.clone() });
         }
         notes.extend(self.exceptions.iter().filter_map(Exception::words));
+        notes.extend(unanswered(&self.exceptions));
         // It broke after something else had stopped it already.
         if let (Some(words), false) =
             (&self.broke, matches!(self.stop, Some(StopReason::Broke { .. })))
@@ -929,12 +930,30 @@ impl<'a> Player<'a> {
     }
 }
 
+/// Joints that gave no answer to the end, in words: of a line that is silent it is all of them.
+fn unanswered(exceptions: &[Exception]) -> Option<String> {
+    let joints = exceptions.iter().filter_map(|exception| match exception {
+        Exception::NoAnswer { joint } => Some(joint.as_str()),
+        _ => None,
+    });
+    let joints: Vec<&str> = joints.collect();
+    (!joints.is_empty()).then(|| {
+        format!(
+            "no answer to the end from {}: whether the last goals were heard there is not known",
+            listed(&joints)
+        )
+    })
+}
+
 impl Exception {
     /// What a person should know of it, unless the reason of the stop says it already.
     fn words(&self) -> Option<String> {
         match self {
             Self::BlindRamp { blind_s, most_s, rested } => {
-                let end = if *rested { "and ended at rest" } else { "and did not end at rest" };
+                let end = match *rested {
+                    true => "and the goals came to rest: whether the joints did is not known",
+                    false => "and the goals did not come to rest",
+                };
                 Some(format!(
                     "nobody answered for the last {blind_s:.2} s: the motion was run down blindly \
                      (at most {most_s:.2} s), {end}"
@@ -957,9 +976,6 @@ impl Exception {
                 "joint {joint} was silent for a while: it may have missed goals, and went on to the next \
                  that it heard"
             )),
-            Self::NoAnswer { joint } => Some(format!(
-                "joint {joint} gave no answer to the end: whether it heard its last goals is not known"
-            )),
             Self::SentLate { late_s } => Some(format!(
                 "goals left {:.0} ms late: the host stalled as they were sent",
                 late_s * 1e3
@@ -969,6 +985,7 @@ impl Exception {
             }
             Self::LineLost { .. }
             | Self::GuardRefused
+            | Self::NoAnswer { .. }
             | Self::Stalled { .. }
             | Self::StoppedByWatchdog { .. } => None,
         }

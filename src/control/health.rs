@@ -2,6 +2,7 @@
 
 use super::Sample;
 use crate::bus::Miss;
+use crate::error::listed;
 use crate::time::{Duration, Instant};
 use std::fmt;
 
@@ -152,13 +153,13 @@ impl fmt::Display for StopReason {
             Self::CameBackLimp { line, joints } => write!(
                 f,
                 "line {line} came back without torque; nothing more is sent to {}",
-                joints.join(", ")
+                listed(joints)
             ),
             Self::Broke { words } => write!(f, "the control loop broke: {words}"),
             Self::LineLost { line, text, joints } => write!(
                 f,
                 "the line was lost: line {line}: {text}; no word reaches {}",
-                joints.join(", ")
+                listed(joints)
             ),
         }
     }

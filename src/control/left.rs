@@ -2,6 +2,7 @@
 
 use super::inject;
 use super::watchdog::{self, Released};
+use crate::error::listed;
 use crate::robot::Link;
 use crate::robot::preflight::{QUESTION, budget};
 use gaitway_profiles::Role;
@@ -33,7 +34,7 @@ impl Left {
             ("whether torque is on was not to be learnt", &self.unknown),
         ];
         for (what, joints) in said.into_iter().filter(|(_, joints)| !joints.is_empty()) {
-            parts.push(format!("{what}: {}", joints.join(", ")));
+            parts.push(format!("{what}: {}", listed(joints)));
         }
         parts.join("; ")
     }

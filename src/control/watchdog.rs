@@ -6,7 +6,7 @@
 
 use crate::device::Actuator;
 use crate::device::actuator::HostWatch;
-use crate::error::Error;
+use crate::error::{Error, counted, listed};
 use crate::robot::Link;
 use crate::robot::preflight::{PATIENT_RETRIES, budget, exchange_error};
 use crate::time::Duration;
@@ -173,14 +173,13 @@ impl Released {
             notes.push(format!(
                 "let go {shortest_s} s after the host's last word, as set with the maker's tool, \
                  and are not held from then on: {}",
-                names.join(", ")
+                listed(&names)
             ));
         }
         if !self.off.is_empty() {
-            let count = self.off.len();
-            let servos = if count == 1 { "servo" } else { "servos" };
+            let servos = counted(self.off.len(), "servo");
             notes.push(format!(
-                "{count} {servos} would have stopped by themselves {millis} ms after the host's last \
+                "{servos} would have stopped by themselves {millis} ms after the host's last \
                  word; now that nothing moves, that watch is off again"
             ));
         }
@@ -188,13 +187,13 @@ impl Released {
             notes.push(format!(
                 "the bus watchdog may still be on in {}: such a servo stops {millis} ms after the \
                  host's last word and obeys no goal; the next start switches it off",
-                self.unsure.join(", ")
+                listed(&self.unsure)
             ));
         }
         if !self.bitten.is_empty() {
             notes.push(format!(
                 "the bus watchdog has stopped {}: the next start clears it",
-                self.bitten.join(", ")
+                listed(&self.bitten)
             ));
         }
         notes

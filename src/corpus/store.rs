@@ -20,6 +20,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File, TryLockError};
 use std::io::{self, BufWriter, Read, Write};
 use std::ops::Range;
+use std::os::unix::fs::MetadataExt;
 use std::path::{Component, Path, PathBuf};
 
 /// Version of the layout of a folder.
@@ -270,6 +271,12 @@ impl Store {
     pub fn files(&self, table: &str) -> impl Iterator<Item = &FileNote> {
         let table = table.to_owned();
         self.version.files.iter().filter(move |note| note.table == table)
+    }
+
+    /// Files that are its own, but for those that trials were made of.
+    pub fn own_files(&self) -> impl Iterator<Item = PathBuf> {
+        let tables = self.version.files.iter().map(|note| note.path.as_str());
+        [MANIFEST, VERSION].into_iter().chain(tables).map(|name| self.path(name))
     }
 
     /// The path of a file in it.
@@ -994,13 +1001,31 @@ fn locked(root: &Path) -> Result<File, Error> {
     let lock = File::open(root).map_err(|e| failed("cannot read the folder", root, &e))?;
     match lock.try_lock() {
         Err(TryLockError::WouldBlock) => {
-            Err(Error::of(ErrorKind::Busy, "another program changes this corpus")
+            let busy = Error::of(ErrorKind::Busy, "another program changes this corpus")
                 .at(root.display().to_string())
-                .remedy("wait until it has ended"))
+                .remedy("wait until it has ended");
+            Err(match holder(&lock) {
+                Some(who) => busy.got(who),
+                None => busy,
+            })
         }
         // Not every file system has locks.
         Ok(()) | Err(TryLockError::Error(_)) => Ok(lock),
     }
+}
+
+/// Who has locked a folder, as far as the system tells.
+fn holder(folder: &File) -> Option<String> {
+    let inode = folder.metadata().ok()?.ino().to_string();
+    let locks = fs::read_to_string("/proc/locks").ok()?;
+    let of = locks.lines().find_map(|line| {
+        // "1: FLOCK  ADVISORY  WRITE 1234 fe:00:5678 0 EOF"; those that wait have an arrow there.
+        let words: Vec<&str> = line.split_whitespace().collect();
+        let place = words.get(5).filter(|_| words.get(1) == Some(&"FLOCK"))?;
+        (place.rsplit(':').next() == Some(inode.as_str())).then(|| words[4].to_owned())
+    })?;
+    let name = fs::read_to_string(format!("/proc/{of}/comm")).unwrap_or_default();
+    Some(format!("process {of} ({})", name.trim()))
 }
 
 /// Does to its end what a killed process was about to do; without a journal, what it had begun is thrown away.
@@ -1082,6 +1107,13 @@ fn read_json<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T, Error> {
 
 fn manifest(root: &Path) -> Result<CorpusManifest, Error> {
     let path = root.join(MANIFEST);
+    // A pipe or a device would be waited for.
+    if path.metadata().is_ok_and(|found| !found.is_file()) {
+        return Err(Error::of(ErrorKind::Malformed, "the manifest of the corpus is no file")
+            .at(path.display().to_string())
+            .got("a pipe, a device or a folder")
+            .allowed("a file on a disk"));
+    }
     match fs::read_to_string(&path) {
         Ok(text) => CorpusManifest::parse(&text).map_err(|error| error.in_file(&path)),
         Err(e) if e.kind() == io::ErrorKind::NotFound => {

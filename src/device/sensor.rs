@@ -147,7 +147,7 @@ impl Assembler {
         }
     }
 
-    /// Samples handed over that lacked something.
+    /// Samples handed over that lacked something: it did not come, or was beyond what the sensor measures.
     #[must_use]
     pub const fn incomplete(&self) -> u64 {
         self.incomplete
@@ -169,8 +169,9 @@ impl Assembler {
         let cut_short = (self.have & sent & self.required != 0).then(|| self.hand_over());
         self.add(reading, sent & self.required != 0);
         self.have |= sent & self.required;
-        self.incomplete += u64::from(cut_short.is_some());
         let whole = (self.have == self.required).then(|| self.hand_over());
+        let lacks = whole.as_ref().is_some_and(|sample| sample.implausible);
+        self.incomplete += u64::from(cut_short.is_some()) + u64::from(lacks);
         [cut_short, whole]
     }
 

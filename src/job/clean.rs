@@ -20,6 +20,7 @@ use crate::clean::source::{
 use crate::clean::trial::{Gap, Trial};
 use crate::draft::{Drafts, check_free};
 use crate::error::{Error, ErrorKind};
+use crate::job::report::counted;
 use crate::mocap::marker_files;
 use crate::mocap::markers::{FramesOf, Head, Markers};
 use crate::view::ViewPage;
@@ -325,10 +326,11 @@ fn tell_unfilled(
             all += lacking;
             (artefact.remedy, artefact.fill) = (Remedy::Remove, None);
             plan.notes.push(format!(
-                "{} from frame {}: {} cannot fill {lacking} frames, which are taken out and not filled",
+                "{} from frame {}: {} cannot fill {lacking}, which are taken out and not filled",
                 edit.marker,
                 edit.first_frame,
-                method.word()
+                method.word(),
+                lacking = counted(lacking, "frame")
             ));
         }
     }

@@ -5,6 +5,7 @@ use crate::body::Proportions;
 use crate::body::worn::kept::Kept;
 use crate::draft::write_file;
 use crate::error::{Error, ErrorKind};
+use crate::job::report::counted;
 use crate::mocap::marker_files;
 use crate::recording;
 use crate::session::angles::{WornMotion, body_of};
@@ -122,8 +123,12 @@ fn angles(
         _ => motion.write_mcap(&order.file, order.replace, metadata)?,
     }
     let (count, silent) = (motion.angles.len(), motion.silent_samples());
-    let mut notes =
-        vec![format!("{count} poses at {} Hz to {}", motion.rate_hz, order.file.display())];
+    let mut notes = vec![format!(
+        "{count} at {} Hz to {}",
+        motion.rate_hz,
+        order.file.display(),
+        count = counted(count, "pose")
+    )];
     let not_worn = motion.not_worn();
     if !not_worn.is_empty() {
         notes.push(format!("not worn, and therefore at rest: {}", not_worn.join(", ")));
@@ -143,7 +148,7 @@ fn samples(order: &RecordingOrder) -> Result<(Outcome, Vec<String>), Error> {
     let mut bytes = Vec::new();
     let rows = recording::write_csv(&order.recording, &mut bytes)?;
     write_file(&order.file, order.replace, &bytes)?;
-    let mut notes = vec![format!("{} rows to {}", rows.rows, order.file.display())];
+    let mut notes = vec![format!("{} to {}", counted(rows.rows, "row"), order.file.display())];
     if rows.missing > 0 {
         notes.push(format!("{} samples or readings are missing in the recording", rows.missing));
     }

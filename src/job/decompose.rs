@@ -9,6 +9,7 @@ use crate::draft;
 use crate::error::{Error, ErrorKind};
 use crate::job::observer::Observer;
 use crate::job::pending::unless_stopped;
+use crate::job::report::counted;
 use crate::mocap::anatomy::Capture;
 use crate::mocap::files::CaptureOptions;
 use crate::mocap::siblings::SegmentFrames;
@@ -145,7 +146,8 @@ fn made(order: &DecomposeOrder) -> Result<(DecomposedReport, String), Error> {
     }
     let stem = order.file.file_stem().and_then(|stem| stem.to_str()).unwrap_or("motion");
     let source = format!("gaitway actionlets {}, {} deg", order.motion, order.tolerance_deg);
-    let note = format!("{} poses at {} Hz as actionlets", series.angles.len(), capture.rate_hz);
+    let note =
+        format!("{} at {} Hz as actionlets", counted(series.angles.len(), "pose"), capture.rate_hz);
     let action = Action::of_motion(&action_name(stem), &note, &source, &found.motion);
     let text = action.to_toml()?;
     // What was written must be what was found.

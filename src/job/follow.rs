@@ -8,6 +8,7 @@ use super::recorder::RunRecorder;
 use super::report::{JointReport, Outcome};
 use crate::control::{self, Input, Mirror, Sample, Settings, Sink, Stop, StopCode, net};
 use crate::error::Error;
+use crate::job::report::counted;
 use crate::motion::Trend;
 use crate::rig::Connection;
 use crate::robot::preflight::Preflight;
@@ -220,9 +221,11 @@ fn answer(
         let made = match net::catch(|| source(&moment)) {
             Err(words) => Made::Broke(words),
             Ok(None) => Made::End,
-            Ok(Some(goals)) if goals.len() != joints => {
-                Made::Broke(format!("{} goals for {joints} joints", goals.len()))
-            }
+            Ok(Some(goals)) if goals.len() != joints => Made::Broke(format!(
+                "{} goals for {joints}",
+                goals.len(),
+                joints = counted(joints, "joint")
+            )),
             Ok(Some(goals)) if goals.iter().any(|rad| !rad.is_finite()) => {
                 Made::Broke("a goal is no number".to_owned())
             }

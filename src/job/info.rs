@@ -6,7 +6,7 @@ use super::labels::{self, LabelsOverview, label_kind};
 use super::sensors::{self, SensorsOverview};
 use super::source::angles_table;
 use super::table_text::text_of;
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, ErrorKind, counted};
 use crate::mocap::clip::Clip;
 use crate::mocap::files::{self, CaptureOptions};
 use crate::mocap::marker_files;
@@ -390,8 +390,9 @@ fn of_markers(path: &Path, options: &CaptureOptions) -> Result<MarkerOverview, E
     if at_origin > 0 {
         let samples: usize = markers.iter().map(|figures| figures.frames_at_origin).sum();
         notes.push(format!(
-            "{samples} samples of {at_origin} markers are at the very origin, and marked as seen: \
-             most likely they were not"
+            "{samples} samples of {} are at the very origin, and marked as seen: \
+             most likely they were not",
+            counted(at_origin, "marker")
         ));
     }
     let told = Told { markers, ranges, peaks, notes, findings: reader.findings() };

@@ -1,6 +1,7 @@
 //! A table whose columns nobody here knows: what they are called, and what stands in them.
 
 use crate::error::{Error, ErrorKind};
+use crate::job::report::counted;
 use crate::table::{self, Row};
 use serde::Serialize;
 use std::path::Path;
@@ -88,7 +89,7 @@ pub(super) fn overview(path: &Path, text: &str) -> Result<ColumnsOverview, Error
         }
     }
     if columns.iter().all(|column| column.numbers == 0) {
-        return Err(no_table(format!("{count} rows without a number")));
+        return Err(no_table(format!("{count} without a number", count = counted(count, "row"))));
     }
     for column in &mut columns {
         column.rises &= column.numbers == count && count > 1;

@@ -58,6 +58,44 @@ pub fn overview(folder: &Path) -> Result<Option<FolderOverview>, Error> {
     }))
 }
 
+/// Fails for a folder of motions, of which a page shows one: what can be drawn of it is told.
+///
+/// # Errors
+/// As said; a folder of these that cannot be read.
+pub fn no_page(folder: &Path) -> Result<(), Error> {
+    if !folder.is_dir() {
+        return Ok(());
+    }
+    let Some(FolderOverview { format, .. }) = overview(folder)? else { return Ok(()) };
+    let shown = folder.display();
+    let (what, remedy) = match format {
+        "lerobot" => (
+            "a dataset of LeRobot's",
+            format!(
+                "gaitway retarget '{shown}#0' --robot NAME -o FILE.csv --html FILE.html draws an episode"
+            ),
+        ),
+        "corpus" => (
+            "a corpus",
+            format!(
+                "gaitway corpus export {shown} --format bvh -o DIR, then gaitway info DIR/TRIAL.bvh --html FILE.html"
+            ),
+        ),
+        "session" => {
+            ("a session", format!("gaitway info {shown}/trials/TRIAL.mcap --html FILE.html"))
+        }
+        _ => (
+            "a folder in the layout of BONES-SEED",
+            "gaitway info CLIP.bvh --html FILE.html".to_owned(),
+        ),
+    };
+    Err(Error::new("a page shows one motion")
+        .at(shown.to_string())
+        .got(what)
+        .allowed("a capture, markers, a table or a recording")
+        .remedy(remedy))
+}
+
 impl FolderOverview {
     /// For a person.
     #[must_use]

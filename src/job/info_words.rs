@@ -5,6 +5,7 @@ use crate::job::info::{
 };
 use crate::job::info_columns::{ColumnFigures, ColumnsOverview};
 use crate::job::labels::{LabelledAction, LabelsOverview};
+use crate::job::report::counted;
 use crate::job::sensors::{SensorFigures, SensorsOverview};
 use std::fmt::Write;
 
@@ -28,7 +29,7 @@ pub fn words(overview: &FileOverview) -> String {
 }
 
 fn of_columns(overview: &ColumnsOverview) -> String {
-    let mut text = format!("format    {}, {} rows\n", overview.format, overview.rows);
+    let mut text = format!("format    {}, {}\n", overview.format, counted(overview.rows, "row"));
     if overview.uneven_rows > 0 {
         let _ = writeln!(text, "uneven    {} rows have not one cell each", overview.uneven_rows);
     }
@@ -62,10 +63,11 @@ fn of_sensors(overview: &SensorsOverview) -> String {
         let SensorFigures { samples, duration_s, .. } = of;
         let _ = writeln!(
             text,
-            "sensor    {name}: {samples} samples at {rate}, {duration_s:.2} s: {what}"
+            "sensor    {name}: {samples} at {rate}, {duration_s:.2} s: {what}",
+            samples = counted(*samples, "sample")
         );
     }
-    let _ = writeln!(text, "missing   {} samples", overview.missed);
+    let _ = writeln!(text, "missing   {}", counted(overview.missed, "sample"));
     text
 }
 
@@ -78,11 +80,15 @@ fn of_labels(labels: &LabelsOverview) -> String {
     }
     for (action, of) in &labels.actions {
         let LabelledAction { clips: in_clips, cuts, unclear, absent_in, .. } = of;
-        let frames = of.frames.map_or(String::new(), |frames| format!(", {frames} frames"));
+        let frames = of.frames.map_or(String::new(), |frames| {
+            format!(", {frames}", frames = counted(frames, "frame"))
+        });
         let _ = writeln!(
             text,
-            "action    {action}: {cuts} times in {in_clips} clips{frames}; unclear {unclear} times, looked for in vain in \
-             {absent_in} clips"
+            "action    {action}: {cuts} times in {in_clips}{frames}; unclear {unclear} times, looked for in vain in \
+             {absent_in}",
+            absent_in = counted(*absent_in, "clip"),
+            in_clips = counted(*in_clips, "clip")
         );
     }
     text
@@ -123,7 +129,7 @@ fn of_table(table: &TableOverview) -> String {
 fn of_capture(capture: &CaptureOverview) -> String {
     let mut text = String::new();
     let CaptureOverview { format, joints, frames, rate_hz, duration_s, .. } = capture;
-    let _ = writeln!(text, "format    {format}, {joints} joints");
+    let _ = writeln!(text, "format    {format}, {joints}", joints = counted(*joints, "joint"));
     let _ = writeln!(text, "frames    {frames} at {rate_hz:.3} Hz");
     let _ = writeln!(text, "duration  {duration_s:.2} s");
     let _ = writeln!(text, "stature   {:.2} m", capture.stature_m);
@@ -172,7 +178,12 @@ fn of_markers(file: &MarkerOverview) -> String {
     gaps(file, &mut text);
     if let Some(analog) = &file.analog {
         let count = analog.channels.len();
-        let _ = writeln!(text, "analog    {count} channels at {}", known(analog.rate_hz, "Hz"));
+        let _ = writeln!(
+            text,
+            "analog    {count} at {}",
+            known(analog.rate_hz, "Hz"),
+            count = counted(count, "channel")
+        );
         for channel in analog.channels.iter().take(MOST) {
             let range = match (channel.least, channel.greatest) {
                 (Some(least), Some(greatest)) => format!("{least:.3} to {greatest:.3}"),
@@ -214,9 +225,9 @@ fn more(count: usize, what: &str, text: &mut String) {
 fn gaps(file: &MarkerOverview, text: &mut String) {
     let _ = writeln!(
         text,
-        "gaps      {} in {} markers, {:.1} % of their samples missing",
+        "gaps      {} in {}, {:.1} % of their samples missing",
         file.gaps,
-        file.markers.len(),
+        counted(file.markers.len(), "marker"),
         100.0 * file.missing_share
     );
     let missing = |marker: &&MarkerFigures| marker.frames < file.frames;
@@ -230,7 +241,10 @@ fn gaps(file: &MarkerOverview, text: &mut String) {
                 marker.longest_gap_frames as f64 / rate_hz
             ),
             (Some(begins), None) => {
-                format!(", the longest {} frames from {begins} on", marker.longest_gap_frames)
+                format!(
+                    ", the longest {} from {begins} on",
+                    counted(marker.longest_gap_frames, "frame")
+                )
             }
             (None, _) => String::new(),
         };

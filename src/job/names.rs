@@ -6,6 +6,7 @@ use super::report::Outcome;
 use crate::action::vocabulary;
 use crate::corpus::sets::PlannedSet;
 use crate::error::{Error, ErrorKind};
+use crate::job::report::counted;
 use crate::mocap::fit::marker_set::MarkerSet;
 use crate::recognise::model::vocabulary as models;
 use serde::Serialize;
@@ -106,8 +107,7 @@ fn all() -> Result<Vec<NamesOfKind>, Error> {
     let plain = |name: &str, words: &str| KnownName { name: name.into(), words: words.into() };
     let actions = vocabulary::names().map(|name| Ok(plain(name, &vocabulary::find(name)?.note)));
     let shipped_models = models::names().map(|name| Ok(plain(name, &models::find(name)?.note)));
-    let sets =
-        PlannedSet::ALL.map(|set| plain(set.word(), &format!("{} trials", set.trials().len())));
+    let sets = PlannedSet::ALL.map(|set| plain(set.word(), &counted(set.trials().len(), "trial")));
     let markers =
         MarkerSet::shipped().into_iter().map(|set| plain(&set.name, &set.title)).collect();
     let kind = |kind, used_in, names| NamesOfKind { kind, used_in, names };

@@ -138,18 +138,18 @@ impl RobotScene<'_> {
         made.collect()
     }
 
-    /// Cycles in which a joint was not read.
+    /// Cycles in which a joint was asked and no angle came.
     fn missed(&self) -> Vec<ViewSpan> {
-        let Series { time_s, present_rad, .. } = self.series;
+        let Series { time_s, missed, .. } = self.series;
         let mut spans: Vec<ViewSpan> = Vec::new();
-        for (index, values) in present_rad.iter().enumerate() {
+        for (index, cycles) in missed.iter().enumerate() {
             let name = &self.robot.joints[index].name;
-            let mut runs = values.chunk_by(|a, b| a.is_nan() == b.is_nan()).scan(0, |at, run| {
+            let mut runs = cycles.chunk_by(|a, b| a == b).scan(0, |at, run| {
                 *at += run.len();
                 Some((*at - run.len(), run))
             });
             while let Some((first, run)) = runs.next().filter(|_| spans.len() < SPANS) {
-                if run[0].is_nan() && run.len() < values.len() {
+                if run[0] && run.len() < cycles.len() {
                     let last = (first + run.len()).min(time_s.len() - 1);
                     let (start_s, end_s) = (time_s[first], time_s[last]);
                     let row = "missed readings";
@@ -221,14 +221,14 @@ struct NamedLimits {
 
 /// Joints with all that is known of them; what never was is left out.
 fn joint_tracks(series: &Series, limits: Vec<NamedLimits>) -> JointTracks {
-    let angles = |of: Option<&Vec<f64>>| {
-        let values = of.filter(|values| values.iter().any(|value| value.is_finite()))?;
-        Some(Coded::of(values.iter().copied(), ANGLE_RAD))
+    let coded = |values: &[f64]| {
+        let is_there = values.iter().any(|value| value.is_finite());
+        is_there.then(|| Coded::of(values.iter().copied(), ANGLE_RAD))
     };
     let joints = limits.into_iter().enumerate().map(|(index, limits)| JointTrack {
         name: limits.name,
-        goal: angles(series.goal_rad.get(index)),
-        present: angles(series.present_rad.get(index)),
+        goal: series.goal_rad.get(index).and_then(|values| coded(values)),
+        present: coded(&series.drawn_rad(index)),
         others: series.others(index),
         range_rad: limits.range_rad,
         velocity_limit_rad_s: limits.velocity_rad_s,
@@ -261,6 +261,31 @@ fn finite(value: f64) -> Option<f64> {
 }
 
 impl Series {
+    /// Where a joint was, cycle by cycle. Between two readings of one that is read in turn it is on the straight line from
+    /// one to the other, as a plot of them would have it; where a reading was missed nobody knows.
+    fn drawn_rad(&self, joint: usize) -> Vec<f64> {
+        let mut values = self.present_rad.get(joint).cloned().unwrap_or_default();
+        let was_missed =
+            |at: usize| self.missed.get(joint).is_some_and(|of| of.get(at) == Some(&true));
+        let mut last: Option<usize> = None;
+        for at in 0..values.len() {
+            if was_missed(at) {
+                last = None;
+            }
+            if !values[at].is_finite() {
+                continue;
+            }
+            if let Some(from) = last.replace(at) {
+                let (begin, span) = (values[from], (self.time_s[at] - self.time_s[from]).max(1e-9));
+                for between in from + 1..at {
+                    let share = (self.time_s[between] - self.time_s[from]) / span;
+                    values[between] = begin + (values[at] - begin) * share;
+                }
+            }
+        }
+        values
+    }
+
     /// What was read of a joint beside its angle.
     fn others(&self, joint: usize) -> Vec<Quantity> {
         let kinds = [
@@ -379,5 +404,34 @@ fn retiming(report: &PlayReport) -> String {
             format!("x {:.3}, asked for by {joint} ({limit})", report.retime_factor)
         }
         _ => "not needed".to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Series;
+
+    #[test]
+    fn between_two_readings_a_joint_is_on_the_line_between_them_and_where_one_was_missed_nowhere() {
+        let read = [0.0, f64::NAN, f64::NAN, 3.0, f64::NAN, 5.0, f64::NAN];
+        let series = Series {
+            began: None,
+            time_s: (0..7).map(f64::from).collect(),
+            goal_rad: Vec::new(),
+            goal_velocity_rad_s: Vec::new(),
+            present_rad: vec![read.to_vec()],
+            missed: vec![(0..7).map(|at| at == 4).collect()],
+            velocity_rad_s: Vec::new(),
+            current_a: Vec::new(),
+            load_ratio: Vec::new(),
+            temperature_c: Vec::new(),
+            voltage_v: Vec::new(),
+        };
+        let drawn: Vec<Option<f64>> = series
+            .drawn_rad(0)
+            .into_iter()
+            .map(|value| Some(value).filter(|v| v.is_finite()))
+            .collect();
+        assert_eq!(drawn, [Some(0.0), Some(1.0), Some(2.0), Some(3.0), None, Some(5.0), None]);
     }
 }

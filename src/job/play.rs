@@ -532,6 +532,8 @@ pub(super) fn describe_virtual(report: &mut PlayReport, connection: &Connection)
     if let Some(world) = &connection.world {
         let verdict = world.lock().verdict();
         let violations = verdict.violations.iter().map(ToString::to_string).collect();
-        report.referee = Some(RefereeReport { violations });
+        let broken = gaitway_sim::Rule::ALL.into_iter().filter(|&rule| verdict.count(rule) > 0);
+        let rules = broken.map(|rule| format!("{}: {}", rule.code(), rule.words())).collect();
+        report.referee = Some(RefereeReport { violations, rules });
     }
 }

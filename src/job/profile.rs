@@ -54,9 +54,7 @@ pub struct UnconfirmedFact {
 pub fn check(profile: &Profile) -> Result<CheckedProfile, Error> {
     check_use(profile)?;
     let (name, kind, holds) = match profile {
-        Profile::Servo(servo) => {
-            (&servo.name, "servo", format!("{} registers", servo.items().count()))
-        }
+        Profile::Servo(servo) => (&servo.name, "servo", counted(servo.items().count(), "register")),
         Profile::Actuator(actuator) => {
             (&actuator.name, "CAN actuator", dialect(actuator.dialect).to_owned())
         }
@@ -71,7 +69,7 @@ pub fn check(profile: &Profile) -> Result<CheckedProfile, Error> {
             (&adapter.name, "adapter", format!("USB {}", adapter.usb_ids.join(", ")))
         }
         Profile::Sensor(sensor) => {
-            (&sensor.name, "sensor", format!("{} channels", sensor.channels.len()))
+            (&sensor.name, "sensor", counted(sensor.channels.len(), "channel"))
         }
     };
     let unconfirmed = profile

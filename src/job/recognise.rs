@@ -7,6 +7,7 @@ use super::source::{self, Source};
 use crate::body::{BodyFigure, Proportions};
 use crate::draft;
 use crate::error::{Error, ErrorKind};
+use crate::job::report::counted;
 use crate::mocap::anatomy::Capture;
 use crate::mocap::files::CaptureOptions;
 use crate::recognise::features::{Feature, Noise};
@@ -260,11 +261,11 @@ impl RecogniseReport {
     #[must_use]
     pub fn figures(&self) -> String {
         let mut text = format!(
-            "{} events in {} frames at {} Hz, by {} models\n",
-            self.events.len(),
-            self.frames,
+            "{} in {} at {} Hz, by {}\n",
+            counted(self.events.len(), "event"),
+            counted(self.frames, "frame"),
             self.rate_hz,
-            self.models
+            counted(self.models, "model")
         );
         for ((action, side), count) in counts(&self.events) {
             let side = side.map_or("", BodySide::word);

@@ -1,5 +1,6 @@
 //! Sensors, lines of text and hand-guided servos into one recording.
 
+use super::report::counted;
 use super::taught::Servos;
 use super::{Event, Observer};
 use crate::error::Error;
@@ -111,6 +112,7 @@ pub fn record(
     let recorder =
         Recorder::create_for_sources(&order.file, order.replace, start(order, joints.as_ref()))?;
     let began = MonotonicClock.now();
+    observer.hear(Event::Note(&begins(order)));
     let stop = AtomicBool::new(false);
     let tell = |event: SensingEvent<'_>| observer.hear(Event::Sensing(event));
     let intake = Intake::new(Some(&recorder), &stop, order.mode, &tell).patient();
@@ -135,6 +137,16 @@ pub fn record(
     });
     let sources = intake.into_reports();
     Ok(finish(order, recorder, sources, began))
+}
+
+/// What is said when all sources are open: nothing else tells that it has begun.
+fn begins(order: &RecordOrder) -> String {
+    let sources = counted(order.sources.len(), "source");
+    let by_hand = if order.limp { "; torque is off, the joints can be led by hand" } else { "" };
+    match order.time {
+        Some(time) => format!("recording {sources} for {:.1} s{by_hand}", time.as_secs_f64()),
+        None => format!("recording {sources} until it is stopped{by_hand}"),
+    }
 }
 
 fn start(order: &RecordOrder, joints: Option<&Servos>) -> RunStart {
@@ -164,6 +176,8 @@ fn wait(
         while let Ok(mark) = marks.try_recv() {
             // One that was set while sources were opened is one of the beginning.
             let mark = Marker { at: mark.at.max(began), ..mark };
+            let at_s = mark.at.seconds_since(began);
+            observer.hear(Event::Note(&format!("marked at {at_s:.1} s: {}", mark.text)));
             // A recording without marks has no channel for them.
             let source: SourceId = *marked.get_or_insert_with(|| {
                 recorder.add_source(RecordedSource {

@@ -2,9 +2,11 @@
 
 use super::observer::Meter;
 use super::report::{Outcome, PlayReport};
+use crate::bus::Miss;
 use crate::control::{Sample, Sink};
 use crate::device::JointState;
 use crate::error::Error;
+use crate::job::report::counted;
 use crate::port::patient::PatientClock;
 use crate::port::{Clock, MonotonicClock};
 use crate::recording::{CycleRecord, JointRecord, RecordedJoint, Recorder, RunEnd, RunStart};
@@ -25,8 +27,10 @@ pub struct Series {
     pub goal_rad: Vec<Vec<f64>>,
     /// Speed of the goals, by joint.
     pub goal_velocity_rad_s: Vec<Vec<f64>>,
-    /// Measured angles, by joint; NaN where the read was missed.
+    /// Measured angles, by joint; NaN where none was read.
     pub present_rad: Vec<Vec<f64>>,
+    /// Where a joint was asked for its angle and none came, by joint. One that is read in turn is not asked in every cycle.
+    pub missed: Vec<Vec<bool>>,
     /// Measured speeds, by joint; NaN where none was read, as in all that follow.
     pub velocity_rad_s: Vec<Vec<f64>>,
     /// Currents, by joint.
@@ -49,6 +53,7 @@ impl Series {
             goal_rad: none(),
             goal_velocity_rad_s: none(),
             present_rad: none(),
+            missed: vec![Vec::new(); joints],
             velocity_rad_s: none(),
             current_a: none(),
             load_ratio: none(),
@@ -220,8 +225,8 @@ impl RunRecorder {
         }
         report.recording_lost = summary.lost + summary.dropped.values().sum::<u64>();
         report.notes.push(format!(
-            "the recording lacks {} messages{}",
-            report.recording_lost,
+            "the recording lacks {}{}",
+            counted(report.recording_lost, "message"),
             summary.poisoned.map_or_else(String::new, |why| format!(": {why}"))
         ));
         if report.outcome == Outcome::Done {
@@ -251,6 +256,7 @@ impl Sink for Metered<'_> {
             for (index, state) in sample.states.iter().enumerate() {
                 series.goal_rad[index].push(sample.goal_rad[index]);
                 series.goal_velocity_rad_s[index].push(sample.goal_velocity_rad_s[index]);
+                series.missed[index].push(is_missed(state));
                 let state = state.as_ref().ok().map(|(state, _)| state);
                 let health =
                     sample.health.as_ref().filter(|(joint, _)| *joint == index).map(|(_, of)| of);
@@ -281,6 +287,11 @@ impl Sink for Metered<'_> {
     }
 }
 
+/// True if it was asked for and did not come.
+fn is_missed<T>(state: &Result<T, Miss>) -> bool {
+    state.as_ref().is_err_and(|miss| *miss != Miss::NotAsked)
+}
+
 fn joint_records(sample: &Sample<'_>) -> Vec<JointRecord> {
     let mut records: Vec<JointRecord> = sample
         .states
@@ -292,7 +303,7 @@ fn joint_records(sample: &Sample<'_>) -> Vec<JointRecord> {
                 Ok((state, _)) => JointRecord { goal_rad, ..measured(state) },
                 Err(miss) => JointRecord {
                     goal_rad,
-                    missed: Some(miss.to_string().into()),
+                    missed: is_missed(state).then(|| miss.to_string().into()),
                     ..JointRecord::default()
                 },
             }

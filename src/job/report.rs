@@ -3,6 +3,7 @@
 use super::source::{RobotMotion, Source};
 use super::weight::Fall;
 use crate::control::{FlightCycle, Left, Performance, Run, StopReason};
+pub use crate::error::counted;
 use crate::error::{Error, ErrorKind};
 use crate::mocap::retarget::TrunkLean;
 use crate::motion::{Because, Retimed};
@@ -17,13 +18,6 @@ use std::path::Path;
 pub use crate::control::{Exception, Stop, StopCode};
 pub use crate::retarget::BodyFigures;
 pub use crate::robot::preflight::LINE_SHARE;
-
-/// So many of these.
-#[must_use]
-pub fn counted(count: impl TryInto<u64>, one: &str) -> String {
-    let count = count.try_into().unwrap_or(u64::MAX);
-    if count == 1 { format!("1 {one}") } else { format!("{count} {one}s") }
-}
 
 /// How a command ended; its exit code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -174,6 +168,9 @@ impl JointReport {
 pub struct RefereeReport {
     /// Broken rules, in words; empty is right.
     pub violations: Vec<String>,
+    /// What the rules say that were broken.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub rules: Vec<String>,
 }
 
 /// A profile of the user's own that a robot is made of.

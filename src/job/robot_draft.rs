@@ -164,6 +164,9 @@ fn serial_line(
     let robot = order.robot.as_deref();
     let DraftOrder { protocol, speeds, .. } = *order;
     let found = scan_line(&ScanOrder { bus, robot, protocol, speeds, wait: None }, observer)?;
+    if found.stopped {
+        draft.notes.push(format!("{bus} was not asked to the end: more may be on it"));
+    }
     for collision in &found.collisions {
         draft.notes.push(format!("ID {} on {bus}: {}", collision.id, collision.reason));
     }

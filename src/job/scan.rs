@@ -5,7 +5,7 @@ pub mod can;
 use super::observer::{Event, Observer};
 use super::report::OwnProfile;
 use crate::bus::Protocol;
-use crate::bus::scan::{Found, scan};
+use crate::bus::scan::{Found, scan_while};
 use crate::device::Model;
 use crate::error::Error;
 use crate::rig::{Address, BusKind};
@@ -59,6 +59,9 @@ pub struct ScanReport {
     pub scanned_baud_bps: Vec<u32>,
     /// Speeds the port does not know.
     pub unusable_baud_bps: Vec<u32>,
+    /// It was stopped before all was asked.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub stopped: bool,
     /// Who answered.
     pub devices: Vec<Device>,
     /// IDs of more than one.
@@ -100,7 +103,7 @@ const LONGEST: Duration = Duration::from_secs(600);
 const ALL: [Protocol; 4] =
     [Protocol::Dynamixel2, Protocol::Dynamixel1, Protocol::FeetechSts, Protocol::FeetechScs];
 
-/// Scans a serial line, in one protocol or in all.
+/// Scans a serial line, in one protocol or in all, until the observer wants to stop.
 ///
 /// # Errors
 /// A line that cannot be opened or fails.
@@ -132,8 +135,11 @@ pub fn scan_line(order: &ScanOrder<'_>, observer: &dyn Observer) -> Result<ScanR
         line.bus.set_return_delay(wait);
         let is_known = speeds.len() > 1 || !matches!(bus.bus, BusKind::Tcp { baud_bps: None, .. });
         let baud_bps = is_known.then_some(bps);
-        at_speed(&mut line, &protocols, baud_bps, &mut report)?;
+        at_speed(&mut line, &protocols, baud_bps, &mut report, observer)?;
         report.scanned_baud_bps.extend(baud_bps);
+        if report.stopped {
+            break;
+        }
     }
     observer.hear(Event::Step { done: total, total, what: "" });
     report.devices.sort_by_key(|d| (d.id, d.baud_bps));
@@ -155,10 +161,14 @@ fn at_speed(
     protocols: &[Protocol],
     baud_bps: Option<u32>,
     report: &mut ScanReport,
+    observer: &dyn Observer,
 ) -> Result<(), Error> {
     let failed = |e| ask_error(format!("{} at {} bit/s", report.bus, line.baud_bps), &e);
     let budget = line.clock.now() + LONGEST;
-    let scanned = scan(&mut line.bus, protocols, telling_apart, budget).map_err(failed)?;
+    let goes_on = || !observer.wants_to_stop();
+    let scanned =
+        scan_while(&mut line.bus, protocols, telling_apart, budget, &goes_on).map_err(failed)?;
+    report.stopped = !scanned.complete && !goes_on();
     for found in &scanned.found {
         // Servos that share a packet are told apart by more than the scan has read.
         let identity = identify(line, found.id, Some(found.protocol)).and_then(|own| {

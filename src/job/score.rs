@@ -11,6 +11,7 @@ use super::labels::{self, Cut, Label};
 use super::recognise::{EquationReading, RecognisedAction, SeenBody, models, of_body};
 use super::source::{CaptureOptions, body_motion};
 use crate::error::{Error, ErrorKind};
+use crate::job::report::counted;
 use crate::recognise::machine::Span;
 use crate::recognise::model::ActionModel;
 use crate::recognise::score::{ClassTally, interval, is_same, segmentation_error};
@@ -199,7 +200,10 @@ pub fn classification(
             Ok((rate_hz, body, events)) => {
                 let frames = body.frames.len();
                 if let Some(of) = labels.frames.get(*file).filter(|of| **of != frames) {
-                    score.unread.push(format!("{file}: {frames} frames, and labels of {of}"));
+                    score.unread.push(format!(
+                        "{file}: {frames}, and labels of {of}",
+                        frames = counted(frames, "frame")
+                    ));
                     continue;
                 }
                 score.frames += frames;
@@ -208,8 +212,9 @@ pub fn classification(
                     of_file.iter().partition(|label| label.is_inside(frames, rate_hz));
                 score.unread.extend(beyond.iter().map(|label| {
                     format!(
-                        "{file}: a label of {} begins before or after its {frames} frames",
-                        label.class
+                        "{file}: a label of {} begins before or after its {frames}",
+                        label.class,
+                        frames = counted(frames, "frame")
                     )
                 }));
                 for label in &of_file {

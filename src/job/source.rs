@@ -13,8 +13,10 @@ pub use crate::mocap::files::CaptureOptions;
 use super::composition::{GaitChangeReport, InsertReport, compose};
 use super::model::robot_model;
 use crate::action::{Fits, Inserts, Join, Motion, phrase, vocabulary};
-use crate::body::{Proportions, Segment};
-use crate::error::{Error, ErrorKind};
+use crate::body::{Proportions, Segment, segment_name};
+use crate::clean::artefact::ArtefactKind;
+use crate::clean::joints::artefacts;
+use crate::error::{Error, ErrorKind, counted};
 use crate::mocap::anatomy::Capture;
 use crate::mocap::files::{self, CaptureFormat};
 use crate::mocap::fit::{self, FitSettings, Fitted};
@@ -472,7 +474,29 @@ pub fn body_motion(
         segment_frames: Some(file.frames.clone()),
         ..Source::default()
     };
-    Ok((file.capture(), source))
+    let mut capture = file.capture();
+    capture.notes.extend(wrong_joints(&capture, motion));
+    Ok((capture, source))
+}
+
+/// What of the joints of a capture is no motion of a person, in words. It is told and not mended.
+fn wrong_joints(capture: &Capture, name: &str) -> Option<String> {
+    let found = artefacts(&capture.poses, &capture.tracked, capture.rate_hz);
+    let first = found.iter().min_by_key(|artefact| artefact.frames.start)?;
+    let what = match first.kind {
+        ArtefactKind::Stuck => "sticks",
+        _ => "jumps",
+    };
+    let at_s = first.frames.start as f64 / capture.rate_hz;
+    let more = match found.len() - 1 {
+        0 => String::new(),
+        more => format!(", and {more} more like it"),
+    };
+    Some(format!(
+        "no person moves so: {} {what} at {at_s:.2} s ({}){more}; it is played as it is (gaitway clean --check {name})",
+        segment_name(first.segment),
+        counted(first.frames.len(), "frame")
+    ))
 }
 
 /// Markers, fitted with the usual settings.

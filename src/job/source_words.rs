@@ -1,5 +1,6 @@
 //! What became of sources, in words: one that was heard, and one that a recording holds.
 
+use super::report::counted;
 use crate::recording::SourceOverview;
 use crate::sensing::SourceReport;
 use std::fmt::Write;
@@ -7,7 +8,7 @@ use std::fmt::Write;
 /// What became of a source, as one line.
 pub fn heard(report: &SourceReport, out: &mut String) {
     let counts = report.counts;
-    let _ = write!(out, "  {:<16} {} samples", report.name, counts.samples);
+    let _ = write!(out, "  {:<16} {}", report.name, counted(counts.samples, "sample"));
     let told = [
         (counts.missed, "missing"),
         (counts.estimated.unwrap_or(0), "missing (estimated)"),
@@ -20,7 +21,7 @@ pub fn heard(report: &SourceReport, out: &mut String) {
         (report.bad_packets, "bad packets"),
         (report.refused, "calls of others refused"),
     ];
-    counted(&told, out);
+    list(&told, out);
     if report.skew_ppm != 0.0 {
         let _ = write!(out, ", clock {:+.1} ppm", report.skew_ppm);
     }
@@ -47,13 +48,14 @@ pub fn kept(name: &str, source: &SourceOverview) -> String {
         (source.late, "out of order"),
         (source.resets, "resets"),
         (source.doubted, "with a time that was doubted"),
+        (source.beyond, "with a value beyond the sensor's range"),
     ];
-    counted(&counts, &mut text);
+    list(&counts, &mut text);
     text
 }
 
 /// What there is of anything.
-fn counted(counts: &[(u64, &str)], out: &mut String) {
+fn list(counts: &[(u64, &str)], out: &mut String) {
     for (count, word) in counts.iter().filter(|(count, _)| *count > 0) {
         let _ = write!(out, ", {count} {word}");
     }

@@ -5,7 +5,7 @@
 //! times. The unit is not in the file: millimetres are taken, which programs of optical systems write; nor is which
 //! axis is up.
 
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, ErrorKind, counted};
 use crate::mocap::markers::{
     Frame, Frames, Head, MAX_POINTS, MarkerFormat, MarkerPoint, Markers, PointKind, PointSample,
 };
@@ -204,7 +204,8 @@ fn read_rows<'a>(
     }
     if partial > 0 {
         markers.note(format!(
-            "{partial} samples have one or two of three coordinates: taken as not seen"
+            "{} with one or two of three coordinates: taken as not seen",
+            counted(partial, "sample")
         ));
     }
     if skipped > 0 {

@@ -5,7 +5,7 @@
 //! unit it is unknown. A point that was not seen has empty cells. What is no place has its unit, or a word that says
 //! what it is (`_angle`, `_force`, ...) where its unit does not.
 
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, ErrorKind, counted};
 use crate::mocap::even_times;
 use crate::mocap::markers::{
     Frame, Frames, Head, MAX_POINTS, MarkerFormat, MarkerPoint, Markers, PointKind, PointSample,
@@ -160,7 +160,8 @@ pub fn parse(bytes: &[u8]) -> Result<Markers, Error> {
     markers.set_first_frame(first_frame.unwrap_or(1));
     if partial > 0 {
         markers.note(format!(
-            "{partial} samples have one or two of three coordinates: taken as not seen"
+            "{} with one or two of three coordinates: taken as not seen",
+            counted(partial, "sample")
         ));
     }
     Ok(markers)

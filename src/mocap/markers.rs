@@ -8,7 +8,7 @@
 //! unit where the file does. A marker that was not seen in a frame has no position; there is no number
 //! that stands for that.
 
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, ErrorKind, counted};
 use crate::mocap::acclaim::check_rate;
 use crate::mocap::parameters::Parameters;
 
@@ -415,7 +415,8 @@ impl PlacelessCount {
             .into_iter()
             .filter(|((samples, _), _)| *samples > 0)
             .map(|((samples, markers), place)| {
-                format!("{samples} samples of {markers} markers are {place}: taken for not seen")
+                let markers = counted(markers, "marker");
+                format!("{samples} samples of {markers} are {place}: taken for not seen")
             })
             .collect()
     }

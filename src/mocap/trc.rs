@@ -4,7 +4,7 @@
 //! that was not seen has empty cells. The format is described in OpenSim's documentation, "Marker (.trc)
 //! Files". Which axis is up the file does not say.
 
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, ErrorKind, counted};
 use crate::mocap::even_times;
 use crate::mocap::markers::{
     Frame, Frames, Head, MAX_POINTS, MarkerFormat, MarkerPoint, Markers, PointKind, PointSample,
@@ -165,7 +165,8 @@ fn read_rows<'a>(
     even_times::check(&times)?;
     if partial > 0 {
         markers.note(format!(
-            "{partial} samples have one or two of three coordinates: taken as not seen"
+            "{} with one or two of three coordinates: taken as not seen",
+            counted(partial, "sample")
         ));
     }
     let steps = count.saturating_sub(1) as f64;

@@ -79,6 +79,8 @@ pub struct SourceOverview {
     pub resets: u64,
     /// Samples with a time or number that jumped, and that were not used.
     pub doubted: u64,
+    /// Samples with a value beyond what their sensor measures, which is left out.
+    pub beyond: u64,
     #[serde(skip)]
     span: Span,
     /// Number of the next sample.
@@ -111,11 +113,14 @@ struct Numbered {
     estimated_before: u64,
     #[serde(default)]
     dropped_before: u64,
+    #[serde(default)]
+    implausible: bool,
 }
 
 impl SourceOverview {
     fn add(&mut self, sample: &Numbered, read_ns: u64) {
         self.records += 1;
+        self.beyond += u64::from(sample.implausible);
         self.duration_s = self.span.take(read_ns);
         self.missed = self.missed.saturating_add(sample.missed_before);
         self.estimated = self.estimated.saturating_add(sample.estimated_before);

@@ -3,6 +3,7 @@
 
 use super::{Joint, Robot, ServoDrive};
 use crate::bus::{Bus, GroupItem, GroupQuestion, GroupRead, Protocol};
+use crate::error::counted;
 use crate::time::Duration;
 use gaitway_profiles::Role;
 use std::collections::BTreeMap;
@@ -78,7 +79,7 @@ impl fmt::Display for Reading {
             (low, high) if low == high => format!("{low} bytes"),
             (low, high) => format!("{low} to {high} bytes"),
         };
-        write!(f, "{} of {bytes} from {} servos", self.method, self.joints.len())
+        write!(f, "{} of {bytes} from {}", self.method, counted(self.joints.len(), "servo"))
     }
 }
 

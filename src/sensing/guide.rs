@@ -396,6 +396,9 @@ impl<'a> Guide<'a> {
             let is_away = turned.iter().any(|at| off(*at).is_some_and(|rad| rad > BEGUN_RAD));
             if !is_back {
                 self.hint(&mut hint_at, Until::Back, &all, n_pose, |rad| !(rad < BACK_RAD));
+            } else if now >= hint_at && !progress.has_begun() {
+                hint_at = now + HINT;
+                self.person.tell(Cue::Waiting { until: Until::Begun, segments: &[] });
             }
             if let Some(stood) = progress.take(now, is_back, is_away) {
                 self.person.tell(Cue::Good);

@@ -72,6 +72,8 @@ pub enum Until {
     Up,
     /// Every segment where it was in N pose.
     Back,
+    /// A movement that was asked for.
+    Begun,
 }
 
 /// What was not seen.

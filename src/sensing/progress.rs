@@ -15,6 +15,11 @@ pub struct Progress {
 }
 
 impl Progress {
+    /// True once somebody went away from where they stood.
+    pub const fn has_begun(&self) -> bool {
+        self.went
+    }
+
     /// Takes a moment; once it is over, since when.
     pub fn take(&mut self, now: Instant, is_back: bool, is_away: bool) -> Option<Instant> {
         if !is_back {
@@ -43,7 +48,9 @@ mod tests {
         assert_eq!(progress.take(at(0.0), false, true), None);
         assert_eq!(progress.take(at(1.0), true, false), None);
         assert_eq!(progress.take(at(3.0), true, false), None);
+        assert!(!progress.has_begun());
         assert_eq!(progress.take(at(4.0), false, true), None);
+        assert!(progress.has_begun());
         // On the way back, with a stumble.
         assert_eq!(progress.take(at(5.0), true, false), None);
         assert_eq!(progress.take(at(5.5), false, false), None);

@@ -91,7 +91,15 @@ impl Folder {
         if !self.has(name) {
             return Ok(None);
         }
-        let size = fs::metadata(&path).map(|m| m.len()).unwrap_or(0);
+        let found = fs::metadata(&path).ok();
+        // A pipe or a device would be waited for.
+        if found.as_ref().is_some_and(|found| !found.is_file()) {
+            return Err(Error::new("a file of the session is no file")
+                .at(shown(&path))
+                .got("a pipe, a device or a folder")
+                .allowed("a file on a disk"));
+        }
+        let size = found.map_or(0, |found| found.len());
         if size > MOST_BYTES {
             return Err(Error::new("the file is too large to be one of a session")
                 .at(shown(&path))

@@ -2,7 +2,7 @@
 
 use super::files::{BodyCheck, DeviceCheck, SessionFile, TrialFile, trial_of};
 use super::folder::Folder;
-use crate::body::anthropometry::Subject;
+use crate::body::anthropometry::{Subject, check_id};
 use crate::body::worn::kept::Kept;
 use crate::error::Error;
 use crate::time::Utc;
@@ -60,6 +60,15 @@ pub enum Step {
     Finished,
 }
 
+/// What the session is, if it was begun. Ids become names of files, and somebody may have edited it.
+fn session(folder: &Folder) -> Result<Option<SessionFile>, Error> {
+    let session: Option<SessionFile> = folder.read("session.toml")?;
+    for id in session.iter().flat_map(|session| &session.subjects) {
+        check_id(id).map_err(|error| error.at("session.toml"))?;
+    }
+    Ok(session)
+}
+
 impl Progress {
     /// Reads what is there.
     ///
@@ -67,7 +76,7 @@ impl Progress {
     /// A file that cannot be read or was changed into something else.
     pub fn read(folder: &Folder) -> Result<Self, Error> {
         let mut progress = Self {
-            session: folder.read("session.toml")?,
+            session: session(folder)?,
             finished: folder.has("manifest.toml"),
             ..Self::default()
         };

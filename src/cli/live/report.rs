@@ -2,6 +2,7 @@
 
 use crate::job::explain::BodySide;
 use crate::job::live::{BodyReport, LiveReport};
+use crate::job::report::counted;
 use crate::job::source_words;
 use std::fmt::Write;
 
@@ -78,9 +79,9 @@ impl LiveReport {
         );
         let _ = writeln!(
             out,
-            "behind    {} by limits ({} samples limited); poses {} old, p99 {}",
+            "behind    {} by limits ({} limited); poses {} old, p99 {}",
             ms(self.lag_s.map(|lag_s| lag_s.max(0.0))),
-            self.limited_samples,
+            counted(self.limited_samples, "sample"),
             ms(self.latency.map(|latency| latency.median_s)),
             ms(self.latency.map(|latency| latency.p99_s))
         );

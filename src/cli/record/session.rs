@@ -10,6 +10,7 @@ use crate::cli::signals::Signals;
 use crate::cli::{Deed, Remarks};
 use crate::corpus::store::check_outside;
 use crate::error::Error;
+use crate::job::report::counted;
 use crate::job::session::{SessionOrder, SessionReport, SessionState, open};
 use crate::session::Plan;
 use console::Console;
@@ -60,8 +61,8 @@ fn read_plan(path: &Path) -> Result<Plan, Error> {
 
 fn conclude(args: &RecordArgs, report: &SessionReport) -> i32 {
     let text = format!(
-        "finished: {} trials, {} kept, {} good repetitions\nwritten   {}\n",
-        report.trials,
+        "finished: {}, {} kept, {} good repetitions\nwritten   {}\n",
+        counted(report.trials, "trial"),
         report.kept,
         report.good_repetitions,
         report.session.join("manifest.toml").display()

@@ -146,6 +146,9 @@ pub fn calibrate(
     let finished = net::catch(|| {
         by_hand(link, &left, order, &files, &mut known, person, &mut report)?;
         if report.outcome == Outcome::Done && !order.dry_run {
+            if known.joints.is_empty() {
+                return Err(nothing_measured(&files));
+            }
             report.undo.push(finish(&files, &known)?);
         }
         Ok(())
@@ -154,11 +157,18 @@ pub fn calibrate(
     for line in &report.undo {
         observer.hear(Event::Note(&format!("to undo: {line}")));
     }
-    finished.unwrap_or_else(|words| {
+    let finished = finished.unwrap_or_else(|words| {
         Err(Error::of(ErrorKind::Broke, "the program broke")
             .got(words)
             .remedy("please report this; --resume goes on"))
-    })?;
+    });
+    if finished.is_err() && files.partial.exists() {
+        let place = files.partial.display();
+        observer.hear(Event::Note(&format!(
+            "what was measured is in {place}; to go on: the same command with --resume"
+        )));
+    }
+    finished?;
     if report.outcome == Outcome::Stopped {
         report.calibration.clone_from(&files.partial);
         if !order.dry_run {
@@ -166,6 +176,16 @@ pub fn calibrate(
         }
     }
     Ok(report)
+}
+
+/// A calibration of no joint would later be taken for one.
+fn nothing_measured(files: &Files) -> Error {
+    // What was to hold the joints holds none.
+    let _ = std::fs::remove_file(&files.partial);
+    Error::new("no joint was measured: there is nothing to write")
+        .at(files.file.display().to_string())
+        .got("all joints skipped")
+        .remedy("do it again and go through one joint at least; whatever was there is as it was")
 }
 
 /// What is measured on a virtual robot must not be laid over the one on the desk.

@@ -6,6 +6,7 @@ use super::inside::inside;
 use super::labels::{KnownLabels, recognised, throughout};
 use super::variations::{self, Variation};
 use crate::action::{phrase, vocabulary};
+use crate::body::anthropometry::check_id;
 use crate::body::{Segment, segment_name};
 use crate::corpus::licence::{Licence, UNKNOWN};
 use crate::corpus::query::Question;
@@ -16,7 +17,9 @@ use crate::corpus::store::{NewTrial, Store, check_name, hash_of};
 use crate::corpus::tables::{LABELS, TRIALS, TrialFrames};
 use crate::error::{Error, ErrorKind};
 use crate::job::labels::label_text;
+use crate::job::pending::go_on;
 use crate::job::report::Outcome;
+use crate::job::report::counted;
 use crate::job::source::{CaptureOptions, FileKind, body_motion, file_kind};
 use crate::job::{Event, Observer};
 use crate::mocap::anatomy::Capture;
@@ -124,8 +127,8 @@ impl Piece {
 fn unused_note(unused: &BTreeSet<&str>) -> Option<String> {
     let first = unused.first()?;
     Some(format!(
-        "labels of {} clips name nothing that is added here, such as {first}",
-        unused.len()
+        "labels of {} name nothing that is added here, such as {first}",
+        counted(unused.len(), "clip")
     ))
 }
 
@@ -142,7 +145,7 @@ struct Planned {
 pub fn add(order: &AddOrder, observer: &dyn Observer) -> Result<AddReport, Error> {
     order.about.check()?;
     let store = Store::open_to_change(&order.corpus)?;
-    let mut planning = Planning::of(order)?;
+    let mut planning = Planning::of(order, observer)?;
     for source in &order.sources {
         planning.take(source)?;
     }
@@ -210,6 +213,8 @@ enum Stumble {
 /// What is to be added, in the making.
 struct Planning<'a> {
     order: &'a AddOrder,
+    /// Whoever may want to stop: a folder may be large.
+    observer: &'a dyn Observer,
     table: TrialTable,
     labels: KnownLabels,
     subjects: BTreeMap<String, SubjectEntry>,
@@ -221,13 +226,14 @@ struct Planning<'a> {
 }
 
 impl<'a> Planning<'a> {
-    fn of(order: &'a AddOrder) -> Result<Self, Error> {
+    fn of(order: &'a AddOrder, observer: &'a dyn Observer) -> Result<Self, Error> {
         let table = order.table.as_deref().map(TrialTable::read).transpose()?.unwrap_or_default();
         let folder = order.sources.first().map(Path::new).filter(|path| path.is_dir());
         let labels = order.labels.as_deref().map(|path| KnownLabels::read(path, folder));
         let labels = labels.transpose()?.unwrap_or_default();
         let mut planning = Self {
             order,
+            observer,
             table,
             labels,
             subjects: BTreeMap::new(),
@@ -324,10 +330,12 @@ impl<'a> Planning<'a> {
         }
         let mut entries = Vec::new();
         for entry in std::fs::read_dir(folder).map_err(unreadable)? {
+            go_on(self.observer)?;
             entries.push(entry.map_err(unreadable)?.path());
         }
         entries.sort();
         for path in entries {
+            go_on(self.observer)?;
             let is_variations =
                 |name: &str| name.starts_with("poses-") && name.ends_with(".parquet");
             let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
@@ -350,6 +358,7 @@ impl<'a> Planning<'a> {
             self.person(person)?;
         }
         for motion in found.motions {
+            go_on(self.observer)?;
             for event in motion.events {
                 let span = Span { start_s: event.start_s, end_s: event.end_s };
                 self.labels.add(&motion.file, event.description, span);
@@ -388,6 +397,9 @@ impl<'a> Planning<'a> {
             self.person(SubjectEntry { subject, ..SubjectEntry::default() })?;
         }
         for trial in &manifest.trials {
+            go_on(self.observer)?;
+            // Somebody may have edited it, and ids become names of files.
+            trial.subjects.iter().try_for_each(|id| check_id(id)).map_err(|e| e.in_file(&path))?;
             let verdict = match trial.verdict {
                 crate::session::files::Verdict::Keep => "keep",
                 crate::session::files::Verdict::Retake => "retake",
@@ -397,10 +409,10 @@ impl<'a> Planning<'a> {
             // One that is to be retaken has none, and none is missed.
             if verdict == "keep" && poses.len() != trial.subjects.len() {
                 self.unread.push(format!(
-                    "trial {} of the session in {}: {} files of motion of {} people{}",
+                    "trial {} of the session in {}: {} of motion of {} people{}",
                     trial.name,
                     folder.display(),
-                    poses.len(),
+                    counted(poses.len(), "file"),
                     trial.subjects.len(),
                     trial.no_angles.iter().map(|why| format!(": {why}")).collect::<String>(),
                 ));
@@ -866,7 +878,7 @@ impl<'a> Adding<'a> {
             }
         }
         if !more.is_empty() {
-            self.store.label(&more, &format!("{} labels", more.len()))?;
+            self.store.label(&more, &counted(more.len(), "label"))?;
             self.report.labels += more.len() as u64;
         }
         Ok(())

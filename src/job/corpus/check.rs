@@ -7,10 +7,11 @@ use crate::corpus::tables::{FRAMES, LABELS, SUBJECTS, TRIALS};
 use crate::corpus::version::RowSum;
 use crate::error::Error;
 use crate::job::report::Outcome;
+use crate::job::report::counted;
 use crate::job::{Event, Observer};
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// What was found.
 #[derive(Clone, Debug, Serialize)]
@@ -50,6 +51,8 @@ pub struct Fault {
 
 /// Most faults that are told.
 const MOST_TOLD: usize = 1000;
+/// Most files and folders beside the corpus that are named.
+const MOST_STRAYS: usize = 100;
 
 /// Looks through a corpus: every byte of every file.
 ///
@@ -69,7 +72,13 @@ pub fn check(corpus: &Path, observer: &dyn Observer) -> Result<CheckReport, Erro
         faults: Vec::new(),
         remarks: Vec::new(),
     };
-    let mut looking = Looking { store, report, sum: RowSum::default(), trials: HashMap::new() };
+    let mut looking = Looking {
+        store,
+        report,
+        sources: HashSet::new(),
+        sum: RowSum::default(),
+        trials: HashMap::new(),
+    };
     looking.files(observer)?;
     looking.rows(observer)?;
     looking.frames(observer)?;
@@ -86,6 +95,8 @@ pub fn check(corpus: &Path, observer: &dyn Observer) -> Result<CheckReport, Erro
 struct Looking {
     store: Store,
     report: CheckReport,
+    /// Files that trials were made of.
+    sources: HashSet<PathBuf>,
     sum: RowSum,
     /// How many frames each has, by its id.
     trials: HashMap<String, i64>,
@@ -118,7 +129,11 @@ impl Looking {
                 Ok(_) => match self.store.table(&note.path) {
                     Err(error) => self.fault("unreadable", note.path.clone(), error.what),
                     Ok(table) if table.rows() != note.rows => {
-                        let what = format!("{} rows, and {} are noted", table.rows(), note.rows);
+                        let what = format!(
+                            "{}, and {} are noted",
+                            counted(table.rows(), "row"),
+                            note.rows
+                        );
                         self.fault("rows", note.path.clone(), what);
                     }
                     Ok(_) => {}
@@ -165,6 +180,7 @@ impl Looking {
         }
         for (file, hash) in sources {
             self.report.files += 1;
+            self.sources.insert(self.store.path(&file));
             match hash_of(&self.store.path(&file)) {
                 Ok((found, _)) if found == hash => {}
                 Ok(_) => self.fault("changed", file, "its bytes are not those that were added"),
@@ -310,26 +326,47 @@ impl Looking {
         }
     }
 
-    /// Tables that are no part of the corpus, which whoever reads the folder as it is would read as well.
+    /// What is no part of the corpus. Tables among its tables are faults: whoever reads the folder as it is would read them
+    /// as well. Of what lies beside them it is only said that it is there.
     fn strays(&mut self) {
-        let known: HashSet<_> =
-            self.store.version().files.iter().map(|note| self.store.path(&note.path)).collect();
-        let mut folders: Vec<_> =
-            [TRIALS, LABELS, FRAMES].map(|table| self.store.path(table)).to_vec();
-        let mut found = Vec::new();
+        let mut known: HashSet<PathBuf> = std::mem::take(&mut self.sources);
+        known.extend(self.store.own_files());
+        let parts: HashSet<PathBuf> =
+            known.iter().flat_map(|file| file.ancestors().skip(1)).map(Path::to_owned).collect();
+        let tables = [TRIALS, LABELS, FRAMES].map(|table| self.store.path(table));
+        let (mut folders, mut among, mut beside) =
+            (vec![self.store.root().to_owned()], Vec::new(), Vec::new());
         while let Some(folder) = folders.pop() {
             for entry in std::fs::read_dir(&folder).into_iter().flatten().flatten() {
                 let path = entry.path();
-                if path.is_dir() {
-                    folders.push(path);
-                } else if !known.contains(&path) {
-                    found.push(path);
+                let is_folder = entry.file_type().is_ok_and(|kind| kind.is_dir());
+                if is_folder
+                    && (parts.contains(&path) || tables.iter().any(|of| path.starts_with(of)))
+                {
+                    let is_empty = std::fs::read_dir(&path).is_ok_and(|mut of| of.next().is_none());
+                    if is_empty && !tables.contains(&path) {
+                        beside.push(path);
+                    } else {
+                        folders.push(path);
+                    }
+                } else if is_folder || !known.contains(&path) {
+                    let is_among = tables.iter().any(|of| path.starts_with(of));
+                    if is_among { among.push(path) } else { beside.push(path) }
                 }
             }
         }
-        found.sort();
-        for path in found {
+        among.sort();
+        for path in among {
             self.fault("stray", path.display().to_string(), "a file that is no part of the corpus");
+        }
+        beside.sort();
+        let more = beside.len().saturating_sub(MOST_STRAYS);
+        for path in beside.into_iter().take(MOST_STRAYS) {
+            let remark = format!("no part of the corpus: {}", path.display());
+            self.report.remarks.push(remark);
+        }
+        if more > 0 {
+            self.report.remarks.push(format!("no part of the corpus: {more} more"));
         }
     }
 }

@@ -42,6 +42,8 @@ const BATCH: usize = 24;
 /// Another process that adds a part is waited for so often, and so long each time.
 const WAITS: u32 = 600;
 const WAIT: Duration = Duration::from_millis(100);
+/// After so many times it is said.
+const SAID_AFTER: u32 = 10;
 const MOST_SEED: u64 = 1 << 53;
 /// Who says what a generated trial is.
 const GENERATOR: &str = "generator";
@@ -244,6 +246,13 @@ fn add(
             Err(error) if error.kind == ErrorKind::Busy && waited < WAITS => {
                 go_on(observer)?;
                 waited += 1;
+                if waited == SAID_AFTER {
+                    let who = error.got.as_deref().unwrap_or("another program");
+                    observer.hear(Event::Note(&format!(
+                        "{who} changes the corpus: it is waited for, {} s at most",
+                        (WAIT * WAITS).as_secs()
+                    )));
+                }
                 thread::park_timeout(WAIT);
             }
             other => break other?,

@@ -5,6 +5,7 @@ use crate::corpus::rows::LabelEntry;
 use crate::error::{Error, ErrorKind};
 use crate::job::labels::{self, Cut, NOTHING};
 use crate::job::recognise::{EquationReading, models, of_capture};
+use crate::job::report::counted;
 use crate::mocap::anatomy::Capture;
 use crate::recognise::machine::Span;
 use crate::recognise::model::BodySide;
@@ -139,7 +140,7 @@ impl KnownLabels {
             if label.all_frames.is_some_and(|count| count != frames) {
                 return Err(Error::of(ErrorKind::Malformed, "labels of another number of frames")
                     .at(file.display().to_string())
-                    .got(format!("{} labels", label.all_frames.unwrap_or(0)))
+                    .got(counted(label.all_frames.unwrap_or(0), "label"))
                     .allowed(format!("{frames}, a line for each frame")));
             }
             let (first, end) = match label.cut {

@@ -4,6 +4,7 @@ use super::{
     AddReport, AskReport, CheckReport, ExportReport, GenerateReport, GeneratedTrial, NewReport,
     PlanReport, RemoveReport,
 };
+use crate::job::report::counted;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
@@ -29,8 +30,11 @@ impl AddReport {
         let Self { added, frames, labels, found, trials, version, .. } = self;
         let (outcome, there) = (self.outcome.word(), found.len());
         let mut text = format!(
-            "{outcome}: {added} trials added ({frames} frames, {labels} labels), {there} found, {trials} in all\n\
-             version   {version}\n"
+            "{outcome}: {added} added ({frames}, {labels}), {there} found, {trials} in all\n\
+             version   {version}\n",
+            labels = counted(*labels, "label"),
+            frames = counted(*frames, "frame"),
+            added = counted(*added, "trial")
         );
         for found in found.iter().take(MOST_LINES) {
             let _ =
@@ -175,7 +179,12 @@ impl AskReport {
             }
             text.push('\n');
         }
-        let _ = writeln!(text, "{} trials of version {:.12}", self.looked.trials, self.version);
+        let _ = writeln!(
+            text,
+            "{} of version {:.12}",
+            counted(self.looked.trials, "trial"),
+            self.version
+        );
         if let Some(written) = &self.written {
             let _ = writeln!(text, "written   {written}");
         }
@@ -198,8 +207,12 @@ impl CheckReport {
         let (outcome, wrong) = (self.outcome.word(), faults.len());
         let _ = writeln!(
             text,
-            "{outcome}: {trials} trials, {labels} labels, {subjects} people, {frames} frames in {files} files, {wrong} \
-             faults\nversion   {version}"
+            "{outcome}: {trials}, {labels}, {subjects} people, {frames} in {files}, {wrong} \
+             faults\nversion   {version}",
+            files = counted(*files, "file"),
+            frames = counted(*frames, "frame"),
+            labels = counted(*labels, "label"),
+            trials = counted(*trials, "trial")
         );
         text
     }
@@ -210,7 +223,8 @@ impl RemoveReport {
     #[must_use]
     pub fn words(&self) -> String {
         let word = if self.dry_run { "would go" } else { "gone" };
-        let mut text = format!("{} trials {word}, {} in the corpus\n", self.removed, self.left);
+        let mut text =
+            format!("{} {word}, {} in the corpus\n", counted(self.removed, "trial"), self.left);
         for export in &self.exports {
             let (path, format, subjects) =
                 (&export.path, &export.format, export.subjects.join(", "));
@@ -233,9 +247,9 @@ impl ExportReport {
     #[must_use]
     pub fn words(&self) -> String {
         let mut text = format!(
-            "{}: {} trials as {} in {}\nversion   {}\n",
+            "{}: {} as {} in {}\nversion   {}\n",
             self.outcome.word(),
-            self.trials.len(),
+            counted(self.trials.len(), "trial"),
             self.format,
             self.written,
             self.version

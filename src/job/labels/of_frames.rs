@@ -6,6 +6,7 @@ use super::{Cut, Label, Labels, label_text};
 use crate::corpus::store::check_outside;
 use crate::draft;
 use crate::error::{Error, ErrorKind};
+use crate::job::report::counted;
 use std::path::{Path, PathBuf};
 
 /// Most files and folders in one folder.
@@ -194,7 +195,7 @@ fn take(labels: &mut Labels, clip: &str, class: &str, marks: &[Mark]) -> Result<
             ErrorKind::Malformed,
             "the actions of a trial have other numbers of frames",
         )
-        .got(format!("{} lines", marks.len()))
+        .got(counted(marks.len(), "line"))
         .allowed(format!("{frames}, as the one before")));
     }
     labels.looked_for.entry(clip.to_owned()).or_default().insert(class.to_owned());
@@ -228,7 +229,7 @@ mod tests {
         let unclear = Cut::Frames { first: 3, last: 3 };
         assert_eq!(labels.unclear["a.bvh"], [("kick".to_owned(), unclear)]);
         let other = take(&mut labels, "a.bvh", "walk", &marks("1.0").expect("marks"));
-        assert!(other.expect_err("one frame").to_string().contains("1 lines"));
+        assert!(other.expect_err("one frame").to_string().contains("1 line"));
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! Pages of what a file holds: a capture, markers, a robot's recording.
 
 use super::{NamedLimits, drawable, joint_tracks, sampled};
+use crate::bus::Miss;
 use crate::error::{Error, ErrorKind};
 use crate::job::clean_check::cut_off;
 use crate::job::recorder::Series;
@@ -177,6 +178,19 @@ fn said(cycles: &[CycleRecord], duration_s: f64) -> Option<BasePath> {
     })
 }
 
+/// Where a joint was asked and gave no reading. Until version 0.2.0 a recording said of a joint whose turn it was not that
+/// it was missed, and why.
+fn missed(cycles: &[CycleRecord], joints: usize) -> Vec<Vec<bool>> {
+    let not_asked = Miss::NotAsked.to_string();
+    let of = |joint: usize| {
+        let why = |cycle: &CycleRecord| {
+            cycle.joints.get(joint)?.missed.as_deref().map(|why| why != not_asked)
+        };
+        cycles.iter().map(|cycle| why(cycle).unwrap_or(false)).collect()
+    };
+    (0..joints).map(of).collect()
+}
+
 /// The cycles as series.
 fn series(cycles: &[CycleRecord], joints: usize, first: crate::time::Instant) -> Series {
     let by_joint = |value: &dyn Fn(&JointRecord) -> Option<f64>| -> Vec<Vec<f64>> {
@@ -192,6 +206,7 @@ fn series(cycles: &[CycleRecord], joints: usize, first: crate::time::Instant) ->
         goal_rad: by_joint(&|of| of.goal_rad),
         goal_velocity_rad_s: Vec::new(),
         present_rad: by_joint(&|of| of.present_position_rad),
+        missed: missed(cycles, joints),
         velocity_rad_s: by_joint(&|of| of.present_velocity_rad_s),
         current_a: by_joint(&|of| of.present_current_a),
         load_ratio: by_joint(&|of| of.present_load_ratio),

@@ -3,6 +3,7 @@
 use super::motions::MotionScore;
 use super::nearest::ClassBaseline;
 use super::{ClassFigures, ClassificationReport, CorruptionFigures};
+use crate::job::report::counted;
 use std::fmt::Write;
 
 fn percent(value: Option<f64>) -> String {
@@ -114,8 +115,10 @@ impl ClassificationReport {
         }
         let _ = writeln!(
             text,
-            "{} clips, {} frames, {:.0} s",
-            report.clips, report.frames, report.duration_s
+            "{}, {}, {:.0} s",
+            counted(report.clips, "clip"),
+            counted(report.frames, "frame"),
+            report.duration_s
         );
         text
     }
@@ -134,9 +137,9 @@ impl MotionScore {
             (Some(value), Some(interval)) => {
                 let _ = writeln!(
                     text,
-                    "value     {}, 95 % interval, {} trials",
+                    "value     {}, 95 % interval, {}",
                     of(value, interval),
-                    self.judged
+                    counted(self.judged, "trial")
                 );
             }
             (Some(value), None) => {

@@ -7,7 +7,7 @@ use super::device::Device;
 use super::{Protocol, Which};
 use crate::device::Model;
 use crate::error::{Error, ErrorKind};
-use crate::job::observer::{Event, Observer};
+use crate::job::observer::{Event, Nobody, Observer};
 use crate::job::report::Outcome;
 use crate::job::scan::{self, ScanOrder, Speeds, scan_line};
 use crate::rig::{Address, BusKind};
@@ -139,7 +139,7 @@ pub fn set_up(
         bus: order.bus.to_string(),
         joints: Vec::new(),
     };
-    let mut present = already(order, &wanted, observer)?;
+    let mut present = already(order, &wanted)?;
     for next in &wanted {
         if present.contains(&next.id) {
             report.joints.push(next.found(SetUpState::WasDone, Some((next.id, next.baud_bps))));
@@ -159,7 +159,7 @@ pub fn set_up(
                 SetUpAnswer::Skip => break Some(next.found(SetUpState::Skipped, None)),
                 SetUpAnswer::Go => {}
             }
-            match newcomer(order, next, &present, observer)? {
+            match newcomer(order, next, &present)? {
                 // One that was pulled out meanwhile is asked for again: what is changed of it by then is found there.
                 Ok(found) => match change(order, next, found) {
                     Ok(done) => break Some(done),
@@ -242,13 +242,9 @@ fn factory_id(servo: &Servo) -> Option<u8> {
 
 /// IDs of joints that answer as they are to, but for the one that a servo has from the factory: nobody knows whether that is
 /// the joint's or a newcomer.
-fn already(
-    order: &SetUpOrder,
-    wanted: &[Wanted<'_>],
-    observer: &dyn Observer,
-) -> Result<Vec<u8>, Error> {
+fn already(order: &SetUpOrder, wanted: &[Wanted<'_>]) -> Result<Vec<u8>, Error> {
     let Some(first) = wanted.first() else { return Ok(Vec::new()) };
-    let found = heard(order, first, first.baud_bps, observer)?;
+    let found = heard(order, first, first.baud_bps)?;
     let is_done = |of: &&Wanted<'_>| {
         factory_id(of.servo) != Some(of.id)
             && found.devices.iter().any(|device| device.id == of.id && is_model(device, of.servo))
@@ -260,16 +256,13 @@ fn is_model(device: &scan::Device, servo: &Servo) -> bool {
     device.model_number == Some(servo.model_number)
 }
 
-fn heard(
-    order: &SetUpOrder,
-    of: &Wanted<'_>,
-    baud_bps: u32,
-    observer: &dyn Observer,
-) -> Result<scan::ScanReport, Error> {
+/// Who answers at one speed. It is asked to the end whatever is wanted meanwhile: of half a scan a newcomer may look alone
+/// who is not.
+fn heard(order: &SetUpOrder, of: &Wanted<'_>, baud_bps: u32) -> Result<scan::ScanReport, Error> {
     let protocol: Protocol = Model::new(of.servo).protocol();
     let (robot, protocol) = (Some(order.robot.as_str()), Some(protocol));
     let speeds = Speeds::One(baud_bps);
-    scan_line(&ScanOrder { bus: &order.bus, robot, protocol, speeds, wait: None }, observer)
+    scan_line(&ScanOrder { bus: &order.bus, robot, protocol, speeds, wait: None }, &Nobody)
 }
 
 /// The one servo that was plugged in; or why that is none.
@@ -277,14 +270,13 @@ fn newcomer(
     order: &SetUpOrder,
     next: &Wanted<'_>,
     present: &[u8],
-    observer: &dyn Observer,
 ) -> Result<Result<(u8, u32), Error>, Error> {
     let place = || format!("{} for {}", order.bus, next.name);
     let mut speeds = vec![next.baud_bps];
     speeds.extend(next.servo.baud.iter().map(|baud| baud.bps).filter(|bps| *bps != next.baud_bps));
     let over_tcp = matches!(order.bus.bus, BusKind::Tcp { .. });
     for bps in speeds.into_iter().take(if over_tcp { 1 } else { usize::MAX }) {
-        let found = match heard(order, next, bps, observer) {
+        let found = match heard(order, next, bps) {
             // An adapter need not know every speed that a servo knows.
             Err(error) if error.kind == ErrorKind::Unknown && bps != next.baud_bps => continue,
             found => found?,

@@ -73,6 +73,8 @@ pub enum Happening<'a> {
         good: u32,
         /// Bad ones.
         bad: u32,
+        /// For so long the trial is recorded, s.
+        time_s: f64,
     },
     /// The trial ends before anybody said so.
     CutShort(CutShort<'a>),
@@ -153,6 +155,11 @@ pub enum TrialFault {
     Missing {
         /// How many are known to be.
         samples: u64,
+    },
+    /// Nothing of a sensor that is worn is in it.
+    Unheard {
+        /// Name of the sensor.
+        sensor: String,
     },
     /// A sensor says nothing at its end.
     Silent {

@@ -41,7 +41,10 @@ pub(super) fn judge(job: &Job, name: &str) -> Result<(), Ended> {
     operator.hear(Happening::Recorded(&recorded));
     let marked = first.markers.iter().filter(|marker| marker.text == GOOD).count();
     let usual = if recorded.faults.is_empty() { Verdict::Keep } else { Verdict::Retake };
-    let verdict = match recordings.iter().all(|recording| !recording.subject.is_empty()) {
+    // Where nothing was heard there is nothing to keep.
+    let is_empty = series.iter().all(|part| part.sensors.values().all(Vec::is_empty));
+    let is_known = recordings.iter().all(|recording| !recording.subject.is_empty());
+    let verdict = match is_known && !is_empty {
         true => operator.judge(Judged::Trial { trial: name }, usual)?,
         false => {
             operator.ready(Ready::Retake { trial: name })?;
@@ -108,18 +111,21 @@ fn recorded(name: &str, series: &[SensorSeries], start_ns: u64) -> RecordedTrial
     }
 }
 
-/// Sensors that were worn and say nothing at the end of a recording.
+/// Sensors that were worn and say nothing in a recording, or at its end.
 fn silent(part: &SensorSeries) -> Vec<TrialFault> {
     let worn = part.start.as_ref().and_then(|start| start.metadata.get(BODY_KEY));
     let worn = worn.and_then(|text| Kept::parse(text).ok());
     let mut found = Vec::new();
     for sensor in worn.iter().flat_map(|kept| &kept.sensors) {
-        let last = part.sensors.get(sensor).and_then(|moments| moments.last());
-        let seconds = last.map_or(part.duration_s(), |last| {
-            part.last_ns.saturating_sub(last.taken_ns) as f64 / 1e9
-        });
-        if last.is_none() || !(seconds <= SILENT_S) {
-            found.push(TrialFault::Silent { sensor: sensor.clone(), seconds });
+        let sensor = sensor.clone();
+        match part.sensors.get(&sensor).and_then(|moments| moments.last()) {
+            None => found.push(TrialFault::Unheard { sensor }),
+            Some(last) => {
+                let seconds = part.last_ns.saturating_sub(last.taken_ns) as f64 / 1e9;
+                if !(seconds <= SILENT_S) {
+                    found.push(TrialFault::Silent { sensor, seconds });
+                }
+            }
         }
     }
     found

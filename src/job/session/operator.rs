@@ -46,7 +46,7 @@ pub enum Ready<'a> {
     Explained,
     /// It was practised; nothing of that is recorded.
     Practised,
-    /// Nobody can know who is in a trial that was cut off: it is done once more.
+    /// Nobody can know who is in a trial that was cut off, or nothing is in it: it is done once more.
     Retake {
         /// Name of the trial.
         trial: &'a str,

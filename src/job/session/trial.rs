@@ -173,6 +173,7 @@ fn listen(job: &Job, parts: &[Part]) -> Answered<()> {
     let operator = job.operator;
     let gone = job.hub.gone();
     let (mut good, mut bad) = (0, 0);
+    let began = MonotonicClock.now();
     loop {
         let said = operator.during_trial(LOOK)?;
         let at = MonotonicClock.now();
@@ -201,6 +202,7 @@ fn listen(job: &Job, parts: &[Part]) -> Answered<()> {
             let marker = Marker { at, text: text.clone() };
             recorder.take_record(*marks, SourceRecord::Mark(marker));
         }
-        operator.hear(Happening::Marked { good, bad });
+        let time_s = at.seconds_since(began);
+        operator.hear(Happening::Marked { good, bad, time_s });
     }
 }

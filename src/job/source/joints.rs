@@ -3,7 +3,7 @@
 
 use super::{Source, untitled};
 use crate::actionlet::key_frames;
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, ErrorKind, counted};
 use crate::job::table_text::text_up_to;
 use crate::mocap::retarget::{Retargeted, Settings};
 use crate::motion::{low_pass, saturate};
@@ -272,8 +272,8 @@ fn of_rows(text: &str, joints: &[String]) -> Result<JointMotion, Error> {
     };
     let width = untitled::BASE_COLUMNS + order.len();
     let shape = format!(
-        "{width} numbers in a row, for this robot: base x y z (m), qx qy qz qw, then {} joints (rad), 30 rows a second",
-        order.len()
+        "{width} numbers in a row, for this robot: base x y z (m), qx qy qz qw, then {} (rad), 30 rows a second",
+        counted(order.len(), "joint")
     );
     let mut series: Vec<Series> =
         order.into_iter().map(|joint| Series { joint, points: Vec::new() }).collect();

@@ -6,7 +6,7 @@
 
 use super::joints::JointMotion;
 use crate::columnar::TableReader;
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, ErrorKind, counted};
 use crate::job::table_text::text_up_to;
 use crate::robot::{Joint, Robot};
 use serde_json::Value;
@@ -299,7 +299,7 @@ impl Info {
             rows.extend(numbers);
         }
         if rows.len() as u64 != length {
-            let got = format!("{} frames, {length} told", rows.len());
+            let got = format!("{}, {length} told", counted(rows.len(), "frame"));
             return Err(wrong("an episode has more or fewer frames than its dataset tells", got));
         }
         if let Some(frame) = rows.iter().position(|row| row.iter().any(|value| !value.is_finite()))
@@ -361,7 +361,7 @@ fn place(folder: &Path, episode: u64) -> Result<Place, Error> {
             if length > MAX_FRAMES {
                 return Err(Error::of(ErrorKind::OutsideLimits, "an episode is too long")
                     .in_file(&path)
-                    .got(format!("episode {episode}: {length} frames"))
+                    .got(format!("episode {episode}: {length}", length = counted(length, "frame")))
                     .allowed(format!("at most {MAX_FRAMES}")));
             }
             let (chunk, file) = (number("data/chunk_index")?, number("data/file_index")?);

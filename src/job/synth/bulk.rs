@@ -16,8 +16,7 @@ use serde::Serialize;
 use std::io::{BufWriter, Write};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, OnceLock};
 
 /// Poses in a row group, about, so that a query for one variation reads few others and memory does
 /// not grow with length and rate; and most variations. Neither depends on the machine, so that files
@@ -459,19 +458,23 @@ impl Set {
 
     /// Writes it under temporary names, then renames: what has its name is whole, and on the disk.
     fn write(&self, missing: &mut Missing, steps: &mut Steps<'_>) -> Result<u64, Error> {
-        let is_full = Arc::new(AtomicBool::new(false));
-        let written = self.write_parts(&is_full, steps).map_err(|cause| {
-            let is_full = is_full.load(Ordering::Relaxed);
-            if is_full { room::filled(&self.poses, missing.bytes) } else { cause }
+        let why = Arc::new(OnceLock::new());
+        let written = self.write_parts(&why, steps).map_err(|cause| match why.get() {
+            Some(&why) => room::filled(&self.poses, missing.bytes, why),
+            None => cause,
         })?;
         let bytes = self.stretches.iter().map(|stretch| missing.bytes_of(stretch)).sum();
         missing.bytes = missing.bytes.saturating_sub(bytes);
         Ok(written)
     }
 
-    fn write_parts(&self, is_full: &Arc<AtomicBool>, steps: &mut Steps<'_>) -> Result<u64, Error> {
+    fn write_parts(
+        &self,
+        why: &Arc<OnceLock<std::io::ErrorKind>>,
+        steps: &mut Steps<'_>,
+    ) -> Result<u64, Error> {
         let failed = |path: &Path, e: std::io::Error| {
-            is_full.fetch_or(room::is_full(&e), Ordering::Relaxed);
+            room::remember(why, &e);
             Error::of((&e).into(), "cannot write the corpus")
                 .at(path.display().to_string())
                 .got(e.to_string())
@@ -479,7 +482,7 @@ impl Set {
         let Some(first) = self.stretches.first() else { return Ok(0) };
         let begun = |path: PathBuf| -> Result<_, Error> {
             let draft = Draft::beside(&path).map_err(|e| failed(&path, e))?;
-            let stream = Watched { draft, is_full: Arc::clone(is_full) };
+            let stream = Watched { draft, why: Arc::clone(why) };
             Ok((path, BufWriter::with_capacity(1 << 20, stream)))
         };
         let [a, b, c] = self.paths().map(begun);

@@ -4,8 +4,7 @@ use crate::draft::Draft;
 use crate::error::{Error, ErrorKind};
 use std::io::{self, Write};
 use std::path::Path;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, OnceLock};
 
 /// What estimates may be short by: a tenth, and a mebibyte for folders and ends of files.
 const fn with_margin(bytes: u64) -> u64 {
@@ -24,10 +23,27 @@ pub fn check(path: &Path, bytes: u64) -> Result<(), Error> {
     }
 }
 
-/// The words for a disk that was filled on the way, with so many bytes still to come.
-pub fn filled(path: &Path, bytes: u64) -> Error {
-    no_room(path, with_margin(bytes), "the disk is full, and the corpus not done")
-        .remedy("make room, and give the same command again: it goes on with what is there")
+/// The words for a place in which no more could be written on the way, with so many bytes still to come.
+pub fn filled(path: &Path, bytes: u64, why: io::ErrorKind) -> Error {
+    let again = "and give the same command again: it goes on with what is there";
+    let needed = with_margin(bytes);
+    match why {
+        io::ErrorKind::FileTooLarge => {
+            Error::of(ErrorKind::Io, "a file may not grow any more, and the corpus is not done")
+                .at(path.display().to_string())
+                .got(format!(
+                    "the limit on the size of a file (`ulimit -f`, or that of the file system), and about {} to come",
+                    megabytes(needed)
+                ))
+                .remedy(format!("raise the limit or make fewer variations, {again}"))
+        }
+        io::ErrorKind::QuotaExceeded => {
+            no_room(path, needed, "the quota of this user is used up, and the corpus is not done")
+                .remedy(format!("make room within the quota, {again}"))
+        }
+        _ => no_room(path, needed, "the disk is full, and the corpus not done")
+            .remedy(format!("make room, {again}")),
+    }
 }
 
 fn no_room(path: &Path, needed: u64, what: &str) -> Error {
@@ -51,27 +67,27 @@ fn free_bytes(path: &Path) -> Option<u64> {
     of.f_bavail.checked_mul(of.f_frsize)
 }
 
-/// A file that remembers that its disk was full.
+/// A file that remembers why no more could be written.
 pub struct Watched {
     pub draft: Draft,
-    pub is_full: Arc<AtomicBool>,
+    pub why: Arc<OnceLock<io::ErrorKind>>,
 }
 
 impl Watched {
     fn watch<T>(&self, done: io::Result<T>) -> io::Result<T> {
-        if let Err(cause) = &done
-            && is_full(cause)
-        {
-            self.is_full.store(true, Ordering::Relaxed);
+        if let Err(cause) = &done {
+            remember(&self.why, cause);
         }
         done
     }
 }
 
-/// Whether a write failed for want of room.
-pub fn is_full(cause: &io::Error) -> bool {
+/// Keeps the first reason for which a write failed, if it is want of room.
+pub fn remember(why: &OnceLock<io::ErrorKind>, cause: &io::Error) {
     use io::ErrorKind as Io;
-    matches!(cause.kind(), Io::StorageFull | Io::QuotaExceeded | Io::FileTooLarge)
+    if matches!(cause.kind(), Io::StorageFull | Io::QuotaExceeded | Io::FileTooLarge) {
+        why.get_or_init(|| cause.kind());
+    }
 }
 
 impl Write for Watched {

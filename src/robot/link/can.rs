@@ -9,6 +9,7 @@ use crate::bus::can::{CanBus, CanStats, Shape};
 use crate::bus::{AskError, Miss};
 use crate::device::actuator::{Goal, HostWatch, Order, Question, Told};
 use crate::device::{Health, JointState};
+use crate::error::counted;
 use crate::port::{Clock, FramePort};
 use crate::robot::Robot;
 use crate::robot::reading::LinePlan;
@@ -143,9 +144,9 @@ impl CanLine {
         let own_s = self.exchange_s() + self.slow_s();
         let answering = self.axes.iter().filter(|axis| axis.actuator.answers_goals()).count();
         let silent = self.axes.len() - answering;
-        let mut method = format!("answers to the goals of {answering} actuators");
+        let mut method = format!("answers to the goals of {}", counted(answering, "actuator"));
         if answering == 0 {
-            method = format!("reports of {silent} actuators");
+            method = format!("reports of {}", counted(silent, "actuator"));
         } else if silent > 0 {
             method.push_str(&format!(" and reports of {silent}"));
         }

@@ -21,6 +21,9 @@ impl Operator for Console {
 
     fn hear(&self, happening: Happening<'_>) {
         let text = told::of(&happening);
+        if matches!(happening, Happening::Recording { .. }) {
+            self.forget_typed();
+        }
         match happening {
             // Beside the dialogue, and not if the rest is to be quiet.
             Happening::Sensing(_) => self.remarks.say(&text),

@@ -5,7 +5,7 @@ use crate::cli::signals::Signals;
 use crate::cli::{Remarks, print};
 use crate::error::Error;
 use crate::job::session::{Answered, Stopped};
-use std::io::BufRead;
+use std::io::{BufRead, IsTerminal};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
@@ -55,6 +55,15 @@ impl Console {
     /// counts.
     pub fn say(&self, text: &str) {
         let _ = print(&format!("{text}\n"));
+    }
+
+    /// What somebody typed at a terminal before they were asked answers nothing that comes after it. Lines out of a file or a
+    /// pipe were written for their turn.
+    pub fn forget_typed(&self) {
+        if std::io::stdin().is_terminal() {
+            let lines = self.lines.lock().unwrap_or_else(PoisonError::into_inner);
+            while lines.try_recv().is_ok() {}
+        }
     }
 
     /// The line that was typed within this time, if one was.

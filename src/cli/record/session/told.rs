@@ -2,6 +2,7 @@
 
 use crate::body::worn::check::T_POSE_FAIL_RAD;
 use crate::cli::cues;
+use crate::job::report::counted;
 use crate::job::session::{CutShort, Happening, RecordedTrial, TrialFault};
 use crate::session::SensorCheck;
 use std::fmt::Write;
@@ -48,7 +49,9 @@ pub fn of(happening: &Happening<'_>) -> String {
             "RECORDING {trial}. Enter: a good repetition is done; x: a bad one; words: a note; a \
              dot: the end"
         ),
-        Happening::Marked { good, bad } => format!("  {good} good, {bad} bad"),
+        Happening::Marked { good, bad, time_s } => {
+            format!("  {time_s:.1} s: {good} good, {bad} bad")
+        }
         Happening::CutShort(CutShort::Disk { cause }) => {
             format!("! it ends here, the disk fails: {cause}")
         }
@@ -72,8 +75,9 @@ pub fn of(happening: &Happening<'_>) -> String {
 fn of_sensor(sensor: &SensorCheck) -> String {
     let SensorCheck { name, samples, rate_hz, .. } = sensor;
     let mut line = format!(
-        "  {name:<16} {}  {samples} samples, {rate_hz:.1} per second",
-        if sensor.passed { "pass  " } else { "REPEAT" }
+        "  {name:<16} {}  {samples}, {rate_hz:.1} per second",
+        if sensor.passed { "pass  " } else { "REPEAT" },
+        samples = counted(*samples, "sample")
     );
     let deg = |rad: f64| rad.to_degrees();
     if let (Some(noise), Some(bias)) = (sensor.noise_rad_s, sensor.bias_rad_s) {
@@ -94,7 +98,9 @@ fn of_trial(recorded: &RecordedTrial) -> String {
     for part in &recorded.parts {
         lines.push(format!("{}: {:.1} s", recorded.trial, part.duration_s));
         let said = part.samples.iter();
-        lines.extend(said.map(|(sensor, samples)| format!("  {sensor:<16} {samples} samples")));
+        lines.extend(said.map(|(sensor, samples)| {
+            format!("  {sensor:<16} {samples}", samples = counted(*samples, "sample"))
+        }));
     }
     lines.extend(recorded.faults.iter().map(|fault| format!("  ! {}", of_fault(fault))));
     lines.extend(recorded.taps.iter().map(|tap| format!("  tap {}", tap.words())));
@@ -105,6 +111,7 @@ fn of_fault(fault: &TrialFault) -> String {
     match fault {
         TrialFault::CutOff => "it was cut off: its last second may be missing".to_owned(),
         TrialFault::Missing { samples } => format!("{samples} samples are missing"),
+        TrialFault::Unheard { sensor } => format!("{sensor} said nothing in it"),
         TrialFault::Silent { sensor, seconds } => {
             format!("{sensor} is silent for the last {seconds:.1} s")
         }
