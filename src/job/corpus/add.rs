@@ -398,8 +398,6 @@ impl<'a> Planning<'a> {
         }
         for trial in &manifest.trials {
             go_on(self.observer)?;
-            // Somebody may have edited it, and ids become names of files.
-            trial.subjects.iter().try_for_each(|id| check_id(id)).map_err(|e| e.in_file(&path))?;
             let verdict = match trial.verdict {
                 crate::session::files::Verdict::Keep => "keep",
                 crate::session::files::Verdict::Retake => "retake",
@@ -418,6 +416,9 @@ impl<'a> Planning<'a> {
                 ));
             }
             for (file, subject) in poses.into_iter().zip(&trial.subjects) {
+                // Somebody may have edited it, and ids become names of files. Of a trial that broke off at its begin nobody
+                // knows whose it is.
+                check_id(subject).map_err(|error| error.in_file(&path))?;
                 let path = inside(folder, file, &path)?;
                 let said = self.said(Some(&path));
                 // A trial that was planned for a set is called as it is there.
