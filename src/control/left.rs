@@ -2,7 +2,6 @@
 
 use super::inject;
 use super::watchdog::{self, Released};
-use crate::error::listed;
 use crate::robot::Link;
 use crate::robot::preflight::{QUESTION, budget};
 use gaitway_profiles::Role;
@@ -34,7 +33,7 @@ impl Left {
             ("whether torque is on was not to be learnt", &self.unknown),
         ];
         for (what, joints) in said.into_iter().filter(|(_, joints)| !joints.is_empty()) {
-            parts.push(format!("{what}: {}", listed(joints)));
+            parts.push(format!("{what}: {}", joints.join(", ")));
         }
         parts.join("; ")
     }

@@ -6,7 +6,7 @@
 
 use crate::device::Actuator;
 use crate::device::actuator::HostWatch;
-use crate::error::{Error, counted, listed};
+use crate::error::{Error, counted};
 use crate::robot::Link;
 use crate::robot::preflight::{PATIENT_RETRIES, budget, exchange_error};
 use crate::time::Duration;
@@ -173,7 +173,7 @@ impl Released {
             notes.push(format!(
                 "let go {shortest_s} s after the host's last word, as set with the maker's tool, \
                  and are not held from then on: {}",
-                listed(&names)
+                names.join(", ")
             ));
         }
         if !self.off.is_empty() {
@@ -187,13 +187,13 @@ impl Released {
             notes.push(format!(
                 "the bus watchdog may still be on in {}: such a servo stops {millis} ms after the \
                  host's last word and obeys no goal; the next start switches it off",
-                listed(&self.unsure)
+                self.unsure.join(", ")
             ));
         }
         if !self.bitten.is_empty() {
             notes.push(format!(
                 "the bus watchdog has stopped {}: the next start clears it",
-                listed(&self.bitten)
+                self.bitten.join(", ")
             ));
         }
         notes
