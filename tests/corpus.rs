@@ -702,6 +702,16 @@ fn a_session_brings_its_subjects_verdicts_and_repetitions() {
         assert_eq!(refused.status.code(), Some(1), "{elsewhere}");
         assert!(words(&refused).contains("not its own"), "{}", words(&refused));
     }
+    // Ids become names of files. Whose a trial is that broke off at once nobody knows, and it has no motion.
+    let whose = trial(1, "keep", 1).replace("[\"s07\"]", "[\"../s07\"]");
+    fs::write(session.join("manifest.toml"), manifest.to_owned() + &whose).expect("a file");
+    let refused = add();
+    assert_eq!(refused.status.code(), Some(1));
+    assert!(words(&refused).contains("not an id"), "{}", words(&refused));
+    let broken = without(5, "retake").replace("[\"s07\"]", "[\"\"]");
+    let trials = trial(1, "keep", 1) + &broken;
+    fs::write(session.join("manifest.toml"), manifest.to_owned() + &trials).expect("a file");
+    assert!(add().status.success(), "{}", words(&add()));
 }
 
 #[test]
