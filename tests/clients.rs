@@ -92,6 +92,11 @@ fn lerobot_finds_every_motor_of_its_robots_where_their_files_have_them() {
 }
 
 #[test]
+fn lerobots_own_commands_go_from_a_port_to_a_replayed_episode() {
+    lerobot::commands();
+}
+
+#[test]
 fn dynamixel_sdk_can_do_everything_it_offers_with_protocol_2() {
     dynamixel_sdk::PROTOCOL_2.outcome();
 }

@@ -2,10 +2,11 @@
 
 use crate::aloud::aloud;
 use crate::bench::{Bench, Client, Lost};
-use crate::python::Python;
+use crate::python::{Python, environment};
 use crate::scenario::{About, Record, Run, Scenario};
 use gaitway_sim::Options;
 use serde_json::{Value, json};
+use std::path::Path;
 use std::process::Command;
 
 const NAME: &str = "lerobot";
@@ -60,6 +61,52 @@ pub fn robots() {
             .collect();
         assert_eq!(told, ours, "{name}");
     }
+}
+
+/// LeRobot's own commands, with PyTorch: a port is found, motors are set up, two arms calibrated, one led by the other, two
+/// episodes recorded and one replayed.
+pub fn commands() {
+    const TORCH: &str = include_str!("../python/torch.txt");
+    const REST: &str = include_str!("../python/lerobot.txt");
+    if std::env::var_os("GAITWAY_LONG").is_none() {
+        return aloud!("SKIPPED: LeRobot's own commands (6 GB) are run with GAITWAY_LONG=1");
+    }
+    let modules = "torch, lerobot, scservo_sdk, rerun";
+    let made = environment("lerobot-environment", &[TORCH, REST], modules, |made| {
+        made.pip("torch.txt", &[])?;
+        made.pip("lerobot.txt", &[])
+    });
+    let python = made.expect("an environment with LeRobot").join("bin/python");
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let folder = crate::program::folder("lerobot-whole");
+    // In a session of its own, so that other programs do not make it late: its time-outs are as they are shipped.
+    let output = Command::new("setsid")
+        .arg("-w")
+        .arg(python)
+        .args([root.join("tests/clients/lerobot_whole.py"), folder])
+        .env("PYTHONPATH", root.join("python"))
+        .env("GAITWAY", env!("CARGO_BIN_EXE_gaitway"))
+        .output()
+        .expect("a Python process");
+    let told: Value = serde_json::from_slice(&output.stdout)
+        .unwrap_or_else(|e| panic!("{e}: {}", String::from_utf8_lossy(&output.stderr)));
+    match told["port"].as_str() {
+        Some(skipped) if skipped.starts_with("SKIPPED") => aloud!("find-port: {skipped}"),
+        port => assert_eq!(port, Some("/dev/ttyGAITWAY")),
+    }
+    assert_eq!(told["ids"], json!([1, 2, 3, 4, 5, 6]));
+    let number = |of: &Value| of.as_f64().unwrap_or_else(|| panic!("a number: {told:#}"));
+    // Counts of 4096 a turn: 0.4 rad by hand, and the follower behind.
+    let [leader, follower] = [0, 1].map(|arm| number(&told["led"][arm]));
+    assert!((leader - 2047.0).abs() > 200.0 && (leader - follower).abs() < 40.0, "{told:#}");
+    assert_eq!(told["info"]["total_episodes"], 2);
+    let [sent, wanted] = [0, 1].map(|of| number(&told["replayed"][of]));
+    assert!(sent == wanted && wanted > 60.0 && number(&told["range_counts"]) > 100.0, "{told:#}");
+    assert!(number(&told["apart_counts"]) <= 1.0, "each goal is that of the dataset: {told:#}");
+    aloud!(
+        "LeRobot's commands: {wanted} goals of an episode replayed, {} counts apart at most",
+        told["apart_counts"]
+    );
 }
 
 fn start(python: &Python, bench: &Bench, kind: &str, motors: &[String]) -> Client {
