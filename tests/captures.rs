@@ -11,7 +11,9 @@ use gaitway::job::Nobody;
 use gaitway::job::play::{Options, PlayOrder, play};
 use gaitway::job::report::{JointReport, Outcome, PlayReport};
 use gaitway::job::source::MotionOrder;
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::thread;
 
 fn play_on_op3(file: &Path) -> PlayReport {
     let file = file.to_str().expect("a UTF-8 path");
@@ -26,6 +28,28 @@ fn play_on_op3(file: &Path) -> PlayReport {
     play(&order, &Nobody).report
 }
 
+/// What comes of each file, in their order, on as many processors as there are.
+fn all_on_op3(files: &[PathBuf]) -> Vec<PlayReport> {
+    let next = AtomicUsize::new(0);
+    let work = || {
+        let mut done = Vec::new();
+        while let Some((at, file)) = {
+            let at = next.fetch_add(1, Ordering::Relaxed);
+            files.get(at).map(|file| (at, file))
+        } {
+            done.push((at, play_on_op3(file)));
+        }
+        done
+    };
+    let mut all: Vec<(usize, PlayReport)> = thread::scope(|scope| {
+        let count = thread::available_parallelism().map_or(1, usize::from);
+        let workers: Vec<_> = (0..count).map(|_| scope.spawn(work)).collect();
+        workers.into_iter().flat_map(|worker| worker.join().expect("no panic")).collect()
+    });
+    all.sort_by_key(|(at, _)| *at);
+    all.into_iter().map(|(_, report)| report).collect()
+}
+
 fn most_clipped(report: &PlayReport) -> Option<&JointReport> {
     report.joints.iter().max_by(|a, b| a.clipped_share.total_cmp(&b.clipped_share))
 }
@@ -38,9 +62,8 @@ fn every_capture_is_played_safely_or_refused_with_its_cause() {
     let mut good = 0;
     let mut broken = Vec::new();
     aloud!("{:<58} {:>7} {:<14} {:>8} {:<14}", "capture", "factor", "joint", "clipped", "joint");
-    for file in &files {
+    for (file, report) in files.iter().zip(all_on_op3(&files)) {
         let name = file.strip_prefix(&folder).unwrap_or(file).display().to_string();
-        let report = play_on_op3(file);
         let reason = report.stop_reason.clone().unwrap_or_default();
         let Some(clipped) = most_clipped(&report).filter(|_| report.outcome == Outcome::Done)
         else {
