@@ -33,13 +33,11 @@ fn all_on_op3(files: &[PathBuf]) -> Vec<PlayReport> {
     let next = AtomicUsize::new(0);
     let work = || {
         let mut done = Vec::new();
-        while let Some((at, file)) = {
+        loop {
             let at = next.fetch_add(1, Ordering::Relaxed);
-            files.get(at).map(|file| (at, file))
-        } {
+            let Some(file) = files.get(at) else { return done };
             done.push((at, play_on_op3(file)));
         }
-        done
     };
     let mut all: Vec<(usize, PlayReport)> = thread::scope(|scope| {
         let count = thread::available_parallelism().map_or(1, usize::from);
