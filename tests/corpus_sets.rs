@@ -146,6 +146,11 @@ fn another_seed_draws_other_targets_beside_the_grid_and_the_same_each_time() {
     let drawn = generate(&corpus, &["--part", "20/330", "--seed", "5"]);
     assert_eq!((&grid["added"], &drawn["added"]), (&1.into(), &1.into()));
     assert_ne!(grid["trials"][0]["trial"], drawn["trials"][0]["trial"]);
+    // A jog has nothing that could be drawn: it is not added twice, and said.
+    let jog = |seed: &str| generate(&corpus, &["--part", "247/330", "--seed", seed]);
+    assert_eq!(jog("0")["added"], 1);
+    let again = jog("1");
+    assert_eq!((&again["added"], again["alike"].as_array().map(Vec::len)), (&0.into(), Some(1)));
     let (_, other) = new("sets-seed-again");
     let again = generate(&other, &["--part", "20/330", "--seed", "5"]);
     assert_eq!(again["trials"][0]["trial"], drawn["trials"][0]["trial"]);
@@ -364,6 +369,20 @@ fn the_second_of_a_step_and_a_reach_begins_before_the_first_is_over() {
     let (hand, back) = reach.moves(Dof::RightElbowFlexion);
     let (begins, _) = reach.moves(foot);
     assert!(hand < begins && begins < back, "{hand} {begins} {back}");
+    // What each is made of is labelled, and the two overlap.
+    let asked = |label: &str| {
+        let question = format!("name=step-then-reach-001 and label={label}");
+        let arguments = ["corpus", "query", &corpus, &question, "--frames", "--json"];
+        let told = json(&gaitway().args(arguments).output().expect("runs"));
+        ["first_frame", "last_frame"]
+            .map(|of| told["clips"][0]["answering"][0][of].as_u64().expect("a frame") as usize)
+    };
+    let ([from, to], [later, _]) = (asked("step"), asked("reach"));
+    let (begins, _) = step.moves(Dof::RightElbowFlexion);
+    assert!(from == 0 && later < to && later <= begins && begins < later + 60, "{later} {to}");
+    // Another seed steps another way.
+    let drawn = generate_set(&corpus, "co-articulation", &["--part", "1/8", "--seed", "1"]);
+    assert_eq!((&drawn["added"], &drawn["alike"]), (&2.into(), &Value::Array(vec![])));
     // Where the step goes: 15 cm ahead.
     let gone = |seen: &Seen| seen.root_m(seen.rows.len() - 1)[0] - seen.root_m(0)[0];
     assert!((gone(&step) - 0.15).abs() < 0.02 && (gone(&reach) - 0.15).abs() < 0.02);
@@ -393,6 +412,10 @@ fn two_people_do_something_together_by_one_clock_and_each_in_their_place() {
         }
         assert!((faces - f64::from(u8::from(pair != "follow"))).abs() < 0.05, "{pair}: {faces}");
     }
+    // Nobody does the same as somebody else, or as whoever does it alone.
+    generate_set(&corpus, "praxicon", &[]);
+    let checked = gaitway().args(["corpus", "check", &corpus]).output().expect("runs");
+    assert!(checked.status.success(), "{}", words(&checked));
     let asked = ["corpus", "query", &corpus, "session=pass-by-0", "--json"];
     let both = json(&gaitway().args(asked).output().expect("runs"));
     assert_eq!(both["trials"], 2, "{both:#}");
@@ -494,7 +517,7 @@ mod scores {
         assert_eq!(again["value"], split["value"], "the seed says who");
         let told = gaitway().args(["score", "generalisation", &corpus, "--by-subject"]).output();
         let told = words(&told.expect("the program"));
-        assert!(told.contains("1 judged, by what 4 others did"), "{told}");
+        assert!(told.contains("1 of 5 judged") && told.contains("the 4 others'"), "{told}");
     }
 
     #[test]

@@ -144,13 +144,15 @@ pub struct Made {
     pub seated_s: Option<(f64, f64)>,
     /// The speed that was asked for in the end: of the hand or the foot, m/s.
     pub speed_m_s: Option<f64>,
+    /// From when to when each of the actions that it is made of is done, s; empty of one action.
+    pub parts_s: Vec<(f64, f64)>,
 }
 
 impl Made {
     /// A motion that is to be somewhere at some times, and carries nothing.
     #[must_use]
     pub const fn of(motion: Motion, marks: Vec<Mark>) -> Self {
-        Self { motion, marks, load: None, seated_s: None, speed_m_s: None }
+        Self { motion, marks, load: None, seated_s: None, speed_m_s: None, parts_s: Vec::new() }
     }
 
     /// What feet and floor miss of what they are held to.

@@ -156,7 +156,7 @@ struct PlanArgs {
 struct GenerateArgs {
     /// Folder of the corpus
     corpus: PathBuf,
-    /// The set: generalisation, praxicon, cross-validation or composition
+    /// The set: generalisation, praxicon, cross-validation, composition, co-articulation or interaction
     set: String,
     /// Only a part of it: the third of a hundred
     #[arg(long, value_name = "K/N")]

@@ -171,6 +171,7 @@ fn in_eight_directions(of: PlannedTrial) -> impl Iterator<Item = PlannedTrial> {
             name: format!("{name}-{:03}", eighth + 1),
             explain: format!("{explain}. Step {degrees} degrees to the right of straight ahead."),
             parameters: [("direction_rad", round(f64::from(eighth) * FRAC_PI_4))].into(),
+            beside: [("direction_rad", FRAC_PI_8)].into(),
             ..of.clone()
         }
     })

@@ -195,11 +195,20 @@ pub(super) fn read(path: &Path, clips: Option<&Path>) -> Result<Labels, Error> {
 /// # Errors
 /// A file that cannot be read, is not a regular one, or is larger than any table of labels.
 pub(super) fn label_text(path: &Path) -> Result<String, Error> {
+    read_text(path, "the labels").map_err(|error| {
+        error.remedy("name a table with columns file and class, or a folder with TRIAL/ACTION.txt")
+    })
+}
+
+/// The text of a file that says something of motions, which is told as `what`.
+///
+/// # Errors
+/// A file that cannot be read, is not a regular one, or is larger than any such table.
+pub(super) fn read_text(path: &Path, what: &str) -> Result<String, Error> {
     let unreadable = |e: std::io::Error| {
-        Error::of((&e).into(), "cannot read the labels")
+        Error::of((&e).into(), format!("cannot read {what}"))
             .at(path.display().to_string())
             .got(e.to_string())
-            .remedy("name a table with columns file and class, or a folder with TRIAL/ACTION.txt")
     };
     let found = std::fs::metadata(path).map_err(unreadable)?;
     if !found.is_file() {
@@ -210,7 +219,7 @@ pub(super) fn label_text(path: &Path) -> Result<String, Error> {
     let opened = File::open(path).map_err(unreadable)?;
     opened.take(MAX_BYTES + 1).read_to_string(&mut text).map_err(unreadable)?;
     if text.len() as u64 > MAX_BYTES {
-        return Err(Error::of(ErrorKind::Malformed, "the table of labels is too long")
+        return Err(Error::of(ErrorKind::Malformed, format!("{what}: the file is too long"))
             .at(path.display().to_string())
             .got(format!("{} bytes", found.len()))
             .allowed(format!("at most {MAX_BYTES} bytes")));

@@ -43,5 +43,12 @@ pub(super) fn made(steps: &Steps, first: First, direction_rad: f64) -> Result<Ma
         moves(&reach.motion, dof) && !(bends(dof) && moves(&step.motion, dof))
     })?;
     let later = |mark: Mark| Mark { at_s: mark.at_s + step_s, ..mark };
-    Ok(Made::of(motion, step.marks.into_iter().map(later).collect()))
+    let mut parts_s = vec![
+        (step_s, step_s + step.motion.duration_s()),
+        (reach_s, reach_s + reach.motion.duration_s()),
+    ];
+    if first == First::Reach {
+        parts_s.reverse();
+    }
+    Ok(Made { parts_s, ..Made::of(motion, step.marks.into_iter().map(later).collect()) })
 }

@@ -162,7 +162,7 @@ pub fn calibrate(
             .got(words)
             .remedy("please report this; --resume goes on"))
     });
-    if finished.is_err() && files.partial.exists() {
+    if finished.is_err() && !order.dry_run && files.partial.exists() {
         let place = files.partial.display();
         observer.hear(Event::Note(&format!(
             "what was measured is in {place}; to go on: the same command with --resume"

@@ -5,7 +5,7 @@ use crate::corpus::rows::{Consent, PARAMETERS, SubjectEntry};
 use crate::corpus::store::check_name;
 use crate::corpus::tables::measure_name;
 use crate::error::{Error, ErrorKind};
-use crate::job::labels::label_text;
+use crate::job::labels::read_text;
 use crate::table::{Row, rows};
 use crate::toml_text::{from_toml, plain_words};
 use std::collections::BTreeMap;
@@ -161,6 +161,8 @@ pub struct TrialTable {
     pub trials: Vec<(PathBuf, AboutTrial)>,
     /// People it tells of.
     pub subjects: Vec<SubjectEntry>,
+    /// Which row tells of a file, by where it really is.
+    by_place: BTreeMap<PathBuf, usize>,
 }
 
 const TRIAL_COLUMNS: [&str; 12] = [
@@ -185,7 +187,7 @@ impl TrialTable {
     /// # Errors
     /// A file that cannot be read, columns there are not, cells that say nothing, two things said of one person.
     pub fn read(path: &Path) -> Result<Self, Error> {
-        let text = label_text(path)?;
+        let text = read_text(path, "the table of trials")?;
         let folder = path.parent().unwrap_or(Path::new("."));
         Self::parse(&text, folder).map_err(|error| error.in_file(path))
     }
@@ -266,6 +268,7 @@ impl TrialTable {
             person.subject.id = id;
             self.person(person)?;
         }
+        self.by_place.entry(place(&file)).or_insert(self.trials.len());
         self.trials.push((file, about));
         Ok(())
     }
@@ -281,16 +284,13 @@ impl TrialTable {
     /// What it says of a file.
     #[must_use]
     pub fn about(&self, path: &Path) -> Option<&AboutTrial> {
-        let is = |file: &Path| file == path || same_file(file, path);
-        self.trials.iter().find(|(file, _)| is(file)).map(|(_, about)| about)
+        self.by_place.get(&place(path)).map(|row| &self.trials[*row].1)
     }
 }
 
-fn same_file(one: &Path, other: &Path) -> bool {
-    match (one.canonicalize(), other.canonicalize()) {
-        (Ok(one), Ok(other)) => one == other,
-        _ => false,
-    }
+/// Where a file really is; of one that is not there, where it was said to be.
+fn place(file: &Path) -> PathBuf {
+    file.canonicalize().unwrap_or_else(|_| file.to_owned())
 }
 
 /// What both say of a person.
@@ -348,7 +348,7 @@ pub fn consent(word: &str) -> Result<Consent, Error> {
 /// # Errors
 /// A file that cannot be read, or says of no person.
 pub fn subject_file(path: &Path) -> Result<Subject, Error> {
-    let subject: Subject = from_toml(&label_text(path)?).map_err(|cause| {
+    let subject: Subject = from_toml(&read_text(path, "a subject")?).map_err(|cause| {
         Error::of(ErrorKind::Malformed, "not the file of a subject")
             .at(path.display().to_string())
             .got(plain_words(cause.message()))

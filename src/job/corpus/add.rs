@@ -16,7 +16,7 @@ use crate::corpus::sets::PlannedSet;
 use crate::corpus::store::{NewTrial, Store, check_name, hash_of};
 use crate::corpus::tables::{LABELS, TRIALS, TrialFrames};
 use crate::error::{Error, ErrorKind};
-use crate::job::labels::label_text;
+use crate::job::labels::read_text;
 use crate::job::pending::go_on;
 use crate::job::report::Outcome;
 use crate::job::report::counted;
@@ -24,6 +24,7 @@ use crate::job::source::{CaptureOptions, FileKind, body_motion, file_kind};
 use crate::job::{Event, Observer};
 use crate::mocap::anatomy::Capture;
 use crate::recognise::machine::Span;
+use crate::session::files::SCHEMA;
 use crate::session::manifest::Manifest;
 use crate::toml_text::{from_toml, plain_words};
 use serde::Serialize;
@@ -152,7 +153,10 @@ pub fn add(order: &AddOrder, observer: &dyn Observer) -> Result<AddReport, Error
     if order.sources.is_empty() {
         let files: Vec<PathBuf> =
             planning.table.trials.iter().map(|(file, _)| file.clone()).collect();
-        files.iter().for_each(|file| planning.file(&file.display().to_string(), file));
+        for file in &files {
+            go_on(observer)?;
+            planning.file(&file.display().to_string(), file);
+        }
     }
     if planning.planned.is_empty() && planning.subjects.is_empty() {
         if let Some(first) = planning.unread.iter().chain(planning.notes.last()).next() {
@@ -367,13 +371,21 @@ impl<'a> Planning<'a> {
             let source = motion.file.display().to_string();
             self.planned.push(Planned { piece: Piece::Motion(source), about });
         }
-        self.notes.push(
-            "BONES-SEED has a licence of its own (LICENSE.md there): read it before anything is passed on".to_owned(),
-        );
+        if !self.planned.is_empty() {
+            self.notes.push(
+                "BONES-SEED has a licence of its own (LICENSE.md there): read it before anything is passed on".to_owned(),
+            );
+        }
+        if let Some(first) = found.unnamed.first() {
+            self.notes.push(format!(
+                "what is done when is told of {} that the table does not have, such as {first}",
+                counted(found.unnamed.len(), "motion")
+            ));
+        }
         if found.absent > 0 {
             self.notes.push(format!(
-                "{} motions of {} are not in the folder: unpack soma_proportional or soma_uniform there",
-                found.absent,
+                "{} of {} not in the folder: unpack soma_proportional or soma_uniform there",
+                counted(found.absent, "motion"),
                 metadata.display()
             ));
         }
@@ -382,16 +394,26 @@ impl<'a> Planning<'a> {
 
     fn session(&mut self, folder: &Path) -> Result<(), Error> {
         let path = folder.join("manifest.toml");
-        if !path.is_file() {
+        if !path.exists() {
             return Err(Error::of(ErrorKind::NotReady, "the session is not finished")
                 .at(folder.display().to_string())
                 .remedy("finish it: `gaitway record --session DIR`; it then has a manifest.toml and joint angles"));
         }
-        let manifest: Manifest = from_toml(&label_text(&path)?).map_err(|cause| {
-            Error::of(ErrorKind::Malformed, "not the manifest of a session")
-                .at(path.display().to_string())
-                .got(plain_words(cause.message()))
-        })?;
+        let manifest: Manifest = from_toml(&read_text(&path, "the manifest of a session")?)
+            .map_err(|cause| {
+                Error::of(ErrorKind::Malformed, "not the manifest of a session")
+                    .at(path.display().to_string())
+                    .got(plain_words(cause.message()))
+            })?;
+        if manifest.schema != SCHEMA {
+            return Err(Error::of(
+                ErrorKind::Unknown,
+                "a session of another version of this program",
+            )
+            .at(path.display().to_string())
+            .got(format!("schema {}", manifest.schema))
+            .allowed(format!("schema {SCHEMA}")));
+        }
         for file in &manifest.subjects {
             let subject = subject_file(&inside(folder, file, &path)?)?;
             self.person(SubjectEntry { subject, ..SubjectEntry::default() })?;

@@ -87,6 +87,8 @@ pub struct SeedFolder {
     pub people: Vec<SubjectEntry>,
     /// How many motions the table has whose files are not there.
     pub absent: usize,
+    /// Motions of which it is said what is done when, and which the table does not have.
+    pub unnamed: Vec<String>,
 }
 
 /// A file in the folder of metadata whose name begins and ends so; the last by its number.
@@ -124,6 +126,7 @@ pub fn read(folder: &Path, metadata: &Path) -> Result<SeedFolder, Error> {
     let mut found = SeedFolder::default();
     let mut people: BTreeMap<String, SubjectEntry> = BTreeMap::new();
     for row in table {
+        let named = row.get("filename").and_then(|name| events.remove(name)).unwrap_or_default();
         let files = PLACES.iter().filter_map(|column| row.get(column));
         let files: Vec<PathBuf> =
             files.map(|file| inside(folder, file, metadata)).collect::<Result<_, _>>()?;
@@ -136,9 +139,9 @@ pub fn read(folder: &Path, metadata: &Path) -> Result<SeedFolder, Error> {
         if let Some(person) = subject {
             people.entry(person.subject.id.clone()).or_insert(person);
         }
-        let events = row.get("filename").and_then(|name| events.remove(name)).unwrap_or_default();
-        found.motions.push(SeedMotion { file, about, events });
+        found.motions.push(SeedMotion { file, about, events: named });
     }
+    found.unnamed = events.into_keys().collect();
     found.people = people.into_values().collect();
     Ok(found)
 }
@@ -153,7 +156,7 @@ fn of_parquet(path: &Path) -> Result<Vec<Cells>, Error> {
     for group in 0..table.groups() {
         let mut rows: Vec<Cells> = vec![Cells::new(); table.rows_in(group)];
         for name in COLUMNS.into_iter().filter(|name| table.has(name)) {
-            let column = table.column(group, name, None)?;
+            let column = table.column(group, name, None).map_err(|error| error.in_file(path))?;
             for (at, row) in rows.iter_mut().enumerate() {
                 let number = || column.real(at).map(|value| value.to_string());
                 let flag = || column.flag(at).map(|is| is.to_string());
@@ -215,15 +218,16 @@ fn of_text(path: &Path) -> Result<Vec<Cells>, Error> {
 /// What is done when, by the name of the motion.
 fn timeline(path: &Path) -> Result<BTreeMap<String, Vec<TimedWords>>, Error> {
     let mut input = BufReader::new(opened(path)?);
-    let mut found = BTreeMap::new();
+    let mut found: BTreeMap<String, Vec<TimedWords>> = BTreeMap::new();
     let mut line = Vec::new();
     for number in 1.. {
         line.clear();
-        let read = (&mut input).take(MAX_LINE).read_until(b'\n', &mut line).map_err(unreadable)?;
+        let read =
+            (&mut input).take(MAX_LINE + 1).read_until(b'\n', &mut line).map_err(unreadable)?;
         if read == 0 {
             break;
         }
-        if line.len() as u64 == MAX_LINE && line.last() != Some(&b'\n') {
+        if line.len() as u64 > MAX_LINE && line.last() != Some(&b'\n') {
             return Err(Error::of(
                 ErrorKind::OutsideLimits,
                 "a line of what is done when is too long",
@@ -257,7 +261,8 @@ fn timeline(path: &Path) -> Result<BTreeMap<String, Vec<TimedWords>>, Error> {
                 .got(format!("{} s to {} s", wrong.start_s, wrong.end_s))
                 .allowed("0 <= start_time <= end_time"));
         }
-        found.insert(filename, events);
+        // Of a motion that has two lines, both count.
+        found.entry(filename).or_default().extend(events);
     }
     Ok(found)
 }

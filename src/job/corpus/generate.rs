@@ -11,7 +11,9 @@ use crate::action::parametric::{Ask, Made, Marked, Performer, Side, origin_m};
 use crate::body::contact::Footing;
 use crate::body::root::SOLES;
 use crate::body::{End, Proportions, SegmentPose};
+use crate::corpus::query::Question;
 use crate::corpus::rows::{LabelEntry, TrialEntry, TrialKind};
+use crate::corpus::select::Selection;
 use crate::corpus::sets::{PlannedSet, PlannedTrial};
 use crate::corpus::store::{NewTrial, Store};
 use crate::corpus::tables::{TRIALS, TrialFrames};
@@ -112,6 +114,8 @@ pub struct GenerateReport {
     pub changed: Vec<String>,
     /// What the set asks for and the body model does not do.
     pub left_out: Vec<String>,
+    /// Trials that are not added, since their frames are there: of another seed that changes nothing of them, say.
+    pub alike: Vec<String>,
     /// What was made.
     pub trials: Vec<GeneratedTrial>,
 }
@@ -182,6 +186,7 @@ pub fn generate(order: &GenerateOrder, observer: &dyn Observer) -> Result<Genera
         found: 0,
         changed: Vec::new(),
         left_out,
+        alike: Vec::new(),
         trials: Vec::new(),
     };
     let is_known = |(_, of): &&(usize, Asked)| known.contains_key(&of.planned().name);
@@ -192,8 +197,15 @@ pub fn generate(order: &GenerateOrder, observer: &dyn Observer) -> Result<Genera
     for (done, batch) in wanted.chunks(BATCH).enumerate() {
         let (done, total) = ((done * BATCH) as u64, wanted.len() as u64);
         observer.hear(Event::Step { done, total, what: "trials" });
-        go_on(observer)?;
-        let mut made = performers.make(batch, set, order.seed)?;
+        let mut made = Vec::with_capacity(batch.len());
+        let mut stopped = Ok(());
+        for few in batch.chunks(performers.each.len()) {
+            stopped = go_on(observer);
+            if stopped.is_err() {
+                break;
+            }
+            made.extend(performers.make(few, set, order.seed)?);
+        }
         for (trial, new) in &made {
             let sha256 = &new.entry.frames_sha256;
             match known.get(&new.entry.name) {
@@ -203,8 +215,10 @@ pub fn generate(order: &GenerateOrder, observer: &dyn Observer) -> Result<Genera
         }
         report.trials.extend(made.iter().map(|(trial, _)| trial.clone()));
         made.retain(|(trial, _)| !known.contains_key(&trial.name));
-        report.added += made.len() as u64;
-        add(order, set, made.into_iter().map(|(_, new)| new).collect(), observer)?;
+        let new = made.into_iter().map(|(_, new)| new).collect();
+        report.added += add(order, set, new, &mut report.alike, observer)?;
+        // What was made until then is kept.
+        stopped?;
     }
     let total = wanted.len() as u64;
     observer.hear(Event::Step { done: total, total, what: "trials" });
@@ -230,15 +244,16 @@ fn known(store: &Store, set: PlannedSet, seed: u64) -> Result<BTreeMap<String, S
     Ok(known)
 }
 
-/// Adds what was made, a step for each action; another process that adds is waited for.
+/// Adds what was made, a step for each action, and says how much that was; another process that adds is waited for.
 fn add(
     order: &GenerateOrder,
     set: PlannedSet,
     made: Vec<NewTrial>,
+    alike: &mut Vec<String>,
     observer: &dyn Observer,
-) -> Result<(), Error> {
+) -> Result<u64, Error> {
     if made.is_empty() {
-        return Ok(());
+        return Ok(0);
     }
     let mut waited = 0;
     let mut store = loop {
@@ -260,15 +275,36 @@ fn add(
     };
     // Somebody else may have made the same meanwhile.
     let there: BTreeSet<String> = known(&store, set, order.seed)?.into_keys().collect();
+    let mut own = own_frames(&store, &made)?;
     let mut by_action: BTreeMap<String, Vec<NewTrial>> = BTreeMap::new();
+    let mut added = 0;
     for new in made.into_iter().filter(|new| !there.contains(&new.entry.name)) {
+        let name = format!("{} {}", set.word(), new.entry.name);
+        if let Some(other) = own.get(&new.entry.trial) {
+            alike.push(format!("{name}: the same frames as {other}"));
+            continue;
+        }
+        own.insert(new.entry.trial.clone(), name);
+        added += 1;
         by_action.entry(new.entry.action.clone()).or_default().push(new);
     }
     for (action, new) in by_action {
         let words = format!("{}, {action}, seed {}", set.word(), order.seed);
         store.add(set.word(), &action, new, &[], &words)?;
     }
-    Ok(())
+    Ok(added)
+}
+
+/// Trials of the corpus whose frames are among those that were made, by id.
+fn own_frames(store: &Store, made: &[NewTrial]) -> Result<BTreeMap<String, String>, Error> {
+    let ids: Vec<String> = made.iter().map(|new| format!("\"{}\"", new.entry.trial)).collect();
+    let question = Question::parse(&format!("trial in ({})", ids.join(", ")))?;
+    let mut found = BTreeMap::new();
+    Selection::new(store, &question, false)?.trials(u64::MAX, |entry| {
+        found.insert(entry.trial, format!("{} {}", entry.set, entry.name));
+        Ok(())
+    })?;
+    Ok(found)
 }
 
 /// Those who do the sets, once for each processor.
@@ -337,7 +373,9 @@ fn parameters(planned: &PlannedTrial, index: usize, seed: u64) -> BTreeMap<&'sta
         let beside = planned.beside.get(name).copied().unwrap_or(0.0);
         let drawn: f64 = random.random_range(-1.0..=1.0);
         if seed > 0 && beside > 0.0 {
-            *value = (*value + drawn * beside).max(0.0_f64.min(*value));
+            // What is measured is not below zero, where a direction goes to either side.
+            let least = if *name == "direction_rad" { f64::MIN } else { 0.0_f64.min(*value) };
+            *value = (*value + drawn * beside).max(least);
         }
     }
     parameters
@@ -403,7 +441,8 @@ fn trial(
             let missed = missed
                 .map(|of| format!("{}: {:.4}, to be below {:.4}", of.what, of.got, of.most))
                 .collect();
-            (made, body, missed, None, Vec::new())
+            let parts_s = made.parts_s.clone();
+            (made, body, missed, None, parts_s)
         }
         Asked::Shipped(shipped) => {
             let made = performers.shipped.make(shipped, seed).map_err(said)?;

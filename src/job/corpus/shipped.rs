@@ -47,23 +47,27 @@ struct Together {
     action: &'static str,
     each: [&'static str; 2],
     second: Stand,
+    /// Which variation the first does, the second the next: one that nobody does alone, so that no two trials are the same.
+    variation: u32,
 }
 
 const TOGETHER: [Together; 5] = [
-    Together { action: "follow", each: ["walk", "walk"], second: behind(1.2) },
-    Together { action: "pass-by", each: ["walk", "walk"], second: opposite(3.0, 0.9) },
-    Together {
-        action: "mirror",
-        each: ["swing-arms-transverse", "swing-arms-transverse"],
-        second: opposite(2.0, 0.0),
-    },
-    Together {
-        action: "wave-to-one-another",
-        each: ["wave-r", "wave-r"],
-        second: opposite(2.0, 0.0),
-    },
-    Together { action: "bow-to-one-another", each: ["bow", "bow"], second: opposite(2.0, 0.0) },
+    together("follow", "walk", behind(1.2), 1000),
+    together("pass-by", "walk", opposite(3.0, 0.9), 1002),
+    together("mirror", "swing-arms-transverse", opposite(2.0, 0.0), 1004),
+    together("wave-to-one-another", "wave-r", opposite(2.0, 0.0), 1006),
+    together("bow-to-one-another", "bow", opposite(2.0, 0.0), 1008),
 ];
+
+/// Both do the same, each in their own way.
+const fn together(
+    action: &'static str,
+    does: &'static str,
+    second: Stand,
+    variation: u32,
+) -> Together {
+    Together { action, each: [does, does], second, variation }
+}
 
 /// So far ahead and to the left, face to face, m.
 const fn opposite(ahead_m: f64, left_m: f64) -> Stand {
@@ -182,7 +186,7 @@ impl Shipped {
             }
             Done::ByTwo(both, who) => {
                 let mut each = Vec::with_capacity(both.each.len());
-                for (variation, phrase) in (0..).zip(both.each) {
+                for (variation, phrase) in (both.variation..).zip(both.each) {
                     each.push(self.varied(of, phrase, variation, seed)?);
                 }
                 // By one clock: who is done waits for the other.

@@ -102,9 +102,10 @@ impl GenerateReport {
     #[must_use]
     pub fn words(&self) -> String {
         let Self { added, found, version, set, part: [part, of], seed, .. } = self;
+        let added = counted(*added, "trial");
         let outcome = self.outcome.word();
         let mut text = format!(
-            "{outcome}: {added} trials of {set} added (part {part} of {of}, seed {seed}), {found} found\n\
+            "{outcome}: {added} of {set} added (part {part} of {of}, seed {seed}), {found} found\n\
              version   {version}\n"
         );
         if !self.left_out.is_empty() {
@@ -112,6 +113,9 @@ impl GenerateReport {
             let few = few.map(String::as_str).collect::<Vec<_>>().join(", ");
             let rest = if count > 8 { ", ..." } else { "" };
             let _ = writeln!(text, "left out  {count} that no shipped action does: {few}{rest}");
+        }
+        for alike in &self.alike {
+            let _ = writeln!(text, "alike     {alike}");
         }
         let mut by_action: BTreeMap<&str, Vec<&GeneratedTrial>> = BTreeMap::new();
         for trial in &self.trials {
@@ -204,11 +208,11 @@ impl CheckReport {
             let _ = writeln!(text, "remark    {remark}");
         }
         let Self { trials, labels, subjects, frames, files, faults, version, .. } = self;
-        let (outcome, wrong) = (self.outcome.word(), faults.len());
+        let (outcome, wrong) = (self.outcome.word(), counted(faults.len(), "fault"));
         let _ = writeln!(
             text,
-            "{outcome}: {trials}, {labels}, {subjects} people, {frames} in {files}, {wrong} \
-             faults\nversion   {version}",
+            "{outcome}: {trials}, {labels}, {subjects} people, {frames} in {files}, {wrong}\n\
+             version   {version}",
             files = counted(*files, "file"),
             frames = counted(*frames, "frame"),
             labels = counted(*labels, "label"),

@@ -118,6 +118,9 @@ pub struct MotionScore {
 
 impl MotionScore {
     pub(super) fn pass_over(&mut self, why: &str, count: u64) {
+        if count == 0 {
+            return;
+        }
         *self.passed_over.entry(why.to_owned()).or_default() += count;
     }
 
@@ -469,6 +472,8 @@ pub fn identification(
     let people: BTreeMap<String, SubjectEntry> =
         judging.store.subjects()?.into_iter().map(|of| (of.subject.id.clone(), of)).collect();
     let mut strangers: Vec<[&SubjectEntry; 2]> = Vec::new();
+    // Of whom the most frequent and the mean are.
+    let mut others_did: Vec<&SubjectEntry> = Vec::new();
     let split = judging.split.clone();
     let mut report = judging.report(
         "identification",
@@ -496,6 +501,8 @@ pub fn identification(
         // Everybody begins above the origin.
         let rows: Vec<Vec<Vec<f64>>> = group.iter().map(|of| from_the_origin(of.all())).collect();
         let judged = |at: &usize| split.judges(&group[*at].entry);
+        let lending = (0..group.len()).filter(|at| split.lends(&group[*at].entry));
+        others_did.extend(lending.filter_map(|at| people.get(&who(at))));
         for at in (0..group.len()).filter(judged) {
             report.judged += 1;
             let others = (0..group.len()).filter(|other| *other != at);
@@ -524,17 +531,27 @@ pub fn identification(
             interval: share_interval(most, all).unwrap_or([0.0, 1.0]),
         }];
         report.bound = Some(("all of them", 1.0));
-        report.features = of_strangers(&strangers, order.seed);
+        report.features = of_strangers(&strangers, &others_did, order.seed);
         report.per_class =
             tally.into_iter().map(|(who, of)| (who, of.0 as f64 / of.1 as f64)).collect();
     } else {
-        report.truth = "no truth here: no action is done by two people who are known";
+        report.truth = match split {
+            Split::Everybody => "no truth here: no action is done by two people who are known",
+            Split::People { .. } => {
+                "no truth here: none of those who are judged did an action that another did as well"
+            }
+        };
     }
     Ok(report)
 }
 
 /// Gender and age, as those of the other person who moves most alike; each trial with both who did it and who that is.
-fn of_strangers(trials: &[[&SubjectEntry; 2]], seed: u64) -> Vec<FeatureKept> {
+/// Beside it, what is told whoever it is: the most frequent gender and the mean age of `others`.
+fn of_strangers(
+    trials: &[[&SubjectEntry; 2]],
+    others: &[&SubjectEntry],
+    seed: u64,
+) -> Vec<FeatureKept> {
     let feature = |what, unit, found: Vec<f64>, simpler: Vec<f64>| FeatureKept {
         what,
         unit,
@@ -545,14 +562,16 @@ fn of_strangers(trials: &[[&SubjectEntry; 2]], seed: u64) -> Vec<FeatureKept> {
     let genders = trials.iter().map(|both| both.map(|of| of.subject.gender.as_str()));
     let genders: Vec<[&str; 2]> = genders.filter(|both| !both.contains(&"")).collect();
     let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
-    genders.iter().for_each(|[own, _]| *counts.entry(own).or_default() += 1);
+    let told = others.iter().map(|of| of.subject.gender.as_str()).filter(|of| !of.is_empty());
+    told.for_each(|gender| *counts.entry(gender).or_default() += 1);
     let most = counts.iter().max_by_key(|(_, count)| **count).map_or("", |(gender, _)| gender);
     let share = |is_right: bool| if is_right { 100.0 } else { 0.0 };
     let ages = trials
         .iter()
         .filter_map(|[own, told]| Some([own.measure(Measure::Age)?, told.measure(Measure::Age)?]));
     let ages: Vec<[f64; 2]> = ages.collect();
-    let middle = mean(&ages.iter().map(|[own, _]| *own).collect::<Vec<_>>());
+    let told = others.iter().filter_map(|of| of.measure(Measure::Age));
+    let middle = mean(&told.collect::<Vec<_>>());
     [
         feature(
             "gender, as of another person who moves alike; always the most frequent",

@@ -1,6 +1,7 @@
 //! One action done while another goes on, made of both, held against somebody who did both at once.
 
 use super::motions::{ANGLES, Held, Judging, MotionScore, MotionScoreOrder, mean, poses, turned};
+use super::people::Split;
 use crate::body::{Dof, End, Joint, Proportions};
 use crate::error::Error;
 use crate::job::pending::go_on;
@@ -219,7 +220,14 @@ pub fn splicing(order: &MotionScoreOrder, observer: &dyn Observer) -> Result<Mot
         }
     }
     if report.judged == 0 {
-        report.truth = "no truth here: no trial of two actions at once (walk+punch) beside trials of each alone";
+        report.truth = match split {
+            Split::Everybody => {
+                "no truth here: no trial of two actions at once (walk+punch) beside trials of each alone"
+            }
+            Split::People { .. } => {
+                "no truth here: nobody who is judged did two actions at once (walk+punch) that others did alone"
+            }
+        };
         return Ok(report);
     }
     let what = [

@@ -151,7 +151,11 @@ impl MotionScore {
         }
         let _ = writeln!(text, "truth     {}", self.truth);
         if let Some([judged, others]) = self.people {
-            let _ = writeln!(text, "people    {judged} judged, by what {others} others did");
+            let _ = writeln!(
+                text,
+                "people    {judged} of {} judged; what is made of others' trials is made of the {others} others'",
+                judged + others
+            );
         }
         for baseline in &self.baselines {
             let value = of(baseline.value, baseline.interval);
