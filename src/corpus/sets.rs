@@ -6,7 +6,7 @@
 //! that run into each other, and what two people do together. How many trials the generalisation set has of each
 //! action is theirs; which targets, and which words and pairs the other sets have, is ours (`sets/*.csv`).
 
-use core::f64::consts::FRAC_PI_4;
+use core::f64::consts::{FRAC_PI_4, FRAC_PI_8};
 use serde::Serialize;
 use std::collections::BTreeMap;
 
