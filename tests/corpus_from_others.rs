@@ -86,7 +86,7 @@ fn a_folder_in_the_layout_of_bones_seed_brings_motions_people_and_times() {
     let (corpus, told) = added(&base, &seed, "moves");
     assert_eq!((&told["added"], &told["labels"]), (&2.into(), &3.into()), "{told:#}");
     let notes = told["notes"].to_string();
-    assert!(notes.contains("1 motions") && notes.contains("LICENSE.md"), "{notes}");
+    assert!(notes.contains("1 motion of") && notes.contains("LICENSE.md"), "{notes}");
     let walks = report(&[
         "corpus",
         "query",
