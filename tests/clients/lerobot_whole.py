@@ -115,7 +115,7 @@ def find_port(told):
     """Its list of ports before and after a cable was pulled out. It looks for /dev/tty*."""
     link = "/dev/ttyGAITWAY"
     try:
-        with VirtualRobot("so101", link=link) as robot:
+        with VirtualRobot("so101", link=link):
             command = Prompted("lerobot-find-port")
             command.expect("press Enter when done")
             os.rename(link, link[:5] + "gaitway-pulled-out")
@@ -123,7 +123,7 @@ def find_port(told):
             command.expect(f"The port of this MotorsBus is '{link}'")
             os.rename(link[:5] + "gaitway-pulled-out", link)
             command.ends()
-            told["port"] = robot.path
+            told["port"] = link
     except RuntimeError as cause:
         told["port"] = f"SKIPPED: {cause}"
 
