@@ -1016,13 +1016,16 @@ fn locked(root: &Path) -> Result<File, Error> {
 
 /// Who has locked a folder, as far as the system tells.
 fn holder(folder: &File) -> Option<String> {
-    let inode = folder.metadata().ok()?.ino().to_string();
+    let own = folder.metadata().ok()?;
+    // Another file system may have a folder of the same number.
+    let (major, minor) = (rustix::fs::major(own.dev()), rustix::fs::minor(own.dev()));
+    let place = format!("{major:02x}:{minor:02x}:{}", own.ino());
     let locks = fs::read_to_string("/proc/locks").ok()?;
     let of = locks.lines().find_map(|line| {
         // "1: FLOCK  ADVISORY  WRITE 1234 fe:00:5678 0 EOF"; those that wait have an arrow there.
         let words: Vec<&str> = line.split_whitespace().collect();
-        let place = words.get(5).filter(|_| words.get(1) == Some(&"FLOCK"))?;
-        (place.rsplit(':').next() == Some(inode.as_str())).then(|| words[4].to_owned())
+        let is_it = words.get(1) == Some(&"FLOCK") && words.get(5) == Some(&place.as_str());
+        is_it.then(|| words[4].to_owned())
     })?;
     let name = fs::read_to_string(format!("/proc/{of}/comm")).unwrap_or_default();
     Some(format!("process {of} ({})", name.trim()))
