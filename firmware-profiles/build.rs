@@ -14,6 +14,7 @@ fn main() -> io::Result<()> {
         ("ADAPTERS", "adapters"),
         ("ROBOTS", "robots"),
         ("SENSORS", "sensors"),
+        ("BOARDS", "boards"),
     ] {
         let mut files = Vec::new();
         collect_toml(&root.join(folder), &mut files)?;

@@ -1,6 +1,7 @@
 //! The loop: state in, checked command out, at a steady rate, until the motion is at rest.
 
 pub mod arm;
+pub mod balance;
 pub mod cycle;
 pub mod flight;
 pub mod health;
@@ -18,6 +19,7 @@ mod testing;
 pub mod watchdog;
 
 pub use arm::{Armed, Arming};
+pub use balance::{BalanceFigures, Balanced, Balancer};
 pub use cycle::{Exception, Motion, Planned, Run, Settings, run, stream};
 pub use flight::FlightCycle;
 pub use health::{Stop, StopCode, StopReason};

@@ -4,11 +4,13 @@
 pub mod actuator;
 pub mod coded;
 pub mod feedback;
+pub mod inertial;
 pub mod parameter;
 pub mod registers;
 pub mod sensor;
 
 pub use actuator::Actuator;
 pub use feedback::{FeedbackBlock, Health, HealthBlock, JointState};
+pub use inertial::{Inertial, InertialBoard};
 pub use registers::{Model, RegisterError};
 pub use sensor::SensorSample;

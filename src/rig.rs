@@ -18,7 +18,7 @@ pub use can_line::{OpenCanLine, is_can, open_can};
 pub use connect::mounted_otherwise;
 pub use connect::{Connection, connect, patience_words};
 pub use identify::{
-    CanIdentity, Identity, all_servos, ask_error, can_ask_error, describe, dialect_name,
+    CanIdentity, Identity, all_servos, ask_error, board_of, can_ask_error, describe, dialect_name,
     dialect_of, identify, is_likely, profile_of, protocol_name,
 };
 pub use own_profiles::own_profiles;

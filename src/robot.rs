@@ -14,7 +14,7 @@ pub use link::{LinePort, Link, LinkError};
 use crate::bus::Protocol;
 use crate::calibration::Calibration;
 use crate::device::actuator::Placing;
-use crate::device::{Actuator, FeedbackBlock, HealthBlock, JointState, Model};
+use crate::device::{Actuator, FeedbackBlock, HealthBlock, InertialBoard, JointState, Model};
 use crate::error::Error;
 use crate::motion::JointLimits;
 use gaitway_profiles::{self as profiles, CanSpeed, LineKind, Register, Role};
@@ -220,6 +220,20 @@ impl Joint {
     }
 }
 
+/// The board that a robot's file names.
+fn base_sensor(file: &profiles::Robot, lines: &[Line]) -> Result<Option<BaseSensor>, Error> {
+    let Some(of) = file.body.as_ref().and_then(|body| body.imu.as_ref()) else { return Ok(None) };
+    let place = || format!("robot {}, body, imu", file.name);
+    let line = lines.iter().position(|line| line.name == of.line).ok_or_else(|| {
+        Error::new("a board hangs on a line the robot does not have")
+            .at(place())
+            .got(of.line.clone())
+    })?;
+    let profile = profiles::board(&of.board).map_err(|e| Error::new(e.to_string()).at(place()))?;
+    let board = InertialBoard::new(&profile, of.axes);
+    Ok(Some(BaseSensor { name: of.board.clone(), line, id: of.id, board }))
+}
+
 fn actuator(joint: &profiles::Joint, speed: CanSpeed) -> Result<Actuator, Error> {
     let profile = profiles::actuator(&joint.servo).map_err(|e| Error::new(e.to_string()))?;
     let placing = Placing {
@@ -252,6 +266,19 @@ impl Line {
     }
 }
 
+/// The inertial sensor in a robot's base.
+#[derive(Clone, Debug)]
+pub struct BaseSensor {
+    /// Profile of its board.
+    pub name: String,
+    /// Index of its line in [`Robot::lines`].
+    pub line: usize,
+    /// Bus ID.
+    pub id: u8,
+    /// How it is read.
+    pub board: InertialBoard,
+}
+
 /// A robot as its file describes it, resolved against the servo profiles.
 #[derive(Clone, Debug)]
 pub struct Robot {
@@ -261,6 +288,8 @@ pub struct Robot {
     pub joints: Vec<Joint>,
     /// Lines in the file's order.
     pub lines: Vec<Line>,
+    /// What its base feels with, if it has such a thing on its lines.
+    pub base_sensor: Option<BaseSensor>,
     /// The file itself.
     pub file: profiles::Robot,
 }
@@ -285,7 +314,8 @@ impl Robot {
             })?;
             joints.push(Joint::new(&file, joint, line)?);
         }
-        Ok(Self { name: file.name.clone(), joints, lines, file })
+        let base_sensor = base_sensor(&file, &lines)?;
+        Ok(Self { name: file.name.clone(), joints, lines, base_sensor, file })
     }
 
     /// Loads a robot by name or path.

@@ -6,7 +6,7 @@ use crate::form;
 use crate::from_toml::from_toml;
 use crate::own::{self, OwnFile, own_file, own_files};
 use crate::plain::advice;
-use crate::schema::{Actuator, Adapter, Origin, Robot, Sensor, Servo};
+use crate::schema::{Actuator, Adapter, Board, Origin, Robot, Sensor, Servo};
 use crate::unconfirmed::Profile;
 use crate::validate;
 use serde::de::DeserializeOwned;
@@ -30,7 +30,7 @@ pub(crate) struct EmbeddedFile {
 include!(concat!(env!("OUT_DIR"), "/embedded.rs"));
 
 fn shipped() -> impl Iterator<Item = &'static EmbeddedFile> + Clone {
-    SERVOS.iter().chain(ACTUATORS).chain(ROBOTS).chain(ADAPTERS).chain(SENSORS)
+    SERVOS.iter().chain(ACTUATORS).chain(ROBOTS).chain(ADAPTERS).chain(SENSORS).chain(BOARDS)
 }
 
 /// True if a profile of this name, of whatever kind, ships with this crate.
@@ -40,7 +40,9 @@ pub(crate) fn is_shipped(name: &str) -> bool {
 
 /// Names of the servo profiles: those that ship in alphabetical order, then the user's own.
 pub fn servo_names() -> impl Iterator<Item = &'static str> {
-    let is_servo = |own: &&'static OwnFile| own.has_key("register") || own.has_key(extends::KEY);
+    let is_servo = |own: &&'static OwnFile| {
+        !own.has_key("imu") && (own.has_key("register") || own.has_key(extends::KEY))
+    };
     let own = own_files().into_iter().filter(is_servo).map(OwnFile::name);
     SERVOS.iter().map(|embedded| embedded.name).chain(own)
 }
@@ -68,6 +70,12 @@ fn own_adapters() -> impl Iterator<Item = &'static OwnFile> {
 /// Names of the shipped sensors, in alphabetical order.
 pub fn sensor_names() -> impl Iterator<Item = &'static str> {
     SENSORS.iter().map(|embedded| embedded.name)
+}
+
+/// Names of the boards, as [`servo_names`].
+pub fn board_names() -> impl Iterator<Item = &'static str> {
+    let own = own_files().into_iter().filter(|own| own.has_key("imu")).map(OwnFile::name);
+    BOARDS.iter().map(|embedded| embedded.name).chain(own)
 }
 
 /// A servo by name: a shipped one, or one of the user's own ([`crate::add_folder`]). Read and
@@ -99,6 +107,21 @@ pub fn actuator(name: &str) -> Result<Actuator, ProfileError> {
             let unknown = || unknown("actuator", name, actuator_names(), ONE_OF_THESE);
             let own = own_file(name).ok_or_else(unknown)?;
             parse_actuator(&own.path().display().to_string(), own.text()?)
+        }
+    }
+}
+
+/// A board by name: a shipped one, or one of the user's own.
+///
+/// # Errors
+/// As [`servo`].
+pub fn board(name: &str) -> Result<Board, ProfileError> {
+    match BOARDS.iter().find(|embedded| embedded.name == name) {
+        Some(embedded) => parse_board(embedded.file, embedded.text),
+        None => {
+            let unknown = || unknown("board", name, board_names(), ONE_OF_THESE);
+            let own = own_file(name).ok_or_else(unknown)?;
+            parse_board(&own.path().display().to_string(), own.text()?)
         }
     }
 }
@@ -163,7 +186,7 @@ pub fn sensor(name_or_path: &str) -> Result<Sensor, ProfileError> {
 
 /// A profile of any kind: a shipped one by name, or a file by a path that ends in `.toml`. What
 /// kind a file is shows in its keys: `usb_ids` an adapter, `channel` a sensor, `dialect` a CAN
-/// actuator, `register` or `extends` a servo, all else a robot.
+/// actuator, `imu` a board, `register` or `extends` a servo, all else a robot.
 ///
 /// # Errors
 /// As [`servo`] and [`robot`].
@@ -177,6 +200,8 @@ pub fn profile(name_or_path: &str) -> Result<Profile, ProfileError> {
             parse_sensor(file, text).map(|sensor| Profile::Sensor(Box::new(sensor)))
         } else if has("dialect") {
             parse_actuator(file, text).map(|actuator| Profile::Actuator(Box::new(actuator)))
+        } else if has("imu") {
+            parse_board(file, text).map(|board| Profile::Board(Box::new(board)))
         } else if has("register") || has(extends::KEY) {
             parse_servo(file, text).map(|servo| Profile::Servo(Box::new(servo)))
         } else {
@@ -194,7 +219,7 @@ pub fn profile(name_or_path: &str) -> Result<Profile, ProfileError> {
         Some(embedded) => parse_any(embedded.file, embedded.text),
         None => {
             let names = servo_names().chain(actuator_names()).chain(robot_names());
-            let names = names.chain(adapter_names()).chain(sensor_names());
+            let names = names.chain(adapter_names()).chain(sensor_names()).chain(board_names());
             Err(unknown("profile", name_or_path, names, OR_A_FILE))
         }
     }
@@ -304,6 +329,16 @@ pub fn parse_sensor(file: &str, text: &str) -> Result<Sensor, ProfileError> {
     let sensor: Sensor = parse(file, text)?;
     validate::sensor(file, &sensor)?;
     Ok(sensor)
+}
+
+/// Reads and validates the text of a board's profile; `file` as in [`parse_servo`].
+///
+/// # Errors
+/// What the validator has against it.
+pub fn parse_board(file: &str, text: &str) -> Result<Board, ProfileError> {
+    let board: Board = parse(file, text)?;
+    validate::board(file, &board)?;
+    Ok(board)
 }
 
 /// Reads a profile file whole.

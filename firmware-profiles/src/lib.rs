@@ -1,6 +1,6 @@
 //! What each servo, adapter, robot and sensor is, as data, with the schema and the validator.
 //!
-//! The files under `servos/`, `actuators/`, `adapters/`, `robots/` and `sensors/` are compiled into the crate. A file is
+//! The files under `servos/`, `actuators/`, `boards/`, `adapters/`, `robots/` and `sensors/` are compiled into the crate. A file is
 //! validated before anyone sees it; whoever holds a [`Servo`] or a [`Robot`] from [`servo()`] or
 //! [`robot()`] may rely on it.
 //!
@@ -45,6 +45,11 @@
 //! unit the manual uses, and where that is written. A sample is whole when every channel that is
 //! not `optional` has arrived. [`sensor()`] takes a file outside this folder as well.
 //!
+//! # How to add a board
+//!
+//! A board with an inertial sensor that answers on the servos' line: copy the nearest file in `boards/`. A
+//! robot names it in `[body.imu]`, with the axes by which it is screwed to the base.
+//!
 //! # Example
 //!
 //! ```
@@ -70,9 +75,10 @@ mod validate;
 
 pub use error::ProfileError;
 pub use files::{
-    MAX_FILE_BYTES, actuator, actuator_names, adapter_for_usb, adapter_names, adapters,
-    parse_actuator, parse_adapter, parse_robot, parse_sensor, parse_servo, profile, read_text,
-    robot, robot_names, robot_text, sensor, sensor_names, servo, servo_names, whole_table,
+    MAX_FILE_BYTES, actuator, actuator_names, adapter_for_usb, adapter_names, adapters, board,
+    board_names, parse_actuator, parse_adapter, parse_board, parse_robot, parse_sensor,
+    parse_servo, profile, read_text, robot, robot_names, robot_text, sensor, sensor_names, servo,
+    servo_names, whole_table,
 };
 pub use from_toml::{from_toml, toml_bytes};
 pub use own::{OwnFile, add_folder, own_file, own_files};

@@ -4,13 +4,16 @@
 //! Unknown keys are refused everywhere: a misspelt limit must never be a limit that is not there.
 
 mod actuator;
+mod board;
 mod body;
 mod line;
 mod sensor;
 
 pub use actuator::{Actuator, CanLine, Dialect, Gear, Ranges, Timeout, TimeoutKind};
+pub use board::{Board, BoardImu};
 pub use body::{
-    BaseKind, Body, BodyBox, BodyCapsule, BodyLink, BodyServos, CoupledJoint, CoupledTo,
+    BalanceJoint, BaseKind, Body, BodyBalance, BodyBox, BodyCapsule, BodyImu, BodyLink, BodyServos,
+    CoupledJoint, CoupledTo, WhenFallen,
 };
 pub use line::{CanSpeed, Line, LineKind};
 pub use sensor::{

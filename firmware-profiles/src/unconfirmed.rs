@@ -1,6 +1,6 @@
 //! What a profile says without being sure of it.
 
-use crate::schema::{Actuator, Adapter, Robot, Sensor, Servo};
+use crate::schema::{Actuator, Adapter, Board, Robot, Sensor, Servo};
 
 /// The word that marks a source; `unconfirmed: why`, by itself or after what is known.
 const WORD: &str = "unconfirmed";
@@ -18,6 +18,8 @@ pub enum Profile {
     Adapter(Box<Adapter>),
     /// An inertial sensor.
     Sensor(Box<Sensor>),
+    /// A board among servos.
+    Board(Box<Board>),
 }
 
 /// A fact of a profile whose source says that it is not confirmed.
@@ -40,6 +42,7 @@ impl Profile {
             Self::Robot(robot) => robot.unconfirmed(),
             Self::Adapter(adapter) => adapter.unconfirmed(),
             Self::Sensor(sensor) => sensor.unconfirmed(),
+            Self::Board(board) => board.unconfirmed(),
         }
     }
 }
@@ -56,6 +59,17 @@ impl Servo {
             ("motor".to_owned(), &self.motor.source),
         ];
         marked(facts.into_iter().chain(registers))
+    }
+}
+
+impl Board {
+    /// Every fact whose source says that it is not confirmed, registers in order of address.
+    #[must_use]
+    pub fn unconfirmed(&self) -> Vec<Unconfirmed<'_>> {
+        let registers = self.registers.iter().map(|register| {
+            (format!("register {}({})", register.name, register.address), &register.source)
+        });
+        marked(std::iter::once(("imu".to_owned(), &self.imu.source)).chain(registers))
     }
 }
 

@@ -4,11 +4,13 @@
 //! Every comparison is written so that NaN, which TOML can spell, fails it.
 
 mod actuator;
+mod board;
 mod robot;
 mod sensor;
 mod servo;
 
 pub(crate) use actuator::actuator;
+pub(crate) use board::board;
 pub(crate) use robot::robot;
 pub(crate) use sensor::sensor;
 pub(crate) use servo::servo;

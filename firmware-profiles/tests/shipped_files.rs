@@ -1,8 +1,8 @@
 //! Every shipped profile is a test of its own: it must satisfy the validator.
 
 use gaitway_profiles::{
-    Adapter, Servo, actuator, actuator_names, adapter_names, adapters, robot, robot_names, sensor,
-    sensor_names, servo, servo_names,
+    Adapter, Servo, actuator, actuator_names, adapter_names, adapters, board, board_names, robot,
+    robot_names, sensor, sensor_names, servo, servo_names,
 };
 use libtest_mimic::{Arguments, Failed, Trial};
 use std::collections::BTreeSet;
@@ -26,6 +26,9 @@ fn main() {
     for name in sensor_names() {
         trials.push(Trial::test(format!("sensor::{name}"), move || Ok(sensor(name).map(|_| ())?)));
     }
+    for name in board_names() {
+        trials.push(Trial::test(format!("board::{name}"), move || Ok(board(name).map(|_| ())?)));
+    }
     for name in adapter_names() {
         trials.push(Trial::test(format!("adapter::{name}"), move || {
             let adapters = adapters()?;
@@ -36,7 +39,7 @@ fn main() {
     trials.push(Trial::test("no_usb_id_belongs_to_two_adapters", usb_ids_are_distinct));
     trials.push(Trial::test("no_two_profiles_have_the_same_name", || {
         let devices = || servo_names().chain(actuator_names()).chain(adapter_names());
-        let names = || devices().chain(robot_names()).chain(sensor_names());
+        let names = || devices().chain(robot_names()).chain(sensor_names()).chain(board_names());
         let distinct: BTreeSet<&str> = names().collect();
         if distinct.len() == names().count() { Ok(()) } else { Err(Failed::without_message()) }
     }));

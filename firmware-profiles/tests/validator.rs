@@ -1,8 +1,8 @@
 //! Each rule of the validator: a small good file, one thing changed, the right complaint.
 
 use gaitway_profiles::{
-    MAX_FILE_BYTES, Profile, ProfileError, parse_adapter, parse_robot, parse_servo, profile, robot,
-    servo,
+    MAX_FILE_BYTES, Profile, ProfileError, parse_adapter, parse_board, parse_robot, parse_servo,
+    profile, robot, servo,
 };
 use std::fs;
 use std::path::PathBuf;
@@ -769,4 +769,79 @@ fn a_profile_of_any_kind_is_found_by_name_or_read_from_a_path() {
     let error = profile("ax-12b").unwrap_err();
     let allowed = error.allowed.as_deref().unwrap_or_default();
     assert!(allowed.contains("ax-12a") && allowed.contains("op3") && allowed.contains("u2d2"));
+}
+
+// A board in the base, and how a robot balances.
+
+#[track_caller]
+fn op3_refused(from: &str, to: &str, what: &str, place: &str) {
+    let text = gaitway_profiles::robot_text("op3").unwrap();
+    refused(parse_robot("op3.toml", &changed(&text, from, to)), what, place);
+}
+
+#[test]
+fn a_board_in_the_base_hangs_on_a_line_that_is_there_at_its_speed_with_an_id_of_its_own() {
+    let imu = "[body.imu]\nline = \"body\"";
+    op3_refused(imu, "[body.imu]\nline = \"head\"", "no serial line", "body, imu, line");
+    op3_refused("id = 200", "id = 7", "the same ID", "body, imu, id");
+    op3_refused("id = 200", "id = 254", "nobody's ID", "body, imu, id");
+    op3_refused("\"opencr-op3\"", "\"opencr\"", "cannot be used", "body, imu, board");
+    let slow = "baud_bps = 2000000";
+    let text = gaitway_profiles::robot_text("op3").unwrap();
+    let text =
+        changed(&changed(&text, slow, "baud_bps = 10500000"), "\"Baud Rate\" = 4", "\"LED\" = 0");
+    let error = parse_robot("op3.toml", &text).unwrap_err().to_string();
+    assert!(error.contains("does not know its line's speed"), "{error}");
+}
+
+#[test]
+fn axes_of_a_sensor_are_three_different_ones_and_right_handed() {
+    let axes = "axes = [\"-x\", \"-y\", \"z\"]";
+    let what = "no axes that a sensor can be turned to";
+    for wrong in ["\"x\", \"-y\", \"z\"", "\"x\", \"x\", \"z\"", "\"y\", \"x\", \"z\""] {
+        op3_refused(axes, &format!("axes = [{wrong}]"), what, "body, imu, axes");
+    }
+    for right in ["\"y\", \"-x\", \"z\"", "\"z\", \"x\", \"y\"", "\"x\", \"-y\", \"-z\""] {
+        let text = gaitway_profiles::robot_text("op3").unwrap();
+        parse_robot("op3.toml", &changed(&text, axes, &format!("axes = [{right}]"))).unwrap();
+    }
+}
+
+#[test]
+fn balance_takes_little_of_joints_that_are_there_and_needs_somebody_who_feels() {
+    let of = |key: &str| format!("body, balance, {key}");
+    op3_refused("most_rad = 0.15", "most_rad = 0.5", "so much", &of("most_rad"));
+    op3_refused("most_rad = 0.15", "most_rad = nan", "so much", &of("most_rad"));
+    op3_refused("limit_share = 0.3", "limit_share = 0.6", "so much", &of("limit_share"));
+    op3_refused("tilt_time_s = 1.0", "tilt_time_s = 0", "above zero", &of("tilt_time_s"));
+    op3_refused("{ joint = \"r_ank_pitch\"", "{ joint = \"r_toe\"", "no such joint", &of("joint"));
+    op3_refused("{ joint = \"r_ank_pitch\"", "{ joint = \"l_ank_pitch\"", "twice", &of("joint"));
+    op3_refused("pitch = 0.15", "pitch = 9.0", "so much", &of("joint"));
+    let text = gaitway_profiles::robot_text("op3").unwrap();
+    let (begin, end) = (text.find("[body.imu]").unwrap(), text.find("[body.balance]").unwrap());
+    let blind = format!("{}{}", &text[..begin], &text[end..]);
+    refused(parse_robot("op3.toml", &blind), "without a sensor", "body, balance");
+}
+
+#[test]
+fn a_board_says_where_six_signed_words_stand_and_speaks_dynamixel_2() {
+    let board = include_str!("../boards/opencr-op3.toml");
+    let refuse = |from: &str, to: &str, what: &str, place: &str| {
+        refused(parse_board("opencr-op3.toml", &changed(board, from, to)), what, place);
+    };
+    parse_board("opencr-op3.toml", board).unwrap();
+    refuse("gyroscope = 32", "gyroscope = 30", "three signed words", "imu, gyroscope");
+    refuse("accelerometer = 38", "accelerometer = 46", "three signed words", "imu, accelerometer");
+    refuse(
+        "gyroscope_deg_s = 0.06",
+        "gyroscope_deg_s = -0.06",
+        "above zero",
+        "imu, gyroscope_deg_s",
+    );
+    refuse("\"dynamixel-2.0\"", "\"dynamixel-1.0\"", "not known", "protocol");
+    refuse("role = \"id\"\n", "", "must have is missing", "register");
+    refuse("address = 34", "address = 33", "overlap", "Gyro Y");
+    for end in 0..board.len() {
+        let _ = parse_board("opencr-op3.toml", &board[..end]);
+    }
 }

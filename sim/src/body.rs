@@ -33,6 +33,20 @@ pub struct Outside {
     pub slope_rad: [f64; 2],
 }
 
+/// What an inertial sensor in a body's first link would feel, in that link's axes: X ahead, Y to the left, Z up.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Felt {
+    /// How the link turns, rad/s.
+    pub spin_rad_s: [f64; 3],
+    /// What it is accelerated by, without gravity, g: of a link that lies still, one upwards.
+    pub acceleration_g: [f64; 3],
+}
+
+impl Felt {
+    /// Of a link that stands upright and still.
+    pub const STILL: Felt = Felt { spin_rad_s: [0.0; 3], acceleration_g: [0.0, 0.0, 1.0] };
+}
+
 /// What servos move. Joints are those of the robot's file, in its order.
 pub trait Body: Send {
     /// Somebody has put it up with joints at these angles, rad, and lets go of it: it is at rest.
@@ -47,6 +61,9 @@ pub trait Body: Send {
         step_s: f64,
         time_ns: u64,
     ) -> Vec<Turned>;
+
+    /// What is felt in its first link since the last step.
+    fn felt(&self) -> Felt;
 
     /// If it has fallen since it was let go: which of its links lies where none should, without a name if it only tilted.
     fn fallen(&self) -> Option<String>;

@@ -91,6 +91,10 @@ fn unicast(servos: &mut [Servo], id: u8, code: u8, params: &[u8], at_ns: u64) ->
             answers.push(Answer::missing(id, length, delay_ns));
             continue;
         }
+        // A board's firmware knows no other instruction, and says nothing to one.
+        if !servo.model.has_shaft && !matches!(code, PING | READ | WRITE) {
+            continue;
+        }
         let allowed = return_level(servo);
         let (level, result) = execute(servo, code, params, false, at_ns);
         if level as i64 <= allowed {

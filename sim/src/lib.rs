@@ -48,7 +48,7 @@ pub use gaitway_profiles as profiles;
 
 pub use adapter::Usb;
 pub use bench::{BenchError, BenchServos, bench};
-pub use body::{Body, Outside, Push, Turned};
+pub use body::{Body, Felt, Outside, Push, Turned};
 pub use door::{Door, DoorError, LiveCan, PatientTime};
 pub use fault::{Damage, Fault, Struck};
 pub use hand::Hand;

@@ -211,6 +211,7 @@ impl Servo {
                 Region::Eeprom => {
                     self.table[range.clone()].copy_from_slice(&self.persistent[range]);
                 }
+                Region::Ram if model.is_measured(item) => {}
                 Region::Ram => item.encode(item.initial, &mut self.table[range]),
             }
         }
@@ -439,6 +440,15 @@ impl Servo {
     fn put_si(&mut self, role: Role, si: f64) {
         if let Some(item) = self.model.role(role) {
             let raw = self.model.raw(item, si);
+            item.encode(raw, &mut self.table[item.range()]);
+        }
+    }
+
+    /// What a board measures; what does not fit becomes the nearest that does.
+    pub fn measure(&mut self, address: u16, raw: f64) {
+        if let Some(item) = self.model.at(address) {
+            let (low, high) = item.representable();
+            let raw = raw.round().clamp(low as f64, high as f64) as i64;
             item.encode(raw, &mut self.table[item.range()]);
         }
     }

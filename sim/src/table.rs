@@ -4,10 +4,12 @@
 //! the driver would cancel out and no test could see it.
 
 use gaitway_profiles::{
-    Access, Encoding, Mode, Protocol, Region, RegisterItem, Role, Servo as Profile, Unit,
+    Access, Board, Encoding, Mode, Motor, PositionScale, Protocol, Region, RegisterItem, Role,
+    Servo as Profile, Unit,
 };
 use std::collections::HashMap;
 use std::f64::consts::TAU;
+use std::ops::Range;
 
 /// One item of the control table; repeated items are laid out one by one.
 #[derive(Clone, Copy, Debug)]
@@ -40,6 +42,10 @@ pub(crate) struct Model {
     by_address: Vec<Option<u16>>,
     by_role: Vec<Option<u16>>,
     by_name: HashMap<String, u16>,
+    /// Words of a board that are measured, whatever befalls it; none of a servo.
+    measured: Range<u16>,
+    /// False of a board: nobody turns anything with it.
+    pub has_shaft: bool,
     /// Indirect data bytes: their address, and that of the pointer that says what they stand for.
     indirect: Vec<(u16, u16)>,
 }
@@ -56,6 +62,8 @@ impl Model {
             by_address: Vec::new(),
             by_role: Vec::new(),
             by_name: HashMap::new(),
+            measured: 0..0,
+            has_shaft: true,
             indirect: Vec::new(),
         };
         for item in profile.items() {
@@ -68,6 +76,54 @@ impl Model {
         let pointers = addresses(Role::IndirectAddress);
         model.indirect = addresses(Role::IndirectData).into_iter().zip(pointers).collect();
         model
+    }
+
+    /// A board: a control table without a shaft behind it.
+    pub fn of_board(board: &Board) -> Model {
+        let (gyroscope, accelerometer) = (board.imu.gyroscope, board.imu.accelerometer);
+        // What a table needs of a servo and a board has not is never looked at: no register of it has a role
+        // that a shaft has.
+        let profile = Profile {
+            schema: board.schema,
+            name: board.name.clone(),
+            model: board.model.clone(),
+            maker: board.maker.clone(),
+            protocol: board.protocol,
+            model_number: board.model_number,
+            firmware: board.firmware,
+            manual: board.manual.clone(),
+            position: PositionScale {
+                counts: 4096,
+                degrees: 360,
+                zero_count: 0,
+                lowest_count: 0,
+                source: String::new(),
+            },
+            baud: board.baud.clone(),
+            motor: Motor {
+                no_load_speed_rad_s: 1.0,
+                stall_torque_nm: 1.0,
+                stall_current_a: 1.0,
+                voltage_v: 12.0,
+                source: String::new(),
+            },
+            fast_sync_read_from_firmware: None,
+            clear_from_firmware: None,
+            backup_from_firmware: None,
+            bulk_read: false,
+            operating_modes: Vec::new(),
+            error_bits: Vec::new(),
+            error_codes: Vec::new(),
+            registers: board.registers.clone(),
+        };
+        let first = gyroscope.min(accelerometer);
+        let end = gyroscope.max(accelerometer) + 6;
+        Model { measured: first..end, has_shaft: false, ..Model::new(&profile) }
+    }
+
+    /// True if a register shows something that goes on without power.
+    pub fn is_measured(&self, item: &Item) -> bool {
+        self.measured.contains(&item.address)
     }
 
     fn lay_out(&mut self, place: RegisterItem<'_>) {
@@ -174,7 +230,7 @@ impl Model {
 }
 
 impl Item {
-    pub fn range(&self) -> std::ops::Range<usize> {
+    pub fn range(&self) -> Range<usize> {
         let start = usize::from(self.address);
         start..start + usize::from(self.bytes)
     }

@@ -1,5 +1,6 @@
 //! The world: a robot's servos and CAN actuators on their lines, and the time they share.
 
+mod board;
 mod can;
 mod options;
 mod reach;
@@ -42,6 +43,8 @@ pub struct World {
     resets: u64,
     /// What its servos move, if it has weight.
     weight: Option<weight::Weight>,
+    /// The board in its base, if it has one.
+    board: Option<board::BaseBoard>,
     /// Of doors that are open.
     bells: Vec<Weak<Bell>>,
 }
@@ -121,6 +124,7 @@ impl World {
             start: Box::new(start),
             resets: 0,
             weight: None,
+            board: None,
             bells: Vec::new(),
         };
         let mut models: BTreeMap<&str, Arc<Model>> = BTreeMap::new();
@@ -140,6 +144,7 @@ impl World {
             servo.zero_speed = options.zero_speed;
             servo.set_torque_switch(options.torque_switch);
         }
+        world.add_board(robot)?;
         world.join_cases(robot);
         world.plan(robot, &options.faults)?;
         let (lines, can) = (world.lines.clone(), world.can.clone());
@@ -172,6 +177,7 @@ impl World {
             servos: servos
                 .map(|(joint, placed)| (joint.name.clone(), joint.id, placed.place))
                 .collect(),
+            boards: self.board.iter().map(|of| (of.name.clone(), of.id, of.place)).collect(),
         };
         for fault in faults {
             self.check_register(fault, &names)?;
@@ -620,7 +626,8 @@ impl World {
         stray.put_down();
         stray.turn_by(turn_rad);
         let servos = &mut self.lines[place.line].servos;
-        let gone = |servo: &Servo| servo.joint.is_none() && !servo.attached;
+        let gone =
+            |servo: &Servo| servo.joint.is_none() && !servo.attached && servo.model.has_shaft;
         let free = servos.iter().position(gone);
         match free.and_then(|free| servos.get_mut(free)) {
             Some(slot) => *slot = stray,

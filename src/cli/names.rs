@@ -10,7 +10,7 @@ use clap::Args;
 #[command(after_help = "Examples:\n  gaitway list\n  gaitway list actions")]
 pub struct ListArgs {
     /// Only these, each with what it stands for: actions, models, robots, servos, actuators, sensors, adapters,
-    /// marker-sets, corpus-sets, export-formats
+    /// boards, marker-sets, corpus-sets, export-formats
     kind: Option<String>,
     #[command(flatten)]
     output: Output,

@@ -57,6 +57,12 @@ pub struct PlayArgs {
     /// The virtual robot has weight and may fall (sim, sim:pty; robots whose file has a body)
     #[arg(long)]
     physics: bool,
+    /// Ankles, knees and hips answer a base that tilts otherwise than the motion wants (op3: its OpenCR feels it)
+    #[arg(long)]
+    balance: bool,
+    /// Faults of this script befall the virtual robot, by its own clock (sim, sim:pty; keys: sim/README.md)
+    #[arg(long, value_name = "FILE.toml")]
+    faults: Option<PathBuf>,
     /// Seed of the virtual robot
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -152,6 +158,8 @@ impl PlayArgs {
                 hangs: self.motion.hangs(),
                 allow_fall: self.motion.allows_fall(),
                 physics: self.physics,
+                balance: self.balance,
+                faults: self.faults.clone(),
             },
         }
     }

@@ -10,7 +10,7 @@ use super::plausible::Believed;
 use super::silence::Silence;
 use super::{Sample, Sink, Tally, inject, net};
 use crate::bus::{AskError, Miss};
-use crate::device::Health;
+use crate::device::{Health, Inertial};
 use crate::error::{Error, listed};
 use crate::guard::{Command, Guard};
 use crate::motion::{Clock as MotionClock, JointLimits, Setpoint, Trajectory};
@@ -172,6 +172,22 @@ pub trait Motion {
 
     /// Begins to come to rest. Another stop changes nothing.
     fn stop(&mut self);
+
+    /// True if it wants to know in every cycle what the base feels.
+    fn feels(&self) -> bool {
+        false
+    }
+
+    /// What the base felt in this cycle, or that its sensor did not answer; a reason to stop, if that is one.
+    fn feel(&mut self, felt: Option<&Inertial>) -> Option<StopReason> {
+        let _ = felt;
+        None
+    }
+
+    /// How long it takes at most, s, beyond the way to rest that the joints' limits make.
+    fn longest_way_back_s(&self) -> f64 {
+        0.0
+    }
 }
 
 /// A motion that is known to its end.
@@ -403,6 +419,7 @@ impl<'a> Player<'a> {
         let limits = link.robot().limits();
         let lines = link.robot().joints.iter().map(|joint| joint.line).collect();
         let start_rad = command.goal_rad().to_vec();
+        let way_back_s = motion.longest_way_back_s();
         let bound_rad = settings.bounds.tracking_rad;
         Self {
             link,
@@ -424,7 +441,7 @@ impl<'a> Player<'a> {
             owing: Vec::new(),
             owing_cycles: 0,
             quiet_since: None,
-            longest_stop_s: longest_stop_s(&limits, settings.period),
+            longest_stop_s: longest_stop_s(&limits, settings.period) + way_back_s,
             believed: Believed::new(&start_rad, limits, began),
             wanted_rad: start_rad,
             command,
@@ -481,6 +498,12 @@ impl<'a> Player<'a> {
             Ok(read) => read,
             Err(error) => return self.lose(&error, cycle),
         };
+        if self.motion.feels() {
+            let felt = self.link.inertial(budget);
+            if let Some(reason) = self.motion.feel(felt.as_ref().ok()) {
+                self.request_stop(reason, cycle);
+            }
+        }
         let mut doubted = self.who_was_silent(&states, now);
         doubted.retain(|joint| !self.owing.contains(joint));
         self.ask_who_was_silent(doubted, budget, cycle);

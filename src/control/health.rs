@@ -6,6 +6,11 @@ use crate::error::listed;
 use crate::time::{Duration, Instant};
 use std::fmt;
 
+/// A base that is tilted further than this from upright lies, or will, rad: 60 deg.
+pub const FALLEN_RAD: f64 = std::f64::consts::FRAC_PI_3;
+/// Cycles in a row without an answer of the sensor in the base after which nobody feels anything.
+pub const BLIND_CYCLES: u32 = 5;
+
 /// Bounds beyond which a motion is stopped.
 #[derive(Clone, Copy, Debug)]
 pub struct Bounds {
@@ -106,6 +111,16 @@ pub enum StopReason {
         /// The joints on it, which are told nothing any more.
         joints: Vec<String>,
     },
+    /// The base is tilted so far that the robot lies, or will.
+    Fell {
+        /// How far from upright, rad.
+        tilt_rad: f64,
+    },
+    /// The sensor in the base gave no answer for too many cycles.
+    FeelsNothing {
+        /// Cycles in a row.
+        cycles: u32,
+    },
     /// The program itself broke in the middle of a motion.
     Broke {
         /// What the panic said.
@@ -155,6 +170,12 @@ impl fmt::Display for StopReason {
                 "line {line} came back without torque; nothing more is sent to {}",
                 listed(joints)
             ),
+            Self::Fell { tilt_rad } => {
+                write!(f, "the robot fell: its base is tilted by {:.0} deg", tilt_rad.to_degrees())
+            }
+            Self::FeelsNothing { cycles } => {
+                write!(f, "the sensor in the base gave no answer for {cycles} cycles")
+            }
             Self::Broke { words } => write!(f, "the control loop broke: {words}"),
             Self::LineLost { line, text, joints } => write!(
                 f,
@@ -197,11 +218,15 @@ pub enum StopCode {
     SensorLost,
     /// What makes the goals broke: a function of the user's own.
     SourceBroke,
+    /// The robot lies, or will.
+    Fell,
+    /// The sensor in the base gave no answer.
+    FeelsNothing,
 }
 
 impl StopCode {
     /// All kinds.
-    pub const ALL: [Self; 14] = [
+    pub const ALL: [Self; 16] = [
         Self::Asked,
         Self::Silent,
         Self::Late,
@@ -216,6 +241,8 @@ impl StopCode {
         Self::LineLost,
         Self::SensorLost,
         Self::SourceBroke,
+        Self::Fell,
+        Self::FeelsNothing,
     ];
 }
 
@@ -236,6 +263,8 @@ impl fmt::Display for StopCode {
             Self::LineLost => "line-lost",
             Self::SensorLost => "sensor-lost",
             Self::SourceBroke => "source-broke",
+            Self::Fell => "fell",
+            Self::FeelsNothing => "feels-nothing",
         })
     }
 }
@@ -285,6 +314,8 @@ impl StopReason {
             Self::CameBackLimp { .. } => StopCode::CameBackLimp,
             Self::Broke { .. } => StopCode::Broke,
             Self::LineLost { .. } => StopCode::LineLost,
+            Self::Fell { .. } => StopCode::Fell,
+            Self::FeelsNothing { .. } => StopCode::FeelsNothing,
         }
     }
 
@@ -301,9 +332,12 @@ impl StopReason {
             Self::CameBackLimp { line, .. } | Self::LineLost { line, .. } => {
                 (None, Some(line.clone()))
             }
-            Self::Asked | Self::Late { .. } | Self::Stalled { .. } | Self::Broke { .. } => {
-                (None, None)
-            }
+            Self::Asked
+            | Self::Late { .. }
+            | Self::Stalled { .. }
+            | Self::Fell { .. }
+            | Self::FeelsNothing { .. }
+            | Self::Broke { .. } => (None, None),
         };
         let figures = match *self {
             Self::Silent { cycles, .. } => {
@@ -315,6 +349,10 @@ impl StopReason {
             Self::Stalled { gap_s } => Some((gap_s, bounds.gap.as_secs_f64(), "s")),
             Self::NotFollowing { error_rad, .. } => {
                 Some((error_rad.abs(), bounds.tracking_rad, "rad"))
+            }
+            Self::Fell { tilt_rad } => Some((tilt_rad, FALLEN_RAD, "rad")),
+            Self::FeelsNothing { cycles } => {
+                Some((f64::from(cycles), f64::from(BLIND_CYCLES) - 1.0, "cycles"))
             }
             Self::Hot { temperature_c, limit_c, .. } => Some((temperature_c, limit_c, "deg C")),
             Self::LowVoltage { voltage_v, minimum_v, .. } => Some((voltage_v, minimum_v, "V")),

@@ -59,6 +59,16 @@ impl fmt::Display for RegisterError {
 
 impl std::error::Error for RegisterError {}
 
+/// What a profile's protocol is on a bus.
+pub(super) const fn spoken(protocol: Protocol) -> bus::Protocol {
+    match protocol {
+        Protocol::Dynamixel1 => bus::Protocol::Dynamixel1,
+        Protocol::Dynamixel2 => bus::Protocol::Dynamixel2,
+        Protocol::FeetechSts => bus::Protocol::FeetechSts,
+        Protocol::FeetechScs => bus::Protocol::FeetechScs,
+    }
+}
+
 impl Model {
     /// The model described by `servo`.
     #[must_use]
@@ -83,12 +93,7 @@ impl Model {
     /// What the bus has to speak to a servo of this model.
     #[must_use]
     pub const fn protocol(&self) -> bus::Protocol {
-        match self.servo.protocol {
-            Protocol::Dynamixel1 => bus::Protocol::Dynamixel1,
-            Protocol::Dynamixel2 => bus::Protocol::Dynamixel2,
-            Protocol::FeetechSts => bus::Protocol::FeetechSts,
-            Protocol::FeetechScs => bus::Protocol::FeetechScs,
-        }
+        spoken(self.servo.protocol)
     }
 
     /// Byte order is a property of the protocol: of these, only SCS sends the high byte first.

@@ -127,6 +127,7 @@ fn all() -> Result<Vec<NamesOfKind>, Error> {
         kind("actuators", "simulate --servo, robot files", of(profiles.actuators)),
         kind("sensors", "record imu:NAME@BUS, live, simulate imus", of(profiles.sensors)),
         kind("adapters", "simulate --adapter", of(profiles.adapters)),
+        kind("boards", "robot files ([body.imu])", of(profiles.boards)),
         kind("marker-sets", "fit --markers, clean", markers),
         kind("corpus-sets", "corpus plan, corpus generate", sets.into()),
         kind(

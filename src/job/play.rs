@@ -8,18 +8,24 @@ use super::recorder::{RunRecorder, Series};
 use super::report::{
     BodyFigures, JointReport, Outcome, OwnProfile, PhysicsReport, PlayReport, RefereeReport,
 };
+use super::simulate::script;
 use super::source::{self, MotionOrder, RobotMotion};
 use super::weight::{self, Witness};
-use crate::control::{self, Left, Performance, Planned, Settings, inject, net};
+use crate::control::{
+    self, Balanced, Balancer, Left, Motion, Performance, Planned, Run, Settings, StopReason,
+    balance, inject, net,
+};
 use crate::error::{Error, ErrorKind};
-use crate::motion::{Path, Plan, PlanOptions, Setpoint, plan};
+use crate::motion::{self, Plan, PlanOptions, Setpoint, Trajectory, plan};
 use crate::retarget::base::BasePath;
 use crate::rig::{Address, Connection, calibrated, connect, patience_words};
-use crate::robot::Robot;
 use crate::robot::preflight::{Preflight, preflight};
+use crate::robot::{Link, LinkError, Robot};
+use crate::time::Duration;
 use crate::view::scene::ViewScene;
 use crate::view::tracks::{SpanKind, ViewSpan};
-use std::path::PathBuf;
+use gaitway_profiles::WhenFallen;
+use std::path::{Path, PathBuf};
 
 pub use crate::motion::plan::SPEEDS;
 pub use crate::robot::preflight::Accept;
@@ -84,6 +90,10 @@ pub struct Options {
     pub allow_fall: bool,
     /// The virtual robot has weight, and may fall.
     pub physics: bool,
+    /// Joints answer a base that is tilted otherwise than the motion wants.
+    pub balance: bool,
+    /// Script of faults that befall a virtual robot of this process.
+    pub faults: Option<PathBuf>,
 }
 
 impl Default for Options {
@@ -103,6 +113,8 @@ impl Default for Options {
             hangs: false,
             allow_fall: false,
             physics: false,
+            balance: false,
+            faults: None,
         }
     }
 }
@@ -164,6 +176,7 @@ pub fn play(order: &PlayOrder, observer: &dyn Observer) -> Played {
     let mut played = Played { report, series: None, scene: None };
     let done = under_net(&mut played.report, |report| {
         refuse_limp_without_end(&order.options)?;
+        refuse_balance_in_the_air(&order.options)?;
         let (robot, calibration) =
             calibrated(&order.robot, &order.buses, order.calibration.as_deref())?;
         report.calibration = calibration.map(|path| path.display().to_string());
@@ -174,7 +187,8 @@ pub fn play(order: &PlayOrder, observer: &dyn Observer) -> Played {
             balanced_at: (order.options.retime != Some(false)).then_some(order.options.speed),
             ..order.motion.clone()
         };
-        let motion = load(&hung, &robot, observer)?;
+        let moved = if order.options.balance { balance::leaves(&robot)? } else { robot.clone() };
+        let motion = load(&hung, &moved, observer)?;
         report.describe_motion(&motion);
         report.cycle_hz = order.options.rate_hz.unwrap_or(robot.file.rate_hz);
         if stopped_before_torque(observer, report) {
@@ -200,6 +214,17 @@ fn refuse_limp_without_end(options: &Options) -> Result<(), Error> {
         .got("--loop without a number: only a stop ends it, and after a stop joints hold")
         .allowed("--end hold, or --loop N")
         .remedy("stop it with Ctrl-C, then `gaitway limp`"))
+}
+
+/// Who hangs on a stand cannot fall, and what is felt there is no tilt of soles.
+fn refuse_balance_in_the_air(options: &Options) -> Result<(), Error> {
+    if !options.balance || !options.hangs {
+        return Ok(());
+    }
+    Err(Error::new("a robot on a stand does not balance")
+        .at("--balance")
+        .got("--hang too")
+        .allowed("one of the two"))
 }
 
 /// Reads a motion, unless the observer wants to stop.
@@ -250,9 +275,15 @@ pub(super) fn play_on(
     }
     let settings = Settings::at_rate(rate_hz);
     let witness = options.physics.then(|| give_weight(connection, options.hangs)).transpose()?;
+    if let Some(script) = &options.faults {
+        befall(connection, script)?;
+    }
     inject::point("preflight", 0);
     let found = preflight(&mut connection.link, settings.period, options.accept)?;
     report.describe_preflight(&found);
+    if options.balance {
+        feel_first(&mut connection.link, &found)?;
+    }
     let Prepared { planned, base, metrics } =
         prepare(connection, &found, motion, options, observer, report)?;
     if options.dry_run {
@@ -312,6 +343,16 @@ fn give_weight(connection: &Connection, hangs: bool) -> Result<Witness, Error> {
     weight::give(&mut world.lock(), &connection.link.robot().file, hangs)
 }
 
+/// Faults befall the virtual robot of this process, by its own clock.
+fn befall(connection: &Connection, script: &Path) -> Result<(), Error> {
+    let world = connection.world.as_ref().ok_or_else(|| {
+        Error::new("only a virtual robot of this process is befallen by faults")
+            .at("--faults")
+            .allowed("--bus sim, --bus sim:pty")
+    })?;
+    script::befall(&mut world.lock(), script)
+}
+
 /// Says whether a robot with weight fell, in the motion or within a second after it.
 fn describe_weight(report: &mut PlayReport, connection: &Connection, witness: &Witness) {
     if let Some(world) = connection.world.as_ref().filter(|_| !connection.real_time) {
@@ -342,7 +383,7 @@ pub(super) fn prepare(
     observer: &dyn Observer,
     report: &mut PlayReport,
 ) -> Result<Prepared, Error> {
-    let robot = connection.link.robot();
+    let robot = &laid_for(connection.link.robot(), options)?;
     let (planned, (base, metrics)) = {
         let (robot, start_rad) = (robot.clone(), found.start_rad.clone());
         let (motion, options) = (motion.clone(), options.clone());
@@ -353,7 +394,7 @@ pub(super) fn prepare(
             Ok((planned, looked))
         })?
     };
-    describe_plan(report, robot, &planned, motion);
+    describe_plan(report, connection.link.robot(), &planned, motion);
     report.metrics = Some(metrics.clone());
     if let Some(at_s) = metrics.predicted_fall_s.filter(|_| !options.allow_fall) {
         may_fall(at_s, connection.world.is_some() || options.dry_run, report)?;
@@ -387,13 +428,80 @@ pub(super) fn stopped_before_torque(observer: &dyn Observer, report: &mut PlayRe
     asked
 }
 
+/// The robot as a motion is laid for it: balance keeps a part of some joints' limits for itself.
+fn laid_for(robot: &Robot, options: &Options) -> Result<Robot, Error> {
+    if options.balance { balance::leaves(robot) } else { Ok(robot.clone()) }
+}
+
+/// How long the sensor in the base may take to answer before anything moves.
+const FIRST_FELT: Duration = Duration::from_millis(100);
+
+/// Looks whether the sensor in the base is the one in the robot's file, and feels what the robot's legs say.
+///
+/// # Errors
+/// A sensor that does not answer, another one, or one that feels otherwise.
+fn feel_first(link: &mut Link, found: &Preflight) -> Result<(), Error> {
+    let robot = link.robot().clone();
+    let balancer = Balancer::new(&robot, 1.0 / robot.file.rate_hz, |_| 1.0)?;
+    let silent = |error: LinkError| {
+        Error::of(ErrorKind::Silent, "the sensor in the base cannot be felt")
+            .at(error.place.clone())
+            .got(error.to_string())
+            .remedy("look at its power and cable, or leave out --balance")
+    };
+    let budget = |link: &Link| link.clock().now() + FIRST_FELT;
+    let until = budget(link);
+    let (model, firmware) = link.sensor_identity(until).map_err(silent)?;
+    if let Some(sensor) = &robot.base_sensor {
+        let board = &sensor.board;
+        let is_known = firmware >= board.firmware.min
+            && board.firmware.max.is_none_or(|newest| firmware <= newest);
+        if model != board.model_number || !is_known {
+            let newest = board.firmware.max.map_or("".to_owned(), |newest| newest.to_string());
+            return Err(Error::of(ErrorKind::NotReady, "another device has the sensor's ID")
+                .at(format!("{} in the base, ID {}", sensor.name, sensor.id))
+                .got(format!("model {model}, firmware {firmware}"))
+                .allowed(format!(
+                    "model {}, firmware {}..{newest}",
+                    board.model_number, board.firmware.min
+                ))
+                .remedy("name the right board in [body.imu], or leave out --balance"));
+        }
+    }
+    let until = budget(link);
+    let felt = link.inertial(until).map_err(silent)?;
+    balancer.look(&felt, &found.start_rad)
+}
+
+/// How often a trajectory is looked at, s, and what a joint may go further between two looks, rad: half a millisecond under
+/// the highest acceleration here is less.
+const LOOKED_EVERY_S: f64 = 0.005;
+const BETWEEN_RAD: f64 = 1e-3;
+
+/// How far each joint of a motion stays from the nearer end of its range, rad.
+fn rooms_rad(robot: &Robot, trajectory: &Trajectory) -> Vec<f64> {
+    let limits = robot.limits();
+    let mut rooms_rad = vec![f64::INFINITY; limits.len()];
+    let mut setpoints = vec![Setpoint::default(); limits.len()];
+    let looks = (trajectory.duration_s() / LOOKED_EVERY_S).ceil() as usize;
+    for look in 0..=looks {
+        trajectory.sample(look as f64 * LOOKED_EVERY_S, &mut setpoints);
+        for ((room_rad, limits), setpoint) in rooms_rad.iter_mut().zip(&limits).zip(&setpoints) {
+            let below_rad = setpoint.position_rad - limits.lower_rad();
+            let above_rad = limits.upper_rad() - setpoint.position_rad;
+            *room_rad = room_rad.min(below_rad).min(above_rad);
+        }
+    }
+    rooms_rad.iter().map(|room_rad| room_rad - BETWEEN_RAD).collect()
+}
+
 /// Lays the motion from where the robot stands. Joints it does not drive stay there.
 fn plan_from(
     robot: &Robot,
     start_rad: &[f64],
     motion: &RobotMotion,
     options: &Options,
-) -> Result<(Path, Plan), Error> {
+) -> Result<(motion::Path, Plan), Error> {
     let path = motion.path_from(robot, start_rad)?;
     let options = PlanOptions {
         speed: options.speed,
@@ -462,7 +570,8 @@ fn perform(
     observer: &dyn Observer,
     report: &mut PlayReport,
 ) -> Result<Option<(Robot, Series)>, Error> {
-    let mut motion = Planned::new(&planned.trajectory, connection.link.robot())?;
+    let laid_for = laid_for(connection.link.robot(), options)?;
+    let mut motion = Planned::new(&planned.trajectory, &laid_for)?;
     let mut duration_s = planned.trajectory.duration_s();
     if options.rounds == Rounds::Endless {
         // From the end of the first round to that of the second: a transition, and the motion.
@@ -471,6 +580,16 @@ fn perform(
         motion = motion.again(first_s, first_s + again_s)?;
         duration_s = f64::INFINITY;
     }
+    let (mut alone, mut balanced) = (None, None);
+    let motion: &mut (dyn Motion + Send) = if options.balance {
+        let rooms_rad = rooms_rad(&laid_for, &planned.trajectory);
+        let period_s = settings.period.as_secs_f64();
+        let robot = connection.link.robot();
+        let balancer = Balancer::new(robot, period_s, |joint| rooms_rad[joint])?;
+        balanced.insert(Balanced { motion, balancer })
+    } else {
+        alone.insert(motion)
+    };
     // Once torque is on, nothing may keep the loop from its first cycle: the file comes before.
     let mut recorder = RunRecorder::begin(
         options.record.as_deref(),
@@ -485,7 +604,7 @@ fn perform(
     let performed = control::perform(
         &mut connection.link,
         found,
-        &mut motion,
+        motion,
         settings,
         &mut recorder.metered(meter.clone()),
         &|| observer.wants_to_stop(),
@@ -498,9 +617,16 @@ fn perform(
             return other.map(|_| None);
         }
     };
-    if options.end == EndState::Limp
-        && matches!(performed, Performance::Ran(run) if run.stop.is_none())
-    {
+    report.balance = balanced.map(|of| of.balancer.figures().clone());
+    let is_limp = |run: &Run| match run.stop {
+        None => options.end == EndState::Limp,
+        Some(StopReason::Fell { .. }) => {
+            let body = laid_for.file.body.as_ref();
+            body.is_some_and(|body| body.when_fallen == WhenFallen::Limp)
+        }
+        Some(_) => false,
+    };
+    if matches!(&performed, Performance::Ran(run) if is_limp(run)) {
         go_limp(report, connection);
     }
     recorder.finish(report, connection);

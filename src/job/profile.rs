@@ -18,7 +18,9 @@ pub fn check_use(profile: &Profile) -> Result<(), Error> {
     match profile {
         Profile::Robot(robot) => Robot::new(robot.as_ref().clone()).map(drop),
         Profile::Sensor(sensor) => stream_format(sensor).map(drop),
-        Profile::Servo(_) | Profile::Actuator(_) | Profile::Adapter(_) => Ok(()),
+        Profile::Servo(_) | Profile::Actuator(_) | Profile::Adapter(_) | Profile::Board(_) => {
+            Ok(())
+        }
     }
 }
 
@@ -71,6 +73,7 @@ pub fn check(profile: &Profile) -> Result<CheckedProfile, Error> {
         Profile::Sensor(sensor) => {
             (&sensor.name, "sensor", counted(sensor.channels.len(), "channel"))
         }
+        Profile::Board(board) => (&board.name, "board", counted(board.registers.len(), "register")),
     };
     let unconfirmed = profile
         .unconfirmed()
@@ -98,6 +101,8 @@ pub struct ProfileList {
     pub robots: Vec<ListedProfile>,
     /// Adapters between USB and a line.
     pub adapters: Vec<ListedProfile>,
+    /// Boards with an inertial sensor among servos.
+    pub boards: Vec<ListedProfile>,
 }
 
 /// One of them. A robot has no maker and a sensor no protocol that sets it apart.
@@ -130,6 +135,7 @@ impl ProfileList {
             sensors: Vec::new(),
             robots: Vec::new(),
             adapters: Vec::new(),
+            boards: Vec::new(),
         };
         for name in profiles::servo_names() {
             let servo = profiles::servo(name)?;
@@ -173,6 +179,15 @@ impl ProfileList {
             let (name, model) = (adapter.name.clone(), adapter.model.clone());
             let usb_ids = adapter.usb_ids.clone();
             list.adapters.push(ListedProfile { name, model, usb_ids, ..ListedProfile::default() });
+        }
+        for name in profiles::board_names() {
+            let board = profiles::board(name)?;
+            list.boards.push(ListedProfile {
+                name: name.to_owned(),
+                maker: Some(board.maker),
+                model: board.model,
+                ..ListedProfile::default()
+            });
         }
         Ok(list)
     }

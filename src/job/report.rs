@@ -2,7 +2,7 @@
 
 use super::source::{RobotMotion, Source};
 use super::weight::Fall;
-use crate::control::{FlightCycle, Left, Performance, Run, StopReason};
+use crate::control::{BalanceFigures, FlightCycle, Left, Performance, Run, StopReason};
 pub use crate::error::counted;
 use crate::error::{Error, ErrorKind};
 use crate::mocap::retarget::TrunkLean;
@@ -306,6 +306,8 @@ pub struct PlayReport {
     /// Only of a virtual robot with weight.
     #[serde(flatten)]
     pub physics: Option<PhysicsReport>,
+    /// What balancing came to; null if nobody asked for it.
+    pub balance: Option<BalanceFigures>,
     /// Choices made on the way that a person should know.
     pub notes: Vec<String>,
 }
@@ -379,6 +381,7 @@ impl PlayReport {
             trunk_lean_lost: None,
             metrics: None,
             physics: None,
+            balance: None,
             referee: None,
             notes: Vec::new(),
         }

@@ -9,7 +9,7 @@ use crate::bus::scan::{Found, scan_while};
 use crate::device::Model;
 use crate::error::Error;
 use crate::rig::{Address, BusKind};
-use crate::rig::{Identity, all_servos, ask_error, identify, profile_of, protocol_name};
+use crate::rig::{Identity, all_servos, ask_error, board_of, identify, profile_of, protocol_name};
 use crate::rig::{OpenLine, open_bus};
 use crate::time::Duration;
 use gaitway_profiles::Role;
@@ -195,9 +195,13 @@ fn telling_apart(found: &Found) -> Vec<(u16, u16)> {
 
 fn device(found: &Found, identity: Option<Identity>, baud_bps: Option<u32>) -> Device {
     let profile = identity.and_then(|identity| identity.profile);
+    let board = || {
+        let identity = identity.filter(|_| profile.is_none())?;
+        board_of(identity.protocol, identity.model_number).map(|board| board.model)
+    };
     Device {
         id: found.id,
-        model: profile.map(|profile| profile.model.clone()),
+        model: profile.map(|profile| profile.model.clone()).or_else(board),
         profile: profile.map(|profile| profile.name.clone()),
         model_number: identity.map(|identity| identity.model_number),
         firmware: identity.map(|identity| identity.firmware),

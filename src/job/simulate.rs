@@ -3,4 +3,5 @@
 pub mod imus;
 pub mod person;
 pub mod robot;
+pub mod script;
 pub mod worn;

@@ -10,7 +10,7 @@ use crate::rigid::{Moving, Placement, Pull, Volume};
 use crate::robot::RobotBody;
 use crate::time::Instant;
 use gaitway_profiles::Robot;
-use gaitway_sim::{Body, Outside, Push, SimError, Turned, World};
+use gaitway_sim::{Body, Felt, Outside, Push, SimError, Turned, World};
 use glam::DVec3;
 use serde::Serialize;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -23,6 +23,9 @@ const FALLEN_RAD: f64 = std::f64::consts::FRAC_PI_3;
 /// How stiff and how damped the stop of a joint at the end of its range is, N m/rad and N m s/rad.
 const STOP_NM_RAD: f64 = 1e3;
 const STOP_NM_S_RAD: f64 = 5.0;
+
+/// How fast the floor comes to its slope, rad/s: as somebody tilts a board.
+const FLOOR_RAD_S: f64 = 0.5;
 
 /// Where the surface of a capsule is looked at, from its ends.
 const WAYS: [DVec3; 6] = [DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y, DVec3::Z, DVec3::NEG_Z];
@@ -143,6 +146,9 @@ pub fn give(world: &mut World, robot: &Robot, hangs: bool) -> Result<Witness, Er
         held,
         ranges_rad,
         moving: None,
+        gained_m_s2: DVec3::ZERO,
+        slope_rad: [0.0; 2],
+        floor_rad_s: DVec3::ZERO,
         powered_since_ns: 0,
         witness: witness.clone(),
     };
@@ -165,6 +171,11 @@ struct Weighed {
     ranges_rad: Vec<[f64; 2]>,
     /// Once it was let go.
     moving: Option<Moving>,
+    /// How its base was accelerated in the last step, m/s².
+    gained_m_s2: DVec3,
+    /// How much the floor falls ahead and to the left by now, rad, and how it turns, rad/s.
+    slope_rad: [f64; 2],
+    floor_rad_s: DVec3,
     powered_since_ns: u64,
     witness: Witness,
 }
@@ -234,6 +245,8 @@ impl Body for Weighed {
         let moving =
             Moving::at_rest(&self.body.tree, FRICTION, GRAVITY_M_S2, corners, place, &angles);
         self.moving = Some(if stands { moving } else { moving.fixed() });
+        self.gained_m_s2 = DVec3::ZERO;
+        (self.slope_rad, self.floor_rad_s) = ([0.0; 2], DVec3::ZERO);
         self.powered_since_ns = powered_since_ns;
         *self.witness.seen() = Seen::default();
     }
@@ -245,13 +258,21 @@ impl Body for Weighed {
         step_s: f64,
         time_ns: u64,
     ) -> Vec<Turned> {
+        let before_rad = self.slope_rad;
+        for (now_rad, to_rad) in self.slope_rad.iter_mut().zip(outside.slope_rad) {
+            let step_rad = FLOOR_RAD_S * step_s;
+            *now_rad += (to_rad - *now_rad).clamp(-step_rad, step_rad);
+        }
+        let turned = |axis: usize| (self.slope_rad[axis] - before_rad[axis]) / step_s;
+        // What falls ahead turns about the left, what falls to the left about what is behind.
+        self.floor_rad_s = DVec3::new(-turned(1), turned(0), 0.0);
         let tree = &self.body.tree;
         let coordinate = |joint: usize| tree.coordinate(joint + 1);
         let Some(moving) = &mut self.moving else { return vec![Turned::default(); pushes.len()] };
         let pushed = |(joint, force_n): &(Option<usize>, [f64; 3])| {
             (joint.map_or(0, |joint| joint + 1), DVec3::from_array(*force_n))
         };
-        moving.disturb(outside.forces.iter().map(pushed).collect(), outside.slope_rad);
+        moving.disturb(outside.forces.iter().map(pushed).collect(), self.slope_rad);
         let mut pulls = vec![Pull::default(); tree.moving()];
         for (joint, push) in pushes.iter().enumerate() {
             let Some(at) = coordinate(joint) else { continue };
@@ -266,7 +287,9 @@ impl Body for Weighed {
             pulls[at] = Pull { torque_nm, gives_nm_s_rad, armature_kg_m2 };
         }
         // A step without an answer leaves everything where it is, and the next one may have one.
+        let before_m_s = moving.velocity_m_s();
         let _ = moving.step(&pulls, step_s);
+        self.gained_m_s2 = (moving.velocity_m_s() - before_m_s) / step_s;
         let turned = |joint: usize| {
             coordinate(joint).map_or(Turned::default(), |at| Turned {
                 angle_rad: moving.angles()[at],
@@ -278,6 +301,16 @@ impl Body for Weighed {
             self.look(moving, time_ns);
         }
         turned
+    }
+
+    fn felt(&self) -> Felt {
+        let Some(moving) = &self.moving else { return Felt::STILL };
+        let turn = moving.base().turn.inverse();
+        let held_m_s2 = self.gained_m_s2 - moving.down() * GRAVITY_M_S2;
+        Felt {
+            spin_rad_s: (turn * (moving.spin_rad_s() + self.floor_rad_s)).to_array(),
+            acceleration_g: (turn * held_m_s2 / GRAVITY_M_S2).to_array(),
+        }
     }
 
     fn fallen(&self) -> Option<String> {
@@ -299,9 +332,18 @@ mod tests {
             robot.joints.iter().map(|joint| [joint.lower_rad, joint.upper_rad]).collect();
         let initial = robot.joints.iter().map(|joint| joint.initial_rad()).collect();
         let seen = witness.clone();
-        let moving = None;
-        let weighed =
-            Weighed { body, soles, held, ranges_rad, moving, powered_since_ns: 0, witness };
+        let weighed = Weighed {
+            body,
+            soles,
+            held,
+            ranges_rad,
+            moving: None,
+            gained_m_s2: DVec3::ZERO,
+            slope_rad: [0.0; 2],
+            floor_rad_s: DVec3::ZERO,
+            powered_since_ns: 0,
+            witness,
+        };
         (weighed, seen, initial)
     }
 

@@ -59,18 +59,11 @@ impl StandingSole {
         let placed = body.tree.place(Placement::IDENTITY, &body.tree.coupled(&zeros));
         let sole = |of: &crate::robot::Sole| {
             let corners_m = of.corners_m.clone();
-            let count = corners_m.len();
-            let middle = corners_m.iter().sum::<DVec3>() / count.max(1) as f64;
-            // In whatever order the corners stand.
-            let arms = || corners_m.iter().map(|corner| *corner - middle);
-            let normals = arms().flat_map(|one| arms().map(move |two| one.cross(two)));
-            let longest = |a: &DVec3, b: &DVec3| a.length_squared().total_cmp(&b.length_squared());
-            let normal = normals.max_by(longest)?.try_normalize()?;
-            let up = (placed[of.link].turn * normal).z.signum();
+            let middle = corners_m.iter().sum::<DVec3>() / corners_m.len().max(1) as f64;
             let side = usize::from(placed[of.link].point(middle).y < 0.0);
-            Some(Self { link: of.link, side, corners_m, normal: normal * up })
+            Self { link: of.link, side, corners_m, normal: of.normal }
         };
-        body.soles.iter().filter_map(sole).collect()
+        body.soles.iter().map(sole).collect()
     }
 }
 

@@ -10,7 +10,7 @@ use crate::device::Model;
 use crate::error::{Error, ErrorKind};
 use crate::robot::preflight::host_late;
 use crate::time::Duration;
-use gaitway_profiles::{self as profiles, Dialect, Servo};
+use gaitway_profiles::{self as profiles, Board, Dialect, Servo};
 
 /// What one device said of itself.
 #[derive(Clone, Copy, Debug)]
@@ -55,6 +55,17 @@ pub fn protocol_name(protocol: Protocol) -> &'static str {
 /// Every shipped servo profile.
 pub fn all_servos() -> impl Iterator<Item = &'static Servo> {
     profiles::servo_names().filter_map(|name| profiles::servo(name).ok())
+}
+
+/// The board with this model number, if one is known.
+#[must_use]
+pub fn board_of(protocol: Protocol, model_number: u16) -> Option<Board> {
+    let known = |name| profiles::board(name).ok();
+    let of = |board: &Board| {
+        // No board speaks anything else: see the validator.
+        board.model_number == model_number && protocol == Protocol::Dynamixel2
+    };
+    profiles::board_names().filter_map(known).find(of)
 }
 
 /// The profile of a model.

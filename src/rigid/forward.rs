@@ -164,6 +164,24 @@ impl Moving {
         self.motion.base
     }
 
+    /// Which way is down, of length 1: on a slope not straight into the floor.
+    #[must_use]
+    pub const fn down(&self) -> DVec3 {
+        self.down
+    }
+
+    /// How fast the origin of its first link moves, m/s.
+    #[must_use]
+    pub const fn velocity_m_s(&self) -> DVec3 {
+        self.motion.velocity_m_s
+    }
+
+    /// How its first link turns, in the world, rad/s.
+    #[must_use]
+    pub const fn spin_rad_s(&self) -> DVec3 {
+        self.motion.spin_rad_s
+    }
+
     /// Angles of all joints that move.
     #[must_use]
     pub fn angles(&self) -> &[f64] {

@@ -32,6 +32,25 @@ pub struct Sole {
     pub link: usize,
     /// Its corners in the link's axes, m.
     pub corners_m: Vec<DVec3>,
+    /// Up from it, in the link's axes.
+    pub normal: DVec3,
+}
+
+/// A sole that is so much further from the floor than the other stands e times less, m.
+const STANDS_M: f64 = 0.005;
+
+impl Sole {
+    /// Of corners in whatever order; `turn` is that of its link with all joints at zero, when it looks down. Nothing if
+    /// they are no plane.
+    fn new(link: usize, corners_m: Vec<DVec3>, turn: DQuat) -> Option<Self> {
+        let middle = corners_m.iter().sum::<DVec3>() / corners_m.len().max(1) as f64;
+        let arms = || corners_m.iter().map(|corner| *corner - middle);
+        let normals = arms().flat_map(|one| arms().map(move |two| one.cross(two)));
+        let longest = |a: &DVec3, b: &DVec3| a.length_squared().total_cmp(&b.length_squared());
+        let normal = normals.max_by(longest)?.try_normalize()?;
+        let up = (turn * normal).z.signum();
+        Some(Self { link, corners_m, normal: normal * up })
+    }
 }
 
 impl RobotBody {
@@ -61,6 +80,9 @@ impl RobotBody {
             links: Vec::new(),
             coupled: Vec::new(),
             servos: None,
+            imu: None,
+            balance: None,
+            when_fallen: profiles::WhenFallen::Hold,
         };
         Self::made(file, &nothing).map(Some)
     }
@@ -121,15 +143,17 @@ impl RobotBody {
         let in_order = std::iter::once(None).chain(names.iter().copied().map(Some));
         let of_links: Vec<Option<&profiles::BodyLink>> = in_order.map(weight).collect();
         let volumes = of_links.iter().map(|link| link.map(volumes).unwrap_or_default()).collect();
-        let soles = of_links.iter().enumerate().filter_map(|(link, of)| {
-            let corners_m = of.as_ref()?.sole_m.as_ref()?.iter().map(|c| DVec3::from(*c)).collect();
-            Some(Sole { link, corners_m })
-        });
-        let soles = soles.collect();
         let tree = Tree::new(links, couplings).map_err(|e| match e.place.clone() {
             Some(place) => e.at(format!("robot {}, {place}", file.name)),
             None => e.at(format!("robot {}", file.name)),
         })?;
+        let zeros = vec![0.0; tree.moving()];
+        let placed = tree.place(Placement::IDENTITY, &tree.coupled(&zeros));
+        let soles = of_links.iter().zip(placed).enumerate().filter_map(|(link, (of, placed))| {
+            let corners_m = of.as_ref()?.sole_m.as_ref()?;
+            Sole::new(link, corners_m.iter().map(|c| DVec3::from(*c)).collect(), placed.turn)
+        });
+        let soles = soles.collect();
         let drive = body.servos.as_ref().map(|of| Drive {
             stiffness_nm_rad: of.stiffness_nm_rad,
             damping_nm_s_rad: of.damping_nm_s_rad,
@@ -148,6 +172,28 @@ impl RobotBody {
             above(two) == Some(one) || above(two).and_then(above) == Some(one)
         };
         one == two || carries(one, two) || carries(two, one) || above(one) == above(two)
+    }
+
+    /// Which way is up, in the base's axes, for a robot in this pose that stands flat on what it stands on: the soles below
+    /// which no other reaches. Nothing for one without soles.
+    ///
+    /// # Panics
+    /// As [`RobotBody::angles`].
+    #[must_use]
+    pub fn up(&self, joints_rad: &[f64]) -> Option<DVec3> {
+        let placed = self.tree.place(Placement::IDENTITY, &self.angles(joints_rad));
+        let up = |sole: &Sole| placed[sole.link].turn * sole.normal;
+        let lowest_m = |sole: &Sole, up: DVec3| {
+            let heights = sole.corners_m.iter().map(|at| placed[sole.link].point(*at).dot(up));
+            heights.fold(f64::INFINITY, f64::min)
+        };
+        let stands = |sole: &Sole| {
+            let up = up(sole);
+            let own_m = lowest_m(sole, up);
+            let lowest_m = self.soles.iter().map(|of| lowest_m(of, up)).fold(own_m, f64::min);
+            up * ((lowest_m - own_m) / STANDS_M).exp()
+        };
+        self.soles.iter().map(stands).sum::<DVec3>().try_normalize()
     }
 
     /// Angles of all joints of the tree, from those of the robot's joints in its file's order.

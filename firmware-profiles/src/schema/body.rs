@@ -1,5 +1,6 @@
 //! What a robot weighs and takes up.
 
+use super::SignedAxis;
 use serde::Deserialize;
 
 /// Links of a robot: what they weigh, what they take up, what they stand on. A link is called by the
@@ -25,6 +26,84 @@ pub struct Body {
     /// How its servos give way, all alike; absent: they are taken for stiff.
     #[serde(default)]
     pub servos: Option<BodyServos>,
+    /// The inertial sensor in its base; absent: it has none that answers on its lines.
+    #[serde(default)]
+    pub imu: Option<BodyImu>,
+    /// How its joints answer a tilt that no motion asked for; absent: nobody has tried.
+    #[serde(default)]
+    pub balance: Option<BodyBalance>,
+    /// What its joints do once it lies; absent = they hold.
+    #[serde(default)]
+    pub when_fallen: WhenFallen,
+}
+
+/// What joints do once a robot has fallen, after they have come to rest.
+#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq)]
+#[serde(rename_all = "snake_case")]
+pub enum WhenFallen {
+    /// Torque stays on.
+    #[default]
+    Hold,
+    /// Torque goes off, so that no servo pushes against the floor.
+    Limp,
+}
+
+/// A board with an inertial sensor, screwed to the base.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BodyImu {
+    /// Line it hangs on, a serial one.
+    pub line: String,
+    /// Bus ID.
+    pub id: u8,
+    /// Board profile by name.
+    pub board: String,
+    /// The base's X, Y and Z as axes of the sensor; absent: the same.
+    #[serde(default = "own_axes")]
+    pub axes: [SignedAxis; 3],
+    /// Where it is written.
+    pub source: String,
+}
+
+const fn own_axes() -> [SignedAxis; 3] {
+    [SignedAxis::PlusX, SignedAxis::PlusY, SignedAxis::PlusZ]
+}
+
+/// How joints answer a base that is tilted, or turns, otherwise than the motion wants.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BodyBalance {
+    /// Furthest that any joint is moved for it, rad.
+    pub most_rad: f64,
+    /// Share of each joint's limits of velocity and acceleration that is kept for it; the motion has the rest.
+    pub limit_share: f64,
+    /// How long a tilt must last until most of it is answered, s: legs that give way swing if they are answered at once.
+    pub tilt_time_s: f64,
+    /// Joints that answer.
+    #[serde(rename = "joint")]
+    pub joints: Vec<BalanceJoint>,
+    /// Where the gains come from.
+    pub source: String,
+}
+
+/// How far one joint is moved. Roll is a tilt to the right, pitch one ahead.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BalanceJoint {
+    /// Its name.
+    pub joint: String,
+    /// For each rad of roll, rad.
+    #[serde(default)]
+    pub roll: f64,
+    /// For each rad/s of roll, rad.
+    #[serde(default)]
+    pub roll_s: f64,
+    /// For each rad of pitch, rad.
+    #[serde(default)]
+    pub pitch: f64,
+    /// For each rad/s of pitch, rad.
+    #[serde(default)]
+    pub pitch_s: f64,
 }
 
 /// How servos hold joints: as springs with dampers between goal and joint.

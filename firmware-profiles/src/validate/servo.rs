@@ -2,7 +2,7 @@
 
 use super::{Verdict, header, not_empty, positive, unique};
 use crate::error::{Faults, ProfileError};
-use crate::schema::{Access, Mode, Protocol, Register, Role, Servo};
+use crate::schema::{Access, Baud, FirmwareRange, Mode, Protocol, Register, Role, Servo};
 use std::collections::BTreeSet;
 
 /// Registers that the driver and the virtual servo cannot do without.
@@ -60,9 +60,23 @@ pub(crate) fn servo(file: &str, servo: &Servo) -> Verdict {
     }
     faults.note(facts(file, servo));
     faults.note(instructions(file, servo));
+    table(file, servo.protocol, &servo.registers, &mut faults);
+    // What follows looks at the table as a whole.
+    if faults.found().is_empty() {
+        let names = servo.items().map(|item| item.name());
+        faults.note(unique(file, "register name", "register", names));
+        faults.note(roles(file, servo));
+        faults.note(modes(file, servo));
+        faults.note(baud(file, &servo.baud, servo.register(Role::BaudRate)));
+    }
+    faults.verdict()
+}
+
+/// Each register by itself, and one after the other.
+pub(super) fn table(file: &str, protocol: Protocol, registers: &[Register], faults: &mut Faults) {
     let mut table_end = 0;
-    for register in &servo.registers {
-        faults.note(one_register(file, servo.protocol, register));
+    for register in registers {
+        faults.note(one_register(file, protocol, register));
         if u32::from(register.address) < table_end {
             faults.note(Err(ProfileError::new(file, "registers overlap or are out of order")
                 .at(place(register))
@@ -71,24 +85,19 @@ pub(crate) fn servo(file: &str, servo: &Servo) -> Verdict {
         }
         table_end = end(register);
     }
-    // What follows looks at the table as a whole.
-    if faults.found().is_empty() {
-        let names = servo.items().map(|item| item.name());
-        faults.note(unique(file, "register name", "register", names));
-        faults.note(roles(file, servo));
-        faults.note(modes(file, servo));
-        faults.note(baud(file, servo));
-    }
-    faults.verdict()
 }
 
-fn facts(file: &str, servo: &Servo) -> Verdict {
-    let range = servo.firmware;
+pub(super) fn firmware(file: &str, range: FirmwareRange) -> Verdict {
     if range.max.is_some_and(|max| max < range.min) {
         return Err(ProfileError::new(file, "the firmware range is upside down")
             .at("firmware")
             .got(format!("{}..{}", range.min, range.max.unwrap_or_default())));
     }
+    Ok(())
+}
+
+fn facts(file: &str, servo: &Servo) -> Verdict {
+    firmware(file, servo.firmware)?;
     let position = &servo.position;
     not_empty(file, "position.source", &position.source)?;
     if position.counts == 0 || position.degrees == 0 {
@@ -308,14 +317,15 @@ fn modes(file: &str, servo: &Servo) -> Verdict {
     Ok(())
 }
 
-fn baud(file: &str, servo: &Servo) -> Verdict {
-    if servo.baud.is_empty() {
-        return Err(ProfileError::new(file, "the servo has no line speed").at("baud"));
+/// Line speeds, and the register that chooses one.
+pub(super) fn baud(file: &str, speeds: &[Baud], register: Option<&Register>) -> Verdict {
+    if speeds.is_empty() {
+        return Err(ProfileError::new(file, "the device has no line speed").at("baud"));
     }
-    unique(file, "baud index", "baud", servo.baud.iter().map(|baud| baud.index))?;
-    unique(file, "line speed", "baud", servo.baud.iter().map(|baud| baud.bps))?;
-    let (min, max) = servo.register(Role::BaudRate).map_or((0, 0), Register::range);
-    for baud in &servo.baud {
+    unique(file, "baud index", "baud", speeds.iter().map(|baud| baud.index))?;
+    unique(file, "line speed", "baud", speeds.iter().map(|baud| baud.bps))?;
+    let (min, max) = register.map_or((0, 0), Register::range);
+    for baud in speeds {
         if baud.bps == 0 || !(min..=max).contains(&i64::from(baud.index)) {
             return Err(ProfileError::new(file, "the baud register cannot ask for this")
                 .at("baud")

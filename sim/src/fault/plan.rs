@@ -85,16 +85,23 @@ pub(crate) struct Names {
     pub can: Vec<usize>,
     /// Joint, ID and place of every servo.
     pub servos: Vec<(String, u8, Place)>,
+    /// Profile, ID and place of every board.
+    pub boards: Vec<(String, u8, Place)>,
 }
 
 impl Names {
-    /// The servo of a joint, or at `LINE/ID`.
+    /// All that have registers on serial lines.
+    fn devices(&self) -> impl Iterator<Item = &(String, u8, Place)> {
+        self.servos.iter().chain(&self.boards)
+    }
+
+    /// The servo of a joint, a board by its profile, or whoever is at `LINE/ID`.
     pub fn servo(&self, name: &str) -> Result<Place, SimError> {
-        let joint = self.servos.iter().find(|(joint, ..)| joint == name);
+        let joint = self.devices().find(|(joint, ..)| joint == name);
         let found = joint.or_else(|| {
             let (line, id) = name.split_once('/')?;
             let (line, id) = (self.line(line).ok()?, id.parse::<u8>().ok()?);
-            self.servos.iter().find(|&&(_, own, place)| place.line == line && own == id)
+            self.devices().find(|&&(_, own, place)| place.line == line && own == id)
         });
         found.map(|&(_, _, place)| place).ok_or_else(|| SimError::UnknownJoint(name.to_string()))
     }
@@ -123,7 +130,7 @@ impl Names {
     }
 
     fn joint(&self, place: Place) -> String {
-        let known = self.servos.iter().find(|&&(_, _, at)| at == place);
+        let known = self.devices().find(|&&(_, _, at)| at == place);
         known.map_or_else(|| self.lines[place.line].clone(), |(joint, ..)| joint.clone())
     }
 }

@@ -10,6 +10,8 @@
 //!   (the manual does not list what is): an address that is not there or read-only, a value out of
 //!   range, locked EEPROM, a clockwise speed in joint mode. Reserved bytes within the table read as
 //!   zero.
+//! - A board's firmware (OpenCR's for the OP3) has a length error for what begins after the table, and no other: bytes that
+//!   cannot be written stay, and bytes without meaning read as zero.
 //! - FEETECH has no such errors: what cannot be done is left undone in silence. With Lock (55, SCS
 //!   48) at 1 EEPROM takes writes, but power-off takes them back.
 //!
@@ -63,7 +65,13 @@ impl Servo {
                 out.extend_from_slice(self.table.get(range).ok_or(Refusal::Range)?);
                 return Ok(());
             }
-            Protocol::Dynamixel2 if length == 0 => return Err(Refusal::Length),
+            Protocol::Dynamixel2 if !self.model.has_shaft && range.start < self.table.len() => {
+                out.extend(range.map(|at| self.table.get(at).copied().unwrap_or(0)));
+                return Ok(());
+            }
+            Protocol::Dynamixel2 if length == 0 || !self.model.has_shaft => {
+                return Err(Refusal::Length);
+            }
             Protocol::Dynamixel2 => {}
         }
         if range.end > self.table.len() || range.clone().any(|at| self.item_at(at).is_none()) {
@@ -110,6 +118,16 @@ impl Servo {
                 }
                 for (item, raw) in self.items_in(address, bytes) {
                     self.store(&item, raw, &mut touched);
+                }
+            }
+            Protocol::Dynamixel2 if !self.model.has_shaft => {
+                if bytes.is_empty() || usize::from(address) >= self.table.len() {
+                    return Err(Refusal::Length);
+                }
+                for (item, raw) in self.items_in(address, bytes) {
+                    if item.access == Access::Rw {
+                        self.store(&item, raw, &mut touched);
+                    }
                 }
             }
             Protocol::Dynamixel2 => {

@@ -189,6 +189,7 @@ impl World {
             let servo = &mut self.lines[place.line].servos[place.servo];
             servo.carry_to((turned.angle_rad - initial_rad) / ratio, turned.rate_rad_s / ratio);
         }
+        self.feel(weight.body.felt());
         if !weight.has_fallen
             && let Some(on) = weight.body.fallen()
         {

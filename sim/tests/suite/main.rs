@@ -1,6 +1,7 @@
 //! The virtual servos against the makers' published bytes, timings and rules.
 
 mod bench;
+mod board;
 mod can;
 mod can_dialects;
 mod can_line;

@@ -103,6 +103,7 @@ pub fn dynamixels(ids: &[u8]) -> Robot {
     setup.registers.remove("Baud Rate");
     setup.registers.insert("Return Delay Time".into(), 0);
     robot.setups = vec![setup];
+    robot.body = None;
     robot.joints.truncate(ids.len());
     for (joint, &id) in robot.joints.iter_mut().zip(ids) {
         joint.id = id;
@@ -116,6 +117,7 @@ pub fn dynamixels(ids: &[u8]) -> Robot {
 /// Joints on STS3215 at 1 Mbps with these IDs.
 pub fn feetechs(ids: &[u8]) -> Robot {
     let mut robot = gaitway_profiles::robot("open-duck-mini-v2").unwrap();
+    robot.body = None;
     robot.joints.truncate(ids.len());
     for (joint, &id) in robot.joints.iter_mut().zip(ids) {
         joint.id = id;
@@ -204,6 +206,7 @@ impl Scene {
 /// the Damiao among them answering under 0x10 and their id.
 pub fn can_robot(actuators: &[(&str, u8)]) -> Robot {
     let mut robot = gaitway_profiles::robot("op3").unwrap();
+    robot.body = None;
     let name = robot.lines[0].name.clone();
     let speed = CanSpeed { bitrate_bps: 1_000_000, data_bitrate_bps: None, host_id: 0xFD };
     robot.lines = vec![Line { name: name.clone(), kind: LineKind::Can(speed) }];

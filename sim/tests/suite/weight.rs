@@ -1,8 +1,8 @@
 //! A servo that moves a body: a rod with a weight at its end, on a shaft that lies level.
 
 use gaitway_sim::{
-    BenchServos, Body, Entry, Fault, Happening, Options, Outside, Push, Script, SimError, Turned,
-    World, bench,
+    BenchServos, Body, Entry, Fault, Felt, Happening, Options, Outside, Push, Script, SimError,
+    Turned, World, bench,
 };
 use std::f64::consts::FRAC_PI_2;
 
@@ -35,6 +35,10 @@ impl Body for Rod {
             (inertia * rate_rad_s + step_s * torque) / (inertia + step_s * gives_nm_s_rad);
         self.0 = Turned { angle_rad: angle_rad + step_s * rate_rad_s, rate_rad_s };
         vec![self.0]
+    }
+
+    fn felt(&self) -> Felt {
+        Felt { spin_rad_s: [0.0, -self.0.rate_rad_s, 0.0], ..Felt::STILL }
     }
 
     /// Fallen is a rod that hangs.

@@ -16,6 +16,7 @@ pub fn shown(profile: &Profile) -> String {
         Profile::Robot(robot) => show_robot(robot),
         Profile::Adapter(adapter) => show_adapter(adapter),
         Profile::Sensor(sensor) => sensor::show(sensor),
+        Profile::Board(board) => show_board(board),
     }
 }
 
@@ -50,9 +51,12 @@ pub fn listed(list: &ProfileList) -> String {
             }
         }
     }
-    for (title, listed) in
-        [("sensors", &list.sensors), ("robots", &list.robots), ("adapters", &list.adapters)]
-    {
+    for (title, listed) in [
+        ("sensors", &list.sensors),
+        ("robots", &list.robots),
+        ("adapters", &list.adapters),
+        ("boards", &list.boards),
+    ] {
         let _ = writeln!(out, "{title}");
         for one in listed {
             let maker = one.maker.as_ref().map_or_else(String::new, |m| format!("{m} "));
@@ -225,6 +229,24 @@ fn show_robot(robot: &profiles::Robot) -> String {
         );
     }
     let _ = writeln!(out, "\nacceleration: {}", robot.acceleration_source);
+    out
+}
+
+fn show_board(board: &profiles::Board) -> String {
+    let imu = &board.imu;
+    let mut out = format!(
+        "{} {}, model number {}, {}\nmanual   {}\nfeels    {:.0} deg/s and {:.0} g at most\n\n",
+        board.maker,
+        board.model,
+        board.model_number,
+        protocol(board.protocol),
+        board.manual,
+        imu.gyroscope_deg_s * f64::from(i16::MAX),
+        imu.accelerometer_g * f64::from(i16::MAX),
+    );
+    for register in &board.registers {
+        let _ = writeln!(out, "{}", register_row(register));
+    }
     out
 }
 

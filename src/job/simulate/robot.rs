@@ -1,15 +1,14 @@
 //! A virtual robot that other programs open: each of its lines behind a terminal, a port or a CAN
 //! interface of its own, in real time.
 
+use super::script;
 use crate::corpus::store::check_outside;
 use crate::error::{Error, ErrorKind};
 use crate::job::weight::{self, Fall, Witness};
 use crate::port::can_bridge::CanBridge;
 use gaitway_profiles::Robot;
 use gaitway_sim::control::{ControlPipe, ControlSocket, Places, SocketError, Surroundings};
-use gaitway_sim::{
-    BenchError, BenchServos, Door, Fault, Options, Script, ScriptError, SimError, World,
-};
+use gaitway_sim::{BenchError, BenchServos, Door, Fault, Options, Script, SimError, World};
 pub use gaitway_sim::{Rule, Verdict};
 use std::collections::BTreeMap;
 use std::io::Read;
@@ -321,7 +320,7 @@ fn unfit(robot: &Robot, error: &SimError) -> Error {
 
 fn options(order: &SimulateOrder) -> Result<Options, Error> {
     let script = match &order.faults {
-        Some(path) => read_script(path)?,
+        Some(path) => script::read(path)?,
         None => Script::default(),
     };
     let of_weight = script.faults.iter().find_map(Fault::of_weight);
@@ -348,17 +347,6 @@ fn options(order: &SimulateOrder) -> Result<Options, Error> {
         }
         None => Ok(options),
     }
-}
-
-fn read_script(path: &Path) -> Result<Script, Error> {
-    let file = path.display().to_string();
-    let text = gaitway_profiles::read_text(path)?;
-    Script::parse(&text).map_err(|ScriptError { at, got, allowed }| {
-        Error::new("the fault script has errors")
-            .at(format!("{file}, {at}"))
-            .got(got)
-            .allowed(allowed)
-    })
 }
 
 fn open_doors(

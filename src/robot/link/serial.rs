@@ -3,11 +3,16 @@
 use super::open_line::OpenLine;
 use super::{Group, Link, LinkError, States, joint_error};
 use crate::bus::{AskError, Bus, GroupItem, Miss, Reply};
-use crate::device::{JointState, Model};
+use crate::device::{Inertial, JointState, Model};
 use crate::robot::reading::{Method, Reading};
-use crate::robot::{Joint, Robot};
+use crate::robot::{BaseSensor, Joint, Robot};
 use crate::time::Instant;
 use gaitway_profiles::{Register, Role};
+
+fn sensor_error(sensor: &BaseSensor, error: AskError) -> LinkError {
+    let place = format!("{} in the base, ID {}", sensor.name, sensor.id);
+    LinkError { line: sensor.line, place, error }
+}
 
 impl Link {
     /// Carries out the readings of each serial line.
@@ -158,6 +163,56 @@ impl Link {
         }
         let text = "this is no serial line".to_owned();
         Err(joint_error(&self.robot, joint, AskError::Unsayable(text)))
+    }
+
+    /// What the base feels now.
+    ///
+    /// # Errors
+    /// [`LinkError`]; [`AskError::Unsayable`] if the robot has no sensor in its base.
+    pub fn inertial(&mut self, budget: Instant) -> Result<Inertial, LinkError> {
+        let sensor = self.base_sensor()?;
+        let (address, length) = sensor.board.block();
+        let bytes = self.read_sensor(&sensor, address, length, budget)?;
+        sensor.board.decode(&bytes).ok_or_else(|| sensor_error(&sensor, Miss::Garbled.into()))
+    }
+
+    /// Asks whether the sensor in the base is there; model number and firmware.
+    ///
+    /// # Errors
+    /// As [`Link::inertial`].
+    pub fn sensor_identity(&mut self, budget: Instant) -> Result<(u16, u16), LinkError> {
+        let sensor = self.base_sensor()?;
+        let failed = |error| sensor_error(&sensor, error);
+        let bus = self.serial(sensor.line).map_err(failed)?;
+        let reply = bus.ping(sensor.board.protocol, sensor.id, budget).map_err(failed)?;
+        match *reply.bytes.as_slice() {
+            [low, high, firmware] => Ok((u16::from_le_bytes([low, high]), firmware.into())),
+            _ => Err(failed(Miss::Garbled.into())),
+        }
+    }
+
+    fn base_sensor(&self) -> Result<BaseSensor, LinkError> {
+        self.robot.base_sensor.clone().ok_or_else(|| LinkError {
+            line: 0,
+            place: "base".to_owned(),
+            error: AskError::Unsayable("the robot has no sensor in its base".to_owned()),
+        })
+    }
+
+    fn read_sensor(
+        &mut self,
+        sensor: &BaseSensor,
+        address: u16,
+        length: u16,
+        budget: Instant,
+    ) -> Result<Vec<u8>, LinkError> {
+        let failed = |error| sensor_error(sensor, error);
+        if self.lost[sensor.line] {
+            return Err(failed(Miss::Silent.into()));
+        }
+        let bus = self.serial(sensor.line).map_err(failed)?;
+        let reply = bus.read(sensor.board.protocol, sensor.id, address, length, budget);
+        reply.map(|reply| reply.bytes).map_err(failed)
     }
 
     /// Asks whether the servo of `joint` is there.

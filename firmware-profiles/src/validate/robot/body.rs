@@ -1,14 +1,26 @@
 //! Rules for bodies: links of the robot's own joints, with masses and shapes that something can have.
 
-use super::super::{Verdict, finite, is_name, not_empty, positive};
+use super::super::{Verdict, finite, is_name, not_empty, positive, unique};
 use crate::error::{Faults, ProfileError};
-use crate::schema::{Body, BodyLink, BodyServos, CoupledJoint, Robot};
+use crate::files;
+use crate::schema::{
+    BaseKind, Body, BodyBalance, BodyImu, BodyLink, BodyServos, CoupledJoint, Joint, Line, Robot,
+    SignedAxis,
+};
 use std::collections::BTreeSet;
 
 /// How far the length of an axis or a quaternion may be from 1.
 const UNIT_TOLERANCE: f64 = 1e-5;
 /// How far below zero rounding may take a principal minor, as a share of what it is made of.
 const ROUNDING: f64 = 1e-6;
+/// Highest ID of a device of its own on a serial line.
+const MOST_ID: u8 = 252;
+/// Furthest that a joint is moved for balance, rad: what goes further is another motion.
+const MOST_RAD: f64 = 0.3;
+/// Share of a joint's limits that balance may keep for itself.
+const MOST_SHARE: f64 = 0.5;
+/// A joint that answers more than this shakes.
+const MOST_GAIN: f64 = 5.0;
 
 pub(super) fn body(file: &str, body: &Body, robot: &Robot, faults: &mut Faults) {
     for (key, text) in [
@@ -46,6 +58,12 @@ pub(super) fn body(file: &str, body: &Body, robot: &Robot, faults: &mut Faults) 
     if let Some(servos) = &body.servos {
         give_way(file, servos, faults);
     }
+    if let Some(of) = &body.imu {
+        faults.note(imu(file, of, robot));
+    }
+    if let Some(of) = &body.balance {
+        balance(file, of, body, &driven, faults);
+    }
     if !body.links.iter().any(|link| link.mass_kg > 0.0) {
         faults.note(Err(ProfileError::new(file, "a body without mass is none").at("body, link")));
     }
@@ -68,6 +86,95 @@ fn give_way(file: &str, servos: &BodyServos, faults: &mut Faults) {
                 .got(value)
                 .allowed("0 or more")));
         }
+    }
+}
+
+/// A board on one of the robot's serial lines, at an ID of its own and at the line's speed.
+fn imu(file: &str, imu: &BodyImu, robot: &Robot) -> Verdict {
+    let refuse =
+        |what: &str, key: &str| ProfileError::new(file, what).at(format!("body, imu, {key}"));
+    not_empty(file, "body, imu, source", &imu.source)?;
+    let line = robot.lines.iter().find(|line| line.name == imu.line);
+    let Some(baud_bps) = line.and_then(Line::baud_bps) else {
+        return Err(refuse("the board hangs on no serial line of the robot", "line")
+            .got(format!("{:?}", imu.line)));
+    };
+    let board = files::board(&imu.board)
+        .map_err(|cause| refuse("the board's profile cannot be used", "board").got(cause))?;
+    if !board.baud.iter().any(|baud| baud.bps == baud_bps) {
+        return Err(refuse("the board does not know its line's speed", "board")
+            .got(format!("{} on line {:?} at {baud_bps} bps", imu.board, imu.line)));
+    }
+    let taken = |joint: &&Joint| joint.line == imu.line && joint.id == imu.id;
+    if let Some(joint) = robot.joints.iter().find(taken) {
+        return Err(refuse("a joint of this line has the same ID", "id")
+            .got(imu.id)
+            .allowed(format!("another than that of joint {:?}", joint.name)));
+    }
+    if imu.id > MOST_ID {
+        return Err(refuse("this is nobody's ID", "id")
+            .got(imu.id)
+            .allowed(format!("0..{MOST_ID}")));
+    }
+    let [x, y, z] = imu.axes.map(SignedAxis::unit);
+    let cross =
+        |axis: usize| x[(axis + 1) % 3] * y[(axis + 2) % 3] - x[(axis + 2) % 3] * y[(axis + 1) % 3];
+    if (0..3).any(|axis| (cross(axis) - z[axis]).abs() > ROUNDING) {
+        return Err(refuse("these are no axes that a sensor can be turned to", "axes")
+            .got(format!("{:?}", imu.axes))
+            .allowed("three different ones, right-handed as x, y, z are"));
+    }
+    Ok(())
+}
+
+/// What joints may do so that a robot stays upright is small, and leaves the motion its part.
+fn balance(
+    file: &str,
+    balance: &BodyBalance,
+    body: &Body,
+    driven: &BTreeSet<&str>,
+    faults: &mut Faults,
+) {
+    let refuse =
+        |what: &str, key: &str| ProfileError::new(file, what).at(format!("body, balance, {key}"));
+    faults.note(not_empty(file, "body, balance, source", &balance.source));
+    for (key, value, most) in
+        [("most_rad", balance.most_rad, MOST_RAD), ("limit_share", balance.limit_share, MOST_SHARE)]
+    {
+        if !(value > 0.0 && value <= most) {
+            faults.note(Err(refuse("balance may not take so much", key)
+                .got(value)
+                .allowed(format!("above 0, at most {most}"))));
+        }
+    }
+    faults.note(positive(file, || "body, balance, tilt_time_s".to_owned(), balance.tilt_time_s));
+    if body.imu.is_none() {
+        faults.note(Err(refuse("nobody feels a tilt without a sensor", "joint")
+            .got("no [body.imu]")
+            .remedy("name the board in [body.imu], or leave [body.balance] out")));
+    }
+    if body.base == BaseKind::Fixed {
+        faults
+            .note(Err(refuse("a base that is held cannot tilt", "joint").got("base = \"fixed\"")));
+    }
+    for joint in &balance.joints {
+        if !driven.contains(joint.joint.as_str()) {
+            faults.note(Err(
+                refuse("there is no such joint", "joint").got(format!("{:?}", joint.joint))
+            ));
+        }
+        for gain in [joint.roll, joint.roll_s, joint.pitch, joint.pitch_s] {
+            if !(gain.abs() <= MOST_GAIN) {
+                faults.note(Err(refuse("a joint is not to answer so much", "joint")
+                    .got(format!("{gain} of joint {:?}", joint.joint))
+                    .allowed(format!("-{MOST_GAIN}..{MOST_GAIN}"))));
+            }
+        }
+    }
+    let names = balance.joints.iter().map(|joint| &joint.joint);
+    faults.note(unique(file, "joint", "body, balance, joint", names));
+    if balance.joints.is_empty() {
+        faults.note(Err(refuse("no joint answers", "joint").allowed("one or more")));
     }
 }
 

@@ -1,0 +1,145 @@
+//! A virtual OP3 with weight that feels how its base tilts, and answers, or is told that it cannot.
+
+mod program;
+
+use program::{folder, gaitway, words};
+use serde_json::Value;
+use std::fs;
+use std::path::Path;
+use std::process::Output;
+
+fn play(arguments: &[&str]) -> (Output, Value) {
+    let output = gaitway()
+        .args(["play", "--bus", "sim", "--json", "--robot", "op3"])
+        .args(arguments)
+        .output()
+        .expect("it runs");
+    let report = serde_json::from_slice(&output.stdout).unwrap_or_else(|_| panic!("{output:?}"));
+    (output, report)
+}
+
+/// A script with one fault.
+fn script(folder: &Path, text: &str) -> String {
+    let path = folder.join("faults.toml");
+    fs::write(&path, format!("[[fault]]\n{text}\n")).expect("a script");
+    path.display().to_string()
+}
+
+fn figure(report: &Value, key: &str) -> f64 {
+    report["balance"][key].as_f64().unwrap_or_else(|| panic!("no {key}: {}", report["balance"]))
+}
+
+#[test]
+fn a_robot_that_balances_feels_every_cycle_keeps_every_rule_and_ends_at_rest() {
+    let (output, report) = play(&["wave-r", "--physics", "--balance"]);
+    assert_eq!(output.status.code(), Some(0), "{}", words(&output));
+    assert!(report["fell_at_s"].is_null(), "{report}");
+    assert_eq!(figure(&report, "missed_cycles"), 0.0);
+    assert_eq!(figure(&report, "felt_cycles"), report["cycles"].as_f64().expect("cycles"));
+    let (moved_rad, most_rad) = (figure(&report, "peak_correction_rad"), 0.15);
+    assert!(moved_rad > 1e-3 && moved_rad <= most_rad, "{moved_rad}");
+    // Rules of the referee: limits, steps, first and last two goals equal.
+    assert_eq!(report["referee"]["violations"], Value::Array(Vec::new()));
+    let (_, without) = play(&["wave-r", "--physics"]);
+    assert!(without["balance"].is_null(), "only who asks for it");
+}
+
+#[test]
+fn a_walk_on_a_floor_that_falls_aside_falls_and_stays_up_if_it_balances() {
+    let folder = folder("balance-slope");
+    let slope = script(&folder, "kind = 'slope'\nleft_rad = 0.06\nfrom_s = 1.2");
+    let alone = play(&["walk", "--physics", "--faults", &slope]).1;
+    assert!(alone["fell_at_s"].is_f64(), "{}", alone["notes"]);
+    let (output, balanced) = play(&["walk", "--physics", "--faults", &slope, "--balance"]);
+    assert_eq!(output.status.code(), Some(0), "{}", words(&output));
+    assert!(balanced["fell_at_s"].is_null(), "{}", balanced["notes"]);
+    assert!(figure(&balanced, "peak_tilt_rad") > 0.05, "it felt the slope");
+}
+
+#[test]
+fn a_robot_that_is_thrown_over_is_named_and_lies_limp_as_its_file_says() {
+    let folder = folder("balance-fall");
+    let push = script(&folder, "kind = 'push'\nahead_n = 60\nfrom_s = 2\nuntil_s = 2.2");
+    let (output, report) = play(&["wave-r", "--physics", "--balance", "--faults", &push]);
+    assert_eq!(output.status.code(), Some(4), "{}", words(&output));
+    assert_eq!(report["stop"]["code"], "fell");
+    let tilt_rad = report["stop"]["got"].as_f64().expect("a tilt");
+    assert!(tilt_rad > 60_f64.to_radians(), "{tilt_rad}");
+    assert!(report["fell_at_s"].is_f64(), "the world saw it too");
+    assert_eq!(report["left"]["limp"].as_array().expect("joints").len(), 20, "{}", report["left"]);
+    // Without balance nobody feels it.
+    let (_, unfelt) = play(&["wave-r", "--physics", "--faults", &push]);
+    assert_ne!(unfelt["stop"]["code"], "fell");
+}
+
+#[test]
+fn a_sensor_that_falls_silent_stops_the_motion_and_one_that_never_answered_is_refused() {
+    let folder = folder("balance-silent");
+    let silent =
+        script(&folder, "kind = 'silent'\nline = 'body'\nid = 200\nfrom_s = 2\nuntil_s = 60");
+    let (output, report) = play(&["wave-r", "--physics", "--balance", "--faults", &silent]);
+    assert_eq!(output.status.code(), Some(4), "{}", words(&output));
+    assert_eq!(report["stop"]["code"], "feels-nothing");
+    assert!(report["fell_at_s"].is_null(), "{report}");
+    assert_eq!(report["referee"]["violations"], Value::Array(Vec::new()));
+    assert_eq!(play(&["wave-r", "--physics", "--faults", &silent]).0.status.code(), Some(0));
+    let never =
+        script(&folder, "kind = 'silent'\nline = 'body'\nid = 200\nfrom_s = 0\nuntil_s = 60");
+    let (output, report) = play(&["wave-r", "--physics", "--balance", "--faults", &never]);
+    assert_eq!(output.status.code(), Some(1), "{}", words(&output));
+    let said = report["stop_reason"].as_str().expect("a reason").to_owned();
+    assert!(
+        said.contains("opencr-op3 in the base, ID 200") && said.contains("--balance"),
+        "{said}"
+    );
+}
+
+#[test]
+fn another_device_at_the_sensors_id_is_refused() {
+    let folder = folder("balance-other");
+    let other = script(
+        &folder,
+        "kind = 'register'\nline = 'body'\nid = 200\nregister = 'Model Number'\nvalue = 1020",
+    );
+    let (output, report) = play(&["wave-r", "--physics", "--balance", "--faults", &other]);
+    assert_eq!(output.status.code(), Some(1), "{}", words(&output));
+    let said = report["stop_reason"].as_str().expect("a reason");
+    assert!(said.contains("model 1020") && said.contains("model 29696"), "{said}");
+}
+
+#[test]
+fn who_cannot_balance_is_told_why() {
+    for (arguments, words) in [
+        (["wave-r", "--balance", "--hang"].as_slice(), "on a stand"),
+        (&["wave-r", "--balance", "--robot", "toddlerbot"], "[body.balance]"),
+    ] {
+        let mut command = gaitway();
+        command.args(["play", "--bus", "sim", "--json"]);
+        if !arguments.contains(&"--robot") {
+            command.args(["--robot", "op3"]);
+        }
+        let output = command.args(arguments).output().expect("it runs");
+        assert_eq!(output.status.code(), Some(1), "{output:?}");
+        assert!(String::from_utf8_lossy(&output.stdout).contains(words), "{output:?}");
+    }
+}
+
+#[test]
+fn faults_befall_only_a_robot_of_this_process_and_a_script_sets_nothing_else() {
+    let folder = folder("play-faults");
+    let push = script(&folder, "kind = 'push'\nahead_n = 5\nfrom_s = 2\nuntil_s = 2.1");
+    let (output, report) = play(&["wave-r", "--faults", &push]);
+    assert_eq!(output.status.code(), Some(1), "{}", words(&output));
+    assert!(report["stop_reason"].as_str().expect("a reason").contains("--physics"), "{report}");
+    let seeded = folder.join("seeded.toml").display().to_string();
+    fs::write(&seeded, "seed = 3\n").expect("a script");
+    let (_, report) = play(&["wave-r", "--faults", &seeded]);
+    let said = report["stop_reason"].as_str().expect("a reason");
+    assert!(said.contains("seed") && said.contains("gaitway simulate"), "{said}");
+    let real = folder.join("port").display().to_string();
+    let output = gaitway()
+        .args(["play", "wave-r", "--robot", "op3", "--faults", &push, "--bus", &real])
+        .output()
+        .expect("it runs");
+    assert_eq!(output.status.code(), Some(1));
+}
