@@ -5,6 +5,7 @@ mod program;
 use serde_json::Value;
 use std::fs::Permissions;
 use std::os::unix::fs::PermissionsExt;
+use std::path::Path;
 use std::process::Output;
 
 fn run(arguments: &[&str]) -> Output {
@@ -66,6 +67,36 @@ fn help_teaches_every_command_with_an_example() {
     }
     // Of these some are commands of `servo`, `profile` and others.
     assert!(seen >= 30, "{seen} commands");
+}
+
+/// A sentence of a help text is one line of its file: the terminal's width breaks it, and nothing before.
+#[test]
+fn no_help_text_breaks_a_sentence_by_itself() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/cli/help");
+    let is_prose = |line: &str| {
+        !line.is_empty()
+            && !line.starts_with(' ')
+            && !line.contains("  ")
+            && !line.contains("gaitway ")
+    };
+    let mut files = 0;
+    for entry in std::fs::read_dir(folder).expect("help texts") {
+        let path = entry.expect("an entry").path();
+        let text = std::fs::read_to_string(&path).expect("a help text");
+        let lines: Vec<&str> = text.lines().collect();
+        for pair in lines.windows(2) {
+            let goes_on = is_prose(pair[0]) && is_prose(pair[1]) && !pair[0].ends_with('.');
+            assert!(!goes_on, "{}: {:?} goes on with {:?}", path.display(), pair[0], pair[1]);
+        }
+        files += 1;
+    }
+    assert!(files > 30, "{files} help texts");
+    let mut narrow = crate::program::gaitway();
+    let narrow = narrow.args(["score", "splicing", "--help"]).env("COLUMNS", "60").output();
+    let narrow = stdout(&narrow.expect("the command"));
+    let prose = narrow.lines().filter(|line| !line.starts_with(' '));
+    let longest = prose.map(str::len).max().expect("lines");
+    assert!(longest <= 60, "a line of {longest}:\n{narrow}");
 }
 
 #[test]
