@@ -337,6 +337,30 @@ fn a_page_of_a_folder_of_motions_is_refused_with_what_can_be_drawn_of_it() {
     }
     let refused = "a page shows one motion";
     assert_told(&["info", &corpus, "--html", &page], 1, &[refused, "corpus export"]);
+    // What it says to do can be done, word for word.
+    let said = crate::program::words(&run(&["info", &corpus, "--html", &page]));
+    let commands = said.split_once("to do    gaitway ").expect("a remedy").1.trim();
+    let (export, draw) = commands.split_once(", then gaitway ").expect("two commands");
+    let (exported, drawn) = (path("exported"), path("drawn.html"));
+    for command in [export, draw] {
+        let command = command.replace("DIR", &exported).replace("FILE.html", &drawn);
+        assert_told(&command.split(' ').collect::<Vec<_>>(), 0, &[]);
+    }
+    assert!(folder.join("drawn.html").exists());
+    let empty = path("empty");
+    assert_told(&["corpus", "new", &empty], 0, &[]);
+    assert_told(&["info", &empty, "--html", &page], 1, &[refused, "nothing is in it yet"]);
+    let seed = folder.join("seed");
+    std::fs::create_dir_all(seed.join("metadata")).expect("a folder");
+    std::fs::create_dir_all(seed.join("soma_uniform/bvh/230711")).expect("a folder");
+    std::fs::write(seed.join("metadata/seed_metadata_v004.csv"), "move_soma_uniform_path\n")
+        .expect("a table");
+    let seed = seed.display().to_string();
+    assert_told(&["info", &seed, "--html", &page], 1, &[refused, "unpack soma_proportional"]);
+    let clip = format!("{seed}/soma_uniform/bvh/230711/bow.bvh");
+    assert_told(&["synth", "bow", "-o", &clip], 0, &[]);
+    let draw = format!("gaitway info {clip} --html FILE.html");
+    assert_told(&["info", &seed, "--html", &page], 1, &[refused, &draw]);
     let episode = format!("gaitway retarget '{dataset}#0' --robot NAME");
     assert_told(&["info", &dataset, "--html", &page], 1, &[refused, "LeRobot", &episode]);
     assert!(!folder.join("page.html").exists());

@@ -24,6 +24,7 @@ pub use add::{AddOrder, AddReport, FoundTrial, add};
 pub use ask::{Answer, AskOrder, AskReport, ask};
 pub use bones_seed::metadata as bones_seed_metadata;
 pub use check::{CheckReport, Fault as CorpusFault, check};
+pub(super) use export::stem_of;
 pub use export::{ExportFormat, ExportOrder, ExportReport, ExportedTrial, Withheld, export};
 pub use generate::{GenerateOrder, GenerateReport, GeneratedTrial, generate};
 pub use plan::{PlanOrder, PlanReport, PlannedState, plan};

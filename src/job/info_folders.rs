@@ -1,11 +1,15 @@
 //! What a folder holds that programs keep motions in: a corpus, a dataset of LeRobot's, a session, or one of BONES-SEED.
 
-use super::corpus::bones_seed_metadata;
+use super::corpus::{bones_seed_metadata, stem_of};
 use super::source::lerobot;
 use crate::corpus::store::Store;
+use crate::corpus::tables::TRIALS;
 use crate::error::Error;
 use serde::Serialize;
-use std::path::Path;
+use std::path::{Path, PathBuf};
+
+/// So deep are folders looked into for a motion: `soma_uniform/bvh/DATE/MOTION.bvh`.
+const DEEPEST: usize = 2;
 
 /// A folder of motions.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -75,25 +79,63 @@ pub fn no_page(folder: &Path) -> Result<(), Error> {
                 "gaitway retarget '{shown}#0' --robot NAME -o FILE.csv --html FILE.html draws an episode"
             ),
         ),
-        "corpus" => (
-            "a corpus",
-            format!(
-                "gaitway corpus export {shown} --format bvh -o DIR, then gaitway info DIR/TRIAL.bvh --html FILE.html"
-            ),
-        ),
+        "corpus" => ("a corpus", remedy_of_corpus(folder)?),
         "session" => {
-            ("a session", format!("gaitway info {shown}/trials/TRIAL.mcap --html FILE.html"))
+            let trials = first_file(&folder.join("trials"), ".mcap");
+            let first = trials.map(|trial| drawn(&trial));
+            ("a session", first.unwrap_or_else(|| "nothing is recorded in it yet".to_owned()))
         }
-        _ => (
-            "a folder in the layout of BONES-SEED",
-            "gaitway info CLIP.bvh --html FILE.html".to_owned(),
-        ),
+        _ => {
+            let rooms = ["soma_proportional", "soma_uniform"].map(|room| folder.join(room));
+            let clips = rooms.iter().find_map(|room| first_file(room, ".bvh"));
+            let first = clips.map(|clip| drawn(&clip));
+            let none = "unpack soma_proportional or soma_uniform there, and take one of its clips";
+            ("a folder in the layout of BONES-SEED", first.unwrap_or_else(|| none.to_owned()))
+        }
     };
     Err(Error::new("a page shows one motion")
         .at(shown.to_string())
         .got(what)
         .allowed("a capture, markers, a table or a recording")
         .remedy(remedy))
+}
+
+/// The command that draws a file.
+fn drawn(file: &Path) -> String {
+    format!("gaitway info {} --html FILE.html", file.display())
+}
+
+/// How to draw a trial of a corpus: its first.
+fn remedy_of_corpus(folder: &Path) -> Result<String, Error> {
+    let (store, shown) = (Store::open(folder)?, folder.display());
+    let first = store.files(TRIALS).next().map(|note| store.trials_in(note)).transpose()?;
+    let Some(first) = first.and_then(|trials| trials.into_iter().next()) else {
+        return Ok(format!("nothing is in it yet: gaitway corpus add {shown} walk adds a motion"));
+    };
+    Ok(format!(
+        "gaitway corpus export {shown} --format bvh -o DIR, then gaitway info DIR/{}.bvh --html FILE.html",
+        stem_of(&first)
+    ))
+}
+
+/// The first file by name in a folder, or in the folders in it, that ends so.
+fn first_file(folder: &Path, ending: &str) -> Option<PathBuf> {
+    let mut rooms = vec![(folder.to_owned(), 0)];
+    while let Some((room, depth)) = rooms.pop() {
+        let entries = std::fs::read_dir(room).into_iter().flatten().flatten();
+        let mut places: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();
+        places.sort();
+        let ends = |place: &&PathBuf| place.to_str().is_some_and(|name| name.ends_with(ending));
+        if let Some(found) = places.iter().find(|place| ends(place) && place.is_file()) {
+            return Some(found.clone());
+        }
+        let is_folder = |place: &PathBuf| place.symlink_metadata().is_ok_and(|of| of.is_dir());
+        if depth < DEEPEST {
+            // The last of them is looked into first.
+            rooms.extend(places.into_iter().filter(is_folder).rev().map(|room| (room, depth + 1)));
+        }
+    }
+    None
 }
 
 impl FolderOverview {

@@ -478,6 +478,12 @@ struct Writing<'a> {
 }
 
 /// A name as a part of a file's.
+/// The file of a trial, from the folder on and without its ending.
+pub fn stem_of(entry: &TrialEntry) -> String {
+    let [set, action, name] = [&entry.set, &entry.action, &entry.name].map(|of| plain(of));
+    format!("{set}/{action}/{name}-{}", entry.trial)
+}
+
 fn plain(name: &str) -> String {
     let plain = |c: char| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { '_' };
     let plain: String = name.chars().take(60).map(plain).collect();
@@ -554,13 +560,7 @@ impl Writing<'_> {
     }
 
     fn one(&self, entry: &TrialEntry, labels: &Marked) -> Result<ExportedTrial, Error> {
-        let stem = format!(
-            "{}/{}/{}-{}",
-            plain(&entry.set),
-            plain(&entry.action),
-            plain(&entry.name),
-            entry.trial
-        );
+        let stem = stem_of(entry);
         let mut exported = ExportedTrial::of(entry);
         match self.order.format {
             ExportFormat::Bvh => {
