@@ -425,6 +425,41 @@ fn the_subjects_of_a_session_have_ids_that_can_be_names_of_files() {
 }
 
 #[test]
+fn what_a_table_says_of_a_trial_is_bounded_and_the_refusal_is_short() {
+    let (folder, moves) = new("long-names");
+    let file = shown(&folder.join("one.bvh"));
+    let made = gaitway().args(["synth", "bow", "--rate", "30", "-o", &file]).output();
+    assert!(made.expect("the program").status.success());
+    let trials = shown(&folder.join("trials.csv"));
+    let add = |column: &str, length: usize| {
+        let text = "n".repeat(length);
+        fs::write(&trials, format!("file,action,subject,{column}\none.bvh,bow,anna,{text}\n"))
+            .expect("a table");
+        gaitway().args(["corpus", "add", &moves, "--trials", &trials]).output().expect("it runs")
+    };
+    for (column, longest) in [
+        ("name", 255),
+        ("session", 255),
+        ("licence", 255),
+        ("provenance", 4096),
+        ("gender", 255),
+        ("remarks", 4096),
+    ] {
+        let output = add(column, 3_000_000);
+        let said = words(&output);
+        assert_eq!(output.status.code(), Some(1), "{said}");
+        let (got, allowed) = ("3000000 bytes: nnn", format!("at most {longest} bytes"));
+        for part in [&*format!("trials.csv, line 2, {column}"), got, &allowed, "to do"] {
+            assert!(said.contains(part), "{column}, {part}: {said}");
+        }
+        assert!(said.len() < 600, "{} bytes", said.len());
+        assert_eq!(add(column, longest + 1).status.code(), Some(1), "{column}");
+    }
+    let output = add("name", 255);
+    assert!(output.status.success(), "{}", words(&output));
+}
+
+#[test]
 fn a_person_who_is_removed_is_nowhere_any_more() {
     let (folder, moves) = new("person");
     for (name, action) in [("one", "bow"), ("two", "kick-r"), ("three", "wave-r")] {

@@ -176,6 +176,18 @@ fn a_table_of_strangers_that_leads_out_of_its_folder_or_is_damaged_is_refused() 
     report(&["synth", "bow", "-o", &base.join("out.bvh").display().to_string()]);
     fs::write(&table, text.replace("soma_uniform/bvh/230711/bow", "../out")).expect("a table");
     refused("not its own");
+    // Neither a row that is cut off is passed over, nor one with a cell too many.
+    let (whole, last) = text.trim_end().rsplit_once('\n').expect("rows");
+    for (row, got) in
+        [("jump_001__A425,jump_001__A425", "2 cells"), (&format!("{last},x"), "16 cells")]
+    {
+        fs::write(&table, format!("{whole}\n{row}\n")).expect("a table");
+        refused("a row has not one cell per column");
+        let said = words(&add());
+        for part in ["seed_metadata_v003.csv, line 4", got, "15 cells, as there are titles"] {
+            assert!(said.contains(part), "{part}: {said}");
+        }
+    }
     fs::write(&table, &text).expect("a table");
     let timeline = seed.join("metadata/seed_metadata_v002_temporal_labels.jsonl");
     for (start_s, says, what) in [

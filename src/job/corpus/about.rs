@@ -4,12 +4,21 @@ use crate::body::anthropometry::{Measure, Subject, check_id};
 use crate::corpus::rows::{Consent, PARAMETERS, SubjectEntry};
 use crate::corpus::store::check_name;
 use crate::corpus::tables::measure_name;
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, ErrorKind, counted};
 use crate::job::labels::read_text;
 use crate::table::{Row, rows};
 use crate::toml_text::{from_toml, plain_words};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+
+/// Longest name of a trial, a session or a licence, bytes: as long as a file may be called.
+const LONGEST_NAME: usize = 255;
+/// Longest remark, bytes.
+const LONGEST_REMARK: usize = 4096;
+/// Longest list of the trials that one is put together from, bytes.
+const LONGEST_LIST: usize = 64 * 1024;
+/// So much of a text that is too long is shown, letters.
+const MOST_SHOWN: usize = 40;
 
 /// What is said of a trial; nothing of what nobody said.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -95,11 +104,29 @@ impl AboutTrial {
         Ok(())
     }
 
+    /// Fails if something is said at a length that nobody reads.
+    ///
+    /// # Errors
+    /// As said.
+    pub(super) fn check_lengths(&self) -> Result<(), Error> {
+        for (column, text, longest) in [
+            ("name", &self.name, LONGEST_NAME),
+            ("session", &self.session, LONGEST_NAME),
+            ("licence", &self.licence, LONGEST_NAME),
+            ("provenance", &self.provenance, LONGEST_REMARK),
+            ("part_of", &self.part_of, LONGEST_LIST),
+        ] {
+            text.iter().try_for_each(|text| check_length(column, text, longest))?;
+        }
+        Ok(())
+    }
+
     /// Fails if it says something that cannot be.
     ///
     /// # Errors
     /// As said.
     pub fn check(&self) -> Result<(), Error> {
+        self.check_lengths()?;
         for (what, name) in [("a set", &self.set), ("an action", &self.action)] {
             name.iter().try_for_each(|name| check_name(what, name))?;
         }
@@ -119,6 +146,19 @@ impl AboutTrial {
             Some(name) => Err(no_parameter(name)),
         }
     }
+}
+
+/// Fails if the text of a column is too long.
+fn check_length(column: &str, text: &str, longest: usize) -> Result<(), Error> {
+    if text.len() <= longest {
+        return Ok(());
+    }
+    let begins: String = text.chars().take(MOST_SHOWN).collect();
+    Err(Error::of(ErrorKind::OutsideLimits, "what is said of a trial is too long")
+        .at(column)
+        .got(format!("{}: {begins}...", counted(text.len(), "byte")))
+        .allowed(format!("at most {}", counted(longest, "byte")))
+        .remedy("say it in fewer letters"))
 }
 
 fn number(name: &str, cell: &str) -> Result<f64, Error> {
@@ -248,8 +288,14 @@ impl TrialTable {
             let measure = Measure::ALL.into_iter().find(|measure| measure_name(*measure) == title);
             match (title, measure) {
                 ("file", _) => file = Some(folder.join(cell)),
-                ("gender", _) => cell.clone_into(&mut person.subject.gender),
-                ("remarks", _) => cell.clone_into(&mut person.subject.remarks),
+                ("gender", _) => {
+                    check_length(title, cell, LONGEST_NAME)?;
+                    cell.clone_into(&mut person.subject.gender);
+                }
+                ("remarks", _) => {
+                    check_length(title, cell, LONGEST_REMARK)?;
+                    cell.clone_into(&mut person.subject.remarks);
+                }
                 ("consent", _) => person.consent = consent(cell)?,
                 (_, Some(measure)) => {
                     person.subject.measures.insert(measure, measure.read(cell)?);

@@ -429,11 +429,11 @@ impl<'a> Planning<'a> {
             // One that is to be retaken has none, and none is missed.
             if verdict == "keep" && poses.len() != trial.subjects.len() {
                 self.unread.push(format!(
-                    "trial {} of the session in {}: {} of motion of {} people{}",
+                    "trial {} of the session in {}: {} of motion of {}{}",
                     trial.name,
                     folder.display(),
                     counted(poses.len(), "file"),
-                    trial.subjects.len(),
+                    counted(trial.subjects.len(), "person"),
                     trial.no_angles.iter().map(|why| format!(": {why}")).collect::<String>(),
                 ));
             }
@@ -667,6 +667,7 @@ impl<'a> Adding<'a> {
         check_name("a set", &set)
             .and_then(|()| check_name("an action", &action))
             .map_err(|e| e.at(source))?;
+        about.check_lengths().map_err(|error| error.in_file(Path::new(source)))?;
         if let Some(id) = &about.subject {
             let person = self.subjects.get(id);
             if person.is_some_and(|of| of.consent == Consent::Withdrawn) {

@@ -16,7 +16,7 @@ use super::inside::inside;
 use crate::body::anthropometry::{Measure, Subject, check_id};
 use crate::columnar::TableReader;
 use crate::corpus::rows::SubjectEntry;
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, ErrorKind, counted};
 use crate::table::rows;
 use serde::Deserialize;
 use std::collections::BTreeMap;
@@ -208,6 +208,13 @@ fn of_text(path: &Path) -> Result<Vec<Cells>, Error> {
     says_where(|name| places.contains(&Some(name)))?;
     rows.map(|row| {
         let row = row?;
+        if row.width() != titles.width() {
+            return Err(Error::of(ErrorKind::Malformed, "a row has not one cell per column")
+                .at(format!("line {}", row.line))
+                .got(counted(row.width(), "cell"))
+                .allowed(format!("{}, as there are titles", counted(titles.width(), "cell")))
+                .remedy("the file may be cut off or edited: fetch it again"));
+        }
         let cells = places.iter().zip(row.cells());
         let known = cells.filter_map(|(name, cell)| Some(((*name)?, cell)));
         Ok(known.filter(|(_, cell)| !cell.is_empty()).map(|(n, c)| (n, c.to_owned())).collect())
