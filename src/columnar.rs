@@ -3,7 +3,7 @@
 
 pub mod pages;
 
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, ErrorKind, counted};
 use bytes::Bytes;
 use pages::{Packing, UnpackedPages, ZstdPages};
 use parquet::basic::{Compression, Encoding, ZstdLevel};
@@ -724,7 +724,10 @@ fn lists<T: DataType>(
             || levels.iter().any(|level| *level != deepest)
             || starts.iter().enumerate().any(|(n, start)| (n % width == 0) != (*start == 0))
         {
-            return wrong(format!("a row with more or fewer than {width} numbers"));
+            return wrong(format!(
+                "a row with more or fewer than {width}",
+                width = counted(width, "number")
+            ));
         }
         let mut values = dense.drain(..).map(&number);
         all.extend((0..read).map(|_| values.by_ref().take(width).collect::<Vec<f64>>()));

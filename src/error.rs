@@ -1,6 +1,7 @@
 //! The one shape of every message a person reads when something is wrong:
 //! what, where, got, allowed, what to do.
 
+pub use gaitway_profiles::{counted, either};
 use serde::Serialize;
 use std::fmt;
 use std::path::Path;
@@ -175,13 +176,6 @@ impl Error {
     }
 }
 
-/// So many of these.
-#[must_use]
-pub fn counted(count: impl TryInto<u64>, one: &str) -> String {
-    let count = count.try_into().unwrap_or(u64::MAX);
-    if count == 1 { format!("1 {one}") } else { format!("{count} {one}s") }
-}
-
 /// So many names are read one by one; the first of more.
 const MOST_NAMES: usize = 8;
 const FIRST_NAMES: usize = 3;
@@ -209,14 +203,16 @@ fn shortened(text: &str) -> String {
         let (digits, after) = digits.split_at(end);
         out.push_str(before);
         match digits.get(..MOST_DIGITS / 3).filter(|_| digits.len() > MOST_DIGITS) {
-            Some(first) => out.push_str(&format!("{first}... ({} digits)", digits.len())),
+            Some(first) => {
+                out.push_str(&format!("{first}... ({})", counted(digits.len(), "digit")))
+            }
             None => out.push_str(digits),
         }
         rest = after;
     }
     out.push_str(rest);
     match out.char_indices().nth(MOST_LETTERS) {
-        Some((at, _)) => format!("{}... ({} letters)", &out[..at], text.chars().count()),
+        Some((at, _)) => format!("{}... ({})", &out[..at], counted(text.chars().count(), "letter")),
         None => out,
     }
 }

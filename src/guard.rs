@@ -86,7 +86,7 @@ impl fmt::Display for RefusalReason {
                 step_rad.to_degrees(),
                 allowed_rad.to_degrees()
             ),
-            Self::Count { got, wanted } => write!(f, "{got} goals for {wanted} joints"),
+            Self::Count { got, wanted } => write!(f, "goals {got}, joints {wanted}"),
         }
     }
 }
@@ -259,7 +259,7 @@ mod tests {
         assert_eq!(said(&[f64::NAN, 0.0]), "goal NaN is not a finite number");
         assert_eq!(said(&[2.5, 0.0]), "goal 143.24 deg is outside -57.30 to 114.59 deg");
         assert_eq!(said(&[0.5, 0.0]), "step of 28.648 deg, at most 2.292 deg allowed");
-        assert_eq!(said(&[0.5]), "1 goals for 2 joints");
+        assert_eq!(said(&[0.5]), "goals 1, joints 2");
     }
 
     #[test]

@@ -186,7 +186,7 @@ pub enum EncodeError {
         allowed: usize,
     },
     /// In a sync write each device is given the same number of bytes.
-    #[error("{actual} bytes for id {id}, expected {expected}")]
+    #[error("bytes for id {id}: {actual}, expected {expected}")]
     WrongLength {
         /// Whose.
         id: u8,

@@ -171,7 +171,12 @@ fn a_sample_is_missing_by_its_sign_and_all_bits_set_mean_no_residual() {
     bytes[data..data + 4].copy_from_slice(&f32::NAN.to_le_bytes());
     let markers = c3d::parse(&bytes).expect("read");
     assert_eq!(markers.sample(0, 0), None);
-    assert!(markers.head().notes.iter().any(|note| note.contains("no finite numbers")));
+    let notes = markers.head().notes.join("\n");
+    let (first, name) = (markers.head().first_frame, &markers.head().points[0].label);
+    let told = format!(
+        "1 sample is no finite number, though marked as seen: taken as not seen; the first is in frame {first}, of {name}"
+    );
+    assert!(notes.contains(&told), "{notes}");
 }
 
 #[test]

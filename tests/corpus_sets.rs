@@ -517,7 +517,7 @@ mod scores {
         assert_eq!(again["value"], split["value"], "the seed says who");
         let told = gaitway().args(["score", "generalisation", &corpus, "--by-subject"]).output();
         let told = words(&told.expect("the program"));
-        assert!(told.contains("1 of 5 judged") && told.contains("the 4 others'"), "{told}");
+        assert!(told.contains("1 of 5 judged") && told.contains("those of the 4 others"), "{told}");
     }
 
     #[test]

@@ -134,7 +134,7 @@ fn a_table_says_what_is_no_place_and_another_file_made_of_it_says_it_too() {
         [trc::write(&mut Vec::new(), "a", &mut none), csm::write(&mut Vec::new(), "a", &mut none)]
     {
         let refused = refused.expect_err("nothing to write").to_string();
-        assert!(refused.contains("1 points that are angles"), "{refused}");
+        assert!(refused.contains("1 point, of angles"), "{refused}");
     }
     let table = |name: &str| MIXED.lines().next().expect("titles").replace("LANK#2", name);
     assert!(marker_table::parse(table("LANK").as_bytes()).is_err(), "a column comes twice");
@@ -203,7 +203,7 @@ fn a_table_says_by_its_titles_what_is_in_it() {
     assert_eq!((head.unit.as_str(), head.first_frame, head.rate_hz), ("m", 11, Some(100.0)));
     let ab = Some([1.0, 2.0, 3.0]);
     assert_eq!(positions(&markers), [vec![Some([1.0, -0.002, 0.0035]), ab], vec![None, ab]]);
-    assert!(head.notes.iter().any(|note| note.contains("1 columns are no coordinates")));
+    assert!(head.notes.iter().any(|note| note.contains("1 column is no coordinate")));
     for (from, to, said) in [
         ("time_s", "time", "no column time_s"),
         ("C7_z_mm", "C7_w_mm", "not all three"),
@@ -282,10 +282,25 @@ fn info_tells_what_a_person_wants_to_know_of_markers() {
     assert!(findings.contains("ANALOG:LABELS is missing"), "{findings}");
     let text = words(&gaitway().args(["info", &file]).output().expect("it runs"));
     for said in
-        ["50, from number 201 on", "100.00 Hz", "1 angle, 2 marker", "Foot Strike Left", "type 2"]
+        ["50, from number 201 on", "100.00 Hz", "1 angle, 2 markers", "Foot Strike Left", "type 2"]
     {
         assert!(text.contains(said), "{said}: {text}");
     }
+}
+
+#[test]
+fn analog_samples_that_are_no_numbers_are_told_and_where_the_first_is() {
+    let folder = folder("no-numbers");
+    let mut bytes = trial().bytes();
+    // 50 frames of 160 bytes fill 16 blocks of 512; in each, 3 points of 16 bytes come first. Of seven channels in
+    // turn, the third sample of the second frame and the one after it.
+    let second = bytes.len() - 16 * 512 + 160 + 48;
+    bytes[second + 8..second + 12].copy_from_slice(&f32::NAN.to_le_bytes());
+    bytes[second + 12..second + 16].copy_from_slice(&f32::INFINITY.to_le_bytes());
+    let file = written(&folder, "trial.c3d", &bytes);
+    let told = words(&gaitway().args(["info", &file]).output().expect("it runs"));
+    let said = "2 analog samples are no finite numbers, the first in frame 202, of channel 3";
+    assert!(told.contains(said), "{told}");
 }
 
 #[test]
@@ -300,10 +315,7 @@ fn markers_go_from_one_kind_of_file_to_another_and_back() {
     };
     let original = c3d::read(Path::new(&file)).expect("read");
     let said = convert(&file, &place("a.trc"));
-    assert!(
-        said.contains("1 points are no places") && said.contains("7 analog channels"),
-        "{said}"
-    );
+    assert!(said.contains("1 point is no place") && said.contains("7 analog channels"), "{said}");
     let by_trc = trc::parse(&fs::read(place("a.trc")).expect("a file")).expect("read");
     convert(&file, &place("a.csv"));
     let by_table = marker_table::parse(&fs::read(place("a.csv")).expect("a file")).expect("read");

@@ -25,6 +25,20 @@ fn a_table_is_read_as_it_stands() {
     assert_eq!(table.cell(0, 1), Some(&[0.8, 0.6, 0.0, 0.0][..]));
     assert!(table.cell(1, 1).expect("a cell").iter().all(|number| number.is_nan()));
 
+    // Four of a quaternion in the second of two columns; `info` says it.
+    let said = table.not_numbers().expect("some are none");
+    assert_eq!(said, "4 of 16 numbers are not finite, the first at 0.010 s in pelvis_imu");
+    assert_eq!(opensim::parse(MOT.as_bytes()).expect("read").not_numbers(), None);
+    let hole = MOT.replacen("-22.5", "nan", 1);
+    let file = folder("hole").join("walk.mot");
+    fs::write(&file, hole).expect("written");
+    let told = gaitway().arg("info").arg(&file).output().expect("it runs");
+    let told = words(&told);
+    assert!(
+        told.contains("1 of 12 numbers is not finite, the first at 0.020 s in knee_angle_r"),
+        "{told}"
+    );
+
     // The head of SIMM, which older files have.
     let old = "name walk\ndatacolumns 2\ndatarows 9\nrange 0 1\nendheader\n\ntime a\n0 1\n1 2\n";
     let table = opensim::parse(old.as_bytes()).expect("read");

@@ -382,7 +382,7 @@ fn cut_off_trial(operator: &mut Dialogue, person: &Person) {
 
 fn last_trial(operator: &mut Dialogue, person: &Person) {
     person.stands();
-    operator.expect("reach-up, s01: 0 of 1 good repetitions");
+    operator.expect("reach-up, s01: 0 of 1 good repetition");
     operator.expect("props: a lamp");
     operator.answer("Explain it and show it", "");
     operator.answer("Let it be practised", "");

@@ -319,6 +319,19 @@ fn info_tells_what_a_declared_table_of_sensors_holds() {
         assert!((of["duration_s"].as_f64().expect("a time") - 12.0).abs() < 1e-6, "{of}");
         assert_eq!(of["quantities"], serde_json::json!(["rate", "acceleration", "field"]));
     }
+    assert!(json["sensors"]["leg"]["without"].as_object().expect("a table").is_empty());
+    // Cells that are no numbers: how many samples lack something, and from when on.
+    let lines: Vec<String> = raised_thigh().lines().map(str::to_owned).collect();
+    let hurt = |(at, line): (usize, &String)| {
+        let mut cells: Vec<&str> = line.split(',').collect();
+        let column = lines[0].split(',').position(|title| title == "pgx").expect("a column");
+        cells[column] = if [6, 7, 301].contains(&at) { "NaN" } else { cells[column] };
+        cells.join(",") + "\n"
+    };
+    fs::write(&table, lines.iter().enumerate().map(hurt).collect::<String>()).expect("written");
+    let said = words(&told(&table, &["--sensors", &worn]));
+    // Line 6 below the titles was taken at 0.05 s.
+    assert!(said.contains("3 samples without rate, the first at 0.050 s"), "{said}");
     fs::write(&worn, WORN.replace("pgx", "pgq")).expect("written");
     let refused = told(&table, &["--sensors", &worn]);
     assert_eq!(refused.status.code(), Some(1));

@@ -62,6 +62,7 @@
 //! ```
 
 mod access;
+mod counted;
 mod error;
 mod extends;
 mod files;
@@ -73,6 +74,7 @@ pub mod schema;
 mod unconfirmed;
 mod validate;
 
+pub use counted::{counted, either};
 pub use error::ProfileError;
 pub use files::{
     MAX_FILE_BYTES, actuator, actuator_names, adapter_for_usb, adapter_names, adapters, board,

@@ -64,7 +64,7 @@ pub enum BenchError {
     #[error("two devices on one line have the ID {0}")]
     SameId(u8),
     /// The servos have no speed in common, or not this one.
-    #[error("{model} cannot run at {got} bit/s: {allowed} are allowed")]
+    #[error("{model} cannot run at {got} bit/s; allowed: {allowed}")]
     Speed {
         /// The profile.
         model: String,

@@ -19,6 +19,7 @@ pub use encode::{ImuWire, Measured};
 pub use motion::{BodyMotion, Kinematics};
 pub use stage::Stage;
 
+use gaitway_profiles::counted;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -29,7 +30,11 @@ pub const GRAVITY_M_S2: f64 = 9.806_65;
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ImuError {
     /// Too few poses for a motion, or not as many positions as orientations.
-    #[error("{positions} positions and {orientations} orientations make no motion")]
+    #[error(
+        "{} and {} make no motion",
+        counted(.positions, "position"),
+        counted(.orientations, "orientation")
+    )]
     Poses {
         /// Positions given.
         positions: usize,

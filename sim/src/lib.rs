@@ -119,7 +119,7 @@ pub enum SimError {
     #[error("this world's time waits for its host and belongs to it")]
     OthersTime,
     /// So many faults are in force that none can be added.
-    #[error("there are {0} faults already that have not ended")]
+    #[error("as many faults as there may be, {0}, have not ended")]
     TooManyFaults(usize),
     /// A latency timer that cannot be set, or not so.
     #[error("{}", latency_timer_words(adapter, *has_one))]

@@ -7,6 +7,7 @@ use crate::adapter::Usb;
 use crate::can::{CanFrame, Trouble};
 use crate::fault::{Damage, Fault};
 use crate::world::{BadChecksum, MissingInChain, Options, TorqueSwitch, ZeroSpeed};
+use gaitway_profiles::counted;
 use keys::{Keys, line_of};
 use serde::Deserialize;
 use std::path::PathBuf;
@@ -91,7 +92,7 @@ impl Script {
         if text.len() > LONGEST {
             return Err(ScriptError {
                 at: "script".to_string(),
-                got: format!("{} bytes", text.len()),
+                got: counted(text.len(), "byte"),
                 allowed: format!("at most {LONGEST} bytes"),
             });
         }

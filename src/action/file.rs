@@ -4,7 +4,7 @@
 use crate::action::{Action, Ends, Group, Kind, Phase, Track, Turn};
 use crate::actionlet::{Sampled, Shape};
 use crate::body::{Dof, JointAngles};
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, ErrorKind, counted};
 use crate::toml_text::{from_toml, plain_words};
 use serde::Deserialize;
 use std::collections::BTreeMap;
@@ -107,7 +107,7 @@ pub fn parse(text: &str, place: &str, library: Library<'_>) -> Result<Action, Er
     if text.len() > MAX_BYTES {
         return Err(Error::of(ErrorKind::Malformed, "an action file is too long")
             .at(place)
-            .got(format!("{} bytes", text.len()))
+            .got(counted(text.len(), "byte"))
             .allowed(format!("{MAX_BYTES}")));
     }
     let raw: RawAction = from_toml(text).map_err(|error| {

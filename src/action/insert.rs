@@ -116,7 +116,8 @@ impl fmt::Display for Insert {
         if let Some((from_s, to_s)) = self.cut_s {
             write!(f, ":{from_s}s..{to_s}s")?;
         }
-        write!(f, "@{}s", self.target_s)
+        let target_s = self.target_s;
+        write!(f, "@{target_s}s")
     }
 }
 

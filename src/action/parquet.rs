@@ -8,7 +8,7 @@ use crate::action::frames;
 use crate::body::Dof;
 use crate::columnar;
 use crate::columnar::pages::ZstdPages;
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, ErrorKind, counted};
 use bytes::Bytes;
 use parquet::basic::{Compression, Encoding, ZstdLevel};
 use parquet::column::writer::{
@@ -516,7 +516,10 @@ impl TableEnd {
         let told =
             told.saturating_add(u64::from(u32::from_le_bytes(tail))).saturating_add(TAIL_BYTES);
         if told != length {
-            return Err(ParquetError::General(format!("{length} bytes; by its end {told}")));
+            return Err(ParquetError::General(format!(
+                "{length}; by its end {told}",
+                length = counted(length, "byte")
+            )));
         }
         let numbers = of.row_groups().first().and_then(|group| group.columns().first());
         let first = match numbers.and_then(|column| column.statistics()) {
@@ -569,7 +572,10 @@ impl SetEnd {
             let length = found.length.to_string();
             if rows.note(key) != Some(&length) {
                 let was = rows.note(key).unwrap_or("unknown");
-                return Err(wrong(path, format!("{length} bytes; when it was made {was}")));
+                return Err(wrong(
+                    path,
+                    format!("{length}; when it was made {was}", length = counted(length, "byte")),
+                ));
             }
             if found.note(NOTES) != rows.note(NOTES) || found.first != rows.first {
                 return Err(wrong(path, "made otherwise than those beside it".to_owned()));

@@ -4,7 +4,7 @@
 use crate::action::Motion;
 use crate::actionlet::key_frames;
 use crate::body::{Dof, JointAngles, PelvisAngles, Proportions};
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, ErrorKind, counted};
 use crate::table::{Row, TableWriter, rows};
 use glam::{DQuat, DVec3};
 use std::io;
@@ -188,8 +188,8 @@ pub fn parse(bytes: &[u8]) -> Result<AnglesTable, Error> {
             ErrorKind::OutsideLimits,
             "too many rows for so few numbers, or too many at all",
         )
-        .got(format!("{count} rows"))
-        .allowed(format!("at most {MAX_POSES}, and {most} bytes for them"))
+        .got(counted(count, "row"))
+        .allowed(format!("at most {MAX_POSES}, and {most} for them", most = counted(most, "byte")))
         .remedy("cut the table into shorter ones"));
     }
     let mut table = AnglesTable {
@@ -207,7 +207,8 @@ pub fn parse(bytes: &[u8]) -> Result<AnglesTable, Error> {
         let wrong =
             |what: &str, got: String| malformed(what).at(format!("line {}", row.line)).got(got);
         if row.width() != columns.len() {
-            let got = format!("{} cells, {} columns", row.width(), columns.len());
+            let got =
+                format!("{}, {}", counted(row.width(), "cell"), counted(columns.len(), "column"));
             return Err(wrong("a row has not one cell per column", got));
         }
         let (mut angles, mut root_m, mut pelvis) = (JointAngles::default(), [0.0; 3], [0.0; 3]);
@@ -310,7 +311,8 @@ impl AnglesTable {
         (self.angles, self.roots_m, self.pelvis) = (angles, roots_m, pelvis);
         self.rate_hz = rate_hz;
         self.notes.push(format!(
-            "{keys} key frames: each angle goes from one to the next as an actionlet, and is at rest in each"
+            "{keys}: each angle goes from one to the next as an actionlet, and is at rest in each",
+            keys = counted(keys, "key frame")
         ));
     }
 }

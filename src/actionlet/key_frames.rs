@@ -1,7 +1,7 @@
 //! Key frames: poses a while apart, between which each joint goes as an actionlet.
 
 use super::shape::Shape;
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, ErrorKind, counted};
 
 /// Rows of a table that are all further apart than this are key frames, s: what captures and robots tell comes more
 /// often.
@@ -49,10 +49,7 @@ pub fn between(times_s: &[f64], width: usize) -> Result<Option<(f64, Vec<InBetwe
     if !(duration_s <= most_s) {
         return Err(Error::of(ErrorKind::OutsideLimits, "key frames over too long a time")
             .got(format!("{duration_s} s"))
-            .allowed(format!(
-                "{most_s:.0} s, for {width} angle{}",
-                if width == 1 { "" } else { "s" }
-            ))
+            .allowed(format!("{most_s:.0} s, for {}", counted(width, "angle")))
             .remedy("cut the table into shorter ones, or give poses more often"));
     }
     let count = (duration_s * RATE_HZ).ceil();

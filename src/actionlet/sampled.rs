@@ -1,6 +1,6 @@
 //! A velocity function given by samples.
 
-use crate::error::Error;
+use crate::error::{Error, counted};
 
 /// Most samples of a velocity function.
 pub const MAX_SAMPLES: usize = 1000;
@@ -30,7 +30,7 @@ impl Sampled {
     pub fn through(samples: &[f64]) -> Result<Self, Error> {
         if !(3..=MAX_SAMPLES).contains(&samples.len()) {
             return Err(Error::new("a sampled velocity function has too few or too many samples")
-                .got(format!("{} samples", samples.len()))
+                .got(counted(samples.len(), "sample"))
                 .allowed(format!("3 to {MAX_SAMPLES}")));
         }
         let last = samples.len() - 1;

@@ -6,7 +6,7 @@
 //! centimetres from being taken for metres.
 
 use crate::body::Proportions;
-use crate::error::Error;
+use crate::error::{Error, counted};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
@@ -309,9 +309,12 @@ const ADULT_YEARS: f64 = 18.0;
 fn of_age(stature_m: f64, years: f64) -> Option<String> {
     let tallest_m = 0.98 + 0.07 * years;
     if years >= ADULT_YEARS {
-        (stature_m < SHORT_ADULT_M).then(|| format!("few people of {years} years are so short"))
+        (stature_m < SHORT_ADULT_M)
+            .then(|| format!("few people of {years} are so short", years = counted(years, "year")))
     } else {
-        (stature_m > tallest_m).then(|| format!("hardly any child of {years} years is so tall"))
+        (stature_m > tallest_m).then(|| {
+            format!("hardly any child of {years} is so tall", years = counted(years, "year"))
+        })
     }
 }
 

@@ -5,7 +5,7 @@ use super::artefact::{Artefact, ArtefactKind};
 use super::choice::Chooser;
 use super::fill::Method;
 use super::trial::Trial;
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, ErrorKind, counted};
 use crate::toml_text::{from_toml, plain_words, to_toml};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -107,7 +107,7 @@ impl EditList {
     pub fn parse(text: &str) -> Result<Self, Error> {
         if text.len() > MAX_BYTES {
             return Err(Error::of(ErrorKind::OutsideLimits, "the edit list is too large")
-                .got(format!("{} bytes", text.len()))
+                .got(counted(text.len(), "byte"))
                 .allowed(format!("at most {MAX_BYTES} bytes")));
         }
         let list: Self = from_toml(text).map_err(|cause| {

@@ -3,7 +3,7 @@
 use super::edits::{Change, EditStep, Filled};
 use super::sha256::Sha256;
 use super::trial::Trial;
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, ErrorKind, counted, either};
 use crate::mocap::markers::{
     Frame, Frames, Head, Markers, PlacelessCount, PointKind, PointSample, USUAL_UNIT_M,
 };
@@ -47,7 +47,7 @@ pub fn source_and(markers: &Markers, named: &BTreeSet<String>) -> Result<SourceM
     let mut points = labelled(head);
     if points.is_empty() {
         return Err(Error::of(ErrorKind::Unknown, "the file has no labelled markers")
-            .got(format!("{} points", head.points.len()))
+            .got(counted(head.points.len(), "point"))
             .allowed("points with names of their own that are places of markers"));
     }
     let also: Vec<usize> = (0..head.points.len())
@@ -66,13 +66,23 @@ pub fn source_and(markers: &Markers, named: &BTreeSet<String>) -> Result<SourceM
     let left = head.points.len() - points.len();
     if left > 0 {
         notes.push(format!(
-            "{left} points are no labelled markers (computed, or without a name): left as they are"
+            "{} {}",
+            counted(left, "point"),
+            either(
+                left,
+                "is no labelled marker (computed, or without a name): left as it is",
+                "are no labelled markers (computed, or without a name): left as they are"
+            )
         ));
     }
     let labels = unique(points.iter().filter_map(|at| Some(&head.points.get(*at)?.label)));
     let mut trial = Trial::new(rate_hz, labels, head.frames).ok_or_else(|| {
         Error::of(ErrorKind::Io, "the markers do not fit into memory")
-            .got(format!("{} frames of {} markers", head.frames, points.len()))
+            .got(format!(
+                "{} of {}",
+                counted(head.frames, "frame"),
+                counted(points.len(), "marker")
+            ))
             .remedy("cut the capture into shorter files")
     })?;
     let mut placeless = PlacelessCount::default();

@@ -5,7 +5,7 @@ use super::signals::Signals;
 use super::terminal::Terminal;
 use super::{Deed, Output, Remarks};
 use crate::action::decompose::REFERENCE_HZ;
-use crate::error::Error;
+use crate::error::{Error, counted};
 use crate::job::decompose::{
     DecomposeOrder, DecomposedReport, DofFigures, MOVING_DEG, check_name, decompose,
 };
@@ -110,11 +110,11 @@ fn words(report: &DecomposedReport, remarks: Remarks) -> String {
     text.push_str(&missed(report));
     let _ = writeln!(
         text,
-        "of {} that move more than {MOVING_DEG} deg: median rms {:.3} deg, {} numbers, {:.1} times \
+        "of {} that move more than {MOVING_DEG} deg: median rms {:.3} deg, {}, {:.1} times \
          fewer than samples at {} Hz\nwritten   {}",
         report.moving,
         report.median_rms_deg,
-        report.numbers,
+        counted(report.numbers, "number"),
         report.compression,
         REFERENCE_HZ,
         report.written
@@ -142,11 +142,11 @@ fn missed(report: &DecomposedReport) -> String {
         _ => format!("; noise, which is not fitted, is a part of it for {noisy} of them"),
     };
     format!(
-        "the tolerance of {} deg is missed by {} of {} degrees of freedom, most by {}: {:.2} deg\
+        "the tolerance of {} deg is missed by {} of {}, most by {}: {:.2} deg\
          {because}\n",
         report.tolerance_deg,
         missing.len(),
-        report.dofs.len(),
+        counted(report.dofs.len(), "degree of freedom"),
         worst.name,
         worst.rms_deg
     )

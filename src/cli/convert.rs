@@ -124,7 +124,11 @@ fn scene(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
     })?;
     report.notes.iter().for_each(|note| remarks.say(note));
     let (instants, duration_s) = (report.instants, report.duration_s);
-    remarks.say(&format!("{instants} instants of {duration_s:.2} s to {}", report.written));
+    remarks.say(&format!(
+        "{instants} of {duration_s:.2} s to {}",
+        report.written,
+        instants = counted(instants, "instant")
+    ));
     Ok(report.outcome.exit_code())
 }
 
@@ -174,7 +178,9 @@ fn sensors(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
     let samples: usize = report.samples.values().sum();
     remarks.say(&match report.poses {
         Some(poses) => format!("{poses} to {}", report.written, poses = counted(poses, "pose")),
-        None => format!("{samples} orientations to {}", report.written),
+        None => {
+            format!("{samples} to {}", report.written, samples = counted(samples, "orientation"))
+        }
     });
     Ok(report.outcome.exit_code())
 }
@@ -225,7 +231,12 @@ fn of_markers(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
     let report = markers::convert(&order, &Terminal::new(remarks, &signals))?;
     report.notes.iter().for_each(|note| remarks.say(note));
     let (points, frames) = (report.points, report.frames);
-    remarks.say(&format!("{frames} frames of {points} points to {}", report.written));
+    remarks.say(&format!(
+        "{frames} of {points} to {}",
+        report.written,
+        points = counted(points, "point"),
+        frames = counted(frames, "frame")
+    ));
     Ok(report.outcome.exit_code())
 }
 
@@ -240,8 +251,8 @@ fn of_labels(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
     })?;
     report.notes.iter().for_each(|note| remarks.say(note));
     remarks.say(&format!(
-        "{} cuts of {} to {}",
-        report.cuts,
+        "{} of {} to {}",
+        counted(report.cuts, "cut"),
         counted(report.clips, "clip"),
         report.written
     ));

@@ -3,6 +3,7 @@
 use crate::body::segment_name;
 use crate::body::worn::Movement;
 use crate::body::worn::check::{T_POSE_FAIL_RAD, T_POSE_WARN_RAD};
+use crate::error::counted;
 use crate::sensing::{Cue, Question, SensingEvent, Unseen, Until};
 
 /// What a guide says.
@@ -12,8 +13,9 @@ pub fn of(cue: &Cue<'_>) -> String {
         Cue::Note(text) => (*text).to_owned(),
         Cue::Doubt(text) => format!("look: {text}"),
         Cue::Old { hours, held_hours } => format!(
-            "the calibration of the body is {hours} hours old, and held for {held_hours}: straps \
-             move; --recalibrate makes a new one"
+            "the calibration of the body is {hours} old, and held for {held_hours}: straps \
+             move; --recalibrate makes a new one",
+            hours = counted(hours, "hour")
         ),
         Cue::Again(error) => format!("{error}\nonce more"),
         Cue::NPose => "N pose: upright, arms down, palms in, facing forward".to_owned(),
@@ -90,7 +92,9 @@ pub fn of_event(event: SensingEvent<'_>) -> String {
         SensingEvent::Unstuck { sensor } => format!("{sensor}: measures again"),
         SensingEvent::OpenToNetwork { listen, worn, most } => {
             let whom = match worn.len() {
-                0 => format!("the first {most} trackers that call are heard"),
+                0 => {
+                    format!("the first {most} that call are heard", most = counted(most, "tracker"))
+                }
                 _ => format!("whoever says that it is one of these is heard: {}", worn.join(", ")),
             };
             format!("udp:{listen} is open to the network: {whom}")

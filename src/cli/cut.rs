@@ -2,7 +2,7 @@
 
 use super::reading::ReadingArgs;
 use super::{Deed, Output, Remarks};
-use crate::error::Error;
+use crate::error::{Error, counted};
 use crate::job::cut::{CutOrder, CutReport, cut};
 use clap::Args;
 use std::fmt::Write;
@@ -64,8 +64,12 @@ fn words(report: &CutReport, remarks: Remarks) -> String {
     for piece in &report.pieces {
         let _ = writeln!(
             text,
-            "{:8.2} to {:7.2} s  {:22} {:3} events  {}",
-            piece.start_s, piece.end_s, piece.action, piece.events, piece.file
+            "{:8.2} to {:7.2} s  {:22} {:>10}  {}",
+            piece.start_s,
+            piece.end_s,
+            piece.action,
+            counted(piece.events, "event"),
+            piece.file
         );
     }
     if remarks.quiet {
@@ -75,7 +79,8 @@ fn words(report: &CutReport, remarks: Remarks) -> String {
         None => text.push_str("nothing to cut: nothing was named\n"),
         Some(labels) => {
             let of = if report.as_it_stands { "the file as it stands" } else { "the body model" };
-            let _ = writeln!(text, "{} pieces of {of}, and {labels}", report.pieces.len());
+            let _ =
+                writeln!(text, "{} of {of}, and {labels}", counted(report.pieces.len(), "piece"));
         }
     }
     text

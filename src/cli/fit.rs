@@ -158,8 +158,9 @@ fn of_several(args: &FitArgs, order: &FitOrder, remarks: Remarks) -> Result<i32,
         let done = trial.report.as_ref().map(|of| {
             let (word, frames, unseen) = (of.outcome.word(), of.frames, of.unseen.len());
             format!(
-                "{word}, {frames}, {unseen} times a segment was not seen",
-                frames = counted(frames, "frame")
+                "{word}, {frames}, {unseen} a segment was not seen",
+                frames = counted(frames, "frame"),
+                unseen = counted(unseen, "time")
             )
         });
         let said = done.or_else(|| trial.error.clone());

@@ -2,7 +2,7 @@
 
 use super::reading::ReadingArgs;
 use super::{Deed, Output};
-use crate::error::Error;
+use crate::error::{Error, counted};
 use crate::job::draft_model::{DraftModelOrder, ModelExample, draft_model};
 use crate::job::explain::{BodySide, ExplainOrder};
 use crate::job::explained::{explain, explained};
@@ -115,8 +115,9 @@ pub fn run(args: &ModelArgs) -> Result<i32, Error> {
             for ModelReport { name, action, phases, leading, needs } in &reports {
                 let _ = writeln!(
                     text,
-                    "{name:24} {action:22} {phases} phases, {leading} leading, {} features",
-                    needs.len()
+                    "{name:24} {action:22} {phases}, {leading} leading, {}",
+                    counted(needs.len(), "feature"),
+                    phases = counted(phases, "phase")
                 );
             }
             Ok(output.conclude(&reports, &text, Deed::Look, 0))
@@ -136,7 +137,8 @@ pub fn run(args: &ModelArgs) -> Result<i32, Error> {
             for ModelExample { motion, start_s, end_s, fired } in &report.examples {
                 let _ = writeln!(
                     text,
-                    "  fires {fired} times in {motion}, {start_s:.2} to {end_s:.2} s"
+                    "  fires {fired} in {motion}, {start_s:.2} to {end_s:.2} s",
+                    fired = counted(fired, "time")
                 );
             }
             Ok(args.output.conclude(&report, &text, Deed::Work, 0))

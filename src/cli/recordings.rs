@@ -2,7 +2,7 @@
 
 use super::report::Outcome;
 use super::{Deed, Output, Remarks};
-use crate::error::Error;
+use crate::error::{Error, either};
 use crate::job::info::{FileOverview, info as file_info};
 use crate::job::info_folders::no_page;
 use crate::job::info_words::words;
@@ -169,7 +169,12 @@ fn description(overview: &Overview) -> String {
     }
     let _ = match (overview.finished, overview.lost_bytes) {
         (true, 0) => writeln!(text, "file      complete"),
-        (true, lost) => writeln!(text, "file      closed, but {lost} bytes are damaged"),
+        (true, lost) => writeln!(
+            text,
+            "file      closed, but {lost} {are} damaged",
+            lost = counted(lost, "byte"),
+            are = either(lost, "is", "are")
+        ),
         (false, _) => writeln!(
             text,
             "file      never closed (killed?): `gaitway recover` makes one other tools open"
@@ -214,12 +219,17 @@ pub fn recover(args: &RecoverArgs, remarks: Remarks) -> Result<i32, Error> {
 /// What was saved and what was not, as far as the file can tell.
 fn loss(recovered: &Recovered) -> String {
     let mut text = format!(
-        "{} saved, {} bytes could not be used",
+        "{} saved, {} could not be used",
         counted(recovered.messages, "message"),
-        recovered.lost_bytes
+        counted(recovered.lost_bytes, "byte")
     );
     if recovered.damaged > 0 {
-        let _ = write!(text, ", with {} samples or cycles in them", recovered.damaged);
+        let _ = write!(
+            text,
+            ", with {} or {} in them",
+            counted(recovered.damaged, "sample"),
+            either(recovered.damaged, "cycle", "cycles")
+        );
     }
     if !recovered.was_finished {
         text += "; the recording was cut off, and what came in its last second may be missing";

@@ -127,7 +127,7 @@ fn text(report: &ScanReport) -> String {
     let speeds = match report.scanned_baud_bps[..] {
         [] => String::new(),
         [one] => format!(" at {one} bit/s"),
-        ref several => format!(" at {} line speeds", several.len()),
+        ref several => format!(" at {}", counted(several.len(), "line speed")),
     };
     let _ = writeln!(out, "{}{speeds} on {}", counted(report.devices.len(), "device"), report.bus);
     if report.scanned_baud_bps.is_empty() {

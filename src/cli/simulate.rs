@@ -195,16 +195,20 @@ fn tell_verdict(verdict: &Verdict, remarks: Remarks) {
     let careless: u64 = careless.map(|&rule| verdict.count(rule)).sum();
     let rules = match (verdict.violation_count - careless, careless) {
         (0, 0) => "no rule broken".to_owned(),
-        (0, careless) => format!("{careless} times not as a careful host does it"),
+        (0, careless) => format!(
+            "{careless} not as a careful host does it",
+            careless = counted(careless, "time")
+        ),
         (broken, 0) => format!("{} broken", counted(broken, "rule")),
         (broken, careless) => {
             format!(
-                "{} broken, {careless} times not as a careful host does it",
-                counted(broken, "rule")
+                "{} broken, {careless} not as a careful host does it",
+                counted(broken, "rule"),
+                careless = counted(careless, "time")
             )
         }
     };
-    remarks.say(&format!("referee: {rules}; {} goals written", verdict.goals));
+    remarks.say(&format!("referee: {rules}; {} written", counted(verdict.goals, "goal")));
 }
 
 /// Tells where something is to be reached: all that this command has to tell.
@@ -222,6 +226,6 @@ fn tell_struck(robot: &mut VirtualRobot, remarks: Remarks) {
         remarks.say(&format!("fault at {fault}"));
     }
     if struck.len() > MOST_TOLD {
-        remarks.say(&format!("and {} faults more", struck.len() - MOST_TOLD));
+        remarks.say(&format!("and {} more", counted(struck.len() - MOST_TOLD, "fault")));
     }
 }

@@ -4,7 +4,7 @@ use super::inserts::{InsertArgs, told};
 use super::signals::Signals;
 use super::terminal::Terminal;
 use super::{Deed, Output, Remarks};
-use crate::error::Error;
+use crate::error::{Error, either};
 use crate::job::report::counted;
 use crate::job::share::Share;
 use crate::job::synth::{
@@ -140,7 +140,7 @@ fn run_many(
         format!("{}\n", made.written)
     } else {
         format!(
-            "{}: {} variations of {}, {} of them found, {} written\n{}{}written   {}\n",
+            "{}: {} of {}, {} of them found, {} written\n{}{}written   {}\n",
             made.outcome.word(),
             made.variations_text(),
             classes.iter().map(|class| class.label.as_str()).collect::<Vec<_>>().join(" and "),
@@ -153,7 +153,8 @@ fn run_many(
     };
     for class in made.classes.iter().filter(|class| class.implausible > 0) {
         let ClassReport { label, valid, repaired, implausible, .. } = class;
-        let (all, fell) = (valid + repaired + implausible, "do not stand on their feet");
+        let all = valid + repaired + implausible;
+        let fell = either(implausible, "does not stand on its feet", "do not stand on their feet");
         remarks.say(&format!("{implausible} of {all} {label} {fell} (status implausible)"));
     }
     Ok(args.output.conclude(&made, &text, Deed::Work, made.outcome.exit_code()))
@@ -170,11 +171,18 @@ fn feet_of(class: &ClassReport) -> String {
         return String::new();
     }
     let mut line = format!(
-        "{:9} {} stand on their feet as drawn, {} since they were repaired; {} draws were thrown away",
-        class.label, class.valid, class.repaired, class.rejected
+        "{:9} {} {} as drawn, {} since {}; {} {} thrown away",
+        class.label,
+        class.valid,
+        either(class.valid, "stands on its feet", "stand on their feet"),
+        class.repaired,
+        either(class.repaired, "it was repaired", "they were repaired"),
+        counted(class.rejected, "draw"),
+        either(class.rejected, "was", "were")
     );
     if class.implausible > 0 {
-        let _ = write!(line, "; {} DO NOT STAND (status implausible)", class.implausible);
+        let verb = either(class.implausible, "DOES", "DO");
+        let _ = write!(line, "; {} {verb} NOT STAND (status implausible)", class.implausible);
     }
     line + "\n"
 }

@@ -5,6 +5,7 @@
 //! A block holds the bytes of one place, with a code of its own, and only runs are looked for: four
 //! times as fast as looking for matches, for a twelfth more bytes (docs/decisions.md).
 
+use crate::error::counted;
 use bytes::Bytes;
 use parquet::column::page::{
     CompressedPage, Page, PageMetadata, PageReader, PageWriteSpec, PageWriter,
@@ -145,7 +146,7 @@ fn of_snappy(packed: &[u8]) -> Result<Bytes, ParquetError> {
     let length = snap::raw::decompress_len(packed).map_err(|e| wrong(e.to_string()))?;
     // Three bytes stand for 64 at most.
     if length as u64 > MAX_PAGE || length / 22 > packed.len() {
-        return Err(wrong(format!("{} bytes that unpack to {length}", packed.len())));
+        return Err(wrong(format!("{} that unpack to {length}", counted(packed.len(), "byte"))));
     }
     let bytes = snap::raw::Decoder::new().decompress_vec(packed);
     bytes.map(Bytes::from).map_err(|e| wrong(e.to_string()))

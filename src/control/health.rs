@@ -2,7 +2,7 @@
 
 use super::Sample;
 use crate::bus::Miss;
-use crate::error::listed;
+use crate::error::{counted, listed};
 use crate::time::{Duration, Instant};
 use std::fmt;
 
@@ -142,7 +142,11 @@ impl fmt::Display for StopReason {
         match self {
             Self::Asked => f.write_str("stopped as asked"),
             Self::Silent { joint, cycles, miss } => {
-                write!(f, "joint {joint} gave no feedback for {cycles} cycles: {miss}")
+                write!(
+                    f,
+                    "joint {joint} gave no feedback for {cycles}: {miss}",
+                    cycles = counted(cycles, "cycle")
+                )
             }
             Self::Late { cycles } => {
                 write!(f, "the host cannot keep the rate: {cycles} of 100 cycles late")

@@ -6,7 +6,7 @@
 
 use crate::device::Actuator;
 use crate::device::actuator::HostWatch;
-use crate::error::{Error, counted};
+use crate::error::{Error, counted, either};
 use crate::robot::Link;
 use crate::robot::preflight::{PATIENT_RETRIES, budget, exchange_error};
 use crate::time::Duration;
@@ -179,8 +179,9 @@ impl Released {
         if !self.off.is_empty() {
             let servos = counted(self.off.len(), "servo");
             notes.push(format!(
-                "{servos} would have stopped by themselves {millis} ms after the host's last \
-                 word; now that nothing moves, that watch is off again"
+                "{servos} would have stopped by {} {millis} ms after the host's last \
+                 word; now that nothing moves, that watch is off again",
+                either(self.off.len(), "itself", "themselves")
             ));
         }
         if !self.unsure.is_empty() {

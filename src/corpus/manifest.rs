@@ -1,6 +1,6 @@
 //! `corpus.toml`: what a corpus is, and the five choices that make a motion database. A person may edit it.
 
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, ErrorKind, counted};
 use crate::toml_text::{from_toml, plain_words, to_toml};
 use serde::{Deserialize, Serialize};
 
@@ -54,7 +54,7 @@ impl CorpusManifest {
                 .remedy("compare it with one that `gaitway corpus new` wrote")
         };
         if text.len() > MAX_BYTES {
-            return Err(wrong(format!("{} bytes", text.len())));
+            return Err(wrong(counted(text.len(), "byte")));
         }
         let manifest: Self =
             from_toml(text).map_err(|cause| wrong(plain_words(cause.message())))?;

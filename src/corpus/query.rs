@@ -17,7 +17,7 @@
 use super::rows::{Consent, TrialKind};
 use super::tables::{signal_names, subject_columns, trial_columns};
 use crate::columnar::ColumnKind;
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, ErrorKind, counted};
 use crate::toml_text::advice;
 
 /// Most bytes of a question.
@@ -205,7 +205,7 @@ impl Question {
     pub fn parse(text: &str) -> Result<Self, Error> {
         if text.len() > MAX_BYTES {
             return Err(Error::of(ErrorKind::OutsideLimits, "the question is too long")
-                .got(format!("{} bytes", text.len()))
+                .got(counted(text.len(), "byte"))
                 .allowed(format!("at most {MAX_BYTES} bytes")));
         }
         let tokens = tokens(text)?;

@@ -6,6 +6,7 @@
 //! that run into each other, and what two people do together. How many trials the generalisation set has of each
 //! action is theirs; which targets, and which words and pairs the other sets have, is ours (`sets/*.csv`).
 
+use crate::error::counted;
 use core::f64::consts::{FRAC_PI_4, FRAC_PI_8};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -166,10 +167,10 @@ fn composites(set: PlannedSet) -> impl Iterator<Item = PlannedTrial> {
 fn in_eight_directions(of: PlannedTrial) -> impl Iterator<Item = PlannedTrial> {
     (0..8_u32).map(move |eighth| {
         let (name, explain) = (&of.name, of.explain.trim_end_matches('.'));
-        let degrees = 45 * eighth;
+        let turn = counted(45 * eighth, "degree");
         PlannedTrial {
             name: format!("{name}-{:03}", eighth + 1),
-            explain: format!("{explain}. Step {degrees} degrees to the right of straight ahead."),
+            explain: format!("{explain}. Step {turn} to the right of straight ahead."),
             parameters: [("direction_rad", round(f64::from(eighth) * FRAC_PI_4))].into(),
             beside: [("direction_rad", FRAC_PI_8)].into(),
             ..of.clone()

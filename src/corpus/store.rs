@@ -14,7 +14,7 @@ use super::version::{Change, ExportNote, FileNote, RowSum, VersionFile};
 use crate::clean::sha256::Sha256;
 use crate::columnar::{Column, TableFile, TableReader, TableSchema};
 use crate::draft::write_file;
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, ErrorKind, counted};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File, TryLockError};
@@ -1098,7 +1098,7 @@ fn read_json<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T, Error> {
     if length > MAX_JSON {
         return Err(Error::of(ErrorKind::OutsideLimits, "the file is too large")
             .at(path.display().to_string())
-            .got(format!("{length} bytes")));
+            .got(counted(length, "byte")));
     }
     let text = fs::read_to_string(path).map_err(|e| failed("the file cannot be read", path, &e))?;
     serde_json::from_str(&text).map_err(|e| {

@@ -1,6 +1,7 @@
 //! Raw counts to SI and back, by a servo's profile. The only place that knows scale factors.
 
 use crate::bus;
+use crate::error::counted;
 use core::f64::consts::{PI, TAU};
 use gaitway_profiles::{Encoding, Protocol, Register, Role, Servo, Unit};
 use std::fmt;
@@ -51,7 +52,7 @@ impl fmt::Display for RegisterError {
                 write!(f, "{register}: raw value {raw} is outside {min} to {max}")
             }
             Self::Short { register, got, wanted } => {
-                write!(f, "{register}: {got} bytes, {wanted} wanted")
+                write!(f, "{register}: {got}, {wanted} wanted", got = counted(got, "byte"))
             }
         }
     }

@@ -417,7 +417,7 @@ fn read_list(path: &Path) -> Result<EditList, Error> {
     if length > MAX_BYTES as u64 {
         return Err(Error::of(ErrorKind::OutsideLimits, "the edit list is too large")
             .at(path.display().to_string())
-            .got(format!("{length} bytes"))
+            .got(counted(length, "byte"))
             .allowed(format!("at most {MAX_BYTES} bytes")));
     }
     let text = std::fs::read_to_string(path).map_err(read)?;
@@ -567,8 +567,8 @@ fn planned(
         let count = filled(from);
         if count > 0 {
             notes.push(format!(
-                "{count} gaps could not be tried on this trial, which is too short to cut gaps as long: {by}"
-            ));
+                "{count} could not be tried on this trial, which is too short to cut gaps as long: {by}"
+            , count = counted(count, "gap")));
         }
     }
     let is_by_skeleton = |of: &ArtefactFigures| of.fill == Some(Method::Skeleton);

@@ -7,7 +7,7 @@ use crate::clean::detect;
 use crate::clean::joints;
 use crate::clean::source::source;
 use crate::clean::thresholds::{FILE_NAME, Thresholds};
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, ErrorKind, counted, either};
 use crate::mocap::anatomy;
 use crate::mocap::clip::Clip;
 use crate::mocap::files::{self, CaptureFormat, CaptureOptions};
@@ -126,8 +126,13 @@ pub fn check(order: &CheckOrder, observer: &dyn Observer) -> Result<CheckReport,
 
 /// Says that a file is cut off.
 pub(super) fn cut_off(lost_frames: u64) -> Option<String> {
-    (lost_frames > 0)
-        .then(|| format!("the file is cut off: {lost_frames} frames that it claims are not there"))
+    (lost_frames > 0).then(|| {
+        format!(
+            "the file is cut off: {lost_frames} that it claims {are} not there",
+            lost_frames = counted(lost_frames, "frame"),
+            are = either(lost_frames, "is", "are")
+        )
+    })
 }
 
 /// What a trial may have wrong with it.

@@ -10,7 +10,7 @@ use crate::clean::artefact::ArtefactKind;
 use crate::clean::thresholds::FILE_NAME;
 use crate::corpus::store::check_outside;
 use crate::draft::{check_free, write_file};
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, ErrorKind, counted};
 use crate::sensing::wall_clock;
 use crate::table::{TableWriter, rows};
 use serde::Serialize;
@@ -274,7 +274,7 @@ impl Rounds {
         };
         let length = file.metadata().map_or(0, |of| of.len());
         if length > MOST_BYTES {
-            return Err(wrong(format!("{length} bytes")));
+            return Err(wrong(counted(length, "byte")));
         }
         let text = std::fs::read_to_string(file).map_err(|cause| wrong(cause.to_string()))?;
         let mut is_titled = false;

@@ -4,7 +4,7 @@ use super::report::Outcome;
 use crate::body::Proportions;
 use crate::body::worn::kept::Kept;
 use crate::draft::write_file;
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, ErrorKind, either};
 use crate::job::report::counted;
 use crate::mocap::marker_files;
 use crate::recording;
@@ -135,8 +135,10 @@ fn angles(
     }
     if silent + series.missed > 0 {
         notes.push(format!(
-            "{} samples are missing in the recording; sensors were silent in {silent} moments",
-            series.missed
+            "{} {are} missing in the recording; sensors were silent in {silent}",
+            counted(series.missed, "sample"),
+            silent = counted(silent, "moment"),
+            are = either(series.missed, "is", "are")
         ));
     }
     let is_whole = series.whole && silent + series.missed == 0;
@@ -150,7 +152,11 @@ fn samples(order: &RecordingOrder) -> Result<(Outcome, Vec<String>), Error> {
     write_file(&order.file, order.replace, &bytes)?;
     let mut notes = vec![format!("{} to {}", counted(rows.rows, "row"), order.file.display())];
     if rows.missing > 0 {
-        notes.push(format!("{} samples or readings are missing in the recording", rows.missing));
+        notes.push(format!(
+            "{} or {} missing in the recording",
+            counted(rows.missing, "sample"),
+            either(rows.missing, "reading is", "readings are")
+        ));
     }
     if !rows.whole {
         notes.push(

@@ -6,7 +6,7 @@ use super::explain::{
 };
 use super::page;
 use crate::draft::{check_free, write_file};
-use crate::error::Error;
+use crate::error::{Error, counted};
 use crate::mocap::anatomy::Capture;
 use crate::view::ViewPage;
 use crate::view::tracks::{SpanKind, ViewSpan};
@@ -45,7 +45,11 @@ pub fn explained(report: &ExplainReport) -> String {
         } else {
             format!("fired at {}", spans.join(", "))
         };
-        let _ = writeln!(text, "{model:22} {fired}; {failed_attempts} attempts failed");
+        let _ = writeln!(
+            text,
+            "{model:22} {fired}; {failed_attempts} failed",
+            failed_attempts = counted(failed_attempts, "attempt")
+        );
         if let Some(attempt) = furthest {
             failure(&mut text, attempt, *phases);
         }

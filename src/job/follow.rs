@@ -222,8 +222,8 @@ fn answer(
             Err(words) => Made::Broke(words),
             Ok(None) => Made::End,
             Ok(Some(goals)) if goals.len() != joints => Made::Broke(format!(
-                "{} goals for {joints}",
-                goals.len(),
+                "{} for {joints}",
+                counted(goals.len(), "goal"),
                 joints = counted(joints, "joint")
             )),
             Ok(Some(goals)) if goals.iter().any(|rad| !rad.is_finite()) => {

@@ -6,7 +6,7 @@ use super::labels::{self, LabelsOverview, label_kind};
 use super::sensors::{self, SensorsOverview};
 use super::source::angles_table;
 use super::table_text::text_of;
-use crate::error::{Error, ErrorKind, counted};
+use crate::error::{Error, ErrorKind, counted, either};
 use crate::mocap::clip::Clip;
 use crate::mocap::files::{self, CaptureOptions};
 use crate::mocap::marker_files;
@@ -275,6 +275,7 @@ fn of_table(path: &Path, options: &CaptureOptions) -> Result<TableOverview, Erro
     }
     let table = opensim::read(path)?;
     let body = table.body_columns().into_iter().map(|(_, dof)| dof.name()).collect();
+    let not_numbers = table.not_numbers();
     Ok(TableOverview {
         format: "opensim",
         cells: table.cell.word(),
@@ -286,7 +287,7 @@ fn of_table(path: &Path, options: &CaptureOptions) -> Result<TableOverview, Erro
         body,
         name: table.name,
         columns: table.columns,
-        notes: table.notes,
+        notes: table.notes.into_iter().chain(not_numbers).collect(),
     })
 }
 
@@ -357,6 +358,7 @@ fn of_markers(path: &Path, options: &CaptureOptions) -> Result<MarkerOverview, E
         .map(|at| MarkerFigures { name: name(at), ..MarkerFigures::default() })
         .collect();
     let mut ranges = vec![(f64::INFINITY, f64::NEG_INFINITY); head.analog.channels.len()];
+    let mut no_number: Option<(u64, String)> = None;
     let plates = Plates::of(&head);
     let mut peaks: Vec<Option<f64>> = vec![None; head.plates.len()];
     let (mut frame, mut number) = (Frame::default(), head.first_frame);
@@ -370,6 +372,14 @@ fn of_markers(path: &Path, options: &CaptureOptions) -> Result<MarkerOverview, E
                 let values = sample.iter().zip(&head.analog.channels);
                 for ((least, greatest), (count, channel)) in ranges.iter_mut().zip(values) {
                     let value = channel.value(*count);
+                    if !value.is_finite() {
+                        no_number
+                            .get_or_insert_with(|| {
+                                (0, format!("in frame {number}, of {}", channel.label))
+                            })
+                            .0 += 1;
+                        continue;
+                    }
                     *least = least.min(value);
                     *greatest = greatest.max(value);
                 }
@@ -386,13 +396,20 @@ fn of_markers(path: &Path, options: &CaptureOptions) -> Result<MarkerOverview, E
     let mut notes = head.notes.clone();
     notes.extend(reader.closing_notes());
     notes.extend(plates.notes);
+    if let Some((count, first)) = no_number {
+        let samples = counted(count, "analog sample");
+        let are = either(count, "is no finite number", "are no finite numbers");
+        notes.push(format!("{samples} {are}, the first {first}"));
+    }
     let at_origin = markers.iter().filter(|figures| figures.frames_at_origin > 0).count();
     if at_origin > 0 {
         let samples: usize = markers.iter().map(|figures| figures.frames_at_origin).sum();
         notes.push(format!(
-            "{samples} samples of {} are at the very origin, and marked as seen: \
-             most likely they were not",
-            counted(at_origin, "marker")
+            "{} of {} {} at the very origin, and marked as seen: most likely {} not",
+            counted(samples, "sample"),
+            counted(at_origin, "marker"),
+            either(samples, "is", "are"),
+            either(samples, "it was", "they were")
         ));
     }
     let told = Told { markers, ranges, peaks, notes, findings: reader.findings() };

@@ -33,6 +33,8 @@ pub struct ColumnFigures {
     pub numbers: usize,
     /// Cells with nothing in them.
     pub empty: usize,
+    /// Line of the first cell with something in it that is no finite number; null without one.
+    pub first_no_number_line: Option<u64>,
     /// Least number; null without one.
     pub least: Option<f64>,
     /// Greatest number; null without one.
@@ -42,11 +44,16 @@ pub struct ColumnFigures {
 }
 
 impl ColumnFigures {
-    fn take(&mut self, cell: &str, last: &mut f64) {
+    fn take(&mut self, cell: &str, line: u64, last: &mut f64) {
         let number = cell.parse().ok().filter(|number: &f64| number.is_finite());
         self.empty += usize::from(cell.is_empty());
         self.rises &= number.is_some_and(|number| number > *last);
-        let Some(number) = number else { return };
+        let Some(number) = number else {
+            if !cell.is_empty() {
+                self.first_no_number_line.get_or_insert(line);
+            }
+            return;
+        };
         self.numbers += 1;
         self.least = Some(self.least.map_or(number, |least| least.min(number)));
         self.greatest = Some(self.greatest.map_or(number, |greatest| greatest.max(number)));
@@ -69,7 +76,7 @@ pub(super) fn overview(path: &Path, text: &str) -> Result<ColumnsOverview, Error
     let titles = rows.next().transpose().map_err(|error| error.in_file(path))?;
     let titles = titles.ok_or_else(|| no_table("no row".to_owned()))?;
     if titles.width() > MOST_COLUMNS {
-        return Err(no_table(format!("{} columns", titles.width()))
+        return Err(no_table(counted(titles.width(), "column"))
             .allowed(format!("at most {MOST_COLUMNS} columns")));
     }
     let of_title = |name: &str| ColumnFigures {
@@ -85,7 +92,7 @@ pub(super) fn overview(path: &Path, text: &str) -> Result<ColumnsOverview, Error
         count += 1;
         uneven_rows += usize::from(row.width() != columns.len());
         for ((column, last), cell) in columns.iter_mut().zip(&mut last).zip(row.cells()) {
-            column.take(cell, last);
+            column.take(cell, row.line, last);
         }
     }
     if columns.iter().all(|column| column.numbers == 0) {
@@ -123,6 +130,9 @@ mod tests {
         assert_eq!(of(1), ("gyr_x", 2, 1, Some(-2.0), false));
         assert_eq!(of(2), ("who", 0, 1, None, false));
         assert_eq!(found.columns[1].greatest, Some(1.5));
+        assert_eq!(found.columns[1].first_no_number_line, None, "an empty cell is no wrong one");
+        let found = overview(Path::new("a.csv"), "time,a\n0,1\n\n1,NaN\n2,inf\n").expect("a table");
+        assert_eq!((found.columns[1].numbers, found.columns[1].first_no_number_line), (1, Some(4)));
     }
 
     #[test]

@@ -1,12 +1,13 @@
 //! What `info` says of captures and markers.
 
+use crate::error::either;
 use crate::job::info::{
     CaptureOverview, FileOverview, MarkerFigures, MarkerOverview, TableOverview,
 };
 use crate::job::info_columns::{ColumnFigures, ColumnsOverview};
 use crate::job::labels::{LabelledAction, LabelsOverview};
 use crate::job::report::counted;
-use crate::job::sensors::{SensorFigures, SensorsOverview};
+use crate::job::sensors::{SensorFigures, SensorsOverview, Without};
 use std::fmt::Write;
 
 /// Most markers with gaps, channels and events that are told one by one; `--json` has all.
@@ -31,10 +32,15 @@ pub fn words(overview: &FileOverview) -> String {
 fn of_columns(overview: &ColumnsOverview) -> String {
     let mut text = format!("format    {}, {}\n", overview.format, counted(overview.rows, "row"));
     if overview.uneven_rows > 0 {
-        let _ = writeln!(text, "uneven    {} rows have not one cell each", overview.uneven_rows);
+        let _ = writeln!(
+            text,
+            "uneven    {} without one cell per column",
+            counted(overview.uneven_rows, "row")
+        );
     }
     for column in overview.columns.iter().take(MOST_COLUMNS) {
-        let ColumnFigures { name, numbers, empty, least, greatest, rises } = column;
+        let ColumnFigures { name, numbers, empty, least, greatest, rises, first_no_number_line } =
+            column;
         let range = least.zip(*greatest).map(|(least, greatest)| format!("{least} to {greatest}"));
         let range = range.unwrap_or_else(|| "text".to_owned());
         let others = overview.rows - numbers.min(&overview.rows) - empty.min(&overview.rows);
@@ -43,6 +49,9 @@ fn of_columns(overview: &ColumnsOverview) -> String {
             if count > 0 && least.is_some() {
                 let _ = write!(text, ", {count} {what}");
             }
+        }
+        if let Some(line) = first_no_number_line.filter(|_| least.is_some()) {
+            let _ = write!(text, " (the first in line {line})");
         }
         text.push_str(if *rises { ", rises\n" } else { "\n" });
     }
@@ -60,12 +69,19 @@ fn of_sensors(overview: &SensorsOverview) -> String {
     for (name, of) in &overview.sensors {
         let rate = known(of.rate_hz, "Hz");
         let what = of.quantities.join(", ");
-        let SensorFigures { samples, duration_s, .. } = of;
+        let SensorFigures { samples, duration_s, without, .. } = of;
         let _ = writeln!(
             text,
             "sensor    {name}: {samples} at {rate}, {duration_s:.2} s: {what}",
             samples = counted(*samples, "sample")
         );
+        for (quantity, Without { samples, first_s }) in without {
+            let samples = counted(samples, "sample");
+            let _ = writeln!(
+                text,
+                "          {samples} without {quantity}, the first at {first_s:.3} s"
+            );
+        }
     }
     let _ = writeln!(text, "missing   {}", counted(overview.missed, "sample"));
     text
@@ -85,10 +101,12 @@ fn of_labels(labels: &LabelsOverview) -> String {
         });
         let _ = writeln!(
             text,
-            "action    {action}: {cuts} times in {in_clips}{frames}; unclear {unclear} times, looked for in vain in \
+            "action    {action}: {cuts} in {in_clips}{frames}; unclear {unclear}, looked for in vain in \
              {absent_in}",
             absent_in = counted(*absent_in, "clip"),
-            in_clips = counted(*in_clips, "clip")
+            in_clips = counted(*in_clips, "clip"),
+            unclear = counted(unclear, "time"),
+            cuts = counted(cuts, "time")
         );
     }
     text
@@ -102,7 +120,9 @@ fn of_table(table: &TableOverview) -> String {
     }
     let lost = match table.lost_rows {
         0 => String::new(),
-        lost => format!("; {lost} more are claimed and not there"),
+        lost => {
+            format!("; {lost} more {are} claimed and not there", are = either(lost, "is", "are"))
+        }
     };
     let _ = writeln!(text, "rows      {}{lost}", table.rows);
     let _ = writeln!(text, "rate      {}", known(table.rate_hz, "Hz"));
@@ -117,7 +137,7 @@ fn of_table(table: &TableOverview) -> String {
     for column in table.columns.iter().take(MOST) {
         let _ = writeln!(text, "column    {column}");
     }
-    more(table.columns.len(), "columns", &mut text);
+    more(table.columns.len(), "column", &mut text);
     let body = if table.body.is_empty() { "none".to_owned() } else { table.body.join(", ") };
     let _ = writeln!(text, "body      {body}");
     for note in &table.notes {
@@ -160,7 +180,9 @@ fn of_markers(file: &MarkerOverview) -> String {
     };
     let lost = match file.lost_frames {
         0 => String::new(),
-        lost => format!("; {lost} more are claimed and not there"),
+        lost => {
+            format!("; {lost} more {are} claimed and not there", are = either(lost, "is", "are"))
+        }
     };
     let _ = writeln!(text, "frames    {}{from}{lost}", file.frames);
     let _ = writeln!(text, "rate      {}", known(file.rate_hz, "Hz"));
@@ -171,8 +193,7 @@ fn of_markers(file: &MarkerOverview) -> String {
         Some([right, up]) => writeln!(text, "screen    {right} to the right, {up} up"),
         None => writeln!(text, "screen    axes not said"),
     };
-    let kinds: Vec<String> =
-        file.points.iter().map(|(kind, count)| format!("{count} {kind}")).collect();
+    let kinds: Vec<String> = file.points.iter().map(|(kind, count)| counted(count, kind)).collect();
     let kinds = if kinds.is_empty() { "none".to_owned() } else { kinds.join(", ") };
     let _ = writeln!(text, "points    {kinds}");
     gaps(file, &mut text);
@@ -191,7 +212,7 @@ fn of_markers(file: &MarkerOverview) -> String {
             };
             let _ = writeln!(text, "channel   {}: {range} {}", channel.name, channel.unit);
         }
-        more(count, "channels", &mut text);
+        more(count, "channel", &mut text);
     }
     for plate in &file.plates {
         let channels = plate.channels.iter().map(|name| name.as_deref().unwrap_or("?"));
@@ -205,20 +226,24 @@ fn of_markers(file: &MarkerOverview) -> String {
         let of: Vec<&str> = of.into_iter().map(String::as_str).filter(|w| !w.is_empty()).collect();
         let _ = writeln!(text, "event     {:.3} s {} {}", event.time_s, event.label, of.join(", "));
     }
-    more(file.events.len(), "events", &mut text);
+    more(file.events.len(), "event", &mut text);
     for note in &file.notes {
         let _ = writeln!(text, "note      {note}");
     }
     for finding in file.findings.iter().take(MOST) {
         let _ = writeln!(text, "unusual   {finding}");
     }
-    more(file.findings.len(), "unusual things", &mut text);
+    more(file.findings.len(), "unusual thing", &mut text);
     text
 }
 
 fn more(count: usize, what: &str, text: &mut String) {
     if count > MOST {
-        let _ = writeln!(text, "          and {} more {what}: --json", count - MOST);
+        let _ = writeln!(
+            text,
+            "          and {}: --json",
+            counted(count - MOST, &format!("more {what}"))
+        );
     }
 }
 
@@ -250,9 +275,10 @@ fn gaps(file: &MarkerOverview, text: &mut String) {
         };
         let _ = writeln!(
             text,
-            "marker    {}: seen in {share:.1} % of the frames, {} gaps{longest}",
-            marker.name, marker.gaps
+            "marker    {}: seen in {share:.1} % of the frames, {}{longest}",
+            marker.name,
+            counted(marker.gaps, "gap")
         );
     }
-    more(lacking.len(), "markers with frames missing", text);
+    more(lacking.len(), "marker of which frames are missing", text);
 }

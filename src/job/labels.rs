@@ -8,7 +8,7 @@ mod of_frames;
 
 use super::source::{CaptureOptions, body_motion};
 use crate::draft;
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, ErrorKind, counted};
 use crate::recognise::machine::Span;
 use crate::recognise::model::BodySide;
 use crate::table::{TableWriter, rows};
@@ -221,7 +221,7 @@ pub(super) fn read_text(path: &Path, what: &str) -> Result<String, Error> {
     if text.len() as u64 > MAX_BYTES {
         return Err(Error::of(ErrorKind::Malformed, format!("{what}: the file is too long"))
             .at(path.display().to_string())
-            .got(format!("{} bytes", found.len()))
+            .got(counted(found.len(), "byte"))
             .allowed(format!("at most {MAX_BYTES} bytes")));
     }
     // Editors of Windows put a mark before the text.

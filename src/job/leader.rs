@@ -7,7 +7,7 @@ use super::recorder::RunRecorder;
 use super::report::{Outcome, OwnProfile, PlayReport};
 use super::taught::refuse_who_only_obeys;
 use crate::control::{self, Input, Settings, Stop, StopCode, inject, net};
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, ErrorKind, counted};
 use crate::motion::Trend;
 use crate::port::Clock;
 use crate::rig::{Address, Connection, calibrated, connect};
@@ -352,7 +352,7 @@ impl Follower<'_> {
 fn tell_lies(lies: u64, leader: &str, report: &mut LiveReport) {
     report.leaps = Some(lies);
     if lies > 0 {
-        let times = if lies == 1 { "once".to_owned() } else { format!("{lies} times") };
+        let times = if lies == 1 { "once".to_owned() } else { counted(lies, "time") };
         report.run.notes.push(format!(
             "a joint of {leader} leapt for a single reading, {times}; that was not followed"
         ));

@@ -8,7 +8,7 @@ use super::table_text::text_of;
 use crate::body::Proportions;
 use crate::body::worn::kept::Kept;
 use crate::draft;
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, ErrorKind, counted, either};
 use crate::mocap::opensim;
 use crate::recording::{self, SensorMoment, SensorSeries};
 use crate::session::angles::{WornMotion, body_of};
@@ -134,8 +134,12 @@ pub fn convert(order: &SensorsOrder) -> Result<SensorsReport, Error> {
     }
     if series.missed + silent > 0 {
         let missed = series.missed;
-        notes
-            .push(format!("{missed} samples are missing; sensors were silent in {silent} moments"));
+        notes.push(format!(
+            "{missed} {are} missing; sensors were silent in {silent}",
+            silent = counted(silent, "moment"),
+            missed = counted(missed, "sample"),
+            are = either(missed, "is", "are")
+        ));
     }
     let is_whole = series.whole && series.missed + silent == 0;
     Ok(SensorsReport {
@@ -173,6 +177,17 @@ pub struct SensorFigures {
     pub duration_s: f64,
     /// What is measured: `rate`, `acceleration`, `field`, `orientation`.
     pub quantities: Vec<&'static str>,
+    /// Of these, what some samples do not have.
+    pub without: BTreeMap<&'static str, Without>,
+}
+
+/// Samples that lack what others have: a cell that is empty or no number.
+#[derive(Clone, Debug, Serialize)]
+pub struct Without {
+    /// How many.
+    pub samples: usize,
+    /// When the first was taken, s after the sensor's first.
+    pub first_s: f64,
 }
 
 /// Looks into a table of sensors, a text of Xsens' or a folder of them.
@@ -197,11 +212,19 @@ pub fn overview(path: &Path, declared: Option<&Path>) -> Result<SensorsOverview,
             ("orientation", |of| of.orientation.is_some()),
         ];
         let there = is_there.into_iter().filter(|(_, is_there)| said.iter().any(is_there));
+        let lacks = |(name, is_there): (&'static str, IsThere)| {
+            let mut lacking = said.iter().filter(|of| !is_there(of));
+            let first_ns = lacking.next()?.taken_ns.saturating_sub(said.first()?.taken_ns);
+            let samples = 1 + lacking.count();
+            Some((name, Without { samples, first_s: first_ns as f64 / 1e9 }))
+        };
+        let without = there.clone().filter_map(lacks).collect();
         SensorFigures {
             samples: said.len(),
             rate_hz: Some(rate_hz).filter(|rate_hz| rate_hz.is_finite() && *rate_hz > 0.0),
             duration_s,
             quantities: there.map(|(name, _)| name).collect(),
+            without,
         }
     };
     let sensors = series.sensors.iter().map(|(name, said)| (name.clone(), figures(said))).collect();

@@ -26,7 +26,7 @@ pub fn heard(report: &SourceReport, out: &mut String) {
         let _ = write!(out, ", clock {:+.1} ppm", report.skew_ppm);
     }
     if report.gone > 0 {
-        let _ = write!(out, ", gone {} times for {:.1} s", report.gone, report.gone_s);
+        let _ = write!(out, ", gone {} for {:.1} s", counted(report.gone, "time"), report.gone_s);
     }
     if let Some(ended) = &report.ended {
         let _ = write!(out, "; ended early: {ended}");

@@ -1,6 +1,6 @@
 //! The text of a table that is read whole.
 
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, ErrorKind, counted};
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
@@ -36,8 +36,8 @@ pub fn text_up_to(path: &Path, most_bytes: u64) -> Result<String, Error> {
     if bytes > most_bytes {
         return Err(Error::of(ErrorKind::OutsideLimits, "the table is too large")
             .in_file(path)
-            .got(format!("{bytes} bytes"))
-            .allowed(format!("at most {most_bytes} bytes")));
+            .got(counted(bytes, "byte"))
+            .allowed(format!("at most {most_bytes}", most_bytes = counted(most_bytes, "byte"))));
     }
     let mut text = String::new();
     file.take(most_bytes).read_to_string(&mut text).map_err(unreadable)?;

@@ -10,7 +10,7 @@
 //! A bone becomes a joint at its beginning, with the bone's own rotation as three angles; its length is the
 //! OFFSET of what hangs below it. So whatever takes a BVH file takes these.
 
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, ErrorKind, counted};
 use crate::mocap::bvh::source::Source;
 use crate::mocap::bvh::{
     Axis, Bvh, Channel, Joint, MAX_DEPTH, MAX_FILE_BYTES, MAX_JOINTS, MAX_POSES,
@@ -151,8 +151,8 @@ pub fn parse(
 
 fn too_large(bytes: u64, most: u64) -> Error {
     Error::of(ErrorKind::Malformed, "the file is too large")
-        .got(format!("{bytes} bytes"))
-        .allowed(format!("at most {most} bytes"))
+        .got(counted(bytes, "byte"))
+        .allowed(format!("at most {most}", most = counted(most, "byte")))
         .remedy("cut the recording into shorter files")
 }
 
@@ -358,7 +358,7 @@ impl Parsed {
         let line = self.last_line.max(1);
         if self.root.freedoms.is_empty() || self.bones.is_empty() {
             return Err(malformed("not an ASF skeleton", line)
-                .got(format!("{} bones", self.bones.len()))
+                .got(counted(self.bones.len(), "bone"))
                 .allowed(":root with an order, and bones in :bonedata")
                 .remedy("the file is cut off, or no ASF file: copy it again"));
         }
@@ -607,7 +607,7 @@ impl Reading<'_> {
         let words: Vec<&str> = text.split_whitespace().collect();
         if words.len() != bone.freedoms.len() {
             return Err(malformed("a bone has not one number per freedom", line)
-                .got(format!("{name}: {} numbers", words.len()))
+                .got(format!("{name}: {}", counted(words.len(), "number")))
                 .allowed(format!("{} by the skeleton", bone.freedoms.len()))
                 .remedy("name the skeleton that belongs to this motion: --skeleton FILE.asf"));
         }
@@ -649,8 +649,8 @@ impl Reading<'_> {
                 "the poses would take far more memory than the file",
                 frame.line,
             )
-            .got(format!("{needed} bytes at frame {}", frame.number))
-            .allowed(format!("{} bytes for a file of {}", self.most_bytes(), self.bytes))
+            .got(format!("{needed} at frame {}", frame.number, needed = counted(needed, "byte")))
+            .allowed(format!("{} for a file of {}", counted(self.most_bytes(), "byte"), self.bytes))
             .remedy("the file is damaged or made to harm: motions have longer names of bones"));
         }
         if self.values.capacity() < self.values.len() + channels {
@@ -700,8 +700,8 @@ impl Reading<'_> {
         }
         if self.jumps > 0 {
             notes.push(format!(
-                "the numbers of {} frames do not follow one another: taken as if they did",
-                self.jumps
+                "the number of a frame does not follow the one before, {}: taken as if it did",
+                counted(self.jumps, "time")
             ));
         }
         let said_hz = self.said_hz.filter(|rate| RATES_HZ.contains(rate));

@@ -238,15 +238,18 @@ impl Anatomy {
     #[must_use]
     pub fn notes(&self) -> Vec<String> {
         let moving = "how knees, elbows and feet move";
-        let count = self.straight;
+        let poses = match self.straight {
+            1 => "the straightest pose".to_owned(),
+            count => format!("the {count} straightest poses"),
+        };
         let mut notes = vec![match self.posture {
             Posture::Drawn => format!("segment frames: from the rest pose and from {moving}"),
             Posture::Upright => format!(
-                "segment frames: from the {count} straightest poses (there is no usable rest pose) \
+                "segment frames: from {poses} (there is no usable rest pose) \
                  and from {moving}"
             ),
             Posture::Straightest => format!(
-                "segment frames: from the {count} straightest poses (there is no usable rest pose, \
+                "segment frames: from {poses} (there is no usable rest pose, \
                  and nobody stands upright: what all poses lean is taken for straight) and from \
                  {moving}"
             ),

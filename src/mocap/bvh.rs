@@ -8,7 +8,7 @@
 //! count per joint, rotations before positions, CRLF or tabs, numbers such as `.5` and `1e-5`,
 //! joint names with blanks, leaves without `End Site`, keywords in any case, several roots.
 
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, ErrorKind, counted};
 use crate::mocap::opened::{opened, with_a_point};
 use glam::DVec3;
 use std::fmt::Write as _;
@@ -160,7 +160,7 @@ pub fn parse(text: &[u8]) -> Result<Bvh, Error> {
 fn parse_stream(stream: impl Read, bytes: u64) -> Result<Bvh, Error> {
     if bytes > MAX_FILE_BYTES {
         return Err(Error::of(ErrorKind::Malformed, "the file is too large")
-            .got(format!("{bytes} bytes"))
+            .got(counted(bytes, "byte"))
             .allowed(format!("at most {MAX_FILE_BYTES} bytes"))
             .remedy("cut the recording into shorter files"));
     }
@@ -393,7 +393,10 @@ fn motion<R: Read>(source: &mut Source<R>, bvh: &mut Bvh, poses: usize) -> Resul
         }
         return Err(source
             .error("the file goes on after its last pose")
-            .got(format!("more than the {poses} poses that Frames claims"))
+            .got(format!(
+                "more than the {poses} that Frames claims",
+                poses = counted(poses, "pose")
+            ))
             .remedy("correct the Frames line"));
     }
     Ok(())
@@ -406,14 +409,22 @@ fn missing_poses<R: Read>(
     values: usize,
     needed: usize,
 ) -> Error {
-    let mut got = format!("{found} whole poses");
+    let mut got = counted(found, "whole pose");
     if values > 0 {
-        let _ = write!(got, " and {values} of {needed} values of the next");
+        let _ =
+            write!(got, " and {values} of {needed} of the next", needed = counted(needed, "value"));
     }
     source
-        .error(format!("the file ends early: it claims {claimed} poses and holds {found}"))
+        .error(format!(
+            "the file ends early: it claims {claimed} and holds {found}",
+            claimed = counted(claimed, "pose")
+        ))
         .got(got)
-        .allowed(format!("{claimed} poses of {needed} values"))
+        .allowed(format!(
+            "{claimed} of {needed}",
+            needed = counted(needed, "value"),
+            claimed = counted(claimed, "pose")
+        ))
         .remedy("copy the file again, or correct the Frames line if the rest is not needed")
 }
 
@@ -421,7 +432,10 @@ fn wrong_length<R: Read>(source: &Source<R>, pose: usize, needed: usize) -> Erro
     source
         .error("a line of the motion has not one value per channel")
         .got(format!("pose {pose} ends in the middle of a line"))
-        .allowed(format!("{needed} values per pose, each pose on a line of its own"))
+        .allowed(format!(
+            "{needed} per pose, each pose on a line of its own",
+            needed = counted(needed, "value")
+        ))
         .remedy("a value is missing or too many in this line or above it: export the file again")
 }
 

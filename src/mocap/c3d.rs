@@ -17,7 +17,7 @@ pub mod number;
 mod section;
 pub mod write;
 
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, ErrorKind, counted, either};
 use crate::mocap::markers::{Frame, Frames, Head, Markers, PointSample};
 use crate::mocap::opened::{opened, unreadable};
 use header::{BLOCK, Header, KEY};
@@ -47,6 +47,8 @@ pub struct Reader<R> {
     /// Bytes of the chunk that were used.
     used: usize,
     unusable: u64,
+    /// Frame and point of the first of them.
+    first_unusable: Option<(u64, usize)>,
     without_residual: u64,
 }
 
@@ -103,7 +105,10 @@ impl<R: Read> Reader<R> {
         if origin < BLOCK || origin as u64 + 4 > bytes {
             return Err(Error::of(ErrorKind::Malformed, "the file does not hold its parameters")
                 .at("byte 0, the block of the parameters")
-                .got(format!("block {block}, byte {origin}; the file has {bytes} bytes"))
+                .got(format!(
+                    "block {block}, byte {origin}; the file has {bytes}",
+                    bytes = counted(bytes, "byte")
+                ))
                 .allowed("a block inside the file, 2 in most files")
                 .remedy("copy the file again"));
         }
@@ -141,6 +146,7 @@ impl<R: Read> Reader<R> {
             chunk: Vec::new(),
             used: 0,
             unusable: 0,
+            first_unusable: None,
             without_residual: 0,
         };
         reader.go_to_data()?;
@@ -195,17 +201,20 @@ impl<R: Read> Reader<R> {
     #[must_use]
     pub fn closing_notes(&self) -> Vec<String> {
         let mut notes = Vec::new();
-        if self.unusable > 0 {
+        if let Some((frame, point)) = self.first_unusable {
             notes.push(format!(
-                "{} samples are no finite numbers, though marked as seen: taken as not seen",
-                self.unusable
+                "{} {are}, though marked as seen: taken as not seen; the first is in frame {frame}, of {}",
+                counted(self.unusable, "sample"),
+                self.head.points.get(point).map_or("", |point| &point.label),
+                are = either(self.unusable, "is no finite number", "are no finite numbers")
             ));
         }
         if self.without_residual > 0 {
             notes.push(format!(
-                "{} samples have a fourth word with all bits set, as if not seen, and are not at the \
+                "{} {have} a fourth word with all bits set, as if not seen, and are not at the \
                  origin: taken as seen, residual unknown",
-                self.without_residual
+                counted(self.without_residual, "sample"),
+                have = either(self.without_residual, "has", "have")
             ));
         }
         notes
@@ -227,8 +236,9 @@ impl<R: Read> Reader<R> {
         Ok(true)
     }
 
-    fn sample(&mut self, position: [f32; 3], word: u16) -> Option<PointSample> {
+    fn sample(&mut self, point: usize, position: [f32; 3], word: u16) -> Option<PointSample> {
         if !position.iter().all(|number| number.is_finite()) {
+            self.first_unusable.get_or_insert((self.head.first_frame + self.given, point));
             self.unusable += 1;
             return None;
         }
@@ -252,7 +262,8 @@ impl<R: Read> Reader<R> {
             let is_seen = word >= 0.0;
             let position = [x, y, z].map(&number);
             // A number beyond 16 bits has all of them set, too.
-            frame.points.push(if is_seen { self.sample(position, word as u16) } else { None });
+            let at = frame.points.len();
+            frame.points.push(if is_seen { self.sample(at, position, word as u16) } else { None });
         }
         frame.analog.extend(analog.as_chunks::<4>().0.iter().map(|&bytes| number(bytes)));
     }
@@ -264,7 +275,8 @@ impl<R: Read> Reader<R> {
             let position = [x, y, z].map(|bytes| f32::from(number(bytes).cast_signed()) * scale);
             let word = number(word);
             let is_seen = word.cast_signed() >= 0;
-            frame.points.push(if is_seen { self.sample(position, word) } else { None });
+            let at = frame.points.len();
+            frame.points.push(if is_seen { self.sample(at, position, word) } else { None });
         }
         let unsigned = self.unsigned;
         frame.analog.extend(analog.as_chunks::<2>().0.iter().map(|&bytes| {
@@ -325,7 +337,7 @@ fn no_c3d(prefix: &[u8], bytes: u64) -> Error {
     Error::of(ErrorKind::Malformed, "not a C3D file")
         .at("byte 1")
         .got(match prefix.len() {
-            0..2 => format!("{bytes} bytes in all"),
+            0..2 => format!("{bytes} in all", bytes = counted(bytes, "byte")),
             _ => format!("bytes {} ...", first.collect::<Vec<_>>().join(" ")),
         })
         .allowed("50 as the second byte")

@@ -10,7 +10,7 @@
 //! * Leading rest poses, which some converters put before the motion, are dropped.
 
 use crate::body::Segment;
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, ErrorKind, counted};
 use crate::mocap::bones::Bones;
 use crate::mocap::bvh::Bvh;
 use crate::mocap::landmarks::Landmarks;
@@ -282,8 +282,8 @@ impl Clip {
         if AXES.iter().any(|(_, up)| view.is_rest_like(*up)) {
             self.first = run + 1 + smeared;
             self.rest = Some(placed.swap_remove(0));
-            let poses = if self.first == 1 { "pose" } else { "poses" };
-            self.notes.push(format!("{} rest {poses} at the start dropped", self.first));
+            let poses = counted(self.first, "rest pose");
+            self.notes.push(format!("{poses} at the start dropped"));
         }
     }
 

@@ -5,7 +5,7 @@
 //! times. The unit is not in the file: millimetres are taken, which programs of optical systems write; nor is which
 //! axis is up.
 
-use crate::error::{Error, ErrorKind, counted};
+use crate::error::{Error, ErrorKind, counted, either};
 use crate::mocap::markers::{
     Frame, Frames, Head, MAX_POINTS, MarkerFormat, MarkerPoint, Markers, PointKind, PointSample,
 };
@@ -71,7 +71,10 @@ pub fn parse(bytes: &[u8]) -> Result<Markers, Error> {
     }
     let names = head.points.len();
     if let Some(claimed) = claims.markers.filter(|claimed| *claimed != names) {
-        head.notes.push(format!("$NumMarkers says {claimed}, $Order has {names} names"));
+        head.notes.push(format!(
+            "$NumMarkers says {claimed}, $Order has {names}",
+            names = counted(names, "name")
+        ));
     }
     let frames = lines.clone().count();
     let needed = frames.saturating_mul(names).saturating_mul(POSITION_BYTES);
@@ -81,15 +84,22 @@ pub fn parse(bytes: &[u8]) -> Result<Markers, Error> {
             ErrorKind::Malformed,
             "the markers would take far more memory than the file",
         )
-        .got(format!("{frames} rows for {names} markers"))
-        .allowed(format!("{most} bytes; {needed} are needed")));
+        .got(format!(
+            "{frames} for {names}",
+            names = counted(names, "marker"),
+            frames = counted(frames, "row")
+        ))
+        .allowed(format!("{}; needed: {needed}", counted(most, "byte"))));
     }
     head.frames = frames;
     if let (Some(first), Some(last)) = (claims.first, claims.last) {
         let claimed = last.saturating_sub(first).saturating_add(1);
         if claimed != frames as u64 {
             head.notes.push(format!(
-                "$FirstFrame and $LastFrame make {claimed} frames, {frames} rows are there"
+                "$FirstFrame and $LastFrame make {claimed}, {frames} {are} there",
+                frames = counted(frames, "row"),
+                are = either(frames, "is", "are"),
+                claimed = counted(claimed, "frame")
             ));
             head.lost_frames = claimed.saturating_sub(frames as u64);
         }
@@ -198,7 +208,7 @@ fn read_rows<'a>(
         if let Some(more) = cells.next() {
             return Err(malformed("a row has more cells than there are markers", line)
                 .got(shown(more))
-                .allowed(format!("1 and three for each of {} markers", labels.len())));
+                .allowed(format!("1 and three for each of {}", counted(labels.len(), "marker"))));
         }
         markers.push(&frame);
     }
@@ -209,7 +219,11 @@ fn read_rows<'a>(
         ));
     }
     if skipped > 0 {
-        markers.note(format!("{skipped} rows do not follow the one before by their numbers"));
+        markers.note(format!(
+            "{skipped} {does} not follow the one before by number",
+            skipped = counted(skipped, "row"),
+            does = either(skipped, "does", "do")
+        ));
     }
     Ok(markers)
 }
@@ -243,15 +257,7 @@ pub fn write(
             .remedy("write a .csv or a .c3d file")
     })?;
     let scale = (scale * 1000.0) as f32;
-    let mut notes = Vec::new();
-    let left = [
-        (head.points.len() - places.len(), "points that are no places (angles, forces, ...)"),
-        (head.analog.channels.len(), "analog channels"),
-        (head.events.len(), "events"),
-    ];
-    notes.extend(
-        left.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!("{n} {what} are left out")),
-    );
+    let notes = head.left_out(head.points.len() - places.len());
     let labels = places.iter().filter_map(|&at| head.points.get(at));
     // A name ends at a blank, and a line that begins with $ is no line of names.
     let label = |point: &MarkerPoint| {

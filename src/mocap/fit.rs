@@ -14,7 +14,7 @@
 //! The hinges of knees and elbows are turned to where bending turns them in the trial, as far as it bends.
 
 use crate::body::{Joint, Segment, SegmentPose, segment_name};
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, ErrorKind, counted, either};
 use crate::mocap::anatomy::{Capture, face_forward};
 use crate::mocap::markers::{Head, Markers};
 use calibrated::{Calibrated, is_free, limb};
@@ -154,7 +154,11 @@ pub fn fit(
     work.turn_hinges();
     let lost_frames = trial.head().lost_frames;
     if lost_frames > 0 {
-        notes.push(format!("{lost_frames} frames that the file claims are not there"));
+        notes.push(format!(
+            "{lost_frames} that the file claims {are} not there",
+            lost_frames = counted(lost_frames, "frame"),
+            are = either(lost_frames, "is", "are")
+        ));
     }
     Ok(Fitted { lost_frames, ..work.finish(rate_hz, body.upright, labelled, notes) })
 }

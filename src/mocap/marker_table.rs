@@ -5,7 +5,7 @@
 //! unit it is unknown. A point that was not seen has empty cells. What is no place has its unit, or a word that says
 //! what it is (`_angle`, `_force`, ...) where its unit does not.
 
-use crate::error::{Error, ErrorKind, counted};
+use crate::error::{Error, ErrorKind, counted, either};
 use crate::mocap::even_times;
 use crate::mocap::markers::{
     Frame, Frames, Head, MAX_POINTS, MarkerFormat, MarkerPoint, Markers, PointKind, PointSample,
@@ -85,8 +85,12 @@ pub fn parse(bytes: &[u8]) -> Result<Markers, Error> {
             ErrorKind::Malformed,
             "the markers would take far more memory than the file",
         )
-        .got(format!("{count} rows for {} markers", head.points.len()))
-        .allowed(format!("{most} bytes; {needed} are needed"))
+        .got(format!(
+            "{count} for {}",
+            counted(head.points.len(), "marker"),
+            count = counted(count, "row")
+        ))
+        .allowed(format!("{}; needed: {needed}", counted(most, "byte")))
         .remedy("leave out the markers that are never seen"));
     }
     head.frames = count;
@@ -104,7 +108,8 @@ pub fn parse(bytes: &[u8]) -> Result<Markers, Error> {
                 .allowed(SHAPE)
         };
         if row.width() != titles.len() {
-            let got = format!("{} cells, {} columns", row.width(), titles.len());
+            let got =
+                format!("{}, {}", counted(row.width(), "cell"), counted(titles.len(), "column"));
             return Err(wrong("a row has not one cell per column", got));
         }
         let mut numbers = vec![[None; 3]; points];
@@ -238,7 +243,11 @@ fn columns(titles: &[&str], head: &mut Head) -> Result<Vec<Column>, Error> {
         ));
     }
     if other > 0 {
-        head.notes.push(format!("{other} columns are no coordinates of markers: left out"));
+        head.notes.push(format!(
+            "{other} {are}: left out",
+            other = counted(other, "column"),
+            are = either(other, "is no coordinate of a marker", "are no coordinates of markers")
+        ));
     }
     let place = head.points.iter().find(|point| point.kind.is_place());
     head.unit = place.map(|point| point.unit.clone()).unwrap_or_default();
@@ -268,13 +277,7 @@ pub fn write(out: &mut impl Write, frames: &mut dyn Frames) -> Result<Vec<String
     if head.points.is_empty() {
         head.places()?;
     }
-    let mut notes = Vec::new();
-    if !head.analog.channels.is_empty() {
-        notes.push(format!("{} analog channels are left out", head.analog.channels.len()));
-    }
-    if !head.events.is_empty() {
-        notes.push(format!("{} events are left out", head.events.len()));
-    }
+    let mut notes = head.left_out(0);
     let mut titles = vec!["frame".to_owned(), "time_s".to_owned()];
     let mut scales = Vec::with_capacity(head.points.len());
     let (mut known, mut renamed, mut computed) = (BTreeSet::new(), 0_usize, 0_usize);
@@ -306,10 +309,18 @@ pub fn write(out: &mut impl Write, frames: &mut dyn Frames) -> Result<Vec<String
         scales.push(metres.unwrap_or(1.0));
     }
     if renamed > 0 {
-        notes.push(format!("{renamed} points have a name that came before: `#2`, ... is added"));
+        notes.push(format!(
+            "{renamed} {have} a name that came before: `#2`, ... is added",
+            renamed = counted(renamed, "point"),
+            have = either(renamed, "has", "have")
+        ));
     }
     if computed > 0 {
-        notes.push(format!("{computed} points that a model computed are places like all others"));
+        notes.push(format!(
+            "{} that a model computed {} like all others",
+            counted(computed, "point"),
+            either(computed, "is a place", "are places")
+        ));
     }
     let mut table = TableWriter::new(out);
     table.row(&titles)?;

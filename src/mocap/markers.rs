@@ -8,7 +8,7 @@
 //! unit where the file does. A marker that was not seen in a frame has no position; there is no number
 //! that stands for that.
 
-use crate::error::{Error, ErrorKind, counted};
+use crate::error::{Error, ErrorKind, counted, either};
 use crate::mocap::acclaim::check_rate;
 use crate::mocap::parameters::Parameters;
 
@@ -303,7 +303,8 @@ impl Head {
         let is_same = |said_hz: &f64| (said_hz - rate_hz).abs() <= 1e-6 * rate_hz;
         if let Some(said_hz) = self.rate_hz.filter(|said_hz| !is_same(said_hz)) {
             self.notes.push(format!(
-                "the file says {said_hz} frames per second; taken as {rate_hz}, as told"
+                "the file says {said_hz} per second; taken as {rate_hz}, as told",
+                said_hz = counted(said_hz, "frame")
             ));
         }
         self.set_rate(rate_hz);
@@ -323,9 +324,28 @@ impl Head {
         Err(Error::of(ErrorKind::Absent, "there are no places of markers to write")
             .got(match self.points.len() {
                 0 => "no points at all".to_owned(),
-                others => format!("{others} points that are angles, forces or the like"),
+                others => format!("{}, of angles, forces or the like", counted(others, "point")),
             })
             .remedy("`gaitway info` tells what is in the file; .csv and .c3d hold what is no place, too"))
+    }
+
+    /// What a file leaves out that has room for neither channels nor events, nor for so many of the points.
+    pub(super) fn left_out(&self, points: usize) -> Vec<String> {
+        let left = [
+            (
+                points,
+                "point",
+                "is no place (an angle, a force, ...):",
+                "are no places (angles, forces, ...):",
+            ),
+            (self.analog.channels.len(), "analog channel", "is", "are"),
+            (self.events.len(), "event", "is", "are"),
+        ];
+        let told = |(count, what, one, more): (usize, &str, &str, &str)| {
+            (count > 0)
+                .then(|| format!("{} {} left out", counted(count, what), either(count, one, more)))
+        };
+        left.into_iter().filter_map(told).collect()
     }
 
     /// Length of the unit of places, m, if the file names one that is known.
@@ -416,7 +436,11 @@ impl PlacelessCount {
             .filter(|((samples, _), _)| *samples > 0)
             .map(|((samples, markers), place)| {
                 let markers = counted(markers, "marker");
-                format!("{samples} samples of {markers} are {place}: taken for not seen")
+                format!(
+                    "{} of {markers} {} {place}: taken for not seen",
+                    counted(samples, "sample"),
+                    either(samples, "is", "are")
+                )
             })
             .collect()
     }
@@ -459,7 +483,11 @@ impl Markers {
             .and_then(|()| markers.analog.try_reserve_exact(counts));
         reserved.map_err(|_| {
             Error::of(ErrorKind::Io, "the markers do not fit into memory")
-                .got(format!("{samples} samples of points and {counts} analog counts"))
+                .got(format!(
+                    "{samples} of points and {counts}",
+                    counts = counted(counts, "analog count"),
+                    samples = counted(samples, "sample")
+                ))
                 .remedy("cut the capture into shorter files")
         })?;
         markers.head.frames = 0;

@@ -1,6 +1,6 @@
 //! Files of captures, opened: all of them say alike what is wrong with one that cannot be read.
 
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, ErrorKind, counted};
 use std::fs::{File, Metadata};
 use std::io::{self, Read};
 use std::path::Path;
@@ -51,8 +51,8 @@ pub(super) fn bytes_of(path: &Path, most: u64) -> Result<Vec<u8>, Error> {
     if length > most {
         return Err(Error::of(ErrorKind::Malformed, "the file is too large")
             .in_file(path)
-            .got(format!("{length} bytes"))
-            .allowed(format!("at most {most} bytes"))
+            .got(counted(length, "byte"))
+            .allowed(format!("at most {most}", most = counted(most, "byte")))
             .remedy("cut the recording into shorter files"));
     }
     let mut bytes = Vec::with_capacity(length as usize + 1);

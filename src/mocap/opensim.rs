@@ -12,7 +12,7 @@
 //! this body's. [`write()`] is the way back.
 
 use crate::body::{Dof, JointAngles};
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, ErrorKind, counted, either};
 use crate::mocap::opened::{as_utf8, bytes_of};
 use glam::{DQuat, DVec3, EulerRot};
 use std::collections::BTreeSet;
@@ -180,8 +180,12 @@ pub fn parse(bytes: &[u8]) -> Result<OpenSimTable, Error> {
             ErrorKind::Malformed,
             "the numbers would take far more memory than the file",
         )
-        .got(format!("{count} rows of {} columns", table.columns.len()))
-        .allowed(format!("{most} bytes; {needed} are needed")));
+        .got(format!(
+            "{count} of {}",
+            counted(table.columns.len(), "column"),
+            count = counted(count, "row")
+        ))
+        .allowed(format!("{}; needed: {needed}", counted(most, "byte"))));
     }
     table.values.reserve_exact(count * (width - 1));
     table.times_s.reserve_exact(count);
@@ -189,7 +193,11 @@ pub fn parse(bytes: &[u8]) -> Result<OpenSimTable, Error> {
         table.add_row(line, row)?;
     }
     if let Some(claimed) = claimed.filter(|claimed| *claimed != count as u64) {
-        table.notes.push(format!("the head says {claimed} rows, {count} are there"));
+        table.notes.push(format!(
+            "the head says {}, {count} {} there",
+            counted(claimed, "row"),
+            either(count, "is", "are")
+        ));
         table.lost_rows = claimed.saturating_sub(count as u64);
     }
     Ok(table)
@@ -267,8 +275,24 @@ impl OpenSimTable {
             None => Ok(()),
             Some(more) => Err(malformed("a row has more cells than there are columns", line)
                 .got(shown(more))
-                .allowed(format!("time and {} columns", self.columns.len()))),
+                .allowed(format!("time and {}", counted(self.columns.len(), "column")))),
         }
+    }
+
+    /// How many numbers are none (`nan`), and where the first of them is; nothing if all are.
+    #[must_use]
+    pub fn not_numbers(&self) -> Option<String> {
+        let first = self.values.iter().position(|value| value.is_nan())?;
+        let count = self.values.iter().filter(|value| value.is_nan()).count();
+        let at = first / self.cell.numbers();
+        let (row, column) = (at / self.columns.len(), at % self.columns.len());
+        Some(format!(
+            "{count} of {} {} not finite, the first at {:.3} s in {}",
+            counted(self.values.len(), "number"),
+            either(count, "is", "are"),
+            self.times_s.get(row).copied().unwrap_or_default(),
+            self.columns.get(column).map_or("", String::as_str)
+        ))
     }
 
     /// Rows.
@@ -330,12 +354,12 @@ impl OpenSimTable {
                 .allowed("hip_flexion_r, knee_angle_r, lumbar_extension, arm_flex_r, ... as in OpenSim's models"));
         }
         let rate_hz = self.rate_hz().ok_or_else(|| {
-            Error::new("a motion needs two rows at least").got(format!("{} rows", self.rows()))
+            Error::new("a motion needs two rows at least").got(counted(self.rows(), "row"))
         })?;
         let poses = (self.duration_s() * rate_hz).round() + 1.0;
         if !(poses <= MAX_POSES as f64) {
             return Err(Error::of(ErrorKind::OutsideLimits, "the table is too long for a motion")
-                .got(format!("{poses} poses"))
+                .got(counted(poses, "pose"))
                 .allowed(format!("{MAX_POSES}")));
         }
         let mut body = OpenSimBody {

@@ -5,6 +5,7 @@
 //! structure is that of "The C3D File Format: User Guide" (Motion Lab Systems, 2008), chapter "The
 //! parameter section".
 
+use crate::error::counted;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 
@@ -216,7 +217,7 @@ pub fn shown_name(bytes: &[u8]) -> String {
     let plain = |c: char| if c.is_control() { char::REPLACEMENT_CHARACTER } else { c };
     let shown: String = text.chars().take(MOST).map(plain).collect();
     match text.chars().count() {
-        all if all > MOST => format!("{shown}... ({all} letters)"),
+        all if all > MOST => format!("{shown}... ({all})", all = counted(all, "letter")),
         _ => shown,
     }
 }

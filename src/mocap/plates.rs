@@ -13,7 +13,7 @@
 //! programs store it the other way around, which a positive Z shows, and it is turned. Baselines are not
 //! subtracted (FORCE_PLATFORM:ZERO): in a section of a trial the frames it names may have somebody on the plate.
 
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, ErrorKind, counted};
 use crate::mocap::markers::{Analog, ForcePlate, Head, PlateKind, metres_of};
 use glam::{DMat3, DVec3};
 
@@ -124,7 +124,7 @@ impl Plate {
         if channels.len() < needed {
             return Err(Error::of(ErrorKind::Absent, "channels of the plate are missing")
                 .at("FORCE_PLATFORM:CHANNEL")
-                .got(format!("{} channels", channels.len()))
+                .got(counted(channels.len(), "channel"))
                 .allowed(format!("{needed}")));
         }
         let unit = |at: usize| {

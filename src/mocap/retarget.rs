@@ -21,7 +21,7 @@
 
 use crate::body::segment_name;
 use crate::body::{Segment, SegmentPose};
-use crate::error::Error;
+use crate::error::{Error, counted};
 use crate::mocap::anatomy::Capture;
 use crate::motion::path::end_velocity;
 use crate::motion::saturate;
@@ -426,7 +426,7 @@ impl RobotModel {
         for (what, length) in lengths {
             if length != count {
                 return Err(Error::new(format!("{what} does not fit the robot's joints"))
-                    .got(format!("{length} angles"))
+                    .got(counted(length, "angle"))
                     .allowed(format!("{count}")));
             }
         }

@@ -8,7 +8,7 @@
 //! company for a file puts it in another folder.
 
 use crate::body::segment_name;
-use crate::error::Error;
+use crate::error::{Error, counted};
 use crate::mocap::anatomy::{Anatomy, Capture, Poses, Posture};
 use crate::mocap::bones::Bones;
 use crate::mocap::clip::Clip;
@@ -133,12 +133,14 @@ impl SegmentFrames {
         match (files_of_skeleton, files.len()) {
             (1, _) => format!("segment frames {fingerprint}: from this file alone"),
             (all, read) if *all == read => format!(
-                "segment frames {fingerprint}: shared by the {all} files of this skeleton in the \
-                 folder"
+                "segment frames {fingerprint}: shared by the {all} of this skeleton in the \
+                 folder",
+                all = counted(all, "file")
             ),
             (all, read) => format!(
-                "segment frames {fingerprint}: shared by the {all} files of this skeleton in the \
-                 folder, from {read} of them"
+                "segment frames {fingerprint}: shared by the {all} of this skeleton in the \
+                 folder, from {read} of them",
+                all = counted(all, "file")
             ),
         }
     }

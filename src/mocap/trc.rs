@@ -4,7 +4,7 @@
 //! that was not seen has empty cells. The format is described in OpenSim's documentation, "Marker (.trc)
 //! Files". Which axis is up the file does not say.
 
-use crate::error::{Error, ErrorKind, counted};
+use crate::error::{Error, ErrorKind, counted, either};
 use crate::mocap::even_times;
 use crate::mocap::markers::{
     Frame, Frames, Head, MAX_POINTS, MarkerFormat, MarkerPoint, Markers, PointKind, PointSample,
@@ -68,8 +68,9 @@ pub fn parse(bytes: &[u8]) -> Result<Markers, Error> {
     let claimed = value("NumMarkers").and_then(|count| count.parse::<usize>().ok());
     if let Some(claimed) = claimed.filter(|claimed| *claimed != labels.len()) {
         head.notes.push(format!(
-            "line {values_line}: NumMarkers says {claimed}, {} names of markers are there",
-            labels.len()
+            "line {values_line}: NumMarkers says {claimed}, {} {} there",
+            counted(labels.len(), "marker name"),
+            either(labels.len(), "is", "are")
         ));
     }
     if labels.is_empty() || labels.len() > MAX_POINTS {
@@ -95,14 +96,21 @@ pub fn parse(bytes: &[u8]) -> Result<Markers, Error> {
             ErrorKind::Malformed,
             "the markers would take far more memory than the file",
         )
-        .got(format!("{frames} rows for {} markers", labels.len()))
-        .allowed(format!("{most} bytes; {needed} are needed"))
+        .got(format!(
+            "{frames} for {}",
+            counted(labels.len(), "marker"),
+            frames = counted(frames, "row")
+        ))
+        .allowed(format!("{}; needed: {needed}", counted(most, "byte")))
         .remedy("leave out the markers that are never seen"));
     }
     let claimed = value("NumFrames").and_then(|count| count.parse::<u64>().ok());
     if let Some(claimed) = claimed.filter(|claimed| *claimed != frames as u64) {
-        head.notes
-            .push(format!("line {values_line}: NumFrames says {claimed}, {frames} rows are there"));
+        head.notes.push(format!(
+            "line {values_line}: NumFrames says {claimed}, {frames} {are} there",
+            frames = counted(frames, "row"),
+            are = either(frames, "is", "are")
+        ));
         head.lost_frames = claimed.saturating_sub(frames as u64);
     }
     head.frames = frames;
@@ -153,7 +161,10 @@ fn read_rows<'a>(
         if let Some(more) = cells.find(|cell| !cell.is_empty()) {
             return Err(malformed("a row has more cells than there are markers", line)
                 .got(shown(more))
-                .allowed(format!("2 and three for each of {} markers", head.points.len())));
+                .allowed(format!(
+                    "2 and three for each of {}",
+                    counted(head.points.len(), "marker")
+                )));
         }
         let markers = match &mut markers {
             Some(markers) => markers,
@@ -217,17 +228,7 @@ pub fn write(
         return Err(Error::new("the unit of length is not known, and a TRC file must say it")
             .remedy("write a .csv or a .c3d file"));
     }
-    let mut notes = Vec::new();
-    let others = head.points.len() - places.len();
-    if others > 0 {
-        notes.push(format!("{others} points are no places (angles, forces, ...): left out"));
-    }
-    if !head.analog.channels.is_empty() {
-        notes.push(format!("{} analog channels are left out", head.analog.channels.len()));
-    }
-    if !head.events.is_empty() {
-        notes.push(format!("{} events are left out", head.events.len()));
-    }
+    let notes = head.left_out(head.points.len() - places.len());
     let unwritable = |cause: std::io::Error| Error::unwritten("the file cannot be written", &cause);
     let count = places.len();
     let first = head.first_frame;

@@ -3,7 +3,7 @@
 
 use std::collections::HashSet;
 
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, ErrorKind, counted};
 use crate::motion::spline::{End, Spline};
 
 /// Most joints of a path.
@@ -104,7 +104,7 @@ impl Path {
         };
         if positions_rad.iter().any(|row| row.len() != times_s.len()) {
             return Err(Error::new("times and positions differ in number")
-                .got(format!("{} times", times_s.len())));
+                .got(counted(times_s.len(), "time")));
         }
         let step_s = (last - first) / (times_s.len() - 1) as f64;
         for (index, time) in times_s.iter().enumerate() {
@@ -198,7 +198,7 @@ pub(crate) fn end_velocity(samples: usize, step_s: f64, at: impl Fn(usize) -> f6
 pub(crate) fn check_names(joints: &[String], rows: usize) -> Result<(), Error> {
     if joints.is_empty() || joints.len() > MAX_JOINTS || joints.len() != rows {
         return Err(Error::new("joints and rows of positions do not match")
-            .got(format!("{} joints, {rows} rows", joints.len()))
+            .got(format!("{}, {rows}", counted(joints.len(), "joint"), rows = counted(rows, "row")))
             .allowed(format!("one row for each of 1 to {MAX_JOINTS} joints")));
     }
     let mut seen = HashSet::new();
@@ -217,14 +217,18 @@ fn check_size(joints: usize, samples: usize, rate_hz: f64) -> Result<(), Error> 
     }
     if samples > MAX_SAMPLES || samples.saturating_mul(joints) > MAX_VALUES {
         return Err(Error::new("a motion is too long to hold in memory")
-            .got(format!("{samples} samples of {joints} joints"))
+            .got(format!(
+                "{samples} of {joints}",
+                joints = counted(joints, "joint"),
+                samples = counted(samples, "sample")
+            ))
             .allowed(format!("{MAX_SAMPLES} samples, {MAX_VALUES} positions in all")));
     }
     let duration_s = (samples - 1) as f64 / rate_hz;
     let usable = rate_hz > 0.0 && rate_hz <= MAX_RATE_HZ && duration_s <= MAX_DURATION_S;
     if !usable {
         return Err(Error::new("a motion's rate is not usable")
-            .got(format!("{rate_hz} Hz for {samples} samples"))
+            .got(format!("{rate_hz} Hz for {samples}", samples = counted(samples, "sample")))
             .allowed(format!("0 to {MAX_RATE_HZ} Hz, at most {MAX_DURATION_S} s in all")));
     }
     Ok(())

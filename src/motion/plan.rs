@@ -8,7 +8,7 @@
 //! laid on one even grid of knots that contains the path's own: away from eased ends the path is
 //! kept exactly.
 
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, ErrorKind, counted};
 use crate::motion::ease::{
     eased_rate, eased_rate_derivative, eased_time_s, knotted_step, shortest_step_s,
 };
@@ -174,8 +174,8 @@ fn check_start(
 ) -> Result<(), Error> {
     if start_rad.len() != limits.len() {
         return Err(Error::new("start pose and joints differ in number")
-            .got(format!("{} positions", start_rad.len()))
-            .allowed(format!("one for each of {} joints", limits.len())));
+            .got(counted(start_rad.len(), "position"))
+            .allowed(format!("one for each of {}", counted(limits.len(), "joint"))));
     }
     for (joint, (start, limits)) in path.joints().iter().zip(start_rad.iter().zip(limits)) {
         let position = Extreme { time_s: 0.0, value: *start };
@@ -240,9 +240,9 @@ impl Layout<'_> {
             return Err(Error::new("the planned motion is too long")
                 .got(format!("{:.0} s", knots as f64 * knot_s))
                 .allowed(format!(
-                    "{:.0} s of {} joints, at {:.0} positions a second",
+                    "{:.0} s of {}, at {:.0} positions a second",
                     (MAX_VALUES / self.limits.len()) as f64 * knot_s,
-                    self.limits.len(),
+                    counted(self.limits.len(), "joint"),
                     1.0 / knot_s
                 ))
                 .remedy("play a shorter section, or fewer rounds"));

@@ -1,6 +1,6 @@
 //! A motion a robot may be asked to make.
 
-use crate::error::Error;
+use crate::error::{Error, counted};
 use crate::motion::limits::JointLimits;
 use crate::motion::path::{MAX_DURATION_S, MAX_VALUES, check_names};
 use crate::motion::spline::{End, Extreme, Extremes, Spline};
@@ -46,7 +46,7 @@ impl Trajectory {
         let values: usize = positions_rad.iter().map(Vec::len).sum();
         if values > MAX_VALUES || !(knots as f64 * step_s <= MAX_DURATION_S) {
             return Err(Error::new("a trajectory is too long")
-                .got(format!("{values} positions, {step_s} s apart"))
+                .got(format!("{values}, {step_s} s apart", values = counted(values, "position")))
                 .allowed(format!("{MAX_VALUES} positions, {MAX_DURATION_S} s")));
         }
         let mut splines = Vec::with_capacity(joints.len());
@@ -137,8 +137,8 @@ pub(crate) fn check_limits(joints: &[String], limits: &[JointLimits]) -> Result<
         return Ok(());
     }
     Err(Error::new("joints and limits differ in number")
-        .got(format!("{} limits", limits.len()))
-        .allowed(format!("one for each of {} joints", joints.len())))
+        .got(counted(limits.len(), "limit"))
+        .allowed(format!("one for each of {}", counted(joints.len(), "joint"))))
 }
 
 #[cfg(test)]

@@ -7,6 +7,7 @@
 
 use super::features::{Feature, FeatureRow};
 use super::model::{BodySide, FeatureRange};
+use crate::error::counted;
 use std::fmt::Write;
 
 /// What is slower does not move, limb lengths per second; as in model files.
@@ -116,8 +117,12 @@ pub fn drafted(name: &DraftName<'_>, examples: &[Vec<FeatureRow>]) -> Option<Str
     if let Some(side) = name.side {
         let _ = writeln!(text, "side = \"{}\"", side.word());
     }
-    let _ =
-        writeln!(text, "note = \"Drafted from {} examples by {}\"", examples.len(), leader.name());
+    let _ = writeln!(
+        text,
+        "note = \"Drafted from {} by {}\"",
+        counted(examples.len(), "example"),
+        leader.name()
+    );
     let _ = writeln!(text, "gap_s = {:.2}\nslack_s = {SLACK_S}", (1.5 * gap_s + 0.1).min(60.0));
     for index in 0..strokes[0].len() {
         let of: Vec<(&[FeatureRow], Stroke)> = examples

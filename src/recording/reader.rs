@@ -18,7 +18,7 @@ use super::packing::Compression;
 use super::sample::{CycleRecord, JointRecord, RunEnd, RunStart};
 use super::scan::{Channel, Found, Tally, scan};
 use crate::draft::Draft;
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, ErrorKind, counted};
 use crate::time::Instant;
 
 /// The largest file [`read`] takes into memory; [`summary`] and [`recover`] take any size.
@@ -133,7 +133,11 @@ impl Recording {
         let allowed = 3 * bytes + MEMORY_BYTES;
         if joints > JOINTS || memory > allowed {
             return Err(Error::new("the recording claims more joints than it has values for")
-                .got(format!("{joints} joints, {} cycles", self.cycles.len()))
+                .got(format!(
+                    "{joints}, {}",
+                    counted(self.cycles.len(), "cycle"),
+                    joints = counted(joints, "joint")
+                ))
                 .allowed(format!("{JOINTS} joints")));
         }
         Ok(())

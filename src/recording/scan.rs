@@ -17,7 +17,7 @@ use mcap::records::{MessageHeader, Metadata, op};
 use super::crc::crc32;
 use super::packing::{Compression, Packed};
 use super::record::{ChannelRecord, ChunkRecord, Record, SchemaRecord};
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, ErrorKind, counted};
 
 /// No record of a recording is larger: chunks are closed at 1 MiB.
 const RECORD_BYTES: u64 = 64 << 20;
@@ -322,8 +322,8 @@ fn too_large(chunk: &ChunkRecord, most: usize) -> Error {
         ErrorKind::Malformed,
         "a chunk of the recording unpacks to more than is taken into memory",
     )
-    .got(format!("{} bytes out of {}", chunk.size, chunk.records.len()))
-    .allowed(format!("{most} bytes"))
+    .got(format!("{} out of {}", counted(chunk.size, "byte"), chunk.records.len()))
+    .allowed(counted(most, "byte"))
     .remedy("mcap decompress FILE -o PLAIN.mcap, if the file can be trusted")
 }
 

@@ -76,8 +76,8 @@ impl Reading {
 impl fmt::Display for Reading {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let bytes = match self.lengths() {
-            (low, high) if low == high => format!("{low} bytes"),
-            (low, high) => format!("{low} to {high} bytes"),
+            (low, high) if low == high => counted(low, "byte"),
+            (low, high) => format!("{low} to {high}", high = counted(high, "byte")),
         };
         write!(f, "{} of {bytes} from {}", self.method, counted(self.joints.len(), "servo"))
     }
@@ -253,9 +253,14 @@ fn words(turns: &[Vec<Reading>], kind: Split) -> String {
     match kind {
         Split::None => readings,
         Split::Rest => {
-            format!("{readings}; every position in every cycle, the rest every {count} cycles")
+            format!(
+                "{readings}; every position in every cycle, the rest every {count}",
+                count = counted(count, "cycle")
+            )
         }
-        Split::Joints => format!("{readings} in turn; each joint every {count} cycles"),
+        Split::Joints => {
+            format!("{readings} in turn; each joint every {count}", count = counted(count, "cycle"))
+        }
     }
 }
 

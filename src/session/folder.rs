@@ -1,6 +1,6 @@
 //! The folder of a session: files appear whole or not at all, and are never written over.
 
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, ErrorKind, counted};
 use crate::toml_text::{from_toml, plain_words, to_toml};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -103,7 +103,7 @@ impl Folder {
         if size > MOST_BYTES {
             return Err(Error::new("the file is too large to be one of a session")
                 .at(shown(&path))
-                .got(format!("{size} bytes")));
+                .got(counted(size, "byte")));
         }
         let text = fs::read_to_string(&path).map_err(|cause| {
             Error::of((&cause).into(), "the file cannot be read")

@@ -6,6 +6,7 @@ use super::files::{SCHEMA, SessionFile, TrialFile, Verdict};
 use super::plan::{Plan, PlannedAction};
 use super::steps::Progress;
 use crate::body::anthropometry::{Measure, Subject};
+use crate::error::counted;
 use crate::time::Utc;
 use serde::{Deserialize, Serialize};
 
@@ -170,17 +171,21 @@ fn choices(session: &SessionFile, progress: &Progress) -> Choices {
     let subjects: Vec<String> = progress.subjects.values().map(described).collect();
     Choices {
         data_type: format!(
-            "angular rate, acceleration and fused orientation of {} worn sensors, on one clock",
-            session.sources.len()
+            "angular rate, acceleration and fused orientation of {}, on one clock",
+            counted(session.sources.len(), "worn sensor")
         ),
-        range_of_motion: format!("{} actions, each by itself: {}", names.len(), names.join(", ")),
+        range_of_motion: format!(
+            "{}, each by itself: {}",
+            counted(names.len(), "action"),
+            names.join(", ")
+        ),
         range_of_subjects: subjects.join("; "),
         definition_and_execution: format!(
-            "names of a controlled vocabulary; explained, practised, then recorded in {} trials, \
-             {kept} of them kept; {} good repetitions wanted of each action and subject; keep or \
+            "names of a controlled vocabulary; explained, practised, then recorded in {}, \
+             {kept} of them kept; {} wanted of each action and subject; keep or \
              retake by the operator",
-            progress.trials.len(),
-            wanted(&session.plan)
+            counted(progress.trials.len(), "trial"),
+            counted(wanted(&session.plan), "good repetition")
         ),
         output: format!(
             "MCAP with raw samples and orientation; joint angles of a 22-DOF body at {} Hz as CSV \

@@ -1,6 +1,7 @@
 //! The device calibration: sensors that lie still say how steady they are.
 
 use super::files::SensorCheck;
+use crate::error::{counted, either};
 use crate::time::Instant;
 use crate::units::wrap_rad;
 use glam::{DQuat, DVec3};
@@ -88,7 +89,10 @@ fn faults(check: &SensorCheck, turns: &[DQuat]) -> Vec<String> {
     let mut why = Vec::new();
     let deg = f64::to_degrees;
     if check.samples < LEAST_SAMPLES as u64 {
-        why.push(format!("{} samples came, {LEAST_SAMPLES} are the least", check.samples));
+        why.push(format!(
+            "{} came, {LEAST_SAMPLES} are the least",
+            counted(check.samples, "sample")
+        ));
         return why;
     }
     let (rate, nominal) = (check.rate_hz, check.nominal_rate_hz);
@@ -97,7 +101,12 @@ fn faults(check: &SensorCheck, turns: &[DQuat]) -> Vec<String> {
     }
     let sent = (check.samples + check.missed) as f64;
     if !(check.missed as f64 / sent <= MOST_MISSED) {
-        why.push(format!("{} of {sent} samples are missing", check.missed));
+        why.push(format!(
+            "{} of {} {} missing",
+            check.missed,
+            counted(sent, "sample"),
+            either(check.missed, "is", "are")
+        ));
     }
     match check.noise_rad_s {
         Some(noise) if !(noise <= MOST_NOISE_RAD_S) => {

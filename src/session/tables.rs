@@ -30,7 +30,7 @@ use crate::body::worn::WornSensor;
 use crate::body::worn::calibrate::{Moved, Movement, calibrate};
 use crate::body::worn::kept::Kept;
 use crate::capture::{Mode, Orientation};
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, ErrorKind, counted};
 use crate::mocap::opensim::{OpenSimCell, OpenSimTable};
 use crate::recording::{SensorMoment, SensorSeries};
 use crate::table::{self, Row};
@@ -239,7 +239,8 @@ pub fn of_table(text: &str, declared: &DeclaredSensors) -> Result<SensorSeries, 
             continue;
         }
         if row.width() != titles.len() {
-            let got = format!("{} cells, {} columns", row.width(), titles.len());
+            let got =
+                format!("{}, {}", counted(row.width(), "cell"), counted(titles.len(), "column"));
             return Err(in_row(wrong("a row has not one cell per column", got, "as many")));
         }
         cells.clear();

@@ -4,6 +4,7 @@
 //! each says it was shows how far their time bases are apart. A step in running shakes a body as
 //! well, so a tap counts only after a moment of stillness.
 
+use crate::error::counted;
 use crate::recording::SensorMoment;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -50,9 +51,9 @@ impl Tap {
             "their times differ, unless it was a step"
         };
         format!(
-            "at {:.3} s, felt by {} sensors, {:.1} ms apart: {verdict} ({}; each within {:.1} ms)",
+            "at {:.3} s, felt by {}, {:.1} ms apart: {verdict} ({}; each within {:.1} ms)",
             self.at_s,
-            self.offset_s.len(),
+            counted(self.offset_s.len(), "sensor"),
             ms(self.spread_s()),
             offsets.collect::<Vec<_>>().join(", "),
             ms(self.resolution_s)

@@ -1,6 +1,7 @@
 //! Rules for servos: the control table must be one a device could have.
 
 use super::{Verdict, header, not_empty, positive, unique};
+use crate::counted::counted;
 use crate::error::{Faults, ProfileError};
 use crate::schema::{Access, Baud, FirmwareRange, Mode, Protocol, Register, Role, Servo};
 use std::collections::BTreeSet;
@@ -103,7 +104,11 @@ fn facts(file: &str, servo: &Servo) -> Verdict {
     if position.counts == 0 || position.degrees == 0 {
         return Err(ProfileError::new(file, "the encoder has no scale")
             .at("position")
-            .got(format!("{} counts in {} degrees", position.counts, position.degrees))
+            .got(format!(
+                "{} in {}",
+                counted(position.counts, "count"),
+                counted(position.degrees, "degree")
+            ))
             .allowed("both above 0"));
     }
     let lowest = i64::from(position.lowest_count);
@@ -182,8 +187,8 @@ fn one_register(file: &str, protocol: Protocol, register: &Register) -> Verdict 
     }
     if register.bytes != register.encoding.bytes() {
         return Err(refuse("the size does not go with the encoding")
-            .got(format!("{} bytes, encoding {:?}", register.bytes, register.encoding))
-            .allowed(format!("{} bytes", register.encoding.bytes())));
+            .got(format!("{}, encoding {:?}", counted(register.bytes, "byte"), register.encoding))
+            .allowed(counted(register.encoding.bytes(), "byte")));
     }
     if register.repeat == Some(0) || (register.repeat.is_none() && register.first.is_some()) {
         return Err(refuse("a repeated register is one or more items, counted from `first`")
@@ -269,7 +274,7 @@ fn roles(file: &str, servo: &Servo) -> Verdict {
     if addresses != data {
         return Err(ProfileError::new(file, "indirect addresses and indirect data do not pair")
             .at("register")
-            .got(format!("{addresses} addresses, {data} data"))
+            .got(format!("{addresses}, {data} data", addresses = counted(addresses, "address")))
             .allowed("as many of one as of the other"));
     }
     let model_number = servo.register(Role::ModelNumber);

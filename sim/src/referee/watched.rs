@@ -2,7 +2,7 @@
 
 use super::tracking::Tracking;
 use super::{Rule, TORQUE_ON_RAD, When};
-use gaitway_profiles::Joint;
+use gaitway_profiles::{Joint, counted};
 
 /// A joint that turns no faster than this stands, rad/s.
 const STANDING_RAD_S: f64 = 0.05;
@@ -192,7 +192,8 @@ impl Watched {
     /// True if the goal differs from the last one, after a stop that was declared.
     pub fn judge_stop(&self, raw: i64) -> Option<String> {
         let counts = raw - self.in_force?.goal.raw;
-        (counts != 0).then(|| format!("goal moved by {} counts after the stop", counts.abs()))
+        (counts != 0)
+            .then(|| format!("goal moved by {} after the stop", counted(counts.abs(), "count")))
     }
 
     /// A goal was accepted: which rules it breaks, and how.
@@ -288,14 +289,17 @@ impl Watched {
         let mut found = Vec::new();
         for (which, [a, b]) in [("first", self.first), ("last", self.last)] {
             if self.goals >= 2 && a != b {
-                let text = format!("the {which} two goals differ: {a} and {b} counts");
+                let text = format!("the {which} two goals differ: counts {a} and {b}");
                 found.push((Rule::RestAtEnds, text));
             }
         }
         let counts = if self.forsaken == 0 { self.moving_by() } else { self.forsaken };
         if counts != 0 {
             let counts = counts.abs();
-            let text = format!("the last goal was {counts} counts from the one before: no rest");
+            let text = format!(
+                "the last goal was {counts} from the one before: no rest",
+                counts = counted(counts, "count")
+            );
             found.push((Rule::SpeedChange, text));
         }
         found

@@ -1,6 +1,7 @@
 //! Takes the keys of one table one by one, and remembers which there could have been.
 
 use super::ScriptError;
+use gaitway_profiles::counted;
 use toml::{Table, Value};
 
 /// Latest time in a script, s: a thousand days.
@@ -93,7 +94,7 @@ impl Keys {
     pub fn name(&mut self, key: &'static str) -> Result<Option<String>, ScriptError> {
         match self.text(key)? {
             Some(name) if name.len() > NAME_BYTES => {
-                let got = format!("{} bytes", name.len());
+                let got = counted(name.len(), "byte");
                 Err(self.wrong(key, &got, &format!("a name of at most {NAME_BYTES} bytes")))
             }
             name => Ok(name),

@@ -61,10 +61,10 @@ fn read_plan(path: &Path) -> Result<Plan, Error> {
 
 fn conclude(args: &RecordArgs, report: &SessionReport) -> i32 {
     let text = format!(
-        "finished: {}, {} kept, {} good repetitions\nwritten   {}\n",
+        "finished: {}, {} kept, {}\nwritten   {}\n",
         counted(report.trials, "trial"),
         report.kept,
-        report.good_repetitions,
+        counted(report.good_repetitions, "good repetition"),
         report.session.join("manifest.toml").display()
     );
     args.output.conclude(report, &text, Deed::Work, report.outcome.exit_code())

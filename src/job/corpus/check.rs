@@ -5,7 +5,7 @@ use crate::corpus::rows::{Consent, TrialEntry, digest};
 use crate::corpus::store::{Store, hash_of};
 use crate::corpus::tables::{FRAMES, LABELS, SUBJECTS, TRIALS};
 use crate::corpus::version::RowSum;
-use crate::error::Error;
+use crate::error::{Error, either};
 use crate::job::report::Outcome;
 use crate::job::report::counted;
 use crate::job::{Event, Observer};
@@ -130,9 +130,10 @@ impl Looking {
                     Err(error) => self.fault("unreadable", note.path.clone(), error.what),
                     Ok(table) if table.rows() != note.rows => {
                         let what = format!(
-                            "{}, and {} are noted",
+                            "{}, and {} {} noted",
                             counted(table.rows(), "row"),
-                            note.rows
+                            note.rows,
+                            either(note.rows, "is", "are")
                         );
                         self.fault("rows", note.path.clone(), what);
                     }
@@ -190,7 +191,11 @@ impl Looking {
         let unknown: u64 =
             licences.iter().filter(|(name, _)| Licence::of(name).unknown).map(|(_, n)| n).sum();
         if unknown > 0 {
-            self.report.remarks.push(format!("{unknown} trials have no licence: exports say so"));
+            self.report.remarks.push(format!(
+                "{unknown} {have} no licence: exports say so",
+                unknown = counted(unknown, "trial"),
+                have = either(unknown, "has", "have")
+            ));
         }
         let noncommercial: u64 = licences
             .iter()
@@ -198,8 +203,11 @@ impl Looking {
             .map(|(_, n)| n)
             .sum();
         if noncommercial > 0 {
-            let said =
-                format!("{noncommercial} trials are not for what earns money: exports say so");
+            let said = format!(
+                "{noncommercial} {are} not for what earns money: exports say so",
+                noncommercial = counted(noncommercial, "trial"),
+                are = either(noncommercial, "is", "are")
+            );
             self.report.remarks.push(said);
         }
         self.labels()?;
@@ -314,13 +322,18 @@ impl Looking {
         }
         let frames: u64 = self.store.files(FRAMES).map(|note| note.rows).sum();
         for (what, told, found) in
-            [("trials", version.trials, self.report.trials), ("frames", version.frames, frames)]
+            [("trial", version.trials, self.report.trials), ("frame", version.frames, frames)]
         {
             if told != found {
                 self.fault(
                     "version",
                     "version.json",
-                    format!("{told} {what} are noted, {found} are there"),
+                    format!(
+                        "{} {} noted, {found} {} there",
+                        counted(told, what),
+                        either(told, "is", "are"),
+                        either(found, "is", "are")
+                    ),
                 );
             }
         }

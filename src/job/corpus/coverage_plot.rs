@@ -2,6 +2,7 @@
 
 use crate::corpus::coverage::{KnownPerson, NextPerson, hull};
 use crate::corpus::sets::PlannedSet;
+use crate::error::counted;
 use std::fmt::Write as _;
 
 /// Size of the two halves, px.
@@ -57,7 +58,8 @@ pub(super) fn drawn(
     let known = people.len();
     let _ = write!(
         svg,
-        "<text x=\"{EDGE_PX}\" y=\"22\">{known} people (dots), and whom to ask next (circles, in order)</text>"
+        "<text x=\"{EDGE_PX}\" y=\"22\">{known} (dots), and whom to ask next (circles, in order)</text>",
+        known = counted(known, "person")
     );
     for tenth in 10..=20 {
         let (x, y) = place(f64::from(tenth) / 10.0, 0.0);
@@ -91,12 +93,12 @@ pub(super) fn drawn(
         let (x, y) = place(of.stature_m, of.mass_kg);
         let _ = write!(
             svg,
-            "<circle class=\"next\" cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"8\"><title>{:.2} m, {:.0} kg, {} to {} years</title></circle>\
+            "<circle class=\"next\" cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"8\"><title>{:.2} m, {:.0} kg, {} to {}</title></circle>\
              <text x=\"{x:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{}</text>",
             of.stature_m,
             of.mass_kg,
             of.age_years[0],
-            of.age_years[1],
+            counted(of.age_years[1], "year"),
             y + 4.0,
             at + 1
         );
@@ -106,9 +108,9 @@ pub(super) fn drawn(
     let left = HALF_PX + EDGE_PX;
     let _ = write!(
         svg,
-        "<text x=\"{left}\" y=\"22\">{}: {} trials, {done} done by people (green), {made} only made (orange)</text>",
+        "<text x=\"{left}\" y=\"22\">{}: {}, {done} done by people (green), {made} only made (orange)</text>",
         set.word(),
-        squares.len()
+        counted(squares.len(), "trial")
     );
     for (at, of) in squares.iter().enumerate() {
         let x = left + (at % IN_ROW) as f64 * SQUARE_PX * 0.95;

@@ -59,17 +59,20 @@ impl PlanReport {
     pub fn words(&self) -> String {
         let Self { set, wanted, recorded, only_made, missing, people, .. } = self;
         let mut text = format!(
-            "{set}: {recorded} of {wanted} recorded, {} trials missing, {only_made} of them made by the program\n",
-            missing.len()
+            "{set}: {recorded} of {wanted} recorded, {} missing, {only_made} of them made by the program\n",
+            counted(missing.len(), "trial")
         );
         if self.unasked > 0 {
-            let _ =
-                writeln!(text, "unasked   {} trials that the set does not ask for", self.unasked);
+            let _ = writeln!(
+                text,
+                "unasked   {} that the set does not ask for",
+                counted(self.unasked, "trial")
+            );
         }
         for of in missing.iter().take(MOST_LINES) {
             let (planned, parts) = (&of.planned, of.parts_missing.join(", "));
             let who = if planned.people > 1 {
-                format!(" ({} of {} people)", of.done_by, planned.people)
+                format!(" ({} of {})", of.done_by, counted(planned.people, "person"))
             } else {
                 String::new()
             };
@@ -77,17 +80,16 @@ impl PlanReport {
             let _ = writeln!(text, "missing   {:18} {}{who}{lacks}", planned.name, planned.explain);
         }
         more(&mut text, "missing", missing.len());
-        let _ = writeln!(
-            text,
-            "people    {people} whose stature and mass are known; to be asked next:"
-        );
+        let _ = writeln!(text, "people    {people} of known stature and mass; to be asked next:");
         for of in &self.next_people {
             let gender = of.gender.as_deref().map_or_else(String::new, |of| format!(", {of}"));
             let [from, to] = of.age_years;
             let _ = writeln!(
                 text,
-                "          {:.2} m, {:.0} kg, {from} to {to} years{gender}",
-                of.stature_m, of.mass_kg
+                "          {:.2} m, {:.0} kg, {from} to {to}{gender}",
+                of.stature_m,
+                of.mass_kg,
+                to = counted(to, "year")
             );
         }
         for file in &self.written {
@@ -211,12 +213,13 @@ impl CheckReport {
         let (outcome, wrong) = (self.outcome.word(), counted(faults.len(), "fault"));
         let _ = writeln!(
             text,
-            "{outcome}: {trials}, {labels}, {subjects} people, {frames} in {files}, {wrong}\n\
+            "{outcome}: {trials}, {labels}, {subjects}, {frames} in {files}, {wrong}\n\
              version   {version}",
             files = counted(*files, "file"),
             frames = counted(*frames, "frame"),
             labels = counted(*labels, "label"),
-            trials = counted(*trials, "trial")
+            trials = counted(*trials, "trial"),
+            subjects = counted(subjects, "person")
         );
         text
     }

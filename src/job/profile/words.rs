@@ -3,6 +3,7 @@
 mod sensor;
 
 use super::{CheckedProfile, ListedProfile, ProfileList, dialect, protocol};
+use crate::error::counted;
 use gaitway_profiles::{self as profiles, Actuator, Profile, Register, Servo, Unit};
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -110,7 +111,7 @@ fn show_servo(servo: &Servo) -> String {
         servo.operating_modes.iter().map(|m| format!("{} {}", m.value, words(m.mode))).collect();
     let motor = &servo.motor;
     let mut out = format!(
-        "{} {}, model number {}, {}\nmanual   {}\nposition {} counts in {} degrees, zero at {}\n\
+        "{} {}, model number {}, {}\nmanual   {}\nposition {} in {}, zero at {}\n\
          motor    {:.1} deg/s unloaded, {} N m, {} A, at {} V\nmodes    {}\n\n\
          {:>5} {:>5} {:<28} {:<6} {:<3} {:>18} {:>9} {:<24} {}\n",
         servo.maker,
@@ -118,8 +119,8 @@ fn show_servo(servo: &Servo) -> String {
         servo.model_number,
         protocol(servo.protocol),
         servo.manual,
-        servo.position.counts,
-        servo.position.degrees,
+        counted(servo.position.counts, "count"),
+        counted(servo.position.degrees, "degree"),
         servo.position.zero_count,
         motor.no_load_speed_rad_s.to_degrees(),
         motor.stall_torque_nm,

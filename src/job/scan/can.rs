@@ -2,7 +2,7 @@
 
 use crate::bus::can::scan::{Call, Found, overhear, scan};
 use crate::bus::can::{Form, Peer};
-use crate::error::Error;
+use crate::error::{Error, counted, either};
 use crate::job::observer::{Event, Observer};
 use crate::rig::{Address, CanIdentity, can_ask_error, describe, dialect_name, dialect_of};
 use crate::rig::{OpenCanLine, open_can};
@@ -219,9 +219,10 @@ fn listen(
     ));
     if heard.foreign_count > 0 {
         report.notes.push(format!(
-            "{} frames were heard that are none of these: another program may be speaking on this \
+            "{} {were} heard that are none of these: another program may be speaking on this \
              line",
-            heard.foreign_count
+            counted(heard.foreign_count, "frame"),
+            were = either(heard.foreign_count, "was", "were")
         ));
     }
     let wanted = |found: &Found| dialects.iter().any(|(of, _)| *of == dialect_of(&found.peer));
@@ -277,7 +278,8 @@ fn collides(line: &mut OpenCanLine, found: &Found) -> Result<Option<String>, cra
         _ => return Ok(None),
     };
     let answers = line.bus.answers_to(&found.peer, number, Form::Float)?;
-    Ok((answers > 1).then(|| format!("{answers} answers to one question")))
+    Ok((answers > 1)
+        .then(|| format!("{answers} to one question", answers = counted(answers, "answer"))))
 }
 
 /// Devices that are taken for one another, though each has an id of its own.

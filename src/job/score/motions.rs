@@ -11,7 +11,7 @@ use crate::corpus::rows::{LabelEntry, PARAMETERS, SubjectEntry, TrialEntry};
 use crate::corpus::select::Selection;
 use crate::corpus::store::Store;
 use crate::corpus::tables::{LABELS, TrialFrames};
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, ErrorKind, counted};
 use crate::job::pending::go_on;
 use crate::job::report::Outcome;
 use crate::job::{Event, Observer};
@@ -261,7 +261,7 @@ impl<'a> Judging<'a> {
         if trials.is_empty() {
             return Err(Error::of(ErrorKind::Absent, "there is nothing to be judged")
                 .at(order.corpus.display().to_string())
-                .got(format!("{all} trials answer the question, none has frames"))
+                .got(format!("{}, none with frames", counted(all, "trial")))
                 .remedy("`gaitway corpus generate DIR generalisation` makes some"));
         }
         Ok(Self { order, store, trials, split, passed_over })

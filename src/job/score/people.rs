@@ -2,7 +2,7 @@
 //! 40 of the 50 who did the cross-validation set of the Human Motion Database.
 
 use crate::corpus::rows::TrialEntry;
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, ErrorKind, counted};
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
@@ -39,7 +39,10 @@ impl Split {
                 "there are not enough people to judge some by the others",
             )
             .at("--by-subject")
-            .got(format!("{} whose trials answer the question", people.len()))
+            .got(format!(
+                "{} in the trials that answer the question",
+                counted(people.len(), "person")
+            ))
             .allowed("2 or more")
             .remedy("without it, each trial is judged by all others"));
         }

@@ -94,8 +94,9 @@ impl ClassificationReport {
         }
         let _ = writeln!(
             text,
-            "\nsides     {} of {} recognitions were on the side that the label says",
-            report.sides.correct, report.sides.truth
+            "\nsides     {} of {} on the side that the label says",
+            report.sides.correct,
+            counted(report.sides.truth, "recognition")
         );
         match &report.segmentation {
             Some(cut) => {
@@ -153,8 +154,9 @@ impl MotionScore {
         if let Some([judged, others]) = self.people {
             let _ = writeln!(
                 text,
-                "people    {judged} of {} judged; what is made of others' trials is made of the {others} others'",
-                judged + others
+                "people    {judged} of {} judged; what is made of others' trials is made of those of the {}",
+                judged + others,
+                counted(others, "other")
             );
         }
         for baseline in &self.baselines {

@@ -207,7 +207,11 @@ fn of_table(text: &str) -> Result<JointMotion, Error> {
         };
         let (count, titled) = (row.width(), columns.len() + 1);
         if count != titled {
-            let got = format!("{count} cells, {titled} columns");
+            let got = format!(
+                "{count}, {titled}",
+                titled = counted(titled, "column"),
+                count = counted(count, "cell")
+            );
             return Err(wrong("a row has not one number per column", &got));
         }
         let mut values = Vec::with_capacity(count);
@@ -272,8 +276,9 @@ fn of_rows(text: &str, joints: &[String]) -> Result<JointMotion, Error> {
     };
     let width = untitled::BASE_COLUMNS + order.len();
     let shape = format!(
-        "{width} numbers in a row, for this robot: base x y z (m), qx qy qz qw, then {} (rad), 30 rows a second",
-        counted(order.len(), "joint")
+        "{width} in a row, for this robot: base x y z (m), qx qy qz qw, then {} (rad), 30 rows a second",
+        counted(order.len(), "joint"),
+        width = counted(width, "number")
     );
     let mut series: Vec<Series> =
         order.into_iter().map(|joint| Series { joint, points: Vec::new() }).collect();
@@ -286,7 +291,7 @@ fn of_rows(text: &str, joints: &[String]) -> Result<JointMotion, Error> {
                 .allowed(shape.clone())
         };
         if row.width() != width {
-            let got = format!("{} cells", row.width());
+            let got = counted(row.width(), "cell");
             return Err(wrong("a table without titles that is not of this robot", &got));
         }
         let mut values = Vec::with_capacity(width);

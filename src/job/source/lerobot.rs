@@ -225,9 +225,9 @@ impl Info {
         if width == 0 || width > MAX_JOINTS as u64 || names.len() as u64 != width {
             return Err(wrong("it does not name each of its joints")
                 .got(format!(
-                    "{column}: shape {}, {} names",
+                    "{column}: shape {}, {}",
                     features[column]["shape"],
-                    names.len()
+                    counted(names.len(), "name")
                 ))
                 .allowed(format!("shape [N] and N names, at most {MAX_JOINTS}")));
         }

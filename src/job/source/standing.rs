@@ -3,7 +3,7 @@
 use super::Placed;
 use crate::body::root::spread;
 use crate::body::{Proportions, Segment};
-use crate::error::Error;
+use crate::error::{Error, counted, either};
 use crate::job::model::robot_model;
 use crate::mocap::anatomy::Capture;
 use crate::mocap::retarget::Retargeted;
@@ -312,13 +312,10 @@ impl<'a> OnItsFeet<'a> {
                 break;
             }
             let note = format!(
-                "{} made for the robot's own legs, upright: {:.1} cm long at most, {:.2} s each; stay near, soft servos may \
+                "{} {} made for the robot's own legs, upright: {:.1} cm long at most, {:.2} s each; stay near, soft servos may \
                  still let it fall",
-                if steps.len() == 1 {
-                    "1 step is".to_owned()
-                } else {
-                    format!("{} steps are", steps.len())
-                },
+                counted(steps.len(), "step"),
+                either(steps.len(), "is", "are"),
                 made.longest_m * 100.0,
                 made.step_s
             );

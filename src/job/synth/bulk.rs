@@ -7,7 +7,7 @@ use crate::action::corpus::{Corpus, VariationRow, VariationStatus, Variations};
 use crate::action::parquet::{CorpusWriter, Packed, SetEnd, TableLayout};
 use crate::action::{Fits, phrase};
 use crate::draft::Draft;
-use crate::error::Error;
+use crate::error::{Error, counted};
 use crate::job::pending::{Pending, go_on, unless_stopped};
 use crate::job::report::Outcome;
 use crate::job::share::Share;
@@ -88,8 +88,10 @@ impl VariedReport {
     #[must_use]
     pub fn variations_text(&self) -> String {
         match self.part {
-            [1, 1] => self.variations.to_string(),
-            [part, of] => format!("{} (part {part}/{of})", self.variations),
+            [1, 1] => counted(self.variations, "variation"),
+            [part, of] => {
+                format!("{} (part {part}/{of})", counted(self.variations, "variation"))
+            }
         }
     }
 

@@ -4,7 +4,7 @@
 use crate::action::corpus::Corpus;
 use crate::corpus::store::check_outside;
 use crate::draft::Draft;
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, ErrorKind, counted};
 use crate::job::share::Share;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -265,7 +265,7 @@ fn found(note: &Path) -> Result<Option<Catalogue>, Error> {
         Err(e) => return Err(wrong(e.to_string())),
     };
     if length > MAX_BYTES {
-        return Err(wrong(format!("{length} bytes")));
+        return Err(wrong(counted(length, "byte")));
     }
     let text = fs::read_to_string(note).map_err(|e| wrong(e.to_string()))?;
     serde_json::from_str(&text).map(Some).map_err(|e| wrong(e.to_string()))

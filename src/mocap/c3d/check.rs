@@ -8,6 +8,7 @@
 
 use super::header::{BLOCK, Header};
 use super::layout::Layout;
+use crate::error::{counted, either};
 use crate::mocap::markers::Head;
 use crate::mocap::parameters::{Parameter, ParameterKind, Parameters, shown_name, text_of};
 use std::collections::BTreeSet;
@@ -74,8 +75,8 @@ impl Check<'_> {
         let told = layout.claimed.min(65_535);
         if frames != Some(told) || header.frames() != Some(told) {
             self.say(format!(
-                "{} frames: {} in the header, {} in POINT:FRAMES",
-                layout.claimed,
+                "{}: {} in the header, {} in POINT:FRAMES",
+                counted(layout.claimed, "frame"),
                 header.frames().unwrap_or(0),
                 frames.map_or_else(|| "none".to_owned(), |frames| frames.to_string())
             ));
@@ -84,12 +85,19 @@ impl Check<'_> {
             self.say("more than 65,535 frames, and POINT:LONG_FRAMES does not tell how many");
         }
         if layout.frames < layout.claimed {
-            self.say(format!("{} frames are claimed, {} are there", layout.claimed, layout.frames));
+            self.say(format!(
+                "{} {} claimed, {} {} there",
+                counted(layout.claimed, "frame"),
+                either(layout.claimed, "is", "are"),
+                layout.frames,
+                either(layout.frames, "is", "are")
+            ));
         }
         if usize::from(header.analog) != layout.analog {
             self.say(format!(
-                "{} analog counts per frame in the header, {} in fact",
-                header.analog, layout.analog
+                "{} per frame in the header, {} in fact",
+                counted(header.analog, "analog count"),
+                layout.analog
             ));
         }
         if let Some(rate_hz) = head.analog.rate_hz {
@@ -117,7 +125,10 @@ impl Check<'_> {
             _ => self.parameters.numbers(group, name).len(),
         };
         if length < least {
-            self.say(format!("{group}:{name} has {length} entries for {least}"));
+            self.say(format!(
+                "{group}:{name} has {length} for {least}",
+                length = counted(length, "entry")
+            ));
         }
     }
 
@@ -147,8 +158,9 @@ impl Check<'_> {
         }
         if channels > 0 && !layout.analog.is_multiple_of(channels) {
             self.say(format!(
-                "{} analog counts per frame are not {channels} times a whole number",
-                layout.analog
+                "{} per frame {} not {channels} times a whole number",
+                counted(layout.analog, "analog count"),
+                either(layout.analog, "is", "are")
             ));
         }
     }

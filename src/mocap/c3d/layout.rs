@@ -6,7 +6,7 @@
 //! believed, and as many whole frames are read as there are.
 
 use super::header::{BLOCK, Header};
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, ErrorKind, counted, either};
 use crate::mocap::markers::{MAX_CHANNELS, MAX_POINTS};
 use crate::mocap::parameters::{Parameter, Parameters};
 
@@ -153,13 +153,13 @@ pub fn settle(
     if layout.frames == 0 && layout.claimed > 0 && layout.frame_bytes() > 0 {
         return Err(Error::of(ErrorKind::Malformed, "the file ends before its first frame")
             .at(format!("byte {}, where the data begin", layout.start))
-            .got(format!("{} bytes from there on", bytes.saturating_sub(layout.start)))
+            .got(format!("{} from there on", counted(bytes.saturating_sub(layout.start), "byte")))
             .allowed(format!(
-                "{} frames of {} bytes: {} points and {} analog counts",
-                layout.claimed,
-                layout.frame_bytes(),
-                layout.points,
-                layout.analog
+                "{} of {}: {} and {}",
+                counted(layout.claimed, "frame"),
+                counted(layout.frame_bytes(), "byte"),
+                counted(layout.points, "point"),
+                counted(layout.analog, "analog count")
             ))
             .remedy("copy the file again"));
     }
@@ -263,25 +263,25 @@ fn first(header: &Header, parameters: &Parameters, frames: u64) -> u64 {
 impl Layout {
     /// Says which claims were not taken, and what the file lacks.
     fn tell(&mut self, claims: &Claims, header: &Header, parameters: &Parameters, bytes: u64) {
-        let says = |what: &str, from: &str, claim: String, taken: String| {
+        let says = |what: &str, from: &str, claim: u64, taken: u64| {
             format!(
-                "{from} says {claim} {what}; {taken} by the length of the file and the other claims"
+                "{from} says {}; {taken} by the length of the file and the other claims",
+                counted(claim, what)
             )
         };
         let mut notes = Vec::new();
         let used = count(parameters, "POINT", "USED");
         for (from, claim) in [("the header", Some(header.points.into())), ("POINT:USED", used)] {
             if let Some(claim) = claim.filter(|claim| *claim != self.points as u64) {
-                notes.push(says("points", from, claim.to_string(), self.points.to_string()));
+                notes.push(says("point", from, claim, self.points as u64));
             }
         }
         if usize::from(header.analog) != self.analog {
-            let (claim, taken) = (header.analog.to_string(), self.analog.to_string());
-            notes.push(says("analog counts per frame", "the header", claim, taken));
+            let (claim, taken) = (header.analog.into(), self.analog as u64);
+            notes.push(says("analog count of a frame", "the header", claim, taken));
         }
         for claim in claims.frames.iter().filter(|&&claim| claim != self.claimed) {
-            let (claim, taken) = (claim.to_string(), self.claimed.to_string());
-            notes.push(says("frames", "the file elsewhere", claim, taken));
+            notes.push(says("frame", "the file elsewhere", *claim, self.claimed));
         }
         for claim in claims.scale.iter().filter(|&&claim| claim != self.scale) {
             notes.push(format!(
@@ -299,19 +299,22 @@ impl Layout {
         if self.frames < self.claimed {
             let held = bytes.saturating_sub(self.start);
             notes.push(format!(
-                "{} frames are claimed, {} bytes from byte {} on; {held} bytes are there: {} whole frames, \
-                 {} bytes of a part of one are left out",
-                self.claimed,
-                self.claimed.saturating_mul(frame_bytes),
+                "{} {} claimed, {} from byte {} on; {held} {are} there: {}, \
+                 {} of a part of one left out",
+                counted(self.claimed, "frame"),
+                either(self.claimed, "is", "are"),
+                counted(self.claimed.saturating_mul(frame_bytes), "byte"),
                 self.start,
-                self.frames,
-                held.checked_rem(frame_bytes).unwrap_or(0)
+                counted(self.frames, "whole frame"),
+                counted(held.checked_rem(frame_bytes).unwrap_or(0), "byte"),
+                held = counted(held, "byte"),
+                are = either(held, "is", "are")
             ));
         }
         let end = self.start.saturating_add(self.frames.saturating_mul(frame_bytes));
         let behind = bytes.saturating_sub(end);
         if self.frames == self.claimed && behind >= BLOCK as u64 {
-            notes.push(format!("{behind} bytes behind the last frame are left out"));
+            notes.push(format!("left out: {} behind the last frame", counted(behind, "byte")));
         }
         self.notes = notes;
     }
@@ -324,8 +327,8 @@ fn no_layout(header: &Header, parameters: &Parameters, section_end: u64, bytes: 
     if block.saturating_sub(1) * BLOCK as u64 > bytes {
         return Error::of(ErrorKind::Malformed, "the file ends before its data")
             .at(format!("block {block}, byte {}", (block - 1) * BLOCK as u64))
-            .got(format!("a file of {bytes} bytes"))
-            .allowed(format!("{} points and more from there on", header.points))
+            .got(format!("a file of {bytes}", bytes = counted(bytes, "byte")))
+            .allowed(format!("{} and more from there on", counted(header.points, "point")))
             .remedy("copy the file again");
     }
     Error::of(
@@ -334,10 +337,10 @@ fn no_layout(header: &Header, parameters: &Parameters, section_end: u64, bytes: 
     )
     .at("header, POINT:DATA_START, POINT:USED")
     .got(format!(
-        "data in block {} (header) or {start} (POINT:DATA_START), {} or {} points",
+        "data in block {} (header) or {start} (POINT:DATA_START), {} or {}",
         header.data_start,
         header.points,
-        used.map_or_else(|| "no".to_owned(), |used| used.to_string())
+        counted(used.map_or_else(|| "no".to_owned(), |used| used.to_string()), "point")
     ))
     .allowed(format!(
         "a block from {} to {}; at most {MAX_POINTS} points",

@@ -2,6 +2,7 @@
 
 use super::header::Header;
 use super::layout::Layout;
+use crate::error::{counted, either};
 use crate::mocap::markers::{
     Analog, AnalogChannel, ForcePlate, Head, MarkerEvent, MarkerFormat, MarkerPoint, PlateKind,
     PointKind,
@@ -93,8 +94,12 @@ fn filled(mut texts: Vec<String>, count: usize) -> Vec<String> {
 fn labels(texts: Vec<String>, count: usize, what: &str, notes: &mut Vec<String>) -> Vec<String> {
     let more = texts.len().saturating_sub(count);
     if more > 0 {
-        notes
-            .push(format!("{} labels for {count} {what}s: the last {more} name none", texts.len()));
+        notes.push(format!(
+            "{} for {}: the last {more} {} none",
+            counted(texts.len(), "label"),
+            counted(count, what),
+            either(more, "names", "name")
+        ));
     }
     let mut labels = filled(texts, count);
     let mut unnamed = 0;
@@ -105,7 +110,15 @@ fn labels(texts: Vec<String>, count: usize, what: &str, notes: &mut Vec<String>)
         }
     }
     if unnamed > 0 {
-        notes.push(format!("{unnamed} of {count} {what}s have no label: called by their numbers"));
+        notes.push(format!(
+            "{unnamed} of {} {}",
+            counted(count, what),
+            either(
+                unnamed,
+                "has no label: called by its number",
+                "have no label: called by their numbers"
+            )
+        ));
     }
     let mut seen = BTreeMap::new();
     for label in &labels {
@@ -114,7 +127,11 @@ fn labels(texts: Vec<String>, count: usize, what: &str, notes: &mut Vec<String>)
     let double: Vec<&str> =
         seen.iter().filter(|(_, count)| **count > 1).map(|(label, _)| *label).collect();
     if let Some(first) = double.first() {
-        notes.push(format!("{} labels stand for several {what}s, {first} for one", double.len()));
+        notes.push(format!(
+            "{} {} for more than one {what}, {first} for one",
+            counted(double.len(), "label"),
+            either(double.len(), "stands", "stand")
+        ));
     }
     labels
 }
@@ -195,8 +212,8 @@ fn analog(
     let per_frame = layout.analog / count;
     if header.per_frame > 0 && usize::from(header.per_frame) != per_frame {
         notes.push(format!(
-            "the header says {} analog samples per frame; {per_frame} by the counts of a frame",
-            header.per_frame
+            "the header says {} per frame; {per_frame} by the counts of a frame",
+            counted(header.per_frame, "analog sample")
         ));
     }
     let all = parameters.get("ANALOG", "GEN_SCALE").and_then(Parameter::number).unwrap_or(1.0);
@@ -267,7 +284,12 @@ fn events(header: &Header, parameters: &Parameters, notes: &mut Vec<String>) -> 
     });
     let events: Vec<MarkerEvent> = events.filter(|event| event.time_s.is_finite()).collect();
     if (events.len() as u64) < used {
-        notes.push(format!("EVENT:USED claims {used} events, {} have a time", events.len()));
+        notes.push(format!(
+            "EVENT:USED claims {used}, {} {} a time",
+            events.len(),
+            either(events.len(), "has", "have"),
+            used = counted(used, "event")
+        ));
     }
     events
 }
@@ -302,8 +324,9 @@ fn plates(parameters: &Parameters, channels: usize, notes: &mut Vec<String>) -> 
         if own.len() < needed || own.contains(&None) {
             let known = own.iter().flatten().count();
             notes.push(format!(
-                "force plate {}: {known} of its {needed} channels are there",
-                at + 1
+                "force plate {}: {known} of its {needed} channels {} there",
+                at + 1,
+                either(known, "is", "are")
             ));
         }
         let is_calibrated = kind == PlateKind::Calibrated;

@@ -2,7 +2,7 @@
 
 use super::header::{BLOCK, KEY};
 use super::number::Processor;
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, ErrorKind, counted};
 use crate::mocap::parameters::{Group, Parameter, ParameterKind, Parameters, shown_name};
 
 /// Most parameters that are read.
@@ -44,7 +44,7 @@ pub fn read(bytes: &[u8], origin: usize) -> Result<Section, Error> {
     let Some([_, _, _, machine]) = bytes.first_chunk::<4>().copied() else {
         return Err(Error::of(ErrorKind::Malformed, "the file ends before its parameters")
             .at(format!("byte {origin}"))
-            .got(format!("{} bytes", bytes.len()))
+            .got(counted(bytes.len(), "byte"))
             .allowed("4 bytes at least, which say how long the parameter section is")
             .remedy("copy the file again"));
     };
@@ -67,7 +67,7 @@ pub fn read(bytes: &[u8], origin: usize) -> Result<Section, Error> {
     }
     entries.read_all();
     if entries.untold > 0 {
-        entries.notes.push(format!("{} more faults of parameters", entries.untold));
+        entries.notes.push(format!("{} of parameters", counted(entries.untold, "more fault")));
     }
     let Entries { processor, parameters, length, notes, .. } = entries;
     Ok(Section { processor, parameters, length, notes })
@@ -104,8 +104,9 @@ impl Entries<'_> {
             (bytes.get(at + 2..name_end), self.processor.word16_at(bytes, name_end))
         else {
             self.note(format!(
-                "byte {place}: an entry claims a name of {length} bytes, {} are left in the section; it and \
+                "byte {place}: an entry claims a name of {}, of which the section has {}; it and \
                  what follows is left out",
+                counted(length, "byte"),
                 bytes.len().saturating_sub(at + 2)
             ));
             return None;
@@ -208,8 +209,9 @@ impl Entries<'_> {
         let data = bytes.get(data_at..data_at.saturating_add(size));
         let Some(data) = data.filter(|_| dimensions.len() == usize::from(axes)) else {
             self.note(format!(
-                "byte {place}: parameter {of} claims {size} bytes, {} are left in the section; left out",
-                bytes.len().saturating_sub(data_at)
+                "byte {place}: parameter {of} claims {size}, of which the section has {}; left out",
+                bytes.len().saturating_sub(data_at),
+                size = counted(size, "byte")
             ));
             return None;
         };
@@ -299,7 +301,7 @@ pub fn write(parameters: &Parameters) -> Result<Vec<u8>, Error> {
             ErrorKind::OutsideLimits,
             "the parameters do not fit into a C3D file",
         )
-        .got(format!("{blocks} blocks of {BLOCK} bytes"))
+        .got(format!("{blocks} of {BLOCK} bytes", blocks = counted(blocks, "block")))
         .allowed(format!("at most {MAX_BLOCKS}"))
         .remedy("write another kind of file, or fewer points"));
     };

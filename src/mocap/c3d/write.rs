@@ -8,7 +8,7 @@
 use super::header::{Header, MAX_EVENTS};
 use super::meaning::{self, KINDS};
 use super::section;
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, ErrorKind, counted, either};
 use crate::mocap::markers::{
     Frame, Frames, Head, MarkerEvent, MarkerPoint, PointKind, PointSample,
 };
@@ -70,8 +70,8 @@ pub fn write(out: &mut impl Write, frames: &mut dyn Frames) -> Result<Vec<String
             ErrorKind::Malformed,
             "the source has not the frames that it tells of",
         )
-        .got(format!("{written} frames"))
-        .allowed(format!("{} frames", head.frames)));
+        .got(counted(written, "frame"))
+        .allowed(counted(head.frames, "frame")));
     }
     // Programs read whole blocks.
     let word = 4 * (4 * head.points.len() + head.analog.counts_per_frame());
@@ -391,7 +391,11 @@ impl Agreeing<'_> {
         let written = events.get(..MAX_LENGTH).unwrap_or(events);
         if written.len() < events.len() {
             let left = events.len() - written.len();
-            self.notes.push(format!("{left} events are left out: a C3D file holds {MAX_LENGTH}"));
+            self.notes.push(format!(
+                "{left} {are} left out: a C3D file holds {MAX_LENGTH}",
+                left = counted(left, "event"),
+                are = either(left, "is", "are")
+            ));
         }
         self.int("EVENT", "USED", written.len());
         let of = |text: fn(&MarkerEvent) -> &str| -> Vec<String> {

@@ -7,7 +7,7 @@
 use super::FitSettings;
 use super::centres::{HipBy, Measures, Side, hip, pelvis};
 use super::marker_set::{Labelled, MarkerPlace};
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, ErrorKind, counted};
 use crate::mocap::markers::Markers;
 use glam::DVec3;
 use nalgebra::{Matrix3, Vector3};
@@ -45,10 +45,10 @@ impl FunctionalHip {
     #[must_use]
     pub fn words(&self) -> String {
         format!(
-            "{} hip found from motion: {} frames, markers {:.1} mm off their spheres, swinging {:.0} deg \
+            "{} hip found from motion: {}, markers {:.1} mm off their spheres, swinging {:.0} deg \
              (standard deviation) in the lesser direction",
             self.side.of("left", "right"),
-            self.frames,
+            counted(self.frames, "frame"),
             self.residual_m * 1e3,
             self.spread_rad.to_degrees()
         )
@@ -95,7 +95,10 @@ fn found(motion: &Markers, labelled: &Labelled, side: Side) -> Result<Functional
     let clouds: Vec<Vec<DVec3>> =
         seen_of.into_iter().filter(|all| all.len() >= LEAST_SAMPLES).collect();
     if clouds.is_empty() {
-        return Err(format!("{name}: pelvis and thigh are seen together in {frames} frames"));
+        return Err(format!(
+            "{name}: pelvis and thigh are seen together in {frames}",
+            frames = counted(frames, "frame")
+        ));
     }
     usual /= frames as f64;
     let (centre_m, residual_m) =

@@ -1,6 +1,6 @@
 //! Which markers sit where: marker sets, as data, and the labels of a file that belong to one.
 
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, ErrorKind, counted};
 use crate::mocap::markers::{Head, PointKind};
 use crate::toml_text::from_toml;
 use glam::DVec3;
@@ -292,7 +292,7 @@ fn no_set(
     });
     let shown: Vec<&str> = labels.iter().copied().take(60).collect();
     Error::of(ErrorKind::Refused, "no marker set matches this file")
-        .got(format!("{} markers: {}", labels.len(), shown.join(" ")))
+        .got(format!("{}: {}", counted(labels.len(), "marker"), shown.join(" ")))
         .allowed(lacking.collect::<Vec<_>>().join("; "))
         .remedy("rename the markers, or describe the set in a file: --markers FILE.toml")
 }

@@ -2,7 +2,7 @@
 //! `models/schema.json`.
 
 use super::{ActionModel, BodySide, Condition, FeatureRange, ModelPhase, Travel};
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, ErrorKind, counted};
 use crate::recognise::features::{BodyAxis, Feature, MovingPart};
 use crate::recognise::posture::MajorPosture;
 use crate::toml_text::{from_toml, plain_words};
@@ -144,7 +144,7 @@ pub fn parse(
     if text.len() > MAX_BYTES {
         return Err(malformed("a model file is too long")
             .at(place)
-            .got(format!("{} bytes", text.len()))
+            .got(counted(text.len(), "byte"))
             .allowed(format!("{MAX_BYTES}")));
     }
     let raw: RawModel = from_toml(text).map_err(|error| {

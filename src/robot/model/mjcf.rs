@@ -3,7 +3,7 @@
 
 use super::xml::{child, children, number, numbers, place, vector, wrong};
 use super::{Meshes, MovingJoint, PublicModel, meant, mesh, shown, some};
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, ErrorKind, counted};
 use crate::rigid::{Capsule, Coupling, Cuboid, JointKind, Mass, Placement, Tree, TreeLink, Volume};
 use gaitway_profiles::BaseKind;
 use glam::{DMat3, DQuat, DVec3};
@@ -81,7 +81,7 @@ fn the_robot<'a, 'i>(root: Node<'a, 'i>, notes: &mut Vec<String>) -> Result<Node
     let size = |body: &Node| body.descendants().filter(|node| node.has_tag_name("body")).count();
     let found = bodies.iter().max_by_key(|body| (is_free(**body), size(body))).copied();
     if bodies.len() > 1 {
-        notes.push(format!("{} other bodies of the world left out", bodies.len() - 1));
+        notes.push(format!("{} of the world left out", counted(bodies.len() - 1, "other body")));
     }
     found.ok_or_else(|| {
         Error::of(ErrorKind::Malformed, "the model has no body")
@@ -437,7 +437,7 @@ impl<'a, 'i> Reader<'a, 'i, '_> {
             if values.len() == count {
                 return Ok(Some(values));
             }
-            Err(wrong(node, key, text, &format!("{count} numbers")))
+            Err(wrong(node, key, text, &counted(count, "number")))
         };
         let direction = |key: &str, of: DVec3| {
             of.try_normalize()
@@ -517,9 +517,14 @@ impl<'a, 'i> Reader<'a, 'i, '_> {
         let sized = |count: usize| {
             let sound = size.len() >= count && size[..count].iter().all(|value| *value > 0.0);
             let text = get("size").unwrap_or_default();
-            sound
-                .then_some(())
-                .ok_or_else(|| wrong(node, "size", text, &format!("{count} numbers above 0")))
+            sound.then_some(()).ok_or_else(|| {
+                wrong(
+                    node,
+                    "size",
+                    text,
+                    &format!("{count} above 0", count = counted(count, "number")),
+                )
+            })
         };
         let form = match kind {
             "sphere" => {
@@ -589,7 +594,7 @@ impl<'a, 'i> Reader<'a, 'i, '_> {
                 let sound = values.len() == count;
                 sound
                     .then_some(Some(values))
-                    .ok_or_else(|| wrong(inertial, key, text, &format!("{count} numbers")))
+                    .ok_or_else(|| wrong(inertial, key, text, &counted(count, "number")))
             };
             let inertia_kg_m2 = if let Some(of) = six("fullinertia", 6)? {
                 DMat3::from_cols(

@@ -5,7 +5,7 @@
 //! matter, only where the axes are.
 
 use super::{MovingJoint, PublicModel, shown, some};
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, ErrorKind, counted};
 use crate::rigid::{JointKind, Mass, Placement, Volume};
 use gaitway_profiles::{BaseKind, Robot};
 use glam::{DQuat, DVec3};
@@ -110,7 +110,7 @@ impl PublicModel {
         let taken: Vec<&MovingJoint> = driven.iter().copied().chain(followers).collect();
         if driven.len() > IDS_MAX {
             return Err(Error::of(ErrorKind::Malformed, "a line does not have this many IDs")
-                .got(format!("{} driven joints", driven.len()))
+                .got(counted(driven.len(), "driven joint"))
                 .allowed(format!("at most {IDS_MAX}")));
         }
         self.refuse_limp(&taken)?;
@@ -217,10 +217,8 @@ impl PublicModel {
             match self.turned_onto(robot, zero, DQuat::from_rotation_z(angle)) {
                 Ok(mut found) => {
                     if quarters > 0 {
-                        let degrees = 90 * quarters;
-                        found
-                            .notes
-                            .push(format!("the model is turned by {degrees} degrees about Z"));
+                        let turn = counted(90 * quarters, "degree");
+                        found.notes.push(format!("the model is turned by {turn} about Z"));
                     }
                     return Ok(found);
                 }

@@ -3,7 +3,7 @@
 
 use super::xml::{child, children, number, place, vector, wrong};
 use super::{Meshes, MovingJoint, PublicModel, meant, mesh, shown};
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, ErrorKind, counted};
 use crate::rigid::{Capsule, Coupling, Cuboid, JointKind, Mass, Placement, Tree, TreeLink, Volume};
 use gaitway_profiles::BaseKind;
 use glam::{DMat3, DQuat, DVec3};
@@ -132,7 +132,7 @@ fn order<'a, 'i>(
         by_name.keys().copied().filter(|name| !hung.contains_key(name)).collect();
     let [root] = roots.as_slice() else {
         return Err(refuse("a robot has one link that hangs on nothing")
-            .got(format!("{} such links", roots.len()))
+            .got(counted(roots.len(), "such link"))
             .allowed("1; with none the joints go round in a circle"));
     };
     // What floats against a root without mass is the robot, and free.
@@ -156,9 +156,9 @@ fn order<'a, 'i>(
     }
     if order.len() + left_out < links.len() {
         return Err(refuse("some links hang on one another in a circle").got(format!(
-            "{} of {} links reached",
+            "{} of {} reached",
             order.len(),
-            links.len()
+            counted(links.len(), "link")
         )));
     }
     Ok((order, left_out > 0))

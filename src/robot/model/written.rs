@@ -2,6 +2,7 @@
 
 use super::PublicModel;
 use super::onto::{OwnJoint, Reduced, ReducedLink};
+use crate::error::counted;
 use crate::rigid::Volume;
 use gaitway_profiles::BaseKind;
 use glam::DVec3;
@@ -173,7 +174,11 @@ pub(super) fn draft(
          [[line]]\nname = \"body\"\nbaud_bps = {}",
         model.format,
         model.name,
-        format!("{}, {} joints, from its public model", model.name, driven.clone().count()),
+        format!(
+            "{}, {}, from its public model",
+            model.name,
+            counted(driven.clone().count(), "joint")
+        ),
         words.source,
         servo.baud_bps
     );

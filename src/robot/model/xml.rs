@@ -1,7 +1,7 @@
 //! XML of strangers: bounded in size, elements and depth before anything is made of it.
 
 use super::shown;
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, ErrorKind, counted};
 use glam::DVec3;
 use roxmltree::{Document, Node, ParsingOptions};
 
@@ -18,7 +18,7 @@ pub(super) fn parse(text: &str) -> Result<Document<'_>, Error> {
     let parts = text.bytes().filter(|byte| matches!(byte, b'<' | b'=')).count();
     if text.len() > BYTES_MAX || parts > PARTS_MAX {
         return Err(refuse("the model is too large")
-            .got(format!("{} bytes, about {parts} elements and attributes", text.len()))
+            .got(format!("{}, elements and attributes about {parts}", counted(text.len(), "byte")))
             .allowed(format!("{BYTES_MAX} bytes, {PARTS_MAX} elements and attributes")));
     }
     // Told before parsing: every level costs the parser a call.
@@ -33,7 +33,7 @@ pub(super) fn parse(text: &str) -> Result<Document<'_>, Error> {
     }
     if deepest > DEPTH_MAX {
         return Err(refuse("elements stand too deep in one another")
-            .got(format!("{deepest} levels"))
+            .got(counted(deepest, "level"))
             .allowed(format!("{DEPTH_MAX}")));
     }
     let options = ParsingOptions {
@@ -88,7 +88,12 @@ pub(super) fn numbers(
         .collect();
     match values {
         Some(values) if values.len() <= most => Ok(values),
-        _ => Err(wrong(node, key, text, &format!("up to {most} finite numbers"))),
+        _ => Err(wrong(
+            node,
+            key,
+            text,
+            &format!("up to {most}", most = counted(most, "finite number")),
+        )),
     }
 }
 

@@ -1,6 +1,7 @@
 // ---- the page ----
 
 const byId = id => document.getElementById(id);
+const counted = (count, one) => `${count} ${one}${count === 1 ? "" : "s"}`;
 const data = JSON.parse(byId("data").textContent);
 const isLive = !!data.is_live;
 const joints = data.joints && {
@@ -129,7 +130,7 @@ function buildEvents() {
   const told = data.spans.filter(span => span.kind !== "part" && span.kind !== "phase").slice(0, 500);
   const box = byId("events");
   if (!told.length) { box.hidden = true; return; }
-  box.querySelector("summary").textContent = `${told.length} events`;
+  box.querySelector("summary").textContent = counted(told.length, "event");
   for (const span of told) {
     const item = document.createElement("li"), button = document.createElement("button");
     button.type = "button"; button.className = `told ${span.kind}`;

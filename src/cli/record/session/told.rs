@@ -2,6 +2,7 @@
 
 use crate::body::worn::check::T_POSE_FAIL_RAD;
 use crate::cli::cues;
+use crate::error::either;
 use crate::job::report::counted;
 use crate::job::session::{CutShort, Happening, RecordedTrial, TrialFault};
 use crate::session::SensorCheck;
@@ -35,10 +36,11 @@ pub fn of(happening: &Happening<'_>) -> String {
         Happening::FacingForward { subject } => format!("subject {subject}:"),
         Happening::NextTrial { number, total, action, subjects, good, wanted } => {
             let mut text = format!(
-                "\n[{number}/{total}] {}, {}: {good} of {wanted} good repetitions\n  {}",
+                "\n[{number}/{total}] {}, {}: {good} of {wanted}\n  {}",
                 action.name,
                 subjects.join(" and "),
-                action.explain
+                action.explain,
+                wanted = counted(wanted, "good repetition")
             );
             if !action.props.is_empty() {
                 let _ = write!(text, "\n  props: {}", action.props);
@@ -110,7 +112,11 @@ fn of_trial(recorded: &RecordedTrial) -> String {
 fn of_fault(fault: &TrialFault) -> String {
     match fault {
         TrialFault::CutOff => "it was cut off: its last second may be missing".to_owned(),
-        TrialFault::Missing { samples } => format!("{samples} samples are missing"),
+        TrialFault::Missing { samples } => format!(
+            "{samples} {are} missing",
+            samples = counted(samples, "sample"),
+            are = either(samples, "is", "are")
+        ),
         TrialFault::Unheard { sensor } => format!("{sensor} said nothing in it"),
         TrialFault::Silent { sensor, seconds } => {
             format!("{sensor} is silent for the last {seconds:.1} s")

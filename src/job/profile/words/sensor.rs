@@ -1,5 +1,6 @@
 //! `profile show` of a sensor.
 
+use crate::error::counted;
 use gaitway_profiles::{Channel, Sensor};
 use std::fmt::Write;
 
@@ -18,10 +19,11 @@ pub(super) fn show(sensor: &Sensor) -> String {
     let _ = write!(out, "\naxes     {}", sensor.axes.map(super::words).join(", "));
     let _ = writeln!(out, "; world {}", super::words(sensor.world));
     if let Some(counter) = sensor.counter {
-        let _ = writeln!(out, "counter  {} bits", counter.bits);
+        let _ = writeln!(out, "counter  {}", counted(counter.bits, "bit"));
     }
     if let Some(clock) = sensor.clock {
-        let _ = writeln!(out, "clock    {} bits of {} us", clock.bits, clock.tick_s * 1e6);
+        let _ =
+            writeln!(out, "clock    {} of {} us", counted(clock.bits, "bit"), clock.tick_s * 1e6);
     }
     for (word, commands) in [("start", &sensor.start), ("stop", &sensor.stop)] {
         for command in commands {
