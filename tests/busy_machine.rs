@@ -133,6 +133,7 @@ fn motions_and_moves_end_beside_busy_processes() {
     for line in [
         "play walk --robot op3 --bus sim:pty --json",
         "play bow --robot poppy-humanoid --bus sim:pty --json",
+        "play wave-r --loop 2 --robot op3 --bus sim:pty --json",
         "servo move sim:pty 19 20 --robot op3 --json",
         "live --from file:wave-r --robot op3 --bus sim:pty --for 5s --json",
     ] {
@@ -140,6 +141,20 @@ fn motions_and_moves_end_beside_busy_processes() {
         assert_eq!(report["outcome"], "done", "{line}: {report:#}");
         println!("{line}: waited {:.3} s", waited_s(&report));
     }
+}
+
+#[test]
+fn directions_are_asked_for_to_the_end_beside_busy_processes() {
+    let _alone = alone();
+    let _busy = Busy::machine();
+    let folder = crate::program::folder("directions");
+    let answers = folder.join("answers");
+    std::fs::write(&answers, "y\ny\n").expect("a file");
+    let line = "doctor --directions --robot so101 --bus sim:pty --joint shoulder_pan --joint gripper --json";
+    let answers = std::fs::File::open(answers).expect("a file");
+    let report = report(&gaitway(&folder, line).stdin(answers).output().expect("a run"));
+    assert_eq!(report["outcome"], "done", "{report:#}");
+    assert_eq!(report["joints"].as_array().expect("joints").len(), 2, "{report:#}");
 }
 
 #[test]
