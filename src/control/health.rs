@@ -178,7 +178,8 @@ impl fmt::Display for StopReason {
                 write!(f, "the robot fell: its base is tilted by {:.0} deg", tilt_rad.to_degrees())
             }
             Self::FeelsNothing { cycles } => {
-                write!(f, "the sensor in the base gave no answer for {cycles} cycles")
+                let cycles = counted(cycles, "cycle");
+                write!(f, "the sensor in the base gave no answer for {cycles}")
             }
             Self::Broke { words } => write!(f, "the control loop broke: {words}"),
             Self::LineLost { line, text, joints } => write!(
