@@ -38,6 +38,8 @@ fn a_robot_that_balances_feels_every_cycle_keeps_every_rule_and_ends_at_rest() {
     assert_eq!(figure(&report, "felt_cycles"), report["cycles"].as_f64().expect("cycles"));
     let (moved_rad, most_rad) = (figure(&report, "peak_correction_rad"), 0.15);
     assert!(moved_rad > 1e-3 && moved_rad <= most_rad, "{moved_rad}");
+    let said = report["notes"].to_string();
+    assert!(said.contains("balance: the base tilted by "), "{said}");
     // Rules of the referee: limits, steps, first and last two goals equal.
     assert_eq!(report["referee"]["violations"], Value::Array(Vec::new()));
     let (_, without) = play(&["wave-r", "--physics"]);

@@ -13,7 +13,7 @@ use super::cycle::{Motion, Planned};
 use super::health::{BLIND_CYCLES, FALLEN_RAD, StopReason};
 use crate::device::Inertial;
 use crate::device::inertial::STANDARD_GRAVITY_M_S2;
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, ErrorKind, counted};
 use crate::motion::follow::Chase;
 use crate::motion::{JointLimits, Setpoint};
 use crate::robot::{Robot, RobotBody};
@@ -42,6 +42,23 @@ pub struct BalanceFigures {
     pub peak_tilt_rad: f64,
     /// Most that any joint was moved for it, rad.
     pub peak_correction_rad: f64,
+}
+
+impl BalanceFigures {
+    /// As a person reads it.
+    #[must_use]
+    pub fn words(&self) -> String {
+        let missed = match self.missed_cycles {
+            0 => String::new(),
+            missed => format!("; the sensor was silent for {}", counted(missed, "cycle")),
+        };
+        format!(
+            "balance: the base tilted by {:.1} deg at most otherwise than the motion wants, joints answered by {:.1} deg at \
+             most{missed}",
+            self.peak_tilt_rad.to_degrees(),
+            self.peak_correction_rad.to_degrees()
+        )
+    }
 }
 
 /// One joint that answers.

@@ -12,8 +12,8 @@ use super::simulate::script;
 use super::source::{self, MotionOrder, RobotMotion};
 use super::weight::{self, Witness};
 use crate::control::{
-    self, Balanced, Balancer, Left, Motion, Performance, Planned, Run, Settings, StopReason,
-    balance, inject, net,
+    self, BalanceFigures, Balanced, Balancer, Left, Motion, Performance, Planned, Run, Settings,
+    StopReason, balance, inject, net,
 };
 use crate::error::{Error, ErrorKind};
 use crate::motion::{self, Plan, PlanOptions, Setpoint, Trajectory, plan};
@@ -618,6 +618,7 @@ fn perform(
         }
     };
     report.balance = balanced.map(|of| of.balancer.figures().clone());
+    report.notes.extend(report.balance.as_ref().map(BalanceFigures::words));
     let is_limp = |run: &Run| match run.stop {
         None => options.end == EndState::Limp,
         Some(StopReason::Fell { .. }) => {
