@@ -165,7 +165,10 @@ fn a_last_frame_that_is_not_whole_is_left_out_and_said_and_other_faults_are_refu
         assert!(refused.contains(said), "{said}: {refused}");
     }
     let jump = motion(&AMC.replace("\n2\n", "\n5\n")).expect("a motion").1;
-    assert!(jump.iter().any(|note| note.contains("do not follow one another")), "{jump:?}");
+    assert!(
+        jump.iter().any(|note| note.contains("does not follow the one before, 1 time")),
+        "{jump:?}"
+    );
     for (from, to, said) in [
         ("root arm tail", "root arm", "tail"),
         ("arm hand", "arm hand arm", "below two others"),

@@ -14,17 +14,22 @@ use std::time::Duration;
 
 #[test]
 fn a_scan_finds_every_servo_of_the_robot_and_writes_nothing() {
-    for (robot, model, protocol, ids) in [
-        ("op3", "XM430-W350", "dynamixel-2.0", 1..=20),
-        ("so101", "STS3215", "feetech-sts", 1..=6),
-        ("op2", "MX-28", "dynamixel-1.0", 1..=20),
+    // OP3's base has a board with a sensor among its servos.
+    let board = Some((200, "OpenCR with the OP3 firmware"));
+    for (robot, model, protocol, ids, board) in [
+        ("op3", "XM430-W350", "dynamixel-2.0", 1..=20, board),
+        ("so101", "STS3215", "feetech-sts", 1..=6, None),
+        ("op2", "MX-28", "dynamixel-1.0", 1..=20, None),
     ] {
         let report = json(&run(&["scan", "sim", "--robot", robot, "--json", "-q"]));
         let devices = report["devices"].as_array().expect("devices");
         let found: Vec<u64> = devices.iter().filter_map(|d| d["id"].as_u64()).collect();
-        assert_eq!(found, ids.collect::<Vec<u64>>(), "{robot}");
+        let expected: Vec<u64> = ids.chain(board.map(|(id, _)| id)).collect();
+        assert_eq!(found, expected, "{robot}");
         for device in devices {
-            assert_eq!((&device["model"], &device["protocol"]), (&model.into(), &protocol.into()));
+            let of_board = board.filter(|(id, _)| device["id"] == *id).map(|(_, model)| model);
+            assert_eq!(device["model"], of_board.unwrap_or(model));
+            assert_eq!(device["protocol"], protocol);
         }
         assert_eq!(report["collisions"], serde_json::json!([]));
     }

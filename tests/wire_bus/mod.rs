@@ -127,7 +127,8 @@ impl BytePort for ScriptedLine {
 
 /// OP3's file: 20 servos on one line.
 pub fn op3() -> Robot {
-    gaitway_profiles::robot("op3").expect("a shipped robot")
+    // Servos alone: the board in its base is another device on the line.
+    Robot { body: None, ..gaitway_profiles::robot("op3").expect("a shipped robot") }
 }
 
 /// OP3 with STS3215 servos on a line of 1 Mbit/s.

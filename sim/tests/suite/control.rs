@@ -361,7 +361,10 @@ fn faults_that_never_end_are_not_taken_without_end() {
         taken += 1;
         assert!(taken < 10_000);
     }
-    assert!(desk.refused(r#"{"do":"fault","kind":"twin","joint":"joint_1"}"#).contains("already"));
+    assert!(
+        desk.refused(r#"{"do":"fault","kind":"twin","joint":"joint_1"}"#)
+            .contains("have not ended")
+    );
     desk.ask(r#"{"do":"reset"}"#);
     // Twins that come and go do not pile up on the line.
     for _ in 0..1000 {
