@@ -57,7 +57,8 @@ pub struct PlayArgs {
     /// The virtual robot has weight and may fall (sim, sim:pty; robots whose file has a body)
     #[arg(long)]
     physics: bool,
-    /// Ankles, knees and hips answer a base that tilts otherwise than the motion wants (op3: its OpenCR feels it)
+    /// Joints that the robot's file names answer a base that tilts otherwise than the motion wants (op3: its ankles; its
+    /// OpenCR feels it)
     #[arg(long)]
     balance: bool,
     /// Faults of this script befall the virtual robot, by its own clock (sim, sim:pty; keys: sim/README.md)
