@@ -257,7 +257,7 @@ impl Balancer {
         let before = self.wanted.replace(wanted).unwrap_or(wanted);
         let wanted_rate = wanted.cross(before) / self.period_s;
         self.rate_rad_s = *rate_rad_s - wanted_rate;
-        self.figures.peak_tilt_rad = self.figures.peak_tilt_rad.max(tilt_rad.truncate().length());
+        self.figures.peak_tilt_rad = self.figures.peak_tilt_rad.max(up.angle_between(wanted));
     }
 
     /// Why the motion must end, if it must.
