@@ -112,7 +112,8 @@ fn another_device_at_the_sensors_id_is_refused() {
 #[test]
 fn who_cannot_balance_is_told_why() {
     for (arguments, words) in [
-        (["wave-r", "--balance", "--hang"].as_slice(), "on a stand"),
+        (["wave-r", "--balance", "--hang"].as_slice(), "--hang too"),
+        (&["wave-r", "--balance", "--only", "head_pan"], "--only too"),
         (&["wave-r", "--balance", "--robot", "toddlerbot"], "[body.balance]"),
     ] {
         let mut command = gaitway();

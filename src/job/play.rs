@@ -176,7 +176,7 @@ pub fn play(order: &PlayOrder, observer: &dyn Observer) -> Played {
     let mut played = Played { report, series: None, scene: None };
     let done = under_net(&mut played.report, |report| {
         refuse_limp_without_end(&order.options)?;
-        refuse_balance_in_the_air(&order.options)?;
+        refuse_balance_without_legs(order)?;
         let (robot, calibration) =
             calibrated(&order.robot, &order.buses, order.calibration.as_deref())?;
         report.calibration = calibration.map(|path| path.display().to_string());
@@ -216,15 +216,20 @@ fn refuse_limp_without_end(options: &Options) -> Result<(), Error> {
         .remedy("stop it with Ctrl-C, then `gaitway limp`"))
 }
 
-/// Who hangs on a stand cannot fall, and what is felt there is no tilt of soles.
-fn refuse_balance_in_the_air(options: &Options) -> Result<(), Error> {
-    if !options.balance || !options.hangs {
-        return Ok(());
-    }
-    Err(Error::new("a robot on a stand does not balance")
+/// Who hangs on a stand cannot fall, and joints that are to stay where they are answer no tilt.
+fn refuse_balance_without_legs(order: &PlayOrder) -> Result<(), Error> {
+    let PlayOrder { motion, options, .. } = order;
+    let other = match (options.hangs, motion.only.is_empty()) {
+        _ if !options.balance => return Ok(()),
+        (true, _) => "--hang",
+        (false, false) => "--only",
+        (false, true) => return Ok(()),
+    };
+    Err(Error::new("a robot on a stand, or of which only some joints move, does not balance")
         .at("--balance")
-        .got("--hang too")
-        .allowed("one of the two"))
+        .got(format!("{other} too"))
+        .allowed("one of the two")
+        .remedy("leave one of them out"))
 }
 
 /// Reads a motion, unless the observer wants to stop.

@@ -136,22 +136,7 @@ pub fn give(world: &mut World, robot: &Robot, hangs: bool) -> Result<Witness, Er
             .at(format!("robot {}", robot.name))
             .remedy("gaitway robot import FILE.urdf makes a file with one; or leave out --physics")
     })?;
-    let soles = StandingSole::all(&body);
-    let held = Held::of(&body, &soles, hangs);
-    let witness = Witness { seen: Arc::default(), can_fall: held == Held::Standing };
-    let ranges_rad = robot.joints.iter().map(|joint| [joint.lower_rad, joint.upper_rad]).collect();
-    let weighed = Weighed {
-        body,
-        soles,
-        held,
-        ranges_rad,
-        moving: None,
-        gained_m_s2: DVec3::ZERO,
-        slope_rad: [0.0; 2],
-        floor_rad_s: DVec3::ZERO,
-        powered_since_ns: 0,
-        witness: witness.clone(),
-    };
+    let (weighed, witness) = Weighed::new(robot, body, hangs);
     world.give_weight(Box::new(weighed)).map_err(|error| {
         let said = Error::new(error.to_string()).at(format!("robot {}", robot.name));
         match error {
@@ -181,6 +166,28 @@ struct Weighed {
 }
 
 impl Weighed {
+    /// A body that somebody holds, and whoever tells what became of it.
+    fn new(robot: &Robot, body: RobotBody, hangs: bool) -> (Self, Witness) {
+        let soles = StandingSole::all(&body);
+        let held = Held::of(&body, &soles, hangs);
+        let witness = Witness { seen: Arc::default(), can_fall: held == Held::Standing };
+        let ranges_rad =
+            robot.joints.iter().map(|joint| [joint.lower_rad, joint.upper_rad]).collect();
+        let weighed = Self {
+            body,
+            soles,
+            held,
+            ranges_rad,
+            moving: None,
+            gained_m_s2: DVec3::ZERO,
+            slope_rad: [0.0; 2],
+            floor_rad_s: DVec3::ZERO,
+            powered_since_ns: 0,
+            witness: witness.clone(),
+        };
+        (weighed, witness)
+    }
+
     /// Where links may touch the floor.
     fn corners(&self) -> Vec<(usize, DVec3)> {
         let of_soles =
@@ -325,25 +332,8 @@ mod tests {
     fn op3(hangs: bool) -> (Weighed, Witness, Vec<f64>) {
         let robot = gaitway_profiles::robot("op3").expect("a robot");
         let body = RobotBody::of(&robot).expect("sound").expect("a body");
-        let soles = StandingSole::all(&body);
-        let held = Held::of(&body, &soles, hangs);
-        let witness = Witness { seen: Arc::default(), can_fall: held == Held::Standing };
-        let ranges_rad =
-            robot.joints.iter().map(|joint| [joint.lower_rad, joint.upper_rad]).collect();
         let initial = robot.joints.iter().map(|joint| joint.initial_rad()).collect();
-        let seen = witness.clone();
-        let weighed = Weighed {
-            body,
-            soles,
-            held,
-            ranges_rad,
-            moving: None,
-            gained_m_s2: DVec3::ZERO,
-            slope_rad: [0.0; 2],
-            floor_rad_s: DVec3::ZERO,
-            powered_since_ns: 0,
-            witness,
-        };
+        let (weighed, seen) = Weighed::new(&robot, body, hangs);
         (weighed, seen, initial)
     }
 
