@@ -34,6 +34,7 @@ pub mod markers;
 pub mod model;
 pub mod monitor;
 pub mod names;
+mod npz;
 pub mod observer;
 pub mod open;
 pub mod page;

@@ -1,8 +1,12 @@
 //! `gaitway retarget`: the same trajectory in each kind of file.
 
+mod aloud;
 mod program;
+mod python;
 
+use aloud::aloud;
 use gaitway::mocap::bvh;
+use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::Output;
 
@@ -116,5 +120,96 @@ fn an_ending_it_does_not_know_is_refused_with_those_it_does() {
     let output = retarget(&folder().join("wave.fbx"), &[]);
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
     assert_eq!(output.status.code(), Some(1));
-    assert!(said.contains(".csv, .mcap or .bvh"), "{said}");
+    assert!(said.contains(".csv, .mcap, .bvh or .npz"), "{said}");
+}
+
+/// How far what learners read is from a table of the same motion, of which they have the part that begins after the
+/// way to the first pose.
+const BESIDE_TABLE: &str = "
+import csv, json, sys, numpy as np
+table, npz, plain, begins_s = *sys.argv[1:4], float(sys.argv[4])
+rows = list(csv.reader(open(table)))
+titles, values = rows[0], np.array(rows[1:], dtype=float)
+joints = [title for title in titles if title.endswith('_rad')]
+def at(times, title):
+    return np.interp(times, values[:, 0], values[:, titles.index(title)])
+data = np.load(npz, allow_pickle=False)
+lines = np.loadtxt(plain, delimiter=',')
+def off(found, times, names):
+    return float(np.abs(found - np.stack([at(times, name) for name in names], axis=1)).max())
+base = ['base_x_m', 'base_y_m', 'base_z_m']
+quick = begins_s + np.arange(len(data['joint_pos'])) / 50
+slow = begins_s + np.arange(len(lines)) / 30
+print(json.dumps({
+  'fps': int(data['fps'][0]),
+  'names': [str(name) + '_rad' for name in data['joint_names']] == joints,
+  'npz_rad': off(data['joint_pos'], quick, joints),
+  'npz_m': off(data['body_pos_w'][:, 0], quick, base),
+  'csv_rad': off(lines[:, 7:], slow, joints),
+  'csv_m': off(lines[:, :7], slow, base + ['base_qx', 'base_qy', 'base_qz', 'base_qw']),
+  'ends_s': [float(quick[-1]), float(slow[-1]), float(values[-1, 0])],
+}))
+";
+
+#[test]
+fn learners_read_the_motion_of_the_table_from_its_first_pose_on() {
+    let python = match python::python() {
+        Ok(python) => python,
+        Err(why) => {
+            aloud!("SKIPPED: {why}");
+            return;
+        }
+    };
+    let made = |file: &str, more: &[&str]| {
+        let path = folder().join(file);
+        let mut command = crate::program::gaitway();
+        command.args(["retarget", "squat", "--robot", "op3", "--force", "--json", "-o"]);
+        let output = command.arg(&path).args(more).output().expect("the command");
+        assert!(output.status.success(), "{output:?}");
+        let report: Value = serde_json::from_slice(&output.stdout).expect("a report");
+        (path, report)
+    };
+    let (table, report) = made("learned-from.csv", &["--rate", "1000"]);
+    let (npz, _) = made("learned.npz", &[]);
+    let (plain, told) = made("learned.csv", &["--format", "robot-csv"]);
+    let notes = told["notes"].to_string();
+    assert!(notes.contains("the motion alone"), "{notes}");
+    let begins_s = report["approach_s"].as_f64().expect("a way to the first pose");
+    let read = std::process::Command::new(&python.program)
+        .args(["-c", BESIDE_TABLE])
+        .args([&table, &npz, &plain])
+        .arg(begins_s.to_string())
+        .output()
+        .expect("Python");
+    assert!(read.status.success(), "{}", String::from_utf8_lossy(&read.stderr));
+    let read: Value = serde_json::from_slice(&read.stdout).expect("JSON");
+    assert_eq!((&read["fps"], &read["names"]), (&Value::from(50), &Value::from(true)));
+    // Between rows of the table, a millisecond apart, lines are straight.
+    for (key, most) in [("npz_rad", 2e-5), ("npz_m", 2e-5), ("csv_rad", 2e-5), ("csv_m", 2e-5)] {
+        assert!(read[key].as_f64().expect(key) < most, "{key}: {read}");
+    }
+    let ends_s: Vec<f64> = serde_json::from_value(read["ends_s"].clone()).expect("times");
+    let longest = report["duration_s"].as_f64().expect("a duration");
+    assert!((ends_s[2] - longest).abs() < 1e-3, "{read}");
+    assert!(ends_s[..2].iter().all(|end_s| *end_s <= longest && *end_s > 0.5 * longest), "{read}");
+}
+
+#[test]
+fn a_format_that_is_not_there_or_of_another_ending_or_of_another_robot_is_refused_and_nothing_written() {
+    let wave = folder().join("refused.csv");
+    let bare = folder().join("refused.npz");
+    for (file, more, said) in [
+        (&wave, &["--format", "robot-cvs"][..], "robot-csv"),
+        (&bare, &["--format", "robot-csv"], "ends in .csv"),
+        (&wave, &["--format", "unitree-csv"], "no left_hip_pitch"),
+        (&bare, &["--rate", "29.97"], "whole number"),
+    ] {
+        let mut command = crate::program::gaitway();
+        command.args(["retarget", "wave-r", "--robot", "op3", "-o"]).arg(file).args(more);
+        let output = command.output().expect("the command");
+        let told = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(1), "{told}");
+        assert!(told.contains(said), "{more:?}: {told}");
+        assert!(!file.exists());
+    }
 }

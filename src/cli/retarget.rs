@@ -15,10 +15,13 @@ use std::path::PathBuf;
 pub struct RetargetArgs {
     #[command(flatten)]
     motion: MotionArgs,
-    /// File to write: .csv, .mcap or .bvh
+    /// File to write: .csv, .mcap, .bvh or .npz
     #[arg(short, long, value_name = "OUT")]
     output_file: PathBuf,
-    /// Rows per second [default: the robot file's rate]
+    /// What goes into a .csv or .npz for those who learn from it: robot-csv, unitree-csv or robot-npz
+    #[arg(long, value_name = "FORMAT")]
+    format: Option<String>,
+    /// Rows per second [default: the robot file's rate; for learners 30, in .npz 50]
     #[arg(long, value_name = "HZ", value_parser = super::play::rate, allow_negative_numbers = true)]
     rate: Option<f64>,
     /// Write a page that shows it to this file
@@ -33,7 +36,7 @@ pub struct RetargetArgs {
 /// # Errors
 /// As `play`, before it looks for a bus.
 pub fn run(args: &RetargetArgs, remarks: Remarks) -> Result<i32, Error> {
-    TrajectoryFile::of(&args.output_file)?;
+    let kind = TrajectoryFile::of(&args.output_file, args.format.as_deref())?;
     args.output.check_files(&[&Some(args.output_file.clone()), &args.html])?;
     let order = RetargetOrder {
         motion: args.motion.order(),
@@ -42,6 +45,7 @@ pub fn run(args: &RetargetArgs, remarks: Remarks) -> Result<i32, Error> {
         retime: args.motion.retime(),
         rate_hz: args.rate,
         file: args.output_file.clone(),
+        kind,
         replace: args.output.force(),
         hangs: args.motion.hangs(),
         allow_fall: args.motion.allows_fall(),

@@ -11,7 +11,6 @@ pub(in crate::job) mod generate;
 mod inside;
 mod labels;
 mod lerobot;
-mod npz;
 mod plan;
 mod remove;
 mod shipped;

@@ -1,6 +1,7 @@
 //! The trajectory a robot would play, as a file, and its figures.
 
 mod bvh;
+mod learners;
 
 use super::bodily;
 use super::model::robot_model;
@@ -20,11 +21,14 @@ use crate::motion::{Plan, PlanOptions, Setpoint, plan};
 use crate::port::{Clock, MonotonicClock};
 use crate::recording::{BaseRecord, CycleRecord, JointRecord, Recorder, RunEnd, RunStart};
 use crate::retarget::base::BasePath;
+use crate::retarget::BodyFigures;
 use crate::rigid::Placement;
 use crate::robot::Robot;
 use crate::table::TableWriter;
 use crate::time::Duration;
 use std::path::{Path, PathBuf};
+
+pub use learners::LearnerFile;
 
 /// Which motion becomes which file.
 #[derive(Clone, Debug, PartialEq)]
@@ -39,8 +43,10 @@ pub struct RetargetOrder {
     pub retime: Option<bool>,
     /// Rows per second; `None`: the robot's rate.
     pub rate_hz: Option<f64>,
-    /// The file, whose ending says what is written.
+    /// The file.
     pub file: PathBuf,
+    /// What is written.
+    pub kind: TrajectoryFile,
     /// It may replace one that is there.
     pub replace: bool,
     /// The robot hangs on a stand.
@@ -56,10 +62,9 @@ pub struct RetargetOrder {
 /// # Errors
 /// As for a motion that is played, before a bus is looked for; a wish to stop; a file that cannot be written.
 pub fn retarget(order: &RetargetOrder, observer: &dyn Observer) -> Result<PlayReport, Error> {
-    let kind = TrajectoryFile::of(&order.file)?;
     let of = order.clone();
     let Retargeted { robot, planned, base, bytes, report, page } =
-        unless_stopped(observer, move || Retargeted::of(&of, kind))?;
+        unless_stopped(observer, move || Retargeted::of(&of))?;
     match bytes {
         Some(bytes) => draft::write_file(&order.file, order.replace, &bytes)?,
         None => {
@@ -85,7 +90,7 @@ struct Retargeted {
 }
 
 impl Retargeted {
-    fn of(order: &RetargetOrder, kind: TrajectoryFile) -> Result<Self, Error> {
+    fn of(order: &RetargetOrder) -> Result<Self, Error> {
         let robot = Robot::load(&order.robot)?;
         let hung = MotionOrder {
             hangs: order.hangs,
@@ -104,7 +109,7 @@ impl Retargeted {
         let asked = path.stretched(1.0 / order.speed);
         let (base, metrics) = bodily::look(&robot, &loaded, &asked, &planned, order.hangs)?;
         let rate_hz = order.rate_hz.unwrap_or(robot.file.rate_hz);
-        let bytes = match kind {
+        let bytes = match order.kind {
             TrajectoryFile::Csv => Some(csv(&planned, base.as_ref(), rate_hz)?),
             TrajectoryFile::Bvh => {
                 let model = robot_model(&robot)?;
@@ -115,6 +120,11 @@ impl Retargeted {
                 Some(mocap::bvh::write(&bvh::of_robot(&model, &poses, rate_hz)).into_bytes())
             }
             TrajectoryFile::Mcap => None,
+            TrajectoryFile::Learner(file) => {
+                let rate_hz = order.rate_hz.unwrap_or(file.rate_hz());
+                let clip = RobotClip::of(&planned, base.as_ref(), &metrics, rate_hz);
+                Some(file.bytes(&robot, &clip, rate_hz)?)
+            }
         };
         let mut report = PlayReport::new(&loaded.name, &robot.name, Vec::new());
         report.outcome = Outcome::Done;
@@ -132,10 +142,11 @@ impl Retargeted {
         report.metrics = Some(metrics);
         report.duration_s = planned.trajectory.duration_s();
         describe_plan(&mut report, &robot, &planned, &loaded);
-        report.notes.push(format!(
-            "the file begins with {:.2} s of transition from the robot's initial pose",
-            report.approach_s
-        ));
+        let begins_s = format!("{:.2} s of transition from the robot's initial pose", report.approach_s);
+        report.notes.push(match order.kind {
+            TrajectoryFile::Learner(_) => format!("the file has the motion alone, without {begins_s}"),
+            _ => format!("the file begins with {begins_s}"),
+        });
         report.html = order.html.as_ref().map(|path| path.display().to_string());
         let page = scene.map(|scene| page(&report, scene?)).transpose()?;
         Ok(Self { robot, planned, base, bytes, report, page })
@@ -171,21 +182,27 @@ pub(super) fn robot_clip(
     let options = PlanOptions { retime: true, ..PlanOptions::default() };
     let planned = plan(&start_rad, &path, &robot.limits(), options)?;
     let (base, metrics) = bodily::look(robot, &loaded, &path, &planned, false)?;
-    let (from_s, to_s) = (planned.clip_start_s, planned.clip_start_s + planned.clip_s);
-    let count = ((to_s - from_s) * rate_hz).floor() as usize;
-    let mut setpoints = vec![Setpoint::default(); planned.trajectory.joints().len()];
-    let row = |row: usize| {
-        let time_s = from_s + row as f64 / rate_hz;
-        planned.trajectory.sample(time_s, &mut setpoints);
-        let at = base.as_ref().map_or(Placement::IDENTITY, |base| base.at(time_s).0);
-        (at, setpoints.iter().map(|setpoint| setpoint.position_rad).collect())
-    };
-    Ok(RobotClip {
-        rows: (0..=count).map(row).collect(),
-        has_base: base.is_some(),
-        retime_factor: planned.stretch,
-        falls_s: metrics.predicted_fall_s.map(|at_s| (at_s - from_s).max(0.0)),
-    })
+    Ok(RobotClip::of(&planned, base.as_ref(), &metrics, rate_hz))
+}
+
+impl RobotClip {
+    fn of(planned: &Plan, base: Option<&BasePath>, metrics: &BodyFigures, rate_hz: f64) -> Self {
+        let (from_s, to_s) = (planned.clip_start_s, planned.clip_start_s + planned.clip_s);
+        let count = ((to_s - from_s) * rate_hz).floor() as usize;
+        let mut setpoints = vec![Setpoint::default(); planned.trajectory.joints().len()];
+        let row = |row: usize| {
+            let time_s = from_s + row as f64 / rate_hz;
+            planned.trajectory.sample(time_s, &mut setpoints);
+            let at = base.map_or(Placement::IDENTITY, |base| base.at(time_s).0);
+            (at, setpoints.iter().map(|setpoint| setpoint.position_rad).collect())
+        };
+        Self {
+            rows: (0..=count).map(row).collect(),
+            has_base: base.is_some(),
+            retime_factor: planned.stretch,
+            falls_s: metrics.predicted_fall_s.map(|at_s| (at_s - from_s).max(0.0)),
+        }
+    }
 }
 
 /// What is written.
@@ -197,22 +214,43 @@ pub enum TrajectoryFile {
     Bvh,
     /// A recording of goals.
     Mcap,
+    /// The motion alone, for those who learn from it.
+    Learner(LearnerFile),
 }
 
 impl TrajectoryFile {
-    /// What a name asks for.
+    /// What a name asks for, and a format if one is named beside it.
     ///
     /// # Errors
-    /// Another ending.
-    pub fn of(path: &Path) -> Result<Self, Error> {
-        match path.extension().and_then(|ending| ending.to_str()) {
-            Some("csv") => Ok(Self::Csv),
-            Some("bvh") => Ok(Self::Bvh),
-            Some("mcap") => Ok(Self::Mcap),
+    /// Another ending; a format of another ending, or none that there is.
+    pub fn of(path: &Path, format: Option<&str>) -> Result<Self, Error> {
+        let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default();
+        if let Some(word) = format {
+            let known = LearnerFile::ALL.into_iter().find(|file| file.word() == word);
+            let file = known.ok_or_else(|| {
+                Error::of(ErrorKind::Unknown, "there is no such format").at("--format").none_of(
+                    word,
+                    LearnerFile::ALL.map(LearnerFile::word),
+                    "take one of these",
+                )
+            })?;
+            if ending != file.ending() {
+                return Err(Error::new(format!("{word} goes into files of another ending"))
+                    .at("-o")
+                    .got(path.display().to_string())
+                    .allowed(format!("a name that ends in .{}", file.ending())));
+            }
+            return Ok(Self::Learner(file));
+        }
+        match ending {
+            "csv" => Ok(Self::Csv),
+            "bvh" => Ok(Self::Bvh),
+            "mcap" => Ok(Self::Mcap),
+            "npz" => Ok(Self::Learner(LearnerFile::RobotNpz)),
             _ => Err(Error::of(ErrorKind::Unknown, "this kind of file cannot be written")
                 .at("-o")
                 .got(path.display().to_string())
-                .allowed("a name that ends in .csv, .mcap or .bvh")),
+                .allowed("a name that ends in .csv, .mcap, .bvh or .npz")),
         }
     }
 }

@@ -1,9 +1,8 @@
 //! Trials passed on: as files of their own, with what they are and what may be done with them.
 
-use super::super::retarget::{RobotClip, robot_clip};
-use super::super::source::{joints, untitled};
+use super::super::retarget::{LearnerFile, RobotClip, robot_clip};
+use super::super::source::joints;
 use super::lerobot::{Dataset, Episode};
-use super::npz;
 use super::trial::capture_of;
 use crate::body::Proportions;
 use crate::corpus::licence::Licence;
@@ -15,15 +14,14 @@ use crate::corpus::tables::TrialFrames;
 use crate::corpus::version::ExportNote;
 use crate::draft::write_file;
 use crate::error::{Error, ErrorKind};
+use crate::job::npz;
 use crate::job::pending::go_on;
 use crate::job::report::Outcome;
 use crate::job::{Event, Observer};
 use crate::mocap::markers::FramesOf;
 use crate::mocap::{bvh, c3d, export};
 use crate::recording;
-use crate::rigid::Placement;
-use crate::robot::{Robot, RobotBody};
-use crate::table::TableWriter;
+use crate::robot::Robot;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -42,14 +40,8 @@ pub enum ExportFormat {
     Source,
     /// Labels of frames, a line for each: 1.0, 0.5 or 0.0, in `TRIAL/LABEL.txt`.
     Labels,
-    /// On a robot's joints: tables without titles, of base (x y z, qx qy qz qw) and joints in rad, 30 rows a second, as
-    /// Unitree's retargeted LAFAN1 has them.
-    RobotCsv,
-    /// The same with the places, turns and velocities of all links, 50 frames a second: `.npz` as `BeyondMimic` and mjlab read
-    /// it.
-    RobotNpz,
-    /// As `robot-csv`, for robots that have the 29 joints of Unitree's G1, in Unitree's order.
-    UnitreeCsv,
+    /// On a robot's joints, as learners read it.
+    Robot(LearnerFile),
     /// A `LeRobotDataset` of version 3: an episode for each, 30 frames a second.
     Lerobot,
 }
@@ -62,9 +54,9 @@ impl ExportFormat {
         Self::AxisAngle,
         Self::Source,
         Self::Labels,
-        Self::RobotCsv,
-        Self::RobotNpz,
-        Self::UnitreeCsv,
+        Self::Robot(LearnerFile::RobotCsv),
+        Self::Robot(LearnerFile::RobotNpz),
+        Self::Robot(LearnerFile::UnitreeCsv),
         Self::Lerobot,
     ];
 
@@ -77,9 +69,7 @@ impl ExportFormat {
             Self::AxisAngle => "axis-angle",
             Self::Source => "source",
             Self::Labels => "labels",
-            Self::RobotCsv => "robot-csv",
-            Self::RobotNpz => "robot-npz",
-            Self::UnitreeCsv => "unitree-csv",
+            Self::Robot(file) => file.word(),
             Self::Lerobot => "lerobot",
         }
     }
@@ -101,8 +91,7 @@ impl ExportFormat {
     /// Rows a second of what is written of a robot; nothing if it is not of one.
     const fn robot_hz(self) -> Option<f64> {
         match self {
-            Self::RobotCsv | Self::UnitreeCsv => Some(untitled::RATE_HZ),
-            Self::RobotNpz => Some(50.0),
+            Self::Robot(file) => Some(file.rate_hz()),
             Self::Lerobot => Some(30.0),
             _ => None,
         }
@@ -237,15 +226,7 @@ pub fn export(order: &ExportOrder, observer: &dyn Observer) -> Result<ExportRepo
     let question = Question::parse(&order.question)?;
     let robot = robot_of(order)?;
     let joints = match (&robot, order.format) {
-        (Some(robot), ExportFormat::UnitreeCsv) => untitled::unitree_order(&robot.joint_names())
-            .ok_or_else(|| {
-                let missing = untitled::first_missing(&robot.joint_names()).unwrap_or_default();
-                Error::of(ErrorKind::Unknown, "the robot has not the joints of Unitree's G1")
-                    .at(robot.name.clone())
-                    .got(format!("no {missing}"))
-                    .allowed("a robot with its 29 joints, by its names")
-                    .remedy("--format robot-csv writes the joints of any robot, in the order of its file")
-            })?,
+        (Some(robot), ExportFormat::Robot(file)) => file.joints(robot)?,
         (Some(robot), _) => robot.joint_names(),
         (None, _) => Vec::new(),
     };
@@ -632,9 +613,9 @@ impl Writing<'_> {
                     exported.files.push(name);
                 }
             }
-            ExportFormat::RobotCsv | ExportFormat::RobotNpz | ExportFormat::UnitreeCsv => {
+            ExportFormat::Robot(file) => {
                 if let Some(robot) = self.robot {
-                    self.on_robot(robot, entry, &stem, &mut exported)?;
+                    self.on_robot(robot, entry, file, &stem, &mut exported)?;
                 }
             }
             // A dataset is one thing, whatever is in it.
@@ -699,41 +680,14 @@ impl Writing<'_> {
         &self,
         robot: &Robot,
         entry: &TrialEntry,
+        file: LearnerFile,
         stem: &str,
         exported: &mut ExportedTrial,
     ) -> Result<(), Error> {
-        let rate_hz = self.order.format.robot_hz().unwrap_or(entry.rate_hz);
+        let rate_hz = file.rate_hz();
         let clip = self.clip(robot, entry, rate_hz)?;
-        if !clip.has_base {
-            return Err(Error::new("where the base of this robot goes is not known")
-                .at(robot.name.clone())
-                .allowed("a robot whose file has a [body]"));
-        }
-        let own = robot.joint_names();
-        let place_of = |name: &String| own.iter().position(|known| known == name);
-        let order: Vec<usize> = self.report.joints.iter().filter_map(place_of).collect();
-        let is_npz = self.order.format == ExportFormat::RobotNpz;
-        let name = format!("{stem}.{}", if is_npz { "npz" } else { "csv" });
-        self.write(&name, || {
-            if is_npz {
-                let body = RobotBody::of(&robot.file)?.ok_or_else(|| {
-                    Error::new("where the links of this robot are is not known")
-                        .at(robot.name.clone())
-                        .allowed("a robot whose file has a [body]")
-                })?;
-                return Ok(npz::written(&body, &robot.joint_names(), &clip.rows, rate_hz));
-            }
-            let mut table = TableWriter::new(Vec::new());
-            for (Placement { at_m, turn }, angles_rad) in &clip.rows {
-                let place = at_m.to_array().into_iter().chain(turn.to_array());
-                table.row(
-                    place
-                        .chain(order.iter().map(|joint| angles_rad[*joint]))
-                        .map(|value| format!("{value:.6}")),
-                )?;
-            }
-            table.finish()
-        })?;
+        let name = format!("{stem}.{}", file.ending());
+        self.write(&name, || file.bytes(robot, &clip, rate_hz))?;
         exported.files.push(name);
         exported.retime_factor = Some(clip.retime_factor);
         exported.predicted_fall_s = clip.falls_s;

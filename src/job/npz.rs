@@ -108,8 +108,9 @@ pub(super) fn written(
     body: &RobotBody,
     joints: &[String],
     rows: &[(Placement, Vec<f64>)],
-    rate_hz: f64,
+    fps: u32,
 ) -> Vec<u8> {
+    let rate_hz = f64::from(fps);
     let count = rows.len();
     let links: Vec<Vec<Placement>> = rows
         .iter()
@@ -142,7 +143,7 @@ pub(super) fn written(
         let shape = std::iter::once(count).chain(parts.iter().copied()).collect();
         Array::numbers(name, shape, values.into_iter())
     };
-    let fps = (rate_hz.round() as i64).to_le_bytes().to_vec();
+    let fps = i64::from(fps).to_le_bytes().to_vec();
     let bodies = [link_count, 3];
     zipped(&[
         Array { name: "fps", kind: "<i8".to_owned(), shape: vec![1], bytes: fps },
