@@ -9,6 +9,7 @@ pub mod adjust;
 pub mod balance;
 pub mod base;
 pub mod collision;
+pub mod effort;
 pub mod fall;
 pub mod figures;
 pub mod footfall;
@@ -17,5 +18,6 @@ pub mod limbs;
 pub mod steps;
 pub mod toe;
 
+pub use effort::PeakEffort;
 pub use figures::{BodyFigures, DirectionErrors, PaceNeed, SlowStretch, TimeSpan};
 pub use footfall::Footfall;

@@ -86,6 +86,15 @@ impl ServoDrive {
     }
 }
 
+/// What a motor can do, seen from the joint it turns, with the voltage its figures hold for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MotorCurve {
+    /// Torque at which it stands still, N m.
+    pub stall_torque_nm: f64,
+    /// Speed at which it has no torque left, rad/s.
+    pub no_load_speed_rad_s: f64,
+}
+
 /// One degree of freedom, resolved.
 #[derive(Clone, Debug)]
 pub struct Joint {
@@ -157,6 +166,16 @@ impl Joint {
             Drive::Servo(servo) => Some(servo),
             Drive::Actuator(_) => None,
         }
+    }
+
+    /// What its motor can do, seen from the joint; nothing for an actuator, of which no curve is known.
+    #[must_use]
+    pub fn motor_curve(&self) -> Option<MotorCurve> {
+        let motor = &self.servo()?.model.profile().motor;
+        Some(MotorCurve {
+            stall_torque_nm: motor.stall_torque_nm / self.ratio.abs(),
+            no_load_speed_rad_s: motor.no_load_speed_rad_s * self.ratio.abs(),
+        })
     }
 
     /// The registers of its servo, for what only a servo can do.

@@ -195,7 +195,8 @@ fn learners_read_the_motion_of_the_table_from_its_first_pose_on() {
 }
 
 #[test]
-fn a_format_that_is_not_there_or_of_another_ending_or_of_another_robot_is_refused_and_nothing_written() {
+fn a_format_that_is_not_there_or_of_another_ending_or_of_another_robot_is_refused_and_nothing_written()
+ {
     let wave = folder().join("refused.csv");
     let bare = folder().join("refused.npz");
     for (file, more, said) in [

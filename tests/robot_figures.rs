@@ -253,6 +253,128 @@ fn a_written_motion_stands_on_the_floor_of_mujocos_model() {
     }
 }
 
+/// Torques that a table asks of a robot's joints, by MuJoCo's inverse dynamics; of what the floor has to give, each foot's
+/// part as the zero-moment point lies between them. Then the most as part of what an XM430-W350 has by its maker's page (12 V: 4.1 N m,
+/// 46 turns a minute), and the jerk.
+const EFFORTS: &str = r#"
+import csv, json, sys
+import mujoco, numpy as np
+
+order = json.load(open(sys.argv[1]))
+model = mujoco.MjModel.from_xml_path(order["model"])
+model.dof_damping[:], model.dof_frictionloss[:] = 0, 0
+model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT) | int(mujoco.mjtDisableBit.mjDSBL_LIMIT)
+model.opt.gravity[:] = [0, 0, -9.80665]
+data = mujoco.MjData(model)
+rows = list(csv.reader(open(order["table"])))
+titles, rows = rows[0], np.array([[float(cell) for cell in row] for row in rows[1:]])
+column = {title: rows[:, at] for at, title in enumerate(titles)}
+joints = [t[:-4] for t in titles if t.endswith("_rad")]
+places = np.zeros((len(rows), model.nq))
+places[:, 0:3] = np.stack([column[k] for k in ("base_x_m", "base_y_m", "base_z_m")], 1)
+places[:, 3:7] = np.stack([column[k] for k in ("base_qw", "base_qx", "base_qy", "base_qz")], 1)
+for name in joints:
+    places[:, model.joint(name).qposadr[0]] = column[name + "_rad"]
+step = 0.01
+feet = [model.body(name).id for name in ("l_ank_roll_link", "r_ank_roll_link")]
+weight = sum(model.body_mass) * 9.80665
+def speed(one, two):
+    found = np.zeros(model.nv)
+    mujoco.mj_differentiatePos(model, found, step, one, two)
+    return found
+def corners(foot):
+    found = []
+    for g in range(model.ngeom):
+        if model.geom_bodyid[g] == foot and model.geom_type[g] == int(mujoco.mjtGeom.mjGEOM_BOX):
+            signs = [(a, b, c) for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)]
+            turn = data.geom_xmat[g].reshape(3, 3)
+            found += [data.geom_xpos[g] + turn @ (model.geom_size[g] * np.array(s)) for s in signs]
+    return np.array([at[:2] for at in found if at[2] < 0.005])
+torques = []
+for at in range(len(rows)):
+    before, after = places[max(at - 1, 0)], places[min(at + 1, len(rows) - 1)]
+    coming, going = speed(before, places[at]), speed(places[at], after)
+    data.qpos[:], data.qvel[:], data.qacc[:] = places[at], (coming + going) / 2, (going - coming) / step
+    mujoco.mj_inverse(model, data)
+    needed = data.qfrc_inverse.copy()
+    force = needed[0:3].copy()
+    if not order["hangs"] and force[2] > 0.1 * weight:
+        turn = data.xmat[1].reshape(3, 3)
+        moment = turn @ needed[3:6] + np.cross(data.qpos[0:3], force)
+        point = np.array([-moment[1], moment[0]]) / force[2]
+        left_over = moment[2] - (point[0] * force[1] - point[1] * force[0])
+        stand = [(foot, corners(foot).mean(0)) for foot in feet if len(corners(foot))]
+        parts = [1.0]
+        if len(stand) == 2:
+            way = stand[1][1] - stand[0][1]
+            second = np.clip((point - stand[0][1]) @ way / (way @ way), 0, 1)
+            parts = [1 - second, second]
+        off = point - sum(part * where for part, (_, where) in zip(parts, stand)) if stand else 0
+        for part, (foot, where) in zip(parts, stand):
+            moves, turns = np.zeros((3, model.nv)), np.zeros((3, model.nv))
+            mujoco.mj_jac(model, data, moves, turns, np.append(where + off, 0.0), foot)
+            needed -= part * (moves.T @ force + turns.T @ [0, 0, left_over])
+        # What is held in the air is held by nobody.
+        assert not stand or np.abs(needed[0:6]).max() < 1e-6, needed[0:6]
+    torques.append([needed[model.joint(name).dofadr[0]] for name in joints])
+torques = np.array(torques)
+# Butterworth's second order forward and backward, 8 Hz in all, ends reflected at their points.
+warped = np.tan(np.pi * 8 * step) / (np.sqrt(2) - 1) ** 0.25
+scale = 1 + np.sqrt(2) * warped + warped ** 2
+b, a = warped ** 2 / scale, [2 * (warped ** 2 - 1) / scale, (1 - np.sqrt(2) * warped + warped ** 2) / scale]
+def once(x):
+    y, x = np.array(x), np.array(x)
+    for at in range(len(x)):
+        x1, x2 = x[max(at - 1, 0)], x[max(at - 2, 0)]
+        y1, y2 = (y[max(at - 1, 0)], y[max(at - 2, 0)]) if at else (x[0], x[0])
+        if at == 1: y2 = x[0]
+        y[at] = b * (x[at] + 2 * x1 + x2) - a[0] * y1 - a[1] * y2
+    return y
+pad = 60
+padded = np.concatenate([2 * torques[0] - torques[pad:0:-1], torques, 2 * torques[-1] - torques[-2:-pad - 2:-1]])
+smooth = once(once(padded)[::-1])[::-1][pad:-pad]
+angles = np.stack([column[name + "_rad"] for name in joints], 1)
+ends = np.concatenate([angles[:1], angles, angles[-1:]])
+speeds = (ends[2:] - ends[:-2]) / (2 * step)
+answer = {}
+for key, share in (("peak_torque", smooth / 4.1), ("peak_voltage", smooth / 4.1 + speeds / (46 * 2 * np.pi / 60))):
+    row, joint = np.unravel_index(np.abs(share).argmax(), share.shape)
+    answer[key] = {"share": float(np.abs(share).max()), "joint": joints[joint], "at_s": row * step}
+clip = angles[int(np.ceil(order["begins_s"] / step - 1e-9)):]
+answer["jerk_rms_rad_s3"] = float(np.sqrt((np.diff(clip, 3, axis=0) ** 2).mean()) / step ** 3)
+print(json.dumps(answer))
+"#;
+
+#[test]
+fn what_servos_have_to_give_is_what_mujoco_says() {
+    let Some(robots) = captured::captured("robots") else { return };
+    let model = robots.join("robotis_op3/robotis_op3_lite.xml");
+    for (motion, hangs) in
+        [("squat", false), ("bow", false), ("kick-r", false), ("side-kick-l", true), ("walk:x2", false)]
+    {
+        let table = folder().join("efforts.csv");
+        let more: &[&str] =
+            if hangs { &["--rate", "100", "--hang"] } else { &["--rate", "100"] };
+        let report = retargeted(motion, &table, more);
+        let begins_s = &report["approach_s"];
+        let order = json!({"model": model, "table": table, "hangs": hangs, "begins_s": begins_s});
+        let Some(answer) = answers(EFFORTS, &format!("efforts-{motion}"), &order, &[]) else {
+            return;
+        };
+        let metrics = &report["metrics"];
+        for key in ["peak_torque", "peak_voltage"] {
+            let [ours, theirs] = [&metrics[key], &answer[key]];
+            let share = |of: &Value| of["share"].as_f64().expect("a share");
+            aloud!("{motion}: {key} {ours}, by MuJoCo {theirs}");
+            assert!((share(ours) - share(theirs)).abs() < 0.003, "{motion}: {ours} {theirs}");
+            assert_eq!(ours["joint"], theirs["joint"], "{motion}");
+        }
+        let [ours, theirs] =
+            [metrics, &answer].map(|of| of["jerk_rms_rad_s3"].as_f64().expect("a jerk"));
+        assert!((ours / theirs - 1.0).abs() < 0.01, "{motion}: jerk {ours}, {theirs}");
+    }
+}
+
 #[test]
 fn a_table_with_a_base_is_played_and_tells_the_same_of_itself() {
     let table = folder().join("kick.csv");

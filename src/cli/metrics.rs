@@ -16,7 +16,7 @@ const FALLS: f64 = 1e6;
 
 /// Lines of a block; empty if nothing is known.
 pub fn lines(figures: &BodyFigures) -> String {
-    let parts = [balance, contact, floor, feet, limbs, trunk, pace];
+    let parts = [balance, contact, floor, feet, limbs, trunk, servos, pace];
     let mut found: Vec<(f64, String)> = parts.iter().filter_map(|part| part(figures)).collect();
     found.sort_by(|a, b| b.0.total_cmp(&a.0));
     let words = found.into_iter().map(|(_, words)| words).chain(figures.missing.iter().cloned());
@@ -119,6 +119,20 @@ fn trunk(figures: &BodyFigures) -> Option<(f64, String)> {
     let words =
         format!("its trunk leans {:.0} deg differently from the person's", off_rad.to_degrees());
     Some((off_rad / LEAN_RAD, words))
+}
+
+fn servos(figures: &BodyFigures) -> Option<(f64, String)> {
+    let (torque, voltage) = (figures.peak_torque.as_ref()?, figures.peak_voltage.as_ref()?);
+    let words = format!(
+        "asks at most {:.0} % of a servo's stall torque ({}, at {:.1} s), and {:.0} % of its voltage ({}, at {:.1} s)",
+        torque.share * 100.0,
+        torque.joint,
+        torque.at_s,
+        voltage.share * 100.0,
+        voltage.joint,
+        voltage.at_s
+    );
+    Some((torque.share.max(voltage.share), words))
 }
 
 fn pace(figures: &BodyFigures) -> Option<(f64, String)> {

@@ -8,7 +8,7 @@ use crate::motion::{JointLimits, Path, Plan, Setpoint};
 use crate::retarget::base::BasePath;
 use crate::retarget::figures::{BodyMotion, Original, figures};
 use crate::retarget::{BodyFigures, PaceNeed, SlowStretch};
-use crate::robot::{Robot, RobotBody};
+use crate::robot::{Joint, Robot, RobotBody};
 
 /// Instants that are looked at, per second, at most: bodies are slower.
 const MOST_HZ: f64 = 100.0;
@@ -95,6 +95,7 @@ pub(super) fn look(
         footfalls: footfalls.map(|said| (said, motion.rate_hz())),
         original,
         hangs,
+        motors: &robot.joints.iter().map(Joint::motor_curve).collect::<Vec<_>>(),
     })?;
     let mut figures = BodyFigures { retime, ..figures };
     let made = robot.file.body.as_ref().is_some_and(|of| of.shape_source.starts_with(MADE_UP));

@@ -20,8 +20,8 @@ use crate::mocap::anatomy::Capture;
 use crate::motion::{Plan, PlanOptions, Setpoint, plan};
 use crate::port::{Clock, MonotonicClock};
 use crate::recording::{BaseRecord, CycleRecord, JointRecord, Recorder, RunEnd, RunStart};
-use crate::retarget::base::BasePath;
 use crate::retarget::BodyFigures;
+use crate::retarget::base::BasePath;
 use crate::rigid::Placement;
 use crate::robot::Robot;
 use crate::table::TableWriter;
@@ -142,9 +142,12 @@ impl Retargeted {
         report.metrics = Some(metrics);
         report.duration_s = planned.trajectory.duration_s();
         describe_plan(&mut report, &robot, &planned, &loaded);
-        let begins_s = format!("{:.2} s of transition from the robot's initial pose", report.approach_s);
+        let begins_s =
+            format!("{:.2} s of transition from the robot's initial pose", report.approach_s);
         report.notes.push(match order.kind {
-            TrajectoryFile::Learner(_) => format!("the file has the motion alone, without {begins_s}"),
+            TrajectoryFile::Learner(_) => {
+                format!("the file has the motion alone, without {begins_s}")
+            }
             _ => format!("the file begins with {begins_s}"),
         });
         report.html = order.html.as_ref().map(|path| path.display().to_string());

@@ -17,13 +17,13 @@ use crate::robot::RobotBody;
 use glam::{DVec2, DVec3};
 
 /// Where the floor pushes is told below this frequency, Hz: faster shaking is taken up by gears and soles.
-const CUTOFF_HZ: f64 = 8.0;
+pub(super) const CUTOFF_HZ: f64 = 8.0;
 /// The same as a part of the rate, at most.
-const CUTOFF_SHARE: f64 = 0.2;
+pub(super) const CUTOFF_SHARE: f64 = 0.2;
 /// A zero-moment point this near to the point under the centre of mass is that point, m.
 const QUASI_STATIC_M: f64 = 0.003;
 /// With less than this part of its weight a body does not stand on anything.
-const HARDLY: f64 = 0.1;
+pub(super) const HARDLY: f64 = 0.1;
 /// A body whose centre has gone this far over the edge, as part of its height, does not come back.
 const LOST: f64 = 0.2;
 

@@ -13,11 +13,12 @@ use crate::retarget::Footfall;
 use crate::retarget::balance::{Balance, FloorLoad};
 use crate::retarget::base::{self, BasePath, Held, StandingSole};
 use crate::retarget::collision::{Overlap, SelfContact, TOUCHES_M, lowest_m};
+use crate::retarget::effort::{self, Exertion, PeakEffort};
 use crate::retarget::fall::OnFloor;
 use crate::retarget::limbs::RobotLimbs;
 use crate::retarget::toe::{Toe, quantile};
 use crate::rigid::Placement;
-use crate::robot::RobotBody;
+use crate::robot::{MotorCurve, RobotBody};
 use glam::{DVec2, DVec3};
 use serde::Serialize;
 use std::ops::Range;
@@ -110,6 +111,12 @@ pub struct BodyFigures {
     pub predicted_fall_s: Option<f64>,
     /// The same with servos that are softer by a third; null if never, or if its file does not say how they give way.
     pub soft_fall_s: Option<f64>,
+    /// The most torque a servo has to give, as part of its stall torque.
+    pub peak_torque: Option<PeakEffort>,
+    /// The most voltage it needs for its torque and speed, as part of the one that its figures hold for.
+    pub peak_voltage: Option<PeakEffort>,
+    /// Root mean square of the jerk of all joints in the clip, rad/s³.
+    pub jerk_rms_rad_s3: Option<f64>,
     /// How much slower the motion would have to be, instant by instant.
     pub retime: Option<PaceNeed>,
     /// Why figures are missing, a line each.
@@ -154,6 +161,8 @@ pub struct BodyMotion<'a> {
     pub original: Option<Original<'a>>,
     /// It hangs on a stand.
     pub hangs: bool,
+    /// What turns each of its joints, where that is known.
+    pub motors: &'a [Option<MotorCurve>],
 }
 
 /// How fast points go over the floor while they are in contact.
@@ -233,6 +242,9 @@ impl BodyMotion<'_> {
             look.next(at, &placed, path.contacts[at]);
         }
         let mut figures = look.finish()?;
+        figures.jerk_rms_rad_s3 =
+            effort::jerk_rms_rad_s3(&self.poses[self.clip.clone()], self.rate_hz);
+        self.exert(soles, held, path, &mut figures)?;
         if let Some(drive) = self.body.drive.filter(|_| held == Held::Standing) {
             let (body, poses) = (self.body, self.poses);
             let on = OnFloor { body, soles, drive, friction: 1.0, poses, path };
@@ -241,6 +253,32 @@ impl BodyMotion<'_> {
             figures.soft_fall_s = figures.predicted_fall_s.or_else(|| lost_s(on.softly()));
         }
         Ok(figures)
+    }
+}
+
+impl BodyMotion<'_> {
+    /// What it takes of its servos.
+    fn exert(
+        &self,
+        soles: &[StandingSole],
+        held: Held,
+        path: &BasePath,
+        figures: &mut BodyFigures,
+    ) -> Result<(), Error> {
+        if self.motors.iter().all(Option::is_none) || self.body.tree.mass_kg() <= 0.0 {
+            figures
+                .missing
+                .push("what its motors can do is not known: nothing of torque".to_owned());
+            return Ok(());
+        }
+        let soles = if held == Held::Standing { soles } else { &[] };
+        let exertion = Exertion { body: self.body, soles, poses: self.poses, path };
+        let torques_nm = exertion.torques_nm()?;
+        let links = self.body.tree.links();
+        let names: Vec<&str> = links.iter().skip(1).map(|link| link.name.as_str()).collect();
+        [figures.peak_torque, figures.peak_voltage] =
+            effort::peaks(&torques_nm, self.poses, self.rate_hz, self.motors, &names);
+        Ok(())
     }
 }
 
@@ -430,6 +468,9 @@ impl<'a> Look<'a> {
                 .and_then(|balance| balance.falls_at)
                 .map(|at| at as f64 * step_s),
             soft_fall_s: None,
+            peak_torque: None,
+            peak_voltage: None,
+            jerk_rms_rad_s3: None,
             retime: None,
             missing,
         })

@@ -67,7 +67,9 @@ impl LearnerFile {
                 .at(robot.name.clone())
                 .got(format!("no {missing}"))
                 .allowed("a robot with its 29 joints, by its names")
-                .remedy("--format robot-csv writes the joints of any robot, in the order of its file")
+                .remedy(
+                    "--format robot-csv writes the joints of any robot, in the order of its file",
+                )
         })
     }
 

@@ -45,6 +45,7 @@ impl Op3 {
             footfalls: said.map(|said| (said, RATE_HZ)),
             original: None,
             hangs,
+            motors: &vec![None; self.names.len()],
         };
         figures(&performed).expect("figures")
     }
