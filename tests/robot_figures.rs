@@ -349,12 +349,15 @@ print(json.dumps(answer))
 fn what_servos_have_to_give_is_what_mujoco_says() {
     let Some(robots) = captured::captured("robots") else { return };
     let model = robots.join("robotis_op3/robotis_op3_lite.xml");
-    for (motion, hangs) in
-        [("squat", false), ("bow", false), ("kick-r", false), ("side-kick-l", true), ("walk:x2", false)]
-    {
+    for (motion, hangs) in [
+        ("squat", false),
+        ("bow", false),
+        ("kick-r", false),
+        ("side-kick-l", true),
+        ("walk:x2", false),
+    ] {
         let table = folder().join("efforts.csv");
-        let more: &[&str] =
-            if hangs { &["--rate", "100", "--hang"] } else { &["--rate", "100"] };
+        let more: &[&str] = if hangs { &["--rate", "100", "--hang"] } else { &["--rate", "100"] };
         let report = retargeted(motion, &table, more);
         let begins_s = &report["approach_s"];
         let order = json!({"model": model, "table": table, "hangs": hangs, "begins_s": begins_s});

@@ -90,6 +90,12 @@ pub fn needs(path: &Path, limits: &[JointLimits]) -> Vec<(f64, usize)> {
     (0..path.samples()).map(at).collect()
 }
 
+/// The same without the joints.
+#[must_use]
+pub fn factors(path: &Path, limits: &[JointLimits]) -> Vec<f64> {
+    needs(path, limits).into_iter().map(|(factor, _)| factor).collect()
+}
+
 /// Refuses a path that is faster or bends harder than its limits anywhere, instead of stretching.
 ///
 /// # Errors

@@ -1,8 +1,6 @@
 //! A motion slowed down where it must be, and not everywhere.
 
-use super::limits::JointLimits;
 use super::path::Path;
-use super::retime::needs;
 use crate::error::Error;
 
 /// Pace comes and goes over this time of the motion before and after what asks for it, s.
@@ -12,13 +10,14 @@ const ROUNDS: usize = 12;
 /// What is too fast by less is left to the stretch of the whole motion.
 const NEARLY: f64 = 1.02;
 
-/// At which times of a path, in samples and one step of it after another, it holds velocity and acceleration limits (but for a
-/// hair) with the least delay; none if it does anyway, or if nothing is gained over stretching all of it.
+/// At which times of a path, in samples and one step of it after another, nothing asks for more time any longer (but for a hair), with
+/// the least delay; none if nothing does anyway, or if nothing is gained over stretching all of it. `needs` says of a path, by
+/// sample, how many times as long it would have to take there, by itself.
 ///
 /// # Errors
 /// None that is known: of a spline.
-pub fn in_parts(path: &Path, limits: &[JointLimits]) -> Result<Option<Vec<f64>>, Error> {
-    let asked = too_fast(&needs(path, limits));
+pub fn in_parts(path: &Path, needs: impl Fn(&Path) -> Vec<f64>) -> Result<Option<Vec<f64>>, Error> {
+    let asked = too_fast(&needs(path));
     let worst = asked.iter().copied().fold(0.0, f64::max).exp();
     if worst <= 1.0 || !worst.is_finite() {
         return Ok(None);
@@ -32,7 +31,7 @@ pub fn in_parts(path: &Path, limits: &[JointLimits]) -> Result<Option<Vec<f64>>,
             times.iter().map(|time| spline.sample(time * path.step_s())[0]).collect()
         });
         let slowed = Path::new(path.joints().to_vec(), 1.0 / path.step_s(), series.collect())?;
-        let left = too_fast(&needs(&slowed, limits));
+        let left = too_fast(&needs(&slowed));
         let over = left.iter().copied().fold(0.0, f64::max).exp();
         let takes = over * (times.len() - 1) as f64;
         let mut asked = vec![0.0_f64; pace.len()];
@@ -54,8 +53,8 @@ pub fn in_parts(path: &Path, limits: &[JointLimits]) -> Result<Option<Vec<f64>>,
 }
 
 /// By sample, the logarithm of how many times as long it would have to take.
-fn too_fast(needs: &[(f64, usize)]) -> Vec<f64> {
-    needs.iter().map(|(factor, _)| factor.max(1.0).ln()).collect()
+fn too_fast(needs: &[f64]) -> Vec<f64> {
+    needs.iter().map(|factor| factor.max(1.0).ln()).collect()
 }
 
 /// The highest of what is asked for at each sample, fading to both sides.

@@ -8,7 +8,7 @@
 //! hold for; so what it needs at a torque and a speed is `torque / stall torque + speed / speed without load`.
 
 use crate::error::Error;
-use crate::motion::low_pass;
+use crate::motion::{Path, low_pass};
 use crate::retarget::balance::{CUTOFF_HZ, CUTOFF_SHARE, HARDLY};
 use crate::retarget::base::{BasePath, ON_FLOOR_M, StandingSole};
 use crate::rigid::ground::GRAVITY_M_S2;
@@ -177,6 +177,80 @@ pub fn peaks(
     })
 }
 
+/// Of its voltage and of its torque a motor is asked for so much at most; the rest is for friction, a battery that is not full
+/// and a body that weighs more than its file says.
+const SPARE_SHARE: f64 = 0.9;
+/// Slower than this a motion is not made for its motors: what they cannot carry at rest no pace mends.
+const SLOWEST: f64 = 4.0;
+
+/// By sample of a motion on a robot whose base is held upright, how many times as long it would have to take there for its
+/// motors; 1 where they can do it.
+#[must_use]
+pub fn held_factors(body: &RobotBody, path: &Path, motors: &[Option<MotorCurve>]) -> Vec<f64> {
+    let tree = &body.tree;
+    let rotor_kg_m2 = body.drive.map_or(0.0, |drive| drive.armature_kg_m2);
+    let own = |values: &[f64]| -> Vec<f64> {
+        let mut all = values.to_vec();
+        all.resize(tree.moving(), 0.0);
+        tree.coupled_rates(&all)
+    };
+    let at = |sample: usize| {
+        let time_s = sample as f64 * path.step_s();
+        let found: Vec<[f64; 3]> =
+            path.splines().iter().map(|spline| spline.sample(time_s)).collect();
+        let of = |n: usize| -> Vec<f64> { found.iter().map(|of| of[n]).collect() };
+        let mut motion = TreeMotion::at_rest(Placement::IDENTITY, body.angles(&of(0)));
+        let mut rest_nm = tree.inverse_dynamics(&motion, GRAVITY).joints;
+        (motion.rates, motion.accelerations) = (own(&of(1)), own(&of(2)));
+        let mut moved_nm = tree.inverse_dynamics(&motion, GRAVITY).joints;
+        let turned = moved_nm.iter_mut().zip(&motion.accelerations);
+        turned.for_each(|(torque, rate)| *torque += rotor_kg_m2 * rate);
+        (rest_nm, moved_nm) = (tree.gathered(&rest_nm), tree.gathered(&moved_nm));
+        let each = motors.iter().enumerate().filter_map(|(joint, motor)| {
+            let asked = Asked {
+                rest_nm: rest_nm[joint],
+                moving_nm: moved_nm[joint] - rest_nm[joint],
+                speed_rad_s: found[joint][1],
+            };
+            Some(asked.factor(&(*motor)?))
+        });
+        each.fold(1.0, f64::max)
+    };
+    (0..path.samples()).map(at).collect()
+}
+
+/// What is asked of a motor at an instant.
+struct Asked {
+    /// By weight alone.
+    rest_nm: f64,
+    /// By motion, beside that.
+    moving_nm: f64,
+    speed_rad_s: f64,
+}
+
+impl Asked {
+    /// The larger of its shares of torque and of voltage, so many times slower.
+    fn share(&self, motor: &MotorCurve, slower: f64) -> f64 {
+        let torque = (self.rest_nm + self.moving_nm / (slower * slower)) / motor.stall_torque_nm;
+        let voltage = torque + self.speed_rad_s / slower / motor.no_load_speed_rad_s;
+        torque.abs().max(voltage.abs())
+    }
+
+    /// How much slower it has to be, to a hundredth.
+    fn factor(&self, motor: &MotorCurve) -> f64 {
+        if self.share(motor, 1.0) <= SPARE_SHARE {
+            return 1.0;
+        }
+        let (mut short, mut long) = (1.0, SLOWEST);
+        while long - short > 0.01 {
+            let middle = 0.5 * (short + long);
+            let fits = self.share(motor, middle) <= SPARE_SHARE;
+            *(if fits { &mut long } else { &mut short }) = middle;
+        }
+        long
+    }
+}
+
 /// Root mean square of the jerk of all joints over a stretch of poses, rad/s³; nothing if they are too few.
 #[must_use]
 pub fn jerk_rms_rad_s3(poses: &[Vec<f64>], rate_hz: f64) -> Option<f64> {
@@ -216,6 +290,18 @@ mod tests {
         let ([driven, drives], [braked, brakes]) = (most(2.0), most(-2.0));
         assert!((driven - 0.5).abs() < 1e-12 && (braked - 0.5).abs() < 1e-12);
         assert!((drives - 0.7).abs() < 1e-12 && (brakes - 0.3).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_motor_that_carries_half_of_its_torque_may_go_at_two_fifths_of_its_speed() {
+        let motor = MotorCurve { stall_torque_nm: 4.0, no_load_speed_rad_s: 5.0 };
+        let asked = |speed_rad_s: f64| Asked { rest_nm: 2.0, moving_nm: 0.0, speed_rad_s };
+        assert!((asked(2.0).factor(&motor) - 1.0).abs() < 1e-12);
+        assert!((asked(4.0).factor(&motor) - 2.0).abs() < 0.011);
+        // What goes down brakes.
+        assert!((asked(-4.0).factor(&motor) - 1.0).abs() < 1e-12);
+        let hastens = Asked { rest_nm: 0.0, moving_nm: 3.6 * 4.0, speed_rad_s: 0.0 };
+        assert!((hastens.factor(&motor) - 2.0).abs() < 0.011);
     }
 
     #[test]

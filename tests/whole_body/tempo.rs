@@ -1,6 +1,7 @@
 //! A motion that hastens in its middle.
 
 use core::f64::consts::TAU;
+use gaitway::motion::retime::factors;
 use gaitway::motion::tempo::in_parts;
 use gaitway::motion::{End, JointLimits, Path, Spline};
 
@@ -21,7 +22,8 @@ fn path(faster: f64) -> Path {
 
 #[test]
 fn what_is_slow_keeps_its_pace_beside_what_is_not() {
-    let times = in_parts(&path(6.0), &limits()).expect("a spline").expect("a clock");
+    let times =
+        in_parts(&path(6.0), |path| factors(path, &limits())).expect("a spline").expect("a clock");
     assert_eq!((times[0], times[times.len() - 1]), (0.0, 799.0));
     assert!(times.windows(2).all(|two| two[1] > two[0]), "time goes on");
     let step = |at: f64| {
@@ -42,5 +44,5 @@ fn what_is_slow_keeps_its_pace_beside_what_is_not() {
 
 #[test]
 fn what_is_slow_enough_has_no_other_pace() {
-    assert_eq!(in_parts(&path(1.0), &limits()).expect("a spline"), None);
+    assert_eq!(in_parts(&path(1.0), |path| factors(path, &limits())).expect("a spline"), None);
 }

@@ -7,19 +7,20 @@ use crate::error::{Error, counted, either};
 use crate::job::model::robot_model;
 use crate::mocap::anatomy::Capture;
 use crate::mocap::retarget::Retargeted;
-use crate::motion::retime::retime;
+use crate::motion::retime::{factors, retime};
 use crate::motion::tempo;
 use crate::motion::{End, Path, Spline};
 use crate::retarget::Footfall;
 use crate::retarget::adjust::{
     Adjusting, Pace, adjust, drawn_in, is_steady, pace, stays, steady, survives,
 };
+use crate::retarget::effort;
 use crate::retarget::footfall;
 use crate::retarget::gait::{Gait, Walking, gait};
 use crate::retarget::limbs::RobotLimbs;
 use crate::retarget::steps::{self, Step};
 use crate::retarget::toe::Toe;
-use crate::robot::Robot;
+use crate::robot::{Joint, Robot, RobotBody};
 use glam::{DQuat, DVec3};
 use std::fmt::Write as _;
 
@@ -211,7 +212,7 @@ impl<'a> OnItsFeet<'a> {
     fn hastened(&self, (angles_rad, footfalls, clock): Shifted) -> Result<Shifted, Error> {
         let path = Path::new(self.robot.joint_names(), self.rate_hz, angles_rad.clone())?;
         let path = path.stretched(1.0 / self.speed);
-        if let Some(times) = tempo::in_parts(&path, &self.robot.limits())? {
+        if let Some(times) = tempo::in_parts(&path, |path| factors(path, &self.robot.limits()))? {
             let mut slowed = at_times(angles_rad.clone(), &times)?;
             drawn_in(&self.placed.limits_rad, &mut slowed)?;
             let here = footfall::at_times(&footfalls, &times, self.rate_hz);
@@ -339,8 +340,8 @@ impl<'a> OnItsFeet<'a> {
     }
 }
 
-/// Slows a motion in parts for the robot's limits, at this playing speed: the times of it that follow one another then, in
-/// samples.
+/// Slows a motion of a robot whose base is held in parts, for the limits of its joints and for what its motors can do, at this
+/// playing speed: the times of it that follow one another then, in samples.
 ///
 /// # Errors
 /// As of a path that is planned.
@@ -353,7 +354,17 @@ pub(super) fn in_parts(
     let series = retargeted.positions_rad.clone();
     let path = Path::new(robot.joint_names(), retargeted.rate_hz, series)?;
     let path = path.stretched(1.0 / speed);
-    let Some(times) = tempo::in_parts(&path, &limits)? else { return Ok(None) };
+    let body = RobotBody::of(&robot.file)?.filter(|body| body.tree.mass_kg() > 0.0);
+    let motors: Vec<_> = robot.joints.iter().map(Joint::motor_curve).collect();
+    let needs = |path: &Path| {
+        let mut needs = factors(path, &limits);
+        if let Some(body) = &body {
+            let motors = effort::held_factors(body, path, &motors);
+            needs.iter_mut().zip(motors).for_each(|(need, motor)| *need = need.max(motor));
+        }
+        needs
+    };
+    let Some(times) = tempo::in_parts(&path, needs)? else { return Ok(None) };
     let before = path.samples().max(1) as f64;
     let mut slowed = at_times(std::mem::take(&mut retargeted.positions_rad), &times)?;
     let limits_rad: Vec<(f64, f64)> =
