@@ -12,7 +12,7 @@ use crate::motion::{Path, low_pass};
 use crate::retarget::balance::{CUTOFF_HZ, CUTOFF_SHARE, HARDLY};
 use crate::retarget::base::{BasePath, ON_FLOOR_M, StandingSole};
 use crate::rigid::ground::GRAVITY_M_S2;
-use crate::rigid::{Efforts, Placement, TreeMotion};
+use crate::rigid::{Drive, Efforts, Placement, TreeMotion};
 use crate::robot::{MotorCurve, RobotBody};
 use glam::{DVec2, DVec3};
 use nalgebra::Vector6;
@@ -189,6 +189,8 @@ const SLOWEST: f64 = 4.0;
 pub fn held_factors(body: &RobotBody, path: &Path, motors: &[Option<MotorCurve>]) -> Vec<f64> {
     let tree = &body.tree;
     let rotor_kg_m2 = body.drive.map_or(0.0, |drive| drive.armature_kg_m2);
+    let motors: Vec<Option<MotorCurve>> =
+        motors.iter().map(|motor| Some(weaker((*motor)?, body.drive))).collect();
     let own = |values: &[f64]| -> Vec<f64> {
         let mut all = values.to_vec();
         all.resize(tree.moving(), 0.0);
@@ -217,6 +219,17 @@ pub fn held_factors(body: &RobotBody, path: &Path, motors: &[Option<MotorCurve>]
         each.fold(1.0, f64::max)
     };
     (0..path.samples()).map(at).collect()
+}
+
+/// The weaker of what a motor's maker says and of what the robot's file says of its servos.
+fn weaker(motor: MotorCurve, drive: Option<Drive>) -> MotorCurve {
+    let Some(drive) = drive else { return motor };
+    let no_load_speed_rad_s = if drive.damping_nm_s_rad > 0.0 {
+        motor.no_load_speed_rad_s.min(drive.torque_nm / drive.damping_nm_s_rad)
+    } else {
+        motor.no_load_speed_rad_s
+    };
+    MotorCurve { stall_torque_nm: motor.stall_torque_nm.min(drive.torque_nm), no_load_speed_rad_s }
 }
 
 /// What is asked of a motor at an instant.
@@ -302,6 +315,21 @@ mod tests {
         assert!((asked(-4.0).factor(&motor) - 1.0).abs() < 1e-12);
         let hastens = Asked { rest_nm: 0.0, moving_nm: 3.6 * 4.0, speed_rad_s: 0.0 };
         assert!((hastens.factor(&motor) - 2.0).abs() < 0.011);
+    }
+
+    #[test]
+    fn servos_that_are_said_to_be_slower_than_their_makers_are_taken_for_slower() {
+        let motor = MotorCurve { stall_torque_nm: 4.0, no_load_speed_rad_s: 5.0 };
+        let drive = Drive {
+            stiffness_nm_rad: 20.0,
+            damping_nm_s_rad: 1.0,
+            armature_kg_m2: 0.0,
+            torque_nm: 4.5,
+        };
+        let slow = MotorCurve { no_load_speed_rad_s: 4.5, ..motor };
+        assert_eq!(weaker(motor, Some(drive)), slow);
+        assert_eq!(weaker(motor, Some(Drive { damping_nm_s_rad: 0.0, ..drive })), motor);
+        assert_eq!(weaker(motor, None), motor);
     }
 
     #[test]
