@@ -7,7 +7,7 @@ pub mod mass;
 pub mod shape;
 pub mod tree;
 
-pub use forward::{Drive, Moving, Pull};
+pub use forward::{Drive, LinkContact, Moving, Pull};
 pub use mass::Mass;
 pub use shape::{Capsule, Cuboid, Volume, WayOut};
 pub use tree::{Coupling, Efforts, JointKind, Placement, Tree, TreeLink, TreeMotion};

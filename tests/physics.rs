@@ -53,6 +53,31 @@ fn a_robot_on_a_stand_does_not_fall_and_one_whose_torque_goes_does() {
 }
 
 #[test]
+fn arms_that_would_be_in_one_another_meet_press_and_are_named() {
+    let (_, light) = play(&["box-r", "--robot", "op3", "--hang"]);
+    assert!(light.get("met").is_none(), "only with weight");
+    let (_, apart) = play(&["wave-r", "--robot", "op3", "--hang", "--physics"]);
+    assert_eq!(apart["met"], serde_json::json!([]), "nothing of a wave is in its way");
+    let (_, heavy) = play(&["box-r", "--robot", "op3", "--hang", "--physics"]);
+    let met = heavy["met"].as_array().expect("a list");
+    let arms: Vec<&Value> =
+        met.iter().filter(|of| of["links"].to_string().matches("_el").count() == 2).collect();
+    assert_eq!(arms.len(), 1, "{met:?}");
+    // Centimetres of a servo's error, at its gain, on the length of an arm.
+    let force_n = arms[0]["peak_force_n"].as_f64().expect("a force");
+    assert!((2.0..200.0).contains(&force_n), "{force_n} N");
+    let said = heavy["notes"].to_string();
+    assert!(said.contains("with weight, ") && said.contains(" met "), "{said}");
+    // What would have gone through stops, and its servo reports that it does not get there.
+    let off = |report: &Value| {
+        let joints = report["joints"].as_array().expect("joints").iter();
+        let arms = joints.filter(|joint| joint["name"].as_str().expect("a name").contains("_sho_"));
+        arms.map(|joint| joint["tracking_rms_rad"].as_f64().expect("rad")).fold(0.0, f64::max)
+    };
+    assert!(off(&heavy) > 1.5 * off(&light), "{} {}", off(&heavy), off(&light));
+}
+
+#[test]
 fn the_same_motion_ends_in_the_same_way() {
     let one = play(&["squat", "--robot", "op3", "--physics"]).1;
     let two = play(&["squat", "--robot", "op3", "--physics"]).1;

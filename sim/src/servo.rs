@@ -273,14 +273,19 @@ impl Servo {
         self.restart(now_ns, now_ns + BOOT_NS);
     }
 
-    /// True if it can hear a packet that ends at `now_ns` at `baud_bps`.
-    pub fn can_hear(&self, now_ns: u64, baud_bps: u32) -> bool {
+    /// True if it makes out bytes that come at this speed.
+    pub fn is_set_to(&self, baud_bps: u32) -> bool {
         // A receiver samples mid-bit: about 3 % of difference still reads ten bits.
         let same = |own: u32| u64::from(own.abs_diff(baud_bps)) * 100 <= u64::from(own) * 3;
+        self.baud_bps().is_some_and(same)
+    }
+
+    /// True if it can hear a packet that ends at `now_ns` at `baud_bps`.
+    pub fn can_hear(&self, now_ns: u64, baud_bps: u32) -> bool {
         self.attached
             && now_ns >= self.asleep_until_ns
             && !self.silent.iter().any(|span| span.contains(&now_ns))
-            && self.baud_bps().is_some_and(same)
+            && self.is_set_to(baud_bps)
     }
 
     /// Any instruction on the line feeds the watchdog.

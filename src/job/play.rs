@@ -15,7 +15,7 @@ use crate::control::{
     self, BalanceFigures, Balanced, Balancer, Left, Motion, Performance, Planned, Run, Settings,
     StopReason, balance, inject, net,
 };
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, ErrorKind, counted};
 use crate::motion::{self, Plan, PlanOptions, Setpoint, Trajectory, plan};
 use crate::retarget::base::BasePath;
 use crate::rig::{Address, Connection, calibrated, connect, patience_words};
@@ -358,6 +358,9 @@ fn befall(connection: &Connection, script: &Path) -> Result<(), Error> {
     script::befall(&mut world.lock(), script)
 }
 
+/// So many of the links that met are told to a person.
+const MEETINGS_TOLD: usize = 3;
+
 /// Says whether a robot with weight fell, in the motion or within a second after it.
 fn describe_weight(report: &mut PlayReport, connection: &Connection, witness: &Witness) {
     if let Some(world) = connection.world.as_ref().filter(|_| !connection.real_time) {
@@ -366,7 +369,16 @@ fn describe_weight(report: &mut PlayReport, connection: &Connection, witness: &W
         world.run_until(after_ns);
     }
     report.notes.push(witness.words());
-    report.physics = Some(PhysicsReport::of(witness.fall()));
+    let physics = PhysicsReport::of(witness);
+    let met =
+        physics.met.iter().take(MEETINGS_TOLD).map(|met| format!("with weight, {}", met.words()));
+    report.notes.extend(met);
+    let untold = physics.met.len().saturating_sub(MEETINGS_TOLD);
+    if untold > 0 {
+        let more = counted(untold, "more pair");
+        report.notes.push(format!("with weight, {more} of links met: --json lists them"));
+    }
+    report.physics = Some(physics);
 }
 
 /// A motion that was laid from where a robot stands, and looked at: it may be played.

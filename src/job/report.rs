@@ -1,7 +1,7 @@
 //! What a job that moved joints tells: one set of figures, for text, JSON and pages alike.
 
 use super::source::{RobotMotion, Source};
-use super::weight::Fall;
+use super::weight::{Fall, Meeting, Witness};
 use crate::control::{BalanceFigures, FlightCycle, Left, Performance, Run, StopReason};
 pub use crate::error::counted;
 use crate::error::{Error, ErrorKind};
@@ -319,6 +319,8 @@ pub struct PhysicsReport {
     pub fell_at_s: Option<f64>,
     /// What touched the floor then that should not; null if nothing did.
     pub fell_on: Option<String>,
+    /// Which links met one another until then.
+    pub met: Vec<Meeting>,
     /// The page shows where the weight took it, and not where it was to be.
     #[serde(skip)]
     pub is_drawn: bool,
@@ -328,12 +330,13 @@ pub struct PhysicsReport {
 }
 
 impl PhysicsReport {
-    /// Of a fall, or of none.
+    /// What a witness saw.
     #[must_use]
-    pub fn of(fall: Option<Fall>) -> Self {
+    pub fn of(witness: &Witness) -> Self {
+        let (fall, met) = (witness.fall(), witness.meetings());
         let (fell_at_s, fell_on) =
             fall.as_ref().map(|fall| (fall.at_s, fall.touched.clone())).unzip();
-        Self { fell_at_s, fell_on: fell_on.flatten(), is_drawn: false, fall }
+        Self { fell_at_s, fell_on: fell_on.flatten(), met, is_drawn: false, fall }
     }
 }
 

@@ -1,12 +1,14 @@
 //! A virtual robot with weight: its file's body on a level floor, on a stand or screwed down, moved by its virtual servos.
 //!
 //! What stands on the floor are soles, and of other links the corners of boxes and the ends of capsules: a robot that falls
-//! lies there. Links go through one another, and the floor is level and as rough as rubber on wood (friction 1).
+//! lies there. The floor is level and as rough as rubber on wood (friction 1). Links that could touch one another by the robot's shapes do not go
+//! through one another; they are smooth there.
 
 use crate::error::Error;
 use crate::retarget::base::{self, BasePath, Held, StandingSole};
+use crate::retarget::collision::SelfContact;
 use crate::rigid::ground::GRAVITY_M_S2;
-use crate::rigid::{Moving, Placement, Pull, Volume};
+use crate::rigid::{LinkContact, Moving, Placement, Pull, Volume};
 use crate::robot::RobotBody;
 use crate::time::Instant;
 use gaitway_profiles::Robot;
@@ -69,6 +71,26 @@ impl Fall {
     }
 }
 
+/// Links that met one another.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Meeting {
+    /// Which, by the joints that carry them.
+    pub links: [String; 2],
+    /// When first, s since torque was on on its servos.
+    pub at_s: f64,
+    /// How hard they pressed on one another at most, N.
+    pub peak_force_n: f64,
+}
+
+impl Meeting {
+    /// As a person reads it.
+    #[must_use]
+    pub fn words(&self) -> String {
+        let Self { links: [one, two], at_s, peak_force_n } = self;
+        format!("{one} met {two} at {at_s:.1} s, and pressed on it with up to {peak_force_n:.0} N")
+    }
+}
+
 /// What became of a body, for whoever gave it to a world.
 #[derive(Clone, Debug)]
 pub struct Witness {
@@ -81,10 +103,26 @@ pub struct Witness {
 struct Seen {
     /// The first fall.
     fall: Option<Fall>,
+    /// Of each two links that met until then, in the order in which they did.
+    meetings: Vec<((usize, usize), Meeting)>,
     /// When the first of the places was.
     path_from_ns: u64,
     places: Vec<Placement>,
     contacts: Vec<[bool; 2]>,
+}
+
+impl Seen {
+    fn note(&mut self, contact: &LinkContact, at_s: f64, name: impl Fn(usize) -> String) {
+        let LinkContact { links, force_n, .. } = *contact;
+        match self.meetings.iter_mut().find(|(known, _)| *known == links) {
+            Some((_, meeting)) => meeting.peak_force_n = meeting.peak_force_n.max(force_n),
+            None => {
+                let named = [name(links.0), name(links.1)];
+                let meeting = Meeting { links: named, at_s, peak_force_n: force_n };
+                self.meetings.push((links, meeting));
+            }
+        }
+    }
 }
 
 impl Witness {
@@ -106,6 +144,12 @@ impl Witness {
     #[must_use]
     pub fn fall(&self) -> Option<Fall> {
         self.seen().fall.clone()
+    }
+
+    /// Which links met one another before it fell, in the order in which they did.
+    #[must_use]
+    pub fn meetings(&self) -> Vec<Meeting> {
+        self.seen().meetings.iter().map(|(_, meeting)| meeting.clone()).collect()
     }
 
     /// Where the base was, and which feet were on the floor, from an instant of the world's clock on, ten minutes at
@@ -152,6 +196,8 @@ struct Weighed {
     body: RobotBody,
     soles: Vec<StandingSole>,
     held: Held,
+    /// What of it may touch what.
+    apart: SelfContact,
     /// What each joint can, rad: there is a stop at either end.
     ranges_rad: Vec<[f64; 2]>,
     /// Once it was let go.
@@ -173,10 +219,13 @@ impl Weighed {
         let witness = Witness { seen: Arc::default(), can_fall: held == Held::Standing };
         let ranges_rad =
             robot.joints.iter().map(|joint| [joint.lower_rad, joint.upper_rad]).collect();
+        let start_rad: Vec<f64> = robot.joints.iter().map(|joint| joint.initial_rad()).collect();
+        let apart = SelfContact::of(&body, &start_rad);
         let weighed = Self {
             body,
             soles,
             held,
+            apart,
             ranges_rad,
             moving: None,
             gained_m_s2: DVec3::ZERO,
@@ -223,6 +272,12 @@ impl Weighed {
             seen.places.push(moving.base());
             seen.contacts.push(stands);
         }
+        let at_s = time_ns.saturating_sub(self.powered_since_ns) as f64 * 1e-9;
+        // What a robot that has fallen lies on is nobody's concern.
+        let pressed = if seen.fall.is_none() { moving.pressed().collect() } else { Vec::new() };
+        for contact in pressed {
+            seen.note(contact, at_s, |link| self.body.tree.links()[link].name.clone());
+        }
         if self.held != Held::Standing {
             return;
         }
@@ -231,7 +286,7 @@ impl Weighed {
         let tilted = (moving.base().turn * DVec3::Z).angle_between(DVec3::Z) > FALLEN_RAD;
         if seen.fall.is_none() && (touched.is_some() || tilted) {
             let fall = Fall {
-                at_s: time_ns.saturating_sub(self.powered_since_ns) as f64 * 1e-9,
+                at_s,
                 at: Instant::from_nanos(time_ns),
                 touched: touched.map(|link| self.body.tree.links()[link].name.clone()),
             };
@@ -279,6 +334,10 @@ impl Body for Weighed {
         let pushed = |(joint, force_n): &(Option<usize>, [f64; 3])| {
             (joint.map_or(0, |joint| joint + 1), DVec3::from_array(*force_n))
         };
+        let placed = moving.placed();
+        let mut met = Vec::new();
+        self.apart.nearer_than(&placed, 0.0, |_, _| true, |links, way| met.push((links, way)));
+        moving.meet(met);
         moving.disturb(outside.forces.iter().map(pushed).collect(), self.slope_rad);
         let mut pulls = vec![Pull::default(); tree.moving()];
         for (joint, push) in pushes.iter().enumerate() {

@@ -270,7 +270,7 @@ struct SoleFrame {
 /// What is the same for all poses.
 struct Solver<'a> {
     of: &'a Adjusting<'a>,
-    inside: SelfContact<'a>,
+    inside: SelfContact,
     soles: Vec<StandingSole>,
     /// Of each link, what moves it.
     movers: Vec<Vec<Mover>>,

@@ -13,8 +13,8 @@ pub const TOUCHES_M: f64 = 0.001;
 
 /// What of a robot could touch what.
 #[derive(Clone, Debug)]
-pub struct SelfContact<'a> {
-    volumes: Vec<&'a Volume>,
+pub struct SelfContact {
+    volumes: Vec<Volume>,
     /// Of each volume its link, and a ball in the link's axes that holds it: middle and radius, m.
     balls: Vec<(usize, DVec3, f64)>,
     /// Volumes of links that are not neighbours.
@@ -31,19 +31,19 @@ pub struct Overlap {
     pub links: (usize, usize),
 }
 
-impl<'a> SelfContact<'a> {
+impl SelfContact {
     /// Of a body, whose joints start at these angles, rad.
     ///
     /// # Panics
     /// If there are not as many as joints of the robot.
     #[must_use]
-    pub fn of(body: &'a RobotBody, start_rad: &[f64]) -> Self {
+    pub fn of(body: &RobotBody, start_rad: &[f64]) -> Self {
         let all = body.volumes.iter().enumerate();
-        let (volumes, balls): (Vec<&Volume>, Vec<(usize, DVec3, f64)>) = all
+        let (volumes, balls): (Vec<Volume>, Vec<(usize, DVec3, f64)>) = all
             .flat_map(|(link, volumes)| {
                 volumes.iter().map(move |volume| {
                     let (middle, radius_m) = volume.ball_m();
-                    (volume, (link, middle, radius_m))
+                    (*volume, (link, middle, radius_m))
                 })
             })
             .unzip();

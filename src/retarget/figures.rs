@@ -288,7 +288,7 @@ struct Look<'a> {
     soles: &'a [StandingSole],
     held: Held,
     original: Option<(Original<'a>, Proportions, RobotLimbs, [Toe; 2])>,
-    inside: SelfContact<'a>,
+    inside: SelfContact,
     footing: Option<FloorLoad<'a>>,
     deepest: Option<Overlap>,
     colliding: Vec<bool>,

@@ -5,6 +5,7 @@
 //! and 5.3). Joints are springs with dampers between goal and link, the floor is one under each corner that is below it, with
 //! Coulomb's friction. All of them are taken at the end of a step (linearly implicit Euler), so that stiff ones do not shake.
 
+use super::shape::WayOut;
 use super::tree::{JointKind, Placement, Tree, TreeMotion};
 use glam::{DMat3, DQuat, DVec3};
 use nalgebra::{DMatrix, DVector};
@@ -58,6 +59,17 @@ enum Meets {
     Slips(DVec3),
 }
 
+/// Two links of a tree that are in one another, and may press.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LinkContact {
+    /// Which.
+    pub links: (usize, usize),
+    /// Where, and how the second gets out of the first.
+    pub way: WayOut,
+    /// How hard they pressed in the last step, N.
+    pub force_n: f64,
+}
+
 /// A tree that moves.
 #[derive(Clone, Debug)]
 pub struct Moving {
@@ -71,6 +83,7 @@ pub struct Moving {
     /// Forces from outside, each at the centre of mass of a link, N.
     forces_n: Vec<(usize, DVec3)>,
     corners: Vec<Corner>,
+    contacts: Vec<LinkContact>,
     /// Joints that move by themselves, and how each that moves follows them: `[coordinate][own]`.
     own: Vec<usize>,
     follows: DMatrix<f64>,
@@ -133,6 +146,7 @@ impl Moving {
             down: DVec3::NEG_Z,
             forces_n: Vec::new(),
             corners: corners.map(|(link, at_m)| Corner { link, at_m, sticks_m: None }).collect(),
+            contacts: Vec::new(),
             own,
             follows,
             motion: TreeMotion::at_rest(base, tree.coupled(angles)),
@@ -151,6 +165,18 @@ impl Moving {
         let [x, y] = slope_rad.map(f64::tan);
         self.down = DVec3::new(x, y, -1.0).normalize_or(DVec3::NEG_Z);
         self.forces_n = forces_n;
+    }
+
+    /// Which links are in one another now, and how they get out: they press on one another in the next step, smooth as they
+    /// are, and as stiff as the floor.
+    pub fn meet(&mut self, links: impl IntoIterator<Item = ((usize, usize), WayOut)>) {
+        let contact = |(links, way)| LinkContact { links, way, force_n: 0.0 };
+        self.contacts = links.into_iter().map(contact).collect();
+    }
+
+    /// Which links pressed on one another in the last step.
+    pub fn pressed(&self) -> impl Iterator<Item = &LinkContact> {
+        self.contacts.iter().filter(|contact| contact.force_n > 0.0)
     }
 
     /// Links with a corner on the floor.
@@ -253,6 +279,19 @@ impl Moving {
         let ways: Vec<DMatrix<f64>> =
             low.iter().map(|at| self.way(&placed, self.corners[*at].link, points[*at])).collect();
         let mut meets = vec![Meets::Sticks; low.len()];
+        let parting: Vec<DVector<f64>> = self
+            .contacts
+            .iter()
+            .map(|LinkContact { links: (one, two), way, .. }| {
+                let apart = self.way(&placed, *two, way.at_m) - self.way(&placed, *one, way.at_m);
+                apart.tr_mul(&DVector::from_column_slice(&way.normal.to_array()))
+            })
+            .collect();
+        let pressed_n = |contact: &LinkContact, parting: &DVector<f64>, solved: &DVector<f64>| {
+            let gives = (stiffness * step_s + damping) * parting.dot(solved);
+            stiffness * contact.way.depth_m - gives
+        };
+        let mut presses = vec![true; parting.len()];
         let sticks = |corner: &Corner, point: DVec3| {
             let at = corner.sticks_m.unwrap_or(point);
             DVec3::new(at.x, at.y, 0.0)
@@ -276,6 +315,11 @@ impl Moving {
                 system.gemm_tr(1.0, way, &weighed, 1.0);
                 side.gemv_tr(step_s, way, &DVector::from_column_slice(&held.to_array()), 1.0);
             }
+            let pressing = self.contacts.iter().zip(&parting).zip(&presses);
+            for ((contact, parting), _) in pressing.filter(|(_, presses)| **presses) {
+                system.ger(step_s * (stiffness * step_s + damping), parting, parting, 1.0);
+                side.axpy(step_s * stiffness * contact.way.depth_m, parting, 1.0);
+            }
             if self.is_fixed {
                 hold_base(&mut system, &mut side);
             }
@@ -285,6 +329,13 @@ impl Moving {
                 break;
             }
             let mut changed = false;
+            for ((contact, parting), presses) in
+                self.contacts.iter().zip(&parting).zip(&mut presses)
+            {
+                let still = *presses && pressed_n(contact, parting, &solved) > 0.0;
+                changed |= still != *presses;
+                *presses = still;
+            }
             for ((at, way), meets) in low.iter().zip(&ways).zip(&mut meets) {
                 let moves = way * &solved;
                 let moves = DVec3::new(moves[0], moves[1], moves[2]);
@@ -310,6 +361,10 @@ impl Moving {
         }
         if !solved.iter().all(|value| value.is_finite()) {
             return false;
+        }
+        for ((contact, parting), presses) in self.contacts.iter_mut().zip(&parting).zip(presses) {
+            let force_n = if presses { pressed_n(contact, parting, &solved) } else { 0.0 };
+            contact.force_n = force_n.max(0.0);
         }
         for (corner, point) in self.corners.iter_mut().zip(&points) {
             if point.z >= 0.0 {
@@ -461,3 +516,6 @@ fn put(into: &mut DVector<f64>, first: usize, value: DVec3) {
         into[first + at] = part;
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -12,6 +12,9 @@ use glam::{DQuat, DVec3};
 const TINY: f64 = 1e-18;
 /// A step in which a distance is looked at from both sides, m.
 const LOOK_M: f64 = 1e-5;
+/// How often it is projected at most to find where two meet, and how near is near enough, m.
+const PROJECTIONS: usize = 50;
+const NEAR_M: f64 = 1e-6;
 
 /// All points within a radius of a line between two points.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -136,9 +139,7 @@ impl Volume {
                 (depth_m, slope.try_normalize().or(facing.map(|(_, normal)| normal))?)
             }
         };
-        let on_one = one.nearest(two.centre);
-        let at_m = on_one.midpoint(two.nearest(on_one));
-        Some(WayOut { depth_m, normal, at_m })
+        Some(WayOut { depth_m, normal, at_m: meeting_m(&one, &two) })
     }
 
     /// A ball that holds it: its middle and its radius, m.
@@ -161,7 +162,7 @@ pub struct WayOut {
     pub depth_m: f64,
     /// Moving the second this way parts them soonest; of unit length.
     pub normal: DVec3,
-    /// About where they meet, m.
+    /// Where they meet, m: between the points of their lines or boxes that are nearest to one another, or in both boxes.
     pub at_m: DVec3,
 }
 
@@ -246,6 +247,23 @@ impl Core {
             found + half * (away.dot(half) / half.length_squared()).clamp(-1.0, 1.0)
         })
     }
+}
+
+/// Between the points of two that are nearest to one another, found by projecting back and forth (Cheney and Goldstein,
+/// Proc. Amer. Math. Soc. 10, 1959).
+fn meeting_m(one: &Core, two: &Core) -> DVec3 {
+    let mut on_two = two.centre;
+    let mut on_one = one.nearest(on_two);
+    for _ in 0..PROJECTIONS {
+        on_two = two.nearest(on_one);
+        let next = one.nearest(on_two);
+        let moved_m = next.distance(on_one);
+        on_one = next;
+        if moved_m < NEAR_M {
+            break;
+        }
+    }
+    on_one.midpoint(on_two)
 }
 
 fn core_distance_m(one: &Core, two: &Core) -> f64 {

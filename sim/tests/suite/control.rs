@@ -464,6 +464,20 @@ fn what_was_asked_is_kept_with_its_time_and_counted() {
 }
 
 #[test]
+fn what_is_said_at_a_speed_that_no_servo_is_set_to_was_not_asked() {
+    let mut desk = Desk::new(&["xm430-w350:1"]);
+    desk.step(1.0);
+    for baud_bps in [9_600, 115_200, 4_000_000, 57_600] {
+        desk.world.transmit(0, &instruction(1, 1, &[]), baud_bps);
+        desk.step(0.1);
+    }
+    for (kind, count) in [("asked", 1.0), ("answered", 1.0)] {
+        let counted = desk.number(&format!(r#"{{"do":"count","kind":"{kind}"}}"#), "count");
+        assert_eq!(counted, count, "{kind}: {}", desk.ask(r#"{"do":"log"}"#));
+    }
+}
+
+#[test]
 fn whoever_waits_is_answered_when_it_has_come_or_when_it_is_too_late() {
     let mut desk = Desk::new(&["xm430-w350:1"]);
     desk.session.hear(b"{\"tag\":7,\"do\":\"wait\",\"instruction\":\"ping\",\"count\":2}\n");
