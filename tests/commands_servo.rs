@@ -13,6 +13,18 @@ use std::process::{Child, Output, Stdio};
 use std::time::Duration;
 
 #[test]
+fn a_board_among_servos_is_no_servo_and_is_said_to_be_none() {
+    for deed in [&["get", "sim", "200"][..], &["torque", "sim", "200", "off"]] {
+        let mut arguments = vec!["servo"];
+        arguments.extend(deed);
+        arguments.extend(["--robot", "op3"]);
+        let said = refusal(&run(&arguments));
+        assert!(said.contains("no servo") && said.contains("OpenCR"), "{said}");
+        assert!(said.contains("list boards") && !said.contains("--servo"), "{said}");
+    }
+}
+
+#[test]
 fn a_scan_finds_every_servo_of_the_robot_and_writes_nothing() {
     // OP3's base has a board with a sensor among its servos.
     let board = Some((200, "OpenCR with the OP3 firmware"));
@@ -33,6 +45,13 @@ fn a_scan_finds_every_servo_of_the_robot_and_writes_nothing() {
         }
         assert_eq!(report["collisions"], serde_json::json!([]));
     }
+    let table = text(&run(&["scan", "sim", "--robot", "op3", "-q"]));
+    let columns: Vec<Option<usize>> = table
+        .lines()
+        .take(22)
+        .map(|row| row.find("dynamixel-2.0").or(row.find("protocol")))
+        .collect();
+    assert_eq!(columns, vec![columns[0]; 22], "{table}");
     let desk = Desk::with("so101");
     let before = desk.registers("gripper");
     run(&["scan", &desk.bus(), "--robot", "so101"]);

@@ -308,9 +308,8 @@ impl Line {
             let rest = self.heard.len() - heard.end;
             let end_ns = chunk.span.end_ns - shared.wire_ns(rest, chunk.baud_bps);
             // What two families understand was said once; at a speed that no servo here is set to, to nobody.
-            let at_their_speed = |servo: &Servo| {
-                heard.family.includes(servo) && servo.is_set_to(chunk.baud_bps)
-            };
+            let at_their_speed =
+                |servo: &Servo| heard.family.includes(servo) && servo.is_set_to(chunk.baud_bps);
             if heard.end > last_end && self.servos.iter().any(at_their_speed) {
                 last_end = heard.end;
                 shared.referee.instruction(self.index, chunk.when(end_ns));

@@ -8,7 +8,7 @@ use super::{Deed, Output, Remarks};
 use crate::cli::protocol::{ProtocolName, serial_protocol};
 use crate::error::Error;
 use crate::job::report::counted;
-use crate::job::scan::{Collision, ScanOrder, ScanReport, Speeds, scan_line};
+use crate::job::scan::{Collision, Device, ScanOrder, ScanReport, Speeds, scan_line};
 use crate::job::servo::register::firmware_words;
 use crate::rig::{Address, is_can};
 use crate::time::Duration;
@@ -90,9 +90,15 @@ pub fn run(args: &ScanArgs, remarks: Remarks) -> Result<i32, Error> {
     Ok(code)
 }
 
+/// Letters of the column of models, if none is longer.
+const MODEL_COLUMN: usize = 16;
+
 fn text(report: &ScanReport) -> String {
+    let model = |device: &Device| device.model.clone().unwrap_or_else(|| "unknown".to_owned());
+    let longest = report.devices.iter().map(|device| model(device).chars().count()).max();
+    let wide = longest.unwrap_or(0).max(MODEL_COLUMN);
     let mut out = format!(
-        "{:>3}  {:<16} {:>6}  {:<9} {:<14} {:>9}\n",
+        "{:>3}  {:<wide$} {:>6}  {:<9} {:<14} {:>9}\n",
         "ID", "model", "number", "firmware", "protocol", "bit/s"
     );
     let unknown = || "?".to_owned();
@@ -103,9 +109,9 @@ fn text(report: &ScanReport) -> String {
         });
         let _ = writeln!(
             out,
-            "{:>3}  {:<16} {:>6}  {firmware:<9} {:<14} {:>9}{}",
+            "{:>3}  {:<wide$} {:>6}  {firmware:<9} {:<14} {:>9}{}",
             device.id,
-            device.model.as_deref().unwrap_or("unknown"),
+            model(device),
             device.model_number.map_or_else(unknown, |number| number.to_string()),
             device.protocol,
             device.baud_bps.map_or_else(|| "-".to_owned(), |bps| bps.to_string()),

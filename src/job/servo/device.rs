@@ -4,8 +4,7 @@ use super::{Which, value};
 use crate::bus::{AskError, Miss, Protocol};
 use crate::device::Model;
 use crate::error::{Error, ErrorKind};
-use crate::rig::{OpenLine, open_bus};
-use crate::rig::{ask_error, identify};
+use crate::rig::{OpenLine, ask_error, board_of, identify, open_bus};
 use gaitway_profiles::{self as profiles, Access, Region, RegisterItem, Role, Servo};
 
 /// So often it is tried to close a lock.
@@ -76,6 +75,14 @@ impl Device {
         let named = which.model.as_deref().map(profiles::servo).transpose()?;
         let of_robot = || in_robot(which, found.protocol, found.model_number);
         let profile = named.or_else(of_robot).or(found.profile).ok_or_else(|| {
+            if let Some(board) = board_of(found.protocol, found.model_number) {
+                return Error::new("this is a board among servos, and no servo")
+                    .at(place.clone())
+                    .got(board.model.clone())
+                    .remedy(
+                        "gaitway list boards: names it; gaitway profile show NAME: its registers",
+                    );
+            }
             Error::of(ErrorKind::Unknown, "there is no profile for this servo model")
                 .at(place.clone())
                 .got(format!("model number {}, {}", found.model_number, found.protocol))
