@@ -269,8 +269,8 @@ impl Asked {
 pub fn jerk_rms_rad_s3(poses: &[Vec<f64>], rate_hz: f64) -> Option<f64> {
     let (mut sum, mut count) = (0.0, 0_usize);
     for four in poses.windows(4) {
-        for joint in 0..four[0].len() {
-            let [a, b, c, d] = [0, 1, 2, 3].map(|at: usize| four[at][joint]);
+        let [a, b, c, d] = four else { continue };
+        for (((a, b), c), d) in a.iter().zip(b).zip(c).zip(d) {
             sum += ((d - a) - 3.0 * (c - b)).powi(2);
             count += 1;
         }
