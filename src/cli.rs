@@ -6,7 +6,6 @@ pub mod calibrated;
 pub mod clean;
 pub mod convert;
 pub mod corpus;
-pub mod cues;
 pub mod cut;
 pub mod doctor;
 pub mod finding;

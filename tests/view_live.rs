@@ -354,7 +354,6 @@ fn a_file_is_served_until_a_signal_and_what_cannot_be_seen_is_refused() {
         (&["view", "nobody.bvh"], "there is no such file"),
         (&["view", "op3"], "--bus"),
         (&["record", "lines@/dev/null", "-o", "x.mcap", "--view"], "a page shows a robot"),
-        (&["record", "--session", "lab", "--view"], "no page to look at"),
         (&["live", "--from", "a=b", "--dry-run", "--view"], "a page shows a robot"),
     ] {
         let output = program::gaitway().args(arguments).output().expect("it runs");

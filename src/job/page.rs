@@ -63,12 +63,11 @@ impl RobotScene<'_> {
         }
         Ok(ViewScene {
             duration_s,
-            is_live: false,
             robot: robot.map(|(body, base)| RobotTrack::of(&self.robot.name, body, base)),
             joints: Some(self.joints()),
             person: self.person(duration_s)?,
-            markers: None,
             spans,
+            ..ViewScene::default()
         })
     }
 

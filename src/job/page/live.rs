@@ -1,13 +1,31 @@
 //! The page of a robot while it moves.
 
 use super::{drawable, finite};
+use crate::body::Proportions;
 use crate::error::Error;
 use crate::robot::Robot;
 use crate::view::ViewPage;
 use crate::view::robot::{RobotTrack, still};
 use crate::view::scene::ViewScene;
 use crate::view::series::Coded;
+use crate::view::session::person;
 use crate::view::tracks::{JointTrack, JointTracks, SampleClock};
+
+/// The camera of a session is as far away as somebody of this stature needs, m.
+const DRAWN_FOR_M: f64 = 1.75;
+
+/// A page of a session, to which what is to be done comes, how sensors are heard, and what whoever wears them does.
+///
+/// # Errors
+/// None that the person it is drawn for could have.
+pub fn session_page(folder: &str) -> Result<ViewPage, Error> {
+    // Who wears the sensors is not known yet; places come as they are.
+    let somebody = person(&Proportions::of_stature(DRAWN_FOR_M)?);
+    let (is_live, is_session) = (true, true);
+    let scene = ViewScene { is_live, is_session, person: Some(somebody), ..ViewScene::default() };
+    let title = format!("Session {folder}");
+    Ok(ViewPage { title, scene, ..ViewPage::default() })
+}
 
 /// A page of this robot, by name or path of its file, to which its joints come while it is looked at.
 ///

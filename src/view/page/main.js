@@ -11,7 +11,8 @@ const joints = data.joints && {
   })),
 };
 const robot = data.robot && joints ? new Robot(data.robot, joints, isLive) : null;
-const person = data.person ? new Person(data.person) : null;
+const person = data.person ? new (isLive ? LivePerson : Person)(data.person) : null;
+const session = data.is_session ? new Session() : null;
 const markers = data.markers ? new Markers(data.markers) : null;
 let duration = Math.max(data.duration_s, 1e-3);
 const view = { window: [0, duration], duration };
@@ -201,7 +202,7 @@ function redraw() {
   headInput.value = now;
   headInput.setAttribute("aria-valuetext", `${now.toFixed(2)} s`);
   byId("clock").textContent = `${now.toFixed(2)} of ${duration.toFixed(2)} s`;
-  byId("now").textContent = words(now);
+  byId("now").textContent = session ? "" : words(now);
   frames += 1;
   slowest = Math.max(slowest, performance.now() - began);
   const { dataset } = document.documentElement;
@@ -220,6 +221,7 @@ function tick(stamp) {
     before = stamp;
     stale = true;
   }
+  if (session) session.run();
   if (stale) { stale = false; redraw(); }
   requestAnimationFrame(tick);
 }
@@ -243,17 +245,20 @@ if (isLive) {
     stop.disabled = what !== "on";
     if (stage) { state.textContent = words; state.hidden = !words; }
   };
-  tell("waiting", "Nothing moves yet.");
+  tell("waiting", session ? "Nothing is told yet." : "Nothing moves yet.");
   source.addEventListener("message", event => {
-    tell("on", "");
-    if (!taken(joints, JSON.parse(event.data))) return;
-    duration = Math.max(joints.clock.time(joints.clock.count - 1), 1e-3);
+    const told = JSON.parse(event.data);
+    if (session) session.show(told.session);
+    const isNew = session ? person.take(told.time_s, told.person_m) : taken(joints, told);
+    tell("on", session && !person.clock.count ? "Nobody is drawn before the sensors are calibrated." : "");
+    if (!isNew) return;
+    duration = Math.max(stepClock.time(stepClock.count - 1), 1e-3);
     view.duration = duration; headInput.max = duration;
     stale = true;
   });
   // The browser tries again by itself.
   source.addEventListener("error", () => tell("off", "The program has ended, or does not answer: nothing new comes."));
-  stop.hidden = false;
+  stop.hidden = !!session;
   stop.addEventListener("click", async () => {
     stop.textContent = "stopping";
     const heard = await fetch("stop", { method: "POST" }).then(answer => answer.ok, () => false);

@@ -50,7 +50,7 @@ class Stage {
       case "person": return !!person;
       case "markers": return !!markers;
       case "before": return !!markers && markers.points.some(point => point.before);
-      case "mass": return !!person || !!(robot && robot.mass > 0);
+      case "mass": return !!(person && person.centres) || !!(robot && robot.mass > 0);
       case "support": return !!(person && person.corners) || !!(robot && robot.soles.length);
       default: return !!(person && person.contacts) || !!(robot && robot.soles.length);
     }
@@ -297,13 +297,17 @@ class Stage {
 
   putPerson(t, base) {
     const { person } = this, visible = this.isShown("person");
+    if (!person.clock.count) {
+      for (const part of [...this.rods.flat(), ...this.knots, this.headBall]) part.visible = false;
+      return null;
+    }
     let places = person.places(t), centre = person.centre(t), corners = person.support(t), scale = person.stature;
     if (base) {
       // Beside the robot, as tall as it, and where it goes.
       const k = this.trueSize ? 1 : this.scale / person.stature, root = places[0];
       const beside = [base[0], base[1] - 0.5 * (this.scale + k * person.stature)];
       const moved = p => [(p[0] - root[0]) * k + beside[0], (p[1] - root[1]) * k + beside[1], (p[2] || 0) * k];
-      places = places.map(moved); centre = moved(centre); corners = corners.map(moved); scale *= k;
+      places = places.map(moved); centre = centre && moved(centre); corners = corners.map(moved); scale *= k;
     }
     person.lines.forEach((lines, side) => lines.forEach(([a, b], n) => {
       this.lay(this.rods[side][n], places[a], places[b], scale);
