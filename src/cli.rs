@@ -227,6 +227,7 @@ fn run(typed: &Typed) -> i32 {
         Command::View(args) => match view::seen(args, cli) {
             Ok(view::Viewed::Command(command)) => return run(&command),
             Ok(view::Viewed::File(path)) => view::file(&path, args, remarks),
+            Ok(view::Viewed::Robot(name)) => view::robot(&name, args, remarks),
             Err(view::NotViewed::Usage(error)) => return output::tell_usage(&error),
             Err(view::NotViewed::Error(error)) => Err(error),
         },

@@ -352,7 +352,6 @@ fn a_file_is_served_until_a_signal_and_what_cannot_be_seen_is_refused() {
         (&["play", "bow", "--robot", "op3", "--bus", "sim", "--view"], "--bus sim:pty"),
         (&["view", &file, "--mirror"], "a file is shown as it is"),
         (&["view", "nobody.bvh"], "there is no such file"),
-        (&["view", "op3"], "--bus"),
         (&["record", "lines@/dev/null", "-o", "x.mcap", "--view"], "a page shows a robot"),
         (&["live", "--from", "a=b", "--dry-run", "--view"], "a page shows a robot"),
     ] {

@@ -12,7 +12,6 @@ mod dialogue;
 #[path = "record_session/person.rs"]
 mod person;
 mod priority;
-#[allow(dead_code)]
 mod program;
 
 use browser::browser;

@@ -232,6 +232,7 @@ fn joint_tracks(series: &Series, limits: Vec<NamedLimits>) -> JointTracks {
         range_rad: limits.range_rad,
         velocity_limit_rad_s: limits.velocity_rad_s,
         acceleration_limit_rad_s2: limits.acceleration_rad_s2,
+        initial_rad: None,
     });
     JointTracks { clock: SampleClock::of(&series.time_s), joints: joints.collect() }
 }

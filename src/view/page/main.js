@@ -10,7 +10,7 @@ const joints = data.joints && {
     ...joint, goal: joint.goal && decoded(joint.goal), present: joint.present && joint.present.count && decoded(joint.present),
   })),
 };
-const robot = data.robot && joints ? new Robot(data.robot, joints, isLive) : null;
+const robot = data.robot && joints ? new Robot(data.robot, joints, isLive || data.can_edit) : null;
 const person = data.person ? new (isLive ? LivePerson : Person)(data.person) : null;
 const session = data.is_session ? new Session() : null;
 const markers = data.markers ? new Markers(data.markers) : null;
@@ -19,6 +19,9 @@ const view = { window: [0, duration], duration };
 const stepClock = joints ? joints.clock : person ? person.clock : markers ? markers.clock : null;
 const said = byId("said"), headInput = byId("head"), playButton = byId("play"), canvas = byId("scene");
 let now = 0, playing = false, before = null, stale = true, frames = 0, slowest = 0;
+// Key frames are made: what is drawn and played is their motion.
+let editing = false, editor = null, held = null;
+const isNow = () => isLive && !editing;
 
 const active = t => data.spans.filter(span => span.start_s <= t + 1e-6 && t <= Math.max(span.end_s, span.start_s + 0.05));
 const isWrong = t => new Set(active(t).flatMap(span => span.links || []));
@@ -41,7 +44,7 @@ const check = (place, text, on, change) => {
   place.append(label);
 };
 if (stage) {
-  for (const [part, name] of Object.entries(PARTS)) if (stage.has(part)) check(byId("shown"), name, true, yes => stage.show(part, yes));
+  for (const [part, name] of Object.entries(PARTS)) if (stage.has(part) && !(data.can_edit && ["contacts", "collisions"].includes(part))) check(byId("shown"), name, true, yes => stage.show(part, yes));
   if (robot && person) check(byId("shown"), "true size", false, yes => { stage.trueSize = yes; });
 }
 
@@ -59,7 +62,56 @@ function choose(n, yes = !chosen.has(n)) {
   replot();
 }
 
+// A velocity that begins and ends at rest.
+const atRest = values => { values[0] = values[values.length - 1] = 0; return values; };
+
+// The curves of the joint that is turned.
+function plotPose() {
+  const joint = editor.joints.list[editor.chosen], { clock } = editor, place = byId("curve");
+  const curve = values => [{ name: "goal", values, clock, scale: DEGREES }];
+  const limit = joint.velocity_limit_rad_s * DEGREES;
+  place.replaceChildren();
+  plots.length = 0;
+  plots.push(
+    new Plot(place, joint, { quantity: "angle", unit: "\u00b0", curves: curve(() => joint.goal), bounds: joint.range_rad.map(end => end * DEGREES), least: 2 }, view),
+    new Plot(place, joint, { quantity: "velocity", unit: "\u00b0/s", curves: curve(() => atRest(derived(joint.goal, clock, 1, 1))), bounds: limit ? [-limit, limit] : null, least: 5 }, view),
+  );
+  plots.forEach(plot => plot.draw());
+}
+
+// For so long there is something to see.
+function lasts(time) {
+  duration = Math.max(time, 1e-3);
+  view.duration = duration; view.window = [0, duration]; headInput.max = duration;
+  stale = true;
+}
+
+// Somebody turned a joint, or chose one.
+function edited(of, isChoice) {
+  if (!editing) return;
+  if (stage) stage.chosen = new Set([of.chosen]);
+  lasts(of.keys.duration);
+  if (!isChoice) { playing && play(false); said.textContent = ""; go(of.keys.times()[of.keys.at]); }
+  plotPose();
+}
+
+function edit(on) {
+  editing = on;
+  byId("poses").hidden = !on;
+  byId("signals").hidden = on || !channels.length;
+  byId("edit").setAttribute("aria-pressed", String(on));
+  for (const id of ["speed", "loop"]) byId(id).parentElement.hidden = isNow();
+  if (robot) robot.joints = on ? editor.joints : joints;
+  if (on) { play(false); edited(editor); return; }
+  byId("curve").replaceChildren();
+  lasts(stepClock.time(stepClock.count - 1));
+  if (stage) stage.chosen = new Set([...chosen].map(index => channels[index].joint));
+  replot();
+  play(isLive);
+}
+
 function replot() {
+  if (editing) return;
   byId("plots").replaceChildren();
   plots.length = 0;
   for (const n of chosen) {
@@ -122,7 +174,7 @@ for (const span of data.spans) {
   row.spans.push(span);
 }
 const flags = (names, values, clock) => names.forEach((name, bit) => rows.push({ name, spans: [], times: runs(values, clock, sum => sum >> bit & 1) }));
-if (robot && robot.soles.length && !isLive) flags(["left foot stands", "right foot stands"], robot.contacts, robot.clock);
+if (robot && robot.soles.length && !isLive && !data.can_edit) flags(["left foot stands", "right foot stands"], robot.contacts, robot.clock);
 if (person && person.contacts && !robot) flags(["left heel", "left toe", "right heel", "right toe"], person.contacts, person.clock);
 const line = new Line(byId("line"), rows, view);
 if (!rows.length) byId("line").hidden = true;
@@ -149,7 +201,7 @@ function words(t) {
     const sum = values[clock.at(t)], down = names.filter((_, bit) => sum >> bit & 1);
     parts.push(down.length ? `on the floor: ${down.join(", ")}` : "nothing on the floor");
   };
-  if (isLive) return parts.join("");
+  if (isLive || editing) return parts.join("");
   if (robot && robot.soles.length) feet(robot.contacts, robot.clock, ["left foot", "right foot"]);
   else if (!robot && person && person.contacts) feet(person.contacts, person.clock, ["left heel", "left toe", "right heel", "right toe"]);
   for (const span of active(t)) parts.push(span.kind === "wrong" || span.kind === "doubt" ? `${span.row}: ${span.label}` : span.label);
@@ -160,7 +212,7 @@ function go(t, tells) {
   now = Math.max(0, Math.min(duration, t));
   stale = true;
   if (tells) {
-    const heard = [...chosen].slice(0, 3).map(n => channels[n].plots[0]).map((plot, k) => {
+    const heard = editing ? [] : [...chosen].slice(0, 3).map(n => channels[n].plots[0]).map((plot, k) => {
       const name = channels[[...chosen][k]].name;
       return `${name} ${plot.curves.map(curve => `${curve.name} ${(valuesOf(curve)[curve.clock.at(now)] * curve.scale).toFixed(1)} ${plot.unit}`).join(", ")}`;
     });
@@ -171,17 +223,17 @@ function go(t, tells) {
 function play(on) {
   playing = on;
   before = null;
-  if (on && now >= duration && !isLive) now = 0;
-  playButton.textContent = on ? "pause" : isLive ? "now" : "play";
+  if (on && now >= duration && !isNow()) now = 0;
+  playButton.textContent = on ? "pause" : isNow() ? "now" : "play";
   if (!on) go(now, true);
   stale = true;
 }
 
 function step(by) {
   play(false);
-  if (!stepClock) return;
-  const at = Math.max(0, Math.min(stepClock.count - 1, stepClock.at(now) + by));
-  go(stepClock.time(at), true);
+  const clock = editing ? editor.clock : stepClock;
+  if (!clock) return;
+  go(clock.time(Math.max(0, Math.min(clock.count - 1, clock.at(now) + by))), true);
 }
 
 function zoomTo(from, to) {
@@ -192,7 +244,7 @@ function zoomTo(from, to) {
 
 function redraw() {
   const began = performance.now();
-  if (isLive && playing) {
+  if (isNow() && playing) {
     view.window = [Math.max(0, duration - SEEN_S), Math.max(duration, SEEN_S)];
     for (const plot of plots) { plot.plot.curves.forEach(curve => { curve.made = null; }); plot.draw(); }
   }
@@ -210,7 +262,7 @@ function redraw() {
 }
 
 function tick(stamp) {
-  if (playing && isLive) {
+  if (playing && isNow()) {
     if (now !== duration) { now = duration; stale = true; }
   } else if (playing) {
     if (before !== null) {
@@ -251,7 +303,7 @@ if (isLive) {
     if (session) session.show(told.session);
     const isNew = session ? person.take(told.time_s, told.person_m) : taken(joints, told);
     tell("on", session && !person.clock.count ? "Nobody is drawn before the sensors are calibrated." : "");
-    if (!isNew) return;
+    if (!isNew || editing) return;
     duration = Math.max(stepClock.time(stepClock.count - 1), 1e-3);
     view.duration = duration; headInput.max = duration;
     stale = true;
@@ -291,10 +343,11 @@ byId("plots").addEventListener("dblclick", () => zoomTo(0, duration));
 if (stage) {
   const touches = new Map();
   let moved = 0;
-  canvas.addEventListener("pointerdown", event => { touches.set(event.pointerId, [event.clientX, event.clientY]); moved = 0; canvas.setPointerCapture(event.pointerId); });
+  canvas.addEventListener("pointerdown", event => { touches.set(event.pointerId, [event.clientX, event.clientY]); moved = 0; canvas.setPointerCapture(event.pointerId); hold(event); });
   canvas.addEventListener("pointermove", event => {
     const last = touches.get(event.pointerId);
     if (!last) return;
+    if (held) { editor.pull(held, [event.offsetX, event.offsetY], event.shiftKey, place => stage.project(place)); return; }
     const [dx, dy] = [event.clientX - last[0], event.clientY - last[1]];
     if (touches.size === 2) {
       const other = [...touches].find(([id]) => id !== event.pointerId)[1];
@@ -305,6 +358,7 @@ if (stage) {
     touches.set(event.pointerId, [event.clientX, event.clientY]);
   });
   const ends = event => {
+    if (held) { held = null; touches.delete(event.pointerId); return; }
     if (touches.delete(event.pointerId) && event.type === "pointerup" && moved < 6) {
       const found = stage.pick(event.offsetX, event.offsetY);
       const at = found === null ? -1 : channels.findIndex(channel => channel.joint === found);
@@ -324,6 +378,15 @@ if (stage) {
     event.stopPropagation();
   });
 }
+// A limb is taken in the hand: of the key frame that is changed.
+function hold(event) {
+  if (!editing || event.button) return;
+  const { keys } = editor, t = keys.times()[keys.at];
+  if (playing || now !== t) { playing && play(false); go(t); redraw(); }
+  held = stage.grab(event.offsetX, event.offsetY);
+  // The base stands where it stands: who drags it looks from elsewhere.
+  if (held && held.link === 0) held = null;
+}
 function orbit(turn, tilt) { stage.turn += turn; stage.tilt = Math.max(-0.3, Math.min(1.5, stage.tilt + tilt)); stale = true; }
 function zoom(by) { stage.zoom = Math.max(0.15, Math.min(12, stage.zoom * by)); stale = true; }
 
@@ -332,7 +395,7 @@ addEventListener("keydown", event => {
   const keys = {
     " ": () => play(!playing), ",": () => step(-1), ".": () => step(1),
     // What comes while somebody looks on has a present, from which Home leaves and to which End goes back.
-    Home: () => { if (isLive) play(false); go(0, true); }, End: () => (isLive ? play(true) : go(duration, true)),
+    Home: () => { if (isLive) play(false); go(0, true); }, End: () => (isNow() ? play(true) : go(duration, true)),
     f: () => byId("follow").click(), l: () => byId("loop").click(),
   };
   const speed = "123456".indexOf(event.key);
@@ -348,6 +411,15 @@ buildEvents();
 const first = firstChoice();
 if (first !== null) choose(first, true);
 if (isLive) play(true);
+if (data.can_edit) {
+  editor = new Editor(robot, joints.list, edited);
+  const take = byId("pose-take");
+  take.hidden = !isLive;
+  take.addEventListener("click", () => editor.take(joints.list.map(joint => joint.present.at(-1))));
+  byId("edit").hidden = !isLive;
+  byId("edit").addEventListener("click", () => edit(!editing));
+  if (!isLive) edit(true);
+}
 // A fixed moment for whoever opens page.html#t=1.5
 const asked = parseFloat(new URLSearchParams(location.hash.slice(1)).get("t"));
 if (asked >= 0) go(asked, true);
@@ -359,6 +431,12 @@ window.gaitway = {
   centre: t => (robot ? robot.centre(robot.places(t, "present")) : person ? person.centre(t) : null),
   markers: t => (markers ? markers.points.map(point => markers.place(point.at, t)) : []),
   person: t => (person ? person.places(t) : []),
+  poses: () => editor && {
+    table: editor.keys.table(), times: editor.keys.times(), at: editor.keys.at, angles: editor.keys.frames.map(frame => frame.angles),
+    rate: editor.clock.rate, motion: Object.fromEntries(editor.joints.list.map(joint => [joint.name, [...joint.goal]])),
+  },
+  // Where on the window a place of a link is.
+  seen: (link, local) => { const { at, turn } = robot.places(now, "present")[link], box = canvas.getBoundingClientRect(); return stage.project(plus(at, turned(turn, local))).map((part, k) => part + (k ? box.top : box.left)); },
   redraw,
 };
 requestAnimationFrame(tick);

@@ -64,6 +64,8 @@ class Stage {
       // The tallest it is in a score of moments: it may begin in a crouch.
       const end = robot.joints.clock.time(robot.joints.clock.count - 1);
       const heights = Array.from({ length: 20 }, (_, n) => robot.height(robot.places((n * end) / 19, "present")));
+      if (robot.grounded) heights.push(robot.height(robot.placed(robot.joints.list.map(() => 0), 0)));
+      else if (robot.free) heights.push(robot.reach());
       this.scale = Math.max(...heights);
       return;
     }
@@ -141,7 +143,10 @@ class Stage {
     // Links without a shape: what connects joints is drawn as lines.
     this.bones = this.robot.links.map((link, n) => {
       if (link.parent === null) return null;
-      return this.robot.links[link.parent].shapes.length ? null : this.rod(this.ink.robot, bare ? 0.018 : 0.006);
+      if (this.robot.links[link.parent].shapes.length) return null;
+      const rod = this.rod(this.ink.robot, bare ? 0.018 : 0.006);
+      rod.userData.link = link.parent;
+      return rod;
     });
   }
 
@@ -383,6 +388,22 @@ class Stage {
     const snapped = value => Math.round(value / (2 * this.square)) * 2 * this.square;
     this.ground.position.x = snapped(x); this.ground.position.y = snapped(y);
     this.gl.render(this.scene, camera);
+  }
+
+  // What of the robot is under a place of the canvas: its link, and the place in the link's axes.
+  grab(x, y) {
+    const [width, height] = [this.canvas.clientWidth, this.canvas.clientHeight], ray = new THREE.Raycaster();
+    ray.setFromCamera(new THREE.Vector2((2 * x) / width - 1, 1 - (2 * y) / height), this.camera);
+    const hit = ray.intersectObjects([...this.bodies, ...this.bones.filter(Boolean)], true).find(({ object }) => object.visible);
+    if (!hit) return null;
+    const link = hit.object.userData.link ?? hit.object.parent.userData.link;
+    return { link, local: this.bodies[link].worldToLocal(hit.point.clone()).toArray() };
+  }
+
+  // Where on the canvas a place is.
+  project(place) {
+    const { x, y } = new THREE.Vector3(...place).project(this.camera);
+    return [(x + 1) / 2 * this.canvas.clientWidth, (1 - y) / 2 * this.canvas.clientHeight];
   }
 
   // The joint whose link is under a place of the canvas, or the marker next to it.
