@@ -41,6 +41,20 @@ pub struct LiveFrame {
     pub goal_rad: Vec<Option<f64>>,
     /// Where it is, rad.
     pub present_rad: Vec<Option<f64>>,
+    /// What else was read of joints just now.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub others: Vec<LiveQuantity>,
+}
+
+/// Another quantity of the joints.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LiveQuantity {
+    /// What it is called.
+    pub name: &'static str,
+    /// Its unit.
+    pub unit: &'static str,
+    /// Of each joint; null: not read just now.
+    pub values: Vec<Option<f64>>,
 }
 
 impl LiveFrame {
@@ -50,7 +64,7 @@ impl LiveFrame {
         let known = |rad: f64| rad.is_finite().then(|| (rad * 1e5).round() / 1e5);
         let (goal_rad, present_rad) =
             joints_rad.map(|[goal, present]| (known(goal), known(present))).unzip();
-        Self { time_s, goal_rad, present_rad }
+        Self { time_s, goal_rad, present_rad, others: Vec::new() }
     }
 }
 

@@ -6,7 +6,7 @@ const data = JSON.parse(byId("data").textContent);
 const isLive = !!data.is_live;
 const joints = data.joints && {
   clock: isLive ? growing() : clockOf(data.joints.clock),
-  list: data.joints.joints.map(joint => (isLive ? { ...joint, goal: [], present: [] } : {
+  list: data.joints.joints.map(joint => (isLive ? { ...joint, goal: [], present: [], others: [] } : {
     ...joint, goal: joint.goal && decoded(joint.goal), present: joint.present && joint.present.count && decoded(joint.present),
   })),
 };
@@ -121,6 +121,22 @@ function replot() {
   stale = true;
 }
 
+// A quantity that can be looked at.
+function offer(quantity) {
+  check(document.querySelector(".quantities"), quantity, wanted.has(quantity), yes => { if (yes) wanted.add(quantity); else wanted.delete(quantity); replot(); });
+}
+
+// What is read of a joint for the first time can be looked at from now on.
+function learn() {
+  for (const { joint, plots: own } of channels) {
+    for (const { name, unit, clock, values } of joints.list[joint].others) {
+      if (own.some(plot => plot.quantity === name)) continue;
+      own.push({ quantity: name, unit, curves: [{ name, values, clock, scale: 1 }], least: 0.1 });
+      if (!quantities.includes(name)) { quantities.push(name); offer(name); }
+    }
+  }
+}
+
 function buildChoice() {
   const place = byId("choice");
   if (!channels.length) { byId("signals").hidden = true; document.querySelector("main").classList.add("alone"); return; }
@@ -150,8 +166,8 @@ function buildChoice() {
   if (quantities.length > 1) {
     const bar = document.createElement("div");
     bar.className = "quantities"; bar.setAttribute("role", "group"); bar.setAttribute("aria-label", "Quantities");
-    for (const quantity of quantities) check(bar, quantity, wanted.has(quantity), yes => { if (yes) wanted.add(quantity); else wanted.delete(quantity); replot(); });
     place.append(bar);
+    quantities.forEach(offer);
   }
 }
 
@@ -302,6 +318,7 @@ if (isLive) {
     const told = JSON.parse(event.data);
     if (session) session.show(told.session);
     const isNew = session ? person.take(told.time_s, told.person_m) : taken(joints, told);
+    if (isNew && joints) learn();
     tell("on", session && !person.clock.count ? "Nobody is drawn before the sensors are calibrated." : "");
     if (!isNew || editing) return;
     duration = Math.max(stepClock.time(stepClock.count - 1), 1e-3);
