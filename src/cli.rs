@@ -6,7 +6,6 @@ pub mod calibrated;
 pub mod clean;
 pub mod convert;
 pub mod corpus;
-pub mod cues;
 pub mod cut;
 pub mod doctor;
 pub mod finding;
@@ -228,6 +227,7 @@ fn run(typed: &Typed) -> i32 {
         Command::View(args) => match view::seen(args, cli) {
             Ok(view::Viewed::Command(command)) => return run(&command),
             Ok(view::Viewed::File(path)) => view::file(&path, args, remarks),
+            Ok(view::Viewed::Robot(name)) => view::robot(&name, args, remarks),
             Err(view::NotViewed::Usage(error)) => return output::tell_usage(&error),
             Err(view::NotViewed::Error(error)) => Err(error),
         },

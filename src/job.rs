@@ -11,6 +11,7 @@ pub mod composition;
 pub mod convert;
 pub mod convert_recording;
 pub mod corpus;
+pub mod cues;
 pub mod cut;
 pub mod decompose;
 pub mod directions;

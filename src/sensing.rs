@@ -18,7 +18,7 @@ mod wear;
 pub use crate::port::{Clock, MonotonicClock};
 pub use event::{Said, SensingEvent, Tell};
 pub use guide::{Ended, Guide, Guided, Plan, wall_clock};
-pub use hub::{Hub, Still};
+pub use hub::{HeardSensor, Hub, Still};
 pub use intake::{Intake, SourceReport, StopAtEnd};
 pub use person::{Answer, Cue, Person, Question, Unseen, Until};
 pub use sensors::{Feed, Sensors};

@@ -11,6 +11,7 @@ pub mod person;
 pub mod robot;
 pub mod scene;
 pub mod series;
+pub mod session;
 pub mod tracks;
 
 use crate::error::Error;
@@ -37,12 +38,14 @@ pub struct ViewPage {
 }
 
 /// The script of the page, in the order in which its parts need one another.
-const SCRIPT: [&str; 6] = [
+const SCRIPT: [&str; 8] = [
     include_str!("view/page/series.js"),
     include_str!("view/page/live.js"),
     include_str!("view/page/body.js"),
     include_str!("view/page/stage.js"),
     include_str!("view/page/signals.js"),
+    include_str!("view/page/session.js"),
+    include_str!("view/page/poses.js"),
     include_str!("view/page/main.js"),
 ];
 

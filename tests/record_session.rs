@@ -2,8 +2,10 @@
 //! real pseudo-terminal, with a virtual person who wears virtual sensors. Time is real here.
 
 mod aloud;
+#[allow(dead_code)]
 #[path = "record_session/dialogue.rs"]
 mod dialogue;
+#[allow(dead_code)]
 #[path = "record_session/person.rs"]
 mod person;
 mod program;

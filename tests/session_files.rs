@@ -132,6 +132,12 @@ fn step_follows_step_and_two_subjects_take_turns_or_act_together() {
     let step = |index, number, ids: &[&str]| {
         Step::Trial(index, number, ids.iter().map(|id| (*id).to_owned()).collect())
     };
+    // All that is left is known beforehand; a day later the sensors and their wearers are calibrated anew before that.
+    let ahead = |at: Utc| Progress::read(&folder).expect("read").ahead(at);
+    let trials = [step(0, 1, &["a"]), step(0, 1, &["b"]), step(1, 1, &["a", "b"]), Step::Finish];
+    assert_eq!(ahead(NOW), trials);
+    let again = [Step::Device, Step::Body("a".into()), Step::Body("b".into())];
+    assert_eq!(ahead(NOW.plus_hours(25.0)), [&again[..], &trials].concat());
     let put = |trial: &TrialFile| {
         folder.write_new(&format!("trials/{}.toml", trial.name()), trial).expect("written");
     };

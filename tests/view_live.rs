@@ -11,7 +11,7 @@ mod program;
 use browser::browser;
 use chromium::Browser;
 use gaitway::job::page::live;
-use gaitway::view::live::{LiveCounts, LiveFrame, LiveView};
+use gaitway::view::live::{LiveCounts, LiveFrame, LiveQuantity, LiveView};
 use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::process::{Child, Stdio};
@@ -219,6 +219,72 @@ fn in_a_browser_the_robot_moves_as_it_is_told_and_a_button_stops_it() {
     assert_eq!(browser.value("document.getElementById('stop').disabled"), true);
 }
 
+#[test]
+fn what_else_is_read_of_a_joint_can_be_looked_at_once_it_has_come() {
+    let Some(mut browser) = browser("quantities") else { return };
+    let view = view();
+    browser.look(1280, 900, false);
+    browser.open_served(&view.url());
+    let offered =
+        "[...document.querySelectorAll('.quantities label')].map(of => of.textContent.trim())";
+    let told = |time_s: f64, warm_c: Option<f64>| {
+        let values: Vec<_> = (0..20).map(|joint| warm_c.map(|c| c + f64::from(joint))).collect();
+        let (name, unit) = ("temperature", "\u{b0}C");
+        let others = warm_c.map(|_| LiveQuantity { name, unit, values }).into_iter().collect();
+        view.tell(&LiveFrame {
+            others,
+            ..LiveFrame::of(time_s, std::iter::repeat_n([0.1; 2], 20))
+        });
+    };
+    told(0.1, None);
+    until(&mut browser, "gaitway.figures().now === 0.1");
+    let before = browser.value(offered);
+    assert!(!before.as_array().expect("names").contains(&"temperature".into()), "{before}");
+    told(0.2, Some(40.0));
+    until(&mut browser, &format!("{offered}.includes('temperature')"));
+    browser.value("[...document.querySelectorAll('.quantities label')].find(of => of.textContent.trim() === 'temperature').click()");
+    // The joint that is chosen at first is the robot's first.
+    let says = |degrees: &str| {
+        format!(
+            "[...document.querySelectorAll('figcaption')].some(of => of.textContent.includes('temperature') && of.textContent.includes('{degrees} \u{b0}C'))"
+        )
+    };
+    until(&mut browser, &says("40.0"));
+    // What is not read again just now is what it was.
+    told(0.3, None);
+    until(&mut browser, "gaitway.figures().now === 0.3");
+    until(&mut browser, &says("40.0"));
+    told(0.4, Some(41.5));
+    until(&mut browser, &says("41.5"));
+    // Another run knows nothing of that.
+    told(0.05, None);
+    until(&mut browser, "gaitway.figures().duration === 0.05");
+    until(
+        &mut browser,
+        "[...document.querySelectorAll('figcaption')].some(of => of.textContent.includes('temperature') && of.textContent.includes('no reading'))",
+    );
+    assert_eq!(browser.complaints(), [""; 0]);
+}
+
+#[test]
+fn a_robot_that_is_looked_at_tells_how_warm_it_is() {
+    let (mut child, url) = serving(&["view", "op3", "--bus", "sim:pty"]);
+    let (host, path) = parts(&url);
+    let stream = asked(host, &head(host, "GET", &format!("{path}frames"), ""));
+    let frames = BufReader::new(stream).lines().map(|line| line.expect("a line"));
+    let mut frames = frames.filter_map(|line| line.strip_prefix("data: ").map(str::to_owned));
+    let frame: serde_json::Value =
+        serde_json::from_str(&frames.next().expect("a frame")).expect("JSON");
+    let others = frame["others"].as_array().expect("a list");
+    let warm = others.iter().find(|of| of["name"] == "temperature").expect("it is read");
+    assert_eq!(warm["unit"], "\u{b0}C");
+    let values = warm["values"].as_array().expect("joints");
+    assert!(values.len() == 20 && values.iter().all(|c| c.as_f64().is_some_and(|c| c > 0.0)));
+    let stopped = answered(asked(host, &head(host, "POST", &format!("{path}stop"), "")));
+    assert!(stopped.starts_with("HTTP/1.1 204"), "{stopped}");
+    assert!(child.wait().expect("it ends").success());
+}
+
 /// A command that serves a page, and where.
 fn serving(arguments: &[&str]) -> (Child, String) {
     let mut command = program::gaitway();
@@ -352,9 +418,7 @@ fn a_file_is_served_until_a_signal_and_what_cannot_be_seen_is_refused() {
         (&["play", "bow", "--robot", "op3", "--bus", "sim", "--view"], "--bus sim:pty"),
         (&["view", &file, "--mirror"], "a file is shown as it is"),
         (&["view", "nobody.bvh"], "there is no such file"),
-        (&["view", "op3"], "--bus"),
         (&["record", "lines@/dev/null", "-o", "x.mcap", "--view"], "a page shows a robot"),
-        (&["record", "--session", "lab", "--view"], "no page to look at"),
         (&["live", "--from", "a=b", "--dry-run", "--view"], "a page shows a robot"),
     ] {
         let output = program::gaitway().args(arguments).output().expect("it runs");

@@ -2,8 +2,8 @@
 
 use super::live::Shown;
 use super::signals::Signals;
-use super::{Remarks, cues, say};
-use crate::job::{Event, Observer};
+use super::{Remarks, say};
+use crate::job::{Event, Observer, cues};
 use crate::sensing::{Answer, Cue, Person};
 use std::io::{BufRead, IsTerminal};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -101,7 +101,10 @@ impl Operator {
 impl Person for Operator {
     /// They must know, however quiet the rest is.
     fn tell(&self, cue: Cue<'_>) {
-        say(&cues::of(&cue));
+        // What comes after this is for whoever looks at a page.
+        if !matches!(cue, Cue::Next(_)) {
+            say(&cues::of(&cue));
+        }
     }
 
     fn answer(&self) -> Option<Answer> {

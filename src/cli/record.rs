@@ -71,7 +71,6 @@ pub struct RecordArgs {
 pub fn run(args: &RecordArgs, remarks: Remarks) -> Result<i32, Error> {
     let signals = Signals::listen().map_err(|e| Error::new(format!("no signals: {e}")))?;
     if let Some(root) = &args.session {
-        args.view.refuse("a session")?;
         return session::run(args, root, signals, remarks);
     }
     let file = args.out.clone().ok_or_else(|| Error::new("no file to record to"))?;

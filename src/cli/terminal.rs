@@ -1,8 +1,8 @@
 //! The terminal as the observer of a job: a signal ends it, a bar shows how far a motion is.
 
+use super::Remarks;
 use super::signals::Signals;
-use super::{Remarks, cues};
-use crate::job::{Event, Observer, Progress};
+use crate::job::{Event, Observer, Progress, cues};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;

@@ -34,6 +34,8 @@ pub enum Viewed {
     Command(Box<Typed>),
     /// A file.
     File(PathBuf),
+    /// A robot as its file has it, for key frames of it to be made.
+    Robot(String),
 }
 
 /// Why nothing is.
@@ -65,6 +67,9 @@ pub fn seen(args: &ViewArgs, cli: &Cli) -> Result<Viewed, NotViewed> {
         let error = Error::of(ErrorKind::Absent, "there is no such file").at(first);
         return Err(NotViewed::Error(error.remedy("check the path; a robot goes with --bus")));
     }
+    if !is_command && args.what.len() == 1 {
+        return Ok(Viewed::Robot(first.to_owned()));
+    }
     let profiles = cli.profiles.iter().map(|folder| format!("--profiles={}", folder.display()));
     let typed = ["gaitway".to_owned()]
         .into_iter()
@@ -81,8 +86,20 @@ pub fn seen(args: &ViewArgs, cli: &Cli) -> Result<Viewed, NotViewed> {
 /// # Errors
 /// A file that cannot be read or shows nothing, a port that is taken.
 pub fn file(path: &Path, args: &ViewArgs, remarks: Remarks) -> Result<i32, Error> {
+    until_a_signal(page::file::page(path, &CaptureOptions::default())?, args, remarks)
+}
+
+/// Serves a page on which key frames of a robot are made until a signal comes.
+///
+/// # Errors
+/// A robot that is not known, a port that is taken.
+pub fn robot(name: &str, args: &ViewArgs, remarks: Remarks) -> Result<i32, Error> {
+    until_a_signal(page::live::editor(name)?.html()?, args, remarks)
+}
+
+fn until_a_signal(html: String, args: &ViewArgs, remarks: Remarks) -> Result<i32, Error> {
     let signals = Signals::listen().map_err(|e| Error::new(format!("no signals: {e}")))?;
-    let view = LiveView::serving(page::file::page(path, &CaptureOptions::default())?, args.port)?;
+    let view = LiveView::serving(html, args.port)?;
     say(&format!("view      {}", view.url()));
     remarks.say("until Ctrl-C");
     while signals.first().is_none() {

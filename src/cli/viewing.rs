@@ -4,8 +4,10 @@ use super::say;
 use crate::error::Error;
 use crate::job::page::live;
 use crate::rig::{Address, BusKind};
+use crate::view::ViewPage;
 use crate::view::live::LiveView;
 use clap::Args;
+use std::path::Path;
 
 pub use crate::job::viewing::Viewing;
 
@@ -20,17 +22,13 @@ pub struct ViewArg {
 }
 
 impl ViewArg {
-    /// Fails if a page is wanted where there is none.
+    /// Serves the page of a session and tells its address, if that is wanted.
     ///
     /// # Errors
-    /// As said.
-    pub fn refuse(&self, where_none_is: &str) -> Result<(), Error> {
-        match self.view {
-            None => Ok(()),
-            Some(_) => {
-                Err(Error::new("there is no page to look at").at("--view").got(where_none_is))
-            }
-        }
+    /// A port that is taken.
+    pub fn open_session(&self, folder: &Path) -> Result<Option<LiveView>, Error> {
+        let folder = folder.display().to_string();
+        self.view.map(|port| serve(&live::session_page(&folder)?, port)).transpose()
     }
 
     /// Serves the page of a robot and tells its address, if that is wanted.
@@ -56,8 +54,12 @@ impl ViewArg {
                 "name one: --robot; of `simulate`, the robot; of `record`, servos:ROBOT@BUS among the sources",
             )
         })?;
-        let view = LiveView::open(&live::page(robot, what)?, port)?;
-        say(&format!("view      {}", view.url()));
-        Ok(Some(view))
+        serve(&live::page(robot, what)?, port).map(Some)
     }
+}
+
+fn serve(page: &ViewPage, port: u16) -> Result<LiveView, Error> {
+    let view = LiveView::open(page, port)?;
+    say(&format!("view      {}", view.url()));
+    Ok(view)
 }

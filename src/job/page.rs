@@ -63,12 +63,11 @@ impl RobotScene<'_> {
         }
         Ok(ViewScene {
             duration_s,
-            is_live: false,
             robot: robot.map(|(body, base)| RobotTrack::of(&self.robot.name, body, base)),
             joints: Some(self.joints()),
             person: self.person(duration_s)?,
-            markers: None,
             spans,
+            ..ViewScene::default()
         })
     }
 
@@ -233,6 +232,7 @@ fn joint_tracks(series: &Series, limits: Vec<NamedLimits>) -> JointTracks {
         range_rad: limits.range_rad,
         velocity_limit_rad_s: limits.velocity_rad_s,
         acceleration_limit_rad_s2: limits.acceleration_rad_s2,
+        initial_rad: None,
     });
     JointTracks { clock: SampleClock::of(&series.time_s), joints: joints.collect() }
 }

@@ -9,19 +9,25 @@ mod device;
 mod finish;
 mod happening;
 mod judge;
+mod looking;
 mod operator;
 mod order;
+mod panel;
 mod report;
 mod setup;
 mod subject;
 mod trial;
+pub mod words;
 
-pub use happening::{CutShort, Happening, RecordedTrial, TrialFault, TrialPart};
+pub use happening::{
+    CutShort, Happening, RecordedTrial, SensorNow, Settled, TrialFault, TrialPart,
+};
 pub use operator::{
     Answered, Doubt, During, Judged, Mark, MeasureAnswer, Mend, Operator, Ready, Repetitions,
     Stopped, Unsteady, Wish, Words,
 };
 pub use order::SessionOrder;
+pub use panel::OnPage;
 pub use report::SessionReport;
 
 use crate::capture::Mode;
@@ -29,6 +35,7 @@ use crate::error::{Error, ErrorKind};
 use crate::job::report::Outcome;
 use crate::sensing::{Ended, Hub, Intake, Opened, SensingEvent, Source, StopAtEnd, wall_clock};
 use crate::session::{Folder, Plan, Progress, SessionFile, Step};
+use looking::Looking;
 use order::Worn;
 use setup::Given;
 use std::sync::atomic::AtomicBool;
@@ -99,12 +106,17 @@ impl Session {
         let stop = AtomicBool::new(false);
         let tell = |event: SensingEvent<'_>| operator.hear(Happening::Sensing(event));
         let intake = Intake::new(None, &stop, mode, &tell).heard_by_hub(&hub);
-        let mut job = Job { folder: &folder, operator, hub: &hub, worn: &worn, progress };
+        let looking = Looking::default();
+        let mut job =
+            Job { folder: &folder, operator, hub: &hub, worn: &worn, looking: &looking, progress };
         let ended = std::thread::scope(|scope| {
             let _stop = StopAtEnd(&stop);
             for source in opened {
                 let intake = &intake;
                 scope.spawn(move || source.record(intake));
+            }
+            if operator.looks() {
+                scope.spawn(|| looking.look(&hub, &worn, operator, &stop));
             }
             step_by_step(&mut job, given)
         });
@@ -123,6 +135,7 @@ struct Job<'a> {
     operator: &'a dyn Operator,
     hub: &'a Hub,
     worn: &'a [Worn],
+    looking: &'a Looking,
     progress: Progress,
 }
 
@@ -161,9 +174,15 @@ fn step_by_step(job: &mut Job, given: Given) -> Result<(), Ended> {
     if let Some(session) = &job.progress.session {
         job.operator.hear(Happening::GoingOn(session));
     }
+    if let Some(last) = job.progress.trials.iter().max_by_key(|trial| trial.judged) {
+        job.operator.hear(Happening::Settled(Settled::Trial(last)));
+    }
     loop {
         job.reload()?;
-        match job.progress.next(wall_clock()) {
+        let steps = job.progress.ahead(wall_clock());
+        let session = job.progress.session.as_ref();
+        job.operator.hear(Happening::Ahead { session, steps: &steps });
+        match steps.into_iter().next().unwrap_or(Step::Finished) {
             Step::SetUp => {
                 let given = given
                     .take()

@@ -1,9 +1,9 @@
 //! Whoever looks on in a browser: an observer that fills the page, besides another.
 
-use super::observer::{Event, Observer, Progress};
+use super::observer::{Event, JointReading, Observer, Progress};
 use crate::port::{Clock, MonotonicClock};
 use crate::time::Duration;
-use crate::view::live::{LiveFrame, LiveView};
+use crate::view::live::{LiveFrame, LiveQuantity, LiveView};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Time between pictures.
@@ -27,6 +27,23 @@ impl<'a> Viewing<'a> {
     }
 }
 
+/// What else was read of joints, by the names that a page of a recording has for it.
+fn others(joints: &[JointReading]) -> Vec<LiveQuantity> {
+    type Of = fn(&JointReading) -> Option<f64>;
+    let all: [(&str, &str, Of); 4] = [
+        ("current", "A", |of| of.current_a),
+        ("load", "of full", |of| of.load_ratio),
+        ("temperature", "\u{b0}C", |of| of.temperature_c),
+        ("voltage", "V", |of| of.voltage_v),
+    ];
+    let read = all.into_iter().map(|(name, unit, of)| {
+        let rounded = |value: f64| value.is_finite().then(|| (value * 1e3).round() / 1e3);
+        let values = joints.iter().map(|joint| of(joint).and_then(rounded)).collect();
+        LiveQuantity { name, unit, values }
+    });
+    read.filter(|quantity| quantity.values.iter().any(Option::is_some)).collect()
+}
+
 /// Tells that something is over, however it ended.
 struct Over<'a>(&'a AtomicBool);
 
@@ -41,7 +58,7 @@ impl Observer for Viewing<'_> {
         if let (Some(view), Event::Joints { time_s, joints }) = (self.view, event) {
             let known = |rad: Option<f64>| rad.unwrap_or(f64::NAN);
             let each = joints.iter().map(|of| [known(of.goal_rad), known(of.present_rad)]);
-            view.tell(&LiveFrame::of(time_s, each));
+            view.tell(&LiveFrame { others: others(joints), ..LiveFrame::of(time_s, each) });
         }
         self.observer.hear(event);
     }

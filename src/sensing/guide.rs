@@ -157,18 +157,23 @@ impl<'a> Guide<'a> {
     /// Somebody who does not stand still or sensors whose headings nothing tells, without a
     /// terminal to try again at; a sensor that ends.
     pub fn calibrate(&mut self, plan: &Plan) -> Result<Guided, Ended> {
+        let asks_t_pose = plan.t_pose && self.arms().next().is_some();
+        let turns = |movement: &Movement| self.turned_by(*movement).next().is_some();
+        let movements: Vec<Movement> = plan.moves.iter().copied().filter(turns).collect();
+        let mut after = movements.iter().map(|movement| Cue::Move(*movement));
+        let next = if asks_t_pose { Some(Cue::TPose) } else { after.next() };
+        self.announce(next);
         let n_pose = self.n_pose(plan.n_pose_after)?;
         let mut t_pose = None;
         let mut off_t_pose_rad = Vec::new();
-        if plan.t_pose && self.arms().next().is_some() {
+        if asks_t_pose {
+            self.announce(after.next());
             (t_pose, off_t_pose_rad) = self.checked_t_pose(&n_pose)?;
         }
         let mut moves = Vec::new();
-        for &movement in &plan.moves {
-            if self.turned_by(movement).next().is_none() {
-                continue;
-            }
-            moves.extend(self.movement(movement, &n_pose)?);
+        for movement in &movements {
+            self.announce(after.next());
+            moves.extend(self.movement(*movement, &n_pose)?);
         }
         let calibration = calibrate(&self.worn, &n_pose, t_pose.as_deref(), &moves)?;
         for note in &calibration.notes {
@@ -186,6 +191,13 @@ impl<'a> Guide<'a> {
         let (subject, made_unix_s) = (plan.subject.clone(), wall_clock().0);
         let kept = Kept { subject, made_unix_s, sensors, calibration };
         Ok(Guided { kept, off_t_pose_rad, doubts })
+    }
+
+    /// Says what is asked for after what is asked for now, if there is anything.
+    fn announce(&self, next: Option<Cue<'_>>) {
+        if let Some(cue) = next {
+            self.person.tell(Cue::Next(&cue));
+        }
     }
 
     /// Headings of a calibration that was kept, found anew in N pose.

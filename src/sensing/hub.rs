@@ -7,12 +7,33 @@ use crate::port::MonotonicClock;
 use crate::recording::{RecordedSource, Recorder, SourceId, SourceKind, SourceRecord};
 use crate::session::still::StillSample;
 use crate::session::wearers::wearer;
+use crate::time::Instant;
+use glam::DQuat;
 use std::collections::BTreeMap;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Samples of a sensor that lies still, and how many were lost in between.
 pub type Still = (Vec<StillSample>, u64);
+
+/// How a sensor was heard so far.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct HeardSensor {
+    /// Samples that came.
+    pub samples: u64,
+    /// Samples known to be missing since the first.
+    pub missed: u64,
+    /// True if its values stand still.
+    pub stuck: bool,
+    /// When the last one came.
+    pub last: Option<Instant>,
+    /// How it is turned in its own world, once that is known.
+    pub turned: Option<DQuat>,
+    /// How often its own world began anew.
+    pub anew: u64,
+    /// Why there will be no more of it.
+    pub gone: Option<String>,
+}
 
 /// Hears all sensors.
 pub struct Hub {
@@ -26,6 +47,7 @@ struct Inner {
     listener: Option<Sender<Said>>,
     still: Option<BTreeMap<String, Still>>,
     parts: Vec<Part>,
+    heard: BTreeMap<Arc<str>, HeardSensor>,
     ended: BTreeMap<String, String>,
 }
 
@@ -56,6 +78,18 @@ impl Part {
     }
 }
 
+impl HeardSensor {
+    fn take(&mut self, said: &Said, missed: u64) {
+        let Said::Sample { orientation, anew, stuck, arrival, .. } = said else { return };
+        // What came before is not missing.
+        self.missed += if self.samples == 0 { 0 } else { missed };
+        self.anew += u64::from(*anew && self.turned.take().is_some());
+        self.samples += 1;
+        (self.stuck, self.last) = (*stuck, Some(*arrival));
+        self.turned = orientation.filter(|turned| turned.is_finite()).or(self.turned);
+    }
+}
+
 impl Hub {
     /// Hears these sensors, heard name and name, and no others.
     pub fn of(names: impl Iterator<Item = (String, String)>) -> Self {
@@ -71,9 +105,11 @@ impl Hub {
     pub fn hear(&self, heard: &str, captured: &Captured) {
         let Some(sensor) = self.names.get(heard) else { return };
         let mut inner = self.inner();
+        let said = Said::of(sensor, captured, &MonotonicClock);
+        inner.heard.entry(Arc::clone(sensor)).or_default().take(&said, captured.stamp.missed);
         if let Some(listener) = &inner.listener {
             // Whoever listened may have heard enough.
-            let _ = listener.send(Said::of(sensor, captured, &MonotonicClock));
+            let _ = listener.send(said);
         }
         if let Some(still) = &mut inner.still {
             let (samples, missed) = still.entry(sensor.to_string()).or_default();
@@ -109,6 +145,16 @@ impl Hub {
     /// Sensors of which there will be no more, and why.
     pub fn gone(&self) -> BTreeMap<String, String> {
         self.inner().ended.clone()
+    }
+
+    /// How each sensor was heard so far, by name; those that said nothing as well.
+    pub fn heard(&self) -> BTreeMap<Arc<str>, HeardSensor> {
+        let inner = self.inner();
+        let of = |name: &Arc<str>| {
+            let heard = inner.heard.get(name).cloned().unwrap_or_default();
+            HeardSensor { gone: inner.ended.get(&**name).cloned(), ..heard }
+        };
+        self.names.values().map(|name| (Arc::clone(name), of(name))).collect()
     }
 
     /// What is said from now on; whoever listened before hears nothing more.

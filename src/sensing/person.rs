@@ -50,6 +50,8 @@ pub enum Cue<'a> {
     },
     /// Move like this, and come back.
     Move(Movement),
+    /// This is asked for after what is asked for now; a pose or a movement.
+    Next(&'a Cue<'a>),
     /// What is waited for does not come because of these segments: how far each is from N pose, rad.
     Waiting {
         /// What is waited for.

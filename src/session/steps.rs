@@ -132,26 +132,34 @@ impl Progress {
     /// What comes next at this moment.
     #[must_use]
     pub fn next(&self, now: Utc) -> Step {
-        let Some(session) = &self.session else { return Step::SetUp };
+        self.ahead(now).into_iter().next().unwrap_or(Step::Finished)
+    }
+
+    /// All that is to be done, in its order, as far as it is known at this moment: what comes next is the first. An action
+    /// of which several repetitions are missing stands there once for each that does it.
+    #[must_use]
+    pub fn ahead(&self, now: Utc) -> Vec<Step> {
+        let Some(session) = &self.session else { return vec![Step::SetUp] };
         if self.finished {
-            return Step::Finished;
+            return vec![Step::Finished];
         }
-        if let Some(id) = session.subjects.iter().find(|id| !self.subjects.contains_key(*id)) {
-            return Step::Subject(id.clone());
+        let unknown = session.subjects.iter().filter(|id| !self.subjects.contains_key(*id));
+        let mut steps: Vec<Step> = unknown.cloned().map(Step::Subject).collect();
+        steps.extend(self.unjudged.keys().cloned().map(Step::Judge));
+        let open = self.open(session);
+        if !open.is_empty() {
+            if self.device.as_ref().is_none_or(|check| check.expires <= now) {
+                steps.push(Step::Device);
+            }
+            let stale =
+                |id: &&String| self.bodies.get(*id).is_none_or(|body| body.check.expires <= now);
+            steps.extend(session.subjects.iter().filter(stale).cloned().map(Step::Body));
         }
-        if let Some(name) = self.unjudged.keys().next() {
-            return Step::Judge(name.clone());
-        }
-        let Some((action, subjects)) = self.first_open(session) else { return Step::Finish };
-        if self.device.as_ref().is_none_or(|check| check.expires <= now) {
-            return Step::Device;
-        }
-        let stale =
-            |id: &&String| self.bodies.get(*id).is_none_or(|body| body.check.expires <= now);
-        if let Some(id) = session.subjects.iter().find(stale) {
-            return Step::Body(id.clone());
-        }
-        Step::Trial(action, self.next_number(&session.plan.actions[action].name), subjects)
+        steps.extend(open.into_iter().map(|(action, subjects)| {
+            Step::Trial(action, self.next_number(&session.plan.actions[action].name), subjects)
+        }));
+        steps.push(Step::Finish);
+        steps
     }
 
     /// Good repetitions of an action so far.
@@ -198,22 +206,21 @@ impl Progress {
         format!("{kind}-{:02}", last + 1)
     }
 
-    /// The first action of which repetitions are missing, and whose.
-    fn first_open(&self, session: &SessionFile) -> Option<(usize, Vec<String>)> {
+    /// The actions of which repetitions are missing, and whose.
+    fn open(&self, session: &SessionFile) -> Vec<(usize, Vec<String>)> {
         let plan = &session.plan;
+        let mut all = Vec::new();
         for (index, action) in plan.actions.iter().enumerate() {
             if session.skipped.contains(&action.name) {
                 continue;
             }
             // Who is to do it: all at once, or one after the other.
             let size = if action.together { session.subjects.len().max(1) } else { 1 };
-            let mut parties = session.subjects.chunks(size);
+            let parties = session.subjects.chunks(size);
             let open = |ids: &&[String]| self.good_by(&action.name, ids) < plan.wanted(action);
-            if let Some(subjects) = parties.find(open) {
-                return Some((index, subjects.to_vec()));
-            }
+            all.extend(parties.filter(open).map(|subjects| (index, subjects.to_vec())));
         }
-        None
+        all
     }
 }
 

@@ -41,6 +41,20 @@ pub struct LiveFrame {
     pub goal_rad: Vec<Option<f64>>,
     /// Where it is, rad.
     pub present_rad: Vec<Option<f64>>,
+    /// What else was read of joints just now.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub others: Vec<LiveQuantity>,
+}
+
+/// Another quantity of the joints.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LiveQuantity {
+    /// What it is called.
+    pub name: &'static str,
+    /// Its unit.
+    pub unit: &'static str,
+    /// Of each joint; null: not read just now.
+    pub values: Vec<Option<f64>>,
 }
 
 impl LiveFrame {
@@ -50,7 +64,7 @@ impl LiveFrame {
         let known = |rad: f64| rad.is_finite().then(|| (rad * 1e5).round() / 1e5);
         let (goal_rad, present_rad) =
             joints_rad.map(|[goal, present]| (known(goal), known(present))).unzip();
-        Self { time_s, goal_rad, present_rad }
+        Self { time_s, goal_rad, present_rad, others: Vec::new() }
     }
 }
 
@@ -84,6 +98,8 @@ struct Hall {
     port: u16,
     frames: watch::Receiver<Arc<str>>,
     wants_to_stop: Arc<AtomicBool>,
+    /// Whether there is something that the page may stop.
+    can_stop: bool,
     counters: Arc<Counters>,
 }
 
@@ -99,12 +115,13 @@ pub struct LiveView {
 }
 
 impl LiveView {
-    /// Serves a page to which something is told, on the loopback, at `port`, or a free one if that is 0.
+    /// Serves a page to which something is told, on the loopback, at `port`, or a free one if that is 0. A page of a session
+    /// stops nothing.
     ///
     /// # Errors
     /// A port that is taken, no randomness, no thread, a page that cannot be written.
     pub fn open(page: &ViewPage, port: u16) -> Result<Self, Error> {
-        Self::serving(page.live_html()?, port)
+        Self::at(page.live_html()?, port, !page.scene.is_session)
     }
 
     /// Serves a page that is whole.
@@ -112,6 +129,10 @@ impl LiveView {
     /// # Errors
     /// A port that is taken, no randomness, no thread.
     pub fn serving(html: String, port: u16) -> Result<Self, Error> {
+        Self::at(html, port, false)
+    }
+
+    fn at(html: String, port: u16, can_stop: bool) -> Result<Self, Error> {
         let failed = |cause: std::io::Error| {
             Error::of((&cause).into(), "the page cannot be served")
                 .at(format!("127.0.0.1:{port}"))
@@ -136,6 +157,7 @@ impl LiveView {
             port,
             frames: newest,
             wants_to_stop: Arc::clone(&wants_to_stop),
+            can_stop,
             counters: Arc::clone(&counters),
         };
         let thread = std::thread::Builder::new()
@@ -160,7 +182,7 @@ impl LiveView {
     }
 
     /// Tells whoever looks on; never waits.
-    pub fn tell(&self, frame: &LiveFrame) {
+    pub fn tell<T: Serialize>(&self, frame: &T) {
         // Numbers and nulls can always be written.
         if let Ok(text) = serde_json::to_string(frame) {
             self.frames.send_replace(format!("data: {text}\n\n").into());
@@ -258,6 +280,9 @@ async fn answer(mut stream: TcpStream, from: SocketAddr, hall: &Hall) {
             counters.pages.fetch_add(1, Ordering::Relaxed);
             let kind = "text/html; charset=utf-8";
             write(&mut stream, &response("200 OK", kind, hall.page.len()), &hall.page).await
+        }
+        Ok(Asked::Stop) if !hall.can_stop => {
+            refuse(&mut stream, Denial::NoSuchPlace, counters).await
         }
         Ok(Asked::Stop) => {
             hall.wants_to_stop.store(true, Ordering::Release);

@@ -16,6 +16,12 @@ pub struct ViewScene {
     /// Joints come while it is looked at: see [`super::live`].
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub is_live: bool,
+    /// What comes is a session that somebody leads: see [`super::session`].
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub is_session: bool,
+    /// Key frames of the robot can be made: each joint says where it is at first.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub can_edit: bool,
     /// A robot.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub robot: Option<RobotTrack>,

@@ -61,6 +61,9 @@ pub struct JointTrack {
     /// Other quantities.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub others: Vec<Quantity>,
+    /// Where it is before anything moves, rad.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub initial_rad: Option<f64>,
     /// Its range, rad.
     pub range_rad: Option<[f64; 2]>,
     /// Its limit, rad/s.

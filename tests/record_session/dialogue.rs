@@ -74,6 +74,19 @@ impl<'a> Dialogue<'a> {
         }
     }
 
+    /// What is said after what was expected, up to the end of the line.
+    pub fn rest_of_line(&mut self) -> String {
+        let from = self.seen;
+        self.expect("\n");
+        let said = self.said.lock().expect("whole");
+        said[from..self.seen].trim().to_owned()
+    }
+
+    /// All that was said so far, as lines without what makes a terminal of them.
+    pub fn said(&self) -> String {
+        self.said.lock().expect("whole").replace('\r', "")
+    }
+
     /// Types a line.
     pub fn say(&mut self, line: &str) {
         let bytes = format!("{line}\n").into_bytes();

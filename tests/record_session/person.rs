@@ -107,6 +107,8 @@ struct Line {
     path: String,
     /// What was said and is not on the line yet.
     pending: Mutex<Vec<u8>>,
+    /// It lost its battery.
+    is_silent: AtomicBool,
 }
 
 impl Line {
@@ -120,7 +122,8 @@ impl Line {
         settings.make_raw();
         tcsetattr(&slave, OptionalActions::Now, &settings).expect("raw");
         rustix::fs::fcntl_setfl(&master, OFlags::RDWR | OFlags::NONBLOCK).expect("patience");
-        Self { segment, mount, master, slave, path, pending: Mutex::default() }
+        let (pending, is_silent) = Default::default();
+        Self { segment, mount, master, slave, path, pending, is_silent }
     }
 
     /// Says more. A host that stalls reads later, and not half a line.
@@ -209,6 +212,12 @@ impl Person {
         self.does(Act::Pose(JointAngles::default()));
     }
 
+    /// A sensor says nothing more, or speaks again.
+    pub fn silences(&self, segment: Segment, is_silent: bool) {
+        let line = self.lines.iter().find(|line| line.segment == segment).expect("it is worn");
+        line.is_silent.store(is_silent, Ordering::Release);
+    }
+
     /// Somebody taps the person, so that all sensors feel it.
     pub fn is_tapped(&self) {
         let at_s = self.now_s() + 0.1;
@@ -263,7 +272,10 @@ fn perform(
         let due = (began.elapsed().as_secs_f64() * RATE_HZ).floor() as u64;
         while number <= due {
             let doing = doing.lock().expect("nobody fell");
-            for line in lines.iter().filter(|_| is_heard.load(Ordering::Acquire)) {
+            let speak = |line: &&Line| {
+                is_heard.load(Ordering::Acquire) && !line.is_silent.load(Ordering::Acquire)
+            };
+            for line in lines.iter().filter(speak) {
                 line.say(&ImuWire::Csv.encode(&line.measured(&doing, &body, number)));
             }
             number += 1;

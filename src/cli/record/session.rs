@@ -2,7 +2,6 @@
 
 mod asked;
 mod console;
-mod told;
 
 use super::RecordArgs;
 use crate::cli::report::Outcome;
@@ -11,7 +10,7 @@ use crate::cli::{Deed, Remarks};
 use crate::corpus::store::check_outside;
 use crate::error::Error;
 use crate::job::report::counted;
-use crate::job::session::{SessionOrder, SessionReport, SessionState, open};
+use crate::job::session::{OnPage, Operator, SessionOrder, SessionReport, SessionState, open};
 use crate::session::Plan;
 use console::Console;
 use std::path::Path;
@@ -42,10 +41,13 @@ pub fn run(
             return Ok(conclude(args, &report));
         }
     };
+    let view = args.view.open_session(root)?;
     let console = Console::listen(signals.clone(), remarks)?;
+    let on_page = view.as_ref().map(|view| OnPage::new(&console, view));
+    let operator = on_page.as_ref().map_or(&console as &dyn Operator, |on_page| on_page);
     let on = format!("to go on: gaitway record --session {}", root.display());
     let report = session
-        .lead(&console)
+        .lead(operator)
         .inspect_err(|_| console.say(&format!("\nwhat was done is kept; {on}")))?;
     if report.outcome == Outcome::Stopped {
         console.say(&format!("\nstopped; {on}"));

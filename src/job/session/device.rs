@@ -1,7 +1,7 @@
 //! Device calibration: all sensors lie still.
 
 use super::Job;
-use super::happening::Happening;
+use super::happening::{Happening, Settled};
 use super::operator::{Ready, Unsteady, Words, ask_until};
 use crate::error::Error;
 use crate::sensing::{Clock, Ended, LOOK, MonotonicClock, Still, wall_clock};
@@ -39,6 +39,7 @@ pub(super) fn calibrate(job: &Job) -> Result<(), Ended> {
     }
     let file = format!("calibration/{}.toml", job.progress.next_attempt("device"));
     job.folder.write_new(&file, &check)?;
+    operator.hear(Happening::Settled(Settled::Devices(&check)));
     if check.is_usable() {
         operator.hear(Happening::Written { file: &file, holds_until: check.expires });
     }

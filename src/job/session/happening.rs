@@ -1,9 +1,12 @@
 //! What happens during a session.
 
+use crate::body::{Proportions, SegmentPose};
 use crate::error::Error;
 use crate::sensing::SensingEvent;
 use crate::session::tap::Tap;
-use crate::session::{PlannedAction, SensorCheck, SessionFile};
+use crate::session::{
+    BodyCheck, DeviceCheck, PlannedAction, SensorCheck, SessionFile, Step, TrialFile,
+};
 use crate::time::Utc;
 use std::collections::BTreeMap;
 
@@ -16,6 +19,13 @@ pub enum Happening<'a> {
     GoingOn(&'a SessionFile),
     /// A new session: what it is to be is asked next.
     NewSession,
+    /// All that is to be done, in its order; the first of it is done now.
+    Ahead {
+        /// What the session is, once that is known.
+        session: Option<&'a SessionFile>,
+        /// Each step.
+        steps: &'a [Step],
+    },
     /// The answer before cannot be used, and is asked for once more.
     Refused(&'a Error),
     /// The measures of a subject are asked next.
@@ -89,6 +99,8 @@ pub enum Happening<'a> {
     Unreadable(&'a Error),
     /// What is in a trial that was recorded; it is judged next.
     Recorded(&'a RecordedTrial),
+    /// What became of something that was calibrated or recorded.
+    Settled(Settled<'a>),
     /// All actions are recorded: joint angles are made.
     Finishing,
     /// Joint angles of a recording were written into these files.
@@ -105,6 +117,48 @@ pub enum Happening<'a> {
     },
     /// Something that happened to a sensor; told on that sensor's thread.
     Sensing(SensingEvent<'a>),
+    /// How the sensors are heard, twice a second; told on a thread of its own to an operator who
+    /// [looks](super::Operator::looks).
+    Heard(&'a [SensorNow]),
+    /// What whoever wears the sensors does, as they say; told as [`Happening::Heard`] is, many times a second.
+    Posed {
+        /// The pose.
+        pose: &'a SegmentPose,
+        /// Whose it is.
+        body: &'a Proportions,
+    },
+}
+
+/// What became of something.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Settled<'a> {
+    /// Of a device calibration.
+    Devices(&'a DeviceCheck),
+    /// Of a calibration of a subject.
+    Body(&'a BodyCheck),
+    /// Of a trial.
+    Trial(&'a TrialFile),
+}
+
+/// How a sensor is heard now.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SensorNow {
+    /// Its name.
+    pub name: String,
+    /// Samples per second in the last two seconds.
+    pub rate_hz: f64,
+    /// Samples per second by its profile.
+    pub usual_rate_hz: f64,
+    /// Samples that came since the session was opened.
+    pub samples: u64,
+    /// Samples known to be missing since then.
+    pub missed: u64,
+    /// For so long it has said nothing, s; `None`: it has never said anything.
+    pub silent_s: Option<f64>,
+    /// True if its values stand still.
+    pub stuck: bool,
+    /// Why there will be no more of it.
+    pub gone: Option<String>,
 }
 
 /// Why a trial ends before anybody said so.

@@ -1,7 +1,7 @@
 //! What is in a trial that was recorded, and what is thought of it.
 
 use super::Job;
-use super::happening::{Happening, RecordedTrial, TrialFault, TrialPart};
+use super::happening::{Happening, RecordedTrial, Settled, TrialFault, TrialPart};
 use super::operator::{Judged, Ready, Words};
 use crate::body::worn::kept::Kept;
 use crate::error::Error;
@@ -15,7 +15,7 @@ use std::collections::BTreeMap;
 pub(super) const GOOD: &str = "repetition";
 pub(super) const BAD: &str = "repetition, bad";
 /// A sensor that says nothing for so long at the end of a trial has fallen silent.
-const SILENT_S: f64 = 0.5;
+pub(super) const SILENT_S: f64 = 0.5;
 
 /// Asks what is thought of a trial, and writes it down.
 pub(super) fn judge(job: &Job, name: &str) -> Result<(), Ended> {
@@ -81,6 +81,7 @@ pub(super) fn judge(job: &Job, name: &str) -> Result<(), Ended> {
         taps: recorded.taps,
     };
     job.folder.write_new(&format!("trials/{name}.toml"), &trial)?;
+    operator.hear(Happening::Settled(Settled::Trial(&trial)));
     Ok(())
 }
 

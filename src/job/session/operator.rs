@@ -225,6 +225,11 @@ pub trait Operator: Sync {
     /// Hears what happens. What happens to sensors comes from their threads.
     fn hear(&self, happening: Happening<'_>);
 
+    /// True if it is to be told all the time how sensors are heard and what they say.
+    fn looks(&self) -> bool {
+        false
+    }
+
     /// Sees to something, and answers once it is so.
     ///
     /// # Errors

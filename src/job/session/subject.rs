@@ -1,7 +1,7 @@
 //! Subject calibration: how sensors sit on a body, by the same guide as for `live`.
 
 use super::Job;
-use super::happening::Happening;
+use super::happening::{Happening, Settled};
 use super::operator::{Judged, Ready};
 use crate::body::worn::Movement;
 use crate::body::worn::check::T_POSE_FAIL_RAD;
@@ -29,6 +29,7 @@ pub(super) fn calibrate(job: &mut Job, id: &str) -> Result<(), Ended> {
         moves: Movement::ALL.to_vec(),
         subject: id.to_owned(),
     };
+    job.looking.forget();
     loop {
         match lead(job, places.clone(), |guide| guide.calibrate(&plan)) {
             Ok(guided) => {
@@ -80,6 +81,7 @@ fn settle(job: &mut Job, id: &str, guided: &Guided) -> Result<Verdict, Ended> {
     job.folder.write_new_bytes(&kept, guided.kept.text()?.as_bytes())?;
     job.folder.write_new(&judged, &check)?;
     job.reload()?;
+    operator.hear(Happening::Settled(Settled::Body(&check)));
     if check.passed {
         operator.hear(Happening::Written { file: &kept, holds_until: check.expires });
     }
@@ -107,6 +109,10 @@ fn lead(
     let mut guide = Guide::new(&mut sensors, &MonotonicClock, job.operator.person());
     let led = guide.wait_for_sensors().and_then(|()| what(&mut guide));
     job.hub.forget();
+    if let Ok(guided) = &led {
+        let known = job.progress.subjects.get(&guided.kept.subject);
+        job.looking.wears(&guided.kept, known.and_then(|subject| subject.proportions().ok()));
+    }
     led
 }
 

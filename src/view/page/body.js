@@ -17,9 +17,9 @@ const times = (a, b) => [
 ];
 
 class Robot {
-  // One that is `grounded` stands where its lowest sole is on the floor, for lack of a better word.
-  constructor(data, joints, grounded) {
-    Object.assign(this, { grounded: grounded && data.soles.length > 0, name: data.name, links: data.links, couplings: data.couplings, soles: data.soles });
+  // One that is `free` may be turned in any way; if it has soles, it stands where the lowest is on the floor, for lack of a better word.
+  constructor(data, joints, free) {
+    Object.assign(this, { free, grounded: free && data.soles.length > 0, name: data.name, links: data.links, couplings: data.couplings, soles: data.soles });
     this.clock = clockOf(data.clock);
     this.at = data.at.map(decoded);
     this.turn = data.turn.map(decoded);
@@ -34,16 +34,20 @@ class Robot {
     return { at: this.at.map(part => mixed(part, where)), turn: q.map(part => part / length) };
   }
 
-  // Places of all links, of which joint n carries link n + 1; `which` is "goal" or "present".
+  // Places of all links at a time; `which` is "goal" or "present".
   places(t, which) {
-    const angles = new Array(this.links.length).fill(0);
     const where = between(this.joints.clock, t);
-    this.joints.list.forEach((joint, n) => {
+    return this.placed(this.joints.list.map(joint => {
       const values = joint[which] || joint.goal || joint.present;
-      let angle = values ? mixed(values, where) : 0;
-      if (Number.isNaN(angle)) { angle = joint.goal ? mixed(joint.goal, where) : 0; }
-      angles[n + 1] = angle || 0;
-    });
+      const angle = values ? mixed(values, where) : 0;
+      return (Number.isNaN(angle) && joint.goal ? mixed(joint.goal, where) : angle) || 0;
+    }), t);
+  }
+
+  // The same with these angles, of which joint n carries link n + 1.
+  placed(turns, t) {
+    const angles = new Array(this.links.length).fill(0);
+    turns.forEach((angle, n) => { angles[n + 1] = angle; });
     for (const { link, of, offset_rad: offset } of this.couplings) {
       angles[link] = of.reduce((sum, [other, ratio]) => sum + ratio * angles[other], offset);
     }
@@ -77,6 +81,13 @@ class Robot {
       .map(corner => plus(places[link].at, turned(places[link].turn, corner)))
       .filter(corner => corner[2] < 0.005));
     return hull(down);
+  }
+
+  // How far it reaches when it is stretched out.
+  reach() {
+    const far = [];
+    this.links.forEach((link, n) => { far[n] = link.parent === null ? 0 : far[link.parent] + Math.hypot(...link.origin_m); });
+    return Math.max(...far);
   }
 
   // From the lowest to the highest of its shapes; of joints without any how far they reach in any direction.

@@ -26,14 +26,27 @@ function growing() {
 function taken(joints, frame) {
   const { times } = joints.clock, last = times[times.length - 1];
   if (frame.time_s === last) return false;
-  const series = joints.list.flatMap(joint => [joint.goal, joint.present]);
-  const forget = count => [times, ...series].forEach(values => values.splice(0, count));
-  if (frame.time_s < last) forget(times.length);
+  // What is kept together: times, and all that was read at them.
+  const kept = [[times, joints.list.flatMap(joint => [joint.goal, joint.present])]];
+  for (const joint of joints.list) for (const { clock, values } of joint.others) kept.push([clock.times, [values]]);
+  const forget = first => kept.forEach(([when, series]) => {
+    const at = when.findIndex(t => t >= first), count = at < 0 ? when.length : at;
+    [when, ...series].forEach(values => values.splice(0, count));
+  });
+  if (frame.time_s < last) forget(Infinity);
   times.push(frame.time_s);
   joints.list.forEach((joint, n) => {
     joint.goal.push(frame.goal_rad[n] ?? NaN);
     joint.present.push(frame.present_rad[n] ?? NaN);
+    // What is read in turn has a time of its own where it was read, and is no gap in between.
+    for (const { name, unit, values: read } of frame.others || []) {
+      if (read[n] === null) continue;
+      let known = joint.others.find(other => other.name === name);
+      if (!known) joint.others.push(known = { name, unit, clock: growing(), values: [] });
+      known.clock.times.push(frame.time_s);
+      known.values.push(read[n]);
+    }
   });
-  if (times[0] < frame.time_s - 1.25 * KEPT_S) forget(times.findIndex(t => t >= frame.time_s - KEPT_S));
+  if (times[0] < frame.time_s - 1.25 * KEPT_S) forget(frame.time_s - KEPT_S);
   return true;
 }

@@ -6,18 +6,22 @@ const data = JSON.parse(byId("data").textContent);
 const isLive = !!data.is_live;
 const joints = data.joints && {
   clock: isLive ? growing() : clockOf(data.joints.clock),
-  list: data.joints.joints.map(joint => (isLive ? { ...joint, goal: [], present: [] } : {
+  list: data.joints.joints.map(joint => (isLive ? { ...joint, goal: [], present: [], others: [] } : {
     ...joint, goal: joint.goal && decoded(joint.goal), present: joint.present && joint.present.count && decoded(joint.present),
   })),
 };
-const robot = data.robot && joints ? new Robot(data.robot, joints, isLive) : null;
-const person = data.person ? new Person(data.person) : null;
+const robot = data.robot && joints ? new Robot(data.robot, joints, isLive || data.can_edit) : null;
+const person = data.person ? new (isLive ? LivePerson : Person)(data.person) : null;
+const session = data.is_session ? new Session() : null;
 const markers = data.markers ? new Markers(data.markers) : null;
 let duration = Math.max(data.duration_s, 1e-3);
 const view = { window: [0, duration], duration };
 const stepClock = joints ? joints.clock : person ? person.clock : markers ? markers.clock : null;
 const said = byId("said"), headInput = byId("head"), playButton = byId("play"), canvas = byId("scene");
 let now = 0, playing = false, before = null, stale = true, frames = 0, slowest = 0;
+// Key frames are made: what is drawn and played is their motion.
+let editing = false, editor = null, held = null;
+const isNow = () => isLive && !editing;
 
 const active = t => data.spans.filter(span => span.start_s <= t + 1e-6 && t <= Math.max(span.end_s, span.start_s + 0.05));
 const isWrong = t => new Set(active(t).flatMap(span => span.links || []));
@@ -40,7 +44,7 @@ const check = (place, text, on, change) => {
   place.append(label);
 };
 if (stage) {
-  for (const [part, name] of Object.entries(PARTS)) if (stage.has(part)) check(byId("shown"), name, true, yes => stage.show(part, yes));
+  for (const [part, name] of Object.entries(PARTS)) if (stage.has(part) && !(data.can_edit && ["contacts", "collisions"].includes(part))) check(byId("shown"), name, true, yes => stage.show(part, yes));
   if (robot && person) check(byId("shown"), "true size", false, yes => { stage.trueSize = yes; });
 }
 
@@ -58,7 +62,56 @@ function choose(n, yes = !chosen.has(n)) {
   replot();
 }
 
+// A velocity that begins and ends at rest.
+const atRest = values => { values[0] = values[values.length - 1] = 0; return values; };
+
+// The curves of the joint that is turned.
+function plotPose() {
+  const joint = editor.joints.list[editor.chosen], { clock } = editor, place = byId("curve");
+  const curve = values => [{ name: "goal", values, clock, scale: DEGREES }];
+  const limit = joint.velocity_limit_rad_s * DEGREES;
+  place.replaceChildren();
+  plots.length = 0;
+  plots.push(
+    new Plot(place, joint, { quantity: "angle", unit: "\u00b0", curves: curve(() => joint.goal), bounds: joint.range_rad.map(end => end * DEGREES), least: 2 }, view),
+    new Plot(place, joint, { quantity: "velocity", unit: "\u00b0/s", curves: curve(() => atRest(derived(joint.goal, clock, 1, 1))), bounds: limit ? [-limit, limit] : null, least: 5 }, view),
+  );
+  plots.forEach(plot => plot.draw());
+}
+
+// For so long there is something to see.
+function lasts(time) {
+  duration = Math.max(time, 1e-3);
+  view.duration = duration; view.window = [0, duration]; headInput.max = duration;
+  stale = true;
+}
+
+// Somebody turned a joint, or chose one.
+function edited(of, isChoice) {
+  if (!editing) return;
+  if (stage) stage.chosen = new Set([of.chosen]);
+  lasts(of.keys.duration);
+  if (!isChoice) { playing && play(false); said.textContent = ""; go(of.keys.times()[of.keys.at]); }
+  plotPose();
+}
+
+function edit(on) {
+  editing = on;
+  byId("poses").hidden = !on;
+  byId("signals").hidden = on || !channels.length;
+  byId("edit").setAttribute("aria-pressed", String(on));
+  for (const id of ["speed", "loop"]) byId(id).parentElement.hidden = isNow();
+  if (robot) robot.joints = on ? editor.joints : joints;
+  if (on) { play(false); edited(editor); return; }
+  byId("curve").replaceChildren();
+  lasts(stepClock.time(stepClock.count - 1));
+  if (stage) stage.chosen = new Set([...chosen].map(index => channels[index].joint));
+  replot();
+  play(isLive);
+}
+
 function replot() {
+  if (editing) return;
   byId("plots").replaceChildren();
   plots.length = 0;
   for (const n of chosen) {
@@ -66,6 +119,22 @@ function replot() {
   }
   plots.forEach(plot => plot.draw());
   stale = true;
+}
+
+// A quantity that can be looked at.
+function offer(quantity) {
+  check(document.querySelector(".quantities"), quantity, wanted.has(quantity), yes => { if (yes) wanted.add(quantity); else wanted.delete(quantity); replot(); });
+}
+
+// What is read of a joint for the first time can be looked at from now on.
+function learn() {
+  for (const { joint, plots: own } of channels) {
+    for (const { name, unit, clock, values } of joints.list[joint].others) {
+      if (own.some(plot => plot.quantity === name)) continue;
+      own.push({ quantity: name, unit, curves: [{ name, values, clock, scale: 1 }], least: 0.1 });
+      if (!quantities.includes(name)) { quantities.push(name); offer(name); }
+    }
+  }
 }
 
 function buildChoice() {
@@ -97,8 +166,8 @@ function buildChoice() {
   if (quantities.length > 1) {
     const bar = document.createElement("div");
     bar.className = "quantities"; bar.setAttribute("role", "group"); bar.setAttribute("aria-label", "Quantities");
-    for (const quantity of quantities) check(bar, quantity, wanted.has(quantity), yes => { if (yes) wanted.add(quantity); else wanted.delete(quantity); replot(); });
     place.append(bar);
+    quantities.forEach(offer);
   }
 }
 
@@ -121,7 +190,7 @@ for (const span of data.spans) {
   row.spans.push(span);
 }
 const flags = (names, values, clock) => names.forEach((name, bit) => rows.push({ name, spans: [], times: runs(values, clock, sum => sum >> bit & 1) }));
-if (robot && robot.soles.length && !isLive) flags(["left foot stands", "right foot stands"], robot.contacts, robot.clock);
+if (robot && robot.soles.length && !isLive && !data.can_edit) flags(["left foot stands", "right foot stands"], robot.contacts, robot.clock);
 if (person && person.contacts && !robot) flags(["left heel", "left toe", "right heel", "right toe"], person.contacts, person.clock);
 const line = new Line(byId("line"), rows, view);
 if (!rows.length) byId("line").hidden = true;
@@ -148,7 +217,7 @@ function words(t) {
     const sum = values[clock.at(t)], down = names.filter((_, bit) => sum >> bit & 1);
     parts.push(down.length ? `on the floor: ${down.join(", ")}` : "nothing on the floor");
   };
-  if (isLive) return parts.join("");
+  if (isLive || editing) return parts.join("");
   if (robot && robot.soles.length) feet(robot.contacts, robot.clock, ["left foot", "right foot"]);
   else if (!robot && person && person.contacts) feet(person.contacts, person.clock, ["left heel", "left toe", "right heel", "right toe"]);
   for (const span of active(t)) parts.push(span.kind === "wrong" || span.kind === "doubt" ? `${span.row}: ${span.label}` : span.label);
@@ -159,7 +228,7 @@ function go(t, tells) {
   now = Math.max(0, Math.min(duration, t));
   stale = true;
   if (tells) {
-    const heard = [...chosen].slice(0, 3).map(n => channels[n].plots[0]).map((plot, k) => {
+    const heard = editing ? [] : [...chosen].slice(0, 3).map(n => channels[n].plots[0]).map((plot, k) => {
       const name = channels[[...chosen][k]].name;
       return `${name} ${plot.curves.map(curve => `${curve.name} ${(valuesOf(curve)[curve.clock.at(now)] * curve.scale).toFixed(1)} ${plot.unit}`).join(", ")}`;
     });
@@ -170,17 +239,17 @@ function go(t, tells) {
 function play(on) {
   playing = on;
   before = null;
-  if (on && now >= duration && !isLive) now = 0;
-  playButton.textContent = on ? "pause" : isLive ? "now" : "play";
+  if (on && now >= duration && !isNow()) now = 0;
+  playButton.textContent = on ? "pause" : isNow() ? "now" : "play";
   if (!on) go(now, true);
   stale = true;
 }
 
 function step(by) {
   play(false);
-  if (!stepClock) return;
-  const at = Math.max(0, Math.min(stepClock.count - 1, stepClock.at(now) + by));
-  go(stepClock.time(at), true);
+  const clock = editing ? editor.clock : stepClock;
+  if (!clock) return;
+  go(clock.time(Math.max(0, Math.min(clock.count - 1, clock.at(now) + by))), true);
 }
 
 function zoomTo(from, to) {
@@ -191,7 +260,7 @@ function zoomTo(from, to) {
 
 function redraw() {
   const began = performance.now();
-  if (isLive && playing) {
+  if (isNow() && playing) {
     view.window = [Math.max(0, duration - SEEN_S), Math.max(duration, SEEN_S)];
     for (const plot of plots) { plot.plot.curves.forEach(curve => { curve.made = null; }); plot.draw(); }
   }
@@ -201,7 +270,7 @@ function redraw() {
   headInput.value = now;
   headInput.setAttribute("aria-valuetext", `${now.toFixed(2)} s`);
   byId("clock").textContent = `${now.toFixed(2)} of ${duration.toFixed(2)} s`;
-  byId("now").textContent = words(now);
+  byId("now").textContent = session ? "" : words(now);
   frames += 1;
   slowest = Math.max(slowest, performance.now() - began);
   const { dataset } = document.documentElement;
@@ -209,7 +278,7 @@ function redraw() {
 }
 
 function tick(stamp) {
-  if (playing && isLive) {
+  if (playing && isNow()) {
     if (now !== duration) { now = duration; stale = true; }
   } else if (playing) {
     if (before !== null) {
@@ -220,6 +289,7 @@ function tick(stamp) {
     before = stamp;
     stale = true;
   }
+  if (session) session.run();
   if (stale) { stale = false; redraw(); }
   requestAnimationFrame(tick);
 }
@@ -243,17 +313,21 @@ if (isLive) {
     stop.disabled = what !== "on";
     if (stage) { state.textContent = words; state.hidden = !words; }
   };
-  tell("waiting", "Nothing moves yet.");
+  tell("waiting", session ? "Nothing is told yet." : "Nothing moves yet.");
   source.addEventListener("message", event => {
-    tell("on", "");
-    if (!taken(joints, JSON.parse(event.data))) return;
-    duration = Math.max(joints.clock.time(joints.clock.count - 1), 1e-3);
+    const told = JSON.parse(event.data);
+    if (session) session.show(told.session);
+    const isNew = session ? person.take(told.time_s, told.person_m) : taken(joints, told);
+    if (isNew && joints) learn();
+    tell("on", session && !person.clock.count ? "Nobody is drawn before the sensors are calibrated." : "");
+    if (!isNew || editing) return;
+    duration = Math.max(stepClock.time(stepClock.count - 1), 1e-3);
     view.duration = duration; headInput.max = duration;
     stale = true;
   });
   // The browser tries again by itself.
   source.addEventListener("error", () => tell("off", "The program has ended, or does not answer: nothing new comes."));
-  stop.hidden = false;
+  stop.hidden = !!session;
   stop.addEventListener("click", async () => {
     stop.textContent = "stopping";
     const heard = await fetch("stop", { method: "POST" }).then(answer => answer.ok, () => false);
@@ -286,10 +360,11 @@ byId("plots").addEventListener("dblclick", () => zoomTo(0, duration));
 if (stage) {
   const touches = new Map();
   let moved = 0;
-  canvas.addEventListener("pointerdown", event => { touches.set(event.pointerId, [event.clientX, event.clientY]); moved = 0; canvas.setPointerCapture(event.pointerId); });
+  canvas.addEventListener("pointerdown", event => { touches.set(event.pointerId, [event.clientX, event.clientY]); moved = 0; canvas.setPointerCapture(event.pointerId); hold(event); });
   canvas.addEventListener("pointermove", event => {
     const last = touches.get(event.pointerId);
     if (!last) return;
+    if (held) { editor.pull(held, [event.offsetX, event.offsetY], event.shiftKey, place => stage.project(place)); return; }
     const [dx, dy] = [event.clientX - last[0], event.clientY - last[1]];
     if (touches.size === 2) {
       const other = [...touches].find(([id]) => id !== event.pointerId)[1];
@@ -300,6 +375,7 @@ if (stage) {
     touches.set(event.pointerId, [event.clientX, event.clientY]);
   });
   const ends = event => {
+    if (held) { held = null; touches.delete(event.pointerId); return; }
     if (touches.delete(event.pointerId) && event.type === "pointerup" && moved < 6) {
       const found = stage.pick(event.offsetX, event.offsetY);
       const at = found === null ? -1 : channels.findIndex(channel => channel.joint === found);
@@ -319,6 +395,15 @@ if (stage) {
     event.stopPropagation();
   });
 }
+// A limb is taken in the hand: of the key frame that is changed.
+function hold(event) {
+  if (!editing || event.button) return;
+  const { keys } = editor, t = keys.times()[keys.at];
+  if (playing || now !== t) { playing && play(false); go(t); redraw(); }
+  held = stage.grab(event.offsetX, event.offsetY);
+  // The base stands where it stands: who drags it looks from elsewhere.
+  if (held && held.link === 0) held = null;
+}
 function orbit(turn, tilt) { stage.turn += turn; stage.tilt = Math.max(-0.3, Math.min(1.5, stage.tilt + tilt)); stale = true; }
 function zoom(by) { stage.zoom = Math.max(0.15, Math.min(12, stage.zoom * by)); stale = true; }
 
@@ -327,7 +412,7 @@ addEventListener("keydown", event => {
   const keys = {
     " ": () => play(!playing), ",": () => step(-1), ".": () => step(1),
     // What comes while somebody looks on has a present, from which Home leaves and to which End goes back.
-    Home: () => { if (isLive) play(false); go(0, true); }, End: () => (isLive ? play(true) : go(duration, true)),
+    Home: () => { if (isLive) play(false); go(0, true); }, End: () => (isNow() ? play(true) : go(duration, true)),
     f: () => byId("follow").click(), l: () => byId("loop").click(),
   };
   const speed = "123456".indexOf(event.key);
@@ -343,6 +428,15 @@ buildEvents();
 const first = firstChoice();
 if (first !== null) choose(first, true);
 if (isLive) play(true);
+if (data.can_edit) {
+  editor = new Editor(robot, joints.list, edited);
+  const take = byId("pose-take");
+  take.hidden = !isLive;
+  take.addEventListener("click", () => editor.take(joints.list.map(joint => joint.present.at(-1))));
+  byId("edit").hidden = !isLive;
+  byId("edit").addEventListener("click", () => edit(!editing));
+  if (!isLive) edit(true);
+}
 // A fixed moment for whoever opens page.html#t=1.5
 const asked = parseFloat(new URLSearchParams(location.hash.slice(1)).get("t"));
 if (asked >= 0) go(asked, true);
@@ -354,6 +448,12 @@ window.gaitway = {
   centre: t => (robot ? robot.centre(robot.places(t, "present")) : person ? person.centre(t) : null),
   markers: t => (markers ? markers.points.map(point => markers.place(point.at, t)) : []),
   person: t => (person ? person.places(t) : []),
+  poses: () => editor && {
+    table: editor.keys.table(), times: editor.keys.times(), at: editor.keys.at, angles: editor.keys.frames.map(frame => frame.angles),
+    rate: editor.clock.rate, motion: Object.fromEntries(editor.joints.list.map(joint => [joint.name, [...joint.goal]])),
+  },
+  // Where on the window a place of a link is.
+  seen: (link, local) => { const { at, turn } = robot.places(now, "present")[link], box = canvas.getBoundingClientRect(); return stage.project(plus(at, turned(turn, local))).map((part, k) => part + (k ? box.top : box.left)); },
   redraw,
 };
 requestAnimationFrame(tick);

@@ -50,7 +50,7 @@ class Stage {
       case "person": return !!person;
       case "markers": return !!markers;
       case "before": return !!markers && markers.points.some(point => point.before);
-      case "mass": return !!person || !!(robot && robot.mass > 0);
+      case "mass": return !!(person && person.centres) || !!(robot && robot.mass > 0);
       case "support": return !!(person && person.corners) || !!(robot && robot.soles.length);
       default: return !!(person && person.contacts) || !!(robot && robot.soles.length);
     }
@@ -64,6 +64,8 @@ class Stage {
       // The tallest it is in a score of moments: it may begin in a crouch.
       const end = robot.joints.clock.time(robot.joints.clock.count - 1);
       const heights = Array.from({ length: 20 }, (_, n) => robot.height(robot.places((n * end) / 19, "present")));
+      if (robot.grounded) heights.push(robot.height(robot.placed(robot.joints.list.map(() => 0), 0)));
+      else if (robot.free) heights.push(robot.reach());
       this.scale = Math.max(...heights);
       return;
     }
@@ -141,7 +143,10 @@ class Stage {
     // Links without a shape: what connects joints is drawn as lines.
     this.bones = this.robot.links.map((link, n) => {
       if (link.parent === null) return null;
-      return this.robot.links[link.parent].shapes.length ? null : this.rod(this.ink.robot, bare ? 0.018 : 0.006);
+      if (this.robot.links[link.parent].shapes.length) return null;
+      const rod = this.rod(this.ink.robot, bare ? 0.018 : 0.006);
+      rod.userData.link = link.parent;
+      return rod;
     });
   }
 
@@ -297,13 +302,17 @@ class Stage {
 
   putPerson(t, base) {
     const { person } = this, visible = this.isShown("person");
+    if (!person.clock.count) {
+      for (const part of [...this.rods.flat(), ...this.knots, this.headBall]) part.visible = false;
+      return null;
+    }
     let places = person.places(t), centre = person.centre(t), corners = person.support(t), scale = person.stature;
     if (base) {
       // Beside the robot, as tall as it, and where it goes.
       const k = this.trueSize ? 1 : this.scale / person.stature, root = places[0];
       const beside = [base[0], base[1] - 0.5 * (this.scale + k * person.stature)];
       const moved = p => [(p[0] - root[0]) * k + beside[0], (p[1] - root[1]) * k + beside[1], (p[2] || 0) * k];
-      places = places.map(moved); centre = moved(centre); corners = corners.map(moved); scale *= k;
+      places = places.map(moved); centre = centre && moved(centre); corners = corners.map(moved); scale *= k;
     }
     person.lines.forEach((lines, side) => lines.forEach(([a, b], n) => {
       this.lay(this.rods[side][n], places[a], places[b], scale);
@@ -379,6 +388,22 @@ class Stage {
     const snapped = value => Math.round(value / (2 * this.square)) * 2 * this.square;
     this.ground.position.x = snapped(x); this.ground.position.y = snapped(y);
     this.gl.render(this.scene, camera);
+  }
+
+  // What of the robot is under a place of the canvas: its link, and the place in the link's axes.
+  grab(x, y) {
+    const [width, height] = [this.canvas.clientWidth, this.canvas.clientHeight], ray = new THREE.Raycaster();
+    ray.setFromCamera(new THREE.Vector2((2 * x) / width - 1, 1 - (2 * y) / height), this.camera);
+    const hit = ray.intersectObjects([...this.bodies, ...this.bones.filter(Boolean)], true).find(({ object }) => object.visible);
+    if (!hit) return null;
+    const link = hit.object.userData.link ?? hit.object.parent.userData.link;
+    return { link, local: this.bodies[link].worldToLocal(hit.point.clone()).toArray() };
+  }
+
+  // Where on the canvas a place is.
+  project(place) {
+    const { x, y } = new THREE.Vector3(...place).project(this.camera);
+    return [(x + 1) / 2 * this.canvas.clientWidth, (1 - y) / 2 * this.canvas.clientHeight];
   }
 
   // The joint whose link is under a place of the canvas, or the marker next to it.

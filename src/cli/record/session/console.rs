@@ -4,6 +4,7 @@ use crate::cli::operator::Operator;
 use crate::cli::signals::Signals;
 use crate::cli::{Remarks, print};
 use crate::error::Error;
+use crate::job::session::words::Asking;
 use crate::job::session::{Answered, Stopped};
 use std::io::{BufRead, IsTerminal};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
@@ -23,9 +24,6 @@ pub struct Console {
     /// Where it is said what happens to sensors.
     pub(super) remarks: Remarks,
 }
-
-/// A choice: what is typed, what is said of it, and what it means.
-pub type Choice<T> = (&'static str, &'static str, T);
 
 impl Console {
     /// Reads standard input on a thread of its own.
@@ -86,8 +84,15 @@ impl Console {
     ///
     /// # Errors
     /// A signal, the end of the input, or `q`.
-    pub fn ask(&self, question: &str) -> Answered<String> {
-        let _ = print(&format!("{question}\n> "));
+    pub fn ask(&self, asking: &Asking) -> Answered<String> {
+        if !asking.before.is_empty() {
+            self.say(&asking.before);
+        }
+        self.line(asking)
+    }
+
+    fn line(&self, asking: &Asking) -> Answered<String> {
+        let _ = print(&format!("{}\n> ", asking.text()));
         loop {
             if let Some(line) = self.line_within(LOOK)? {
                 return if line == "q" { Err(Stopped) } else { Ok(line) };
@@ -101,39 +106,31 @@ impl Console {
     /// As [`Self::ask`].
     pub fn ask_until<T>(
         &self,
-        question: &str,
+        asking: &Asking,
         mut read: impl FnMut(&str) -> Result<T, Error>,
     ) -> Answered<T> {
+        let mut line = self.ask(asking)?;
         loop {
-            match read(&self.ask(question)?) {
+            match read(&line) {
                 Ok(answer) => return Ok(answer),
                 Err(error) => self.say(&format!("! {error}")),
             }
+            line = self.line(asking)?;
         }
     }
 
-    /// Asks which of these it is; the first is meant by Enter alone.
+    /// Asks which it is; these are what the choices mean, in their order.
     ///
     /// # Errors
     /// As [`Self::ask`].
-    pub fn choose<T: Copy>(&self, question: &str, choices: &[Choice<T>]) -> Answered<T> {
-        let named: Vec<String> = choices
-            .iter()
-            .enumerate()
-            .map(|(at, (key, words, _))| match at {
-                0 => format!("Enter or {key}: {words}"),
-                _ => format!("{key}: {words}"),
+    pub fn choose<T: Copy>(&self, asking: &Asking, meant: &[T]) -> Answered<T> {
+        let keys: Vec<&str> = asking.choices.iter().map(|(key, _)| *key).collect();
+        self.ask_until(asking, |answer| {
+            let known = keys.iter().position(|key| key.eq_ignore_ascii_case(answer));
+            let at = known.or(answer.is_empty().then_some(0));
+            at.and_then(|at| meant.get(at)).copied().ok_or_else(|| {
+                Error::new("not one of the answers").got(answer).allowed(keys.join(", "))
             })
-            .collect();
-        let asked = format!("{question}\n  [{}; q: stop, to go on later]", named.join("; "));
-        self.ask_until(&asked, |answer| {
-            let known = choices.iter().find(|(key, ..)| key.eq_ignore_ascii_case(answer));
-            match known.or(choices.first().filter(|_| answer.is_empty())) {
-                Some((_, _, meant)) => Ok(*meant),
-                None => Err(Error::new("not one of the answers")
-                    .got(answer)
-                    .allowed(choices.iter().map(|(key, ..)| *key).collect::<Vec<_>>().join(", "))),
-            }
         })
     }
 }

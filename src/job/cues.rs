@@ -39,6 +39,8 @@ pub fn of(cue: &Cue<'_>) -> String {
             format!("  {name:<16} {:5.1} deg off  {word}", rad.to_degrees())
         }
         Cue::Move(movement) => format!("then: {}", asked(*movement)),
+        Cue::Next(Cue::Move(movement)) => asked(*movement).to_owned(),
+        Cue::Next(cue) => of(cue),
         Cue::Waiting { until: Until::Begun, .. } => {
             "  it has not been begun yet; at a terminal s and Enter leaves it out".to_owned()
         }
