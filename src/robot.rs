@@ -109,6 +109,8 @@ pub struct Joint {
     /// Limits, rounded inwards to what the drive can be told exactly, so that no goal that keeps
     /// them can be rounded out of them.
     pub limits: JointLimits,
+    /// The range in the robot file, rad: beyond the limits by less than a count of its drive.
+    pub range_rad: [f64; 2],
     /// Pose the robot file starts in, rad.
     pub initial_rad: f64,
     /// Turns of the joint for one turn of the drive, with its sign.
@@ -153,6 +155,7 @@ impl Joint {
             id: joint.id,
             drive,
             limits,
+            range_rad: [joint.lower_rad, joint.upper_rad],
             initial_rad: joint.initial_rad(),
             ratio,
             offset_rad: joint.offset_rad,

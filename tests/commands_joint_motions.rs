@@ -195,6 +195,22 @@ fn key_frames_are_joined_by_actionlets_that_rest_in_each() {
 }
 
 #[test]
+fn a_key_frame_at_the_end_of_a_joints_range_is_played() {
+    let upper_rad = gaitway_profiles::robot("so101").expect("a robot").joints[0].upper_rad;
+    let path = file("at-the-end.csv");
+    for end_rad in [upper_rad, -upper_rad] {
+        let rows = format!("time_s,shoulder_pan_rad\n0,0\n2,{end_rad}\n4,{end_rad}\n6,0\n");
+        std::fs::write(&path, rows).expect("written");
+        let motion = path.display().to_string();
+        let arguments = ["play", &motion, "--robot", "so101", "--bus", "sim", "--json"];
+        let output = gaitway(&arguments);
+        let report: Value = serde_json::from_slice(&output.stdout)
+            .unwrap_or_else(|_| panic!("{}", String::from_utf8_lossy(&output.stderr)));
+        assert_eq!(report["outcome"], "done", "{end_rad}: {}", report["stop_reason"]);
+    }
+}
+
+#[test]
 fn key_frames_of_the_body_are_a_motion_too() {
     let (table, angles) = (file("bend.csv"), file("bend-angles.csv"));
     std::fs::write(&table, "time_s,right_elbow_flexion_deg\n0,0\n1,90\n3,0\n").unwrap();

@@ -21,6 +21,8 @@ const MAX_TABLE_BYTES: u64 = 12 << 20;
 const GAP_S: f64 = key_frames::APART_S;
 /// Angles this far beyond a limit are rounding, rad.
 const ROUNDING_RAD: f64 = 1e-6;
+/// So far inside its limits a joint is kept that a motion takes to them, rad.
+const HAIR_RAD: f64 = 1e-9;
 /// Rotations this far from the length 1 are rounded.
 const TURN_ROUNDING: f64 = 1e-3;
 /// A sample counts as clipped if a limit moved it by more than this, rad.
@@ -492,13 +494,19 @@ fn known<'a>(robot: &'a Robot, name: &str) -> Result<&'a Joint, Error> {
     })
 }
 
-/// The angles, which nobody may bend, at most rounded into the joint's limits.
+/// The angles, which nobody may bend. Those that reach beyond the limits and not beyond the range, less than a count of the
+/// drive further, are drawn in about the middle of the range, all by one factor: it stays as smooth as it is.
 fn inside(joint: &Joint, angles_rad: &[f64], step_s: f64) -> Result<Vec<f64>, Error> {
     let (lower, upper) = (joint.limits.lower_rad(), joint.limits.upper_rad());
-    let held: Vec<f64> = angles_rad.iter().map(|angle| angle.clamp(lower, upper)).collect();
-    let beyond = |(a, b): (&f64, &f64)| !((a - b).abs() <= ROUNDING_RAD);
-    match angles_rad.iter().zip(&held).position(beyond) {
-        None => Ok(held),
+    let (middle, half) = (0.5 * (lower + upper), 0.5 * (upper - lower));
+    let reach = angles_rad.iter().map(|angle| (angle - middle).abs()).fold(0.0, f64::max);
+    // A curve through angles that rest at a limit would be beyond it by the rounding of its arithmetic.
+    let factor = if reach > half - HAIR_RAD { (half - HAIR_RAD).max(0.0) / reach } else { 1.0 };
+    let held = |angle: &f64| if factor < 1.0 { middle + (angle - middle) * factor } else { *angle };
+    let [from_rad, to_rad] = joint.range_rad;
+    let range_rad = from_rad.min(lower) - ROUNDING_RAD..=to_rad.max(upper) + ROUNDING_RAD;
+    match angles_rad.iter().position(|angle| !range_rad.contains(angle)) {
+        None => Ok(angles_rad.iter().map(held).collect()),
         Some(index) => {
             Err(Error::of(ErrorKind::OutsideLimits, "the motion leaves a joint's limits")
                 .at(format!("joint {}, {:.2} s", joint.name, index as f64 * step_s))
