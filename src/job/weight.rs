@@ -334,10 +334,7 @@ impl Body for Weighed {
         let pushed = |(joint, force_n): &(Option<usize>, [f64; 3])| {
             (joint.map_or(0, |joint| joint + 1), DVec3::from_array(*force_n))
         };
-        let placed = moving.placed();
-        let mut met = Vec::new();
-        self.apart.nearer_than(&placed, 0.0, |_, _| true, |links, way| met.push((links, way)));
-        moving.meet(met);
+        moving.meet(self.apart.touching(&moving.placed()));
         moving.disturb(outside.forces.iter().map(pushed).collect(), self.slope_rad);
         let mut pulls = vec![Pull::default(); tree.moving()];
         for (joint, push) in pushes.iter().enumerate() {

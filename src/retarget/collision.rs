@@ -92,6 +92,17 @@ impl SelfContact {
         deepest
     }
 
+    /// Which links are in one another, and how they part; where they meet as exactly as that can be told.
+    #[must_use]
+    pub fn touching(&self, placed: &[Placement]) -> Vec<((usize, usize), WayOut)> {
+        let mut found = Vec::new();
+        self.near(placed, 0.0, |links, [one, two]| {
+            let at_m = || one.meeting_m(&two);
+            found.extend(one.way_out(&two).map(|way| (links, WayOut { at_m: at_m(), ..way })));
+        });
+        found
+    }
+
     /// Hands over how links part that are nearer to one another than `room_m`, of those that are
     /// `looked_at`: links, and the way out of shapes that are larger by half of the room.
     pub fn nearer_than(
@@ -101,20 +112,32 @@ impl SelfContact {
         looked_at: impl Fn(usize, usize) -> bool,
         mut found: impl FnMut((usize, usize), WayOut),
     ) {
+        self.near(placed, room_m, |links, volumes| {
+            if !looked_at(links.0, links.1) {
+                return;
+            }
+            let [one, two] = volumes.map(|volume| volume.grown(room_m / 2.0));
+            if let Some(way) = one.way_out(&two) {
+                found(links, way);
+            }
+        });
+    }
+
+    /// Hands over shapes, placed, and their links, whose balls are nearer to one another than `room_m`.
+    fn near(
+        &self,
+        placed: &[Placement],
+        room_m: f64,
+        mut found: impl FnMut((usize, usize), [Volume; 2]),
+    ) {
         let middles: Vec<DVec3> =
             self.balls.iter().map(|(link, middle, _)| placed[*link].point(*middle)).collect();
         for &(one, two) in &self.pairs {
             let reach_m = self.balls[one].2 + self.balls[two].2 + room_m;
-            let links = (self.balls[one].0, self.balls[two].0);
-            let near = middles[one].distance_squared(middles[two]) < reach_m * reach_m;
-            if !(near && looked_at(links.0, links.1)) {
-                continue;
-            }
-            let grown = |volume: usize, link: usize| {
-                self.volumes[volume].placed(placed[link]).grown(room_m / 2.0)
-            };
-            if let Some(way) = grown(one, links.0).way_out(&grown(two, links.1)) {
-                found(links, way);
+            if middles[one].distance_squared(middles[two]) < reach_m * reach_m {
+                let links = (self.balls[one].0, self.balls[two].0);
+                let volume = |at: usize, link: usize| self.volumes[at].placed(placed[link]);
+                found(links, [volume(one, links.0), volume(two, links.1)]);
             }
         }
     }

@@ -139,7 +139,28 @@ impl Volume {
                 (depth_m, slope.try_normalize().or(facing.map(|(_, normal)| normal))?)
             }
         };
-        Some(WayOut { depth_m, normal, at_m: meeting_m(&one, &two) })
+        let on_one = one.nearest(two.centre);
+        let at_m = on_one.midpoint(two.nearest(on_one));
+        Some(WayOut { depth_m, normal, at_m })
+    }
+
+    /// Where two that touch meet, m: between the points of their lines or boxes that are nearest to one another, or in both
+    /// boxes, found by projecting back and forth (Cheney and Goldstein, Proc. Amer. Math. Soc. 10, 1959).
+    #[must_use]
+    pub fn meeting_m(&self, other: &Self) -> DVec3 {
+        let (one, two) = (Core::of(self), Core::of(other));
+        let mut on_two = two.centre;
+        let mut on_one = one.nearest(on_two);
+        for _ in 0..PROJECTIONS {
+            on_two = two.nearest(on_one);
+            let next = one.nearest(on_two);
+            let moved_m = next.distance(on_one);
+            on_one = next;
+            if moved_m < NEAR_M {
+                break;
+            }
+        }
+        on_one.midpoint(on_two)
     }
 
     /// A ball that holds it: its middle and its radius, m.
@@ -162,7 +183,7 @@ pub struct WayOut {
     pub depth_m: f64,
     /// Moving the second this way parts them soonest; of unit length.
     pub normal: DVec3,
-    /// Where they meet, m: between the points of their lines or boxes that are nearest to one another, or in both boxes.
+    /// About where they meet, m: it goes evenly with them ([`Volume::meeting_m`] does not, where they lie along one another).
     pub at_m: DVec3,
 }
 
@@ -247,23 +268,6 @@ impl Core {
             found + half * (away.dot(half) / half.length_squared()).clamp(-1.0, 1.0)
         })
     }
-}
-
-/// Between the points of two that are nearest to one another, found by projecting back and forth (Cheney and Goldstein,
-/// Proc. Amer. Math. Soc. 10, 1959).
-fn meeting_m(one: &Core, two: &Core) -> DVec3 {
-    let mut on_two = two.centre;
-    let mut on_one = one.nearest(on_two);
-    for _ in 0..PROJECTIONS {
-        on_two = two.nearest(on_one);
-        let next = one.nearest(on_two);
-        let moved_m = next.distance(on_one);
-        on_one = next;
-        if moved_m < NEAR_M {
-            break;
-        }
-    }
-    on_one.midpoint(on_two)
 }
 
 fn core_distance_m(one: &Core, two: &Core) -> f64 {

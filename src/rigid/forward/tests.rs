@@ -41,7 +41,9 @@ fn way_out(placed: &[Placement]) -> Option<((usize, usize), WayOut)> {
         let (from_m, to_m) = (DVec3::ZERO, DVec3::NEG_Z * LEG_M);
         Volume::Capsule(Capsule { from_m, to_m, radius_m: RADIUS_M }).placed(placed[link])
     };
-    leg(1).way_out(&leg(2)).map(|way| ((1, 2), way))
+    let (left, right) = (leg(1), leg(2));
+    let at_m = left.meeting_m(&right);
+    left.way_out(&right).map(|way| ((1, 2), WayOut { at_m, ..way }))
 }
 
 /// A second and a half of closing.
