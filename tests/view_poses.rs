@@ -329,6 +329,13 @@ fn a_limb_that_is_dragged_follows_the_hand_within_its_limits_and_can_be_let_back
     {
         assert!((rad - joint.initial_rad).abs() < HAIR_RAD, "{}", joint.name);
     }
+    // What follows an undo at once is undone by itself.
+    for deg in [20.0, 30.0] {
+        slide(&mut browser, 0, deg);
+        press(&mut browser, "pose-undo");
+        let now = numbers(&browser.value("gaitway.poses().angles[0]"))[0];
+        assert!((now - robot.joints[0].initial_rad).abs() < HAIR_RAD, "{now} after {deg} deg");
+    }
     assert_eq!(browser.complaints(), [""; 0]);
 }
 

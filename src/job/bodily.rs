@@ -7,7 +7,7 @@ use crate::motion::retime::needs;
 use crate::motion::{JointLimits, Path, Plan, Setpoint};
 use crate::retarget::base::BasePath;
 use crate::retarget::figures::{BodyMotion, Original, figures};
-use crate::retarget::{BodyFigures, PaceNeed, SlowStretch};
+use crate::retarget::{BodyFigures, PaceNeed, PeakEffort, SlowStretch};
 use crate::robot::{Joint, Robot, RobotBody};
 
 /// Instants that are looked at, per second, at most: bodies are slower.
@@ -37,6 +37,16 @@ pub(super) fn soft_note(figures: &BodyFigures) -> Option<String> {
     Some(format!(
         "stay near: it stays on its feet, but with servos softer by a third, or a body that weighs so much more, it would fall at {at_s:.1} s"
     ))
+}
+
+/// A line about servos that are asked for more torque than they have.
+pub(super) fn weak_note(figures: &BodyFigures) -> Option<String> {
+    let PeakEffort { share, joint, at_s } = figures.peak_torque.as_ref()?;
+    (*share > 1.0).then(|| {
+        format!(
+            "{joint} would have to give {share:.1} times what its servo has, at {at_s:.1} s: it will not follow there"
+        )
+    })
 }
 
 /// Looks at a planned motion, once through if it is played several times: the base, if the robot has a body,

@@ -417,6 +417,7 @@ pub(super) fn prepare(
         may_fall(at_s, connection.world.is_some() || options.dry_run, report)?;
     }
     report.notes.extend(bodily::soft_note(&metrics));
+    report.notes.extend(bodily::weak_note(&metrics));
     Ok(Prepared { planned, base, metrics })
 }
 

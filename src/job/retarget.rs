@@ -139,6 +139,7 @@ impl Retargeted {
         let falls_s = metrics.predicted_fall_s.filter(|_| !order.allow_fall);
         report.notes.extend(falls_s.map(bodily::fall_note));
         report.notes.extend(bodily::soft_note(&metrics));
+        report.notes.extend(bodily::weak_note(&metrics));
         report.metrics = Some(metrics);
         report.duration_s = planned.trajectory.duration_s();
         describe_plan(&mut report, &robot, &planned, &loaded);

@@ -180,7 +180,7 @@ pub fn peaks(
 /// Of its voltage and of its torque a motor is asked for so much at most; the rest is for friction, a battery that is not full
 /// and a body that weighs more than its file says.
 const SPARE_SHARE: f64 = 0.9;
-/// Slower than this a motion is not made for its motors: what they cannot carry at rest no pace mends.
+/// Slower than this a motion is not made for its motors: what they could not do then either is left as it is.
 const SLOWEST: f64 = 4.0;
 
 /// By sample of a motion on a robot whose base is held upright, how many times as long it would have to take there for its
@@ -251,7 +251,9 @@ impl Asked {
 
     /// How much slower it has to be, to a hundredth.
     fn factor(&self, motor: &MotorCurve) -> f64 {
-        if self.share(motor, 1.0) <= SPARE_SHARE {
+        let fits_as_it_is = self.share(motor, 1.0) <= SPARE_SHARE;
+        let fits_never = self.share(motor, SLOWEST) > SPARE_SHARE;
+        if fits_as_it_is || fits_never {
             return 1.0;
         }
         let (mut short, mut long) = (1.0, SLOWEST);
@@ -313,6 +315,9 @@ mod tests {
         assert!((asked(4.0).factor(&motor) - 2.0).abs() < 0.011);
         // What goes down brakes.
         assert!((asked(-4.0).factor(&motor) - 1.0).abs() < 1e-12);
+        // What it cannot carry at rest no pace mends.
+        let heavy = Asked { rest_nm: 4.1, moving_nm: 9.0, speed_rad_s: 1.0 };
+        assert!((heavy.factor(&motor) - 1.0).abs() < 1e-12);
         let hastens = Asked { rest_nm: 0.0, moving_nm: 3.6 * 4.0, speed_rad_s: 0.0 };
         assert!((hastens.factor(&motor) - 2.0).abs() < 0.011);
     }

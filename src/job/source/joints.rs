@@ -20,7 +20,7 @@ const MAX_TABLE_BYTES: u64 = 12 << 20;
 /// Longest time without a position of a joint that is bridged by a straight line, s.
 const GAP_S: f64 = key_frames::APART_S;
 /// Angles this far beyond a limit are rounding, rad.
-const ROUNDING_RAD: f64 = 1e-6;
+const ROUNDING_RAD: f64 = 1e-4;
 /// So far inside its limits a joint is kept that a motion takes to them, rad.
 const HAIR_RAD: f64 = 1e-9;
 /// Rotations this far from the length 1 are rounded.
@@ -510,8 +510,8 @@ fn inside(joint: &Joint, angles_rad: &[f64], step_s: f64) -> Result<Vec<f64>, Er
         Some(index) => {
             Err(Error::of(ErrorKind::OutsideLimits, "the motion leaves a joint's limits")
                 .at(format!("joint {}, {:.2} s", joint.name, index as f64 * step_s))
-                .got(format!("{:.2} deg", angles_rad[index].to_degrees()))
-                .allowed(format!("{:.2} to {:.2} deg", lower.to_degrees(), upper.to_degrees()))
+                .got(format!("{:.3} deg", angles_rad[index].to_degrees()))
+                .allowed(format!("{:.3} to {:.3} deg", from_rad.to_degrees(), to_rad.to_degrees()))
                 .remedy("slowing down does not mend this: change the motion"))
         }
     }

@@ -156,7 +156,7 @@ class Editor {
     on("pose-delete", keys => keys.remove());
     on("pose-earlier", keys => keys.move(-1));
     on("pose-later", keys => keys.move(1));
-    byId("pose-undo").addEventListener("click", () => { this.keys.undo(); this.fill(); this.changed(this); });
+    byId("pose-undo").addEventListener("click", () => { this.keys.undo(); this.last = null; this.fill(); this.changed(this); });
     byId("pose-after").addEventListener("change", event => {
       const after = event.target.valueAsNumber;
       if (Number.isFinite(after)) this.change("after", keys => { keys.frame.after = Math.max(LEAST_S, Math.min(3600, Math.round(after * 1000) / 1000)); });
