@@ -11,6 +11,7 @@ const FOOT_M: f64 = 0.012;
 const TILT_RAD: f64 = 0.0175;
 const SLIP: f64 = 1.2;
 const LEAN_RAD: f64 = 0.1;
+const MOTOR_SHARE: f64 = 0.9;
 /// A fall is worse than all else.
 const FALLS: f64 = 1e6;
 
@@ -132,7 +133,8 @@ fn servos(figures: &BodyFigures) -> Option<(f64, String)> {
         voltage.joint,
         voltage.at_s
     );
-    Some((torque.share.max(voltage.share), words))
+    let beyond = torque.share.max(voltage.share) / MOTOR_SHARE - 1.0;
+    Some((beyond.max(0.0) / (1.0 - MOTOR_SHARE), words))
 }
 
 fn pace(figures: &BodyFigures) -> Option<(f64, String)> {
