@@ -307,14 +307,17 @@ impl Line {
             let packet = self.heard[heard.start..heard.end].to_vec();
             let rest = self.heard.len() - heard.end;
             let end_ns = chunk.span.end_ns - shared.wire_ns(rest, chunk.baud_bps);
-            // What two families understand was said once; at a speed that no servo here is set to, to nobody.
-            let at_their_speed =
-                |servo: &Servo| heard.family.includes(servo) && servo.is_set_to(chunk.baud_bps);
-            if heard.end > last_end && self.servos.iter().any(at_their_speed) {
+            // What two families understand was said once.
+            if heard.end > last_end {
                 last_end = heard.end;
                 shared.referee.instruction(self.index, chunk.when(end_ns));
-                let asked = || Happening::Asked(Asked::of(self.index, heard.family, &packet));
-                shared.journal.note(end_ns, asked);
+                // At a speed that no servo here is set to, nobody was asked.
+                let at_their_speed =
+                    |servo: &Servo| heard.family.includes(servo) && servo.is_set_to(chunk.baud_bps);
+                if self.servos.iter().any(at_their_speed) {
+                    let asked = || Happening::Asked(Asked::of(self.index, heard.family, &packet));
+                    shared.journal.note(end_ns, asked);
+                }
                 self.inbox.asked_again();
             }
             self.carry_out(&heard, &packet, chunk.when(end_ns), chunk.baud_bps, shared);
