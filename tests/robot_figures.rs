@@ -379,6 +379,24 @@ fn what_servos_have_to_give_is_what_mujoco_says() {
 }
 
 #[test]
+fn a_capture_on_a_stand_is_as_slow_as_its_servos_need() {
+    let Some(captures) = captured::captured("mocap/bvh") else { return };
+    let mut most = 0.0_f64;
+    for name in ["dash_normal_001", "slash_normal_001", "respond_normal_001", "bow_normal_001"] {
+        let file = captures.join(format!("bandai/dataset-1_{name}.bvh"));
+        let table = folder().join("paced.csv");
+        let report = retargeted(file.to_str().expect("a path"), &table, &["--hang"]);
+        for key in ["peak_torque", "peak_voltage"] {
+            let share = report["metrics"][key]["share"].as_f64().expect("a share");
+            assert!(share <= 0.9, "{name}: {key} {share}");
+            most = most.max(share);
+        }
+    }
+    // By the limits of velocity and acceleration alone each of these asks for all of the voltage, or more.
+    assert!(most > 0.8, "nothing is slowed for its servos: {most}");
+}
+
+#[test]
 fn a_table_with_a_base_is_played_and_tells_the_same_of_itself() {
     let table = folder().join("kick.csv");
     let first = retargeted("kick-r", &table, &[]);

@@ -148,3 +148,22 @@ fn pace(path: &Path, limits: &[JointLimits]) -> PaceNeed {
         local,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_servo_that_is_asked_for_more_than_it_has_is_named_and_one_that_is_not_is_not() {
+        let asked = |share: f64| {
+            let peak = PeakEffort { share, joint: "r_knee".to_owned(), at_s: 2.04 };
+            weak_note(&BodyFigures { peak_torque: Some(peak), ..BodyFigures::default() })
+        };
+        let told = asked(1.44).expect("a note");
+        assert!(
+            told.contains("r_knee would have to give 1.4 times") && told.contains("2.0 s"),
+            "{told}"
+        );
+        assert_eq!((asked(0.99), weak_note(&BodyFigures::default())), (None, None));
+    }
+}
