@@ -22,6 +22,7 @@ pub mod explained;
 pub mod finding;
 pub mod fit;
 pub mod follow;
+pub mod heard;
 pub mod hold;
 pub mod info;
 pub mod info_columns;

@@ -40,8 +40,8 @@ pub struct ViewPage {
 /// The script of the page, in the order in which its parts need one another.
 const SCRIPT: [&str; 8] = [
     include_str!("view/page/series.js"),
-    include_str!("view/page/live.js"),
     include_str!("view/page/body.js"),
+    include_str!("view/page/live.js"),
     include_str!("view/page/stage.js"),
     include_str!("view/page/signals.js"),
     include_str!("view/page/session.js"),

@@ -10,10 +10,14 @@ mod program;
 
 use browser::browser;
 use chromium::Browser;
-use gaitway::job::page::live;
-use gaitway::view::live::{LiveCounts, LiveFrame, LiveQuantity, LiveView};
+use gaitway::body::Dof;
+use gaitway::job::page::live::{self, Shows};
+use gaitway::view::live::{LiveCounts, LiveEvent, LiveFrame, LiveQuantity, LiveView, MOST_KEPT};
+use gaitway::view::session::SessionFrame;
+use gaitway::view::tracks::SpanKind;
 use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpStream};
+use std::path::Path;
 use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
 
@@ -23,7 +27,7 @@ const RIGHT_SHOULDER_ROLL: usize = 2;
 const PATIENCE: Duration = Duration::from_secs(60);
 
 fn view() -> LiveView {
-    let page = live::page("op3", "a test").expect("a page");
+    let page = live::page(Some("op3"), "a test", Shows::default()).expect("a page");
     LiveView::open(&page, 0).expect("a port")
 }
 
@@ -71,6 +75,59 @@ fn counted(view: &LiveView, is_so: impl Fn(LiveCounts) -> bool) {
         assert!(began.elapsed() < PATIENCE, "{:?}", view.counts());
         std::thread::sleep(Duration::from_millis(10));
     }
+}
+
+/// Something a page is told.
+enum Told {
+    Frame(serde_json::Value),
+    /// The number of what happened, and what it is.
+    Happened(u64, serde_json::Value),
+}
+
+/// All that a page is told, from its stream (HTML Living Standard, 9.2.6), until it ends.
+fn stream(url: &str) -> impl Iterator<Item = Told> {
+    let (host, path) = parts(url);
+    let lines = BufReader::new(asked(host, &head(host, "GET", &format!("{path}frames"), "")));
+    let (mut kind, mut id) = (String::new(), String::new());
+    lines.lines().map_while(Result::ok).filter_map(move |line| {
+        let (field, value) = line.split_once(": ").unwrap_or((&line, ""));
+        match field {
+            "event" => value.clone_into(&mut kind),
+            "id" => value.clone_into(&mut id),
+            "" => kind.clear(),
+            "data" => {
+                let value = serde_json::from_str(value).expect("JSON");
+                return Some(match kind.as_str() {
+                    "" => Told::Frame(value),
+                    "happened" => Told::Happened(id.parse().expect("a number"), value),
+                    other => panic!("{other}"),
+                });
+            }
+            _ => {}
+        }
+        None
+    })
+}
+
+/// The frames alone.
+fn frames(url: &str) -> impl Iterator<Item = serde_json::Value> {
+    stream(url).filter_map(|told| match told {
+        Told::Frame(frame) => Some(frame),
+        Told::Happened(..) => None,
+    })
+}
+
+/// What happened alone.
+fn happenings(url: &str) -> impl Iterator<Item = (u64, serde_json::Value)> {
+    stream(url).filter_map(|told| match told {
+        Told::Frame(_) => None,
+        Told::Happened(number, what) => Some((number, what)),
+    })
+}
+
+fn happened(time_s: f64, label: &str) -> LiveEvent {
+    let (row, label) = ("told".to_owned(), label.to_owned());
+    LiveEvent { time_s: Some(time_s), lasts_s: 0.0, kind: SpanKind::Wrong, row, label }
 }
 
 fn frame(time_s: f64, rad: f64) -> LiveFrame {
@@ -124,6 +181,78 @@ fn who_knows_the_address_gets_the_page_and_what_is_told_and_nobody_else_does() {
     assert!(view.wants_to_stop());
     let other = self::view().url();
     assert_ne!(parts(&other).1, path, "a token is used once");
+}
+
+#[test]
+fn what_happens_once_is_told_in_order_to_each_page_however_late_it_comes_and_at_the_very_end() {
+    let view = view();
+    let url = view.url();
+    (0..3).for_each(|n| view.happened(happened(f64::from(n), &n.to_string())));
+    let mut early = happenings(&url);
+    let first: Vec<(u64, serde_json::Value)> = early.by_ref().take(3).collect();
+    let told = |n: u64| serde_json::json!({ "time_s": n as f64, "lasts_s": 0.0, "kind": "wrong", "row": "told", "label": n.to_string() });
+    assert_eq!(first, [(0, told(0)), (1, told(1)), (2, told(2))]);
+    // Pictures come between, and only the newest of them; nothing of what happens is left out.
+    let all = 3 + MOST_KEPT as u64;
+    for n in 3..all {
+        view.tell(&frame(n as f64, 0.1));
+        view.happened(happened(n as f64, &n.to_string()));
+    }
+    let mut late = happenings(&url);
+    let expected: Vec<u64> = (3..all).collect();
+    assert_eq!(late.by_ref().take(MOST_KEPT).map(|of| of.0).collect::<Vec<_>>(), expected);
+    // One that heard in time may have read slowly, and then the oldest are gone for it.
+    let heard: Vec<u64> = early.by_ref().map(|of| of.0).take_while(|n| *n < all - 1).collect();
+    assert!(heard.windows(2).all(|two| two[0] < two[1]), "{heard:?}");
+    // The clock begins anew: whoever comes now is told that these were before.
+    view.begins_anew();
+    view.happened(happened(0.5, "after"));
+    let anew: Vec<serde_json::Value> = happenings(&url).take(MOST_KEPT).map(|of| of.1).collect();
+    assert!(anew[0]["time_s"].is_null() && anew[MOST_KEPT - 2]["time_s"].is_null());
+    assert_eq!(anew[MOST_KEPT - 1]["time_s"], 0.5);
+    // What is told at the very end still arrives.
+    view.happened(happened(1.0, "the end"));
+    drop(view);
+    assert_eq!(late.last().expect("more").1["label"], "the end");
+    assert_eq!(early.last().expect("more").1["label"], "the end");
+}
+
+#[test]
+fn in_a_browser_what_happens_stands_in_the_list_and_on_the_time_line_and_another_run_begins_anew() {
+    let Some(mut browser) = browser("happens") else { return };
+    let view = view();
+    browser.look(1280, 900, false);
+    view.happened(LiveEvent { time_s: None, ..happened(0.0, "calibrated") });
+    browser.open_served(&view.url());
+    let list =
+        "[...document.querySelectorAll('#events button')].map(of => of.textContent).join('|')";
+    until(&mut browser, &format!("{list} === 'before: told: calibrated'"));
+    assert_eq!(browser.value("document.getElementById('line').hidden"), true);
+    for time_s in [1.0, 2.0, 3.0] {
+        view.tell(&frame(time_s, 0.1));
+        until(&mut browser, &format!("gaitway.figures().now === {time_s}"));
+    }
+    view.happened(happened(2.0, "<b>no answer</b>"));
+    until(
+        &mut browser,
+        &format!("{list} === '2.00 s: told: <b>no answer</b>|before: told: calibrated'"),
+    );
+    assert_eq!(browser.value("document.getElementById('line').hidden"), false);
+    assert_eq!(browser.value("document.getElementById('said').textContent"), "<b>no answer</b>");
+    browser.value("document.getElementById('events').open = true");
+    browser.value("document.querySelector('#events button').click()");
+    until(&mut browser, "gaitway.figures().now === 2 && !gaitway.figures().playing");
+    // A stream that is begun again tells all of it once more: it is on the page once.
+    assert_eq!(browser.value("document.querySelectorAll('#events li').length"), 2);
+    view.begins_anew();
+    view.tell(&frame(0.25, 0.1));
+    until(&mut browser, "gaitway.figures().duration === 0.25");
+    until(
+        &mut browser,
+        &format!("{list} === 'before: told: <b>no answer</b>|before: told: calibrated'"),
+    );
+    assert_eq!(browser.value("document.getElementById('line').hidden"), true);
+    assert_eq!(browser.complaints(), [""; 0]);
 }
 
 #[test]
@@ -270,11 +399,7 @@ fn what_else_is_read_of_a_joint_can_be_looked_at_once_it_has_come() {
 fn a_robot_that_is_looked_at_tells_how_warm_it_is() {
     let (mut child, url) = serving(&["view", "op3", "--bus", "sim:pty"]);
     let (host, path) = parts(&url);
-    let stream = asked(host, &head(host, "GET", &format!("{path}frames"), ""));
-    let frames = BufReader::new(stream).lines().map(|line| line.expect("a line"));
-    let mut frames = frames.filter_map(|line| line.strip_prefix("data: ").map(str::to_owned));
-    let frame: serde_json::Value =
-        serde_json::from_str(&frames.next().expect("a frame")).expect("JSON");
+    let frame = frames(&url).next().expect("a frame");
     let others = frame["others"].as_array().expect("a list");
     let warm = others.iter().find(|of| of["name"] == "temperature").expect("it is read");
     assert_eq!(warm["unit"], "\u{b0}C");
@@ -316,12 +441,21 @@ fn a_robot_that_plays_is_seen_to_move_and_comes_to_rest_when_the_page_says_so() 
     let arguments = ["view", "play", "bow:60s", "--robot", "op3", "--bus", "sim:pty", "--json"];
     let (child, url) = serving(&arguments);
     let (host, path) = parts(&url);
-    let stream = asked(host, &head(host, "GET", &format!("{path}frames"), ""));
     let mut seen: Vec<(f64, serde_json::Value)> = Vec::new();
-    for line in BufReader::new(stream).lines() {
-        let line = line.expect("a line");
-        let Some(data) = line.strip_prefix("data: ") else { continue };
-        let frame: serde_json::Value = serde_json::from_str(data).expect("JSON");
+    let (mut warm, mut parts_of_it) = (Vec::new(), Vec::new());
+    let told = stream(&url);
+    let mut told = told.inspect(|told| {
+        if let Told::Happened(_, what) = told
+            && what["kind"] == "part"
+        {
+            parts_of_it.push(what["label"].clone());
+        }
+    });
+    for told in told.by_ref() {
+        let Told::Frame(frame) = told else { continue };
+        for other in frame["others"].as_array().into_iter().flatten() {
+            warm.push(other["name"].as_str().expect("a name").to_owned());
+        }
         seen.push((frame["time_s"].as_f64().expect("a time"), frame["present_rad"].clone()));
         if seen.len() > 10 && seen[seen.len() - 1].0 > 1.0 {
             break;
@@ -329,8 +463,17 @@ fn a_robot_that_plays_is_seen_to_move_and_comes_to_rest_when_the_page_says_so() 
     }
     assert!(seen.windows(2).all(|two| two[0].0 <= two[1].0), "time goes on");
     assert!(seen.iter().any(|frame| frame.1 != seen[0].1), "and the robot with it");
+    // What OP3's servos tell with each angle, and what is read of them in turn.
+    for quantity in ["current", "temperature", "voltage"] {
+        assert!(warm.iter().any(|name| name == quantity), "{quantity}: {warm:?}");
+    }
     let stopped = answered(asked(host, &head(host, "POST", &format!("{path}stop"), "")));
     assert!(stopped.starts_with("HTTP/1.1 204"), "{stopped}");
+    let last = told.last().expect("more is told");
+    let Told::Happened(_, end) = last else { panic!("the end is told last") };
+    assert_eq!((&end["row"], &end["kind"]), (&"end".into(), &"wrong".into()), "{end}");
+    assert!(end["label"].as_str().expect("words").starts_with("stopped: "), "{end}");
+    assert_eq!(parts_of_it, ["approach", "motion"]);
     let output = child.wait_with_output().expect("it ends");
     let report = program::json(&output);
     assert_eq!((output.status.code(), &report["outcome"]), (Some(4), &"stopped".into()));
@@ -345,11 +488,9 @@ fn a_robot_that_is_led_by_hand_is_seen_while_it_is_recorded_and_the_page_ends_th
     let arguments = ["record", "servos:op3@sim:pty", "--limp", "-o", &file, "--view", "--json"];
     let (child, url) = serving(&arguments);
     let (host, path) = parts(&url);
-    let stream = asked(host, &head(host, "GET", &format!("{path}frames"), ""));
-    let frames = BufReader::new(stream).lines().map(|line| line.expect("a line"));
-    let frames = frames.filter_map(|line| line.strip_prefix("data: ").map(str::to_owned));
-    let seen: Vec<serde_json::Value> =
-        frames.take(10).map(|data| serde_json::from_str(&data).expect("JSON")).collect();
+    // How sources are heard may be told before the first angle.
+    let has_joints = |frame: &serde_json::Value| frame["present_rad"] != serde_json::json!([]);
+    let seen: Vec<serde_json::Value> = frames(&url).filter(has_joints).take(10).collect();
     let times: Vec<f64> =
         seen.iter().map(|frame| frame["time_s"].as_f64().expect("a time")).collect();
     assert!(times.windows(2).all(|two| two[0] < two[1]), "{times:?}");
@@ -368,6 +509,132 @@ fn a_robot_that_is_led_by_hand_is_seen_while_it_is_recorded_and_the_page_ends_th
     assert!((shoulder_rad - shown_rad).abs() < 1e-4, "{shoulder_rad} rad, {shown_rad} shown");
 }
 
+#[test]
+fn two_subjects_of_a_session_are_drawn_beside_each_other() {
+    let Some(mut browser) = browser("two") else { return };
+    let page = live::session_page("lab").expect("a page");
+    let view = LiveView::open(&page, 0).expect("a port");
+    browser.look(1280, 900, false);
+    browser.open_served(&view.url());
+    let points = gaitway::body::Joint::ALL.len() + gaitway::body::End::ALL.len();
+    let at = |x_m: f64| vec![[x_m, 0.25, 1.0]; points];
+    let told = |time_s: f64, persons_m: Vec<Vec<[f64; 3]>>| {
+        view.tell(&SessionFrame { time_s, persons_m, ..SessionFrame::default() });
+    };
+    let places = "JSON.stringify(gaitway.persons(gaitway.figures().now).map(of => of[0] || null))";
+    told(0.5, vec![at(0.5)]);
+    until(&mut browser, &format!("{places} === '[[0.5,0.25,1],null]'"));
+    // The second is known first where the first takes the sensors off.
+    told(1.0, vec![Vec::new(), at(0.75)]);
+    until(&mut browser, &format!("{places} === '[[0.5,0.25,1],[0.75,-0.75,1]]'"));
+    told(1.5, vec![at(0.6), at(0.8)]);
+    until(&mut browser, &format!("{places} === '[[0.6,0.25,1],[0.8,-0.75,1]]'"));
+    assert_eq!(browser.complaints(), [""; 0]);
+}
+
+/// A virtual person with sensors on these segments, behind pseudo-terminals in this folder.
+fn wearer(folder: &Path, segments: &str) -> Child {
+    let mut command = program::gaitway();
+    command.current_dir(folder).args(["simulate", "imus", "--pty", "worn", "--wear", segments]);
+    let mut child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("runs");
+    let mut said = BufReader::new(child.stderr.take().expect("piped")).lines();
+    assert!(said.by_ref().map_while(Result::ok).any(|line| line.contains("then:")));
+    std::thread::spawn(move || said.map_while(Result::ok).for_each(drop));
+    child
+}
+
+#[test]
+fn sensors_that_are_recorded_are_seen_each_with_its_rate_and_who_is_gone_is_told() {
+    priority::run_before_others();
+    let folder = program::folder("heard");
+    let mut worn = wearer(&folder, "torso,head");
+    let mut command = program::gaitway();
+    command.current_dir(&folder).arg("record");
+    for name in ["torso", "head"] {
+        command.arg(format!("{name}=imu:xsens-mti@serial:worn/{name}"));
+    }
+    command.args(["-o", "all.mcap", "--view", "--json"]);
+    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("runs");
+    let url = page_of(&mut child);
+    let mut told = stream(&url);
+    let full = told.by_ref().find_map(|told| match told {
+        Told::Frame(frame) => {
+            let sensors = frame["sensors"].as_array()?;
+            let is_full = |of: &serde_json::Value| {
+                let usual = of["usual_rate_hz"].as_f64().expect("a rate");
+                let rate = of["rate_hz"].as_f64().expect("a rate");
+                usual > 0.0 && (0.5 * usual..1.5 * usual).contains(&rate) && of["silent"] == ""
+            };
+            (sensors.len() == 2 && sensors.iter().all(is_full)).then_some(frame)
+        }
+        Told::Happened(..) => None,
+    });
+    let facts = full.expect("frames go on")["facts"].to_string();
+    assert!(facts.contains("\"recorded\""), "{facts}");
+    let pid = rustix::process::Pid::from_child(&worn);
+    rustix::process::kill_process(pid, rustix::process::Signal::INT).expect("told");
+    worn.wait().expect("it ends");
+    let gone: Vec<String> = told
+        .filter_map(|told| match told {
+            Told::Happened(_, what) if what["row"] == "sensors" => Some(what["label"].to_string()),
+            _ => None,
+        })
+        .collect();
+    for name in ["torso", "head"] {
+        assert!(gone.iter().any(|label| label.contains(&format!("{name} is gone"))), "{gone:?}");
+    }
+    let output = child.wait_with_output().expect("it ends, as all are gone");
+    assert_eq!(program::json(&output)["outcome"], "done_with_loss");
+}
+
+#[test]
+fn whoever_wears_sensors_is_drawn_as_they_move_with_their_angles_and_without_a_robot() {
+    let Some(mut browser) = browser("worn") else { return };
+    priority::run_before_others();
+    let folder = program::folder("worn");
+    let mut worn = wearer(&folder, "torso,right_upper_arm,right_forearm");
+    let mut command = program::gaitway();
+    command.current_dir(&folder).args(["live", "--wear", "worn/wear.toml", "--dry-run", "--view"]);
+    command.args(["--n-pose-after", "1s", "--moves", "bow", "--json"]);
+    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("runs");
+    let url = page_of(&mut child);
+    browser.look(1280, 900, false);
+    browser.open_served(&url);
+    let nobody = "document.getElementById('nothing').textContent";
+    until(
+        &mut browser,
+        &format!("{nobody} === 'Nobody is drawn before the sensors are calibrated.'"),
+    );
+    until(&mut browser, "document.querySelectorAll('#sensors tbody tr').length === 3");
+    until(&mut browser, &format!("{nobody} === '' && gaitway.person(0).length > 20"));
+    let names =
+        browser.value("[...document.querySelectorAll('#choice button')].map(of => of.textContent)");
+    let names: Vec<&str> =
+        names.as_array().expect("names").iter().filter_map(|of| of.as_str()).collect();
+    assert_eq!(names, Dof::ALL.map(Dof::name), "each angle can be looked at");
+    // The walk swings the arm: what is drawn moves.
+    let elbow = "JSON.stringify(gaitway.person(gaitway.figures().now)[7])";
+    let at_first = browser.value(elbow);
+    until(&mut browser, &format!("{elbow} !== {:?}", at_first.as_str().expect("text")));
+    until(
+        &mut browser,
+        "/age of the pose: \\d+ ms/.test(document.getElementById('known').textContent)",
+    );
+    let (host, path) = parts(&url);
+    let stopped = answered(asked(host, &head(host, "POST", &format!("{path}stop"), "")));
+    assert!(stopped.starts_with("HTTP/1.1 204"), "{stopped}");
+    assert_eq!(program::json(&child.wait_with_output().expect("it ends"))["outcome"], "done");
+    // Who spoke as long as somebody told of them speaks no more.
+    until(
+        &mut browser,
+        "[...document.querySelectorAll('#sensors tbody tr')].every(row => row.cells[3].textContent === 'the program has ended')",
+    );
+    assert_eq!(browser.complaints(), [""; 0]);
+    let pid = rustix::process::Pid::from_child(&worn);
+    rustix::process::kill_process(pid, rustix::process::Signal::INT).expect("told");
+    worn.wait().expect("it ends");
+}
+
 /// A hand turns a joint of a virtual robot, through its control channel.
 #[test]
 fn a_virtual_robot_is_seen_as_it_really_is_and_the_page_ends_it() {
@@ -377,11 +644,7 @@ fn a_virtual_robot_is_seen_as_it_really_is_and_the_page_ends_it() {
     let mut child = command.spawn().expect("the program");
     let url = page_of(&mut child);
     let (host, path) = parts(&url);
-    let stream = asked(host, &head(host, "GET", &format!("{path}frames"), ""));
-    let frames = BufReader::new(stream).lines().map(|line| line.expect("a line"));
-    let frames = frames.filter_map(|line| line.strip_prefix("data: ").map(str::to_owned));
-    let mut shoulder_rad = frames.map(|data| {
-        let frame: serde_json::Value = serde_json::from_str(&data).expect("JSON");
+    let mut shoulder_rad = frames(&url).map(|frame| {
         assert!(frame["goal_rad"][0].is_null(), "what it was asked, its servos know");
         frame["present_rad"][RIGHT_SHOULDER_ROLL].as_f64().expect("a place")
     });
@@ -418,8 +681,7 @@ fn a_file_is_served_until_a_signal_and_what_cannot_be_seen_is_refused() {
         (&["play", "bow", "--robot", "op3", "--bus", "sim", "--view"], "--bus sim:pty"),
         (&["view", &file, "--mirror"], "a file is shown as it is"),
         (&["view", "nobody.bvh"], "there is no such file"),
-        (&["record", "lines@/dev/null", "-o", "x.mcap", "--view"], "a page shows a robot"),
-        (&["live", "--from", "a=b", "--dry-run", "--view"], "a page shows a robot"),
+        (&["live", "--from", "file:bow", "--dry-run", "--view"], "a page shows a robot"),
     ] {
         let output = program::gaitway().args(arguments).output().expect("it runs");
         let said = program::words(&output);

@@ -342,8 +342,11 @@ fn a_limb_that_is_dragged_follows_the_hand_within_its_limits_and_can_be_let_back
 #[test]
 fn a_robot_that_is_led_by_hand_lends_its_pose_to_a_key_frame_and_is_seen_again_afterwards() {
     let Some(mut browser) = browser("lent") else { return };
-    let view =
-        LiveView::open(&live::page("op3", "led by hand").expect("a page"), 0).expect("a port");
+    let view = LiveView::open(
+        &live::page(Some("op3"), "led by hand", live::Shows::default()).expect("a page"),
+        0,
+    )
+    .expect("a port");
     let robot = Robot::load("op3").expect("a robot");
     browser.look(1280, 900, false);
     browser.open_served(&view.url());

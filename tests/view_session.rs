@@ -232,7 +232,8 @@ fn the_page_of_a_session_says_what_the_terminal_says_at_each_state_and_stops_not
     desk.answers("");
     desk.is_told("N pose: upright, arms down", "Enter when you stand so");
     assert!(desk.text("next").starts_with("T pose: arms straight out"), "{}", desk.text("next"));
-    assert_eq!(desk.browser.value("gaitway.figures().duration"), 0.001, "nobody is drawn yet");
+    let drawn = desk.browser.value("gaitway.persons(0).map(of => of.length)");
+    assert_eq!(drawn, serde_json::json!([0, 0]), "nobody is drawn yet");
     let box_of = "(of => { const at = of.getBoundingClientRect(); return document.elementFromPoint(at.x + 5, at.y + 5) === of; })";
     let is_seen = format!("{box_of}(document.getElementById('nothing'))");
     desk.shows("nothing", "Nobody is drawn before");

@@ -7,6 +7,7 @@ use super::viewing::{ViewArg, Viewing};
 use super::{Deed, Output, Remarks, play, say};
 use crate::error::Error;
 use crate::job::leader::{LeadOrder, follow_leader};
+use crate::job::page::live::Shows;
 use crate::rig::Address;
 use crate::time::{Duration, listening_time};
 use clap::Args;
@@ -86,7 +87,12 @@ pub fn run(args: &FollowArgs, remarks: Remarks) -> Result<i32, Error> {
         accept_firmware: args.accept_firmware,
         dry_run: args.dry_run,
     };
-    let view = args.view.open(Some(&args.robot), &args.bus, &format!("follows {}", args.leader))?;
+    let view = args.view.open(
+        Some(&args.robot),
+        &args.bus,
+        &format!("follows {}", args.leader),
+        Shows::default(),
+    )?;
     if !remarks.quiet && !args.dry_run {
         say("Ctrl-C brings the robot to rest");
     }

@@ -8,6 +8,7 @@ use super::wearing::WearingArgs;
 use super::{Deed, Output, Remarks, play};
 use crate::error::Error;
 use crate::job::live::{LiveOrder, When, live};
+use crate::job::page::live::Shows;
 use crate::rig::Address;
 use crate::time::{Duration, listening_time};
 use crate::view::live::LiveView;
@@ -99,11 +100,14 @@ impl LiveArgs {
 
     /// The page of the robot that follows, if one is wanted.
     fn view(&self) -> Result<Option<LiveView>, Error> {
-        self.view.open(
-            self.robot.as_deref(),
-            &self.bus,
-            &format!("follows {}", self.order().motion()),
-        )
+        let what = match &self.robot {
+            Some(_) => format!("follows {}", self.order().motion()),
+            None => self.order().motion(),
+        };
+        // A motion that is performed has no sensors.
+        let is_heard = self.from.iter().all(|from| !from.starts_with("file:"));
+        let shows = Shows { sensors: is_heard, person: is_heard };
+        self.view.open(self.robot.as_deref(), &self.bus, &what, shows)
     }
 
     /// Fails if what is followed would be written over, also by a report of a refusal.
@@ -128,7 +132,10 @@ pub fn run(args: &LiveArgs, remarks: Remarks) -> Result<i32, Error> {
     let report = match args.output.check_files(&[&args.record]).and_then(|()| args.view()) {
         Ok(view) => {
             let operator = Operator::listen(signals.clone(), remarks);
-            live(&order, &Viewing::new(&operator, view.as_ref()), &operator)
+            let viewing = Viewing::new(&operator, view.as_ref());
+            let report = live(&order, &viewing, &operator);
+            viewing.ended(&report.run);
+            report
         }
         Err(error) => {
             let mut report = order.report();

@@ -8,6 +8,7 @@ use super::viewing::{ViewArg, Viewing};
 use crate::error::Error;
 use crate::job::monitor::{MonitorOrder, monitor};
 use crate::job::observer::JointReading;
+use crate::job::page::live::Shows;
 use crate::job::{Event, Observer};
 use crate::rig::Address;
 use crate::time::Duration;
@@ -138,7 +139,7 @@ pub fn run(args: &MonitorArgs, remarks: Remarks) -> Result<i32, Error> {
         time: args.for_time,
         rate_hz: args.rate,
     };
-    let view = args.view.open(Some(&args.robot), &args.bus, "as it is")?;
+    let view = args.view.open(Some(&args.robot), &args.bus, "as it is", Shows::default())?;
     monitor(&order, &Viewing::new(&screen, view.as_ref()))?;
     match screen.untold.into_inner().unwrap_or_else(PoisonError::into_inner) {
         Some(failed @ Untold::Failed(_)) => Err(failed.into()),

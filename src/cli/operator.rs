@@ -143,7 +143,11 @@ impl Observer for Operator {
             Event::Recognised(event) => {
                 event.words_of_done().iter().for_each(|words| self.remarks.say(words));
             }
-            Event::Planned { .. } | Event::Step { .. } | Event::Joints { .. } => {}
+            Event::Planned { .. }
+            | Event::Step { .. }
+            | Event::Posed { .. }
+            | Event::Heard { .. }
+            | Event::Joints { .. } => {}
         }
     }
 

@@ -7,7 +7,7 @@ use super::terminal::Terminal;
 use super::viewing::{ViewArg, Viewing};
 use super::{Deed, Output, Remarks};
 use crate::error::Error;
-use crate::job::page;
+use crate::job::page::{self, live::Shows};
 use crate::job::play::{self, Accept, Options, PlayOrder, Played, Rounds};
 use crate::job::report::{Outcome, PlayReport};
 use crate::rig::Address;
@@ -91,11 +91,15 @@ pub fn run(args: &PlayArgs, remarks: Remarks) -> Result<i32, Error> {
     let order = args.order();
     let checked = args.output.check_files(&[&args.record, &args.html]);
     let what = &order.motion.motion;
-    let played = match checked.and_then(|()| args.view.open(Some(&order.robot), &order.buses, what))
+    let played = match checked
+        .and_then(|()| args.view.open(Some(&order.robot), &order.buses, what, Shows::default()))
     {
         Ok(view) => {
             let terminal = Terminal::new(remarks, &signals);
-            play::play(&order, &Viewing::new(&terminal, view.as_ref()))
+            let viewing = Viewing::new(&terminal, view.as_ref());
+            let played = play::play(&order, &viewing);
+            viewing.ended(&played.report);
+            played
         }
         Err(error) => {
             let buses = order.buses.iter().map(ToString::to_string).collect();

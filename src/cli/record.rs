@@ -10,6 +10,7 @@ use super::viewing::{ViewArg, Viewing};
 use super::{Deed, Output, Remarks};
 use crate::error::Error;
 use crate::job::page::file::page as file_page;
+use crate::job::page::live::Shows;
 use crate::job::record::Mode;
 use crate::job::record::{RecordOrder, RecordReport, record};
 use crate::job::report::counted;
@@ -90,7 +91,9 @@ pub fn run(args: &RecordArgs, remarks: Remarks) -> Result<i32, Error> {
         _ => None,
     });
     let (robot, buses) = servos.map_or((None, &[][..]), |(robot, buses)| (Some(robot), buses));
-    let view = args.view.open(robot, buses, "recorded")?;
+    // Sensors and lines of text are heard.
+    let sensors = order.sources.len() > usize::from(servos.is_some());
+    let view = args.view.open(robot, buses, "recorded", Shows { sensors, person: false })?;
     let terminal = Terminal::new(remarks, &signals);
     let viewing = Viewing::new(&terminal, view.as_ref());
     let report = record(&order, &marks::listen(), &viewing)?;

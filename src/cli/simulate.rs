@@ -7,6 +7,7 @@ use super::output::Untold;
 use super::signals::Signals;
 use super::viewing::ViewArg;
 use crate::error::Error;
+use crate::job::page::live::Shows;
 use crate::job::report::counted;
 use crate::job::simulate::robot::{Rule, SimulateOrder, Verdict, VirtualRobot};
 use crate::view::live::{LiveFrame, LiveView};
@@ -146,7 +147,7 @@ pub fn run(args: &SimulateArgs, remarks: Remarks) -> Result<i32, Error> {
         true => named.to_owned(),
         false => robot.robot().name.clone(),
     });
-    let view = args.view.open(named.as_deref(), &[], "simulated")?;
+    let view = args.view.open(named.as_deref(), &[], "simulated", Shows::default())?;
     let look = if args.control.is_some() { SHORT_LOOK } else { LOOK };
     let is_over = |robot: &VirtualRobot| {
         let wants_to_stop = view.as_ref().is_some_and(LiveView::wants_to_stop);

@@ -55,6 +55,8 @@ impl Observer for Terminal<'_> {
             | Event::Following
             | Event::Angles { .. }
             | Event::Recognised(_)
+            | Event::Posed { .. }
+            | Event::Heard { .. }
             | Event::Joints { .. } => {}
         }
     }

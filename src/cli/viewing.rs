@@ -2,7 +2,7 @@
 
 use super::say;
 use crate::error::Error;
-use crate::job::page::live;
+use crate::job::page::live::{self, Shows};
 use crate::rig::{Address, BusKind};
 use crate::view::ViewPage;
 use crate::view::live::LiveView;
@@ -14,8 +14,8 @@ pub use crate::job::viewing::Viewing;
 /// Whether somebody wants to look.
 #[derive(Clone, Debug, Default, Args)]
 pub struct ViewArg {
-    /// Show the robot in a browser as it moves: a page that is served to this machine alone, and whose
-    /// address is printed; it has a button that stops the robot as Ctrl-C does
+    /// Show what happens in a browser, the robot as it moves and sensors as they are heard: a page that is
+    /// served to this machine alone, and whose address is printed; it has a button that stops it as Ctrl-C does
     #[arg(long, value_name = "PORT", num_args = 0..=1, require_equals = true,
           default_missing_value = "0")]
     view: Option<u16>,
@@ -31,15 +31,16 @@ impl ViewArg {
         self.view.map(|port| serve(&live::session_page(&folder)?, port)).transpose()
     }
 
-    /// Serves the page of a robot and tells its address, if that is wanted.
+    /// Serves the page of a robot, or of sensors, and tells its address, if that is wanted.
     ///
     /// # Errors
-    /// A robot nobody knows, one in virtual time, a port that is taken.
+    /// Nothing to show, a robot nobody knows, one in virtual time, a port that is taken.
     pub fn open(
         &self,
         robot: Option<&str>,
         buses: &[Address],
         what: &str,
+        shows: Shows,
     ) -> Result<Option<LiveView>, Error> {
         let Some(port) = self.view else { return Ok(None) };
         if let Some(bus) = buses.iter().find(|bus| bus.bus == BusKind::Sim) {
@@ -49,12 +50,12 @@ impl ViewArg {
                 .allowed("sim:pty, or a real line")
                 .remedy("--bus sim:pty, where time passes as on a clock; or --html for a page of all of it"));
         }
-        let robot = robot.ok_or_else(|| {
-            Error::new("a page shows a robot, and none is named").at("--view").remedy(
-                "name one: --robot; of `simulate`, the robot; of `record`, servos:ROBOT@BUS among the sources",
-            )
-        })?;
-        serve(&live::page(robot, what)?, port).map(Some)
+        if robot.is_none() && shows == Shows::default() {
+            return Err(Error::new("a page shows a robot, and none is named")
+                .at("--view")
+                .remedy("name one: --robot; of `simulate`, the robot"));
+        }
+        serve(&live::page(robot, what, shows)?, port).map(Some)
     }
 }
 

@@ -1,11 +1,13 @@
 //! Whoever a job is done for: hears what happens, and may want it to end.
 
+use super::heard::{RecordedNow, SensorNow};
 use super::recognised::RecognitionEvent;
-use crate::body::JointAngles;
+use crate::body::{JointAngles, SegmentPose};
+use crate::device::{Health, JointState};
 use crate::sensing::SensingEvent;
 use serde::Serialize;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 
 /// One joint at one time; absent: not read.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -66,6 +68,23 @@ pub enum Event<'a> {
         /// In the order of the robot file.
         joints: &'a [JointReading],
     },
+    /// What whoever wears sensors does, many times a second; told, as [`Event::Heard`], to an observer who
+    /// [looks](Observer::looks).
+    Posed {
+        /// The pose.
+        pose: &'a SegmentPose,
+        /// By degree of freedom, rad.
+        angles: &'a JointAngles,
+        /// When the oldest of its sensors was read, so long ago, s.
+        age_s: f64,
+    },
+    /// How sources are heard, twice a second, on a thread of its own.
+    Heard {
+        /// Each.
+        sensors: &'a [SensorNow],
+        /// How far the recording is, if there is one.
+        recorded: Option<RecordedNow>,
+    },
     /// So many of so many steps are done.
     Step {
         /// Done.
@@ -87,6 +106,11 @@ pub trait Observer: Sync {
     /// Something happened.
     fn hear(&self, event: Event<'_>) {
         let _ = event;
+    }
+
+    /// True if somebody wants to see all the time how things are.
+    fn looks(&self) -> bool {
+        false
     }
 
     /// True once the job is to end. What moves is led to rest, and torque stays on. Asked in every
@@ -149,13 +173,36 @@ pub(super) struct Meter {
     time_ms: Arc<AtomicU64>,
     /// Of each joint its goal and its angle, rad, as two `f32` in one word: they belong together.
     joints: Arc<[AtomicU64]>,
+    /// Of each joint what else was read and not yet taken, as `f32`: see [`Reading`].
+    others: Arc<[[AtomicU32; 4]]>,
+    /// Of each joint how many readings were missed.
+    missed: Arc<[AtomicU32]>,
+}
+
+/// What else was read of a joint; NaN: nothing new.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Reading {
+    /// Motor current, A.
+    pub current_a: f64,
+    /// Output as a share of full drive.
+    pub load_ratio: f64,
+    /// Temperature inside, degrees Celsius.
+    pub temperature_c: f64,
+    /// Supply, V.
+    pub voltage_v: f64,
 }
 
 impl Meter {
     /// A meter of so many joints.
     pub(super) fn of(joints: usize) -> Self {
         let unread = |_| AtomicU64::new(word(f32::NAN, f32::NAN));
-        Self { time_ms: Arc::default(), joints: (0..joints).map(unread).collect() }
+        let nothing = |_| [(); 4].map(|()| AtomicU32::new(f32::NAN.to_bits()));
+        Self {
+            time_ms: Arc::default(),
+            joints: (0..joints).map(unread).collect(),
+            others: (0..joints).map(nothing).collect(),
+            missed: (0..joints).map(|_| AtomicU32::default()).collect(),
+        }
     }
 
     /// Says how far the motion is, s.
@@ -168,6 +215,33 @@ impl Meter {
     pub(super) fn set_joint(&self, joint: usize, goal_rad: f64, present_rad: f64) {
         if let Some(place) = self.joints.get(joint) {
             place.store(word(goal_rad as f32, present_rad as f32), Ordering::Relaxed);
+        }
+    }
+
+    /// Says what else was read of a joint with its angle.
+    pub(super) fn set_state(&self, joint: usize, state: &JointState) {
+        let JointState { current_a, load_ratio, temperature_c, voltage_v, .. } = *state;
+        self.set_others(joint, [current_a, load_ratio, temperature_c, voltage_v]);
+    }
+
+    /// Says what was read of a joint now and then.
+    pub(super) fn set_health(&self, joint: usize, health: &Health) {
+        self.set_others(joint, [None, None, health.temperature_c, health.voltage_v]);
+    }
+
+    fn set_others(&self, joint: usize, read: [Option<f64>; 4]) {
+        let Some(places) = self.others.get(joint) else { return };
+        for (place, value) in places.iter().zip(read) {
+            if let Some(value) = value {
+                place.store((value as f32).to_bits(), Ordering::Relaxed);
+            }
+        }
+    }
+
+    /// Says that a joint was asked and did not answer.
+    pub(super) fn missed(&self, joint: usize) {
+        if let Some(count) = self.missed.get(joint) {
+            count.fetch_add(1, Ordering::Relaxed);
         }
     }
 }
@@ -194,6 +268,23 @@ impl Snapshot {
             [(word >> 32) as u32, word as u32].map(|bits| f64::from(f32::from_bits(bits)))
         })
     }
+
+    /// Of each joint what else was read since this was asked last, by anybody.
+    pub fn take_readings(&self) -> impl Iterator<Item = Reading> {
+        self.0.others.iter().map(|places| {
+            let nothing = f32::NAN.to_bits();
+            let take = |place: &AtomicU32| {
+                f64::from(f32::from_bits(place.swap(nothing, Ordering::Relaxed)))
+            };
+            let [current_a, load_ratio, temperature_c, voltage_v] = places.each_ref().map(take);
+            Reading { current_a, load_ratio, temperature_c, voltage_v }
+        })
+    }
+
+    /// Of each joint how many of its readings were missed so far.
+    pub fn missed(&self) -> impl Iterator<Item = u32> {
+        self.0.missed.iter().map(|count| count.load(Ordering::Relaxed))
+    }
 }
 
 #[cfg(test)]
@@ -214,5 +305,23 @@ mod tests {
         assert_eq!(joints[0], [0.5, -0.25]);
         assert!(joints[1][0] == -1.0 && joints[1][1].is_nan());
         assert!(joints[2].iter().all(|rad| rad.is_nan()));
+    }
+
+    #[test]
+    fn what_else_was_read_is_told_once_and_what_was_not_read_again_stays_untold() {
+        let meter = Meter::of(2);
+        let snapshot = Snapshot(meter.clone());
+        let state = JointState { current_a: Some(0.25), ..JointState::default() };
+        meter.set_state(1, &state);
+        meter.set_health(1, &Health { temperature_c: Some(40.0), ..Health::default() });
+        meter.missed(0);
+        let told: Vec<Reading> = snapshot.take_readings().collect();
+        assert!(told[0].current_a.is_nan() && told[1].load_ratio.is_nan());
+        assert_eq!((told[1].current_a, told[1].temperature_c), (0.25, 40.0));
+        meter.set_health(1, &Health { voltage_v: Some(12.0), ..Health::default() });
+        let told: Vec<Reading> = snapshot.take_readings().collect();
+        assert!(told[1].current_a.is_nan() && told[1].temperature_c.is_nan());
+        assert_eq!(told[1].voltage_v, 12.0);
+        assert_eq!(snapshot.missed().collect::<Vec<_>>(), [1, 0]);
     }
 }

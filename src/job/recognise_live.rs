@@ -156,6 +156,7 @@ fn of_servos(
             told.into_iter().for_each(|told| match told {
                 LiveWord::Words(text) => observer.hear(Event::Note(&text)),
                 LiveWord::Recognised(event) => observer.hear(Event::Recognised(&event)),
+                LiveWord::Posed(_) => {}
             });
         });
         listen(&mut connection.link, &seen, naming, tell, order.time, &is_over)

@@ -1,5 +1,6 @@
 //! Sensors, lines of text and hand-guided servos into one recording.
 
+use super::heard;
 use super::report::counted;
 use super::taught::Servos;
 use super::{Event, Observer};
@@ -130,6 +131,10 @@ pub fn record(
                 joints.record(intake, observer);
                 left.fetch_sub(1, Ordering::Release);
             });
+        }
+        if observer.looks() {
+            let (recording, stop) = (Some((&recorder, began)), &stop);
+            scope.spawn(move || heard::tell(intake, recording, stop, observer));
         }
         let all_gone = || left.load(Ordering::Acquire) <= intake.away();
         wait(order, marks, &recorder, observer, began, &all_gone);

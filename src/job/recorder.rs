@@ -249,6 +249,14 @@ impl Sink for Metered<'_> {
         for (joint, state) in sample.states.iter().enumerate() {
             let present_rad = state.as_ref().map_or(f64::NAN, |(state, _)| state.position_rad);
             self.meter.set_joint(joint, sample.goal_rad[joint], present_rad);
+            match state {
+                Ok((state, _)) => self.meter.set_state(joint, state),
+                Err(miss) if *miss != Miss::NotAsked => self.meter.missed(joint),
+                Err(_) => {}
+            }
+        }
+        if let Some((joint, health)) = &sample.health {
+            self.meter.set_health(*joint, health);
         }
         if let Some(series) = &mut self.recorder.series {
             series.began = Some(began);

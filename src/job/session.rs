@@ -19,9 +19,7 @@ mod subject;
 mod trial;
 pub mod words;
 
-pub use happening::{
-    CutShort, Happening, RecordedTrial, SensorNow, Settled, TrialFault, TrialPart,
-};
+pub use happening::{CutShort, Happening, RecordedTrial, Settled, TrialFault, TrialPart};
 pub use operator::{
     Answered, Doubt, During, Judged, Mark, MeasureAnswer, Mend, Operator, Ready, Repetitions,
     Stopped, Unsteady, Wish, Words,

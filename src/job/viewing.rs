@@ -1,13 +1,24 @@
 //! Whoever looks on in a browser: an observer that fills the page, besides another.
 
-use super::observer::{Event, JointReading, Observer, Progress};
+use super::cues;
+use super::heard::{RecordedNow, SensorNow, row};
+use super::observer::{Event, JointReading, Observer, Progress, Reading, Snapshot};
+use super::report::{Outcome, PlayReport, counted};
+use crate::body::{JointAngles, Proportions, SegmentPose};
 use crate::port::{Clock, MonotonicClock};
-use crate::time::Duration;
-use crate::view::live::{LiveFrame, LiveQuantity, LiveView};
+use crate::sensing::SensingEvent;
+use crate::time::{Duration, Instant};
+use crate::view::live::{LiveEvent, LiveFrame, LiveQuantity, LiveView};
+use crate::view::session::points_m;
+use crate::view::tracks::SpanKind;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// Time between pictures.
 const PERIOD: Duration = Duration::from_millis(33);
+/// Rows of the time line.
+const TOLD: &str = "told";
+const MISSED: &str = "missed reading";
 
 /// Waits for the next picture.
 fn wait() {
@@ -18,27 +29,226 @@ fn wait() {
 pub struct Viewing<'a> {
     observer: &'a dyn Observer,
     view: Option<&'a LiveView>,
+    began: Instant,
+    told: Mutex<Told>,
 }
+
+/// What was told last.
+#[derive(Default)]
+struct Told {
+    frame: LiveFrame,
+    /// Joints tell the time; until they do it counts from the beginning.
+    is_timed: bool,
+    /// By joint, how many readings were missed.
+    missed: Vec<u32>,
+    /// Whether one of them was when it was looked at last.
+    is_missing: Vec<bool>,
+}
+
+impl Told {
+    /// What else of whoever wears sensors is known.
+    fn posed(&mut self, pose: &SegmentPose, angles: &JointAngles, age_s: f64) {
+        // Of a body nobody measured: what is drawn is how it is turned.
+        if let Ok(body) = Proportions::of_stature(STATURE_M) {
+            self.frame.persons_m = vec![points_m(&body, pose)];
+        }
+        self.frame.angles_rad = angles.0.iter().map(|rad| (rad * 1e4).round() / 1e4).collect();
+        self.fact("age of the pose", format!("{:.0} ms", age_s * 1e3));
+    }
+
+    fn heard(&mut self, sensors: &[SensorNow], recorded: Option<RecordedNow>) {
+        self.frame.sensors = sensors.iter().map(row).collect();
+        if let Some(RecordedNow { time_s, dropped }) = recorded {
+            let lost = match dropped {
+                0 => String::new(),
+                _ => format!("; the disk was too slow for {}", counted(dropped, "message")),
+            };
+            self.fact("recorded", format!("{time_s:.1} s{lost}"));
+        }
+    }
+
+    fn fact(&mut self, name: &'static str, words: String) {
+        match self.frame.facts.iter_mut().find(|fact| fact.0 == name) {
+            Some(fact) => fact.1 = words,
+            None => self.frame.facts.push((name, words)),
+        }
+    }
+
+    /// Joints as they are now; true if their clock began anew.
+    fn joints(&mut self, of: LiveFrame) -> bool {
+        let is_anew = !self.is_timed || of.time_s < self.frame.time_s;
+        self.is_timed = true;
+        let LiveFrame { time_s, goal_rad, present_rad, others, .. } = of;
+        (self.frame.time_s, self.frame.others) = (time_s, others);
+        (self.frame.goal_rad, self.frame.present_rad) = (goal_rad, present_rad);
+        is_anew
+    }
+
+    /// Joints that began to be silent: each by its number.
+    fn missing(&mut self, snapshot: &Snapshot) -> Vec<usize> {
+        let missed: Vec<u32> = snapshot.missed().collect();
+        self.missed.resize(missed.len(), 0);
+        self.is_missing.resize(missed.len(), false);
+        let mut begun = Vec::new();
+        for (joint, &count) in missed.iter().enumerate() {
+            let is_missing = count != self.missed[joint];
+            if is_missing && !self.is_missing[joint] {
+                begun.push(joint);
+            }
+            self.is_missing[joint] = is_missing;
+        }
+        self.missed = missed;
+        begun
+    }
+}
+
+/// Of a body nobody measured, m.
+const STATURE_M: f64 = 1.75;
 
 impl<'a> Viewing<'a> {
     /// Both hear what happens, and either may wish for a stop.
     pub fn new(observer: &'a dyn Observer, view: Option<&'a LiveView>) -> Self {
-        Self { observer, view }
+        Self { observer, view, began: MonotonicClock.now(), told: Mutex::default() }
+    }
+
+    fn told(&self) -> MutexGuard<'_, Told> {
+        self.told.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Changes what is told, and tells it.
+    fn change<T>(&self, view: &LiveView, change: impl FnOnce(&mut Told) -> T) -> T {
+        let mut told = self.told();
+        if !told.is_timed {
+            told.frame.time_s = MonotonicClock.now().seconds_since(self.began);
+        }
+        let out = change(&mut told);
+        view.tell(&told.frame);
+        // What was read in turn was read once.
+        told.frame.others.clear();
+        out
+    }
+
+    fn happened(&self, view: &LiveView, kind: SpanKind, row: &str, label: &str) {
+        let told = self.told();
+        let since = MonotonicClock.now().seconds_since(self.began);
+        let time_s = Some(if told.is_timed { told.frame.time_s } else { since });
+        let (row, label) = (row.to_owned(), label.to_owned());
+        view.happened(LiveEvent { time_s, lasts_s: 0.0, kind, row, label });
+    }
+
+    /// What a robot's loop last wrote down.
+    fn look(&self, view: &LiveView, snapshot: &Snapshot) {
+        // Before the first cycle there is nothing to see, and its clock does not run.
+        if snapshot.joints_rad().flatten().all(f64::is_nan) {
+            return;
+        }
+        let joints = LiveFrame {
+            others: read(snapshot.take_readings()),
+            ..LiveFrame::of(snapshot.time_s(), snapshot.joints_rad())
+        };
+        let (is_anew, missing) =
+            self.change(view, |told| (told.joints(joints), told.missing(snapshot)));
+        if is_anew {
+            view.begins_anew();
+        }
+        for joint in missing {
+            let names = view.joint_names();
+            let name = names.get(joint).map_or("a joint", String::as_str);
+            self.happened(view, SpanKind::Wrong, MISSED, name);
+        }
+    }
+
+    fn show(&self, view: &LiveView, event: Event<'_>) {
+        match event {
+            Event::Joints { time_s, joints } => {
+                let known = |rad: Option<f64>| rad.unwrap_or(f64::NAN);
+                let each = joints.iter().map(|of| [known(of.goal_rad), known(of.present_rad)]);
+                let others = read(joints.iter().map(reading));
+                let frame = LiveFrame { others, ..LiveFrame::of(time_s, each) };
+                if self.change(view, |told| told.joints(frame)) {
+                    view.begins_anew();
+                }
+            }
+            Event::Posed { pose, angles, age_s } => {
+                self.change(view, |told| told.posed(pose, angles, age_s));
+            }
+            Event::Heard { sensors, recorded } => {
+                self.change(view, |told| told.heard(sensors, recorded));
+            }
+            Event::Planned { duration_s, approach_s, .. } => {
+                let part = |label: &str, start_s: f64, end_s: f64| LiveEvent {
+                    time_s: Some(start_s),
+                    lasts_s: end_s - start_s,
+                    kind: SpanKind::Part,
+                    row: "motion".to_owned(),
+                    label: label.to_owned(),
+                };
+                // Its clock begins with the first cycle.
+                self.told().joints(LiveFrame::default());
+                view.begins_anew();
+                if approach_s > 0.0 {
+                    view.happened(part("approach", 0.0, approach_s));
+                }
+                if duration_s.is_finite() {
+                    view.happened(part("motion", approach_s, duration_s));
+                }
+            }
+            Event::Note(text) => self.happened(view, SpanKind::Event, TOLD, text),
+            Event::Following => {
+                self.happened(view, SpanKind::Event, TOLD, "the robot follows");
+            }
+            Event::Sensing(event) => {
+                let kind = match event {
+                    SensingEvent::Back { .. }
+                    | SensingEvent::Unstuck { .. }
+                    | SensingEvent::OpenToNetwork { .. } => SpanKind::Event,
+                    _ => SpanKind::Wrong,
+                };
+                self.happened(view, kind, "sensors", &cues::of_event(event));
+            }
+            Event::Recognised(event) => {
+                if let Some(words) = event.words_of_done() {
+                    self.happened(view, SpanKind::Phase, "recognised", &words);
+                }
+            }
+            Event::Angles { .. } | Event::Step { .. } => {}
+        }
+    }
+
+    /// Tells whoever still looks how it ended.
+    pub fn ended(&self, report: &PlayReport) {
+        let Some(view) = self.view else { return };
+        let is_done = report.outcome == Outcome::Done;
+        let kind = if is_done { SpanKind::Event } else { SpanKind::Wrong };
+        let why = report.stop_reason.iter().map(|why| format!(": {why}"));
+        let words: String = [report.outcome.word().to_owned()].into_iter().chain(why).collect();
+        self.happened(view, kind, "end", &words);
+    }
+}
+
+fn reading(of: &JointReading) -> Reading {
+    let known = |value: Option<f64>| value.unwrap_or(f64::NAN);
+    Reading {
+        current_a: known(of.current_a),
+        load_ratio: known(of.load_ratio),
+        temperature_c: known(of.temperature_c),
+        voltage_v: known(of.voltage_v),
     }
 }
 
 /// What else was read of joints, by the names that a page of a recording has for it.
-fn others(joints: &[JointReading]) -> Vec<LiveQuantity> {
-    type Of = fn(&JointReading) -> Option<f64>;
+fn read(joints: impl Iterator<Item = Reading>) -> Vec<LiveQuantity> {
+    type Of = fn(&Reading) -> f64;
     let all: [(&str, &str, Of); 4] = [
         ("current", "A", |of| of.current_a),
         ("load", "of full", |of| of.load_ratio),
         ("temperature", "\u{b0}C", |of| of.temperature_c),
         ("voltage", "V", |of| of.voltage_v),
     ];
+    let joints: Vec<Reading> = joints.collect();
     let read = all.into_iter().map(|(name, unit, of)| {
         let rounded = |value: f64| value.is_finite().then(|| (value * 1e3).round() / 1e3);
-        let values = joints.iter().map(|joint| of(joint).and_then(rounded)).collect();
+        let values = joints.iter().map(|joint| rounded(of(joint))).collect();
         LiveQuantity { name, unit, values }
     });
     read.filter(|quantity| quantity.values.iter().any(Option::is_some)).collect()
@@ -55,12 +265,14 @@ impl Drop for Over<'_> {
 
 impl Observer for Viewing<'_> {
     fn hear(&self, event: Event<'_>) {
-        if let (Some(view), Event::Joints { time_s, joints }) = (self.view, event) {
-            let known = |rad: Option<f64>| rad.unwrap_or(f64::NAN);
-            let each = joints.iter().map(|of| [known(of.goal_rad), known(of.present_rad)]);
-            view.tell(&LiveFrame { others: others(joints), ..LiveFrame::of(time_s, each) });
+        if let Some(view) = self.view {
+            self.show(view, event);
         }
         self.observer.hear(event);
+    }
+
+    fn looks(&self) -> bool {
+        self.view.is_some() || self.observer.looks()
     }
 
     fn wants_to_stop(&self) -> bool {
@@ -73,10 +285,10 @@ impl Observer for Viewing<'_> {
         std::thread::scope(|scope| {
             scope.spawn(|| {
                 while !is_over.load(Ordering::Acquire) {
-                    view.tell(&LiveFrame::of(snapshot.time_s(), snapshot.joints_rad()));
+                    self.look(view, &snapshot);
                     wait();
                 }
-                view.tell(&LiveFrame::of(snapshot.time_s(), snapshot.joints_rad()));
+                self.look(view, &snapshot);
             });
             let _over = Over(&is_over);
             self.observer.watch(progress);

@@ -19,6 +19,8 @@ pub type Still = (Vec<StillSample>, u64);
 /// How a sensor was heard so far.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct HeardSensor {
+    /// Samples per second by its profile; 0: nobody knows.
+    pub usual_rate_hz: f64,
     /// Samples that came.
     pub samples: u64,
     /// Samples known to be missing since the first.
@@ -79,7 +81,7 @@ impl Part {
 }
 
 impl HeardSensor {
-    fn take(&mut self, said: &Said, missed: u64) {
+    pub(super) fn take(&mut self, said: &Said, missed: u64) {
         let Said::Sample { orientation, anew, stuck, arrival, .. } = said else { return };
         // What came before is not missing.
         self.missed += if self.samples == 0 { 0 } else { missed };
@@ -87,6 +89,13 @@ impl HeardSensor {
         self.samples += 1;
         (self.stuck, self.last) = (*stuck, Some(*arrival));
         self.turned = orientation.filter(|turned| turned.is_finite()).or(self.turned);
+    }
+}
+
+impl HeardSensor {
+    pub(super) fn take_line(&mut self, at: Instant) {
+        self.samples += 1;
+        self.last = Some(at);
     }
 }
 

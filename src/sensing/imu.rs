@@ -51,6 +51,7 @@ impl SerialImu {
     pub fn record(mut self, intake: &Intake) {
         let metadata = [("profile", self.sensor.name.as_str()), ("source", self.address.as_str())];
         let source = intake.add(&self.name, SourceKind::Imu, &metadata);
+        intake.expects(&source, self.sensor.rate_hz);
         let mut chain = Chain::new(&self.sensor, intake.mode);
         let mut ended = self.say(&self.sensor.start.clone()).err();
         let mut buffer = [0_u8; 4096];

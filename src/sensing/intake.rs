@@ -1,16 +1,16 @@
 //! Where the samples of all sources go, and what came of each source.
 
 use super::event::{Said, SensingEvent, Tell};
-use super::hub::Hub;
+use super::hub::{HeardSensor, Hub};
 use crate::capture::{Captured, Chain, Counts, Mode, Quality};
-use crate::port::Clock;
+use crate::port::{Clock, MonotonicClock};
 use crate::recording::{CycleRecord, RecordedSource, Recorder, SourceId, SourceKind, SourceRecord};
 use crate::time::Instant;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc::Sender;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// What became of one source.
 #[derive(Clone, Debug, Default, Serialize)]
@@ -90,6 +90,7 @@ pub struct Intake<'a> {
     pub(super) tell: Tell<'a>,
     names: Mutex<BTreeMap<String, u32>>,
     reports: Mutex<Vec<SourceReport>>,
+    heard: Mutex<BTreeMap<Arc<str>, HeardSensor>>,
     /// Sources that are gone are waited for.
     patient: bool,
     away: AtomicUsize,
@@ -103,10 +104,10 @@ impl<'a> Intake<'a> {
         mode: Mode,
         tell: Tell<'a>,
     ) -> Self {
-        let (names, reports) = Default::default();
+        let (names, reports, heard) = Default::default();
         let (patient, away) = Default::default();
         let (listener, hub) = (None, None);
-        Self { recorder, listener, hub, stop, mode, tell, names, reports, patient, away }
+        Self { recorder, listener, hub, stop, mode, tell, names, reports, heard, patient, away }
     }
 
     /// Waits for sources that are gone, and takes them up again when they are back.
@@ -114,6 +115,25 @@ impl<'a> Intake<'a> {
     pub fn patient(mut self) -> Self {
         self.patient = true;
         self
+    }
+
+    fn all_heard(&self) -> MutexGuard<'_, BTreeMap<Arc<str>, HeardSensor>> {
+        self.heard.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// How each source was heard so far, by its name.
+    pub fn heard(&self) -> BTreeMap<Arc<str>, HeardSensor> {
+        self.all_heard().clone()
+    }
+
+    /// A source speaks so many times a second by its profile; 0: nobody knows.
+    pub fn expects(&self, source: &Named, usual_rate_hz: f64) {
+        self.all_heard().entry(Arc::clone(&source.name)).or_default().usual_rate_hz = usual_rate_hz;
+    }
+
+    /// Says why there is nothing of a source now; `None`: there is.
+    fn is_gone(&self, source: &Named, why: Option<&str>) {
+        self.all_heard().entry(Arc::clone(&source.name)).or_default().gone = why.map(str::to_owned);
     }
 
     /// True if sources that are gone are waited for.
@@ -129,6 +149,7 @@ impl<'a> Intake<'a> {
     /// Says at once that a source is gone; it is waited for.
     pub fn gone(&self, source: &Named, why: &str) {
         self.away.fetch_add(1, Ordering::Release);
+        self.is_gone(source, Some(why));
         (self.tell)(SensingEvent::Gone { sensor: &source.name, why });
     }
 
@@ -136,6 +157,7 @@ impl<'a> Intake<'a> {
     pub fn back(&self, source: &Named, gone_s: Option<f64>) {
         self.away.fetch_sub(1, Ordering::Release);
         if let Some(gone_s) = gone_s {
+            self.is_gone(source, None);
             (self.tell)(SensingEvent::Back { sensor: &source.name, gone_s });
         }
     }
@@ -176,6 +198,9 @@ impl<'a> Intake<'a> {
 
     /// Takes a sample of a sensor; never waits.
     pub fn take(&self, source: &Named, captured: Captured) {
+        let said = Said::of(&source.name, &captured, &MonotonicClock);
+        let missed = captured.stamp.missed;
+        self.all_heard().entry(Arc::clone(&source.name)).or_default().take(&said, missed);
         if let Some(hub) = self.hub {
             hub.hear(&source.name, &captured);
         }
@@ -190,6 +215,7 @@ impl<'a> Intake<'a> {
 
     /// Takes a line of text; never waits.
     pub fn take_line(&self, source: &Named, at: Instant, text: String) {
+        self.all_heard().entry(Arc::clone(&source.name)).or_default().take_line(at);
         if let (Some(recorder), Some(id)) = (self.recorder, source.id) {
             recorder.take_record(id, SourceRecord::Line(at, text));
         }
@@ -209,6 +235,7 @@ impl<'a> Intake<'a> {
 
     /// Says at once that a source has ended early.
     pub fn ended(&self, source: &Named, why: &str) {
+        self.is_gone(source, Some(why));
         (self.tell)(SensingEvent::Gone { sensor: &source.name, why });
         if let Some(hub) = self.hub {
             hub.ended(&source.name, why);

@@ -26,6 +26,7 @@ impl TextLines {
     pub fn record(mut self, intake: &Intake) {
         let metadata = [("source", self.address.as_str())];
         let source = intake.add(&self.name, SourceKind::Lines, &metadata);
+        intake.expects(&source, 0.0);
         let mut counts = Counts::default();
         let mut line = Vec::new();
         let mut buffer = [0_u8; 4096];

@@ -141,6 +141,7 @@ impl Trackers {
                 let wanted = format!("{tracker_name}-{sensor}");
                 let metadata = [("profile", self.sensor.name.as_str())];
                 let source = intake.add(&wanted, SourceKind::Imu, &metadata);
+                intake.expects(&source, self.sensor.rate_hz);
                 (source, Chain::new(&self.sensor, intake.mode))
             });
             for captured in chain.take(&reading, now).into_iter().flatten() {

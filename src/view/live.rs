@@ -2,16 +2,20 @@
 //!
 //! A server of one thread listens on the loopback. Whoever knows the address, which holds a random token, gets the
 //! page, the stream of what is told (server-sent events, HTML Living Standard, section 9.2), and a way to wish for a
-//! stop. It serves nothing else, reads no file and writes none. What is told is kept once, the newest only: a browser
-//! that reads slowly sees fewer pictures, and nobody who tells ever waits.
+//! stop. It serves nothing else, reads no file and writes none. Of pictures the newest only is kept: a browser that reads
+//! slowly sees fewer, and nobody who tells ever waits. What happens once is numbered and kept, the last
+//! [`MOST_KEPT`] of it, for every browser to be told in order.
 
 mod request;
 
 use super::ViewPage;
+use super::session::SensorRow;
+use super::tracks::SpanKind;
 use crate::error::Error;
 use crate::time::Duration;
 use request::{Asked, Denial, PageRequest};
 use serde::Serialize;
+use std::collections::VecDeque;
 use std::fmt::Write as _;
 use std::net::{Ipv4Addr, SocketAddr};
 use std::sync::Arc;
@@ -31,6 +35,10 @@ const PATIENCE: Duration = Duration::from_secs(5);
 const BEAT: Duration = Duration::from_secs(2);
 /// Bytes of the token.
 const TOKEN: usize = 16;
+/// Of what happened so much is kept for browsers that come later, or read slowly.
+pub const MOST_KEPT: usize = 1000;
+/// At the end browsers have so long to hear what was told last.
+const FAREWELL: Duration = Duration::from_millis(500);
 
 /// What is told at one time. Joints are in the robot's order.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -44,6 +52,18 @@ pub struct LiveFrame {
     /// What else was read of joints just now.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub others: Vec<LiveQuantity>,
+    /// Where joints and ends of each person are, as in [`super::person::PersonTrack`]; of nobody: empty.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub persons_m: Vec<Vec<[f64; 3]>>,
+    /// Angles of the first of them, in the order of the page, rad.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub angles_rad: Vec<f64>,
+    /// How sensors are heard.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub sensors: Vec<SensorRow>,
+    /// What else there is to know: a name, and words.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub facts: Vec<(&'static str, String)>,
 }
 
 /// Another quantity of the joints.
@@ -64,7 +84,57 @@ impl LiveFrame {
         let known = |rad: f64| rad.is_finite().then(|| (rad * 1e5).round() / 1e5);
         let (goal_rad, present_rad) =
             joints_rad.map(|[goal, present]| (known(goal), known(present))).unzip();
-        Self { time_s, goal_rad, present_rad, others: Vec::new() }
+        Self { time_s, goal_rad, present_rad, ..Self::default() }
+    }
+}
+
+/// Something that happened at one time.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LiveEvent {
+    /// When, on the clock of the frames, s; `None`: before that clock ran.
+    pub time_s: Option<f64>,
+    /// For so long, s.
+    pub lasts_s: f64,
+    /// What it is about.
+    pub kind: SpanKind,
+    /// The line of the time line it stands in.
+    pub row: String,
+    /// What it says.
+    pub label: String,
+}
+
+/// What browsers are told.
+struct Newest {
+    /// The newest frame, as it is sent, and its number.
+    frame: Arc<str>,
+    frame_number: u64,
+    /// What happened, and the number of the first that is kept.
+    events: VecDeque<LiveEvent>,
+    first: u64,
+}
+
+impl Newest {
+    /// The number of what happens next.
+    fn next(&self) -> u64 {
+        self.first + self.events.len() as u64
+    }
+
+    fn happened(&mut self, event: LiveEvent) {
+        self.events.push_back(event);
+        if self.events.len() > MOST_KEPT {
+            self.events.pop_front();
+            self.first += 1;
+        }
+    }
+
+    /// What happened from this number on, as it is sent.
+    fn since(&self, number: u64) -> impl Iterator<Item = String> {
+        let numbered = (self.first..).zip(&self.events).skip_while(move |(at, _)| *at < number);
+        numbered.filter_map(|(at, event)| {
+            // Words and numbers can always be written.
+            let text = serde_json::to_string(event).ok()?;
+            Some(format!("event: happened\nid: {at}\ndata: {text}\n\n"))
+        })
     }
 }
 
@@ -96,7 +166,7 @@ struct Hall {
     page: String,
     token: String,
     port: u16,
-    frames: watch::Receiver<Arc<str>>,
+    newest: watch::Receiver<Newest>,
     wants_to_stop: Arc<AtomicBool>,
     /// Whether there is something that the page may stop.
     can_stop: bool,
@@ -107,7 +177,10 @@ struct Hall {
 pub struct LiveView {
     token: String,
     port: u16,
-    frames: watch::Sender<Arc<str>>,
+    /// Names of the joints on the page.
+    joints: Vec<String>,
+    /// `None` only while it is closed.
+    newest: Option<watch::Sender<Newest>>,
     wants_to_stop: Arc<AtomicBool>,
     counters: Arc<Counters>,
     closed: Option<tokio::sync::oneshot::Sender<()>>,
@@ -121,7 +194,9 @@ impl LiveView {
     /// # Errors
     /// A port that is taken, no randomness, no thread, a page that cannot be written.
     pub fn open(page: &ViewPage, port: u16) -> Result<Self, Error> {
-        Self::at(page.live_html()?, port, !page.scene.is_session)
+        let joints = page.scene.joints.iter().flat_map(|of| &of.joints);
+        let joints = joints.map(|joint| joint.name.clone()).collect();
+        Self::at(page.live_html()?, joints, port, !page.scene.is_session)
     }
 
     /// Serves a page that is whole.
@@ -129,10 +204,10 @@ impl LiveView {
     /// # Errors
     /// A port that is taken, no randomness, no thread.
     pub fn serving(html: String, port: u16) -> Result<Self, Error> {
-        Self::at(html, port, false)
+        Self::at(html, Vec::new(), port, false)
     }
 
-    fn at(html: String, port: u16, can_stop: bool) -> Result<Self, Error> {
+    fn at(html: String, joints: Vec<String>, port: u16, can_stop: bool) -> Result<Self, Error> {
         let failed = |cause: std::io::Error| {
             Error::of((&cause).into(), "the page cannot be served")
                 .at(format!("127.0.0.1:{port}"))
@@ -148,14 +223,19 @@ impl LiveView {
             .enable_time()
             .build()
             .map_err(failed)?;
-        let (frames, newest) = watch::channel(Arc::from(""));
+        let (telling, newest) = watch::channel(Newest {
+            frame: Arc::from(""),
+            frame_number: 0,
+            events: VecDeque::new(),
+            first: 0,
+        });
         let (closed, closing) = tokio::sync::oneshot::channel();
         let (wants_to_stop, counters) = (Arc::default(), Arc::<Counters>::default());
         let hall = Hall {
             page: html,
             token: token.clone(),
             port,
-            frames: newest,
+            newest,
             wants_to_stop: Arc::clone(&wants_to_stop),
             can_stop,
             counters: Arc::clone(&counters),
@@ -164,15 +244,23 @@ impl LiveView {
             .name("view".to_owned())
             .spawn(move || {
                 runtime.block_on(async move {
+                    let hall = Arc::new(hall);
                     tokio::select! {
-                        () = serve(listener, Arc::new(hall)) => {}
+                        () = serve(listener, Arc::clone(&hall)) => {}
                         _ = closing => {}
                     }
+                    let all_gone = async {
+                        while hall.counters.listeners.load(Ordering::Relaxed) > 0 {
+                            tokio::time::sleep(Duration::from_millis(5)).await;
+                        }
+                    };
+                    let _ = tokio::time::timeout(FAREWELL, all_gone).await;
                 });
             })
             .map_err(failed)?;
         let (closed, thread) = (Some(closed), Some(thread));
-        Ok(Self { token, port, frames, wants_to_stop, counters, closed, thread })
+        let newest = Some(telling);
+        Ok(Self { token, port, joints, newest, wants_to_stop, counters, closed, thread })
     }
 
     /// Where a browser finds it.
@@ -181,11 +269,36 @@ impl LiveView {
         format!("http://127.0.0.1:{}/{}/", self.port, self.token)
     }
 
+    /// Names of the joints on the page, in its order.
+    #[must_use]
+    pub fn joint_names(&self) -> &[String] {
+        &self.joints
+    }
+
     /// Tells whoever looks on; never waits.
     pub fn tell<T: Serialize>(&self, frame: &T) {
         // Numbers and nulls can always be written.
-        if let Ok(text) = serde_json::to_string(frame) {
-            self.frames.send_replace(format!("data: {text}\n\n").into());
+        let (Ok(text), Some(newest)) = (serde_json::to_string(frame), &self.newest) else { return };
+        let text = format!("data: {text}\n\n").into();
+        newest.send_modify(|newest| {
+            newest.frame = text;
+            newest.frame_number += 1;
+        });
+    }
+
+    /// Tells whoever looks on, or will, that something happened; never waits.
+    pub fn happened(&self, event: LiveEvent) {
+        if let Some(newest) = &self.newest {
+            newest.send_modify(|newest| newest.happened(event));
+        }
+    }
+
+    /// The clock of the frames begins anew: what happened so far was before that.
+    pub fn begins_anew(&self) {
+        if let Some(newest) = &self.newest {
+            newest.send_modify(|newest| {
+                newest.events.iter_mut().for_each(|event| event.time_s = None);
+            });
         }
     }
 
@@ -211,6 +324,8 @@ impl LiveView {
 
 impl Drop for LiveView {
     fn drop(&mut self) {
+        // Streams tell what is left, and end.
+        self.newest = None;
         if let Some(closed) = self.closed.take() {
             let _ = closed.send(());
         }
@@ -291,7 +406,7 @@ async fn answer(mut stream: TcpStream, from: SocketAddr, hall: &Hall) {
         Ok(Asked::Frames) => match Place::take(&counters.listeners, LISTENERS) {
             Some(_place) => {
                 counters.streams.fetch_add(1, Ordering::Relaxed);
-                tell(&mut stream, hall.frames.clone()).await
+                tell(&mut stream, hall.newest.clone()).await
             }
             None => refuse(&mut stream, Denial::TooMany, counters).await,
         },
@@ -342,18 +457,39 @@ async fn refuse(stream: &mut TcpStream, refusal: Denial, counters: &Counters) ->
     write(stream, &response(status, "text/plain; charset=utf-8", words.len()), words).await
 }
 
-/// What is told from now on, until nobody tells or nobody listens.
-async fn tell(stream: &mut TcpStream, mut frames: watch::Receiver<Arc<str>>) -> Written {
+/// What happened so far and is told from now on, until nobody tells or nobody listens.
+async fn tell(stream: &mut TcpStream, mut newest: watch::Receiver<Newest>) -> Written {
     let head = head("200 OK", "text/event-stream") + "\r\n";
     let mut written = write(stream, &head, "retry: 1000\n\n").await;
-    frames.mark_changed();
+    let (mut next, mut framed) = (0, 0);
+    newest.mark_changed();
     while written == Written::All {
-        let text = match tokio::time::timeout(BEAT, frames.changed()).await {
-            Ok(Ok(())) => Arc::clone(&frames.borrow_and_update()),
-            Ok(Err(_)) => break,
-            Err(_) => Arc::from(": still here\n\n"),
+        let is_last = match tokio::time::timeout(BEAT, newest.changed()).await {
+            Ok(changed) => changed.is_err(),
+            Err(_) => {
+                written = write(stream, ": still here\n\n", "").await;
+                continue;
+            }
         };
-        written = write(stream, &text, "").await;
+        let mut texts = Vec::new();
+        {
+            let newest = newest.borrow_and_update();
+            if newest.frame_number > framed {
+                framed = newest.frame_number;
+                texts.push(newest.frame.to_string());
+            }
+            texts.extend(newest.since(next));
+            next = newest.next();
+        }
+        for text in texts {
+            written = write(stream, &text, "").await;
+            if written != Written::All {
+                break;
+            }
+        }
+        if is_last {
+            break;
+        }
     }
     written
 }

@@ -31,6 +31,15 @@ pub struct ViewScene {
     /// A person: alone, or beside the robot that does the same.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub person: Option<PersonTrack>,
+    /// Another in the same room.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub other: Option<PersonTrack>,
+    /// Names of the angles that come of the person, in order.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub angles: Vec<&'static str>,
+    /// How sensors are heard comes while it is looked at.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub hears: bool,
     /// Points.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub markers: Option<MarkerTracks>,

@@ -14,8 +14,8 @@ pub struct SessionFrame {
     pub time_s: f64,
     /// What there is to be done, and how it goes.
     pub session: SessionPanel,
-    /// Where joints and ends of whoever wears the sensors are, as in [`PersonTrack`]; none while nobody knows.
-    pub person_m: Vec<[f64; 3]>,
+    /// By subject, where joints and ends of whoever wears the sensors are, as in [`PersonTrack`]; none while nobody knows.
+    pub persons_m: Vec<Vec<[f64; 3]>>,
 }
 
 /// What the operator sees.
@@ -87,7 +87,7 @@ pub struct SensorRow {
     pub name: String,
     /// Samples per second now.
     pub rate_hz: f64,
-    /// Samples per second by its profile.
+    /// Samples per second by its profile; 0: nobody knows.
     pub usual_rate_hz: f64,
     /// Samples that came.
     pub samples: u64,

@@ -1,7 +1,7 @@
 //! What a body that is followed does, named as it happens.
 
 use crate::body::root::StandingRoot;
-use crate::body::{BodyFigure, Proportions, SegmentPose};
+use crate::body::{BodyFigure, JointAngles, Proportions, SegmentPose};
 use crate::error::Error;
 use crate::job::recognise::{self, EquationReading, Found};
 use crate::job::recognised::{RecognisedAction, RecognitionEvent, event, recognised};
@@ -42,6 +42,8 @@ pub enum LiveWord {
     Words(String),
     /// Something that was recognised.
     Recognised(RecognitionEvent),
+    /// What the body does: the pose, its angles, and how long ago the oldest of its sensors was read, s.
+    Posed(Box<(SegmentPose, JointAngles, f64)>),
 }
 
 /// What was named of a body that is no longer heard.
@@ -266,6 +268,7 @@ mod tests {
         let words = told.iter().filter_map(|told| match told {
             LiveWord::Words(words) => Some(words),
             LiveWord::Recognised(event) => event.words_of_done(),
+            LiveWord::Posed(_) => None,
         });
         assert_eq!(words.collect::<Vec<_>>(), [actions[0].words()]);
         assert_eq!(heard, [actions[0].words()]);

@@ -15,6 +15,7 @@ use crate::control::{self, Input, Performance, Planned, Stop, StopCode, StopReas
 use crate::corpus::store::check_outside;
 use crate::draft;
 use crate::error::{Error, ErrorKind};
+use crate::job::heard;
 use crate::job::model::robot_model;
 use crate::job::observer::{Event, Meter, Progress};
 use crate::job::play::{self, describe_virtual};
@@ -43,6 +44,8 @@ use std::sync::mpsc::{Sender, channel};
 
 /// Tables per second.
 const SHOWN_HZ: f64 = 4.0;
+/// Time between two poses that somebody is shown, s.
+const POSED_S: f64 = 0.04;
 /// Poses per second where no robot asks for them.
 const POSES_HZ: f64 = 50.0;
 
@@ -102,8 +105,16 @@ impl Job<'_> {
                 told.into_iter().for_each(|told| match told {
                     LiveWord::Words(text) => observer.hear(Event::Note(&text)),
                     LiveWord::Recognised(event) => observer.hear(Event::Recognised(&event)),
+                    LiveWord::Posed(posed) => {
+                        let (pose, angles, age_s) = &*posed;
+                        observer.hear(Event::Posed { pose, angles, age_s: *age_s });
+                    }
                 });
             });
+            if observer.looks() {
+                let (intake, stop) = (&intake, &stop);
+                scope.spawn(move || heard::tell(intake, None, stop, observer));
+            }
             self.led(&mut sensors, ready, recorder, answers, tell, &*clock)
         });
         self.report.sensors = match is_replay {
@@ -210,6 +221,7 @@ impl Job<'_> {
         body.naming = naming;
         body.answers = answers;
         body.leads = !self.order.dry_run;
+        body.looks = self.observer.looks();
         let done = match (ready, recorder) {
             (Some(ready), Some(recorder)) if !self.order.dry_run => {
                 match self.mirrored(&mut body, ready, recorder) {
@@ -543,6 +555,9 @@ struct Body<'a> {
     is_silent: bool,
     /// A robot follows.
     leads: bool,
+    /// Somebody sees what the body does, and saw it last then.
+    looks: bool,
+    posed_at: Option<Instant>,
     naming: Option<Naming>,
     answers: Answers,
 }
@@ -570,6 +585,8 @@ impl<'a> Body<'a> {
             doubts: Doubts::default(),
             is_silent: false,
             leads: false,
+            looks: false,
+            posed_at: None,
             naming: None,
             answers: Answers::default(),
         }
@@ -627,6 +644,13 @@ impl<'a> Body<'a> {
         self.doubt(&newest, dt_s);
         let moment = self.wearing.pose(&said, dt_s);
         self.doubts.look(&self.wearing.as_said(), &self.wearing.worn());
+        if self.looks && self.posed_at.is_none_or(|at| now.seconds_since(at) >= POSED_S) {
+            self.posed_at = Some(now);
+            let age_s = now.seconds_since(oldest);
+            let posed = Box::new((moment.pose.clone(), moment.measured.angles, age_s));
+            // Nobody listens any more only at the very end.
+            let _ = self.tell.send(LiveWord::Posed(posed));
+        }
         let at_s = self.seconds(now);
         if let Some(naming) = &mut self.naming {
             let (tell, answers) = (&self.tell, &mut self.answers);

@@ -1,7 +1,7 @@
 //! The page of a robot while it moves.
 
 use super::{drawable, finite};
-use crate::body::Proportions;
+use crate::body::{Dof, Proportions};
 use crate::error::Error;
 use crate::robot::Robot;
 use crate::view::robot::{RobotTrack, still};
@@ -21,20 +21,45 @@ const DRAWN_FOR_M: f64 = 1.75;
 pub fn session_page(folder: &str) -> Result<ViewPage, Error> {
     // Who wears the sensors is not known yet; places come as they are.
     let somebody = person(&Proportions::of_stature(DRAWN_FOR_M)?);
-    let (is_live, is_session) = (true, true);
-    let scene = ViewScene { is_live, is_session, person: Some(somebody), ..ViewScene::default() };
+    let other = Some(somebody.clone());
+    let scene = ViewScene {
+        is_live: true,
+        is_session: true,
+        hears: true,
+        person: Some(somebody),
+        other,
+        ..ViewScene::default()
+    };
     let title = format!("Session {folder}");
     Ok(ViewPage { title, scene, ..ViewPage::default() })
 }
 
-/// A page of this robot, by name or path of its file, to which its joints come while it is looked at.
+/// What a page shows besides a robot's joints.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Shows {
+    /// How sensors are heard.
+    pub sensors: bool,
+    /// Whoever wears them.
+    pub person: bool,
+}
+
+/// A page to which what happens comes while it is looked at: of a robot, by name or path of its file, and of whoever
+/// wears sensors.
 ///
 /// # Errors
 /// A robot that is not known, or a body no tree can be made of.
-pub fn page(robot: &str, what: &str) -> Result<ViewPage, Error> {
-    let robot = Robot::load(robot)?;
-    let scene = ViewScene { is_live: true, ..scene(&robot, 0)? };
-    let title = format!("{}: {what}", robot.name);
+pub fn page(robot: Option<&str>, what: &str, shows: Shows) -> Result<ViewPage, Error> {
+    let robot = robot.map(Robot::load).transpose()?;
+    let mut scene = match &robot {
+        Some(robot) => scene(robot, 0)?,
+        None => ViewScene::default(),
+    };
+    (scene.is_live, scene.hears) = (true, shows.sensors);
+    if shows.person {
+        scene.person = Some(person(&Proportions::of_stature(DRAWN_FOR_M)?));
+        scene.angles = Dof::ALL.map(Dof::name).to_vec();
+    }
+    let title = robot.map_or_else(|| what.to_owned(), |robot| format!("{}: {what}", robot.name));
     Ok(ViewPage { title, notes: notes(&scene), scene, ..ViewPage::default() })
 }
 

@@ -58,6 +58,7 @@ fn told(
         match told {
             LiveWord::Recognised(event) => events.push((event.kind, event.model.clone())),
             LiveWord::Words(text) => words.push(text),
+            LiveWord::Posed(_) => {}
         }
     }
     Listened { heard, events, words }

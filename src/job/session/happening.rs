@@ -2,6 +2,7 @@
 
 use crate::body::{Proportions, SegmentPose};
 use crate::error::Error;
+use crate::job::heard::SensorNow;
 use crate::sensing::SensingEvent;
 use crate::session::tap::Tap;
 use crate::session::{
@@ -122,6 +123,8 @@ pub enum Happening<'a> {
     Heard(&'a [SensorNow]),
     /// What whoever wears the sensors does, as they say; told as [`Happening::Heard`] is, many times a second.
     Posed {
+        /// Which of the subjects, from 0.
+        subject: usize,
         /// The pose.
         pose: &'a SegmentPose,
         /// Whose it is.
@@ -138,27 +141,6 @@ pub enum Settled<'a> {
     Body(&'a BodyCheck),
     /// Of a trial.
     Trial(&'a TrialFile),
-}
-
-/// How a sensor is heard now.
-#[derive(Clone, Debug, PartialEq)]
-pub struct SensorNow {
-    /// Its name.
-    pub name: String,
-    /// Samples per second in the last two seconds.
-    pub rate_hz: f64,
-    /// Samples per second by its profile.
-    pub usual_rate_hz: f64,
-    /// Samples that came since the session was opened.
-    pub samples: u64,
-    /// Samples known to be missing since then.
-    pub missed: u64,
-    /// For so long it has said nothing, s; `None`: it has never said anything.
-    pub silent_s: Option<f64>,
-    /// True if its values stand still.
-    pub stuck: bool,
-    /// Why there will be no more of it.
-    pub gone: Option<String>,
 }
 
 /// Why a trial ends before anybody said so.

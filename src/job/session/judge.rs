@@ -5,6 +5,7 @@ use super::happening::{Happening, RecordedTrial, Settled, TrialFault, TrialPart}
 use super::operator::{Judged, Ready, Words};
 use crate::body::worn::kept::Kept;
 use crate::error::Error;
+use crate::job::heard::SILENT_S;
 use crate::recording::{SensorMoment, SensorSeries, sensor_series};
 use crate::sensing::{Ended, wall_clock};
 use crate::session::files::{BODY_KEY, SCHEMA, TrialFile, TrialRecording, Verdict, trial_of};
@@ -14,8 +15,6 @@ use std::collections::BTreeMap;
 /// What marks of repetitions say.
 pub(super) const GOOD: &str = "repetition";
 pub(super) const BAD: &str = "repetition, bad";
-/// A sensor that says nothing for so long at the end of a trial has fallen silent.
-pub(super) const SILENT_S: f64 = 0.5;
 
 /// Asks what is thought of a trial, and writes it down.
 pub(super) fn judge(job: &Job, name: &str) -> Result<(), Ended> {

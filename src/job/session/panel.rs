@@ -1,8 +1,7 @@
 //! An operator, and whoever looks at the page of the session besides: what is asked and said is told to both, in the same
 //! words.
 
-use super::happening::{Happening, SensorNow, Settled};
-use super::judge::SILENT_S;
+use super::happening::{Happening, Settled};
 use super::operator::{
     Answered, Doubt, During, Judged, MeasureAnswer, Mend, Operator, Ready, Repetitions, Unsteady,
     Wish, Words,
@@ -11,18 +10,21 @@ use super::words::{Asking, of_settled, of_step, told};
 use crate::body::anthropometry::Measure;
 use crate::error::Error;
 use crate::job::cues;
+use crate::job::heard::row;
 use crate::job::report::counted;
 use crate::sensing::{Answer, Clock, Cue, MonotonicClock, Person};
 use crate::session::Verdict;
 use crate::time::{Duration, Instant};
 use crate::view::live::LiveView;
 use crate::view::session::{
-    HoldTime, SensorRow, SessionFrame, SessionPanel, SettledWords, TrialPlace, points_m,
+    HoldTime, SessionFrame, SessionPanel, SettledWords, TrialPlace, points_m,
 };
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// So many of the steps that come are told.
 const STEPS: usize = 3;
+/// So many subjects are drawn.
+const MOST_SUBJECTS: usize = 2;
 
 /// An operator whose session is shown on a page. The page answers nothing and stops nothing.
 pub struct OnPage<'a> {
@@ -36,7 +38,8 @@ pub struct OnPage<'a> {
 #[derive(Default)]
 struct Told {
     panel: SessionPanel,
-    person_m: Vec<[f64; 3]>,
+    /// By subject, where their joints and ends are.
+    persons_m: Vec<Vec<[f64; 3]>>,
     /// What the guide asks for after what it asks for now.
     after: Option<String>,
     announced: Option<String>,
@@ -77,7 +80,11 @@ impl Told {
                 self.panel.trial = None;
             }
             Happening::Heard(sensors) => self.panel.sensors = sensors.iter().map(row).collect(),
-            Happening::Posed { pose, body } => self.person_m = points_m(body, pose),
+            Happening::Posed { subject, pose, body } if subject < MOST_SUBJECTS => {
+                self.persons_m.resize(self.persons_m.len().max(subject + 1), Vec::new());
+                self.persons_m[subject] = points_m(body, pose);
+            }
+            Happening::Posed { .. } => {}
             Happening::Settled(settled) => {
                 let kept = match settled {
                     Settled::Devices(check) => check.is_usable(),
@@ -183,26 +190,7 @@ impl Told {
         });
         panel.recorded_s = self.recording.map(|since| now.seconds_since(since));
         panel.next = self.after.iter().chain(&self.steps).cloned().collect();
-        SessionFrame { time_s, session: panel.clone(), person_m: self.person_m.clone() }
-    }
-}
-
-/// What is told of a sensor.
-fn row(sensor: &SensorNow) -> SensorRow {
-    let silent = match (&sensor.gone, sensor.silent_s) {
-        (Some(why), _) => format!("gone: {why}"),
-        (None, None) => "nothing has come".to_owned(),
-        (None, Some(time_s)) if time_s > SILENT_S => format!("silent for {time_s:.0} s"),
-        (None, Some(_)) if sensor.stuck => "its values stand still".to_owned(),
-        (None, Some(_)) => String::new(),
-    };
-    SensorRow {
-        name: sensor.name.clone(),
-        rate_hz: (sensor.rate_hz * 10.0).round() / 10.0,
-        usual_rate_hz: sensor.usual_rate_hz,
-        samples: sensor.samples,
-        missed: sensor.missed,
-        silent,
+        SessionFrame { time_s, session: panel.clone(), persons_m: self.persons_m.clone() }
     }
 }
 

@@ -13,7 +13,7 @@ use crate::sensing::{
 };
 use crate::session::Verdict;
 use crate::session::files::{BodyCheck, SCHEMA};
-use crate::session::wearers::worn_by;
+use crate::session::wearers::{wearer, worn_by};
 use glam::DVec3;
 use std::collections::BTreeMap;
 
@@ -29,7 +29,8 @@ pub(super) fn calibrate(job: &mut Job, id: &str) -> Result<(), Ended> {
         moves: Movement::ALL.to_vec(),
         subject: id.to_owned(),
     };
-    job.looking.forget();
+    job.looking
+        .forget(places.first().and_then(|place| wearer(&place.sensor)).map_or(0, |(by, _)| by));
     loop {
         match lead(job, places.clone(), |guide| guide.calibrate(&plan)) {
             Ok(guided) => {

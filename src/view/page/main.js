@@ -11,12 +11,18 @@ const joints = data.joints && {
   })),
 };
 const robot = data.robot && joints ? new Robot(data.robot, joints, isLive || data.can_edit) : null;
-const person = data.person ? new (isLive ? LivePerson : Person)(data.person) : null;
+// Where two people are who come live nobody knows: they are drawn a metre apart.
+const persons = [data.person, data.other].filter(Boolean).map((of, n) => (isLive ? new LivePerson(of, n) : new Person(of)));
+const person = persons[0] || null;
+// Angles of a person who comes live.
+const angles = data.angles && { clock: growing(), list: data.angles.map(name => ({ name, present: [], others: [] })) };
 const session = data.is_session ? new Session() : null;
+const hearing = data.hears ? new Hearing() : null;
+const ticking = isLive ? new LiveClock() : null;
 const markers = data.markers ? new Markers(data.markers) : null;
 let duration = Math.max(data.duration_s, 1e-3);
 const view = { window: [0, duration], duration };
-const stepClock = joints ? joints.clock : person ? person.clock : markers ? markers.clock : null;
+const stepClock = ticking ? ticking.clock : joints ? joints.clock : person ? person.clock : markers ? markers.clock : null;
 const said = byId("said"), headInput = byId("head"), playButton = byId("play"), canvas = byId("scene");
 let now = 0, playing = false, before = null, stale = true, frames = 0, slowest = 0;
 // Key frames are made: what is drawn and played is their motion.
@@ -30,10 +36,10 @@ const isWrong = t => new Set(active(t).flatMap(span => span.links || []));
 let stage = null;
 const nothing = byId("nothing");
 if (robot || person || markers) {
-  try { stage = new Stage(canvas, { robot, person, markers, isWrong }); } catch (error) {
+  try { stage = new Stage(canvas, { robot, persons, markers, isWrong }); } catch (error) {
     nothing.textContent = `This browser draws nothing in space (${error.message}): signals and times are below.`;
   }
-} else { nothing.textContent = "Nothing is drawn in space: the robot's file does not say where its joints are."; }
+} else { nothing.textContent = joints ? "Nothing is drawn in space: the robot's file does not say where its joints are." : ""; }
 if (!stage) { nothing.hidden = false; canvas.hidden = true; byId("stage").classList.add("empty"); }
 
 const check = (place, text, on, change) => {
@@ -49,9 +55,9 @@ if (stage) {
 }
 
 // ---- what can be chosen ----
-const channels = channelsOf(data, joints, person, markers, isLive), chosen = new Set(), plots = [];
+const channels = channelsOf(data, joints, person, markers, isLive, angles), chosen = new Set(), plots = [];
 const quantities = [...new Set(channels.flatMap(channel => channel.plots.map(plot => plot.quantity)))];
-const wanted = new Set(joints ? ["angle", "velocity", "force"] : quantities);
+const wanted = new Set(joints || angles ? ["angle", "velocity", "force"] : quantities);
 const buttons = new Map();
 
 function choose(n, yes = !chosen.has(n)) {
@@ -129,6 +135,7 @@ function offer(quantity) {
 // What is read of a joint for the first time can be looked at from now on.
 function learn() {
   for (const { joint, plots: own } of channels) {
+    if (joint === null) continue;
     for (const { name, unit, clock, values } of joints.list[joint].others) {
       if (own.some(plot => plot.quantity === name)) continue;
       own.push({ quantity: name, unit, curves: [{ name, values, clock, scale: 1 }], least: 0.1 });
@@ -157,9 +164,10 @@ function buildChoice() {
     }
     place.append(box);
   };
-  const kind = joints ? ["joint", "joints"] : ["signal", "signals"];
+  const kind = joints ? ["joint", "joints"] : ["signal", "signals"], isOf = channel => channel.joint !== null;
   const moving = joints && !isLive ? [" that moves", " that move"] : ["", ""];
-  list(markers ? ["labelled marker", "labelled markers"] : kind, moving, channel => channel.moves, true);
+  list(markers ? ["labelled marker", "labelled markers"] : kind, moving, channel => channel.moves && isOf(channel), true);
+  list(["angle of the person", "angles of the person"], ["", ""], channel => !isOf(channel), !joints);
   const still = [" that never moves", " that never move"];
   if (markers) list(["point without a label", "points without a label"], ["", ""], channel => !channel.moves, false);
   else list(kind, still, channel => !channel.moves, false);
@@ -195,20 +203,61 @@ if (person && person.contacts && !robot) flags(["left heel", "left toe", "right 
 const line = new Line(byId("line"), rows, view);
 if (!rows.length) byId("line").hidden = true;
 
+// Something happened while somebody looks on; each is told once, whatever was heard before.
+const happened = { numbers: new Set(), runs: 0 };
+function happen(number, { time_s: time, lasts_s: lasts, kind, row, label }) {
+  if (happened.numbers.has(number)) return;
+  happened.numbers.add(number);
+  // Of another run, or before there was a clock.
+  const span = { kind, row, label, start_s: time ?? 0, end_s: (time ?? 0) + lasts, before: time === null };
+  data.spans.push(span);
+  if (!span.before) lineOf(span);
+  const box = byId("events"), list = box.querySelector("ol");
+  if (kind !== "part") {
+    list.prepend(eventItem(span));
+    while (list.children.length > MOST_EVENTS) list.lastChild.remove();
+    box.hidden = false; box.querySelector("summary").textContent = counted(list.children.length, "event");
+    if (kind === "wrong") said.textContent = label;
+  }
+  document.documentElement.dataset.happened = label;
+  redrawAll();
+}
+
+function lineOf(span) {
+  let row = rows.find(known => known.name === span.row);
+  if (!row) { row = { name: span.row, spans: [] }; rows.push(row); line.fit(); }
+  row.spans.push(span);
+  byId("line").hidden = false;
+}
+
+// Another run: what happened so far was before it.
+function beginAnew() {
+  data.spans.forEach(span => { span.before = true; });
+  rows.length = 0;
+  byId("line").hidden = true;
+  for (const button of byId("events").querySelectorAll("button")) { button.disabled = true; button.textContent = button.textContent.replace(/^[\d.]+( to [\d.]+)? s: /, "before: "); }
+}
+
+const MOST_EVENTS = 500;
+
+function eventItem(span) {
+  const item = document.createElement("li"), button = document.createElement("button");
+  button.type = "button"; button.className = `told ${span.kind}`;
+  const end = span.end_s > span.start_s ? ` to ${span.end_s.toFixed(2)}` : "";
+  const when = span.before ? "before" : `${span.start_s.toFixed(2)}${end} s`;
+  button.textContent = `${when}: ${span.row === span.label ? "" : `${span.row}: `}${span.label}`;
+  button.disabled = !!span.before;
+  button.addEventListener("click", () => { play(false); go(span.start_s, true); });
+  item.append(button);
+  return item;
+}
+
 function buildEvents() {
-  const told = data.spans.filter(span => span.kind !== "part" && span.kind !== "phase").slice(0, 500);
+  const told = data.spans.filter(span => span.kind !== "part" && span.kind !== "phase").slice(0, MOST_EVENTS);
   const box = byId("events");
   if (!told.length) { box.hidden = true; return; }
   box.querySelector("summary").textContent = counted(told.length, "event");
-  for (const span of told) {
-    const item = document.createElement("li"), button = document.createElement("button");
-    button.type = "button"; button.className = `told ${span.kind}`;
-    const end = span.end_s > span.start_s ? ` to ${span.end_s.toFixed(2)}` : "";
-    button.textContent = `${span.start_s.toFixed(2)}${end} s: ${span.row === span.label ? "" : `${span.row}: `}${span.label}`;
-    button.addEventListener("click", () => { play(false); go(span.start_s, true); });
-    item.append(button);
-    box.querySelector("ol").append(item);
-  }
+  box.querySelector("ol").append(...told.map(eventItem));
 }
 
 function words(t) {
@@ -313,25 +362,33 @@ if (isLive) {
     stop.disabled = what !== "on";
     if (stage) { state.textContent = words; state.hidden = !words; }
   };
-  tell("waiting", session ? "Nothing is told yet." : "Nothing moves yet.");
+  const nobody = () => (robot || !person || person.clock.count ? "" : "Nobody is drawn before the sensors are calibrated.");
+  tell("waiting", session || !robot ? "Nothing is told yet." : "Nothing moves yet.");
   source.addEventListener("message", event => {
     const told = JSON.parse(event.data);
     if (session) session.show(told.session);
-    const isNew = session ? person.take(told.time_s, told.person_m) : taken(joints, told);
-    if (isNew && joints) learn();
-    tell("on", session && !person.clock.count ? "Nobody is drawn before the sensors are calibrated." : "");
+    if (hearing) hearing.show(told.sensors || told.session?.sensors || [], told.facts);
+    persons.forEach((one, n) => one.take(told.time_s, (told.persons_m || [])[n]));
+    if (angles && told.angles_rad) taken(angles, { time_s: told.time_s, goal_rad: [], present_rad: told.angles_rad });
+    if (joints && told.goal_rad.length && taken(joints, told)) learn();
+    const isNew = ticking.take(told.time_s);
+    if (ticking.runs > happened.runs) { happened.runs = ticking.runs; beginAnew(); }
+    tell("on", nobody());
     if (!isNew || editing) return;
     duration = Math.max(stepClock.time(stepClock.count - 1), 1e-3);
     view.duration = duration; headInput.max = duration;
     stale = true;
   });
+  source.addEventListener("happened", event => happen(Number(event.lastEventId), JSON.parse(event.data)));
   // The browser tries again by itself.
-  source.addEventListener("error", () => tell("off", "The program has ended, or does not answer: nothing new comes."));
+  source.addEventListener("error", () => { tell("off", "The program has ended, or does not answer: nothing new comes."); if (hearing) hearing.end(); });
+  const stops = joints ? "stop the robot" : "stop";
+  stop.textContent = stops;
   stop.hidden = !!session;
   stop.addEventListener("click", async () => {
     stop.textContent = "stopping";
     const heard = await fetch("stop", { method: "POST" }).then(answer => answer.ok, () => false);
-    stop.textContent = heard ? "told to stop" : "stop the robot";
+    stop.textContent = heard ? "told to stop" : stops;
     if (!heard) said.textContent = "The program did not hear it: press Ctrl-C where it runs.";
   });
   for (const id of ["speed", "loop"]) byId(id).parentElement.hidden = true;
@@ -448,6 +505,7 @@ window.gaitway = {
   centre: t => (robot ? robot.centre(robot.places(t, "present")) : person ? person.centre(t) : null),
   markers: t => (markers ? markers.points.map(point => markers.place(point.at, t)) : []),
   person: t => (person ? person.places(t) : []),
+  persons: t => persons.map(one => (one.clock.count ? one.places(t) : [])),
   poses: () => editor && {
     table: editor.keys.table(), times: editor.keys.times(), at: editor.keys.at, angles: editor.keys.frames.map(frame => frame.angles),
     rate: editor.clock.rate, motion: Object.fromEntries(editor.joints.list.map(joint => [joint.name, [...joint.goal]])),

@@ -4,7 +4,7 @@ const DEGREES = 180 / Math.PI;
 const LEFT = 58, RIGHT = 10, TOP = 8, BOTTOM = 20;
 
 // What can be looked at: a channel for each joint, marker or force, with its plots.
-function channelsOf(data, joints, person, markers, isLive) {
+function channelsOf(data, joints, person, markers, isLive, angles) {
   const channels = [];
   if (joints) {
     joints.list.forEach((joint, n) => {
@@ -30,6 +30,14 @@ function channelsOf(data, joints, person, markers, isLive) {
         return high - low > 0.01;
       });
       channels.push({ name: joint.name, joint: n, moves, plots });
+    });
+  }
+  if (angles) {
+    angles.list.forEach(angle => {
+      const curves = [{ name: "present", values: angle.present, clock: angles.clock, scale: DEGREES }];
+      const slope = [{ name: "present", values: () => derived(angle.present, angles.clock, 1, 3), clock: angles.clock, scale: DEGREES }];
+      const plots = [{ quantity: "angle", unit: "\u00b0", curves, least: 2 }, { quantity: "velocity", unit: "\u00b0/s", curves: slope, least: 5 }];
+      channels.push({ name: angle.name, joint: null, moves: true, plots });
     });
   }
   if (person && person.force) {
@@ -208,8 +216,10 @@ const KINDS = { part: "part", event: "event", phase: "phase", mended: "mended", 
 class Line {
   constructor(canvas, rows, view) {
     Object.assign(this, { canvas, rows, view });
-    canvas.style.height = `${rows.length * 17 + 8}px`;
+    this.fit();
   }
+
+  fit() { this.canvas.style.height = `${this.rows.length * 17 + 8}px`; }
 
   left() { return this.canvas.clientWidth < 560 ? 92 : 150; }
 

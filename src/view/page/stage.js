@@ -6,8 +6,9 @@ const PARTS = {
 };
 
 class Stage {
-  constructor(canvas, { robot, person, markers, isWrong }) {
-    Object.assign(this, { canvas, robot, person, markers, isWrong });
+  constructor(canvas, { robot, persons, markers, isWrong }) {
+    const person = persons[0] || null;
+    Object.assign(this, { canvas, robot, person, persons, markers, isWrong });
     this.turn = robot && person ? -0.3 : -0.8; this.tilt = 0.2; this.zoom = 1; this.follows = true; this.chosen = new Set();
     this.shown = {};
     this.gl = new THREE.WebGLRenderer({ canvas, antialias: true });
@@ -33,11 +34,11 @@ class Stage {
     this.size();
     this.floor();
     if (robot) this.addRobot();
-    if (person) this.addPerson();
+    this.figures = persons.map((one, n) => this.addPerson(one, n));
     if (markers) this.addMarkers();
-    this.balls = Array.from({ length: 12 }, () => this.ball(this.ink.contact, this.scale * 0.018));
-    this.centres = [0, 1].map(() => this.addCentre());
-    this.supports = [0, 1].map(() => this.addSupport());
+    this.balls = Array.from({ length: 16 }, () => this.ball(this.ink.contact, this.scale * 0.018));
+    this.centres = [0, 1, 2].map(() => this.addCentre());
+    this.supports = [0, 1, 2].map(() => this.addSupport());
     this.theme();
   }
 
@@ -167,10 +168,10 @@ class Stage {
     rod.scale.set(radius, length, radius);
   }
 
-  addPerson() {
-    this.rods = this.person.lines.map((lines, side) => lines.map(() => this.rod(this.ink.sides[side], 0.015)));
-    this.knots = this.person.points.map(() => this.ball(this.ink.sides[0], 1));
-    this.headBall = this.ball(this.ink.sides[0], 1);
+  addPerson(person, number) {
+    const rods = person.lines.map((lines, side) => lines.map(() => this.rod(this.ink.sides[side], 0.015)));
+    const knots = person.points.map(() => this.ball(this.ink.sides[0], 1));
+    return { person, number, rods, knots, headBall: this.ball(this.ink.sides[0], 1) };
   }
 
   addMarkers() {
@@ -262,7 +263,12 @@ class Stage {
         if (stands & side && at[2] < 0.02) touch([at[0], at[1], Math.max(0, at[2])]);
       });
     }
-    if (person) focus = this.putPerson(t, base) || focus;
+    if (person) {
+      const at = this.figures.map(figure => this.putPerson(figure, t, base)).filter(Boolean);
+      if (at.length) focus = at.reduce((sum, place) => plus(sum, place), [0, 0, 0]).map(part => part / at.length);
+      // How far apart two are is room that is needed.
+      this.apart = at.length > 1 ? Math.hypot(at[0][0] - at[1][0], at[0][1] - at[1][1]) : 0;
+    }
     if (markers) {
       const at = this.putMarkers(t);
       if (!robot && !person && at) focus = [at[0], at[1], this.scale / 2];
@@ -300,10 +306,10 @@ class Stage {
     mesh.geometry.attributes.position.needsUpdate = true;
   }
 
-  putPerson(t, base) {
-    const { person } = this, visible = this.isShown("person");
+  putPerson({ person, number, rods, knots, headBall }, t, base) {
+    const visible = this.isShown("person");
     if (!person.clock.count) {
-      for (const part of [...this.rods.flat(), ...this.knots, this.headBall]) part.visible = false;
+      for (const part of [...rods.flat(), ...knots, headBall]) part.visible = false;
       return null;
     }
     let places = person.places(t), centre = person.centre(t), corners = person.support(t), scale = person.stature;
@@ -315,24 +321,24 @@ class Stage {
       places = places.map(moved); centre = centre && moved(centre); corners = corners.map(moved); scale *= k;
     }
     person.lines.forEach((lines, side) => lines.forEach(([a, b], n) => {
-      this.lay(this.rods[side][n], places[a], places[b], scale);
-      this.rods[side][n].visible = visible;
+      this.lay(rods[side][n], places[a], places[b], scale);
+      rods[side][n].visible = visible;
     }));
-    this.knots.forEach((ball, n) => {
+    knots.forEach((ball, n) => {
       ball.visible = visible && !person.head.includes(n);
       ball.position.set(...places[n]);
       ball.scale.setScalar(0.017 * scale);
     });
     const [neck, top] = person.head.map(n => places[n]);
-    this.headBall.visible = visible;
-    this.headBall.position.set(...neck.map((part, axis) => part + 0.6 * (top[axis] - part)));
-    this.headBall.scale.setScalar(0.4 * Math.hypot(...top.map((part, axis) => part - neck[axis])) || 0.01);
-    this.mass(1, visible ? centre : null);
-    this.area(1, visible ? corners : []);
+    headBall.visible = visible;
+    headBall.position.set(...neck.map((part, axis) => part + 0.6 * (top[axis] - part)));
+    headBall.scale.setScalar(0.4 * Math.hypot(...top.map((part, axis) => part - neck[axis])) || 0.01);
+    this.mass(1 + number, visible ? centre : null);
+    this.area(1 + number, visible ? corners : []);
     const stands = person.contacts ? person.contacts[person.clock.at(t)] : 0;
     person.soles.forEach((sole, bit) => {
       if (stands >> bit & 1 && visible && this.isShown("contacts")) {
-        const ball = this.balls[bit];
+        const ball = this.balls[4 * number + bit];
         ball.visible = true;
         ball.position.set(...places[sole]);
       }
@@ -377,7 +383,7 @@ class Stage {
       this.gl.setSize(width, height, false);
     }
     camera.aspect = width / height;
-    const room = this.scale * (this.robot && this.person ? (this.trueSize ? 1.2 + 1.2 * this.person.stature / this.scale : 2.2) : 1.25);
+    const room = (this.apart || 0) + this.scale * (this.robot && this.person ? (this.trueSize ? 1.2 + 1.2 * this.person.stature / this.scale : 2.2) : 1.25);
     const fit = Math.max(this.scale * 1.25, room / Math.min(2.2, camera.aspect)) / (2 * Math.tan(camera.fov * Math.PI / 360));
     const away = 1.15 * fit / this.zoom, [x, y, z] = this.target;
     const [c, s] = [Math.cos(this.tilt), Math.sin(this.tilt)];
