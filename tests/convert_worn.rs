@@ -307,6 +307,31 @@ fn a_walk_that_was_recorded_comes_out_as_the_angles_that_were_walked() {
         // Points are rounded to a millimetre, so that a leg that is straight may look bent.
         assert!(off_rad.abs() < 0.06, "{bent_rad} for {}", row[Dof::LeftKneeFlexion]);
     }
+    // Sensors are drawn as they sat: turned in their straps, on segments that moved.
+    let sensors = data["person"]["sensors"].as_array().expect("sensors");
+    let names: Vec<&str> = sensors.iter().filter_map(|of| of["name"].as_str()).collect();
+    assert_eq!(names, Segment::ALL.map(segment_name));
+    for (sensor, segment) in sensors.iter().zip(Segment::ALL) {
+        let tilt =
+            DQuat::from_rotation_y(0.1) * DQuat::from_rotation_z(0.05 * segment.index() as f64);
+        let drawn = page::rows::<4>(&sensor["turn"]);
+        assert_eq!(drawn.len(), table.angles.len());
+        let (mut squares, mut count) = (0.0, 0.0);
+        for (at, [w, x, y, z]) in drawn.into_iter().enumerate() {
+            let at_s = first_s + table.times_s[at];
+            if at_s < STAND_S - 1.0 {
+                continue;
+            }
+            let pose = ((at_s * RATE_HZ).round() as usize).min(person.poses.len() - 1);
+            let pose = &person.poses[pose];
+            let truth = pose.orientation[segment.index()] * tilt;
+            let drawn = DQuat::from_xyzw(x, y, z, w).normalize();
+            squares += drawn.angle_between(truth).powi(2);
+            count += 1.0;
+        }
+        let rms_deg = f64::sqrt(squares / count).to_degrees();
+        assert!(count > 100.0 && rms_deg < 3.0, "{}: {rms_deg} deg RMS", segment_name(segment));
+    }
     let mark = &data["spans"][0];
     let marked_s = mark["start_s"].as_f64().expect("a time");
     assert_eq!((mark["label"].as_str(), mark["row"].as_str()), (Some("begin"), Some("marked")));

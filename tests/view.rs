@@ -3,6 +3,7 @@
 
 mod aloud;
 mod browser;
+mod captured;
 #[allow(dead_code)]
 mod chromium;
 mod page;
@@ -77,8 +78,19 @@ fn pages(folder: &Path) -> Vec<(PathBuf, &'static [&'static str])> {
     run(&[&taught[..], &[&at("hand.mcap"), "--html", &hand]].concat());
     run(&["info", &at("walk.mcap"), "--html", &info]);
     run(&["info", &markers, "--html", &trial]);
+    let plates = at("plates.html");
+    let walked = captured::captured("mocap/c3d/pig").map(|of| of.join("cgm_Movement_trial.c3d"));
+    if let Some(walked) = &walked {
+        run(&["info", walked.to_str().expect("UTF-8"), "--html", &plates]);
+    }
     run(&["clean", &markers, "-o", &at("mended.csv"), "--html", &clean]);
-    vec![
+    let two = at("two.html");
+    run(&["synth", "bow", "-o", &at("bow.bvh")]);
+    run(&["synth", "walk:x2", "-o", &at("walks.bvh")]);
+    run(&["info", &at("bow.bvh"), "--beside", &at("walks.bvh"), "--html", &two]);
+    let plates: Option<(PathBuf, &[&str])> =
+        walked.is_some().then(|| (plates.into(), &["markers", "force plates"][..]));
+    let mut all: Vec<(PathBuf, &[&str])> = vec![
         (play.into(), &["robot", "goal", "person"]),
         (kick.into(), &["robot", "person"]),
         (arm.into(), &["robot", "person"]),
@@ -88,7 +100,10 @@ fn pages(folder: &Path) -> Vec<(PathBuf, &'static [&'static str])> {
         (info.into(), &["robot", "goal"]),
         (trial.into(), &["markers"]),
         (clean.into(), &["markers", "before"]),
-    ]
+        (two.into(), &["person", "contacts"]),
+    ];
+    all.extend(plates);
+    all
 }
 
 #[test]
@@ -125,7 +140,84 @@ fn every_page_opens_from_a_file_plays_and_says_nothing_into_the_console() {
         let said = browser.value("document.getElementById('said').textContent");
         assert!(said.as_str().unwrap().starts_with(&format!("{step:.2} s")), "{name}: {said}");
         assert_eq!(browser.complaints(), [""; 0], "{name}");
+        if shown.contains(&"force plates") {
+            the_floor_pushes_at_a_heel_or_toe(&mut browser, &page);
+        }
     }
+}
+
+#[test]
+fn two_captures_are_drawn_in_one_room_each_as_in_a_page_of_its_own() {
+    let Some(mut browser) = browser("both") else { return };
+    let folder = program::folder("both");
+    let at = |name: &str| path(&folder, name);
+    run(&["synth", "bow", "-o", &at("bow.bvh")]);
+    run(&["synth", "walk:x2", "-o", &at("walk.bvh")]);
+    let mut places = |page: &str, who: usize, t: f64| {
+        browser.open(Path::new(page), "");
+        assert_eq!(browser.complaints(), [""; 0]);
+        browser.value(&format!("gaitway.persons({t})[{who}]"))
+    };
+    for name in ["bow", "walk"] {
+        run(&["info", &at(&format!("{name}.bvh")), "--html", &at(&format!("{name}.html"))]);
+    }
+    run(&["info", &at("bow.bvh"), "--beside", &at("walk.bvh"), "--html", &at("both.html")]);
+    for (who, name) in ["bow", "walk"].into_iter().enumerate() {
+        for t in [0.0, 0.7, 1.4] {
+            let alone = places(&at(&format!("{name}.html")), 0, t);
+            assert_eq!(places(&at("both.html"), who, t), alone, "{name} at {t} s");
+        }
+    }
+    let robot = program::gaitway()
+        .args(["info", &at("bow.bvh"), "--html", &at("x.html"), "--beside", &marker_table(&folder)])
+        .output()
+        .expect("it runs");
+    assert_eq!(robot.status.code(), Some(1));
+    assert!(program::words(&robot).contains("there is nobody in it"), "{}", program::words(&robot));
+}
+
+/// An arrow begins on its plate, at a foot that stands there, and points up as far as somebody weighs.
+fn the_floor_pushes_at_a_heel_or_toe(browser: &mut Browser, page: &Path) {
+    let data = page::data(&std::fs::read_to_string(page).unwrap());
+    let plates = data["plates"]["plates"].as_array().unwrap();
+    let points = data["markers"]["points"].as_array().unwrap();
+    let feet: Vec<Vec<[f64; 3]>> = points
+        .iter()
+        .filter(|point| {
+            ["LHEE", "LTOE", "RHEE", "RTOE"]
+                .iter()
+                .any(|end| point["name"].as_str().unwrap().ends_with(end))
+        })
+        .map(|point| page::rows::<3>(&point["at"]))
+        .collect();
+    assert_eq!(feet.len(), 4);
+    let rate_hz = data["plates"]["clock"]["rate_hz"].as_f64().unwrap();
+    let (mut pressed, mut up_n) = (0, 0.0_f64);
+    for at in (0..feet[0].len()).step_by(10) {
+        let arrows = browser.value(&format!("gaitway.arrows({})", at as f64 / rate_hz + 1e-4));
+        for (plate, arrow) in plates.iter().zip(arrows.as_array().unwrap()) {
+            let Some(ends) = arrow.as_array() else { continue };
+            let end = |n: usize| [0, 1, 2].map(|k| ends[n][k].as_f64().unwrap());
+            let ([x, y, z], [.., top]) = (end(0), end(1));
+            let height_m = top - z;
+            // A touch says little of where it is.
+            if height_m < 0.1 {
+                continue;
+            }
+            let corners = plate["corners_m"].as_array().unwrap();
+            for (axis, place) in [x, y].into_iter().enumerate() {
+                let of = |corner: &Value| corner[axis].as_f64().unwrap();
+                let low = corners.iter().map(of).fold(f64::INFINITY, f64::min);
+                let high = corners.iter().map(of).fold(f64::NEG_INFINITY, f64::max);
+                assert!((low - 0.03..high + 0.03).contains(&place), "{place} on {low} to {high}");
+            }
+            let near = feet.iter().map(|foot| (foot[at][0] - x).hypot(foot[at][1] - y));
+            assert!(near.fold(f64::INFINITY, f64::min) < 0.25, "nobody stands there: {x}, {y}");
+            (pressed, up_n) = (pressed + 1, up_n.max(800.0 * height_m));
+        }
+    }
+    // The same force that `info` tells: see tests/force_plates.rs and tests/measured_force.rs.
+    assert!(pressed > 5 && (400.0..2000.0).contains(&up_n), "{pressed} arrows, {up_n} N");
 }
 
 #[test]

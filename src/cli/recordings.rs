@@ -6,7 +6,7 @@ use crate::error::{Error, either};
 use crate::job::info::{FileOverview, info as file_info};
 use crate::job::info_folders::no_page;
 use crate::job::info_words::words;
-use crate::job::page::file::page as file_page;
+use crate::job::page::file::{page as file_page, page_of_two};
 use crate::job::report::counted;
 use crate::job::sensors::overview as sensors_overview;
 use crate::job::source::CaptureOptions;
@@ -38,6 +38,9 @@ pub struct InfoArgs {
     /// Write a page that shows what is in it: the person, the markers, the robot with its joints
     #[arg(long, value_name = "FILE.html")]
     html: Option<PathBuf>,
+    /// Draw another capture, or recording of worn sensors, in the same room on the page: two people
+    #[arg(long, value_name = "FILE", requires = "html")]
+    beside: Option<PathBuf>,
     #[command(flatten)]
     output: Output,
 }
@@ -49,7 +52,9 @@ pub struct InfoArgs {
 pub fn info(args: &InfoArgs) -> Result<i32, Error> {
     args.output.check_files(&[&args.html])?;
     let mut inputs = vec![args.file.as_path()];
-    inputs.extend(args.sensors.iter().chain(&args.skeleton).map(PathBuf::as_path));
+    inputs.extend(
+        args.sensors.iter().chain(&args.skeleton).chain(&args.beside).map(PathBuf::as_path),
+    );
     args.output.check_all_apart(&inputs, args.html.as_deref().as_slice())?;
     let options = CaptureOptions {
         skeleton: args.skeleton.clone(),
@@ -65,7 +70,11 @@ pub fn info(args: &InfoArgs) -> Result<i32, Error> {
     };
     if let Some(page) = &args.html {
         no_page(&args.file)?;
-        args.output.write_file(page, file_page(&args.file, &options)?.as_bytes())?;
+        let html = match &args.beside {
+            Some(other) => page_of_two(&args.file, other, &options)?,
+            None => file_page(&args.file, &options)?,
+        };
+        args.output.write_file(page, html.as_bytes())?;
     }
     if let Some(overview) = overview {
         return Ok(args.output.conclude(&overview, &words(&overview), Deed::Look, 0));

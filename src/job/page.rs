@@ -25,6 +25,8 @@ use glam::DVec3;
 
 /// Poses of a person per second, at most.
 const PERSON_HZ: f64 = 60.0;
+/// The row of the time line with the parts of a run.
+const PART: &str = "part";
 /// Most spans of one kind on the time line.
 const SPANS: usize = 200;
 
@@ -130,7 +132,7 @@ impl RobotScene<'_> {
         ];
         let made = parts.into_iter().filter_map(|(kind, label, start_s, end_s)| {
             let (start_s, end_s) = (start_s.min(duration_s), end_s.min(duration_s));
-            let row = if kind == SpanKind::Part { "part" } else { "clock of the motion" };
+            let row = if kind == SpanKind::Part { PART } else { "clock of the motion" };
             let is_there = end_s - start_s > 0.02;
             is_there.then(|| ViewSpan::new(kind, row, label, start_s, end_s))
         });
@@ -312,6 +314,15 @@ impl Series {
     }
 }
 
+/// The motion was left there, on the way to rest.
+fn brakes(spans: &mut Vec<ViewSpan>, at_s: f64, end_s: f64) {
+    for span in spans.iter_mut().filter(|span| span.row == PART) {
+        span.end_s = span.end_s.min(at_s);
+    }
+    spans.retain(|span| span.row != PART || span.end_s > span.start_s);
+    spans.push(ViewSpan::new(SpanKind::Part, PART, "brakes", at_s, end_s));
+}
+
 /// The page of a motion that was played, or planned for a file.
 ///
 /// # Errors
@@ -344,6 +355,12 @@ pub fn page(report: &PlayReport, mut scene: ViewScene) -> Result<String, Error> 
     if let Some(reason) = &report.stop_reason {
         let end_s = scene.duration_s;
         scene.spans.push(ViewSpan::new(SpanKind::Wrong, "stopped", reason, end_s, end_s));
+        let cycle = report.stop.as_ref().and_then(|stop| stop.cycle);
+        let times_s = scene.joints.as_ref().map(|joints| joints.clock.times_s());
+        if let Some(&at_s) = cycle.zip(times_s.as_ref()).and_then(|(at, all)| all.get(at as usize))
+        {
+            brakes(&mut scene.spans, at_s, end_s);
+        }
     }
     let mut notes = report.notes.clone();
     if scene.robot.is_some() {

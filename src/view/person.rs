@@ -7,13 +7,15 @@ use super::tracks::SampleClock;
 use crate::body::contact::{self, Footing};
 use crate::body::mass::{centre_of_mass_m, segment_masses};
 use crate::body::root::SOLES;
-use crate::body::{End, Joint, SegmentPose};
+use crate::body::{End, Joint, Segment, SegmentPose};
 use crate::mocap::scene::{DrawnFeet, Scene};
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 use serde::Serialize;
 
 /// Poses per second the page draws at most.
 const MOST_HZ: f64 = 60.0;
+/// What parts of quaternions are rounded to.
+const TURN: f64 = 1e-3;
 /// What forces are rounded to, body weights.
 const FORCE: f64 = 1e-3;
 
@@ -81,9 +83,54 @@ pub struct PersonTrack {
     /// What the soles on the floor span; absent if nobody captured feet.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) support: Option<Support>,
+    /// Sensors that are worn.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    sensors: Vec<SensorTrack>,
     /// How hard the floor pushes, body weights; absent where poses are too far apart to tell.
     #[serde(skip_serializing_if = "Option::is_none")]
     force: Option<Coded>,
+}
+
+/// A sensor that somebody wears.
+#[derive(Clone, Debug, Serialize)]
+struct SensorTrack {
+    /// Its name.
+    name: String,
+    /// It is drawn between these two points.
+    between: [usize; 2],
+    /// How it is turned: w, x, y, z; not a number while it says nothing.
+    turn: [Coded; 4],
+}
+
+/// A sensor that somebody wears, as it is drawn.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DrawnSensor {
+    /// Its name.
+    pub name: String,
+    /// Who wears it.
+    pub segment: Segment,
+    /// How it is turned in each pose of the scene; `None` while it says nothing.
+    pub turns: Vec<Option<DQuat>>,
+}
+
+/// The points between which a segment is.
+const fn ends(segment: Segment) -> [usize; 2] {
+    use {End as E, Joint as J, Segment as S};
+    match segment {
+        S::Pelvis => [joint(J::LeftHip), joint(J::RightHip)],
+        S::Torso => [joint(J::Torso), joint(J::Neck)],
+        S::Head => [joint(J::Neck), end(E::HeadTop)],
+        S::LeftUpperArm => [joint(J::LeftShoulder), joint(J::LeftElbow)],
+        S::LeftForearm => [joint(J::LeftElbow), joint(J::LeftWrist)],
+        S::RightUpperArm => [joint(J::RightShoulder), joint(J::RightElbow)],
+        S::RightForearm => [joint(J::RightElbow), joint(J::RightWrist)],
+        S::LeftThigh => [joint(J::LeftHip), joint(J::LeftKnee)],
+        S::LeftShank => [joint(J::LeftKnee), joint(J::LeftAnkle)],
+        S::LeftFoot => [joint(J::LeftAnkle), end(E::LeftToe)],
+        S::RightThigh => [joint(J::RightHip), joint(J::RightKnee)],
+        S::RightShank => [joint(J::RightKnee), joint(J::RightAnkle)],
+        S::RightFoot => [joint(J::RightAnkle), end(E::RightToe)],
+    }
 }
 
 /// Corners of an area on the floor, pose by pose.
@@ -101,12 +148,35 @@ pub fn places(places_m: &[DVec3], quantum_m: f64) -> [Coded; 3] {
     [0, 1, 2].map(|axis| Coded::of(places_m.iter().map(|place_m| place_m[axis]), quantum_m))
 }
 
+/// Every so manyth pose is drawn.
+fn thinned(rate_hz: f64) -> usize {
+    // Rates of captures are a little off what they are meant to be: a frame takes 0.008333 s.
+    (rate_hz / MOST_HZ - 0.01).ceil().max(1.0) as usize
+}
+
 impl PersonTrack {
+    /// The same with sensors, told as the poses of [`PersonTrack::of`] are, so many times a second.
+    #[must_use]
+    pub fn wearing(mut self, sensors: Vec<DrawnSensor>, rate_hz: f64) -> Self {
+        let every = thinned(rate_hz);
+        let track = |sensor: DrawnSensor| {
+            let drawn: Vec<[f64; 4]> = (sensor.turns.iter().step_by(every))
+                .map(|turn| turn.map_or([f64::NAN; 4], |turn| [turn.w, turn.x, turn.y, turn.z]))
+                .collect();
+            SensorTrack {
+                name: sensor.name,
+                between: ends(sensor.segment),
+                turn: [0, 1, 2, 3].map(|k| Coded::of(drawn.iter().map(|turn| turn[k]), TURN)),
+            }
+        };
+        self.sensors = sensors.into_iter().map(track).collect();
+        self
+    }
+
     /// A person whose poses are thinned to as many a second as are drawn; the floor of the scene is at zero.
     #[must_use]
     pub fn of(scene: &Scene<'_>) -> Self {
-        // Rates of captures are a little off what they are meant to be: a frame takes 0.008333 s.
-        let every = (scene.rate_hz / MOST_HZ - 0.01).ceil().max(1.0) as usize;
+        let every = thinned(scene.rate_hz);
         let over_floor = |pose: &SegmentPose| {
             let root_m = pose.root_m - DVec3::Z * scene.floor_m;
             SegmentPose { root_m, ..pose.clone() }
@@ -167,6 +237,7 @@ impl PersonTrack {
             contacts: carries.is_some().then(|| Coded::of(contacts, 1.0)),
             centre: places(&centres_m, PLACE_M),
             support: carries.is_some().then_some(support),
+            sensors: Vec::new(),
             force: None,
         }
     }

@@ -3,7 +3,7 @@
 use super::ViewPage;
 use super::person::PersonTrack;
 use super::robot::RobotTrack;
-use super::tracks::{JointTracks, MarkerTracks, ViewSpan};
+use super::tracks::{JointTracks, MarkerTracks, PlateTracks, ViewSpan};
 use crate::error::Error;
 use crate::mocap::scene::{DrawnFeet, Scene};
 use serde::Serialize;
@@ -43,6 +43,9 @@ pub struct ViewScene {
     /// Points.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub markers: Option<MarkerTracks>,
+    /// Force plates.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub plates: Option<PlateTracks>,
     /// What took how long.
     pub spans: Vec<ViewSpan>,
 }

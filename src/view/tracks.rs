@@ -108,6 +108,28 @@ pub struct MarkerTrack {
     pub before: Option<[Coded; 3]>,
 }
 
+/// Force plates.
+#[derive(Clone, Debug, Serialize)]
+pub struct PlateTracks {
+    /// When they were looked at.
+    pub clock: SampleClock,
+    /// Each.
+    pub plates: Vec<PlateTrack>,
+}
+
+/// One force plate.
+#[derive(Clone, Debug, Serialize)]
+pub struct PlateTrack {
+    /// What it is called.
+    pub name: String,
+    /// Its corners, one after the other.
+    pub corners_m: [[f64; 3]; 4],
+    /// The force on whoever stands there, N.
+    pub force: [Coded; 3],
+    /// Where it acts; not a number while nobody presses.
+    pub at: [Coded; 3],
+}
+
 /// What a span of time is about: its colour, and how it is told.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]

@@ -1,6 +1,7 @@
 //! Pages of what a file holds: a capture, markers, a robot's recording.
 
 use super::{NamedLimits, drawable, joint_tracks, sampled};
+use crate::body::SegmentPose;
 use crate::bus::Miss;
 use crate::error::{Error, ErrorKind};
 use crate::job::clean_check::cut_off;
@@ -14,6 +15,7 @@ use crate::retarget::base::{self, BasePath, Held, StandingSole};
 use crate::robot::Robot;
 use crate::session::angles::WornMotion;
 use crate::view::ViewPage;
+use crate::view::person::DrawnSensor;
 use crate::view::robot::{RobotTrack, collisions, still};
 use crate::view::scene::ViewScene;
 use crate::view::tracks::{SpanKind, ViewSpan};
@@ -41,6 +43,35 @@ pub(in crate::job) struct Shown {
 /// A file that cannot be read, or shows none of these.
 pub fn page(path: &Path, options: &CaptureOptions) -> Result<String, Error> {
     shown(path, options)?.page.html()
+}
+
+/// The page of two captures in one room: both begin at the same moment, and each is where its file says.
+///
+/// # Errors
+/// As [`page`]; a file that shows no person.
+pub fn page_of_two(path: &Path, other: &Path, options: &CaptureOptions) -> Result<String, Error> {
+    let mut one = shown(path, options)?.page;
+    let two = shown(other, &CaptureOptions::default())?.page;
+    for (scene, path) in [(&one.scene, path), (&two.scene, other)] {
+        if scene.person.is_none() {
+            return Err(Error::new("there is nobody in it to be shown beside somebody")
+                .at(path.display().to_string())
+                .allowed(
+                    "two captures of a person each, or recordings of sensors that were worn",
+                ));
+        }
+    }
+    one.title = format!("{} and {}", one.title, two.title);
+    one.warnings.extend(two.warnings);
+    one.notes.extend(two.notes.iter().map(|note| format!("{}: {note}", two.title)));
+    one.summary_rows.extend(two.summary_rows.into_iter().map(|(_, of)| ("the other's".into(), of)));
+    one.scene.duration_s = one.scene.duration_s.max(two.scene.duration_s);
+    one.scene.other = two.scene.person;
+    one.scene.spans.extend(two.scene.spans.into_iter().map(|span| {
+        let row = format!("the other: {}", span.row);
+        ViewSpan { row, ..span }
+    }));
+    one.html()
 }
 
 /// What is drawn of a file.
@@ -89,13 +120,29 @@ fn began_ns(recording: &Recording) -> u64 {
 
 /// The person who wore the sensors of a recording that knows how they were worn.
 fn worn(path: &Path, notes: &mut Vec<String>) -> Result<Option<ViewScene>, Error> {
-    let Some((motion, series)) = source::recorded::worn(path, WORN_HZ)? else { return Ok(None) };
+    let Some((motion, series, kept)) = source::recorded::worn(path, WORN_HZ)? else {
+        return Ok(None);
+    };
     let not_worn = motion.not_worn();
     if !not_worn.is_empty() {
         notes.push(format!("not worn, and therefore at rest: {}", not_worn.join(", ")));
     }
     let WornMotion { body, poses, rate_hz, worn, .. } = &motion;
     let mut scene = super::body::in_poses(body, poses, *rate_hz, worn, false);
+    let sensors = kept.calibration.mounts.iter().zip(&kept.sensors).map(|(mount, name)| {
+        let segment_from_sensor = mount.sensor_from_segment.inverse();
+        let at = mount.segment.index();
+        let turn = |(pose, said): (&SegmentPose, &[bool; 13])| {
+            said[at].then(|| pose.orientation[at] * segment_from_sensor)
+        };
+        DrawnSensor {
+            name: name.clone(),
+            segment: mount.segment,
+            turns: poses.iter().zip(&motion.measured).map(turn).collect(),
+        }
+    });
+    let sensors: Vec<DrawnSensor> = sensors.collect();
+    scene.person = scene.person.map(|person| person.wearing(sensors, *rate_hz));
     let began = series.start.as_ref().map(|start| start.monotonic_start).unwrap_or_default();
     // Poses begin when all sensors have spoken.
     let late_s = (motion.start_ns as f64 - series.start_ns() as f64) * 1e-9;

@@ -35,7 +35,7 @@ const STATURE_M: f64 = 1.75;
 pub fn capture(path: &Path) -> Result<(Capture, Source), Error> {
     let place = path.display().to_string();
     let (format, capture) = match worn(path, RATE_HZ)? {
-        Some((motion, _)) => ("worn", wearer(motion)),
+        Some((motion, ..)) => ("worn", wearer(motion)),
         None => ("servos", of_robot(&recording::read(path)?).map_err(|error| error.at(place))?),
     };
     let (rate_hz, frames) = (capture.rate_hz, capture.poses.len());
@@ -49,19 +49,19 @@ pub fn capture(path: &Path) -> Result<(Capture, Source), Error> {
     Ok((capture, source))
 }
 
-/// The person who wore the sensors of a recording that knows how they were worn, in so many poses a second, and what the
-/// sensors said.
+/// The person who wore the sensors of a recording that knows how they were worn, in so many poses a second, what the
+/// sensors said, and how they sat.
 ///
 /// # Errors
 /// A file that cannot be read, or whose sensors cannot have been worn so.
-pub fn worn(path: &Path, rate_hz: f64) -> Result<Option<(WornMotion, SensorSeries)>, Error> {
+pub fn worn(path: &Path, rate_hz: f64) -> Result<Option<(WornMotion, SensorSeries, Kept)>, Error> {
     let metadata = recording::run_start(path)?.map(|start| start.metadata).unwrap_or_default();
     let Some(text) = metadata.get(BODY_KEY) else { return Ok(None) };
     let at_path = |error: Error| error.at(path.display().to_string());
     let kept = Kept::parse(text).map_err(at_path)?;
     let series = recording::sensor_series(path)?;
     let motion = WornMotion::of(&series, &kept, body_of(&metadata)?, rate_hz).map_err(at_path)?;
-    Ok(Some((motion, series)))
+    Ok(Some((motion, series, kept)))
 }
 
 fn wearer(motion: WornMotion) -> Capture {

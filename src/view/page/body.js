@@ -134,6 +134,7 @@ class Person {
     this.centres = data.centre.map(decoded);
     this.contacts = data.contacts && decoded(data.contacts);
     this.force = data.force && decoded(data.force);
+    this.sensors = (data.sensors || []).map(({ name, between, turn }) => ({ name, between, turn: turn.map(decoded) }));
     if (data.support) {
       const counts = decoded(data.support.counts);
       this.corners = [decoded(data.support.x), decoded(data.support.y)];
@@ -152,12 +153,36 @@ class Person {
     return this.centres.map(axis => mixed(axis, where));
   }
 
+  // Where a sensor is drawn, and how it is turned; null while it says nothing.
+  worn({ between: ends, turn }, places, t) {
+    const i = this.clock.at(t), q = turn.map(part => part[i]), length = Math.hypot(...q);
+    if (!(length > 0.5)) return null;
+    const [a, b] = ends.map(n => places[n]);
+    return { at: a.map((part, axis) => (part + b[axis]) / 2), turn: q.map(part => part / length) };
+  }
+
   // A tipped foot may touch with an edge alone, which is not told as a contact.
   support(t) {
     const i = this.clock.at(t), out = [];
     if (!this.corners || !this.contacts[i]) return out;
     for (let n = this.begins[i]; n < this.begins[i + 1]; n++) out.push([this.corners[0][n], this.corners[1][n]]);
     return out;
+  }
+}
+
+// So long an arrow is drawn for a force, m/N: a person's weight is about as long as a leg.
+const ARROW_M_N = 1 / 800;
+
+class Plates {
+  constructor(data) {
+    this.clock = clockOf(data.clock);
+    this.list = data.plates.map(({ name, corners_m, force, at }) => ({ name, corners: corners_m, force: force.map(decoded), at: at.map(decoded) }));
+  }
+
+  // From where to where the arrow of a plate goes; null while nobody presses.
+  arrow(plate, t) {
+    const i = this.clock.at(t), from = plate.at.map(axis => axis[i]), force = plate.force.map(axis => axis[i]);
+    return [...from, ...force].some(Number.isNaN) ? null : [from, plus(from, force.map(part => part * ARROW_M_N))];
   }
 }
 

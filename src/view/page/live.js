@@ -72,6 +72,7 @@ class LivePerson extends Person {
     this.clock = growing();
     this.points = data.points.map(() => [[], [], []]);
     this.centres = null;
+    this.sensors = [];
     this.aside = aside;
   }
 

@@ -20,6 +20,7 @@ const session = data.is_session ? new Session() : null;
 const hearing = data.hears ? new Hearing() : null;
 const ticking = isLive ? new LiveClock() : null;
 const markers = data.markers ? new Markers(data.markers) : null;
+const plates = data.plates ? new Plates(data.plates) : null;
 let duration = Math.max(data.duration_s, 1e-3);
 const view = { window: [0, duration], duration };
 const stepClock = ticking ? ticking.clock : joints ? joints.clock : person ? person.clock : markers ? markers.clock : null;
@@ -36,7 +37,7 @@ const isWrong = t => new Set(active(t).flatMap(span => span.links || []));
 let stage = null;
 const nothing = byId("nothing");
 if (robot || person || markers) {
-  try { stage = new Stage(canvas, { robot, persons, markers, isWrong }); } catch (error) {
+  try { stage = new Stage(canvas, { robot, persons, markers, plates, isWrong }); } catch (error) {
     nothing.textContent = `This browser draws nothing in space (${error.message}): signals and times are below.`;
   }
 } else { nothing.textContent = joints ? "Nothing is drawn in space: the robot's file does not say where its joints are." : ""; }
@@ -55,7 +56,7 @@ if (stage) {
 }
 
 // ---- what can be chosen ----
-const channels = channelsOf(data, joints, person, markers, isLive, angles), chosen = new Set(), plots = [];
+const channels = channelsOf(data, joints, person, markers, isLive, angles, plates), chosen = new Set(), plots = [];
 const quantities = [...new Set(channels.flatMap(channel => channel.plots.map(plot => plot.quantity)))];
 const wanted = new Set(joints || angles ? ["angle", "velocity", "force"] : quantities);
 const buttons = new Map();
@@ -135,7 +136,7 @@ function offer(quantity) {
 // What is read of a joint for the first time can be looked at from now on.
 function learn() {
   for (const { joint, plots: own } of channels) {
-    if (joint === null) continue;
+    if (joint === null || joint === undefined) continue;
     for (const { name, unit, clock, values } of joints.list[joint].others) {
       if (own.some(plot => plot.quantity === name)) continue;
       own.push({ quantity: name, unit, curves: [{ name, values, clock, scale: 1 }], least: 0.1 });
@@ -164,10 +165,11 @@ function buildChoice() {
     }
     place.append(box);
   };
-  const kind = joints ? ["joint", "joints"] : ["signal", "signals"], isOf = channel => channel.joint !== null;
+  const kind = joints ? ["joint", "joints"] : ["signal", "signals"], of = group => channel => channel.group === group;
   const moving = joints && !isLive ? [" that moves", " that move"] : ["", ""];
-  list(markers ? ["labelled marker", "labelled markers"] : kind, moving, channel => channel.moves && isOf(channel), true);
-  list(["angle of the person", "angles of the person"], ["", ""], channel => !isOf(channel), !joints);
+  list(markers ? ["labelled marker", "labelled markers"] : kind, moving, channel => channel.moves && !channel.group, true);
+  list(["angle of the person", "angles of the person"], ["", ""], of("angle"), !joints);
+  list(["force plate", "force plates"], ["", ""], of("plate"), true);
   const still = [" that never moves", " that never move"];
   if (markers) list(["point without a label", "points without a label"], ["", ""], channel => !channel.moves, false);
   else list(kind, still, channel => !channel.moves, false);
@@ -505,6 +507,8 @@ window.gaitway = {
   centre: t => (robot ? robot.centre(robot.places(t, "present")) : person ? person.centre(t) : null),
   markers: t => (markers ? markers.points.map(point => markers.place(point.at, t)) : []),
   person: t => (person ? person.places(t) : []),
+  sensors: t => (person ? person.sensors.map(sensor => ({ name: sensor.name, worn: person.worn(sensor, person.places(t), t) })) : []),
+  arrows: t => (plates ? plates.list.map(plate => plates.arrow(plate, t)) : []),
   persons: t => persons.map(one => (one.clock.count ? one.places(t) : [])),
   poses: () => editor && {
     table: editor.keys.table(), times: editor.keys.times(), at: editor.keys.at, angles: editor.keys.frames.map(frame => frame.angles),

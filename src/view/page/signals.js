@@ -4,7 +4,7 @@ const DEGREES = 180 / Math.PI;
 const LEFT = 58, RIGHT = 10, TOP = 8, BOTTOM = 20;
 
 // What can be looked at: a channel for each joint, marker or force, with its plots.
-function channelsOf(data, joints, person, markers, isLive, angles) {
+function channelsOf(data, joints, person, markers, isLive, angles, forces) {
   const channels = [];
   if (joints) {
     joints.list.forEach((joint, n) => {
@@ -37,8 +37,16 @@ function channelsOf(data, joints, person, markers, isLive, angles) {
       const curves = [{ name: "present", values: angle.present, clock: angles.clock, scale: DEGREES }];
       const slope = [{ name: "present", values: () => derived(angle.present, angles.clock, 1, 3), clock: angles.clock, scale: DEGREES }];
       const plots = [{ quantity: "angle", unit: "\u00b0", curves, least: 2 }, { quantity: "velocity", unit: "\u00b0/s", curves: slope, least: 5 }];
-      channels.push({ name: angle.name, joint: null, moves: true, plots });
+      channels.push({ name: angle.name, joint: null, group: "angle", moves: true, plots });
     });
+  }
+  if (forces) {
+    for (const plate of forces.list) {
+      const plots = ["force x", "force y", "force up"].map((quantity, k) => ({
+        quantity, unit: "N", curves: [{ name: "present", values: plate.force[k], clock: forces.clock, scale: 1 }], least: 20,
+      }));
+      channels.push({ name: plate.name, joint: null, group: "plate", moves: true, plots: plots.reverse() });
+    }
   }
   if (person && person.force) {
     const curves = [{ name: "present", values: person.force, clock: person.clock, scale: 1 }];

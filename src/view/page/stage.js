@@ -2,13 +2,13 @@
 
 const PARTS = {
   robot: "robot", goal: "goal", person: "person", markers: "markers", before: "before", mass: "centre of mass",
-  support: "support", contacts: "contacts", collisions: "touching links",
+  support: "support", contacts: "contacts", collisions: "touching links", forces: "force plates", sensors: "sensors",
 };
 
 class Stage {
-  constructor(canvas, { robot, persons, markers, isWrong }) {
+  constructor(canvas, { robot, persons, markers, plates, isWrong }) {
     const person = persons[0] || null;
-    Object.assign(this, { canvas, robot, person, persons, markers, isWrong });
+    Object.assign(this, { canvas, robot, person, persons, markers, plates, isWrong });
     this.turn = robot && person ? -0.3 : -0.8; this.tilt = 0.2; this.zoom = 1; this.follows = true; this.chosen = new Set();
     this.shown = {};
     this.gl = new THREE.WebGLRenderer({ canvas, antialias: true });
@@ -23,7 +23,7 @@ class Stage {
     this.material = colour => new THREE.MeshLambertMaterial({ color: colour });
     this.ink = {
       robot: this.material(0), chosen: this.material(0), wrong: this.material(0), mass: this.material(0),
-      marker: this.material(0), bare: this.material(0), mended: this.material(0), contact: this.material(0),
+      marker: this.material(0), bare: this.material(0), mended: this.material(0), contact: this.material(0), force: this.material(0), axes: [0xd0342c, 0x2e8b57, 0x2f6fd6].map(colour => this.material(colour)),
       goal: new THREE.MeshLambertMaterial({ transparent: true, opacity: 0.28, depthWrite: false }),
       before: new THREE.MeshLambertMaterial({ transparent: true, opacity: 0.35, depthWrite: false }),
       support: new THREE.MeshBasicMaterial({ transparent: true, opacity: 0.35, side: THREE.DoubleSide, depthWrite: false }),
@@ -36,6 +36,7 @@ class Stage {
     if (robot) this.addRobot();
     this.figures = persons.map((one, n) => this.addPerson(one, n));
     if (markers) this.addMarkers();
+    this.arrows = plates ? plates.list.map(plate => this.addPlate(plate)) : [];
     this.balls = Array.from({ length: 16 }, () => this.ball(this.ink.contact, this.scale * 0.018));
     this.centres = [0, 1, 2].map(() => this.addCentre());
     this.supports = [0, 1, 2].map(() => this.addSupport());
@@ -49,6 +50,8 @@ class Stage {
       case "collisions": return !!robot && robot.links.some(link => link.shapes.length);
       case "goal": return !!robot && robot.joints.list.some(joint => joint.goal && joint.present);
       case "person": return !!person;
+      case "sensors": return this.persons.some(one => one.sensors.length);
+      case "forces": return !!this.plates;
       case "markers": return !!markers;
       case "before": return !!markers && markers.points.some(point => point.before);
       case "mass": return !!(person && person.centres) || !!(robot && robot.mass > 0);
@@ -171,7 +174,9 @@ class Stage {
   addPerson(person, number) {
     const rods = person.lines.map((lines, side) => lines.map(() => this.rod(this.ink.sides[side], 0.015)));
     const knots = person.points.map(() => this.ball(this.ink.sides[0], 1));
-    return { person, number, rods, knots, headBall: this.ball(this.ink.sides[0], 1) };
+    // Axes of a sensor: X red, Y green, Z blue, as everybody draws them.
+    const axes = person.sensors.map(() => this.ink.axes.map(ink => this.rod(ink, 0.006)));
+    return { person, number, rods, knots, axes, headBall: this.ball(this.ink.sides[0], 1) };
   }
 
   addMarkers() {
@@ -187,6 +192,14 @@ class Stage {
     this.trails = new THREE.LineSegments(lines, this.ink.line);
     this.trails.frustumCulled = false;
     this.scene.add(this.trails);
+  }
+
+  addPlate({ corners }) {
+    const shape = new THREE.BufferGeometry(), [a, b, c, d] = corners;
+    shape.setAttribute("position", new THREE.BufferAttribute(new Float32Array([a, b, b, c, c, d, d, a].flat()), 3));
+    const edge = new THREE.LineSegments(shape, this.ink.line);
+    this.scene.add(edge);
+    return { edge, rod: this.rod(this.ink.force, 0.01), tip: this.ball(this.ink.force, 0.018 * this.scale) };
   }
 
   addCentre() {
@@ -212,7 +225,7 @@ class Stage {
     const colour = name => new THREE.Color(style.getPropertyValue(`--${name}`).trim());
     this.scene.background = colour("sky");
     const names = { robot: "robot", chosen: "chosen", wrong: "wrong", mass: "mass", marker: "marker", bare: "faint",
-      mended: "mended", contact: "good", goal: "goal", before: "wrong", support: "good", line: "faint", light: "floor-a", dark: "floor-b" };
+      mended: "mended", contact: "good", force: "chosen", goal: "goal", before: "wrong", support: "good", line: "faint", light: "floor-a", dark: "floor-b" };
     for (const [part, name] of Object.entries(names)) this.ink[part].color.copy(colour(name));
     ["middle", "left", "right"].forEach((side, n) => this.ink.sides[n].color.copy(colour(side)));
   }
@@ -273,6 +286,14 @@ class Stage {
       const at = this.putMarkers(t);
       if (!robot && !person && at) focus = [at[0], at[1], this.scale / 2];
     }
+    this.arrows.forEach(({ edge, rod, tip }, n) => {
+      const visible = this.isShown("forces"), arrow = this.plates.arrow(this.plates.list[n], t);
+      edge.visible = visible;
+      tip.visible = rod.visible = visible && !!arrow;
+      if (!rod.visible) return;
+      this.lay(rod, ...arrow, this.scale);
+      tip.position.set(...arrow[1]);
+    });
     if (this.follows || !this.target) this.target = focus;
   }
 
@@ -306,7 +327,7 @@ class Stage {
     mesh.geometry.attributes.position.needsUpdate = true;
   }
 
-  putPerson({ person, number, rods, knots, headBall }, t, base) {
+  putPerson({ person, number, rods, knots, axes, headBall }, t, base) {
     const visible = this.isShown("person");
     if (!person.clock.count) {
       for (const part of [...rods.flat(), ...knots, headBall]) part.visible = false;
@@ -333,6 +354,15 @@ class Stage {
     headBall.visible = visible;
     headBall.position.set(...neck.map((part, axis) => part + 0.6 * (top[axis] - part)));
     headBall.scale.setScalar(0.4 * Math.hypot(...top.map((part, axis) => part - neck[axis])) || 0.01);
+    person.sensors.forEach((sensor, n) => {
+      const worn = visible && this.isShown("sensors") ? person.worn(sensor, places, t) : null;
+      axes[n].forEach((rod, k) => {
+        rod.visible = false;
+        const tip = [0, 0, 0];
+        tip[k] = 0.055 * scale;
+        if (worn) this.lay(rod, worn.at, plus(worn.at, turned(worn.turn, tip)), scale);
+      });
+    });
     this.mass(1 + number, visible ? centre : null);
     this.area(1 + number, visible ? corners : []);
     const stands = person.contacts ? person.contacts[person.clock.at(t)] : 0;
