@@ -1,12 +1,16 @@
 //! A virtual OP3 with weight that feels how its base tilts, and answers, or is told that it cannot.
 
+mod aloud;
+mod captured;
 mod program;
+mod python;
 
+use aloud::aloud;
 use program::{folder, gaitway, words};
 use serde_json::Value;
 use std::fs;
 use std::path::Path;
-use std::process::Output;
+use std::process::{Command, Output};
 
 fn play(arguments: &[&str]) -> (Output, Value) {
     let output = gaitway()
@@ -145,4 +149,63 @@ fn faults_befall_only_a_robot_of_this_process_and_a_script_sets_nothing_else() {
         .output()
         .expect("it runs");
     assert_eq!(output.status.code(), Some(1));
+}
+
+/// Who fell, when, of the runs of the part `check` of `tests/balance/measure.py`: what befell the walk, and whether it balanced.
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+fn judged_by_mujoco() -> Option<Vec<(String, bool, Option<f64>)>> {
+    let model = captured::captured("robots")?.join("robotis_op3/robotis_op3_lite.xml");
+    let python = match python::python() {
+        Ok(python) => python,
+        Err(cause) => {
+            aloud!("SKIPPED: nothing was judged: {cause}");
+            return None;
+        }
+    };
+    if Command::new("cc").arg("--version").output().is_err() {
+        aloud!("SKIPPED: nothing was judged: no cc, which makes tests/balance/clock.c");
+        return None;
+    }
+    let results = folder("balance-in-mujoco").join("results.jsonl");
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/balance/measure.py");
+    let run = Command::new(&python.program)
+        .env("XDG_CONFIG_HOME", Path::new(env!("CARGO_TARGET_TMPDIR")).join("nobody"))
+        .arg(script)
+        .arg(program::PATH)
+        .args([&model, &results])
+        .arg("check")
+        .output()
+        .expect("Python");
+    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+    let text = fs::read_to_string(&results).expect("results");
+    let rows = text.lines().map(|line| {
+        let row: Value = serde_json::from_str(line).expect("JSON");
+        assert!(row["failed"].is_null(), "{row}");
+        assert_eq!(row["damaged"], 0, "packets that another codec found damaged: {row}");
+        let job = &row["job"];
+        let what = format!("{} {} {}", job[4].as_str()?, job[5].as_str()?, job[6]);
+        Some((what, job[3].as_bool()?, row["fell_s"].as_f64()))
+    });
+    Some(rows.map(|row| row.expect("a job")).collect())
+}
+
+/// The program as it is, on a serial line behind which a physics engine of others moves the robot, by servos and a codec that are
+/// not ours. Time stands while anybody computes: however busy the machine is, these runs are the same.
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+#[test]
+fn in_mujoco_too_a_walk_on_a_slope_falls_aside_unless_it_balances() {
+    let Some(rows) = judged_by_mujoco() else { return };
+    let fell_s = |what: &str, balances: bool| {
+        let found = rows.iter().find(|row| row.0 == what && row.1 == balances);
+        found.unwrap_or_else(|| panic!("no {what}: {rows:?}")).2
+    };
+    for what in ["nothing  0", "slope left 2", "slope right 2"] {
+        assert_eq!((fell_s(what, false), fell_s(what, true)), (None, None), "{what}");
+    }
+    for what in ["slope left 6", "slope right 6"] {
+        assert!(fell_s(what, false).is_some(), "{what}, without: {rows:?}");
+        assert_eq!(fell_s(what, true), None, "{what}, with");
+    }
+    // The judge can see a fall of who balances.
+    assert!(fell_s("slope left 14", true).is_some(), "{rows:?}");
 }
