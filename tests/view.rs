@@ -147,6 +147,42 @@ fn every_page_opens_from_a_file_plays_and_says_nothing_into_the_console() {
 }
 
 #[test]
+fn a_motion_that_was_stopped_has_the_moment_on_its_time_line_from_which_it_brakes() {
+    let folder = program::folder("brakes");
+    let [script, html] = ["mute.toml", "stopped.html"].map(|name| path(&folder, name));
+    let mute = "[[fault]]\nkind = 'mute'\njoint = 'head_pan'\nfrom_s = 4\n";
+    std::fs::write(&script, mute).expect("a script");
+    let done = program::gaitway()
+        .args(["play", "walk", "--hang", "--robot", "op3", "--bus", "sim", "--json"])
+        .args(["--faults", &script, "--html", &html])
+        .output()
+        .expect("it runs");
+    let report = program::json(&done);
+    assert_eq!(report["outcome"], "stopped", "{report:#}");
+    let found_s = report["stop"]["cycle"].as_f64().expect("a cycle")
+        / report["cycle_hz"].as_f64().expect("a rate");
+    let data = page::data(&std::fs::read_to_string(&html).expect("a page"));
+    let parts: Vec<(&str, f64, f64)> = data["spans"]
+        .as_array()
+        .expect("spans")
+        .iter()
+        .filter(|span| span["row"] == "part")
+        .map(|span| {
+            let time = |key: &str| span[key].as_f64().expect("a time");
+            (span["label"].as_str().expect("a label"), time("start_s"), time("end_s"))
+        })
+        .collect();
+    let [(approach, ..), (motion, _, left_s), (brakes, from_s, end_s)] = parts[..] else {
+        panic!("{parts:?}")
+    };
+    assert_eq!((approach, motion, brakes), ("approach", "motion", "brakes"));
+    assert_eq!(left_s, from_s);
+    assert!((from_s - found_s).abs() < 0.02, "found at {found_s} s, brakes from {from_s} s");
+    // It comes to rest, and the page ends there.
+    assert!(end_s > from_s + 0.05 && end_s == data["duration_s"].as_f64().expect("a time"));
+}
+
+#[test]
 fn two_captures_are_drawn_in_one_room_each_as_in_a_page_of_its_own() {
     let Some(mut browser) = browser("both") else { return };
     let folder = program::folder("both");

@@ -170,6 +170,8 @@ class Person {
   }
 }
 
+// Less is noise of most plates, N: gait laboratories usually begin there.
+const LEAST_FORCE_N = 20;
 // So long an arrow is drawn for a force, m/N: a person's weight is about as long as a leg.
 const ARROW_M_N = 1 / 800;
 
@@ -182,7 +184,8 @@ class Plates {
   // From where to where the arrow of a plate goes; null while nobody presses.
   arrow(plate, t) {
     const i = this.clock.at(t), from = plate.at.map(axis => axis[i]), force = plate.force.map(axis => axis[i]);
-    return [...from, ...force].some(Number.isNaN) ? null : [from, plus(from, force.map(part => part * ARROW_M_N))];
+    if (!(Math.hypot(...force) >= LEAST_FORCE_N)) return null;
+    return from.some(Number.isNaN) ? null : [from, plus(from, force.map(part => part * ARROW_M_N))];
   }
 }
 
