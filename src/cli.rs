@@ -13,6 +13,7 @@ pub mod fit;
 pub mod follow;
 pub mod hold;
 pub mod inserts;
+mod keys;
 pub mod limp;
 pub mod live;
 pub mod manual;

@@ -367,6 +367,7 @@ mod tests {
                     position_rad: vec![position, -position],
                     velocity_rad_s: vec![velocity, velocity],
                     age_s,
+                    careful: Vec::new(),
                 };
                 follower.advance(dt.as_secs_f64(), Some(&target), &mut setpoints);
                 let goals = setpoints.map(|setpoint| setpoint.position_rad);

@@ -7,6 +7,7 @@ mod can_line;
 mod connect;
 mod identify;
 mod own_profiles;
+mod same_device;
 mod serial_line;
 mod virtual_robot;
 mod wire;
@@ -22,5 +23,6 @@ pub use identify::{
     dialect_of, identify, is_likely, profile_of, protocol_name,
 };
 pub use own_profiles::own_profiles;
+pub use same_device::SameDevice;
 pub use serial_line::{OpenLine, USUAL_BAUD_BPS, open_bus};
 pub use wire::open_stream;

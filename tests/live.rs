@@ -337,6 +337,7 @@ fn without_input_the_robot_stands_and_a_stop_ends_at_rest_within_the_joints_limi
             position_rad: start.clone(),
             velocity_rad_s: vec![0.0; start.len()],
             age_s: 0.0,
+            careful: Vec::new(),
         };
         target.position_rad[0] += position_rad;
         target.velocity_rad_s[0] = velocity_rad_s;

@@ -271,9 +271,17 @@ fn take_up_what_was_kept(folder: &Path) {
     assert_eq!(report["outcome"], "refused");
     let reason = report["stop_reason"].as_str().expect("a reason");
     assert!(reason.contains("not in the calibration") && reason.contains("--recalibrate"));
-    let (report, said) =
-        again("--recalibrate --wear right_forearm=left_forearm left_forearm=right_forearm");
+    // Whose sensors are swapped is named, and followed only if that is insisted on.
+    let before = std::fs::read(folder.join("again.toml")).expect("kept");
+    let swapped = "--recalibrate --wear right_forearm=left_forearm left_forearm=right_forearm";
+    let (report, said) = again(swapped);
     assert!(said.contains("forearm") && said.contains("swapped"), "{said}\n{report}");
+    assert_eq!((&report["outcome"], &report["cycles"]), (&"refused".into(), &0.into()));
+    let reason = report["stop_reason"].as_str().unwrap_or_default();
+    assert!(reason.contains("swapped") && reason.contains("--despite-swaps"), "{reason}");
+    assert_eq!(std::fs::read(folder.join("again.toml")).expect("kept"), before);
+    let (report, _) = again(&format!("{swapped} --despite-swaps"));
+    assert_eq!(report["outcome"], "done", "{report}");
     // A torso whose sensor was strapped on anyhow: only a movement tells its heading.
     let torso = "[segments]\ntorso = { sensor = \"torso\", forward = \"none\" }\n";
     std::fs::write(folder.join("torso.toml"), torso).expect("written");
@@ -518,6 +526,64 @@ fn a_sensor_that_is_pulled_out_brings_the_robot_to_rest_and_is_named() {
     for joint in report["joints"].as_array().expect("joints") {
         assert_eq!(joint["end_velocity_rad_s"], 0.0);
     }
+}
+
+/// A sensor of a body that stands, behind a terminal that is called `link`.
+fn plugged(link: &Path) -> ImuDoor {
+    let motion = BodyMotion::still(600.0).expect("a motion");
+    let errors = ImuErrors { rate_noise_rad_s: 0.001, seed: 7, ..ImuErrors::default() };
+    let imu = VirtualImu::new(motion, Mount::default(), errors, ImuWire::Csv, 100.0);
+    let door = ImuDoor::open_on(&Stage::default(), imu.expect("a sensor"), 115_200, Some(link));
+    door.expect("a door")
+}
+
+#[test]
+fn an_arm_that_is_pulled_out_rests_is_plugged_in_mended_and_agreed_to_and_the_trunk_ends_it() {
+    let _alone = alone();
+    let folder = crate::program::folder("live-plugged");
+    let mut doors = standing(&[("left_upper_arm", 600.0), ("torso", 600.0)]);
+    let link = folder.join("forearm");
+    let forearm = plugged(&link);
+    let source = format!("left_forearm=imu:arduino-csv@{}", link.display());
+    doors.insert(0, (source, forearm));
+    let (mut keys, stdin) = terminal();
+    let mut command = gaitway(&folder);
+    command.stdin(stdin);
+    let arguments = format!("{ROBOT} --keep-going --record kept.mcap");
+    let mut live = Following::start(command, &doors, &arguments);
+    live.until("following");
+    drop(doors.remove(0));
+    live.until("the left arm goes to rest");
+    keys.write_all(b"g\n").expect("typed");
+    live.until("still rests: not all its sensors speak");
+    let _forearm = plugged(&link);
+    live.until("left_forearm is back after");
+    live.until("all sensors of the left arm speak again");
+    keys.write_all(b"g\n").expect("typed");
+    live.until("still rests: first stand in N pose");
+    keys.write_all(b"r\n").expect("typed");
+    live.until("the left arm can be followed again");
+    keys.write_all(b"g\n").expect("typed");
+    live.until("the left arm is followed again");
+    doors.pop();
+    let (report, code) = live.end();
+    assert_eq!((&report["outcome"], code), (&"stopped".into(), Some(4)), "{report}");
+    let reason = report["stop_reason"].as_str().expect("a reason");
+    assert!(reason.contains("torso is gone"), "{reason}");
+    for joint in report["joints"].as_array().expect("joints") {
+        assert_eq!(joint["end_velocity_rad_s"], 0.0);
+    }
+    let of = |list: &Value, key: &str, name: &str| -> Value {
+        let list = list.as_array().expect("a list");
+        list.iter().find(|of| of[key] == name).expect("it").clone()
+    };
+    let mount = of(&report["body"]["sensors"], "segment", "left_forearm");
+    assert_eq!((&mount["lost"], mount["lost_s"].as_f64() > Some(0.1)), (&1.into(), true));
+    assert_eq!(of(&report["sensors"], "name", "left_forearm")["gone"], 1);
+    let marks = recording::sensor_series(&folder.join("kept.mcap")).expect("recorded").markers;
+    let marks: Vec<&str> = marks.iter().map(|mark| mark.text.as_str()).collect();
+    assert_eq!(marks.len(), 6, "{marks:#?}");
+    assert!(marks[0].contains("goes to rest") && marks[5].contains("followed again"), "{marks:?}");
 }
 
 #[test]

@@ -290,6 +290,36 @@ fn samples_are_in_the_file_though_the_disk_takes_its_time_to_synchronise() {
     assert_eq!(samples, 300);
 }
 
+/// A disk that takes one piece at a time, when it is allowed to: after nobody waits any more it is given one piece, and no other.
+#[test]
+fn who_ends_a_recording_does_not_wait_for_all_that_a_slow_disk_has_not_taken_and_it_is_counted() {
+    let (allow, gate) = channel();
+    let disk = MemoryDisk::default();
+    // The beginning of the file is taken at once.
+    let slow = GatedDisk::new(disk.clone(), gate, 1, Stands::Appends);
+    let each = Pace { chunk: Duration::ZERO, sync: Duration::from_secs(1) };
+    let recorder = recorder(slow, each);
+    let imu = recorder.add_source(source("left", SourceKind::Imu));
+    const GIVEN: u64 = 100;
+    (0..GIVEN).for_each(|number| recorder.take_record(imu, sample(number, 0)));
+    let summary = std::thread::scope(|scope| {
+        scope.spawn(|| {
+            // So that it has been asked to end by then.
+            std::thread::sleep(Duration::from_secs(2));
+            (0..GIVEN + 10).for_each(|_| allow.send(()).expect("a disk"));
+        });
+        recorder.finish_within(end(GIVEN), Duration::ZERO)
+    });
+    assert!(disk.lengths().len() <= 2, "{:?}", disk.lengths());
+    assert!(summary.poisoned.as_ref().is_some_and(|why| why.contains("too slow")), "{summary:?}");
+    // Two messages of each sample, and the end of the run.
+    assert_eq!(summary.messages + summary.lost, 1 + 2 * GIVEN + 1, "{summary:?}");
+    assert!(summary.lost >= 2 * GIVEN - 2, "{summary:?}");
+    // What there is can be read.
+    let series = sensor_series(&file("slow.mcap", &disk.bytes())).expect("a recording");
+    assert!(!series.whole);
+}
+
 #[test]
 fn a_disk_that_stands_still_holds_up_no_sensor_and_what_is_dropped_is_counted_by_topic() {
     let (gate, closed) = channel();

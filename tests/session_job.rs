@@ -7,8 +7,8 @@ use gaitway::body::anthropometry::{Measure, Subject};
 use gaitway::error::Error;
 use gaitway::job::report::Outcome;
 use gaitway::job::session::{
-    Answered, Doubt, During, Happening, Judged, Mark, MeasureAnswer, Mend, Operator, Ready,
-    Repetitions, SessionOrder, SessionReport, SessionState, Stopped, Unsteady, Wish, Words, open,
+    Answered, Doubt, During, Happening, Instead, Judged, Mark, MeasureAnswer, Mend, Operator,
+    Ready, Repetitions, SessionOrder, SessionReport, SessionState, Unsteady, Wish, Words, open,
 };
 use gaitway::recording::sensor_series;
 use gaitway::sensing::{Answer, Cue, Person, Question};
@@ -196,6 +196,7 @@ impl Operator for Leader {
                 _ => return Ok("s01".to_owned()),
             },
             Words::SecondSubject => panic!("there is one"),
+            Words::Changed { .. } => panic!("nothing is changed"),
             Words::Gender => ("gender", ""),
             Words::SubjectRemarks => ("injuries", "none"),
             Words::WhyAccepted => ("why", "the machine is busy"),
@@ -264,7 +265,7 @@ impl Operator for Leader {
 
     fn wish(&self, _trial: &str) -> Answered<Wish> {
         self.note(Entry::Asked("wish"));
-        if self.leaves { Err(Stopped) } else { Ok(Wish::Record) }
+        if self.leaves { Err(Instead::Stop) } else { Ok(Wish::Record) }
     }
 
     fn during_trial(&self, within: Duration) -> Answered<During> {
@@ -300,6 +301,7 @@ fn order(folder: &Path, source: Option<&str>, plan: Option<Plan>) -> SessionOrde
         wear: Vec::new(),
         plan,
         magnetometer: false,
+        known: Vec::new(),
     }
 }
 

@@ -6,7 +6,8 @@
 //! centimetres from being taken for metres.
 
 use crate::body::Proportions;
-use crate::error::{Error, counted};
+use crate::error::{Error, ErrorKind, counted};
+use crate::toml_text::{from_toml, plain_words};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
@@ -153,6 +154,53 @@ impl Measure {
         matches!(self, Self::Stature)
     }
 
+    /// What it and its like on the other side are called, and which part of the stature is usual: legs as people's are, the others
+    /// from half to twice what the usual marker set's widths are of a person of 1.7 m (100 mm at the knee, 70 at the ankle,
+    /// 80 at the elbow, 60 at the wrist, 40 at the shoulder, 25 at the hand).
+    const fn share(self) -> Option<(&'static str, RangeInclusive<f64>)> {
+        Some(match self {
+            Self::Age | Self::Stature | Self::Mass => return None,
+            Self::LeftLegLength | Self::RightLegLength => ("legs", 0.40..=0.65),
+            Self::LeftKneeWidth | Self::RightKneeWidth => ("knees", 0.03..=0.12),
+            Self::LeftAnkleWidth | Self::RightAnkleWidth => ("ankles", 0.02..=0.085),
+            Self::LeftElbowWidth | Self::RightElbowWidth => ("elbows", 0.023..=0.095),
+            Self::LeftWristWidth | Self::RightWristWidth => ("wrists", 0.017..=0.07),
+            Self::LeftShoulderOffset | Self::RightShoulderOffset => {
+                ("shoulder offsets", 0.01..=0.05)
+            }
+            Self::LeftHandThickness | Self::RightHandThickness => ("hands", 0.007..=0.03),
+        })
+    }
+
+    /// The same on the other side, and which side that is.
+    const fn twin(self) -> Option<(Self, &'static str)> {
+        const LEFT: &str = "left";
+        const RIGHT: &str = "right";
+        Some(match self {
+            Self::Age | Self::Stature | Self::Mass => return None,
+            Self::LeftLegLength => (Self::RightLegLength, RIGHT),
+            Self::RightLegLength => (Self::LeftLegLength, LEFT),
+            Self::LeftKneeWidth => (Self::RightKneeWidth, RIGHT),
+            Self::RightKneeWidth => (Self::LeftKneeWidth, LEFT),
+            Self::LeftAnkleWidth => (Self::RightAnkleWidth, RIGHT),
+            Self::RightAnkleWidth => (Self::LeftAnkleWidth, LEFT),
+            Self::LeftElbowWidth => (Self::RightElbowWidth, RIGHT),
+            Self::RightElbowWidth => (Self::LeftElbowWidth, LEFT),
+            Self::LeftWristWidth => (Self::RightWristWidth, RIGHT),
+            Self::RightWristWidth => (Self::LeftWristWidth, LEFT),
+            Self::LeftShoulderOffset => (Self::RightShoulderOffset, RIGHT),
+            Self::RightShoulderOffset => (Self::LeftShoulderOffset, LEFT),
+            Self::LeftHandThickness => (Self::RightHandThickness, RIGHT),
+            Self::RightHandThickness => (Self::LeftHandThickness, LEFT),
+        })
+    }
+
+    /// A value with its unit, as it is said.
+    #[must_use]
+    pub fn said(self, value: f64) -> String {
+        format!("{value} {}", self.unit())
+    }
+
     const fn units(self) -> Units {
         match self {
             Self::Age => YEARS,
@@ -218,6 +266,21 @@ pub fn check_id(id: &str) -> Result<(), Error> {
 }
 
 impl Subject {
+    /// Reads the file of a subject.
+    ///
+    /// # Errors
+    /// What is not one, and says where.
+    pub fn parse(text: &str, file: &str) -> Result<Self, Error> {
+        let subject: Self = from_toml(text).map_err(|e| {
+            let line = e.span().map_or(1, |span| 1 + text[..span.start].matches('\n').count());
+            Error::of(ErrorKind::Malformed, "not the file of a subject")
+                .at(format!("{file}, line {line}"))
+                .got(plain_words(e.message()).replace('\n', "; "))
+        })?;
+        subject.check().map_err(|e| e.at(file))?;
+        Ok(subject)
+    }
+
     /// A measure, in its unit.
     #[must_use]
     pub fn measure(&self, measure: Measure) -> Option<f64> {
@@ -241,35 +304,24 @@ impl Subject {
     /// What makes a measure doubtful beside the others, if anything does: each is plausible alone.
     #[must_use]
     pub fn doubt(&self, measure: Measure) -> Option<String> {
-        let value = self.measure(measure)?;
-        let twin = |other: Measure| self.measure(other);
         use Measure as M;
+        let value = self.measure(measure)?;
         match measure {
-            M::Stature => of_age(value, self.measure(M::Age)?),
-            M::Mass => {
-                let stature_m = self.measure(M::Stature)?;
-                let index = value / (stature_m * stature_m);
-                (!(BODY_MASS_INDEX.contains(&index))).then(|| {
-                    format!(
-                        "somebody of {stature_m} m would have {index:.0} kg/m², {} to {} are usual",
-                        BODY_MASS_INDEX.start(),
-                        BODY_MASS_INDEX.end()
-                    )
-                })
+            M::Age => of_age(self.measure(M::Stature)?, value),
+            M::Stature => {
+                let of_age = self.measure(M::Age).and_then(|years| of_age(value, years));
+                let of_mass = || self.measure(M::Mass).and_then(|mass_kg| of_mass(mass_kg, value));
+                let others = M::ALL.into_iter().filter(|other| other.share().is_some());
+                let of_others =
+                    || others.filter_map(|other| of_stature(other, self.measure(other)?, value));
+                of_age.or_else(of_mass).or_else(|| of_others().next())
             }
-            M::LeftLegLength | M::RightLegLength => {
-                let share = value / self.measure(M::Stature)?;
-                (!(0.40..=0.65).contains(&share)).then(|| {
-                    format!("legs are 40 to 65 % of the stature, this is {:.0} %", share * 100.0)
-                })
+            M::Mass => of_mass(value, self.measure(M::Stature)?),
+            other => {
+                let twin =
+                    other.twin().and_then(|(twin, side)| uneven(value, side, self.measure(twin)?));
+                twin.or_else(|| of_stature(other, value, self.measure(M::Stature)?))
             }
-            M::RightKneeWidth => uneven(value, twin(M::LeftKneeWidth)),
-            M::RightAnkleWidth => uneven(value, twin(M::LeftAnkleWidth)),
-            M::RightElbowWidth => uneven(value, twin(M::LeftElbowWidth)),
-            M::RightWristWidth => uneven(value, twin(M::LeftWristWidth)),
-            M::RightShoulderOffset => uneven(value, twin(M::LeftShoulderOffset)),
-            M::RightHandThickness => uneven(value, twin(M::LeftHandThickness)),
-            _ => None,
         }
     }
 
@@ -318,11 +370,39 @@ fn of_age(stature_m: f64, years: f64) -> Option<String> {
     }
 }
 
+fn of_mass(mass_kg: f64, stature_m: f64) -> Option<String> {
+    let index = mass_kg / (stature_m * stature_m);
+    (!(BODY_MASS_INDEX.contains(&index))).then(|| {
+        format!(
+            "somebody of {stature_m} m and {mass_kg} kg would have {index:.0} kg/m², {} to {} are usual",
+            BODY_MASS_INDEX.start(),
+            BODY_MASS_INDEX.end()
+        )
+    })
+}
+
+/// A length beside the stature.
+fn of_stature(measure: Measure, value_m: f64, stature_m: f64) -> Option<String> {
+    let (what, usual) = measure.share()?;
+    let share = value_m / stature_m;
+    let percent = |share: f64| match share >= 0.1 {
+        true => format!("{:.0}", share * 100.0),
+        false => format!("{:.1}", share * 100.0),
+    };
+    (!usual.contains(&share)).then(|| {
+        format!(
+            "{what} are {} to {} % of the stature, {value_m} m is {} %",
+            percent(*usual.start()),
+            percent(*usual.end()),
+            percent(share)
+        )
+    })
+}
+
 /// Two sides of a person differ by less than half.
-fn uneven(right: f64, left: Option<f64>) -> Option<String> {
-    let left = left?;
-    let ratio = right / left;
-    (!(0.67..=1.5).contains(&ratio)).then(|| format!("the left one is {left} m"))
+fn uneven(value_m: f64, other_side: &str, other_m: f64) -> Option<String> {
+    let ratio = value_m / other_m;
+    (!(0.67..=1.5).contains(&ratio)).then(|| format!("the {other_side} one is {other_m} m"))
 }
 
 #[cfg(test)]
@@ -361,7 +441,70 @@ mod tests {
         assert!(subject.check().is_err());
         subject.measures.insert(Measure::LeftKneeWidth, 0.06);
         subject.measures.insert(Measure::RightKneeWidth, 0.11);
-        assert!(subject.doubt(Measure::RightKneeWidth).is_some());
+        for knee in [Measure::RightKneeWidth, Measure::LeftKneeWidth] {
+            assert!(subject.doubt(knee).is_some_and(|why| why.contains("one is 0.")), "{knee:?}");
+        }
+    }
+
+    /// Whatever is answered last is asked about, also when something before it is changed.
+    #[test]
+    fn every_measure_is_held_against_those_that_are_known() {
+        let usual = [
+            (Measure::Age, 30.0),
+            (Measure::Stature, 1.7),
+            (Measure::Mass, 65.0),
+            (Measure::LeftLegLength, 0.88),
+            (Measure::LeftKneeWidth, 0.10),
+            (Measure::LeftAnkleWidth, 0.07),
+            (Measure::LeftElbowWidth, 0.08),
+            (Measure::LeftWristWidth, 0.06),
+            (Measure::LeftShoulderOffset, 0.04),
+            (Measure::LeftHandThickness, 0.025),
+        ];
+        let subject = Subject { id: "s01".into(), measures: usual.into(), ..Subject::default() };
+        let with = |measure: Measure, value: f64| {
+            let mut subject = subject.clone();
+            subject.measures.insert(measure, value);
+            subject.doubt(measure).is_some()
+        };
+        assert!(usual.iter().all(|(measure, value)| !with(*measure, *value)));
+        for (measure, doubtful) in [
+            (Measure::Age, 5.0),
+            (Measure::Stature, 0.91),
+            (Measure::Stature, 2.45),
+            (Measure::Mass, 200.0),
+            (Measure::LeftLegLength, 0.6),
+            (Measure::RightLegLength, 0.58),
+            (Measure::LeftKneeWidth, 0.042),
+            (Measure::RightKneeWidth, 0.19),
+            (Measure::LeftAnkleWidth, 0.033),
+            (Measure::RightAnkleWidth, 0.045),
+            (Measure::LeftElbowWidth, 0.031),
+            (Measure::RightElbowWidth, 0.14),
+            (Measure::LeftWristWidth, 0.025),
+            (Measure::RightWristWidth, 0.095),
+            (Measure::LeftShoulderOffset, 0.012),
+            (Measure::RightShoulderOffset, 0.11),
+            (Measure::LeftHandThickness, 0.0105),
+            (Measure::RightHandThickness, 0.06),
+        ] {
+            assert!(with(measure, doubtful), "{measure:?} {doubtful}");
+        }
+    }
+
+    #[test]
+    fn the_file_of_a_subject_is_read_again_and_what_is_none_is_refused_with_its_line() {
+        let text = "id = \"s01\"\n\n[measures]\nage_years = 31.0\nstature_m = 1.7\n";
+        let subject = Subject::parse(text, "s01.toml").expect("a subject");
+        assert_eq!((subject.id.as_str(), subject.measure(Measure::Stature)), ("s01", Some(1.7)));
+        for (text, at) in [
+            (text.replace("s01", "Anna B"), "s01.toml"),
+            (text.replace("1.7", "170"), "s01.toml"),
+            (text.replace("stature_m", "height"), "s01.toml, line 5"),
+        ] {
+            let error = Subject::parse(&text, "s01.toml").expect_err("no subject");
+            assert_eq!(error.place.as_deref(), Some(at), "{error}");
+        }
     }
 
     #[test]

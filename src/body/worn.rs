@@ -17,10 +17,12 @@ pub mod check;
 mod constraint;
 pub mod doubt;
 pub mod kept;
+pub mod limb;
 
 use crate::body::{JointAngles, Measured, Segment, SegmentPose};
 use constraint::{Freedom, heading_error_rad};
 use glam::{DQuat, DVec3};
+use limb::WornLimb;
 
 pub use calibrate::{Calibration, HeadingBy, Mount, Moved, Movement, WornSensor};
 
@@ -36,6 +38,8 @@ const RESET_RAD_S: f64 = 20.0 * core::f64::consts::PI / 180.0;
 
 /// A segment that was doubted is back where its sensor says after this time, s.
 const RETURN_S: f64 = 1.5;
+/// A limb whose sensors are lost is at rest on what carries it after this time, s.
+const REST_S: f64 = 1.5;
 
 /// Joints whose anatomy tells the heading of the segment below from that of the one above. Knee and
 /// ankle are taken as hinges; a forearm also turns about its own axis.
@@ -61,6 +65,8 @@ pub struct Wearing {
     worn_for_s: f64,
     /// Segments whose sensors say what cannot be.
     doubted: [bool; 13],
+    /// Segments of limbs whose sensors are lost.
+    resting: [bool; 13],
     /// Segments that wait on what carries them, or are on their way back.
     waiting: [Option<Waiting>; 13],
     /// Where all segments were a moment ago.
@@ -72,17 +78,30 @@ pub struct Wearing {
 struct Waiting {
     /// How it is turned on what carries it; a pelvis in the world.
     turned: DQuat,
+    /// Part of the way from there to rest, in time; zero of one that waits where it was.
+    rest: f64,
     /// Part of the way back to where its sensor says, in time.
     back: f64,
 }
 
 impl Waiting {
+    /// One that was turned like this when it began to wait.
+    const fn at(turned: DQuat) -> Self {
+        Self { turned, rest: 0.0, back: 0.0 }
+    }
+
     /// How it is turned, where its sensor says `said`: between the two, so that no joint goes further than one of them.
     fn turned(&self, said: DQuat) -> DQuat {
-        let share = self.back * self.back * (3.0 - 2.0 * self.back);
-        let said = if self.turned.dot(said) < 0.0 { -said } else { said };
-        self.turned.slerp(said, share).normalize()
+        let rested = between(self.turned, DQuat::IDENTITY, self.rest);
+        between(rested, said, self.back)
     }
+}
+
+/// Between two rotations at a part of the time, at rest at both ends.
+fn between(from: DQuat, to: DQuat, time: f64) -> DQuat {
+    let share = time * time * (3.0 - 2.0 * time);
+    let to = if from.dot(to) < 0.0 { -to } else { to };
+    from.slerp(to, share).normalize()
 }
 
 /// What was done to a sensor's heading since calibration.
@@ -138,6 +157,7 @@ impl Wearing {
             before: None,
             worn_for_s: 0.0,
             doubted: [false; 13],
+            resting: [false; 13],
             waiting: [None; 13],
             shown: None,
         }
@@ -179,10 +199,12 @@ impl Wearing {
         let told = core::array::from_fn(|at| fresh[at] && self.waiting[at].is_none());
         self.correct(&told, dt_s);
         for segment in Segment::ALL {
-            let waits = self.waits(segment);
+            let (waits, rests) = (self.waits(segment), self.resting[segment.index()]);
             let waiting = &mut self.waiting[segment.index()];
-            if let Some(on_its_way) = waiting.as_mut().filter(|_| !waits) {
-                on_its_way.back += dt_s / RETURN_S;
+            match waiting {
+                Some(to_rest) if rests => to_rest.rest = (to_rest.rest + dt_s / REST_S).min(1.0),
+                Some(on_its_way) if !waits => on_its_way.back += dt_s / RETURN_S,
+                _ => {}
             }
             *waiting = waiting.filter(|waiting| waiting.back < 1.0);
         }
@@ -201,7 +223,12 @@ impl Wearing {
     pub fn reset_heading(&mut self) {
         for segment in Segment::ALL {
             if let Some(turned) = self.orientation(segment) {
-                self.headings[segment.index()].owed_rad = -about_z_rad(turned);
+                let heading = &mut self.headings[segment.index()];
+                heading.owed_rad = -about_z_rad(turned);
+                if self.resting[segment.index()] {
+                    // Nobody sees it.
+                    heading.reset_rad += std::mem::take(&mut heading.owed_rad);
+                }
             }
         }
         self.before = None;
@@ -221,10 +248,28 @@ impl Wearing {
         let Some(shown) = self.shown else { return };
         let waits = Segment::ALL.map(|segment| self.waits(segment));
         for segment in Segment::ALL.into_iter().filter(|segment| waits[segment.index()]) {
-            let carried = segment.parent().map_or(DQuat::IDENTITY, |above| shown[above.index()]);
-            let turned = carried.inverse() * shown[segment.index()];
-            self.waiting[segment.index()] = Some(Waiting { turned, back: 0.0 });
+            self.waiting[segment.index()] = Some(Waiting::at(on_its_carrier(&shown, segment)));
         }
+    }
+
+    /// From now on a limb goes to rest on what carries it, and stays there, whatever its sensors say.
+    pub fn rest(&mut self, limb: WornLimb) {
+        let shown = self.shown.unwrap_or([DQuat::IDENTITY; 13]);
+        for segment in limb.segments() {
+            self.resting[segment.index()] = true;
+            self.waiting[segment.index()] = Some(Waiting::at(on_its_carrier(&shown, segment)));
+        }
+    }
+
+    /// A limb that rested goes slowly to where its sensors say it is.
+    pub fn take_up(&mut self, limb: WornLimb) {
+        limb.segments().for_each(|segment| self.resting[segment.index()] = false);
+    }
+
+    /// True until a limb that rested is where its sensors say it is.
+    #[must_use]
+    pub fn is_on_its_way(&self, limb: WornLimb) -> bool {
+        limb.segments().any(|segment| self.waiting[segment.index()].is_some())
     }
 
     /// A segment that waited, and what it carries, go slowly to where their sensors say they are. If its sensor's heading means nothing,
@@ -346,6 +391,12 @@ impl Wearing {
         }
         SegmentPose { root_m: DVec3::ZERO, orientation }
     }
+}
+
+/// How a segment is turned on what carries it; a pelvis in the world.
+fn on_its_carrier(shown: &[DQuat; 13], segment: Segment) -> DQuat {
+    let carried = segment.parent().map_or(DQuat::IDENTITY, |above| shown[above.index()]);
+    carried.inverse() * shown[segment.index()]
 }
 
 /// The turn about Z nearest to a rotation, rad: not an Euler angle, which would be another one for a

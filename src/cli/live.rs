@@ -62,6 +62,13 @@ pub struct LiveArgs {
     /// `play` does, and follows again; what is done meanwhile is counted and not answered (repeatable)
     #[arg(long, value_name = "ACTION=play:MOTION", requires = "recognise")]
     when: Vec<When>,
+    /// When a sensor of an arm or the head is lost, let that limb rest and follow the others; a leg of a robot without legs
+    /// too. Pelvis, trunk and legs that a robot stands on end it as ever
+    #[arg(long)]
+    keep_going: bool,
+    /// Follow somebody although the calibration names sensors that seem to be swapped
+    #[arg(long)]
+    despite_swaps: bool,
     #[command(flatten)]
     view: ViewArg,
     /// Seed of the virtual robot
@@ -95,6 +102,8 @@ impl LiveArgs {
             recognise: self.recognise,
             models: self.models.clone(),
             when: self.when.clone(),
+            keep_going: self.keep_going,
+            despite_swaps: self.despite_swaps,
         }
     }
 

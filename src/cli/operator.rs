@@ -27,6 +27,7 @@ pub struct Operator {
 struct Typed {
     quit: AtomicBool,
     reset: AtomicBool,
+    agrees: AtomicBool,
 }
 
 impl Operator {
@@ -46,6 +47,8 @@ impl Operator {
                         typed.quit.store(true, Ordering::Release);
                     } else if word == "r" {
                         typed.reset.store(true, Ordering::Release);
+                    } else if word == "g" {
+                        typed.agrees.store(true, Ordering::Release);
                     } else if sender.send(word).is_err() {
                         // Nobody is left who would read it.
                         return;
@@ -83,6 +86,14 @@ impl Operator {
         self.signals.first().is_some() || self.typed.quit.load(Ordering::Acquire)
     }
 
+    /// What somebody typed at a terminal before they were asked is no answer.
+    fn forget_typed(&self) {
+        if std::io::stdin().is_terminal() {
+            let lines = self.lines.lock().unwrap_or_else(PoisonError::into_inner);
+            while lines.try_recv().is_ok() {}
+        }
+    }
+
     /// The next line that was typed, without spaces around it and in small letters.
     fn line(&self) -> Option<String> {
         let line = self.lines.lock().unwrap_or_else(PoisonError::into_inner).try_recv();
@@ -101,6 +112,9 @@ impl Operator {
 impl Person for Operator {
     /// They must know, however quiet the rest is.
     fn tell(&self, cue: Cue<'_>) {
+        if matches!(cue, Cue::Ask(_)) {
+            self.forget_typed();
+        }
         // What comes after this is for whoever looks at a page.
         if !matches!(cue, Cue::Next(_)) {
             say(&cues::of(&cue));
@@ -126,6 +140,10 @@ impl Person for Operator {
     fn wants_a_reset(&self) -> bool {
         self.typed.reset.swap(false, Ordering::AcqRel)
     }
+
+    fn agrees(&self) -> bool {
+        self.typed.agrees.swap(false, Ordering::AcqRel)
+    }
 }
 
 impl Observer for Operator {
@@ -146,7 +164,8 @@ impl Observer for Operator {
             Event::Planned { .. }
             | Event::Step { .. }
             | Event::Posed { .. }
-            | Event::Heard { .. }
+            | Event::Heard(_)
+            | Event::Recording(_)
             | Event::Joints { .. } => {}
         }
     }

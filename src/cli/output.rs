@@ -136,7 +136,7 @@ fn is_command(c: char) -> bool {
 
 /// The text as a terminal may have it. Names come out of files, devices and the network, and a
 /// terminal obeys what is written to it: only line ends stay what they are.
-fn visible(text: &str) -> Cow<'_, str> {
+pub fn visible(text: &str) -> Cow<'_, str> {
     escaped(text, |c| c.escape_unicode().to_string())
 }
 

@@ -41,6 +41,9 @@ pub struct RecordArgs {
     /// What the session should record (see docs/capture.md); without it, you are asked
     #[arg(long, value_name = "FILE.toml", conflicts_with = "out")]
     plan: Option<PathBuf>,
+    /// A subject who was measured in another session (its subjects/ID.toml): whoever has that id is not measured again
+    #[arg(long, value_name = "FILE.toml", requires = "session")]
+    subject: Vec<PathBuf>,
     /// How long, e.g. 10s or 2.5s; without it until Ctrl-C
     #[arg(long = "for", value_name = "TIME", value_parser = duration)]
     time: Option<Duration>,
@@ -96,7 +99,10 @@ pub fn run(args: &RecordArgs, remarks: Remarks) -> Result<i32, Error> {
     let view = args.view.open(robot, buses, "recorded", Shows { sensors, person: false })?;
     let terminal = Terminal::new(remarks, &signals);
     let viewing = Viewing::new(&terminal, view.as_ref());
-    let report = record(&order, &marks::listen(), &viewing)?;
+    let marks = marks::listen(terminal.typed());
+    let report = record(&order, &marks.set, &viewing)?;
+    drop(marks);
+    terminal.clear();
     let outcome = if report.is_whole() { Outcome::Done } else { Outcome::DoneWithLoss };
     let text = text(&report, &order.file);
     let paged = args.html.as_ref().filter(|_| report.file.is_some()).map_or(Ok(()), |page| {

@@ -1,10 +1,13 @@
 //! The terminal as the observer of a job: a signal ends it, a bar shows how far a motion is.
 
 use super::Remarks;
+use super::output::visible;
 use super::signals::Signals;
+use crate::job::observer::RecordingNow;
 use crate::job::{Event, Observer, Progress, cues};
 use indicatif::{ProgressBar, ProgressStyle};
-use std::sync::{Mutex, PoisonError};
+use std::fmt::Write;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 /// Whoever started the program.
@@ -12,17 +15,64 @@ pub struct Terminal<'a> {
     remarks: Remarks,
     signals: Option<&'a Signals>,
     bar: Mutex<Option<ProgressBar>>,
+    /// What is shown under all that is said, while something is recorded.
+    status: Mutex<Option<ProgressBar>>,
+    /// The note that is typed and not ended yet.
+    typed: Arc<Mutex<String>>,
 }
 
 impl<'a> Terminal<'a> {
     /// A signal is a wish to stop.
     pub fn new(remarks: Remarks, signals: &'a Signals) -> Self {
-        Self { remarks, signals: Some(signals), bar: Mutex::default() }
+        let mut terminal = Self::unheard(remarks);
+        terminal.signals = Some(signals);
+        terminal
     }
 
     /// A signal ends the process: nothing is touched that could not be left at any time.
     pub fn unheard(remarks: Remarks) -> Self {
-        Self { remarks, signals: None, bar: Mutex::default() }
+        let (bar, status, typed) = Default::default();
+        Self { remarks, signals: None, bar, status, typed }
+    }
+
+    /// Where the note is that is typed and not ended yet, to be shown.
+    pub fn typed(&self) -> Arc<Mutex<String>> {
+        Arc::clone(&self.typed)
+    }
+
+    /// Shows nothing more.
+    pub fn clear(&self) {
+        let status = self.status.lock().unwrap_or_else(PoisonError::into_inner).take();
+        status.iter().for_each(ProgressBar::finish_and_clear);
+    }
+
+    /// Says something above what is shown.
+    fn say(&self, text: &str) {
+        let status = self.status.lock().unwrap_or_else(PoisonError::into_inner);
+        match &*status {
+            Some(bar) => bar.suspend(|| self.remarks.say(text)),
+            None => self.remarks.say(text),
+        }
+    }
+
+    /// Shows how a recording goes.
+    fn show(&self, now: &RecordingNow) {
+        if !self.remarks.shows_progress() {
+            return;
+        }
+        let mut text = recorded(now);
+        let note = self.typed.lock().unwrap_or_else(PoisonError::into_inner);
+        if !note.is_empty() {
+            text += &format!("\n  note: {note}");
+        }
+        let mut status = self.status.lock().unwrap_or_else(PoisonError::into_inner);
+        let bar = status.get_or_insert_with(|| {
+            let style = ProgressStyle::with_template("{msg}");
+            let style = style.unwrap_or_else(|_| ProgressStyle::default_bar());
+            ProgressBar::new_spinner().with_style(style)
+        });
+        bar.set_message(visible(&text).into_owned());
+        bar.tick();
     }
 
     /// Shows a bar until all steps are done.
@@ -45,18 +95,48 @@ impl<'a> Terminal<'a> {
     }
 }
 
+impl Drop for Terminal<'_> {
+    fn drop(&mut self) {
+        self.clear();
+    }
+}
+
+/// How a recording goes: its time and its last mark, then its sources.
+fn recorded(now: &RecordingNow) -> String {
+    let mut text = match now.of_s {
+        Some(of_s) => format!("{:.0} of {of_s:.0} s", now.time_s),
+        None => format!("{:.0} s; Ctrl-C ends it", now.time_s),
+    };
+    if let Some((at_s, words)) = &now.mark {
+        let _ = write!(text, "; last mark at {at_s:.1} s: {words}");
+    }
+    for source in &now.sources {
+        let rate_hz = source.rate_hz;
+        let lost = match source.missed {
+            0 => String::new(),
+            missed => format!(", {missed} missing"),
+        };
+        let battery = source.battery.map(|level| format!(", battery {:.0} %", level * 100.0));
+        let battery = battery.unwrap_or_default();
+        let gone = if source.gone.is_some() { ", gone" } else { "" };
+        let _ = write!(text, "\n  {:<16} {rate_hz:.0}/s{lost}{battery}{gone}", source.name);
+    }
+    text
+}
+
 impl Observer for Terminal<'_> {
     fn hear(&self, event: Event<'_>) {
         match event {
-            Event::Note(text) => self.remarks.say(text),
+            Event::Note(text) => self.say(text),
+            Event::Recording(now) => self.show(now),
             Event::Step { done, total, what } => self.step(done, total, what),
-            Event::Sensing(event) => self.remarks.say(&cues::of_event(event)),
+            Event::Sensing(event) => self.say(&cues::of_event(event)),
             Event::Planned { .. }
             | Event::Following
             | Event::Angles { .. }
             | Event::Recognised(_)
             | Event::Posed { .. }
-            | Event::Heard { .. }
+            | Event::Heard(_)
             | Event::Joints { .. } => {}
         }
     }

@@ -2,7 +2,6 @@
 
 use super::observer::{Event, Observer};
 use crate::port::{Clock, MonotonicClock};
-use crate::recording::Recorder;
 use crate::sensing::{HeardSensor, Intake, LOOK};
 use crate::time::{Duration, Instant};
 use crate::view::session::SensorRow;
@@ -37,17 +36,10 @@ pub struct SensorNow {
     pub silent_s: Option<f64>,
     /// True if its values stand still.
     pub stuck: bool,
+    /// Charge of its battery, 0 to 1, if it tells.
+    pub battery: Option<f64>,
     /// Why there will be no more of it, or is none just now.
     pub gone: Option<String>,
-}
-
-/// How far a recording is.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RecordedNow {
-    /// So long it is, s.
-    pub time_s: f64,
-    /// Messages that the disk was too slow for.
-    pub dropped: u64,
 }
 
 /// How sensors were heard a while ago, so that it can be said how often they speak.
@@ -77,6 +69,7 @@ impl Rates {
                 missed: sensor.missed,
                 silent_s: sensor.last.map(|last| now.seconds_since(last).max(0.0)),
                 stuck: sensor.stuck,
+                battery: sensor.battery,
                 gone: sensor.gone,
             }
         });
@@ -89,32 +82,27 @@ impl Rates {
     }
 
     /// How all sensors are heard now that were heard at any time.
-    pub(super) fn of_all(&mut self, heard: AllHeard, now: Instant) -> Vec<SensorNow> {
+    pub(super) fn of_all(
+        &mut self,
+        heard: Vec<(Arc<str>, HeardSensor)>,
+        now: Instant,
+    ) -> Vec<SensorNow> {
         let named: Vec<(Arc<str>, f64)> =
             heard.iter().map(|(name, of)| (Arc::clone(name), of.usual_rate_hz)).collect();
+        let heard = heard.into_iter().collect();
         self.next(named.iter().map(|(name, rate_hz)| (&**name, *rate_hz)), heard, now)
     }
 }
 
-/// Tells until the end how sensors are heard, and how far the recording is that began then.
-pub(super) fn tell(
-    intake: &Intake<'_>,
-    recording: Option<(&Recorder, Instant)>,
-    stop: &AtomicBool,
-    observer: &dyn Observer,
-) {
+/// Tells until the end how sensors are heard.
+pub(super) fn tell(intake: &Intake<'_>, stop: &AtomicBool, observer: &dyn Observer) {
     let mut rates = Rates::default();
     let mut next = MonotonicClock.now();
     while !stop.load(Ordering::Acquire) {
         let now = MonotonicClock.now();
         if now >= next {
             next = now + EVERY;
-            let recorded = recording.map(|(recorder, began)| RecordedNow {
-                time_s: now.seconds_since(began),
-                dropped: recorder.dropped().values().sum(),
-            });
-            let sensors = rates.of_all(intake.heard(), now);
-            observer.hear(Event::Heard { sensors: &sensors, recorded });
+            observer.hear(Event::Heard(&rates.of_all(intake.heard(), now)));
         }
         MonotonicClock.sleep_until(now + LOOK);
     }
@@ -143,10 +131,10 @@ pub(super) fn row(sensor: &SensorNow) -> SensorRow {
 mod tests {
     use super::*;
 
-    fn heard(samples: u64, last: Instant) -> AllHeard {
+    fn heard(samples: u64, last: Instant) -> Vec<(Arc<str>, HeardSensor)> {
         let (usual_rate_hz, last) = (100.0, Some(last));
         let sensor = HeardSensor { samples, usual_rate_hz, last, ..HeardSensor::default() };
-        BTreeMap::from([("head".into(), sensor)])
+        vec![("head".into(), sensor)]
     }
 
     #[test]

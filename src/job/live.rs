@@ -18,6 +18,7 @@ use crate::sensing::{Person, Plan};
 use crate::time::{Duration, Instant};
 use std::path::PathBuf;
 
+mod lost;
 pub(super) mod naming;
 mod performer;
 mod report;
@@ -70,6 +71,10 @@ pub struct LiveOrder {
     pub models: Option<PathBuf>,
     /// What the robot plays when the person does something that is named.
     pub when: Vec<When>,
+    /// An arm or the head whose sensor is lost rests, and the others are followed.
+    pub keep_going: bool,
+    /// Somebody is followed although sensors seem to be swapped.
+    pub despite_swaps: bool,
 }
 
 impl LiveOrder {
@@ -196,6 +201,12 @@ impl Job<'_> {
                 .at("--recognise")
                 .got(format!("file:{motion}"))
                 .remedy(format!("`gaitway recognise {motion}` names what is done in it")));
+        }
+        if self.order.keep_going {
+            return Err(Error::new("no sensor of a motion can be lost")
+                .at("--keep-going")
+                .got(format!("file:{motion}"))
+                .allowed("sensors, or a recording of some (replay:FILE.mcap)"));
         }
         let (capture, origin) = source::body_motion(motion, None, &CaptureOptions::default())?;
         self.report.run.source = origin;

@@ -1,6 +1,6 @@
 //! Whoever a job is done for: hears what happens, and may want it to end.
 
-use super::heard::{RecordedNow, SensorNow};
+use super::heard::SensorNow;
 use super::recognised::RecognitionEvent;
 use crate::body::{JointAngles, SegmentPose};
 use crate::device::{Health, JointState};
@@ -34,6 +34,21 @@ pub struct JointReading {
     pub torque_on: Option<bool>,
     /// What the servo reports, or why it says nothing.
     pub error: Option<String>,
+}
+
+/// How a recording goes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RecordingNow {
+    /// Since it began, s.
+    pub time_s: f64,
+    /// How long it is to be, s, if that is known.
+    pub of_s: Option<f64>,
+    /// Source by source, in the order in which they were opened.
+    pub sources: Vec<SensorNow>,
+    /// Messages that the disk was too slow for.
+    pub dropped: u64,
+    /// When the last mark was set, s, and its text.
+    pub mark: Option<(f64, String)>,
 }
 
 /// What happens during a job, for whoever wants to know at once. The report at its end has all of
@@ -79,12 +94,7 @@ pub enum Event<'a> {
         age_s: f64,
     },
     /// How sources are heard, twice a second, on a thread of its own.
-    Heard {
-        /// Each.
-        sensors: &'a [SensorNow],
-        /// How far the recording is, if there is one.
-        recorded: Option<RecordedNow>,
-    },
+    Heard(&'a [SensorNow]),
     /// So many of so many steps are done.
     Step {
         /// Done.
@@ -96,6 +106,8 @@ pub enum Event<'a> {
     },
     /// Something that happened to a sensor.
     Sensing(SensingEvent<'a>),
+    /// How a recording goes, twice a second.
+    Recording(&'a RecordingNow),
     /// Something of what a body does that was recognised now.
     Recognised(&'a RecognitionEvent),
 }

@@ -119,6 +119,8 @@ fn of_wearer(
         recognise: true,
         models: order.what.models.clone(),
         when: Vec::new(),
+        keep_going: false,
+        despite_swaps: false,
     };
     let (heard, named) = live::named(&follow, how, observer, person)?;
     let Some(named) = named else {
@@ -154,7 +156,9 @@ fn of_servos(
         // Whoever reads servos may not wait for a terminal.
         scope.spawn(move || {
             told.into_iter().for_each(|told| match told {
-                LiveWord::Words(text) => observer.hear(Event::Note(&text)),
+                LiveWord::Words(text) | LiveWord::Marked(_, text) => {
+                    observer.hear(Event::Note(&text));
+                }
                 LiveWord::Recognised(event) => observer.hear(Event::Recognised(&event)),
                 LiveWord::Posed(_) => {}
             });

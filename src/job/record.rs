@@ -1,6 +1,7 @@
 //! Sensors, lines of text and hand-guided servos into one recording.
 
-use super::heard;
+use super::heard::Rates;
+use super::observer::RecordingNow;
 use super::report::counted;
 use super::taught::Servos;
 use super::{Event, Observer};
@@ -69,6 +70,13 @@ impl RecordReport {
     }
 }
 
+/// Whoever ends a recording waits for a slow disk no longer than this and one more piece of the file.
+pub(super) const DISK_PATIENCE: Duration = Duration::from_secs(3);
+
+/// How often it is told how the recording goes, and over so many of these rates are taken.
+const TOLD: Duration = Duration::from_millis(500);
+const RATE_LOOKS: usize = 4;
+
 const DONE: &str = "done";
 const WITH_LOSS: &str = "done_with_loss";
 
@@ -132,12 +140,8 @@ pub fn record(
                 left.fetch_sub(1, Ordering::Release);
             });
         }
-        if observer.looks() {
-            let (recording, stop) = (Some((&recorder, began)), &stop);
-            scope.spawn(move || heard::tell(intake, recording, stop, observer));
-        }
         let all_gone = || left.load(Ordering::Acquire) <= intake.away();
-        wait(order, marks, &recorder, observer, began, &all_gone);
+        wait(order, marks, &recorder, observer, began, intake, &all_gone);
         stop.store(true, Ordering::Release);
     });
     let sources = intake.into_reports();
@@ -172,10 +176,14 @@ fn wait(
     recorder: &Recorder,
     observer: &dyn Observer,
     began: Instant,
+    intake: &Intake<'_>,
     all_gone: &dyn Fn() -> bool,
 ) {
     let until = order.time.map(|time| began + time);
     let mut marked = None;
+    let mut mark_before = None;
+    let mut rates = Rates::default();
+    let mut told_at = began;
     loop {
         let now = MonotonicClock.now();
         while let Ok(mark) = marks.try_recv() {
@@ -191,7 +199,18 @@ fn wait(
                     kind: SourceKind::Marks,
                 })
             });
+            mark_before = Some((at_s, mark.text.clone()));
             recorder.take_record(source, SourceRecord::Mark(mark));
+        }
+        if now >= told_at {
+            told_at = now + TOLD;
+            observer.hear(Event::Recording(&RecordingNow {
+                time_s: now.seconds_since(began),
+                of_s: order.time.map(|time| time.as_secs_f64()),
+                sources: rates.of_all(intake.heard(), now),
+                mark: mark_before.clone(),
+                dropped: recorder.dropped().values().sum(),
+            }));
         }
         if let Some(cause) = recorder.failure() {
             // Nothing more can be stored, so whoever performs is told at once and not at the end.
@@ -222,12 +241,13 @@ fn finish(
     let metadata = sources.iter().filter_map(|source| {
         Some((format!("source {}", source.name), serde_json::to_string(source).ok()?))
     });
-    let summary = recorder.finish(RunEnd {
+    let end = RunEnd {
         outcome: if lossless { DONE } else { WITH_LOSS }.to_owned(),
         stop_reason: None,
         at: ended,
         metadata: metadata.collect(),
-    });
+    };
+    let summary = recorder.finish_within(end, DISK_PATIENCE);
     let is_whole = lossless && summary.is_complete();
     RecordReport {
         file: (!summary.kept_old).then(|| order.file.clone()),

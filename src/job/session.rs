@@ -21,13 +21,14 @@ pub mod words;
 
 pub use happening::{CutShort, Happening, RecordedTrial, Settled, TrialFault, TrialPart};
 pub use operator::{
-    Answered, Doubt, During, Judged, Mark, MeasureAnswer, Mend, Operator, Ready, Repetitions,
-    Stopped, Unsteady, Wish, Words,
+    Answered, Doubt, During, Instead, Judged, Mark, MeasureAnswer, Mend, Operator, Ready,
+    Repetitions, Unsteady, Wish, Words,
 };
 pub use order::SessionOrder;
 pub use panel::OnPage;
 pub use report::SessionReport;
 
+use crate::body::anthropometry::Subject;
 use crate::capture::Mode;
 use crate::error::{Error, ErrorKind};
 use crate::job::report::Outcome;
@@ -43,6 +44,7 @@ pub struct Session {
     folder: Folder,
     progress: Progress,
     given: Given,
+    known: Vec<Subject>,
     worn: Vec<Worn>,
     opened: Vec<Opened>,
     mode: Mode,
@@ -89,7 +91,9 @@ pub fn open(order: SessionOrder) -> Result<SessionState, Error> {
         plan: order.plan,
         magnetometer: order.magnetometer,
     };
-    Ok(SessionState::Open(Box::new(Session { folder, progress, given, worn, opened, mode })))
+    let known = order.known;
+    let session = Session { folder, progress, given, known, worn, opened, mode };
+    Ok(SessionState::Open(Box::new(session)))
 }
 
 impl Session {
@@ -99,14 +103,21 @@ impl Session {
     /// A disk that fails, a file of the session that was changed into something else. What was done is
     /// kept, and can be gone on with.
     pub fn lead(self, operator: &dyn Operator) -> Result<SessionReport, Error> {
-        let Self { folder, progress, given, worn, opened, mode } = self;
+        let Self { folder, progress, given, known, worn, opened, mode } = self;
         let hub = Hub::of(worn.iter().map(|worn| (worn.heard.clone(), worn.name.clone())));
         let stop = AtomicBool::new(false);
         let tell = |event: SensingEvent<'_>| operator.hear(Happening::Sensing(event));
-        let intake = Intake::new(None, &stop, mode, &tell).heard_by_hub(&hub);
+        let intake = Intake::new(None, &stop, mode, &tell).heard_by_hub(&hub).patient();
         let looking = Looking::default();
-        let mut job =
-            Job { folder: &folder, operator, hub: &hub, worn: &worn, looking: &looking, progress };
+        let mut job = Job {
+            folder: &folder,
+            operator,
+            hub: &hub,
+            worn: &worn,
+            looking: &looking,
+            known: &known,
+            progress,
+        };
         let ended = std::thread::scope(|scope| {
             let _stop = StopAtEnd(&stop);
             for source in opened {
@@ -134,6 +145,8 @@ struct Job<'a> {
     hub: &'a Hub,
     worn: &'a [Worn],
     looking: &'a Looking,
+    /// Subjects of other sessions.
+    known: &'a [Subject],
     progress: Progress,
 }
 
@@ -156,7 +169,7 @@ impl Job<'_> {
 
     /// Fails once the operator wants it to end.
     fn check(&self) -> Answered<()> {
-        if self.operator.person().wants_to_stop() { Err(Stopped) } else { Ok(()) }
+        if self.operator.person().wants_to_stop() { Err(Instead::Stop) } else { Ok(()) }
     }
 
     /// Reads again what is there.

@@ -1,8 +1,8 @@
 //! Whoever looks on in a browser: an observer that fills the page, besides another.
 
 use super::cues;
-use super::heard::{RecordedNow, SensorNow, row};
-use super::observer::{Event, JointReading, Observer, Progress, Reading, Snapshot};
+use super::heard::{SensorNow, row};
+use super::observer::{Event, JointReading, Observer, Progress, Reading, RecordingNow, Snapshot};
 use super::report::{Outcome, PlayReport, counted};
 use crate::body::{JointAngles, Proportions, SegmentPose};
 use crate::port::{Clock, MonotonicClock};
@@ -56,15 +56,18 @@ impl Told {
         self.fact("age of the pose", format!("{:.0} ms", age_s * 1e3));
     }
 
-    fn heard(&mut self, sensors: &[SensorNow], recorded: Option<RecordedNow>) {
+    fn heard(&mut self, sensors: &[SensorNow]) {
         self.frame.sensors = sensors.iter().map(row).collect();
-        if let Some(RecordedNow { time_s, dropped }) = recorded {
-            let lost = match dropped {
-                0 => String::new(),
-                _ => format!("; the disk was too slow for {}", counted(dropped, "message")),
-            };
-            self.fact("recorded", format!("{time_s:.1} s{lost}"));
-        }
+    }
+
+    fn recorded(&mut self, now: &RecordingNow) {
+        self.heard(&now.sources);
+        let of = now.of_s.map_or_else(String::new, |of_s| format!(" of {of_s:.1}"));
+        let lost = match now.dropped {
+            0 => String::new(),
+            dropped => format!("; the disk was too slow for {}", counted(dropped, "message")),
+        };
+        self.fact("recorded", format!("{:.1}{of} s{lost}", now.time_s));
     }
 
     fn fact(&mut self, name: &'static str, words: String) {
@@ -172,9 +175,8 @@ impl<'a> Viewing<'a> {
             Event::Posed { pose, angles, age_s } => {
                 self.change(view, |told| told.posed(pose, angles, age_s));
             }
-            Event::Heard { sensors, recorded } => {
-                self.change(view, |told| told.heard(sensors, recorded));
-            }
+            Event::Heard(sensors) => self.change(view, |told| told.heard(sensors)),
+            Event::Recording(now) => self.change(view, |told| told.recorded(now)),
             Event::Planned { duration_s, approach_s, .. } => {
                 let part = |label: &str, start_s: f64, end_s: f64| LiveEvent {
                     time_s: Some(start_s),

@@ -49,6 +49,8 @@ pub struct Target {
     pub velocity_rad_s: Vec<f64>,
     /// How long ago the person was in this pose, at the end of the step it is used for, s.
     pub age_s: f64,
+    /// Joints that are to be moved with care; empty: none.
+    pub careful: Vec<bool>,
 }
 
 /// Follows targets inside limits. Starts and ends at rest.
@@ -56,6 +58,9 @@ pub struct Target {
 pub struct Follower {
     limits: Vec<JointLimits>,
     states: Vec<State>,
+    /// Joints that use no more than [`APPROACH_SHARE`] of their limits: from when they are to be moved with care, as soon as
+    /// they could still stop inside their range so, until they are no longer to be and have reached their target.
+    careful: Vec<bool>,
     approaching: bool,
     stopping: Option<Stopping>,
     tally: FollowTally,
@@ -205,16 +210,19 @@ impl Follower {
         });
         let states: Vec<State> = states.collect();
         let tally = FollowTally { limited_samples: vec![0; states.len()], ..Default::default() };
-        Self { limits, states, approaching: true, stopping: None, tally }
+        let careful = vec![false; states.len()];
+        Self { limits, states, careful, approaching: true, stopping: None, tally }
     }
 
     /// Begins to come to rest for good. Another stop changes nothing.
     pub fn stop(&mut self) {
         if self.stopping.is_none() {
-            let share = self.share();
-            let joints = self.states.iter().zip(&self.limits);
-            let ramps = joints.map(|(state, limits)| Ramp::of(*state, Bounds::of(limits, share)));
-            self.stopping = Some(Stopping { elapsed_s: 0.0, ramps: ramps.collect() });
+            let joints = self.states.iter().zip(&self.limits).zip(&self.careful);
+            let ramps = joints.map(|((state, limits), careful)| {
+                Ramp::of(*state, Bounds::of(limits, self.share(*careful)))
+            });
+            let ramps = ramps.collect();
+            self.stopping = Some(Stopping { elapsed_s: 0.0, ramps });
         }
     }
 
@@ -261,10 +269,14 @@ impl Follower {
         }
         // Only a robot at rest is slowed down: a moving one might not be able to stop any more.
         self.approaching |= self.is_at_rest() && target.is_none();
-        let share = self.share();
         let (mut furthest, mut reached) = (0.0_f64, vec![None; self.states.len()]);
-        for (joint, (state, limits)) in self.states.iter_mut().zip(&self.limits).enumerate() {
-            let bounds = Bounds::of(limits, share);
+        for (joint, reached) in reached.iter_mut().enumerate() {
+            let with_care = target.is_some_and(|of| of.careful.get(joint) == Some(&true));
+            if with_care {
+                self.begin_to_care(joint);
+            }
+            let bounds = Bounds::of(&self.limits[joint], self.share(self.careful[joint]));
+            let state = &mut self.states[joint];
             let wanted = target.and_then(|target| bounds.wanted(target, joint, dt_s));
             let before = *state;
             match (&self.stopping, wanted) {
@@ -275,8 +287,10 @@ impl Follower {
             state.q = state.q.clamp(bounds.lower, bounds.upper);
             if let Some(wanted) = wanted {
                 let now = State { q: bounds.held(wanted.q + wanted.v * dt_s), ..wanted };
-                furthest = furthest.max((now.q - state.q).abs());
-                reached[joint] = Some(now);
+                let off_rad = (now.q - state.q).abs();
+                furthest = furthest.max(off_rad);
+                *reached = Some(now);
+                self.careful[joint] &= with_care || off_rad > NEAR_RAD;
             }
             if let Some(setpoint) = setpoints.get_mut(joint) {
                 *setpoint = Setpoint {
@@ -292,9 +306,15 @@ impl Follower {
         }
     }
 
-    /// Share of the velocity and acceleration limits in use.
-    const fn share(&self) -> f64 {
-        if self.approaching { APPROACH_SHARE } else { 1.0 }
+    /// Share of the velocity and acceleration limits in use for a joint that is moved with care, or not.
+    const fn share(&self, careful: bool) -> f64 {
+        if self.approaching || careful { APPROACH_SHARE } else { 1.0 }
+    }
+
+    /// Moves a joint with care from now on if it could stop so.
+    fn begin_to_care(&mut self, joint: usize) {
+        let bounds = Bounds::of(&self.limits[joint], APPROACH_SHARE);
+        self.careful[joint] |= self.states[joint].could_stop(bounds);
     }
 
     fn count(&mut self, wanted: &[Option<State>]) {
@@ -344,6 +364,12 @@ impl Bounds {
 }
 
 impl State {
+    /// True if it is no faster than the limits, and could come to rest inside the range at their acceleration.
+    fn could_stop(&self, bounds: Bounds) -> bool {
+        let stop = self.q + self.v * self.v.abs() / (2.0 * bounds.a);
+        self.v.abs() <= bounds.v && stop <= bounds.upper && stop >= bounds.lower
+    }
+
     /// Lets time pass on the way to meet a target that moves evenly.
     fn intercept(&mut self, target: Self, dt_s: f64, bounds: Bounds) {
         let (d, w) = (target.q - self.q, self.v - target.v);

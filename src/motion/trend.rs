@@ -54,7 +54,8 @@ impl Trend {
             (mean - slope * mean_s, slope)
         };
         let (position_rad, velocity_rad_s) = (0..newest.len()).map(line).unzip();
-        Some(Target { position_rad, velocity_rad_s, age_s: now_s - newest_s })
+        let age_s = now_s - newest_s;
+        Some(Target { position_rad, velocity_rad_s, age_s, careful: Vec::new() })
     }
 }
 

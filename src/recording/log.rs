@@ -20,6 +20,8 @@ use crate::time::Instant;
 
 /// A chunk is also closed at this size, which bounds the memory it takes.
 const CHUNK_BYTES: usize = 1 << 20;
+/// So much is appended between two looks at whether anybody waits still.
+const PIECE_BYTES: usize = 1 << 16;
 /// How often it is looked whether a synchronisation has come to its end, where nothing else comes.
 const SYNC_LOOK: Duration = Duration::from_millis(100);
 
@@ -83,6 +85,9 @@ impl Summary {
     }
 }
 
+/// Why a recording ends without its last messages on a disk that does not keep up.
+const TOO_SLOW: &str = "the disk is too slow for what was still to be written";
+
 pub(super) enum Item {
     /// A cycle, and how many were dropped just before it.
     Cycle(CycleRecord, u64),
@@ -101,6 +106,15 @@ pub(super) struct Shared {
     pub(super) failure: OnceLock<String>,
     /// Nothing of it is wanted.
     pub(super) discarded: AtomicBool,
+    /// Whoever waits for its end waits until then.
+    pub(super) ends_by: OnceLock<Clock>,
+}
+
+impl Shared {
+    /// True once nobody waits for the disk any more.
+    fn is_over(&self) -> bool {
+        self.ends_by.get().is_some_and(|by| Clock::now() >= *by)
+    }
 }
 
 /// The thread's side: turns records into chunks and counts what is safe.
@@ -276,18 +290,26 @@ impl<D: Disk> Log<D> {
     }
 
     fn attempt(&mut self, messages: u64, step: impl FnOnce(&mut Self) -> Result<(), String>) {
+        if self.in_chunk > 0 && self.summary.poisoned.is_none() && self.shared.is_over() {
+            self.poison(TOO_SLOW.to_owned());
+        }
         if self.summary.poisoned.is_some() {
             self.summary.lost += messages;
             return;
         }
         self.open_chunk(messages);
         if let Err(cause) = step(self) {
-            self.summary.lost += self.in_chunk;
-            self.in_chunk = 0;
-            // Only the first failure poisons, so nobody has set it before.
-            let _ = self.shared.failure.set(cause.clone());
-            self.summary.poisoned = Some(cause);
+            self.poison(cause);
         }
+    }
+
+    /// Nothing is written any more.
+    fn poison(&mut self, cause: String) {
+        self.summary.lost += self.in_chunk;
+        self.in_chunk = 0;
+        // Only the first failure poisons, so nobody has set it before.
+        let _ = self.shared.failure.set(cause.clone());
+        self.summary.poisoned = Some(cause);
     }
 
     fn open_chunk(&mut self, messages: u64) {
@@ -428,21 +450,28 @@ impl<D: Disk> Log<D> {
     }
 
     fn append(&mut self, bytes: &[u8]) -> Result<(), String> {
-        self.disk.append(bytes).map_err(|error| error.to_string())?;
-        self.summary.bytes += bytes.len() as u64;
+        for piece in bytes.chunks(PIECE_BYTES) {
+            if self.shared.is_over() {
+                return Err(TOO_SLOW.to_owned());
+            }
+            self.disk.append(piece).map_err(|error| error.to_string())?;
+            self.summary.bytes += piece.len() as u64;
+        }
         Ok(())
     }
 
     /// Waits until all that was appended is safe.
     fn sync(&mut self) -> Result<(), String> {
         self.settle_sync(Wait::Yes)?;
-        self.syncs.ask(self.since_sync);
+        if self.syncs.asked.is_none() {
+            self.syncs.ask(self.since_sync);
+        }
         self.settle_sync(Wait::Yes)
     }
 
     /// Takes what came of a synchronisation that was asked for.
     fn settle_sync(&mut self, wait: Wait) -> Result<(), String> {
-        let Some((messages, told)) = self.syncs.told(wait) else { return Ok(()) };
+        let Some((messages, told)) = self.syncs.told(wait, &self.shared) else { return Ok(()) };
         if let Err(cause) = told {
             // The system may have thrown these away; a second try would not bring them back.
             self.summary.messages -= self.since_sync;
@@ -492,12 +521,20 @@ impl Syncs {
         let _ = self.ask.send(());
     }
 
-    /// What came of what was asked for, and how many messages that makes safe.
-    fn told(&mut self, wait: Wait) -> Option<(u64, io::Result<()>)> {
+    /// What came of what was asked for, and how many messages that makes safe; nothing of a disk that nobody waits for any more:
+    /// what was appended is with the system.
+    fn told(&mut self, wait: Wait, shared: &Shared) -> Option<(u64, io::Result<()>)> {
         let messages = self.asked?;
         let gone = || Err(io::Error::other("the thread that synchronises is gone"));
         let told = match wait {
-            Wait::Yes => self.told.recv().unwrap_or_else(|_| gone()),
+            Wait::Yes => loop {
+                match self.told.recv_timeout(SYNC_LOOK) {
+                    Ok(told) => break told,
+                    Err(RecvTimeoutError::Disconnected) => break gone(),
+                    Err(RecvTimeoutError::Timeout) if shared.is_over() => return None,
+                    Err(RecvTimeoutError::Timeout) => {}
+                }
+            },
             Wait::No => match self.told.try_recv() {
                 Ok(told) => told,
                 Err(TryRecvError::Empty) => return None,

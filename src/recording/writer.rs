@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
 
 use super::disk::{Disk, create_file, shown};
 use super::log::{Item, Keep, Log, Pace, Shared, Summary, locked};
@@ -230,6 +231,15 @@ impl Recorder {
             let _ = queue.send(Item::End(end, gap, of_sources));
         }
         self.close()
+    }
+
+    /// As [`Recorder::finish`], but waits for a slow disk no longer than about this time: what is not written by then is
+    /// lost, and counted. The file then lacks its end, as that of a process that was killed.
+    #[must_use]
+    pub fn finish_within(self, end: RunEnd, patience: Duration) -> Summary {
+        // Nobody else ends it.
+        let _ = self.shared.ends_by.set(Instant::now() + patience);
+        self.finish(end)
     }
 
     fn close(&mut self) -> Summary {

@@ -25,7 +25,7 @@ pub enum SensingEvent<'a> {
         /// The speed of its line, bit/s.
         baud_bps: u32,
     },
-    /// There will be no more of a source.
+    /// A source is gone, for good or until it is there again.
     Gone {
         /// Its name.
         sensor: &'a str,
@@ -99,6 +99,18 @@ pub enum Said {
         sensor: Arc<str>,
         /// Why, in words.
         why: String,
+    },
+    /// A sensor is gone, and waited for.
+    Gone {
+        /// Name of the sensor.
+        sensor: Arc<str>,
+        /// Why, in words.
+        why: String,
+    },
+    /// A sensor that was gone is there again.
+    Back {
+        /// Name of the sensor.
+        sensor: Arc<str>,
     },
 }
 

@@ -33,7 +33,9 @@ pub struct HeardSensor {
     pub turned: Option<DQuat>,
     /// How often its own world began anew.
     pub anew: u64,
-    /// Why there will be no more of it.
+    /// Charge of its battery, 0 to 1, if it tells.
+    pub battery: Option<f64>,
+    /// Why there will be no more of it, or is none just now.
     pub gone: Option<String>,
 }
 
@@ -140,7 +142,7 @@ impl Hub {
         }
     }
 
-    /// Takes that there will be no more of a sensor, and why.
+    /// Takes that there is no more of a sensor, and why.
     pub fn ended(&self, heard: &str, why: &str) {
         let Some(sensor) = self.names.get(heard) else { return };
         let mut inner = self.inner();
@@ -151,7 +153,13 @@ impl Hub {
         inner.ended.insert(sensor.to_string(), why.to_owned());
     }
 
-    /// Sensors of which there will be no more, and why.
+    /// Takes that a sensor of which there was to be no more is there again.
+    pub fn back(&self, heard: &str) {
+        let Some(sensor) = self.names.get(heard) else { return };
+        self.inner().ended.remove(&**sensor);
+    }
+
+    /// Sensors of which there is no more for now, and why.
     pub fn gone(&self) -> BTreeMap<String, String> {
         self.inner().ended.clone()
     }

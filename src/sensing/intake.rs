@@ -10,7 +10,7 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc::Sender;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// What became of one source.
 #[derive(Clone, Debug, Default, Serialize)]
@@ -69,6 +69,8 @@ impl SourceReport {
 pub struct Named {
     pub name: Arc<str>,
     id: Option<SourceId>,
+    /// Which of all sources it is.
+    at: usize,
 }
 
 /// Ends the readers however their owner ends.
@@ -89,8 +91,8 @@ pub struct Intake<'a> {
     pub(super) mode: Mode,
     pub(super) tell: Tell<'a>,
     names: Mutex<BTreeMap<String, u32>>,
+    heard: Mutex<Vec<(Arc<str>, HeardSensor)>>,
     reports: Mutex<Vec<SourceReport>>,
-    heard: Mutex<BTreeMap<Arc<str>, HeardSensor>>,
     /// Sources that are gone are waited for.
     patient: bool,
     away: AtomicUsize,
@@ -104,10 +106,10 @@ impl<'a> Intake<'a> {
         mode: Mode,
         tell: Tell<'a>,
     ) -> Self {
-        let (names, reports, heard) = Default::default();
+        let (names, heard, reports) = Default::default();
         let (patient, away) = Default::default();
         let (listener, hub) = (None, None);
-        Self { recorder, listener, hub, stop, mode, tell, names, reports, heard, patient, away }
+        Self { recorder, listener, hub, stop, mode, tell, names, heard, reports, patient, away }
     }
 
     /// Waits for sources that are gone, and takes them up again when they are back.
@@ -117,28 +119,31 @@ impl<'a> Intake<'a> {
         self
     }
 
-    fn all_heard(&self) -> MutexGuard<'_, BTreeMap<Arc<str>, HeardSensor>> {
-        self.heard.lock().unwrap_or_else(PoisonError::into_inner)
+    /// True if sources that are gone are waited for.
+    pub fn is_patient(&self) -> bool {
+        self.patient && !self.stopped()
     }
 
-    /// How each source was heard so far, by its name.
-    pub fn heard(&self) -> BTreeMap<Arc<str>, HeardSensor> {
-        self.all_heard().clone()
+    /// How each source is heard so far, in the order in which they were added.
+    pub fn heard(&self) -> Vec<(Arc<str>, HeardSensor)> {
+        self.heard.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    fn note(&self, source: &Named, note: impl FnOnce(&mut HeardSensor)) {
+        let mut heard = self.heard.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, now)) = heard.get_mut(source.at) {
+            note(now);
+        }
     }
 
     /// A source speaks so many times a second by its profile; 0: nobody knows.
     pub fn expects(&self, source: &Named, usual_rate_hz: f64) {
-        self.all_heard().entry(Arc::clone(&source.name)).or_default().usual_rate_hz = usual_rate_hz;
+        self.note(source, |now| now.usual_rate_hz = usual_rate_hz);
     }
 
-    /// Says why there is nothing of a source now; `None`: there is.
-    fn is_gone(&self, source: &Named, why: Option<&str>) {
-        self.all_heard().entry(Arc::clone(&source.name)).or_default().gone = why.map(str::to_owned);
-    }
-
-    /// True if sources that are gone are waited for.
-    pub fn is_patient(&self) -> bool {
-        self.patient && !self.stopped()
+    /// Takes how full the battery of a source is, 0 to 1.
+    pub fn battery(&self, source: &Named, level: f64) {
+        self.note(source, |now| now.battery = Some(level));
     }
 
     /// How many sources are gone now, and waited for.
@@ -149,16 +154,30 @@ impl<'a> Intake<'a> {
     /// Says at once that a source is gone; it is waited for.
     pub fn gone(&self, source: &Named, why: &str) {
         self.away.fetch_add(1, Ordering::Release);
-        self.is_gone(source, Some(why));
+        self.note(source, |now| now.gone = Some(why.to_owned()));
         (self.tell)(SensingEvent::Gone { sensor: &source.name, why });
+        if let Some(hub) = self.hub {
+            hub.ended(&source.name, why);
+        }
+        if let Some((listener, _)) = &self.listener {
+            let (sensor, why) = (Arc::clone(&source.name), why.to_owned());
+            // Nobody listens any more: the end is near, and `stopped` says so.
+            let _ = listener.send(Said::Gone { sensor, why });
+        }
     }
 
     /// Says that it is back after so many seconds; `None`: nobody waits any more.
     pub fn back(&self, source: &Named, gone_s: Option<f64>) {
         self.away.fetch_sub(1, Ordering::Release);
-        if let Some(gone_s) = gone_s {
-            self.is_gone(source, None);
-            (self.tell)(SensingEvent::Back { sensor: &source.name, gone_s });
+        let Some(gone_s) = gone_s else { return };
+        self.note(source, |now| now.gone = None);
+        (self.tell)(SensingEvent::Back { sensor: &source.name, gone_s });
+        if let Some(hub) = self.hub {
+            hub.back(&source.name);
+        }
+        if let Some((listener, _)) = &self.listener {
+            // As above.
+            let _ = listener.send(Said::Back { sensor: Arc::clone(&source.name) });
         }
     }
 
@@ -193,14 +212,17 @@ impl<'a> Intake<'a> {
         let metadata =
             metadata.iter().map(|(key, value)| ((*key).to_owned(), (*value).to_owned())).collect();
         let source = RecordedSource { name: name.clone(), metadata, kind };
-        Named { name: name.into(), id: self.recorder.map(|recorder| recorder.add_source(source)) }
+        let id = self.recorder.map(|recorder| recorder.add_source(source));
+        let name: Arc<str> = name.into();
+        let mut heard = self.heard.lock().unwrap_or_else(PoisonError::into_inner);
+        heard.push((Arc::clone(&name), HeardSensor::default()));
+        Named { name, id, at: heard.len() - 1 }
     }
 
     /// Takes a sample of a sensor; never waits.
     pub fn take(&self, source: &Named, captured: Captured) {
         let said = Said::of(&source.name, &captured, &MonotonicClock);
-        let missed = captured.stamp.missed;
-        self.all_heard().entry(Arc::clone(&source.name)).or_default().take(&said, missed);
+        self.note(source, |now| now.take(&said, captured.stamp.missed));
         if let Some(hub) = self.hub {
             hub.hear(&source.name, &captured);
         }
@@ -215,7 +237,7 @@ impl<'a> Intake<'a> {
 
     /// Takes a line of text; never waits.
     pub fn take_line(&self, source: &Named, at: Instant, text: String) {
-        self.all_heard().entry(Arc::clone(&source.name)).or_default().take_line(at);
+        self.note(source, |now| now.take_line(at));
         if let (Some(recorder), Some(id)) = (self.recorder, source.id) {
             recorder.take_record(id, SourceRecord::Line(at, text));
         }
@@ -235,7 +257,7 @@ impl<'a> Intake<'a> {
 
     /// Says at once that a source has ended early.
     pub fn ended(&self, source: &Named, why: &str) {
-        self.is_gone(source, Some(why));
+        self.note(source, |now| now.gone = Some(why.to_owned()));
         (self.tell)(SensingEvent::Gone { sensor: &source.name, why });
         if let Some(hub) = self.hub {
             hub.ended(&source.name, why);

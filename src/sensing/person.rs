@@ -125,4 +125,9 @@ pub trait Person: Sync {
     fn wants_a_reset(&self) -> bool {
         false
     }
+
+    /// True once after they agreed that what rests, because its sensors were lost, is followed again.
+    fn agrees(&self) -> bool {
+        false
+    }
 }

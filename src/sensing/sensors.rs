@@ -75,6 +75,8 @@ fn nanos(duration: Duration) -> u64 {
 struct Heard {
     newest: Option<(DQuat, Instant)>,
     stuck: bool,
+    /// It is gone, and waited for.
+    gone: bool,
     samples: u64,
     history: Vec<(Instant, DQuat)>,
 }
@@ -100,6 +102,8 @@ pub struct Sensors {
     ended: Option<(String, String)>,
     anew: Vec<Segment>,
     listens: bool,
+    /// By segment: it may be without its sensor.
+    spared: [bool; 13],
 }
 
 impl Sensors {
@@ -116,7 +120,21 @@ impl Sensors {
             ended: None,
             anew: Vec::new(),
             listens: false,
+            spared: [false; 13],
         }
+    }
+
+    /// From now on these segments, by index, may be without their sensors for a while: one that is gone and waited for ends
+    /// nothing.
+    pub fn spare(&mut self, segments: [bool; 13]) {
+        self.spared = segments;
+    }
+
+    /// True of a segment whose sensor is gone, and waited for.
+    #[must_use]
+    pub fn is_gone(&self, segment: Segment) -> bool {
+        let mut both = self.places.iter().zip(&self.heard);
+        both.any(|(place, heard)| place.segment == segment && heard.gone)
     }
 
     /// Where sensors are worn.
@@ -137,12 +155,25 @@ impl Sensors {
                     self.take(at, orientation.filter(|_| !stuck), anew, taken);
                     self.heard[at].still(stuck, taken);
                 }
-                Said::Ended { sensor, why } => {
-                    if self.by_name.contains_key(&*sensor) && self.ended.is_none() {
-                        self.ended = Some((sensor.to_string(), why));
+                Said::Ended { sensor, why } => self.end(&sensor, why),
+                Said::Gone { sensor, why } => match self.by_name.get(&*sensor) {
+                    Some(&at) if self.spared[self.places[at].segment.index()] => {
+                        self.heard[at].gone = true;
+                    }
+                    _ => self.end(&sensor, why),
+                },
+                Said::Back { sensor } => {
+                    if let Some(&at) = self.by_name.get(&*sensor) {
+                        self.heard[at].gone = false;
                     }
                 }
             }
+        }
+    }
+
+    fn end(&mut self, sensor: &str, why: String) {
+        if self.by_name.contains_key(sensor) && self.ended.is_none() {
+            self.ended = Some((sensor.to_owned(), why));
         }
     }
 
@@ -313,6 +344,24 @@ mod tests {
         }
         sensors.hear(at(1.0));
         assert_eq!(sensors.ended(), Some(&("b".to_owned(), "pulled".to_owned())));
+    }
+
+    #[test]
+    fn a_sensor_that_is_gone_and_waited_for_ends_it_unless_its_segment_is_spared() {
+        let (mut sensors, sender) = two();
+        let gone = |sensor: &str| Said::Gone { sensor: sensor.into(), why: "pulled".to_owned() };
+        let mut spared = [false; 13];
+        spared[Segment::Head.index()] = true;
+        sensors.spare(spared);
+        sender.send(gone("b")).expect("heard");
+        sensors.hear(at(1.0));
+        assert!(sensors.is_gone(Segment::Head) && sensors.ended().is_none());
+        sender.send(Said::Back { sensor: "b".into() }).expect("heard");
+        sensors.hear(at(1.0));
+        assert!(!sensors.is_gone(Segment::Head));
+        sender.send(gone("a")).expect("heard");
+        sensors.hear(at(1.0));
+        assert_eq!(sensors.ended(), Some(&("a".to_owned(), "pulled".to_owned())));
     }
 
     /// Its filter settles for a second: a hundred samples that say so are one new beginning.

@@ -131,6 +131,10 @@ impl Trackers {
             if let Message::SensorInfo { sensor, status } = message {
                 let _ = self.socket.send_to(&slimevr::sensor_info_reply(sensor, status), from);
             }
+            if let Message::Battery(_, level) = message {
+                let sensors = tracker.sensors.values();
+                sensors.for_each(|(source, _)| intake.battery(source, level));
+            }
             let Some((sensor, reading)) = reading(&message) else { continue };
             if sensor >= MOST_SENSORS {
                 continue;

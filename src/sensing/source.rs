@@ -5,8 +5,7 @@ use super::intake::Intake;
 use super::lines::TextLines;
 use super::slimevr::Trackers;
 use crate::error::{Error, ErrorKind};
-use crate::rig::Address;
-use crate::rig::open_stream;
+use crate::rig::{Address, SameDevice, open_stream};
 use gaitway_profiles::{Sensor, SensorProtocol};
 use std::net::{Ipv4Addr, SocketAddr};
 use std::str::FromStr;
@@ -145,8 +144,8 @@ impl Source {
                 };
                 let port = open_stream(address, baud_bps)?;
                 let name = self.name.clone().unwrap_or_else(|| sensor.name.clone());
-                let address = address.clone();
-                let again = Box::new(move || open_stream(&address, baud_bps));
+                let device = SameDevice::at(address, baud_bps);
+                let again = Box::new(move || device.open());
                 let imu = SerialImu::new(name, &self.text, sensor, port, again);
                 imu.map(|imu| Opened::Imu(Box::new(imu)))
             }

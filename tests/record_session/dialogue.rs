@@ -94,6 +94,11 @@ impl<'a> Dialogue<'a> {
         assert_eq!(written, Ok(bytes.len()));
     }
 
+    /// Presses keys, and no Enter after them.
+    pub fn press(&mut self, keys: &str) {
+        assert_eq!(rustix::io::write(&*self.terminal, keys.as_bytes()), Ok(keys.len()));
+    }
+
     /// Waits for a question and answers it.
     pub fn answer(&mut self, question: &str, line: &str) {
         self.expect(question);

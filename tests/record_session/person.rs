@@ -12,7 +12,8 @@ use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{
     OptionalActions, QueueSelector, ioctl_tiocnxcl, tcflush, tcgetattr, tcsetattr,
 };
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -102,9 +103,10 @@ impl Doing {
 struct Line {
     segment: Segment,
     mount: DQuat,
-    master: OwnedFd,
-    slave: OwnedFd,
-    path: String,
+    /// Both ends of its line, while it is plugged in.
+    port: Mutex<Option<(OwnedFd, OwnedFd)>>,
+    /// A link to the terminal that it is behind.
+    link: PathBuf,
     /// What was said and is not on the line yet.
     pending: Mutex<Vec<u8>>,
     /// It lost its battery.
@@ -112,25 +114,46 @@ struct Line {
 }
 
 impl Line {
-    fn new(segment: Segment, mount: DQuat) -> Self {
-        let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).expect("a terminal");
+    fn new(segment: Segment, mount: DQuat, folder: &Path) -> Self {
+        let link = folder.join(gaitway::body::segment_name(segment));
+        let (port, pending, is_silent) = Default::default();
+        let line = Self { segment, mount, port, link, pending, is_silent };
+        line.plug();
+        line
+    }
+
+    /// Plugs it in, perhaps behind another terminal than before.
+    fn plug(&self) {
+        // The program that listens holds no end of it, or nobody could pull it out.
+        let flags = OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC;
+        let master = openpt(flags).expect("a terminal");
         grantpt(&master).and_then(|()| unlockpt(&master)).expect("a terminal of ours");
         let path = ptsname(&master, Vec::new()).expect("a name").into_string().expect("ASCII");
-        let slave = rustix::fs::open(path.as_str(), OFlags::RDWR | OFlags::NOCTTY, Mode::empty())
-            .expect("its other end");
+        let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC;
+        let slave = rustix::fs::open(path.as_str(), flags, Mode::empty()).expect("its other end");
         let mut settings = tcgetattr(&slave).expect("settings");
         settings.make_raw();
         tcsetattr(&slave, OptionalActions::Now, &settings).expect("raw");
         rustix::fs::fcntl_setfl(&master, OFlags::RDWR | OFlags::NONBLOCK).expect("patience");
-        let (pending, is_silent) = Default::default();
-        Self { segment, mount, master, slave, path, pending, is_silent }
+        let _ = std::fs::remove_file(&self.link);
+        std::os::unix::fs::symlink(path, &self.link).expect("a link");
+        *self.port.lock().expect("nobody fell") = Some((master, slave));
+    }
+
+    /// Pulls it out.
+    fn pull(&self) {
+        let _ = std::fs::remove_file(&self.link);
+        *self.port.lock().expect("nobody fell") = None;
+        self.pending.lock().expect("nobody fell").clear();
     }
 
     /// Says more. A host that stalls reads later, and not half a line.
     fn say(&self, bytes: &[u8]) {
         let mut pending = self.pending.lock().expect("nobody fell");
+        let port = self.port.lock().expect("nobody fell");
+        let Some((master, _)) = &*port else { return };
         pending.extend_from_slice(bytes);
-        if let Ok(written) = rustix::io::write(&self.master, &pending) {
+        if let Ok(written) = rustix::io::write(master, &pending) {
             pending.drain(..written);
         }
     }
@@ -176,9 +199,14 @@ pub struct Person {
 impl Person {
     /// Stands in N pose and wears sensors on these segments.
     pub fn wearing(segments: &[Segment]) -> Self {
+        static PERSONS: AtomicU32 = AtomicU32::new(0);
+        let number = PERSONS.fetch_add(1, Ordering::Relaxed);
+        let folder = Path::new(env!("CARGO_TARGET_TMPDIR"))
+            .join(format!("{}-person-{number}", env!("CARGO_CRATE_NAME")));
+        std::fs::create_dir_all(&folder).expect("a folder");
         let line = |(n, segment): (usize, &Segment)| {
             let mount = DQuat::from_rotation_z(0.2 * n as f64 - 0.3) * DQuat::from_rotation_y(0.15);
-            Line::new(*segment, mount)
+            Line::new(*segment, mount, &folder)
         };
         let lines: Arc<Vec<Line>> = Arc::new(segments.iter().enumerate().map(line).collect());
         let still = (JointAngles::default(), 0.0);
@@ -218,6 +246,12 @@ impl Person {
         line.is_silent.store(is_silent, Ordering::Release);
     }
 
+    /// The sensor on a segment is pulled out, or plugged in again.
+    pub fn pulls(&self, segment: Segment, is_out: bool) {
+        let line = self.lines.iter().find(|line| line.segment == segment).expect("it is worn");
+        if is_out { line.pull() } else { line.plug() }
+    }
+
     /// Somebody taps the person, so that all sensors feel it.
     pub fn is_tapped(&self) {
         let at_s = self.now_s() + 0.1;
@@ -228,7 +262,7 @@ impl Person {
     pub fn sources(&self) -> Vec<String> {
         let source = |line: &Line| {
             let name = gaitway::body::segment_name(line.segment);
-            format!("{name}=imu:arduino-csv@{}", line.path)
+            format!("{name}=imu:arduino-csv@{}", line.link.display())
         };
         self.lines.iter().map(source).collect()
     }
@@ -243,8 +277,10 @@ impl Person {
         self.is_heard.store(false, Ordering::Release);
         for line in self.lines.iter() {
             line.pending.lock().expect("nobody fell").clear();
-            let _ = tcflush(&line.slave, QueueSelector::IFlush);
-            let _ = ioctl_tiocnxcl(&line.slave);
+            if let Some((_, slave)) = &*line.port.lock().expect("nobody fell") {
+                let _ = tcflush(slave, QueueSelector::IFlush);
+                let _ = ioctl_tiocnxcl(slave);
+            }
         }
     }
 }

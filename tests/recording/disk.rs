@@ -88,7 +88,7 @@ impl Disk for MemoryDisk {
     }
 }
 
-/// A disk that stands still from a call on until its gate is dropped.
+/// A disk that stands still from a call on until its gate is dropped; what is sent through the gate lets one call pass.
 pub struct GatedDisk {
     disk: MemoryDisk,
     gate: Arc<Mutex<Gate>>,
@@ -102,6 +102,8 @@ pub enum Stands {
     Both,
     /// Only synchronising.
     Syncs,
+    /// Only appending.
+    Appends,
 }
 
 struct Gate {
@@ -128,7 +130,7 @@ fn pass(gate: &Mutex<Gate>) {
 
 impl Disk for GatedDisk {
     fn append(&mut self, bytes: &[u8]) -> io::Result<()> {
-        if self.stands == Stands::Both {
+        if self.stands != Stands::Syncs {
             pass(&self.gate);
         }
         self.disk.append(bytes)
@@ -136,8 +138,11 @@ impl Disk for GatedDisk {
 
     fn syncer(&self) -> io::Result<Syncer> {
         let (gate, mut sync) = (Arc::clone(&self.gate), self.disk.syncer()?);
+        let waits = self.stands != Stands::Appends;
         Ok(Box::new(move || {
-            pass(&gate);
+            if waits {
+                pass(&gate);
+            }
             sync()
         }))
     }

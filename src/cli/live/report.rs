@@ -23,6 +23,10 @@ impl BodyReport {
                 degrees(mount.drift_corrected_rad),
                 mount.stale_s
             );
+            if mount.lost > 0 {
+                let times = counted(mount.lost, "time");
+                let _ = writeln!(out, "  {:<16} lost {times}, {:.2} s", "", mount.lost_s);
+            }
         }
         for doubt in &self.doubts {
             let _ = writeln!(out, "  look: {doubt}");

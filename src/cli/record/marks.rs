@@ -1,35 +1,60 @@
-//! Marks that whoever records sets at the terminal: Enter, or words and Enter.
+//! Marks that whoever records sets at the terminal: Enter or space, or words and Enter.
 
+use crate::cli::keys::{Keys, Typist, may_be_read};
 use crate::recording::Marker;
 use crate::sensing::{Clock, MonotonicClock};
-use rustix::process::getpgrp;
-use rustix::stdio::stdin;
-use rustix::termios::{isatty, tcgetpgrp};
-use std::io::BufRead;
-use std::sync::mpsc::{Receiver, channel};
+use std::io::{BufRead, Read};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// What Enter alone says.
 const MARK: &str = "mark";
 
-/// Listens to standard input from now on.
-pub fn listen() -> Receiver<Marker> {
-    let (sender, marks) = channel();
-    if may_be_read() {
-        // The thread waits for a line until the process ends; nothing depends on it.
-        std::thread::spawn(move || {
-            for line in std::io::stdin().lock().lines().map_while(Result::ok) {
-                let at = MonotonicClock.now();
-                let text = if line.trim().is_empty() { MARK } else { line.trim() };
-                if sender.send(Marker { at, text: text.to_owned() }).is_err() {
-                    return;
-                }
-            }
-        });
-    }
-    marks
+/// Somebody who sets marks.
+pub struct Marks {
+    /// The marks.
+    pub set: Receiver<Marker>,
+    /// A terminal waits for no Enter meanwhile.
+    _keys: Option<Keys>,
 }
 
-/// True unless the terminal belongs to another job: reading it would stop this one.
-fn may_be_read() -> bool {
-    !isatty(stdin()) || tcgetpgrp(stdin()).is_ok_and(|foreground| foreground == getpgrp())
+/// Listens to standard input from now on; a note that is not ended yet stands in `typed`.
+pub fn listen(typed: Arc<Mutex<String>>) -> Marks {
+    let (sender, set) = channel();
+    let keys = Keys::hold(false);
+    // The thread waits for a line until the process ends; nothing depends on it.
+    if keys.is_some() {
+        std::thread::spawn(move || pressed(&sender, &typed));
+    } else if may_be_read() {
+        std::thread::spawn(move || lines(&sender));
+    }
+    Marks { set, _keys: keys }
+}
+
+fn lines(marks: &Sender<Marker>) {
+    for line in std::io::stdin().lock().lines().map_while(Result::ok) {
+        let at = MonotonicClock.now();
+        let text = if line.trim().is_empty() { MARK } else { line.trim() };
+        if marks.send(Marker { at, text: text.to_owned() }).is_err() {
+            return;
+        }
+    }
+}
+
+fn pressed(marks: &Sender<Marker>, typed: &Mutex<String>) {
+    let mut typist = Typist::default();
+    let mut bytes = [0_u8; 256];
+    while let Ok(count @ 1..) = std::io::stdin().lock().read(&mut bytes) {
+        let (now, at) = (std::time::Instant::now(), MonotonicClock.now());
+        for key in &bytes[..count] {
+            let Some((begun, line)) = typist.press(*key, now) else { continue };
+            let text = if line.is_empty() { MARK.to_owned() } else { line };
+            let ago_ns = u64::try_from(now.duration_since(begun).as_nanos()).unwrap_or(0);
+            let at = crate::time::Instant::from_nanos(at.as_nanos().saturating_sub(ago_ns));
+            if marks.send(Marker { at, text }).is_err() {
+                return;
+            }
+        }
+        *typed.lock().unwrap_or_else(PoisonError::into_inner) = typist.typed();
+    }
 }

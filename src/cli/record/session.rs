@@ -4,6 +4,7 @@ mod asked;
 mod console;
 
 use super::RecordArgs;
+use crate::body::anthropometry::Subject;
 use crate::cli::report::Outcome;
 use crate::cli::signals::Signals;
 use crate::cli::{Deed, Remarks};
@@ -33,6 +34,7 @@ pub fn run(
         wear: args.wear.clone(),
         plan: args.plan.as_deref().map(read_plan).transpose()?,
         magnetometer: args.magnetometer,
+        known: args.subject.iter().map(|path| read_subject(path)).collect::<Result<_, _>>()?,
     };
     let session = match open(order)? {
         SessionState::Open(session) => session,
@@ -59,6 +61,11 @@ pub fn run(
 
 fn read_plan(path: &Path) -> Result<Plan, Error> {
     Plan::parse(&gaitway_profiles::read_text(path)?, &path.display().to_string())
+}
+
+/// A subject of another session.
+fn read_subject(path: &Path) -> Result<Subject, Error> {
+    Subject::parse(&gaitway_profiles::read_text(path)?, &path.display().to_string())
 }
 
 fn conclude(args: &RecordArgs, report: &SessionReport) -> i32 {

@@ -40,6 +40,8 @@ pub struct HowNamed {
 pub enum LiveWord {
     /// Something to be read.
     Words(String),
+    /// The same, and a mark in the recording of when it was so.
+    Marked(Instant, String),
     /// Something that was recognised.
     Recognised(RecognitionEvent),
     /// What the body does: the pose, its angles, and how long ago the oldest of its sensors was read, s.
@@ -266,7 +268,7 @@ mod tests {
         let end_s = 7.0 + poses.len() as f64 / 60.0;
         assert!(actions[0].start_s > 7.0 && actions[0].recognised_at_s < end_s, "{actions:?}");
         let words = told.iter().filter_map(|told| match told {
-            LiveWord::Words(words) => Some(words),
+            LiveWord::Words(words) | LiveWord::Marked(_, words) => Some(words),
             LiveWord::Recognised(event) => event.words_of_done(),
             LiveWord::Posed(_) => None,
         });

@@ -114,6 +114,10 @@ pub struct MountReport {
     pub doubted: u64,
     /// For how long, s.
     pub doubted_s: f64,
+    /// How often it was lost, where the robot was to keep going: gone, or silent for a second.
+    pub lost: u64,
+    /// For how long, s.
+    pub lost_s: f64,
 }
 
 impl BodyReport {
@@ -138,6 +142,8 @@ impl BodyReport {
             heading_lost: 0,
             doubted: 0,
             doubted_s: 0.0,
+            lost: 0,
+            lost_s: 0.0,
         });
         Self {
             subject: kept.subject.clone(),

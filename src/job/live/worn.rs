@@ -1,5 +1,6 @@
 //! A robot that does what a person who wears sensors does.
 
+use super::lost::{self, Lost};
 use super::naming::{HowNamed, LiveWord, NamedBody, Naming};
 use super::report::{self, BodyReport, LiveReport};
 use super::when::{self, Answer, Answers, AnswersReport, Call, CheckedAnswer, Overheard, When};
@@ -8,6 +9,7 @@ use crate::body::Segment;
 use crate::body::worn::calibrate::words;
 use crate::body::worn::doubt::Doubts;
 use crate::body::worn::kept::Kept;
+use crate::body::worn::limb::{LimbChange, WornLimb, WornLimbs};
 use crate::body::worn::{Wearing, WornPose};
 use crate::body::{segment_name, segment_named};
 use crate::capture::Counts;
@@ -24,8 +26,8 @@ use crate::job::recorder::RunRecorder;
 use crate::job::report::{Outcome, PlayReport};
 use crate::job::source::{MotionOrder, RobotMotion};
 use crate::mocap::retarget::{self, Online};
-use crate::motion::Trend;
 use crate::motion::follow::STALE_S;
+use crate::motion::{Target, Trend};
 use crate::port::{Clock, MonotonicClock};
 use crate::recognise::stream::LONGEST_GAP_S;
 use crate::recording::read_orientations;
@@ -85,11 +87,13 @@ impl Job<'_> {
         let tell_event = |event: SensingEvent<'_>| observer.hear(Event::Sensing(event));
         let mode = order.mode;
         let intake = Intake::new(kept.as_deref(), &stop, mode, &tell_event);
+        let intake = if order.keep_going { intake.patient() } else { intake };
         let (sender, receiver) = channel();
         let monotonic: Arc<dyn Clock> = Arc::new(MonotonicClock);
         let clock =
             ready.as_ref().map_or(monotonic, |ready| Arc::clone(ready.connection.link.clock()));
         let intake = intake.heard_by(sender, Arc::clone(&clock));
+        let patience = ready.as_ref().and_then(|ready| ready.connection.patience.clone());
         let is_replay = replayed.is_some();
         let feed = replayed.unwrap_or(Feed::Live(receiver));
         let mut sensors = Sensors::new(wear.places, feed);
@@ -101,9 +105,14 @@ impl Job<'_> {
             }
             // The loop may not wait for a terminal: what it has to say is said elsewhere.
             let (tell, told) = channel::<LiveWord>();
+            let mut marks = lost::LostMarks::of(kept.clone(), patience);
             scope.spawn(move || {
                 told.into_iter().for_each(|told| match told {
                     LiveWord::Words(text) => observer.hear(Event::Note(&text)),
+                    LiveWord::Marked(at, text) => {
+                        observer.hear(Event::Note(&text));
+                        marks.take(at, text);
+                    }
                     LiveWord::Recognised(event) => observer.hear(Event::Recognised(&event)),
                     LiveWord::Posed(posed) => {
                         let (pose, angles, age_s) = &*posed;
@@ -113,7 +122,7 @@ impl Job<'_> {
             });
             if observer.looks() {
                 let (intake, stop) = (&intake, &stop);
-                scope.spawn(move || heard::tell(intake, None, stop, observer));
+                scope.spawn(move || heard::tell(intake, stop, observer));
             }
             self.led(&mut sensors, ready, recorder, answers, tell, &*clock)
         });
@@ -222,6 +231,17 @@ impl Job<'_> {
         body.answers = answers;
         body.leads = !self.order.dry_run;
         body.looks = self.observer.looks();
+        if self.order.keep_going {
+            let stands = ready.as_ref().map(|ready| stands(&ready.connection)).transpose();
+            let stands = match stands {
+                Ok(stands) => stands.unwrap_or(false),
+                Err(error) => {
+                    let kept = worth_keeping(recorder, ready.as_ref());
+                    return (kept.map(|recorder| (recorder, None)), Err(error));
+                }
+            };
+            body.keep_going(WornLimbs::new(|limb| !(stands && limb.is_leg())));
+        }
         let done = match (ready, recorder) {
             (Some(ready), Some(recorder)) if !self.order.dry_run => {
                 match self.mirrored(&mut body, ready, recorder) {
@@ -272,6 +292,14 @@ impl Job<'_> {
             return guide.take_up(kept, plan);
         }
         let guided = guide.calibrate(plan)?;
+        if !(guided.doubts.is_empty() || order.dry_run || order.despite_swaps) {
+            return Err(Error::new("nobody is followed whose sensors seem to be swapped")
+                .got(guided.doubts.join("; "))
+                .remedy(
+                    "change them and begin again; --despite-swaps, if they are right as they are",
+                )
+                .into());
+        }
         if let Some(path) = file {
             let text = guided.kept.text()?;
             check_outside(path)?;
@@ -438,13 +466,15 @@ impl Job<'_> {
         }
         report.run.notes.extend(online.notes().iter().cloned());
         let mut trend = Trend::default();
+        let of_limbs = WornLimb::ALL.map(|limb| lost::joints(&model, limb));
         let mut newest = |now: Instant, approaching: bool| {
             if body.answers.is_called() || body.is_over(now, approaching) {
                 return Input::End;
             }
             let Some((moment, oldest_s, dt_s)) = body.moment(now) else { return Input::Nothing };
             trend.push(oldest_s, online.pose(&moment.pose, dt_s));
-            trend.target(body.seconds(now)).map_or(Input::Nothing, Input::Pose)
+            let Some(target) = trend.target(body.seconds(now)) else { return Input::Nothing };
+            Input::Pose(Target { careful: body.careful(&of_limbs), ..target })
         };
         ready.follow(&mut newest, recorder, self.observer, report)
     }
@@ -527,6 +557,16 @@ fn answer(
     Ok(())
 }
 
+/// True of a robot that plays legs: it is taken to stand on them.
+///
+/// # Errors
+/// A robot whose file does not say what it is in a person.
+fn stands(connection: &Connection) -> Result<bool, Error> {
+    let model = robot_model(connection.link.robot())?;
+    let is_leg = |segment| WornLimb::of(segment).is_some_and(WornLimb::is_leg);
+    Ok(model.links.iter().any(|link| is_leg(link.segment)))
+}
+
 /// Counts of a recording that was followed.
 fn replay_reports(sensors: &Sensors) -> Vec<SourceReport> {
     let report = |(name, samples): (&str, u64)| SourceReport {
@@ -560,6 +600,8 @@ struct Body<'a> {
     posed_at: Option<Instant>,
     naming: Option<Naming>,
     answers: Answers,
+    /// WornLimbs that may be without their sensors, if it is to keep going.
+    lost: Option<Lost>,
 }
 
 impl<'a> Body<'a> {
@@ -589,7 +631,24 @@ impl<'a> Body<'a> {
             posed_at: None,
             naming: None,
             answers: Answers::default(),
+            lost: None,
         }
+    }
+
+    /// From now on limbs whose sensors are lost rest, and the others are followed.
+    fn keep_going(&mut self, limbs: WornLimbs) {
+        self.sensors.spare(limbs.may_rest());
+        self.lost = Some(Lost::new(limbs, &self.wearing.worn()));
+    }
+
+    /// True of a segment that rests, because its limb's sensors were lost.
+    fn rests(&self, segment: Segment) -> bool {
+        self.lost.as_ref().is_some_and(|lost| lost.limbs.rests(segment))
+    }
+
+    /// Joints, of those of each limb, of limbs that rest or are on their way back.
+    fn careful(&self, of_limbs: &[Vec<bool>; 5]) -> Vec<bool> {
+        self.lost.as_ref().map_or_else(Vec::new, |lost| lost.careful(&self.wearing, of_limbs))
     }
 
     /// Seconds of a moment since the body was first looked at.
@@ -604,7 +663,8 @@ impl<'a> Body<'a> {
         }
         let follows = self.following_since.map(|since| now.since(since));
         let is_late = self.longest.zip(follows).is_some_and(|(longest, time)| time >= longest);
-        is_late || self.sensors.ended().is_some() || self.sensors.is_over()
+        let is_alone = self.lost.as_ref().is_some_and(Lost::is_all);
+        is_late || is_alone || self.sensors.ended().is_some() || self.sensors.is_over()
     }
 
     /// The body now, when the oldest of its sensors was read, s, and the time since the moment
@@ -616,20 +676,30 @@ impl<'a> Body<'a> {
             self.wearing.heading_lost(segment);
             self.doubts.began_anew(segment);
             self.heading_lost[segment.index()] += 1;
+            if let Some(lost) = &mut self.lost {
+                lost.limbs.began_anew(segment);
+            }
+            if self.rests(segment) {
+                continue;
+            }
             self.tell(format!(
                 "the sensor on the {} began anew, its heading is a guess: stand in N pose, r and \
                  Enter",
                 words(segment)
             ));
         }
-        if self.person.wants_a_reset() {
+        let mends = self.person.wants_a_reset();
+        if mends {
             self.wearing.reset_heading();
             self.resets += 1;
             self.tell("headings are mended, slowly".to_owned());
         }
         let dt_s = self.before.map_or(0.0, |before| now.seconds_since(before));
         self.before = Some(now);
+        self.look_for_lost(now, mends, dt_s);
         let newest = self.sensors.newest();
+        let rests = |(segment, _): &(Segment, _)| !self.rests(*segment);
+        let newest: Vec<_> = newest.into_iter().filter(rests).collect();
         self.watch(&newest, now, dt_s);
         let (mut said, mut known) = ([None; 13], [false; 13]);
         let mut oldest = now;
@@ -643,7 +713,9 @@ impl<'a> Body<'a> {
         }
         self.doubt(&newest, dt_s);
         let moment = self.wearing.pose(&said, dt_s);
-        self.doubts.look(&self.wearing.as_said(), &self.wearing.worn());
+        let worn = self.wearing.worn();
+        let judged = Segment::ALL.map(|of| worn[of.index()] && !self.rests(of));
+        self.doubts.look(&self.wearing.as_said(), &judged);
         if self.looks && self.posed_at.is_none_or(|at| now.seconds_since(at) >= POSED_S) {
             self.posed_at = Some(now);
             let age_s = now.seconds_since(oldest);
@@ -662,6 +734,24 @@ impl<'a> Body<'a> {
             });
         }
         Some((moment, self.seconds(oldest), dt_s))
+    }
+
+    /// Lets limbs rest whose sensors are lost, takes up again what may be, and says and keeps both.
+    fn look_for_lost(&mut self, now: Instant, mends: bool, dt_s: f64) {
+        let agrees = self.person.agrees();
+        let Some(lost) = &mut self.lost else { return };
+        for (limb, change) in lost.judge(self.sensors, now, mends, agrees, dt_s) {
+            match change {
+                LimbChange::Rests(_) => self.wearing.rest(limb),
+                LimbChange::Followed => {
+                    self.wearing.take_up(limb);
+                    limb.segments().for_each(|segment| self.doubts.began_anew(segment));
+                }
+                _ => {}
+            }
+            // Nobody listens any more only at the very end.
+            let _ = self.tell.send(LiveWord::Marked(now, lost::words(limb, change)));
+        }
     }
 
     /// Lets segments wait whose sensors say what cannot be, and says so.
@@ -699,6 +789,9 @@ impl<'a> Body<'a> {
                 format!("silent: {}; the robot stands until it speaks", silent.join(", "))
             }
             true => format!("silent: {}", silent.join(", ")),
+            false if self.lost.as_ref().is_some_and(|lost| lost.limbs.any_rests()) => {
+                "all other sensors speak".to_owned()
+            }
             false => "all sensors speak again".to_owned(),
         });
     }
@@ -716,12 +809,19 @@ impl<'a> Body<'a> {
         if let Some(answers) = &mut report.answers {
             answers.ignored = self.answers.ignored();
         }
-        if let Some((sensor, why)) = self.sensors.ended() {
+        let gone =
+            self.sensors.ended().map(|(sensor, why)| format!("sensor {sensor} is gone: {why}"));
+        let alone = self.lost.as_ref().filter(|lost| lost.is_all());
+        let alone = alone.map(|_| "no sensor that is worn speaks any more".to_owned());
+        if let Some(reason) = gone.or(alone) {
             if report.run.outcome == Outcome::Done {
                 report.run.outcome = Outcome::Stopped;
             }
-            report.run.stop_reason = Some(format!("sensor {sensor} is gone: {why}"));
+            report.run.stop_reason = Some(reason);
             report.run.stop = Some(Stop::of(StopCode::SensorLost));
+        }
+        if let Some(lost) = &self.lost {
+            report.run.notes.extend(lost.notes());
         }
         let Some(body) = &mut report.body else { return named };
         body.heading_resets = self.resets;
@@ -737,6 +837,9 @@ impl<'a> Body<'a> {
             mount.stale_s = self.stale_s[at];
             mount.heading_lost = self.heading_lost[at];
             (mount.doubted, mount.doubted_s) = self.doubts.tally(drift.segment);
+            if let Some(lost) = &self.lost {
+                (mount.lost, mount.lost_s) = lost.limbs.tally(drift.segment);
+            }
         }
         named
     }

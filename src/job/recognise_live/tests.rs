@@ -57,7 +57,7 @@ fn told(
     for told in told {
         match told {
             LiveWord::Recognised(event) => events.push((event.kind, event.model.clone())),
-            LiveWord::Words(text) => words.push(text),
+            LiveWord::Words(text) | LiveWord::Marked(_, text) => words.push(text),
             LiveWord::Posed(_) => {}
         }
     }

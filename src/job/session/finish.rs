@@ -2,6 +2,7 @@
 
 use super::Job;
 use super::happening::Happening;
+use super::trial::measures;
 use crate::body::worn::kept::Kept;
 use crate::error::Error;
 use crate::recording::sensor_series;
@@ -9,7 +10,6 @@ use crate::sensing::{Ended, wall_clock};
 use crate::session::angles::{WornMotion, body_of};
 use crate::session::files::{BODY_KEY, TrialFile, TrialRecording, Verdict};
 use crate::session::manifest::{Manifest, TrialRow};
-use std::collections::BTreeMap;
 
 /// Exports what is missing and writes the manifest: the folder is finished then.
 pub(super) fn finish(job: &Job) -> Result<(), Ended> {
@@ -56,7 +56,10 @@ fn angles(
     let said = |key: &str| metadata.and_then(|metadata| metadata.get(key));
     let text = said(BODY_KEY)
         .ok_or_else(|| Error::new("the recording does not know how its sensors were worn"))?;
-    let body = metadata.map_or_else(|| body_of(&BTreeMap::new()), body_of)?;
+    // What was measured wrongly and changed later is right in the subject's file.
+    let mut measured = metadata.cloned().unwrap_or_default();
+    measured.extend(measures(job, &recording.subject));
+    let body = body_of(&measured)?;
     let motion = WornMotion::of(&series, &Kept::parse(text)?, body, rate_hz)?;
     let stem = recording.file.trim_start_matches("trials/").trim_end_matches(".mcap");
     let mut files = Vec::new();

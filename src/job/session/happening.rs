@@ -34,6 +34,21 @@ pub enum Happening<'a> {
         /// Id of the subject.
         subject: &'a str,
     },
+    /// The measures of a subject were taken in another session: they are not asked.
+    KnownSubject {
+        /// Id of the subject.
+        subject: &'a str,
+    },
+    /// What was answered before is asked again: an empty answer leaves it as it is.
+    Editing {
+        /// `session`, or the id of a subject.
+        what: &'a str,
+    },
+    /// How that is which is asked next.
+    AsItIs {
+        /// In words; empty: nothing was said.
+        words: &'a str,
+    },
     /// Sensors that lie still are listened to.
     MeasuringStill {
         /// For so long, s.

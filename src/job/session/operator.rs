@@ -9,18 +9,27 @@ use crate::session::Verdict;
 use crate::time::Duration;
 use std::str::FromStr;
 
-/// The operator stops here, to go on later.
+/// What an operator may want instead of answering.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Stopped;
+pub enum Instead {
+    /// The session ends here, to go on later.
+    Stop,
+    /// The question before is asked once more: of words and measures, which are asked one after the other. Anywhere else
+    /// there is none, and the session ends.
+    Back,
+}
 
-impl From<Stopped> for Ended {
-    fn from(_: Stopped) -> Self {
-        Self::Stopped
+impl From<Instead> for Ended {
+    fn from(instead: Instead) -> Self {
+        match instead {
+            Instead::Stop => Self::Stopped,
+            Instead::Back => Self::Failed(Error::new("there is no question before this one")),
+        }
     }
 }
 
-/// An answer, or a stop instead of one.
-pub type Answered<T> = Result<T, Stopped>;
+/// An answer, or what is wanted instead of one.
+pub type Answered<T> = Result<T, Instead>;
 
 /// What the operator sees to, and says once it is so.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -86,6 +95,29 @@ pub enum Words<'a> {
         /// What was if the answer is empty: what the plan says; empty: nothing.
         usual: &'a str,
     },
+    /// What is to be changed, of all that was answered; empty: nothing.
+    Changed {
+        /// What there is: `session`, and the ids of those who are recorded.
+        choices: &'a [&'a str],
+    },
+}
+
+impl Words<'_> {
+    /// True of a question that is one of several: from it there is a way back to the one before.
+    #[must_use]
+    pub const fn is_of_several(&self) -> bool {
+        matches!(
+            self,
+            Self::SessionName { .. }
+                | Self::Leader
+                | Self::Place
+                | Self::Remarks
+                | Self::FirstSubject
+                | Self::SecondSubject
+                | Self::Gender
+                | Self::SubjectRemarks
+        )
+    }
 }
 
 /// What is said of a measure that may be left out.
@@ -154,6 +186,8 @@ pub enum Wish {
     Subjects,
     /// The action is given up: what is there of it is all there will be.
     GiveUp,
+    /// First something that was answered is changed.
+    Edit,
 }
 
 /// What is marked in a trial.
@@ -217,7 +251,7 @@ impl FromStr for Repetitions {
 }
 
 /// Leads a session: a person at a terminal, or a program. A question waits for its answer. Every one
-/// may be answered by [`Stopped`]: the session ends there, and can be gone on with.
+/// may be answered by [`Instead::Stop`]: the session ends there, and can be gone on with.
 pub trait Operator: Sync {
     /// Whoever is led through poses, and may want at any time that the session ends here.
     fn person(&self) -> &dyn Person;
@@ -303,6 +337,31 @@ pub trait Operator: Sync {
     /// # Errors
     /// A stop.
     fn repetitions(&self, marked: usize) -> Answered<Repetitions>;
+}
+
+/// What came of a question of several.
+pub(super) enum Asked {
+    /// It was answered.
+    Answered,
+    /// It was not to be asked.
+    Left,
+}
+
+/// A question of several, which keeps its answer itself.
+pub(super) type Ask<'a, S> = Box<dyn Fn(&mut S) -> Answered<Asked> + 'a>;
+
+/// Asks one after the other, and goes back to the one before as often as that is wanted.
+pub(super) fn ask_all<S>(answers: &mut S, questions: &[Ask<'_, S>]) -> Answered<()> {
+    let (mut at, mut goes_back) = (0_usize, false);
+    while let Some(ask) = questions.get(at) {
+        match ask(answers) {
+            Ok(Asked::Left) if goes_back && at > 0 => at -= 1,
+            Ok(_) => (at, goes_back) = (at + 1, false),
+            Err(Instead::Back) => (at, goes_back) = (at.saturating_sub(1), true),
+            Err(Instead::Stop) => return Err(Instead::Stop),
+        }
+    }
+    Ok(())
 }
 
 /// Asks until the answer is one that can be used; what is wrong with the others is told.

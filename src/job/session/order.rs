@@ -1,5 +1,6 @@
 //! Which session is led, and what its sensors are.
 
+use crate::body::anthropometry::Subject;
 use crate::body::{Segment, segment_name};
 use crate::error::Error;
 use crate::sensing::{Source, What};
@@ -22,6 +23,8 @@ pub struct SessionOrder {
     pub plan: Option<Plan>,
     /// Whether headings are taken from the magnetic field.
     pub magnetometer: bool,
+    /// Subjects of other sessions: who has one of these ids is not measured again.
+    pub known: Vec<Subject>,
 }
 
 /// A sensor of a session.

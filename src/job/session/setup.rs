@@ -2,7 +2,9 @@
 
 use super::Job;
 use super::happening::Happening;
-use super::operator::{Answered, Doubt, MeasureAnswer, Operator, Words, ask_until};
+use super::operator::{
+    Answered, Ask, Asked, Doubt, MeasureAnswer, Operator, Words, ask_all, ask_until,
+};
 use crate::body::anthropometry::{Measure, Subject, check_id};
 use crate::error::Error;
 use crate::sensing::{Ended, wall_clock};
@@ -10,6 +12,9 @@ use crate::session::files::SCHEMA;
 use crate::session::wearers::wearer;
 use crate::session::{Plan, SessionFile};
 use std::collections::BTreeMap;
+
+/// What the session itself is called where it is asked what is to be changed.
+const SESSION: &str = "session";
 
 /// What is known of a new session before anybody is asked.
 pub(super) struct Given {
@@ -29,25 +34,44 @@ pub(super) fn session(job: &Job, given: Given) -> Result<(), Ended> {
     let folder_name = job.folder.root().file_name().and_then(|name| name.to_str());
     let usual = folder_name.unwrap_or("session");
     operator.hear(Happening::NewSession);
-    let name = operator.words(Words::SessionName { usual })?;
-    let leader = operator.words(Words::Leader)?;
-    let place = operator.words(Words::Place)?;
-    let remarks = operator.words(Words::Remarks)?;
-    let plan = match given.plan {
-        Some(plan) => plan,
-        None => ask_until(
-            operator,
-            || operator.actions(),
-            |names| Plan::of_names(&names.iter().map(String::as_str).collect::<Vec<_>>()),
-        )?,
-    };
-    let mut subjects = vec![subject_id(operator, Words::FirstSubject, &[])?];
     // Whoever wears sources of the second subject is there.
     let names = job.names();
     let worn_by_second = names.iter().filter_map(|name| wearer(name)).any(|(by, _)| by == 1);
-    if worn_by_second {
-        subjects.push(subject_id(operator, Words::SecondSubject, &subjects)?);
-    }
+    let mut answers = SessionWords { plan: given.plan, ..SessionWords::default() };
+    let is_planned = answers.plan.is_some();
+    let questions: Vec<Ask<'_, SessionWords>> = vec![
+        text(operator, Words::SessionName { usual }, |of: &mut SessionWords| &mut of.name),
+        text(operator, Words::Leader, |of: &mut SessionWords| &mut of.leader),
+        text(operator, Words::Place, |of: &mut SessionWords| &mut of.place),
+        text(operator, Words::Remarks, |of: &mut SessionWords| &mut of.remarks),
+        Box::new(|of| {
+            if is_planned {
+                return Ok(Asked::Left);
+            }
+            let named = |names: Vec<String>| {
+                Plan::of_names(&names.iter().map(String::as_str).collect::<Vec<_>>())
+            };
+            of.plan = Some(ask_until(operator, || operator.actions(), named)?);
+            Ok(Asked::Answered)
+        }),
+        Box::new(|of| {
+            of.subjects = vec![subject_id(operator, Words::FirstSubject, &[])?];
+            Ok(Asked::Answered)
+        }),
+        Box::new(|of| {
+            if !worn_by_second {
+                return Ok(Asked::Left);
+            }
+            of.subjects.truncate(1);
+            let second = subject_id(operator, Words::SecondSubject, &of.subjects)?;
+            of.subjects.push(second);
+            Ok(Asked::Answered)
+        }),
+    ];
+    ask_all(&mut answers, &questions)?;
+    drop(questions);
+    let SessionWords { name, leader, place, remarks, plan, subjects } = answers;
+    let plan = plan.ok_or_else(|| Error::new("there is no plan"))?;
     let session = SessionFile {
         schema: SCHEMA,
         name: if name.is_empty() { usual.to_owned() } else { name },
@@ -81,44 +105,175 @@ fn subject_id(operator: &dyn Operator, who: Words<'_>, others: &[String]) -> Ans
     )
 }
 
-/// Asks for a subject's measures, and writes them down.
+/// Writes a subject's measures down: those of another session, if they were given, or what is answered.
 pub(super) fn subject(job: &Job, id: &str) -> Result<(), Ended> {
     let operator = job.operator;
-    operator.hear(Happening::Measures { subject: id });
-    let mut subject = Subject { id: id.to_owned(), ..Subject::default() };
-    subject.gender = operator.words(Words::Gender)?;
-    let mut enough = false;
-    for measure in Measure::ALL {
-        if !enough || measure.is_required() {
-            enough |= self::measure(operator, &mut subject, measure)?;
-        }
+    let file = format!("subjects/{id}.toml");
+    if let Some(known) = job.known.iter().find(|known| known.id == id) {
+        operator.hear(Happening::KnownSubject { subject: id });
+        job.folder.write_new(&file, known)?;
+        return Ok(());
     }
-    subject.remarks = operator.words(Words::SubjectRemarks)?;
-    job.folder.write_new(&format!("subjects/{id}.toml"), &subject)?;
+    operator.hear(Happening::Measures { subject: id });
+    let new = Subject { id: id.to_owned(), ..Subject::default() };
+    job.folder.write_new(&file, &measured(operator, new, false)?)?;
     Ok(())
+}
+
+/// Asks what is to be changed of all that was answered, and changes it.
+pub(super) fn edit(job: &Job, subjects: &[String]) -> Result<(), Ended> {
+    let operator = job.operator;
+    let mut choices = vec![SESSION];
+    choices.extend(subjects.iter().map(String::as_str));
+    let known = |what: String| match what.is_empty() || choices.contains(&what.as_str()) {
+        true => Ok(what),
+        false => Err(Error::new("not one of these").got(what).allowed(choices.join(", "))),
+    };
+    let what = ask_until(operator, || operator.words(Words::Changed { choices: &choices }), known)?;
+    if what.is_empty() {
+        return Ok(());
+    }
+    operator.hear(Happening::Editing { what: &what });
+    if what == SESSION {
+        let mut session = job.session()?.clone();
+        let questions: Vec<Ask<'_, SessionFile>> = vec![
+            changed(operator, Words::Leader, |of: &mut SessionFile| &mut of.operator),
+            changed(operator, Words::Place, |of: &mut SessionFile| &mut of.place),
+            changed(operator, Words::Remarks, |of: &mut SessionFile| &mut of.remarks),
+        ];
+        ask_all(&mut session, &questions)?;
+        job.folder.replace("session.toml", &session)?;
+        return Ok(());
+    }
+    let known = job.progress.subjects.get(&what).cloned();
+    let known = known.unwrap_or_else(|| Subject { id: what.clone(), ..Subject::default() });
+    let file = format!("subjects/{what}.toml");
+    job.folder.replace(&file, &measured(operator, known, true)?)?;
+    Ok(())
+}
+
+/// What is known of a new session.
+#[derive(Default)]
+struct SessionWords {
+    name: String,
+    leader: String,
+    place: String,
+    remarks: String,
+    plan: Option<Plan>,
+    subjects: Vec<String>,
+}
+
+/// Words that are kept as they are answered.
+fn text<'a, S: 'a>(
+    operator: &'a dyn Operator,
+    what: Words<'a>,
+    place: impl Fn(&mut S) -> &mut String + 'a,
+) -> Ask<'a, S> {
+    Box::new(move |of| {
+        *place(of) = operator.words(what)?;
+        Ok(Asked::Answered)
+    })
+}
+
+/// Words that stay as they are if the answer is empty.
+fn changed<'a, S: 'a>(
+    operator: &'a dyn Operator,
+    what: Words<'a>,
+    place: impl Fn(&mut S) -> &mut String + 'a,
+) -> Ask<'a, S> {
+    Box::new(move |of| {
+        let said = place(of);
+        operator.hear(Happening::AsItIs { words: said });
+        let answer = operator.words(what)?;
+        if !answer.is_empty() {
+            *said = answer;
+        }
+        Ok(Asked::Answered)
+    })
+}
+
+/// A subject who is asked about.
+struct Person {
+    subject: Subject,
+    /// The measure at which it was said that nothing more is measured.
+    enough: Option<Measure>,
+}
+
+/// Asks for all that is known of a subject. Of one who is `known`, an empty answer leaves it as it is.
+fn measured(operator: &dyn Operator, subject: Subject, known: bool) -> Answered<Subject> {
+    let mut person = Person { subject, enough: None };
+    let words = |what, place: fn(&mut Person) -> &mut String| match known {
+        true => changed(operator, what, place),
+        false => text(operator, what, place),
+    };
+    let mut questions = vec![words(Words::Gender, |of| &mut of.subject.gender)];
+    for measure in Measure::ALL {
+        questions.push(Box::new(move |of: &mut Person| {
+            if of.enough.is_some_and(|last| last < measure) && !measure.is_required() {
+                return Ok(Asked::Left);
+            }
+            // Whoever came back may measure more after all.
+            of.enough = of.enough.filter(|last| *last < measure);
+            if self::measure(operator, &mut of.subject, measure, known)? {
+                of.enough = Some(measure);
+            }
+            Ok(Asked::Answered)
+        }));
+    }
+    questions.push(words(Words::SubjectRemarks, |of| &mut of.subject.remarks));
+    ask_all(&mut person, &questions)?;
+    drop(questions);
+    Ok(person.subject)
 }
 
 /// Asks for one measure until it is plausible, or the operator says that it is right; true if
 /// nothing more is measured.
-fn measure(operator: &dyn Operator, subject: &mut Subject, measure: Measure) -> Answered<bool> {
+fn measure(
+    operator: &dyn Operator,
+    subject: &mut Subject,
+    measure: Measure,
+    known: bool,
+) -> Answered<bool> {
+    let before = subject.measure(measure);
+    if known {
+        let words = before.map_or_else(String::new, |value| measure.said(value));
+        operator.hear(Happening::AsItIs { words: &words });
+    }
+    let is_needed = measure.is_required() && !(known && before.is_some());
     loop {
-        let value = match answer(operator, measure)? {
+        let value = match answer(operator, measure, is_needed)? {
             MeasureAnswer::Is(value) => value,
-            MeasureAnswer::NotMeasured => return Ok(false),
+            MeasureAnswer::NotMeasured if known => return Ok(false),
+            MeasureAnswer::NotMeasured => {
+                subject.measures.remove(&measure);
+                return Ok(false);
+            }
             MeasureAnswer::NothingMore => return Ok(true),
         };
         subject.measures.insert(measure, value);
         let Some(why) = subject.doubt(measure) else { return Ok(false) };
-        if operator.is_right(Doubt { measure, value, why: &why })? {
-            return Ok(false);
+        match operator.is_right(Doubt { measure, value, why: &why }) {
+            Ok(true) => return Ok(false),
+            Ok(false) => {}
+            Err(instead) => {
+                put_back(subject, measure, before);
+                return Err(instead);
+            }
         }
-        subject.measures.remove(&measure);
+        put_back(subject, measure, before);
+    }
+}
+
+fn put_back(subject: &mut Subject, measure: Measure, before: Option<f64>) {
+    match before {
+        Some(value) => drop(subject.measures.insert(measure, value)),
+        None => drop(subject.measures.remove(&measure)),
     }
 }
 
 /// What is said of a measure; if it is a number, one that a person may have.
-fn answer(operator: &dyn Operator, measure: Measure) -> Answered<MeasureAnswer> {
-    let ask = || match measure.is_required() {
+fn answer(operator: &dyn Operator, measure: Measure, is_needed: bool) -> Answered<MeasureAnswer> {
+    let ask = || match is_needed {
         true => operator.needed_measure(measure).map(MeasureAnswer::Is),
         false => operator.measure(measure),
     };

@@ -4,10 +4,11 @@ use super::Job;
 use super::happening::{CutShort, Happening};
 use super::judge::{BAD, GOOD, judge};
 use super::operator::{Answered, During, Mark, Mend, Ready, Wish};
-use super::{device, subject};
+use super::{device, setup, subject};
 use crate::body::anthropometry::{Measure, Subject};
 use crate::body::worn::kept::Kept;
 use crate::error::Error;
+use crate::job::record::DISK_PATIENCE;
 use crate::recording::{
     Marker, RecordedSource, Recorder, RunEnd, RunStart, SourceId, SourceKind, SourceRecord,
 };
@@ -51,6 +52,7 @@ pub(super) fn trial(
             }
             return Ok(());
         }
+        Wish::Edit => return setup::edit(job, subjects),
         Wish::GiveUp => {
             let mut session = job.session()?.clone();
             session.skipped.push(planned.name);
@@ -121,18 +123,29 @@ fn record(
     for (recorder, _) in parts {
         // Nobody else holds it any more: the hub has let go of it.
         let Ok(recorder) = Arc::try_unwrap(recorder) else { continue };
-        let summary = recorder.finish(RunEnd {
+        let end = RunEnd {
             outcome: outcome.to_owned(),
             stop_reason: None,
             at: MonotonicClock.now(),
             metadata: BTreeMap::new(),
-        });
+        };
+        let summary = recorder.finish_within(end, DISK_PATIENCE);
         whole &= summary.is_complete();
     }
     if !whole {
         job.operator.hear(Happening::NotAllRecorded);
     }
     ended.map_err(Ended::from)
+}
+
+/// What a recording tells of the measures of a subject.
+pub(super) fn measures(job: &Job, id: &str) -> impl Iterator<Item = (String, String)> {
+    let subject = job.progress.subjects.get(id);
+    let measures = [
+        (STATURE_KEY, subject.and_then(|subject| subject.measure(Measure::Stature))),
+        (LEGS_KEY, subject.and_then(Subject::leg_length_m)),
+    ];
+    measures.into_iter().filter_map(|(key, m)| Some((key.to_owned(), m?.to_string())))
 }
 
 fn start(
@@ -142,11 +155,6 @@ fn start(
     id: &str,
     kept: &Kept,
 ) -> Result<RunStart, Error> {
-    let subject = job.progress.subjects.get(id);
-    let measures = [
-        (STATURE_KEY, subject.and_then(|subject| subject.measure(Measure::Stature))),
-        (LEGS_KEY, subject.and_then(Subject::leg_length_m)),
-    ];
     let mut metadata = BTreeMap::from([
         ("trial".to_owned(), name.to_owned()),
         ("action".to_owned(), planned.name.clone()),
@@ -154,9 +162,7 @@ fn start(
         ("props".to_owned(), planned.props.clone()),
         (BODY_KEY.to_owned(), kept.text()?),
     ]);
-    let known =
-        measures.iter().filter_map(|(key, m)| Some(((*key).to_owned(), m.as_ref()?.to_string())));
-    metadata.extend(known);
+    metadata.extend(measures(job, id));
     Ok(RunStart {
         robot: String::new(),
         motion: name.to_owned(),

@@ -100,6 +100,9 @@ impl Asking {
             Words::WhyAccepted => "why?".to_owned(),
             Words::Notes => "notes".to_owned(),
             Words::WhatWasWrong => "what was wrong".to_owned(),
+            Words::Changed { choices } => {
+                format!("what is to be changed? [{}; Enter: nothing]", choices.join(", "))
+            }
             Words::Props { usual } => {
                 let said = if usual.is_empty() { "nothing" } else { usual };
                 format!("props: what was held or used [Enter: {said}]")
@@ -171,6 +174,7 @@ impl Asking {
             ("d", "device calibration again"),
             ("c", "subject calibration again"),
             ("g", "give this action up"),
+            ("e", "change what was answered"),
         ];
         Self::of(format!("Record {trial}?"), &choices)
     }
@@ -256,14 +260,25 @@ pub fn told(happening: &Happening<'_>) -> String {
             format!("Session {}, begun {}: going on where it was.", session.name, session.begun)
         }
         Happening::NewSession => {
-            "Session. Enter alone leaves out what is not needed; q stops at any question."
+            "Session. Enter alone leaves out what is not needed; back goes to the question before; q stops at any \
+             question."
                 .to_owned()
         }
         Happening::Refused(error) | Happening::Unreadable(error) => format!("! {error}"),
         Happening::Measures { subject } => format!(
             "\nSubject {subject}. Measures; Enter alone: not measured; a dot: nothing more is \
-             measured. Only the stature is needed."
+             measured; back: the question before. Only the stature is needed."
         ),
+        Happening::KnownSubject { subject } => {
+            format!("\nSubject {subject}: measured in another session, and not asked again.")
+        }
+        Happening::Editing { what } => format!(
+            "\nWhat was answered of {what}. Enter alone: as it is; back: the question before."
+        ),
+        Happening::AsItIs { words } => match words.is_empty() {
+            true => "now: nothing".to_owned(),
+            false => format!("now: {words}"),
+        },
         Happening::MeasuringStill { seconds } => format!("measuring for {seconds} s"),
         Happening::SensorChecked(check) => of_sensor(check),
         Happening::Written { file, holds_until } => {
@@ -289,8 +304,8 @@ pub fn told(happening: &Happening<'_>) -> String {
             text
         }
         Happening::Recording { trial } => format!(
-            "RECORDING {trial}. Enter: a good repetition is done; x: a bad one; words: a note; a \
-             dot: the end"
+            "RECORDING {trial}. Enter or space: a good repetition is done; x: a bad one; a dot: the end; other words and \
+             Enter: a note"
         ),
         Happening::Marked { good, bad, time_s } => {
             format!("  {time_s:.1} s: {good} good, {bad} bad")

@@ -12,7 +12,12 @@ fn limits() -> Vec<JointLimits> {
 }
 
 fn at(position_rad: f64, velocity_rad_s: f64) -> Target {
-    Target { position_rad: vec![position_rad], velocity_rad_s: vec![velocity_rad_s], age_s: 0.0 }
+    Target {
+        position_rad: vec![position_rad],
+        velocity_rad_s: vec![velocity_rad_s],
+        age_s: 0.0,
+        careful: Vec::new(),
+    }
 }
 
 /// A follower that has reached `q` and may use all of its limits.
@@ -113,6 +118,37 @@ fn the_first_way_is_taken_at_a_share_of_the_limits() {
     assert!(!follower.is_approaching());
     // From 0.05 rad on it is the joint's own matter.
     assert!(follower.tally().limited_samples[0] <= 3);
+}
+
+/// A joint that moves fast when care is asked for brakes at its limits until it could go on with care.
+#[test]
+fn a_joint_that_is_moved_with_care_uses_a_share_of_its_limits_until_it_is_where_it_is_wanted() {
+    let careful = |position_rad| Target { careful: vec![true], ..at(position_rad, 0.0) };
+    let mut follower = following(0.0);
+    for _ in 0..3 {
+        step(&mut follower, DT, Some(&careful(0.9)));
+    }
+    let (mut before, mut fastest) = (0.0, 0.0_f64);
+    for _ in 0..400 {
+        let got = step(&mut follower, DT, Some(&careful(0.9)));
+        fastest = fastest.max(got.velocity_rad_s);
+        let most = APPROACH_SHARE * A * DT * (1.0 + 1e-9);
+        assert!((got.velocity_rad_s - before).abs() <= most, "{got:?}");
+        before = got.velocity_rad_s;
+    }
+    assert!((fastest - APPROACH_SHARE * V).abs() < 1e-9, "{fastest}");
+    // Nobody asks for care any more, but it is not where it is wanted yet.
+    let mut fast = 0;
+    for cycle in 0..400 {
+        let got = step(&mut follower, DT, Some(&at(LOWER, 0.0)));
+        let is_near = (got.position_rad - LOWER).abs() <= NEAR_RAD;
+        assert!(is_near || -got.velocity_rad_s <= APPROACH_SHARE * V + 1e-9, "{cycle}: {got:?}");
+    }
+    for _ in 0..100 {
+        let got = step(&mut follower, DT, Some(&at(0.9, 0.0)));
+        fast += usize::from(got.velocity_rad_s > 2.0 * APPROACH_SHARE * V);
+    }
+    assert!(fast > 5, "{fast}");
 }
 
 #[test]
@@ -241,15 +277,18 @@ proptest! {
     fn whatever_is_asked_the_limits_hold_and_rest_is_always_in_reach(
         start in LOWER..UPPER,
         asked in prop::collection::vec(
-            (-3.0..3.0_f64, -9.0..9.0_f64, 0.0..0.12_f64, 0.0..0.15_f64, any::<bool>()),
+            (
+                -3.0..3.0_f64, -9.0..9.0_f64, 0.0..0.12_f64, 0.0..0.15_f64, any::<bool>(),
+                any::<bool>(),
+            ),
             1..80,
         ),
     ) {
         let mut follower = Follower::standing_at(&[start], limits());
         let (mut q, mut v) = (start, 0.0_f64);
-        for (position, velocity, age_s, dt_s, calm) in asked {
+        for (position, velocity, age_s, dt_s, calm, careful) in asked {
             let dt_s = if calm { 0.008 + dt_s / 50.0 } else { dt_s };
-            let target = Target { age_s, ..at(position, velocity) };
+            let target = Target { age_s, careful: vec![careful], ..at(position, velocity) };
             let got = step(&mut follower, dt_s, Some(&target));
             let t = dt_s.min(LONGEST_STEP_S);
             prop_assert!((LOWER..=UPPER).contains(&got.position_rad));

@@ -5,12 +5,20 @@ use crate::body::anthropometry::Measure;
 use crate::error::Error;
 use crate::job::session::words::{Asking, told};
 use crate::job::session::{
-    Answered, Doubt, During, Happening, Judged, Mark, MeasureAnswer, Mend, Operator, Ready,
-    Repetitions, Stopped, Unsteady, Wish, Words,
+    Answered, Doubt, During, Happening, Instead, Judged, Mark, MeasureAnswer, Mend, Operator,
+    Ready, Repetitions, Unsteady, Wish, Words,
 };
 use crate::sensing::Person;
 use crate::session::Verdict;
 use crate::time::Duration;
+
+/// What goes to the question before.
+const BACK: &str = "back";
+
+/// What was typed, unless that is the way back.
+fn unless_back(said: String) -> Answered<String> {
+    if said == BACK { Err(Instead::Back) } else { Ok(said) }
+}
 
 impl Operator for Console {
     fn person(&self) -> &dyn Person {
@@ -20,6 +28,7 @@ impl Operator for Console {
     fn hear(&self, happening: Happening<'_>) {
         let text = told(&happening);
         if matches!(happening, Happening::Recording { .. }) {
+            self.press_keys(true);
             self.forget_typed();
         }
         match happening {
@@ -35,24 +44,31 @@ impl Operator for Console {
     }
 
     fn words(&self, what: Words<'_>) -> Answered<String> {
-        self.ask(&Asking::words(&what))
+        let said = self.ask(&Asking::words(&what))?;
+        if what.is_of_several() { unless_back(said) } else { Ok(said) }
     }
 
     fn actions(&self) -> Answered<Vec<String>> {
-        let names = self.ask(&Asking::actions())?;
+        let names = unless_back(self.ask(&Asking::actions())?)?;
         Ok(names.split_whitespace().map(str::to_owned).collect())
     }
 
     fn needed_measure(&self, measure: Measure) -> Answered<f64> {
-        self.ask_until(&Asking::measure(measure), |answer| measure.read(answer))
+        self.ask_until(&Asking::measure(measure), |answer| match answer {
+            BACK => Ok(None),
+            answer => measure.read(answer).map(Some),
+        })?
+        .ok_or(Instead::Back)
     }
 
     fn measure(&self, measure: Measure) -> Answered<MeasureAnswer> {
         self.ask_until(&Asking::measure(measure), |answer| match answer {
-            "" => Ok(MeasureAnswer::NotMeasured),
-            "." => Ok(MeasureAnswer::NothingMore),
-            answer => measure.read(answer).map(MeasureAnswer::Is),
-        })
+            "" => Ok(Some(MeasureAnswer::NotMeasured)),
+            "." => Ok(Some(MeasureAnswer::NothingMore)),
+            BACK => Ok(None),
+            answer => measure.read(answer).map(|value| Some(MeasureAnswer::Is(value))),
+        })?
+        .ok_or(Instead::Back)
     }
 
     fn is_right(&self, doubt: Doubt<'_>) -> Answered<bool> {
@@ -73,15 +89,16 @@ impl Operator for Console {
     }
 
     fn wish(&self, trial: &str) -> Answered<Wish> {
-        let meant = [Wish::Record, Wish::Devices, Wish::Subjects, Wish::GiveUp];
+        let meant = [Wish::Record, Wish::Devices, Wish::Subjects, Wish::GiveUp, Wish::Edit];
         self.choose(&Asking::wish(trial), &meant)
     }
 
     fn during_trial(&self, within: Duration) -> Answered<During> {
-        Ok(match self.line_within(within)?.as_deref() {
+        let said = self.line_within(within).inspect_err(|_| self.press_keys(false))?;
+        Ok(match said.as_deref() {
             None => During::Nothing,
             Some(".") => During::End,
-            Some("q") => return Err(Stopped),
+            Some("q") => return Err(Instead::Stop),
             Some("") => During::Mark(Mark::Good),
             Some("x") => During::Mark(Mark::Bad),
             Some(words) => During::Mark(Mark::Note(words.to_owned())),

@@ -1,15 +1,19 @@
 //! The terminal of a session: questions on standard output, answers on standard input, a line each.
 
+use crate::cli::keys::{Keys, Typist};
 use crate::cli::operator::Operator;
 use crate::cli::signals::Signals;
 use crate::cli::{Remarks, print};
 use crate::error::Error;
 use crate::job::session::words::Asking;
-use crate::job::session::{Answered, Stopped};
-use std::io::{BufRead, IsTerminal};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use crate::job::session::{Answered, Instead};
+use rustix::stdio::stdin;
+use rustix::termios::{QueueSelector, tcflush};
+use std::io::{IsTerminal, Read};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Time between two looks at signals while nothing is answered.
 const LOOK: Duration = Duration::from_millis(20);
@@ -23,6 +27,42 @@ pub struct Console {
     pub(super) person: Operator,
     /// Where it is said what happens to sensors.
     pub(super) remarks: Remarks,
+    /// True while keys count as they are pressed.
+    pressed: Arc<AtomicBool>,
+    keys: Mutex<Option<Keys>>,
+}
+
+/// Hands on what is typed, line by line, or key by key while that is wanted.
+fn typed(lines: &Sender<String>, by_keys: &AtomicBool) {
+    let mut typist = Typist::new(b"x.");
+    let mut line = Vec::new();
+    let mut bytes = [0_u8; 256];
+    while let Ok(count @ 1..) = std::io::stdin().lock().read(&mut bytes) {
+        let now = Instant::now();
+        let is_pressed = by_keys.load(Ordering::Acquire);
+        if !is_pressed {
+            typist = Typist::new(b"x.");
+        }
+        for byte in &bytes[..count] {
+            let whole = match (is_pressed, byte) {
+                (true, key) => typist.press(*key, now).map(|(_, line)| line),
+                (false, b'\n') => {
+                    Some(String::from_utf8_lossy(&std::mem::take(&mut line)).into_owned())
+                }
+                (false, byte) => {
+                    line.push(*byte);
+                    None
+                }
+            };
+            if whole.is_some_and(|whole| lines.send(whole).is_err()) {
+                return;
+            }
+        }
+    }
+    // As a line that its end ends.
+    if !line.is_empty() {
+        let _ = lines.send(String::from_utf8_lossy(&line).into_owned());
+    }
 }
 
 impl Console {
@@ -32,21 +72,18 @@ impl Console {
     /// No thread to be had.
     pub fn listen(signals: Signals, remarks: Remarks) -> Result<Self, Error> {
         let (sender, lines) = channel();
+        let pressed = Arc::new(AtomicBool::new(false));
+        let by_keys = Arc::clone(&pressed);
         // The thread waits for a line until the process ends; nothing depends on it.
-        let read = move || {
-            for line in std::io::stdin().lock().lines().map_while(Result::ok) {
-                if sender.send(line).is_err() {
-                    return;
-                }
-            }
-        };
+        let read = move || typed(&sender, &by_keys);
         std::thread::Builder::new()
             .name("answers".to_owned())
             .spawn(read)
             .map_err(|e| Error::new(format!("no thread: {e}")))?;
         let lines = Arc::new(Mutex::new(lines));
         let person = Operator::sharing(signals.clone(), Arc::clone(&lines));
-        Ok(Self { lines, signals, person, remarks })
+        let keys = Mutex::default();
+        Ok(Self { lines, signals, person, remarks, pressed, keys })
     }
 
     /// Says something. What cannot be said here, the report at the end cannot say either, and that
@@ -55,10 +92,22 @@ impl Console {
         let _ = print(&format!("{text}\n"));
     }
 
-    /// What somebody typed at a terminal before they were asked answers nothing that comes after it. Lines out of a file or a
-    /// pipe were written for their turn.
+    /// From now on keys count as they are pressed, or not any more.
+    pub fn press_keys(&self, wanted: bool) {
+        let mut keys = self.keys.lock().unwrap_or_else(PoisonError::into_inner);
+        if wanted == keys.is_some() {
+            return;
+        }
+        *keys = if wanted { Keys::hold(true) } else { None };
+        self.pressed.store(keys.is_some(), Ordering::Release);
+    }
+
+    /// What somebody typed at a terminal before they were asked answers nothing that comes after it, nor does what is typed
+    /// and not ended yet. Lines out of a file or a pipe were written for their turn.
     pub fn forget_typed(&self) {
         if std::io::stdin().is_terminal() {
+            // Where the terminal does not forget, the lines that were read are forgotten all the same.
+            let _ = tcflush(stdin(), QueueSelector::IFlush);
             let lines = self.lines.lock().unwrap_or_else(PoisonError::into_inner);
             while lines.try_recv().is_ok() {}
         }
@@ -70,13 +119,13 @@ impl Console {
     /// A signal, or the end of the input.
     pub fn line_within(&self, time: Duration) -> Answered<Option<String>> {
         if self.signals.first().is_some() {
-            return Err(Stopped);
+            return Err(Instead::Stop);
         }
         let lines = self.lines.lock().unwrap_or_else(PoisonError::into_inner);
         match lines.recv_timeout(time) {
             Ok(line) => Ok(Some(line.trim().to_owned())),
             Err(RecvTimeoutError::Timeout) => Ok(None),
-            Err(RecvTimeoutError::Disconnected) => Err(Stopped),
+            Err(RecvTimeoutError::Disconnected) => Err(Instead::Stop),
         }
     }
 
@@ -85,6 +134,8 @@ impl Console {
     /// # Errors
     /// A signal, the end of the input, or `q`.
     pub fn ask(&self, asking: &Asking) -> Answered<String> {
+        self.press_keys(false);
+        self.forget_typed();
         if !asking.before.is_empty() {
             self.say(&asking.before);
         }
@@ -95,7 +146,7 @@ impl Console {
         let _ = print(&format!("{}\n> ", asking.text()));
         loop {
             if let Some(line) = self.line_within(LOOK)? {
-                return if line == "q" { Err(Stopped) } else { Ok(line) };
+                return if line == "q" { Err(Instead::Stop) } else { Ok(line) };
             }
         }
     }

@@ -1,0 +1,231 @@
+//! Keys that count as soon as they are pressed: a terminal that does not wait for Enter, and is as it was before on every way
+//! out of it.
+
+use rustix::process::{Signal, getpgrp, getpid, kill_process};
+use rustix::stdio::stdin;
+use rustix::termios::{
+    LocalModes, OptionalActions, SpecialCodeIndex, Termios, isatty, tcgetattr, tcgetpgrp, tcsetattr,
+};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+use tokio::signal::unix::{SignalKind, signal};
+
+/// Who is used to Enter after a key that needs none presses it within this time.
+const COMPANION: Duration = Duration::from_millis(700);
+
+/// True unless the terminal belongs to another job: reading it would stop this one.
+pub fn may_be_read() -> bool {
+    !isatty(stdin()) || is_ours()
+}
+
+/// A terminal that is not this process's own stops nobody.
+fn is_ours() -> bool {
+    tcgetpgrp(stdin()).map_or(true, |foreground| foreground == getpgrp())
+}
+
+/// A terminal that hands on each key, until this is dropped: at the end, after Ctrl-C and other signals that are listened for, and
+/// when the program breaks. While the program is stopped (Ctrl-Z) the terminal is as it was.
+pub struct Keys(());
+
+/// How the terminal was, and how it is set, while keys are held.
+struct HeldTerminal {
+    before: Termios,
+    set: Termios,
+}
+
+static HELD: Mutex<Option<HeldTerminal>> = Mutex::new(None);
+
+fn held() -> MutexGuard<'static, Option<HeldTerminal>> {
+    HELD.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn put(termios: &Termios) {
+    // A terminal that is gone needs nothing.
+    let _ = tcsetattr(stdin(), OptionalActions::Now, termios);
+}
+
+impl Keys {
+    /// Of standard input, if that is a terminal of this job and not held already; `echoes`: the terminal shows what is typed.
+    pub fn hold(echoes: bool) -> Option<Self> {
+        let mut held = held();
+        if held.is_some() || !isatty(stdin()) || !is_ours() {
+            return None;
+        }
+        let before = tcgetattr(stdin()).ok()?;
+        let mut set = before.clone();
+        set.local_modes.remove(LocalModes::ICANON);
+        set.local_modes.set(LocalModes::ECHO, echoes);
+        set.special_codes[SpecialCodeIndex::VMIN] = 1;
+        set.special_codes[SpecialCodeIndex::VTIME] = 0;
+        // Ctrl-\ would leave the terminal like this.
+        set.special_codes[SpecialCodeIndex::VQUIT] = 0;
+        give_back_while_stopped().ok()?;
+        put(&set);
+        *held = Some(HeldTerminal { before, set });
+        Some(Self(()))
+    }
+}
+
+impl Drop for Keys {
+    fn drop(&mut self) {
+        if let Some(of) = held().take() {
+            put(&of.before);
+        }
+    }
+}
+
+/// Listens for Ctrl-Z from now on, on one thread for the life of the process, which stops it as the system would.
+fn give_back_while_stopped() -> std::io::Result<()> {
+    static LISTENS: AtomicBool = AtomicBool::new(false);
+    if LISTENS.swap(true, Ordering::AcqRel) {
+        return Ok(());
+    }
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_io().build()?;
+    let guard = runtime.enter();
+    let mut stops = signal(SignalKind::from_raw(Signal::TSTP.as_raw()))?;
+    drop(guard);
+    std::thread::Builder::new().name("stops".to_owned()).spawn(move || {
+        while runtime.block_on(stops.recv()).is_some() {
+            if let Some(of) = &*held() {
+                put(&of.before);
+            }
+            let _ = kill_process(getpid(), Signal::STOP);
+            // It goes on from here, perhaps in the background.
+            if let Some(of) = held().as_ref().filter(|_| is_ours()) {
+                put(&of.set);
+            }
+        }
+    })?;
+    Ok(())
+}
+
+/// What keys make, one after the other: lines. Enter or space alone is an empty one.
+#[derive(Debug, Default)]
+pub struct Typist {
+    /// Keys that are a line each, unless something was typed before them.
+    at_once: &'static [u8],
+    typed: Vec<u8>,
+    since: Option<Instant>,
+    /// Until when Enter belongs to a key that was a line.
+    companion: Option<Instant>,
+    /// In what a key sends that stands for no letter: an arrow.
+    escape: Escape,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Escape {
+    #[default]
+    No,
+    Begun,
+    Inside,
+}
+
+impl Typist {
+    /// With keys that are a line each.
+    pub fn new(at_once: &'static [u8]) -> Self {
+        Self { at_once, ..Self::default() }
+    }
+
+    /// What was typed and not ended yet.
+    pub fn typed(&self) -> String {
+        String::from_utf8_lossy(&self.typed).into_owned()
+    }
+
+    /// Takes a key; the line that it ends, and when that was begun.
+    pub fn press(&mut self, key: u8, now: Instant) -> Option<(Instant, String)> {
+        match (self.escape, key) {
+            (Escape::Begun, b'[' | b'O') => {
+                self.escape = Escape::Inside;
+                return None;
+            }
+            (Escape::Inside, _) => {
+                if (0x40..=0x7e).contains(&key) {
+                    self.escape = Escape::No;
+                }
+                return None;
+            }
+            _ => self.escape = Escape::No,
+        }
+        let companion = self.companion.take();
+        match key {
+            b'\n' | b'\r' if self.typed.is_empty() && companion.is_some_and(|by| now <= by) => None,
+            b' ' if self.typed.is_empty() => Some((now, String::new())),
+            b'\n' | b'\r' => {
+                let line = self.typed().trim().to_owned();
+                self.typed.clear();
+                Some((self.since.take().unwrap_or(now), line))
+            }
+            0x08 | 0x7f => {
+                while self.typed.pop().is_some_and(|byte| byte & 0xc0 == 0x80) {}
+                None
+            }
+            0x1b => {
+                self.escape = Escape::Begun;
+                self.typed.clear();
+                self.since = None;
+                None
+            }
+            key if self.typed.is_empty() && self.at_once.contains(&key) => {
+                self.companion = Some(now + COMPANION);
+                Some((now, char::from(key).to_string()))
+            }
+            key if key >= b' ' => {
+                if self.typed.is_empty() {
+                    self.since = Some(now);
+                }
+                self.typed.push(key);
+                None
+            }
+            _ => None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What keys make, each pressed so many milliseconds after the one before.
+    fn lines(at_once: &'static [u8], keys: &[(u64, &str)]) -> Vec<String> {
+        let mut typist = Typist::new(at_once);
+        let mut now = Instant::now();
+        let mut made = Vec::new();
+        for (after_ms, keys) in keys {
+            now += Duration::from_millis(*after_ms);
+            made.extend(
+                keys.bytes().filter_map(|key| typist.press(key, now)).map(|(_, line)| line),
+            );
+        }
+        made
+    }
+
+    #[test]
+    fn enter_and_space_count_at_once_and_words_when_they_are_ended() {
+        assert_eq!(lines(b"", &[(0, "\n"), (0, " "), (0, "the phone\n")]), ["", "", "the phone"]);
+        assert_eq!(lines(b"", &[(0, "ab\u{e4}"), (0, "\u{7f}\u{7f}c\n")]), ["ac"]);
+        assert_eq!(lines(b"", &[(0, "ab\u{1b}"), (0, "c\n")]), ["c"]);
+        // An arrow and a key with a number are no words.
+        assert_eq!(lines(b"", &[(0, "\u{1b}[A\u{1b}OP\u{1b}[15~\n")]), [""]);
+        assert_eq!(lines(b"", &[(0, "\u{4}\u{1}"), (0, "no end")]), [""; 0]);
+    }
+
+    #[test]
+    fn keys_that_are_a_line_each_need_no_enter_and_one_that_follows_by_habit_is_none() {
+        assert_eq!(lines(b"x.", &[(0, "x"), (300, "\n"), (0, "\n")]), ["x", ""]);
+        assert_eq!(lines(b"x.", &[(0, "x"), (900, "\n")]), ["x", ""]);
+        assert_eq!(lines(b"x.", &[(0, "xx."), (0, "a fox.\n")]), ["x", "x", ".", "a fox."]);
+    }
+
+    #[test]
+    fn a_note_has_the_moment_at_which_it_was_begun() {
+        let mut typist = Typist::default();
+        let began = Instant::now();
+        let at = |ms: u64| began + Duration::from_millis(ms);
+        assert_eq!(typist.press(b'h', at(0)), None);
+        assert_eq!(typist.press(b'i', at(500)), None);
+        assert_eq!(typist.typed(), "hi");
+        assert_eq!(typist.press(b'\n', at(4000)), Some((at(0), "hi".to_owned())));
+        assert_eq!(typist.press(b'\n', at(5000)), Some((at(5000), String::new())));
+    }
+}
