@@ -73,9 +73,8 @@ impl RecordReport {
 /// Whoever ends a recording waits for a slow disk no longer than this and one more piece of the file.
 pub(super) const DISK_PATIENCE: Duration = Duration::from_secs(3);
 
-/// How often it is told how the recording goes, and over so many of these rates are taken.
+/// How often it is told how the recording goes.
 const TOLD: Duration = Duration::from_millis(500);
-const RATE_LOOKS: usize = 4;
 
 const DONE: &str = "done";
 const WITH_LOSS: &str = "done_with_loss";
