@@ -111,7 +111,7 @@ fn set_up(operator: &mut Dialogue) {
     operator.answer("mass", "60,5 kg");
     // 8: a digit too few, beside the stature.
     operator.answer("left leg length", "0.4");
-    operator.answer("of the stature, 0.4 m is 25 %. Is it right?", "n");
+    operator.answer("25 % of the stature, 40 to 65 % are usual. Is it right?", "n");
     operator.answer("left leg length", "0.84");
     // 9: two sides that do not belong together.
     operator.answer("right leg length", "48 cm");
@@ -226,12 +226,13 @@ fn pulled_out(operator: &mut Dialogue, person: &Person) {
     operator.expect("! it ends here, sensor right_upper_arm is gone");
     operator.answer("keep it?", "r");
     operator.answer("what was wrong", "cable");
+    operator.expect("Record reach-up-03?");
     person.pulls(Segment::RightUpperArm, false);
     operator.expect("right_upper_arm is back after");
 }
 
 fn killed(operator: &mut Dialogue, person: &Person) {
-    operator.answer("Record reach-up-03?", "");
+    operator.say("");
     stand_until(operator, "RECORDING reach-up-03");
     person.does(raises_an_arm());
     passes(2.35);

@@ -90,8 +90,16 @@ fn give_back_while_stopped() -> std::io::Result<()> {
             if let Some(of) = &*held() {
                 put(&of.before);
             }
+            // Other threads may be stopped before this one: what comes after has to wait until it goes on.
+            let goes_on = {
+                let _guard = runtime.enter();
+                signal(SignalKind::from_raw(Signal::CONT.as_raw()))
+            };
             let _ = kill_process(getpid(), Signal::STOP);
-            // It goes on from here, perhaps in the background.
+            if let Ok(mut goes_on) = goes_on {
+                let _ = runtime.block_on(goes_on.recv());
+            }
+            // Perhaps in the background.
             if let Some(of) = held().as_ref().filter(|_| is_ours()) {
                 put(&of.set);
             }

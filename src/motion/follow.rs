@@ -58,8 +58,8 @@ pub struct Target {
 pub struct Follower {
     limits: Vec<JointLimits>,
     states: Vec<State>,
-    /// Joints that use no more than [`APPROACH_SHARE`] of their limits: from when they are to be moved with care, as soon as
-    /// they could still stop inside their range so, until they are no longer to be and have reached their target.
+    /// Joints that use no more than [`APPROACH_SHARE`] of their limits: from when they are to be moved with care, and have braked
+    /// so far that they could stop inside their range so, until they are no longer to be and have reached their target.
     careful: Vec<bool>,
     approaching: bool,
     stopping: Option<Stopping>,
@@ -281,6 +281,10 @@ impl Follower {
             let before = *state;
             match (&self.stopping, wanted) {
                 (Some(stopping), _) => *state = stopping.ramps[joint].at(stopping.elapsed_s),
+                // Until it can go on with care it brakes.
+                (None, Some(_)) if with_care && !self.careful[joint] => {
+                    state.brake(dt_s, bounds.a);
+                }
                 (None, Some(wanted)) => state.intercept(wanted, dt_s, bounds),
                 (None, None) => state.brake(dt_s, bounds.a),
             }

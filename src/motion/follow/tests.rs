@@ -124,19 +124,29 @@ fn the_first_way_is_taken_at_a_share_of_the_limits() {
 #[test]
 fn a_joint_that_is_moved_with_care_uses_a_share_of_its_limits_until_it_is_where_it_is_wanted() {
     let careful = |position_rad| Target { careful: vec![true], ..at(position_rad, 0.0) };
-    let mut follower = following(0.0);
-    for _ in 0..3 {
-        step(&mut follower, DT, Some(&careful(0.9)));
+    let mut follower = following(LOWER);
+    let mut before = 0.0;
+    for _ in 0..20 {
+        before = step(&mut follower, DT, Some(&at(UPPER, 0.0))).velocity_rad_s;
     }
-    let (mut before, mut fastest) = (0.0, 0.0_f64);
+    let fast = APPROACH_SHARE * V;
+    assert!(before > 2.0 * fast, "{before}");
+    let mut steps = 0;
+    while before > fast {
+        let got = step(&mut follower, DT, Some(&careful(UPPER)));
+        assert!((before - got.velocity_rad_s - A * DT).abs() < 1e-9, "{got:?}");
+        (before, steps) = (got.velocity_rad_s, steps + 1);
+    }
+    assert!(steps > 3, "{steps}");
     for _ in 0..400 {
-        let got = step(&mut follower, DT, Some(&careful(0.9)));
-        fastest = fastest.max(got.velocity_rad_s);
+        let got = step(&mut follower, DT, Some(&careful(UPPER)));
         let most = APPROACH_SHARE * A * DT * (1.0 + 1e-9);
         assert!((got.velocity_rad_s - before).abs() <= most, "{got:?}");
+        assert!(got.velocity_rad_s <= fast * (1.0 + 1e-9), "{got:?}");
         before = got.velocity_rad_s;
     }
-    assert!((fastest - APPROACH_SHARE * V).abs() < 1e-9, "{fastest}");
+    let end = step(&mut follower, DT, Some(&careful(UPPER)));
+    assert!((end.position_rad - UPPER).abs() < 1e-9, "it arrives: {end:?}");
     // Nobody asks for care any more, but it is not where it is wanted yet.
     let mut fast = 0;
     for cycle in 0..400 {
