@@ -600,7 +600,7 @@ struct Body<'a> {
     posed_at: Option<Instant>,
     naming: Option<Naming>,
     answers: Answers,
-    /// WornLimbs that may be without their sensors, if it is to keep going.
+    /// Limbs that may be without their sensors, if it is to keep going.
     lost: Option<Lost>,
 }
 
