@@ -265,7 +265,7 @@ fn the_page_of_a_session_says_what_the_terminal_says_at_each_state_and_stops_not
     desk.answers("");
     desk.is_told("N pose", "Enter when you stand so");
     stands(&mut desk);
-    desk.is_told("RECORDING wave-r-01. Enter: a good repetition", "");
+    desk.is_told("RECORDING wave-r-01. Enter or space: a good repetition", "");
     desk.shows("left", "recorded for 1.");
     // Whoever wears the sensors is seen to move: an arm forward puts the wrist before the hip.
     let wrist =
