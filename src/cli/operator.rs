@@ -161,12 +161,7 @@ impl Observer for Operator {
             Event::Recognised(event) => {
                 event.words_of_done().iter().for_each(|words| self.remarks.say(words));
             }
-            Event::Planned { .. }
-            | Event::Step { .. }
-            | Event::Posed { .. }
-            | Event::Heard(_)
-            | Event::Recording(_)
-            | Event::Joints { .. } => {}
+            _ => {}
         }
     }
 

@@ -6,7 +6,6 @@ use super::signals::Signals;
 use crate::job::observer::RecordingNow;
 use crate::job::{Event, Observer, Progress, cues};
 use indicatif::{ProgressBar, ProgressStyle};
-use std::fmt::Write;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
@@ -60,7 +59,7 @@ impl<'a> Terminal<'a> {
         if !self.remarks.shows_progress() {
             return;
         }
-        let mut text = recorded(now);
+        let mut text = now.words();
         let note = self.typed.lock().unwrap_or_else(PoisonError::into_inner);
         if !note.is_empty() {
             text += &format!("\n  note: {note}");
@@ -101,29 +100,6 @@ impl Drop for Terminal<'_> {
     }
 }
 
-/// How a recording goes: its time and its last mark, then its sources.
-fn recorded(now: &RecordingNow) -> String {
-    let mut text = match now.of_s {
-        Some(of_s) => format!("{:.0} of {of_s:.0} s", now.time_s),
-        None => format!("{:.0} s; Ctrl-C ends it", now.time_s),
-    };
-    if let Some((at_s, words)) = &now.mark {
-        let _ = write!(text, "; last mark at {at_s:.1} s: {words}");
-    }
-    for source in &now.sources {
-        let rate_hz = source.rate_hz;
-        let lost = match source.missed {
-            0 => String::new(),
-            missed => format!(", {missed} missing"),
-        };
-        let battery = source.battery.map(|level| format!(", battery {:.0} %", level * 100.0));
-        let battery = battery.unwrap_or_default();
-        let gone = if source.gone.is_some() { ", gone" } else { "" };
-        let _ = write!(text, "\n  {:<16} {rate_hz:.0}/s{lost}{battery}{gone}", source.name);
-    }
-    text
-}
-
 impl Observer for Terminal<'_> {
     fn hear(&self, event: Event<'_>) {
         match event {
@@ -131,13 +107,7 @@ impl Observer for Terminal<'_> {
             Event::Recording(now) => self.show(now),
             Event::Step { done, total, what } => self.step(done, total, what),
             Event::Sensing(event) => self.say(&cues::of_event(event)),
-            Event::Planned { .. }
-            | Event::Following
-            | Event::Angles { .. }
-            | Event::Recognised(_)
-            | Event::Posed { .. }
-            | Event::Heard(_)
-            | Event::Joints { .. } => {}
+            _ => {}
         }
     }
 

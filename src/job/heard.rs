@@ -1,18 +1,13 @@
 //! How sensors are heard now, for whoever looks on.
 
-use super::observer::{Event, Observer};
-use crate::port::{Clock, MonotonicClock};
-use crate::sensing::{HeardSensor, Intake, LOOK};
-use crate::time::{Duration, Instant};
+use crate::sensing::HeardSensor;
+use crate::time::Instant;
 use crate::view::session::SensorRow;
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 /// A sensor that said nothing for so long is called silent, s.
 pub(super) const SILENT_S: f64 = 0.5;
-/// Time between two looks.
-const EVERY: Duration = Duration::from_millis(500);
 /// So many times that is remembered: told twice a second, rates are those of two seconds.
 const REMEMBERED: usize = 5;
 
@@ -94,20 +89,6 @@ impl Rates {
     }
 }
 
-/// Tells until the end how sensors are heard.
-pub(super) fn tell(intake: &Intake<'_>, stop: &AtomicBool, observer: &dyn Observer) {
-    let mut rates = Rates::default();
-    let mut next = MonotonicClock.now();
-    while !stop.load(Ordering::Acquire) {
-        let now = MonotonicClock.now();
-        if now >= next {
-            next = now + EVERY;
-            observer.hear(Event::Heard(&rates.of_all(intake.heard(), now)));
-        }
-        MonotonicClock.sleep_until(now + LOOK);
-    }
-}
-
 /// What a page says of a sensor.
 pub(super) fn row(sensor: &SensorNow) -> SensorRow {
     let silent = match (&sensor.gone, sensor.silent_s) {
@@ -130,6 +111,7 @@ pub(super) fn row(sensor: &SensorNow) -> SensorRow {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::time::Duration;
 
     fn heard(samples: u64, last: Instant) -> Vec<(Arc<str>, HeardSensor)> {
         let (usual_rate_hz, last) = (100.0, Some(last));

@@ -6,6 +6,7 @@ use crate::body::{JointAngles, SegmentPose};
 use crate::device::{Health, JointState};
 use crate::sensing::SensingEvent;
 use serde::Serialize;
+use std::fmt::Write as _;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 
@@ -49,6 +50,32 @@ pub struct RecordingNow {
     pub dropped: u64,
     /// When the last mark was set, s, and its text.
     pub mark: Option<(f64, String)>,
+}
+
+impl RecordingNow {
+    /// How it goes, for a person: its time and its last mark, then its sources, a line each.
+    #[must_use]
+    pub fn words(&self) -> String {
+        let mut text = match self.of_s {
+            Some(of_s) => format!("{:.0} of {of_s:.0} s", self.time_s),
+            None => format!("{:.0} s; Ctrl-C ends it", self.time_s),
+        };
+        if let Some((at_s, words)) = &self.mark {
+            let _ = write!(text, "; last mark at {at_s:.1} s: {words}");
+        }
+        for source in &self.sources {
+            let rate_hz = source.rate_hz;
+            let lost = match source.missed {
+                0 => String::new(),
+                missed => format!(", {missed} missing"),
+            };
+            let battery = source.battery.map(|level| format!(", battery {:.0} %", level * 100.0));
+            let battery = battery.unwrap_or_default();
+            let gone = if source.gone.is_some() { ", gone" } else { "" };
+            let _ = write!(text, "\n  {:<16} {rate_hz:.0}/s{lost}{battery}{gone}", source.name);
+        }
+        text
+    }
 }
 
 /// What happens during a job, for whoever wants to know at once. The report at its end has all of

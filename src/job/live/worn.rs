@@ -17,9 +17,9 @@ use crate::control::{self, Input, Performance, Planned, Stop, StopCode, StopReas
 use crate::corpus::store::check_outside;
 use crate::draft;
 use crate::error::{Error, ErrorKind};
-use crate::job::heard;
+use crate::job::heard::Rates;
 use crate::job::model::robot_model;
-use crate::job::observer::{Event, Meter, Progress};
+use crate::job::observer::{Event, Meter, Observer, Progress};
 use crate::job::play::{self, describe_virtual};
 use crate::job::recognise::EquationReading;
 use crate::job::recorder::RunRecorder;
@@ -34,20 +34,22 @@ use crate::recording::read_orientations;
 use crate::rig::Connection;
 use crate::robot::preflight::Preflight;
 use crate::sensing::{
-    Ended, Feed, Guide, Guided, Intake, Person, Place, SensingEvent, Sensors, Source, SourceReport,
-    StopAtEnd, Wear,
+    Ended, Feed, Guide, Guided, Intake, LOOK, Person, Place, SensingEvent, Sensors, Source,
+    SourceReport, StopAtEnd, Wear,
 };
 use crate::time::{Duration, Instant};
 use glam::{DQuat, DVec3};
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Sender, channel};
 
 /// Tables per second.
 const SHOWN_HZ: f64 = 4.0;
 /// Time between two poses that somebody is shown, s.
 const POSED_S: f64 = 0.04;
+/// Time between two looks at how sensors are heard.
+const EVERY: Duration = Duration::from_millis(500);
 /// Poses per second where no robot asks for them.
 const POSES_HZ: f64 = 50.0;
 
@@ -122,7 +124,7 @@ impl Job<'_> {
             });
             if observer.looks() {
                 let (intake, stop) = (&intake, &stop);
-                scope.spawn(move || heard::tell(intake, stop, observer));
+                scope.spawn(move || tell_heard(intake, stop, observer));
             }
             self.led(&mut sensors, ready, recorder, answers, tell, &*clock)
         });
@@ -555,6 +557,20 @@ fn answer(
     }
     describe_virtual(run, connection);
     Ok(())
+}
+
+/// Tells until the end how sensors are heard.
+fn tell_heard(intake: &Intake<'_>, stop: &AtomicBool, observer: &dyn Observer) {
+    let mut rates = Rates::default();
+    let mut next = MonotonicClock.now();
+    while !stop.load(Ordering::Acquire) {
+        let now = MonotonicClock.now();
+        if now >= next {
+            next = now + EVERY;
+            observer.hear(Event::Heard(&rates.of_all(intake.heard(), now)));
+        }
+        MonotonicClock.sleep_until(now + LOOK);
+    }
 }
 
 /// True of a robot that plays legs: it is taken to stand on them.
