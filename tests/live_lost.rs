@@ -45,9 +45,13 @@ fn turned(segment: Segment, at_s: f64) -> DQuat {
         edge_s * (1.0 - (5.0 * (at_s - from_s)).cos()) / 2.0
     });
     let about_y = |rad: f64| DQuat::from_rotation_y(-rad * share);
+    // Inwards, so that what was said last when a sensor was lost faces elsewhere than N pose does.
+    let inwards = |rad: f64| DQuat::from_rotation_z(rad * share);
     match segment {
-        Segment::LeftUpperArm | Segment::RightUpperArm => about_y(0.9),
-        Segment::LeftForearm | Segment::RightForearm => about_y(1.6),
+        Segment::LeftUpperArm => inwards(-0.5) * about_y(0.9),
+        Segment::RightUpperArm => inwards(0.5) * about_y(0.9),
+        Segment::LeftForearm => inwards(-0.5) * about_y(1.6),
+        Segment::RightForearm => inwards(0.5) * about_y(1.6),
         Segment::Head => DQuat::from_rotation_z(0.3 * share),
         _ => DQuat::IDENTITY,
     }
@@ -235,6 +239,9 @@ fn an_arm_whose_sensor_is_lost_rests_and_is_followed_again_slowly_once_mended_an
         let is_lost = mount.segment == "left_forearm";
         assert_eq!(mount.lost, u64::from(is_lost), "{mount:?}");
         assert_eq!((mount.lost_s > 5.5 && mount.lost_s < 7.0), is_lost, "{mount:?}");
+        // Mended in N pose by what it said then: one that was never lost is as it was, the other is where its heading went.
+        let went_rad = if is_lost { -HEADING_RAD } else { 0.0 };
+        assert!((mount.heading_reset_rad - went_rad).abs() < 0.02, "{mount:?}");
     }
     assert!(!run.notes.iter().any(|note| note.contains("rested at the end")), "{:?}", run.notes);
     let marks = sensor_series(&folder.join("robot.mcap")).expect("recorded").markers;

@@ -41,8 +41,9 @@ impl Operator {
             let typed = Arc::clone(&typed);
             // The thread waits for a line until the process ends; nothing depends on it.
             std::thread::spawn(move || {
-                for line in std::io::stdin().lock().lines().map_while(Result::ok) {
-                    let word = line.trim().to_ascii_lowercase();
+                for line in std::io::stdin().lock().split(b'\n').map_while(Result::ok) {
+                    // A byte that is no UTF-8 makes nobody deaf to what comes after it.
+                    let word = String::from_utf8_lossy(&line).trim().to_ascii_lowercase();
                     if word == "q" {
                         typed.quit.store(true, Ordering::Release);
                     } else if word == "r" {

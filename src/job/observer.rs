@@ -212,7 +212,7 @@ pub(super) struct Meter {
     time_ms: Arc<AtomicU64>,
     /// Of each joint its goal and its angle, rad, as two `f32` in one word: they belong together.
     joints: Arc<[AtomicU64]>,
-    /// Of each joint what else was read and not yet taken, as `f32`: see [`Reading`].
+    /// Of each joint what else was read and not yet taken, as `f32`: see [`OtherReading`].
     others: Arc<[[AtomicU32; 4]]>,
     /// Of each joint how many readings were missed.
     missed: Arc<[AtomicU32]>,
@@ -220,7 +220,7 @@ pub(super) struct Meter {
 
 /// What else was read of a joint; NaN: nothing new.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Reading {
+pub struct OtherReading {
     /// Motor current, A.
     pub current_a: f64,
     /// Output as a share of full drive.
@@ -309,14 +309,14 @@ impl Snapshot {
     }
 
     /// Of each joint what else was read since this was asked last, by anybody.
-    pub fn take_readings(&self) -> impl Iterator<Item = Reading> {
+    pub fn take_readings(&self) -> impl Iterator<Item = OtherReading> {
         self.0.others.iter().map(|places| {
             let nothing = f32::NAN.to_bits();
             let take = |place: &AtomicU32| {
                 f64::from(f32::from_bits(place.swap(nothing, Ordering::Relaxed)))
             };
             let [current_a, load_ratio, temperature_c, voltage_v] = places.each_ref().map(take);
-            Reading { current_a, load_ratio, temperature_c, voltage_v }
+            OtherReading { current_a, load_ratio, temperature_c, voltage_v }
         })
     }
 
@@ -354,11 +354,11 @@ mod tests {
         meter.set_state(1, &state);
         meter.set_health(1, &Health { temperature_c: Some(40.0), ..Health::default() });
         meter.missed(0);
-        let told: Vec<Reading> = snapshot.take_readings().collect();
+        let told: Vec<OtherReading> = snapshot.take_readings().collect();
         assert!(told[0].current_a.is_nan() && told[1].load_ratio.is_nan());
         assert_eq!((told[1].current_a, told[1].temperature_c), (0.25, 40.0));
         meter.set_health(1, &Health { voltage_v: Some(12.0), ..Health::default() });
-        let told: Vec<Reading> = snapshot.take_readings().collect();
+        let told: Vec<OtherReading> = snapshot.take_readings().collect();
         assert!(told[1].current_a.is_nan() && told[1].temperature_c.is_nan());
         assert_eq!(told[1].voltage_v, 12.0);
         assert_eq!(snapshot.missed().collect::<Vec<_>>(), [1, 0]);

@@ -2,7 +2,9 @@
 
 use super::cues;
 use super::heard::{SensorNow, row};
-use super::observer::{Event, JointReading, Observer, Progress, Reading, RecordingNow, Snapshot};
+use super::observer::{
+    Event, JointReading, Observer, OtherReading, Progress, RecordingNow, Snapshot,
+};
 use super::report::{Outcome, PlayReport, counted};
 use crate::body::{JointAngles, Proportions, SegmentPose};
 use crate::port::{Clock, MonotonicClock};
@@ -228,9 +230,9 @@ impl<'a> Viewing<'a> {
     }
 }
 
-fn reading(of: &JointReading) -> Reading {
+fn reading(of: &JointReading) -> OtherReading {
     let known = |value: Option<f64>| value.unwrap_or(f64::NAN);
-    Reading {
+    OtherReading {
         current_a: known(of.current_a),
         load_ratio: known(of.load_ratio),
         temperature_c: known(of.temperature_c),
@@ -239,15 +241,15 @@ fn reading(of: &JointReading) -> Reading {
 }
 
 /// What else was read of joints, by the names that a page of a recording has for it.
-fn read(joints: impl Iterator<Item = Reading>) -> Vec<LiveQuantity> {
-    type Of = fn(&Reading) -> f64;
+fn read(joints: impl Iterator<Item = OtherReading>) -> Vec<LiveQuantity> {
+    type Of = fn(&OtherReading) -> f64;
     let all: [(&str, &str, Of); 4] = [
         ("current", "A", |of| of.current_a),
         ("load", "of full", |of| of.load_ratio),
         ("temperature", "\u{b0}C", |of| of.temperature_c),
         ("voltage", "V", |of| of.voltage_v),
     ];
-    let joints: Vec<Reading> = joints.collect();
+    let joints: Vec<OtherReading> = joints.collect();
     let read = all.into_iter().map(|(name, unit, of)| {
         let rounded = |value: f64| value.is_finite().then(|| (value * 1e3).round() / 1e3);
         let values = joints.iter().map(|joint| rounded(of(joint))).collect();

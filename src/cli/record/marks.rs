@@ -32,8 +32,8 @@ pub fn listen(typed: Arc<Mutex<String>>) -> Marks {
 }
 
 fn lines(marks: &Sender<Marker>) {
-    for line in std::io::stdin().lock().lines().map_while(Result::ok) {
-        let at = MonotonicClock.now();
+    for line in std::io::stdin().lock().split(b'\n').map_while(Result::ok) {
+        let (at, line) = (MonotonicClock.now(), String::from_utf8_lossy(&line));
         let text = if line.trim().is_empty() { MARK } else { line.trim() };
         if marks.send(Marker { at, text: text.to_owned() }).is_err() {
             return;

@@ -229,6 +229,8 @@ impl Job<'_> {
             }
         };
         let mut body = Body::new(sensors, wearing, self.person, tell, self.order.time);
+        // What was typed while somebody was calibrated meant nothing that comes now.
+        let _ = (self.person.wants_a_reset(), self.person.agrees());
         body.naming = naming;
         body.answers = answers;
         body.leads = !self.order.dry_run;
@@ -713,19 +715,28 @@ impl<'a> Body<'a> {
         let dt_s = self.before.map_or(0.0, |before| now.seconds_since(before));
         self.before = Some(now);
         self.look_for_lost(now, mends, dt_s);
-        let newest = self.sensors.newest();
-        let rests = |(segment, _): &(Segment, _)| !self.rests(*segment);
-        let newest: Vec<_> = newest.into_iter().filter(rests).collect();
+        // A limb that rests is not followed, but heard: its headings are mended by what it says now.
+        let heard = self.sensors.newest();
+        let rests = |(segment, _): &&(Segment, _)| !self.rests(*segment);
+        let newest: Vec<_> = heard.iter().filter(rests).copied().collect();
         self.watch(&newest, now, dt_s);
         let (mut said, mut known) = ([None; 13], [false; 13]);
         let mut oldest = now;
-        for (segment, heard) in &newest {
-            let (orientation, taken) = (*heard)?;
-            oldest = oldest.min(taken);
-            // What is longer silent than anything is named across shows nothing any more.
-            known[segment.index()] = now.seconds_since(taken) <= LONGEST_GAP_S;
+        for (segment, heard) in &heard {
+            let rests = self.rests(*segment);
+            let Some((orientation, taken)) = *heard else {
+                if rests {
+                    continue;
+                }
+                return None;
+            };
             let is_fresh = now.seconds_since(taken) <= STALE_S;
             said[segment.index()] = Some(orientation).filter(|_| is_fresh);
+            if !rests {
+                oldest = oldest.min(taken);
+                // What is longer silent than anything is named across shows nothing any more.
+                known[segment.index()] = now.seconds_since(taken) <= LONGEST_GAP_S;
+            }
         }
         self.doubt(&newest, dt_s);
         let moment = self.wearing.pose(&said, dt_s);
