@@ -523,6 +523,11 @@ fn a_sensor_that_is_pulled_out_brings_the_robot_to_rest_and_is_named() {
     assert_eq!((&report["outcome"], code), (&"stopped".into(), Some(4)), "{report}");
     let reason = report["stop_reason"].as_str().expect("a reason");
     assert!(reason.contains("left_forearm is gone"), "{reason}");
+    stands(&report);
+}
+
+/// At rest, on every joint.
+fn stands(report: &Value) {
     for joint in report["joints"].as_array().expect("joints") {
         assert_eq!(joint["end_velocity_rad_s"], 0.0);
     }
@@ -570,9 +575,7 @@ fn an_arm_that_is_pulled_out_rests_is_plugged_in_mended_and_agreed_to_and_the_tr
     assert_eq!((&report["outcome"], code), (&"stopped".into(), Some(4)), "{report}");
     let reason = report["stop_reason"].as_str().expect("a reason");
     assert!(reason.contains("torso is gone"), "{reason}");
-    for joint in report["joints"].as_array().expect("joints") {
-        assert_eq!(joint["end_velocity_rad_s"], 0.0);
-    }
+    stands(&report);
     let of = |list: &Value, key: &str, name: &str| -> Value {
         let list = list.as_array().expect("a list");
         list.iter().find(|of| of[key] == name).expect("it").clone()

@@ -6,6 +6,9 @@ mod aloud;
 #[path = "record_session/dialogue.rs"]
 mod dialogue;
 #[allow(dead_code)]
+#[path = "record_session/guided.rs"]
+mod guided;
+#[allow(dead_code)]
 #[path = "record_session/person.rs"]
 mod person;
 mod program;
@@ -13,19 +16,17 @@ mod program;
 use aloud::aloud;
 use dialogue::Dialogue;
 use gaitway::action::vocabulary;
-use gaitway::body::worn::check::t_pose;
 use gaitway::body::{Dof, JointAngles, Segment};
 use gaitway::recording::sensor_series;
 use gaitway::session::manifest::Manifest;
 use gaitway::session::{DeviceCheck, SessionFile, TrialFile, Verdict};
 use gaitway_sim::imu::{BodyMotion, ImuDoor, ImuErrors, ImuWire, Mount, Stage, VirtualImu};
+use guided::{calibrated, passes, raises_an_arm, read, stand_and_type, stand_until};
 use person::{Act, Person, STATURE_M};
 use program::json;
-use serde::de::DeserializeOwned;
 use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
 use std::path::Path;
 use std::sync::Arc;
-use std::time::Duration;
 
 const PLAN: &str = r#"
 still_s = 1.5
@@ -41,23 +42,9 @@ repetitions = 1
 props = "a lamp"
 "#;
 
-fn read<T: DeserializeOwned>(path: &Path) -> T {
-    let text = std::fs::read_to_string(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
-    toml::from_str(&text).unwrap_or_else(|e| panic!("{}: {e}\n{text}", path.display()))
-}
-
 fn waving() -> Act {
     let wave = vocabulary::find("wave-r").and_then(|action| action.perform()).expect("shipped");
     Act::Action(Arc::new(wave))
-}
-
-fn raises_an_arm() -> Act {
-    Act::Swing(vec![Dof::RightShoulderFlexion], 1.4, 2.0)
-}
-
-/// Something real takes so long.
-fn passes(seconds: f64) {
-    std::thread::sleep(Duration::from_secs_f64(seconds));
 }
 
 /// Session and subject, with answers that nobody can use among them.
@@ -98,54 +85,6 @@ fn devices(operator: &mut Dialogue, person: &Person) {
     operator.expect("written: calibration/device-02.toml");
 }
 
-/// Poses and movements as the guide asks for them.
-fn subject(operator: &mut Dialogue, person: &Person) {
-    operator.answer("Are they on?", "");
-    stand_until(operator, "T pose: arms straight out");
-    person.does(Act::Pose(t_pose()));
-    operator.expect("then: bow");
-    movement(operator, person, Act::Bow(2.0));
-    operator.expect("then: march");
-    movement(operator, person, Act::Swing(vec![Dof::RightElbowFlexion], 1.5, 2.0));
-    operator.expect("then: raise");
-    movement(operator, person, raises_an_arm());
-    operator.expect("measured error in T pose");
-    operator.expect("written: calibration/body-s01-01.toml");
-}
-
-/// N pose first, then the movement once, and N pose again.
-fn movement(operator: &mut Dialogue, person: &Person, act: Act) {
-    person.stands();
-    passes(0.9);
-    person.does(act);
-    // A period of two seconds after the change, and then it stands.
-    passes(2.35);
-    person.stands();
-    operator.expect("good");
-}
-
-/// N pose. Who stood still while the machine did not is asked once more.
-fn stand_until(operator: &mut Dialogue, next: &str) {
-    stand_and_type(operator, None, next);
-}
-
-/// The same for somebody who types something while they are to hold still.
-fn stand_and_type(operator: &mut Dialogue, early: Option<&str>, next: &str) {
-    const ASKED: &str = "Enter when you stand so";
-    operator.expect(ASKED);
-    for _ in 0..4 {
-        operator.say("");
-        if let Some(early) = early {
-            operator.expect("hold still");
-            operator.say(early);
-        }
-        if operator.expect_one_of(&[next, ASKED]) == next {
-            return;
-        }
-    }
-    panic!("four times no N pose");
-}
-
 #[test]
 fn a_session_ends_as_a_finished_database_folder_whatever_happens_in_between() {
     let folder = crate::program::folder("record-session");
@@ -179,7 +118,7 @@ fn a_session_ends_as_a_finished_database_folder_whatever_happens_in_between() {
         String::from_utf8_lossy(&second.stderr)
             .contains("a session is already running in this folder")
     );
-    subject(&mut operator, &person);
+    calibrated(&mut operator, &person);
     kept_trial(&mut operator, &person);
     retaken_trial(&mut operator, &person);
     cut_off_trial(&mut operator, &person);
@@ -373,7 +312,7 @@ fn cut_off_trial(operator: &mut Dialogue, person: &Person) {
     operator.expect("1 of 2 good repetitions");
     operator.answer("Record wave-r-03?", "");
     // A dot that came before the trial does not end it.
-    stand_and_type(operator, Some("."), "RECORDING wave-r-03");
+    stand_and_type(operator, &["."], "RECORDING wave-r-03");
     person.does(waving());
     passes(3.0);
     operator.say("");

@@ -1,11 +1,16 @@
 """A ROBOTIS OP3 in MuJoCo: its public model on a floor, moved by position servos whose goals come over a line."""
 
 import math
+import os
+import sys
 
 import mujoco
 import numpy as np
 
 from servos import Board, Bus, Servo
+
+sys.path.append(os.path.join(os.path.dirname(os.path.abspath(__file__)), os.pardir, "whole_body"))
+import on_a_floor
 
 COUNTS = 4096 / math.tau
 VELOCITY = 0.229 * math.tau / 60  # rad/s of one unit
@@ -23,24 +28,13 @@ FLOOR_RAD_S = 0.5  # how fast the floor is tilted
 
 
 def model_of(path, stiffness=None, friction=1.0, mass=1.0, **_):
-    """The model as tests/whole_body/judge.py has it: the robot meets the floor, not itself."""
-    spec = mujoco.MjSpec.from_file(str(path))
-    spec.worldbody.add_geom(name="level", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1])
-    for name, kind in (("gyro", mujoco.mjtSensor.mjSENS_GYRO), ("acceleration", mujoco.mjtSensor.mjSENS_ACCELEROMETER)):
-        spec.add_sensor(name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname="torso")
-    model = spec.compile()
-    level = model.geom("level").id
-    for geom in range(model.ngeom):
-        model.geom_friction[geom, 0] = friction
-        if geom != level and (model.geom_contype[geom] or model.geom_conaffinity[geom]):
-            model.geom_contype[geom], model.geom_conaffinity[geom] = 0, 1
-    model.geom_contype[level] = model.geom_conaffinity[level] = 1
-    if stiffness:
-        model.actuator_gainprm[:, 0], model.actuator_biasprm[:, 1] = stiffness, -stiffness
-    model.body_mass[:] *= mass
-    model.body_inertia[:] *= mass
-    model.opt.timestep = 0.002
-    return model
+    """The model, with what its board measures."""
+
+    def sensors(spec):
+        for name, kind in (("gyro", mujoco.mjtSensor.mjSENS_GYRO), ("acceleration", mujoco.mjtSensor.mjSENS_ACCELEROMETER)):
+            spec.add_sensor(name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname="torso")
+
+    return on_a_floor.model_of(path, stiffness, friction, mass, sensors)
 
 
 class World:

@@ -7,29 +7,14 @@ A fall is a link other than a foot on the floor, or 60 deg of tilt. The robot do
 import csv, json, sys
 import mujoco, numpy as np
 
+from on_a_floor import model_of
+
 order = json.load(open(sys.argv[1]))
 
 
-def model_of(stiffness, friction, mass):
-    spec = mujoco.MjSpec.from_file(order["model"])
-    spec.worldbody.add_geom(name="level", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1])
-    model = spec.compile()
-    level = model.geom("level").id
-    for geom in range(model.ngeom):
-        model.geom_friction[geom, 0] = friction
-        if geom != level and (model.geom_contype[geom] or model.geom_conaffinity[geom]):
-            model.geom_contype[geom], model.geom_conaffinity[geom] = 0, 1
-    model.geom_contype[level] = model.geom_conaffinity[level] = 1
-    if stiffness:
-        model.actuator_gainprm[:, 0], model.actuator_biasprm[:, 1] = stiffness, -stiffness
-    model.body_mass[:] *= mass
-    model.body_inertia[:] *= mass
-    model.opt.timestep = 0.002
-    return model, level
-
-
 def falls(table, stiffness, friction, mass, delay_s, seed):
-    model, level = model_of(stiffness, friction, mass)
+    model = model_of(order["model"], stiffness, friction, mass)
+    level = model.geom("level").id
     with open(table) as file:
         rows = list(csv.reader(file))
     titles, rows = rows[0], np.array([[float(cell) for cell in row] for row in rows[1:]])
